@@ -1,0 +1,236 @@
+//! `capture.toml`: what was scanned and how. Lengths in mm, angles in degrees where the name says so.
+
+use crate::files::atomic::explain;
+use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// `capture.toml` as written by the owner of a device (format: `data/README.md`). Unknown fields are errors.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Manifest {
+    pub schema: u32,
+    pub name: String,
+    pub width: usize,
+    pub height: usize,
+    /// Size of a texel on the blade (mm).
+    pub texel_mm: f64,
+    /// Mean thickness h by caliper (mm).
+    pub thickness_mm: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub thickness_err_mm: Option<f64>,
+    /// View direction (sin, 0, cos) of every pass.
+    pub camera_deg: f64,
+    /// Noise sd = √((relative·value)² + floor²); estimated when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise_relative: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise_floor: Option<f64>,
+    /// `front`, or `front` and `back`.
+    pub sides: Vec<SideName>,
+    pub tube: Tube,
+    #[serde(default)]
+    pub lightbox: LightBox,
+    #[serde(rename = "pass")]
+    pub passes: Vec<Pass>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum SideName {
+    Front,
+    Back,
+}
+
+impl SideName {
+    pub fn name(self) -> &'static str {
+        match self {
+            SideName::Front => "front",
+            SideName::Back => "back",
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Tube {
+    /// Height of the tube's axis over the blade (mm).
+    pub height_mm: f64,
+    /// Lit length, centred on the blade (mm).
+    pub length_mm: f64,
+    /// Radius (mm); 0 is an infinitely thin tube.
+    pub radius_mm: f64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LightBox {
+    /// Camera angle of the light-box photographs.
+    #[serde(default)]
+    pub camera_deg: f64,
+}
+
+/// Direction of travel: pass `x` has the tube parallel to y moving along x, pass `y` the other way round.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Travel {
+    X,
+    Y,
+}
+
+impl Travel {
+    pub fn name(self) -> &'static str {
+        match self {
+            Travel::X => "x",
+            Travel::Y => "y",
+        }
+    }
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Pass {
+    pub name: Travel,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub start_mm: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub end_mm: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frames: Option<usize>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub positions_mm: Option<Vec<f64>>,
+}
+
+impl Pass {
+    /// Tube position of every frame along the direction of travel (mm); endpoints included.
+    pub fn positions(&self) -> Vec<f64> {
+        if let Some(list) = &self.positions_mm {
+            return list.clone();
+        }
+        let (a, b, n) = (self.start_mm.unwrap_or(0.0), self.end_mm.unwrap_or(0.0), self.frames.unwrap_or(0));
+        if n == 1 {
+            return vec![a];
+        }
+        (0..n).map(|k| a + (b - a) * k as f64 / (n - 1) as f64).collect()
+    }
+}
+
+impl Manifest {
+    /// Reads and validates `CAPTURE/capture.toml`.
+    ///
+    /// # Errors
+    /// [`Error::Input`] naming the file, the field, what was found and what was expected.
+    pub fn read(folder: &Path) -> Result<Manifest> {
+        let path = folder.join("capture.toml");
+        let text = std::fs::read_to_string(&path).map_err(|e| Error::input(&path, explain(&e)))?;
+        let manifest: Manifest = toml::from_str(&text).map_err(|e| {
+            let line = e.span().map_or(0, |s| text[..s.start.min(text.len())].matches('\n').count() + 1);
+            Error::Input { place: format!("{}:{line}", path.display()), what: e.message().lines().collect::<Vec<_>>().join(" ") }
+        })?;
+        manifest.validate(&path)?;
+        Ok(manifest)
+    }
+
+    fn validate(&self, path: &Path) -> Result<()> {
+        let bad = |field: &str, found: &dyn std::fmt::Display, expected: &str| {
+            Err(Error::field(path, field, format!("found {found}, expected {expected}")))
+        };
+        if self.schema != 1 {
+            return bad("schema", &self.schema, "1");
+        }
+        for (field, value) in [("width", self.width), ("height", self.height)] {
+            if value == 0 || value > 65_536 {
+                return bad(field, &value, "1 to 65536 texels");
+            }
+        }
+        let positive = [
+            ("texel_mm", self.texel_mm),
+            ("thickness_mm", self.thickness_mm),
+            ("tube.height_mm", self.tube.height_mm),
+            ("tube.length_mm", self.tube.length_mm),
+        ];
+        for (field, value) in positive {
+            if !(value > 0.0 && value.is_finite()) {
+                return bad(field, &value, "a positive length in mm");
+            }
+        }
+        let not_negative = [
+            ("tube.radius_mm", Some(self.tube.radius_mm)),
+            ("thickness_err_mm", self.thickness_err_mm),
+            ("noise_relative", self.noise_relative),
+            ("noise_floor", self.noise_floor),
+        ];
+        for (field, value) in not_negative {
+            if let Some(v) = value
+                && !(v >= 0.0 && v.is_finite())
+            {
+                return bad(field, &v, "zero or a positive number");
+            }
+        }
+        if self.tube.radius_mm >= self.tube.height_mm {
+            return bad("tube.radius_mm", &self.tube.radius_mm, "less than tube.height_mm");
+        }
+        for (field, value) in [("camera_deg", self.camera_deg), ("lightbox.camera_deg", self.lightbox.camera_deg)] {
+            if !(-85.0..=85.0).contains(&value) {
+                return bad(field, &value, "-85 to 85 degrees");
+            }
+        }
+        if self.sides.first() != Some(&SideName::Front) || self.sides.len() > 2 || self.sides[1..].contains(&SideName::Front) {
+            return bad(
+                "sides",
+                &format!("{:?}", self.sides.iter().map(|s| s.name()).collect::<Vec<_>>()),
+                "[\"front\"] or [\"front\", \"back\"]",
+            );
+        }
+        for travel in [Travel::X, Travel::Y] {
+            let count = self.passes.iter().filter(|p| p.name == travel).count();
+            if count > 1 || (count == 0 && travel == Travel::X) {
+                return bad("pass", &format!("{count} passes named \"{}\"", travel.name()), "one \"x\" and at most one \"y\"");
+            }
+        }
+        for pass in &self.passes {
+            let field = |f: &str| format!("pass \"{}\": {f}", pass.name.name());
+            let ramp = [pass.start_mm.is_some(), pass.end_mm.is_some(), pass.frames.is_some()];
+            if pass.positions_mm.is_some() == ramp.contains(&true) || (pass.positions_mm.is_none() && ramp.contains(&false)) {
+                return Err(Error::field(path, &field("positions"), "expected either positions_mm or all of start_mm, end_mm and frames"));
+            }
+            let positions = pass.positions();
+            if positions.len() < 8 || positions.len() > 10_000 {
+                return bad(&field("frames"), &positions.len(), "8 to 10000 frames");
+            }
+            let (up, down) = positions.windows(2).fold((true, true), |(u, d), w| (u && w[1] > w[0], d && w[1] < w[0]));
+            if !(up || down) || positions.iter().any(|p| !p.is_finite()) {
+                return bad(
+                    &field("positions"),
+                    &format!("{:?} … {:?}", positions[0], positions[positions.len() - 1]),
+                    "positions that move one way",
+                );
+            }
+        }
+        Ok(())
+    }
+
+    pub fn pass(&self, travel: Travel) -> Option<&Pass> {
+        self.passes.iter().find(|p| p.name == travel)
+    }
+
+    /// Centre of texel (column i, row j) on the blade (mm): x to the right, y up, origin at the image centre.
+    pub fn texel_position(&self, i: usize, j: usize) -> [f64; 2] {
+        texel_position(self.width, self.height, self.texel_mm, i, j)
+    }
+}
+
+/// Centre of texel (i, j) of a `width × height` image of texels `p` mm wide (mm).
+pub fn texel_position(width: usize, height: usize, p: f64, i: usize, j: usize) -> [f64; 2] {
+    [(i as f64 + 0.5 - width as f64 / 2.0) * p, (height as f64 / 2.0 - j as f64 - 0.5) * p]
+}
+
+/// `CAPTURE/front/x/0007.exr`.
+pub fn frame_path(folder: &Path, side: SideName, travel: Travel, frame: usize) -> PathBuf {
+    folder.join(side.name()).join(travel.name()).join(format!("{frame:04}.exr"))
+}
+
+/// `CAPTURE/white/x/0007.exr`.
+pub fn white_path(folder: &Path, travel: Travel, frame: usize) -> PathBuf {
+    folder.join("white").join(travel.name()).join(format!("{frame:04}.exr"))
+}

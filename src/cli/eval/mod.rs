@@ -1,0 +1,28 @@
+//! `mesophyll eval …`: one file a model.
+
+use super::Common;
+use crate::Result;
+
+pub mod gloss;
+pub mod slab;
+
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum What {
+    /// ρd and ρt of a slab from ω and Δ
+    Slab(slab::Args),
+    /// Traces of a linear light source over a glossy texel
+    Gloss(gloss::Args),
+}
+
+pub fn run(args: &Args, common: &Common) -> Result<u8> {
+    match &args.what {
+        What::Slab(a) => slab::run(a, common),
+        What::Gloss(a) => gloss::run(a, common),
+    }
+}

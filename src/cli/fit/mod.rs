@@ -1,0 +1,32 @@
+//! `mesophyll fit …`: one file a fit.
+
+use super::Common;
+use crate::Result;
+
+pub mod gloss;
+pub mod leaf;
+pub mod slab;
+
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum What {
+    /// A leaf scan: reflectance, gloss, normals, interior, thickness and blade
+    Leaf(leaf::Args),
+    /// Gloss traces of a linear light source, or goniometer samples, from CSV
+    Gloss(gloss::Args),
+    /// σa and σs of a slab from its reflectance, transmittance and thickness, from CSV
+    Slab(slab::Args),
+}
+
+pub fn run(args: &Args, common: &Common) -> Result<u8> {
+    match &args.what {
+        What::Leaf(a) => leaf::run(a, common),
+        What::Gloss(a) => gloss::run(a, common),
+        What::Slab(a) => slab::run(a, common),
+    }
+}

@@ -1,0 +1,154 @@
+//! The verbs, a file each: arguments in, exit code out. No physics.
+
+use crate::files::progress;
+use crate::{Error, Result};
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+
+pub mod bench;
+pub mod check;
+pub mod completions;
+pub mod eval;
+pub mod export;
+pub mod fit;
+pub mod inspect;
+pub mod plan;
+pub mod report;
+pub mod run;
+pub mod stress;
+pub mod synth;
+pub mod view;
+
+#[derive(Debug, Parser)]
+#[command(
+    name = "mesophyll",
+    version,
+    about = "Fits leaf, branch and sky appearance from measurements, and proves the fit in pictures",
+    max_term_width = 110
+)]
+struct Cli {
+    #[command(flatten)]
+    common: Common,
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+/// Options every verb takes.
+#[derive(Debug, Clone, clap::Args)]
+pub struct Common {
+    /// Worker threads (default: one a core)
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub threads: Option<u16>,
+    /// No progress and no messages; results and errors only
+    #[arg(long, short, global = true)]
+    pub quiet: bool,
+    /// Results as JSON on standard output, where the verb has any
+    #[arg(long, global = true)]
+    pub json: bool,
+}
+
+#[derive(Debug, Subcommand)]
+enum Verb {
+    /// Fit what a scene needs, report, render and check: the main job
+    Run(run::Args),
+    /// Say what a scene needs, what is left out and why
+    Plan(plan::Args),
+    /// Validate and summarise a capture without fitting
+    Inspect(inspect::Args),
+    /// Scan a synthetic leaf as a linear light source device would
+    Synth(synth::Args),
+    /// Fit parameters to measurements
+    Fit(fit::Args),
+    /// Evaluate a model on a table
+    Eval(eval::Args),
+    /// Report how good fits are; two fits are compared
+    Report(report::Args),
+    /// Error against run time, over each model's accuracy knob
+    Bench(bench::Args),
+    /// Run the committed table of stiff and extreme cases
+    Stress(stress::Args),
+    /// Render a scene and judge it against the reference renderer
+    Check(check::Args),
+    /// Open a scene in a window
+    View(view::Args),
+    /// Write fits in formats other programs read
+    Export(export::Args),
+    /// Print a shell completion script
+    Completions(completions::Args),
+}
+
+/// Parses the command line, runs the verb, prints an error once, returns the exit code.
+pub fn main() -> ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(e) => {
+            // Help and version are answers (0); anything else is usage (2). A closed pipe is not our failure.
+            let _ = e.print();
+            return ExitCode::from(if e.use_stderr() { 2 } else { 0 });
+        }
+    };
+    progress::set_quiet(cli.common.quiet);
+    if let Some(n) = cli.common.threads {
+        // Fails only when a pool exists already, which nothing before this line makes.
+        let _ = rayon::ThreadPoolBuilder::new().num_threads(usize::from(n)).build_global();
+    }
+    stop_on_ctrl_c();
+    match dispatch(&cli) {
+        Ok(code) => ExitCode::from(code),
+        Err(e) => {
+            if !matches!(e, Error::BrokenPipe) {
+                eprintln!("mesophyll: {e}");
+            }
+            ExitCode::from(e.exit_code())
+        }
+    }
+}
+
+fn dispatch(cli: &Cli) -> Result<u8> {
+    let common = &cli.common;
+    match &cli.verb {
+        Verb::Run(a) => run::run(a, common),
+        Verb::Plan(a) => plan::run(a, common),
+        Verb::Inspect(a) => inspect::run(a, common),
+        Verb::Synth(a) => synth::run(a, common),
+        Verb::Fit(a) => fit::run(a, common),
+        Verb::Eval(a) => eval::run(a, common),
+        Verb::Report(a) => report::run(a, common),
+        Verb::Bench(a) => bench::run(a, common),
+        Verb::Stress(a) => stress::run(a, common),
+        Verb::Check(a) => check::run(a, common),
+        Verb::View(a) => view::run(a, common),
+        Verb::Export(a) => export::run(a, common),
+        Verb::Completions(a) => completions::run(a),
+    }
+}
+
+/// The first Ctrl-C asks running work to stop at a safe point, the second stops at once.
+fn stop_on_ctrl_c() {
+    let _ = ctrlc::set_handler(|| {
+        if progress::stop_requested() {
+            std::process::exit(130);
+        }
+        progress::request_stop();
+        progress::say("stopping at the next safe point; press Ctrl-C again to stop at once");
+    });
+}
+
+/// Prints to standard output; a reader that went away ends the run quietly.
+pub fn print(text: &str) -> Result<()> {
+    use std::io::Write;
+    let mut out = std::io::stdout().lock();
+    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(crate::files::table::stdout_error)
+}
+
+/// Prints a value as indented JSON and a newline.
+pub fn print_json<T: serde::Serialize>(value: &T) -> Result<()> {
+    let text = serde_json::to_string_pretty(value).map_err(|e| Error::Missed(format!("cannot write JSON: {e}")))?;
+    print(&format!("{text}\n"))
+}
+
+/// Turns `Cli` into a `clap::Command`, for completions.
+pub fn command() -> clap::Command {
+    use clap::CommandFactory;
+    Cli::command()
+}

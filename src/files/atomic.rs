@@ -1,0 +1,131 @@
+//! Whole-or-nothing writing: a temporary name beside the target, then a rename.
+
+use crate::{Error, Result};
+use std::fs;
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+/// Writes `path` through `fill`; the name appears only when everything is on disk.
+///
+/// # Errors
+/// [`Error::Write`] naming `path` when the folder cannot be written or the disk is full; the temporary file is removed.
+pub fn write(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
+    let mut pending = Pending::create(path)?;
+    fill(&mut pending).map_err(|e| Error::write(path, explain(&e)))?;
+    pending.finish()
+}
+
+/// [`write`] for bytes in hand.
+pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
+    write(path, |w| w.write_all(bytes))
+}
+
+/// A file being written under a temporary name; [`Pending::finish`] gives it its own.
+#[derive(Debug)]
+pub struct Pending {
+    file: Option<BufWriter<tempfile::NamedTempFile>>,
+    path: PathBuf,
+}
+
+impl Pending {
+    /// Opens a temporary file in the folder of `path` (created if missing).
+    pub fn create(path: &Path) -> Result<Self> {
+        let folder = match path.parent() {
+            Some(p) if !p.as_os_str().is_empty() => p,
+            _ => Path::new("."),
+        };
+        fs::create_dir_all(folder).map_err(|e| Error::write(folder, explain(&e)))?;
+        let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+        let file = tempfile::Builder::new()
+            .prefix(&format!(".{name}."))
+            .suffix(".partial")
+            .tempfile_in(folder)
+            .map_err(|e| Error::write(path, explain(&e)))?;
+        Ok(Pending { file: Some(BufWriter::with_capacity(1 << 16, file)), path: path.to_path_buf() })
+    }
+
+    /// Flushes and renames. Without this call the temporary file is removed on drop.
+    pub fn finish(mut self) -> Result<()> {
+        let Some(writer) = self.file.take() else { return Ok(()) };
+        let temp = writer.into_inner().map_err(|e| Error::write(&self.path, explain(e.error())))?;
+        // Temporary files are born private (0600); results are as readable as the umask allows.
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt;
+            let _ = temp.as_file().set_permissions(fs::Permissions::from_mode(0o644));
+        }
+        temp.persist(&self.path).map_err(|e| Error::write(&self.path, explain(&e.error)))?;
+        Ok(())
+    }
+
+    /// The temporary file's path, for libraries that insist on opening files themselves.
+    pub fn temporary_path(&self) -> Option<&Path> {
+        self.file.as_ref().map(|w| w.get_ref().path())
+    }
+}
+
+impl Write for Pending {
+    fn write(&mut self, buf: &[u8]) -> io::Result<usize> {
+        match &mut self.file {
+            Some(f) => f.write(buf),
+            None => Err(io::Error::other("already finished")),
+        }
+    }
+    fn flush(&mut self) -> io::Result<()> {
+        match &mut self.file {
+            Some(f) => f.flush(),
+            None => Ok(()),
+        }
+    }
+}
+
+impl io::Seek for Pending {
+    fn seek(&mut self, pos: io::SeekFrom) -> io::Result<u64> {
+        match &mut self.file {
+            Some(f) => f.seek(pos),
+            None => Err(io::Error::other("already finished")),
+        }
+    }
+}
+
+/// Makes `folder` if needed and proves that it can be written before any long work starts.
+///
+/// # Errors
+/// [`Error::Usage`] (exit code 2) naming the folder: a read-only output folder is the command line's mistake.
+pub fn probe_folder(folder: &Path) -> Result<()> {
+    let fail = |e: io::Error| Error::Usage(format!("cannot write to the output folder {}: {}", folder.display(), explain(&e)));
+    fs::create_dir_all(folder).map_err(fail)?;
+    tempfile::Builder::new().prefix(".probe").tempfile_in(folder).map_err(fail)?;
+    Ok(())
+}
+
+/// An operating-system error in words, without its number.
+pub fn explain(e: &io::Error) -> String {
+    match e.kind() {
+        io::ErrorKind::NotFound => "no such file or folder".into(),
+        io::ErrorKind::PermissionDenied => "permission denied".into(),
+        io::ErrorKind::StorageFull => "the disk is full".into(),
+        io::ErrorKind::ReadOnlyFilesystem => "the file system is read-only".into(),
+        io::ErrorKind::UnexpectedEof => "the file ends too early (truncated?)".into(),
+        _ => e.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_failed_write_leaves_the_old_file_and_no_litter() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.txt");
+        write_bytes(&path, b"old").unwrap();
+        let failed = write(&path, |w| {
+            w.write_all(b"half")?;
+            Err(io::Error::from(io::ErrorKind::StorageFull))
+        });
+        assert!(failed.unwrap_err().to_string().contains("the disk is full"));
+        assert_eq!(fs::read(&path).unwrap(), b"old");
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
+    }
+}

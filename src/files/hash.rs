@@ -1,0 +1,31 @@
+//! Content hashes (BLAKE3, hexadecimal): what a fit was made from, and whether a file is still what was written.
+
+use crate::files::atomic::explain;
+use crate::{Error, Result};
+use std::io;
+use std::path::Path;
+
+/// Hash of bytes in hand.
+pub fn bytes(data: &[u8]) -> String {
+    blake3::hash(data).to_hex().to_string()
+}
+
+/// Hash of a file's content, streamed.
+pub fn file(path: &Path) -> Result<String> {
+    let mut source = std::fs::File::open(path).map_err(|e| Error::input(path, explain(&e)))?;
+    let mut hasher = blake3::Hasher::new();
+    io::copy(&mut source, &mut hasher).map_err(|e| Error::input(path, explain(&e)))?;
+    Ok(hasher.finalize().to_hex().to_string())
+}
+
+/// Hash of an ordered list of named parts.
+pub fn combine<'a>(parts: impl IntoIterator<Item = (&'a str, &'a str)>) -> String {
+    let mut hasher = blake3::Hasher::new();
+    for (name, hash) in parts {
+        for text in [name, hash] {
+            hasher.update(&(text.len() as u64).to_le_bytes());
+            hasher.update(text.as_bytes());
+        }
+    }
+    hasher.finalize().to_hex().to_string()
+}

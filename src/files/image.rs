@@ -1,0 +1,272 @@
+//! Maps on disk: OpenEXR with named float channels (the truth) and 8-bit PNG (the preview).
+
+use crate::files::atomic::{self, Pending};
+use crate::{Error, Result};
+use exr::block::reader::ChunksReader;
+use exr::prelude::{
+    AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, LineOrder, SampleType, SmallVec, WritableImage,
+};
+use std::fs::File;
+use std::io::{BufReader, Write};
+use std::ops::Range;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+
+/// Named single-precision channels of one size; row 0 is the top row, samples are row-major.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Maps {
+    pub width: usize,
+    pub height: usize,
+    pub channels: Vec<(String, Vec<f32>)>,
+}
+
+/// What an EXR file holds, without its samples.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ExrInfo {
+    pub width: usize,
+    pub height: usize,
+    pub channels: Vec<String>,
+    /// Whether any channel is stored as half (which keeps about 5e-4 relative).
+    pub half: bool,
+}
+
+/// How EXR samples are packed; both are lossless.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Packing {
+    /// Raw scan lines: for noisy frames, where compression costs time and saves nothing.
+    Raw,
+    /// ZIP over 16 scan lines: for maps that are kept.
+    Zip,
+}
+
+impl Maps {
+    pub fn new(width: usize, height: usize) -> Self {
+        Maps { width, height, channels: Vec::new() }
+    }
+
+    /// Adds a channel; its length must be `width · height`.
+    pub fn push(&mut self, name: impl Into<String>, samples: Vec<f32>) {
+        debug_assert_eq!(samples.len(), self.width * self.height);
+        self.channels.push((name.into(), samples));
+    }
+
+    pub fn get(&self, name: &str) -> Option<&[f32]> {
+        self.channels.iter().find(|(n, _)| n == name).map(|(_, s)| s.as_slice())
+    }
+
+    /// The channel `name`, or a sentence that names the file and what it does hold.
+    pub fn require(&self, path: &Path, name: &str) -> Result<&[f32]> {
+        self.get(name).ok_or_else(|| {
+            let held: Vec<&str> = self.channels.iter().map(|(n, _)| n.as_str()).collect();
+            Error::field(path, name, format!("no such channel; the file holds {}", held.join(", ")))
+        })
+    }
+}
+
+/// Reads the header of an EXR file.
+///
+/// # Errors
+/// [`Error::Input`] when the file is missing, is no EXR, or is broken.
+pub fn exr_info(path: &Path) -> Result<ExrInfo> {
+    let file = File::open(path).map_err(|e| Error::input(path, atomic::explain(&e)))?;
+    let reader = guarded(path, || exr::block::read(BufReader::new(file), false).map_err(|e| broken(path, &e)))?;
+    info_of(path, &reader)
+}
+
+fn info_of<R: std::io::Read + std::io::Seek>(path: &Path, reader: &exr::block::reader::Reader<R>) -> Result<ExrInfo> {
+    let header = reader.headers().first().ok_or_else(|| Error::input(path, "the file holds no image"))?;
+    if header.deep {
+        return Err(Error::input(path, "deep images are not supported; expected flat float channels"));
+    }
+    Ok(ExrInfo {
+        width: header.layer_size.width(),
+        height: header.layer_size.height(),
+        channels: header.channels.list.iter().map(|c| c.name.to_string()).collect(),
+        half: header.channels.list.iter().any(|c| c.sample_type == SampleType::F16),
+    })
+}
+
+/// Reads every channel of an EXR file; half and integer samples become float.
+pub fn read_exr(path: &Path) -> Result<Maps> {
+    read_exr_rows(path, None, None)
+}
+
+/// Reads some channels (all when `None`, in the order asked) and some rows (all when `None`), decompressing only the blocks that hold them.
+///
+/// # Errors
+/// [`Error::Input`] naming the file and, for a missing channel, the channel.
+pub fn read_exr_rows(path: &Path, names: Option<&[&str]>, rows: Option<Range<usize>>) -> Result<Maps> {
+    let file = File::open(path).map_err(|e| Error::input(path, atomic::explain(&e)))?;
+    guarded(path, || {
+        let reader = exr::block::read(BufReader::with_capacity(1 << 17, file), false).map_err(|e| broken(path, &e))?;
+        let info = info_of(path, &reader)?;
+        let rows = rows.unwrap_or(0..info.height);
+        if rows.end > info.height {
+            return Err(Error::input(path, format!("rows up to {} wanted, the image has {}", rows.end, info.height)));
+        }
+        let wanted: Vec<String> = match names {
+            None => info.channels.clone(),
+            Some(list) => list.iter().map(|n| n.to_string()).collect(),
+        };
+        // slot[k]: where file channel k goes in the output
+        let mut slots = vec![Vec::new(); info.channels.len()];
+        for (at, name) in wanted.iter().enumerate() {
+            match info.channels.iter().position(|c| c == name) {
+                Some(k) => slots[k].push(at),
+                None => {
+                    return Err(Error::field(path, name, format!("no such channel; the file holds {}", info.channels.join(", "))));
+                }
+            }
+        }
+        let count = info.width * rows.len();
+        let mut planes = vec![vec![0f32; count]; wanted.len()];
+        let mut filled = 0usize;
+        let chunks = reader
+            .filter_chunks(false, |_, tile, block| {
+                let (y0, y1) = (block.pixel_position.y(), block.pixel_position.y() + block.pixel_size.height());
+                block.layer == 0 && tile.level_index.0 == 0 && tile.level_index.1 == 0 && y0 < rows.end && y1 > rows.start
+            })
+            .map_err(|e| broken(path, &e))?;
+        let list = chunks.meta_data().headers[0].channels.clone();
+        chunks
+            .decompress_sequential(false, |_, block| {
+                for line in block.lines(&list) {
+                    let y = line.location.position.y();
+                    if y < rows.start || y >= rows.end {
+                        continue;
+                    }
+                    let (x, n) = (line.location.position.x(), line.location.sample_count);
+                    let start = (y - rows.start) * info.width + x;
+                    let kind = list.list[line.location.channel].sample_type;
+                    for &slot in &slots[line.location.channel] {
+                        decode(kind, line.value, &mut planes[slot][start..start + n]);
+                        filled += n;
+                    }
+                }
+                Ok(())
+            })
+            .map_err(|e| broken(path, &e))?;
+        if filled < count * wanted.len() {
+            return Err(Error::input(path, "some scan lines are missing (truncated?)"));
+        }
+        Ok(Maps { width: info.width, height: rows.len(), channels: wanted.into_iter().zip(planes).collect() })
+    })
+}
+
+fn decode(kind: SampleType, bytes: &[u8], out: &mut [f32]) {
+    match kind {
+        SampleType::F32 => {
+            for (o, b) in out.iter_mut().zip(bytes.chunks_exact(4)) {
+                *o = f32::from_ne_bytes([b[0], b[1], b[2], b[3]]);
+            }
+        }
+        SampleType::F16 => {
+            for (o, b) in out.iter_mut().zip(bytes.chunks_exact(2)) {
+                *o = exr::prelude::f16::from_ne_bytes([b[0], b[1]]).to_f32();
+            }
+        }
+        SampleType::U32 => {
+            for (o, b) in out.iter_mut().zip(bytes.chunks_exact(4)) {
+                *o = u32::from_ne_bytes([b[0], b[1], b[2], b[3]]) as f32;
+            }
+        }
+    }
+}
+
+/// Damaged files must end in a sentence: whatever a codec does with them, a panic inside becomes an error here.
+fn guarded<T>(path: &Path, body: impl FnOnce() -> Result<T>) -> Result<T> {
+    match catch_unwind(AssertUnwindSafe(body)) {
+        Ok(result) => result,
+        Err(_) => Err(Error::input(path, "not a readable OpenEXR file (damaged)")),
+    }
+}
+
+fn broken(path: &Path, e: &exr::error::Error) -> Error {
+    let what = match e {
+        exr::error::Error::Io(io) => atomic::explain(io),
+        exr::error::Error::NotSupported(what) => format!("an OpenEXR feature that is not supported: {what}"),
+        exr::error::Error::Invalid(what) => format!("not a readable OpenEXR file ({what})"),
+        exr::error::Error::Aborted => "reading was aborted".into(),
+    };
+    Error::input(path, what)
+}
+
+/// Writes float channels, whole or not at all.
+pub fn write_exr(path: &Path, maps: &Maps, packing: Packing) -> Result<()> {
+    let channels: SmallVec<[AnyChannel<FlatSamples>; 4]> =
+        maps.channels.iter().map(|(n, s)| AnyChannel::new(n.as_str(), FlatSamples::F32(s.clone()))).collect();
+    let encoding = Encoding {
+        compression: match packing {
+            Packing::Raw => exr::prelude::Compression::Uncompressed,
+            Packing::Zip => exr::prelude::Compression::ZIP16,
+        },
+        blocks: exr::prelude::Blocks::ScanLines,
+        line_order: LineOrder::Increasing,
+    };
+    let layer = Layer::new((maps.width, maps.height), LayerAttributes::default(), encoding, AnyChannels::sort(channels));
+    let image = Image::from_layer(layer);
+    let mut pending = Pending::create(path)?;
+    image.write().non_parallel().to_buffered(&mut pending).map_err(|e| match e {
+        exr::error::Error::Io(io) => Error::write(path, atomic::explain(&io)),
+        other => Error::write(path, other),
+    })?;
+    pending.finish()
+}
+
+/// Writes an 8-bit RGB or RGBA PNG (3 or 4 bytes a pixel), whole or not at all.
+pub fn write_png(path: &Path, width: usize, height: usize, pixels: &[u8]) -> Result<()> {
+    let kind = match pixels.len() / (width * height).max(1) {
+        1 => image::ExtendedColorType::L8,
+        3 => image::ExtendedColorType::Rgb8,
+        _ => image::ExtendedColorType::Rgba8,
+    };
+    let mut bytes = Vec::new();
+    let encoder = image::codecs::png::PngEncoder::new(&mut bytes);
+    image::ImageEncoder::write_image(encoder, pixels, width as u32, height as u32, kind).map_err(|e| Error::write(path, e))?;
+    atomic::write(path, |w: &mut dyn Write| w.write_all(&bytes))
+}
+
+/// Linear [0, 1] → 8-bit sRGB (IEC 61966-2-1); out-of-range values are clipped, NaN is black.
+pub fn to_srgb8(linear: f32) -> u8 {
+    let v = if linear.is_nan() { 0.0 } else { linear.clamp(0.0, 1.0) };
+    let s = if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
+    (s * 255.0 + 0.5) as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample() -> Maps {
+        let mut maps = Maps::new(5, 40);
+        for (k, name) in ["rho_d.R", "m.Y"].iter().enumerate() {
+            maps.push(*name, (0..200).map(|i| i as f32 * 0.5 + k as f32).collect());
+        }
+        maps
+    }
+
+    #[test]
+    fn rows_and_channels_read_back_exactly() {
+        let dir = tempfile::tempdir().unwrap();
+        for packing in [Packing::Raw, Packing::Zip] {
+            let path = dir.path().join("a.exr");
+            write_exr(&path, &sample(), packing).unwrap();
+            assert_eq!(read_exr_rows(&path, Some(&["rho_d.R", "m.Y"]), None).unwrap(), sample());
+            let band = read_exr_rows(&path, Some(&["m.Y"]), Some(17..23)).unwrap();
+            assert_eq!(band.channels[0].1, sample().channels[1].1[17 * 5..23 * 5]);
+        }
+    }
+
+    #[test]
+    fn a_truncated_file_is_a_sentence() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.exr");
+        write_exr(&path, &sample(), Packing::Raw).unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        for keep in [0, 3, 20, 100, bytes.len() / 2, bytes.len() - 7] {
+            std::fs::write(&path, &bytes[..keep]).unwrap();
+            let sentence = read_exr(&path).unwrap_err().to_string();
+            assert!(sentence.contains("a.exr"), "{sentence}");
+        }
+    }
+}

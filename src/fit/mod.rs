@@ -1,0 +1,3 @@
+//! One file a fit: a model, a solver, and what it reads and writes.
+
+pub mod record;

@@ -1,0 +1,186 @@
+//! `fit.toml`: what a fit folder says about itself. The same input and seed give the same bytes, so times live beside it in `times.toml`.
+
+use crate::files::{atomic, hash};
+use crate::solve::{Termination, TraceRow};
+use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Version of this file format.
+pub const SCHEMA: u32 = 1;
+
+/// A fitted parameter: one value, or one a colour channel.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Param {
+    /// One number a channel (RGB) or a single one.
+    pub value: Vec<f64>,
+    /// Standard errors, same length; infinite where undetermined.
+    pub stderr: Vec<f64>,
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub unit: String,
+    /// Channels (or the name itself) that the data do not determine, with the reason: `sigma_a.B: at most 0.02`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub undetermined: Vec<String>,
+}
+
+/// Residual statistics of a fit, weighted by the stated noise.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Residuals {
+    pub samples: usize,
+    pub chi2: f64,
+    pub reduced_chi2: f64,
+    /// Unweighted root mean square.
+    pub rms: f64,
+    /// Worst texel's reduced χ² and where it is (column, row).
+    pub worst: f64,
+    pub worst_at: [usize; 2],
+}
+
+/// A side of a leaf, or the only section of a fit without sides.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Section {
+    /// Texels by fate: good, outside, and each named defect.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub counts: BTreeMap<String, usize>,
+    /// Texels (or runs) by termination name.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub terminations: BTreeMap<String, usize>,
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub residuals: BTreeMap<String, Residuals>,
+    /// Correlations of the shared parameters, row by row, with their names.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub correlation_names: Vec<String>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub correlation: Vec<Vec<f64>>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub condition: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rank: Option<usize>,
+    /// Plain figures worth reporting (median errors, coverage, comparison of methods), by name.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub figures: BTreeMap<String, f64>,
+    /// Error to the truth where the capture holds it, by quantity.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub truth: BTreeMap<String, TruthError>,
+    /// `[front.sigma_a] value = …`: parameters by name.
+    #[serde(flatten)]
+    pub params: BTreeMap<String, Param>,
+}
+
+/// How far a map is from the known truth.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct TruthError {
+    pub median_relative: f64,
+    pub p99_relative: f64,
+    /// Share of truths inside the 95 % interval; NaN-free: absent when no standard error is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub coverage95: Option<f64>,
+}
+
+/// `fit.toml`.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct FitRecord {
+    pub schema: u32,
+    /// `leaf`, `gloss`, `slab`, `beam`, `sky`, …
+    pub kind: String,
+    pub name: String,
+    pub program: String,
+    /// Hash of everything the fit was made from (input files and options).
+    pub input_hash: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub termination: Option<Termination>,
+    /// What the fit was told: options and gauges, as text.
+    #[serde(default)]
+    pub options: BTreeMap<String, String>,
+    /// Defect code of `mask.Y` → its name.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub defects: BTreeMap<String, String>,
+    /// Content hash of every file of the folder, by name: a map changed from outside is noticed.
+    #[serde(default)]
+    pub files: BTreeMap<String, String>,
+    /// Sections by name: `front`, `back`, or `all`.
+    #[serde(flatten)]
+    pub sections: BTreeMap<String, Section>,
+}
+
+/// `times.toml`: everything that differs from run to run.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Times {
+    /// Phase name → wall time (s), in order.
+    pub phases: Vec<Phase>,
+    pub total_s: f64,
+    pub threads: usize,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub peak_memory_mib: Option<f64>,
+    /// Named traces: the leaf-wide problem, a typical texel, the worst texel, …
+    #[serde(default)]
+    pub traces: BTreeMap<String, Vec<TraceRow>>,
+}
+
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Phase {
+    pub name: String,
+    pub seconds: f64,
+}
+
+impl FitRecord {
+    /// Reads `DIR/fit.toml`.
+    pub fn read(folder: &Path) -> Result<FitRecord> {
+        let path = folder.join("fit.toml");
+        let record: FitRecord = read_toml(&path)?;
+        if record.schema != SCHEMA {
+            return Err(Error::field(&path, "schema", format!("found {}, this program reads {SCHEMA}", record.schema)));
+        }
+        Ok(record)
+    }
+
+    /// Hashes every file named in `files` afresh and compares.
+    ///
+    /// # Errors
+    /// [`Error::Missed`] naming the first file that is not what the fit wrote.
+    pub fn verify(&self, folder: &Path) -> Result<()> {
+        for (name, expected) in &self.files {
+            let path = folder.join(name);
+            if &hash::file(&path)? != expected {
+                return Err(Error::Missed(format!(
+                    "{}: changed since it was fitted (its content hash is not the one in fit.toml)",
+                    path.display()
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes `fit.toml`, last of all files, so that a folder with one is complete.
+    pub fn write(&self, folder: &Path) -> Result<()> {
+        write_toml(&folder.join("fit.toml"), self)
+    }
+}
+
+impl Times {
+    pub fn read(folder: &Path) -> Result<Times> {
+        read_toml(&folder.join("times.toml"))
+    }
+    pub fn write(&self, folder: &Path) -> Result<()> {
+        write_toml(&folder.join("times.toml"), self)
+    }
+}
+
+/// A TOML file as a value; unknown and missing fields are named with their line.
+pub fn read_toml<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
+    let text = std::fs::read_to_string(path).map_err(|e| Error::input(path, atomic::explain(&e)))?;
+    toml::from_str(&text).map_err(|e| toml_error(path, &text, &e))
+}
+
+/// `file:line: message` on one line.
+pub fn toml_error(path: &Path, text: &str, e: &toml::de::Error) -> Error {
+    let line = e.span().map_or(0, |s| text[..s.start.min(text.len())].matches('\n').count() + 1);
+    let message = e.message().lines().collect::<Vec<_>>().join(" ");
+    Error::Input { place: format!("{}:{line}", path.display()), what: message }
+}
+
+pub fn write_toml<T: Serialize>(path: &Path, value: &T) -> Result<()> {
+    let text = toml::to_string(value).map_err(|e| Error::write(path, e))?;
+    atomic::write_bytes(path, text.as_bytes())
+}

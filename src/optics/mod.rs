@@ -1,0 +1,3 @@
+//! What light does in and on a leaf, one model a file. No files, no solvers.
+
+pub mod slab;

@@ -1,0 +1,1 @@
+//! Beams, branches and wind.

@@ -1,0 +1,1 @@
+//! Rows to JSON, Markdown and HTML. Computes nothing new.

@@ -1,0 +1,1 @@
+//! Scene manifests, the plan of what a scene needs, and the hand-over to the renderer.

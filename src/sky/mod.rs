@@ -1,0 +1,1 @@
+//! Sky models and spherical harmonics.

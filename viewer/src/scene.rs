@@ -1,0 +1,134 @@
+//! Plain scene data: what the renderer draws. Lengths in mm, directions are unit vectors in world space (z up), radiance in
+//! units set by the light; colours are linear sRGB.
+//!
+//! **The shading both renderers must agree on** (W = Wang et al. 2005, Eq. 1, with full A(ω, Δ), B(ω, Δ) and a bounded gloss).
+//! At a point let `Ng` be the interpolated mesh normal turned to the viewer, `v` the direction to the viewer, `l` to the sun.
+//! The viewed side is the one whose mesh normal faces the viewer, the far side the other one; `N` is the viewed side's mapped
+//! normal (outward from that side), `F` the far side's (outward from *that* side, so it points away from the viewer).
+//!
+//! ```text
+//! sun lights the viewed side where l·Ng > 0:   L += E · V · max(0, N·l) · (ρd_viewed/π + f_s)
+//! sun lights the far side where   l·Ng < 0:    L += E · V · max(0, F·l) · ρt_far/π
+//! constant sky:                                L += L_sky · (ρd_viewed + ρt_far + ρs · a(N·v, m))
+//! ```
+//!
+//! E is the irradiance at normal incidence, V the visible share of the sun's disk, ρt_far the transmittance of a beam that enters
+//! the far side. f_s = ρs·D·G/(4 (N·l)(N·v)), D = exp(−tan²α/m²)/(π m² cos⁴α) (Beckmann) or m²/(π cos⁴α (m² + tan²α)²) (GGX),
+//! G = min(1, 2(N·h)(N·v)/(v·h), 2(N·h)(N·l)/(v·h)) (V-cavity); with `CookTorrance { index }` times the dielectric Fresnel F(v·h)
+//! for unpolarised light. N·v is floored at 1e-3. a(N·v, m) is the directional albedo of f_s per unit ρs: ∫ f_s/ρs cosθ dω.
+//! The sky is not shadowed by other leaves. Where nothing is hit the radiance is `Scene::background`.
+//! Picture: exposure · L, Reinhard x/(1 + x) a channel, sRGB encoding (IEC 61966-2-1), 8 bits.
+
+use glam::{Mat4, Vec2, Vec3, Vec4};
+
+/// Everything in a picture.
+#[derive(Debug, Clone, Default)]
+pub struct Scene {
+    pub leaves: Vec<Leaf>,
+    pub instances: Vec<Instance>,
+    pub sun: Option<Sun>,
+    /// Radiance of a constant sky all around; `None` leaves its code out of the shader.
+    pub sky: Option<[f32; 3]>,
+    pub background: [f32; 3],
+    pub exposure: f32,
+    /// Shadow maps spread over the sun's disk: 0 leaves shadows out, 1 is a hard shadow, more are softer and truer.
+    pub shadow_samples: u32,
+    pub shadow_resolution: u32,
+    /// 1 or 4.
+    pub msaa: u32,
+}
+
+/// A leaf drawn somewhere; rigid transforms with uniform scale.
+#[derive(Debug, Clone, Copy)]
+pub struct Instance {
+    pub leaf: usize,
+    pub transform: Mat4,
+}
+
+/// The sun as a disk.
+#[derive(Debug, Clone, Copy)]
+pub struct Sun {
+    /// Towards the sun.
+    pub direction: Vec3,
+    /// Irradiance on a surface facing the sun.
+    pub irradiance: [f32; 3],
+    /// Angular radius (rad); 0.004 65 for the real one.
+    pub radius: f32,
+}
+
+/// One leaf's shape and appearance. Both sides share the mesh, whose normals point out of the front.
+#[derive(Debug, Clone)]
+pub struct Leaf {
+    pub name: String,
+    pub mesh: Mesh,
+    /// Size of the maps (all of one size), in texels.
+    pub width: u32,
+    pub height: u32,
+    /// Mean thickness h (mm); a texel's thickness is h + δ.
+    pub thickness_mm: f32,
+    pub lobe: Lobe,
+    /// Maps are stored as each side's camera saw them: column i of the back is column `width−1−i` of the front, so the back is
+    /// looked up at (1 − u, v).
+    pub front: Side,
+    pub back: Side,
+    /// 1 on the leaf, row-major in the front's columns; `None` where the mesh is trimmed to the outline already.
+    pub mask: Option<Vec<u8>>,
+}
+
+#[derive(Debug, Clone, Default)]
+pub struct Mesh {
+    pub positions: Vec<Vec3>,
+    pub normals: Vec<Vec3>,
+    /// xyz tangent along +u, w = ±1 handedness: bitangent = w · normal × tangent.
+    pub tangents: Vec<Vec4>,
+    /// (0, 0) is the top left corner of the front's maps.
+    pub uvs: Vec<Vec2>,
+    pub indices: Vec<u32>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Lobe {
+    Beckmann,
+    Ggx,
+    CookTorrance { index: f32 },
+}
+
+/// How one side looks. Maps are row-major, row 0 on top.
+#[derive(Debug, Clone)]
+pub struct Side {
+    /// W's first texture: γ (RGB) and δ (mm).
+    pub gamma_delta: Vec<[f32; 4]>,
+    /// W's second texture: ρs (RGB) and m; `None` is a matte side and uploads nothing.
+    pub gloss: Option<Vec<[f32; 4]>>,
+    /// Mapped normals in the mesh's tangent frame *of this side as its camera saw it*: x to the right in this side's image,
+    /// y up, z out of this side; `None` is the mesh normal.
+    pub normal: Option<Vec<[f32; 3]>>,
+    pub interior: Interior,
+}
+
+/// Where a side's ρd and ρt come from.
+#[derive(Debug, Clone)]
+pub enum Interior {
+    /// W's scalars σa, σs: ρd = γ·curve.rho_d(h + δ), ρt = curve.rho_t(h + δ), linear between the curve's points.
+    Scalars(SlabCurve),
+    /// Pigment maps: ρd and ρt a texel, already solved from σa(x), σs(x) and h + δ(x); γ is not applied.
+    Maps { rho_d: Vec<[f32; 3]>, rho_t: Vec<[f32; 3]> },
+}
+
+/// ρd and ρt of the slab against thickness, on a uniform grid (at least two points).
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct SlabCurve {
+    pub min_mm: f32,
+    pub max_mm: f32,
+    pub rho_d: Vec<[f32; 3]>,
+    pub rho_t: Vec<[f32; 3]>,
+}
+
+/// A pinhole camera.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Camera {
+    pub eye: Vec3,
+    pub target: Vec3,
+    pub up: Vec3,
+    pub fov_y_deg: f32,
+}
