@@ -58,9 +58,9 @@ pub fn compare(capture: &Capture, fitted: &Fitted) -> Result<Comparison> {
     }
     rho_t.store(&mut errors, "rho_t");
     gamma.store(&mut errors, "gamma");
-    for (q, name) in ["sigma_a", "sigma_s"].iter().enumerate() {
-        sigma[q].store(&mut errors, &format!("{name}_map"));
-        shared[q].store(&mut errors, name);
+    for ((map, leaf), name) in sigma.into_iter().zip(shared).zip(["sigma_a", "sigma_s"]) {
+        map.store(&mut errors, &format!("{name}_map"));
+        leaf.store(&mut errors, name);
     }
     if let Some(t) = truth.get("thickness.Y") {
         let mut thickness = Samples::default();
