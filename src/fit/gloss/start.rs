@@ -7,7 +7,7 @@ use crate::optics::tube::{Model, Precision, Travel};
 use std::sync::OnceLock;
 
 /// m of the templates, finest first.
-const SLOPES: [f64; 6] = [0.03, 0.07, 0.15, 0.3, 0.55, 0.9];
+const SLOPES: [f64; 9] = [0.03, 0.06, 0.12, 0.22, 0.35, 0.5, 0.65, 0.8, 1.0];
 /// Banks on either side of the blade's middle.
 const SIDE: usize = 40;
 
@@ -61,7 +61,7 @@ impl Bank {
         let at = self.travel.local([along, 0.0, 0.0]);
         let mut out = Vec::new();
         for m in SLOPES {
-            let count = ((self.range[1] - self.range[0]) / (0.9 * m)).ceil().max(5.0) as usize;
+            let count = ((self.range[1] - self.range[0]) / (0.9 * m).min(0.08)).ceil() as usize;
             for k in 0..=count {
                 let tilt = self.range[0] + (self.range[1] - self.range[0]) * k as f64 / count as f64;
                 let n = normal_of(if self.travel == Travel::X { [tilt, 0.0] } else { [0.0, tilt] });
@@ -79,7 +79,7 @@ impl Bank {
         out
     }
 
-    /// The best templates, best first, at most `most`, of distinct slope or tilt. `weights` of zero leave samples out.
+    /// The best templates, best first, at most `most`, no two of them neighbours. `weights` of zero leave samples out.
     pub fn best(&self, texel: [f64; 2], samples: &[f64], weights: &[f64], most: usize, found: &mut Vec<Start>) {
         found.clear();
         let yy: f64 = samples.iter().zip(weights).map(|(y, w)| y * y * w).sum();
@@ -103,11 +103,21 @@ impl Bank {
                 only(dd, dy).max(only(ss, sy))
             };
             let start = Start { m: t.m, tilt: t.tilt, cost: yy - gain };
-            let place = found.iter().position(|f| start.cost < f.cost).unwrap_or(found.len());
-            if place < most {
-                found.insert(place, start);
-                found.truncate(most);
-            }
+            insert(found, start, most);
         }
+    }
+}
+
+/// Keeps the list sorted by cost and free of neighbours of a better start.
+fn insert(found: &mut Vec<Start>, new: Start, most: usize) {
+    let near = |a: &Start, b: &Start| (a.tilt - b.tilt).abs() < 0.15 && (a.m / b.m).ln().abs() < 0.6;
+    if found.iter().any(|f| near(f, &new) && f.cost <= new.cost) {
+        return;
+    }
+    found.retain(|f| !near(f, &new));
+    let place = found.iter().position(|f| new.cost < f.cost).unwrap_or(found.len());
+    if place < most {
+        found.insert(place, new);
+        found.truncate(most);
     }
 }

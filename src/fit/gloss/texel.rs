@@ -1,5 +1,6 @@
 //! The fit of one texel: start from the bank, Levenberg–Marquardt on the projected problem, weights from the model, robust
 //! rejection where the residuals ask for it, errors from the full normal matrix.
+#![allow(clippy::needless_range_loop)] // small matrices read better by index
 
 use super::project::{Gram, Linear, NONLINEAR, Y};
 use super::start::{Bank, Start};
@@ -12,6 +13,8 @@ use crate::solve::Termination;
 const ITERATIONS: usize = 60;
 /// A predicted decrease of χ² below this ends the fit: the step is then below a few thousandths of a standard error.
 const CONVERGED: f64 = 1e-5;
+/// Templates tried where the best leads nowhere.
+const STARTS: usize = 4;
 /// A residual beyond this many standard deviations is an outlier (in 300 samples noise does so once in 500 texels).
 const OUTLIER: f64 = 4.5;
 /// ρs is taken for zero where leaving it out costs less χ² than this (four parameters, and the search over lobes).
@@ -145,10 +148,23 @@ impl Job<'_> {
             return TexelFit::refused("no light");
         }
         self.weigh_by_samples();
-        let Some(start) = self.start() else { return TexelFit::refused("no template fits") };
-        let rough = self.solve(start, 1.0).0;
-        self.weigh_by_model(&rough);
-        let (mut state, mut termination) = self.resolve(rough, CONVERGED);
+        let Some(start) = self.start(0) else { return TexelFit::refused("no template fits") };
+        let (mut state, mut termination) = self.climb(start);
+        // χ² that the noise makes unlikely (4 σ): another template may have been the right one.
+        let freedom = (used - parameters) as f64;
+        if !termination.converged() || state.chi2 > freedom + 4.0 * (2.0 * freedom).sqrt() {
+            for rank in 1..STARTS {
+                self.weigh_by_samples();
+                let Some(start) = self.start(rank) else { break };
+                self.iterations = 0;
+                let (other, reason) = self.climb(start);
+                if reason.converged() >= termination.converged() && other.chi2 < state.chi2 {
+                    (state, termination) = (other, reason);
+                }
+            }
+            self.weigh_by_model(&state);
+            state = self.evaluate(state.p);
+        }
         let mut outliers = 0;
         if self.fitter.robust != Robust::Off {
             (state, termination, outliers) = self.reject(state, termination);
@@ -194,7 +210,16 @@ impl Job<'_> {
         }
     }
 
-    fn start(&mut self) -> Option<[f64; NONLINEAR]> {
+    /// Down from a start, first under weights from the samples, then from the model.
+    fn climb(&mut self, start: [f64; NONLINEAR]) -> (State, Termination) {
+        self.weigh_by_samples();
+        let rough = self.solve(start, 1.0).0;
+        self.weigh_by_model(&rough);
+        self.resolve(rough, CONVERGED)
+    }
+
+    /// The start that the templates of the first pass rank `rank`th.
+    fn start(&mut self, rank: usize) -> Option<[f64; NONLINEAR]> {
         let mut p = [0.3f64.ln(), 0.0, 0.0];
         let mut offset = 0;
         for (k, pass) in self.passes.iter().enumerate() {
@@ -212,8 +237,8 @@ impl Job<'_> {
                 ws.sum.push(y);
                 ws.sum_w.push(if whole && w > 0.0 { 1.0 / w } else { 0.0 });
             }
-            pass.bank.best(self.texel, &ws.sum, &ws.sum_w, 1, &mut ws.starts);
-            let best = ws.starts.first()?;
+            pass.bank.best(self.texel, &ws.sum, &ws.sum_w, STARTS, &mut ws.starts);
+            let best = ws.starts.get(if k == 0 { rank } else { 0 })?;
             if k == 0 {
                 p[0] = best.m.ln();
             }
@@ -509,22 +534,22 @@ impl Job<'_> {
         let mut names = Undetermined::default();
         let parallel = fit.correlation < -0.99;
         for &c in channels {
-            if !(fit.rho_d_err[c] <= 0.1 * fit.rho_d[c]) || parallel {
+            if unsure(fit.rho_d_err[c], fit.rho_d[c]) || parallel {
                 names.insert(Undetermined::RHO_D[c]);
             }
-            if !(fit.rho_s_err[c] <= 0.1 * fit.rho_s[c]) || parallel {
+            if unsure(fit.rho_s_err[c], fit.rho_s[c]) || parallel {
                 names.insert(Undetermined::RHO_S[c]);
             }
         }
         let at_bound = fit.m <= 1.0001 * M_RANGE[0] || fit.m >= 0.9999 * M_RANGE[1];
         let lit = self.lobe_frames();
         let narrow = !matte && lit < 2;
-        if matte || at_bound || narrow || !(fit.m_err <= 0.1 * fit.m) {
+        if matte || at_bound || narrow || unsure(fit.m_err, fit.m) {
             names.insert(Undetermined::M);
         }
         for (k, flag) in [Undetermined::TILT, Undetermined::TILT_Y].into_iter().enumerate().take(self.passes.len()) {
             let at_bound = fit.tilt[k].abs() >= TILT_LIMIT - 1e-9;
-            if at_bound || !(fit.tilt_err[k] <= 0.1 * fit.tilt[k].abs().max(0.35)) {
+            if at_bound || unsure(fit.tilt_err[k], fit.tilt[k].abs().max(0.35)) {
                 names.insert(flag);
             }
         }
@@ -556,6 +581,11 @@ impl Job<'_> {
         }
         most
     }
+}
+
+/// Whether one standard deviation exceeds a tenth of the value (or is not a number).
+fn unsure(err: f64, value: f64) -> bool {
+    !matches!(err.partial_cmp(&(0.1 * value)), Some(std::cmp::Ordering::Less | std::cmp::Ordering::Equal))
 }
 
 /// Applies a step, kept short and within the bounds.

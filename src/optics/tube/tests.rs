@@ -3,6 +3,7 @@ use crate::optics::gloss::dot;
 
 /// The cylinder's integral written down afresh: directions of the plane of travel across the tube, points along it, f_s from
 /// its own definition.
+#[allow(clippy::too_many_arguments)]
 fn brute(
     tube: Tube,
     camera: [f64; 3],

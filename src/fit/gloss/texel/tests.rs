@@ -126,7 +126,7 @@ fn statistics() {
             if !f.undetermined.is_empty() {
                 flagged += 1;
             }
-            if !f.termination.converged() || z.iter().any(|v| !(v.abs() < 6.0)) {
+            if !f.termination.converged() || z.iter().any(|v| v.is_nan() || v.abs() > 6.0) {
                 fails += 1;
                 println!(
                     "z {z:.1?} m {:.3} tilt {:.3} rs {:.3} rd {:.3}: {:?} m {:.3}±{:.3} tilt {:.3} chi2r {:.2} {:?} {:?}",
@@ -152,5 +152,58 @@ fn statistics() {
             evals as f64 / total as f64,
             time.as_secs_f64() * 1e6 / total as f64
         );
+    }
+}
+
+#[test]
+#[ignore = "figures"]
+fn probe() {
+    let d = device(Lobe::Beckmann, 0.02);
+    let xs = positions(-400.0, 250.0, 100);
+    let fitter = TexelFitter::new(&d, &xs, None);
+    let fine = Model::new(d.tube(), d.camera, d.lobe, &Precision { along: 16, across: 6 });
+    for (m, tilt) in [(0.682, -0.029), (0.801, -0.003), (0.73, -0.11), (0.78, 0.035), (0.6, 0.124)] {
+        let t = Truth { rho_d: [0.1, 0.15, 0.08], rho_s: [0.06; 3], m, tilt: [tilt, 0.0] };
+        let mut rng = rand_pcg::Pcg64::seed_from_u64(9);
+        let tx = trace(&fine, &d, Travel::X, &xs, [0.0, 0.0], &t, Some(&mut rng));
+        let mut ws = fitter.workspace();
+        let passes: Vec<(&Pass, &[[f32; 3]])> = vec![(&fitter.passes[0], &tx[..])];
+        ws.load(&passes);
+        let mut job = Job {
+            fitter: &fitter,
+            ws: &mut ws,
+            texel: [0.0; 2],
+            passes: vec![&fitter.passes[0]],
+            evaluations: 0,
+            iterations: 0,
+            matte: false,
+        };
+        job.weigh_by_samples();
+        job.start(0);
+        let mut all = vec![];
+        fitter.passes[0].bank.best([0.0; 2], &job.ws.sum.clone(), &job.ws.sum_w.clone(), 8, &mut all);
+        println!(
+            "truth m {m} tilt {tilt}: starts {:?}",
+            all.iter().map(|s| (s.m, (s.tilt * 1e3).round() / 1e3, s.cost.round())).collect::<Vec<_>>()
+        );
+        let truth = job.evaluate([m.ln(), tilt, 0.0]);
+        job.weigh_by_model(&truth);
+        let truth = job.evaluate([m.ln(), tilt, 0.0]);
+        println!("   chi2 at truth {:.1}", truth.chi2);
+        for s in all.iter().take(6) {
+            job.iterations = 0;
+            let (r, why) = job.solve([s.m.ln(), s.tilt, 0.0], 1e-5);
+            println!(
+                "   from {:.2} {:.3}: m {:.3} tilt {:.3} chi2 {:.1} its {} {why:?} rho {:.3} {:.3}",
+                s.m,
+                s.tilt,
+                r.p[0].exp(),
+                r.p[1],
+                r.chi2,
+                job.iterations,
+                r.linear[1].rho_d,
+                r.linear[1].rho_s
+            );
+        }
     }
 }
