@@ -1,4 +1,5 @@
 //! One file a fit: a model, a solver, and what it reads and writes.
 
 pub mod leaf;
+pub mod gloss;
 pub mod record;
