@@ -57,7 +57,9 @@ fn a_noise_free_scan_is_recovered_to_a_thousandth() {
             assert!(error.p99_relative < 1e-3, "{side} {quantity}: {error:?}");
         }
     }
-    for name in ["front.exr", "back.exr", "front_err.exr", "back_err.exr", "front_gamma_delta.exr", "back_rho_s_m.exr", "blade.glb", "times.toml"] {
+    for name in
+        ["front.exr", "back.exr", "front_err.exr", "back_err.exr", "front_gamma_delta.exr", "back_rho_s_m.exr", "blade.glb", "times.toml"]
+    {
         assert!(out.join(name).exists(), "{name}");
     }
     // ρd + ρt + absorbed = 1 with something absorbed everywhere
@@ -98,7 +100,10 @@ fn ctrl_c_keeps_finished_parts_and_the_next_run_goes_on() {
     // Wait for the first part, then interrupt.
     let parts = |out: &Path| -> usize {
         let folders = std::fs::read_dir(out).into_iter().flatten().flatten().filter(|e| e.path().is_dir());
-        folders.flat_map(|f| std::fs::read_dir(f.path()).into_iter().flatten().flatten()).filter(|e| e.file_name().to_string_lossy().ends_with(".exr") && !e.file_name().to_string_lossy().starts_with('.')).count()
+        folders
+            .flat_map(|f| std::fs::read_dir(f.path()).into_iter().flatten().flatten())
+            .filter(|e| e.file_name().to_string_lossy().ends_with(".exr") && !e.file_name().to_string_lossy().starts_with('.'))
+            .count()
     };
     while parts(&out) == 0 && child.try_wait().unwrap().is_none() {
         std::thread::sleep(std::time::Duration::from_millis(5));
@@ -246,6 +251,7 @@ fn a_full_disk_ends_in_a_sentence_and_leaves_nothing_half_written() {
     let output = std::process::Command::new("sh").args(["-c", &script]).output().unwrap();
     refused(&output, 1, &["cannot write"]);
     assert!(!out.join("fit.toml").exists());
-    let litter: Vec<_> = std::fs::read_dir(&out).unwrap().flatten().filter(|e| e.file_name().to_string_lossy().ends_with(".partial")).collect();
+    let litter: Vec<_> =
+        std::fs::read_dir(&out).unwrap().flatten().filter(|e| e.file_name().to_string_lossy().ends_with(".partial")).collect();
     assert!(litter.is_empty(), "{litter:?}");
 }

@@ -60,7 +60,10 @@ impl Gain {
                 let path = white_path(folder, pass.name, k);
                 let info = exr_info(&path)?;
                 if (info.width, info.height) != (w, h) {
-                    return Err(Error::input(&path, format!("found {}x{} texels, the pass's first white frame has {w}x{h}", info.width, info.height)));
+                    return Err(Error::input(
+                        &path,
+                        format!("found {}x{} texels, the pass's first white frame has {w}x{h}", info.width, info.height),
+                    ));
                 }
                 let maps = read_exr_rows(&path, Some(&super::reader::RGB), None)?;
                 let mut sums = vec![[0f64; 3]; gw * gh];

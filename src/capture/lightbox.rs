@@ -85,9 +85,8 @@ mod tests {
     fn the_mask_keeps_the_leaf_and_drops_specks() {
         let (w, h) = (40, 30);
         let leaf = |i: usize, j: usize| (i as f64 - 20.0).hypot(j as f64 - 15.0) < 10.0;
-        let ratio: Vec<[f32; 3]> = (0..w * h)
-            .map(|k| if leaf(k % w, k / w) || k == 3 { [0.1, 0.2, 0.05] } else { [1.0, 0.99, 1.01] })
-            .collect();
+        let ratio: Vec<[f32; 3]> =
+            (0..w * h).map(|k| if leaf(k % w, k / w) || k == 3 { [0.1, 0.2, 0.05] } else { [1.0, 0.99, 1.01] }).collect();
         let mask = mask_from_transmission(&ratio, w, h);
         assert!((0..w * h).all(|k| mask[k] == leaf(k % w, k / w)));
     }

@@ -4,3 +4,4 @@ pub mod calibrate;
 pub mod lightbox;
 pub mod manifest;
 pub mod reader;
+pub mod synth;

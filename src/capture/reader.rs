@@ -18,13 +18,16 @@ pub struct Capture {
     pub folder: PathBuf,
     pub manifest: Manifest,
     /// Dark level a texel and channel (RGB planes), where `dark.exr` exists.
-    dark: Option<Vec<[f32; 3]>>,
+    dark: Option<Pixels>,
     /// Gain of each pass's frames, where white frames exist.
     gains: Vec<(Travel, Gain)>,
 }
 
 /// Calibrated frames of one pass over a set of texels: `frames[k][n]` is frame k at the n-th texel asked for.
 pub type Band = Vec<Vec<[f32; 3]>>;
+
+/// One RGB triple a texel of the whole image, row-major.
+pub type Pixels = Vec<[f32; 3]>;
 
 impl Capture {
     /// Opens `folder`: reads the manifest, checks that every frame is there with the right size and channels, loads the references.
@@ -36,9 +39,7 @@ impl Capture {
         let wanted: Vec<PathBuf> = manifest
             .sides
             .iter()
-            .flat_map(|&side| {
-                manifest.passes.iter().flat_map(move |p| (0..p.positions().len()).map(move |k| (side, p.name, k)))
-            })
+            .flat_map(|&side| manifest.passes.iter().flat_map(move |p| (0..p.positions().len()).map(move |k| (side, p.name, k))))
             .map(|(side, travel, k)| frame_path(folder, side, travel, k))
             .chain(manifest.sides.iter().map(|s| folder.join(s.name()).join("lightbox.exr")))
             .chain([folder.join("lightbox_empty.exr")])
@@ -66,8 +67,7 @@ impl Capture {
     pub fn hash(&self) -> Result<String> {
         let files = self.files();
         let hashes: Vec<String> = files.par_iter().map(|p| hash::file(p)).collect::<Result<_>>()?;
-        let names: Vec<String> =
-            files.iter().map(|p| p.strip_prefix(&self.folder).unwrap_or(p).to_string_lossy().into_owned()).collect();
+        let names: Vec<String> = files.iter().map(|p| p.strip_prefix(&self.folder).unwrap_or(p).to_string_lossy().into_owned()).collect();
         Ok(hash::combine(names.iter().map(String::as_str).zip(hashes.iter().map(String::as_str))))
     }
 
@@ -102,8 +102,7 @@ impl Capture {
             .map(|k| {
                 let path = frame_path(&self.folder, side, travel, k);
                 let maps = read_exr_rows(&path, Some(&RGB), Some(rows.clone()))?;
-                let mut out: Vec<[f32; 3]> =
-                    at.iter().map(|&(local, _)| [0, 1, 2].map(|c: usize| maps.channels[c].1[local])).collect();
+                let mut out: Vec<[f32; 3]> = at.iter().map(|&(local, _)| [0, 1, 2].map(|c: usize| maps.channels[c].1[local])).collect();
                 if let Some(dark) = &self.dark {
                     for (value, &(_, global)) in out.iter_mut().zip(&at) {
                         for (v, d) in value.iter_mut().zip(dark[global]) {
@@ -120,7 +119,7 @@ impl Capture {
     }
 
     /// Light-box photographs of one side, dark-corrected: (leaf, empty box), interleaved RGB of the whole image.
-    pub fn lightbox(&self, side: SideName) -> Result<(Vec<[f32; 3]>, Vec<[f32; 3]>)> {
+    pub fn lightbox(&self, side: SideName) -> Result<(Pixels, Pixels)> {
         let leaf = interleave(&read_exr_rows(&self.folder.join(side.name()).join("lightbox.exr"), Some(&RGB), None)?);
         let empty = interleave(&read_exr_rows(&self.folder.join("lightbox_empty.exr"), Some(&RGB), None)?);
         let subtract = |mut image: Vec<[f32; 3]>| {
@@ -181,7 +180,7 @@ fn check_size(path: &Path, info: &ExrInfo, manifest: &Manifest) -> Result<()> {
 }
 
 /// RGB planes → one triple a texel.
-pub fn interleave(maps: &Maps) -> Vec<[f32; 3]> {
+pub fn interleave(maps: &Maps) -> Pixels {
     let [r, g, b] = [0, 1, 2].map(|c: usize| &maps.channels[c].1);
     r.iter().zip(g).zip(b).map(|((&r, &g), &b)| [r, g, b]).collect()
 }

@@ -111,7 +111,11 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             return Ok(0);
         }
     };
-    if common.json { print_json(&*record)? } else { print(&summary(&record))? }
+    if common.json {
+        print_json(&*record)?
+    } else {
+        print(&summary(&record))?
+    }
     Ok(0)
 }
 

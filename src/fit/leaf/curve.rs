@@ -62,15 +62,7 @@ impl Curve {
         let (ln_rho_d, d_rho_d, _) = hermite(f, s, a.ln_rho_d, b.ln_rho_d, a.d_rho_d, b.d_rho_d);
         let (ln_rho_t, d_rho_t, dd_rho_t) = hermite(f, s, a.ln_rho_t, b.ln_rho_t, a.d_rho_t, b.d_rho_t);
         let mix = |p: [f64; 2], q: [f64; 2]| [p[0] + f * (q[0] - p[0]), p[1] + f * (q[1] - p[1])];
-        Point {
-            ln_rho_d,
-            ln_rho_t,
-            d_rho_d,
-            d_rho_t,
-            dd_rho_t,
-            p_rho_d: mix(a.p_rho_d, b.p_rho_d),
-            p_rho_t: mix(a.p_rho_t, b.p_rho_t),
-        }
+        Point { ln_rho_d, ln_rho_t, d_rho_d, d_rho_t, dd_rho_t, p_rho_d: mix(a.p_rho_d, b.p_rho_d), p_rho_t: mix(a.p_rho_t, b.p_rho_t) }
     }
 }
 

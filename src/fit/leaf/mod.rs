@@ -132,10 +132,8 @@ pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     let x = manifest.pass(Travel::X).map(|p| p.positions()).unwrap_or_default();
     let y = manifest.pass(Travel::Y).map(|p| p.positions());
     let fitter = TexelFitter::new(&device, &x, y.as_deref());
-    let jobs: Vec<Job> = sides
-        .iter()
-        .map(|s| Job { capture: &capture, side: s.side, mask: &s.mask, fitter: &fitter, parts: &parts })
-        .collect();
+    let jobs: Vec<Job> =
+        sides.iter().map(|s| Job { capture: &capture, side: s.side, mask: &s.mask, fitter: &fitter, parts: &parts }).collect();
     if !options.merge {
         let bar = Bar::new("fitting texels", sides.iter().map(|s| s.count() as u64).sum());
         let shard = options.shard.unwrap_or(Shard { index: 0, count: 1 });

@@ -38,9 +38,7 @@ fn sample(capture: &Capture) -> Result<Vec<Vec<f64>>> {
     let step = (m.width / 200).max(1);
     let texels: Vec<[u32; 2]> = (0..m.width).step_by(step).map(|i| [i as u32, rows.start as u32]).collect();
     let band = capture.band(SideName::Front, Travel::X, rows, &texels)?;
-    Ok((0..texels.len())
-        .flat_map(|n| [0, 1, 2].map(|c: usize| band.iter().map(|f| f64::from(f[n][c])).collect::<Vec<f64>>()))
-        .collect())
+    Ok((0..texels.len()).flat_map(|n| [0, 1, 2].map(|c: usize| band.iter().map(|f| f64::from(f[n][c])).collect::<Vec<f64>>())).collect())
 }
 
 /// Fits variance = (r·value)² + f² to third differences, whose expectation over a smooth trace is only noise: a third difference of

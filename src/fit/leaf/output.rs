@@ -31,7 +31,10 @@ pub fn describe(record: &mut FitRecord, capture: &Capture, options: &Options, le
     say("texel_mm", format!("{:?}", m.texel_mm));
     say("passes", m.passes.iter().map(|p| p.name.name()).collect::<Vec<_>>().join(" "));
     say("lightbox_camera_deg", format!("{:?}", m.lightbox.camera_deg));
-    say("filled", "where mask.Y is not 1, maps hold the nearest good texel's value so that interpolation at edges stays on the leaf".into());
+    say(
+        "filled",
+        "where mask.Y is not 1, maps hold the nearest good texel's value so that interpolation at edges stays on the leaf".into(),
+    );
     record.defects = Defect::ALL.iter().map(|d| (d.code().to_string(), d.name().to_string())).collect();
 }
 
@@ -66,7 +69,14 @@ pub fn blade(capture: &Capture, sides: &[Fitted]) -> Option<Blade> {
 }
 
 /// Writes one side's maps and adds its section to the record.
-pub fn side(out: &Path, capture: &Capture, fitted: &Fitted, blade: Option<&Blade>, truth: Comparison, record: &mut FitRecord) -> Result<()> {
+pub fn side(
+    out: &Path,
+    capture: &Capture,
+    fitted: &Fitted,
+    blade: Option<&Blade>,
+    truth: Comparison,
+    record: &mut FitRecord,
+) -> Result<()> {
     let (values, errors) = maps(fitted, capture);
     write_exr(&map_path(out, fitted.side, ""), &values, Packing::Zip)?;
     write_exr(&map_path(out, fitted.side, "err"), &errors, Packing::Zip)?;

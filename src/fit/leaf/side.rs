@@ -30,7 +30,10 @@ impl Measured {
         };
         if !mask.contains(&true) {
             let path = capture.folder.join(if capture.folder.join("mask.exr").exists() { "mask.exr" } else { "front/lightbox.exr" });
-            return Err(Error::input(&path, "no texel is on the leaf; expected a leaf darker than the bare light box, or a mask with ones"));
+            return Err(Error::input(
+                &path,
+                "no texel is on the leaf; expected a leaf darker than the bare light box, or a mask with ones",
+            ));
         }
         let floor = [0, 1, 2].map(|c: usize| {
             let mut values: Vec<f32> = empty.iter().map(|e| e[c]).filter(|v| v.is_finite()).collect();

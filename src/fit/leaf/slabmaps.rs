@@ -92,7 +92,8 @@ impl Oblique {
     }
 
     fn ratio(&self, sigma_a: f64, sigma_s: f64, thickness: f64) -> f64 {
-        let place = |v: f64, range: [f64; 2], n: usize| ((v - range[0]) / (range[1] - range[0]) * (n - 1) as f64).clamp(0.0, (n - 1) as f64);
+        let place =
+            |v: f64, range: [f64; 2], n: usize| ((v - range[0]) / (range[1] - range[0]) * (n - 1) as f64).clamp(0.0, (n - 1) as f64);
         let x = place((sigma_s / sigma_a.max(1e-300)).ln(), OMEGA, SIZE[0]);
         let y = place(((sigma_a + sigma_s) * thickness).ln(), DELTA, SIZE[1]);
         let (i, j) = ((x as usize).min(SIZE[0] - 2), (y as usize).min(SIZE[1] - 2));

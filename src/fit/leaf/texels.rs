@@ -19,9 +19,31 @@ const ROWS: usize = 32;
 
 /// Channels of a part file, in order.
 const CHANNELS: [&str; 25] = [
-    "rho_d.R", "rho_d.G", "rho_d.B", "rho_s.R", "rho_s.G", "rho_s.B", "m.Y", "normal.X", "normal.Y", "normal.Z", "err.rho_d.R",
-    "err.rho_d.G", "err.rho_d.B", "err.rho_s.R", "err.rho_s.G", "err.rho_s.B", "err.m.Y", "err.normal.X", "err.normal.Y",
-    "err.normal.Z", "chi2.Y", "freedom.Y", "termination.Y", "undetermined.Y", "mask.Y",
+    "rho_d.R",
+    "rho_d.G",
+    "rho_d.B",
+    "rho_s.R",
+    "rho_s.G",
+    "rho_s.B",
+    "m.Y",
+    "normal.X",
+    "normal.Y",
+    "normal.Z",
+    "err.rho_d.R",
+    "err.rho_d.G",
+    "err.rho_d.B",
+    "err.rho_s.R",
+    "err.rho_s.G",
+    "err.rho_s.B",
+    "err.m.Y",
+    "err.normal.X",
+    "err.normal.Y",
+    "err.normal.Z",
+    "chi2.Y",
+    "freedom.Y",
+    "termination.Y",
+    "undetermined.Y",
+    "mask.Y",
 ];
 
 /// Which parts this process makes: every N-th from the I-th (0-based).
@@ -82,9 +104,7 @@ impl Job<'_> {
     /// Texels on the leaf in one part.
     fn texels(&self, part: usize) -> Vec<[u32; 2]> {
         let width = self.capture.manifest.width;
-        self.rows(part)
-            .flat_map(|j| (0..width).filter(move |i| self.mask[j * width + i]).map(move |i| [i as u32, j as u32]))
-            .collect()
+        self.rows(part).flat_map(|j| (0..width).filter(move |i| self.mask[j * width + i]).map(move |i| [i as u32, j as u32])).collect()
     }
 
     fn fit_part(&self, part: usize, texels: &[[u32; 2]], spent: &mut Seconds) -> Result<()> {
@@ -94,10 +114,7 @@ impl Job<'_> {
         let (x, y) = if texels.is_empty() {
             (Vec::new(), Vec::new())
         } else {
-            (
-                self.capture.band(self.side, Travel::X, rows.clone(), texels)?,
-                self.capture.band(self.side, Travel::Y, rows.clone(), texels)?,
-            )
+            (self.capture.band(self.side, Travel::X, rows.clone(), texels)?, self.capture.band(self.side, Travel::Y, rows.clone(), texels)?)
         };
         spent.reading += clock.elapsed().as_secs_f64();
         let clock = std::time::Instant::now();
@@ -183,16 +200,7 @@ fn to_maps(width: usize, rows: Range<usize>, texels: &[[u32; 2]], fits: &[TexelF
 /// Terminations as numbers in part files.
 const TERMINATIONS: [crate::solve::Termination; 8] = {
     use crate::solve::Termination as T;
-    [
-        T::GradientSmall,
-        T::CostConverged,
-        T::StepSmall,
-        T::Direct,
-        T::IterationLimit,
-        T::NoProgress,
-        T::NotFinite,
-        T::Refused,
-    ]
+    [T::GradientSmall, T::CostConverged, T::StepSmall, T::Direct, T::IterationLimit, T::NoProgress, T::NotFinite, T::Refused]
 };
 
 fn termination_code(t: crate::solve::Termination) -> f64 {

@@ -128,6 +128,9 @@ impl Samples {
         self.relative.sort_unstable_by(f64::total_cmp);
         let n = self.relative.len();
         let coverage95 = Some(self.inside as f64 / self.judged as f64);
-        into.insert(name.into(), TruthError { median_relative: self.relative[n / 2], p99_relative: self.relative[n * 99 / 100], coverage95 });
+        into.insert(
+            name.into(),
+            TruthError { median_relative: self.relative[n / 2], p99_relative: self.relative[n * 99 / 100], coverage95 },
+        );
     }
 }

@@ -194,10 +194,8 @@ pub fn fit(texels: &[Texel], start: [[f64; 2]; 3], settings: &Settings) -> Wide 
 
 /// Eliminates thickness and γ of every texel at σ = exp(p) and sums what the step needs.
 fn evaluate(texels: &[Texel], p: &V6, ln_t: &mut [f64], settings: &Settings) -> ([Curve; 3], Sums, Vec<Local>) {
-    let curves: Vec<Curve> = (0..3usize)
-        .into_par_iter()
-        .map(|c| Curve::new(p[2 * c].exp(), p[2 * c + 1].exp(), settings.h, settings.incidence))
-        .collect();
+    let curves: Vec<Curve> =
+        (0..3usize).into_par_iter().map(|c| Curve::new(p[2 * c].exp(), p[2 * c + 1].exp(), settings.h, settings.incidence)).collect();
     let curves: [Curve; 3] = [curves[0].clone(), curves[1].clone(), curves[2].clone()];
     let parts: Vec<(Sums, Vec<Local>)> = texels
         .par_chunks(UNIT)
@@ -318,9 +316,7 @@ fn eliminate(x: &Texel, ln_t: &mut f64, curves: &[Curve; 3], settings: &Settings
         noise_row[(1 + c, c)] = x.rho_d_err[c] / r;
     }
     // Noise of the gauges: three independent ρd and the thickness (from ρt) they share.
-    let shared = SVector::<f64, 4>::from_fn(|k, _| {
-        if k == 0 { t } else { -local.gamma[k - 1] * points[k - 1].d_rho_d }
-    });
+    let shared = SVector::<f64, 4>::from_fn(|k, _| if k == 0 { t } else { -local.gamma[k - 1] * points[k - 1].d_rho_d });
     sums.gauge_noise += shared * shared.transpose() * variance;
     for c in 0..3 {
         sums.gauge_noise[(1 + c, 1 + c)] += noise_row[(1 + c, c)].powi(2);
