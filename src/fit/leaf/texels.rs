@@ -147,21 +147,19 @@ impl Job<'_> {
             return Ok(None);
         }
         let manifest = &self.capture.manifest;
-        let mut whole = Maps::new(manifest.width, manifest.height);
-        for name in CHANNELS {
-            whole.push(name, Vec::with_capacity(manifest.width * manifest.height));
-        }
+        let mut planes: Vec<Vec<f32>> = vec![Vec::with_capacity(manifest.width * manifest.height); CHANNELS.len()];
         for part in 0..self.count() {
             let path = self.path(part);
             let maps = read_exr(&path)?;
             if (maps.width, maps.height) != (manifest.width, self.rows(part).len()) {
                 return Err(Error::input(&path, "not a part of this fit (wrong size); remove the folder and fit again"));
             }
-            for (name, samples) in &mut whole.channels {
-                samples.extend_from_slice(maps.require(&path, name)?);
+            for (name, plane) in CHANNELS.iter().zip(&mut planes) {
+                plane.extend_from_slice(maps.require(&path, name)?);
             }
         }
-        Ok(Some(whole))
+        let channels = CHANNELS.iter().map(|n| n.to_string()).zip(planes).collect();
+        Ok(Some(Maps { width: manifest.width, height: manifest.height, channels }))
     }
 }
 
