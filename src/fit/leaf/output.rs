@@ -295,7 +295,11 @@ fn section(capture: &Capture, fitted: &Fitted, truth: Comparison) -> Section {
             value: vec![m.thickness_mm],
             stderr: vec![err.unwrap_or(f64::INFINITY)],
             unit: "mm".into(),
-            undetermined: if err.is_none() { vec!["thickness: the capture states no error of its caliper reading".into()] } else { vec![] },
+            undetermined: if err.is_none() {
+                vec!["thickness: capture.toml states no thickness_err_mm, so sigma_a and sigma_s carry no share of it".into()]
+            } else {
+                vec![]
+            },
         },
     );
     s

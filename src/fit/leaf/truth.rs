@@ -45,9 +45,12 @@ pub fn compare(capture: &Capture, fitted: &Fitted) -> Result<Comparison> {
         }
         for (q, name) in ["sigma_a", "sigma_s"].iter().enumerate() {
             let Some(t) = truth.get(&format!("{name}.{letter}")) else { continue };
-            for (n, &k) in good.iter().enumerate() {
-                let s = &fitted.sigma[n][c];
-                sigma[q].push(t[k], s.value[q], s.error[q]);
+            // A texel's own σ explains its albedo by pigment; where the truth has an albedo factor instead, they are not the same thing.
+            if pigment_only(&truth) {
+                for (n, &k) in good.iter().enumerate() {
+                    let s = &fitted.sigma[n][c];
+                    sigma[q].push(t[k], s.value[q], s.error[q]);
+                }
             }
             let mean = good.iter().map(|&k| f64::from(t[k])).sum::<f64>() / good.len().max(1) as f64;
             let (value, relative) =
@@ -88,6 +91,13 @@ pub fn compare(capture: &Capture, fitted: &Fitted) -> Result<Comparison> {
         }
     }
     Ok((errors, figures))
+}
+
+/// Whether the true leaf has γ = 1 everywhere, so that all variation is pigment and thickness.
+fn pigment_only(truth: &Maps) -> bool {
+    ["gamma.R", "gamma.G", "gamma.B"]
+        .iter()
+        .all(|c| truth.get(c).is_none_or(|g| g.iter().all(|v| !(v.is_finite() && *v > 0.0) || (v - 1.0).abs() < 1e-3)))
 }
 
 /// Relative errors and coverage of one quantity.
