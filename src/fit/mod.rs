@@ -1,3 +1,5 @@
 //! One file a fit: a model, a solver, and what it reads and writes.
 
+pub mod nist;
 pub mod record;
+pub mod stress;
