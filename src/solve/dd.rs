@@ -3,6 +3,9 @@
 //!
 //! Sums and products: T. J. Dekker, "A floating-point technique for extending the available precision", Numer. Math. 18 (1971), 224–242.
 
+// A comparison with NaN is false: written as `!(a < b)` where NaN must fail.
+#![allow(clippy::neg_cmp_op_on_partial_ord)]
+
 use super::real::Real;
 use std::cmp::Ordering;
 use std::ops::{Add, Div, Mul, Neg, Sub};

@@ -1,5 +1,8 @@
 //! Forward-mode derivatives: a value with its gradient in `N` parameters. Exact to rounding, with no step length to choose.
 
+// The product and quotient rules mix operators by nature.
+#![allow(clippy::suspicious_arithmetic_impl)]
+
 use super::dd::Dd;
 use super::real::Real;
 use std::array::from_fn;

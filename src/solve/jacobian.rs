@@ -1,5 +1,8 @@
 //! Numeric derivatives, and the check of analytic ones against them.
 
+// A comparison with NaN is false: written as `!(a < b)` where NaN must fail.
+#![allow(clippy::neg_cmp_op_on_partial_ord)]
+
 use super::problem::Problem;
 
 /// Numeric Jacobian by central differences at two step lengths and Richardson's extrapolation: error of order h⁴, about eleven digits

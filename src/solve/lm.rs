@@ -8,6 +8,9 @@
 //! region, its scaling, Hebden's iteration for λ and the convergence tests. M. K. Transtrum and J. P. Sethna, "Improvements to the
 //! Levenberg–Marquardt algorithm for nonlinear least-squares minimization", arXiv:1201.5885 (2012): geodesic acceleration.
 
+// A comparison with NaN is false: written as `!(a < b)` where NaN must fail.
+#![allow(clippy::neg_cmp_op_on_partial_ord)]
+
 use super::problem::Problem;
 use super::trace::{Termination, Trace, TraceRow};
 use super::uncertainty::{Noise, Uncertainty};
@@ -314,7 +317,7 @@ impl Run<'_> {
                 if self.cost == 0.0 {
                     return Termination::GradientSmall;
                 }
-                if accepted && cost_small || !accepted && cost_small && (cosine < 1e-5 || at_rounding) {
+                if cost_small && (accepted || cosine < 1e-5 || at_rounding) {
                     return Termination::CostConverged;
                 }
                 if accepted && step_small && trial.full {

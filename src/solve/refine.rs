@@ -1,6 +1,9 @@
 //! The last digits: Gauss–Newton in double-double from a converged point. In double precision the gradient Jᵀr of a good fit drowns in
 //! the rounding of its terms at about half the digits of the condition number; with 31 digits it does not.
 
+// A comparison with NaN is false: written as `!(a < b)` where NaN must fail.
+#![allow(clippy::neg_cmp_op_on_partial_ord)]
+
 use super::dd::Dd;
 use super::problem::Problem;
 use super::qr;

@@ -6,4 +6,4 @@ pub mod models;
 pub mod parse;
 mod table;
 
-pub use table::{stress, solve_all, Outcome};
+pub use table::{Outcome, solve_all, stress};

@@ -17,7 +17,8 @@ macro_rules! models {
                 fn residual<T: Real>(&self, $b: &[T; $n], index: usize) -> T {
                     let row = &self.0[index];
                     let $x = T::precise(row[1]);
-                    $formula - T::precise(row[0])
+                    let y: T = $formula;
+                    y - T::precise(row[0])
                 }
             }
         )*
