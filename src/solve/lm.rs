@@ -5,8 +5,10 @@
 //! the condition number. Bounds are kept by an active set and by projecting the trial point.
 //!
 //! J. J. Moré, "The Levenberg–Marquardt algorithm: implementation and theory", Lecture Notes in Mathematics 630 (1978), 105–116: the trust
-//! region, its scaling, Hebden's iteration for λ and the convergence tests. M. K. Transtrum and J. P. Sethna, "Improvements to the
-//! Levenberg–Marquardt algorithm for nonlinear least-squares minimization", arXiv:1201.5885 (2012): geodesic acceleration.
+//! region, its scaling, Hebden's iteration for λ and the convergence tests. D. M. Bates and D. G. Watts, "A relative
+//! offset orthogonality convergence criterion for nonlinear least squares", Technometrics 23 (1981), 179–183: the test that keeps a short
+//! step on a plateau from passing for convergence. Geodesic acceleration (Transtrum and Sethna, arXiv:1201.5885) was tried and left out:
+//! with this trust region it took more than twice the evaluations on the 54 NIST runs and lost three of them.
 
 // A comparison with NaN is false: written as `!(a < b)` where NaN must fail.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
@@ -15,6 +17,7 @@ use super::problem::Problem;
 use super::trace::{Termination, Trace, TraceRow};
 use super::uncertainty::{Noise, Uncertainty};
 use super::{jacobian, qr, refine};
+use nalgebra::DMatrix;
 use std::time::Instant;
 
 /// How to solve. The defaults suit every fit whose residuals are smooth.
@@ -30,8 +33,6 @@ pub struct Options {
     pub step_tolerance: f64,
     /// First trust radius, in units of the scaled length of the start.
     pub initial_radius: f64,
-    /// Second-order correction along the step; helps in narrow curved valleys for one more evaluation a trial.
-    pub geodesic: bool,
     /// Lower bounds, one a parameter, or empty.
     pub lower: Vec<f64>,
     /// Upper bounds, one a parameter, or empty.
@@ -52,8 +53,7 @@ impl Default for Options {
             gradient_tolerance: 1e-14,
             cost_tolerance: 1e-14,
             step_tolerance: 1e-12,
-            initial_radius: 100.0,
-            geodesic: false,
+            initial_radius: 1.0,
             lower: Vec::new(),
             upper: Vec::new(),
             noise: Noise::Estimated,
@@ -107,6 +107,9 @@ impl Fit {
     }
 }
 
+/// A relative offset (see [`minimize`]) at which a stalled cost or radius counts as convergence: 1e-8 of the cost is left to gain.
+const SETTLED: f64 = 1e-4;
+
 /// ½ Σ r², infinite where any residual is not finite.
 fn half_square(r: &[f64]) -> f64 {
     let norm = qr::length(r);
@@ -133,6 +136,9 @@ struct Run<'a> {
 }
 
 /// Minimises ½ Σ r² from `start`.
+///
+/// Convergence: see the tolerances in [`Options`]. A stalled cost or a collapsed radius counts only where at most 1e-8 of the cost is left
+/// to gain by the linear model (or the residuals are down to their rounding); else the run goes on, or ends as [`Termination::NoProgress`].
 ///
 /// `start` has one value a parameter; outside its bounds it is moved onto them. Never panics on what a model returns: NaN or infinite
 /// residuals at a trial point shorten the step, at the start they end the run as [`Termination::NotFinite`]. Lengths that do not fit the
@@ -185,6 +191,10 @@ impl Run<'_> {
         self.evaluations +=
             if self.analytic { 1 } else { jacobian::numeric(self.problem, x, &self.options.lower, &self.options.upper, out) };
         out.iter().all(|v| v.is_finite())
+    }
+
+    fn rank_tolerance(&self) -> f64 {
+        self.options.rank_tolerance.unwrap_or(if self.analytic { self.n as f64 * f64::EPSILON } else { 1e-10 })
     }
 
     fn column(&self, k: usize) -> &[f64] {
@@ -266,17 +276,19 @@ impl Run<'_> {
                 .map(|(g, norm)| if norm > 0.0 && r_norm > 0.0 { g.abs() / (norm * r_norm) } else { 0.0 })
                 .fold(0.0, f64::max);
             if cosine <= options.gradient_tolerance {
-                return Termination::GradientSmall;
+                let slopes = (0..self.n).any(|k| qr::length(self.column(k)) > 0.0);
+                return if slopes || self.cost == 0.0 { Termination::GradientSmall } else { Termination::Flat };
             }
-            // Residuals at the rounding of their own terms: a zero-residual problem is solved although the cosine is noise.
-            let terms: f64 = (0..self.n).map(|k| qr::length(self.column(k)) * self.x[k].abs()).sum();
-            let at_rounding = r_norm <= 4.0 * f64::EPSILON * (first_norm + terms);
-
             let factor = Factor::new(self, &free);
+            // Rounding of the residuals' own terms, relative to the residuals: below it an offset is noise (zero-residual problems).
+            let terms: f64 = (0..self.n).map(|k| qr::length(self.column(k)) * self.x[k].abs()).sum();
+            let rounding = 4.0 * f64::EPSILON * (first_norm + terms) / r_norm;
+            let tolerance = self.rank_tolerance();
+            let settled = || factor.offset(tolerance) / r_norm <= SETTLED + rounding;
             loop {
                 let trial = self.trial(&factor, &free, radius);
                 if !(trial.length > 0.0) {
-                    return if cosine < 1e-5 || at_rounding { Termination::StepSmall } else { Termination::NoProgress };
+                    return if settled() { Termination::StepSmall } else { Termination::NoProgress };
                 }
                 if iteration == 1 {
                     radius = radius.min(trial.length);
@@ -296,7 +308,7 @@ impl Run<'_> {
                 let cost_small = actual.abs() <= options.cost_tolerance && predicted <= options.cost_tolerance && 0.5 * ratio <= 1.0;
                 let step_small = trial.length <= options.step_tolerance * x_length;
                 let mut accepted = false;
-                if ratio > 1e-4 && trial.bend <= 0.75 {
+                if ratio > 1e-4 {
                     let mut j = vec![0.0; self.n * self.m];
                     if self.differentiate(&trial.x, &mut j) {
                         accepted = true;
@@ -311,13 +323,11 @@ impl Run<'_> {
                     } else {
                         radius = 0.1 * trial.length;
                     }
-                } else if trial.bend > 0.75 {
-                    radius = radius.min(0.5 * trial.length);
                 }
                 if self.cost == 0.0 {
                     return Termination::GradientSmall;
                 }
-                if cost_small && (accepted || cosine < 1e-5 || at_rounding) {
+                if cost_small && settled() {
                     return Termination::CostConverged;
                 }
                 if accepted && step_small && trial.full {
@@ -327,7 +337,7 @@ impl Run<'_> {
                     break;
                 }
                 if radius <= 1e-3 * f64::EPSILON * x_length || radius < f64::MIN_POSITIVE {
-                    return if cosine < 1e-5 || at_rounding { Termination::StepSmall } else { Termination::NoProgress };
+                    return if settled() { Termination::StepSmall } else { Termination::NoProgress };
                 }
             }
         }
@@ -336,11 +346,7 @@ impl Run<'_> {
 
     /// A step within the radius, projected onto the bounds, with its cost and what the linear model promises for it.
     fn trial(&mut self, factor: &Factor, free: &[usize], radius: f64) -> Trial {
-        let (lambda, full, mut step) = factor.step(radius);
-        let mut bend = 0.0;
-        if self.options.geodesic && lambda > 0.0 {
-            bend = self.accelerate(free, lambda, &mut step);
-        }
+        let (full, step) = factor.step(radius);
         let mut x = self.x.clone();
         for (p, &k) in step.iter().zip(free) {
             x[k] = (x[k] + p).max(self.low(k)).min(self.high(k));
@@ -361,44 +367,7 @@ impl Run<'_> {
         self.problem.evaluate(&x, &mut r);
         self.evaluations += 1;
         let cost = half_square(&r);
-        Trial { x, r, cost, length, predicted, slope, full, bend }
-    }
-
-    /// Adds half the second-order term along the step (Transtrum and Sethna, Eq. 15); returns twice its length over the step's.
-    fn accelerate(&mut self, free: &[usize], lambda: f64, step: &mut [f64]) -> f64 {
-        const H: f64 = 0.1;
-        let mut x = self.x.clone();
-        for (p, &k) in step.iter().zip(free) {
-            x[k] += H * p;
-        }
-        if (0..self.n).any(|k| x[k] < self.low(k) || x[k] > self.high(k)) {
-            return 0.0;
-        }
-        let mut ahead = vec![0.0; self.m];
-        self.problem.evaluate(&x, &mut ahead);
-        self.evaluations += 1;
-        // Second directional derivative: (2/h) ((r(x + h v) − r(x))/h − J v).
-        let mut second: Vec<f64> = ahead.iter().zip(&self.r).map(|(a, r)| (a - r) / H).collect();
-        for (p, &k) in step.iter().zip(free) {
-            for (s, c) in second.iter_mut().zip(self.column(k)) {
-                *s -= p * c;
-            }
-        }
-        for s in &mut second {
-            *s *= 2.0 / H;
-        }
-        if second.iter().any(|s| !s.is_finite()) {
-            return 0.0;
-        }
-        let bent = Factor::with_residuals(self, free, &second).damped(lambda);
-        let weighted = |v: &[f64]| qr::length(&v.iter().zip(free).map(|(p, &k)| p * self.weight(k)).collect::<Vec<_>>());
-        let bend = 2.0 * weighted(&bent) / weighted(step);
-        if bend.is_finite() && bend <= 0.75 {
-            for (p, b) in step.iter_mut().zip(&bent) {
-                *p += 0.5 * b;
-            }
-        }
-        bend
+        Trial { x, r, cost, length, predicted, slope, full }
     }
 
     fn finish(mut self, termination: Termination) -> Fit {
@@ -414,7 +383,7 @@ impl Run<'_> {
             return fit;
         }
         fit.cost = self.cost;
-        let tolerance = self.options.rank_tolerance.unwrap_or(if self.analytic { self.n as f64 * f64::EPSILON } else { 1e-10 });
+        let tolerance = self.rank_tolerance();
         if termination.converged() {
             let refined = if self.options.refine && at_bound.is_empty() {
                 refine::refine(self.problem, &self.x, self.options.noise, tolerance)
@@ -458,8 +427,6 @@ struct Trial {
     slope: f64,
     /// An undamped Gauss–Newton step.
     full: bool,
-    /// Twice the acceleration over the step; 0 without acceleration.
-    bend: f64,
 }
 
 /// QR of the free columns of the Jacobian, for steps with any damping.
@@ -470,35 +437,35 @@ struct Factor {
     b: Vec<f64>,
     weight: Vec<f64>,
     n: usize,
+    /// No diagonal entry is zero to rounding.
+    regular: bool,
 }
 
 impl Factor {
     fn new(run: &Run, free: &[usize]) -> Self {
-        Self::with_residuals(run, free, &run.r)
-    }
-
-    fn with_residuals(run: &Run, free: &[usize], residuals: &[f64]) -> Self {
         let (n, m) = (free.len(), run.m);
         let mut j: Vec<f64> = free.iter().flat_map(|&k| run.column(k).iter().copied()).collect();
-        let mut b: Vec<f64> = residuals.iter().map(|r| -r).collect();
+        let mut b: Vec<f64> = run.r.iter().map(|r| -r).collect();
         qr::reduce(&mut j, m, n, &mut b);
         // Fewer residuals than parameters: the missing rows are zero.
-        let r = (0..n * n).map(|k| if k % n <= k / n && k % n < m { j[k / n * m + k % n] } else { 0.0 }).collect();
+        let r: Vec<f64> = (0..n * n).map(|k| if k % n <= k / n && k % n < m { j[k / n * m + k % n] } else { 0.0 }).collect();
         b.resize(n, 0.0);
-        Factor { r, b, weight: free.iter().map(|&k| run.weight(k)).collect(), n }
+        let weight: Vec<f64> = free.iter().map(|&k| run.weight(k)).collect();
+        let diagonal = |k: usize| (r[k * n + k] / weight[k]).abs();
+        let largest = (0..n).map(diagonal).fold(0.0, f64::max);
+        let regular = (0..n).all(|k| diagonal(k) > n as f64 * f64::EPSILON * largest);
+        Factor { r, b, weight, n, regular }
     }
 
-    /// (λ, whether λ = 0, p) with |D p| within a tenth of `radius`, or shorter and undamped (Moré, section 5).
-    fn step(&self, radius: f64) -> (f64, bool, Vec<f64>) {
+    /// (whether λ = 0, p) with |D p| within a tenth of `radius`, or shorter and undamped (Moré, section 5).
+    fn step(&self, radius: f64) -> (bool, Vec<f64>) {
         let n = self.n;
-        let largest = (0..n).map(|k| (self.r[k * n + k] / self.weight[k]).abs()).fold(0.0, f64::max);
-        let regular = (0..n).all(|k| (self.r[k * n + k] / self.weight[k]).abs() > n as f64 * f64::EPSILON * largest);
         let mut lower = 0.0;
-        if regular {
+        if self.regular {
             let p = qr::solve_upper(&self.r, n, n, &self.b);
             let length = self.length(&p);
             if length <= 1.1 * radius {
-                return (0.0, true, p);
+                return (true, p);
             }
             lower = (length - radius) / (radius * self.newton_slope(&self.r, &p, length));
         }
@@ -529,11 +496,20 @@ impl Factor {
             }
             lambda = (lambda + excess / (radius * self.newton_slope(&triangle, &p, length))).max(lower);
         }
-        (lambda, false, p)
+        (false, p)
     }
 
-    fn damped(&self, lambda: f64) -> Vec<f64> {
-        self.damp(lambda).1
+    /// Length of the residuals' projection on the model's tangent: over |r|, the cosine of Bates and Watts; its square is the share of the
+    /// cost that a linear model could still take away. Directions without rank do not count: there the tangent is rounding.
+    fn offset(&self, tolerance: f64) -> f64 {
+        let n = self.n;
+        let scale: Vec<f64> = (0..n).map(|k| qr::length(&self.r[k * n..(k + 1) * n])).collect();
+        let scaled = DMatrix::from_fn(n, n, |i, j| if scale[j] > 0.0 { self.r[j * n + i] / scale[j] } else { 0.0 });
+        let svd = scaled.svd(true, false);
+        let Some(u) = svd.u else { return f64::NAN };
+        let cut = tolerance * svd.singular_values.max();
+        let kept = (0..n).filter(|k| svd.singular_values[*k] > cut);
+        qr::length(&kept.map(|k| dot(u.column(k).as_slice(), &self.b)).collect::<Vec<_>>())
     }
 
     fn length(&self, p: &[f64]) -> f64 {
@@ -586,17 +562,15 @@ mod tests {
     }
 
     #[test]
-    fn rosenbrock_is_solved_from_afar_with_and_without_acceleration() {
+    fn rosenbrock_is_solved_from_afar() {
         let problem = Closure::new(2, 2, rosenbrock);
-        for geodesic in [false, true] {
-            for start in [[-1.2, 1.0], [30.0, -700.0], [-50.0, 1e-4]] {
-                let fit = minimize(&problem, &start, &Options { geodesic, truth: Some(vec![1.0, 1.0]), ..Options::default() });
-                assert!(fit.converged(), "{start:?}: {:?}", fit.termination);
-                assert!((fit.params[0] - 1.0).abs() < 1e-9 && (fit.params[1] - 1.0).abs() < 1e-9, "{start:?}: {:?}", fit.params);
-                let last = fit.trace.last().unwrap();
-                assert!(last.truth_error.unwrap() < 1e-9);
-                assert!(fit.trace.windows(2).all(|w| w[1].cost <= w[0].cost && w[1].evaluations > w[0].evaluations));
-            }
+        for start in [[-1.2, 1.0], [30.0, -700.0], [-50.0, 1e-4]] {
+            let fit = minimize(&problem, &start, &Options { truth: Some(vec![1.0, 1.0]), ..Options::default() });
+            assert!(fit.converged(), "{start:?}: {:?}", fit.termination);
+            assert!((fit.params[0] - 1.0).abs() < 1e-9 && (fit.params[1] - 1.0).abs() < 1e-9, "{start:?}: {:?}", fit.params);
+            let last = fit.trace.last().unwrap();
+            assert!(last.truth_error.unwrap() < 1e-9);
+            assert!(fit.trace.windows(2).all(|w| w[1].cost <= w[0].cost && w[1].evaluations > w[0].evaluations));
         }
     }
 

@@ -112,13 +112,17 @@ mod tests {
 
     #[test]
     fn explore() {
-        for geodesic in [false, true] {
-            for radius in [100.0, 1.0, 0.01] {
-                let all = solve_all(&Options { geodesic, initial_radius: radius, ..Options::default() }).unwrap();
+        for max_iterations in [500] {
+            for radius in [100.0, 10.0, 1.0, 0.1, 0.01] {
+                let all = solve_all(&Options { max_iterations, initial_radius: radius, ..Options::default() }).unwrap();
                 let mean = all.iter().map(|o| o.digits).sum::<f64>() / 54.0;
-                println!("geodesic {geodesic} radius {radius} mean {mean} solved {}", all.iter().filter(|o| o.solved()).count());
+                println!(
+                    "evals {}  radius {radius} mean {mean} solved {}",
+                    all.iter().map(|o| o.fit.evaluations).sum::<usize>(),
+                    all.iter().filter(|o| o.solved()).count()
+                );
                 for o in &all {
-                    if (geodesic, radius) == (false, 100.0) || !o.solved() {
+                    if o.fit.evaluations > 400 || !o.solved() {
                         println!(
                             "{:10} {} {:5.2} {:5.2} {:5.2} {:?} it {} ev {} {:?} cond {:.1e} {:.2} ms",
                             o.name,
