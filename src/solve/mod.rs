@@ -10,6 +10,7 @@ pub mod problem;
 pub mod qr;
 pub mod real;
 mod refine;
+pub mod search;
 pub mod trace;
 pub mod uncertainty;
 
