@@ -15,10 +15,13 @@ pub fn reduce<T: Real>(a: &mut [T], m: usize, n: usize, b: &mut [T]) {
         if norm.value() == 0.0 || !norm.value().is_finite() {
             continue;
         }
-        // The reflection v = x ∓ |x| e₁ with the sign that avoids cancellation.
-        let alpha = if column[k].value() > 0.0 { -norm } else { norm };
-        column[k] = column[k] - alpha;
-        let scale = -(alpha * column[k]);
+        // The reflection v = x/|x| ± e₁ with the sign that avoids cancellation; of length about 1, so that no product leaves the range.
+        for x in &mut column[k..m] {
+            *x = *x / norm;
+        }
+        let sign = if column[k].value() > 0.0 { -T::one() } else { T::one() };
+        column[k] = column[k] - sign;
+        let scale = -(sign * column[k]);
         let v = &column[k..m];
         let reflect = |x: &mut [T]| {
             let mut dot = T::zero();
@@ -34,7 +37,7 @@ pub fn reduce<T: Real>(a: &mut [T], m: usize, n: usize, b: &mut [T]) {
             reflect(&mut other[k..m]);
         }
         reflect(&mut b[k..m]);
-        column[k] = alpha;
+        column[k] = sign * norm;
         for x in &mut column[k + 1..m] {
             *x = T::zero();
         }
@@ -112,6 +115,21 @@ mod tests {
         }
         assert!(worst::<f64>() < 1e-11);
         assert!(worst::<Dd>() < 1e-27);
+    }
+
+    #[test]
+    fn columns_of_any_scale_are_reduced_alike() {
+        let base = [1.0, 2.0, 2.0, 0.5, -1.0, 3.0];
+        let (mut plain, mut b) = (base.to_vec(), vec![1.0, 0.0, 2.0]);
+        reduce(&mut plain, 3, 2, &mut b);
+        for (s, t) in [(1e200, 1e-150), (1e-300, 1e300)] {
+            let mut a: Vec<f64> = base.iter().enumerate().map(|(k, v)| v * if k < 3 { s } else { t }).collect();
+            let mut c = vec![1.0, 0.0, 2.0];
+            reduce(&mut a, 3, 2, &mut c);
+            for (got, expected) in [(a[0] / s, plain[0]), (a[3] / t, plain[3]), (a[4] / t, plain[4]), (c[0], b[0]), (c[1], b[1])] {
+                assert!((got / expected - 1.0).abs() < 1e-14, "{got} against {expected}");
+            }
+        }
     }
 
     #[test]

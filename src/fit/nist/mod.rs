@@ -2,6 +2,7 @@
 //!
 //! Digits of an answer are −log₁₀ of its relative error, at most 11 (the certified values have eleven).
 
+mod bench;
 pub mod models;
 pub mod parse;
 mod table;
