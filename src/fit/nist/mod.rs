@@ -7,4 +7,5 @@ pub mod models;
 pub mod parse;
 mod table;
 
-pub use table::{Outcome, solve_all, stress};
+pub use bench::bench_rows;
+pub use table::{FILES, Outcome, datasets, digits, solve_all, stress};

@@ -12,14 +12,14 @@ macro_rules! files {
 }
 
 /// The 27 files, carried in the program: from NIST's lower to its higher level of difficulty.
-const FILES: [(&str, &str); 27] = files![
+pub const FILES: [(&str, &str); 27] = files![
     "Misra1a", "Chwirut2", "Chwirut1", "Lanczos3", "Gauss1", "Gauss2", "DanWood", "Misra1b", "Kirby2", "Hahn1", "Nelson", "MGH17",
     "Lanczos1", "Lanczos2", "Gauss3", "Misra1c", "Misra1d", "Roszman1", "ENSO", "MGH09", "Thurber", "BoxBOD", "Rat42", "MGH10", "Eckerle4",
     "Rat43", "Bennett5",
 ];
 
 /// Solved: more than this many digits in every parameter, as is usual for these problems.
-const SOLVED: f64 = 4.0;
+pub(super) const SOLVED: f64 = 4.0;
 
 /// One run: a problem from one of its starts.
 #[derive(Debug, Clone)]
@@ -84,15 +84,18 @@ pub fn solve_all(options: &Options) -> Result<Vec<Outcome>> {
     let mut outcomes = Vec::new();
     for set in datasets()? {
         let Some(problem) = models::problem(&set) else { continue };
-        outcomes.extend((1..=2).map(|start| run(&set, problem.as_ref(), start, options)));
+        outcomes.extend((1..=2).map(|start| run(&set, problem.as_ref(), start, options, global::minimize_scales)));
     }
     Ok(outcomes)
 }
 
+/// How a run is solved: a single descent, or one with other trust radii to fall back on.
+pub(super) type Solver = fn(&dyn Problem, &[f64], &Options) -> Fit;
+
 /// One problem from start 1 or 2.
-pub(super) fn run(set: &Dataset, problem: &dyn Problem, start: usize, options: &Options) -> Outcome {
+pub(super) fn run(set: &Dataset, problem: &dyn Problem, start: usize, options: &Options, solver: Solver) -> Outcome {
     let clock = Instant::now();
-    let fit = global::minimize_scales(problem, &set.starts[start - 1], options);
+    let fit = solver(problem, &set.starts[start - 1], options);
     let ms = clock.elapsed().as_secs_f64() * 1e3;
     Outcome {
         name: set.name.clone(),
