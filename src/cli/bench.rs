@@ -21,8 +21,10 @@ pub struct Args {
     peers: bool,
 }
 
+type Sweep = (&'static str, fn() -> Result<Vec<BenchRow>>);
+
 /// The sweeps by name. A model adds its line here.
-const SWEEPS: [(&str, fn() -> Result<Vec<BenchRow>>); 1] = [("solve", nist::bench_rows)];
+const SWEEPS: [Sweep; 1] = [("solve", nist::bench_rows)];
 
 /// Runs the sweeps. Times are for ratios within one run: nothing is asserted of them.
 pub fn run(args: &Args, common: &Common) -> Result<u8> {

@@ -14,8 +14,10 @@ pub struct Args {
     models: Vec<String>,
 }
 
+type Table = (&'static str, fn() -> Result<Vec<StressRow>>);
+
 /// The tables by name. A model adds its line here.
-const TABLES: [(&str, fn() -> Result<Vec<StressRow>>); 2] = [("solve", || Ok(solver::stress())), ("nist", nist::stress)];
+const TABLES: [Table; 2] = [("solve", || Ok(solver::stress())), ("nist", nist::stress)];
 
 /// Runs the tables; 0 where every case got the verdict it expects, else 1 with the others named.
 pub fn run(args: &Args, common: &Common) -> Result<u8> {

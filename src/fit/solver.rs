@@ -33,7 +33,7 @@ fn digits(fit: &Fit, truth: &[f64]) -> Option<f64> {
     let each = fit.params.iter().zip(truth).filter(|(_, t)| t.is_finite());
     each.map(|(p, t)| {
         let error = if *t == 0.0 { p.abs() } else { (p / t - 1.0).abs() };
-        (-error.log10()).max(0.0).min(16.0)
+        if error.is_nan() { 0.0 } else { (-error.log10()).clamp(0.0, 16.0) }
     })
     .reduce(f64::min)
 }

@@ -354,11 +354,9 @@ impl Run<'_> {
         let moved: Vec<f64> = x.iter().zip(&self.x).map(|(a, b)| a - b).collect();
         let length = self.scaled_length(&moved);
         let mut linear = vec![0.0; self.m];
-        for k in 0..self.n {
-            if moved[k] != 0.0 {
-                for (l, c) in linear.iter_mut().zip(self.column(k)) {
-                    *l += moved[k] * c;
-                }
+        for (k, step) in moved.iter().enumerate().filter(|(_, step)| **step != 0.0) {
+            for (l, c) in linear.iter_mut().zip(self.column(k)) {
+                *l += step * c;
             }
         }
         let slope = dot(&linear, &self.r);

@@ -68,8 +68,7 @@ pub fn datasets() -> Result<Vec<Dataset>> {
 /// Correct decimal digits of `value`, between 0 and 11.
 pub fn digits(value: f64, certified: f64) -> f64 {
     let error = ((value - certified) / certified).abs();
-    // `max` and `min` take a NaN and an exact zero to the ends where they belong.
-    (-error.log10()).max(0.0).min(11.0)
+    if error.is_nan() { 0.0 } else { (-error.log10()).clamp(0.0, 11.0) }
 }
 
 fn fewest(values: &[f64], certified: &[f64]) -> f64 {
