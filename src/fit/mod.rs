@@ -1,6 +1,7 @@
 //! One file a fit: a model, a solver, and what it reads and writes.
 
 pub mod bench;
+pub mod gloss;
 pub mod nist;
 pub mod record;
 pub mod solver;
