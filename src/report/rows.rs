@@ -132,7 +132,7 @@ pub fn bench_plots(rows: &[BenchRow], folder: &Path) -> Result<Vec<PathBuf>> {
 fn span(values: impl Iterator<Item = f64> + Clone) -> std::ops::Range<f64> {
     let low = values.clone().fold(f64::INFINITY, f64::min);
     let high = values.fold(0.0, f64::max);
-    low / 1.6..high * 1.6
+    low / 1.6..high * 2.5
 }
 
 fn plot(model: &str, rows: &[&BenchRow]) -> std::result::Result<String, String> {
@@ -154,7 +154,8 @@ fn plot(model: &str, rows: &[&BenchRow]) -> std::result::Result<String, String> 
             .y_desc("error")
             .x_label_formatter(&|v| format!("{v:.0e}"))
             .y_label_formatter(&|v| format!("{v:.0e}"))
-            .light_line_style(RGBColor(236, 236, 236))
+            .bold_line_style(RGBColor(214, 214, 214))
+            .light_line_style(RGBColor(240, 240, 240))
             .draw()
             .map_err(|e| text(&e))?;
         for (k, knob) in names(rows.iter().map(|r| r.knob.as_str())).into_iter().enumerate() {
@@ -170,14 +171,15 @@ fn plot(model: &str, rows: &[&BenchRow]) -> std::result::Result<String, String> 
                 .map_err(|e| text(&e))?
                 .label(knob)
                 .legend(move |(x, y)| Circle::new((x + 8, y), 4, color.filled()));
-            chart
-                .draw_series(
-                    of.iter().map(|r| Text::new(r.setting.clone(), (r.us * 1.04, r.error), ("sans-serif", 12).into_font().color(&color))),
-                )
-                .map_err(|e| text(&e))?;
+            // The ends of a knob are named, what lies between follows; names of all settings would cover one another.
+            let named = of.iter().enumerate().filter(|(k, _)| knob == "peer" || *k == 0 || k + 1 == of.len()).map(|(_, r)| r);
+            let style = ("sans-serif", 12).into_font().color(&color);
+            chart.draw_series(named.map(|r| Text::new(r.setting.clone(), (r.us * 1.05, r.error), style.clone()))).map_err(|e| text(&e))?;
         }
         chart
             .configure_series_labels()
+            // Slow and wrong at once: the emptiest corner.
+            .position(SeriesLabelPosition::UpperRight)
             .background_style(WHITE.mix(0.85))
             .border_style(RGBColor(180, 180, 180))
             .draw()
