@@ -169,7 +169,7 @@ fn plot(model: &str, rows: &[&BenchRow]) -> std::result::Result<String, String> 
             chart
                 .draw_series(points.map(|p| Circle::new(p, 4, color.filled())))
                 .map_err(|e| text(&e))?
-                .label(knob)
+                .label(knob.as_str())
                 .legend(move |(x, y)| Circle::new((x + 8, y), 4, color.filled()));
             // The ends of a knob are named, what lies between follows; names of all settings would cover one another.
             let named = of.iter().enumerate().filter(|(k, _)| knob == "peer" || *k == 0 || k + 1 == of.len()).map(|(_, r)| r);
