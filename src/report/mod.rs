@@ -1,1 +1,2 @@
 //! Rows to JSON, Markdown and HTML. Computes nothing new.
+pub mod rows;
