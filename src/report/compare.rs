@@ -15,7 +15,7 @@ pub fn parameters(first: &FitReport, second: &FitReport) -> Comparison {
         notes.push(format!("{} is a {} fit and {} a {} fit", first.name, first.kind, second.name, second.kind));
     }
     if first.input_hash == second.input_hash && !first.input_hash.is_empty() {
-        notes.push("both were made from the same input with the same options".into());
+        notes.push("both state the same input hash".into());
     }
     for (name, a) in &first.options {
         match second.options.get(name) {

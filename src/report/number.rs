@@ -71,7 +71,12 @@ pub fn plus_minus(value: f64, error: f64) -> String {
         let decimals = place as usize;
         return sign(format!("{value:.decimals$} ± {error:.decimals$}"));
     }
-    format!("{} ± {}", significant(value, ((place + largest + 1).clamp(2, 9)) as usize), significant(error, 2))
+    if (-5..0).contains(&place) && largest < 7 {
+        let unit = 10f64.powi(-place);
+        return sign(format!("{:.0} ± {:.0}", (value / unit).round() * unit, (error / unit).round() * unit));
+    }
+    let digits = (place + largest + 1).clamp(2, 9) as usize;
+    format!("{} ± {}", significant(value, digits), significant(error, 2))
 }
 
 /// A share as a percentage: two significant digits, `100 %` and `0 %` only where exact.
@@ -83,7 +88,7 @@ pub fn percent(share: f64) -> String {
     if p == 0.0 {
         return "0 %".into();
     }
-    if p > 0.0 && p < 100.0 && p >= 99.0 {
+    if (99.0..100.0).contains(&p) {
         // 99.98 % must not read 100 %
         let lacking = 100.0 - p;
         if lacking < 0.001 {

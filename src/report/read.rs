@@ -80,6 +80,9 @@ fn tell_apart(fits: &mut [FitReport]) {
         if names.iter().filter(|n| **n == names[k]).count() > 1 {
             let folder = Path::new(&fit.folder).file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
             fit.name = if folder == names[k] || folder.is_empty() { fit.folder.clone() } else { folder };
+            if let Some(rest) = fit.verdict.sentence.strip_prefix(names[k].as_str()) {
+                fit.verdict.sentence = format!("{}{rest}", fit.name);
+            }
         }
     }
 }

@@ -63,7 +63,7 @@ pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> Verdict 
             }
         }
         truth(&side, s, &mut say);
-        if let Some(c) = s.condition.filter(|c| !(*c < CONDITION)) {
+        if let Some(c) = s.condition.filter(|c| c.is_nan() || *c > CONDITION) {
             say(Level::Doubtful, format!("{side}the shared problem is badly conditioned ({})", plain(c)));
         }
         if let Some(rank) = s.rank.filter(|r| *r < s.correlation_names.len()) {
