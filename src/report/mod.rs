@@ -1,5 +1,3 @@
-//! Rows to JSON, Markdown and HTML. Computes nothing new.
-pub mod rows;
 //! The report: how good fits are, as HTML, JSON and Markdown made from the same rows. Nothing new is computed here, only summarised.
 
 pub mod chart;
@@ -12,6 +10,7 @@ pub mod model;
 pub mod number;
 pub mod quantity;
 pub mod read;
+pub mod rows;
 pub mod scene;
 pub mod stats;
 pub mod verdict;
