@@ -166,8 +166,7 @@ impl Modes {
         let (mut rho_d, mut crossed) = (0.0, (-(c - slow) * delta).exp());
         for i in 0..N {
             let k = self.k[i];
-            let (ai, bi) =
-                if i < active { (a[i], b[i]) } else { (self.half_space(i) - scale * scale * apply(&b, i), -apply(&a, i)) };
+            let (ai, bi) = if i < active { (a[i], b[i]) } else { (self.half_space(i) - scale * scale * apply(&b, i), -apply(&a, i)) };
             let (near, far) = (near_exit(k, delta, c), far_exit(k, delta, c, slow));
             rho_d += ai * near + scale * scale * bi * far;
             crossed += ai * far + bi * near;
