@@ -5,7 +5,7 @@
 use super::{Response, ordinates, thin};
 
 /// Below this optical thickness the integral equation answers, above it the ordinates (both are good to 1e-10 here).
-const THIN: f64 = 0.03;
+const THIN: f64 = 0.06;
 
 /// ρd and ρt at normal incidence; σ in 1/mm, thickness in mm. Inputs are finite and ≥ 0; otherwise NaN.
 pub fn response(sigma_a: f64, sigma_s: f64, thickness_mm: f64) -> Response {
@@ -31,8 +31,7 @@ pub fn solve_at(mu0: f64, omega: f64, one_minus_omega: f64, delta: f64) -> Respo
     let (rho_d, log_t) = solve_log(mu0, omega, one_minus_omega, delta);
     let mut r = Response { rho_d, rho_t: log_t.exp() };
     if one_minus_omega == 0.0 {
-        // What is not reflected is transmitted: the smaller of the two keeps its relative accuracy.
-        if r.rho_d < r.rho_t { r.rho_t = 1.0 - r.rho_d } else { r.rho_d = 1.0 - r.rho_t }
+        r.conserve();
     }
     r
 }
