@@ -4,7 +4,9 @@
 //! A single pass sees the tilt in its plane of travel only; with a second pass the full normal is known. Noise: standard
 //! deviation √((relative·value)² + floor²), evaluated at the model, not at the noisy sample, so that weights do not bias.
 
+pub mod geometry;
 pub mod project;
+pub mod samples;
 pub mod start;
 pub mod texel;
 mod traces;
@@ -68,6 +70,11 @@ impl Undetermined {
     }
     pub fn is_empty(self) -> bool {
         self.0 == 0
+    }
+
+    /// Every parameter of a one-pass fit.
+    pub fn all(channels: usize) -> Undetermined {
+        Undetermined(if channels == 1 { 1 | 8 | 64 | 128 } else { 255 })
     }
 
     /// Names as in the output columns; `channels` is 1 or 3.

@@ -156,7 +156,6 @@ impl Job<'_> {
             for rank in 1..STARTS {
                 self.weigh_by_samples();
                 let Some(start) = self.start(rank) else { break };
-                self.iterations = 0;
                 let (other, reason) = self.climb(start);
                 if reason.converged() >= termination.converged() && other.chi2 < state.chi2 {
                     (state, termination) = (other, reason);
@@ -318,7 +317,7 @@ impl Job<'_> {
         if !state.chi2.is_finite() {
             return (state, Termination::NotFinite);
         }
-        while self.iterations < ITERATIONS {
+        for _ in 0..ITERATIONS {
             self.iterations += 1;
             let (normal, gradient) = Self::normal_matrix(&state);
             let mut better = None;
@@ -554,7 +553,8 @@ impl Job<'_> {
             }
         }
         if matte {
-            fit.m_err = f64::INFINITY;
+            // Never a guess: there is no lobe to have a slope.
+            (fit.m, fit.m_err) = (f64::NAN, f64::INFINITY);
         }
         fit.undetermined = names;
         fit.defect = if !fit.termination.converged() {

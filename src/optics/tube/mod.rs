@@ -58,6 +58,13 @@ impl Default for Precision {
     }
 }
 
+impl Precision {
+    /// For truth: 1e-8 and better.
+    pub fn fine() -> Self {
+        Precision { along: 24, across: 8 }
+    }
+}
+
 /// What one frame shows of a texel: the diffuse and the glossy response per unit ρd and ρs, and how they change.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Response {
