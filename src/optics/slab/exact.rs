@@ -31,8 +31,7 @@ pub fn solve_at(mu0: f64, omega: f64, one_minus_omega: f64, delta: f64) -> Respo
     let (rho_d, log_t) = solve_log(mu0, omega, one_minus_omega, delta);
     let mut r = Response { rho_d, rho_t: log_t.exp() };
     if one_minus_omega == 0.0 {
-        // What is not reflected is transmitted: the smaller of the two keeps its relative accuracy.
-        if r.rho_d < r.rho_t { r.rho_t = 1.0 - r.rho_d } else { r.rho_d = 1.0 - r.rho_t }
+        r.conserve();
     }
     r
 }

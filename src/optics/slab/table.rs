@@ -5,6 +5,7 @@
 //! singularities are poles on ω ≥ 1 + (π/D)²/3, which the logarithm sends away. Stored are G₁ = ρd / (ω h(Δ)), h = Δ/(1+Δ), and G₂ = −ln ρt / Δ.
 //! Thinner than the table a series in Δ ln Δ answers, thicker than it `exact`.
 
+use super::Response;
 use std::sync::OnceLock;
 
 /// Polynomial coefficients a direction.
@@ -73,7 +74,7 @@ impl Table {
     /// The committed table.
     pub fn committed() -> &'static Table {
         static TABLE: OnceLock<Table> = OnceLock::new();
-        TABLE.get_or_init(|| Table::read(include_bytes!("table.bin")))
+        TABLE.get_or_init(|| Table::read(include_bytes!("../../../data/slab/response.bin")))
     }
 
     /// G₁, G₂ and derivatives for DELTA_MIN ≤ Δ ≤ DELTA_MAX, 0 ≤ 1−ω ≤ 1.
@@ -148,14 +149,23 @@ impl Patch {
     }
 }
 
-/// Thinner than the table: the first two terms in Δ, ln Δ (relative error below 3e-10).
-pub fn thin_series(omega: f64, delta: f64) -> (f64, f64) {
+/// Thinner than the table: the first two terms in Δ, ln Δ (relative error below 3e-10), with derivatives by 1−ω and Δ.
+pub fn thin_series(omega: f64, absorbed: f64, delta: f64) -> (Response, [Response; 2]) {
     let log = if delta > 0.0 { delta.ln() } else { 0.0 };
-    // (ω/2) ∫E₂(t)(1−t) dt + (ω/2)² ∫∫E₁, both sides alike at this order
+    // ρ = (ω/2) ∫E₂(t)(1−t) dt + (ω/2)² ∫∫E₁(|t−s|) dt ds; both sides alike at this order
     let once = delta * (1.0 + 0.5 * delta * (log + EULER_GAMMA - 2.5));
+    let once_by = 1.0 + delta * (log + EULER_GAMMA - 2.0);
     let twice = delta * delta * (1.5 - EULER_GAMMA - log);
-    let scattered = 0.5 * omega * (once + 0.5 * omega * twice);
-    (scattered, (-delta).exp() + scattered)
+    let twice_by = delta * (2.0 - 2.0 * EULER_GAMMA - 2.0 * log);
+    let half = 0.5 * omega;
+    let scattered = half * (once + half * twice);
+    let by_omega = 0.5 * once + half * twice;
+    let by_delta = half * (once_by + half * twice_by);
+    let mut at = Response { rho_d: scattered, rho_t: (-delta).exp() + scattered };
+    if absorbed == 0.0 {
+        at.conserve();
+    }
+    (at, [Response { rho_d: -by_omega, rho_t: -by_omega }, Response { rho_d: by_delta, rho_t: by_delta - (-delta).exp() }])
 }
 
 pub mod build {
@@ -163,9 +173,12 @@ pub mod build {
 
     use super::{DELTA_MAX, DELTA_MIN, ORDER, Patch, SIZE, absorbed_at};
     use crate::optics::slab::exact;
+    use std::f64::consts::PI;
 
     /// Rows of equal width in ln Δ.
     const ROWS: usize = 16;
+    /// Check points a direction: the nodes of the interpolation, and as many between them.
+    const CHECKS: usize = ORDER;
     /// A patch is split in ξ until its largest error in ρd (relative) and ln ρt (absolute) at check points is below this.
     const TOLERANCE: f64 = 2e-10;
 
@@ -180,7 +193,7 @@ pub mod build {
 
     /// Chebyshev interpolation, turned into powers.
     fn fit(low: [f64; 2], high: [f64; 2]) -> Patch {
-        let node = |k: usize| (std::f64::consts::PI * (k as f64 + 0.5) / ORDER as f64).cos();
+        let node = |k: usize| (PI * (k as f64 + 0.5) / ORDER as f64).cos();
         // powers[m][k]: coefficient of x^k in T_m
         let mut powers = [[0.0; ORDER]; ORDER];
         powers[0][0] = 1.0;
@@ -217,19 +230,23 @@ pub mod build {
         Patch::new(low, high, coefficients)
     }
 
-    /// Largest error on a grid of check points that are no nodes.
-    fn worst(patch: &Patch, low: [f64; 2], high: [f64; 2]) -> f64 {
-        let mut worst: f64 = 0.0;
-        for i in 0..9 {
-            for j in 0..9 {
-                let (x, y) = (-1.0 + f64::from(i) * 0.25, -1.0 + f64::from(j) * 0.25);
-                let q = 0.5 * (low[0] + high[0]) + 0.5 * (high[0] - low[0]) * y;
-                let xi = 0.5 * (low[1] + high[1]) + 0.5 * (high[1] - low[1]) * x;
-                let (got, want) = (patch.evaluate(x, y).0, truth(q, xi.min(1.0 - 1e-12)));
-                let delta = q.exp();
-                // Below e^−75 the transmittance needs no more than its order of magnitude.
-                let deep = if want[1] * delta > 75.0 { 1e-4 } else { 1.0 };
-                worst = worst.max((got[0] / want[0] - 1.0).abs()).max((got[1] - want[1]).abs() * delta.max(1e-3) * deep);
+    /// Largest errors at check points between the nodes of q (first) and of ξ (second).
+    fn worst(patch: &Patch, low: [f64; 2], high: [f64; 2]) -> [f64; 2] {
+        let mut worst = [0.0; 2];
+        for i in 0..CHECKS {
+            for j in 0..CHECKS {
+                let (node, between) = (-(PI * (i as f64 + 0.5) / CHECKS as f64).cos(), -1.0 + 2.0 * j as f64 / (CHECKS - 1) as f64);
+                for direction in 0..2 {
+                    let (x, y) = if direction == 0 { (node, between) } else { (between, node) };
+                    let q = 0.5 * (low[0] + high[0]) + 0.5 * (high[0] - low[0]) * y;
+                    let xi = 0.5 * (low[1] + high[1]) + 0.5 * (high[1] - low[1]) * x;
+                    let (got, want) = (patch.evaluate(x, y).0, truth(q, xi.min(1.0 - 1e-12)));
+                    let delta = q.exp();
+                    // Below e^−72 (about 5e-32) the transmittance needs no more than its order of magnitude.
+                    let deep = if want[1] * delta > 72.0 { 1e-5 } else { 1.0 };
+                    let error = (got[0] / want[0] - 1.0).abs().max((got[1] - want[1]).abs() * delta.max(1e-3) * deep);
+                    worst[direction] = error.max(worst[direction]);
+                }
             }
         }
         worst
@@ -243,10 +260,11 @@ pub mod build {
         while let Some((left, right)) = todo.pop() {
             let patch = fit([q0, left], [q1, right]);
             let error = worst(&patch, [q0, left], [q1, right]);
-            if error <= TOLERANCE {
-                largest = largest.max(error);
+            let allowed = TOLERANCE * (q1.exp() / 4.0).powi(3).clamp(1.0, 25.0);
+            if error[0].max(error[1]) <= allowed {
+                largest = largest.max(error[0]).max(error[1]);
                 done.push((right, patch));
-            } else if right - left > 0.13 || q1 - q0 < 0.1 {
+            } else if error[0] <= 0.5 * allowed || error[0] < 0.1 * error[1] {
                 let middle = 0.5 * (left + right);
                 todo.push((middle, right));
                 todo.push((left, middle));
@@ -260,8 +278,10 @@ pub mod build {
     /// The table's bytes; `say` hears of each row.
     pub fn bytes(mut say: impl FnMut(String)) -> Vec<u8> {
         let (bottom, top) = (DELTA_MIN.ln(), DELTA_MAX.ln());
-        let mut todo: Vec<(f64, f64)> =
-            (0..ROWS).rev().map(|r| (bottom + (top - bottom) * r as f64 / ROWS as f64, bottom + (top - bottom) * (r + 1) as f64 / ROWS as f64)).collect();
+        let mut todo: Vec<(f64, f64)> = (0..ROWS)
+            .rev()
+            .map(|r| (bottom + (top - bottom) * r as f64 / ROWS as f64, bottom + (top - bottom) * (r + 1) as f64 / ROWS as f64))
+            .collect();
         let mut rows = Vec::new();
         while let Some((q0, q1)) = todo.pop() {
             match row(q0, q1) {
