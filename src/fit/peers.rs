@@ -1,15 +1,12 @@
 //! What the peers of `bench --peers` are measured on: the same inputs for them and for us, written as files that their scripts read, and our
 //! own row on them. Seeded: the inputs are the same in every run.
 
-use super::bench::{BenchRow, median_us};
-use super::gloss::{Device, TexelFitter, normal_of};
+use super::bench::slab::larger;
+use super::bench::{self, BenchRow, median, median_us};
+use super::gloss::TexelFitter;
 use super::nist;
-use crate::optics::gloss::Lobe;
 use crate::optics::slab;
-use crate::optics::tube::{Model, Precision, Travel};
-use crate::solve::global::starts_in_box;
 use crate::{Error, Result};
-use rand::{RngExt, SeedableRng};
 
 /// Files for a peer's folder, and our rows on the same inputs.
 #[derive(Debug, Clone)]
@@ -35,50 +32,42 @@ pub fn inputs(sweep: &str) -> Result<Option<Inputs>> {
     })
 }
 
-fn ours(model: &str, setting: &str, mut errors: Vec<f64>, us: f64, note: &str) -> BenchRow {
-    errors.sort_by(f64::total_cmp);
-    let worst = errors.last().copied().unwrap_or(f64::NAN);
+fn ours(model: &str, setting: &str, errors: Vec<f64>, us: f64, note: &str) -> BenchRow {
+    let refused = errors.iter().filter(|e| e.is_nan()).count();
+    let worst = errors.iter().copied().fold(0.0, f64::max);
     BenchRow {
         model: model.into(),
         knob: "peer".into(),
         setting: setting.into(),
-        error: errors.get(errors.len() / 2).copied().unwrap_or(f64::NAN),
         us,
-        note: format!("{} {note}, worst error {worst:.1e}", errors.len()),
+        note: format!("{} {note}, worst error {worst:.1e}, {refused} refused", errors.len()),
+        error: median(errors),
     }
 }
 
-/// 64 slabs over single-scattering albedo .05–.995 and optical thickness .05–20.
+/// The 64 slabs of the sweep.
 fn slab_inputs() -> Inputs {
-    let points = starts_in_box(&[0.05, 0.05f64.ln()], &[0.995, 20f64.ln()], 64, 7).unwrap_or_default();
-    let rows: Vec<[f64; 4]> = points
-        .iter()
-        .map(|p| {
-            let (omega, delta) = (p[0], p[1].exp());
-            let r = slab::exact::solve(omega, 1.0 - omega, delta);
-            [omega, delta, r.rho_d, r.rho_t]
-        })
-        .collect();
+    let samples = bench::slab::samples();
     let mut text = String::from("omega,delta,rho_d,rho_t\n");
-    for [omega, delta, rho_d, rho_t] in &rows {
-        text.push_str(&format!("{omega},{delta},{rho_d},{rho_t}\n"));
+    for s in &samples {
+        let delta = s.sigma_a + s.sigma_s;
+        text.push_str(&format!("{},{delta},{},{}\n", s.sigma_s / delta, s.exact.rho_d, s.exact.rho_t));
     }
-    let larger = |a: f64, b: f64| if a > b || a.is_nan() { a } else { b };
-    let count = rows.len() as f64;
-    // With a thickness of 1 mm, σt in 1/mm is the optical thickness.
-    let forward = |row: &[f64; 4]| slab::response((1.0 - row[0]) * row[1], row[0] * row[1], 1.0);
-    let forward_errors = rows.iter().map(|row| {
-        let r = forward(row);
-        larger((r.rho_d / row[2] - 1.0).abs(), (r.rho_t / row[3] - 1.0).abs())
+    let count = samples.len() as f64;
+    let forward = |s: &bench::slab::Sample| slab::response(s.sigma_a, s.sigma_s, 1.0);
+    let forward_errors = samples.iter().map(|s| {
+        let r = forward(s);
+        larger((r.rho_d / s.exact.rho_d - 1.0).abs(), (r.rho_t / s.exact.rho_t - 1.0).abs())
     });
-    let inverse = |row: &[f64; 4]| slab::inverse::invert(row[2], row[3], 1.0, 1e-12, 1e-12);
-    let inverse_errors = rows.iter().map(|row| {
-        let e = inverse(row);
-        let total = e.sigma_a + e.sigma_s;
-        larger((e.sigma_s / total / row[0] - 1.0).abs(), (total / row[1] - 1.0).abs())
+    let inverse = |s: &bench::slab::Sample| slab::inverse::invert(s.exact.rho_d, s.exact.rho_t, 1.0, 1e-9, 1e-9);
+    let inverse_errors = samples.iter().map(|s| {
+        // As the peers are judged: single-scattering albedo and optical thickness.
+        let (e, total, truth) = (inverse(s), s.sigma_a + s.sigma_s, s.sigma_s / (s.sigma_a + s.sigma_s));
+        let found = e.sigma_a + e.sigma_s;
+        larger((e.sigma_s / found / truth - 1.0).abs(), (found / total - 1.0).abs())
     });
-    let forward_us = median_us(50.0, || rows.iter().map(|row| forward(row).rho_d).sum::<f64>()) / count;
-    let inverse_us = median_us(100.0, || rows.iter().map(|row| inverse(row).sigma_a).sum::<f64>()) / count;
+    let forward_us = median_us(50.0, || samples.iter().map(|s| forward(s).rho_d).sum::<f64>()) / count;
+    let inverse_us = median_us(100.0, || samples.iter().map(|s| inverse(s).sigma_a).sum::<f64>()) / count;
     Inputs {
         ours: vec![
             ours("slab", "mesophyll forward", forward_errors.collect(), forward_us, "rows"),
@@ -88,55 +77,21 @@ fn slab_inputs() -> Inputs {
     }
 }
 
-/// 48 RGB texels under the default device with a thin tube: m .05–.5, tilt ±.1, 100 frames, 1 % noise.
+/// 48 RGB texels of the sweep's device with a thin tube, 100 frames, 1 % noise.
 fn gloss_inputs() -> Result<Inputs> {
-    let camera = 55f64;
-    let (sin, cos) = camera.to_radians().sin_cos();
-    let device = Device {
-        height_mm: 100.0,
-        length_mm: 500.0,
-        radius_mm: 0.0,
-        camera: [sin, 0.0, cos],
-        lobe: Lobe::Beckmann,
-        noise_relative: 0.01,
-        noise_floor: 5e-4,
-    };
-    let u: Vec<f64> = (0..100).map(|k| -4.0 + 6.5 * f64::from(k) / 99.0).collect();
+    let device = bench::gloss::device(0.0);
+    let u = bench::gloss::frames(100);
+    let texels = bench::gloss::texels(&device, &u, 48, true);
     let positions: Vec<f64> = u.iter().map(|u| u * device.height_mm).collect();
-    let fine = Model::new(device.tube(), device.camera, device.lobe, &Precision::fine());
-    let points = starts_in_box(&[0.05f64.ln(), -0.1, 0.02, 0.02], &[0.5f64.ln(), 0.1, 0.2, 0.1], 48, 11).unwrap_or_default();
-    let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(5);
-    let mut normal = move || {
-        let (a, b): (f64, f64) = (rng.random(), rng.random());
-        (-2.0 * (1.0 - a).ln()).sqrt() * (std::f64::consts::TAU * b).cos()
-    };
-    let texels: Vec<(f64, Vec<[f32; 3]>)> = points
-        .iter()
-        .map(|p| {
-            let (m, tilt, rho_d, rho_s) = (p[0].exp(), p[1], p[2], p[3]);
-            let trace = positions.iter().map(|x| {
-                let r = fine.response(Travel::X, *x, [0.0; 2], normal_of([tilt, 0.0]), m);
-                [0.5, 1.0, 0.3].map(|colour| {
-                    let value = colour * rho_d * r.d + rho_s * r.s;
-                    (value + normal() * (device.noise_relative * value).hypot(device.noise_floor)) as f32
-                })
-            });
-            (m, trace.collect())
-        })
-        .collect();
-    let fitter = TexelFitter::new(&device, &positions, None);
-    let mut workspace = fitter.workspace();
-    let errors = texels.iter().map(|(m, trace)| (fitter.fit(&mut workspace, [0.0; 2], trace, None).m / m - 1.0).abs()).collect();
-    let us = median_us(200.0, || texels.iter().map(|(_, trace)| fitter.fit(&mut workspace, [0.0; 2], trace, None).m).sum::<f64>())
-        / texels.len() as f64;
+    let (errors, us) = bench::gloss::measure(&TexelFitter::new(&device, &positions, None), &texels, 200.0);
     let value = serde_json::json!({
         "u": u,
-        "camera_deg": camera,
+        "camera_deg": bench::gloss::CAMERA_DEG,
         "height_mm": device.height_mm,
         "tube_length_mm": device.length_mm,
         "noise_relative": device.noise_relative,
         "noise_floor": device.noise_floor,
-        "texels": texels.iter().map(|(m, trace)| serde_json::json!({ "m": m, "trace": trace })).collect::<Vec<_>>(),
+        "texels": texels.iter().map(|t| serde_json::json!({ "m": t.m, "trace": t.trace })).collect::<Vec<_>>(),
     });
     let text = serde_json::to_string(&value).map_err(|e| Error::Missed(format!("cannot write JSON: {e}")))?;
     Ok(Inputs {
