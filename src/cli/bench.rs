@@ -2,7 +2,7 @@
 
 use super::Common;
 use crate::files::{atomic, progress};
-use crate::fit::bench::BenchRow;
+use crate::fit::bench::{self as sweeps, BenchRow};
 use crate::fit::nist;
 use crate::report::rows;
 use crate::{Error, Result};
@@ -24,12 +24,16 @@ pub struct Args {
 type Sweep = (&'static str, fn() -> Result<Vec<BenchRow>>);
 
 /// The sweeps by name. A model adds its line here.
-const SWEEPS: [Sweep; 1] = [("solve", nist::bench_rows)];
+const SWEEPS: [Sweep; 3] =
+    [("solve", nist::bench_rows), ("slab", || Ok(sweeps::slab::bench_rows())), ("gloss", || Ok(sweeps::gloss::bench_rows()))];
 
 /// Runs the sweeps. Times are for ratios within one run: nothing is asserted of them.
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let names = SWEEPS.map(|(name, _)| name);
     let wanted = chosen(&args.models, &names, "bench")?;
+    if cfg!(debug_assertions) {
+        progress::say("this build is not optimised: its times say little, beside peers nothing");
+    }
     let bar = progress::Bar::new("sweeps", wanted.len() as u64 * if args.peers { 2 } else { 1 });
     let mut all: Vec<BenchRow> = Vec::new();
     for index in wanted {

@@ -2,14 +2,17 @@
 
 use crate::files::progress;
 use crate::fit::bench::BenchRow;
-use crate::fit::nist;
+use crate::fit::peers;
 use crate::{Error, Result};
 use serde::Deserialize;
-use std::path::Path;
 use std::process::{Command, Stdio};
 
 /// The scripts by sweep. A script gets the path of an input folder and prints a JSON line a row, or one that says why it skipped.
-const SCRIPTS: [(&str, &str); 1] = [("solve", include_str!("../../tests/peers/nist_peers.py"))];
+const SCRIPTS: [(&str, &str); 3] = [
+    ("solve", include_str!("../../tests/peers/nist_peers.py")),
+    ("slab", include_str!("../../tests/peers/slab_peers.py")),
+    ("gloss", include_str!("../../tests/peers/gloss_peers.py")),
+];
 
 #[derive(Debug, Deserialize)]
 #[serde(untagged)]
@@ -23,12 +26,15 @@ enum Line {
 /// # Errors
 /// [`Error::Write`] where the inputs cannot be put into a temporary folder. A missing or failing peer is a message, never an error.
 pub fn rows(sweep: &str) -> Result<Vec<BenchRow>> {
-    let Some((_, script)) = SCRIPTS.iter().find(|(name, _)| *name == sweep) else {
+    let script = SCRIPTS.iter().find(|(name, _)| *name == sweep);
+    let (Some((_, script)), Some(inputs)) = (script, peers::inputs(sweep)?) else {
         progress::say(format!("peers of {sweep}: none to run"));
         return Ok(Vec::new());
     };
     let folder = tempfile::tempdir().map_err(|e| Error::write(&std::env::temp_dir(), e))?;
-    inputs(sweep, folder.path())?;
+    for (name, text) in &inputs.files {
+        crate::files::atomic::write_bytes(&folder.path().join(name), text.as_bytes())?;
+    }
     let python = std::env::var("MESOPHYLL_PYTHON").unwrap_or_else(|_| "python3".into());
     // One thread, as ours: linear algebra libraries take all cores otherwise.
     let output = Command::new(&python)
@@ -60,15 +66,9 @@ pub fn rows(sweep: &str) -> Result<Vec<BenchRow>> {
             Err(e) => progress::say(format!("peers of {sweep}: a line that is no row ({e})")),
         }
     }
-    Ok(rows)
-}
-
-/// What the script of a sweep reads.
-fn inputs(sweep: &str, folder: &Path) -> Result<()> {
-    if sweep == "solve" {
-        for (name, text) in nist::FILES {
-            crate::files::atomic::write_bytes(&folder.join(format!("{name}.dat")), text.as_bytes())?;
-        }
+    // Ours beside them, on the same inputs and in the same run; alone they would say nothing.
+    if !rows.is_empty() {
+        rows.extend(inputs.ours);
     }
-    Ok(())
+    Ok(rows)
 }

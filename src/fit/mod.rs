@@ -4,6 +4,7 @@ pub mod bench;
 pub mod gloss;
 pub mod leaf;
 pub mod nist;
+pub mod peers;
 pub mod record;
 pub mod solver;
 pub mod stress;

@@ -85,10 +85,16 @@ impl<T: Real, const N: usize> Real for Dual<T, N> {
         self.chain(self.v.ln(), T::one() / self.v)
     }
     fn sin(self) -> Self {
-        self.chain(self.v.sin(), self.v.cos())
+        let (sin, cos) = self.v.sin_cos();
+        self.chain(sin, cos)
     }
     fn cos(self) -> Self {
-        self.chain(self.v.cos(), -self.v.sin())
+        let (sin, cos) = self.v.sin_cos();
+        self.chain(cos, -sin)
+    }
+    fn sin_cos(self) -> (Self, Self) {
+        let (sin, cos) = self.v.sin_cos();
+        (self.chain(sin, cos), self.chain(cos, -sin))
     }
     fn atan(self) -> Self {
         self.chain(self.v.atan(), T::one() / (T::one() + self.v * self.v))

@@ -22,6 +22,11 @@ pub trait Real:
     fn cos(self) -> Self;
     fn atan(self) -> Self;
 
+    /// Sine and cosine, where together they cost what one does.
+    fn sin_cos(self) -> (Self, Self) {
+        (self.sin(), self.cos())
+    }
+
     fn zero() -> Self {
         Self::constant(0.0)
     }

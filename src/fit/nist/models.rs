@@ -55,10 +55,11 @@ models! {
     Kirby2[5] |b, x| quadratic([b[0], b[1], b[2]], x) / quadratic([c(1.0), b[3], b[4]], x);
     CubicRatio[7] |b, x| cubic([b[0], b[1], b[2], b[3]], x) / cubic([c(1.0), b[4], b[5], b[6]], x);
     Enso[9] |b, x| {
-        let turn = |period: T| c::<T>(2.0) * T::pi() * x / period;
-        b[0] + b[1] * turn(c(12.0)).cos() + b[2] * turn(c(12.0)).sin()
-            + b[4] * turn(b[3]).cos() + b[5] * turn(b[3]).sin()
-            + b[7] * turn(b[6]).cos() + b[8] * turn(b[6]).sin()
+        let wave = |a: T, b: T, period: T| {
+            let (sin, cos) = (c::<T>(2.0) * T::pi() * x / period).sin_cos();
+            a * cos + b * sin
+        };
+        b[0] + wave(b[1], b[2], c(12.0)) + wave(b[4], b[5], b[3]) + wave(b[7], b[8], b[6])
     };
     Mgh09[4] |b, x| b[0] * (x.square() + x * b[1]) / (x.square() + x * b[2] + b[3]);
     Mgh10[3] |b, x| b[0] * (b[1] / (x + b[2])).exp();
