@@ -10,6 +10,7 @@ pub mod model;
 pub mod number;
 pub mod quantity;
 pub mod read;
+pub mod rows;
 pub mod scene;
 pub mod stats;
 pub mod verdict;
