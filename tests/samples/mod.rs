@@ -297,3 +297,57 @@ pub fn write_run(folder: &Path, passed: bool) {
     });
     std::fs::write(folder.join("plan.json"), plan.to_string()).unwrap();
 }
+
+/// A small capture of a disk-shaped leaf under a thin infinite tube (radiance ρd·(2/π)·…/r² is not needed here: any smooth fall-off will do).
+pub fn write_capture(folder: &Path, sides: &[&str], passes: &[&str], noise: f32) {
+    const W: usize = 24;
+    const H: usize = 18;
+    const FRAMES: usize = 48;
+    let mut rng = Pcg64Mcg::seed_from_u64(11);
+    let list = |l: &[&str]| l.iter().map(|s| format!("\"{s}\"")).collect::<Vec<_>>().join(", ");
+    let mut toml = format!(
+        "schema = 1\nname = \"disk\"\nwidth = {W}\nheight = {H}\ntexel_mm = 1.0\nthickness_mm = 0.2\ncamera_deg = 55.0\n\
+         noise_relative = {noise}\nnoise_floor = 5e-4\nsides = [{}]\n[tube]\nheight_mm = 100.0\nlength_mm = 500.0\nradius_mm = 2.5\n",
+        list(sides)
+    );
+    for p in passes {
+        toml.push_str(&format!("[[pass]]\nname = \"{p}\"\nstart_mm = -400.0\nend_mm = 250.0\nframes = {FRAMES}\n"));
+    }
+    std::fs::create_dir_all(folder).unwrap();
+    std::fs::write(folder.join("capture.toml"), toml).unwrap();
+    let inside = |i: usize| {
+        let (x, y) = ((i % W) as f32 - 11.5, (i / W) as f32 - 8.5);
+        (x / 11.0).powi(2) + (y / 8.0).powi(2) < 1.0
+    };
+    let light = |k: usize, i: usize| {
+        let u = -4.0 + 6.5 * k as f32 / (FRAMES - 1) as f32 - (i % W) as f32 / 100.0;
+        1.0 / (1.0 + u * u)
+    };
+    let mut noisy = |v: f32| v + (noise * v).hypot(5e-4) * normal(&mut rng);
+    let mut frame = |w: usize, h: usize, value: &dyn Fn(usize, usize) -> f32| {
+        let mut maps = Maps::new(w, h);
+        for (c, name) in ["R", "G", "B"].iter().enumerate() {
+            maps.push(*name, (0..w * h).map(|i| noisy(value(c, i))).collect());
+        }
+        maps
+    };
+    let albedo = [0.08, 0.15, 0.05];
+    for side in sides {
+        for pass in passes {
+            for k in 0..FRAMES {
+                let maps = frame(W, H, &|c, i| if inside(i) { albedo[c] * light(k, i) } else { 0.0 });
+                image::write_exr(&folder.join(side).join(pass).join(format!("{k:04}.exr")), &maps, Packing::Zip).unwrap();
+            }
+        }
+        let maps = frame(W, H, &|c, i| if inside(i) { 0.9 * albedo[c] } else { 0.9 });
+        image::write_exr(&folder.join(side).join("lightbox.exr"), &maps, Packing::Zip).unwrap();
+    }
+    for pass in passes {
+        for k in 0..FRAMES {
+            let maps = frame(8, 6, &|_, i| light(k, i % 8));
+            image::write_exr(&folder.join("white").join(pass).join(format!("{k:04}.exr")), &maps, Packing::Zip).unwrap();
+        }
+    }
+    let maps = frame(W, H, &|_, _| 0.9);
+    image::write_exr(&folder.join("lightbox_empty.exr"), &maps, Packing::Zip).unwrap();
+}
