@@ -8,9 +8,12 @@ use crate::scene::{Leaf, Side};
 use egui::{Color32, RichText, Slider, TextureHandle, TextureOptions};
 use std::collections::HashMap;
 
+/// A thumbnail and the range it spreads; `None` where the side has no such map.
+type Thumbnail = Option<(TextureHandle, [f32; 2])>;
+
 /// Thumbnails made so far, by leaf, side and map.
 #[derive(Default)]
-pub(crate) struct Thumbnails(HashMap<(usize, bool, MapKind), Option<(TextureHandle, [f32; 2])>>);
+pub(crate) struct Thumbnails(HashMap<(usize, bool, MapKind), Thumbnail>);
 
 impl Thumbnails {
     /// Forgets a leaf's thumbnails, after its maps have changed.
@@ -21,6 +24,12 @@ impl Thumbnails {
 
 const CHANNELS: [(&str, Color32); 3] =
     [("R", Color32::from_rgb(230, 90, 80)), ("G", Color32::from_rgb(90, 190, 90)), ("B", Color32::from_rgb(100, 140, 240))];
+
+/// Two significant digits.
+fn short(value: f32) -> String {
+    let digits = if value == 0.0 { 0 } else { (1 - value.abs().log10().floor() as i32).clamp(0, 3) };
+    format!("{value:.0$}", digits as usize)
+}
 
 impl ViewerUi {
     pub(super) fn appearance(&mut self, ui: &mut egui::Ui) {
@@ -90,9 +99,11 @@ impl ViewerUi {
         egui::Grid::new("maps").spacing([6.0, 4.0]).show(ui, |ui| {
             for (i, (kind, id, [low, high])) in shown.into_iter().enumerate() {
                 ui.vertical(|ui| {
+                    ui.set_width(84.0);
                     ui.image((id, egui::vec2(wide, tall)));
-                    let text = if kind == MapKind::Normal { String::new() } else { format!(" {low:.2}–{high:.2}") };
-                    ui.label(RichText::new(format!("{}{text}", kind.label())).small());
+                    let text = if kind == MapKind::Normal { String::new() } else { format!(" {}…{}", short(low), short(high)) };
+                    let text = RichText::new(format!("{}{text}", kind.label())).small();
+                    ui.add(egui::Label::new(text).extend());
                 });
                 if i % 3 == 2 {
                     ui.end_row();

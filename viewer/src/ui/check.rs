@@ -110,8 +110,9 @@ impl ViewerUi {
         match layout {
             CheckLayout::SideBySide => {
                 // Three in a row or, in a tall window, below each other: whichever shows them larger.
-                let in_a_row = area.width() / 3.0 / aspect < area.height() / 3.0 - caption;
-                let in_a_row = !in_a_row || area.width() > area.height() * aspect;
+                let width_in_a_row = (area.width() / 3.0).min((area.height() - caption) * aspect);
+                let width_in_a_column = area.width().min((area.height() / 3.0 - caption) * aspect);
+                let in_a_row = width_in_a_row >= width_in_a_column;
                 for which in 0..3 {
                     let k = which as f32;
                     let cell = if in_a_row {

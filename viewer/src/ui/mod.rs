@@ -87,6 +87,9 @@ pub struct ViewerUi {
     pub(crate) dirty: bool,
     /// Size of the picture in pixels, as laid out last.
     pub(crate) picture_size: [u32; 2],
+    /// The camera is being dragged: a slow adapter draws fewer pixels until it rests.
+    moving: bool,
+    drawn_as_draft: bool,
 }
 
 impl ViewerUi {
@@ -131,6 +134,8 @@ impl ViewerUi {
             leaves_changed: BTreeSet::new(),
             dirty: true,
             picture_size: [1, 1],
+            moving: false,
+            drawn_as_draft: false,
             scene,
         }
     }
@@ -283,9 +288,18 @@ impl ViewerUi {
         self.message = message;
     }
 
-    /// Takes the time of a drawn picture (ms).
+    /// Size of the next live picture: half as wide and high while the camera moves on a software adapter.
+    pub(crate) fn live_size(&self) -> [u32; 2] {
+        if self.moving && self.adapter.is_software { self.picture_size.map(|s| s.div_ceil(2)) } else { self.picture_size }
+    }
+
+    /// Takes the time of a drawn picture (ms); drafts are not counted.
     pub(crate) fn drawn(&mut self, ms: f64) {
         self.dirty = false;
+        self.drawn_as_draft = self.live_size() != self.picture_size;
+        if self.drawn_as_draft {
+            return;
+        }
         self.times.push_back(ms);
         while self.times.len() > readout::FRAMES {
             self.times.pop_front();
@@ -354,6 +368,10 @@ impl ViewerUi {
                 self.orbit.turn(moved.x * 0.008, moved.y * 0.008);
             }
             self.camera_changed();
+        }
+        self.moving = response.dragged();
+        if !self.moving && self.drawn_as_draft {
+            self.dirty = true;
         }
         if response.hovered() {
             let (scroll, zoom) = ui.input(|i| (i.smooth_scroll_delta().y, i.zoom_delta()));

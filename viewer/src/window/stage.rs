@@ -47,6 +47,11 @@ impl Stage {
         let picture = painter.register_native_texture(&gpu.device, &view, wgpu::FilterMode::Linear);
         let context = egui::Context::default();
         context.set_theme(egui::Theme::Dark);
+        context.all_styles_mut(|style| {
+            style.text_styles.insert(egui::TextStyle::Small, egui::FontId::proportional(11.0));
+            style.visuals.weak_text_color = Some(egui::Color32::from_gray(150));
+            style.visuals.widgets.noninteractive.fg_stroke.color = egui::Color32::from_gray(200);
+        });
         Stage { renderer: Renderer::on(gpu), context, painter, picture, canvas: None }
     }
 
@@ -160,7 +165,7 @@ impl Stage {
             return Ok(());
         }
         let start = Instant::now();
-        let [width, height] = state.picture_size;
+        let [width, height] = state.live_size();
         let mut encoder = self.renderer.gpu.device.create_command_encoder(&Default::default());
         self.renderer.record(&mut encoder, &state.camera(), width, height, None)?;
         self.renderer.gpu.queue.submit([encoder.finish()]);
