@@ -129,6 +129,11 @@ impl Gain {
         Ok(Gain { width: gw, height: gh, blade: [manifest.width, manifest.height], frames })
     }
 
+    /// Gains of all frames, cells and channels.
+    pub fn values(&self) -> impl Iterator<Item = f32> + '_ {
+        self.frames.iter().flatten().flatten().copied()
+    }
+
     /// Divides the values of frame `k` at `texels` by the interpolated gain.
     pub fn divide(&self, k: usize, texels: &[[u32; 2]], values: &mut [[f32; 3]]) {
         let grid = &self.frames[k];

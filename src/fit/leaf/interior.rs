@@ -55,7 +55,7 @@ pub fn fit(capture: &Capture, measured: Measured, maps: Maps, options: &Options,
     let manifest = &capture.manifest;
     let h = manifest.thickness_mm;
     let incidence = Incidence(manifest.lightbox.camera_deg.to_radians().cos());
-    let noise = Noise { relative: level.relative * std::f64::consts::SQRT_2, floor: measured.floor };
+    let noise = Noise { relative: level.relative * level.lightbox * std::f64::consts::SQRT_2, floor: measured.floor };
     let mut mask = classify(&measured, &maps);
     let settings = Settings { h, incidence, noise, robust: options.robust, iterations: 80 };
     let (mut at, mut texels) = gather(&measured, &maps, &mask);

@@ -8,7 +8,10 @@ use crate::capture::reader::Capture;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Level {
     pub relative: f64,
+    /// Of calibrated values: the camera's floor over the white sheet's median gain.
     pub floor: f64,
+    /// Noise of a light-box photograph over that of a frame: below 1 where photographs were averaged.
+    pub lightbox: f64,
     /// Estimated, not stated.
     pub estimated: bool,
 }
@@ -20,15 +23,43 @@ const LEAST_FLOOR: f64 = 1e-7;
 /// Stated or estimated noise.
 pub fn level(capture: &Capture) -> Result<Level> {
     let m = &capture.manifest;
-    if let (Some(relative), Some(floor)) = (m.noise_relative, m.noise_floor) {
-        return Ok(Level { relative: relative.max(LEAST_RELATIVE), floor: floor.max(LEAST_FLOOR), estimated: false });
+    let stated = m.noise_relative.zip(m.noise_floor.map(|f| f / capture.median_gain()));
+    let (relative, floor) = match stated {
+        Some(both) => both,
+        None => {
+            let (relative, floor) = estimate(&sample(capture)?);
+            (m.noise_relative.unwrap_or(relative), m.noise_floor.map_or(floor, |f| f / capture.median_gain()))
+        }
+    };
+    let (relative, floor) = (relative.max(LEAST_RELATIVE), floor.max(LEAST_FLOOR));
+    let empty = capture.lightbox_empty()?;
+    let lightbox = roughness(&empty, m.width).map_or(1.0, |(sd, value)| (sd / (relative * value).hypot(floor)).clamp(1e-3, 1.0));
+    Ok(Level { relative, floor, lightbox, estimated: stated.is_none() })
+}
+
+/// Noise of the empty light box, which is smooth: median third difference along rows (20 times a sample's variance), and its median value.
+fn roughness(image: &[[f32; 3]], width: usize) -> Option<(f64, f64)> {
+    let (mut differences, mut values) = (Vec::new(), Vec::new());
+    for row in image.chunks(width) {
+        for w in row.windows(4) {
+            for c in 0..3 {
+                let [p, q, r, s] = [0, 1, 2, 3].map(|k: usize| f64::from(w[k][c]));
+                let d = (s - 3.0 * r + 3.0 * q - p).abs() / 20f64.sqrt();
+                if d.is_finite() {
+                    differences.push(d);
+                    values.push(p);
+                }
+            }
+        }
     }
-    let (relative, floor) = estimate(&sample(capture)?);
-    Ok(Level {
-        relative: m.noise_relative.unwrap_or(relative).max(LEAST_RELATIVE),
-        floor: m.noise_floor.unwrap_or(floor).max(LEAST_FLOOR),
-        estimated: true,
-    })
+    if differences.len() < 256 {
+        return None;
+    }
+    let median = |list: &mut Vec<f64>| {
+        let middle = list.len() / 2;
+        *list.select_nth_unstable_by(middle, f64::total_cmp).1
+    };
+    Some((median(&mut differences) / 0.6745, median(&mut values)))
 }
 
 /// Traces of texels across the middle rows.

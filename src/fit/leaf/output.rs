@@ -27,6 +27,7 @@ pub fn describe(record: &mut FitRecord, capture: &Capture, options: &Options, le
     say("gauge", "mean thickness over good texels = thickness_mm; mean gamma = 1 a channel".into());
     say("noise_relative", format!("{:?}{}", level.relative, if level.estimated { " (estimated)" } else { "" }));
     say("noise_floor", format!("{:?}{}", level.floor, if level.estimated { " (estimated)" } else { "" }));
+    say("noise_lightbox", format!("{:?} of a frame's (from the empty box)", level.lightbox));
     say("size", format!("{}x{}", m.width, m.height));
     say("texel_mm", format!("{:?}", m.texel_mm));
     say("passes", m.passes.iter().map(|p| p.name.name()).collect::<Vec<_>>().join(" "));
