@@ -126,7 +126,8 @@ pub(super) fn undetermined(m: &Measured, h: f64, precision: Precision) -> Estima
     let mut err = [0.0; 2];
     let mut open = Vec::new();
     for (k, name) in ["sigma_a", "sigma_s"].into_iter().enumerate() {
-        let (low, high) = (range.low[k], range.high[k]);
+        let may_be_opaque = m.t <= super::OPAQUE * m.t_err && range.high[k] > 0.0 && value[k] > 0.0;
+        let (low, high) = (range.low[k], if may_be_opaque { f64::INFINITY } else { range.high[k] });
         if value[k].is_infinite() {
             // opaque: the thinnest slab that explains it
             value[k] = low;

@@ -71,6 +71,8 @@ pub(crate) struct Measured {
 
 /// Relative 1σ above which a parameter is not called determined.
 pub const DETERMINED: f64 = 0.1;
+/// A transmittance within this many standard errors of zero may belong to an opaque slab: noise of this size must not happen in millions of rows.
+const OPAQUE: f64 = 5.5;
 /// Beyond this many standard errors outside the possible, a measurement is refused.
 const IMPOSSIBLE: f64 = 4.0;
 /// Rounding of the measurements themselves.
@@ -143,7 +145,7 @@ fn impossible(m: &Measured, h: f64) -> Option<String> {
 /// The answer where both parameters are determined, by the linear error propagation and, where that is in doubt, by the model itself.
 fn determined(m: &Measured, h: f64, precision: Precision) -> Option<Estimate> {
     let lost = 1.0 - m.r - m.t;
-    if !(m.r > 2.0 * m.r_err && m.t > 2.0 * m.t_err && lost > 2.0 * m.r_err.hypot(m.t_err)) {
+    if !(m.r > 2.0 * m.r_err && m.t > OPAQUE * m.t_err && lost > 2.0 * m.r_err.hypot(m.t_err)) {
         return None;
     }
     let point = newton::solve(m.r, m.t, lost, precision)?;
@@ -152,7 +154,7 @@ fn determined(m: &Measured, h: f64, precision: Precision) -> Option<Estimate> {
     if !(ra <= DETERMINED && rs <= DETERMINED) {
         return None;
     }
-    let near_edge = m.r < 6.0 * m.r_err || m.t < 6.0 * m.t_err || lost < 6.0 * m.r_err.hypot(m.t_err);
+    let near_edge = m.r < 6.0 * m.r_err || m.t < 12.0 * m.t_err || lost < 6.0 * m.r_err.hypot(m.t_err);
     if (near_edge || ra > 0.02 || rs > 0.02) && !bounds::nearly_linear(m, &point, &spread, precision) {
         return None;
     }
