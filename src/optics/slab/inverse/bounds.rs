@@ -114,8 +114,9 @@ pub(super) fn nearly_linear(m: &Measured, point: &Point, spread: &Spread, precis
     })
 }
 
-/// Best estimate, large errors, and bounds by name.
-pub(super) fn undetermined(m: &Measured, h: f64, precision: Precision) -> Estimate {
+/// Best estimate, large errors, and bounds by name; by the fast model, whose error is part of `m`.
+pub(super) fn undetermined(m: &Measured, h: f64) -> Estimate {
+    let precision = Precision::Fast;
     let best = feasible(m.r, m.t, m);
     let centre = place(&best, precision);
     let Some(range) = range(m, WIDTH, precision) else {
