@@ -7,4 +7,6 @@ pub mod nist;
 pub mod peers;
 pub mod record;
 pub mod solver;
+pub mod slab;
+pub mod slab_stress;
 pub mod stress;
