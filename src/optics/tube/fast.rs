@@ -296,7 +296,14 @@ impl<L: Lanes> Arc<L> {
 }
 
 #[inline(always)]
-fn respond<L: Lanes>(pass: &Pass, lit: &mut Lit, point: &Point, across: &[(f64, f64)], symmetric: bool, columns: &mut [&mut [f64]; COLUMNS]) {
+fn respond<L: Lanes>(
+    pass: &Pass,
+    lit: &mut Lit,
+    point: &Point,
+    across: &[(f64, f64)],
+    symmetric: bool,
+    columns: &mut [&mut [f64]; COLUMNS],
+) {
     let ggx = pass.model.lobe == Lobe::Ggx;
     let s = L::splat;
     let (zero, one) = (s(0.0), s(1.0));
