@@ -1,4 +1,6 @@
 //! One file a fit: a model, a solver, and what it reads and writes.
 
+pub mod bench;
 pub mod gloss;
 pub mod record;
+pub mod stress;
