@@ -1,4 +1,7 @@
 <<<<<<< HEAD
+<<<<<<< HEAD
+=======
+>>>>>>> gloss
 //! A row of `mesophyll stress`: what a case had to come to, and what it came to.
 
 use serde::Serialize;
@@ -20,6 +23,7 @@ pub struct StressRow {
     /// Run time (ms).
     pub ms: f64,
 }
+<<<<<<< HEAD
 =======
 //! Stiff and extreme cases, each with the verdict it must get.
 
@@ -46,3 +50,5 @@ impl StressRow {
     }
 }
 >>>>>>> slab
+=======
+>>>>>>> gloss
