@@ -319,7 +319,8 @@ fn cross_veins(blade: &Blade, veins: &Veins, network: &Network, seed: u64) -> Pi
 /// What is left between them: auxin sources about half of `tertiary_mm` apart draw veins from the nearest node until they are reached.
 fn colonise(blade: &Blade, veins: &Veins, network: &Network, seed: u64) -> Vec<Piece> {
     let spacing = 0.55 * veins.tertiary_mm;
-    let (step, kill) = (0.25 * spacing, 0.4 * spacing);
+    // A source closer than `born` to a vein needs none; one is reached when a vein comes within a step.
+    let (step, born) = (0.2 * spacing, 0.5 * spacing);
     let mut nodes: Vec<[f64; 2]> = Vec::new();
     for order in &network.orders {
         for piece in &order.list {
@@ -335,7 +336,7 @@ fn colonise(blade: &Blade, veins: &Veins, network: &Network, seed: u64) -> Vec<P
     let mut seen = 0;
     let mut parent: Vec<usize> = vec![usize::MAX; nodes.len()];
     let first = nodes.len();
-    for _ in 0..400 {
+    for round in 0..400 {
         for source in &mut sources {
             for (k, node) in nodes.iter().enumerate().skip(seen) {
                 let (dx, dy) = (node[0] - source.0[0], node[1] - source.0[1]);
@@ -346,7 +347,8 @@ fn colonise(blade: &Blade, veins: &Veins, network: &Network, seed: u64) -> Vec<P
             }
         }
         seen = nodes.len();
-        sources.retain(|s| s.1 > kill * kill);
+        let near_enough = if round == 0 { born } else { 1.1 * step };
+        sources.retain(|s| s.1 > near_enough * near_enough);
         let mut pull: Vec<(usize, [f64; 2])> = sources
             .iter()
             .map(|(p, d2, k)| {
