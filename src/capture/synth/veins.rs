@@ -291,7 +291,7 @@ fn cross_veins(blade: &Blade, veins: &Veins, network: &Network, seed: u64) -> Pi
             let mut s = Stream::new(seed, &[0xc0, count, order as u64]);
             let along = (piece.b[1] - piece.a[1]).atan2(piece.b[0] - piece.a[0]);
             // On the side that faces the tip; on the midribs of a fan on both sides by turns.
-            let side = if order == 0 && count % 2 == 0 || along > 0.0 { -1.0 } else { 1.0 };
+            let side = if (order == 0 && count.is_multiple_of(2)) || along > 0.0 { -1.0 } else { 1.0 };
             let heading = along + side * (PI / 2.0 - 0.15 + 0.2 * s.signed());
             let (mut p, mut line) = (piece.b, vec![piece.b]);
             let (phase, swing) = (6.3 * s.uniform(), 0.25 + 0.3 * s.uniform());
