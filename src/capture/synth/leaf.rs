@@ -295,7 +295,7 @@ mod tests {
                 assert!((mean(&|k| f64::from(side.thickness[k])) / spec.thickness_mm - 1.0).abs() < 1e-6);
                 for c in 0..3 {
                     assert!((mean(&|k| f64::from(side.gamma[k][c])) - 1.0).abs() < 1e-6);
-                    for &k in good.iter().step_by(37) {
+                    for &k in good.iter().step_by(211) {
                         let (a, s) = (f64::from(side.sigma_a[k][c]), f64::from(side.sigma_s[k][c]));
                         let r = slab_truth::response(a, s, f64::from(side.thickness[k]));
                         assert!((f64::from(side.rho_d[k][c]) / (r.rho_d * f64::from(side.gamma[k][c])) - 1.0).abs() < 1e-6);

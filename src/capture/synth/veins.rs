@@ -291,7 +291,7 @@ fn cross_veins(blade: &Blade, veins: &Veins, network: &Network, seed: u64) -> Pi
             let mut s = Stream::new(seed, &[0xc0, count, order as u64]);
             let along = (piece.b[1] - piece.a[1]).atan2(piece.b[0] - piece.a[0]);
             // On the side that faces the tip; on the midribs of a fan on both sides by turns.
-            let side = if order == 0 && count % 2 == 0 || along > 0.0 { -1.0 } else { 1.0 };
+            let side = if (order == 0 && count.is_multiple_of(2)) || along > 0.0 { -1.0 } else { 1.0 };
             let heading = along + side * (PI / 2.0 - 0.15 + 0.2 * s.signed());
             let (mut p, mut line) = (piece.b, vec![piece.b]);
             let (phase, swing) = (6.3 * s.uniform(), 0.25 + 0.3 * s.uniform());
@@ -319,7 +319,8 @@ fn cross_veins(blade: &Blade, veins: &Veins, network: &Network, seed: u64) -> Pi
 /// What is left between them: auxin sources about half of `tertiary_mm` apart draw veins from the nearest node until they are reached.
 fn colonise(blade: &Blade, veins: &Veins, network: &Network, seed: u64) -> Vec<Piece> {
     let spacing = 0.55 * veins.tertiary_mm;
-    let (step, kill) = (0.25 * spacing, 0.4 * spacing);
+    // A source closer than `born` to a vein needs none; one is reached when a vein comes within a step.
+    let (step, born) = (0.2 * spacing, 0.5 * spacing);
     let mut nodes: Vec<[f64; 2]> = Vec::new();
     for order in &network.orders {
         for piece in &order.list {
@@ -335,7 +336,7 @@ fn colonise(blade: &Blade, veins: &Veins, network: &Network, seed: u64) -> Vec<P
     let mut seen = 0;
     let mut parent: Vec<usize> = vec![usize::MAX; nodes.len()];
     let first = nodes.len();
-    for _ in 0..400 {
+    for round in 0..400 {
         for source in &mut sources {
             for (k, node) in nodes.iter().enumerate().skip(seen) {
                 let (dx, dy) = (node[0] - source.0[0], node[1] - source.0[1]);
@@ -346,7 +347,8 @@ fn colonise(blade: &Blade, veins: &Veins, network: &Network, seed: u64) -> Vec<P
             }
         }
         seen = nodes.len();
-        sources.retain(|s| s.1 > kill * kill);
+        let near_enough = if round == 0 { born } else { 1.1 * step };
+        sources.retain(|s| s.1 > near_enough * near_enough);
         let mut pull: Vec<(usize, [f64; 2])> = sources
             .iter()
             .map(|(p, d2, k)| {
