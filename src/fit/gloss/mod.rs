@@ -5,11 +5,12 @@
 //! deviation √((relative·value)² + floor²), evaluated at the model, not at the noisy sample, so that weights do not bias.
 
 pub mod geometry;
+mod outliers;
 pub mod project;
+mod report;
 pub mod samples;
 pub mod start;
 pub mod texel;
-mod traces;
 
 pub use texel::{TexelFitter, Workspace};
 

@@ -1,69 +1,93 @@
-//! Variable projection on Gram sums (Golub & Pereyra 1973, in Kaufman's approximation): per channel ρd, ρs ≥ 0 are solved for
-//! exactly, and m and the tilts see residuals from which every change that ρd and ρs could make is projected out.
+//! Variable projection on inner products (Golub & Pereyra 1973, in Kaufman's approximation): per channel ρd, ρs ≥ 0 are solved
+//! for exactly, and m and the tilts see residuals from which every change that ρd and ρs could make is projected out.
 //!
-//! Everything a step needs are the weighted inner products of at most eight columns: D, S, their derivatives and the samples.
+//! A trial point costs six weighted sums a channel; an accepted one nine to fifteen more. No Jacobian is stored.
 
-use super::traces::{COLUMNS, D, D_B, D_Y, S, S_B, S_M, S_Y};
+use crate::dispatch_lanes;
+use crate::optics::tube::fast::COLUMNS;
+use crate::optics::tube::lanes::{Lanes, Level};
 
-/// Weighted inner products of one channel: columns in `traces` order, the samples last.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Gram(pub [[f64; COLUMNS + 1]; COLUMNS + 1]);
-
-/// Position of the samples among the columns.
-pub const Y: usize = COLUMNS;
-/// Most nonlinear parameters: m, tilt, tilt_y.
+/// Columns of a pass, as [`crate::optics::tube::fast`] fills them.
+pub const D: usize = 0;
+pub const S: usize = 1;
+pub const S_M: usize = 2;
+/// Most nonlinear parameters: ln m, tilt, tilt_y.
 pub const NONLINEAR: usize = 3;
 
-/// One channel's linear solve.
+/// One channel's inner products and linear solve. Weights are 1/sd².
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Linear {
+pub struct Channel {
+    pub dd: f64,
+    pub ds: f64,
+    pub ss: f64,
+    pub dy: f64,
+    pub sy: f64,
+    pub yy: f64,
     pub rho_d: f64,
     pub rho_s: f64,
-    /// Inverse of the 2 × 2 normal matrix of the unconstrained columns (zero rows where a bound is active).
+    /// Inverse of the 2 × 2 normal matrix of the free columns (zero rows where a bound is active).
     pub inverse: [[f64; 2]; 2],
     /// Σ w r² at the solution.
     pub chi2: f64,
+    /// ⟨z_k, z_l⟩, ⟨z_k, D⟩, ⟨z_k, S⟩, ⟨z_k, y⟩; z_k is the change of the model by nonlinear parameter k at fixed ρ.
+    pub zz: [[f64; NONLINEAR]; NONLINEAR],
+    pub zphi: [[f64; 2]; NONLINEAR],
+    pub zy: [f64; NONLINEAR],
 }
 
-impl Gram {
-    /// Non-negative least squares for ρd and ρs.
-    pub fn solve(&self) -> Linear {
-        let g = &self.0;
-        let (dd, ds, ss, dy, sy, yy) = (g[D][D], g[D][S], g[S][S], g[D][Y], g[S][Y], g[Y][Y]);
-        let only = |gg: f64, gy: f64| if gg > 0.0 { (gy / gg).max(0.0) } else { 0.0 };
-        let det = dd * ss - ds * ds;
-        let (mut rho_d, mut rho_s, mut inverse) = (0.0, 0.0, [[0.0; 2]; 2]);
-        if det > 1e-12 * dd * ss {
-            (rho_d, rho_s) = ((ss * dy - ds * sy) / det, (dd * sy - ds * dy) / det);
-            inverse = [[ss / det, -ds / det], [-ds / det, dd / det]];
+impl Channel {
+    /// Inner products of D, S and the samples, then non-negative least squares; `matte` holds ρs at zero.
+    pub fn solve(level: Level, columns: &[Vec<f64>; COLUMNS], y: &[f64], w: &[f64], matte: bool) -> Channel {
+        let (d, s) = (&columns[D][..], &columns[S][..]);
+        let sums = dispatch_lanes!(level, linear_sums(d: &[f64], s: &[f64], y: &[f64], w: &[f64]) -> [f64; 6]);
+        let mut c = Channel { dd: sums[0], ds: sums[1], ss: sums[2], dy: sums[3], sy: sums[4], yy: sums[5], ..Channel::default() };
+        let det = c.dd * c.ss - c.ds * c.ds;
+        let both = !matte && det > 1e-12 * c.dd * c.ss;
+        if both {
+            (c.rho_d, c.rho_s) = ((c.ss * c.dy - c.ds * c.sy) / det, (c.dd * c.sy - c.ds * c.dy) / det);
+            c.inverse = [[c.ss / det, -c.ds / det], [-c.ds / det, c.dd / det]];
         }
-        if det <= 1e-12 * dd * ss || rho_d < 0.0 || rho_s < 0.0 {
+        if !both || c.rho_d < 0.0 || c.rho_s < 0.0 {
             // One bound is active: the better of the two single columns.
-            let (d, s) = (only(dd, dy), only(ss, sy));
-            if d * dy >= s * sy {
-                (rho_d, rho_s) = (d, 0.0);
-                inverse = [[if dd > 0.0 { 1.0 / dd } else { 0.0 }, 0.0], [0.0; 2]];
+            let only = |gg: f64, gy: f64| if gg > 0.0 { (gy / gg).max(0.0) } else { 0.0 };
+            let (rd, rs) = (only(c.dd, c.dy), if matte { 0.0 } else { only(c.ss, c.sy) });
+            if rd * c.dy >= rs * c.sy {
+                (c.rho_d, c.rho_s) = (rd, 0.0);
+                c.inverse = [[if c.dd > 0.0 { 1.0 / c.dd } else { 0.0 }, 0.0], [0.0; 2]];
             } else {
-                (rho_d, rho_s) = (0.0, s);
-                inverse = [[0.0; 2], [0.0, 1.0 / ss]];
+                (c.rho_d, c.rho_s) = (0.0, rs);
+                c.inverse = [[0.0; 2], [0.0, 1.0 / c.ss]];
             }
         }
-        Linear { rho_d, rho_s, inverse, chi2: (yy - rho_d * dy - rho_s * sy).max(0.0) }
+        c.chi2 = (c.yy - c.rho_d * c.dy - c.rho_s * c.sy).max(0.0);
+        c
     }
 
-    /// Adds this channel to the projected normal matrix and gradient of (ln m, tilt, tilt_y).
-    pub fn accumulate(&self, linear: &Linear, m: f64, normal: &mut [[f64; NONLINEAR]; NONLINEAR], gradient: &mut [f64; NONLINEAR]) {
-        let cross = self.cross(linear, m);
+    /// Inner products of the changes by ln m and `tilts` tilts.
+    pub fn slopes(&mut self, level: Level, columns: &[Vec<f64>; COLUMNS], y: &[f64], w: &[f64], m: f64, tilts: usize) {
+        let factors = [self.rho_s * m, self.rho_d, self.rho_s];
+        let sums = dispatch_lanes!(
+            level,
+            slope_sums(columns: &[Vec<f64>; COLUMNS], y: &[f64], w: &[f64], factors: [f64; 3], tilts: usize) -> [[f64; 6]; NONLINEAR]
+        );
         for k in 0..NONLINEAR {
-            let zy = self.inner(k, Y, linear, m);
-            gradient[k] += zy - linear.rho_d * cross[k][0] - linear.rho_s * cross[k][1];
             for l in 0..=k {
-                let mut zz = self.zz(k, l, linear, m);
-                for i in 0..2 {
-                    for j in 0..2 {
-                        zz -= cross[k][i] * linear.inverse[i][j] * cross[l][j];
-                    }
-                }
+                self.zz[k][l] = sums[k][l];
+                self.zz[l][k] = sums[k][l];
+            }
+            self.zphi[k] = [sums[k][3], sums[k][4]];
+            self.zy[k] = sums[k][5];
+        }
+    }
+
+    /// Adds this channel to the projected normal matrix and gradient; `inverse` as in [`Channel::inverse`].
+    pub fn accumulate(&self, inverse: &[[f64; 2]; 2], normal: &mut [[f64; NONLINEAR]; NONLINEAR], gradient: &mut [f64; NONLINEAR]) {
+        for k in 0..NONLINEAR {
+            let [zd, zs] = self.zphi[k];
+            gradient[k] += self.zy[k] - self.rho_d * zd - self.rho_s * zs;
+            let pull = [inverse[0][0] * zd + inverse[0][1] * zs, inverse[1][0] * zd + inverse[1][1] * zs];
+            for l in 0..=k {
+                let zz = self.zz[k][l] - pull[0] * self.zphi[l][0] - pull[1] * self.zphi[l][1];
                 normal[k][l] += zz;
                 if l < k {
                     normal[l][k] += zz;
@@ -71,27 +95,104 @@ impl Gram {
             }
         }
     }
-
-    /// ⟨z_k, D⟩ and ⟨z_k, S⟩, z_k the change of the model by nonlinear parameter k.
-    pub fn cross(&self, linear: &Linear, m: f64) -> [[f64; 2]; NONLINEAR] {
-        std::array::from_fn(|k| [self.inner(k, D, linear, m), self.inner(k, S, linear, m)])
-    }
-
-    fn inner(&self, k: usize, column: usize, linear: &Linear, m: f64) -> f64 {
-        parts(k, linear, m).iter().map(|&(c, f)| f * self.0[c][column]).sum()
-    }
-
-    fn zz(&self, k: usize, l: usize, linear: &Linear, m: f64) -> f64 {
-        let (a, b) = (parts(k, linear, m), parts(l, linear, m));
-        a.iter().map(|&(i, f)| b.iter().map(|&(j, g)| f * g * self.0[i][j]).sum::<f64>()).sum()
-    }
 }
 
-/// z_k as columns times factors.
-fn parts(k: usize, linear: &Linear, m: f64) -> [(usize, f64); 2] {
-    match k {
-        0 => [(S_M, linear.rho_s * m), (D, 0.0)],
-        1 => [(D_B, linear.rho_d), (S_B, linear.rho_s)],
-        _ => [(D_Y, linear.rho_d), (S_Y, linear.rho_s)],
+#[inline(always)]
+fn linear_sums<L: Lanes>(d: &[f64], s: &[f64], y: &[f64], w: &[f64]) -> [f64; 6] {
+    let mut g = [L::splat(0.0); 6];
+    for k in (0..y.len()).step_by(L::N) {
+        let (d, s, y, w) = (L::load(&d[k..]), L::load(&s[k..]), L::load(&y[k..]), L::load(&w[k..]));
+        let (wd, ws, wy) = (w.mul(d), w.mul(s), w.mul(y));
+        g[0] = wd.fma(d, g[0]);
+        g[1] = wd.fma(s, g[1]);
+        g[2] = ws.fma(s, g[2]);
+        g[3] = wd.fma(y, g[3]);
+        g[4] = ws.fma(y, g[4]);
+        g[5] = wy.fma(y, g[5]);
+    }
+    g.map(L::sum)
+}
+
+/// Row k: ⟨z_k, z_0…z_2⟩ (lower triangle), ⟨z_k, D⟩, ⟨z_k, S⟩, ⟨z_k, y⟩.
+#[inline(always)]
+fn slope_sums<L: Lanes>(columns: &[Vec<f64>; COLUMNS], y: &[f64], w: &[f64], factors: [f64; 3], tilts: usize) -> [[f64; 6]; NONLINEAR] {
+    let [by_m, rho_d, rho_s] = factors.map(L::splat);
+    let mut g = [[L::splat(0.0); 6]; NONLINEAR];
+    for k in (0..y.len()).step_by(L::N) {
+        let at = |c: usize| L::load(&columns[c][k..]);
+        let (d, s, y, w) = (at(D), at(S), L::load(&y[k..]), L::load(&w[k..]));
+        let mut z = [by_m.mul(at(S_M)), rho_d.mul(at(3)).add(rho_s.mul(at(4))), L::splat(0.0)];
+        if tilts > 1 {
+            z[2] = rho_d.mul(at(5)).add(rho_s.mul(at(6)));
+        }
+        for i in 0..=tilts {
+            let wz = w.mul(z[i]);
+            for j in 0..=i {
+                g[i][j] = wz.fma(z[j], g[i][j]);
+            }
+            g[i][3] = wz.fma(d, g[i][3]);
+            g[i][4] = wz.fma(s, g[i][4]);
+            g[i][5] = wz.fma(y, g[i][5]);
+        }
+    }
+    g.map(|row| row.map(L::sum))
+}
+
+/// Weights 1/sd² from the model ρd D + ρs S, sd² = (relative·model)² + floor²; returns the largest squared residual/sd.
+#[allow(clippy::too_many_arguments)]
+pub fn weigh(level: Level, columns: &[Vec<f64>; COLUMNS], rho: [f64; 2], noise: [f64; 2], y: &[f64], used: &[f64], w: &mut [f64]) -> f64 {
+    let (d, s) = (&columns[D][..], &columns[S][..]);
+    dispatch_lanes!(level, weigh_lanes(d: &[f64], s: &[f64], rho: [f64; 2], noise: [f64; 2], y: &[f64], used: &[f64], w: &mut [f64]) -> f64)
+}
+
+#[inline(always)]
+fn weigh_lanes<L: Lanes>(d: &[f64], s: &[f64], rho: [f64; 2], noise: [f64; 2], y: &[f64], used: &[f64], w: &mut [f64]) -> f64 {
+    let [rho_d, rho_s] = rho.map(L::splat);
+    let (relative2, floor2) = (L::splat(noise[0] * noise[0]), L::splat(noise[1] * noise[1]));
+    let mut worst = [0.0; 8];
+    let mut most = L::splat(0.0);
+    for k in (0..y.len()).step_by(L::N) {
+        let model = rho_d.mul(L::load(&d[k..])).add(rho_s.mul(L::load(&s[k..])));
+        let weight = L::load(&used[k..]).div(model.mul(model).fma(relative2, floor2));
+        let r = L::load(&y[k..]).sub(model);
+        most = most.max(r.mul(r).mul(weight));
+        weight.store(&mut w[k..]);
+    }
+    most.store(&mut worst);
+    worst.into_iter().fold(0.0, f64::max)
+}
+
+/// Weights from the samples themselves, and of the channels' sum (0 where `whole` is).
+pub fn weigh_by_samples(
+    level: Level,
+    noise: [f64; 2],
+    y: &[Vec<f64>; 3],
+    used: &[Vec<f64>; 3],
+    w: &mut [Vec<f64>; 3],
+    sum: &mut [Vec<f64>; 2],
+) {
+    dispatch_lanes!(
+        level,
+        sample_lanes(noise: [f64; 2], y: &[Vec<f64>; 3], used: &[Vec<f64>; 3], w: &mut [Vec<f64>; 3], sum: &mut [Vec<f64>; 2])
+    );
+}
+
+#[inline(always)]
+fn sample_lanes<L: Lanes>(noise: [f64; 2], y: &[Vec<f64>; 3], used: &[Vec<f64>; 3], w: &mut [Vec<f64>; 3], sum: &mut [Vec<f64>; 2]) {
+    let (relative2, floor2) = (L::splat(noise[0] * noise[0]), L::splat(noise[1] * noise[1]));
+    let absent: [bool; 3] = std::array::from_fn(|c| used[c].iter().all(|u| *u == 0.0));
+    for k in (0..y[0].len()).step_by(L::N) {
+        let (mut total, mut variance, mut whole) = (L::splat(0.0), L::splat(0.0), L::splat(1.0));
+        for c in (0..3).filter(|&c| !absent[c]) {
+            let (v, u) = (L::load(&y[c][k..]), L::load(&used[c][k..]));
+            let sd2 = v.mul(v).fma(relative2, floor2);
+            u.div(sd2).store(&mut w[c][k..]);
+            total = total.add(v);
+            variance = variance.add(sd2);
+            // A frame counts only with all its colours: else the sum would mix them anew.
+            whole = whole.mul(u);
+        }
+        total.store(&mut sum[0][k..]);
+        whole.div(variance.max(L::splat(1e-300))).store(&mut sum[1][k..]);
     }
 }

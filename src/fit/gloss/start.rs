@@ -2,7 +2,9 @@
 //!
 //! Templates depend on where the texel lies along the travel, so there is a bank for every few millimetres, built when first used.
 
+use crate::dispatch_lanes;
 use crate::fit::gloss::{Device, normal_of};
+use crate::optics::tube::lanes::{Lanes, Level, padded};
 use crate::optics::tube::{Model, Precision, Travel};
 use std::sync::OnceLock;
 
@@ -33,6 +35,7 @@ pub struct Bank {
     positions: Vec<f64>,
     range: [f64; 2],
     pitch_mm: f64,
+    level: Level,
     bins: Vec<OnceLock<Vec<Template>>>,
 }
 
@@ -47,6 +50,7 @@ impl Bank {
             positions: positions.to_vec(),
             range,
             pitch_mm: device.height_mm / 16.0,
+            level: Level::detect(),
             bins: std::iter::repeat_with(OnceLock::new).take(2 * SIDE + 1).collect(),
         }
     }
@@ -65,7 +69,7 @@ impl Bank {
             for k in 0..=count {
                 let tilt = self.range[0] + (self.range[1] - self.range[0]) * k as f64 / count as f64;
                 let n = normal_of(if self.travel == Travel::X { [tilt, 0.0] } else { [0.0, tilt] });
-                let (d, s) = self
+                let (mut d, mut s): (Vec<f64>, Vec<f64>) = self
                     .positions
                     .iter()
                     .map(|&light| {
@@ -73,38 +77,57 @@ impl Bank {
                         (r.d, r.s)
                     })
                     .unzip();
+                d.resize(padded(d.len()), 0.0);
+                s.resize(padded(s.len()), 0.0);
                 out.push(Template { m, tilt, d, s });
             }
         }
         out
     }
 
-    /// The best templates, best first, at most `most`, no two of them neighbours. `weights` of zero leave samples out.
-    pub fn best(&self, texel: [f64; 2], samples: &[f64], weights: &[f64], most: usize, found: &mut Vec<Start>) {
+    /// The best templates, best first, at most `most`, no two of them neighbours. Samples and weights are padded to whole
+    /// vectors; weights of zero leave samples out.
+    pub fn best(&self, texel: [f64; 2], samples: &[f64], weights: &[f64], most: usize, scratch: &mut Vec<f64>, found: &mut Vec<Start>) {
         found.clear();
         let yy: f64 = samples.iter().zip(weights).map(|(y, w)| y * y * w).sum();
-        for t in self.templates(texel) {
-            let mut g = [0.0f64; 5];
-            for (((d, s), y), w) in t.d.iter().zip(&t.s).zip(samples).zip(weights) {
-                let (wd, ws) = (w * d, w * s);
-                g[0] += wd * d;
-                g[1] += wd * s;
-                g[2] += ws * s;
-                g[3] += wd * y;
-                g[4] += ws * y;
-            }
-            let [dd, ds, ss, dy, sy] = g;
-            let det = dd * ss - ds * ds;
-            let (rd, rs) = ((ss * dy - ds * sy) / det, (dd * sy - ds * dy) / det);
-            let gain = if det > 1e-12 * dd * ss && rd >= 0.0 && rs >= 0.0 {
-                rd * dy + rs * sy
-            } else {
-                let only = |g: f64, y: f64| if g > 0.0 { y.max(0.0).powi(2) / g } else { 0.0 };
-                only(dd, dy).max(only(ss, sy))
-            };
+        let (templates, level) = (self.templates(texel), self.level);
+        scratch.clear();
+        scratch.resize(templates.len(), 0.0);
+        let gains = &mut scratch[..];
+        dispatch_lanes!(level, match_all(templates: &[Template], samples: &[f64], weights: &[f64], gains: &mut [f64]));
+        for (t, gain) in templates.iter().zip(gains.iter()) {
             let start = Start { m: t.m, tilt: t.tilt, cost: yy - gain };
-            insert(found, start, most);
+            if found.len() < most || start.cost < found[found.len() - 1].cost {
+                insert(found, start, most);
+            }
         }
+    }
+}
+
+/// How much of Σ w y² each template explains, ρd and ρs ≥ 0.
+#[inline(always)]
+fn match_all<L: Lanes>(templates: &[Template], samples: &[f64], weights: &[f64], gains: &mut [f64]) {
+    for (t, gain) in templates.iter().zip(gains) {
+        let mut g = [L::splat(0.0); 5];
+        for k in (0..samples.len()).step_by(L::N) {
+            let (d, s) = (L::load(&t.d[k..]), L::load(&t.s[k..]));
+            let (y, w) = (L::load(&samples[k..]), L::load(&weights[k..]));
+            let (wd, ws) = (w.mul(d), w.mul(s));
+            g[0] = wd.fma(d, g[0]);
+            g[1] = wd.fma(s, g[1]);
+            g[2] = ws.fma(s, g[2]);
+            g[3] = wd.fma(y, g[3]);
+            g[4] = ws.fma(y, g[4]);
+        }
+        let [dd, ds, ss, dy, sy] = g.map(L::sum);
+        let det = dd * ss - ds * ds;
+        let (rd, rs) = (ss * dy - ds * sy, dd * sy - ds * dy);
+        *gain = if det > 1e-12 * dd * ss && rd >= 0.0 && rs >= 0.0 {
+            (rd * dy + rs * sy) / det
+        } else {
+            let only = |g: f64, y: f64| if g > 0.0 { y.max(0.0).powi(2) / g } else { 0.0 };
+            only(dd, dy).max(only(ss, sy))
+        };
     }
 }
 

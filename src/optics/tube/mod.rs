@@ -12,6 +12,8 @@
 //! **Limits.** The texel is a point, nothing shadows it, interreflection and the camera's footprint are left out.
 
 pub mod arc;
+pub mod fast;
+pub mod lanes;
 pub mod quadrature;
 
 use crate::optics::gloss::Lobe;

@@ -93,3 +93,48 @@ fn agrees_with_brute_force() {
         }
     }
 }
+
+/// The vectorised pass against the plain evaluation with many nodes, every instruction set of this processor.
+#[test]
+fn fast_agrees_with_the_reference() {
+    use super::fast::{COLUMNS, Lit, Pass};
+    use super::lanes::Level;
+    let positions: Vec<f64> = (0..100).map(|k| -400.0 + 650.0 * f64::from(k) / 99.0).collect();
+    for lobe in [Lobe::Beckmann, Lobe::Ggx, Lobe::CookTorrance { index: 1.45 }] {
+        let fine = Model::new(TUBE, camera(), lobe, &Precision::fine());
+        let model = Model::new(TUBE, camera(), lobe, &Precision::default());
+        for m in [0.02, 0.05, 0.12, 0.3, 0.6, 0.9] {
+            for (texel, b, ty) in [([0.0, 0.0], 0.0, 0.0), ([0.0, 12.0], 0.1, 0.0), ([30.0, -25.0], 0.12, 0.1), ([-30.0, 20.0], -0.25, 0.4)]
+            {
+                for travel in [Travel::X, Travel::Y] {
+                    let (n, [nb, ny]) = (
+                        normal(b, ty),
+                        [[b.cos() * ty.cos(), 0.0, -b.sin() * ty.cos()], [-b.sin() * ty.sin(), ty.cos(), -b.cos() * ty.sin()]],
+                    );
+                    let mut want: Vec<[f64; COLUMNS]> = Vec::new();
+                    for &x in &positions {
+                        let r = fine.response(travel, x, texel, n, m);
+                        want.push([r.d, r.s, r.s_m, dot(r.d_n, nb), dot(r.s_n, nb), dot(r.d_n, ny), dot(r.s_n, ny)]);
+                    }
+                    let peak: [f64; COLUMNS] = std::array::from_fn(|c| want.iter().map(|w| w[c].abs()).fold(1e-9, f64::max));
+                    for level in Level::available() {
+                        let pass = Pass::new(&model, travel, &positions, Precision::default().along, level);
+                        let mut lit = Lit::default();
+                        pass.light(texel, &mut lit);
+                        let mut columns = vec![vec![f64::NAN; pass.padded()]; COLUMNS];
+                        let changes: &[[f64; 3]] = if ty == 0.0 && travel == Travel::X { &[nb] } else { &[nb, ny] };
+                        let mut slices: [&mut [f64]; COLUMNS] =
+                            columns.iter_mut().map(|c| &mut c[..]).collect::<Vec<_>>().try_into().unwrap();
+                        pass.respond(&mut lit, n, changes, m, &mut slices);
+                        for c in 0..3 + 2 * changes.len() {
+                            let worst = (0..100).map(|k| (columns[c][k] - want[k][c]).abs()).fold(0.0, f64::max) / peak[c];
+                            if !(worst < 1e-5) {
+                                println!("{lobe:?} {level:?} m {m} {travel:?} b {b} ty {ty} column {c}: {worst:.1e}");
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,204 @@
+//! Errors of a fitted texel from the full normal matrix, and the verdict: what is not determined, and what is wrong.
+
+use super::project::{NONLINEAR, S};
+use super::texel::{Job, State};
+use super::{M_RANGE, TILT_LIMIT, TexelFit, Undetermined, normal_of, normal_slopes};
+use crate::solve::Termination;
+
+type Matrix = [[f64; NONLINEAR]; NONLINEAR];
+
+impl Job<'_> {
+    /// `counts`: readings a channel before rejection; a channel without any is left NaN.
+    pub(super) fn report(
+        &mut self,
+        mut state: State,
+        termination: Termination,
+        counts: [usize; 3],
+        matte: bool,
+        parameters: usize,
+        outliers: usize,
+    ) -> TexelFit {
+        let count = 1 + self.tilts;
+        if matte {
+            // ρs's error is quoted at a leaf's usual slope; the fitted one means nothing.
+            let fitted = state;
+            state = self.evaluate([0.3f64.ln(), state.p[1], state.p[2]]);
+            for (c, old) in state.channels.iter_mut().zip(&fitted.channels) {
+                (c.rho_d, c.rho_s) = (old.rho_d, 0.0);
+            }
+            self.slopes(&mut state);
+            state.chi2 = fitted.chi2;
+        } else {
+            // The last step was taken linearly: the sums are those of the point before it, a fraction of an error away.
+            let (p, chi2, rho) = (state.p, state.chi2, state.channels.map(|c| [c.rho_d, c.rho_s]));
+            self.slopes(&mut state);
+            (state.p, state.chi2) = (p, chi2);
+            for (c, [d, s]) in state.channels.iter_mut().zip(rho) {
+                (c.rho_d, c.rho_s) = (d, s);
+            }
+        }
+        let m = state.p[0].exp();
+        let mut inverses = [[[0.0; 2]; 2]; 3];
+        let (mut normal, mut gradient) = (Matrix::default(), [0.0; NONLINEAR]);
+        for (c, inverse) in state.channels.iter().zip(&mut inverses) {
+            // Errors are those of the unconstrained problem: a ρ at its bound still has one.
+            let det = c.dd * c.ss - c.ds * c.ds;
+            *inverse = if det > 1e-12 * c.dd * c.ss { [[c.ss / det, -c.ds / det], [-c.ds / det, c.dd / det]] } else { c.inverse };
+            c.accumulate(inverse, &mut normal, &mut gradient);
+        }
+        let (cov, condition) = covariance(&normal, count, matte);
+        let samples = counts.iter().sum::<usize>() - outliers;
+        let mut fit = TexelFit {
+            m,
+            tilt: [state.p[1], state.p[2]],
+            normal: normal_of([state.p[1], state.p[2]]),
+            chi2: state.chi2,
+            samples,
+            outliers,
+            parameters,
+            termination,
+            condition,
+            iterations: self.iterations,
+            evaluations: self.evaluations,
+            correlation: 0.0,
+            defect: None,
+            ..TexelFit::refused("")
+        };
+        // Residuals that the stated noise cannot explain (5 σ of χ²) widen every error.
+        let freedom = samples.saturating_sub(parameters).max(1) as f64;
+        let inflate = if fit.chi2 > freedom + 5.0 * (2.0 * freedom).sqrt() { (fit.chi2 / freedom).sqrt() } else { 1.0 };
+        let sd = |v: f64| if v.is_finite() { v.max(0.0).sqrt() * inflate } else { f64::INFINITY };
+        fit.m_err = m * sd(cov[0][0]);
+        fit.tilt_err = std::array::from_fn(|k| if k < self.tilts { sd(cov[1 + k][1 + k]) } else { f64::INFINITY });
+        for c in (0..3).filter(|&c| counts[c] > 0) {
+            let (channel, inverse) = (&state.channels[c], &inverses[c]);
+            (fit.rho_d[c], fit.rho_s[c]) = (channel.rho_d, channel.rho_s);
+            // cov ρ = G⁻¹ + (G⁻¹ Φᵀz) cov(p) (G⁻¹ Φᵀz)ᵀ
+            let pull: [[f64; 2]; NONLINEAR] = channel.zphi.map(|[zd, zs]| inverse.map(|row| row[0] * zd + row[1] * zs));
+            let mut own = *inverse;
+            for k in 0..count {
+                for j in 0..count {
+                    if cov[k][j].is_finite() {
+                        for (a, row) in own.iter_mut().enumerate() {
+                            for (b, v) in row.iter_mut().enumerate() {
+                                *v += pull[k][a] * cov[k][j] * pull[j][b];
+                            }
+                        }
+                    }
+                }
+            }
+            if own[0][0] > 0.0 && own[1][1] > 0.0 {
+                (fit.rho_d_err[c], fit.rho_s_err[c]) = (sd(own[0][0]), sd(own[1][1]));
+                if channel.rho_s > 0.0 {
+                    fit.correlation = fit.correlation.min(own[0][1] / (own[0][0] * own[1][1]).sqrt());
+                }
+            }
+        }
+        let slopes = normal_slopes(fit.tilt);
+        fit.normal_err = std::array::from_fn(|axis| {
+            let part = |k: usize| if slopes[k][axis] == 0.0 { 0.0 } else { slopes[k][axis] * fit.tilt_err[k] };
+            part(0).hypot(part(1))
+        });
+        self.judge(&mut fit, counts, matte);
+        fit
+    }
+
+    /// Names what is not determined, and what is wrong.
+    fn judge(&self, fit: &mut TexelFit, counts: [usize; 3], matte: bool) {
+        let mut names = Undetermined::default();
+        let parallel = fit.correlation < -0.99;
+        for c in (0..3).filter(|&c| counts[c] > 0) {
+            if parallel || unsure(fit.rho_d_err[c], fit.rho_d[c]) {
+                names.insert(Undetermined::RHO_D[c]);
+            }
+            if parallel || unsure(fit.rho_s_err[c], fit.rho_s[c]) {
+                names.insert(Undetermined::RHO_S[c]);
+            }
+        }
+        let at_bound = fit.m <= 1.0001 * M_RANGE[0] || fit.m >= 0.9999 * M_RANGE[1];
+        let narrow = !matte && self.lobe_frames() < 2;
+        if matte || at_bound || narrow || unsure(fit.m_err, fit.m) {
+            names.insert(Undetermined::M);
+        }
+        for (k, flag) in [Undetermined::TILT, Undetermined::TILT_Y].into_iter().enumerate().take(self.tilts) {
+            let at_bound = fit.tilt[k].abs() >= TILT_LIMIT - 1e-9;
+            if at_bound || unsure(fit.tilt_err[k], fit.tilt[k].abs().max(0.35)) {
+                names.insert(flag);
+            }
+        }
+        if matte {
+            // Never a guess: there is no lobe to have a slope.
+            (fit.m, fit.m_err) = (f64::NAN, f64::INFINITY);
+        }
+        fit.undetermined = names;
+        let freedom = fit.samples.saturating_sub(fit.parameters).max(1) as f64;
+        fit.defect = if !fit.termination.converged() {
+            Some("not converged")
+        } else if fit.chi2 > freedom + 8.0 * (2.0 * freedom).sqrt() {
+            Some("residuals exceed the noise")
+        } else if narrow {
+            Some("lobe narrower than two frames")
+        } else {
+            None
+        };
+    }
+
+    /// Most readings within the lobe's half maximum in any pass.
+    fn lobe_frames(&self) -> usize {
+        let count = |range: std::ops::Range<usize>| {
+            let s = &self.ws.columns[S][range.clone()];
+            let half = 0.5 * s.iter().copied().fold(0.0, f64::max);
+            range.zip(s).filter(|(k, v)| **v >= half && self.ws.used.iter().any(|u| u[*k] > 0.0)).count()
+        };
+        self.frames().into_iter().map(count).max().unwrap_or(0)
+    }
+}
+
+/// Whether one standard deviation exceeds a tenth of the value (or is not a number).
+fn unsure(err: f64, value: f64) -> bool {
+    !matches!(err.partial_cmp(&(0.1 * value)), Some(std::cmp::Ordering::Less | std::cmp::Ordering::Equal))
+}
+
+/// Covariance of the nonlinear parameters and the condition number of the scaled matrix; unknown ones are infinite.
+fn covariance(normal: &Matrix, count: usize, matte: bool) -> (Matrix, f64) {
+    let live: [bool; NONLINEAR] = std::array::from_fn(|k| k < count && normal[k][k] > 0.0 && !(matte && k == 0));
+    let scale: [f64; NONLINEAR] = std::array::from_fn(|k| if live[k] { 1.0 / normal[k][k].sqrt() } else { 0.0 });
+    // Parameters that are not live stand as unit rows, which leave the others alone.
+    let scaled =
+        nalgebra::Matrix3::from_fn(
+            |i, j| if live[i] && live[j] { normal[i][j] * scale[i] * scale[j] } else { f64::from(u8::from(i == j)) },
+        );
+    let (least, most) = extremes(&scaled, &live);
+    let mut cov = Matrix::default();
+    let inverse = if least > 1e-13 { scaled.try_inverse() } else { None };
+    for (i, row) in cov.iter_mut().enumerate() {
+        for (j, v) in row.iter_mut().enumerate() {
+            *v = match (&inverse, i < count && j < count) {
+                (Some(inverse), true) if live[i] && live[j] => inverse[(i, j)] * scale[i] * scale[j],
+                (_, true) if i == j => f64::INFINITY,
+                _ => 0.0,
+            };
+        }
+    }
+    (cov, if least > 0.0 { most / least } else { f64::INFINITY })
+}
+
+/// Least and greatest eigenvalue of the live part of a scaled 3 × 3 matrix, in closed form (roots of its cubic).
+fn extremes(a: &nalgebra::Matrix3<f64>, live: &[bool; NONLINEAR]) -> (f64, f64) {
+    let off = a[(0, 1)].powi(2) + a[(0, 2)].powi(2) + a[(1, 2)].powi(2);
+    if off < 1e-30 || !off.is_finite() {
+        return (1.0, 1.0);
+    }
+    // The diagonal is 1: eigenvalues are 1 + 2 p cos(…) with p² = off/3.
+    let p = (off / 3.0).sqrt();
+    let half = a[(0, 1)] * a[(0, 2)] * a[(1, 2)] / (p * p * p);
+    let angle = half.clamp(-1.0, 1.0).acos() / 3.0;
+    let at = |k: f64| 1.0 + 2.0 * p * (angle + k * std::f64::consts::TAU / 3.0).cos();
+    let all = [at(0.0), at(1.0), at(2.0)];
+    let (mut least, most) = (all.iter().copied().fold(f64::INFINITY, f64::min), all.iter().copied().fold(0.0, f64::max));
+    if live.iter().filter(|l| **l).count() == 2 {
+        // The unit row adds the eigenvalue 1 in the middle.
+        least = 2.0 - most;
+    }
+    (least, most)
+}
