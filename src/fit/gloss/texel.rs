@@ -345,7 +345,6 @@ impl Job<'_> {
         self.weigh(&state);
         self.project(state.p)
     }
-
 }
 
 impl State {

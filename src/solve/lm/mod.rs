@@ -49,7 +49,7 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Options {
-            max_iterations: 500,
+            max_iterations: 2000,
             gradient_tolerance: 1e-14,
             cost_tolerance: 1e-14,
             step_tolerance: 1e-12,

@@ -14,12 +14,6 @@ use std::time::Instant;
 /// A relative offset (see [`minimize`]) at which a stalled cost or radius counts as convergence: 1e-8 of the cost is left to gain.
 const SETTLED: f64 = 1e-4;
 
-/// ½ Σ r², infinite where any residual is not finite.
-fn half_square(r: &[f64]) -> f64 {
-    let norm = qr::length(r);
-    if norm.is_finite() { 0.5 * norm * norm } else { f64::INFINITY }
-}
-
 /// One run's working state.
 pub(super) struct Run<'a> {
     problem: &'a dyn Problem,
@@ -30,7 +24,8 @@ pub(super) struct Run<'a> {
     pub(super) r: Vec<f64>,
     /// Jacobian at `x`, column-major.
     j: Vec<f64>,
-    cost: f64,
+    /// |r|. Ratios are formed with it, not with the cost: its square leaves the range of `f64` long before it does.
+    norm: f64,
     /// Diagonal of D.
     scale: Vec<f64>,
     evaluations: usize,
@@ -51,7 +46,7 @@ impl<'a> Run<'a> {
             x: start.to_vec(),
             r: vec![0.0; m],
             j: vec![0.0; n * m],
-            cost: 0.0,
+            norm: 0.0,
             scale: vec![0.0; n],
             evaluations: 0,
             analytic: true,
@@ -87,14 +82,19 @@ impl<'a> Run<'a> {
         &self.j[k * self.m..(k + 1) * self.m]
     }
 
-    fn gradient(&self) -> Vec<f64> {
-        (0..self.n).map(|k| dot(self.column(k), &self.r)).collect()
+    /// Cosine between a column of the Jacobian and the residuals: the gradient without its scale. 0 for a column of zeros.
+    fn cosine(&self, k: usize) -> f64 {
+        let (column, length) = (self.column(k), qr::length(self.column(k)));
+        if length == 0.0 || self.norm == 0.0 {
+            return 0.0;
+        }
+        column.iter().zip(&self.r).map(|(c, r)| (c / length) * (r / self.norm)).sum()
     }
 
     /// Parameters that may move: not resting on a bound that the descent direction points out of.
-    fn free(&self, gradient: &[f64]) -> Vec<usize> {
+    fn free(&self) -> Vec<usize> {
         (0..self.n)
-            .filter(|&k| !(self.x[k] <= self.low(k) && gradient[k] >= 0.0 || self.x[k] >= self.high(k) && gradient[k] <= 0.0))
+            .filter(|&k| !(self.x[k] <= self.low(k) && self.cosine(k) >= 0.0 || self.x[k] >= self.high(k) && self.cosine(k) <= 0.0))
             .filter(|&k| self.low(k) < self.high(k))
             .collect()
     }
@@ -116,7 +116,8 @@ impl<'a> Run<'a> {
         qr::length(&scaled)
     }
 
-    fn record(&mut self, iteration: usize, gradient: &[f64], step: f64) {
+    fn record(&mut self, iteration: usize, step: f64) {
+        let gradient = (0..self.n).map(|k| dot(self.column(k), &self.r).abs()).fold(0.0, qr::nan_max);
         let truth_error = self.options.truth.as_ref().map(|truth| {
             self.x.iter().zip(truth).map(|(x, t)| if *t == 0.0 { x.abs() } else { (x / t - 1.0).abs() }).fold(0.0, qr::nan_max)
         });
@@ -124,8 +125,8 @@ impl<'a> Run<'a> {
             iteration,
             evaluations: self.evaluations,
             elapsed_s: self.clock.elapsed().as_secs_f64(),
-            cost: self.cost,
-            gradient: gradient.iter().fold(0.0, |s: f64, g| s.max(g.abs())),
+            cost: 0.5 * self.norm * self.norm,
+            gradient,
             step,
             truth_error,
         });
@@ -135,42 +136,37 @@ impl<'a> Run<'a> {
         let options = self.options;
         self.problem.evaluate(&self.x, &mut self.r);
         self.evaluations += 1;
-        self.cost = half_square(&self.r);
+        self.norm = qr::length(&self.r);
         let mut j = std::mem::take(&mut self.j);
         let x = self.x.clone();
         let finite = self.differentiate(&x, &mut j);
         self.j = j;
-        if !self.cost.is_finite() || !finite {
+        if !self.norm.is_finite() || !finite {
             return Termination::NotFinite;
         }
         self.update_scale();
-        if self.cost > 0.0 && self.scale.iter().all(|s| *s == 0.0) {
+        if self.norm > 0.0 && self.scale.iter().all(|s| *s == 0.0) {
             return Termination::Flat;
         }
-        let first_norm = qr::length(&self.r);
+        let first_norm = self.norm;
         let mut x_length = self.scaled_length(&self.x);
         let mut radius = options.initial_radius * if x_length > 0.0 { x_length } else { 1.0 };
-        let mut gradient = self.gradient();
-        self.record(0, &gradient, 0.0);
+        self.record(0, 0.0);
 
         for iteration in 1..=options.max_iterations {
-            let free = self.free(&gradient);
-            let r_norm = qr::length(&self.r);
-            let cosine = free
-                .iter()
-                .map(|&k| (gradient[k], qr::length(self.column(k))))
-                .map(|(g, norm)| if norm > 0.0 && r_norm > 0.0 { g.abs() / (norm * r_norm) } else { 0.0 })
-                .fold(0.0, f64::max);
+            let free = self.free();
+            let cosine = free.iter().map(|&k| self.cosine(k).abs()).fold(0.0, qr::nan_max);
             if cosine <= options.gradient_tolerance {
                 let slopes = (0..self.n).any(|k| qr::length(self.column(k)) > 0.0);
-                return if slopes || self.cost == 0.0 { Termination::GradientSmall } else { Termination::Flat };
+                return if slopes || self.norm == 0.0 { Termination::GradientSmall } else { Termination::Flat };
             }
             let factor = Factor::new(self, &free);
+            let norm = self.norm;
             // Rounding of the residuals' own terms, relative to the residuals: below it an offset is noise (zero-residual problems).
             let terms: f64 = (0..self.n).map(|k| qr::length(self.column(k)) * self.x[k].abs()).sum();
-            let rounding = 4.0 * f64::EPSILON * (first_norm + terms) / r_norm;
+            let rounding = 4.0 * f64::EPSILON * (first_norm + terms) / norm;
             let tolerance = self.rank_tolerance();
-            let settled = || factor.offset(tolerance) / r_norm <= SETTLED + rounding;
+            let settled = || factor.offset(tolerance) / norm <= SETTLED + rounding;
             loop {
                 let trial = self.trial(&factor, &free, radius);
                 if !(trial.length > 0.0) {
@@ -180,14 +176,14 @@ impl<'a> Run<'a> {
                     radius = radius.min(trial.length);
                 }
                 // Gain ratio: what the cost did over what the linear model promised.
-                let actual = if trial.cost < 10.0 * self.cost { 1.0 - trial.cost / self.cost } else { -1.0 };
-                let predicted = trial.predicted / self.cost;
+                let actual = if trial.norm < 3.0 * norm { 1.0 - (trial.norm / norm) * (trial.norm / norm) } else { -1.0 };
+                let predicted = trial.predicted;
                 let ratio = if predicted > 0.0 { actual / predicted } else { -1.0 };
                 if !(ratio > 0.25) {
                     // The parabola through the cost, its slope and the trial cost has its minimum here.
-                    let slope = (trial.slope / self.cost).min(0.0);
-                    let shrink = if actual >= 0.0 { 0.5 } else { 0.5 * slope / (slope + 0.5 * actual) };
-                    radius = trial.length.min(radius) * if trial.cost.is_finite() && shrink > 0.1 { shrink.min(0.5) } else { 0.1 };
+                    let slope = trial.slope.min(0.0);
+                    let shrink = if actual >= 0.0 { 0.5 } else { 0.5 * slope / (slope + actual) };
+                    radius = trial.length.min(radius) * if trial.norm.is_finite() && shrink > 0.1 { shrink.min(0.5) } else { 0.1 };
                 } else if trial.full || ratio >= 0.75 {
                     radius = radius.max(2.0 * trial.length);
                 }
@@ -200,17 +196,16 @@ impl<'a> Run<'a> {
                         accepted = true;
                         self.x.clone_from(&trial.x);
                         self.r.clone_from(&trial.r);
-                        self.cost = trial.cost;
+                        self.norm = trial.norm;
                         self.j = j;
                         self.update_scale();
-                        gradient = self.gradient();
                         x_length = self.scaled_length(&self.x);
-                        self.record(iteration, &gradient, trial.length);
+                        self.record(iteration, trial.length);
                     } else {
                         radius = 0.1 * trial.length;
                     }
                 }
-                if self.cost == 0.0 {
+                if self.norm == 0.0 {
                     return Termination::GradientSmall;
                 }
                 if cost_small && settled() {
@@ -245,13 +240,17 @@ impl<'a> Run<'a> {
                 *l += step * c;
             }
         }
-        let slope = dot(&linear, &self.r);
-        let predicted = -slope - 0.5 * dot(&linear, &linear);
+        for l in &mut linear {
+            *l /= self.norm;
+        }
+        // Both relative to the cost.
+        let slope = 2.0 * linear.iter().zip(&self.r).map(|(l, r)| l * (r / self.norm)).sum::<f64>();
+        let predicted = -slope - dot(&linear, &linear);
         let mut r = vec![0.0; self.m];
         self.problem.evaluate(&x, &mut r);
         self.evaluations += 1;
-        let cost = half_square(&r);
-        Trial { x, r, cost, length, predicted, slope, full }
+        let norm = qr::length(&r);
+        Trial { x, r, norm, length, predicted, slope, full }
     }
 
     pub(super) fn finish(mut self, termination: Termination) -> Fit {
@@ -266,7 +265,7 @@ impl<'a> Run<'a> {
         if useless {
             return fit;
         }
-        fit.cost = self.cost;
+        fit.cost = 0.5 * self.norm * self.norm;
         let tolerance = self.rank_tolerance();
         if termination.converged() {
             let refined = if self.options.refine && at_bound.is_empty() {
@@ -285,7 +284,7 @@ impl<'a> Run<'a> {
             }
             let (mut j, mut r) = (self.j.clone(), self.r.clone());
             qr::reduce(&mut j, self.m, self.n, &mut r);
-            fit.uncertainty = Uncertainty::from_triangle(&j, self.m, self.m, self.n, 2.0 * self.cost, self.options.noise, tolerance);
+            fit.uncertainty = Uncertainty::from_triangle(&j, self.m, self.m, self.n, self.norm * self.norm, self.options.noise, tolerance);
         }
         fit.params = self.x;
         fit.residuals = self.r;
@@ -302,12 +301,13 @@ pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
 struct Trial {
     x: Vec<f64>,
     r: Vec<f64>,
-    cost: f64,
+    /// |r|; not finite where the model has no value.
+    norm: f64,
     /// |D p| of the projected step.
     length: f64,
-    /// Decrease of the cost that the linear model promises.
+    /// Decrease of the cost that the linear model promises, relative to the cost.
     predicted: f64,
-    /// Slope of the cost along the step.
+    /// Slope of the cost along the step, relative to the cost.
     slope: f64,
     /// An undamped Gauss–Newton step.
     full: bool,

@@ -135,6 +135,21 @@ fn units_do_not_matter() {
     assert!((fit.uncertainty.condition / plain.uncertainty.condition - 1.0).abs() < 1e-5);
 }
 
+/// Residuals whose squares are beyond the range of doubles, both ways.
+#[test]
+fn the_size_of_the_residuals_does_not_matter() {
+    let plain = minimize(&Closure::new(2, 12, decay), &[1.0, 1.0], &Options::default());
+    for size in [1e-180, 1e180] {
+        let scaled = Closure::new(2, 12, |p: &[f64], r: &mut [f64]| {
+            decay(p, r);
+            r.iter_mut().for_each(|r| *r *= size);
+        });
+        let fit = minimize(&scaled, &[1.0, 1.0], &Options::default());
+        assert!(fit.converged(), "{size}: {:?}", fit.termination);
+        assert!((fit.params[1] / plain.params[1] - 1.0).abs() < 1e-9, "{size}: {:?}", fit.params);
+    }
+}
+
 #[test]
 fn the_iteration_limit_is_told_and_gives_no_errors() {
     let fit = minimize(&Closure::new(2, 2, rosenbrock), &[-1.2, 1.0], &Options { max_iterations: 3, ..Options::default() });
