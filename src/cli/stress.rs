@@ -3,7 +3,7 @@
 use super::Common;
 use crate::files::progress;
 use crate::fit::stress::StressRow;
-use crate::fit::{nist, solver};
+use crate::fit::{gloss, nist, solver};
 use crate::report::rows;
 use crate::{Error, Result};
 
@@ -17,7 +17,7 @@ pub struct Args {
 type Table = (&'static str, fn() -> Result<Vec<StressRow>>);
 
 /// The tables by name. A model adds its line here.
-const TABLES: [Table; 2] = [("solve", || Ok(solver::stress())), ("nist", nist::stress)];
+const TABLES: [Table; 3] = [("solve", || Ok(solver::stress())), ("nist", nist::stress), ("gloss", || Ok(gloss::stress::rows()))];
 
 /// Runs the tables; 0 where every case got the verdict it expects, else 1 with the others named.
 pub fn run(args: &Args, common: &Common) -> Result<u8> {

@@ -2,9 +2,9 @@
 
 use crate::cli::Common;
 use crate::files::progress;
-use crate::files::table::{self, Answer, BatchIo, Status, Table};
+use crate::files::table::{self, Answer, BatchIo, Table};
 use crate::fit::gloss::geometry::{Geometry, trace_columns};
-use crate::fit::gloss::{Robust, TexelFit, TexelFitter, Undetermined, samples};
+use crate::fit::gloss::{Robust, TexelFit, TexelFitter, samples};
 use crate::optics::gloss::Lobe;
 use crate::optics::tube::Precision;
 use crate::{Error, Result};
@@ -141,16 +141,5 @@ fn answer(fit: &TexelFit, channels: usize) -> Answer {
     push(&mut values, &fit.rho_d, &fit.rho_s, fit.m, fit.tilt[0]);
     push(&mut values, &fit.rho_d_err, &fit.rho_s_err, fit.m_err, fit.tilt_err[0]);
     values.push(fit.chi2);
-    let mut names = fit.undetermined;
-    if fit.defect.is_some() && names.is_empty() {
-        // Whatever is wrong, no number of this row can be promised.
-        names = Undetermined::all(channels);
-    }
-    let what = names.names(channels).join(" ");
-    let status = match fit.defect {
-        None if names.is_empty() => Status::Ok,
-        None => Status::Undetermined(what),
-        Some(why) => Status::Undetermined(format!("{what} ({why})")),
-    };
-    Answer { values, status }
+    Answer { values, status: fit.status(channels) }
 }

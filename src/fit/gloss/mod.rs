@@ -4,16 +4,20 @@
 //! A single pass sees the tilt in its plane of travel only; with a second pass the full normal is known. Noise: standard
 //! deviation √((relative·value)² + floor²), evaluated at the model, not at the noisy sample, so that weights do not bias.
 
+pub mod bench;
 pub mod geometry;
 mod outliers;
 pub mod project;
 mod report;
 pub mod samples;
 pub mod start;
+pub mod stress;
+pub mod synthetic;
 pub mod texel;
 
 pub use texel::{TexelFitter, Workspace};
 
+use crate::files::table::Status;
 use crate::optics::gloss::Lobe;
 use crate::optics::tube::Tube;
 use crate::solve::Termination;
@@ -125,6 +129,11 @@ pub struct TexelFit {
     pub defect: Option<&'static str>,
 }
 
+/// Defects of a texel, by name.
+pub const NOT_CONVERGED: &str = "not converged";
+pub const NOT_EXPLAINED: &str = "residuals exceed the noise";
+pub const NARROW: &str = "lobe narrower than two frames";
+
 /// Range of m (bounds of the fit).
 pub const M_RANGE: [f64; 2] = [0.005, 1.2];
 /// Range of either tilt (rad).
@@ -155,6 +164,29 @@ impl TexelFit {
             termination: Termination::Refused,
             undetermined: Undetermined(0),
             defect: Some(why),
+        }
+    }
+
+    /// The verdict as batches print it, of `channels` (1 or 3) channels: `ok` is a promise.
+    pub fn status(&self, channels: usize) -> Status {
+        if self.termination == Termination::Refused {
+            return Status::Refused(self.defect.unwrap_or("no fit").into());
+        }
+        let mut names = self.undetermined;
+        for c in (0..channels.min(3)).filter(|&c| self.rho_d[c].is_nan()) {
+            // A channel without a reading.
+            names.insert(Undetermined::RHO_D[c]);
+            names.insert(Undetermined::RHO_S[c]);
+        }
+        if matches!(self.defect, Some(NOT_CONVERGED | NOT_EXPLAINED)) {
+            // Whatever is wrong, no number of this texel can be promised.
+            names = Undetermined::all(channels);
+        }
+        let what = names.names(channels).join(" ");
+        match self.defect {
+            None if names.is_empty() => Status::Ok,
+            None => Status::Undetermined(what),
+            Some(why) => Status::Undetermined(format!("{what} ({why})")),
         }
     }
 

@@ -2,7 +2,7 @@
 
 use super::project::{NONLINEAR, S};
 use super::texel::{Job, State};
-use super::{M_RANGE, TILT_LIMIT, TexelFit, Undetermined, normal_of, normal_slopes};
+use super::{M_RANGE, NARROW, NOT_CONVERGED, NOT_EXPLAINED, TILT_LIMIT, TexelFit, Undetermined, normal_of, normal_slopes};
 use crate::solve::Termination;
 
 type Matrix = [[f64; NONLINEAR]; NONLINEAR];
@@ -133,11 +133,11 @@ impl Job<'_> {
         fit.undetermined = names;
         let freedom = fit.samples.saturating_sub(fit.parameters).max(1) as f64;
         fit.defect = if !fit.termination.converged() {
-            Some("not converged")
+            Some(NOT_CONVERGED)
         } else if fit.chi2 > freedom + 8.0 * (2.0 * freedom).sqrt() {
-            Some("residuals exceed the noise")
+            Some(NOT_EXPLAINED)
         } else if narrow {
-            Some("lobe narrower than two frames")
+            Some(NARROW)
         } else {
             None
         };

@@ -124,7 +124,9 @@ impl Pass {
         let camera = self.travel.local(self.model.camera);
         // A lobe's width across the tube is about √2 m; the tube is widest where it is nearest.
         let near = if self.travel == Travel::X { camera[2].max(0.3) } else { 1.0 };
-        let x = 1.2 * near * self.model.tube.radius_mm / self.model.tube.height_mm / (std::f64::consts::SQRT_2 * m);
+        // A long tail has a sharper top.
+        let sharp = if self.model.lobe == Lobe::Ggx { 2.0 } else { 1.2 };
+        let x = sharp * near * self.model.tube.radius_mm / self.model.tube.height_mm / (std::f64::consts::SQRT_2 * m);
         let count = match x {
             x if x < 1e-4 => 1,
             x if x < 0.15 => 2,

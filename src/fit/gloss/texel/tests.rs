@@ -1,73 +1,17 @@
 use super::*;
+use crate::fit::gloss::synthetic::{Noise, Truth, device, pass_x, ramp, trace};
 use crate::optics::gloss::Lobe;
-use rand::{RngExt, SeedableRng};
-
-pub fn device(lobe: Lobe, noise: f64) -> Device {
-    let c = 55f64.to_radians();
-    Device {
-        height_mm: 100.0,
-        length_mm: 500.0,
-        radius_mm: 2.5,
-        camera: [c.sin(), 0.0, c.cos()],
-        lobe,
-        noise_relative: noise,
-        noise_floor: 5e-4,
-    }
-}
-
-pub fn positions(from: f64, to: f64, n: usize) -> Vec<f64> {
-    (0..n).map(|k| from + (to - from) * k as f64 / (n - 1) as f64).collect()
-}
-
-pub struct Truth {
-    pub rho_d: [f64; 3],
-    pub rho_s: [f64; 3],
-    pub m: f64,
-    pub tilt: [f64; 2],
-}
-
-/// A normal deviate.
-pub fn gauss(rng: &mut rand_pcg::Pcg64) -> f64 {
-    let (a, b): (f64, f64) = (rng.random(), rng.random());
-    (-2.0 * (1.0 - a).ln()).sqrt() * (2.0 * std::f64::consts::PI * b).cos()
-}
-
-pub fn trace(
-    model: &Model,
-    d: &Device,
-    travel: Travel,
-    xs: &[f64],
-    texel: [f64; 2],
-    t: &Truth,
-    rng: Option<&mut rand_pcg::Pcg64>,
-) -> Vec<[f32; 3]> {
-    let n = normal_of(t.tilt);
-    let mut out: Vec<[f64; 3]> = xs
-        .iter()
-        .map(|&x| {
-            let r = model.response(travel, x, texel, n, t.m);
-            std::array::from_fn(|c| t.rho_d[c] * r.d + t.rho_s[c] * r.s)
-        })
-        .collect();
-    if let Some(rng) = rng {
-        for v in out.iter_mut().flatten() {
-            *v += gauss(rng) * ((d.noise_relative * *v).powi(2) + d.noise_floor.powi(2)).sqrt();
-        }
-    }
-    out.into_iter().map(|v| v.map(|x| x as f32)).collect()
-}
 
 #[test]
 fn exact_traces_give_back_the_truth() {
     for lobe in [Lobe::Beckmann, Lobe::Ggx, Lobe::CookTorrance { index: 1.45 }] {
         let d = device(lobe, 0.01);
-        let (xs, ys) = (positions(-400.0, 250.0, 100), positions(-325.0, 325.0, 100));
-        let fine = Model::new(d.tube(), d.camera, lobe, &Precision { along: 24, across: 8 });
+        let (xs, ys) = (pass_x(100), ramp(-325.0, 325.0, 100));
         let (one, two) = (TexelFitter::new(&d, &xs, None), TexelFitter::new(&d, &xs, Some(&ys)));
         for (m, tilt, texel) in [(0.1, [0.05, 0.0], [0.0, 0.0]), (0.3, [-0.1, 0.12], [20.0, -15.0]), (0.05, [0.12, -0.2], [-30.0, 22.0])] {
             let t = Truth { rho_d: [0.06, 0.14, 0.03], rho_s: [0.05, 0.05, 0.06], m, tilt };
-            let tx = trace(&fine, &d, Travel::X, &xs, texel, &t, None);
-            let ty = trace(&fine, &d, Travel::Y, &ys, texel, &t, None);
+            let tx = trace(&d, Travel::X, &xs, texel, &t, None);
+            let ty = trace(&d, Travel::Y, &ys, texel, &t, None);
             let f = two.fit(&mut two.workspace(), texel, &tx, Some(&ty));
             println!("{lobe:?} {m}: {f:.5?}");
             assert!((f.m - m).abs() < 2e-3 * m, "{f:?}");
@@ -89,15 +33,14 @@ fn exact_traces_give_back_the_truth() {
 fn statistics() {
     for (noise, ms, tilt, hard) in [(0.01, [0.05, 0.5], 0.1, false), (0.02, [0.03, 0.9], 0.1745, true)] {
         let d = device(Lobe::Beckmann, noise);
-        let xs = positions(-400.0, 250.0, 100);
+        let xs = pass_x(100);
         let fitter = TexelFitter::new(&d, &xs, None);
         let mut ws = fitter.workspace();
-        let fine = Model::new(d.tube(), d.camera, d.lobe, &Precision { along: 16, across: 6 });
-        let mut rng = rand_pcg::Pcg64::seed_from_u64(7);
+        let mut rng = Noise::new(7);
         let (mut fails, mut inside, mut total, mut ratio, mut evals, mut flagged) = (0, [0usize; 4], 0usize, vec![], 0, 0);
         let mut time = std::time::Duration::ZERO;
         for _ in 0..2000 {
-            let mut u = |a: f64, b: f64| a + (b - a) * rng.random::<f64>();
+            let mut u = |a: f64, b: f64| rng.uniform(a, b);
             let t = Truth {
                 rho_d: [u(0.02, 0.3), u(0.05, 0.4), u(0.02, 0.2)],
                 rho_s: {
@@ -107,7 +50,7 @@ fn statistics() {
                 m: if hard { u(f64::ln(ms[0]), f64::ln(ms[1])).exp() } else { u(ms[0], ms[1]) },
                 tilt: [u(-tilt, tilt), 0.0],
             };
-            let tx = trace(&fine, &d, Travel::X, &xs, [0.0, 0.0], &t, Some(&mut rng));
+            let tx = trace(&d, Travel::X, &xs, [0.0, 0.0], &t, Some(&mut rng));
             let clock = std::time::Instant::now();
             let f = fitter.fit(&mut ws, [0.0, 0.0], &tx, None);
             time += clock.elapsed();

@@ -1,7 +1,4 @@
-//! A row of `mesophyll bench`: what one setting of an accuracy knob costs and what it buys; and the sweeps of the leaf's models.
-
-pub mod gloss;
-pub mod slab;
+//! A row of `mesophyll bench`: what one setting of an accuracy knob costs and what it buys.
 
 use serde::Serialize;
 use std::time::Instant;
@@ -32,10 +29,4 @@ pub fn median_us<T>(budget_ms: f64, mut work: impl FnMut() -> T) -> f64 {
     }
     times.sort_by(f64::total_cmp);
     times[times.len() / 2]
-}
-
-/// Median of `values`; NaN for none. NaN counts as the largest.
-pub fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
