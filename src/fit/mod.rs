@@ -5,5 +5,8 @@ pub mod gloss;
 pub mod nist;
 pub mod peers;
 pub mod record;
+pub mod slab;
+pub mod slab_bench;
+pub mod slab_stress;
 pub mod solver;
 pub mod stress;

@@ -4,10 +4,10 @@
 use super::bench::{BenchRow, median_us};
 use super::gloss::{Device, TexelFitter, synthetic};
 use super::nist;
+use super::slab_bench::{self, Slab, forward_error, larger};
 use crate::optics::gloss::Lobe;
-use crate::optics::slab::{self, Response};
+use crate::optics::slab;
 use crate::optics::tube::Travel;
-use crate::solve::global::starts_in_box;
 use crate::{Error, Result};
 
 /// Files for a peer's folder, and our rows on the same inputs.
@@ -49,51 +49,25 @@ fn ours(model: &str, setting: &str, mut errors: Vec<f64>, us: f64, note: &str) -
     }
 }
 
-/// A slab 1 mm thick: σa, σs (1/mm), and what the exact method says of it.
-struct Slab {
-    sigma_a: f64,
-    sigma_s: f64,
-    exact: Response,
-}
-
-/// 64 slabs, evenly over single-scattering albedo .05–.995 and the logarithm of optical thickness .05–20.
-fn slabs() -> Vec<Slab> {
-    let points = starts_in_box(&[0.05, 0.05f64.ln()], &[0.995, 20f64.ln()], 64, 7).unwrap_or_default();
-    let slab = |p: &Vec<f64>| {
-        let (omega, delta) = (p[0], p[1].exp());
-        let (sigma_a, sigma_s) = ((1.0 - omega) * delta, omega * delta);
-        Slab { sigma_a, sigma_s, exact: slab::exact::response(sigma_a, sigma_s, 1.0) }
-    };
-    points.iter().map(slab).collect()
-}
-
-/// The larger of two relative errors; NaN where either is.
-fn larger(a: f64, b: f64) -> f64 {
-    if a > b || a.is_nan() { a } else { b }
-}
-
+/// The 64 slabs of the sweep.
 fn slab_inputs() -> Inputs {
-    let samples = slabs();
+    let slabs = slab_bench::slabs();
     let mut text = String::from("omega,delta,rho_d,rho_t\n");
-    for s in &samples {
-        let delta = s.sigma_a + s.sigma_s;
-        text.push_str(&format!("{},{delta},{},{}\n", s.sigma_s / delta, s.exact.rho_d, s.exact.rho_t));
+    for s in &slabs {
+        text.push_str(&format!("{},{},{},{}\n", s.omega, s.delta, s.exact.rho_d, s.exact.rho_t));
     }
-    let count = samples.len() as f64;
+    let count = slabs.len() as f64;
     let forward = |s: &Slab| slab::response(s.sigma_a, s.sigma_s, 1.0);
-    let forward_errors = samples.iter().map(|s| {
-        let r = forward(s);
-        larger((r.rho_d / s.exact.rho_d - 1.0).abs(), (r.rho_t / s.exact.rho_t - 1.0).abs())
-    });
-    let inverse = |s: &Slab| slab::inverse::invert(s.exact.rho_d, s.exact.rho_t, 1.0, 1e-9, 1e-9);
-    let inverse_errors = samples.iter().map(|s| {
+    let forward_errors = slabs.iter().map(|s| forward_error(s, forward(s)));
+    let inverse = |s: &Slab| slab::inverse::invert(s.exact.rho_d, s.exact.rho_t, 1.0, 1e-6, 1e-6);
+    let inverse_errors = slabs.iter().map(|s| {
         // As the peers are judged: single-scattering albedo and optical thickness.
-        let (e, total, truth) = (inverse(s), s.sigma_a + s.sigma_s, s.sigma_s / (s.sigma_a + s.sigma_s));
-        let found = e.sigma_a + e.sigma_s;
-        larger((e.sigma_s / found / truth - 1.0).abs(), (found / total - 1.0).abs())
+        let e = inverse(s);
+        let delta = e.sigma_a + e.sigma_s;
+        larger((e.sigma_s / delta / s.omega - 1.0).abs(), (delta / s.delta - 1.0).abs())
     });
-    let forward_us = median_us(50.0, || samples.iter().map(|s| forward(s).rho_d).sum::<f64>()) / count;
-    let inverse_us = median_us(100.0, || samples.iter().map(|s| inverse(s).sigma_a).sum::<f64>()) / count;
+    let forward_us = median_us(50.0, || slabs.iter().map(|s| forward(s).rho_d).sum::<f64>()) / count;
+    let inverse_us = median_us(100.0, || slabs.iter().map(|s| inverse(s).sigma_a).sum::<f64>()) / count;
     Inputs {
         ours: vec![
             ours("slab", "mesophyll forward", forward_errors.collect(), forward_us, "rows"),

@@ -39,7 +39,7 @@ pub fn solve_at(mu0: f64, omega: f64, one_minus_omega: f64, delta: f64) -> Respo
 /// ρd and ln ρt: the logarithm stays finite where ρt itself underflows.
 pub fn solve_log(mu0: f64, omega: f64, one_minus_omega: f64, delta: f64) -> (f64, f64) {
     let known = omega >= 0.0 && one_minus_omega >= 0.0 && (omega + one_minus_omega - 1.0).abs() < 1e-9;
-    if !known || !(delta >= 0.0) || !(mu0 > 0.0 && mu0 <= 1.0) {
+    if !(known && delta >= 0.0 && mu0 > 0.0 && mu0 <= 1.0) {
         return (f64::NAN, f64::NAN);
     }
     if delta == 0.0 || omega == 0.0 {

@@ -7,8 +7,12 @@
 //!
 //! [`response`] is fast, [`exact`] the nine-digit one, [`fn_method`] the paper's; [`inverse`] goes back.
 
+// Matrices and pairs are indexed as the formulas index them; a negated comparison is how NaN is kept out.
+#![allow(clippy::needless_range_loop, clippy::neg_cmp_op_on_partial_ord)]
+
 pub mod exact;
 pub mod expint;
+pub mod fn_method;
 pub mod inverse;
 pub mod ordinates;
 pub mod quadrature;

@@ -183,3 +183,14 @@ fn slab_table_is_made_again() {
     let bytes = table::build::bytes(|line| println!("{line}"));
     std::fs::write(concat!(env!("CARGO_MANIFEST_DIR"), "/data/slab/response.bin"), bytes).unwrap();
 }
+
+#[test]
+fn the_papers_method_agrees() {
+    for delta in [0.02, 0.3, 1.0, 5.0, 40.0] {
+        for (omega, absorbed) in [(0.05, 0.95), (0.5, 0.5), (0.9, 0.1), (0.999, 0.001), (1.0, 0.0)] {
+            let (got, want) = (fn_method::solve(omega, absorbed, delta, 1e-7), exact::solve(omega, absorbed, delta));
+            assert!((got.response.rho_d / want.rho_d - 1.0).abs() < 1e-5, "Δ {delta} ω {omega}: {got:?} {want:?}");
+            assert!((got.response.rho_t / want.rho_t - 1.0).abs() < 1e-5, "Δ {delta} ω {omega}: {got:?} {want:?}");
+        }
+    }
+}

@@ -114,8 +114,9 @@ pub(super) fn nearly_linear(m: &Measured, point: &Point, spread: &Spread, precis
     })
 }
 
-/// Best estimate, large errors, and bounds by name.
-pub(super) fn undetermined(m: &Measured, h: f64, precision: Precision) -> Estimate {
+/// Best estimate, large errors, and bounds by name; by the fast model, whose error is part of `m`.
+pub(super) fn undetermined(m: &Measured, h: f64) -> Estimate {
+    let precision = Precision::Fast;
     let best = feasible(m.r, m.t, m);
     let centre = place(&best, precision);
     let Some(range) = range(m, WIDTH, precision) else {
@@ -126,7 +127,8 @@ pub(super) fn undetermined(m: &Measured, h: f64, precision: Precision) -> Estima
     let mut err = [0.0; 2];
     let mut open = Vec::new();
     for (k, name) in ["sigma_a", "sigma_s"].into_iter().enumerate() {
-        let (low, high) = (range.low[k], range.high[k]);
+        let may_be_opaque = m.t <= super::OPAQUE * m.t_err && range.high[k] > 0.0 && value[k] > 0.0;
+        let (low, high) = (range.low[k], if may_be_opaque { f64::INFINITY } else { range.high[k] });
         if value[k].is_infinite() {
             // opaque: the thinnest slab that explains it
             value[k] = low;

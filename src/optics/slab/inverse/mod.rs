@@ -71,9 +71,11 @@ pub(crate) struct Measured {
 
 /// Relative 1σ above which a parameter is not called determined.
 pub const DETERMINED: f64 = 0.1;
+/// A transmittance within this many standard errors of zero may belong to an opaque slab: noise of this size must not happen in millions of rows.
+const OPAQUE: f64 = 5.5;
 /// Beyond this many standard errors outside the possible, a measurement is refused.
 const IMPOSSIBLE: f64 = 4.0;
-/// Rounding of the measurements themselves.
+/// Rounding of the measurements themselves: relative, and absolute where one is exactly zero.
 const ROUNDING: f64 = 2e-16;
 /// Relative error of the forward models in ρd and in −ln ρt.
 const FAST_MODEL: f64 = 4e-9;
@@ -92,26 +94,29 @@ pub fn invert_with(precision: Precision, rho_d: f64, rho_t: f64, thickness_mm: f
     if let Some(why) = impossible(&measured, thickness_mm) {
         return Estimate::refused(why);
     }
-    let noisy = |model: f64| with_model_error(&measured, model);
-    if precision == Precision::Fast {
-        let m = noisy(FAST_MODEL);
-        if let Some(found) = determined(&m, thickness_mm, Precision::Fast) {
+    let stated_matters = rho_d_err.hypot(rho_t_err) > 30.0 * FAST_MODEL;
+    let coarse = with_model_error(&measured, FAST_MODEL);
+    let found = if precision == Precision::Fast { determined(&coarse, thickness_mm, Precision::Fast, Precision::Fast) } else { None };
+    if let Some(found) = found {
+        return found;
+    }
+    if precision == Precision::Exact || !stated_matters {
+        let check = if stated_matters { Precision::Fast } else { Precision::Exact };
+        if let Some(found) = determined(&with_model_error(&measured, EXACT_MODEL), thickness_mm, Precision::Exact, check) {
             return found;
         }
-        let stated = rho_d_err.hypot(rho_t_err);
-        if stated > 30.0 * FAST_MODEL {
-            return bounds::undetermined(&m, thickness_mm, Precision::Fast);
-        }
     }
-    let m = noisy(EXACT_MODEL);
-    determined(&m, thickness_mm, Precision::Exact).unwrap_or_else(|| bounds::undetermined(&m, thickness_mm, Precision::Exact))
+    bounds::undetermined(&coarse, thickness_mm)
 }
 
 /// Adds the forward model's error and rounding to the stated errors.
 fn with_model_error(m: &Measured, model: f64) -> Measured {
     let t = m.t.clamp(1e-300, 1.0);
-    let widen = |stated: f64, own: f64| (stated * stated + own * own + ROUNDING * ROUNDING).sqrt();
-    Measured { r_err: widen(m.r_err, model * m.r), t_err: widen(m.t_err, model * t * -t.ln()), ..*m }
+    let widen = |stated: f64, own: f64, value: f64| {
+        let rounding = if value == 0.0 { ROUNDING } else { ROUNDING * value };
+        (stated * stated + own * own + rounding * rounding).sqrt()
+    };
+    Measured { r_err: widen(m.r_err, model * m.r, m.r), t_err: widen(m.t_err, model * t * -t.ln(), m.t), ..*m }
 }
 
 /// Why no slab can be meant, if so.
@@ -141,9 +146,11 @@ fn impossible(m: &Measured, h: f64) -> Option<String> {
 }
 
 /// The answer where both parameters are determined, by the linear error propagation and, where that is in doubt, by the model itself.
-fn determined(m: &Measured, h: f64, precision: Precision) -> Option<Estimate> {
+///
+/// `check` is the model that judges the doubt: the fast one, except where noise is below its own error.
+fn determined(m: &Measured, h: f64, precision: Precision, check: Precision) -> Option<Estimate> {
     let lost = 1.0 - m.r - m.t;
-    if !(m.r > 2.0 * m.r_err && m.t > 2.0 * m.t_err && lost > 2.0 * m.r_err.hypot(m.t_err)) {
+    if !(m.r > 2.0 * m.r_err && m.t > OPAQUE * m.t_err && lost > 2.0 * m.r_err.hypot(m.t_err)) {
         return None;
     }
     let point = newton::solve(m.r, m.t, lost, precision)?;
@@ -152,8 +159,8 @@ fn determined(m: &Measured, h: f64, precision: Precision) -> Option<Estimate> {
     if !(ra <= DETERMINED && rs <= DETERMINED) {
         return None;
     }
-    let near_edge = m.r < 6.0 * m.r_err || m.t < 6.0 * m.t_err || lost < 6.0 * m.r_err.hypot(m.t_err);
-    if (near_edge || ra > 0.02 || rs > 0.02) && !bounds::nearly_linear(m, &point, &spread, precision) {
+    let near_edge = m.r < 6.0 * m.r_err || m.t < 12.0 * m.t_err || lost < 6.0 * m.r_err.hypot(m.t_err);
+    if (near_edge || ra > 0.02 || rs > 0.02) && !bounds::nearly_linear(m, &point, &spread, check) {
         return None;
     }
     Some(spread.estimate(&point, h, Verdict::Ok))

@@ -154,3 +154,12 @@ fn inversions_a_second() {
         println!("{precision:?}: {rate:.0} inversions/s, ok {ok} of {}, largest relative errors {worst:?}", passes * rows.len());
     }
 }
+
+#[test]
+#[ignore = "long"]
+fn coverage_over_many() {
+    for noise in [3e-2, 1e-2, 3e-3, 1e-3, 1e-4, 1e-5, 1e-6, 1e-9] {
+        let ([a, s], wrong, ok) = coverage(40_000, 77, noise);
+        println!("noise {noise}: ok {ok}, coverage σa {a:.4} σs {s:.4}, beyond 4 errors {wrong}");
+    }
+}

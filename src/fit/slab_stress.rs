@@ -1,0 +1,135 @@
+//! The slab's stress table: forward against the exact solution, and inversions with the verdict physics asks for.
+
+use super::stress::StressRow;
+use crate::optics::slab::inverse::{self, Verdict};
+use crate::optics::slab::{self, exact};
+use std::time::Instant;
+
+/// Inverse cases, committed: a slab (ω, 1−ω, Δ, h) or a measurement (ρd, ρt, h), the stated noise, and the verdict it must get.
+const CASES: &str = include_str!("../../data/stress/slab.csv");
+
+/// Forward cases: name, ω, 1−ω, Δ.
+const FORWARD: [(&str, f64, f64, f64); 14] = [
+    ("omega 0", 0.0, 1.0, 1.0),
+    ("omega 0 and delta 700", 0.0, 1.0, 700.0),
+    ("omega 1e-12", 1e-12, 1.0 - 1e-12, 1.0),
+    ("omega 1e-3 and delta 60", 1e-3, 0.999, 60.0),
+    ("omega 0.5 and delta 1e-6", 0.5, 0.5, 1e-6),
+    ("omega 0.5 and delta 1e-9", 0.5, 0.5, 1e-9),
+    ("omega 0.5 and delta 1000", 0.5, 0.5, 1000.0),
+    ("1-omega 1e-7 and delta 1", 1.0 - 1e-7, 1e-7, 1.0),
+    ("1-omega 1e-7 and delta 1000", 1.0 - 1e-7, 1e-7, 1000.0),
+    ("1-omega 1e-14 and delta 1e5", 1.0 - 1e-14, 1e-14, 1e5),
+    ("omega 1 and delta 1e-6", 1.0, 0.0, 1e-6),
+    ("omega 1 and delta 1", 1.0, 0.0, 1.0),
+    ("omega 1 and delta 1000", 1.0, 0.0, 1000.0),
+    ("omega 1 and delta 1e6", 1.0, 0.0, 1e6),
+];
+
+/// Runs every case.
+pub fn stress_cases() -> Vec<StressRow> {
+    let mut rows: Vec<StressRow> = FORWARD.iter().map(|&(case, omega, absorbed, delta)| forward(case, omega, absorbed, delta)).collect();
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(CASES.as_bytes());
+    for (line, record) in reader.records().enumerate() {
+        rows.push(match record {
+            Ok(record) => inverse_case(&record),
+            Err(e) => broken(&format!("line {}", line + 2), &e.to_string()),
+        });
+    }
+    rows
+}
+
+/// The fast model beside the exact one: `ok` means six digits in both, ρt down to 1e-30, and conservation where nothing absorbs.
+fn forward(case: &str, omega: f64, absorbed: f64, delta: f64) -> StressRow {
+    let want = exact::solve(omega, absorbed, delta);
+    let clock = Instant::now();
+    let got = slab::reduced(omega, absorbed, delta).0;
+    let ms = clock.elapsed().as_secs_f64() * 1e3;
+    let relative = |a: f64, b: f64, floor: f64| if b.abs() <= floor { (a - b).abs() } else { (a / b - 1.0).abs() };
+    let error = relative(got.rho_d, want.rho_d, 0.0).max(relative(got.rho_t, want.rho_t, 1e-30));
+    let conserved = absorbed != 0.0 || (got.rho_d + got.rho_t - 1.0).abs() < 1e-15;
+    let verdict = match (error < 1e-6, conserved) {
+        (true, true) => "ok".to_string(),
+        (false, _) => format!("wrong: relative error {error:.1e}"),
+        (_, false) => format!("wrong: rho_d + rho_t = {}", got.rho_d + got.rho_t),
+    };
+    StressRow {
+        model: "slab forward".into(),
+        case: case.into(),
+        expected: "ok".into(),
+        verdict,
+        digits: Some(digits(error)),
+        condition: None,
+        ms,
+    }
+}
+
+fn digits(error: f64) -> f64 {
+    -error.clamp(1e-16, 1.0).log10()
+}
+
+fn broken(case: &str, why: &str) -> StressRow {
+    let text = |s: &str| s.to_string();
+    StressRow {
+        model: text("slab"),
+        case: text(case),
+        expected: text("ok"),
+        verdict: format!("wrong: {why}"),
+        digits: None,
+        condition: None,
+        ms: 0.0,
+    }
+}
+
+/// One line of the table; an `ok` whose truth lies beyond four printed errors is `wrong`.
+fn inverse_case(record: &csv::StringRecord) -> StressRow {
+    let text = |k: usize| record.get(k).unwrap_or("");
+    let number = |k: usize| text(k).parse::<f64>().unwrap_or(f64::NAN);
+    let (h, noise) = (number(6), number(7));
+    let truth = (!text(1).is_empty()).then(|| [number(2) * number(3) / h, number(1) * number(3) / h]);
+    let (mut r, mut t) = (number(4), number(5));
+    if truth.is_some() {
+        let at = exact::solve(number(1), number(2), number(3));
+        (r, t) = (at.rho_d, at.rho_t);
+    }
+    if text(8) == "yes" {
+        (r, t) = (f64::from(r as f32), f64::from(t as f32));
+    }
+    let clock = Instant::now();
+    let e = inverse::invert(r, t, h, noise, noise);
+    let ms = clock.elapsed().as_secs_f64() * 1e3;
+    let mut verdict = e.status.to_string();
+    let mut correct = None;
+    if let (Verdict::Ok, Some([a, s])) = (&e.status, truth) {
+        correct = Some(digits((e.sigma_a / a - 1.0).abs().max((e.sigma_s / s - 1.0).abs())));
+        let off = ((e.sigma_a - a) / e.sigma_a_err).abs().max(((e.sigma_s - s) / e.sigma_s_err).abs());
+        if !(off <= 4.0) {
+            verdict = format!("wrong: ok, but {off:.1} printed errors from the truth");
+        }
+    }
+    StressRow {
+        model: "slab".into(),
+        case: text(0).into(),
+        expected: text(9).into(),
+        verdict,
+        digits: correct,
+        condition: e.condition.is_finite().then_some(e.condition),
+        ms,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_case_gets_its_verdict() {
+        let rows = stress_cases();
+        assert!(rows.len() > 50);
+        let missed: Vec<_> = rows.iter().filter(|r| !r.passed()).collect();
+        for r in &rows {
+            println!("{:55} {:32} {} {:?}", r.case, r.expected, r.verdict, r.digits);
+        }
+        assert!(missed.is_empty(), "{missed:#?}");
+    }
+}

@@ -1,0 +1,207 @@
+//! `eval slab` and `fit slab` from the outside.
+
+use assert_cmd::Command;
+use std::path::Path;
+
+fn mesophyll(args: &[&str], input: &str) -> (i32, String, String) {
+    let out = Command::cargo_bin("mesophyll").unwrap().args(args).write_stdin(input).output().unwrap();
+    (out.status.code().unwrap(), String::from_utf8(out.stdout).unwrap(), String::from_utf8(out.stderr).unwrap())
+}
+
+/// Columns by name of a CSV answer.
+fn table(text: &str) -> (Vec<String>, Vec<Vec<String>>) {
+    let mut reader = csv::Reader::from_reader(text.as_bytes());
+    let header = reader.headers().unwrap().iter().map(String::from).collect();
+    (header, reader.records().map(|r| r.unwrap().iter().map(String::from).collect()).collect())
+}
+
+fn number(rows: &[Vec<String>], row: usize, column: usize) -> f64 {
+    rows[row][column].parse().unwrap()
+}
+
+#[test]
+fn eval_methods_agree_and_bad_rows_are_named() {
+    let input = "delta,note,omega\n1,a,0.9\n1e-3,b,0.5\n60,c,0.2\n2,d,1\n0,e,0.3\n3,f,0\n1,g,1.5\n-1,h,0.5\noops,i,0.5\n1,j\n";
+    let mut answers = Vec::new();
+    for method in ["fast", "exact", "fn"] {
+        let (code, out, _) = mesophyll(&["--quiet", "eval", "slab", "--method", method], input);
+        assert_eq!(code, 0);
+        let (header, rows) = table(&out);
+        assert_eq!(header, ["delta", "note", "omega", "rho_d", "rho_t", "status"]);
+        assert_eq!(rows.len(), 10);
+        for (row, status) in
+            [(6, "refused: omega is 1.5"), (7, "refused: delta is -1"), (8, "refused: delta is \"oops\""), (9, "refused: 2 fields")]
+        {
+            assert!(rows[row][5].starts_with(status), "{:?}", rows[row]);
+            assert!(rows[row][3].is_empty());
+        }
+        answers.push(rows);
+    }
+    for row in 0..6 {
+        for column in [3, 4] {
+            let want = number(&answers[1], row, column);
+            for (k, digits) in [(0, 1e-7), (2, 1e-4)] {
+                let got = number(&answers[k], row, column);
+                assert!((got - want).abs() <= digits * want, "row {row} column {column}: {got} {want}");
+            }
+            assert_eq!(answers[0][row][5], "ok");
+        }
+    }
+    assert_eq!(number(&answers[0], 3, 3) + number(&answers[0], 3, 4), 1.0);
+}
+
+#[test]
+fn one_minus_omega_keeps_its_digits() {
+    let input = "omega,one_minus_omega,delta\n1,1e-12,1000\n0.5,0.6,1\n";
+    let (_, out, _) = mesophyll(&["--quiet", "eval", "slab"], input);
+    let (_, rows) = table(&out);
+    // absorbed fraction of a thick, nearly conservative slab: positive and proportional to 1−ω
+    let lost = 1.0 - number(&rows, 0, 3) - number(&rows, 0, 4);
+    assert!(lost > 1e-10 && lost < 1e-8, "{lost}");
+    assert!(rows[1][5].starts_with("refused: one_minus_omega"));
+}
+
+#[test]
+fn a_round_trip_through_files() {
+    let dir = tempfile::tempdir().unwrap();
+    let (a, b, c) = (dir.path().join("a.csv"), dir.path().join("b.csv"), dir.path().join("c.csv"));
+    let mut text = String::from("omega,delta\n");
+    for k in 0..200 {
+        text += &format!("{},{}\n", 0.05 + 0.94 * f64::from(k) / 200.0, 0.05 * 1.02_f64.powi(k));
+    }
+    std::fs::write(&a, text).unwrap();
+    let path = |p: &Path| p.to_str().unwrap().to_string();
+    assert_eq!(mesophyll(&["eval", "slab", "--method", "exact", "--in", &path(&a), "--out", &path(&b)], "").0, 0);
+    let measured = std::fs::read_to_string(&b).unwrap().replace("status", "eval_status").replace(",ok", ",ok,0.25").replacen(
+        "eval_status",
+        "eval_status,h",
+        1,
+    );
+    std::fs::write(&b, measured).unwrap();
+    let (code, json, _) = mesophyll(&["--json", "fit", "slab", "--in", &path(&b), "--out", &path(&c), "--noise", "1e-9"], "");
+    assert_eq!(code, 0);
+    assert!(json.contains("\"rows\": 200"), "{json}");
+    let (header, rows) = table(&std::fs::read_to_string(&c).unwrap());
+    let at = |name: &str| header.iter().position(|h| h == name).unwrap();
+    for k in 0..rows.len() {
+        let (omega, delta) = (number(&rows, k, at("omega")), number(&rows, k, at("delta")));
+        assert_eq!(rows[k][at("status")], "ok");
+        let (sa, ss) = (number(&rows, k, at("sigma_a")) * 0.25, number(&rows, k, at("sigma_s")) * 0.25);
+        assert!((sa / ((1.0 - omega) * delta) - 1.0).abs() < 1e-6 && (ss / (omega * delta) - 1.0).abs() < 1e-6, "{:?}", rows[k]);
+    }
+}
+
+#[test]
+fn options_are_checked_and_a_row_may_bring_its_own_errors() {
+    let input = "rho_d,rho_t,h,rho_d_err,rho_t_err\n0.3,0.2,0.2,,\n0.3,0.2,0.2,0.1,0.1\n0.3,0.2,0.2,1e-4,1e-4\n";
+    let (_, out, _) = mesophyll(&["--quiet", "fit", "slab"], input);
+    let (_, rows) = table(&out);
+    assert_eq!(rows[0][9], "ok");
+    assert!(rows[1][9].starts_with("undetermined: "), "{:?}", rows[1]);
+    let ratio = number(&rows, 2, 7) / number(&rows, 0, 7);
+    assert!((ratio / 100.0 - 1.0).abs() < 1e-2, "errors scale with the noise: {ratio}");
+    for bad in [
+        &["--noise", "-1"][..],
+        &["--noise", "NaN"],
+        &["--surface", "1"],
+        &["--columns", "rho=x"],
+        &["--columns", "rho_d"],
+        &["--columns", "rho_d=h"],
+        &["--columns", "rho_d_err=nosuch"],
+        &["--method", "magic"],
+        &["--thickness-unit", "parsec"],
+    ] {
+        let (code, _, err) = mesophyll(&[&["fit", "slab"], bad].concat(), input);
+        assert_eq!(code, 2, "{bad:?}: {err}");
+    }
+    let micrometres = mesophyll(&["--quiet", "fit", "slab", "--thickness-unit", "um"], "rho_d,rho_t,h\n0.3,0.2,200\n").1;
+    let millimetres = mesophyll(&["--quiet", "fit", "slab"], "rho_d,rho_t,h\n0.3,0.2,0.2\n").1;
+    assert_eq!(
+        micrometres.lines().nth(1).unwrap().split_once("200").unwrap().1,
+        millimetres.lines().nth(1).unwrap().split_once("0.2,0.2").unwrap().1
+    );
+    let (_, out, _) = mesophyll(&["--quiet", "fit", "slab", "--surface", "0.03"], "rho_d,rho_t,h\n0.33,0.2,0.2\n");
+    let (_, matte) = table(&millimetres);
+    let (_, gloss) = table(&out);
+    assert!((number(&gloss, 0, 4) / number(&matte, 0, 4) - 1.0).abs() < 1e-9);
+}
+
+#[test]
+fn species_means_run_as_they_are() {
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/data/leaves/species_means.csv");
+    for band in ["450", "550", "650"] {
+        let columns = format!("rho_d=reflectance_{band},rho_t=transmittance_{band},h=thickness_mm");
+        let (code, out, _) =
+            mesophyll(&["--quiet", "fit", "slab", "--in", file, "--columns", &columns, "--noise", "0.002", "--surface", "0.03"], "");
+        assert_eq!(code, 0);
+        let (header, rows) = table(&out);
+        assert_eq!(rows.len(), 45);
+        let status = header.len() - 1;
+        assert!(rows.iter().all(|r| !r[status].starts_with("refused")), "{rows:?}");
+        if band == "550" {
+            let ok = rows.iter().filter(|r| r[status] == "ok").count();
+            assert!(ok > 30, "green light passes most leaves: {ok} of 45");
+        }
+    }
+}
+
+#[test]
+fn a_reader_that_leaves_is_no_failure() {
+    use std::io::{Read, Write};
+    use std::process::{Command as Process, Stdio};
+    let mut child = Process::new(env!("CARGO_BIN_EXE_mesophyll"))
+        .args(["--quiet", "eval", "slab"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut input = child.stdin.take().unwrap();
+    let writer = std::thread::spawn(move || {
+        let _ = input.write_all(b"omega,delta\n");
+        for _ in 0..200_000 {
+            if input.write_all(b"0.5,1.0\n").is_err() {
+                break;
+            }
+        }
+    });
+    let mut first = [0u8; 16];
+    child.stdout.take().unwrap().read_exact(&mut first).unwrap();
+    let out = child.wait_with_output().unwrap();
+    writer.join().unwrap();
+    assert_eq!(out.status.code(), Some(0));
+    assert!(out.stderr.is_empty(), "{}", String::from_utf8_lossy(&out.stderr));
+}
+
+#[test]
+fn real_leaves_get_an_honest_status() {
+    let Some(data) = std::env::var_os("MESOPHYLL_DATA") else {
+        println!("skipped: MESOPHYLL_DATA is not set");
+        return;
+    };
+    let file = Path::new(&data).join("leaves/reflectance_transmittance.csv");
+    for band in ["450", "550", "650"] {
+        let columns = format!("rho_d=R{band},rho_t=T{band},h=thickness_um");
+        let args =
+            ["--quiet", "fit", "slab", "--in", file.to_str().unwrap(), "--columns", &columns, "--thickness-unit", "um", "--noise", "0.002"];
+        let (code, out, err) = mesophyll(&args, "");
+        assert_eq!(code, 0, "{err}");
+        let (header, rows) = table(&out);
+        let at = |name: &str| header.iter().position(|h| h == name).unwrap();
+        assert!(rows.len() > 200);
+        for row in &rows {
+            let status = &row[at("status")];
+            let value = |name: &str| row[at(name)].parse::<f64>();
+            if status == "ok" {
+                for s in ["sigma_a", "sigma_s"] {
+                    let (v, e) = (value(s).unwrap(), value(&format!("{s}_err")).unwrap());
+                    assert!(v > 0.0 && e > 0.0 && e <= 0.1 * v, "{row:?}");
+                }
+            } else if status.starts_with("undetermined: ") {
+                assert!(value("sigma_a").is_ok() && value("sigma_a_err").is_ok(), "{row:?}");
+            } else {
+                assert!(status.starts_with("refused: ") && value("sigma_a").is_err(), "{row:?}");
+            }
+        }
+    }
+}
