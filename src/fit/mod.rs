@@ -8,5 +8,7 @@ pub mod peers;
 pub mod record;
 pub mod solver;
 pub mod slab;
+pub mod slab_bench;
 pub mod slab_stress;
+pub mod solver;
 pub mod stress;

@@ -1,11 +1,13 @@
 //! What the peers of `bench --peers` are measured on: the same inputs for them and for us, written as files that their scripts read, and our
 //! own row on them. Seeded: the inputs are the same in every run.
 
-use super::bench::slab::larger;
-use super::bench::{self, BenchRow, median, median_us};
-use super::gloss::TexelFitter;
+use super::bench::{BenchRow, median_us};
+use super::gloss::{Device, TexelFitter, synthetic};
 use super::nist;
+use super::slab_bench::{self, Slab, forward_error, larger};
+use crate::optics::gloss::Lobe;
 use crate::optics::slab;
+use crate::optics::tube::Travel;
 use crate::{Error, Result};
 
 /// Files for a peer's folder, and our rows on the same inputs.
@@ -32,42 +34,40 @@ pub fn inputs(sweep: &str) -> Result<Option<Inputs>> {
     })
 }
 
-fn ours(model: &str, setting: &str, errors: Vec<f64>, us: f64, note: &str) -> BenchRow {
+/// Our row: median of `errors` (NaN: refused, counted as the largest).
+fn ours(model: &str, setting: &str, mut errors: Vec<f64>, us: f64, note: &str) -> BenchRow {
+    errors.sort_by(f64::total_cmp);
     let refused = errors.iter().filter(|e| e.is_nan()).count();
     let worst = errors.iter().copied().fold(0.0, f64::max);
     BenchRow {
         model: model.into(),
         knob: "peer".into(),
         setting: setting.into(),
+        error: errors.get(errors.len() / 2).copied().unwrap_or(f64::NAN),
         us,
         note: format!("{} {note}, worst error {worst:.1e}, {refused} refused", errors.len()),
-        error: median(errors),
     }
 }
 
 /// The 64 slabs of the sweep.
 fn slab_inputs() -> Inputs {
-    let samples = bench::slab::samples();
+    let slabs = slab_bench::slabs();
     let mut text = String::from("omega,delta,rho_d,rho_t\n");
-    for s in &samples {
-        let delta = s.sigma_a + s.sigma_s;
-        text.push_str(&format!("{},{delta},{},{}\n", s.sigma_s / delta, s.exact.rho_d, s.exact.rho_t));
+    for s in &slabs {
+        text.push_str(&format!("{},{},{},{}\n", s.omega, s.delta, s.exact.rho_d, s.exact.rho_t));
     }
-    let count = samples.len() as f64;
-    let forward = |s: &bench::slab::Sample| slab::response(s.sigma_a, s.sigma_s, 1.0);
-    let forward_errors = samples.iter().map(|s| {
-        let r = forward(s);
-        larger((r.rho_d / s.exact.rho_d - 1.0).abs(), (r.rho_t / s.exact.rho_t - 1.0).abs())
-    });
-    let inverse = |s: &bench::slab::Sample| slab::inverse::invert(s.exact.rho_d, s.exact.rho_t, 1.0, 1e-9, 1e-9);
-    let inverse_errors = samples.iter().map(|s| {
+    let count = slabs.len() as f64;
+    let forward = |s: &Slab| slab::response(s.sigma_a, s.sigma_s, 1.0);
+    let forward_errors = slabs.iter().map(|s| forward_error(s, forward(s)));
+    let inverse = |s: &Slab| slab::inverse::invert(s.exact.rho_d, s.exact.rho_t, 1.0, 1e-6, 1e-6);
+    let inverse_errors = slabs.iter().map(|s| {
         // As the peers are judged: single-scattering albedo and optical thickness.
-        let (e, total, truth) = (inverse(s), s.sigma_a + s.sigma_s, s.sigma_s / (s.sigma_a + s.sigma_s));
-        let found = e.sigma_a + e.sigma_s;
-        larger((e.sigma_s / found / truth - 1.0).abs(), (found / total - 1.0).abs())
+        let e = inverse(s);
+        let delta = e.sigma_a + e.sigma_s;
+        larger((e.sigma_s / delta / s.omega - 1.0).abs(), (delta / s.delta - 1.0).abs())
     });
-    let forward_us = median_us(50.0, || samples.iter().map(|s| forward(s).rho_d).sum::<f64>()) / count;
-    let inverse_us = median_us(100.0, || samples.iter().map(|s| inverse(s).sigma_a).sum::<f64>()) / count;
+    let forward_us = median_us(50.0, || slabs.iter().map(|s| forward(s).rho_d).sum::<f64>()) / count;
+    let inverse_us = median_us(100.0, || slabs.iter().map(|s| inverse(s).sigma_a).sum::<f64>()) / count;
     Inputs {
         ours: vec![
             ours("slab", "mesophyll forward", forward_errors.collect(), forward_us, "rows"),
@@ -77,21 +77,36 @@ fn slab_inputs() -> Inputs {
     }
 }
 
-/// 48 RGB texels of the sweep's device with a thin tube, 100 frames, 1 % noise.
+/// 48 RGB texels of the default device with a thin tube: m .05–.5, tilt ±.1, 100 frames, 1 % noise.
 fn gloss_inputs() -> Result<Inputs> {
-    let device = bench::gloss::device(0.0);
-    let u = bench::gloss::frames(100);
-    let texels = bench::gloss::texels(&device, &u, 48, true);
-    let positions: Vec<f64> = u.iter().map(|u| u * device.height_mm).collect();
-    let (errors, us) = bench::gloss::measure(&TexelFitter::new(&device, &positions, None), &texels, 200.0);
+    let device = Device { radius_mm: 0.0, ..synthetic::device(Lobe::Beckmann, 0.01) };
+    let positions = synthetic::pass_x(100);
+    let mut noise = synthetic::Noise::new(5);
+    let mut draw = |_| {
+        let (rho_d, rho_s) = (noise.uniform(0.02, 0.2), noise.uniform(0.02, 0.1));
+        synthetic::Truth {
+            rho_d: [0.5 * rho_d, rho_d, 0.3 * rho_d],
+            rho_s: [rho_s; 3],
+            m: noise.uniform(0.05f64.ln(), 0.5f64.ln()).exp(),
+            tilt: [noise.uniform(-0.1, 0.1), 0.0],
+        }
+    };
+    let truths: Vec<synthetic::Truth> = (0..48).map(&mut draw).collect();
+    let mut trace = |t: &synthetic::Truth| synthetic::trace(&device, Travel::X, &positions, [0.0; 2], t, Some(&mut noise));
+    let traces: Vec<Vec<[f32; 3]>> = truths.iter().map(&mut trace).collect();
+    let fitter = TexelFitter::new(&device, &positions, None);
+    let mut workspace = fitter.workspace();
+    let mut fitted = |trace: &[[f32; 3]]| fitter.fit(&mut workspace, [0.0; 2], trace, None).m;
+    let errors = truths.iter().zip(&traces).map(|(t, trace)| (fitted(trace) / t.m - 1.0).abs()).collect();
+    let us = median_us(200.0, || traces.iter().map(|trace| fitted(trace)).sum::<f64>()) / traces.len() as f64;
     let value = serde_json::json!({
-        "u": u,
-        "camera_deg": bench::gloss::CAMERA_DEG,
+        "u": positions.iter().map(|x| x / device.height_mm).collect::<Vec<_>>(),
+        "camera_deg": device.camera[0].atan2(device.camera[2]).to_degrees(),
         "height_mm": device.height_mm,
         "tube_length_mm": device.length_mm,
         "noise_relative": device.noise_relative,
         "noise_floor": device.noise_floor,
-        "texels": texels.iter().map(|t| serde_json::json!({ "m": t.m, "trace": t.trace })).collect::<Vec<_>>(),
+        "texels": truths.iter().zip(&traces).map(|(t, trace)| serde_json::json!({ "m": t.m, "trace": trace })).collect::<Vec<_>>(),
     });
     let text = serde_json::to_string(&value).map_err(|e| Error::Missed(format!("cannot write JSON: {e}")))?;
     Ok(Inputs {

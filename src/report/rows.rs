@@ -48,7 +48,7 @@ pub fn stress_table(rows: &[StressRow]) -> String {
         .iter()
         .map(|r| {
             vec![
-                if r.verdict == r.expected { String::new() } else { "!".into() },
+                if r.passed() { String::new() } else { "!".into() },
                 r.model.clone(),
                 r.case.clone(),
                 r.expected.clone(),
@@ -63,7 +63,7 @@ pub fn stress_table(rows: &[StressRow]) -> String {
     let mut text = table(&head, &[false, false, false, false, false, true, true, true], &cells);
     for model in names(rows.iter().map(|r| r.model.as_str())) {
         let of: Vec<&StressRow> = rows.iter().filter(|r| r.model == model).collect();
-        let met = of.iter().filter(|r| r.verdict == r.expected).count();
+        let met = of.iter().filter(|r| r.passed()).count();
         let digits: Vec<f64> = of.iter().filter_map(|r| r.digits).collect();
         let mean = match digits.len() {
             0 => String::new(),

@@ -16,6 +16,7 @@ pub mod uncertainty;
 
 pub use dd::Dd;
 pub use dual::Dual;
+pub use jacobian::check as jacobian_check;
 pub use lm::{Fit, Options};
 pub use problem::{Auto, Closure, Model, Problem};
 pub use real::Real;

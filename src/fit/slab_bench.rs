@@ -1,0 +1,81 @@
+//! Sweeps of the slab: its forward methods, the order of F_N, and the way back, on 64 slabs 1 mm thick (single-scattering albedo .05–.995,
+//! optical thickness .05–20), each against the exact method.
+
+use super::bench::{BenchRow, median_us};
+use crate::optics::slab::inverse::{self, Precision};
+use crate::optics::slab::{self, Response, exact, fn_method};
+use crate::solve::global::starts_in_box;
+
+/// A slab 1 mm thick, so that σ in 1/mm is an optical thickness.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Slab {
+    pub sigma_a: f64,
+    pub sigma_s: f64,
+    /// ω, 1 − ω and Δ of the same.
+    pub omega: f64,
+    pub one_minus_omega: f64,
+    pub delta: f64,
+    pub exact: Response,
+}
+
+/// The 64 slabs, evenly over ω and ln Δ.
+pub fn slabs() -> Vec<Slab> {
+    let points = starts_in_box(&[0.05, 0.05f64.ln()], &[0.995, 20f64.ln()], 64, 7).unwrap_or_default();
+    let slab = |p: &Vec<f64>| {
+        let (omega, one_minus_omega, delta) = (p[0], 1.0 - p[0], p[1].exp());
+        let exact = exact::solve(omega, one_minus_omega, delta);
+        Slab { sigma_a: one_minus_omega * delta, sigma_s: omega * delta, omega, one_minus_omega, delta, exact }
+    };
+    points.iter().map(slab).collect()
+}
+
+/// The larger of two relative errors; NaN where either is.
+pub fn larger(a: f64, b: f64) -> f64 {
+    if a > b || a.is_nan() { a } else { b }
+}
+
+/// Larger relative error of ρd and ρt.
+pub fn forward_error(s: &Slab, r: Response) -> f64 {
+    larger((r.rho_d / s.exact.rho_d - 1.0).abs(), (r.rho_t / s.exact.rho_t - 1.0).abs())
+}
+
+/// The rows.
+///
+/// # Errors
+/// None today; the signature is that of every sweep.
+pub fn bench_rows() -> crate::Result<Vec<BenchRow>> {
+    let slabs = slabs();
+    let mut rows = Vec::new();
+    let mut forward = |knob: &str, setting: String, method: &dyn Fn(&Slab) -> Response, reference: bool| {
+        let error = slabs.iter().map(|s| forward_error(s, method(s))).fold(0.0, larger);
+        rows.push(BenchRow {
+            model: "slab".into(),
+            knob: knob.into(),
+            setting,
+            error: if reference { f64::NAN } else { error },
+            us: median_us(40.0, || slabs.iter().map(|s| method(s).rho_d).sum::<f64>()) / slabs.len() as f64,
+            note: if reference { "the reference of the others" } else { "rho_d and rho_t, worst of 64, against exact" }.into(),
+        });
+    };
+    forward("method", "fast".into(), &|s| slab::response(s.sigma_a, s.sigma_s, 1.0), false);
+    forward("method", "fn".into(), &|s| fn_method::solve(s.omega, s.one_minus_omega, s.delta, 1e-3).response, false);
+    forward("method", "exact".into(), &|s| exact::response(s.sigma_a, s.sigma_s, 1.0), true);
+    for order in [3, 5, 7, 9, 13, 17, 25, 33] {
+        forward("F_N order", order.to_string(), &|s| fn_method::at_order(s.omega, s.one_minus_omega, s.delta, order), false);
+    }
+    // The noise that each precision is for: below 1e-7 the fast one hands over to the exact one by itself.
+    for (setting, precision, noise) in [("fast", Precision::Fast, 1e-6), ("exact", Precision::Exact, 1e-9)] {
+        let invert = |s: &Slab| inverse::invert_with(precision, s.exact.rho_d, s.exact.rho_t, 1.0, noise, noise);
+        let found: Vec<_> = slabs.iter().map(|s| (s, invert(s))).filter(|(_, e)| e.status.is_ok()).collect();
+        let error = found.iter().map(|(s, e)| larger((e.sigma_a / s.sigma_a - 1.0).abs(), (e.sigma_s / s.sigma_s - 1.0).abs()));
+        rows.push(BenchRow {
+            model: "slab".into(),
+            knob: "inversion".into(),
+            setting: setting.into(),
+            error: error.fold(0.0, larger),
+            us: median_us(80.0, || slabs.iter().map(|s| invert(s).sigma_a).sum::<f64>()) / slabs.len() as f64,
+            note: format!("sigma_a and sigma_s, worst of the {} of 64 that are ok at a noise of {noise:.0e}", found.len()),
+        });
+    }
+    Ok(rows)
+}
