@@ -17,7 +17,7 @@ use crate::geometry::{ball, corners};
 use crate::gpu::AdapterInfo;
 use crate::pick::{Hit, pick};
 use crate::picture::Picture;
-use crate::scene::{Camera, Instance, Scene};
+use crate::scene::{Camera, Instance, Interior, Scene};
 use check::Check;
 use egui::{Rect, Response, Sense, TextureId};
 use orbit::Orbit;
@@ -55,6 +55,8 @@ pub struct ViewerUi {
     instances: Vec<Instance>,
     /// Gloss as fitted, front and back, that the gloss factors scale.
     own_gloss: Vec<[Option<Vec<[f32; 4]>>; 2]>,
+    /// Thickness and interiors as fitted, of the leaves that are edited: what a reset puts back.
+    own_interiors: BTreeMap<usize, (f32, [Interior; 2])>,
     own_sun: Option<[f32; 3]>,
     own_sky: Option<[f32; 3]>,
     sun_factor: f32,
@@ -104,6 +106,7 @@ impl ViewerUi {
             adapter: adapter.clone(),
             instances: scene.instances.clone(),
             own_gloss: scene.leaves.iter().map(|l| [l.front.gloss.clone(), l.back.gloss.clone()]).collect(),
+            own_interiors: BTreeMap::new(),
             own_sun: scene.sun.map(|s| s.irradiance),
             own_sky: scene.sky,
             sun_factor: 1.0,
@@ -187,11 +190,28 @@ impl ViewerUi {
                 return;
             }
         };
+        let target = &mut self.scene.leaves[leaf];
+        let front = std::mem::replace(&mut target.front.interior, update.front);
+        let back = std::mem::replace(&mut target.back.interior, update.back);
+        let thickness = std::mem::replace(&mut target.thickness_mm, update.thickness_mm);
+        self.own_interiors.entry(leaf).or_insert((thickness, [front, back]));
+        self.finish_edit(leaf, edit);
+    }
+
+    /// Puts a leaf back as it was fitted, bit for bit.
+    pub fn reset(&mut self, leaf: usize) {
+        if let Some((thickness, [front, back])) = self.own_interiors.remove(&leaf) {
+            let target = &mut self.scene.leaves[leaf];
+            target.thickness_mm = thickness;
+            (target.front.interior, target.back.interior) = (front, back);
+            self.finish_edit(leaf, self.starts[leaf]);
+        }
+    }
+
+    fn finish_edit(&mut self, leaf: usize, edit: LeafEdit) {
         self.message.clear();
         self.edits[leaf] = edit;
         let target = &mut self.scene.leaves[leaf];
-        target.thickness_mm = update.thickness_mm;
-        (target.front.interior, target.back.interior) = (update.front, update.back);
         let [front, back] = &self.own_gloss[leaf];
         for (side, own, factors) in [(&mut target.front, front, edit.front), (&mut target.back, back, edit.back)] {
             let scaled = |t: &[f32; 4]| {
