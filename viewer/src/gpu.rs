@@ -106,6 +106,14 @@ impl Gpu {
         })
     }
 
+    /// Catches what the adapter refuses from here on, until `Guard::finish`.
+    pub(crate) fn guard(&self) -> Guard {
+        Guard {
+            memory: self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory),
+            validation: self.device.push_error_scope(wgpu::ErrorFilter::Validation),
+        }
+    }
+
     pub(crate) fn is_gl(&self) -> bool {
         self.adapter.get_info().backend == wgpu::Backend::Gl
     }
@@ -130,5 +138,22 @@ impl Gpu {
     pub(crate) fn buffer(&self, label: &str, bytes: &[u8], usage: wgpu::BufferUsages) -> wgpu::Buffer {
         use wgpu::util::DeviceExt;
         self.device.create_buffer_init(&wgpu::util::BufferInitDescriptor { label: Some(label), contents: bytes, usage })
+    }
+}
+
+/// Turns the adapter's refusals (no memory left, a shader its driver does not take) into errors.
+pub(crate) struct Guard {
+    memory: wgpu::ErrorScopeGuard,
+    validation: wgpu::ErrorScopeGuard,
+}
+
+impl Guard {
+    pub(crate) fn finish(self, gpu: &Gpu) -> Result<()> {
+        let validation = pollster::block_on(self.validation.pop());
+        let memory = pollster::block_on(self.memory.pop());
+        match memory.or(validation) {
+            None => Ok(()),
+            Some(error) => Err(Error::Device { adapter: gpu.info.name.clone(), reason: error.to_string() }),
+        }
     }
 }

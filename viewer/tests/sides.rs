@@ -85,7 +85,7 @@ fn mapped_normals_lean_the_way_their_camera_saw() {
             let want = std::array::from_fn(|c| f64::from(sun(light).irradiance[c]) * cosine * f64::from(rho[c]) / PI);
             renderer.set_scene(&scene).expect("scene");
             let picture = renderer.render(&straight(front_seen), 9, 9).expect("picture");
-            agree(&format!("seen {front_seen}, mapped {front_mapped}"), picture.radiance(4, 4), want, 1e-4);
+            agree(&format!("seen {front_seen}, mapped {front_mapped}"), picture.radiance(4, 4), want, held(&renderer, 1e-4));
         }
     }
 }
@@ -182,7 +182,7 @@ fn masks_cut_the_outline_and_four_samples_soften_it() {
         let picture = renderer.render(&straight(true), 60, 60).expect("picture");
         assert_eq!((picture.radiance(5, 5)[3], picture.radiance(55, 55)[3]), (1.0, 0.0));
         let partial = picture.hdr.iter().filter(|p| p[3] > 0.0 && p[3] < 1.0).count();
-        assert_eq!(partial > 0, msaa == 4, "{partial}");
+        assert_eq!(partial > 0, msaa == 4 && renderer.adapter().backend != "gl", "{partial}");
         covered.push(picture.hdr.iter().map(|p| p[3]).sum::<f32>() / 3600.0);
     }
     assert!((covered[0] - covered[1]).abs() < 0.01, "{covered:?}");
@@ -197,6 +197,10 @@ fn masks_cut_the_outline_and_four_samples_soften_it() {
 #[test]
 fn a_masks_edge_covers_as_a_meshs_edge_does() {
     let Some(mut renderer) = renderer() else { return };
+    if renderer.adapter().backend == "gl" {
+        println!("skipped: GL cuts masks at pixel centres");
+        return;
+    }
     // The same straight edge at x = 0, once cut by the mask, once by the mesh; seen askew.
     let mut masked = uniform_leaf();
     masked.mask = Some((0..64).map(|i| u8::from(i % 8 < 4)).collect());
