@@ -9,7 +9,8 @@ pub enum Error {
          (on Debian: apt-get install mesa-vulkan-drivers libvulkan1)"
     )]
     NoAdapter,
-    #[error("adapter {adapter} gave no device: {reason}")]
+    /// The adapter gave no device, ran out of memory or refused a shader.
+    #[error("adapter {adapter} refused: {reason}")]
     Device { adapter: String, reason: String },
     /// The scene data contradict themselves.
     #[error("scene, {place}: found {found}, expected {expected}")]

@@ -30,6 +30,8 @@ pub struct AdapterInfo {
     pub driver: String,
     /// True where the CPU draws: its frame times say nothing about a GPU.
     pub is_software: bool,
+    /// True where maps or radiance are held at 16 bits a channel, which keeps about 5e-4 relative.
+    pub half_precision: bool,
 }
 
 /// An opened device and what it can do.
@@ -69,7 +71,8 @@ impl Gpu {
         };
         let adapter = pollster::block_on(instance.request_adapter(&request)).map_err(|_| Error::NoAdapter)?;
         let raw = adapter.get_info();
-        let info = AdapterInfo {
+        let mut info = AdapterInfo {
+            half_precision: false,
             is_software: raw.device_type == wgpu::DeviceType::Cpu || raw.name.to_lowercase().contains("llvmpipe"),
             backend: raw.backend.to_string(),
             driver: format!("{} {}", raw.driver, raw.driver_info).trim().to_string(),
@@ -90,6 +93,7 @@ impl Gpu {
                 .get_texture_format_features(wgpu::TextureFormat::Rgba32Float)
                 .allowed_usages
                 .contains(wgpu::TextureUsages::RENDER_ATTACHMENT);
+        info.half_precision = !(filterable && renderable);
         let pick = |wide| if wide { wgpu::TextureFormat::Rgba32Float } else { wgpu::TextureFormat::Rgba16Float };
         Ok(Gpu {
             map_format: pick(filterable),
@@ -100,6 +104,18 @@ impl Gpu {
             queue,
             info,
         })
+    }
+
+    /// Catches what the adapter refuses from here on, until `Guard::finish`.
+    pub(crate) fn guard(&self) -> Guard {
+        Guard {
+            memory: self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory),
+            validation: self.device.push_error_scope(wgpu::ErrorFilter::Validation),
+        }
+    }
+
+    pub(crate) fn is_gl(&self) -> bool {
+        self.adapter.get_info().backend == wgpu::Backend::Gl
     }
 
     /// Largest side of a texture or picture.
@@ -122,5 +138,22 @@ impl Gpu {
     pub(crate) fn buffer(&self, label: &str, bytes: &[u8], usage: wgpu::BufferUsages) -> wgpu::Buffer {
         use wgpu::util::DeviceExt;
         self.device.create_buffer_init(&wgpu::util::BufferInitDescriptor { label: Some(label), contents: bytes, usage })
+    }
+}
+
+/// Turns the adapter's refusals (no memory left, a shader its driver does not take) into errors.
+pub(crate) struct Guard {
+    memory: wgpu::ErrorScopeGuard,
+    validation: wgpu::ErrorScopeGuard,
+}
+
+impl Guard {
+    pub(crate) fn finish(self, gpu: &Gpu) -> Result<()> {
+        let validation = pollster::block_on(self.validation.pop());
+        let memory = pollster::block_on(self.memory.pop());
+        match memory.or(validation) {
+            None => Ok(()),
+            Some(error) => Err(Error::Device { adapter: gpu.info.name.clone(), reason: error.to_string() }),
+        }
     }
 }

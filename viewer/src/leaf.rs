@@ -128,7 +128,7 @@ impl LeafOnGpu {
         stats: &mut Stats,
     ) -> Option<LeafOnGpu> {
         let leaf = &scene.leaves[index];
-        let variant = Variant::new(scene, leaf);
+        let variant = Variant::new(gpu, scene, leaf);
         let needs = VertexNeeds { normals: true, tangents: variant.tangent() };
         let geometry = Geometry::new(gpu, scene, index, needs, stats)?;
 

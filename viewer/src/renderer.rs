@@ -13,7 +13,7 @@ use crate::scene::{Camera, Scene, Sun};
 use crate::stats::Stats;
 use crate::timing::{Clock, PASSES, Timing};
 use crate::validate;
-use crate::variant::{Variant, shadow_layers};
+use crate::variant::shadow_layers;
 use glam::Vec3;
 use std::time::Instant;
 
@@ -95,9 +95,11 @@ impl Renderer {
     /// Uploads what `scene` needs and makes the pipelines it needs; replaces the scene before it.
     ///
     /// # Errors
-    /// `Scene` or `Size` where the data contradict themselves or exceed the adapter; the scene before stays then.
+    /// `Scene` or `Size` where the data contradict themselves or exceed the adapter: the scene before stays then. `Device` where the
+    /// adapter runs out of memory or refuses a shader: no scene is left then.
     pub fn set_scene(&mut self, scene: &Scene) -> Result<()> {
         validate::scene(&self.gpu, scene)?;
+        let guard = self.gpu.guard();
         let mut stats = Stats { draws: self.stats.draws, shadow_renders: self.stats.shadow_renders, ..Stats::default() };
         let leaves: Vec<LeafOnGpu> = (0..scene.leaves.len())
             .filter_map(|i| LeafOnGpu::new(&self.gpu, scene, i, &self.samplers, &mut self.tables, &mut stats))
@@ -114,6 +116,11 @@ impl Renderer {
         }
         stats.pipeline("tonemap");
         let main = MainPass::new(&self.gpu, shadow.as_ref());
+        if let Err(error) = guard.finish(&self.gpu) {
+            self.pipelines = Pipelines::default();
+            self.loaded = None;
+            return Err(error);
+        }
         self.tonemap.set_exposure(&self.gpu, scene.exposure);
         self.loaded = Some(Loaded {
             leaves,
@@ -163,9 +170,17 @@ impl Renderer {
         validate::scene(&self.gpu, scene)?;
         let Some(loaded) = &mut self.loaded else { return self.set_scene(scene) };
         let Some(slot) = loaded.leaves.iter().position(|l| l.index == index) else { return Ok(()) };
+        let guard = self.gpu.guard();
         let new = LeafOnGpu::new(&self.gpu, scene, index, &self.samplers, &mut self.tables, &mut self.stats);
+        if let Some(new) = &new {
+            self.pipelines.need(&self.gpu, &new.variant, &mut self.stats);
+        }
+        if let Err(error) = guard.finish(&self.gpu) {
+            self.pipelines = Pipelines::default();
+            self.loaded = None;
+            return Err(error);
+        }
         if let Some(new) = new {
-            self.pipelines.need(&self.gpu, &Variant::new(scene, &scene.leaves[index]), &mut self.stats);
             loaded.leaves[slot] = new;
         }
         if let Some(shadow) = &mut loaded.shadow {

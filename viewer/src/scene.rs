@@ -19,7 +19,8 @@
 //! f_s = 0 where N·h ≤ 0; m is floored at 1e-3. The sun's centre lights the surface, its disk only decides V.
 //! Maps are sampled bilinearly with texel centres at (i + ½)/W, clamped at the rim; δ is sampled before the curve is looked up (clamped at
 //! its ends), mapped normals are sampled and then normalised. Minified maps are averaged (a mip chain). A mask's edge lies where its
-//! bilinear sample passes ½. With `msaa` 4 coverage is sampled four times a pixel and shading once, at the pixel's centre.
+//! bilinear sample passes ½. With `msaa` 4 coverage is sampled at (3/8, 1/8), (7/8, 3/8), (1/8, 5/8), (5/8, 7/8) of a pixel and shading
+//! once a leaf, at the pixel's centre (GL cuts a mask at the centre alone); the picture averages radiance before the tone map.
 //! The sky is not shadowed by other leaves. Where nothing is hit the radiance is `Scene::background`.
 //! Picture: exposure · L, Reinhard x/(1 + x) a channel, sRGB encoding (IEC 61966-2-1), 8 bits.
 

@@ -1,5 +1,6 @@
 //! What a leaf's shader holds: the closure of what the scene's lights and the leaf's maps need. Equal variants share a pipeline.
 
+use crate::gpu::Gpu;
 use crate::scene::{Interior, Leaf, Lobe, Scene, Side};
 use crate::shader::Defines;
 
@@ -11,6 +12,8 @@ pub(crate) struct Variant {
     pub shadow: u32,
     pub sky: bool,
     pub mask: bool,
+    /// The mask is sampled where the pixel's samples are, instead of at its centre.
+    pub sample_mask: bool,
     pub front: SideVariant,
     pub back: SideVariant,
     pub lobe: LobeKind,
@@ -40,7 +43,7 @@ pub(crate) fn shadow_layers(scene: &Scene) -> u32 {
 }
 
 impl Variant {
-    pub(crate) fn new(scene: &Scene, leaf: &Leaf) -> Variant {
+    pub(crate) fn new(gpu: &Gpu, scene: &Scene, leaf: &Leaf) -> Variant {
         let (sun, sky) = (scene.sun.is_some(), scene.sky.is_some());
         let side = |side: &Side| {
             let gloss = (sun || sky) && side.gloss.as_ref().is_some_and(|g| g.iter().any(|t| t[0] > 0.0 || t[1] > 0.0 || t[2] > 0.0));
@@ -55,7 +58,10 @@ impl Variant {
             Lobe::Ggx => LobeKind::Ggx,
             Lobe::CookTorrance { .. } => LobeKind::CookTorrance,
         };
-        Variant { sun, shadow: shadow_layers(scene), sky, mask: leaf.mask.is_some(), front, back, lobe, msaa: scene.msaa }
+        let mask = leaf.mask.is_some();
+        // Naga writes GLSL for a sample mask that GL drivers refuse: there the outline is cut at the pixels' centres.
+        let sample_mask = mask && scene.msaa > 1 && !gpu.is_gl();
+        Variant { sun, shadow: shadow_layers(scene), sky, mask, sample_mask, front, back, lobe, msaa: scene.msaa }
     }
 
     /// Whether any light reaches the leaf: without one no map is read.
@@ -85,7 +91,7 @@ impl Variant {
             .set("SKY", self.sky)
             .set("LIT", lit)
             .set("MASK", self.mask)
-            .set("SAMPLE_MASK", self.mask && self.msaa > 1)
+            .set("SAMPLE_MASK", self.sample_mask)
             .set("SAMPLED", self.sampled())
             .set("TANGENT", self.tangent())
             .set("GLOSS", self.lobe != LobeKind::None)

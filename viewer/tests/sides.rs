@@ -85,7 +85,7 @@ fn mapped_normals_lean_the_way_their_camera_saw() {
             let want = std::array::from_fn(|c| f64::from(sun(light).irradiance[c]) * cosine * f64::from(rho[c]) / PI);
             renderer.set_scene(&scene).expect("scene");
             let picture = renderer.render(&straight(front_seen), 9, 9).expect("picture");
-            agree(&format!("seen {front_seen}, mapped {front_mapped}"), picture.radiance(4, 4), want, 1e-4);
+            agree(&format!("seen {front_seen}, mapped {front_mapped}"), picture.radiance(4, 4), want, held(&renderer, 1e-4));
         }
     }
 }
@@ -182,7 +182,7 @@ fn masks_cut_the_outline_and_four_samples_soften_it() {
         let picture = renderer.render(&straight(true), 60, 60).expect("picture");
         assert_eq!((picture.radiance(5, 5)[3], picture.radiance(55, 55)[3]), (1.0, 0.0));
         let partial = picture.hdr.iter().filter(|p| p[3] > 0.0 && p[3] < 1.0).count();
-        assert_eq!(partial > 0, msaa == 4, "{partial}");
+        assert_eq!(partial > 0, msaa == 4 && renderer.adapter().backend != "gl", "{partial}");
         covered.push(picture.hdr.iter().map(|p| p[3]).sum::<f32>() / 3600.0);
     }
     assert!((covered[0] - covered[1]).abs() < 0.01, "{covered:?}");
@@ -192,4 +192,36 @@ fn masks_cut_the_outline_and_four_samples_soften_it() {
     twice.sky = Some([1.0; 3]);
     renderer.set_scene(&twice).expect("scene");
     assert!(!renderer.stats().uploaded("mask"));
+}
+
+#[test]
+fn a_masks_edge_covers_as_a_meshs_edge_does() {
+    let Some(mut renderer) = renderer() else { return };
+    if renderer.adapter().backend == "gl" {
+        println!("skipped: GL cuts masks at pixel centres");
+        return;
+    }
+    // The same straight edge at x = 0, once cut by the mask, once by the mesh; seen askew.
+    let mut masked = uniform_leaf();
+    masked.mask = Some((0..64).map(|i| u8::from(i % 8 < 4)).collect());
+    let mut cut = uniform_leaf();
+    for (p, uv) in cut.mesh.positions.iter_mut().zip(&mut cut.mesh.uvs) {
+        p.x = p.x.min(0.0);
+        uv.x = uv.x.min(0.5);
+    }
+    let mut view = straight(true);
+    view.up = Vec3::new(0.37, 1.0, 0.0);
+    let mut coverage = |leaf| {
+        let mut scene = scene_of(leaf);
+        scene.sky = Some([1.0; 3]);
+        scene.msaa = 4;
+        renderer.set_scene(&scene).expect("scene");
+        renderer.render(&view, 64, 64).expect("picture").hdr.iter().map(|p| p[3]).collect::<Vec<f32>>()
+    };
+    let (a, b) = (coverage(masked), coverage(cut));
+    let partial = b.iter().filter(|c| **c > 0.0 && **c < 1.0).count();
+    let differing = a.iter().zip(&b).filter(|(x, y)| x != y).count();
+    let largest = a.iter().zip(&b).map(|(x, y)| (x - y).abs()).fold(0.0, f32::max);
+    // Filters hold their weights in 1/256 of a texel, 1/32 of a pixel here: a sample in some thirty may fall on the other side.
+    assert!(partial > 60 && differing <= partial / 8 && largest <= 0.25, "{differing} of {partial} edge pixels differ by up to {largest}");
 }

@@ -195,6 +195,7 @@ fn everything_is_drawn_without_a_display() {
 fn a_thicker_leaf_goes_through_the_editor_and_dims() {
     let Some(mut bench) = bench() else { return };
     let before = bench.brightness();
+    let fitted = bench.ui.scene().leaves[0].front.interior.clone();
     let slider = bench.ui.landmark_rect("thickness").expect("slider");
     // The rail takes the slider's left part.
     let handle = egui::pos2(slider.left() + 55.0, slider.center().y);
@@ -209,7 +210,8 @@ fn a_thicker_leaf_goes_through_the_editor_and_dims() {
     assert!(bench.ui.message().contains("fits/edited"));
     bench.click("reset");
     assert_eq!(bench.ui.edit(0).thickness_mm, 0.2);
-    assert!((bench.brightness() - before).abs() < 0.2);
+    let (Interior::Scalars(a), Interior::Scalars(b)) = (&fitted, &bench.ui.scene().leaves[0].front.interior) else { panic!() };
+    assert!(a == b && bench.brightness() == before, "as fitted, bit for bit");
 }
 
 #[test]

@@ -92,9 +92,11 @@ impl ShadowPass {
     ) -> (ShadowPass, f32) {
         let device = &gpu.device;
         let (layers, resolution) = (scene.shadow_samples, scene.shadow_resolution);
+        // wgpu's GL backend takes one square layer for a plain texture and multiples of six for cubes: a spare layer avoids both.
+        let spare = u32::from(gpu.is_gl() && (layers == 1 || layers.is_multiple_of(6)));
         let texture = device.create_texture(&wgpu::TextureDescriptor {
             label: Some("shadow maps"),
-            size: wgpu::Extent3d { width: resolution, height: resolution, depth_or_array_layers: layers },
+            size: wgpu::Extent3d { width: resolution, height: resolution, depth_or_array_layers: layers + spare },
             mip_level_count: 1,
             sample_count: 1,
             dimension: wgpu::TextureDimension::D2,
@@ -155,7 +157,7 @@ impl ShadowPass {
         });
         let mut pass = ShadowPass {
             layers: (0..layers).map(|i| view(i, 1, wgpu::TextureViewDimension::D2)).collect(),
-            map: view(0, layers, wgpu::TextureViewDimension::D2Array),
+            map: view(0, layers + spare, wgpu::TextureViewDimension::D2Array),
             sampler,
             matrices: gpu.uniform("shadow matrices", &matrices),
             light_group,

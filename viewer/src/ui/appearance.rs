@@ -55,7 +55,7 @@ impl ViewerUi {
             let reset = ui.add_enabled(changed, egui::Button::new("Reset"));
             self.landmark("reset", &reset);
             if reset.clicked() {
-                self.set_edit(self.leaf, self.starts[self.leaf]);
+                self.reset(self.leaf);
             }
             let save = ui.add_enabled(changed, egui::Button::new("Save as new fit"));
             self.landmark("save", &save);

@@ -6,6 +6,7 @@
 mod appearance;
 mod check;
 mod light;
+mod live;
 pub(crate) mod orbit;
 mod readout;
 mod thumbnails;
@@ -15,11 +16,11 @@ pub use check::CheckLayout;
 use crate::editor::{Editor, LeafEdit};
 use crate::geometry::{ball, corners};
 use crate::gpu::AdapterInfo;
-use crate::pick::{Hit, pick};
+use crate::pick::Hit;
 use crate::picture::Picture;
-use crate::scene::{Camera, Instance, Scene};
+use crate::scene::{Camera, Instance, Interior, Scene};
 use check::Check;
-use egui::{Rect, Response, Sense, TextureId};
+use egui::{Rect, Response, TextureId};
 use orbit::Orbit;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::path::PathBuf;
@@ -55,6 +56,8 @@ pub struct ViewerUi {
     instances: Vec<Instance>,
     /// Gloss as fitted, front and back, that the gloss factors scale.
     own_gloss: Vec<[Option<Vec<[f32; 4]>>; 2]>,
+    /// Thickness and interiors as fitted, of the leaves that are edited: what a reset puts back.
+    own_interiors: BTreeMap<usize, (f32, [Interior; 2])>,
     own_sun: Option<[f32; 3]>,
     own_sky: Option<[f32; 3]>,
     sun_factor: f32,
@@ -104,6 +107,7 @@ impl ViewerUi {
             adapter: adapter.clone(),
             instances: scene.instances.clone(),
             own_gloss: scene.leaves.iter().map(|l| [l.front.gloss.clone(), l.back.gloss.clone()]).collect(),
+            own_interiors: BTreeMap::new(),
             own_sun: scene.sun.map(|s| s.irradiance),
             own_sky: scene.sky,
             sun_factor: 1.0,
@@ -187,11 +191,28 @@ impl ViewerUi {
                 return;
             }
         };
+        let target = &mut self.scene.leaves[leaf];
+        let front = std::mem::replace(&mut target.front.interior, update.front);
+        let back = std::mem::replace(&mut target.back.interior, update.back);
+        let thickness = std::mem::replace(&mut target.thickness_mm, update.thickness_mm);
+        self.own_interiors.entry(leaf).or_insert((thickness, [front, back]));
+        self.finish_edit(leaf, edit);
+    }
+
+    /// Puts a leaf back as it was fitted, bit for bit.
+    pub fn reset(&mut self, leaf: usize) {
+        if let Some((thickness, [front, back])) = self.own_interiors.remove(&leaf) {
+            let target = &mut self.scene.leaves[leaf];
+            target.thickness_mm = thickness;
+            (target.front.interior, target.back.interior) = (front, back);
+            self.finish_edit(leaf, self.starts[leaf]);
+        }
+    }
+
+    fn finish_edit(&mut self, leaf: usize, edit: LeafEdit) {
         self.message.clear();
         self.edits[leaf] = edit;
         let target = &mut self.scene.leaves[leaf];
-        target.thickness_mm = update.thickness_mm;
-        (target.front.interior, target.back.interior) = (update.front, update.back);
         let [front, back] = &self.own_gloss[leaf];
         for (side, own, factors) in [(&mut target.front, front, edit.front), (&mut target.back, back, edit.back)] {
             let scaled = |t: &[f32; 4]| {
@@ -343,58 +364,5 @@ impl ViewerUi {
             Some(layout) if self.check.is_some() => self.check_view(ui, layout),
             _ => self.live_view(ui, picture),
         });
-    }
-
-    fn live_view(&mut self, ui: &mut egui::Ui, picture: TextureId) {
-        let (rect, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
-        self.landmark("picture", &response);
-        let scale = ui.ctx().pixels_per_point();
-        let size = [rect.width(), rect.height()].map(|s| (s * scale).round().max(1.0) as u32);
-        if size != self.picture_size {
-            self.picture_size = size;
-            self.dirty = true;
-        }
-        let whole = Rect::from_min_max(egui::pos2(0.0, 0.0), egui::pos2(1.0, 1.0));
-        ui.painter().image(picture, rect, whole, egui::Color32::WHITE);
-
-        let moved = response.drag_delta();
-        let panning = response.dragged_by(egui::PointerButton::Secondary)
-            || response.dragged_by(egui::PointerButton::Middle)
-            || ui.input(|i| i.modifiers.shift);
-        if response.dragged() && moved != egui::Vec2::ZERO {
-            if panning {
-                self.orbit.pan(moved.x / rect.height(), moved.y / rect.height());
-            } else {
-                self.orbit.turn(moved.x * 0.008, moved.y * 0.008);
-            }
-            self.camera_changed();
-        }
-        self.moving = response.dragged();
-        if !self.moving && self.drawn_as_draft {
-            self.dirty = true;
-        }
-        if response.hovered() {
-            let (scroll, zoom) = ui.input(|i| (i.smooth_scroll_delta().y, i.zoom_delta()));
-            if scroll != 0.0 || zoom != 1.0 {
-                self.orbit.zoom((scroll * 0.0025).exp() * zoom);
-                self.camera_changed();
-            }
-        }
-        let pointer = response.hover_pos().filter(|_| !response.dragged());
-        let aspect = rect.width() / rect.height();
-        let hit = pointer.and_then(|p| {
-            let at = (p - rect.min) / rect.size();
-            pick(&self.scene, &self.orbit.camera, aspect, at.x, at.y)
-        });
-        self.hover = hit.map(|hit| match self.hover.take() {
-            Some((old, rows)) if (old.leaf, old.front, old.texel) == (hit.leaf, hit.front, hit.texel) => (hit, rows),
-            _ => (hit, self.editor.probe(hit.leaf, hit.front, hit.texel)),
-        });
-        if let (true, Some(hit)) = (response.clicked(), hit) {
-            self.side_front = hit.front;
-            if hit.leaf != self.leaf {
-                self.choose(hit.leaf);
-            }
-        }
     }
 }

@@ -26,6 +26,11 @@ pub fn renderer_with(options: &Options) -> Option<Renderer> {
     }
 }
 
+/// `relative`, but not finer than what the adapter's formats hold.
+pub fn held(renderer: &Renderer, relative: f64) -> f64 {
+    if renderer.adapter().half_precision { relative.max(2e-3) } else { relative }
+}
+
 /// A flat square of `half` mm to each side in the plane z = 0, front up; u grows with x, v falls with y.
 pub fn square(half: f32) -> Mesh {
     let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
