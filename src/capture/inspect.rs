@@ -95,8 +95,8 @@ fn consequences(m: &Manifest, found: &mut Inspection) {
     for pass in &m.passes {
         let p = pass.positions();
         let step = p.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
-        // A lobe of roughness m is about 2 m H wide along the tube's path; below two frames its shape depends on the sub-frame phase.
-        let narrow = step / m.tube.height_mm;
+        // Near the mirror angle a slope changes the tube's place by 2 H/cos²(camera): a lobe of roughness m spans two frames at this m.
+        let narrow = step / m.tube.height_mm * m.camera_deg.to_radians().cos().powi(2);
         note(format!(
             "pass \"{}\": {} positions, at most {step:.3} mm apart; roughness below about {narrow:.3} is not resolved",
             pass.name.name(),

@@ -34,6 +34,9 @@ pub fn known(name: &str) -> Option<&'static Quantity> {
 
 /// `σa` for `sigma_a`; the name itself where there is no symbol.
 pub fn symbol(name: &str) -> String {
+    if let Some(own) = name.strip_suffix("_map") {
+        return format!("{} maps", symbol(own));
+    }
     known(name).filter(|q| q.name != "normal").and_then(|q| q.title.split(',').next()).unwrap_or(name).to_string()
 }
 
@@ -81,7 +84,7 @@ mod tests {
         assert_eq!(split("thickness.Y"), ("thickness", ""));
         assert_eq!(split("normal.Y"), ("normal", "Y"));
         assert_eq!(symbol("sigma_a"), "σa");
-        assert_eq!(symbol("odd"), "odd");
+        assert_eq!((symbol("odd"), symbol("sigma_a_map")), ("odd".into(), "σa maps".into()));
         let mut names = ["odd.Y", "sigma_a.R", "rho_d.B", "sigma_a.G"];
         names.sort_by_key(|n| rank(n));
         assert_eq!(names, ["rho_d.B", "sigma_a.G", "sigma_a.R", "odd.Y"]);

@@ -140,7 +140,8 @@ fn side(folder: &Path, name: &str, record: &FitRecord, missing: &mut Vec<String>
     if record.kind != "leaf" && !folder.join(format!("{name}.exr")).exists() {
         return None;
     }
-    if name == "all" && !folder.join("all.exr").exists() {
+    // Only sides have maps; `all`, `blade` and the like are figures.
+    if !matches!(name, "front" | "back") && !folder.join(format!("{name}.exr")).exists() {
         return None;
     }
     maps::read_side(folder, name, record.options.get("capture").map(Path::new), missing)

@@ -1,9 +1,10 @@
 //! "Is this good?": the rules, in one place. Every reason is said; the worst one rules.
 
 use crate::fit::record::FitRecord;
-use crate::report::model::{CheckReport, FitReport, Level, Reason, Verdict};
+use crate::report::model::{CheckReport, FitReport, Level, Reason, SectionReport, Verdict};
 use crate::report::number::{count, percent, plain, significant};
 use crate::report::quantity::symbol;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Reduced χ²: 1.4 is a scatter 18 % above the stated noise, 3 is 73 %.
@@ -49,7 +50,8 @@ pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> Verdict 
                 say(Level::Doubtful, format!("{fact}: the model leaves more than the stated noise"));
             }
         }
-        texels(&side, s, &mut say);
+        texels(&side, s, &record.defects, &mut say);
+        shared_problems(&side, s, &mut say);
         let (stopped, all) = terminations(s);
         if stopped > 0 {
             let level = match stopped as f64 / all as f64 {
@@ -83,17 +85,19 @@ pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> Verdict 
     finish(&report.name, reasons)
 }
 
-fn texels(side: &str, s: &crate::report::model::SectionReport, say: &mut impl FnMut(Level, String)) {
-    let inside: usize = s.counts.iter().filter(|(n, _)| *n != "outside").map(|(_, c)| c).sum();
+fn texels(side: &str, s: &SectionReport, defects: &BTreeMap<String, String>, say: &mut impl FnMut(Level, String)) {
     let Some(good) = s.counts.get("good").copied() else { return };
+    // Besides good and outside, the fates are the named defects; other counts (of all texels, of undetermined ones) overlap with them.
+    let named: Vec<(&String, usize)> = s.counts.iter().filter(|(n, _)| defects.values().any(|d| d == *n)).map(|(n, c)| (n, *c)).collect();
+    let outside = s.counts.get("outside").copied().unwrap_or(0);
+    let inside = s.counts.get("texels").map_or_else(|| good + named.iter().map(|d| d.1).sum::<usize>(), |all| all.saturating_sub(outside));
     if inside == 0 {
         say(Level::Bad, format!("{side}no texel lies on the leaf"));
         return;
     }
     let share = good as f64 / inside as f64;
     let mut fact = format!("{side}{} of {} texels are good", percent(share), count(inside));
-    let defects = s.counts.iter().filter(|(n, c)| **c > 0 && !matches!(n.as_str(), "good" | "outside"));
-    if let Some((name, n)) = defects.max_by_key(|(_, c)| **c) {
+    if let Some((name, n)) = named.iter().filter(|d| d.1 > 0).max_by_key(|d| d.1) {
         fact.push_str(&format!(" (most of the rest: {}, {})", name.replace('_', " "), count(*n)));
     }
     let level = match share {
@@ -104,8 +108,30 @@ fn texels(side: &str, s: &crate::report::model::SectionReport, say: &mut impl Fn
     say(level, fact);
 }
 
+/// (runs that did not converge, all runs) over the texels; the leaf-wide problem (`leaf_wide:NAME`) is judged on its own.
+fn terminations(s: &SectionReport) -> (usize, usize) {
+    let runs = || s.terminations.iter().filter(|(n, _)| !n.contains(':'));
+    let stopped = runs().filter(|(n, _)| !converged(n)).map(|(_, c)| c).sum();
+    (stopped, runs().map(|(_, c)| c).sum())
+}
+
+fn converged(name: &str) -> bool {
+    ["gradient_small", "cost_converged", "step_small", "direct"].contains(&name)
+}
+
+/// Problems over the whole leaf that stopped without converging.
+fn shared_problems(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, String)) {
+    for (problem, ending) in s.terminations.keys().filter_map(|n| n.split_once(':')) {
+        if converged(ending) {
+            continue;
+        }
+        let (problem, ending) = (problem.replace('_', "-"), ending.replace('_', " "));
+        say(Level::Bad, format!("{side}the {problem} problem did not converge: {ending}"));
+    }
+}
+
 /// One sentence on the errors and one on the intervals; quantities that miss their mark get sentences of their own.
-fn truth(side: &str, s: &crate::report::model::SectionReport, say: &mut impl FnMut(Level, String)) {
+fn truth(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, String)) {
     let (mut near, mut covered) = (Vec::new(), Vec::new());
     for (name, t) in &s.truth {
         let q = symbol(name);
@@ -115,6 +141,13 @@ fn truth(side: &str, s: &crate::report::model::SectionReport, say: &mut impl FnM
             say(Level::Doubtful, format!("{side}{q} is {} from the known truth (median)", percent(t.median_relative)));
         }
         let Some(c) = t.coverage95 else { continue };
+        if let Some(channels) = shared_channels(s, name) {
+            let hit = (c * channels as f64).round() as usize;
+            let fact = format!("{side}95 % intervals hold the true {q} in {hit} of {channels} channels");
+            // One of three misses by chance in one fit of seven, two of three in one of 140.
+            say(if hit + 1 >= channels { if hit == channels { Level::Good } else { Level::Doubtful } } else { Level::Bad }, fact);
+            continue;
+        }
         if COVERAGE_GOOD.contains(&c) {
             covered.push(format!("{q} {}", percent(c)));
             continue;
@@ -131,11 +164,12 @@ fn truth(side: &str, s: &crate::report::model::SectionReport, say: &mut impl FnM
     }
 }
 
-/// (runs that did not converge, all runs).
-fn terminations(s: &crate::report::model::SectionReport) -> (usize, usize) {
-    const CONVERGED: [&str; 4] = ["gradient_small", "cost_converged", "step_small", "direct"];
-    let stopped = s.terminations.iter().filter(|(n, _)| !CONVERGED.contains(&n.as_str())).map(|(_, c)| c).sum();
-    (stopped, s.terminations.values().sum())
+/// How many channels a shared parameter has, where the truth is of that parameter and not of a map (`sigma_a` beside `sigma_a_map`).
+fn shared_channels(s: &SectionReport, name: &str) -> Option<usize> {
+    let shared = s.truth.contains_key(&format!("{name}_map")) || matches!(name, "sigma_a" | "sigma_s");
+    let c = s.truth.get(name)?.coverage95?;
+    let whole = (c * 3.0 - (c * 3.0).round()).abs() < 1e-9;
+    (shared && whole).then_some(3)
 }
 
 fn parameters(report: &FitReport, say: &mut impl FnMut(Level, String)) {

@@ -108,7 +108,7 @@ pub fn figures(all: &BTreeMap<String, f64>) -> Figures {
 
 /// `median_relative_error` → `median relative error`.
 pub fn words(name: &str) -> String {
-    name.replace('_', " ")
+    name.replace('_', " ").replace(':', ": ")
 }
 
 /// The traces as charts: error to the truth where it is known, and cost, both against run time.

@@ -151,6 +151,7 @@ fn write_side(folder: &Path, sample: &Sample, side: &str, tone: f32, rng: &mut P
     fit.push("reduced_chi2.Y", chi2);
     let count = |code: f32| mask.iter().filter(|m| **m == code).count();
     let counts = BTreeMap::from([
+        ("texels".to_string(), w * h),
         ("good".to_string(), count(1.0)),
         ("outside".to_string(), count(0.0)),
         ("saturated".to_string(), count(-1.0)),
@@ -164,9 +165,13 @@ fn write_side(folder: &Path, sample: &Sample, side: &str, tone: f32, rng: &mut P
         image::write_exr(&folder.join(format!("truth_{side}.exr")), &truth, Packing::Zip).unwrap();
     }
     let covered = if sample.overconfidence == 1.0 { 0.951 } else { 0.62 };
-    let truths = [("rho_d", 0.0068), ("rho_t", 0.0067), ("sigma_a", 0.013), ("sigma_s", 0.016), ("thickness", 0.004), ("m", 0.0081)];
-    let truth_rows =
-        truths.map(|(n, e)| (n.to_string(), TruthError { median_relative: e, p99_relative: 3.8 * e, coverage95: Some(covered) }));
+    let truths = [("rho_d", 0.0068), ("rho_t", 0.0067), ("sigma_a_map", 0.013), ("sigma_a", 0.001), ("thickness", 0.004), ("m", 0.0081)];
+    let truth_rows = truths.map(|(n, e)| {
+        (
+            n.to_string(),
+            TruthError { median_relative: e, p99_relative: 3.8 * e, coverage95: Some(if n == "sigma_a" { 1.0 } else { covered }) },
+        )
+    });
     let nudge = 0.01 * normal(rng).clamp(-1.5, 1.5) as f64;
     Section {
         counts,
@@ -174,6 +179,7 @@ fn write_side(folder: &Path, sample: &Sample, side: &str, tone: f32, rng: &mut P
             ("cost_converged".to_string(), texels * 9 / 10),
             ("gradient_small".to_string(), texels - texels * 9 / 10 - 2),
             ("iteration_limit".to_string(), 2),
+            ("leaf_wide:step_small".to_string(), 1),
         ]),
         residuals: BTreeMap::from([(
             "gloss".to_string(),
