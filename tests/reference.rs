@@ -11,6 +11,10 @@ use mesophyll::transport::{
 use std::f64::consts::PI;
 use std::sync::Arc;
 
+#[cfg(feature = "render")]
+#[path = "reference/judging.rs"]
+mod judging;
+
 const SUN: f64 = 0.004_65;
 
 /// A blade of `w`×`h` mm about the origin in `n`×`n` cells, bent upwards by `bend` mm at its sides.
@@ -118,13 +122,13 @@ fn portrait() -> (World, Camera) {
     (world, camera(DVec3::new(-20.0, -35.0, 110.0), 32.0))
 }
 
-/// Mean of the closed form over a pixel's square, by a 6×6 midpoint rule.
+/// Mean of the closed form over a pixel's square, by a 3×3 midpoint rule.
 fn over_pixel(card: &Card, lens: &Lens, x: usize, y: usize, sun: Option<&ReferenceSun>, sky: Option<[f64; 3]>) -> [f64; 3] {
     let mut mean = [0.0; 3];
-    for k in 0..36 {
-        let ray = lens.ray(x as f64 + ((k % 6) as f64 + 0.5) / 6.0, y as f64 + ((k / 6) as f64 + 0.5) / 6.0);
+    for k in 0..9 {
+        let ray = lens.ray(x as f64 + ((k % 3) as f64 + 0.5) / 3.0, y as f64 + ((k / 3) as f64 + 0.5) / 3.0);
         let radiance = card.radiance(-ray.direction, sun, sky);
-        (0..3).for_each(|c| mean[c] += radiance[c] / 36.0);
+        (0..3).for_each(|c| mean[c] += radiance[c] / 9.0);
     }
     mean
 }
@@ -140,6 +144,9 @@ fn flat_cards_meet_the_closed_form() {
         for (eye, lamp, sky) in [
             (DVec3::new(60.0, 10.0, 80.0), sun(DVec3::new(-0.8, 0.0, 1.0), 0.0), None),
             (DVec3::new(60.0, 10.0, 80.0), sun(DVec3::new(-0.3, 0.2, -1.0), 0.0), None),
+            // a low sun behind the card, where the cavities hide the light, and a low view
+            (DVec3::new(60.0, 10.0, 60.0), sun(DVec3::new(-1.0, 0.0, 0.25), 0.0), None),
+            (DVec3::new(80.0, 0.0, 20.0), sun(DVec3::new(-0.4, 0.0, 0.5), 0.0), None),
             (DVec3::new(10.0, 80.0, 25.0), None, Some([0.5, 0.7, 1.0])),
             (DVec3::new(-30.0, -20.0, -70.0), sun(DVec3::new(0.3, 0.2, -1.0), SUN), Some([0.5, 0.7, 1.0])),
             (DVec3::new(-30.0, -20.0, -70.0), sun(DVec3::new(0.3, 0.2, 1.0), SUN), None),
@@ -165,7 +172,7 @@ fn flat_cards_meet_the_closed_form() {
             }
         }
     }
-    assert_eq!(seen, 3 * 5 * 108 * 3);
+    assert_eq!(seen, 3 * 7 * 108 * 3);
 }
 
 #[test]
@@ -228,8 +235,8 @@ fn a_penumbra_has_the_right_profile_and_is_marked() {
         let ray = lens.ray((k % width) as f64 + 0.5, (k / width) as f64 + 0.5);
         let x = ray.direction.x / -ray.direction.z * 50.0;
         let d = x / (height * radius.tan());
-        for c in 0..3 {
-            let share = f64::from(picture.hdr[k][c]) / full[c];
+        for (found, full) in picture.hdr[k].iter().zip(full) {
+            let share = f64::from(*found) / full;
             let error = share - segment(-d);
             assert!(error.abs() < 0.02, "x = {x}: {share} against {}", segment(-d));
             squares += error * error / (3 * width * rows) as f64;
@@ -503,128 +510,4 @@ fn worlds_that_do_not_fit_together_are_refused() {
     // an empty world is its background
     let nothing = render(&World { background: [0.5, 0.25, 0.125], ..World::default() }, &view, 2, 2, &Options::default()).unwrap();
     assert_eq!(nothing.hdr[3], [0.5, 0.25, 0.125, 0.0]);
-}
-
-#[cfg(feature = "render")]
-mod judging {
-    use super::*;
-    use mesophyll::transport::compare::{compare, difference_picture, noise_floor};
-
-    const SIZE: (usize, usize) = (96, 72);
-
-    fn both(leaf: &mut ReferenceLeaf) -> [&mut ReferenceSide; 2] {
-        [&mut leaf.front, &mut leaf.back]
-    }
-
-    fn shot(world: &World, view: &Camera, seed: u64) -> ReferencePicture {
-        render(world, view, SIZE.0, SIZE.1, &Options { seed, ..Options::default() }).unwrap()
-    }
-
-    #[test]
-    fn a_picture_equals_itself_and_one_pixel_is_found() {
-        let (world, view) = portrait();
-        let picture = shot(&world, &view, 1);
-        let same = compare(&picture, &picture.ldr).unwrap();
-        assert_eq!((same.flip_mean, same.flip_p99, same.max_error, same.error_p99), (0.0, 0.0, Some(0.0), Some(0.0)));
-        assert!(same.interior_share > 0.8, "{}", same.interior_share);
-        assert!(difference_picture(&picture.ldr, &picture.ldr, 8.0).iter().all(|&x| x == 128));
-        assert_eq!(same.flip_picture().len(), 3 * SIZE.0 * SIZE.1);
-
-        let at = 36 * SIZE.0 + 48;
-        assert!(picture.interior[at] && !picture.penumbra[at]);
-        let mut spoilt = picture.ldr.clone();
-        spoilt[at][1] = spoilt[at][1].wrapping_add(51);
-        let found = compare(&picture, &spoilt).unwrap();
-        assert_eq!((found.max_error, found.max_at), (Some(51.0 / 255.0), Some((48, 36))));
-        assert!(found.flip_mean > 0.0 && found.error_p99 == Some(0.0));
-
-        // an edge pixel is not judged by the largest error, but FLIP sees it
-        let edge = picture.interior.iter().position(|i| !i).unwrap();
-        let mut spoilt = picture.ldr.clone();
-        spoilt[edge][0] ^= 0xff;
-        let found = compare(&picture, &spoilt).unwrap();
-        assert_eq!(found.max_error, Some(0.0));
-        assert!(found.flip_mean > 0.0);
-        assert!(compare(&picture, &spoilt[1..]).is_err());
-    }
-
-    /// Mistakes that a renderer makes must stand far above the reference's own noise, from both sides and with light from both.
-    #[test]
-    fn wrong_pictures_stand_out_of_the_noise() {
-        let (world, view) = portrait();
-        let encode = |x: f32| if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
-        let mistakes: [(&str, bool, Box<dyn Fn(&mut World)>); 5] = [
-            ("mirrored normal", true, {
-                Box::new(|w| {
-                    for side in both(&mut w.leaves[0]) {
-                        side.normal.as_mut().unwrap().values.iter_mut().for_each(|n| n[0] = -n[0]);
-                    }
-                })
-            }),
-            ("swapped sides", true, {
-                Box::new(|w| {
-                    let leaf = &mut w.leaves[0];
-                    std::mem::swap(&mut leaf.front, &mut leaf.back);
-                })
-            }),
-            ("sRGB read as linear", true, {
-                Box::new(move |w| {
-                    for side in both(&mut w.leaves[0]) {
-                        let Interior::Maps { rho_d, rho_t } = &mut side.interior else { panic!("the portrait has maps") };
-                        rho_d.iter_mut().chain(rho_t).flatten().for_each(|x| *x = encode(*x));
-                    }
-                })
-            }),
-            ("a blade 1.3 times too thick", false, {
-                Box::new(|w| {
-                    for side in both(&mut w.leaves[0]) {
-                        let Interior::Maps { rho_t, .. } = &mut side.interior else { panic!("the portrait has maps") };
-                        rho_t.iter_mut().flatten().for_each(|t| *t = t.powf(1.3));
-                    }
-                })
-            }),
-            ("maps shifted by a texel", false, {
-                Box::new(|w| {
-                    for side in both(&mut w.leaves[0]) {
-                        let Interior::Maps { rho_d, rho_t } = &mut side.interior else { panic!("the portrait has maps") };
-                        rho_d.iter_mut().chain(rho_t).for_each(|m| m.rotate_right(1));
-                    }
-                })
-            }),
-        ];
-        for (place, eye, lamp) in [
-            ("front lit", view.eye, DVec3::new(0.5, 0.4, 1.0)),
-            ("back lit", view.eye, DVec3::new(0.5, 0.4, -1.0)),
-            ("from behind", view.eye * DVec3::new(1.0, 1.0, -1.0), DVec3::new(0.5, 0.4, -1.0)),
-        ] {
-            let mut world = world.clone();
-            world.sun = sun(lamp, SUN);
-            // close up, so that a pixel is smaller than a texel
-            let view = Camera { eye, fov_y_deg: 14.0, ..view };
-            let reference = shot(&world, &view, 1);
-            let floor = noise_floor(&reference, &shot(&world, &view, 2)).unwrap();
-            for (name, gross, spoil) in &mistakes {
-                let mut wrong = world.clone();
-                spoil(&mut wrong);
-                let found = compare(&reference, &shot(&wrong, &view, 3).ldr).unwrap();
-                println!(
-                    "{place}, {name}: flip p99 {:.4} (floor {:.4}), largest {:.4} (floor {:.4})",
-                    found.flip_p99,
-                    floor.flip_p99,
-                    found.max_error.unwrap(),
-                    floor.max_error.unwrap()
-                );
-                // one 8-bit step of rounding is part of any floor
-                let (found_max, floor_max) = (found.max_error.unwrap(), floor.max_error.unwrap().max(1.0 / 255.0));
-                // small mistakes: seen at all
-                if !gross {
-                    assert!(found_max > floor_max, "{place}, {name}: largest error {found_max} against a floor of {floor_max}");
-                    continue;
-                }
-                assert!(found_max > 3.0 * floor_max, "{place}, {name}: largest error {found_max} against a floor of {floor_max}");
-                let least = 2.0 * floor.flip_p99;
-                assert!(found.flip_p99 > least, "{place}, {name}: FLIP {} against a floor of {}", found.flip_p99, floor.flip_p99);
-            }
-        }
-    }
 }
