@@ -120,19 +120,34 @@ impl Capture {
 
     /// Light-box photographs of one side, dark-corrected: (leaf, empty box), interleaved RGB of the whole image.
     pub fn lightbox(&self, side: SideName) -> Result<(Pixels, Pixels)> {
-        let leaf = interleave(&read_exr_rows(&self.folder.join(side.name()).join("lightbox.exr"), Some(&RGB), None)?);
-        let empty = interleave(&read_exr_rows(&self.folder.join("lightbox_empty.exr"), Some(&RGB), None)?);
-        let subtract = |mut image: Vec<[f32; 3]>| {
-            if let Some(dark) = &self.dark {
-                for (v, d) in image.iter_mut().zip(dark) {
-                    for c in 0..3 {
-                        v[c] -= d[c];
-                    }
+        Ok((self.dark_corrected(&self.folder.join(side.name()).join("lightbox.exr"))?, self.lightbox_empty()?))
+    }
+
+    /// The light box without a leaf, dark-corrected.
+    pub fn lightbox_empty(&self) -> Result<Pixels> {
+        self.dark_corrected(&self.folder.join("lightbox_empty.exr"))
+    }
+
+    fn dark_corrected(&self, path: &Path) -> Result<Pixels> {
+        let mut image = interleave(&read_exr_rows(path, Some(&RGB), None)?);
+        if let Some(dark) = &self.dark {
+            for (v, d) in image.iter_mut().zip(dark) {
+                for c in 0..3 {
+                    v[c] -= d[c];
                 }
             }
-            image
-        };
-        Ok((subtract(leaf), subtract(empty)))
+        }
+        Ok(image)
+    }
+
+    /// Median camera value of a texel of calibrated value 1; 1 where frames are normalised already.
+    pub fn median_gain(&self) -> f64 {
+        let mut all: Vec<f32> = self.gains.iter().flat_map(|(_, g)| g.values()).filter(|v| v.is_finite()).collect();
+        if all.is_empty() {
+            return 1.0;
+        }
+        let middle = all.len() / 2;
+        f64::from(*all.select_nth_unstable_by(middle, f32::total_cmp).1)
     }
 
     /// `mask.exr` (channel Y), where there is one.

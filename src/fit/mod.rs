@@ -6,7 +6,6 @@ pub mod leaf;
 pub mod nist;
 pub mod peers;
 pub mod record;
-pub mod solver;
 pub mod slab;
 pub mod slab_bench;
 pub mod slab_stress;

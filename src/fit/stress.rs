@@ -1,12 +1,4 @@
-<<<<<<< HEAD
-<<<<<<< HEAD
-<<<<<<< HEAD
-=======
->>>>>>> gloss
-//! A row of `mesophyll stress`: what a case had to come to, and what it came to.
-=======
 //! A row of `mesophyll stress`: what a stiff or extreme case had to come to, and what it came to.
->>>>>>> solve
 
 use serde::Serialize;
 
@@ -24,31 +16,7 @@ pub struct StressRow {
     pub digits: Option<f64>,
     /// Condition number of the problem, where there is one.
     pub condition: Option<f64>,
-<<<<<<< HEAD
-    /// Run time (ms).
-    pub ms: f64,
-}
-<<<<<<< HEAD
-=======
-//! Stiff and extreme cases, each with the verdict it must get.
-
-use serde::Serialize;
-
-/// One case and how it ended.
-#[derive(Debug, Clone, Serialize)]
-pub struct StressRow {
-    pub model: String,
-    pub case: String,
-    /// what the verdict must begin with
-    pub expected: String,
-    pub verdict: String,
-    /// correct digits, where the truth is known
-    pub digits: Option<f64>,
-    pub condition: Option<f64>,
-    /// time of one call, in milliseconds
-=======
     /// Run time of one call (ms).
->>>>>>> solve
     pub ms: f64,
 }
 
@@ -58,9 +26,3 @@ impl StressRow {
         self.verdict == self.expected || (self.expected != "ok" && self.verdict.starts_with(&self.expected))
     }
 }
-<<<<<<< HEAD
->>>>>>> slab
-=======
->>>>>>> gloss
-=======
->>>>>>> solve
