@@ -53,6 +53,8 @@ fn feasible(r: f64, t: f64, m: &Measured) -> Feasible {
         t = TINY;
         edge[1] = true;
     }
+    // the corners: clear (0, 1) and white (1, 0)
+    (r, t) = (r.min(1.0), t.min(1.0));
     Feasible { r, t, lost: if edge[2] { 0.0 } else { 1.0 - r - t }, edge }
 }
 
