@@ -87,22 +87,22 @@ impl Modes {
             }
         }
         let (mut a, mut b) = ([0.0; N], [0.0; N]);
+        let inverse_k: [f64; N] = std::array::from_fn(|i| if i == 0 { 0.0 } else { 1.0 / k[i] });
+        let inverse_pole: [f64; N] = std::array::from_fn(|i| if i == 0 { 0.0 } else { 1.0 / (1.0 - d[i][i]) });
         for j in 0..N {
-            let mut up = d[j][j] / (1.0 + k[j] * o.mu[j]);
-            let mut down = 1.0 / (1.0 + k[j] * o.mu[0]);
-            if j != 0 {
-                up *= d[j][0] / (1.0 + k[j] * o.mu[0]);
-            }
+            // Π (1+k_j/k_i) and Π (1+k_jμ_i) stay far from overflow: k_jμ_i is below 1e6
+            let (mut sums, mut cosines, mut up) = (1.0, 1.0 + k[j] * o.mu[0], 1.0);
             for i in 1..N {
-                if i != j {
-                    // 1 − k_j²/k_i² from the two distances to the pole 1/μ_i²
-                    let apart = (d[j][i] - d[i][i]) / (1.0 - d[i][i]);
-                    up *= d[j][i] / apart * ((1.0 + k[j] / k[i]) / (1.0 + k[j] * o.mu[i]));
-                }
-                down *= (1.0 + k[j] / k[i]) / (1.0 + k[j] * o.mu[i]);
+                sums *= 1.0 + k[j] * inverse_k[i];
+                cosines *= 1.0 + k[j] * o.mu[i];
             }
-            a[j] = up;
-            b[j] = down;
+            for i in (1..N).filter(|&i| i != j) {
+                // (1 − k_j²μ_i²)/(1 − k_j²/k_i²), the latter from the two distances to the pole 1/μ_i²
+                up *= d[j][i] / ((d[j][i] - d[i][i]) * inverse_pole[i]);
+            }
+            b[j] = sums / cosines;
+            // 1 − k_jμ_i = (1 − k_j²μ_i²)/(1 + k_jμ_i), and likewise 1 − k_j/k_i; i = j and i = 0 have no partner in the product above
+            a[j] = up * d[j][j] * b[j] * if j == 0 { 1.0 } else { 0.5 * d[j][0] };
         }
         // Σ 2 atanh(k₀μ_i) − Σ 2 atanh(k₀/k_γ), over k₀
         let k0 = k[0];
@@ -297,15 +297,19 @@ fn root_between(o: &Ordinates, omega: f64, j: usize, top: f64) -> f64 {
     let mut y = if j == 0 { (omega * o.w[0]).max(0.5 * top * omega * o.w[0]) } else { 0.5 * top };
     y = y.min(0.5 * top);
     for _ in 0..100 {
-        let (mut f, mut above, mut below) = (1.0, 0.0, 0.0);
-        for i in 0..N {
-            let ratio = 1.0 - o.gap[j][i];
-            let d = if i == j { y } else { o.gap[j][i] + y * ratio };
-            let term = omega * o.w[i] / d;
-            f -= term;
-            let slope = term * ratio / d;
-            if i < j { below += slope } else { above += slope }
-        }
+        // gap is 0 for i = j, so that d is y there
+        let sums = |range: std::ops::Range<usize>| {
+            let (mut sum, mut slope) = (0.0, 0.0);
+            for (&w, &gap) in o.w[range.clone()].iter().zip(&o.gap[j][range]) {
+                let ratio = 1.0 - gap;
+                let inverse = 1.0 / (gap + y * ratio);
+                sum += w * inverse;
+                slope += w * ratio * inverse * inverse;
+            }
+            (omega * sum, omega * slope)
+        };
+        let ((lower, below), (upper, above)) = (sums(0..j), sums(j..N));
+        let f = 1.0 - lower - upper;
         if f > 0.0 {
             high = y
         } else {

@@ -10,7 +10,8 @@ use std::sync::OnceLock;
 
 /// Polynomial coefficients a direction.
 pub const ORDER: usize = 10;
-const SIZE: usize = ORDER * ORDER;
+/// Numbers in one power of ξ.
+const WIDTH: usize = 2 * ORDER;
 /// Optical thickness covered.
 pub const DELTA_MIN: f64 = 1e-6;
 pub const DELTA_MAX: f64 = 274_877.906_944;
@@ -34,14 +35,16 @@ struct Patch {
     /// 1 / half width
     inverse: [f64; 2],
     /// powers of the local ξ run slowest, then those of the local q, then G₁ and G₂
-    coefficients: Vec<[f64; 2]>,
+    coefficients: Vec<[f64; WIDTH]>,
 }
 
 /// Patches in rows of q, a row's patches ordered by ξ.
 pub struct Table {
-    /// lower edges of the rows in q
-    edges: Vec<f64>,
     rows: Vec<Row>,
+    /// lowest q, cells of q to a unit, and the row of each cell: every row is a whole number of cells
+    lowest: f64,
+    density: f64,
+    row_of_cell: Vec<u16>,
 }
 
 struct Row {
@@ -55,8 +58,9 @@ struct Row {
 fn coordinate(absorbed: f64, delta: f64) -> (f64, f64, f64) {
     let d = delta + EXTRAPOLATED;
     let c = SHARPNESS * d * d;
-    let whole = c.ln_1p();
-    let part = (c * absorbed).ln_1p();
+    let whole = (1.0 + c).ln();
+    let small = c * absorbed;
+    let part = if small > 1e-2 { (1.0 + small).ln() } else { small.ln_1p() };
     let xi = part / whole;
     let by_absorbed = c / ((1.0 + c * absorbed) * whole);
     let by_delta = (2.0 * c / d) * (absorbed / (1.0 + c * absorbed) - xi / (1.0 + c)) / whole;
@@ -80,9 +84,15 @@ impl Table {
     /// G₁, G₂ and derivatives for DELTA_MIN ≤ Δ ≤ DELTA_MAX, 0 ≤ 1−ω ≤ 1.
     #[inline]
     pub fn at(&self, absorbed: f64, delta: f64) -> Scaled {
-        let q = delta.ln();
+        self.at_log(absorbed, delta, delta.ln())
+    }
+
+    /// [`Table::at`] where q = ln Δ is known.
+    #[inline]
+    pub fn at_log(&self, absorbed: f64, delta: f64, q: f64) -> Scaled {
         let (xi, xi_a, xi_d) = coordinate(absorbed, delta);
-        let row = &self.rows[self.edges[1..].iter().take_while(|&&e| q >= e).count().min(self.rows.len() - 1)];
+        let cell = ((q - self.lowest) * self.density) as usize;
+        let row = &self.rows[usize::from(self.row_of_cell[cell.min(self.row_of_cell.len() - 1)])];
         let patch = &row.patches[row.tops.iter().take_while(|&&t| xi > t).count().min(row.patches.len() - 1)];
         let x = (xi - patch.centre[1]) * patch.inverse[1];
         let y = (q - patch.centre[0]) * patch.inverse[0];
@@ -99,55 +109,81 @@ impl Table {
     fn read(bytes: &[u8]) -> Table {
         let mut numbers = bytes.chunks_exact(8).map(|b| f64::from_le_bytes([b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7]]));
         let mut next = || numbers.next().unwrap_or(f64::NAN);
-        let mut table = Table { edges: Vec::new(), rows: Vec::new() };
+        let mut table = Table { rows: Vec::new(), lowest: DELTA_MIN.ln(), density: 0.0, row_of_cell: Vec::new() };
+        let mut spans = Vec::new();
         for _ in 0..next() as usize {
             let (low, high) = (next(), next());
-            table.edges.push(low);
+            spans.push((low, high));
             let mut row = Row { tops: Vec::new(), patches: Vec::new() };
             let mut left = 0.0;
             for _ in 0..next() as usize {
                 let right = next();
-                let coefficients = (0..SIZE).map(|_| [next(), next()]).collect();
+                let coefficients = (0..ORDER).map(|_| std::array::from_fn(|_| next())).collect();
                 row.tops.push(right);
                 row.patches.push(Patch::new([low, left], [high, right], coefficients));
                 left = right;
             }
             table.rows.push(row);
         }
+        let narrowest = spans.iter().map(|(low, high)| high - low).fold(f64::INFINITY, f64::min);
+        table.density = 1.0 / narrowest;
+        for (k, (low, high)) in spans.iter().enumerate() {
+            let cells = ((high - low) / narrowest).round() as usize;
+            table.row_of_cell.extend(std::iter::repeat_n(k as u16, cells));
+        }
         table
     }
 }
 
 impl Patch {
-    fn new(low: [f64; 2], high: [f64; 2], coefficients: Vec<[f64; 2]>) -> Patch {
+    fn new(low: [f64; 2], high: [f64; 2], coefficients: Vec<[f64; WIDTH]>) -> Patch {
         let centre = [0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])];
         Patch { centre, inverse: [2.0 / (high[0] - low[0]), 2.0 / (high[1] - low[1])], coefficients }
     }
 
-    /// Value and derivatives by local ξ (x) and q (y), Horner in x over vectors of y powers, then in y.
+    /// Value and derivatives by local ξ (x) and q (y).
     #[inline]
-    fn evaluate(&self, x: f64, y: f64) -> ([f64; 2], [f64; 2], [f64; 2]) {
-        let mut value = [[0.0; 2]; ORDER];
-        let mut slope = [[0.0; 2]; ORDER];
-        for line in self.coefficients.chunks_exact(ORDER).rev() {
-            for j in 0..ORDER {
-                for s in 0..2 {
-                    slope[j][s] = slope[j][s] * x + value[j][s];
-                    value[j][s] = value[j][s] * x + line[j][s];
-                }
+    fn evaluate(&self, x: f64, y: f64) -> Local {
+        #[cfg(target_arch = "x86_64")]
+        if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {
+            // SAFETY: the two features were found on this processor.
+            return unsafe { self.evaluate_wide(x, y) };
+        }
+        self.horner::<false>(x, y)
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2,fma")]
+    fn evaluate_wide(&self, x: f64, y: f64) -> Local {
+        self.horner::<true>(x, y)
+    }
+
+    /// Horner in x over vectors of y powers, then in y. `FUSED` asks for fused multiply-adds, which only some processors have.
+    #[inline(always)]
+    fn horner<const FUSED: bool>(&self, x: f64, y: f64) -> Local {
+        let fma = |a: f64, b: f64, c: f64| if FUSED { a.mul_add(b, c) } else { a * b + c };
+        let mut value = [0.0; WIDTH];
+        let mut slope = [0.0; WIDTH];
+        for line in self.coefficients.iter().rev() {
+            for j in 0..WIDTH {
+                slope[j] = fma(slope[j], x, value[j]);
+                value[j] = fma(value[j], x, line[j]);
             }
         }
         let (mut g, mut gx, mut gy) = ([0.0; 2], [0.0; 2], [0.0; 2]);
         for j in (0..ORDER).rev() {
             for s in 0..2 {
-                gy[s] = gy[s] * y + g[s];
-                g[s] = g[s] * y + value[j][s];
-                gx[s] = gx[s] * y + slope[j][s];
+                gy[s] = fma(gy[s], y, g[s]);
+                g[s] = fma(g[s], y, value[2 * j + s]);
+                gx[s] = fma(gx[s], y, slope[2 * j + s]);
             }
         }
         (g, gx, gy)
     }
 }
+
+/// G₁, G₂ and their derivatives by the local ξ and q.
+type Local = ([f64; 2], [f64; 2], [f64; 2]);
 
 /// Thinner than the table: the first two terms in Δ, ln Δ (relative error below 3e-10), with derivatives by 1−ω and Δ.
 pub fn thin_series(omega: f64, absorbed: f64, delta: f64) -> (Response, [Response; 2]) {
@@ -171,7 +207,7 @@ pub fn thin_series(omega: f64, absorbed: f64, delta: f64) -> (Response, [Respons
 pub mod build {
     //! How the committed table is made: `cargo test --release slab_table_is_made_again -- --ignored`.
 
-    use super::{DELTA_MAX, DELTA_MIN, ORDER, Patch, SIZE, absorbed_at};
+    use super::{DELTA_MAX, DELTA_MIN, ORDER, Patch, WIDTH, absorbed_at};
     use crate::optics::slab::exact;
     use std::f64::consts::PI;
 
@@ -214,14 +250,14 @@ pub mod build {
             }
         }
         let place = |d: usize, t: f64| 0.5 * (low[d] + high[d]) + 0.5 * (high[d] - low[d]) * t;
-        let mut coefficients = vec![[0.0; 2]; SIZE];
+        let mut coefficients = vec![[0.0; WIDTH]; ORDER];
         for i in 0..ORDER {
             for j in 0..ORDER {
                 let g = truth(place(0, node(j)), place(1, node(i)));
                 for a in 0..ORDER {
                     for b in 0..ORDER {
                         for s in 0..2 {
-                            coefficients[a * ORDER + b][s] += g[s] * lagrange[i][a] * lagrange[j][b];
+                            coefficients[a][2 * b + s] += g[s] * lagrange[i][a] * lagrange[j][b];
                         }
                     }
                 }

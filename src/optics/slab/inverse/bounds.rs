@@ -40,8 +40,8 @@ fn feasible(r: f64, t: f64, m: &Measured) -> Feasible {
     let excess = r + t - 1.0;
     if excess >= 0.0 {
         // onto the conservative edge along the noise's own metric
-        let (vr, vt) = (m.r_err * m.r_err, m.t_err * m.t_err);
-        r -= excess * vr / (vr + vt);
+        let share = (m.t_err / m.r_err).powi(2);
+        r -= excess / (1.0 + share);
         t = 1.0 - r;
         edge[2] = true;
     }
@@ -53,6 +53,8 @@ fn feasible(r: f64, t: f64, m: &Measured) -> Feasible {
         t = TINY;
         edge[1] = true;
     }
+    // the corners: clear (0, 1) and white (1, 0)
+    (r, t) = (r.min(1.0), t.min(1.0));
     Feasible { r, t, lost: if edge[2] { 0.0 } else { 1.0 - r - t }, edge }
 }
 
@@ -78,7 +80,8 @@ fn place(p: &Feasible, precision: Precision) -> Option<([f64; 2], Option<Point>)
     Some(([point.absorbed * point.delta, point.omega * point.delta], Some(point)))
 }
 
-/// The range over the ellipse of `width` standard errors.
+/// The range over the ellipse of `width` standard errors around the nearest measurement that some slab has: a transmittance
+/// measured three errors below zero bounds no less than one measured at zero.
 fn range(m: &Measured, width: f64, precision: Precision) -> Option<Range> {
     let mut range = Range { low: [f64::INFINITY; 2], high: [0.0; 2] };
     let mut any = false;
@@ -93,11 +96,12 @@ fn range(m: &Measured, width: f64, precision: Precision) -> Option<Range> {
             range.include([f64::INFINITY, f64::INFINITY]);
         }
     };
+    let centre = feasible(m.r, m.t, m);
     for k in 0..DIRECTIONS {
         let (s, c) = (std::f64::consts::TAU * k as f64 / DIRECTIONS as f64).sin_cos();
-        see(m.r + width * m.r_err * c, m.t + width * m.t_err * s);
+        see(centre.r + width * m.r_err * c, centre.t + width * m.t_err * s);
     }
-    see(m.r, m.t);
+    see(centre.r, centre.t);
     any.then_some(range)
 }
 

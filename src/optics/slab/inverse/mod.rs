@@ -77,6 +77,10 @@ const OPAQUE: f64 = 5.5;
 const IMPOSSIBLE: f64 = 4.0;
 /// Rounding of the measurements themselves: relative, and absolute where one is exactly zero.
 const ROUNDING: f64 = 2e-16;
+/// A transmittance below this is zero to within what double precision resolves.
+const SMALLEST: f64 = 1e-300;
+/// A transmittance below this goes to the exact model.
+const DEEP: f64 = 1e-30;
 /// Relative error of the forward models in ρd and in −ln ρt.
 const FAST_MODEL: f64 = 4e-9;
 const EXACT_MODEL: f64 = 2e-10;
@@ -90,13 +94,20 @@ pub fn invert(rho_d: f64, rho_t: f64, thickness_mm: f64, rho_d_err: f64, rho_t_e
 
 /// [`invert`] with a stated precision.
 pub fn invert_with(precision: Precision, rho_d: f64, rho_t: f64, thickness_mm: f64, rho_d_err: f64, rho_t_err: f64) -> Estimate {
-    let measured = Measured { r: rho_d, t: rho_t, r_err: rho_d_err, t_err: rho_t_err };
+    let mut measured = Measured { r: rho_d, t: rho_t, r_err: rho_d_err, t_err: rho_t_err };
     if let Some(why) = impossible(&measured, thickness_mm) {
         return Estimate::refused(why);
     }
+    if rho_t.abs() < SMALLEST {
+        measured.t = 0.0;
+        measured.t_err = rho_t_err.hypot(if rho_t == 0.0 { 0.0 } else { SMALLEST });
+    }
     let stated_matters = rho_d_err.hypot(rho_t_err) > 30.0 * FAST_MODEL;
     let coarse = with_model_error(&measured, FAST_MODEL);
-    let found = if precision == Precision::Fast { determined(&coarse, thickness_mm, Precision::Fast, Precision::Fast) } else { None };
+    // the table keeps its digits in ρt down to 1e-30
+    let deep = rho_t > 0.0 && rho_t < DEEP;
+    let found =
+        if precision == Precision::Fast && !deep { determined(&coarse, thickness_mm, Precision::Fast, Precision::Fast) } else { None };
     if let Some(found) = found {
         return found;
     }
@@ -113,8 +124,8 @@ pub fn invert_with(precision: Precision, rho_d: f64, rho_t: f64, thickness_mm: f
 fn with_model_error(m: &Measured, model: f64) -> Measured {
     let t = m.t.clamp(1e-300, 1.0);
     let widen = |stated: f64, own: f64, value: f64| {
-        let rounding = if value == 0.0 { ROUNDING } else { ROUNDING * value };
-        (stated * stated + own * own + rounding * rounding).sqrt()
+        let rounding = if value == 0.0 && stated == 0.0 { ROUNDING } else { ROUNDING * value };
+        stated.hypot(own).hypot(rounding)
     };
     Measured { r_err: widen(m.r_err, model * m.r, m.r), t_err: widen(m.t_err, model * t * -t.ln(), m.t), ..*m }
 }
@@ -178,8 +189,9 @@ impl Spread {
     pub fn new(point: &Point, m: &Measured) -> Spread {
         // rows: ln σa, ln σs; columns: ρd, ρt
         let g = point.log_sigma_by_measured(m.r, m.t);
-        let (vr, vt) = (m.r_err * m.r_err, m.t_err * m.t_err);
-        let c = |i: usize, k: usize| g[i][0] * g[k][0] * vr + g[i][1] * g[k][1] * vt;
+        // errors first: their squares alone would underflow beside a transmittance of 1e-200
+        let e = [[g[0][0] * m.r_err, g[0][1] * m.t_err], [g[1][0] * m.r_err, g[1][1] * m.t_err]];
+        let c = |i: usize, k: usize| e[i][0] * e[k][0] + e[i][1] * e[k][1];
         let relative = [c(0, 0).sqrt(), c(1, 1).sqrt()];
         let s = [[g[0][0] * m.r, g[0][1] * m.t], [g[1][0] * m.r, g[1][1] * m.t]];
         let norm: f64 = s.iter().flatten().map(|x| x * x).sum();

@@ -61,14 +61,15 @@ fn model(l: f64, m: f64) -> ([f64; 2], Point) {
     let delta = m.exp();
     if (DELTA_MIN..=DELTA_MAX).contains(&delta) {
         let table = Table::committed();
-        let (r, depth, r_by, depth_by) = fluxes(&table.at(absorbed, delta), omega, absorbed, delta);
-        let t = (-depth).exp();
+        let (r, depth, r_by, depth_by) = fluxes(&table.at_log(absorbed, delta, m), omega, absorbed, delta);
+        let blocked = -(-depth).exp_m1();
+        let t = 1.0 - blocked;
         let lost_by = |t: f64, depth_by: [f64; 2], r_by: [f64; 2]| [t * depth_by[0] - r_by[0], t * depth_by[1] - r_by[1]];
-        let mut lost = -(-depth).exp_m1() - r;
+        let mut lost = blocked - r;
         let mut change = lost_by(t, depth_by, r_by);
         if absorbed < NEARLY_CONSERVATIVE {
             // The table's own loss at ω = 1, about 1e-10, would drown a smaller true one.
-            let (r0, depth0, r0_by, depth0_by) = fluxes(&table.at(0.0, delta), 1.0, 0.0, delta);
+            let (r0, depth0, r0_by, depth0_by) = fluxes(&table.at_log(0.0, delta, m), 1.0, 0.0, delta);
             let t0 = (-depth0).exp();
             lost += (-depth0).exp_m1() + r0;
             change[1] -= lost_by(t0, depth0_by, r0_by)[1];
@@ -207,7 +208,14 @@ fn refine(mut point: Point, target: [f64; 2]) -> Option<Point> {
 fn two_flux(r: f64, t: f64, lost: f64) -> [f64; 2] {
     let ratio = lost * (1.0 - r + t) / (2.0 * r); // K/S
     let b = (ratio * (ratio + 2.0)).sqrt();
-    let s = if b > 1e-4 { ((b / t).asinh() - b.asinh()) / b } else { (1.0 - t) / t };
+    let s = if b > 1e-4 {
+        // asinh(b/t) − asinh(b), where b/t may be past squaring
+        let z = b / t;
+        let rise = if z < 1e8 { (z + (z * z + 1.0).sqrt()).ln() } else { (2.0 * b).ln() - t.ln() };
+        (rise - (b + (ratio + 1.0)).ln()) / b
+    } else {
+        (1.0 - t) / t
+    };
     [-ratio.ln(), ((ratio + 2.0) * s.max(1e-300)).ln()]
 }
 

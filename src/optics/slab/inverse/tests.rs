@@ -163,3 +163,34 @@ fn coverage_over_many() {
         println!("noise {noise}: ok {ok}, coverage σa {a:.4} σs {s:.4}, beyond 4 errors {wrong}");
     }
 }
+
+#[test]
+fn no_noise_from_clear_to_opaque_to_the_edge_of_numbers() {
+    // Exact inputs: whatever is said to be ok is right within its errors, and nothing valid is refused.
+    let mut rng = Pcg64Mcg::seed_from_u64(41);
+    let mut ok = 0;
+    for _ in 0..400 {
+        let side = log_uniform(&mut rng, 1e-9, 1.0);
+        let (omega, absorbed) = if rng.random::<f64>() < 0.5 { (side, 1.0 - side) } else { (1.0 - side, side) };
+        let delta = log_uniform(&mut rng, 1e-6, 600.0);
+        let r = exact::solve(omega, absorbed, delta);
+        let e = invert(r.rho_d, r.rho_t, 1.0, 0.0, 0.0);
+        assert!(!matches!(e.status, Verdict::Refused(_)), "ω {omega} Δ {delta}: {e:?}");
+        if e.status.is_ok() {
+            ok += 1;
+            let off = ((e.sigma_a - absorbed * delta) / e.sigma_a_err).abs().max(((e.sigma_s - omega * delta) / e.sigma_s_err).abs());
+            assert!(off < 4.0, "ω {omega} 1−ω {absorbed} Δ {delta}: {off} errors off, {e:?}");
+        }
+    }
+    assert!(ok > 350, "{ok}");
+}
+
+#[test]
+fn a_transmittance_measured_below_zero_bounds_like_zero() {
+    for t in [0.0, -0.5e-3, -2.5e-3, -3.9e-3] {
+        let e = invert(0.2, t, 0.3, 1e-3, 1e-3);
+        let text = e.status.to_string();
+        assert!(text.starts_with("undetermined: sigma_a >= ") && text.contains("; sigma_s >= "), "{t}: {text}");
+        assert!(e.sigma_a.is_finite() && e.sigma_a_err.is_infinite(), "{t}: {e:?}");
+    }
+}
