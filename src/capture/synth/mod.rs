@@ -3,7 +3,10 @@
 //! Truth and fit are different code: the slab is solved by doubling ([`slab_truth`]), the light under the tube is integrated finely
 //! ([`illumination`]); neither calls anything the fit uses.
 
+pub mod colonise;
 pub mod illumination;
+#[cfg(test)]
+mod illumination_check;
 pub mod leaf;
 pub mod outline;
 pub mod preview;

@@ -8,7 +8,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 /// Ordinates in a hemisphere.
-const ORDINATES: usize = 32;
+const ORDINATES: usize = 24;
 /// Optical thickness below which a layer scatters once only; what it neglects is of this order times ~10.
 const SINGLE: f64 = 1e-12;
 
@@ -172,7 +172,7 @@ impl Axis {
 impl Table {
     /// Tabulates σs (1/mm) over ranges of σa (1/mm) and thickness (mm), both positive; solves in parallel.
     pub fn new(sigma_a: [f64; 2], sigma_s: f64, thickness_mm: [f64; 2]) -> Table {
-        let (absorption, thickness) = (Axis::new(sigma_a, 14), Axis::new(thickness_mm, 16));
+        let (absorption, thickness) = (Axis::new(sigma_a, 13), Axis::new(thickness_mm, 14));
         let pairs: Vec<(f64, f64)> = absorption.nodes.iter().flat_map(|a| thickness.nodes.iter().map(|h| (a.exp(), h.exp()))).collect();
         let values = pairs
             .into_par_iter()
