@@ -1,1 +1,135 @@
-//! Files that other programs read.
+//! Fits in formats other programs read. Values are written as fitted; what a format cannot say is said beside it.
+
+mod blade;
+mod gltf;
+mod obj;
+mod side;
+mod table;
+mod texture;
+
+use crate::files::atomic;
+use crate::files::image::{Maps, Packing, write_exr};
+use crate::fit::record::{FitRecord, Times};
+use crate::{Error, Result};
+use serde_json::json;
+use side::Side;
+use std::path::{Path, PathBuf};
+
+/// What a fit can be written as.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Format {
+    /// A folder of 8-bit pictures: colours as sRGB, data linear, with `ranges.json` saying what a byte means.
+    Png,
+    /// One float OpenEXR with every map of both sides and their standard errors.
+    Exr,
+    /// A row a texel on the leaf.
+    Csv,
+    /// Parameters, statistics and run times; not the maps.
+    Json,
+    /// The blade as binary glTF in metres with ρd as base colour: right in any reader, opaque.
+    Gltf,
+    /// The same with light shining through, for readers of `KHR_materials_diffuse_transmission`.
+    GltfTranslucent,
+    /// The blade as Wavefront OBJ with normals, a material library and pictures.
+    Obj,
+}
+
+impl Format {
+    pub const ALL: [Format; 7] = [Format::Png, Format::Exr, Format::Csv, Format::Json, Format::Gltf, Format::GltfTranslucent, Format::Obj];
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Format::Png => "png",
+            Format::Exr => "exr",
+            Format::Csv => "csv",
+            Format::Json => "json",
+            Format::Gltf => "gltf",
+            Format::GltfTranslucent => "gltf-translucent",
+            Format::Obj => "obj",
+        }
+    }
+
+    pub fn about(self) -> &'static str {
+        match self {
+            Format::Png => "a folder of 8-bit maps: rho_d, rho_t and rho_s as sRGB, the rest linear with ranges.json",
+            Format::Exr => "one float OpenEXR with every map and its standard error",
+            Format::Csv => "a row a texel: place, mask, every map and its standard error",
+            Format::Json => "parameters with errors, statistics, run times",
+            Format::Gltf => "the blade as .glb in metres, rho_d as base colour (opaque; right in any reader)",
+            Format::GltfTranslucent => "the same with rho_t, for readers of KHR_materials_diffuse_transmission",
+            Format::Obj => "the blade as .obj in mm with normals, .mtl and pictures beside it",
+        }
+    }
+
+    /// # Errors
+    /// [`Error::Usage`] with the list of formats.
+    pub fn parse(text: &str) -> Result<Format> {
+        Format::ALL.into_iter().find(|f| f.name() == text).ok_or_else(|| {
+            let list: Vec<String> = Format::ALL.iter().map(|f| format!("{} ({})", f.name(), f.about())).collect();
+            Error::Usage(format!("--to {text}: no such format; known are {}", list.join("; ")))
+        })
+    }
+}
+
+/// Writes the fit in `folder` as `format` to `path`; returns every file written.
+///
+/// # Errors
+/// [`Error::Input`] when the fit or a map it needs cannot be read, [`Error::Usage`] when this kind of fit has nothing of the
+/// sort, [`Error::Write`].
+pub fn export(folder: &Path, format: Format, path: &Path) -> Result<Vec<PathBuf>> {
+    let record = FitRecord::read(folder)?;
+    if let Err(e) = record.verify(folder) {
+        crate::files::progress::say(format_args!("warning: {e}"));
+    }
+    if format == Format::Json {
+        atomic::write_bytes(path, &as_json(&record, folder)?)?;
+        return Ok(vec![path.to_path_buf()]);
+    }
+    let sides: Vec<Side> =
+        ["front", "back"].iter().filter(|s| record.sections.contains_key(**s)).map(|s| Side::read(folder, s)).collect::<Result<_>>()?;
+    if sides.is_empty() {
+        let what = format!("{} is a {} fit, which has no maps; it can be exported as json", folder.display(), record.kind);
+        return Err(Error::Usage(what));
+    }
+    match format {
+        Format::Json => Ok(Vec::new()),
+        Format::Png => texture::folder(&sides, path),
+        Format::Exr => one_exr(&sides, folder, path).map(|()| vec![path.to_path_buf()]),
+        Format::Csv => table::write(&sides, &record, path).map(|()| vec![path.to_path_buf()]),
+        Format::Gltf => gltf::write(&sides, folder, path, false).map(|()| vec![path.to_path_buf()]),
+        Format::GltfTranslucent => gltf::write(&sides, folder, path, true).map(|()| vec![path.to_path_buf()]),
+        Format::Obj => obj::write(&sides, &record, folder, path),
+    }
+}
+
+/// The record as it is, and the times; numbers that are not finite become `null`.
+fn as_json(record: &FitRecord, folder: &Path) -> Result<Vec<u8>> {
+    let times = Times::read(folder).ok();
+    let mut text =
+        serde_json::to_vec_pretty(&json!({"fit": record, "times": times})).map_err(|e| Error::Missed(format!("cannot write JSON: {e}")))?;
+    text.push(b'\n');
+    Ok(text)
+}
+
+/// `front.rho_d.R` and, for its standard error, `front.err.rho_d.R`.
+fn one_exr(sides: &[Side], folder: &Path, path: &Path) -> Result<()> {
+    let (width, height) = (sides[0].maps.width, sides[0].maps.height);
+    let mut all = Maps::new(width, height);
+    for side in sides {
+        if (side.maps.width, side.maps.height) != (width, height) {
+            let file = folder.join(format!("{}.exr", side.name));
+            return Err(Error::field(
+                &file,
+                "size",
+                format!("found {} × {}, expected {width} × {height}", side.maps.width, side.maps.height),
+            ));
+        }
+        for (name, samples) in &side.maps.channels {
+            all.push(format!("{}.{name}", side.name), samples.clone());
+        }
+        for (name, samples) in side.errors.iter().flat_map(|m| &m.channels) {
+            all.push(format!("{}.err.{name}", side.name), samples.clone());
+        }
+    }
+    write_exr(path, &all, Packing::Zip)
+}

@@ -2,6 +2,7 @@
 
 pub mod bench;
 pub mod gloss;
+pub mod leaf;
 pub mod nist;
 pub mod peers;
 pub mod record;

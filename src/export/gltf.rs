@@ -1,0 +1,179 @@
+//! The blade as binary glTF 2.0: a primitive a side, each with its own material, textures embedded, nodes scaled to metres.
+//!
+//! Material: base colour ρd, metalness 0, roughness √m (glTF's α is roughness squared; Beckmann's m stands in for α), specular colour
+//! ρs over the 0.04 that a reader assumes. `translucent` splits what is not reflected as glTF's diffuse transmission has it: with t the share
+//! of ρt in ρd + ρt, base colour = ρd/(1 − t) and transmission colour = ρt/t.
+
+use super::blade::Mesh;
+use super::side::Side;
+use super::texture::{Turn, data_byte, encode, normal_pixel, pixels};
+use crate::files::atomic;
+use crate::files::image::to_srgb8;
+use crate::{Error, Result};
+use serde_json::{Value, json};
+use std::path::Path;
+
+const FLOAT: u32 = 5126;
+const UNSIGNED_INT: u32 = 5125;
+/// Normal reflectance a glTF reader assumes (index 1.5).
+const ASSUMED_F0: f32 = 0.04;
+
+/// Buffers, images and textures while they grow.
+#[derive(Default)]
+struct File {
+    bin: Vec<u8>,
+    views: Vec<Value>,
+    accessors: Vec<Value>,
+    images: Vec<Value>,
+}
+
+impl File {
+    fn view(&mut self, bytes: &[u8]) -> usize {
+        while self.bin.len() % 4 != 0 {
+            self.bin.push(0);
+        }
+        self.views.push(json!({"buffer": 0, "byteOffset": self.bin.len(), "byteLength": bytes.len()}));
+        self.bin.extend_from_slice(bytes);
+        self.views.len() - 1
+    }
+
+    fn floats<const N: usize>(&mut self, kind: &str, values: &[[f32; N]]) -> usize {
+        let bytes: Vec<u8> = values.iter().flatten().flat_map(|v| v.to_le_bytes()).collect();
+        let view = self.view(&bytes);
+        let mut accessor = json!({"bufferView": view, "componentType": FLOAT, "count": values.len(), "type": kind});
+        if N == 3 {
+            let bound = |pick: fn(f32, f32) -> f32, start: f32| -> Vec<f32> {
+                (0..3).map(|c| values.iter().map(|v| v[c]).fold(start, pick)).collect()
+            };
+            accessor["min"] = json!(bound(f32::min, f32::INFINITY));
+            accessor["max"] = json!(bound(f32::max, f32::NEG_INFINITY));
+        }
+        self.accessors.push(accessor);
+        self.accessors.len() - 1
+    }
+
+    fn indices(&mut self, values: &[u32]) -> usize {
+        let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+        let view = self.view(&bytes);
+        self.accessors.push(json!({"bufferView": view, "componentType": UNSIGNED_INT, "count": values.len(), "type": "SCALAR"}));
+        self.accessors.len() - 1
+    }
+
+    /// A texture reference to a new image.
+    fn texture(&mut self, name: &str, png: &[u8]) -> Value {
+        let view = self.view(png);
+        self.images.push(json!({"name": name, "bufferView": view, "mimeType": "image/png"}));
+        json!({"index": self.images.len() - 1})
+    }
+}
+
+/// Writes `path` (.glb).
+pub fn write(sides: &[Side], folder: &Path, path: &Path, translucent: bool) -> Result<()> {
+    let mesh = Mesh::read(folder)?;
+    let mut file = File::default();
+    let (mut primitives, mut materials) = (Vec::new(), Vec::new());
+    for side in sides {
+        let turn = if side.name == "back" { Turn::Mirrored } else { Turn::AsSeen };
+        let shape = if side.name == "back" { mesh.turned() } else { mesh.clone() };
+        let mut attributes = json!({
+            "POSITION": file.floats("VEC3", &shape.positions),
+            "NORMAL": file.floats("VEC3", &shape.normals),
+            "TEXCOORD_0": file.floats("VEC2", &shape.uvs),
+        });
+        if !shape.tangents.is_empty() {
+            attributes["TANGENT"] = json!(file.floats("VEC4", &shape.tangents));
+        }
+        let indices = file.indices(&shape.indices);
+        primitives.push(json!({"attributes": attributes, "indices": indices, "material": materials.len(), "mode": 4}));
+        // A one-sided fit shows its one side from behind as well.
+        materials.push(material(&mut file, side, folder, path, turn, translucent, sides.len() == 1)?);
+    }
+    let mut used = vec!["KHR_materials_specular"];
+    if translucent {
+        used.push("KHR_materials_diffuse_transmission");
+    }
+    let textures: Vec<Value> = (0..file.images.len()).map(|k| json!({"source": k, "sampler": 0})).collect();
+    let root = json!({
+        "asset": {"version": "2.0", "generator": concat!("mesophyll ", env!("CARGO_PKG_VERSION"))},
+        "extensionsUsed": used,
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0, "name": "blade", "scale": [0.001, 0.001, 0.001]}],
+        "meshes": [{"name": "blade", "primitives": primitives}],
+        "materials": materials,
+        "textures": textures,
+        "samplers": [{"magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071}],
+        "images": file.images,
+        "accessors": file.accessors,
+        "bufferViews": file.views,
+        "buffers": [{"byteLength": file.bin.len()}],
+    });
+    let json = serde_json::to_vec(&root).map_err(|e| Error::write(path, e))?;
+    let header = gltf::binary::Header { magic: *b"glTF", version: 2, length: 0 };
+    let glb = gltf::binary::Glb { header, json: json.into(), bin: Some(file.bin.into()) };
+    let bytes = glb.to_vec().map_err(|e| Error::write(path, e))?;
+    atomic::write_bytes(path, &bytes)
+}
+
+fn material(file: &mut File, side: &Side, folder: &Path, path: &Path, turn: Turn, translucent: bool, double: bool) -> Result<Value> {
+    let (width, height) = (side.maps.width, side.maps.height);
+    let png = |pixel: &dyn Fn(usize) -> [u8; 3]| encode(path, width, height, &pixels(side, turn, pixel));
+    let name = |what: &str| format!("{} {what}", side.name);
+    let rho_d = side.rgb("rho_d", folder)?;
+    let at = |planes: [&[f32]; 3], k: usize| planes.map(|p| p[k].max(0.0));
+
+    let mut extensions = json!({});
+    let base = if translucent {
+        let rho_t = side.rgb("rho_t", folder)?;
+        let share = |k: usize| {
+            let (d, t): (f32, f32) = (at(rho_d, k).iter().sum(), at(rho_t, k).iter().sum());
+            if d + t > 0.0 { (t / (d + t)).clamp(0.0, 1.0) } else { 0.0 }
+        };
+        // The factor sits in the alpha channel, so this picture alone is RGBA.
+        let alpha = pixels(side, turn, |k| [data_byte(share(k), 0.0, 1.0); 3]);
+        let factor = file.texture(&name("transmitted share"), &encode_alpha(path, width, height, &alpha)?);
+        // Split with the byte that the reader will see, not with the exact share.
+        let split = |k: usize| (f32::from(data_byte(share(k), 0.0, 1.0)) / 255.0).clamp(1e-3, 1.0 - 1e-3);
+        let through = png(&|k| at(rho_t, k).map(|v| to_srgb8(v / split(k))))?;
+        extensions["KHR_materials_diffuse_transmission"] = json!({
+            "diffuseTransmissionFactor": 1.0,
+            "diffuseTransmissionTexture": factor,
+            "diffuseTransmissionColorTexture": file.texture(&name("transmitted colour"), &through),
+        });
+        png(&|k| at(rho_d, k).map(|v| to_srgb8(v / (1.0 - split(k)))))?
+    } else {
+        png(&|k| at(rho_d, k).map(to_srgb8))?
+    };
+    let mut pbr = json!({"metallicFactor": 0.0, "baseColorTexture": file.texture(&name("base colour"), &base)});
+    match (side.rgb("rho_s", folder), side.one("m.Y", folder)) {
+        (Ok(rho_s), Ok(m)) => {
+            let roughness = png(&|k| [0, data_byte(m[k].max(0.0).sqrt(), 0.0, 1.0), 0])?;
+            pbr["metallicRoughnessTexture"] = file.texture(&name("roughness"), &roughness);
+            let top = rho_s.iter().map(|p| side.range(p).1 as f32).fold(1e-6, f32::max);
+            let specular = png(&|k| at(rho_s, k).map(|v| to_srgb8(v / top)))?;
+            extensions["KHR_materials_specular"] = json!({
+                "specularColorFactor": vec![top / ASSUMED_F0; 3],
+                "specularColorTexture": file.texture(&name("specular colour"), &specular),
+            });
+        }
+        _ => extensions["KHR_materials_specular"] = json!({"specularFactor": 0.0}),
+    }
+    let mut out = json!({"name": side.name, "doubleSided": double, "pbrMetallicRoughness": pbr, "extensions": extensions});
+    let normals = side.blade_normals.as_ref().map(|m| ["X", "Y", "Z"].map(|c| m.get(c)));
+    if let Some([Some(x), Some(y), Some(z)]) = normals {
+        let picture = png(&|k| normal_pixel([x[k], y[k], z[k]], turn))?;
+        out["normalTexture"] = file.texture(&name("normals"), &picture);
+    }
+    Ok(out)
+}
+
+/// White pixels whose alpha is the first of every three bytes.
+fn encode_alpha(path: &Path, width: usize, height: usize, grey: &[u8]) -> Result<Vec<u8>> {
+    let rgba: Vec<u8> = grey.chunks_exact(3).flat_map(|p| [255, 255, 255, p[0]]).collect();
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, width as u32, height as u32);
+    encoder.set_color(png::ColorType::Rgba);
+    let failed = |e: png::EncodingError| Error::write(path, e);
+    encoder.write_header().map_err(failed)?.write_image_data(&rgba).map_err(failed)?;
+    Ok(bytes)
+}

@@ -1,0 +1,88 @@
+//! The blade as Wavefront OBJ (mm, normals, texture coordinates with v upwards), a material a side, pictures beside it.
+//!
+//! `map_Kd` is ρd (sRGB), `Ks` the mean ρs, `Ns` = 2/m² − 2 the Phong exponent of the mean roughness (Walter et al. 2007, §5.2),
+//! `norm` the normals, `map_Pr` the roughness √m for readers of the physically based extension. ρt has no place in the format.
+
+use super::blade::Mesh;
+use super::side::Side;
+use super::texture::{Turn, data_byte, encode, normal_pixel, pixels};
+use crate::files::atomic;
+use crate::files::image::to_srgb8;
+use crate::fit::record::FitRecord;
+use crate::{Error, Result};
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+/// Writes `PATH`, and beside it `STEM.mtl` and `STEM_front_rho_d.png` ….
+pub fn write(sides: &[Side], record: &FitRecord, folder: &Path, path: &Path) -> Result<Vec<PathBuf>> {
+    let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+    // A blank in a file name ends it for most readers of these formats.
+    if stem.is_empty() || stem.contains(char::is_whitespace) {
+        return Err(Error::Usage(format!("{}: expected an output name without blanks, such as leaf.obj", path.display())));
+    }
+    let front = Mesh::read(folder)?;
+    let mut written = vec![path.to_path_buf()];
+    let name = |what: &str| path.with_file_name(format!("{stem}{what}"));
+    let mut materials = format!("# {} by {}\n", one_line(&record.name), one_line(&record.program));
+    let mut text = format!("# {}: lengths in mm, normals out of each side\nmtllib {stem}.mtl\n", one_line(&record.name));
+    for side in sides {
+        let back = side.name == "back";
+        let (mesh, turn) = if back { (front.turned(), Turn::Mirrored) } else { (front.clone(), Turn::AsSeen) };
+        mesh_text(&mut text, &mesh, &side.name, if back && sides.len() > 1 { front.positions.len() } else { 0 });
+        let (width, height) = (side.maps.width, side.maps.height);
+        let mut save = |what: &str, pixel: &dyn Fn(usize) -> [u8; 3]| {
+            let file = name(&format!("_{}_{what}.png", side.name));
+            atomic::write_bytes(&file, &encode(&file, width, height, &pixels(side, turn, pixel))?)?;
+            let plain = file.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+            written.push(file);
+            Ok::<String, Error>(plain)
+        };
+        let _ = writeln!(materials, "newmtl {}\nillum 2\nKd 1 1 1", side.name);
+        let [r, g, b] = side.rgb("rho_d", folder)?;
+        let _ = writeln!(materials, "map_Kd {}", save("rho_d", &|k| [r[k], g[k], b[k]].map(to_srgb8))?);
+        if let (Ok(rho_s), Ok(m)) = (side.rgb("rho_s", folder), side.one("m.Y", folder)) {
+            let mean = |plane: &[f32]| {
+                let (sum, n) = plane
+                    .iter()
+                    .zip(&side.mask)
+                    .filter(|(v, k)| **k > 0.5 && v.is_finite())
+                    .fold((0.0, 0), |(s, n), (v, _)| (s + f64::from(*v), n + 1));
+                sum / f64::from(n.max(1))
+            };
+            let exponent = (2.0 / mean(m).max(1e-3).powi(2) - 2.0).clamp(1.0, 1000.0);
+            let [r, g, b] = rho_s.map(mean);
+            let _ = writeln!(materials, "Ks {r:.5} {g:.5} {b:.5}\nNs {exponent:.2}");
+            let _ = writeln!(materials, "map_Pr {}", save("roughness", &|k| [data_byte(m[k].max(0.0).sqrt(), 0.0, 1.0); 3])?);
+        }
+        let normals = side.blade_normals.as_ref().map(|n| ["X", "Y", "Z"].map(|c| n.get(c)));
+        if let Some([Some(x), Some(y), Some(z)]) = normals {
+            let _ = writeln!(materials, "norm {}", save("normal", &|k| normal_pixel([x[k], y[k], z[k]], turn))?);
+        }
+    }
+    atomic::write_bytes(&name(".mtl"), materials.as_bytes())?;
+    written.push(name(".mtl"));
+    // The mesh last: when it is there, everything it names is.
+    atomic::write_bytes(path, text.as_bytes())?;
+    Ok(written)
+}
+
+fn mesh_text(text: &mut String, mesh: &Mesh, side: &str, offset: usize) {
+    for p in &mesh.positions {
+        let _ = writeln!(text, "v {} {} {}", p[0], p[1], p[2]);
+    }
+    for t in &mesh.uvs {
+        let _ = writeln!(text, "vt {} {}", t[0], 1.0 - t[1]);
+    }
+    for n in &mesh.normals {
+        let _ = writeln!(text, "vn {} {} {}", n[0], n[1], n[2]);
+    }
+    let _ = writeln!(text, "g {side}\nusemtl {side}");
+    for t in mesh.indices.chunks_exact(3) {
+        let [a, b, c] = [t[0], t[1], t[2]].map(|i| i as usize + offset + 1);
+        let _ = writeln!(text, "f {a}/{a}/{a} {b}/{b}/{b} {c}/{c}/{c}");
+    }
+}
+
+fn one_line(text: &str) -> String {
+    text.replace(['\n', '\r'], " ")
+}

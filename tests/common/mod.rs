@@ -1,0 +1,57 @@
+//! What the tests that drive the binary share: running it, small synthetic captures, and places that refuse to be written.
+#![allow(dead_code)]
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+/// The program under test.
+pub fn mesophyll() -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_mesophyll"));
+    command.current_dir(env!("CARGO_MANIFEST_DIR")).arg("--quiet");
+    command
+}
+
+/// Runs with arguments; panics only when the program cannot be started.
+pub fn run<S: AsRef<std::ffi::OsStr>>(args: impl IntoIterator<Item = S>) -> Output {
+    mesophyll().args(args).output().expect("the binary starts")
+}
+
+/// Exit code, one sentence on stderr that contains every word given, and no panic.
+#[track_caller]
+pub fn refused(output: &Output, code: i32, words: &[&str]) {
+    let text = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(code), "stderr: {text}");
+    assert!(!text.contains("panicked"), "{text}");
+    assert_eq!(text.trim().lines().count(), 1, "one sentence expected: {text}");
+    for word in words {
+        assert!(text.contains(word), "{word:?} is missing in: {text}");
+    }
+}
+
+#[track_caller]
+pub fn succeeded(output: &Output) {
+    assert!(output.status.success(), "stderr: {}", String::from_utf8_lossy(&output.stderr));
+}
+
+/// A synthetic scan in a fresh folder: `SPEC` of `data/leaves`, without the extension.
+pub fn scan(folder: &Path, spec: &str, extra: &[&str]) -> PathBuf {
+    let capture = folder.join("scan");
+    let spec = format!("data/leaves/{spec}.toml");
+    let mut args = vec!["synth", spec.as_str(), "-o", capture.to_str().expect("a UTF-8 path")];
+    args.extend(extra);
+    succeeded(&run(args));
+    capture
+}
+
+/// Copies a folder tree.
+pub fn copy_tree(from: &Path, to: &Path) {
+    std::fs::create_dir_all(to).expect("folder");
+    for entry in std::fs::read_dir(from).expect("readable").flatten() {
+        let target = to.join(entry.file_name());
+        if entry.path().is_dir() {
+            copy_tree(&entry.path(), &target);
+        } else {
+            std::fs::copy(entry.path(), target).expect("copied");
+        }
+    }
+}

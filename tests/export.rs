@@ -1,0 +1,268 @@
+//! `mesophyll export`, driven from outside; what is written is read back with other readers where there are any.
+
+mod samples;
+
+use mesophyll::files::image;
+use mesophyll::fit::leaf::blade::{Blade, glb};
+use samples::{Sample, write_fit};
+use std::path::Path;
+use std::process::Command;
+
+fn mesophyll(args: &[&str], folder: &Path) -> (i32, String, String) {
+    let out = Command::new(env!("CARGO_BIN_EXE_mesophyll")).args(args).current_dir(folder).output().unwrap();
+    let text = |b: &[u8]| String::from_utf8_lossy(b).into_owned();
+    (out.status.code().unwrap_or(-1), text(&out.stdout), text(&out.stderr))
+}
+
+fn export(folder: &Path, format: &str, to: &str) {
+    let (code, _, stderr) = mesophyll(&["export", "elm", "--to", format, "-o", to], folder);
+    assert_eq!(code, 0, "{stderr}");
+}
+
+/// A sample fit with a blade of two triangles that covers the maps, 30 mm × 20 mm.
+fn with_blade(folder: &Path) {
+    write_fit(&folder.join("elm"), &Sample::default());
+    let blade = Blade {
+        positions: vec![[-15.0, 10.0, 0.0], [15.0, 10.0, 0.0], [15.0, -10.0, 0.0], [-15.0, -10.0, 0.0]],
+        normals: vec![[0.0, 0.0, 1.0]; 4],
+        tangents: vec![[1.0, 0.0, 0.0, 1.0]; 4],
+        uvs: vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]],
+        indices: vec![0, 2, 1, 0, 3, 2],
+        ..Blade::default()
+    };
+    glb::write(&folder.join("elm/blade.glb"), "elm", &blade).unwrap();
+}
+
+/// 8-bit sRGB → linear, by the standard's own inverse.
+fn linear(byte: u8) -> f32 {
+    let s = f32::from(byte) / 255.0;
+    if s <= 0.04045 { s / 12.92 } else { ((s + 0.055) / 1.055).powf(2.4) }
+}
+
+#[test]
+fn the_exr_holds_every_map_and_error_bit_for_bit() {
+    let dir = tempfile::tempdir().unwrap();
+    with_blade(dir.path());
+    export(dir.path(), "exr", "all.exr");
+    let all = image::read_exr(&dir.path().join("all.exr")).unwrap();
+    let mut channels = 0;
+    for side in ["front", "back"] {
+        for (file, prefix) in [(format!("{side}.exr"), side.to_string()), (format!("{side}_err.exr"), format!("{side}.err"))] {
+            let own = image::read_exr(&dir.path().join("elm").join(file)).unwrap();
+            for (name, samples) in &own.channels {
+                let copy = all.get(&format!("{prefix}.{name}")).unwrap();
+                assert!(samples.iter().zip(copy).all(|(a, b)| a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan())), "{prefix}.{name}");
+                channels += 1;
+            }
+        }
+    }
+    assert_eq!(channels, all.channels.len());
+}
+
+#[test]
+fn the_table_has_a_row_a_texel_and_reads_back_exactly() {
+    let dir = tempfile::tempdir().unwrap();
+    with_blade(dir.path());
+    export(dir.path(), "csv", "t.csv");
+    let front = image::read_exr(&dir.path().join("elm/front.exr")).unwrap();
+    let errors = image::read_exr(&dir.path().join("elm/front_err.exr")).unwrap();
+    let on_leaf = front.get("mask.Y").unwrap().iter().filter(|m| **m != 0.0).count();
+    let mut table = csv::Reader::from_path(dir.path().join("t.csv")).unwrap();
+    let head = table.headers().unwrap().clone();
+    let at = |name: &str| head.iter().position(|h| h == name).unwrap_or_else(|| panic!("no column {name}"));
+    let columns = [("sigma_a_g", "sigma_a.G"), ("thickness", "thickness.Y"), ("normal_y", "normal.Y")];
+    let mut rows = 0;
+    for row in table.records().map(Result::unwrap).filter(|r| &r[0] == "front") {
+        rows += 1;
+        let k = row[1].parse::<usize>().unwrap() + front.width * row[2].parse::<usize>().unwrap();
+        for (column, channel) in columns {
+            let expected = front.get(channel).unwrap()[k];
+            let found = row[at(column)].parse::<f32>().ok();
+            assert_eq!(found.map(f32::to_bits), expected.is_finite().then_some(expected.to_bits()), "{column} at {k}");
+        }
+        let expected = errors.get("sigma_a.G").unwrap()[k];
+        assert_eq!(row[at("sigma_a_g_err")].parse::<f32>().ok(), expected.is_finite().then_some(expected));
+    }
+    assert_eq!(rows, on_leaf);
+}
+
+#[test]
+fn pictures_mean_what_their_ranges_say() {
+    let dir = tempfile::tempdir().unwrap();
+    with_blade(dir.path());
+    export(dir.path(), "png", "maps");
+    let ranges: serde_json::Value = serde_json::from_slice(&std::fs::read(dir.path().join("maps/ranges.json")).unwrap()).unwrap();
+    let front = image::read_exr(&dir.path().join("elm/front.exr")).unwrap();
+    let mask = front.get("mask.Y").unwrap();
+    let open = |name: &str| ::image::open(dir.path().join("maps").join(name)).unwrap().to_rgb8();
+    let (rho, thickness) = (open("front_rho_d.png"), open("front_thickness.png"));
+    let range = &ranges["files"]["front_thickness.png"];
+    let (low, high) = (range["low"].as_f64().unwrap() as f32, range["high"].as_f64().unwrap() as f32);
+    let step = (high - low) / 255.0;
+    for k in (0..mask.len()).filter(|k| mask[*k] == 1.0) {
+        let (x, y) = ((k % front.width) as u32, (k / front.width) as u32);
+        let green = front.get("rho_d.G").unwrap()[k];
+        // a byte is at most 0.009 wide in linear light
+        assert!((linear(rho.get_pixel(x, y)[1]) - green).abs() < 0.005, "{k}");
+        let value = front.get("thickness.Y").unwrap()[k];
+        let read = low + step * f32::from(thickness.get_pixel(x, y)[0]);
+        assert!((read - value.clamp(low, high)).abs() < 0.51 * step, "{k}: {read} against {value}");
+    }
+    assert!(ranges["files"]["front_rho_d.png"]["encoding"].as_str().unwrap().starts_with("sRGB"));
+    assert_eq!(open("back_mask.png").dimensions(), (72, 54));
+}
+
+#[test]
+fn a_gltf_reader_sees_both_sides_in_metres_with_their_colours() {
+    let dir = tempfile::tempdir().unwrap();
+    with_blade(dir.path());
+    export(dir.path(), "gltf", "leaf.glb");
+    let (document, buffers, images) = gltf::import(dir.path().join("leaf.glb")).unwrap();
+    let node = document.nodes().next().unwrap();
+    assert_eq!(node.transform().decomposed().2, [0.001; 3]);
+    let primitives: Vec<_> = document.meshes().next().unwrap().primitives().collect();
+    assert_eq!(primitives.len(), 2);
+    let source = |name: &str| image::read_exr(&dir.path().join("elm").join(name)).unwrap();
+    for (primitive, side) in primitives.iter().zip(["front", "back"]) {
+        let reader = primitive.reader(|b| Some(&buffers[b.index()]));
+        let p: Vec<[f32; 3]> = reader.read_positions().unwrap().collect();
+        let n: Vec<[f32; 3]> = reader.read_normals().unwrap().collect();
+        let uv: Vec<[f32; 2]> = reader.read_tex_coords(0).unwrap().into_f32().collect();
+        let t: Vec<[f32; 4]> = reader.read_tangents().unwrap().collect();
+        let i: Vec<u32> = reader.read_indices().unwrap().into_u32().collect();
+        let up = if side == "front" { 1.0 } else { -1.0 };
+        for f in i.chunks_exact(3) {
+            let [a, b, c] = [f[0], f[1], f[2]].map(|k| p[k as usize]);
+            let turning = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+            assert!(turning * up > 0.0, "{side}: triangles wind around their normal");
+        }
+        assert!(n.iter().all(|n| n[2] == up));
+        // the bitangent w · n × t points up the image (towards smaller v) on both sides
+        assert!(n.iter().zip(&t).all(|(n, t)| t[3] * (n[2] * t[0] - n[0] * t[2]) > 0.0));
+        // look up a good texel of this side: its own camera's column i of the back lies at 1 − u
+        let maps = source(&format!("{side}.exr"));
+        let mask = maps.get("mask.Y").unwrap();
+        let k = (0..mask.len()).filter(|k| mask[*k] == 1.0).nth(500).unwrap();
+        let (column, row) = (k % maps.width, k / maps.width);
+        let u = (column as f32 + 0.5) / maps.width as f32;
+        let u = if side == "front" { u } else { 1.0 - u };
+        assert!(uv.iter().any(|t| t[0] <= u) && uv.iter().any(|t| t[0] >= u));
+        let texture = primitive.material().pbr_metallic_roughness().base_color_texture().unwrap().texture();
+        let picture = &images[texture.source().index()];
+        let x = (u * picture.width as f32) as usize;
+        let pixel = &picture.pixels[3 * (row * picture.width as usize + x)..];
+        for (c, name) in ["rho_d.R", "rho_d.G", "rho_d.B"].iter().enumerate() {
+            let expected = maps.get(name).unwrap()[k];
+            assert!((linear(pixel[c]) - expected).abs() < 0.005, "{side} {name}: {} against {expected}", linear(pixel[c]));
+        }
+        let roughness = primitive.material().pbr_metallic_roughness().metallic_roughness_texture().unwrap().texture();
+        let picture = &images[roughness.source().index()];
+        let alpha = (f32::from(picture.pixels[3 * (row * picture.width as usize + x) + 1]) / 255.0).powi(2);
+        assert!((alpha - maps.get("m.Y").unwrap()[k]).abs() < 0.006);
+    }
+}
+
+#[test]
+fn what_shines_through_adds_up_to_what_was_fitted() {
+    let dir = tempfile::tempdir().unwrap();
+    with_blade(dir.path());
+    export(dir.path(), "gltf-translucent", "leaf.glb");
+    let bytes = std::fs::read(dir.path().join("leaf.glb")).unwrap();
+    let json_length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+    let root: serde_json::Value = serde_json::from_slice(&bytes[20..20 + json_length]).unwrap();
+    assert!(root["extensionsUsed"].as_array().unwrap().iter().any(|e| e == "KHR_materials_diffuse_transmission"));
+    let (_, _, images) = gltf::import(dir.path().join("leaf.glb")).unwrap();
+    let material = &root["materials"][0];
+    let through = &material["extensions"]["KHR_materials_diffuse_transmission"];
+    let picture = |reference: &serde_json::Value| {
+        let texture = reference["index"].as_u64().unwrap() as usize;
+        &images[root["textures"][texture]["source"].as_u64().unwrap() as usize]
+    };
+    let factor = picture(&through["diffuseTransmissionTexture"]);
+    let colour = picture(&through["diffuseTransmissionColorTexture"]);
+    let base = picture(&material["pbrMetallicRoughness"]["baseColorTexture"]);
+    let maps = image::read_exr(&dir.path().join("elm/front.exr")).unwrap();
+    let mask = maps.get("mask.Y").unwrap();
+    for k in (0..mask.len()).filter(|k| mask[*k] == 1.0).step_by(7) {
+        let t = f32::from(factor.pixels[4 * k + 3]) / 255.0;
+        for (c, letter) in ["R", "G", "B"].iter().enumerate() {
+            let value = |q: &str| maps.get(&format!("{q}.{letter}")).unwrap()[k];
+            let (d, through) = ((1.0 - t) * linear(base.pixels[3 * k + c]), t * linear(colour.pixels[3 * k + c]));
+            assert!((d - value("rho_d")).abs() < 0.006, "{k} {letter}: {d} against {}", value("rho_d"));
+            assert!((through - value("rho_t")).abs() < 0.006, "{k} {letter}: {through} against {}", value("rho_t"));
+        }
+    }
+}
+
+#[test]
+fn the_obj_has_normals_and_names_files_that_are_there() {
+    let dir = tempfile::tempdir().unwrap();
+    with_blade(dir.path());
+    export(dir.path(), "obj", "out/leaf.obj");
+    let text = std::fs::read_to_string(dir.path().join("out/leaf.obj")).unwrap();
+    let count = |head: &str| text.lines().filter(|l| l.starts_with(head)).count();
+    assert_eq!((count("v "), count("vt "), count("vn "), count("f ")), (8, 8, 8, 4));
+    let vector = |l: &str| -> Vec<f64> { l.split_whitespace().skip(1).map(|v| v.parse().unwrap()).collect() };
+    let list = |head: &str| -> Vec<Vec<f64>> { text.lines().filter(|l| l.starts_with(head)).map(vector).collect() };
+    let (v, n) = (list("v "), list("vn "));
+    for line in text.lines().filter(|l| l.starts_with("f ")) {
+        let corners: Vec<usize> =
+            line.split_whitespace().skip(1).map(|c| c.split('/').next().unwrap().parse::<usize>().unwrap() - 1).collect();
+        let [a, b, c] = [&v[corners[0]], &v[corners[1]], &v[corners[2]]];
+        let turning = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+        assert!(turning * n[corners[0]][2] > 0.0, "{line}");
+    }
+    // the top left corner of the maps is v = 1 in an OBJ
+    assert_eq!(list("vt ")[0], [0.0, 1.0]);
+    let materials = std::fs::read_to_string(dir.path().join("out/leaf.mtl")).unwrap();
+    let mut pictures = 0;
+    for line in materials.lines().filter(|l| l.starts_with("map_") || l.starts_with("norm")) {
+        let file = line.split_whitespace().nth(1).unwrap();
+        assert!(dir.path().join("out").join(file).exists(), "{file}");
+        pictures += 1;
+    }
+    assert_eq!(pictures, 4, "no normal maps in the sample: colour and roughness of both sides");
+    let name = text.lines().find_map(|l| l.strip_prefix("mtllib ")).unwrap();
+    assert!(dir.path().join("out").join(name).exists());
+}
+
+#[test]
+fn parameters_come_out_as_json_without_invented_numbers() {
+    let dir = tempfile::tempdir().unwrap();
+    with_blade(dir.path());
+    export(dir.path(), "json", "p.json");
+    let json: serde_json::Value = serde_json::from_slice(&std::fs::read(dir.path().join("p.json")).unwrap()).unwrap();
+    let sigma = &json["fit"]["front"]["sigma_a"];
+    assert!(sigma["stderr"][2].is_null() && sigma["stderr"][0] == 0.06, "{sigma}");
+    assert_eq!(sigma["undetermined"][0], "sigma_a.B: at least 7.9 1/mm");
+    assert!(json["times"]["total_s"].as_f64().is_some());
+}
+
+#[test]
+fn mistakes_are_one_sentence_and_write_nothing() {
+    let dir = tempfile::tempdir().unwrap();
+    with_blade(dir.path());
+    std::fs::create_dir(dir.path().join("folder")).unwrap();
+    std::fs::create_dir(dir.path().join("slab")).unwrap();
+    std::fs::write(dir.path().join("slab/fit.toml"), "schema = 1\nkind = \"slab\"\nname = \"s\"\nprogram = \"p\"\ninput_hash = \"h\"\n")
+        .unwrap();
+    let cases: [(&[&str], &str); 5] = [
+        (&["export", "elm", "--to", "fbx", "-o", "x"], "no such format; known are png"),
+        (&["export", "nowhere", "--to", "csv", "-o", "x"], "fit.toml: no such file or folder"),
+        (&["export", "slab", "--to", "csv", "-o", "x"], "is a slab fit, which has no maps"),
+        (&["export", "elm", "--to", "csv", "-o", "folder"], "found a folder, expected the name of a file"),
+        (&["export", "elm", "--to", "obj", "-o", "a leaf.obj"], "without blanks"),
+    ];
+    for (args, said) in cases {
+        let (code, stdout, stderr) = mesophyll(args, dir.path());
+        assert_eq!((code, stdout.as_str()), (2, ""), "{args:?}: {stderr}");
+        assert!(stderr.contains(said) && stderr.lines().count() == 1, "{args:?}: {stderr}");
+    }
+    assert!(!dir.path().join("x").exists());
+    std::fs::write(dir.path().join("elm/blade.glb"), b"glTF nonsense").unwrap();
+    let (code, _, stderr) = mesophyll(&["export", "elm", "--to", "gltf", "-o", "x"], dir.path());
+    assert!(code == 2 && stderr.contains("blade.glb"), "{stderr}");
+    std::fs::remove_file(dir.path().join("elm/blade.glb")).unwrap();
+    let (code, _, stderr) = mesophyll(&["export", "elm", "--to", "obj", "-o", "x.obj"], dir.path());
+    assert!(code == 2 && stderr.contains("blade.glb: no such file"), "{stderr}");
+}

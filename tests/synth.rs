@@ -1,0 +1,166 @@
+//! `mesophyll synth` from outside: what it writes, that the same seed gives the same bytes, and what it says to bad requests.
+
+use assert_cmd::Command;
+use mesophyll::capture::manifest::{Manifest, SideName, Travel, frame_path, texel_position, white_path};
+use mesophyll::files::image::{exr_info, read_exr};
+use std::path::{Path, PathBuf};
+
+fn spec(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("data/leaves").join(format!("{name}.toml"))
+}
+
+fn synth(out: &Path, name: &str, more: &[&str]) -> assert_cmd::assert::Assert {
+    let size: &[&str] = if more.contains(&"--size") { &[] } else { &["--size", "32x24"] };
+    let mut command = Command::cargo_bin("mesophyll").unwrap();
+    command.arg("synth").arg(spec(name)).arg("-o").arg(out).args(["--frames", "8"]).args(size).args(more).assert()
+}
+
+/// Every file below a folder with its bytes, sorted by name.
+fn contents(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
+    let mut found = Vec::new();
+    let mut folders = vec![folder.to_path_buf()];
+    while let Some(here) = folders.pop() {
+        for entry in std::fs::read_dir(here).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                found.push((path.strip_prefix(folder).unwrap().to_path_buf(), std::fs::read(&path).unwrap()));
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+#[test]
+fn a_capture_is_complete_and_calibrates_to_its_truth() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("elm");
+    synth(&out, "elm", &["--noise", "0"]).success();
+    let manifest = Manifest::read(&out).unwrap();
+    assert_eq!((manifest.width, manifest.height, manifest.sides.len(), manifest.passes.len()), (32, 24, 2, 2));
+    for travel in [Travel::X, Travel::Y] {
+        assert_eq!(manifest.pass(travel).unwrap().positions().len(), 8);
+        for k in 0..8 {
+            for side in [SideName::Front, SideName::Back] {
+                let info = exr_info(&frame_path(&out, side, travel, k)).unwrap();
+                assert!(info.width == 32 && info.height == 24 && !info.half);
+            }
+            exr_info(&white_path(&out, travel, k)).unwrap();
+        }
+    }
+    let read = |name: &str| read_exr(&out.join(name)).unwrap();
+    let (truth, mask) = (read("truth/front.exr"), read("mask.exr"));
+    let get = |maps: &mesophyll::files::image::Maps, name: &str, k: usize| f64::from(maps.get(name).unwrap()[k]);
+
+    // The light box: (leaf − dark)/(box − dark) is ρt; the back's is the front's mirrored.
+    let (dark, empty) = (read("dark.exr"), read("lightbox_empty.exr"));
+    let (front, back) = (read("front/lightbox.exr"), read("back/lightbox.exr"));
+    let mut on_leaf = 0;
+    for k in 0..32 * 24 {
+        if get(&mask, "Y", k) < 0.5 {
+            continue;
+        }
+        on_leaf += 1;
+        let mirrored = k / 32 * 32 + 31 - k % 32;
+        for c in ["R", "G", "B"] {
+            let ratio = |leaf, k| (get(leaf, c, k) - get(&dark, c, k)) / (get(&empty, c, k) - get(&dark, c, k));
+            let rho_t = get(&truth, &format!("rho_t.{c}"), k);
+            assert!((ratio(&front, k) / rho_t - 1.0).abs() < 1e-4 && (ratio(&back, mirrored) / rho_t - 1.0).abs() < 1e-4);
+        }
+    }
+    assert!(on_leaf > 100);
+
+    // A frame, calibrated by the white sheet and a thin tube's closed form (G3; the tube's radius changes it by under 1 %), holds at
+    // least the diffuse part, and nothing but it where the mirror direction is far away (last frame of pass x).
+    let (frame, white) = (read("front/x/0007.exr"), read("white/x/0007.exr"));
+    assert_eq!((white.width, white.height), (32, 24));
+    for k in (0..32 * 24).filter(|&k| get(&mask, "Y", k) > 0.5) {
+        let [x, y] = texel_position(32, 24, manifest.texel_mm, k % 32, k / 32);
+        let [u, h] = [(250.0 - x) / 100.0, 100.0];
+        let r = f64::hypot(1.0, u);
+        let half = |end: f64| {
+            let phi = (end / (h * r)).atan();
+            0.5 * (phi + phi.sin() * phi.cos())
+        };
+        let flat = 2.0 / std::f64::consts::PI / (r * r) * (half(250.0 - y) + half(250.0 + y));
+        let normal = ["X", "Y", "Z"].map(|c| get(&truth, &format!("normal.{c}"), k));
+        // Leaving out the tilt along the tube, which the light's two halves nearly cancel.
+        let tilted = flat * (normal[0] * u + normal[2]).max(0.0);
+        let value = (get(&frame, "G", k) - get(&dark, "G", k)) / (get(&white, "G", k) - get(&dark, "G", k)) * flat;
+        let diffuse = get(&truth, "rho_d.G", k) * tilted;
+        assert!((value - diffuse).abs() < 0.02 * diffuse + 1e-4, "texel {k}: {value} {diffuse}");
+    }
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bytes_on_any_number_of_threads() {
+    let dir = tempfile::tempdir().unwrap();
+    let [a, b, c] = ["a", "b", "c"].map(|n| dir.path().join(n));
+    synth(&a, "balata", &["--passes", "x", "--threads", "1"]).success();
+    synth(&b, "balata", &["--passes", "x", "--threads", "3", "--raw-exposures"]).success();
+    synth(&c, "balata", &["--passes", "x", "--seed", "2"]).success();
+    let without_raw: Vec<_> = contents(&b)
+        .into_iter()
+        .filter(|(p, _)| !p.to_string_lossy().contains("000") || p.extension().is_some_and(|e| e == "exr"))
+        .collect();
+    assert!(contents(&b).len() == without_raw.len() + 2 * 8 * 3);
+    assert!(contents(&a) == without_raw);
+    let differing = contents(&a).iter().zip(&contents(&c)).filter(|(x, y)| x != y).count();
+    assert!(differing > 20, "another seed changes every noisy file, not {differing}");
+}
+
+#[test]
+fn bad_requests_end_in_one_sentence_and_exit_code_2() {
+    let dir = tempfile::tempdir().unwrap();
+    let says = |assert: assert_cmd::assert::Assert, what: &str| {
+        let output = assert.code(2).get_output().clone();
+        let text = String::from_utf8(output.stderr).unwrap();
+        assert!(text.contains(what) && text.lines().count() == 1, "{text}");
+    };
+    let out = dir.path().join("new");
+    let run = |args: &[&str], spec: &Path, out: &Path| {
+        Command::cargo_bin("mesophyll").unwrap().args(["synth", "--quiet"]).arg(spec).arg("-o").arg(out).args(args).assert()
+    };
+    for size in ["0x0", "32", "32x", "-3x4", "99999x2"] {
+        says(run(&[&format!("--size={size}")], &spec("elm"), &out), "--size: found");
+    }
+    says(run(&["--frames", "3"], &spec("elm"), &out), "--frames: found 3");
+    says(run(&["--noise", "2"], &spec("elm"), &out), "--noise: found 2");
+    says(run(&[], Path::new("no/such.toml"), &out), "no/such.toml: no such file");
+    let full = dir.path().join("full");
+    std::fs::create_dir(&full).unwrap();
+    std::fs::write(full.join("precious.txt"), "x").unwrap();
+    says(run(&[], &spec("elm"), &full), "is not empty");
+    assert!(full.join("precious.txt").exists());
+    let text = std::fs::read_to_string(spec("elm")).unwrap();
+    for (from, to, what) in [
+        ("lean = 0.8", "leen = 0.8", "unknown field `leen`"),
+        ("thickness_mm = 0.15", "thickness_mm = -0.15", "thickness_mm: found -0.15"),
+        ("[0.4, ", "[0.01, ", "outline.profile"),
+    ] {
+        assert!(text.contains(from), "{from}");
+        let path = dir.path().join("bad.toml");
+        std::fs::write(&path, text.replacen(from, to, 1)).unwrap();
+        says(run(&[], &path, &out), what);
+    }
+    assert!(!out.exists());
+    // A file where the folder should be cannot be written into, not even by root.
+    says(run(&["--size", "32x24"], &spec("elm"), &full.join("precious.txt")), "cannot write to the output folder");
+}
+
+#[test]
+fn every_species_grows() {
+    let dir = tempfile::tempdir().unwrap();
+    for entry in std::fs::read_dir(spec("elm").parent().unwrap()).unwrap() {
+        let name = entry.unwrap().path().file_stem().unwrap().to_string_lossy().into_owned();
+        let out = dir.path().join(&name);
+        synth(&out, &name, &["--size", "16x12", "--passes", "x", "--model", "exact"]).success();
+        let manifest = Manifest::read(&out).unwrap();
+        assert_eq!(manifest.name, name);
+        let truth = read_exr(&out.join("truth/back.exr")).unwrap();
+        let inside = truth.get("mask.Y").unwrap().iter().filter(|m| **m == 1.0).count();
+        assert!(inside > 16 * 12 / 6, "{name} covers {inside} of 192 texels");
+    }
+}

@@ -1,0 +1,60 @@
+//! The live picture: the pointer turns, pans and zooms the camera, reads texels and chooses leaves.
+
+use super::ViewerUi;
+use crate::pick::pick;
+use egui::{Rect, Sense, TextureId};
+
+impl ViewerUi {
+    pub(super) fn live_view(&mut self, ui: &mut egui::Ui, picture: TextureId) {
+        let (rect, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
+        self.landmark("picture", &response);
+        let scale = ui.ctx().pixels_per_point();
+        let size = [rect.width(), rect.height()].map(|s| (s * scale).round().max(1.0) as u32);
+        if size != self.picture_size {
+            self.picture_size = size;
+            self.dirty = true;
+        }
+        let whole = Rect::from_min_max(egui::pos2(0.0, 0.0), egui::pos2(1.0, 1.0));
+        ui.painter().image(picture, rect, whole, egui::Color32::WHITE);
+
+        let moved = response.drag_delta();
+        let panning = response.dragged_by(egui::PointerButton::Secondary)
+            || response.dragged_by(egui::PointerButton::Middle)
+            || ui.input(|i| i.modifiers.shift);
+        if response.dragged() && moved != egui::Vec2::ZERO {
+            if panning {
+                self.orbit.pan(moved.x / rect.height(), moved.y / rect.height());
+            } else {
+                self.orbit.turn(moved.x * 0.008, moved.y * 0.008);
+            }
+            self.camera_changed();
+        }
+        self.moving = response.dragged();
+        if !self.moving && self.drawn_as_draft {
+            self.dirty = true;
+        }
+        if response.hovered() {
+            let (scroll, zoom) = ui.input(|i| (i.smooth_scroll_delta().y, i.zoom_delta()));
+            if scroll != 0.0 || zoom != 1.0 {
+                self.orbit.zoom((scroll * 0.0025).exp() * zoom);
+                self.camera_changed();
+            }
+        }
+        let pointer = response.hover_pos().filter(|_| !response.dragged());
+        let aspect = rect.width() / rect.height();
+        let hit = pointer.and_then(|p| {
+            let at = (p - rect.min) / rect.size();
+            pick(&self.scene, &self.orbit.camera, aspect, at.x, at.y)
+        });
+        self.hover = hit.map(|hit| match self.hover.take() {
+            Some((old, rows)) if (old.leaf, old.front, old.texel) == (hit.leaf, hit.front, hit.texel) => (hit, rows),
+            _ => (hit, self.editor.probe(hit.leaf, hit.front, hit.texel)),
+        });
+        if let (true, Some(hit)) = (response.clicked(), hit) {
+            self.side_front = hit.front;
+            if hit.leaf != self.leaf {
+                self.choose(hit.leaf);
+            }
+        }
+    }
+}
