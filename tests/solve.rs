@@ -29,6 +29,18 @@ fn stress_nist_solves_all_54_runs() {
 }
 
 #[test]
+fn every_table_of_stress_gets_the_verdicts_it_expects() {
+    let rows = rows(&["stress", "--json"]);
+    for model in ["solve", "nist", "slab", "gloss"] {
+        assert!(rows.iter().filter(|r| r["model"] == model).count() >= 10, "{model} has few rows");
+    }
+    for row in &rows {
+        assert_eq!(row["expected"], row["verdict"], "{row}");
+        assert!(row["detail"].as_str().unwrap().starts_with(row["expected"].as_str().unwrap()), "{row}");
+    }
+}
+
+#[test]
 fn stress_solve_prints_a_table_and_names_its_cases() {
     let output = mesophyll().args(["stress", "solve"]).assert().code(0).get_output().stdout.clone();
     let text = String::from_utf8(output).unwrap();

@@ -24,7 +24,7 @@ const TABLES: [Table; 4] = [
     ("gloss", || Ok(gloss::stress::rows())),
 ];
 
-/// A row as it is printed: the verdict is as long as what was expected of it, what it says beyond (a bound) stands apart.
+/// A row as JSON has it: where the case got what it expects, the verdict is as short as that, and its full text (with a bound) stands apart.
 #[derive(serde::Serialize)]
 struct Shown {
     #[serde(flatten)]
@@ -34,15 +34,23 @@ struct Shown {
 
 impl Shown {
     fn new(mut row: StressRow) -> Self {
-        let detail = match row.verdict.strip_prefix(&row.expected) {
-            Some(rest) if row.passed() => rest.trim().to_string(),
-            _ => String::new(),
-        };
+        let detail = row.verdict.clone();
         if row.passed() {
             row.verdict.clone_from(&row.expected);
         }
         Shown { row, detail }
     }
+}
+
+/// The rows of a table under the table's name; a longer model name goes to the case (`slab forward` → `slab`, `forward: …`).
+fn named(table: &str, mut rows: Vec<StressRow>) -> Vec<StressRow> {
+    for row in &mut rows {
+        if let Some(part) = row.model.strip_prefix(table).map(str::trim).filter(|part| !part.is_empty()) {
+            row.case = format!("{part}: {}", row.case);
+            row.model = table.into();
+        }
+    }
+    rows
 }
 
 /// Runs the tables; 0 where every case got the verdict it expects, else 1 with the others named.
@@ -55,7 +63,8 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         if progress::stop_requested() {
             return Err(Error::Interrupted("stopped between two stress tables; nothing was printed".into()));
         }
-        all.extend(TABLES[index].1()?);
+        let (name, table) = TABLES[index];
+        all.extend(named(name, table()?));
         bar.advance(1);
     }
     drop(bar);
