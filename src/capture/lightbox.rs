@@ -2,8 +2,9 @@
 //!
 //! By reciprocity (leaf − dark)/(box − dark) seen at an angle is the slab's ρt for a collimated beam at that angle (`data/README.md`).
 
-/// Ratio leaf/box and its standard error, a texel and channel. NaN where the box reads nothing.
-pub fn transmittance(leaf: &[[f32; 3]], empty: &[[f32; 3]], relative: f64, floor: f64) -> (Vec<[f32; 3]>, Vec<[f32; 3]>) {
+/// Ratio leaf/box and its standard error, a texel and channel. NaN where the box reads nothing. `dark` is the standard deviation of
+/// the dark frame taken off both photographs: it shifts the ratio by (1 − ratio)/box.
+pub fn transmittance(leaf: &[[f32; 3]], empty: &[[f32; 3]], relative: f64, floor: f64, dark: f64) -> (Vec<[f32; 3]>, Vec<[f32; 3]>) {
     leaf.iter()
         .zip(empty)
         .map(|(l, e)| {
@@ -15,7 +16,7 @@ pub fn transmittance(leaf: &[[f32; 3]], empty: &[[f32; 3]], relative: f64, floor
                     let t = l / e;
                     let variance = |v: f64| (relative * v).powi(2) + floor * floor;
                     value[c] = t as f32;
-                    error[c] = ((variance(l) + t * t * variance(e)).sqrt() / e) as f32;
+                    error[c] = ((variance(l) + t * t * variance(e) + (dark * (1.0 - t)).powi(2)).sqrt() / e) as f32;
                 }
             }
             (value, error)
@@ -93,7 +94,7 @@ mod tests {
 
     #[test]
     fn the_error_of_a_ratio_is_propagated() {
-        let (t, e) = transmittance(&[[0.2; 3]], &[[0.8; 3]], 0.01, 0.0);
+        let (t, e) = transmittance(&[[0.2; 3]], &[[0.8; 3]], 0.01, 0.0, 0.0);
         assert!((t[0][0] - 0.25).abs() < 1e-7 && (e[0][0] - 0.25 * 0.01 * 2f32.sqrt()).abs() < 1e-7);
     }
 }

@@ -150,6 +150,11 @@ impl Capture {
         f64::from(*all.select_nth_unstable_by(middle, f32::total_cmp).1)
     }
 
+    /// The dark level a texel, where `dark.exr` exists.
+    pub fn dark(&self) -> Option<&[[f32; 3]]> {
+        self.dark.as_deref()
+    }
+
     /// `mask.exr` (channel Y), where there is one.
     pub fn mask(&self) -> Result<Option<Vec<bool>>> {
         let path = self.folder.join("mask.exr");

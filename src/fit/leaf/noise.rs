@@ -12,6 +12,8 @@ pub struct Level {
     pub floor: f64,
     /// Noise of a light-box photograph over that of a frame: below 1 where photographs were averaged.
     pub lightbox: f64,
+    /// Standard deviation of the dark frame, in camera values: common to everything measured at a texel.
+    pub dark: f64,
     /// Estimated, not stated.
     pub estimated: bool,
 }
@@ -34,7 +36,8 @@ pub fn level(capture: &Capture) -> Result<Level> {
     let (relative, floor) = (relative.max(LEAST_RELATIVE), floor.max(LEAST_FLOOR));
     let empty = capture.lightbox_empty()?;
     let lightbox = roughness(&empty, m.width).map_or(1.0, |(sd, value)| (sd / (relative * value).hypot(floor)).clamp(1e-3, 1.0));
-    Ok(Level { relative, floor, lightbox, estimated: stated.is_none() })
+    let dark = capture.dark().and_then(|d| roughness(d, m.width)).map_or(0.0, |(sd, _)| sd);
+    Ok(Level { relative, floor, lightbox, dark, estimated: stated.is_none() })
 }
 
 /// Noise of the empty light box, which is smooth: median third difference along rows (20 times a sample's variance), and its median value.

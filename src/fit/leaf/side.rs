@@ -20,7 +20,9 @@ pub struct Measured {
 impl Measured {
     pub fn read(capture: &Capture, side: SideName, level: &Level) -> Result<Measured> {
         let (leaf, empty) = capture.lightbox(side)?;
-        let (rho_t, rho_t_err) = transmittance(&leaf, &empty, level.relative * level.lightbox, level.floor * level.lightbox);
+        // The floor is of calibrated values; photographs of the box are in the camera's.
+        let floor = level.floor * level.lightbox * capture.median_gain();
+        let (rho_t, rho_t_err) = transmittance(&leaf, &empty, level.relative * level.lightbox, floor, level.dark);
         let (width, height) = (capture.manifest.width, capture.manifest.height);
         let mask = match capture.mask()? {
             Some(front) if side == SideName::Front => front,
@@ -38,7 +40,7 @@ impl Measured {
         let floor = [0, 1, 2].map(|c: usize| {
             let mut values: Vec<f32> = empty.iter().map(|e| e[c]).filter(|v| v.is_finite()).collect();
             values.sort_unstable_by(f32::total_cmp);
-            level.floor * level.lightbox / f64::from(values.get(values.len() / 2).copied().unwrap_or(1.0)).max(1e-6)
+            floor.hypot(level.dark) / f64::from(values.get(values.len() / 2).copied().unwrap_or(1.0)).max(1e-6)
         });
         Ok(Measured { side, mask, rho_t, rho_t_err, floor })
     }
