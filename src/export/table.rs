@@ -8,6 +8,9 @@ use crate::fit::record::FitRecord;
 use std::io::Write;
 use std::path::Path;
 
+/// A channel, where the side has it.
+type Plane<'a> = Option<&'a [f32]>;
+
 /// Every texel on the leaf, front first. Places are in mm where the fit says how large a texel is, else the cells are empty.
 pub fn write(sides: &[Side], record: &FitRecord, path: &Path) -> Result<()> {
     let texel: Option<f64> = record.options.get("texel_mm").and_then(|t| t.parse().ok());
@@ -31,7 +34,7 @@ pub fn write(sides: &[Side], record: &FitRecord, path: &Path) -> Result<()> {
         writeln!(out)?;
         for side in sides {
             let (width, height) = (side.maps.width, side.maps.height);
-            let planes: Vec<(Option<&[f32]>, Option<&[f32]>)> =
+            let planes: Vec<(Plane, Plane)> =
                 channels.iter().map(|c| (side.maps.get(c), side.errors.as_ref().and_then(|e| e.get(c)))).collect();
             for k in (0..width * height).filter(|k| side.mask[*k] != 0.0) {
                 write!(out, "{},{},{}", side.name, k % width, k / width)?;

@@ -19,6 +19,8 @@ const RUNS_BAD: f64 = 0.1;
 /// Share of truths inside 95 % intervals.
 const COVERAGE_GOOD: std::ops::RangeInclusive<f64> = 0.93..=0.97;
 const COVERAGE_USABLE: std::ops::RangeInclusive<f64> = 0.85..=0.995;
+/// A median error to the truth that is small whatever its interval says.
+const CLOSE: f64 = 0.01;
 /// Relative errors beyond this are not called determined (the promise behind `ok` in batch forms).
 const RELATIVE_ERROR: f64 = 0.1;
 /// Condition number of the shared problem beyond which half of the digits of an f64 are gone.
@@ -130,9 +132,11 @@ fn shared_problems(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, St
     }
 }
 
-/// One sentence on the errors and one on the intervals; quantities that miss their mark get sentences of their own.
+/// One sentence on the errors, one on the intervals that are right, one on those that are too narrow and one on those too wide.
+/// Wrong intervals around values that are within a percent of the truth call for care; around worse ones they are bad.
 fn truth(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, String)) {
-    let (mut near, mut covered) = (Vec::new(), Vec::new());
+    let (mut near, mut right, mut wide) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut narrow, mut narrow_level) = (Vec::new(), Level::Doubtful);
     for (name, t) in &s.truth {
         let q = symbol(name);
         if t.median_relative <= RELATIVE_ERROR {
@@ -141,27 +145,35 @@ fn truth(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, String)) {
             say(Level::Doubtful, format!("{side}{q} is {} from the known truth (median)", percent(t.median_relative)));
         }
         let Some(c) = t.coverage95 else { continue };
+        let close = t.median_relative <= CLOSE;
         if let Some(channels) = shared_channels(s, name) {
-            let hit = (c * channels as f64).round() as usize;
-            let fact = format!("{side}95 % intervals hold the true {q} in {hit} of {channels} channels");
             // One of three misses by chance in one fit of seven, two of three in one of 140.
-            say(if hit + 1 >= channels { if hit == channels { Level::Good } else { Level::Doubtful } } else { Level::Bad }, fact);
-            continue;
+            let hit = (c * channels as f64).round() as usize;
+            let list = if hit == channels { &mut right } else { &mut narrow };
+            list.push(format!("{q} in {hit} of {channels} channels"));
+            if hit + 1 < channels && !close {
+                narrow_level = Level::Bad;
+            }
+        } else if COVERAGE_GOOD.contains(&c) {
+            right.push(format!("{q} {}", percent(c)));
+        } else if c > 0.95 {
+            wide.push(format!("{q} {}", percent(c)));
+        } else {
+            narrow.push(format!("{q} {}", percent(c)));
+            if !COVERAGE_USABLE.contains(&c) && !close {
+                narrow_level = Level::Bad;
+            }
         }
-        if COVERAGE_GOOD.contains(&c) {
-            covered.push(format!("{q} {}", percent(c)));
-            continue;
+    }
+    let mut state = |level: Level, head: &str, list: Vec<String>| {
+        if !list.is_empty() {
+            say(level, format!("{side}{head}: {}", list.join(", ")));
         }
-        let level = if COVERAGE_USABLE.contains(&c) { Level::Doubtful } else { Level::Bad };
-        let meaning = if c < 0.95 { "too small" } else { "too large" };
-        say(level, format!("{side}95 % intervals of {q} hold {} of the truths: the stated errors are {meaning}", percent(c)));
-    }
-    if !near.is_empty() {
-        say(Level::Good, format!("{side}median error to the known truth: {}", near.join(", ")));
-    }
-    if !covered.is_empty() {
-        say(Level::Good, format!("{side}the stated errors are right: 95 % intervals hold the truth of {}", covered.join(", ")));
-    }
+    };
+    state(narrow_level, "stated errors are too small, 95 % intervals hold the truth of too few", narrow);
+    state(Level::Doubtful, "stated errors are too large, 95 % intervals hold the truth of too many", wide);
+    state(Level::Good, "median error to the known truth", near);
+    state(Level::Good, "stated errors are right, 95 % intervals hold the truth of", right);
 }
 
 /// How many channels a shared parameter has, where the truth is of that parameter and not of a map (`sigma_a` beside `sigma_a_map`).
