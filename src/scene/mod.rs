@@ -1,1 +1,7 @@
 //! Scene manifests, the plan of what a scene needs, and the hand-over to the renderer.
+
+pub mod ledger;
+pub mod manifest;
+pub mod mesh;
+pub mod placement;
+mod validate;
