@@ -1,5 +1,9 @@
 //! Scene manifests, the plan of what a scene needs, and the hand-over to the renderer.
 
+pub mod amount;
+pub mod display;
+pub mod facing;
+pub mod fitted;
 pub mod ledger;
 pub mod manifest;
 pub mod mesh;
