@@ -8,4 +8,8 @@ pub mod ledger;
 pub mod manifest;
 pub mod mesh;
 pub mod placement;
+pub mod plan;
+mod plan_leaf;
+mod plan_light;
+pub mod source;
 mod validate;
