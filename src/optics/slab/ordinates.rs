@@ -1,0 +1,357 @@
+//! The slab by discrete ordinates, solved in closed form mode by mode.
+//!
+//! The isotropic kernel makes the eigenproblem a rank-one change of a diagonal (one secular equation), and the matrix of a
+//! single boundary a Cauchy matrix, whose inverse is known as products. What is left is a small system that couples the two
+//! boundaries through the modes that survive the crossing. No growing exponential is ever formed, ω = 1 (two modes merge)
+//! is an ordinary point, and a deep transmittance keeps its relative accuracy.
+//!
+//! Ordinates: Gauss–Legendre in s, μ = 1 − (1 − s³)², which crowds nodes at μ = 0 (the radiance is like μ ln μ there) and
+//! at μ = 1 (the Case pole 1/ν₀ comes close when ω is small).
+
+use super::Response;
+use super::quadrature::gauss;
+use std::sync::OnceLock;
+
+/// Ordinates a hemisphere.
+pub const N: usize = 48;
+/// Modes weaker than e^−CUT after the crossing do not couple the boundaries.
+const CUT: f64 = 42.0;
+
+struct Ordinates {
+    /// descending, so that the poles 1/μ² ascend
+    mu: [f64; N],
+    w: [f64; N],
+    /// 1 − μ_i²/μ_j², free of cancellation: `gap[j][i]`
+    gap: [[f64; N]; N],
+    mean_square: f64,
+}
+
+fn ordinates() -> &'static Ordinates {
+    static ORDINATES: OnceLock<Box<Ordinates>> = OnceLock::new();
+    ORDINATES.get_or_init(|| {
+        let mut o = Box::new(Ordinates { mu: [0.0; N], w: [0.0; N], gap: [[0.0; N]; N], mean_square: 0.0 });
+        let rule: Vec<_> = gauss(N).into_iter().rev().collect();
+        let m: Vec<f64> = rule.iter().map(|q| (1.0 - q.x) * (1.0 + q.x + q.x * q.x)).collect();
+        for (i, q) in rule.iter().enumerate() {
+            o.mu[i] = q.x.powi(3) * (1.0 + m[i]);
+            o.w[i] = q.w * 6.0 * q.x * q.x * m[i];
+        }
+        for j in 0..N {
+            for i in 0..N {
+                let (a, b) = (rule[j].x, rule[i].x);
+                let rise = (a - b) * (a * a + a * b + b * b); // s_j³ − s_i³ = m_i − m_j
+                o.gap[j][i] = rise * (m[i] + m[j]) * (o.mu[j] + o.mu[i]) / (o.mu[j] * o.mu[j]);
+            }
+        }
+        o.mean_square = (0..N).map(|i| o.w[i] * o.mu[i] * o.mu[i]).sum();
+        o
+    })
+}
+
+/// The modes e^(−kτ) of one single-scattering albedo, and the coefficients of one boundary.
+pub struct Modes {
+    /// ascending; k[0] may be 0
+    k: [f64; N],
+    /// Π_i(1−k_αμ_i) / Π_{β≠α,0}(1−k_α/k_β): the half space's amplitudes, without the factor of mode 0
+    a: [f64; N],
+    /// Π_{γ≠0}(1+k_β/k_γ) / Π_i(1+k_βμ_i)
+    b: [f64; N],
+    /// −ln M₀₀/k₀ − Δ: twice the extrapolated distance
+    extrapolation: f64,
+}
+
+impl Modes {
+    /// Modes of albedo `omega` > 0; `absorbed` = 1 − omega, given apart so that it keeps its digits.
+    pub fn new(omega: f64, absorbed: f64) -> Modes {
+        let o = ordinates();
+        // d[α][i] = 1 − k_α²μ_i²
+        let mut d = [[0.0; N]; N];
+        let mut k = [0.0; N];
+        for j in 0..N {
+            let found = if j == 0 { first_root(o, omega, absorbed) } else { next_root(o, omega, j) };
+            // found = (k²μ_j², y = 1 − k²μ_j²)
+            k[j] = found.0.sqrt() / o.mu[j];
+            for i in 0..N {
+                let ratio = 1.0 - o.gap[j][i];
+                d[j][i] = if i == j {
+                    found.1
+                } else if j == 0 {
+                    1.0 - found.0 * ratio
+                } else {
+                    o.gap[j][i] + found.1 * ratio
+                };
+            }
+            if j == 0 && found.0 > 0.5 {
+                for i in 1..N {
+                    d[0][i] = o.gap[0][i] + found.1 * (1.0 - o.gap[0][i]);
+                }
+            }
+        }
+        let (mut a, mut b) = ([0.0; N], [0.0; N]);
+        for j in 0..N {
+            let mut up = d[j][j] / (1.0 + k[j] * o.mu[j]);
+            let mut down = 1.0 / (1.0 + k[j] * o.mu[0]);
+            if j != 0 {
+                up *= d[j][0] / (1.0 + k[j] * o.mu[0]);
+            }
+            for i in 1..N {
+                if i != j {
+                    // 1 − k_j²/k_i² from the two distances to the pole 1/μ_i²
+                    let apart = (d[j][i] - d[i][i]) / (1.0 - d[i][i]);
+                    up *= d[j][i] / apart * ((1.0 + k[j] / k[i]) / (1.0 + k[j] * o.mu[i]));
+                }
+                down *= (1.0 + k[j] / k[i]) / (1.0 + k[j] * o.mu[i]);
+            }
+            a[j] = up;
+            b[j] = down;
+        }
+        // Σ 2 atanh(k₀μ_i) − Σ 2 atanh(k₀/k_γ), over k₀
+        let k0 = k[0];
+        let mut extrapolation = 2.0 * atanh_over(k0, o.mu[0], d[0][0]);
+        for i in 1..N {
+            let apart = (d[0][i] - d[i][i]) / (1.0 - d[i][i]);
+            extrapolation += 2.0 * (atanh_over(k0, o.mu[i], d[0][i]) - atanh_over(k0, 1.0 / k[i], apart));
+        }
+        Modes { k, a, b, extrapolation }
+    }
+
+    /// Half-space amplitude of mode α.
+    fn half_space(&self, i: usize) -> f64 {
+        if i == 0 { self.a[0] } else { self.a[i] * self.k[0] / (self.k[0] - self.k[i]) }
+    }
+
+    /// Coupling of the boundaries M_αβ without its e^(−k_βΔ); column 0 is divided by k₀.
+    fn coupling(&self, i: usize, j: usize) -> f64 {
+        let k = &self.k;
+        match (i, j) {
+            (0, 0) => f64::NAN, // handled by the caller through `extrapolation`
+            (0, _) => self.a[0] * self.b[j] * 2.0_f64.powi(0),
+            (_, 0) => k[i] / (k[i] + k[0]) / (k[0] - k[i]) * self.a[i] * 2.0 * self.b[0],
+            _ => k[i] / (k[i] + k[j]) * (k[0] + k[j]) / (k[0] - k[i]) * self.a[i] * self.b[j],
+        }
+    }
+
+    /// ρd and ρt of the slab of optical thickness `delta` for a beam at cosine `mu0`.
+    pub fn response(&self, delta: f64, mu0: f64) -> Response {
+        let active = (0..N).take_while(|&i| i == 0 || self.k[i] * delta < CUT).count();
+        let decay: Vec<f64> = (0..active).map(|i| (-self.k[i] * delta).exp()).collect();
+        let (k0, c) = (self.k[0], 1.0 / mu0);
+        let log_m00 = -k0 * (delta + self.extrapolation);
+        let m = |i: usize, j: usize| self.coupling(i, j) * decay[j];
+        let beam = (-c * delta).exp();
+        let (mut rho_d, mut rho_t);
+        if k0 * delta > 4.0 {
+            // The far boundary is a small correction: A = A₀ − M B, B = −M A, by iteration.
+            let m00 = log_m00.exp();
+            let column0 = |i: usize| if i == 0 { m00 } else { m(i, 0) * k0 };
+            let apply = |v: &[f64], i: usize| column0(i) * v[0] + (1..active).map(|j| m(i, j) * v[j]).sum::<f64>();
+            let mut a: Vec<f64> = (0..active).map(|i| self.half_space(i)).collect();
+            let mut b = vec![0.0; active];
+            for _ in 0..60 {
+                let old = (a[0], b[0]);
+                b = (0..active).map(|i| -apply(&a, i)).collect();
+                a = (0..active).map(|i| self.half_space(i) - apply(&b, i)).collect();
+                if (a[0] - old.0).abs() <= 1e-17 * a[0].abs() && (b[0] - old.1).abs() <= 1e-16 * b[0].abs() {
+                    break;
+                }
+            }
+            (rho_d, rho_t) = (0.0, beam);
+            for i in 0..N {
+                let (ai, bi) = if i < active { (a[i], b[i]) } else { (self.half_space(i) - apply(&b, i), -apply(&a, i)) };
+                let (near, far) = exits(self.k[i], delta, c);
+                rho_d += ai * near + bi * far;
+                rho_t += ai * far + bi * near;
+            }
+        } else {
+            // Even and odd parts: (1+M)(A+B) = A₀ and (1−M)(A−B) = A₀; the odd amplitude of mode 0 is x/k₀.
+            let half: Vec<f64> = (0..active).map(|i| self.half_space(i)).collect();
+            let mut even = vec![0.0; active * active];
+            let mut odd = vec![0.0; active * active];
+            for i in 0..active {
+                for j in 0..active {
+                    let (e, o) = match (i, j) {
+                        (0, 0) => (1.0 + log_m00.exp(), if k0 > 0.0 { -log_m00.exp_m1() / k0 } else { delta + self.extrapolation }),
+                        (_, 0) => (m(i, 0) * k0, -m(i, 0)),
+                        _ => {
+                            let unit = if i == j { 1.0 } else { 0.0 };
+                            (unit + m(i, j), unit - m(i, j))
+                        }
+                    };
+                    even[i * active + j] = e;
+                    odd[i * active + j] = o;
+                }
+            }
+            let e = solve_dense(even, half.clone());
+            let o = solve_dense(odd, half);
+            // S = ½ Σ E (e^(−kτ) + e^(−k(Δ−τ))) + ½ Σ O (e^(−kτ) − e^(−k(Δ−τ)))
+            let (mut sum, mut difference) = (0.0, 0.0);
+            for i in 0..N {
+                let (near, far) = exits(self.k[i], delta, c);
+                let (ei, oi) = if i < active {
+                    (e[i], o[i])
+                } else {
+                    let h = self.half_space(i);
+                    let rest = |v: &[f64]| (1..active).map(|j| m(i, j) * v[j]).sum::<f64>();
+                    (h - m(i, 0) * k0 * e[0] - rest(&e), h + m(i, 0) * o[0] + rest(&o))
+                };
+                sum += ei * (near + far);
+                difference += oi * if i == 0 { odd_exit(k0, delta, c) } else { near - far };
+            }
+            rho_d = 0.5 * (sum + difference);
+            rho_t = beam + 0.5 * (sum - difference);
+        }
+        Response { rho_d, rho_t }
+    }
+}
+
+/// ∫₀^Δ e^(−kτ) c e^(−cτ) dτ and ∫₀^Δ e^(−k(Δ−τ)) c e^(−cτ) dτ.
+fn exits(k: f64, delta: f64, c: f64) -> (f64, f64) {
+    let near = -c * (-(k + c) * delta).exp_m1() / (k + c);
+    let gap = (c - k).abs();
+    let slow = (-c.min(k) * delta).exp();
+    let far = if gap * delta < 1e-300 { c * delta * slow } else { -c * slow * (-gap * delta).exp_m1() / gap };
+    (near, far)
+}
+
+/// (near − far)/k for the mode that may have k = 0.
+fn odd_exit(k: f64, delta: f64, c: f64) -> f64 {
+    if k > 0.5 * c.min(1.0) {
+        let (near, far) = exits(k, delta, c);
+        return (near - far) / k;
+    }
+    let ratio = if k * delta < 1e-5 { 0.5 * delta * (1.0 - (k * delta).powi(2) / 12.0) } else { (0.5 * k * delta).tanh() / k };
+    c * (1.0 + (-k * delta).exp()) * (1.0 + (-c * delta).exp()) / ((c - k) * (c + k)) * (c * ratio - (0.5 * c * delta).tanh())
+}
+
+/// atanh(k m)/k with 1 − k²m² given.
+fn atanh_over(k: f64, m: f64, d: f64) -> f64 {
+    let x = k * m;
+    if x < 1e-4 {
+        m * (1.0 + x * x / 3.0 + x.powi(4) / 5.0)
+    } else if x < 0.5 {
+        x.atanh() / k
+    } else {
+        0.5 * ((1.0 + x).powi(2) / d).ln() / k
+    }
+}
+
+/// The smallest root as (k²μ₀², 1 − k²μ₀²): of 1 = ω Σ w/(1 − k²μ²), or (1−ω)/ω = k² Σ wμ²/(1 − k²μ²).
+fn first_root(o: &Ordinates, omega: f64, absorbed: f64) -> (f64, f64) {
+    let p = 1.0 / (o.mu[0] * o.mu[0]);
+    let loss = absorbed / omega;
+    let excess = |x: f64| {
+        let (mut f, mut slope) = (-loss, 0.0);
+        for i in 0..N {
+            let m2 = o.mu[i] * o.mu[i];
+            let d = 1.0 - x * m2;
+            f += x * o.w[i] * m2 / d;
+            slope += o.w[i] * m2 / (d * d);
+        }
+        (f, slope)
+    };
+    if excess(0.5 * p).0 >= 0.0 {
+        // Convex and increasing; 1/⟨μ²⟩ · loss lies right of the root, so Newton's method comes down to it.
+        let mut x = (loss / o.mean_square).min(0.5 * p);
+        for _ in 0..60 {
+            let (f, slope) = excess(x);
+            let next = (x - f / slope).max(0.0);
+            let done = (next - x).abs() <= 4e-16 * x;
+            x = next;
+            if done {
+                break;
+            }
+        }
+        (x / p, 1.0 - x / p)
+    } else {
+        let y = root_between(o, omega, 0, 1.0);
+        (1.0 - y, y)
+    }
+}
+
+fn next_root(o: &Ordinates, omega: f64, j: usize) -> (f64, f64) {
+    // The lower pole 1/μ_{j−1}² lies at y = 1 − μ_j²/μ_{j−1}².
+    let y = root_between(o, omega, j, o.gap[j - 1][j]);
+    (1.0 - y, y)
+}
+
+/// The root y in (0, top) of 1 − ω Σ w_i/(gap_i + y (1−gap_i)), poles at both ends (at y = 0 only, for j = 0),
+/// by rational interpolation of the two sums (the "middle way" of Li 1993).
+fn root_between(o: &Ordinates, omega: f64, j: usize, top: f64) -> f64 {
+    let (mut low, mut high) = (0.0, top);
+    let mut y = if j == 0 { (omega * o.w[0]).max(0.5 * top * omega * o.w[0]) } else { 0.5 * top };
+    y = y.min(0.5 * top);
+    for _ in 0..100 {
+        let (mut f, mut above, mut below) = (1.0, 0.0, 0.0);
+        for i in 0..N {
+            let ratio = 1.0 - o.gap[j][i];
+            let d = if i == j { y } else { o.gap[j][i] + y * ratio };
+            let term = omega * o.w[i] / d;
+            f -= term;
+            let slope = term * ratio / d;
+            if i < j { below += slope } else { above += slope }
+        }
+        if f > 0.0 {
+            high = y
+        } else {
+            low = y
+        }
+        let p = above * y * y;
+        let next = if j == 0 {
+            p / (f + p / y)
+        } else {
+            let rest = top - y;
+            let q = below * rest * rest;
+            let cc = f + p / y - q / rest;
+            let bb = cc * top + p + q;
+            let root = (bb * bb - 4.0 * cc * p * top).max(0.0).sqrt();
+            if bb >= 0.0 { 2.0 * p * top / (bb + root) } else { (bb - root) / (2.0 * cc) }
+        };
+        let next = if next > low && next < high { next } else { 0.5 * (low + high) };
+        let done = (next - y).abs() <= 3e-16 * next;
+        y = next;
+        if done {
+            break;
+        }
+    }
+    y
+}
+
+/// Gaussian elimination with partial pivoting of a row-major matrix.
+fn solve_dense(mut m: Vec<f64>, mut v: Vec<f64>) -> Vec<f64> {
+    let n = v.len();
+    for k in 0..n {
+        let mut p = k;
+        for i in k + 1..n {
+            if m[i * n + k].abs() > m[p * n + k].abs() {
+                p = i;
+            }
+        }
+        if p != k {
+            for j in k..n {
+                m.swap(k * n + j, p * n + j);
+            }
+            v.swap(k, p);
+        }
+        let (top, rest) = m.split_at_mut((k + 1) * n);
+        let pivot = &top[k * n..];
+        for (i, row) in rest.chunks_exact_mut(n).enumerate() {
+            let f = row[k] / pivot[k];
+            if f != 0.0 {
+                for (x, y) in row[k + 1..].iter_mut().zip(&pivot[k + 1..]) {
+                    *x -= f * y;
+                }
+                v[k + 1 + i] -= f * v[k];
+            }
+        }
+    }
+    for i in (0..n).rev() {
+        let tail: f64 = (i + 1..n).map(|j| m[i * n + j] * v[j]).sum();
+        v[i] = (v[i] - tail) / m[i * n + i];
+    }
+    v
+}
+
+/// ρd and ρt at (ω, Δ), 1 − ω given apart.
+pub fn solve(omega: f64, absorbed: f64, delta: f64, mu0: f64) -> Response {
+    Modes::new(omega, absorbed).response(delta, mu0)
+}
