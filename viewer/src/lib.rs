@@ -1,3 +1,37 @@
 //! Draws fitted leaves with wgpu, headless or in a window. Takes plain scene data; knows nothing of fitting or files of scenes.
+//!
+//! ```no_run
+//! use mesophyll_viewer::{Options, Renderer, scene::{Camera, Scene}};
+//! # fn main() -> Result<(), mesophyll_viewer::Error> {
+//! # let (scene, camera): (Scene, Camera) = unimplemented!();
+//! let mut renderer = Renderer::headless(&Options::default())?;
+//! renderer.set_scene(&scene)?;
+//! let picture = renderer.render(&camera, 800, 600)?;
+//! picture.save_png("leaf.png".as_ref())?;
+//! # Ok(())
+//! # }
+//! ```
 
+mod error;
+mod geometry;
+mod gpu;
+mod leaf;
+pub mod lobe;
+mod maps;
+mod passes;
+mod picture;
+mod readback;
+mod renderer;
 pub mod scene;
+mod shader;
+mod stats;
+mod timing;
+mod validate;
+mod variant;
+
+pub use error::{Error, Result};
+pub use gpu::{AdapterInfo, Backend, Options};
+pub use picture::Picture;
+pub use renderer::Renderer;
+pub use stats::{Stats, Upload};
+pub use timing::Timing;

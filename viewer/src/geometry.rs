@@ -1,0 +1,118 @@
+//! Meshes and instances on the adapter: one vertex buffer a quantity, so that a quantity no shader reads is never uploaded, and one
+//! instanced draw a leaf however often it occurs.
+
+use crate::gpu::Gpu;
+use crate::scene::Scene;
+use crate::stats::Stats;
+use glam::{Mat4, Vec3};
+
+/// A leaf's mesh and where it stands.
+pub(crate) struct Geometry {
+    pub positions: wgpu::Buffer,
+    pub normals: Option<wgpu::Buffer>,
+    pub tangents: Option<wgpu::Buffer>,
+    pub uvs: wgpu::Buffer,
+    pub indices: wgpu::Buffer,
+    pub index_count: u32,
+    pub instances: wgpu::Buffer,
+    pub instance_count: u32,
+}
+
+/// What a leaf's shader reads of its vertices.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct VertexNeeds {
+    pub normals: bool,
+    pub tangents: bool,
+}
+
+impl Geometry {
+    /// Uploads leaf `index`; `None` where it stands nowhere.
+    pub(crate) fn new(gpu: &Gpu, scene: &Scene, index: usize, needs: VertexNeeds, stats: &mut Stats) -> Option<Geometry> {
+        let rows: Vec<[[f32; 4]; 3]> = scene
+            .instances
+            .iter()
+            .filter(|i| i.leaf == index)
+            .map(|i| {
+                let m = i.transform;
+                [m.row(0).to_array(), m.row(1).to_array(), m.row(2).to_array()]
+            })
+            .collect();
+        let mesh = &scene.leaves[index].mesh;
+        if rows.is_empty() || mesh.indices.is_empty() {
+            return None;
+        }
+        let mut put = |name: &str, bytes: &[u8], usage| {
+            let label = format!("leaf {index} {name}");
+            stats.upload(&label, bytes.len() as u64);
+            gpu.buffer(&label, bytes, usage)
+        };
+        use wgpu::BufferUsages as Use;
+        Some(Geometry {
+            positions: put("positions", bytemuck::cast_slice(&mesh.positions), Use::VERTEX),
+            normals: needs.normals.then(|| put("normals", bytemuck::cast_slice(&mesh.normals), Use::VERTEX)),
+            tangents: needs.tangents.then(|| put("tangents", bytemuck::cast_slice(&mesh.tangents), Use::VERTEX)),
+            uvs: put("uvs", bytemuck::cast_slice(&mesh.uvs), Use::VERTEX),
+            indices: put("indices", bytemuck::cast_slice(&mesh.indices), Use::INDEX),
+            index_count: mesh.indices.len() as u32,
+            instances: put("instances", bytemuck::cast_slice(&rows), Use::VERTEX),
+            instance_count: rows.len() as u32,
+        })
+    }
+}
+
+/// Layouts of the vertex buffers, in the order position, normal, tangent, uv, instance; `false` leaves one out.
+pub(crate) fn vertex_layouts(normal: bool, tangent: bool) -> Vec<Option<wgpu::VertexBufferLayout<'static>>> {
+    const POSITION: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![0 => Float32x3];
+    const NORMAL: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![1 => Float32x3];
+    const TANGENT: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![2 => Float32x4];
+    const UV: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![3 => Float32x2];
+    const WORLD: [wgpu::VertexAttribute; 3] = wgpu::vertex_attr_array![4 => Float32x4, 5 => Float32x4, 6 => Float32x4];
+    let layout = |array_stride, step_mode, attributes| Some(wgpu::VertexBufferLayout { array_stride, step_mode, attributes });
+    let mut layouts = vec![layout(12, wgpu::VertexStepMode::Vertex, &POSITION[..])];
+    if normal {
+        layouts.push(layout(12, wgpu::VertexStepMode::Vertex, &NORMAL));
+    }
+    if tangent {
+        layouts.push(layout(16, wgpu::VertexStepMode::Vertex, &TANGENT));
+    }
+    layouts.push(layout(8, wgpu::VertexStepMode::Vertex, &UV));
+    layouts.push(layout(48, wgpu::VertexStepMode::Instance, &WORLD));
+    layouts
+}
+
+/// Corners of every instance's box in world space: what shadow maps and clipping planes must cover.
+pub(crate) fn corners(scene: &Scene) -> Vec<Vec3> {
+    let boxes: Vec<Option<(Vec3, Vec3)>> = scene
+        .leaves
+        .iter()
+        .map(|leaf| {
+            let first = *leaf.mesh.positions.first()?;
+            Some(leaf.mesh.positions.iter().fold((first, first), |(low, high), p| (low.min(*p), high.max(*p))))
+        })
+        .collect();
+    let mut out = Vec::with_capacity(scene.instances.len() * 8);
+    for instance in &scene.instances {
+        if let Some((low, high)) = boxes[instance.leaf] {
+            for k in 0..8 {
+                let pick = |bit: u32, l: f32, h: f32| if k & bit == 0 { l } else { h };
+                let corner = Vec3::new(pick(1, low.x, high.x), pick(2, low.y, high.y), pick(4, low.z, high.z));
+                out.push(instance.transform.transform_point3(corner));
+            }
+        }
+    }
+    out
+}
+
+/// Centre and radius of a ball around points; a unit ball where there are none.
+pub(crate) fn ball(points: &[Vec3]) -> (Vec3, f32) {
+    let Some(first) = points.first() else { return (Vec3::ZERO, 1.0) };
+    let (low, high) = points.iter().fold((*first, *first), |(l, h), p| (l.min(*p), h.max(*p)));
+    let centre = 0.5 * (low + high);
+    (centre, points.iter().map(|p| p.distance(centre)).fold(1e-3, f32::max))
+}
+
+/// Maps world space to the picture: infinite far plane and reversed depth (1 near, 0 far), which keeps digits everywhere.
+pub(crate) fn view_projection(camera: &crate::scene::Camera, aspect: f32, near: f32) -> Mat4 {
+    let view = glam::camera::rh::view::look_at_mat4(camera.eye, camera.target, camera.up.normalize());
+    glam::camera::rh::proj::directx::perspective_infinite_reverse(camera.fov_y_deg.to_radians(), aspect, near) * view
+}

@@ -1,0 +1,126 @@
+//! The adapter and device that draw: chosen once, shared by the headless renderer and the window. Says what the adapter can do, so
+//! that the passes pick 32-bit maps and targets only where they work.
+
+use crate::error::{Error, Result};
+use wgpu::{Backends, Features, Limits};
+
+/// How to choose the adapter. The environment variable `WGPU_BACKEND` narrows the choice further.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Options {
+    pub backend: Backend,
+    /// Keeps every map and target at 16 bits, as adapters without 32-bit filtering do.
+    pub half_only: bool,
+}
+
+/// A graphics interface.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Backend {
+    #[default]
+    Any,
+    Vulkan,
+    Gl,
+}
+
+/// Who draws.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AdapterInfo {
+    pub name: String,
+    /// `vulkan`, `gl`, …
+    pub backend: String,
+    pub driver: String,
+    /// True where the CPU draws: its frame times say nothing about a GPU.
+    pub is_software: bool,
+}
+
+/// An opened device and what it can do.
+pub struct Gpu {
+    pub(crate) adapter: wgpu::Adapter,
+    pub(crate) device: wgpu::Device,
+    pub(crate) queue: wgpu::Queue,
+    pub(crate) info: AdapterInfo,
+    /// Format of the appearance maps: 32 bits where they can be filtered.
+    pub(crate) map_format: wgpu::TextureFormat,
+    /// Format of the radiance target without multisampling.
+    pub(crate) hdr_format: wgpu::TextureFormat,
+    pub(crate) timestamps: bool,
+}
+
+/// Radiance target under multisampling: the widest that every adapter resolves.
+pub(crate) const MSAA_HDR_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
+
+pub(crate) fn instance_descriptor(options: &Options) -> wgpu::InstanceDescriptor {
+    let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+    descriptor.backends = match options.backend {
+        Backend::Any => Backends::VULKAN | Backends::GL,
+        Backend::Vulkan => Backends::VULKAN,
+        Backend::Gl => Backends::GL,
+    };
+    descriptor.with_env()
+}
+
+impl Gpu {
+    /// Opens the best adapter; with a `surface`, one that can show pictures on it.
+    pub(crate) fn open(instance: &wgpu::Instance, surface: Option<&wgpu::Surface<'_>>, options: &Options) -> Result<Gpu> {
+        let request = wgpu::RequestAdapterOptions {
+            power_preference: wgpu::PowerPreference::HighPerformance,
+            force_fallback_adapter: false,
+            compatible_surface: surface,
+            apply_limit_buckets: false,
+        };
+        let adapter = pollster::block_on(instance.request_adapter(&request)).map_err(|_| Error::NoAdapter)?;
+        let raw = adapter.get_info();
+        let info = AdapterInfo {
+            is_software: raw.device_type == wgpu::DeviceType::Cpu || raw.name.to_lowercase().contains("llvmpipe"),
+            backend: raw.backend.to_string(),
+            driver: format!("{} {}", raw.driver, raw.driver_info).trim().to_string(),
+            name: raw.name,
+        };
+        let wanted = Features::FLOAT32_FILTERABLE | Features::TIMESTAMP_QUERY;
+        let features = adapter.features() & wanted;
+        let offered = adapter.limits();
+        let mut limits = Limits::default().using_resolution(offered.clone());
+        limits.max_buffer_size = offered.max_buffer_size;
+        let descriptor =
+            wgpu::DeviceDescriptor { label: Some("mesophyll"), required_features: features, required_limits: limits, ..Default::default() };
+        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
+            .map_err(|error| Error::Device { adapter: info.name.clone(), reason: error.to_string() })?;
+        let filterable = features.contains(Features::FLOAT32_FILTERABLE) && !options.half_only;
+        let renderable = !options.half_only
+            && adapter
+                .get_texture_format_features(wgpu::TextureFormat::Rgba32Float)
+                .allowed_usages
+                .contains(wgpu::TextureUsages::RENDER_ATTACHMENT);
+        let pick = |wide| if wide { wgpu::TextureFormat::Rgba32Float } else { wgpu::TextureFormat::Rgba16Float };
+        Ok(Gpu {
+            map_format: pick(filterable),
+            hdr_format: pick(renderable),
+            timestamps: features.contains(Features::TIMESTAMP_QUERY),
+            adapter,
+            device,
+            queue,
+            info,
+        })
+    }
+
+    /// Largest side of a texture or picture.
+    pub(crate) fn max_side(&self) -> u32 {
+        self.device.limits().max_texture_dimension_2d
+    }
+
+    pub(crate) fn max_layers(&self) -> u32 {
+        self.device.limits().max_texture_array_layers
+    }
+
+    pub(crate) fn hdr_format(&self, msaa: u32) -> wgpu::TextureFormat {
+        if msaa > 1 { MSAA_HDR_FORMAT } else { self.hdr_format }
+    }
+
+    pub(crate) fn uniform<T: bytemuck::Pod>(&self, label: &str, value: &[T]) -> wgpu::Buffer {
+        self.buffer(label, bytemuck::cast_slice(value), wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST)
+    }
+
+    pub(crate) fn buffer(&self, label: &str, bytes: &[u8], usage: wgpu::BufferUsages) -> wgpu::Buffer {
+        use wgpu::util::DeviceExt;
+        self.device.create_buffer_init(&wgpu::util::BufferInitDescriptor { label: Some(label), contents: bytes, usage })
+    }
+}

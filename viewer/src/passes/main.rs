@@ -1,0 +1,169 @@
+//! The main pass: leaves to a radiance target (HDR), a pipeline for each variant of the shader that the scene holds.
+
+use crate::geometry::vertex_layouts;
+use crate::gpu::Gpu;
+use crate::leaf::{self, LeafOnGpu};
+use crate::passes::shadow::ShadowPass;
+use crate::shader::assemble;
+use crate::stats::Stats;
+use crate::variant::Variant;
+use std::collections::HashMap;
+
+pub(crate) const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+
+/// What a frame tells the shader.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, bytemuck::Pod, bytemuck::Zeroable)]
+pub(crate) struct Frame {
+    pub view_projection: [[f32; 4]; 4],
+    pub eye: [f32; 4],
+    pub sun_direction: [f32; 4],
+    pub sun_irradiance: [f32; 4],
+    pub sky: [f32; 4],
+    pub shadow: [f32; 4],
+}
+
+/// Pipelines made so far, kept from scene to scene.
+#[derive(Default)]
+pub(crate) struct Pipelines(HashMap<Variant, wgpu::RenderPipeline>);
+
+pub(crate) struct MainPass {
+    pub frame: wgpu::Buffer,
+    group: wgpu::BindGroup,
+}
+
+/// Targets of the pass.
+pub(crate) struct Targets<'a> {
+    pub color: &'a wgpu::TextureView,
+    pub resolve: Option<&'a wgpu::TextureView>,
+    pub depth: &'a wgpu::TextureView,
+}
+
+fn frame_layout(gpu: &Gpu, shadow: bool) -> wgpu::BindGroupLayout {
+    let uniform = wgpu::BindingType::Buffer { ty: wgpu::BufferBindingType::Uniform, has_dynamic_offset: false, min_binding_size: None };
+    let fragment = wgpu::ShaderStages::FRAGMENT;
+    let entry = |binding, visibility, ty| wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None };
+    let mut entries = vec![entry(0, fragment | wgpu::ShaderStages::VERTEX, uniform)];
+    if shadow {
+        let map = wgpu::BindingType::Texture {
+            sample_type: wgpu::TextureSampleType::Depth,
+            view_dimension: wgpu::TextureViewDimension::D2Array,
+            multisampled: false,
+        };
+        entries.push(entry(1, fragment, map));
+        entries.push(entry(2, fragment, wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Comparison)));
+        entries.push(entry(3, fragment, uniform));
+    }
+    gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("frame"), entries: &entries })
+}
+
+impl Pipelines {
+    /// Makes the variant's pipeline unless it exists; its name goes to `stats` either way.
+    pub(crate) fn need(&mut self, gpu: &Gpu, variant: &Variant, stats: &mut Stats) {
+        stats.pipeline(&variant.name());
+        self.0.entry(*variant).or_insert_with(|| pipeline(gpu, variant));
+    }
+}
+
+fn pipeline(gpu: &Gpu, variant: &Variant) -> wgpu::RenderPipeline {
+    let source = assemble(include_str!("main.wgsl"), &variant.defines());
+    let module = gpu
+        .device
+        .create_shader_module(wgpu::ShaderModuleDescriptor { label: Some("main"), source: wgpu::ShaderSource::Wgsl(source.into()) });
+    let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: Some("main"),
+        bind_group_layouts: &[Some(&frame_layout(gpu, variant.shadow > 0)), Some(&leaf::layout(gpu, variant))],
+        immediate_size: 0,
+    });
+    gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some("main"),
+        layout: Some(&layout),
+        vertex: wgpu::VertexState {
+            module: &module,
+            entry_point: Some("vertex"),
+            compilation_options: Default::default(),
+            buffers: &vertex_layouts(true, variant.tangent()),
+        },
+        primitive: wgpu::PrimitiveState::default(),
+        depth_stencil: Some(wgpu::DepthStencilState {
+            format: DEPTH,
+            depth_write_enabled: Some(true),
+            depth_compare: Some(wgpu::CompareFunction::Greater),
+            stencil: Default::default(),
+            bias: Default::default(),
+        }),
+        multisample: wgpu::MultisampleState { count: variant.msaa, mask: !0, alpha_to_coverage_enabled: false },
+        fragment: Some(wgpu::FragmentState {
+            module: &module,
+            entry_point: Some("fragment"),
+            compilation_options: Default::default(),
+            targets: &[Some(gpu.hdr_format(variant.msaa).into())],
+        }),
+        multiview_mask: None,
+        cache: None,
+    })
+}
+
+impl MainPass {
+    pub(crate) fn new(gpu: &Gpu, shadow: Option<&ShadowPass>) -> MainPass {
+        let frame = gpu.uniform("frame", &[Frame::default()]);
+        let mut entries = vec![wgpu::BindGroupEntry { binding: 0, resource: frame.as_entire_binding() }];
+        if let Some(shadow) = shadow {
+            entries.push(wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::TextureView(&shadow.map) });
+            entries.push(wgpu::BindGroupEntry { binding: 2, resource: wgpu::BindingResource::Sampler(&shadow.sampler) });
+            entries.push(wgpu::BindGroupEntry { binding: 3, resource: shadow.matrices.as_entire_binding() });
+        }
+        let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("frame"),
+            layout: &frame_layout(gpu, shadow.is_some()),
+            entries: &entries,
+        });
+        MainPass { frame, group }
+    }
+
+    /// Draws every leaf over the background; alpha is the coverage.
+    pub(crate) fn draw(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        pipelines: &Pipelines,
+        leaves: &[LeafOnGpu],
+        targets: Targets<'_>,
+        background: [f32; 3],
+        times: Option<wgpu::RenderPassTimestampWrites<'_>>,
+        stats: &mut Stats,
+    ) {
+        let [r, g, b] = background.map(f64::from);
+        let store = if targets.resolve.is_some() { wgpu::StoreOp::Discard } else { wgpu::StoreOp::Store };
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("main"),
+            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                view: targets.color,
+                depth_slice: None,
+                resolve_target: targets.resolve,
+                ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color { r, g, b, a: 0.0 }), store },
+            })],
+            depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+                view: targets.depth,
+                depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Discard }),
+                stencil_ops: None,
+            }),
+            timestamp_writes: times,
+            occlusion_query_set: None,
+            multiview_mask: None,
+        });
+        pass.set_bind_group(0, &self.group, &[]);
+        for leaf in leaves {
+            let Some(pipeline) = pipelines.0.get(&leaf.variant) else { continue };
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(1, &leaf.group, &[]);
+            let g = &leaf.geometry;
+            let buffers = [Some(&g.positions), g.normals.as_ref(), g.tangents.as_ref(), Some(&g.uvs), Some(&g.instances)];
+            for (slot, buffer) in buffers.into_iter().flatten().enumerate() {
+                pass.set_vertex_buffer(slot as u32, buffer.slice(..));
+            }
+            pass.set_index_buffer(g.indices.slice(..), wgpu::IndexFormat::Uint32);
+            pass.draw_indexed(0..g.index_count, 0, 0..g.instance_count);
+            stats.draws += 1;
+        }
+    }
+}

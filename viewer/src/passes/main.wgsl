@@ -1,0 +1,386 @@
+// Radiance of the leaves towards the camera: the formulas of `scene.rs` (Wang et al. 2005, Eq. 1, with a bounded gloss).
+// Only what the scene needs is assembled: see `shader.rs`.
+
+struct Frame {
+    view_projection: mat4x4f,
+    eye: vec4f,
+    sun_direction: vec4f,
+    sun_irradiance: vec4f,
+    sky: vec4f,
+    // x: side of a shadow texel in mm.
+    shadow: vec4f,
+}
+
+struct LeafConstants {
+    // x: mean thickness h (mm), y: refractive index.
+    leaf: vec4f,
+    // Slab curves: x thinnest (mm), y points per mm, z last point's index.
+    front_curve: vec4f,
+    back_curve: vec4f,
+    // Albedo tables' rows: x ln of the smallest m, y 1/ln(m_max/m_min).
+    albedo: vec4f,
+}
+
+@group(0) @binding(0) var<uniform> frame: Frame;
+//#if SHADOW
+@group(0) @binding(1) var shadow_map: texture_depth_2d_array;
+@group(0) @binding(2) var shadow_sampler: sampler_comparison;
+@group(0) @binding(3) var<uniform> shadow_matrices: array<mat4x4f, SHADOW_LAYERS>;
+//#endif
+
+@group(1) @binding(0) var<uniform> constants: LeafConstants;
+//#if SAMPLED
+@group(1) @binding(1) var map_sampler: sampler;
+//#endif
+//#if FRONT_CURVE
+@group(1) @binding(2) var front_curve: texture_2d<f32>;
+@group(1) @binding(4) var front_gamma_delta: texture_2d<f32>;
+//#endif
+//#if BACK_CURVE
+@group(1) @binding(3) var back_curve: texture_2d<f32>;
+@group(1) @binding(5) var back_gamma_delta: texture_2d<f32>;
+//#endif
+//#if FRONT_GLOSS
+@group(1) @binding(6) var front_gloss: texture_2d<f32>;
+//#endif
+//#if BACK_GLOSS
+@group(1) @binding(7) var back_gloss: texture_2d<f32>;
+//#endif
+//#if FRONT_NORMAL
+@group(1) @binding(8) var front_normal: texture_2d<f32>;
+//#endif
+//#if BACK_NORMAL
+@group(1) @binding(9) var back_normal: texture_2d<f32>;
+//#endif
+//#if FRONT_MAPS
+@group(1) @binding(10) var front_rho_d: texture_2d<f32>;
+@group(1) @binding(11) var front_rho_t: texture_2d<f32>;
+//#endif
+//#if BACK_MAPS
+@group(1) @binding(12) var back_rho_d: texture_2d<f32>;
+@group(1) @binding(13) var back_rho_t: texture_2d<f32>;
+//#endif
+//#if MASK
+@group(1) @binding(14) var mask: texture_2d<f32>;
+//#endif
+//#if ALBEDO
+@group(1) @binding(15) var albedo_table: texture_2d<f32>;
+//#endif
+
+struct Vertex {
+    @location(0) position: vec3f,
+    @location(1) normal: vec3f,
+    //#if TANGENT
+    @location(2) tangent: vec4f,
+    //#endif
+    @location(3) uv: vec2f,
+    // Rows of the instance's object-to-world matrix.
+    @location(4) world_x: vec4f,
+    @location(5) world_y: vec4f,
+    @location(6) world_z: vec4f,
+}
+
+struct Varying {
+    @builtin(position) position: vec4f,
+    @location(0) world: vec3f,
+    @location(1) normal: vec3f,
+    @location(2) uv: vec2f,
+    //#if TANGENT
+    @location(3) tangent: vec4f,
+    //#endif
+}
+
+struct Pixel {
+    @location(0) radiance: vec4f,
+    //#if SAMPLE_MASK
+    @builtin(sample_mask) samples: u32,
+    //#endif
+}
+
+fn turned(in: Vertex, d: vec3f) -> vec3f {
+    return vec3f(dot(in.world_x.xyz, d), dot(in.world_y.xyz, d), dot(in.world_z.xyz, d));
+}
+
+@vertex
+fn vertex(in: Vertex) -> Varying {
+    let p = vec4f(in.position, 1.0);
+    var out: Varying;
+    out.world = vec3f(dot(in.world_x, p), dot(in.world_y, p), dot(in.world_z, p));
+    out.position = frame.view_projection * vec4f(out.world, 1.0);
+    // Uniform scale only: normals turn like directions and are normalised in the fragment stage.
+    out.normal = turned(in, in.normal);
+    out.uv = in.uv;
+    //#if TANGENT
+    out.tangent = vec4f(turned(in, in.tangent.xyz), in.tangent.w);
+    //#endif
+    return out;
+}
+
+//#if LIT
+// Where a fragment lies on both sides' maps, with screen derivatives for the choice of mip.
+struct Place {
+    front: vec2f,
+    back: vec2f,
+    dx: vec2f,
+    dy: vec2f,
+}
+
+fn at(map: texture_2d<f32>, uv: vec2f, place: Place) -> vec4f {
+    return textureSampleGrad(map, map_sampler, uv, place.dx, place.dy);
+}
+
+//#if FRONT_CURVE || BACK_CURVE
+// ρd (row 0) or ρt (row 1) of the slab at a thickness, linear between the curve's points.
+fn slab(curve: texture_2d<f32>, range: vec4f, thickness: f32, row: i32) -> vec3f {
+    let x = clamp((thickness - range.x) * range.y, 0.0, range.z);
+    let i = min(i32(x), i32(range.z) - 1);
+    return mix(textureLoad(curve, vec2i(i, row), 0).rgb, textureLoad(curve, vec2i(i + 1, row), 0).rgb, x - f32(i));
+}
+//#endif
+
+fn front_reflectance(place: Place) -> vec3f {
+    //#if FRONT_CURVE
+    let gamma_delta = at(front_gamma_delta, place.front, place);
+    return gamma_delta.rgb * slab(front_curve, constants.front_curve, constants.leaf.x + gamma_delta.a, 0);
+    //#else
+    return at(front_rho_d, place.front, place).rgb;
+    //#endif
+}
+
+fn back_reflectance(place: Place) -> vec3f {
+    //#if BACK_CURVE
+    let gamma_delta = at(back_gamma_delta, place.back, place);
+    return gamma_delta.rgb * slab(back_curve, constants.back_curve, constants.leaf.x + gamma_delta.a, 0);
+    //#else
+    return at(back_rho_d, place.back, place).rgb;
+    //#endif
+}
+
+fn front_transmittance(place: Place) -> vec3f {
+    //#if FRONT_CURVE
+    return slab(front_curve, constants.front_curve, constants.leaf.x + at(front_gamma_delta, place.front, place).a, 1);
+    //#else
+    return at(front_rho_t, place.front, place).rgb;
+    //#endif
+}
+
+fn back_transmittance(place: Place) -> vec3f {
+    //#if BACK_CURVE
+    return slab(back_curve, constants.back_curve, constants.leaf.x + at(back_gamma_delta, place.back, place).a, 1);
+    //#else
+    return at(back_rho_t, place.back, place).rgb;
+    //#endif
+}
+//#endif
+
+//#if TANGENT
+struct Basis {
+    tangent: vec3f,
+    bitangent: vec3f,
+    normal: vec3f,
+}
+
+fn basis(in: Varying, normal: vec3f) -> Basis {
+    let tangent = normalize(in.tangent.xyz - normal * dot(normal, in.tangent.xyz));
+    return Basis(tangent, in.tangent.w * cross(normal, tangent), normal);
+}
+//#endif
+
+//#if GLOSS
+fn viewed_gloss(front: bool, place: Place) -> vec4f {
+    //#if FRONT_GLOSS
+    if (front) {
+        return at(front_gloss, place.front, place);
+    }
+    //#endif
+    //#if BACK_GLOSS
+    if (!front) {
+        return at(back_gloss, place.back, place);
+    }
+    //#endif
+    return vec4f(0.0, 0.0, 0.0, 1.0);
+}
+//#endif
+
+//#if SUN
+//#if GLOSS
+// f_s per unit ρs; 0 where the half vector lies below the surface.
+fn lobe(normal: vec3f, light: vec3f, view: vec3f, roughness: f32) -> f32 {
+    let h = normalize(light + view);
+    let nh = dot(normal, h);
+    let nl = dot(normal, light);
+    let nv = max(dot(normal, view), 1e-3);
+    let vh = dot(view, h);
+    if (nh <= 0.0 || nl <= 0.0 || vh <= 0.0) {
+        return 0.0;
+    }
+    let m2 = roughness * roughness;
+    // sin²α from the cross product: 1 − cos²α would lose its digits near the mirror direction.
+    let across = cross(normal, h);
+    let cos2 = nh * nh;
+    let tan2 = dot(across, across) / cos2;
+    //#if GGX
+    let density = m2 / (3.14159265 * cos2 * cos2 * (m2 + tan2) * (m2 + tan2));
+    //#else
+    let density = exp(-tan2 / m2) / (3.14159265 * m2 * cos2 * cos2);
+    //#endif
+    let cavity = min(1.0, 2.0 * nh * min(nv, nl) / vh);
+    var f = density * cavity / (4.0 * nl * nv);
+    //#if FRESNEL
+    let n = constants.leaf.y;
+    let t = sqrt(1.0 - (1.0 - min(vh, 1.0) * min(vh, 1.0)) / (n * n));
+    let s_wave = (vh - n * t) / (vh + n * t);
+    let p_wave = (n * vh - t) / (n * vh + t);
+    f *= 0.5 * (s_wave * s_wave + p_wave * p_wave);
+    //#endif
+    return f;
+}
+//#endif
+
+//#if SHADOW
+// Share of the sun's disk that is seen from a point: the mean over the shadow maps, each a 2×2 comparison. The point is lifted off its
+// surface by as much as the depth can change within the filter's reach, so that a leaf does not shadow itself.
+fn visibility(world: vec3f, normal_to_sun: vec3f, cosine: f32) -> f32 {
+    let sine = sqrt(max(0.0, 1.0 - cosine * cosine));
+    let lifted = vec4f(world + normal_to_sun * (frame.shadow.x * (0.3 + 2.0 * sine)), 1.0);
+    var seen = 0.0;
+    for (var i = 0u; i < SHADOW_LAYERS; i++) {
+        let p = (shadow_matrices[i] * lifted).xyz;
+        seen += textureSampleCompareLevel(shadow_map, shadow_sampler, vec2f(0.5 + 0.5 * p.x, 0.5 - 0.5 * p.y), i, p.z);
+    }
+    return seen / f32(SHADOW_LAYERS);
+}
+//#endif
+//#endif
+
+//#if ALBEDO
+// a(N·v, m): bilinear in √(N·v) and ln m.
+fn albedo(nv: f32, roughness: f32) -> f32 {
+    let size = vec2f(textureDimensions(albedo_table));
+    let first = sqrt(1e-3);
+    let x = (sqrt(clamp(nv, 1e-3, 1.0)) - first) / (1.0 - first);
+    let y = clamp((log(roughness) - constants.albedo.x) * constants.albedo.y, 0.0, 1.0);
+    let p = vec2f(x, y) * (size - 1.0);
+    let i = min(vec2i(p), vec2i(size) - 2);
+    let t = p - vec2f(i);
+    let low = mix(textureLoad(albedo_table, i, 0).r, textureLoad(albedo_table, i + vec2i(1, 0), 0).r, t.x);
+    let high = mix(textureLoad(albedo_table, i + vec2i(0, 1), 0).r, textureLoad(albedo_table, i + vec2i(1, 1), 0).r, t.x);
+    return mix(low, high, t.y);
+}
+//#endif
+
+@fragment
+fn fragment(in: Varying) -> Pixel {
+    var out: Pixel;
+    let dx = dpdx(in.uv);
+    let dy = dpdy(in.uv);
+    //#if MASK
+    //#if SAMPLE_MASK
+    // The standard four sample positions, in pixels from the centre: coverage as four rays would find it.
+    var samples = 0u;
+    var offsets = array<vec2f, 4>(vec2f(-0.125, -0.375), vec2f(0.375, -0.125), vec2f(-0.375, 0.125), vec2f(0.125, 0.375));
+    for (var i = 0u; i < 4u; i++) {
+        let uv = in.uv + dx * offsets[i].x + dy * offsets[i].y;
+        if (textureSampleLevel(mask, map_sampler, uv, 0.0).r >= 0.5) {
+            samples |= 1u << i;
+        }
+    }
+    out.samples = samples;
+    if (samples == 0u) {
+        discard;
+    }
+    //#else
+    if (textureSampleLevel(mask, map_sampler, in.uv, 0.0).r < 0.5) {
+        discard;
+    }
+    //#endif
+    //#endif
+    var radiance = vec3f(0.0);
+    //#if LIT
+    let place = Place(in.uv, vec2f(1.0 - in.uv.x, in.uv.y), dx, dy);
+    let view = normalize(frame.eye.xyz - in.world);
+    let mesh_normal = normalize(in.normal);
+    let front = dot(mesh_normal, view) >= 0.0;
+    let towards_viewer = select(-mesh_normal, mesh_normal, front);
+    // The viewed side's mapped normal N and the far side's F.
+    var viewed = towards_viewer;
+    var far = -towards_viewer;
+    //#if TANGENT
+    let frame_of_mesh = basis(in, mesh_normal);
+    //#if FRONT_NORMAL
+    let f = at(front_normal, place.front, place).xyz;
+    let front_mapped = normalize(f.x * frame_of_mesh.tangent + f.y * frame_of_mesh.bitangent + f.z * frame_of_mesh.normal);
+    //#else
+    let front_mapped = mesh_normal;
+    //#endif
+    //#if BACK_NORMAL
+    // The back's camera looks from behind: its right is against the tangent, its up along the bitangent, its z against the normal.
+    let b = at(back_normal, place.back, place).xyz;
+    let back_mapped = normalize(-b.x * frame_of_mesh.tangent + b.y * frame_of_mesh.bitangent - b.z * frame_of_mesh.normal);
+    //#else
+    let back_mapped = -mesh_normal;
+    //#endif
+    viewed = select(back_mapped, front_mapped, front);
+    far = select(front_mapped, back_mapped, front);
+    //#endif
+    //#if GLOSS
+    let gloss = viewed_gloss(front, place);
+    let roughness = max(gloss.a, 1e-3);
+    //#endif
+    //#if SKY
+    var reflectance: vec3f;
+    var transmittance: vec3f;
+    if (front) {
+        reflectance = front_reflectance(place);
+        transmittance = back_transmittance(place);
+    } else {
+        reflectance = back_reflectance(place);
+        transmittance = front_transmittance(place);
+    }
+    var scattered = reflectance + transmittance;
+    //#if ALBEDO
+    scattered += gloss.rgb * albedo(dot(viewed, view), roughness);
+    //#endif
+    radiance += frame.sky.rgb * scattered;
+    //#endif
+    //#if SUN
+    let light = frame.sun_direction.xyz;
+    let cosine = dot(light, towards_viewer);
+    var sunlit = vec3f(0.0);
+    if (cosine > 0.0) {
+        let nl = max(0.0, dot(viewed, light));
+        //#if !SKY
+        var reflectance: vec3f;
+        if (front) {
+            reflectance = front_reflectance(place);
+        } else {
+            reflectance = back_reflectance(place);
+        }
+        //#endif
+        sunlit = nl * reflectance * 0.318309886;
+        //#if GLOSS
+        sunlit += nl * gloss.rgb * lobe(viewed, light, view, roughness);
+        //#endif
+    } else if (cosine < 0.0) {
+        //#if !SKY
+        var transmittance: vec3f;
+        if (front) {
+            transmittance = back_transmittance(place);
+        } else {
+            transmittance = front_transmittance(place);
+        }
+        //#endif
+        sunlit = max(0.0, dot(far, light)) * transmittance * 0.318309886;
+    }
+    //#if SHADOW
+    if (max(sunlit.r, max(sunlit.g, sunlit.b)) > 0.0) {
+        sunlit *= visibility(in.world, select(-towards_viewer, towards_viewer, cosine > 0.0), abs(cosine));
+    }
+    //#endif
+    radiance += frame.sun_irradiance.rgb * sunlit;
+    //#endif
+    //#endif
+    // A 16-bit target holds 65504 at most, and one overflow would blacken the picture after x/(1 + x).
+    out.radiance = vec4f(min(radiance, vec3f(6e4)), 1.0);
+    return out;
+}

@@ -1,0 +1,5 @@
+//! The render passes, a file each with its WGSL beside it: shadow (only with a sun that casts), main, tonemap.
+
+pub(crate) mod main;
+pub(crate) mod shadow;
+pub(crate) mod tonemap;

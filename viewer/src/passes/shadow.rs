@@ -1,0 +1,316 @@
+//! Shadows of the sun's disk: N orthographic depth maps for N directions spread evenly over the disk (Vogel's spiral); the main pass
+//! averages N comparisons, which converges to the visible share of the disk: a true soft shadow, with the penumbra's width following
+//! from the disk's radius. The maps are drawn once and kept until the sun or the geometry changes.
+
+use crate::geometry::vertex_layouts;
+use crate::gpu::Gpu;
+use crate::leaf::{LeafOnGpu, Samplers};
+use crate::scene::Sun;
+use crate::shader::{Defines, assemble};
+use crate::stats::Stats;
+use glam::{Mat4, Vec3, Vec4};
+
+const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+/// Uniforms with a dynamic offset lie this far apart on every adapter.
+const STRIDE: usize = 256;
+
+pub(crate) struct ShadowPass {
+    layers: Vec<wgpu::TextureView>,
+    pub map: wgpu::TextureView,
+    pub sampler: wgpu::Sampler,
+    /// One matrix a layer, packed, for the main pass.
+    pub matrices: wgpu::Buffer,
+    light_group: wgpu::BindGroup,
+    light_buffer: wgpu::Buffer,
+    opaque: Option<wgpu::RenderPipeline>,
+    masked: Option<(wgpu::RenderPipeline, wgpu::BindGroupLayout)>,
+    /// Mask groups in leaf order.
+    mask_groups: Vec<Option<wgpu::BindGroup>>,
+    resolution: u32,
+    drawn: bool,
+}
+
+/// Directions to the sun's disk: the centre alone, or `n` points that each stand for an equal share of it.
+pub(crate) fn disk_directions(sun: &Sun, n: u32) -> Vec<Vec3> {
+    let centre = sun.direction.normalize();
+    if n == 1 || sun.radius == 0.0 {
+        return vec![centre; n as usize];
+    }
+    let (a, b) = centre.any_orthonormal_pair();
+    let golden = std::f32::consts::PI * (3.0 - 5.0f32.sqrt());
+    (0..n)
+        .map(|i| {
+            let tan = sun.radius.tan() * ((i as f32 + 0.5) / n as f32).sqrt();
+            let (sin, cos) = (i as f32 * golden).sin_cos();
+            (centre + tan * (cos * a + sin * b)).normalize()
+        })
+        .collect()
+}
+
+/// The tightest orthographic matrix around `corners` as seen along `direction`, and the longer side of one of its texels.
+fn light_matrix(direction: Vec3, corners: &[Vec3], resolution: u32) -> (Mat4, f32) {
+    let (x, y) = direction.any_orthonormal_pair();
+    let place = |p: Vec3| Vec3::new(p.dot(x), p.dot(y), -p.dot(direction));
+    let first = corners.first().copied().map_or(Vec3::ZERO, place);
+    let (low, high) = corners.iter().map(|p| place(*p)).fold((first, first), |(l, h), p| (l.min(p), h.max(p)));
+    // A rim of two texels keeps the filter inside, and a little depth keeps flat scenes from a range of zero.
+    let size = (high - low).max(Vec3::splat(1e-3));
+    let margin = Vec3::new(size.x * 2.0 / resolution as f32, size.y * 2.0 / resolution as f32, 0.02 * size.max_element());
+    let (low, high) = (low - margin, high + margin);
+    let size = high - low;
+    let row = |axis: Vec3, l: f32, s: f32| (axis * (2.0 / s)).extend(-2.0 * l / s - 1.0);
+    let depth = (-direction / size.z).extend(-low.z / size.z);
+    let rows = [row(x, low.x, size.x), row(y, low.y, size.y), depth, Vec4::W];
+    (Mat4::from_cols(rows[0], rows[1], rows[2], rows[3]).transpose(), size.x.max(size.y) / resolution as f32)
+}
+
+/// Matrices of all layers and the largest texel's side (mm).
+fn light_matrices(sun: &Sun, corners: &[Vec3], layers: u32, resolution: u32) -> (Vec<Mat4>, f32) {
+    let all: Vec<(Mat4, f32)> = disk_directions(sun, layers).into_iter().map(|d| light_matrix(d, corners, resolution)).collect();
+    let texel = all.iter().map(|(_, t)| *t).fold(0.0, f32::max);
+    (all.into_iter().map(|(m, _)| m).collect(), texel)
+}
+
+fn spaced(matrices: &[Mat4]) -> Vec<u8> {
+    let mut bytes = vec![0u8; matrices.len() * STRIDE];
+    for (slot, matrix) in bytes.chunks_mut(STRIDE).zip(matrices) {
+        slot[..64].copy_from_slice(bytemuck::bytes_of(matrix));
+    }
+    bytes
+}
+
+impl ShadowPass {
+    /// Makes the maps, and the pipelines that the leaves need; also returns a texel's side (mm).
+    pub(crate) fn new(
+        gpu: &Gpu,
+        sun: &Sun,
+        corners: &[Vec3],
+        layers: u32,
+        resolution: u32,
+        leaves: &[LeafOnGpu],
+        samplers: &Samplers,
+        stats: &mut Stats,
+    ) -> (ShadowPass, f32) {
+        let device = &gpu.device;
+        let texture = device.create_texture(&wgpu::TextureDescriptor {
+            label: Some("shadow maps"),
+            size: wgpu::Extent3d { width: resolution, height: resolution, depth_or_array_layers: layers },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: FORMAT,
+            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
+            view_formats: &[],
+        });
+        let view = |base, count, dimension| {
+            texture.create_view(&wgpu::TextureViewDescriptor {
+                dimension: Some(dimension),
+                base_array_layer: base,
+                array_layer_count: Some(count),
+                ..Default::default()
+            })
+        };
+        let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
+            label: Some("shadow"),
+            mag_filter: wgpu::FilterMode::Linear,
+            min_filter: wgpu::FilterMode::Linear,
+            compare: Some(wgpu::CompareFunction::LessEqual),
+            ..Default::default()
+        });
+        let (matrices, texel) = light_matrices(sun, corners, layers, resolution);
+        let light_buffer = gpu.uniform("shadow matrices, spaced", &spaced(&matrices));
+        let light_layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("shadow light"),
+            entries: &[wgpu::BindGroupLayoutEntry {
+                binding: 0,
+                visibility: wgpu::ShaderStages::VERTEX,
+                ty: wgpu::BindingType::Buffer {
+                    ty: wgpu::BufferBindingType::Uniform,
+                    has_dynamic_offset: true,
+                    min_binding_size: wgpu::BufferSize::new(64),
+                },
+                count: None,
+            }],
+        });
+        let light_group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("shadow light"),
+            layout: &light_layout,
+            entries: &[wgpu::BindGroupEntry {
+                binding: 0,
+                resource: wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+                    buffer: &light_buffer,
+                    offset: 0,
+                    size: wgpu::BufferSize::new(64),
+                }),
+            }],
+        });
+        let opaque = leaves.iter().any(|l| l.mask.is_none()).then(|| {
+            stats.pipeline("shadow: opaque");
+            pipeline(gpu, &light_layout, None)
+        });
+        let masked = leaves.iter().any(|l| l.mask.is_some()).then(|| {
+            stats.pipeline("shadow: masked");
+            let layout = mask_layout(gpu);
+            (pipeline(gpu, &light_layout, Some(&layout)), layout)
+        });
+        let mut pass = ShadowPass {
+            layers: (0..layers).map(|i| view(i, 1, wgpu::TextureViewDimension::D2)).collect(),
+            map: view(0, layers, wgpu::TextureViewDimension::D2Array),
+            sampler,
+            matrices: gpu.uniform("shadow matrices", &matrices),
+            light_group,
+            light_buffer,
+            opaque,
+            masked,
+            mask_groups: Vec::new(),
+            resolution,
+            drawn: false,
+        };
+        pass.bind_masks(gpu, leaves, samplers);
+        (pass, texel)
+    }
+
+    /// Binds the leaves' masks anew, after a leaf was uploaded again.
+    pub(crate) fn bind_masks(&mut self, gpu: &Gpu, leaves: &[LeafOnGpu], samplers: &Samplers) {
+        let group = |leaf: &LeafOnGpu| {
+            let ((_, layout), mask) = (self.masked.as_ref()?, leaf.mask.as_ref()?);
+            Some(gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+                label: Some("shadow mask"),
+                layout,
+                entries: &[
+                    wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(mask) },
+                    wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&samplers.maps) },
+                ],
+            }))
+        };
+        self.mask_groups = leaves.iter().map(group).collect();
+    }
+
+    /// Moves the sun: the maps are drawn again with the next picture. Returns a texel's side (mm).
+    pub(crate) fn set_sun(&mut self, gpu: &Gpu, sun: &Sun, corners: &[Vec3]) -> f32 {
+        let (matrices, texel) = light_matrices(sun, corners, self.layers.len() as u32, self.resolution);
+        gpu.queue.write_buffer(&self.light_buffer, 0, &spaced(&matrices));
+        gpu.queue.write_buffer(&self.matrices, 0, bytemuck::cast_slice(&matrices));
+        self.drawn = false;
+        texel
+    }
+
+    /// Forgets the drawn maps, so that drawing them can be timed.
+    pub(crate) fn forget(&mut self) {
+        self.drawn = false;
+    }
+
+    /// Draws the maps unless they are still true. `times` brackets the layers with two timestamps.
+    pub(crate) fn draw(
+        &mut self,
+        encoder: &mut wgpu::CommandEncoder,
+        leaves: &[LeafOnGpu],
+        times: Option<(&wgpu::QuerySet, u32)>,
+        stats: &mut Stats,
+    ) -> bool {
+        if self.drawn {
+            return false;
+        }
+        for (i, layer) in self.layers.iter().enumerate() {
+            let timestamp_writes = times.map(|(query_set, base)| wgpu::RenderPassTimestampWrites {
+                query_set,
+                beginning_of_pass_write_index: (i == 0).then_some(base),
+                end_of_pass_write_index: (i + 1 == self.layers.len()).then_some(base + 1),
+            });
+            let timestamp_writes =
+                timestamp_writes.filter(|t| t.beginning_of_pass_write_index.is_some() || t.end_of_pass_write_index.is_some());
+            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label: Some("shadow"),
+                color_attachments: &[],
+                depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+                    view: layer,
+                    depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(1.0), store: wgpu::StoreOp::Store }),
+                    stencil_ops: None,
+                }),
+                timestamp_writes,
+                occlusion_query_set: None,
+                multiview_mask: None,
+            });
+            pass.set_bind_group(0, &self.light_group, &[(i * STRIDE) as u32]);
+            for (leaf, mask) in leaves.iter().zip(&self.mask_groups) {
+                match (mask, &self.masked, &self.opaque) {
+                    (Some(group), Some((pipeline, _)), _) => {
+                        pass.set_pipeline(pipeline);
+                        pass.set_bind_group(1, group, &[]);
+                    }
+                    (None, _, Some(pipeline)) => pass.set_pipeline(pipeline),
+                    _ => continue,
+                }
+                let g = &leaf.geometry;
+                pass.set_vertex_buffer(0, g.positions.slice(..));
+                pass.set_vertex_buffer(1, g.uvs.slice(..));
+                pass.set_vertex_buffer(2, g.instances.slice(..));
+                pass.set_index_buffer(g.indices.slice(..), wgpu::IndexFormat::Uint32);
+                pass.draw_indexed(0..g.index_count, 0, 0..g.instance_count);
+                stats.draws += 1;
+            }
+        }
+        self.drawn = true;
+        stats.shadow_renders += 1;
+        true
+    }
+}
+
+fn mask_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
+    let entry = |binding, ty| wgpu::BindGroupLayoutEntry { binding, visibility: wgpu::ShaderStages::FRAGMENT, ty, count: None };
+    gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+        label: Some("shadow mask"),
+        entries: &[
+            entry(
+                0,
+                wgpu::BindingType::Texture {
+                    sample_type: wgpu::TextureSampleType::Float { filterable: true },
+                    view_dimension: wgpu::TextureViewDimension::D2,
+                    multisampled: false,
+                },
+            ),
+            entry(1, wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering)),
+        ],
+    })
+}
+
+fn pipeline(gpu: &Gpu, light: &wgpu::BindGroupLayout, mask: Option<&wgpu::BindGroupLayout>) -> wgpu::RenderPipeline {
+    let source = assemble(include_str!("shadow.wgsl"), &Defines::default().set("MASK", mask.is_some()));
+    let module = gpu
+        .device
+        .create_shader_module(wgpu::ShaderModuleDescriptor { label: Some("shadow"), source: wgpu::ShaderSource::Wgsl(source.into()) });
+    let mut groups = vec![Some(light)];
+    groups.extend(mask.map(Some));
+    let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: Some("shadow"),
+        bind_group_layouts: &groups,
+        immediate_size: 0,
+    });
+    gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some("shadow"),
+        layout: Some(&layout),
+        vertex: wgpu::VertexState {
+            module: &module,
+            entry_point: Some("vertex"),
+            compilation_options: Default::default(),
+            buffers: &vertex_layouts(false, false),
+        },
+        primitive: wgpu::PrimitiveState::default(),
+        depth_stencil: Some(wgpu::DepthStencilState {
+            format: FORMAT,
+            depth_write_enabled: Some(true),
+            depth_compare: Some(wgpu::CompareFunction::LessEqual),
+            stencil: Default::default(),
+            bias: Default::default(),
+        }),
+        multisample: Default::default(),
+        fragment: mask.map(|_| wgpu::FragmentState {
+            module: &module,
+            entry_point: Some("fragment"),
+            compilation_options: Default::default(),
+            targets: &[],
+        }),
+        multiview_mask: None,
+        cache: None,
+    })
+}

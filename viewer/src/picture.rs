@@ -1,0 +1,36 @@
+//! A finished picture.
+
+use crate::error::{Error, Result};
+use std::path::Path;
+
+/// Row-major, row 0 on top.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Picture {
+    pub width: u32,
+    pub height: u32,
+    /// Linear radiance before exposure; alpha is the share of the pixel that leaves cover.
+    pub hdr: Vec<[f32; 4]>,
+    /// Tone-mapped sRGB; alpha is 255.
+    pub ldr: Vec<[u8; 4]>,
+}
+
+impl Picture {
+    /// The pixel at column `x`, row `y`: radiance and coverage.
+    pub fn radiance(&self, x: u32, y: u32) -> [f32; 4] {
+        self.hdr[(y * self.width + x) as usize]
+    }
+
+    /// Writes the tone-mapped picture as PNG.
+    ///
+    /// # Errors
+    /// `Write` with the path and the cause.
+    pub fn save_png(&self, path: &Path) -> Result<()> {
+        save_png(path, self.width, self.height, self.ldr.as_flattened())
+    }
+}
+
+/// Writes RGBA bytes as PNG.
+pub(crate) fn save_png(path: &Path, width: u32, height: u32, rgba: &[u8]) -> Result<()> {
+    image::save_buffer_with_format(path, rgba, width, height, image::ColorType::Rgba8, image::ImageFormat::Png)
+        .map_err(|e| Error::Write { path: path.display().to_string(), reason: e.to_string() })
+}

@@ -1,0 +1,318 @@
+//! The renderer: a scene in, pictures and times out. It creates and uploads only what the scene needs, and counts it.
+
+use crate::error::{Error, Result};
+use crate::geometry::{ball, corners, view_projection};
+use crate::gpu::{AdapterInfo, Gpu, Options, instance_descriptor};
+use crate::leaf::{AlbedoCache, LeafOnGpu, Samplers};
+use crate::passes::main::{Frame, MainPass, Pipelines, Targets};
+use crate::passes::shadow::ShadowPass;
+use crate::passes::tonemap::{self, TonemapPass};
+use crate::picture::Picture;
+use crate::readback::{self, Copy};
+use crate::scene::{Camera, Scene, Sun};
+use crate::stats::Stats;
+use crate::timing::{Clock, PASSES, Timing};
+use crate::validate;
+use crate::variant::{Variant, shadow_layers};
+use glam::Vec3;
+use std::time::Instant;
+
+/// Draws scenes. One at a time: `set_scene`, then any number of pictures.
+pub struct Renderer {
+    pub(crate) gpu: Gpu,
+    samplers: Samplers,
+    pipelines: Pipelines,
+    tables: AlbedoCache,
+    tonemap: TonemapPass,
+    loaded: Option<Loaded>,
+    targets: Option<TargetSet>,
+    stats: Stats,
+}
+
+/// A scene on the adapter.
+struct Loaded {
+    leaves: Vec<LeafOnGpu>,
+    main: MainPass,
+    shadow: Option<ShadowPass>,
+    corners: Vec<Vec3>,
+    ball: (Vec3, f32),
+    sun: Option<Sun>,
+    sky: Option<[f32; 3]>,
+    background: [f32; 3],
+    shadow_texel: f32,
+    shadow_layers: u32,
+    shadow_resolution: u32,
+    msaa: u32,
+}
+
+/// Pictures of one size.
+struct TargetSet {
+    width: u32,
+    height: u32,
+    msaa: u32,
+    hdr: wgpu::Texture,
+    hdr_view: wgpu::TextureView,
+    samples: Option<wgpu::TextureView>,
+    depth: wgpu::TextureView,
+    ldr: wgpu::Texture,
+    ldr_view: wgpu::TextureView,
+    radiance: wgpu::BindGroup,
+}
+
+impl Renderer {
+    /// Opens an adapter without a window.
+    ///
+    /// # Errors
+    /// `NoAdapter` where nothing can draw, `Device` where the adapter refuses.
+    pub fn headless(options: &Options) -> Result<Renderer> {
+        let instance = wgpu::Instance::new(instance_descriptor(options));
+        Ok(Renderer::on(Gpu::open(&instance, None, options)?))
+    }
+
+    pub(crate) fn on(gpu: Gpu) -> Renderer {
+        Renderer {
+            samplers: Samplers::new(&gpu),
+            pipelines: Pipelines::default(),
+            tables: AlbedoCache::default(),
+            tonemap: TonemapPass::new(&gpu),
+            loaded: None,
+            targets: None,
+            stats: Stats::default(),
+            gpu,
+        }
+    }
+
+    /// Who draws.
+    pub fn adapter(&self) -> &AdapterInfo {
+        &self.gpu.info
+    }
+
+    /// What was created, uploaded and drawn.
+    pub fn stats(&self) -> &Stats {
+        &self.stats
+    }
+
+    /// Uploads what `scene` needs and makes the pipelines it needs; replaces the scene before it.
+    ///
+    /// # Errors
+    /// `Scene` or `Size` where the data contradict themselves or exceed the adapter; the scene before stays then.
+    pub fn set_scene(&mut self, scene: &Scene) -> Result<()> {
+        validate::scene(&self.gpu, scene)?;
+        let mut stats = Stats { draws: self.stats.draws, shadow_renders: self.stats.shadow_renders, ..Stats::default() };
+        let leaves: Vec<LeafOnGpu> = (0..scene.leaves.len())
+            .filter_map(|i| LeafOnGpu::new(&self.gpu, scene, i, &self.samplers, &mut self.tables, &mut stats))
+            .collect();
+        let corners = corners(scene);
+        let layers = shadow_layers(scene);
+        let (mut shadow, mut shadow_texel) = (None, 0.0);
+        if let Some(sun) = scene.sun.filter(|_| layers > 0) {
+            let (pass, texel) =
+                ShadowPass::new(&self.gpu, &sun, &corners, layers, scene.shadow_resolution, &leaves, &self.samplers, &mut stats);
+            (shadow, shadow_texel) = (Some(pass), texel);
+        }
+        for leaf in &leaves {
+            self.pipelines.need(&self.gpu, &leaf.variant, &mut stats);
+        }
+        stats.pipeline("tonemap");
+        let main = MainPass::new(&self.gpu, shadow.as_ref());
+        self.tonemap.set_exposure(&self.gpu, scene.exposure);
+        self.loaded = Some(Loaded {
+            leaves,
+            main,
+            shadow,
+            ball: ball(&corners),
+            corners,
+            sun: scene.sun,
+            sky: scene.sky,
+            background: scene.background,
+            shadow_texel,
+            shadow_layers: layers,
+            shadow_resolution: scene.shadow_resolution,
+            msaa: scene.msaa,
+        });
+        self.stats = stats;
+        Ok(())
+    }
+
+    /// Takes over a change of lights, background or exposure, with leaves and instances as they were; moving the sun redraws the
+    /// shadow maps, all else is free. A light that appears or goes reloads the scene, since other maps are needed then.
+    pub fn set_lights(&mut self, scene: &Scene) -> Result<()> {
+        let same = self.loaded.as_ref().is_some_and(|l| {
+            l.sun.is_some() == scene.sun.is_some()
+                && l.sky.is_some() == scene.sky.is_some()
+                && l.shadow_layers == shadow_layers(scene)
+                && l.shadow_resolution == scene.shadow_resolution
+                && l.msaa == scene.msaa
+        });
+        if !same {
+            return self.set_scene(scene);
+        }
+        validate::scene(&self.gpu, scene)?;
+        let Some(loaded) = &mut self.loaded else { return Ok(()) };
+        if let (Some(sun), Some(shadow)) = (scene.sun, &mut loaded.shadow)
+            && loaded.sun.is_none_or(|old| old.direction != sun.direction || old.radius != sun.radius)
+        {
+            loaded.shadow_texel = shadow.set_sun(&self.gpu, &sun, &loaded.corners);
+        }
+        (loaded.sun, loaded.sky, loaded.background) = (scene.sun, scene.sky, scene.background);
+        self.tonemap.set_exposure(&self.gpu, scene.exposure);
+        Ok(())
+    }
+
+    /// Takes over a change of leaf `index`'s appearance, with its mesh and mask as they were.
+    pub fn set_leaf(&mut self, scene: &Scene, index: usize) -> Result<()> {
+        validate::scene(&self.gpu, scene)?;
+        let Some(loaded) = &mut self.loaded else { return self.set_scene(scene) };
+        let Some(slot) = loaded.leaves.iter().position(|l| l.index == index) else { return Ok(()) };
+        let new = LeafOnGpu::new(&self.gpu, scene, index, &self.samplers, &mut self.tables, &mut self.stats);
+        if let Some(new) = new {
+            self.pipelines.need(&self.gpu, &Variant::new(scene, &scene.leaves[index]), &mut self.stats);
+            loaded.leaves[slot] = new;
+        }
+        if let Some(shadow) = &mut loaded.shadow {
+            shadow.bind_masks(&self.gpu, &loaded.leaves, &self.samplers);
+        }
+        Ok(())
+    }
+
+    /// Draws a picture of `width` × `height` pixels.
+    ///
+    /// # Errors
+    /// `Size` for an empty or too large picture, `Scene` for a camera that looks nowhere, `Readback`.
+    pub fn render(&mut self, camera: &Camera, width: u32, height: u32) -> Result<Picture> {
+        let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+        self.record(&mut encoder, camera, width, height, None)?;
+        let Some(targets) = &self.targets else { return Err(Error::Readback("no target".into())) };
+        let hdr = Copy::record(&self.gpu, &mut encoder, &targets.hdr);
+        let ldr = Copy::record(&self.gpu, &mut encoder, &targets.ldr);
+        self.gpu.queue.submit([encoder.finish()]);
+        Ok(Picture { width, height, hdr: hdr.floats(&self.gpu)?, ldr: ldr.bytes(&self.gpu)? })
+    }
+
+    /// Draws the picture `frames` times after one to warm up, without reading it back.
+    pub fn time(&mut self, camera: &Camera, width: u32, height: u32, frames: usize) -> Result<Timing> {
+        let clock = Clock::new(&self.gpu);
+        let mut timing = Timing::default();
+        if let Some(shadow) = self.loaded.as_mut().and_then(|l| l.shadow.as_mut()) {
+            shadow.forget();
+        }
+        for i in 0..=frames {
+            // Shadow maps are drawn in the frame that warms up, and kept from then on.
+            let first = u32::from(i > 0 || self.loaded.as_ref().is_none_or(|l| l.shadow.is_none()));
+            let start = Instant::now();
+            let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+            self.record(&mut encoder, camera, width, height, clock.as_ref())?;
+            if let Some(clock) = &clock {
+                clock.resolve(&mut encoder, first);
+            }
+            self.gpu.queue.submit([encoder.finish()]);
+            readback::wait(&self.gpu)?;
+            if i > 0 {
+                timing.frame_ms.push(start.elapsed().as_secs_f64() * 1e3);
+            }
+            if let Some(clock) = &clock {
+                for (name, ms) in PASSES[first as usize..].iter().zip(clock.read(&self.gpu, first)?) {
+                    if i > 0 || *name == "shadow" {
+                        match timing.passes.iter_mut().find(|(n, _)| n == name) {
+                            Some((_, all)) => all.push(ms),
+                            None => timing.passes.push((name.to_string(), vec![ms])),
+                        }
+                    }
+                }
+            }
+        }
+        Ok(timing)
+    }
+
+    /// Records a whole frame into the targets of that size.
+    pub(crate) fn record(
+        &mut self,
+        encoder: &mut wgpu::CommandEncoder,
+        camera: &Camera,
+        width: u32,
+        height: u32,
+        clock: Option<&Clock>,
+    ) -> Result<()> {
+        validate::camera(camera)?;
+        validate::picture(&self.gpu, width, height)?;
+        let Some(loaded) = &mut self.loaded else {
+            return Err(Error::Scene { place: "renderer".into(), found: "no scene".into(), expected: "set_scene before a picture".into() });
+        };
+        if self.targets.as_ref().is_none_or(|t| (t.width, t.height, t.msaa) != (width, height, loaded.msaa)) {
+            self.targets = Some(TargetSet::new(&self.gpu, &self.tonemap, width, height, loaded.msaa));
+        }
+        let Some(targets) = &self.targets else { return Ok(()) };
+        let (centre, radius) = loaded.ball;
+        let near = (0.5 * (camera.eye.distance(centre) - radius)).max(1e-4 * radius);
+        let four = |v: Vec3| [v.x, v.y, v.z, 0.0];
+        let colour = |c: [f32; 3]| [c[0], c[1], c[2], 0.0];
+        let frame = Frame {
+            view_projection: view_projection(camera, width as f32 / height as f32, near).to_cols_array_2d(),
+            eye: four(camera.eye),
+            sun_direction: four(loaded.sun.map_or(Vec3::Z, |s| s.direction.normalize())),
+            sun_irradiance: colour(loaded.sun.map_or([0.0; 3], |s| s.irradiance)),
+            sky: colour(loaded.sky.unwrap_or([0.0; 3])),
+            shadow: [loaded.shadow_texel, 0.0, 0.0, 0.0],
+        };
+        self.gpu.queue.write_buffer(&loaded.main.frame, 0, bytemuck::bytes_of(&frame));
+        if let Some(shadow) = &mut loaded.shadow {
+            shadow.draw(encoder, &loaded.leaves, clock.map(|c| (&c.queries, 0)), &mut self.stats);
+        }
+        let (color, resolve) = match &targets.samples {
+            Some(samples) => (samples, Some(&targets.hdr_view)),
+            None => (&targets.hdr_view, None),
+        };
+        loaded.main.draw(
+            encoder,
+            &self.pipelines,
+            &loaded.leaves,
+            Targets { color, resolve, depth: &targets.depth },
+            loaded.background,
+            clock.map(|c| c.writes(1)),
+            &mut self.stats,
+        );
+        self.tonemap.draw(encoder, &targets.radiance, &targets.ldr_view, clock.map(|c| c.writes(2)), &mut self.stats);
+        Ok(())
+    }
+
+    /// The tone-mapped picture that `record` draws into.
+    pub(crate) fn picture_view(&self) -> Option<&wgpu::TextureView> {
+        self.targets.as_ref().map(|t| &t.ldr_view)
+    }
+}
+
+impl TargetSet {
+    fn new(gpu: &Gpu, tonemap: &TonemapPass, width: u32, height: u32, msaa: u32) -> TargetSet {
+        use wgpu::TextureUsages as Use;
+        let texture = |label, format, sample_count, usage| {
+            gpu.device.create_texture(&wgpu::TextureDescriptor {
+                label: Some(label),
+                size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+                mip_level_count: 1,
+                sample_count,
+                dimension: wgpu::TextureDimension::D2,
+                format,
+                usage,
+                view_formats: &[],
+            })
+        };
+        let view = |t: &wgpu::Texture| t.create_view(&Default::default());
+        let format = gpu.hdr_format(msaa);
+        let read = Use::RENDER_ATTACHMENT | Use::TEXTURE_BINDING | Use::COPY_SRC;
+        let hdr = texture("radiance", format, 1, read);
+        let ldr = texture("picture", tonemap::FORMAT, 1, read);
+        let hdr_view = view(&hdr);
+        TargetSet {
+            width,
+            height,
+            msaa,
+            samples: (msaa > 1).then(|| view(&texture("samples", format, msaa, Use::RENDER_ATTACHMENT))),
+            depth: view(&texture("depth", crate::passes::main::DEPTH, msaa, Use::RENDER_ATTACHMENT)),
+            ldr_view: view(&ldr),
+            radiance: tonemap.bind(gpu, &hdr_view),
+            hdr,
+            hdr_view,
+            ldr,
+        }
+    }
+}

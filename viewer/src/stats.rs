@@ -1,0 +1,43 @@
+//! What was really created, uploaded and drawn, counted where it happens, so that "left out" can be proved.
+
+/// One upload to the adapter.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Upload {
+    /// For instance `leaf 0 front gloss`.
+    pub name: String,
+    pub bytes: u64,
+}
+
+/// Counts since the last `set_scene`, except `draws` and `shadow_renders`, which count on.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Stats {
+    /// Names of the render pipelines in use, in order of need.
+    pub pipelines: Vec<String>,
+    pub uploads: Vec<Upload>,
+    /// Draw calls since the renderer was made.
+    pub draws: u64,
+    /// Times the shadow maps were drawn since the renderer was made: once per sun and geometry.
+    pub shadow_renders: u64,
+}
+
+impl Stats {
+    pub(crate) fn upload(&mut self, name: &str, bytes: u64) {
+        self.uploads.push(Upload { name: name.to_string(), bytes });
+    }
+
+    pub(crate) fn pipeline(&mut self, name: &str) {
+        if !self.pipelines.iter().any(|p| p == name) {
+            self.pipelines.push(name.to_string());
+        }
+    }
+
+    /// All bytes uploaded.
+    pub fn bytes(&self) -> u64 {
+        self.uploads.iter().map(|u| u.bytes).sum()
+    }
+
+    /// Whether something with this in its name was uploaded.
+    pub fn uploaded(&self, part: &str) -> bool {
+        self.uploads.iter().any(|u| u.name.contains(part))
+    }
+}

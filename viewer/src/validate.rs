@@ -1,0 +1,169 @@
+//! Refuses scenes that contradict themselves before anything reaches the adapter, with the place, what was found and what was expected.
+
+use crate::error::{Error, Result};
+use crate::gpu::Gpu;
+use crate::scene::{Camera, Interior, Leaf, Lobe, Scene, Side};
+
+/// Shadow maps larger than this in total are refused (bytes).
+const SHADOW_BUDGET: u64 = 2 << 30;
+
+fn wrong(place: impl Into<String>, found: impl ToString, expected: impl ToString) -> Error {
+    Error::Scene { place: place.into(), found: found.to_string(), expected: expected.to_string() }
+}
+
+pub(crate) fn scene(gpu: &Gpu, scene: &Scene) -> Result<()> {
+    for (i, leaf) in scene.leaves.iter().enumerate() {
+        check_leaf(gpu, i, leaf)?;
+    }
+    for (i, instance) in scene.instances.iter().enumerate() {
+        if instance.leaf >= scene.leaves.len() {
+            return Err(wrong(format!("instance {i}, leaf"), instance.leaf, format!("below {}", scene.leaves.len())));
+        }
+        let m = instance.transform;
+        let scale = [m.x_axis, m.y_axis, m.z_axis].map(|a| a.truncate().length());
+        let even = scale.iter().all(|s| s.is_finite() && *s > 0.0 && (s / scale[0] - 1.0).abs() < 1e-3);
+        if !even || !m.w_axis.is_finite() {
+            return Err(wrong(format!("instance {i}, transform"), format!("scales {scale:?}"), "a rigid motion with one positive scale"));
+        }
+    }
+    if scene.msaa != 1 && scene.msaa != 4 {
+        return Err(wrong("msaa", scene.msaa, "1 or 4"));
+    }
+    let lights = scene.sky.into_iter().chain([scene.background]).chain(scene.sun.map(|s| s.irradiance)).flatten();
+    if let Some(bad) = lights.into_iter().find(|v| !v.is_finite() || *v < 0.0) {
+        return Err(wrong("sun, sky or background", bad, "finite and not negative"));
+    }
+    if !scene.exposure.is_finite() || scene.exposure < 0.0 {
+        return Err(wrong("exposure", scene.exposure, "finite and not negative"));
+    }
+    if let Some(sun) = scene.sun {
+        if (sun.direction.length() - 1.0).abs() > 1e-3 {
+            return Err(wrong("sun, direction", sun.direction, "a unit vector"));
+        }
+        if !(0.0..0.5).contains(&sun.radius) {
+            return Err(wrong("sun, radius", sun.radius, "0 up to 0.5 rad"));
+        }
+        shadow(gpu, scene)?;
+    }
+    Ok(())
+}
+
+fn shadow(gpu: &Gpu, scene: &Scene) -> Result<()> {
+    let (n, side) = (scene.shadow_samples, scene.shadow_resolution);
+    if n == 0 {
+        return Ok(());
+    }
+    // 256 matrices fill a quarter of the smallest uniform buffer every adapter has.
+    let most = gpu.max_layers().min(256);
+    if n > most {
+        return Err(wrong("shadow_samples", n, format!("at most {most} on this adapter")));
+    }
+    if !(16..=gpu.max_side()).contains(&side) {
+        return Err(wrong("shadow_resolution", side, format!("16 to {} on this adapter", gpu.max_side())));
+    }
+    let bytes = u64::from(n) * u64::from(side) * u64::from(side) * 4;
+    if bytes > SHADOW_BUDGET {
+        return Err(wrong("shadow maps", format!("{bytes} bytes in all"), format!("at most {SHADOW_BUDGET}")));
+    }
+    Ok(())
+}
+
+fn check_leaf(gpu: &Gpu, index: usize, leaf: &Leaf) -> Result<()> {
+    let place = |field: &str| format!("leaf {index} ({}), {field}", leaf.name);
+    let limit = gpu.max_side();
+    if leaf.width == 0 || leaf.height == 0 || leaf.width > limit || leaf.height > limit {
+        return Err(Error::Size { what: place("maps"), width: leaf.width, height: leaf.height, limit });
+    }
+    if !leaf.thickness_mm.is_finite() || leaf.thickness_mm <= 0.0 {
+        return Err(wrong(place("thickness_mm"), leaf.thickness_mm, "finite and above 0"));
+    }
+    let mesh = &leaf.mesh;
+    let vertices = mesh.positions.len();
+    for (field, n) in [("normals", mesh.normals.len()), ("tangents", mesh.tangents.len()), ("uvs", mesh.uvs.len())] {
+        if n != vertices {
+            return Err(wrong(place(&format!("mesh.{field}")), format!("{n} entries"), format!("{vertices}, one a position")));
+        }
+    }
+    if !mesh.indices.len().is_multiple_of(3) {
+        return Err(wrong(place("mesh.indices"), format!("{} entries", mesh.indices.len()), "a multiple of 3"));
+    }
+    if let Some(bad) = mesh.indices.iter().find(|i| **i as usize >= vertices) {
+        return Err(wrong(place("mesh.indices"), bad, format!("below {vertices}")));
+    }
+    if !mesh.positions.iter().all(|p| p.is_finite()) {
+        return Err(wrong(place("mesh.positions"), "a value that is not finite", "finite positions"));
+    }
+    if let Lobe::CookTorrance { index: n } = leaf.lobe
+        && !(n.is_finite() && n > 1.0)
+    {
+        return Err(wrong(place("lobe index"), n, "finite and above 1"));
+    }
+    let texels = leaf.width as usize * leaf.height as usize;
+    if let Some(mask) = &leaf.mask
+        && mask.len() != texels
+    {
+        return Err(wrong(place("mask"), format!("{} texels", mask.len()), texels));
+    }
+    check_side(gpu, &place("front"), texels, &leaf.front)?;
+    check_side(gpu, &place("back"), texels, &leaf.back)
+}
+
+fn check_side(gpu: &Gpu, place: &str, texels: usize, side: &Side) -> Result<()> {
+    let size = |field: &str, n: usize| {
+        if n == texels { Ok(()) } else { Err(wrong(format!("{place}.{field}"), format!("{n} texels"), texels)) }
+    };
+    let finite = |field: &str, ok: bool| {
+        if ok { Ok(()) } else { Err(wrong(format!("{place}.{field}"), "a value that is not finite", "finite values")) }
+    };
+    if let Some(gloss) = &side.gloss {
+        size("gloss", gloss.len())?;
+        finite("gloss", gloss.as_flattened().iter().all(|v| v.is_finite()))?;
+    }
+    if let Some(normal) = &side.normal {
+        size("normal", normal.len())?;
+        finite("normal", normal.as_flattened().iter().all(|v| v.is_finite()))?;
+    }
+    match &side.interior {
+        Interior::Scalars(curve) => {
+            size("gamma_delta", side.gamma_delta.len())?;
+            finite("gamma_delta", side.gamma_delta.as_flattened().iter().all(|v| v.is_finite()))?;
+            let n = curve.rho_d.len();
+            if n < 2 || n > gpu.max_side() as usize || curve.rho_t.len() != n {
+                let found = format!("{n} and {} points", curve.rho_t.len());
+                return Err(wrong(format!("{place}.interior curve"), found, format!("as many of both, 2 to {}", gpu.max_side())));
+            }
+            if !(curve.min_mm.is_finite() && curve.max_mm.is_finite() && curve.min_mm < curve.max_mm) {
+                let found = format!("{} to {} mm", curve.min_mm, curve.max_mm);
+                return Err(wrong(format!("{place}.interior curve"), found, "a rising thickness range"));
+            }
+            finite("interior curve", curve.rho_d.iter().chain(&curve.rho_t).flatten().all(|v| v.is_finite()))
+        }
+        Interior::Maps { rho_d, rho_t } => {
+            size("interior.rho_d", rho_d.len())?;
+            size("interior.rho_t", rho_t.len())?;
+            finite("interior maps", rho_d.iter().chain(rho_t).flatten().all(|v| v.is_finite()))
+        }
+    }
+}
+
+pub(crate) fn camera(camera: &Camera) -> Result<()> {
+    let ahead = camera.target - camera.eye;
+    if !(ahead.is_finite() && ahead.length() > 0.0) {
+        return Err(wrong("camera, eye and target", format!("{} and {}", camera.eye, camera.target), "two different points"));
+    }
+    if !(camera.up.is_finite() && ahead.normalize().cross(camera.up).length() > 1e-6) {
+        return Err(wrong("camera, up", camera.up, "a direction off the line of sight"));
+    }
+    if !(camera.fov_y_deg > 0.0 && camera.fov_y_deg < 180.0) {
+        return Err(wrong("camera, fov_y_deg", camera.fov_y_deg, "between 0 and 180"));
+    }
+    Ok(())
+}
+
+pub(crate) fn picture(gpu: &Gpu, width: u32, height: u32) -> Result<()> {
+    let limit = gpu.max_side();
+    if width == 0 || height == 0 || width > limit || height > limit {
+        return Err(Error::Size { what: "picture".into(), width, height, limit });
+    }
+    Ok(())
+}

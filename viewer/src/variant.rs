@@ -1,0 +1,126 @@
+//! What a leaf's shader holds: the closure of what the scene's lights and the leaf's maps need. Equal variants share a pipeline.
+
+use crate::scene::{Interior, Leaf, Lobe, Scene, Side};
+use crate::shader::Defines;
+
+/// Which parts of the main pass a leaf needs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(crate) struct Variant {
+    pub sun: bool,
+    /// Shadow maps; 0 without a shadow.
+    pub shadow: u32,
+    pub sky: bool,
+    pub mask: bool,
+    pub front: SideVariant,
+    pub back: SideVariant,
+    pub lobe: LobeKind,
+    pub msaa: u32,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(crate) struct SideVariant {
+    /// ρd and ρt a texel instead of a slab curve.
+    pub maps: bool,
+    pub gloss: bool,
+    pub normal: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(crate) enum LobeKind {
+    None,
+    Beckmann,
+    Ggx,
+    CookTorrance,
+}
+
+/// Shadow maps that a scene needs: none without a sun.
+pub(crate) fn shadow_layers(scene: &Scene) -> u32 {
+    let casts = scene.sun.is_some() && !scene.instances.is_empty();
+    if casts { scene.shadow_samples } else { 0 }
+}
+
+impl Variant {
+    pub(crate) fn new(scene: &Scene, leaf: &Leaf) -> Variant {
+        let (sun, sky) = (scene.sun.is_some(), scene.sky.is_some());
+        let side = |side: &Side| {
+            let gloss = (sun || sky) && side.gloss.as_ref().is_some_and(|g| g.iter().any(|t| t[0] > 0.0 || t[1] > 0.0 || t[2] > 0.0));
+            // A constant sky sees the normal only through the gloss's directional albedo.
+            let normal = side.normal.is_some() && (sun || (sky && gloss));
+            SideVariant { maps: matches!(side.interior, Interior::Maps { .. }), gloss, normal }
+        };
+        let (front, back) = (side(&leaf.front), side(&leaf.back));
+        let lobe = match leaf.lobe {
+            _ if !front.gloss && !back.gloss => LobeKind::None,
+            Lobe::Beckmann => LobeKind::Beckmann,
+            Lobe::Ggx => LobeKind::Ggx,
+            Lobe::CookTorrance { .. } => LobeKind::CookTorrance,
+        };
+        Variant { sun, shadow: shadow_layers(scene), sky, mask: leaf.mask.is_some(), front, back, lobe, msaa: scene.msaa }
+    }
+
+    /// Whether any light reaches the leaf: without one no map is read.
+    pub(crate) fn lit(&self) -> bool {
+        self.sun || self.sky
+    }
+
+    pub(crate) fn tangent(&self) -> bool {
+        self.front.normal || self.back.normal
+    }
+
+    /// The gloss's directional albedo, for the sky.
+    pub(crate) fn albedo(&self) -> bool {
+        self.sky && self.lobe != LobeKind::None
+    }
+
+    pub(crate) fn sampled(&self) -> bool {
+        self.lit() || self.mask
+    }
+
+    pub(crate) fn defines(&self) -> Defines {
+        let lit = self.lit();
+        Defines::default()
+            .constant("SHADOW_LAYERS", self.shadow)
+            .set("SUN", self.sun)
+            .set("SHADOW", self.shadow > 0)
+            .set("SKY", self.sky)
+            .set("LIT", lit)
+            .set("MASK", self.mask)
+            .set("SAMPLE_MASK", self.mask && self.msaa > 1)
+            .set("SAMPLED", self.sampled())
+            .set("TANGENT", self.tangent())
+            .set("GLOSS", self.lobe != LobeKind::None)
+            .set("GGX", self.lobe == LobeKind::Ggx)
+            .set("FRESNEL", self.lobe == LobeKind::CookTorrance)
+            .set("ALBEDO", self.albedo())
+            .set("FRONT_CURVE", lit && !self.front.maps)
+            .set("BACK_CURVE", lit && !self.back.maps)
+            .set("FRONT_MAPS", lit && self.front.maps)
+            .set("BACK_MAPS", lit && self.back.maps)
+            .set("FRONT_GLOSS", self.front.gloss)
+            .set("BACK_GLOSS", self.back.gloss)
+            .set("FRONT_NORMAL", self.front.normal)
+            .set("BACK_NORMAL", self.back.normal)
+    }
+
+    /// The pipeline's name in `Stats`, such as `main: sun, shadow 8, sky, front gloss normal, ggx`.
+    pub(crate) fn name(&self) -> String {
+        let mut words = Vec::new();
+        let mut say = |on: bool, word: String| {
+            if on {
+                words.push(word);
+            }
+        };
+        say(self.sun, "sun".into());
+        say(self.shadow > 0, format!("shadow {}", self.shadow));
+        say(self.sky, "sky".into());
+        say(self.mask, "mask".into());
+        for (name, side) in [("front", self.front), ("back", self.back)] {
+            let parts = [(side.maps && self.lit(), " maps"), (side.gloss, " gloss"), (side.normal, " normal")];
+            let parts: String = parts.iter().filter(|(on, _)| *on).map(|(_, word)| *word).collect();
+            say(!parts.is_empty(), format!("{name}{parts}"));
+        }
+        say(self.lobe != LobeKind::None, format!("{:?}", self.lobe).to_lowercase());
+        say(self.msaa > 1, format!("{} samples", self.msaa));
+        if words.is_empty() { "main: unlit".into() } else { format!("main: {}", words.join(", ")) }
+    }
+}

@@ -1,0 +1,135 @@
+//! Scenes with known answers. Each test file uses a part of them.
+#![allow(dead_code)]
+
+use glam::{Mat4, Vec2, Vec3, Vec4};
+use mesophyll_viewer::scene::{Camera, Instance, Interior, Leaf, Lobe, Mesh, Scene, Side, SlabCurve, Sun};
+use mesophyll_viewer::{Error, Options, Renderer};
+
+pub const RHO_D: [f32; 3] = [0.08, 0.12, 0.05];
+pub const RHO_T: [f32; 3] = [0.06, 0.11, 0.02];
+pub const BACK_D: [f32; 3] = [0.16, 0.2, 0.13];
+pub const BACK_T: [f32; 3] = [0.05, 0.1, 0.015];
+
+/// A renderer, or `None` with a printed word where the machine has no adapter at all.
+pub fn renderer() -> Option<Renderer> {
+    renderer_with(&Options::default())
+}
+
+pub fn renderer_with(options: &Options) -> Option<Renderer> {
+    match Renderer::headless(options) {
+        Ok(renderer) => Some(renderer),
+        Err(Error::NoAdapter) => {
+            println!("skipped: no graphics adapter");
+            None
+        }
+        Err(other) => panic!("{other}"),
+    }
+}
+
+/// A flat square of `half` mm to each side in the plane z = 0, front up; u grows with x, v falls with y.
+pub fn square(half: f32) -> Mesh {
+    let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
+    Mesh {
+        positions: corners.iter().map(|(x, y)| Vec3::new(x * half, y * half, 0.0)).collect(),
+        normals: vec![Vec3::Z; 4],
+        tangents: vec![Vec4::new(1.0, 0.0, 0.0, 1.0); 4],
+        uvs: corners.iter().map(|(x, y)| Vec2::new(0.5 + 0.5 * x, 0.5 - 0.5 * y)).collect(),
+        indices: vec![0, 1, 2, 0, 2, 3],
+    }
+}
+
+/// ρd and ρt that fall or rise linearly with thickness around `at` mm, where they are `rho_d` and `rho_t`.
+pub fn curve(at: f32, rho_d: [f32; 3], rho_t: [f32; 3]) -> SlabCurve {
+    let scaled = |c: [f32; 3], s: f32| c.map(|v| v * s);
+    SlabCurve {
+        min_mm: 0.5 * at,
+        max_mm: 1.5 * at,
+        rho_d: vec![scaled(rho_d, 0.8), rho_d, scaled(rho_d, 1.2)],
+        rho_t: vec![scaled(rho_t, 1.5), rho_t, scaled(rho_t, 0.5)],
+    }
+}
+
+pub fn side(texels: usize, curve: SlabCurve) -> Side {
+    Side { gamma_delta: vec![[1.0, 1.0, 1.0, 0.0]; texels], gloss: None, normal: None, interior: Interior::Scalars(curve) }
+}
+
+/// A flat, matte, uniform leaf.
+pub fn uniform_leaf() -> Leaf {
+    let (width, height) = (8, 8);
+    Leaf {
+        name: "flat".into(),
+        mesh: square(10.0),
+        width,
+        height,
+        thickness_mm: 0.2,
+        lobe: Lobe::Beckmann,
+        front: side(64, curve(0.2, RHO_D, RHO_T)),
+        back: side(64, curve(0.2, BACK_D, BACK_T)),
+        mask: None,
+    }
+}
+
+pub fn scene_of(leaf: Leaf) -> Scene {
+    Scene {
+        leaves: vec![leaf],
+        instances: vec![Instance { leaf: 0, transform: Mat4::IDENTITY }],
+        sun: None,
+        sky: None,
+        background: [0.0; 3],
+        exposure: 1.0,
+        shadow_samples: 0,
+        shadow_resolution: 512,
+        msaa: 1,
+    }
+}
+
+pub fn sun(direction: Vec3) -> Sun {
+    Sun { direction: direction.normalize(), irradiance: [3.0, 2.5, 2.0], radius: 0.00465 }
+}
+
+/// Looks at the origin from `direction`, `distance` mm away.
+pub fn camera(direction: Vec3, distance: f32) -> Camera {
+    let eye = direction.normalize() * distance;
+    let up = if direction.normalize().z.abs() > 0.99 { Vec3::Y } else { Vec3::Z };
+    Camera { eye, target: Vec3::ZERO, up, fov_y_deg: 20.0 }
+}
+
+/// The point of the plane z = 0 seen at a pixel's centre.
+pub fn seen_point(camera: &Camera, width: u32, height: u32, x: u32, y: u32) -> [f64; 3] {
+    let v = |a: Vec3| [f64::from(a.x), f64::from(a.y), f64::from(a.z)];
+    let (eye, target, up) = (v(camera.eye), v(camera.target), v(camera.up));
+    let forward = unit(sub(target, eye));
+    let right = unit(cross(forward, up));
+    let above = cross(right, forward);
+    let t = (f64::from(camera.fov_y_deg).to_radians() / 2.0).tan();
+    let sx = (2.0 * (f64::from(x) + 0.5) / f64::from(width) - 1.0) * t * f64::from(width) / f64::from(height);
+    let sy = (1.0 - 2.0 * (f64::from(y) + 0.5) / f64::from(height)) * t;
+    let ray: [f64; 3] = std::array::from_fn(|i| forward[i] + sx * right[i] + sy * above[i]);
+    let s = -eye[2] / ray[2];
+    std::array::from_fn(|i| eye[i] + s * ray[i])
+}
+
+pub fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|i| a[i] - b[i])
+}
+pub fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+pub fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+pub fn unit(a: [f64; 3]) -> [f64; 3] {
+    let l = dot(a, a).sqrt();
+    a.map(|x| x / l)
+}
+pub fn wide(a: Vec3) -> [f64; 3] {
+    [f64::from(a.x), f64::from(a.y), f64::from(a.z)]
+}
+
+/// Fails unless two colours agree within `relative` (of the larger) plus 1e-6.
+pub fn agree(what: &str, got: [f32; 4], want: [f64; 3], relative: f64) {
+    for c in 0..3 {
+        let (g, w) = (f64::from(got[c]), want[c]);
+        assert!((g - w).abs() <= relative * g.abs().max(w.abs()) + 1e-6, "{what}, channel {c}: drawn {g}, expected {w}");
+    }
+}
