@@ -1,11 +1,119 @@
-//! `mesophyll synth`.
+//! `mesophyll synth`: grows a leaf from a specification and scans it as a linear light source device would.
 
 use super::Common;
+use crate::capture::manifest::Travel;
+use crate::capture::synth::leaf::Leaf;
+use crate::capture::synth::scan::{self, Options};
+use crate::capture::synth::spec::{Model, Spec};
+use crate::files::{atomic, progress};
 use crate::{Error, Result};
+use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
-pub struct Args {}
+#[command(after_help = "Examples:\n  mesophyll synth data/leaves/elm.toml -o out/elm\n  \
+    mesophyll synth data/leaves/balata.toml -o out/balata --size 240x180 --frames 60 --noise 0\n\n\
+    The specification and the capture it becomes are described in data/README.md.")]
+pub struct Args {
+    /// Leaf specification
+    #[arg(value_name = "SPEC.toml")]
+    spec: PathBuf,
+    /// Folder to write the capture to
+    #[arg(long, short, value_name = "CAPTURE")]
+    out: PathBuf,
+    /// Size of the frames in texels; the blade keeps its size in mm
+    #[arg(long, value_name = "WxH", default_value = "720x540")]
+    size: String,
+    /// Frames a pass (8 to 10000)
+    #[arg(long, value_name = "N", default_value_t = 100)]
+    frames: usize,
+    /// Relative noise of a reading; 0 writes exact values
+    #[arg(long, value_name = "S", default_value_t = 0.01)]
+    noise: f64,
+    /// Seed of the noise; the leaf itself grows from the specification's
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Directions of travel: x, or x and y
+    #[arg(long, value_name = "x|xy", default_value = "xy", value_parser = ["x", "xy"])]
+    passes: String,
+    /// Truth of the leaf, instead of the specification's
+    #[arg(long)]
+    model: Option<Model>,
+    /// Keep the three 16-bit exposures of every frame beside it
+    #[arg(long)]
+    raw_exposures: bool,
+    /// Write into a folder that is not empty
+    #[arg(long)]
+    force: bool,
+}
 
-pub fn run(_args: &Args, _common: &Common) -> Result<u8> {
-    Err(Error::Usage("this build does not have the verb synth yet".into()))
+pub fn run(args: &Args, common: &Common) -> Result<u8> {
+    let (width, height) = parse_size(&args.size)?;
+    if !(8..=10_000).contains(&args.frames) {
+        return Err(Error::Usage(format!("--frames: found {}, expected 8 to 10000", args.frames)));
+    }
+    if !(0.0..=1.0).contains(&args.noise) {
+        return Err(Error::Usage(format!("--noise: found {}, expected 0 to 1", args.noise)));
+    }
+    let spec = Spec::read(&args.spec)?;
+    let options = Options {
+        width,
+        height,
+        frames: args.frames,
+        passes: if args.passes == "x" { vec![Travel::X] } else { vec![Travel::X, Travel::Y] },
+        noise: args.noise,
+        seed: args.seed,
+        model: args.model.unwrap_or(spec.model),
+        raw_exposures: args.raw_exposures,
+    };
+    free_folder(&args.out, args.force)?;
+    progress::say(format!("growing {} ({})", spec.name, spec.species));
+    let leaf = Leaf::grow(&spec, options.model, width, height)
+        .ok_or_else(|| Error::Usage(format!("--size {width}x{height}: not one texel lies on the leaf; expected a larger size")))?;
+    let manifest = scan::scan(&spec, &leaf, &options, &args.out)?;
+    let texels = leaf.mask.iter().filter(|m| **m).count();
+    if common.json {
+        super::print_json(&serde_json::json!({
+            "capture": args.out, "name": manifest.name, "width": width, "height": height, "texel_mm": leaf.texel_mm, "texels": texels,
+            "frames": manifest.passes.iter().map(|p| p.positions().len()).sum::<usize>() * 2,
+        }))?;
+    } else {
+        progress::say(format!("{}: {width}x{height} texels of {:.3} mm, {texels} on the leaf", args.out.display(), leaf.texel_mm));
+    }
+    Ok(0)
+}
+
+fn parse_size(text: &str) -> Result<(usize, usize)> {
+    let fail = || Error::Usage(format!("--size: found {text}, expected WIDTHxHEIGHT of 1 to 16384 texels each, such as 720x540"));
+    let (w, h) = text.split_once(['x', 'X']).ok_or_else(fail)?;
+    match (w.trim().parse(), h.trim().parse()) {
+        (Ok(w), Ok(h)) if (1..=16_384).contains(&w) && (1..=16_384).contains(&h) => Ok((w, h)),
+        _ => Err(fail()),
+    }
+}
+
+/// An empty or new folder that can be written; with `force` what a capture holds is removed first, `capture.toml` foremost.
+fn free_folder(folder: &Path, force: bool) -> Result<()> {
+    atomic::probe_folder(folder)?;
+    let occupied = std::fs::read_dir(folder).map_err(|e| Error::write(folder, atomic::explain(&e)))?.next().is_some();
+    if !occupied {
+        return Ok(());
+    }
+    if !force {
+        return Err(Error::Usage(format!("the output folder {} is not empty; choose another or add --force", folder.display())));
+    }
+    for name in ["capture.toml", "mask.exr", "dark.exr", "lightbox_empty.exr"] {
+        remove(&folder.join(name))?;
+    }
+    for name in ["front", "back", "white", "truth"] {
+        remove(&folder.join(name))?;
+    }
+    Ok(())
+}
+
+fn remove(path: &Path) -> Result<()> {
+    let done = if path.is_dir() { std::fs::remove_dir_all(path) } else { std::fs::remove_file(path) };
+    match done {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::write(path, atomic::explain(&e))),
+        _ => Ok(()),
+    }
 }

@@ -1,0 +1,441 @@
+//! What a texel shows under the tube: the radiance it sends to the camera, integrated finely over the tube's visible surface.
+//!
+//! The tube is a cylinder of constant radiance (Lambertian), radius a, length L, axis at height H over the blade, centred on it; the
+//! camera is orthographic. Lengths in mm, directions are unit vectors with z up. Values are normalised so that a white Lambertian texel
+//! facing up shows 1 straight under an infinitely long tube (Gardner et al. 2003 describe the device; `data/README.md` the units).
+//!
+//! Seen from the texel a direction is (φ, ψ): φ turns in the plane across the tube, ψ along it, dω = cosψ dψ dφ. In the cross plane
+//! the tube fills φ₀ ± asin(a/d); with sin(φ − φ₀) = (a/d) sinτ the limb's square root goes away and Gauss–Legendre in τ converges
+//! fast. Along ψ the diffuse part is integrated in closed form; the lobe by Gauss–Legendre panels graded around its peak, or, where the
+//! lobe lies well inside the tube, by the trapezoidal rule (exponentially convergent for such bells). Relative accuracy 1e-6 for
+//! m ≥ 0.03 (tested against area elements of the cylinder). Nothing here is shared with the fit.
+
+use super::slab_truth::gauss_legendre;
+use crate::capture::manifest::{Travel, Tube};
+use serde::{Deserialize, Serialize};
+use std::f64::consts::PI;
+
+/// Distribution of the surface's facets and what else the lobe holds (Wang et al. 2005 Eq. 7 and its relatives).
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields, tag = "kind")]
+pub enum Lobe {
+    /// f = ρs D/(4 cosθi cosθr), D = exp(−tan²α/m²)/(π m² cos⁴α): no Fresnel term, no masking.
+    #[default]
+    Beckmann,
+    /// The same with D = m²/(π cos⁴α (m² + tan²α)²).
+    Ggx,
+    /// Beckmann's D with the dielectric Fresnel factor of unpolarised light and V-cavity masking (Cook & Torrance 1982).
+    CookTorrance { index: f64 },
+}
+
+/// Diffuse and glossy part of a texel's value: value = ρd · diffuse + ρs · gloss.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Shown {
+    pub diffuse: f64,
+    pub gloss: f64,
+}
+
+/// Roughness below which more nodes across the tube are taken.
+const NARROW: f64 = 0.12;
+
+/// The device for one direction of travel.
+#[derive(Debug, Clone)]
+pub struct Device {
+    tube: Tube,
+    travel: Travel,
+    view: [f64; 3],
+    /// Nodes across the tube, for the diffuse part and broad lobes, and for lobes narrower than [`NARROW`]: (sinτ, cosτ, weight·cosτ).
+    across: [Vec<[f64; 3]>; 2],
+    /// Gauss–Legendre nodes of a panel.
+    panel: Vec<(f64, f64)>,
+}
+
+/// A direction in the cross plane towards the tube: (sinφ, cosφ), distance to its surface, weight Le dφ.
+#[derive(Debug, Clone, Copy)]
+struct Ray {
+    sin: f64,
+    cos: f64,
+    distance: f64,
+    weight: f64,
+}
+
+/// The tube seen from one place along the direction of travel.
+#[derive(Debug, Clone)]
+pub struct Seen {
+    rays: [Vec<Ray>; 2],
+    /// Towards the axis: (sinφ₀, cosφ₀), distance and half width in φ.
+    axis: Ray,
+    half_width: f64,
+}
+
+/// How the lobe's exponent changes along the tube; components along travel, tube and up.
+struct Lobed<'a> {
+    lobe: Lobe,
+    m: f64,
+    normal: [f64; 3],
+    view: [f64; 3],
+    /// n·v.
+    facing: f64,
+    panel: &'a [(f64, f64)],
+}
+
+impl Device {
+    /// `camera_deg` is the angle of the view direction (sin, 0, cos) from z.
+    pub fn new(tube: Tube, travel: Travel, camera_deg: f64) -> Device {
+        let (s, c) = camera_deg.to_radians().sin_cos();
+        let across = [7, 13].map(|n| {
+            if tube.radius_mm == 0.0 {
+                return vec![[0.0, 0.0, 2.0]];
+            }
+            gauss_legendre(n).iter().map(|&(x, w)| (0.5 * PI * x, 0.5 * PI * w)).map(|(t, w)| [t.sin(), t.cos(), w * t.cos()]).collect()
+        });
+        Device { tube, travel, view: [s, 0.0, c], across, panel: gauss_legendre(10) }
+    }
+
+    /// Components along travel, along the tube, up.
+    fn turned(&self, v: [f64; 3]) -> [f64; 3] {
+        match self.travel {
+            Travel::X => v,
+            Travel::Y => [v[1], v[0], v[2]],
+        }
+    }
+
+    /// The tube at `position` (mm) seen from a texel at `at` (mm), both along the direction of travel.
+    pub fn seen(&self, position: f64, at: f64) -> Seen {
+        let (height, radius) = (self.tube.height_mm, self.tube.radius_mm);
+        let d = (position - at).hypot(height);
+        let (sin0, cos0) = ((position - at) / d, height / d);
+        let ray = |&[sin_tau, cos_tau, weight]: &[f64; 3]| {
+            let sin = radius / d * sin_tau;
+            let cos = (1.0 - sin * sin).sqrt();
+            Ray {
+                sin: sin0 * cos + cos0 * sin,
+                cos: cos0 * cos - sin0 * sin,
+                distance: d * cos - radius * cos_tau,
+                weight: height / d * weight / cos,
+            }
+        };
+        let rays = [0, 1].map(|set| self.across[set].iter().map(ray).collect());
+        Seen { rays, axis: Ray { sin: sin0, cos: cos0, distance: d, weight: 0.0 }, half_width: (radius / d).asin() }
+    }
+
+    /// What a texel shows: `along` is its position along the tube (mm), `normal` its unit normal (x, y, z), `m` its roughness; without
+    /// roughness only the diffuse part is computed.
+    pub fn shown(&self, seen: &Seen, along: f64, normal: [f64; 3], m: Option<f64>, lobe: Lobe) -> Shown {
+        let (n, v) = (self.turned(normal), self.turned(self.view));
+        let facing = n[0] * v[0] + n[1] * v[1] + n[2] * v[2];
+        if facing <= 0.0 {
+            return Shown::default();
+        }
+        let ends = [-0.5 * self.tube.length_mm - along, 0.5 * self.tube.length_mm - along];
+        let mut shown = Shown::default();
+        for ray in &seen.rays[0] {
+            if let Some([a, b]) = lit(ray, n, ends) {
+                shown.diffuse += ray.weight * diffuse(ray, n, a, b);
+            }
+        }
+        if let Some(m) = m {
+            shown.gloss = Lobed { lobe, m, normal: n, view: v, facing, panel: &self.panel }.integral(seen, ends);
+        }
+        shown
+    }
+}
+
+/// The lit part of the tube above the texel's horizon, as tanψ; `None` where there is none.
+fn lit(ray: &Ray, n: [f64; 3], ends: [f64; 2]) -> Option<[f64; 2]> {
+    let (mut a, mut b) = (ends[0] / ray.distance, ends[1] / ray.distance);
+    let (p, q) = (n[0] * ray.sin + n[2] * ray.cos, n[1]);
+    // n·ω = cosψ (p + q tanψ) > 0
+    if q > 0.0 {
+        a = a.max(-p / q);
+    } else if q < 0.0 {
+        b = b.min(-p / q);
+    } else if p <= 0.0 {
+        return None;
+    }
+    (a < b).then_some([a, b])
+}
+
+/// (1/π) ∫ (p cosψ + q sinψ) cosψ dψ between tanψ = a and b.
+fn diffuse(ray: &Ray, n: [f64; 3], a: f64, b: f64) -> f64 {
+    let p = n[0] * ray.sin + n[2] * ray.cos;
+    let even = |t: f64| 0.5 * (t.atan() + t / (1.0 + t * t));
+    let odd = |t: f64| 0.5 * t * t / (1.0 + t * t);
+    (p * (even(b) - even(a)) + n[1] * (odd(b) - odd(a))) / PI
+}
+
+impl Lobed<'_> {
+    /// ∫ f cosθi L dω per unit ρs.
+    fn integral(&self, seen: &Seen, ends: [f64; 2]) -> f64 {
+        let (peak, low, width) = self.peak(&seen.axis);
+        // The lobe is cut where it has fallen to e^−50; turning the direction by the tube's half width turns α by at most half of it.
+        if !matches!(self.lobe, Lobe::Ggx) {
+            let nearest = (low.sqrt() - 2.0 * seen.half_width).max(0.0);
+            if nearest * nearest > 50.0 * self.m * self.m {
+                return 0.0;
+            }
+        }
+        let rays = &seen.rays[usize::from(self.m < NARROW)];
+        if matches!(self.lobe, Lobe::Beckmann)
+            && width < 0.25
+            && let Some(sum) = self.trapezoid(seen, rays, ends, peak, width)
+        {
+            return sum;
+        }
+        rays.iter()
+            .map(|ray| match lit(ray, self.normal, ends) {
+                Some([a, b]) => ray.weight * self.panels(ray, a.atan(), b.atan(), peak, width),
+                None => 0.0,
+            })
+            .sum()
+    }
+
+    /// tan²α of the half vector for the direction ψ.
+    fn tan2(&self, ray: &Ray, psi: f64) -> f64 {
+        let (s, c) = psi.sin_cos();
+        let [p, q] = [self.normal[0] * ray.sin + self.normal[2] * ray.cos, self.normal[1]];
+        let [cv, sv] = [self.view[0] * ray.sin + self.view[2] * ray.cos, self.view[1]];
+        let h = c * p + s * q + self.facing;
+        (2.0 * (1.0 + c * cv + s * sv) / (h * h) - 1.0).max(0.0)
+    }
+
+    /// Where along the tube the half vector comes nearest to the normal: ψ, tan²α there, and the lobe's width in ψ.
+    fn peak(&self, ray: &Ray) -> (f64, f64, f64) {
+        let (n, v) = (self.normal, self.view);
+        let mirror = [0, 1, 2].map(|k| 2.0 * self.facing * n[k] - v[k]);
+        let mut psi = mirror[1].atan2((mirror[0] * ray.sin + mirror[2] * ray.cos).max(1e-3)).clamp(-1.4, 1.4);
+        let e = 2e-3;
+        let (mut low, mut bend) = (0.0, 0.0);
+        for _ in 0..4 {
+            let [l, c, r] = [self.tan2(ray, psi - e), self.tan2(ray, psi), self.tan2(ray, psi + e)];
+            (low, bend) = (c, (l - 2.0 * c + r) / (e * e));
+            let step = if bend > 0.0 { -0.5 * (r - l) / e / bend } else { 0.0 };
+            psi = (psi + step.clamp(-0.3, 0.3)).clamp(-1.5, 1.5);
+            if step.abs() < 1e-3 {
+                break;
+            }
+        }
+        (psi, low, self.m / (0.5 * bend).max(0.05).sqrt())
+    }
+
+    /// The integrand without the constants: D (and F, G) · cosψ for one direction.
+    fn value(&self, ray: &Ray, s: f64, c: f64) -> f64 {
+        let p = self.normal[0] * ray.sin + self.normal[2] * ray.cos;
+        let cv = self.view[0] * ray.sin + self.view[2] * ray.cos;
+        let light = c * p + s * self.normal[1];
+        let h = light + self.facing;
+        let double = 2.0 * (1.0 + c * cv + s * self.view[1]); // |ω + v|²
+        let inverse = double / (h * h); // 1/cos²α
+        let m2 = self.m * self.m;
+        let bell = |x: f64| (-(x - 1.0) / m2).exp() * x * x / m2;
+        c * match self.lobe {
+            Lobe::Beckmann => bell(inverse),
+            Lobe::Ggx => {
+                let d = m2 + inverse - 1.0;
+                m2 * inverse * inverse / (d * d)
+            }
+            Lobe::CookTorrance { index } => {
+                let half = double.sqrt();
+                let cosine = 0.5 * half; // v·h = |ω + v|/2
+                let g = (2.0 * h / half / cosine * self.facing.min(light)).min(1.0);
+                bell(inverse) * g * fresnel(cosine, index)
+            }
+        }
+    }
+
+    /// Trapezoidal rule over the whole bell, shared ψ nodes for all rays; `None` where the tube's ends or the horizon cut it.
+    fn trapezoid(&self, seen: &Seen, rays: &[Ray], ends: [f64; 2], peak: f64, width: f64) -> Option<f64> {
+        const STEP: f64 = 0.62;
+        const REACH: i32 = 9;
+        let reach = STEP * f64::from(REACH) * width;
+        let inside = |psi: f64| {
+            let (s, c) = psi.sin_cos();
+            let t = s / c;
+            let light = c * (self.normal[0] * seen.axis.sin + self.normal[2] * seen.axis.cos) + s * self.normal[1];
+            psi.abs() < 1.5 && t > ends[0] / seen.axis.distance && t < ends[1] / seen.axis.distance && light > 2.0 * seen.half_width
+        };
+        if !(inside(peak - reach) && inside(peak + reach)) {
+            return None;
+        }
+        let mut sum = 0.0;
+        for k in -REACH..=REACH {
+            let (s, c) = (peak + STEP * f64::from(k) * width).sin_cos();
+            sum += rays.iter().map(|ray| ray.weight * self.value(ray, s, c)).sum::<f64>();
+        }
+        Some(sum * STEP * width * self.scale())
+    }
+
+    /// Panels from the peak outwards, each wider than the one before, clipped to [a, b].
+    fn panels(&self, ray: &Ray, a: f64, b: f64, peak: f64, width: f64) -> f64 {
+        const BELL: [f64; 4] = [0.0, 1.3, 3.0, 7.5];
+        const TAILED: [f64; 8] = [0.0, 1.0, 2.5, 6.0, 15.0, 40.0, 100.0, 300.0];
+        // V-cavity masking has kinks: narrower panels.
+        const KINKED: [f64; 11] = [0.0, 0.4, 0.8, 1.2, 1.6, 2.0, 2.6, 3.2, 4.0, 5.5, 7.5];
+        let edges: &[f64] = match self.lobe {
+            Lobe::Beckmann => &BELL,
+            Lobe::Ggx => &TAILED,
+            Lobe::CookTorrance { .. } => &KINKED,
+        };
+        let mut sum = 0.0;
+        let mut piece = |lo: f64, hi: f64| {
+            let (lo, hi) = (lo.max(a), hi.min(b));
+            if lo < hi {
+                // Long pieces are split so that the geometry itself is resolved too.
+                let parts = ((hi - lo) / 0.5).ceil().max(1.0);
+                let step = (hi - lo) / parts;
+                for k in 0..parts as usize {
+                    let mid = lo + (k as f64 + 0.5) * step;
+                    for &(x, w) in self.panel {
+                        let (s, c) = (mid + 0.5 * step * x).sin_cos();
+                        sum += 0.5 * step * w * self.value(ray, s, c);
+                    }
+                }
+            }
+        };
+        for e in edges.windows(2) {
+            piece(peak + e[0] * width, peak + e[1] * width);
+            piece(peak - e[1] * width, peak - e[0] * width);
+        }
+        sum * self.scale()
+    }
+
+    /// 1/(4π cosθr): the constants of the lobe; cosθi cancels.
+    fn scale(&self) -> f64 {
+        0.25 / (PI * self.facing)
+    }
+}
+
+/// Reflectance of a dielectric for unpolarised light at cosine `c` of incidence (Fresnel's equations).
+fn fresnel(c: f64, index: f64) -> f64 {
+    let g = (index * index - 1.0 + c * c).sqrt();
+    let (a, b) = ((g - c) / (g + c), (c * (g + c) - 1.0) / (c * (g - c) + 1.0));
+    0.5 * a * a * (1.0 + b * b)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TUBE: Tube = Tube { height_mm: 100.0, length_mm: 500.0, radius_mm: 2.5 };
+
+    fn unit(v: [f64; 3]) -> [f64; 3] {
+        let l = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
+        v.map(|x| x / l)
+    }
+
+    /// The same by area elements of the cylinder: ∫ f cosθi Le cosθl dA/r², with vectors only.
+    fn by_area(tube: Tube, travel: Travel, position: f64, at: [f64; 2], n: [f64; 3], m: f64, lobe: Lobe) -> Shown {
+        let (s, c) = 55f64.to_radians().sin_cos();
+        let v = [s, 0.0, c];
+        let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        let (t, l) = if travel == Travel::X { (at[0], at[1]) } else { (at[1], at[0]) };
+        let towards = (position - t).atan2(tube.height_mm);
+        let d = (position - t).hypot(tube.height_mm);
+        let arc = (tube.radius_mm / d).acos();
+        let mut sum = Shown::default();
+        let nodes = gauss_legendre(24);
+        let pieces = 1500;
+        for &(x, w) in &nodes {
+            let beta = towards + PI + arc * x; // direction of the surface normal in the cross plane, from z towards travel
+            let (sb, cb) = beta.sin_cos();
+            let across = position - t + tube.radius_mm * sb;
+            let up = tube.height_mm + tube.radius_mm * cb;
+            // The part of this line of the cylinder above the texel's horizon: n·to > 0, linear in y.
+            let (nt, nl) = if travel == Travel::X { (n[0], n[1]) } else { (n[1], n[0]) };
+            let (mut lo, mut hi) = (-0.5 * tube.length_mm - l, 0.5 * tube.length_mm - l);
+            let root = -(nt * across + n[2] * up) / nl;
+            if nl > 0.0 {
+                lo = lo.max(root).min(hi);
+            } else if nl < 0.0 {
+                hi = hi.min(root).max(lo);
+            }
+            for k in 0..pieces * 4 {
+                let (g, gw) = [(-0.861136311594053, 0.347854845137454), (-0.339981043584856, 0.652145154862546)]
+                    .into_iter()
+                    .flat_map(|(g, w)| [(g, w), (-g, w)])
+                    .nth(k % 4)
+                    .unwrap();
+                let step = (hi - lo) / pieces as f64;
+                let y = lo + ((k / 4) as f64 + 0.5 + 0.5 * g) * step;
+                let to = if travel == Travel::X { [across, y, up] } else { [y, across, up] };
+                let out = if travel == Travel::X { [sb, 0.0, cb] } else { [0.0, sb, cb] };
+                let r2 = dot(to, to);
+                let omega = unit(to);
+                let (ci, cl, cr) = (dot(n, omega), -dot(out, omega), dot(n, v));
+                if ci <= 0.0 || cl <= 0.0 || cr <= 0.0 {
+                    continue;
+                }
+                let h = unit([omega[0] + v[0], omega[1] + v[1], omega[2] + v[2]]);
+                let ca = dot(n, h);
+                let tan2 = 1.0 / (ca * ca) - 1.0;
+                let dist = match lobe {
+                    Lobe::Ggx => m * m / (PI * ca.powi(4) * (m * m + tan2).powi(2)),
+                    _ => (-tan2 / (m * m)).exp() / (PI * m * m * ca.powi(4)),
+                };
+                let extra = match lobe {
+                    Lobe::CookTorrance { index } => {
+                        let ch = dot(v, h);
+                        let st = (1.0 - ch * ch).sqrt() / index;
+                        let ct = (1.0 - st * st).sqrt();
+                        let (rs, rp) = ((ch - index * ct) / (ch + index * ct), (ct - index * ch) / (ct + index * ch));
+                        let g = 1f64.min(2.0 * ca * cr / ch).min(2.0 * ca * ci / ch);
+                        0.5 * (rs * rs + rp * rp) * g
+                    }
+                    _ => 1.0,
+                };
+                let element = tube.height_mm / tube.radius_mm * ci * cl / r2 * (arc * w * tube.radius_mm) * (0.5 * step * gw);
+                sum.diffuse += element / PI;
+                sum.gloss += element * dist * extra / (4.0 * ci * cr);
+            }
+        }
+        sum
+    }
+
+    #[test]
+    fn it_is_the_integral_over_the_cylinders_surface() {
+        let cases = [
+            (Travel::X, -140.0, [3.0, -8.0], [0.02, 0.01, 1.0], 0.03),
+            (Travel::X, -155.0, [3.0, -8.0], [0.02, 0.01, 1.0], 0.06),
+            (Travel::X, -60.0, [-20.0, 22.0], [0.1, -0.15, 1.0], 0.3),
+            (Travel::X, 210.0, [-20.0, 22.0], [-0.3, 0.25, 1.0], 0.7),
+            (Travel::X, -390.0, [30.0, 5.0], [0.25, 0.6, 1.0], 0.2), // the horizon cuts the tube
+            (Travel::Y, 10.0, [3.0, -8.0], [0.3, 0.05, 1.0], 0.05),
+            (Travel::Y, -15.0, [3.0, -8.0], [0.02, 0.01, 1.0], 0.12),
+            (Travel::Y, 4.0, [-30.0, 2.0], [0.0, 0.0, 1.0], 0.03),
+            (Travel::Y, -300.0, [3.0, -8.0], [-0.1, 0.2, 1.0], 0.5),
+        ];
+        for (travel, position, at, n, m) in cases {
+            let n = unit(n);
+            let device = Device::new(TUBE, travel, 55.0);
+            let (t, l) = if travel == Travel::X { (at[0], at[1]) } else { (at[1], at[0]) };
+            for (lobe, limit) in [(Lobe::Beckmann, 1e-6), (Lobe::Ggx, 1e-6), (Lobe::CookTorrance { index: 1.45 }, 2e-5)] {
+                let found = device.shown(&device.seen(position, t), l, n, Some(m), lobe);
+                let exact = by_area(TUBE, travel, position, at, n, m, lobe);
+                let errors = [found.diffuse / exact.diffuse - 1.0, (found.gloss - exact.gloss) / (exact.gloss + 1e-3 * exact.diffuse)];
+                println!(
+                    "{travel:?} {position} m {m} {lobe:?}: {:.3e} {:.3e}  errors {:.1e} {:.1e}",
+                    exact.diffuse, exact.gloss, errors[0], errors[1]
+                );
+                assert!(errors[0].abs() < 1e-6 && errors[1].abs() < limit, "{travel:?} {position} {m} {lobe:?}: {found:?} {exact:?}");
+            }
+        }
+    }
+
+    /// A white texel straight under an infinite tube shows 1, under 500 mm at 100 mm height .977; and the thin tube's closed form.
+    #[test]
+    fn white_is_one() {
+        let white = |tube: Tube, position: f64| {
+            let device = Device::new(tube, Travel::X, 55.0);
+            device.shown(&device.seen(position, 0.0), 0.0, [0.0, 0.0, 1.0], None, Lobe::Beckmann).diffuse
+        };
+        assert!((white(Tube { length_mm: 1e9, ..TUBE }, 0.0) - 1.0).abs() < 1e-9);
+        assert!((white(Tube { length_mm: 1e9, radius_mm: 0.0, ..TUBE }, 0.0) - 1.0).abs() < 1e-9);
+        assert!((white(Tube { radius_mm: 0.0, ..TUBE }, 0.0) - 0.977).abs() < 5e-4);
+        for u in [-4.0, -1.3, 0.0, 2.5] {
+            let r = f64::hypot(1.0, u);
+            let phi = (2.5 / r).atan();
+            let closed = 2.0 / PI / (r * r) * (phi + phi.sin() * phi.cos());
+            assert!((white(Tube { radius_mm: 0.0, ..TUBE }, 100.0 * u) / closed - 1.0).abs() < 1e-12);
+        }
+    }
+}

@@ -1,0 +1,324 @@
+//! The truth about a leaf, texel by texel: outline, veins, relief and normals, thickness, pigment, γ, gloss, and what the slab makes of
+//! them. Both sides share interior and shape; the back's maps are stored as its camera saw them (column i of the back is column W−1−i
+//! of the front, x and z change sign). Lengths in mm, coefficients in 1/mm, albedos in [0, 1].
+
+use super::illumination::Lobe;
+use super::outline::Blade;
+use super::random::{mesh, noise};
+use super::slab_truth::Table;
+use super::spec::{Model, Spec, Surface};
+use super::veins::Network;
+use crate::capture::manifest::texel_position;
+use crate::files::image::Maps;
+use rayon::prelude::*;
+
+/// One side, row-major as its camera saw it; every map has `width · height` entries, zero off the blade.
+#[derive(Debug, Clone, Default)]
+pub struct Side {
+    pub rho_d: Vec<[f32; 3]>,
+    pub rho_t: Vec<[f32; 3]>,
+    pub rho_s: Vec<[f32; 3]>,
+    pub m: Vec<f32>,
+    pub normal: Vec<[f32; 3]>,
+    pub sigma_a: Vec<[f32; 3]>,
+    pub sigma_s: Vec<[f32; 3]>,
+    pub thickness: Vec<f32>,
+    pub gamma: Vec<[f32; 3]>,
+}
+
+#[derive(Debug, Clone)]
+pub struct Leaf {
+    pub width: usize,
+    pub height: usize,
+    pub texel_mm: f64,
+    pub lobe: Lobe,
+    /// As the front's camera saw it.
+    pub mask: Vec<bool>,
+    pub front: Side,
+    pub back: Side,
+}
+
+/// What a place on the blade is made of, before it is split into maps (front's columns).
+#[derive(Debug, Clone, Copy, Default)]
+struct Place {
+    inside: bool,
+    /// How much of a vein of each order this is, 0 to 1.
+    vein: [f64; 3],
+    /// Height of the front and of the back over the plane (mm), z towards the front's camera.
+    front_mm: f64,
+    back_mm: f64,
+    /// Thickness in units of h, before its mean is fixed.
+    thickness: f64,
+    /// Chlorophyll relative to the leaf's.
+    chlorophyll: f64,
+    /// Slow and fine noise for γ and gloss of each side, standard deviation ~1.
+    mottle: [f64; 4],
+}
+
+/// Size of a texel so that the specified field fits into the image (mm).
+pub fn texel_size(spec: &Spec, width: usize, height: usize) -> f64 {
+    (spec.field_mm[0] / width as f64).max(spec.field_mm[1] / height as f64)
+}
+
+impl Leaf {
+    /// Grows the leaf and evaluates its maps at one resolution; `None` when not one texel lies on the blade.
+    pub fn grow(spec: &Spec, model: Model, width: usize, height: usize) -> Option<Leaf> {
+        let texel_mm = texel_size(spec, width, height);
+        let blade = Blade::new(&spec.outline, &spec.margin, spec.seed);
+        let network = Network::grow(&blade, &spec.veins, spec.seed);
+        let places: Vec<Place> = (0..height)
+            .into_par_iter()
+            .flat_map_iter(|j| {
+                let at: Vec<[f64; 2]> = (0..width).map(|i| texel_position(width, height, texel_mm, i, j)).collect();
+                let x: Vec<f64> = at.iter().map(|p| p[0]).collect();
+                let inside = blade.row(at[0][1], &x);
+                at.into_iter().zip(inside).map(|(p, inside)| place(spec, &network, p, texel_mm, inside)).collect::<Vec<_>>()
+            })
+            .collect();
+        if !places.iter().any(|p| p.inside) {
+            return None;
+        }
+        let shape = (width, height, texel_mm);
+        let front = side(spec, model, &places, shape, false);
+        let back = side(spec, model, &places, shape, true);
+        Some(Leaf { width, height, texel_mm, lobe: spec.lobe, mask: places.iter().map(|p| p.inside).collect(), front, back })
+    }
+
+    /// The mask as that side's camera saw it.
+    pub fn mask_of(&self, back: bool) -> Vec<bool> {
+        if !back {
+            return self.mask.clone();
+        }
+        self.mask.chunks(self.width).flat_map(|row| row.iter().rev().copied()).collect()
+    }
+
+    /// The truth in the channels of `data/README.md`.
+    pub fn truth(&self, back: bool) -> Maps {
+        let side = if back { &self.back } else { &self.front };
+        let mut maps = Maps::new(self.width, self.height);
+        let mut colour = |name: &str, ends: [&str; 3], map: &[[f32; 3]]| {
+            for (c, end) in ends.iter().enumerate() {
+                maps.push(format!("{name}.{end}"), map.iter().map(|v| v[c]).collect());
+            }
+        };
+        const RGB: [&str; 3] = ["R", "G", "B"];
+        colour("rho_d", RGB, &side.rho_d);
+        colour("rho_s", RGB, &side.rho_s);
+        colour("rho_t", RGB, &side.rho_t);
+        colour("sigma_a", RGB, &side.sigma_a);
+        colour("sigma_s", RGB, &side.sigma_s);
+        colour("gamma", RGB, &side.gamma);
+        colour("normal", ["X", "Y", "Z"], &side.normal);
+        maps.push("m.Y", side.m.clone());
+        maps.push("thickness.Y", side.thickness.clone());
+        maps.push("mask.Y", self.mask_of(back).into_iter().map(|m| f32::from(u8::from(m))).collect());
+        maps
+    }
+}
+
+/// How strongly a vein of radius r shows at distance d on texels of size p: narrower than a texel it widens and fades.
+fn bell(found: Option<(f64, f64)>, texel: f64) -> f64 {
+    let Some((d, r)) = found else { return 0.0 };
+    let wide = r.hypot(0.45 * texel);
+    r / wide * (-(d / wide) * (d / wide)).exp()
+}
+
+fn place(spec: &Spec, network: &Network, p: [f64; 2], texel: f64, inside: bool) -> Place {
+    let (v, relief) = (&spec.veins, &spec.relief);
+    let reach = [0, 1, 2].map(|k| 2.5 * v.width_mm[k].hypot(2.0 * texel));
+    let near = [0, 1, 2].map(|k| network.orders[k].nearest(p, reach[k].max(if k < 2 { 6.0 * relief.bulge_width_mm[0] } else { 2.0 })));
+    let vein = [0, 1, 2].map(|k| bell(near[k], texel));
+    let far = |k: usize| near[k].map_or(f64::MAX, |(d, _)| d);
+    let major = far(0).min(far(1));
+    // The lamina rises away from veins and levels off; small meshes ride on the large ones.
+    let dome = |d: f64, width: f64| 1.0 - (-(d / width) * (d / width)).exp();
+    let between = dome(major, relief.bulge_width_mm[0]);
+    let fine_width = relief.bulge_width_mm[1].max(texel);
+    let mut bulge = relief.bulge_mm[0] * between;
+    if v.tertiary_mm > 0.0 {
+        bulge += relief.bulge_mm[1] * (relief.bulge_width_mm[1] / fine_width) * dome(major.min(far(2)), fine_width);
+    }
+    let areole = if v.areole_mm > 2.0 * texel { (-(mesh(spec.seed ^ 0xa5, p, v.areole_mm) / 0.09).powi(2)).exp() } else { 0.0 };
+    bulge -= 0.12 * relief.bulge_mm[1] * areole;
+    // The blade as a whole: halves that rise from the midrib, ends that hang, slow waves that grow towards the margin.
+    let half = 0.5 * spec.outline.length_mm;
+    let off = p[1] - spec.outline.bow_mm * ((std::f64::consts::PI * (p[0] / half * 0.5 + 0.5)).sin() - 0.5);
+    let fold = relief.fold_deg.to_radians().tan() * (off.hypot(2.0) - 2.0);
+    let wave = relief.wave_mm * noise(spec.seed ^ 0x3a, p, relief.wave_length_mm) * (off.abs() / (0.35 * half)).min(1.5);
+    let sheet = fold - relief.droop_mm * (p[0] / half).powi(2) + wave + bulge;
+    let dents = |depths: [f64; 3]| (0..3).map(|k| depths[k] * vein[k]).sum::<f64>();
+    let lamina = 1.0
+        + spec.variation.lamina[0] * noise(spec.seed ^ 0x11, p, 14.0)
+        + spec.variation.lamina[1] * noise(spec.seed ^ 0x12, p, 1.2) * damped(1.2, texel);
+    let thickness = lamina + (0..3).map(|k| spec.variation.veins[k] * vein[k]).sum::<f64>() + 0.2 * spec.variation.veins[2] * areole;
+    let any = vein[0].max(vein[1]).max(0.75 * vein[2]).max(0.2 * areole);
+    let lively = 1.0 + spec.pigment.lamina * noise(spec.seed ^ 0x21, p, 9.0) - spec.pigment.between * between;
+    Place {
+        inside,
+        vein: [vein[0], vein[1], vein[2].max(0.25 * areole)],
+        front_mm: sheet - dents(relief.sunk_mm),
+        back_mm: sheet - dents(relief.raised_mm),
+        thickness: thickness.max(0.3),
+        chlorophyll: lively.max(0.2) * (1.0 - (1.0 - spec.pigment.veins) * any),
+        mottle: [(0x31, 7.0), (0x32, 0.8), (0x33, 6.0), (0x34, 0.9)]
+            .map(|(s, length): (u64, f64)| noise(spec.seed ^ s, p, length) * damped(length, texel)),
+    }
+}
+
+/// Noise finer than a few texels is faded out rather than aliased.
+fn damped(length: f64, texel: f64) -> f64 {
+    1.0 / (1.0 + (1.5 * texel / length).powi(2))
+}
+
+fn side(spec: &Spec, model: Model, places: &[Place], (width, height, texel): (usize, usize, f64), back: bool) -> Side {
+    let surface: &Surface = if back { &spec.back } else { &spec.front };
+    let column = |i: usize| if back { width - 1 - i } else { i };
+    let at = |i: usize, j: usize| &places[j * width + column(i)];
+    // Heights as this side's camera sees them: towards it is positive.
+    let height_of = |i: usize, j: usize| if back { -at(i, j).back_mm } else { at(i, j).front_mm };
+    let index = |k: usize| (k % width, k / width);
+    let good: Vec<bool> = (0..width * height).map(|k| at(index(k).0, index(k).1).inside).collect();
+    let count = good.iter().filter(|g| **g).count() as f64;
+    let mean = |map: &dyn Fn(usize) -> f64| (0..good.len()).filter(|&k| good[k]).map(map).sum::<f64>() / count;
+
+    let raw = |k: usize| at(index(k).0, index(k).1).thickness;
+    // Summed in the front's order for both sides, so that the sides agree to the last bit.
+    let scale = spec.thickness_mm * count / places.iter().filter(|p| p.inside).map(|p| p.thickness).sum::<f64>();
+    let thickness: Vec<f32> = (0..good.len()).map(|k| if good[k] { (scale * raw(k)) as f32 } else { 0.0 }).collect();
+
+    let gamma_raw = |k: usize, c: usize| {
+        let p = at(index(k).0, index(k).1);
+        // In pigment leaves the veins are pale because they lack chlorophyll, not through γ.
+        let veins = if model == Model::Exact { p.vein[0].max(p.vein[1]).max(0.6 * p.vein[2]) } else { 0.0 };
+        let mottle = p.mottle[0] * 0.8 + p.mottle[1] * 0.6 * if back { -1.0 } else { 1.0 };
+        ((1.0 + surface.gamma_veins[c] * veins) * (1.0 + surface.gamma_lamina * mottle)).max(0.2)
+    };
+    let means = [0, 1, 2].map(|c| mean(&|k| gamma_raw(k, c)));
+    let gamma: Vec<[f32; 3]> =
+        (0..good.len()).map(|k| if good[k] { [0, 1, 2].map(|c| (gamma_raw(k, c) / means[c]) as f32) } else { [0.0; 3] }).collect();
+
+    let chlorophyll = |k: usize| if model == Model::Exact { 1.0 } else { at(index(k).0, index(k).1).chlorophyll };
+    let (sigma_a, sigma_s) = (spec.interior.sigma_a, spec.interior.sigma_s);
+    let per_texel = |f: &dyn Fn(usize) -> [f64; 3]| -> Vec<[f32; 3]> {
+        (0..good.len()).map(|k| if good[k] { f(k).map(|v| v as f32) } else { [0.0; 3] }).collect()
+    };
+    let absorption = per_texel(&|k| sigma_a.map(|s| s * chlorophyll(k)));
+    let scattering = per_texel(&|_| sigma_s);
+    let (mut rho_d, mut rho_t) = (vec![[0f32; 3]; good.len()], vec![[0f32; 3]; good.len()]);
+    for c in 0..3 {
+        // Maps are single precision: the slab is solved for what they hold.
+        let range = |map: &dyn Fn(usize) -> f64| {
+            (0..good.len()).filter(|&k| good[k]).map(map).fold([f64::MAX, 0.0f64], |[a, b], v| [a.min(v), b.max(v)])
+        };
+        let table = Table::new(range(&|k| f64::from(absorption[k][c])), f64::from(sigma_s[c] as f32), range(&|k| f64::from(thickness[k])));
+        rho_d.par_iter_mut().zip(&mut rho_t).enumerate().filter(|(k, _)| good[*k]).for_each(|(k, (d, t))| {
+            let r = table.at(f64::from(absorption[k][c]), f64::from(thickness[k]));
+            d[c] = (f64::from(gamma[k][c]) * r.rho_d) as f32;
+            t[c] = r.rho_t as f32;
+        });
+    }
+
+    let gloss = |k: usize| {
+        let p = at(index(k).0, index(k).1);
+        let vein = p.vein[0].max(p.vein[1]).max(0.6 * p.vein[2]);
+        let [slow, fine] = [p.mottle[2], p.mottle[3]];
+        let vary = |mean: f64, which: usize, n: f64| {
+            (mean * (1.0 + surface.gloss_veins[which] * vein) * (1.0 + surface.gloss_lamina[which] * n)).max(0.1 * mean)
+        };
+        [vary(surface.rho_s, 0, 0.8 * slow + 0.6 * fine), vary(surface.m, 1, 0.8 * fine - 0.6 * slow).clamp(0.03, 0.8)]
+    };
+    let normal = |k: usize| {
+        let (i, j) = index(k);
+        let (l, r) = (i.saturating_sub(1), (i + 1).min(width - 1));
+        let (u, d) = (j.saturating_sub(1), (j + 1).min(height - 1));
+        let slope = |a: f64, b: f64, n: usize| if n == 0 { 0.0 } else { (b - a) / (n as f64 * texel) };
+        let (dx, dy) = (slope(height_of(l, j), height_of(r, j), r - l), slope(height_of(i, d), height_of(i, u), d - u));
+        let s = (1.0 + dx * dx + dy * dy).sqrt();
+        [-dx / s, -dy / s, 1.0 / s]
+    };
+    Side {
+        rho_s: per_texel(&|k| [gloss(k)[0]; 3]),
+        m: (0..good.len()).map(|k| if good[k] { gloss(k)[1] as f32 } else { 0.0 }).collect(),
+        normal: per_texel(&normal),
+        rho_d,
+        rho_t,
+        sigma_a: absorption,
+        sigma_s: scattering,
+        thickness,
+        gamma,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::capture::synth::slab_truth;
+
+    fn elm(model: Model) -> (Spec, Leaf) {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("data/leaves/elm.toml");
+        let spec = Spec::read(&path).unwrap();
+        let leaf = Leaf::grow(&spec, model, 60, 45).unwrap();
+        (spec, leaf)
+    }
+
+    #[test]
+    fn gauges_energy_and_the_slab_hold() {
+        for model in [Model::Exact, Model::Pigment] {
+            let (spec, leaf) = elm(model);
+            for back in [false, true] {
+                let (side, mask) = (if back { &leaf.back } else { &leaf.front }, leaf.mask_of(back));
+                let good: Vec<usize> = (0..mask.len()).filter(|&k| mask[k]).collect();
+                let mean = |f: &dyn Fn(usize) -> f64| good.iter().map(|&k| f(k)).sum::<f64>() / good.len() as f64;
+                assert!((mean(&|k| f64::from(side.thickness[k])) / spec.thickness_mm - 1.0).abs() < 1e-6);
+                for c in 0..3 {
+                    assert!((mean(&|k| f64::from(side.gamma[k][c])) - 1.0).abs() < 1e-6);
+                    for &k in good.iter().step_by(37) {
+                        let (a, s) = (f64::from(side.sigma_a[k][c]), f64::from(side.sigma_s[k][c]));
+                        let r = slab_truth::response(a, s, f64::from(side.thickness[k]));
+                        assert!((f64::from(side.rho_d[k][c]) / (r.rho_d * f64::from(side.gamma[k][c])) - 1.0).abs() < 1e-6);
+                        assert!((f64::from(side.rho_t[k][c]) / r.rho_t - 1.0).abs() < 1e-6);
+                    }
+                }
+                assert!(good.iter().all(|&k| (0..3).all(|c| side.rho_d[k][c] + side.rho_t[k][c] <= 1.0)));
+                assert!(good.iter().all(|&k| (side.normal[k].iter().map(|v| v * v).sum::<f32>() - 1.0).abs() < 1e-6));
+            }
+            if model == Model::Exact {
+                assert!(leaf.front.sigma_a.iter().zip(&leaf.mask).all(|(s, m)| !m || *s == spec.interior.sigma_a.map(|v| v as f32)));
+            }
+        }
+    }
+
+    #[test]
+    fn the_back_is_the_front_mirrored() {
+        let (_, leaf) = elm(Model::Pigment);
+        let w = leaf.width;
+        for j in 0..leaf.height {
+            for i in 0..w {
+                let (f, b) = (j * w + i, j * w + w - 1 - i);
+                assert_eq!(leaf.mask[f], leaf.mask_of(true)[b]);
+                assert_eq!(leaf.front.thickness[f], leaf.back.thickness[b]);
+                assert_eq!(leaf.front.sigma_a[f], leaf.back.sigma_a[b]);
+                assert_eq!(leaf.front.rho_t[f], leaf.back.rho_t[b]);
+            }
+        }
+    }
+
+    /// A plane tilted up to the right for the front tilts up to the right for the back too (turned about y, seen from below).
+    #[test]
+    fn normals_turn_with_the_leaf() {
+        let (mut spec, _) = elm(Model::Exact);
+        spec.relief.sunk_mm = [0.0; 3];
+        spec.relief.raised_mm = [0.0; 3];
+        let leaf = Leaf::grow(&spec, Model::Exact, 60, 45).unwrap();
+        for j in 2..43 {
+            for i in 2..58 {
+                let (f, b) = (leaf.front.normal[j * 60 + i], leaf.back.normal[j * 60 + 59 - i]);
+                if leaf.mask[j * 60 + i] {
+                    // The same surface seen from below: n → −n, then turned about y: (x, y, z) → (−x, y, −z).
+                    let turned = [f[0], -f[1], f[2]];
+                    assert!((0..3).all(|c| (turned[c] - b[c]).abs() < 1e-5), "{f:?} {b:?}");
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,14 @@
+//! Synthetic leaves and their scans: a specification grows into maps (the truth), and a linear light source device scans them.
+//!
+//! Truth and fit are different code: the slab is solved by doubling ([`slab_truth`]), the light under the tube is integrated finely
+//! ([`illumination`]); neither calls anything the fit uses.
+
+pub mod illumination;
+pub mod leaf;
+pub mod outline;
+pub mod random;
+pub mod scan;
+pub mod sensor;
+pub mod slab_truth;
+pub mod spec;
+pub mod veins;

@@ -1,0 +1,344 @@
+//! Leaf specifications (`data/leaves/*.toml`, format in `data/README.md`): what a synthetic leaf looks like and how it is scanned.
+//! Lengths in mm, angles in degrees, coefficients in 1/mm. Unknown fields are errors.
+
+use super::illumination::Lobe;
+use crate::capture::manifest::Tube;
+use crate::files::atomic::explain;
+use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// Which truth a leaf has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Model {
+    /// One σa, σs a leaf; thickness and γ vary (Wang et al. 2005, with full A and B).
+    Exact,
+    /// σa varies with the chlorophyll of each place; veins hold a tenth of it.
+    Pigment,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Spec {
+    pub schema: u32,
+    pub name: String,
+    pub species: String,
+    pub model: Model,
+    pub seed: u64,
+    /// Size of the scanned field (mm); the blade lies centred in it, its midrib along x.
+    pub field_mm: [f64; 2],
+    /// Mean thickness h (mm).
+    pub thickness_mm: f64,
+    #[serde(default)]
+    pub lobe: Lobe,
+    pub outline: Outline,
+    #[serde(default)]
+    pub margin: Margin,
+    pub veins: Veins,
+    pub relief: Relief,
+    pub variation: Variation,
+    pub interior: Interior,
+    #[serde(default)]
+    pub pigment: Pigment,
+    pub front: Surface,
+    pub back: Surface,
+    #[serde(default)]
+    pub device: Device,
+}
+
+/// The blade's contour.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Outline {
+    /// From base to tip along the midrib.
+    pub length_mm: f64,
+    /// `[t, left, right]`: half widths (mm) at the fraction t of the length; t rises from 0 to 1. Left is +y.
+    #[serde(default)]
+    pub profile: Vec<[f64; 3]>,
+    /// `[angle_deg, radius_mm]` around the petiole for round blades, angle from the tip direction, −180 to 180; instead of `profile`.
+    #[serde(default)]
+    pub polar: Vec<[f64; 2]>,
+    /// Sideways bow of the midrib.
+    #[serde(default)]
+    pub bow_mm: f64,
+    #[serde(default)]
+    pub petiole_mm: f64,
+    #[serde(default)]
+    pub petiole_width_mm: f64,
+}
+
+/// Teeth along the margin; none by default.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Margin {
+    /// Distance between teeth; 0 is an entire margin.
+    #[serde(default)]
+    pub tooth_mm: f64,
+    #[serde(default)]
+    pub depth_mm: f64,
+    /// Smaller teeth on each tooth.
+    #[serde(default)]
+    pub second: f64,
+    #[serde(default)]
+    pub second_depth_mm: f64,
+    /// 0 blunt and symmetric (crenate), 1 pointing towards the tip (serrate).
+    #[serde(default)]
+    pub lean: f64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Venation {
+    /// Secondaries leave the midrib and run to the margin.
+    Pinnate,
+    /// Several primaries leave the petiole's end.
+    Palmate,
+    /// Primaries run side by side from base to tip.
+    Parallel,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Veins {
+    pub kind: Venation,
+    /// Secondaries on each side of the midrib; primaries on each side for `parallel`; primaries in all for `palmate`.
+    pub count: usize,
+    /// Angle between a secondary and what it leaves.
+    pub angle_deg: f64,
+    /// How much secondaries turn towards the tip: 0 straight to the margin, 1 along the margin at their end.
+    pub arch: f64,
+    /// Irregularity of spacing and angle, 0 to 1.
+    #[serde(default)]
+    pub jitter: f64,
+    /// Widths where a vein starts: primary, secondary, tertiary.
+    pub width_mm: [f64; 3],
+    /// Distance between the tertiaries that are grown; 0 grows none.
+    pub tertiary_mm: f64,
+    /// Size of the finest meshes; 0 for none.
+    #[serde(default)]
+    pub areole_mm: f64,
+}
+
+/// Shape of both surfaces (mm): veins sunk into the front and raised on the back, lamina arched between the veins.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Relief {
+    /// Depth of primary, secondary and tertiary veins on the front.
+    pub sunk_mm: [f64; 3],
+    /// Height of the same on the back.
+    pub raised_mm: [f64; 3],
+    /// How far the lamina stands up between secondaries, and between tertiaries.
+    pub bulge_mm: [f64; 2],
+    /// Distance from the vein over which it does.
+    pub bulge_width_mm: [f64; 2],
+    /// Slope of the blade's halves up from the midrib.
+    #[serde(default)]
+    pub fold_deg: f64,
+    /// How far tip and base hang below the middle.
+    #[serde(default)]
+    pub droop_mm: f64,
+    /// Height of slow waves of the blade.
+    #[serde(default)]
+    pub wave_mm: f64,
+    /// Length of those waves.
+    #[serde(default = "wave_length")]
+    pub wave_length_mm: f64,
+}
+
+fn wave_length() -> f64 {
+    22.0
+}
+
+/// How thickness varies, relative to h.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Variation {
+    /// Extra thickness of primary, secondary and tertiary veins.
+    pub veins: [f64; 3],
+    /// Standard deviation of slow and of fine variation of the lamina.
+    pub lamina: [f64; 2],
+}
+
+/// Coefficients a channel (1/mm).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Interior {
+    pub sigma_a: [f64; 3],
+    pub sigma_s: [f64; 3],
+}
+
+/// Chlorophyll of the `pigment` model, relative to the leaf's σa.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Pigment {
+    /// Chlorophyll left in veins.
+    pub veins: f64,
+    /// Standard deviation over the lamina.
+    pub lamina: f64,
+    /// Share of chlorophyll lost halfway between secondaries, as a leaf that yellows does; may be negative.
+    pub between: f64,
+}
+
+impl Default for Pigment {
+    fn default() -> Self {
+        Pigment { veins: 0.1, lamina: 0.12, between: 0.1 }
+    }
+}
+
+/// One side's surface.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Surface {
+    pub rho_s: f64,
+    pub m: f64,
+    /// Relative change of ρs and m on veins.
+    #[serde(default)]
+    pub gloss_veins: [f64; 2],
+    /// Relative standard deviation of ρs and m over the lamina.
+    #[serde(default)]
+    pub gloss_lamina: [f64; 2],
+    /// Relative change of γ on veins, a channel.
+    pub gamma_veins: [f64; 3],
+    /// Relative standard deviation of γ over the lamina.
+    pub gamma_lamina: f64,
+}
+
+/// The device; the defaults are a device of Gardner et al.'s kind.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Device {
+    pub camera_deg: f64,
+    pub tube: Tube,
+    /// Tube positions of the first and last frame.
+    pub travel_x_mm: [f64; 2],
+    pub travel_y_mm: [f64; 2],
+    /// Sensitivity a channel.
+    pub gain: [f64; 3],
+    /// Relative loss of light towards the corners of the field.
+    pub vignette: f64,
+    /// Value of a frame taken in the dark.
+    pub dark: f64,
+    /// Value at which the shortest of the three exposures saturates; each longer one saturates eight times earlier.
+    pub full_scale: f64,
+    /// Noise without light, standard deviation.
+    pub noise_floor: f64,
+}
+
+impl Default for Device {
+    fn default() -> Self {
+        Device {
+            camera_deg: 55.0,
+            tube: Tube { height_mm: 100.0, length_mm: 500.0, radius_mm: 2.5 },
+            travel_x_mm: [-400.0, 250.0],
+            travel_y_mm: [-325.0, 325.0],
+            gain: [0.94, 1.0, 1.05],
+            vignette: 0.05,
+            dark: 0.002,
+            full_scale: 128.0,
+            noise_floor: 5e-4,
+        }
+    }
+}
+
+impl Spec {
+    /// Reads and validates a specification.
+    ///
+    /// # Errors
+    /// [`Error::Input`] naming the file, the field, what was found and what was expected.
+    pub fn read(path: &Path) -> Result<Spec> {
+        let text = std::fs::read_to_string(path).map_err(|e| Error::input(path, explain(&e)))?;
+        let spec: Spec = toml::from_str(&text).map_err(|e| {
+            let line = e.span().map_or(0, |s| text[..s.start.min(text.len())].matches('\n').count() + 1);
+            Error::Input { place: format!("{}:{line}", path.display()), what: e.message().lines().collect::<Vec<_>>().join(" ") }
+        })?;
+        spec.validate(path)?;
+        Ok(spec)
+    }
+
+    fn validate(&self, path: &Path) -> Result<()> {
+        let bad =
+            |field: &str, found: String, expected: &str| Err(Error::field(path, field, format!("found {found}, expected {expected}")));
+        if self.schema != 1 {
+            return bad("schema", self.schema.to_string(), "1");
+        }
+        if self.name.is_empty() || self.name.contains(['/', '\\', '\n']) {
+            return bad("name", format!("{:?}", self.name), "a name without slashes");
+        }
+        let tube = self.device.tube;
+        let positive = [
+            ("field_mm", self.field_mm[0]),
+            ("field_mm", self.field_mm[1]),
+            ("thickness_mm", self.thickness_mm),
+            ("outline.length_mm", self.outline.length_mm),
+            ("veins.width_mm", self.veins.width_mm[0]),
+            ("veins.width_mm", self.veins.width_mm[1]),
+            ("veins.width_mm", self.veins.width_mm[2]),
+            ("relief.bulge_width_mm", self.relief.bulge_width_mm[0]),
+            ("relief.bulge_width_mm", self.relief.bulge_width_mm[1]),
+            ("relief.wave_length_mm", self.relief.wave_length_mm),
+            ("device.tube.height_mm", tube.height_mm),
+            ("device.tube.length_mm", tube.length_mm),
+            ("device.full_scale", self.device.full_scale),
+            ("front.m", self.front.m),
+            ("back.m", self.back.m),
+        ];
+        for (field, value) in positive {
+            if !(value > 0.0 && value.is_finite()) {
+                return bad(field, value.to_string(), "a positive number");
+            }
+        }
+        let colours =
+            [("interior.sigma_a", self.interior.sigma_a), ("interior.sigma_s", self.interior.sigma_s), ("device.gain", self.device.gain)];
+        for (field, values) in colours {
+            if values.iter().any(|v| !(*v > 0.0 && v.is_finite())) {
+                return bad(field, format!("{values:?}"), "three positive numbers");
+            }
+        }
+        for (field, value) in [
+            ("front.rho_s", self.front.rho_s),
+            ("back.rho_s", self.back.rho_s),
+            ("device.dark", self.device.dark),
+            ("device.noise_floor", self.device.noise_floor),
+            ("device.tube.radius_mm", tube.radius_mm),
+            ("margin.tooth_mm", self.margin.tooth_mm),
+            ("veins.tertiary_mm", self.veins.tertiary_mm),
+            ("veins.areole_mm", self.veins.areole_mm),
+        ] {
+            if !(value >= 0.0 && value.is_finite()) {
+                return bad(field, value.to_string(), "zero or a positive number");
+            }
+        }
+        if tube.radius_mm >= tube.height_mm {
+            return bad("device.tube.radius_mm", tube.radius_mm.to_string(), "less than device.tube.height_mm");
+        }
+        if self.device.camera_deg.is_nan() || self.device.camera_deg.abs() > 85.0 {
+            return bad("device.camera_deg", self.device.camera_deg.to_string(), "-85 to 85 degrees");
+        }
+        if let Lobe::CookTorrance { index } = self.lobe
+            && !(index > 1.0 && index < 4.0)
+        {
+            return bad("lobe.index", index.to_string(), "a refractive index between 1 and 4");
+        }
+        if self.veins.tertiary_mm > 0.0 && self.veins.tertiary_mm < 0.2 {
+            return bad("veins.tertiary_mm", self.veins.tertiary_mm.to_string(), "0, or 0.2 mm and more");
+        }
+        let (profile, polar) = (&self.outline.profile, &self.outline.polar);
+        let rises = |list: Vec<f64>, a: f64, b: f64| {
+            list.len() >= 3 && list[0] == a && list[list.len() - 1] == b && list.windows(2).all(|w| w[1] > w[0])
+        };
+        if profile.is_empty() == polar.is_empty() {
+            return bad("outline", "both or neither of profile and polar".into(), "one of them");
+        }
+        if !profile.is_empty() && !rises(profile.iter().map(|p| p[0]).collect(), 0.0, 1.0) {
+            return bad("outline.profile", "other abscissae".into(), "at least three rows rising from 0 to 1");
+        }
+        if !polar.is_empty() && !rises(polar.iter().map(|p| p[0]).collect(), -180.0, 180.0) {
+            return bad("outline.polar", "other angles".into(), "at least three rows rising from -180 to 180");
+        }
+        if profile.iter().any(|p| p[1] < 0.0 || p[2] < 0.0) || polar.iter().any(|p| p[1] <= 0.0) {
+            return bad("outline", "a negative width".into(), "half widths of zero or more and positive radii");
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,378 @@
+//! A vein network that is grown, not drawn: primaries from the outline, curved secondaries from the primaries, tertiaries by space
+//! colonisation (Runions et al. 2005: veins grow towards auxin sources spread over the lamina), their tips joined into meshes.
+//! Lengths in mm.
+
+use super::outline::Blade;
+use super::random::Stream;
+use super::spec::{Veins, Venation};
+use std::collections::HashMap;
+use std::f64::consts::PI;
+
+/// A straight piece of a vein; radii (half widths) at both ends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Piece {
+    pub a: [f64; 2],
+    pub b: [f64; 2],
+    pub radius: [f64; 2],
+}
+
+/// The network, by order: primaries, secondaries, tertiaries.
+#[derive(Debug, Clone, Default)]
+pub struct Network {
+    pub orders: [Pieces; 3],
+}
+
+/// Pieces with a grid to find those near a point.
+#[derive(Debug, Clone, Default)]
+pub struct Pieces {
+    list: Vec<Piece>,
+    grid: HashMap<(i32, i32), Vec<u32>>,
+}
+
+/// Edge of a grid cell (mm).
+const CELL: f64 = 1.5;
+
+fn cell(p: [f64; 2]) -> (i32, i32) {
+    ((p[0] / CELL).floor() as i32, (p[1] / CELL).floor() as i32)
+}
+
+fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
+    (a[0] - b[0]).hypot(a[1] - b[1])
+}
+
+impl Pieces {
+    fn push(&mut self, piece: Piece) {
+        let k = self.list.len() as u32;
+        let (lo, hi) = (
+            cell([piece.a[0].min(piece.b[0]), piece.a[1].min(piece.b[1])]),
+            cell([piece.a[0].max(piece.b[0]), piece.a[1].max(piece.b[1])]),
+        );
+        for i in lo.0..=hi.0 {
+            for j in lo.1..=hi.1 {
+                self.grid.entry((i, j)).or_default().push(k);
+            }
+        }
+        self.list.push(piece);
+    }
+
+    pub fn list(&self) -> &[Piece] {
+        &self.list
+    }
+
+    /// Distance to the nearest piece and the vein's radius there; `None` beyond `reach`.
+    pub fn nearest(&self, p: [f64; 2], reach: f64) -> Option<(f64, f64)> {
+        let (i, j) = cell(p);
+        let mut best: Option<(f64, f64)> = None;
+        let rings = (reach / CELL).ceil() as i32;
+        for ring in 0..=rings {
+            // Anything in this ring is at least (ring − 1) cells away.
+            if let Some((d, _)) = best
+                && d <= f64::from(ring - 1) * CELL
+            {
+                break;
+            }
+            for a in -ring..=ring {
+                for b in -ring..=ring {
+                    if a.abs().max(b.abs()) != ring {
+                        continue;
+                    }
+                    for &k in self.grid.get(&(i + a, j + b)).map_or(&[][..], |v| v) {
+                        let piece = self.list[k as usize];
+                        let d = [piece.b[0] - piece.a[0], piece.b[1] - piece.a[1]];
+                        let length2 = (d[0] * d[0] + d[1] * d[1]).max(1e-18);
+                        let t = (((p[0] - piece.a[0]) * d[0] + (p[1] - piece.a[1]) * d[1]) / length2).clamp(0.0, 1.0);
+                        let away = distance(p, [piece.a[0] + t * d[0], piece.a[1] + t * d[1]]);
+                        if away <= reach && best.is_none_or(|(d, _)| away < d) {
+                            best = Some((away, piece.radius[0] + t * (piece.radius[1] - piece.radius[0])));
+                        }
+                    }
+                }
+            }
+        }
+        best
+    }
+}
+
+impl Network {
+    pub fn grow(blade: &Blade, veins: &Veins, seed: u64) -> Network {
+        let mut network = Network::default();
+        let primaries = primaries(blade, veins);
+        for line in &primaries {
+            add(&mut network.orders[0], line, 0.5 * veins.width_mm[0]);
+        }
+        for line in secondaries(blade, veins, &primaries, seed) {
+            add(&mut network.orders[1], &line, 0.5 * veins.width_mm[1]);
+        }
+        if let Some([a, b]) = blade.petiole() {
+            let r = 0.5 * veins.width_mm[0];
+            network.orders[0].push(Piece { a, b, radius: [r, r] });
+        }
+        if veins.tertiary_mm > 0.0 {
+            network.orders[2] = colonise(blade, veins, &network, seed);
+        }
+        network
+    }
+}
+
+/// Adds a polyline whose radius tapers to a fifth along its length.
+fn add(pieces: &mut Pieces, line: &[[f64; 2]], radius: f64) {
+    let n = line.len();
+    let at = |k: usize| radius * (1.0 - 0.8 * k as f64 / n as f64);
+    for k in 1..n {
+        pieces.push(Piece { a: line[k - 1], b: line[k], radius: [at(k - 1), at(k)] });
+    }
+}
+
+fn primaries(blade: &Blade, veins: &Veins) -> Vec<Vec<[f64; 2]>> {
+    let fractions = |n: usize| (0..=n).map(move |k| k as f64 / n as f64);
+    match veins.kind {
+        Venation::Pinnate => vec![fractions(200).map(|t| blade.place(t * 0.985, 0.0)).collect()],
+        Venation::Parallel => {
+            let midrib: Vec<[f64; 2]> = fractions(200).map(|t| blade.place(t * 0.985, 0.0)).collect();
+            vec![midrib]
+        }
+        Venation::Palmate => {
+            let n = veins.count.max(1);
+            let spread = 2.0 * veins.angle_deg;
+            (0..n)
+                .map(|k| {
+                    let angle = if n == 1 { 0.0 } else { -spread + 2.0 * spread * k as f64 / (n - 1) as f64 };
+                    // Each bows a little outwards and ends short of the margin.
+                    let mut line = vec![blade.base];
+                    let (mut p, mut heading) = (blade.base, angle * 1.06);
+                    for _ in 0..1000 {
+                        heading -= 0.12 * angle / 60.0;
+                        let (s, c) = heading.to_radians().sin_cos();
+                        p = [p[0] + 0.4 * c, p[1] + 0.4 * s];
+                        if !blade.holds([p[0] + 0.8 * c, p[1] + 0.8 * s]) {
+                            break;
+                        }
+                        line.push(p);
+                    }
+                    line
+                })
+                .collect()
+        }
+    }
+}
+
+fn secondaries(blade: &Blade, veins: &Veins, primaries: &[Vec<[f64; 2]>], seed: u64) -> Vec<Vec<[f64; 2]>> {
+    let mut lines = Vec::new();
+    let jitter =
+        |k: usize, side: f64, what: u64| veins.jitter * Stream::new(seed, &[0x5ec, k as u64, u64::from(side > 0.0), what]).signed();
+    match veins.kind {
+        Venation::Pinnate => {
+            for side in [1.0, -1.0] {
+                for k in 0..veins.count {
+                    // Closer together towards base and tip; the two sides are not quite opposite.
+                    let u = (k as f64 + 0.5 + 0.25 * side * veins.jitter + 0.4 * jitter(k, side, 0)) / veins.count as f64;
+                    let t0 = 0.02 + 0.95 * u * (1.0 - 0.12 * (1.0 - u));
+                    let angle = veins.angle_deg * (1.12 - 0.32 * u) * (1.0 + 0.12 * jitter(k, side, 1));
+                    lines.push(pinnate(blade, t0, side, angle, veins.arch, (seed, k)));
+                }
+            }
+        }
+        Venation::Parallel => {
+            for side in [1.0, -1.0] {
+                for k in 0..veins.count {
+                    let f = (k as f64 + 1.0 + 0.25 * jitter(k, side, 0)) / (veins.count as f64 + 0.6);
+                    let line = (0..=240).map(|i| {
+                        let t = 0.01 + 0.975 * i as f64 / 240.0;
+                        blade.place(t, side * f * blade.half_width(t, side > 0.0))
+                    });
+                    lines.push(line.collect());
+                }
+            }
+        }
+        Venation::Palmate => {
+            for (p, primary) in primaries.iter().enumerate() {
+                let length = primary.len();
+                for side in [1.0, -1.0] {
+                    for k in 0..5 {
+                        let at =
+                            length as f64 * (0.30 + 0.15 * (k as f64 + 0.5 * f64::from(side > 0.0) + 0.4 * jitter(p * 7 + k, side, 0)));
+                        let at = (at as usize).clamp(1, length - 1);
+                        let (a, b) = (primary[at - 1], primary[at]);
+                        let heading = (b[1] - a[1]).atan2(b[0] - a[0]);
+                        let mut angle = heading + side * (0.62 + 0.15 * jitter(p * 7 + k, side, 1));
+                        let mut point = b;
+                        let mut line = vec![b];
+                        for _ in 0..400 {
+                            angle -= side * 0.012 * veins.arch;
+                            let (s, c) = angle.sin_cos();
+                            point = [point[0] + 0.35 * c, point[1] + 0.35 * s];
+                            let ahead = [point[0] + 0.6 * c, point[1] + 0.6 * s];
+                            let met = primaries
+                                .iter()
+                                .enumerate()
+                                .any(|(q, other)| q != p && other.iter().step_by(2).any(|v| distance(*v, point) < 1.0))
+                                || lines
+                                    .iter()
+                                    .any(|other: &Vec<[f64; 2]>| other.iter().skip(6).step_by(2).any(|v| distance(*v, point) < 0.8));
+                            if met || !blade.holds(ahead) {
+                                break;
+                            }
+                            line.push(point);
+                        }
+                        if line.len() > 6 {
+                            lines.push(line);
+                        }
+                    }
+                }
+            }
+        }
+    }
+    lines
+}
+
+/// A secondary from the midrib at t0 towards the margin; with `arch` it turns along the margin before it gets there.
+fn pinnate(blade: &Blade, t0: f64, side: f64, angle_deg: f64, arch: f64, (seed, k): (u64, usize)) -> Vec<[f64; 2]> {
+    let mut p = blade.place(t0, 0.0);
+    let mut line = vec![p];
+    let wobble = Stream::new(seed, &[0xb0b, k as u64, u64::from(side > 0.0)]).signed();
+    for step in 0..2000 {
+        let [t, s] = blade.along(p);
+        let f = (s * side / blade.half_width(t, side > 0.0).max(1e-6)).clamp(0.0, 1.2);
+        // Straight at first, then up along the margin.
+        let turn = arch * (f * f * (3.0 - 2.0 * f.min(1.0)));
+        let wave = 2.0 * (step as f64 * 0.06 + 3.0 * wobble).sin() * wobble;
+        let heading = (angle_deg * (1.0 - turn) + wave).to_radians() * side;
+        let (sin, cos) = heading.sin_cos();
+        p = [p[0] + 0.3 * cos, p[1] + 0.3 * sin];
+        let limit = if arch > 0.5 { 0.94 } else { 1.2 };
+        if f > limit || t > 0.985 || !blade.holds(p) {
+            break;
+        }
+        line.push(p);
+    }
+    line
+}
+
+/// Tertiaries: auxin sources at least `tertiary_mm` apart draw veins from the nearest node until they are reached.
+fn colonise(blade: &Blade, veins: &Veins, network: &Network, seed: u64) -> Pieces {
+    let spacing = veins.tertiary_mm;
+    let (step, kill) = (0.22 * spacing, 0.45 * spacing);
+    let mut nodes: Vec<[f64; 2]> = Vec::new();
+    for order in &network.orders[..2] {
+        for piece in &order.list {
+            let n = (distance(piece.a, piece.b) / step).ceil().max(1.0) as usize;
+            nodes.extend((0..n).map(|k| {
+                let t = k as f64 / n as f64;
+                [piece.a[0] + t * (piece.b[0] - piece.a[0]), piece.a[1] + t * (piece.b[1] - piece.a[1])]
+            }));
+        }
+    }
+    // What each source is drawn to: (distance, node).
+    let mut sources: Vec<([f64; 2], f64, usize)> = scatter(blade, spacing, seed).into_iter().map(|p| (p, f64::MAX, usize::MAX)).collect();
+    let mut seen = 0;
+    let mut parent: Vec<usize> = vec![usize::MAX; nodes.len()];
+    let first = nodes.len();
+    for _ in 0..400 {
+        for source in &mut sources {
+            for (k, node) in nodes.iter().enumerate().skip(seen) {
+                let (dx, dy) = (node[0] - source.0[0], node[1] - source.0[1]);
+                let d = dx * dx + dy * dy;
+                if d < source.1 {
+                    (source.1, source.2) = (d, k);
+                }
+            }
+        }
+        seen = nodes.len();
+        sources.retain(|s| s.1 > kill * kill);
+        let mut pull: Vec<(usize, [f64; 2])> = sources
+            .iter()
+            .map(|(p, d2, k)| {
+                let d = d2.sqrt();
+                (*k, [(p[0] - nodes[*k][0]) / d, (p[1] - nodes[*k][1]) / d])
+            })
+            .collect();
+        if pull.is_empty() {
+            break;
+        }
+        pull.sort_by(|a, b| a.0.cmp(&b.0).then(a.1[0].total_cmp(&b.1[0])));
+        for group in pull.chunk_by(|a, b| a.0 == b.0) {
+            let k = group[0].0;
+            let mut d = group.iter().fold([0.0, 0.0], |s, g| [s[0] + g.1[0], s[1] + g.1[1]]);
+            let length = d[0].hypot(d[1]);
+            if length < 0.1 {
+                d = group[0].1; // opposite pulls: follow one
+            }
+            let length = d[0].hypot(d[1]);
+            let mut s = Stream::new(seed, &[0x7e7, nodes.len() as u64]);
+            let next = [0, 1].map(|c| nodes[k][c] + step * (d[c] / length + 0.25 * s.signed()));
+            if blade.holds(next) {
+                nodes.push(next);
+                parent.push(k);
+            }
+        }
+        if nodes.len() == seen {
+            break;
+        }
+    }
+    let mut children = vec![0u32; nodes.len()];
+    for &p in &parent[first..] {
+        children[p] += 1;
+    }
+    // Veins thicken with what they feed (pipe model: the squares add up), counted from the tips.
+    let mut fed = vec![1.0f64; nodes.len()];
+    for k in (first..nodes.len()).rev() {
+        if parent[k] >= first {
+            let f = fed[k];
+            fed[parent[k]] += 0.15 * f;
+        }
+    }
+    let radius = |k: usize| 0.5 * veins.width_mm[2] * (0.45 + 0.2 * fed[k].min(8.0).ln());
+    let mut pieces = Pieces::default();
+    for k in first..nodes.len() {
+        pieces.push(Piece { a: nodes[parent[k]], b: nodes[k], radius: [radius(k), radius(k)] });
+    }
+    // Tips that end close to another branch join it.
+    let mut near: HashMap<(i32, i32), Vec<usize>> = HashMap::new();
+    for (k, p) in nodes.iter().enumerate() {
+        near.entry(cell(*p)).or_default().push(k);
+    }
+    for k in first..nodes.len() {
+        if children[k] > 0 {
+            continue;
+        }
+        let mut ancestors = vec![k];
+        while ancestors.len() < 14 && parent[ancestors[ancestors.len() - 1]] != usize::MAX {
+            ancestors.push(parent[ancestors[ancestors.len() - 1]]);
+        }
+        let (i, j) = cell(nodes[k]);
+        let mut best = (1.3 * spacing, usize::MAX);
+        for a in -1..=1 {
+            for b in -1..=1 {
+                for &q in near.get(&(i + a, j + b)).map_or(&[][..], |v| v) {
+                    let d = distance(nodes[k], nodes[q]);
+                    if d < best.0 && !ancestors.contains(&q) && !ancestors.contains(&parent[q]) {
+                        best = (d, q);
+                    }
+                }
+            }
+        }
+        if best.1 != usize::MAX {
+            pieces.push(Piece { a: nodes[k], b: nodes[best.1], radius: [radius(k), radius(k)] });
+        }
+    }
+    pieces
+}
+
+/// Points on the blade, one a cell of a jittered grid turned by an angle that belongs to the seed.
+fn scatter(blade: &Blade, spacing: f64, seed: u64) -> Vec<[f64; 2]> {
+    let reach = blade.contour().iter().map(|p| p[0].abs().max(p[1].abs())).fold(0.0, f64::max) * 1.5;
+    let n = (reach / spacing).ceil() as i64;
+    let (s, c) = (PI * Stream::new(seed, &[0xa7]).uniform()).sin_cos();
+    let mut points = Vec::new();
+    for i in -n..=n {
+        for j in -n..=n {
+            let mut r = Stream::new(seed, &[0xa0c, i as u64, j as u64]);
+            let (x, y) = ((i as f64 + 0.42 * r.signed()) * spacing, (j as f64 + 0.42 * r.signed()) * spacing);
+            let p = [c * x - s * y, s * x + c * y];
+            if blade.holds(p) {
+                points.push(p);
+            }
+        }
+    }
+    points
+}
