@@ -1,9 +1,12 @@
 //! Scene manifests, the plan of what a scene needs, and the hand-over to the renderer.
 
 pub mod amount;
+pub mod card;
 pub mod display;
 pub mod facing;
 pub mod fitted;
+#[cfg(feature = "render")]
+pub mod handover;
 pub mod ledger;
 pub mod manifest;
 pub mod mesh;
@@ -11,5 +14,6 @@ pub mod placement;
 pub mod plan;
 mod plan_leaf;
 mod plan_light;
+pub mod reference;
 pub mod source;
 mod validate;

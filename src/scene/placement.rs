@@ -1,6 +1,6 @@
 //! Where leaves stand: the scene's instances, then its cluster. Lengths in mm.
 //!
-//! A cluster is a twig along z with leaves a golden angle apart, each blade's tip (its +y) pointing away from the twig and drooping;
+//! A cluster is a twig along z with leaves a golden angle apart, each blade's tip (its +x) pointing away from the twig and drooping;
 //! droop, twist and height stray by a seeded amount.
 
 use super::manifest::{Cluster, Instance, Manifest};
@@ -54,12 +54,12 @@ fn cluster_transforms(c: &Cluster) -> Vec<DMat4> {
             let azimuth = k as f64 * golden + 0.25 * stray();
             let droop = (c.droop_deg + c.spread_deg * stray()).to_radians();
             let twist = (c.spread_deg * stray()).to_radians();
-            // Blade frame: +y outward, +z (the front) up. Twist about the midrib, droop about x, then turn so that +y points along the azimuth.
-            let turn = DQuat::from_rotation_z(azimuth - std::f64::consts::FRAC_PI_2) * DQuat::from_rotation_x(-droop);
-            let out = turn * DVec3::Y;
+            // Blade frame: +x outward, +z (the front) up. Twist about the midrib, droop about y, then turn +x to the azimuth.
+            let turn = DQuat::from_rotation_z(azimuth) * DQuat::from_rotation_y(droop);
+            let out = turn * DVec3::X;
             DMat4::from_scale_rotation_translation(
                 DVec3::splat(c.scale),
-                turn * DQuat::from_rotation_y(twist),
+                turn * DQuat::from_rotation_x(twist),
                 out * c.offset_mm + DVec3::Z * height,
             )
         })
@@ -97,7 +97,7 @@ mod tests {
             let centre = t.transform_point3(DVec3::ZERO);
             assert!((centre.truncate().length() - 40.0 * 30f64.to_radians().cos()).abs() < 1e-9);
             // Drooping: the tip is lower than the base, and the front faces up.
-            assert!((t.transform_vector3(DVec3::Y).z + 0.5).abs() < 1e-9);
+            assert!((t.transform_vector3(DVec3::X).z + 0.5).abs() < 1e-9);
             assert!(t.transform_vector3(DVec3::Z).z > 0.8);
         }
     }
