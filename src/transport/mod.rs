@@ -1,1 +1,23 @@
 //! Light transport on the CPU: the reference renderer that pictures are judged against.
+//!
+//! It shares no code with the GPU renderer nor with `optics`: rays, texture look-ups, lobes, directional albedo, sampling and tone
+//! mapping are written again here in f64, so that a mistake on one side shows. What both must agree on is the shading written at
+//! the top of `mesophyll_viewer::scene`; limits: direct light only (the sun's disk and a constant sky that nothing shadows).
+
+pub mod accelerate;
+pub mod albedo;
+pub mod closed_form;
+#[cfg(feature = "render")]
+pub mod compare;
+pub mod lobe;
+pub mod lookup;
+pub mod quadrature;
+pub mod render;
+mod shade;
+pub mod tone;
+pub mod world;
+
+pub use render::{Options, ReferencePicture, Renderer, render};
+pub use world::{
+    Camera, Gloss, Interior, NormalFrame, NormalMap, Placement, ReferenceLeaf, ReferenceMesh, ReferenceSide, ReferenceSun, SlabAt, World,
+};

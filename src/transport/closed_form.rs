@@ -1,0 +1,94 @@
+//! The radiance of a flat leaf of one colour in closed form: what both renderers must meet.
+//!
+//! A card with uniform ρd, ρt, ρs and m, no mapped normals, nothing that hides the sun. Written in angles instead of vectors, so
+//! that it shares no algebra with the renderers. Limits: the sun is taken at its centre (an error of the order of its radius
+//! squared over m², 2e-5/m² for the real one).
+
+use super::lobe::{COS_VIEW_FLOOR, Lobe};
+use super::render::Lens;
+use super::world::{Camera, ReferenceSun};
+use crate::Result;
+use glam::DVec3;
+use std::f64::consts::PI;
+
+/// A uniform leaf as seen from one of its sides.
+#[derive(Debug, Clone, Copy)]
+pub struct Card {
+    /// ρd (with γ), ρs and m of the side that is seen.
+    pub rho_d: [f64; 3],
+    pub rho_s: [f64; 3],
+    pub m: f64,
+    pub lobe: Lobe,
+    /// ρt of a beam that enters the other side.
+    pub rho_t_far: [f64; 3],
+    /// Out of the side that is seen.
+    pub normal: DVec3,
+}
+
+impl Card {
+    /// Radiance towards the unit vector `view` (which must lie on the normal's side).
+    pub fn radiance(&self, view: DVec3, sun: Option<&ReferenceSun>, sky: Option<[f64; 3]>) -> [f64; 3] {
+        let normal = self.normal.normalize();
+        let view = view.normalize();
+        let cos_view = normal.dot(view).max(COS_VIEW_FLOOR);
+        let mut radiance = [0.0; 3];
+        if let Some(sun) = sun {
+            let l = sun.direction.normalize();
+            let cos_sun = normal.dot(l);
+            let shine = if cos_sun > 0.0 { self.shine(cos_sun, cos_view, l.dot(view)) } else { 0.0 };
+            for c in 0..3 {
+                let diffuse = if cos_sun > 0.0 { self.rho_d[c] } else { self.rho_t_far[c] };
+                radiance[c] += sun.irradiance[c] * cos_sun.abs() * (diffuse / PI + self.rho_s[c] * shine);
+            }
+        }
+        if let Some(sky) = sky {
+            let albedo = if self.rho_s == [0.0; 3] { 0.0 } else { self.lobe.directional_albedo(cos_view, self.m) };
+            for c in 0..3 {
+                radiance[c] += sky[c] * (self.rho_d[c] + self.rho_t_far[c] + self.rho_s[c] * albedo);
+            }
+        }
+        radiance
+    }
+
+    /// f_s/ρs (1/sr) from the cosines of sun and view and of the angle between them.
+    fn shine(&self, cos_sun: f64, cos_view: f64, cos_between: f64) -> f64 {
+        // the half-vector lies at half the angle between, and |v + l| = 2 cos(half)
+        let half = 0.5 * cos_between.clamp(-1.0, 1.0).acos();
+        let cos_alpha = (cos_sun + cos_view) / (2.0 * half.cos());
+        let alpha = cos_alpha.clamp(-1.0, 1.0).acos();
+        let slope = alpha.tan() / self.m;
+        let d = match self.lobe {
+            Lobe::Ggx => 1.0 / (PI * (self.m * alpha.cos().powi(2) * (1.0 + slope * slope)).powi(2)),
+            _ => (-slope * slope).exp() / (PI * self.m * self.m * alpha.cos().powi(4)),
+        };
+        let cavity = (2.0 * cos_alpha * cos_sun.min(cos_view) / half.cos()).min(1.0);
+        let fresnel = match self.lobe {
+            // Fresnel's sine and tangent laws
+            Lobe::CookTorrance { index } => {
+                let refracted = (half.sin() / index).asin();
+                if half < 1e-6 {
+                    ((index - 1.0) / (index + 1.0)).powi(2)
+                } else {
+                    let s = (half - refracted).sin() / (half + refracted).sin();
+                    let p = (half - refracted).tan() / (half + refracted).tan();
+                    0.5 * (s * s + p * p)
+                }
+            }
+            _ => 1.0,
+        };
+        d * cavity * fresnel / (4.0 * cos_sun * cos_view)
+    }
+
+    /// Radiance at the centre of pixel (x, y) of a picture that shows the card there.
+    pub fn pixel(
+        &self,
+        camera: &Camera,
+        size: (usize, usize),
+        pixel: (usize, usize),
+        sun: Option<&ReferenceSun>,
+        sky: Option<[f64; 3]>,
+    ) -> Result<[f64; 3]> {
+        let ray = Lens::new(camera, size.0, size.1)?.ray(pixel.0 as f64 + 0.5, pixel.1 as f64 + 0.5);
+        Ok(self.radiance(-ray.direction, sun, sky))
+    }
+}

@@ -1,0 +1,111 @@
+//! How far a picture is from its reference: a perceptual measure over all of it and the largest error where both must agree exactly.
+//!
+//! FLIP (Andersson et al. 2020, LDR) sees the pictures as a person does at 0.7 m from a 0.7 m wide 4K screen (67 pixels a degree);
+//! its mean and 99th percentile are over all pixels. The largest error is over pixels inside one surface and away from shadow
+//! edges, where sampling differences excuse nothing.
+
+use super::render::ReferencePicture;
+use crate::{Error, Result};
+use nv_flip::{DEFAULT_PIXELS_PER_DEGREE, FlipImageRgb8};
+
+/// The verdict's figures; FLIP and errors lie within 0 (same) and 1.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Comparison {
+    pub width: usize,
+    pub height: usize,
+    pub flip_mean: f64,
+    /// 99 % of the pixels have a FLIP error of at most this.
+    pub flip_p99: f64,
+    /// Largest difference in a channel of the 8-bit pictures, over pixels that are interior and outside penumbras; `None` when the
+    /// view has no such pixel.
+    pub max_error: Option<f64>,
+    /// Column and row of that pixel (the first, if several).
+    pub max_at: Option<(usize, usize)>,
+    /// 99th percentile of that difference over the same pixels.
+    pub error_p99: Option<f64>,
+    /// Share of the pixels that show a leaf at all that went into `max_error`; 0 when none does.
+    pub interior_share: f64,
+    /// FLIP error a pixel.
+    pub flip: Vec<f32>,
+}
+
+/// Compares an RGBA picture (sRGB, alpha ignored) with the reference.
+///
+/// # Errors
+/// [`Error::Usage`] when the sizes differ.
+pub fn compare(reference: &ReferencePicture, picture: &[[u8; 4]]) -> Result<Comparison> {
+    let judged: Vec<bool> = reference.interior.iter().zip(&reference.penumbra).map(|(&i, &p)| i && !p).collect();
+    compare_where(reference, picture, &judged)
+}
+
+/// The same measures between two reference pictures of different seeds: what the reference's own noise amounts to. Only pixels
+/// that both call interior and free of penumbra are judged.
+pub fn noise_floor(a: &ReferencePicture, b: &ReferencePicture) -> Result<Comparison> {
+    let calm = |p: &ReferencePicture| p.interior.iter().zip(&p.penumbra).map(|(&i, &s)| i && !s).collect::<Vec<_>>();
+    let judged: Vec<bool> = calm(a).into_iter().zip(calm(b)).map(|(x, y)| x && y).collect();
+    compare_where(a, &b.ldr, &judged)
+}
+
+fn compare_where(reference: &ReferencePicture, picture: &[[u8; 4]], judged: &[bool]) -> Result<Comparison> {
+    let (width, height) = (reference.width, reference.height);
+    if picture.len() != width * height {
+        return Err(Error::Usage(format!("a picture of {} pixels against a reference of {width}×{height}", picture.len())));
+    }
+    let flip = flip_map(&reference.ldr, picture, width, height);
+    let mut errors = Vec::new();
+    let (mut largest, mut max_at) = (None, None);
+    for (k, (a, b)) in reference.ldr.iter().zip(picture).enumerate() {
+        if judged.get(k) == Some(&true) {
+            let error = (0..3).map(|c| a[c].abs_diff(b[c])).max().unwrap_or(0);
+            if largest.is_none_or(|l| error > l) {
+                (largest, max_at) = (Some(error), Some((k % width, k / width)));
+            }
+            errors.push(error);
+        }
+    }
+    errors.sort_unstable();
+    let shows_leaf = |k: usize| reference.hdr[k][3] > 0.0;
+    let leaf = (0..width * height).filter(|&k| shows_leaf(k)).count();
+    let judged_leaf = (0..width * height).filter(|&k| shows_leaf(k) && judged.get(k) == Some(&true)).count();
+    let mut sorted = flip.clone();
+    sorted.sort_unstable_by(f32::total_cmp);
+    Ok(Comparison {
+        width,
+        height,
+        flip_mean: flip.iter().map(|&x| f64::from(x)).sum::<f64>() / flip.len() as f64,
+        flip_p99: percentile(&sorted, 0.99).map_or(0.0, f64::from),
+        max_error: largest.map(|e| f64::from(e) / 255.0),
+        max_at,
+        error_p99: percentile(&errors, 0.99).map(|e| f64::from(e) / 255.0),
+        interior_share: judged_leaf as f64 / leaf.max(1) as f64,
+        flip,
+    })
+}
+
+/// The smallest value that a share `p` of the sorted values does not exceed.
+fn percentile<T: Copy>(sorted: &[T], p: f64) -> Option<T> {
+    let at = (p * sorted.len() as f64).ceil() as usize;
+    sorted.get(at.saturating_sub(1)).copied()
+}
+
+fn flip_map(a: &[[u8; 4]], b: &[[u8; 4]], width: usize, height: usize) -> Vec<f32> {
+    let image = |pixels: &[[u8; 4]]| {
+        let bytes: Vec<u8> = pixels.iter().flat_map(|p| [p[0], p[1], p[2]]).collect();
+        FlipImageRgb8::with_data(width as u32, height as u32, &bytes)
+    };
+    nv_flip::flip(image(a), image(b), DEFAULT_PIXELS_PER_DEGREE).to_vec()
+}
+
+impl Comparison {
+    /// The FLIP map as an RGB picture, dark violet (same) to light yellow (FLIP 1), 3 bytes a pixel.
+    pub fn flip_picture(&self) -> Vec<u8> {
+        let map = nv_flip::FlipImageFloat::with_data(self.width as u32, self.height as u32, &self.flip);
+        map.apply_color_lut(&nv_flip::magma_lut()).to_vec()
+    }
+}
+
+/// The difference a channel, `gain` times enlarged about mid-grey, as an RGB picture: grey is equal, lighter is too light.
+pub fn difference_picture(reference: &[[u8; 4]], picture: &[[u8; 4]], gain: f64) -> Vec<u8> {
+    let channel = |a: u8, b: u8| (128.0 + gain * (f64::from(b) - f64::from(a))).round().clamp(0.0, 255.0) as u8;
+    reference.iter().zip(picture).flat_map(|(a, b)| [0, 1, 2].map(|c| channel(a[c], b[c]))).collect()
+}

@@ -1,0 +1,228 @@
+//! Surface reflection f_s per unit ρs, bounded, and its directional albedo by quadrature.
+//!
+//! f_s = ρs·D·G/(4 (N·l)(N·v)) with a V-cavity G (Torrance & Sparrow 1967), D of W Eq. 7 (Beckmann) or GGX (Walter et al. 2007,
+//! Eq. 33), and for Cook–Torrance (1982) the dielectric Fresnel factor. Slope m above 0, angles by unit vectors.
+//! Limits: single scattering in the surface (no inter-reflection between facets); N·v is floored at 1e-3.
+
+use super::quadrature::{adaptive, sixteen};
+use glam::DVec3;
+use std::f64::consts::PI;
+
+/// Below this cosine the view is taken to graze no further.
+pub const COS_VIEW_FLOOR: f64 = 1e-3;
+/// The smallest slope; a smoother surface is drawn with this one.
+pub const M_FLOOR: f64 = 1e-3;
+
+/// Which surface model.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Lobe {
+    Beckmann,
+    Ggx,
+    CookTorrance { index: f64 },
+}
+
+impl Lobe {
+    /// D (1/sr): the facets' slope density with ∫ D cosα dω = 1; `cos` is cosα = N·h > 0.
+    pub fn distribution(self, cos: f64, m: f64) -> f64 {
+        let cos2 = cos * cos;
+        let tan2 = (1.0 - cos2).max(0.0) / cos2;
+        let m2 = m * m;
+        match self {
+            Lobe::Ggx => m2 / (PI * cos2 * cos2 * (m2 + tan2) * (m2 + tan2)),
+            Lobe::Beckmann | Lobe::CookTorrance { .. } => (-tan2 / m2).exp() / (PI * m2 * cos2 * cos2),
+        }
+    }
+
+    /// F: 1 except for Cook–Torrance; `cos` is v·h.
+    pub fn fresnel(self, cos: f64) -> f64 {
+        match self {
+            Lobe::CookTorrance { index } => fresnel_dielectric(cos, index),
+            _ => 1.0,
+        }
+    }
+
+    /// f_s/ρs times N·l (1/sr) for unit vectors: the product stays finite where N·l → 0. Zero where N·l ≤ 0.
+    pub fn times_cosine(self, n: DVec3, v: DVec3, l: DVec3, m: f64) -> f64 {
+        let cos_l = n.dot(l);
+        if cos_l <= 0.0 {
+            return 0.0;
+        }
+        let cos_v = n.dot(v).max(COS_VIEW_FLOOR);
+        let h = v + l;
+        let length = h.length();
+        if length < 1e-12 {
+            return 0.0;
+        }
+        let h = h / length;
+        let (cos_h, v_h) = (n.dot(h), v.dot(h));
+        if cos_h <= 0.0 || v_h <= 0.0 {
+            return 0.0;
+        }
+        let cavity = 1f64.min(2.0 * cos_h * cos_v / v_h).min(2.0 * cos_h * cos_l / v_h);
+        self.distribution(cos_h, m.max(M_FLOOR)) * cavity * self.fresnel(v_h) / (4.0 * cos_v)
+    }
+
+    /// a(N·v, m) = ∫ f_s/ρs (N·l) dω_l to about 1e-8, over the half-vector.
+    ///
+    /// With dω_l = 4 (v·h) dω_h it is ∫ D cosα dω_h · G F (v·h)/(cosα N·v). The integrand over α has kinks only where, in the plane
+    /// of incidence (view at θ, so l at 2α−θ or −(2α+θ)), G changes its branch or l sinks below the horizon: α = θ, π/2−θ, π/4±θ/2,
+    /// (π/2±θ)/3. Between them it is smooth but for 3/2-powers at the ends, which α = a + (b−a) u²(3−2u) takes away.
+    pub fn directional_albedo(self, cos_view: f64, m: f64) -> f64 {
+        let mu = cos_view.clamp(COS_VIEW_FLOOR, 1.0);
+        let m = m.max(M_FLOOR);
+        let theta = mu.acos();
+        let quarter = 0.5 * PI;
+        // the last slopes only keep pieces short where D varies
+        let mut cuts = [theta, quarter - theta, 0.5 * (quarter - theta), 0.5 * (quarter + theta), (quarter - theta) / 3.0]
+            .into_iter()
+            .chain([(quarter + theta) / 3.0, m.atan(), (2.5 * m).atan(), (7.0 * m).atan(), (40.0 * m).atan(), 0.0, quarter])
+            .collect::<Vec<f64>>();
+        cuts.sort_by(f64::total_cmp);
+        let mut sum = 0.0;
+        for pair in cuts.windows(2).filter(|p| p[1] - p[0] > 1e-12) {
+            let length = pair[1] - pair[0];
+            sum += adaptive(0.0, 1.0, 2e-9, &mut |u: f64| {
+                let alpha = pair[0] + length * u * u * (3.0 - 2.0 * u);
+                let (sin, cos) = alpha.sin_cos();
+                let density = 2.0 * PI * self.distribution(cos, m) * sin * cos;
+                if density < 1e-30 { 0.0 } else { density * length * 6.0 * u * (1.0 - u) * self.over_azimuth(mu, cos) }
+            });
+        }
+        sum
+    }
+
+    /// The mean over azimuth of G F (v·h)/(cosα N·v) at fixed α. With x = v·h = centre + reach·cosφ each branch of G (v·h)/(cosα N·v)
+    /// is a + b·x, so only Fresnel's factor needs nodes.
+    fn over_azimuth(self, mu: f64, c: f64) -> f64 {
+        let (centre, reach) = (c * mu, (1.0 - c * c).max(0.0).sqrt() * (1.0 - mu * mu).max(0.0).sqrt());
+        // the facet fully seen and lit; hidden from the view; hidden from the light
+        let branches = [(0.0, 1.0 / (mu * c)), (2.0, 0.0), (-2.0, 4.0 * c / mu)];
+        let least = |x: f64| {
+            let value = |(a, b): (f64, f64)| a + b * x;
+            branches.into_iter().fold((f64::INFINITY, 0.0), |best, next| if value(next) < value(best) { next } else { best })
+        };
+        let lowest = mu / (2.0 * c);
+        if reach < 1e-14 {
+            let (a, b) = least(centre);
+            return if centre > lowest { (a + b * centre) * self.fresnel(centre) } else { 0.0 };
+        }
+        let azimuth = |x: f64| ((x - centre) / reach).clamp(-1.0, 1.0).acos();
+        // x falls with φ: the azimuths where l is above the horizon run from 0 to `last`
+        let last = azimuth(lowest);
+        let lit_from = if 4.0 * c * c > 1.0 { 2.0 * c * mu / (4.0 * c * c - 1.0) } else { f64::INFINITY };
+        let mut cuts = [last, azimuth(mu / c).min(last), azimuth(2.0 * c * mu).min(last), azimuth(lit_from).min(last)];
+        cuts.sort_by(f64::total_cmp);
+        let (mut sum, mut from) = (0.0, 0.0);
+        for to in cuts {
+            if to > from {
+                let (a, b) = least(centre + reach * (0.5 * (from + to)).cos());
+                sum += match self {
+                    Lobe::CookTorrance { .. } => sixteen().integrate(from, to, |phi| {
+                        let x = centre + reach * phi.cos();
+                        (a + b * x) * self.fresnel(x)
+                    }),
+                    _ => (a + b * centre) * (to - from) + b * reach * (to.sin() - from.sin()),
+                };
+                from = to;
+            }
+        }
+        sum / PI
+    }
+}
+
+/// Reflectance of an unpolarised ray at a dielectric of relative index n (Born & Wolf §1.5.2); `cos` is the angle to the facet.
+pub fn fresnel_dielectric(cos: f64, index: f64) -> f64 {
+    let cos = cos.clamp(0.0, 1.0);
+    let sin_t = (1.0 - cos * cos).sqrt() / index;
+    if sin_t >= 1.0 {
+        return 1.0;
+    }
+    let cos_t = (1.0 - sin_t * sin_t).sqrt();
+    let s = (cos - index * cos_t) / (cos + index * cos_t);
+    let p = (index * cos - cos_t) / (index * cos + cos_t);
+    0.5 * (s * s + p * p)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+
+    const LOBES: [Lobe; 3] = [Lobe::Beckmann, Lobe::Ggx, Lobe::CookTorrance { index: 1.45 }];
+
+    fn at(theta: f64, phi: f64) -> DVec3 {
+        DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos())
+    }
+
+    #[test]
+    fn slope_densities_integrate_to_one() {
+        for lobe in LOBES {
+            for m in [0.05, 0.3, 0.8] {
+                let sum = adaptive(0.0, PI / 2.0, 1e-10, &mut |a: f64| 2.0 * PI * a.sin() * a.cos() * lobe.distribution(a.cos(), m));
+                assert!((sum - 1.0).abs() < 1e-8, "{lobe:?} {m}: {sum}");
+            }
+        }
+    }
+
+    /// The brute force: cosine-weighted directions over the hemisphere, f_s as the renderer evaluates it.
+    #[test]
+    fn albedo_agrees_with_monte_carlo_over_the_hemisphere() {
+        let mut rng = rand_pcg::Pcg64::seed_from_u64(7);
+        for lobe in LOBES {
+            for (theta, m) in [(0.0, 0.5), (0.6, 0.25), (1.2, 0.4), (1.4, 0.6)] {
+                let v = at(theta, 0.3);
+                let (mut sum, mut square) = (0.0, 0.0);
+                let n = 90_000;
+                for _ in 0..n {
+                    let (r, phi) = (rng.random::<f64>().sqrt(), 2.0 * PI * rng.random::<f64>());
+                    let l = DVec3::new(r * phi.cos(), r * phi.sin(), (1.0 - r * r).sqrt());
+                    // density cosθ/π
+                    let x = if l.z > 0.0 { lobe.times_cosine(DVec3::Z, v, l, m) * PI / l.z } else { 0.0 };
+                    sum += x;
+                    square += x * x;
+                }
+                let mean = sum / n as f64;
+                let error = ((square / n as f64 - mean * mean) / n as f64).sqrt();
+                let exact = lobe.directional_albedo(theta.cos(), m);
+                assert!(error < 0.03 * exact.max(0.05), "{lobe:?} {theta} {m}: the Monte Carlo is too coarse, ±{error}");
+                assert!((mean - exact).abs() < 4.5 * error, "{lobe:?} {theta} {m}: {mean} ± {error} against {exact}");
+                assert!(exact <= 1.0 + 1e-9, "{lobe:?} {theta} {m}: {exact} exceeds one");
+            }
+        }
+    }
+
+    /// The same integral over directions instead of half-vectors, by nested quadrature: no sampling noise.
+    #[test]
+    fn albedo_agrees_with_quadrature_over_directions() {
+        for lobe in LOBES {
+            for (mu, m) in [(0.9f64, 0.3), (0.3, 0.5)] {
+                let v = at(mu.acos(), 0.0);
+                let direct = adaptive(0.0, PI, 2e-6, &mut |phi: f64| {
+                    adaptive(0.0, PI / 2.0, 1e-6, &mut |t: f64| 2.0 * t.sin() * lobe.times_cosine(DVec3::Z, v, at(t, phi), m))
+                });
+                let half = lobe.directional_albedo(mu, m);
+                assert!((direct - half).abs() < 2e-5, "{lobe:?} {mu} {m}: {direct} {half}");
+            }
+        }
+    }
+
+    #[test]
+    fn fresnel_meets_its_known_values() {
+        let n: f64 = 1.5;
+        assert!((fresnel_dielectric(1.0, n) - 0.04).abs() < 1e-15);
+        assert!((fresnel_dielectric(0.0, n) - 1.0).abs() < 1e-15);
+        // at Brewster's angle only the s part is left: ½ ((n²−1)/(n²+1))²
+        let brewster = n.atan().cos();
+        assert!((fresnel_dielectric(brewster, n) - 0.5 * (1.25f64 / 3.25).powi(2)).abs() < 1e-14);
+    }
+
+    #[test]
+    fn reflection_is_reciprocal() {
+        let (v, l) = (at(0.4, 0.1), at(1.0, 2.0));
+        for lobe in LOBES {
+            let there = lobe.times_cosine(DVec3::Z, v, l, 0.4) / l.z;
+            let back = lobe.times_cosine(DVec3::Z, l, v, 0.4) / v.z;
+            assert!((there / back - 1.0).abs() < 1e-12);
+        }
+    }
+}

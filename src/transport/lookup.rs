@@ -1,0 +1,82 @@
+//! Bilinear look-up in a map: texel centres at (i + ½)/W, clamped at the edges; u to the right, v downwards, row 0 on top.
+
+/// Four texels and their weights (which sum to 1).
+#[derive(Debug, Clone, Copy)]
+pub struct Taps {
+    at: [usize; 4],
+    weight: [f64; 4],
+}
+
+impl Taps {
+    /// The texels around (u, v) of a `width`×`height` map; `mirrored` looks up column `width−1−i` instead of i, as the back's maps need.
+    pub fn new(u: f64, v: f64, width: usize, height: usize, mirrored: bool) -> Taps {
+        let (i, j, fx) = axis(u, width);
+        let (row, below, fy) = axis(v, height);
+        let (i, j) = if mirrored { (width - 1 - i, width - 1 - j) } else { (i, j) };
+        Taps {
+            at: [row * width + i, row * width + j, below * width + i, below * width + j],
+            weight: [(1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy],
+        }
+    }
+
+    /// One channel.
+    pub fn scalar(&self, map: &[f32]) -> f64 {
+        let mut sum = 0.0;
+        for k in 0..4 {
+            sum += self.weight[k] * f64::from(map[self.at[k]]);
+        }
+        sum
+    }
+
+    /// Three channels.
+    pub fn colour(&self, maps: &[Vec<f32>; 3]) -> [f64; 3] {
+        [self.scalar(&maps[0]), self.scalar(&maps[1]), self.scalar(&maps[2])]
+    }
+
+    /// A map of vectors, not normalised.
+    pub fn vector(&self, map: &[[f32; 3]]) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        for k in 0..4 {
+            for (s, &x) in sum.iter_mut().zip(&map[self.at[k]]) {
+                *s += self.weight[k] * f64::from(x);
+            }
+        }
+        sum
+    }
+
+    /// Share of the four texels that are on, by weight.
+    pub fn coverage(&self, mask: &[u8]) -> f64 {
+        (0..4).filter(|&k| mask[self.at[k]] != 0).map(|k| self.weight[k]).sum()
+    }
+}
+
+/// The two texels along one axis and how far the point lies from the first to the second.
+fn axis(u: f64, size: usize) -> (usize, usize, f64) {
+    let x = (u * size as f64 - 0.5).clamp(0.0, (size - 1) as f64);
+    let i = (x as usize).min(size - 1);
+    (i, (i + 1).min(size - 1), x - i as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn centres_edges_and_between() {
+        let map = [0.0, 1.0, 2.0, 3.0, 10.0, 11.0, 12.0, 13.0];
+        let look = |u: f64, v: f64| Taps::new(u, v, 4, 2, false).scalar(&map);
+        for i in 0..4 {
+            let u = (i as f64 + 0.5) / 4.0;
+            assert!((look(u, 0.25) - i as f64).abs() < 1e-12);
+            assert!((look(u, 0.5) - (i as f64 + 5.0)).abs() < 1e-12);
+            // the back is the mirror image
+            let mirrored = Taps::new(u, 0.25, 4, 2, true).scalar(&map);
+            assert!((mirrored - (3 - i) as f64).abs() < 1e-12);
+            assert!((Taps::new(1.0 - u, 0.25, 4, 2, false).scalar(&map) - mirrored).abs() < 1e-12);
+        }
+        assert_eq!(look(-3.0, 0.0), 0.0);
+        assert_eq!(look(7.0, 9.0), 13.0);
+        assert!((look(0.5, 0.25) - 1.5).abs() < 1e-12);
+        assert_eq!(Taps::new(0.5, 0.5, 1, 1, true).scalar(&[4.0]), 4.0);
+    }
+}

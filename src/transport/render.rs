@@ -1,0 +1,229 @@
+//! Pictures from a world: stratified rays through each pixel's square (a box filter, as multisampling averages), the sun's disk
+//! sampled for every one of them, HDR averaged first and tone-mapped then.
+//!
+//! Every pixel owns its random numbers (Owen-scrambled Sobol points, Burley 2020), so a picture depends on the seed and not on the
+//! number of threads. The samples of a pixel fall into a few independent sets, whose spread is the printed noise.
+
+use super::accelerate::Ray;
+use super::shade::{DiskPoint, Stage};
+use super::tone;
+use super::world::{Camera, World};
+use crate::{Error, Result};
+use glam::DVec3;
+use rayon::prelude::*;
+use sobol_burley::sample_4d;
+use std::f64::consts::PI;
+
+/// How finely to sample.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// Rays a pixel, 1 to 65,536; powers of two are stratified best.
+    pub samples_per_pixel: u32,
+    /// Points of the sun's disk a ray; times `samples_per_pixel` at most 65,536.
+    pub sun_samples: u32,
+    pub seed: u64,
+    /// A pixel counts as interior (or free of penumbra) when everything within this many pixels agrees.
+    pub margin: usize,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options { samples_per_pixel: 16, sun_samples: 4, seed: 1, margin: 1 }
+    }
+}
+
+/// A picture and what is known about its error; row-major, row 0 on top.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ReferencePicture {
+    pub width: usize,
+    pub height: usize,
+    /// Radiance before exposure, and the share of the pixel that shows a leaf.
+    pub hdr: Vec<[f32; 4]>,
+    /// The picture, sRGB, alpha 255.
+    pub ldr: Vec<[u8; 4]>,
+    /// Standard error of the picture's worst channel, in display units (1 = white); 0 where there is one sample a pixel.
+    pub noise: Vec<f32>,
+    /// All rays of the pixel and of its neighbours met one side of one instance, or all met nothing.
+    pub interior: Vec<bool>,
+    /// The sun is partly hidden here or nearby, or lights now one side of the blade, now the other.
+    pub penumbra: Vec<bool>,
+}
+
+/// A world with its trees and tables built, for any number of pictures.
+pub struct Renderer<'a> {
+    stage: Stage<'a>,
+}
+
+/// [`Renderer::new`] and one picture.
+pub fn render(world: &World, camera: &Camera, width: usize, height: usize, options: &Options) -> Result<ReferencePicture> {
+    Renderer::new(world)?.render(camera, width, height, options)
+}
+
+impl<'a> Renderer<'a> {
+    /// # Errors
+    /// [`Error::Input`] when a map, a mesh or an index does not fit; see [`World::validate`].
+    pub fn new(world: &'a World) -> Result<Renderer<'a>> {
+        world.validate()?;
+        Ok(Renderer { stage: Stage::new(world) })
+    }
+
+    /// One picture.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for an empty picture, too many or no samples, or a camera that looks nowhere.
+    pub fn render(&self, camera: &Camera, width: usize, height: usize, options: &Options) -> Result<ReferencePicture> {
+        if width == 0 || height == 0 {
+            return Err(Error::Usage(format!("a picture of {width}×{height} pixels, expected at least 1×1")));
+        }
+        let (rays, suns) = (options.samples_per_pixel, options.sun_samples);
+        if rays == 0 || suns == 0 || rays.saturating_mul(suns) > 1 << 16 {
+            return Err(Error::Usage(format!("{rays} rays a pixel with {suns} sun samples each, expected 1 to 65536 together")));
+        }
+        let lens = Lens::new(camera, width, height)?;
+        let pixels: Vec<Pixel> =
+            (0..width * height).into_par_iter().with_min_len(64).map(|k| self.pixel(&lens, k % width, k / width, k, options)).collect();
+        let exposure = self.stage.world.exposure;
+        let near = |test: &(dyn Fn(&Pixel, &Pixel) -> bool + Sync)| -> Vec<bool> {
+            (0..width * height)
+                .into_par_iter()
+                .map(|k| {
+                    let (x, y, r) = (k % width, k / width, options.margin);
+                    let columns = x.saturating_sub(r)..=(x + r).min(width - 1);
+                    (y.saturating_sub(r)..=(y + r).min(height - 1))
+                        .all(|j| columns.clone().all(|i| test(&pixels[k], &pixels[j * width + i])))
+                })
+                .collect()
+        };
+        let interior = near(&|a, b| a.surface == b.surface && a.surface != MIXED);
+        let steady = near(&|a, b| (a.light | b.light).count_ones() <= 1);
+        Ok(ReferencePicture {
+            width,
+            height,
+            hdr: pixels.iter().map(|p| [p.mean[0] as f32, p.mean[1] as f32, p.mean[2] as f32, p.coverage as f32]).collect(),
+            ldr: pixels
+                .iter()
+                .map(|p| {
+                    let [r, g, b] = p.mean.map(|x| tone::quantise(tone::display(x, exposure)));
+                    [r, g, b, 255]
+                })
+                .collect(),
+            noise: pixels
+                .iter()
+                .map(|p| (0..3).map(|c| p.error[c] * tone::display_slope(p.mean[c], exposure)).fold(0.0, f64::max) as f32)
+                .collect(),
+            interior,
+            penumbra: steady.into_iter().map(|s| !s).collect(),
+        })
+    }
+
+    fn pixel(&self, lens: &Lens, x: usize, y: usize, index: usize, options: &Options) -> Pixel {
+        // several small stratified sets instead of one large one, so that their spread tells the error
+        let sets = if options.samples_per_pixel >= 16 {
+            4
+        } else if options.samples_per_pixel >= 2 {
+            2
+        } else {
+            1
+        };
+        let (mut mean, mut square, mut hits) = ([0.0; 3], [0.0; 3], 0u32);
+        let (mut surface, mut light) = (None, 0u8);
+        for set in 0..sets {
+            let seed = scramble(options.seed, (index * 4 + set as usize) as u64);
+            let share = options.samples_per_pixel / sets + u32::from(set < options.samples_per_pixel % sets);
+            let mut sum = [0.0; 3];
+            for ray in 0..share {
+                let [u, v, ..] = sample_4d(ray, 0, seed);
+                let sight = lens.ray(x as f64 + f64::from(u), y as f64 + f64::from(v));
+                let seen = self.stage.see(&sight, (0..options.sun_samples).map(|k| disk_point(ray * options.sun_samples + k, seed)));
+                for (s, r) in sum.iter_mut().zip(seen.radiance) {
+                    *s += r;
+                }
+                hits += u32::from(seen.surface != 0);
+                light |= seen.light;
+                surface = match surface {
+                    None => Some(seen.surface),
+                    Some(s) if s == seen.surface => surface,
+                    Some(_) => Some(MIXED),
+                };
+            }
+            let weight = f64::from(share) / f64::from(options.samples_per_pixel);
+            for c in 0..3 {
+                let of_set = sum[c] / f64::from(share);
+                mean[c] += weight * of_set;
+                square[c] += of_set * of_set / f64::from(sets);
+            }
+        }
+        let error = [0, 1, 2].map(|c| {
+            let spread = (square[c] - mean[c] * mean[c]).max(0.0);
+            if sets > 1 { (spread / f64::from(sets - 1)).sqrt() } else { 0.0 }
+        });
+        let coverage = f64::from(hits) / f64::from(options.samples_per_pixel);
+        Pixel { mean, error, coverage, surface: surface.unwrap_or(0), light }
+    }
+
+    /// The share of the sun's disk that `point` (off any surface) sees, from `samples` stratified points; `None` without a sun.
+    pub fn sun_visibility(&self, point: DVec3, samples: u32, seed: u64) -> Option<f64> {
+        let sun = self.stage.world.sun.as_ref()?;
+        let samples = samples.clamp(1, 1 << 16);
+        let points = (0..samples).map(|k| disk_point(k, scramble(seed, 0)));
+        Some(points.filter(|&p| self.stage.sees_sun(sun, point, p)).count() as f64 / f64::from(samples))
+    }
+}
+
+/// What the rays of one pixel gave.
+struct Pixel {
+    mean: [f64; 3],
+    error: [f64; 3],
+    coverage: f64,
+    surface: u32,
+    light: u8,
+}
+
+/// The surface of a pixel whose rays met different ones.
+const MIXED: u32 = u32::MAX;
+
+/// A stratified point of the unit disk.
+fn disk_point(index: u32, seed: u32) -> DiskPoint {
+    let [u, v, ..] = sample_4d(index, 1, seed);
+    let (r, phi) = (f64::from(u).sqrt(), 2.0 * PI * f64::from(v));
+    [r * phi.cos(), r * phi.sin()]
+}
+
+/// A well-mixed 32-bit seed (SplitMix64's finaliser, Steele et al. 2014).
+fn scramble(seed: u64, index: u64) -> u32 {
+    let mut z = seed.wrapping_mul(0xD1B5_4A32_D192_ED03).wrapping_add(index.wrapping_add(1).wrapping_mul(0x9E37_79B9_7F4A_7C15));
+    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    ((z ^ (z >> 31)) >> 16) as u32
+}
+
+/// The camera as a map from picture to rays.
+#[derive(Debug, Clone, Copy)]
+pub struct Lens {
+    eye: DVec3,
+    /// Direction at the top left corner, and the steps a pixel to the right and down.
+    corner: DVec3,
+    right: DVec3,
+    down: DVec3,
+}
+
+impl Lens {
+    pub fn new(camera: &Camera, width: usize, height: usize) -> Result<Lens> {
+        let forward = (camera.target - camera.eye).normalize_or_zero();
+        let right = forward.cross(camera.up).normalize_or_zero();
+        if forward == DVec3::ZERO || right == DVec3::ZERO || !(camera.fov_y_deg > 0.0 && camera.fov_y_deg < 180.0) {
+            return Err(Error::Usage(format!(
+                "camera: eye and target must differ, up must not lie along the view, and the field of view ({}°) must be within 0 to 180",
+                camera.fov_y_deg
+            )));
+        }
+        let pixel = 2.0 * (0.5 * camera.fov_y_deg.to_radians()).tan() / height as f64;
+        let (right, down) = (right * pixel, right.cross(forward).normalize() * -pixel);
+        Ok(Lens { eye: camera.eye, corner: forward - right * (0.5 * width as f64) - down * (0.5 * height as f64), right, down })
+    }
+
+    /// The ray through (x, y) in pixels, (0, 0) being the top left corner; of unit direction.
+    pub fn ray(&self, x: f64, y: f64) -> Ray {
+        Ray::new(self.eye, (self.corner + self.right * x + self.down * y).normalize())
+    }
+}
