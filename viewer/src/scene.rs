@@ -16,6 +16,10 @@
 //! the far side. f_s = ρs·D·G/(4 (N·l)(N·v)), D = exp(−tan²α/m²)/(π m² cos⁴α) (Beckmann) or m²/(π cos⁴α (m² + tan²α)²) (GGX),
 //! G = min(1, 2(N·h)(N·v)/(v·h), 2(N·h)(N·l)/(v·h)) (V-cavity); with `CookTorrance { index }` times the dielectric Fresnel F(v·h)
 //! for unpolarised light. N·v is floored at 1e-3. a(N·v, m) is the directional albedo of f_s per unit ρs: ∫ f_s/ρs cosθ dω.
+//! f_s = 0 where N·h ≤ 0; m is floored at 1e-3. The sun's centre lights the surface, its disk only decides V.
+//! Maps are sampled bilinearly with texel centres at (i + ½)/W, clamped at the rim; δ is sampled before the curve is looked up (clamped at
+//! its ends), mapped normals are sampled and then normalised. Minified maps are averaged (a mip chain). A mask's edge lies where its
+//! bilinear sample passes ½. With `msaa` 4 coverage is sampled four times a pixel and shading once, at the pixel's centre.
 //! The sky is not shadowed by other leaves. Where nothing is hit the radiance is `Scene::background`.
 //! Picture: exposure · L, Reinhard x/(1 + x) a channel, sRGB encoding (IEC 61966-2-1), 8 bits.
 
@@ -79,7 +83,7 @@ pub struct Leaf {
 pub struct Mesh {
     pub positions: Vec<Vec3>,
     pub normals: Vec<Vec3>,
-    /// xyz tangent along +u, w = ±1 handedness: bitangent = w · normal × tangent.
+    /// xyz tangent along +u, w = ±1 handedness: bitangent = w · normal × tangent, up in the front's image (towards smaller v).
     pub tangents: Vec<Vec4>,
     /// (0, 0) is the top left corner of the front's maps.
     pub uvs: Vec<Vec2>,
@@ -101,7 +105,8 @@ pub struct Side {
     /// W's second texture: ρs (RGB) and m; `None` is a matte side and uploads nothing.
     pub gloss: Option<Vec<[f32; 4]>>,
     /// Mapped normals in the mesh's tangent frame *of this side as its camera saw it*: x to the right in this side's image,
-    /// y up, z out of this side; `None` is the mesh normal.
+    /// y up, z out of this side; `None` is the mesh normal. With the mesh's tangent t, bitangent b and normal n, (x, y, z) is
+    /// x·t + y·b + z·n on the front and −x·t + y·b − z·n on the back.
     pub normal: Option<Vec<[f32; 3]>>,
     pub interior: Interior,
 }

@@ -133,3 +133,27 @@ pub fn agree(what: &str, got: [f32; 4], want: [f64; 3], relative: f64) {
         assert!((g - w).abs() <= relative * g.abs().max(w.abs()) + 1e-6, "{what}, channel {c}: drawn {g}, expected {w}");
     }
 }
+
+/// A square grid of ±`half` mm, `n` cells a side, bent to z = `bend`·x² (mm⁻¹), with exact normals and tangents.
+pub fn bent(half: f32, n: usize, bend: f32) -> Mesh {
+    let mut mesh = Mesh::default();
+    for j in 0..=n {
+        for i in 0..=n {
+            let (u, v) = (i as f32 / n as f32, j as f32 / n as f32);
+            let (x, y) = ((2.0 * u - 1.0) * half, (1.0 - 2.0 * v) * half);
+            let slope = 2.0 * bend * x;
+            mesh.positions.push(Vec3::new(x, y, bend * x * x));
+            mesh.normals.push(Vec3::new(-slope, 0.0, 1.0).normalize());
+            mesh.tangents.push(Vec3::new(1.0, 0.0, slope).normalize().extend(1.0));
+            mesh.uvs.push(Vec2::new(u, v));
+        }
+    }
+    for j in 0..n as u32 {
+        for i in 0..n as u32 {
+            let a = j * (n as u32 + 1) + i;
+            let b = a + n as u32 + 1;
+            mesh.indices.extend([a, b, a + 1, a + 1, b, b + 1]);
+        }
+    }
+    mesh
+}

@@ -1,0 +1,195 @@
+//! Which way round the maps lie: front and back, normals, masks, minification.
+
+mod common;
+
+use common::*;
+use glam::{Mat4, Quat, Vec3};
+use mesophyll_viewer::scene::{Instance, Scene};
+use std::f64::consts::PI;
+
+/// Straight onto one side, x of the front's image to the right (front) or as the back's camera sees it.
+fn straight(front: bool) -> mesophyll_viewer::scene::Camera {
+    let mut c = camera(if front { Vec3::Z } else { -Vec3::Z }, 100.0);
+    c.fov_y_deg = 2.0 * (10.0f32 / 100.0).atan().to_degrees();
+    c
+}
+
+/// A letter F, which no turn or mirror maps onto itself.
+const LETTER: [&str; 8] = ["........", ".#####..", ".#......", ".####...", ".#......", ".#......", ".#......", "........"];
+
+fn letter() -> Vec<[f32; 4]> {
+    LETTER.iter().flat_map(|row| row.bytes().map(|b| if b == b'#' { [1.0, 1.0, 1.0, 0.0] } else { [0.0; 4] })).collect()
+}
+
+#[test]
+fn each_side_is_drawn_as_its_camera_saw_it() {
+    let Some(mut renderer) = renderer() else { return };
+    for front in [true, false] {
+        let mut leaf = uniform_leaf();
+        let (seen, other) = if front { (&mut leaf.front, &mut leaf.back) } else { (&mut leaf.back, &mut leaf.front) };
+        seen.gamma_delta = letter();
+        // The far side lets nothing through, so that the picture holds the viewed side alone.
+        other.interior = mesophyll_viewer::scene::Interior::Scalars(curve(0.2, RHO_D, [0.0; 3]));
+        let mut scene = scene_of(leaf);
+        scene.sky = Some([1.0; 3]);
+        renderer.set_scene(&scene).expect("scene");
+        let picture = renderer.render(&straight(front), 80, 80).expect("picture");
+        for (row, line) in LETTER.iter().enumerate() {
+            for (column, byte) in line.bytes().enumerate() {
+                // Between texel centres the picture is bilinear; at a centre it is the texel.
+                let at = picture.radiance(10 * column as u32 + 5, 10 * row as u32 + 5)[1];
+                assert_eq!(at > 0.04, byte == b'#', "front {front}, row {row}, column {column}: {at}");
+            }
+        }
+    }
+}
+
+#[test]
+fn light_through_the_leaf_uses_the_far_sides_mirrored_map() {
+    let Some(mut renderer) = renderer() else { return };
+    let mut leaf = uniform_leaf();
+    // Thicker (darker in transmission) in the left half of the back's own image: at +x.
+    leaf.back.gamma_delta = (0..64).map(|i| [1.0, 1.0, 1.0, if i % 8 < 4 { 0.05 } else { -0.05 }]).collect();
+    let mut scene = scene_of(leaf);
+    scene.sun = Some(sun(-Vec3::Z));
+    renderer.set_scene(&scene).expect("scene");
+    let picture = renderer.render(&straight(true), 40, 40).expect("picture");
+    let e = 2.5 / PI * f64::from(BACK_T[1]);
+    let (left, right) = (f64::from(picture.radiance(5, 20)[1]), f64::from(picture.radiance(35, 20)[1]));
+    assert!((left - 1.25 * e).abs() < 1e-4 && (right - 0.75 * e).abs() < 1e-4, "{left} {right} {e}");
+}
+
+#[test]
+fn mapped_normals_lean_the_way_their_camera_saw() {
+    let Some(mut renderer) = renderer() else { return };
+    let tilt = Vec3::new(0.3, -0.45, 1.0).normalize();
+    for front_seen in [true, false] {
+        for front_mapped in [true, false] {
+            let mut leaf = uniform_leaf();
+            let side = if front_mapped { &mut leaf.front } else { &mut leaf.back };
+            side.normal = Some(vec![tilt.to_array(); 64]);
+            let mut scene = scene_of(leaf);
+            // The mapped side is the lit one: seen directly, or through the leaf.
+            let out = if front_mapped { 1.0 } else { -1.0 };
+            let light = Vec3::new(0.5, 0.2, out);
+            scene.sun = Some(sun(light));
+            // x runs to the right in each side's own image: along +x on the front, along −x on the back.
+            let normal = [out * tilt.x, tilt.y, out * tilt.z].map(f64::from);
+            let cosine = dot(normal, wide(sun(light).direction));
+            let rho = match (front_seen, front_mapped) {
+                (true, true) => RHO_D,
+                (false, false) => BACK_D,
+                (false, true) => RHO_T,
+                (true, false) => BACK_T,
+            };
+            let want = std::array::from_fn(|c| f64::from(sun(light).irradiance[c]) * cosine * f64::from(rho[c]) / PI);
+            renderer.set_scene(&scene).expect("scene");
+            let picture = renderer.render(&straight(front_seen), 9, 9).expect("picture");
+            agree(&format!("seen {front_seen}, mapped {front_mapped}"), picture.radiance(4, 4), want, 1e-4);
+        }
+    }
+}
+
+#[test]
+fn turning_everything_together_changes_nothing() {
+    let Some(mut renderer) = renderer() else { return };
+    let mut leaf = uniform_leaf();
+    leaf.front.gloss = Some(vec![[0.05, 0.05, 0.05, 0.3]; 64]);
+    leaf.front.normal = Some((0..64).map(|i| Vec3::new(0.04 * (i % 8) as f32, 0.1, 1.0).normalize().to_array()).collect());
+    leaf.front.gamma_delta = letter();
+    let mut scene = scene_of(leaf);
+    scene.sun = Some(sun(Vec3::new(-0.5, 0.3, 1.0)));
+    scene.sky = Some([0.3; 3]);
+    let view = camera(Vec3::new(0.5, 0.3, 1.0), 70.0);
+    let mut draw = |scene: &Scene, camera| {
+        renderer.set_scene(scene).expect("scene");
+        renderer.render(&camera, 48, 48).expect("picture")
+    };
+    let upright = draw(&scene, view);
+    let turn = Quat::from_euler(glam::EulerRot::XYZ, 0.7, -1.1, 2.0);
+    let shift = Vec3::new(30.0, -20.0, 5.0);
+    scene.instances[0].transform = Mat4::from_rotation_translation(turn, shift);
+    let mut s = scene.sun.expect("sun");
+    s.direction = turn * s.direction;
+    scene.sun = Some(s);
+    let mut turned_view = view;
+    turned_view.eye = turn * view.eye + shift;
+    turned_view.target = turn * view.target + shift;
+    turned_view.up = turn * view.up;
+    let turned = draw(&scene, turned_view);
+    let off = |a: &[f32; 4], b: &[f32; 4]| (0..3).any(|c| (a[c] - b[c]).abs() > 1e-3 * a[c].abs().max(1e-2));
+    let differing = upright.hdr.iter().zip(&turned.hdr).filter(|(a, b)| off(a, b)).count();
+    assert!(differing < 12, "{differing} pixels (rounding at the outline aside)");
+}
+
+#[test]
+fn magnified_maps_are_bilinear() {
+    let Some(mut renderer) = renderer() else { return };
+    let mut leaf = uniform_leaf();
+    let gamma = |i: usize, j: usize| 0.2 + ((i * 7 + j * 13) % 8) as f32 * 0.2;
+    leaf.front.gamma_delta = (0..64).map(|k| [gamma(k % 8, k / 8), 1.0, 1.0, 0.0]).collect();
+    let mut scene = scene_of(leaf);
+    scene.sun = Some(sun(Vec3::Z));
+    renderer.set_scene(&scene).expect("scene");
+    let view = straight(true);
+    let picture = renderer.render(&view, 70, 70).expect("picture");
+    for (x, y) in [(3, 60), (13, 22), (31, 44), (50, 50), (66, 9), (69, 0)] {
+        let p = seen_point(&view, 70, 70, x, y);
+        let (u, v) = (0.5 + p[0] / 20.0, 0.5 - p[1] / 20.0);
+        let (s, t) = ((u * 8.0 - 0.5).clamp(0.0, 7.0), (v * 8.0 - 0.5).clamp(0.0, 7.0));
+        let (i, j) = ((s as usize).min(6), (t as usize).min(6));
+        let (a, b) = (s - i as f64, t - j as f64);
+        let g = |i, j| f64::from(gamma(i, j));
+        let mixed = (g(i, j) * (1.0 - a) + g(i + 1, j) * a) * (1.0 - b) + (g(i, j + 1) * (1.0 - a) + g(i + 1, j + 1) * a) * b;
+        let want = 3.0 / PI * f64::from(RHO_D[0]) * mixed;
+        let got = f64::from(picture.radiance(x, y)[0]);
+        // Filters may hold their weights in 1/256.
+        assert!((got / want - 1.0).abs() < 0.01, "pixel {x},{y}: {got} against {want}");
+    }
+}
+
+#[test]
+fn minified_maps_are_averaged() {
+    let Some(mut renderer) = renderer() else { return };
+    let mut leaf = uniform_leaf();
+    (leaf.width, leaf.height) = (256, 256);
+    let checks = |k: usize| if (k % 256 + k / 256).is_multiple_of(2) { 2.0 } else { 0.0 };
+    leaf.front.gamma_delta = (0..256 * 256).map(|k| [checks(k), 1.0, 1.0, 0.0]).collect();
+    leaf.back.gamma_delta = vec![[1.0, 1.0, 1.0, 0.0]; 256 * 256];
+    let mut scene = scene_of(leaf);
+    scene.sun = Some(sun(Vec3::Z));
+    renderer.set_scene(&scene).expect("scene");
+    let picture = renderer.render(&straight(true), 30, 30).expect("picture");
+    let want = 3.0 / PI * f64::from(RHO_D[0]);
+    for y in 2..28 {
+        for x in 2..28 {
+            assert!((f64::from(picture.radiance(x, y)[0]) / want - 1.0).abs() < 0.02, "pixel {x},{y}");
+        }
+    }
+}
+
+#[test]
+fn masks_cut_the_outline_and_four_samples_soften_it() {
+    let Some(mut renderer) = renderer() else { return };
+    let mut leaf = uniform_leaf();
+    leaf.mask = Some((0..64).map(|i| u8::from((i % 8) + (i / 8) < 8)).collect());
+    let mut scene = scene_of(leaf);
+    scene.sky = Some([1.0; 3]);
+    let mut covered = Vec::new();
+    for msaa in [1, 4] {
+        scene.msaa = msaa;
+        renderer.set_scene(&scene).expect("scene");
+        let picture = renderer.render(&straight(true), 60, 60).expect("picture");
+        assert_eq!((picture.radiance(5, 5)[3], picture.radiance(55, 55)[3]), (1.0, 0.0));
+        let partial = picture.hdr.iter().filter(|p| p[3] > 0.0 && p[3] < 1.0).count();
+        assert_eq!(partial > 0, msaa == 4, "{partial}");
+        covered.push(picture.hdr.iter().map(|p| p[3]).sum::<f32>() / 3600.0);
+    }
+    assert!((covered[0] - covered[1]).abs() < 0.01, "{covered:?}");
+    assert!(renderer.stats().uploaded("mask"));
+    let mut twice = scene_of(uniform_leaf());
+    twice.instances.push(Instance { leaf: 0, transform: Mat4::from_translation(Vec3::Z) });
+    twice.sky = Some([1.0; 3]);
+    renderer.set_scene(&twice).expect("scene");
+    assert!(!renderer.stats().uploaded("mask"));
+}
