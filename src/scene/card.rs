@@ -14,6 +14,7 @@ use crate::optics::slab;
 use crate::transport::{self, closed_form};
 use crate::{Error, Result};
 use glam::{DMat4, DVec3};
+use std::sync::Arc;
 
 /// One side's mean parameters.
 #[derive(Debug, Clone, PartialEq)]
@@ -141,7 +142,7 @@ pub fn world(manifest: &Manifest, card: &Card) -> transport::World {
                 thickness: texel(p.thickness),
                 curve: {
                     let (sigma_a, sigma_s) = (p.sigma_a, p.sigma_s);
-                    Box::new(move |h| {
+                    Arc::new(move |h| {
                         let r = [0, 1, 2].map(|c| slab::exact::response(sigma_a[c], sigma_s[c], h));
                         (r.map(|r| r.rho_d), r.map(|r| r.rho_t))
                     })

@@ -2,11 +2,17 @@
 
 pub mod amount;
 pub mod card;
+#[cfg(feature = "render")]
+pub mod check;
 pub mod display;
 pub mod facing;
 pub mod fitted;
 #[cfg(feature = "render")]
+pub mod golden;
+#[cfg(feature = "render")]
 pub mod handover;
+#[cfg(feature = "render")]
+pub mod interiors;
 pub mod ledger;
 pub mod manifest;
 pub mod mesh;

@@ -14,6 +14,7 @@ use crate::{Error, Result};
 use glam::{DVec3, DVec4};
 use rayon::prelude::*;
 use std::f64::consts::PI;
+use std::sync::Arc;
 
 /// Everything the perspective views show.
 ///
@@ -150,7 +151,7 @@ fn one_side(config: &Leaf, leaf: &LeafPlan, s: usize, side: SideName, ledger: &L
         let thickness = std::mem::take(&mut planes[1]);
         let (low, high) = thickness.iter().fold((f64::INFINITY, 0f64), |(a, b), h| (a.min(f64::from(*h)), b.max(f64::from(*h))));
         let curve = Chebyshev::new(fitted.rgb(side, "sigma_a")?, fitted.rgb(side, "sigma_s")?, low, high);
-        transport::Interior::Scalars { gamma: three(&mut planes, 2), thickness, curve: Box::new(move |h| curve.at(h)) }
+        transport::Interior::Scalars { gamma: three(&mut planes, 2), thickness, curve: Arc::new(move |h| curve.at(h)) }
     };
     Ok((transport::ReferenceSide { interior, gloss, normal }, on_leaf))
 }
