@@ -28,21 +28,28 @@ pub fn solve(omega: f64, one_minus_omega: f64, delta: f64) -> Response {
 
 /// [`solve`] for a beam at cosine `mu0`.
 pub fn solve_at(mu0: f64, omega: f64, one_minus_omega: f64, delta: f64) -> Response {
-    let known = omega >= 0.0 && one_minus_omega >= 0.0 && (omega + one_minus_omega - 1.0).abs() < 1e-9;
-    if !known || !(delta >= 0.0) || !(mu0 > 0.0 && mu0 <= 1.0) {
-        return Response { rho_d: f64::NAN, rho_t: f64::NAN };
-    }
-    if delta == 0.0 {
-        return Response { rho_d: 0.0, rho_t: 1.0 };
-    }
-    if omega == 0.0 {
-        return Response { rho_d: 0.0, rho_t: (-delta / mu0).exp() };
-    }
-    let delta = delta.min(1e300);
-    let mut r = if delta / mu0 < THIN { thin::solve(omega, delta, mu0) } else { ordinates::solve(omega, one_minus_omega, delta, mu0) };
+    let (rho_d, log_t) = solve_log(mu0, omega, one_minus_omega, delta);
+    let mut r = Response { rho_d, rho_t: log_t.exp() };
     if one_minus_omega == 0.0 {
-        // What is not reflected is transmitted: the smaller of the two keeps its relative accuracy.
-        if r.rho_d < r.rho_t { r.rho_t = 1.0 - r.rho_d } else { r.rho_d = 1.0 - r.rho_t }
+        r.conserve();
     }
     r
+}
+
+/// ρd and ln ρt: the logarithm stays finite where ρt itself underflows.
+pub fn solve_log(mu0: f64, omega: f64, one_minus_omega: f64, delta: f64) -> (f64, f64) {
+    let known = omega >= 0.0 && one_minus_omega >= 0.0 && (omega + one_minus_omega - 1.0).abs() < 1e-9;
+    if !known || !(delta >= 0.0) || !(mu0 > 0.0 && mu0 <= 1.0) {
+        return (f64::NAN, f64::NAN);
+    }
+    if delta == 0.0 || omega == 0.0 {
+        return (0.0, -delta / mu0);
+    }
+    let delta = delta.min(1e300);
+    if delta / mu0 < THIN {
+        let r = thin::solve(omega, delta, mu0);
+        (r.rho_d, r.rho_t.ln())
+    } else {
+        ordinates::solve(omega, one_minus_omega, delta, mu0)
+    }
 }

@@ -8,7 +8,6 @@
 //! Ordinates: Gauss–Legendre in s, μ = 1 − (1 − s³)², which crowds nodes at μ = 0 (the radiance is like μ ln μ there) and
 //! at μ = 1 (the Case pole 1/ν₀ comes close when ω is small).
 
-use super::Response;
 use super::quadrature::gauss;
 use std::sync::OnceLock;
 
@@ -124,100 +123,117 @@ impl Modes {
     fn coupling(&self, i: usize, j: usize) -> f64 {
         let k = &self.k;
         match (i, j) {
-            (0, 0) => f64::NAN, // handled by the caller through `extrapolation`
-            (0, _) => self.a[0] * self.b[j] * 2.0_f64.powi(0),
+            (0, 0) => f64::NAN, // the callers take M₀₀ from `extrapolation`
+            (0, _) => self.a[0] * self.b[j],
             (_, 0) => k[i] / (k[i] + k[0]) / (k[0] - k[i]) * self.a[i] * 2.0 * self.b[0],
             _ => k[i] / (k[i] + k[j]) * (k[0] + k[j]) / (k[0] - k[i]) * self.a[i] * self.b[j],
         }
     }
 
-    /// ρd and ρt of the slab of optical thickness `delta` for a beam at cosine `mu0`.
-    pub fn response(&self, delta: f64, mu0: f64) -> Response {
-        let active = (0..N).take_while(|&i| i == 0 || self.k[i] * delta < CUT).count();
-        let decay: Vec<f64> = (0..active).map(|i| (-self.k[i] * delta).exp()).collect();
-        let (k0, c) = (self.k[0], 1.0 / mu0);
-        let log_m00 = -k0 * (delta + self.extrapolation);
-        let m = |i: usize, j: usize| self.coupling(i, j) * decay[j];
-        let beam = (-c * delta).exp();
-        let (mut rho_d, mut rho_t);
-        if k0 * delta > 4.0 {
-            // The far boundary is a small correction: A = A₀ − M B, B = −M A, by iteration.
-            let m00 = log_m00.exp();
-            let column0 = |i: usize| if i == 0 { m00 } else { m(i, 0) * k0 };
-            let apply = |v: &[f64], i: usize| column0(i) * v[0] + (1..active).map(|j| m(i, j) * v[j]).sum::<f64>();
-            let mut a: Vec<f64> = (0..active).map(|i| self.half_space(i)).collect();
-            let mut b = vec![0.0; active];
-            for _ in 0..60 {
-                let old = (a[0], b[0]);
-                b = (0..active).map(|i| -apply(&a, i)).collect();
-                a = (0..active).map(|i| self.half_space(i) - apply(&b, i)).collect();
-                if (a[0] - old.0).abs() <= 1e-17 * a[0].abs() && (b[0] - old.1).abs() <= 1e-16 * b[0].abs() {
-                    break;
-                }
+    /// ρd and ln ρt of the slab of optical thickness `delta` for a beam at cosine `mu0`.
+    pub fn response(&self, delta: f64, mu0: f64) -> (f64, f64) {
+        if self.k[0] * delta > 4.0 { self.far_boundaries(delta, 1.0 / mu0) } else { self.near_boundaries(delta, 1.0 / mu0) }
+    }
+
+    /// Modes that couple the boundaries: what they carry across is not negligible beside e^(−slow Δ).
+    fn active(&self, delta: f64, slow: f64) -> usize {
+        (0..N).take_while(|&i| i == 0 || (self.k[i] - slow) * delta < CUT).count()
+    }
+
+    /// The far boundary is a small correction: A = A₀ − M B, B = −M A, by iteration. What crosses the slab carries the factor e^(−slow Δ),
+    /// which is kept apart, so that the transmittance may underflow and its logarithm does not.
+    fn far_boundaries(&self, delta: f64, c: f64) -> (f64, f64) {
+        let slow = self.k[0].min(c);
+        let active = self.active(delta, slow);
+        let crossing: Vec<f64> = (0..active).map(|i| (-(self.k[i] - slow) * delta).exp()).collect();
+        let m00 = (-self.k[0] * self.extrapolation).exp() * crossing[0];
+        let apply = |v: &[f64], i: usize| {
+            let first = if i == 0 { m00 } else { self.coupling(i, 0) * self.k[0] * crossing[0] };
+            first * v[0] + (1..active).map(|j| self.coupling(i, j) * crossing[j] * v[j]).sum::<f64>()
+        };
+        let scale = (-slow * delta).exp();
+        let mut a: Vec<f64> = (0..active).map(|i| self.half_space(i)).collect();
+        // b is B e^(slow Δ)
+        let mut b = vec![0.0; active];
+        for _ in 0..60 {
+            let old = (a[0], b[0]);
+            b = (0..active).map(|i| -apply(&a, i)).collect();
+            a = (0..active).map(|i| self.half_space(i) - scale * scale * apply(&b, i)).collect();
+            if (a[0] - old.0).abs() <= 1e-17 * a[0].abs() && (b[0] - old.1).abs() <= 1e-16 * b[0].abs() {
+                break;
             }
-            (rho_d, rho_t) = (0.0, beam);
-            for i in 0..N {
-                let (ai, bi) = if i < active { (a[i], b[i]) } else { (self.half_space(i) - apply(&b, i), -apply(&a, i)) };
-                let (near, far) = exits(self.k[i], delta, c);
-                rho_d += ai * near + bi * far;
-                rho_t += ai * far + bi * near;
-            }
-        } else {
-            // Even and odd parts: (1+M)(A+B) = A₀ and (1−M)(A−B) = A₀; the odd amplitude of mode 0 is x/k₀.
-            let half: Vec<f64> = (0..active).map(|i| self.half_space(i)).collect();
-            let mut even = vec![0.0; active * active];
-            let mut odd = vec![0.0; active * active];
-            for i in 0..active {
-                for j in 0..active {
-                    let (e, o) = match (i, j) {
-                        (0, 0) => (1.0 + log_m00.exp(), if k0 > 0.0 { -log_m00.exp_m1() / k0 } else { delta + self.extrapolation }),
-                        (_, 0) => (m(i, 0) * k0, -m(i, 0)),
-                        _ => {
-                            let unit = if i == j { 1.0 } else { 0.0 };
-                            (unit + m(i, j), unit - m(i, j))
-                        }
-                    };
-                    even[i * active + j] = e;
-                    odd[i * active + j] = o;
-                }
-            }
-            let e = solve_dense(even, half.clone());
-            let o = solve_dense(odd, half);
-            // S = ½ Σ E (e^(−kτ) + e^(−k(Δ−τ))) + ½ Σ O (e^(−kτ) − e^(−k(Δ−τ)))
-            let (mut sum, mut difference) = (0.0, 0.0);
-            for i in 0..N {
-                let (near, far) = exits(self.k[i], delta, c);
-                let (ei, oi) = if i < active {
-                    (e[i], o[i])
-                } else {
-                    let h = self.half_space(i);
-                    let rest = |v: &[f64]| (1..active).map(|j| m(i, j) * v[j]).sum::<f64>();
-                    (h - m(i, 0) * k0 * e[0] - rest(&e), h + m(i, 0) * o[0] + rest(&o))
-                };
-                sum += ei * (near + far);
-                difference += oi * if i == 0 { odd_exit(k0, delta, c) } else { near - far };
-            }
-            rho_d = 0.5 * (sum + difference);
-            rho_t = beam + 0.5 * (sum - difference);
         }
-        Response { rho_d, rho_t }
+        let (mut rho_d, mut crossed) = (0.0, (-(c - slow) * delta).exp());
+        for i in 0..N {
+            let k = self.k[i];
+            let (ai, bi) = if i < active { (a[i], b[i]) } else { (self.half_space(i) - scale * scale * apply(&b, i), -apply(&a, i)) };
+            let (near, far) = (near_exit(k, delta, c), far_exit(k, delta, c, slow));
+            rho_d += ai * near + scale * scale * bi * far;
+            crossed += ai * far + bi * near;
+        }
+        (rho_d, crossed.ln() - slow * delta)
+    }
+
+    /// Even and odd parts, (1+M)(A+B) = A₀ and (1−M)(A−B) = A₀; the odd amplitude of mode 0 is x/k₀, so that k₀ = 0 is an ordinary point.
+    fn near_boundaries(&self, delta: f64, c: f64) -> (f64, f64) {
+        let active = self.active(delta, 0.0);
+        let k0 = self.k[0];
+        let crossing: Vec<f64> = (0..active).map(|i| (-self.k[i] * delta).exp()).collect();
+        let log_m00 = -k0 * (delta + self.extrapolation);
+        let m = |i: usize, j: usize| self.coupling(i, j) * crossing[j];
+        let half: Vec<f64> = (0..active).map(|i| self.half_space(i)).collect();
+        let mut even = vec![0.0; active * active];
+        let mut odd = vec![0.0; active * active];
+        for i in 0..active {
+            for j in 0..active {
+                let (e, o) = match (i, j) {
+                    (0, 0) => (1.0 + log_m00.exp(), if k0 > 0.0 { -log_m00.exp_m1() / k0 } else { delta + self.extrapolation }),
+                    (_, 0) => (m(i, 0) * k0, -m(i, 0)),
+                    _ => {
+                        let unit = if i == j { 1.0 } else { 0.0 };
+                        (unit + m(i, j), unit - m(i, j))
+                    }
+                };
+                even[i * active + j] = e;
+                odd[i * active + j] = o;
+            }
+        }
+        let e = solve_dense(even, half.clone());
+        let o = solve_dense(odd, half);
+        // S = ½ Σ E (e^(−kτ) + e^(−k(Δ−τ))) + ½ Σ O (e^(−kτ) − e^(−k(Δ−τ)))
+        let (mut sum, mut difference) = (0.0, 0.0);
+        for i in 0..N {
+            let (near, far) = (near_exit(self.k[i], delta, c), far_exit(self.k[i], delta, c, 0.0));
+            let (ei, oi) = if i < active {
+                (e[i], o[i])
+            } else {
+                let h = self.half_space(i);
+                let rest = |v: &[f64]| (1..active).map(|j| m(i, j) * v[j]).sum::<f64>();
+                (h - m(i, 0) * k0 * e[0] - rest(&e), h + m(i, 0) * o[0] + rest(&o))
+            };
+            sum += ei * (near + far);
+            difference += oi * if i == 0 { odd_exit(k0, delta, c) } else { near - far };
+        }
+        (0.5 * (sum + difference), ((-c * delta).exp() + 0.5 * (sum - difference)).ln())
     }
 }
 
-/// ∫₀^Δ e^(−kτ) c e^(−cτ) dτ and ∫₀^Δ e^(−k(Δ−τ)) c e^(−cτ) dτ.
-fn exits(k: f64, delta: f64, c: f64) -> (f64, f64) {
-    let near = -c * (-(k + c) * delta).exp_m1() / (k + c);
+/// ∫₀^Δ e^(−kτ) c e^(−cτ) dτ.
+fn near_exit(k: f64, delta: f64, c: f64) -> f64 {
+    -c * (-(k + c) * delta).exp_m1() / (k + c)
+}
+
+/// e^(slow Δ) ∫₀^Δ e^(−k(Δ−τ)) c e^(−cτ) dτ, slow ≤ k and ≤ c.
+fn far_exit(k: f64, delta: f64, c: f64, slow: f64) -> f64 {
     let gap = (c - k).abs();
-    let slow = (-c.min(k) * delta).exp();
-    let far = if gap * delta < 1e-300 { c * delta * slow } else { -c * slow * (-gap * delta).exp_m1() / gap };
-    (near, far)
+    let decay = (-(c.min(k) - slow) * delta).exp();
+    if gap * delta < 1e-300 { c * delta * decay } else { -c * decay * (-gap * delta).exp_m1() / gap }
 }
 
 /// (near − far)/k for the mode that may have k = 0.
 fn odd_exit(k: f64, delta: f64, c: f64) -> f64 {
     if k > 0.5 * c.min(1.0) {
-        let (near, far) = exits(k, delta, c);
-        return (near - far) / k;
+        return (near_exit(k, delta, c) - far_exit(k, delta, c, 0.0)) / k;
     }
     let ratio = if k * delta < 1e-5 { 0.5 * delta * (1.0 - (k * delta).powi(2) / 12.0) } else { (0.5 * k * delta).tanh() / k };
     c * (1.0 + (-k * delta).exp()) * (1.0 + (-c * delta).exp()) / ((c - k) * (c + k)) * (c * ratio - (0.5 * c * delta).tanh())
@@ -351,7 +367,7 @@ fn solve_dense(mut m: Vec<f64>, mut v: Vec<f64>) -> Vec<f64> {
     v
 }
 
-/// ρd and ρt at (ω, Δ), 1 − ω given apart.
-pub fn solve(omega: f64, absorbed: f64, delta: f64, mu0: f64) -> Response {
+/// ρd and ln ρt at (ω, Δ), 1 − ω given apart.
+pub fn solve(omega: f64, absorbed: f64, delta: f64, mu0: f64) -> (f64, f64) {
     Modes::new(omega, absorbed).response(delta, mu0)
 }

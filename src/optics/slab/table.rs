@@ -1,0 +1,305 @@
+//! The fast slab: piecewise polynomials made from [`super::exact`], read from a committed table of some tens of kilobytes.
+//!
+//! Coordinates that carry the physics' own scales, so that few patches suffice: q = ln Δ, and ξ in [0, 1],
+//! ξ = ln(1 + (1−ω) D²/…) / ln(1 + D²/…) with D = Δ + 1.42 (the slab with its two extrapolated distances): in ω the slab's only
+//! singularities are poles on ω ≥ 1 + (π/D)²/3, which the logarithm sends away. Stored are G₁ = ρd / (ω h(Δ)), h = Δ/(1+Δ), and G₂ = −ln ρt / Δ.
+//! Thinner than the table a series in Δ ln Δ answers, thicker than it `exact`.
+
+use super::Response;
+use std::sync::OnceLock;
+
+/// Polynomial coefficients a direction.
+pub const ORDER: usize = 10;
+const SIZE: usize = ORDER * ORDER;
+/// Optical thickness covered.
+pub const DELTA_MIN: f64 = 1e-6;
+pub const DELTA_MAX: f64 = 4096.0;
+const EULER_GAMMA: f64 = 0.577_215_664_901_532_9;
+
+/// ln(1 + (1−ω) D² SHARPNESS): the nearest pole lies at (1−ω) D² = −π²/3.
+const SHARPNESS: f64 = 3.0 / (std::f64::consts::PI * std::f64::consts::PI);
+const EXTRAPOLATED: f64 = 1.42;
+
+/// G₁ and G₂ at a point, with their derivatives by 1−ω and by Δ.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scaled {
+    pub g: [f64; 2],
+    pub by_absorbed: [f64; 2],
+    pub by_delta: [f64; 2],
+}
+
+/// Polynomials over one rectangle of (q, ξ).
+struct Patch {
+    centre: [f64; 2],
+    /// 1 / half width
+    inverse: [f64; 2],
+    /// powers of the local ξ run slowest, then those of the local q, then G₁ and G₂
+    coefficients: Vec<[f64; 2]>,
+}
+
+/// Patches in rows of q, a row's patches ordered by ξ.
+pub struct Table {
+    /// lower edges of the rows in q
+    edges: Vec<f64>,
+    rows: Vec<Row>,
+}
+
+struct Row {
+    /// upper edges in ξ
+    tops: Vec<f64>,
+    patches: Vec<Patch>,
+}
+
+/// The coordinate ξ and its derivatives by 1−ω and Δ.
+#[inline]
+fn coordinate(absorbed: f64, delta: f64) -> (f64, f64, f64) {
+    let d = delta + EXTRAPOLATED;
+    let c = SHARPNESS * d * d;
+    let whole = c.ln_1p();
+    let part = (c * absorbed).ln_1p();
+    let xi = part / whole;
+    let by_absorbed = c / ((1.0 + c * absorbed) * whole);
+    let by_delta = (2.0 * c / d) * (absorbed / (1.0 + c * absorbed) - xi / (1.0 + c)) / whole;
+    (xi, by_absorbed, by_delta)
+}
+
+/// 1−ω at a coordinate.
+fn absorbed_at(xi: f64, delta: f64) -> f64 {
+    let d = delta + EXTRAPOLATED;
+    let c = SHARPNESS * d * d;
+    ((xi * c.ln_1p()).exp_m1() / c).min(1.0)
+}
+
+impl Table {
+    /// The committed table.
+    pub fn committed() -> &'static Table {
+        static TABLE: OnceLock<Table> = OnceLock::new();
+        TABLE.get_or_init(|| Table::read(include_bytes!("../../../data/slab/response.bin")))
+    }
+
+    /// G₁, G₂ and derivatives for DELTA_MIN ≤ Δ ≤ DELTA_MAX, 0 ≤ 1−ω ≤ 1.
+    #[inline]
+    pub fn at(&self, absorbed: f64, delta: f64) -> Scaled {
+        let q = delta.ln();
+        let (xi, xi_a, xi_d) = coordinate(absorbed, delta);
+        let row = &self.rows[self.edges[1..].iter().take_while(|&&e| q >= e).count().min(self.rows.len() - 1)];
+        let patch = &row.patches[row.tops.iter().take_while(|&&t| xi > t).count().min(row.patches.len() - 1)];
+        let x = (xi - patch.centre[1]) * patch.inverse[1];
+        let y = (q - patch.centre[0]) * patch.inverse[0];
+        let (g, gx, gy) = patch.evaluate(x, y);
+        let (sx, sy) = (patch.inverse[1], patch.inverse[0] / delta);
+        Scaled {
+            g,
+            by_absorbed: [gx[0] * sx * xi_a, gx[1] * sx * xi_a],
+            by_delta: [gx[0] * sx * xi_d + gy[0] * sy, gx[1] * sx * xi_d + gy[1] * sy],
+        }
+    }
+
+    /// Reads a table written by [`Table::write`].
+    fn read(bytes: &[u8]) -> Table {
+        let mut numbers = bytes.chunks_exact(8).map(|b| f64::from_le_bytes([b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7]]));
+        let mut next = || numbers.next().unwrap_or(f64::NAN);
+        let mut table = Table { edges: Vec::new(), rows: Vec::new() };
+        for _ in 0..next() as usize {
+            let (low, high) = (next(), next());
+            table.edges.push(low);
+            let mut row = Row { tops: Vec::new(), patches: Vec::new() };
+            let mut left = 0.0;
+            for _ in 0..next() as usize {
+                let right = next();
+                let coefficients = (0..SIZE).map(|_| [next(), next()]).collect();
+                row.tops.push(right);
+                row.patches.push(Patch::new([low, left], [high, right], coefficients));
+                left = right;
+            }
+            table.rows.push(row);
+        }
+        table
+    }
+}
+
+impl Patch {
+    fn new(low: [f64; 2], high: [f64; 2], coefficients: Vec<[f64; 2]>) -> Patch {
+        let centre = [0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])];
+        Patch { centre, inverse: [2.0 / (high[0] - low[0]), 2.0 / (high[1] - low[1])], coefficients }
+    }
+
+    /// Value and derivatives by local ξ (x) and q (y), Horner in x over vectors of y powers, then in y.
+    #[inline]
+    fn evaluate(&self, x: f64, y: f64) -> ([f64; 2], [f64; 2], [f64; 2]) {
+        let mut value = [[0.0; 2]; ORDER];
+        let mut slope = [[0.0; 2]; ORDER];
+        for line in self.coefficients.chunks_exact(ORDER).rev() {
+            for j in 0..ORDER {
+                for s in 0..2 {
+                    slope[j][s] = slope[j][s] * x + value[j][s];
+                    value[j][s] = value[j][s] * x + line[j][s];
+                }
+            }
+        }
+        let (mut g, mut gx, mut gy) = ([0.0; 2], [0.0; 2], [0.0; 2]);
+        for j in (0..ORDER).rev() {
+            for s in 0..2 {
+                gy[s] = gy[s] * y + g[s];
+                g[s] = g[s] * y + value[j][s];
+                gx[s] = gx[s] * y + slope[j][s];
+            }
+        }
+        (g, gx, gy)
+    }
+}
+
+/// Thinner than the table: the first two terms in Δ, ln Δ (relative error below 3e-10), with derivatives by 1−ω and Δ.
+pub fn thin_series(omega: f64, absorbed: f64, delta: f64) -> (Response, [Response; 2]) {
+    let log = if delta > 0.0 { delta.ln() } else { 0.0 };
+    // ρ = (ω/2) ∫E₂(t)(1−t) dt + (ω/2)² ∫∫E₁(|t−s|) dt ds; both sides alike at this order
+    let once = delta * (1.0 + 0.5 * delta * (log + EULER_GAMMA - 2.5));
+    let once_by = 1.0 + delta * (log + EULER_GAMMA - 2.0);
+    let twice = delta * delta * (1.5 - EULER_GAMMA - log);
+    let twice_by = delta * (2.0 - 2.0 * EULER_GAMMA - 2.0 * log);
+    let half = 0.5 * omega;
+    let scattered = half * (once + half * twice);
+    let by_omega = 0.5 * once + half * twice;
+    let by_delta = half * (once_by + half * twice_by);
+    let mut at = Response { rho_d: scattered, rho_t: (-delta).exp() + scattered };
+    if absorbed == 0.0 {
+        at.conserve();
+    }
+    (at, [Response { rho_d: -by_omega, rho_t: -by_omega }, Response { rho_d: by_delta, rho_t: by_delta - (-delta).exp() }])
+}
+
+pub mod build {
+    //! How the committed table is made: `cargo test --release slab_table_is_made_again -- --ignored`.
+
+    use super::{DELTA_MAX, DELTA_MIN, ORDER, Patch, SIZE, absorbed_at};
+    use crate::optics::slab::exact;
+    use std::f64::consts::PI;
+
+    /// Rows of equal width in ln Δ.
+    const ROWS: usize = 16;
+    /// Check points a direction: the nodes of the interpolation, and as many between them.
+    const CHECKS: usize = ORDER;
+    /// A patch is split in ξ until its largest error in ρd (relative) and ln ρt (absolute) at check points is below this.
+    const TOLERANCE: f64 = 2e-10;
+
+    /// G₁ and G₂ from the exact solution.
+    fn truth(q: f64, xi: f64) -> [f64; 2] {
+        let delta = q.exp();
+        let absorbed = absorbed_at(xi, delta);
+        let omega = 1.0 - absorbed;
+        let (rho_d, log_t) = exact::solve_log(1.0, omega, absorbed, delta);
+        [rho_d * (1.0 + delta) / (omega * delta), -log_t / delta]
+    }
+
+    /// Chebyshev interpolation, turned into powers.
+    fn fit(low: [f64; 2], high: [f64; 2]) -> Patch {
+        let node = |k: usize| (PI * (k as f64 + 0.5) / ORDER as f64).cos();
+        // powers[m][k]: coefficient of x^k in T_m
+        let mut powers = [[0.0; ORDER]; ORDER];
+        powers[0][0] = 1.0;
+        powers[1][1] = 1.0;
+        for m in 2..ORDER {
+            for k in 0..ORDER {
+                powers[m][k] = if k > 0 { 2.0 * powers[m - 1][k - 1] } else { 0.0 } - powers[m - 2][k];
+            }
+        }
+        // lagrange[i][k]: coefficient of x^k in the polynomial that is 1 at node i and 0 at the others
+        let mut lagrange = [[0.0; ORDER]; ORDER];
+        for i in 0..ORDER {
+            for m in 0..ORDER {
+                let weight = if m == 0 { 1.0 } else { 2.0 } / ORDER as f64 * (m as f64 * node(i).acos()).cos();
+                for k in 0..ORDER {
+                    lagrange[i][k] += weight * powers[m][k];
+                }
+            }
+        }
+        let place = |d: usize, t: f64| 0.5 * (low[d] + high[d]) + 0.5 * (high[d] - low[d]) * t;
+        let mut coefficients = vec![[0.0; 2]; SIZE];
+        for i in 0..ORDER {
+            for j in 0..ORDER {
+                let g = truth(place(0, node(j)), place(1, node(i)));
+                for a in 0..ORDER {
+                    for b in 0..ORDER {
+                        for s in 0..2 {
+                            coefficients[a * ORDER + b][s] += g[s] * lagrange[i][a] * lagrange[j][b];
+                        }
+                    }
+                }
+            }
+        }
+        Patch::new(low, high, coefficients)
+    }
+
+    /// Largest errors at check points between the nodes of q (first) and of ξ (second).
+    fn worst(patch: &Patch, low: [f64; 2], high: [f64; 2]) -> [f64; 2] {
+        let mut worst = [0.0; 2];
+        for i in 0..CHECKS {
+            for j in 0..CHECKS {
+                let (node, between) = (-(PI * (i as f64 + 0.5) / CHECKS as f64).cos(), -1.0 + 2.0 * j as f64 / (CHECKS - 1) as f64);
+                for direction in 0..2 {
+                    let (x, y) = if direction == 0 { (node, between) } else { (between, node) };
+                    let q = 0.5 * (low[0] + high[0]) + 0.5 * (high[0] - low[0]) * y;
+                    let xi = 0.5 * (low[1] + high[1]) + 0.5 * (high[1] - low[1]) * x;
+                    let (got, want) = (patch.evaluate(x, y).0, truth(q, xi.min(1.0 - 1e-12)));
+                    let delta = q.exp();
+                    // Below e^−72 (about 5e-32) the transmittance needs no more than its order of magnitude.
+                    let deep = if want[1] * delta > 72.0 { 1e-5 } else { 1.0 };
+                    let error = (got[0] / want[0] - 1.0).abs().max((got[1] - want[1]).abs() * delta.max(1e-3) * deep);
+                    worst[direction] = error.max(worst[direction]);
+                }
+            }
+        }
+        worst
+    }
+
+    /// The patches of one row and their largest error; nothing where the row is too wide.
+    fn row(q0: f64, q1: f64) -> Option<(Vec<(f64, Patch)>, f64)> {
+        let mut done = Vec::new();
+        let mut todo = vec![(0.0, 1.0)];
+        let mut largest: f64 = 0.0;
+        while let Some((left, right)) = todo.pop() {
+            let patch = fit([q0, left], [q1, right]);
+            let error = worst(&patch, [q0, left], [q1, right]);
+            let allowed = TOLERANCE * (q1.exp() / 4.0).powi(3).clamp(1.0, 25.0);
+            if error[0].max(error[1]) <= allowed {
+                largest = largest.max(error[0]).max(error[1]);
+                done.push((right, patch));
+            } else if error[0] <= 0.5 * allowed || error[0] < 0.1 * error[1] {
+                let middle = 0.5 * (left + right);
+                todo.push((middle, right));
+                todo.push((left, middle));
+            } else {
+                return None;
+            }
+        }
+        Some((done, largest))
+    }
+
+    /// The table's bytes; `say` hears of each row.
+    pub fn bytes(mut say: impl FnMut(String)) -> Vec<u8> {
+        let (bottom, top) = (DELTA_MIN.ln(), DELTA_MAX.ln());
+        let mut todo: Vec<(f64, f64)> = (0..ROWS)
+            .rev()
+            .map(|r| (bottom + (top - bottom) * r as f64 / ROWS as f64, bottom + (top - bottom) * (r + 1) as f64 / ROWS as f64))
+            .collect();
+        let mut rows = Vec::new();
+        while let Some((q0, q1)) = todo.pop() {
+            match row(q0, q1) {
+                Some((patches, largest)) => {
+                    say(format!("Δ {:9.2e} … {:9.2e}: {} patches, largest error {largest:.1e}", q0.exp(), q1.exp(), patches.len()));
+                    rows.push((q0, q1, patches));
+                }
+                None => todo.extend([(0.5 * (q0 + q1), q1), (q0, 0.5 * (q0 + q1))]),
+            }
+        }
+        let mut numbers = vec![rows.len() as f64];
+        for (q0, q1, patches) in rows {
+            numbers.extend([q0, q1, patches.len() as f64]);
+            for (right, patch) in patches {
+                numbers.push(right);
+                numbers.extend(patch.coefficients.iter().flatten());
+            }
+        }
+        numbers.iter().flat_map(|x| x.to_le_bytes()).collect()
+    }
+}
