@@ -12,6 +12,7 @@
 //! # }
 //! ```
 
+pub mod editor;
 mod error;
 mod geometry;
 mod gpu;
@@ -19,6 +20,7 @@ mod leaf;
 pub mod lobe;
 mod maps;
 mod passes;
+pub mod pick;
 mod picture;
 mod readback;
 mod renderer;
@@ -26,8 +28,10 @@ pub mod scene;
 mod shader;
 mod stats;
 mod timing;
+mod ui;
 mod validate;
 mod variant;
+mod window;
 
 pub use error::{Error, Result};
 pub use gpu::{AdapterInfo, Backend, Options};
@@ -35,3 +39,5 @@ pub use picture::Picture;
 pub use renderer::Renderer;
 pub use stats::{Stats, Upload};
 pub use timing::Timing;
+pub use ui::{CheckLayout, ViewerUi, WindowScene};
+pub use window::{Shown, Stage, WindowOptions, open_window};

@@ -200,6 +200,25 @@ fn basis(in: Varying, normal: vec3f) -> Basis {
     let tangent = normalize(in.tangent.xyz - normal * dot(normal, in.tangent.xyz));
     return Basis(tangent, in.tangent.w * cross(normal, tangent), normal);
 }
+
+// A side's mapped normal, outward from that side.
+fn mapped(front: bool, place: Place, axes: Basis) -> vec3f {
+    if (front) {
+        //#if FRONT_NORMAL
+        let n = at(front_normal, place.front, place).xyz;
+        return normalize(n.x * axes.tangent + n.y * axes.bitangent + n.z * axes.normal);
+        //#else
+        return axes.normal;
+        //#endif
+    }
+    //#if BACK_NORMAL
+    // The back's camera looks from behind: its right is against the tangent, its up along the bitangent, its z against the normal.
+    let n = at(back_normal, place.back, place).xyz;
+    return normalize(-n.x * axes.tangent + n.y * axes.bitangent - n.z * axes.normal);
+    //#else
+    return -axes.normal;
+    //#endif
+}
 //#endif
 
 //#if GLOSS
@@ -318,26 +337,12 @@ fn fragment(in: Varying) -> Pixel {
     let mesh_normal = normalize(in.normal);
     let front = dot(mesh_normal, view) >= 0.0;
     let towards_viewer = select(-mesh_normal, mesh_normal, front);
-    // The viewed side's mapped normal N and the far side's F.
-    var viewed = towards_viewer;
-    var far = -towards_viewer;
+    // The viewed side's mapped normal N; the far side's F is looked up only where the sun needs it.
     //#if TANGENT
-    let frame_of_mesh = basis(in, mesh_normal);
-    //#if FRONT_NORMAL
-    let f = at(front_normal, place.front, place).xyz;
-    let front_mapped = normalize(f.x * frame_of_mesh.tangent + f.y * frame_of_mesh.bitangent + f.z * frame_of_mesh.normal);
+    let axes = basis(in, mesh_normal);
+    let viewed = mapped(front, place, axes);
     //#else
-    let front_mapped = mesh_normal;
-    //#endif
-    //#if BACK_NORMAL
-    // The back's camera looks from behind: its right is against the tangent, its up along the bitangent, its z against the normal.
-    let b = at(back_normal, place.back, place).xyz;
-    let back_mapped = normalize(-b.x * frame_of_mesh.tangent + b.y * frame_of_mesh.bitangent - b.z * frame_of_mesh.normal);
-    //#else
-    let back_mapped = -mesh_normal;
-    //#endif
-    viewed = select(back_mapped, front_mapped, front);
-    far = select(front_mapped, back_mapped, front);
+    let viewed = towards_viewer;
     //#endif
     //#if GLOSS
     let gloss = viewed_gloss(front, place);
@@ -385,6 +390,11 @@ fn fragment(in: Varying) -> Pixel {
         } else {
             transmittance = front_transmittance(place);
         }
+        //#endif
+        //#if TANGENT
+        let far = mapped(!front, place, axes);
+        //#else
+        let far = -towards_viewer;
         //#endif
         sunlit = max(0.0, dot(far, light)) * transmittance * 0.318309886;
     }

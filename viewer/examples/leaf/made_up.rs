@@ -1,10 +1,10 @@
-//! A made-up leaf, drawn without any measurement: `cargo run -p mesophyll-viewer --example leaf -- out.png`.
+//! A made-up leaf: an outline, a few veins, a folded and arched blade. No measurement stands behind it.
 
 use glam::{Mat4, Quat, Vec2, Vec3};
+use mesophyll_viewer::editor::SideEdit;
 use mesophyll_viewer::scene::{Camera, Instance, Interior, Leaf, Lobe, Mesh, Scene, Side, SlabCurve, Sun};
-use mesophyll_viewer::{Options, Renderer};
 
-const WIDTH: u32 = 256;
+pub const WIDTH: u32 = 256;
 const HEIGHT: u32 = 384;
 
 /// Half the blade's width (share of the longest) at `t` from base to tip.
@@ -18,7 +18,7 @@ fn vein(x: f32, t: f32) -> f32 {
     (x.abs() * 1.2).min((side - 0.5).abs() * 0.35)
 }
 
-fn side(front: bool) -> Side {
+pub fn side(front: bool) -> Side {
     let mut gamma_delta = Vec::new();
     let mut normal = Vec::new();
     let mut gloss = Vec::new();
@@ -37,16 +37,32 @@ fn side(front: bool) -> Side {
             normal.push(Vec3::new(-raised * dx, -raised * dy, 1.0).normalize().to_array());
         }
     }
-    let n = 33;
-    let thickness = |k: usize| 0.05 + 0.4 * k as f32 / (n - 1) as f32;
-    let (d, t) = if front { ([0.055, 0.11, 0.035], [0.9, 1.4, 0.7]) } else { ([0.12, 0.18, 0.1], [0.8, 1.3, 0.6]) };
-    let curve = SlabCurve {
-        min_mm: thickness(0),
-        max_mm: thickness(n - 1),
-        rho_d: (0..n).map(|k| d.map(|v: f32| v * (1.0 - (-12.0 * thickness(k)).exp()))).collect(),
-        rho_t: (0..n).map(|k| t.map(|v: f32| 0.6 * (-thickness(k) * 9.0 / v).exp())).collect(),
+    let interior = Interior::Scalars(curve(&start(front)));
+    Side { gamma_delta, gloss: front.then_some(gloss), normal: Some(normal), interior }
+}
+
+/// Where editing starts.
+pub fn start(front: bool) -> SideEdit {
+    let sigma_a = if front { [16.0, 5.0, 24.0] } else { [9.0, 3.4, 11.0] };
+    SideEdit { sigma_a, sigma_s: [14.0, 15.0, 12.0], rho_s_scale: 1.0, m_scale: 1.0 }
+}
+
+/// A stand-in for the slab: two-stream (Kubelka & Munk) reflectance and transmittance over black with K = 2σa, S = ¾σs. Good enough to
+/// move in the right direction; the real program solves the transport equation.
+pub fn curve(side: &SideEdit) -> SlabCurve {
+    let n = 49;
+    let (min_mm, max_mm) = (0.005, 1.2);
+    let thickness = |k: usize| min_mm + (max_mm - min_mm) * k as f32 / (n - 1) as f32;
+    let two_stream = |channel: usize, h: f32| {
+        let (k, s) = (2.0 * side.sigma_a[channel], 0.75 * side.sigma_s[channel]);
+        let a = 1.0 + k / s;
+        let b = (a * a - 1.0).sqrt();
+        let (sinh, cosh) = ((b * s * h).min(40.0).sinh(), (b * s * h).min(40.0).cosh());
+        let below = a * sinh + b * cosh;
+        (sinh / below, b / below)
     };
-    Side { gamma_delta, gloss: front.then_some(gloss), normal: Some(normal), interior: Interior::Scalars(curve) }
+    let all = |pick: fn((f32, f32)) -> f32| (0..n).map(|k| std::array::from_fn(|c| pick(two_stream(c, thickness(k))))).collect();
+    SlabCurve { min_mm, max_mm, rho_d: all(|p| p.0), rho_t: all(|p| p.1) }
 }
 
 /// A blade 70 mm long, folded along its midrib and arched.
@@ -117,15 +133,4 @@ pub fn scene(cluster: bool) -> Scene {
 
 pub fn camera() -> Camera {
     Camera { eye: Vec3::new(30.0, -110.0, 130.0), target: Vec3::new(0.0, 0.0, 10.0), up: Vec3::Z, fov_y_deg: 40.0 }
-}
-
-fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let path = std::env::args().nth(1).unwrap_or_else(|| "leaf.png".into());
-    let mut renderer = Renderer::headless(&Options::default())?;
-    renderer.set_scene(&scene(true))?;
-    renderer.render(&camera(), 800, 600)?.save_png(path.as_ref())?;
-    let timing = renderer.time(&camera(), 800, 600, 5)?;
-    println!("{:?}: median {:.1?} ms, {:.1?}", renderer.adapter(), timing.quantile(0.5), timing.passes);
-    println!("{:#?}", renderer.stats());
-    Ok(())
 }

@@ -1,0 +1,81 @@
+//! Draws a made-up leaf without any measurement.
+//!
+//! ```text
+//! cargo run -p mesophyll-viewer --example leaf -- out.png                  a picture, with times and what was uploaded
+//! cargo run -p mesophyll-viewer --example leaf -- --window                 the window
+//! cargo run -p mesophyll-viewer --example leaf -- --window shot.png 3      the window for three frames, and what it showed
+//! ```
+
+mod made_up;
+
+use mesophyll_viewer::editor::{Editor, LeafEdit, LeafUpdate, Measure, ReferencePicture, Verdict};
+use mesophyll_viewer::scene::{Camera, Interior, Scene};
+use mesophyll_viewer::{Options, Picture, Renderer, WindowOptions, WindowScene, open_window};
+
+/// Stands in for the program around the window: its slab is a two-stream one, its reference the renderer itself without shadows.
+struct StandIn;
+
+impl Editor for StandIn {
+    fn start(&self, _: usize) -> LeafEdit {
+        LeafEdit { thickness_mm: 0.2, front: made_up::start(true), back: made_up::start(false) }
+    }
+
+    fn recompute(&mut self, _: usize, edit: &LeafEdit) -> Result<LeafUpdate, String> {
+        let interior = |front| Interior::Scalars(made_up::curve(edit.side(front)));
+        Ok(LeafUpdate { thickness_mm: edit.thickness_mm, front: interior(true), back: interior(false) })
+    }
+
+    fn save(&mut self, _: usize, _: &LeafEdit) -> Result<String, String> {
+        Err("a made-up leaf has no fit to save".into())
+    }
+
+    fn reference(&mut self, scene: &Scene, camera: &Camera, width: u32, height: u32) -> Result<ReferencePicture, String> {
+        let mut renderer = Renderer::headless(&Options::default()).map_err(|e| e.to_string())?;
+        let bare = Scene { shadow_samples: 0, ..scene.clone() };
+        renderer.set_scene(&bare).map_err(|e| e.to_string())?;
+        let picture = renderer.render(camera, width, height).map_err(|e| e.to_string())?;
+        Ok(ReferencePicture { width, height, ldr: picture.ldr })
+    }
+
+    fn judge(&mut self, picture: &Picture, reference: &ReferencePicture) -> Verdict {
+        let worst = picture.ldr.iter().zip(&reference.ldr).map(|(a, b)| a[1].abs_diff(b[1])).max().unwrap_or(0);
+        let measure = Measure { name: "largest error".into(), value: f64::from(worst) / 255.0, threshold: 0.05 };
+        let note = "This stand-in reference casts no shadows.".into();
+        Verdict { passed: measure.value <= measure.threshold, measures: vec![measure], note }
+    }
+
+    fn probe(&self, _: usize, front: bool, texel: [u32; 2]) -> Vec<(String, String)> {
+        let side = made_up::side(front);
+        let t = side.gamma_delta[(texel[1] * made_up::WIDTH + texel[0]) as usize];
+        vec![
+            ("γ".into(), format!("{:.3} {:.3} {:.3}", t[0], t[1], t[2])),
+            ("δ".into(), format!("{:+.3} mm", t[3])),
+            ("h + δ".into(), format!("{:.3} mm", 0.2 + t[3])),
+        ]
+    }
+}
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    if words.first().is_some_and(|w| w == "--window") {
+        let scene = WindowScene {
+            title: "made-up leaf".into(),
+            scene: made_up::scene(true),
+            camera: made_up::camera(),
+            views: vec![("above".into(), made_up::camera())],
+            check_size: [400, 300],
+            screenshots: ".".into(),
+        };
+        let frames = words.get(2).map(|n| n.parse()).transpose()?;
+        let options = WindowOptions { screenshot: words.get(1).map(Into::into), frames, ..Default::default() };
+        return Ok(open_window(scene, Box::new(StandIn), &options)?);
+    }
+    let path = words.first().map_or("leaf.png", String::as_str);
+    let mut renderer = Renderer::headless(&Options::default())?;
+    renderer.set_scene(&made_up::scene(true))?;
+    renderer.render(&made_up::camera(), 800, 600)?.save_png(path.as_ref())?;
+    let timing = renderer.time(&made_up::camera(), 800, 600, 5)?;
+    println!("{:?}: median {:.1?} ms, {:.1?}", renderer.adapter(), timing.quantile(0.5), timing.passes);
+    println!("{:#?}", renderer.stats());
+    Ok(())
+}

@@ -1,0 +1,92 @@
+//! What the window asks of the program around it. The viewer never solves the slab, renders no reference and judges nothing: an edit
+//! goes out through `Editor` and comes back as new curves or maps.
+
+use crate::picture::Picture;
+use crate::scene::{Camera, Interior, Scene};
+
+/// One side's editable parameters (Wang et al. 2005, Fig. 6).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SideEdit {
+    /// Absorption and scattering coefficients, red, green and blue (1/mm). For pigment maps: their means.
+    pub sigma_a: [f32; 3],
+    pub sigma_s: [f32; 3],
+    /// Factors on the fitted gloss maps.
+    pub rho_s_scale: f32,
+    pub m_scale: f32,
+}
+
+/// A leaf's editable parameters.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LeafEdit {
+    /// Mean thickness h (mm).
+    pub thickness_mm: f32,
+    pub front: SideEdit,
+    pub back: SideEdit,
+}
+
+impl LeafEdit {
+    /// The parameters of one side.
+    pub fn side(&self, front: bool) -> &SideEdit {
+        if front { &self.front } else { &self.back }
+    }
+
+    pub fn side_mut(&mut self, front: bool) -> &mut SideEdit {
+        if front { &mut self.front } else { &mut self.back }
+    }
+}
+
+/// What follows from an edit: ρd and ρt of the new slab, as curves or maps. The gloss factors are applied by the viewer.
+#[derive(Debug, Clone)]
+pub struct LeafUpdate {
+    pub thickness_mm: f32,
+    pub front: Interior,
+    pub back: Interior,
+}
+
+/// What the reference renderer drew.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ReferencePicture {
+    pub width: u32,
+    pub height: u32,
+    /// Tone-mapped sRGB, row-major, row 0 on top.
+    pub ldr: Vec<[u8; 4]>,
+}
+
+/// One figure of a verdict; it passes where it is not above its threshold.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Measure {
+    pub name: String,
+    pub value: f64,
+    pub threshold: f64,
+}
+
+/// What a check says.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Verdict {
+    pub passed: bool,
+    pub measures: Vec<Measure>,
+    /// One sentence more, or empty.
+    pub note: String,
+}
+
+/// The program around the window. Errors are sentences that the window shows.
+pub trait Editor {
+    /// Where editing leaf `leaf` starts: its parameters as fitted.
+    fn start(&self, leaf: usize) -> LeafEdit;
+
+    /// Solves the slab for an edit.
+    fn recompute(&mut self, leaf: usize, edit: &LeafEdit) -> Result<LeafUpdate, String>;
+
+    /// Saves an edit as a new fit and says where.
+    fn save(&mut self, leaf: usize, edit: &LeafEdit) -> Result<String, String>;
+
+    /// Draws the scene as it stands with the reference renderer.
+    fn reference(&mut self, scene: &Scene, camera: &Camera, width: u32, height: u32) -> Result<ReferencePicture, String>;
+
+    /// Compares a picture with its reference.
+    fn judge(&mut self, picture: &Picture, reference: &ReferencePicture) -> Verdict;
+
+    /// What is known about one texel, as pairs of a name and a value with its unit. The texel is a column and row of the side's own
+    /// maps, as its camera saw them.
+    fn probe(&self, leaf: usize, front: bool, texel: [u32; 2]) -> Vec<(String, String)>;
+}

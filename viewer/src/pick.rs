@@ -1,0 +1,94 @@
+//! What lies under the pointer: a ray through the picture against the instances' triangles, on the CPU.
+
+use crate::scene::{Camera, Leaf, Scene};
+use glam::{Vec2, Vec3};
+
+/// A point of a leaf.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hit {
+    pub instance: usize,
+    pub leaf: usize,
+    /// Which side is seen: the one whose mesh normal faces the viewer.
+    pub front: bool,
+    /// On the front's maps.
+    pub uv: Vec2,
+    /// Column and row of the seen side's own maps.
+    pub texel: [u32; 2],
+    pub position: Vec3,
+    pub distance: f32,
+}
+
+/// The ray through a picture at `x`, `y` (0 to 1 from the top left corner).
+pub fn ray(camera: &Camera, aspect: f32, x: f32, y: f32) -> (Vec3, Vec3) {
+    let forward = (camera.target - camera.eye).normalize();
+    let right = forward.cross(camera.up).normalize();
+    let up = right.cross(forward);
+    let t = (0.5 * camera.fov_y_deg.to_radians()).tan();
+    (camera.eye, (forward + (2.0 * x - 1.0) * t * aspect * right + (1.0 - 2.0 * y) * t * up).normalize())
+}
+
+/// The nearest point of a leaf that the picture shows at `x`, `y` (0 to 1); holes in a mask are looked through.
+pub fn pick(scene: &Scene, camera: &Camera, aspect: f32, x: f32, y: f32) -> Option<Hit> {
+    let (origin, direction) = ray(camera, aspect, x, y);
+    let boxes: Vec<(Vec3, Vec3)> = scene.leaves.iter().map(bounds).collect();
+    let mut best: Option<Hit> = None;
+    for (i, instance) in scene.instances.iter().enumerate() {
+        let Some(leaf) = scene.leaves.get(instance.leaf) else { continue };
+        let back = instance.transform.inverse();
+        let (o, d) = (back.transform_point3(origin), back.transform_vector3(direction));
+        if !meets_box(o, d, boxes[instance.leaf]) {
+            continue;
+        }
+        for triangle in leaf.mesh.indices.as_chunks::<3>().0 {
+            let Some((t, u, v)) = meets_triangle(o, d, triangle.map(|k| leaf.mesh.positions[k as usize])) else { continue };
+            if best.is_some_and(|b| b.distance <= t) {
+                continue;
+            }
+            let weights = [1.0 - u - v, u, v];
+            let corner = |k: usize| triangle[k] as usize;
+            let uv: Vec2 = (0..3).map(|k| weights[k] * leaf.mesh.uvs[corner(k)]).sum();
+            let normal: Vec3 = (0..3).map(|k| weights[k] * leaf.mesh.normals[corner(k)]).sum();
+            let [column, row] = texel(leaf, uv);
+            if leaf.mask.as_ref().is_some_and(|m| m[(row * leaf.width + column) as usize] == 0) {
+                continue;
+            }
+            let front = normal.dot(d) <= 0.0;
+            let texel = if front { [column, row] } else { [leaf.width - 1 - column, row] };
+            best = Some(Hit { instance: i, leaf: instance.leaf, front, uv, texel, position: origin + t * direction, distance: t });
+        }
+    }
+    best
+}
+
+fn texel(leaf: &Leaf, uv: Vec2) -> [u32; 2] {
+    let at = |x: f32, n: u32| ((x * n as f32).max(0.0) as u32).min(n - 1);
+    [at(uv.x, leaf.width), at(uv.y, leaf.height)]
+}
+
+fn bounds(leaf: &Leaf) -> (Vec3, Vec3) {
+    let start = (Vec3::splat(f32::MAX), Vec3::splat(f32::MIN));
+    leaf.mesh.positions.iter().fold(start, |(l, h), p| (l.min(*p), h.max(*p)))
+}
+
+fn meets_box(o: Vec3, d: Vec3, (low, high): (Vec3, Vec3)) -> bool {
+    let margin = 1e-4 * (high - low).max_element().max(1e-3);
+    let (a, b) = ((low - margin - o) / d, (high + margin - o) / d);
+    let (near, far) = (a.min(b).max_element(), a.max(b).min_element());
+    far >= near.max(0.0)
+}
+
+/// Distance and barycentric coordinates (Möller & Trumbore 1997), both faces.
+fn meets_triangle(o: Vec3, d: Vec3, [a, b, c]: [Vec3; 3]) -> Option<(f32, f32, f32)> {
+    let (e, f) = (b - a, c - a);
+    let p = d.cross(f);
+    let determinant = e.dot(p);
+    if determinant == 0.0 {
+        return None;
+    }
+    let s = o - a;
+    let u = s.dot(p) / determinant;
+    let q = s.cross(e);
+    let v = d.dot(q) / determinant;
+    let t = f.dot(q) / determinant;
+    (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0).then_some((t, u, v))
+}

@@ -1,0 +1,138 @@
+//! The appearance panel: which leaf and side, its maps, and the sliders of Wang et al. 2005, Fig. 6: thickness, σa and σs a channel,
+//! gloss. A change goes to `Editor::recompute`, and what comes back is drawn with the next picture.
+
+use super::ViewerUi;
+use super::thumbnails::{MapKind, thumbnail};
+use crate::editor::LeafEdit;
+use crate::scene::{Leaf, Side};
+use egui::{Color32, RichText, Slider, TextureHandle, TextureOptions};
+use std::collections::HashMap;
+
+/// Thumbnails made so far, by leaf, side and map.
+#[derive(Default)]
+pub(crate) struct Thumbnails(HashMap<(usize, bool, MapKind), Option<(TextureHandle, [f32; 2])>>);
+
+impl Thumbnails {
+    /// Forgets a leaf's thumbnails, after its maps have changed.
+    pub(crate) fn forget(&mut self, leaf: usize) {
+        self.0.retain(|(l, _, _), _| *l != leaf);
+    }
+}
+
+const CHANNELS: [(&str, Color32); 3] =
+    [("R", Color32::from_rgb(230, 90, 80)), ("G", Color32::from_rgb(90, 190, 90)), ("B", Color32::from_rgb(100, 140, 240))];
+
+/// Two significant digits.
+fn short(value: f32) -> String {
+    let digits = if value == 0.0 { 0 } else { (1 - value.abs().log10().floor() as i32).clamp(0, 3) };
+    format!("{value:.0$}", digits as usize)
+}
+
+impl ViewerUi {
+    pub(super) fn appearance(&mut self, ui: &mut egui::Ui) {
+        ui.heading("Appearance");
+        self.choose_leaf(ui);
+        ui.horizontal(|ui| {
+            ui.label("side");
+            for (front, name) in [(true, "front"), (false, "back")] {
+                let response = ui.selectable_value(&mut self.side_front, front, name);
+                self.landmark(name, &response);
+            }
+        });
+        self.maps(ui);
+        ui.separator();
+        let mut edit = self.edits[self.leaf];
+        self.sliders(ui, &mut edit);
+        if edit != self.edits[self.leaf] {
+            self.set_edit(self.leaf, edit);
+        }
+        ui.separator();
+        ui.horizontal(|ui| {
+            let changed = self.edits[self.leaf] != self.starts[self.leaf];
+            let reset = ui.add_enabled(changed, egui::Button::new("Reset"));
+            self.landmark("reset", &reset);
+            if reset.clicked() {
+                self.set_edit(self.leaf, self.starts[self.leaf]);
+            }
+            let save = ui.add_enabled(changed, egui::Button::new("Save as new fit"));
+            self.landmark("save", &save);
+            if save.clicked() {
+                self.save();
+            }
+        });
+    }
+
+    fn choose_leaf(&mut self, ui: &mut egui::Ui) {
+        let mut chosen = self.leaf;
+        let name = self.scene.leaves[self.leaf].name.clone();
+        egui::ComboBox::from_id_salt("leaf").selected_text(name).width(170.0).show_ui(ui, |ui| {
+            for (i, leaf) in self.scene.leaves.iter().enumerate() {
+                ui.selectable_value(&mut chosen, i, &leaf.name);
+            }
+        });
+        if chosen != self.leaf {
+            self.choose(chosen);
+        }
+        let mut alone = self.alone;
+        ui.checkbox(&mut alone, "show it alone");
+        if alone != self.alone {
+            self.show_alone(alone);
+        }
+    }
+
+    fn maps(&mut self, ui: &mut egui::Ui) {
+        let (leaf, front) = (self.leaf, self.side_front);
+        let shapes = &self.scene.leaves[leaf];
+        let tall = 84.0;
+        let wide = (tall * shapes.width as f32 / shapes.height as f32).clamp(40.0, 84.0);
+        let mut shown = Vec::new();
+        for kind in MapKind::ALL {
+            let entry = self.thumbnails.0.entry((leaf, front, kind)).or_insert_with(|| {
+                let (image, range) = thumbnail(shapes, front, kind)?;
+                Some((ui.ctx().load_texture(format!("{leaf} {front} {kind:?}"), image, TextureOptions::LINEAR), range))
+            });
+            shown.extend(entry.as_ref().map(|(texture, range)| (kind, texture.id(), *range)));
+        }
+        egui::Grid::new("maps").spacing([6.0, 4.0]).show(ui, |ui| {
+            for (i, (kind, id, [low, high])) in shown.into_iter().enumerate() {
+                ui.vertical(|ui| {
+                    ui.set_width(84.0);
+                    ui.image((id, egui::vec2(wide, tall)));
+                    let text = if kind == MapKind::Normal { String::new() } else { format!(" {}…{}", short(low), short(high)) };
+                    let text = RichText::new(format!("{}{text}", kind.label())).small();
+                    ui.add(egui::Label::new(text).extend());
+                });
+                if i % 3 == 2 {
+                    ui.end_row();
+                }
+            }
+        });
+    }
+
+    fn sliders(&mut self, ui: &mut egui::Ui, edit: &mut LeafEdit) {
+        ui.spacing_mut().slider_width = 110.0;
+        let thickness = ui.add(Slider::new(&mut edit.thickness_mm, 0.02..=1.0).logarithmic(true).suffix(" mm").text("h"));
+        self.landmark("thickness", &thickness);
+        let shining = match self.scene.leaves[self.leaf] {
+            Leaf { front: Side { gloss: Some(_), .. }, .. } if self.side_front => true,
+            Leaf { back: Side { gloss: Some(_), .. }, .. } if !self.side_front => true,
+            _ => false,
+        };
+        let side = edit.side_mut(self.side_front);
+        for (name, range, values) in [("σa", 1e-3..=100.0, &mut side.sigma_a), ("σs", 1e-2..=300.0, &mut side.sigma_s)] {
+            for (value, (channel, colour)) in values.iter_mut().zip(CHANNELS) {
+                let text = RichText::new(format!("{name} {channel}")).color(colour);
+                let response = ui.add(Slider::new(value, range.clone()).logarithmic(true).suffix("/mm").text(text));
+                self.landmark(&format!("{name} {channel}"), &response);
+            }
+        }
+        if shining {
+            let rho_s = ui.add(Slider::new(&mut side.rho_s_scale, 0.0..=3.0).text("ρs ×"));
+            self.landmark("ρs", &rho_s);
+            let m = ui.add(Slider::new(&mut side.m_scale, 0.2..=3.0).logarithmic(true).text("m ×"));
+            self.landmark("m", &m);
+        } else {
+            ui.label(RichText::new("This side is matte.").weak());
+        }
+    }
+}

@@ -1,0 +1,133 @@
+//! The check view: picture, reference and their difference, side by side or flipped, with the verdict and its thresholds.
+
+use super::ViewerUi;
+use crate::editor::{ReferencePicture, Verdict};
+use crate::picture::Picture;
+use egui::{Color32, ColorImage, Rect, RichText, TextureHandle, TextureOptions, pos2, vec2};
+
+/// What the difference is multiplied by before it is shown.
+const GAIN: u16 = 8;
+
+/// A finished check.
+pub(crate) struct Check {
+    pub verdict: Verdict,
+    /// Picture, reference, difference.
+    textures: [TextureHandle; 3],
+    size: [u32; 2],
+    /// The scene or camera has changed since.
+    pub stale: bool,
+}
+
+/// How a check is laid out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CheckLayout {
+    SideBySide,
+    /// Picture and reference in turn, so that the eye sees what moves.
+    Flipped,
+}
+
+const NAMES: [&str; 3] = ["picture", "reference", "difference × 8"];
+
+/// The difference a channel, amplified.
+pub(crate) fn difference(a: &[[u8; 4]], b: &[[u8; 4]]) -> Vec<[u8; 4]> {
+    let channel = |x: u8, y: u8| (u16::from(x.abs_diff(y)) * GAIN).min(255) as u8;
+    a.iter().zip(b).map(|(p, q)| [channel(p[0], q[0]), channel(p[1], q[1]), channel(p[2], q[2]), 255]).collect()
+}
+
+impl Check {
+    pub(crate) fn new(context: &egui::Context, picture: &Picture, reference: &ReferencePicture, verdict: Verdict) -> Check {
+        let size = [picture.width as usize, picture.height as usize];
+        let load = |name: &str, pixels: &[[u8; 4]]| {
+            let image = ColorImage::from_rgba_unmultiplied(size, pixels.as_flattened());
+            context.load_texture(name, image, TextureOptions::LINEAR)
+        };
+        let textures =
+            [load(NAMES[0], &picture.ldr), load(NAMES[1], &reference.ldr), load(NAMES[2], &difference(&picture.ldr, &reference.ldr))];
+        Check { verdict, textures, size: [picture.width, picture.height], stale: false }
+    }
+}
+
+impl ViewerUi {
+    /// The panel: ask for a check, read its verdict.
+    pub(super) fn check_panel(&mut self, ui: &mut egui::Ui) {
+        ui.heading("Check");
+        ui.horizontal(|ui| {
+            let button = ui.button("Check against the reference");
+            self.landmark("check", &button);
+            if button.clicked() {
+                self.request_check();
+            }
+        });
+        let Some(check) = &self.check else {
+            ui.label(RichText::new("Not checked yet.").weak());
+            return;
+        };
+        let (word, colour) =
+            if check.verdict.passed { ("passed", Color32::from_rgb(90, 190, 90)) } else { ("failed", Color32::from_rgb(230, 90, 80)) };
+        ui.label(RichText::new(word).strong().size(18.0).color(colour));
+        if check.stale {
+            ui.label(RichText::new("The scene or the view has changed since.").color(Color32::from_rgb(220, 170, 60)));
+        }
+        egui::Grid::new("measures").num_columns(3).spacing([10.0, 2.0]).show(ui, |ui| {
+            for m in &check.verdict.measures {
+                ui.label(&m.name);
+                let colour = if m.value <= m.threshold { ui.visuals().text_color() } else { Color32::from_rgb(230, 90, 80) };
+                ui.label(RichText::new(format!("{:.4}", m.value)).monospace().color(colour));
+                ui.monospace(format!("≤ {:.4}", m.threshold));
+                ui.end_row();
+            }
+        });
+        if !check.verdict.note.is_empty() {
+            ui.label(RichText::new(&check.verdict.note).small());
+        }
+        let mut show = self.show_check;
+        ui.horizontal(|ui| {
+            for (choice, name) in [(None, "live"), (Some(CheckLayout::SideBySide), "side by side"), (Some(CheckLayout::Flipped), "flipped")]
+            {
+                let response = ui.selectable_value(&mut show, choice, name);
+                self.landmark(name, &response);
+            }
+        });
+        self.show_check = show;
+    }
+
+    /// The pictures, in place of the live one.
+    pub(super) fn check_view(&self, ui: &mut egui::Ui, layout: CheckLayout) {
+        let Some(check) = &self.check else { return };
+        let area = ui.available_rect_before_wrap();
+        let aspect = check.size[0] as f32 / check.size[1] as f32;
+        let caption = 20.0;
+        let show = |which: usize, cell: Rect| {
+            let room = vec2(cell.width(), cell.height() - caption);
+            let size = if room.x / room.y > aspect { vec2(room.y * aspect, room.y) } else { vec2(room.x, room.x / aspect) };
+            let rect = Rect::from_center_size(cell.center() + vec2(0.0, 0.5 * caption), size);
+            let painter = ui.painter();
+            let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
+            painter.image(check.textures[which].id(), rect, whole, Color32::WHITE);
+            let font = egui::FontId::proportional(14.0);
+            painter.text(rect.center_top() - vec2(0.0, 3.0), egui::Align2::CENTER_BOTTOM, NAMES[which], font, ui.visuals().text_color());
+        };
+        match layout {
+            CheckLayout::SideBySide => {
+                // Three in a row or, in a tall window, below each other: whichever shows them larger.
+                let width_in_a_row = (area.width() / 3.0).min((area.height() - caption) * aspect);
+                let width_in_a_column = area.width().min((area.height() / 3.0 - caption) * aspect);
+                let in_a_row = width_in_a_row >= width_in_a_column;
+                for which in 0..3 {
+                    let k = which as f32;
+                    let cell = if in_a_row {
+                        Rect::from_min_size(area.min + vec2(k * area.width() / 3.0, 0.0), vec2(area.width() / 3.0, area.height()))
+                    } else {
+                        Rect::from_min_size(area.min + vec2(0.0, k * area.height() / 3.0), vec2(area.width(), area.height() / 3.0))
+                    };
+                    show(which, cell.shrink(3.0));
+                }
+            }
+            CheckLayout::Flipped => {
+                let which = (ui.input(|i| i.time) / 0.7) as usize % 2;
+                show(which, area);
+                ui.ctx().request_repaint_after(std::time::Duration::from_millis(100));
+            }
+        }
+    }
+}

@@ -1,0 +1,68 @@
+//! The lights panel: the sun's direction, the brightness of sun and sky, exposure, and the scene's own views.
+
+use super::ViewerUi;
+use crate::scene::Sun;
+use crate::ui::orbit::Orbit;
+use egui::{RichText, Slider};
+use glam::Vec3;
+
+/// Azimuth from +x towards +y and elevation above the horizon (degrees) of a direction.
+pub(crate) fn angles(direction: Vec3) -> (f32, f32) {
+    (direction.y.atan2(direction.x).to_degrees(), direction.z.clamp(-1.0, 1.0).asin().to_degrees())
+}
+
+/// The direction of an azimuth and an elevation (degrees).
+pub(crate) fn direction(azimuth: f32, elevation: f32) -> Vec3 {
+    let ((sin_a, cos_a), (sin_e, cos_e)) = (azimuth.to_radians().sin_cos(), elevation.to_radians().sin_cos());
+    Vec3::new(cos_e * cos_a, cos_e * sin_a, sin_e)
+}
+
+impl ViewerUi {
+    pub(super) fn lights(&mut self, ui: &mut egui::Ui) {
+        ui.heading("Light");
+        ui.spacing_mut().slider_width = 110.0;
+        let before = (self.scene.sun.map(|s| s.direction), self.sun_factor, self.sky_factor, self.scene.exposure);
+        if let Some(sun) = self.scene.sun {
+            // Kept apart from the direction, which knows no azimuth at the zenith.
+            let azimuth = ui.add(Slider::new(&mut self.sun_angles.0, -180.0..=180.0).suffix("°").max_decimals(1).text("azimuth"));
+            self.landmark("azimuth", &azimuth);
+            let elevation = ui.add(Slider::new(&mut self.sun_angles.1, -90.0..=90.0).suffix("°").max_decimals(1).text("elevation"));
+            self.landmark("elevation", &elevation);
+            ui.add(Slider::new(&mut self.sun_factor, 0.0..=4.0).text("sun ×"));
+            if azimuth.changed() || elevation.changed() {
+                self.scene.sun = Some(Sun { direction: direction(self.sun_angles.0, self.sun_angles.1), ..sun });
+            }
+        } else {
+            ui.label(RichText::new("This scene has no sun.").weak());
+        }
+        if self.scene.sky.is_some() {
+            ui.add(Slider::new(&mut self.sky_factor, 0.0..=4.0).text("sky ×"));
+        } else {
+            ui.label(RichText::new("This scene has no sky.").weak());
+        }
+        let exposure = ui.add(Slider::new(&mut self.scene.exposure, 1e-3..=1e3).logarithmic(true).text("exposure"));
+        self.landmark("exposure", &exposure);
+        if before != (self.scene.sun.map(|s| s.direction), self.sun_factor, self.sky_factor, self.scene.exposure) {
+            if let (Some(sun), Some(own)) = (&mut self.scene.sun, self.own_sun) {
+                sun.irradiance = own.map(|v| v * self.sun_factor);
+            }
+            self.scene.sky = self.own_sky.map(|sky| sky.map(|v| v * self.sky_factor));
+            self.lights_changed = true;
+            self.make_stale();
+        }
+        if !self.views.is_empty() {
+            ui.horizontal_wrapped(|ui| {
+                ui.label("view");
+                for (name, camera) in self.views.clone() {
+                    let button = ui.button(&name);
+                    self.landmark(&format!("view {name}"), &button);
+                    if button.clicked() {
+                        self.orbit = Orbit::new(camera, self.radius);
+                        self.view_name = name;
+                        self.camera_changed();
+                    }
+                }
+            });
+        }
+    }
+}

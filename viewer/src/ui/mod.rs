@@ -1,0 +1,400 @@
+//! The window's state and layout, free of any window: the same is drawn offscreen in tests and on screen by `open_window`.
+//!
+//! Left: the leaf's appearance (Wang et al. 2005, Fig. 6). Right: lights, check, texel read-out, frame times. Middle: the picture:
+//! drag turns, right or shift drag pans, the wheel zooms, a click chooses the leaf.
+
+mod appearance;
+mod check;
+mod light;
+pub(crate) mod orbit;
+mod readout;
+mod thumbnails;
+
+pub use check::CheckLayout;
+
+use crate::editor::{Editor, LeafEdit};
+use crate::geometry::{ball, corners};
+use crate::gpu::AdapterInfo;
+use crate::pick::{Hit, pick};
+use crate::picture::Picture;
+use crate::scene::{Camera, Instance, Scene};
+use check::Check;
+use egui::{Rect, Response, Sense, TextureId};
+use orbit::Orbit;
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::path::PathBuf;
+
+/// What a window opens with.
+#[derive(Debug, Clone)]
+pub struct WindowScene {
+    pub title: String,
+    pub scene: Scene,
+    pub camera: Camera,
+    /// Further named cameras.
+    pub views: Vec<(String, Camera)>,
+    /// Size of the pictures that are checked.
+    pub check_size: [u32; 2],
+    /// Where screenshots go.
+    pub screenshots: PathBuf,
+}
+
+/// Work that takes long enough to say so first: done after the frame that announces it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Job {
+    Check,
+    Screenshot,
+}
+
+/// The state behind the window.
+pub struct ViewerUi {
+    pub(crate) scene: Scene,
+    editor: Box<dyn Editor>,
+    title: String,
+    adapter: AdapterInfo,
+    /// All instances; the scene holds fewer while a leaf is shown alone.
+    instances: Vec<Instance>,
+    /// Gloss as fitted, front and back, that the gloss factors scale.
+    own_gloss: Vec<[Option<Vec<[f32; 4]>>; 2]>,
+    own_sun: Option<[f32; 3]>,
+    own_sky: Option<[f32; 3]>,
+    sun_factor: f32,
+    sky_factor: f32,
+    sun_angles: (f32, f32),
+    starts: Vec<LeafEdit>,
+    edits: Vec<LeafEdit>,
+    leaf: usize,
+    side_front: bool,
+    alone: bool,
+    views: Vec<(String, Camera)>,
+    view_name: String,
+    orbit: Orbit,
+    radius: f32,
+    thumbnails: appearance::Thumbnails,
+    hover: Option<(Hit, Vec<(String, String)>)>,
+    check: Option<Check>,
+    show_check: Option<CheckLayout>,
+    check_size: [u32; 2],
+    screenshots: PathBuf,
+    times: VecDeque<f64>,
+    continuous: bool,
+    message: String,
+    landmarks: BTreeMap<String, Rect>,
+    pub(crate) job: Option<Job>,
+    // What the picture has yet to take over.
+    pub(crate) scene_changed: bool,
+    pub(crate) lights_changed: bool,
+    pub(crate) leaves_changed: BTreeSet<usize>,
+    pub(crate) dirty: bool,
+    /// Size of the picture in pixels, as laid out last.
+    pub(crate) picture_size: [u32; 2],
+    /// The camera is being dragged: a slow adapter draws fewer pixels until it rests.
+    moving: bool,
+    drawn_as_draft: bool,
+}
+
+impl ViewerUi {
+    /// `adapter` is shown beside the frame times.
+    pub fn new(window: WindowScene, editor: Box<dyn Editor>, adapter: &AdapterInfo) -> ViewerUi {
+        let WindowScene { title, scene, camera, views, check_size, screenshots } = window;
+        let (_, radius) = ball(&corners(&scene));
+        let starts: Vec<LeafEdit> = (0..scene.leaves.len()).map(|i| editor.start(i)).collect();
+        ViewerUi {
+            editor,
+            title,
+            adapter: adapter.clone(),
+            instances: scene.instances.clone(),
+            own_gloss: scene.leaves.iter().map(|l| [l.front.gloss.clone(), l.back.gloss.clone()]).collect(),
+            own_sun: scene.sun.map(|s| s.irradiance),
+            own_sky: scene.sky,
+            sun_factor: 1.0,
+            sky_factor: 1.0,
+            sun_angles: scene.sun.map_or((0.0, 90.0), |s| light::angles(s.direction)),
+            edits: starts.clone(),
+            starts,
+            leaf: scene.instances.first().map_or(0, |i| i.leaf),
+            side_front: true,
+            alone: false,
+            view_name: views.first().map_or_else(|| "view".into(), |(n, _)| n.clone()),
+            views,
+            orbit: Orbit::new(camera, radius),
+            radius,
+            thumbnails: Default::default(),
+            hover: None,
+            check: None,
+            show_check: None,
+            check_size,
+            screenshots,
+            times: VecDeque::new(),
+            continuous: false,
+            message: String::new(),
+            landmarks: BTreeMap::new(),
+            job: None,
+            scene_changed: true,
+            lights_changed: false,
+            leaves_changed: BTreeSet::new(),
+            dirty: true,
+            picture_size: [1, 1],
+            moving: false,
+            drawn_as_draft: false,
+            scene,
+        }
+    }
+
+    pub fn camera(&self) -> Camera {
+        self.orbit.camera
+    }
+
+    /// The scene as it stands, with edits.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// Parameters of leaf `leaf` as they stand.
+    pub fn edit(&self, leaf: usize) -> LeafEdit {
+        self.edits[leaf]
+    }
+
+    /// The last thing the window said: what was saved, or what failed.
+    pub fn message(&self) -> &str {
+        &self.message
+    }
+
+    /// Whether the last check passed; `None` before one.
+    pub fn passed(&self) -> Option<bool> {
+        self.check.as_ref().map(|c| c.verdict.passed)
+    }
+
+    /// Where a control was laid out last (points), for scripts that move the pointer there.
+    pub fn landmark_rect(&self, name: &str) -> Option<Rect> {
+        self.landmarks.get(name).copied()
+    }
+
+    /// What the pointer is over, and what the editor knows about it.
+    pub fn under_pointer(&self) -> Option<&(Hit, Vec<(String, String)>)> {
+        self.hover.as_ref()
+    }
+
+    fn landmark(&mut self, name: &str, response: &Response) {
+        self.landmarks.insert(name.to_string(), response.rect);
+    }
+
+    /// Applies an edit: the editor solves the slab anew and the picture follows. A refusal is shown and the leaf stays as it was.
+    pub fn set_edit(&mut self, leaf: usize, edit: LeafEdit) {
+        let update = match self.editor.recompute(leaf, &edit) {
+            Ok(update) => update,
+            Err(reason) => {
+                self.message = reason;
+                return;
+            }
+        };
+        self.message.clear();
+        self.edits[leaf] = edit;
+        let target = &mut self.scene.leaves[leaf];
+        target.thickness_mm = update.thickness_mm;
+        (target.front.interior, target.back.interior) = (update.front, update.back);
+        let [front, back] = &self.own_gloss[leaf];
+        for (side, own, factors) in [(&mut target.front, front, edit.front), (&mut target.back, back, edit.back)] {
+            let scaled = |t: &[f32; 4]| {
+                let s = factors.rho_s_scale;
+                [t[0] * s, t[1] * s, t[2] * s, t[3] * factors.m_scale]
+            };
+            side.gloss = own.as_ref().map(|texels| texels.iter().map(scaled).collect());
+        }
+        self.thumbnails.forget(leaf);
+        self.leaves_changed.insert(leaf);
+        self.make_stale();
+        self.dirty = true;
+    }
+
+    fn save(&mut self) {
+        self.message = match self.editor.save(self.leaf, &self.edits[self.leaf]) {
+            Ok(place) => format!("saved: {place}"),
+            Err(reason) => format!("not saved: {reason}"),
+        };
+    }
+
+    fn choose(&mut self, leaf: usize) {
+        self.leaf = leaf;
+        if self.alone {
+            self.show_alone(true);
+        }
+    }
+
+    fn show_alone(&mut self, alone: bool) {
+        self.alone = alone;
+        self.scene.instances = match self.instances.iter().find(|i| i.leaf == self.leaf).filter(|_| alone) {
+            Some(one) => vec![*one],
+            None => self.instances.clone(),
+        };
+        self.scene_changed = true;
+        self.make_stale();
+        self.dirty = true;
+    }
+
+    fn make_stale(&mut self) {
+        if let Some(check) = &mut self.check {
+            check.stale = true;
+        }
+    }
+
+    fn camera_changed(&mut self) {
+        self.dirty = true;
+        self.show_check = None;
+        self.make_stale();
+    }
+
+    /// Asks for a check of the view as it stands; it is done with the next frame.
+    pub fn request_check(&mut self) {
+        self.message = "Computing the reference …".into();
+        self.job = Some(Job::Check);
+    }
+
+    /// Asks for a screenshot of the picture; it is written with the next frame.
+    pub fn request_screenshot(&mut self) {
+        self.job = Some(Job::Screenshot);
+    }
+
+    pub(crate) fn check_size(&self) -> [u32; 2] {
+        self.check_size
+    }
+
+    /// Has `picture` judged against the reference.
+    pub(crate) fn finish_check(&mut self, context: &egui::Context, picture: &Picture) {
+        let [width, height] = self.check_size;
+        match self.editor.reference(&self.scene, &self.orbit.camera, width, height) {
+            Ok(r) if (r.width, r.height, r.ldr.len()) == (width, height, picture.ldr.len()) => {
+                let verdict = self.editor.judge(picture, &r);
+                self.check = Some(Check::new(context, picture, &r, verdict));
+                self.show_check = self.show_check.or(Some(CheckLayout::SideBySide));
+                self.message.clear();
+            }
+            Ok(r) => self.message = format!("the reference is {}x{}, expected {width}x{height}", r.width, r.height),
+            Err(reason) => self.message = reason,
+        }
+    }
+
+    /// Writes `picture` to the first free name and says where.
+    pub(crate) fn finish_screenshot(&mut self, picture: &Picture) {
+        let name: String = self.title.chars().map(|c| if c.is_alphanumeric() { c } else { '-' }).collect();
+        let path = (1..).map(|i| self.screenshots.join(format!("{name}-{i}.png"))).find(|p| !p.exists());
+        let Some(path) = path else { return };
+        self.message = match picture.save_png(&path) {
+            Ok(()) => format!("screenshot: {}", path.display()),
+            Err(error) => error.to_string(),
+        };
+    }
+
+    pub(crate) fn say(&mut self, message: String) {
+        self.message = message;
+    }
+
+    /// Size of the next live picture: half as wide and high while the camera moves on a software adapter.
+    pub(crate) fn live_size(&self) -> [u32; 2] {
+        if self.moving && self.adapter.is_software { self.picture_size.map(|s| s.div_ceil(2)) } else { self.picture_size }
+    }
+
+    /// Takes the time of a drawn picture (ms); drafts are not counted.
+    pub(crate) fn drawn(&mut self, ms: f64) {
+        self.dirty = false;
+        self.drawn_as_draft = self.live_size() != self.picture_size;
+        if self.drawn_as_draft {
+            return;
+        }
+        self.times.push_back(ms);
+        while self.times.len() > readout::FRAMES {
+            self.times.pop_front();
+        }
+    }
+
+    pub(crate) fn continuous(&self) -> bool {
+        self.continuous
+    }
+
+    /// Lays everything out; `picture` is the texture that the picture is drawn into.
+    pub(crate) fn show(&mut self, ui: &mut egui::Ui, picture: TextureId) {
+        if !self.scene.leaves.is_empty() {
+            egui::Panel::left("appearance").exact_size(290.0).resizable(false).show(ui, |ui| {
+                egui::ScrollArea::vertical().show(ui, |ui| self.appearance(ui));
+            });
+        }
+        egui::Panel::right("lights").exact_size(275.0).resizable(false).show(ui, |ui| {
+            egui::ScrollArea::vertical().show(ui, |ui| {
+                self.lights(ui);
+                ui.separator();
+                self.check_panel(ui);
+                ui.separator();
+                self.readout(ui);
+                ui.separator();
+                self.frame_times(ui);
+            });
+        });
+        egui::Panel::bottom("words").show(ui, |ui| {
+            ui.horizontal(|ui| {
+                let shot = ui.button("Screenshot");
+                self.landmark("screenshot", &shot);
+                if shot.clicked() {
+                    self.request_screenshot();
+                }
+                let hint = "drag: turn   right drag: pan   wheel: zoom   click: choose the leaf";
+                ui.label(if self.message.is_empty() { hint } else { &self.message });
+            });
+        });
+        egui::CentralPanel::no_frame().show(ui, |ui| match self.show_check {
+            Some(layout) if self.check.is_some() => self.check_view(ui, layout),
+            _ => self.live_view(ui, picture),
+        });
+    }
+
+    fn live_view(&mut self, ui: &mut egui::Ui, picture: TextureId) {
+        let (rect, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
+        self.landmark("picture", &response);
+        let scale = ui.ctx().pixels_per_point();
+        let size = [rect.width(), rect.height()].map(|s| (s * scale).round().max(1.0) as u32);
+        if size != self.picture_size {
+            self.picture_size = size;
+            self.dirty = true;
+        }
+        let whole = Rect::from_min_max(egui::pos2(0.0, 0.0), egui::pos2(1.0, 1.0));
+        ui.painter().image(picture, rect, whole, egui::Color32::WHITE);
+
+        let moved = response.drag_delta();
+        let panning = response.dragged_by(egui::PointerButton::Secondary)
+            || response.dragged_by(egui::PointerButton::Middle)
+            || ui.input(|i| i.modifiers.shift);
+        if response.dragged() && moved != egui::Vec2::ZERO {
+            if panning {
+                self.orbit.pan(moved.x / rect.height(), moved.y / rect.height());
+            } else {
+                self.orbit.turn(moved.x * 0.008, moved.y * 0.008);
+            }
+            self.camera_changed();
+        }
+        self.moving = response.dragged();
+        if !self.moving && self.drawn_as_draft {
+            self.dirty = true;
+        }
+        if response.hovered() {
+            let (scroll, zoom) = ui.input(|i| (i.smooth_scroll_delta().y, i.zoom_delta()));
+            if scroll != 0.0 || zoom != 1.0 {
+                self.orbit.zoom((scroll * 0.0025).exp() * zoom);
+                self.camera_changed();
+            }
+        }
+        let pointer = response.hover_pos().filter(|_| !response.dragged());
+        let aspect = rect.width() / rect.height();
+        let hit = pointer.and_then(|p| {
+            let at = (p - rect.min) / rect.size();
+            pick(&self.scene, &self.orbit.camera, aspect, at.x, at.y)
+        });
+        self.hover = hit.map(|hit| match self.hover.take() {
+            Some((old, rows)) if (old.leaf, old.front, old.texel) == (hit.leaf, hit.front, hit.texel) => (hit, rows),
+            _ => (hit, self.editor.probe(hit.leaf, hit.front, hit.texel)),
+        });
+        if let (true, Some(hit)) = (response.clicked(), hit) {
+            self.side_front = hit.front;
+            if hit.leaf != self.leaf {
+                self.choose(hit.leaf);
+            }
+        }
+    }
+}

@@ -1,0 +1,215 @@
+//! Draws the user interface and the picture inside it into a texture. No display is needed: tests use it as it is, the window copies
+//! the texture to the screen.
+
+use crate::error::{Error, Result};
+use crate::gpu::{Gpu, Options, instance_descriptor};
+use crate::picture::save_png;
+use crate::readback::{self, Copy};
+use crate::renderer::Renderer;
+use crate::ui::{Job, ViewerUi};
+use egui::TextureId;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+const CANVAS: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
+
+/// Renderer, user interface and the texture both are drawn into.
+pub struct Stage {
+    pub(crate) renderer: Renderer,
+    context: egui::Context,
+    painter: egui_wgpu::Renderer,
+    picture: TextureId,
+    canvas: Option<(wgpu::Texture, wgpu::TextureView)>,
+}
+
+/// What a frame left to do.
+pub struct Shown {
+    pub platform: egui::PlatformOutput,
+    /// When the next frame is due; `Duration::MAX` when nothing moves.
+    pub repaint_after: Duration,
+}
+
+impl Stage {
+    /// A stage without a window.
+    ///
+    /// # Errors
+    /// As `Renderer::headless`.
+    pub fn headless(options: &Options) -> Result<Stage> {
+        let instance = wgpu::Instance::new(instance_descriptor(options));
+        Ok(Stage::on(Gpu::open(&instance, None, options)?))
+    }
+
+    pub(crate) fn on(gpu: Gpu) -> Stage {
+        let options = egui_wgpu::RendererOptions { dithering: false, ..Default::default() };
+        let mut painter = egui_wgpu::Renderer::new(&gpu.device, CANVAS, options);
+        let blank = texture(&gpu, [1, 1]);
+        let view = blank.create_view(&Default::default());
+        let picture = painter.register_native_texture(&gpu.device, &view, wgpu::FilterMode::Linear);
+        let context = egui::Context::default();
+        context.set_theme(egui::Theme::Dark);
+        context.all_styles_mut(|style| {
+            style.text_styles.insert(egui::TextStyle::Small, egui::FontId::proportional(11.0));
+            style.visuals.weak_text_color = Some(egui::Color32::from_gray(150));
+            style.visuals.widgets.noninteractive.fg_stroke.color = egui::Color32::from_gray(200);
+        });
+        Stage { renderer: Renderer::on(gpu), context, painter, picture, canvas: None }
+    }
+
+    pub fn context(&self) -> &egui::Context {
+        &self.context
+    }
+
+    pub fn renderer(&self) -> &Renderer {
+        &self.renderer
+    }
+
+    /// Draws one frame of `pixels` into the canvas, after the work that the frame before announced.
+    pub fn frame(&mut self, state: &mut ViewerUi, input: egui::RawInput, pixels: [u32; 2]) -> Result<Shown> {
+        let limit = self.renderer.gpu.max_side();
+        if pixels.iter().any(|side| *side == 0 || *side > limit) {
+            return Err(Error::Size { what: "window".into(), width: pixels[0], height: pixels[1], limit });
+        }
+        self.work(state)?;
+        let picture = self.picture;
+        let output = self.context.clone().run_ui(input, |ui| state.show(ui, picture));
+        let mut textures = output.textures_delta;
+        for (id, deltas) in textures.set.drain() {
+            for delta in &deltas {
+                self.painter.update_texture(&self.renderer.gpu.device, &self.renderer.gpu.queue, id, delta);
+            }
+        }
+        let unused: Vec<TextureId> = textures.free.drain().collect();
+        self.draw_picture(state)?;
+
+        let gpu = &self.renderer.gpu;
+        if self.canvas.as_ref().is_none_or(|(t, _)| [t.width(), t.height()] != pixels) {
+            let canvas = texture(gpu, pixels);
+            let view = canvas.create_view(&Default::default());
+            self.canvas = Some((canvas, view));
+        }
+        let Some((_, view)) = &self.canvas else { return Err(Error::Window("no canvas".into())) };
+        let jobs = self.context.tessellate(output.shapes, output.pixels_per_point);
+        let screen = egui_wgpu::ScreenDescriptor { size_in_pixels: pixels, pixels_per_point: output.pixels_per_point };
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        let mut commands = self.painter.update_buffers(&gpu.device, &gpu.queue, &mut encoder, &jobs, &screen);
+        let pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("user interface"),
+            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                view,
+                depth_slice: None,
+                resolve_target: None,
+                ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::BLACK), store: wgpu::StoreOp::Store },
+            })],
+            depth_stencil_attachment: None,
+            timestamp_writes: None,
+            occlusion_query_set: None,
+            multiview_mask: None,
+        });
+        self.painter.render(&mut pass.forget_lifetime(), &jobs, &screen);
+        commands.push(encoder.finish());
+        gpu.queue.submit(commands);
+        for id in &unused {
+            self.painter.free_texture(id);
+        }
+        let asked = output.viewport_output.values().map(|v| v.repaint_delay).min().unwrap_or(Duration::MAX);
+        let more = state.job.is_some() || state.dirty || state.continuous();
+        Ok(Shown { platform: output.platform_output, repaint_after: if more { Duration::ZERO } else { asked } })
+    }
+
+    /// Does what the last frame announced.
+    fn work(&mut self, state: &mut ViewerUi) -> Result<()> {
+        let Some(job) = state.job.take() else { return Ok(()) };
+        self.take_over(state)?;
+        match job {
+            Job::Check => {
+                let [width, height] = state.check_size();
+                let picture = self.renderer.render(&state.camera(), width, height)?;
+                state.finish_check(&self.context, &picture);
+            }
+            Job::Screenshot => {
+                let [width, height] = state.picture_size;
+                let picture = self.renderer.render(&state.camera(), width, height)?;
+                state.finish_screenshot(&picture);
+            }
+        }
+        // The picture was drawn at another size, so the live one has to be drawn again.
+        state.dirty = true;
+        Ok(())
+    }
+
+    /// Uploads what the user has changed; a scene that cannot be drawn is an error only at the start.
+    fn take_over(&mut self, state: &mut ViewerUi) -> Result<()> {
+        if state.scene_changed {
+            self.renderer.set_scene(&state.scene)?;
+            state.scene_changed = false;
+            state.leaves_changed.clear();
+            state.lights_changed = false;
+        }
+        for leaf in std::mem::take(&mut state.leaves_changed) {
+            if let Err(error) = self.renderer.set_leaf(&state.scene, leaf) {
+                state.say(error.to_string());
+            }
+            state.dirty = true;
+        }
+        if std::mem::take(&mut state.lights_changed) {
+            self.renderer.set_lights(&state.scene)?;
+            state.dirty = true;
+        }
+        Ok(())
+    }
+
+    /// Draws the picture where something has changed, and times it.
+    fn draw_picture(&mut self, state: &mut ViewerUi) -> Result<()> {
+        self.take_over(state)?;
+        if !state.dirty && !state.continuous() {
+            return Ok(());
+        }
+        let start = Instant::now();
+        let [width, height] = state.live_size();
+        let mut encoder = self.renderer.gpu.device.create_command_encoder(&Default::default());
+        self.renderer.record(&mut encoder, &state.camera(), width, height, None)?;
+        self.renderer.gpu.queue.submit([encoder.finish()]);
+        readback::wait(&self.renderer.gpu)?;
+        state.drawn(start.elapsed().as_secs_f64() * 1e3);
+        if let Some(view) = self.renderer.picture_view() {
+            let device = &self.renderer.gpu.device;
+            self.painter.update_egui_texture_from_wgpu_texture(device, view, wgpu::FilterMode::Linear, self.picture);
+        }
+        Ok(())
+    }
+
+    pub(crate) fn canvas_view(&self) -> Option<&wgpu::TextureView> {
+        self.canvas.as_ref().map(|(_, view)| view)
+    }
+
+    /// The canvas's pixels: width, height and RGBA, row 0 on top.
+    pub fn pixels(&self) -> Result<(u32, u32, Vec<[u8; 4]>)> {
+        let Some((canvas, _)) = &self.canvas else { return Err(Error::Readback("nothing has been drawn yet".into())) };
+        let gpu = &self.renderer.gpu;
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        let copy = Copy::record(gpu, &mut encoder, canvas);
+        gpu.queue.submit([encoder.finish()]);
+        Ok((canvas.width(), canvas.height(), copy.bytes(gpu)?))
+    }
+
+    /// Writes the canvas as PNG.
+    pub fn save_png(&self, path: &Path) -> Result<()> {
+        let (width, height, mut pixels) = self.pixels()?;
+        pixels.iter_mut().for_each(|p| p[3] = 255);
+        save_png(path, width, height, pixels.as_flattened())
+    }
+}
+
+fn texture(gpu: &Gpu, [width, height]: [u32; 2]) -> wgpu::Texture {
+    use wgpu::TextureUsages as Use;
+    gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some("canvas"),
+        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format: CANVAS,
+        usage: Use::RENDER_ATTACHMENT | Use::TEXTURE_BINDING | Use::COPY_SRC,
+        view_formats: &[],
+    })
+}

@@ -1,0 +1,329 @@
+//! The whole user interface, drawn without a display and moved by synthetic pointer events.
+
+mod common;
+
+use common::*;
+use glam::{Mat4, Vec3};
+use mesophyll_viewer::editor::{Editor, LeafEdit, LeafUpdate, Measure, ReferencePicture, SideEdit, Verdict};
+use mesophyll_viewer::pick::pick;
+use mesophyll_viewer::scene::{Camera, Instance, Interior, Scene};
+use mesophyll_viewer::{Error, Options, Picture, Stage, ViewerUi, WindowScene};
+use std::cell::RefCell;
+use std::rc::Rc;
+
+const PIXELS: [u32; 2] = [1100, 720];
+
+/// What the window asked of its editor.
+#[derive(Default)]
+struct Asked {
+    recomputed: Vec<(usize, LeafEdit)>,
+    saved: Vec<LeafEdit>,
+    checked: usize,
+}
+
+struct Toy {
+    asked: Rc<RefCell<Asked>>,
+    reference_off_by: u8,
+}
+
+impl Editor for Toy {
+    fn start(&self, _: usize) -> LeafEdit {
+        let side = SideEdit { sigma_a: [1.0, 0.5, 2.0], sigma_s: [10.0; 3], rho_s_scale: 1.0, m_scale: 1.0 };
+        LeafEdit { thickness_mm: 0.2, front: side, back: side }
+    }
+
+    fn recompute(&mut self, leaf: usize, edit: &LeafEdit) -> Result<LeafUpdate, String> {
+        if edit.front.sigma_s[0] > 200.0 {
+            return Err("σs above 200/mm is refused here".into());
+        }
+        self.asked.borrow_mut().recomputed.push((leaf, *edit));
+        // Thicker and darker pigment: less comes through. Any rule will do that the test can see in the picture.
+        let dim = |c: [f32; 3]| c.map(|v| v * (-(edit.thickness_mm - 0.2) * 4.0).exp());
+        let at = edit.thickness_mm;
+        Ok(LeafUpdate {
+            thickness_mm: at,
+            front: Interior::Scalars(curve(at, dim(RHO_D), dim(RHO_T))),
+            back: Interior::Scalars(curve(at, dim(BACK_D), dim(BACK_T))),
+        })
+    }
+
+    fn save(&mut self, _: usize, edit: &LeafEdit) -> Result<String, String> {
+        self.asked.borrow_mut().saved.push(*edit);
+        Ok("fits/edited".into())
+    }
+
+    fn reference(&mut self, _: &Scene, _: &Camera, width: u32, height: u32) -> Result<ReferencePicture, String> {
+        self.asked.borrow_mut().checked += 1;
+        Ok(ReferencePicture { width, height, ldr: vec![[self.reference_off_by; 4]; (width * height) as usize] })
+    }
+
+    fn judge(&mut self, picture: &Picture, reference: &ReferencePicture) -> Verdict {
+        let worst = picture.ldr.iter().zip(&reference.ldr).map(|(a, b)| a[1].abs_diff(b[1])).max().unwrap_or(0);
+        let measure = Measure { name: "largest error".into(), value: f64::from(worst) / 255.0, threshold: 0.02 };
+        Verdict { passed: measure.value <= measure.threshold, measures: vec![measure], note: String::new() }
+    }
+
+    fn probe(&self, _: usize, front: bool, texel: [u32; 2]) -> Vec<(String, String)> {
+        vec![("side".into(), if front { "front" } else { "back" }.into()), ("column".into(), texel[0].to_string())]
+    }
+}
+
+struct Bench {
+    stage: Stage,
+    ui: ViewerUi,
+    asked: Rc<RefCell<Asked>>,
+    time: f64,
+}
+
+fn bench() -> Option<Bench> {
+    let stage = match Stage::headless(&Options::default()) {
+        Ok(stage) => stage,
+        Err(Error::NoAdapter) => {
+            println!("skipped: no graphics adapter");
+            return None;
+        }
+        Err(other) => panic!("{other}"),
+    };
+    let mut leaf = uniform_leaf();
+    leaf.mesh = bent(10.0, 12, -0.02);
+    leaf.front.gloss = Some(vec![[0.05, 0.05, 0.05, 0.3]; 64]);
+    let mut scene = scene_of(leaf.clone());
+    leaf.name = "other".into();
+    scene.leaves.push(leaf);
+    scene.instances.push(Instance { leaf: 1, transform: Mat4::from_translation(Vec3::new(24.0, 0.0, 0.0)) });
+    scene.sun = Some(sun(Vec3::new(-0.4, 0.3, 1.0)));
+    scene.sky = Some([0.4, 0.5, 0.6]);
+    scene.background = [0.02; 3];
+    scene.shadow_samples = 2;
+    let asked = Rc::new(RefCell::new(Asked::default()));
+    let camera = Camera { fov_y_deg: 50.0, ..camera(Vec3::new(0.3, -0.5, 1.0), 80.0) };
+    let window = WindowScene {
+        title: "bench".into(),
+        scene,
+        camera,
+        views: vec![("front".into(), camera)],
+        check_size: [64, 48],
+        screenshots: std::env::temp_dir(),
+    };
+    let toy = Toy { asked: asked.clone(), reference_off_by: 0 };
+    let ui = ViewerUi::new(window, Box::new(toy), stage.renderer().adapter());
+    let mut bench = Bench { stage, ui, asked, time: 0.0 };
+    // Twice: egui settles its layout in the first.
+    bench.frame(vec![]);
+    bench.frame(vec![]);
+    Some(bench)
+}
+
+impl Bench {
+    fn frame(&mut self, events: Vec<egui::Event>) {
+        self.time += 0.05;
+        let size = egui::vec2(PIXELS[0] as f32, PIXELS[1] as f32);
+        let input = egui::RawInput {
+            screen_rect: Some(egui::Rect::from_min_size(egui::Pos2::ZERO, size)),
+            time: Some(self.time),
+            focused: true,
+            events,
+            ..Default::default()
+        };
+        self.stage.frame(&mut self.ui, input, PIXELS).expect("frame");
+    }
+
+    fn pixels(&self) -> Vec<[u8; 4]> {
+        self.stage.pixels().expect("pixels").2
+    }
+
+    fn place(&self, name: &str) -> egui::Pos2 {
+        self.ui.landmark_rect(name).unwrap_or_else(|| panic!("no control named {name}")).center()
+    }
+
+    fn button(pos: egui::Pos2, pressed: bool) -> egui::Event {
+        egui::Event::PointerButton { pos, button: egui::PointerButton::Primary, pressed, modifiers: Default::default() }
+    }
+
+    fn drag(&mut self, from: egui::Pos2, by: egui::Vec2) {
+        self.frame(vec![egui::Event::PointerMoved(from)]);
+        self.frame(vec![Self::button(from, true)]);
+        self.frame(vec![egui::Event::PointerMoved(from + by)]);
+        self.frame(vec![Self::button(from + by, false)]);
+        self.frame(vec![]);
+    }
+
+    fn click(&mut self, name: &str) {
+        let at = self.place(name);
+        self.frame(vec![egui::Event::PointerMoved(at)]);
+        self.frame(vec![Self::button(at, true)]);
+        self.frame(vec![Self::button(at, false)]);
+        self.frame(vec![]);
+    }
+
+    /// Mean green value within the picture.
+    fn brightness(&self) -> f64 {
+        let rect = self.ui.landmark_rect("picture").expect("picture");
+        let all = self.pixels();
+        let mut sum = 0.0;
+        for y in rect.top() as usize..rect.bottom() as usize {
+            for x in rect.left() as usize..rect.right() as usize {
+                sum += f64::from(all[y * PIXELS[0] as usize + x][1]);
+            }
+        }
+        sum / f64::from(rect.area())
+    }
+}
+
+#[test]
+fn everything_is_drawn_without_a_display() {
+    let Some(bench) = bench() else { return };
+    let pixels = bench.pixels();
+    let colours: std::collections::HashSet<[u8; 4]> = pixels.iter().copied().collect();
+    assert!(colours.len() > 200, "{} colours", colours.len());
+    // Each of the three columns holds something.
+    for (from, to) in [(0, 280), (300, 800), (830, 1090)] {
+        let part: std::collections::HashSet<[u8; 4]> =
+            pixels.chunks(PIXELS[0] as usize).flat_map(|row| row[from..to].iter().copied()).collect();
+        assert!(part.len() > 20, "columns {from} to {to}: {} colours", part.len());
+    }
+    if let Ok(folder) = std::env::var("MESOPHYLL_PICTURES") {
+        bench.stage.save_png(&std::path::Path::new(&folder).join("window.png")).expect("png");
+    }
+}
+
+#[test]
+fn a_thicker_leaf_goes_through_the_editor_and_dims() {
+    let Some(mut bench) = bench() else { return };
+    let before = bench.brightness();
+    let slider = bench.ui.landmark_rect("thickness").expect("slider");
+    // The rail takes the slider's left part.
+    let handle = egui::pos2(slider.left() + 55.0, slider.center().y);
+    bench.drag(handle, egui::vec2(35.0, 0.0));
+    let edit = bench.ui.edit(0);
+    assert!(edit.thickness_mm > 0.21, "h {}", edit.thickness_mm);
+    assert_eq!(bench.asked.borrow().recomputed.last(), Some(&(0, edit)), "the editor hears of the edit as it stands");
+    assert_eq!(bench.ui.scene().leaves[0].thickness_mm, edit.thickness_mm);
+    assert!(bench.brightness() < before - 0.2, "{} against {before}", bench.brightness());
+    bench.click("save");
+    assert_eq!(bench.asked.borrow().saved, [edit]);
+    assert!(bench.ui.message().contains("fits/edited"));
+    bench.click("reset");
+    assert_eq!(bench.ui.edit(0).thickness_mm, 0.2);
+    assert!((bench.brightness() - before).abs() < 0.2);
+}
+
+#[test]
+fn gloss_factors_scale_the_fitted_maps() {
+    let Some(mut bench) = bench() else { return };
+    let mut edit = bench.ui.edit(0);
+    edit.front.rho_s_scale = 2.0;
+    edit.front.m_scale = 0.5;
+    bench.ui.set_edit(0, edit);
+    bench.ui.set_edit(0, edit);
+    let gloss = bench.ui.scene().leaves[0].front.gloss.clone().expect("gloss");
+    assert!((gloss[0][0] - 0.1).abs() < 1e-6 && (gloss[0][3] - 0.15).abs() < 1e-6, "applied once: {:?}", gloss[0]);
+    assert_eq!(bench.ui.scene().leaves[0].back.gloss, None);
+}
+
+#[test]
+fn a_refused_edit_is_said_and_undone() {
+    let Some(mut bench) = bench() else { return };
+    let mut edit = bench.ui.edit(0);
+    edit.front.sigma_s[0] = 250.0;
+    bench.ui.set_edit(0, edit);
+    assert!(bench.ui.message().contains("refused here"));
+    assert_eq!(bench.ui.edit(0).front.sigma_s[0], 10.0);
+}
+
+#[test]
+fn the_sun_moves_and_shadows_follow() {
+    let Some(mut bench) = bench() else { return };
+    let (before, shadows) = (bench.ui.scene().sun.expect("sun").direction, bench.stage.renderer().stats().shadow_renders);
+    let slider = bench.ui.landmark_rect("elevation").expect("slider");
+    bench.drag(egui::pos2(slider.left() + 80.0, slider.center().y), egui::vec2(-20.0, 0.0));
+    let after = bench.ui.scene().sun.expect("sun").direction;
+    assert!(after.z < before.z && (after.length() - 1.0).abs() < 1e-5, "{before} to {after}");
+    assert!(bench.stage.renderer().stats().shadow_renders > shadows);
+}
+
+#[test]
+fn dragging_turns_and_the_wheel_zooms_but_a_still_picture_is_not_redrawn() {
+    let Some(mut bench) = bench() else { return };
+    let middle = bench.place("picture");
+    let eye = bench.ui.camera().eye;
+    bench.drag(middle, egui::vec2(60.0, 20.0));
+    let turned = bench.ui.camera().eye;
+    assert!(turned.distance(eye) > 5.0 && (turned.length() - eye.length()).abs() < 1e-2);
+    bench.frame(vec![egui::Event::MouseWheel {
+        unit: egui::MouseWheelUnit::Point,
+        delta: egui::vec2(0.0, 120.0),
+        phase: egui::TouchPhase::Move,
+        source: egui::MouseWheelSource::Unknown,
+        modifiers: Default::default(),
+    }]);
+    for _ in 0..20 {
+        bench.frame(vec![]);
+    }
+    assert!(bench.ui.camera().eye.length() < 0.95 * turned.length());
+    let draws = bench.stage.renderer().stats().draws;
+    bench.frame(vec![egui::Event::PointerMoved(middle + egui::vec2(3.0, 3.0))]);
+    assert_eq!(bench.stage.renderer().stats().draws, draws);
+}
+
+#[test]
+fn the_pointer_reads_texels_and_a_click_chooses_the_leaf() {
+    let Some(mut bench) = bench() else { return };
+    let rect = bench.ui.landmark_rect("picture").expect("picture");
+    let camera = bench.ui.camera();
+    // Where a point of the second leaf falls in the picture.
+    let view = glam::camera::rh::view::look_at_mat4(camera.eye, camera.target, camera.up);
+    let p = view.transform_point3(Vec3::new(18.0, 3.0, -0.02 * 36.0));
+    let t = (camera.fov_y_deg.to_radians() / 2.0).tan();
+    let at = rect.center() + egui::vec2(p.x / -p.z / t, -p.y / -p.z / t) * 0.5 * rect.height();
+    assert!(rect.contains(at), "{at:?} in {rect:?}");
+    bench.frame(vec![egui::Event::PointerMoved(at)]);
+    bench.frame(vec![]);
+    let (hit, rows) = bench.ui.under_pointer().expect("a leaf").clone();
+    // x = −6 of ±10 mm, y = 3: column 1 of 8, row 2.
+    assert_eq!((hit.leaf, hit.front, hit.texel), (1, true, [1, 2]));
+    assert_eq!(rows[1], ("column".to_string(), "1".to_string()));
+    bench.frame(vec![Bench::button(at, true)]);
+    bench.frame(vec![Bench::button(at, false)]);
+    let mut edit = bench.ui.edit(1);
+    edit.thickness_mm = 0.3;
+    bench.ui.set_edit(1, edit);
+    assert_eq!(bench.asked.borrow().recomputed.last().map(|(leaf, _)| *leaf), Some(1));
+}
+
+#[test]
+fn a_check_shows_its_verdict_until_the_scene_changes() {
+    let Some(mut bench) = bench() else { return };
+    let live = bench.pixels();
+    bench.click("check");
+    bench.frame(vec![]);
+    assert_eq!((bench.asked.borrow().checked, bench.ui.passed()), (1, Some(false)), "black is no reference for a lit leaf");
+    let difference = live.iter().zip(&bench.pixels()).filter(|(a, b)| a != b).count();
+    assert!(difference > 20_000, "three pictures in place of one: {difference} pixels");
+    if let Ok(folder) = std::env::var("MESOPHYLL_PICTURES") {
+        bench.stage.save_png(&std::path::Path::new(&folder).join("check.png")).expect("png");
+    }
+    bench.click("flipped");
+    let first = bench.pixels();
+    bench.time += 0.7;
+    bench.frame(vec![]);
+    assert!(first != bench.pixels(), "picture and reference take turns");
+}
+
+#[test]
+fn back_texels_are_counted_in_the_backs_own_image() {
+    let scene = scene_of(uniform_leaf());
+    let hit = |eye: Vec3, x: f32| {
+        let mut c = camera(eye, 100.0);
+        c.fov_y_deg = 2.0 * (10.0f32 / 100.0).atan().to_degrees();
+        pick(&scene, &c, 1.0, x, 0.3).expect("hit")
+    };
+    // Either side's own image runs to the right as its camera sees it.
+    for (eye, front) in [(Vec3::Z, true), (-Vec3::Z, false)] {
+        let h = hit(eye, 0.2);
+        assert_eq!((h.front, h.texel), (front, [1, 2]));
+    }
+    let mut holed = scene.clone();
+    holed.leaves[0].mask = Some(vec![0; 64]);
+    assert_eq!(pick(&holed, &camera(Vec3::Z, 100.0), 1.0, 0.5, 0.5), None);
+}
