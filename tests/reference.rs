@@ -112,19 +112,19 @@ fn veined(n: usize) -> ReferenceLeaf {
 }
 
 fn portrait() -> (World, Camera) {
-    let mut world = alone(veined(128), sun(DVec3::new(0.5, 0.4, 1.0), SUN), Some([0.25, 0.3, 0.4]));
+    let mut world = alone(veined(64), sun(DVec3::new(0.5, 0.4, 1.0), SUN), Some([0.25, 0.3, 0.4]));
     world.exposure = 1.2;
     world.background = [0.02, 0.02, 0.025];
     (world, camera(DVec3::new(-20.0, -35.0, 110.0), 32.0))
 }
 
-/// Mean of the closed form over a pixel's square, by a 6×6 midpoint rule.
+/// Mean of the closed form over a pixel's square, by a 3×3 midpoint rule.
 fn over_pixel(card: &Card, lens: &Lens, x: usize, y: usize, sun: Option<&ReferenceSun>, sky: Option<[f64; 3]>) -> [f64; 3] {
     let mut mean = [0.0; 3];
-    for k in 0..36 {
-        let ray = lens.ray(x as f64 + ((k % 6) as f64 + 0.5) / 6.0, y as f64 + ((k / 6) as f64 + 0.5) / 6.0);
+    for k in 0..9 {
+        let ray = lens.ray(x as f64 + ((k % 3) as f64 + 0.5) / 3.0, y as f64 + ((k / 3) as f64 + 0.5) / 3.0);
         let radiance = card.radiance(-ray.direction, sun, sky);
-        (0..3).for_each(|c| mean[c] += radiance[c] / 36.0);
+        (0..3).for_each(|c| mean[c] += radiance[c] / 9.0);
     }
     mean
 }
@@ -223,14 +223,16 @@ fn a_penumbra_has_the_right_profile_and_is_marked() {
     let picture = render(&world, &view, width, rows, &options).unwrap();
     let lens = Lens::new(&view, width, rows).unwrap();
     let full = [3.0, 2.5, 2.0].map(|e| e * 0.5 / PI);
-    let mut marked = 0;
+    let (mut marked, mut squares) = (0, 0.0f64);
     for k in 0..width * rows {
         let ray = lens.ray((k % width) as f64 + 0.5, (k / width) as f64 + 0.5);
         let x = ray.direction.x / -ray.direction.z * 50.0;
         let d = x / (height * radius.tan());
-        for c in 0..3 {
-            let share = f64::from(picture.hdr[k][c]) / full[c];
-            assert!((share - segment(-d)).abs() < 0.012, "x = {x}: {share} against {}", segment(-d));
+        for (found, full) in picture.hdr[k].iter().zip(full) {
+            let share = f64::from(*found) / full;
+            let error = share - segment(-d);
+            assert!(error.abs() < 0.02, "x = {x}: {share} against {}", segment(-d));
+            squares += error * error / (3 * width * rows) as f64;
         }
         let pixel = 50.0 * (2.0 / rows as f64).to_radians() / (height * radius.tan());
         if d.abs() < 1.0 - pixel {
@@ -242,6 +244,8 @@ fn a_penumbra_has_the_right_profile_and_is_marked() {
         assert!(picture.interior[k]);
     }
     assert!(marked > 100);
+    // 1024 unstratified samples would scatter by √(¼/1024) = .016 at V = ½
+    assert!(squares.sqrt() < 0.008, "{}", squares.sqrt());
 }
 
 /// The blade turned over, with its sides exchanged, must look the same: maps mirrored, normals turned, far side's too.
@@ -479,7 +483,7 @@ fn worlds_that_do_not_fit_together_are_refused() {
         let said = render(&broken, &view, 4, 3, &Options::default()).err().map(|e| e.to_string()).unwrap_or_default();
         assert!(said.contains(expected), "{said:?} does not say {expected:?}");
     };
-    refused(&|w| w.leaves[0].width = 7, "expected 7×128 = 896");
+    refused(&|w| w.leaves[0].width = 7, "expected 7×64 = 448");
     refused(&|w| w.instances[0].leaf = 3, "leaf 3 wanted");
     refused(&|w| w.instances[0].transform = DMat4::ZERO, "cannot be inverted");
     refused(&|w| w.leaves[0].mesh.indices[0] = 1 << 20, "indices");
@@ -499,4 +503,130 @@ fn worlds_that_do_not_fit_together_are_refused() {
     // an empty world is its background
     let nothing = render(&World { background: [0.5, 0.25, 0.125], ..World::default() }, &view, 2, 2, &Options::default()).unwrap();
     assert_eq!(nothing.hdr[3], [0.5, 0.25, 0.125, 0.0]);
+}
+
+#[cfg(feature = "render")]
+mod judging {
+    use super::*;
+    use mesophyll::transport::compare::{compare, difference_picture, noise_floor};
+
+    const SIZE: (usize, usize) = (96, 72);
+
+    fn both(leaf: &mut ReferenceLeaf) -> [&mut ReferenceSide; 2] {
+        [&mut leaf.front, &mut leaf.back]
+    }
+
+    fn shot(world: &World, view: &Camera, seed: u64) -> ReferencePicture {
+        render(world, view, SIZE.0, SIZE.1, &Options { seed, ..Options::default() }).unwrap()
+    }
+
+    #[test]
+    fn a_picture_equals_itself_and_one_pixel_is_found() {
+        let (world, view) = portrait();
+        let picture = shot(&world, &view, 1);
+        let same = compare(&picture, &picture.ldr).unwrap();
+        assert_eq!((same.flip_mean, same.flip_p99, same.max_error, same.error_p99), (0.0, 0.0, Some(0.0), Some(0.0)));
+        assert!(same.interior_share > 0.8, "{}", same.interior_share);
+        assert!(difference_picture(&picture.ldr, &picture.ldr, 8.0).iter().all(|&x| x == 128));
+        assert_eq!(same.flip_picture().len(), 3 * SIZE.0 * SIZE.1);
+
+        let at = 36 * SIZE.0 + 48;
+        assert!(picture.interior[at] && !picture.penumbra[at]);
+        let mut spoilt = picture.ldr.clone();
+        spoilt[at][1] = spoilt[at][1].wrapping_add(51);
+        let found = compare(&picture, &spoilt).unwrap();
+        assert_eq!((found.max_error, found.max_at), (Some(51.0 / 255.0), Some((48, 36))));
+        assert!(found.flip_mean > 0.0 && found.error_p99 == Some(0.0));
+
+        // an edge pixel is not judged by the largest error, but FLIP sees it
+        let edge = picture.interior.iter().position(|i| !i).unwrap();
+        let mut spoilt = picture.ldr.clone();
+        spoilt[edge][0] ^= 0xff;
+        let found = compare(&picture, &spoilt).unwrap();
+        assert_eq!(found.max_error, Some(0.0));
+        assert!(found.flip_mean > 0.0);
+        assert!(compare(&picture, &spoilt[1..]).is_err());
+    }
+
+    /// Mistakes that a renderer makes must stand far above the reference's own noise, from both sides and with light from both.
+    #[test]
+    fn wrong_pictures_stand_out_of_the_noise() {
+        let (world, view) = portrait();
+        let encode = |x: f32| if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
+        // name, whether it is a gross one, how it is made
+        type Mistake = (&'static str, bool, Box<dyn Fn(&mut World)>);
+        let mistakes: [Mistake; 5] = [
+            ("mirrored normal", true, {
+                Box::new(|w| {
+                    for side in both(&mut w.leaves[0]) {
+                        side.normal.as_mut().unwrap().values.iter_mut().for_each(|n| n[0] = -n[0]);
+                    }
+                })
+            }),
+            ("swapped sides", true, {
+                Box::new(|w| {
+                    let leaf = &mut w.leaves[0];
+                    std::mem::swap(&mut leaf.front, &mut leaf.back);
+                })
+            }),
+            ("sRGB read as linear", true, {
+                Box::new(move |w| {
+                    for side in both(&mut w.leaves[0]) {
+                        let Interior::Maps { rho_d, rho_t } = &mut side.interior else { panic!("the portrait has maps") };
+                        rho_d.iter_mut().chain(rho_t).flatten().for_each(|x| *x = encode(*x));
+                    }
+                })
+            }),
+            ("a blade 1.3 times too thick", false, {
+                Box::new(|w| {
+                    for side in both(&mut w.leaves[0]) {
+                        let Interior::Maps { rho_t, .. } = &mut side.interior else { panic!("the portrait has maps") };
+                        rho_t.iter_mut().flatten().for_each(|t| *t = t.powf(1.3));
+                    }
+                })
+            }),
+            ("maps shifted by a texel", false, {
+                Box::new(|w| {
+                    for side in both(&mut w.leaves[0]) {
+                        let Interior::Maps { rho_d, rho_t } = &mut side.interior else { panic!("the portrait has maps") };
+                        rho_d.iter_mut().chain(rho_t).for_each(|m| m.rotate_right(1));
+                    }
+                })
+            }),
+        ];
+        for (place, eye, lamp) in [
+            ("front lit", view.eye, DVec3::new(0.5, 0.4, 1.0)),
+            ("back lit", view.eye, DVec3::new(0.5, 0.4, -1.0)),
+            ("from behind", view.eye * DVec3::new(1.0, 1.0, -1.0), DVec3::new(0.5, 0.4, -1.0)),
+        ] {
+            let mut world = world.clone();
+            world.sun = sun(lamp, SUN);
+            // close up, so that a pixel is smaller than a texel
+            let view = Camera { eye, fov_y_deg: 14.0, ..view };
+            let reference = shot(&world, &view, 1);
+            let floor = noise_floor(&reference, &shot(&world, &view, 2)).unwrap();
+            for (name, gross, spoil) in &mistakes {
+                let mut wrong = world.clone();
+                spoil(&mut wrong);
+                let found = compare(&reference, &shot(&wrong, &view, 3).ldr).unwrap();
+                println!(
+                    "{place}, {name}: flip p99 {:.4} (floor {:.4}), largest {:.4} (floor {:.4})",
+                    found.flip_p99,
+                    floor.flip_p99,
+                    found.max_error.unwrap(),
+                    floor.max_error.unwrap()
+                );
+                // one 8-bit step of rounding is part of any floor
+                let (found_max, floor_max) = (found.max_error.unwrap(), floor.max_error.unwrap().max(1.0 / 255.0));
+                // small mistakes: seen at all
+                if !gross {
+                    assert!(found_max > floor_max, "{place}, {name}: largest error {found_max} against a floor of {floor_max}");
+                    continue;
+                }
+                assert!(found_max > 3.0 * floor_max, "{place}, {name}: largest error {found_max} against a floor of {floor_max}");
+                let least = 2.0 * floor.flip_p99;
+                assert!(found.flip_p99 > least, "{place}, {name}: FLIP {} against a floor of {}", found.flip_p99, floor.flip_p99);
+            }
+        }
+    }
 }

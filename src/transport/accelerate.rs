@@ -162,7 +162,7 @@ impl Tree {
         if self.root == NOTHING || self.bounds.enter(ray, *limit) == f64::INFINITY {
             return false;
         }
-        let mut stack = [(0u32, 0f64); 64];
+        let mut stack = [(0u32, 0f64); 32];
         let mut depth = 0usize;
         // trees of coincident boxes can be deeper than the stack; the spill allocates only then
         let mut spill: Vec<(u32, f64)> = Vec::new();

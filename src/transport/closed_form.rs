@@ -36,15 +36,13 @@ impl Card {
             let l = sun.direction.normalize();
             let cos_sun = normal.dot(l);
             let shine = if cos_sun > 0.0 { self.shine(cos_sun, cos_view, l.dot(view)) } else { 0.0 };
-            for c in 0..3 {
-                let diffuse = if cos_sun > 0.0 { self.rho_d[c] } else { self.rho_t_far[c] };
-                radiance[c] += sun.irradiance[c] * cos_sun.abs() * (diffuse / PI + self.rho_s[c] * shine);
-            }
+            let diffuse = if cos_sun > 0.0 { self.rho_d } else { self.rho_t_far };
+            radiance = [0, 1, 2].map(|c| sun.irradiance[c] * cos_sun.abs() * (diffuse[c] / PI + self.rho_s[c] * shine));
         }
         if let Some(sky) = sky {
             let albedo = if self.rho_s == [0.0; 3] { 0.0 } else { self.lobe.directional_albedo(cos_view, self.m) };
-            for c in 0..3 {
-                radiance[c] += sky[c] * (self.rho_d[c] + self.rho_t_far[c] + self.rho_s[c] * albedo);
+            for (c, radiance) in radiance.iter_mut().enumerate() {
+                *radiance += sky[c] * (self.rho_d[c] + self.rho_t_far[c] + self.rho_s[c] * albedo);
             }
         }
         radiance

@@ -54,7 +54,7 @@ impl<'a> Stage<'a> {
     }
 
     /// What comes back along `ray` (unit direction); the sun is sampled at the given points of its disk.
-    pub fn see(&self, ray: &Ray, sun_points: impl Iterator<Item = DiskPoint>) -> Seen {
+    pub fn see(&self, ray: &Ray, sun_points: &[DiskPoint]) -> Seen {
         match self.forest.nearest(ray, |i, t, b| self.on_leaf(i, t, b)) {
             None => Seen { radiance: self.world.background, surface: 0, light: 0 },
             Some(hit) => self.shade(ray, &hit, sun_points),
@@ -86,7 +86,7 @@ impl<'a> Stage<'a> {
         !self.forest.blocked(&Ray::new(point, Disk::new(sun).toward(offset)), |i, t, b| self.on_leaf(i, t, b))
     }
 
-    fn shade(&self, ray: &Ray, hit: &Hit, sun_points: impl Iterator<Item = DiskPoint>) -> Seen {
+    fn shade(&self, ray: &Ray, hit: &Hit, sun_points: &[DiskPoint]) -> Seen {
         let leaf = self.leaf(hit.instance);
         let mesh = &leaf.mesh;
         let turn = &self.turn[hit.instance];
@@ -134,9 +134,8 @@ impl<'a> Stage<'a> {
             let f = mapped(far, !seen_from_back);
             let disk = Disk::new(sun);
             // sums over the disk of: cosine on the viewed side, f_s/ρs with its cosine, cosine on the far side
-            let (mut lambert, mut shine, mut behind, mut count) = (0.0, 0.0, 0.0, 0usize);
-            for offset in sun_points {
-                count += 1;
+            let (mut lambert, mut shine, mut behind) = (0.0, 0.0, 0.0);
+            for &offset in sun_points {
                 let l = disk.toward(offset);
                 if self.hidden(point, flat, l) {
                     light |= HIDDEN;
@@ -152,7 +151,7 @@ impl<'a> Stage<'a> {
                     behind += f.dot(l).max(0.0);
                 }
             }
-            let share = 1.0 / count.max(1) as f64;
+            let share = 1.0 / sun_points.len().max(1) as f64;
             let rho_t = if behind > 0.0 { transmittance() } else { [0.0; 3] };
             for c in 0..3 {
                 let surface = gloss.map_or(0.0, |(rho_s, _)| rho_s[c] * shine);

@@ -187,7 +187,7 @@ impl ReferenceLeaf {
                 mesh.uvs.len()
             ));
         }
-        if mesh.indices.len() % 3 != 0 || mesh.indices.iter().any(|&i| i as usize >= vertices) {
+        if !mesh.indices.len().is_multiple_of(3) || mesh.indices.iter().any(|&i| i as usize >= vertices) {
             return Err(format!("mesh: indices must come in threes and stay below {vertices}"));
         }
         if !(mesh.positions.iter().chain(&mesh.normals).all(|p| p.is_finite()) && mesh.uvs.iter().all(|p| p.is_finite())) {
