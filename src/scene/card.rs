@@ -72,11 +72,11 @@ impl Card {
         })
     }
 
-    /// Radiance at every pixel's centre, by the formula.
+    /// Radiance at the centres of these pixels, by the formula.
     ///
     /// # Errors
     /// [`Error::Input`] when the card is seen from a side whose parameters the plan did not ask for.
-    pub fn closed_form(&self, manifest: &Manifest, view: &View, width: usize, height: usize) -> Result<Vec<[f64; 3]>> {
+    pub fn closed_form(&self, manifest: &Manifest, view: &View, size: (usize, usize), pixels: &[(usize, usize)]) -> Result<Vec<[f64; 3]>> {
         let config = &manifest.leaves[self.leaf];
         let normal = self.transform.transform_vector3(DVec3::Z).normalize();
         let towards = DVec3::from(view.eye_mm.unwrap_or_default()) - self.transform.transform_point3(DVec3::ZERO);
@@ -96,11 +96,7 @@ impl Card {
         let camera = reference::camera(view);
         let sun = reference::sun(manifest);
         let sky = manifest.sky.as_ref().map(|s| s.radiance);
-        let mut out = Vec::with_capacity(width * height);
-        for k in 0..width * height {
-            out.push(card.pixel(&camera, (width, height), (k % width, k / width), sun.as_ref(), sky)?);
-        }
-        Ok(out)
+        pixels.iter().map(|&pixel| card.pixel(&camera, size, pixel, sun.as_ref(), sky)).collect()
     }
 }
 
@@ -141,11 +137,8 @@ pub fn world(manifest: &Manifest, card: &Card) -> transport::World {
                 gamma: p.gamma.map(texel),
                 thickness: texel(p.thickness),
                 curve: {
-                    let (sigma_a, sigma_s) = (p.sigma_a, p.sigma_s);
-                    Arc::new(move |h| {
-                        let r = [0, 1, 2].map(|c| slab::exact::response(sigma_a[c], sigma_s[c], h));
-                        (r.map(|r| r.rho_d), r.map(|r| r.rho_t))
-                    })
+                    let curve = reference::Chebyshev::new(p.sigma_a, p.sigma_s, 0.95 * p.thickness, 1.05 * p.thickness);
+                    Arc::new(move |h| curve.at(h))
                 },
             },
             gloss: p.rho_s.iter().any(|v| *v > 0.0).then(|| transport::Gloss { rho_s: p.rho_s.map(texel), m: texel(p.m) }),

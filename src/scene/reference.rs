@@ -172,7 +172,7 @@ fn solved(planes: &[Vec<f32>]) -> transport::Interior {
 
 /// Barycentric interpolation of ln ρ in Chebyshev points of the second kind (Berrut & Trefethen 2004, Eq. 4.2): a slab's response is analytic in
 /// the thickness, so that a few dozen points reach rounding.
-struct Chebyshev {
+pub struct Chebyshev {
     nodes: Vec<f64>,
     /// ln ρd and ln ρt, a channel each, a node each.
     values: Vec<[f64; 6]>,
@@ -182,7 +182,8 @@ struct Chebyshev {
 const NODES: usize = 25;
 
 impl Chebyshev {
-    fn new(sigma_a: [f64; 3], sigma_s: [f64; 3], low: f64, high: f64) -> Chebyshev {
+    /// The slab with these coefficients (1/mm) between `low` and `high` mm.
+    pub fn new(sigma_a: [f64; 3], sigma_s: [f64; 3], low: f64, high: f64) -> Chebyshev {
         let half = ((high - low) / 2.0).max(1e-9 * high);
         let nodes: Vec<f64> = (0..NODES).map(|k| (low + high) / 2.0 + half * (PI * k as f64 / (NODES - 1) as f64).cos()).collect();
         let values = nodes
@@ -195,7 +196,8 @@ impl Chebyshev {
         Chebyshev { nodes, values }
     }
 
-    fn at(&self, h: f64) -> ([f64; 3], [f64; 3]) {
+    /// ρd and ρt; a thickness beyond the ends is taken for the end.
+    pub fn at(&self, h: f64) -> ([f64; 3], [f64; 3]) {
         let h = h.clamp(self.nodes[NODES - 1], self.nodes[0]);
         let (mut sum, mut weights) = ([0.0; 6], 0.0);
         for (k, (node, value)) in self.nodes.iter().zip(&self.values).enumerate() {
