@@ -1,9 +1,9 @@
 //! The check: pictures of generated leaves against the reference, and that what must fail does fail.
 #![cfg(feature = "render")]
 
-mod common;
+mod blade;
 
-use common::{Blade, copy, edit, rehash, scene};
+use blade::{Blade, copy, edit, rehash, scene};
 use mesophyll::fit::record::FitRecord;
 use serde_json::Value;
 use std::path::Path;

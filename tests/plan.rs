@@ -1,8 +1,8 @@
 //! The plan: what a scene needs, what is left out, and that nothing else is touched.
 
-mod common;
+mod blade;
 
-use common::{Blade, scene};
+use blade::{Blade, scene};
 use mesophyll::scene::ledger::Ledger;
 use mesophyll::scene::manifest::Manifest;
 use mesophyll::scene::plan::{self, Plan};

@@ -1,4 +1,10 @@
 //! The measurement: files, units, calibration, and synthesis with seeded noise. The format is documented in `data/README.md`.
 
+pub mod calibrate;
+pub mod inspect;
+pub mod lightbox;
 pub mod manifest;
+pub mod reader;
 pub mod synth;
+
+pub use inspect::inspect;

@@ -12,6 +12,7 @@ pub mod eval;
 pub mod export;
 pub mod fit;
 pub mod inspect;
+mod peers;
 pub mod plan;
 pub mod report;
 pub mod run;

@@ -1,11 +1,49 @@
-//! `mesophyll report`.
+//! `mesophyll report DIR…`.
 
 use super::Common;
+use crate::files::progress;
+use crate::report::{self, ReportSource};
 use crate::{Error, Result};
+use std::path::PathBuf;
 
+/// Reports how good fits are: one HTML file that needs no network, or the same rows as JSON or Markdown.
 #[derive(Debug, clap::Args)]
-pub struct Args {}
+#[command(after_help = "Examples:
+  mesophyll report fits/elm -o elm.html       how good is this fit?
+  mesophyll report fits/elm out/elm2          two fits, compared
+  mesophyll report out/demo --json            the same rows for a program")]
+pub struct Args {
+    /// Fit folders (two or more are compared with the first), or the folder of a run
+    #[arg(required = true, value_name = "DIR")]
+    folders: Vec<PathBuf>,
+    /// The HTML file (default: report.html, unless --json or --markdown is asked for)
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// The rows as Markdown on standard output
+    #[arg(long, conflicts_with = "json")]
+    markdown: bool,
+}
 
-pub fn run(_args: &Args, _common: &Common) -> Result<u8> {
-    Err(Error::Usage("this build does not have the verb report yet".into()))
+pub fn run(args: &Args, common: &Common) -> Result<u8> {
+    let sources: Vec<ReportSource> = args.folders.iter().map(ReportSource::folder).collect();
+    if common.json {
+        super::print_json(&report::to_json(&sources)?)?;
+    }
+    if args.markdown {
+        super::print(&report::to_markdown(&sources)?)?;
+    }
+    if args.output.is_none() && (common.json || args.markdown) {
+        return Ok(0);
+    }
+    let path = args.output.clone().unwrap_or_else(|| PathBuf::from("report.html"));
+    if path.is_dir() {
+        return Err(Error::Usage(format!("{}: found a folder, expected the name of an HTML file", path.display())));
+    }
+    let report = report::write_html(&sources, &path)?;
+    progress::say(format_args!("{}. {}", report.verdict.level.word(), report.verdict.sentence));
+    for reason in &report.verdict.reasons {
+        progress::say(format_args!("  {}", reason.text));
+    }
+    progress::say(format_args!("written: {}", path.display()));
+    Ok(0)
 }

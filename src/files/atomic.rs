@@ -20,16 +20,33 @@ pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
     write(path, |w| w.write_all(bytes))
 }
 
-/// A file being written under a temporary name; [`Pending::finish`] gives it its own.
+/// A file being written under a temporary name; [`Pending::finish`] gives it its own. Devices and pipes (`/dev/null`, a FIFO) are
+/// written in place: renaming over them would replace them.
 #[derive(Debug)]
 pub struct Pending {
-    file: Option<BufWriter<tempfile::NamedTempFile>>,
+    target: Option<Target>,
     path: PathBuf,
+}
+
+#[derive(Debug)]
+enum Target {
+    Temporary(BufWriter<tempfile::NamedTempFile>),
+    InPlace(BufWriter<fs::File>),
 }
 
 impl Pending {
     /// Opens a temporary file in the folder of `path` (created if missing).
     pub fn create(path: &Path) -> Result<Self> {
+        let target = if fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir()) {
+            let file = fs::OpenOptions::new().write(true).open(path).map_err(|e| Error::write(path, explain(&e)))?;
+            Target::InPlace(BufWriter::new(file))
+        } else {
+            Target::Temporary(Self::temporary(path)?)
+        };
+        Ok(Pending { target: Some(target), path: path.to_path_buf() })
+    }
+
+    fn temporary(path: &Path) -> Result<BufWriter<tempfile::NamedTempFile>> {
         let folder = match path.parent() {
             Some(p) if !p.as_os_str().is_empty() => p,
             _ => Path::new("."),
@@ -41,50 +58,52 @@ impl Pending {
             .suffix(".partial")
             .tempfile_in(folder)
             .map_err(|e| Error::write(path, explain(&e)))?;
-        Ok(Pending { file: Some(BufWriter::with_capacity(1 << 16, file)), path: path.to_path_buf() })
+        Ok(BufWriter::with_capacity(1 << 16, file))
     }
 
     /// Flushes and renames. Without this call the temporary file is removed on drop.
     pub fn finish(mut self) -> Result<()> {
-        let Some(writer) = self.file.take() else { return Ok(()) };
-        let temp = writer.into_inner().map_err(|e| Error::write(&self.path, explain(e.error())))?;
-        // Temporary files are born private (0600); results are as readable as the umask allows.
-        #[cfg(unix)]
-        {
-            use std::os::unix::fs::PermissionsExt;
-            let _ = temp.as_file().set_permissions(fs::Permissions::from_mode(0o644));
+        match self.target.take() {
+            Some(Target::Temporary(writer)) => {
+                let temp = writer.into_inner().map_err(|e| Error::write(&self.path, explain(e.error())))?;
+                // Temporary files are born private (0600); results are as readable as other new files.
+                #[cfg(unix)]
+                {
+                    use std::os::unix::fs::PermissionsExt;
+                    let _ = temp.as_file().set_permissions(fs::Permissions::from_mode(0o644));
+                }
+                temp.persist(&self.path).map_err(|e| Error::write(&self.path, explain(&e.error)))?;
+                Ok(())
+            }
+            Some(Target::InPlace(mut writer)) => writer.flush().map_err(|e| Error::write(&self.path, explain(&e))),
+            None => Ok(()),
         }
-        temp.persist(&self.path).map_err(|e| Error::write(&self.path, explain(&e.error)))?;
-        Ok(())
     }
 
-    /// The temporary file's path, for libraries that insist on opening files themselves.
-    pub fn temporary_path(&self) -> Option<&Path> {
-        self.file.as_ref().map(|w| w.get_ref().path())
-    }
-}
-
-impl Write for Pending {
-    fn write(&mut self, buf: &[u8]) -> io::Result<usize> {
-        match &mut self.file {
-            Some(f) => f.write(buf),
+    fn with<T>(&mut self, act: impl FnOnce(&mut dyn WriteSeek) -> io::Result<T>) -> io::Result<T> {
+        match &mut self.target {
+            Some(Target::Temporary(w)) => act(w),
+            Some(Target::InPlace(w)) => act(w),
             None => Err(io::Error::other("already finished")),
         }
     }
+}
+
+trait WriteSeek: Write + io::Seek {}
+impl<T: Write + io::Seek> WriteSeek for T {}
+
+impl Write for Pending {
+    fn write(&mut self, buf: &[u8]) -> io::Result<usize> {
+        self.with(|w| w.write(buf))
+    }
     fn flush(&mut self) -> io::Result<()> {
-        match &mut self.file {
-            Some(f) => f.flush(),
-            None => Ok(()),
-        }
+        self.with(|w| w.flush())
     }
 }
 
 impl io::Seek for Pending {
     fn seek(&mut self, pos: io::SeekFrom) -> io::Result<u64> {
-        match &mut self.file {
-            Some(f) => f.seek(pos),
-            None => Err(io::Error::other("already finished")),
-        }
+        self.with(|w| w.seek(pos))
     }
 }
 
@@ -106,6 +125,7 @@ pub fn explain(e: &io::Error) -> String {
         io::ErrorKind::PermissionDenied => "permission denied".into(),
         io::ErrorKind::StorageFull => "the disk is full".into(),
         io::ErrorKind::ReadOnlyFilesystem => "the file system is read-only".into(),
+        io::ErrorKind::FileTooLarge => "the file would exceed the largest size allowed".into(),
         io::ErrorKind::UnexpectedEof => "the file ends too early (truncated?)".into(),
         _ => e.to_string(),
     }
@@ -127,5 +147,15 @@ mod tests {
         assert!(failed.unwrap_err().to_string().contains("the disk is full"));
         assert_eq!(fs::read(&path).unwrap(), b"old");
         assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn devices_are_written_in_place() {
+        use std::os::unix::fs::FileTypeExt;
+        write_bytes(Path::new("/dev/null"), b"gone").unwrap();
+        assert!(fs::metadata("/dev/null").unwrap().file_type().is_char_device());
+        let full = write_bytes(Path::new("/dev/full"), b"x").unwrap_err().to_string();
+        assert_eq!(full, "cannot write /dev/full: the disk is full");
     }
 }

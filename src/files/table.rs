@@ -328,7 +328,8 @@ impl Plan {
                 continue;
             }
             match text.parse::<f64>() {
-                Ok(v) if !v.is_nan() => values.push(v),
+                // `nan` in an optional cell is what an empty one is: no reading.
+                Ok(v) if !v.is_nan() || !needed => values.push(v),
                 _ if text.is_empty() => {
                     out.push(Answer::refused(format!("{name} is empty")));
                     return;

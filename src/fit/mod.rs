@@ -1,3 +1,10 @@
 //! One file a fit: a model, a solver, and what it reads and writes.
 
+pub mod bench;
+pub mod gloss;
+pub mod leaf;
+pub mod nist;
+pub mod peers;
 pub mod record;
+pub mod solver;
+pub mod stress;

@@ -1,3 +1,5 @@
 //! What light does in and on a leaf, one model a file. No files, no solvers.
 
+pub mod gloss;
 pub mod slab;
+pub mod tube;

@@ -1,1 +1,79 @@
-//! Rows to JSON, Markdown and HTML. Computes nothing new.
+//! The report: how good fits are, as HTML, JSON and Markdown made from the same rows. Nothing new is computed here, only summarised.
+
+pub mod chart;
+pub mod colour;
+pub mod compare;
+pub mod html;
+pub mod maps;
+pub mod markdown;
+pub mod model;
+pub mod number;
+pub mod quantity;
+pub mod read;
+pub mod rows;
+pub mod scene;
+pub mod stats;
+pub mod verdict;
+pub mod view;
+
+use crate::{Error, Result};
+pub use model::Report;
+use std::path::{Path, PathBuf};
+
+/// A folder to report: a fit (`fit.toml`), or a run with `check.json`, `plan.json` and fits below it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ReportSource {
+    pub folder: PathBuf,
+}
+
+impl ReportSource {
+    pub fn folder(folder: impl Into<PathBuf>) -> Self {
+        ReportSource { folder: folder.into() }
+    }
+
+    /// Whether the folder is a fit itself (and not a run that may hold fits).
+    pub fn is_fit(&self) -> bool {
+        self.folder.join("fit.toml").exists()
+    }
+}
+
+/// What to read and draw.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Options {
+    /// Set every further fit against the first.
+    pub compare: bool,
+    /// Draw pictures (HTML needs them, rows do not).
+    pub pictures: bool,
+    /// Heading; the fits' names when absent.
+    pub title: Option<String>,
+}
+
+/// Two or more fits named one by one are meant to be compared; the fits of a run are not.
+fn defaults(sources: &[ReportSource], pictures: bool) -> Options {
+    Options { compare: sources.len() > 1 && sources.iter().all(ReportSource::is_fit), pictures, title: None }
+}
+
+/// Writes one self-contained HTML file.
+///
+/// # Errors
+/// [`Error::Input`] for a folder without anything to report or with a broken `fit.toml`, `check.json` or `plan.json`; [`Error::Write`].
+pub fn write_html(sources: &[ReportSource], path: &Path) -> Result<Report> {
+    let report = read::read(sources, &defaults(sources, true))?;
+    crate::files::atomic::write_bytes(path, html::render(&report)?.as_bytes())?;
+    Ok(report)
+}
+
+/// The rows of a report.
+pub fn rows(sources: &[ReportSource]) -> Result<Report> {
+    read::read(sources, &defaults(sources, false))
+}
+
+/// The rows as JSON; numbers that are not finite are `null`.
+pub fn to_json(sources: &[ReportSource]) -> Result<serde_json::Value> {
+    serde_json::to_value(rows(sources)?).map_err(|e| Error::Missed(format!("cannot write JSON: {e}")))
+}
+
+/// The rows as Markdown.
+pub fn to_markdown(sources: &[ReportSource]) -> Result<String> {
+    Ok(markdown::render(&rows(sources)?))
+}

@@ -20,6 +20,8 @@ pub enum Termination {
     NoProgress,
     /// The model or its Jacobian became NaN or infinite.
     NotFinite,
+    /// The residuals do not depend on any free parameter here: there is no direction to go, and nothing was fitted.
+    Flat,
     /// The input cannot be fitted at all (no usable samples, all zero, out of range).
     Refused,
 }
@@ -40,6 +42,7 @@ impl Termination {
             Termination::IterationLimit => "iteration_limit",
             Termination::NoProgress => "no_progress",
             Termination::NotFinite => "not_finite",
+            Termination::Flat => "flat",
             Termination::Refused => "refused",
         }
     }

@@ -106,8 +106,7 @@ impl Renderer {
         let layers = shadow_layers(scene);
         let (mut shadow, mut shadow_texel) = (None, 0.0);
         if let Some(sun) = scene.sun.filter(|_| layers > 0) {
-            let (pass, texel) =
-                ShadowPass::new(&self.gpu, &sun, &corners, layers, scene.shadow_resolution, &leaves, &self.samplers, &mut stats);
+            let (pass, texel) = ShadowPass::new(&self.gpu, scene, &sun, &corners, &leaves, &self.samplers, &mut stats);
             (shadow, shadow_texel) = (Some(pass), texel);
         }
         for leaf in &leaves {
@@ -266,8 +265,7 @@ impl Renderer {
             encoder,
             &self.pipelines,
             &loaded.leaves,
-            Targets { color, resolve, depth: &targets.depth },
-            loaded.background,
+            Targets { color, resolve, depth: &targets.depth, background: loaded.background },
             clock.map(|c| c.writes(1)),
             &mut self.stats,
         );

@@ -7,7 +7,7 @@ use glam::{Mat4, Vec3};
 use mesophyll_viewer::editor::{Editor, LeafEdit, LeafUpdate, Measure, ReferencePicture, SideEdit, Verdict};
 use mesophyll_viewer::pick::pick;
 use mesophyll_viewer::scene::{Camera, Instance, Interior, Scene};
-use mesophyll_viewer::{Error, Options, Picture, Stage, ViewerUi, WindowScene};
+use mesophyll_viewer::{Error, Options, Picture, Stage, ViewerUi, WindowOptions, WindowScene, open_window};
 use std::cell::RefCell;
 use std::rc::Rc;
 
@@ -23,7 +23,6 @@ struct Asked {
 
 struct Toy {
     asked: Rc<RefCell<Asked>>,
-    reference_off_by: u8,
 }
 
 impl Editor for Toy {
@@ -54,7 +53,7 @@ impl Editor for Toy {
 
     fn reference(&mut self, _: &Scene, _: &Camera, width: u32, height: u32) -> Result<ReferencePicture, String> {
         self.asked.borrow_mut().checked += 1;
-        Ok(ReferencePicture { width, height, ldr: vec![[self.reference_off_by; 4]; (width * height) as usize] })
+        Ok(ReferencePicture { width, height, ldr: vec![[0; 4]; (width * height) as usize] })
     }
 
     fn judge(&mut self, picture: &Picture, reference: &ReferencePicture) -> Verdict {
@@ -75,15 +74,8 @@ struct Bench {
     time: f64,
 }
 
-fn bench() -> Option<Bench> {
-    let stage = match Stage::headless(&Options::default()) {
-        Ok(stage) => stage,
-        Err(Error::NoAdapter) => {
-            println!("skipped: no graphics adapter");
-            return None;
-        }
-        Err(other) => panic!("{other}"),
-    };
+/// Two bent leaves side by side, and what their window asks for.
+fn two_leaves() -> (WindowScene, Toy) {
     let mut leaf = uniform_leaf();
     leaf.mesh = bent(10.0, 12, -0.02);
     leaf.front.gloss = Some(vec![[0.05, 0.05, 0.05, 0.3]; 64]);
@@ -95,7 +87,6 @@ fn bench() -> Option<Bench> {
     scene.sky = Some([0.4, 0.5, 0.6]);
     scene.background = [0.02; 3];
     scene.shadow_samples = 2;
-    let asked = Rc::new(RefCell::new(Asked::default()));
     let camera = Camera { fov_y_deg: 50.0, ..camera(Vec3::new(0.3, -0.5, 1.0), 80.0) };
     let window = WindowScene {
         title: "bench".into(),
@@ -105,7 +96,20 @@ fn bench() -> Option<Bench> {
         check_size: [64, 48],
         screenshots: std::env::temp_dir(),
     };
-    let toy = Toy { asked: asked.clone(), reference_off_by: 0 };
+    (window, Toy { asked: Default::default() })
+}
+
+fn bench() -> Option<Bench> {
+    let stage = match Stage::headless(&Options::default()) {
+        Ok(stage) => stage,
+        Err(Error::NoAdapter) => {
+            println!("skipped: no graphics adapter");
+            return None;
+        }
+        Err(other) => panic!("{other}"),
+    };
+    let (window, toy) = two_leaves();
+    let asked = toy.asked.clone();
     let ui = ViewerUi::new(window, Box::new(toy), stage.renderer().adapter());
     let mut bench = Bench { stage, ui, asked, time: 0.0 };
     // Twice: egui settles its layout in the first.
@@ -326,4 +330,55 @@ fn back_texels_are_counted_in_the_backs_own_image() {
     let mut holed = scene.clone();
     holed.leaves[0].mask = Some(vec![0; 64]);
     assert_eq!(pick(&holed, &camera(Vec3::Z, 100.0), 1.0, 0.5, 0.5), None);
+}
+
+/// Runs an ignored test of this file in a process of its own: a process may open one window only.
+fn child(mut command: std::process::Command, test: &str) -> (bool, String) {
+    let out = command.args(["--exact", test, "--ignored", "--nocapture"]).output().expect("child");
+    (out.status.success(), format!("{}{}", String::from_utf8_lossy(&out.stdout), String::from_utf8_lossy(&out.stderr)))
+}
+
+#[test]
+fn without_a_display_the_window_says_so() {
+    let mut command = std::process::Command::new(std::env::current_exe().expect("path"));
+    command.env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY").env_remove("WAYLAND_SOCKET");
+    let (passed, words) = child(command, "child_without_display");
+    assert!(passed && words.contains("the window could not be opened"), "{words}");
+}
+
+#[test]
+#[ignore = "run by without_a_display_the_window_says_so"]
+fn child_without_display() {
+    let (window, toy) = two_leaves();
+    let error = open_window(window, Box::new(toy), &WindowOptions::default()).expect_err("no display");
+    assert!(matches!(error, Error::Window(_)));
+    println!("{error}");
+}
+
+#[test]
+fn a_real_window_opens_draws_and_closes() {
+    if bench().is_none() {
+        return;
+    }
+    if !std::process::Command::new("xvfb-run").arg("--help").output().is_ok_and(|o| o.status.success()) {
+        println!("skipped: no xvfb-run");
+        return;
+    }
+    let mut command = std::process::Command::new("xvfb-run");
+    command.args(["-a", "-s", "-screen 0 1100x720x24"]).arg(std::env::current_exe().expect("path"));
+    let (passed, words) = child(command, "child_with_window");
+    assert!(passed, "{words}");
+}
+
+#[test]
+#[ignore = "run by a_real_window_opens_draws_and_closes"]
+fn child_with_window() {
+    let (window, toy) = two_leaves();
+    let path = std::env::temp_dir().join(format!("mesophyll-window-{}.png", std::process::id()));
+    let options = WindowOptions { size: [900, 600], frames: Some(3), screenshot: Some(path.clone()), ..Default::default() };
+    open_window(window, Box::new(toy), &options).expect("window");
+    let shot = image::open(&path).expect("screenshot").to_rgb8();
+    std::fs::remove_file(&path).expect("removed");
+    let colours: std::collections::HashSet<[u8; 3]> = shot.pixels().map(|p| p.0).collect();
+    assert!(shot.width() >= 600 && colours.len() > 200, "{}x{}, {} colours", shot.width(), shot.height(), colours.len());
 }

@@ -66,21 +66,29 @@ impl Leaf {
         let texel_mm = texel_size(spec, width, height);
         let blade = Blade::new(&spec.outline, &spec.margin, spec.seed);
         let network = Network::grow(&blade, &spec.veins, spec.seed);
+        let x: Vec<f64> = (0..width).map(|i| texel_position(width, height, texel_mm, i, 0)[0]).collect();
+        let y = |j: usize| texel_position(width, height, texel_mm, 0, j)[1];
+        let rows: Vec<Vec<bool>> = (0..height).into_par_iter().map(|j| blade.row(y(j), &x)).collect();
         let places: Vec<Place> = (0..height)
             .into_par_iter()
             .flat_map_iter(|j| {
-                let at: Vec<[f64; 2]> = (0..width).map(|i| texel_position(width, height, texel_mm, i, j)).collect();
-                let x: Vec<f64> = at.iter().map(|p| p[0]).collect();
-                let inside = blade.row(at[0][1], &x);
-                at.into_iter().zip(inside).map(|(p, inside)| place(spec, &network, p, texel_mm, inside)).collect::<Vec<_>>()
+                // Slopes need the neighbours too, on the blade or not.
+                let wanted = |i: usize| {
+                    (j.saturating_sub(1)..(j + 2).min(height)).any(|b| (i.saturating_sub(1)..(i + 2).min(width)).any(|a| rows[b][a]))
+                };
+                let (rows, x, network) = (&rows, &x, &network);
+                (0..width)
+                    .map(|i| if wanted(i) { place(spec, network, [x[i], y(j)], texel_mm, rows[j][i]) } else { Place::default() })
+                    .collect::<Vec<_>>()
             })
             .collect();
         if !places.iter().any(|p| p.inside) {
             return None;
         }
         let shape = (width, height, texel_mm);
-        let front = side(spec, model, &places, shape, false);
-        let back = side(spec, model, &places, shape, true);
+        let interior = interior(spec, model, &places);
+        let front = side(spec, model, &places, &interior, shape, false);
+        let back = side(spec, model, &places, &interior, shape, true);
         Some(Leaf { width, height, texel_mm, lobe: spec.lobe, mask: places.iter().map(|p| p.inside).collect(), front, back })
     }
 
@@ -126,17 +134,16 @@ fn bell(found: Option<(f64, f64)>, texel: f64) -> f64 {
 fn place(spec: &Spec, network: &Network, p: [f64; 2], texel: f64, inside: bool) -> Place {
     let (v, relief) = (&spec.veins, &spec.relief);
     let reach = [0, 1, 2].map(|k| 2.5 * v.width_mm[k].hypot(2.0 * texel));
-    let near = [0, 1, 2].map(|k| network.orders[k].nearest(p, reach[k].max(if k < 2 { 6.0 * relief.bulge_width_mm[0] } else { 2.0 })));
+    let near = [0, 1, 2].map(|k| network.orders[k].nearest(p, reach[k].max(3.4 * relief.bulge_width_mm[usize::from(k == 2)])));
     let vein = [0, 1, 2].map(|k| bell(near[k], texel));
     let far = |k: usize| near[k].map_or(f64::MAX, |(d, _)| d);
-    let major = far(0).min(far(1));
     // The lamina rises away from veins and levels off; small meshes ride on the large ones.
     let dome = |d: f64, width: f64| 1.0 - (-(d / width) * (d / width)).exp();
-    let between = dome(major, relief.bulge_width_mm[0]);
+    let between = dome(far(0), relief.bulge_width_mm[0]) * dome(far(1), relief.bulge_width_mm[0]);
     let fine_width = relief.bulge_width_mm[1].max(texel);
     let mut bulge = relief.bulge_mm[0] * between;
     if v.tertiary_mm > 0.0 {
-        bulge += relief.bulge_mm[1] * (relief.bulge_width_mm[1] / fine_width) * dome(major.min(far(2)), fine_width);
+        bulge += relief.bulge_mm[1] * (relief.bulge_width_mm[1] / fine_width) * between * dome(far(2), fine_width);
     }
     let areole = if v.areole_mm > 2.0 * texel { (-(mesh(spec.seed ^ 0xa5, p, v.areole_mm) / 0.09).powi(2)).exp() } else { 0.0 };
     bulge -= 0.12 * relief.bulge_mm[1] * areole;
@@ -170,65 +177,81 @@ fn damped(length: f64, texel: f64) -> f64 {
     1.0 / (1.0 + (1.5 * texel / length).powi(2))
 }
 
-fn side(spec: &Spec, model: Model, places: &[Place], (width, height, texel): (usize, usize, f64), back: bool) -> Side {
-    let surface: &Surface = if back { &spec.back } else { &spec.front };
-    let column = |i: usize| if back { width - 1 - i } else { i };
-    let at = |i: usize, j: usize| &places[j * width + column(i)];
-    // Heights as this side's camera sees them: towards it is positive.
-    let height_of = |i: usize, j: usize| if back { -at(i, j).back_mm } else { at(i, j).front_mm };
-    let index = |k: usize| (k % width, k / width);
-    let good: Vec<bool> = (0..width * height).map(|k| at(index(k).0, index(k).1).inside).collect();
-    let count = good.iter().filter(|g| **g).count() as f64;
-    let mean = |map: &dyn Fn(usize) -> f64| (0..good.len()).filter(|&k| good[k]).map(map).sum::<f64>() / count;
+/// Interior maps, which both sides share, in the front's columns.
+struct Interior {
+    thickness: Vec<f32>,
+    sigma_a: Vec<[f32; 3]>,
+    sigma_s: Vec<[f32; 3]>,
+    /// ρd without γ.
+    reflected: Vec<[f64; 3]>,
+    rho_t: Vec<[f32; 3]>,
+}
 
-    let raw = |k: usize| at(index(k).0, index(k).1).thickness;
-    // Summed in the front's order for both sides, so that the sides agree to the last bit.
+fn interior(spec: &Spec, model: Model, places: &[Place]) -> Interior {
+    let count = places.iter().filter(|p| p.inside).count() as f64;
     let scale = spec.thickness_mm * count / places.iter().filter(|p| p.inside).map(|p| p.thickness).sum::<f64>();
-    let thickness: Vec<f32> = (0..good.len()).map(|k| if good[k] { (scale * raw(k)) as f32 } else { 0.0 }).collect();
-
-    let gamma_raw = |k: usize, c: usize| {
-        let p = at(index(k).0, index(k).1);
-        // In pigment leaves the veins are pale because they lack chlorophyll, not through γ.
-        let veins = if model == Model::Exact { p.vein[0].max(p.vein[1]).max(0.6 * p.vein[2]) } else { 0.0 };
-        let mottle = p.mottle[0] * 0.8 + p.mottle[1] * 0.6 * if back { -1.0 } else { 1.0 };
-        ((1.0 + surface.gamma_veins[c] * veins) * (1.0 + surface.gamma_lamina * mottle)).max(0.2)
+    let on_blade = |f: &dyn Fn(&Place) -> [f64; 3]| -> Vec<[f32; 3]> {
+        places.iter().map(|p| if p.inside { f(p).map(|v| v as f32) } else { [0.0; 3] }).collect()
     };
-    let means = [0, 1, 2].map(|c| mean(&|k| gamma_raw(k, c)));
-    let gamma: Vec<[f32; 3]> =
-        (0..good.len()).map(|k| if good[k] { [0, 1, 2].map(|c| (gamma_raw(k, c) / means[c]) as f32) } else { [0.0; 3] }).collect();
-
-    let chlorophyll = |k: usize| if model == Model::Exact { 1.0 } else { at(index(k).0, index(k).1).chlorophyll };
-    let (sigma_a, sigma_s) = (spec.interior.sigma_a, spec.interior.sigma_s);
-    let per_texel = |f: &dyn Fn(usize) -> [f64; 3]| -> Vec<[f32; 3]> {
-        (0..good.len()).map(|k| if good[k] { f(k).map(|v| v as f32) } else { [0.0; 3] }).collect()
-    };
-    let absorption = per_texel(&|k| sigma_a.map(|s| s * chlorophyll(k)));
-    let scattering = per_texel(&|_| sigma_s);
-    let (mut rho_d, mut rho_t) = (vec![[0f32; 3]; good.len()], vec![[0f32; 3]; good.len()]);
+    let pigment = |p: &Place| if model == Model::Exact { 1.0 } else { p.chlorophyll };
+    let thickness: Vec<f32> = places.iter().map(|p| if p.inside { (scale * p.thickness) as f32 } else { 0.0 }).collect();
+    let sigma_a = on_blade(&|p| spec.interior.sigma_a.map(|s| s * pigment(p)));
+    let sigma_s = on_blade(&|_| spec.interior.sigma_s);
+    let (mut reflected, mut rho_t) = (vec![[0.0; 3]; places.len()], vec![[0f32; 3]; places.len()]);
     for c in 0..3 {
         // Maps are single precision: the slab is solved for what they hold.
-        let range = |map: &dyn Fn(usize) -> f64| {
-            (0..good.len()).filter(|&k| good[k]).map(map).fold([f64::MAX, 0.0f64], |[a, b], v| [a.min(v), b.max(v)])
+        let range = |map: &dyn Fn(usize) -> f32| {
+            let good = (0..places.len()).filter(|&k| places[k].inside).map(|k| f64::from(map(k)));
+            good.fold([f64::MAX, 0.0], |[a, b], v| [v.min(a), v.max(b)])
         };
-        let table = Table::new(range(&|k| f64::from(absorption[k][c])), f64::from(sigma_s[c] as f32), range(&|k| f64::from(thickness[k])));
-        rho_d.par_iter_mut().zip(&mut rho_t).enumerate().filter(|(k, _)| good[*k]).for_each(|(k, (d, t))| {
-            let r = table.at(f64::from(absorption[k][c]), f64::from(thickness[k]));
-            d[c] = (f64::from(gamma[k][c]) * r.rho_d) as f32;
-            t[c] = r.rho_t as f32;
+        let table = Table::new(range(&|k| sigma_a[k][c]), f64::from(spec.interior.sigma_s[c] as f32), range(&|k| thickness[k]));
+        reflected.par_iter_mut().zip(&mut rho_t).enumerate().filter(|(k, _)| places[*k].inside).for_each(|(k, (d, t))| {
+            let r = table.at(f64::from(sigma_a[k][c]), f64::from(thickness[k]));
+            (d[c], t[c]) = (r.rho_d, r.rho_t as f32);
         });
     }
+    Interior { thickness, sigma_a, sigma_s, reflected, rho_t }
+}
+
+fn side(spec: &Spec, model: Model, places: &[Place], interior: &Interior, (width, height, texel): (usize, usize, f64), back: bool) -> Side {
+    let surface: &Surface = if back { &spec.back } else { &spec.front };
+    // Index into the front's maps of what this side's camera sees at (i, j).
+    let place_of = |i: usize, j: usize| j * width + if back { width - 1 - i } else { i };
+    let seen: Vec<usize> = (0..width * height).map(|k| place_of(k % width, k / width)).collect();
+    let on_blade = |f: &dyn Fn(usize) -> [f64; 3]| -> Vec<[f32; 3]> {
+        seen.iter().enumerate().map(|(k, &p)| if places[p].inside { f(k).map(|v| v as f32) } else { [0.0; 3] }).collect()
+    };
+    let vein = |p: &Place| p.vein[0].max(p.vein[1]).max(0.75 * p.vein[2]);
+
+    let gamma_raw = |p: &Place| {
+        // In pigment leaves the veins are pale because they lack chlorophyll, not through γ.
+        let veins = if model == Model::Exact { vein(p) } else { 0.0 };
+        let mottle = if back { 0.6 * p.mottle[1] - 0.8 * p.mottle[0] } else { 0.8 * p.mottle[0] + 0.6 * p.mottle[1] };
+        surface.gamma_veins.map(|g| ((1.0 + g * veins) * (1.0 + surface.gamma_lamina * mottle)).max(0.2))
+    };
+    let (mut sum, mut count) = ([0.0; 3], 0.0);
+    for p in places.iter().filter(|p| p.inside) {
+        let g = gamma_raw(p);
+        (0..3).for_each(|c| sum[c] += g[c]);
+        count += 1.0;
+    }
+    let gamma = on_blade(&|k| {
+        let g = gamma_raw(&places[seen[k]]);
+        [0, 1, 2].map(|c| g[c] * count / sum[c])
+    });
 
     let gloss = |k: usize| {
-        let p = at(index(k).0, index(k).1);
-        let vein = p.vein[0].max(p.vein[1]).max(0.6 * p.vein[2]);
+        let p = &places[seen[k]];
         let [slow, fine] = [p.mottle[2], p.mottle[3]];
         let vary = |mean: f64, which: usize, n: f64| {
-            (mean * (1.0 + surface.gloss_veins[which] * vein) * (1.0 + surface.gloss_lamina[which] * n)).max(0.1 * mean)
+            (mean * (1.0 + surface.gloss_veins[which] * vein(p)) * (1.0 + surface.gloss_lamina[which] * n)).max(0.1 * mean)
         };
         [vary(surface.rho_s, 0, 0.8 * slow + 0.6 * fine), vary(surface.m, 1, 0.8 * fine - 0.6 * slow).clamp(0.03, 0.8)]
     };
+    // Heights as this side's camera sees them: towards it is positive.
+    let height_of = |i: usize, j: usize| if back { -places[place_of(i, j)].back_mm } else { places[place_of(i, j)].front_mm };
     let normal = |k: usize| {
-        let (i, j) = index(k);
+        let (i, j) = (k % width, k / width);
         let (l, r) = (i.saturating_sub(1), (i + 1).min(width - 1));
         let (u, d) = (j.saturating_sub(1), (j + 1).min(height - 1));
         let slope = |a: f64, b: f64, n: usize| if n == 0 { 0.0 } else { (b - a) / (n as f64 * texel) };
@@ -237,14 +260,14 @@ fn side(spec: &Spec, model: Model, places: &[Place], (width, height, texel): (us
         [-dx / s, -dy / s, 1.0 / s]
     };
     Side {
-        rho_s: per_texel(&|k| [gloss(k)[0]; 3]),
-        m: (0..good.len()).map(|k| if good[k] { gloss(k)[1] as f32 } else { 0.0 }).collect(),
-        normal: per_texel(&normal),
-        rho_d,
-        rho_t,
-        sigma_a: absorption,
-        sigma_s: scattering,
-        thickness,
+        rho_d: on_blade(&|k| [0, 1, 2].map(|c| f64::from(gamma[k][c]) * interior.reflected[seen[k]][c])),
+        rho_t: seen.iter().map(|&p| interior.rho_t[p]).collect(),
+        rho_s: on_blade(&|k| [gloss(k)[0]; 3]),
+        m: seen.iter().enumerate().map(|(k, &p)| if places[p].inside { gloss(k)[1] as f32 } else { 0.0 }).collect(),
+        normal: on_blade(&normal),
+        sigma_a: seen.iter().map(|&p| interior.sigma_a[p]).collect(),
+        sigma_s: seen.iter().map(|&p| interior.sigma_s[p]).collect(),
+        thickness: seen.iter().map(|&p| interior.thickness[p]).collect(),
         gamma,
     }
 }

@@ -6,6 +6,7 @@
 pub mod illumination;
 pub mod leaf;
 pub mod outline;
+pub mod preview;
 pub mod random;
 pub mod scan;
 pub mod sensor;

@@ -11,35 +11,78 @@ pub struct Blade {
     /// Where the petiole meets the blade.
     pub base: [f64; 2],
     outline: Outline,
+    /// Half widths left and right of the midrib against the angle θ of t = (1 − cosθ)/2, or radii against the angle in degrees. In θ an
+    /// elliptic end is smooth.
+    curves: [Curve; 2],
     petiole: Option<[[f64; 2]; 2]>,
 }
 
-/// Value at `x` of the curve through rows `(x, y)`, without overshoot (monotone cubic; Fritsch & Carlson 1980 with harmonic means).
-pub fn monotone(rows: &[[f64; 2]], x: f64) -> f64 {
-    let n = rows.len();
-    let k = rows.partition_point(|r| r[0] <= x).clamp(1, n - 1) - 1;
-    let secant = |i: usize| (rows[i + 1][1] - rows[i][1]) / (rows[i + 1][0] - rows[i][0]);
-    let slope = |i: usize| {
-        if i == 0 || i == n - 1 {
-            return if i == 0 { secant(0) } else { secant(n - 2) };
+/// A smooth curve through points: natural cubic spline.
+#[derive(Debug, Clone, Default)]
+struct Curve {
+    x: Vec<f64>,
+    y: Vec<f64>,
+    /// Second derivatives at the points.
+    bend: Vec<f64>,
+}
+
+impl Curve {
+    /// Abscissae must rise; at least three points.
+    fn through(points: impl IntoIterator<Item = (f64, f64)>) -> Curve {
+        let (x, y): (Vec<f64>, Vec<f64>) = points.into_iter().unzip();
+        let n = x.len();
+        // The tridiagonal system of continuity of slope, solved by elimination.
+        let (mut upper, mut bend) = (vec![0.0; n], vec![0.0; n]);
+        for k in 1..n.saturating_sub(1) {
+            let (h0, h1) = (x[k] - x[k - 1], x[k + 1] - x[k]);
+            let right = 6.0 * ((y[k + 1] - y[k]) / h1 - (y[k] - y[k - 1]) / h0);
+            let pivot = 2.0 * (h0 + h1) - h0 * upper[k - 1];
+            upper[k] = h1 / pivot;
+            bend[k] = (right - h0 * bend[k - 1]) / pivot;
         }
-        let (a, b) = (secant(i - 1), secant(i));
-        if a * b <= 0.0 { 0.0 } else { 2.0 * a * b / (a + b) }
-    };
-    let h = rows[k + 1][0] - rows[k][0];
-    let t = ((x - rows[k][0]) / h).clamp(0.0, 1.0);
-    let (t2, t3) = (t * t, t * t * t);
-    (2.0 * t3 - 3.0 * t2 + 1.0) * rows[k][1]
-        + (t3 - 2.0 * t2 + t) * h * slope(k)
-        + (3.0 * t2 - 2.0 * t3) * rows[k + 1][1]
-        + (t3 - t2) * h * slope(k + 1)
+        for k in (1..n.saturating_sub(1)).rev() {
+            bend[k] -= upper[k] * bend[k + 1];
+        }
+        Curve { x, y, bend }
+    }
+
+    fn at(&self, x: f64) -> f64 {
+        let k = self.x.partition_point(|&v| v <= x).clamp(1, self.x.len() - 1) - 1;
+        let h = self.x[k + 1] - self.x[k];
+        let (a, b) = ((self.x[k + 1] - x) / h, (x - self.x[k]) / h);
+        a * self.y[k] + b * self.y[k + 1] + ((a * a * a - a) * self.bend[k] + (b * b * b - b) * self.bend[k + 1]) * h * h / 6.0
+    }
+}
+
+/// Where the petiole must meet a round blade for the blade to lie centred.
+fn centring(radius: &Curve) -> [f64; 2] {
+    let (mut lo, mut hi) = ([0.0f64; 2], [0.0f64; 2]);
+    for k in -180..=180 {
+        let (s, c) = f64::from(k).to_radians().sin_cos();
+        let r = radius.at(f64::from(k));
+        for (axis, v) in [r * c, r * s].into_iter().enumerate() {
+            lo[axis] = lo[axis].min(v);
+            hi[axis] = hi[axis].max(v);
+        }
+    }
+    [-0.5 * (lo[0] + hi[0]), -0.5 * (lo[1] + hi[1])]
+}
+
+/// The angle whose (1 − cosθ)/2 is t.
+fn theta(t: f64) -> f64 {
+    (1.0 - 2.0 * t.clamp(0.0, 1.0)).acos()
 }
 
 impl Blade {
     pub fn new(outline: &Outline, margin: &Margin, seed: u64) -> Blade {
-        let mut blade = Blade { contour: Vec::new(), base: [0.0; 2], outline: outline.clone(), petiole: None };
-        let length = outline.length_mm;
-        blade.base = if outline.polar.is_empty() { [-0.5 * length, 0.0] } else { [-0.5 * length + outline.polar[0][1], 0.0] };
+        let curves = if outline.polar.is_empty() {
+            [1, 2].map(|side| Curve::through(outline.profile.iter().map(|p| (theta(p[0]), p[side]))))
+        } else {
+            [Curve::through(outline.polar.iter().map(|p| (p[0], p[1]))), Curve::default()]
+        };
+        let mut blade = Blade { contour: Vec::new(), base: [0.0; 2], outline: outline.clone(), curves, petiole: None };
+        blade.base =
+            if outline.polar.is_empty() { [-0.5 * outline.length_mm, blade.place(0.0, 0.0)[1]] } else { centring(&blade.curves[0]) };
         blade.contour = toothed(&blade.smooth_contour(), margin, blade.base, seed);
         if outline.petiole_mm > 0.0 {
             let [x, y] = blade.base;
@@ -56,7 +99,7 @@ impl Blade {
             return (0..2 * steps)
                 .map(|k| {
                     let angle = 180.0 - 360.0 * k as f64 / (2 * steps) as f64;
-                    let r = monotone(&self.outline.polar, angle);
+                    let r = self.curves[0].at(angle).max(0.0);
                     let (s, c) = angle.to_radians().sin_cos();
                     [self.base[0] + r * c, self.base[1] + r * s]
                 })
@@ -71,9 +114,7 @@ impl Blade {
 
     /// Half width (mm) at a fraction of the length.
     pub fn half_width(&self, t: f64, left: bool) -> f64 {
-        let rows: Vec<[f64; 2]> = self.outline.profile.iter().map(|p| [p[0], if left { p[1] } else { p[2] }]).collect();
-        // Rounded at both ends: widths interpolate against √-like ends, so that base and tip close as an ellipse does.
-        monotone(&rows, t.clamp(0.0, 1.0)).max(0.0)
+        self.curves[usize::from(!left)].at(theta(t)).max(0.0)
     }
 
     /// The point at fraction t of the midrib, `side` mm to its left.
@@ -87,12 +128,10 @@ impl Blade {
         [t, p[1] - self.place(t, 0.0)[1]]
     }
 
-    pub fn round(&self) -> bool {
-        !self.outline.polar.is_empty()
-    }
-
-    pub fn contour(&self) -> &[[f64; 2]] {
-        &self.contour
+    /// The largest coordinate on blade and petiole (mm).
+    pub fn reach(&self) -> f64 {
+        let ends = self.petiole.into_iter().flatten();
+        self.contour.iter().copied().chain(ends).map(|p| p[0].abs().max(p[1].abs())).fold(0.0, f64::max)
     }
 
     /// Whether a point lies on the blade (even–odd rule).

@@ -3,6 +3,7 @@
 
 use super::illumination::{Device, Lobe};
 use super::leaf::{Leaf, Side};
+use super::preview;
 use super::random::Stream;
 use super::sensor::{EXPOSURES, Sensor};
 use super::spec::{Model, Spec};
@@ -68,6 +69,7 @@ pub fn scan(spec: &Spec, leaf: &Leaf, options: &Options, folder: &Path) -> Resul
     write_exr(&folder.join("mask.exr"), &mask, Packing::Zip)?;
     for (back, name) in [(false, "front"), (true, "back")] {
         write_exr(&folder.join("truth").join(format!("{name}.exr")), &leaf.truth(back), Packing::Zip)?;
+        preview::write(&folder.join("truth").join(format!("{name}.png")), leaf, back)?;
     }
     let text = toml::to_string(&manifest).map_err(|e| Error::write(&folder.join("capture.toml"), e))?;
     atomic::write_bytes(&folder.join("capture.toml"), text.as_bytes())?;

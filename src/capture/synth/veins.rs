@@ -1,4 +1,4 @@
-//! A vein network that is grown, not drawn: primaries from the outline, curved secondaries from the primaries, tertiaries by space
+//! A vein network that is grown, not drawn: primaries from the outline, curved secondaries from the primaries, tertiaries cross-veins and by space
 //! colonisation (Runions et al. 2005: veins grow towards auxin sources spread over the lamina), their tips joined into meshes.
 //! Lengths in mm.
 
@@ -26,7 +26,10 @@ pub struct Network {
 #[derive(Debug, Clone, Default)]
 pub struct Pieces {
     list: Vec<Piece>,
-    grid: HashMap<(i32, i32), Vec<u32>>,
+    /// Cells row by row, over the square −reach … reach in both directions.
+    grid: Vec<Vec<u32>>,
+    /// Cells from the origin to the edge.
+    half: i32,
 }
 
 /// Edge of a grid cell (mm).
@@ -41,6 +44,17 @@ fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
 }
 
 impl Pieces {
+    /// An empty set for pieces within `reach` mm of the origin.
+    fn new(reach: f64) -> Pieces {
+        let half = (reach / CELL).ceil() as i32 + 1;
+        Pieces { list: Vec::new(), grid: vec![Vec::new(); (4 * half * half) as usize], half }
+    }
+
+    fn slot(&self, (i, j): (i32, i32)) -> Option<usize> {
+        let (h, inside) = (self.half, |k: i32| (-self.half..self.half).contains(&k));
+        (inside(i) && inside(j)).then(|| ((i + h) * 2 * h + j + h) as usize)
+    }
+
     fn push(&mut self, piece: Piece) {
         let k = self.list.len() as u32;
         let (lo, hi) = (
@@ -49,7 +63,9 @@ impl Pieces {
         );
         for i in lo.0..=hi.0 {
             for j in lo.1..=hi.1 {
-                self.grid.entry((i, j)).or_default().push(k);
+                if let Some(slot) = self.slot((i, j)) {
+                    self.grid[slot].push(k);
+                }
             }
         }
         self.list.push(piece);
@@ -76,7 +92,8 @@ impl Pieces {
                     if a.abs().max(b.abs()) != ring {
                         continue;
                     }
-                    for &k in self.grid.get(&(i + a, j + b)).map_or(&[][..], |v| v) {
+                    let Some(slot) = self.slot((i + a, j + b)) else { continue };
+                    for &k in &self.grid[slot] {
                         let piece = self.list[k as usize];
                         let d = [piece.b[0] - piece.a[0], piece.b[1] - piece.a[1]];
                         let length2 = (d[0] * d[0] + d[1] * d[1]).max(1e-18);
@@ -95,7 +112,8 @@ impl Pieces {
 
 impl Network {
     pub fn grow(blade: &Blade, veins: &Veins, seed: u64) -> Network {
-        let mut network = Network::default();
+        let reach = blade.reach();
+        let mut network = Network { orders: [0, 1, 2].map(|_| Pieces::new(reach)) };
         let primaries = primaries(blade, veins);
         for line in &primaries {
             add(&mut network.orders[0], line, 0.5 * veins.width_mm[0]);
@@ -108,7 +126,10 @@ impl Network {
             network.orders[0].push(Piece { a, b, radius: [r, r] });
         }
         if veins.tertiary_mm > 0.0 {
-            network.orders[2] = colonise(blade, veins, &network, seed);
+            network.orders[2] = cross_veins(blade, veins, &network, seed);
+            for piece in colonise(blade, veins, &network, seed) {
+                network.orders[2].push(piece);
+            }
         }
         network
     }
@@ -167,7 +188,8 @@ fn secondaries(blade: &Blade, veins: &Veins, primaries: &[Vec<[f64; 2]>], seed: 
                     // Closer together towards base and tip; the two sides are not quite opposite.
                     let u = (k as f64 + 0.5 + 0.25 * side * veins.jitter + 0.4 * jitter(k, side, 0)) / veins.count as f64;
                     let t0 = 0.02 + 0.95 * u * (1.0 - 0.12 * (1.0 - u));
-                    let angle = veins.angle_deg * (1.12 - 0.32 * u) * (1.0 + 0.12 * jitter(k, side, 1));
+                    // Wider at the base, where lobes beside the petiole want veins too.
+                    let angle = veins.angle_deg * (1.08 - 0.25 * u + 0.55 * (-u * 9.0).exp()) * (1.0 + 0.1 * jitter(k, side, 1));
                     lines.push(pinnate(blade, t0, side, angle, veins.arch, (seed, k)));
                 }
             }
@@ -194,7 +216,7 @@ fn secondaries(blade: &Blade, veins: &Veins, primaries: &[Vec<[f64; 2]>], seed: 
                         let at = (at as usize).clamp(1, length - 1);
                         let (a, b) = (primary[at - 1], primary[at]);
                         let heading = (b[1] - a[1]).atan2(b[0] - a[0]);
-                        let mut angle = heading + side * (0.62 + 0.15 * jitter(p * 7 + k, side, 1));
+                        let mut angle = heading + side * (0.78 + 0.15 * jitter(p * 7 + k, side, 1));
                         let mut point = b;
                         let mut line = vec![b];
                         for _ in 0..400 {
@@ -234,7 +256,7 @@ fn pinnate(blade: &Blade, t0: f64, side: f64, angle_deg: f64, arch: f64, (seed, 
         let [t, s] = blade.along(p);
         let f = (s * side / blade.half_width(t, side > 0.0).max(1e-6)).clamp(0.0, 1.2);
         // Straight at first, then up along the margin.
-        let turn = arch * (f * f * (3.0 - 2.0 * f.min(1.0)));
+        let turn = arch * (0.25 * f + 0.75 * f.powi(4));
         let wave = 2.0 * (step as f64 * 0.06 + 3.0 * wobble).sin() * wobble;
         let heading = (angle_deg * (1.0 - turn) + wave).to_radians() * side;
         let (sin, cos) = heading.sin_cos();
@@ -248,12 +270,58 @@ fn pinnate(blade: &Blade, t0: f64, side: f64, angle_deg: f64, arch: f64, (seed, 
     line
 }
 
-/// Tertiaries: auxin sources at least `tertiary_mm` apart draw veins from the nearest node until they are reached.
-fn colonise(blade: &Blade, veins: &Veins, network: &Network, seed: u64) -> Pieces {
-    let spacing = veins.tertiary_mm;
-    let (step, kill) = (0.22 * spacing, 0.45 * spacing);
+/// Cross-veins: from each secondary across the lamina until another vein is met, as rungs between the sides of a ladder.
+fn cross_veins(blade: &Blade, veins: &Veins, network: &Network, seed: u64) -> Pieces {
+    let mut grown = Pieces::new(blade.reach());
+    let radius = 0.5 * veins.width_mm[2];
+    let pitch = |k: u64| veins.tertiary_mm * (1.0 + 0.35 * Stream::new(seed, &[0xc055, k]).signed());
+    // Primaries that fan out have lamina between them that no secondary crosses.
+    let parents = if veins.kind == Venation::Palmate { 0..2 } else { 1..2 };
+    let mut count = 0u64;
+    for order in parents {
+        let mut until_next = 0.5 * veins.tertiary_mm;
+        let pieces = network.orders[order].list.clone();
+        for piece in &pieces {
+            until_next -= distance(piece.a, piece.b);
+            if until_next > 0.0 {
+                continue;
+            }
+            until_next += pitch(count);
+            count += 1;
+            let mut s = Stream::new(seed, &[0xc0, count, order as u64]);
+            let along = (piece.b[1] - piece.a[1]).atan2(piece.b[0] - piece.a[0]);
+            // On the side that faces the tip; on the midribs of a fan on both sides by turns.
+            let side = if order == 0 && count % 2 == 0 || along > 0.0 { -1.0 } else { 1.0 };
+            let heading = along + side * (PI / 2.0 - 0.15 + 0.2 * s.signed());
+            let (mut p, mut line) = (piece.b, vec![piece.b]);
+            let (phase, swing) = (6.3 * s.uniform(), 0.25 + 0.3 * s.uniform());
+            let step = 0.12;
+            for k in 0..150 {
+                let (sin, cos) = (heading + swing * (phase + 1.9 * f64::from(k) * step).sin()).sin_cos();
+                p = [p[0] + step * cos, p[1] + step * sin];
+                if !blade.holds(p) {
+                    break;
+                }
+                line.push(p);
+                let met = (0..2).any(|o| network.orders[o].nearest(p, step).is_some()) || grown.nearest(p, 0.8 * step).is_some();
+                if k > 3 && met {
+                    break;
+                }
+            }
+            for w in line.windows(2) {
+                grown.push(Piece { a: w[0], b: w[1], radius: [radius, radius] });
+            }
+        }
+    }
+    grown
+}
+
+/// What is left between them: auxin sources about half of `tertiary_mm` apart draw veins from the nearest node until they are reached.
+fn colonise(blade: &Blade, veins: &Veins, network: &Network, seed: u64) -> Vec<Piece> {
+    let spacing = 0.55 * veins.tertiary_mm;
+    let (step, kill) = (0.25 * spacing, 0.4 * spacing);
     let mut nodes: Vec<[f64; 2]> = Vec::new();
-    for order in &network.orders[..2] {
+    for order in &network.orders {
         for piece in &order.list {
             let n = (distance(piece.a, piece.b) / step).ceil().max(1.0) as usize;
             nodes.extend((0..n).map(|k| {
@@ -321,8 +389,8 @@ fn colonise(blade: &Blade, veins: &Veins, network: &Network, seed: u64) -> Piece
             fed[parent[k]] += 0.15 * f;
         }
     }
-    let radius = |k: usize| 0.5 * veins.width_mm[2] * (0.45 + 0.2 * fed[k].min(8.0).ln());
-    let mut pieces = Pieces::default();
+    let radius = |k: usize| 0.5 * veins.width_mm[2] * (0.4 + 0.15 * fed[k].min(8.0).ln());
+    let mut pieces = Vec::new();
     for k in first..nodes.len() {
         pieces.push(Piece { a: nodes[parent[k]], b: nodes[k], radius: [radius(k), radius(k)] });
     }
@@ -360,8 +428,8 @@ fn colonise(blade: &Blade, veins: &Veins, network: &Network, seed: u64) -> Piece
 
 /// Points on the blade, one a cell of a jittered grid turned by an angle that belongs to the seed.
 fn scatter(blade: &Blade, spacing: f64, seed: u64) -> Vec<[f64; 2]> {
-    let reach = blade.contour().iter().map(|p| p[0].abs().max(p[1].abs())).fold(0.0, f64::max) * 1.5;
-    let n = (reach / spacing).ceil() as i64;
+    // A square turned by 45° still covers the blade.
+    let n = (1.5 * blade.reach() / spacing).ceil() as i64;
     let (s, c) = (PI * Stream::new(seed, &[0xa7]).uniform()).sin_cos();
     let mut points = Vec::new();
     for i in -n..=n {

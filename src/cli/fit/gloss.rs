@@ -1,11 +1,156 @@
-//! `mesophyll fit gloss`.
+//! `mesophyll fit gloss`: traces of a linear light source, or goniometer samples, from CSV.
 
 use crate::cli::Common;
+use crate::files::progress;
+use crate::files::table::{self, Answer, BatchIo, Status, Table};
+use crate::fit::gloss::geometry::{Geometry, trace_columns};
+use crate::fit::gloss::{Robust, TexelFit, TexelFitter, Undetermined, samples};
+use crate::optics::gloss::Lobe;
+use crate::optics::tube::Precision;
 use crate::{Error, Result};
+use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
-pub struct Args {}
+pub struct Args {
+    /// The device (TOML); the input has a trace a row: r0 … r{n-1}, optionally g0 …, b0 …
+    #[arg(long, value_name = "GEOMETRY.toml", required_unless_present = "samples", conflicts_with = "samples")]
+    geometry: Option<PathBuf>,
+    /// The input holds goniometer samples: leaf, source_zenith_deg, view_zenith_deg, view_azimuth_deg and value columns
+    #[arg(long)]
+    samples: bool,
+    /// With --samples: columns of reflectance factors, by comma (default: those whose names begin with brf)
+    #[arg(long, value_name = "COLUMN,…", value_delimiter = ',', requires = "samples")]
+    values: Vec<String>,
+    #[command(flatten)]
+    lobe: LobeArgs,
+    /// Gauss-Legendre nodes on half the tube
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u16).range(2..=256))]
+    quadrature: u16,
+    /// Rejection of outliers: where residuals ask for it, never, or always looked for
+    #[arg(long, value_enum, default_value_t = RobustArg::Auto)]
+    robust: RobustArg,
+    #[command(flatten)]
+    io: BatchIo,
+}
 
-pub fn run(_args: &Args, _common: &Common) -> Result<u8> {
-    Err(Error::Usage("this build does not have fit gloss yet".into()))
+/// The lobe, as every verb takes it.
+#[derive(Debug, Clone, clap::Args)]
+pub struct LobeArgs {
+    /// Surface: W's Beckmann form, the long-tailed one, or Cook-Torrance with Fresnel and masking
+    #[arg(long, value_enum, default_value_t = LobeName::Beckmann)]
+    lobe: LobeName,
+    /// Refractive index of the surface, with --lobe cook-torrance
+    #[arg(long, value_name = "N", default_value_t = 1.45)]
+    index: f64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum LobeName {
+    Beckmann,
+    Ggx,
+    CookTorrance,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum RobustArg {
+    Auto,
+    Off,
+    On,
+}
+
+impl LobeArgs {
+    pub fn lobe(&self) -> Result<Lobe> {
+        Ok(match self.lobe {
+            LobeName::Beckmann => Lobe::Beckmann,
+            LobeName::Ggx => Lobe::Ggx,
+            LobeName::CookTorrance if self.index > 1.0 && self.index < 10.0 => Lobe::CookTorrance { index: self.index },
+            LobeName::CookTorrance => {
+                return Err(Error::Usage(format!("--index: found {}, expected more than 1 and less than 10", self.index)));
+            }
+        })
+    }
+}
+
+pub fn run(args: &Args, _common: &Common) -> Result<u8> {
+    let lobe = args.lobe.lobe()?;
+    match &args.geometry {
+        Some(path) => traces(args, &Geometry::read(path)?, lobe),
+        None => {
+            let table = Table::open(&args.io.input)?;
+            let tally = samples::run(table, &args.io.output, &args.values, lobe)?;
+            progress::say(format!(
+                "{} leaves: {} ok, {} undetermined, {} refused",
+                tally.rows, tally.ok, tally.undetermined, tally.refused
+            ));
+            Ok(0)
+        }
+    }
+}
+
+fn traces(args: &Args, geometry: &Geometry, lobe: Lobe) -> Result<u8> {
+    let table = Table::open(&args.io.input)?;
+    let frames = geometry.frames_u().len();
+    let columns = trace_columns(&table, frames)?;
+    let channels = columns.len();
+    let mut fitter = TexelFitter::with_precision(
+        &geometry.device(lobe),
+        &geometry.positions_mm(),
+        None,
+        &Precision { along: args.quadrature.into(), ..Precision::default() },
+    );
+    fitter.robust = match args.robust {
+        RobustArg::Auto => Robust::Auto,
+        RobustArg::Off => Robust::Off,
+        RobustArg::On => Robust::On,
+    };
+    let names: Vec<&str> = if channels == 1 {
+        vec!["rho_d", "rho_s", "m", "tilt"]
+    } else {
+        vec!["rho_d_r", "rho_d_g", "rho_d_b", "rho_s_r", "rho_s_g", "rho_s_b", "m", "tilt"]
+    };
+    let columns: Vec<String> = columns.concat();
+    let spec = table::Spec {
+        // An empty cell is no reading.
+        optional: columns.clone(),
+        // A status of an earlier step (`eval gloss`) gives way to this one.
+        dropped: columns.into_iter().chain(["status".into()]).collect(),
+        outputs: names.iter().map(|n| n.to_string()).chain(names.iter().map(|n| format!("{n}_err"))).chain(["chi2".into()]).collect(),
+        ..table::Spec::default()
+    };
+    let tally = table::run(table, &args.io.output, &spec, |row, out| {
+        let value = |c: usize, k: usize| if c < channels { row.get(c * frames + k) as f32 } else { f32::NAN };
+        let trace: Vec<[f32; 3]> = (0..frames).map(|k| std::array::from_fn(|c| value(c, k))).collect();
+        thread_local!(static SCRATCH: std::cell::RefCell<crate::fit::gloss::Workspace> = std::cell::RefCell::default());
+        let fit = SCRATCH.with_borrow_mut(|ws| fitter.fit(ws, [0.0; 2], &trace, None));
+        out.push(answer(&fit, channels));
+    })?;
+    progress::say(format!("{} rows: {} ok, {} undetermined, {} refused", tally.rows, tally.ok, tally.undetermined, tally.refused));
+    Ok(0)
+}
+
+fn answer(fit: &TexelFit, channels: usize) -> Answer {
+    if fit.termination == crate::solve::Termination::Refused {
+        return Answer::refused(fit.defect.unwrap_or("no fit"));
+    }
+    let mut values = Vec::with_capacity(17);
+    let push = |values: &mut Vec<f64>, d: &[f64; 3], s: &[f64; 3], m: f64, tilt: f64| {
+        values.extend_from_slice(&d[..channels]);
+        values.extend_from_slice(&s[..channels]);
+        values.extend([m, tilt]);
+    };
+    push(&mut values, &fit.rho_d, &fit.rho_s, fit.m, fit.tilt[0]);
+    push(&mut values, &fit.rho_d_err, &fit.rho_s_err, fit.m_err, fit.tilt_err[0]);
+    values.push(fit.chi2);
+    let mut names = fit.undetermined;
+    if fit.defect.is_some() && names.is_empty() {
+        // Whatever is wrong, no number of this row can be promised.
+        names = Undetermined::all(channels);
+    }
+    let what = names.names(channels).join(" ");
+    let status = match fit.defect {
+        None if names.is_empty() => Status::Ok,
+        None => Status::Undetermined(what),
+        Some(why) => Status::Undetermined(format!("{what} ({why})")),
+    };
+    Answer { values, status }
 }

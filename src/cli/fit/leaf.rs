@@ -1,11 +1,154 @@
-//! `mesophyll fit leaf`.
+//! `mesophyll fit leaf CAPTURE -o DIR`.
 
-use crate::cli::Common;
+use crate::cli::{Common, print, print_json};
+use crate::files::progress::say;
+use crate::fit::leaf::texels::Shard;
+use crate::fit::leaf::{Method, Options, Outcome, run as fit};
+use crate::fit::record::FitRecord;
+use crate::optics::gloss::Lobe;
 use crate::{Error, Result};
+use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
-pub struct Args {}
+#[command(after_help = "Examples:
+  mesophyll fit leaf scan/elm -o fits/elm
+  mesophyll fit leaf scan/elm -o fits/elm --method paper       the reduction as Wang et al. 2005 print it
+  mesophyll fit leaf scan/elm -o fits/elm --shard 1/4          one of four processes; then --merge
 
-pub fn run(_args: &Args, _common: &Common) -> Result<u8> {
-    Err(Error::Usage("this build does not have fit leaf yet".into()))
+A run that was stopped goes on where it was when the same command is given again.")]
+pub struct Args {
+    /// Folder with capture.toml
+    capture: PathBuf,
+    /// Folder to write the fit to
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+    /// How ρd and ρt become σa, σs, δ and γ
+    #[arg(long, value_enum, default_value = "exact")]
+    method: MethodName,
+    #[command(flatten)]
+    lobe: LobeArgs,
+    /// Weigh no texel down, however badly it fits
+    #[arg(long)]
+    no_robust: bool,
+    /// Fit only the I-th of N parts of the texels (1-based), for several processes or machines
+    #[arg(long, value_name = "I/N", value_parser = parse_shard)]
+    shard: Option<Shard>,
+    /// Put the parts of all shards together
+    #[arg(long, conflicts_with = "shard")]
+    merge: bool,
+    /// Fit again although the folder already holds this very fit
+    #[arg(long)]
+    force: bool,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum MethodName {
+    Exact,
+    Paper,
+}
+
+/// The surface's lobe, by name.
+#[derive(Debug, Clone, clap::Args)]
+pub struct LobeArgs {
+    /// Gloss model
+    #[arg(long, value_enum, default_value = "beckmann")]
+    lobe: LobeName,
+    /// Refractive index of the cook-torrance lobe's Fresnel term
+    #[arg(long, default_value_t = 1.45, value_name = "N")]
+    index: f64,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum LobeName {
+    Beckmann,
+    Ggx,
+    CookTorrance,
+}
+
+impl LobeArgs {
+    pub fn lobe(&self) -> Result<Lobe> {
+        Ok(match self.lobe {
+            LobeName::Beckmann => Lobe::Beckmann,
+            LobeName::Ggx => Lobe::Ggx,
+            LobeName::CookTorrance if self.index > 1.0 && self.index < 4.0 => Lobe::CookTorrance { index: self.index },
+            LobeName::CookTorrance => return Err(Error::Usage(format!("--index: found {}, expected 1 to 4", self.index))),
+        })
+    }
+}
+
+fn parse_shard(text: &str) -> std::result::Result<Shard, String> {
+    let parsed = text.split_once('/').and_then(|(i, n)| Some((i.parse::<usize>().ok()?, n.parse::<usize>().ok()?)));
+    match parsed {
+        Some((i, n)) if i >= 1 && i <= n => Ok(Shard { index: i - 1, count: n }),
+        _ => Err("expected I/N with 1 ≤ I ≤ N, such as 2/4".into()),
+    }
+}
+
+pub fn run(args: &Args, common: &Common) -> Result<u8> {
+    let options = Options {
+        method: match args.method {
+            MethodName::Exact => Method::Exact,
+            MethodName::Paper => Method::Paper,
+        },
+        lobe: args.lobe.lobe()?,
+        robust: !args.no_robust,
+        shard: args.shard,
+        merge: args.merge,
+        force: args.force,
+    };
+    let record = match fit(&args.capture, &args.output, &options)? {
+        Outcome::Done(record) => record,
+        Outcome::UpToDate(record) => {
+            say(format!("{} already holds this fit; --force fits again", args.output.display()));
+            record
+        }
+        Outcome::ShardDone { missing } => {
+            say(if missing == 0 {
+                format!("shard done; all parts are there: run with --merge to finish {}", args.output.display())
+            } else {
+                format!("shard done; {missing} parts of other shards are missing, then run with --merge")
+            });
+            return Ok(0);
+        }
+    };
+    if common.json {
+        print_json(&*record)?
+    } else {
+        print(&summary(&record))?
+    }
+    Ok(0)
+}
+
+/// A table a person can read: counts, shared parameters, what is undetermined.
+fn summary(record: &FitRecord) -> String {
+    let mut text = String::new();
+    for (name, section) in &record.sections {
+        if section.params.is_empty() {
+            continue;
+        }
+        let count = |k: &str| section.counts.get(k).copied().unwrap_or(0);
+        let leaf = count("texels") - count("outside");
+        text += &format!("{} {name}: {} of {leaf} texels good", record.name, count("good"));
+        for defect in record.defects.values() {
+            if count(defect) > 0 {
+                text += &format!(", {} {defect}", count(defect));
+            }
+        }
+        text.push('\n');
+        for (parameter, p) in &section.params {
+            let values: Vec<String> = p.value.iter().zip(&p.stderr).map(|(v, e)| plus_minus(*v, *e)).collect();
+            text += &format!("  {parameter:<10} {} {}\n", values.join("   "), p.unit);
+            for u in &p.undetermined {
+                text += &format!("  undetermined: {u}\n");
+            }
+        }
+        for (what, r) in &section.residuals {
+            text += &format!("  {what}: reduced chi2 {:.3}\n", r.reduced_chi2);
+        }
+    }
+    text
+}
+
+fn plus_minus(value: f64, error: f64) -> String {
+    if error.is_finite() { format!("{value:.4} ± {error:.1e}") } else { format!("{value:.4} ± unknown") }
 }

@@ -5,7 +5,7 @@
 use super::{Response, ordinates, thin};
 
 /// Below this optical thickness the integral equation answers, above it the ordinates (both are good to 1e-10 here).
-const THIN: f64 = 0.03;
+const THIN: f64 = 0.06;
 
 /// ρd and ρt at normal incidence; σ in 1/mm, thickness in mm. Inputs are finite and ≥ 0; otherwise NaN.
 pub fn response(sigma_a: f64, sigma_s: f64, thickness_mm: f64) -> Response {

@@ -12,7 +12,7 @@ use super::quadrature::gauss;
 use std::sync::OnceLock;
 
 /// Ordinates a hemisphere.
-pub const N: usize = 48;
+pub const N: usize = 40;
 /// Modes weaker than e^−CUT after the crossing do not couple the boundaries.
 const CUT: f64 = 42.0;
 

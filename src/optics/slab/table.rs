@@ -13,7 +13,7 @@ pub const ORDER: usize = 10;
 const SIZE: usize = ORDER * ORDER;
 /// Optical thickness covered.
 pub const DELTA_MIN: f64 = 1e-6;
-pub const DELTA_MAX: f64 = 4096.0;
+pub const DELTA_MAX: f64 = 274_877.906_944;
 const EULER_GAMMA: f64 = 0.577_215_664_901_532_9;
 
 /// ln(1 + (1−ω) D² SHARPNESS): the nearest pole lies at (1−ω) D² = −π²/3.
@@ -176,7 +176,7 @@ pub mod build {
     use std::f64::consts::PI;
 
     /// Rows of equal width in ln Δ.
-    const ROWS: usize = 16;
+    const ROWS: usize = 19;
     /// Check points a direction: the nodes of the interpolation, and as many between them.
     const CHECKS: usize = ORDER;
     /// A patch is split in ξ until its largest error in ρd (relative) and ln ρt (absolute) at check points is below this.

@@ -37,6 +37,8 @@ pub(crate) struct Targets<'a> {
     pub color: &'a wgpu::TextureView,
     pub resolve: Option<&'a wgpu::TextureView>,
     pub depth: &'a wgpu::TextureView,
+    /// Radiance where nothing is hit.
+    pub background: [f32; 3],
 }
 
 fn frame_layout(gpu: &Gpu, shadow: bool) -> wgpu::BindGroupLayout {
@@ -128,11 +130,10 @@ impl MainPass {
         pipelines: &Pipelines,
         leaves: &[LeafOnGpu],
         targets: Targets<'_>,
-        background: [f32; 3],
         times: Option<wgpu::RenderPassTimestampWrites<'_>>,
         stats: &mut Stats,
     ) {
-        let [r, g, b] = background.map(f64::from);
+        let [r, g, b] = targets.background.map(f64::from);
         let store = if targets.resolve.is_some() { wgpu::StoreOp::Discard } else { wgpu::StoreOp::Store };
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("main"),

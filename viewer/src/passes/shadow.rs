@@ -5,7 +5,7 @@
 use crate::geometry::vertex_layouts;
 use crate::gpu::Gpu;
 use crate::leaf::{LeafOnGpu, Samplers};
-use crate::scene::Sun;
+use crate::scene::{Scene, Sun};
 use crate::shader::{Defines, assemble};
 use crate::stats::Stats;
 use glam::{Mat4, Vec3, Vec4};
@@ -83,15 +83,15 @@ impl ShadowPass {
     /// Makes the maps, and the pipelines that the leaves need; also returns a texel's side (mm).
     pub(crate) fn new(
         gpu: &Gpu,
+        scene: &Scene,
         sun: &Sun,
         corners: &[Vec3],
-        layers: u32,
-        resolution: u32,
         leaves: &[LeafOnGpu],
         samplers: &Samplers,
         stats: &mut Stats,
     ) -> (ShadowPass, f32) {
         let device = &gpu.device;
+        let (layers, resolution) = (scene.shadow_samples, scene.shadow_resolution);
         let texture = device.create_texture(&wgpu::TextureDescriptor {
             label: Some("shadow maps"),
             size: wgpu::Extent3d { width: resolution, height: resolution, depth_or_array_layers: layers },

@@ -8,9 +8,12 @@ use crate::scene::{Leaf, Side};
 use egui::{Color32, RichText, Slider, TextureHandle, TextureOptions};
 use std::collections::HashMap;
 
+/// A thumbnail and the range it spreads; `None` where the side has no such map.
+type Thumbnail = Option<(TextureHandle, [f32; 2])>;
+
 /// Thumbnails made so far, by leaf, side and map.
 #[derive(Default)]
-pub(crate) struct Thumbnails(HashMap<(usize, bool, MapKind), Option<(TextureHandle, [f32; 2])>>);
+pub(crate) struct Thumbnails(HashMap<(usize, bool, MapKind), Thumbnail>);
 
 impl Thumbnails {
     /// Forgets a leaf's thumbnails, after its maps have changed.

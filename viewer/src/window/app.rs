@@ -37,11 +37,26 @@ impl Default for WindowOptions {
 /// # Errors
 /// `Window` where there is no display, `NoAdapter` where nothing can draw, `Scene` where the scene contradicts itself.
 pub fn open_window(scene: WindowScene, editor: Box<dyn Editor>, options: &WindowOptions) -> Result<()> {
-    let events = EventLoop::new().map_err(|e| Error::Window(e.to_string()))?;
+    let events = event_loop()?;
     let start = Start { scene, editor };
     let mut app = App { options: options.clone(), start: Some(start), running: None, failed: None, frames: 0 };
     events.run_app(&mut app).map_err(|e| Error::Window(e.to_string()))?;
     app.failed.map_or(Ok(()), Err)
+}
+
+#[cfg(target_os = "linux")]
+fn event_loop() -> Result<EventLoop<()>> {
+    use winit::platform::{wayland::EventLoopBuilderExtWayland, x11::EventLoopBuilderExtX11};
+    let mut builder = EventLoop::builder();
+    // Off the main thread winit would panic instead of returning an error; both systems allow it.
+    EventLoopBuilderExtX11::with_any_thread(&mut builder, true);
+    EventLoopBuilderExtWayland::with_any_thread(&mut builder, true);
+    builder.build().map_err(|e| Error::Window(e.to_string()))
+}
+
+#[cfg(not(target_os = "linux"))]
+fn event_loop() -> Result<EventLoop<()>> {
+    EventLoop::new().map_err(|e| Error::Window(e.to_string()))
 }
 
 struct Start {

@@ -1,0 +1,42 @@
+# The two commands of the README, and what keeps `fits/` true.
+#   make demo    a leaf scan measured, fitted, reported, rendered and checked, under out/demo/
+#   make test    every test
+#   make fits    regenerates everything under fits/
+#   make full    the demo at the full size of a real scan (720×540, 100 frames a pass); about 4 GB of disk
+
+CARGO ?= cargo
+MESOPHYLL = target/release/mesophyll
+
+.PHONY: demo full test fits build setup setup-test fmt lint
+
+demo: build
+	$(MESOPHYLL) run data/scenes/demo.toml --out out/demo
+	$(MESOPHYLL) fit slab --in data/leaves/species_means.csv --out out/demo/species_550nm.csv \
+	    --columns rho_d=reflectance_550,rho_t=transmittance_550,h=thickness_mm --noise 2e-3
+	@echo "Done: open out/demo/report.html; real leaves at 550 nm are in out/demo/species_550nm.csv"
+
+full: build
+	$(MESOPHYLL) synth data/leaves/balata.toml -o out/full/scan --force
+	$(MESOPHYLL) fit leaf out/full/scan -o out/full/fit
+	$(MESOPHYLL) report out/full/fit -o out/full/report.html
+
+test: setup-test
+	$(CARGO) test --workspace --locked
+
+fits: build
+	$(MESOPHYLL) run data/scenes/fits.toml --out out/fits
+
+build: setup
+	$(CARGO) build --release --locked
+
+setup:
+	@.ci/setup
+
+setup-test:
+	@.ci/setup test
+
+fmt:
+	$(CARGO) fmt --all
+
+lint:
+	$(CARGO) clippy --workspace --all-targets --locked -- -D warnings

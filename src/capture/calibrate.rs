@@ -1,0 +1,185 @@
+//! From camera values to the calibrated scale: value = frame / white × the white sheet's own response D.
+//!
+//! Plain division by the white frame would make every white texel 1 in every frame and lose the tube's distance; D puts it back
+//! (Gardner et al. 2003; the normalisation is documented in `data/README.md`).
+
+use crate::capture::manifest::{Manifest, Pass, Travel, Tube, texel_position, white_path};
+use crate::files::image::{exr_info, read_exr_rows};
+use crate::{Error, Result};
+use rayon::prelude::*;
+use std::f64::consts::PI;
+use std::path::Path;
+
+/// White sheets wider than this are averaged down: gain varies slowly, noise does not.
+const GRID: usize = 96;
+
+/// Gauss–Legendre nodes and weights on [−1, 1], eight of them (Abramowitz & Stegun, table 25.4).
+const NODES: [(f64, f64); 4] = [
+    (0.183_434_642_495_649_8, 0.362_683_783_378_362),
+    (0.525_532_409_916_329, 0.313_706_645_877_887_3),
+    (0.796_666_477_413_626_7, 0.222_381_034_453_374_5),
+    (0.960_289_856_497_536_2, 0.101_228_536_290_376_3),
+];
+
+/// Response of a white Lambertian texel facing up at `at` (mm) to the tube at `position` (mm along its travel), in units of the
+/// response to an infinite tube straight above.
+///
+/// The tube is a Lambertian cylinder: seen from the texel it fills the angles φ₀ ± asin(a/d) across, each with its own distance to
+/// the surface, where the lit length ends. Along the tube the integral is closed: D = (H/2a) ∫ cosφ [(ψ + sinψ cosψ)/π] dφ between
+/// the ends ψ; a thin tube is the limit D = 1/(π r²) Σ over both ends of the same bracket.
+pub fn white_response(tube: &Tube, travel: Travel, position: f64, at: [f64; 2]) -> f64 {
+    let (across, along) = match travel {
+        Travel::X => (position - at[0], at[1]),
+        Travel::Y => (position - at[1], at[0]),
+    };
+    let (height, radius, half) = (tube.height_mm, tube.radius_mm, 0.5 * tube.length_mm);
+    let d = across.hypot(height);
+    let ends = |distance: f64| {
+        let bracket = |s: f64| {
+            let psi = (s / distance).atan();
+            psi + psi.sin() * psi.cos()
+        };
+        (bracket(half - along) + bracket(half + along)) / PI
+    };
+    if radius == 0.0 {
+        return height * height / (d * d) * ends(d);
+    }
+    // sin(φ − φ₀) = (a/d) sinτ takes the limb's square root away.
+    let (sin0, cos0, q) = (across / d, height / d, radius / d);
+    let sum: f64 = NODES
+        .iter()
+        .flat_map(|&(x, w)| [(x, w), (-x, w)])
+        .map(|(x, w)| {
+            let (sin_tau, cos_tau) = (0.5 * PI * x).sin_cos();
+            let sin = q * sin_tau;
+            let cos = (1.0 - sin * sin).sqrt();
+            0.5 * PI * w * cos_tau / cos * (cos0 * cos - sin0 * sin) * ends(d * cos - radius * cos_tau)
+        })
+        .sum();
+    0.5 * height / d * sum
+}
+
+/// Camera value of a texel of calibrated value 1, a frame, on a coarse grid over the blade.
+#[derive(Debug)]
+pub struct Gain {
+    width: usize,
+    height: usize,
+    blade: [usize; 2],
+    /// `frames[k][row · width + column]`
+    frames: Vec<Vec<[f32; 3]>>,
+}
+
+impl Gain {
+    /// Reads the white frames of one pass and divides them by the sheet's own response.
+    pub fn read(folder: &Path, manifest: &Manifest, pass: &Pass, dark: Option<&[[f32; 3]]>) -> Result<Gain> {
+        let positions = pass.positions();
+        let first = exr_info(&white_path(folder, pass.name, 0))?;
+        let (w, h) = (first.width, first.height);
+        // Average k×k blocks so that at most GRID columns are left.
+        let block = w.div_ceil(GRID).max(1);
+        let (gw, gh) = (w.div_ceil(block), h.div_ceil(block));
+        let frames = positions
+            .par_iter()
+            .enumerate()
+            .map(|(k, &position)| {
+                let path = white_path(folder, pass.name, k);
+                let info = exr_info(&path)?;
+                if (info.width, info.height) != (w, h) {
+                    return Err(Error::input(
+                        &path,
+                        format!("found {}x{} texels, the pass's first white frame has {w}x{h}", info.width, info.height),
+                    ));
+                }
+                let maps = read_exr_rows(&path, Some(&super::reader::RGB), None)?;
+                let mut sums = vec![[0f64; 3]; gw * gh];
+                let mut counts = vec![[0u32; 3]; gw * gh];
+                for j in 0..h {
+                    for i in 0..w {
+                        let at = texel_position(w, h, manifest.texel_mm * manifest.width as f64 / w as f64, i, j);
+                        let response = white_response(&manifest.tube, pass.name, position, at);
+                        let dark = dark.map_or([0.0; 3], |d| {
+                            let column = ((i as f64 + 0.5) * manifest.width as f64 / w as f64) as usize;
+                            let row = ((j as f64 + 0.5) * manifest.height as f64 / h as f64) as usize;
+                            d[row.min(manifest.height - 1) * manifest.width + column.min(manifest.width - 1)]
+                        });
+                        let cell = (j / block) * gw + i / block;
+                        for c in 0..3 {
+                            let v = f64::from(maps.channels[c].1[j * w + i]) - f64::from(dark[c]);
+                            if v.is_finite() {
+                                sums[cell][c] += v / response;
+                                counts[cell][c] += 1;
+                            }
+                        }
+                    }
+                }
+                let mut out = vec![[f32::NAN; 3]; gw * gh];
+                for (o, (s, n)) in out.iter_mut().zip(sums.iter().zip(&counts)) {
+                    for c in 0..3 {
+                        let gain = s[c] / f64::from(n[c]);
+                        // A white sheet that reads nothing calibrates nothing: the frame has no reading there.
+                        o[c] = if gain > 0.0 { gain as f32 } else { f32::NAN };
+                    }
+                }
+                if out.iter().flatten().all(|g| g.is_nan()) {
+                    return Err(Error::input(&path, "the white sheet reads zero or less everywhere; expected a lit white frame"));
+                }
+                Ok(out)
+            })
+            .collect::<Result<Vec<_>>>()?;
+        Ok(Gain { width: gw, height: gh, blade: [manifest.width, manifest.height], frames })
+    }
+
+    /// Divides the values of frame `k` at `texels` by the interpolated gain.
+    pub fn divide(&self, k: usize, texels: &[[u32; 2]], values: &mut [[f32; 3]]) {
+        let grid = &self.frames[k];
+        let (w, h) = (self.width, self.height);
+        for (value, t) in values.iter_mut().zip(texels) {
+            let x = ((f64::from(t[0]) + 0.5) * w as f64 / self.blade[0] as f64 - 0.5).clamp(0.0, (w - 1) as f64);
+            let y = ((f64::from(t[1]) + 0.5) * h as f64 / self.blade[1] as f64 - 0.5).clamp(0.0, (h - 1) as f64);
+            let (i, j) = ((x as usize).min(w.saturating_sub(2)), (y as usize).min(h.saturating_sub(2)));
+            let (i1, j1) = ((i + 1).min(w - 1), (j + 1).min(h - 1));
+            let (fx, fy) = ((x - i as f64) as f32, (y - j as f64) as f32);
+            for c in 0..3 {
+                let top = grid[j * w + i][c] * (1.0 - fx) + grid[j * w + i1][c] * fx;
+                let low = grid[j1 * w + i][c] * (1.0 - fx) + grid[j1 * w + i1][c] * fx;
+                value[c] /= top * (1.0 - fy) + low * fy;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Brute-force irradiance of a line source with Lambertian emission across its axis.
+    fn brute(tube: &Tube, u_mm: f64, along: f64) -> f64 {
+        let n = 200_000;
+        let (h, half) = (tube.height_mm, tube.length_mm / 2.0);
+        let mut sum = 0.0;
+        for k in 0..n {
+            let s = -half + tube.length_mm * (k as f64 + 0.5) / n as f64 - along;
+            let d2 = u_mm * u_mm + h * h + s * s;
+            let cos_texel = h / d2.sqrt();
+            let sin_axis = ((u_mm * u_mm + h * h) / d2).sqrt();
+            sum += cos_texel * sin_axis / d2 * tube.length_mm / n as f64;
+        }
+        // An infinite line straight above gives ∫ h·h/(h²+s²)² ds = π/(2h).
+        sum * 2.0 * h / PI
+    }
+
+    #[test]
+    fn white_response_is_the_line_integral() {
+        let tube = Tube { height_mm: 100.0, length_mm: 500.0, radius_mm: 2.5 };
+        let thin = Tube { radius_mm: 0.0, ..tube };
+        for (position, at) in [(0.0, [0.0, 0.0]), (150.0, [-20.0, 30.0]), (-380.0, [35.0, -26.0])] {
+            let closed = white_response(&thin, Travel::X, position, at);
+            // The cylinder's lit surface is nearer than its axis: its ends cut off slightly less.
+            let cylinder = white_response(&tube, Travel::X, position, at);
+            assert!(cylinder > closed && cylinder / closed - 1.0 < 4e-3, "{cylinder} {closed}");
+            let sum = brute(&tube, position - at[0], at[1]);
+            assert!((closed / sum - 1.0).abs() < 1e-7, "{closed} {sum}");
+        }
+        assert!((white_response(&thin, Travel::Y, 0.0, [0.0, 0.0]) - 0.977).abs() < 5e-4);
+    }
+}

@@ -1,0 +1,99 @@
+//! Transmission: a leaf on a diffuse box, and the mask that follows from it.
+//!
+//! By reciprocity (leaf − dark)/(box − dark) seen at an angle is the slab's ρt for a collimated beam at that angle (`data/README.md`).
+
+/// Ratio leaf/box and its standard error, a texel and channel. NaN where the box reads nothing.
+pub fn transmittance(leaf: &[[f32; 3]], empty: &[[f32; 3]], relative: f64, floor: f64) -> (Vec<[f32; 3]>, Vec<[f32; 3]>) {
+    leaf.iter()
+        .zip(empty)
+        .map(|(l, e)| {
+            let mut value = [f32::NAN; 3];
+            let mut error = [f32::NAN; 3];
+            for c in 0..3 {
+                let (l, e) = (f64::from(l[c]), f64::from(e[c]));
+                if e > 0.0 && l.is_finite() {
+                    let t = l / e;
+                    let variance = |v: f64| (relative * v).powi(2) + floor * floor;
+                    value[c] = t as f32;
+                    error[c] = ((variance(l) + t * t * variance(e)).sqrt() / e) as f32;
+                }
+            }
+            (value, error)
+        })
+        .unzip()
+}
+
+/// Where the leaf is, from its transmission: texels darker than halfway between the leaf's median and the bare box, in pieces of
+/// at least 1 % of the largest one. Empty when nothing stands out.
+pub fn mask_from_transmission(ratio: &[[f32; 3]], width: usize, height: usize) -> Vec<bool> {
+    let mean: Vec<f32> = ratio.iter().map(|t| (t[0] + t[1] + t[2]) / 3.0).collect();
+    let mut dark: Vec<f32> = mean.iter().copied().filter(|v| *v < 0.8).collect();
+    if dark.is_empty() {
+        return vec![false; mean.len()];
+    }
+    dark.sort_unstable_by(f32::total_cmp);
+    let threshold = 0.5 * (1.0 + dark[dark.len() / 2]);
+    let inside: Vec<bool> = mean.iter().map(|&v| v < threshold).collect();
+    keep_large_pieces(&inside, width, height)
+}
+
+/// Removes 4-connected pieces smaller than 1 % of the largest.
+fn keep_large_pieces(inside: &[bool], width: usize, height: usize) -> Vec<bool> {
+    let mut label = vec![0u32; inside.len()];
+    let mut sizes = vec![0usize];
+    let mut stack = Vec::new();
+    for start in 0..inside.len() {
+        if !inside[start] || label[start] != 0 {
+            continue;
+        }
+        let name = sizes.len() as u32;
+        sizes.push(0);
+        label[start] = name;
+        stack.push(start);
+        while let Some(at) = stack.pop() {
+            sizes[name as usize] += 1;
+            let (i, j) = (at % width, at / width);
+            let mut visit = |next: usize| {
+                if inside[next] && label[next] == 0 {
+                    label[next] = name;
+                    stack.push(next);
+                }
+            };
+            if i > 0 {
+                visit(at - 1);
+            }
+            if i + 1 < width {
+                visit(at + 1);
+            }
+            if j > 0 {
+                visit(at - width);
+            }
+            if j + 1 < height {
+                visit(at + width);
+            }
+        }
+    }
+    let largest = sizes.iter().copied().max().unwrap_or(0);
+    label.iter().map(|&l| l != 0 && sizes[l as usize] * 100 >= largest).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_mask_keeps_the_leaf_and_drops_specks() {
+        let (w, h) = (40, 30);
+        let leaf = |i: usize, j: usize| (i as f64 - 20.0).hypot(j as f64 - 15.0) < 10.0;
+        let ratio: Vec<[f32; 3]> =
+            (0..w * h).map(|k| if leaf(k % w, k / w) || k == 3 { [0.1, 0.2, 0.05] } else { [1.0, 0.99, 1.01] }).collect();
+        let mask = mask_from_transmission(&ratio, w, h);
+        assert!((0..w * h).all(|k| mask[k] == leaf(k % w, k / w)));
+    }
+
+    #[test]
+    fn the_error_of_a_ratio_is_propagated() {
+        let (t, e) = transmittance(&[[0.2; 3]], &[[0.8; 3]], 0.01, 0.0);
+        assert!((t[0][0] - 0.25).abs() < 1e-7 && (e[0][0] - 0.25 * 0.01 * 2f32.sqrt()).abs() < 1e-7);
+    }
+}

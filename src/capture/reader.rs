@@ -1,0 +1,186 @@
+//! A capture opened for fitting: every file it needs is there and of the right size before anything long starts.
+
+use crate::capture::calibrate::Gain;
+use crate::capture::manifest::{Manifest, SideName, Travel, frame_path, white_path};
+use crate::files::hash;
+use crate::files::image::{ExrInfo, Maps, exr_info, read_exr, read_exr_rows};
+use crate::{Error, Result};
+use rayon::prelude::*;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+/// The channels of every frame.
+pub const RGB: [&str; 3] = ["R", "G", "B"];
+
+/// A validated capture. Holds no frames: they are read a band of rows at a time.
+#[derive(Debug)]
+pub struct Capture {
+    pub folder: PathBuf,
+    pub manifest: Manifest,
+    /// Dark level a texel and channel (RGB planes), where `dark.exr` exists.
+    dark: Option<Pixels>,
+    /// Gain of each pass's frames, where white frames exist.
+    gains: Vec<(Travel, Gain)>,
+}
+
+/// Calibrated frames of one pass over a set of texels: `frames[k][n]` is frame k at the n-th texel asked for.
+pub type Band = Vec<Vec<[f32; 3]>>;
+
+/// One RGB triple a texel of the whole image, row-major.
+pub type Pixels = Vec<[f32; 3]>;
+
+impl Capture {
+    /// Opens `folder`: reads the manifest, checks that every frame is there with the right size and channels, loads the references.
+    ///
+    /// # Errors
+    /// [`Error::Input`] naming the first file that is missing, of another size, or unreadable.
+    pub fn open(folder: &Path) -> Result<Capture> {
+        let manifest = Manifest::read(folder)?;
+        let wanted: Vec<PathBuf> = manifest
+            .sides
+            .iter()
+            .flat_map(|&side| manifest.passes.iter().flat_map(move |p| (0..p.positions().len()).map(move |k| (side, p.name, k))))
+            .map(|(side, travel, k)| frame_path(folder, side, travel, k))
+            .chain(manifest.sides.iter().map(|s| folder.join(s.name()).join("lightbox.exr")))
+            .chain([folder.join("lightbox_empty.exr")])
+            .collect();
+        wanted.par_iter().try_for_each(|path| check_image(path, &manifest))?;
+        let dark_path = folder.join("dark.exr");
+        let dark = if dark_path.exists() {
+            check_image(&dark_path, &manifest)?;
+            Some(interleave(&read_exr_rows(&dark_path, Some(&RGB), None)?))
+        } else {
+            None
+        };
+        let mut gains = Vec::new();
+        for pass in &manifest.passes {
+            if folder.join("white").join(pass.name.name()).exists() {
+                let gain = Gain::read(folder, &manifest, pass, dark.as_deref())?;
+                gains.push((pass.name, gain));
+            }
+        }
+        Ok(Capture { folder: folder.to_path_buf(), manifest, dark, gains })
+    }
+
+    /// Content hash of everything a fit reads. Frames are hashed by name, size and a sample of their bytes would miss edits, so
+    /// their whole content counts.
+    pub fn hash(&self) -> Result<String> {
+        let files = self.files();
+        let hashes: Vec<String> = files.par_iter().map(|p| hash::file(p)).collect::<Result<_>>()?;
+        let names: Vec<String> = files.iter().map(|p| p.strip_prefix(&self.folder).unwrap_or(p).to_string_lossy().into_owned()).collect();
+        Ok(hash::combine(names.iter().map(String::as_str).zip(hashes.iter().map(String::as_str))))
+    }
+
+    /// Every file the fit reads, in a fixed order.
+    pub fn files(&self) -> Vec<PathBuf> {
+        let m = &self.manifest;
+        let mut files = vec![self.folder.join("capture.toml"), self.folder.join("lightbox_empty.exr")];
+        for &side in &m.sides {
+            files.push(self.folder.join(side.name()).join("lightbox.exr"));
+            for pass in &m.passes {
+                files.extend((0..pass.positions().len()).map(|k| frame_path(&self.folder, side, pass.name, k)));
+            }
+        }
+        for pass in &m.passes {
+            files.extend((0..pass.positions().len()).map(|k| white_path(&self.folder, pass.name, k)));
+        }
+        files.extend(["dark.exr", "mask.exr"].map(|n| self.folder.join(n)));
+        files.retain(|p| p.exists());
+        files
+    }
+
+    /// Reads and calibrates the frames of one pass in `rows`, at the texels `(column, row)` listed (all inside `rows`).
+    /// Values are 1 for a white texel under an infinite tube straight above; NaN where there is no reading.
+    pub fn band(&self, side: SideName, travel: Travel, rows: Range<usize>, texels: &[[u32; 2]]) -> Result<Band> {
+        let Some(pass) = self.manifest.pass(travel) else { return Ok(Vec::new()) };
+        let gain = self.gains.iter().find(|(t, _)| *t == travel).map(|(_, g)| g);
+        let width = self.manifest.width;
+        let at: Vec<(usize, usize)> =
+            texels.iter().map(|t| ((t[1] as usize - rows.start) * width + t[0] as usize, t[1] as usize * width + t[0] as usize)).collect();
+        (0..pass.positions().len())
+            .into_par_iter()
+            .map(|k| {
+                let path = frame_path(&self.folder, side, travel, k);
+                let maps = read_exr_rows(&path, Some(&RGB), Some(rows.clone()))?;
+                let mut out: Vec<[f32; 3]> = at.iter().map(|&(local, _)| [0, 1, 2].map(|c: usize| maps.channels[c].1[local])).collect();
+                if let Some(dark) = &self.dark {
+                    for (value, &(_, global)) in out.iter_mut().zip(&at) {
+                        for (v, d) in value.iter_mut().zip(dark[global]) {
+                            *v -= d;
+                        }
+                    }
+                }
+                if let Some(gain) = gain {
+                    gain.divide(k, texels, &mut out);
+                }
+                Ok(out)
+            })
+            .collect()
+    }
+
+    /// Light-box photographs of one side, dark-corrected: (leaf, empty box), interleaved RGB of the whole image.
+    pub fn lightbox(&self, side: SideName) -> Result<(Pixels, Pixels)> {
+        let leaf = interleave(&read_exr_rows(&self.folder.join(side.name()).join("lightbox.exr"), Some(&RGB), None)?);
+        let empty = interleave(&read_exr_rows(&self.folder.join("lightbox_empty.exr"), Some(&RGB), None)?);
+        let subtract = |mut image: Vec<[f32; 3]>| {
+            if let Some(dark) = &self.dark {
+                for (v, d) in image.iter_mut().zip(dark) {
+                    for c in 0..3 {
+                        v[c] -= d[c];
+                    }
+                }
+            }
+            image
+        };
+        Ok((subtract(leaf), subtract(empty)))
+    }
+
+    /// `mask.exr` (channel Y), where there is one.
+    pub fn mask(&self) -> Result<Option<Vec<bool>>> {
+        let path = self.folder.join("mask.exr");
+        if !path.exists() {
+            return Ok(None);
+        }
+        check_size(&path, &exr_info(&path)?, &self.manifest)?;
+        let maps = read_exr_rows(&path, Some(&["Y"]), None)?;
+        Ok(Some(maps.channels[0].1.iter().map(|&v| v > 0.5).collect()))
+    }
+
+    /// `truth/front.exr` of a synthetic scan.
+    pub fn truth(&self, side: SideName) -> Result<Option<Maps>> {
+        let path = self.folder.join("truth").join(format!("{}.exr", side.name()));
+        if !path.exists() {
+            return Ok(None);
+        }
+        check_size(&path, &exr_info(&path)?, &self.manifest)?;
+        read_exr(&path).map(Some)
+    }
+}
+
+/// A frame must hold R, G and B at the size the manifest states.
+fn check_image(path: &Path, manifest: &Manifest) -> Result<()> {
+    let info = exr_info(path)?;
+    check_size(path, &info, manifest)?;
+    for name in RGB {
+        if !info.channels.iter().any(|c| c == name) {
+            return Err(Error::field(path, name, format!("no such channel; the file holds {}", info.channels.join(", "))));
+        }
+    }
+    Ok(())
+}
+
+fn check_size(path: &Path, info: &ExrInfo, manifest: &Manifest) -> Result<()> {
+    if (info.width, info.height) != (manifest.width, manifest.height) {
+        return Err(Error::input(
+            path,
+            format!("found {}x{} texels, capture.toml says {}x{}", info.width, info.height, manifest.width, manifest.height),
+        ));
+    }
+    Ok(())
+}
+
+/// RGB planes → one triple a texel.
+pub fn interleave(maps: &Maps) -> Pixels {
+    let [r, g, b] = [0, 1, 2].map(|c: usize| &maps.channels[c].1);
+    r.iter().zip(g).zip(b).map(|((&r, &g), &b)| [r, g, b]).collect()
+}

@@ -1,0 +1,41 @@
+//! A row of `mesophyll bench`: what one setting of an accuracy knob costs and what it buys; and the sweeps of the leaf's models.
+
+pub mod gloss;
+pub mod slab;
+
+use serde::Serialize;
+use std::time::Instant;
+
+/// One setting of one knob. Times are comparable within one run on one machine only.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct BenchRow {
+    /// Model: `solve`, `slab`, `gloss` …
+    pub model: String,
+    /// What was turned, with its unit: `ordinates`, `quadrature nodes` …
+    pub knob: String,
+    pub setting: String,
+    /// Error of the result (relative unless `note` says otherwise); what it is measured on stands in `note`.
+    pub error: f64,
+    /// Run time of one evaluation or fit (µs), the median of several.
+    pub us: f64,
+    pub note: String,
+}
+
+/// Median run time of `work` in µs: repeated at least three times, and until about `budget_ms` are spent.
+pub fn median_us<T>(budget_ms: f64, mut work: impl FnMut() -> T) -> f64 {
+    let mut times: Vec<f64> = Vec::new();
+    let clock = Instant::now();
+    while times.len() < 3 || (clock.elapsed().as_secs_f64() * 1e3 < budget_ms && times.len() < 10_000) {
+        let start = Instant::now();
+        std::hint::black_box(work());
+        times.push(start.elapsed().as_secs_f64() * 1e6);
+    }
+    times.sort_by(f64::total_cmp);
+    times[times.len() / 2]
+}
+
+/// Median of `values`; NaN for none. NaN counts as the largest.
+pub fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}

@@ -1,0 +1,175 @@
+//! Gloss of one texel from its linear-light-source traces: ρd and ρs a channel (linear, eliminated by variable projection),
+//! slope m and normal shared by the channels (W §3 "Fitting BRDF and BTDF"; G3).
+//!
+//! A single pass sees the tilt in its plane of travel only; with a second pass the full normal is known. Noise: standard
+//! deviation √((relative·value)² + floor²), evaluated at the model, not at the noisy sample, so that weights do not bias.
+
+pub mod geometry;
+pub mod project;
+pub mod samples;
+pub mod start;
+pub mod texel;
+mod traces;
+
+pub use texel::{TexelFitter, Workspace};
+
+use crate::optics::gloss::Lobe;
+use crate::optics::tube::Tube;
+use crate::solve::Termination;
+
+/// What a fit needs to know about the device. Lengths in mm.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Device {
+    /// Height of the tube's axis over the blade.
+    pub height_mm: f64,
+    /// Lit length, centred on the blade.
+    pub length_mm: f64,
+    /// Radius of the tube; 0 is a thin one.
+    pub radius_mm: f64,
+    /// Unit vector towards the camera, z up.
+    pub camera: [f64; 3],
+    pub lobe: Lobe,
+    /// Standard deviation of a sample: √((noise_relative·value)² + noise_floor²).
+    pub noise_relative: f64,
+    pub noise_floor: f64,
+}
+
+impl Device {
+    pub fn tube(&self) -> Tube {
+        Tube { height_mm: self.height_mm, length_mm: self.length_mm, radius_mm: self.radius_mm }
+    }
+}
+
+/// When samples are reweighted against outliers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Robust {
+    Off,
+    /// Only where the first fit leaves residuals that the stated noise does not explain.
+    #[default]
+    Auto,
+    On,
+}
+
+/// A set of parameters that the data do not determine within 10 % (tilts: 2°).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Undetermined(pub u16);
+
+impl Undetermined {
+    pub const RHO_D: [Undetermined; 3] = [Undetermined(1), Undetermined(2), Undetermined(4)];
+    pub const RHO_S: [Undetermined; 3] = [Undetermined(8), Undetermined(16), Undetermined(32)];
+    pub const M: Undetermined = Undetermined(64);
+    pub const TILT: Undetermined = Undetermined(128);
+    /// Only set where a second pass was there to see it.
+    pub const TILT_Y: Undetermined = Undetermined(256);
+
+    pub fn contains(self, other: Undetermined) -> bool {
+        self.0 & other.0 == other.0
+    }
+    pub fn insert(&mut self, other: Undetermined) {
+        self.0 |= other.0;
+    }
+    pub fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    /// Every parameter of a one-pass fit.
+    pub fn all(channels: usize) -> Undetermined {
+        Undetermined(if channels == 1 { 1 | 8 | 64 | 128 } else { 255 })
+    }
+
+    /// Names as in the output columns; `channels` is 1 or 3.
+    pub fn names(self, channels: usize) -> Vec<&'static str> {
+        const NAMES: [&str; 9] = ["rho_d_r", "rho_d_g", "rho_d_b", "rho_s_r", "rho_s_g", "rho_s_b", "m", "tilt", "tilt_y"];
+        let name = |k: usize| match (channels, k) {
+            (1, 0) => "rho_d",
+            (1, 3) => "rho_s",
+            _ => NAMES[k],
+        };
+        (0..9).filter(|k| self.0 >> k & 1 == 1).map(name).collect()
+    }
+}
+
+/// A fitted texel. Errors are one standard deviation; infinite where nothing is known.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TexelFit {
+    pub rho_d: [f64; 3],
+    pub rho_s: [f64; 3],
+    /// Slope, [`M_RANGE`].
+    pub m: f64,
+    /// Unit normal (sin tilt cos tilt_y, sin tilt_y, cos tilt cos tilt_y); tilt_y = 0 without a second pass.
+    pub normal: [f64; 3],
+    /// Tilt in the plane x–z and out of it (rad).
+    pub tilt: [f64; 2],
+    pub rho_d_err: [f64; 3],
+    pub rho_s_err: [f64; 3],
+    pub m_err: f64,
+    pub normal_err: [f64; 3],
+    /// Of the two tilts (rad); infinite for one that no pass sees.
+    pub tilt_err: [f64; 2],
+    /// Correlation of ρd and ρs, worst channel.
+    pub correlation: f64,
+    /// Σ (residual/sd)² over the samples used.
+    pub chi2: f64,
+    pub samples: usize,
+    pub parameters: usize,
+    /// Samples that robust weighting took for outliers.
+    pub outliers: usize,
+    /// Condition number of the scaled normal matrix of m and the tilts.
+    pub condition: f64,
+    pub iterations: usize,
+    pub evaluations: usize,
+    pub termination: Termination,
+    pub undetermined: Undetermined,
+    /// Why the texel is not to be trusted, if so.
+    pub defect: Option<&'static str>,
+}
+
+/// Range of m (bounds of the fit).
+pub const M_RANGE: [f64; 2] = [0.005, 1.2];
+/// Range of either tilt (rad).
+pub const TILT_LIMIT: f64 = 1.05;
+
+impl TexelFit {
+    /// A texel that cannot be fitted at all.
+    pub fn refused(why: &'static str) -> TexelFit {
+        TexelFit {
+            rho_d: [f64::NAN; 3],
+            rho_s: [f64::NAN; 3],
+            m: f64::NAN,
+            normal: [f64::NAN; 3],
+            tilt: [f64::NAN; 2],
+            rho_d_err: [f64::INFINITY; 3],
+            rho_s_err: [f64::INFINITY; 3],
+            m_err: f64::INFINITY,
+            normal_err: [f64::INFINITY; 3],
+            tilt_err: [f64::INFINITY; 2],
+            correlation: f64::NAN,
+            chi2: f64::NAN,
+            samples: 0,
+            parameters: 0,
+            outliers: 0,
+            condition: f64::INFINITY,
+            iterations: 0,
+            evaluations: 0,
+            termination: Termination::Refused,
+            undetermined: Undetermined(0),
+            defect: Some(why),
+        }
+    }
+
+    pub fn reduced_chi2(&self) -> f64 {
+        self.chi2 / (self.samples.saturating_sub(self.parameters)).max(1) as f64
+    }
+}
+
+/// (sin tilt cos tilt_y, sin tilt_y, cos tilt cos tilt_y).
+pub fn normal_of(tilt: [f64; 2]) -> [f64; 3] {
+    let ((s, c), (sy, cy)) = (tilt[0].sin_cos(), tilt[1].sin_cos());
+    [s * cy, sy, c * cy]
+}
+
+/// ∂normal/∂tilt and ∂normal/∂tilt_y.
+pub fn normal_slopes(tilt: [f64; 2]) -> [[f64; 3]; 2] {
+    let ((s, c), (sy, cy)) = (tilt[0].sin_cos(), tilt[1].sin_cos());
+    [[c * cy, 0.0, -s * cy], [-s * sy, cy, -c * sy]]
+}

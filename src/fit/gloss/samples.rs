@@ -1,0 +1,450 @@
+//! Gloss from goniometer samples of a leaf: reflectance factors at many directions for one or few sources.
+//!
+//! Model: value_k = ρd_k + π ρs f_s(n, l, v; m) for every value column k (BRF = π f_r); ρs is grey, m and the normal shared.
+//! ρd_k and ρs ≥ 0 are linear and eliminated; m, tilt and tilt_y are found globally: a grid over all three, argmin's
+//! Nelder–Mead from its best distinct points, Levenberg–Marquardt from the winner for the last digits and the errors.
+//!
+//! Errors come from the scatter of the residuals, which for a real leaf is misfit more than noise: they are lower bounds.
+
+use super::{M_RANGE, normal_of};
+use crate::files::table::{Sink, Status, Table, Tally, push_number, push_text};
+use crate::optics::gloss::Lobe;
+use crate::{Error, Result};
+use argmin::core::{CostFunction, Executor, State as _};
+use argmin::solver::neldermead::NelderMead;
+use std::f64::consts::PI;
+use std::path::Path;
+
+/// One direction.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sample {
+    /// Unit vectors towards the source and the viewer; z out of the leaf.
+    pub light: [f64; 3],
+    pub view: [f64; 3],
+    /// Reflectance factors, NaN = no reading.
+    pub values: Vec<f64>,
+}
+
+impl Sample {
+    /// Source at azimuth 0 in the x–z plane; view azimuth 180° is the mirror side.
+    pub fn from_angles(source_zenith: f64, view_zenith: f64, view_azimuth: f64, values: Vec<f64>) -> Sample {
+        let dir = |t: f64, p: f64| [t.sin() * p.cos(), t.sin() * p.sin(), t.cos()];
+        Sample { light: dir(source_zenith, 0.0), view: dir(view_zenith, view_azimuth), values }
+    }
+}
+
+/// A fitted leaf; errors are one standard deviation.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SamplesFit {
+    pub rho_d: Vec<f64>,
+    pub rho_s: f64,
+    pub m: f64,
+    /// tilt, tilt_y (rad); normal = (sin tilt cos tilt_y, sin tilt_y, cos tilt cos tilt_y).
+    pub tilt: [f64; 2],
+    /// Root mean square of all residuals.
+    pub rms: f64,
+    pub rho_d_err: Vec<f64>,
+    pub rho_s_err: f64,
+    pub m_err: f64,
+    pub tilt_err: [f64; 2],
+    pub readings: usize,
+}
+
+/// Largest tilt looked for (rad).
+const TILT: f64 = 0.8;
+/// Local searches from the grid.
+const STARTS: usize = 8;
+
+/// Fits one leaf.
+///
+/// # Errors
+/// A reason in words where there are too few readings.
+pub fn fit(samples: &[Sample], lobe: Lobe) -> std::result::Result<SamplesFit, String> {
+    let bands = samples.first().map_or(0, |s| s.values.len());
+    let readings = samples.iter().flat_map(|s| &s.values).filter(|v| v.is_finite()).count();
+    let parameters = bands + 4;
+    if readings <= parameters {
+        return Err(format!("{readings} readings for {parameters} parameters"));
+    }
+    if let Some(k) = (0..bands).find(|&k| samples.iter().all(|s| !s.values[k].is_finite())) {
+        return Err(format!("value column {} has no reading", k + 1));
+    }
+    let problem = Problem { samples, lobe, bands };
+    let mut grid: Vec<(f64, [f64; 3])> = Vec::new();
+    for i in 0..16 {
+        let m = 0.03f64.ln() + (M_RANGE[1].ln() - 0.03f64.ln()) * f64::from(i) / 15.0;
+        let pitch = (0.7 * m.exp()).clamp(0.03, 0.1);
+        let count = (TILT / pitch).ceil() as i32;
+        for a in -count..=count {
+            for b in -count..=count {
+                let p = [m, TILT * f64::from(a) / f64::from(count), TILT * f64::from(b) / f64::from(count)];
+                grid.push((problem.sum(&p), p));
+            }
+        }
+    }
+    grid.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut starts: Vec<[f64; 3]> = Vec::new();
+    for (_, p) in &grid {
+        let near = |q: &[f64; 3]| (p[0] - q[0]).abs() < 0.5 && (p[1] - q[1]).abs() < 0.12 && (p[2] - q[2]).abs() < 0.12;
+        if !starts.iter().any(near) {
+            starts.push(*p);
+        }
+        if starts.len() == STARTS {
+            break;
+        }
+    }
+    let mut best: Option<(f64, [f64; 3])> = None;
+    for start in starts {
+        let found = problem.polish(problem.simplex(start));
+        if best.is_none_or(|b| found.0 < b.0) {
+            best = Some(found);
+        }
+    }
+    let (sum, p) = best.ok_or_else(|| "no start".to_string())?;
+    Ok(problem.report(&p, sum, readings, parameters))
+}
+
+struct Problem<'a> {
+    samples: &'a [Sample],
+    lobe: Lobe,
+    bands: usize,
+}
+
+/// Linear solve at fixed m and normal.
+struct Solved {
+    rho_d: Vec<f64>,
+    rho_s: f64,
+    sum: f64,
+}
+
+impl Problem<'_> {
+    /// π f_s of every sample.
+    fn column(&self, p: &[f64; 3]) -> Vec<f64> {
+        let (n, m) = (normal_of([p[1], p[2]]), p[0].exp());
+        self.samples.iter().map(|s| PI * self.lobe.value(n, s.light, s.view, m)).collect()
+    }
+
+    fn solve(&self, column: &[f64]) -> Solved {
+        // Per band: centre, then one common slope; a ρ below zero goes to its bound.
+        let each =
+            |k: usize| self.samples.iter().zip(column).filter(move |(s, _)| s.values[k].is_finite()).map(move |(s, c)| (s.values[k], *c));
+        let (mut top, mut bottom) = (0.0, 0.0);
+        let mut means = Vec::with_capacity(self.bands);
+        for k in 0..self.bands {
+            let n = each(k).count() as f64;
+            let (y, c) = each(k).fold((0.0, 0.0), |(a, b), (y, c)| (a + y / n, b + c / n));
+            means.push((y, c));
+            for (v, x) in each(k) {
+                top += (v - y) * (x - c);
+                bottom += (x - c) * (x - c);
+            }
+        }
+        let mut rho_s = if bottom > 0.0 { (top / bottom).max(0.0) } else { 0.0 };
+        let mut rho_d: Vec<f64> = means.iter().map(|(y, c)| y - rho_s * c).collect();
+        if rho_d.iter().any(|r| *r < 0.0) {
+            // Bands at zero no longer centre: a few sweeps of coordinate descent settle the bounded problem.
+            for _ in 0..200 {
+                for (r, (y, c)) in rho_d.iter_mut().zip(&means) {
+                    *r = (y - rho_s * c).max(0.0);
+                }
+                let (mut top, mut bottom) = (0.0, 0.0);
+                for (k, r) in rho_d.iter().enumerate() {
+                    for (v, x) in each(k) {
+                        top += (v - r) * x;
+                        bottom += x * x;
+                    }
+                }
+                rho_s = if bottom > 0.0 { (top / bottom).max(0.0) } else { 0.0 };
+            }
+        }
+        let sum = rho_d.iter().enumerate().map(|(k, r)| each(k).map(|(v, x)| (v - r - rho_s * x).powi(2)).sum::<f64>()).sum();
+        Solved { rho_d, rho_s, sum }
+    }
+
+    /// Sum of squares at ln m, tilt, tilt_y; outside the range it rises steeply.
+    fn sum(&self, p: &[f64; 3]) -> f64 {
+        let q = clamp(p);
+        let outside: f64 = p.iter().zip(&q).map(|(a, b)| (a - b).powi(2)).sum();
+        self.solve(&self.column(&q)).sum * (1.0 + 10.0 * outside) + outside
+    }
+
+    fn simplex(&self, start: [f64; 3]) -> [f64; 3] {
+        let mut corners = vec![start.to_vec()];
+        for (k, edge) in [0.15, 0.04, 0.04].into_iter().enumerate() {
+            let mut corner = start.to_vec();
+            corner[k] += edge;
+            corners.push(corner);
+        }
+        let Ok(solver) = NelderMead::new(corners).with_sd_tolerance(1e-14) else { return start };
+        let run = Executor::new(Simplex(self), solver).configure(|s| s.max_iters(300)).run();
+        match run.ok().and_then(|r| r.state().get_best_param().cloned()) {
+            Some(p) if p.len() == 3 => clamp(&[p[0], p[1], p[2]]),
+            _ => start,
+        }
+    }
+
+    /// Residuals of all readings at `p`, linear part eliminated.
+    fn residuals(&self, p: &[f64; 3]) -> Vec<f64> {
+        let column = self.column(p);
+        let s = self.solve(&column);
+        let rho = &s.rho_d;
+        let readings =
+            self.samples.iter().zip(&column).flat_map(|(sample, x)| sample.values.iter().zip(rho).map(move |(v, r)| v - r - s.rho_s * x));
+        readings.filter(|r| r.is_finite()).collect()
+    }
+
+    /// Levenberg–Marquardt on the projected residuals, derivatives by central differences (a leaf has few samples).
+    fn polish(&self, start: [f64; 3]) -> (f64, [f64; 3]) {
+        let (mut p, mut lambda) = (start, 1e-3);
+        let mut sum = self.solve(&self.column(&p)).sum;
+        for _ in 0..60 {
+            let r = self.residuals(&p);
+            let jacobian = self.slopes(&p);
+            let (a, g) = normal_equations(&jacobian, &r);
+            let damped =
+                nalgebra::Matrix3::from_fn(|i, j| a[(i, j)] * if i == j { 1.0 + lambda } else { 1.0 } + if i == j { 1e-300 } else { 0.0 });
+            let Some(step) = damped.cholesky().map(|c| c.solve(&g)) else { break };
+            let next = clamp(&[p[0] + step[0], p[1] + step[1], p[2] + step[2]]);
+            let value = self.solve(&self.column(&next)).sum;
+            if value < sum {
+                let done = sum - value < 1e-14 * sum;
+                (p, sum, lambda) = (next, value, lambda * 0.1);
+                if done {
+                    break;
+                }
+            } else {
+                lambda *= 10.0;
+                if lambda > 1e8 {
+                    break;
+                }
+            }
+        }
+        (sum, p)
+    }
+
+    /// −∂residual/∂p of the projected residuals, a column a parameter.
+    fn slopes(&self, p: &[f64; 3]) -> [Vec<f64>; 3] {
+        std::array::from_fn(|k| {
+            let step = 1e-5;
+            let moved = |by: f64| {
+                let mut q = *p;
+                q[k] += by;
+                self.residuals(&q)
+            };
+            moved(-step).iter().zip(moved(step)).map(|(a, b)| (a - b) / (2.0 * step)).collect()
+        })
+    }
+
+    fn report(&self, p: &[f64; 3], sum: f64, readings: usize, parameters: usize) -> SamplesFit {
+        let column = self.column(p);
+        let solved = self.solve(&column);
+        let variance = sum / (readings - parameters) as f64;
+        // Full Jacobian: ρd a band, ρs, ln m, tilt, tilt_y.
+        let n = self.bands + 4;
+        let moved = |k: usize, by: f64| {
+            let mut q = *p;
+            q[k] += by;
+            self.column(&q)
+        };
+        let slopes: [Vec<f64>; 3] = std::array::from_fn(|k| {
+            let (hi, lo) = (moved(k, 1e-5), moved(k, -1e-5));
+            hi.iter().zip(&lo).map(|(a, b)| (a - b) / 2e-5).collect()
+        });
+        let mut normal = nalgebra::DMatrix::<f64>::zeros(n, n);
+        for (i, sample) in self.samples.iter().enumerate() {
+            for k in (0..self.bands).filter(|&k| sample.values[k].is_finite()) {
+                let mut row = nalgebra::DVector::<f64>::zeros(n);
+                row[k] = 1.0;
+                row[self.bands] = column[i];
+                for j in 0..3 {
+                    row[self.bands + 1 + j] = solved.rho_s * slopes[j][i];
+                }
+                normal += &row * row.transpose();
+            }
+        }
+        let scale: Vec<f64> = (0..n).map(|k| normal[(k, k)].sqrt()).collect();
+        let live: Vec<usize> = (0..n).filter(|&k| scale[k] > 0.0).collect();
+        let scaled =
+            nalgebra::DMatrix::from_fn(live.len(), live.len(), |i, j| normal[(live[i], live[j])] / (scale[live[i]] * scale[live[j]]));
+        let mut err = vec![f64::INFINITY; n];
+        if let Some(inverse) = scaled.cholesky().map(|c| c.inverse()) {
+            for (i, &k) in live.iter().enumerate() {
+                err[k] = (variance * inverse[(i, i)]).sqrt() / scale[k];
+            }
+        }
+        let m = p[0].exp();
+        SamplesFit {
+            rho_s: solved.rho_s,
+            m,
+            tilt: [p[1], p[2]],
+            rms: (sum / readings as f64).sqrt(),
+            rho_d_err: err[..self.bands].to_vec(),
+            rho_s_err: err[self.bands],
+            m_err: m * err[self.bands + 1],
+            tilt_err: [err[self.bands + 2], err[self.bands + 3]],
+            rho_d: solved.rho_d,
+            readings,
+        }
+    }
+}
+
+struct Simplex<'a, 'b>(&'a Problem<'b>);
+
+impl CostFunction for Simplex<'_, '_> {
+    type Param = Vec<f64>;
+    type Output = f64;
+    fn cost(&self, p: &Vec<f64>) -> std::result::Result<f64, argmin::core::Error> {
+        Ok(self.0.sum(&[p[0], p[1], p[2]]))
+    }
+}
+
+fn clamp(p: &[f64; 3]) -> [f64; 3] {
+    [p[0].clamp(M_RANGE[0].ln(), M_RANGE[1].ln()), p[1].clamp(-TILT, TILT), p[2].clamp(-TILT, TILT)]
+}
+
+fn normal_equations(jacobian: &[Vec<f64>; 3], r: &[f64]) -> (nalgebra::Matrix3<f64>, nalgebra::Vector3<f64>) {
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
+    (nalgebra::Matrix3::from_fn(|i, j| dot(&jacobian[i], &jacobian[j])), nalgebra::Vector3::from_fn(|i, _| dot(&jacobian[i], r)))
+}
+
+/// `fit gloss --samples`: reads all rows, groups them by `leaf`, writes a row a leaf in order of first appearance.
+///
+/// # Errors
+/// A missing column, an unreadable input, an unwritable output. A bad row refuses its leaf, by line.
+pub fn run(mut table: Table, output: &Path, values: &[String], lobe: Lobe) -> Result<Tally> {
+    let values: Vec<String> =
+        if values.is_empty() { table.header.iter().filter(|h| h.starts_with("brf")).cloned().collect() } else { values.to_vec() };
+    if values.is_empty() {
+        return Err(Error::input(table.name(), "no value columns: name them with --values, or begin their names with brf"));
+    }
+    if let Some(twice) = values.iter().enumerate().find(|(k, v)| values[..*k].contains(v)) {
+        return Err(Error::Usage(format!("--values names {} twice", twice.1)));
+    }
+    let leaf_at = table.require("leaf")?;
+    let angles_at = [table.require("source_zenith_deg")?, table.require("view_zenith_deg")?, table.require("view_azimuth_deg")?];
+    let values_at: Vec<usize> = values.iter().map(|v| table.require(v)).collect::<Result<_>>()?;
+    let mut leaves: Vec<(String, std::result::Result<Vec<Sample>, String>)> = Vec::new();
+    let mut places = std::collections::HashMap::new();
+    let (mut record, mut line) = (csv::StringRecord::new(), 1);
+    while table.next_record(&mut record)? {
+        line += 1;
+        let name = record.get(leaf_at).unwrap_or("").to_string();
+        let at = *places.entry(name.clone()).or_insert_with(|| {
+            leaves.push((name, Ok(Vec::new())));
+            leaves.len() - 1
+        });
+        let sample = if record.len() == table.header.len() {
+            read_sample(&table.header, &record, angles_at, &values_at)
+        } else {
+            Err(format!("{} fields where the header has {}", record.len(), table.header.len()))
+        };
+        let list = &mut leaves[at].1;
+        match (sample, &mut *list) {
+            (Ok(sample), Ok(samples)) => samples.push(sample),
+            (Err(why), Ok(_)) => *list = Err(format!("line {line}: {why}")),
+            _ => {}
+        }
+    }
+    let mut sink = Sink::open(output)?;
+    let each = |suffix: &str| values.iter().map(|v| format!("rho_d_{v}{suffix}")).collect::<Vec<_>>();
+    let mut header = vec!["leaf".to_string()];
+    header.extend(each(""));
+    header.extend(["rho_s", "m", "tilt", "tilt_y", "rms"].map(String::from));
+    header.extend(each("_err"));
+    header.extend(["rho_s_err", "m_err", "tilt_err", "tilt_y_err", "status"].map(String::from));
+    let mut bytes = Vec::new();
+    for (k, name) in header.iter().enumerate() {
+        if k > 0 {
+            bytes.push(b',');
+        }
+        push_text(&mut bytes, name);
+    }
+    bytes.push(b'\n');
+    let mut tally = Tally::default();
+    use rayon::prelude::*;
+    let fits: Vec<_> = leaves.par_iter().map(|(_, samples)| samples.as_ref().map_err(String::clone).and_then(|s| fit(s, lobe))).collect();
+    for ((name, _), fitted) in leaves.iter().zip(fits) {
+        push_text(&mut bytes, name);
+        let status = match fitted {
+            Ok(f) => {
+                let status = status(&f, &values);
+                let cells = f.rho_d.iter().copied().chain([f.rho_s, f.m, f.tilt[0], f.tilt[1], f.rms]);
+                let errors = f.rho_d_err.iter().copied().chain([f.rho_s_err, f.m_err, f.tilt_err[0], f.tilt_err[1]]);
+                for v in cells.chain(errors) {
+                    bytes.push(b',');
+                    push_number(&mut bytes, v);
+                }
+                status
+            }
+            Err(why) => {
+                bytes.extend(std::iter::repeat_n(b',', header.len() - 2));
+                Status::Refused(why)
+            }
+        };
+        match status {
+            Status::Ok => tally.ok += 1,
+            Status::Undetermined(_) => tally.undetermined += 1,
+            Status::Refused(_) => tally.refused += 1,
+        }
+        tally.rows += 1;
+        bytes.push(b',');
+        push_text(&mut bytes, &status.to_string());
+        bytes.push(b'\n');
+    }
+    sink.write_all(output, &bytes)?;
+    sink.finish()?;
+    Ok(tally)
+}
+
+fn read_sample(
+    header: &[String],
+    record: &csv::StringRecord,
+    angles_at: [usize; 3],
+    values_at: &[usize],
+) -> std::result::Result<Sample, String> {
+    let number = |k: usize| record.get(k).unwrap_or("").parse::<f64>().ok().filter(|v| v.is_finite());
+    let mut angles = [0.0; 3];
+    for (angle, &k) in angles.iter_mut().zip(&angles_at) {
+        *angle = number(k).ok_or_else(|| format!("{} is {:?}; expected degrees", header[k], &record[k]))?;
+    }
+    for (k, limit) in [(0, 90.0), (1, 90.0)] {
+        if !(0.0..limit).contains(&angles[k]) {
+            return Err(format!("{} is {}; expected 0 to 90 degrees", header[angles_at[k]], angles[k]));
+        }
+    }
+    let values = values_at
+        .iter()
+        .map(|&k| {
+            let text = &record[k];
+            if text.is_empty() || text.eq_ignore_ascii_case("nan") {
+                return Ok(f64::NAN);
+            }
+            number(k).ok_or_else(|| format!("{} is {text:?}; expected a number", header[k]))
+        })
+        .collect::<std::result::Result<Vec<_>, _>>()?;
+    let [s, v, a] = angles.map(f64::to_radians);
+    Ok(Sample::from_angles(s, v, a, values))
+}
+
+fn status(f: &SamplesFit, values: &[String]) -> Status {
+    let mut names: Vec<String> = Vec::new();
+    let unsure = |err: f64, value: f64| err.is_nan() || err > 0.1 * value;
+    for (k, v) in values.iter().enumerate() {
+        if unsure(f.rho_d_err[k], f.rho_d[k]) {
+            names.push(format!("rho_d_{v}"));
+        }
+    }
+    if unsure(f.rho_s_err, f.rho_s) {
+        names.push("rho_s".into());
+    }
+    let at_bound = f.m <= 1.0001 * M_RANGE[0] || f.m >= 0.9999 * M_RANGE[1];
+    if at_bound || unsure(f.m_err, f.m) {
+        names.push("m".into());
+    }
+    for (k, name) in ["tilt", "tilt_y"].into_iter().enumerate() {
+        if f.tilt[k].abs() >= TILT - 1e-9 || unsure(f.tilt_err[k], f.tilt[k].abs().max(0.35)) {
+            names.push(name.into());
+        }
+    }
+    if names.is_empty() { Status::Ok } else { Status::Undetermined(names.join(" ")) }
+}

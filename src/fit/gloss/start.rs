@@ -1,0 +1,123 @@
+//! Starting points: a bank of templates (D, S) over (m, tilt), matched to the sum of the channels by two-column least squares.
+//!
+//! Templates depend on where the texel lies along the travel, so there is a bank for every few millimetres, built when first used.
+
+use crate::fit::gloss::{Device, normal_of};
+use crate::optics::tube::{Model, Precision, Travel};
+use std::sync::OnceLock;
+
+/// m of the templates, finest first.
+const SLOPES: [f64; 9] = [0.03, 0.06, 0.12, 0.22, 0.35, 0.5, 0.65, 0.8, 1.0];
+/// Banks on either side of the blade's middle.
+const SIDE: usize = 40;
+
+/// A point to start from and how well it fits (Σ w r² of the channel sum).
+#[derive(Debug, Clone, Copy)]
+pub struct Start {
+    pub m: f64,
+    pub tilt: f64,
+    pub cost: f64,
+}
+
+struct Template {
+    m: f64,
+    tilt: f64,
+    d: Vec<f64>,
+    s: Vec<f64>,
+}
+
+/// Templates of one pass.
+pub struct Bank {
+    model: Model,
+    travel: Travel,
+    positions: Vec<f64>,
+    range: [f64; 2],
+    pitch_mm: f64,
+    bins: Vec<OnceLock<Vec<Template>>>,
+}
+
+impl Bank {
+    /// `range`: tilts in the plane of travel that templates cover (rad).
+    pub fn new(device: &Device, travel: Travel, positions: &[f64], range: [f64; 2]) -> Bank {
+        // A thin tube will do to start from.
+        let tube = crate::optics::tube::Tube { radius_mm: 0.0, ..device.tube() };
+        Bank {
+            model: Model::new(tube, device.camera, device.lobe, &Precision { along: 6, across: 1 }),
+            travel,
+            positions: positions.to_vec(),
+            range,
+            pitch_mm: device.height_mm / 16.0,
+            bins: std::iter::repeat_with(OnceLock::new).take(2 * SIDE + 1).collect(),
+        }
+    }
+
+    fn templates(&self, texel: [f64; 2]) -> &[Template] {
+        let along = self.travel.local([texel[0], texel[1], 0.0])[0] / self.pitch_mm;
+        let bin = (along.round() + SIDE as f64).clamp(0.0, 2.0 * SIDE as f64) as usize;
+        self.bins[bin].get_or_init(|| self.build((bin as f64 - SIDE as f64) * self.pitch_mm))
+    }
+
+    fn build(&self, along: f64) -> Vec<Template> {
+        let at = self.travel.local([along, 0.0, 0.0]);
+        let mut out = Vec::new();
+        for m in SLOPES {
+            let count = ((self.range[1] - self.range[0]) / (0.9 * m).min(0.08)).ceil() as usize;
+            for k in 0..=count {
+                let tilt = self.range[0] + (self.range[1] - self.range[0]) * k as f64 / count as f64;
+                let n = normal_of(if self.travel == Travel::X { [tilt, 0.0] } else { [0.0, tilt] });
+                let (d, s) = self
+                    .positions
+                    .iter()
+                    .map(|&light| {
+                        let r = self.model.response(self.travel, light, [at[0], at[1]], n, m);
+                        (r.d, r.s)
+                    })
+                    .unzip();
+                out.push(Template { m, tilt, d, s });
+            }
+        }
+        out
+    }
+
+    /// The best templates, best first, at most `most`, no two of them neighbours. `weights` of zero leave samples out.
+    pub fn best(&self, texel: [f64; 2], samples: &[f64], weights: &[f64], most: usize, found: &mut Vec<Start>) {
+        found.clear();
+        let yy: f64 = samples.iter().zip(weights).map(|(y, w)| y * y * w).sum();
+        for t in self.templates(texel) {
+            let mut g = [0.0f64; 5];
+            for (((d, s), y), w) in t.d.iter().zip(&t.s).zip(samples).zip(weights) {
+                let (wd, ws) = (w * d, w * s);
+                g[0] += wd * d;
+                g[1] += wd * s;
+                g[2] += ws * s;
+                g[3] += wd * y;
+                g[4] += ws * y;
+            }
+            let [dd, ds, ss, dy, sy] = g;
+            let det = dd * ss - ds * ds;
+            let (rd, rs) = ((ss * dy - ds * sy) / det, (dd * sy - ds * dy) / det);
+            let gain = if det > 1e-12 * dd * ss && rd >= 0.0 && rs >= 0.0 {
+                rd * dy + rs * sy
+            } else {
+                let only = |g: f64, y: f64| if g > 0.0 { y.max(0.0).powi(2) / g } else { 0.0 };
+                only(dd, dy).max(only(ss, sy))
+            };
+            let start = Start { m: t.m, tilt: t.tilt, cost: yy - gain };
+            insert(found, start, most);
+        }
+    }
+}
+
+/// Keeps the list sorted by cost and free of neighbours of a better start.
+fn insert(found: &mut Vec<Start>, new: Start, most: usize) {
+    let near = |a: &Start, b: &Start| (a.tilt - b.tilt).abs() < 0.15 && (a.m / b.m).ln().abs() < 0.6;
+    if found.iter().any(|f| near(f, &new) && f.cost <= new.cost) {
+        return;
+    }
+    found.retain(|f| !near(f, &new));
+    let place = found.iter().position(|f| new.cost < f.cost).unwrap_or(found.len());
+    if place < most {
+        found.insert(place, new);
+        found.truncate(most);
+    }
+}

@@ -1,0 +1,216 @@
+//! The trimmed mesh: a constrained Delaunay triangulation of the outline and a grid of inner points, lifted to the relief.
+
+use super::outline::{contours, coverage, simplify};
+use super::relief::{Relief, integrate};
+use super::{Grid, bilinear};
+use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation};
+
+/// Vertices (mm; x right, y up, z out of the front), one triangle list, both sides share it.
+#[derive(Debug, Clone, Default)]
+pub struct Blade {
+    pub positions: Vec<[f32; 3]>,
+    /// Unit normals out of the front.
+    pub normals: Vec<[f32; 3]>,
+    /// Unit tangents along +u and the handedness w: bitangent = w · normal × tangent.
+    pub tangents: Vec<[f32; 4]>,
+    pub uvs: Vec<[f32; 2]>,
+    pub indices: Vec<u32>,
+    /// Outline rings in mm (holes run the other way round).
+    pub outline: Vec<Vec<[f64; 2]>>,
+    /// Blade area (mm²), holes left out.
+    pub area: f64,
+    pub slope_residual: f64,
+}
+
+/// How far the thinned outline may leave the traced one (texels).
+const TOLERANCE: f64 = 0.2;
+
+#[derive(Debug, Clone, Copy)]
+struct Vertex(Point2<f64>);
+
+impl HasPosition for Vertex {
+    type Scalar = f64;
+    fn position(&self) -> Point2<f64> {
+        self.0
+    }
+}
+
+/// Reconstructs the blade. `slopes` are [dz/dx, dz/dy] a texel, `None` where unknown; `ratio` is the light box's leaf/box ratio.
+/// `None` when the mask holds no piece large enough to outline.
+pub fn build(grid: &Grid, mask: &[bool], ratio: Option<&[[f32; 3]]>, slopes: &[Option<[f64; 2]>]) -> Option<Blade> {
+    let field = coverage(mask, ratio, grid.width, grid.height);
+    let mut rings: Vec<Vec<[f64; 2]>> =
+        contours(&field, grid.width, grid.height, 0.5).iter().map(|r| simplify(r, TOLERANCE)).filter(|r| r.len() >= 3).collect();
+    // A piece or hole of less than four texels is noise of the mask, not a shape.
+    rings.retain(|r| super::outline::area(r).abs() >= 4.0);
+    if rings.is_empty() {
+        return None;
+    }
+    let relief = integrate(grid, slopes);
+    let mut cdt: ConstrainedDelaunayTriangulation<Vertex> = ConstrainedDelaunayTriangulation::new();
+    for ring in &rings {
+        let handles: Vec<_> = ring.iter().filter_map(|p| cdt.insert(Vertex(Point2::new(p[0], p[1]))).ok()).collect();
+        for k in 0..handles.len() {
+            let (a, b) = (handles[k], handles[(k + 1) % handles.len()]);
+            if a != b {
+                // Thinning may make two edges cross by a fraction of a texel; that edge is then left to the triangulation.
+                cdt.try_add_constraint(a, b);
+            }
+        }
+    }
+    let spacing = (grid.width.max(grid.height) as f64 / 90.0).max(3.0);
+    let (columns, rows) = ((grid.width as f64 / spacing) as usize, (grid.height as f64 / spacing) as usize);
+    for j in 0..=rows {
+        for i in 0..=columns {
+            // Rows are staggered for well-shaped triangles.
+            let p = [(i as f64 + 0.5 * (j % 2) as f64) * spacing, j as f64 * spacing];
+            let reach = 0.45 * spacing;
+            let clear = [[0.0, 0.0], [reach, 0.0], [-reach, 0.0], [0.0, reach], [0.0, -reach]]
+                .iter()
+                .all(|d| bilinear(&field, grid.width, grid.height, p[0] + d[0], p[1] + d[1]) > 0.5);
+            if clear && p[0] < grid.width as f64 && p[1] < grid.height as f64 {
+                // A point can only be refused when it is not finite, which these are.
+                let _ = cdt.insert(Vertex(Point2::new(p[0], p[1])));
+            }
+        }
+    }
+    let mut blade = Blade { slope_residual: relief.residual, ..Blade::default() };
+    for v in cdt.vertices() {
+        push_vertex(&mut blade, grid, &relief, [v.position().x, v.position().y]);
+    }
+    for face in cdt.inner_faces() {
+        let [a, b, c] = face.vertices();
+        let centre = [0, 1].map(|k| {
+            let get = |p: Point2<f64>| if k == 0 { p.x } else { p.y };
+            (get(a.position()) + get(b.position()) + get(c.position())) / 3.0
+        });
+        if inside(&rings, centre) {
+            // Spade's faces run counter-clockwise in (column, row); rows point down, so the order is reversed for z up.
+            blade.indices.extend([a.fix().index() as u32, c.fix().index() as u32, b.fix().index() as u32]);
+            blade.area += triangle_area(a.position(), b.position(), c.position()) * grid.texel * grid.texel;
+        }
+    }
+    blade.outline = rings.iter().map(|r| r.iter().map(|p| grid.position(p[0], p[1])).collect()).collect();
+    Some(blade)
+}
+
+fn push_vertex(blade: &mut Blade, grid: &Grid, relief: &Relief, texel: [f64; 2]) {
+    let [x, y] = grid.position(texel[0], texel[1]);
+    let [p, q] = relief.slope(texel[0], texel[1]);
+    let n = 1.0 / (1.0 + p * p + q * q).sqrt();
+    let t = 1.0 / (1.0 + p * p).sqrt();
+    blade.positions.push([x as f32, y as f32, relief.at(texel[0], texel[1]) as f32]);
+    blade.normals.push([(-p * n) as f32, (-q * n) as f32, n as f32]);
+    blade.tangents.push([t as f32, 0.0, (p * t) as f32, 1.0]);
+    blade.uvs.push(grid.uv([x, y]));
+}
+
+fn triangle_area(a: Point2<f64>, b: Point2<f64>, c: Point2<f64>) -> f64 {
+    0.5 * ((b.x - a.x) * (c.y - a.y) - (c.x - a.x) * (b.y - a.y)).abs()
+}
+
+/// Even–odd rule over all rings.
+fn inside(rings: &[Vec<[f64; 2]>], p: [f64; 2]) -> bool {
+    let mut odd = false;
+    for ring in rings {
+        for k in 0..ring.len() {
+            let (a, b) = (ring[k], ring[(k + 1) % ring.len()]);
+            if (a[1] > p[1]) != (b[1] > p[1]) && p[0] < a[0] + (p[1] - a[1]) / (b[1] - a[1]) * (b[0] - a[0]) {
+                odd = !odd;
+            }
+        }
+    }
+    odd
+}
+
+impl Blade {
+    /// The mesh's interpolated frame [tangent, bitangent, normal] at every texel, as a renderer interpolates it; texels that no
+    /// triangle covers take the nearest covered one's.
+    pub fn frames(&self, grid: &Grid) -> Vec<[[f32; 3]; 3]> {
+        let flat = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let mut frames = vec![flat; grid.width * grid.height];
+        let mut covered = vec![false; frames.len()];
+        for tri in self.indices.chunks_exact(3) {
+            let v = [tri[0] as usize, tri[1] as usize, tri[2] as usize];
+            let p = v.map(|k| grid.texel([f64::from(self.positions[k][0]), f64::from(self.positions[k][1])]));
+            let det = (p[1][0] - p[0][0]) * (p[2][1] - p[0][1]) - (p[2][0] - p[0][0]) * (p[1][1] - p[0][1]);
+            if det == 0.0 {
+                continue;
+            }
+            let bound = |axis: usize, most: usize| {
+                let lo = p.iter().map(|q| q[axis]).fold(f64::INFINITY, f64::min).floor().max(0.0) as usize;
+                let hi = p.iter().map(|q| q[axis]).fold(f64::NEG_INFINITY, f64::max).ceil().clamp(0.0, (most - 1) as f64) as usize;
+                lo..=hi
+            };
+            for j in bound(1, grid.height) {
+                for i in bound(0, grid.width) {
+                    let (x, y) = (i as f64 - p[0][0], j as f64 - p[0][1]);
+                    let b = (x * (p[2][1] - p[0][1]) - (p[2][0] - p[0][0]) * y) / det;
+                    let c = ((p[1][0] - p[0][0]) * y - x * (p[1][1] - p[0][1])) / det;
+                    if b < -1e-9 || c < -1e-9 || b + c > 1.0 + 1e-9 {
+                        continue;
+                    }
+                    let mix = |get: &dyn Fn(usize) -> [f32; 3]| -> [f64; 3] {
+                        let (e, f, g) = (get(v[0]), get(v[1]), get(v[2]));
+                        [0, 1, 2].map(|k: usize| f64::from(e[k]) * (1.0 - b - c) + f64::from(f[k]) * b + f64::from(g[k]) * c)
+                    };
+                    let normal = unit(mix(&|k| self.normals[k]));
+                    let raw = mix(&|k| [self.tangents[k][0], self.tangents[k][1], self.tangents[k][2]]);
+                    let along = dot(raw, normal);
+                    let tangent = unit([0, 1, 2].map(|k: usize| raw[k] - along * normal[k]));
+                    let bitangent = cross(normal, tangent);
+                    frames[j * grid.width + i] = [tangent, bitangent, normal].map(|a| a.map(|v| v as f32));
+                    covered[j * grid.width + i] = true;
+                }
+            }
+        }
+        super::super::fill::nearest(&mut frames, &covered, grid.width, grid.height);
+        frames
+    }
+}
+
+pub(super) fn unit(a: [f64; 3]) -> [f64; 3] {
+    let n = dot(a, a).sqrt();
+    a.map(|v| v / n)
+}
+
+pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_ellipse_with_a_hole_becomes_a_mesh_of_its_area() {
+        let grid = Grid { width: 120, height: 90, texel: 0.5 };
+        let on = |x: f64, y: f64| (x / 25.0).powi(2) + (y / 18.0).powi(2) < 1.0 && (x - 5.0).hypot(y) > 4.0;
+        let (mut mask, mut slopes) = (Vec::new(), Vec::new());
+        for k in 0..grid.width * grid.height {
+            let [x, y] = grid.position((k % 120) as f64, (k / 120) as f64);
+            mask.push(on(x, y));
+            slopes.push(on(x, y).then_some([0.02 * x, -0.01 * y]));
+        }
+        let blade = build(&grid, &mask, None, &slopes).unwrap();
+        let want = std::f64::consts::PI * (25.0 * 18.0 - 16.0);
+        assert!((blade.area / want - 1.0).abs() < 0.01, "{} {want}", blade.area);
+        // every triangle faces the front
+        for t in blade.indices.chunks_exact(3) {
+            let p = [0, 1, 2].map(|k: usize| blade.positions[t[k] as usize].map(f64::from));
+            let n = cross([0, 1, 2].map(|k: usize| p[1][k] - p[0][k]), [0, 1, 2].map(|k: usize| p[2][k] - p[0][k]));
+            assert!(n[2] > 0.0);
+        }
+        // normals lean as the slopes say
+        for (p, n) in blade.positions.iter().zip(&blade.normals) {
+            assert!((f64::from(-n[0] / n[2]) - 0.02 * f64::from(p[0])).abs() < 0.03, "{p:?} {n:?}");
+        }
+        let frames = blade.frames(&grid);
+        let centre = frames[45 * 120 + 60];
+        assert!(centre[2][2] > 0.99 && centre[0][0] > 0.99 && centre[1][1] > 0.99);
+    }
+}

@@ -1,0 +1,51 @@
+//! The blade: outline from the transmission, relief from the normals, a trimmed two-sided mesh — what is rendered is what was scanned.
+
+pub mod glb;
+pub mod mesh;
+pub mod outline;
+pub mod relief;
+
+pub use mesh::Blade;
+
+use crate::capture::manifest::texel_position;
+
+/// A square grid of texels on the blade.
+#[derive(Debug, Clone, Copy)]
+pub struct Grid {
+    pub width: usize,
+    pub height: usize,
+    /// Texel size (mm).
+    pub texel: f64,
+}
+
+impl Grid {
+    /// Texel coordinates (column, row; integers at centres) → position on the blade (mm).
+    pub fn position(&self, column: f64, row: f64) -> [f64; 2] {
+        let [x, y] = texel_position(self.width, self.height, self.texel, 0, 0);
+        [x + column * self.texel, y - row * self.texel]
+    }
+
+    /// Position on the blade (mm) → texel coordinates.
+    pub fn texel(&self, at: [f64; 2]) -> [f64; 2] {
+        let [x, y] = texel_position(self.width, self.height, self.texel, 0, 0);
+        [(at[0] - x) / self.texel, (y - at[1]) / self.texel]
+    }
+
+    /// Texture coordinates of a position, (0, 0) in the top left corner of the front's maps.
+    pub fn uv(&self, at: [f64; 2]) -> [f32; 2] {
+        let [c, r] = self.texel(at);
+        [((c + 0.5) / self.width as f64) as f32, ((r + 0.5) / self.height as f64) as f32]
+    }
+}
+
+/// Bilinear value of a row-major image at texel coordinates, clamped at the edges.
+pub fn bilinear(image: &[f64], width: usize, height: usize, column: f64, row: f64) -> f64 {
+    let x = column.clamp(0.0, (width - 1) as f64);
+    let y = row.clamp(0.0, (height - 1) as f64);
+    let (i, j) = ((x as usize).min(width.saturating_sub(2)), (y as usize).min(height.saturating_sub(2)));
+    let (i1, j1) = ((i + 1).min(width - 1), (j + 1).min(height - 1));
+    let (fx, fy) = (x - i as f64, y - j as f64);
+    let top = image[j * width + i] * (1.0 - fx) + image[j * width + i1] * fx;
+    let low = image[j1 * width + i] * (1.0 - fx) + image[j1 * width + i1] * fx;
+    top * (1.0 - fy) + low * fy
+}

@@ -1,0 +1,63 @@
+//! What can be wrong with a texel, by name. `mask.Y` holds 1 for a good texel, 0 outside the leaf, and these codes otherwise.
+
+use crate::fit::gloss::TexelFit;
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Defect {
+    /// Too few readings: dead, or saturated in every exposure.
+    NoReading,
+    /// The gloss fit did not converge.
+    NotConverged,
+    /// γρd + ρt above 1 by more than the noise: more light leaves than arrives.
+    Energy,
+    /// The light box gives no transmittance between 0 and 1.
+    Transmission,
+    /// Too dark in every channel to say how thick it is.
+    ThicknessUndetermined,
+    /// No thickness within a factor of twelve of h gives this transmittance.
+    ThicknessRange,
+}
+
+impl Defect {
+    pub const ALL: [Defect; 6] = [
+        Defect::NoReading,
+        Defect::NotConverged,
+        Defect::Energy,
+        Defect::Transmission,
+        Defect::ThicknessUndetermined,
+        Defect::ThicknessRange,
+    ];
+
+    pub fn code(self) -> i16 {
+        match self {
+            Defect::NoReading => -1,
+            Defect::NotConverged => -2,
+            Defect::Energy => -3,
+            Defect::Transmission => -4,
+            Defect::ThicknessUndetermined => -5,
+            Defect::ThicknessRange => -6,
+        }
+    }
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Defect::NoReading => "no_reading",
+            Defect::NotConverged => "not_converged",
+            Defect::Energy => "energy",
+            Defect::Transmission => "transmission",
+            Defect::ThicknessUndetermined => "thickness_undetermined",
+            Defect::ThicknessRange => "thickness_range",
+        }
+    }
+
+    /// The defect of a texel whose gloss fit ended badly.
+    pub fn of(fit: &TexelFit) -> Option<Defect> {
+        if fit.samples < fit.parameters + 3 {
+            Some(Defect::NoReading)
+        } else if !fit.termination.converged() || !fit.rho_d.iter().all(|v| v.is_finite()) {
+            Some(Defect::NotConverged)
+        } else {
+            None
+        }
+    }
+}

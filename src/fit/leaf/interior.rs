@@ -1,0 +1,246 @@
+//! From (ρd, ρt) a texel to the leaf's σa, σs, thickness h + δ and γ, by the exact or the paper's reduction, with what each leaves unexplained.
+
+use crate::Result;
+use crate::capture::manifest::SideName;
+use crate::capture::reader::Capture;
+use crate::files::image::Maps;
+use crate::fit::leaf::curve::{Incidence, RANGE};
+use crate::fit::leaf::defect::Defect;
+use crate::fit::leaf::noise::Level;
+use crate::fit::leaf::paper::{self, Paper};
+use crate::fit::leaf::side::Measured;
+use crate::fit::leaf::slabmaps::{Inverter, Sigma};
+use crate::fit::leaf::wide::{self, Noise, Settings, Texel, Wide};
+use crate::fit::leaf::{Method, Options};
+use crate::fit::record::Times;
+use crate::optics::slab;
+use crate::solve::Termination;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+
+/// One side, fitted. Per-texel vectors run over `at`, the good texels' indices.
+pub struct Fitted {
+    pub side: SideName,
+    pub measured: Measured,
+    /// Merged part maps of the texel phase (whole image).
+    pub maps: Maps,
+    /// 1 good, 0 outside, negative a defect.
+    pub mask: Vec<i16>,
+    pub at: Vec<u32>,
+    pub texels: Vec<Texel>,
+    pub sigma_a: [f64; 3],
+    pub sigma_s: [f64; 3],
+    /// Relative standard errors, the gauge h included.
+    pub sigma_a_rel: [f64; 3],
+    pub sigma_s_rel: [f64; 3],
+    pub thickness: Vec<f64>,
+    pub thickness_err: Vec<f64>,
+    pub gamma: Vec<[f64; 3]>,
+    pub gamma_err: Vec<[f64; 3]>,
+    pub sigma: Vec<[Sigma; 3]>,
+    pub wide: Wide,
+    pub termination: Termination,
+    pub figures: BTreeMap<String, f64>,
+}
+
+impl Fitted {
+    /// Whether the leaf-wide numbers cannot be used.
+    pub fn wide_failed(&self) -> bool {
+        !self.termination.converged()
+    }
+}
+
+/// Reduces one side.
+pub fn fit(capture: &Capture, measured: Measured, maps: Maps, options: &Options, level: &Level, times: &mut Times) -> Result<Fitted> {
+    let manifest = &capture.manifest;
+    let h = manifest.thickness_mm;
+    let incidence = Incidence(manifest.lightbox.camera_deg.to_radians().cos());
+    let noise = Noise { relative: level.relative * std::f64::consts::SQRT_2, floor: measured.floor };
+    let mut mask = classify(&measured, &maps);
+    let settings = Settings { h, incidence, noise, robust: options.robust, iterations: 80 };
+    let (mut at, mut texels) = gather(&measured, &maps, &mask);
+    if texels.is_empty() {
+        let path = capture.folder.join(measured.side.name());
+        return Err(crate::Error::Missed(format!("{}: no texel could be fitted; see the counts of `mesophyll inspect`", path.display())));
+    }
+    let mut wide = wide::fit(&texels, start(&texels, h), &settings);
+    // A thickness at the end of its range is no measurement: name it, and let the rest say what the leaf is.
+    let limit = |t: f64| t < h / RANGE * 1.001 || t > h * RANGE * 0.999;
+    if wide.locals.iter().any(|l| limit(l.thickness)) {
+        for (l, &k) in wide.locals.iter().zip(&at) {
+            if limit(l.thickness) {
+                mask[k as usize] = Defect::ThicknessRange.code();
+            }
+        }
+        (at, texels) = gather(&measured, &maps, &mask);
+        if texels.is_empty() {
+            return Err(crate::Error::Missed(format!("{}: no texel has a thickness within a factor of {RANGE} of h", manifest.name)));
+        }
+        wide = wide::fit(&texels, start(&texels, h), &settings);
+    }
+    times.traces.insert(format!("{} leaf-wide", measured.side.name()), wide.trace.clone());
+
+    let inverter = Inverter::new(incidence);
+    let error = |x: &Texel, c: usize| [x.rho_d_err[c], ((noise.relative * x.rho_t[c]).powi(2) + noise.floor[c].powi(2)).sqrt()];
+    let invert_all = |thickness: &(dyn Fn(usize) -> f64 + Sync)| -> Vec<[Sigma; 3]> {
+        texels
+            .par_iter()
+            .enumerate()
+            .map(|(k, x)| [0, 1, 2].map(|c: usize| inverter.invert(x.rho_d[c], x.rho_t[c], thickness(k), error(x, c))))
+            .collect()
+    };
+    let at_h = invert_all(&|_| h);
+    let paper = paper::reduce(&texels, &at_h.iter().map(|s| s.map(|c| c.value)).collect::<Vec<_>>(), h);
+    let figures = compare(&texels, &wide, &paper, &settings);
+
+    let gauge = manifest.thickness_err_mm.unwrap_or(0.0) / h;
+    let (sigma_a, sigma_s, rel_a, rel_s, termination);
+    let (thickness, thickness_err, gamma, gamma_err): (Vec<f64>, Vec<f64>, Vec<[f64; 3]>, Vec<[f64; 3]>);
+    match options.method {
+        Method::Exact => {
+            let relative = |k: usize| (wide.covariance[(k, k)] + gauge * gauge).sqrt();
+            (sigma_a, sigma_s) = (wide.sigma_a, wide.sigma_s);
+            (rel_a, rel_s) = ([0, 2, 4].map(relative), [1, 3, 5].map(relative));
+            termination = wide.termination;
+            thickness = wide.locals.iter().map(|l| l.thickness).collect();
+            thickness_err = wide.locals.iter().map(|l| l.thickness_err).collect();
+            gamma = wide.locals.iter().map(|l| l.gamma).collect();
+            gamma_err = wide.locals.iter().map(|l| l.gamma_err).collect();
+        }
+        Method::Paper => {
+            (sigma_a, sigma_s) = (paper.sigma_a, paper.sigma_s);
+            rel_a = [0, 1, 2].map(|c: usize| (paper.sigma_a_err[c] / paper.sigma_a[c]).hypot(gauge));
+            rel_s = [0, 1, 2].map(|c: usize| (paper.sigma_s_err[c] / paper.sigma_s[c]).hypot(gauge));
+            termination = if sigma_a.iter().chain(&sigma_s).all(|v| v.is_finite()) { Termination::Direct } else { Termination::NotFinite };
+            // Eq. 5 has no solution on dark veins: thickness stays unknown there (NaN), it is not invented.
+            thickness = paper.thickness.clone();
+            thickness_err = wide.locals.iter().map(|l| l.thickness_err).collect();
+            gamma = paper.gamma.clone();
+            gamma_err = texels.iter().zip(&gamma).map(|(x, g)| [0, 1, 2].map(|c: usize| x.rho_d_err[c] * g[c] / x.rho_d[c])).collect();
+            for (t, &k) in thickness.iter().zip(&at) {
+                if t.is_nan() {
+                    mask[k as usize] = Defect::Transmission.code();
+                }
+            }
+        }
+    }
+    let sigma = invert_all(&|k| if thickness[k].is_finite() && thickness[k] > 0.0 { thickness[k] } else { h });
+    Ok(Fitted {
+        side: measured.side,
+        measured,
+        maps,
+        mask,
+        at,
+        texels,
+        sigma_a,
+        sigma_s,
+        sigma_a_rel: rel_a,
+        sigma_s_rel: rel_s,
+        thickness,
+        thickness_err,
+        gamma,
+        gamma_err,
+        sigma,
+        wide,
+        termination,
+        figures,
+    })
+}
+
+/// Defects that the texel fit and the light box show together.
+fn classify(measured: &Measured, maps: &Maps) -> Vec<i16> {
+    let channel = |name: &str| maps.get(name).unwrap_or(&[]);
+    let code = channel("mask.Y");
+    let rho_d = ["rho_d.R", "rho_d.G", "rho_d.B"].map(channel);
+    let rho_d_err = ["err.rho_d.R", "err.rho_d.G", "err.rho_d.B"].map(channel);
+    (0..code.len())
+        .map(|k| {
+            if !measured.mask[k] {
+                return 0;
+            }
+            if code[k] != 1.0 {
+                return code[k] as i16;
+            }
+            let (t, e) = (measured.rho_t[k], measured.rho_t_err[k]);
+            if (0..3).any(|c| !t[c].is_finite() || t[c] >= 1.0 || t[c] < -6.0 * e[c]) {
+                return Defect::Transmission.code();
+            }
+            if (0..3).any(|c| rho_d[c][k] + t[c] > 1.0 + 3.0 * (rho_d_err[c][k].powi(2) + e[c].powi(2)).sqrt()) {
+                return Defect::Energy.code();
+            }
+            if (0..3).all(|c| t[c] < 3.0 * e[c]) {
+                return Defect::ThicknessUndetermined.code();
+            }
+            1
+        })
+        .collect()
+}
+
+fn gather(measured: &Measured, maps: &Maps, mask: &[i16]) -> (Vec<u32>, Vec<Texel>) {
+    let channel = |name: &str| maps.get(name).unwrap_or(&[]);
+    let rho_d = ["rho_d.R", "rho_d.G", "rho_d.B"].map(channel);
+    let rho_d_err = ["err.rho_d.R", "err.rho_d.G", "err.rho_d.B"].map(channel);
+    mask.iter()
+        .enumerate()
+        .filter(|(_, m)| **m == 1)
+        .map(|(k, _)| {
+            let texel = Texel {
+                rho_d: [0, 1, 2].map(|c: usize| f64::from(rho_d[c][k])),
+                rho_d_err: [0, 1, 2].map(|c: usize| f64::from(rho_d_err[c][k])),
+                rho_t: [0, 1, 2].map(|c: usize| f64::from(measured.rho_t[k][c])),
+            };
+            (k as u32, texel)
+        })
+        .unzip()
+}
+
+/// A start from the leaf's mean reflectance and median transmittance a channel.
+fn start(texels: &[Texel], h: f64) -> [[f64; 2]; 3] {
+    [0, 1, 2].map(|c: usize| {
+        let d = texels.iter().map(|x| x.rho_d[c]).sum::<f64>() / texels.len() as f64;
+        let mut t: Vec<f64> = texels.iter().map(|x| x.rho_t[c]).collect();
+        t.sort_unstable_by(f64::total_cmp);
+        let t = t[t.len() / 2].max(1e-4);
+        let found = slab::inverse::invert(d, t, h, 1e-3 * d, 1e-3 * t);
+        if found.sigma_a.is_finite() && found.sigma_s.is_finite() && found.sigma_a > 0.0 && found.sigma_s > 0.0 {
+            [found.sigma_a, found.sigma_s]
+        } else {
+            // A typical green leaf of optical thickness 4.
+            [1.5 / h, 2.5 / h]
+        }
+    })
+}
+
+/// How much of the measured transmittance each reduction gives back: over the whole leaf and over its darkest tenth (the veins).
+fn compare(texels: &[Texel], wide: &Wide, paper: &Paper, settings: &Settings) -> BTreeMap<String, f64> {
+    let mut order: Vec<usize> = (0..texels.len()).collect();
+    order.sort_unstable_by(|&a, &b| texels[a].rho_t[1].total_cmp(&texels[b].rho_t[1]));
+    let veins = &order[..order.len().div_ceil(10)];
+    let exact = |k: usize| {
+        let t = wide.locals[k].thickness.ln();
+        [0, 1, 2].map(|c: usize| wide.curves[c].at(t).ln_rho_t.exp())
+    };
+    // Where Eq. 5 has no thickness the paper's leaf transmits its floor, B ω/2.
+    let frozen = |k: usize| {
+        let t = paper.thickness[k];
+        paper::transmittance(paper, if t.is_nan() { f64::INFINITY } else { t })
+    };
+    let rms = |list: &[usize], model: &dyn Fn(usize) -> [f64; 3]| {
+        let sum: f64 = list.iter().map(|&k| (0..3).map(|c| (model(k)[c] - texels[k].rho_t[c]).powi(2)).sum::<f64>()).sum();
+        (sum / (3 * list.len()) as f64).sqrt()
+    };
+    let chi2: f64 = wide.locals.iter().map(|l| l.chi2).sum();
+    let freedom = (2 * texels.len()).saturating_sub(6).max(1) as f64;
+    BTreeMap::from([
+        ("transmittance_rms_exact".to_string(), rms(&order, &exact)),
+        ("transmittance_rms_paper".to_string(), rms(&order, &frozen)),
+        ("transmittance_rms_exact_darkest_tenth".to_string(), rms(veins, &exact)),
+        ("transmittance_rms_paper_darkest_tenth".to_string(), rms(veins, &frozen)),
+        ("paper_negative_logarithms".to_string(), paper.negative_logarithms as f64),
+        ("paper_sigma_a_red".to_string(), paper.sigma_a[0]),
+        ("paper_sigma_s_red".to_string(), paper.sigma_s[0]),
+        ("transmittance_reduced_chi2".to_string(), chi2 / freedom),
+        ("gauge_thickness_relative".to_string(), wide.gauge[0] / settings.h),
+        ("down_weighted_texels".to_string(), wide.locals.iter().filter(|l| l.weight < 1.0).count() as f64),
+    ])
+}

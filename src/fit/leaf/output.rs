@@ -1,0 +1,334 @@
+//! What a leaf fit leaves on disk: `fit.toml`, the maps of `data/README.md`, W's packed textures, the blade, previews.
+
+use crate::Result;
+use crate::capture::manifest::SideName;
+use crate::capture::reader::Capture;
+use crate::files::hash;
+use crate::files::image::{Maps, Packing, to_srgb8, write_exr, write_png};
+use crate::fit::leaf::blade::{self, Blade, Grid, glb};
+use crate::fit::leaf::defect::Defect;
+use crate::fit::leaf::interior::Fitted;
+use crate::fit::leaf::noise::Level;
+use crate::fit::leaf::truth::Comparison;
+use crate::fit::leaf::{Options, fill, map_path, texels};
+use crate::fit::record::{FitRecord, Param, Residuals, Section};
+use std::path::Path;
+
+const RGB: [&str; 3] = ["R", "G", "B"];
+
+/// Options, gauges and defect names: everything in `fit.toml` that no side owns.
+pub fn describe(record: &mut FitRecord, capture: &Capture, options: &Options, level: &Level) {
+    let m = &capture.manifest;
+    let mut say = |name: &str, text: String| record.options.insert(name.to_string(), text);
+    say("capture", capture.folder.display().to_string());
+    say("method", options.method.name().into());
+    say("lobe", format!("{:?}", options.lobe));
+    say("robust", options.robust.to_string());
+    say("gauge", "mean thickness over good texels = thickness_mm; mean gamma = 1 a channel".into());
+    say("noise_relative", format!("{:?}{}", level.relative, if level.estimated { " (estimated)" } else { "" }));
+    say("noise_floor", format!("{:?}{}", level.floor, if level.estimated { " (estimated)" } else { "" }));
+    say("size", format!("{}x{}", m.width, m.height));
+    say("texel_mm", format!("{:?}", m.texel_mm));
+    say("passes", m.passes.iter().map(|p| p.name.name()).collect::<Vec<_>>().join(" "));
+    say("lightbox_camera_deg", format!("{:?}", m.lightbox.camera_deg));
+    say(
+        "filled",
+        "where mask.Y is not 1, maps hold the nearest good texel's value so that interpolation at edges stays on the leaf".into(),
+    );
+    record.defects = Defect::ALL.iter().map(|d| (d.code().to_string(), d.name().to_string())).collect();
+}
+
+/// Reconstructs the blade from both sides' normals (the back's turned into the front's image).
+pub fn blade(capture: &Capture, sides: &[Fitted]) -> Option<Blade> {
+    let m = &capture.manifest;
+    let grid = Grid { width: m.width, height: m.height, texel: m.texel_mm };
+    let front = sides.iter().find(|s| s.side == SideName::Front)?;
+    let mut slopes: Vec<Option<[f64; 2]>> = vec![None; grid.width * grid.height];
+    for fitted in sides {
+        let (Some(x), Some(y), Some(z)) = (fitted.maps.get("normal.X"), fitted.maps.get("normal.Y"), fitted.maps.get("normal.Z")) else {
+            continue;
+        };
+        for &k in &fitted.at {
+            let k = k as usize;
+            let n = [x[k], y[k], z[k]].map(f64::from);
+            if !(n[2] > 0.2) {
+                continue;
+            }
+            // z′ = −z and x′ = −x behind the leaf: dz/dx keeps its sign, dz/dy changes it.
+            let (at, slope) = match fitted.side {
+                SideName::Front => (k, [-n[0] / n[2], -n[1] / n[2]]),
+                SideName::Back => (k / grid.width * grid.width + grid.width - 1 - k % grid.width, [-n[0] / n[2], n[1] / n[2]]),
+            };
+            slopes[at] = Some(match slopes[at] {
+                Some(other) => [0.5 * (other[0] + slope[0]), 0.5 * (other[1] + slope[1])],
+                None => slope,
+            });
+        }
+    }
+    blade::mesh::build(&grid, &front.measured.mask, Some(&front.measured.rho_t), &slopes)
+}
+
+/// Writes one side's maps and adds its section to the record.
+pub fn side(
+    out: &Path,
+    capture: &Capture,
+    fitted: &Fitted,
+    blade: Option<&Blade>,
+    truth: Comparison,
+    record: &mut FitRecord,
+) -> Result<()> {
+    let (values, errors) = maps(fitted, capture);
+    write_exr(&map_path(out, fitted.side, ""), &values, Packing::Zip)?;
+    write_exr(&map_path(out, fitted.side, "err"), &errors, Packing::Zip)?;
+    packed(out, capture, fitted, &values, blade)?;
+    previews(out, fitted.side, &values)?;
+    record.sections.insert(fitted.side.name().into(), section(capture, fitted, truth));
+    Ok(())
+}
+
+/// Writes the blade and the hashes of everything written.
+pub fn finish(out: &Path, capture: &Capture, blade: Option<&Blade>, record: &mut FitRecord) -> Result<()> {
+    if let Some(blade) = blade {
+        glb::write(&out.join("blade.glb"), &capture.manifest.name, blade)?;
+        let mut all = Section::default();
+        let mut figure = |name: &str, v: f64| all.figures.insert(name.into(), v);
+        figure("blade_area_mm2", blade.area);
+        figure("blade_vertices", blade.positions.len() as f64);
+        figure("blade_triangles", (blade.indices.len() / 3) as f64);
+        figure("blade_slope_residual", blade.slope_residual);
+        record.sections.insert("blade".into(), all);
+    }
+    let mut names = vec!["blade.glb".to_string()];
+    for side in &capture.manifest.sides {
+        for what in ["", "err", "gamma_delta", "rho_s_m", "normal"] {
+            names.push(map_path(Path::new(""), *side, what).to_string_lossy().into_owned());
+        }
+    }
+    for name in names {
+        let path = out.join(&name);
+        if path.exists() {
+            record.files.insert(name, hash::file(&path)?);
+        }
+    }
+    Ok(())
+}
+
+/// The float maps of the contract and their standard errors.
+fn maps(fitted: &Fitted, capture: &Capture) -> (Maps, Maps) {
+    let (width, height) = (capture.manifest.width, capture.manifest.height);
+    let n = width * height;
+    let good: Vec<bool> = fitted.mask.iter().map(|m| *m == 1).collect();
+    let mut values = Maps::new(width, height);
+    let mut errors = Maps::new(width, height);
+    let source = fill::sources(&good, width, height);
+    let filled = |mut plane: Vec<f32>| {
+        if let Some(source) = &source {
+            for k in 0..n {
+                plane[k] = plane[source[k] as usize];
+            }
+        }
+        plane
+    };
+    // Errors are measurements' own: NaN where there is none.
+    let bare = |plane: Vec<f32>| -> Vec<f32> { plane.iter().zip(&good).map(|(v, g)| if *g { *v } else { f32::NAN }).collect() };
+    let scatter = |value: &dyn Fn(usize) -> f64| {
+        let mut plane = vec![f32::NAN; n];
+        for (k, &at) in fitted.at.iter().enumerate() {
+            plane[at as usize] = value(k) as f32;
+        }
+        plane
+    };
+    let copied = ["rho_d.R", "rho_d.G", "rho_d.B", "rho_s.R", "rho_s.G", "rho_s.B", "m.Y", "normal.X", "normal.Y", "normal.Z"];
+    for name in copied {
+        values.push(name, filled(fitted.maps.get(name).map(<[f32]>::to_vec).unwrap_or_default()));
+        errors.push(name, bare(fitted.maps.get(&format!("err.{name}")).map(<[f32]>::to_vec).unwrap_or_default()));
+    }
+    for (c, letter) in RGB.iter().enumerate() {
+        values.push(format!("rho_t.{letter}"), filled(fitted.measured.rho_t.iter().map(|t| t[c]).collect()));
+        errors.push(format!("rho_t.{letter}"), bare(fitted.measured.rho_t_err.iter().map(|t| t[c]).collect()));
+    }
+    for (q, name) in ["sigma_a", "sigma_s"].iter().enumerate() {
+        for (c, letter) in RGB.iter().enumerate() {
+            values.push(format!("{name}.{letter}"), filled(scatter(&|k| fitted.sigma[k][c].value[q])));
+            errors.push(format!("{name}.{letter}"), bare(scatter(&|k| fitted.sigma[k][c].error[q])));
+        }
+    }
+    values.push("thickness.Y", filled(scatter(&|k| fitted.thickness[k])));
+    errors.push("thickness.Y", bare(scatter(&|k| fitted.thickness_err[k])));
+    for (c, letter) in RGB.iter().enumerate() {
+        values.push(format!("gamma.{letter}"), filled(scatter(&|k| fitted.gamma[k][c])));
+        errors.push(format!("gamma.{letter}"), bare(scatter(&|k| fitted.gamma_err[k][c])));
+    }
+    values.push("mask.Y", fitted.mask.iter().map(|m| f32::from(*m)).collect());
+    let (chi2, freedom) = (fitted.maps.get("chi2.Y").unwrap_or(&[]), fitted.maps.get("freedom.Y").unwrap_or(&[]));
+    let reduced = chi2.iter().zip(freedom).zip(&good).map(|((c, f), g)| if *g && *f > 0.0 { c / f } else { f32::NAN }).collect();
+    values.push("reduced_chi2.Y", reduced);
+    (values, errors)
+}
+
+/// W's two RGBA textures a side, and normals in the blade mesh's tangent frame.
+fn packed(out: &Path, capture: &Capture, fitted: &Fitted, values: &Maps, blade: Option<&Blade>) -> Result<()> {
+    let m = &capture.manifest;
+    let plane = |name: &str| values.get(name).map(<[f32]>::to_vec).unwrap_or_default();
+    let mut first = Maps::new(m.width, m.height);
+    let mut second = Maps::new(m.width, m.height);
+    for letter in RGB {
+        first.push(letter, plane(&format!("gamma.{letter}")));
+        second.push(letter, plane(&format!("rho_s.{letter}")));
+    }
+    first.push("A", plane("thickness.Y").iter().map(|t| (f64::from(*t) - m.thickness_mm) as f32).collect());
+    second.push("A", plane("m.Y"));
+    write_exr(&map_path(out, fitted.side, "gamma_delta"), &first, Packing::Zip)?;
+    write_exr(&map_path(out, fitted.side, "rho_s_m"), &second, Packing::Zip)?;
+
+    let grid = Grid { width: m.width, height: m.height, texel: m.texel_mm };
+    let frames = blade.map(|b| b.frames(&grid));
+    let (x, y, z) = (plane("normal.X"), plane("normal.Y"), plane("normal.Z"));
+    let mut tangent = [vec![0f32; x.len()], vec![0f32; x.len()], vec![0f32; x.len()]];
+    for k in 0..x.len() {
+        let n = [x[k], y[k], z[k]];
+        let local = match (&frames, fitted.side) {
+            (None, _) => n,
+            (Some(f), SideName::Front) => f[k].map(|axis| axis[0] * n[0] + axis[1] * n[1] + axis[2] * n[2]),
+            (Some(f), SideName::Back) => {
+                // Into the front's frame, into the mesh's, and back behind the leaf again.
+                let seen = [-n[0], n[1], -n[2]];
+                let mirrored = k / m.width * m.width + m.width - 1 - k % m.width;
+                let l = f[mirrored].map(|axis| axis[0] * seen[0] + axis[1] * seen[1] + axis[2] * seen[2]);
+                [-l[0], l[1], -l[2]]
+            }
+        };
+        for c in 0..3 {
+            tangent[c][k] = local[c];
+        }
+    }
+    let mut normal = Maps::new(m.width, m.height);
+    for (name, plane) in ["X", "Y", "Z"].into_iter().zip(tangent) {
+        normal.push(name, plane);
+    }
+    write_exr(&map_path(out, fitted.side, "normal"), &normal, Packing::Zip)
+}
+
+/// 8-bit previews: colours as sRGB on transparent ground, scalars as grey between their 1st and 99th percentile.
+fn previews(out: &Path, side: SideName, values: &Maps) -> Result<()> {
+    let mask = values.get("mask.Y").unwrap_or(&[]);
+    let alpha = |k: usize| if mask[k] == 0.0 { 0 } else { 255 };
+    let save = |what: &str, pixel: &dyn Fn(usize) -> [u8; 3]| {
+        let bytes: Vec<u8> = (0..mask.len())
+            .flat_map(|k| {
+                let [r, g, b] = pixel(k);
+                [r, g, b, alpha(k)]
+            })
+            .collect();
+        write_png(&out.join(format!("{}_{what}.png", side.name())), values.width, values.height, &bytes)
+    };
+    for name in ["rho_d", "rho_t", "rho_s"] {
+        let planes = RGB.map(|c| values.get(&format!("{name}.{c}")).unwrap_or(&[]));
+        save(name, &|k| planes.map(|p| to_srgb8(p[k])))?;
+    }
+    for name in ["m", "thickness"] {
+        let plane = values.get(&format!("{name}.Y")).unwrap_or(&[]);
+        let mut sorted: Vec<f32> = plane.iter().zip(mask).filter(|(v, m)| **m == 1.0 && v.is_finite()).map(|(v, _)| *v).collect();
+        sorted.sort_unstable_by(f32::total_cmp);
+        let at = |q: f64| sorted.get(((sorted.len() as f64 - 1.0) * q) as usize).copied().unwrap_or(0.0);
+        let (lo, hi) = (at(0.01), at(0.99));
+        save(name, &|k| [(((plane[k] - lo) / (hi - lo).max(1e-12)).clamp(0.0, 1.0) * 255.0) as u8; 3])?;
+    }
+    let normal = ["X", "Y", "Z"].map(|c| values.get(&format!("normal.{c}")).unwrap_or(&[]));
+    save("normal", &|k| normal.map(|p| ((p[k] * 0.5 + 0.5).clamp(0.0, 1.0) * 255.0 + 0.5) as u8))
+}
+
+fn section(capture: &Capture, fitted: &Fitted, truth: Comparison) -> Section {
+    let m = &capture.manifest;
+    let mut s = Section { figures: fitted.figures.clone(), truth: truth.0, ..Section::default() };
+    s.figures.extend(truth.1);
+    s.counts.insert("texels".into(), fitted.mask.len());
+    s.counts.insert("outside".into(), fitted.mask.iter().filter(|m| **m == 0).count());
+    s.counts.insert("good".into(), fitted.mask.iter().filter(|m| **m == 1).count());
+    for d in Defect::ALL {
+        s.counts.insert(d.name().into(), fitted.mask.iter().filter(|m| **m == d.code()).count());
+    }
+    let plane = |name: &str| fitted.maps.get(name).unwrap_or(&[]);
+    let undetermined = fitted.at.iter().filter(|k| plane("undetermined.Y")[**k as usize] != 0.0).count();
+    s.counts.insert("gloss_undetermined".into(), undetermined);
+    for (code, mask) in plane("termination.Y").iter().zip(&fitted.measured.mask) {
+        if *mask {
+            *s.terminations.entry(texels::termination_name(*code).into()).or_default() += 1;
+        }
+    }
+    s.terminations.insert(format!("leaf_wide:{}", fitted.termination.name()), 1);
+    s.residuals.insert("gloss".into(), gloss_residuals(fitted, m.width));
+    let chi2: f64 = fitted.wide.locals.iter().map(|l| l.chi2).sum();
+    let worst = fitted.wide.locals.iter().enumerate().fold((0, 0.0), |a, (k, l)| if l.chi2 > a.1 { (k, l.chi2) } else { a });
+    let at = fitted.at.get(worst.0).map_or(0, |k| *k as usize);
+    s.residuals.insert(
+        "transmittance".into(),
+        Residuals {
+            samples: 3 * fitted.texels.len(),
+            chi2,
+            reduced_chi2: chi2 / (2 * fitted.texels.len()).saturating_sub(6).max(1) as f64,
+            rms: fitted.figures.get("transmittance_rms_exact").copied().unwrap_or(f64::NAN),
+            worst: worst.1 / 2.0,
+            worst_at: [at % m.width, at / m.width],
+        },
+    );
+    let names = ["sigma_a.R", "sigma_s.R", "sigma_a.G", "sigma_s.G", "sigma_a.B", "sigma_s.B"];
+    s.correlation_names = names.map(String::from).to_vec();
+    let c = &fitted.wide.covariance;
+    s.correlation = (0..6).map(|i| (0..6).map(|j| c[(i, j)] / (c[(i, i)] * c[(j, j)]).sqrt()).collect()).collect();
+    s.condition = Some(fitted.wide.condition);
+    s.rank = Some(fitted.wide.rank);
+    let parameter = |name: &str, value: [f64; 3], relative: [f64; 3]| {
+        let undetermined = (0..3)
+            .filter(|&c| !(relative[c] <= 0.1) || !value[c].is_finite())
+            .map(|c| format!("{name}.{}: relative standard error {:.2}", RGB[c], relative[c]))
+            .collect();
+        let stderr = [0, 1, 2].map(|c: usize| if relative[c].is_finite() { value[c] * relative[c] } else { f64::INFINITY });
+        Param { value: value.to_vec(), stderr: stderr.to_vec(), unit: "1/mm".into(), undetermined }
+    };
+    s.params.insert("sigma_a".into(), parameter("sigma_a", fitted.sigma_a, fitted.sigma_a_rel));
+    s.params.insert("sigma_s".into(), parameter("sigma_s", fitted.sigma_s, fitted.sigma_s_rel));
+    let err = m.thickness_err_mm;
+    s.params.insert(
+        "thickness".into(),
+        Param {
+            value: vec![m.thickness_mm],
+            stderr: vec![err.unwrap_or(f64::INFINITY)],
+            unit: "mm".into(),
+            undetermined: if err.is_none() {
+                vec!["thickness: capture.toml states no thickness_err_mm, so sigma_a and sigma_s carry no share of it".into()]
+            } else {
+                vec![]
+            },
+        },
+    );
+    s
+}
+
+fn gloss_residuals(fitted: &Fitted, width: usize) -> Residuals {
+    let (chi2, freedom) = (fitted.maps.get("chi2.Y").unwrap_or(&[]), fitted.maps.get("freedom.Y").unwrap_or(&[]));
+    let mut r = Residuals::default();
+    let mut total = 0.0;
+    for &k in &fitted.at {
+        let k = k as usize;
+        let (c, f) = (f64::from(chi2[k]), f64::from(freedom[k]));
+        r.chi2 += c;
+        total += f;
+        if f > 0.0 && c / f > r.worst {
+            r.worst = c / f;
+            r.worst_at = [k % width, k / width];
+        }
+    }
+    r.samples = total as usize;
+    r.reduced_chi2 = r.chi2 / total.max(1.0);
+    // Weighted residuals in units of the stated noise.
+    r.rms = r.reduced_chi2.sqrt();
+    r
+}
+
+/// High-water mark of this process's memory (MiB), where the system tells.
+pub fn peak_memory_mib() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|l| l.starts_with("VmHWM:"))?;
+    line.split_whitespace().nth(1)?.parse::<f64>().ok().map(|kb| kb / 1024.0)
+}

@@ -1,0 +1,50 @@
+//! What one side's references say before any texel is fitted: where the leaf is and what it lets through.
+
+use crate::capture::lightbox::{mask_from_transmission, transmittance};
+use crate::capture::manifest::SideName;
+use crate::capture::reader::Capture;
+use crate::fit::leaf::noise::Level;
+use crate::{Error, Result};
+
+/// Mask and transmittance of one side, in that side's image.
+#[derive(Debug)]
+pub struct Measured {
+    pub side: SideName,
+    pub mask: Vec<bool>,
+    pub rho_t: Vec<[f32; 3]>,
+    pub rho_t_err: Vec<[f32; 3]>,
+    /// Noise floor of ρt: the frame's floor over the box's median brightness, a channel.
+    pub floor: [f64; 3],
+}
+
+impl Measured {
+    pub fn read(capture: &Capture, side: SideName, level: &Level) -> Result<Measured> {
+        let (leaf, empty) = capture.lightbox(side)?;
+        let (rho_t, rho_t_err) = transmittance(&leaf, &empty, level.relative, level.floor);
+        let (width, height) = (capture.manifest.width, capture.manifest.height);
+        let mask = match capture.mask()? {
+            Some(front) if side == SideName::Front => front,
+            // The back is seen mirrored.
+            Some(front) => (0..front.len()).map(|k| front[k / width * width + width - 1 - k % width]).collect(),
+            None => mask_from_transmission(&rho_t, width, height),
+        };
+        if !mask.contains(&true) {
+            let path = capture.folder.join(if capture.folder.join("mask.exr").exists() { "mask.exr" } else { "front/lightbox.exr" });
+            return Err(Error::input(
+                &path,
+                "no texel is on the leaf; expected a leaf darker than the bare light box, or a mask with ones",
+            ));
+        }
+        let floor = [0, 1, 2].map(|c: usize| {
+            let mut values: Vec<f32> = empty.iter().map(|e| e[c]).filter(|v| v.is_finite()).collect();
+            values.sort_unstable_by(f32::total_cmp);
+            level.floor / f64::from(values.get(values.len() / 2).copied().unwrap_or(1.0)).max(1e-6)
+        });
+        Ok(Measured { side, mask, rho_t, rho_t_err, floor })
+    }
+
+    /// Texels on the leaf.
+    pub fn count(&self) -> usize {
+        self.mask.iter().filter(|m| **m).count()
+    }
+}

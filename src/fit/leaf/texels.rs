@@ -1,0 +1,211 @@
+//! The texel phase: bands of rows are read from all frames, every texel is fitted, and each band is kept as a part file.
+//!
+//! A part is the unit of resuming and of sharding: it is written whole under `parts/`, named by side and first row, and does not
+//! depend on which process or how many threads made it.
+
+use crate::capture::manifest::{SideName, Travel};
+use crate::capture::reader::Capture;
+use crate::files::image::{Maps, Packing, read_exr, write_exr};
+use crate::files::progress::{Bar, stop_requested};
+use crate::fit::gloss::{TexelFit, TexelFitter};
+use crate::fit::leaf::defect::Defect;
+use crate::{Error, Result};
+use rayon::prelude::*;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+/// Rows a part.
+const ROWS: usize = 32;
+
+/// Channels of a part file, in order.
+const CHANNELS: [&str; 25] = [
+    "rho_d.R",
+    "rho_d.G",
+    "rho_d.B",
+    "rho_s.R",
+    "rho_s.G",
+    "rho_s.B",
+    "m.Y",
+    "normal.X",
+    "normal.Y",
+    "normal.Z",
+    "err.rho_d.R",
+    "err.rho_d.G",
+    "err.rho_d.B",
+    "err.rho_s.R",
+    "err.rho_s.G",
+    "err.rho_s.B",
+    "err.m.Y",
+    "err.normal.X",
+    "err.normal.Y",
+    "err.normal.Z",
+    "chi2.Y",
+    "freedom.Y",
+    "termination.Y",
+    "undetermined.Y",
+    "mask.Y",
+];
+
+/// Which parts this process makes: every N-th from the I-th (0-based).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Shard {
+    pub index: usize,
+    pub count: usize,
+}
+
+/// The parts of one side.
+pub struct Job<'a> {
+    pub capture: &'a Capture,
+    pub side: SideName,
+    pub mask: &'a [bool],
+    pub fitter: &'a TexelFitter,
+    /// Folder of the part files.
+    pub parts: &'a Path,
+}
+
+impl Job<'_> {
+    fn rows(&self, part: usize) -> Range<usize> {
+        part * ROWS..((part + 1) * ROWS).min(self.capture.manifest.height)
+    }
+
+    pub fn count(&self) -> usize {
+        self.capture.manifest.height.div_ceil(ROWS)
+    }
+
+    pub fn path(&self, part: usize) -> PathBuf {
+        self.parts.join(format!("{}-{:05}.exr", self.side.name(), part * ROWS))
+    }
+
+    /// Fits every part of the shard that is not there yet. `first` is the number of parts of the sides before this one, so that
+    /// shards balance over both sides.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] after a stop was asked for, with every finished part on disk.
+    pub fn run(&self, shard: Shard, first: usize, bar: &Bar) -> Result<Seconds> {
+        let mut spent = Seconds::default();
+        for part in (0..self.count()).filter(|p| (first + p) % shard.count == shard.index) {
+            let texels = self.texels(part);
+            if self.path(part).exists() {
+                bar.advance(texels.len() as u64);
+                continue;
+            }
+            if stop_requested() {
+                return Err(Error::Interrupted(format!(
+                    "interrupted; finished parts are kept in {}, run the same command again to go on",
+                    self.parts.display()
+                )));
+            }
+            self.fit_part(part, &texels, &mut spent)?;
+            bar.advance(texels.len() as u64);
+        }
+        Ok(spent)
+    }
+
+    /// Texels on the leaf in one part.
+    fn texels(&self, part: usize) -> Vec<[u32; 2]> {
+        let width = self.capture.manifest.width;
+        self.rows(part).flat_map(|j| (0..width).filter(move |i| self.mask[j * width + i]).map(move |i| [i as u32, j as u32])).collect()
+    }
+
+    fn fit_part(&self, part: usize, texels: &[[u32; 2]], spent: &mut Seconds) -> Result<()> {
+        let manifest = &self.capture.manifest;
+        let rows = self.rows(part);
+        let clock = std::time::Instant::now();
+        let (x, y) = if texels.is_empty() {
+            (Vec::new(), Vec::new())
+        } else {
+            (self.capture.band(self.side, Travel::X, rows.clone(), texels)?, self.capture.band(self.side, Travel::Y, rows.clone(), texels)?)
+        };
+        spent.reading += clock.elapsed().as_secs_f64();
+        let clock = std::time::Instant::now();
+        let fits: Vec<TexelFit> = texels
+            .par_iter()
+            .enumerate()
+            .map_init(
+                || (self.fitter.workspace(), vec![[0f32; 3]; x.len()], vec![[0f32; 3]; y.len()]),
+                |(workspace, trace_x, trace_y), (n, t)| {
+                    for (to, frame) in trace_x.iter_mut().zip(&x) {
+                        *to = frame[n];
+                    }
+                    for (to, frame) in trace_y.iter_mut().zip(&y) {
+                        *to = frame[n];
+                    }
+                    let at = manifest.texel_position(t[0] as usize, t[1] as usize);
+                    let second = (!trace_y.is_empty()).then_some(trace_y.as_slice());
+                    self.fitter.fit(workspace, at, trace_x, second)
+                },
+            )
+            .collect();
+        spent.fitting += clock.elapsed().as_secs_f64();
+        let maps = to_maps(manifest.width, rows, texels, &fits);
+        write_exr(&self.path(part), &maps, Packing::Zip)
+    }
+
+    /// Reads every part into whole-side maps; `None` while some are missing.
+    pub fn merge(&self) -> Result<Option<Maps>> {
+        if (0..self.count()).any(|p| !self.path(p).exists()) {
+            return Ok(None);
+        }
+        let manifest = &self.capture.manifest;
+        let mut planes: Vec<Vec<f32>> = vec![Vec::with_capacity(manifest.width * manifest.height); CHANNELS.len()];
+        for part in 0..self.count() {
+            let path = self.path(part);
+            let maps = read_exr(&path)?;
+            if (maps.width, maps.height) != (manifest.width, self.rows(part).len()) {
+                return Err(Error::input(&path, "not a part of this fit (wrong size); remove the folder and fit again"));
+            }
+            for (name, plane) in CHANNELS.iter().zip(&mut planes) {
+                plane.extend_from_slice(maps.require(&path, name)?);
+            }
+        }
+        let channels = CHANNELS.iter().map(|n| n.to_string()).zip(planes).collect();
+        Ok(Some(Maps { width: manifest.width, height: manifest.height, channels }))
+    }
+}
+
+/// Wall time of the two halves of the texel phase (s).
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Seconds {
+    pub reading: f64,
+    pub fitting: f64,
+}
+
+fn to_maps(width: usize, rows: Range<usize>, texels: &[[u32; 2]], fits: &[TexelFit]) -> Maps {
+    let mut planes = vec![vec![0f32; width * rows.len()]; CHANNELS.len()];
+    for (t, fit) in texels.iter().zip(fits) {
+        let at = (t[1] as usize - rows.start) * width + t[0] as usize;
+        let mut values = Vec::with_capacity(CHANNELS.len());
+        values.extend(fit.rho_d);
+        values.extend(fit.rho_s);
+        values.push(fit.m);
+        values.extend(fit.normal);
+        values.extend(fit.rho_d_err);
+        values.extend(fit.rho_s_err);
+        values.push(fit.m_err);
+        values.extend(fit.normal_err);
+        values.push(fit.chi2);
+        values.push(fit.samples as f64 - fit.parameters as f64);
+        values.push(termination_code(fit.termination));
+        values.push(f64::from(!fit.undetermined.is_empty()));
+        values.push(f64::from(Defect::of(fit).map_or(1, Defect::code)));
+        for (plane, v) in planes.iter_mut().zip(values) {
+            plane[at] = v as f32;
+        }
+    }
+    Maps { width, height: rows.len(), channels: CHANNELS.iter().map(|n| n.to_string()).zip(planes).collect() }
+}
+
+/// Terminations as numbers in part files.
+const TERMINATIONS: [crate::solve::Termination; 8] = {
+    use crate::solve::Termination as T;
+    [T::GradientSmall, T::CostConverged, T::StepSmall, T::Direct, T::IterationLimit, T::NoProgress, T::NotFinite, T::Refused]
+};
+
+fn termination_code(t: crate::solve::Termination) -> f64 {
+    TERMINATIONS.iter().position(|&x| x == t).map_or(-1.0, |k| k as f64)
+}
+
+/// Name of a termination code read back from a part.
+pub fn termination_name(code: f32) -> &'static str {
+    TERMINATIONS.get(code as usize).map_or("unknown", |t| t.name())
+}

@@ -1,0 +1,146 @@
+//! Fit against truth, where a synthetic scan brings its truth along: median and 99th percentile errors, and whether the errors cover.
+
+use crate::Result;
+use crate::capture::reader::Capture;
+use crate::files::image::Maps;
+use crate::fit::leaf::interior::Fitted;
+use crate::fit::record::TruthError;
+use std::collections::BTreeMap;
+
+/// Errors by quantity, and extra figures (angles of normals).
+pub type Comparison = (BTreeMap<String, TruthError>, BTreeMap<String, f64>);
+
+/// Compares every quantity that both sides hold; empty where the capture has no truth.
+pub fn compare(capture: &Capture, fitted: &Fitted) -> Result<Comparison> {
+    let (mut errors, mut figures) = (BTreeMap::new(), BTreeMap::new());
+    let Some(truth) = capture.truth(fitted.side)? else { return Ok((errors, figures)) };
+    let good: Vec<usize> = fitted.at.iter().map(|&k| k as usize).collect();
+    let rgb = ["R", "G", "B"];
+    for name in ["rho_d", "rho_s"] {
+        let mut all = Samples::default();
+        for c in rgb {
+            let (channel, error) = (format!("{name}.{c}"), format!("err.{name}.{c}"));
+            all.maps(&truth, &fitted.maps, &channel, &error, &good);
+        }
+        all.store(&mut errors, name);
+    }
+    let mut m = Samples::default();
+    m.maps(&truth, &fitted.maps, "m.Y", "err.m.Y", &good);
+    m.store(&mut errors, "m");
+
+    let mut rho_t = Samples::default();
+    let mut gamma = Samples::default();
+    let mut sigma = [Samples::default(), Samples::default()];
+    let mut shared = [Samples::default(), Samples::default()];
+    for (c, letter) in rgb.iter().enumerate() {
+        if let Some(t) = truth.get(&format!("rho_t.{letter}")) {
+            for &k in &good {
+                rho_t.push(t[k], f64::from(fitted.measured.rho_t[k][c]), f64::from(fitted.measured.rho_t_err[k][c]));
+            }
+        }
+        if let Some(t) = truth.get(&format!("gamma.{letter}")) {
+            for (n, &k) in good.iter().enumerate() {
+                gamma.push(t[k], fitted.gamma[n][c], fitted.gamma_err[n][c]);
+            }
+        }
+        for (q, name) in ["sigma_a", "sigma_s"].iter().enumerate() {
+            let Some(t) = truth.get(&format!("{name}.{letter}")) else { continue };
+            // A texel's own σ explains its albedo by pigment; where the truth has an albedo factor instead, they are not the same thing.
+            if pigment_only(&truth) {
+                for (n, &k) in good.iter().enumerate() {
+                    let s = &fitted.sigma[n][c];
+                    sigma[q].push(t[k], s.value[q], s.error[q]);
+                }
+            }
+            let mean = good.iter().map(|&k| f64::from(t[k])).sum::<f64>() / good.len().max(1) as f64;
+            let (value, relative) =
+                if q == 0 { (fitted.sigma_a[c], fitted.sigma_a_rel[c]) } else { (fitted.sigma_s[c], fitted.sigma_s_rel[c]) };
+            shared[q].push(mean as f32, value, value * relative);
+            figures.insert(format!("{name}.{letter}_relative_error"), value / mean - 1.0);
+        }
+    }
+    rho_t.store(&mut errors, "rho_t");
+    gamma.store(&mut errors, "gamma");
+    for ((map, leaf), name) in sigma.into_iter().zip(shared).zip(["sigma_a", "sigma_s"]) {
+        map.store(&mut errors, &format!("{name}_map"));
+        leaf.store(&mut errors, name);
+    }
+    if let Some(t) = truth.get("thickness.Y") {
+        let mut thickness = Samples::default();
+        for (n, &k) in good.iter().enumerate() {
+            thickness.push(t[k], fitted.thickness[n], fitted.thickness_err[n]);
+        }
+        thickness.store(&mut errors, "thickness");
+    }
+    let normals = ["X", "Y", "Z"].map(|c| (truth.get(&format!("normal.{c}")), fitted.maps.get(&format!("normal.{c}"))));
+    if let [(Some(tx), Some(x)), (Some(ty), Some(y)), (Some(tz), Some(z))] = normals {
+        let mut angles: Vec<f64> = good
+            .iter()
+            .map(|&k| {
+                // The cross product keeps its digits where acos of the dot product has none.
+                let (a, b) = ([tx[k], ty[k], tz[k]].map(f64::from), [x[k], y[k], z[k]].map(f64::from));
+                let cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+                let dot = a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+                cross.iter().map(|v| v * v).sum::<f64>().sqrt().atan2(dot).to_degrees()
+            })
+            .collect();
+        angles.sort_unstable_by(f64::total_cmp);
+        if !angles.is_empty() {
+            figures.insert("normal_median_error_deg".into(), angles[angles.len() / 2]);
+            figures.insert("normal_p99_error_deg".into(), angles[(angles.len() * 99) / 100]);
+        }
+    }
+    Ok((errors, figures))
+}
+
+/// Whether the true leaf has γ = 1 everywhere, so that all variation is pigment and thickness.
+fn pigment_only(truth: &Maps) -> bool {
+    ["gamma.R", "gamma.G", "gamma.B"]
+        .iter()
+        .all(|c| truth.get(c).is_none_or(|g| g.iter().all(|v| !(v.is_finite() && *v > 0.0) || (v - 1.0).abs() < 1e-3)))
+}
+
+/// Relative errors and coverage of one quantity.
+#[derive(Default)]
+struct Samples {
+    relative: Vec<f64>,
+    inside: usize,
+    judged: usize,
+}
+
+impl Samples {
+    fn push(&mut self, truth: f32, found: f64, error: f64) {
+        let truth = f64::from(truth);
+        // Undetermined values (infinite or absent errors) make no claim that could be wrong.
+        if !truth.is_finite() || !found.is_finite() || !error.is_finite() {
+            return;
+        }
+        if truth != 0.0 {
+            self.relative.push(((found - truth) / truth).abs());
+        }
+        self.judged += 1;
+        // Truth maps and fits are stored in single precision: allow for its rounding.
+        self.inside += usize::from((found - truth).abs() <= 1.96 * error + 2.4e-7 * truth.abs());
+    }
+
+    fn maps(&mut self, truth: &Maps, fit: &Maps, channel: &str, error: &str, good: &[usize]) {
+        if let (Some(t), Some(v), Some(e)) = (truth.get(channel), fit.get(channel), fit.get(error)) {
+            for &k in good {
+                self.push(t[k], f64::from(v[k]), f64::from(e[k]));
+            }
+        }
+    }
+
+    fn store(mut self, into: &mut BTreeMap<String, TruthError>, name: &str) {
+        if self.relative.is_empty() {
+            return;
+        }
+        self.relative.sort_unstable_by(f64::total_cmp);
+        let n = self.relative.len();
+        let coverage95 = Some(self.inside as f64 / self.judged as f64);
+        into.insert(
+            name.into(),
+            TruthError { median_relative: self.relative[n / 2], p99_relative: self.relative[n * 99 / 100], coverage95 },
+        );
+    }
+}

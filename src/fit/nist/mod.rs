@@ -1,0 +1,11 @@
+//! NIST StRD nonlinear regression: 27 problems with certified answers, the yardstick of the solver.
+//!
+//! Digits of an answer are −log₁₀ of its relative error, at most 11 (the certified values have eleven).
+
+mod bench;
+pub mod models;
+pub mod parse;
+mod table;
+
+pub use bench::bench_rows;
+pub use table::{FILES, Outcome, datasets, digits, solve_all, stress};

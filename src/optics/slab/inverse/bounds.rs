@@ -1,0 +1,186 @@
+//! What noise leaves open: the ellipse of two standard errors, cut to what a slab can do, carried through the inversion.
+
+use super::newton::{self, Point};
+use super::{Estimate, Measured, Precision, Spread, Verdict};
+
+/// Standard errors at which bounds are stated.
+const WIDTH: f64 = 2.0;
+const DIRECTIONS: usize = 24;
+
+/// Smallest and largest σa h and σs h that the measurements allow; 0 and ∞ are possible.
+struct Range {
+    low: [f64; 2],
+    high: [f64; 2],
+}
+
+impl Range {
+    fn include(&mut self, value: [f64; 2]) {
+        for k in 0..2 {
+            self.low[k] = self.low[k].min(value[k]);
+            self.high[k] = self.high[k].max(value[k]);
+        }
+    }
+}
+
+/// A point of the (ρd, ρt) plane moved to the nearest that some slab has: edges belong to black, clear, opaque and conservative slabs.
+struct Feasible {
+    r: f64,
+    t: f64,
+    lost: f64,
+    /// on the edge ρd = 0, ρt = 0, ρd + ρt = 1
+    edge: [bool; 3],
+}
+
+/// Small enough to act as zero, large enough to compute with.
+const TINY: f64 = 1e-18;
+
+fn feasible(r: f64, t: f64, m: &Measured) -> Feasible {
+    let (mut r, mut t) = (r, t);
+    let mut edge = [false; 3];
+    let excess = r + t - 1.0;
+    if excess >= 0.0 {
+        // onto the conservative edge along the noise's own metric
+        let (vr, vt) = (m.r_err * m.r_err, m.t_err * m.t_err);
+        r -= excess * vr / (vr + vt);
+        t = 1.0 - r;
+        edge[2] = true;
+    }
+    if r <= 0.0 {
+        r = TINY;
+        edge[0] = true;
+    }
+    if t <= 0.0 {
+        t = TINY;
+        edge[1] = true;
+    }
+    Feasible { r, t, lost: if edge[2] { 0.0 } else { 1.0 - r - t }, edge }
+}
+
+/// σa h and σs h of a feasible point, with the edges' exact zeros and infinities; the point itself where both are numbers.
+fn place(p: &Feasible, precision: Precision) -> Option<([f64; 2], Option<Point>)> {
+    let [clear, opaque, conservative] = p.edge;
+    if p.t >= 1.0 || (clear && conservative) {
+        // nothing in the light's way
+        return Some(([0.0, 0.0], None));
+    }
+    if opaque {
+        // as thick as it likes; what does not absorb or scatter stays so
+        let open = |closed: bool| if closed { 0.0 } else { f64::INFINITY };
+        return Some(([open(conservative), open(clear)], None));
+    }
+    if conservative {
+        return newton::conservative(p.t).map(|point| ([0.0, point.delta], None));
+    }
+    if clear {
+        return Some(([-p.t.ln(), 0.0], None));
+    }
+    let point = newton::solve(p.r, p.t, p.lost, precision)?;
+    Some(([point.absorbed * point.delta, point.omega * point.delta], Some(point)))
+}
+
+/// The range over the ellipse of `width` standard errors.
+fn range(m: &Measured, width: f64, precision: Precision) -> Option<Range> {
+    let mut range = Range { low: [f64::INFINITY; 2], high: [0.0; 2] };
+    let mut any = false;
+    let mut see = |r: f64, t: f64| {
+        let p = feasible(r, t, m);
+        if let Some((value, _)) = place(&p, precision) {
+            range.include(value);
+            any = true;
+        }
+        if p.edge[1] && p.edge[2] {
+            // opaque and white: with thickness any absorption is possible
+            range.include([f64::INFINITY, f64::INFINITY]);
+        }
+    };
+    for k in 0..DIRECTIONS {
+        let (s, c) = (std::f64::consts::TAU * k as f64 / DIRECTIONS as f64).sin_cos();
+        see(m.r + width * m.r_err * c, m.t + width * m.t_err * s);
+    }
+    see(m.r, m.t);
+    any.then_some(range)
+}
+
+/// Whether the parameters' ranges at ±2σ are what linear propagation says.
+pub(super) fn nearly_linear(m: &Measured, point: &Point, spread: &Spread, precision: Precision) -> bool {
+    let Some(range) = range(m, WIDTH, precision) else { return false };
+    let centre = [point.absorbed * point.delta, point.omega * point.delta];
+    (0..2).all(|k| {
+        // both relative to the estimate: additive or multiplicative noise pass, a run-away side does not
+        let expected = WIDTH * spread.relative[k];
+        let (down, up) = ((centre[k] - range.low[k]) / centre[k], (range.high[k] - centre[k]) / centre[k]);
+        let fits = |x: f64| x > 0.6 * expected - 1e-3 && x < 1.6 * expected + 1e-3;
+        fits(down) && fits(up)
+    })
+}
+
+/// Best estimate, large errors, and bounds by name.
+pub(super) fn undetermined(m: &Measured, h: f64, precision: Precision) -> Estimate {
+    let best = feasible(m.r, m.t, m);
+    let centre = place(&best, precision);
+    let Some(range) = range(m, WIDTH, precision) else {
+        return Estimate::refused(format!("no slab was found for rho_d {} and rho_t {}", m.r, m.t));
+    };
+    let linear = centre.and_then(|c| c.1).map(|p| Spread::new(&p, &Measured { r: best.r, t: best.t, ..*m }));
+    let mut value = centre.map_or([f64::INFINITY; 2], |c| c.0);
+    let mut err = [0.0; 2];
+    let mut open = Vec::new();
+    for (k, name) in ["sigma_a", "sigma_s"].into_iter().enumerate() {
+        let (low, high) = (range.low[k], range.high[k]);
+        if value[k].is_infinite() {
+            // opaque: the thinnest slab that explains it
+            value[k] = low;
+        }
+        let half = 0.5 * (high - low) / WIDTH;
+        let slope = linear.as_ref().map_or(0.0, |l| l.relative[k] * value[k]);
+        err[k] = if slope.is_finite() { half.max(slope) } else { half };
+        let edge = value[k] == 0.0 || !(err[k] <= super::DETERMINED * value[k]);
+        let runaway =
+            high - value[k] > 2.0 * WIDTH * super::DETERMINED * value[k] || low < (1.0 - 2.0 * WIDTH * super::DETERMINED) * value[k];
+        if !edge && !runaway {
+            continue;
+        }
+        err[k] = err[k].max(super::DETERMINED * 1.01 * value[k]);
+        let bounded_below = low > 0.05 * value[k] && low > 0.0;
+        open.push(match (bounded_below, high.is_finite()) {
+            (false, true) => format!("{name} <= {}", figure(high / h, true)),
+            (true, false) => format!("{name} >= {}", figure(low / h, false)),
+            _ => name.to_string(),
+        });
+    }
+    if open.is_empty() {
+        // each alone passes, but not the straight line between them: name both
+        open = vec!["sigma_a".into(), "sigma_s".into()];
+        for k in 0..2 {
+            err[k] = err[k].max(super::DETERMINED * 1.01 * value[k]);
+        }
+    }
+    let correlation = linear.as_ref().map_or(0.0, |l| l.correlation).clamp(-1.0, 1.0);
+    let (ea, es) = (err[0] / h, err[1] / h);
+    let cross = if correlation.is_finite() && ea.is_finite() && es.is_finite() { correlation * ea * es } else { 0.0 };
+    Estimate {
+        sigma_a: value[0] / h,
+        sigma_s: value[1] / h,
+        sigma_a_err: ea,
+        sigma_s_err: es,
+        covariance: [[ea * ea, cross], [cross, es * es]],
+        condition: linear.map_or(f64::INFINITY, |l| l.condition),
+        status: Verdict::Undetermined(open.join("; ")),
+    }
+}
+
+/// A bound to two figures, rounded outward.
+fn figure(x: f64, up: bool) -> String {
+    if x == 0.0 {
+        return "0".into();
+    }
+    let scale = 10.0_f64.powi(x.abs().log10().floor() as i32 - 1);
+    let steps = if up { (x / scale).ceil() } else { (x / scale).floor() };
+    let rounded = steps * scale;
+    if (1e-4..1e5).contains(&rounded) {
+        let decimals = (1.0 - rounded.log10().floor()).clamp(0.0, 8.0) as usize;
+        format!("{rounded:.decimals$}")
+    } else {
+        format!("{rounded:.1e}")
+    }
+}

@@ -1,0 +1,216 @@
+//! From (ρd, ρt, thickness) back to (σa, σs), with errors that can be trusted.
+//!
+//! Every ρd > 0, ρt > 0 with ρd + ρt < 1 belongs to exactly one slab. In F₁ = ln(ρd/α), α = 1 − ρd − ρt, and F₂ = ln(−ln ρt) against
+//! L = ln(σs/σa) and M = ln Δ the map is close to linear from the thinnest to the thickest slab, so Newton's method from a tabulated
+//! start ends in two or three steps ([`newton`]). What noise leaves open is found by carrying its ellipse through the model ([`bounds`]).
+
+mod bounds;
+mod newton;
+
+pub use newton::{Point, solve};
+
+/// Which forward model the answer is held to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Precision {
+    /// The table: better than 1e-6 in σa and σs wherever they are determined.
+    #[default]
+    Fast,
+    /// Refined against [`super::exact`]: nine digits.
+    Exact,
+}
+
+/// How an inversion ended.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Verdict {
+    /// Right within the printed errors, each relative 1σ ≤ 10 %.
+    Ok,
+    /// The best estimate stands, but the named parameters are not determined (bounds where one side is, at two standard errors).
+    Undetermined(String),
+    /// No numbers; why.
+    Refused(String),
+}
+
+impl Verdict {
+    pub fn is_ok(&self) -> bool {
+        matches!(self, Verdict::Ok)
+    }
+}
+
+impl std::fmt::Display for Verdict {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Verdict::Ok => f.write_str("ok"),
+            Verdict::Undetermined(what) => write!(f, "undetermined: {what}"),
+            Verdict::Refused(why) => write!(f, "refused: {why}"),
+        }
+    }
+}
+
+/// σa and σs (1/mm), their standard errors and covariance (1/mm²). Numbers are NaN where refused; an error is infinite where nothing
+/// limits the parameter from above.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Estimate {
+    pub sigma_a: f64,
+    pub sigma_s: f64,
+    pub sigma_a_err: f64,
+    pub sigma_s_err: f64,
+    pub covariance: [[f64; 2]; 2],
+    /// Condition number of the map from relative changes of (ρd, ρt) to relative changes of (σa, σs); NaN where refused.
+    pub condition: f64,
+    pub status: Verdict,
+}
+
+/// What was measured, and its standard errors.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Measured {
+    pub r: f64,
+    pub t: f64,
+    pub r_err: f64,
+    pub t_err: f64,
+}
+
+/// Relative 1σ above which a parameter is not called determined.
+pub const DETERMINED: f64 = 0.1;
+/// Beyond this many standard errors outside the possible, a measurement is refused.
+const IMPOSSIBLE: f64 = 4.0;
+/// Rounding of the measurements themselves.
+const ROUNDING: f64 = 2e-16;
+/// Relative error of the forward models in ρd and in −ln ρt.
+const FAST_MODEL: f64 = 4e-9;
+const EXACT_MODEL: f64 = 2e-10;
+
+/// Inverts one pair of measurements with the fast model; `rho_d_err` and `rho_t_err` are absolute standard errors ≥ 0.
+///
+/// Where the fast model's own error would decide the verdict, the exact one is used.
+pub fn invert(rho_d: f64, rho_t: f64, thickness_mm: f64, rho_d_err: f64, rho_t_err: f64) -> Estimate {
+    invert_with(Precision::Fast, rho_d, rho_t, thickness_mm, rho_d_err, rho_t_err)
+}
+
+/// [`invert`] with a stated precision.
+pub fn invert_with(precision: Precision, rho_d: f64, rho_t: f64, thickness_mm: f64, rho_d_err: f64, rho_t_err: f64) -> Estimate {
+    let measured = Measured { r: rho_d, t: rho_t, r_err: rho_d_err, t_err: rho_t_err };
+    if let Some(why) = impossible(&measured, thickness_mm) {
+        return Estimate::refused(why);
+    }
+    let noisy = |model: f64| with_model_error(&measured, model);
+    if precision == Precision::Fast {
+        let m = noisy(FAST_MODEL);
+        if let Some(found) = determined(&m, thickness_mm, Precision::Fast) {
+            return found;
+        }
+        let stated = rho_d_err.hypot(rho_t_err);
+        if stated > 30.0 * FAST_MODEL {
+            return bounds::undetermined(&m, thickness_mm, Precision::Fast);
+        }
+    }
+    let m = noisy(EXACT_MODEL);
+    determined(&m, thickness_mm, Precision::Exact).unwrap_or_else(|| bounds::undetermined(&m, thickness_mm, Precision::Exact))
+}
+
+/// Adds the forward model's error and rounding to the stated errors.
+fn with_model_error(m: &Measured, model: f64) -> Measured {
+    let t = m.t.clamp(1e-300, 1.0);
+    let widen = |stated: f64, own: f64| (stated * stated + own * own + ROUNDING * ROUNDING).sqrt();
+    Measured { r_err: widen(m.r_err, model * m.r), t_err: widen(m.t_err, model * t * -t.ln()), ..*m }
+}
+
+/// Why no slab can be meant, if so.
+fn impossible(m: &Measured, h: f64) -> Option<String> {
+    if !(h > 0.0 && h.is_finite()) {
+        return Some(format!("h is {h}; expected a positive thickness"));
+    }
+    for (name, value, err) in [("rho_d", m.r, m.r_err), ("rho_t", m.t, m.t_err)] {
+        if !value.is_finite() {
+            return Some(format!("{name} is {value}; expected a fraction between 0 and 1"));
+        }
+        if !(err >= 0.0 && err.is_finite()) {
+            return Some(format!("{name}_err is {err}; expected a standard error of 0 or more"));
+        }
+        if value < -IMPOSSIBLE * (err + ROUNDING) {
+            return Some(format!("{name} is {value}; negative beyond the stated noise"));
+        }
+    }
+    let excess = m.r + m.t - 1.0;
+    if excess > IMPOSSIBLE * (m.r_err.hypot(m.t_err) + ROUNDING) {
+        return Some(format!("rho_d + rho_t is {}; more than 1 beyond the stated noise", m.r + m.t));
+    }
+    if m.r_err > 1.0 || m.t_err > 1.0 {
+        return Some(format!("the stated noise {} leaves nothing to fit", m.r_err.max(m.t_err)));
+    }
+    None
+}
+
+/// The answer where both parameters are determined, by the linear error propagation and, where that is in doubt, by the model itself.
+fn determined(m: &Measured, h: f64, precision: Precision) -> Option<Estimate> {
+    let lost = 1.0 - m.r - m.t;
+    if !(m.r > 2.0 * m.r_err && m.t > 2.0 * m.t_err && lost > 2.0 * m.r_err.hypot(m.t_err)) {
+        return None;
+    }
+    let point = newton::solve(m.r, m.t, lost, precision)?;
+    let spread = Spread::new(&point, m);
+    let (ra, rs) = (spread.relative[0], spread.relative[1]);
+    if !(ra <= DETERMINED && rs <= DETERMINED) {
+        return None;
+    }
+    let near_edge = m.r < 6.0 * m.r_err || m.t < 6.0 * m.t_err || lost < 6.0 * m.r_err.hypot(m.t_err);
+    if (near_edge || ra > 0.02 || rs > 0.02) && !bounds::nearly_linear(m, &point, &spread, precision) {
+        return None;
+    }
+    Some(spread.estimate(&point, h, Verdict::Ok))
+}
+
+/// Standard errors by linear propagation.
+pub(crate) struct Spread {
+    /// of ln σa and ln σs
+    pub relative: [f64; 2],
+    pub correlation: f64,
+    pub condition: f64,
+}
+
+impl Spread {
+    pub fn new(point: &Point, m: &Measured) -> Spread {
+        // rows: ln σa, ln σs; columns: ρd, ρt
+        let g = point.log_sigma_by_measured(m.r, m.t);
+        let (vr, vt) = (m.r_err * m.r_err, m.t_err * m.t_err);
+        let c = |i: usize, k: usize| g[i][0] * g[k][0] * vr + g[i][1] * g[k][1] * vt;
+        let relative = [c(0, 0).sqrt(), c(1, 1).sqrt()];
+        let s = [[g[0][0] * m.r, g[0][1] * m.t], [g[1][0] * m.r, g[1][1] * m.t]];
+        let norm: f64 = s.iter().flatten().map(|x| x * x).sum();
+        let det = (s[0][0] * s[1][1] - s[0][1] * s[1][0]).abs();
+        let root = (norm * norm - 4.0 * det * det).max(0.0).sqrt();
+        Spread { relative, correlation: c(0, 1) / (relative[0] * relative[1]), condition: 0.5 * (norm + root) / det }
+    }
+
+    fn estimate(&self, point: &Point, h: f64, status: Verdict) -> Estimate {
+        let (a, s) = (point.absorbed * point.delta / h, point.omega * point.delta / h);
+        let (ea, es) = (a * self.relative[0], s * self.relative[1]);
+        let cross = self.correlation * ea * es;
+        Estimate {
+            sigma_a: a,
+            sigma_s: s,
+            sigma_a_err: ea,
+            sigma_s_err: es,
+            covariance: [[ea * ea, cross], [cross, es * es]],
+            condition: self.condition,
+            status,
+        }
+    }
+}
+
+impl Estimate {
+    fn refused(why: String) -> Estimate {
+        let nan = f64::NAN;
+        Estimate {
+            sigma_a: nan,
+            sigma_s: nan,
+            sigma_a_err: nan,
+            sigma_s_err: nan,
+            covariance: [[nan; 2]; 2],
+            condition: nan,
+            status: Verdict::Refused(why),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

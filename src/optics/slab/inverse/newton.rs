@@ -1,0 +1,266 @@
+//! Newton's method in (L, M) = (ln(σs/σa), ln Δ) on F₁ = ln(ρd/α) and F₂ = ln(−ln ρt), from a tabulated start.
+
+use super::Precision;
+use crate::optics::slab::table::{DELTA_MAX, DELTA_MIN, Scaled, Table};
+use crate::optics::slab::{exact, reduced};
+use std::sync::OnceLock;
+
+/// A slab: ω, 1−ω and Δ, and ∂(F₁, F₂)/∂(L, M) there.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Point {
+    pub omega: f64,
+    pub absorbed: f64,
+    pub delta: f64,
+    jacobian: [[f64; 2]; 2],
+}
+
+/// Grid of the start: F₁ and F₂ from LOW in steps of STEP.
+const LOW: [f64; 2] = [-13.0, -14.0];
+const STEP: [f64; 2] = [0.5, 0.3];
+const COUNT: [usize; 2] = [57, 63];
+
+impl Point {
+    /// ∂(ln σa, ln σs)/∂(ρd, ρt).
+    pub fn log_sigma_by_measured(&self, r: f64, t: f64) -> [[f64; 2]; 2] {
+        let lost = 1.0 - r - t;
+        let f = [[1.0 / r + 1.0 / lost, 1.0 / lost], [0.0, 1.0 / (t * t.ln())]];
+        let j = self.jacobian;
+        let det = j[0][0] * j[1][1] - j[0][1] * j[1][0];
+        let inverse = [[j[1][1] / det, -j[0][1] / det], [-j[1][0] / det, j[0][0] / det]];
+        let mut out = [[0.0; 2]; 2];
+        for k in 0..2 {
+            let l = inverse[0][0] * f[0][k] + inverse[0][1] * f[1][k];
+            let m = inverse[1][0] * f[0][k] + inverse[1][1] * f[1][k];
+            out[0][k] = m - self.omega * l;
+            out[1][k] = m + self.absorbed * l;
+        }
+        out
+    }
+}
+
+/// The slab with reflectance `r`, transmittance `t` and `lost` = 1 − r − t, all > 0. Nothing only where numbers run out.
+pub fn solve(r: f64, t: f64, lost: f64, precision: Precision) -> Option<Point> {
+    let target = [(r / lost).ln(), (-t.ln()).ln()];
+    if !(target[0].is_finite() && target[1].is_finite()) {
+        return None;
+    }
+    let start = start(r, t, lost, target);
+    let point = iterate(start, target)?;
+    match precision {
+        Precision::Fast => Some(point),
+        Precision::Exact => refine(point, target),
+    }
+}
+
+/// F and its Jacobian from the fast model.
+#[inline]
+fn model(l: f64, m: f64) -> ([f64; 2], Point) {
+    let e = (-l.abs()).exp();
+    let (small, large) = (e / (1.0 + e), 1.0 / (1.0 + e));
+    let (omega, absorbed) = if l > 0.0 { (large, small) } else { (small, large) };
+    let delta = m.exp();
+    if (DELTA_MIN..=DELTA_MAX).contains(&delta) {
+        let table = Table::committed();
+        let (r, depth, r_by, depth_by) = fluxes(&table.at(absorbed, delta), omega, absorbed, delta);
+        let t = (-depth).exp();
+        let lost_by = |t: f64, depth_by: [f64; 2], r_by: [f64; 2]| [t * depth_by[0] - r_by[0], t * depth_by[1] - r_by[1]];
+        let mut lost = -(-depth).exp_m1() - r;
+        let mut change = lost_by(t, depth_by, r_by);
+        if absorbed < NEARLY_CONSERVATIVE {
+            // The table's own loss at ω = 1, about 1e-10, would drown a smaller true one.
+            let (r0, depth0, r0_by, depth0_by) = fluxes(&table.at(0.0, delta), 1.0, 0.0, delta);
+            let t0 = (-depth0).exp();
+            lost += (-depth0).exp_m1() + r0;
+            change[1] -= lost_by(t0, depth0_by, r0_by)[1];
+        }
+        let f1 = |k: usize| r_by[k] / r - change[k] / lost;
+        let jacobian = [[f1(0), f1(1)], [depth_by[0] / depth, depth_by[1] / depth]];
+        ([(r / lost).ln(), depth.ln()], Point { omega, absorbed, delta, jacobian })
+    } else {
+        let (at, [by_a, by_d]) = reduced(omega, absorbed, delta);
+        let (r, t) = (at.rho_d, at.rho_t.max(1e-300));
+        let lost = 1.0 - r - t;
+        let turn = -omega * absorbed;
+        let (r_by, t_by) = ([by_a.rho_d * turn, by_d.rho_d * delta], [by_a.rho_t * turn, by_d.rho_t * delta]);
+        let f1 = |k: usize| r_by[k] / r + (t_by[k] + r_by[k]) / lost;
+        let jacobian = [[f1(0), f1(1)], [t_by[0] / (t * t.ln()), t_by[1] / (t * t.ln())]];
+        ([(r / lost).ln(), (-t.ln()).ln()], Point { omega, absorbed, delta, jacobian })
+    }
+}
+
+/// Below this 1−ω the table's own loss is taken off.
+const NEARLY_CONSERVATIVE: f64 = 1e-3;
+
+/// ρd, −ln ρt and their derivatives by L and M.
+#[inline]
+fn fluxes(s: &Scaled, omega: f64, absorbed: f64, delta: f64) -> (f64, f64, [f64; 2], [f64; 2]) {
+    let h = delta / (1.0 + delta);
+    // by L: d(1−ω) = −ω(1−ω) dL; by M: dΔ = Δ dM
+    let turn = -omega * absorbed;
+    let r_by = [h * omega * (absorbed * s.g[0] + s.by_absorbed[0] * turn), omega * h * (s.g[0] / (1.0 + delta) + delta * s.by_delta[0])];
+    let depth_by = [delta * s.by_absorbed[1] * turn, delta * (s.g[1] + delta * s.by_delta[1])];
+    (omega * h * s.g[0], delta * s.g[1], r_by, depth_by)
+}
+
+/// The conservative slab (ω = 1) with transmittance `t` in (0, 1); the Jacobian is left singular.
+pub fn conservative(t: f64) -> Option<Point> {
+    let mut m = two_flux(1.0 - t, t, 1e-300)[1];
+    for _ in 0..60 {
+        let (at, [_, by_delta]) = reduced(1.0, 0.0, m.exp());
+        // in ln(ρd/ρt), which runs from −∞ to ∞ with ln Δ
+        let miss = ((1.0 - t) / t).ln() - (at.rho_d / at.rho_t).ln();
+        let slope = (by_delta.rho_d / at.rho_d - by_delta.rho_t / at.rho_t) * m.exp();
+        let step = (miss / slope).clamp(-2.0, 2.0);
+        if !step.is_finite() {
+            return None;
+        }
+        m += step;
+        if step.abs() < 1e-9 {
+            return Some(Point { omega: 1.0, absorbed: 0.0, delta: m.exp(), jacobian: [[0.0; 2]; 2] });
+        }
+    }
+    None
+}
+
+/// Newton's steps, damped where the residual does not fall.
+fn iterate(start: [f64; 2], target: [f64; 2]) -> Option<Point> {
+    let [mut l, mut m] = start;
+    let mut before: Option<(f64, [f64; 2], [f64; 2])> = None;
+    for _ in 0..60 {
+        let (f, point) = model(l, m);
+        let d = [target[0] - f[0], target[1] - f[1]];
+        let size = d[0].abs().max(d[1].abs());
+        if let Some((old, from, step)) = before
+            && !(size < old)
+        {
+            // rounding is reached, or the step was too long
+            if old < 1e-9 {
+                return Some(model(from[0], from[1]).1);
+            }
+            let half = [0.5 * step[0], 0.5 * step[1]];
+            (l, m) = (from[0] + half[0], from[1] + half[1]);
+            before = Some((old, from, half));
+            if half[0].abs().max(half[1].abs()) < 1e-14 {
+                return None;
+            }
+            continue;
+        }
+        let step = newton_step(&point, d);
+        let long = step[0].abs().max(step[1].abs());
+        if !long.is_finite() {
+            return None;
+        }
+        if long < 2e-5 {
+            // the next error is about the square of this step
+            return Some(moved(&point, step));
+        }
+        let short = (2.0 / long).min(1.0);
+        let step = [step[0] * short, step[1] * short];
+        before = Some((size, [l, m], step));
+        (l, m) = (l + step[0], m + step[1]);
+    }
+    None
+}
+
+#[inline]
+fn newton_step(point: &Point, d: [f64; 2]) -> [f64; 2] {
+    let j = point.jacobian;
+    let det = j[0][0] * j[1][1] - j[0][1] * j[1][0];
+    [(j[1][1] * d[0] - j[0][1] * d[1]) / det, (j[0][0] * d[1] - j[1][0] * d[0]) / det]
+}
+
+/// The point after a small step in (L, M), to second order.
+#[inline]
+fn moved(p: &Point, step: [f64; 2]) -> Point {
+    let (l, m) = (step[0], step[1]);
+    let up = |rate: f64, second: f64| 1.0 + rate * l + 0.5 * second * l * l;
+    let swing = p.absorbed - p.omega;
+    Point {
+        omega: p.omega * up(p.absorbed, p.absorbed * swing),
+        absorbed: p.absorbed * up(-p.omega, -p.omega * swing),
+        delta: p.delta * (1.0 + m + 0.5 * m * m),
+        jacobian: p.jacobian,
+    }
+}
+
+/// Corrects a converged point by the exact model's residual with the fast model's Jacobian.
+fn refine(mut point: Point, target: [f64; 2]) -> Option<Point> {
+    for _ in 0..4 {
+        let (r, log_t) = exact::solve_log(1.0, point.omega, point.absorbed, point.delta);
+        let lost = -log_t.exp_m1() - r;
+        let d = [target[0] - (r / lost).ln(), target[1] - (-log_t).ln()];
+        let step = newton_step(&point, d);
+        let long = step[0].abs().max(step[1].abs());
+        if !long.is_finite() {
+            return None;
+        }
+        point = moved(&point, step);
+        if long < 1e-6 {
+            return Some(point);
+        }
+    }
+    Some(point)
+}
+
+/// Two-flux (Kubelka & Munk 1931) start, ln(S/K) and ln((K + 2S) h).
+#[inline]
+fn two_flux(r: f64, t: f64, lost: f64) -> [f64; 2] {
+    let ratio = lost * (1.0 - r + t) / (2.0 * r); // K/S
+    let b = (ratio * (ratio + 2.0)).sqrt();
+    let s = if b > 1e-4 { ((b / t).asinh() - b.asinh()) / b } else { (1.0 - t) / t };
+    [-ratio.ln(), ((ratio + 2.0) * s.max(1e-300)).ln()]
+}
+
+/// The start: two fluxes, corrected by a bicubic table of what they get wrong.
+#[inline]
+fn start(r: f64, t: f64, lost: f64, f: [f64; 2]) -> [f64; 2] {
+    static GRID: OnceLock<Vec<[f64; 2]>> = OnceLock::new();
+    let grid = GRID.get_or_init(corrections);
+    let base = two_flux(r, t, lost);
+    let mut cell = [0usize; 2];
+    let mut weight = [[0.0; 4]; 2];
+    for d in 0..2 {
+        let x = ((f[d] - LOW[d]) / STEP[d]).clamp(1.0, (COUNT[d] - 2) as f64 - 1e-9);
+        cell[d] = x as usize - 1;
+        let u = x - x.floor();
+        weight[d] = [
+            -u * (u - 1.0) * (u - 2.0) / 6.0,
+            (u + 1.0) * (u - 1.0) * (u - 2.0) / 2.0,
+            -(u + 1.0) * u * (u - 2.0) / 2.0,
+            (u + 1.0) * u * (u - 1.0) / 6.0,
+        ];
+    }
+    let mut out = base;
+    for i in 0..4 {
+        let line = &grid[(cell[0] + i) * COUNT[1] + cell[1]..][..4];
+        for j in 0..4 {
+            let w = weight[0][i] * weight[1][j];
+            out[0] += w * line[j][0];
+            out[1] += w * line[j][1];
+        }
+    }
+    out
+}
+
+/// What two fluxes get wrong, over the grid; each point starts from its neighbour's correction.
+fn corrections() -> Vec<[f64; 2]> {
+    let mut grid: Vec<[f64; 2]> = Vec::with_capacity(COUNT[0] * COUNT[1]);
+    for i in 0..COUNT[0] {
+        for j in 0..COUNT[1] {
+            let f = [LOW[0] + STEP[0] * i as f64, LOW[1] + STEP[1] * j as f64];
+            let depth = f[1].exp();
+            let lost = -(-depth).exp_m1() / (1.0 + f[0].exp());
+            let base = two_flux(lost * f[0].exp(), (-depth).exp(), lost);
+            let near = if j > 0 {
+                grid[i * COUNT[1] + j - 1]
+            } else if i > 0 {
+                grid[(i - 1) * COUNT[1]]
+            } else {
+                [0.0, 0.0]
+            };
+            let found = iterate([base[0] + near[0], base[1] + near[1]], f);
+            grid.push(found.map_or(near, |p| [(p.omega / p.absorbed).ln() - base[0], p.delta.ln() - base[1]]));
+        }
+    }
+    grid
+}

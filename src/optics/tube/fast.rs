@@ -1,0 +1,531 @@
+//! The tube integral for all frames of a pass at once, vectorised over frames: the same formulas as [`super::arc`], the same
+//! node sets, without its trigonometry. [`super::Model`] is the reference it is tested against, and does the few frames that the
+//! texel's horizon cuts. Cook–Torrance, whose G has kinks to split at, is left to the reference altogether.
+
+use super::lanes::{Lanes, Level, PAD, padded};
+use super::quadrature::gauss_legendre;
+use super::{Model, Travel};
+use crate::dispatch_lanes;
+use crate::optics::gloss::{Lobe, dot};
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_8, PI};
+
+/// What a pass shows of one texel for one normal and slope: columns of D, S, ∂S/∂m, then ∂D and ∂S along one or two changes of
+/// the normal. Padded with zeros to whole vectors.
+pub const COLUMNS: usize = 7;
+
+/// Positions of the tube over one texel, a column each, padded.
+#[derive(Debug, Clone, Default)]
+pub struct Lit {
+    texel: [f64; 2],
+    /// sin θ, cos θ; tangents, sines and cosines of the ends; asin(radius/distance); height/distance · (β/sin β).
+    sin: Vec<f64>,
+    cos: Vec<f64>,
+    ends: [Vec<f64>; 2],
+    end_sin: [Vec<f64>; 2],
+    end_cos: [Vec<f64>; 2],
+    beta: Vec<f64>,
+    scale: Vec<f64>,
+    /// D = n · (along · sin θ, skew, along · cos θ).
+    along: Vec<f64>,
+    skew: Vec<f64>,
+    /// 1: the horizon cuts this frame's tube, the reference does it.
+    cut: Vec<f64>,
+}
+
+/// A pass of a device, ready for many texels.
+#[derive(Debug, Clone)]
+pub struct Pass {
+    model: Model,
+    travel: Travel,
+    positions: Vec<f64>,
+    level: Level,
+    /// Nodes across the radius, by count.
+    across: Vec<Vec<(f64, f64)>>,
+    nodes: Nodes,
+}
+
+/// Node tables; bell nodes are whole numbers, Gauss nodes lie in [−1, 1].
+#[derive(Debug, Clone)]
+struct Nodes {
+    bell: Vec<(f64, f64)>,
+    half_bell: Vec<(f64, f64)>,
+    gauss: Vec<(f64, f64)>,
+    half_gauss: Vec<(f64, f64)>,
+    step: f64,
+    reach: f64,
+}
+
+/// Normal, its changes and the slope, in the pass's frame.
+#[derive(Debug, Clone, Copy)]
+struct Point {
+    n: [f64; 3],
+    change: [[f64; 3]; 2],
+    changes: usize,
+    c: [f64; 3],
+    b: f64,
+    m: f64,
+}
+
+impl Pass {
+    pub fn new(model: &Model, travel: Travel, positions_mm: &[f64], along: usize, level: Level) -> Pass {
+        let rule = super::arc::Rule::new(along);
+        let full = |k: i32| (f64::from(k), 1.0);
+        let half = |k: i32| (f64::from(k), if k == 0 { 1.0 } else { 2.0 });
+        let radius = model.tube.radius_mm;
+        Pass {
+            model: model.clone(),
+            travel,
+            positions: positions_mm.to_vec(),
+            level,
+            across: (0..=8).map(|k| if radius > 0.0 { gauss_legendre(k.max(1)) } else { gauss_legendre(1) }).collect(),
+            nodes: Nodes {
+                bell: (-rule.bell..=rule.bell).map(full).collect(),
+                half_bell: (0..=rule.bell).map(half).collect(),
+                gauss: rule.gauss,
+                half_gauss: gauss_legendre(along.max(1)).into_iter().map(|(x, w)| (0.5 * (1.0 + x), w)).collect(),
+                step: rule.step,
+                reach: rule.step * f64::from(rule.bell + 1),
+            },
+        }
+    }
+
+    pub fn frames(&self) -> usize {
+        self.positions.len()
+    }
+
+    /// Length of the columns.
+    pub fn padded(&self) -> usize {
+        padded(self.positions.len())
+    }
+
+    pub fn positions(&self) -> &[f64] {
+        &self.positions
+    }
+
+    /// Looks at the tube from `texel_mm`.
+    pub fn light(&self, texel_mm: [f64; 2], lit: &mut Lit) {
+        let n = self.padded();
+        if lit.sin.len() == n && lit.texel == texel_mm && lit.cut.len() == n {
+            return;
+        }
+        lit.texel = texel_mm;
+        for list in [&mut lit.sin, &mut lit.cos, &mut lit.beta, &mut lit.scale, &mut lit.along, &mut lit.skew, &mut lit.cut] {
+            list.resize(n, 0.0);
+        }
+        for list in lit.ends.iter_mut().chain(&mut lit.end_sin).chain(&mut lit.end_cos) {
+            list.resize(n, 0.0);
+        }
+        let pass = self;
+        dispatch_lanes!(self.level, light(pass: &Pass, texel_mm: [f64; 2], lit: &mut Lit));
+    }
+
+    /// Nodes across the radius for slope `m`: the mean of a bell of width σ over ±β needs few where β/σ is small.
+    fn across(&self, m: f64) -> &[(f64, f64)] {
+        let camera = self.travel.local(self.model.camera);
+        // A lobe's width across the tube is about √2 m; the tube is widest where it is nearest.
+        let near = if self.travel == Travel::X { camera[2].max(0.3) } else { 1.0 };
+        let x = 1.2 * near * self.model.tube.radius_mm / self.model.tube.height_mm / (std::f64::consts::SQRT_2 * m);
+        let count = match x {
+            x if x < 1e-4 => 1,
+            x if x < 0.15 => 2,
+            x if x < 0.47 => 3,
+            x if x < 0.85 => 4,
+            x if x < 1.3 => 5,
+            x if x < 1.8 => 6,
+            _ => 8,
+        };
+        &self.across[count]
+    }
+
+    /// Fills `columns` (each at least [`Pass::padded`] long) for a unit normal `n`, its changes (none to two) and slope `m`.
+    pub fn respond(&self, lit: &mut Lit, n: [f64; 3], changes: &[[f64; 3]], m: f64, columns: &mut [&mut [f64]; COLUMNS]) {
+        let local = |v: &[f64; 3]| self.travel.local(*v);
+        let point = Point {
+            n: local(&n),
+            change: std::array::from_fn(|k| changes.get(k).map_or([0.0; 3], local)),
+            changes: changes.len().min(2),
+            c: local(&self.model.camera),
+            b: dot(n, self.model.camera),
+            m,
+        };
+        if point.b <= 0.0 {
+            for column in columns.iter_mut() {
+                column[..self.padded()].fill(0.0);
+            }
+            return;
+        }
+        if !matches!(self.model.lobe, Lobe::CookTorrance { .. }) {
+            let (pass, point, across) = (self, &point, self.across(m));
+            let symmetric = point.n[1] == 0.0 && point.c[1] == 0.0;
+            dispatch_lanes!(self.level, respond(pass: &Pass, lit: &mut Lit, point: &Point, across: &[(f64, f64)], symmetric: bool, columns: &mut [&mut [f64]; COLUMNS]));
+        } else {
+            lit.cut.fill(1.0);
+        }
+        for (k, &light) in self.positions.iter().enumerate() {
+            if lit.cut[k] == 0.0 {
+                continue;
+            }
+            let r = self.model.response(self.travel, light, lit.texel, n, m);
+            (columns[0][k], columns[1][k], columns[2][k]) = (r.d, r.s, r.s_m);
+            for (j, change) in changes.iter().enumerate().take(2) {
+                (columns[3 + 2 * j][k], columns[4 + 2 * j][k]) = (dot(r.d_n, *change), dot(r.s_n, *change));
+            }
+        }
+        for column in columns.iter_mut() {
+            column[self.positions.len()..self.padded()].fill(0.0);
+        }
+    }
+}
+
+#[inline(always)]
+fn light<L: Lanes>(pass: &Pass, texel_mm: [f64; 2], lit: &mut Lit) {
+    let texel = pass.travel.local([texel_mm[0], texel_mm[1], 0.0]);
+    let tube = pass.model.tube;
+    let (h, one) = (L::splat(tube.height_mm), L::splat(1.0));
+    let mut x = [0.0; PAD];
+    for k in (0..lit.sin.len()).step_by(L::N) {
+        for (j, slot) in x[..L::N].iter_mut().enumerate() {
+            *slot = pass.positions.get(k + j).map_or(0.0, |p| p - texel[0]);
+        }
+        let x = L::load(&x);
+        let near = one.div(x.fma(x, h.mul(h)).sqrt());
+        let (sin, cos) = (x.mul(near), h.mul(near));
+        sin.store(&mut lit.sin[k..]);
+        cos.store(&mut lit.cos[k..]);
+        // asin r = r (1 + r²/6 + 3 r⁴/40 + 15 r⁶/336 + …); r is small
+        let r = near.mul(L::splat(tube.radius_mm));
+        let r2 = r.mul(r);
+        let series = [105.0 / 3456.0, 15.0 / 336.0, 3.0 / 40.0, 1.0 / 6.0, 1.0];
+        let asin = series[1..].iter().fold(L::splat(series[0]), |p, c| p.fma(r2, L::splat(*c)));
+        r.mul(asin).store(&mut lit.beta[k..]);
+        cos.mul(asin).store(&mut lit.scale[k..]);
+        let half = 0.5 * tube.length_mm;
+        let surface = one.div(one.div(near).sub(L::splat(std::f64::consts::FRAC_PI_4 * tube.radius_mm)));
+        let mut along = L::splat(0.0);
+        let mut skew = L::splat(0.0);
+        for (end, at) in [-half - texel[1], half - texel[1]].into_iter().enumerate() {
+            let t = surface.mul(L::splat(at));
+            let q = one.div(t.fma(t, one).sqrt());
+            let s = t.mul(q);
+            t.store(&mut lit.ends[end][k..]);
+            q.store(&mut lit.end_cos[end][k..]);
+            s.store(&mut lit.end_sin[end][k..]);
+            let part = s.fma(q, atan(t));
+            if end == 0 {
+                (along, skew) = (L::splat(0.0).sub(part), L::splat(0.0).sub(s.mul(s)));
+            } else {
+                (along, skew) = (along.add(part), skew.add(s.mul(s)));
+            }
+        }
+        // (2/π) · ½ · height/distance; across the radius the mean of the direction is sin β/β long, which `scale` holds inverted
+        let factor = cos.mul(L::splat(1.0 / PI));
+        factor.mul(along).store(&mut lit.along[k..]);
+        factor.mul(asin).mul(skew).store(&mut lit.skew[k..]);
+    }
+}
+
+/// atan to 1e-12: twice reduced, to |y| ≤ tan(π/8), then its series.
+#[inline(always)]
+fn atan<L: Lanes>(x: L) -> L {
+    let (zero, one) = (L::splat(0.0), L::splat(1.0));
+    let a = x.max(zero.sub(x));
+    let big = one.less(a);
+    let z = one.div(a.max(L::splat(1e-300))).or(big, a);
+    let c = L::splat(std::f64::consts::SQRT_2 - 1.0);
+    let y = z.sub(c).div(z.fma(c, one));
+    let y2 = y.mul(y);
+    let mut p = L::splat(-1.0 / 27.0);
+    for k in (0..13).rev() {
+        let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
+        p = p.fma(y2, L::splat(sign / f64::from(2 * k + 1)));
+    }
+    let angle = y.fma(p, L::splat(FRAC_PI_8));
+    let angle = L::splat(FRAC_PI_2).sub(angle).or(big, angle);
+    zero.sub(angle).or(x.less(zero), angle)
+}
+
+/// Running sums over nodes.
+#[derive(Clone, Copy)]
+struct Sums<L> {
+    value: L,
+    value_m: L,
+    x: [L; 3],
+}
+
+/// The polynomials of one arc in t.
+#[derive(Clone, Copy)]
+struct Arc<L> {
+    e: [L; 3],
+    m: [L; 3],
+    q: [L; 3],
+    over: L,
+}
+
+impl<L: Lanes> Arc<L> {
+    /// Adds the integrand at `t` times `weight`; `even`: the odd coefficients are zero.
+    #[inline(always)]
+    fn node(&self, ggx: bool, even: bool, t: L, weight: L, sums: &mut Sums<L>) {
+        let (one, two) = (L::splat(1.0), L::splat(2.0));
+        let t2 = t.mul(t);
+        let poly = |p: &[L; 3]| {
+            let high = p[2].fma(t2, p[0]);
+            if even { high } else { p[1].fma(t, high) }
+        };
+        let (e, m, q) = (poly(&self.e), poly(&self.m), poly(&self.q));
+        let inverse = m.mul(m).recip();
+        let ei = e.mul(inverse);
+        let sec2 = two.mul(ei).mul(t2.add(one));
+        let tau = sec2.sub(one).max(L::splat(0.0));
+        let u = tau.mul(self.over);
+        let shape = ei.mul(ei).mul(q).mul(weight);
+        let (value, fall) = if ggx {
+            let k = u.add(one).recip();
+            (shape.mul(k).mul(k), two.mul(self.over).mul(k))
+        } else {
+            (shape.mul(L::splat(0.0).sub(u).exp()), self.over)
+        };
+        let lean = two.mul(sec2).fma(fall, L::splat(-4.0));
+        let x = value.mul(lean).mul(m).mul(inverse);
+        sums.value = sums.value.add(value);
+        sums.value_m = value.mul(fall).fma(tau, sums.value_m);
+        sums.x[0] = sums.x[0].add(x);
+        if !even {
+            sums.x[1] = x.fma(t, sums.x[1]);
+        }
+        sums.x[2] = x.fma(t2, sums.x[2]);
+    }
+}
+
+#[inline(always)]
+fn respond<L: Lanes>(
+    pass: &Pass,
+    lit: &mut Lit,
+    point: &Point,
+    across: &[(f64, f64)],
+    symmetric: bool,
+    columns: &mut [&mut [f64]; COLUMNS],
+) {
+    let ggx = pass.model.lobe == Lobe::Ggx;
+    let s = L::splat;
+    let (zero, one) = (s(0.0), s(1.0));
+    let (n, c) = (point.n, point.c);
+    let m2 = point.m * point.m;
+    let over = s(1.0 / m2);
+    let prefactor = 8.0 / (2.0 * point.b * PI * m2);
+    for k in (0..lit.sin.len()).step_by(L::N) {
+        let (sin, cos, beta) = (L::load(&lit.sin[k..]), L::load(&lit.cos[k..]), L::load(&lit.beta[k..]));
+        let ends = [L::load(&lit.ends[0][k..]), L::load(&lit.ends[1][k..])];
+        let a = s(n[0]).mul(sin).add(s(n[2]).mul(cos));
+        // The least and greatest cosine along the tube decide between lit, dark and cut.
+        let (low, high) = (ends[0].mul(s(n[1])), ends[1].mul(s(n[1])));
+        let (low, high) = (a.add(low.min(high)), a.add(low.max(high)));
+        let bright = beta.less(low);
+        let dark = high.less(zero.sub(beta));
+        zero.or(bright, zero.or(dark, one)).store(&mut lit.cut[k..]);
+        // D and its changes
+        let (along, skew) = (L::load(&lit.along[k..]), L::load(&lit.skew[k..]));
+        let diffuse = |v: [f64; 3]| along.mul(s(v[0]).fma(sin, s(v[2]).mul(cos))).add(skew.mul(s(v[1]))).or(bright, zero);
+        diffuse(n).store(&mut columns[0][k..]);
+        for j in 0..point.changes {
+            diffuse(point.change[j]).store(&mut columns[3 + 2 * j][k..]);
+        }
+        let mut total = zero;
+        let mut total_m = zero;
+        let mut total_n = [zero; 2];
+        if L::any(bright) {
+            for &(node, weight) in across {
+                // Direction turned by δ = β·node within the plane of travel.
+                let d = beta.mul(s(node));
+                let d2 = d.mul(d);
+                let cd = d2.fma(s(-1.0 / 720.0), s(1.0 / 24.0)).fma(d2, s(-0.5)).fma(d2, one);
+                let sd = d2.fma(s(-1.0 / 5040.0), s(1.0 / 120.0)).fma(d2, s(-1.0 / 6.0)).fma(d2, one).mul(d);
+                let (sj, cj) = (sin.mul(cd).add(cos.mul(sd)), cos.mul(cd).sub(sin.mul(sd)));
+                let flat = |v: [f64; 3]| s(v[0]).fma(sj, s(v[2]).mul(cj));
+                let (a1, c1) = (flat(n), flat(c));
+                let (mut cp, mut sp) = (one, zero);
+                let clamp = |cp: L, sp: L| {
+                    let behind = cp.less(s(1e-6));
+                    let side = zero.less(sp);
+                    let below = sp.less(ends[0].mul(cp));
+                    let above = ends[1].mul(cp).less(sp);
+                    let out = |end: usize| (L::load(&lit.end_cos[end][k..]), L::load(&lit.end_sin[end][k..]));
+                    let (lo, hi) = (out(0), out(1));
+                    let mid = (hi.0.or(above, lo.0.or(below, cp)), hi.1.or(above, lo.1.or(below, sp)));
+                    let far = (hi.0.or(side, lo.0), hi.1.or(side, lo.1));
+                    (far.0.or(behind, mid.0), far.1.or(behind, mid.1))
+                };
+                if !symmetric {
+                    let r1 = s(2.0 * point.b).mul(a1).sub(c1);
+                    let r2 = s(2.0 * point.b * n[1] - c[1]);
+                    let length = one.div(r1.fma(r1, r2.mul(r2)).max(s(1e-60)).sqrt());
+                    (cp, sp) = clamp(r1.mul(length), r2.mul(length));
+                }
+                let (mut tau, mut slope, mut bend) = (zero, zero, one);
+                let mut falling = bright;
+                for step in 0..2 {
+                    let (e, m) = (one.add(c1.mul(cp)).add(s(c[1]).mul(sp)), s(point.b).add(a1.mul(cp)).add(s(n[1]).mul(sp)));
+                    let (e1, m1) = (s(c[1]).mul(cp).sub(c1.mul(sp)), s(n[1]).mul(cp).sub(a1.mul(sp)));
+                    let f = e1.mul(m).sub(s(2.0).mul(e).mul(m1));
+                    let f1 = s(2.0).mul(e).mul(m.sub(s(point.b))).sub(e1.mul(m1)).sub(e.sub(one).mul(m));
+                    if step == 0 && !symmetric {
+                        let convex = zero.less(f1);
+                        let newton = zero.sub(f).div(one.or(f1.less(s(1e-9)), f1));
+                        let blind = s(-0.2).or(zero.less(f), s(0.2));
+                        let h = newton.or(convex, blind).max(s(-0.5)).min(s(0.5)).mul(s(0.5));
+                        let h2 = h.mul(h);
+                        let k1 = h2.add(one).recip();
+                        let (ch, sh) = (one.sub(h2).mul(k1), h.add(h).mul(k1));
+                        (cp, sp) = clamp(cp.mul(ch).sub(sp.mul(sh)), sp.mul(ch).add(cp.mul(sh)));
+                        continue;
+                    }
+                    if step == 0 {
+                        continue;
+                    }
+                    let im = m.recip();
+                    let im3 = im.mul(im).mul(im);
+                    tau = s(2.0).mul(e).mul(im).mul(im).sub(one).max(zero);
+                    slope = s(2.0).mul(f).mul(im3);
+                    falling = zero.less(f1);
+                    bend = f1.mul(im3).sub(s(1.5).mul(slope).mul(m1).mul(im)).max(s(1e-3));
+                }
+                let worth = L::both(bright, if ggx { bright } else { tau.less(s(40.0 * m2)) });
+                if !L::any(worth) {
+                    continue;
+                }
+                let limit = |end: usize| {
+                    let (ec, es) = (L::load(&lit.end_cos[end][k..]), L::load(&lit.end_sin[end][k..]));
+                    es.mul(cp).sub(ec.mul(sp)).div(one.add(ec.mul(cp)).add(es.mul(sp)))
+                };
+                let (from, to) = (limit(0), limit(1));
+                let (p1n, p2n) = (a1.mul(cp).add(s(n[1]).mul(sp)), s(n[1]).mul(cp).sub(a1.mul(sp)));
+                let (p1c, p2c) = (c1.mul(cp).add(s(c[1]).mul(sp)), s(c[1]).mul(cp).sub(c1.mul(sp)));
+                let arc = Arc {
+                    e: [one.add(p1c), p2c.add(p2c), one.sub(p1c)],
+                    m: [s(point.b).add(p1n), p2n.add(p2n), s(point.b).sub(p1n)],
+                    q: [cp, s(-2.0).mul(sp), zero.sub(cp)],
+                    over,
+                };
+                let mut sums = Sums { value: zero, value_m: zero, x: [zero; 3] };
+                if ggx {
+                    long_tail(&pass.nodes, &arc, s(m2).add(tau).div(bend).sqrt().mul(s(0.5)), from, to, &mut sums);
+                } else {
+                    let frame = Frame { from, to, slope, bend, falling, symmetric, m: point.m };
+                    bell(&pass.nodes, &arc, &frame, &mut sums);
+                }
+                let factor = L::load(&lit.scale[k..]).mul(s(prefactor * 0.5 * weight)).or(worth, zero);
+                let value = sums.value;
+                total = factor.mul(value).or(worth, zero).add(total);
+                total_m = factor.mul(s(2.0 / point.m)).mul(sums.value_m.sub(value)).or(worth, zero).add(total_m);
+                for (j, sum) in total_n.iter_mut().enumerate().take(point.changes) {
+                    let v = point.change[j];
+                    let (v1, vc) = (flat(v), s(dot(v, c)));
+                    let (p1v, p2v) = (v1.mul(cp).add(s(v[1]).mul(sp)), s(v[1]).mul(cp).sub(v1.mul(sp)));
+                    let turned = p1v.mul(sums.x[0].sub(sums.x[2])).add(p2v.mul(sums.x[1].add(sums.x[1])));
+                    let camera = vc.mul(sums.x[0].add(sums.x[2]).sub(value.mul(s(1.0 / point.b))));
+                    *sum = factor.mul(turned.add(camera)).or(worth, zero).add(*sum);
+                }
+            }
+        }
+        total.store(&mut columns[1][k..]);
+        total_m.store(&mut columns[2][k..]);
+        for j in 0..point.changes {
+            total_n[j].store(&mut columns[4 + 2 * j][k..]);
+        }
+    }
+}
+
+/// What the choice of nodes looks at.
+struct Frame<L: Lanes> {
+    from: L,
+    to: L,
+    slope: L,
+    bend: L,
+    falling: L::Mask,
+    symmetric: bool,
+    m: f64,
+}
+
+/// Beckmann: the trapezoid where the bell fits between the ends, Gauss nodes on what is left of it elsewhere.
+#[inline(always)]
+fn bell<L: Lanes>(nodes: &Nodes, arc: &Arc<L>, frame: &Frame<L>, sums: &mut Sums<L>) {
+    let s = L::splat;
+    let (zero, one) = (s(0.0), s(1.0));
+    let root = frame.bend.sqrt();
+    let width = s(0.5 * frame.m).div(root);
+    let reach = width.mul(s(nodes.reach));
+    let steep = frame.slope.max(zero.sub(frame.slope));
+    let fits = L::both(frame.from.less(zero.sub(reach)), reach.less(frame.to));
+    let fits = L::both(L::both(fits, frame.falling), steep.less(s(0.5 * frame.m).mul(root)));
+    let step = width.mul(s(nodes.step));
+    if L::all(fits) {
+        if frame.symmetric {
+            for &(x, w) in &nodes.half_bell {
+                arc.node(false, true, step.mul(s(x)), step.mul(s(w)), sums);
+            }
+        } else {
+            for &(x, w) in &nodes.bell {
+                arc.node(false, false, step.mul(s(x)), step.mul(s(w)), sums);
+            }
+        }
+        return;
+    }
+    // Window: slope·φ + bend·φ² = (4.2 m)² on either side, in t by tan x = x (15 − x²)/(15 − 6 x²).
+    let far = 4.2 * 4.2 * frame.m * frame.m;
+    let root = frame.slope.fma(frame.slope, frame.bend.mul(s(4.0 * far))).sqrt();
+    let tan = |angle: L| {
+        let x = angle.mul(s(0.5));
+        let x2 = x.mul(x);
+        let below = s(15.0).sub(s(6.0).mul(x2));
+        x.mul(s(15.0).sub(x2)).div(below.max(s(1e-9))).or(s(3.0).less(below), s(1e9))
+    };
+    let wide = |angle: L| tan(angle).or(frame.falling, s(1e9));
+    let lo = frame.from.max(zero.sub(wide(s(2.0 * far).div(root.sub(frame.slope)))));
+    let hi = frame.to.min(wide(s(2.0 * far).div(root.add(frame.slope))));
+    if frame.symmetric {
+        // Even in t: the two halves, or one of them twice.
+        let equal = hi.add(lo).max(zero.sub(hi.add(lo))).less(s(1e-12));
+        let both = L::all(equal);
+        for (end, weight) in [(hi, if both { 2.0 } else { 1.0 }), (zero.sub(lo), 1.0)].into_iter().take(if both { 1 } else { 2 }) {
+            let half = end.mul(s(0.5 * weight));
+            for &(x, w) in &nodes.half_gauss {
+                arc.node(false, true, end.mul(s(x)), half.mul(s(w)), sums);
+            }
+        }
+        return;
+    }
+    let (mid, half) = (lo.add(hi).mul(s(0.5)), hi.sub(lo).mul(s(0.5)));
+    if !L::any(fits) {
+        for &(x, w) in &nodes.gauss {
+            arc.node(false, false, half.fma(s(x), mid), half.mul(s(w)), sums);
+        }
+        return;
+    }
+    // Some lanes take one rule, some the other: walk both tables side by side.
+    let (mid, half) = (zero.or(fits, mid), step.or(fits, half));
+    for k in 0..nodes.gauss.len().max(nodes.bell.len()) {
+        let at = |list: &[(f64, f64)]| list.get(k).copied().unwrap_or((0.0, 0.0));
+        let (b, g) = (at(&nodes.bell), at(&nodes.gauss));
+        let (x, w) = (s(b.0).or(fits, s(g.0)), s(b.1).or(fits, s(g.1)));
+        arc.node(false, false, half.fma(x, mid), half.mul(w), sums);
+    }
+    let _ = one;
+}
+
+/// GGX: t = w·2y/(1 − y²) takes the Lorentzian's tail, Gauss nodes in y.
+#[inline(always)]
+fn long_tail<L: Lanes>(nodes: &Nodes, arc: &Arc<L>, w: L, from: L, to: L, sums: &mut Sums<L>) {
+    let s = L::splat;
+    let one = s(1.0);
+    let inner = |t: L| t.div(w.add(w.fma(w, t.mul(t)).sqrt()));
+    let (lo, hi) = (inner(from), inner(to));
+    let (mid, half) = (lo.add(hi).mul(s(0.5)), hi.sub(lo).mul(s(0.5)));
+    let w2 = w.add(w);
+    for &(x, weight) in &nodes.gauss {
+        let y = half.fma(s(x), mid);
+        let y2 = y.mul(y);
+        let inverse = one.sub(y2).recip();
+        let t = w2.mul(y).mul(inverse);
+        let dt = w2.mul(one.add(y2)).mul(inverse).mul(inverse);
+        arc.node(true, false, t, half.mul(s(weight)).mul(dt), sums);
+    }
+}

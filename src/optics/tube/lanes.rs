@@ -1,0 +1,459 @@
+//! Several f64 at a time: AVX-512, AVX2 with FMA, or plain arrays, chosen when the program runs.
+//!
+//! Only what the tube integral and its fit need. The intrinsics sit behind `#[inline(always)]` methods, which are sound only where
+//! the caller was compiled for the instruction set; [`dispatch!`](crate::dispatch_lanes) makes such callers and checks the processor.
+
+/// A few f64.
+pub trait Lanes: Copy {
+    const N: usize;
+    type Mask: Copy;
+    fn splat(x: f64) -> Self;
+    /// The first `N` values of `from`, which must have as many.
+    fn load(from: &[f64]) -> Self;
+    fn store(self, to: &mut [f64]);
+    fn add(self, o: Self) -> Self;
+    fn sub(self, o: Self) -> Self;
+    fn mul(self, o: Self) -> Self;
+    fn div(self, o: Self) -> Self;
+    /// self · b + c
+    fn fma(self, b: Self, c: Self) -> Self;
+    fn min(self, o: Self) -> Self;
+    fn max(self, o: Self) -> Self;
+    fn sqrt(self) -> Self;
+    fn less(self, o: Self) -> Self::Mask;
+    /// `self` where the mask is set, else `o`.
+    fn or(self, mask: Self::Mask, o: Self) -> Self;
+    fn both(a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    fn any(mask: Self::Mask) -> bool;
+    fn all(mask: Self::Mask) -> bool;
+    /// 1/x to about 1e-14, for normal x.
+    fn recip(self) -> Self;
+    /// e^x for −700 ≤ x ≤ 0 to about 1e-11 relative; smaller x give 0 or nearly.
+    fn exp(self) -> Self;
+    fn sum(self) -> f64;
+}
+
+/// e^r on |r| ≤ ½ ln 2: Taylor to degree 9 (remainder 7e-12).
+const EXP: [f64; 8] = [1.0 / 362880.0, 1.0 / 40320.0, 1.0 / 5040.0, 1.0 / 720.0, 1.0 / 120.0, 1.0 / 24.0, 1.0 / 6.0, 0.5];
+const LOG2E: f64 = std::f64::consts::LOG2_E;
+const LN2: f64 = std::f64::consts::LN_2;
+/// Adding 1.5·2⁵² leaves the nearest integer in the low bits.
+const MAGIC: f64 = 6755399441055744.0;
+
+/// Arrays: what is left where neither instruction set is there.
+#[derive(Clone, Copy)]
+pub struct Plain([f64; 4]);
+
+impl Plain {
+    #[inline(always)]
+    fn map(self, f: impl Fn(f64) -> f64) -> Self {
+        Plain(self.0.map(f))
+    }
+    #[inline(always)]
+    fn zip(self, o: Self, f: impl Fn(f64, f64) -> f64) -> Self {
+        Plain(std::array::from_fn(|k| f(self.0[k], o.0[k])))
+    }
+}
+
+impl Lanes for Plain {
+    const N: usize = 4;
+    type Mask = [bool; 4];
+    #[inline(always)]
+    fn splat(x: f64) -> Self {
+        Plain([x; 4])
+    }
+    #[inline(always)]
+    fn load(from: &[f64]) -> Self {
+        Plain([from[0], from[1], from[2], from[3]])
+    }
+    #[inline(always)]
+    fn store(self, to: &mut [f64]) {
+        to[..4].copy_from_slice(&self.0);
+    }
+    #[inline(always)]
+    fn add(self, o: Self) -> Self {
+        self.zip(o, |a, b| a + b)
+    }
+    #[inline(always)]
+    fn sub(self, o: Self) -> Self {
+        self.zip(o, |a, b| a - b)
+    }
+    #[inline(always)]
+    fn mul(self, o: Self) -> Self {
+        self.zip(o, |a, b| a * b)
+    }
+    #[inline(always)]
+    fn div(self, o: Self) -> Self {
+        self.zip(o, |a, b| a / b)
+    }
+    #[inline(always)]
+    fn fma(self, b: Self, c: Self) -> Self {
+        Plain(std::array::from_fn(|k| self.0[k] * b.0[k] + c.0[k]))
+    }
+    #[inline(always)]
+    fn min(self, o: Self) -> Self {
+        self.zip(o, |a, b| if a < b { a } else { b })
+    }
+    #[inline(always)]
+    fn max(self, o: Self) -> Self {
+        self.zip(o, |a, b| if a > b { a } else { b })
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        self.map(f64::sqrt)
+    }
+    #[inline(always)]
+    fn less(self, o: Self) -> [bool; 4] {
+        std::array::from_fn(|k| self.0[k] < o.0[k])
+    }
+    #[inline(always)]
+    fn or(self, mask: [bool; 4], o: Self) -> Self {
+        Plain(std::array::from_fn(|k| if mask[k] { self.0[k] } else { o.0[k] }))
+    }
+    #[inline(always)]
+    fn both(a: [bool; 4], b: [bool; 4]) -> [bool; 4] {
+        std::array::from_fn(|k| a[k] & b[k])
+    }
+    #[inline(always)]
+    fn any(mask: [bool; 4]) -> bool {
+        mask[0] | mask[1] | mask[2] | mask[3]
+    }
+    #[inline(always)]
+    fn all(mask: [bool; 4]) -> bool {
+        mask[0] & mask[1] & mask[2] & mask[3]
+    }
+    #[inline(always)]
+    fn recip(self) -> Self {
+        self.map(|x| 1.0 / x)
+    }
+    #[inline(always)]
+    fn exp(self) -> Self {
+        self.map(|x| {
+            let x = if x > -700.0 { x } else { -700.0 };
+            let k = x * LOG2E + MAGIC;
+            let r = x - (k - MAGIC) * LN2;
+            let mut p = EXP[0];
+            for c in &EXP[1..] {
+                p = p * r + c;
+            }
+            let p = (p * r + 1.0) * r + 1.0;
+            f64::from_bits(p.to_bits().wrapping_add(k.to_bits() << 52))
+        })
+    }
+    #[inline(always)]
+    fn sum(self) -> f64 {
+        (self.0[0] + self.0[2]) + (self.0[1] + self.0[3])
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+pub use x86::{Avx2, Avx512};
+
+#[cfg(target_arch = "x86_64")]
+mod x86 {
+    // Sound because only functions compiled for the instruction set, entered after asking the processor, call these.
+    #![allow(clippy::undocumented_unsafe_blocks)]
+    use super::{EXP, LN2, LOG2E, Lanes, MAGIC};
+    use std::arch::x86_64::*;
+
+    #[derive(Clone, Copy)]
+    pub struct Avx2(__m256d);
+
+    impl Lanes for Avx2 {
+        const N: usize = 4;
+        type Mask = __m256d;
+        #[inline(always)]
+        fn splat(x: f64) -> Self {
+            Avx2(unsafe { _mm256_set1_pd(x) })
+        }
+        #[inline(always)]
+        fn load(from: &[f64]) -> Self {
+            assert!(from.len() >= 4);
+            Avx2(unsafe { _mm256_loadu_pd(from.as_ptr()) })
+        }
+        #[inline(always)]
+        fn store(self, to: &mut [f64]) {
+            assert!(to.len() >= 4);
+            unsafe { _mm256_storeu_pd(to.as_mut_ptr(), self.0) }
+        }
+        #[inline(always)]
+        fn add(self, o: Self) -> Self {
+            Avx2(unsafe { _mm256_add_pd(self.0, o.0) })
+        }
+        #[inline(always)]
+        fn sub(self, o: Self) -> Self {
+            Avx2(unsafe { _mm256_sub_pd(self.0, o.0) })
+        }
+        #[inline(always)]
+        fn mul(self, o: Self) -> Self {
+            Avx2(unsafe { _mm256_mul_pd(self.0, o.0) })
+        }
+        #[inline(always)]
+        fn div(self, o: Self) -> Self {
+            Avx2(unsafe { _mm256_div_pd(self.0, o.0) })
+        }
+        #[inline(always)]
+        fn fma(self, b: Self, c: Self) -> Self {
+            Avx2(unsafe { _mm256_fmadd_pd(self.0, b.0, c.0) })
+        }
+        #[inline(always)]
+        fn min(self, o: Self) -> Self {
+            Avx2(unsafe { _mm256_min_pd(self.0, o.0) })
+        }
+        #[inline(always)]
+        fn max(self, o: Self) -> Self {
+            Avx2(unsafe { _mm256_max_pd(self.0, o.0) })
+        }
+        #[inline(always)]
+        fn sqrt(self) -> Self {
+            Avx2(unsafe { _mm256_sqrt_pd(self.0) })
+        }
+        #[inline(always)]
+        fn less(self, o: Self) -> __m256d {
+            unsafe { _mm256_cmp_pd::<_CMP_LT_OQ>(self.0, o.0) }
+        }
+        #[inline(always)]
+        fn or(self, mask: __m256d, o: Self) -> Self {
+            Avx2(unsafe { _mm256_blendv_pd(o.0, self.0, mask) })
+        }
+        #[inline(always)]
+        fn both(a: __m256d, b: __m256d) -> __m256d {
+            unsafe { _mm256_and_pd(a, b) }
+        }
+        #[inline(always)]
+        fn any(mask: __m256d) -> bool {
+            unsafe { _mm256_movemask_pd(mask) != 0 }
+        }
+        #[inline(always)]
+        fn all(mask: __m256d) -> bool {
+            unsafe { _mm256_movemask_pd(mask) == 15 }
+        }
+        #[inline(always)]
+        fn recip(self) -> Self {
+            Avx2(unsafe { _mm256_div_pd(_mm256_set1_pd(1.0), self.0) })
+        }
+        #[inline(always)]
+        fn exp(self) -> Self {
+            unsafe {
+                let x = _mm256_max_pd(self.0, _mm256_set1_pd(-700.0));
+                let k = _mm256_fmadd_pd(x, _mm256_set1_pd(LOG2E), _mm256_set1_pd(MAGIC));
+                let r = _mm256_fnmadd_pd(_mm256_sub_pd(k, _mm256_set1_pd(MAGIC)), _mm256_set1_pd(LN2), x);
+                let mut p = _mm256_set1_pd(EXP[0]);
+                for c in &EXP[1..] {
+                    p = _mm256_fmadd_pd(p, r, _mm256_set1_pd(*c));
+                }
+                let one = _mm256_set1_pd(1.0);
+                let p = _mm256_fmadd_pd(_mm256_fmadd_pd(p, r, one), r, one);
+                let shift = _mm256_slli_epi64::<52>(_mm256_castpd_si256(k));
+                Avx2(_mm256_castsi256_pd(_mm256_add_epi64(_mm256_castpd_si256(p), shift)))
+            }
+        }
+        #[inline(always)]
+        fn sum(self) -> f64 {
+            unsafe {
+                let half = _mm_add_pd(_mm256_castpd256_pd128(self.0), _mm256_extractf128_pd::<1>(self.0));
+                _mm_cvtsd_f64(_mm_add_sd(half, _mm_unpackhi_pd(half, half)))
+            }
+        }
+    }
+
+    #[derive(Clone, Copy)]
+    pub struct Avx512(__m512d);
+
+    impl Lanes for Avx512 {
+        const N: usize = 8;
+        type Mask = __mmask8;
+        #[inline(always)]
+        fn splat(x: f64) -> Self {
+            Avx512(unsafe { _mm512_set1_pd(x) })
+        }
+        #[inline(always)]
+        fn load(from: &[f64]) -> Self {
+            assert!(from.len() >= 8);
+            Avx512(unsafe { _mm512_loadu_pd(from.as_ptr()) })
+        }
+        #[inline(always)]
+        fn store(self, to: &mut [f64]) {
+            assert!(to.len() >= 8);
+            unsafe { _mm512_storeu_pd(to.as_mut_ptr(), self.0) }
+        }
+        #[inline(always)]
+        fn add(self, o: Self) -> Self {
+            Avx512(unsafe { _mm512_add_pd(self.0, o.0) })
+        }
+        #[inline(always)]
+        fn sub(self, o: Self) -> Self {
+            Avx512(unsafe { _mm512_sub_pd(self.0, o.0) })
+        }
+        #[inline(always)]
+        fn mul(self, o: Self) -> Self {
+            Avx512(unsafe { _mm512_mul_pd(self.0, o.0) })
+        }
+        #[inline(always)]
+        fn div(self, o: Self) -> Self {
+            Avx512(unsafe { _mm512_div_pd(self.0, o.0) })
+        }
+        #[inline(always)]
+        fn fma(self, b: Self, c: Self) -> Self {
+            Avx512(unsafe { _mm512_fmadd_pd(self.0, b.0, c.0) })
+        }
+        #[inline(always)]
+        fn min(self, o: Self) -> Self {
+            Avx512(unsafe { _mm512_min_pd(self.0, o.0) })
+        }
+        #[inline(always)]
+        fn max(self, o: Self) -> Self {
+            Avx512(unsafe { _mm512_max_pd(self.0, o.0) })
+        }
+        #[inline(always)]
+        fn sqrt(self) -> Self {
+            Avx512(unsafe { _mm512_sqrt_pd(self.0) })
+        }
+        #[inline(always)]
+        fn less(self, o: Self) -> __mmask8 {
+            unsafe { _mm512_cmp_pd_mask::<_CMP_LT_OQ>(self.0, o.0) }
+        }
+        #[inline(always)]
+        fn or(self, mask: __mmask8, o: Self) -> Self {
+            Avx512(unsafe { _mm512_mask_blend_pd(mask, o.0, self.0) })
+        }
+        #[inline(always)]
+        fn both(a: __mmask8, b: __mmask8) -> __mmask8 {
+            a & b
+        }
+        #[inline(always)]
+        fn any(mask: __mmask8) -> bool {
+            mask != 0
+        }
+        #[inline(always)]
+        fn all(mask: __mmask8) -> bool {
+            mask == 255
+        }
+        #[inline(always)]
+        fn recip(self) -> Self {
+            // 2^-14, then two Newton steps: 2^-28, 2^-56.
+            unsafe {
+                let two = _mm512_set1_pd(2.0);
+                let a = _mm512_rcp14_pd(self.0);
+                let a = _mm512_mul_pd(a, _mm512_fnmadd_pd(self.0, a, two));
+                Avx512(_mm512_mul_pd(a, _mm512_fnmadd_pd(self.0, a, two)))
+            }
+        }
+        #[inline(always)]
+        fn exp(self) -> Self {
+            unsafe {
+                let x = _mm512_max_pd(self.0, _mm512_set1_pd(-700.0));
+                let k = _mm512_fmadd_pd(x, _mm512_set1_pd(LOG2E), _mm512_set1_pd(MAGIC));
+                let r = _mm512_fnmadd_pd(_mm512_sub_pd(k, _mm512_set1_pd(MAGIC)), _mm512_set1_pd(LN2), x);
+                let mut p = _mm512_set1_pd(EXP[0]);
+                for c in &EXP[1..] {
+                    p = _mm512_fmadd_pd(p, r, _mm512_set1_pd(*c));
+                }
+                let one = _mm512_set1_pd(1.0);
+                let p = _mm512_fmadd_pd(_mm512_fmadd_pd(p, r, one), r, one);
+                let shift = _mm512_slli_epi64::<52>(_mm512_castpd_si512(k));
+                Avx512(_mm512_castsi512_pd(_mm512_add_epi64(_mm512_castpd_si512(p), shift)))
+            }
+        }
+        #[inline(always)]
+        fn sum(self) -> f64 {
+            unsafe { _mm512_reduce_add_pd(self.0) }
+        }
+    }
+}
+
+/// What the processor can do, asked once a fitter.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Level {
+    Plain,
+    Avx2,
+    Avx512,
+}
+
+impl Level {
+    pub fn detect() -> Level {
+        #[cfg(target_arch = "x86_64")]
+        {
+            if is_x86_feature_detected!("avx512f") {
+                return Level::Avx512;
+            }
+            if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+                return Level::Avx2;
+            }
+        }
+        Level::Plain
+    }
+
+    /// Every level this processor has.
+    pub fn available() -> Vec<Level> {
+        let best = Level::detect();
+        let all = [Level::Plain, Level::Avx2, Level::Avx512];
+        all.into_iter().filter(|l| *l as u8 <= best as u8).collect()
+    }
+}
+
+/// Most values a vector holds: columns are padded to whole ones.
+pub const PAD: usize = 8;
+
+/// `n` rounded up to whole vectors.
+pub fn padded(n: usize) -> usize {
+    n.div_ceil(PAD) * PAD
+}
+
+/// Compiles a generic `#[inline(always)]` function for each instruction set and calls the one of `level`:
+/// `dispatch_lanes!(level, function(arg: Type, …) -> Return)`.
+#[macro_export]
+macro_rules! dispatch_lanes {
+    ($level:expr, $function:ident($($arg:ident : $type:ty),* $(,)?) $(-> $ret:ty)?) => {{
+        #[cfg(target_arch = "x86_64")]
+        {
+            #[target_feature(enable = "avx2,fma")]
+            fn avx2($($arg: $type),*) $(-> $ret)? {
+                $function::<$crate::optics::tube::lanes::Avx2>($($arg),*)
+            }
+            #[target_feature(enable = "avx512f")]
+            fn avx512($($arg: $type),*) $(-> $ret)? {
+                $function::<$crate::optics::tube::lanes::Avx512>($($arg),*)
+            }
+            match $level {
+                // SAFETY: `Level::detect` saw the instruction set on this processor.
+                $crate::optics::tube::lanes::Level::Avx512 => unsafe { avx512($($arg),*) },
+                // SAFETY: as above.
+                $crate::optics::tube::lanes::Level::Avx2 => unsafe { avx2($($arg),*) },
+                $crate::optics::tube::lanes::Level::Plain => $function::<$crate::optics::tube::lanes::Plain>($($arg),*),
+            }
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        {
+            let _ = $level;
+            $function::<$crate::optics::tube::lanes::Plain>($($arg),*)
+        }
+    }};
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[inline(always)]
+    fn table<L: Lanes>(x: &[f64], exp: &mut [f64], recip: &mut [f64]) {
+        for k in (0..x.len()).step_by(L::N) {
+            L::load(&x[k..]).exp().store(&mut exp[k..]);
+            L::load(&x[k..]).recip().store(&mut recip[k..]);
+        }
+    }
+
+    #[test]
+    fn exp_and_reciprocal() {
+        let x: Vec<f64> = (1..=4000).map(|k| -f64::from(k) * 0.0173).collect();
+        for level in Level::available() {
+            let (mut e, mut r) = (vec![0.0; x.len()], vec![0.0; x.len()]);
+            let (xs, es, rs) = (&x[..], &mut e[..], &mut r[..]);
+            dispatch_lanes!(level, table(xs: &[f64], es: &mut [f64], rs: &mut [f64]));
+            for k in 0..x.len() {
+                assert!((e[k] / x[k].exp() - 1.0).abs() < 2e-11, "{level:?} exp {}: {}", x[k], e[k]);
+                assert!((r[k] * x[k] - 1.0).abs() < 1e-14, "{level:?} 1/{}", x[k]);
+            }
+        }
+    }
+}

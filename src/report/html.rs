@@ -1,0 +1,99 @@
+//! The report as one HTML file: no script, nothing from the network, light and dark by the reader's preference.
+
+use crate::report::model::{Comparison, FitReport, Picture, Report, ViewReport};
+use crate::report::number;
+use crate::report::quantity::{channel_word, symbol};
+use crate::report::view;
+use crate::{Error, Result};
+use minijinja::value::{Serde, Value};
+use minijinja::{AutoEscape, Environment, context};
+
+const PAGE: &str = include_str!("page.html");
+const STYLE: &str = include_str!("page.css");
+
+/// Renders a report that was read with pictures.
+pub fn render(report: &Report) -> Result<String> {
+    let failed = |e: minijinja::Error| Error::Missed(format!("the report's template cannot be filled: {e:#}"));
+    let mut env = Environment::new();
+    env.set_auto_escape_callback(|_| AutoEscape::Html);
+    env.add_filter("num", |v: &Value| number_or_dash(v, number::plain));
+    env.add_filter("hundredths", |v: &Value| number_or_dash(v, |n| format!("{n:.2}").replace('-', "\u{2212}")));
+    env.add_filter("pct", |v: &Value| number_or_dash(v, number::percent));
+    env.add_filter("duration", |v: &Value| number_or_dash(v, number::duration));
+    env.add_filter("thousands", |v: &Value| number_or_dash(v, |n| number::count(n.max(0.0) as usize)));
+    env.add_filter("words", |v: String| view::words(&v));
+    env.add_filter("symbol", |v: String| symbol(&v));
+    env.add_filter("colour_word", |v: String| channel_word(&v).to_string());
+    env.add_template("page", PAGE).map_err(failed)?;
+    let fits: Vec<Value> = report.fits.iter().map(fit).collect();
+    let comparisons: Vec<Value> = report.comparisons.iter().map(comparison).collect();
+    let checks: Vec<Value> =
+        report.checks.iter().map(|c| context! { row => Serde(c), views => c.views.iter().map(shot).collect::<Vec<_>>() }).collect();
+    let page = env.get_template("page").map_err(failed)?;
+    page.render(context! {
+        style => Value::from_safe_string(format!("{STYLE}{}", crate::report::chart::ramps())),
+        title => report.title.clone(),
+        program => report.program.clone(),
+        verdict => Serde(&report.verdict),
+        word => report.verdict.level.word(),
+        fits,
+        comparisons,
+        checks,
+        plans => Serde(&report.plans),
+    })
+    .map(|html| keep_together(&html))
+    .map_err(failed)
+}
+
+/// A number and its percent sign, and `h + δ`, stay on one line.
+fn keep_together(html: &str) -> String {
+    html.replace(" %", "\u{a0}%").replace("h + δ", "h\u{a0}+\u{a0}δ")
+}
+
+fn fit(f: &FitReport) -> Value {
+    let (truth_chart, cost_chart) = view::trace_charts(f);
+    let sections: Vec<Value> =
+        f.sections.iter().map(|s| context! { row => Serde(s), figures => Serde(view::figures(&s.figures)) }).collect();
+    context! {
+        row => Serde(f),
+        word => f.verdict.level.word(),
+        parameters => Serde(view::parameter_lines(&f.parameters)),
+        sections,
+        sides => Serde(&f.pictures),
+        phases => Serde(f.times.as_ref().map(view::phase_lines).unwrap_or_default()),
+        truth_chart,
+        cost_chart,
+        has_truth => f.maps.iter().any(|m| m.truth.is_some()) || f.sections.iter().any(|s| !s.truth.is_empty()),
+    }
+}
+
+fn comparison(c: &Comparison) -> Value {
+    let lines: Vec<Value> = c
+        .parameters
+        .iter()
+        .map(|p| {
+            context! {
+                section => p.section.clone(),
+                symbol => symbol(&p.name),
+                channel => channel_word(&p.channel),
+                unit => p.unit.clone(),
+                first => view::value_or_word(p.first, p.first_stderr),
+                second => view::value_or_word(p.second, p.second_stderr),
+                difference => p.difference.map_or_else(|| "—".into(), number::plain),
+                sigmas => view::sigmas(p),
+                apart => p.sigmas.is_some_and(|s| s.abs() > 1.96),
+            }
+        })
+        .collect();
+    context! { row => Serde(c), lines, pictures => Serde(&c.pictures) }
+}
+
+fn shot(v: &ViewReport) -> Value {
+    let picture = |p: &Option<Picture>| Serde(p.clone());
+    context! { row => Serde(v), image => picture(&v.image), reference => picture(&v.reference), difference => picture(&v.difference) }
+}
+
+/// A number in words, `—` where there is none.
+fn number_or_dash(value: &Value, format: impl Fn(f64) -> String) -> String {
+    f64::try_from(value.clone()).map_or_else(|_| "—".into(), format)
+}

@@ -1,0 +1,366 @@
+//! A side's maps in numbers and pictures: the fit, the truth where it is known, the difference, the standard errors.
+
+use crate::files::image::{self, Maps};
+use crate::report::chart::{self, Titles};
+use crate::report::colour::{self, Frame};
+use crate::report::model::{Captioned, ChannelPictures, ChartTile, LegendItem, MapPictures, MapRow, MapTruth, SidePictures};
+use crate::report::number::{percent, plain};
+use crate::report::quantity::{self, channel_word, known, split};
+use crate::report::stats::{Histogram, Summary, quantile, sorted, widen};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Widest picture of a single map, and of one of a row of channels.
+const WIDE: usize = 720;
+const NARROW: usize = 360;
+/// Bins of the charts.
+const BINS: usize = 60;
+
+/// What a side's files hold.
+#[derive(Debug)]
+pub struct SideMaps {
+    pub section: String,
+    pub fit: Maps,
+    pub errors: Option<Maps>,
+    pub truth: Option<Maps>,
+    pub good: Vec<bool>,
+}
+
+/// Reads what there is of a side; what is missing or unreadable is said in `missing`.
+pub fn read_side(folder: &Path, section: &str, capture: Option<&Path>, missing: &mut Vec<String>) -> Option<SideMaps> {
+    let main = folder.join(format!("{section}.exr"));
+    let fit = read_or_say(&main, "no maps of this side", missing)?;
+    let errors_path = folder.join(format!("{section}_err.exr"));
+    let same_size = |maps: &Maps, path: &Path, missing: &mut Vec<String>| {
+        let same = (maps.width, maps.height) == (fit.width, fit.height);
+        if !same {
+            let sizes = format!("{} × {} where the fit has {} × {}", maps.width, maps.height, fit.width, fit.height);
+            missing.push(format!("{}: {sizes}; it is left out", file_name(path)));
+        }
+        same
+    };
+    let errors = read_or_say(&errors_path, "no standard errors of the maps", missing).filter(|m| same_size(m, &errors_path, missing));
+    let truth = truth_path(folder, section, capture)
+        .and_then(|path| read_or_say(&path, "no truth", missing).filter(|m| same_size(m, &path, missing)));
+    let good = match fit.get("mask.Y") {
+        Some(mask) => mask.iter().map(|m| *m > 0.5).collect(),
+        None => {
+            missing.push(format!("{section}.exr: no channel mask.Y; every texel with a value counts as good"));
+            vec![true; fit.width * fit.height]
+        }
+    };
+    Some(SideMaps { section: section.into(), fit, errors, truth, good })
+}
+
+/// `truth_front.exr` in the fit, else `truth/front.exr` of the capture.
+fn truth_path(folder: &Path, section: &str, capture: Option<&Path>) -> Option<PathBuf> {
+    let own = folder.join(format!("truth_{section}.exr"));
+    if own.exists() {
+        return Some(own);
+    }
+    let places = capture.map(|c| [c.to_path_buf(), folder.join(c)]);
+    places.into_iter().flatten().map(|c| c.join("truth").join(format!("{section}.exr"))).find(|p| p.exists())
+}
+
+fn read_or_say(path: &Path, without: &str, missing: &mut Vec<String>) -> Option<Maps> {
+    if !path.exists() {
+        missing.push(format!("{}: not there, so {without}", file_name(path)));
+        return None;
+    }
+    image::read_exr(path).map_err(|e| missing.push(format!("{e}; so {without}"))).ok()
+}
+
+fn file_name(path: &Path) -> String {
+    path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
+}
+
+/// A channel with its error and its truth.
+struct Channel<'a> {
+    name: &'a str,
+    fit: &'a [f32],
+    error: Option<&'a [f32]>,
+    truth: Option<&'a [f32]>,
+}
+
+impl SideMaps {
+    fn channels(&self) -> Vec<Channel<'_>> {
+        let mut list: Vec<Channel> = self
+            .fit
+            .channels
+            .iter()
+            .filter(|(n, _)| !quantity::SET_APART.contains(&n.as_str()))
+            .map(|(n, s)| Channel {
+                name: n,
+                fit: s,
+                error: self.errors.as_ref().and_then(|m| m.get(n)),
+                truth: self.truth.as_ref().and_then(|m| m.get(n)),
+            })
+            .collect();
+        list.sort_by_key(|c| quantity::rank(c.name));
+        list
+    }
+
+    fn good_values<'a>(&'a self, samples: &'a [f32]) -> impl Iterator<Item = f32> + 'a {
+        samples.iter().zip(&self.good).filter(|(_, g)| **g).map(|(v, _)| *v)
+    }
+
+    /// The rows of every map; channels that are nowhere finite are named in `missing`.
+    pub fn rows(&self, missing: &mut Vec<String>) -> Vec<MapRow> {
+        let channels = self.channels();
+        let read: Vec<Option<MapRow>> = channels.par_iter().map(|c| self.row(c)).collect();
+        let mut rows = Vec::new();
+        for (c, row) in channels.iter().zip(read) {
+            match row {
+                Some(row) => rows.push(row),
+                None => missing.push(format!("{}.exr: {} has no value on any good texel", self.section, c.name)),
+            }
+        }
+        let lacking: Vec<&str> =
+            quantity::QUANTITIES.iter().map(|q| q.name).filter(|q| !self.fit.channels.iter().any(|(n, _)| split(n).0 == *q)).collect();
+        if !lacking.is_empty() {
+            missing.push(format!("{}.exr: no channels of {}", self.section, lacking.join(", ")));
+        }
+        rows
+    }
+
+    fn row(&self, c: &Channel) -> Option<MapRow> {
+        let (name, letter) = split(c.name);
+        let values = sorted(self.good_values(c.fit));
+        let summary = Summary::of(&values)?;
+        let good = self.good.iter().filter(|g| **g).count();
+        let stderr = c.error.map(|e| sorted(self.good_values(e))).filter(|e| !e.is_empty()).map(|e| quantile(&e, 0.5));
+        Some(MapRow {
+            section: self.section.clone(),
+            quantity: name.into(),
+            channel: letter.into(),
+            unit: known(name).map_or("", |q| q.unit).into(),
+            summary,
+            undetermined: good - summary.samples,
+            stderr_median: stderr,
+            truth: self.against_truth(c),
+        })
+    }
+
+    fn against_truth(&self, c: &Channel) -> Option<MapTruth> {
+        let truth = c.truth?;
+        let signed = known(split(c.name).0).is_some_and(|q| q.signed);
+        let each = || (0..c.fit.len()).filter(|&i| self.good[i] && c.fit[i].is_finite() && truth[i].is_finite());
+        let absolute = sorted(each().map(|i| (c.fit[i] - truth[i]).abs()));
+        if absolute.is_empty() {
+            return None;
+        }
+        let relative = sorted(each().filter(|&i| truth[i] != 0.0).map(|i| ((c.fit[i] - truth[i]) / truth[i]).abs()));
+        let z: Vec<f32> = self.scores(c).collect();
+        let inside = z.iter().filter(|z| z.abs() <= 1.96).count();
+        Some(MapTruth {
+            median_absolute: quantile(&absolute, 0.5),
+            p99_absolute: quantile(&absolute, 0.99),
+            median_relative: (!signed && !relative.is_empty()).then(|| quantile(&relative, 0.5)),
+            bias: quantile(&sorted(each().map(|i| c.fit[i] - truth[i])), 0.5),
+            coverage95: (!z.is_empty()).then(|| inside as f64 / z.len() as f64),
+        })
+    }
+
+    /// (fit − truth) / standard error on the good texels where all three are known.
+    fn scores<'a>(&'a self, c: &'a Channel) -> impl Iterator<Item = f32> + 'a {
+        let pair = c.truth.zip(c.error);
+        (0..c.fit.len()).filter(|&i| self.good[i]).filter_map(move |i| {
+            let (truth, error) = pair?;
+            let z = (c.fit[i] - truth[i]) / error[i];
+            (error[i] > 0.0 && z.is_finite()).then_some(z)
+        })
+    }
+
+    fn frame(&self, max_width: usize) -> Frame {
+        Frame { width: self.fit.width, height: self.fit.height, max_width }
+    }
+
+    /// Everything that is drawn of the side.
+    pub fn pictures(&self, defects: &BTreeMap<String, String>) -> SidePictures {
+        let (fate, legend) = self.fate(defects);
+        let (residual, residual_histogram) = self.residual();
+        let channels = self.channels();
+        let drawn: Vec<Option<ChannelPictures>> = channels.par_iter().map(|c| self.channel_pictures(c)).collect();
+        let mut maps: Vec<MapPictures> = Vec::new();
+        for (c, drawn) in channels.iter().zip(drawn) {
+            let (name, _) = split(c.name);
+            let Some(drawn) = drawn else { continue };
+            match maps.iter_mut().find(|m| m.quantity == name) {
+                Some(m) => m.channels.push(drawn),
+                None => maps.push(MapPictures {
+                    quantity: name.into(),
+                    title: quantity::title(name),
+                    section: self.section.clone(),
+                    channels: vec![drawn],
+                }),
+            }
+        }
+        SidePictures { section: self.section.clone(), looks: self.looks(), fate, legend, residual, residual_histogram, maps }
+    }
+
+    /// ρd and ρt as colours, brightened to fill the range.
+    fn looks(&self) -> Vec<Captioned> {
+        let mut out = Vec::new();
+        for (name, words) in [("rho_d", "reflected light (ρd)"), ("rho_t", "transmitted light (ρt)")] {
+            let planes = ["R", "G", "B"].map(|c| self.fit.get(&format!("{name}.{c}")));
+            let [Some(r), Some(g), Some(b)] = planes else { continue };
+            let brightest = [r, g, b].iter().map(|p| quantile(&sorted(self.good_values(p)), 0.99)).fold(0.0, f64::max);
+            if brightest <= 0.0 {
+                continue;
+            }
+            let gain = (0.8 / brightest).max(1.0) as f32;
+            let mut caption = format!("{}: {words}", self.section);
+            if gain > 1.005 {
+                caption.push_str(&format!(", × {gain:.1}"));
+            }
+            if let Some(picture) = colour::photograph(self.frame(WIDE), [r, g, b], gain, |i| self.good[i], caption.clone()) {
+                out.push(Captioned { picture, caption, bar: String::new() });
+            }
+        }
+        out
+    }
+
+    /// Which texels are good, outside, or defective and how.
+    fn fate(&self, defects: &BTreeMap<String, String>) -> (Option<Captioned>, Vec<LegendItem>) {
+        const GOOD: [u8; 3] = [0x9f, 0xb8, 0xa4];
+        const HUES: [[u8; 3]; 7] = [
+            [0xd1, 0x49, 0x3f],
+            [0xe0, 0x92, 0x2e],
+            [0x7a, 0x5f, 0xc0],
+            [0x2f, 0x80, 0xc2],
+            [0xc2, 0x4f, 0x9a],
+            [0x8a, 0x6d, 0x3b],
+            [0x1f, 0x9e, 0x98],
+        ];
+        let Some(mask) = self.fit.get("mask.Y") else { return (None, Vec::new()) };
+        let mut codes: Vec<i32> = mask.iter().filter(|m| **m < -0.5).map(|m| m.round() as i32).collect();
+        codes.sort_unstable_by(|a, b| b.cmp(a));
+        codes.dedup();
+        let name_of = |code: i32| {
+            let own = [code.to_string(), code.abs().to_string()];
+            own.iter().find_map(|k| defects.get(k)).map_or_else(|| format!("defect {code}, not named in fit.toml"), |n| n.replace('_', " "))
+        };
+        let count = |want: i32| mask.iter().filter(|m| m.round() as i32 == want).count();
+        let hex = |c: [u8; 3]| format!("#{:02x}{:02x}{:02x}", c[0], c[1], c[2]);
+        let mut colours = vec![GOOD];
+        let mut legend = vec![LegendItem { colour: hex(GOOD), name: "good".into(), texels: count(1) }];
+        for (k, code) in codes.iter().enumerate() {
+            let hue = HUES[k % HUES.len()];
+            colours.push(hue);
+            legend.push(LegendItem { colour: hex(hue), name: name_of(*code), texels: count(*code) });
+        }
+        let code = |i: usize| match mask[i].round() as i32 {
+            0 => None,
+            c if c < 0 => codes.iter().position(|k| *k == c).map(|k| k + 1),
+            _ => Some(0),
+        };
+        let alt = format!("{}: the fate of every texel", self.section);
+        let picture = colour::categories(self.frame(WIDE), &colours, code, alt);
+        let caption = "The fate of every texel; outside is left empty.".to_string();
+        (picture.map(|picture| Captioned { picture, caption, bar: String::new() }), legend)
+    }
+
+    fn residual(&self) -> (Option<Captioned>, Option<String>) {
+        let Some(chi2) = self.fit.get("reduced_chi2.Y") else { return (None, None) };
+        let values = sorted(self.good_values(chi2));
+        let Some(s) = Summary::of(&values) else { return (None, None) };
+        let range = (0.0, s.p99.max(2.0));
+        let shown = |i: usize| if self.good[i] { chi2[i] } else { f32::NAN };
+        let caption = format!("Reduced χ² a texel: median {}, 99 % below {}, worst {}.", plain(s.median), plain(s.p99), plain(s.max));
+        let picture = colour::false_colour(self.frame(WIDE), colour::sequential(), range, shown, caption.clone());
+        let bar = colour_bar_of(false, range, "");
+        let histogram = Histogram::of(values.iter().copied(), range.0, range.1 * 1.1, BINS);
+        let titles = Titles { x: "reduced χ² of a texel", y: "share of texels", about: "Histogram of the reduced χ² of the texels" };
+        let chart = chart::histogram(&[("", &histogram)], titles, &[(1.0, "1 = as noisy as stated")], false);
+        (picture.map(|picture| Captioned { picture, caption, bar }), Some(chart))
+    }
+
+    fn channel_pictures(&self, c: &Channel) -> Option<ChannelPictures> {
+        let (name, letter) = split(c.name);
+        let signed = known(name).is_some_and(|q| q.signed);
+        let unit = known(name).map_or("", |q| q.unit);
+        let frame = self.frame(if matches!(letter, "R" | "B") { NARROW } else { WIDE });
+        let words = format!("{} {} {}", self.section, quantity::symbol(name), channel_word(letter)).trim_end().to_string();
+        let good = |samples: &'_ [f32], i: usize| if self.good[i] { samples[i] } else { f32::NAN };
+
+        let fit_summary = Summary::of(&sorted(self.good_values(c.fit)))?;
+        let truth_summary = c.truth.and_then(|t| Summary::of(&sorted(self.good_values(t))));
+        let (mut low, mut high) = (fit_summary.p01, fit_summary.p99);
+        if let Some(t) = truth_summary {
+            (low, high) = (low.min(t.p01), high.max(t.p99));
+        }
+        if signed {
+            let most = low.abs().max(high.abs());
+            (low, high) = (-most, most);
+        }
+        let range = widen(low, high);
+        let scale = if signed { colour::diverging() } else { colour::sequential() };
+        let draw = |samples: &[f32], caption: String| {
+            let picture = colour::false_colour(frame, scale, range, |i| good(samples, i), format!("{words}: {caption}"))?;
+            Some(Captioned { picture, caption, bar: colour_bar_of(signed, range, unit) })
+        };
+        let mut pictures: Vec<Captioned> = draw(c.fit, "fit".into()).into_iter().collect();
+        if let Some(truth) = c.truth.filter(|_| truth_summary.is_some()) {
+            pictures.extend(draw(truth, "truth".into()));
+            let difference = |i: usize| if self.good[i] { c.fit[i] - truth[i] } else { f32::NAN };
+            pictures.extend(difference_picture(frame, difference, unit, &words, "fit − truth"));
+        }
+
+        let symbol = quantity::symbol(name);
+        let axis = if unit.is_empty() { symbol.clone() } else { format!("{symbol} ({unit})") };
+        let mut charts = Vec::new();
+        let room = 0.15 * (range.1 - range.0);
+        let (from, to) = (if range.0 >= 0.0 { (range.0 - room).max(0.0) } else { range.0 - room }, range.1 + room);
+        let fit_histogram = Histogram::of(self.good_values(c.fit), from, to, BINS);
+        let titles = Titles { x: &axis, y: "share of texels", about: &format!("Histogram of {words}") };
+        let truth_histogram = c.truth.map(|t| Histogram::of(self.good_values(t), from, to, BINS));
+        let mut parts = vec![(if truth_histogram.is_some() { "fit" } else { "" }, &fit_histogram)];
+        parts.extend(truth_histogram.as_ref().map(|h| ("truth", h)));
+        charts.push(ChartTile { svg: chart::histogram(&parts, titles, &[], false), caption: "Values over the good texels.".into() });
+        charts.extend(self.error_charts(c, &axis, &words));
+        Some(ChannelPictures { channel: channel_word(letter).into(), pictures, charts })
+    }
+
+    /// Standard errors, and what they are worth where the truth is known.
+    fn error_charts(&self, c: &Channel, axis: &str, words: &str) -> Vec<ChartTile> {
+        let mut charts = Vec::new();
+        let z: Vec<f32> = self.scores(c).collect();
+        if !z.is_empty() {
+            let inside = z.iter().filter(|z| z.abs() <= 1.96).count() as f64 / z.len() as f64;
+            let h = Histogram::of(z.iter().copied(), -4.5, 4.5, BINS);
+            let about = format!("Histogram of the errors of {words} in standard errors");
+            let titles = Titles { x: "(fit − truth) / standard error", y: "density", about: &about };
+            let caption =
+                format!("Errors in units of the stated standard errors: {} of the truths lie within 95 % intervals.", percent(inside));
+            charts.push(ChartTile { svg: chart::histogram(&[("texels", &h)], titles, &[], true), caption });
+        }
+        if let Some(error) = c.error {
+            let values = sorted(self.good_values(error));
+            if let Some(s) = Summary::of(&values).filter(|s| s.max > 0.0) {
+                let (_, top) = widen(0.0, s.p99 * 1.05);
+                let h = Histogram::of(values.iter().copied(), 0.0, top, BINS);
+                let x = format!("standard error of {axis}");
+                let titles = Titles { x: &x, y: "share of texels", about: &format!("Histogram of the standard errors of {words}") };
+                charts.push(ChartTile {
+                    svg: chart::histogram(&[("", &h)], titles, &[], false),
+                    caption: format!("Standard errors: median {}, 99 % below {}.", plain(s.median), plain(s.p99)),
+                });
+            }
+        }
+        charts
+    }
+}
+
+/// A difference on the diverging scale, symmetric about zero.
+pub fn difference_picture(frame: Frame, value: impl Fn(usize) -> f32, unit: &str, words: &str, caption: &str) -> Option<Captioned> {
+    let sizes = sorted((0..frame.width * frame.height).map(&value).map(f32::abs));
+    let (_, most) = widen(0.0, quantile(&sizes, 0.99));
+    let range = if sizes.is_empty() { return None } else { (-most, most) };
+    let picture = colour::false_colour(frame, colour::diverging(), range, value, format!("{words}: {caption}"))?;
+    Some(Captioned { picture, caption: caption.into(), bar: colour_bar_of(true, range, unit) })
+}
+
+fn colour_bar_of(signed: bool, range: (f64, f64), unit: &str) -> String {
+    chart::colour_bar(if signed { "ramp-signed" } else { "ramp" }, range, unit)
+}

@@ -1,0 +1,285 @@
+//! What a report says, as plain rows: the JSON *is* this, Markdown and HTML print the same.
+
+use crate::fit::record::{Phase, Residuals, TruthError};
+use crate::report::stats::Summary;
+use crate::solve::TraceRow;
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// How good something is; ordered, so that the worst reason rules.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Level {
+    Good,
+    /// Usable, but something needs a look.
+    Doubtful,
+    Bad,
+}
+
+impl Level {
+    pub fn word(self) -> &'static str {
+        match self {
+            Level::Good => "Good",
+            Level::Doubtful => "Usable with care",
+            Level::Bad => "Not good",
+        }
+    }
+}
+
+/// One reason behind a verdict.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Reason {
+    pub level: Level,
+    pub text: String,
+}
+
+/// "Is this good?"
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Verdict {
+    pub level: Level,
+    pub sentence: String,
+    pub reasons: Vec<Reason>,
+}
+
+/// A whole report.
+#[derive(Debug, Clone, Serialize)]
+pub struct Report {
+    pub schema: u32,
+    pub program: String,
+    pub title: String,
+    pub verdict: Verdict,
+    pub fits: Vec<FitReport>,
+    pub comparisons: Vec<Comparison>,
+    pub plans: Vec<PlanReport>,
+    pub checks: Vec<CheckReport>,
+}
+
+/// One fit folder.
+#[derive(Debug, Clone, Serialize)]
+pub struct FitReport {
+    pub name: String,
+    pub kind: String,
+    pub folder: String,
+    pub program: String,
+    pub input_hash: String,
+    pub termination: Option<String>,
+    pub verdict: Verdict,
+    pub options: BTreeMap<String, String>,
+    pub parameters: Vec<ParameterRow>,
+    pub sections: Vec<SectionReport>,
+    pub maps: Vec<MapRow>,
+    pub times: Option<TimesReport>,
+    /// What the folder does not hold, in words.
+    pub missing: Vec<String>,
+    #[serde(skip)]
+    pub pictures: Vec<SidePictures>,
+}
+
+/// A parameter, a row a channel.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ParameterRow {
+    pub section: String,
+    pub name: String,
+    /// `R`, `G`, `B`, or empty.
+    pub channel: String,
+    pub value: Option<f64>,
+    /// Absent where undetermined.
+    pub stderr: Option<f64>,
+    pub unit: String,
+    /// Why the data do not determine it.
+    pub undetermined: Option<String>,
+}
+
+/// The statistics of `front`, `back` or `all`.
+#[derive(Debug, Clone, Serialize)]
+pub struct SectionReport {
+    pub name: String,
+    pub counts: BTreeMap<String, usize>,
+    pub terminations: BTreeMap<String, usize>,
+    pub residuals: BTreeMap<String, Residuals>,
+    pub truth: BTreeMap<String, TruthError>,
+    pub figures: BTreeMap<String, f64>,
+    pub correlation_names: Vec<String>,
+    pub correlation: Vec<Vec<f64>>,
+    pub condition: Option<f64>,
+    pub rank: Option<usize>,
+}
+
+/// A map's channel in numbers.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct MapRow {
+    pub section: String,
+    pub quantity: String,
+    pub channel: String,
+    pub unit: String,
+    /// Over the good texels.
+    pub summary: Summary,
+    /// Good texels without a value.
+    pub undetermined: usize,
+    pub stderr_median: Option<f64>,
+    pub truth: Option<MapTruth>,
+}
+
+/// A map beside the truth, over the good texels.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct MapTruth {
+    pub median_absolute: f64,
+    pub p99_absolute: f64,
+    /// Absent where a ratio means nothing (normals).
+    pub median_relative: Option<f64>,
+    pub bias: f64,
+    /// Share of truths within 1.96 standard errors.
+    pub coverage95: Option<f64>,
+}
+
+/// `times.toml`.
+#[derive(Debug, Clone, Serialize)]
+pub struct TimesReport {
+    pub phases: Vec<Phase>,
+    pub total_s: f64,
+    pub threads: usize,
+    pub peak_memory_mib: Option<f64>,
+    pub traces: BTreeMap<String, Vec<TraceRow>>,
+}
+
+/// Two fits side by side: the second against the first.
+#[derive(Debug, Clone, Serialize)]
+pub struct Comparison {
+    pub first: String,
+    pub second: String,
+    pub sentence: String,
+    pub parameters: Vec<ParameterDifference>,
+    pub maps: Vec<MapDifference>,
+    /// What only one of them has, or what cannot be compared.
+    pub notes: Vec<String>,
+    #[serde(skip)]
+    pub pictures: Vec<MapPictures>,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ParameterDifference {
+    pub section: String,
+    pub name: String,
+    pub channel: String,
+    pub unit: String,
+    pub first: Option<f64>,
+    pub first_stderr: Option<f64>,
+    pub second: Option<f64>,
+    pub second_stderr: Option<f64>,
+    pub difference: Option<f64>,
+    /// Difference over the combined standard error.
+    pub sigmas: Option<f64>,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct MapDifference {
+    pub section: String,
+    pub quantity: String,
+    pub channel: String,
+    pub unit: String,
+    pub texels: usize,
+    pub median_difference: f64,
+    pub median_absolute: f64,
+    pub p99_absolute: f64,
+    /// Share of texels that differ by more than 1.96 combined standard errors.
+    pub beyond95: Option<f64>,
+}
+
+/// `plan.json`.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct PlanReport {
+    pub folder: String,
+    pub needed: Vec<PlanItem>,
+    pub left_out: Vec<PlanItem>,
+}
+
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct PlanItem {
+    pub name: String,
+    pub reason: String,
+    pub saved: String,
+}
+
+/// `check.json`.
+#[derive(Debug, Clone, Serialize)]
+pub struct CheckReport {
+    pub folder: String,
+    pub passed: Option<bool>,
+    pub adapter: String,
+    pub views: Vec<ViewReport>,
+    pub missing: Vec<String>,
+}
+
+#[derive(Debug, Clone, Serialize)]
+pub struct ViewReport {
+    pub name: String,
+    pub passed: Option<bool>,
+    /// Every number of the view, by the name `check.json` gives it.
+    pub figures: BTreeMap<String, f64>,
+    #[serde(skip)]
+    pub image: Option<Picture>,
+    #[serde(skip)]
+    pub reference: Option<Picture>,
+    #[serde(skip)]
+    pub difference: Option<Picture>,
+}
+
+/// A picture inside the page.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Picture {
+    pub uri: String,
+    pub width: usize,
+    pub height: usize,
+    pub alt: String,
+}
+
+/// What a side looks like, drawn.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct SidePictures {
+    pub section: String,
+    /// ρd and ρt as they would look.
+    pub looks: Vec<Captioned>,
+    pub fate: Option<Captioned>,
+    pub legend: Vec<LegendItem>,
+    pub residual: Option<Captioned>,
+    pub residual_histogram: Option<String>,
+    pub maps: Vec<MapPictures>,
+}
+
+/// A picture (or chart) and what stands under it; `bar` is SVG.
+#[derive(Debug, Clone, Serialize)]
+pub struct Captioned {
+    pub picture: Picture,
+    pub caption: String,
+    pub bar: String,
+}
+
+#[derive(Debug, Clone, Serialize)]
+pub struct LegendItem {
+    pub colour: String,
+    pub name: String,
+    pub texels: usize,
+}
+
+/// One quantity: its channels in order, the telling one first.
+#[derive(Debug, Clone, Serialize)]
+pub struct MapPictures {
+    pub quantity: String,
+    pub title: String,
+    pub section: String,
+    pub channels: Vec<ChannelPictures>,
+}
+
+#[derive(Debug, Clone, Serialize)]
+pub struct ChannelPictures {
+    pub channel: String,
+    pub pictures: Vec<Captioned>,
+    /// SVG, with captions.
+    pub charts: Vec<ChartTile>,
+}
+
+#[derive(Debug, Clone, Serialize)]
+pub struct ChartTile {
+    pub svg: String,
+    pub caption: String,
+}

@@ -1,0 +1,89 @@
+//! The quantities a fit writes as maps: what they are called in words, their units, and how they are drawn.
+
+/// A known quantity.
+#[derive(Debug, Clone, Copy)]
+pub struct Quantity {
+    /// As in channel and parameter names.
+    pub name: &'static str,
+    /// Symbol and words.
+    pub title: &'static str,
+    pub unit: &'static str,
+    /// Whether zero is the middle of its scale and ratios to it mean nothing.
+    pub signed: bool,
+}
+
+/// In the order of the report.
+pub const QUANTITIES: [Quantity; 9] = [
+    Quantity { name: "rho_d", title: "ρd, diffuse reflectance", unit: "", signed: false },
+    Quantity { name: "rho_t", title: "ρt, transmittance", unit: "", signed: false },
+    Quantity { name: "rho_s", title: "ρs, specular reflectance", unit: "", signed: false },
+    Quantity { name: "m", title: "m, roughness (RMS slope)", unit: "", signed: false },
+    Quantity { name: "normal", title: "Normal", unit: "", signed: true },
+    Quantity { name: "thickness", title: "h + δ, thickness", unit: "mm", signed: false },
+    Quantity { name: "gamma", title: "γ, reflectance over that of the mean slab", unit: "", signed: false },
+    Quantity { name: "sigma_a", title: "σa, absorption", unit: "1/mm", signed: false },
+    Quantity { name: "sigma_s", title: "σs, scattering", unit: "1/mm", signed: false },
+];
+
+/// Channels that are shown in a place of their own, or (z of a unit normal) not at all.
+pub const SET_APART: [&str; 3] = ["mask.Y", "reduced_chi2.Y", "normal.Z"];
+
+pub fn known(name: &str) -> Option<&'static Quantity> {
+    QUANTITIES.iter().find(|q| q.name == name)
+}
+
+/// `σa` for `sigma_a`; the name itself where there is no symbol.
+pub fn symbol(name: &str) -> String {
+    known(name).filter(|q| q.name != "normal").and_then(|q| q.title.split(',').next()).unwrap_or(name).to_string()
+}
+
+/// Heading of a quantity that may be unknown.
+pub fn title(name: &str) -> String {
+    known(name).map_or_else(|| name.to_string(), |q| q.title.to_string())
+}
+
+/// `sigma_a.G` → (`sigma_a`, `G`); a channel called `Y` is the only one and has no name.
+pub fn split(channel: &str) -> (&str, &str) {
+    match channel.rsplit_once('.') {
+        Some((q, "Y")) if q != "normal" => (q, ""),
+        Some((q, c)) => (q, c),
+        None => (channel, ""),
+    }
+}
+
+/// Rank in the report: catalogue order, then unknown ones; green before red and blue, because leaves tell most there.
+pub fn rank(channel: &str) -> (usize, String, usize) {
+    let (quantity, letter) = split(channel);
+    let place = QUANTITIES.iter().position(|q| q.name == quantity).unwrap_or(QUANTITIES.len());
+    let letter_rank = ["G", "", "X", "R", "Y", "B"].iter().position(|l| *l == letter).unwrap_or(9);
+    (place, quantity.to_string(), letter_rank)
+}
+
+/// `R`, `G`, `B` in words.
+pub fn channel_word(letter: &str) -> &str {
+    match letter {
+        "R" => "red",
+        "G" => "green",
+        "B" => "blue",
+        "X" => "x",
+        "Y" => "y",
+        other => other,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn channels_take_their_names_apart() {
+        assert_eq!(split("sigma_a.G"), ("sigma_a", "G"));
+        assert_eq!(split("thickness.Y"), ("thickness", ""));
+        assert_eq!(split("normal.Y"), ("normal", "Y"));
+        assert_eq!(symbol("sigma_a"), "σa");
+        assert_eq!(symbol("odd"), "odd");
+        let mut names = ["odd.Y", "sigma_a.R", "rho_d.B", "sigma_a.G"];
+        names.sort_by_key(|n| rank(n));
+        assert_eq!(names, ["rho_d.B", "sigma_a.G", "sigma_a.R", "odd.Y"]);
+    }
+}

@@ -1,0 +1,217 @@
+//! From folders to rows: a fit folder holds `fit.toml`, a folder of a run may hold `check.json`, `plan.json` and several fits.
+
+use crate::fit::record::{FitRecord, Section, Times};
+use crate::report::maps::{self, SideMaps};
+use crate::report::model::{FitReport, Level, ParameterRow, Report, SectionReport, TimesReport, Verdict};
+use crate::report::{Options, ReportSource, compare, scene, verdict};
+use crate::{Error, Result};
+use std::path::{Path, PathBuf};
+
+/// Version of the JSON rows.
+const SCHEMA: u32 = 1;
+
+/// Reads every source.
+///
+/// # Errors
+/// [`Error::Input`] when a folder holds nothing to report, or when `fit.toml`, `check.json` or `plan.json` is there and broken.
+/// Everything else that is missing or damaged is said in the report.
+pub fn read(sources: &[ReportSource], options: &Options) -> Result<Report> {
+    let mut fits = Vec::new();
+    let mut folders = Vec::new();
+    let mut checks = Vec::new();
+    let mut plans = Vec::new();
+    for source in sources {
+        let found = fit_folders(&source.folder)?;
+        let check = scene::read_check(&source.folder, options.pictures)?;
+        let plan = scene::read_plan(&source.folder)?;
+        if found.is_empty() && check.is_none() && plan.is_none() {
+            return Err(Error::input(
+                &source.folder,
+                "nothing to report here: no fit.toml, check.json or plan.json, expected at least one",
+            ));
+        }
+        checks.extend(check);
+        plans.extend(plan);
+        for folder in found {
+            fits.push(fit(&folder, options)?);
+            folders.push(folder);
+        }
+    }
+    tell_apart(&mut fits);
+    let mut comparisons = Vec::new();
+    if options.compare {
+        for k in 1..fits.len() {
+            comparisons.push(against_first(&fits[0], &fits[k], &folders[0], &folders[k], options));
+        }
+    }
+    let title = match fits.as_slice() {
+        [] => "Check".to_string(),
+        [one] => one.name.clone(),
+        [a, b] if options.compare => format!("{} and {}", a.name, b.name),
+        many => many.iter().map(|f| f.name.as_str()).collect::<Vec<_>>().join(", "),
+    };
+    let verdict = verdict::overall(&fits, &checks);
+    let program = concat!("mesophyll ", env!("CARGO_PKG_VERSION")).to_string();
+    Ok(Report { schema: SCHEMA, program, title: options.title.clone().unwrap_or(title), verdict, fits, comparisons, plans, checks })
+}
+
+/// The folder itself when it is a fit, else the fits below it and below its `fits/`, by name.
+fn fit_folders(folder: &Path) -> Result<Vec<PathBuf>> {
+    if !folder.is_dir() {
+        return Err(Error::input(folder, "no such folder"));
+    }
+    if folder.join("fit.toml").exists() {
+        return Ok(vec![folder.to_path_buf()]);
+    }
+    let mut out = Vec::new();
+    for place in [folder.to_path_buf(), folder.join("fits")] {
+        if let Ok(entries) = std::fs::read_dir(&place) {
+            out.extend(entries.flatten().map(|e| e.path()).filter(|p| p.join("fit.toml").exists()));
+        }
+    }
+    out.sort();
+    Ok(out)
+}
+
+/// Fits of one name are told apart by their folders.
+fn tell_apart(fits: &mut [FitReport]) {
+    let names: Vec<String> = fits.iter().map(|f| f.name.clone()).collect();
+    for (k, fit) in fits.iter_mut().enumerate() {
+        if names.iter().filter(|n| **n == names[k]).count() > 1 {
+            let folder = Path::new(&fit.folder).file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+            fit.name = if folder == names[k] || folder.is_empty() { fit.folder.clone() } else { folder };
+            if let Some(rest) = fit.verdict.sentence.strip_prefix(names[k].as_str()) {
+                fit.verdict.sentence = format!("{}{rest}", fit.name);
+            }
+        }
+    }
+}
+
+fn fit(folder: &Path, options: &Options) -> Result<FitReport> {
+    let record = FitRecord::read(folder)?;
+    let mut missing = Vec::new();
+    let times = match Times::read(folder) {
+        Ok(t) => Some(TimesReport {
+            phases: t.phases,
+            total_s: t.total_s,
+            threads: t.threads,
+            peak_memory_mib: t.peak_memory_mib,
+            traces: t.traces,
+        }),
+        Err(_) if !folder.join("times.toml").exists() => {
+            missing.push("times.toml: not there, so no run times and no traces".into());
+            None
+        }
+        Err(e) => {
+            missing.push(format!("{e}; so no run times and no traces"));
+            None
+        }
+    };
+    missing.extend(record.files.keys().filter(|n| !folder.join(n).exists()).map(|n| format!("{n}: named in fit.toml and not there")));
+    let mut report = FitReport {
+        name: if record.name.is_empty() { folder.display().to_string() } else { record.name.clone() },
+        kind: record.kind.clone(),
+        folder: folder.display().to_string(),
+        program: record.program.clone(),
+        input_hash: record.input_hash.clone(),
+        termination: record.termination.map(|t| t.name().to_string()),
+        verdict: Verdict { level: Level::Doubtful, sentence: String::new(), reasons: Vec::new() },
+        options: record.options.clone(),
+        parameters: ordered(&record).flat_map(|(n, s)| parameters(n, s)).collect(),
+        sections: ordered(&record).map(|(n, s)| section(n, s)).collect(),
+        maps: Vec::new(),
+        times,
+        missing,
+        pictures: Vec::new(),
+    };
+    for (name, _) in ordered(&record) {
+        let Some(side) = side(folder, name, &record, &mut report.missing) else { continue };
+        report.maps.extend(side.rows(&mut report.missing));
+        if options.pictures {
+            report.pictures.push(side.pictures(&record.defects));
+        }
+    }
+    report.verdict = verdict::of_fit(&record, folder, &report);
+    Ok(report)
+}
+
+/// Maps of a section; sections without sides (`all`) have none and miss none.
+fn side(folder: &Path, name: &str, record: &FitRecord, missing: &mut Vec<String>) -> Option<SideMaps> {
+    if record.kind != "leaf" && !folder.join(format!("{name}.exr")).exists() {
+        return None;
+    }
+    if name == "all" && !folder.join("all.exr").exists() {
+        return None;
+    }
+    maps::read_side(folder, name, record.options.get("capture").map(Path::new), missing)
+}
+
+/// Front before back, the rest by name.
+fn ordered(record: &FitRecord) -> impl Iterator<Item = (&str, &Section)> {
+    let mut list: Vec<(&str, &Section)> = record.sections.iter().map(|(n, s)| (n.as_str(), s)).collect();
+    list.sort_by_key(|(n, _)| (*n != "all", *n != "front", *n != "back", n.to_string()));
+    list.into_iter()
+}
+
+fn section(name: &str, s: &Section) -> SectionReport {
+    SectionReport {
+        name: name.into(),
+        counts: s.counts.clone(),
+        terminations: s.terminations.clone(),
+        residuals: s.residuals.clone(),
+        truth: s.truth.clone(),
+        figures: s.figures.clone(),
+        correlation_names: s.correlation_names.clone(),
+        correlation: s.correlation.clone(),
+        condition: s.condition,
+        rank: s.rank,
+    }
+}
+
+/// A row a channel; `sigma_a.B: at most 0.02` (or a whole name) says which are undetermined, and so does an infinite error.
+fn parameters(section: &str, s: &Section) -> Vec<ParameterRow> {
+    let mut rows = Vec::new();
+    for (name, p) in &s.params {
+        for (k, value) in p.value.iter().enumerate() {
+            let channel = match (p.value.len(), k) {
+                (1, _) => String::new(),
+                (3, k) => ["R", "G", "B"][k].to_string(),
+                (_, k) => k.to_string(),
+            };
+            let own = if channel.is_empty() { name.clone() } else { format!("{name}.{channel}") };
+            let named = p.undetermined.iter().find_map(|text| {
+                let (who, why) = text.split_once(':').unwrap_or((text, ""));
+                [own.as_str(), name.as_str(), channel.as_str()].contains(&who.trim()).then(|| why.trim().to_string())
+            });
+            let stderr = p.stderr.get(k).copied().filter(|e| e.is_finite());
+            let unbounded = p.stderr.get(k).is_some_and(|e| !e.is_finite()).then(String::new);
+            let undetermined = named.or(unbounded);
+            rows.push(ParameterRow {
+                section: section.into(),
+                name: name.clone(),
+                channel,
+                value: Some(*value).filter(|v| v.is_finite()),
+                stderr,
+                unit: p.unit.clone(),
+                undetermined,
+            });
+        }
+    }
+    rows
+}
+
+fn against_first(a: &FitReport, b: &FitReport, folder_a: &Path, folder_b: &Path, options: &Options) -> crate::report::model::Comparison {
+    let mut out = compare::parameters(a, b);
+    let mut said = Vec::new();
+    for section in a.sections.iter().map(|s| s.name.as_str()).filter(|n| b.sections.iter().any(|s| s.name == *n)) {
+        let exists = |f: &Path| f.join(format!("{section}.exr")).exists();
+        if !exists(folder_a) || !exists(folder_b) {
+            continue;
+        }
+        let read = |f: &Path, said: &mut Vec<String>| maps::read_side(f, section, None, said);
+        if let (Some(x), Some(y)) = (read(folder_a, &mut said), read(folder_b, &mut said)) {
+            compare::side(&mut out, &x, &y, options.pictures);
+        }
+    }
+    out
+}

@@ -1,0 +1,97 @@
+//! `check.json` and `plan.json` as rows. Both are read leniently: what they do not say is left empty, never invented.
+
+use crate::files::atomic::explain;
+use crate::report::colour::data_uri;
+use crate::report::model::{CheckReport, Picture, PlanItem, PlanReport, ViewReport};
+use crate::{Error, Result};
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// `FOLDER/check.json` with the pictures beside it; `None` when there is none.
+///
+/// # Errors
+/// [`Error::Input`] when the file is there and is no JSON.
+pub fn read_check(folder: &Path, pictures: bool) -> Result<Option<CheckReport>> {
+    let Some(json) = read_json(&folder.join("check.json"))? else { return Ok(None) };
+    let mut missing = Vec::new();
+    let views = json.get("views").and_then(Value::as_array).map(Vec::as_slice).unwrap_or_default();
+    let views = views.iter().enumerate().map(|(k, v)| view(folder, k, v, pictures, &mut missing)).collect();
+    Ok(Some(CheckReport {
+        folder: folder.display().to_string(),
+        passed: json.get("passed").and_then(Value::as_bool),
+        adapter: json.get("adapter").map(text).filter(|a| !a.is_empty()).unwrap_or_else(|| "adapter not named".into()),
+        views,
+        missing,
+    }))
+}
+
+fn view(folder: &Path, index: usize, json: &Value, pictures: bool, missing: &mut Vec<String>) -> ViewReport {
+    let name = json.get("name").map_or_else(|| format!("view {}", index + 1), text);
+    let figures: BTreeMap<String, f64> =
+        json.as_object().map(|o| o.iter().filter_map(|(k, v)| Some((k.clone(), v.as_f64()?))).collect()).unwrap_or_default();
+    let mut find = |kind: &str, endings: &[&str]| {
+        if !pictures {
+            return None;
+        }
+        let found = picture(folder, json.get(kind).and_then(Value::as_str), &name, endings, &format!("{name}: {kind}"));
+        if found.is_none() {
+            missing.push(format!("view {name}: no {kind} picture"));
+        }
+        found
+    };
+    let image = find("image", &["", "-image", "_image", ".image"]);
+    let reference = find("reference", &["-reference", "_reference", ".reference"]);
+    let difference = find("difference", &["-difference", "_difference", ".difference", "-diff", "_diff", ".diff"]);
+    ViewReport { passed: json.get("passed").and_then(Value::as_bool), name, figures, image, reference, difference }
+}
+
+/// The PNG the view names, else `NAME-reference.png` and the like; names never lead out of the folder.
+fn picture(folder: &Path, named: Option<&str>, view: &str, endings: &[&str], alt: &str) -> Option<Picture> {
+    let inside = |name: &str| {
+        let path = Path::new(name);
+        path.components().all(|c| matches!(c, std::path::Component::Normal(_))).then(|| folder.join(path))
+    };
+    let guesses = endings.iter().map(|e| format!("{view}{e}.png"));
+    named.map(str::to_string).into_iter().chain(guesses).filter_map(|n| inside(&n)).find_map(|path| {
+        let bytes = std::fs::read(&path).ok()?;
+        let decoder = png::Decoder::new(std::io::Cursor::new(&bytes));
+        let reader = decoder.read_info().ok()?;
+        let (width, height) = (reader.info().width as usize, reader.info().height as usize);
+        Some(Picture { uri: data_uri("image/png", &bytes), width, height, alt: alt.into() })
+    })
+}
+
+/// `FOLDER/plan.json`; `None` when there is none.
+pub fn read_plan(folder: &Path) -> Result<Option<PlanReport>> {
+    let Some(json) = read_json(&folder.join("plan.json"))? else { return Ok(None) };
+    let list = |key: &str| {
+        let items = json.get(key).and_then(Value::as_array).map(Vec::as_slice).unwrap_or_default();
+        items.iter().map(item).collect()
+    };
+    Ok(Some(PlanReport { folder: folder.display().to_string(), needed: list("needed"), left_out: list("left_out") }))
+}
+
+fn item(json: &Value) -> PlanItem {
+    let field = |key: &str| json.get(key).map(text).unwrap_or_default();
+    match json {
+        Value::Object(_) => PlanItem { name: field("name"), reason: field("reason"), saved: field("saved") },
+        other => PlanItem { name: text(other), ..PlanItem::default() },
+    }
+}
+
+fn text(value: &Value) -> String {
+    match value {
+        Value::String(s) => s.clone(),
+        Value::Null => String::new(),
+        other => other.to_string(),
+    }
+}
+
+fn read_json(path: &Path) -> Result<Option<Value>> {
+    if !path.exists() {
+        return Ok(None);
+    }
+    let content = std::fs::read_to_string(path).map_err(|e| Error::input(path, explain(&e)))?;
+    serde_json::from_str(&content).map(Some).map_err(|e| Error::input(path, format!("not readable as JSON: {e}")))
+}

@@ -1,0 +1,257 @@
+//! `fit leaf` driven from outside: recovery, resuming, sharding, and every kind of bad capture.
+
+mod common;
+
+use common::{copy_tree, mesophyll, refused, run, scan, succeeded};
+use mesophyll::files::image::{Packing, read_exr, write_exr};
+use mesophyll::fit::record::FitRecord;
+use std::path::Path;
+use std::sync::OnceLock;
+
+/// A noise-free scan that several tests copy from or read.
+fn clean_scan() -> &'static Path {
+    static SCAN: OnceLock<(tempfile::TempDir, std::path::PathBuf)> = OnceLock::new();
+    &SCAN
+        .get_or_init(|| {
+            let dir = tempfile::tempdir().unwrap();
+            let capture = scan(dir.path(), "balata", &["--size", "48x36", "--frames", "60", "--noise", "0", "--seed", "1"]);
+            (dir, capture)
+        })
+        .1
+}
+
+/// A small noisy scan to damage.
+fn small_scan() -> &'static Path {
+    static SCAN: OnceLock<(tempfile::TempDir, std::path::PathBuf)> = OnceLock::new();
+    &SCAN
+        .get_or_init(|| {
+            let dir = tempfile::tempdir().unwrap();
+            let capture = scan(dir.path(), "elm", &["--size", "24x18", "--frames", "16", "--noise", "0.01", "--seed", "1"]);
+            (dir, capture)
+        })
+        .1
+}
+
+fn damaged(dir: &tempfile::TempDir, damage: impl Fn(&Path)) -> String {
+    let copy = dir.path().join("damaged");
+    copy_tree(small_scan(), &copy);
+    damage(&copy);
+    copy.to_str().unwrap().to_string()
+}
+
+fn fit(capture: &str, dir: &tempfile::TempDir) -> std::process::Output {
+    run(["fit", "leaf", capture, "-o", dir.path().join("fit").to_str().unwrap()])
+}
+
+#[test]
+fn a_noise_free_scan_is_recovered_to_a_thousandth() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("fit");
+    succeeded(&run(["fit", "leaf", clean_scan().to_str().unwrap(), "-o", out.to_str().unwrap()]));
+    let record = FitRecord::read(&out).unwrap();
+    for side in ["front", "back"] {
+        let section = &record.sections[side];
+        assert!(section.counts["good"] * 100 >= (section.counts["texels"] - section.counts["outside"]) * 98, "{:?}", section.counts);
+        for quantity in ["rho_d", "rho_t", "thickness", "sigma_a", "sigma_s"] {
+            let error = section.truth[quantity];
+            assert!(error.p99_relative < 1e-3, "{side} {quantity}: {error:?}");
+        }
+    }
+    for name in
+        ["front.exr", "back.exr", "front_err.exr", "back_err.exr", "front_gamma_delta.exr", "back_rho_s_m.exr", "blade.glb", "times.toml"]
+    {
+        assert!(out.join(name).exists(), "{name}");
+    }
+    // ρd + ρt + absorbed = 1 with something absorbed everywhere
+    let maps = read_exr(&out.join("front.exr")).unwrap();
+    let (mask, d, t) = (maps.get("mask.Y").unwrap(), maps.get("rho_d.G").unwrap(), maps.get("rho_t.G").unwrap());
+    assert!((0..mask.len()).all(|k| mask[k] != 1.0 || d[k] + t[k] < 1.0));
+}
+
+#[test]
+fn shards_and_a_resumed_run_give_the_bytes_of_one_run() {
+    let dir = tempfile::tempdir().unwrap();
+    let capture = small_scan().to_str().unwrap();
+    let path = |name: &str| dir.path().join(name).to_str().unwrap().to_string();
+    let (one, parts) = (path("one"), path("parts"));
+    succeeded(&run(["fit", "leaf", capture, "-o", &one, "--threads", "1"]));
+    succeeded(&run(["fit", "leaf", capture, "-o", &parts, "--shard", "1/2"]));
+    refused(&run(["fit", "leaf", capture, "-o", &parts, "--merge"]), 1, &["parts are missing"]);
+    succeeded(&run(["fit", "leaf", capture, "-o", &parts, "--shard", "2/2"]));
+    succeeded(&run(["fit", "leaf", capture, "-o", &parts, "--merge"]));
+    for name in ["fit.toml", "front.exr", "back.exr", "front_err.exr", "blade.glb", "front_gamma_delta.exr", "front_rho_d.png"] {
+        let [a, b] = [&one, &parts].map(|d| std::fs::read(Path::new(d).join(name)).unwrap());
+        assert!(a == b, "{name} differs");
+    }
+    // the same command again computes nothing
+    let before = std::fs::metadata(Path::new(&one).join("front.exr")).unwrap().modified().unwrap();
+    succeeded(&run(["fit", "leaf", capture, "-o", &one]));
+    assert_eq!(std::fs::metadata(Path::new(&one).join("front.exr")).unwrap().modified().unwrap(), before);
+}
+
+#[test]
+#[cfg(unix)]
+fn ctrl_c_keeps_finished_parts_and_the_next_run_goes_on() {
+    let dir = tempfile::tempdir().unwrap();
+    let capture = scan(dir.path(), "elm", &["--size", "96x288", "--frames", "40", "--noise", "0.01", "--seed", "2"]);
+    let out = dir.path().join("fit");
+    let args = ["fit", "leaf", capture.to_str().unwrap(), "-o", out.to_str().unwrap(), "--threads", "1"];
+    let mut child = mesophyll().args(args).stderr(std::process::Stdio::piped()).spawn().unwrap();
+    // Wait for the first part, then interrupt.
+    let parts = |out: &Path| -> usize {
+        let folders = std::fs::read_dir(out).into_iter().flatten().flatten().filter(|e| e.path().is_dir());
+        folders
+            .flat_map(|f| std::fs::read_dir(f.path()).into_iter().flatten().flatten())
+            .filter(|e| e.file_name().to_string_lossy().ends_with(".exr") && !e.file_name().to_string_lossy().starts_with('.'))
+            .count()
+    };
+    while parts(&out) == 0 && child.try_wait().unwrap().is_none() {
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    let _ = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+    let output = child.wait_with_output().unwrap();
+    // A machine fast enough to finish first has nothing to resume; everywhere else the run ends as interrupted.
+    if !output.status.success() {
+        refused(&output, 130, &["interrupted", "run the same command again"]);
+        assert!(parts(&out) > 0);
+        assert!(!out.join("fit.toml").exists());
+    }
+    succeeded(&run(args));
+    assert!(out.join("fit.toml").exists());
+}
+
+#[test]
+fn the_paper_s_reduction_is_there_by_name() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("fit");
+    succeeded(&run(["fit", "leaf", clean_scan().to_str().unwrap(), "-o", out.to_str().unwrap(), "--method", "paper"]));
+    let record = FitRecord::read(&out).unwrap();
+    assert_eq!(record.options["method"], "paper");
+    let f = &record.sections["front"].figures;
+    assert!(f["transmittance_rms_exact"] < 0.2 * f["transmittance_rms_paper"], "{f:?}");
+}
+
+#[test]
+fn a_missing_frame_is_named() {
+    let dir = tempfile::tempdir().unwrap();
+    let capture = damaged(&dir, |c| std::fs::remove_file(c.join("front/x/0007.exr")).unwrap());
+    refused(&fit(&capture, &dir), 2, &["front/x/0007.exr", "no such file"]);
+}
+
+#[test]
+fn a_frame_of_another_size_is_named() {
+    let dir = tempfile::tempdir().unwrap();
+    let capture = damaged(&dir, |c| {
+        let path = c.join("back/y/0003.exr");
+        let mut maps = read_exr(&path).unwrap();
+        maps.height -= 2;
+        let n = maps.width * maps.height;
+        maps.channels.iter_mut().for_each(|(_, s)| s.truncate(n));
+        write_exr(&path, &maps, Packing::Raw).unwrap();
+    });
+    refused(&fit(&capture, &dir), 2, &["back/y/0003.exr", "24x16", "24x18"]);
+}
+
+#[test]
+fn a_truncated_frame_is_named() {
+    let dir = tempfile::tempdir().unwrap();
+    let capture = damaged(&dir, |c| {
+        let path = c.join("front/y/0005.exr");
+        let bytes = std::fs::read(&path).unwrap();
+        std::fs::write(&path, &bytes[..bytes.len() * 2 / 3]).unwrap();
+    });
+    refused(&fit(&capture, &dir), 2, &["front/y/0005.exr"]);
+    assert!(!dir.path().join("fit/fit.toml").exists());
+}
+
+#[test]
+fn dead_pixels_are_left_out_and_texels_without_readings_are_named() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = 9 * 24 + 12;
+    let capture = damaged(&dir, |c| {
+        for k in 0..16 {
+            for travel in ["x", "y"] {
+                let path = c.join(format!("front/{travel}/{k:04}.exr"));
+                let mut maps = read_exr(&path).unwrap();
+                for (_, s) in &mut maps.channels {
+                    s[at] = f32::NAN; // this texel reads nothing in any frame
+                    if k == 5 {
+                        s[at + 1] = f32::NAN; // its neighbour misses one frame
+                    }
+                }
+                write_exr(&path, &maps, Packing::Raw).unwrap();
+            }
+        }
+    });
+    succeeded(&fit(&capture, &dir));
+    let record = FitRecord::read(&dir.path().join("fit")).unwrap();
+    assert!(record.sections["front"].counts["no_reading"] >= 1);
+    let maps = read_exr(&dir.path().join("fit/front.exr")).unwrap();
+    let mask = maps.get("mask.Y").unwrap();
+    assert_eq!((mask[at], mask[at + 1]), (-1.0, 1.0));
+    assert_eq!(record.defects["-1"], "no_reading");
+}
+
+#[test]
+fn a_scan_that_is_saturated_everywhere_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let capture = damaged(&dir, |c| {
+        for k in 0..16 {
+            for travel in ["x", "y"] {
+                let path = c.join(format!("front/{travel}/{k:04}.exr"));
+                let mut maps = read_exr(&path).unwrap();
+                maps.channels.iter_mut().for_each(|(_, s)| s.fill(f32::NAN));
+                write_exr(&path, &maps, Packing::Raw).unwrap();
+            }
+        }
+    });
+    refused(&fit(&capture, &dir), 1, &["front", "no texel could be fitted"]);
+}
+
+#[test]
+fn the_manifest_is_checked_field_by_field() {
+    let cases: [(&str, &str, &[&str]); 6] = [
+        ("thickness_mm = ", "thickness_mm = -0.2 # ", &["capture.toml", "thickness_mm", "-0.2", "positive"]),
+        ("schema = 1", "schema = 1\ncolour = \"green\"", &["capture.toml", "colour"]),
+        ("schema = 1", "schema = 7", &["schema", "found 7", "expected 1"]),
+        ("texel_mm = ", "texel_mm = \"wide\" # ", &["capture.toml", "string"]),
+        ("frames = ", "frames = 2 # ", &["frames", "8 to 10000"]),
+        ("camera_deg = ", "camera_deg = 90.0 # ", &["camera_deg", "90"]),
+    ];
+    for (from, to, words) in cases {
+        let dir = tempfile::tempdir().unwrap();
+        let capture = damaged(&dir, |c| {
+            let path = c.join("capture.toml");
+            let text = std::fs::read_to_string(&path).unwrap();
+            assert!(text.contains(from), "{text}");
+            std::fs::write(&path, text.replacen(from, to, 1)).unwrap();
+        });
+        refused(&fit(&capture, &dir), 2, words);
+    }
+}
+
+#[test]
+fn a_folder_that_cannot_be_written_is_the_command_line_s_mistake() {
+    let capture = small_scan().to_str().unwrap();
+    refused(&run(["fit", "leaf", capture, "-o", "/proc/mesophyll"]), 2, &["output folder", "/proc/mesophyll"]);
+}
+
+#[test]
+#[cfg(unix)]
+fn a_full_disk_ends_in_a_sentence_and_leaves_nothing_half_written() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("fit");
+    // A file-size limit stands in for a full disk: the same write fails in the middle.
+    let script = format!(
+        "trap '' XFSZ; ulimit -f 8; exec '{}' --quiet fit leaf '{}' -o '{}'",
+        env!("CARGO_BIN_EXE_mesophyll"),
+        small_scan().display(),
+        out.display()
+    );
+    let output = std::process::Command::new("sh").args(["-c", &script]).output().unwrap();
+    refused(&output, 1, &["cannot write"]);
+    assert!(!out.join("fit.toml").exists());
+    let litter: Vec<_> =
+        std::fs::read_dir(&out).unwrap().flatten().filter(|e| e.file_name().to_string_lossy().ends_with(".partial")).collect();
+    assert!(litter.is_empty(), "{litter:?}");
+}

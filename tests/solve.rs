@@ -1,0 +1,73 @@
+//! The solver from outside: `mesophyll stress` and `mesophyll bench` as a user runs them.
+
+use assert_cmd::Command;
+use serde_json::Value;
+
+fn mesophyll() -> Command {
+    Command::cargo_bin("mesophyll").expect("the binary is built with the tests")
+}
+
+fn rows(arguments: &[&str]) -> Vec<Value> {
+    let output = mesophyll().args(arguments).assert().code(0).get_output().stdout.clone();
+    let value: Value = serde_json::from_slice(&output).expect("JSON on standard output");
+    value["rows"].as_array().expect("a field rows").clone()
+}
+
+#[test]
+fn stress_nist_solves_all_54_runs() {
+    let rows = rows(&["stress", "nist", "--json"]);
+    assert_eq!(rows.len(), 54);
+    let mut digits = 0.0;
+    for row in &rows {
+        for field in ["model", "case", "expected", "verdict", "digits", "condition", "ms"] {
+            assert!(!row[field].is_null(), "{row} has no {field}");
+        }
+        assert_eq!((row["expected"].as_str(), row["verdict"].as_str()), (Some("ok"), Some("ok")), "{row}");
+        digits += row["digits"].as_f64().unwrap();
+    }
+    assert!(digits / 54.0 >= 10.0, "{} digits on average", digits / 54.0);
+}
+
+#[test]
+fn stress_solve_prints_a_table_and_names_its_cases() {
+    let output = mesophyll().args(["stress", "solve"]).assert().code(0).get_output().stdout.clone();
+    let text = String::from_utf8(output).unwrap();
+    for word in ["only a product matters", "undetermined: b1 b2", "refused: not_finite", "cases as expected"] {
+        assert!(text.contains(word), "{word:?} is missing from\n{text}");
+    }
+}
+
+#[test]
+fn unknown_names_are_usage_errors_with_the_list() {
+    for verb in ["stress", "bench"] {
+        let output = mesophyll().args([verb, "no-such-model"]).assert().code(2).get_output().clone();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(said.contains("no-such-model") && said.contains("solve"), "{said}");
+        assert!(output.stdout.is_empty());
+    }
+}
+
+#[test]
+fn bench_gives_rows_a_plot_and_the_frontier() {
+    let folder = tempfile::tempdir().unwrap();
+    let rows = rows(&["bench", "solve", "--json", "-o", folder.path().to_str().unwrap()]);
+    let errors = |knob: &str| -> Vec<f64> { rows.iter().filter(|r| r["knob"] == knob).map(|r| r["error"].as_f64().unwrap()).collect() };
+    // Errors (not times) are the same on every machine: more iterations, a tighter tolerance, the refinement buy digits.
+    for knob in ["iterations at most", "tolerance", "refinement"] {
+        let e = errors(knob);
+        assert!(e.len() >= 2 && e.last() < e.first(), "{knob}: {e:?}");
+    }
+    assert!(rows.iter().all(|r| r["us"].as_f64().unwrap() > 0.0));
+    let svg = std::fs::read_to_string(folder.path().join("bench-solve.svg")).unwrap();
+    assert!(svg.contains("run time"));
+    assert!(folder.path().join("bench.json").exists());
+}
+
+#[test]
+fn missing_peers_are_skipped_with_a_word() {
+    let output = mesophyll().args(["bench", "solve", "--peers", "--json"]).env("MESOPHYLL_PYTHON", "no-such-python").assert().code(0);
+    let output = output.get_output().clone();
+    assert!(String::from_utf8(output.stderr).unwrap().contains("skipped"));
+    let value: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(value["rows"].as_array().unwrap().iter().all(|r| r["knob"] != "peer"));
+}
