@@ -27,11 +27,11 @@ pub struct Args {
 #[cfg(feature = "render")]
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     use crate::files::atomic;
-    use crate::scene::{check, interiors, ledger::Ledger, manifest::Manifest, plan};
+    use crate::scene::{check, interiors, ledger::Ledger, make, manifest::Manifest, plan};
 
     let manifest = Manifest::read(&args.scene)?;
     let ledger = Ledger::new();
-    let plan = plan::make(&manifest, args.out.as_deref(), None, &ledger)?;
+    let plan = plan::make(&manifest, args.out.as_deref(), Some(&make::input_hash), &ledger)?;
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out/check").join(&manifest.name));
     let options = check::Options { out: out.clone(), update_golden: args.update_golden };
     let report = check::check(&manifest, &plan, &options, &ledger)?;

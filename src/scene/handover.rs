@@ -134,15 +134,29 @@ fn interior(kind: Interior, leaf: &LeafPlan, s: usize, side: SideName, shift: f3
             out.interior = viewer::Interior::Scalars(slab_curve(curve));
         }
         Interior::Maps => {
-            let (rho_d, rho_t) = pigment(leaf, side, ledger)?;
+            let (rho_d, rho_t) = pigment(leaf, side, &Scaling::default(), ledger)?;
             out.interior = viewer::Interior::Maps { rho_d: shrink(&rho_d, leaf, mean3), rho_t: shrink(&rho_t, leaf, mean3) };
         }
     }
     Ok(out)
 }
 
+/// What an edit does to pigment maps: factors a channel, and what is added to the thickness (mm).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scaling {
+    pub sigma_a: [f64; 3],
+    pub sigma_s: [f64; 3],
+    pub thickness_mm: f64,
+}
+
+impl Default for Scaling {
+    fn default() -> Self {
+        Scaling { sigma_a: [1.0; 3], sigma_s: [1.0; 3], thickness_mm: 0.0 }
+    }
+}
+
 /// ρd and ρt of every texel, solved from σa(x), σs(x) and the thickness.
-fn pigment(leaf: &LeafPlan, side: SideName, ledger: &Ledger) -> Result<(Vec<[f32; 3]>, Vec<[f32; 3]>)> {
+pub fn pigment(leaf: &LeafPlan, side: SideName, edit: &Scaling, ledger: &Ledger) -> Result<(Vec<[f32; 3]>, Vec<[f32; 3]>)> {
     let Some(fitted) = &leaf.fitted else { return Ok(Default::default()) };
     let file = format!("{}.exr", side.name());
     const CHANNELS: [&str; 7] = ["sigma_a.R", "sigma_a.G", "sigma_a.B", "sigma_s.R", "sigma_s.G", "sigma_s.B", "thickness.Y"];
@@ -157,7 +171,9 @@ fn pigment(leaf: &LeafPlan, side: SideName, ledger: &Ledger) -> Result<(Vec<[f32
                 if !good[k] {
                     return [f32::NAN; 6];
                 }
-                let r = [0, 1, 2].map(|c| slab::response(f64::from(planes[c][k]), f64::from(planes[3 + c][k]), f64::from(planes[6][k])));
+                let h = (f64::from(planes[6][k]) + edit.thickness_mm).max(1e-6);
+                let r = [0, 1, 2]
+                    .map(|c| slab::response(f64::from(planes[c][k]) * edit.sigma_a[c], f64::from(planes[3 + c][k]) * edit.sigma_s[c], h));
                 [r[0].rho_d, r[1].rho_d, r[2].rho_d, r[0].rho_t, r[1].rho_t, r[2].rho_t].map(|v| v as f32)
             })
             .collect()

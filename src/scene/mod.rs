@@ -5,6 +5,8 @@ pub mod card;
 #[cfg(feature = "render")]
 pub mod check;
 pub mod display;
+#[cfg(feature = "render")]
+pub mod edit;
 pub mod facing;
 pub mod fitted;
 #[cfg(feature = "render")]
@@ -14,6 +16,7 @@ pub mod handover;
 #[cfg(feature = "render")]
 pub mod interiors;
 pub mod ledger;
+pub mod make;
 pub mod manifest;
 pub mod mesh;
 pub mod placement;
@@ -21,5 +24,7 @@ pub mod plan;
 mod plan_leaf;
 mod plan_light;
 pub mod reference;
+#[cfg(feature = "render")]
+pub mod save;
 pub mod source;
 mod validate;

@@ -155,6 +155,18 @@ pub fn sun_direction(manifest: &Manifest) -> Option<DVec3> {
 /// # Errors
 /// [`crate::Error::Input`] for a fit that does not exist and cannot be made, a damaged mesh or map, a side the fit does not have.
 pub fn make(manifest: &Manifest, out: Option<&Path>, input_hash: Option<InputHash>, ledger: &Ledger) -> Result<Plan> {
+    make_for(manifest, out, input_hash, ledger, false)
+}
+
+/// The plan for a window, where the camera and the sun move: both sides of every leaf in the scene, at full resolution.
+///
+/// # Errors
+/// As [`make`].
+pub fn make_free(manifest: &Manifest, out: Option<&Path>, input_hash: Option<InputHash>, ledger: &Ledger) -> Result<Plan> {
+    make_for(manifest, out, input_hash, ledger, true)
+}
+
+fn make_for(manifest: &Manifest, out: Option<&Path>, input_hash: Option<InputHash>, ledger: &Ledger, free: bool) -> Result<Plan> {
     let placements = placement::placements(manifest);
     let mut plan = Plan {
         scene: manifest.name.clone(),
@@ -169,7 +181,12 @@ pub fn make(manifest: &Manifest, out: Option<&Path>, input_hash: Option<InputHas
         msaa: if manifest.tolerance < 0.05 { 4 } else { 1 },
     };
     for index in 0..manifest.leaves.len() {
-        let leaf = leaf_plan(manifest, &plan.placements, index, out, input_hash, ledger)?;
+        let mut leaf = leaf_plan(manifest, &plan.placements, index, out, input_hash, ledger)?;
+        if free && leaf.mesh.is_some() {
+            let sides = leaf.fitted.as_ref().map_or([false; 2], |f| super::plan_leaf::SIDES.map(|s| f.has(s)));
+            leaf.facing = Facing::ALL;
+            leaf.sides = sides.map(|has| SideNeeds { rho_d: has, rho_t: has, gloss: has, normal: has, mean: false });
+        }
         super::plan_leaf::list(manifest, &leaf, &mut plan);
         plan.leaves.push(leaf);
     }
@@ -180,7 +197,10 @@ pub fn make(manifest: &Manifest, out: Option<&Path>, input_hash: Option<InputHas
         }
         plan.leaves.insert(k, leaf);
     }
-    super::plan_light::lights(manifest, &mut plan);
+    if free {
+        plan.leaves.iter_mut().for_each(|l| l.block = 1);
+    }
+    super::plan_light::lights(manifest, &mut plan, free);
     super::plan_light::absent_models(manifest, &mut plan);
     let parts: Vec<(String, String)> = plan.needed.iter().map(|n| (n.name.clone(), format!("{:?} {:?}", n.hash, n.amount))).collect();
     plan.hash = crate::files::hash::combine(parts.iter().map(|(a, b)| (a.as_str(), b.as_str())));

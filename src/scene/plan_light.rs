@@ -8,13 +8,14 @@ use super::plan::{LeftOut, Need, Plan, sun_direction};
 /// Shadow maps are this many texels a side.
 const SHADOW_SIDE: u64 = 2048;
 
-/// Decides sun, shadows and sky.
-pub fn lights(manifest: &Manifest, plan: &mut Plan) {
+/// Decides sun, shadows and sky; with a free camera and sun, shadows can always fall.
+pub fn lights(manifest: &Manifest, plan: &mut Plan, free: bool) {
     let shadow_bytes = SHADOW_SIDE * SHADOW_SIDE * 4;
     match (&manifest.sun, sun_direction(manifest)) {
         (Some(sun), Some(direction)) => {
             plan.need(Need::new("sun", "the scene has one: three numbers and a direction, its disk by its radius"));
             match plan.shadows(direction, sun.radius_deg.to_radians()) {
+                _ if free => shadows(manifest, plan, sun.radius_deg.to_radians(), shadow_bytes),
                 Ok(()) => shadows(manifest, plan, sun.radius_deg.to_radians(), shadow_bytes),
                 Err(why) => plan.leave_out(LeftOut::new("shadow maps", why, shadow_bytes, None)),
             }

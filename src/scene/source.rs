@@ -1,6 +1,6 @@
 //! Where a leaf's fit comes from: a folder that is up to date, or a capture or scan that has yet to be fitted.
 
-use super::manifest::{Manifest, Scan};
+use super::manifest::{Leaf, Manifest, Scan};
 use crate::files::hash;
 use crate::fit::record::FitRecord;
 use crate::{Error, Result};
@@ -29,7 +29,7 @@ pub struct Source {
 }
 
 /// Hash of everything a fit of this capture would be made from, as `fit.toml` records it.
-pub type InputHash<'a> = &'a dyn Fn(&Path) -> Result<String>;
+pub type InputHash<'a> = &'a dyn Fn(&Leaf, &Path) -> Result<String>;
 
 /// Decides where leaf `index` comes from. `out` is a run's folder with fits of its own; `input_hash` says what a capture is worth now.
 ///
@@ -46,7 +46,7 @@ pub fn source(manifest: &Manifest, index: usize, out: Option<&Path>, input_hash:
         let why = match (&leaf.capture, &leaf.scan, input_hash) {
             (Some(capture), _, Some(hash)) => {
                 let capture = manifest.resolve(capture);
-                if FitRecord::read(&folder)?.input_hash != hash(&capture)? {
+                if FitRecord::read(&folder)?.input_hash != hash(leaf, &capture)? {
                     stale = Some(format!("{} changed since {} was fitted from it", capture.display(), folder.display()));
                     continue;
                 }

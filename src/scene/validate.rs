@@ -1,6 +1,6 @@
 //! What a scene manifest must say, beyond having the right fields. An error names file, line and field.
 
-use super::manifest::{Interior, Lobe, Manifest, View, ViewKind};
+use super::manifest::{Lobe, Manifest, View, ViewKind};
 use crate::{Error, Result};
 use std::collections::BTreeSet;
 
@@ -139,14 +139,19 @@ fn leaves(p: &Place) -> Result<()> {
         if leaf.capture.is_some() && leaf.scan.is_some() {
             return Err(p.error(HEADER, i, "scan", "given beside a capture; expected one of the two"));
         }
+        if let Some(scan) = &leaf.scan {
+            if scan.size.is_some() && super::make::size(scan).is_none() {
+                let found = scan.size.as_deref().unwrap_or_default();
+                return Err(p.error(HEADER, i, "scan", format!("size: found \"{found}\", expected WIDTHxHEIGHT such as 240x180")));
+            }
+            p.range(HEADER, i, "scan", scan.frames.unwrap_or(100) as f64, 8.0, 10_000.0, "frames")?;
+            p.range(HEADER, i, "scan", scan.noise.unwrap_or(0.0), 0.0, 1.0, "relative noise")?;
+        }
         match (leaf.lobe, leaf.index) {
             (Lobe::CookTorrance, Some(n)) => p.range(HEADER, i, "index", n, 1.0, 4.0, "")?,
             (Lobe::CookTorrance, None) => return Err(p.error(HEADER, i, "index", "missing; the cook-torrance lobe needs one")),
             (_, Some(_)) => return Err(p.error(HEADER, i, "index", "given, but only the cook-torrance lobe has one")),
             (_, None) => {}
-        }
-        if leaf.interior == Interior::Maps && leaf.fit.is_none() && leaf.capture.is_none() && leaf.scan.is_none() {
-            return Err(p.error(HEADER, i, "interior", "pigment maps need a fit"));
         }
     }
     Ok(())
