@@ -1,11 +1,57 @@
 //! `mesophyll check`.
 
 use super::Common;
-use crate::{Error, Result};
+use crate::Result;
+use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
-pub struct Args {}
+#[command(
+    after_help = "Examples:\n  mesophyll check data/scenes/matte-front.toml\n  mesophyll check data/scenes/glossy-sky.toml --json --out out/check\n\n\
+    Exit code 1 when a threshold is missed, when a fit's files are not what was fitted, and when there is no adapter to draw with."
+)]
+pub struct Args {
+    /// Scene to check
+    #[arg(value_name = "SCENE.toml")]
+    scene: PathBuf,
+    /// Folder for pictures and check.json (default: out/check/SCENE); an earlier run's folder counts its fits as done
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Write the reference's pictures as the scene's goldens instead of comparing with them
+    #[arg(long)]
+    update_golden: bool,
+    /// Compare W's scalars with pigment maps for every leaf: bytes, fit error, picture error
+    #[arg(long)]
+    compare_interiors: bool,
+}
 
+#[cfg(feature = "render")]
+pub fn run(args: &Args, common: &Common) -> Result<u8> {
+    use crate::files::atomic;
+    use crate::scene::{check, interiors, ledger::Ledger, make, manifest::Manifest, plan};
+
+    let manifest = Manifest::read(&args.scene)?;
+    let ledger = Ledger::new();
+    let plan = plan::make(&manifest, args.out.as_deref(), Some(&make::input_hash), &ledger)?;
+    let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out/check").join(&manifest.name));
+    let options = check::Options { out: out.clone(), update_golden: args.update_golden };
+    let report = check::check(&manifest, &plan, &options, &ledger)?;
+    atomic::write_bytes(&out.join("plan.json"), serde_json::to_string_pretty(&plan).unwrap_or_default().as_bytes())?;
+    let mut json = report.json(&manifest);
+    let mut text = report.text();
+    if args.compare_interiors {
+        let rows = interiors::compare(&manifest, args.out.as_deref(), &ledger)?;
+        text += &interiors::text(&rows);
+        json["interiors"] = serde_json::to_value(&rows).unwrap_or_default();
+    }
+    if common.json {
+        super::print_json(&json)?;
+    } else {
+        super::print(&format!("{text}pictures: {}\n", out.display()))?;
+    }
+    Ok(u8::from(!report.passed))
+}
+
+#[cfg(not(feature = "render"))]
 pub fn run(_args: &Args, _common: &Common) -> Result<u8> {
-    Err(Error::Usage("this build does not have the verb check yet".into()))
+    Err(crate::Error::Missed("nothing was checked: this build has no renderer (feature `render`)".into()))
 }

@@ -1,11 +1,43 @@
 //! `mesophyll plan`.
 
 use super::Common;
-use crate::{Error, Result};
+use crate::Result;
+use crate::scene::{ledger::Ledger, make, manifest::Manifest, plan};
+use std::fmt::Write;
+use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
-pub struct Args {}
+#[command(after_help = "Examples:\n  mesophyll plan data/scenes/glossy-sky.toml\n  mesophyll plan data/scenes/back-lit.toml --json")]
+pub struct Args {
+    /// Scene to plan
+    #[arg(value_name = "SCENE.toml")]
+    scene: PathBuf,
+    /// Folder of an earlier run, whose fits count as done
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
 
-pub fn run(_args: &Args, _common: &Common) -> Result<u8> {
-    Err(Error::Usage("this build does not have the verb plan yet".into()))
+pub fn run(args: &Args, common: &Common) -> Result<u8> {
+    let manifest = Manifest::read(&args.scene)?;
+    let plan = plan::make(&manifest, args.out.as_deref(), Some(&make::input_hash), &Ledger::new())?;
+    if common.json {
+        super::print_json(&plan)?;
+    } else {
+        super::print(&text(&plan))?;
+    }
+    Ok(0)
+}
+
+/// The plan in words.
+pub fn text(plan: &plan::Plan) -> String {
+    let mut out = format!("{} needs\n", plan.scene);
+    for need in &plan.needed {
+        let amount = need.amount.as_ref().map_or(String::new(), |a| format!(" [{a}]"));
+        let _ = writeln!(out, "  {}{amount}: {}", need.name, need.reason);
+    }
+    let _ = writeln!(out, "left out");
+    for left in &plan.left_out {
+        let _ = writeln!(out, "  {}: {}; saved {}", left.name, left.reason, left.saved);
+    }
+    out
 }

@@ -1,11 +1,122 @@
-//! `mesophyll run`.
+//! `mesophyll run`: the main job. Plan, scan and fit what is missing or stale, check, report.
 
 use super::Common;
-use crate::{Error, Result};
+use crate::Result;
+use crate::files::{atomic, progress};
+use crate::report::{self, ReportSource};
+use crate::scene::{ledger::Ledger, make, manifest::Manifest, plan};
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 #[derive(Debug, clap::Args)]
-pub struct Args {}
+#[command(after_help = "Examples:
+  mesophyll run data/scenes/demo.toml --out out/demo
+  mesophyll run data/scenes/fits.toml --out out/fits --write-fits
 
-pub fn run(_args: &Args, _common: &Common) -> Result<u8> {
-    Err(Error::Usage("this build does not have the verb run yet".into()))
+Everything lands in the folder: captures/, fits/, plan.json, check.json, pictures and report.html. Run again it does only what is
+missing or stale. Exit code 1 when a fit failed or the check missed.")]
+pub struct Args {
+    /// Scene to run
+    #[arg(value_name = "SCENE.toml")]
+    scene: PathBuf,
+    /// Folder for everything the run makes (default: out/SCENE)
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Fit every leaf afresh into the folder that the scene names, instead of fitting only what is missing into DIR/fits
+    #[arg(long)]
+    write_fits: bool,
+}
+
+pub fn run(args: &Args, common: &Common) -> Result<u8> {
+    let clock = Instant::now();
+    let manifest = Manifest::read(&args.scene)?;
+    let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out").join(&manifest.name));
+    atomic::probe_folder(&out)?;
+    let mut stages = Stages::default();
+    let ledger = Ledger::new();
+
+    let first = stages.time("plan", || plan::make(&manifest, Some(&out), Some(&make::input_hash), &ledger))?;
+    let wanted: Vec<usize> =
+        if args.write_fits { first.leaves.iter().filter(|l| l.used).map(|l| l.index).collect() } else { first.unfitted() };
+    for index in wanted {
+        let name = &manifest.leaves[index].name;
+        let folder = match (&manifest.leaves[index].fit, args.write_fits) {
+            (Some(named), true) => manifest.resolve(named),
+            _ => make::fit_folder(&manifest, index, &out),
+        };
+        stages.time(&format!("fit {name}"), || make::fit(&manifest, index, &out, &folder, &ledger))?;
+    }
+    let plan = stages.time("plan with the fits", || plan::make(&manifest, Some(&out), Some(&make::input_hash), &ledger))?;
+    write_json(&out.join("plan.json"), &serde_json::to_value(&plan).unwrap_or_default())?;
+
+    // The report is written whatever the check says: it is where one looks why.
+    let checked = stages.time("check", || check(&manifest, &plan, &out, &ledger));
+    let path = out.join("report.html");
+    let sources = sources(&plan, &out);
+    let written = stages.time("report", || report::write_html(&sources, &path));
+    write_json(&out.join("ledger.json"), &json!({ "stages": stages.0, "entries": ledger.entries() }))?;
+    let (passed, lines, checked) = checked?;
+    let verdict = written?.verdict;
+
+    let fits: Vec<String> = plan.leaves.iter().filter_map(|l| l.fitted.as_ref()).map(|f| f.folder.display().to_string()).collect();
+    if common.json {
+        super::print_json(&json!({
+            "scene": manifest.name, "passed": passed, "verdict": verdict.sentence, "fits": fits, "report": path, "check": checked,
+            "stages": stages.0, "seconds": clock.elapsed().as_secs_f64(),
+        }))?;
+    } else {
+        let left: Vec<&str> = plan.left_out.iter().map(|l| l.name.as_str()).collect();
+        let mut text = format!("{}: {}. {}\n{lines}", manifest.name, verdict.level.word(), verdict.sentence);
+        text += &format!("left out: {}\n", left.join(", "));
+        text += &format!("report: {}   {:.1} s in all\n", path.display(), clock.elapsed().as_secs_f64());
+        super::print(&text)?;
+    }
+    Ok(u8::from(!passed))
+}
+
+/// The run's folder, and fits that lie elsewhere.
+fn sources(plan: &plan::Plan, out: &Path) -> Vec<ReportSource> {
+    let elsewhere = plan.leaves.iter().filter_map(|l| l.fitted.as_ref()).filter(|f| !f.folder.starts_with(out));
+    std::iter::once(ReportSource::folder(out)).chain(elsewhere.map(|f| ReportSource::folder(&f.folder))).collect()
+}
+
+#[cfg(feature = "render")]
+fn check(manifest: &Manifest, plan: &plan::Plan, out: &Path, ledger: &Ledger) -> Result<(bool, String, Value)> {
+    use crate::scene::{check, interiors, manifest::Interior};
+    let options = check::Options { out: out.to_path_buf(), update_golden: false };
+    let report = check::check(manifest, plan, &options, ledger)?;
+    let (mut json, mut text) = (report.json(manifest), report.text());
+    if manifest.leaves.iter().any(|l| l.interior == Interior::Maps) {
+        let rows = interiors::compare(manifest, Some(out), ledger)?;
+        text += &interiors::text(&rows);
+        json["interiors"] = serde_json::to_value(&rows).unwrap_or_default();
+        write_json(&out.join("check.json"), &json)?;
+    }
+    Ok((report.passed, text, json))
+}
+
+#[cfg(not(feature = "render"))]
+fn check(_: &Manifest, _: &plan::Plan, _: &Path, _: &Ledger) -> Result<(bool, String, Value)> {
+    Ok((false, "nothing was checked: this build has no renderer (feature `render`)\n".into(), Value::Null))
+}
+
+fn write_json(path: &Path, value: &Value) -> Result<()> {
+    atomic::write_bytes(path, serde_json::to_string_pretty(value).unwrap_or_default().as_bytes())
+}
+
+/// Stages with their wall times (s), said as they end.
+#[derive(Default)]
+struct Stages(Vec<(String, f64)>);
+
+impl Stages {
+    fn time<T>(&mut self, name: &str, body: impl FnOnce() -> Result<T>) -> Result<T> {
+        progress::say(format!("{name} …"));
+        let start = Instant::now();
+        let result = body();
+        let seconds = start.elapsed().as_secs_f64();
+        progress::say(format!("{name}: {} in {seconds:.1} s", if result.is_ok() { "done" } else { "failed" }));
+        self.0.push((name.to_string(), seconds));
+        result
+    }
 }

@@ -1,11 +1,76 @@
 //! `mesophyll view`.
 
 use super::Common;
-use crate::{Error, Result};
+use crate::Result;
+use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
-pub struct Args {}
+#[command(
+    after_help = "Examples:\n  mesophyll view data/scenes/glossy-sky.toml\n  mesophyll view data/scenes/demo.toml --out out/demo    with the fits of that run"
+)]
+pub struct Args {
+    /// Scene to open
+    #[arg(value_name = "SCENE.toml")]
+    scene: PathBuf,
+    /// Folder of a run, whose fits are shown; screenshots and edited fits go there (default: out/view/SCENE)
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Close after this many frames
+    #[arg(long, value_name = "N")]
+    frames: Option<u32>,
+    /// With --frames: write the window's contents here
+    #[arg(long, value_name = "FILE.png", requires = "frames")]
+    screenshot: Option<PathBuf>,
+}
 
+#[cfg(feature = "render")]
+pub fn run(args: &Args, _common: &Common) -> Result<u8> {
+    use crate::Error;
+    use crate::files::atomic;
+    use crate::scene::{
+        check,
+        edit::SceneEditor,
+        handover,
+        ledger::Ledger,
+        make,
+        manifest::{Manifest, ViewKind},
+        plan,
+    };
+    use mesophyll_viewer::{WindowOptions, WindowScene, open_window};
+
+    let manifest = Manifest::read(&args.scene)?;
+    let ledger = Ledger::new();
+    let plan = plan::make_free(&manifest, args.out.as_deref(), Some(&make::input_hash), &ledger)?;
+    if let Some(missing) = plan.unfitted().first() {
+        let name = &manifest.leaves[*missing].name;
+        return Err(Error::field(
+            &manifest.path,
+            &format!("leaf \"{name}\""),
+            "not fitted yet; `mesophyll run` fits it, then give its folder by --out",
+        ));
+    }
+    let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out/view").join(&manifest.name));
+    atomic::probe_folder(&out)?;
+    let views: Vec<_> =
+        manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).map(|v| (v.name.clone(), handover::camera(v))).collect();
+    let Some((_, camera)) = views.first().cloned() else {
+        return Err(Error::field(&manifest.path, "view", "found only cards, expected a perspective view to open"));
+    };
+    let window = WindowScene {
+        title: manifest.name.clone(),
+        scene: handover::scene(&manifest, &plan, &ledger)?,
+        camera,
+        views,
+        check_size: [manifest.check.width, manifest.check.height],
+        screenshots: out.clone(),
+    };
+    let options = WindowOptions { frames: args.frames, screenshot: args.screenshot.clone(), ..WindowOptions::default() };
+    let editor = SceneEditor::new(manifest, plan, out)?;
+    open_window(window, Box::new(editor), &options).map_err(check::told)?;
+    Ok(0)
+}
+
+#[cfg(not(feature = "render"))]
 pub fn run(_args: &Args, _common: &Common) -> Result<u8> {
-    Err(Error::Usage("this build does not have the verb view yet".into()))
+    Err(crate::Error::Missed("nothing to open: this build has no renderer (feature `render`)".into()))
 }

@@ -1,1 +1,30 @@
 //! Scene manifests, the plan of what a scene needs, and the hand-over to the renderer.
+
+pub mod amount;
+pub mod card;
+#[cfg(feature = "render")]
+pub mod check;
+pub mod display;
+#[cfg(feature = "render")]
+pub mod edit;
+pub mod facing;
+pub mod fitted;
+#[cfg(feature = "render")]
+pub mod golden;
+#[cfg(feature = "render")]
+pub mod handover;
+#[cfg(feature = "render")]
+pub mod interiors;
+pub mod ledger;
+pub mod make;
+pub mod manifest;
+pub mod mesh;
+pub mod placement;
+pub mod plan;
+mod plan_leaf;
+mod plan_light;
+pub mod reference;
+#[cfg(feature = "render")]
+pub mod save;
+pub mod source;
+mod validate;

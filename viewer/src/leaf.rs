@@ -76,7 +76,7 @@ fn texture_bindings(variant: &Variant) -> Vec<u32> {
     for (k, side) in [(0, variant.front), (1, variant.back)] {
         if variant.lit() && side.maps {
             bindings.extend([10 + 2 * k, 11 + 2 * k]);
-        } else if variant.lit() {
+        } else if variant.lit() && !side.black {
             bindings.extend([2 + k, 4 + k]);
         }
         if side.gloss {
@@ -97,11 +97,11 @@ fn texture_bindings(variant: &Variant) -> Vec<u32> {
 
 fn curve_constants(side: &Side) -> [f32; 4] {
     match &side.interior {
-        Interior::Scalars(c) => {
+        Interior::Scalars(c) if !side.is_black() => {
             let last = (c.rho_d.len() - 1) as f32;
             [c.min_mm, last / (c.max_mm - c.min_mm), last, 0.0]
         }
-        Interior::Maps { .. } => [0.0; 4],
+        _ => [0.0; 4],
     }
 }
 
@@ -146,7 +146,7 @@ impl LeafOnGpu {
                 maps::upload(gpu, &format!("{name} {what}"), &maps::mip_chain(leaf.width, leaf.height, texels, mask))
             };
             let rgb = |texels: &[[f32; 3]]| -> Vec<[f32; 4]> { texels.iter().map(|t| [t[0], t[1], t[2], 0.0]).collect() };
-            if variant.lit() {
+            if variant.lit() && !sv.black {
                 match &side.interior {
                     Interior::Maps { rho_d, rho_t } => {
                         keep(10 + 2 * k, format!("{name} rho_d"), map("rho_d", rgb(rho_d)));

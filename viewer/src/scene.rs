@@ -112,6 +112,18 @@ pub struct Side {
     pub interior: Interior,
 }
 
+impl Side {
+    /// A side whose reflected and transmitted light no camera sees: it has no γ, no δ and no curve, shades black and uploads nothing.
+    pub fn black() -> Side {
+        Side { gamma_delta: Vec::new(), gloss: None, normal: None, interior: Interior::Scalars(SlabCurve::default()) }
+    }
+
+    /// Whether this side has neither a curve nor maps.
+    pub fn is_black(&self) -> bool {
+        matches!(&self.interior, Interior::Scalars(curve) if curve.rho_d.is_empty() && curve.rho_t.is_empty() && self.gamma_delta.is_empty())
+    }
+}
+
 /// Where a side's ρd and ρt come from.
 #[derive(Debug, Clone)]
 pub enum Interior {

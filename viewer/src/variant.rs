@@ -24,6 +24,8 @@ pub(crate) struct Variant {
 pub(crate) struct SideVariant {
     /// ρd and ρt a texel instead of a slab curve.
     pub maps: bool,
+    /// Neither: no light of this side's interior reaches a camera.
+    pub black: bool,
     pub gloss: bool,
     pub normal: bool,
 }
@@ -49,7 +51,7 @@ impl Variant {
             let gloss = (sun || sky) && side.gloss.as_ref().is_some_and(|g| g.iter().any(|t| t[0] > 0.0 || t[1] > 0.0 || t[2] > 0.0));
             // A constant sky sees the normal only through the gloss's directional albedo.
             let normal = side.normal.is_some() && (sun || (sky && gloss));
-            SideVariant { maps: matches!(side.interior, Interior::Maps { .. }), gloss, normal }
+            SideVariant { maps: matches!(side.interior, Interior::Maps { .. }), black: side.is_black(), gloss, normal }
         };
         let (front, back) = (side(&leaf.front), side(&leaf.back));
         let lobe = match leaf.lobe {
@@ -98,8 +100,8 @@ impl Variant {
             .set("GGX", self.lobe == LobeKind::Ggx)
             .set("FRESNEL", self.lobe == LobeKind::CookTorrance)
             .set("ALBEDO", self.albedo())
-            .set("FRONT_CURVE", lit && !self.front.maps)
-            .set("BACK_CURVE", lit && !self.back.maps)
+            .set("FRONT_CURVE", lit && !self.front.maps && !self.front.black)
+            .set("BACK_CURVE", lit && !self.back.maps && !self.back.black)
             .set("FRONT_MAPS", lit && self.front.maps)
             .set("BACK_MAPS", lit && self.back.maps)
             .set("FRONT_GLOSS", self.front.gloss)
@@ -121,7 +123,12 @@ impl Variant {
         say(self.sky, "sky".into());
         say(self.mask, "mask".into());
         for (name, side) in [("front", self.front), ("back", self.back)] {
-            let parts = [(side.maps && self.lit(), " maps"), (side.gloss, " gloss"), (side.normal, " normal")];
+            let parts = [
+                (side.maps && self.lit(), " maps"),
+                (side.black && self.lit(), " black"),
+                (side.gloss, " gloss"),
+                (side.normal, " normal"),
+            ];
             let parts: String = parts.iter().filter(|(on, _)| *on).map(|(_, word)| *word).collect();
             say(!parts.is_empty(), format!("{name}{parts}"));
         }

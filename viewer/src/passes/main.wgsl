@@ -143,7 +143,11 @@ fn front_reflectance(place: Place) -> vec3f {
     let gamma_delta = at(front_gamma_delta, place.front, place);
     return gamma_delta.rgb * slab(front_curve, constants.front_curve, constants.leaf.x + gamma_delta.a, 0);
     //#else
+    //#if FRONT_MAPS
     return at(front_rho_d, place.front, place).rgb;
+    //#else
+    return vec3f(0.0);
+    //#endif
     //#endif
 }
 
@@ -152,7 +156,11 @@ fn back_reflectance(place: Place) -> vec3f {
     let gamma_delta = at(back_gamma_delta, place.back, place);
     return gamma_delta.rgb * slab(back_curve, constants.back_curve, constants.leaf.x + gamma_delta.a, 0);
     //#else
+    //#if BACK_MAPS
     return at(back_rho_d, place.back, place).rgb;
+    //#else
+    return vec3f(0.0);
+    //#endif
     //#endif
 }
 
@@ -160,7 +168,11 @@ fn front_transmittance(place: Place) -> vec3f {
     //#if FRONT_CURVE
     return slab(front_curve, constants.front_curve, constants.leaf.x + at(front_gamma_delta, place.front, place).a, 1);
     //#else
+    //#if FRONT_MAPS
     return at(front_rho_t, place.front, place).rgb;
+    //#else
+    return vec3f(0.0);
+    //#endif
     //#endif
 }
 
@@ -168,7 +180,11 @@ fn back_transmittance(place: Place) -> vec3f {
     //#if BACK_CURVE
     return slab(back_curve, constants.back_curve, constants.leaf.x + at(back_gamma_delta, place.back, place).a, 1);
     //#else
+    //#if BACK_MAPS
     return at(back_rho_t, place.back, place).rgb;
+    //#else
+    return vec3f(0.0);
+    //#endif
     //#endif
 }
 //#endif

@@ -1,0 +1,177 @@
+//! Which sides of which leaves the cameras see and the sun lights, and whether anything can stand in its own or another's light.
+//!
+//! Every answer errs on the side of "needed": a vertex nearly edge-on counts for both sides.
+
+use super::mesh::LeafMesh;
+use super::placement::Placement;
+use glam::{DMat3, DVec2, DVec3};
+
+/// Cosines below this are taken for edge-on: between vertices the interpolated normal may turn a little further than at them.
+const EDGE: f64 = 0.03;
+
+/// What is seen of one leaf, over all its placements and all cameras. Index 0 is the front, 1 the back.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Facing {
+    /// Some camera sees this side.
+    pub seen: [bool; 2],
+    /// Some camera sees this side where the sun falls on it.
+    pub lit: [bool; 2],
+    /// Some camera sees this side where the sun falls on the other.
+    pub through: [bool; 2],
+}
+
+impl Facing {
+    /// Everything, for a leaf whose mesh is not known yet.
+    pub const ALL: Facing = Facing { seen: [true; 2], lit: [true; 2], through: [true; 2] };
+
+    /// Adds what `eyes` see of one placement.
+    pub fn add(&mut self, mesh: &LeafMesh, placement: &Placement, eyes: &[DVec3], sun: Option<DVec3>) {
+        let turn = DMat3::from_mat4(placement.transform).inverse().transpose();
+        for (p, n) in mesh.positions.iter().zip(&mesh.normals) {
+            if self.is_full(sun.is_some()) {
+                return;
+            }
+            let (p, n) = (placement.transform.transform_point3(*p), (turn * *n).normalize_or_zero());
+            let sides = |c: f64| [c > -EDGE, c < EDGE];
+            let sunny = sun.map(|l| sides(n.dot(l)));
+            for eye in eyes {
+                let seen = sides(n.dot((*eye - p).normalize_or_zero()));
+                for side in [0, 1].into_iter().filter(|s| seen[*s]) {
+                    self.seen[side] = true;
+                    if let Some(sunny) = sunny {
+                        self.lit[side] |= sunny[side];
+                        self.through[side] |= sunny[1 - side];
+                    }
+                }
+            }
+        }
+    }
+
+    fn is_full(&self, sun: bool) -> bool {
+        self.seen == [true; 2] && (!sun || (self.lit == [true; 2] && self.through == [true; 2]))
+    }
+}
+
+/// Whether any leaf can stand in the light of another or in its own; the reason where none can.
+///
+/// A leaf whose facets all face the light on one side (with the disk's radius to spare) and that covers no point twice as seen from
+/// the sun cannot shade itself. Two leaves cannot shade each other when the spheres around them, widened by the disk's spread, do not
+/// overlap as seen from the sun.
+pub fn shadows(meshes: &[Option<&LeafMesh>], placements: &[Placement], sun: DVec3, radius: f64) -> Result<(), &'static str> {
+    let mut spheres = Vec::new();
+    for placement in placements {
+        let Some(mesh) = meshes[placement.leaf] else { return Ok(()) };
+        if !lit_once(mesh, placement, sun, radius) {
+            return Ok(());
+        }
+        let (centre, r) = mesh.bounds();
+        let scale = placement.transform.x_axis.truncate().length();
+        spheres.push((placement.transform.transform_point3(centre), r * scale));
+    }
+    for (i, (a, ra)) in spheres.iter().enumerate() {
+        for (b, rb) in &spheres[i + 1..] {
+            let d = *b - *a;
+            let across = (d - sun * d.dot(sun)).length();
+            if across < ra + rb + d.length() * radius.tan() {
+                return Ok(());
+            }
+        }
+    }
+    Err(if spheres.len() > 1 {
+        "as seen from the sun no leaf overlaps another or itself"
+    } else {
+        "as seen from the sun the leaf does not overlap itself"
+    })
+}
+
+/// Texels across the raster that looks for overlaps.
+const RASTER: usize = 512;
+
+fn lit_once(mesh: &LeafMesh, placement: &Placement, sun: DVec3, radius: f64) -> bool {
+    let across = sun.any_orthonormal_vector();
+    let up = sun.cross(across);
+    let flat: Vec<DVec2> =
+        mesh.positions.iter().map(|p| placement.transform.transform_point3(*p)).map(|p| DVec2::new(p.dot(across), p.dot(up))).collect();
+    let turn = DMat3::from_mat4(placement.transform);
+    let low = flat.iter().fold(DVec2::INFINITY, |a, p| a.min(*p));
+    let high = flat.iter().fold(DVec2::NEG_INFINITY, |a, p| a.max(*p));
+    let texel = ((high - low).max_element() / RASTER as f64).max(f64::MIN_POSITIVE);
+    let mut covered = vec![false; RASTER * RASTER];
+    let mut lit = 0.0;
+    for t in 0..mesh.triangles() {
+        let [a, b, c] = mesh.triangle(t);
+        let n = (mesh.positions[b] - mesh.positions[a]).cross(mesh.positions[c] - mesh.positions[a]);
+        let Some(n) = n.try_normalize() else { continue };
+        let cosine = (turn * n).normalize_or_zero().dot(sun);
+        if cosine.abs() <= radius.sin() || cosine * lit < 0.0 {
+            return false;
+        }
+        lit = cosine;
+        let corners = [flat[a], flat[b], flat[c]].map(|p| (p - low) / texel);
+        let from = corners[0].min(corners[1]).min(corners[2]).floor();
+        let to = corners[0].max(corners[1]).max(corners[2]).ceil().min(DVec2::splat(RASTER as f64));
+        for y in from.y as usize..to.y as usize {
+            for x in from.x as usize..to.x as usize {
+                let p = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
+                let edge = |k: usize| (corners[(k + 1) % 3] - corners[k]).perp_dot(p - corners[k]) * cosine.signum();
+                // Centres on an edge count for neither neighbour.
+                if (0..3).all(|k| edge(k) > 1e-9) && std::mem::replace(&mut covered[y * RASTER + x], true) {
+                    return false;
+                }
+            }
+        }
+    }
+    true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DMat4;
+
+    fn at(x: f64, z: f64, tilt: f64) -> Placement {
+        Placement { leaf: 0, transform: DMat4::from_translation(DVec3::new(x, 0.0, z)) * DMat4::from_rotation_y(tilt) }
+    }
+
+    #[test]
+    fn a_flat_leaf_shows_the_side_that_faces_the_eye() {
+        let mesh = LeafMesh::rectangle(40.0, 30.0);
+        let eyes = [DVec3::new(0.0, -20.0, 200.0)];
+        let facing = |sun: Option<DVec3>, tilt: f64| {
+            let mut f = Facing::default();
+            f.add(&mesh, &at(0.0, 0.0, tilt), &eyes, sun);
+            f
+        };
+        let above = facing(Some(DVec3::new(0.3, 0.0, 1.0).normalize()), 0.0);
+        assert_eq!(above, Facing { seen: [true, false], lit: [true, false], through: [false, false] });
+        let below = facing(Some(-DVec3::Z), 0.0);
+        assert_eq!(below, Facing { seen: [true, false], lit: [false, false], through: [true, false] });
+        let turned = facing(Some(DVec3::Z), std::f64::consts::PI);
+        assert_eq!(turned, Facing { seen: [false, true], lit: [false, true], through: [false, false] });
+        assert_eq!(facing(None, 0.0).lit, [false; 2]);
+    }
+
+    #[test]
+    fn shadows_are_left_out_only_where_none_can_fall() {
+        let flat = LeafMesh::rectangle(40.0, 30.0);
+        let sun = DVec3::new(0.5, 0.0, 1.0).normalize();
+        let of = |mesh: &LeafMesh, places: &[Placement]| shadows(&[Some(mesh)], places, sun, 0.005);
+        assert!(of(&flat, &[at(0.0, 0.0, 0.0)]).is_err());
+        assert!(of(&flat, &[at(0.0, 0.0, 0.0), at(200.0, 0.0, 0.0)]).is_err());
+        assert!(of(&flat, &[at(0.0, 0.0, 0.0), at(20.0, 30.0, 0.0)]).is_ok());
+        // Far apart sideways, but one behind the other as the sun sees them.
+        assert!(of(&flat, &[at(0.0, 0.0, 0.0), at(200.0, 400.0, 0.0)]).is_ok());
+        // Folded up beside the light's path: a wall on one edge that the sun, coming from +x, does not reach past.
+        let mut walled = flat.clone();
+        walled.positions.extend([DVec3::new(20.0, -15.0, 30.0), DVec3::new(20.0, 15.0, 30.0)]);
+        walled.normals.extend([DVec3::X; 2]);
+        walled.indices.extend([2, 1, 5, 2, 5, 4]);
+        assert!(of(&walled, &[at(0.0, 0.0, 0.0)]).is_ok());
+        // A second layer under the first is hidden although every facet faces the sun.
+        let mut stacked = flat.clone();
+        stacked.positions.extend(flat.positions.iter().map(|p| *p - DVec3::Z * 5.0));
+        stacked.normals.extend(flat.normals.iter());
+        stacked.indices.extend(flat.indices.iter().map(|i| i + 4));
+        assert!(of(&stacked, &[at(0.0, 0.0, 0.0)]).is_ok());
+    }
+}

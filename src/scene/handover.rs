@@ -1,0 +1,272 @@
+//! The hand-over to the GPU renderer: what the plan lists of each fit folder, as plain scene data.
+//!
+//! W's packed textures, tangent-space normals and a slab curve a side (or pigment maps, solved a texel). A side that no camera sees light
+//! from is handed over black, without maps. The reference renderer gets its own data another way (`super::reference`).
+
+use super::amount::{self, Curve};
+use super::card::{Card, Patch};
+use super::fitted::fill;
+use super::ledger::Ledger;
+use super::manifest::{Interior, Lobe, Manifest, View};
+use super::mesh::LeafMesh;
+use super::plan::{LeafPlan, Plan, sun_direction};
+use super::plan_leaf::SIDES;
+use crate::capture::manifest::SideName;
+use crate::optics::slab;
+use crate::{Error, Result};
+use glam::{Vec2, Vec3, Vec4};
+use mesophyll_viewer::scene as viewer;
+use rayon::prelude::*;
+
+/// Everything the perspective views show.
+///
+/// # Errors
+/// [`Error::Input`] for a map that is missing, damaged or of another size.
+pub fn scene(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<viewer::Scene> {
+    let mut out = lights(manifest, plan);
+    let mut index = vec![None; plan.leaves.len()];
+    for leaf in plan.leaves.iter().filter(|l| l.mesh.is_some()) {
+        index[leaf.index] = Some(out.leaves.len());
+        out.leaves.push(one_leaf(manifest, leaf, ledger)?);
+    }
+    for p in &plan.placements {
+        if let Some(leaf) = index[p.leaf] {
+            out.instances.push(viewer::Instance { leaf, transform: p.transform.as_mat4() });
+        }
+    }
+    Ok(out)
+}
+
+/// Sun, sky, exposure and how shadows and edges are sampled.
+fn lights(manifest: &Manifest, plan: &Plan) -> viewer::Scene {
+    let rgb = |c: &[f64; 3]| c.map(|v| v as f32);
+    viewer::Scene {
+        leaves: Vec::new(),
+        instances: Vec::new(),
+        sun: manifest.sun.as_ref().zip(sun_direction(manifest)).map(|(sun, direction)| viewer::Sun {
+            direction: direction.as_vec3(),
+            irradiance: rgb(&sun.irradiance),
+            radius: sun.radius_deg.to_radians() as f32,
+        }),
+        sky: manifest.sky.as_ref().map(|s| rgb(&s.radiance)),
+        background: rgb(&manifest.background),
+        exposure: manifest.exposure as f32,
+        shadow_samples: plan.shadow_samples,
+        shadow_resolution: plan.shadow_resolution,
+        msaa: plan.msaa,
+    }
+}
+
+/// The camera of a view.
+pub fn camera(view: &View) -> viewer::Camera {
+    let vec = |v: Option<[f64; 3]>, or: [f64; 3]| Vec3::from(v.unwrap_or(or).map(|x| x as f32));
+    viewer::Camera {
+        eye: vec(view.eye_mm, [0.0; 3]),
+        target: vec(view.target_mm, [0.0; 3]),
+        up: vec(view.up, [0.0, 0.0, 1.0]),
+        fov_y_deg: view.fov_deg.unwrap_or(30.0) as f32,
+    }
+}
+
+/// The scene's lobe as the renderer knows it.
+fn lobe(config: &super::manifest::Leaf) -> viewer::Lobe {
+    match config.lobe {
+        Lobe::Beckmann => viewer::Lobe::Beckmann,
+        Lobe::Ggx => viewer::Lobe::Ggx,
+        Lobe::CookTorrance => viewer::Lobe::CookTorrance { index: config.index.unwrap_or(1.5) as f32 },
+    }
+}
+
+fn viewer_mesh(mesh: &LeafMesh) -> viewer::Mesh {
+    viewer::Mesh {
+        positions: mesh.positions.iter().map(|p| p.as_vec3()).collect(),
+        normals: mesh.normals.iter().map(|p| p.as_vec3()).collect(),
+        tangents: mesh.tangents.iter().map(|(t, w)| Vec4::from((t.as_vec3(), *w as f32))).collect(),
+        uvs: mesh.uvs.iter().map(|t| Vec2::new(t.x as f32, t.y as f32)).collect(),
+        indices: mesh.indices.clone(),
+    }
+}
+
+fn one_leaf(manifest: &Manifest, leaf: &LeafPlan, ledger: &Ledger) -> Result<viewer::Leaf> {
+    let config = &manifest.leaves[leaf.index];
+    let (Some(fitted), Some(mesh)) = (&leaf.fitted, &leaf.mesh) else {
+        return Err(Error::field(&manifest.path, &format!("leaf \"{}\"", config.name), "not fitted yet; `mesophyll run` fits it"));
+    };
+    // One thickness a leaf: a side fitted with another h has the difference moved into its δ.
+    let lead = if fitted.has(SideName::Front) { SideName::Front } else { SideName::Back };
+    let h = fitted.thickness(lead)?;
+    let mut sides = [viewer::Side::black(), viewer::Side::black()];
+    for (s, side) in SIDES.into_iter().enumerate() {
+        let needs = leaf.sides[s];
+        if needs.interior() {
+            let shift = (fitted.thickness(side)? - h) as f32;
+            sides[s] = interior(config.interior, leaf, s, side, shift, ledger)?;
+        }
+        if needs.gloss {
+            sides[s].gloss = leaf.textures[s].gloss.as_ref().map(|t| shrink(t, leaf, mean4));
+        }
+        if needs.normal {
+            sides[s].normal = Some(normals(leaf, side, ledger)?);
+        }
+    }
+    let [front, back] = sides;
+    let size = [leaf.size[0].max(1), leaf.size[1].max(1)];
+    Ok(viewer::Leaf {
+        name: config.name.clone(),
+        mesh: viewer_mesh(mesh),
+        width: size[0].div_ceil(leaf.block) as u32,
+        height: size[1].div_ceil(leaf.block) as u32,
+        thickness_mm: h as f32,
+        lobe: lobe(config),
+        front,
+        back,
+        mask: if config.mesh.is_some() { Some(mask(leaf, ledger)?) } else { None },
+    })
+}
+
+fn interior(kind: Interior, leaf: &LeafPlan, s: usize, side: SideName, shift: f32, ledger: &Ledger) -> Result<viewer::Side> {
+    let mut out = viewer::Side::black();
+    match kind {
+        Interior::Scalars => {
+            let (Some(texels), Some(curve)) = (&leaf.textures[s].gamma_delta, &leaf.curves[s]) else { return Ok(out) };
+            let shifted: Vec<[f32; 4]> = texels.iter().map(|t| [t[0], t[1], t[2], t[3] + shift]).collect();
+            out.gamma_delta = shrink(&shifted, leaf, mean4);
+            out.interior = viewer::Interior::Scalars(slab_curve(curve));
+        }
+        Interior::Maps => {
+            let (rho_d, rho_t) = pigment(leaf, side, &Scaling::default(), ledger)?;
+            out.interior = viewer::Interior::Maps { rho_d: shrink(&rho_d, leaf, mean3), rho_t: shrink(&rho_t, leaf, mean3) };
+        }
+    }
+    Ok(out)
+}
+
+/// What an edit does to pigment maps: factors a channel, and what is added to the thickness (mm).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scaling {
+    pub sigma_a: [f64; 3],
+    pub sigma_s: [f64; 3],
+    pub thickness_mm: f64,
+}
+
+impl Default for Scaling {
+    fn default() -> Self {
+        Scaling { sigma_a: [1.0; 3], sigma_s: [1.0; 3], thickness_mm: 0.0 }
+    }
+}
+
+/// ρd and ρt of every texel, solved from σa(x), σs(x) and the thickness.
+pub fn pigment(leaf: &LeafPlan, side: SideName, edit: &Scaling, ledger: &Ledger) -> Result<(Vec<[f32; 3]>, Vec<[f32; 3]>)> {
+    let Some(fitted) = &leaf.fitted else { return Ok(Default::default()) };
+    let file = format!("{}.exr", side.name());
+    const CHANNELS: [&str; 7] = ["sigma_a.R", "sigma_a.G", "sigma_a.B", "sigma_s.R", "sigma_s.G", "sigma_s.B", "thickness.Y"];
+    let maps = fitted.maps(&file, &CHANNELS, ledger)?;
+    let planes: Vec<&[f32]> = maps.channels.iter().map(|(_, p)| p.as_slice()).collect();
+    let n = maps.width * maps.height;
+    let good: Vec<bool> = (0..n).map(|k| planes.iter().all(|p| p[k].is_finite() && p[k] >= 0.0) && planes[6][k] > 0.0).collect();
+    let solved: Vec<[f32; 6]> = ledger.note("solve", fitted.entry(&file), 0, || {
+        (0..n)
+            .into_par_iter()
+            .map(|k| {
+                if !good[k] {
+                    return [f32::NAN; 6];
+                }
+                let h = (f64::from(planes[6][k]) + edit.thickness_mm).max(1e-6);
+                let r = [0, 1, 2]
+                    .map(|c| slab::response(f64::from(planes[c][k]) * edit.sigma_a[c], f64::from(planes[3 + c][k]) * edit.sigma_s[c], h));
+                [r[0].rho_d, r[1].rho_d, r[2].rho_d, r[0].rho_t, r[1].rho_t, r[2].rho_t].map(|v| v as f32)
+            })
+            .collect()
+    });
+    let mut six: Vec<Vec<f32>> = (0..6).map(|c| solved.iter().map(|t| t[c]).collect()).collect();
+    fill(&fitted.folder.join(&file), maps.width, maps.height, &mut six, |k| good[k] && solved[k].iter().all(|v| v.is_finite()))?;
+    let rgb = |first: usize| (0..n).map(|k| [six[first][k], six[first + 1][k], six[first + 2][k]]).collect();
+    Ok((rgb(0), rgb(3)))
+}
+
+fn normals(leaf: &LeafPlan, side: SideName, ledger: &Ledger) -> Result<Vec<[f32; 3]>> {
+    let Some(fitted) = &leaf.fitted else { return Ok(Vec::new()) };
+    let file = format!("{}_normal.exr", side.name());
+    let maps = fitted.maps(&file, &["X", "Y", "Z"], ledger)?;
+    if [maps.width, maps.height] != leaf.size {
+        let what =
+            format!("found {}x{} texels, expected {}x{} as of the leaf's other maps", maps.width, maps.height, leaf.size[0], leaf.size[1]);
+        return Err(Error::input(&fitted.folder.join(&file), what));
+    }
+    let mut planes: Vec<Vec<f32>> = maps.channels.into_iter().map(|(_, p)| p).collect();
+    let good: Vec<bool> = (0..planes[0].len())
+        .map(|k| planes.iter().all(|p| p[k].is_finite()) && planes.iter().map(|p| p[k] * p[k]).sum::<f32>() > 0.25)
+        .collect();
+    fill(&fitted.folder.join(&file), maps.width, maps.height, &mut planes, |k| good[k])?;
+    let texels: Vec<[f32; 3]> = (0..good.len()).map(|k| [planes[0][k], planes[1][k], planes[2][k]]).collect();
+    Ok(shrink(&texels, leaf, mean3))
+}
+
+/// 1 where the fit found leaf, in the front's columns; for meshes that are not trimmed to the outline.
+fn mask(leaf: &LeafPlan, ledger: &Ledger) -> Result<Vec<u8>> {
+    let Some(fitted) = &leaf.fitted else { return Ok(Vec::new()) };
+    let maps = fitted.maps("front.exr", &["mask.Y"], ledger)?;
+    let on: Vec<u8> = maps.channels[0].1.iter().map(|v| u8::from(*v != 0.0)).collect();
+    Ok(shrink(&on, leaf, |a, b, c, d| u8::from(a + b + c + d >= 2)))
+}
+
+/// Averages over blocks of `leaf.block` texels a side.
+fn shrink<T: Copy>(texels: &[T], leaf: &LeafPlan, join: impl Fn(T, T, T, T) -> T + Copy) -> Vec<T> {
+    let ([mut w, mut h], mut out, mut block) = (leaf.size, texels.to_vec(), leaf.block);
+    while block > 1 {
+        (w, h, out) = super::amount::halve(&out, w, h, join);
+        block /= 2;
+    }
+    out
+}
+
+fn mean4(a: [f32; 4], b: [f32; 4], c: [f32; 4], d: [f32; 4]) -> [f32; 4] {
+    [0, 1, 2, 3].map(|k| (a[k] + b[k] + c[k] + d[k]) / 4.0)
+}
+
+fn mean3(a: [f32; 3], b: [f32; 3], c: [f32; 3], d: [f32; 3]) -> [f32; 3] {
+    [0, 1, 2].map(|k| (a[k] + b[k] + c[k] + d[k]) / 4.0)
+}
+
+/// A card: one flat patch with a leaf's mean parameters and nothing else, through the same slab curve as any leaf.
+pub fn card(manifest: &Manifest, plan: &Plan, card: &Card, ledger: &Ledger) -> viewer::Scene {
+    let mut out = lights(manifest, plan);
+    (out.shadow_samples, out.msaa) = (0, 1);
+    let thickness = card.sides.iter().flatten().map(|p| p.thickness).next().unwrap_or(1.0);
+    let side = |p: &Option<Patch>| match p {
+        None => viewer::Side::black(),
+        Some(p) => {
+            let (low, high) = (0.95 * p.thickness.min(thickness), 1.05 * p.thickness.max(thickness));
+            let curve = amount::curve(p.sigma_a, p.sigma_s, low, high, 1e-5, "card slab curve", ledger);
+            viewer::Side {
+                gamma_delta: vec![[p.gamma[0] as f32, p.gamma[1] as f32, p.gamma[2] as f32, (p.thickness - thickness) as f32]],
+                gloss: p
+                    .rho_s
+                    .iter()
+                    .any(|v| *v > 0.0)
+                    .then(|| vec![[p.rho_s[0] as f32, p.rho_s[1] as f32, p.rho_s[2] as f32, p.m as f32]]),
+                normal: None,
+                interior: viewer::Interior::Scalars(slab_curve(&curve)),
+            }
+        }
+    };
+    out.leaves = vec![viewer::Leaf {
+        name: manifest.leaves[card.leaf].name.clone(),
+        mesh: viewer_mesh(&card.mesh),
+        width: 1,
+        height: 1,
+        thickness_mm: thickness as f32,
+        lobe: lobe(&manifest.leaves[card.leaf]),
+        front: side(&card.sides[0]),
+        back: side(&card.sides[1]),
+        mask: None,
+    }];
+    out.instances = vec![viewer::Instance { leaf: 0, transform: card.transform.as_mat4() }];
+    out
+}
+
+/// A curve in the renderer's precision.
+pub fn slab_curve(curve: &Curve) -> viewer::SlabCurve {
+    let rgb = |list: &[[f64; 3]]| list.iter().map(|c| c.map(|v| v as f32)).collect();
+    viewer::SlabCurve { min_mm: curve.min as f32, max_mm: curve.max as f32, rho_d: rgb(&curve.rho_d), rho_t: rgb(&curve.rho_t) }
+}

@@ -1,0 +1,55 @@
+//! What was really done: every fit, file read, curve and upload with its bytes and time, so that the plan's promises can be counted.
+
+use std::path::Path;
+use std::sync::Mutex;
+use std::time::Instant;
+
+/// One thing done.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Entry {
+    /// `fit`, `read`, `hash`, `curve`, `solve`, …
+    pub action: &'static str,
+    /// `elm/front_gamma_delta.exr`.
+    pub what: String,
+    pub bytes: u64,
+    pub ms: f64,
+}
+
+/// A list of things done, shared by the workers.
+#[derive(Debug, Default)]
+pub struct Ledger(Mutex<Vec<Entry>>);
+
+impl Ledger {
+    pub fn new() -> Ledger {
+        Ledger::default()
+    }
+
+    /// Does `body`, timed, and notes it.
+    pub fn note<T>(&self, action: &'static str, what: impl Into<String>, bytes: u64, body: impl FnOnce() -> T) -> T {
+        let start = Instant::now();
+        let out = body();
+        let entry = Entry { action, what: what.into(), bytes, ms: start.elapsed().as_secs_f64() * 1e3 };
+        if let Ok(mut list) = self.0.lock() {
+            list.push(entry);
+        }
+        out
+    }
+
+    pub fn entries(&self) -> Vec<Entry> {
+        self.0.lock().map(|l| l.clone()).unwrap_or_default()
+    }
+
+    /// How often `action` was done to something whose name ends in `suffix`.
+    pub fn count(&self, action: &str, suffix: &str) -> usize {
+        self.entries().iter().filter(|e| e.action == action && e.what.ends_with(suffix)).count()
+    }
+}
+
+/// `folder-name/file` of a path, as ledger entries name files.
+pub fn short(path: &Path) -> String {
+    let file = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    match path.parent().and_then(|p| p.file_name()) {
+        Some(folder) => format!("{}/{file}", folder.to_string_lossy()),
+        None => file,
+    }
+}

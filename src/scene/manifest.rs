@@ -1,0 +1,242 @@
+//! Scene manifests: which leaves stand where, what lights them, who looks, and how close a picture must come to its reference.
+//!
+//! Lengths in mm, angles in degrees, world z up, radiance in units set by the light, colours linear sRGB. A path is relative to the
+//! scene file. Unknown fields are errors; an error names file, line and field.
+
+use crate::files::atomic::explain;
+use crate::fit::record::toml_error;
+use crate::{Error, Result};
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+
+/// `data/scenes/*.toml` (format: `data/scenes/README.md`).
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Manifest {
+    pub schema: u32,
+    pub name: String,
+    #[serde(default)]
+    pub description: String,
+    /// Largest error of a displayed value (0 to 1, after tone mapping and sRGB encoding) that one shortcut of the plan may cause.
+    pub tolerance: f64,
+    #[serde(default = "one")]
+    pub exposure: f64,
+    #[serde(default)]
+    pub background: [f64; 3],
+    #[serde(default, rename = "leaf")]
+    pub leaves: Vec<Leaf>,
+    #[serde(default, rename = "instance")]
+    pub instances: Vec<Instance>,
+    pub cluster: Option<Cluster>,
+    pub sun: Option<Sun>,
+    pub sky: Option<Sky>,
+    #[serde(default, rename = "view")]
+    pub views: Vec<View>,
+    #[serde(default)]
+    pub check: Check,
+    /// The file this was read from.
+    #[serde(skip)]
+    pub path: PathBuf,
+}
+
+/// A leaf the scene may show: a fit folder, and where the fit comes from when it is missing or stale.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Leaf {
+    pub name: String,
+    pub fit: Option<PathBuf>,
+    pub capture: Option<PathBuf>,
+    pub scan: Option<Scan>,
+    /// glTF in mm; the fit's own blade when absent.
+    pub mesh: Option<PathBuf>,
+    #[serde(default)]
+    pub interior: Interior,
+    #[serde(default)]
+    pub lobe: Lobe,
+    /// Index of refraction of the `cook-torrance` lobe.
+    pub index: Option<f64>,
+}
+
+/// A synthetic scan to make when there is no capture: what `mesophyll synth` is told.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scan {
+    pub spec: PathBuf,
+    pub size: Option<String>,
+    pub frames: Option<usize>,
+    pub noise: Option<f64>,
+    pub seed: Option<u64>,
+}
+
+/// Where ρd and ρt come from: W's scalars σa and σs with γ and δ maps, or per-texel pigment maps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Interior {
+    #[default]
+    Scalars,
+    Maps,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Lobe {
+    #[default]
+    Beckmann,
+    Ggx,
+    CookTorrance,
+}
+
+/// A leaf standing somewhere: scaled, turned about x, then y, then z, then moved.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Instance {
+    pub leaf: String,
+    #[serde(default)]
+    pub position_mm: [f64; 3],
+    #[serde(default)]
+    pub rotation_deg: [f64; 3],
+    #[serde(default = "one")]
+    pub scale: f64,
+}
+
+/// Leaves on a twig along z, a golden angle apart; the same seed gives the same cluster.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Cluster {
+    /// Leaves by name, taken in turn.
+    pub leaves: Vec<String>,
+    pub count: usize,
+    /// Length of the twig.
+    pub length_mm: f64,
+    /// From the twig to a blade's centre.
+    pub offset_mm: f64,
+    /// Mean angle of a blade below the horizontal, and how far single ones stray from it.
+    #[serde(default)]
+    pub droop_deg: f64,
+    #[serde(default)]
+    pub spread_deg: f64,
+    #[serde(default = "one")]
+    pub scale: f64,
+    pub seed: u64,
+}
+
+/// The sun as a disk.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sun {
+    /// From straight up; more than 90 shines from below.
+    pub zenith_deg: f64,
+    /// From +x towards +y.
+    #[serde(default)]
+    pub azimuth_deg: f64,
+    /// On a surface that faces the sun.
+    pub irradiance: [f64; 3],
+    #[serde(default = "sun_radius")]
+    pub radius_deg: f64,
+}
+
+/// A constant sky all around.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sky {
+    pub radiance: [f64; 3],
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ViewKind {
+    /// The scene as it stands.
+    Perspective,
+    /// A flat patch with one leaf's mean parameters, lit as the scene is: its radiance is known in closed form.
+    Card,
+}
+
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct View {
+    pub name: String,
+    pub kind: ViewKind,
+    pub eye_mm: Option<[f64; 3]>,
+    pub target_mm: Option<[f64; 3]>,
+    pub up: Option<[f64; 3]>,
+    pub fov_deg: Option<f64>,
+    /// The card's leaf and how it is turned.
+    pub leaf: Option<String>,
+    pub rotation_deg: Option<[f64; 3]>,
+    /// Largest 99th percentile of FLIP against the reference.
+    pub flip_p99: Option<f64>,
+    /// Largest difference of a displayed value (0 to 1) over interior pixels; for a card, of the radiance relative to the closed form.
+    pub max_error: Option<f64>,
+    /// Largest median frame time (ms); judged on real GPUs only.
+    pub frame_ms: Option<f64>,
+}
+
+/// How a check is done.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Check {
+    pub width: u32,
+    pub height: u32,
+    /// Rays a pixel of the reference.
+    pub samples: u32,
+    /// Frames timed a view.
+    pub frames: u32,
+    /// Seed of the reference; its noise is measured against the next seed.
+    pub seed: u64,
+}
+
+impl Default for Check {
+    fn default() -> Self {
+        Check { width: 800, height: 600, samples: 64, frames: 20, seed: 1 }
+    }
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+fn sun_radius() -> f64 {
+    0.2666
+}
+
+impl Manifest {
+    /// Reads and validates a scene file.
+    ///
+    /// # Errors
+    /// [`Error::Input`] naming the file, the line and the field, what was found and what was expected.
+    pub fn read(path: &Path) -> Result<Manifest> {
+        let text = std::fs::read_to_string(path).map_err(|e| Error::input(path, explain(&e)))?;
+        let mut manifest: Manifest = toml::from_str(&text).map_err(|e| toml_error(path, &text, &e))?;
+        manifest.path = path.to_path_buf();
+        super::validate::validate(&manifest, &text)?;
+        Ok(manifest)
+    }
+
+    /// A path of the manifest, as seen from the working folder.
+    pub fn resolve(&self, relative: &Path) -> PathBuf {
+        match self.path.parent() {
+            Some(folder) if relative.is_relative() && !folder.as_os_str().is_empty() => tidy(&folder.join(relative)),
+            _ => relative.to_path_buf(),
+        }
+    }
+
+    pub fn leaf_index(&self, name: &str) -> Option<usize> {
+        self.leaves.iter().position(|l| l.name == name)
+    }
+}
+
+/// `a/b/../c` → `a/c`, as far as the text tells.
+fn tidy(path: &Path) -> PathBuf {
+    use std::path::Component;
+    let mut out: Vec<Component> = Vec::new();
+    for part in path.components() {
+        match (part, out.last()) {
+            (Component::ParentDir, Some(Component::Normal(_))) => {
+                out.pop();
+            }
+            (Component::CurDir, _) => {}
+            _ => out.push(part),
+        }
+    }
+    out.iter().collect()
+}

@@ -1,0 +1,88 @@
+//! The plan of the light: sun, shadow maps, sky; and the models this scene has no use for.
+
+use super::amount;
+use super::display::displayed;
+use super::manifest::{Manifest, ViewKind};
+use super::plan::{LeftOut, Need, Plan, sun_direction};
+
+/// Shadow maps are this many texels a side.
+const SHADOW_SIDE: u64 = 2048;
+
+/// Decides sun, shadows and sky; with a free camera and sun, shadows can always fall.
+pub fn lights(manifest: &Manifest, plan: &mut Plan, free: bool) {
+    let shadow_bytes = SHADOW_SIDE * SHADOW_SIDE * 4;
+    match (&manifest.sun, sun_direction(manifest)) {
+        (Some(sun), Some(direction)) => {
+            plan.need(Need::new("sun", "the scene has one: three numbers and a direction, its disk by its radius"));
+            match plan.shadows(direction, sun.radius_deg.to_radians()) {
+                _ if free => shadows(manifest, plan, sun.radius_deg.to_radians(), shadow_bytes),
+                Ok(()) => shadows(manifest, plan, sun.radius_deg.to_radians(), shadow_bytes),
+                Err(why) => plan.leave_out(LeftOut::new("shadow maps", why, shadow_bytes, None)),
+            }
+        }
+        _ => {
+            let why = "the scene has no sun: no light loop in the shader, no shadow pass";
+            plan.leave_out(LeftOut::new("sun and shadow maps", why, shadow_bytes, None));
+        }
+    }
+    match &manifest.sky {
+        Some(_) => plan.need(Need::new("sky", "constant: three numbers, and the lobe's directional albedo where a side is glossy")),
+        None => plan.leave_out(LeftOut::new("sky", "the scene has none: its term is not in the shader", 0, None)),
+    }
+    let mut need = Need::new("multisampling", "edges show");
+    need.amount = Some(format!("{} samples a pixel", plan.msaa));
+    plan.need(need);
+}
+
+fn shadows(manifest: &Manifest, plan: &mut Plan, radius: f64, map_bytes: u64) {
+    // Spheres around the leaves tell how far a shadow falls at most, and how wide a leaf is beside its penumbra.
+    let spheres: Vec<(glam::DVec3, f64)> = plan
+        .placements
+        .iter()
+        .filter_map(|p| plan.leaves[p.leaf].mesh.as_ref().map(|m| (m.bounds(), p.transform)))
+        .map(|((c, r), t)| (t.transform_point3(c), r * t.x_axis.truncate().length()))
+        .collect();
+    let reach = spheres.iter().flat_map(|(a, ra)| spheres.iter().map(move |(b, rb)| a.distance(*b) + ra + rb)).fold(0.0, f64::max);
+    let leaf = spheres.iter().map(|s| s.1).fold(f64::INFINITY, f64::min);
+    let share = if spheres.is_empty() { 1.0 } else { (2.0 * radius.tan() * reach / (2.0 * leaf)).min(1.0) };
+    let mean = |c: &[f64; 3]| c.iter().sum::<f64>() / 3.0;
+    let sky = manifest.sky.as_ref().map_or(0.0, |s| mean(&s.radiance));
+    let sun = manifest.sun.as_ref().map_or(0.0, |s| mean(&s.irradiance)) / std::f64::consts::PI;
+    // A leaf reflects about a tenth of the light.
+    let contrast = displayed(0.1 * (sun + sky), manifest.exposure) - displayed(0.1 * sky, manifest.exposure);
+    let row = plan.choose("shadow samples", amount::shadow_samples(contrast, share, map_bytes), manifest.tolerance);
+    let mut need = Need::new("shadow maps", "leaves can stand in each other's light");
+    if let Some(row) = row {
+        plan.shadow_samples = row.setting as u32;
+        plan.shadow_resolution = SHADOW_SIDE as u32;
+        need.amount =
+            Some(format!("{} over the sun's disk, {SHADOW_SIDE} texels a side, displayed error {:.1e} (measured)", row.setting, row.error));
+        need.bytes = Some(row.bytes);
+    }
+    plan.need(need);
+}
+
+/// What a plant scene may have and this one has not.
+pub fn absent_models(manifest: &Manifest, plan: &mut Plan) {
+    plan.leave_out(LeftOut::new("beam fit", "nothing bends: the scene has no branches and no wind", 2 * 8, None));
+    // H9: eight texels a cycle of the highest frequency, f_min = 8 f_max/res; sixteen to one is a gentle wind's range.
+    plan.leave_out(LeftOut::new(
+        "motion texture",
+        "the scene has no wind; no deformation in the vertex shader either",
+        128 * 128 * 8,
+        None,
+    ));
+    // H9 ch. 5: (13+1)·(7+1) coefficients, 49 harmonics, three channels, doubles.
+    let polynomial = 14 * 8 * 49 * 3 * 8;
+    let why = match (&manifest.sky, &manifest.sun) {
+        (Some(_), _) => "a constant sky under a fixed sun is three numbers, not a polynomial in sun height and turbidity",
+        _ => "the scene has no sky",
+    };
+    plan.leave_out(LeftOut::new("sky polynomial (spherical harmonics)", why, polynomial, None));
+    let texels: u64 = plan.leaves.iter().filter(|l| l.used).map(|l| (l.size[0] * l.size[1]) as u64).sum();
+    let why = "light through a leaf follows the slab's rho_t a texel; the scene asks for no scattering sideways";
+    plan.leave_out(LeftOut::new("translucency maps", why, texels * 8 * 3, None));
+    if manifest.views.iter().all(|v| v.kind == ViewKind::Perspective) {
+        plan.leave_out(LeftOut::new("cards", "no view asks for a patch with a closed-form radiance", 0, None));
+    }
+}

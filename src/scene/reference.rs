@@ -1,0 +1,237 @@
+//! The hand-over to the reference renderer, by a way of its own: from `front.exr` and `back.exr` (γ, thickness, ρs, m, normals a texel in
+//! the scan's frame), not from W's packed textures, and with a slab interpolant of its own (Chebyshev in the thickness).
+
+use super::fitted::fill;
+use super::ledger::Ledger;
+use super::manifest::{Interior, Leaf, Lobe, Manifest, View};
+use super::mesh::LeafMesh;
+use super::plan::{LeafPlan, Plan, sun_direction};
+use super::plan_leaf::SIDES;
+use crate::capture::manifest::SideName;
+use crate::optics::slab;
+use crate::transport::{self, lobe, world};
+use crate::{Error, Result};
+use glam::{DVec3, DVec4};
+use rayon::prelude::*;
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+/// Everything the perspective views show.
+///
+/// # Errors
+/// [`Error::Input`] for a map that is missing, damaged or of another size.
+pub fn world(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<transport::World> {
+    let mut out = lights(manifest);
+    let mut index = vec![None; plan.leaves.len()];
+    for leaf in plan.leaves.iter().filter(|l| l.mesh.is_some()) {
+        index[leaf.index] = Some(out.leaves.len());
+        out.leaves.push(one_leaf(manifest, leaf, ledger)?);
+    }
+    for p in &plan.placements {
+        if let Some(leaf) = index[p.leaf] {
+            out.instances.push(transport::Placement { leaf, transform: p.transform });
+        }
+    }
+    Ok(out)
+}
+
+/// A world without leaves.
+pub fn lights(manifest: &Manifest) -> transport::World {
+    transport::World {
+        sun: sun(manifest),
+        sky: manifest.sky.as_ref().map(|s| s.radiance),
+        background: manifest.background,
+        exposure: manifest.exposure,
+        ..transport::World::default()
+    }
+}
+
+pub fn sun(manifest: &Manifest) -> Option<transport::ReferenceSun> {
+    let direction = sun_direction(manifest)?;
+    manifest.sun.as_ref().map(|s| transport::ReferenceSun { direction, irradiance: s.irradiance, radius: s.radius_deg.to_radians() })
+}
+
+pub fn camera(view: &View) -> transport::Camera {
+    transport::Camera {
+        eye: DVec3::from(view.eye_mm.unwrap_or_default()),
+        target: DVec3::from(view.target_mm.unwrap_or_default()),
+        up: DVec3::from(view.up.unwrap_or([0.0, 0.0, 1.0])),
+        fov_y_deg: view.fov_deg.unwrap_or(30.0),
+    }
+}
+
+pub fn lobe(config: &Leaf) -> lobe::Lobe {
+    match config.lobe {
+        Lobe::Beckmann => lobe::Lobe::Beckmann,
+        Lobe::Ggx => lobe::Lobe::Ggx,
+        Lobe::CookTorrance => lobe::Lobe::CookTorrance { index: config.index.unwrap_or(1.5) },
+    }
+}
+
+pub fn mesh(mesh: &LeafMesh) -> transport::ReferenceMesh {
+    transport::ReferenceMesh {
+        positions: mesh.positions.clone(),
+        normals: mesh.normals.clone(),
+        tangents: mesh.tangents.iter().map(|(t, w)| DVec4::from((*t, *w))).collect(),
+        uvs: mesh.uvs.clone(),
+        indices: mesh.indices.clone(),
+    }
+}
+
+/// A side that no camera sees light from.
+pub fn black(texels: usize) -> transport::ReferenceSide {
+    let none = || [vec![0.0; texels], vec![0.0; texels], vec![0.0; texels]];
+    transport::ReferenceSide { interior: transport::Interior::Maps { rho_d: none(), rho_t: none() }, gloss: None, normal: None }
+}
+
+fn one_leaf(manifest: &Manifest, leaf: &LeafPlan, ledger: &Ledger) -> Result<transport::ReferenceLeaf> {
+    let config = &manifest.leaves[leaf.index];
+    let Some(blade) = &leaf.mesh else {
+        return Err(Error::field(&manifest.path, &format!("leaf \"{}\"", config.name), "not fitted yet; `mesophyll run` fits it"));
+    };
+    let mut size = leaf.size;
+    if size == [0, 0] {
+        size = [1, 1];
+    }
+    let mut sides = [black(size[0] * size[1]), black(size[0] * size[1])];
+    let mut mask = None;
+    for (s, side) in SIDES.into_iter().enumerate() {
+        if leaf.sides[s].any() {
+            let (read, on_leaf) = one_side(config, leaf, s, side, ledger)?;
+            sides[s] = read;
+            if config.mesh.is_some() && s == 0 {
+                mask = Some(on_leaf);
+            }
+        }
+    }
+    if config.mesh.is_some() && mask.is_none() {
+        let fitted = leaf.fitted.as_ref();
+        mask = match fitted {
+            Some(f) => Some(f.maps("front.exr", &["mask.Y"], ledger)?.channels[0].1.iter().map(|v| u8::from(*v != 0.0)).collect()),
+            None => None,
+        };
+    }
+    let [front, back] = sides;
+    Ok(transport::ReferenceLeaf { mesh: mesh(blade), width: size[0], height: size[1], front, back, mask, lobe: lobe(config) })
+}
+
+fn one_side(config: &Leaf, leaf: &LeafPlan, s: usize, side: SideName, ledger: &Ledger) -> Result<(transport::ReferenceSide, Vec<u8>)> {
+    let needs = leaf.sides[s];
+    let Some(fitted) = &leaf.fitted else { return Ok((black(1), Vec::new())) };
+    let file = format!("{}.exr", side.name());
+    let path = fitted.folder.join(&file);
+    let mut names = vec!["mask.Y", "thickness.Y"];
+    let pigment = config.interior == Interior::Maps;
+    let (first, second) =
+        (["gamma.R", "gamma.G", "gamma.B"], ["sigma_a.R", "sigma_a.G", "sigma_a.B", "sigma_s.R", "sigma_s.G", "sigma_s.B"]);
+    names.extend(if pigment { &second[..] } else { &first[..] });
+    let gloss_at = names.len();
+    if needs.gloss {
+        names.extend(["rho_s.R", "rho_s.G", "rho_s.B", "m.Y"]);
+    }
+    let normal_at = names.len();
+    if needs.normal {
+        names.extend(["normal.X", "normal.Y", "normal.Z"]);
+    }
+    let maps = fitted.maps(&file, &names, ledger)?;
+    let (width, height) = (maps.width, maps.height);
+    let mut planes: Vec<Vec<f32>> = maps.channels.into_iter().map(|(_, p)| p).collect();
+    let good: Vec<bool> = (0..width * height).map(|k| planes[0][k] > 0.0 && planes.iter().all(|p| p[k].is_finite())).collect();
+    let on_leaf = planes[0].iter().map(|v| u8::from(*v != 0.0)).collect();
+    fill(&path, width, height, &mut planes, |k| good[k])?;
+    let three = |planes: &mut [Vec<f32>], at: usize| [0, 1, 2].map(|c| std::mem::take(&mut planes[at + c]));
+    let normal = needs.normal.then(|| transport::NormalMap {
+        frame: transport::NormalFrame::Blade,
+        values: (0..width * height).map(|k| [0, 1, 2].map(|c| planes[normal_at + c][k])).collect(),
+    });
+    let gloss = needs.gloss.then(|| transport::Gloss { rho_s: three(&mut planes, gloss_at), m: std::mem::take(&mut planes[gloss_at + 3]) });
+    let interior = if pigment {
+        solved(&planes)
+    } else {
+        let thickness = std::mem::take(&mut planes[1]);
+        let (low, high) = thickness.iter().fold((f64::INFINITY, 0f64), |(a, b), h| (a.min(f64::from(*h)), b.max(f64::from(*h))));
+        let curve = Chebyshev::new(fitted.rgb(side, "sigma_a")?, fitted.rgb(side, "sigma_s")?, low, high);
+        transport::Interior::Scalars { gamma: three(&mut planes, 2), thickness, curve: Arc::new(move |h| curve.at(h)) }
+    };
+    Ok((transport::ReferenceSide { interior, gloss, normal }, on_leaf))
+}
+
+/// ρd and ρt of every texel from its own σa, σs and thickness.
+fn solved(planes: &[Vec<f32>]) -> transport::Interior {
+    let texels: Vec<[f32; 6]> = (0..planes[1].len())
+        .into_par_iter()
+        .map(|k| {
+            let h = f64::from(planes[1][k]);
+            let r = [0, 1, 2].map(|c| slab::exact::response(f64::from(planes[2 + c][k]), f64::from(planes[5 + c][k]), h));
+            [r[0].rho_d, r[1].rho_d, r[2].rho_d, r[0].rho_t, r[1].rho_t, r[2].rho_t].map(|v| v as f32)
+        })
+        .collect();
+    let plane = |c: usize| texels.iter().map(|t| t[c]).collect::<Vec<f32>>();
+    world::Interior::Maps { rho_d: [plane(0), plane(1), plane(2)], rho_t: [plane(3), plane(4), plane(5)] }
+}
+
+/// Barycentric interpolation of ln ρ in Chebyshev points of the second kind (Berrut & Trefethen 2004, Eq. 4.2): a slab's response is analytic in
+/// the thickness, so that a few dozen points reach rounding.
+pub struct Chebyshev {
+    nodes: Vec<f64>,
+    /// ln ρd and ln ρt, a channel each, a node each.
+    values: Vec<[f64; 6]>,
+}
+
+/// Points of the interpolant.
+const NODES: usize = 25;
+
+impl Chebyshev {
+    /// The slab with these coefficients (1/mm) between `low` and `high` mm.
+    pub fn new(sigma_a: [f64; 3], sigma_s: [f64; 3], low: f64, high: f64) -> Chebyshev {
+        let half = ((high - low) / 2.0).max(1e-9 * high);
+        let nodes: Vec<f64> = (0..NODES).map(|k| (low + high) / 2.0 + half * (PI * k as f64 / (NODES - 1) as f64).cos()).collect();
+        let values = nodes
+            .iter()
+            .map(|&h| {
+                let r = [0, 1, 2].map(|c| slab::exact::response(sigma_a[c], sigma_s[c], h));
+                [r[0].rho_d, r[1].rho_d, r[2].rho_d, r[0].rho_t, r[1].rho_t, r[2].rho_t].map(|v| v.max(1e-300).ln())
+            })
+            .collect();
+        Chebyshev { nodes, values }
+    }
+
+    /// ρd and ρt; a thickness beyond the ends is taken for the end.
+    pub fn at(&self, h: f64) -> ([f64; 3], [f64; 3]) {
+        let h = h.clamp(self.nodes[NODES - 1], self.nodes[0]);
+        let (mut sum, mut weights) = ([0.0; 6], 0.0);
+        for (k, (node, value)) in self.nodes.iter().zip(&self.values).enumerate() {
+            if h == *node {
+                (sum, weights) = (*value, 1.0);
+                break;
+            }
+            let end = if k == 0 || k == NODES - 1 { 0.5 } else { 1.0 };
+            let w = end * if k % 2 == 0 { 1.0 } else { -1.0 } / (h - node);
+            weights += w;
+            for (s, v) in sum.iter_mut().zip(value) {
+                *s += w * v;
+            }
+        }
+        let rho = sum.map(|s| (s / weights).exp());
+        ([rho[0], rho[1], rho[2]], [rho[3], rho[4], rho[5]])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_interpolant_is_the_slab() {
+        let (sa, ss) = ([9.0, 4.2, 0.02], [6.0, 7.0, 5.0]);
+        let curve = Chebyshev::new(sa, ss, 0.08, 0.4);
+        for k in 0..=40 {
+            let h = 0.08 + 0.32 * f64::from(k) / 40.0;
+            let (rho_d, rho_t) = curve.at(h);
+            for c in 0..3 {
+                let exact = slab::exact::response(sa[c], ss[c], h);
+                assert!((rho_d[c] / exact.rho_d - 1.0).abs() < 1e-7 && (rho_t[c] / exact.rho_t - 1.0).abs() < 1e-7, "{h} {c}");
+            }
+        }
+    }
+}

@@ -1,0 +1,272 @@
+//! The check: pictures of generated leaves against the reference, and that what must fail does fail.
+#![cfg(feature = "render")]
+
+mod blade;
+
+use blade::{Blade, copy, edit, rehash, scene};
+use mesophyll::fit::record::FitRecord;
+use serde_json::Value;
+use std::path::Path;
+use std::process::Output;
+
+const CARD: &str = r#"
+[[view]]
+name = "card"
+kind = "card"
+leaf = "elm"
+eye_mm = [20, -40, 90]
+target_mm = [0, 0, 0]
+fov_deg = 10
+max_error = 1e-3
+"#;
+
+fn check(path: &Path, args: &[&str]) -> Output {
+    let out = path.with_extension("out");
+    assert_cmd::Command::cargo_bin("mesophyll")
+        .unwrap()
+        .arg("check")
+        .arg(path)
+        .arg("--json")
+        .arg("--out")
+        .arg(out)
+        .args(args)
+        .output()
+        .unwrap()
+}
+
+fn json(output: &Output) -> Value {
+    serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{e}: {}", String::from_utf8_lossy(&output.stderr)))
+}
+
+/// Machines without any adapter cannot look; they say so and the tests that need one are skipped.
+fn no_adapter(output: &Output) -> bool {
+    let none = String::from_utf8_lossy(&output.stderr).contains("no graphics adapter");
+    if none {
+        assert_eq!(output.status.code(), Some(1));
+        eprintln!("skipped: no graphics adapter");
+    }
+    none
+}
+
+#[test]
+fn a_leaf_lit_from_the_front_matches_its_reference_and_its_closed_form() {
+    let dir = tempfile::tempdir().unwrap();
+    Blade::default().write(&dir.path().join("fits/elm"), "elm");
+    let output = check(&scene(dir.path(), "front", "elm", Some(30.0), Some(0.3), CARD), &[]);
+    if no_adapter(&output) {
+        return;
+    }
+    let report = json(&output);
+    assert_eq!(output.status.code(), Some(0), "{report:#}");
+    assert_eq!(report["passed"], true);
+    assert!(report["adapter"].as_str().is_some_and(|a| !a.is_empty()));
+    for view in report["views"].as_array().unwrap() {
+        for key in ["flip_mean", "flip_p99", "max_error", "frame_ms_median", "frame_ms_p95"] {
+            assert!(view[key].is_number(), "{key}: {view:#}");
+        }
+        for key in ["image", "reference", "difference"] {
+            assert!(dir.path().join("front.out").join(view[key].as_str().unwrap()).is_file());
+        }
+    }
+    let card = &report["views"][1];
+    assert!(card["max_error"].as_f64().unwrap() < 1e-3 && card["noise_max_error"].as_f64().unwrap() < 1e-3, "{card:#}");
+    // Pictures show something.
+    assert!(report["views"][0]["interior_share"].as_f64().unwrap() > 0.5);
+}
+
+#[test]
+fn light_through_the_leaf_matches_too() {
+    let dir = tempfile::tempdir().unwrap();
+    Blade::default().write(&dir.path().join("fits/elm"), "elm");
+    let output = check(&scene(dir.path(), "back", "elm", Some(150.0), None, CARD), &[]);
+    if !no_adapter(&output) {
+        assert_eq!(output.status.code(), Some(0), "{:#}", json(&output));
+    }
+}
+
+#[test]
+fn pigment_maps_and_shadows_match_too() {
+    let dir = tempfile::tempdir().unwrap();
+    Blade { pigment: 0.3, ..Blade::default() }.write(&dir.path().join("fits/elm"), "elm");
+    let above = "[[instance]]\nleaf = \"elm\"\nposition_mm = [14, 9, 25]\nrotation_deg = [20, -15, 40]\nscale = 0.6\n";
+    let path = scene(dir.path(), "two", "elm", Some(35.0), Some(0.2), above);
+    let text = std::fs::read_to_string(&path).unwrap().replace("fit = \"fits/elm\"", "fit = \"fits/elm\"\ninterior = \"maps\"");
+    std::fs::write(&path, text).unwrap();
+    let output = check(&path, &[]);
+    if no_adapter(&output) {
+        return;
+    }
+    let report = json(&output);
+    assert_eq!(output.status.code(), Some(0), "{report:#}");
+    let uploads = report["uploads"].to_string();
+    assert!(uploads.contains("front rho_d") && !uploads.contains("gamma_delta"), "{uploads}");
+    assert!(report["pipelines"].to_string().contains("shadow"), "{}", report["pipelines"]);
+}
+
+/// What someone might do to a fit folder.
+fn tamper(how: &str, fit: &Path) {
+    let srgb = |v: f32| if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
+    match how {
+        "mirrored normal" => {
+            edit(&fit.join("front_normal.exr"), |c, v| if c == "X" { -v } else { v });
+            edit(&fit.join("front.exr"), |c, v| if c == "normal.X" { -v } else { v });
+        }
+        "mirrored normal of one renderer" => edit(&fit.join("front_normal.exr"), |c, v| if c == "X" { -v } else { v }),
+        "swapped sides" => {
+            for what in [".exr", "_gamma_delta.exr", "_rho_s_m.exr", "_normal.exr"] {
+                let (a, b) = (fit.join(format!("front{what}")), fit.join(format!("back{what}")));
+                let (x, y) = (std::fs::read(&a).unwrap(), std::fs::read(&b).unwrap());
+                std::fs::write(a, y).unwrap();
+                std::fs::write(b, x).unwrap();
+            }
+            let mut record = FitRecord::read(fit).unwrap();
+            let (front, back) = (record.sections["front"].clone(), record.sections["back"].clone());
+            record.sections.insert("front".into(), back);
+            record.sections.insert("back".into(), front);
+            record.write(fit).unwrap();
+        }
+        "thicker" => {
+            let mut record = FitRecord::read(fit).unwrap();
+            for side in ["front", "back"] {
+                record.sections.get_mut(side).unwrap().params.get_mut("thickness").unwrap().value[0] *= 1.3;
+                edit(&fit.join(format!("{side}_gamma_delta.exr")), |c, v| if c == "A" { 1.3 * v } else { v });
+                edit(&fit.join(format!("{side}.exr")), |c, v| if c == "thickness.Y" { 1.3 * v } else { v });
+            }
+            record.write(fit).unwrap();
+        }
+        "thicker in fit.toml alone" => {
+            let mut record = FitRecord::read(fit).unwrap();
+            for side in ["front", "back"] {
+                record.sections.get_mut(side).unwrap().params.get_mut("thickness").unwrap().value[0] *= 1.3;
+            }
+            record.write(fit).unwrap();
+        }
+        "sRGB read as linear" => {
+            for side in ["front", "back"] {
+                edit(&fit.join(format!("{side}_gamma_delta.exr")), |c, v| if c == "A" { v } else { srgb(v) });
+                edit(&fit.join(format!("{side}.exr")), |c, v| if c.starts_with("gamma") { srgb(v) } else { v });
+            }
+        }
+        other => panic!("{other}"),
+    }
+}
+
+#[test]
+fn goldens_that_must_fail_do_fail_with_and_without_new_hashes() {
+    let dir = tempfile::tempdir().unwrap();
+    let kept = dir.path().join("kept");
+    // Bumps and γ as strong as veins make them, and sides that differ.
+    let blade = Blade { sigma_s: [[11.0, 12.0, 10.0], [16.0, 18.0, 15.0]], bump: 0.25, ..Blade::default() };
+    blade.write(&kept, "elm");
+    let fit = dir.path().join("fits/elm");
+    let fresh = || {
+        let _ = std::fs::remove_dir_all(&fit);
+        copy(&kept, &fit);
+    };
+    fresh();
+    let front = scene(dir.path(), "front", "elm", Some(50.0), None, "");
+    let back = scene(dir.path(), "back", "elm", Some(150.0), None, "");
+    for path in [&front, &back] {
+        let output = check(path, &["--update-golden"]);
+        if no_adapter(&output) {
+            return;
+        }
+        assert_eq!(output.status.code(), Some(0), "{:#}", json(&output));
+        let output = check(path, &[]);
+        assert_eq!(output.status.code(), Some(0), "untouched: {:#}", json(&output));
+        assert!(json(&output)["views"][0]["golden_max_error"].is_number());
+    }
+    let cases = [
+        ("mirrored normal", &front),
+        ("mirrored normal of one renderer", &front),
+        ("swapped sides", &front),
+        ("thicker", &back),
+        ("thicker in fit.toml alone", &back),
+        ("sRGB read as linear", &front),
+    ];
+    for (how, path) in cases {
+        for hashed in [false, true] {
+            fresh();
+            tamper(how, &fit);
+            if hashed {
+                rehash(&fit);
+            }
+            let output = check(path, &[]);
+            let report = json(&output);
+            assert_eq!(
+                (output.status.code(), &report["passed"]),
+                (Some(1), &Value::Bool(false)),
+                "{how}, hashed anew: {hashed}: {report:#}"
+            );
+            // Without new hashes the changed files are named (a number in fit.toml has no hash of its own).
+            if !hashed && how != "thicker in fit.toml alone" {
+                assert!(report["failures"][0].as_str().unwrap().contains("changed since it was fitted"), "{how}");
+            }
+            // By its picture alone, whatever the hashes say.
+            assert_eq!(report["views"][0]["passed"], false, "{how}: {report:#}");
+        }
+    }
+}
+
+#[test]
+fn an_unneeded_map_leaves_the_picture_alone_and_a_needed_one_changes_it() {
+    let dir = tempfile::tempdir().unwrap();
+    let fit = dir.path().join("fits/elm");
+    Blade::default().write(&fit, "elm");
+    Blade::default().write(&dir.path().join("fits/spare"), "spare");
+    let path = scene(dir.path(), "front", "elm", Some(30.0), None, "[[leaf]]\nname = \"spare\"\nfit = \"fits/spare\"\n");
+    let picture = || {
+        let output = check(&path, &[]);
+        (!no_adapter(&output)).then(|| (std::fs::read(dir.path().join("front.out/above.png")).unwrap(), json(&output)))
+    };
+    let Some((before, report)) = picture() else { return };
+    assert_eq!(report["passed"], true, "{report:#}");
+    let uploads = report["uploads"].to_string();
+    for absent in ["back gamma_delta", "back normal", "back gloss", "back slab curve", "shadow", "albedo", "leaf 1"] {
+        assert!(!uploads.contains(absent), "{absent} of {uploads}");
+    }
+    assert!(uploads.contains("front gamma_delta") && uploads.contains("front normal") && uploads.contains("front gloss"), "{uploads}");
+    assert_eq!(report["pipelines"].as_array().unwrap().len(), 2, "{}", report["pipelines"]);
+    for unneeded in
+        ["fits/elm/back.exr", "fits/elm/back_gamma_delta.exr", "fits/elm/back_normal.exr", "fits/elm/front_err.exr", "fits/spare/front.exr"]
+    {
+        edit(&dir.path().join(unneeded), |_, v| 0.5 * v + 0.1);
+    }
+    let Some((after, report)) = picture() else { return };
+    assert_eq!(report["passed"], true, "{report:#}");
+    assert!(before == after, "an unneeded map changed the picture");
+    edit(&fit.join("front_gamma_delta.exr"), |c, v| if c == "A" { v } else { 0.9 * v });
+    let Some((after, report)) = picture() else { return };
+    assert_eq!(report["passed"], false);
+    assert!(before != after, "a needed map did not change the picture");
+}
+
+#[test]
+fn what_cannot_be_read_is_one_sentence() {
+    let dir = tempfile::tempdir().unwrap();
+    let fit = dir.path().join("fits/elm");
+    Blade { width: 24, height: 18, texel_mm: 2.0, ..Blade::default() }.write(&fit, "elm");
+    let path = scene(dir.path(), "front", "elm", Some(30.0), None, "");
+    let said = |code: i32, part: &str| {
+        let output = check(&path, &["--quiet"]);
+        let text = String::from_utf8_lossy(&output.stderr).into_owned();
+        let ours: Vec<&str> = text.lines().filter(|l| l.starts_with("mesophyll:")).collect();
+        assert_eq!(output.status.code(), Some(code), "{text}");
+        assert!(ours.len() == 1 && ours[0].contains(part), "{text}");
+    };
+    let bytes = std::fs::read(fit.join("front_gamma_delta.exr")).unwrap();
+    std::fs::write(fit.join("front_gamma_delta.exr"), &bytes[..bytes.len() / 2]).unwrap();
+    said(2, "front_gamma_delta.exr");
+    std::fs::write(fit.join("front_gamma_delta.exr"), &bytes).unwrap();
+    std::fs::remove_file(fit.join("blade.glb")).unwrap();
+    said(2, "blade.glb: no such file");
+    std::fs::write(fit.join("blade.glb"), b"glTF").unwrap();
+    said(2, "blade.glb: not a readable glTF file");
+    let gltf = r#"{"asset":{"version":"2.0"},"buffers":[{"uri":"../../../secret.bin","byteLength":4}]}"#;
+    std::fs::write(dir.path().join("leaf.gltf"), gltf).unwrap();
+    let text = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(&path, text.replace("fit = \"fits/elm\"", "fit = \"fits/elm\"\nmesh = \"leaf.gltf\"")).unwrap();
+    said(2, "leads outside the file's folder");
+    std::fs::write(&path, text.replace("fits/elm", "fits/oak")).unwrap();
+    said(2, "there is no fit at");
+}
