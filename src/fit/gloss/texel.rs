@@ -2,7 +2,7 @@
 //! outliers (`outliers.rs`), the question whether there is a lobe at all, errors and verdict (`report.rs`).
 
 use super::project::{self, Channel, NONLINEAR};
-use super::start::{Bank, Start};
+use super::start::{Bank, Scratch, Start};
 use super::{Device, M_RANGE, Robust, TILT_LIMIT, TexelFit, normal_of, normal_slopes};
 use crate::optics::tube::fast::{self, COLUMNS, Lit};
 use crate::optics::tube::lanes::Level;
@@ -42,10 +42,10 @@ pub struct Workspace {
     pub(super) w: [Vec<f64>; 3],
     /// 1 for a reading in use, 0 for none or an outlier.
     pub(super) used: [Vec<f64>; 3],
-    /// Sum of the channels and its weights.
+    /// Sum of the channels and its variance (infinite where one is missing).
     sum: [Vec<f64>; 2],
     lit: [Lit; 2],
-    gains: Vec<f64>,
+    match_scratch: Scratch,
     starts: Vec<Start>,
 }
 
@@ -224,9 +224,9 @@ impl Job<'_> {
         project::weigh_by_samples(self.fitter.level, noise, &ws.y, &ws.used, &mut ws.w, &mut ws.sum);
         let mut from = 0;
         for (k, pass) in self.fitter.passes[..self.tilts].iter().enumerate() {
-            let range = from..from + pass.light.padded();
-            from = range.end;
-            pass.bank.best(self.texel, &ws.sum[0][range.clone()], &ws.sum[1][range], STARTS, &mut ws.gains, &mut ws.starts);
+            let range = from..from + pass.light.frames();
+            from += pass.light.padded();
+            pass.bank.best(self.texel, &ws.sum[0][range.clone()], &ws.sum[1][range], STARTS, &mut ws.match_scratch, &mut ws.starts);
             let best = ws.starts.get(if k == 0 { rank } else { 0 })?;
             if k == 0 {
                 p[0] = best.m.ln();
