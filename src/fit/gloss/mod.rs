@@ -132,6 +132,7 @@ pub struct TexelFit {
 /// Defects of a texel, by name.
 pub const NOT_CONVERGED: &str = "not converged";
 pub const NOT_EXPLAINED: &str = "residuals exceed the noise";
+pub const AMBIGUOUS: &str = "two lobes fit equally well";
 pub const NARROW: &str = "lobe narrower than two frames";
 
 /// Range of m (bounds of the fit).
@@ -178,7 +179,7 @@ impl TexelFit {
             names.insert(Undetermined::RHO_D[c]);
             names.insert(Undetermined::RHO_S[c]);
         }
-        if matches!(self.defect, Some(NOT_CONVERGED | NOT_EXPLAINED)) {
+        if matches!(self.defect, Some(NOT_CONVERGED | NOT_EXPLAINED | AMBIGUOUS)) {
             // Whatever is wrong, no number of this texel can be promised.
             names = Undetermined::all(channels);
         }

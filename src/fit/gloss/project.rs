@@ -1,7 +1,11 @@
 //! Variable projection on inner products (Golub & Pereyra 1973, in Kaufman's approximation): per channel ρd, ρs ≥ 0 are solved
 //! for exactly, and m and the tilts see residuals from which every change that ρd and ρs could make is projected out.
 //!
+//! Loops by index and without closures: `#[inline(always)]` alone carries the vector intrinsics into their caller.
+//!
 //! A trial point costs six weighted sums a channel; an accepted one nine to fifteen more. No Jacobian is stored.
+
+#![allow(clippy::needless_range_loop)]
 
 use crate::dispatch_lanes;
 use crate::optics::tube::fast::COLUMNS;
@@ -110,20 +114,20 @@ fn linear_sums<L: Lanes>(d: &[f64], s: &[f64], y: &[f64], w: &[f64]) -> [f64; 6]
         g[4] = ws.fma(y, g[4]);
         g[5] = wy.fma(y, g[5]);
     }
-    g.map(L::sum)
+    [g[0].sum(), g[1].sum(), g[2].sum(), g[3].sum(), g[4].sum(), g[5].sum()]
 }
 
 /// Row k: ⟨z_k, z_0…z_2⟩ (lower triangle), ⟨z_k, D⟩, ⟨z_k, S⟩, ⟨z_k, y⟩.
 #[inline(always)]
 fn slope_sums<L: Lanes>(columns: &[Vec<f64>; COLUMNS], y: &[f64], w: &[f64], factors: [f64; 3], tilts: usize) -> [[f64; 6]; NONLINEAR] {
-    let [by_m, rho_d, rho_s] = factors.map(L::splat);
+    let (by_m, rho_d, rho_s) = (L::splat(factors[0]), L::splat(factors[1]), L::splat(factors[2]));
     let mut g = [[L::splat(0.0); 6]; NONLINEAR];
     for k in (0..y.len()).step_by(L::N) {
-        let at = |c: usize| L::load(&columns[c][k..]);
-        let (d, s, y, w) = (at(D), at(S), L::load(&y[k..]), L::load(&w[k..]));
-        let mut z = [by_m.mul(at(S_M)), rho_d.mul(at(3)).add(rho_s.mul(at(4))), L::splat(0.0)];
+        let (d, s, y, w) = (L::load(&columns[D][k..]), L::load(&columns[S][k..]), L::load(&y[k..]), L::load(&w[k..]));
+        let by_tilt = rho_d.mul(L::load(&columns[3][k..])).add(rho_s.mul(L::load(&columns[4][k..])));
+        let mut z = [by_m.mul(L::load(&columns[S_M][k..])), by_tilt, L::splat(0.0)];
         if tilts > 1 {
-            z[2] = rho_d.mul(at(5)).add(rho_s.mul(at(6)));
+            z[2] = rho_d.mul(L::load(&columns[5][k..])).add(rho_s.mul(L::load(&columns[6][k..])));
         }
         for i in 0..=tilts {
             let wz = w.mul(z[i]);
@@ -135,7 +139,13 @@ fn slope_sums<L: Lanes>(columns: &[Vec<f64>; COLUMNS], y: &[f64], w: &[f64], fac
             g[i][5] = wz.fma(y, g[i][5]);
         }
     }
-    g.map(|row| row.map(L::sum))
+    let mut out = [[0.0; 6]; NONLINEAR];
+    for i in 0..=tilts {
+        for j in 0..6 {
+            out[i][j] = g[i][j].sum();
+        }
+    }
+    out
 }
 
 /// Weights 1/sd² from the model ρd D + ρs S, sd² = (relative·model)² + floor²; returns the largest squared residual/sd.
@@ -147,7 +157,7 @@ pub fn weigh(level: Level, columns: &[Vec<f64>; COLUMNS], rho: [f64; 2], noise: 
 
 #[inline(always)]
 fn weigh_lanes<L: Lanes>(d: &[f64], s: &[f64], rho: [f64; 2], noise: [f64; 2], y: &[f64], used: &[f64], w: &mut [f64]) -> f64 {
-    let [rho_d, rho_s] = rho.map(L::splat);
+    let (rho_d, rho_s) = (L::splat(rho[0]), L::splat(rho[1]));
     let (relative2, floor2) = (L::splat(noise[0] * noise[0]), L::splat(noise[1] * noise[1]));
     let mut worst = [0.0; 8];
     let mut most = L::splat(0.0);
@@ -162,7 +172,7 @@ fn weigh_lanes<L: Lanes>(d: &[f64], s: &[f64], rho: [f64; 2], noise: [f64; 2], y
     worst.into_iter().fold(0.0, f64::max)
 }
 
-/// Weights from the samples themselves, and of the channels' sum (0 where `whole` is).
+/// Weights from the samples themselves; sum of the channels and its variance (infinite where a channel's reading is missing).
 pub fn weigh_by_samples(
     level: Level,
     noise: [f64; 2],
@@ -183,7 +193,10 @@ fn sample_lanes<L: Lanes>(noise: [f64; 2], y: &[Vec<f64>; 3], used: &[Vec<f64>; 
     let absent: [bool; 3] = std::array::from_fn(|c| used[c].iter().all(|u| *u == 0.0));
     for k in (0..y[0].len()).step_by(L::N) {
         let (mut total, mut variance, mut whole) = (L::splat(0.0), L::splat(0.0), L::splat(1.0));
-        for c in (0..3).filter(|&c| !absent[c]) {
+        for c in 0..3 {
+            if absent[c] {
+                continue;
+            }
             let (v, u) = (L::load(&y[c][k..]), L::load(&used[c][k..]));
             let sd2 = v.mul(v).fma(relative2, floor2);
             u.div(sd2).store(&mut w[c][k..]);
@@ -193,6 +206,6 @@ fn sample_lanes<L: Lanes>(noise: [f64; 2], y: &[Vec<f64>; 3], used: &[Vec<f64>; 
             whole = whole.mul(u);
         }
         total.store(&mut sum[0][k..]);
-        whole.div(variance.max(L::splat(1e-300))).store(&mut sum[1][k..]);
+        variance.div(whole).store(&mut sum[1][k..]);
     }
 }

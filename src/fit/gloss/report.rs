@@ -2,12 +2,48 @@
 
 use super::project::{NONLINEAR, S};
 use super::texel::{Job, State};
-use super::{M_RANGE, NARROW, NOT_CONVERGED, NOT_EXPLAINED, TILT_LIMIT, TexelFit, Undetermined, normal_of, normal_slopes};
+use super::{AMBIGUOUS, M_RANGE, NARROW, NOT_CONVERGED, NOT_EXPLAINED, TILT_LIMIT, TexelFit, Undetermined, normal_of, normal_slopes};
 use crate::solve::Termination;
 
 type Matrix = [[f64; NONLINEAR]; NONLINEAR];
 
+/// Minima closer than this in χ² cannot be told apart (three standard deviations).
+const RIVAL: f64 = 9.0;
+
 impl Job<'_> {
+    /// A texel without gloss: ρd and the tilts (which the diffuse light shows) from the fit without it. What faint gloss could
+    /// have done to them, the difference to the fit with it, widens their errors.
+    pub(super) fn report_matte(
+        &mut self,
+        full: State,
+        (bare, termination): (State, Termination),
+        counts: [usize; 3],
+        parameters: usize,
+        outliers: usize,
+    ) -> TexelFit {
+        let mut fit = self.report(bare, termination, counts, true, parameters, outliers);
+        for c in (0..3).filter(|&c| counts[c] > 0) {
+            fit.rho_d_err[c] = fit.rho_d_err[c].hypot(bare.channels[c].rho_d - full.channels[c].rho_d);
+        }
+        for k in 0..self.tilts {
+            fit.tilt_err[k] = fit.tilt_err[k].hypot(bare.p[1 + k] - full.p[1 + k]);
+        }
+        fit.undetermined = Undetermined::default();
+        self.judge(&mut fit, counts, true);
+        fit
+    }
+
+    /// Says so where another minimum is as good and elsewhere.
+    pub(super) fn compare(&self, fit: &mut TexelFit, best: &State, rivals: &[State]) {
+        let apart = |r: &State| {
+            let tilt = (0..self.tilts).any(|k| (r.p[1 + k] - best.p[1 + k]).abs() > 2.5 * fit.tilt_err[k]);
+            tilt || (r.p[0].exp() - fit.m).abs() > 2.5 * fit.m_err
+        };
+        if fit.defect.is_none() && rivals.iter().any(|r| r.chi2 < best.chi2 + RIVAL && apart(r)) {
+            fit.defect = Some(AMBIGUOUS);
+        }
+    }
+
     /// `counts`: readings a channel before rejection; a channel without any is left NaN.
     pub(super) fn report(
         &mut self,
@@ -117,7 +153,7 @@ impl Job<'_> {
         }
         let at_bound = fit.m <= 1.0001 * M_RANGE[0] || fit.m >= 0.9999 * M_RANGE[1];
         let narrow = !matte && self.lobe_frames() < 2;
-        if matte || at_bound || narrow || unsure(fit.m_err, fit.m) {
+        if matte || at_bound || narrow || parallel || unsure(fit.m_err, fit.m) {
             names.insert(Undetermined::M);
         }
         for (k, flag) in [Undetermined::TILT, Undetermined::TILT_Y].into_iter().enumerate().take(self.tilts) {

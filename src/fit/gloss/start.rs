@@ -10,6 +10,8 @@ use std::sync::OnceLock;
 
 /// m of the templates, finest first.
 const SLOPES: [f64; 9] = [0.03, 0.06, 0.12, 0.22, 0.35, 0.5, 0.65, 0.8, 1.0];
+/// Frames are summed in neighbouring groups, to about so many.
+const GROUPS: usize = 33;
 /// Banks on either side of the blade's middle.
 const SIDE: usize = 40;
 
@@ -19,6 +21,14 @@ pub struct Start {
     pub m: f64,
     pub tilt: f64,
     pub cost: f64,
+}
+
+/// Condensed samples, their weights and each template's gain.
+#[derive(Debug, Default)]
+pub struct Scratch {
+    samples: Vec<f64>,
+    weights: Vec<f64>,
+    gains: Vec<f64>,
 }
 
 struct Template {
@@ -36,6 +46,7 @@ pub struct Bank {
     range: [f64; 2],
     pitch_mm: f64,
     level: Level,
+    group: usize,
     bins: Vec<OnceLock<Vec<Template>>>,
 }
 
@@ -51,6 +62,7 @@ impl Bank {
             range,
             pitch_mm: device.height_mm / 16.0,
             level: Level::detect(),
+            group: (positions.len() / GROUPS).max(1),
             bins: std::iter::repeat_with(OnceLock::new).take(2 * SIDE + 1).collect(),
         }
     }
@@ -77,23 +89,41 @@ impl Bank {
                         (r.d, r.s)
                     })
                     .unzip();
-                d.resize(padded(d.len()), 0.0);
-                s.resize(padded(s.len()), 0.0);
+                (d, s) = (self.condense(&d), self.condense(&s));
                 out.push(Template { m, tilt, d, s });
             }
         }
         out
     }
 
-    /// The best templates, best first, at most `most`, no two of them neighbours. Samples and weights are padded to whole
-    /// vectors; weights of zero leave samples out.
-    pub fn best(&self, texel: [f64; 2], samples: &[f64], weights: &[f64], most: usize, scratch: &mut Vec<f64>, found: &mut Vec<Start>) {
+    /// Sums of neighbouring frames, padded to whole vectors: about `GROUPS` are enough to find a start.
+    fn condense(&self, frames: &[f64]) -> Vec<f64> {
+        let mut out: Vec<f64> = frames.chunks(self.group).map(|g| g.iter().sum()).collect();
+        out.resize(padded(out.len()), 0.0);
+        out
+    }
+
+    /// The best templates, best first, at most `most`, no two of them neighbours. `variances` of the samples; infinite leaves
+    /// one out, and its neighbours in the group.
+    pub fn best(&self, texel: [f64; 2], samples: &[f64], variances: &[f64], most: usize, scratch: &mut Scratch, found: &mut Vec<Start>) {
         found.clear();
+        let Scratch { samples: y, weights: w, gains } = scratch;
+        for list in [&mut *y, &mut *w] {
+            list.clear();
+        }
+        for (values, variance) in samples.chunks(self.group).zip(variances.chunks(self.group)) {
+            y.push(values.iter().sum::<f64>());
+            w.push(1.0 / variance.iter().sum::<f64>());
+        }
+        for list in [&mut *y, &mut *w] {
+            list.resize(padded(list.len()), 0.0);
+        }
+        let (samples, weights) = (&y[..], &w[..]);
         let yy: f64 = samples.iter().zip(weights).map(|(y, w)| y * y * w).sum();
         let (templates, level) = (self.templates(texel), self.level);
-        scratch.clear();
-        scratch.resize(templates.len(), 0.0);
-        let gains = &mut scratch[..];
+        gains.clear();
+        gains.resize(templates.len(), 0.0);
+        let gains = &mut gains[..];
         dispatch_lanes!(level, match_all(templates: &[Template], samples: &[f64], weights: &[f64], gains: &mut [f64]));
         for (t, gain) in templates.iter().zip(gains.iter()) {
             let start = Start { m: t.m, tilt: t.tilt, cost: yy - gain };
@@ -119,7 +149,7 @@ fn match_all<L: Lanes>(templates: &[Template], samples: &[f64], weights: &[f64],
             g[3] = wd.fma(y, g[3]);
             g[4] = ws.fma(y, g[4]);
         }
-        let [dd, ds, ss, dy, sy] = g.map(L::sum);
+        let [dd, ds, ss, dy, sy] = [g[0].sum(), g[1].sum(), g[2].sum(), g[3].sum(), g[4].sum()];
         let det = dd * ss - ds * ds;
         let (rd, rs) = (ss * dy - ds * sy, dd * sy - ds * dy);
         *gain = if det > 1e-12 * dd * ss && rd >= 0.0 && rs >= 0.0 {

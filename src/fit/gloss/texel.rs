@@ -2,7 +2,7 @@
 //! outliers (`outliers.rs`), the question whether there is a lobe at all, errors and verdict (`report.rs`).
 
 use super::project::{self, Channel, NONLINEAR};
-use super::start::{Bank, Start};
+use super::start::{Bank, Scratch, Start};
 use super::{Device, M_RANGE, Robust, TILT_LIMIT, TexelFit, normal_of, normal_slopes};
 use crate::optics::tube::fast::{self, COLUMNS, Lit};
 use crate::optics::tube::lanes::Level;
@@ -19,7 +19,11 @@ const NEAR: f64 = 4.0;
 /// Templates tried where the best leads nowhere.
 const STARTS: usize = 4;
 /// ρs is taken for zero where leaving it out costs less χ² than this (four parameters, and the search over lobes).
-const MATTE: f64 = 25.0;
+const MATTE: f64 = 12.0;
+/// Gloss that explains less χ² than this is faint: other minima are looked for, and m is doubted.
+pub(super) const FAINT: f64 = 400.0;
+/// Correlation of ρd and ρs beyond which other minima are looked for.
+const ALIKE: f64 = -0.95;
 
 /// Fits texels of one device; shared by threads.
 pub struct TexelFitter {
@@ -42,10 +46,10 @@ pub struct Workspace {
     pub(super) w: [Vec<f64>; 3],
     /// 1 for a reading in use, 0 for none or an outlier.
     pub(super) used: [Vec<f64>; 3],
-    /// Sum of the channels and its weights.
+    /// Sum of the channels and its variance (infinite where one is missing).
     sum: [Vec<f64>; 2],
     lit: [Lit; 2],
-    gains: Vec<f64>,
+    match_scratch: Scratch,
     starts: Vec<Start>,
 }
 
@@ -164,39 +168,74 @@ impl Job<'_> {
             return TexelFit::refused("no light");
         }
         let Some(start) = self.start(0) else { return TexelFit::refused("no template fits") };
-        let (mut state, mut termination) = self.climb(start);
-        let mut worst = self.weigh(&state);
+        let mut best = self.climb(start);
+        let mut worst = self.weigh(&best.0);
         // χ² that the noise makes unlikely (4 σ): another template may have been the right one.
         let freedom = (used - parameters) as f64;
-        if !termination.converged() || state.chi2 > freedom + 4.0 * (2.0 * freedom).sqrt() {
-            for rank in 1..STARTS {
-                let Some(start) = self.start(rank) else { break };
-                let (other, reason) = self.climb(start);
-                if reason.converged() >= termination.converged() && other.chi2 < state.chi2 {
-                    (state, termination) = (other, reason);
-                }
-            }
-            state = self.evaluate(state.p);
-            worst = self.weigh(&state);
+        if !best.1.converged() || best.0.chi2 > freedom + 4.0 * (2.0 * freedom).sqrt() {
+            best = self.others(best, &mut Vec::new());
+            worst = self.weigh(&best.0);
         }
         let mut outliers = 0;
         if self.fitter.robust != Robust::Off {
-            (state, termination, outliers) = self.reject(state, termination, worst);
+            (best.0, best.1, outliers) = self.reject(best.0, best.1, worst);
         }
-        let mut matte = false;
-        if state.channels.iter().map(gloss_chi2).sum::<f64>() < 4.0 * MATTE {
-            self.matte = true;
-            let bare = self.evaluate(state.p);
-            let (bare, reason) = self.descend(bare, CONVERGED, false);
-            self.matte = false;
-            let same = self.project(state.p);
-            if bare.chi2 - same.chi2.min(state.chi2) < MATTE {
-                (state, termination, matte) = (bare, reason, true);
-            } else {
-                state = self.evaluate(state.p);
+        // Faint gloss, or gloss that looks like more diffuse light, may have several minima: look at them all.
+        let mut rivals = Vec::new();
+        let mut searched = best.0.gloss_chi2() < FAINT;
+        if searched {
+            best = self.others(best, &mut rivals);
+        }
+        let mut fit = match self.matte(best.0) {
+            Some(bare) => return self.report_matte(best.0, bare, counts, parameters, outliers),
+            None => self.report(best.0, best.1, counts, false, parameters, outliers),
+        };
+        if !searched && fit.correlation < ALIKE {
+            searched = true;
+            let before = best.0.p;
+            best = self.others(best, &mut rivals);
+            if best.0.p != before {
+                fit = self.report(best.0, best.1, counts, false, parameters, outliers);
             }
         }
-        self.report(state, termination, counts, matte, parameters, outliers)
+        if searched {
+            self.compare(&mut fit, &best.0, &rivals);
+        }
+        fit
+    }
+
+    /// Climbs down from the other templates; the best of all, its columns and weights in place, and every end point.
+    fn others(&mut self, first: (State, Termination), rivals: &mut Vec<State>) -> (State, Termination) {
+        let mut best = first;
+        for rank in 1..STARTS {
+            let Some(start) = self.start(rank) else { break };
+            let other = self.climb(start);
+            rivals.push(other.0);
+            if other.1.converged() >= best.1.converged() && other.0.chi2 < best.0.chi2 {
+                rivals.push(best.0);
+                best = other;
+            }
+        }
+        // All under the winner's weights again.
+        let state = self.evaluate(best.0.p);
+        self.weigh(&State { channels: best.0.channels, ..state });
+        (self.project(best.0.p), best.1)
+    }
+
+    /// The best fit without gloss, where the gloss of `full` is no more than noise and a search would find.
+    fn matte(&mut self, full: State) -> Option<(State, Termination)> {
+        if full.gloss_chi2() >= 4.0 * MATTE {
+            return None;
+        }
+        self.matte = true;
+        let bare = self.evaluate(full.p);
+        let bare = self.descend(bare, CONVERGED, false);
+        self.matte = false;
+        if bare.0.chi2 - full.chi2 < MATTE {
+            return Some(bare);
+        }
+        self.evaluate(full.p);
+        None
     }
 
     /// No floor at all would give an exact zero infinite weight.
@@ -224,9 +263,9 @@ impl Job<'_> {
         project::weigh_by_samples(self.fitter.level, noise, &ws.y, &ws.used, &mut ws.w, &mut ws.sum);
         let mut from = 0;
         for (k, pass) in self.fitter.passes[..self.tilts].iter().enumerate() {
-            let range = from..from + pass.light.padded();
-            from = range.end;
-            pass.bank.best(self.texel, &ws.sum[0][range.clone()], &ws.sum[1][range], STARTS, &mut ws.gains, &mut ws.starts);
+            let range = from..from + pass.light.frames();
+            from += pass.light.padded();
+            pass.bank.best(self.texel, &ws.sum[0][range.clone()], &ws.sum[1][range], STARTS, &mut ws.match_scratch, &mut ws.starts);
             let best = ws.starts.get(if k == 0 { rank } else { 0 })?;
             if k == 0 {
                 p[0] = best.m.ln();
@@ -348,6 +387,15 @@ impl Job<'_> {
 }
 
 impl State {
+    /// What χ² would rise by if ρs were zero, the rest fixed but ρd.
+    pub fn gloss_chi2(&self) -> f64 {
+        let of = |c: &Channel| {
+            let own = c.ss - if c.dd > 0.0 { c.ds * c.ds / c.dd } else { 0.0 };
+            c.rho_s * c.rho_s * own
+        };
+        self.channels.iter().map(of).sum()
+    }
+
     /// Takes a small step without evaluating: ρ moves as the projection says, χ² falls as predicted.
     fn shift(&mut self, step: &[f64; NONLINEAR], predicted: f64) {
         for (p, s) in self.p.iter_mut().zip(step) {
@@ -364,12 +412,6 @@ impl State {
         }
         self.chi2 = (self.chi2 - predicted).max(0.0);
     }
-}
-
-/// What χ² would rise by if this channel's ρs were zero, the rest fixed but ρd.
-fn gloss_chi2(c: &Channel) -> f64 {
-    let own = c.ss - if c.dd > 0.0 { c.ds * c.ds / c.dd } else { 0.0 };
-    c.rho_s * c.rho_s * own
 }
 
 /// Applies a step, kept short and within the bounds.

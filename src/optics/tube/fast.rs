@@ -2,6 +2,8 @@
 //! node sets, without its trigonometry. [`super::Model`] is the reference it is tested against, and does the few frames that the
 //! texel's horizon cuts. Cook–Torrance, whose G has kinks to split at, is left to the reference altogether.
 
+#![allow(clippy::needless_range_loop)] // see the note on closures below
+
 use super::lanes::{Lanes, Level, PAD, padded};
 use super::quadrature::gauss_legendre;
 use super::{Model, Travel};
@@ -198,7 +200,10 @@ fn light<L: Lanes>(pass: &Pass, texel_mm: [f64; 2], lit: &mut Lit) {
         let r = near.mul(L::splat(tube.radius_mm));
         let r2 = r.mul(r);
         let series = [105.0 / 3456.0, 15.0 / 336.0, 3.0 / 40.0, 1.0 / 6.0, 1.0];
-        let asin = series[1..].iter().fold(L::splat(series[0]), |p, c| p.fma(r2, L::splat(*c)));
+        let mut asin = L::splat(series[0]);
+        for c in &series[1..] {
+            asin = asin.fma(r2, L::splat(*c));
+        }
         r.mul(asin).store(&mut lit.beta[k..]);
         cos.mul(asin).store(&mut lit.scale[k..]);
         let half = 0.5 * tube.length_mm;
@@ -263,21 +268,61 @@ struct Arc<L> {
     over: L,
 }
 
+// Free functions instead of closures from here on: only `#[inline(always)]` takes the intrinsics along into the caller that was
+// compiled for them.
+
+#[inline(always)]
+fn poly<L: Lanes>(p: &[L; 3], even: bool, t: L, t2: L) -> L {
+    let high = p[2].fma(t2, p[0]);
+    if even { high } else { p[1].fma(t, high) }
+}
+
+/// v · (sin, ·, cos) for the part of v in the plane of travel.
+#[inline(always)]
+fn flat<L: Lanes>(v: [f64; 3], sin: L, cos: L) -> L {
+    L::splat(v[0]).fma(sin, L::splat(v[2]).mul(cos))
+}
+
+/// The point of the tube in direction (cos, sin), or the end that lies nearest.
+#[inline(always)]
+fn clamp<L: Lanes>(cp: L, sp: L, ends: &[L; 2], end_cos: &[L; 2], end_sin: &[L; 2]) -> (L, L) {
+    let behind = cp.less(L::splat(1e-6));
+    let side = L::splat(0.0).less(sp);
+    let below = sp.less(ends[0].mul(cp));
+    let above = ends[1].mul(cp).less(sp);
+    let cos = end_cos[1].or(above, end_cos[0].or(below, cp));
+    let sin = end_sin[1].or(above, end_sin[0].or(below, sp));
+    (end_cos[1].or(side, end_cos[0]).or(behind, cos), end_sin[1].or(side, end_sin[0]).or(behind, sin))
+}
+
+/// Tangent of half the angle from (cp, sp) to an end.
+#[inline(always)]
+fn limit<L: Lanes>(cp: L, sp: L, end_cos: L, end_sin: L) -> L {
+    end_sin.mul(cp).sub(end_cos.mul(sp)).div(L::splat(1.0).add(end_cos.mul(cp)).add(end_sin.mul(sp)))
+}
+
+/// tan of half an angle, x (15 − x²)/(15 − 6 x²); unlimited beyond 1.4 rad, or where `bounded` is not set.
+#[inline(always)]
+fn half_tan<L: Lanes>(angle: L, bounded: L::Mask) -> L {
+    let s = L::splat;
+    let x = angle.mul(s(0.5));
+    let x2 = x.mul(x);
+    let below = s(15.0).sub(s(6.0).mul(x2));
+    let near = L::both(s(3.0).less(below), bounded);
+    x.mul(s(15.0).sub(x2)).div(below.max(s(1e-9))).or(near, s(1e9))
+}
+
 impl<L: Lanes> Arc<L> {
     /// Adds the integrand at `t` times `weight`; `even`: the odd coefficients are zero.
     #[inline(always)]
     fn node(&self, ggx: bool, even: bool, t: L, weight: L, sums: &mut Sums<L>) {
         let (one, two) = (L::splat(1.0), L::splat(2.0));
         let t2 = t.mul(t);
-        let poly = |p: &[L; 3]| {
-            let high = p[2].fma(t2, p[0]);
-            if even { high } else { p[1].fma(t, high) }
-        };
-        let (e, m, q) = (poly(&self.e), poly(&self.m), poly(&self.q));
+        let (e, m, q) = (poly(&self.e, even, t, t2), poly(&self.m, even, t, t2), poly(&self.q, even, t, t2));
         let inverse = m.mul(m).recip();
         let ei = e.mul(inverse);
         let sec2 = two.mul(ei).mul(t2.add(one));
-        let tau = sec2.sub(one).max(L::splat(0.0));
+        let tau = sec2.sub(one);
         let u = tau.mul(self.over);
         let shape = ei.mul(ei).mul(q).mul(weight);
         let (value, fall) = if ggx {
@@ -326,11 +371,13 @@ fn respond<L: Lanes>(
         zero.or(bright, zero.or(dark, one)).store(&mut lit.cut[k..]);
         // D and its changes
         let (along, skew) = (L::load(&lit.along[k..]), L::load(&lit.skew[k..]));
-        let diffuse = |v: [f64; 3]| along.mul(s(v[0]).fma(sin, s(v[2]).mul(cos))).add(skew.mul(s(v[1]))).or(bright, zero);
-        diffuse(n).store(&mut columns[0][k..]);
+        along.mul(flat(n, sin, cos)).add(skew.mul(s(n[1]))).or(bright, zero).store(&mut columns[0][k..]);
         for j in 0..point.changes {
-            diffuse(point.change[j]).store(&mut columns[3 + 2 * j][k..]);
+            let v = point.change[j];
+            along.mul(flat(v, sin, cos)).add(skew.mul(s(v[1]))).or(bright, zero).store(&mut columns[3 + 2 * j][k..]);
         }
+        let end_cos = [L::load(&lit.end_cos[0][k..]), L::load(&lit.end_cos[1][k..])];
+        let end_sin = [L::load(&lit.end_sin[0][k..]), L::load(&lit.end_sin[1][k..])];
         let mut total = zero;
         let mut total_m = zero;
         let mut total_n = [zero; 2];
@@ -342,25 +389,13 @@ fn respond<L: Lanes>(
                 let cd = d2.fma(s(-1.0 / 720.0), s(1.0 / 24.0)).fma(d2, s(-0.5)).fma(d2, one);
                 let sd = d2.fma(s(-1.0 / 5040.0), s(1.0 / 120.0)).fma(d2, s(-1.0 / 6.0)).fma(d2, one).mul(d);
                 let (sj, cj) = (sin.mul(cd).add(cos.mul(sd)), cos.mul(cd).sub(sin.mul(sd)));
-                let flat = |v: [f64; 3]| s(v[0]).fma(sj, s(v[2]).mul(cj));
-                let (a1, c1) = (flat(n), flat(c));
+                let (a1, c1) = (flat(n, sj, cj), flat(c, sj, cj));
                 let (mut cp, mut sp) = (one, zero);
-                let clamp = |cp: L, sp: L| {
-                    let behind = cp.less(s(1e-6));
-                    let side = zero.less(sp);
-                    let below = sp.less(ends[0].mul(cp));
-                    let above = ends[1].mul(cp).less(sp);
-                    let out = |end: usize| (L::load(&lit.end_cos[end][k..]), L::load(&lit.end_sin[end][k..]));
-                    let (lo, hi) = (out(0), out(1));
-                    let mid = (hi.0.or(above, lo.0.or(below, cp)), hi.1.or(above, lo.1.or(below, sp)));
-                    let far = (hi.0.or(side, lo.0), hi.1.or(side, lo.1));
-                    (far.0.or(behind, mid.0), far.1.or(behind, mid.1))
-                };
                 if !symmetric {
                     let r1 = s(2.0 * point.b).mul(a1).sub(c1);
                     let r2 = s(2.0 * point.b * n[1] - c[1]);
                     let length = one.div(r1.fma(r1, r2.mul(r2)).max(s(1e-60)).sqrt());
-                    (cp, sp) = clamp(r1.mul(length), r2.mul(length));
+                    (cp, sp) = clamp(r1.mul(length), r2.mul(length), &ends, &end_cos, &end_sin);
                 }
                 let (mut tau, mut slope, mut bend) = (zero, zero, one);
                 let mut falling = bright;
@@ -377,7 +412,7 @@ fn respond<L: Lanes>(
                         let h2 = h.mul(h);
                         let k1 = h2.add(one).recip();
                         let (ch, sh) = (one.sub(h2).mul(k1), h.add(h).mul(k1));
-                        (cp, sp) = clamp(cp.mul(ch).sub(sp.mul(sh)), sp.mul(ch).add(cp.mul(sh)));
+                        (cp, sp) = clamp(cp.mul(ch).sub(sp.mul(sh)), sp.mul(ch).add(cp.mul(sh)), &ends, &end_cos, &end_sin);
                         continue;
                     }
                     if step == 0 {
@@ -394,11 +429,7 @@ fn respond<L: Lanes>(
                 if !L::any(worth) {
                     continue;
                 }
-                let limit = |end: usize| {
-                    let (ec, es) = (L::load(&lit.end_cos[end][k..]), L::load(&lit.end_sin[end][k..]));
-                    es.mul(cp).sub(ec.mul(sp)).div(one.add(ec.mul(cp)).add(es.mul(sp)))
-                };
-                let (from, to) = (limit(0), limit(1));
+                let (from, to) = (limit(cp, sp, end_cos[0], end_sin[0]), limit(cp, sp, end_cos[1], end_sin[1]));
                 let (p1n, p2n) = (a1.mul(cp).add(s(n[1]).mul(sp)), s(n[1]).mul(cp).sub(a1.mul(sp)));
                 let (p1c, p2c) = (c1.mul(cp).add(s(c[1]).mul(sp)), s(c[1]).mul(cp).sub(c1.mul(sp)));
                 let arc = Arc {
@@ -418,13 +449,13 @@ fn respond<L: Lanes>(
                 let value = sums.value;
                 total = factor.mul(value).or(worth, zero).add(total);
                 total_m = factor.mul(s(2.0 / point.m)).mul(sums.value_m.sub(value)).or(worth, zero).add(total_m);
-                for (j, sum) in total_n.iter_mut().enumerate().take(point.changes) {
+                for j in 0..point.changes {
                     let v = point.change[j];
-                    let (v1, vc) = (flat(v), s(dot(v, c)));
+                    let (v1, vc) = (flat(v, sj, cj), s(dot(v, c)));
                     let (p1v, p2v) = (v1.mul(cp).add(s(v[1]).mul(sp)), s(v[1]).mul(cp).sub(v1.mul(sp)));
                     let turned = p1v.mul(sums.x[0].sub(sums.x[2])).add(p2v.mul(sums.x[1].add(sums.x[1])));
                     let camera = vc.mul(sums.x[0].add(sums.x[2]).sub(value.mul(s(1.0 / point.b))));
-                    *sum = factor.mul(turned.add(camera)).or(worth, zero).add(*sum);
+                    total_n[j] = factor.mul(turned.add(camera)).or(worth, zero).add(total_n[j]);
                 }
             }
         }
@@ -451,7 +482,7 @@ struct Frame<L: Lanes> {
 #[inline(always)]
 fn bell<L: Lanes>(nodes: &Nodes, arc: &Arc<L>, frame: &Frame<L>, sums: &mut Sums<L>) {
     let s = L::splat;
-    let (zero, one) = (s(0.0), s(1.0));
+    let zero = s(0.0);
     let root = frame.bend.sqrt();
     let width = s(0.5 * frame.m).div(root);
     let reach = width.mul(s(nodes.reach));
@@ -471,24 +502,18 @@ fn bell<L: Lanes>(nodes: &Nodes, arc: &Arc<L>, frame: &Frame<L>, sums: &mut Sums
         }
         return;
     }
-    // Window: slope·φ + bend·φ² = (4.2 m)² on either side, in t by tan x = x (15 − x²)/(15 − 6 x²).
+    // Window: slope·φ + bend·φ² = (4.2 m)² on either side, in t see `half_tan`.
     let far = 4.2 * 4.2 * frame.m * frame.m;
     let root = frame.slope.fma(frame.slope, frame.bend.mul(s(4.0 * far))).sqrt();
-    let tan = |angle: L| {
-        let x = angle.mul(s(0.5));
-        let x2 = x.mul(x);
-        let below = s(15.0).sub(s(6.0).mul(x2));
-        x.mul(s(15.0).sub(x2)).div(below.max(s(1e-9))).or(s(3.0).less(below), s(1e9))
-    };
-    let wide = |angle: L| tan(angle).or(frame.falling, s(1e9));
-    let lo = frame.from.max(zero.sub(wide(s(2.0 * far).div(root.sub(frame.slope)))));
-    let hi = frame.to.min(wide(s(2.0 * far).div(root.add(frame.slope))));
+    let lo = frame.from.max(zero.sub(half_tan(s(2.0 * far).div(root.sub(frame.slope)), frame.falling)));
+    let hi = frame.to.min(half_tan(s(2.0 * far).div(root.add(frame.slope)), frame.falling));
     if frame.symmetric {
         // Even in t: the two halves, or one of them twice.
         let equal = hi.add(lo).max(zero.sub(hi.add(lo))).less(s(1e-12));
         let both = L::all(equal);
-        for (end, weight) in [(hi, if both { 2.0 } else { 1.0 }), (zero.sub(lo), 1.0)].into_iter().take(if both { 1 } else { 2 }) {
-            let half = end.mul(s(0.5 * weight));
+        let ends = [hi, zero.sub(lo)];
+        for side in 0..if both { 1 } else { 2 } {
+            let (end, half) = (ends[side], ends[side].mul(s(if both { 1.0 } else { 0.5 })));
             for &(x, w) in &nodes.half_gauss {
                 arc.node(false, true, end.mul(s(x)), half.mul(s(w)), sums);
             }
@@ -505,12 +530,11 @@ fn bell<L: Lanes>(nodes: &Nodes, arc: &Arc<L>, frame: &Frame<L>, sums: &mut Sums
     // Some lanes take one rule, some the other: walk both tables side by side.
     let (mid, half) = (zero.or(fits, mid), step.or(fits, half));
     for k in 0..nodes.gauss.len().max(nodes.bell.len()) {
-        let at = |list: &[(f64, f64)]| list.get(k).copied().unwrap_or((0.0, 0.0));
-        let (b, g) = (at(&nodes.bell), at(&nodes.gauss));
+        let b = if k < nodes.bell.len() { nodes.bell[k] } else { (0.0, 0.0) };
+        let g = if k < nodes.gauss.len() { nodes.gauss[k] } else { (0.0, 0.0) };
         let (x, w) = (s(b.0).or(fits, s(g.0)), s(b.1).or(fits, s(g.1)));
         arc.node(false, false, half.fma(x, mid), half.mul(w), sums);
     }
-    let _ = one;
 }
 
 /// GGX: t = w·2y/(1 − y²) takes the Lorentzian's tail, Gauss nodes in y.
@@ -518,8 +542,7 @@ fn bell<L: Lanes>(nodes: &Nodes, arc: &Arc<L>, frame: &Frame<L>, sums: &mut Sums
 fn long_tail<L: Lanes>(nodes: &Nodes, arc: &Arc<L>, w: L, from: L, to: L, sums: &mut Sums<L>) {
     let s = L::splat;
     let one = s(1.0);
-    let inner = |t: L| t.div(w.add(w.fma(w, t.mul(t)).sqrt()));
-    let (lo, hi) = (inner(from), inner(to));
+    let (lo, hi) = (from.div(w.add(w.fma(w, from.mul(from)).sqrt())), to.div(w.add(w.fma(w, to.mul(to)).sqrt())));
     let (mid, half) = (lo.add(hi).mul(s(0.5)), hi.sub(lo).mul(s(0.5)));
     let w2 = w.add(w);
     for &(x, weight) in &nodes.gauss {
