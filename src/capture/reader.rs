@@ -57,6 +57,11 @@ impl Capture {
             if folder.join("white").join(pass.name.name()).exists() {
                 let gain = Gain::read(folder, &manifest, pass, dark.as_deref())?;
                 gains.push((pass.name, gain));
+            } else if folder.join("white").exists() {
+                return Err(Error::input(
+                    &white_path(folder, pass.name, 0),
+                    "no such file; expected white frames for every pass, or no white folder where frames are normalised already",
+                ));
             }
         }
         Ok(Capture { folder: folder.to_path_buf(), manifest, dark, gains })

@@ -167,7 +167,7 @@ mod tests {
 
     #[test]
     fn grazing_albedo_of_the_paper_form_exceeds_one_the_bounded_does_not() {
-        // Brute force over light directions; physics.md: 8.6 at 89°, m = .5 for W's form.
+        // Brute force over light directions: 8.6 at 89°, m = .5 for W's form.
         let (n, m, v) = ([0.0, 0.0, 1.0], 0.5, dir(89f64.to_radians(), 0.0));
         let (mut paper, mut bounded) = (0.0, 0.0);
         let (nt, np) = (600, 600);

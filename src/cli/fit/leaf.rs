@@ -150,5 +150,11 @@ fn summary(record: &FitRecord) -> String {
 }
 
 fn plus_minus(value: f64, error: f64) -> String {
-    if error.is_finite() { format!("{value:.4} ± {error:.1e}") } else { format!("{value:.4} ± unknown") }
+    if error.is_nan() {
+        format!("{value:.4} (no error stated)")
+    } else if error.is_finite() {
+        format!("{value:.4} ± {error:.1e}")
+    } else {
+        format!("{value:.4} ± unknown")
+    }
 }

@@ -294,13 +294,10 @@ fn section(capture: &Capture, fitted: &Fitted, truth: Comparison) -> Section {
         "thickness".into(),
         Param {
             value: vec![m.thickness_mm],
-            stderr: vec![err.unwrap_or(f64::INFINITY)],
+            // Not stated is not undetermined: h is the gauge that σ and δ are measured in.
+            stderr: vec![err.unwrap_or(f64::NAN)],
             unit: "mm".into(),
-            undetermined: if err.is_none() {
-                vec!["thickness: capture.toml states no thickness_err_mm, so sigma_a and sigma_s carry no share of it".into()]
-            } else {
-                vec![]
-            },
+            undetermined: vec![],
         },
     );
     s

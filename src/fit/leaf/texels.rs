@@ -196,9 +196,9 @@ fn to_maps(width: usize, rows: Range<usize>, texels: &[[u32; 2]], fits: &[TexelF
 }
 
 /// Terminations as numbers in part files.
-const TERMINATIONS: [crate::solve::Termination; 8] = {
+const TERMINATIONS: [crate::solve::Termination; 9] = {
     use crate::solve::Termination as T;
-    [T::GradientSmall, T::CostConverged, T::StepSmall, T::Direct, T::IterationLimit, T::NoProgress, T::NotFinite, T::Refused]
+    [T::GradientSmall, T::CostConverged, T::StepSmall, T::Direct, T::IterationLimit, T::NoProgress, T::NotFinite, T::Refused, T::Flat]
 };
 
 fn termination_code(t: crate::solve::Termination) -> f64 {

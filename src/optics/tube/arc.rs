@@ -9,7 +9,7 @@
 //! K = exp(−τ/m²) (Beckmann), (1 + τ/m²)⁻² (GGX);   D = scale · (2/π) ∫ (n·l) cosφ dφ;   B = n·c
 //! ```
 //!
-//! which is physics.md's thin-tube integral (G3; W §3) for any normal and any camera.
+//! which is the thin-tube integral of G3 and W §3 for any normal and any camera.
 
 use super::quadrature::gauss_legendre;
 use crate::optics::gloss::{Lobe, dot, fresnel};

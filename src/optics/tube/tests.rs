@@ -92,7 +92,7 @@ fn agrees_with_brute_force() {
 
 #[test]
 fn thin_tube_closed_forms() {
-    // physics.md §2b (G3; W §3): D in closed form; the white texel under an infinite tube at u = 0 is 1, under 500 mm .977.
+    // G3; W §3: D in closed form; the white texel under an infinite tube at u = 0 is 1, under 500 mm .977.
     let thin = Tube { radius_mm: 0.0, ..TUBE };
     let model = Model::new(thin, camera(), Lobe::Beckmann, &Precision::default());
     for (x, b) in [(-250.0, 0.1), (0.0, 0.0), (130.0, -0.2)] {
