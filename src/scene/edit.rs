@@ -14,7 +14,6 @@ use crate::Result;
 use crate::capture::manifest::SideName;
 use crate::files::image::Maps;
 use crate::transport::{self, compare};
-use glam::DVec3;
 use mesophyll_viewer as gpu;
 use mesophyll_viewer::editor::{Editor, LeafEdit, LeafUpdate, Measure, ReferencePicture, SideEdit, Verdict};
 use mesophyll_viewer::scene as viewer;
@@ -217,7 +216,7 @@ impl Editor for SceneEditor {
             let camera = transport::Camera {
                 eye: camera.eye.as_dvec3(),
                 target: camera.target.as_dvec3(),
-                up: DVec3::from(camera.up.as_dvec3()),
+                up: camera.up.as_dvec3(),
                 fov_y_deg: f64::from(camera.fov_y_deg),
             };
             let options = transport::Options {

@@ -403,7 +403,7 @@ mod tests {
         use rand::{RngExt, SeedableRng};
         let mut rng = rand_pcg::Pcg64::seed_from_u64(seed);
         let sigma = [[9.0, 18.0], [2.6, 16.0], [22.0, 21.0]];
-        let mut t: Vec<f64> = (0..n).map(|k| 0.2 * (1.0 + 0.35 * (k as f64 * 0.7).sin())).collect();
+        let t: Vec<f64> = (0..n).map(|k| 0.2 * (1.0 + 0.35 * (k as f64 * 0.7).sin())).collect();
         let h = t.iter().sum::<f64>() / n as f64;
         let mut gamma: Vec<[f64; 3]> = (0..n).map(|k| [0, 1, 2].map(|c| 1.0 + 0.2 * (k as f64 * (0.3 + f64::from(c))).cos())).collect();
         for c in 0..3 {
@@ -427,7 +427,6 @@ mod tests {
                 x
             })
             .collect();
-        t.iter_mut().for_each(|v| *v = *v);
         (texels, sigma, t, h)
     }
 
