@@ -180,8 +180,7 @@ mod tests {
     #[test]
     fn leaves_that_touch_the_border_close_and_holes_are_traced() {
         let (w, h) = (30, 20);
-        let field: Vec<f64> =
-            (0..w * h).map(|k| if (k % w > 12 && k % w < 17) && (k / w > 7 && k / w < 12) { 0.0 } else { 1.0 }).collect();
+        let field: Vec<f64> = (0..w * h).map(|k| if (k % w > 12 && k % w < 17) && (k / w > 7 && k / w < 12) { 0.0 } else { 1.0 }).collect();
         let loops = contours(&field, w, h, 0.5);
         assert_eq!(loops.len(), 2);
         let areas: Vec<f64> = loops.iter().map(|l| area(l)).collect();
