@@ -23,7 +23,7 @@ const MATTE: f64 = 12.0;
 /// Gloss that explains less χ² than this is faint: other minima are looked for, and m is doubted.
 pub(super) const FAINT: f64 = 400.0;
 /// Correlation of ρd and ρs beyond which other minima are looked for.
-const ALIKE: f64 = -0.95;
+const ALIKE: f64 = -0.98;
 
 /// Fits texels of one device; shared by threads.
 pub struct TexelFitter {
