@@ -336,8 +336,9 @@ impl Job<'_> {
                 channel.accumulate(&channel.inverse, &mut normal, &mut gradient);
             }
             if self.held {
-                for k in 0..NONLINEAR {
-                    (normal[1][k], normal[k][1]) = (0.0, 0.0);
+                normal[1] = [0.0; NONLINEAR];
+                for row in &mut normal {
+                    row[1] = 0.0;
                 }
                 gradient[1] = 0.0;
             }
