@@ -88,9 +88,8 @@ fn bad_rows_are_named_in_their_rows() {
     let mut clipped: Vec<String> = cells.iter().map(|c| c.to_string()).collect();
     let peak = (1..=100).max_by(|a, b| cells[*a].parse::<f64>().unwrap().total_cmp(&cells[*b].parse().unwrap())).unwrap();
     clipped[0] = "clipped".into();
-    for k in peak - 1..=peak + 1 {
-        clipped[k] = if k == peak { "nan".into() } else { String::new() };
-    }
+    clipped[peak - 1..=peak + 1].fill(String::new());
+    clipped[peak] = "nan".into();
     let mut spiked: Vec<String> = cells.iter().map(|c| c.to_string()).collect();
     spiked[0] = "spiked".into();
     spiked[90] = "3.0".into();

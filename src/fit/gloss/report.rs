@@ -1,7 +1,7 @@
 //! Errors of a fitted texel from the full normal matrix, and the verdict: what is not determined, and what is wrong.
 
 use super::project::{NONLINEAR, S};
-use super::texel::{Job, State};
+use super::texel::{Job, State, bounded};
 use super::{AMBIGUOUS, M_RANGE, NARROW, NOT_CONVERGED, NOT_EXPLAINED, TILT_LIMIT, TexelFit, Undetermined, normal_of, normal_slopes};
 use crate::solve::Termination;
 
@@ -137,6 +137,41 @@ impl Job<'_> {
         });
         self.judge(&mut fit, counts, matte);
         fit
+    }
+
+    /// In a valley the curvature at its floor flatters: the tilt is moved away, the rest follows, and where χ² rises less than a
+    /// parabola would, every error grows by that much.
+    pub(super) fn profile(&mut self, fit: &mut TexelFit, best: &State, counts: [usize; 3]) {
+        let err = fit.tilt_err[0];
+        if !(err > 0.0 && err < 0.5) {
+            return;
+        }
+        let base = self.evaluate(best.p).chi2;
+        let mut stretch = 1.0f64;
+        for by in [-2.5 * err, 2.5 * err, -0.1, 0.1] {
+            if by.abs() < 2.4 * err {
+                continue;
+            }
+            let away = self.evaluate(bounded(&best.p, &[0.0, by, 0.0]));
+            self.held = true;
+            let (away, _) = self.descend(away, 0.1, false);
+            self.held = false;
+            let rise = (away.chi2 - base).max(0.25);
+            // Beyond five standard deviations nothing is left to stretch.
+            if rise < 25.0 {
+                stretch = stretch.max(by.abs() / (err * rise.sqrt()));
+            }
+        }
+        if stretch > 1.1 {
+            fit.m_err *= stretch;
+            for e in fit.tilt_err.iter_mut().chain(&mut fit.rho_d_err).chain(&mut fit.rho_s_err).chain(&mut fit.normal_err) {
+                *e *= stretch;
+            }
+            self.evaluate(best.p);
+            let defect = fit.defect;
+            self.judge(fit, counts, false);
+            fit.defect = defect;
+        }
     }
 
     /// Names what is not determined, and what is wrong.

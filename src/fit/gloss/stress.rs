@@ -38,7 +38,7 @@ fn cases() -> Vec<Case> {
         Case {
             name: "m = 0.9, weak gloss",
             truth: Truth { m: 0.9, rho_d: [0.3, 0.4, 0.3], rho_s: [0.005; 3], ..COMMON },
-            expected: "undetermined: rho_s_r rho_s_g rho_s_b".into(),
+            expected: "undetermined: rho_s_r rho_s_g rho_s_b m".into(),
             ..Case::default()
         },
         Case {

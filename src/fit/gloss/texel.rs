@@ -23,7 +23,7 @@ const MATTE: f64 = 12.0;
 /// Gloss that explains less χ² than this is faint: other minima are looked for, and m is doubted.
 pub(super) const FAINT: f64 = 400.0;
 /// Correlation of ρd and ρs beyond which other minima are looked for.
-const ALIKE: f64 = -0.95;
+const ALIKE: f64 = -0.98;
 
 /// Fits texels of one device; shared by threads.
 pub struct TexelFitter {
@@ -95,7 +95,7 @@ impl TexelFitter {
         if !matches {
             return TexelFit::refused("the traces and the tube positions differ in length");
         }
-        let mut job = Job { fitter: self, ws, texel: texel_mm, tilts, evaluations: 0, iterations: 0, matte: false };
+        let mut job = Job { fitter: self, ws, texel: texel_mm, tilts, evaluations: 0, iterations: 0, matte: false, held: false };
         job.load(given);
         job.run()
     }
@@ -112,6 +112,8 @@ pub(super) struct Job<'a> {
     pub iterations: usize,
     /// ρs held at zero.
     pub matte: bool,
+    /// The tilt held where it is.
+    pub held: bool,
 }
 
 impl Job<'_> {
@@ -200,6 +202,7 @@ impl Job<'_> {
         }
         if searched {
             self.compare(&mut fit, &best.0, &rivals);
+            self.profile(&mut fit, &best.0, counts);
         }
         fit
     }
@@ -207,8 +210,13 @@ impl Job<'_> {
     /// Climbs down from the other templates; the best of all, its columns and weights in place, and every end point.
     fn others(&mut self, first: (State, Termination), rivals: &mut Vec<State>) -> (State, Termination) {
         let mut best = first;
-        for rank in 1..STARTS {
-            let Some(start) = self.start(rank) else { break };
+        for rank in 1..STARTS + 2 {
+            // Minima also lie closer than templates of their own: a step to either side of the first.
+            let start = match rank.checked_sub(STARTS) {
+                None => self.start(rank),
+                Some(side) => self.start(0).map(|_| bounded(&first.0.p, &[0.0, [-0.12, 0.12][side], 0.0])),
+            };
+            let Some(start) = start else { continue };
             let other = self.climb(start);
             rivals.push(other.0);
             if other.1.converged() >= best.1.converged() && other.0.chi2 < best.0.chi2 {
@@ -327,6 +335,13 @@ impl Job<'_> {
             for channel in &state.channels {
                 channel.accumulate(&channel.inverse, &mut normal, &mut gradient);
             }
+            if self.held {
+                normal[1] = [0.0; NONLINEAR];
+                for row in &mut normal {
+                    row[1] = 0.0;
+                }
+                gradient[1] = 0.0;
+            }
             let mut better = None;
             for _ in 0..14 {
                 let Some((step, predicted)) = damped_step(&normal, &gradient, lambda, count) else {
@@ -415,7 +430,7 @@ impl State {
 }
 
 /// Applies a step, kept short and within the bounds.
-fn bounded(p: &[f64; NONLINEAR], step: &[f64; NONLINEAR]) -> [f64; NONLINEAR] {
+pub(super) fn bounded(p: &[f64; NONLINEAR], step: &[f64; NONLINEAR]) -> [f64; NONLINEAR] {
     let shrink = [1.0 / step[0].abs().max(1.0), 0.3 / step[1].abs().max(0.3), 0.3 / step[2].abs().max(0.3)].into_iter().fold(1.0, f64::min);
     [
         (p[0] + shrink * step[0]).clamp(M_RANGE[0].ln(), M_RANGE[1].ln()),

@@ -51,8 +51,10 @@ pub struct Pass {
 struct Nodes {
     bell: Vec<(f64, f64)>,
     half_bell: Vec<(f64, f64)>,
-    gauss: Vec<(f64, f64)>,
-    half_gauss: Vec<(f64, f64)>,
+    /// Gauss–Legendre on [−1, 1] and on [0, 1], by order up to `along` a half.
+    gauss: Vec<Vec<(f64, f64)>>,
+    half_gauss: Vec<Vec<(f64, f64)>>,
+    along: f64,
     step: f64,
     reach: f64,
 }
@@ -66,6 +68,26 @@ struct Point {
     c: [f64; 3],
     b: f64,
     m: f64,
+}
+
+/// Order `n` on [0, 1], weights for half of that.
+fn halved(n: usize) -> Vec<(f64, f64)> {
+    gauss_legendre(n.max(1)).into_iter().map(|(x, w)| (0.5 * (1.0 + x), w)).collect()
+}
+
+impl Nodes {
+    /// Nodes for a stretch of so many widths e^(−x²) (3 + 1.6 L hold 2e-6 of a bell; three more for what is not one).
+    #[inline(always)]
+    fn over(&self, widths: f64) -> &[(f64, f64)] {
+        let n = ((5.0 + 1.6 * widths) * self.along / 8.0 + 1.5) as usize;
+        &self.gauss[n.clamp(2, self.gauss.len() - 1)]
+    }
+    /// The same where the bell's top is at the stretch's lower end.
+    #[inline(always)]
+    fn over_half(&self, widths: f64) -> &[(f64, f64)] {
+        let n = ((3.5 + 1.5 * widths) * self.along / 8.0 + 1.5) as usize;
+        &self.half_gauss[n.clamp(2, self.half_gauss.len() - 1)]
+    }
 }
 
 impl Pass {
@@ -83,8 +105,9 @@ impl Pass {
             nodes: Nodes {
                 bell: (-rule.bell..=rule.bell).map(full).collect(),
                 half_bell: (0..=rule.bell).map(half).collect(),
-                gauss: rule.gauss,
-                half_gauss: gauss_legendre(along.max(1)).into_iter().map(|(x, w)| (0.5 * (1.0 + x), w)).collect(),
+                gauss: (0..=2 * along.max(1)).map(|n| gauss_legendre(n.max(1))).collect(),
+                half_gauss: (0..=along.max(1)).map(halved).collect(),
+                along: along.max(1) as f64,
                 step: rule.step,
                 reach: rule.step * f64::from(rule.bell + 1),
             },
@@ -425,7 +448,7 @@ fn respond<L: Lanes>(
                     falling = zero.less(f1);
                     bend = f1.mul(im3).sub(s(1.5).mul(slope).mul(m1).mul(im)).max(s(1e-3));
                 }
-                let worth = L::both(bright, if ggx { bright } else { tau.less(s(40.0 * m2)) });
+                let worth = L::both(bright, if ggx { bright } else { tau.less(s(20.0 * m2)) });
                 if !L::any(worth) {
                     continue;
                 }
@@ -440,7 +463,10 @@ fn respond<L: Lanes>(
                 };
                 let mut sums = Sums { value: zero, value_m: zero, x: [zero; 3] };
                 if ggx {
-                    long_tail(&pass.nodes, &arc, s(m2).add(tau).div(bend).sqrt().mul(s(0.5)), from, to, &mut sums);
+                    let w = s(m2).add(tau).div(bend).sqrt().mul(s(0.5));
+                    let skew = to.add(from);
+                    let even = symmetric && L::all(skew.max(zero.sub(skew)).less(s(1e-12)));
+                    long_tail(&pass.nodes, &arc, w, from, to, even, &mut sums);
                 } else {
                     let frame = Frame { from, to, slope, bend, falling, symmetric, m: point.m };
                     bell(&pass.nodes, &arc, &frame, &mut sums);
@@ -514,43 +540,47 @@ fn bell<L: Lanes>(nodes: &Nodes, arc: &Arc<L>, frame: &Frame<L>, sums: &mut Sums
         let ends = [hi, zero.sub(lo)];
         for side in 0..if both { 1 } else { 2 } {
             let (end, half) = (ends[side], ends[side].mul(s(if both { 1.0 } else { 0.5 })));
-            for &(x, w) in &nodes.half_gauss {
+            for &(x, w) in nodes.over_half(end.div(width).most()) {
                 arc.node(false, true, end.mul(s(x)), half.mul(s(w)), sums);
             }
         }
         return;
     }
     let (mid, half) = (lo.add(hi).mul(s(0.5)), hi.sub(lo).mul(s(0.5)));
+    let gauss = nodes.over(zero.or(fits, half.add(half).div(width)).most());
     if !L::any(fits) {
-        for &(x, w) in &nodes.gauss {
+        for &(x, w) in gauss {
             arc.node(false, false, half.fma(s(x), mid), half.mul(s(w)), sums);
         }
         return;
     }
     // Some lanes take one rule, some the other: walk both tables side by side.
     let (mid, half) = (zero.or(fits, mid), step.or(fits, half));
-    for k in 0..nodes.gauss.len().max(nodes.bell.len()) {
+    for k in 0..gauss.len().max(nodes.bell.len()) {
         let b = if k < nodes.bell.len() { nodes.bell[k] } else { (0.0, 0.0) };
-        let g = if k < nodes.gauss.len() { nodes.gauss[k] } else { (0.0, 0.0) };
+        let g = if k < gauss.len() { gauss[k] } else { (0.0, 0.0) };
         let (x, w) = (s(b.0).or(fits, s(g.0)), s(b.1).or(fits, s(g.1)));
         arc.node(false, false, half.fma(x, mid), half.mul(w), sums);
     }
 }
 
-/// GGX: t = w·2y/(1 − y²) takes the Lorentzian's tail, Gauss nodes in y.
+/// GGX: t = w·2y/(1 − y²) takes the Lorentzian's tail, Gauss nodes in y; the poles of the integrand are at ±i. `even`: only the
+/// half [0, y] of a symmetric range, twice.
 #[inline(always)]
-fn long_tail<L: Lanes>(nodes: &Nodes, arc: &Arc<L>, w: L, from: L, to: L, sums: &mut Sums<L>) {
+fn long_tail<L: Lanes>(nodes: &Nodes, arc: &Arc<L>, w: L, from: L, to: L, even: bool, sums: &mut Sums<L>) {
     let s = L::splat;
     let one = s(1.0);
     let (lo, hi) = (from.div(w.add(w.fma(w, from.mul(from)).sqrt())), to.div(w.add(w.fma(w, to.mul(to)).sqrt())));
-    let (mid, half) = (lo.add(hi).mul(s(0.5)), hi.sub(lo).mul(s(0.5)));
+    let (mid, half) = if even { (s(0.0), hi) } else { (lo.add(hi).mul(s(0.5)), hi.sub(lo).mul(s(0.5))) };
     let w2 = w.add(w);
-    for &(x, weight) in &nodes.gauss {
+    // As a stretch of a bell of seven widths from −1 to 1.
+    let list = if even { nodes.over_half(4.0 * half.most()) } else { nodes.over(8.0 * half.most()) };
+    for &(x, weight) in list {
         let y = half.fma(s(x), mid);
         let y2 = y.mul(y);
         let inverse = one.sub(y2).recip();
         let t = w2.mul(y).mul(inverse);
         let dt = w2.mul(one.add(y2)).mul(inverse).mul(inverse);
-        arc.node(true, false, t, half.mul(s(weight)).mul(dt), sums);
+        arc.node(true, even, t, half.mul(s(weight)).mul(dt), sums);
     }
 }

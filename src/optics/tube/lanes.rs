@@ -31,6 +31,8 @@ pub trait Lanes: Copy {
     /// e^x for −700 ≤ x ≤ 0 to 1e-8 relative; smaller x give 0 or nearly.
     fn exp(self) -> Self;
     fn sum(self) -> f64;
+    /// The greatest lane; NaN lanes may or may not be seen.
+    fn most(self) -> f64;
 }
 
 /// e^r on |r| ≤ ½ ln 2: Taylor to degree 7 (remainder 5e-9).
@@ -144,6 +146,10 @@ impl Lanes for Plain {
     fn sum(self) -> f64 {
         (self.0[0] + self.0[2]) + (self.0[1] + self.0[3])
     }
+    #[inline(always)]
+    fn most(self) -> f64 {
+        self.0[0].max(self.0[1]).max(self.0[2].max(self.0[3]))
+    }
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -255,6 +261,13 @@ mod x86 {
                 _mm_cvtsd_f64(_mm_add_sd(half, _mm_unpackhi_pd(half, half)))
             }
         }
+        #[inline(always)]
+        fn most(self) -> f64 {
+            unsafe {
+                let half = _mm_max_pd(_mm256_castpd256_pd128(self.0), _mm256_extractf128_pd::<1>(self.0));
+                _mm_cvtsd_f64(_mm_max_sd(half, _mm_unpackhi_pd(half, half)))
+            }
+        }
     }
 
     #[derive(Clone, Copy)]
@@ -357,6 +370,10 @@ mod x86 {
         #[inline(always)]
         fn sum(self) -> f64 {
             unsafe { _mm512_reduce_add_pd(self.0) }
+        }
+        #[inline(always)]
+        fn most(self) -> f64 {
+            unsafe { _mm512_reduce_max_pd(self.0) }
         }
     }
 }
