@@ -52,9 +52,9 @@ impl Defect {
 
     /// The defect of a texel whose gloss fit ended badly.
     pub fn of(fit: &TexelFit) -> Option<Defect> {
-        if fit.samples < fit.parameters + 3 {
+        if fit.samples < fit.parameters + 3 || fit.rho_d.iter().any(|v| v.is_nan()) {
             Some(Defect::NoReading)
-        } else if !fit.termination.converged() || !fit.rho_d.iter().all(|v| v.is_finite()) {
+        } else if !fit.termination.converged() {
             Some(Defect::NotConverged)
         } else {
             None

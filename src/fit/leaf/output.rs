@@ -141,6 +141,11 @@ fn maps(fitted: &Fitted, capture: &Capture) -> (Maps, Maps) {
     };
     let copied = ["rho_d.R", "rho_d.G", "rho_d.B", "rho_s.R", "rho_s.G", "rho_s.B", "m.Y", "normal.X", "normal.Y", "normal.Z"];
     for name in copied {
+        if name == "m.Y" {
+            values.push(name, slope(fitted, &good, width, height));
+            errors.push(name, bare(fitted.maps.get("err.m.Y").map(<[f32]>::to_vec).unwrap_or_default()));
+            continue;
+        }
         values.push(name, filled(fitted.maps.get(name).map(<[f32]>::to_vec).unwrap_or_default()));
         errors.push(name, bare(fitted.maps.get(&format!("err.{name}")).map(<[f32]>::to_vec).unwrap_or_default()));
     }
@@ -165,6 +170,15 @@ fn maps(fitted: &Fitted, capture: &Capture) -> (Maps, Maps) {
     let reduced = chi2.iter().zip(freedom).zip(&good).map(|((c, f), g)| if *g && *f > 0.0 { c / f } else { f32::NAN }).collect();
     values.push("reduced_chi2.Y", reduced);
     (values, errors)
+}
+
+/// Slope m with matte texels (ρs = 0, m undetermined: its error is infinite) given the nearest glossy one's, so that no renderer meets a
+/// hole; a leaf without any gloss gets a broad lobe of no weight.
+fn slope(fitted: &Fitted, good: &[bool], width: usize, height: usize) -> Vec<f32> {
+    let mut plane = fitted.maps.get("m.Y").map(<[f32]>::to_vec).unwrap_or_default();
+    let known: Vec<bool> = good.iter().zip(&plane).map(|(g, m)| *g && m.is_finite()).collect();
+    fill::nearest(&mut plane, &known, width, height);
+    plane.iter().map(|m| if m.is_finite() && *m > 0.0 { *m } else { 0.5 }).collect()
 }
 
 /// W's two RGBA textures a side, and normals in the blade mesh's tangent frame.
