@@ -1,6 +1,6 @@
 //! Errors of a fitted texel from the full normal matrix, and the verdict: what is not determined, and what is wrong.
 
-use super::project::{NONLINEAR, S};
+use super::project::{Channel, NONLINEAR, S};
 use super::texel::{Job, State, bounded};
 use super::{AMBIGUOUS, M_RANGE, NARROW, NOT_CONVERGED, NOT_EXPLAINED, TILT_LIMIT, TexelFit, Undetermined, normal_of, normal_slopes};
 use crate::solve::Termination;
@@ -130,6 +130,7 @@ impl Job<'_> {
                 }
             }
         }
+        self.add_offset(&mut fit, &state, &cov, &inverses);
         let slopes = normal_slopes(fit.tilt);
         fit.normal_err = std::array::from_fn(|axis| {
             let part = |k: usize| if slopes[k][axis] == 0.0 { 0.0 } else { slopes[k][axis] * fit.tilt_err[k] };
@@ -137,6 +138,48 @@ impl Job<'_> {
         });
         self.judge(&mut fit, counts, matte);
         fit
+    }
+
+    /// Adds what an unknown common level of each channel does to every parameter: the fit's response to adding one to all samples.
+    fn add_offset(&self, fit: &mut TexelFit, state: &State, cov: &Matrix, inverses: &[[[f64; 2]; 2]; 3]) {
+        let sigma = self.fitter.offset;
+        if sigma <= 0.0 {
+            return;
+        }
+        let (ws, level, count) = (&*self.ws, self.fitter.level, 1 + self.tilts);
+        let ones = vec![1.0; ws.y[0].len()];
+        let mut variance = [0.0; NONLINEAR];
+        let mut linear = [[0.0; 2]; 3];
+        for (c, channel) in state.channels.iter().enumerate() {
+            let mut level_sums = Channel::solve(level, &ws.columns, &ones, &ws.w[c], false);
+            let direct = inverses[c].map(|row| row[0] * level_sums.dy + row[1] * level_sums.sy);
+            (level_sums.rho_d, level_sums.rho_s) = (channel.rho_d, channel.rho_s);
+            level_sums.slopes(level, &ws.columns, &ones, &ws.w[c], state.p[0].exp(), self.tilts);
+            let pull: [f64; NONLINEAR] =
+                std::array::from_fn(|k| level_sums.zy[k] - direct[0] * channel.zphi[k][0] - direct[1] * channel.zphi[k][1]);
+            let moved: [f64; NONLINEAR] = std::array::from_fn(|k| {
+                if k < count { (0..count).filter(|&j| cov[k][j].is_finite()).map(|j| cov[k][j] * pull[j]).sum() } else { 0.0 }
+            });
+            for k in 0..count {
+                variance[k] += (sigma * moved[k]).powi(2);
+            }
+            for (other, (to, inverse)) in linear.iter_mut().zip(inverses).enumerate() {
+                let zphi = &state.channels[other].zphi;
+                for (a, row) in inverse.iter().enumerate() {
+                    let follow: f64 = (0..count).map(|k| (row[0] * zphi[k][0] + row[1] * zphi[k][1]) * moved[k]).sum();
+                    let shift = if other == c { direct[a] } else { 0.0 } - follow;
+                    to[a] += (sigma * shift).powi(2);
+                }
+            }
+        }
+        fit.m_err = fit.m_err.hypot(fit.m * variance[0].sqrt());
+        for k in 0..self.tilts {
+            fit.tilt_err[k] = fit.tilt_err[k].hypot(variance[1 + k].sqrt());
+        }
+        for c in 0..3 {
+            fit.rho_d_err[c] = fit.rho_d_err[c].hypot(linear[c][0].sqrt());
+            fit.rho_s_err[c] = fit.rho_s_err[c].hypot(linear[c][1].sqrt());
+        }
     }
 
     /// In a valley the curvature at its floor flatters: the tilt is moved away, the rest follows, and where χ² rises less than a

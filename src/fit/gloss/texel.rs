@@ -31,6 +31,9 @@ pub struct TexelFitter {
     passes: Vec<Pass>,
     pub(super) level: Level,
     pub robust: Robust,
+    /// Standard deviation of an unknown level, a channel, common to every sample of a texel: what is left of a dark frame's own noise
+    /// after it was taken off. It widens the errors; it is not fitted.
+    pub offset: f64,
 }
 
 struct Pass {
@@ -78,7 +81,7 @@ impl TexelFitter {
         };
         let mut passes = vec![pass(Travel::X, x_mm, [-0.35, 0.6])];
         passes.extend(y_mm.map(|y| pass(Travel::Y, y, [-0.6, 0.6])));
-        TexelFitter { device: device.clone(), passes, level, robust: Robust::default() }
+        TexelFitter { device: device.clone(), passes, level, robust: Robust::default(), offset: 0.0 }
     }
 
     pub fn workspace(&self) -> Workspace {

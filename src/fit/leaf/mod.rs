@@ -131,7 +131,8 @@ pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     };
     let x = manifest.pass(Travel::X).map(|p| p.positions()).unwrap_or_default();
     let y = manifest.pass(Travel::Y).map(|p| p.positions());
-    let fitter = TexelFitter::new(&device, &x, y.as_deref());
+    let mut fitter = TexelFitter::new(&device, &x, y.as_deref());
+    fitter.offset = level.dark / capture.median_gain();
     let jobs: Vec<Job> =
         sides.iter().map(|s| Job { capture: &capture, side: s.side, mask: &s.mask, fitter: &fitter, parts: &parts }).collect();
     if !options.merge {
