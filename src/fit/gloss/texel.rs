@@ -20,10 +20,11 @@ const NEAR: f64 = 4.0;
 const STARTS: usize = 4;
 /// ρs is taken for zero where leaving it out costs less χ² than this (four parameters, and the search over lobes).
 const MATTE: f64 = 12.0;
-/// Gloss that explains less χ² than this is faint: other minima are looked for, and m is doubted.
-pub(super) const FAINT: f64 = 400.0;
-/// Correlation of ρd and ρs beyond which other minima are looked for.
-const ALIKE: f64 = -0.98;
+/// Gloss that explains less χ² than this is faint: other minima are looked for, and m is doubted. One pass, two passes: a second pass
+/// sees the lobe from another side, and the search would cost ten times the fit.
+pub(super) const FAINT: [f64; 2] = [400.0, 60.0];
+/// Correlation of ρd and ρs beyond which other minima are looked for; one pass, two passes.
+const ALIKE: [f64; 2] = [-0.98, -0.995];
 
 /// Fits texels of one device; shared by threads.
 pub struct TexelFitter {
@@ -187,7 +188,7 @@ impl Job<'_> {
         }
         // Faint gloss, or gloss that looks like more diffuse light, may have several minima: look at them all.
         let mut rivals = Vec::new();
-        let mut searched = best.0.gloss_chi2() < FAINT;
+        let mut searched = best.0.gloss_chi2() < FAINT[self.tilts - 1];
         if searched {
             best = self.others(best, &mut rivals);
         }
@@ -195,7 +196,7 @@ impl Job<'_> {
             Some(bare) => return self.report_matte(best.0, bare, counts, parameters, outliers),
             None => self.report(best.0, best.1, counts, false, parameters, outliers),
         };
-        if !searched && fit.correlation < ALIKE {
+        if !searched && fit.correlation < ALIKE[self.tilts - 1] {
             searched = true;
             let before = best.0.p;
             best = self.others(best, &mut rivals);

@@ -16,16 +16,19 @@ pub enum Defect {
     ThicknessUndetermined,
     /// No thickness within a factor of twelve of h gives this transmittance.
     ThicknessRange,
+    /// The traces do not tell ρd from gloss: a texel that faces away from the camera or the tube, or one that two lobes fit equally well.
+    Ambiguous,
 }
 
 impl Defect {
-    pub const ALL: [Defect; 6] = [
+    pub const ALL: [Defect; 7] = [
         Defect::NoReading,
         Defect::NotConverged,
         Defect::Energy,
         Defect::Transmission,
         Defect::ThicknessUndetermined,
         Defect::ThicknessRange,
+        Defect::Ambiguous,
     ];
 
     pub fn code(self) -> i16 {
@@ -36,6 +39,7 @@ impl Defect {
             Defect::Transmission => -4,
             Defect::ThicknessUndetermined => -5,
             Defect::ThicknessRange => -6,
+            Defect::Ambiguous => -7,
         }
     }
 
@@ -47,6 +51,7 @@ impl Defect {
             Defect::Transmission => "transmission",
             Defect::ThicknessUndetermined => "thickness_undetermined",
             Defect::ThicknessRange => "thickness_range",
+            Defect::Ambiguous => "ambiguous",
         }
     }
 
@@ -56,6 +61,8 @@ impl Defect {
             Some(Defect::NoReading)
         } else if !fit.termination.converged() {
             Some(Defect::NotConverged)
+        } else if fit.rho_d_err.iter().any(|e| !e.is_finite()) || fit.rho_d.iter().all(|v| *v == 0.0) {
+            Some(Defect::Ambiguous)
         } else {
             None
         }
