@@ -27,4 +27,5 @@ pub mod reference;
 #[cfg(feature = "render")]
 pub mod save;
 pub mod source;
+mod texel_frame;
 mod validate;

@@ -7,6 +7,7 @@ use super::manifest::{Interior, Leaf, Lobe, Manifest, View};
 use super::mesh::LeafMesh;
 use super::plan::{LeafPlan, Plan, sun_direction};
 use super::plan_leaf::SIDES;
+use super::texel_frame;
 use crate::capture::manifest::SideName;
 use crate::optics::slab;
 use crate::transport::{self, lobe, world};
@@ -136,14 +137,20 @@ fn one_side(config: &Leaf, leaf: &LeafPlan, s: usize, side: SideName, ledger: &L
     let maps = fitted.maps(&file, &names, ledger)?;
     let (width, height) = (maps.width, maps.height);
     let mut planes: Vec<Vec<f32>> = maps.channels.into_iter().map(|(_, p)| p).collect();
-    let good: Vec<bool> = (0..width * height).map(|k| planes[0][k] > 0.0 && planes.iter().all(|p| p[k].is_finite())).collect();
+    // A fit fills its maps beyond the good texels itself; what it left undetermined is filled here.
+    let good: Vec<bool> = (0..width * height).map(|k| planes.iter().all(|p| p[k].is_finite())).collect();
     let on_leaf = planes[0].iter().map(|v| u8::from(*v != 0.0)).collect();
     fill(&path, width, height, &mut planes, |k| good[k])?;
     let three = |planes: &mut [Vec<f32>], at: usize| [0, 1, 2].map(|c| std::mem::take(&mut planes[at + c]));
-    let normal = needs.normal.then(|| transport::NormalMap {
-        frame: transport::NormalFrame::Blade,
-        values: (0..width * height).map(|k| [0, 1, 2].map(|c| planes[normal_at + c][k])).collect(),
-    });
+    let normal = match &leaf.mesh {
+        Some(mesh) if needs.normal => {
+            let seen: Vec<[f32; 3]> = (0..width * height).map(|k| [0, 1, 2].map(|c| planes[normal_at + c][k])).collect();
+            let frames = texel_frame::frames(&path, mesh, width, height)?;
+            let values = texel_frame::tangent_space(&seen, &frames, width, s == 1);
+            Some(transport::NormalMap { frame: transport::NormalFrame::Tangent, values })
+        }
+        _ => None,
+    };
     let gloss = needs.gloss.then(|| transport::Gloss { rho_s: three(&mut planes, gloss_at), m: std::mem::take(&mut planes[gloss_at + 3]) });
     let interior = if pigment {
         solved(&planes)

@@ -1,0 +1,113 @@
+//! Scenes as a whole: the committed ones read, a run makes what is missing and nothing twice, an edit solves the slab anew.
+
+mod blade;
+
+use blade::{Blade, scene};
+use mesophyll::scene::manifest::Manifest;
+use std::path::Path;
+
+#[test]
+fn every_committed_scene_reads_and_has_its_card() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/scenes");
+    let mut names = Vec::new();
+    for entry in std::fs::read_dir(folder).unwrap().flatten().filter(|e| e.path().extension().is_some_and(|x| x == "toml")) {
+        let manifest = Manifest::read(&entry.path()).unwrap();
+        assert_eq!(entry.path().file_stem().unwrap().to_str().unwrap(), manifest.name);
+        let cards = manifest.views.iter().filter(|v| v.kind == mesophyll::scene::manifest::ViewKind::Card).count();
+        assert!(cards == 1 || manifest.name == "fits", "{}: {cards} cards", manifest.name);
+        names.push(manifest.name);
+    }
+    for name in ["matte-front", "glossy-sky", "back-lit", "cluster", "demo", "fits"] {
+        assert!(names.iter().any(|n| n == name), "{name} of {names:?}");
+    }
+}
+
+/// A scene with a tiny scan to make first.
+fn scanned(dir: &Path, seed: u64) -> std::path::PathBuf {
+    let spec = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/leaves/elm.toml");
+    let path = scene(dir, "tiny", "elm", Some(30.0), None, "");
+    let scan = format!("scan = {{ spec = {:?}, size = \"40x30\", frames = 24, noise = 0.01, seed = {seed} }}", spec.display().to_string());
+    let text = std::fs::read_to_string(&path).unwrap().replace("fit = \"fits/elm\"", &scan);
+    // What is tested here is that the stages follow each other, not how well so coarse a leaf is drawn.
+    std::fs::write(&path, text.replace("flip_p99 = 0.15", "flip_p99 = 1.0").replace("max_error = 0.012", "max_error = 1.0")).unwrap();
+    path
+}
+
+#[test]
+fn a_run_makes_what_is_missing_and_nothing_twice() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("out");
+    let run =
+        |path: &Path| assert_cmd::Command::cargo_bin("mesophyll").unwrap().arg("run").arg(path).arg("--out").arg(&out).output().unwrap();
+    let done = |what: &str| {
+        let ledger: serde_json::Value = serde_json::from_slice(&std::fs::read(out.join("ledger.json")).unwrap()).unwrap();
+        ledger["entries"].as_array().unwrap().iter().filter(|e| e["action"] == what).count()
+    };
+    let first = run(&scanned(dir.path(), 1));
+    let said = String::from_utf8_lossy(&first.stderr).into_owned();
+    let drawn = !said.contains("no graphics adapter");
+    assert_eq!(first.status.code(), Some(if drawn { 0 } else { 1 }), "{said}");
+    for file in ["fits/elm/fit.toml", "captures/elm/capture.toml", "plan.json", "report.html"] {
+        assert!(out.join(file).is_file(), "{file}: {said}");
+    }
+    assert_eq!((done("scan"), done("fit")), (1, 1));
+    if drawn {
+        assert!(out.join("check.json").is_file() && out.join("above.png").is_file());
+    }
+    let record = std::fs::read(out.join("fits/elm/fit.toml")).unwrap();
+    run(&scanned(dir.path(), 1));
+    assert_eq!((done("scan"), done("fit")), (0, 0), "an up-to-date fit was made again");
+    assert_eq!(std::fs::read(out.join("fits/elm/fit.toml")).unwrap(), record);
+    run(&scanned(dir.path(), 2));
+    assert_eq!((done("scan"), done("fit")), (1, 1), "a stale fit was not made again");
+    assert_ne!(std::fs::read(out.join("fits/elm/fit.toml")).unwrap(), record);
+}
+
+#[cfg(feature = "render")]
+#[test]
+fn a_thicker_leaf_dims_and_an_edit_becomes_a_fit() {
+    use mesophyll::fit::record::FitRecord;
+    use mesophyll::optics::slab;
+    use mesophyll::scene::{edit::SceneEditor, ledger::Ledger, plan};
+    use mesophyll_viewer::editor::Editor;
+    use mesophyll_viewer::scene::Interior;
+
+    let dir = tempfile::tempdir().unwrap();
+    let blade = Blade { width: 48, height: 36, texel_mm: 1.0, ..Blade::default() };
+    blade.write(&dir.path().join("fits/elm"), "elm");
+    let manifest = Manifest::read(&scene(dir.path(), "front", "elm", Some(30.0), None, "")).unwrap();
+    let free = plan::make_free(&manifest, None, None, &Ledger::new()).unwrap();
+    let mut editor = SceneEditor::new(manifest, free, dir.path().join("out")).unwrap();
+    let start = editor.start(0);
+    assert!((f64::from(start.thickness_mm) - blade.h).abs() < 1e-6);
+    let mut edit = start;
+    edit.thickness_mm *= 2.0;
+    edit.front.rho_s_scale = 0.5;
+    let update = editor.recompute(0, &edit).unwrap();
+    let Interior::Scalars(curve) = &update.back else { panic!("scalars") };
+    // ρt of the doubled blade, by the slab itself at the curve's ends.
+    for (h, rho_t) in [(curve.min_mm, curve.rho_t[0]), (curve.max_mm, curve.rho_t[curve.rho_t.len() - 1])] {
+        for c in 0..3 {
+            let exact = slab::exact::response(blade.sigma_a[1][c], blade.sigma_s[1][c], f64::from(h)).rho_t;
+            assert!((f64::from(rho_t[c]) / exact - 1.0).abs() < 1e-5);
+            assert!(exact < slab::exact::response(blade.sigma_a[1][c], blade.sigma_s[1][c], blade.h).rho_t);
+        }
+    }
+    edit.thickness_mm = -1.0;
+    assert!(editor.recompute(0, &edit).unwrap_err().contains("expected a positive thickness"));
+    edit.thickness_mm = 2.0 * start.thickness_mm;
+    let place = editor.save(0, &edit).unwrap();
+    let record = FitRecord::read(Path::new(&place)).unwrap();
+    record.verify(Path::new(&place)).unwrap();
+    let h = &record.sections["front"].params["thickness"];
+    assert!((h.value[0] - 2.0 * blade.h).abs() < 1e-6 && h.stderr[0].is_infinite());
+    let maps = mesophyll::files::image::read_exr(&Path::new(&place).join("front.exr")).unwrap();
+    let k = 18 * 48 + 24;
+    let thickness = f64::from(maps.get("thickness.Y").unwrap()[k]);
+    let exact = slab::exact::response(blade.sigma_a[0][1], blade.sigma_s[0][1], thickness).rho_t;
+    assert!((f64::from(maps.get("rho_t.G").unwrap()[k]) / exact - 1.0).abs() < 1e-5);
+    assert!((maps.get("rho_s.G").unwrap()[k] - 0.025).abs() < 1e-6);
+    // The texel under the pointer reads out what the fit says.
+    let rows = editor.probe(0, true, [24, 18]);
+    assert!(rows.iter().any(|(n, _)| n == "σa") && rows.iter().any(|(n, v)| n == "texel" && v == "good"), "{rows:?}");
+}
