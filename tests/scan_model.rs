@@ -7,22 +7,28 @@ use mesophyll::optics::tube::{Model, Precision, Travel as FitTravel, Tube};
 
 #[test]
 fn synthesis_and_fit_see_the_same_texel() {
-    let tube = SynthTube { height_mm: 100.0, length_mm: 500.0, radius_mm: 2.5 };
+    let [diffuse, gloss] = worst(500.0);
+    assert!(diffuse < 1e-5 && gloss < 1e-5, "{diffuse} {gloss}");
+}
+
+/// Largest difference of D and S over both passes, in units of their peaks.
+fn worst(length_mm: f64) -> [f64; 2] {
+    let tube = SynthTube { height_mm: 100.0, length_mm, radius_mm: 2.5 };
     let camera = 55f64.to_radians();
     let fit = Model::new(
-        Tube { height_mm: 100.0, length_mm: 500.0, radius_mm: 2.5 },
+        Tube { height_mm: 100.0, length_mm, radius_mm: 2.5 },
         [camera.sin(), 0.0, camera.cos()],
         Lobe::Beckmann,
         &Precision::fine(),
     );
+    let mut all = [0.0f64; 2];
     for (travel, other) in [(Travel::X, FitTravel::X), (Travel::Y, FitTravel::Y)] {
         let synth = Device::new(tube, travel, 55.0);
-        for (at, normal, m, within) in [
-            ([0.0, 0.0], [0.0f64, 0.0, 1.0], 0.2, 3e-5),
-            ([25.0, -18.0], [0.1, -0.08, 1.0], 0.35, 3e-5),
-            ([10.0, 12.0], [0.05, 0.1, 1.0], 0.55, 3e-5),
-            // In pass y this narrow lobe looks at the very end of the tube, which the fit places at the surface's mean distance.
-            ([-30.0, 20.0], [-0.15, 0.2, 1.0], 0.08, 1e-3),
+        for (at, normal, m) in [
+            ([0.0, 0.0], [0.0f64, 0.0, 1.0], 0.2),
+            ([25.0, -18.0], [0.1, -0.08, 1.0], 0.35),
+            ([10.0, 12.0], [0.05, 0.1, 1.0], 0.55),
+            ([-30.0, 20.0], [-0.1, 0.12, 1.0], 0.1),
         ] {
             let length = normal.iter().map(|v| v * v).sum::<f64>().sqrt();
             let normal = normal.map(|v| v / length);
@@ -37,7 +43,10 @@ fn synthesis_and_fit_see_the_same_texel() {
                     worst[c] = worst[c].max((a - b).abs());
                 }
             }
-            assert!(worst[0] < 3e-5 * peak[0] && worst[1] < within * peak[1], "{travel:?} {at:?} m = {m}: {worst:?} of {peak:?}");
+            for c in 0..2 {
+                all[c] = all[c].max(worst[c] / peak[c]);
+            }
         }
     }
+    all
 }

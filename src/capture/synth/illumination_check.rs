@@ -31,7 +31,9 @@ fn by_area(tube: Tube, travel: Travel, position: f64, at: [f64; 2], n: [f64; 3],
         let up = tube.height_mm + tube.radius_mm * cb;
         // The part of this line of the cylinder above the texel's horizon: n·to > 0, linear in y.
         let (nt, nl) = if travel == Travel::X { (n[0], n[1]) } else { (n[1], n[0]) };
-        let (mut lo, mut hi) = (-0.5 * tube.length_mm - l, 0.5 * tube.length_mm - l);
+        // The lit length ends under the angle at which the axis' ends are seen (the capture's convention).
+        let reach = across.hypot(up) / d;
+        let (mut lo, mut hi) = ((-0.5 * tube.length_mm - l) * reach, (0.5 * tube.length_mm - l) * reach);
         let root = -(nt * across + n[2] * up) / nl;
         if nl > 0.0 {
             lo = lo.max(root).min(hi);

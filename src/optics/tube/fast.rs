@@ -230,11 +230,10 @@ fn light<L: Lanes>(pass: &Pass, texel_mm: [f64; 2], lit: &mut Lit) {
         r.mul(asin).store(&mut lit.beta[k..]);
         cos.mul(asin).store(&mut lit.scale[k..]);
         let half = 0.5 * tube.length_mm;
-        let surface = one.div(one.div(near).sub(L::splat(std::f64::consts::FRAC_PI_4 * tube.radius_mm)));
         let mut along = L::splat(0.0);
         let mut skew = L::splat(0.0);
         for (end, at) in [-half - texel[1], half - texel[1]].into_iter().enumerate() {
-            let t = surface.mul(L::splat(at));
+            let t = near.mul(L::splat(at));
             let q = one.div(t.fma(t, one).sqrt());
             let s = t.mul(q);
             t.store(&mut lit.ends[end][k..]);

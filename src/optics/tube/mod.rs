@@ -7,8 +7,7 @@
 //!
 //! **The tube's radius.** Seen from a texel, a cylinder of uniform radiance fills the angles θ ± asin(a/R) of the plane of travel
 //! evenly, and the flux of an infinite one is exactly that of a thin one. So the thin tube's integrand is averaged over that
-//! range of angles (few Gauss nodes). The lit length ends on the surface, whose mean distance across is π/4 radii short of the axis'
-//! (taking the axis' own would cost ρs a quarter of a percent, because the white sheet sees the ends too). Its caps are not seen.
+//! range of angles (few Gauss nodes). By the capture's convention the lit length ends under the angles of the axis' ends. Its caps are not seen.
 //!
 //! **Limits.** The texel is a point, nothing shadows it, interreflection and the camera's footprint are left out.
 
@@ -27,13 +26,6 @@ pub struct Tube {
     pub height_mm: f64,
     pub length_mm: f64,
     pub radius_mm: f64,
-}
-
-impl Tube {
-    /// Mean distance (mm) to the lit surface across the tube, seen from `distance` to its axis: the mean of √(1 − x²) over |x| ≤ 1 is π/4.
-    pub(crate) fn surface(&self, distance: f64) -> f64 {
-        distance - std::f64::consts::FRAC_PI_4 * self.radius_mm
-    }
 }
 
 /// Direction the tube moves in.
@@ -110,8 +102,7 @@ impl Model {
         let distance = x.hypot(self.tube.height_mm);
         let theta = x.atan2(self.tube.height_mm);
         let half = 0.5 * self.tube.length_mm;
-        let surface = self.tube.surface(distance);
-        let ends = [(-half - texel[1]) / surface, (half - texel[1]) / surface];
+        let ends = [(-half - texel[1]) / distance, (half - texel[1]) / distance];
         let beta = (self.tube.radius_mm / distance).min(1.0).asin();
         let spread = if self.tube.radius_mm > 0.0 { beta / self.tube.radius_mm } else { 1.0 / distance };
         self.across.iter().map(move |&(node, weight)| {

@@ -42,10 +42,8 @@ fn brute(lobe: Lobe, travel: Travel, light: f64, texel: [f64; 2], n: [f64; 3], m
             2.0
         }) / (3.0 * n as f64)
     };
-    // Ends at the surface's mean distance; `tests/scan_model.rs` compares that with the surface itself.
-    let surface = distance - PI / 4.0 * TUBE.radius_mm;
-    let lo = ((-0.5 * TUBE.length_mm - t[1]) / surface).atan();
-    let hi = ((0.5 * TUBE.length_mm - t[1]) / surface).atan();
+    let lo = ((-0.5 * TUBE.length_mm - t[1]) / distance).atan();
+    let hi = ((0.5 * TUBE.length_mm - t[1]) / distance).atan();
     let (mut d, mut s) = (0.0, 0.0);
     for i in 0..=ACROSS {
         let th = theta + beta * (2.0 * i as f64 / ACROSS as f64 - 1.0);
