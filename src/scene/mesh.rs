@@ -252,7 +252,7 @@ fn add_mesh(
         if let Some(bad) = indices.iter().find(|&&i| i as usize >= n) {
             return Err(Error::field(path, &format!("{field}.indices"), format!("found {bad}, expected less than the {n} vertices")));
         }
-        if indices.len() % 3 != 0 {
+        if !indices.len().is_multiple_of(3) {
             return Err(Error::field(
                 path,
                 &format!("{field}.indices"),

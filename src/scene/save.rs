@@ -28,7 +28,7 @@ pub fn edited(fitted: &Fitted, changes: &[Change; 2], folder: &Path) -> Result<P
     let free = (1..).map(|n| folder.join(format!("{}-edit-{n}", fitted.name))).find(|p| !p.exists());
     let target = free.unwrap_or_else(|| folder.join(&fitted.name));
     atomic::probe_folder(&target)?;
-    for (name, _) in &fitted.record.files {
+    for name in fitted.record.files.keys() {
         let (from, to) = (fitted.folder.join(name), target.join(name));
         let bytes = std::fs::read(&from).map_err(|e| Error::input(&from, explain(&e)))?;
         atomic::write_bytes(&to, &bytes)?;
@@ -98,7 +98,7 @@ fn change_maps(path: &Path, change: &Change, sigma_a: &[f64], sigma_s: &[f64]) -
             .par_iter()
             .zip(&gamma)
             .map(|(h, g)| {
-                if !(*h > 0.0) {
+                if h.is_nan() || *h <= 0.0 {
                     return (f32::NAN, f32::NAN);
                 }
                 let r = slab::response(sa, ss, f64::from(*h));
