@@ -3,8 +3,7 @@
 
 mod blade;
 
-use blade::{Blade, copy, edit, rehash, scene};
-use mesophyll::fit::record::FitRecord;
+use blade::{Blade, copy, edit, rehash, scene, tamper};
 use serde_json::Value;
 use std::path::Path;
 use std::process::Output;
@@ -101,54 +100,6 @@ fn pigment_maps_and_shadows_match_too() {
     let uploads = report["uploads"].to_string();
     assert!(uploads.contains("front rho_d") && !uploads.contains("gamma_delta"), "{uploads}");
     assert!(report["pipelines"].to_string().contains("shadow"), "{}", report["pipelines"]);
-}
-
-/// What someone might do to a fit folder.
-fn tamper(how: &str, fit: &Path) {
-    let srgb = |v: f32| if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
-    match how {
-        "mirrored normal" => {
-            edit(&fit.join("front_normal.exr"), |c, v| if c == "X" { -v } else { v });
-            edit(&fit.join("front.exr"), |c, v| if c == "normal.X" { -v } else { v });
-        }
-        "mirrored normal of one renderer" => edit(&fit.join("front_normal.exr"), |c, v| if c == "X" { -v } else { v }),
-        "swapped sides" => {
-            for what in [".exr", "_gamma_delta.exr", "_rho_s_m.exr", "_normal.exr"] {
-                let (a, b) = (fit.join(format!("front{what}")), fit.join(format!("back{what}")));
-                let (x, y) = (std::fs::read(&a).unwrap(), std::fs::read(&b).unwrap());
-                std::fs::write(a, y).unwrap();
-                std::fs::write(b, x).unwrap();
-            }
-            let mut record = FitRecord::read(fit).unwrap();
-            let (front, back) = (record.sections["front"].clone(), record.sections["back"].clone());
-            record.sections.insert("front".into(), back);
-            record.sections.insert("back".into(), front);
-            record.write(fit).unwrap();
-        }
-        "thicker" => {
-            let mut record = FitRecord::read(fit).unwrap();
-            for side in ["front", "back"] {
-                record.sections.get_mut(side).unwrap().params.get_mut("thickness").unwrap().value[0] *= 1.3;
-                edit(&fit.join(format!("{side}_gamma_delta.exr")), |c, v| if c == "A" { 1.3 * v } else { v });
-                edit(&fit.join(format!("{side}.exr")), |c, v| if c == "thickness.Y" { 1.3 * v } else { v });
-            }
-            record.write(fit).unwrap();
-        }
-        "thicker in fit.toml alone" => {
-            let mut record = FitRecord::read(fit).unwrap();
-            for side in ["front", "back"] {
-                record.sections.get_mut(side).unwrap().params.get_mut("thickness").unwrap().value[0] *= 1.3;
-            }
-            record.write(fit).unwrap();
-        }
-        "sRGB read as linear" => {
-            for side in ["front", "back"] {
-                edit(&fit.join(format!("{side}_gamma_delta.exr")), |c, v| if c == "A" { v } else { srgb(v) });
-                edit(&fit.join(format!("{side}.exr")), |c, v| if c.starts_with("gamma") { srgb(v) } else { v });
-            }
-        }
-        other => panic!("{other}"),
-    }
 }
 
 #[test]

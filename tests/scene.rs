@@ -87,9 +87,9 @@ fn a_thicker_leaf_dims_and_an_edit_becomes_a_fit() {
     let Interior::Scalars(curve) = &update.back else { panic!("scalars") };
     // ρt of the doubled blade, by the slab itself at the curve's ends.
     for (h, rho_t) in [(curve.min_mm, curve.rho_t[0]), (curve.max_mm, curve.rho_t[curve.rho_t.len() - 1])] {
-        for c in 0..3 {
+        for (c, found) in rho_t.into_iter().enumerate() {
             let exact = slab::exact::response(blade.sigma_a[1][c], blade.sigma_s[1][c], f64::from(h)).rho_t;
-            assert!((f64::from(rho_t[c]) / exact - 1.0).abs() < 1e-5);
+            assert!((f64::from(found) / exact - 1.0).abs() < 1e-5);
             assert!(exact < slab::exact::response(blade.sigma_a[1][c], blade.sigma_s[1][c], blade.h).rho_t);
         }
     }
@@ -109,5 +109,5 @@ fn a_thicker_leaf_dims_and_an_edit_becomes_a_fit() {
     assert!((maps.get("rho_s.G").unwrap()[k] - 0.025).abs() < 1e-6);
     // The texel under the pointer reads out what the fit says.
     let rows = editor.probe(0, true, [24, 18]);
-    assert!(rows.iter().any(|(n, _)| n == "σa") && rows.iter().any(|(n, v)| n == "texel" && v == "good"), "{rows:?}");
+    assert!(rows.iter().any(|(n, _)| n.starts_with("σa")) && rows.iter().any(|(n, v)| n == "texel" && v == "good"), "{rows:?}");
 }

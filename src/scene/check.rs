@@ -11,6 +11,7 @@ use super::ledger::Ledger;
 use super::manifest::{Manifest, View, ViewKind};
 use super::plan::{Plan, sun_direction};
 use super::reference;
+use super::sound;
 use crate::files::{atomic, image, progress};
 use crate::transport::{self, ReferencePicture, compare};
 use crate::{Error, Result};
@@ -104,7 +105,7 @@ pub fn check(manifest: &Manifest, plan: &Plan, options: &Options, ledger: &Ledge
         adapter: format!("{} ({}, {})", adapter.name, adapter.backend, adapter.driver),
         software: adapter.is_software,
         views: Vec::new(),
-        failures: verify(plan, ledger),
+        failures: verify(plan, ledger)?,
         uploads: Vec::new(),
         pipelines: Vec::new(),
     };
@@ -130,8 +131,8 @@ pub fn check(manifest: &Manifest, plan: &Plan, options: &Options, ledger: &Ledge
     Ok(report)
 }
 
-/// Hashes every file of a fit that the plan needs; a sentence for each that is not what was fitted.
-fn verify(plan: &Plan, ledger: &Ledger) -> Vec<String> {
+/// Hashes every file of a fit that the plan needs and asks whether they agree with each other; a sentence for each that does not.
+fn verify(plan: &Plan, ledger: &Ledger) -> Result<Vec<String>> {
     let mut out = Vec::new();
     for fitted in plan.leaves.iter().filter_map(|l| l.fitted.as_ref()) {
         let prefix = format!("{}/", fitted.name);
@@ -145,7 +146,10 @@ fn verify(plan: &Plan, ledger: &Ledger) -> Vec<String> {
             }
         }
     }
-    out
+    for leaf in &plan.leaves {
+        out.extend(sound::contradictions(leaf, ledger)?);
+    }
+    Ok(out)
 }
 
 fn one_view(
@@ -167,7 +171,6 @@ fn one_view(
         seed,
         // A grazing leaf's sliver can slip through the rays of one pixel, not through those of all around it.
         margin: 2,
-        ..transport::Options::default()
     };
     let camera = reference::camera(view);
     let truth = stage.render(&camera, w, h, &sampling(manifest.check.seed))?;
@@ -233,8 +236,7 @@ fn one_card(
     out.noise_max_error = Some(reference_worst);
     let limit = out.threshold_max_error;
     for (who, error) in [("the renderer", worst), ("the reference", reference_worst)] {
-        // Written so that a NaN fails.
-        if !(error <= limit) {
+        if exceeds(error, limit) {
             out.why.push(format!("{who} is {error:.2e} (relative) from the closed form, at most {limit:.2e} allowed"));
         }
     }
@@ -244,6 +246,11 @@ fn one_card(
     out.save(options, &truth, &picture, &seen)?;
     out.passed = out.why.is_empty();
     Ok(out)
+}
+
+/// Above the limit; a NaN is too.
+fn exceeds(value: f64, limit: f64) -> bool {
+    value.is_nan() || value > limit
 }
 
 /// Pixels of a card that are compared with the closed form.
@@ -257,7 +264,7 @@ fn relative(found: &[[f32; 4]], width: usize, pixels: &[(usize, usize)], exact: 
     for (&(x, y), b) in pixels.iter().zip(exact) {
         for c in 0..3 {
             let error = (f64::from(found[y * width + x][c]) - b[c]).abs() / b[c].max(floor).max(f64::MIN_POSITIVE);
-            if !(error <= worst.0) {
+            if exceeds(error, worst.0) {
                 worst = (error, (x, y));
             }
         }
@@ -295,14 +302,14 @@ fn timed(manifest: &Manifest, view: &View, renderer: &mut gpu::Renderer) -> Resu
 impl ViewReport {
     fn judge_against_reference(&mut self) {
         if let Some(limit) = self.threshold_flip_p99
-            && !(self.flip_p99 <= limit)
+            && exceeds(self.flip_p99, limit)
         {
             self.why.push(format!("99 % FLIP is {:.4} from the reference, at most {limit:.4} allowed", self.flip_p99));
         }
         let limit = self.threshold_max_error;
         match self.max_error {
             None => self.why.push("no pixel of a leaf's interior to judge the largest error on".into()),
-            Some(e) if !(e <= limit) => {
+            Some(e) if exceeds(e, limit) => {
                 let (x, y) = self.max_at.unwrap_or_default();
                 self.why.push(format!("pixel ({x}, {y}) is {e:.4} from the reference, at most {limit:.4} allowed"));
             }
@@ -316,11 +323,11 @@ impl ViewReport {
         // The golden was rounded to 8 bits, and so was the picture.
         let limit = self.threshold_max_error + 1.0 / 255.0;
         if let Some(flip) = self.threshold_flip_p99
-            && !(seen.flip_p99 <= flip)
+            && exceeds(seen.flip_p99, flip)
         {
             self.why.push(format!("99 % FLIP is {:.4} from the golden {}, at most {flip:.4} allowed", seen.flip_p99, path.display()));
         }
-        if !(error <= limit) {
+        if exceeds(error, limit) {
             self.why.push(format!("a pixel is {error:.4} from the golden {}, at most {limit:.4} allowed", path.display()));
         }
     }

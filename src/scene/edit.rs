@@ -88,7 +88,7 @@ impl SceneEditor {
                 Ok(viewer::Interior::Scalars(handover::slab_curve(&amount::curve(sigma_a, sigma_s, low, high, 1e-4, &what, &self.ledger))))
             }
             Interior::Maps => {
-                let (rho_d, rho_t) = handover::pigment(plan, SIDES[s], &self.scaling(leaf, s, edit), &self.ledger)?;
+                let [rho_d, rho_t] = handover::pigment(plan, SIDES[s], &self.scaling(leaf, s, edit), &self.ledger)?;
                 Ok(viewer::Interior::Maps { rho_d, rho_t })
             }
         }
@@ -138,7 +138,7 @@ impl SceneEditor {
                         *curve = Arc::new(move |h| slab.at(h));
                     }
                     transport::Interior::Maps { rho_d, rho_t } if self.leaf(leaf).sides[s].interior() => {
-                        let (d, t) = handover::pigment(self.leaf(leaf), SIDES[s], &self.scaling(leaf, s, edit), &self.ledger)?;
+                        let [d, t] = handover::pigment(self.leaf(leaf), SIDES[s], &self.scaling(leaf, s, edit), &self.ledger)?;
                         *rho_d = [0, 1, 2].map(|c| d.iter().map(|v| v[c]).collect());
                         *rho_t = [0, 1, 2].map(|c| t.iter().map(|v| v[c]).collect());
                     }
@@ -259,18 +259,14 @@ impl Editor for SceneEditor {
         }
         let one = |name: &str| maps.get(name).map(|p| p[k]);
         let mut rows = Vec::new();
-        let number = |v: f32| if v.is_finite() { format!("{v:.4}") } else { "undetermined".into() };
-        for (label, name, unit) in [
-            ("ρd", "rho_d", ""),
-            ("ρt", "rho_t", ""),
-            ("ρs", "rho_s", ""),
-            ("σa", "sigma_a", " 1/mm"),
-            ("σs", "sigma_s", " 1/mm"),
-            ("γ", "gamma", ""),
-        ] {
+        // Short numbers: the panel is narrow.
+        let number = |v: f32| if v.is_finite() { format!("{v:.3}") } else { "undetermined".into() };
+        for (label, name) in
+            [("ρd", "rho_d"), ("ρt", "rho_t"), ("ρs", "rho_s"), ("σa /mm", "sigma_a"), ("σs /mm", "sigma_s"), ("γ", "gamma")]
+        {
             let all: Vec<String> = ["R", "G", "B"].iter().filter_map(|c| one(&format!("{name}.{c}"))).map(number).collect();
             if !all.is_empty() {
-                rows.push((label.to_string(), format!("{}{unit}", all.join("  "))));
+                rows.push((label.to_string(), all.join(" ")));
             }
         }
         for (label, name, unit) in [("m", "m.Y", ""), ("thickness", "thickness.Y", " mm"), ("reduced χ²", "reduced_chi2.Y", "")] {

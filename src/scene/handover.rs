@@ -134,7 +134,7 @@ fn interior(kind: Interior, leaf: &LeafPlan, s: usize, side: SideName, shift: f3
             out.interior = viewer::Interior::Scalars(slab_curve(curve));
         }
         Interior::Maps => {
-            let (rho_d, rho_t) = pigment(leaf, side, &Scaling::default(), ledger)?;
+            let [rho_d, rho_t] = pigment(leaf, side, &Scaling::default(), ledger)?;
             out.interior = viewer::Interior::Maps { rho_d: shrink(&rho_d, leaf, mean3), rho_t: shrink(&rho_t, leaf, mean3) };
         }
     }
@@ -156,7 +156,7 @@ impl Default for Scaling {
 }
 
 /// ρd and ρt of every texel, solved from σa(x), σs(x) and the thickness.
-pub fn pigment(leaf: &LeafPlan, side: SideName, edit: &Scaling, ledger: &Ledger) -> Result<(Vec<[f32; 3]>, Vec<[f32; 3]>)> {
+pub fn pigment(leaf: &LeafPlan, side: SideName, edit: &Scaling, ledger: &Ledger) -> Result<[Vec<[f32; 3]>; 2]> {
     let Some(fitted) = &leaf.fitted else { return Ok(Default::default()) };
     let file = format!("{}.exr", side.name());
     const CHANNELS: [&str; 7] = ["sigma_a.R", "sigma_a.G", "sigma_a.B", "sigma_s.R", "sigma_s.G", "sigma_s.B", "thickness.Y"];
@@ -181,7 +181,7 @@ pub fn pigment(leaf: &LeafPlan, side: SideName, edit: &Scaling, ledger: &Ledger)
     let mut six: Vec<Vec<f32>> = (0..6).map(|c| solved.iter().map(|t| t[c]).collect()).collect();
     fill(&fitted.folder.join(&file), maps.width, maps.height, &mut six, |k| good[k] && solved[k].iter().all(|v| v.is_finite()))?;
     let rgb = |first: usize| (0..n).map(|k| [six[first][k], six[first + 1][k], six[first + 2][k]]).collect();
-    Ok((rgb(0), rgb(3)))
+    Ok([rgb(0), rgb(3)])
 }
 
 fn normals(leaf: &LeafPlan, side: SideName, ledger: &Ledger) -> Result<Vec<[f32; 3]>> {

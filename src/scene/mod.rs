@@ -26,6 +26,7 @@ mod plan_light;
 pub mod reference;
 #[cfg(feature = "render")]
 pub mod save;
+pub mod sound;
 pub mod source;
 mod texel_frame;
 mod validate;

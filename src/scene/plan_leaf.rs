@@ -83,13 +83,15 @@ fn file_need(plan: &mut Plan, fitted: &Fitted, file: &str, why: &str, of_fit: bo
     plan.need(need);
 }
 
+/// One of W's textures: its size, RGBA texels without holes, and which of them the fit knew.
+pub struct Rgba {
+    pub size: [usize; 2],
+    pub texels: Vec<[f32; 4]>,
+    pub good: Vec<bool>,
+}
+
 /// Interleaves four channels, filled wherever `good` does not hold.
-pub fn rgba(
-    fitted: &Fitted,
-    file: &str,
-    ledger: &Ledger,
-    good: impl Fn([f32; 4]) -> bool,
-) -> Result<([usize; 2], Vec<[f32; 4]>, Vec<bool>)> {
+pub fn rgba(fitted: &Fitted, file: &str, ledger: &Ledger, good: impl Fn([f32; 4]) -> bool) -> Result<Rgba> {
     let maps = fitted.maps(file, &["R", "G", "B", "A"], ledger)?;
     let size = [maps.width, maps.height];
     let mut planes: Vec<Vec<f32>> = maps.channels.into_iter().map(|(_, p)| p).collect();
@@ -97,14 +99,14 @@ pub fn rgba(
     let mask: Vec<bool> = (0..size[0] * size[1]).map(|k| at(&planes, k)).map(|t| t.iter().all(|v| v.is_finite()) && good(t)).collect();
     fill(&fitted.folder.join(file), size[0], size[1], &mut planes, |k| mask[k])?;
     let texels = (0..mask.len()).map(|k| at(&planes, k)).collect();
-    Ok((size, texels, mask))
+    Ok(Rgba { size, texels, good: mask })
 }
 
 fn read_gamma_delta(leaf: &mut LeafPlan, s: usize, side: SideName, fitted: &Fitted, ledger: &Ledger) -> Result<()> {
     let file = format!("{}_gamma_delta.exr", side.name());
     let h = fitted.thickness(side)? as f32;
     // γ of a leaf texel is positive, and so is its thickness.
-    let (size, texels, good) = rgba(fitted, &file, ledger, |t| t[0] > 0.0 && t[1] > 0.0 && t[2] > 0.0 && h + t[3] > 0.0)?;
+    let Rgba { size, texels, good } = rgba(fitted, &file, ledger, |t| t[0] > 0.0 && t[1] > 0.0 && t[2] > 0.0 && h + t[3] > 0.0)?;
     same_size(leaf, size, fitted, &file)?;
     leaf.textures[s] = Textures { gamma_delta: Some(texels), gloss: None, good };
     Ok(())
@@ -186,7 +188,7 @@ fn gloss(
         return Ok(());
     }
     let file = format!("{}_rho_s_m.exr", side.name());
-    let (size, texels, good) = rgba(fitted, &file, ledger, |t| t[3] > 0.0)?;
+    let Rgba { size, texels, good } = rgba(fitted, &file, ledger, |t| t[3] > 0.0)?;
     same_size(leaf, size, fitted, &file)?;
     let most = texels
         .iter()

@@ -98,7 +98,7 @@ fn change_maps(path: &Path, change: &Change, sigma_a: &[f64], sigma_s: &[f64]) -
             .par_iter()
             .zip(&gamma)
             .map(|(h, g)| {
-                if !(*h > 0.0) {
+                if h.is_nan() || *h <= 0.0 {
                     return (f32::NAN, f32::NAN);
                 }
                 let r = slab::response(sa, ss, f64::from(*h));

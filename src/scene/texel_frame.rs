@@ -16,29 +16,15 @@ pub fn frames(path: &Path, mesh: &LeafMesh, width: usize, height: usize) -> Resu
     let mut planes: Vec<Vec<f32>> = vec![vec![f32::NAN; width * height]; 6];
     for t in 0..mesh.triangles() {
         let corner = mesh.triangle(t);
-        let [a, b, c] = corner.map(|k| mesh.uvs[k] * size - 0.5);
-        let area = (b - a).perp_dot(c - a);
-        if area == 0.0 {
-            continue;
-        }
-        let low = a.min(b).min(c).ceil().max(DVec2::ZERO);
-        let high = a.max(b).max(c).floor().min(size - 1.0);
-        for j in low.y as usize..(high.y + 1.0).max(0.0) as usize {
-            for i in low.x as usize..(high.x + 1.0).max(0.0) as usize {
-                let p = DVec2::new(i as f64, j as f64);
-                let w = [(b - p).perp_dot(c - p), (c - p).perp_dot(a - p), (a - p).perp_dot(b - p)].map(|v| v / area);
-                if w.iter().any(|v| *v < -1e-9) {
-                    continue;
-                }
-                let mix = |of: &dyn Fn(usize) -> DVec3| of(corner[0]) * w[0] + of(corner[1]) * w[1] + of(corner[2]) * w[2];
-                let normal = mix(&|k| mesh.normals[k]).normalize_or(DVec3::Z);
-                let tangent = mix(&|k| mesh.tangents[k].0);
-                let tangent = (tangent - normal * normal.dot(tangent)).normalize_or(normal.any_orthonormal_vector());
-                for (k, v) in normal.to_array().into_iter().chain(tangent.to_array()).enumerate() {
-                    planes[k][j * width + i] = v as f32;
-                }
+        each_texel(corner.map(|k| mesh.uvs[k] * size - 0.5), width, height, |at, w| {
+            let mix = |of: &dyn Fn(usize) -> DVec3| of(corner[0]) * w[0] + of(corner[1]) * w[1] + of(corner[2]) * w[2];
+            let normal = mix(&|k| mesh.normals[k]).normalize_or(DVec3::Z);
+            let tangent = mix(&|k| mesh.tangents[k].0);
+            let tangent = (tangent - normal * normal.dot(tangent)).normalize_or(normal.any_orthonormal_vector());
+            for (k, v) in normal.to_array().into_iter().chain(tangent.to_array()).enumerate() {
+                planes[k][at] = v as f32;
             }
-        }
+        });
     }
     let covered: Vec<bool> = planes[0].iter().map(|v| v.is_finite()).collect();
     fill(path, width, height, &mut planes, |k| covered[k])?;
@@ -53,6 +39,35 @@ pub fn frames(path: &Path, mesh: &LeafMesh, width: usize, height: usize) -> Resu
             [tangent, normal.cross(tangent) * hand, normal]
         })
         .collect())
+}
+
+/// Texels of the front's maps whose centres lie on the mesh.
+pub fn covered(mesh: &LeafMesh, width: usize, height: usize) -> Vec<bool> {
+    let size = DVec2::new(width as f64, height as f64);
+    let mut out = vec![false; width * height];
+    for t in 0..mesh.triangles() {
+        each_texel(mesh.triangle(t).map(|k| mesh.uvs[k] * size - 0.5), width, height, |k, _| out[k] = true);
+    }
+    out
+}
+
+/// Calls `found` with every texel whose centre lies in the triangle, and its barycentric weights; corners in texels.
+fn each_texel([a, b, c]: [DVec2; 3], width: usize, height: usize, mut found: impl FnMut(usize, [f64; 3])) {
+    let area = (b - a).perp_dot(c - a);
+    if area == 0.0 {
+        return;
+    }
+    let low = a.min(b).min(c).ceil().max(DVec2::ZERO);
+    let high = a.max(b).max(c).floor().min(DVec2::new(width as f64, height as f64) - 1.0);
+    for j in low.y as usize..(high.y + 1.0).max(0.0) as usize {
+        for i in low.x as usize..(high.x + 1.0).max(0.0) as usize {
+            let p = DVec2::new(i as f64, j as f64);
+            let weights = [(b - p).perp_dot(c - p), (c - p).perp_dot(a - p), (a - p).perp_dot(b - p)].map(|v| v / area);
+            if weights.iter().all(|v| *v >= -1e-9) {
+                found(j * width + i, weights);
+            }
+        }
+    }
 }
 
 /// One side's normals (x right, y up, z out, as its camera saw the blade) in the mesh's tangent frame as that side sees it.

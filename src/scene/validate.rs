@@ -31,7 +31,8 @@ impl Place<'_> {
         Error::Input { place: format!("{place}: {field}"), what: what.to_string() }
     }
 
-    fn range(&self, header: &str, index: usize, key: &str, value: f64, low: f64, high: f64, unit: &str) -> Result<()> {
+    fn range(&self, header: &str, index: usize, key: &str, value: f64, limits: [f64; 2], unit: &str) -> Result<()> {
+        let [low, high] = limits;
         if value >= low && value <= high {
             return Ok(());
         }
@@ -104,7 +105,7 @@ pub fn validate(m: &Manifest, text: &str) -> Result<()> {
     if m.name.is_empty() || m.name.chars().any(|c| !(c.is_ascii_alphanumeric() || c == '-' || c == '_')) {
         return Err(p.error("", 0, "name", format!("found \"{}\", expected letters, digits, - and _ (it names files)", m.name)));
     }
-    p.range("", 0, "tolerance", m.tolerance, 1e-6, 0.5, "of the displayed range")?;
+    p.range("", 0, "tolerance", m.tolerance, [1e-6, 0.5], "of the displayed range")?;
     p.positive("", 0, "exposure", m.exposure, "number")?;
     p.colour("", "background", &m.background)?;
     leaves(&p)?;
@@ -117,7 +118,7 @@ pub fn validate(m: &Manifest, text: &str) -> Result<()> {
         ("samples", m.check.samples, MOST_SAMPLES),
         ("frames", m.check.frames, MOST_SAMPLES),
     ] {
-        p.range("[check]", 0, key, f64::from(value), 1.0, f64::from(most), "")?;
+        p.range("[check]", 0, key, f64::from(value), [1.0, f64::from(most)], "")?;
     }
     Ok(())
 }
@@ -144,11 +145,11 @@ fn leaves(p: &Place) -> Result<()> {
                 let found = scan.size.as_deref().unwrap_or_default();
                 return Err(p.error(HEADER, i, "scan", format!("size: found \"{found}\", expected WIDTHxHEIGHT such as 240x180")));
             }
-            p.range(HEADER, i, "scan", scan.frames.unwrap_or(100) as f64, 8.0, 10_000.0, "frames")?;
-            p.range(HEADER, i, "scan", scan.noise.unwrap_or(0.0), 0.0, 1.0, "relative noise")?;
+            p.range(HEADER, i, "scan", scan.frames.unwrap_or(100) as f64, [8.0, 10_000.0], "frames")?;
+            p.range(HEADER, i, "scan", scan.noise.unwrap_or(0.0), [0.0, 1.0], "relative noise")?;
         }
         match (leaf.lobe, leaf.index) {
-            (Lobe::CookTorrance, Some(n)) => p.range(HEADER, i, "index", n, 1.0, 4.0, "")?,
+            (Lobe::CookTorrance, Some(n)) => p.range(HEADER, i, "index", n, [1.0, 4.0], "")?,
             (Lobe::CookTorrance, None) => return Err(p.error(HEADER, i, "index", "missing; the cook-torrance lobe needs one")),
             (_, Some(_)) => return Err(p.error(HEADER, i, "index", "given, but only the cook-torrance lobe has one")),
             (_, None) => {}
@@ -174,11 +175,11 @@ fn placements(p: &Place) -> Result<()> {
         for name in &cluster.leaves {
             p.leaf(HEADER, 0, "leaves", name)?;
         }
-        p.range(HEADER, 0, "count", cluster.count as f64, 1.0, MOST_LEAVES as f64, "leaves")?;
-        p.range(HEADER, 0, "length_mm", cluster.length_mm, 0.0, 1e6, "mm")?;
-        p.range(HEADER, 0, "offset_mm", cluster.offset_mm, 0.0, 1e6, "mm")?;
-        p.range(HEADER, 0, "droop_deg", cluster.droop_deg, -180.0, 180.0, "degrees")?;
-        p.range(HEADER, 0, "spread_deg", cluster.spread_deg, 0.0, 180.0, "degrees")?;
+        p.range(HEADER, 0, "count", cluster.count as f64, [1.0, MOST_LEAVES as f64], "leaves")?;
+        p.range(HEADER, 0, "length_mm", cluster.length_mm, [0.0, 1e6], "mm")?;
+        p.range(HEADER, 0, "offset_mm", cluster.offset_mm, [0.0, 1e6], "mm")?;
+        p.range(HEADER, 0, "droop_deg", cluster.droop_deg, [-180.0, 180.0], "degrees")?;
+        p.range(HEADER, 0, "spread_deg", cluster.spread_deg, [0.0, 180.0], "degrees")?;
         p.positive(HEADER, 0, "scale", cluster.scale, "number")?;
     }
     if m.instances.is_empty() && m.cluster.is_none() {
@@ -189,10 +190,10 @@ fn placements(p: &Place) -> Result<()> {
 
 fn lights(p: &Place) -> Result<()> {
     if let Some(sun) = &p.manifest.sun {
-        p.range("[sun]", 0, "zenith_deg", sun.zenith_deg, 0.0, 180.0, "degrees")?;
+        p.range("[sun]", 0, "zenith_deg", sun.zenith_deg, [0.0, 180.0], "degrees")?;
         p.finite("[sun]", 0, "azimuth_deg", &[sun.azimuth_deg])?;
         p.colour("[sun]", "irradiance", &sun.irradiance)?;
-        p.range("[sun]", 0, "radius_deg", sun.radius_deg, 0.0, 45.0, "degrees")?;
+        p.range("[sun]", 0, "radius_deg", sun.radius_deg, [0.0, 45.0], "degrees")?;
     }
     if let Some(sky) = &p.manifest.sky {
         p.colour("[sky]", "radiance", &sky.radiance)?;
@@ -238,11 +239,11 @@ fn one_view(p: &Place, i: usize, view: &View) -> Result<()> {
     if forward.normalize().cross(up.normalize_or_zero()).length() < 1e-6 {
         return Err(p.error(HEADER, i, "up", "points along the line of sight, expected a direction across it"));
     }
-    p.range(HEADER, i, "fov_deg", view.fov_deg.ok_or_else(|| missing("fov_deg"))?, 0.1, 150.0, "degrees")?;
-    p.range(HEADER, i, "max_error", view.max_error.ok_or_else(|| missing("max_error"))?, 0.0, 1.0, "")?;
+    p.range(HEADER, i, "fov_deg", view.fov_deg.ok_or_else(|| missing("fov_deg"))?, [0.1, 150.0], "degrees")?;
+    p.range(HEADER, i, "max_error", view.max_error.ok_or_else(|| missing("max_error"))?, [0.0, 1.0], "")?;
     match view.kind {
         ViewKind::Perspective => {
-            p.range(HEADER, i, "flip_p99", view.flip_p99.ok_or_else(|| missing("flip_p99"))?, 0.0, 1.0, "")?;
+            p.range(HEADER, i, "flip_p99", view.flip_p99.ok_or_else(|| missing("flip_p99"))?, [0.0, 1.0], "")?;
             for (key, given) in [("leaf", view.leaf.is_some()), ("rotation_deg", view.rotation_deg.is_some())] {
                 if given {
                     return Err(p.error(HEADER, i, key, "given, but only card views have one"));

@@ -91,6 +91,14 @@ impl Blade {
     pub fn write(&self, dir: &Path, name: &str) -> FitRecord {
         std::fs::create_dir_all(dir).unwrap();
         let (w, h) = (self.width, self.height);
+        // The gauge: δ is zero in the mean over the good texels.
+        let veins: Vec<f64> = (0..w * h)
+            .map(|k| ((k % w) as f64 + 0.5 - w as f64 / 2.0, h as f64 / 2.0 - (k / w) as f64 - 0.5))
+            .map(|(i, j)| (i * self.texel_mm, j * self.texel_mm))
+            .filter(|&(x, y)| self.inside(x, y))
+            .map(|(x, y)| self.vein(x, y))
+            .collect();
+        let mean_vein = veins.iter().sum::<f64>() / veins.len() as f64;
         let mut sections = BTreeMap::new();
         for (s, side) in ["front", "back"].iter().enumerate() {
             let mut planes: BTreeMap<String, Vec<f32>> = BTreeMap::new();
@@ -108,7 +116,7 @@ impl Blade {
                     let good = self.inside(x, y);
                     let or_nan = |v: f64| if good { v } else { f64::NAN };
                     let vein = self.vein(x, y);
-                    let delta = self.h * (0.3 * vein - 0.05 * self.pattern);
+                    let delta = 0.3 * self.h * (vein - mean_vein);
                     let thickness = self.h + delta;
                     let f = self.frame(x, y);
                     let (bx, by) = ((0.9 * x).sin() * self.bump, (0.7 * y + 0.3 * x).cos() * self.bump);
@@ -289,6 +297,54 @@ pub fn copy(from: &Path, to: &Path) {
     std::fs::create_dir_all(to).unwrap();
     for entry in std::fs::read_dir(from).unwrap().flatten() {
         std::fs::copy(entry.path(), to.join(entry.file_name())).unwrap();
+    }
+}
+
+/// What someone might do to a fit folder.
+pub fn tamper(how: &str, fit: &Path) {
+    let srgb = |v: f32| if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
+    match how {
+        "mirrored normal" => {
+            edit(&fit.join("front_normal.exr"), |c, v| if c == "X" { -v } else { v });
+            edit(&fit.join("front.exr"), |c, v| if c == "normal.X" { -v } else { v });
+        }
+        "mirrored normal of one renderer" => edit(&fit.join("front_normal.exr"), |c, v| if c == "X" { -v } else { v }),
+        "swapped sides" => {
+            for what in [".exr", "_gamma_delta.exr", "_rho_s_m.exr", "_normal.exr"] {
+                let (a, b) = (fit.join(format!("front{what}")), fit.join(format!("back{what}")));
+                let (x, y) = (std::fs::read(&a).unwrap(), std::fs::read(&b).unwrap());
+                std::fs::write(a, y).unwrap();
+                std::fs::write(b, x).unwrap();
+            }
+            let mut record = FitRecord::read(fit).unwrap();
+            let (front, back) = (record.sections["front"].clone(), record.sections["back"].clone());
+            record.sections.insert("front".into(), back);
+            record.sections.insert("back".into(), front);
+            record.write(fit).unwrap();
+        }
+        "thicker" => {
+            let mut record = FitRecord::read(fit).unwrap();
+            for side in ["front", "back"] {
+                record.sections.get_mut(side).unwrap().params.get_mut("thickness").unwrap().value[0] *= 1.3;
+                edit(&fit.join(format!("{side}_gamma_delta.exr")), |c, v| if c == "A" { 1.3 * v } else { v });
+                edit(&fit.join(format!("{side}.exr")), |c, v| if c == "thickness.Y" { 1.3 * v } else { v });
+            }
+            record.write(fit).unwrap();
+        }
+        "thicker in fit.toml alone" => {
+            let mut record = FitRecord::read(fit).unwrap();
+            for side in ["front", "back"] {
+                record.sections.get_mut(side).unwrap().params.get_mut("thickness").unwrap().value[0] *= 1.3;
+            }
+            record.write(fit).unwrap();
+        }
+        "sRGB read as linear" => {
+            for side in ["front", "back"] {
+                edit(&fit.join(format!("{side}_gamma_delta.exr")), |c, v| if c == "A" { v } else { srgb(v) });
+                edit(&fit.join(format!("{side}.exr")), |c, v| if c.starts_with("gamma") { srgb(v) } else { v });
+            }
+        }
+        other => panic!("{other}"),
     }
 }
 
