@@ -207,7 +207,8 @@ mod tests {
         }
         // normals lean as the slopes say
         for (p, n) in blade.positions.iter().zip(&blade.normals) {
-            assert!((f64::from(-n[0] / n[2]) - 0.02 * f64::from(p[0])).abs() < 0.03, "{p:?} {n:?}");
+            // at the edge a slope is the mean over the inner side of the smoothing: 0.02/mm times about 1.5 mm
+            assert!((f64::from(-n[0] / n[2]) - 0.02 * f64::from(p[0])).abs() < 0.05, "{p:?} {n:?}");
         }
         let frames = blade.frames(&grid);
         let centre = frames[45 * 120 + 60];

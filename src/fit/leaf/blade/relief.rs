@@ -62,7 +62,14 @@ pub fn integrate(grid: &Grid, slopes: &[Option<[f64; 2]>]) -> Relief {
     }
     let rest: f64 = pairs.iter().map(|&(a, b, d)| ((z[b] - z[a] - d) / size).powi(2)).sum();
     let residual = (rest / pairs.len().max(1) as f64).sqrt();
-    let mut slope = [0, 1].map(|axis: usize| slope.iter().map(|s| s[axis]).collect::<Vec<f64>>());
+    // The mesh carries the blade's shape; what is finer than about a thirtieth of it (veins, bulges, a round petiole) stays in the normal
+    // maps, whose frame then turns slowly and is interpolated the same way by every renderer.
+    let sigma = w.max(h) as f64 / 32.0;
+    let weight = blur(&on.iter().map(|&o| f64::from(u8::from(o))).collect::<Vec<f64>>(), w, h, sigma);
+    let mut slope = [0, 1].map(|axis: usize| {
+        let plane: Vec<f64> = slope.iter().map(|s| s[axis]).collect();
+        blur(&plane, w, h, sigma).iter().zip(&weight).map(|(s, w)| s / w.max(1e-9)).collect::<Vec<f64>>()
+    });
     if let Some(source) = super::super::fill::sources(&on, w, h) {
         for (k, &from) in source.iter().enumerate() {
             let from = from as usize;
@@ -72,11 +79,7 @@ pub fn integrate(grid: &Grid, slopes: &[Option<[f64; 2]>]) -> Relief {
             slope[1][k] = slope[1][from];
         }
     }
-    // The mesh carries the blade's shape; what is finer than about a thirtieth of it (veins, bulges) stays in the normal maps, whose
-    // frame then turns slowly and is interpolated the same way by every renderer.
-    let sigma = w.max(h) as f64 / 32.0;
     let z = blur(&z, w, h, sigma);
-    let slope = slope.map(|s| blur(&s, w, h, sigma));
     Relief { width: w, height: h, block, z, slope, residual }
 }
 
