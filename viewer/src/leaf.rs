@@ -218,8 +218,6 @@ impl Samplers {
                 mag_filter: wgpu::FilterMode::Linear,
                 min_filter: wgpu::FilterMode::Linear,
                 mipmap_filter: wgpu::MipmapFilterMode::Linear,
-                // A blade seen at a slant is minified one way only: an isotropic footprint would blur its veins along the other.
-                anisotropy_clamp: 16,
                 ..Default::default()
             }),
         }
