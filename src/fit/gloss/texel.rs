@@ -366,7 +366,8 @@ impl Job<'_> {
                 channel.accumulate(&channel.inverse, &mut normal, &mut gradient);
             }
             // A parameter at its bound that wants beyond it rests there: cut steps of the others would crawl along the bound.
-            let hits = |k: usize| bounded(&state.p, &std::array::from_fn(|j| if j == k { gradient[k].signum() * 1e-3 } else { 0.0 })) == state.p;
+            let hits =
+                |k: usize| bounded(&state.p, &std::array::from_fn(|j| if j == k { gradient[k].signum() * 1e-3 } else { 0.0 })) == state.p;
             let rest: [bool; NONLINEAR] = std::array::from_fn(|k| (self.held && k == 1) || (gradient[k] != 0.0 && hits(k)));
             for k in (0..NONLINEAR).filter(|&k| rest[k]) {
                 normal[k] = [0.0; NONLINEAR];
