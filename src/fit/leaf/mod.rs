@@ -171,7 +171,8 @@ pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
         ..FitRecord::default()
     };
     output::describe(&mut record, &capture, options, &level);
-    let mut times = Times { threads: rayon::current_num_threads(), ..Times::default() };
+    let mut times =
+        Times { capture: Some(capture.folder.display().to_string()), threads: rayon::current_num_threads(), ..Times::default() };
     let mut done = Vec::new();
     for (measured, maps) in sides.into_iter().zip(merged) {
         let step = Instant::now();
