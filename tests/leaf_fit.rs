@@ -231,6 +231,12 @@ fn a_truncated_frame_is_named() {
     });
     refused(&fit(&capture, &dir), 2, &["front/y/0005.exr"]);
     assert!(!dir.path().join("fit/fit.toml").exists());
+    // A fit that is there already stays what it was.
+    succeeded(&fit(small_scan().to_str().unwrap(), &dir));
+    let before = std::fs::read(dir.path().join("fit/fit.toml")).unwrap();
+    refused(&fit(&capture, &dir), 2, &["front/y/0005.exr"]);
+    assert_eq!(std::fs::read(dir.path().join("fit/fit.toml")).unwrap(), before);
+    FitRecord::read(&dir.path().join("fit")).unwrap().verify(&dir.path().join("fit")).unwrap();
 }
 
 #[test]
@@ -323,4 +329,7 @@ fn a_full_disk_ends_in_a_sentence_and_leaves_nothing_half_written() {
     let litter: Vec<_> =
         std::fs::read_dir(&out).unwrap().flatten().filter(|e| e.file_name().to_string_lossy().ends_with(".partial")).collect();
     assert!(litter.is_empty(), "{litter:?}");
+    // With room again the same command goes on and ends well.
+    succeeded(&run(["fit", "leaf", small_scan().to_str().unwrap(), "-o", out.to_str().unwrap()]));
+    FitRecord::read(&out).unwrap().verify(&out).unwrap();
 }

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 /// Writes `path` through `fill`; the name appears only when everything is on disk.
 ///
 /// # Errors
-/// [`Error::Write`] naming `path` when the folder cannot be written or the disk is full; the temporary file is removed.
+/// Naming `path`: [`Error::Usage`] when nothing can be written there, [`Error::Write`] when the disk is full; the temporary file is removed.
 pub fn write(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
     let mut pending = Pending::create(path)?;
     fill(&mut pending).map_err(|e| Error::write(path, explain(&e)))?;
@@ -38,13 +38,13 @@ impl Pending {
     /// Opens a temporary file in the folder of `path` (created if missing).
     ///
     /// # Errors
-    /// [`Error::Usage`] for a folder, [`Error::Write`] for what else cannot be opened.
+    /// [`Error::Usage`] where no file can be made (a folder of that name, a read-only place), [`Error::Write`] for a full disk.
     pub fn create(path: &Path) -> Result<Self> {
         if path.is_dir() {
             return Err(Error::Usage(format!("{}: found a folder, expected the name of a file", path.display())));
         }
-        let target = if fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir()) {
-            let file = fs::OpenOptions::new().write(true).open(path).map_err(|e| Error::write(path, explain(&e)))?;
+        let target = if fs::metadata(path).is_ok_and(|m| !m.is_file()) {
+            let file = fs::OpenOptions::new().write(true).open(path).map_err(|e| unopened(path, &e))?;
             Target::InPlace(BufWriter::new(file))
         } else {
             Target::Temporary(Self::temporary(path)?)
@@ -57,13 +57,10 @@ impl Pending {
             Some(p) if !p.as_os_str().is_empty() => p,
             _ => Path::new("."),
         };
-        fs::create_dir_all(folder).map_err(|e| Error::write(folder, explain(&e)))?;
+        fs::create_dir_all(folder).map_err(|e| unopened(folder, &e))?;
         let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-        let file = tempfile::Builder::new()
-            .prefix(&format!(".{name}."))
-            .suffix(".partial")
-            .tempfile_in(folder)
-            .map_err(|e| Error::write(path, explain(&e)))?;
+        let file =
+            tempfile::Builder::new().prefix(&format!(".{name}.")).suffix(".partial").tempfile_in(folder).map_err(|e| unopened(path, &e))?;
         Ok(BufWriter::with_capacity(1 << 16, file))
     }
 
@@ -92,6 +89,14 @@ impl Pending {
             Some(Target::InPlace(w)) => act(w),
             None => Err(io::Error::other("already finished")),
         }
+    }
+}
+
+/// A place where nothing can be written is the command line's mistake; a full disk is not.
+fn unopened(path: &Path, e: &io::Error) -> Error {
+    match e.kind() {
+        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => Error::write(path, explain(e)),
+        _ => Error::Usage(format!("cannot write {}: {}", path.display(), explain(e))),
     }
 }
 
