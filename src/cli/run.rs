@@ -83,17 +83,14 @@ fn sources(plan: &plan::Plan, out: &Path) -> Vec<ReportSource> {
 
 #[cfg(feature = "render")]
 fn check(manifest: &Manifest, plan: &plan::Plan, out: &Path, ledger: &Ledger) -> Result<(bool, String, Value)> {
-    use crate::scene::{check, interiors, manifest::Interior};
-    let options = check::Options { out: out.to_path_buf(), update_golden: false };
-    let report = check::check(manifest, plan, &options, ledger)?;
-    let (mut json, mut text) = (report.json(manifest), report.text());
-    if manifest.leaves.iter().any(|l| l.interior == Interior::Maps) {
-        let rows = interiors::compare(manifest, Some(out), ledger)?;
-        text += &interiors::text(&rows);
-        json["interiors"] = serde_json::to_value(&rows).unwrap_or_default();
+    use crate::scene::{check::Options, manifest::Interior};
+    let options = Options { out: out.to_path_buf(), update_golden: false };
+    let compare = manifest.leaves.iter().any(|l| l.interior == Interior::Maps);
+    let (passed, text, json) = super::check::judged(manifest, plan, &options, compare.then_some(Some(out)), ledger)?;
+    if compare {
         write_json(&out.join("check.json"), &json)?;
     }
-    Ok((report.passed, text, json))
+    Ok((passed, text, json))
 }
 
 #[cfg(not(feature = "render"))]
