@@ -1,6 +1,6 @@
 //! The tube integral for all frames of a pass at once, vectorised over frames: the same formulas as [`super::arc`], the same
-//! node sets, without its trigonometry. [`super::Model`] is the reference it is tested against, and does the few frames that the
-//! texel's horizon cuts. Cook–Torrance, whose G has kinks to split at, is left to the reference altogether.
+//! node sets, without its trigonometry. [`super::Model`] is the reference it is tested against. Frames that the texel's horizon cuts
+//! get ends of their own for every node across the radius. Cook–Torrance, whose G has kinks to split at, is left to the reference.
 
 #![allow(clippy::needless_range_loop)] // see the note on closures below
 
@@ -30,8 +30,6 @@ pub struct Lit {
     /// D = n · (along · sin θ, skew, along · cos θ).
     along: Vec<f64>,
     skew: Vec<f64>,
-    /// 1: the horizon cuts this frame's tube, the reference does it.
-    cut: Vec<f64>,
 }
 
 /// A pass of a device, ready for many texels.
@@ -130,11 +128,11 @@ impl Pass {
     /// Looks at the tube from `texel_mm`.
     pub fn light(&self, texel_mm: [f64; 2], lit: &mut Lit) {
         let n = self.padded();
-        if lit.sin.len() == n && lit.texel == texel_mm && lit.cut.len() == n {
+        if lit.sin.len() == n && lit.texel == texel_mm {
             return;
         }
         lit.texel = texel_mm;
-        for list in [&mut lit.sin, &mut lit.cos, &mut lit.beta, &mut lit.scale, &mut lit.along, &mut lit.skew, &mut lit.cut] {
+        for list in [&mut lit.sin, &mut lit.cos, &mut lit.beta, &mut lit.scale, &mut lit.along, &mut lit.skew] {
             list.resize(n, 0.0);
         }
         for list in lit.ends.iter_mut().chain(&mut lit.end_sin).chain(&mut lit.end_cos) {
@@ -183,19 +181,15 @@ impl Pass {
         }
         if !matches!(self.model.lobe, Lobe::CookTorrance { .. }) {
             let (pass, point, across) = (self, &point, self.across(m));
-            let symmetric = point.n[1] == 0.0 && point.c[1] == 0.0;
-            dispatch_lanes!(self.level, respond(pass: &Pass, lit: &mut Lit, point: &Point, across: &[(f64, f64)], symmetric: bool, columns: &mut [&mut [f64]; COLUMNS]));
+            let symmetric = point.n[1] == 0.0 && point.c[1] == 0.0 && point.change.iter().all(|v| v[1] == 0.0);
+            dispatch_lanes!(self.level, respond(pass: &Pass, lit: &Lit, point: &Point, across: &[(f64, f64)], symmetric: bool, columns: &mut [&mut [f64]; COLUMNS]));
         } else {
-            lit.cut.fill(1.0);
-        }
-        for (k, &light) in self.positions.iter().enumerate() {
-            if lit.cut[k] == 0.0 {
-                continue;
-            }
-            let r = self.model.response(self.travel, light, lit.texel, n, m);
-            (columns[0][k], columns[1][k], columns[2][k]) = (r.d, r.s, r.s_m);
-            for (j, change) in changes.iter().enumerate().take(2) {
-                (columns[3 + 2 * j][k], columns[4 + 2 * j][k]) = (dot(r.d_n, *change), dot(r.s_n, *change));
+            for (k, &light) in self.positions.iter().enumerate() {
+                let r = self.model.response(self.travel, light, lit.texel, n, m);
+                (columns[0][k], columns[1][k], columns[2][k]) = (r.d, r.s, r.s_m);
+                for (j, change) in changes.iter().enumerate().take(2) {
+                    (columns[3 + 2 * j][k], columns[4 + 2 * j][k]) = (dot(r.d_n, *change), dot(r.s_n, *change));
+                }
             }
         }
         for column in columns.iter_mut() {
@@ -334,6 +328,63 @@ fn half_tan<L: Lanes>(angle: L, bounded: L::Mask) -> L {
     x.mul(s(15.0).sub(x2)).div(below.max(s(1e-9))).or(near, s(1e9))
 }
 
+/// Moves the end that the horizon hides to where it cuts the arc, in the lanes of `cut`; the lanes of these that see anything.
+#[inline(always)]
+fn above<L: Lanes>(point: &Point, a1: L, ends: &mut [L; 2], end_cos: &mut [L; 2], end_sin: &mut [L; 2], cut: L::Mask) -> L::Mask {
+    let (zero, along) = (L::splat(0.0), point.n[1]);
+    if along.abs() < 1e-300 {
+        return L::both(cut, zero.less(a1));
+    }
+    let tan = a1.mul(L::splat(-1.0 / along));
+    let end = usize::from(along < 0.0);
+    let hidden = if end == 0 { ends[0].less(tan) } else { tan.less(ends[1]) };
+    let part = L::both(cut, if end == 0 { tan.less(ends[1]) } else { ends[0].less(tan) });
+    let moves = L::both(part, hidden);
+    let cos = L::splat(1.0).div(tan.fma(tan, L::splat(1.0)).sqrt());
+    end_cos[end] = cos.or(moves, end_cos[end]);
+    end_sin[end] = tan.mul(cos).or(moves, end_sin[end]);
+    ends[end] = tan.or(moves, ends[end]);
+    part
+}
+
+/// ∫ cos²φ dφ and ∫ sinφ cosφ dφ between the ends.
+#[inline(always)]
+fn diffuse<L: Lanes>(end_cos: &[L; 2], end_sin: &[L; 2], ends: &[L; 2]) -> [L; 2] {
+    let (from, to) = (end_sin[0].fma(end_cos[0], atan(ends[0])), end_sin[1].fma(end_cos[1], atan(ends[1])));
+    let along = to.sub(from).mul(L::splat(0.5));
+    let skew = end_sin[1].mul(end_sin[1]).sub(end_sin[0].mul(end_sin[0])).mul(L::splat(0.5));
+    [along, skew]
+}
+
+/// ∂S along the change `v` of the normal from the cut's own motion: the integrand there, per unit of the arc's scale.
+#[inline(always)]
+fn cut_moves<L: Lanes>(point: &Point, ggx: bool, [sin, cos]: [L; 2], v: [f64; 3], ends: &[L; 2], end_cos: &[L; 2], part: L::Mask) -> L {
+    let (zero, one, along) = (L::splat(0.0), L::splat(1.0), point.n[1]);
+    if along.abs() < 1e-300 {
+        return zero;
+    }
+    let end = usize::from(along < 0.0);
+    let (t, q) = (ends[end], end_cos[end]);
+    // An end that is the tube's own does not move: n·l is not zero there.
+    let facing = flat(point.n, sin, cos).fma(q, L::splat(along).mul(t).mul(q));
+    let still = L::splat(1e-9).less(facing.max(zero.sub(facing)));
+    let e = one.add(q.mul(flat(point.c, sin, cos).add(t.mul(L::splat(point.c[1])))));
+    let sec2 = e.mul(L::splat(2.0 / (point.b * point.b))).max(one);
+    let over = L::splat(1.0 / (point.m * point.m));
+    let u = sec2.sub(one).mul(over);
+    let kernel = if ggx {
+        let k = u.add(one).recip();
+        k.mul(k)
+    } else {
+        zero.sub(u).max(L::splat(-690.0)).exp()
+    };
+    let value = kernel.mul(sec2).mul(sec2).mul(over).mul(L::splat(1.0 / PI)).mul(q).mul(q).mul(q);
+    let sign = if end == 0 { -1.0 } else { 1.0 };
+    let factor = value.mul(L::splat(sign / (2.0 * point.b) / -along));
+    let moved = factor.mul(flat(v, sin, cos).add(t.mul(L::splat(v[1]))));
+    zero.or(still, moved).or(part, zero)
+}
+
 impl<L: Lanes> Arc<L> {
     /// Adds the integrand at `t` times `weight`; `even`: the odd coefficients are zero.
     #[inline(always)]
@@ -366,14 +417,7 @@ impl<L: Lanes> Arc<L> {
 }
 
 #[inline(always)]
-fn respond<L: Lanes>(
-    pass: &Pass,
-    lit: &mut Lit,
-    point: &Point,
-    across: &[(f64, f64)],
-    symmetric: bool,
-    columns: &mut [&mut [f64]; COLUMNS],
-) {
+fn respond<L: Lanes>(pass: &Pass, lit: &Lit, point: &Point, across: &[(f64, f64)], symmetric: bool, columns: &mut [&mut [f64]; COLUMNS]) {
     let ggx = pass.model.lobe == Lobe::Ggx;
     let s = L::splat;
     let (zero, one) = (s(0.0), s(1.0));
@@ -381,6 +425,8 @@ fn respond<L: Lanes>(
     let m2 = point.m * point.m;
     let over = s(1.0 / m2);
     let prefactor = 8.0 / (2.0 * point.b * PI * m2);
+    // Where the horizon cuts, D is summed over the nodes too.
+    let rough: &[(f64, f64)] = if across.len() < 3 { &pass.across[3] } else { across };
     for k in (0..lit.sin.len()).step_by(L::N) {
         let (sin, cos, beta) = (L::load(&lit.sin[k..]), L::load(&lit.cos[k..]), L::load(&lit.beta[k..]));
         let ends = [L::load(&lit.ends[0][k..]), L::load(&lit.ends[1][k..])];
@@ -390,7 +436,8 @@ fn respond<L: Lanes>(
         let (low, high) = (a.add(low.min(high)), a.add(low.max(high)));
         let bright = beta.less(low);
         let dark = high.less(zero.sub(beta));
-        zero.or(bright, zero.or(dark, one)).store(&mut lit.cut[k..]);
+        let cut = zero.less(zero.or(bright, zero.or(dark, one)));
+        let horizon = L::any(cut);
         // D and its changes
         let (along, skew) = (L::load(&lit.along[k..]), L::load(&lit.skew[k..]));
         along.mul(flat(n, sin, cos)).add(skew.mul(s(n[1]))).or(bright, zero).store(&mut columns[0][k..]);
@@ -403,8 +450,8 @@ fn respond<L: Lanes>(
         let mut total = zero;
         let mut total_m = zero;
         let mut total_n = [zero; 2];
-        if L::any(bright) {
-            for &(node, weight) in across {
+        if horizon || L::any(bright) {
+            for &(node, weight) in if horizon { rough } else { across } {
                 // Direction turned by δ = β·node within the plane of travel.
                 let d = beta.mul(s(node));
                 let d2 = d.mul(d);
@@ -412,6 +459,21 @@ fn respond<L: Lanes>(
                 let sd = d2.fma(s(-1.0 / 5040.0), s(1.0 / 120.0)).fma(d2, s(-1.0 / 6.0)).fma(d2, one).mul(d);
                 let (sj, cj) = (sin.mul(cd).add(cos.mul(sd)), cos.mul(cd).sub(sin.mul(sd)));
                 let (a1, c1) = (flat(n, sj, cj), flat(c, sj, cj));
+                let (mut ends, mut end_cos, mut end_sin, mut seen) = (ends, end_cos, end_sin, bright);
+                if horizon {
+                    let share = L::load(&lit.scale[k..]).mul(s(0.5 * weight));
+                    let part = above(point, a1, &mut ends, &mut end_cos, &mut end_sin, cut);
+                    let sums = diffuse(&end_cos, &end_sin, &ends);
+                    for (column, v) in [(0, n), (3, point.change[0]), (5, point.change[1])].into_iter().take(1 + point.changes) {
+                        let d = share.mul(s(2.0 / PI)).mul(sums[0].mul(flat(v, sj, cj)).add(sums[1].mul(s(v[1]))));
+                        L::load(&columns[column][k..]).add(d.or(part, zero)).store(&mut columns[column][k..]);
+                    }
+                    for j in 0..point.changes {
+                        let moved = cut_moves(point, ggx, [sj, cj], point.change[j], &ends, &end_cos, part);
+                        total_n[j] = moved.mul(share).or(part, zero).add(total_n[j]);
+                    }
+                    seen = zero.less(one.or(bright, one.or(part, zero)));
+                }
                 let (mut cp, mut sp) = (one, zero);
                 if !symmetric {
                     let r1 = s(2.0 * point.b).mul(a1).sub(c1);
@@ -420,7 +482,7 @@ fn respond<L: Lanes>(
                     (cp, sp) = clamp(r1.mul(length), r2.mul(length), &ends, &end_cos, &end_sin);
                 }
                 let (mut tau, mut slope, mut bend) = (zero, zero, one);
-                let mut falling = bright;
+                let mut falling = seen;
                 for step in 0..2 {
                     let (e, m) = (one.add(c1.mul(cp)).add(s(c[1]).mul(sp)), s(point.b).add(a1.mul(cp)).add(s(n[1]).mul(sp)));
                     let (e1, m1) = (s(c[1]).mul(cp).sub(c1.mul(sp)), s(n[1]).mul(cp).sub(a1.mul(sp)));
@@ -447,7 +509,7 @@ fn respond<L: Lanes>(
                     falling = zero.less(f1);
                     bend = f1.mul(im3).sub(s(1.5).mul(slope).mul(m1).mul(im)).max(s(1e-3));
                 }
-                let worth = L::both(bright, if ggx { bright } else { tau.less(s(20.0 * m2)) });
+                let worth = L::both(seen, if ggx { seen } else { tau.less(s(20.0 * m2)) });
                 if !L::any(worth) {
                     continue;
                 }
