@@ -483,12 +483,25 @@ fn respond<L: Lanes>(pass: &Pass, lit: &Lit, point: &Point, across: &[(f64, f64)
                 }
                 let (mut tau, mut slope, mut bend) = (zero, zero, one);
                 let mut falling = seen;
-                for step in 0..2 {
+                for step in 0..3 {
                     let (e, m) = (one.add(c1.mul(cp)).add(s(c[1]).mul(sp)), s(point.b).add(a1.mul(cp)).add(s(n[1]).mul(sp)));
                     let (e1, m1) = (s(c[1]).mul(cp).sub(c1.mul(sp)), s(n[1]).mul(cp).sub(a1.mul(sp)));
                     let f = e1.mul(m).sub(s(2.0).mul(e).mul(m1));
                     let f1 = s(2.0).mul(e).mul(m.sub(s(point.b))).sub(e1.mul(m1)).sub(e.sub(one).mul(m));
-                    if step == 0 && !symmetric {
+                    if step > 0 {
+                        let im = m.recip();
+                        let im3 = im.mul(im).mul(im);
+                        tau = s(2.0).mul(e).mul(im).mul(im).sub(one).max(zero);
+                        slope = s(2.0).mul(f).mul(im3);
+                        falling = zero.less(f1);
+                        bend = f1.mul(im3).sub(s(1.5).mul(slope).mul(m1).mul(im)).max(s(1e-3));
+                        // Far from the least tan²α the window's parabola misleads: one more step, where it can be told.
+                        let off = s(0.25 * m2).mul(bend).less(slope.mul(slope));
+                        if step == 2 || symmetric || !L::any(L::both(seen, off)) {
+                            break;
+                        }
+                    }
+                    if !symmetric {
                         let convex = zero.less(f1);
                         let newton = zero.sub(f).div(one.or(f1.less(s(1e-9)), f1));
                         let blind = s(-0.2).or(zero.less(f), s(0.2));
@@ -497,17 +510,7 @@ fn respond<L: Lanes>(pass: &Pass, lit: &Lit, point: &Point, across: &[(f64, f64)
                         let k1 = h2.add(one).recip();
                         let (ch, sh) = (one.sub(h2).mul(k1), h.add(h).mul(k1));
                         (cp, sp) = clamp(cp.mul(ch).sub(sp.mul(sh)), sp.mul(ch).add(cp.mul(sh)), &ends, &end_cos, &end_sin);
-                        continue;
                     }
-                    if step == 0 {
-                        continue;
-                    }
-                    let im = m.recip();
-                    let im3 = im.mul(im).mul(im);
-                    tau = s(2.0).mul(e).mul(im).mul(im).sub(one).max(zero);
-                    slope = s(2.0).mul(f).mul(im3);
-                    falling = zero.less(f1);
-                    bend = f1.mul(im3).sub(s(1.5).mul(slope).mul(m1).mul(im)).max(s(1e-3));
                 }
                 let worth = L::both(seen, if ggx { seen } else { tau.less(s(20.0 * m2)) });
                 if !L::any(worth) {
