@@ -20,7 +20,7 @@ fn made_anew(name: &str) {
     FitRecord::read(&committed).unwrap().verify(&committed).unwrap();
     let dir = tempfile::tempdir().unwrap();
     let fresh = dir.path().join("fit");
-    make::fit(&manifest, index, dir.path(), &fresh, &Ledger::new()).unwrap();
+    make::fit(&manifest, index, dir.path(), &fresh, false, &Ledger::new()).unwrap();
     let differing = compare(&committed, &fresh);
     println!(
         "{name}: {}",
@@ -112,6 +112,9 @@ fn close_numbers(committed: &Path, fresh: &Path) {
                 let found = a.params[name].value[k];
                 assert!((found - value).abs() <= allowed, "{side}.{name}: {found}, made anew {value} ± {}", p.stderr[k]);
             }
+        }
+        for (name, value) in b.figures.iter().filter(|(n, _)| n.starts_with("blade_")) {
+            assert!((a.figures[name] / value - 1.0).abs() < 1e-3, "{name}: {}, made anew {value}", a.figures[name]);
         }
         for (name, count) in &b.counts {
             assert!(a.counts[name].abs_diff(*count) * 1000 <= b.counts["texels"], "{side}: {name}: {}, made anew {count}", a.counts[name]);

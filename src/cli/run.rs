@@ -23,7 +23,7 @@ pub struct Args {
     /// Folder for everything the run makes (default: out/SCENE)
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Fit every leaf afresh into the folder that the scene names, instead of fitting only what is missing into DIR/fits
+    /// Scan and fit every leaf afresh into the folder that the scene names, instead of fitting only what is missing into DIR/fits
     #[arg(long)]
     write_fits: bool,
 }
@@ -45,7 +45,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             (Some(named), true) => manifest.resolve(named),
             _ => make::fit_folder(&manifest, index, &out),
         };
-        stages.time(&format!("fit {name}"), || make::fit(&manifest, index, &out, &folder, &ledger))?;
+        stages.time(&format!("fit {name}"), || make::fit(&manifest, index, &out, &folder, args.write_fits, &ledger))?;
     }
     let plan = stages.time("plan with the fits", || plan::make(&manifest, Some(&out), Some(&make::input_hash), &ledger))?;
     write_json(&out.join("plan.json"), &serde_json::to_value(&plan).unwrap_or_default())?;
