@@ -7,7 +7,7 @@
 //! Errors come from the scatter of the residuals, which for a real leaf is misfit more than noise: they are lower bounds.
 
 use super::{M_RANGE, normal_of};
-use crate::files::table::{Sink, Status, Table, Tally, push_number, push_text};
+use crate::files::table::{Record, Sink, Status, Table, Tally, push_number, push_text};
 use crate::optics::gloss::Lobe;
 use crate::{Error, Result};
 use argmin::core::{CostFunction, Executor, State as _};
@@ -325,18 +325,17 @@ pub fn run(mut table: Table, output: &Path, values: &[String], lobe: Lobe) -> Re
     let values_at: Vec<usize> = values.iter().map(|v| table.require(v)).collect::<Result<_>>()?;
     let mut leaves: Vec<(String, std::result::Result<Vec<Sample>, String>)> = Vec::new();
     let mut places = std::collections::HashMap::new();
-    let (mut record, mut line) = (csv::StringRecord::new(), 1);
+    let (mut record, mut line) = (Record::default(), 1);
     while table.next_record(&mut record)? {
         line += 1;
-        let name = record.get(leaf_at).unwrap_or("").to_string();
+        let name = record.cells.get(leaf_at).unwrap_or("").to_string();
         let at = *places.entry(name.clone()).or_insert_with(|| {
             leaves.push((name, Ok(Vec::new())));
             leaves.len() - 1
         });
-        let sample = if record.len() == table.header.len() {
-            read_sample(&table.header, &record, angles_at, &values_at)
-        } else {
-            Err(format!("{} fields where the header has {}", record.len(), table.header.len()))
+        let sample = match record.fault(table.header.len()) {
+            None => read_sample(&table.header, &record.cells, angles_at, &values_at),
+            Some(fault) => Err(fault),
         };
         let list = &mut leaves[at].1;
         match (sample, &mut *list) {
