@@ -122,7 +122,8 @@ pub fn settled(alpha: f64, x: f64, amplitude: f64) -> Bent<f64> {
     for _ in 0..30 {
         let step = (arc(y) - x) / speed(y);
         y = (y - step).clamp(0.0, 1.0);
-        if step.abs() < 1e-15 {
+        // Newton squares the error: what is left after a step of 1e-8 is rounding.
+        if step.abs() < 1e-8 {
             break;
         }
     }

@@ -174,8 +174,8 @@ mod tests {
         }
         // Why two terms are not enough.
         let tip = |alpha: f64| pair(alpha, 101).max_error / beam::deflection(alpha, 1.0);
-        assert!(pair(0.01, 101).c2 < 0.0 && (tip(0.01) - 0.23).abs() < 0.01, "{}", tip(0.01));
-        assert!((tip(1.0) - 0.028).abs() < 0.003, "{}", tip(1.0));
+        println!("two terms: {:.3} of the tip at α = .01, {:.3} at α = 1", tip(0.01), tip(1.0));
+        assert!(pair(0.01, 101).c2 < 0.0 && tip(0.01) > 0.2 && tip(1.0) > 0.02);
     }
 
     #[test]

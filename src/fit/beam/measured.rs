@@ -8,7 +8,8 @@
 //! radius is (F L³/(E A))^¼, with their errors carried along.
 //!
 //! Limits: the linear beam's shape, laid out at its true length. A load that keeps its direction bends a branch less
-//! than that once the tip moves by more than a quarter of the length; a root that gives way, a crooked branch at rest and a weight hung at one place are not in the model.
+//! than that once the tip moves by more than a quarter of the length; a root that gives way, a crooked branch at rest and a weight hung at one place are not in the model. A weight at the tip of an untapered
+//! branch passes for a spread load on a taper of .65 to .2 % of the tip's deflection: the kind of load has to be known.
 
 use crate::files::table::Status;
 use crate::plant::beam::{self, TAPER_MAX, TAPER_MIN};
@@ -277,22 +278,23 @@ mod tests {
         }
     }
 
-    /// Intervals of 95 % hold about 95 % of truths: 400 draws scatter by 1.1 %, so 92 to 98 is three of that.
+    /// Intervals of 95 % hold about 95 % of truths: 300 draws scatter by 1.3 %, so 91 to 99 is three of that.
     #[test]
     fn intervals_cover() {
         let truth = Truth { alpha: 0.25, tip: 0.4, ..Truth::default() };
-        for stated in [true, false] {
-            let draws: Vec<Measured> = (0..400u64)
+        // Both kinds of position, one with each kind of noise.
+        for (stated, along) in [(true, Along::Branch), (false, Along::Axis)] {
+            let draws: Vec<Measured> = (0..300u64)
                 .into_par_iter()
                 .map(|seed| {
-                    let mut b = branch(&truth, 24, 0.01, 100 + seed, Along::Branch);
+                    let mut b = branch(&truth, 16, 0.01, 100 + seed, along);
                     if !stated {
                         b.readings.iter_mut().for_each(|r| r.error = f64::NAN);
                     }
-                    fit(&b, Along::Branch).unwrap()
+                    fit(&b, along).unwrap()
                 })
                 .collect();
-            let tip = truth.tip_mm(Along::Branch);
+            let tip = truth.tip_mm(along);
             for (name, want, get) in [
                 ("taper", truth.alpha, (|m: &Measured| m.taper) as fn(&Measured) -> Known),
                 ("load over stiffness", truth.load_over_stiffness(), |m| m.load_over_stiffness),
@@ -301,7 +303,7 @@ mod tests {
                 let inside = draws.iter().filter(|m| (get(m).value - want).abs() <= 1.96 * get(m).error).count();
                 let share = inside as f64 / draws.len() as f64;
                 println!("{name}, noise {}: {:.1} % inside 95 %", if stated { "stated" } else { "estimated" }, 100.0 * share);
-                assert!((0.92..=0.98).contains(&share), "{name}: {share}");
+                assert!((0.91..=0.99).contains(&share), "{name}: {share}");
             }
         }
     }
@@ -340,10 +342,10 @@ mod tests {
         assert!(why(&|b| b.load[0] = -1.0).contains("load_n"));
     }
 
-    /// Data of another model (a weight at the tip only) do not pass for this one.
+    /// A weight at the tip of an untapered branch looks much like a spread load on a tapered one; precise readings tell.
     #[test]
     fn a_load_of_another_kind_is_noticed() {
-        let mut b = branch(&Truth { alpha: 1.0, ..Truth::default() }, 24, 1e-3, 6, Along::Axis);
+        let mut b = branch(&Truth { alpha: 1.0, ..Truth::default() }, 24, 1e-4, 6, Along::Axis);
         let tip = 0.2 * b.length;
         for r in &mut b.readings {
             let x = r.position / b.length;
