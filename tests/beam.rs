@@ -134,7 +134,7 @@ fn slips_of_the_command_line_are_usage() {
         (vec!["fit", "beam", "-o", "out"], "-o needs"),
         (vec!["fit", "beam", "--samples", "1"], "--samples"),
         (vec!["fit", "beam", "--deflections", "no-such-file.csv"], "no-such-file.csv"),
-        (vec!["fit", "beam", "--deflections", "x.csv", "--noise", "-1"], "--noise"),
+        (vec!["fit", "beam", "--deflections", "x.csv", "--noise", "0"], "--noise"),
         (vec!["fit", "beam", "--positions", "axis"], "--deflections"),
     ] {
         let (code, _, err) = mesophyll(&args, "alpha\n0.5\n");

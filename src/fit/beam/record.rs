@@ -21,25 +21,19 @@ fn empty(name: &str, input_hash: String) -> FitRecord {
 }
 
 /// The coefficients of all tapers, as a section `all`: a₂ … a₅, each a Chebyshev series in ln α scaled to [−1, 1] over the taper range.
-/// Standard errors are those of the misfit.
 pub fn of_basis() -> FitRecord {
     let (series, fit) = smooth();
     let f = &fit.fit;
     let mut section = Section { condition: Some(f.uncertainty.condition), rank: Some(f.uncertainty.rank), ..Section::default() };
-    let width = DEGREE + 1;
     for (k, row) in series.series.iter().enumerate() {
-        let stderr = f.uncertainty.stderr[k * width..(k + 1) * width].to_vec();
-        section.params.insert(format!("a{}", k + 2), Param { value: row.clone(), stderr, unit: String::new(), undetermined: Vec::new() });
+        // Nothing was measured: a standard error of these numbers has no meaning. What they are good for are the figures below.
+        let param = Param { value: row.clone(), stderr: vec![f64::NAN; row.len()], unit: String::new(), undetermined: Vec::new() };
+        section.params.insert(format!("a{}", k + 2), param);
     }
     section.terminations.insert(f.termination.name().into(), 1);
-    let n = f.residuals.len();
-    let worst = f.residuals.iter().fold(0.0f64, |a, r| a.max(r.abs()));
-    let rms = (f.uncertainty.chi2 / n.max(1) as f64).sqrt();
-    section.residuals.insert(
-        "deflection over the tip's".into(),
-        Residuals { samples: n, chi2: f.uncertainty.chi2, reduced_chi2: f.uncertainty.reduced_chi2, rms, worst, worst_at: [0, 0] },
-    );
     let (worst, at) = fit.worst();
+    let n = f.residuals.len().max(1);
+    section.figures.insert("rms_error_of_tip".into(), (f.uncertainty.chi2 / n as f64).sqrt());
     section.figures.insert("worst_error_of_tip".into(), worst);
     section.figures.insert("worst_error_at_alpha".into(), at);
     let mut record = empty("branch basis", crate::files::hash::combine([("basis", format!("{TAPER_MIN} {TAPER_MAX} {DEGREE}").as_str())]));
