@@ -3,6 +3,9 @@
 //! Channel 0 drives the deflection towards r, channel 1 towards s: two independent fields with one spectrum, the real and the imaginary part of one inverse FFT. Values are in the unit
 //! whose power density the spectrum states (for [`super::wind::Sway`]: tip deflection over length), not normalised. The same seed gives the same texture.
 //!
+//! Isotropic textures ([`Method::Plain`], [`Method::InverseAbel`]) may be crossed in any direction, as leaves do; they cannot hold a sharp resonance.
+//! [`Method::Directed`] can, for lines nearly along x: one branch a line, far enough apart in y.
+//!
 //! The highest frequency takes 8 texels a cycle, so that the hardware's linear filter is enough (it takes 10 % of the power there); a
 //! texture of n texels a side then holds frequencies down to f_min = 8 f_max/n. (The print has f_max/(8 n).)
 
@@ -24,7 +27,14 @@ pub struct Motion {
     pub lowest: f64,
     pub highest: f64,
     pub values: Vec<[f32; 2]>,
+    pub method: Method,
 }
+
+/// Waves across a directed texture: −6 … 6 cycles along y.
+const ACROSS: i64 = 6;
+/// Slopes of lines through a directed texture. From 1/13 on, the next passage through the texture meets other waves; the frequencies are smeared by
+/// slope times cycles along y, less than one step of the texture's own.
+const SLOPES: [f64; 2] = [0.08, 0.14];
 
 /// A line through a texture: where a branch is at time t (s), in texture units (wrapped).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,7 +45,7 @@ pub struct Trajectory {
 }
 
 impl Trajectory {
-    /// A line of its own for every `seed`. `speed`: [`Motion::speed`]. Directions whose slope is near a ratio of small whole numbers close on
+    /// A line in any direction, of its own for every `seed`. `speed`: [`Motion::speed`]. Directions whose slope is near a ratio of small whole numbers close on
     /// themselves early and are passed over.
     pub fn new(seed: u64, speed: f64) -> Trajectory {
         let mut rng = Pcg64::seed_from_u64(seed);
@@ -48,6 +58,15 @@ impl Trajectory {
             }
         }
         Trajectory { start, velocity: [speed * angle.cos(), speed * angle.sin()] }
+    }
+
+    /// A line for a directed texture: nearly along x.
+    fn along(seed: u64, speed: f64) -> Trajectory {
+        let mut rng = Pcg64::seed_from_u64(seed);
+        let start = [rng.random::<f64>(), rng.random::<f64>()];
+        let size = SLOPES[0] + (SLOPES[1] - SLOPES[0]) * rng.random::<f64>();
+        let slope = if rng.random::<f64>() < 0.5 { -size } else { size };
+        Trajectory { start, velocity: [speed, speed * slope] }
     }
 
     pub fn at(&self, t: f64) -> [f64; 2] {
@@ -84,26 +103,40 @@ impl Motion {
         if !(1..=count).all(|j| (f64::MIN_POSITIVE..f64::MAX).contains(&spectrum(j as f64 * lowest))) {
             return None;
         }
+        // Two-sided density of a line along x, a unit of k, over the waves across.
+        let directed: Vec<f64> = (1..=count).map(|j| 0.5 * lowest * spectrum(j as f64 * lowest) / (2 * ACROSS + 1) as f64).collect();
         let rings = Rings::new(spectrum, lowest, count, method);
         let mut rng = Pcg64::seed_from_u64(seed);
         let mut field = vec![Complex::new(0.0, 0.0); size * size];
         let reach = count as i64;
         for row in -reach..=reach {
             for column in -reach..=reach {
-                let ring = ((row * row + column * column) as f64).sqrt().round() as usize;
+                let ring = match method {
+                    Method::Directed if row.abs() > ACROSS => 0,
+                    Method::Directed => column.unsigned_abs() as usize,
+                    _ => ((row * row + column * column) as f64).sqrt().round() as usize,
+                };
                 // Drawn for every place, so that a change of spectrum keeps the pattern of phases.
-                let (radius, angle): (f64, f64) = (rng.random(), rng.random());
+                let angle = TAU * rng.random::<f64>();
                 if ring == 0 || ring > count {
                     continue;
                 }
-                // A complex Gaussian of E|c|² = 2Φ: each part of the sum then has the variance Σ Φ.
-                let size_of = (-2.0 * (1.0 - radius).ln() * rings.0[ring - 1]).sqrt();
+                // Random phases, fixed sizes: each part of the sum has the variance Σ Φ whatever the draw, and so many waves are Gaussian together.
+                // (H9 Eq. 4.18 draws the sizes as well; the spectrum of one texture then scatters by that.)
+                let density = if method == Method::Directed { directed[ring - 1] } else { rings.0[ring - 1] };
+                let size_of = (2.0 * density).sqrt();
                 let at = |k: i64| k.rem_euclid(size as i64) as usize;
-                field[at(row) * size + at(column)] = Complex::from_polar(size_of, TAU * angle);
+                field[at(row) * size + at(column)] = Complex::from_polar(size_of, angle);
             }
         }
         inverse_transform(&mut field, size);
-        Some(Motion { size, lowest, highest, values: field.iter().map(|c| [c.re as f32, c.im as f32]).collect() })
+        Some(Motion { size, lowest, highest, values: field.iter().map(|c| [c.re as f32, c.im as f32]).collect(), method })
+    }
+
+    /// The line of branch number `seed` through this texture, at [`Motion::speed`] times `faster` (1, or the branch's resonance over the texture's).
+    pub fn trajectory(&self, seed: u64, faster: f64) -> Trajectory {
+        let speed = faster * self.speed();
+        if self.method == Method::Directed { Trajectory::along(seed, speed) } else { Trajectory::new(seed, speed) }
     }
 
     /// Both channels at a place in texture units, wrapped and linearly filtered as a sampler with repeat addressing does.
@@ -153,7 +186,7 @@ pub fn deviation(motion: &Motion, spectrum: impl Fn(f64) -> f64, lines: u64, ban
     let step = 1.0 / (segment as f64 * dt);
     let mut mean = vec![0.0; segment / 2 + 1];
     for line in 0..lines {
-        let path = Trajectory::new(1000 + line, motion.speed());
+        let path = motion.trajectory(1000 + line, 1.0);
         let samples: Vec<[f64; 2]> = (0..4 * segment).map(|k| motion.sample(path.at(k as f64 * dt))).collect();
         for channel in 0..2 {
             let one: Vec<f64> = samples.iter().map(|s| s[channel]).collect();
@@ -188,16 +221,18 @@ mod tests {
 
     #[test]
     fn lines_have_the_wanted_spectrum() {
-        // What is left where the inverse is exact is the scatter of one draw (a line crosses some 60 waves a frequency: 0.05) and the filter's 10 %
-        // at the highest frequency. A sharp resonance (a tenth of critical) has no inverse: 0.18 is the least an isotropic texture can do.
+        // Isotropic textures: where the inverse is exact, what is left is the uneven count of lattice waves a frequency, and the filter, which takes
+        // 10 % at the highest one. A sharp resonance (a tenth of critical) has no inverse: 0.18 is the least an isotropic texture can do.
         for (ratio, limit) in [(2.0, 0.08), (0.25, 0.08), (0.1, 0.25)] {
             let s = sway(ratio);
             let of = |method| {
                 let motion = Motion::new(|f| s.spectrum(f), s.highest(), 256, 5, method).unwrap();
                 deviation(&motion, |f| s.spectrum(f), 4, 16).0
             };
-            let (plain, abel) = (of(Method::Plain), of(Method::InverseAbel));
-            println!("damping {ratio} of critical: RMS log10 deviation {plain:.3} plain, {abel:.3} inverse Abel");
+            let (plain, abel, directed) = (of(Method::Plain), of(Method::InverseAbel), of(Method::Directed));
+            println!("damping {ratio} of critical: RMS log10 deviation {plain:.3} plain, {abel:.3} inverse Abel, {directed:.3} directed");
+            // A directed one has no such limit.
+            assert!(directed < 0.08, "{ratio}: {directed}");
             assert!(abel < limit && abel < 0.6 * plain, "{ratio}: {abel} against {plain}");
         }
     }
@@ -234,7 +269,10 @@ mod tests {
         assert!(Motion::new(|f| s.spectrum(f), 0.0, 128, 1, Method::Plain).is_none());
         assert!(Motion::new(|f| s.spectrum(f), 1.0, 16, 1, Method::Plain).is_none());
         assert!(Motion::new(|_| f64::NAN, 1.0, 64, 1, Method::Plain).is_none());
+        let directed = Motion::new(|f| s.spectrum(f), s.highest(), 64, 1, Method::Directed).unwrap();
         for seed in 0..200 {
+            let line = directed.trajectory(seed, 1.0).velocity;
+            assert!(line[0] == directed.lowest && (0.08..=0.14).contains(&(line[1] / line[0]).abs()));
             let path = Trajectory::new(seed, 0.5);
             assert!(!nearly_rational(path.velocity[1].atan2(path.velocity[0])));
             assert!((path.velocity[0].hypot(path.velocity[1]) - 0.5).abs() < 1e-12);

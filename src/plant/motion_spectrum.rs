@@ -18,6 +18,9 @@ pub enum Method {
     /// Its inverse Abel projection.
     #[default]
     InverseAbel,
+    /// Not isotropic: the wanted spectrum along x, a narrow band along y. Lines that run nearly along x ([`super::motion::Motion::trajectory`]) have the wanted
+    /// spectrum however sharp its resonance; lines in other directions do not.
+    Directed,
 }
 
 /// Power over the plane of frequencies, constant on rings [j − ½, j + ½] for j = 1 … n in cycles a texture, two-sided.
@@ -38,7 +41,7 @@ impl Rings {
             Rings(wanted.iter().map(|p| p * want / have).collect())
         };
         match method {
-            Method::Plain => plain,
+            Method::Plain | Method::Directed => plain,
             Method::InverseAbel => inverse(&wanted, &plain),
         }
     }

@@ -37,14 +37,15 @@ pub fn write(folder: &Path) -> Result<Vec<PathBuf>> {
             curves
         })
         .collect();
-    let (spectra, [plain, abel]) = figures::spectra(0.1, 256);
-    let (wanted, [plain_damped, abel_damped]) = figures::spectra(0.5, 256);
+    let (spectra, [plain, abel, directed]) = figures::spectra(0.1, 256);
+    let (wanted, [plain_damped, abel_damped, directed_damped]) = figures::spectra(0.5, 256);
     let mut motion: Vec<figures::Curve> = Vec::new();
     for (damping, curves) in [("0.1", spectra), ("0.5", wanted)] {
         motion.extend(curves.into_iter().map(|(name, points)| (format!("{name}, damping {damping} of critical"), points)));
     }
-    let motion_title =
-        format!("lines through a motion texture: RMS log10 {plain:.2} / {abel:.2} (0.1), {plain_damped:.2} / {abel_damped:.2} (0.5)");
+    let motion_title = format!(
+        "lines through a motion texture, RMS log10: {plain:.2} / {abel:.2} / {directed:.2} (0.1), {plain_damped:.2} / {abel_damped:.2} / {directed_damped:.2} (0.5)"
+    );
     let pictures = [
         (
             "beam-basis.svg",

@@ -78,7 +78,7 @@ pub fn bench_rows() -> crate::Result<Vec<BenchRow>> {
     measured(&mut rows);
     for size in [64, 128, 256] {
         let s = example(0.25);
-        for (name, method) in [("printed", Method::Plain), ("inverse Abel", Method::InverseAbel)] {
+        for (name, method) in [("printed", Method::Plain), ("inverse Abel", Method::InverseAbel), ("directed", Method::Directed)] {
             let make = || Motion::new(|f| s.spectrum(f), s.highest(), size, 5, method);
             let Some(motion) = make() else { continue };
             let error = deviation(&motion, |f| s.spectrum(f), 2, 16).0;
@@ -87,7 +87,7 @@ pub fn bench_rows() -> crate::Result<Vec<BenchRow>> {
                 format!("{size}²"),
                 error,
                 median_us(30.0, make),
-                "RMS log10 of the spectrum of lines, damping a quarter of critical; 0.03 is one draw's scatter",
+                "RMS log10 of the spectrum of lines, damping a quarter of critical",
             ));
         }
     }

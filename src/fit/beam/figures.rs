@@ -96,13 +96,18 @@ pub fn example(ratio: f64) -> Sway {
     Sway { wind: Wind { speed: 3.0, turbulence: 0.3 }, oscillator: Oscillator::of_branch(1.2, false, ratio), lean: 0.1 }
 }
 
-/// Spectra of lines through a texture: wanted, printed form, inverse Abel; and the RMS log₁₀ deviations of the last two.
-pub fn spectra(ratio: f64, size: usize) -> (Vec<Curve>, [f64; 2]) {
+/// Spectra of lines through a texture: wanted, printed form, inverse Abel, directed; and the RMS log₁₀ deviations of the last three.
+pub fn spectra(ratio: f64, size: usize) -> (Vec<Curve>, [f64; 3]) {
     let s = example(ratio);
     let mut curves: Vec<Curve> = Vec::new();
-    let mut off = [f64::NAN; 2];
-    for (k, (name, method)) in
-        [("texture of the wanted spectrum", Method::Plain), ("inverse Abel texture", Method::InverseAbel)].into_iter().enumerate()
+    let mut off = [f64::NAN; 3];
+    for (k, (name, method)) in [
+        ("texture of the wanted spectrum", Method::Plain),
+        ("inverse Abel texture", Method::InverseAbel),
+        ("directed texture", Method::Directed),
+    ]
+    .into_iter()
+    .enumerate()
     {
         let Some(motion) = Motion::new(|f| s.spectrum(f), s.highest(), size, 5, method) else { continue };
         let (deviation, bands) = deviation(&motion, |f| s.spectrum(f), 4, 24);
