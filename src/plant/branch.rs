@@ -133,6 +133,29 @@ impl<T: Scalar> Branch<T> {
         }
     }
 
+    /// What hangs on the branch at `x` and moves rigidly with it: a point, as the bend at `x` carries it.
+    pub fn carry(&self, joint: &Joint<T>, x: T, point: [T; 3]) -> [T; 3] {
+        let rest: [T; 3] = std::array::from_fn(|k| point[k] - self.root[k] - x * self.length * self.t[k]);
+        let turned = self.turn(joint, rest);
+        std::array::from_fn(|k| joint.position[k] + turned[k])
+    }
+
+    /// A direction that hangs on the branch (a leaf's normal, a sub-branch's axes), as the bend carries it.
+    pub fn turn(&self, joint: &Joint<T>, direction: [T; 3]) -> [T; 3] {
+        mix(dot(direction, self.t), joint.t, dot(direction, self.r), joint.r, dot(direction, self.s), joint.s)
+    }
+
+    /// A sub-branch that sits on this one at `x`, carried along at rest in itself; then bend it.
+    pub fn child(&self, joint: &Joint<T>, x: T, child: &Branch<T>) -> Branch<T> {
+        Branch {
+            root: self.carry(joint, x, child.root),
+            t: self.turn(joint, child.t),
+            r: self.turn(joint, child.r),
+            s: self.turn(joint, child.s),
+            ..*child
+        }
+    }
+
     /// The amplitude whose (uncorrected) tip deflection is `tip`, in units of the branch's length.
     pub fn amplitude_of_tip(&self, tip: [T; 2]) -> [T; 2] {
         let whole = self.shape.tip();
@@ -239,11 +262,17 @@ mod tests {
             }
             let offset = [0.1, -0.05];
             let moved = b.deform(amplitude, at(&b, x, offset), b.t, b.r).position;
-            let carried: [f64; 3] = std::array::from_fn(|k| j.position[k] + offset[0] * j.r[k] + offset[1] * j.s[k]);
+            let carried = b.carry(&j, x, at(&b, x, offset));
             for k in 0..3 {
                 assert!((moved[k] - carried[k]).abs() < 1e-12, "{moved:?} {carried:?}");
             }
         }
+        // A sub-branch keeps its own frame orthonormal, and its distances to the joint.
+        let j = b.joint(amplitude, 0.5);
+        let child = b.child(&j, 0.5, &Branch { root: at(&b, 0.5, [0.2, 0.0]), t: b.r, r: b.s, s: b.t, length: 0.5, ..b });
+        assert!((dot(child.t, child.r)).abs() < 1e-12 && (dot(child.t, child.t) - 1.0).abs() < 1e-12);
+        let arm: [f64; 3] = std::array::from_fn(|k| child.root[k] - j.position[k]);
+        assert!((dot(arm, arm) - 0.04).abs() < 1e-12 && (dot(arm, child.t) - 0.2).abs() < 1e-12);
         // Beyond the tip: rigid with it.
         let tip = b.joint(amplitude, 1.0);
         let beyond = b.deform(amplitude, at(&b, 1.1, [0.0; 2]), b.t, b.r);

@@ -244,6 +244,25 @@ mod tests {
         assert!(worst[0] < 0.01 && worst[1] < 2.4, "{worst:?}");
     }
 
+    /// In single precision a place near a thin tip is known to 6e-8 L, times the slope there: 2,000 for a taper of 1e-4 at a tip of .75 L.
+    #[test]
+    fn thin_tips_in_single_precision() {
+        for (alpha, limit) in [(1e-4, 1e-4), (1e-3, 2e-5), (0.01, 5e-6), (0.1, 3e-6)] {
+            let s = shape(alpha);
+            let amplitude = 0.75 / s.tip();
+            let off = (0..=1000)
+                .map(|k| {
+                    let x = k as f32 / 1000.0;
+                    let wide = length::bend(&s, f64::from(x), amplitude);
+                    let narrow = length::bend(&s.single(), x, amplitude as f32);
+                    (wide.along - f64::from(narrow.along)).hypot(wide.across - f64::from(narrow.across))
+                })
+                .fold(0.0, f64::max);
+            println!("f32 against f64 at α = {alpha}: {off:.1e} L");
+            assert!(off < limit, "α {alpha}: {off}");
+        }
+    }
+
     #[test]
     fn a_branch_without_taper_bends_in_single_precision_as_in_double() {
         for alpha in [1.0 - 1e-5, 1.0, 1.0 + 1e-5, 0.05] {

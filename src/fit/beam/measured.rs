@@ -144,6 +144,8 @@ pub fn fit(branch: &Branch, along: Along) -> Result<Measured, String> {
         upper: vec![TAPER_MAX.ln(), f64::INFINITY],
         noise,
         max_iterations: 200,
+        // Far below any standard error.
+        step_tolerance: 1e-9,
         ..Options::default()
     };
     let fit = global::minimize_scales(&problem, &start(&readings, length), &options);
