@@ -3,7 +3,7 @@
 use super::Common;
 use crate::files::{atomic, progress};
 use crate::fit::bench::BenchRow;
-use crate::fit::{gloss, nist, slab_bench};
+use crate::fit::{beam, gloss, nist, slab_bench};
 use crate::report::rows;
 use crate::{Error, Result};
 use std::path::PathBuf;
@@ -24,7 +24,8 @@ pub struct Args {
 type Sweep = (&'static str, fn() -> Result<Vec<BenchRow>>);
 
 /// The sweeps by name. A model adds its line here.
-const SWEEPS: [Sweep; 3] = [("solve", nist::bench_rows), ("slab", slab_bench::bench_rows), ("gloss", gloss::bench::bench_rows)];
+const SWEEPS: [Sweep; 4] =
+    [("solve", nist::bench_rows), ("slab", slab_bench::bench_rows), ("gloss", gloss::bench::bench_rows), ("beam", beam::bench::bench_rows)];
 
 /// Runs the sweeps. Times are for ratios within one run: nothing is asserted of them.
 pub fn run(args: &Args, common: &Common) -> Result<u8> {

@@ -1,5 +1,6 @@
 //! One file a fit: a model, a solver, and what it reads and writes.
 
+pub mod beam;
 pub mod bench;
 pub mod gloss;
 pub mod leaf;

@@ -1,5 +1,6 @@
 //! The report: how good fits are, as HTML, JSON and Markdown made from the same rows. Nothing new is computed here, only summarised.
 
+pub mod beam_charts;
 pub mod chart;
 pub mod colour;
 pub mod compare;

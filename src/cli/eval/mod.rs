@@ -3,6 +3,7 @@
 use super::Common;
 use crate::Result;
 
+pub mod beam;
 pub mod gloss;
 pub mod slab;
 
@@ -16,6 +17,8 @@ pub struct Args {
 enum What {
     /// ρd and ρt of a slab from ω and Δ
     Slab(slab::Args),
+    /// Deflection and slope of a tapered branch
+    Beam(beam::Args),
     /// Traces of a linear light source over a glossy texel
     Gloss(gloss::Args),
 }
@@ -23,6 +26,7 @@ enum What {
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     match &args.what {
         What::Slab(a) => slab::run(a, common),
+        What::Beam(a) => beam::run(a, common),
         What::Gloss(a) => gloss::run(a, common),
     }
 }

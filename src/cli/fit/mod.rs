@@ -3,6 +3,7 @@
 use super::Common;
 use crate::Result;
 
+pub mod beam;
 pub mod gloss;
 pub mod leaf;
 pub mod slab;
@@ -17,6 +18,8 @@ pub struct Args {
 enum What {
     /// A leaf scan: reflectance, gloss, normals, interior, thickness and blade
     Leaf(leaf::Args),
+    /// Coefficients of a tapered branch, or its taper and stiffness from measured deflections, from CSV
+    Beam(beam::Args),
     /// Gloss traces of a linear light source, or goniometer samples, from CSV
     Gloss(gloss::Args),
     /// σa and σs of a slab from its reflectance, transmittance and thickness, from CSV
@@ -26,6 +29,7 @@ enum What {
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     match &args.what {
         What::Leaf(a) => leaf::run(a, common),
+        What::Beam(a) => beam::run(a, common),
         What::Gloss(a) => gloss::run(a, common),
         What::Slab(a) => slab::run(a, common),
     }
