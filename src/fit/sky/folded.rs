@@ -7,7 +7,7 @@ use super::nodes::{self, lower};
 use super::{Fitted, Form, Options};
 use crate::fit::record::Phase;
 use crate::sky::fitted::Folded;
-use crate::sky::fitted::folded::{MOST_COLUMNS, MOST_ROWS, scaled_turbidity, suns};
+use crate::sky::fitted::folded::{MOST_COLUMNS, MOST_ROWS, Mix, Orders, scaled_turbidity, suns};
 use crate::sky::preetham::Turbid;
 use crate::sky::project::Quality;
 use crate::solve::{Termination, TraceRow, qr};
@@ -27,7 +27,8 @@ pub fn fit(options: &Options, rows: &[usize]) -> Fitted {
     let samples = nodes::sample(nodes::half(n_suns), nodes::turbidities(n_turbid, options.turbidities), options.bands, Quality::Fit);
     let sampled = clock.elapsed().as_secs_f64();
 
-    let orders = crate::sky::fitted::folded::Orders::new(options.bands);
+    let orders = Orders::new(options.bands);
+    let mix = Mix::new(options.turbidities);
     let terms: usize = rows.iter().sum();
     let m = n_suns * n_turbid;
     // √ of the luminance's prefactor, 1 at its mean
@@ -46,7 +47,7 @@ pub fn fit(options: &Options, rows: &[usize]) -> Fitted {
             for place in functions {
                 let k = lower(*place);
                 for (a, by_turbidity) in samples.values.iter().enumerate() {
-                    right.extend(by_turbidity.iter().enumerate().map(|(b, q)| weights[a * n_turbid + b] * q[k][c]));
+                    right.extend(by_turbidity.iter().enumerate().map(|(b, q)| weights[a * n_turbid + b] * mix.mixed(q[k])[c]));
                 }
             }
         }
@@ -92,10 +93,7 @@ pub fn fit(options: &Options, rows: &[usize]) -> Fitted {
         rms: (parts.iter().map(|s| s.squares).sum::<f64>() / count as f64).sqrt(),
         worst: even.worst.max(odd.worst),
         trace,
-        phases: vec![
-            Phase { name: "integrate".into(), seconds: sampled },
-            Phase { name: "solve".into(), seconds: total - sampled },
-        ],
+        phases: vec![Phase { name: "integrate".into(), seconds: sampled }, Phase { name: "solve".into(), seconds: total - sampled }],
     }
 }
 

@@ -1,7 +1,7 @@
 //! Where skies are sampled for a fit: Chebyshev nodes in (θs, ln(τ − τ₀)), and the integrals there without their prefactors.
 
 use crate::sky::fitted::Folded;
-use crate::sky::fitted::folded::{Orders, TURBIDITY_ZERO, scaled_turbidity, suns};
+use crate::sky::fitted::folded::{Mix, Orders, TURBIDITY_ZERO, scaled_turbidity, suns};
 use crate::sky::preetham::Turbid;
 use crate::sky::project::{Quality, Rule};
 use rayon::prelude::*;
@@ -56,7 +56,7 @@ pub fn dense(bands: usize, range: [f64; 2]) -> Result<Folded<f64>, String> {
     const SUNS: usize = 32;
     const TURBID: usize = 20;
     let samples = sample(half(SUNS), turbidities(TURBID, range), bands, Quality::Fit);
-    let orders = Orders::new(bands);
+    let (orders, mix) = (Orders::new(bands), Mix::new(range));
     // weights of the discrete transform: 2/n, and half of that for degree 0
     let mut columns = vec![[0.0; TURBID]; TURBID];
     for (row, t) in columns.iter_mut().zip(&samples.turbidities) {
@@ -77,7 +77,7 @@ pub fn dense(bands: usize, range: [f64; 2]) -> Result<Folded<f64>, String> {
                         let w = wi * columns[b][j] * if j == 0 { 1.0 } else { 2.0 } / TURBID as f64;
                         let row = &mut out[(i * TURBID + j) * width..][..width];
                         for (e, place) in functions.iter().enumerate() {
-                            let v = q[lower(*place)];
+                            let v = mix.mixed(q[lower(*place)]);
                             for c in 0..3 {
                                 row[c * functions.len() + e] += w * v[c];
                             }

@@ -2,8 +2,8 @@
 
 use super::judge::{Reference, judge};
 use super::*;
+use crate::sky::HosekWilkie;
 use crate::sky::project::{Quality, Rule, direct};
-use crate::sky::{HosekWilkie, Sky};
 use std::f64::consts::FRAC_PI_2;
 
 fn reference() -> &'static Reference {
@@ -21,12 +21,25 @@ fn the_two_tiers_meet_their_targets_in_f32() {
         let fit = fitted(method);
         let form = fit.form.unwrap();
         let (wide, narrow) = (judge(&form, reference()), judge(&form.narrow(), reference()));
-        println!("{}: f64 {:.2e} f32 {:.2e} at {:?}, {} B, condition {:.1}, rank {}, {:.0} ms", method.name(), wide.worst, narrow.worst, wide.worst_at, form.narrow().bytes(), fit.condition, fit.rank, fit.phases.iter().map(|p| p.seconds).sum::<f64>() * 1e3);
+        println!(
+            "{}: f64 {:.2e} f32 {:.2e} at {:?} {:?}, {} B, condition {:.1}, rank {}, {:.0} ms",
+            method.name(),
+            wide.worst,
+            narrow.worst,
+            wide.worst_at,
+            narrow.worst_at,
+            form.narrow().bytes(),
+            fit.condition,
+            fit.rank,
+            fit.phases.iter().map(|p| p.seconds).sum::<f64>() * 1e3
+        );
         assert!(narrow.worst <= target && narrow.refused == 0, "{}: {:.1e}", method.name(), narrow.worst);
         assert!(form.narrow().bytes() <= bytes);
         assert!(fit.rank == fit.columns && fit.condition < 100.0 && fit.termination == Termination::Direct);
-        // single precision costs less than a fifth of the target
-        assert!((narrow.worst - wide.worst).abs() < 0.2 * target);
+        // single precision costs a few roundings of the brightest sky, here four, over the darkest
+        let brightest = reference().skies.iter().flat_map(|s| s.2.get(0, 0)).fold(0.0, f64::max);
+        let rounding = 0.5 * f64::from(f32::EPSILON) * brightest / reference().smallest;
+        assert!((narrow.worst - wide.worst).abs() < 4.0 * rounding, "{:.1e} {rounding:.1e}", narrow.worst - wide.worst);
     }
 }
 
@@ -59,7 +72,16 @@ fn monomials_fail_where_chebyshev_does_not() {
     let qr = fitted(Method::MonomialsQr);
     let chebyshev = fitted(Method::ChebyshevGrid);
     for f in [&normal, &qr, &chebyshev] {
-        println!("{}: condition {:.1e} rank {} of {}, rms {:.1e}, {:?} {}", f.options.method.name(), f.condition, f.rank, f.columns, f.rms, f.termination, f.remark);
+        println!(
+            "{}: condition {:.1e} rank {} of {}, rms {:.1e}, {:?} {}",
+            f.options.method.name(),
+            f.condition,
+            f.rank,
+            f.columns,
+            f.rms,
+            f.termination,
+            f.remark
+        );
         if let Some(form) = &f.form {
             println!("   f64 {:.2e} f32 {:.2e}", judge(form, reference()).worst, judge(&form.narrow(), reference()).worst);
         }

@@ -7,6 +7,9 @@
 //! q_lm = Σ_i Σ_{j < J_i} a_ij T_{2i + (m odd)}(2θs/π) T_j(v),   v = ln(τ − 1.2029) scaled to −1 … 1,
 //!
 //! with a staircase J_0 ≥ J_1 ≥ … common to all functions: high powers of one variable meet only low powers of the other.
+//!
+//! The three functions are stored mixed, u = K P̄ q with K the colour matrix and P̄ the prefactors at the middle of the domain ([`Mix`]), so that u is nearly
+//! RGB already and rgb = (K P P̄⁻¹ K⁻¹) u is nearly u: without that, red is a small difference of large numbers, and single precision loses a digit.
 
 use super::{Scalar, chebyshev};
 use crate::sky::harmonics::Coefficients;
@@ -30,6 +33,46 @@ pub struct Folded<T = f32> {
     even: Vec<T>,
     odd: Vec<T>,
     orders: Orders,
+    mix: Mix,
+}
+
+/// How the three separable functions are mixed before they are stored, and how linear sRGB comes out again.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mix {
+    /// K: linear sRGB from (Y, Y/y, Y·x/y).
+    colours: [[f64; 3]; 3],
+    /// P̄⁻¹ K⁻¹.
+    back: [[f64; 3]; 3],
+    /// P̄.
+    middle: [f64; 3],
+}
+
+impl Mix {
+    /// P̄ is taken at a sun 45° high and the geometric mean of τ − τ₀ over the domain.
+    pub fn new([low, high]: [f64; 2]) -> Mix {
+        let turbidity = TURBIDITY_ZERO + ((low - TURBIDITY_ZERO) * (high - TURBIDITY_ZERO)).sqrt();
+        let middle = Turbid::new(turbidity).prefactors(FRAC_PI_2 / 2.0);
+        let colours = rgb_from_separable();
+        // (Y, Y/y, Y·x/y) from RGB: Y, X + Y + Z and X of the inverse colour matrix
+        let columns = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|e| {
+            let [x, y, z] = colour::xyz_from_rgb(e);
+            [y, x + y + z, x]
+        });
+        let back = std::array::from_fn(|q| std::array::from_fn(|c| columns[c][q] / middle[q]));
+        Mix { colours, back, middle }
+    }
+
+    /// u = K P̄ q.
+    pub fn mixed(&self, q: [f64; 3]) -> [f64; 3] {
+        self.colours.map(|row| (0..3).map(|k| row[k] * self.middle[k] * q[k]).sum())
+    }
+
+    /// K P P̄⁻¹ K⁻¹: linear sRGB from u.
+    #[inline(always)]
+    pub fn matrix(&self, turbid: &Turbid, sun_zenith: f64) -> [[f64; 3]; 3] {
+        let p = turbid.prefactors(sun_zenith);
+        std::array::from_fn(|r| std::array::from_fn(|c| (0..3).map(|q| self.colours[r][q] * p[q] * self.back[q][c]).sum()))
+    }
 }
 
 /// l(l+1)+m of the functions of even and of odd m, in the order in which the arrays hold them.
@@ -41,9 +84,7 @@ pub struct Orders {
 
 impl Orders {
     pub fn new(bands: usize) -> Orders {
-        let of = |parity: usize| {
-            (0..bands).flat_map(|l| (0..=l).filter(move |m| m % 2 == parity).map(move |m| l * (l + 1) + m)).collect()
-        };
+        let of = |parity: usize| (0..bands).flat_map(|l| (0..=l).filter(move |m| m % 2 == parity).map(move |m| l * (l + 1) + m)).collect();
         Orders { even: of(0), odd: of(1) }
     }
 }
@@ -62,7 +103,7 @@ pub fn scaled_turbidity(turbidity: f64, [low, high]: [f64; 2]) -> f64 {
 }
 
 impl<T: Scalar> Folded<T> {
-    /// From arrays: for each row i, for each j < `rows[i]`: the functions of `even` orders of Y, then of Y/y, then of Y·x/y (and `odd` alike).
+    /// From arrays: for each row i, for each j < `rows[i]`: u_0 of the functions of `even` orders, then u_1, then u_2 (and `odd` alike).
     ///
     /// # Errors
     /// A sentence where lengths, bands or turbidities make no sense.
@@ -71,7 +112,9 @@ impl<T: Scalar> Folded<T> {
         let terms: usize = rows.iter().sum();
         let finite = even.iter().chain(&odd).all(|v| v.wide().is_finite());
         if bands == 0 || rows.is_empty() || rows.len() > MOST_ROWS || rows.iter().any(|r| *r > MOST_COLUMNS) {
-            return Err(format!("{bands} bands and rows {rows:?}; expected 1 band or more and 1 to {MOST_ROWS} rows of at most {MOST_COLUMNS} terms"));
+            return Err(format!(
+                "{bands} bands and rows {rows:?}; expected 1 band or more and 1 to {MOST_ROWS} rows of at most {MOST_COLUMNS} terms"
+            ));
         }
         if even.len() != terms * 3 * orders.even.len() || odd.len() != terms * 3 * orders.odd.len() || !finite {
             return Err(format!(
@@ -86,7 +129,8 @@ impl<T: Scalar> Folded<T> {
         if !(preetham::TURBIDITIES[0] <= low && low < high && high <= preetham::TURBIDITIES[1]) {
             return Err(format!("turbidities {low} to {high}; expected two within 1.7 to 10"));
         }
-        Ok(Folded { bands, turbidities, rows, even, odd, orders })
+        let mix = Mix::new(turbidities);
+        Ok(Folded { bands, turbidities, rows, even, odd, orders, mix })
     }
 
     pub fn bands(&self) -> usize {
@@ -102,6 +146,9 @@ impl<T: Scalar> Folded<T> {
     }
     pub fn orders(&self) -> &Orders {
         &self.orders
+    }
+    pub fn mix(&self) -> &Mix {
+        &self.mix
     }
     /// The arrays, as [`Folded::new`] takes them.
     pub fn arrays(&self) -> (&[T], &[T]) {
@@ -132,6 +179,7 @@ impl<T: Scalar> Folded<T> {
             even: cast(&self.even),
             odd: cast(&self.odd),
             orders: self.orders.clone(),
+            mix: self.mix,
         }
     }
 
@@ -184,7 +232,7 @@ impl<T: Scalar> Folded<T> {
                 terms += 1;
             }
         }
-        let matrix = colours(&Turbid::new(turbidity), sun_zenith);
+        let matrix = self.mix.matrix(&Turbid::new(turbidity), sun_zenith).map(|row| row.map(T::narrow));
         let products = &products[..terms];
         finish::<T, FUSED>(&self.even, |k| products[k][0], terms, &self.orders.even, &matrix, out);
         finish::<T, FUSED>(&self.odd, |k| products[k][1], terms, &self.orders.odd, &matrix, out);
@@ -218,6 +266,7 @@ impl<T: Scalar> Folded<T> {
             even: contract(&self.even, 3 * self.orders.even.len()),
             odd: contract(&self.odd, 3 * self.orders.odd.len()),
             orders: self.orders.clone(),
+            mix: self.mix,
         })
     }
 }
@@ -231,6 +280,7 @@ pub struct Fixed<T = f32> {
     even: Vec<T>,
     odd: Vec<T>,
     orders: Orders,
+    mix: Mix,
 }
 
 impl<T: Scalar> Fixed<T> {
@@ -271,7 +321,7 @@ impl<T: Scalar> Fixed<T> {
     fn fill_with<const FUSED: bool>(&self, sun_zenith: f64, out: &mut [[T; 3]]) {
         let (mut even, mut odd) = ([0.0; MOST_ROWS], [0.0; MOST_ROWS]);
         suns(sun_zenith, &mut even[..self.rows], &mut odd[..self.rows]);
-        let matrix = colours(&self.turbid, sun_zenith);
+        let matrix = self.mix.matrix(&self.turbid, sun_zenith).map(|row| row.map(T::narrow));
         finish::<T, FUSED>(&self.even, |k| T::narrow(even[k]), self.rows, &self.orders.even, &matrix, out);
         finish::<T, FUSED>(&self.odd, |k| T::narrow(odd[k]), self.rows, &self.orders.odd, &matrix, out);
     }
@@ -283,13 +333,6 @@ pub fn suns(sun_zenith: f64, even: &mut [f64], odd: &mut [f64]) {
     let x = sun_zenith / FRAC_PI_2;
     chebyshev(x, 0, 2, even);
     chebyshev(x, 1, 2, odd);
-}
-
-/// Linear sRGB from the bare (Y, Y/y, Y·x/y): the colour matrix with the prefactors in it.
-#[inline(always)]
-fn colours<T: Scalar>(turbid: &Turbid, sun_zenith: f64) -> [[T; 3]; 3] {
-    let prefactors = turbid.prefactors(sun_zenith);
-    rgb_from_separable().map(|row| std::array::from_fn(|q| T::narrow(row[q] * prefactors[q])))
 }
 
 /// Most functions of one parity, three times over: 12 bands.
@@ -340,7 +383,8 @@ fn block<T: Scalar, const W: usize, const FUSED: bool>(
     sums: &mut [T],
 ) -> usize {
     let mut acc = [T::default(); W];
-    for (k, row) in from.chunks_exact(width).take(terms).enumerate() {
+    // From the small terms of high degree to the large ones, which leaves the least rounding.
+    for (k, row) in from[..terms * width].chunks_exact(width).enumerate().rev() {
         let f = factor(k);
         let row = &row[start..start + W];
         for (a, x) in acc.iter_mut().zip(row) {

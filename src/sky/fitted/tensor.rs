@@ -35,7 +35,10 @@ impl<T: Scalar> Tensor<T> {
     pub fn new(basis: Basis, bands: usize, turbidities: [f64; 2], powers: [usize; 2], values: Vec<T>) -> Result<Self, String> {
         let expected = powers[0] * powers[1] * 3 * bands * (bands + 1) / 2;
         if values.len() != expected || powers.iter().any(|p| !(1..=MOST).contains(p)) || bands == 0 {
-            return Err(format!("{} values for {bands} bands and powers {powers:?}; expected {expected}, and 1 to {MOST} powers", values.len()));
+            return Err(format!(
+                "{} values for {bands} bands and powers {powers:?}; expected {expected}, and 1 to {MOST} powers",
+                values.len()
+            ));
         }
         Ok(Tensor { basis, bands, turbidities, powers, values })
     }
