@@ -4,6 +4,7 @@ use super::Common;
 use crate::Result;
 
 pub mod gloss;
+pub mod sky;
 pub mod slab;
 
 #[derive(Debug, clap::Args)]
@@ -18,11 +19,14 @@ enum What {
     Slab(slab::Args),
     /// Traces of a linear light source over a glossy texel
     Gloss(gloss::Args),
+    /// Spherical harmonics of a sky from the sun's zenith angle and turbidity
+    Sky(sky::Args),
 }
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     match &args.what {
         What::Slab(a) => slab::run(a, common),
         What::Gloss(a) => gloss::run(a, common),
+        What::Sky(a) => sky::run(a, common),
     }
 }

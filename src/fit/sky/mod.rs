@@ -12,7 +12,7 @@
 
 //pub mod bench;
 pub mod folded;
-//pub mod folder;
+pub mod folder;
 pub mod judge;
 pub mod nodes;
 //pub mod pictures;
