@@ -16,9 +16,9 @@ pub mod folder;
 pub mod judge;
 pub mod nodes;
 //pub mod pictures;
-//pub mod stress;
+pub mod stress;
 pub mod tensor;
-//pub mod window;
+pub mod window;
 
 use crate::fit::record::Phase;
 use crate::sky::fitted::{Folded, Tensor};
