@@ -10,12 +10,12 @@
 //! | judge | [`judge::judge`] |
 //! | write and read a folder | [`folder::write`], [`folder::read`] |
 
-//pub mod bench;
+pub mod bench;
+pub mod figures;
 pub mod folded;
 pub mod folder;
 pub mod judge;
 pub mod nodes;
-//pub mod pictures;
 pub mod stress;
 pub mod tensor;
 pub mod window;
