@@ -154,3 +154,25 @@ fn a_fit_is_written_judged_and_evaluated() {
     let (code, _, err) = mesophyll(&["--quiet", "fit", "sky", "-o", path, "--turbidity", "1,3"], "");
     assert!(code == 2 && err.contains("1.7"), "{err}");
 }
+
+/// A window scales bands and leaves the first alone; a ground of albedo 1 under the sky adds its own irradiance over π below the horizon.
+#[test]
+fn windows_and_ground() {
+    let input = "sun_zenith,turbidity\n0.7,3\n";
+    let run = |extra: &[&str]| {
+        let (code, out, _) = mesophyll(&[&["--quiet", "eval", "sky", "--method", "direct", "--bands", "7"], extra].concat(), input);
+        assert_eq!(code, 0, "{extra:?}");
+        coefficients(&table(&out).1, 49).remove(0)
+    };
+    let (plain, lanczos, zonal, lit) = (run(&[]), run(&["--window", "lanczos"]), run(&["--window", "zonal"]), run(&["--ground", "1"]));
+    let sinc = |l: f64| (PI * l / 7.0).sin() / (PI * l / 7.0);
+    assert_eq!(plain[0], lanczos[0]);
+    // l = 2, m = 1 and m = 0
+    assert!((lanczos[7][1] / plain[7][1] - sinc(2.0)).abs() < 1e-12 && zonal[7] == plain[7]);
+    assert!((zonal[6][1] / plain[6][1] - sinc(2.0)).abs() < 1e-12);
+    for c in 0..3 {
+        let irradiance = plain[2][c] * (4.0 * PI / 3.0).sqrt();
+        assert!(((lit[0][c] - plain[0][c]) / (irradiance / PI * 2.0 * PI / (4.0 * PI).sqrt()) - 1.0).abs() < 1e-12);
+    }
+    assert_eq!(mesophyll(&["--quiet", "eval", "sky", "--ground", "-1"], input).0, 2);
+}

@@ -353,8 +353,7 @@ impl Plan {
         }
         for k in 0..spec.outputs.len() {
             match answer.values.get(k) {
-                // Writing to a Vec cannot fail.
-                Some(v) if spec.whole.contains(&spec.outputs[k]) && v.fract() == 0.0 => drop(write!(bytes, "{v:.0}")),
+                Some(v) if spec.whole.contains(&spec.outputs[k]) && v.fract() == 0.0 => push_text(bytes, &format!("{v:.0}")),
                 Some(v) => push_number(bytes, *v),
                 None => {}
             }

@@ -54,7 +54,7 @@ impl Model for HosekWilkie {
         [1.0, 10.0]
     }
     fn sky(&self, sun_zenith: f64, turbidity: f64) -> Result<Box<dyn Sky>, Refused> {
-        check(sun_zenith, turbidity, self.turbidities())?;
+        let sun_zenith = check(sun_zenith, turbidity, self.turbidities())?;
         if let Some(a) = self.albedo.iter().find(|a| !(0.0..=1.0).contains(*a)) {
             return Err(Refused(format!("albedo is {a}; expected 0 to 1")));
         }

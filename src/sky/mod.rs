@@ -31,6 +31,8 @@ pub use harmonics::Coefficients;
 pub use hosek_wilkie::HosekWilkie;
 pub use preetham::Preetham;
 
+use std::f64::consts::FRAC_PI_2;
+
 /// Why there is no such sky: a sentence that names the parameter, what it is and what was expected.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
@@ -80,21 +82,24 @@ pub trait Model: Sync {
     }
 }
 
-/// What every model asks of its two parameters.
+/// A sun this little below the horizon (rad; two arc seconds) counts as standing on it, so that π/2 may be written with five digits.
+pub const HORIZON_ROUNDING: f64 = 1e-5;
+
+/// What every model asks of its two parameters; gives the sun's zenith angle, at most π/2.
 ///
 /// # Errors
 /// As [`Model::sky`].
-pub fn check(sun_zenith: f64, turbidity: f64, [low, high]: [f64; 2]) -> Result<(), Refused> {
+pub fn check(sun_zenith: f64, turbidity: f64, [low, high]: [f64; 2]) -> Result<f64, Refused> {
     if !(sun_zenith >= 0.0 && sun_zenith.is_finite()) {
         return Err(Refused(format!("sun_zenith is {sun_zenith}; expected 0 (zenith) to pi/2 (horizon)")));
     }
-    if sun_zenith > std::f64::consts::FRAC_PI_2 {
+    if sun_zenith > FRAC_PI_2 + HORIZON_ROUNDING {
         return Err(Refused(format!("sun_zenith is {sun_zenith}: the sun is below the horizon; expected 0 to pi/2")));
     }
     if !(low..=high).contains(&turbidity) {
         return Err(Refused(format!("turbidity is {turbidity}; expected {low} to {high}")));
     }
-    Ok(())
+    Ok(sun_zenith.min(FRAC_PI_2))
 }
 
 /// Unit vector to a sun at this zenith angle: azimuth 0.

@@ -139,7 +139,7 @@ impl Preetham {
     /// # Errors
     /// As [`Model::sky`].
     pub fn at(self, sun_zenith: f64, turbidity: f64) -> Result<PreethamSky, Refused> {
-        check(sun_zenith, turbidity, TURBIDITIES)?;
+        let sun_zenith = check(sun_zenith, turbidity, TURBIDITIES)?;
         let turbid = Turbid::new(turbidity);
         Ok(PreethamSky { turbid, sun_zenith, prefactors: turbid.prefactors(sun_zenith) })
     }
@@ -236,6 +236,7 @@ mod tests {
         ] {
             assert!(Preetham.sky(s, t).is_err_and(|e| e.to_string().contains(word)), "{s} {t}");
         }
+        assert_eq!(Preetham.at(1.5708, 3.0), Preetham.at(FRAC_PI_2, 3.0));
         assert!(Preetham.sky(FRAC_PI_2, 10.0).is_ok() && Preetham.sky(0.0, 1.7).is_ok());
         assert!(Preetham.warning(2.4).is_some() && Preetham.warning(6.1).is_some() && Preetham.warning(2.5).is_none());
     }

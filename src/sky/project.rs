@@ -51,7 +51,7 @@ struct Node {
 }
 
 impl Rule {
-    /// `sun_zenith` from 0 to π/2, `bands` from 1 on.
+    /// `sun_zenith` from 0 to π/2 (see [`Sky::sun_zenith`]), `bands` from 1 on.
     pub fn new(sun_zenith: f64, bands: usize, quality: Quality) -> Rule {
         let (sin, cos) = (sun_zenith.sin(), sun_zenith.cos().max(LOWEST));
         // half width of the swing, and of the range of u that covers ψ = 0 … π

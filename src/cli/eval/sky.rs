@@ -5,7 +5,8 @@ use crate::files::progress;
 use crate::files::table::{self, Answer, BatchIo, Spec, Table};
 use crate::fit::sky::{self as fits, Form, Method, Options};
 use crate::sky::harmonics::MOST_BANDS;
-use crate::sky::{Coefficients, HosekWilkie, Model, Preetham, Refused, project};
+use crate::sky::window::Window;
+use crate::sky::{Coefficients, HosekWilkie, Model, Preetham, Refused, irradiance, project};
 use crate::{Error, Result};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -31,6 +32,12 @@ pub struct Args {
     /// Ground albedo of hosek-wilkie, 0 to 1
     #[arg(long, value_name = "A", default_value_t = 0.2)]
     albedo: f64,
+    /// Factors against ringing; fitted: as shallow as lanczos at less loss, positive: no ringing at all
+    #[arg(long, value_enum, default_value_t = WindowName::None)]
+    window: WindowName,
+    /// Light from level ground of this albedo, 0 to 1, below the horizon (of the sky alone: the sun is not part of it)
+    #[arg(long, value_name = "A", default_value_t = 0.0)]
+    ground: f64,
     /// Evaluate the fit in this folder (see `fit sky`) in place of the built-in one
     #[arg(long, value_name = "DIR", conflicts_with_all = ["method", "model"])]
     fit: Option<PathBuf>,
@@ -52,6 +59,27 @@ pub enum ModelName {
     HosekWilkie,
 }
 
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum WindowName {
+    None,
+    Zonal,
+    Lanczos,
+    Fitted,
+    Positive,
+}
+
+impl WindowName {
+    fn window(self, bands: usize) -> Result<Option<Window>> {
+        Ok(match self {
+            WindowName::None => None,
+            WindowName::Zonal => Some(Window::zonal(bands)),
+            WindowName::Lanczos => Some(Window::lanczos(bands)),
+            WindowName::Fitted => Some(fits::window::matched(bands)?),
+            WindowName::Positive => Some(Window::positive(bands)),
+        })
+    }
+}
+
 impl ModelName {
     /// The model, with its ground.
     pub fn model(self, albedo: f64) -> Result<Box<dyn Model>> {
@@ -68,7 +96,13 @@ impl ModelName {
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let model = args.model.model(args.albedo)?;
     let bands = usize::from(args.bands);
-    let form = polynomials(args, bands)?;
+    if !(0.0..=1.0).contains(&args.ground) {
+        return Err(Error::Usage(format!("--ground is {}; expected an albedo of 0 to 1", args.ground)));
+    }
+    // The ground's light is the irradiance of two bands at least.
+    let worked = if args.ground > 0.0 { bands.max(2) } else { bands };
+    let window = args.window.window(bands)?;
+    let form = polynomials(args, worked)?;
     let spec = Spec {
         required: vec!["sun_zenith".into(), "turbidity".into()],
         outputs: ["index", "r", "g", "b"].map(String::from).to_vec(),
@@ -78,15 +112,21 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let (beyond, warned) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let tally = table::run(Table::open(&args.io.input)?, &args.io.output, &spec, |row, out| {
         let (sun, turbidity) = (row.get(0), row.get(1));
-        let fitted = form.as_ref().filter(|f| f.bands() >= bands && (f.turbidities()[0]..=f.turbidities()[1]).contains(&turbidity));
+        let fitted = form.as_ref().filter(|f| f.bands() >= worked && (f.turbidities()[0]..=f.turbidities()[1]).contains(&turbidity));
         let answer = match fitted {
             Some(form) => form.coefficients(sun, turbidity),
-            None => integrated(model.as_ref(), sun, turbidity, bands).inspect(|_| {
+            None => integrated(model.as_ref(), sun, turbidity, worked).inspect(|_| {
                 beyond.fetch_add(usize::from(form.is_some()), Ordering::Relaxed);
             }),
         };
         match answer {
-            Ok(c) => {
+            Ok(mut c) => {
+                if args.ground > 0.0 {
+                    c = irradiance::add_ground(&c, [args.ground; 3], [0.0; 3]);
+                }
+                if let Some(window) = &window {
+                    c = window.apply(&c.truncated(bands));
+                }
                 warned.fetch_add(usize::from(model.warning(turbidity).is_some()), Ordering::Relaxed);
                 let values = c.values().iter().take(bands * bands).enumerate();
                 out.extend(values.map(|(k, v)| Answer::ok(vec![k as f64, v[0], v[1], v[2]])));
@@ -103,7 +143,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         ));
     }
     if beyond > 0 {
-        progress::say(format!("{beyond} skies lie outside what the fit covers and were integrated directly"));
+        progress::say(format!("outside what the fit covers, integrated directly (skies: {beyond})"));
     }
     crate::cli::fit::slab::say_tally(&tally, &args.io, common)?;
     Ok(0)

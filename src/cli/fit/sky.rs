@@ -23,7 +23,7 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 7, value_parser = clap::value_parser!(u16).range(1..=fits::MOST_BANDS as i64))]
     bands: u16,
     /// Turbidities to cover
-    #[arg(long, value_name = "LOW,HIGH", value_delimiter = ',', num_args = 2, default_values_t = [2.5, 6.0])]
+    #[arg(long, value_name = "LOW,HIGH", value_delimiter = ',', default_values_t = [2.5, 6.0])]
     turbidity: Vec<f64>,
     /// Samples of each variable, for the methods on a uniform grid
     #[arg(long, value_name = "N", default_value_t = 500)]

@@ -40,11 +40,11 @@ pub struct Folded<T = f32> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mix {
     /// K: linear sRGB from (Y, Y/y, Y·x/y).
-    colours: [[f64; 3]; 3],
+    pub colours: [[f64; 3]; 3],
     /// P̄⁻¹ K⁻¹.
-    back: [[f64; 3]; 3],
+    pub back: [[f64; 3]; 3],
     /// P̄.
-    middle: [f64; 3],
+    pub middle: [f64; 3],
 }
 
 impl Mix {
@@ -183,11 +183,11 @@ impl<T: Scalar> Folded<T> {
         }
     }
 
-    /// Whether the fit answers for these parameters.
+    /// Whether the fit answers for these parameters; gives the sun's zenith angle, at most π/2.
     ///
     /// # Errors
     /// [`Refused`] outside the turbidities fitted, and for a sun below the horizon.
-    pub fn accepts(&self, sun_zenith: f64, turbidity: f64) -> Result<(), Refused> {
+    pub fn accepts(&self, sun_zenith: f64, turbidity: f64) -> Result<f64, Refused> {
         check(sun_zenith, turbidity, self.turbidities)
     }
 
@@ -196,7 +196,7 @@ impl<T: Scalar> Folded<T> {
     /// # Errors
     /// As [`Folded::accepts`].
     pub fn coefficients(&self, sun_zenith: f64, turbidity: f64) -> Result<Coefficients, Refused> {
-        self.accepts(sun_zenith, turbidity)?;
+        let sun_zenith = self.accepts(sun_zenith, turbidity)?;
         let mut out = vec![[T::default(); 3]; self.bands * self.bands];
         self.fill(sun_zenith, turbidity, &mut out);
         Ok(widened(&out))
@@ -296,7 +296,7 @@ impl<T: Scalar> Fixed<T> {
     /// # Errors
     /// [`Refused`] for a sun below the horizon.
     pub fn coefficients(&self, sun_zenith: f64) -> Result<Coefficients, Refused> {
-        check(sun_zenith, self.turbid.turbidity, preetham::TURBIDITIES)?;
+        let sun_zenith = check(sun_zenith, self.turbid.turbidity, preetham::TURBIDITIES)?;
         let mut out = vec![[T::default(); 3]; self.bands * self.bands];
         self.fill(sun_zenith, &mut out);
         Ok(widened(&out))

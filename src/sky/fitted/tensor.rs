@@ -69,7 +69,7 @@ impl<T: Scalar> Tensor<T> {
     /// # Errors
     /// [`Refused`] outside the turbidities fitted, and for a sun below the horizon.
     pub fn coefficients(&self, sun_zenith: f64, turbidity: f64) -> Result<Coefficients, Refused> {
-        check(sun_zenith, turbidity, self.turbidities)?;
+        let sun_zenith = check(sun_zenith, turbidity, self.turbidities)?;
         let (mut a, mut b) = ([0.0; MOST], [0.0; MOST]);
         fill(self.basis, sun_zenith, [0.0, FRAC_PI_2], &mut a[..self.powers[0]]);
         fill(self.basis, turbidity, self.turbidities, &mut b[..self.powers[1]]);
