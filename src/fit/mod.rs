@@ -7,6 +7,7 @@ pub mod leaf;
 pub mod nist;
 pub mod peers;
 pub mod record;
+pub mod sky;
 pub mod slab;
 pub mod slab_bench;
 pub mod slab_stress;

@@ -13,6 +13,7 @@ pub mod quantity;
 pub mod read;
 pub mod rows;
 pub mod scene;
+pub mod sky;
 pub mod stats;
 pub mod verdict;
 pub mod view;

@@ -5,6 +5,7 @@ use crate::Result;
 
 pub mod beam;
 pub mod gloss;
+pub mod sky;
 pub mod slab;
 
 #[derive(Debug, clap::Args)]
@@ -21,6 +22,8 @@ enum What {
     Beam(beam::Args),
     /// Traces of a linear light source over a glossy texel
     Gloss(gloss::Args),
+    /// Spherical harmonics of a sky from the sun's zenith angle and turbidity
+    Sky(sky::Args),
 }
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
@@ -28,5 +31,6 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         What::Slab(a) => slab::run(a, common),
         What::Beam(a) => beam::run(a, common),
         What::Gloss(a) => gloss::run(a, common),
+        What::Sky(a) => sky::run(a, common),
     }
 }

@@ -6,6 +6,7 @@ use crate::Result;
 pub mod beam;
 pub mod gloss;
 pub mod leaf;
+pub mod sky;
 pub mod slab;
 
 #[derive(Debug, clap::Args)]
@@ -24,6 +25,8 @@ enum What {
     Gloss(gloss::Args),
     /// σa and σs of a slab from its reflectance, transmittance and thickness, from CSV
     Slab(slab::Args),
+    /// Polynomials of a sky's spherical harmonics over sun and turbidity
+    Sky(sky::Args),
 }
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
@@ -32,5 +35,6 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         What::Beam(a) => beam::run(a, common),
         What::Gloss(a) => gloss::run(a, common),
         What::Slab(a) => slab::run(a, common),
+        What::Sky(a) => sky::run(a, common),
     }
 }

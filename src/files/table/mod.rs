@@ -77,6 +77,8 @@ pub struct Spec {
     pub dropped: Vec<String>,
     /// Output columns, before `status`.
     pub outputs: Vec<String>,
+    /// Output columns that are whole numbers and print as such (`3`, not `3.0`).
+    pub whole: Vec<String>,
 }
 
 /// The numbers of one input row.
@@ -241,8 +243,10 @@ impl Plan {
             bytes.push(b',');
         }
         for k in 0..spec.outputs.len() {
-            if let Some(v) = answer.values.get(k) {
-                push_number(bytes, *v);
+            match answer.values.get(k) {
+                Some(v) if spec.whole.contains(&spec.outputs[k]) && v.fract() == 0.0 => push_text(bytes, &format!("{v:.0}")),
+                Some(v) => push_number(bytes, *v),
+                None => {}
             }
             bytes.push(b',');
         }

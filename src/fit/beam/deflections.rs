@@ -13,7 +13,7 @@
 //! | `modulus_gpa`, `modulus_err_gpa` | modulus of elasticity; optional |
 
 use super::measured::{Along, Branch, Measured, Reading, fit};
-use crate::files::table::{Sink, Status, Table, Tally, push_number, push_text};
+use crate::files::table::{Record, Sink, Status, Table, Tally, push_number, push_text};
 use crate::{Error, Result};
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -50,8 +50,9 @@ pub fn read(mut table: Table, noise: Option<f64>) -> Result<Vec<Named>> {
     let optional: Vec<Option<usize>> = OPTIONAL.iter().map(|c| table.column(c)).collect();
     let mut branches: Vec<Named> = Vec::new();
     let mut places: HashMap<String, usize> = HashMap::new();
-    let (mut record, mut line) = (csv::StringRecord::new(), 1);
-    while table.next_record(&mut record)? {
+    let (mut row, mut line) = (Record::default(), 1);
+    while table.next_record(&mut row)? {
+        let (record, fault) = (&row.cells, row.fault(table.header.len()));
         line += 1;
         let name = record.get(columns[0]).unwrap_or("").to_string();
         let number = |k: usize| -> std::result::Result<f64, String> {
@@ -69,8 +70,8 @@ pub fn read(mut table: Table, noise: Option<f64>) -> Result<Vec<Named>> {
             text.parse::<f64>().map_err(|_| format!("line {line}: {} is {text:?}; expected a number", OPTIONAL[k]))
         };
         let row = || {
-            if record.len() != table.header.len() {
-                return Err(format!("line {line}: {} fields where the header has {}", record.len(), table.header.len()));
+            if let Some(fault) = &fault {
+                return Err(format!("line {line}: {fault}"));
             }
             let error = maybe(0)?;
             let error = if error.is_nan() { noise.unwrap_or(f64::NAN) } else { error };

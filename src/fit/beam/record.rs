@@ -108,6 +108,7 @@ fn describe(section: &mut Section, m: &Measured) {
 pub fn write(folder: &Path, record: &FitRecord, seconds: f64, traces: Vec<(String, crate::solve::Trace)>) -> Result<()> {
     crate::files::atomic::probe_folder(folder)?;
     let times = Times {
+        capture: None,
         phases: vec![Phase { name: "fit".into(), seconds }],
         total_s: seconds,
         threads: rayon::current_num_threads(),
