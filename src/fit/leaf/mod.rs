@@ -13,13 +13,14 @@ mod output;
 pub mod paper;
 mod side;
 mod slabmaps;
+pub mod stress;
 pub mod texels;
 mod truth;
 pub mod wide;
 
 use crate::capture::manifest::{SideName, Travel};
 use crate::capture::reader::Capture;
-use crate::files::progress::{Bar, say};
+use crate::files::progress::Bar;
 use crate::files::{atomic, hash};
 use crate::fit::gloss::{Device, TexelFitter};
 use crate::fit::record::{FitRecord, Phase, SCHEMA, Times};
@@ -203,7 +204,6 @@ pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
             done.iter().map(|d| d.termination.name()).collect::<Vec<_>>().join(", ")
         )));
     }
-    say(format!("fit written to {}", out.display()));
     Ok(Outcome::Done(Box::new(record)))
 }
 
