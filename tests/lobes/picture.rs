@@ -41,7 +41,8 @@ fn line(svg: &mut String, a: [f64; 2], b: [f64; 2], colour: &str) {
 /// Measured points in the plane of incidence and the fitted curves; view zenith counts towards the mirror side.
 fn curves(svg: &mut String, leaf: &Leaf) {
     let (x, y) = (scale([-65.0, 65.0], [60.0, 520.0]), scale([0.0, 0.34], [380.0, 50.0]));
-    let place = format!("{}, <tspan font-style=\"italic\">{}</tspan>, 550 nm, source at {:.0}°", leaf.name, leaf.species, leaf.samples[0].source);
+    let place =
+        format!("{}, <tspan font-style=\"italic\">{}</tspan>, 550 nm, source at {:.0}°", leaf.name, leaf.species, leaf.samples[0].source);
     text(svg, 60.0, 28.0, "start", &place);
     for zenith in [-60, -30, 0, 30, 60] {
         line(svg, [x(zenith.into()), 380.0], [x(zenith.into()), 50.0], "#eee");

@@ -35,6 +35,8 @@ pub struct TexelFitter {
     /// Standard deviation of an unknown level, a channel, common to every sample of a texel: what is left of a dark frame's own noise
     /// after it was taken off. It widens the errors; it is not fitted.
     pub offset: f64,
+    /// Standard deviation (rad) of the tilt that a one-pass fit cannot see; what such a tilt does to the rest widens the errors.
+    pub unseen: f64,
 }
 
 struct Pass {
@@ -74,15 +76,25 @@ impl TexelFitter {
 
     /// The same with a stated quadrature.
     pub fn with_precision(device: &Device, x_mm: &[f64], y_mm: Option<&[f64]>, precision: &Precision) -> Self {
+        Self::with_bank(device, x_mm, y_mm, precision, 1.0)
+    }
+
+    /// The same with a template bank `fineness` times as fine in either parameter.
+    pub fn with_bank(device: &Device, x_mm: &[f64], y_mm: Option<&[f64]>, precision: &Precision, fineness: f64) -> Self {
         let level = Level::detect();
         let model = Model::new(device.tube(), device.camera, device.lobe, precision);
         let pass = |travel: Travel, positions: &[f64], range: [f64; 2]| Pass {
             light: fast::Pass::new(&model, travel, positions, precision.along, level),
-            bank: Bank::new(device, travel, positions, range),
+            bank: Bank::new(device, travel, positions, range, fineness),
         };
         let mut passes = vec![pass(Travel::X, x_mm, [-0.35, 0.6])];
         passes.extend(y_mm.map(|y| pass(Travel::Y, y, [-0.6, 0.6])));
-        TexelFitter { device: device.clone(), passes, level, robust: Robust::default(), offset: 0.0 }
+        TexelFitter { device: device.clone(), passes, level, robust: Robust::default(), offset: 0.0, unseen: 0.0 }
+    }
+
+    /// Templates of the first pass.
+    pub fn bank_size(&self) -> usize {
+        self.passes.first().map_or(0, |p| p.bank.size())
     }
 
     pub fn workspace(&self) -> Workspace {
@@ -208,6 +220,7 @@ impl Job<'_> {
             self.compare(&mut fit, &best.0, &rivals);
             self.profile(&mut fit, &best.0, counts);
         }
+        self.unseen(&mut fit, &best.0, counts);
         fit
     }
 

@@ -6,6 +6,7 @@
 pub mod blade;
 pub mod curve;
 pub mod defect;
+mod doubt;
 mod fill;
 mod interior;
 mod noise;
@@ -134,6 +135,7 @@ pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     let y = manifest.pass(Travel::Y).map(|p| p.positions());
     let mut fitter = TexelFitter::new(&device, &x, y.as_deref());
     fitter.offset = level.dark / capture.median_gain();
+    fitter.unseen = if y.is_none() { doubt::UNSEEN } else { 0.0 };
     let jobs: Vec<Job> =
         sides.iter().map(|s| Job { capture: &capture, side: s.side, mask: &s.mask, fitter: &fitter, parts: &parts }).collect();
     if !options.merge {
