@@ -126,8 +126,12 @@ impl Table {
     /// A table from any source; `name` stands for the file in messages.
     pub fn from_reader(source: Box<dyn Read + Send>, name: PathBuf) -> Result<Table> {
         let mut reader = csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).buffer_capacity(1 << 18).from_reader(source);
-        let header: Vec<String> =
-            reader.headers().map_err(|e| Error::input(&name, e))?.iter().map(|h| h.trim_start_matches('\u{feff}').to_string()).collect();
+        let header: Vec<String> = reader
+            .headers()
+            .map_err(|e| Error::input(&name, format!("line 1: {}", plain_csv_error(&e))))?
+            .iter()
+            .map(|h| h.trim_start_matches('\u{feff}').to_string())
+            .collect();
         if header.iter().all(|h| h.is_empty()) {
             return Err(Error::input(&name, "no header line; the first line must name the columns"));
         }
@@ -154,9 +158,10 @@ impl Table {
             .ok_or_else(|| Error::field(&self.name, name, format!("no such column; the header has {}", self.header.join(", "))))
     }
 
-    /// The next record, `None` at the end. Records may be ragged: compare with the header's length.
-    pub fn next_record(&mut self, record: &mut csv::StringRecord) -> Result<bool> {
-        self.reader.read_record(record).map_err(|e| {
+    /// The next record; false at the end. Records may be ragged (compare with the header's length) and may hold any bytes: one row in
+    /// another encoding stops no batch.
+    pub fn next_record(&mut self, record: &mut csv::ByteRecord) -> Result<bool> {
+        self.reader.read_byte_record(record).map_err(|e| {
             let line = e.position().map_or(0, |p| p.line());
             Error::input(&self.name, format!("line {line}: {}", plain_csv_error(&e)))
         })
@@ -226,11 +231,11 @@ where
     let mut sink = Sink::open(output)?;
     sink.write_all(output, &plan.header_line(&table, spec))?;
     let mut tally = Tally::default();
-    let mut block: Vec<csv::StringRecord> = Vec::with_capacity(BLOCK);
+    let mut block: Vec<csv::ByteRecord> = Vec::with_capacity(BLOCK);
     loop {
         block.clear();
         while block.len() < BLOCK {
-            let mut record = csv::StringRecord::new();
+            let mut record = csv::ByteRecord::new();
             if !table.next_record(&mut record)? {
                 break;
             }
@@ -315,14 +320,17 @@ impl Plan {
         line
     }
 
-    fn answer<F: Fn(&Row, &mut Vec<Answer>)>(&self, record: &csv::StringRecord, spec: &Spec, f: &F, out: &mut Vec<Answer>) {
+    fn answer<F: Fn(&Row, &mut Vec<Answer>)>(&self, record: &csv::ByteRecord, spec: &Spec, f: &F, out: &mut Vec<Answer>) {
         if record.len() != self.width {
             out.push(Answer::refused(format!("{} fields where the header has {}", record.len(), self.width)));
             return;
         }
         let mut values = Vec::with_capacity(self.numbers.len());
         for (at, name, needed) in &self.numbers {
-            let text = at.map_or("", |k| &record[k]);
+            let Ok(text) = std::str::from_utf8(at.map_or(&[], |k| &record[k])) else {
+                out.push(Answer::refused(format!("{name} is not valid UTF-8 text; expected a number")));
+                return;
+            };
             if text.is_empty() && !needed {
                 values.push(f64::NAN);
                 continue;
@@ -344,9 +352,9 @@ impl Plan {
         debug_assert!(out.iter().all(|a| a.values.is_empty() || a.values.len() == spec.outputs.len()));
     }
 
-    fn write_row(&self, bytes: &mut Vec<u8>, record: &csv::StringRecord, answer: &Answer, spec: &Spec) {
+    fn write_row(&self, bytes: &mut Vec<u8>, record: &csv::ByteRecord, answer: &Answer, spec: &Spec) {
         for &k in &self.carried {
-            push_text(bytes, record.get(k).unwrap_or(""));
+            push_cell(bytes, record.get(k).unwrap_or(b""));
             bytes.push(b',');
         }
         for k in 0..spec.outputs.len() {
@@ -370,13 +378,23 @@ pub fn push_number(bytes: &mut Vec<u8>, v: f64) {
 
 /// A cell, quoted where CSV needs it.
 pub fn push_text(bytes: &mut Vec<u8>, text: &str) {
-    if text.contains([',', '"', '\n', '\r']) {
-        bytes.push(b'"');
-        bytes.extend_from_slice(text.replace('"', "\"\"").as_bytes());
-        bytes.push(b'"');
-    } else {
-        bytes.extend_from_slice(text.as_bytes());
+    push_cell(bytes, text.as_bytes());
+}
+
+/// [`push_text`] for whatever bytes a carried cell holds.
+pub fn push_cell(bytes: &mut Vec<u8>, cell: &[u8]) {
+    if !cell.iter().any(|b| matches!(b, b',' | b'"' | b'\n' | b'\r')) {
+        bytes.extend_from_slice(cell);
+        return;
     }
+    bytes.push(b'"');
+    for &b in cell {
+        if b == b'"' {
+            bytes.push(b'"');
+        }
+        bytes.push(b);
+    }
+    bytes.push(b'"');
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! One file a fit: a model, a solver, and what it reads and writes.
 
 pub mod bench;
+pub mod coverage;
 pub mod gloss;
 pub mod leaf;
 pub mod nist;
