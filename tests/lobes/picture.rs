@@ -66,7 +66,9 @@ fn curves(svg: &mut String, leaf: &Leaf) {
             f["rho_d_brf_550"] + std::f64::consts::PI * f["rho_s"] * lobe.value(normal, light, [-z.sin(), 0.0, z.cos()], f["m"])
         };
         let points: Vec<String> = (-130..=130).map(|k| 0.5 * f64::from(k)).map(|z| format!("{:.1} {:.1}", x(z), y(brf(z)))).collect();
-        let _ = writeln!(svg, "<path d=\"M{}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"2\"/>", points.join("L"));
+        // Beckmann and Cook-Torrance all but coincide: dashes let both be seen.
+        let dash = if k == 2 { " stroke-dasharray=\"7 7\"" } else { "" };
+        let _ = writeln!(svg, "<path d=\"M{}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"2\"{dash}/>", points.join("L"));
         let row = 66.0 + 20.0 * k as f64;
         let _ = writeln!(svg, "<path d=\"M80 {row}H108\" stroke=\"{colour}\" stroke-width=\"3\"/>");
         text(svg, 116.0, row + 4.0, "start", &format!("{name}: m {:.2}, RMS {:.4}", f["m"], leaf.rms(k)));
