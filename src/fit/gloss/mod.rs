@@ -133,6 +133,7 @@ pub struct TexelFit {
 pub const NOT_CONVERGED: &str = "not converged";
 pub const NOT_EXPLAINED: &str = "residuals exceed the noise";
 pub const AMBIGUOUS: &str = "two lobes fit equally well";
+pub const NO_LIGHT: &str = "no light above the noise";
 pub const NARROW: &str = "lobe narrower than two frames";
 
 /// Range of m (bounds of the fit).

@@ -130,7 +130,7 @@ fn cases() -> Vec<Case> {
             expected: "refused: too few readings".into(),
             ..Case::default()
         },
-        Case { name: "dark texel", spoil: |t| t.fill([0.0; 3]), expected: "refused: no light".into(), ..Case::default() },
+        Case { name: "dark texel", spoil: |t| t.fill([0.0; 3]), expected: "refused: no light above the noise".into(), ..Case::default() },
     ]
 }
 

@@ -1,6 +1,6 @@
 //! What can be wrong with a texel, by name. `mask.Y` holds 1 for a good texel, 0 outside the leaf, and these codes otherwise.
 
-use crate::fit::gloss::TexelFit;
+use crate::fit::gloss::{NO_LIGHT, TexelFit};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Defect {
@@ -18,10 +18,12 @@ pub enum Defect {
     ThicknessRange,
     /// The traces do not tell ρd from gloss: a texel that faces away from the camera or the tube, or one that two lobes fit equally well.
     Ambiguous,
+    /// Dark within the noise in every channel and frame: it faces away from the camera, or lies in a shadow.
+    NoLight,
 }
 
 impl Defect {
-    pub const ALL: [Defect; 7] = [
+    pub const ALL: [Defect; 8] = [
         Defect::NoReading,
         Defect::NotConverged,
         Defect::Energy,
@@ -29,6 +31,7 @@ impl Defect {
         Defect::ThicknessUndetermined,
         Defect::ThicknessRange,
         Defect::Ambiguous,
+        Defect::NoLight,
     ];
 
     pub fn code(self) -> i16 {
@@ -40,6 +43,7 @@ impl Defect {
             Defect::ThicknessUndetermined => -5,
             Defect::ThicknessRange => -6,
             Defect::Ambiguous => -7,
+            Defect::NoLight => -8,
         }
     }
 
@@ -52,12 +56,15 @@ impl Defect {
             Defect::ThicknessUndetermined => "thickness_undetermined",
             Defect::ThicknessRange => "thickness_range",
             Defect::Ambiguous => "ambiguous",
+            Defect::NoLight => "no_light",
         }
     }
 
     /// The defect of a texel whose gloss fit ended badly.
     pub fn of(fit: &TexelFit) -> Option<Defect> {
-        if fit.samples < fit.parameters + 3 || fit.rho_d.iter().any(|v| v.is_nan()) {
+        if fit.defect == Some(NO_LIGHT) {
+            Some(Defect::NoLight)
+        } else if fit.samples < fit.parameters + 3 || fit.rho_d.iter().any(|v| v.is_nan()) {
             Some(Defect::NoReading)
         } else if !fit.termination.converged() {
             Some(Defect::NotConverged)

@@ -21,12 +21,16 @@ impl Job<'_> {
             for channel in &state.channels {
                 channel.accumulate(&channel.inverse, &mut normal, &mut gradient);
             }
-            if self.held {
-                normal[1] = [0.0; NONLINEAR];
+            // A parameter at its bound that wants beyond it rests there: cut steps of the others would crawl along the bound.
+            let hits =
+                |k: usize| bounded(&state.p, &std::array::from_fn(|j| if j == k { gradient[k].signum() * 1e-3 } else { 0.0 })) == state.p;
+            let rest: [bool; NONLINEAR] = std::array::from_fn(|k| (self.held && k == 1) || (gradient[k] != 0.0 && hits(k)));
+            for k in (0..NONLINEAR).filter(|&k| rest[k]) {
+                normal[k] = [0.0; NONLINEAR];
                 for row in &mut normal {
-                    row[1] = 0.0;
+                    row[k] = 0.0;
                 }
-                gradient[1] = 0.0;
+                gradient[k] = 0.0;
             }
             let mut better = None;
             for _ in 0..14 {

@@ -7,7 +7,7 @@ pub(super) use descend::bounded;
 
 use super::project::{self, Channel, NONLINEAR};
 use super::start::{Bank, Scratch, Start};
-use super::{Device, Robust, TexelFit, normal_of, normal_slopes};
+use super::{Device, NO_LIGHT, Robust, TexelFit, normal_of, normal_slopes};
 use crate::optics::tube::fast::{self, COLUMNS, Lit};
 use crate::optics::tube::lanes::Level;
 use crate::optics::tube::{Model, Precision, Travel};
@@ -20,6 +20,8 @@ const ITERATIONS: usize = 60;
 pub(super) const CONVERGED: f64 = 3e-3;
 /// Weights may change from here on: the fit is within about two standard errors.
 const NEAR: f64 = 4.0;
+/// A first slope that is doubted.
+const WIDE: f64 = 0.9;
 /// Templates tried where the best leads nowhere.
 const STARTS: usize = 4;
 /// ρs is taken for zero where leaving it out costs less χ² than this (four parameters, and the search over lobes).
@@ -186,10 +188,11 @@ impl Job<'_> {
         if used <= parameters || counts.iter().any(|n| *n == 1 || *n == 2) {
             return TexelFit::refused("too few readings");
         }
-        if self.ws.y.iter().flatten().all(|y| *y <= 0.0) {
-            return TexelFit::refused("no light");
+        if self.dark(used) {
+            return TexelFit::refused(NO_LIGHT);
         }
         let Some(start) = self.start(0) else { return TexelFit::refused("no template fits") };
+        let start = self.doubt(start);
         let mut best = self.climb(start);
         let mut worst = self.weigh(&best.0);
         // χ² that the noise makes unlikely (4 σ): another template may have been the right one.
@@ -226,6 +229,29 @@ impl Job<'_> {
         }
         self.unseen(&mut fit, &best.0, counts);
         fit
+    }
+
+    /// Whether darkness explains every reading (χ² of zero light under the floor's noise, 4 σ). A texel that faces away from the camera
+    /// is such: its parameters would be fitted to noise, slowly.
+    fn dark(&self, used: usize) -> bool {
+        let [_, floor] = self.noise();
+        // What may be left of the dark frame is common to all readings of a texel.
+        let common = 3.0 * self.fitter.offset;
+        let y = || self.ws.y.iter().flatten();
+        let chi2: f64 = y().map(|y| ((y.abs() - common).max(0.0) / floor).powi(2)).sum();
+        let n = used as f64;
+        y().all(|y| *y <= 0.0) || chi2 < n + 4.0 * (2.0 * n).sqrt()
+    }
+
+    /// The widest template is also what a steep tilt out of a pass's plane looks like to its bank: smaller slopes are tried beside it.
+    fn doubt(&mut self, start: [f64; NONLINEAR]) -> [f64; NONLINEAR] {
+        if self.tilts < 2 || start[0] < WIDE.ln() {
+            return start;
+        }
+        let tried = [1.0, 0.5, 0.25].map(|by: f64| [start[0] + by.ln(), start[1], start[2]]);
+        let chi2 = tried.map(|p| self.evaluate(p).chi2);
+        let best = (0..tried.len()).min_by(|&a, &b| chi2[a].total_cmp(&chi2[b])).unwrap_or(0);
+        tried[best]
     }
 
     /// Climbs down from the other templates; the best of all, its columns and weights in place, and every end point.

@@ -57,7 +57,7 @@ pub(super) fn light<L: Lanes>(pass: &Pass, texel_mm: [f64; 2], lit: &mut Lit) {
 
 /// atan to 1e-12: twice reduced, to |y| ≤ tan(π/8), then its series.
 #[inline(always)]
-fn atan<L: Lanes>(x: L) -> L {
+pub(super) fn atan<L: Lanes>(x: L) -> L {
     let (zero, one) = (L::splat(0.0), L::splat(1.0));
     let a = x.max(zero.sub(x));
     let big = one.less(a);

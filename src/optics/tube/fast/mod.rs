@@ -1,9 +1,10 @@
 //! The tube integral for all frames of a pass at once, vectorised over frames: the same formulas as [`super::arc`], the same
-//! node sets, without its trigonometry. [`super::Model`] is the reference it is tested against, and does the few frames that the
-//! texel's horizon cuts, and a Cook–Torrance lobe whose normal leans along the tube: its G has up to four kinks at places that only a
-//! quartic knows.
+//! node sets, without its trigonometry. [`super::Model`] is the reference it is tested against. Frames that the texel's horizon cuts
+//! get ends of their own for every node across the radius. A Cook–Torrance lobe whose normal leans along the tube is left to the
+//! reference: its G has up to four kinks at places that only a quartic knows.
 
 mod arc;
+mod horizon;
 mod light;
 mod respond;
 mod rules;
@@ -35,8 +36,6 @@ pub struct Lit {
     /// D = n · (along · sin θ, skew, along · cos θ).
     along: Vec<f64>,
     skew: Vec<f64>,
-    /// 1: the horizon cuts this frame's tube, the reference does it.
-    cut: Vec<f64>,
 }
 
 /// A pass of a device, ready for many texels.
@@ -135,11 +134,11 @@ impl Pass {
     /// Looks at the tube from `texel_mm`.
     pub fn light(&self, texel_mm: [f64; 2], lit: &mut Lit) {
         let n = self.padded();
-        if lit.sin.len() == n && lit.texel == texel_mm && lit.cut.len() == n {
+        if lit.sin.len() == n && lit.texel == texel_mm {
             return;
         }
         lit.texel = texel_mm;
-        for list in [&mut lit.sin, &mut lit.cos, &mut lit.beta, &mut lit.scale, &mut lit.along, &mut lit.skew, &mut lit.cut] {
+        for list in [&mut lit.sin, &mut lit.cos, &mut lit.beta, &mut lit.scale, &mut lit.along, &mut lit.skew] {
             list.resize(n, 0.0);
         }
         for list in lit.ends.iter_mut().chain(&mut lit.end_sin).chain(&mut lit.end_cos) {
@@ -186,28 +185,21 @@ impl Pass {
             }
             return;
         }
-        let symmetric = point.n[1] == 0.0 && point.c[1] == 0.0;
+        let symmetric = point.n[1] == 0.0 && point.c[1] == 0.0 && point.change.iter().all(|v| v[1] == 0.0);
         if symmetric || !matches!(self.model.lobe, Lobe::CookTorrance { .. }) {
             let (pass, point, across) = (self, &point, self.across(m));
-            dispatch_lanes!(self.level, respond(pass: &Pass, lit: &mut Lit, point: &Point, across: &[(f64, f64)], symmetric: bool, columns: &mut [&mut [f64]; COLUMNS]));
+            dispatch_lanes!(self.level, respond(pass: &Pass, lit: &Lit, point: &Point, across: &[(f64, f64)], symmetric: bool, columns: &mut [&mut [f64]; COLUMNS]));
         } else {
-            lit.cut.fill(1.0);
-        }
-        // The reference takes as many nodes across the radius as the lobe's width asks for.
-        let mut model = None;
-        for (k, &light) in self.positions.iter().enumerate() {
-            if lit.cut[k] == 0.0 {
-                continue;
-            }
-            let model = model.get_or_insert_with(|| {
-                let across = self.across(m);
-                let more = across.len() > self.model.across.len();
-                Model { across: if more { across.to_vec() } else { self.model.across.clone() }, ..self.model.clone() }
-            });
-            let r = model.response(self.travel, light, lit.texel, n, m);
-            (columns[0][k], columns[1][k], columns[2][k]) = (r.d, r.s, r.s_m);
-            for (j, change) in changes.iter().enumerate().take(2) {
-                (columns[3 + 2 * j][k], columns[4 + 2 * j][k]) = (dot(r.d_n, *change), dot(r.s_n, *change));
+            // As many nodes across the radius as the lobe's width asks for.
+            let across = self.across(m);
+            let more = across.len() > self.model.across.len();
+            let model = Model { across: if more { across.to_vec() } else { self.model.across.clone() }, ..self.model.clone() };
+            for (k, &light) in self.positions.iter().enumerate() {
+                let r = model.response(self.travel, light, lit.texel, n, m);
+                (columns[0][k], columns[1][k], columns[2][k]) = (r.d, r.s, r.s_m);
+                for (j, change) in changes.iter().enumerate().take(2) {
+                    (columns[3 + 2 * j][k], columns[4 + 2 * j][k]) = (dot(r.d_n, *change), dot(r.s_n, *change));
+                }
             }
         }
         for column in columns.iter_mut() {
