@@ -2,6 +2,7 @@
 
 pub mod beam;
 pub mod bench;
+pub mod coverage;
 pub mod gloss;
 pub mod leaf;
 pub mod nist;

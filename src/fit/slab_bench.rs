@@ -1,8 +1,10 @@
-//! Sweeps of the slab: its forward methods, the order of F_N, and the way back, on 64 slabs 1 mm thick (single-scattering albedo .05–.995,
+//! Sweeps of the slab: its forward methods, the order of F_N, ordinates, table sizes, Newton's steps and the way back, on 64 slabs 1 mm thick (single-scattering albedo .05–.995,
 //! optical thickness .05–20), each against the exact method.
 
 use super::bench::{BenchRow, median_us};
 use crate::optics::slab::inverse::{self, Precision};
+use crate::optics::slab::ordinates::with_ordinates;
+use crate::optics::slab::table::Table;
 use crate::optics::slab::{self, Response, exact, fn_method};
 use crate::solve::global::starts_in_box;
 
@@ -39,6 +41,26 @@ pub fn forward_error(s: &Slab, r: Response) -> f64 {
     larger((r.rho_d / s.exact.rho_d - 1.0).abs(), (r.rho_t / s.exact.rho_t - 1.0).abs())
 }
 
+/// The method behind `exact` with fewer and more ordinates.
+fn ordinates(forward: &mut impl FnMut(&str, String, &dyn Fn(&Slab) -> Response, bool)) {
+    fn of<const K: usize>(forward: &mut impl FnMut(&str, String, &dyn Fn(&Slab) -> Response, bool)) {
+        let solve = with_ordinates::<K>();
+        let response = |s: &Slab| {
+            let (rho_d, log_t) = solve(s.omega, s.one_minus_omega, s.delta);
+            Response { rho_d, rho_t: log_t.exp() }
+        };
+        forward("ordinates", K.to_string(), &response, false);
+    }
+    of::<4>(forward);
+    of::<6>(forward);
+    of::<8>(forward);
+    of::<12>(forward);
+    of::<16>(forward);
+    of::<24>(forward);
+    of::<32>(forward);
+    of::<48>(forward);
+}
+
 /// The rows.
 ///
 /// # Errors
@@ -62,6 +84,28 @@ pub fn bench_rows() -> crate::Result<Vec<BenchRow>> {
     forward("method", "exact".into(), &|s| exact::response(s.sigma_a, s.sigma_s, 1.0), true);
     for order in [3, 5, 7, 9, 13, 17, 25, 33] {
         forward("F_N order", order.to_string(), &|s| fn_method::at_order(s.omega, s.one_minus_omega, s.delta, order), false);
+    }
+    ordinates(&mut forward);
+    for tolerance in [1e-3, 1e-5, 1e-7, 1e-9] {
+        // Over the thicknesses of these slabs only, so that the making of tables takes no minutes.
+        let table = Table::made([0.05, 20.0], tolerance);
+        let setting = format!("{:.1} kB", table.bytes() as f64 / 1e3);
+        forward("table size", setting, &|s| table.response(s.omega, s.one_minus_omega, s.delta), false);
+    }
+    for steps in 0..=4 {
+        let found = |s: &Slab| inverse::after_steps(s.exact.rho_d, s.exact.rho_t, 1.0 - s.exact.rho_d - s.exact.rho_t, steps);
+        let error = |s: &Slab| {
+            let [absorbed, omega, delta] = found(s);
+            larger((absorbed * delta / s.sigma_a - 1.0).abs(), (omega * delta / s.sigma_s - 1.0).abs())
+        };
+        rows.push(BenchRow {
+            model: "slab".into(),
+            knob: "Newton steps".into(),
+            setting: steps.to_string(),
+            error: slabs.iter().map(error).fold(0.0, larger),
+            us: median_us(40.0, || slabs.iter().map(|s| found(s)[2]).sum::<f64>()) / slabs.len() as f64,
+            note: "sigma_a and sigma_s after so many plain steps from the tabulated start, worst of 64".into(),
+        });
     }
     // The noise that each precision is for: below 1e-7 the fast one hands over to the exact one by itself.
     for (setting, precision, noise) in [("fast", Precision::Fast, 1e-6), ("exact", Precision::Exact, 1e-9)] {

@@ -97,7 +97,10 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         force: args.force,
     };
     let record = match fit(&args.capture, &args.output, &options)? {
-        Outcome::Done(record) => record,
+        Outcome::Done(record) => {
+            say(format!("fit written to {}", args.output.display()));
+            record
+        }
         Outcome::UpToDate(record) => {
             say(format!("{} already holds this fit; --force fits again", args.output.display()));
             record

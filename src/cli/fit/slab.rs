@@ -25,9 +25,9 @@ pub struct Args {
     /// Names of the input columns, as `rho_d=reflectance_550,rho_t=transmittance_550,h=thickness_mm`
     #[arg(long, value_name = "NAME=COLUMN,…", value_delimiter = ',')]
     columns: Vec<String>,
-    /// Unit of the thickness column
-    #[arg(long, value_enum, default_value_t = Unit::Mm)]
-    thickness_unit: Unit,
+    /// Unit of the thickness column (default: what its name ends in, `_um`, `_mm` or `_m`, else mm)
+    #[arg(long, value_enum)]
+    thickness_unit: Option<Unit>,
     /// Reflectance of the surface itself (gloss), taken off rho_d before the fit
     #[arg(long, value_name = "R0", default_value_t = 0.0)]
     surface: f64,
@@ -73,7 +73,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         noise: args.noise,
         surface: args.surface,
     };
-    let unit = match args.thickness_unit {
+    let unit = match thickness_unit(&names[2], args.thickness_unit)? {
         Unit::Mm => 1.0,
         Unit::Um => 1e-3,
         Unit::M => 1e3,
@@ -94,6 +94,27 @@ pub fn say_tally(tally: &Tally, io: &BatchIo, common: &Common) -> Result<()> {
         crate::cli::print_json(&serde_json::json!({ "rows": rows, "ok": ok, "undetermined": undetermined, "refused": refused }))?;
     }
     Ok(())
+}
+
+/// The unit that is asked for or that the column's name ends in. A name that says another unit than was asked for, or one that is not
+/// known here, is an error: micrometres read as millimetres would look like an answer.
+fn thickness_unit(column: &str, asked: Option<Unit>) -> Result<Unit> {
+    let suffix = column.rsplit_once(['_', ' ', '(', '[']).map_or("", |(_, end)| end.trim_end_matches([')', ']']));
+    let named = match suffix {
+        "mm" => Some(Unit::Mm),
+        "um" | "µm" | "μm" | "micron" | "microns" => Some(Unit::Um),
+        "m" => Some(Unit::M),
+        "cm" | "dm" | "nm" | "km" | "in" | "inch" | "inches" | "mil" | "mils" | "ft" => {
+            return Err(Error::Usage(format!("the thickness column {column:?} is in {suffix:?}; expected mm, um or m")));
+        }
+        _ => None,
+    };
+    match (named, asked) {
+        (Some(named), Some(asked)) if named != asked => {
+            Err(Error::Usage(format!("--thickness-unit says otherwise than the name of the thickness column, {column:?}")))
+        }
+        (named, asked) => Ok(asked.or(named).unwrap_or(Unit::Mm)),
+    }
 }
 
 /// The input's column for each of [`INPUTS`].

@@ -6,7 +6,7 @@
 mod sink;
 mod source;
 
-pub use sink::{Sink, push_number, push_text, stdout_error};
+pub use sink::{Sink, push_cell, push_number, push_text, stdout_error};
 pub use source::{Record, Table};
 
 use crate::{Error, Result};
@@ -215,7 +215,14 @@ impl Plan {
         }
         let mut values = Vec::with_capacity(self.numbers.len());
         for (at, name, needed) in &self.numbers {
-            let text = at.map_or("", |k| &record.cells[k]);
+            let text = match record.text(*at) {
+                Some(Err(_)) => {
+                    out.push(Answer::refused(format!("{name} is not valid UTF-8 text; expected a number")));
+                    return;
+                }
+                Some(Ok(text)) => text,
+                None => "",
+            };
             if text.is_empty() && !needed {
                 values.push(f64::NAN);
                 continue;
@@ -239,7 +246,7 @@ impl Plan {
 
     fn write_row(&self, bytes: &mut Vec<u8>, record: &Record, answer: &Answer, spec: &Spec) {
         for &k in &self.carried {
-            push_text(bytes, record.cells.get(k).unwrap_or(""));
+            push_cell(bytes, record.bytes(k));
             bytes.push(b',');
         }
         for k in 0..spec.outputs.len() {

@@ -57,11 +57,21 @@ pub fn push_number(bytes: &mut Vec<u8>, v: f64) {
 
 /// A cell, quoted where CSV needs it.
 pub fn push_text(bytes: &mut Vec<u8>, text: &str) {
-    if text.contains([',', '"', '\n', '\r']) {
-        bytes.push(b'"');
-        bytes.extend_from_slice(text.replace('"', "\"\"").as_bytes());
-        bytes.push(b'"');
-    } else {
-        bytes.extend_from_slice(text.as_bytes());
+    push_cell(bytes, text.as_bytes());
+}
+
+/// [`push_text`] for whatever bytes a carried cell holds.
+pub fn push_cell(bytes: &mut Vec<u8>, cell: &[u8]) {
+    if !cell.iter().any(|b| matches!(b, b',' | b'"' | b'\n' | b'\r')) {
+        bytes.extend_from_slice(cell);
+        return;
     }
+    bytes.push(b'"');
+    for &b in cell {
+        if b == b'"' {
+            bytes.push(b'"');
+        }
+        bytes.push(b);
+    }
+    bytes.push(b'"');
 }

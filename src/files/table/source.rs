@@ -70,9 +70,12 @@ impl Table {
             let line = e.position().map_or(0, |p| p.line());
             Error::input(&self.name, format!("line {line}: {}", plain_csv_error(&e)))
         })?;
-        (record.cells, record.is_text) = match csv::StringRecord::from_byte_record(bytes) {
-            Ok(cells) => (cells, true),
-            Err(e) => (csv::StringRecord::from_byte_record_lossy(e.into_byte_record()), false),
+        (record.cells, record.foreign) = match csv::StringRecord::from_byte_record(bytes) {
+            Ok(cells) => (cells, None),
+            Err(e) => {
+                let bytes = e.into_byte_record();
+                (csv::StringRecord::from_byte_record_lossy(bytes.clone()), Some(bytes))
+            }
         };
         Ok(more)
     }
@@ -83,16 +86,27 @@ impl Table {
 pub struct Record {
     /// Without the blanks around them; bytes that are no UTF-8 stand as replacement characters.
     pub cells: csv::StringRecord,
-    is_text: bool,
+    /// The same as bytes where some cell is no UTF-8.
+    foreign: Option<csv::ByteRecord>,
 }
 
 impl Record {
-    /// Why a row of a table of `width` columns cannot be read, if it cannot.
+    /// Why a row of a table of `width` columns cannot be read, if it cannot. A cell in another encoding spoils only itself.
     pub fn fault(&self, width: usize) -> Option<String> {
-        if !self.is_text {
-            return Some("not valid UTF-8 text".into());
-        }
         (self.cells.len() != width).then(|| format!("{} fields where the header has {width}", self.cells.len()))
+    }
+
+    /// A cell as it stands in the file, whatever its encoding.
+    pub fn bytes(&self, k: usize) -> &[u8] {
+        match &self.foreign {
+            Some(bytes) => bytes.get(k).unwrap_or_default(),
+            None => self.cells.get(k).unwrap_or_default().as_bytes(),
+        }
+    }
+
+    /// A cell as text, if there is such a column.
+    pub fn text(&self, k: Option<usize>) -> Option<std::result::Result<&str, std::str::Utf8Error>> {
+        k.map(|k| std::str::from_utf8(self.bytes(k)))
     }
 }
 

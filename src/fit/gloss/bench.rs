@@ -1,7 +1,7 @@
-//! Error against run time of the gloss fit: quadrature nodes, frames used.
+//! Error against run time of the gloss fit: quadrature nodes, frames used, lobe, template bank.
 
 use super::synthetic::{Noise, Truth, device, pass_x, trace};
-use super::{TexelFitter, normal_of, normal_slopes};
+use super::{Device, TexelFitter, normal_of, normal_slopes};
 use crate::Result;
 use crate::fit::bench::{BenchRow, median_us};
 use crate::optics::gloss::Lobe;
@@ -9,72 +9,102 @@ use crate::optics::tube::fast::{COLUMNS, Lit, Pass};
 use crate::optics::tube::lanes::Level;
 use crate::optics::tube::{Model, Precision, Travel};
 
-/// Texels of a typical leaf: m .05–.5, tilts to ±6°.
-fn texels(count: usize, seed: u64) -> Vec<Truth> {
+/// Texels with slopes between `m` and tilts to ±`tilt`.
+fn texels(count: usize, seed: u64, m: [f64; 2], tilt: f64) -> Vec<Truth> {
     let mut noise = Noise::new(seed);
     let mut draw = || {
         let rho_s = noise.uniform(0.01, 0.1);
         Truth {
             rho_d: [noise.uniform(0.02, 0.3), noise.uniform(0.05, 0.4), noise.uniform(0.02, 0.2)],
             rho_s: [rho_s, 1.05 * rho_s, 0.95 * rho_s],
-            m: noise.uniform(0.05, 0.5),
-            tilt: [noise.uniform(-0.1, 0.1), 0.0],
+            m: noise.uniform(m[0], m[1]),
+            tilt: [noise.uniform(-tilt, tilt), 0.0],
         }
     };
     (0..count).map(|_| draw()).collect()
 }
 
-/// The sweeps: µs a texel (RGB, one pass, one thread) against nodes and frames, and the error of traces and of the fit.
+/// Texels, what the device shows of them, and what fits make of that.
+struct Set {
+    device: Device,
+    positions: Vec<f64>,
+    truths: Vec<Truth>,
+    traces: Vec<Vec<[f32; 3]>>,
+}
+
+impl Set {
+    fn new(lobe: Lobe, noise: f64, frames: usize, truths: Vec<Truth>) -> Set {
+        let (device, positions) = (device(lobe, noise), pass_x(frames));
+        let mut noise = Noise::new(4);
+        let traces = truths.iter().map(|t| trace(&device, Travel::X, &positions, [0.0; 2], t, Some(&mut noise))).collect();
+        Set { device, positions, truths, traces }
+    }
+
+    /// µs a texel.
+    fn time(&self, fitter: &TexelFitter) -> f64 {
+        let mut ws = fitter.workspace();
+        let all = || self.traces.iter().map(|trace| fitter.fit(&mut ws, [0.0; 2], trace, None).m).sum::<f64>();
+        median_us(60.0, all) / self.traces.len() as f64
+    }
+
+    /// Relative errors of m, ascending, and how many fits failed: did not converge, or lie six of their own errors off.
+    fn errors(&self, fitter: &TexelFitter) -> (Vec<f64>, usize) {
+        let mut ws = fitter.workspace();
+        let (mut errors, mut failed) = (Vec::new(), 0);
+        for (t, trace) in self.truths.iter().zip(&self.traces) {
+            let fit = fitter.fit(&mut ws, [0.0; 2], trace, None);
+            failed += usize::from(!fit.termination.converged() || !((fit.m - t.m).abs() < 6.0 * fit.m_err));
+            errors.push((fit.m / t.m - 1.0).abs());
+        }
+        errors.sort_by(f64::total_cmp);
+        (errors, failed)
+    }
+}
+
+fn row(knob: &str, setting: String, error: f64, us: f64, note: String) -> BenchRow {
+    BenchRow { model: "gloss".into(), knob: knob.into(), setting, error, us, note }
+}
+
+/// The sweeps: µs a texel (RGB, one pass, one thread) against nodes, frames, the template bank and the lobe, and the error of traces and
+/// of the fit.
 ///
 /// # Errors
 /// None today; the signature is that of every sweep.
 pub fn bench_rows() -> Result<Vec<BenchRow>> {
     let mut rows = Vec::new();
-    let (device, positions) = (device(Lobe::Beckmann, 0.01), pass_x(100));
-    let truths = texels(200, 3);
-    let mut noise = Noise::new(4);
-    let traces: Vec<Vec<[f32; 3]>> = truths.iter().map(|t| trace(&device, Travel::X, &positions, [0.0; 2], t, Some(&mut noise))).collect();
+    // Texels of a typical leaf.
+    let truths = texels(200, 3, [0.05, 0.5], 0.1);
+    let set = Set::new(Lobe::Beckmann, 0.01, 100, truths.clone());
     for along in [2, 3, 4, 6, 8, 12, 16, 24] {
-        let precision = Precision { along, ..Precision::default() };
-        let fitter = TexelFitter::with_precision(&device, &positions, None, &precision);
-        let mut ws = fitter.workspace();
-        let us = median_us(60.0, || {
-            for trace in &traces {
-                std::hint::black_box(fitter.fit(&mut ws, [0.0; 2], trace, None));
-            }
-        }) / traces.len() as f64;
-        rows.push(BenchRow {
-            model: "gloss".into(),
-            knob: "quadrature nodes".into(),
-            setting: along.to_string(),
-            error: trace_error(along),
-            us,
-            note: "fit of an RGB texel, 100 frames; error: worst gloss trace of m .03-.7 over its peak".into(),
-        });
+        let fitter = TexelFitter::with_precision(&set.device, &set.positions, None, &Precision { along, ..Precision::default() });
+        let note = "fit of an RGB texel, 100 frames; error: worst gloss trace of m .03-.7 over its peak";
+        rows.push(row("quadrature nodes", along.to_string(), trace_error(along), set.time(&fitter), note.into()));
     }
     for frames in [25, 50, 100, 200, 400] {
-        let positions = pass_x(frames);
-        let fitter = TexelFitter::new(&device, &positions, None);
-        let mut ws = fitter.workspace();
-        let mut noise = Noise::new(5);
-        let traces: Vec<Vec<[f32; 3]>> =
-            truths.iter().map(|t| trace(&device, Travel::X, &positions, [0.0; 2], t, Some(&mut noise))).collect();
-        let mut errors: Vec<f64> =
-            truths.iter().zip(&traces).map(|(t, y)| (fitter.fit(&mut ws, [0.0; 2], y, None).m / t.m - 1.0).abs()).collect();
-        errors.sort_by(f64::total_cmp);
-        let us = median_us(60.0, || {
-            for trace in &traces {
-                std::hint::black_box(fitter.fit(&mut ws, [0.0; 2], trace, None));
-            }
-        }) / traces.len() as f64;
-        rows.push(BenchRow {
-            model: "gloss".into(),
-            knob: "frames used".into(),
-            setting: frames.to_string(),
-            error: errors[errors.len() / 2],
-            us,
-            note: "fit of an RGB texel; error: median of m, noise 1 %".into(),
-        });
+        let set = Set::new(Lobe::Beckmann, 0.01, frames, truths.clone());
+        let fitter = TexelFitter::new(&set.device, &set.positions, None);
+        let (errors, failed) = set.errors(&fitter);
+        let note = format!("fit of an RGB texel; error: median of m, noise 1 %, {failed} of {} failed", errors.len());
+        rows.push(row("frames used", frames.to_string(), errors[errors.len() / 2], set.time(&fitter), note));
+    }
+    for lobe in [Lobe::Beckmann, Lobe::Ggx, Lobe::CookTorrance { index: 1.45 }] {
+        // With F·G in the model ρs is larger by about as much as F is small.
+        let scale = if matches!(lobe, Lobe::CookTorrance { .. }) { 15.0 } else { 1.0 };
+        let truths = truths.iter().map(|t| Truth { rho_s: t.rho_s.map(|r| r * scale), ..*t }).collect();
+        let set = Set::new(lobe, 0.01, 100, truths);
+        let fitter = TexelFitter::new(&set.device, &set.positions, None);
+        let (errors, failed) = set.errors(&fitter);
+        let note = format!("fit of an RGB texel, 100 frames; error: median of m, noise 1 %, {failed} of {} failed", errors.len());
+        rows.push(row("lobe", lobe.name().into(), errors[errors.len() / 2], set.time(&fitter), note));
+    }
+    // The hard set: here a poor start is not made good by the descent.
+    let hard = Set::new(Lobe::Beckmann, 0.02, 100, texels(300, 6, [0.03, 0.9], 0.1745));
+    for fineness in [0.15, 0.25, 0.4, 0.6, 1.0, 1.6, 2.5] {
+        let fitter = TexelFitter::with_bank(&hard.device, &hard.positions, None, &Precision::default(), fineness);
+        let (errors, failed) = hard.errors(&fitter);
+        let note =
+            format!("templates; error: 90th percentile of m, noise 2 %, m .03-.9, tilt 10 degrees, {failed} of {} failed", errors.len());
+        rows.push(row("template bank", fitter.bank_size().to_string(), errors[errors.len() * 9 / 10], hard.time(&fitter), note));
     }
     Ok(rows)
 }

@@ -28,9 +28,50 @@ impl Job<'_> {
         for k in 0..self.tilts {
             fit.tilt_err[k] = fit.tilt_err[k].hypot(bare.p[1 + k] - full.p[1 + k]);
         }
+        // A tilt that no pass sees darkens a matte texel by cos t.
+        let unseen = if self.tilts == 1 { self.fitter.unseen } else { 0.0 };
+        for c in (0..3).filter(|&c| counts[c] > 0) {
+            fit.rho_d_err[c] = fit.rho_d_err[c].hypot(fit.rho_d[c] * unseen * unseen);
+        }
         fit.undetermined = Undetermined::default();
         self.judge(&mut fit, counts, true);
         fit
+    }
+
+    /// Widens every error by what a tilt out of the plane of travel would do to it. The effect grows with the tilt's square: twice that
+    /// of one standard deviation makes an interval of two hold 95 % of them.
+    pub(super) fn unseen(&mut self, fit: &mut TexelFit, best: &State, counts: [usize; 3]) {
+        let tilt = self.fitter.unseen;
+        if self.tilts != 1 || tilt <= 0.0 {
+            return;
+        }
+        let mut moved = [0.0f64; 2];
+        let mut moved_rho = [[0.0f64; 2]; 3];
+        for away in [-tilt, tilt] {
+            let start = self.evaluate([best.p[0], best.p[1], away]);
+            let (there, _) = self.descend(start, 0.1, false);
+            for k in 0..2 {
+                moved[k] = moved[k].max((there.p[k] - best.p[k]).abs());
+            }
+            for (to, (a, b)) in moved_rho.iter_mut().zip(there.channels.iter().zip(&best.channels)) {
+                to[0] = to[0].max((a.rho_d - b.rho_d).abs());
+                to[1] = to[1].max((a.rho_s - b.rho_s).abs());
+            }
+        }
+        fit.m_err = fit.m_err.hypot(2.0 * fit.m * moved[0]);
+        fit.tilt_err[0] = fit.tilt_err[0].hypot(2.0 * moved[1]);
+        for c in (0..3).filter(|&c| counts[c] > 0) {
+            fit.rho_d_err[c] = fit.rho_d_err[c].hypot(2.0 * moved_rho[c][0]);
+            fit.rho_s_err[c] = fit.rho_s_err[c].hypot(2.0 * moved_rho[c][1]);
+        }
+        let slopes = normal_slopes(fit.tilt);
+        for (axis, error) in fit.normal_err.iter_mut().enumerate().filter(|(axis, _)| *axis != 1) {
+            *error = error.hypot(slopes[0][axis] * 2.0 * moved[1]);
+        }
+        self.evaluate(best.p);
+        let defect = fit.defect;
+        self.judge(fit, counts, false);
+        fit.defect = defect;
     }
 
     /// Says so where another minimum is as good and elsewhere.

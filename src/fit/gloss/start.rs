@@ -47,12 +47,14 @@ pub struct Bank {
     pitch_mm: f64,
     level: Level,
     group: usize,
+    fineness: f64,
     bins: Vec<OnceLock<Vec<Template>>>,
 }
 
 impl Bank {
-    /// `range`: tilts in the plane of travel that templates cover (rad).
-    pub fn new(device: &Device, travel: Travel, positions: &[f64], range: [f64; 2]) -> Bank {
+    /// `range`: tilts in the plane of travel that templates cover (rad). `fineness`: templates along either parameter over the usual
+    /// number, which 1 gives.
+    pub fn new(device: &Device, travel: Travel, positions: &[f64], range: [f64; 2], fineness: f64) -> Bank {
         // A thin tube will do to start from.
         let tube = crate::optics::tube::Tube { radius_mm: 0.0, ..device.tube() };
         Bank {
@@ -63,8 +65,14 @@ impl Bank {
             pitch_mm: device.height_mm / 16.0,
             level: Level::detect(),
             group: (positions.len() / GROUPS).max(1),
+            fineness,
             bins: std::iter::repeat_with(OnceLock::new).take(2 * SIDE + 1).collect(),
         }
+    }
+
+    /// Number of templates.
+    pub fn size(&self) -> usize {
+        self.templates([0.0; 2]).len()
     }
 
     fn templates(&self, texel: [f64; 2]) -> &[Template] {
@@ -76,8 +84,8 @@ impl Bank {
     fn build(&self, along: f64) -> Vec<Template> {
         let at = self.travel.local([along, 0.0, 0.0]);
         let mut out = Vec::new();
-        for m in SLOPES {
-            let count = ((self.range[1] - self.range[0]) / (0.9 * m).min(0.08)).ceil() as usize;
+        for m in slopes(self.fineness) {
+            let count = ((self.range[1] - self.range[0]) / (0.9 * m).min(0.08) * self.fineness).ceil().max(1.0) as usize;
             for k in 0..=count {
                 let tilt = self.range[0] + (self.range[1] - self.range[0]) * k as f64 / count as f64;
                 let n = normal_of(if self.travel == Travel::X { [tilt, 0.0] } else { [0.0, tilt] });
@@ -132,6 +140,20 @@ impl Bank {
             }
         }
     }
+}
+
+/// `SLOPES`, or as many times their number as `fineness` says, spread like them.
+fn slopes(fineness: f64) -> Vec<f64> {
+    if fineness == 1.0 {
+        return SLOPES.to_vec();
+    }
+    let count = ((SLOPES.len() as f64 * fineness).round() as usize).max(2);
+    let at = |k: usize| {
+        let x = k as f64 * (SLOPES.len() - 1) as f64 / (count - 1) as f64;
+        let (i, f) = ((x as usize).min(SLOPES.len() - 2), x - (x as usize).min(SLOPES.len() - 2) as f64);
+        SLOPES[i] * (SLOPES[i + 1] / SLOPES[i]).powf(f)
+    };
+    (0..count).map(at).collect()
 }
 
 /// How much of Σ w y² each template explains, ρd and ρs ≥ 0.

@@ -7,6 +7,7 @@ use crate::optics::gloss::Lobe;
 use crate::optics::tube::Travel;
 
 const COMMON: Truth = Truth { rho_d: [0.08, 0.15, 0.05], rho_s: [0.05; 3], m: 0.2, tilt: [0.05, 0.0] };
+const COOK_TORRANCE: Lobe = Lobe::CookTorrance { index: 1.45 };
 const NOT_EXPLAINED: &str = "(residuals exceed the noise)";
 
 /// A case: what is there, what may be spoilt, what must be said.
@@ -15,13 +16,27 @@ struct Case {
     expected: String,
     truth: Truth,
     noise: f64,
+    /// Values exact but for single precision; the stated noise is that of the quadrature.
+    exact: bool,
+    lobe: Lobe,
+    camera_deg: f64,
     thin: bool,
     spoil: fn(&mut Vec<[f32; 3]>),
 }
 
 impl Default for Case {
     fn default() -> Self {
-        Case { name: "", expected: "ok".into(), truth: COMMON, noise: 0.01, thin: false, spoil: |_| {} }
+        Case {
+            name: "",
+            expected: "ok".into(),
+            truth: COMMON,
+            noise: 0.01,
+            exact: false,
+            lobe: Lobe::Beckmann,
+            camera_deg: 55.0,
+            thin: false,
+            spoil: |_| {},
+        }
     }
 }
 
@@ -82,6 +97,30 @@ fn cases() -> Vec<Case> {
             expected: format!("undetermined: {all} {NOT_EXPLAINED}"),
             ..Case::default()
         },
+        Case { name: "values of single precision, no noise", noise: 3e-5, exact: true, ..Case::default() },
+        Case { name: "m = 0.01, ggx", truth: Truth { m: 0.01, ..COMMON }, lobe: Lobe::Ggx, ..Case::default() },
+        Case {
+            name: "m = 0.9, strong gloss, ggx",
+            truth: Truth { m: 0.9, rho_d: [0.02, 0.05, 0.02], rho_s: [0.2; 3], ..COMMON },
+            noise: 0.002,
+            lobe: Lobe::Ggx,
+            ..Case::default()
+        },
+        Case {
+            name: "m = 0.02, cook-torrance",
+            truth: Truth { m: 0.02, rho_s: [1.0; 3], ..COMMON },
+            lobe: COOK_TORRANCE,
+            ..Case::default()
+        },
+        Case { name: "m = 0.4, cook-torrance", truth: Truth { m: 0.4, rho_s: [1.0; 3], ..COMMON }, lobe: COOK_TORRANCE, ..Case::default() },
+        Case { name: "camera at grazing, 80 degrees", camera_deg: 80.0, ..Case::default() },
+        Case {
+            name: "camera straight above, broad lobe",
+            camera_deg: 0.0,
+            truth: Truth { m: 0.5, ..COMMON },
+            expected: format!("undetermined: {}", all.trim_end_matches(" tilt")),
+            ..Case::default()
+        },
         Case { name: "noise 20 %", noise: 0.2, expected: "ok".into(), ..Case::default() },
         Case { name: "three outliers", spoil: |t| [7, 30, 88].into_iter().for_each(|k| t[k] = [2.0, 0.0, 1.5]), ..Case::default() },
         Case { name: "all NaN", spoil: |t| t.fill([f32::NAN; 3]), expected: "refused: no readings".into(), ..Case::default() },
@@ -101,12 +140,17 @@ pub fn rows() -> Vec<StressRow> {
 }
 
 fn run(case: &Case) -> StressRow {
-    let mut device: Device = device(Lobe::Beckmann, case.noise);
+    let mut device: Device = device(case.lobe, case.noise);
+    let camera = case.camera_deg.to_radians();
+    device.camera = [camera.sin(), 0.0, camera.cos()];
+    if case.exact {
+        device.noise_floor = 1e-6;
+    }
     if case.thin {
         device.radius_mm = 0.0;
     }
     let positions = pass_x(100);
-    let mut samples = trace(&device, Travel::X, &positions, [0.0; 2], &case.truth, Some(&mut Noise::new(11)));
+    let mut samples = trace(&device, Travel::X, &positions, [0.0; 2], &case.truth, (!case.exact).then_some(&mut Noise::new(11)));
     (case.spoil)(&mut samples);
     let fitter = TexelFitter::new(&device, &positions, None);
     let mut ws = fitter.workspace();

@@ -1,11 +1,12 @@
 //! From (ρd, ρt) a texel to the leaf's σa, σs, thickness h + δ and γ, by the exact or the paper's reduction, with what each leaves unexplained.
 
 use crate::Result;
-use crate::capture::manifest::SideName;
+use crate::capture::manifest::{SideName, Travel};
 use crate::capture::reader::Capture;
 use crate::files::image::Maps;
 use crate::fit::leaf::curve::{Curve, Incidence, RANGE};
 use crate::fit::leaf::defect::Defect;
+use crate::fit::leaf::doubt;
 use crate::fit::leaf::noise::Level;
 use crate::fit::leaf::paper::{self, Paper};
 use crate::fit::leaf::side::Measured;
@@ -13,7 +14,7 @@ use crate::fit::leaf::slabmaps::{Inverter, Sigma};
 use crate::fit::leaf::wide::{self, Noise, Settings, Texel, Wide};
 use crate::fit::leaf::{Method, Options};
 use crate::fit::record::Times;
-use crate::optics::slab;
+use crate::optics::slab::{self, inverse};
 use crate::solve::Termination;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -43,6 +44,10 @@ pub struct Fitted {
     pub wide: Wide,
     pub termination: Termination,
     pub figures: BTreeMap<String, f64>,
+    /// Reduced χ² of the median texel where the traces are not what any texel shows.
+    pub unexplained: Option<f64>,
+    /// What the mean texel says of a channel whose σa or σs is not determined.
+    pub bounds: [Option<String>; 3],
 }
 
 impl Fitted {
@@ -74,8 +79,10 @@ pub fn fit(capture: &Capture, measured: Measured, maps: Maps, options: &Options,
     let incidence = Incidence(manifest.lightbox.camera_deg.to_radians().cos());
     let noise = Noise { relative: level.relative * level.lightbox * std::f64::consts::SQRT_2, floor: measured.floor };
     let mut mask = classify(&measured, &maps);
-    let settings = Settings { h, incidence, noise, robust: options.robust, iterations: 80 };
     let (mut at, mut texels) = gather(&measured, &maps, &mask);
+    let unseen = if manifest.pass(Travel::Y).is_some() { 0.0 } else { doubt::unseen_tilt(&maps, &at) };
+    let common = doubt::common(&texels, unseen);
+    let settings = Settings { h, incidence, noise, robust: options.robust, iterations: 80, common };
     if texels.is_empty() {
         let path = capture.folder.join(measured.side.name());
         return Err(crate::Error::Missed(format!("{}: no texel could be fitted; see the counts of `mesophyll inspect`", path.display())));
@@ -115,8 +122,9 @@ pub fn fit(capture: &Capture, measured: Measured, maps: Maps, options: &Options,
     let paper = paper::reduce(&texels, &at_h.iter().map(|s| s.map(|c| c.value)).collect::<Vec<_>>(), h);
     let figures = compare(&texels, &wide, &paper, &settings);
 
+    let unexplained = doubt::unexplained(&maps, &at, level);
     let gauge = manifest.thickness_err_mm.unwrap_or(0.0) / h;
-    let (sigma_a, sigma_s, rel_a, rel_s, termination);
+    let (mut sigma_a, mut sigma_s, mut rel_a, mut rel_s, termination);
     let (thickness, thickness_err, gamma, gamma_err): (Vec<f64>, Vec<f64>, Vec<[f64; 3]>, Vec<[f64; 3]>);
     match options.method {
         Method::Exact => {
@@ -146,6 +154,29 @@ pub fn fit(capture: &Capture, measured: Measured, maps: Maps, options: &Options,
             }
         }
     }
+    let rho_t_err = |c: usize, t: f64| ((noise.relative * t).powi(2) + noise.floor[c].powi(2)).sqrt();
+    for c in (0..3).filter(|&c| doubt::opaque(&texels, c, |t| rho_t_err(c, t))) {
+        // Nothing comes through that noise could not be: the curvature where the fit stopped says nothing of thicker slabs.
+        (rel_a[c], rel_s[c]) = (f64::INFINITY, f64::INFINITY);
+    }
+    let bounds = [0, 1, 2].map(|c: usize| {
+        if rel_a[c] <= inverse::DETERMINED && rel_s[c] <= inverse::DETERMINED {
+            return None;
+        }
+        let mean = doubt::mean_texel(&texels, c, h, |t| rho_t_err(c, t), &common);
+        if options.method == Method::Exact {
+            // A direction that the joint problem has lost ends wherever it began: the mean texel's estimate stands instead.
+            for (value, relative, estimate) in [(&mut sigma_a[c], rel_a[c], mean.sigma_a), (&mut sigma_s[c], rel_s[c], mean.sigma_s)] {
+                if !relative.is_finite() && estimate.is_finite() {
+                    *value = estimate;
+                }
+            }
+        }
+        match mean.status {
+            inverse::Verdict::Undetermined(what) => Some(what),
+            _ => None,
+        }
+    });
     let sigma = invert_all(&|k| if thickness[k].is_finite() && thickness[k] > 0.0 { thickness[k] } else { h });
     Ok(Fitted {
         side: measured.side,
@@ -167,6 +198,8 @@ pub fn fit(capture: &Capture, measured: Measured, maps: Maps, options: &Options,
         wide,
         termination,
         figures,
+        unexplained,
+        bounds,
     })
 }
 

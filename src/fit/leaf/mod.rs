@@ -6,6 +6,7 @@
 pub mod blade;
 pub mod curve;
 pub mod defect;
+mod doubt;
 mod fill;
 mod interior;
 mod noise;
@@ -13,13 +14,14 @@ mod output;
 pub mod paper;
 mod side;
 mod slabmaps;
+pub mod stress;
 pub mod texels;
 mod truth;
 pub mod wide;
 
 use crate::capture::manifest::{SideName, Travel};
 use crate::capture::reader::Capture;
-use crate::files::progress::{Bar, say};
+use crate::files::progress::Bar;
 use crate::files::{atomic, hash};
 use crate::fit::gloss::{Device, TexelFitter};
 use crate::fit::record::{FitRecord, Phase, SCHEMA, Times};
@@ -134,6 +136,7 @@ pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     let y = manifest.pass(Travel::Y).map(|p| p.positions());
     let mut fitter = TexelFitter::new(&device, &x, y.as_deref());
     fitter.offset = level.dark / capture.median_gain();
+    fitter.unseen = if y.is_none() { doubt::UNSEEN } else { 0.0 };
     let jobs: Vec<Job> =
         sides.iter().map(|s| Job { capture: &capture, side: s.side, mask: &s.mask, fitter: &fitter, parts: &parts }).collect();
     if !options.merge {
@@ -205,7 +208,6 @@ pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
             done.iter().map(|d| d.termination.name()).collect::<Vec<_>>().join(", ")
         )));
     }
-    say(format!("fit written to {}", out.display()));
     Ok(Outcome::Done(Box::new(record)))
 }
 

@@ -295,8 +295,17 @@ fn section(capture: &Capture, fitted: &Fitted, truth: Comparison) -> Section {
     s.rank = Some(fitted.wide.rank);
     let parameter = |name: &str, value: [f64; 3], relative: [f64; 3]| {
         let undetermined = (0..3)
-            .filter(|&c| !(relative[c] <= 0.1) || !value[c].is_finite())
-            .map(|c| format!("{name}.{}: relative standard error {:.2}", RGB[c], relative[c]))
+            .filter_map(|c| {
+                let name = format!("{name}.{}", RGB[c]);
+                if let Some(chi2) = fitted.unexplained {
+                    return Some(format!("{name}: the traces' residuals exceed the noise (reduced chi2 {chi2:.0})"));
+                }
+                if relative[c] <= 0.1 && value[c].is_finite() {
+                    return None;
+                }
+                let bounds = fitted.bounds[c].as_ref().map_or(String::new(), |b| format!("; the mean texel says {b}"));
+                Some(format!("{name}: relative standard error {:.2}{bounds}", relative[c]))
+            })
             .collect();
         let stderr = [0, 1, 2].map(|c: usize| if relative[c].is_finite() { value[c] * relative[c] } else { f64::INFINITY });
         Param { value: value.to_vec(), stderr: stderr.to_vec(), unit: "1/mm".into(), undetermined }

@@ -11,12 +11,12 @@
 use super::quadrature::gauss;
 use std::sync::OnceLock;
 
-/// Ordinates a hemisphere.
+/// Ordinates a hemisphere that [`solve`] takes.
 pub const N: usize = 40;
 /// Modes weaker than e^−CUT after the crossing do not couple the boundaries.
 const CUT: f64 = 42.0;
 
-struct Ordinates {
+struct Ordinates<const N: usize> {
     /// descending, so that the poles 1/μ² ascend
     mu: [f64; N],
     w: [f64; N],
@@ -25,9 +25,13 @@ struct Ordinates {
     mean_square: f64,
 }
 
-fn ordinates() -> &'static Ordinates {
-    static ORDINATES: OnceLock<Box<Ordinates>> = OnceLock::new();
-    ORDINATES.get_or_init(|| {
+fn ordinates() -> &'static Ordinates<N> {
+    static ORDINATES: OnceLock<Box<Ordinates<N>>> = OnceLock::new();
+    ORDINATES.get_or_init(Ordinates::new)
+}
+
+impl<const N: usize> Ordinates<N> {
+    fn new() -> Box<Ordinates<N>> {
         let mut o = Box::new(Ordinates { mu: [0.0; N], w: [0.0; N], gap: [[0.0; N]; N], mean_square: 0.0 });
         let rule: Vec<_> = gauss(N).into_iter().rev().collect();
         let m: Vec<f64> = rule.iter().map(|q| (1.0 - q.x) * (1.0 + q.x + q.x * q.x)).collect();
@@ -44,11 +48,11 @@ fn ordinates() -> &'static Ordinates {
         }
         o.mean_square = (0..N).map(|i| o.w[i] * o.mu[i] * o.mu[i]).sum();
         o
-    })
+    }
 }
 
 /// The modes e^(−kτ) of one single-scattering albedo, and the coefficients of one boundary.
-pub struct Modes {
+pub struct Modes<const N: usize> {
     /// ascending; k[0] may be 0
     k: [f64; N],
     /// Π_i(1−k_αμ_i) / Π_{β≠α,0}(1−k_α/k_β): the half space's amplitudes, without the factor of mode 0
@@ -59,10 +63,9 @@ pub struct Modes {
     extrapolation: f64,
 }
 
-impl Modes {
+impl<const N: usize> Modes<N> {
     /// Modes of albedo `omega` > 0; `absorbed` = 1 − omega, given apart so that it keeps its digits.
-    pub fn new(omega: f64, absorbed: f64) -> Modes {
-        let o = ordinates();
+    fn new(o: &Ordinates<N>, omega: f64, absorbed: f64) -> Modes<N> {
         // d[α][i] = 1 − k_α²μ_i²
         let mut d = [[0.0; N]; N];
         let mut k = [0.0; N];
@@ -252,7 +255,7 @@ fn atanh_over(k: f64, m: f64, d: f64) -> f64 {
 }
 
 /// The smallest root as (k²μ₀², 1 − k²μ₀²): of 1 = ω Σ w/(1 − k²μ²), or (1−ω)/ω = k² Σ wμ²/(1 − k²μ²).
-fn first_root(o: &Ordinates, omega: f64, absorbed: f64) -> (f64, f64) {
+fn first_root<const N: usize>(o: &Ordinates<N>, omega: f64, absorbed: f64) -> (f64, f64) {
     let p = 1.0 / (o.mu[0] * o.mu[0]);
     let loss = absorbed / omega;
     let excess = |x: f64| {
@@ -284,7 +287,7 @@ fn first_root(o: &Ordinates, omega: f64, absorbed: f64) -> (f64, f64) {
     }
 }
 
-fn next_root(o: &Ordinates, omega: f64, j: usize) -> (f64, f64) {
+fn next_root<const N: usize>(o: &Ordinates<N>, omega: f64, j: usize) -> (f64, f64) {
     // The lower pole 1/μ_{j−1}² lies at y = 1 − μ_j²/μ_{j−1}².
     let y = root_between(o, omega, j, o.gap[j - 1][j]);
     (1.0 - y, y)
@@ -292,7 +295,7 @@ fn next_root(o: &Ordinates, omega: f64, j: usize) -> (f64, f64) {
 
 /// The root y in (0, top) of 1 − ω Σ w_i/(gap_i + y (1−gap_i)), poles at both ends (at y = 0 only, for j = 0),
 /// by rational interpolation of the two sums (the "middle way" of Li 1993).
-fn root_between(o: &Ordinates, omega: f64, j: usize, top: f64) -> f64 {
+fn root_between<const N: usize>(o: &Ordinates<N>, omega: f64, j: usize, top: f64) -> f64 {
     let (mut low, mut high) = (0.0, top);
     let mut y = if j == 0 { (omega * o.w[0]).max(0.5 * top * omega * o.w[0]) } else { 0.5 * top };
     y = y.min(0.5 * top);
@@ -373,5 +376,11 @@ fn solve_dense(mut m: Vec<f64>, mut v: Vec<f64>) -> Vec<f64> {
 
 /// ρd and ln ρt at (ω, Δ), 1 − ω given apart.
 pub fn solve(omega: f64, absorbed: f64, delta: f64, mu0: f64) -> (f64, f64) {
-    Modes::new(omega, absorbed).response(delta, mu0)
+    Modes::new(ordinates(), omega, absorbed).response(delta, mu0)
+}
+
+/// A solver with `K` ordinates a hemisphere, for the sweep of their number: takes (ω, 1 − ω, Δ), beam along the normal.
+pub fn with_ordinates<const K: usize>() -> impl Fn(f64, f64, f64) -> (f64, f64) {
+    let o: Box<Ordinates<K>> = Ordinates::new();
+    move |omega, absorbed, delta| Modes::new(&o, omega, absorbed).response(delta, 1.0)
 }

@@ -105,11 +105,28 @@ impl Table {
         }
     }
 
-    /// Reads a table written by [`Table::write`].
+    /// A table of its own over Δ from `delta[0]` to `delta[1]`, its largest error about `tolerance`: for the sweep of table sizes.
+    pub fn made(delta: [f64; 2], tolerance: f64) -> Table {
+        Table::read(&build::bytes_over(delta, tolerance, |_| {}))
+    }
+
+    /// ρd and ρt within the table's range of Δ.
+    pub fn response(&self, omega: f64, absorbed: f64, delta: f64) -> Response {
+        let s = self.at(absorbed, delta);
+        Response { rho_d: omega * delta / (1.0 + delta) * s.g[0], rho_t: (-delta * s.g[1]).exp() }
+    }
+
+    /// Size in bytes.
+    pub fn bytes(&self) -> usize {
+        let patches: usize = self.rows.iter().map(|r| r.patches.len()).sum();
+        8 * (1 + 3 * self.rows.len() + patches * (1 + ORDER * WIDTH))
+    }
+
+    /// Reads a table written by [`build::bytes`].
     fn read(bytes: &[u8]) -> Table {
         let mut numbers = bytes.chunks_exact(8).map(|b| f64::from_le_bytes([b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7]]));
         let mut next = || numbers.next().unwrap_or(f64::NAN);
-        let mut table = Table { rows: Vec::new(), lowest: DELTA_MIN.ln(), density: 0.0, row_of_cell: Vec::new() };
+        let mut table = Table { rows: Vec::new(), lowest: 0.0, density: 0.0, row_of_cell: Vec::new() };
         let mut spans = Vec::new();
         for _ in 0..next() as usize {
             let (low, high) = (next(), next());
@@ -125,6 +142,7 @@ impl Table {
             }
             table.rows.push(row);
         }
+        table.lowest = spans.first().map_or(0.0, |s| s.0);
         let narrowest = spans.iter().map(|(low, high)| high - low).fold(f64::INFINITY, f64::min);
         table.density = 1.0 / narrowest;
         for (k, (low, high)) in spans.iter().enumerate() {
@@ -289,14 +307,14 @@ pub mod build {
     }
 
     /// The patches of one row and their largest error; nothing where the row is too wide.
-    fn row(q0: f64, q1: f64) -> Option<(Vec<(f64, Patch)>, f64)> {
+    fn row(q0: f64, q1: f64, tolerance: f64) -> Option<(Vec<(f64, Patch)>, f64)> {
         let mut done = Vec::new();
         let mut todo = vec![(0.0, 1.0)];
         let mut largest: f64 = 0.0;
         while let Some((left, right)) = todo.pop() {
             let patch = fit([q0, left], [q1, right]);
             let error = worst(&patch, [q0, left], [q1, right]);
-            let allowed = TOLERANCE * (q1.exp() / 4.0).powi(3).clamp(1.0, 25.0);
+            let allowed = tolerance * (q1.exp() / 4.0).powi(3).clamp(1.0, 25.0);
             if error[0].max(error[1]) <= allowed {
                 largest = largest.max(error[0]).max(error[1]);
                 done.push((right, patch));
@@ -311,16 +329,24 @@ pub mod build {
         Some((done, largest))
     }
 
-    /// The table's bytes; `say` hears of each row.
-    pub fn bytes(mut say: impl FnMut(String)) -> Vec<u8> {
-        let (bottom, top) = (DELTA_MIN.ln(), DELTA_MAX.ln());
-        let mut todo: Vec<(f64, f64)> = (0..ROWS)
+    /// The committed table's bytes; `say` hears of each row.
+    pub fn bytes(say: impl FnMut(String)) -> Vec<u8> {
+        bytes_over([DELTA_MIN, DELTA_MAX], TOLERANCE, say)
+    }
+
+    /// A table's bytes over a range of Δ, to a tolerance.
+    pub fn bytes_over(delta: [f64; 2], tolerance: f64, mut say: impl FnMut(String)) -> Vec<u8> {
+        let [bottom, top] = delta.map(f64::ln);
+        // As wide as the committed table's; a loose tolerance takes wider ones.
+        let widest = (DELTA_MAX / DELTA_MIN).ln() / ROWS as f64 * if tolerance > 1e-7 { 2.0 } else { 1.0 };
+        let count = ((top - bottom) / widest).round().max(1.0) as usize;
+        let mut todo: Vec<(f64, f64)> = (0..count)
             .rev()
-            .map(|r| (bottom + (top - bottom) * r as f64 / ROWS as f64, bottom + (top - bottom) * (r + 1) as f64 / ROWS as f64))
+            .map(|r| (bottom + (top - bottom) * r as f64 / count as f64, bottom + (top - bottom) * (r + 1) as f64 / count as f64))
             .collect();
         let mut rows = Vec::new();
         while let Some((q0, q1)) = todo.pop() {
-            match row(q0, q1) {
+            match row(q0, q1, tolerance) {
                 Some((patches, largest)) => {
                     say(format!("Δ {:9.2e} … {:9.2e}: {} patches, largest error {largest:.1e}", q0.exp(), q1.exp(), patches.len()));
                     rows.push((q0, q1, patches));

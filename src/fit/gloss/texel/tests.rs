@@ -28,73 +28,86 @@ fn exact_traces_give_back_the_truth() {
     }
 }
 
-#[test]
-#[ignore = "statistics over many texels, for figures"]
-fn statistics() {
-    for (noise, ms, tilt, hard) in [(0.01, [0.05, 0.5], 0.1, false), (0.02, [0.03, 0.9], 0.1745, true)] {
-        let d = device(Lobe::Beckmann, noise);
-        let xs = pass_x(100);
-        let fitter = TexelFitter::new(&d, &xs, None);
-        let mut ws = fitter.workspace();
-        let mut rng = Noise::new(7);
-        let (mut fails, mut inside, mut total, mut ratio, mut evals, mut flagged) = (0, [0usize; 4], 0usize, vec![], 0, 0);
-        let mut time = std::time::Duration::ZERO;
-        for _ in 0..2000 {
-            let mut u = |a: f64, b: f64| rng.uniform(a, b);
-            let t = Truth {
-                rho_d: [u(0.02, 0.3), u(0.05, 0.4), u(0.02, 0.2)],
-                rho_s: {
-                    let s = u(0.01, 0.1);
-                    [s, s * 1.1, s * 0.9]
-                },
-                m: if hard { u(f64::ln(ms[0]), f64::ln(ms[1])).exp() } else { u(ms[0], ms[1]) },
-                tilt: [u(-tilt, tilt), 0.0],
-            };
-            let tx = trace(&d, Travel::X, &xs, [0.0, 0.0], &t, Some(&mut rng));
-            let clock = std::time::Instant::now();
-            let f = fitter.fit(&mut ws, [0.0, 0.0], &tx, None);
-            time += clock.elapsed();
-            total += 1;
-            evals += f.evaluations;
-            let z = [
-                (f.m - t.m) / f.m_err,
-                (f.tilt[0] - t.tilt[0]) / f.tilt_err[0],
-                (f.rho_d[1] - t.rho_d[1]) / f.rho_d_err[1],
-                (f.rho_s[1] - t.rho_s[1]) / f.rho_s_err[1],
-            ];
-            for k in 0..4 {
-                inside[k] += usize::from(z[k].abs() < 1.96);
-            }
-            ratio.push(z[0].abs());
-            if !f.undetermined.is_empty() {
-                flagged += 1;
-            }
-            if !f.termination.converged() || z.iter().any(|v| v.is_nan() || v.abs() > 6.0) {
-                fails += 1;
-                println!(
-                    "z {z:.1?} m {:.3} tilt {:.3} rs {:.3} rd {:.3}: {:?} m {:.3}±{:.3} tilt {:.3} chi2r {:.2} {:?} {:?}",
-                    t.m,
-                    t.tilt[0],
-                    t.rho_s[1],
-                    t.rho_d[1],
-                    f.termination,
-                    f.m,
-                    f.m_err,
-                    f.tilt[0],
-                    f.reduced_chi2(),
-                    f.undetermined.names(3),
-                    f.defect
-                );
-            }
+/// Fits of traces that the scan's own integral made (`capture::synth`): failures, and the median error over what the stated errors
+/// allow. A failure did not converge without saying so, or promises a value that lies six of its errors off.
+fn judged(lobe: Lobe, noise: f64, ms: [f64; 2], tilt: f64, count: usize, seed: u64) -> (usize, f64, f64) {
+    use crate::capture::manifest;
+    use crate::capture::synth::illumination::{Device as Scanner, Lobe as Scanned};
+    let d = device(lobe, noise);
+    let scanned = match lobe {
+        Lobe::Beckmann => Scanned::Beckmann,
+        Lobe::Ggx => Scanned::Ggx,
+        Lobe::CookTorrance { index } => Scanned::CookTorrance { index },
+    };
+    let scanner = Scanner::new(manifest::Tube { height_mm: 100.0, length_mm: 500.0, radius_mm: 2.5 }, manifest::Travel::X, 55.0);
+    let xs = pass_x(100);
+    let fitter = TexelFitter::new(&d, &xs, None);
+    let (mut ws, mut rng) = (fitter.workspace(), Noise::new(seed));
+    let (mut failed, mut ratios, mut time) = (0, Vec::new(), std::time::Duration::ZERO);
+    for k in 0..count {
+        let mut u = |a: f64, b: f64| rng.uniform(a, b);
+        // With F·G in the model ρs is larger by about as much as F is small.
+        let s = u(0.01, 0.1) * if matches!(lobe, Lobe::CookTorrance { .. }) { 15.0 } else { 1.0 };
+        let t = Truth {
+            rho_d: [u(0.02, 0.3), u(0.05, 0.4), u(0.02, 0.2)],
+            rho_s: [s, 1.1 * s, 0.9 * s],
+            m: u(ms[0].ln(), ms[1].ln()).exp(),
+            tilt: [u(-tilt, tilt), 0.0],
+        };
+        let trace: Vec<[f32; 3]> = xs
+            .iter()
+            .map(|&x| {
+                let shown = scanner.shown(&scanner.seen(x, 0.0), 0.0, normal_of(t.tilt), Some(t.m), scanned);
+                std::array::from_fn(|c| {
+                    let value = t.rho_d[c] * shown.diffuse + t.rho_s[c] * shown.gloss;
+                    (value + rng.normal() * (noise * value).hypot(5e-4)) as f32
+                })
+            })
+            .collect();
+        if k == 0 {
+            fitter.fit(&mut ws, [0.0; 2], &trace, None); // builds the templates
         }
-        ratio.sort_by(f64::total_cmp);
-        println!(
-            "noise {noise}: {fails} failures of {total}; coverage {:?}; median |z_m|/.6745 {:.3}; {:.1} evaluations; {flagged} flagged; {:.1} us",
-            inside.map(|i| i as f64 / total as f64),
-            ratio[total / 2] / 0.6745,
-            evals as f64 / total as f64,
-            time.as_secs_f64() * 1e6 / total as f64
-        );
+        let clock = std::time::Instant::now();
+        let f = fitter.fit(&mut ws, [0.0; 2], &trace, None);
+        time += clock.elapsed();
+        let z = [
+            (f.m - t.m) / f.m_err,
+            (f.tilt[0] - t.tilt[0]) / f.tilt_err[0],
+            (f.rho_d[1] - t.rho_d[1]) / f.rho_d_err[1],
+            (f.rho_s[1] - t.rho_s[1]) / f.rho_s_err[1],
+        ];
+        // A texel without a lobe in the noise is matte by its verdict: its m makes no claim.
+        let matte = f.m.is_nan() && f.undetermined.contains(crate::fit::gloss::Undetermined::M);
+        if !f.termination.converged() || z.iter().enumerate().any(|(k, v)| !(v.abs() < 6.0 || matte && k == 0)) {
+            failed += 1;
+            println!(
+                "{lobe:?} m {:.3} tilt {:.3} rho_s {:.3}: z {z:.1?}, m {:.3} ± {:.3}, {:?}",
+                t.m,
+                t.tilt[0],
+                s,
+                f.m,
+                f.m_err,
+                f.status(3)
+            );
+        }
+        if f.undetermined.is_empty() && f.defect.is_none() {
+            ratios.extend(z.map(|v| v.abs() / 0.6745));
+        }
+    }
+    ratios.sort_by(f64::total_cmp);
+    let (ratio, us) = (ratios[ratios.len() / 2], time.as_secs_f64() * 1e6 / count as f64);
+    println!("{lobe:?}, noise {noise}: {failed} failures of {count}, median error {ratio:.3} of the bound's, {us:.1} us");
+    (failed, ratio, us)
+}
+
+/// The goals, a lobe at a time: no failure at 1 %, three of 500 at 2 % with m .03–.9 and tilts of 10°, errors at the Cramér–Rao bound.
+#[test]
+fn fits_of_traces_made_by_other_code() {
+    for lobe in [Lobe::Beckmann, Lobe::Ggx, Lobe::CookTorrance { index: 1.45 }] {
+        let (failed, ratio, _) = judged(lobe, 0.01, [0.05, 0.5], 0.1, 500, 7);
+        assert!(failed == 0 && ratio < 1.05, "{lobe:?}: {failed} failed, {ratio}");
+        let (failed, ratio, _) = judged(lobe, 0.02, [0.03, 0.9], 0.1745, 500, 8);
+        assert!(failed <= 3 && ratio < 1.05, "{lobe:?}, hard: {failed} failed, {ratio}");
     }
 }
 

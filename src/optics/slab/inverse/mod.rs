@@ -7,7 +7,7 @@
 mod bounds;
 mod newton;
 
-pub use newton::{Point, solve};
+pub use newton::{Point, after_steps, solve};
 
 /// Which forward model the answer is held to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -52,6 +52,18 @@ pub fn solve(r: f64, t: f64, lost: f64, precision: Precision) -> Option<Point> {
     }
 }
 
+/// Where `steps` plain Newton steps lead from the tabulated start, for the sweep of their number: (1−ω, ω, Δ).
+pub fn after_steps(r: f64, t: f64, lost: f64, steps: usize) -> [f64; 3] {
+    let target = [(r / lost).ln(), (-t.ln()).ln()];
+    let [mut l, mut m] = start(r, t, lost, target);
+    for _ in 0..steps {
+        let (f, point) = model(l, m);
+        let step = newton_step(&point, [target[0] - f[0], target[1] - f[1]]);
+        (l, m) = (l + step[0], m + step[1]);
+    }
+    [1.0 / (1.0 + l.exp()), 1.0 / (1.0 + (-l).exp()), m.exp()]
+}
+
 /// F and its Jacobian from the fast model.
 #[inline]
 fn model(l: f64, m: f64) -> ([f64; 2], Point) {

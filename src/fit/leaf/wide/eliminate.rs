@@ -1,0 +1,115 @@
+//! One texel's part of the leaf-wide problem: its thickness and γ eliminated, what is left of them in the sums for the shared σ.
+
+use super::{Local, Noise, Settings, Sums, Texel, V6};
+use crate::fit::leaf::curve::Curve;
+use nalgebra::{SMatrix, SVector};
+
+/// Thickness that explains three transmittances best, by Gauss–Newton in ln t from the last one (or a scan).
+pub fn solve_thickness(rho_t: &[f64; 3], start: f64, curves: &[Curve; 3], noise: &Noise, h: f64) -> f64 {
+    let [lo, hi] = curves[0].range().map(f64::ln);
+    let cost = |t: f64| {
+        (0..3)
+            .map(|c| {
+                let v = curves[c].at(t).ln_rho_t.exp();
+                (rho_t[c] - v).powi(2) / ((noise.relative * v).powi(2) + noise.floor[c].powi(2))
+            })
+            .sum::<f64>()
+    };
+    let mut t = start;
+    if t.is_nan() {
+        // T falls with thickness in every channel: a coarse scan finds the basin.
+        let scan = (0..=32).map(|k| lo + (hi - lo) * f64::from(k) / 32.0);
+        t = scan.map(|t| (t, cost(t))).fold((h.ln(), f64::INFINITY), |a, b| if b.1 < a.1 { b } else { a }).0;
+    }
+    for _ in 0..30 {
+        let (mut a, mut b) = (0.0, 0.0);
+        for c in 0..3 {
+            let q = curves[c].at(t);
+            let v = q.ln_rho_t.exp();
+            let w = 1.0 / ((noise.relative * v).powi(2) + noise.floor[c].powi(2));
+            let slope = v * q.d_rho_t;
+            a += w * slope * slope;
+            b += w * slope * (rho_t[c] - v);
+        }
+        let step = (b / a.max(f64::MIN_POSITIVE)).clamp(-0.5, 0.5);
+        let next = (t + step).clamp(lo, hi);
+        let moved = (next - t).abs();
+        t = next;
+        if moved < 1e-13 {
+            break;
+        }
+    }
+    t
+}
+
+/// Solves one texel at the curves of the shared σ and adds its share to `sums`.
+pub(super) fn eliminate(x: &Texel, ln_t: &mut f64, curves: &[Curve; 3], settings: &Settings, sums: &mut Sums) -> Local {
+    let noise = &settings.noise;
+    *ln_t = solve_thickness(&x.rho_t, *ln_t, curves, noise, settings.h);
+    let points = [0, 1, 2].map(|c: usize| curves[c].at(*ln_t));
+    let (mut residual, mut slope, mut weight) = ([0.0; 3], [0.0; 3], [0.0; 3]);
+    let (mut information, mut bend, mut chi2) = (0.0, 0.0, 0.0);
+    for c in 0..3 {
+        let v = points[c].ln_rho_t.exp();
+        residual[c] = x.rho_t[c] - v;
+        slope[c] = v * points[c].d_rho_t;
+        weight[c] = 1.0 / ((noise.relative * v).powi(2) + noise.floor[c].powi(2));
+        information += weight[c] * slope[c] * slope[c];
+        bend += weight[c] * slope[c] * v * (points[c].dd_rho_t + points[c].d_rho_t.powi(2));
+        chi2 += weight[c] * residual[c] * residual[c];
+    }
+    let information = information.max(f64::MIN_POSITIVE);
+    let variance = 1.0 / information;
+    // Two degrees of freedom: three transmittances less one thickness. Huber's weight beyond about 3.5 standard deviations.
+    let trust = if settings.robust && chi2 > 12.0 { (12.0 / chi2).sqrt() } else { 1.0 };
+    // d ln t / d p with the thickness re-solved
+    let mut dt = V6::zeros();
+    for c in 0..3 {
+        let v = points[c].ln_rho_t.exp();
+        for k in 0..2 {
+            dt[2 * c + k] = -weight[c] * slope[c] * v * points[c].p_rho_t[k] * variance;
+        }
+    }
+    for c in 0..3 {
+        // row of the projected Jacobian: dT_c/dp with t following
+        let v = points[c].ln_rho_t.exp();
+        let mut row = dt * slope[c];
+        for k in 0..2 {
+            row[2 * c + k] += v * points[c].p_rho_t[k];
+        }
+        sums.hessian += row * row.transpose() * (weight[c] * trust);
+        sums.gradient += row * (weight[c] * trust * residual[c]);
+    }
+    sums.cost += 0.5 * chi2 * trust.max(1e-12);
+    // Second-order bias of the least-squares thickness (Box 1971): noise would otherwise shift the mean of 10⁵ texels visibly.
+    let bias = -0.5 * variance * variance * bend;
+    let usable = if variance.is_finite() && variance < 0.25 { 1.0 } else { 0.0 };
+    let t = ln_t.exp();
+    let mut local = Local { thickness: t, thickness_err: t * variance.sqrt(), chi2, weight: trust * usable, ..Local::default() };
+    sums.gauge[0] += t * (1.0 - usable * (bias + 0.5 * variance));
+    let mut noise_row = SMatrix::<f64, 4, 6>::zeros();
+    for k in 0..6 {
+        sums.jacobian[(0, k)] += t * dt[k];
+    }
+    for c in 0..3 {
+        let (r, q) = (points[c].ln_rho_d.exp(), &points[c]);
+        let gamma = x.rho_d[c] / r;
+        // γ is convex in ln t: E[γ̂] = γ (1 − R′·bias + (R′² − R″)/2·variance), R″ of ln R being negligible.
+        let curvature = 0.5 * q.d_rho_d * q.d_rho_d * variance;
+        sums.gauge[1 + c] += gamma * (1.0 - usable * (curvature - q.d_rho_d * bias));
+        for k in 0..6 {
+            let own = if k / 2 == c { q.p_rho_d[k % 2] } else { 0.0 };
+            sums.jacobian[(1 + c, k)] -= gamma * (own + q.d_rho_d * dt[k]);
+        }
+        local.gamma[c] = gamma;
+        local.gamma_err[c] = ((x.rho_d_err[c] / r).powi(2) + (gamma * q.d_rho_d).powi(2) * variance).sqrt();
+        noise_row[(1 + c, c)] = x.rho_d_err[c] / r;
+    }
+    // Noise of the gauges: three independent ρd and the thickness (from ρt) they share.
+    let shared = SVector::<f64, 4>::from_fn(|k, _| if k == 0 { t } else { -local.gamma[k - 1] * points[k - 1].d_rho_d });
+    sums.gauge_noise += shared * shared.transpose() * variance;
+    for c in 0..3 {
+        sums.gauge_noise[(1 + c, 1 + c)] += noise_row[(1 + c, c)].powi(2);
+    }
+    local
+}

@@ -1,0 +1,237 @@
+//! The leaf-wide problem: one σa and σs a channel for the whole leaf, a thickness h + δ and albedo factors γ a texel.
+//!
+//! Minimise Σ over texels and channels of (ρt − T(σ, h + δ))²/variance with the gauges mean(h + δ) = h and mean γ = 1 a channel,
+//! where γ = ρd / R(σ, h + δ) exactly. δ is eliminated texel by texel (the Schur complement of an arrow-shaped normal matrix is
+//! what remains for ln σ), γ in closed form, so each iteration solves six unknowns under four constraints, however many texels
+//! there are. Wang et al. 2005 solve every texel and average instead (`paper.rs`).
+
+mod eliminate;
+mod gauge;
+
+pub use eliminate::solve_thickness;
+
+use crate::fit::leaf::curve::{Curve, Incidence};
+use crate::solve::{Termination, Trace, TraceRow};
+use eliminate::eliminate;
+use gauge::{constrained_step, covariance};
+use nalgebra::{SMatrix, SVector};
+use rayon::prelude::*;
+use std::time::Instant;
+
+type V6 = SVector<f64, 6>;
+type M6 = SMatrix<f64, 6, 6>;
+
+/// Texels a work unit: fixed, so that sums do not depend on the number of threads.
+const UNIT: usize = 4096;
+
+/// What the texels say, good ones only.
+#[derive(Debug, Clone, Copy)]
+pub struct Texel {
+    pub rho_d: [f64; 3],
+    pub rho_d_err: [f64; 3],
+    pub rho_t: [f64; 3],
+}
+
+/// Noise of a measured transmittance: variance = (relative·T)² + floor².
+#[derive(Debug, Clone, Copy)]
+pub struct Noise {
+    pub relative: f64,
+    pub floor: [f64; 3],
+}
+
+/// Thickness and albedo factors of one texel.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Local {
+    /// h + δ (mm)
+    pub thickness: f64,
+    pub thickness_err: f64,
+    pub gamma: [f64; 3],
+    pub gamma_err: [f64; 3],
+    /// χ² of the transmittance (three channels, one unknown).
+    pub chi2: f64,
+    /// 1 for a texel that the fit believes, less for one it weighs down.
+    pub weight: f64,
+}
+
+/// The fitted leaf.
+#[derive(Debug, Clone)]
+pub struct Wide {
+    pub sigma_a: [f64; 3],
+    pub sigma_s: [f64; 3],
+    /// Covariance of (ln σa, ln σs) a channel: r_a, r_s, g_a, g_s, b_a, b_s. Statistical only; an error of h adds.
+    pub covariance: M6,
+    pub locals: Vec<Local>,
+    pub termination: Termination,
+    pub trace: Trace,
+    pub condition: f64,
+    pub rank: usize,
+    pub curves: [Curve; 3],
+    /// What is left of the gauges: mean thickness − h (mm) and mean γ − 1.
+    pub gauge: [f64; 4],
+}
+
+/// Settings of [`fit`].
+#[derive(Debug, Clone, Copy)]
+pub struct Settings {
+    pub h: f64,
+    pub incidence: Incidence,
+    pub noise: Noise,
+    /// Weigh down texels whose transmittance no thickness explains.
+    pub robust: bool,
+    pub iterations: usize,
+    /// What all ρd may have in common that their own noise does not tell.
+    pub common: Common,
+}
+
+/// Relative standard errors of ρd that every texel of the leaf shares, so that no average takes them away.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Common {
+    /// Alike in the three channels.
+    pub shared: f64,
+    /// Of each channel alone.
+    pub own: [f64; 3],
+}
+
+/// Sums over texels for one Gauss–Newton step.
+#[derive(Clone)]
+struct Sums {
+    cost: f64,
+    hessian: M6,
+    gradient: V6,
+    gauge: [f64; 4],
+    jacobian: SMatrix<f64, 4, 6>,
+    /// Covariance of the gauges' own noise (sums of squares).
+    gauge_noise: SMatrix<f64, 4, 4>,
+}
+
+impl Sums {
+    fn zero() -> Self {
+        Sums {
+            cost: 0.0,
+            hessian: M6::zeros(),
+            gradient: V6::zeros(),
+            gauge: [0.0; 4],
+            jacobian: SMatrix::zeros(),
+            gauge_noise: SMatrix::zeros(),
+        }
+    }
+    fn add(mut self, o: &Sums) -> Self {
+        self.cost += o.cost;
+        self.hessian += o.hessian;
+        self.gradient += o.gradient;
+        for k in 0..4 {
+            self.gauge[k] += o.gauge[k];
+        }
+        self.jacobian += o.jacobian;
+        self.gauge_noise += o.gauge_noise;
+        self
+    }
+}
+
+/// Fits the leaf-wide problem from `start` = (σa, σs) a channel. `texels` must not be empty.
+pub fn fit(texels: &[Texel], start: [[f64; 2]; 3], settings: &Settings) -> Wide {
+    let clock = Instant::now();
+    let mut p = V6::from_fn(|k, _| start[k / 2][k % 2].max(1e-6).ln());
+    let mut ln_t = vec![f64::NAN; texels.len()];
+    let mut trace: Trace = Vec::new();
+    let mut termination = Termination::IterationLimit;
+    let n = texels.len() as f64;
+    let mut damping = 0.0;
+    let (mut curves, mut sums, mut locals) = evaluate(texels, &p, &mut ln_t, settings);
+    let mut evaluations = 1;
+    for iteration in 0..settings.iterations {
+        let gauge = [sums.gauge[0] / n - settings.h, sums.gauge[1] / n - 1.0, sums.gauge[2] / n - 1.0, sums.gauge[3] / n - 1.0];
+        let step = constrained_step(&sums, &gauge, n, damping);
+        let limited = step * (0.7 / step.amax().max(0.7));
+        let distance = gauge[0].abs() / settings.h + gauge[1].abs() + gauge[2].abs() + gauge[3].abs();
+        trace.push(TraceRow {
+            iteration,
+            evaluations,
+            elapsed_s: clock.elapsed().as_secs_f64(),
+            cost: sums.cost,
+            gradient: distance,
+            step: limited.amax(),
+            truth_error: None,
+        });
+        if !step.iter().all(|v| v.is_finite()) || !sums.cost.is_finite() {
+            termination = Termination::NotFinite;
+            break;
+        }
+        if limited.amax() < 1e-9 {
+            termination = Termination::StepSmall;
+            break;
+        }
+        // Accept a step that brings the gauges or the cost closer; otherwise damp the free directions and try again.
+        let merit = |s: &Sums| {
+            let g = [s.gauge[0] / n / settings.h - 1.0, s.gauge[1] / n - 1.0, s.gauge[2] / n - 1.0, s.gauge[3] / n - 1.0];
+            s.cost / n + 1e3 * g.iter().map(|v| v.abs()).sum::<f64>()
+        };
+        let before = merit(&sums);
+        let mut accepted = false;
+        let mut scale = 1.0;
+        for _ in 0..8 {
+            let trial = p + limited * scale;
+            let mut trial_t = ln_t.clone();
+            let (c, s, l) = evaluate(texels, &trial, &mut trial_t, settings);
+            evaluations += 1;
+            let after = merit(&s);
+            if after.is_finite() && after <= before * (1.0 + 1e-9) + 1e-12 {
+                (p, ln_t, curves, sums, locals) = (trial, trial_t, c, s, l);
+                accepted = true;
+                break;
+            }
+            scale *= 0.4;
+        }
+        if accepted {
+            damping *= 0.2;
+        } else if limited.amax() < 1e-6 {
+            termination = Termination::CostConverged;
+            break;
+        } else if damping > 1e6 {
+            termination = Termination::NoProgress;
+            break;
+        } else {
+            damping = if damping == 0.0 { 1e-3 } else { damping * 10.0 };
+        }
+    }
+    let (covariance, condition, rank) = covariance(&sums, n, &settings.common);
+    let gauge = [sums.gauge[0] / n - settings.h, sums.gauge[1] / n - 1.0, sums.gauge[2] / n - 1.0, sums.gauge[3] / n - 1.0];
+    Wide {
+        sigma_a: [0, 1, 2].map(|c: usize| p[2 * c].exp()),
+        sigma_s: [0, 1, 2].map(|c: usize| p[2 * c + 1].exp()),
+        covariance,
+        locals,
+        termination,
+        trace,
+        condition,
+        rank,
+        curves,
+        gauge,
+    }
+}
+
+/// Eliminates thickness and γ of every texel at σ = exp(p) and sums what the step needs.
+fn evaluate(texels: &[Texel], p: &V6, ln_t: &mut [f64], settings: &Settings) -> ([Curve; 3], Sums, Vec<Local>) {
+    let curves: Vec<Curve> =
+        (0..3usize).into_par_iter().map(|c| Curve::new(p[2 * c].exp(), p[2 * c + 1].exp(), settings.h, settings.incidence)).collect();
+    let curves: [Curve; 3] = [curves[0].clone(), curves[1].clone(), curves[2].clone()];
+    let parts: Vec<(Sums, Vec<Local>)> = texels
+        .par_chunks(UNIT)
+        .zip(ln_t.par_chunks_mut(UNIT))
+        .map(|(texels, ln_t)| {
+            let mut sums = Sums::zero();
+            let locals = texels.iter().zip(ln_t).map(|(x, t)| eliminate(x, t, &curves, settings, &mut sums)).collect();
+            (sums, locals)
+        })
+        .collect();
+    let mut locals = Vec::with_capacity(texels.len());
+    let mut total = Sums::zero();
+    for (sums, part) in parts {
+        total = total.add(&sums);
+        locals.extend(part);
+    }
+    (curves, total, locals)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,209 @@
+//! The tube integral for all frames of a pass at once, vectorised over frames: the same formulas as [`super::arc`], the same
+//! node sets, without its trigonometry. [`super::Model`] is the reference it is tested against. Frames that the texel's horizon cuts
+//! get ends of their own for every node across the radius. A Cook–Torrance lobe whose normal leans along the tube is left to the
+//! reference: its G has up to four kinks at places that only a quartic knows.
+
+mod arc;
+mod horizon;
+mod light;
+mod respond;
+mod rules;
+
+use super::lanes::{Level, padded};
+use super::quadrature::gauss_legendre;
+use super::{Model, Travel};
+use crate::dispatch_lanes;
+use crate::optics::gloss::{Lobe, dot};
+use light::light;
+use respond::respond;
+
+/// What a pass shows of one texel for one normal and slope: columns of D, S, ∂S/∂m, then ∂D and ∂S along one or two changes of
+/// the normal. Padded with zeros to whole vectors.
+pub const COLUMNS: usize = 7;
+
+/// Positions of the tube over one texel, a column each, padded.
+#[derive(Debug, Clone, Default)]
+pub struct Lit {
+    texel: [f64; 2],
+    /// sin θ, cos θ; tangents, sines and cosines of the ends; asin(radius/distance); height/distance · (β/sin β).
+    sin: Vec<f64>,
+    cos: Vec<f64>,
+    ends: [Vec<f64>; 2],
+    end_sin: [Vec<f64>; 2],
+    end_cos: [Vec<f64>; 2],
+    beta: Vec<f64>,
+    scale: Vec<f64>,
+    /// D = n · (along · sin θ, skew, along · cos θ).
+    along: Vec<f64>,
+    skew: Vec<f64>,
+}
+
+/// A pass of a device, ready for many texels.
+#[derive(Debug, Clone)]
+pub struct Pass {
+    model: Model,
+    travel: Travel,
+    positions: Vec<f64>,
+    level: Level,
+    /// Nodes across the radius, by count.
+    across: Vec<Vec<(f64, f64)>>,
+    nodes: Nodes,
+}
+
+/// Node tables; bell nodes are whole numbers, Gauss nodes lie in [−1, 1].
+#[derive(Debug, Clone)]
+struct Nodes {
+    bell: Vec<(f64, f64)>,
+    half_bell: Vec<(f64, f64)>,
+    /// Gauss–Legendre on [−1, 1] and on [0, 1], by order up to `along` a half.
+    gauss: Vec<Vec<(f64, f64)>>,
+    half_gauss: Vec<Vec<(f64, f64)>>,
+    along: f64,
+    step: f64,
+    reach: f64,
+}
+
+/// Normal, its changes and the slope, in the pass's frame.
+#[derive(Debug, Clone, Copy)]
+struct Point {
+    n: [f64; 3],
+    change: [[f64; 3]; 2],
+    changes: usize,
+    c: [f64; 3],
+    b: f64,
+    m: f64,
+}
+
+/// Order `n` on [0, 1], weights for half of that.
+fn halved(n: usize) -> Vec<(f64, f64)> {
+    gauss_legendre(n.max(1)).into_iter().map(|(x, w)| (0.5 * (1.0 + x), w)).collect()
+}
+
+impl Nodes {
+    /// Nodes for a stretch of so many widths e^(−x²) (3 + 1.6 L hold 2e-6 of a bell; three more for what is not one).
+    #[inline(always)]
+    pub fn over(&self, widths: f64) -> &[(f64, f64)] {
+        let n = ((5.0 + 1.6 * widths) * self.along / 8.0 + 1.5) as usize;
+        &self.gauss[n.clamp(2, self.gauss.len() - 1)]
+    }
+    /// The same where the bell's top is at the stretch's lower end.
+    #[inline(always)]
+    pub fn over_half(&self, widths: f64) -> &[(f64, f64)] {
+        let n = ((3.5 + 1.5 * widths) * self.along / 8.0 + 1.5) as usize;
+        &self.half_gauss[n.clamp(2, self.half_gauss.len() - 1)]
+    }
+}
+
+impl Pass {
+    pub fn new(model: &Model, travel: Travel, positions_mm: &[f64], along: usize, level: Level) -> Pass {
+        let rule = super::arc::Rule::new(along);
+        let full = |k: i32| (f64::from(k), 1.0);
+        let half = |k: i32| (f64::from(k), if k == 0 { 1.0 } else { 2.0 });
+        let radius = model.tube.radius_mm;
+        Pass {
+            model: model.clone(),
+            travel,
+            positions: positions_mm.to_vec(),
+            level,
+            across: (0..=8).map(|k| if radius > 0.0 { gauss_legendre(k.max(1)) } else { gauss_legendre(1) }).collect(),
+            nodes: Nodes {
+                bell: (-rule.bell..=rule.bell).map(full).collect(),
+                half_bell: (0..=rule.bell).map(half).collect(),
+                gauss: (0..=2 * along.max(1)).map(|n| gauss_legendre(n.max(1))).collect(),
+                half_gauss: (0..=along.max(1)).map(halved).collect(),
+                along: along.max(1) as f64,
+                step: rule.step,
+                reach: rule.step * f64::from(rule.bell + 1),
+            },
+        }
+    }
+
+    pub fn frames(&self) -> usize {
+        self.positions.len()
+    }
+
+    /// Length of the columns.
+    pub fn padded(&self) -> usize {
+        padded(self.positions.len())
+    }
+
+    pub fn positions(&self) -> &[f64] {
+        &self.positions
+    }
+
+    /// Looks at the tube from `texel_mm`.
+    pub fn light(&self, texel_mm: [f64; 2], lit: &mut Lit) {
+        let n = self.padded();
+        if lit.sin.len() == n && lit.texel == texel_mm {
+            return;
+        }
+        lit.texel = texel_mm;
+        for list in [&mut lit.sin, &mut lit.cos, &mut lit.beta, &mut lit.scale, &mut lit.along, &mut lit.skew] {
+            list.resize(n, 0.0);
+        }
+        for list in lit.ends.iter_mut().chain(&mut lit.end_sin).chain(&mut lit.end_cos) {
+            list.resize(n, 0.0);
+        }
+        let pass = self;
+        dispatch_lanes!(self.level, light(pass: &Pass, texel_mm: [f64; 2], lit: &mut Lit));
+    }
+
+    /// Nodes across the radius for slope `m`: the mean of a bell of width σ over ±β needs few where β/σ is small.
+    fn across(&self, m: f64) -> &[(f64, f64)] {
+        let camera = self.travel.local(self.model.camera);
+        // A lobe's width across the tube is about √2 m; the tube is widest where it is nearest.
+        let near = if self.travel == Travel::X { camera[2].max(0.3) } else { 1.0 };
+        // A long tail has a sharper top.
+        let sharp = if self.model.lobe == Lobe::Ggx { 2.0 } else { 1.2 };
+        let x = sharp * near * self.model.tube.radius_mm / self.model.tube.height_mm / (std::f64::consts::SQRT_2 * m);
+        let count = match x {
+            x if x < 1e-4 => 1,
+            x if x < 0.15 => 2,
+            x if x < 0.47 => 3,
+            x if x < 0.85 => 4,
+            x if x < 1.3 => 5,
+            x if x < 1.8 => 6,
+            _ => 8,
+        };
+        &self.across[count]
+    }
+
+    /// Fills `columns` (each at least [`Pass::padded`] long) for a unit normal `n`, its changes (none to two) and slope `m`.
+    pub fn respond(&self, lit: &mut Lit, n: [f64; 3], changes: &[[f64; 3]], m: f64, columns: &mut [&mut [f64]; COLUMNS]) {
+        let local = |v: &[f64; 3]| self.travel.local(*v);
+        let point = Point {
+            n: local(&n),
+            change: std::array::from_fn(|k| changes.get(k).map_or([0.0; 3], local)),
+            changes: changes.len().min(2),
+            c: local(&self.model.camera),
+            b: dot(n, self.model.camera),
+            m,
+        };
+        if point.b <= 0.0 {
+            for column in columns.iter_mut() {
+                column[..self.padded()].fill(0.0);
+            }
+            return;
+        }
+        let symmetric = point.n[1] == 0.0 && point.c[1] == 0.0 && point.change.iter().all(|v| v[1] == 0.0);
+        if symmetric || !matches!(self.model.lobe, Lobe::CookTorrance { .. }) {
+            let (pass, point, across) = (self, &point, self.across(m));
+            dispatch_lanes!(self.level, respond(pass: &Pass, lit: &Lit, point: &Point, across: &[(f64, f64)], symmetric: bool, columns: &mut [&mut [f64]; COLUMNS]));
+        } else {
+            // As many nodes across the radius as the lobe's width asks for.
+            let across = self.across(m);
+            let more = across.len() > self.model.across.len();
+            let model = Model { across: if more { across.to_vec() } else { self.model.across.clone() }, ..self.model.clone() };
+            for (k, &light) in self.positions.iter().enumerate() {
+                let r = model.response(self.travel, light, lit.texel, n, m);
+                (columns[0][k], columns[1][k], columns[2][k]) = (r.d, r.s, r.s_m);
+                for (j, change) in changes.iter().enumerate().take(2) {
+                    (columns[3 + 2 * j][k], columns[4 + 2 * j][k]) = (dot(r.d_n, *change), dot(r.s_n, *change));
+                }
+            }
+        }
+        for column in columns.iter_mut() {
+            column[self.positions.len()..self.padded()].fill(0.0);
+        }
+    }
+}
