@@ -167,12 +167,12 @@ fn derivatives_against_differences() {
     }
 }
 
-/// (Cook–Torrance's changes by tilt jump where G's branches meet; nodes across the tube's radius sample that jump, one here, one there.)
-/// The vectorised pass at default precision against the plain evaluation with many nodes, on every instruction set there is.
+/// The vectorised pass at default precision against the plain evaluation with many nodes, on every instruction set there is. Cook–Torrance
+/// has a kink where G's branches meet, and its changes by tilt jump there: the few nodes across the tube's radius sample that coarsely.
 #[test]
 fn fast_agrees_with_the_reference() {
     let positions: Vec<f64> = (0..100).map(|k| -400.0 + 650.0 * f64::from(k) / 99.0).collect();
-    for (lobe, value, slope) in [(Lobe::Beckmann, 1e-5, 1e-4), (Lobe::Ggx, 1e-5, 6e-4), (COOK_TORRANCE, 1e-5, 2e-3)] {
+    for (lobe, value, slope) in [(Lobe::Beckmann, 1e-5, 1e-4), (Lobe::Ggx, 1e-5, 6e-4), (COOK_TORRANCE, 1e-4, 2e-3)] {
         let fine = Model::new(TUBE, camera(), lobe, &Precision::fine());
         let model = Model::new(TUBE, camera(), lobe, &Precision::default());
         for m in [0.02, 0.05, 0.12, 0.3, 0.6, 0.9] {
