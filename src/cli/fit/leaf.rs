@@ -1,12 +1,12 @@
 //! `mesophyll fit leaf CAPTURE -o DIR`.
 
 use super::gloss::LobeArgs;
+use crate::Result;
 use crate::cli::{Common, print, print_json};
 use crate::files::progress::say;
 use crate::fit::leaf::texels::Shard;
 use crate::fit::leaf::{Method, Options, Outcome, run as fit};
 use crate::fit::record::FitRecord;
-use crate::Result;
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
