@@ -159,6 +159,60 @@ fn goldens_that_must_fail_do_fail_with_and_without_new_hashes() {
     }
 }
 
+/// Leaves of two species on a twig, in each other's shade: one of the two fits is tampered with.
+#[test]
+fn a_cluster_with_one_tampered_fit_fails_too() {
+    let dir = tempfile::tempdir().unwrap();
+    let kept = dir.path().join("kept");
+    let elm = Blade { sigma_s: [[11.0, 12.0, 10.0], [16.0, 18.0, 15.0]], bump: 0.25, ..Blade::default() };
+    elm.write(&kept, "elm");
+    Blade { sigma_a: [[0.5, 0.7, 2.4], [0.5, 0.7, 2.2]], ..Blade::default() }.write(&dir.path().join("fits/oak"), "oak");
+    let fit = dir.path().join("fits/elm");
+    copy(&kept, &fit);
+    let twig = "[[leaf]]\nname = \"oak\"\nfit = \"fits/oak\"\n[cluster]\nleaves = [\"elm\", \"oak\"]\ncount = 6\nlength_mm = 60\noffset_mm = 26\ndroop_deg = 25\nspread_deg = 14\nseed = 5\n";
+    let path = scene(dir.path(), "twig", "elm", Some(40.0), Some(0.2), twig);
+    let text = std::fs::read_to_string(&path).unwrap();
+    let mut text = text.replace("[[instance]]\nleaf = \"elm\"\n", "");
+    // A small picture of a wide scene; thresholds three and five times the reference's own noise there.
+    for (from, to) in [
+        ("eye_mm = [10, -25, 90]", "eye_mm = [60, -130, 90]"),
+        ("target_mm = [0, 0, 2]", "target_mm = [0, 0, -4]"),
+        ("fov_deg = 30", "fov_deg = 36"),
+        ("flip_p99 = 0.15", "flip_p99 = 0.2"),
+        ("max_error = 0.012", "max_error = 0.02"),
+        ("width = 160\nheight = 120\nsamples = 32", "width = 112\nheight = 84\nsamples = 16"),
+    ] {
+        assert!(text.contains(from));
+        text = text.replace(from, to);
+    }
+    std::fs::write(&path, text).unwrap();
+    let output = check(&path, &["--update-golden"]);
+    if no_adapter(&output) {
+        return;
+    }
+    let untouched = json(&check(&path, &[]));
+    assert_eq!(untouched["passed"], true, "untouched: {untouched:#}");
+    println!("noise of the reference: {} {}", untouched["views"][0]["noise_flip_p99"], untouched["views"][0]["noise_max_error"]);
+    for how in ["mirrored normal", "swapped sides", "thicker", "sRGB read as linear"] {
+        for hashed in [false, true] {
+            std::fs::remove_dir_all(&fit).unwrap();
+            copy(&kept, &fit);
+            tamper(how, &fit);
+            if hashed {
+                rehash(&fit);
+            }
+            let output = check(&path, &[]);
+            let report = json(&output);
+            assert_eq!(
+                (output.status.code(), &report["passed"]),
+                (Some(1), &Value::Bool(false)),
+                "{how}, hashed anew: {hashed}: {report:#}"
+            );
+            assert_eq!(report["views"][0]["passed"], false, "{how}: {report:#}");
+        }
+    }
+}
+
 #[test]
 fn an_unneeded_map_leaves_the_picture_alone_and_a_needed_one_changes_it() {
     let dir = tempfile::tempdir().unwrap();

@@ -1,7 +1,7 @@
 //! `mesophyll synth` from outside: what it writes, that the same seed gives the same bytes, and what it says to bad requests.
 
 use assert_cmd::Command;
-use mesophyll::capture::manifest::{Manifest, SideName, Travel, frame_path, texel_position, white_path};
+use mesophyll::capture::manifest::{Manifest, SideName, Travel, frame_path, mirror_path, texel_position, white_path};
 use mesophyll::files::image::{exr_info, read_exr};
 use std::path::{Path, PathBuf};
 
@@ -48,6 +48,7 @@ fn a_capture_is_complete_and_calibrates_to_its_truth() {
                 assert!(info.width == 32 && info.height == 24 && !info.half);
             }
             exr_info(&white_path(&out, travel, k)).unwrap();
+            exr_info(&mirror_path(&out, travel, k)).unwrap();
         }
     }
     let read = |name: &str| read_exr(&out.join(name)).unwrap();

@@ -2,6 +2,7 @@
 //! follows from what is there and what is not. Nothing is fitted; every problem is listed, not only the first.
 
 mod frames;
+mod mirror;
 mod noise;
 mod references;
 
@@ -11,6 +12,7 @@ use serde::Serialize;
 use std::path::Path;
 
 pub use frames::PassSummary;
+pub use mirror::MirrorCheck;
 pub use noise::NoiseEstimate;
 pub use references::ReferenceSummary;
 
@@ -29,6 +31,8 @@ pub struct Inspection {
     pub passes: Vec<PassSummary>,
     pub references: Vec<ReferenceSummary>,
     pub noise: Option<NoiseEstimate>,
+    /// Where the tube's reflection stands in each pass of a mirror strip, if there is one.
+    pub mirror: Vec<MirrorCheck>,
     /// Texels on the leaf, from the mask or (roughly) from the light box.
     pub leaf_texels: Option<usize>,
     pub estimate: Option<Estimate>,
@@ -65,6 +69,7 @@ pub fn inspect(folder: &Path, deep: bool) -> Result<Inspection> {
     };
     frames::look(folder, &manifest, deep, &mut found)?;
     references::look(folder, &manifest, &mut found);
+    mirror::look(folder, &manifest, &mut found);
     consequences(&manifest, &mut found);
     compare_noise(&manifest, &mut found);
     found.estimate = Some(estimate(&manifest, &found));

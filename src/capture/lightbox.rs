@@ -2,6 +2,8 @@
 //!
 //! By reciprocity (leaf − dark)/(box − dark) seen at an angle is the slab's ρt for a collimated beam at that angle (`data/README.md`).
 
+use super::grid::neighbours;
+
 /// Ratio leaf/box and its standard error, a texel and channel. NaN where the box reads nothing. `dark` is the standard deviation of
 /// the dark frame taken off both photographs: it shifts the ratio by (1 − ratio)/box.
 pub fn transmittance(leaf: &[[f32; 3]], empty: &[[f32; 3]], relative: f64, floor: f64, dark: f64) -> (Vec<[f32; 3]>, Vec<[f32; 3]>) {
@@ -53,24 +55,11 @@ fn keep_large_pieces(inside: &[bool], width: usize, height: usize) -> Vec<bool> 
         stack.push(start);
         while let Some(at) = stack.pop() {
             sizes[name as usize] += 1;
-            let (i, j) = (at % width, at / width);
-            let mut visit = |next: usize| {
+            for next in neighbours(at, width, height) {
                 if inside[next] && label[next] == 0 {
                     label[next] = name;
                     stack.push(next);
                 }
-            };
-            if i > 0 {
-                visit(at - 1);
-            }
-            if i + 1 < width {
-                visit(at + 1);
-            }
-            if j > 0 {
-                visit(at - width);
-            }
-            if j + 1 < height {
-                visit(at + width);
             }
         }
     }

@@ -230,6 +230,11 @@ pub fn frame_path(folder: &Path, side: SideName, travel: Travel, frame: usize) -
     folder.join(side.name()).join(travel.name()).join(format!("{frame:04}.exr"))
 }
 
+/// `CAPTURE/mirror/x/0007.exr`.
+pub fn mirror_path(folder: &Path, travel: Travel, frame: usize) -> PathBuf {
+    folder.join("mirror").join(travel.name()).join(format!("{frame:04}.exr"))
+}
+
 /// `CAPTURE/white/x/0007.exr`.
 pub fn white_path(folder: &Path, travel: Travel, frame: usize) -> PathBuf {
     folder.join("white").join(travel.name()).join(format!("{frame:04}.exr"))

@@ -3,8 +3,8 @@
 use super::Common;
 use crate::files::{atomic, progress};
 use crate::fit::bench::BenchRow;
-use crate::fit::{gloss, nist, slab_bench};
-use crate::report::rows;
+use crate::fit::{beam, gloss, nist, sky, slab_bench};
+use crate::report::{self, rows};
 use crate::{Error, Result};
 use std::path::PathBuf;
 
@@ -24,7 +24,13 @@ pub struct Args {
 type Sweep = (&'static str, fn() -> Result<Vec<BenchRow>>);
 
 /// The sweeps by name. A model adds its line here.
-const SWEEPS: [Sweep; 3] = [("solve", nist::bench_rows), ("slab", slab_bench::bench_rows), ("gloss", gloss::bench::bench_rows)];
+const SWEEPS: [Sweep; 5] = [
+    ("solve", nist::bench_rows),
+    ("slab", slab_bench::bench_rows),
+    ("gloss", gloss::bench::bench_rows),
+    ("beam", beam::bench::bench_rows),
+    ("sky", sky::bench::bench_rows),
+];
 
 /// Runs the sweeps. Times are for ratios within one run: nothing is asserted of them.
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
@@ -51,7 +57,11 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if let Some(folder) = &args.output {
         let text = serde_json::to_string_pretty(&serde_json::json!({ "rows": all })).map_err(|e| Error::Missed(e.to_string()))?;
         atomic::write_bytes(&folder.join("bench.json"), format!("{text}\n").as_bytes())?;
-        for file in rows::bench_plots(&all, folder)? {
+        let mut files = rows::bench_plots(&all, folder)?;
+        if all.iter().any(|r| r.model == "sky") {
+            files.extend(report::sky::pictures(folder, 500)?);
+        }
+        for file in files {
             progress::say(format!("wrote {}", file.display()));
         }
     }

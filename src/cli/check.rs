@@ -27,28 +27,43 @@ pub struct Args {
 #[cfg(feature = "render")]
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     use crate::files::atomic;
-    use crate::scene::{check, interiors, ledger::Ledger, make, manifest::Manifest, plan};
+    use crate::scene::{check::Options, ledger::Ledger, make, manifest::Manifest, plan};
 
     let manifest = Manifest::read(&args.scene)?;
     let ledger = Ledger::new();
     let plan = plan::make(&manifest, args.out.as_deref(), Some(&make::input_hash), &ledger)?;
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out/check").join(&manifest.name));
-    let options = check::Options { out: out.clone(), update_golden: args.update_golden };
-    let report = check::check(&manifest, &plan, &options, &ledger)?;
+    let options = Options { out: out.clone(), update_golden: args.update_golden };
+    let (passed, text, json) = judged(&manifest, &plan, &options, args.compare_interiors.then_some(args.out.as_deref()), &ledger)?;
     atomic::write_bytes(&out.join("plan.json"), serde_json::to_string_pretty(&plan).unwrap_or_default().as_bytes())?;
-    let mut json = report.json(&manifest);
-    let mut text = report.text();
-    if args.compare_interiors {
-        let rows = interiors::compare(&manifest, args.out.as_deref(), &ledger)?;
-        text += &interiors::text(&rows);
-        json["interiors"] = serde_json::to_value(&rows).unwrap_or_default();
-    }
     if common.json {
         super::print_json(&json)?;
     } else {
         super::print(&format!("{text}pictures: {}\n", out.display()))?;
     }
-    Ok(u8::from(!report.passed))
+    Ok(u8::from(!passed))
+}
+
+/// Checks a planned scene; with `compare` (the folder of an earlier run, if any) the interiors of its leaves are weighed against each other
+/// too. Whether it passed, as text, and as JSON.
+#[cfg(feature = "render")]
+pub(super) fn judged(
+    manifest: &crate::scene::manifest::Manifest,
+    plan: &crate::scene::plan::Plan,
+    options: &crate::scene::check::Options,
+    compare: Option<Option<&std::path::Path>>,
+    ledger: &crate::scene::ledger::Ledger,
+) -> Result<(bool, String, serde_json::Value)> {
+    use crate::scene::{check, interiors};
+
+    let report = check::check(manifest, plan, options, ledger)?;
+    let (mut json, mut text) = (report.json(manifest), report.text());
+    if let Some(out) = compare {
+        let rows = interiors::compare(manifest, out, ledger)?;
+        text += &interiors::text(&rows);
+        json["interiors"] = serde_json::to_value(&rows).unwrap_or_default();
+    }
+    Ok((report.passed, text, json))
 }
 
 #[cfg(not(feature = "render"))]

@@ -23,7 +23,7 @@ pub struct Args {
     /// Folder for everything the run makes (default: out/SCENE)
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Fit every leaf afresh into the folder that the scene names, instead of fitting only what is missing into DIR/fits
+    /// Scan and fit every leaf afresh into the folder that the scene names, instead of fitting only what is missing into DIR/fits
     #[arg(long)]
     write_fits: bool,
 }
@@ -45,7 +45,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             (Some(named), true) => manifest.resolve(named),
             _ => make::fit_folder(&manifest, index, &out),
         };
-        stages.time(&format!("fit {name}"), || make::fit(&manifest, index, &out, &folder, &ledger))?;
+        stages.time(&format!("fit {name}"), || make::fit(&manifest, index, &out, &folder, args.write_fits, &ledger))?;
     }
     let plan = stages.time("plan with the fits", || plan::make(&manifest, Some(&out), Some(&make::input_hash), &ledger))?;
     write_json(&out.join("plan.json"), &serde_json::to_value(&plan).unwrap_or_default())?;
@@ -83,17 +83,14 @@ fn sources(plan: &plan::Plan, out: &Path) -> Vec<ReportSource> {
 
 #[cfg(feature = "render")]
 fn check(manifest: &Manifest, plan: &plan::Plan, out: &Path, ledger: &Ledger) -> Result<(bool, String, Value)> {
-    use crate::scene::{check, interiors, manifest::Interior};
-    let options = check::Options { out: out.to_path_buf(), update_golden: false };
-    let report = check::check(manifest, plan, &options, ledger)?;
-    let (mut json, mut text) = (report.json(manifest), report.text());
-    if manifest.leaves.iter().any(|l| l.interior == Interior::Maps) {
-        let rows = interiors::compare(manifest, Some(out), ledger)?;
-        text += &interiors::text(&rows);
-        json["interiors"] = serde_json::to_value(&rows).unwrap_or_default();
+    use crate::scene::{check::Options, manifest::Interior};
+    let options = Options { out: out.to_path_buf(), update_golden: false };
+    let compare = manifest.leaves.iter().any(|l| l.interior == Interior::Maps);
+    let (passed, text, json) = super::check::judged(manifest, plan, &options, compare.then_some(Some(out)), ledger)?;
+    if compare {
         write_json(&out.join("check.json"), &json)?;
     }
-    Ok((report.passed, text, json))
+    Ok((passed, text, json))
 }
 
 #[cfg(not(feature = "render"))]

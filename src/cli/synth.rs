@@ -104,7 +104,7 @@ fn free_folder(folder: &Path, force: bool) -> Result<()> {
     for name in ["capture.toml", "mask.exr", "dark.exr", "lightbox_empty.exr"] {
         remove(&folder.join(name))?;
     }
-    for name in ["front", "back", "white", "truth"] {
+    for name in ["front", "back", "white", "mirror", "truth"] {
         remove(&folder.join(name))?;
     }
     Ok(())

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 /// Writes `path` through `fill`; the name appears only when everything is on disk.
 ///
 /// # Errors
-/// [`Error::Write`] naming `path` when the folder cannot be written or the disk is full; the temporary file is removed.
+/// Naming `path`: [`Error::Usage`] when nothing can be written there, [`Error::Write`] when the disk is full; the temporary file is removed.
 pub fn write(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
     let mut pending = Pending::create(path)?;
     fill(&mut pending).map_err(|e| Error::write(path, explain(&e)))?;
@@ -36,9 +36,15 @@ enum Target {
 
 impl Pending {
     /// Opens a temporary file in the folder of `path` (created if missing).
+    ///
+    /// # Errors
+    /// [`Error::Usage`] where no file can be made (a folder of that name, a read-only place), [`Error::Write`] for a full disk.
     pub fn create(path: &Path) -> Result<Self> {
-        let target = if fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir()) {
-            let file = fs::OpenOptions::new().write(true).open(path).map_err(|e| Error::write(path, explain(&e)))?;
+        if path.is_dir() {
+            return Err(Error::Usage(format!("{}: found a folder, expected the name of a file", path.display())));
+        }
+        let target = if fs::metadata(path).is_ok_and(|m| !m.is_file()) {
+            let file = fs::OpenOptions::new().write(true).open(path).map_err(|e| unopened(path, &e))?;
             Target::InPlace(BufWriter::new(file))
         } else {
             Target::Temporary(Self::temporary(path)?)
@@ -51,13 +57,10 @@ impl Pending {
             Some(p) if !p.as_os_str().is_empty() => p,
             _ => Path::new("."),
         };
-        fs::create_dir_all(folder).map_err(|e| Error::write(folder, explain(&e)))?;
+        fs::create_dir_all(folder).map_err(|e| unopened(folder, &e))?;
         let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-        let file = tempfile::Builder::new()
-            .prefix(&format!(".{name}."))
-            .suffix(".partial")
-            .tempfile_in(folder)
-            .map_err(|e| Error::write(path, explain(&e)))?;
+        let file =
+            tempfile::Builder::new().prefix(&format!(".{name}.")).suffix(".partial").tempfile_in(folder).map_err(|e| unopened(path, &e))?;
         Ok(BufWriter::with_capacity(1 << 16, file))
     }
 
@@ -89,6 +92,14 @@ impl Pending {
     }
 }
 
+/// A place where nothing can be written is the command line's mistake; a full disk is not.
+fn unopened(path: &Path, e: &io::Error) -> Error {
+    match e.kind() {
+        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => Error::write(path, explain(e)),
+        _ => Error::Usage(format!("cannot write {}: {}", path.display(), explain(e))),
+    }
+}
+
 trait WriteSeek: Write + io::Seek {}
 impl<T: Write + io::Seek> WriteSeek for T {}
 
@@ -112,7 +123,10 @@ impl io::Seek for Pending {
 /// # Errors
 /// [`Error::Usage`] (exit code 2) naming the folder: a read-only output folder is the command line's mistake.
 pub fn probe_folder(folder: &Path) -> Result<()> {
-    let fail = |e: io::Error| Error::Usage(format!("cannot write to the output folder {}: {}", folder.display(), explain(&e)));
+    let fail = |e: io::Error| {
+        let why = if folder.is_file() { "it is a file, expected a folder".into() } else { explain(&e) };
+        Error::Usage(format!("cannot write to the output folder {}: {why}", folder.display()))
+    };
     fs::create_dir_all(folder).map_err(fail)?;
     tempfile::Builder::new().prefix(".probe").tempfile_in(folder).map_err(fail)?;
     Ok(())
@@ -127,7 +141,14 @@ pub fn explain(e: &io::Error) -> String {
         io::ErrorKind::ReadOnlyFilesystem => "the file system is read-only".into(),
         io::ErrorKind::FileTooLarge => "the file would exceed the largest size allowed".into(),
         io::ErrorKind::UnexpectedEof => "the file ends too early (truncated?)".into(),
-        _ => e.to_string(),
+        io::ErrorKind::IsADirectory => "found a folder, expected a file".into(),
+        io::ErrorKind::NotADirectory => "a file stands where a folder is expected".into(),
+        io::ErrorKind::AlreadyExists => "something of this name is there already".into(),
+        io::ErrorKind::InvalidData if e.to_string().contains("UTF-8") => "found bytes that are not UTF-8, expected a text file".into(),
+        _ => {
+            let text = e.to_string();
+            text.split(" (os error").next().unwrap_or(&text).to_string()
+        }
     }
 }
 
@@ -147,6 +168,24 @@ mod tests {
         assert!(failed.unwrap_err().to_string().contains("the disk is full"));
         assert_eq!(fs::read(&path).unwrap(), b"old");
         assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn errors_of_the_system_are_said_in_words() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("a.bin");
+        fs::write(&file, [0xff, 0xfe, 0x00]).unwrap();
+        let read = |path: &Path| explain(&fs::read_to_string(path).unwrap_err());
+        assert_eq!(read(dir.path()), "found a folder, expected a file");
+        assert_eq!(read(&file.join("b")), "a file stands where a folder is expected");
+        assert_eq!(read(&file), "found bytes that are not UTF-8, expected a text file");
+        assert_eq!(read(&dir.path().join("none")), "no such file or folder");
+        let said = explain(&io::Error::from_raw_os_error(16));
+        assert!(!said.contains("os error") && !said.is_empty(), "{said}");
+        // A folder where a file should be, a file where a folder should be: the command line's mistakes.
+        for error in [write_bytes(dir.path(), b"x").unwrap_err(), probe_folder(&file).unwrap_err()] {
+            assert_eq!(error.exit_code(), 2, "{error}");
+        }
     }
 
     #[test]

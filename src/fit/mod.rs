@@ -1,5 +1,6 @@
 //! One file a fit: a model, a solver, and what it reads and writes.
 
+pub mod beam;
 pub mod bench;
 pub mod coverage;
 pub mod gloss;
@@ -7,6 +8,7 @@ pub mod leaf;
 pub mod nist;
 pub mod peers;
 pub mod record;
+pub mod sky;
 pub mod slab;
 pub mod slab_bench;
 pub mod slab_stress;

@@ -104,9 +104,12 @@ pub struct FitRecord {
     pub sections: BTreeMap<String, Section>,
 }
 
-/// `times.toml`: everything that differs from run to run.
+/// `times.toml`: everything that differs from run to run, and from place to place.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Times {
+    /// Where the capture lay (its content is what `fit.toml` records); absent for fits of something else.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub capture: Option<String>,
     /// Phase name → wall time (s), in order.
     pub phases: Vec<Phase>,
     pub total_s: f64,

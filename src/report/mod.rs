@@ -1,5 +1,6 @@
 //! The report: how good fits are, as HTML, JSON and Markdown made from the same rows. Nothing new is computed here, only summarised.
 
+pub mod beam_charts;
 pub mod chart;
 pub mod colour;
 pub mod compare;
@@ -12,6 +13,7 @@ pub mod quantity;
 pub mod read;
 pub mod rows;
 pub mod scene;
+pub mod sky;
 pub mod stats;
 pub mod verdict;
 pub mod view;

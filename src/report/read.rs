@@ -90,14 +90,18 @@ fn tell_apart(fits: &mut [FitReport]) {
 fn fit(folder: &Path, options: &Options) -> Result<FitReport> {
     let record = FitRecord::read(folder)?;
     let mut missing = Vec::new();
+    let mut capture = record.options.get("capture").cloned();
     let times = match Times::read(folder) {
-        Ok(t) => Some(TimesReport {
-            phases: t.phases,
-            total_s: t.total_s,
-            threads: t.threads,
-            peak_memory_mib: t.peak_memory_mib,
-            traces: t.traces,
-        }),
+        Ok(t) => {
+            capture = t.capture.or(capture);
+            Some(TimesReport {
+                phases: t.phases,
+                total_s: t.total_s,
+                threads: t.threads,
+                peak_memory_mib: t.peak_memory_mib,
+                traces: t.traces,
+            })
+        }
         Err(_) if !folder.join("times.toml").exists() => {
             missing.push("times.toml: not there, so no run times and no traces".into());
             None
@@ -125,7 +129,7 @@ fn fit(folder: &Path, options: &Options) -> Result<FitReport> {
         pictures: Vec::new(),
     };
     for (name, _) in ordered(&record) {
-        let Some(side) = side(folder, name, &record, &mut report.missing) else { continue };
+        let Some(side) = side(folder, name, &record, capture.as_deref().map(Path::new), &mut report.missing) else { continue };
         report.maps.extend(side.rows(&mut report.missing));
         if options.pictures {
             report.pictures.push(side.pictures(&record.defects));
@@ -136,7 +140,7 @@ fn fit(folder: &Path, options: &Options) -> Result<FitReport> {
 }
 
 /// Maps of a section; sections without sides (`all`) have none and miss none.
-fn side(folder: &Path, name: &str, record: &FitRecord, missing: &mut Vec<String>) -> Option<SideMaps> {
+fn side(folder: &Path, name: &str, record: &FitRecord, capture: Option<&Path>, missing: &mut Vec<String>) -> Option<SideMaps> {
     if record.kind != "leaf" && !folder.join(format!("{name}.exr")).exists() {
         return None;
     }
@@ -144,7 +148,7 @@ fn side(folder: &Path, name: &str, record: &FitRecord, missing: &mut Vec<String>
     if !matches!(name, "front" | "back") && !folder.join(format!("{name}.exr")).exists() {
         return None;
     }
-    maps::read_side(folder, name, record.options.get("capture").map(Path::new), missing)
+    maps::read_side(folder, name, capture, missing)
 }
 
 /// Front before back, the rest by name.

@@ -36,15 +36,16 @@ pub fn fit_folder(manifest: &Manifest, index: usize, out: &Path) -> PathBuf {
     out.join("fits").join(&manifest.leaves[index].name)
 }
 
-/// Makes the fit of leaf `index` into `folder`; captures that have to be scanned first lie under `out`.
+/// Makes the fit of leaf `index` into `folder`; captures that have to be scanned first lie under `out`. A folder that holds this very fit
+/// is left as it is unless all is to be made `afresh` (by another state of the program, whose version says nothing of it).
 ///
 /// # Errors
 /// As `fit leaf`: 2 for an input that cannot be read, 130 when stopped (finished parts are kept), 1 for a fit that as a whole failed.
-pub fn fit(manifest: &Manifest, index: usize, out: &Path, folder: &Path, ledger: &Ledger) -> Result<()> {
+pub fn fit(manifest: &Manifest, index: usize, out: &Path, folder: &Path, afresh: bool, ledger: &Ledger) -> Result<()> {
     let leaf = &manifest.leaves[index];
     let capture = match (&leaf.capture, &leaf.scan) {
         (Some(capture), _) => manifest.resolve(capture),
-        (None, Some(scan)) => scanned(manifest, leaf, scan, out, ledger)?,
+        (None, Some(scan)) => scanned(manifest, leaf, scan, out, afresh, ledger)?,
         (None, None) => {
             return Err(Error::field(&manifest.path, &format!("leaf \"{}\"", leaf.name), "there is no capture and no scan to fit it from"));
         }
@@ -58,16 +59,16 @@ pub fn fit(manifest: &Manifest, index: usize, out: &Path, folder: &Path, ledger:
         progress::say(format!("  {}: {warning}", leaf.name));
     }
     stop()?;
-    ledger.note("fit", leaf.name.clone(), 0, || fit::run(&capture, folder, &fit_options(leaf)))?;
+    ledger.note("fit", leaf.name.clone(), 0, || fit::run(&capture, folder, &fit::Options { force: afresh, ..fit_options(leaf) }))?;
     Ok(())
 }
 
 /// The scan of a leaf, made now unless a whole one of the same specification is there.
-fn scanned(manifest: &Manifest, leaf: &Leaf, told: &Scan, out: &Path, ledger: &Ledger) -> Result<PathBuf> {
+fn scanned(manifest: &Manifest, leaf: &Leaf, told: &Scan, out: &Path, afresh: bool, ledger: &Ledger) -> Result<PathBuf> {
     let folder = out.join("captures").join(&leaf.name);
     let stamp = source::scan_stamp(out, &leaf.name);
     let wanted = source::scan_hash(manifest, told)?;
-    if std::fs::read_to_string(&stamp).ok().as_deref() == Some(wanted.as_str()) && folder.join("capture.toml").is_file() {
+    if !afresh && std::fs::read_to_string(&stamp).ok().as_deref() == Some(wanted.as_str()) && folder.join("capture.toml").is_file() {
         return Ok(folder);
     }
     let _ = std::fs::remove_file(&stamp);

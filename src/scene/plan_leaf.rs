@@ -57,16 +57,17 @@ pub fn detail(manifest: &Manifest, leaf: &mut LeafPlan, plan: &mut Plan, ledger:
         plan.leave_out(LeftOut::new(format!("{}/blade.glb", config.name), "only a card shows this leaf", bytes, None));
     }
     for (s, side) in SIDES.into_iter().enumerate() {
+        let task = OneSide { manifest, s, side, fitted: &fitted, ledger };
         if config.interior == Interior::Scalars && leaf.sides[s].interior() {
-            read_gamma_delta(leaf, s, side, &fitted, ledger)?;
+            task.read_gamma_delta(leaf)?;
         }
         if leaf.sides[s].any() && leaf.size == [0, 0] {
             let info = fitted.info(&format!("{}.exr", side.name()))?;
             leaf.size = [info.width, info.height];
         }
-        slab_curve(manifest, leaf, s, side, &fitted, plan, ledger)?;
-        gloss(manifest, leaf, s, side, &fitted, plan, ledger)?;
-        files(manifest, leaf, s, side, &fitted, plan, ledger);
+        task.slab_curve(leaf, plan)?;
+        task.gloss(leaf, plan)?;
+        task.files(leaf, plan);
     }
     resolution(manifest, leaf, plan);
     let keep: u64 = ["front_err.exr", "back_err.exr"].iter().map(|f| fitted.file_bytes(f)).sum();
@@ -102,16 +103,6 @@ pub fn rgba(fitted: &Fitted, file: &str, ledger: &Ledger, good: impl Fn([f32; 4]
     Ok(Rgba { size, texels, good: mask })
 }
 
-fn read_gamma_delta(leaf: &mut LeafPlan, s: usize, side: SideName, fitted: &Fitted, ledger: &Ledger) -> Result<()> {
-    let file = format!("{}_gamma_delta.exr", side.name());
-    let h = fitted.thickness(side)? as f32;
-    // γ of a leaf texel is positive, and so is its thickness.
-    let Rgba { size, texels, good } = rgba(fitted, &file, ledger, |t| t[0] > 0.0 && t[1] > 0.0 && t[2] > 0.0 && h + t[3] > 0.0)?;
-    same_size(leaf, size, fitted, &file)?;
-    leaf.textures[s] = Textures { gamma_delta: Some(texels), gloss: None, good };
-    Ok(())
-}
-
 fn same_size(leaf: &mut LeafPlan, size: [usize; 2], fitted: &Fitted, file: &str) -> Result<()> {
     if leaf.size != [0, 0] && leaf.size != size {
         let what = format!("found {}x{} texels, expected {}x{} as of the leaf's other maps", size[0], size[1], leaf.size[0], leaf.size[1]);
@@ -121,148 +112,157 @@ fn same_size(leaf: &mut LeafPlan, size: [usize; 2], fitted: &Fitted, file: &str)
     Ok(())
 }
 
-fn slab_curve(
-    manifest: &Manifest,
-    leaf: &mut LeafPlan,
-    s: usize,
-    side: SideName,
-    fitted: &Fitted,
-    plan: &mut Plan,
-    ledger: &Ledger,
-) -> Result<()> {
-    let Some(texels) = &leaf.textures[s].gamma_delta else { return Ok(()) };
-    let h = fitted.thickness(side)?;
-    let (low, high) = texels.iter().fold((f64::INFINITY, 0f64), |(a, b), t| (a.min(h + f64::from(t[3])), b.max(h + f64::from(t[3]))));
-    // A tenth of a shortcut's share, and never more than a ten-thousandth.
-    let allowed = (manifest.tolerance / 10.0).min(1e-4);
-    let what = format!("{}/{} slab curve", fitted.name, side.name());
-    let curve = amount::curve(fitted.rgb(side, "sigma_a")?, fitted.rgb(side, "sigma_s")?, low, high, allowed, &what, ledger);
-    let last = curve.rows.last().copied();
-    plan.measured.insert(what.clone(), curve.rows.clone());
-    let mut need = Need::new(what, "rho_d and rho_t follow the thickness h + delta of each texel");
-    need.amount = last.map(|r| format!("{} points, interpolation error {:.1e} (measured), {:.2} ms", r.setting, r.error, r.ms));
-    need.bytes = last.map(|r| r.bytes);
-    plan.need(need);
-    leaf.curves[s] = Some(curve);
-    Ok(())
-}
-
 /// Light that reaches a surface, at most: E/π and the sky's radiance (the mean over the channels).
 fn light(manifest: &Manifest) -> (f64, f64) {
     let mean = |c: &[f64; 3]| c.iter().sum::<f64>() / 3.0;
     (manifest.sun.as_ref().map_or(0.0, |s| mean(&s.irradiance)), manifest.sky.as_ref().map_or(0.0, |s| mean(&s.radiance)))
 }
 
-fn gloss(
-    manifest: &Manifest,
-    leaf: &mut LeafPlan,
+/// One side of a leaf whose fit is there.
+struct OneSide<'a> {
+    manifest: &'a Manifest,
     s: usize,
     side: SideName,
-    fitted: &Fitted,
-    plan: &mut Plan,
-    ledger: &Ledger,
-) -> Result<()> {
-    let name = format!("{}/{}_rho_s_m.exr", fitted.name, side.name());
-    let bytes = texture_bytes(leaf.size) + fitted.file_bytes(&format!("{}_rho_s_m.exr", side.name()));
-    if !leaf.sides[s].gloss {
-        if fitted.has(side) {
-            plan.leave_out(LeftOut::new(name, format!("no light falls on the {} where a camera sees it", side.name()), bytes, None));
-        }
-        return Ok(());
-    }
-    let (sun, sky) = light(manifest);
-    let (exposure, lit) = (manifest.exposure, if leaf.facing.lit[s] { light(manifest).0 } else { 0.0 });
-    // What a highlight adds to the displayed value at most: near-normal peak of Beckmann's D over 4, three times that towards grazing.
-    let shows = |rho_s: f64, m: f64| {
-        let under = 0.05 * (sun / std::f64::consts::PI + sky);
-        let gloss = rho_s * (3.0 * lit / (4.0 * std::f64::consts::PI * (m * m).max(1e-6)) + sky);
-        displayed(under + gloss, exposure) - displayed(under, exposure)
-    };
-    let figures = &fitted.section(side)?.figures;
-    if let (Some(rho_s), Some(m)) = (figures.get("rho_s_max"), figures.get("m_min"))
-        && shows(*rho_s, *m) < manifest.tolerance
-    {
-        leaf.sides[s].gloss = false;
-        let why = format!("matte: rho_s is at most {rho_s:.2e}, which adds less than {:.1e} to a displayed value", manifest.tolerance);
-        plan.leave_out(LeftOut::new(name, why, bytes, None));
-        return Ok(());
-    }
-    let file = format!("{}_rho_s_m.exr", side.name());
-    let Rgba { size, texels, good } = rgba(fitted, &file, ledger, |t| t[3] > 0.0)?;
-    same_size(leaf, size, fitted, &file)?;
-    let most = texels
-        .iter()
-        .zip(&good)
-        .filter(|(_, g)| **g)
-        .map(|(t, _)| shows(t[..3].iter().map(|v| f64::from(*v)).fold(0.0, f64::max), f64::from(t[3])))
-        .fold(0.0, f64::max);
-    if most < manifest.tolerance {
-        leaf.sides[s].gloss = false;
-        let why =
-            format!("matte: a highlight adds at most {most:.1e} to a displayed value, the scene tolerates {:.1e}", manifest.tolerance);
-        plan.leave_out(LeftOut::new(name, why, texture_bytes(size), None));
-        return Ok(());
-    }
-    leaf.textures[s].gloss = Some(texels);
-    Ok(())
+    fitted: &'a Fitted,
+    ledger: &'a Ledger,
 }
 
-/// Lists the files of one side.
-fn files(manifest: &Manifest, leaf: &LeafPlan, s: usize, side: SideName, fitted: &Fitted, plan: &mut Plan, ledger: &Ledger) {
-    if !fitted.has(side) {
-        return;
+impl OneSide<'_> {
+    fn read_gamma_delta(&self, leaf: &mut LeafPlan) -> Result<()> {
+        let OneSide { s, side, fitted, ledger, .. } = *self;
+        let file = format!("{}_gamma_delta.exr", side.name());
+        let h = fitted.thickness(side)? as f32;
+        // γ of a leaf texel is positive, and so is its thickness.
+        let Rgba { size, texels, good } = rgba(fitted, &file, ledger, |t| t[0] > 0.0 && t[1] > 0.0 && t[2] > 0.0 && h + t[3] > 0.0)?;
+        same_size(leaf, size, fitted, &file)?;
+        leaf.textures[s] = Textures { gamma_delta: Some(texels), gloss: None, good };
+        Ok(())
     }
-    let needs = leaf.sides[s];
-    let pigment = manifest.leaves[leaf.index].interior == Interior::Maps;
-    let file = |what: &str| format!("{}{what}.exr", side.name());
-    let entry = |what: &str| format!("{}/{}", fitted.name, file(what));
-    let texture = texture_bytes(leaf.size);
-    // Measured on the maps of this leaf that were read.
-    let rate = {
-        let (bytes, ms) = ledger
-            .entries()
-            .iter()
-            .filter(|e| e.action == "read" && e.what.starts_with(&format!("{}/", fitted.name)) && e.what.ends_with(".exr"))
-            .fold((0u64, 0.0), |(b, t), e| (b + e.bytes, t + e.ms));
-        (bytes > 0).then(|| ms / bytes as f64)
-    };
-    let skip = |plan: &mut Plan, what: &str, textures: u64, why: String| {
-        let on_disk = fitted.file_bytes(&file(what));
-        plan.leave_out(LeftOut::new(entry(what), why, on_disk + textures * texture, rate.map(|r| r * on_disk as f64)));
-    };
-    let unseen = format!("no camera sees the {} or light that came through it", side.name());
-    match (needs.interior(), pigment) {
-        (true, false) => {
-            let why = match (needs.rho_d, needs.rho_t) {
-                (true, true) => "reflectance where light falls on it, transmittance where light comes through it",
-                (true, false) => "reflectance where light falls on it",
-                _ => "transmittance where light comes through it",
-            };
-            file_need(plan, fitted, &file("_gamma_delta"), why, true);
-            let name = format!("{}: pigment maps, {}", fitted.name, side.name());
-            plan.leave_out(LeftOut::new(name, "the scene asks for W's scalars", 2 * texture, None));
+
+    fn slab_curve(&self, leaf: &mut LeafPlan, plan: &mut Plan) -> Result<()> {
+        let OneSide { manifest, s, side, fitted, ledger } = *self;
+        let Some(texels) = &leaf.textures[s].gamma_delta else { return Ok(()) };
+        let h = fitted.thickness(side)?;
+        let (low, high) = texels.iter().fold((f64::INFINITY, 0f64), |(a, b), t| (a.min(h + f64::from(t[3])), b.max(h + f64::from(t[3]))));
+        // A tenth of a shortcut's share, and never more than a ten-thousandth.
+        let allowed = (manifest.tolerance / 10.0).min(1e-4);
+        let what = format!("{}/{} slab curve", fitted.name, side.name());
+        let curve = amount::curve(fitted.rgb(side, "sigma_a")?, fitted.rgb(side, "sigma_s")?, low, high, allowed, &what, ledger);
+        let last = curve.rows.last().copied();
+        plan.measured.insert(what.clone(), curve.rows.clone());
+        let mut need = Need::new(what, "rho_d and rho_t follow the thickness h + delta of each texel");
+        need.amount = last.map(|r| format!("{} points, interpolation error {:.1e} (measured), {:.2} ms", r.setting, r.error, r.ms));
+        need.bytes = last.map(|r| r.bytes);
+        plan.need(need);
+        leaf.curves[s] = Some(curve);
+        Ok(())
+    }
+
+    fn gloss(&self, leaf: &mut LeafPlan, plan: &mut Plan) -> Result<()> {
+        let OneSide { manifest, s, side, fitted, ledger } = *self;
+        let name = format!("{}/{}_rho_s_m.exr", fitted.name, side.name());
+        let bytes = texture_bytes(leaf.size) + fitted.file_bytes(&format!("{}_rho_s_m.exr", side.name()));
+        if !leaf.sides[s].gloss {
+            if fitted.has(side) {
+                plan.leave_out(LeftOut::new(name, format!("no light falls on the {} where a camera sees it", side.name()), bytes, None));
+            }
+            return Ok(());
         }
-        (true, true) => skip(plan, "_gamma_delta", 1, "the scene asks for pigment maps".into()),
-        (false, _) => skip(plan, "_gamma_delta", 1, unseen.clone()),
-    }
-    if needs.gloss {
-        file_need(plan, fitted, &file("_rho_s_m"), "highlights of the sun or the sky show", true);
-    }
-    if needs.normal {
-        file_need(plan, fitted, &file("_normal"), "the sun falls on this side where it shows", true);
-    } else {
-        let why = if needs.any() { "no sun falls on this side: a constant sky asks for no direction".into() } else { unseen.clone() };
-        skip(plan, "_normal", 1, why);
-    }
-    if needs.any() || needs.mean {
-        let why = if pigment {
-            "pigment maps, and the reference renderer's own path to the leaf"
-        } else {
-            "the reference renderer's own path to the leaf"
+        let (sun, sky) = light(manifest);
+        let (exposure, lit) = (manifest.exposure, if leaf.facing.lit[s] { light(manifest).0 } else { 0.0 });
+        // What a highlight adds to the displayed value at most: near-normal peak of Beckmann's D over 4, three times that towards grazing.
+        let shows = |rho_s: f64, m: f64| {
+            let under = 0.05 * (sun / std::f64::consts::PI + sky);
+            let gloss = rho_s * (3.0 * lit / (4.0 * std::f64::consts::PI * (m * m).max(1e-6)) + sky);
+            displayed(under + gloss, exposure) - displayed(under, exposure)
         };
-        file_need(plan, fitted, &file(""), why, true);
-    } else {
-        skip(plan, "", 0, unseen);
+        let figures = &fitted.section(side)?.figures;
+        if let (Some(rho_s), Some(m)) = (figures.get("rho_s_max"), figures.get("m_min"))
+            && shows(*rho_s, *m) < manifest.tolerance
+        {
+            leaf.sides[s].gloss = false;
+            let why = format!("matte: rho_s is at most {rho_s:.2e}, which adds less than {:.1e} to a displayed value", manifest.tolerance);
+            plan.leave_out(LeftOut::new(name, why, bytes, None));
+            return Ok(());
+        }
+        let file = format!("{}_rho_s_m.exr", side.name());
+        let Rgba { size, texels, good } = rgba(fitted, &file, ledger, |t| t[3] > 0.0)?;
+        same_size(leaf, size, fitted, &file)?;
+        let most = texels
+            .iter()
+            .zip(&good)
+            .filter(|(_, g)| **g)
+            .map(|(t, _)| shows(t[..3].iter().map(|v| f64::from(*v)).fold(0.0, f64::max), f64::from(t[3])))
+            .fold(0.0, f64::max);
+        if most < manifest.tolerance {
+            leaf.sides[s].gloss = false;
+            let why =
+                format!("matte: a highlight adds at most {most:.1e} to a displayed value, the scene tolerates {:.1e}", manifest.tolerance);
+            plan.leave_out(LeftOut::new(name, why, texture_bytes(size), None));
+            return Ok(());
+        }
+        leaf.textures[s].gloss = Some(texels);
+        Ok(())
+    }
+
+    /// Lists the files of one side.
+    fn files(&self, leaf: &LeafPlan, plan: &mut Plan) {
+        let OneSide { manifest, s, side, fitted, ledger } = *self;
+        if !fitted.has(side) {
+            return;
+        }
+        let needs = leaf.sides[s];
+        let pigment = manifest.leaves[leaf.index].interior == Interior::Maps;
+        let file = |what: &str| format!("{}{what}.exr", side.name());
+        let entry = |what: &str| format!("{}/{}", fitted.name, file(what));
+        let texture = texture_bytes(leaf.size);
+        // Measured on the maps of this leaf that were read.
+        let rate = {
+            let (bytes, ms) = ledger
+                .entries()
+                .iter()
+                .filter(|e| e.action == "read" && e.what.starts_with(&format!("{}/", fitted.name)) && e.what.ends_with(".exr"))
+                .fold((0u64, 0.0), |(b, t), e| (b + e.bytes, t + e.ms));
+            (bytes > 0).then(|| ms / bytes as f64)
+        };
+        let skip = |plan: &mut Plan, what: &str, textures: u64, why: String| {
+            let on_disk = fitted.file_bytes(&file(what));
+            plan.leave_out(LeftOut::new(entry(what), why, on_disk + textures * texture, rate.map(|r| r * on_disk as f64)));
+        };
+        let unseen = format!("no camera sees the {} or light that came through it", side.name());
+        match (needs.interior(), pigment) {
+            (true, false) => {
+                let why = match (needs.rho_d, needs.rho_t) {
+                    (true, true) => "reflectance where light falls on it, transmittance where light comes through it",
+                    (true, false) => "reflectance where light falls on it",
+                    _ => "transmittance where light comes through it",
+                };
+                file_need(plan, fitted, &file("_gamma_delta"), why, true);
+                let name = format!("{}: pigment maps, {}", fitted.name, side.name());
+                plan.leave_out(LeftOut::new(name, "the scene asks for W's scalars", 2 * texture, None));
+            }
+            (true, true) => skip(plan, "_gamma_delta", 1, "the scene asks for pigment maps".into()),
+            (false, _) => skip(plan, "_gamma_delta", 1, unseen.clone()),
+        }
+        if needs.gloss {
+            file_need(plan, fitted, &file("_rho_s_m"), "highlights of the sun or the sky show", true);
+        }
+        if needs.normal {
+            file_need(plan, fitted, &file("_normal"), "the sun falls on this side where it shows", true);
+        } else {
+            let why = if needs.any() { "no sun falls on this side: a constant sky asks for no direction".into() } else { unseen.clone() };
+            skip(plan, "_normal", 1, why);
+        }
+        if needs.any() || needs.mean {
+            let why = if pigment {
+                "pigment maps, and the reference renderer's own path to the leaf"
+            } else {
+                "the reference renderer's own path to the leaf"
+            };
+            file_need(plan, fitted, &file(""), why, true);
+        } else {
+            skip(plan, "", 0, unseen);
+        }
     }
 }
 

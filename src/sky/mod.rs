@@ -1,1 +1,116 @@
-//! Sky models and spherical harmonics.
+//! Skies and their spherical harmonics: what a clear sky looks like in every direction, and the few numbers that light a scene with it.
+//!
+//! Conventions, once for the whole program: z is up, the sun's azimuth is 0, which is +x; azimuth grows from +x to +y. Angles in radians.
+//! Radiance is luminance-weighted: XYZ with Y in kcd/m², or linear sRGB in the same unit, not clamped (blue may dip below zero).
+//! Harmonics are real, orthonormal, without the Condon–Shortley phase, at index l(l+1)+m; a sky's coefficients are those of the upper
+//! hemisphere with zero below the horizon. The sun's disk is not part of the sky.
+//!
+//! | to … | call |
+//! |---|---|
+//! | name a sky | [`Model`]: [`Preetham`], [`HosekWilkie`]; `model.sky(sun_zenith, turbidity)` gives a [`Sky`] or a [`Refused`] |
+//! | look at it | [`Sky::xyz`], [`Sky::rgb`] in a direction (unit vector) |
+//! | project it by quadrature | [`project::direct`] (1e-9 of c00 and better), [`project::Rule`] for many turbidities at one sun |
+//! | evaluate fitted polynomials | [`fitted::Folded`]: `coefficients(sun_zenith, turbidity)`, `at(turbidity)` once the turbidity is fixed |
+//! | turn, evaluate, sum harmonics | [`harmonics`]: [`harmonics::Basis`], [`harmonics::rotate_z`], [`harmonics::evaluate`] |
+//! | light a surface | [`irradiance::irradiance`] on a normal, [`irradiance::add_ground`] for the light from below |
+//! | keep ringing down | [`window`] |
+//!
+//! Coefficients of a sky are a [`Coefficients`]: N² values a channel. `project::direct(sky, 7)?` is the 49×3 numbers of a fixed sun and turbidity.
+
+pub mod colour;
+pub mod fitted;
+pub mod harmonics;
+pub mod hosek_wilkie;
+pub mod irradiance;
+pub mod preetham;
+pub mod project;
+pub mod quadrature;
+pub mod window;
+
+pub use harmonics::Coefficients;
+pub use hosek_wilkie::HosekWilkie;
+pub use preetham::Preetham;
+
+use std::f64::consts::FRAC_PI_2;
+
+/// Why there is no such sky: a sentence that names the parameter, what it is and what was expected.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct Refused(pub String);
+
+/// One sky: its parameters are settled, only the direction is open.
+pub trait Sky: Sync {
+    /// Angle of the sun from the zenith, 0 … π/2.
+    fn sun_zenith(&self) -> f64;
+
+    /// XYZ radiance (kcd/m²) from the unit direction `d`, z > 0. On and below the horizon it is the model's limit from above.
+    fn xyz(&self, d: [f64; 3]) -> [f64; 3] {
+        self.xyz_near_sun(d, angle_to_sun(self.sun_zenith(), d))
+    }
+
+    /// As [`Sky::xyz`] where the angle γ between `d` and the sun is already known; skies that do not depend on γ ignore it.
+    fn xyz_near_sun(&self, d: [f64; 3], gamma: f64) -> [f64; 3];
+
+    /// Linear sRGB radiance (kcd/m², not clamped) from the unit direction `d`.
+    fn rgb(&self, d: [f64; 3]) -> [f64; 3] {
+        colour::rgb_from_xyz(self.xyz(d))
+    }
+}
+
+/// A family of skies over the sun's zenith angle and turbidity: to a fit, a black box.
+pub trait Model: Sync {
+    /// Name in files and on the command line.
+    fn name(&self) -> &'static str;
+
+    /// Turbidities that the model accepts.
+    fn turbidities(&self) -> [f64; 2];
+
+    /// Turbidities for which its authors vouch; [`Model::warning`] speaks outside.
+    fn trusted(&self) -> [f64; 2];
+
+    /// The sky with these parameters.
+    ///
+    /// # Errors
+    /// [`Refused`] for a sun below the horizon, a turbidity outside [`Model::turbidities`], and values that are not finite.
+    fn sky(&self, sun_zenith: f64, turbidity: f64) -> Result<Box<dyn Sky>, Refused>;
+
+    /// What a user should know of an accepted turbidity.
+    fn warning(&self, turbidity: f64) -> Option<String> {
+        let [low, high] = self.trusted();
+        let outside = !(low..=high).contains(&turbidity);
+        outside.then(|| format!("turbidity is {turbidity}, outside the {low} to {high} for which {} is trusted", self.name()))
+    }
+}
+
+/// A sun this little below the horizon (rad; two arc seconds) counts as standing on it, so that π/2 may be written with five digits.
+pub const HORIZON_ROUNDING: f64 = 1e-5;
+
+/// What every model asks of its two parameters; gives the sun's zenith angle, at most π/2.
+///
+/// # Errors
+/// As [`Model::sky`].
+pub fn check(sun_zenith: f64, turbidity: f64, [low, high]: [f64; 2]) -> Result<f64, Refused> {
+    if !(sun_zenith >= 0.0 && sun_zenith.is_finite()) {
+        return Err(Refused(format!("sun_zenith is {sun_zenith}; expected 0 (zenith) to pi/2 (horizon)")));
+    }
+    if sun_zenith > FRAC_PI_2 + HORIZON_ROUNDING {
+        return Err(Refused(format!("sun_zenith is {sun_zenith}: the sun is below the horizon; expected 0 to pi/2")));
+    }
+    if !(low..=high).contains(&turbidity) {
+        return Err(Refused(format!("turbidity is {turbidity}; expected {low} to {high}")));
+    }
+    Ok(sun_zenith.min(FRAC_PI_2))
+}
+
+/// Unit vector to a sun at this zenith angle: azimuth 0.
+pub fn sun_direction(sun_zenith: f64) -> [f64; 3] {
+    [sun_zenith.sin(), 0.0, sun_zenith.cos()]
+}
+
+/// Angle between the unit direction `d` and the sun, to full precision at both ends (an arc cosine of the dot product has half the digits).
+pub fn angle_to_sun(sun_zenith: f64, d: [f64; 3]) -> f64 {
+    let [sx, _, sz] = sun_direction(sun_zenith);
+    let cross = [-sz * d[1], sz * d[0] - sx * d[2], sx * d[1]];
+    let length = (cross[0] * cross[0] + cross[1] * cross[1] + cross[2] * cross[2]).sqrt();
+    length.atan2(sx * d[0] + sz * d[2])
+}

@@ -254,6 +254,7 @@ fn times() -> Times {
             .collect()
     };
     Times {
+        capture: None,
         phases: vec![
             phase("read_and_calibrate", 3.4),
             phase("gloss_fit", 21.9),

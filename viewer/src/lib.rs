@@ -1,15 +1,13 @@
 //! Draws fitted leaves with wgpu, headless or in a window. Takes plain scene data; knows nothing of fitting or files of scenes.
 //!
 //! ```no_run
-//! use mesophyll_viewer::{Options, Renderer, scene::{Camera, Scene}};
-//! # fn main() -> Result<(), mesophyll_viewer::Error> {
-//! # let (scene, camera): (Scene, Camera) = unimplemented!();
-//! let mut renderer = Renderer::headless(&Options::default())?;
-//! renderer.set_scene(&scene)?;
-//! let picture = renderer.render(&camera, 800, 600)?;
-//! picture.save_png("leaf.png".as_ref())?;
-//! # Ok(())
-//! # }
+//! use mesophyll_viewer::{Error, Options, Renderer, scene::{Camera, Scene}};
+//!
+//! fn draw(scene: &Scene, camera: &Camera) -> Result<(), Error> {
+//!     let mut renderer = Renderer::headless(&Options::default())?;
+//!     renderer.set_scene(scene)?;
+//!     renderer.render(camera, 800, 600)?.save_png("leaf.png".as_ref())
+//! }
 //! ```
 
 pub mod editor;

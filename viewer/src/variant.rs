@@ -80,6 +80,11 @@ impl Variant {
         self.sky && self.lobe != LobeKind::None
     }
 
+    /// Highlights are averaged over the pixel where the normal turns quickly across it.
+    pub(crate) fn supersample(&self) -> bool {
+        self.sun && self.msaa > 1 && self.lobe != LobeKind::None && self.tangent()
+    }
+
     pub(crate) fn sampled(&self) -> bool {
         self.lit() || self.mask
     }
@@ -100,6 +105,7 @@ impl Variant {
             .set("GGX", self.lobe == LobeKind::Ggx)
             .set("FRESNEL", self.lobe == LobeKind::CookTorrance)
             .set("ALBEDO", self.albedo())
+            .set("SUPERSAMPLE", self.supersample())
             .set("FRONT_CURVE", lit && !self.front.maps && !self.front.black)
             .set("BACK_CURVE", lit && !self.back.maps && !self.back.black)
             .set("FRONT_MAPS", lit && self.front.maps)

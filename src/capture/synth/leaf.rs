@@ -17,6 +17,8 @@ use rayon::prelude::*;
 pub struct Side {
     pub rho_d: Vec<[f32; 3]>,
     pub rho_t: Vec<[f32; 3]>,
+    /// Transmittance for a beam at the light box's camera angle; ρt where the camera looks along the normal.
+    pub through: Vec<[f32; 3]>,
     pub rho_s: Vec<[f32; 3]>,
     pub m: Vec<f32>,
     pub normal: Vec<[f32; 3]>,
@@ -185,6 +187,8 @@ struct Interior {
     /// ρd without γ.
     reflected: Vec<[f64; 3]>,
     rho_t: Vec<[f32; 3]>,
+    /// ρt as the light box's camera sees it.
+    through: Vec<[f32; 3]>,
 }
 
 fn interior(spec: &Spec, model: Model, places: &[Place]) -> Interior {
@@ -198,19 +202,32 @@ fn interior(spec: &Spec, model: Model, places: &[Place]) -> Interior {
     let sigma_a = on_blade(&|p| spec.interior.sigma_a.map(|s| s * pigment(p)));
     let sigma_s = on_blade(&|_| spec.interior.sigma_s);
     let (mut reflected, mut rho_t) = (vec![[0.0; 3]; places.len()], vec![[0f32; 3]; places.len()]);
+    let oblique = spec.device.lightbox_camera_deg.to_radians().cos();
+    let mut through = if oblique < 1.0 { vec![[0f32; 3]; places.len()] } else { Vec::new() };
     for c in 0..3 {
         // Maps are single precision: the slab is solved for what they hold.
         let range = |map: &dyn Fn(usize) -> f32| {
             let good = (0..places.len()).filter(|&k| places[k].inside).map(|k| f64::from(map(k)));
             good.fold([f64::MAX, 0.0], |[a, b], v| [v.min(a), v.max(b)])
         };
-        let table = Table::new(range(&|k| sigma_a[k][c]), f64::from(spec.interior.sigma_s[c] as f32), range(&|k| thickness[k]));
+        let (absorption, scattering, thick) =
+            (range(&|k| sigma_a[k][c]), f64::from(spec.interior.sigma_s[c] as f32), range(&|k| thickness[k]));
+        let table = Table::new(1.0, absorption, scattering, thick);
         reflected.par_iter_mut().zip(&mut rho_t).enumerate().filter(|(k, _)| places[*k].inside).for_each(|(k, (d, t))| {
             let r = table.at(f64::from(sigma_a[k][c]), f64::from(thickness[k]));
             (d[c], t[c]) = (r.rho_d, r.rho_t as f32);
         });
+        if !through.is_empty() {
+            let table = Table::new(oblique, absorption, scattering, thick);
+            through.par_iter_mut().enumerate().filter(|(k, _)| places[*k].inside).for_each(|(k, t)| {
+                t[c] = table.at(f64::from(sigma_a[k][c]), f64::from(thickness[k])).rho_t as f32;
+            });
+        }
     }
-    Interior { thickness, sigma_a, sigma_s, reflected, rho_t }
+    if through.is_empty() {
+        through.clone_from(&rho_t);
+    }
+    Interior { thickness, sigma_a, sigma_s, reflected, rho_t, through }
 }
 
 fn side(spec: &Spec, model: Model, places: &[Place], interior: &Interior, (width, height, texel): (usize, usize, f64), back: bool) -> Side {
@@ -262,6 +279,7 @@ fn side(spec: &Spec, model: Model, places: &[Place], interior: &Interior, (width
     Side {
         rho_d: on_blade(&|k| [0, 1, 2].map(|c| f64::from(gamma[k][c]) * interior.reflected[seen[k]][c])),
         rho_t: seen.iter().map(|&p| interior.rho_t[p]).collect(),
+        through: seen.iter().map(|&p| interior.through[p]).collect(),
         rho_s: on_blade(&|k| [gloss(k)[0]; 3]),
         m: seen.iter().enumerate().map(|(k, &p)| if places[p].inside { gloss(k)[1] as f32 } else { 0.0 }).collect(),
         normal: on_blade(&normal),

@@ -102,7 +102,7 @@ fn manifest_of(spec: &Spec, leaf: &Leaf, options: &Options) -> Manifest {
         noise_floor: Some(if options.noise > 0.0 { device.noise_floor } else { 0.0 }),
         sides: vec![SideName::Front, SideName::Back],
         tube: device.tube,
-        lightbox: LightBox { camera_deg: 0.0 },
+        lightbox: LightBox { camera_deg: device.lightbox_camera_deg },
         passes: passes.collect(),
     }
 }
@@ -183,7 +183,7 @@ impl Camera<'_> {
         image
     }
 
-    /// The light box seen along the normal, with a leaf of transmittance ρt (Wang et al. 2005 §3: reciprocity makes the ratio ρt).
+    /// The light box, with a leaf on it or without (Wang et al. 2005 §3: reciprocity makes the ratio the ρt of a beam at the camera's angle).
     fn lightbox(&self, leaf: &Leaf, on_it: Option<&View>) -> Vec<[f64; 3]> {
         let field = self.spec.field_mm;
         (0..leaf.width * leaf.height)
@@ -192,7 +192,7 @@ impl Camera<'_> {
                 // No light box is even: a little brighter to one side.
                 let level = BOX_LEVEL * (1.0 + 0.04 * x / field[0] - 0.03 * (y / field[1]).powi(2));
                 let through = match on_it {
-                    Some(view) if view.mask[k] => view.side.rho_t[k].map(f64::from),
+                    Some(view) if view.mask[k] => view.side.through[k].map(f64::from),
                     _ => [1.0; 3],
                 };
                 let gain = self.gain([x, y]);
@@ -200,6 +200,35 @@ impl Camera<'_> {
             })
             .collect()
     }
+}
+
+/// Texels of a mirror frame across the strip, where nothing changes.
+const STRIP: usize = 4;
+
+/// A level mirror in the blade's plane, a strip along the travel: where the tube's reflection stands, and nothing else. Shown through a
+/// filter, for a mirror shows the tube itself, H/a times as bright as white paper; here the tube is 1.
+fn mirror(manifest: &Manifest, travel: Travel, position: f64, white: (usize, usize), dark: f64) -> (Vec<[f64; 3]>, (usize, usize)) {
+    let (sin, cos) = manifest.camera_deg.to_radians().sin_cos();
+    let (tube, field) = (manifest.tube, [manifest.width, manifest.height].map(|n| n as f64 * manifest.texel_mm));
+    // The camera's ray turned back by the mirror, (−sin, 0, cos), meets the tube where it passes the axis at less than its radius: in
+    // pass x around position + H tan(camera), in pass y around the position itself.
+    let (size, count, length, centre, half) = match travel {
+        Travel::X => ((white.0, STRIP), white.0, field[0], position + tube.height_mm * sin / cos, tube.radius_mm / cos),
+        Travel::Y => ((STRIP, white.1), white.1, field[1], position, tube.radius_mm),
+    };
+    // Share of each texel along the travel that shows the tube.
+    let wide = length / count as f64;
+    let covered: Vec<f64> = (0..count)
+        .map(|k| {
+            let at = match travel {
+                Travel::X => (k as f64 + 0.5 - count as f64 / 2.0) * wide,
+                Travel::Y => (count as f64 / 2.0 - k as f64 - 0.5) * wide,
+            };
+            ((at + 0.5 * wide).min(centre + half) - (at - 0.5 * wide).max(centre - half)).max(0.0) / wide
+        })
+        .collect();
+    let along = |k: usize| if travel == Travel::X { k % size.0 } else { k / size.0 };
+    ((0..size.0 * size.1).map(|k| [dark + covered[along(k)]; 3]).collect(), size)
 }
 
 fn references(manifest: &Manifest, leaf: &Leaf, camera: &Camera, sensor: Sensor, white: (usize, usize), folder: &Path) -> Result<()> {
@@ -215,6 +244,10 @@ fn references(manifest: &Manifest, leaf: &Leaf, camera: &Camera, sensor: Sensor,
         for (k, &position) in pass.positions().iter().enumerate() {
             let image = camera.white(&tube, pass.name, position, white, texel);
             put(manifest::white_path(folder, pass.name, k), image, white, [10, p as u64, k as u64])?;
+            if manifest.tube.radius_mm > 0.0 {
+                let (image, size) = mirror(manifest, pass.name, position, white, camera.spec.device.dark);
+                put(manifest::mirror_path(folder, pass.name, k), image, size, [13, p as u64, k as u64])?;
+            }
         }
     }
     put(folder.join("dark.exr"), vec![[camera.spec.device.dark; 3]; size.0 * size.1], size, [11, 0, 0])?;

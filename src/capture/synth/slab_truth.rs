@@ -1,5 +1,6 @@
 //! The leaf's interior for synthetic leaves: a plane-parallel slab with isotropic scattering, index-matched, under a collimated beam
-//! along the normal, black below (LEAFMOD; Ganapol et al. 1998, Wang et al. 2005 §3). Coefficients in 1/mm, thickness in mm.
+//! along the normal or at a cosine μ₀, black below (LEAFMOD; Ganapol et al. 1998, Wang et al. 2005 §3). Coefficients in 1/mm, thickness in
+//! mm.
 //!
 //! Solved by doubling: a layer so thin that it scatters once, doubled until it is as thick as the leaf. The fit solves the same
 //! equation by other means, so truth and fit share no code. Good to 1e-8 for optical thicknesses 0.05 to 20.
@@ -43,18 +44,24 @@ pub fn gauss_legendre(n: usize) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// ρd and ρt of a slab with absorption and scattering coefficients (1/mm) and thickness (mm), all ≥ 0.
+/// ρd and ρt of a slab with absorption and scattering coefficients (1/mm) and thickness (mm), all ≥ 0, for a beam along the normal.
 pub fn response(sigma_a: f64, sigma_s: f64, thickness_mm: f64) -> Response {
+    response_at(1.0, sigma_a, sigma_s, thickness_mm)
+}
+
+/// The same for a beam at cosine `mu0` (0 < μ₀ ≤ 1), as shares of the flux that falls on the slab.
+pub fn response_at(mu0: f64, sigma_a: f64, sigma_s: f64, thickness_mm: f64) -> Response {
     let sigma_t = sigma_a + sigma_s;
     if sigma_t * thickness_mm <= 0.0 {
         return Response { rho_d: 0.0, rho_t: 1.0 };
     }
-    by_doubling(sigma_s / sigma_t, sigma_t * thickness_mm, ORDINATES)
+    by_doubling(sigma_s / sigma_t, sigma_t * thickness_mm, mu0, ORDINATES)
 }
 
-/// Operators of one layer on radiance at the ordinates (weights included), and the radiance that a unit collimated flux makes.
+/// Operators of one layer on radiance at the ordinates (weights included), and the radiance that a unit collimated flux at cosine μ₀ makes.
 struct Layer {
     depth: f64,
+    mu0: f64,
     reflect: DMatrix<f64>,
     /// Scattered transmission only; the direct part is exp(−depth/μ).
     scatter: DMatrix<f64>,
@@ -62,19 +69,19 @@ struct Layer {
     through: DVector<f64>,
 }
 
-fn by_doubling(omega: f64, delta: f64, n: usize) -> Response {
+fn by_doubling(omega: f64, delta: f64, mu0: f64, n: usize) -> Response {
     let (mu, weight): (Vec<f64>, Vec<f64>) = gauss_legendre(n).into_iter().map(|(x, w)| (0.5 * (x + 1.0), 0.5 * w)).unzip();
     let doublings = (delta / SINGLE).log2().ceil().max(0.0) as i32;
-    let mut layer = single_scattering(omega, delta * 0.5f64.powi(doublings), &mu, &weight);
+    let mut layer = single_scattering(omega, delta * 0.5f64.powi(doublings), mu0, &mu, &weight);
     for _ in 0..doublings {
         layer = doubled(&layer, &mu);
     }
     let flux = |radiance: &DVector<f64>| (0..n).map(|i| weight[i] * mu[i] * radiance[i]).sum::<f64>();
-    Response { rho_d: flux(&layer.back), rho_t: (-layer.depth).exp() + flux(&layer.through) }
+    Response { rho_d: flux(&layer.back), rho_t: (-layer.depth / mu0).exp() + flux(&layer.through) }
 }
 
 /// Exact first order of scattering of a layer: source (ω/2)·(incident radiance) at each depth, attenuated on its way out.
-fn single_scattering(omega: f64, depth: f64, mu: &[f64], weight: &[f64]) -> Layer {
+fn single_scattering(omega: f64, depth: f64, mu0: f64, mu: &[f64], weight: &[f64]) -> Layer {
     let n = mu.len();
     let back = |out: f64, inward: f64| {
         let rate = 1.0 / out + 1.0 / inward;
@@ -87,10 +94,12 @@ fn single_scattering(omega: f64, depth: f64, mu: &[f64], weight: &[f64]) -> Laye
     };
     Layer {
         depth,
+        mu0,
         reflect: DMatrix::from_fn(n, n, |i, j| back(mu[i], mu[j]) * weight[j]),
         scatter: DMatrix::from_fn(n, n, |i, j| through(mu[i], mu[j]) * weight[j]),
-        back: DVector::from_fn(n, |i, _| back(mu[i], 1.0)),
-        through: DVector::from_fn(n, |i, _| through(mu[i], 1.0)),
+        // Unit flux through the horizontal is radiance 1/μ₀ in the beam.
+        back: DVector::from_fn(n, |i, _| back(mu[i], mu0) / mu0),
+        through: DVector::from_fn(n, |i, _| through(mu[i], mu0) / mu0),
     }
 }
 
@@ -99,7 +108,7 @@ fn single_scattering(omega: f64, depth: f64, mu: &[f64], weight: &[f64]) -> Laye
 fn doubled(layer: &Layer, mu: &[f64]) -> Layer {
     let n = mu.len();
     let direct = DVector::from_fn(n, |i, _| (-layer.depth / mu[i]).exp());
-    let beam = (-layer.depth).exp();
+    let beam = (-layer.depth / layer.mu0).exp();
     let (r, ts) = (&layer.reflect, &layer.scatter);
     let transmit = ts + DMatrix::from_diagonal(&direct);
     let rr = r * r;
@@ -119,6 +128,7 @@ fn doubled(layer: &Layer, mu: &[f64]) -> Layer {
     let u = r * &d + &layer.back * beam;
     Layer {
         depth: 2.0 * layer.depth,
+        mu0: layer.mu0,
         reflect: r + &transmit * (r * &down),
         scatter,
         back: &layer.back + &transmit * &u,
@@ -126,7 +136,7 @@ fn doubled(layer: &Layer, mu: &[f64]) -> Layer {
     }
 }
 
-/// ρd and ρt against absorption and thickness at fixed scattering: Chebyshev interpolation of their logarithms.
+/// ρd and ρt against absorption and thickness at fixed scattering and incidence: Chebyshev interpolation of their logarithms.
 ///
 /// Both axes are logarithmic; an axis whose ends coincide has a single node.
 #[derive(Debug, Clone)]
@@ -170,14 +180,14 @@ impl Axis {
 }
 
 impl Table {
-    /// Tabulates σs (1/mm) over ranges of σa (1/mm) and thickness (mm), both positive; solves in parallel.
-    pub fn new(sigma_a: [f64; 2], sigma_s: f64, thickness_mm: [f64; 2]) -> Table {
+    /// Tabulates σs (1/mm) over ranges of σa (1/mm) and thickness (mm), both positive, for a beam at cosine `mu0`; solves in parallel.
+    pub fn new(mu0: f64, sigma_a: [f64; 2], sigma_s: f64, thickness_mm: [f64; 2]) -> Table {
         let (absorption, thickness) = (Axis::new(sigma_a, 13), Axis::new(thickness_mm, 14));
         let pairs: Vec<(f64, f64)> = absorption.nodes.iter().flat_map(|a| thickness.nodes.iter().map(|h| (a.exp(), h.exp()))).collect();
         let values = pairs
             .into_par_iter()
             .map(|(a, h)| {
-                let r = response(a, sigma_s, h);
+                let r = response_at(mu0, a, sigma_s, h);
                 [r.rho_d.ln(), r.rho_t.ln()]
             })
             .collect();
@@ -204,12 +214,12 @@ mod tests {
     #[test]
     fn energy_is_conserved_and_more_ordinates_change_nothing() {
         for (omega, delta) in [(0.99, 0.05), (0.9, 0.3), (0.6, 1.0), (0.95, 4.0), (0.3, 8.0), (0.999, 20.0)] {
-            let (a, b) = (by_doubling(omega, delta, ORDINATES), by_doubling(omega, delta, 64));
+            let (a, b) = (by_doubling(omega, delta, 1.0, ORDINATES), by_doubling(omega, delta, 1.0, 64));
             println!("{omega} {delta} {:e} {:e}", a.rho_d / b.rho_d - 1.0, a.rho_t / b.rho_t - 1.0);
             assert!((a.rho_d - b.rho_d).abs() < 1e-8 && (a.rho_t - b.rho_t).abs() < 1e-8);
         }
         for delta in [0.05, 1.0, 20.0] {
-            let r = by_doubling(1.0, delta, ORDINATES);
+            let r = by_doubling(1.0, delta, 1.0, ORDINATES);
             assert!((r.rho_d + r.rho_t - 1.0).abs() < 2e-9, "{delta}: {r:?}");
         }
     }
@@ -227,17 +237,38 @@ mod tests {
                 h = nodes.iter().map(|&(mu, _)| next(&h, mu)).collect();
             }
             let expected = 1.0 - next(&h, 1.0) * root;
-            let found = by_doubling(omega, 80.0, ORDINATES).rho_d;
+            let found = by_doubling(omega, 80.0, 1.0, ORDINATES).rho_d;
             assert!((found - expected).abs() < 1e-7, "{omega}: {found} {expected}");
         }
     }
 
     #[test]
     fn the_table_is_the_solver() {
-        let table = Table::new([0.8, 20.0], 12.0, [0.06, 0.5]);
+        let table = Table::new(1.0, [0.8, 20.0], 12.0, [0.06, 0.5]);
         for (a, h) in [(0.83, 0.49), (3.0, 0.2), (19.0, 0.07), (7.3, 0.31)] {
             let (t, r) = (table.at(a, h), response(a, 12.0, h));
             assert!((t.rho_d / r.rho_d - 1.0).abs() < 1e-7 && (t.rho_t / r.rho_t - 1.0).abs() < 1e-7, "{a} {h}: {t:?} {r:?}");
+        }
+    }
+
+    /// Plane albedo of a half space at any incidence: 1 − H(μ₀)√(1−ω); and a conservative slab gives back what falls on it.
+    #[test]
+    fn oblique_beams_meet_chandrasekhar_and_conserve_energy() {
+        let nodes: Vec<(f64, f64)> = gauss_legendre(200).into_iter().map(|(x, w)| (0.5 * (x + 1.0), 0.5 * w)).collect();
+        let (omega, root) = (0.8, 0.2f64.sqrt());
+        let mut h = vec![1.0; nodes.len()];
+        let next =
+            |h: &[f64], mu: f64| 1.0 / (root + 0.5 * omega * nodes.iter().zip(h).map(|((x, w), h)| w * x * h / (x + mu)).sum::<f64>());
+        for _ in 0..400 {
+            h = nodes.iter().map(|&(mu, _)| next(&h, mu)).collect();
+        }
+        for mu0 in [0.3, 0.57, 0.9] {
+            let (expected, found) = (1.0 - next(&h, mu0) * root, by_doubling(omega, 80.0, mu0, ORDINATES).rho_d);
+            assert!((found - expected).abs() < 1e-7, "{mu0}: {found} {expected}");
+            for delta in [0.05, 1.0, 20.0] {
+                let r = by_doubling(1.0, delta, mu0, ORDINATES);
+                assert!((r.rho_d + r.rho_t - 1.0).abs() < 1e-8, "{mu0} {delta}: {r:?}");
+            }
         }
     }
 }

@@ -209,6 +209,8 @@ pub struct Surface {
 #[serde(deny_unknown_fields, default)]
 pub struct Device {
     pub camera_deg: f64,
+    /// Angle from which the light box is photographed.
+    pub lightbox_camera_deg: f64,
     pub tube: Tube,
     /// Tube positions of the first and last frame.
     pub travel_x_mm: [f64; 2],
@@ -229,6 +231,7 @@ impl Default for Device {
     fn default() -> Self {
         Device {
             camera_deg: 55.0,
+            lightbox_camera_deg: 0.0,
             tube: Tube { height_mm: 100.0, length_mm: 500.0, radius_mm: 2.5 },
             travel_x_mm: [-400.0, 250.0],
             travel_y_mm: [-325.0, 325.0],
@@ -312,8 +315,12 @@ impl Spec {
         if tube.radius_mm >= tube.height_mm {
             return bad("device.tube.radius_mm", tube.radius_mm.to_string(), "less than device.tube.height_mm");
         }
-        if self.device.camera_deg.is_nan() || self.device.camera_deg.abs() > 85.0 {
-            return bad("device.camera_deg", self.device.camera_deg.to_string(), "-85 to 85 degrees");
+        for (field, angle) in
+            [("device.camera_deg", self.device.camera_deg), ("device.lightbox_camera_deg", self.device.lightbox_camera_deg)]
+        {
+            if angle.is_nan() || angle.abs() > 85.0 {
+                return bad(field, angle.to_string(), "-85 to 85 degrees");
+            }
         }
         if let Lobe::CookTorrance { index } = self.lobe
             && !(index > 1.0 && index < 4.0)

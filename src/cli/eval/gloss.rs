@@ -53,6 +53,7 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
         required,
         optional,
         outputs: ["r", "g", "b"][..channels].iter().flat_map(|c| (0..positions.len()).map(move |k| format!("{c}{k}"))).collect(),
+        ..table::Spec::default()
     };
     table::run(table, &args.io.output, &spec, |row, out| {
         let (m, tilt) = (row.get(2 * channels), row.get(2 * channels + 1));

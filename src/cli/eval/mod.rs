@@ -3,7 +3,9 @@
 use super::Common;
 use crate::Result;
 
+pub mod beam;
 pub mod gloss;
+pub mod sky;
 pub mod slab;
 
 #[derive(Debug, clap::Args)]
@@ -16,13 +18,19 @@ pub struct Args {
 enum What {
     /// ρd and ρt of a slab from ω and Δ
     Slab(slab::Args),
+    /// Deflection and slope of a tapered branch
+    Beam(beam::Args),
     /// Traces of a linear light source over a glossy texel
     Gloss(gloss::Args),
+    /// Spherical harmonics of a sky from the sun's zenith angle and turbidity
+    Sky(sky::Args),
 }
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     match &args.what {
         What::Slab(a) => slab::run(a, common),
+        What::Beam(a) => beam::run(a, common),
         What::Gloss(a) => gloss::run(a, common),
+        What::Sky(a) => sky::run(a, common),
     }
 }

@@ -3,8 +3,10 @@
 use super::Common;
 use crate::Result;
 
+pub mod beam;
 pub mod gloss;
 pub mod leaf;
+pub mod sky;
 pub mod slab;
 
 #[derive(Debug, clap::Args)]
@@ -17,16 +19,22 @@ pub struct Args {
 enum What {
     /// A leaf scan: reflectance, gloss, normals, interior, thickness and blade
     Leaf(leaf::Args),
+    /// Coefficients of a tapered branch, or its taper and stiffness from measured deflections, from CSV
+    Beam(beam::Args),
     /// Gloss traces of a linear light source, or goniometer samples, from CSV
     Gloss(gloss::Args),
     /// σa and σs of a slab from its reflectance, transmittance and thickness, from CSV
     Slab(slab::Args),
+    /// Polynomials of a sky's spherical harmonics over sun and turbidity
+    Sky(sky::Args),
 }
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     match &args.what {
         What::Leaf(a) => leaf::run(a, common),
+        What::Beam(a) => beam::run(a, common),
         What::Gloss(a) => gloss::run(a, common),
         What::Slab(a) => slab::run(a, common),
+        What::Sky(a) => sky::run(a, common),
     }
 }

@@ -1,6 +1,7 @@
 //! Texels without a measurement take the value of the nearest good one, so that interpolation at the leaf's edge and around
 //! defects stays on the leaf. Filled values are not measurements: the mask says so.
 
+use crate::capture::grid::neighbours;
 use std::collections::VecDeque;
 
 /// For each texel the index of (one of) its nearest good texels by 4-connected distance, itself where it is good;
@@ -19,24 +20,11 @@ pub fn sources(good: &[bool], width: usize, height: usize) -> Option<Vec<u32>> {
     }
     while let Some(at) = queue.pop_front() {
         let k = at as usize;
-        let (i, j) = (k % width, k / width);
-        let mut visit = |next: usize| {
+        for next in neighbours(k, width, height) {
             if source[next] == u32::MAX {
                 source[next] = source[k];
                 queue.push_back(next as u32);
             }
-        };
-        if i > 0 {
-            visit(k - 1);
-        }
-        if i + 1 < width {
-            visit(k + 1);
-        }
-        if j > 0 {
-            visit(k - width);
-        }
-        if j + 1 < height {
-            visit(k + width);
         }
     }
     Some(source)

@@ -4,7 +4,7 @@ use crate::Result;
 use crate::capture::manifest::{SideName, Travel};
 use crate::capture::reader::Capture;
 use crate::files::image::Maps;
-use crate::fit::leaf::curve::{Incidence, RANGE};
+use crate::fit::leaf::curve::{Curve, Incidence, RANGE};
 use crate::fit::leaf::defect::Defect;
 use crate::fit::leaf::doubt;
 use crate::fit::leaf::noise::Level;
@@ -39,6 +39,8 @@ pub struct Fitted {
     pub gamma: Vec<[f64; 3]>,
     pub gamma_err: Vec<[f64; 3]>,
     pub sigma: Vec<[Sigma; 3]>,
+    /// ρt for a beam along the normal over the ρt that was measured, where the light box was not seen along the normal.
+    pub to_normal: Option<Vec<[f64; 3]>>,
     pub wide: Wide,
     pub termination: Termination,
     pub figures: BTreeMap<String, f64>,
@@ -49,6 +51,21 @@ pub struct Fitted {
 }
 
 impl Fitted {
+    /// ρt and its standard error for a beam along the normal, whole images of one channel. Seen at an angle it is converted by the leaf's
+    /// slab at each texel's thickness, and is NaN off the good texels.
+    pub fn rho_t(&self, c: usize) -> [Vec<f32>; 2] {
+        [&self.measured.rho_t, &self.measured.rho_t_err].map(|plane| match &self.to_normal {
+            None => plane.iter().map(|t| t[c]).collect(),
+            Some(factors) => {
+                let mut out = vec![f32::NAN; plane.len()];
+                for (factor, &k) in factors.iter().zip(&self.at) {
+                    out[k as usize] = (f64::from(plane[k as usize][c]) * factor[c]) as f32;
+                }
+                out
+            }
+        })
+    }
+
     /// Whether the leaf-wide numbers cannot be used.
     pub fn wide_failed(&self) -> bool {
         !self.termination.converged()
@@ -87,6 +104,11 @@ pub fn fit(capture: &Capture, measured: Measured, maps: Maps, options: &Options,
     }
     times.traces.insert(format!("{} leaf-wide", measured.side.name()), wide.trace.clone());
 
+    let to_normal = (incidence.0 != 1.0).then(|| {
+        let curves = [0, 1, 2].map(|c: usize| Curve::new(wide.sigma_a[c], wide.sigma_s[c], h, Incidence(1.0)));
+        let factor = |t: f64, c: usize| (curves[c].at(t.ln()).ln_rho_t - wide.curves[c].at(t.ln()).ln_rho_t).exp();
+        wide.locals.iter().map(|l| [0, 1, 2].map(|c: usize| factor(l.thickness, c))).collect()
+    });
     let inverter = Inverter::new(incidence);
     let error = |x: &Texel, c: usize| [x.rho_d_err[c], ((noise.relative * x.rho_t[c]).powi(2) + noise.floor[c].powi(2)).sqrt()];
     let invert_all = |thickness: &(dyn Fn(usize) -> f64 + Sync)| -> Vec<[Sigma; 3]> {
@@ -172,6 +194,7 @@ pub fn fit(capture: &Capture, measured: Measured, maps: Maps, options: &Options,
         gamma,
         gamma_err,
         sigma,
+        to_normal,
         wide,
         termination,
         figures,

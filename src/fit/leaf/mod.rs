@@ -100,8 +100,9 @@ pub fn input_hash(capture: &Capture, options: &Options) -> Result<String> {
 /// and a fit that as a whole cannot be trusted (1).
 pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     let clock = Instant::now();
-    atomic::probe_folder(out)?;
+    // The capture first: a mistyped one leaves no empty folder behind.
     let capture = Capture::open(capture)?;
+    atomic::probe_folder(out)?;
     let mut phases = Phases::default();
     phases.add("open and check", clock);
     let step = Instant::now();
@@ -174,7 +175,8 @@ pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
         ..FitRecord::default()
     };
     output::describe(&mut record, &capture, options, &level);
-    let mut times = Times { threads: rayon::current_num_threads(), ..Times::default() };
+    let mut times =
+        Times { capture: Some(capture.folder.display().to_string()), threads: rayon::current_num_threads(), ..Times::default() };
     let mut done = Vec::new();
     for (measured, maps) in sides.into_iter().zip(merged) {
         let step = Instant::now();

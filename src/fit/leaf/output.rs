@@ -20,7 +20,6 @@ const RGB: [&str; 3] = ["R", "G", "B"];
 pub fn describe(record: &mut FitRecord, capture: &Capture, options: &Options, level: &Level) {
     let m = &capture.manifest;
     let mut say = |name: &str, text: String| record.options.insert(name.to_string(), text);
-    say("capture", capture.folder.display().to_string());
     say("method", options.method.name().into());
     say("lobe", format!("{:?}", options.lobe));
     say("robust", options.robust.to_string());
@@ -150,8 +149,9 @@ fn maps(fitted: &Fitted, capture: &Capture) -> (Maps, Maps) {
         errors.push(name, bare(fitted.maps.get(&format!("err.{name}")).map(<[f32]>::to_vec).unwrap_or_default()));
     }
     for (c, letter) in RGB.iter().enumerate() {
-        values.push(format!("rho_t.{letter}"), filled(fitted.measured.rho_t.iter().map(|t| t[c]).collect()));
-        errors.push(format!("rho_t.{letter}"), bare(fitted.measured.rho_t_err.iter().map(|t| t[c]).collect()));
+        let [rho_t, error] = fitted.rho_t(c);
+        values.push(format!("rho_t.{letter}"), filled(rho_t));
+        errors.push(format!("rho_t.{letter}"), bare(error));
     }
     for (q, name) in ["sigma_a", "sigma_s"].iter().enumerate() {
         for (c, letter) in RGB.iter().enumerate() {

@@ -34,8 +34,9 @@ pub fn compare(capture: &Capture, fitted: &Fitted) -> Result<Comparison> {
     let mut shared = [Samples::default(), Samples::default()];
     for (c, letter) in rgb.iter().enumerate() {
         if let Some(t) = truth.get(&format!("rho_t.{letter}")) {
+            let [value, error] = fitted.rho_t(c);
             for &k in &good {
-                rho_t.push(t[k], f64::from(fitted.measured.rho_t[k][c]), f64::from(fitted.measured.rho_t_err[k][c]));
+                rho_t.push(t[k], f64::from(value[k]), f64::from(error[k]));
             }
         }
         if let Some(t) = truth.get(&format!("gamma.{letter}")) {

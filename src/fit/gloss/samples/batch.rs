@@ -1,7 +1,7 @@
 //! `fit gloss --samples`: goniometer tables in, a row a leaf out.
 
 use super::{Sample, SamplesFit, TILT, fit};
-use crate::files::table::{Sink, Status, Table, Tally, push_number, push_text};
+use crate::files::table::{Record, Sink, Status, Table, Tally, push_number, push_text};
 use crate::fit::gloss::M_RANGE;
 use crate::optics::gloss::Lobe;
 use crate::{Error, Result};
@@ -25,18 +25,17 @@ pub fn run(mut table: Table, output: &Path, values: &[String], lobe: Lobe) -> Re
     let values_at: Vec<usize> = values.iter().map(|v| table.require(v)).collect::<Result<_>>()?;
     let mut leaves: Vec<(String, std::result::Result<Vec<Sample>, String>)> = Vec::new();
     let mut places = std::collections::HashMap::new();
-    let (mut record, mut line) = (csv::ByteRecord::new(), 1);
+    let (mut record, mut line) = (Record::default(), 1);
     while table.next_record(&mut record)? {
         line += 1;
-        let name = text(&record, leaf_at).into_owned();
+        let name = text(&record, leaf_at).to_string();
         let at = *places.entry(name.clone()).or_insert_with(|| {
             leaves.push((name, Ok(Vec::new())));
             leaves.len() - 1
         });
-        let sample = if record.len() == table.header.len() {
-            read_sample(&table.header, &record, angles_at, &values_at)
-        } else {
-            Err(format!("{} fields where the header has {}", record.len(), table.header.len()))
+        let sample = match record.fault(table.header.len()) {
+            None => read_sample(&table.header, &record, angles_at, &values_at),
+            Some(fault) => Err(fault),
         };
         let list = &mut leaves[at].1;
         match (sample, &mut *list) {
@@ -97,16 +96,11 @@ pub fn run(mut table: Table, output: &Path, values: &[String], lobe: Lobe) -> Re
 }
 
 /// A cell as text; what is not UTF-8 shows as such in messages and is no number.
-fn text(record: &csv::ByteRecord, k: usize) -> std::borrow::Cow<'_, str> {
-    String::from_utf8_lossy(record.get(k).unwrap_or(b""))
+fn text(record: &Record, k: usize) -> &str {
+    record.cells.get(k).unwrap_or("")
 }
 
-fn read_sample(
-    header: &[String],
-    record: &csv::ByteRecord,
-    angles_at: [usize; 3],
-    values_at: &[usize],
-) -> std::result::Result<Sample, String> {
+fn read_sample(header: &[String], record: &Record, angles_at: [usize; 3], values_at: &[usize]) -> std::result::Result<Sample, String> {
     let number = |k: usize| text(record, k).parse::<f64>().ok().filter(|v| v.is_finite());
     let mut angles = [0.0; 3];
     for (angle, &k) in angles.iter_mut().zip(&angles_at) {

@@ -3,11 +3,14 @@
 //! Every batch form of the command line goes through [`run`]: rows are read in blocks, computed in parallel, and written
 //! in input order, so ten million rows need no more memory than ten thousand.
 
-use crate::files::atomic::{self, Pending};
+mod sink;
+mod source;
+
+pub use sink::{Sink, push_cell, push_number, push_text, stdout_error};
+pub use source::{Record, Table};
+
 use crate::{Error, Result};
 use rayon::prelude::*;
-use std::fs::File;
-use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
 /// Rows handed to the workers at a time.
@@ -74,6 +77,8 @@ pub struct Spec {
     pub dropped: Vec<String>,
     /// Output columns, before `status`.
     pub outputs: Vec<String>,
+    /// Output columns that are whole numbers and print as such (`3`, not `3.0`).
+    pub whole: Vec<String>,
 }
 
 /// The numbers of one input row.
@@ -101,123 +106,6 @@ pub struct Tally {
     pub refused: usize,
 }
 
-/// An opened CSV: its header is read, its rows are not.
-pub struct Table {
-    reader: csv::Reader<Box<dyn Read + Send>>,
-    name: PathBuf,
-    pub header: Vec<String>,
-}
-
-impl Table {
-    /// Opens `path` (`-`: standard input) and reads the header line.
-    ///
-    /// # Errors
-    /// [`Error::Input`] for a missing file, no header, or a column named twice.
-    pub fn open(path: &Path) -> Result<Table> {
-        let (source, name): (Box<dyn Read + Send>, PathBuf) = if path == Path::new("-") {
-            (Box::new(io::stdin()), "standard input".into())
-        } else {
-            let file = File::open(path).map_err(|e| Error::input(path, atomic::explain(&e)))?;
-            (Box::new(file), path.to_path_buf())
-        };
-        Table::from_reader(source, name)
-    }
-
-    /// A table from any source; `name` stands for the file in messages.
-    pub fn from_reader(source: Box<dyn Read + Send>, name: PathBuf) -> Result<Table> {
-        let mut reader = csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).buffer_capacity(1 << 18).from_reader(source);
-        let header: Vec<String> = reader
-            .headers()
-            .map_err(|e| Error::input(&name, format!("line 1: {}", plain_csv_error(&e))))?
-            .iter()
-            .map(|h| h.trim_start_matches('\u{feff}').to_string())
-            .collect();
-        if header.iter().all(|h| h.is_empty()) {
-            return Err(Error::input(&name, "no header line; the first line must name the columns"));
-        }
-        for (k, h) in header.iter().enumerate() {
-            if header[..k].contains(h) {
-                return Err(Error::field(&name, h, "the header names this column twice"));
-            }
-        }
-        Ok(Table { reader, name, header })
-    }
-
-    pub fn name(&self) -> &Path {
-        &self.name
-    }
-
-    /// Position of a column.
-    pub fn column(&self, name: &str) -> Option<usize> {
-        self.header.iter().position(|h| h == name)
-    }
-
-    /// Position of a column that must be there.
-    pub fn require(&self, name: &str) -> Result<usize> {
-        self.column(name)
-            .ok_or_else(|| Error::field(&self.name, name, format!("no such column; the header has {}", self.header.join(", "))))
-    }
-
-    /// The next record; false at the end. Records may be ragged (compare with the header's length) and may hold any bytes: one row in
-    /// another encoding stops no batch.
-    pub fn next_record(&mut self, record: &mut csv::ByteRecord) -> Result<bool> {
-        self.reader.read_byte_record(record).map_err(|e| {
-            let line = e.position().map_or(0, |p| p.line());
-            Error::input(&self.name, format!("line {line}: {}", plain_csv_error(&e)))
-        })
-    }
-}
-
-fn plain_csv_error(e: &csv::Error) -> String {
-    match e.kind() {
-        csv::ErrorKind::Io(io) => atomic::explain(io),
-        csv::ErrorKind::Utf8 { .. } => "not valid UTF-8 text".into(),
-        _ => e.to_string(),
-    }
-}
-
-/// Where rows go: a file that appears whole, or standard output.
-pub enum Sink {
-    File(Pending),
-    Stdout(io::BufWriter<io::Stdout>),
-    Memory(Vec<u8>),
-}
-
-impl Sink {
-    pub fn open(path: &Path) -> Result<Sink> {
-        if path == Path::new("-") {
-            Ok(Sink::Stdout(io::BufWriter::with_capacity(1 << 16, io::stdout())))
-        } else {
-            Ok(Sink::File(Pending::create(path)?))
-        }
-    }
-
-    pub fn write_all(&mut self, path: &Path, bytes: &[u8]) -> Result<()> {
-        match self {
-            Sink::File(f) => f.write_all(bytes).map_err(|e| Error::write(path, atomic::explain(&e))),
-            Sink::Stdout(s) => s.write_all(bytes).map_err(stdout_error),
-            Sink::Memory(m) => {
-                m.extend_from_slice(bytes);
-                Ok(())
-            }
-        }
-    }
-
-    /// Flushes; a file gets its name.
-    pub fn finish(self) -> Result<()> {
-        match self {
-            Sink::File(f) => f.finish(),
-            Sink::Stdout(mut s) => s.flush().map_err(stdout_error),
-            Sink::Memory(_) => Ok(()),
-        }
-    }
-}
-
-/// A closed pipe is the reader's choice, anything else a failed write.
-pub fn stdout_error(e: io::Error) -> Error {
-    if e.kind() == io::ErrorKind::BrokenPipe { Error::BrokenPipe } else { Error::write(Path::new("standard output"), atomic::explain(&e)) }
-}
-
 /// Streams `table` through `f` into `io.output`; `f` sees the numbers of one row and pushes one answer for each output row.
 ///
 /// # Errors
@@ -231,11 +119,11 @@ where
     let mut sink = Sink::open(output)?;
     sink.write_all(output, &plan.header_line(&table, spec))?;
     let mut tally = Tally::default();
-    let mut block: Vec<csv::ByteRecord> = Vec::with_capacity(BLOCK);
+    let mut block: Vec<Record> = Vec::with_capacity(BLOCK);
     loop {
         block.clear();
         while block.len() < BLOCK {
-            let mut record = csv::ByteRecord::new();
+            let mut record = Record::default();
             if !table.next_record(&mut record)? {
                 break;
             }
@@ -320,16 +208,20 @@ impl Plan {
         line
     }
 
-    fn answer<F: Fn(&Row, &mut Vec<Answer>)>(&self, record: &csv::ByteRecord, spec: &Spec, f: &F, out: &mut Vec<Answer>) {
-        if record.len() != self.width {
-            out.push(Answer::refused(format!("{} fields where the header has {}", record.len(), self.width)));
+    fn answer<F: Fn(&Row, &mut Vec<Answer>)>(&self, record: &Record, spec: &Spec, f: &F, out: &mut Vec<Answer>) {
+        if let Some(fault) = record.fault(self.width) {
+            out.push(Answer::refused(fault));
             return;
         }
         let mut values = Vec::with_capacity(self.numbers.len());
         for (at, name, needed) in &self.numbers {
-            let Ok(text) = std::str::from_utf8(at.map_or(&[], |k| &record[k])) else {
-                out.push(Answer::refused(format!("{name} is not valid UTF-8 text; expected a number")));
-                return;
+            let text = match record.text(*at) {
+                Some(Err(_)) => {
+                    out.push(Answer::refused(format!("{name} is not valid UTF-8 text; expected a number")));
+                    return;
+                }
+                Some(Ok(text)) => text,
+                None => "",
             };
             if text.is_empty() && !needed {
                 values.push(f64::NAN);
@@ -352,14 +244,16 @@ impl Plan {
         debug_assert!(out.iter().all(|a| a.values.is_empty() || a.values.len() == spec.outputs.len()));
     }
 
-    fn write_row(&self, bytes: &mut Vec<u8>, record: &csv::ByteRecord, answer: &Answer, spec: &Spec) {
+    fn write_row(&self, bytes: &mut Vec<u8>, record: &Record, answer: &Answer, spec: &Spec) {
         for &k in &self.carried {
-            push_cell(bytes, record.get(k).unwrap_or(b""));
+            push_cell(bytes, record.bytes(k));
             bytes.push(b',');
         }
         for k in 0..spec.outputs.len() {
-            if let Some(v) = answer.values.get(k) {
-                push_number(bytes, *v);
+            match answer.values.get(k) {
+                Some(v) if spec.whole.contains(&spec.outputs[k]) && v.fract() == 0.0 => push_text(bytes, &format!("{v:.0}")),
+                Some(v) => push_number(bytes, *v),
+                None => {}
             }
             bytes.push(b',');
         }
@@ -368,44 +262,19 @@ impl Plan {
     }
 }
 
-/// A number with as many digits as reading it back exactly needs; NaN is an empty cell.
-pub fn push_number(bytes: &mut Vec<u8>, v: f64) {
-    if !v.is_nan() {
-        // Writing to a Vec cannot fail.
-        let _ = write!(bytes, "{v:?}");
-    }
-}
-
-/// A cell, quoted where CSV needs it.
-pub fn push_text(bytes: &mut Vec<u8>, text: &str) {
-    push_cell(bytes, text.as_bytes());
-}
-
-/// [`push_text`] for whatever bytes a carried cell holds.
-pub fn push_cell(bytes: &mut Vec<u8>, cell: &[u8]) {
-    if !cell.iter().any(|b| matches!(b, b',' | b'"' | b'\n' | b'\r')) {
-        bytes.extend_from_slice(cell);
-        return;
-    }
-    bytes.push(b'"');
-    for &b in cell {
-        if b == b'"' {
-            bytes.push(b'"');
-        }
-        bytes.push(b);
-    }
-    bytes.push(b'"');
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn through(text: &'static str) -> Result<String> {
+        through_bytes(text.as_bytes())
+    }
+
+    fn through_bytes(text: &'static [u8]) -> Result<String> {
         let dir = tempfile::tempdir().unwrap();
         let out = dir.path().join("out.csv");
         let spec = Spec { required: vec!["x".into()], optional: vec!["k".into()], outputs: vec!["y".into()], ..Spec::default() };
-        let table = Table::from_reader(Box::new(text.as_bytes()), "in.csv".into())?;
+        let table = Table::from_reader(Box::new(text), "in.csv".into())?;
         run(table, &out, &spec, |row, out| {
             let k = if row.get(1).is_nan() { 1.0 } else { row.get(1) };
             out.push(Answer::ok(vec![row.get(0) * k]));
@@ -419,6 +288,13 @@ mod tests {
         let want = "note,x,y,status\n\"a,b\",0.1,0.1,ok\nc,oops,,\"refused: x is \"\"oops\"\"; expected a number\"\n\
                     d,,,refused: 1 fields where the header has 2\n,1e-300,1e-300,ok\n";
         assert_eq!(got, want);
+    }
+
+    #[test]
+    fn bytes_that_are_no_text_refuse_their_row_only() {
+        let got = through_bytes(b"\xef\xbb\xbfnote,x\r\na,1\r\n\xe4,2\r\nb,3\r\n").unwrap();
+        assert_eq!(got, "note,x,y,status\na,1,1.0,ok\n\u{fffd},2,,refused: not valid UTF-8 text\nb,3,3.0,ok\n");
+        assert_eq!(through_bytes(b"\xff\xfe,x\n1,2\n").unwrap_err().to_string(), "in.csv: line 1: not valid UTF-8 text");
     }
 
     #[test]

@@ -1,0 +1,122 @@
+//! `mesophyll fit beam`: coefficients of a taper, the basis of all tapers, or taper and stiffness from measured deflections.
+
+use crate::cli::Common;
+use crate::files::progress::say;
+use crate::files::table::{self, BatchIo, Spec, Table};
+use crate::fit::beam::measured::Along;
+use crate::fit::beam::{self, basis, deflections, record};
+use crate::report::beam_charts;
+use crate::{Error, Result};
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// CSV column `alpha` → `c2,c4,max_error` (u = c2 x² + c4 x⁴ by least squares over even samples; largest error over all x), then
+/// `a2,a3,a4,a5,a_max_error`: u = a2 y² + a3 y³ + a4 y⁴ + a5 y⁵ with y = ln(1 + (alpha − 1)x)/ln(alpha), from coefficients that are smooth in the taper.
+///
+/// With --deflections: CSV columns `branch,length_mm,position_mm,deflection_mm`, optionally `deflection_err_mm`, `load_n`, `load_err_n`,
+/// `modulus_gpa`, `modulus_err_gpa` (the load is the whole load, spread evenly) → a row a branch: `alpha`, `load_over_stiffness_mm` = F/(E′r1⁴) =
+/// F L³/(E s1⁴), `root_radius_mm` = s1, `tip_mm`, each with `_err`, then `correlation,chi2,rms_mm,readings,status`. Load, modulus and root radius cannot be told
+/// apart by deflections; the radius needs the other two.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    io: BatchIo,
+    /// Even samples from x = 0 to 1, both included; 101 is the dissertation's
+    #[arg(long, value_name = "N", default_value_t = 101, value_parser = clap::value_parser!(u32).range(2..=1_000_000))]
+    samples: u32,
+    /// Measured deflections (CSV, - for standard input); results go to --out
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["basis", "pictures"])]
+    deflections: Option<PathBuf>,
+    /// With --deflections: what positions were measured along
+    #[arg(long, value_enum, default_value_t = Positions::Branch, requires = "deflections")]
+    positions: Positions,
+    /// With --deflections: standard error of a deflection where the file states none (default: from the scatter)
+    #[arg(long, value_name = "MM", requires = "deflections")]
+    noise: Option<f64>,
+    /// Fit the coefficients of all tapers and write them to the folder of -o
+    #[arg(long, requires = "folder")]
+    basis: bool,
+    /// Write the documentation pictures beam-*.svg into this folder
+    #[arg(long, value_name = "DIR")]
+    pictures: Option<PathBuf>,
+    /// Folder for fit.toml and times.toml (with --basis or --deflections)
+    #[arg(short = 'o', value_name = "DIR")]
+    folder: Option<PathBuf>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Positions {
+    /// Marks on the branch: lengths along it, bent or not
+    Branch,
+    /// The straight axis, as in a photograph
+    Axis,
+}
+
+pub fn run(args: &Args, common: &Common) -> Result<u8> {
+    if let Some(path) = &args.deflections {
+        return from_deflections(args, path, common);
+    }
+    if args.basis || args.pictures.is_some() {
+        if let (true, Some(folder)) = (args.basis, &args.folder) {
+            basis_to(folder, common)?;
+        }
+        if let Some(folder) = &args.pictures {
+            for file in beam_charts::write(folder)? {
+                say(format!("wrote {}", file.display()));
+            }
+        }
+        return Ok(0);
+    }
+    if args.folder.is_some() {
+        return Err(Error::Usage("-o needs --basis or --deflections; rows of coefficients go to --out".into()));
+    }
+    let spec = Spec { required: vec!["alpha".into()], outputs: beam::OUTPUTS.iter().map(|s| s.to_string()).collect(), ..Spec::default() };
+    let tally = table::run(Table::open(&args.io.input)?, &args.io.output, &spec, |row, out| {
+        out.push(beam::coefficients(row.get(0), args.samples as usize));
+    })?;
+    super::slab::say_tally(&tally, &args.io, common)?;
+    Ok(0)
+}
+
+fn basis_to(folder: &std::path::Path, common: &Common) -> Result<()> {
+    let clock = Instant::now();
+    let fit = basis::smooth_fit(crate::plant::taper::TERMS, basis::DEGREE);
+    let seconds = clock.elapsed().as_secs_f64();
+    let record = record::of_basis();
+    record::write(folder, &record, seconds, vec![("all".into(), fit.fit.trace)])?;
+    if common.json {
+        crate::cli::print_json(&record)?;
+    } else {
+        let (worst, at) = basis::smooth().1.worst();
+        say(format!(
+            "coefficients of all tapers: worst error {:.2} % of the tip's deflection, at alpha {at:.1e}; fitted in {:.1} ms",
+            100.0 * worst,
+            1e3 * seconds
+        ));
+    }
+    Ok(())
+}
+
+fn from_deflections(args: &Args, path: &std::path::Path, common: &Common) -> Result<u8> {
+    deflections::check_noise(args.noise)?;
+    let along = if args.positions == Positions::Branch { Along::Branch } else { Along::Axis };
+    let clock = Instant::now();
+    let branches = deflections::read(Table::open(path)?, args.noise)?;
+    if branches.is_empty() {
+        return Err(Error::input(path, "no rows; expected at least one mark"));
+    }
+    let fits = deflections::fit_all(&branches, along);
+    let seconds = clock.elapsed().as_secs_f64();
+    if let Some(folder) = &args.folder {
+        let hash = crate::files::hash::combine([
+            ("branches", format!("{branches:?}").as_str()),
+            ("along", &format!("{along:?}")),
+            ("program", env!("CARGO_PKG_VERSION")),
+        ]);
+        let traces = branches.iter().zip(&fits).filter_map(|((n, _), f)| f.as_ref().ok().map(|m| (n.clone(), m.fit.trace.clone())));
+        record::write(folder, &record::of_branches(&branches, &fits, along, hash), seconds, traces.collect())?;
+    }
+    let tally = deflections::write(&branches, &fits, &args.io.output)?;
+    super::slab::say_tally(&tally, &args.io, common)?;
+    Ok(0)
+}

@@ -1,0 +1,279 @@
+//! Few coefficients for a branch's deflection: the dissertation's pair by its own sampling, and four in a coordinate that follows the taper,
+//! as smooth functions of it, so that a tree needs no fit a branch.
+
+use crate::plant::beam;
+use crate::plant::taper::{self, Shape, Smooth, TERMS, chebyshev, coordinate, position, scaled, unscaled};
+use crate::solve::{Fit, Noise, linear};
+use nalgebra::DMatrix;
+use std::sync::LazyLock;
+
+/// H9 Eq. 4.8: u = c₂x² + c₄x⁴.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Pair {
+    pub c2: f64,
+    pub c4: f64,
+    /// Largest |u − c₂x² − c₄x⁴| over all x in [0, 1].
+    pub max_error: f64,
+    pub fit: Fit,
+}
+
+/// Least squares over `samples` even places from 0 to 1, both included: 101 is the sampling of Table 4.1. It reproduces the table's
+/// coefficients to every digit; two of its Δmax are misprinted (α = 0.1: .0024 for .00268, α = 0.2: .0081 for .00855).
+pub fn pair(alpha: f64, samples: usize) -> Pair {
+    let x: Vec<f64> = (0..samples).map(|k| k as f64 / (samples - 1).max(1) as f64).collect();
+    let a = DMatrix::from_fn(samples, 2, |i, j| if j == 0 { x[i].powi(2) } else { x[i].powi(4) });
+    let b: Vec<f64> = x.iter().map(|x| beam::deflection(alpha, *x)).collect();
+    let fit = linear::solve(&a, &b, &[], Noise::Estimated);
+    let (c2, c4) = (fit.params[0], fit.params[1]);
+    let max_error = worst(alpha, |x| c2 * x * x + c4 * x.powi(4));
+    Pair { c2, c4, max_error, fit }
+}
+
+/// Largest |u − approximation| over x, on 1,600 places: half of them even in x, half even in the taper's own coordinate.
+pub fn worst(alpha: f64, approximation: impl Fn(f64) -> f64) -> f64 {
+    let shape = Shape::new(alpha, [0.0; TERMS]);
+    (0..=800)
+        .flat_map(|k| {
+            let t = f64::from(k) / 800.0;
+            [t, position(&shape, t).min(1.0)]
+        })
+        .map(|x| (beam::deflection(alpha, x) - approximation(x)).abs())
+        .fold(0.0, crate::solve::qr::nan_max)
+}
+
+/// In which variable a polynomial is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Variable {
+    /// x, Legendre-like: shifted Chebyshev polynomials times x².
+    Place,
+    /// y = ln(1+(α−1)x)/ln α.
+    Taper,
+}
+
+/// Worst error over the taper range, in units of the tip's deflection, of the best `terms` coefficients a branch (fitted to each branch on
+/// its own): what a basis can do.
+pub fn of_branches(variable: Variable, terms: usize) -> f64 {
+    (0..=24)
+        .map(|k| {
+            let alpha = 1e-4f64.powf(f64::from(k) / 24.0);
+            let shape = Shape::new(alpha, [0.0; TERMS]);
+            let functions = |x: f64| -> Vec<f64> {
+                let v = if variable == Variable::Place { x } else { coordinate(&shape, x) };
+                chebyshev(2.0 * v - 1.0, terms).iter().map(|t| v * v * t).collect()
+            };
+            let places: Vec<f64> = nodes(64).map(|t| if variable == Variable::Place { t } else { position(&shape, t).min(1.0) }).collect();
+            let rows: Vec<Vec<f64>> = places.iter().map(|x| functions(*x)).collect();
+            let a = DMatrix::from_fn(places.len(), terms, |i, j| rows[i][j]);
+            let b: Vec<f64> = places.iter().map(|x| beam::deflection(alpha, *x)).collect();
+            let c = linear::solve(&a, &b, &[], Noise::Estimated).params;
+            let error = worst(alpha, |x| functions(x).iter().zip(&c).map(|(f, c)| f * c).sum());
+            error / beam::deflection(alpha, 1.0)
+        })
+        .fold(0.0, crate::solve::qr::nan_max)
+}
+
+/// Chebyshev nodes on (0, 1).
+fn nodes(n: usize) -> impl Iterator<Item = f64> {
+    (0..n).map(move |k| 0.5 - 0.5 * (std::f64::consts::PI * (k as f64 + 0.5) / n as f64).cos())
+}
+
+/// Coefficients of all tapers at once.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SmoothFit {
+    /// Series by power of y (from 2), each in Chebyshev polynomials of the scaled ln α.
+    pub series: Vec<Vec<f64>>,
+    /// The least-squares fit: residuals are relative to the tip's deflection.
+    pub fit: Fit,
+}
+
+impl SmoothFit {
+    /// Coefficients of one branch.
+    pub fn coefficients(&self, alpha: f64) -> Vec<f64> {
+        let t = chebyshev(scaled(alpha), self.series.first().map_or(0, Vec::len));
+        self.series.iter().map(|row| row.iter().zip(&t).map(|(c, t)| c * t).sum()).collect()
+    }
+
+    /// Largest error over x at one taper.
+    pub fn error(&self, alpha: f64) -> f64 {
+        let a = self.coefficients(alpha);
+        let shape = Shape::new(alpha, [0.0; TERMS]);
+        worst(alpha, |x| {
+            let y = coordinate(&shape, x);
+            a.iter().rev().fold(0.0, |p, a| p * y + a) * y * y
+        })
+    }
+
+    /// Largest error in units of the tip's deflection over tapers from 1e-4 to 1, and where.
+    pub fn worst(&self) -> (f64, f64) {
+        (0..=60)
+            .map(|k| 1e-4f64.powf(f64::from(k) / 60.0))
+            .map(|alpha| (self.error(alpha) / beam::deflection(alpha, 1.0), alpha))
+            .fold((0.0, 1.0), |a, b| if b.0 <= a.0 { a } else { b })
+    }
+}
+
+/// Tapers and places a fit is made on, each at Chebyshev nodes.
+const GRID: usize = 32;
+
+/// One least-squares fit of `terms` series of `degree`: the residual is relative to each taper's tip, so that all tapers count alike.
+pub fn smooth_fit(terms: usize, degree: usize) -> SmoothFit {
+    let width = degree + 1;
+    let mut rows: Vec<(Vec<f64>, f64)> = Vec::with_capacity(GRID * GRID);
+    for s in nodes(GRID) {
+        let s = 2.0 * s - 1.0;
+        let alpha = unscaled(s);
+        let shape = Shape::new(alpha, [0.0; TERMS]);
+        let (t, tip) = (chebyshev(s, width), beam::deflection(alpha, 1.0));
+        for y in nodes(GRID) {
+            let row = (0..terms * width).map(|k| y.powi((k / width) as i32 + 2) * t[k % width] / tip).collect();
+            rows.push((row, beam::deflection(alpha, position(&shape, y).min(1.0)) / tip));
+        }
+    }
+    let a = DMatrix::from_fn(rows.len(), terms * width, |i, j| rows[i].0[j]);
+    let b: Vec<f64> = rows.iter().map(|r| r.1).collect();
+    let fit = linear::solve(&a, &b, &[], Noise::Estimated);
+    SmoothFit { series: fit.params.chunks(width).map(<[f64]>::to_vec).collect(), fit }
+}
+
+/// Degree of the series in ln α that the library uses: 4 × 6 numbers for all tapers.
+pub const DEGREE: usize = 5;
+
+/// The library's own coefficients; fitted once, in milliseconds.
+pub fn smooth() -> &'static (Smooth, SmoothFit) {
+    static FIT: LazyLock<(Smooth, SmoothFit)> = LazyLock::new(|| {
+        let fit = smooth_fit(TERMS, DEGREE);
+        (Smooth { series: std::array::from_fn(|k| fit.series[k].clone()) }, fit)
+    });
+    &FIT
+}
+
+/// A branch's shape for a renderer; `alpha` in [[`beam::TAPER_MIN`], [`beam::TAPER_MAX`]].
+pub fn shape(alpha: f64) -> taper::Shape<f64> {
+    smooth().0.shape(alpha)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plant::{branch::Branch, length};
+
+    #[test]
+    fn table_4_1_to_every_printed_digit() {
+        for (alpha, c2, c4, error, places) in [
+            (0.05, "0.221875", "0.754029", 0.0469, 4),
+            (0.1, "0.3326", "0.398924", 0.00268, 5),
+            (0.2, "0.374571", "0.129428", 0.00855, 5),
+            (0.3, "0.364816", "0.024577", 0.006, 3),
+        ] {
+            let p = pair(alpha, 101);
+            assert_eq!(format!("{:.*}", c2.len() - 2, p.c2), c2);
+            assert_eq!(format!("{:.*}", c4.len() - 2, p.c4), c4);
+            // The table cuts digits off in its first row and rounds in its last.
+            let unit = 10f64.powi(-places);
+            assert!((p.max_error - error).abs() <= unit, "α {alpha}: {}", p.max_error);
+        }
+        // Why two terms are not enough.
+        let tip = |alpha: f64| pair(alpha, 101).max_error / beam::deflection(alpha, 1.0);
+        println!("two terms: {:.3} of the tip at α = .01, {:.3} at α = 1", tip(0.01), tip(1.0));
+        assert!(pair(0.01, 101).c2 < 0.0 && tip(0.01) > 0.2 && tip(1.0) > 0.02);
+    }
+
+    #[test]
+    fn four_smooth_coefficients_stay_below_half_a_percent_of_the_tip() {
+        let (smooth, fit) = smooth();
+        let (worst, at) = fit.worst();
+        println!(
+            "{} numbers: worst error {worst:.2e} of the tip at α = {at:.2e}; condition {:.1e}",
+            smooth.len(),
+            fit.fit.uncertainty.condition
+        );
+        assert!(smooth.len() == 24 && worst < 0.01);
+        assert_eq!(fit.fit.uncertainty.rank, 24);
+        // The handed-over form is the fitted one, up to the tapers beside 1.
+        for alpha in [1e-4, 0.03, 1.0 - 1e-5, 1.0, 1.0 + 1e-5, 1.25] {
+            let shape = smooth.shape(alpha);
+            let got = super::worst(alpha, |x| shape.at(x).0);
+            assert!((got - fit.error(alpha)).abs() < 1e-12 && got < 0.01 * beam::deflection(alpha, 1.0), "α {alpha}: {got}");
+        }
+    }
+
+    #[test]
+    fn the_taper_coordinate_needs_few_terms_where_powers_of_x_fail() {
+        assert!(of_branches(Variable::Place, 8) > 0.1);
+        assert!(of_branches(Variable::Taper, 4) < 0.004);
+        assert!(of_branches(Variable::Taper, 8) < of_branches(Variable::Taper, 4) / 10.0);
+    }
+
+    /// Lengths of bent branches from root to tip and to places between, by the arc of the curve itself.
+    #[test]
+    fn bent_branches_keep_their_length() {
+        let mut worst = (0.0f64, 0.0, 0.0);
+        for k in 0..=24 {
+            let alpha = 1e-4f64.powf(f64::from(k) / 24.0);
+            let shape = shape(alpha);
+            for tip in [0.01, 0.1, 0.25, 0.5, 0.75, 1.0] {
+                let amplitude = tip / shape.tip();
+                for x in [0.25, 0.5, 0.8, 0.95, 1.0] {
+                    let bent = length::bend(&shape, x, amplitude);
+                    let error = (length::kept(&shape, &bent, x, amplitude) - 1.0).abs();
+                    if error > worst.0 {
+                        worst = (error, alpha, tip);
+                    }
+                }
+            }
+        }
+        println!("worst length error {:.1e} (α = {:.1e}, tip {} L)", worst.0, worst.1, worst.2);
+        assert!(worst.0 < 1e-3);
+    }
+
+    /// Against the settled curve of the exact beam: where a branch is, and which way it points.
+    #[test]
+    fn bent_branches_are_where_the_exact_curve_is() {
+        let mut worst = [0.0f64; 2];
+        for alpha in [0.01, 0.05, 0.1, 0.3, 0.6, 1.0] {
+            let shape = shape(alpha);
+            let amplitude = 0.75 / beam::deflection(alpha, 1.0);
+            for k in 1..=40 {
+                let x = f64::from(k) / 40.0;
+                let (got, want) = (length::bend(&shape, x, amplitude), length::settled(alpha, x, amplitude));
+                worst[0] = worst[0].max((got.along - want.along).hypot(got.across - want.across));
+                worst[1] = worst[1].max((got.sin.atan2(got.cos) - want.sin.atan2(want.cos)).abs().to_degrees());
+            }
+        }
+        println!("tip .75 L, α from .01: place off by {:.1e} L, direction by {:.2}°", worst[0], worst[1]);
+        assert!(worst[0] < 0.01 && worst[1] < 2.4, "{worst:?}");
+    }
+
+    /// In single precision a place near a thin tip is known to 6e-8 L, times the slope there: 2,000 for a taper of 1e-4 at a tip of .75 L.
+    #[test]
+    fn thin_tips_in_single_precision() {
+        for (alpha, limit) in [(1e-4, 1e-4), (1e-3, 2e-5), (0.01, 5e-6), (0.1, 3e-6)] {
+            let s = shape(alpha);
+            let amplitude = 0.75 / s.tip();
+            let off = (0..=1000)
+                .map(|k| {
+                    let x = k as f32 / 1000.0;
+                    let wide = length::bend(&s, f64::from(x), amplitude);
+                    let narrow = length::bend(&s.single(), x, amplitude as f32);
+                    (wide.along - f64::from(narrow.along)).hypot(wide.across - f64::from(narrow.across))
+                })
+                .fold(0.0, f64::max);
+            println!("f32 against f64 at α = {alpha}: {off:.1e} L");
+            assert!(off < limit, "α {alpha}: {off}");
+        }
+    }
+
+    #[test]
+    fn a_branch_without_taper_bends_in_single_precision_as_in_double() {
+        for alpha in [1.0 - 1e-5, 1.0, 1.0 + 1e-5, 0.05] {
+            let b = Branch { root: [0.0; 3], t: [0.0, 0.0, 1.0], r: [1.0, 0.0, 0.0], s: [0.0, 1.0, 0.0], length: 1.0, shape: shape(alpha) };
+            let amplitude = b.amplitude_of_tip([0.5, 0.2]);
+            let wide = b.deform(amplitude, [0.01, 0.0, 0.9], b.t, b.r);
+            let narrow = b.single().deform(amplitude.map(|a| a as f32), [0.01, 0.0, 0.9], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]);
+            for k in 0..3 {
+                assert!((wide.position[k] - f64::from(narrow.position[k])).abs() < 3e-6, "α {alpha}");
+                assert!((wide.normal[k] - f64::from(narrow.normal[k])).abs() < 1e-5, "α {alpha}");
+            }
+        }
+    }
+}

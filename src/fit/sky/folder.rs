@@ -1,0 +1,226 @@
+//! A fitted sky on disk: `coefficients.json` (the arrays, in f32), `fit.toml`, `times.toml`.
+
+use super::judge::{Judged, Reference, judge};
+use super::{Fitted, Form};
+use crate::files::{atomic, hash};
+use crate::fit::record::{FitRecord, Residuals, SCHEMA, Section, Times};
+use crate::sky::fitted::{Basis, Folded, Tensor};
+use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// The arrays of a fit; any JSON reader has them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Arrays {
+    /// `folded` or `tensor`.
+    pub form: String,
+    pub model: String,
+    pub bands: usize,
+    pub turbidities: [f64; 2],
+    /// Folded: terms in v for each power of θs.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub rows: Vec<usize>,
+    /// Folded: u_0 of all functions of even order, u_1, u_2, term by term; then those of odd order.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub even: Vec<f32>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub odd: Vec<f32>,
+    /// Tensor: `monomials` or `chebyshev`, the numbers of powers of θs and τ, and R, G, B of all functions, term by term.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub basis: String,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub powers: Vec<usize>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub values: Vec<f32>,
+}
+
+impl Arrays {
+    /// From a fit.
+    pub fn new(form: &Form<f32>, model: &str) -> Arrays {
+        let mut out = Arrays {
+            form: String::new(),
+            model: model.into(),
+            bands: form.bands(),
+            turbidities: form.turbidities(),
+            rows: Vec::new(),
+            even: Vec::new(),
+            odd: Vec::new(),
+            basis: String::new(),
+            powers: Vec::new(),
+            values: Vec::new(),
+        };
+        match form {
+            Form::Folded(f) => {
+                let (even, odd) = f.arrays();
+                (out.form, out.rows, out.even, out.odd) = ("folded".into(), f.rows().to_vec(), even.to_vec(), odd.to_vec());
+            }
+            Form::Tensor(f) => {
+                out.form = "tensor".into();
+                out.basis = if f.basis == Basis::Monomials { "monomials" } else { "chebyshev" }.into();
+                (out.powers, out.values) = (f.powers().to_vec(), f.values().to_vec());
+            }
+        }
+        out
+    }
+
+    /// The polynomials again.
+    ///
+    /// # Errors
+    /// A sentence that names the field.
+    pub fn form(self) -> std::result::Result<Form<f32>, String> {
+        match self.form.as_str() {
+            "folded" => Folded::new(self.bands, self.turbidities, self.rows, self.even, self.odd).map(Form::Folded),
+            "tensor" => {
+                let basis = match self.basis.as_str() {
+                    "monomials" => Basis::Monomials,
+                    "chebyshev" => Basis::Chebyshev,
+                    other => return Err(format!("basis: found {other:?}, expected monomials or chebyshev")),
+                };
+                let [a, b] = self.powers[..] else { return Err(format!("powers: found {}, expected two", self.powers.len())) };
+                Tensor::new(basis, self.bands, self.turbidities, [a, b], self.values).map(Form::Tensor)
+            }
+            other => Err(format!("form: found {other:?}, expected folded or tensor")),
+        }
+    }
+}
+
+/// Writes the folder and says how good the fit is, in f64 and as written.
+///
+/// # Errors
+/// [`Error::Missed`] where the fit failed (nothing is written then); a folder that cannot be written.
+pub fn write(folder: &Path, fit: &Fitted, reference: &Reference) -> Result<(Judged, Judged)> {
+    let Some(form) = &fit.form else {
+        return Err(Error::Missed(format!("fit sky: {} ended as {}: {}", fit.options.method.name(), fit.termination.name(), fit.remark)));
+    };
+    let narrow = form.narrow();
+    let (wide_error, error) = (judge(form, reference), judge(&narrow, reference));
+    let arrays = serde_json::to_string(&Arrays::new(&narrow, &fit.model)).map_err(|e| Error::Missed(format!("cannot write JSON: {e}")))?;
+    let path = folder.join("coefficients.json");
+    // A folder without fit.toml is no fit: the old one goes before the arrays change.
+    match std::fs::remove_file(folder.join("fit.toml")) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(Error::write(&folder.join("fit.toml"), atomic::explain(&e))),
+        _ => {}
+    }
+    atomic::write_bytes(&path, format!("{arrays}\n").as_bytes())?;
+
+    let options = &fit.options;
+    let mut record = FitRecord {
+        schema: SCHEMA,
+        kind: "sky".into(),
+        name: format!("{} {}", fit.model, options.method.name()),
+        program: format!("mesophyll {}", env!("CARGO_PKG_VERSION")),
+        input_hash: blake3::hash(format!("{} {options:?}", fit.model).as_bytes()).to_hex().to_string(),
+        termination: Some(fit.termination),
+        ..FitRecord::default()
+    };
+    let mut say = |name: &str, text: String| record.options.insert(name.into(), text);
+    say("model", fit.model.clone());
+    say("method", options.method.name().into());
+    say("bands", options.bands.to_string());
+    say("turbidities", format!("{} to {}", options.turbidities[0], options.turbidities[1]));
+    say("sun_zenith", "0 to pi/2".into());
+    say("unit", "kcd/m2, linear sRGB; real orthonormal harmonics, no Condon-Shortley phase, index l(l+1)+m, sun at azimuth 0".into());
+    say(
+        "error",
+        "root of the sum of squared coefficient errors over the smallest c00 of the domain: worst channel, worst sky, against direct integration"
+            .into(),
+    );
+    if !fit.remark.is_empty() {
+        say("remark", fit.remark.clone());
+    }
+    record.files.insert("coefficients.json".into(), hash::file(&path)?);
+    let mut all = Section { condition: Some(fit.condition), rank: Some(fit.rank), ..Section::default() };
+    let functions = 3 * options.bands * (options.bands + 1) / 2;
+    all.terminations.insert(fit.termination.name().into(), functions);
+    let squares = fit.rms * fit.rms * fit.samples as f64;
+    let freedom = fit.samples.saturating_sub(fit.columns * functions);
+    all.residuals.insert(
+        "coefficients".into(),
+        Residuals {
+            samples: fit.samples,
+            chi2: squares,
+            reduced_chi2: if freedom > 0 { squares / freedom as f64 } else { f64::NAN },
+            rms: fit.rms,
+            worst: fit.worst,
+            worst_at: [0, 0],
+        },
+    );
+    let mut figure = |name: &str, value: f64| all.figures.insert(name.into(), value);
+    figure("error_worst", error.worst);
+    figure("error_worst_f64", wide_error.worst);
+    figure("error_median", error.median);
+    figure("error_worst_sum", error.worst_sum);
+    figure("error_worst_sun_zenith", error.worst_at.0);
+    figure("error_worst_turbidity", error.worst_at.1);
+    figure("smallest_c00", reference.smallest);
+    figure("skies_judged", reference.skies.len() as f64);
+    figure("terms", form.terms() as f64);
+    figure("columns", fit.columns as f64);
+    figure("bytes", narrow.bytes() as f64);
+    record.sections.insert("all".into(), all);
+    let times = Times {
+        capture: None,
+        phases: fit.phases.clone(),
+        total_s: fit.seconds(),
+        threads: rayon::current_num_threads(),
+        traces: [("fit".to_string(), fit.trace.clone())].into(),
+        ..Times::default()
+    };
+    times.write(folder)?;
+    record.write(folder)?;
+    Ok((wide_error, error))
+}
+
+/// Reads a folder: its record and its polynomials, both checked.
+///
+/// # Errors
+/// A missing or changed file, arrays that make no sense, another kind of fit.
+pub fn read(folder: &Path) -> Result<(FitRecord, Form<f32>)> {
+    let record = FitRecord::read(folder)?;
+    if record.kind != "sky" {
+        return Err(Error::field(&folder.join("fit.toml"), "kind", format!("found {:?}, expected \"sky\"", record.kind)));
+    }
+    record.verify(folder)?;
+    let path = folder.join("coefficients.json");
+    let text = std::fs::read_to_string(&path).map_err(|e| Error::input(&path, atomic::explain(&e)))?;
+    let arrays: Arrays = serde_json::from_str(&text).map_err(|e| Error::input(&path, e))?;
+    let form = arrays.form().map_err(|why| Error::input(&path, why))?;
+    Ok((record, form))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::sky::{Method, Options, fit};
+    use crate::sky::{Preetham, preetham};
+
+    #[test]
+    fn what_is_written_reads_back_and_a_changed_file_is_noticed() {
+        let reference = Reference::new(&Preetham, 3, preetham::TRUSTED, 5, 3).unwrap();
+        for method in [Method::Compact, Method::Chebyshev] {
+            let folder = tempfile::tempdir().unwrap();
+            let fitted = fit(&Options { method, bands: 3, ..Options::default() }).unwrap();
+            write(folder.path(), &fitted, &reference).unwrap();
+            let (record, form) = read(folder.path()).unwrap();
+            assert_eq!(form, fitted.form.as_ref().unwrap().narrow());
+            assert_eq!(record.sections["all"].figures["bytes"], form.bytes() as f64);
+            let first = std::fs::read(folder.path().join("fit.toml")).unwrap();
+            write(folder.path(), &fitted, &reference).unwrap();
+            assert_eq!(std::fs::read(folder.path().join("fit.toml")).unwrap(), first);
+            let path = folder.path().join("coefficients.json");
+            let text = std::fs::read_to_string(&path).unwrap().replacen("0.", "1.", 1);
+            std::fs::write(&path, text).unwrap();
+            assert!(read(folder.path()).unwrap_err().to_string().contains("changed since"));
+        }
+    }
+
+    #[test]
+    fn a_failed_fit_writes_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let failed = fit(&Options { method: Method::MonomialsNormal, bands: 2, grid: 40, ..Options::default() }).unwrap();
+        let reference = Reference::new(&Preetham, 2, preetham::TRUSTED, 3, 2).unwrap();
+        assert!(write(folder.path(), &failed, &reference).unwrap_err().to_string().contains("not positive definite"));
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+}

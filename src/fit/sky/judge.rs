@@ -1,0 +1,127 @@
+//! What a fit is worth: its error at skies between the nodes and on every edge of the domain, against direct integration.
+
+use super::Form;
+use crate::sky::fitted::Scalar;
+use crate::sky::project::{Quality, Rule};
+use crate::sky::{Coefficients, Model};
+use rayon::prelude::*;
+use std::f64::consts::FRAC_PI_2;
+
+/// Skies integrated directly, to judge fits by.
+#[derive(Debug, Clone)]
+pub struct Reference {
+    pub bands: usize,
+    pub turbidities: [f64; 2],
+    /// Sun zenith angle, turbidity, coefficients.
+    pub skies: Vec<(f64, f64, Coefficients)>,
+    /// Smallest c00 of all skies and channels.
+    pub smallest: f64,
+}
+
+/// Errors over all skies of a [`Reference`], each over its smallest c00.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Judged {
+    /// Root of the sum of squared coefficient errors: worst channel, worst sky. The house's measure (and Habel 2009 Eq. 5.4).
+    pub worst: f64,
+    /// Sun zenith angle, turbidity and channel of the worst.
+    pub worst_at: (f64, f64, usize),
+    /// Median over skies of the worst channel.
+    pub median: f64,
+    /// Sum of absolute coefficient errors: worst channel, worst sky (Habel 2009 Eq. 5.3).
+    pub worst_sum: f64,
+    /// `worst` and `worst_sum` with the first N bands alone, N = 1, 2, …
+    pub by_bands: Vec<[f64; 2]>,
+    /// Skies that the fit refused.
+    pub refused: usize,
+}
+
+impl Reference {
+    /// `suns` × `turbid` skies: sun angles evenly spread and closer at the horizon, turbidities evenly spread, all ends included.
+    ///
+    /// # Errors
+    /// What the model refuses.
+    pub fn new(model: &dyn Model, bands: usize, turbidities: [f64; 2], suns: usize, turbid: usize) -> Result<Reference, String> {
+        let mut angles: Vec<f64> = (0..suns).map(|k| FRAC_PI_2 * k as f64 / (suns - 1) as f64).collect();
+        angles.extend([1e-3, 4e-3, 0.012, 0.03].map(|e| FRAC_PI_2 - e));
+        let [low, high] = turbidities;
+        let rows: Result<Vec<Vec<_>>, String> = angles
+            .par_iter()
+            .map(|s| {
+                let rule = Rule::new(*s, bands, Quality::Exact);
+                let one = |k: usize| {
+                    let t = low + (high - low) * k as f64 / (turbid - 1) as f64;
+                    let sky = model.sky(*s, t).map_err(|e| e.to_string())?;
+                    Ok((*s, t, rule.project(sky.as_ref())))
+                };
+                (0..turbid).map(one).collect()
+            })
+            .collect();
+        let skies: Vec<_> = rows?.into_iter().flatten().collect();
+        let smallest = skies.iter().flat_map(|s| s.2.get(0, 0)).fold(f64::INFINITY, f64::min);
+        Ok(Reference { bands, turbidities, skies, smallest })
+    }
+}
+
+/// Judges a fit by its [`Form::coefficients`].
+pub fn judge<T: Scalar>(form: &Form<T>, reference: &Reference) -> Judged {
+    judge_with(|s, t| form.coefficients(s, t).ok(), reference)
+}
+
+/// Judges anything that gives coefficients.
+pub fn judge_with(f: impl Fn(f64, f64) -> Option<Coefficients> + Sync, reference: &Reference) -> Judged {
+    let bands = reference.bands;
+    // For each sky: by bands, [root of squares, sum] of the worst channel; and the channel of the worst at all bands.
+    let errors: Vec<Option<(Vec<[f64; 2]>, usize)>> = reference
+        .skies
+        .par_iter()
+        .map(|(s, t, want)| {
+            let got = f(*s, *t)?;
+            let mut rows = vec![[0.0f64; 2]; bands];
+            let mut worst = (0.0, 0);
+            for c in 0..3 {
+                let (mut squares, mut sum) = (0.0, 0.0);
+                for l in 0..bands {
+                    for k in l * l..(l + 1) * (l + 1) {
+                        let off: f64 = got.values().get(k).map_or(0.0, |v| v[c]) - want.values()[k][c];
+                        squares += off * off;
+                        sum += off.abs();
+                    }
+                    rows[l] = [rows[l][0].max(squares.sqrt()), rows[l][1].max(sum)];
+                }
+                if !(squares.sqrt() <= worst.0) {
+                    worst = (squares.sqrt(), c);
+                }
+            }
+            Some((rows, worst.1))
+        })
+        .collect();
+    let scale = 1.0 / reference.smallest;
+    let mut out = Judged {
+        worst: 0.0,
+        worst_at: (f64::NAN, f64::NAN, 0),
+        median: f64::NAN,
+        worst_sum: 0.0,
+        by_bands: vec![[0.0; 2]; bands],
+        refused: errors.iter().filter(|e| e.is_none()).count(),
+    };
+    let mut all = Vec::new();
+    for ((s, t, _), error) in reference.skies.iter().zip(&errors) {
+        let Some((rows, channel)) = error else { continue };
+        for (to, from) in out.by_bands.iter_mut().zip(rows) {
+            (0..2).for_each(|k| to[k] = to[k].max(from[k] * scale));
+        }
+        let last = rows[bands - 1][0] * scale;
+        all.push(last);
+        if !(last <= out.worst) {
+            out.worst = last;
+            out.worst_at = (*s, *t, *channel);
+        }
+    }
+    all.sort_by(f64::total_cmp);
+    out.median = all.get(all.len() / 2).copied().unwrap_or(f64::NAN);
+    out.worst_sum = out.by_bands.last().map_or(f64::NAN, |b| b[1]);
+    if all.is_empty() {
+        out.worst = f64::NAN;
+    }
+    out
+}

@@ -1,0 +1,228 @@
+//! Fits of a sky's harmonics over sun zenith angle and turbidity: linear least squares, by several bases, judged by one measure.
+//!
+//! Error measure, everywhere: at one sky, the root of the sum of squared coefficient errors of a channel; over the smallest c00 of the domain
+//! (of all channels); the worst channel of the worst sky. Domain: sun zenith 0 … π/2, turbidity 2.5 … 6 (the dissertation's) unless stated.
+//!
+//! | to … | call |
+//! |---|---|
+//! | fit | [`fit`] with [`Options`]; [`Fitted::form`] holds the polynomials in f64, [`Form::narrow`] in f32 |
+//! | the fit that the program itself uses | [`standard`]: made once, in milliseconds |
+//! | judge | [`judge::judge`] |
+//! | write and read a folder | [`folder::write`], [`folder::read`] |
+
+pub mod bench;
+pub mod figures;
+pub mod folded;
+pub mod folder;
+pub mod judge;
+pub mod nodes;
+pub mod stress;
+pub mod tensor;
+pub mod window;
+
+use crate::fit::record::Phase;
+use crate::sky::fitted::{Folded, Tensor};
+use crate::sky::{Coefficients, Model, Preetham, Refused, preetham};
+use crate::solve::{Termination, Trace};
+use crate::{Error, Result};
+use std::sync::OnceLock;
+
+/// Which polynomials, and how they are found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Method {
+    /// Everything with a closed form folded out, a staircase of 124 terms: the 1e-5 tier.
+    #[default]
+    Fine,
+    /// The same with 80 terms: the 1e-4 tier.
+    Compact,
+    /// Degree (13, 7) in scaled Chebyshev polynomials at 24 × 12 Chebyshev nodes.
+    Chebyshev,
+    /// The same on the dissertation's uniform grid.
+    ChebyshevGrid,
+    /// The dissertation's: degree (13, 7) monomials on the uniform grid, by QR.
+    MonomialsQr,
+    /// The dissertation's, by normal equations.
+    MonomialsNormal,
+}
+
+impl Method {
+    pub const ALL: [Method; 6] =
+        [Method::Fine, Method::Compact, Method::Chebyshev, Method::ChebyshevGrid, Method::MonomialsQr, Method::MonomialsNormal];
+
+    /// Name in files and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Method::Fine => "fine",
+            Method::Compact => "compact",
+            Method::Chebyshev => "chebyshev",
+            Method::ChebyshevGrid => "chebyshev-grid",
+            Method::MonomialsQr => "monomials-qr",
+            Method::MonomialsNormal => "monomials-normal",
+        }
+    }
+}
+
+/// What a fit is told.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    pub method: Method,
+    /// Bands N.
+    pub bands: usize,
+    pub turbidities: [f64; 2],
+    /// Samples of each variable, for the methods on a uniform grid.
+    pub grid: usize,
+    /// Degrees in θs and τ of the tensor methods.
+    pub degrees: [usize; 2],
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options { method: Method::Fine, bands: 7, turbidities: preetham::TRUSTED, grid: 500, degrees: [13, 7] }
+    }
+}
+
+/// Most bands of a fit; beyond, integrate directly.
+pub const MOST_BANDS: usize = 12;
+
+/// Fitted polynomials of either form.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Form<T = f64> {
+    Folded(Folded<T>),
+    Tensor(Tensor<T>),
+}
+
+impl<T: crate::sky::fitted::Scalar> Form<T> {
+    /// N² coefficients in linear sRGB (kcd/m²), sun at azimuth 0.
+    ///
+    /// # Errors
+    /// [`Refused`] outside what was fitted.
+    pub fn coefficients(&self, sun_zenith: f64, turbidity: f64) -> std::result::Result<Coefficients, Refused> {
+        match self {
+            Form::Folded(f) => f.coefficients(sun_zenith, turbidity),
+            Form::Tensor(f) => f.coefficients(sun_zenith, turbidity),
+        }
+    }
+    pub fn bands(&self) -> usize {
+        match self {
+            Form::Folded(f) => f.bands(),
+            Form::Tensor(f) => f.bands(),
+        }
+    }
+    pub fn turbidities(&self) -> [f64; 2] {
+        match self {
+            Form::Folded(f) => f.turbidities(),
+            Form::Tensor(f) => f.turbidities(),
+        }
+    }
+    /// Terms a polynomial.
+    pub fn terms(&self) -> usize {
+        match self {
+            Form::Folded(f) => f.terms(),
+            Form::Tensor(f) => f.powers()[0] * f.powers()[1],
+        }
+    }
+    pub fn bytes(&self) -> usize {
+        match self {
+            Form::Folded(f) => f.bytes(),
+            Form::Tensor(f) => f.bytes(),
+        }
+    }
+    /// In f32.
+    pub fn narrow(&self) -> Form<f32> {
+        match self {
+            Form::Folded(f) => Form::Folded(f.to()),
+            Form::Tensor(f) => Form::Tensor(f.to()),
+        }
+    }
+}
+
+/// What a fit came to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fitted {
+    pub options: Options,
+    pub model: String,
+    /// `None` where the method failed: nothing is handed back then.
+    pub form: Option<Form>,
+    pub termination: Termination,
+    /// Why it failed or what to know of it; empty where all is well.
+    pub remark: String,
+    /// Of the design matrix as the method has it, columns unscaled; infinite where it lacks rank.
+    pub condition: f64,
+    pub rank: usize,
+    /// Columns of the design matrix.
+    pub columns: usize,
+    /// Samples times functions.
+    pub samples: usize,
+    /// Root mean square and largest residual at the samples, kcd/m² (weighted as the fit weighs them).
+    pub rms: f64,
+    pub worst: f64,
+    pub trace: Trace,
+    pub phases: Vec<Phase>,
+}
+
+impl Fitted {
+    pub fn seconds(&self) -> f64 {
+        self.phases.iter().map(|p| p.seconds).sum()
+    }
+}
+
+/// Fits Preetham's sky.
+///
+/// # Errors
+/// Bands, turbidities, degrees or a grid that cannot be fitted.
+pub fn fit(options: &Options) -> Result<Fitted> {
+    check(options)?;
+    Ok(match options.method {
+        Method::Fine => folded::fit(options, &folded::FINE),
+        Method::Compact => folded::fit(options, &folded::COMPACT),
+        _ => tensor::fit(options, &Preetham),
+    })
+}
+
+/// Fits any model as a black box, by [`Method::Chebyshev`]: nothing is known of it but its values.
+///
+/// # Errors
+/// As [`fit`]; any other method.
+pub fn fit_model(options: &Options, model: &dyn Model) -> Result<Fitted> {
+    check(options)?;
+    if options.method != Method::Chebyshev {
+        let found = options.method.name();
+        return Err(Error::Usage(format!("method {found} is made for preetham; {} is fitted by chebyshev", model.name())));
+    }
+    Ok(tensor::fit(options, model))
+}
+
+fn check(options: &Options) -> Result<()> {
+    if !(1..=MOST_BANDS).contains(&options.bands) {
+        return Err(Error::Usage(format!("{} bands cannot be fitted; expected 1 to {MOST_BANDS}", options.bands)));
+    }
+    let ([low, high], [least, most]) = (options.turbidities, preetham::TURBIDITIES);
+    if !(least <= low && low + 0.1 <= high && high <= most) {
+        return Err(Error::Usage(format!("turbidities {low} to {high}; expected {least} to {most}, at least 0.1 apart")));
+    }
+    let [a, b] = options.degrees;
+    if !(2..=2000).contains(&options.grid) || a >= options.grid || b >= options.grid || a > 23 || b > 11 {
+        return Err(Error::Usage(format!(
+            "degrees ({a}, {b}) on a grid of {0} x {0}; expected at most (23, 11), fewer than the grid's 2 to 2000",
+            options.grid
+        )));
+    }
+    Ok(())
+}
+
+/// The fit that the program uses by itself ([`Method::Fine`], 7 bands, turbidity 2.5 to 6), in f32: made at the first call.
+///
+/// # Errors
+/// As [`fit`].
+pub fn standard() -> Result<&'static Folded<f32>> {
+    static MADE: OnceLock<Option<Folded<f32>>> = OnceLock::new();
+    MADE.get_or_init(|| match fit(&Options::default()).ok()?.form? {
+        Form::Folded(f) => Some(f.to()),
+        Form::Tensor(_) => None,
+    })
+    .as_ref()
+    .ok_or_else(|| Error::Missed("the standard fit of the sky failed".into()))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,136 @@
+//! The fits meet their targets, the dissertation's fail as they should, and nothing outside is answered.
+
+use super::judge::{Reference, judge};
+use super::*;
+use crate::sky::HosekWilkie;
+use crate::sky::project::{Quality, Rule, direct};
+use std::f64::consts::FRAC_PI_2;
+
+fn reference() -> &'static Reference {
+    static KEPT: OnceLock<Reference> = OnceLock::new();
+    KEPT.get_or_init(|| Reference::new(&Preetham, 7, preetham::TRUSTED, 24, 9).unwrap())
+}
+
+fn fitted(method: Method) -> Fitted {
+    fit(&Options { method, grid: 100, ..Options::default() }).unwrap()
+}
+
+#[test]
+fn the_two_tiers_meet_their_targets_in_f32() {
+    for (method, target, bytes) in [(Method::Compact, 1e-4, 27_000), (Method::Fine, 1e-5, 43_000)] {
+        let fit = fitted(method);
+        let form = fit.form.unwrap();
+        let (wide, narrow) = (judge(&form, reference()), judge(&form.narrow(), reference()));
+        println!(
+            "{}: f64 {:.2e} f32 {:.2e} at {:?} {:?}, {} B, condition {:.1}, rank {}, {:.0} ms",
+            method.name(),
+            wide.worst,
+            narrow.worst,
+            wide.worst_at,
+            narrow.worst_at,
+            form.narrow().bytes(),
+            fit.condition,
+            fit.rank,
+            fit.phases.iter().map(|p| p.seconds).sum::<f64>() * 1e3
+        );
+        assert!(narrow.worst <= target && narrow.refused == 0, "{}: {:.1e}", method.name(), narrow.worst);
+        assert!(form.narrow().bytes() <= bytes);
+        assert!(fit.rank == fit.columns && fit.condition < 100.0 && fit.termination == Termination::Direct);
+        // single precision costs a few roundings of the brightest sky, here four, over the darkest
+        let brightest = reference().skies.iter().flat_map(|s| s.2.get(0, 0)).fold(0.0, f64::max);
+        let rounding = 0.5 * f64::from(f32::EPSILON) * brightest / reference().smallest;
+        assert!((narrow.worst - wide.worst).abs() < 4.0 * rounding, "{:.1e} {rounding:.1e}", narrow.worst - wide.worst);
+    }
+}
+
+#[test]
+fn fixing_the_turbidity_changes_nothing() {
+    let Some(Form::Folded(form)) = fitted(Method::Fine).form else { panic!("a folded form") };
+    for t in [2.5, 3.7, 6.0] {
+        let fixed = form.at(t).unwrap();
+        for s in [0.0, 0.8, FRAC_PI_2] {
+            let (a, b) = (form.coefficients(s, t).unwrap(), fixed.coefficients(s).unwrap());
+            assert!(a.distance(&b).iter().all(|d| *d < 1e-12 * a.get(0, 0)[0]));
+        }
+    }
+    assert!(form.at(6.1).is_err() && form.coefficients(0.3, 2.4).is_err() && form.coefficients(1.6, 3.0).is_err());
+    assert!(form.at(3.0).unwrap().coefficients(1.6).is_err());
+}
+
+#[test]
+fn the_dense_interpolant_loses_nothing() {
+    let dense = nodes::dense(7, preetham::TRUSTED).unwrap();
+    let judged = judge(&Form::Folded(dense), reference());
+    println!("dense interpolant {:.1e} at {:?}", judged.worst, judged.worst_at);
+    assert!(judged.worst < 1e-6, "{:.1e}", judged.worst);
+}
+
+/// Raw monomials: condition 4e19 and a Gram matrix beyond f64; Chebyshev polynomials span the same space with a condition of a few.
+#[test]
+fn monomials_fail_where_chebyshev_does_not() {
+    let normal = fitted(Method::MonomialsNormal);
+    let qr = fitted(Method::MonomialsQr);
+    let chebyshev = fitted(Method::ChebyshevGrid);
+    for f in [&normal, &qr, &chebyshev] {
+        println!(
+            "{}: condition {:.1e} rank {} of {}, rms {:.1e}, {:?} {}",
+            f.options.method.name(),
+            f.condition,
+            f.rank,
+            f.columns,
+            f.rms,
+            f.termination,
+            f.remark
+        );
+        if let Some(form) = &f.form {
+            println!("   f64 {:.2e} f32 {:.2e}", judge(form, reference()).worst, judge(&form.narrow(), reference()).worst);
+        }
+    }
+    assert!(qr.condition > 1e17 && qr.rank < qr.columns && chebyshev.condition < 20.0 && chebyshev.rank == chebyshev.columns);
+    let error = |f: &Fitted| judge(f.form.as_ref().unwrap(), reference()).worst;
+    let narrow = |f: &Fitted| judge(&f.form.as_ref().unwrap().narrow(), reference()).worst;
+    // in single precision the monomials are useless, Chebyshev polynomials are what they were
+    assert!(narrow(&qr) > 0.1 && (narrow(&chebyshev) / error(&chebyshev) - 1.0).abs() < 0.01);
+    assert!(normal.form.is_none_or(|f| judge(&f, reference()).worst > 2.0 * error(&chebyshev)));
+}
+
+#[test]
+fn nodes_beat_the_uniform_grid() {
+    let error = |m: Method| judge(fitted(m).form.as_ref().unwrap(), reference()).worst;
+    let (nodes, grid) = (error(Method::Chebyshev), error(Method::ChebyshevGrid));
+    println!("nodes {nodes:.1e}, grid {grid:.1e}");
+    assert!(nodes < grid);
+}
+
+/// The black box: another sky through the same fit, judged against its own projection.
+#[test]
+fn another_model_is_fitted_as_a_black_box() {
+    let model = HosekWilkie { albedo: [0.2; 3] };
+    let options = Options { method: Method::Chebyshev, bands: 4, turbidities: [3.0, 4.0], ..Options::default() };
+    let form = fit_model(&options, &model).unwrap().form.unwrap();
+    let sky = model.sky(0.6, 3.4).unwrap();
+    let want = Rule::new(sky.sun_zenith(), 4, Quality::Fit).project(sky.as_ref());
+    let got = form.coefficients(0.6, 3.4).unwrap();
+    let off = got.distance(&want)[1] / want.get(0, 0)[1];
+    assert!(off < 0.01, "{off:.1e}");
+    assert!(fit_model(&Options { method: Method::Fine, ..options }, &model).is_err());
+}
+
+#[test]
+fn other_bands_and_domains_are_fitted_too() {
+    for (bands, turbidities) in [(1, preetham::TRUSTED), (4, [2.0, 8.0]), (9, preetham::TRUSTED)] {
+        let form = fit(&Options { bands, turbidities, ..Options::default() }).unwrap().form.unwrap();
+        let want = direct(&Preetham.at(1.1, 3.3).unwrap(), bands);
+        let off = form.coefficients(1.1, 3.3).unwrap().distance(&want)[0] / want.get(0, 0)[0];
+        assert!(off < 1e-4, "{bands} bands: {off:.1e}");
+    }
+    for bad in [
+        Options { bands: 0, ..Options::default() },
+        Options { bands: 13, ..Options::default() },
+        Options { turbidities: [1.6, 3.0], ..Options::default() },
+        Options { turbidities: [3.0, 3.0], ..Options::default() },
+        Options { degrees: [13, 12], ..Options::default() },
+    ] {
+        assert!(fit(&bad).is_err(), "{bad:?}");
+    }
+}

@@ -1,0 +1,281 @@
+//! Motion textures: periodic two-channel noise whose straight lines are the swaying of a branch (H9 §4.5.2–4.5.3).
+//!
+//! Channel 0 drives the deflection towards r, channel 1 towards s: two independent fields with one spectrum, the real and the imaginary part of one inverse FFT. Values are in the unit
+//! whose power density the spectrum states (for [`super::wind::Sway`]: tip deflection over length), not normalised. The same seed gives the same texture.
+//!
+//! Isotropic textures ([`Method::Plain`], [`Method::InverseAbel`]) may be crossed in any direction, as leaves do; they cannot hold a sharp resonance.
+//! [`Method::Directed`] can, for lines nearly along x: one branch a line, far enough apart in y.
+//!
+//! The highest frequency takes 8 texels a cycle, so that the hardware's linear filter is enough (it takes 10 % of the power there); a
+//! texture of n texels a side then holds frequencies down to f_min = 8 f_max/n. (The print has f_max/(8 n).)
+
+use super::motion_spectrum::{Method, Rings};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+use rustfft::FftPlanner;
+use rustfft::num_complex::Complex;
+use std::f64::consts::TAU;
+
+/// Texels a cycle of the highest frequency.
+pub const TEXELS_A_CYCLE: usize = 8;
+
+/// A texture of `size` × `size` texels, row by row, texel centres at (i + ½)/size.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Motion {
+    pub size: usize,
+    /// Lowest and highest frequency that it holds (Hz), for a line at [`Motion::speed`].
+    pub lowest: f64,
+    pub highest: f64,
+    pub values: Vec<[f32; 2]>,
+    pub method: Method,
+}
+
+/// Waves across a directed texture: −6 … 6 cycles along y.
+const ACROSS: i64 = 6;
+/// Slopes of lines through a directed texture. From 1/13 on, the next passage through the texture meets other waves; the frequencies are smeared by
+/// slope times cycles along y, less than one step of the texture's own.
+const SLOPES: [f64; 2] = [0.08, 0.14];
+
+/// A line through a texture: where a branch is at time t (s), in texture units (wrapped).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Trajectory {
+    pub start: [f64; 2],
+    /// Texture units a second.
+    pub velocity: [f64; 2],
+}
+
+impl Trajectory {
+    /// A line in any direction, of its own for every `seed`. `speed`: [`Motion::speed`]. Directions whose slope is near a ratio of small whole numbers close on
+    /// themselves early and are passed over.
+    pub fn new(seed: u64, speed: f64) -> Trajectory {
+        let mut rng = Pcg64::seed_from_u64(seed);
+        let start = [rng.random::<f64>(), rng.random::<f64>()];
+        let mut angle = 0.3;
+        for _ in 0..64 {
+            angle = TAU * rng.random::<f64>();
+            if !nearly_rational(angle) {
+                break;
+            }
+        }
+        Trajectory { start, velocity: [speed * angle.cos(), speed * angle.sin()] }
+    }
+
+    /// A line for a directed texture: nearly along x.
+    fn along(seed: u64, speed: f64) -> Trajectory {
+        let mut rng = Pcg64::seed_from_u64(seed);
+        let start = [rng.random::<f64>(), rng.random::<f64>()];
+        let size = SLOPES[0] + (SLOPES[1] - SLOPES[0]) * rng.random::<f64>();
+        let slope = if rng.random::<f64>() < 0.5 { -size } else { size };
+        Trajectory { start, velocity: [speed, speed * slope] }
+    }
+
+    pub fn at(&self, t: f64) -> [f64; 2] {
+        [0, 1].map(|k| (self.start[k] + t * self.velocity[k]).rem_euclid(1.0))
+    }
+}
+
+/// Whether a direction is within 0.01 rad of one with whole-number components up to 4.
+fn nearly_rational(angle: f64) -> bool {
+    (-4i32..=4).any(|p| {
+        (-4i32..=4).any(|q| {
+            let off = (angle - f64::from(p).atan2(f64::from(q))).rem_euclid(TAU);
+            (p, q) != (0, 0) && off.min(TAU - off) < 0.01
+        })
+    })
+}
+
+impl Motion {
+    /// Texture units a second at which a line shows the frequencies as they are. A branch whose own resonance is f instead of the texture's
+    /// f_h goes f/f_h times as fast (H9 "Branch frequencies"); its density is then f_h/f of the wanted one at f/f_h times the frequency.
+    pub fn speed(&self) -> f64 {
+        self.lowest
+    }
+
+    /// A texture in whose lines `spectrum` (one-sided power density over Hz) is found from `highest`·8/`size` up to `highest` (Hz).
+    /// `size`: at least 32 texels; powers of two are quickest. `None` for a smaller size, a `highest` that is not positive, or a spectrum that is not
+    /// positive and finite there.
+    pub fn new(spectrum: impl Fn(f64) -> f64, highest: f64, size: usize, seed: u64, method: Method) -> Option<Motion> {
+        if size < 32 || !(highest > 0.0 && highest.is_finite()) {
+            return None;
+        }
+        let count = size / TEXELS_A_CYCLE;
+        let lowest = highest / count as f64;
+        if !(1..=count).all(|j| (f64::MIN_POSITIVE..f64::MAX).contains(&spectrum(j as f64 * lowest))) {
+            return None;
+        }
+        // Two-sided density of a line along x, a unit of k, over the waves across.
+        let directed: Vec<f64> = (1..=count).map(|j| 0.5 * lowest * spectrum(j as f64 * lowest) / (2 * ACROSS + 1) as f64).collect();
+        let rings = Rings::new(spectrum, lowest, count, method);
+        let mut rng = Pcg64::seed_from_u64(seed);
+        let mut field = vec![Complex::new(0.0, 0.0); size * size];
+        let reach = count as i64;
+        for row in -reach..=reach {
+            for column in -reach..=reach {
+                let ring = match method {
+                    Method::Directed if row.abs() > ACROSS => 0,
+                    Method::Directed => column.unsigned_abs() as usize,
+                    _ => ((row * row + column * column) as f64).sqrt().round() as usize,
+                };
+                // Drawn for every place, so that a change of spectrum keeps the pattern of phases.
+                let angle = TAU * rng.random::<f64>();
+                if ring == 0 || ring > count {
+                    continue;
+                }
+                // Random phases, fixed sizes: each part of the sum has the variance Σ Φ whatever the draw, and so many waves are Gaussian together.
+                // (H9 Eq. 4.18 draws the sizes as well; the spectrum of one texture then scatters by that.)
+                let density = if method == Method::Directed { directed[ring - 1] } else { rings.0[ring - 1] };
+                let size_of = (2.0 * density).sqrt();
+                let at = |k: i64| k.rem_euclid(size as i64) as usize;
+                field[at(row) * size + at(column)] = Complex::from_polar(size_of, angle);
+            }
+        }
+        inverse_transform(&mut field, size);
+        Some(Motion { size, lowest, highest, values: field.iter().map(|c| [c.re as f32, c.im as f32]).collect(), method })
+    }
+
+    /// The line of branch number `seed` through this texture, at [`Motion::speed`] times `faster` (1, or the branch's resonance over the texture's).
+    pub fn trajectory(&self, seed: u64, faster: f64) -> Trajectory {
+        let speed = faster * self.speed();
+        if self.method == Method::Directed { Trajectory::along(seed, speed) } else { Trajectory::new(seed, speed) }
+    }
+
+    /// Both channels at a place in texture units, wrapped and linearly filtered as a sampler with repeat addressing does.
+    pub fn sample(&self, at: [f64; 2]) -> [f64; 2] {
+        let n = self.size;
+        let [(x0, x1, fx), (y0, y1, fy)] = at.map(|c| {
+            let c = c.rem_euclid(1.0) * n as f64 - 0.5;
+            let low = c.floor();
+            let wrap = |k: f64| k.rem_euclid(n as f64) as usize % n;
+            (wrap(low), wrap(low + 1.0), c - low)
+        });
+        [0, 1].map(|k| {
+            let v = |x: usize, y: usize| f64::from(self.values[y * n + x][k]);
+            let (low, high) = (v(x0, y0) * (1.0 - fx) + v(x1, y0) * fx, v(x0, y1) * (1.0 - fx) + v(x1, y1) * fx);
+            low * (1.0 - fy) + high * fy
+        })
+    }
+
+    /// Root mean square of both channels over the texture.
+    pub fn rms(&self) -> [f64; 2] {
+        [0, 1].map(|k| (self.values.iter().map(|v| f64::from(v[k]).powi(2)).sum::<f64>() / self.values.len() as f64).sqrt())
+    }
+}
+
+/// Rows, then columns; unnormalised, as a sum of waves is.
+fn inverse_transform(field: &mut [Complex<f64>], size: usize) {
+    let fft = FftPlanner::new().plan_fft_inverse(size);
+    let mut turned = vec![Complex::new(0.0, 0.0); field.len()];
+    for _ in 0..2 {
+        fft.process(field);
+        for row in 0..size {
+            for column in 0..size {
+                turned[column * size + row] = field[row * size + column];
+            }
+        }
+        field.copy_from_slice(&turned);
+    }
+}
+
+/// How far the spectrum of lines through a texture is from the wanted one: root mean square of log₁₀(measured/wanted) over
+/// `bands` bands, even in ln f between twice the lowest and the highest frequency, measured along `lines` trajectories. Both channels are used.
+/// Also returns the bands: (frequency, wanted, measured).
+pub fn deviation(motion: &Motion, spectrum: impl Fn(f64) -> f64, lines: u64, bands: usize) -> (f64, Vec<[f64; 3]>) {
+    let dt = 1.0 / (TEXELS_A_CYCLE as f64 * motion.highest);
+    // Eight times the resolution of the texture: neighbouring lines of its lattice are averaged within a band.
+    let segment = 8 * motion.size;
+    let step = 1.0 / (segment as f64 * dt);
+    let mut mean = vec![0.0; segment / 2 + 1];
+    for line in 0..lines {
+        let path = motion.trajectory(1000 + line, 1.0);
+        let samples: Vec<[f64; 2]> = (0..4 * segment).map(|k| motion.sample(path.at(k as f64 * dt))).collect();
+        for channel in 0..2 {
+            let one: Vec<f64> = samples.iter().map(|s| s[channel]).collect();
+            for (m, p) in mean.iter_mut().zip(super::motion_spectrum::periodogram(&one, dt, segment)) {
+                *m += p / (2 * lines) as f64;
+            }
+        }
+    }
+    let (low, high) = (2.0 * motion.lowest, motion.highest);
+    let edge = |b: usize| low * (high / low).powf(b as f64 / bands as f64);
+    let found: Vec<[f64; 3]> = (0..bands)
+        .filter_map(|b| {
+            let inside: Vec<usize> = (1..mean.len()).filter(|k| (edge(b)..edge(b + 1)).contains(&(*k as f64 * step))).collect();
+            let n = inside.len() as f64;
+            let wanted = inside.iter().map(|k| spectrum(*k as f64 * step)).sum::<f64>() / n;
+            let measured = inside.iter().map(|k| mean[*k]).sum::<f64>() / n;
+            (n > 0.0).then(|| [(edge(b) * edge(b + 1)).sqrt(), wanted, measured])
+        })
+        .collect();
+    let sum: f64 = found.iter().map(|[_, want, have]| (have / want).log10().powi(2)).sum();
+    ((sum / found.len() as f64).sqrt(), found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::wind::{Oscillator, Sway, Wind};
+    use super::*;
+
+    fn sway(ratio: f64) -> Sway {
+        Sway { wind: Wind { speed: 3.0, turbulence: 0.3 }, oscillator: Oscillator::of_branch(1.2, false, ratio), lean: 0.1 }
+    }
+
+    #[test]
+    fn lines_have_the_wanted_spectrum() {
+        // Isotropic textures: where the inverse is exact, what is left is the uneven count of lattice waves a frequency, and the filter, which takes
+        // 10 % at the highest one. A sharp resonance (a tenth of critical) has no inverse: 0.18 is the least an isotropic texture can do.
+        for (ratio, limit) in [(2.0, 0.08), (0.25, 0.08), (0.1, 0.25)] {
+            let s = sway(ratio);
+            let of = |method| {
+                let motion = Motion::new(|f| s.spectrum(f), s.highest(), 256, 5, method).unwrap();
+                deviation(&motion, |f| s.spectrum(f), 4, 16).0
+            };
+            let (plain, abel, directed) = (of(Method::Plain), of(Method::InverseAbel), of(Method::Directed));
+            println!("damping {ratio} of critical: RMS log10 deviation {plain:.3} plain, {abel:.3} inverse Abel, {directed:.3} directed");
+            // A directed one has no such limit.
+            assert!(directed < 0.08, "{ratio}: {directed}");
+            assert!(abel < limit && abel < 0.6 * plain, "{ratio}: {abel} against {plain}");
+        }
+    }
+
+    #[test]
+    fn textures_are_seeded_periodic_and_in_units() {
+        let s = sway(0.5);
+        let make = |seed| Motion::new(|f| s.spectrum(f), s.highest(), 128, seed, Method::InverseAbel).unwrap();
+        let a = make(3);
+        assert_eq!(a, make(3));
+        assert_ne!(a, make(4));
+        for p in [[0.1, 0.7], [0.999, 0.001], [0.0, 0.5]] {
+            for (p, q) in a.sample(p).iter().zip(a.sample([p[0] + 3.0, p[1] - 2.0])) {
+                assert!((p - q).abs() < 1e-9 * a.rms()[0]);
+            }
+        }
+        // Texel centres are texels.
+        let v = a.sample([(7.0 + 0.5) / 128.0, (100.0 + 0.5) / 128.0]);
+        assert!((v[0] - f64::from(a.values[100 * 128 + 7][0])).abs() < 1e-6 * a.rms()[0]);
+        // Twice the lean, twice the motion: units, not a normalised texture.
+        let twice = Sway { lean: 0.2, ..s };
+        let b = Motion::new(|f| twice.spectrum(f), s.highest(), 128, 3, Method::InverseAbel).unwrap();
+        assert!((b.rms()[1] / a.rms()[1] - 2.0).abs() < 1e-5);
+        // The variance is that of the band: the sum over lattice frequencies of what a line sees, within what one draw scatters.
+        let wanted: f64 = (1..=16).map(|j| s.spectrum(f64::from(j) * a.lowest) * a.lowest).sum();
+        let have = (a.rms()[0].powi(2) + a.rms()[1].powi(2)) / 2.0;
+        println!("variance {have:.3e} of {wanted:.3e} in the band from the lowest frequency");
+        assert!(have / wanted > 0.8 && have / wanted < 2.0, "{have} {wanted}");
+    }
+
+    #[test]
+    fn impossible_textures_are_refused_and_lines_do_not_close() {
+        let s = sway(0.5);
+        assert!(Motion::new(|f| s.spectrum(f), 0.0, 128, 1, Method::Plain).is_none());
+        assert!(Motion::new(|f| s.spectrum(f), 1.0, 16, 1, Method::Plain).is_none());
+        assert!(Motion::new(|_| f64::NAN, 1.0, 64, 1, Method::Plain).is_none());
+        let directed = Motion::new(|f| s.spectrum(f), s.highest(), 64, 1, Method::Directed).unwrap();
+        for seed in 0..200 {
+            let line = directed.trajectory(seed, 1.0).velocity;
+            assert!(line[0] == directed.lowest && (0.08..=0.14).contains(&(line[1] / line[0]).abs()));
+            let path = Trajectory::new(seed, 0.5);
+            assert!(!nearly_rational(path.velocity[1].atan2(path.velocity[0])));
+            assert!((path.velocity[0].hypot(path.velocity[1]) - 0.5).abs() < 1e-12);
+        }
+    }
+}

@@ -1,0 +1,61 @@
+//! `f64` and `f32` behind one name, so that what a shader computes is written once: the `f32` form runs the formulas of the `f64` form.
+
+use std::fmt::Debug;
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+/// A floating-point number with the functions that bending needs.
+pub trait Scalar:
+    Copy + Debug + PartialOrd + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
+{
+    /// Terms of a power series in a quantity below 1/9 that reach the type's precision.
+    const SERIES: usize;
+    fn of(value: f64) -> Self;
+    fn wide(self) -> f64;
+    fn sqrt(self) -> Self;
+    fn exp(self) -> Self;
+    fn ln(self) -> Self;
+    fn abs(self) -> Self;
+
+    fn zero() -> Self {
+        Self::of(0.0)
+    }
+    fn one() -> Self {
+        Self::of(1.0)
+    }
+    /// The larger; the other one where one is NaN.
+    fn at_least(self, low: Self) -> Self {
+        if self > low { self } else { low }
+    }
+    fn at_most(self, high: Self) -> Self {
+        if self < high { self } else { high }
+    }
+}
+
+macro_rules! scalar {
+    ($t:ty, $series:expr) => {
+        impl Scalar for $t {
+            const SERIES: usize = $series;
+            fn of(value: f64) -> Self {
+                value as $t
+            }
+            fn wide(self) -> f64 {
+                f64::from(self)
+            }
+            fn sqrt(self) -> Self {
+                self.sqrt()
+            }
+            fn exp(self) -> Self {
+                self.exp()
+            }
+            fn ln(self) -> Self {
+                self.ln()
+            }
+            fn abs(self) -> Self {
+                self.abs()
+            }
+        }
+    };
+}
+
+scalar!(f64, 16);
+scalar!(f32, 8);

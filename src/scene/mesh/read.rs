@@ -1,0 +1,233 @@
+//! Reads a leaf's mesh from glTF: buffers, node transforms, primitives, and refusal of what leads out of the file's folder.
+
+use super::{LeafMesh, vertex_normals, vertex_tangents};
+use crate::files::atomic::explain;
+use crate::{Error, Result};
+use glam::{DMat4, DVec2, DVec3};
+use gltf::mesh::Mode;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Component, Path};
+
+/// Reads a glTF file.
+///
+/// # Errors
+/// [`Error::Input`] naming the file: missing, damaged, a path outside its folder, no triangles, no texture coordinates.
+pub fn read(path: &Path) -> Result<LeafMesh> {
+    let bytes = std::fs::read(path).map_err(|e| Error::input(path, explain(&e)))?;
+    // A damaged file must end in a sentence, whatever the reader does with it.
+    catch_unwind(AssertUnwindSafe(|| parse(path, &bytes))).unwrap_or_else(|_| Err(Error::input(path, "not a readable glTF file (damaged)")))
+}
+
+fn parse(path: &Path, bytes: &[u8]) -> Result<LeafMesh> {
+    let gltf::Gltf { document, mut blob } = gltf::Gltf::from_slice(bytes).map_err(|e| Error::input(path, sentence(&e)))?;
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    for image in document.images() {
+        if let gltf::image::Source::Uri { uri, .. } = image.source() {
+            inside(path, folder, uri, &format!("images[{}].uri", image.index()))?;
+        }
+    }
+    let mut buffers = Vec::new();
+    for buffer in document.buffers() {
+        let field = format!("buffers[{}]", buffer.index());
+        if let gltf::buffer::Source::Uri(uri) = buffer.source() {
+            inside(path, folder, uri, &format!("{field}.uri"))?;
+        }
+        let data = gltf::buffer::Data::from_source_and_blob(buffer.source(), Some(folder), &mut blob)
+            .map_err(|e| Error::field(path, &field, sentence(&e)))?;
+        if data.len() < buffer.length() {
+            return Err(Error::field(path, &field, format!("found {} bytes, expected {} (truncated?)", data.len(), buffer.length())));
+        }
+        buffers.push(data);
+    }
+    let mut mesh = LeafMesh::default();
+    let mut given = Given { normals: true, tangents: true };
+    match document.default_scene().or_else(|| document.scenes().next()) {
+        Some(scene) => {
+            for node in scene.nodes() {
+                add_node(path, &node, DMat4::IDENTITY, &buffers, &mut mesh, &mut given, 0)?;
+            }
+        }
+        None => {
+            for part in document.meshes() {
+                add_mesh(path, &part, DMat4::IDENTITY, &buffers, &mut mesh, &mut given)?;
+            }
+        }
+    }
+    if mesh.indices.is_empty() {
+        return Err(Error::input(path, "found no triangles, expected a leaf's mesh"));
+    }
+    if !given.normals {
+        mesh.normals = vertex_normals(&mesh);
+    }
+    if !given.tangents || !given.normals {
+        mesh.tangents = vertex_tangents(&mesh);
+    }
+    Ok(mesh)
+}
+
+/// The reader's message on one line, without quoting the file's bytes.
+fn sentence(e: &gltf::Error) -> String {
+    match e {
+        gltf::Error::Io(io) => explain(io),
+        other => format!("not a readable glTF file ({})", other.to_string().lines().collect::<Vec<_>>().join(" ")),
+    }
+}
+
+/// Refuses a URI that leads out of the file's folder, by text, by scheme or by a link.
+fn inside(path: &Path, folder: &Path, uri: &str, field: &str) -> Result<()> {
+    if uri.starts_with("data:") {
+        return Ok(());
+    }
+    let outside = || Err(Error::field(path, field, format!("\"{uri}\" leads outside the file's folder; expected a file beside it")));
+    if uri.contains(':') {
+        return outside();
+    }
+    let decoded = percent_decode(uri);
+    let relative = Path::new(&decoded);
+    if decoded.contains('\\') || relative.components().any(|c| !matches!(c, Component::Normal(_) | Component::CurDir)) {
+        return outside();
+    }
+    if let (Ok(real), Ok(home)) = (folder.join(relative).canonicalize(), folder.canonicalize())
+        && !real.starts_with(home)
+    {
+        return outside();
+    }
+    Ok(())
+}
+
+fn percent_decode(uri: &str) -> String {
+    let bytes = uri.as_bytes();
+    let mut out = Vec::with_capacity(bytes.len());
+    let mut i = 0;
+    while i < bytes.len() {
+        let hex = bytes.get(i + 1..i + 3).and_then(|h| std::str::from_utf8(h).ok()).and_then(|h| u8::from_str_radix(h, 16).ok());
+        match (bytes[i], hex) {
+            (b'%', Some(value)) => {
+                out.push(value);
+                i += 3;
+            }
+            (byte, _) => {
+                out.push(byte);
+                i += 1;
+            }
+        }
+    }
+    String::from_utf8_lossy(&out).into_owned()
+}
+
+/// Whether every primitive so far brought its own.
+struct Given {
+    normals: bool,
+    tangents: bool,
+}
+
+/// Deeper nests of nodes than this are taken for a cycle.
+const DEEPEST: usize = 64;
+
+fn add_node(
+    path: &Path,
+    node: &gltf::Node,
+    parent: DMat4,
+    buffers: &[gltf::buffer::Data],
+    out: &mut LeafMesh,
+    given: &mut Given,
+    depth: usize,
+) -> Result<()> {
+    if depth > DEEPEST {
+        return Err(Error::field(path, "nodes", format!("nested more than {DEEPEST} deep")));
+    }
+    let local = DMat4::from_cols_array(
+        &node.transform().matrix().as_flattened().iter().map(|v| f64::from(*v)).collect::<Vec<_>>().try_into().unwrap_or([0.0; 16]),
+    );
+    let world = parent * local;
+    if let Some(mesh) = node.mesh() {
+        add_mesh(path, &mesh, world, buffers, out, given)?;
+    }
+    for child in node.children() {
+        add_node(path, &child, world, buffers, out, given, depth + 1)?;
+    }
+    Ok(())
+}
+
+fn add_mesh(
+    path: &Path,
+    mesh: &gltf::Mesh,
+    world: DMat4,
+    buffers: &[gltf::buffer::Data],
+    out: &mut LeafMesh,
+    given: &mut Given,
+) -> Result<()> {
+    for primitive in mesh.primitives() {
+        let field = format!("meshes[{}].primitives[{}]", mesh.index(), primitive.index());
+        if primitive.mode() != Mode::Triangles {
+            return Err(Error::field(path, &field, format!("found {:?}, expected triangles", primitive.mode())));
+        }
+        let reader = primitive.reader(|b| buffers.get(b.index()).map(|d| d.0.as_slice()));
+        let missing = |what: &str| Error::field(path, &format!("{field}.{what}"), "missing or out of the buffer's range");
+        let positions: Vec<DVec3> = reader.read_positions().ok_or_else(|| missing("POSITION"))?.map(to_f64).collect();
+        let uvs: Vec<DVec2> = match reader.read_tex_coords(0) {
+            Some(list) => list.into_f32().map(|[u, v]| DVec2::new(f64::from(u), f64::from(v))).collect(),
+            None => return Err(missing("TEXCOORD_0")),
+        };
+        let n = positions.len();
+        let indices: Vec<u32> = match (primitive.indices(), reader.read_indices()) {
+            (Some(_), Some(list)) => list.into_u32().collect(),
+            (Some(_), None) => return Err(missing("indices")),
+            (None, _) => (0..n as u32).collect(),
+        };
+        // Normals turn with the inverse transpose; a mirrored node also flips the winding.
+        let normal_matrix = world.inverse().transpose();
+        let mirrored = world.determinant() < 0.0;
+        let normals: Vec<DVec3> = match reader.read_normals() {
+            Some(list) => list.map(|v| normal_matrix.transform_vector3(to_f64(v)).normalize_or_zero()).collect(),
+            None => {
+                given.normals = false;
+                vec![DVec3::Z; n]
+            }
+        };
+        let tangents: Vec<(DVec3, f64)> = match reader.read_tangents() {
+            Some(list) => list
+                .map(|[x, y, z, w]| {
+                    let flip = if mirrored { -1.0 } else { 1.0 };
+                    (world.transform_vector3(to_f64([x, y, z])).normalize_or_zero(), f64::from(w).signum() * flip)
+                })
+                .collect(),
+            None => {
+                given.tangents = false;
+                vec![(DVec3::X, 1.0); n]
+            }
+        };
+        for (what, len) in [("TEXCOORD_0", uvs.len()), ("NORMAL", normals.len()), ("TANGENT", tangents.len())] {
+            if len != n {
+                return Err(Error::field(path, &format!("{field}.{what}"), format!("found {len} entries, expected {n} as of POSITION")));
+            }
+        }
+        if let Some(bad) = indices.iter().find(|&&i| i as usize >= n) {
+            return Err(Error::field(path, &format!("{field}.indices"), format!("found {bad}, expected less than the {n} vertices")));
+        }
+        if !indices.len().is_multiple_of(3) {
+            return Err(Error::field(
+                path,
+                &format!("{field}.indices"),
+                format!("found {} entries, expected whole triangles", indices.len()),
+            ));
+        }
+        if positions.iter().any(|p| !p.is_finite()) || uvs.iter().any(|t| !t.is_finite()) || normals.iter().any(|v| !v.is_finite()) {
+            return Err(Error::field(path, &field, "found a vertex that is not finite"));
+        }
+        let base = out.positions.len() as u32;
+        out.positions.extend(positions.iter().map(|p| world.transform_point3(*p)));
+        out.normals.extend(normals);
+        out.tangents.extend(tangents);
+        out.uvs.extend(uvs);
+        for t in indices.chunks_exact(3) {
+            let order = if mirrored { [t[0], t[2], t[1]] } else { [t[0], t[1], t[2]] };
+            out.indices.extend(order.map(|i| i + base));
+        }
+    }
+    Ok(())
+}
+
+fn to_f64(v: [f32; 3]) -> DVec3 {
+    DVec3::from(v.map(f64::from))
+}

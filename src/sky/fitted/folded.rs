@@ -1,0 +1,400 @@
+//! Preetham's coefficients as few polynomials: everything that has a closed form is folded out of the fit.
+//!
+//! Each of Y, Y/y and Y·x/y is (function of θ)·(function of γ) times a prefactor of (θs, τ) alone, which is kept in closed form
+//! ([`Turbid::prefactors`]); XYZ and RGB are linear in the three. What is left, q_lm(θs, τ), is even in θs for even m and odd for odd m (a sun at −θs is a sun
+//! at azimuth π), and nearly polynomial in ln(τ − 1.2029), where B of the luminance vanishes. So
+//!
+//! q_lm = Σ_i Σ_{j < J_i} a_ij T_{2i + (m odd)}(2θs/π) T_j(v),   v = ln(τ − 1.2029) scaled to −1 … 1,
+//!
+//! with a staircase J_0 ≥ J_1 ≥ … common to all functions: high powers of one variable meet only low powers of the other.
+//!
+//! The three functions are stored mixed, u = K P̄ q with K the colour matrix and P̄ the prefactors at the middle of the domain ([`Mix`]), so that u is nearly
+//! RGB already and rgb = (K P P̄⁻¹ K⁻¹) u is nearly u: without that, red is a small difference of large numbers, and single precision loses a digit.
+
+use super::{Scalar, chebyshev};
+use crate::sky::harmonics::Coefficients;
+use crate::sky::preetham::{self, Turbid};
+use crate::sky::{Refused, check, colour};
+use std::f64::consts::FRAC_PI_2;
+
+/// Where B of the luminance's horizon factor vanishes: .4275/.3554.
+pub const TURBIDITY_ZERO: f64 = 1.2029;
+
+/// Most rows (powers of θs) and columns (powers of v) of a staircase.
+pub const MOST_ROWS: usize = 32;
+pub const MOST_COLUMNS: usize = 24;
+
+/// Polynomials of every coefficient of N bands.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Folded<T = f32> {
+    bands: usize,
+    turbidities: [f64; 2],
+    rows: Vec<usize>,
+    even: Vec<T>,
+    odd: Vec<T>,
+    orders: Orders,
+    mix: Mix,
+}
+
+/// How the three separable functions are mixed before they are stored, and how linear sRGB comes out again.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mix {
+    /// K: linear sRGB from (Y, Y/y, Y·x/y).
+    pub colours: [[f64; 3]; 3],
+    /// P̄⁻¹ K⁻¹.
+    pub back: [[f64; 3]; 3],
+    /// P̄.
+    pub middle: [f64; 3],
+}
+
+impl Mix {
+    /// P̄ is taken at a sun 45° high and the geometric mean of τ − τ₀ over the domain.
+    pub fn new([low, high]: [f64; 2]) -> Mix {
+        let turbidity = TURBIDITY_ZERO + ((low - TURBIDITY_ZERO) * (high - TURBIDITY_ZERO)).sqrt();
+        let middle = Turbid::new(turbidity).prefactors(FRAC_PI_2 / 2.0);
+        let colours = rgb_from_separable();
+        // (Y, Y/y, Y·x/y) from RGB: Y, X + Y + Z and X of the inverse colour matrix
+        let columns = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|e| {
+            let [x, y, z] = colour::xyz_from_rgb(e);
+            [y, x + y + z, x]
+        });
+        let back = std::array::from_fn(|q| std::array::from_fn(|c| columns[c][q] / middle[q]));
+        Mix { colours, back, middle }
+    }
+
+    /// u = K P̄ q.
+    pub fn mixed(&self, q: [f64; 3]) -> [f64; 3] {
+        self.colours.map(|row| (0..3).map(|k| row[k] * self.middle[k] * q[k]).sum())
+    }
+
+    /// K P P̄⁻¹ K⁻¹: linear sRGB from u.
+    #[inline(always)]
+    pub fn matrix(&self, turbid: &Turbid, sun_zenith: f64) -> [[f64; 3]; 3] {
+        let p = turbid.prefactors(sun_zenith);
+        std::array::from_fn(|r| std::array::from_fn(|c| (0..3).map(|q| self.colours[r][q] * p[q] * self.back[q][c]).sum()))
+    }
+}
+
+/// l(l+1)+m of the functions of even and of odd m, in the order in which the arrays hold them.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Orders {
+    pub even: Vec<usize>,
+    pub odd: Vec<usize>,
+}
+
+impl Orders {
+    pub fn new(bands: usize) -> Orders {
+        let of = |parity: usize| (0..bands).flat_map(|l| (0..=l).filter(move |m| m % 2 == parity).map(move |m| l * (l + 1) + m)).collect();
+        Orders { even: of(0), odd: of(1) }
+    }
+}
+
+/// Linear sRGB from (Y, Y/y, Y·x/y), rows R, G, B.
+pub fn rgb_from_separable() -> [[f64; 3]; 3] {
+    let columns = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|s| colour::rgb_from_xyz(preetham::xyz_from_separable(s)));
+    std::array::from_fn(|c| std::array::from_fn(|q| columns[q][c]))
+}
+
+/// v: −1 at the lower turbidity, 1 at the upper.
+#[inline]
+pub fn scaled_turbidity(turbidity: f64, [low, high]: [f64; 2]) -> f64 {
+    let (a, b) = ((low - TURBIDITY_ZERO).ln(), (high - TURBIDITY_ZERO).ln());
+    (2.0 * (turbidity - TURBIDITY_ZERO).ln() - a - b) / (b - a)
+}
+
+impl<T: Scalar> Folded<T> {
+    /// From arrays: for each row i, for each j < `rows[i]`: u_0 of the functions of `even` orders, then u_1, then u_2 (and `odd` alike).
+    ///
+    /// # Errors
+    /// A sentence where lengths, bands or turbidities make no sense.
+    pub fn new(bands: usize, turbidities: [f64; 2], rows: Vec<usize>, even: Vec<T>, odd: Vec<T>) -> Result<Self, String> {
+        let orders = Orders::new(bands);
+        let terms: usize = rows.iter().sum();
+        let finite = even.iter().chain(&odd).all(|v| v.wide().is_finite());
+        if bands == 0 || rows.is_empty() || rows.len() > MOST_ROWS || rows.iter().any(|r| *r > MOST_COLUMNS) {
+            return Err(format!(
+                "{bands} bands and rows {rows:?}; expected 1 band or more and 1 to {MOST_ROWS} rows of at most {MOST_COLUMNS} terms"
+            ));
+        }
+        if even.len() != terms * 3 * orders.even.len() || odd.len() != terms * 3 * orders.odd.len() || !finite {
+            return Err(format!(
+                "{} and {} values; expected {} and {} finite ones",
+                even.len(),
+                odd.len(),
+                terms * 3 * orders.even.len(),
+                terms * 3 * orders.odd.len()
+            ));
+        }
+        let [low, high] = turbidities;
+        if !(preetham::TURBIDITIES[0] <= low && low < high && high <= preetham::TURBIDITIES[1]) {
+            return Err(format!("turbidities {low} to {high}; expected two within 1.7 to 10"));
+        }
+        let mix = Mix::new(turbidities);
+        Ok(Folded { bands, turbidities, rows, even, odd, orders, mix })
+    }
+
+    pub fn bands(&self) -> usize {
+        self.bands
+    }
+    /// Turbidities that the fit covers.
+    pub fn turbidities(&self) -> [f64; 2] {
+        self.turbidities
+    }
+    /// J_i: terms in v for each power of θs.
+    pub fn rows(&self) -> &[usize] {
+        &self.rows
+    }
+    pub fn orders(&self) -> &Orders {
+        &self.orders
+    }
+    pub fn mix(&self) -> &Mix {
+        &self.mix
+    }
+    /// The arrays, as [`Folded::new`] takes them.
+    pub fn arrays(&self) -> (&[T], &[T]) {
+        (&self.even, &self.odd)
+    }
+    /// Terms a function.
+    pub fn terms(&self) -> usize {
+        self.rows.iter().sum()
+    }
+    /// Numbers stored.
+    pub fn len(&self) -> usize {
+        self.even.len() + self.odd.len()
+    }
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+    pub fn bytes(&self) -> usize {
+        self.len() * size_of::<T>()
+    }
+
+    /// The same in another precision.
+    pub fn to<U: Scalar>(&self) -> Folded<U> {
+        let cast = |v: &[T]| v.iter().map(|x| U::narrow(x.wide())).collect();
+        Folded {
+            bands: self.bands,
+            turbidities: self.turbidities,
+            rows: self.rows.clone(),
+            even: cast(&self.even),
+            odd: cast(&self.odd),
+            orders: self.orders.clone(),
+            mix: self.mix,
+        }
+    }
+
+    /// Whether the fit answers for these parameters; gives the sun's zenith angle, at most π/2.
+    ///
+    /// # Errors
+    /// [`Refused`] outside the turbidities fitted, and for a sun below the horizon.
+    pub fn accepts(&self, sun_zenith: f64, turbidity: f64) -> Result<f64, Refused> {
+        check(sun_zenith, turbidity, self.turbidities)
+    }
+
+    /// N² coefficients, sun at azimuth 0.
+    ///
+    /// # Errors
+    /// As [`Folded::accepts`].
+    pub fn coefficients(&self, sun_zenith: f64, turbidity: f64) -> Result<Coefficients, Refused> {
+        let sun_zenith = self.accepts(sun_zenith, turbidity)?;
+        let mut out = vec![[T::default(); 3]; self.bands * self.bands];
+        self.fill(sun_zenith, turbidity, &mut out);
+        Ok(widened(&out))
+    }
+
+    /// Writes N² triples at l(l+1)+m; places of m < 0 are left as they are. Parameters are not checked ([`Folded::accepts`]).
+    pub fn fill(&self, sun_zenith: f64, turbidity: f64, out: &mut [[T; 3]]) {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+            #[target_feature(enable = "avx2,fma")]
+            fn wide<T: Scalar>(this: &Folded<T>, sun_zenith: f64, turbidity: f64, out: &mut [[T; 3]]) {
+                this.fill_with::<true>(sun_zenith, turbidity, out);
+            }
+            // SAFETY: the two features were found on this processor.
+            unsafe { wide(self, sun_zenith, turbidity, out) };
+            return;
+        }
+        self.fill_with::<false>(sun_zenith, turbidity, out);
+    }
+
+    #[inline(always)]
+    fn fill_with<const FUSED: bool>(&self, sun_zenith: f64, turbidity: f64, out: &mut [[T; 3]]) {
+        let (mut even, mut odd) = ([0.0; MOST_ROWS], [0.0; MOST_ROWS]);
+        let n = self.rows.len();
+        suns(sun_zenith, &mut even[..n], &mut odd[..n]);
+        let mut columns = [0.0; MOST_COLUMNS];
+        chebyshev(scaled_turbidity(turbidity, self.turbidities), 0, 1, &mut columns);
+        let mut products = [[T::default(); 2]; MOST_ROWS * MOST_COLUMNS];
+        let mut terms = 0;
+        for (i, row) in self.rows.iter().enumerate() {
+            for column in &columns[..*row] {
+                products[terms] = [T::narrow(even[i] * column), T::narrow(odd[i] * column)];
+                terms += 1;
+            }
+        }
+        let matrix = self.mix.matrix(&Turbid::new(turbidity), sun_zenith).map(|row| row.map(T::narrow));
+        let products = &products[..terms];
+        finish::<T, FUSED>(&self.even, |k| products[k][0], terms, &self.orders.even, &matrix, out);
+        finish::<T, FUSED>(&self.odd, |k| products[k][1], terms, &self.orders.odd, &matrix, out);
+    }
+
+    /// The polynomials in θs alone that are left once the turbidity is fixed.
+    ///
+    /// # Errors
+    /// As [`Folded::accepts`].
+    pub fn at(&self, turbidity: f64) -> Result<Fixed<T>, Refused> {
+        self.accepts(0.0, turbidity)?;
+        let mut columns = [0.0; MOST_COLUMNS];
+        chebyshev(scaled_turbidity(turbidity, self.turbidities), 0, 1, &mut columns);
+        let contract = |from: &[T], width: usize| {
+            let mut to = vec![T::default(); self.rows.len() * width];
+            let mut term = 0;
+            for (i, row) in self.rows.iter().enumerate() {
+                let mut sums = vec![0.0; width];
+                for column in &columns[..*row] {
+                    sums.iter_mut().zip(&from[term * width..]).for_each(|(s, a)| *s += a.wide() * column);
+                    term += 1;
+                }
+                to[i * width..].iter_mut().zip(sums).for_each(|(t, s)| *t = T::narrow(s));
+            }
+            to
+        };
+        Ok(Fixed {
+            bands: self.bands,
+            rows: self.rows.len(),
+            turbid: Turbid::new(turbidity),
+            even: contract(&self.even, 3 * self.orders.even.len()),
+            odd: contract(&self.odd, 3 * self.orders.odd.len()),
+            orders: self.orders.clone(),
+            mix: self.mix,
+        })
+    }
+}
+
+/// A sky whose turbidity is settled: only the sun moves.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fixed<T = f32> {
+    bands: usize,
+    rows: usize,
+    turbid: Turbid,
+    even: Vec<T>,
+    odd: Vec<T>,
+    orders: Orders,
+    mix: Mix,
+}
+
+impl<T: Scalar> Fixed<T> {
+    pub fn bands(&self) -> usize {
+        self.bands
+    }
+    pub fn turbidity(&self) -> f64 {
+        self.turbid.turbidity
+    }
+
+    /// N² coefficients, sun at azimuth 0.
+    ///
+    /// # Errors
+    /// [`Refused`] for a sun below the horizon.
+    pub fn coefficients(&self, sun_zenith: f64) -> Result<Coefficients, Refused> {
+        let sun_zenith = check(sun_zenith, self.turbid.turbidity, preetham::TURBIDITIES)?;
+        let mut out = vec![[T::default(); 3]; self.bands * self.bands];
+        self.fill(sun_zenith, &mut out);
+        Ok(widened(&out))
+    }
+
+    /// Writes N² triples at l(l+1)+m; places of m < 0 are left as they are. The sun is not checked.
+    pub fn fill(&self, sun_zenith: f64, out: &mut [[T; 3]]) {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+            #[target_feature(enable = "avx2,fma")]
+            fn wide<T: Scalar>(this: &Fixed<T>, sun_zenith: f64, out: &mut [[T; 3]]) {
+                this.fill_with::<true>(sun_zenith, out);
+            }
+            // SAFETY: the two features were found on this processor.
+            unsafe { wide(self, sun_zenith, out) };
+            return;
+        }
+        self.fill_with::<false>(sun_zenith, out);
+    }
+
+    #[inline(always)]
+    fn fill_with<const FUSED: bool>(&self, sun_zenith: f64, out: &mut [[T; 3]]) {
+        let (mut even, mut odd) = ([0.0; MOST_ROWS], [0.0; MOST_ROWS]);
+        suns(sun_zenith, &mut even[..self.rows], &mut odd[..self.rows]);
+        let matrix = self.mix.matrix(&self.turbid, sun_zenith).map(|row| row.map(T::narrow));
+        finish::<T, FUSED>(&self.even, |k| T::narrow(even[k]), self.rows, &self.orders.even, &matrix, out);
+        finish::<T, FUSED>(&self.odd, |k| T::narrow(odd[k]), self.rows, &self.orders.odd, &matrix, out);
+    }
+}
+
+/// T_0, T_2, … and T_1, T_3, … of the sun's zenith angle over π/2.
+#[inline(always)]
+pub fn suns(sun_zenith: f64, even: &mut [f64], odd: &mut [f64]) {
+    let x = sun_zenith / FRAC_PI_2;
+    chebyshev(x, 0, 2, even);
+    chebyshev(x, 1, 2, odd);
+}
+
+/// Most functions of one parity, three times over: 12 bands.
+const MOST_WIDTH: usize = 3 * 80;
+
+/// Sums `terms` rows of `from`, each times its factor, and writes the colours.
+#[inline(always)]
+fn finish<T: Scalar, const FUSED: bool>(
+    from: &[T],
+    factor: impl Fn(usize) -> T,
+    terms: usize,
+    places: &[usize],
+    matrix: &[[T; 3]; 3],
+    out: &mut [[T; 3]],
+) {
+    let each = places.len();
+    let width = 3 * each;
+    let mut kept = [T::default(); MOST_WIDTH];
+    let mut large = Vec::new();
+    let sums: &mut [T] = if width <= MOST_WIDTH {
+        &mut kept[..width]
+    } else {
+        large.resize(width, T::default());
+        &mut large
+    };
+    // Blocks that stay in registers while all terms pass.
+    let mut start = 0;
+    while start < width {
+        start += match width - start {
+            left if left >= 24 => block::<T, 24, FUSED>(from, &factor, terms, width, start, sums),
+            left if left >= 12 => block::<T, 12, FUSED>(from, &factor, terms, width, start, sums),
+            _ => block::<T, 1, FUSED>(from, &factor, terms, width, start, sums),
+        };
+    }
+    for (e, place) in places.iter().enumerate() {
+        let s = [sums[e], sums[each + e], sums[2 * each + e]];
+        out[*place] = matrix.map(|row| row[2].fma::<FUSED>(s[2], row[1].fma::<FUSED>(s[1], row[0] * s[0])));
+    }
+}
+
+#[inline(always)]
+fn block<T: Scalar, const W: usize, const FUSED: bool>(
+    from: &[T],
+    factor: &impl Fn(usize) -> T,
+    terms: usize,
+    width: usize,
+    start: usize,
+    sums: &mut [T],
+) -> usize {
+    let mut acc = [T::default(); W];
+    // From the small terms of high degree to the large ones, which leaves the least rounding.
+    for (k, row) in from[..terms * width].chunks_exact(width).enumerate().rev() {
+        let f = factor(k);
+        let row = &row[start..start + W];
+        for (a, x) in acc.iter_mut().zip(row) {
+            *a = f.fma::<FUSED>(*x, *a);
+        }
+    }
+    sums[start..start + W].copy_from_slice(&acc);
+    W
+}
+
+fn widened<T: Scalar>(values: &[[T; 3]]) -> Coefficients {
+    Coefficients::from_values(values.iter().map(|v| v.map(T::wide)).collect()).unwrap_or_default()
+}

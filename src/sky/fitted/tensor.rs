@@ -1,0 +1,105 @@
+//! Coefficients as a product of two polynomial bases in θs and τ, a polynomial a coefficient and channel (Habel 2009 Eq. 5.1).
+
+use super::{Scalar, chebyshev};
+use crate::sky::harmonics::Coefficients;
+use crate::sky::{Refused, check};
+use std::f64::consts::FRAC_PI_2;
+
+/// How a variable enters.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Basis {
+    /// θs^i τ^j, unscaled: the dissertation's.
+    Monomials,
+    /// T_i, T_j on the domain scaled to −1 … 1.
+    Chebyshev,
+}
+
+/// Most powers of a variable.
+pub const MOST: usize = 32;
+
+/// Polynomials of every coefficient of m ≥ 0 and channel.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tensor<T = f32> {
+    pub basis: Basis,
+    bands: usize,
+    turbidities: [f64; 2],
+    /// Powers of θs and of τ: degrees plus one.
+    powers: [usize; 2],
+    /// For each i, for each j: R of all functions (l(l+1)/2 + m), then G, then B.
+    values: Vec<T>,
+}
+
+impl<T: Scalar> Tensor<T> {
+    /// # Errors
+    /// A sentence where lengths make no sense.
+    pub fn new(basis: Basis, bands: usize, turbidities: [f64; 2], powers: [usize; 2], values: Vec<T>) -> Result<Self, String> {
+        let expected = powers[0] * powers[1] * 3 * bands * (bands + 1) / 2;
+        if values.len() != expected || powers.iter().any(|p| !(1..=MOST).contains(p)) || bands == 0 {
+            return Err(format!(
+                "{} values for {bands} bands and powers {powers:?}; expected {expected}, and 1 to {MOST} powers",
+                values.len()
+            ));
+        }
+        Ok(Tensor { basis, bands, turbidities, powers, values })
+    }
+
+    pub fn bands(&self) -> usize {
+        self.bands
+    }
+    pub fn turbidities(&self) -> [f64; 2] {
+        self.turbidities
+    }
+    pub fn powers(&self) -> [usize; 2] {
+        self.powers
+    }
+    pub fn values(&self) -> &[T] {
+        &self.values
+    }
+    pub fn bytes(&self) -> usize {
+        self.values.len() * size_of::<T>()
+    }
+
+    pub fn to<U: Scalar>(&self) -> Tensor<U> {
+        let values = self.values.iter().map(|v| U::narrow(v.wide())).collect();
+        Tensor { basis: self.basis, bands: self.bands, turbidities: self.turbidities, powers: self.powers, values }
+    }
+
+    /// N² coefficients, sun at azimuth 0; all arithmetic of the sums in `T`, as the dissertation's evaluation has it.
+    ///
+    /// # Errors
+    /// [`Refused`] outside the turbidities fitted, and for a sun below the horizon.
+    pub fn coefficients(&self, sun_zenith: f64, turbidity: f64) -> Result<Coefficients, Refused> {
+        let sun_zenith = check(sun_zenith, turbidity, self.turbidities)?;
+        let (mut a, mut b) = ([0.0; MOST], [0.0; MOST]);
+        fill(self.basis, sun_zenith, [0.0, FRAC_PI_2], &mut a[..self.powers[0]]);
+        fill(self.basis, turbidity, self.turbidities, &mut b[..self.powers[1]]);
+        let size = self.bands * (self.bands + 1) / 2;
+        let width = 3 * size;
+        let mut sums = vec![T::default(); width];
+        let mut rows = self.values.chunks_exact(width);
+        for x in &a[..self.powers[0]] {
+            for y in &b[..self.powers[1]] {
+                let product = T::narrow(*x) * T::narrow(*y);
+                if let Some(row) = rows.next() {
+                    sums.iter_mut().zip(row).for_each(|(s, v)| *s += product * *v);
+                }
+            }
+        }
+        let even: Vec<[f64; 3]> = (0..size).map(|k| std::array::from_fn(|c| sums[c * size + k].wide())).collect();
+        Ok(crate::sky::project::spread(self.bands, &even, |v| v))
+    }
+}
+
+/// The functions of one variable.
+pub fn fill(basis: Basis, x: f64, [low, high]: [f64; 2], out: &mut [f64]) {
+    match basis {
+        Basis::Monomials => {
+            let mut power = 1.0;
+            for v in out.iter_mut() {
+                *v = power;
+                power *= x;
+            }
+        }
+        Basis::Chebyshev => chebyshev((2.0 * x - low - high) / (high - low), 0, 1, out),
+    }
+}

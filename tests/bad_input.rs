@@ -1,0 +1,195 @@
+//! Bad input and bad places as a user meets them: one sentence, the right exit code, nothing lost. Damaged captures and interrupted fits
+//! are in `leaf_fit.rs`, damaged fits and meshes in `check.rs`; here is what all verbs share, and scenes.
+
+mod blade;
+mod common;
+
+use blade::{Blade, scene};
+use common::{mesophyll, refused, run};
+use std::path::{Path, PathBuf};
+use std::process::{Output, Stdio};
+
+const SLABS: &str = "omega,delta\n0.9,1\n0.5,2\n";
+
+/// A folder with a small fit, a scene that shows it and a table of slabs.
+fn workplace() -> (tempfile::TempDir, PathBuf) {
+    let dir = tempfile::tempdir().unwrap();
+    Blade { width: 24, height: 18, texel_mm: 2.0, ..Blade::default() }.write(&dir.path().join("fits/elm"), "elm");
+    let path = scene(dir.path(), "front", "elm", Some(30.0), None, "");
+    std::fs::write(dir.path().join("slabs.csv"), SLABS).unwrap();
+    (dir, path)
+}
+
+fn text(path: &Path) -> String {
+    path.to_str().unwrap().to_string()
+}
+
+#[test]
+fn a_scene_that_cannot_be_read_is_named_by_file_line_and_field() {
+    let (dir, path) = workplace();
+    let good = std::fs::read_to_string(&path).unwrap();
+    let scan = "scan = { spec = \"elm.toml\", size = \"0x0\" }";
+    let cases: [(&str, &str, &[&str]); 6] = [
+        ("tolerance = 0.004", "tolerance = 0.004\ntoleranze = 1", &["front.toml:4", "unknown field `toleranze`"]),
+        ("fit = \"fits/elm\"", "fit = \"fits/oak\"", &["front.toml", "leaf \"elm\": fit", "there is no fit at", "fits/oak"]),
+        ("fit = \"fits/elm\"", scan, &["front.toml:6", "leaf.scan: size: found \"0x0\"", "WIDTHxHEIGHT"]),
+        ("fov_deg = 30", "fov_deg = \"wide\"", &["front.toml:19", "string"]),
+        ("samples = 32", "samples = 0", &["check.samples: found 0, expected 1 to"]),
+        ("zenith_deg = 30", "zenith_deg = nan", &["sun.zenith_deg: found NaN"]),
+    ];
+    for (from, to, words) in cases {
+        assert!(good.contains(from), "{from}");
+        std::fs::write(&path, good.replacen(from, to, 1)).unwrap();
+        for verb in ["plan", "run"] {
+            let out = text(&dir.path().join("out"));
+            let more = if verb == "run" { vec!["--out", out.as_str()] } else { vec![] };
+            refused(&run([&[verb, path.to_str().unwrap()], more.as_slice()].concat()), 2, words);
+        }
+    }
+}
+
+#[test]
+fn files_of_the_wrong_kind_are_said_to_be() {
+    let (dir, path) = workplace();
+    let binary = dir.path().join("binary.toml");
+    std::fs::write(&binary, [0xff, 0xfe, 0x00, 0x41]).unwrap();
+    let [folder, binary, scene] = [text(dir.path()), text(&binary), text(&path)];
+    let nowhere = text(&dir.path().join("nowhere"));
+    let csv = text(&dir.path().join("slabs.csv"));
+    let inside = format!("{scene}/capture.toml");
+    let cases: [(&[&str], &[&str]); 9] = [
+        (&["plan", &folder], &[&folder, "found a folder, expected a file"]),
+        (&["plan", &binary], &["binary.toml", "not UTF-8"]),
+        (&["plan", &nowhere], &["nowhere", "no such file"]),
+        (&["synth", &folder, "-o", &nowhere], &["found a folder, expected a file"]),
+        (&["fit", "leaf", &scene, "-o", &nowhere], &[&inside, "a file stands where a folder is expected"]),
+        (&["eval", "slab", "--in", &folder], &["found a folder, expected a file"]),
+        (&["eval", "slab", "--in", &csv, "--out", &folder], &[&folder, "found a folder, expected the name of a file"]),
+        (&["fit", "slab", "--in", &csv], &["slabs.csv: rho_d: no such column; the header has omega, delta"]),
+        (&["report", &nowhere], &["nowhere", "no such folder"]),
+    ];
+    for (args, words) in cases {
+        refused(&run(args), 2, words);
+    }
+    for (bytes, words) in [
+        (b"".as_slice(), ["slabs.csv", "no header line"]),
+        (b"\xff\xfeo\x00m".as_slice(), ["line 1", "not valid UTF-8"]),
+        (b"omega;delta\n0,9;1\n".as_slice(), ["omega: no such column", "omega;delta"]),
+    ] {
+        std::fs::write(&csv, bytes).unwrap();
+        refused(&run(["eval", "slab", "--in", &csv]), 2, &words);
+    }
+    // Marks of other systems are no mistake, and a row that is no text is that row's alone.
+    std::fs::write(&csv, b"\xef\xbb\xbfomega,delta\r\n0.9,1\r\n0.9,\xff\r\n0.5,2\r\n").unwrap();
+    let output = run(["eval", "slab", "--in", &csv]);
+    let rows = String::from_utf8(output.stdout).unwrap();
+    let status: Vec<&str> = rows.lines().map(|l| l.rsplit(',').next().unwrap()).collect();
+    assert_eq!((output.status.code(), status), (Some(0), vec!["status", "ok", "refused: not valid UTF-8 text", "ok"]));
+}
+
+/// A file where a folder should be, and a place where no one can make files: not even root can write there.
+#[test]
+fn places_that_cannot_be_written_are_the_command_line_s_mistake() {
+    let (dir, path) = workplace();
+    let [fit, scene, csv] = [dir.path().join("fits/elm"), path.clone(), dir.path().join("slabs.csv")].map(|p| text(&p));
+    for place in [format!("{csv}/in"), "/proc/mesophyll".to_string()] {
+        let file = format!("{place}/out.x");
+        let cases: [&[&str]; 8] = [
+            &["synth", "data/leaves/elm.toml", "-o", &place, "--size", "24x18"],
+            &["run", &scene, "--out", &place],
+            &["report", &fit, "-o", &file],
+            &["export", &fit, "--to", "gltf", "-o", &file],
+            &["export", &fit, "--to", "csv", "-o", &file],
+            &["export", &fit, "--to", "png", "-o", &place],
+            &["eval", "slab", "--in", &csv, "--out", &file],
+            &["bench", "slab", "-o", &place],
+        ];
+        for args in cases {
+            refused(&run(args), 2, &["cannot write", &place]);
+        }
+        #[cfg(feature = "render")]
+        refused(&run(["check", &scene, "--out", &place]), 2, &["cannot write", &place]);
+    }
+    assert_eq!(std::fs::read_to_string(&csv).unwrap(), SLABS);
+}
+
+/// Under a limit of 4 KiB a file, which stops a write in its middle as a full disk does.
+#[cfg(unix)]
+fn with_little_room(args: &[&str]) -> Output {
+    let words: String = args.iter().map(|a| format!(" '{a}'")).collect();
+    let script = format!("trap '' XFSZ; ulimit -f 8; exec '{}' --quiet{words}", env!("CARGO_BIN_EXE_mesophyll"));
+    mesophyll_free("sh").args(["-c", &script]).output().unwrap()
+}
+
+#[cfg(unix)]
+fn mesophyll_free(program: &str) -> std::process::Command {
+    let mut command = std::process::Command::new(program);
+    command.current_dir(env!("CARGO_MANIFEST_DIR"));
+    command
+}
+
+#[test]
+#[cfg(unix)]
+fn a_full_disk_is_said_and_what_was_there_stays() {
+    let (dir, _) = workplace();
+    let fit = text(&dir.path().join("fits/elm"));
+    let slabs: String = std::iter::once("omega,delta\n".to_string()).chain((0..400).map(|k| format!("0.9,{k}\n"))).collect();
+    std::fs::write(dir.path().join("slabs.csv"), slabs).unwrap();
+    let csv = text(&dir.path().join("slabs.csv"));
+    let kept = dir.path().join("kept");
+    std::fs::create_dir(&kept).unwrap();
+    let old = kept.join("old.out");
+    std::fs::write(&old, "what was there").unwrap();
+    let out = text(&old);
+    let cases: [&[&str]; 5] = [
+        &["eval", "slab", "--in", &csv, "--out", &out],
+        &["report", &fit, "-o", &out],
+        &["export", &fit, "--to", "gltf", "-o", &out],
+        &["export", &fit, "--to", "exr", "-o", &out],
+        &["export", &fit, "--to", "csv", "-o", &out],
+    ];
+    for args in cases {
+        refused(&with_little_room(args), 1, &["cannot write", "old.out", "largest size allowed"]);
+        assert_eq!(std::fs::read_to_string(&old).unwrap(), "what was there", "{args:?}");
+        assert_eq!(std::fs::read_dir(&kept).unwrap().count(), 1, "{args:?} left something behind");
+    }
+    // A scan that did not fit is no capture.
+    let scan = text(&dir.path().join("scan"));
+    refused(&with_little_room(&["synth", "data/leaves/elm.toml", "-o", &scan, "--size", "48x36", "--frames", "8"]), 1, &["cannot write"]);
+    assert!(!Path::new(&scan).join("capture.toml").exists());
+    refused(&run(["fit", "leaf", &scan, "-o", &text(&dir.path().join("fit"))]), 2, &["capture.toml", "no such file"]);
+}
+
+/// The device that is always full, as a file and as standard output.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_device_without_room_is_said_to_be_full() {
+    let (dir, path) = workplace();
+    let csv = text(&dir.path().join("slabs.csv"));
+    refused(&run(["eval", "slab", "--in", &csv, "--out", "/dev/full"]), 1, &["cannot write /dev/full", "the disk is full"]);
+    for args in [vec!["eval", "slab", "--in", &csv], vec!["plan", path.to_str().unwrap(), "--json"], vec!["stress", "solve"]] {
+        let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+        let child = mesophyll().args(&args).stdout(Stdio::from(full)).stderr(Stdio::piped()).spawn().unwrap();
+        refused(&child.wait_with_output().unwrap(), 1, &["cannot write standard output", "the disk is full"]);
+    }
+}
+
+#[test]
+#[cfg(unix)]
+fn a_scan_that_is_stopped_is_no_capture() {
+    let dir = tempfile::tempdir().unwrap();
+    let scan = dir.path().join("scan");
+    let args = ["synth", "data/leaves/elm.toml", "-o", scan.to_str().unwrap(), "--size", "240x180", "--frames", "60", "--threads", "1"];
+    let mut child = mesophyll().args(args).stderr(Stdio::piped()).spawn().unwrap();
+    while !scan.join("front/x/0001.exr").exists() && child.try_wait().unwrap().is_none() {
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    let _ = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+    let output = child.wait_with_output().unwrap();
+    // A machine that is done before the signal arrives has nothing to stop.
+    if !output.status.success() {
+        refused(&output, 130, &["stopped", "not a complete capture"]);
+        assert!(!scan.join("capture.toml").exists());
+        assert!(!std::fs::read_dir(scan.join("front/x")).unwrap().flatten().any(|e| e.file_name().to_string_lossy().ends_with(".partial")));
+    }
+}

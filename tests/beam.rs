@@ -1,0 +1,146 @@
+//! `eval beam` and `fit beam` from the outside.
+
+use assert_cmd::Command;
+
+fn mesophyll(args: &[&str], input: &str) -> (i32, String, String) {
+    let out = Command::cargo_bin("mesophyll").unwrap().args(args).write_stdin(input).output().unwrap();
+    (out.status.code().unwrap(), String::from_utf8(out.stdout).unwrap(), String::from_utf8(out.stderr).unwrap())
+}
+
+/// Columns by name of a CSV answer.
+fn table(text: &str) -> (Vec<String>, Vec<Vec<String>>) {
+    let mut reader = csv::Reader::from_reader(text.as_bytes());
+    let header = reader.headers().unwrap().iter().map(String::from).collect();
+    (header, reader.records().map(|r| r.unwrap().iter().map(String::from).collect()).collect())
+}
+
+/// Value of a named column.
+fn cell(answer: &(Vec<String>, Vec<Vec<String>>), row: usize, column: &str) -> f64 {
+    let k = answer.0.iter().position(|h| h == column).unwrap();
+    answer.1[row][k].parse().unwrap()
+}
+
+#[test]
+fn eval_answers_and_refuses_by_name() {
+    let input = "x,note,alpha\n1,a,1\n1,b,0.9999999\n0.5,c,1e-4\n0,d,0.3\n2,e,0.5\n-0.1,f,0.5\n0.5,g,0\n0.5,h,-1\n0.5,i,7\nnan,j,0.5\n0.5,k,wide\n1,l\n";
+    let (code, out, _) = mesophyll(&["--quiet", "eval", "beam"], input);
+    assert_eq!(code, 0);
+    let answer = table(&out);
+    assert_eq!(answer.0, ["x", "note", "alpha", "u", "du", "status"]);
+    assert_eq!(answer.1.len(), 12);
+    // An untapered beam: u(1) = 1/(2π), u′(1) = 2/(3π); its neighbour differs in the seventh digit.
+    let pi = std::f64::consts::PI;
+    assert!((cell(&answer, 0, "u") * 2.0 * pi - 1.0).abs() < 1e-13 && (cell(&answer, 0, "du") * 1.5 * pi - 1.0).abs() < 1e-13);
+    assert!((cell(&answer, 1, "u") * 2.0 * pi - 1.0).abs() < 1e-6);
+    assert_eq!((cell(&answer, 3, "u"), cell(&answer, 3, "du")), (0.0, 0.0));
+    for row in 0..4 {
+        assert_eq!(answer.1[row][5], "ok");
+    }
+    for (row, name) in [(4, "x"), (5, "x"), (6, "alpha"), (7, "alpha"), (8, "alpha"), (9, "x"), (10, "alpha"), (11, "2 fields")] {
+        assert!(answer.1[row][5].starts_with(&format!("refused: {name}")), "{:?}", answer.1[row]);
+        assert!(answer.1[row][3].is_empty() && answer.1[row][4].is_empty());
+    }
+}
+
+#[test]
+fn fit_gives_the_printed_pair_and_a_better_basis() {
+    let (code, out, _) = mesophyll(&["--quiet", "fit", "beam", "--samples", "101"], "alpha\n0.05\n0.1\n0.2\n0.3\n1e-4\n1\n0\n");
+    assert_eq!(code, 0);
+    let answer = table(&out);
+    assert_eq!(answer.0[..4], ["alpha", "c2", "c4", "max_error"]);
+    for (row, c2, c4) in [(0, 0.221875, 0.754029), (1, 0.3326, 0.398924), (2, 0.374571, 0.129428), (3, 0.364816, 0.024577)] {
+        assert!((cell(&answer, row, "c2") - c2).abs() <= 5e-7 && (cell(&answer, row, "c4") - c4).abs() <= 5e-7);
+    }
+    // The better basis against the exact beam, at all rows, in units of the tip.
+    let eval: String = ["0.05", "0.1", "0.2", "0.3", "1e-4", "1"].iter().map(|a| format!("{a},1\n")).collect();
+    let (_, tips, _) = mesophyll(&["--quiet", "eval", "beam"], &format!("alpha,x\n{eval}"));
+    let tips = table(&tips);
+    for row in 0..6 {
+        let (tip, worst) = (cell(&tips, row, "u"), cell(&answer, row, "a_max_error"));
+        assert!(worst < 0.01 * tip, "{row}: {worst} of {tip}");
+        // At the tip y = 1: the coefficients' sum is the deflection there.
+        let sum: f64 = ["a2", "a3", "a4", "a5"].iter().map(|a| cell(&answer, row, a)).sum();
+        assert!((sum - tip).abs() <= worst * (1.0 + 1e-9), "{row}: {sum} {tip} {worst}");
+    }
+    assert!(answer.1[6].last().unwrap().starts_with("refused: alpha"));
+}
+
+/// Deflections that `eval beam` gives, as marks: what `fit beam --deflections` gets back.
+#[test]
+fn measured_branches_are_fitted_and_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let marks: Vec<f64> = (1..=16).map(|k| f64::from(k) / 16.0).collect();
+    let rows: String = marks.iter().map(|x| format!("0.25,{x:?}\n")).collect();
+    let (_, out, _) = mesophyll(&["--quiet", "eval", "beam"], &format!("alpha,x\n{rows}"));
+    let beam = table(&out);
+    let (length, scale) = (600.0, 90.0);
+    let mut text = String::from("branch,length_mm,position_mm,deflection_mm,deflection_err_mm,load_n,modulus_gpa\n");
+    for (k, x) in marks.iter().enumerate() {
+        let d = scale * cell(&beam, k, "u");
+        text += &format!("oak,{length},{:?},{d:?},1e-3,2.5,9\n", x * length);
+        text += &format!("bare,{length},{:?},{d:?},1e-3,,\n", x * length);
+    }
+    text += "short,600,600,3,0.1,,\nbroken,600,300,?,0.1,,\nbroken,600,400,2,0.1,,\nuneven,600,300,1,0.1,,\nuneven,601,400,2,0.1,,\n";
+    let file = folder.path().join("marks.csv");
+    std::fs::write(&file, text).unwrap();
+    let fit = folder.path().join("fit");
+    let args = ["--quiet", "fit", "beam", "--deflections", file.to_str().unwrap(), "--positions", "axis", "-o", fit.to_str().unwrap()];
+    let (code, out, err) = mesophyll(&args, "");
+    assert_eq!(code, 0, "{err}");
+    let answer = table(&out);
+    assert_eq!(answer.1.len(), 5);
+    let status = |row: usize| answer.1[row].last().unwrap().clone();
+    assert_eq!(status(0), "ok");
+    assert!((cell(&answer, 0, "alpha") / 0.25 - 1.0).abs() < 1e-3);
+    assert!((cell(&answer, 0, "load_over_stiffness_mm") / scale - 1.0).abs() < 1e-3);
+    // F L³/(E s⁴) = 90 mm with F = 2.5 N, E = 9000 N/mm².
+    let radius = (2.5 * length.powi(3) / (9000.0 * scale)).powf(0.25);
+    assert!((cell(&answer, 0, "root_radius_mm") / radius - 1.0).abs() < 1e-3);
+    assert!(status(1).starts_with("undetermined: root_radius_mm (load, modulus and root radius"), "{}", status(1));
+    assert!(answer.1[1][answer.0.iter().position(|h| h == "root_radius_mm").unwrap()].is_empty());
+    assert!(status(2).starts_with("refused: too few readings"));
+    assert!(status(3).contains("deflection_mm") && status(4).contains("length_mm"));
+    let record = std::fs::read_to_string(fit.join("fit.toml")).unwrap();
+    assert!(record.contains("kind = \"beam\"") && record.contains("branch oak"), "{record}");
+    assert!(fit.join("times.toml").exists());
+    // The same input gives the same bytes.
+    let again = folder.path().join("again");
+    let mut args = args;
+    args[8] = again.to_str().unwrap();
+    mesophyll(&args, "");
+    assert_eq!(record, std::fs::read_to_string(again.join("fit.toml")).unwrap());
+}
+
+#[test]
+fn the_basis_is_written_as_a_fit() {
+    let folder = tempfile::tempdir().unwrap();
+    let fit = folder.path().join("basis");
+    let (code, _, err) = mesophyll(&["--quiet", "fit", "beam", "--basis", "-o", fit.to_str().unwrap()], "");
+    assert_eq!(code, 0, "{err}");
+    let record: toml::Value = toml::from_str(&std::fs::read_to_string(fit.join("fit.toml")).unwrap()).unwrap();
+    assert_eq!(record["kind"].as_str(), Some("beam"));
+    assert_eq!(record["termination"].as_str(), Some("direct"));
+    assert_eq!(record["all"]["a2"]["value"].as_array().unwrap().len(), 6);
+    assert_eq!(record["all"]["rank"].as_integer(), Some(24));
+    // A report can be made of it.
+    let page = folder.path().join("page.html");
+    let (code, _, err) = mesophyll(&["--quiet", "report", fit.to_str().unwrap(), "-o", page.to_str().unwrap()], "");
+    assert_eq!(code, 0, "{err}");
+}
+
+#[test]
+fn slips_of_the_command_line_are_usage() {
+    for (args, words) in [
+        (vec!["fit", "beam", "-o", "out"], "-o needs"),
+        (vec!["fit", "beam", "--samples", "1"], "--samples"),
+        (vec!["fit", "beam", "--deflections", "no-such-file.csv"], "no-such-file.csv"),
+        (vec!["fit", "beam", "--deflections", "x.csv", "--noise", "0"], "--noise"),
+        (vec!["fit", "beam", "--positions", "axis"], "--deflections"),
+    ] {
+        let (code, _, err) = mesophyll(&args, "alpha\n0.5\n");
+        assert_eq!(code, 2, "{args:?}: {err}");
+        assert!(err.contains(words), "{args:?}: {err}");
+    }
+    let (code, _, err) = mesophyll(&["fit", "beam"], "taper\n0.5\n");
+    assert!(code == 2 && err.contains("alpha"), "{err}");
+}

@@ -1,0 +1,122 @@
+//! Properties that hold whatever the numbers are: energy and scaling of the slab, reciprocity of the lobes, tables and images that read
+//! back as they were written.
+
+use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
+use mesophyll::files::table::{self, Answer, Spec, Table};
+use mesophyll::optics::gloss::Lobe;
+use mesophyll::optics::slab::{self, exact, inverse};
+use proptest::prelude::*;
+
+/// Coefficients (1/mm) over six decades, thickness (mm) over three.
+fn coefficient() -> impl Strategy<Value = f64> {
+    (-3.0..3.0f64).prop_map(|e| 10f64.powf(e))
+}
+
+fn thickness() -> impl Strategy<Value = f64> {
+    (-2.3..0.7f64).prop_map(|e| 10f64.powf(e))
+}
+
+/// A unit vector above the horizon, 1° at least.
+fn upward() -> impl Strategy<Value = [f64; 3]> {
+    (0.02..1.0f64, 0.0..std::f64::consts::TAU).prop_map(|(z, phi)| {
+        let r = (1.0 - z * z).sqrt();
+        [r * phi.cos(), r * phi.sin(), z]
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 96, failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// ρd + ρt + absorbed = 1 with nothing negative; nothing is absorbed without an absorber; unscattered light always gets through.
+    #[test]
+    fn a_slab_keeps_its_energy(a in coefficient(), s in coefficient(), h in thickness()) {
+        for r in [slab::response(a, s, h), exact::response(a, s, h)] {
+            prop_assert!(r.rho_d >= 0.0 && r.rho_t >= 0.0 && r.rho_d + r.rho_t < 1.0 + 1e-12, "{r:?}");
+            prop_assert!(r.rho_t >= (-(a + s) * h).exp() * (1.0 - 1e-9), "{r:?}");
+        }
+        let white = exact::response(0.0, s, h);
+        prop_assert!((white.rho_d + white.rho_t - 1.0).abs() < 1e-9, "{white:?}");
+    }
+
+    /// Only σ·h counts; more absorber darkens both sides; a thicker slab lets less through and gives more back.
+    #[test]
+    fn a_slab_scales_and_is_monotone(a in coefficient(), s in coefficient(), h in thickness(), k in 1.01..3.0f64) {
+        let r = exact::response(a, s, h);
+        let same = exact::response(a * k, s * k, h / k);
+        prop_assert!((same.rho_d - r.rho_d).abs() <= 1e-9 * r.rho_d + 1e-14 && (same.rho_t - r.rho_t).abs() <= 1e-9 * r.rho_t, "{r:?} {same:?}");
+        let darker = exact::response(a * k, s, h);
+        prop_assert!(darker.rho_d <= r.rho_d * (1.0 + 1e-9) && darker.rho_t <= r.rho_t * (1.0 + 1e-9), "{r:?} {darker:?}");
+        let thicker = exact::response(a, s, h * k);
+        prop_assert!(thicker.rho_d >= r.rho_d * (1.0 - 1e-9) && thicker.rho_t <= r.rho_t * (1.0 + 1e-9), "{r:?} {thicker:?}");
+    }
+
+    /// What the slab shows gives back what it is made of, and `ok` is a promise.
+    #[test]
+    fn an_inverted_slab_is_the_slab(omega in 0.1..0.995f64, delta in 0.1..8.0f64, h in thickness()) {
+        let (a, s) = ((1.0 - omega) * delta / h, omega * delta / h);
+        let r = exact::response(a, s, h);
+        let found = inverse::invert(r.rho_d, r.rho_t, h, 1e-9, 1e-9);
+        prop_assert!(found.status.is_ok(), "{found:?}");
+        let off = [(found.sigma_a - a, found.sigma_a_err, a), (found.sigma_s - s, found.sigma_s_err, s)];
+        prop_assert!(off.iter().all(|(d, e, v)| d.abs() <= 4.0 * e + 1e-6 * v), "{a} {s}: {found:?}");
+    }
+
+    /// Light and camera may change places (the bounded form, which the renderers draw), and nothing is negative.
+    #[test]
+    fn lobes_are_reciprocal(l in upward(), v in upward(), m in 0.03..0.8f64, index in 1.1..2.0f64) {
+        let n = [0.0, 0.0, 1.0];
+        for lobe in [Lobe::Beckmann, Lobe::Ggx, Lobe::CookTorrance { index }] {
+            let (there, back) = (lobe.bounded(n, l, v, m), lobe.bounded(n, v, l, m));
+            prop_assert!(there >= 0.0 && there.is_finite() && (there - back).abs() <= 1e-9 * there.max(1e-300), "{lobe:?} {there} {back}");
+        }
+    }
+
+    /// Any number and any text of a table comes through a batch as it was.
+    #[test]
+    fn tables_read_back_exactly(rows in prop::collection::vec((any::<f64>(), "[ -~äσ\"]{0,12}"), 1..20)) {
+        let rows: Vec<(f64, String)> = rows.into_iter().filter(|(x, _)| !x.is_nan()).map(|(x, note)| (x, note.trim().to_string())).collect();
+        let mut bytes = b"note,x\n".to_vec();
+        for (x, note) in &rows {
+            table::push_text(&mut bytes, note);
+            bytes.push(b',');
+            table::push_number(&mut bytes, *x);
+            bytes.push(b'\n');
+        }
+        let dir = tempfile::tempdir().unwrap();
+        let out = dir.path().join("out.csv");
+        let spec = Spec { required: vec!["x".into()], outputs: vec!["same".into()], ..Spec::default() };
+        let input = Table::from_reader(Box::new(std::io::Cursor::new(bytes)), "in.csv".into()).unwrap();
+        table::run(input, &out, &spec, |row, out| out.push(Answer::ok(vec![row.get(0)]))).unwrap();
+        let mut again = csv::Reader::from_path(&out).unwrap();
+        let found: Vec<(f64, String)> = again.records().map(|r| r.unwrap()).map(|r| (r[2].parse().unwrap(), r[0].to_string())).collect();
+        prop_assert_eq!(found.len(), rows.len());
+        for (a, b) in found.iter().zip(&rows) {
+            prop_assert!(a.0.to_bits() == b.0.to_bits() && a.1 == b.1, "{a:?} {b:?}");
+        }
+    }
+
+    /// Every bit of every sample survives, packed or not.
+    #[test]
+    fn images_read_back_exactly(width in 1usize..9, height in 1usize..20, seed in any::<u32>(), packed in any::<bool>()) {
+        let mut state = seed | 1;
+        let mut next = || {
+            state ^= state << 13;
+            state ^= state >> 17;
+            state ^= state << 5;
+            f32::from_bits(state)
+        };
+        let mut maps = Maps::new(width, height);
+        for name in ["R", "mask.Y", "σ"] {
+            maps.push(name, (0..width * height).map(|_| next()).collect());
+        }
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.exr");
+        write_exr(&path, &maps, if packed { Packing::Zip } else { Packing::Raw }).unwrap();
+        let again = read_exr(&path).unwrap();
+        prop_assert_eq!((again.width, again.height), (width, height));
+        for (name, samples) in &maps.channels {
+            let found = again.get(name).unwrap();
+            prop_assert!(samples.iter().zip(found).all(|(a, b)| a.to_bits() == b.to_bits()), "{name}");
+        }
+    }
+}
