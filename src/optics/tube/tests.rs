@@ -177,14 +177,18 @@ fn fast_agrees_with_the_reference() {
     for (lobe, tube, value, slope) in [
         (Lobe::Beckmann, TUBE, 1e-5, 1e-4),
         (Lobe::Ggx, TUBE, 1e-5, 6e-4),
-        (COOK_TORRANCE, thin, 1e-5, 2e-4),
-        (COOK_TORRANCE, TUBE, 1e-4, f64::INFINITY),
+        (COOK_TORRANCE, thin, 1e-5, 6e-4),
+        (COOK_TORRANCE, TUBE, 2e-4, f64::INFINITY),
     ] {
         let fine = Model::new(tube, camera(), lobe, &Precision::fine());
         let model = Model::new(tube, camera(), lobe, &Precision::default());
         for m in [0.02, 0.05, 0.12, 0.3, 0.6, 0.9] {
             for (texel, [b, ty]) in PLACES {
                 for travel in [Travel::X, Travel::Y] {
+                    if lobe == COOK_TORRANCE && (ty != 0.0 || travel == Travel::Y) {
+                        // Not vectorised: the reference would be compared with itself.
+                        continue;
+                    }
                     let (n, [nb, ny]) = (normal(b, ty), slopes(b, ty));
                     let want: Vec<[f64; COLUMNS]> = positions
                         .iter()
