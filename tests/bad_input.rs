@@ -84,7 +84,10 @@ fn files_of_the_wrong_kind_are_said_to_be() {
     let output = run(["eval", "slab", "--in", &csv]);
     let rows = String::from_utf8_lossy(&output.stdout);
     let status: Vec<&str> = rows.lines().map(|l| l.rsplit(',').next().unwrap()).collect();
-    assert_eq!((output.status.code(), status), (Some(0), vec!["status", "ok", "refused: delta is not valid UTF-8 text; expected a number", "ok"]));
+    assert_eq!(
+        (output.status.code(), status),
+        (Some(0), vec!["status", "ok", "refused: delta is not valid UTF-8 text; expected a number", "ok"])
+    );
 }
 
 /// A file where a folder should be, and a place where no one can make files: not even root can write there.
