@@ -41,17 +41,8 @@ pub enum Format {
 }
 
 impl Format {
-    pub const ALL: [Format; 9] = [
-        Format::Png,
-        Format::Exr,
-        Format::Csv,
-        Format::Json,
-        Format::Gltf,
-        Format::GltfTranslucent,
-        Format::Obj,
-        Format::Wgsl,
-        Format::C,
-    ];
+    pub const ALL: [Format; 9] =
+        [Format::Png, Format::Exr, Format::Csv, Format::Json, Format::Gltf, Format::GltfTranslucent, Format::Obj, Format::Wgsl, Format::C];
 
     pub fn name(self) -> &'static str {
         match self {
@@ -107,7 +98,11 @@ pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> R
         return Ok(vec![path.to_path_buf()]);
     }
     if matches!(format, Format::Wgsl | Format::C) || !sky.is_plain() {
-        let what = format!("{} is a {} fit; --to wgsl, --to c, --sun-zenith-deg, --turbidity and --ground are for sky fits", folder.display(), record.kind);
+        let what = format!(
+            "{} is a {} fit; --to wgsl, --to c, --sun-zenith-deg, --turbidity and --ground are for sky fits",
+            folder.display(),
+            record.kind
+        );
         return Err(Error::Usage(what));
     }
     if let Err(e) = record.verify(folder) {

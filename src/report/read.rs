@@ -130,7 +130,11 @@ fn fit(folder: &Path, options: &Options) -> Result<FitReport> {
     };
     for (name, _) in ordered(&record) {
         let Some(side) = side(folder, name, &record, capture.as_deref().map(Path::new), &mut report.missing) else { continue };
-        report.maps.extend(side.rows(&mut report.missing));
+        let mut lacking = Vec::new();
+        report.maps.extend(side.rows(&mut lacking));
+        if record.kind == "leaf" {
+            report.missing.extend(lacking);
+        }
         if options.pictures {
             report.pictures.push(side.pictures(&record.defects));
         }
@@ -147,6 +151,10 @@ fn side(folder: &Path, name: &str, record: &FitRecord, capture: Option<&Path>, m
     // Only sides have maps; `all`, `blade` and the like are figures.
     if !matches!(name, "front" | "back") && !folder.join(format!("{name}.exr")).exists() {
         return None;
+    }
+    if record.kind != "leaf" {
+        // A leaf's maps are a leaf's: no other fit misses them.
+        return maps::read_side(folder, name, capture, &mut Vec::new());
     }
     maps::read_side(folder, name, capture, missing)
 }
@@ -189,7 +197,9 @@ fn parameters(section: &str, s: &Section) -> Vec<ParameterRow> {
                 [own.as_str(), name.as_str(), channel.as_str()].contains(&who.trim()).then(|| why.trim().to_string())
             });
             let stderr = p.stderr.get(k).copied().filter(|e| e.is_finite());
-            let unbounded = p.stderr.get(k).is_some_and(|e| !e.is_finite()).then(String::new);
+            // Coefficients of a function that was not measured have no standard error (NaN); an infinite one is another matter.
+            let unmeasured = s.residuals.is_empty() && p.stderr.get(k).is_some_and(|e| e.is_nan());
+            let unbounded = (!unmeasured && p.stderr.get(k).is_some_and(|e| !e.is_finite())).then(String::new);
             let undetermined = named.or(unbounded);
             rows.push(ParameterRow {
                 section: section.into(),

@@ -36,7 +36,11 @@ pub fn polynomials(e: &Evaluator, about: &[String], ground: f64) -> String {
     out.push_str(&format!("/* l(l+1)+m of every function; the first {} take the first factors, the others the second. */\n", e.first()));
     out.push_str(&format!("static const unsigned char mesophyll_sky_place[{functions}] = {{{}}};\n", places.join(", ")));
     out.push_str("/* Function by function, term by term, three values. */\n");
-    out.push_str(&format!("static const float mesophyll_sky_values[{}] = {{\n{}}};\n\n", functions * e.terms * 3, listed(e.values(), 8, "f")));
+    out.push_str(&format!(
+        "static const float mesophyll_sky_values[{}] = {{\n{}}};\n\n",
+        functions * e.terms * 3,
+        listed(e.values(), 8, "f")
+    ));
     out.push_str("/* The coefficients for a sun zenith angle (rad) and turbidity; 0 where these are outside the domain (out is left as it is), else 1. */\n");
     out.push_str(&format!("static int mesophyll_sky(double sun_zenith, double turbidity, MESOPHYLL_SKY_REAL out[{n}][3])\n{{\n"));
     let [low, high] = e.turbidities;
@@ -84,7 +88,8 @@ pub fn polynomials(e: &Evaluator, about: &[String], ground: f64) -> String {
 }
 
 fn matrix<const R: usize, const C: usize>(m: &[[f64; C]; R]) -> String {
-    let rows: Vec<String> = m.iter().map(|r| format!("{{{}}}", r.iter().map(|v| format!("{v:?}")).collect::<Vec<_>>().join(", "))).collect();
+    let rows: Vec<String> =
+        m.iter().map(|r| format!("{{{}}}", r.iter().map(|v| format!("{v:?}")).collect::<Vec<_>>().join(", "))).collect();
     format!("{{{}}}", rows.join(", "))
 }
 

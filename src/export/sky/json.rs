@@ -54,7 +54,10 @@ pub fn polynomials(e: &Evaluator, record: &FitRecord, folder: &Path, ground: f64
         .iter()
         .enumerate()
         .flat_map(|(k, g)| {
-            g.places.iter().zip(g.values.chunks_exact(e.terms)).map(move |(place, values)| json!({"index": place, "factors": k, "values": values}))
+            g.places
+                .iter()
+                .zip(g.values.chunks_exact(e.terms))
+                .map(move |(place, values)| json!({"index": place, "factors": k, "values": values}))
         })
         .collect();
     let mut sky = json!({

@@ -156,8 +156,10 @@ fn about(record: &FitRecord, form: &Form<f32>, options: &SkyOptions) -> Vec<Stri
         format!("Spherical harmonics of the sky: {} ({}), {} bands.", record.name, record.program, form.bands()),
         String::new(),
         "Coefficients of the upper hemisphere (below the horizon zero, but for ground light), linear sRGB, not clamped, kcd/m2; the".into(),
-        "sun's disk is not part of the sky. Real orthonormal harmonics without the Condon-Shortley phase at index l(l+1)+m: cos(m phi)".into(),
-        "for m > 0, sin(|m| phi) for m < 0. z is up, the sun stands at azimuth 0 = +x, so that m < 0 are zero; turn by rotating about z.".into(),
+        "sun's disk is not part of the sky. Real orthonormal harmonics without the Condon-Shortley phase at index l(l+1)+m: cos(m phi)"
+            .into(),
+        "for m > 0, sin(|m| phi) for m < 0. z is up, the sun stands at azimuth 0 = +x, so that m < 0 are zero; turn by rotating about z."
+            .into(),
     ];
     match options.fixed {
         Some((sun, turbidity)) => lines.push(format!("Sun {:.6} degrees from the zenith, turbidity {turbidity}.", sun.to_degrees())),

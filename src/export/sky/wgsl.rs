@@ -38,9 +38,14 @@ pub fn fixed(c: &Coefficients, about: &[String]) -> String {
 pub fn polynomials(e: &Evaluator, about: &[String], ground: f64) -> String {
     let n = e.bands * e.bands;
     let mut out = head(about);
-    out.push_str("// var terms = sky_terms(sun_zenith, turbidity); then sky_coefficient(&terms, k) for k = 0 .. SKY_COEFFICIENTS - 1, or all at\n");
+    out.push_str(
+        "// var terms = sky_terms(sun_zenith, turbidity); then sky_coefficient(&terms, k) for k = 0 .. SKY_COEFFICIENTS - 1, or all at\n",
+    );
     out.push_str("// once by sky_coefficients(sun_zenith, turbidity).\n\n");
-    out.push_str(&format!("const SKY_BANDS: u32 = {}u;\nconst SKY_COEFFICIENTS: u32 = {n}u;\nconst SKY_TERMS: u32 = {}u;\n", e.bands, e.terms));
+    out.push_str(&format!(
+        "const SKY_BANDS: u32 = {}u;\nconst SKY_COEFFICIENTS: u32 = {n}u;\nconst SKY_TERMS: u32 = {}u;\n",
+        e.bands, e.terms
+    ));
     out.push_str(&format!("// Functions of even order; the others are of odd order.\nconst SKY_EVEN: i32 = {};\n", e.first()));
     out.push_str("// Albedo of level ground that lights the lower hemisphere; 0 leaves it dark.\n");
     out.push_str(&format!("const SKY_GROUND: f32 = {};\n", number(ground)));

@@ -240,7 +240,8 @@ pub fn fit(picture: &Picture, noise: Option<f64>) -> Result<Found, String> {
         let now = choose(&misses(round.chart, p, &mut values));
         let still = now == kept;
         // weights are the start's: once more where they moved
-        let moved = (next.scale / guess.scale - 1.0).abs().max((next.turbidity - guess.turbidity).abs()).max((next.zenith - guess.zenith).abs());
+        let moved =
+            (next.scale / guess.scale - 1.0).abs().max((next.turbidity - guess.turbidity).abs()).max((next.zenith - guess.zenith).abs());
         (guess, kept, last) = (next, now, Some(round));
         if still && moved < 1e-4 {
             break;
@@ -257,7 +258,8 @@ pub fn fit(picture: &Picture, noise: Option<f64>) -> Result<Found, String> {
         if !r.fit.converged() || angle(own, turned(sun_direction(zenith), azimuth)) < ANGLE_KNOWN {
             continue;
         }
-        let scale = round.fit.uncertainty.reduced_chi2.max(1.0) * if from == NoiseFrom::Residuals { round.fit.uncertainty.reduced_chi2 } else { 1.0 };
+        let scale = round.fit.uncertainty.reduced_chi2.max(1.0)
+            * if from == NoiseFrom::Residuals { round.fit.uncertainty.reduced_chi2 } else { 1.0 };
         if 2.0 * (r.fit.cost - round.fit.cost) < AS_GOOD * scale {
             rival = Some((zenith, azimuth));
         }
@@ -319,8 +321,7 @@ fn finished(
     let sun_azimuth = Known { value: turn, error: error(1) };
     let turbidity = Known { value: fit.params[2], error: error(2) };
     let scale = Known { value: fit.params[3].exp(), error: error(3) };
-    let correlation =
-        (0..4).map(|i| (0..4).map(|j| covariance(i, j) / (covariance(i, i) * covariance(j, j)).sqrt()).collect()).collect();
+    let correlation = (0..4).map(|i| (0..4).map(|j| covariance(i, j) / (covariance(i, i) * covariance(j, j)).sqrt()).collect()).collect();
 
     let mut fate = picture.fate.clone();
     let mut pixel_chi2 = vec![f32::NAN; fate.len()];

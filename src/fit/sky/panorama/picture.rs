@@ -94,7 +94,10 @@ pub fn read(path: &Path, maps: &Maps, projection: Projection, channels: &Channel
         for (plane, name) in planes.iter().zip(&channels.radiance) {
             if plane[at] < 0.0 {
                 let (column, row) = (at % w, at / w);
-                let what = format!("found {} at column {column}, row {row}; expected radiance of 0 or more (hide a pixel by NaN or a mask)", plane[at]);
+                let what = format!(
+                    "found {} at column {column}, row {row}; expected radiance of 0 or more (hide a pixel by NaN or a mask)",
+                    plane[at]
+                );
                 return Err(Error::field(path, name, what));
             }
         }

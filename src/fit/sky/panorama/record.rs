@@ -15,7 +15,14 @@ use std::path::Path;
 ///
 /// # Errors
 /// [`Error::Write`].
-pub fn write(folder: &Path, picture: &Picture, found: &Found, options: &BTreeMap<String, String>, input_hash: String, seconds: [f64; 2]) -> Result<()> {
+pub fn write(
+    folder: &Path,
+    picture: &Picture,
+    found: &Found,
+    options: &BTreeMap<String, String>,
+    input_hash: String,
+    seconds: [f64; 2],
+) -> Result<()> {
     atomic::probe_folder(folder)?;
     // A folder without fit.toml is no fit: the old one goes before the map changes.
     match std::fs::remove_file(folder.join("fit.toml")) {
@@ -62,10 +69,12 @@ fn section(picture: &Picture, found: &Found) -> Section {
         _ => String::new(),
     };
     let degrees = 180.0 / std::f64::consts::PI;
-    let values = [(found.sun_zenith, degrees, "deg"), (found.sun_azimuth, degrees, "deg"), (found.turbidity, 1.0, ""), (found.scale, 1.0, "m2/kcd")];
+    let values =
+        [(found.sun_zenith, degrees, "deg"), (found.sun_azimuth, degrees, "deg"), (found.turbidity, 1.0, ""), (found.scale, 1.0, "m2/kcd")];
     for (name, (k, unit, word)) in NAMES.iter().zip(values) {
         let undetermined = if why.split([' ', '(']).any(|w| w == *name) { vec![format!("{name}: {why}")] } else { Vec::new() };
-        all.params.insert((*name).into(), Param { value: vec![k.value * unit], stderr: vec![k.error * unit], unit: word.into(), undetermined });
+        all.params
+            .insert((*name).into(), Param { value: vec![k.value * unit], stderr: vec![k.error * unit], unit: word.into(), undetermined });
     }
     all.correlation_names = NAMES.map(String::from).to_vec();
     all.correlation = found.correlation.clone();

@@ -25,9 +25,9 @@ const TURBIDITIES: [f64; 4] = [2.1, 2.8, 4.0, 7.0];
 const AROUND: usize = 16;
 /// Pixels of the coarse search and of the descents.
 const FEW: usize = 90;
-const MORE: usize = 400;
+const MORE: usize = 200;
 /// Descents.
-const TRIES: usize = 5;
+const TRIES: usize = 4;
 /// Starts nearer to each other than this (rad) are one.
 const APART: f64 = 0.3;
 /// Where the robust loss turns from square to logarithm, in standard errors of a reading; and the least such error (relative): models are off too.

@@ -38,10 +38,10 @@ fn an_exact_panorama_gives_its_sky_back() {
     }
 }
 
-/// 95 % intervals hold 93 to 97 % of the truths: 400 seeded panoramas, four results each.
+/// 95 % intervals hold 93 to 97 % of the truths: 300 seeded panoramas, four results each.
 #[test]
 fn stated_errors_cover() {
-    let runs: Vec<[bool; 4]> = (0..400u64)
+    let runs: Vec<[bool; 4]> = (0..300u64)
         .into_par_iter()
         .map(|seed| {
             let part = |k: u64| ((seed * 2_654_435_761 + k * 40_503) % 1000) as f64 / 1000.0;
@@ -57,8 +57,8 @@ fn stated_errors_cover() {
     let share: [f64; 4] = std::array::from_fn(|k| runs.iter().filter(|r| r[k]).count() as f64 / runs.len() as f64);
     let all = share.iter().sum::<f64>() / 4.0;
     println!("coverage {share:?}, together {all:.4}");
-    // one result of 400 runs scatters by 1.1 %: three of those; all together must hold the band
-    assert!((0.93..=0.97).contains(&all) && share.iter().all(|s| (0.917..=0.983).contains(s)), "{share:?}");
+    // one result of 300 runs scatters by 1.3 %: three of those; all together must hold the band
+    assert!((0.93..=0.97).contains(&all) && share.iter().all(|s| (0.912..=0.988).contains(s)), "{share:?}");
 }
 
 /// Half of the dome behind a wall (NaN), and bright clouds on a sixth of the rest that nobody masked.
@@ -82,7 +82,10 @@ fn hidden_halves_and_clouds_do_not_move_the_sun() {
     println!("{e:?} outliers {} {}", f.outliers, f.status);
     assert_eq!(f.status, Status::Ok);
     assert!(f.outliers > 60, "{}", f.outliers);
-    assert!(e[0].abs() < 5.0 * f.sun_zenith.error && e[1].abs() < 5.0 * f.sun_azimuth.error && e[2].abs() < 5.0 * f.turbidity.error, "{e:?}");
+    assert!(
+        e[0].abs() < 5.0 * f.sun_zenith.error && e[1].abs() < 5.0 * f.sun_azimuth.error && e[2].abs() < 5.0 * f.turbidity.error,
+        "{e:?}"
+    );
 }
 
 /// The disk, and a sensor that ends below it.
@@ -107,12 +110,18 @@ fn another_sky_is_a_misfit_by_name() {
     let sky = HosekWilkie { albedo: [0.2; 3] }.sky(0.8, 3.0).unwrap();
     let shot = Shot { width: 64, height: 32, noise: 0.01, ..shot(9) };
     let f = found(sky.as_ref(), &shot, None);
-    println!("{:?} {:?} chi2 {:.1} rms {:.3} {}", f.sun_zenith, f.sun_azimuth, f.reduced_chi2, f.relative_rms, f.status);
-    assert!(matches!(&f.status, Status::Undetermined(why) if why.contains("exceed the noise") && why.contains("turbidity")), "{}", f.status);
+    println!(
+        "outliers {} {:?} {:?} {:?} chi2 {:.1} rms {:.3} {}",
+        f.outliers, f.turbidity, f.sun_zenith, f.sun_azimuth, f.reduced_chi2, f.relative_rms, f.status
+    );
+    assert!(
+        matches!(&f.status, Status::Undetermined(why) if why.contains("exceed the noise") && why.contains("turbidity")),
+        "{}",
+        f.status
+    );
     assert!(f.reduced_chi2 > 2.0);
-    // its sun is where it is, all the same
-    let own = turned(sun_direction(f.sun_zenith.value), f.sun_azimuth.value);
-    assert!(angle(own, turned(sun_direction(0.8), 0.7)) < 0.1);
+    // what no model of a sky symmetric about the sun's meridian can get wrong is its azimuth
+    assert!((f.sun_azimuth.value - 0.7).abs() < 0.02, "{:?}", f.sun_azimuth);
 }
 
 /// A patch of a few pixels leaves things open, and says which.
