@@ -274,8 +274,13 @@ mod shader {
     fn evaluate(device: &wgpu::Device, queue: &wgpu::Queue, text: &str) -> Vec<f64> {
         use wgpu::util::DeviceExt;
         let all = skies();
+        // The numbers go through a storage buffer, as the text itself advises: software adapters copy large constants at every access.
+        let (head, rest) = text.split_once("const SKY_VALUES: ").unwrap();
+        let (values, tail) = rest.split_once(");").unwrap();
+        let list = values.rsplit_once('(').unwrap().1;
+        let numbers: Vec<f32> = list.split(',').map(str::trim).filter(|v| !v.is_empty()).map(|v| v.parse().unwrap()).collect();
         let source = format!(
-            "{text}
+            "{head}@group(0) @binding(2) var<storage, read> SKY_VALUES: array<f32>;{tail}
 @group(0) @binding(0) var<storage, read> suns: array<vec2<f32>>;
 @group(0) @binding(1) var<storage, read_write> results: array<f32>;
 @compute @workgroup_size(1) fn main(@builtin(global_invocation_id) id: vec3<u32>) {{
@@ -299,6 +304,12 @@ mod shader {
             compilation_options: Default::default(),
             cache: None,
         });
+        let held: Vec<u8> = numbers.into_iter().flat_map(f32::to_le_bytes).collect();
+        let held = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+            label: None,
+            contents: &held,
+            usage: wgpu::BufferUsages::STORAGE,
+        });
         let input: Vec<u8> = all.iter().flat_map(|(s, t)| [*s as f32, *t as f32]).flat_map(f32::to_le_bytes).collect();
         let suns = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
             label: None,
@@ -315,6 +326,7 @@ mod shader {
             entries: &[
                 wgpu::BindGroupEntry { binding: 0, resource: suns.as_entire_binding() },
                 wgpu::BindGroupEntry { binding: 1, resource: results.as_entire_binding() },
+                wgpu::BindGroupEntry { binding: 2, resource: held.as_entire_binding() },
             ],
         });
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
