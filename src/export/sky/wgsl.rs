@@ -56,7 +56,9 @@ pub fn polynomials(e: &Evaluator, about: &[String], ground: f64) -> String {
     out.push_str("// Share of c[2] times the albedo that the ground gives to the zonal coefficient of each band.\n");
     out.push_str(&format!("const SKY_BELOW: array<f32, {0}> = array<f32, {0}>({1});\n", e.bands, shares.join(", ")));
     let size = e.values().count();
-    out.push_str("// Function by function, term by term, three values. Software adapters copy large constants at every access: for them put the\n");
+    out.push_str(
+        "// Function by function, term by term, three values. Software adapters copy large constants at every access: for them put the\n",
+    );
     out.push_str("// numbers into a storage buffer and declare that by this name: var<storage, read> SKY_VALUES: array<f32>;\n");
     out.push_str(&format!("const SKY_VALUES: array<f32, {size}> = array<f32, {size}>(\n{});\n\n", listed(e.values(), 8, "")));
     out.push_str(&format!(
