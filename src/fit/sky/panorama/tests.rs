@@ -45,7 +45,7 @@ fn stated_errors_cover() {
         .into_par_iter()
         .map(|seed| {
             let part = |k: u64| ((seed * 2_654_435_761 + k * 40_503) % 1000) as f64 / 1000.0;
-            let (zenith, azimuth, turbidity) = (0.4 + 0.95 * part(1), 6.28 * part(2) - 3.14, 2.3 + 3.5 * part(3));
+            let (zenith, azimuth, turbidity) = (0.4 + 0.95 * part(1), PI * (2.0 * part(2) - 1.0), 2.3 + 3.5 * part(3));
             let shot = Shot { azimuth, ..shot(seed) };
             let f = found(&Preetham.at(zenith, turbidity).unwrap(), &shot, Some(0.02));
             assert_eq!(f.status, Status::Ok, "{seed}");
