@@ -16,7 +16,12 @@ pub type RadianceAt = Arc<dyn Fn(DVec3) -> [f64; 3] + Send + Sync>;
 
 /// A sky that differs from direction to direction; nothing shades it.
 #[derive(Clone)]
-pub struct Dome(pub RadianceAt);
+pub struct Dome {
+    /// What lights the leaves.
+    pub radiance: RadianceAt,
+    /// What is drawn below the horizon.
+    pub seen_below: [f64; 3],
+}
 
 impl std::fmt::Debug for Dome {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -32,10 +37,11 @@ pub(super) const DISK: u32 = u32::MAX - 2;
 impl Dome {
     /// What is seen in a direction: the sky, the sun's disk in front of it.
     pub(super) fn seen(&self, d: DVec3, sun: Option<&ReferenceSun>) -> ([f64; 3], u32) {
-        let mut radiance = (self.0)(d);
         if d.z <= 0.0 {
-            return (radiance, BELOW);
+            return (self.seen_below, BELOW);
         }
+        // A sky's blue may be a little less than none.
+        let mut radiance = (self.radiance)(d).map(|v| v.max(0.0));
         if let Some(sun) = sun
             && sun.radius > 0.0
             && d.angle_between(sun.direction) < sun.radius
@@ -72,7 +78,7 @@ impl IrradianceMap {
                     let (sin, cos) = (TAU * (f64::from(k) + 0.5) / f64::from(spokes)).sin_cos();
                     let d = DVec3::new(s * cos, s * sin, z);
                     let weight = 2.0 * t / f64::from(rings) * TAU / f64::from(spokes);
-                    nodes.push((d, (dome.0)(d).map(|v| v * weight)));
+                    nodes.push((d, (dome.radiance)(d).map(|v| v * weight)));
                 }
             }
         }
@@ -136,8 +142,9 @@ mod tests {
     #[test]
     fn irradiance_meets_its_closed_forms() {
         let a = DVec3::new(0.3, -0.5, 0.6);
-        let linear = IrradianceMap::new(&Dome(Arc::new(move |d| [1.0 + a.dot(d); 3])));
-        let half = IrradianceMap::new(&Dome(Arc::new(|d| if d.z > 0.0 { [1.0; 3] } else { [0.0; 3] })));
+        let of = |radiance: RadianceAt| IrradianceMap::new(&Dome { radiance, seen_below: [0.0; 3] });
+        let linear = of(Arc::new(move |d| [1.0 + a.dot(d); 3]));
+        let half = of(Arc::new(|d| if d.z > 0.0 { [1.0; 3] } else { [0.0; 3] }));
         for k in 0..200 {
             let f = f64::from(k);
             let z: f64 = 1.0 - 2.0 * (f + 0.5) / 200.0;

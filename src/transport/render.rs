@@ -78,7 +78,8 @@ impl<'a> Renderer<'a> {
         if width == 0 || height == 0 {
             return Err(Error::Usage(format!("a picture of {width}×{height} pixels, expected at least 1×1")));
         }
-        let (rays, suns) = (options.samples_per_pixel, options.sun_samples.max(if self.stage.world.dome.is_some() { options.sky_samples } else { 0 }));
+        let (rays, suns) =
+            (options.samples_per_pixel, options.sun_samples.max(if self.stage.world.dome.is_some() { options.sky_samples } else { 0 }));
         if rays == 0 || options.sun_samples == 0 || options.sky_samples == 0 || rays.saturating_mul(suns) > 1 << 16 {
             return Err(Error::Usage(format!("{rays} rays a pixel with {suns} sun samples each, expected 1 to 65536 together")));
         }

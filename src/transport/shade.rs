@@ -190,7 +190,7 @@ impl<'a> Stage<'a> {
             let mut shine = [0.0; 3];
             if let Some((_, m)) = gloss {
                 for (l, weight) in lobe_points.iter().filter_map(|&p| dome::reflected(leaf.lobe, n, view, m, p)) {
-                    let seen = (dome.0)(l);
+                    let seen = (dome.radiance)(l);
                     (0..3).for_each(|c| shine[c] += weight * seen[c] / lobe_points.len() as f64);
                 }
             }

@@ -1,7 +1,7 @@
 //! One leaf on the adapter: its constants and the maps its variant of the shader reads, in one bind group.
 
-use crate::geometry::{Geometry, VertexNeeds};
 use crate::dome::MeanTable;
+use crate::geometry::{Geometry, VertexNeeds};
 use crate::gpu::Gpu;
 use crate::lobe::AlbedoTable;
 use crate::maps::{self, Level, Uploaded};

@@ -58,7 +58,8 @@ fn check_dome(scene: &Scene, dome: &Dome) -> Result<()> {
     if crate::dome::bands(dome).is_none() {
         return Err(wrong("dome, harmonics", format!("{} coefficients", dome.harmonics.len()), "1, 4, 9, 16, 25, 36 or 49"));
     }
-    let numbers = dome.harmonics.as_flattened().iter().chain(dome.perez.as_flattened()).chain(&dome.scale).chain(dome.ground.iter().flatten());
+    let numbers =
+        dome.harmonics.as_flattened().iter().chain(dome.perez.as_flattened()).chain(&dome.scale).chain(dome.ground.iter().flatten());
     if let Some(bad) = numbers.chain([&dome.strength]).find(|v| !v.is_finite()) {
         return Err(wrong("dome", bad, "finite numbers"));
     }

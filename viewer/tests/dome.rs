@@ -78,9 +78,8 @@ fn a_gradient_lights_both_sides_by_its_closed_form() {
             renderer.set_scene(&scene).unwrap();
             let picture = renderer.render(&camera(normal * towards, 80.0), 16, 16).unwrap();
             let cosine = dot(a, wide(normal)) * f64::from(towards);
-            let want = [0, 1, 2].map(|c| {
-                f64::from(rho_d[c]) * (1.0 + 2.0 / 3.0 * cosine) + f64::from(rho_t[c]) * (1.0 - 2.0 / 3.0 * cosine)
-            });
+            let want =
+                [0, 1, 2].map(|c| f64::from(rho_d[c]) * (1.0 + 2.0 / 3.0 * cosine) + f64::from(rho_t[c]) * (1.0 - 2.0 / 3.0 * cosine));
             agree(&format!("side {towards}, tilt {tilt}"), picture.hdr[8 * 16 + 8], want, held(&renderer, 2e-5));
         }
     }

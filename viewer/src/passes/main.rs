@@ -1,9 +1,9 @@
 //! The main pass: leaves to a radiance target (HDR), a pipeline for each variant of the shader that the scene holds.
 
+use crate::dome;
 use crate::geometry::vertex_layouts;
 use crate::gpu::Gpu;
 use crate::leaf::{self, LeafOnGpu};
-use crate::dome;
 use crate::passes::shadow::ShadowPass;
 use crate::passes::sky::SkyPass;
 use crate::scene::Dome;
