@@ -3,8 +3,11 @@
 use super::ViewerUi;
 use crate::scene::Sun;
 use crate::ui::orbit::Orbit;
-use egui::{RichText, Slider};
+use egui::{RichText, Slider, SliderClamping};
 use glam::Vec3;
+
+/// A slider leaves a value alone until it is moved: the scene's own sun has more digits than it shows.
+const EDITS: SliderClamping = SliderClamping::Edits;
 
 /// Azimuth from +x towards +y and elevation above the horizon (degrees) of a direction.
 pub(crate) fn angles(direction: Vec3) -> (f32, f32) {
@@ -24,11 +27,13 @@ impl ViewerUi {
         let before = (self.scene.sun.map(|s| s.direction), self.sun_factor, self.sky_factor, self.scene.exposure, self.turbidity);
         if let Some(sun) = self.scene.sun {
             // Kept apart from the direction, which knows no azimuth at the zenith.
-            let azimuth = ui.add(Slider::new(&mut self.sun_angles.0, -180.0..=180.0).suffix("°").max_decimals(1).text("azimuth"));
+            let azimuth =
+                ui.add(Slider::new(&mut self.sun_angles.0, -180.0..=180.0).suffix("°").max_decimals(1).clamping(EDITS).text("azimuth"));
             self.landmark("azimuth", &azimuth);
             // A dome has no sun below its horizon.
             let lowest = if self.scene.dome.is_some() { 0.0 } else { -90.0 };
-            let elevation = ui.add(Slider::new(&mut self.sun_angles.1, lowest..=90.0).suffix("°").max_decimals(1).text("elevation"));
+            let elevation =
+                ui.add(Slider::new(&mut self.sun_angles.1, lowest..=90.0).suffix("°").max_decimals(1).clamping(EDITS).text("elevation"));
             self.landmark("elevation", &elevation);
             ui.add(Slider::new(&mut self.sun_factor, 0.0..=4.0).text("sun ×"));
             if azimuth.changed() || elevation.changed() {
@@ -38,7 +43,7 @@ impl ViewerUi {
             ui.label(RichText::new("This scene has no sun.").weak());
         }
         if self.scene.dome.is_some() {
-            let turbidity = ui.add(Slider::new(&mut self.turbidity, 1.7..=10.0).max_decimals(2).text("turbidity"));
+            let turbidity = ui.add(Slider::new(&mut self.turbidity, 1.7..=10.0).max_decimals(2).clamping(EDITS).text("turbidity"));
             self.landmark("turbidity", &turbidity);
         }
         if self.scene.sky.is_some() || self.scene.dome.is_some() {
