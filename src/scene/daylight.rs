@@ -214,7 +214,7 @@ mod tests {
         let d = Daylight::of(&manifest("ground_albedo = [0.2, 0.3, 0.1]\nscale = 0.5")).unwrap().unwrap();
         let c = d.light(40, None).unwrap();
         let basis = harmonics::Basis::new(40);
-        for (z, phi) in [(0.9f64, 0.3), (0.5, 2.0), (-0.6, 1.0), (-0.9, -2.0)] {
+        for (z, phi) in [(0.9f64, 0.3f64), (0.5, 2.0), (-0.6, 1.0), (-0.9, -2.0)] {
             let n = DVec3::new((1.0 - z * z).sqrt() * phi.cos(), (1.0 - z * z).sqrt() * phi.sin(), z);
             let (seen, true_sky) = (basis.sum(&c.harmonics, n.to_array()), d.radiance(n));
             for k in 0..3 {

@@ -69,7 +69,7 @@ impl IrradianceMap {
     pub fn new(dome: &Dome) -> IrradianceMap {
         let mut nodes: Vec<(DVec3, [f64; 3])> = Vec::new();
         // Crowded towards the horizon, z = ±t², where skies change fastest and the ground begins.
-        for (sign, rings, spokes) in [(1.0, 80, 192), (-1.0, 24, 64)] {
+        for (sign, rings, spokes) in [(1.0, 80, 192), (-1.0, 64, 96)] {
             for i in 0..rings {
                 let t = (f64::from(i) + 0.5) / f64::from(rings);
                 let z = sign * t * t;
