@@ -14,6 +14,7 @@ use crate::optics::slab;
 use crate::transport::{self, closed_form};
 use crate::{Error, Result};
 use glam::{DMat4, DVec3};
+use rayon::prelude::*;
 use std::sync::Arc;
 
 /// One side's mean parameters.
@@ -94,9 +95,22 @@ impl Card {
             normal: if front { normal } else { -normal },
         };
         let camera = reference::camera(view);
-        let sun = reference::sun(manifest);
-        let sky = manifest.sky.as_ref().map(|s| s.radiance);
-        pixels.iter().map(|&pixel| card.pixel(&camera, size, pixel, sun.as_ref(), sky)).collect()
+        let lights = reference::lights(manifest)?;
+        let (sun, sky) = (lights.sun.as_ref(), lights.sky);
+        let Some(dome) = &lights.dome else {
+            return pixels.iter().map(|&pixel| card.pixel(&camera, size, pixel, sun, sky)).collect();
+        };
+        let radiance = |d: DVec3| (dome.radiance)(d);
+        let (near, beyond) = (closed_form::irradiance(&radiance, card.normal), closed_form::irradiance(&radiance, -card.normal));
+        let lens = transport::render::Lens::new(&camera, size.0, size.1)?;
+        Ok(pixels
+            .par_iter()
+            .map(|&(x, y)| {
+                let view = -lens.ray(x as f64 + 0.5, y as f64 + 0.5).direction;
+                let (direct, around) = (card.radiance(view, sun, None), card.under_dome(view, near, beyond, &radiance));
+                [0, 1, 2].map(|c| direct[c] + around[c])
+            })
+            .collect())
     }
 }
 
@@ -128,7 +142,10 @@ fn patch(fitted: &Fitted, side: SideName, ledger: &Ledger) -> Result<Patch> {
 }
 
 /// The world of a card for the reference renderer.
-pub fn world(manifest: &Manifest, card: &Card) -> transport::World {
+///
+/// # Errors
+/// [`Error::Input`] for a physical sky that the model refuses.
+pub fn world(manifest: &Manifest, card: &Card) -> Result<transport::World> {
     let texel = |v: f64| vec![v as f32];
     let side = |p: &Option<Patch>| match p {
         None => reference::black(1),
@@ -154,8 +171,8 @@ pub fn world(manifest: &Manifest, card: &Card) -> transport::World {
         mask: None,
         lobe: reference::lobe(&manifest.leaves[card.leaf]),
     };
-    let mut world = reference::lights(manifest);
+    let mut world = reference::lights(manifest)?;
     world.leaves = vec![leaf];
     world.instances = vec![transport::Placement { leaf: 0, transform: card.transform }];
-    world
+    Ok(world)
 }

@@ -5,6 +5,7 @@
 //! Frame times are judged on real GPUs only.
 
 use super::card::{self, Card};
+use super::day::{self, Hour};
 use super::golden;
 use super::handover;
 use super::ledger::Ledger;
@@ -42,6 +43,8 @@ pub struct Report {
     /// What was uploaded (name, bytes) and compiled for the perspective views.
     pub uploads: Vec<(String, u64)>,
     pub pipelines: Vec<String>,
+    /// The hours of the scene's day, drawn into `day.png`.
+    pub day: Vec<Hour>,
 }
 
 /// One view's figures; `None` where there was nothing to measure.
@@ -108,6 +111,7 @@ pub fn check(manifest: &Manifest, plan: &Plan, options: &Options, ledger: &Ledge
         failures: verify(plan, ledger)?,
         uploads: Vec::new(),
         pipelines: Vec::new(),
+        day: Vec::new(),
     };
     progress::say(format!("drawn by {}", report.adapter));
     let perspective: Vec<&View> = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).collect();
@@ -121,6 +125,7 @@ pub fn check(manifest: &Manifest, plan: &Plan, options: &Options, ledger: &Ledge
         for view in perspective {
             report.views.push(one_view(manifest, plan, view, &mut renderer, &stage, options)?);
         }
+        report.day = day::draw(manifest, plan, &scene, &mut renderer, &options.out, ledger)?;
     }
     for view in manifest.views.iter().filter(|v| v.kind == ViewKind::Card) {
         report.views.push(one_card(manifest, plan, view, &mut renderer, options, ledger)?);
@@ -169,6 +174,7 @@ fn one_view(
         samples_per_pixel: manifest.check.samples,
         sun_samples: if plan.shadow_samples > 0 { 4 } else { 1 },
         seed,
+        sky_samples: 4,
         // A grazing leaf's sliver can slip through the rays of one pixel, not through those of all around it.
         margin: 2,
     };
@@ -209,12 +215,12 @@ fn one_card(
     let size = (manifest.check.width, manifest.check.height);
     let (w, h) = (size.0 as usize, size.1 as usize);
     let card = Card::new(manifest, plan, view, ledger)?;
-    renderer.set_scene(&handover::card(manifest, plan, &card, ledger)).map_err(told)?;
+    renderer.set_scene(&handover::card(manifest, plan, &card, ledger)?).map_err(told)?;
     let picture = renderer.render(&handover::camera(view), size.0, size.1).map_err(told)?;
     let mut out = timed(manifest, view, renderer)?;
     out.card = true;
     let start = Instant::now();
-    let world = card::world(manifest, &card);
+    let world = card::world(manifest, &card)?;
     let sampling = transport::Options { samples_per_pixel: 16, sun_samples: 1, seed: manifest.check.seed, ..transport::Options::default() };
     let truth = transport::render(&world, &reference::camera(view), w, h, &sampling)?;
     out.reference_s = start.elapsed().as_secs_f64();
@@ -407,7 +413,7 @@ impl ViewReport {
 impl Report {
     /// The contract's JSON and more.
     pub fn json(&self, manifest: &Manifest) -> Value {
-        json!({
+        let mut out = json!({
             "scene": manifest.name,
             "passed": self.passed,
             "adapter": self.adapter,
@@ -419,7 +425,11 @@ impl Report {
             "uploads": self.uploads.iter().map(|(n, b)| json!({"name": n, "bytes": b})).collect::<Vec<_>>(),
             "uploaded_bytes": self.uploads.iter().map(|(_, b)| b).sum::<u64>(),
             "pipelines": self.pipelines,
-        })
+        });
+        if !self.day.is_empty() {
+            out["day"] = serde_json::to_value(&self.day).unwrap_or_default();
+        }
+        out
     }
 
     /// The report in words.
@@ -430,6 +440,10 @@ impl Report {
         }
         for view in &self.views {
             out += &format!("{}\n", view.line());
+        }
+        if !self.day.is_empty() {
+            let worst = self.day.iter().map(|h| h.fit_error).fold(0.0, f64::max);
+            out += &format!("day.png: {} hours; the fitted sky is within {worst:.1e} of an integrated one\n", self.day.len());
         }
         out
     }

@@ -2,6 +2,7 @@
 //! reference picture, a verdict, a saved fit, a texel's numbers.
 
 use super::amount;
+use super::daylight::{self, Daylight};
 use super::fitted::Fitted;
 use super::handover;
 use super::ledger::Ledger;
@@ -15,7 +16,7 @@ use crate::capture::manifest::SideName;
 use crate::files::image::Maps;
 use crate::transport::{self, compare};
 use mesophyll_viewer as gpu;
-use mesophyll_viewer::editor::{Editor, LeafEdit, LeafUpdate, Measure, ReferencePicture, SideEdit, Verdict};
+use mesophyll_viewer::editor::{Editor, LeafEdit, LeafUpdate, Measure, ReferencePicture, SideEdit, SkyUpdate, Verdict};
 use mesophyll_viewer::scene as viewer;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -154,9 +155,23 @@ impl SceneEditor {
             radius: f64::from(s.radius),
         });
         world.sky = scene.sky.map(|c| c.map(f64::from));
+        world.dome = match &scene.dome {
+            Some(dome) => {
+                let (zenith, azimuth) = angles(dome.sun);
+                let daylight = Daylight::at(&self.manifest, zenith, azimuth, f64::from(dome.turbidity))?;
+                Some(reference::dome(&self.manifest, daylight, f64::from(dome.strength)))
+            }
+            None => None,
+        };
         (world.background, world.exposure) = (scene.background.map(f64::from), f64::from(scene.exposure));
         Ok(world)
     }
+}
+
+/// Zenith angle and azimuth (rad) of a direction.
+fn angles(towards: glam::Vec3) -> (f64, f64) {
+    let d = towards.as_dvec3().normalize();
+    (d.truncate().length().atan2(d.z), d.y.atan2(d.x))
 }
 
 fn unedited() -> SideEdit {
@@ -192,6 +207,18 @@ impl Editor for SceneEditor {
         let update = LeafUpdate { thickness_mm: edit.thickness_mm, front: side(0)?, back: side(1)? };
         self.edits[leaf] = *edit;
         Ok(update)
+    }
+
+    fn sky(&mut self, sun: glam::Vec3, turbidity: f32) -> std::result::Result<SkyUpdate, String> {
+        let (zenith, azimuth) = angles(sun);
+        let new = || -> Result<SkyUpdate> {
+            let daylight = Daylight::at(&self.manifest, zenith, azimuth, f64::from(turbidity))?;
+            let [low, high] = crate::sky::preetham::TRUSTED;
+            let fitted = (low..=high).contains(&daylight.turbidity).then(|| daylight::polynomials(&self.plan, &self.ledger)).transpose()?;
+            let dome = handover::dome(&daylight, self.plan.sky_bands, fitted.flatten())?;
+            Ok(SkyUpdate { dome, sun_irradiance: daylight.sun.map(|v| v as f32) })
+        };
+        new().map_err(|e| e.to_string())
     }
 
     fn save(&mut self, leaf: usize, edit: &LeafEdit) -> std::result::Result<String, String> {

@@ -5,6 +5,7 @@
 
 use super::amount::{self, Curve};
 use super::card::{Card, Patch};
+use super::daylight::{self, Daylight};
 use super::fitted::fill;
 use super::ledger::Ledger;
 use super::manifest::{Interior, Lobe, Manifest, View};
@@ -13,6 +14,7 @@ use super::plan::{LeafPlan, Plan, sun_direction};
 use super::plan_leaf::SIDES;
 use crate::capture::manifest::SideName;
 use crate::optics::slab;
+use crate::sky::fitted::Folded;
 use crate::{Error, Result};
 use glam::{Vec2, Vec3, Vec4};
 use mesophyll_viewer::scene as viewer;
@@ -23,7 +25,7 @@ use rayon::prelude::*;
 /// # Errors
 /// [`Error::Input`] for a map that is missing, damaged or of another size.
 pub fn scene(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<viewer::Scene> {
-    let mut out = lights(manifest, plan);
+    let mut out = lights(manifest, plan, ledger)?;
     let mut index = vec![None; plan.leaves.len()];
     for leaf in plan.leaves.iter().filter(|l| l.mesh.is_some()) {
         index[leaf.index] = Some(out.leaves.len());
@@ -38,23 +40,48 @@ pub fn scene(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<viewer
 }
 
 /// Sun, sky, exposure and how shadows and edges are sampled.
-fn lights(manifest: &Manifest, plan: &Plan) -> viewer::Scene {
+fn lights(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<viewer::Scene> {
     let rgb = |c: &[f64; 3]| c.map(|v| v as f32);
-    viewer::Scene {
+    let daylight = Daylight::of(manifest)?;
+    let own = daylight.as_ref().map(|d| d.sun);
+    let dome = match &daylight {
+        Some(d) => Some(dome(d, plan.sky_bands, daylight::polynomials(plan, ledger)?)?),
+        None => None,
+    };
+    Ok(viewer::Scene {
         leaves: Vec::new(),
         instances: Vec::new(),
         sun: manifest.sun.as_ref().zip(sun_direction(manifest)).map(|(sun, direction)| viewer::Sun {
             direction: direction.as_vec3(),
-            irradiance: rgb(&sun.irradiance),
+            irradiance: rgb(&sun.irradiance.or(own).unwrap_or_default()),
             radius: sun.radius_deg.to_radians() as f32,
         }),
-        sky: manifest.sky.as_ref().map(|s| rgb(&s.radiance)),
+        sky: manifest.sky.as_ref().and_then(|s| s.radiance).map(|c| rgb(&c)),
+        dome,
         background: rgb(&manifest.background),
         exposure: manifest.exposure as f32,
         shadow_samples: plan.shadow_samples,
         shadow_resolution: plan.shadow_resolution,
         msaa: plan.msaa,
-    }
+    })
+}
+
+/// A sky as plain numbers.
+///
+/// # Errors
+/// [`Error::Usage`] for a sun or turbidity beyond the polynomials'.
+pub fn dome(daylight: &Daylight, bands: usize, polynomials: Option<&Folded<f32>>) -> Result<viewer::Dome> {
+    let light = daylight.light(bands, polynomials)?;
+    let (perez, scale) = daylight.perez();
+    Ok(viewer::Dome {
+        harmonics: light.harmonics.values().iter().map(|c| c.map(|v| v as f32)).collect(),
+        perez: perez.map(|row| row.map(|v| v as f32)),
+        scale: scale.map(|v| v as f32),
+        ground: light.ground.map(|c| c.map(|v| v as f32)),
+        sun: daylight::direction(daylight.zenith, daylight.azimuth).as_vec3(),
+        strength: 1.0,
+        turbidity: daylight.turbidity as f32,
+    })
 }
 
 /// The camera of a view.
@@ -229,8 +256,11 @@ fn mean3(a: [f32; 3], b: [f32; 3], c: [f32; 3], d: [f32; 3]) -> [f32; 3] {
 }
 
 /// A card: one flat patch with a leaf's mean parameters and nothing else, through the same slab curve as any leaf.
-pub fn card(manifest: &Manifest, plan: &Plan, card: &Card, ledger: &Ledger) -> viewer::Scene {
-    let mut out = lights(manifest, plan);
+///
+/// # Errors
+/// [`Error::Input`] for a physical sky that the model refuses.
+pub fn card(manifest: &Manifest, plan: &Plan, card: &Card, ledger: &Ledger) -> Result<viewer::Scene> {
+    let mut out = lights(manifest, plan, ledger)?;
     (out.shadow_samples, out.msaa) = (0, 1);
     let thickness = card.sides.iter().flatten().map(|p| p.thickness).next().unwrap_or(1.0);
     let side = |p: &Option<Patch>| match p {
@@ -262,7 +292,7 @@ pub fn card(manifest: &Manifest, plan: &Plan, card: &Card, ledger: &Ledger) -> v
         mask: None,
     }];
     out.instances = vec![viewer::Instance { leaf: 0, transform: card.transform.as_mat4() }];
-    out
+    Ok(out)
 }
 
 /// A curve in the renderer's precision.

@@ -30,6 +30,7 @@ pub struct Manifest {
     pub cluster: Option<Cluster>,
     pub sun: Option<Sun>,
     pub sky: Option<Sky>,
+    pub day: Option<Day>,
     #[serde(default, rename = "view")]
     pub views: Vec<View>,
     #[serde(default)]
@@ -129,17 +130,46 @@ pub struct Sun {
     /// From +x towards +y.
     #[serde(default)]
     pub azimuth_deg: f64,
-    /// On a surface that faces the sun.
-    pub irradiance: [f64; 3],
+    /// On a surface that faces the sun; under a physical sky the model's own when absent.
+    pub irradiance: Option<[f64; 3]>,
     #[serde(default = "sun_radius")]
     pub radius_deg: f64,
+    /// The sun will stand elsewhere too: the sky comes from the polynomial fit.
+    #[serde(default)]
+    pub moves: bool,
 }
 
-/// A constant sky all around.
+/// A constant sky all around, or a physical one above the horizon.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sky {
-    pub radiance: [f64; 3],
+    /// Of the constant sky.
+    pub radiance: Option<[f64; 3]>,
+    /// Of the physical one.
+    pub model: Option<SkyModel>,
+    pub turbidity: Option<f64>,
+    /// Of a level, matte ground that lights the scene from below; none when absent.
+    pub ground_albedo: Option<[f64; 3]>,
+    /// Scene units of radiance a kcd/m²; 1 when absent.
+    pub scale: Option<f64>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SkyModel {
+    Preetham,
+}
+
+/// Solar hours at which the scene is drawn too.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Day {
+    pub latitude_deg: f64,
+    /// Of the sun: 0 at the equinoxes, 23.44 in June.
+    #[serde(default)]
+    pub declination_deg: f64,
+    /// 12 is noon.
+    pub hours: Vec<f64>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
@@ -218,6 +248,16 @@ impl Manifest {
             Some(folder) if relative.is_relative() && !folder.as_os_str().is_empty() => tidy(&folder.join(relative)),
             _ => relative.to_path_buf(),
         }
+    }
+
+    /// Whether the sky is a model's.
+    pub fn physical_sky(&self) -> bool {
+        self.sky.as_ref().is_some_and(|s| s.model.is_some())
+    }
+
+    /// Whether the sun stands in more than one place.
+    pub fn sun_moves(&self) -> bool {
+        self.day.is_some() || self.sun.as_ref().is_some_and(|s| s.moves)
     }
 
     pub fn leaf_index(&self, name: &str) -> Option<usize> {

@@ -4,6 +4,9 @@ pub mod amount;
 pub mod card;
 #[cfg(feature = "render")]
 pub mod check;
+#[cfg(feature = "render")]
+pub mod day;
+pub mod daylight;
 pub mod display;
 #[cfg(feature = "render")]
 pub mod edit;

@@ -16,6 +16,7 @@ use crate::Result;
 use glam::DVec3;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 /// Something the scene needs.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
@@ -140,6 +141,15 @@ pub struct Plan {
     pub shadow_resolution: u32,
     #[serde(skip)]
     pub msaa: u32,
+    /// Bands of a physical sky's harmonics.
+    #[serde(skip)]
+    pub sky_bands: usize,
+    /// The sky's coefficients come from the polynomial fit.
+    #[serde(skip)]
+    pub sun_moves: bool,
+    /// Set once that fit was asked for.
+    #[serde(skip)]
+    pub sky_fitted: OnceLock<()>,
 }
 
 /// Towards the sun.
@@ -179,6 +189,9 @@ fn make_for(manifest: &Manifest, out: Option<&Path>, input_hash: Option<InputHas
         shadow_samples: 0,
         shadow_resolution: 0,
         msaa: if manifest.tolerance < 0.05 { 4 } else { 1 },
+        sky_bands: 7,
+        sun_moves: manifest.physical_sky() && (free || manifest.sun_moves()),
+        sky_fitted: OnceLock::new(),
     };
     for index in 0..manifest.leaves.len() {
         let mut leaf = leaf_plan(manifest, &plan.placements, index, out, input_hash, ledger)?;
@@ -200,7 +213,7 @@ fn make_for(manifest: &Manifest, out: Option<&Path>, input_hash: Option<InputHas
     if free {
         plan.leaves.iter_mut().for_each(|l| l.block = 1);
     }
-    super::plan_light::lights(manifest, &mut plan, free);
+    super::plan_light::lights(manifest, &mut plan, free)?;
     super::plan_light::absent_models(manifest, &mut plan);
     let parts: Vec<(String, String)> = plan.needed.iter().map(|n| (n.name.clone(), format!("{:?} {:?}", n.hash, n.amount))).collect();
     plan.hash = crate::files::hash::combine(parts.iter().map(|(a, b)| (a.as_str(), b.as_str())));
@@ -251,6 +264,10 @@ fn leaf_plan(
             for p in placements.iter().filter(|p| p.leaf == index) {
                 plan.facing.add(&read, p, &eyes, sun);
             }
+            if manifest.sun_moves() {
+                // It lights either side at some time.
+                (plan.facing.lit, plan.facing.through) = (plan.facing.seen, plan.facing.seen);
+            }
             plan.mesh = Some(read);
         }
     } else if placed {
@@ -269,7 +286,8 @@ fn leaf_plan(
         needs.rho_d = f.lit[side] || (sky && f.seen[side]);
         needs.rho_t = f.through[1 - side] || (sky && f.seen[1 - side]);
         needs.gloss = needs.rho_d;
-        needs.normal = f.lit[side] || f.through[1 - side];
+        // Under a physical sky every side's light depends on where it turns, the far one's too.
+        needs.normal = f.lit[side] || f.through[1 - side] || (manifest.physical_sky() && (f.seen[side] || f.seen[1 - side]));
         needs.mean = card_facing.seen[side] || card_facing.through[1 - side] || (sky && card_facing.seen[1 - side]);
     }
     Ok(plan)

@@ -115,7 +115,8 @@ fn same_size(leaf: &mut LeafPlan, size: [usize; 2], fitted: &Fitted, file: &str)
 /// Light that reaches a surface, at most: E/π and the sky's radiance (the mean over the channels).
 fn light(manifest: &Manifest) -> (f64, f64) {
     let mean = |c: &[f64; 3]| c.iter().sum::<f64>() / 3.0;
-    (manifest.sun.as_ref().map_or(0.0, |s| mean(&s.irradiance)), manifest.sky.as_ref().map_or(0.0, |s| mean(&s.radiance)))
+    let (sun, sky) = super::plan_light::levels(manifest);
+    (mean(&sun), mean(&sky))
 }
 
 /// One side of a leaf whose fit is there.
@@ -248,7 +249,12 @@ impl OneSide<'_> {
             file_need(plan, fitted, &file("_rho_s_m"), "highlights of the sun or the sky show", true);
         }
         if needs.normal {
-            file_need(plan, fitted, &file("_normal"), "the sun falls on this side where it shows", true);
+            let why = if manifest.physical_sky() {
+                "the sky's light differs with where it turns"
+            } else {
+                "the sun falls on this side where it shows"
+            };
+            file_need(plan, fitted, &file("_normal"), why, true);
         } else {
             let why = if needs.any() { "no sun falls on this side: a constant sky asks for no direction".into() } else { unseen.clone() };
             skip(plan, "_normal", 1, why);

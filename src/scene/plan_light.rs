@@ -1,15 +1,31 @@
 //! The plan of the light: sun, shadow maps, sky; and the models this scene has no use for.
 
-use super::amount;
+use super::amount::{self, Row};
+use super::daylight::Daylight;
 use super::display::displayed;
 use super::manifest::{Manifest, ViewKind};
 use super::plan::{LeftOut, Need, Plan, sun_direction};
+use crate::Result;
+use std::time::Instant;
 
 /// Shadow maps are this many texels a side.
 const SHADOW_SIDE: u64 = 2048;
 
+/// Irradiance of the sun and mean radiance of the sky, in the scene's unit; none is 0.
+pub fn levels(manifest: &Manifest) -> ([f64; 3], [f64; 3]) {
+    if let Ok(Some(daylight)) = Daylight::of(manifest) {
+        return (daylight.sun, daylight.level.map(|e| e / std::f64::consts::PI));
+    }
+    let sun = manifest.sun.as_ref().and_then(|s| s.irradiance).unwrap_or_default();
+    (sun, manifest.sky.as_ref().and_then(|s| s.radiance).unwrap_or_default())
+}
+
 /// Decides sun, shadows and sky; with a free camera and sun, shadows can always fall.
-pub fn lights(manifest: &Manifest, plan: &mut Plan, free: bool) {
+///
+/// # Errors
+/// [`crate::Error::Input`] for a physical sky that the model refuses.
+pub fn lights(manifest: &Manifest, plan: &mut Plan, free: bool) -> Result<()> {
+    let free = free || manifest.sun_moves();
     let shadow_bytes = SHADOW_SIDE * SHADOW_SIDE * 4;
     match (&manifest.sun, sun_direction(manifest)) {
         (Some(sun), Some(direction)) => {
@@ -26,12 +42,46 @@ pub fn lights(manifest: &Manifest, plan: &mut Plan, free: bool) {
         }
     }
     match &manifest.sky {
+        Some(sky) if sky.model.is_some() => physical_sky(manifest, plan)?,
         Some(_) => plan.need(Need::new("sky", "constant: three numbers, and the lobe's directional albedo where a side is glossy")),
         None => plan.leave_out(LeftOut::new("sky", "the scene has none: its term is not in the shader", 0, None)),
     }
     let mut need = Need::new("multisampling", "edges show");
     need.amount = Some(format!("{} samples a pixel", plan.msaa));
     plan.need(need);
+    Ok(())
+}
+
+/// How many bands light the leaves, and whether their coefficients are integrated once or come from the polynomials.
+fn physical_sky(manifest: &Manifest, plan: &mut Plan) -> Result<()> {
+    let Some(daylight) = Daylight::of(manifest)? else { return Ok(()) };
+    let mut rows = Vec::new();
+    for bands in [3usize, 5, 7] {
+        let start = Instant::now();
+        let error = daylight.truncation(&[bands], manifest.exposure)?[0];
+        rows.push(Row { setting: bands, error, ms: start.elapsed().as_secs_f64() * 1e3, bytes: (16 * bands * bands) as u64 });
+    }
+    let row = plan.choose("sky bands", rows, manifest.tolerance);
+    let glossy = plan.leaves.iter().any(|l| l.sides.iter().any(|s| s.gloss));
+    // A highlight is sharper than diffuse light.
+    plan.sky_bands = if glossy { 7 } else { row.map_or(7, |r| r.setting) };
+    let n = plan.sky_bands * plan.sky_bands;
+    let how = if plan.sun_moves { "from the polynomials" } else { "integrated for this sun and turbidity" };
+    let mut need =
+        Need::new("sky", format!("preetham, turbidity {}: {n}x3 coefficients, {how}; drawn behind the leaves", daylight.turbidity));
+    if let Some(row) = row {
+        let cost = plan.measured["sky bands"].iter().find(|r| r.setting == plan.sky_bands).map_or(row.error, |r| r.error);
+        need.amount = Some(format!("{} bands, displayed error of diffuse light {cost:.1e} (measured)", plan.sky_bands));
+    }
+    need.bytes = Some(16 * n as u64);
+    plan.need(need);
+    if plan.sun_moves {
+        let mut need =
+            Need::new("sky polynomial (spherical harmonics)", "the sun moves: fit sky makes it, milliseconds, before the first picture");
+        need.amount = Some("7 bands, sun zenith 0 to 90 degrees, turbidity 2.5 to 6".into());
+        plan.need(need);
+    }
+    Ok(())
 }
 
 fn shadows(manifest: &Manifest, plan: &mut Plan, radius: f64, map_bytes: u64) {
@@ -46,8 +96,8 @@ fn shadows(manifest: &Manifest, plan: &mut Plan, radius: f64, map_bytes: u64) {
     let leaf = spheres.iter().map(|s| s.1).fold(f64::INFINITY, f64::min);
     let share = if spheres.is_empty() { 1.0 } else { (2.0 * radius.tan() * reach / (2.0 * leaf)).min(1.0) };
     let mean = |c: &[f64; 3]| c.iter().sum::<f64>() / 3.0;
-    let sky = manifest.sky.as_ref().map_or(0.0, |s| mean(&s.radiance));
-    let sun = manifest.sun.as_ref().map_or(0.0, |s| mean(&s.irradiance)) / std::f64::consts::PI;
+    let (sun, sky) = levels(manifest);
+    let (sun, sky) = (mean(&sun) / std::f64::consts::PI, mean(&sky));
     // A leaf reflects about a tenth of the light.
     let contrast = displayed(0.1 * (sun + sky), manifest.exposure) - displayed(0.1 * sky, manifest.exposure);
     let row = plan.choose("shadow samples", amount::shadow_samples(contrast, share, map_bytes), manifest.tolerance);
@@ -74,11 +124,15 @@ pub fn absent_models(manifest: &Manifest, plan: &mut Plan) {
     ));
     // H9 ch. 5: (13+1)·(7+1) coefficients, 49 harmonics, three channels, doubles.
     let polynomial = 14 * 8 * 49 * 3 * 8;
+    let fixed = "a fixed sun and turbidity are 49x3 numbers at most, integrated directly: no polynomial in sun height and turbidity";
     let why = match (&manifest.sky, &manifest.sun) {
+        (Some(sky), _) if sky.model.is_some() => fixed,
         (Some(_), _) => "a constant sky under a fixed sun is three numbers, not a polynomial in sun height and turbidity",
         _ => "the scene has no sky",
     };
-    plan.leave_out(LeftOut::new("sky polynomial (spherical harmonics)", why, polynomial, None));
+    if !plan.sun_moves {
+        plan.leave_out(LeftOut::new("sky polynomial (spherical harmonics)", why, polynomial, None));
+    }
     let texels: u64 = plan.leaves.iter().filter(|l| l.used).map(|l| (l.size[0] * l.size[1]) as u64).sum();
     let why = "light through a leaf follows the slab's rho_t a texel; the scene asks for no scattering sideways";
     plan.leave_out(LeftOut::new("translucency maps", why, texels * 8 * 3, None));

@@ -1,6 +1,7 @@
 //! The hand-over to the reference renderer, by a way of its own: from `front.exr` and `back.exr` (γ, thickness, ρs, m, normals a texel in
 //! the scan's frame), not from W's packed textures, and with a slab interpolant of its own (Chebyshev in the thickness).
 
+use super::daylight::Daylight;
 use super::fitted::fill;
 use super::ledger::Ledger;
 use super::manifest::{Interior, Leaf, Lobe, Manifest, View};
@@ -22,7 +23,7 @@ use std::sync::Arc;
 /// # Errors
 /// [`Error::Input`] for a map that is missing, damaged or of another size.
 pub fn world(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<transport::World> {
-    let mut out = lights(manifest);
+    let mut out = lights(manifest)?;
     let mut index = vec![None; plan.leaves.len()];
     for leaf in plan.leaves.iter().filter(|l| l.mesh.is_some()) {
         index[leaf.index] = Some(out.leaves.len());
@@ -37,19 +38,41 @@ pub fn world(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<transp
 }
 
 /// A world without leaves.
-pub fn lights(manifest: &Manifest) -> transport::World {
-    transport::World {
-        sun: sun(manifest),
-        sky: manifest.sky.as_ref().map(|s| s.radiance),
+///
+/// # Errors
+/// [`Error::Input`] for a physical sky that the model refuses.
+pub fn lights(manifest: &Manifest) -> Result<transport::World> {
+    let daylight = Daylight::of(manifest)?;
+    Ok(transport::World {
+        sun: sun(manifest)?,
+        sky: manifest.sky.as_ref().and_then(|s| s.radiance),
+        dome: daylight.map(|d| dome(manifest, d, 1.0)),
         background: manifest.background,
         exposure: manifest.exposure,
         ..transport::World::default()
+    })
+}
+
+/// The sky itself, `strength` times, with the background below its horizon where there is no ground. The ground is worked out anew from the
+/// sky, not from its harmonics.
+pub fn dome(manifest: &Manifest, daylight: Daylight, strength: f64) -> transport::Dome {
+    let above = |d: DVec3| if d.z > 0.0 { daylight.radiance(d) } else { [0.0; 3] };
+    let ground = manifest.sky.as_ref().and_then(|s| s.ground_albedo).map(|albedo| {
+        let sky = transport::closed_form::irradiance(&above, DVec3::Z);
+        [0, 1, 2].map(|c| strength * albedo[c] * (sky[c] + daylight.sun[c] * daylight.zenith.cos()) / PI)
+    });
+    let below = ground.unwrap_or([0.0; 3]);
+    transport::Dome {
+        radiance: Arc::new(move |d| if d.z > 0.0 { daylight.radiance(d).map(|v| strength * v) } else { below }),
+        seen_below: ground.unwrap_or(manifest.background),
     }
 }
 
-pub fn sun(manifest: &Manifest) -> Option<transport::ReferenceSun> {
-    let direction = sun_direction(manifest)?;
-    manifest.sun.as_ref().map(|s| transport::ReferenceSun { direction, irradiance: s.irradiance, radius: s.radius_deg.to_radians() })
+pub fn sun(manifest: &Manifest) -> Result<Option<transport::ReferenceSun>> {
+    let (Some(direction), Some(sun)) = (sun_direction(manifest), &manifest.sun) else { return Ok(None) };
+    let own = Daylight::of(manifest)?.map(|d| d.sun);
+    let irradiance = sun.irradiance.or(own).unwrap_or_default();
+    Ok(Some(transport::ReferenceSun { direction, irradiance, radius: sun.radius_deg.to_radians() }))
 }
 
 pub fn camera(view: &View) -> transport::Camera {

@@ -13,6 +13,7 @@
 //! | evaluate fitted polynomials | [`fitted::Folded`]: `coefficients(sun_zenith, turbidity)`, `at(turbidity)` once the turbidity is fixed |
 //! | turn, evaluate, sum harmonics | [`harmonics`]: [`harmonics::Basis`], [`harmonics::rotate_z`], [`harmonics::evaluate`] |
 //! | light a surface | [`irradiance::irradiance`] on a normal, [`irradiance::add_ground`] for the light from below |
+//! | the sun's own light through that air | [`sun::irradiance`] |
 //! | keep ringing down | [`window`] |
 //!
 //! Coefficients of a sky are a [`Coefficients`]: N² values a channel. `project::direct(sky, 7)?` is the 49×3 numbers of a fixed sun and turbidity.
@@ -25,6 +26,7 @@ pub mod irradiance;
 pub mod preetham;
 pub mod project;
 pub mod quadrature;
+pub mod sun;
 pub mod window;
 
 pub use harmonics::Coefficients;

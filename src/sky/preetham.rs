@@ -50,6 +50,11 @@ impl Turbid {
         Turbid { turbidity, perez, chroma, overhead }
     }
 
+    /// A … E for Y, x, y.
+    pub fn perez(&self) -> [[f64; 5]; 3] {
+        self.perez
+    }
+
     /// 1 + A e^(B/cosθ) for Y, x, y: what depends on the view's zenith angle alone. `mu` is cosθ; 0 and below count as the limit at the horizon.
     #[inline]
     pub fn horizon(&self, mu: f64) -> [f64; 3] {
@@ -117,6 +122,10 @@ impl PreethamSky {
     /// Zenith luminance (kcd/m²) and chromaticities x, y.
     pub fn zenith(&self) -> [f64; 3] {
         self.turbid.zenith(self.sun_zenith)
+    }
+    /// Factors of the three separable functions: see [`Turbid::prefactors`].
+    pub fn prefactors(&self) -> [f64; 3] {
+        self.prefactors
     }
     pub fn turbid(&self) -> &Turbid {
         &self.turbid

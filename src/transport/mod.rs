@@ -2,13 +2,15 @@
 //!
 //! It shares no code with the GPU renderer nor with `optics`: rays, texture look-ups, lobes, directional albedo, sampling and tone
 //! mapping are written again here in f64, so that a mistake on one side shows. What both must agree on is the shading written at
-//! the top of `mesophyll_viewer::scene`; limits: direct light only (the sun's disk and a constant sky that nothing shadows).
+//! the top of `mesophyll_viewer::scene`; limits: direct light only (the sun's disk, and a constant sky or a dome of any
+//! radiance, which nothing shadows).
 
 pub mod accelerate;
 pub mod albedo;
 pub mod closed_form;
 #[cfg(feature = "render")]
 pub mod compare;
+pub mod dome;
 pub mod lobe;
 pub mod lookup;
 pub mod quadrature;
@@ -17,6 +19,7 @@ mod shade;
 pub mod tone;
 pub mod world;
 
+pub use dome::{Dome, RadianceAt};
 pub use render::{Options, ReferencePicture, Renderer, render};
 pub use world::{
     Camera, Gloss, Interior, NormalFrame, NormalMap, Placement, ReferenceLeaf, ReferenceMesh, ReferenceSide, ReferenceSun, SlabAt, World,

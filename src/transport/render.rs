@@ -5,6 +5,7 @@
 //! is the printed noise (one degree of freedom: honest on average, not a pixel); which sets a pixel uses hangs on the seed and its place alone, so threads change nothing.
 
 use super::accelerate::Ray;
+use super::dome::{BELOW, DISK};
 use super::shade::{DiskPoint, Stage};
 use super::tone;
 use super::world::{Camera, World};
@@ -21,6 +22,8 @@ pub struct Options {
     pub samples_per_pixel: u32,
     /// Points of the sun's disk a ray; times `samples_per_pixel` at most 65,536.
     pub sun_samples: u32,
+    /// Directions in which a glossy side looks at a dome, a ray; the same limit.
+    pub sky_samples: u32,
     pub seed: u64,
     /// A pixel counts as interior (or free of penumbra) when everything within this many pixels agrees.
     pub margin: usize,
@@ -28,7 +31,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Options { samples_per_pixel: 16, sun_samples: 2, seed: 1, margin: 1 }
+        Options { samples_per_pixel: 16, sun_samples: 2, sky_samples: 4, seed: 1, margin: 1 }
     }
 }
 
@@ -75,12 +78,13 @@ impl<'a> Renderer<'a> {
         if width == 0 || height == 0 {
             return Err(Error::Usage(format!("a picture of {width}×{height} pixels, expected at least 1×1")));
         }
-        let (rays, suns) = (options.samples_per_pixel, options.sun_samples);
-        if rays == 0 || suns == 0 || rays.saturating_mul(suns) > 1 << 16 {
+        let (rays, suns) =
+            (options.samples_per_pixel, options.sun_samples.max(if self.stage.world.dome.is_some() { options.sky_samples } else { 0 }));
+        if rays == 0 || options.sun_samples == 0 || options.sky_samples == 0 || rays.saturating_mul(suns) > 1 << 16 {
             return Err(Error::Usage(format!("{rays} rays a pixel with {suns} sun samples each, expected 1 to 65536 together")));
         }
         let lens = Lens::new(camera, width, height)?;
-        let patterns = Patterns::new(options);
+        let patterns = Patterns::new(options, self.stage.world.dome.is_some());
         let pixels: Vec<Pixel> =
             (0..width * height).into_par_iter().with_min_len(64).map(|k| self.pixel(&lens, &patterns, k, width)).collect();
         let exposure = self.stage.world.exposure;
@@ -125,12 +129,13 @@ impl<'a> Renderer<'a> {
         for set in 0..patterns.sets {
             let pattern = patterns.choose(index, set);
             let mut sum = [0.0; 3];
-            for (at, disk) in pattern.pixel.iter().zip(pattern.disk.chunks_exact(patterns.sun_samples)) {
-                let seen = self.stage.see(&lens.ray(x + at[0], y + at[1]), disk);
+            let lobes = pattern.lobe.len() / pattern.pixel.len();
+            for (k, (at, disk)) in pattern.pixel.iter().zip(pattern.disk.chunks_exact(patterns.sun_samples)).enumerate() {
+                let seen = self.stage.see(&lens.ray(x + at[0], y + at[1]), disk, &pattern.lobe[k * lobes..(k + 1) * lobes]);
                 for (s, r) in sum.iter_mut().zip(seen.radiance) {
                     *s += r;
                 }
-                hits += u32::from(seen.surface != 0);
+                hits += u32::from(!matches!(seen.surface, 0 | BELOW | DISK));
                 light |= seen.light;
                 surface = match surface {
                     None => Some(seen.surface),
@@ -189,10 +194,12 @@ struct Pattern {
     pixel: Vec<[f64; 2]>,
     /// Points of the sun's disk, `sun_samples` a ray.
     disk: Vec<DiskPoint>,
+    /// Points of the unit square for half vectors, equally many a ray; none without a dome.
+    lobe: Vec<[f64; 2]>,
 }
 
 impl Patterns {
-    fn new(options: &Options) -> Patterns {
+    fn new(options: &Options, dome: bool) -> Patterns {
         let rays = options.samples_per_pixel as usize;
         // two sets tell an error with one degree of freedom a pixel, and stratify twice as well as four would
         let sets = if rays < 2 { 1 } else { 2 };
@@ -204,7 +211,10 @@ impl Patterns {
                 let seed = scramble(options.seed, k);
                 let pixel =
                     (0..rays_per_set as u32).map(|i| sample_4d(i, 0, seed)).map(|[u, v, ..]| [f64::from(u), f64::from(v)]).collect();
-                Pattern { pixel, disk: (0..rays_per_set as u32 * options.sun_samples).map(|i| disk_point(i, seed)).collect() }
+                let disk = (0..rays_per_set as u32 * options.sun_samples).map(|i| disk_point(i, seed)).collect();
+                let lobes = if dome { rays_per_set as u32 * options.sky_samples } else { 0 };
+                let lobe = (0..lobes).map(|i| sample_4d(i, 2, seed)).map(|[u, v, ..]| [f64::from(u), f64::from(v)]).collect();
+                Pattern { pixel, disk, lobe }
             })
             .collect();
         Patterns { seed: options.seed, sets, rays_per_set, sun_samples: options.sun_samples as usize, patterns }

@@ -3,10 +3,12 @@
 //! ```text
 //! sun on the viewed side:  E · V · max(0, N·l) · (ρd/π + f_s)      sun on the far side:  E · V · max(0, F·l) · ρt_far/π
 //! constant sky:            L · (ρd + ρt_far + ρs · a(N·v, m))
+//! dome:                    (ρd E(N) + ρt_far E(F))/π + ∫ L f_s max(0, N·l) dl, E the irradiance on a normal
 //! ```
 
 use super::accelerate::{Forest, Hit, Ray, Shape};
 use super::albedo::AlbedoTable;
+use super::dome::{self, IrradianceMap};
 use super::lookup::Taps;
 use super::world::{Interior, NormalFrame, Placement, ReferenceLeaf, ReferenceSide, ReferenceSun, World};
 use glam::{DMat3, DVec2, DVec3};
@@ -20,6 +22,8 @@ pub(super) struct Stage<'a> {
     turn: Vec<DMat3>,
     /// a(N·v, m), a leaf each; only under a sky and for glossy leaves.
     albedo: Vec<Option<AlbedoTable>>,
+    /// Under a dome.
+    irradiance: Option<IrradianceMap>,
     /// How far a shadow ray starts off the blade.
     step: f64,
 }
@@ -31,7 +35,7 @@ pub(super) type DiskPoint = [f64; 2];
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Seen {
     pub radiance: [f64; 3],
-    /// 0 where nothing was hit, else 1 + 2·instance + (1 for the back).
+    /// 0 where nothing was hit (see [`dome`] for the parts of a sky), else 1 + 2·instance + (1 for the back).
     pub surface: u32,
     /// Which kinds of sun sample there were: [`HIDDEN`], [`VIEWED_SIDE`], [`FAR_SIDE`].
     pub light: u8,
@@ -50,14 +54,22 @@ impl<'a> Stage<'a> {
         let turn = world.instances.iter().map(rotation).collect();
         let albedo = world.leaves.iter().map(|leaf| world.sky.and_then(|_| albedo_table(leaf))).collect();
         let step = 1e-9 * forest.extent();
-        Stage { world, forest, turn, albedo, step }
+        let irradiance = world.dome.as_ref().map(IrradianceMap::new);
+        Stage { world, forest, turn, albedo, irradiance, step }
     }
 
-    /// What comes back along `ray` (unit direction); the sun is sampled at the given points of its disk.
-    pub fn see(&self, ray: &Ray, sun_points: &[DiskPoint]) -> Seen {
+    /// What comes back along `ray` (unit direction); the sun is sampled at the given points of its disk, a
+    /// glossy side's view of a dome at those of the unit square.
+    pub fn see(&self, ray: &Ray, sun_points: &[DiskPoint], lobe_points: &[[f64; 2]]) -> Seen {
         match self.forest.nearest(ray, |i, t, b| self.on_leaf(i, t, b)) {
-            None => Seen { radiance: self.world.background, surface: 0, light: 0 },
-            Some(hit) => self.shade(ray, &hit, sun_points),
+            None => {
+                let (radiance, surface) = match &self.world.dome {
+                    Some(dome) => dome.seen(ray.direction, self.world.sun.as_ref()),
+                    None => (self.world.background, 0),
+                };
+                Seen { radiance, surface, light: 0 }
+            }
+            Some(hit) => self.shade(ray, &hit, sun_points, lobe_points),
         }
     }
 
@@ -86,7 +98,7 @@ impl<'a> Stage<'a> {
         !self.forest.blocked(&Ray::new(point, Disk::new(sun).toward(offset)), |i, t, b| self.on_leaf(i, t, b))
     }
 
-    fn shade(&self, ray: &Ray, hit: &Hit, sun_points: &[DiskPoint]) -> Seen {
+    fn shade(&self, ray: &Ray, hit: &Hit, sun_points: &[DiskPoint], lobe_points: &[[f64; 2]]) -> Seen {
         let leaf = self.leaf(hit.instance);
         let mesh = &leaf.mesh;
         let turn = &self.turn[hit.instance];
@@ -170,6 +182,20 @@ impl<'a> Stage<'a> {
             };
             for c in 0..3 {
                 radiance[c] += sky[c] * (rho_d[c] + rho_t[c] + shine[c]);
+            }
+        }
+        if let (Some(dome), Some(irradiance)) = (&world.dome, &self.irradiance) {
+            let rho_t = transmittance();
+            let (near, beyond) = (irradiance.at(n), irradiance.at(mapped(far, !seen_from_back)));
+            let mut shine = [0.0; 3];
+            if let Some((_, m)) = gloss {
+                for (l, weight) in lobe_points.iter().filter_map(|&p| dome::reflected(leaf.lobe, n, view, m, p)) {
+                    let seen = (dome.radiance)(l);
+                    (0..3).for_each(|c| shine[c] += weight * seen[c] / lobe_points.len() as f64);
+                }
+            }
+            for c in 0..3 {
+                radiance[c] += (rho_d[c] * near[c] + rho_t[c] * beyond[c]) / PI + gloss.map_or(0.0, |(rho_s, _)| rho_s[c] * shine[c]);
             }
         }
         Seen { radiance, surface: 1 + 2 * hit.instance as u32 + u32::from(seen_from_back), light }

@@ -3,6 +3,7 @@
 //! Lengths in mm, world z up, directions are unit vectors, colours linear sRGB, radiance in units set by the light. Maps are
 //! row-major with row 0 on top, each side's as its own camera saw it: column i of the back is column `width−1−i` of the front.
 
+use super::dome::Dome;
 use super::lobe::Lobe;
 use crate::{Error, Result};
 use glam::{DMat4, DVec2, DVec3, DVec4};
@@ -16,6 +17,8 @@ pub struct World {
     pub sun: Option<ReferenceSun>,
     /// Radiance of a constant sky all around.
     pub sky: Option<[f64; 3]>,
+    /// A sky of any radiance instead, which also is the background.
+    pub dome: Option<Dome>,
     /// Radiance where nothing is hit.
     pub background: [f64; 3],
     /// What radiance is multiplied with before tone mapping.
@@ -24,7 +27,7 @@ pub struct World {
 
 impl Default for World {
     fn default() -> Self {
-        World { leaves: Vec::new(), instances: Vec::new(), sun: None, sky: None, background: [0.0; 3], exposure: 1.0 }
+        World { leaves: Vec::new(), instances: Vec::new(), sun: None, sky: None, dome: None, background: [0.0; 3], exposure: 1.0 }
     }
 }
 
@@ -156,6 +159,9 @@ impl World {
             if !placed.transform.is_finite() || !det.is_normal() {
                 return bad(format!("instance {k}: the transform cannot be inverted (determinant {det})"));
             }
+        }
+        if self.sky.is_some() && self.dome.is_some() {
+            return bad("sky: a constant one and a dome, expected one of the two".into());
         }
         if let Some(sun) = &self.sun {
             if !(sun.direction.length() > 0.0 && sun.direction.is_finite()) {

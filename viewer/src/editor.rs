@@ -2,7 +2,8 @@
 //! goes out through `Editor` and comes back as new curves or maps.
 
 use crate::picture::Picture;
-use crate::scene::{Camera, Interior, Scene};
+use crate::scene::{Camera, Dome, Interior, Scene};
+use glam::Vec3;
 
 /// One side's editable parameters (Wang et al. 2005, Fig. 6).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -43,6 +44,14 @@ pub struct LeafUpdate {
     pub back: Interior,
 }
 
+/// What follows from another sun or turbidity.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SkyUpdate {
+    pub dome: Dome,
+    /// On a surface that faces the sun.
+    pub sun_irradiance: [f32; 3],
+}
+
 /// What the reference renderer drew.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ReferencePicture {
@@ -76,6 +85,12 @@ pub trait Editor {
 
     /// Solves the slab for an edit.
     fn recompute(&mut self, leaf: usize, edit: &LeafEdit) -> Result<LeafUpdate, String>;
+
+    /// The sky of a scene with a dome for another sun (a unit vector above the horizon) and turbidity.
+    fn sky(&mut self, sun: Vec3, turbidity: f32) -> Result<SkyUpdate, String> {
+        let _ = (sun, turbidity);
+        Err("this scene's sky does not follow the sun".into())
+    }
 
     /// Saves an edit as a new fit and says where.
     fn save(&mut self, leaf: usize, edit: &LeafEdit) -> Result<String, String>;

@@ -1,5 +1,6 @@
 //! One leaf on the adapter: its constants and the maps its variant of the shader reads, in one bind group.
 
+use crate::dome::MeanTable;
 use crate::geometry::{Geometry, VertexNeeds};
 use crate::gpu::Gpu;
 use crate::lobe::AlbedoTable;
@@ -30,7 +31,7 @@ struct Constants {
 
 /// Directional-albedo tables already integrated, kept from scene to scene.
 #[derive(Default)]
-pub(crate) struct AlbedoCache(Vec<(Lobe, AlbedoTable)>);
+pub(crate) struct AlbedoCache(Vec<(Lobe, AlbedoTable)>, Vec<(Lobe, MeanTable)>);
 
 impl AlbedoCache {
     /// A table that covers roughness `m_min` to `m_max`.
@@ -42,6 +43,16 @@ impl AlbedoCache {
         }
         let table = AlbedoTable::new(lobe, low, high);
         self.0.push((lobe, table.clone()));
+        table
+    }
+
+    /// The lobe's mean directions over an albedo table's grid.
+    fn means(&mut self, lobe: Lobe, like: &AlbedoTable) -> MeanTable {
+        if let Some((_, table)) = self.1.iter().find(|(l, t)| *l == lobe && (t.m_min, t.m_max) == (like.m_min, like.m_max)) {
+            return table.clone();
+        }
+        let table = MeanTable::new(lobe, like.m_min, like.m_max);
+        self.1.push((lobe, table.clone()));
         table
     }
 }
@@ -64,7 +75,7 @@ pub(crate) fn layout(gpu: &Gpu, variant: &Variant) -> wgpu::BindGroupLayout {
         entries.push(entry(1, wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering), fragment));
     }
     for binding in texture_bindings(variant) {
-        let filterable = !matches!(binding, 2 | 3 | 15);
+        let filterable = !matches!(binding, 2 | 3 | 15 | 16);
         entries.push(entry(binding, texture(filterable), fragment));
     }
     gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("leaf"), entries: &entries })
@@ -91,6 +102,9 @@ fn texture_bindings(variant: &Variant) -> Vec<u32> {
     }
     if variant.albedo() {
         bindings.push(15);
+    }
+    if variant.means() {
+        bindings.push(16);
     }
     bindings
 }
@@ -173,6 +187,11 @@ impl LeafOnGpu {
             let texels = table.values.iter().map(|v| [*v, 0.0, 0.0, 0.0]).collect();
             let level = Level { width: AlbedoTable::COLUMNS as u32, height: AlbedoTable::ROWS as u32, texels };
             keep(15, "albedo table".into(), maps::upload_table(gpu, "albedo table", level));
+            if variant.means() {
+                let means = tables.means(leaf.lobe, &table);
+                let level = Level { width: MeanTable::COLUMNS as u32, height: 2 * MeanTable::ROWS as u32, texels: means.texels };
+                keep(16, "lobe means".into(), maps::upload_table(gpu, "lobe means", level));
+            }
         }
         let mut mask_view = None;
         if let Some(mask) = &leaf.mask {

@@ -10,6 +10,7 @@
 //! }
 //! ```
 
+mod dome;
 pub mod editor;
 mod error;
 mod geometry;

@@ -6,10 +6,11 @@ use crate::gpu::{AdapterInfo, Gpu, Options, instance_descriptor};
 use crate::leaf::{AlbedoCache, LeafOnGpu, Samplers};
 use crate::passes::main::{Frame, MainPass, Pipelines, Targets};
 use crate::passes::shadow::ShadowPass;
+use crate::passes::sky::SkyPass;
 use crate::passes::tonemap::{self, TonemapPass};
 use crate::picture::Picture;
 use crate::readback::{self, Copy};
-use crate::scene::{Camera, Scene, Sun};
+use crate::scene::{Camera, Dome, Scene, Sun};
 use crate::stats::Stats;
 use crate::timing::{Clock, PASSES, Timing};
 use crate::validate;
@@ -34,10 +35,12 @@ struct Loaded {
     leaves: Vec<LeafOnGpu>,
     main: MainPass,
     shadow: Option<ShadowPass>,
+    seen_sky: Option<SkyPass>,
     corners: Vec<Vec3>,
     ball: (Vec3, f32),
     sun: Option<Sun>,
     sky: Option<[f32; 3]>,
+    dome: Option<Dome>,
     background: [f32; 3],
     shadow_texel: f32,
     shadow_layers: u32,
@@ -115,7 +118,8 @@ impl Renderer {
             self.pipelines.need(&self.gpu, &leaf.variant, &mut stats);
         }
         stats.pipeline("tonemap");
-        let main = MainPass::new(&self.gpu, shadow.as_ref());
+        let main = MainPass::new(&self.gpu, shadow.as_ref(), scene.dome.as_ref(), &mut stats);
+        let seen_sky = scene.dome.as_ref().map(|_| SkyPass::new(&self.gpu, scene.msaa, &mut stats));
         if let Err(error) = guard.finish(&self.gpu) {
             self.pipelines = Pipelines::default();
             self.loaded = None;
@@ -126,10 +130,12 @@ impl Renderer {
             leaves,
             main,
             shadow,
+            seen_sky,
             ball: ball(&corners),
             corners,
             sun: scene.sun,
             sky: scene.sky,
+            dome: scene.dome.clone(),
             background: scene.background,
             shadow_texel,
             shadow_layers: layers,
@@ -146,6 +152,7 @@ impl Renderer {
         let same = self.loaded.as_ref().is_some_and(|l| {
             l.sun.is_some() == scene.sun.is_some()
                 && l.sky.is_some() == scene.sky.is_some()
+                && l.dome.is_some() == scene.dome.is_some()
                 && l.shadow_layers == shadow_layers(scene)
                 && l.shadow_resolution == scene.shadow_resolution
                 && l.msaa == scene.msaa
@@ -161,6 +168,10 @@ impl Renderer {
             loaded.shadow_texel = shadow.set_sun(&self.gpu, &sun, &loaded.corners);
         }
         (loaded.sun, loaded.sky, loaded.background) = (scene.sun, scene.sky, scene.background);
+        if let Some(dome) = &scene.dome {
+            loaded.main.set_dome(&self.gpu, dome);
+        }
+        loaded.dome = scene.dome.clone();
         self.tonemap.set_exposure(&self.gpu, scene.exposure);
         Ok(())
     }
@@ -269,6 +280,9 @@ impl Renderer {
             shadow: [loaded.shadow_texel, 0.0, 0.0, 0.0],
         };
         self.gpu.queue.write_buffer(&loaded.main.frame, 0, bytemuck::bytes_of(&frame));
+        if let (Some(sky), Some(dome)) = (&loaded.seen_sky, &loaded.dome) {
+            sky.aim(&self.gpu, dome, loaded.sun.as_ref(), loaded.background, camera, [width, height]);
+        }
         if let Some(shadow) = &mut loaded.shadow {
             shadow.draw(encoder, &loaded.leaves, clock.map(|c| (&c.queries, 0)), &mut self.stats);
         }
@@ -280,7 +294,7 @@ impl Renderer {
             encoder,
             &self.pipelines,
             &loaded.leaves,
-            Targets { color, resolve, depth: &targets.depth, background: loaded.background },
+            Targets { color, resolve, depth: &targets.depth, background: loaded.background, sky: loaded.seen_sky.as_ref() },
             clock.map(|c| c.writes(1)),
             &mut self.stats,
         );

@@ -10,7 +10,12 @@
 //! sun lights the viewed side where l·Ng > 0:   L += E · V · max(0, N·l) · (ρd_viewed/π + f_s)
 //! sun lights the far side where   l·Ng < 0:    L += E · V · max(0, F·l) · ρt_far/π
 //! constant sky:                                L += L_sky · (ρd_viewed + ρt_far + ρs · a(N·v, m))
+//! dome L(ω):     L += ρd_viewed/π ∫ L max(0, N·ω) dω + ρt_far/π ∫ L max(0, F·ω) dω + ∫ L f_s max(0, N·ω) dω
 //! ```
+//!
+//! Of a [`Dome`] this renderer has N² harmonics alone. The two diffuse integrals are Σ A_l c_lm Y_lm (Ramamoorthi and Hanrahan 2001), the
+//! glossy one ρs·a·Σ W_l c_lm Y_lm(R), R being the lobe's mean direction and W_l its bands about it; sums below 0 (ringing) count as 0.
+//! A mapped normal sees the whole hemisphere around itself, also where that dips under the blade, as under a constant sky.
 //!
 //! E is the irradiance at normal incidence, V the visible share of the sun's disk, ρt_far the transmittance of a beam that enters
 //! the far side. f_s = ρs·D·G/(4 (N·l)(N·v)), D = exp(−tan²α/m²)/(π m² cos⁴α) (Beckmann) or m²/(π cos⁴α (m² + tan²α)²) (GGX),
@@ -34,6 +39,8 @@ pub struct Scene {
     pub sun: Option<Sun>,
     /// Radiance of a constant sky all around; `None` leaves its code out of the shader.
     pub sky: Option<[f32; 3]>,
+    /// A sky that differs from direction to direction, instead of a constant one; `None` leaves its code and its pass out.
+    pub dome: Option<Dome>,
     pub background: [f32; 3],
     pub exposure: f32,
     /// Shadow maps spread over the sun's disk: 0 leaves shadows out, 1 is a hard shadow, more are softer and truer.
@@ -59,6 +66,26 @@ pub struct Sun {
     pub irradiance: [f32; 3],
     /// Angular radius (rad); 0.004 65 for the real one.
     pub radius: f32,
+}
+
+/// A sky: the light it throws on the leaves, and how it looks behind them. Plain numbers: where they come from is the caller's business.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Dome {
+    /// Coefficients of the radiance all around (below the horizon too) in real orthonormal harmonics without the Condon–Shortley phase, at
+    /// l(l+1)+m, z up, in world directions: N² of them, N from 1 to 7.
+    pub harmonics: Vec<[f32; 3]>,
+    /// Perez coefficients A … E of luminance Y and chromaticities x and y.
+    pub perez: [[f32; 5]; 3],
+    /// Factors of Y, Y/y and Y·x/y, in units of radiance.
+    pub scale: [f32; 3],
+    /// Radiance below the horizon; `None` shows the background there.
+    pub ground: Option<[f32; 3]>,
+    /// Towards the sun, which the sky's colours turn about.
+    pub sun: Vec3,
+    /// A factor on all of it.
+    pub strength: f32,
+    /// What the window's slider starts from.
+    pub turbidity: f32,
 }
 
 /// One leaf's shape and appearance. Both sides share the mesh, whose normals point out of the front.

@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
-use crate::scene::{Camera, Interior, Leaf, Lobe, Scene, Side};
+use crate::scene::{Camera, Dome, Interior, Leaf, Lobe, Scene, Side};
 
 /// Shadow maps larger than this in total are refused (bytes).
 const SHADOW_BUDGET: u64 = 2 << 30;
@@ -33,6 +33,9 @@ pub(crate) fn scene(gpu: &Gpu, scene: &Scene) -> Result<()> {
     if let Some(bad) = lights.into_iter().find(|v| !v.is_finite() || *v < 0.0) {
         return Err(wrong("sun, sky or background", bad, "finite and not negative"));
     }
+    if let Some(dome) = &scene.dome {
+        check_dome(scene, dome)?;
+    }
     if !scene.exposure.is_finite() || scene.exposure < 0.0 {
         return Err(wrong("exposure", scene.exposure, "finite and not negative"));
     }
@@ -44,6 +47,24 @@ pub(crate) fn scene(gpu: &Gpu, scene: &Scene) -> Result<()> {
             return Err(wrong("sun, radius", sun.radius, "0 up to 0.5 rad"));
         }
         shadow(gpu, scene)?;
+    }
+    Ok(())
+}
+
+fn check_dome(scene: &Scene, dome: &Dome) -> Result<()> {
+    if scene.sky.is_some() {
+        return Err(wrong("dome", "a constant sky beside it", "one of the two"));
+    }
+    if crate::dome::bands(dome).is_none() {
+        return Err(wrong("dome, harmonics", format!("{} coefficients", dome.harmonics.len()), "1, 4, 9, 16, 25, 36 or 49"));
+    }
+    let numbers =
+        dome.harmonics.as_flattened().iter().chain(dome.perez.as_flattened()).chain(&dome.scale).chain(dome.ground.iter().flatten());
+    if let Some(bad) = numbers.chain([&dome.strength]).find(|v| !v.is_finite()) {
+        return Err(wrong("dome", bad, "finite numbers"));
+    }
+    if (dome.sun.length() - 1.0).abs() > 1e-3 {
+        return Err(wrong("dome, sun", dome.sun, "a unit vector"));
     }
     Ok(())
 }

@@ -11,6 +11,8 @@ pub(crate) struct Variant {
     /// Shadow maps; 0 without a shadow.
     pub shadow: u32,
     pub sky: bool,
+    /// The sky's light comes as harmonics.
+    pub dome: bool,
     pub mask: bool,
     /// The mask is sampled where the pixel's samples are, instead of at its centre.
     pub sample_mask: bool,
@@ -46,11 +48,12 @@ pub(crate) fn shadow_layers(scene: &Scene) -> u32 {
 
 impl Variant {
     pub(crate) fn new(gpu: &Gpu, scene: &Scene, leaf: &Leaf) -> Variant {
-        let (sun, sky) = (scene.sun.is_some(), scene.sky.is_some());
+        let (sun, dome) = (scene.sun.is_some(), scene.dome.is_some());
+        let sky = scene.sky.is_some() || dome;
         let side = |side: &Side| {
             let gloss = (sun || sky) && side.gloss.as_ref().is_some_and(|g| g.iter().any(|t| t[0] > 0.0 || t[1] > 0.0 || t[2] > 0.0));
             // A constant sky sees the normal only through the gloss's directional albedo.
-            let normal = side.normal.is_some() && (sun || (sky && gloss));
+            let normal = side.normal.is_some() && (sun || dome || (sky && gloss));
             SideVariant { maps: matches!(side.interior, Interior::Maps { .. }), black: side.is_black(), gloss, normal }
         };
         let (front, back) = (side(&leaf.front), side(&leaf.back));
@@ -63,7 +66,7 @@ impl Variant {
         let mask = leaf.mask.is_some();
         // Naga writes GLSL for a sample mask that GL drivers refuse: there the outline is cut at the pixels' centres.
         let sample_mask = mask && scene.msaa > 1 && !gpu.is_gl();
-        Variant { sun, shadow: shadow_layers(scene), sky, mask, sample_mask, front, back, lobe, msaa: scene.msaa }
+        Variant { sun, shadow: shadow_layers(scene), sky, dome, mask, sample_mask, front, back, lobe, msaa: scene.msaa }
     }
 
     /// Whether any light reaches the leaf: without one no map is read.
@@ -78,6 +81,11 @@ impl Variant {
     /// The gloss's directional albedo, for the sky.
     pub(crate) fn albedo(&self) -> bool {
         self.sky && self.lobe != LobeKind::None
+    }
+
+    /// The gloss's mean direction and bands, for a dome.
+    pub(crate) fn means(&self) -> bool {
+        self.dome && self.albedo()
     }
 
     /// Highlights are averaged over the pixel where the normal turns quickly across it.
@@ -96,6 +104,7 @@ impl Variant {
             .set("SUN", self.sun)
             .set("SHADOW", self.shadow > 0)
             .set("SKY", self.sky)
+            .set("DOME", self.dome)
             .set("LIT", lit)
             .set("MASK", self.mask)
             .set("SAMPLE_MASK", self.sample_mask)
@@ -126,7 +135,7 @@ impl Variant {
         };
         say(self.sun, "sun".into());
         say(self.shadow > 0, format!("shadow {}", self.shadow));
-        say(self.sky, "sky".into());
+        say(self.sky, if self.dome { "dome" } else { "sky" }.into());
         say(self.mask, "mask".into());
         for (name, side) in [("front", self.front), ("back", self.back)] {
             let parts = [

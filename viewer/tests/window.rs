@@ -4,9 +4,9 @@ mod common;
 
 use common::*;
 use glam::{Mat4, Vec3};
-use mesophyll_viewer::editor::{Editor, LeafEdit, LeafUpdate, Measure, ReferencePicture, SideEdit, Verdict};
+use mesophyll_viewer::editor::{Editor, LeafEdit, LeafUpdate, Measure, ReferencePicture, SideEdit, SkyUpdate, Verdict};
 use mesophyll_viewer::pick::pick;
-use mesophyll_viewer::scene::{Camera, Instance, Interior, Scene};
+use mesophyll_viewer::scene::{Camera, Dome, Instance, Interior, Scene};
 use mesophyll_viewer::{Error, Options, Picture, Stage, ViewerUi, WindowOptions, WindowScene, open_window};
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -18,6 +18,7 @@ const PIXELS: [u32; 2] = [1100, 720];
 struct Asked {
     recomputed: Vec<(usize, LeafEdit)>,
     saved: Vec<LeafEdit>,
+    skies: Vec<(Vec3, f32)>,
     checked: usize,
 }
 
@@ -44,6 +45,14 @@ impl Editor for Toy {
             front: Interior::Scalars(curve(at, dim(RHO_D), dim(RHO_T))),
             back: Interior::Scalars(curve(at, dim(BACK_D), dim(BACK_T))),
         })
+    }
+
+    fn sky(&mut self, sun: Vec3, turbidity: f32) -> Result<SkyUpdate, String> {
+        if turbidity > 9.0 {
+            return Err("turbidity above 9 is refused here".into());
+        }
+        self.asked.borrow_mut().skies.push((sun, turbidity));
+        Ok(SkyUpdate { dome: even_dome(sun, turbidity), sun_irradiance: [turbidity; 3] })
     }
 
     fn save(&mut self, _: usize, edit: &LeafEdit) -> Result<String, String> {
@@ -97,6 +106,58 @@ fn two_leaves() -> (WindowScene, Toy) {
         screenshots: std::env::temp_dir(),
     };
     (window, Toy { asked: Default::default() })
+}
+
+/// A sky that is the brighter the hazier it is: any rule will do that the test can see in the picture.
+fn even_dome(sun: Vec3, turbidity: f32) -> Dome {
+    let l = 0.1 * turbidity;
+    Dome {
+        harmonics: vec![[l * (4.0 * std::f32::consts::PI).sqrt(); 3]],
+        perez: [[0.0; 5]; 3],
+        scale: [l, 3.0 * l, l],
+        ground: None,
+        sun,
+        strength: 1.0,
+        turbidity,
+    }
+}
+
+#[test]
+fn sun_and_turbidity_ask_for_another_sky() {
+    let stage = match Stage::headless(&Options::default()) {
+        Ok(stage) => stage,
+        Err(Error::NoAdapter) => return println!("skipped: no graphics adapter"),
+        Err(other) => panic!("{other}"),
+    };
+    let (mut window, toy) = two_leaves();
+    let asked = toy.asked.clone();
+    window.scene.sky = None;
+    window.scene.dome = Some(even_dome(Vec3::new(-0.4, 0.3, 1.0).normalize(), 3.0));
+    let ui = ViewerUi::new(window, Box::new(toy), stage.renderer().adapter());
+    let mut bench = Bench { stage, ui, asked, time: 0.0 };
+    bench.frame(vec![]);
+    bench.frame(vec![]);
+    assert!(bench.asked.borrow().skies.is_empty(), "a sky was asked for before anything was touched");
+    let before = bench.brightness();
+    let rect = bench.ui.landmark_rect("turbidity").expect("no turbidity slider");
+    // The rail is the left part of the control; its left end is the lowest turbidity.
+    let at = |share: f32| egui::pos2(rect.left() + 5.0 + share * 100.0, rect.center().y);
+    bench.drag(at(0.2), egui::vec2(40.0, 0.0));
+    let (sun, turbidity) = *bench.asked.borrow().skies.last().expect("no sky was asked for");
+    assert!(turbidity > 4.0 && (sun.length() - 1.0).abs() < 1e-5, "{sun} {turbidity}");
+    let dome = bench.ui.scene().dome.clone().expect("dome");
+    assert_eq!(dome.turbidity, turbidity);
+    assert!((bench.ui.scene().sun.unwrap().irradiance[0] - turbidity).abs() < 1e-5);
+    assert!(bench.brightness() > before + 1.0, "{} {before}", bench.brightness());
+    // Another sun, the same air.
+    let azimuth = bench.place("azimuth");
+    bench.drag(azimuth - egui::vec2(60.0, 0.0), egui::vec2(30.0, 0.0));
+    let (turned, same) = *bench.asked.borrow().skies.last().unwrap();
+    assert!(turned != sun && same == turbidity);
+    assert_eq!(bench.ui.scene().dome.as_ref().unwrap().sun, turned);
+    // What is refused leaves the sky as it was, and says why.
+    bench.drag(at(0.5), egui::vec2(60.0, 0.0));
+    assert!(bench.ui.message().contains("refused") && bench.ui.scene().dome.as_ref().unwrap().turbidity <= 9.0);
 }
 
 fn bench() -> Option<Bench> {

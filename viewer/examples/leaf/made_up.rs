@@ -123,6 +123,7 @@ pub fn scene(cluster: bool) -> Scene {
         instances,
         sun: Some(Sun { direction: Vec3::new(-0.4, 0.5, 0.9).normalize(), irradiance: [3.0, 2.9, 2.6], radius: 0.00465 }),
         sky: Some([0.25, 0.32, 0.42]),
+        dome: None,
         background: [0.35, 0.4, 0.45],
         exposure: 1.6,
         shadow_samples: 16,

@@ -1,9 +1,12 @@
 //! The main pass: leaves to a radiance target (HDR), a pipeline for each variant of the shader that the scene holds.
 
+use crate::dome;
 use crate::geometry::vertex_layouts;
 use crate::gpu::Gpu;
 use crate::leaf::{self, LeafOnGpu};
 use crate::passes::shadow::ShadowPass;
+use crate::passes::sky::SkyPass;
+use crate::scene::Dome;
 use crate::shader::assemble;
 use crate::stats::Stats;
 use crate::variant::Variant;
@@ -29,6 +32,7 @@ pub(crate) struct Pipelines(HashMap<Variant, wgpu::RenderPipeline>);
 
 pub(crate) struct MainPass {
     pub frame: wgpu::Buffer,
+    dome: Option<wgpu::Buffer>,
     group: wgpu::BindGroup,
 }
 
@@ -39,9 +43,11 @@ pub(crate) struct Targets<'a> {
     pub depth: &'a wgpu::TextureView,
     /// Radiance where nothing is hit.
     pub background: [f32; 3],
+    /// The sky instead.
+    pub sky: Option<&'a SkyPass>,
 }
 
-fn frame_layout(gpu: &Gpu, shadow: bool) -> wgpu::BindGroupLayout {
+fn frame_layout(gpu: &Gpu, shadow: bool, dome: bool) -> wgpu::BindGroupLayout {
     let uniform = wgpu::BindingType::Buffer { ty: wgpu::BufferBindingType::Uniform, has_dynamic_offset: false, min_binding_size: None };
     let fragment = wgpu::ShaderStages::FRAGMENT;
     let entry = |binding, visibility, ty| wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None };
@@ -55,6 +61,9 @@ fn frame_layout(gpu: &Gpu, shadow: bool) -> wgpu::BindGroupLayout {
         entries.push(entry(1, fragment, map));
         entries.push(entry(2, fragment, wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Comparison)));
         entries.push(entry(3, fragment, uniform));
+    }
+    if dome {
+        entries.push(entry(8, fragment, uniform));
     }
     gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("frame"), entries: &entries })
 }
@@ -74,7 +83,7 @@ fn pipeline(gpu: &Gpu, variant: &Variant) -> wgpu::RenderPipeline {
         .create_shader_module(wgpu::ShaderModuleDescriptor { label: Some("main"), source: wgpu::ShaderSource::Wgsl(source.into()) });
     let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some("main"),
-        bind_group_layouts: &[Some(&frame_layout(gpu, variant.shadow > 0)), Some(&leaf::layout(gpu, variant))],
+        bind_group_layouts: &[Some(&frame_layout(gpu, variant.shadow > 0, variant.dome)), Some(&leaf::layout(gpu, variant))],
         immediate_size: 0,
     });
     gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
@@ -107,7 +116,7 @@ fn pipeline(gpu: &Gpu, variant: &Variant) -> wgpu::RenderPipeline {
 }
 
 impl MainPass {
-    pub(crate) fn new(gpu: &Gpu, shadow: Option<&ShadowPass>) -> MainPass {
+    pub(crate) fn new(gpu: &Gpu, shadow: Option<&ShadowPass>, dome: Option<&Dome>, stats: &mut Stats) -> MainPass {
         let frame = gpu.uniform("frame", &[Frame::default()]);
         let mut entries = vec![wgpu::BindGroupEntry { binding: 0, resource: frame.as_entire_binding() }];
         if let Some(shadow) = shadow {
@@ -115,12 +124,27 @@ impl MainPass {
             entries.push(wgpu::BindGroupEntry { binding: 2, resource: wgpu::BindingResource::Sampler(&shadow.sampler) });
             entries.push(wgpu::BindGroupEntry { binding: 3, resource: shadow.matrices.as_entire_binding() });
         }
+        let dome = dome.map(|dome| {
+            let coefficients = dome::coefficients(dome);
+            stats.upload("sky harmonics", size_of_val(&coefficients) as u64);
+            gpu.uniform("sky harmonics", &coefficients)
+        });
+        if let Some(dome) = &dome {
+            entries.push(wgpu::BindGroupEntry { binding: 8, resource: dome.as_entire_binding() });
+        }
         let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("frame"),
-            layout: &frame_layout(gpu, shadow.is_some()),
+            layout: &frame_layout(gpu, shadow.is_some(), dome.is_some()),
             entries: &entries,
         });
-        MainPass { frame, group }
+        MainPass { frame, dome, group }
+    }
+
+    /// Takes over another state of the dome.
+    pub(crate) fn set_dome(&self, gpu: &Gpu, dome: &Dome) {
+        if let Some(buffer) = &self.dome {
+            gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(&dome::coefficients(dome)));
+        }
     }
 
     /// Draws every leaf over the background; alpha is the coverage.
@@ -152,6 +176,9 @@ impl MainPass {
             occlusion_query_set: None,
             multiview_mask: None,
         });
+        if let Some(sky) = targets.sky {
+            sky.draw(&mut pass, stats);
+        }
         pass.set_bind_group(0, &self.group, &[]);
         for leaf in leaves {
             let Some(pipeline) = pipelines.0.get(&leaf.variant) else { continue };

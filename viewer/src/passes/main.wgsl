@@ -28,6 +28,11 @@ struct LeafConstants {
 @group(0) @binding(3) var<uniform> shadow_matrices: array<mat4x4f, SHADOW_LAYERS>;
 //#endif
 
+//#if DOME
+// Harmonics of the light from all around, normalisation folded in, at l(l+1)+m.
+@group(0) @binding(8) var<uniform> dome: array<vec4f, 49>;
+//#endif
+
 @group(1) @binding(0) var<uniform> constants: LeafConstants;
 //#if SAMPLED
 @group(1) @binding(1) var map_sampler: sampler;
@@ -65,6 +70,9 @@ struct LeafConstants {
 //#endif
 //#if ALBEDO
 @group(1) @binding(15) var albedo_table: texture_2d<f32>;
+//#if DOME
+@group(1) @binding(16) var lobe_means: texture_2d<f32>;
+//#endif
 //#endif
 
 struct Vertex {
@@ -319,6 +327,62 @@ fn albedo(nv: f32, roughness: f32) -> f32 {
 }
 //#endif
 
+//#if DOME
+// Σ w_l c_lm Y_lm(d), not below 0: p_mm = 1, (l−m) p_l = (2l−1) z p_{l−1} − (l+m−1) p_{l−2}, times the parts of (x + iy)^m.
+fn gathered(d: vec3f, weight: array<f32, 7>) -> vec3f {
+    var w = weight;
+    var sum = vec3f(0.0);
+    var turn = vec2f(1.0, 0.0);
+    for (var m = 0; m < 7; m++) {
+        var before = 0.0;
+        var p = 1.0;
+        for (var l = m; l < 7; l++) {
+            let at = l * (l + 1);
+            var part = turn.x * dome[at + m].rgb;
+            if (m > 0) {
+                part += turn.y * dome[at - m].rgb;
+            }
+            sum += w[l] * p * part;
+            let next = (f32(2 * l + 1) * d.z * p - f32(l + m) * before) / f32(l + 1 - m);
+            before = p;
+            p = next;
+        }
+        turn = vec2f(turn.x * d.x - turn.y * d.y, turn.x * d.y + turn.y * d.x);
+    }
+    return max(sum, vec3f(0.0));
+}
+
+// Irradiance over π on a surface with this normal: the cosine lobe's bands are 1, 2/3, 1/4, 0, −1/24, 0, 1/64 of π.
+fn even_light(normal: vec3f) -> vec3f {
+    return gathered(normal, array<f32, 7>(1.0, 2.0 / 3.0, 0.25, 0.0, -1.0 / 24.0, 0.0, 1.0 / 64.0));
+}
+
+//#if ALBEDO
+fn means(place: vec2f, row: f32) -> vec4f {
+    let i = min(vec2i(place), vec2i(94, 22));
+    let t = place - vec2f(i);
+    let j = i + vec2i(0, i32(row));
+    let low = mix(textureLoad(lobe_means, j, 0), textureLoad(lobe_means, j + vec2i(1, 0), 0), t.x);
+    let high = mix(textureLoad(lobe_means, j + vec2i(0, 1), 0), textureLoad(lobe_means, j + vec2i(1, 1), 0), t.x);
+    return mix(low, high, t.y);
+}
+
+// Mean radiance that the lobe collects: its bands about its mean direction.
+fn glossy_light(normal: vec3f, view: vec3f, roughness: f32) -> vec3f {
+    let nv = dot(normal, view);
+    let first = sqrt(1e-3);
+    let x = (sqrt(clamp(nv, 1e-3, 1.0)) - first) / (1.0 - first);
+    let y = clamp((log(roughness) - constants.albedo.x) * constants.albedo.y, 0.0, 1.0);
+    let place = vec2f(x * 95.0, y * 23.0);
+    let a = means(place, 0.0);
+    let b = means(place, 24.0);
+    let along = nv * normal - view;
+    let direction = normalize(a.x * along + a.y * normal);
+    return gathered(direction, array<f32, 7>(1.0, a.z, a.w, b.x, b.y, b.z, b.w));
+}
+//#endif
+//#endif
+
 //#if LIT
 // How the pixel's point is seen and lit, whatever the maps say there.
 struct Facing {
@@ -360,11 +424,23 @@ fn shade(place: Place, facing: Facing) -> Shade {
         reflectance = back_reflectance(place);
         transmittance = front_transmittance(place);
     }
+    //#if DOME
+    //#if TANGENT
+    let away = mapped(!facing.front, place, facing.axes);
+    //#else
+    let away = -facing.towards_viewer;
+    //#endif
+    out.ambient = reflectance * even_light(viewed) + transmittance * even_light(away);
+    //#if ALBEDO
+    out.ambient += gloss.rgb * albedo(dot(viewed, view), roughness) * glossy_light(viewed, view, roughness);
+    //#endif
+    //#else
     var scattered = reflectance + transmittance;
     //#if ALBEDO
     scattered += gloss.rgb * albedo(dot(viewed, view), roughness);
     //#endif
     out.ambient = frame.sky.rgb * scattered;
+    //#endif
     //#endif
     //#if SUN
     let light = frame.sun_direction.xyz;

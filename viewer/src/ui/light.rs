@@ -3,8 +3,11 @@
 use super::ViewerUi;
 use crate::scene::Sun;
 use crate::ui::orbit::Orbit;
-use egui::{RichText, Slider};
+use egui::{RichText, Slider, SliderClamping};
 use glam::Vec3;
+
+/// A slider leaves a value alone until it is moved: the scene's own sun has more digits than it shows.
+const EDITS: SliderClamping = SliderClamping::Edits;
 
 /// Azimuth from +x towards +y and elevation above the horizon (degrees) of a direction.
 pub(crate) fn angles(direction: Vec3) -> (f32, f32) {
@@ -21,12 +24,16 @@ impl ViewerUi {
     pub(super) fn lights(&mut self, ui: &mut egui::Ui) {
         ui.heading("Light");
         ui.spacing_mut().slider_width = 110.0;
-        let before = (self.scene.sun.map(|s| s.direction), self.sun_factor, self.sky_factor, self.scene.exposure);
+        let before = (self.scene.sun.map(|s| s.direction), self.sun_factor, self.sky_factor, self.scene.exposure, self.turbidity);
         if let Some(sun) = self.scene.sun {
             // Kept apart from the direction, which knows no azimuth at the zenith.
-            let azimuth = ui.add(Slider::new(&mut self.sun_angles.0, -180.0..=180.0).suffix("°").max_decimals(1).text("azimuth"));
+            let azimuth =
+                ui.add(Slider::new(&mut self.sun_angles.0, -180.0..=180.0).suffix("°").max_decimals(1).clamping(EDITS).text("azimuth"));
             self.landmark("azimuth", &azimuth);
-            let elevation = ui.add(Slider::new(&mut self.sun_angles.1, -90.0..=90.0).suffix("°").max_decimals(1).text("elevation"));
+            // A dome has no sun below its horizon.
+            let lowest = if self.scene.dome.is_some() { 0.0 } else { -90.0 };
+            let elevation =
+                ui.add(Slider::new(&mut self.sun_angles.1, lowest..=90.0).suffix("°").max_decimals(1).clamping(EDITS).text("elevation"));
             self.landmark("elevation", &elevation);
             ui.add(Slider::new(&mut self.sun_factor, 0.0..=4.0).text("sun ×"));
             if azimuth.changed() || elevation.changed() {
@@ -35,18 +42,28 @@ impl ViewerUi {
         } else {
             ui.label(RichText::new("This scene has no sun.").weak());
         }
-        if self.scene.sky.is_some() {
+        if self.scene.dome.is_some() {
+            let turbidity = ui.add(Slider::new(&mut self.turbidity, 1.7..=10.0).max_decimals(2).clamping(EDITS).text("turbidity"));
+            self.landmark("turbidity", &turbidity);
+        }
+        if self.scene.sky.is_some() || self.scene.dome.is_some() {
             ui.add(Slider::new(&mut self.sky_factor, 0.0..=4.0).text("sky ×"));
         } else {
             ui.label(RichText::new("This scene has no sky.").weak());
         }
         let exposure = ui.add(Slider::new(&mut self.scene.exposure, 1e-3..=1e3).logarithmic(true).text("exposure"));
         self.landmark("exposure", &exposure);
-        if before != (self.scene.sun.map(|s| s.direction), self.sun_factor, self.sky_factor, self.scene.exposure) {
+        if before != (self.scene.sun.map(|s| s.direction), self.sun_factor, self.sky_factor, self.scene.exposure, self.turbidity) {
+            if before.0 != self.scene.sun.map(|s| s.direction) || before.4 != self.turbidity {
+                self.renew_sky();
+            }
             if let (Some(sun), Some(own)) = (&mut self.scene.sun, self.own_sun) {
                 sun.irradiance = own.map(|v| v * self.sun_factor);
             }
             self.scene.sky = self.own_sky.map(|sky| sky.map(|v| v * self.sky_factor));
+            if let Some(dome) = &mut self.scene.dome {
+                dome.strength = self.sky_factor;
+            }
             self.lights_changed = true;
             self.make_stale();
         }
@@ -63,6 +80,19 @@ impl ViewerUi {
                     }
                 }
             });
+        }
+    }
+
+    /// Asks for the sky that goes with the sun and turbidity as they stand; a refusal is shown and the sky stays as it was.
+    fn renew_sky(&mut self) {
+        let (Some(_), Some(sun)) = (&self.scene.dome, self.scene.sun) else { return };
+        match self.editor.sky(sun.direction, self.turbidity) {
+            Ok(update) => {
+                self.message.clear();
+                self.scene.dome = Some(update.dome);
+                self.own_sun = Some(update.sun_irradiance);
+            }
+            Err(reason) => self.message = reason,
         }
     }
 }

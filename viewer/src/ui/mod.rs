@@ -62,6 +62,8 @@ pub struct ViewerUi {
     own_sky: Option<[f32; 3]>,
     sun_factor: f32,
     sky_factor: f32,
+    /// Of the dome, as the slider has it.
+    turbidity: f32,
     sun_angles: (f32, f32),
     starts: Vec<LeafEdit>,
     edits: Vec<LeafEdit>,
@@ -112,6 +114,7 @@ impl ViewerUi {
             own_sky: scene.sky,
             sun_factor: 1.0,
             sky_factor: 1.0,
+            turbidity: scene.dome.as_ref().map_or(0.0, |d| d.turbidity),
             sun_angles: scene.sun.map_or((0.0, 90.0), |s| light::angles(s.direction)),
             edits: starts.clone(),
             starts,

@@ -80,6 +80,7 @@ pub fn scene_of(leaf: Leaf) -> Scene {
         instances: vec![Instance { leaf: 0, transform: Mat4::IDENTITY }],
         sun: None,
         sky: None,
+        dome: None,
         background: [0.0; 3],
         exposure: 1.0,
         shadow_samples: 0,

@@ -1,0 +1,77 @@
+//! The hours of a scene's day: the first perspective view under each of them, as one picture, from the fitted polynomials.
+//!
+//! The mosaic has four columns, in the order of the hours. With every hour goes how far its coefficients are from integrated ones.
+
+use super::check::told;
+use super::daylight::{self, Daylight};
+use super::handover;
+use super::ledger::Ledger;
+use super::manifest::{Manifest, ViewKind};
+use super::plan::Plan;
+use crate::Result;
+use crate::files::image;
+use mesophyll_viewer as gpu;
+use mesophyll_viewer::scene as viewer;
+use std::path::Path;
+
+/// One hour.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Hour {
+    pub hour: f64,
+    pub zenith_deg: f64,
+    pub azimuth_deg: f64,
+    /// The sun's, on a surface that faces it.
+    pub sun: [f64; 3],
+    /// Root of the sum of squared differences from integrated coefficients over c00, worst channel.
+    pub fit_error: f64,
+}
+
+/// Columns of the mosaic.
+const COLUMNS: usize = 4;
+
+/// Draws the hours into `out/day.png`; nothing without a `[day]` or a perspective view.
+///
+/// # Errors
+/// [`crate::Error::Missed`] where the renderer or the fit fails; a picture that cannot be written.
+pub fn draw(
+    manifest: &Manifest,
+    plan: &Plan,
+    scene: &viewer::Scene,
+    renderer: &mut gpu::Renderer,
+    out: &Path,
+    ledger: &Ledger,
+) -> Result<Vec<Hour>> {
+    let (Some(day), Some(sky)) = (&manifest.day, &manifest.sky) else { return Ok(Vec::new()) };
+    let Some(view) = manifest.views.iter().find(|v| v.kind == ViewKind::Perspective) else { return Ok(Vec::new()) };
+    let (w, h) = (manifest.check.width.div_ceil(2), manifest.check.height.div_ceil(2));
+    let (tile_w, tile_h) = (w as usize, h as usize);
+    let (columns, rows) = (day.hours.len().min(COLUMNS), day.hours.len().div_ceil(COLUMNS));
+    let mut mosaic = vec![[0u8, 0, 0, 255]; columns * tile_w * rows * tile_h];
+    let polynomials = daylight::polynomials(plan, ledger)?;
+    let mut hours = Vec::new();
+    let mut lit = scene.clone();
+    for (k, &hour) in day.hours.iter().enumerate() {
+        let (zenith, azimuth) = daylight::sun_of(day, hour);
+        let daylight = Daylight::at(manifest, zenith, azimuth, sky.turbidity.unwrap_or_default())?;
+        lit.dome = Some(handover::dome(&daylight, plan.sky_bands, polynomials)?);
+        if let Some(sun) = &mut lit.sun {
+            sun.direction = daylight::direction(daylight.zenith, azimuth).as_vec3();
+            sun.irradiance = daylight.sun.map(|v| v as f32);
+        }
+        renderer.set_lights(&lit).map_err(told)?;
+        let picture = renderer.render(&handover::camera(view), w, h).map_err(told)?;
+        let (left, top) = ((k % COLUMNS) * tile_w, (k / COLUMNS) * tile_h);
+        for (y, row) in picture.ldr.chunks_exact(tile_w).enumerate() {
+            let at = (top + y) * columns * tile_w + left;
+            mosaic[at..at + tile_w].copy_from_slice(row);
+        }
+        let (made, exact) = (daylight.light(plan.sky_bands, polynomials)?.harmonics, daylight.light(plan.sky_bands, None)?.harmonics);
+        let c00 = exact.get(0, 0);
+        let error = made.distance(&exact).iter().zip(c00).map(|(d, c)| d / c.abs().max(f64::MIN_POSITIVE)).fold(0.0, f64::max);
+        let (zenith_deg, azimuth_deg) = (zenith.to_degrees(), azimuth.to_degrees());
+        hours.push(Hour { hour, zenith_deg, azimuth_deg, sun: daylight.sun, fit_error: error });
+    }
+    let rgb: Vec<u8> = mosaic.iter().flat_map(|p| [p[0], p[1], p[2]]).collect();
+    image::write_png(&out.join("day.png"), columns * tile_w, rows * tile_h, &rgb)?;
+    Ok(hours)
+}

@@ -1,0 +1,125 @@
+//! The sky seen behind the leaves: drawn first in the main pass, by a pipeline of its own, and only where the scene has a dome.
+
+use crate::gpu::Gpu;
+use crate::passes::main::DEPTH;
+use crate::scene::{Camera, Dome, Sun};
+use crate::stats::Stats;
+use glam::Vec3;
+
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, bytemuck::Pod, bytemuck::Zeroable)]
+struct Uniform {
+    corner: [f32; 4],
+    right: [f32; 4],
+    down: [f32; 4],
+    sun: [f32; 4],
+    disk: [f32; 4],
+    below: [f32; 4],
+    scale: [f32; 4],
+    perez: [[f32; 4]; 6],
+}
+
+pub(crate) struct SkyPass {
+    pipeline: wgpu::RenderPipeline,
+    uniform: wgpu::Buffer,
+    group: wgpu::BindGroup,
+}
+
+impl SkyPass {
+    pub(crate) fn new(gpu: &Gpu, msaa: u32, stats: &mut Stats) -> SkyPass {
+        let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("sky"),
+            entries: &[wgpu::BindGroupLayoutEntry {
+                binding: 0,
+                visibility: wgpu::ShaderStages::FRAGMENT,
+                ty: wgpu::BindingType::Buffer { ty: wgpu::BufferBindingType::Uniform, has_dynamic_offset: false, min_binding_size: None },
+                count: None,
+            }],
+        });
+        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some("sky"),
+            source: wgpu::ShaderSource::Wgsl(include_str!("sky.wgsl").into()),
+        });
+        let pipeline_layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some("sky"),
+            bind_group_layouts: &[Some(&layout)],
+            immediate_size: 0,
+        });
+        let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some("sky"),
+            layout: Some(&pipeline_layout),
+            vertex: wgpu::VertexState {
+                module: &module,
+                entry_point: Some("vertex"),
+                compilation_options: Default::default(),
+                buffers: &[],
+            },
+            primitive: wgpu::PrimitiveState::default(),
+            // Drawn first: the leaves cover it.
+            depth_stencil: Some(wgpu::DepthStencilState {
+                format: DEPTH,
+                depth_write_enabled: Some(false),
+                depth_compare: Some(wgpu::CompareFunction::Always),
+                stencil: Default::default(),
+                bias: Default::default(),
+            }),
+            multisample: wgpu::MultisampleState { count: msaa, mask: !0, alpha_to_coverage_enabled: false },
+            fragment: Some(wgpu::FragmentState {
+                module: &module,
+                entry_point: Some("fragment"),
+                compilation_options: Default::default(),
+                targets: &[Some(gpu.hdr_format(msaa).into())],
+            }),
+            multiview_mask: None,
+            cache: None,
+        });
+        stats.pipeline("sky");
+        let uniform = gpu.uniform("sky", &[Uniform::default()]);
+        stats.upload("sky", size_of::<Uniform>() as u64);
+        let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("sky"),
+            layout: &layout,
+            entries: &[wgpu::BindGroupEntry { binding: 0, resource: uniform.as_entire_binding() }],
+        });
+        SkyPass { pipeline, uniform, group }
+    }
+
+    /// What this frame sees of it.
+    pub(crate) fn aim(&self, gpu: &Gpu, dome: &Dome, sun: Option<&Sun>, background: [f32; 3], camera: &Camera, size: [u32; 2]) {
+        let four = |v: Vec3, w: f32| [v.x, v.y, v.z, w];
+        let forward = (camera.target - camera.eye).normalize();
+        let pixel = 2.0 * (0.5 * camera.fov_y_deg.to_radians()).tan() / size[1] as f32;
+        let across = forward.cross(camera.up).normalize();
+        let (right, down) = (across * pixel, forward.cross(across) * pixel);
+        let corner = forward - 0.5 * (right * size[0] as f32 + down * size[1] as f32);
+        // Radiance of a disk that gives its irradiance: E/(π sin²r).
+        let radius = sun.map_or(0.0, |s| s.radius);
+        let share = std::f32::consts::PI * radius.sin() * radius.sin();
+        let disk = sun.filter(|_| share > 0.0).map_or([0.0; 3], |s| s.irradiance.map(|e| (e / share).min(6e4)));
+        let below = dome.ground.map_or(background, |g| g.map(|v| v * dome.strength));
+        let mut perez = [[0.0; 4]; 6];
+        for (k, [a, b, c, d, e]) in dome.perez.into_iter().enumerate() {
+            (perez[2 * k], perez[2 * k + 1]) = ([a, b, c, d], [e, 0.0, 0.0, 0.0]);
+        }
+        let [r, g, b] = disk;
+        let s = dome.scale.map(|v| v * dome.strength);
+        let uniform = Uniform {
+            corner: four(corner, 0.0),
+            right: four(right, 0.0),
+            down: four(down, 0.0),
+            sun: four(dome.sun.normalize(), radius),
+            disk: [r, g, b, pixel],
+            below: [below[0], below[1], below[2], 0.0],
+            scale: [s[0], s[1], s[2], 0.0],
+            perez,
+        };
+        gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&uniform));
+    }
+
+    pub(crate) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, stats: &mut Stats) {
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &self.group, &[]);
+        pass.draw(0..3, 0..1);
+        stats.draws += 1;
+    }
+}

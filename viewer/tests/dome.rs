@@ -1,0 +1,167 @@
+//! A sky as harmonics: where its integrals are known, the drawn radiance is that.
+
+mod common;
+
+use common::*;
+use glam::Vec3;
+use mesophyll_viewer::Renderer;
+use mesophyll_viewer::scene::{Dome, Lobe, Scene};
+use std::f64::consts::PI;
+
+/// A dome of these coefficients; what is seen of it is a grey of radiance 0.25 above the horizon and `ground` below.
+fn dome(harmonics: Vec<[f32; 3]>) -> Dome {
+    // A = C = E = 0: both of Perez's factors are 1; Y = 0.25, and x and y those of equal energy.
+    Dome {
+        harmonics,
+        perez: [[0.0; 5]; 3],
+        scale: [0.25, 0.75, 0.25],
+        ground: Some([0.02, 0.03, 0.04]),
+        sun: Vec3::new(0.6, 0.0, 0.8),
+        strength: 1.0,
+        turbidity: 3.0,
+    }
+}
+
+fn glossy() -> Scene {
+    let mut leaf = uniform_leaf();
+    leaf.mesh = bent(10.0, 12, -0.02);
+    leaf.front.gloss = Some(vec![[0.08, 0.06, 0.05, 0.3]; 64]);
+    scene_of(leaf)
+}
+
+/// The harmonics of an even sky light a leaf exactly as the constant sky does: diffuse, through the blade and glossy.
+#[test]
+fn an_even_dome_is_the_constant_sky() {
+    let Some(mut renderer) = renderer() else { return };
+    let sky = [0.4f32, 0.5, 0.6];
+    for lobe in [Lobe::Beckmann, Lobe::Ggx, Lobe::CookTorrance { index: 1.45 }] {
+        for view in [Vec3::new(0.3, -0.5, 1.0), Vec3::new(-0.3, 0.4, -1.0)] {
+            let mut scene = glossy();
+            scene.leaves[0].lobe = lobe;
+            let draw = |renderer: &mut Renderer, scene: &Scene| {
+                renderer.set_scene(scene).unwrap();
+                renderer.render(&camera(view, 80.0), 64, 48).unwrap().hdr
+            };
+            scene.sky = Some(sky);
+            let constant = draw(&mut renderer, &scene);
+            scene.sky = None;
+            for bands in [1, 3, 7] {
+                let mut harmonics = vec![[0.0; 3]; bands * bands];
+                harmonics[0] = sky.map(|v| v * (4.0 * std::f32::consts::PI).sqrt());
+                scene.dome = Some(dome(harmonics));
+                let domed = draw(&mut renderer, &scene);
+                let mut compared = 0;
+                for (a, b) in domed.iter().zip(&constant).filter(|(_, b)| b[3] == 1.0) {
+                    agree(&format!("{lobe:?} {bands} bands"), *a, [b[0], b[1], b[2]].map(f64::from), held(&renderer, 1e-5));
+                    compared += 1;
+                }
+                assert!(compared > 300, "{compared}");
+            }
+        }
+    }
+}
+
+/// L = 1 + a·ω has the closed irradiance π + 2π/3 a·n, and through the blade that of the opposite normal.
+#[test]
+fn a_gradient_lights_both_sides_by_its_closed_form() {
+    let Some(mut renderer) = renderer() else { return };
+    let a: [f64; 3] = [0.3, -0.5, 0.6];
+    let (c0, c1) = ((4.0 * PI).sqrt() as f32, (4.0 * PI / 3.0).sqrt());
+    let harmonics = vec![[c0; 3], [(a[1] * c1) as f32; 3], [(a[2] * c1) as f32; 3], [(a[0] * c1) as f32; 3]];
+    let mut scene = scene_of(uniform_leaf());
+    scene.dome = Some(dome(harmonics));
+    for (towards, rho_d, rho_t) in [(1.0, RHO_D, BACK_T), (-1.0, BACK_D, RHO_T)] {
+        for tilt in [0.0f32, 0.5, 1.2] {
+            let turn = glam::Quat::from_rotation_x(tilt) * glam::Quat::from_rotation_z(0.4);
+            scene.instances[0].transform = glam::Mat4::from_quat(turn);
+            let normal = turn * Vec3::Z;
+            renderer.set_scene(&scene).unwrap();
+            let picture = renderer.render(&camera(normal * towards, 80.0), 16, 16).unwrap();
+            let cosine = dot(a, wide(normal)) * f64::from(towards);
+            let want =
+                [0, 1, 2].map(|c| f64::from(rho_d[c]) * (1.0 + 2.0 / 3.0 * cosine) + f64::from(rho_t[c]) * (1.0 - 2.0 / 3.0 * cosine));
+            agree(&format!("side {towards}, tilt {tilt}"), picture.hdr[8 * 16 + 8], want, held(&renderer, 2e-5));
+        }
+    }
+}
+
+/// The mirror image of a linear sky, by brute force over the lobe: two bands about the lobe's mean direction are exact.
+#[test]
+fn the_gloss_of_a_gradient_is_its_integral() {
+    let Some(mut renderer) = renderer() else { return };
+    let a: [f64; 3] = [0.4, 0.2, 0.5];
+    let (c0, c1) = ((4.0 * PI).sqrt() as f32, (4.0 * PI / 3.0).sqrt());
+    let mut leaf = uniform_leaf();
+    let (rho_s, m) = (0.3f32, 0.35f32);
+    for side in [&mut leaf.front, &mut leaf.back] {
+        side.gamma_delta.iter_mut().for_each(|t| t[..3].fill(0.0));
+        if let mesophyll_viewer::scene::Interior::Scalars(curve) = &mut side.interior {
+            curve.rho_t.iter_mut().for_each(|t| *t = [0.0; 3]);
+        }
+    }
+    leaf.front.gloss = Some(vec![[rho_s, rho_s, rho_s, m]; 64]);
+    let mut scene = scene_of(leaf);
+    scene.dome = Some(dome(vec![[c0; 3], [(a[1] * c1) as f32; 3], [(a[2] * c1) as f32; 3], [(a[0] * c1) as f32; 3]]));
+    renderer.set_scene(&scene).unwrap();
+    for view in [Vec3::new(0.1, 0.0, 1.0), Vec3::new(-0.7, 0.4, 1.0), Vec3::new(1.0, 1.0, 0.6)] {
+        let picture = renderer.render(&camera(view, 400.0), 9, 9).unwrap();
+        let v = unit(wide(view));
+        // Lights on a grid even in cosθ and azimuth.
+        let (rings, spokes) = (300, 600);
+        let mut sum = 0.0;
+        for i in 0..rings {
+            let nl = (f64::from(i) + 0.5) / f64::from(rings);
+            for k in 0..spokes {
+                let phi = 2.0 * PI * (f64::from(k) + 0.5) / f64::from(spokes);
+                let s = (1.0 - nl * nl).sqrt();
+                let l = [s * phi.cos(), s * phi.sin(), nl];
+                let h = unit([l[0] + v[0], l[1] + v[1], l[2] + v[2]]);
+                let vh = dot(v, h);
+                let d = mesophyll_viewer::lobe::density(Lobe::Beckmann, h[2] * h[2], f64::from(m));
+                let f = d * mesophyll_viewer::lobe::cavity(h[2], v[2], nl, vh) / (4.0 * nl * v[2]);
+                sum += f * nl * (1.0 + dot(a, l)) * 2.0 * PI / f64::from(rings * spokes);
+            }
+        }
+        agree(&format!("{view}"), picture.hdr[4 * 9 + 4], [f64::from(rho_s) * sum; 3], 3e-3);
+    }
+}
+
+/// Above the horizon the sky is seen, below it the ground; the sun's disk stands where the sun is; nothing of it counts as leaf.
+#[test]
+fn the_sky_is_drawn_behind_the_leaves() {
+    let Some(mut renderer) = renderer() else { return };
+    let mut scene = scene_of(uniform_leaf());
+    let dome = dome(vec![[1.0; 3]]);
+    scene.sun = Some(sun(dome.sun));
+    scene.dome = Some(dome.clone());
+    renderer.set_scene(&scene).unwrap();
+    assert!(renderer.stats().pipelines.iter().any(|p| p == "sky") && renderer.stats().uploaded("sky harmonics"));
+    let mut look = |ahead: Vec3| {
+        let eye = Vec3::new(0.0, 0.0, 50.0);
+        let camera = mesophyll_viewer::scene::Camera { eye, target: eye + ahead, up: Vec3::Y, fov_y_deg: 4.0 };
+        renderer.render(&camera, 9, 9).unwrap().hdr[4 * 9 + 4]
+    };
+    let up = look(Vec3::new(-0.3, 0.2, 0.9));
+    // Equal energy of luminance 1/4 in linear sRGB.
+    let white = [3.2404542 - 1.5371385 - 0.4985314, -0.969266 + 1.8760108 + 0.041556, 0.0556434 - 0.2040259 + 1.0572252];
+    agree("sky", up, white.map(|v: f64| 0.25 * v), 2e-3);
+    assert_eq!(up[3], 0.0);
+    agree("ground", look(Vec3::new(1.0, 0.3, -0.1)), [0.02, 0.03, 0.04], 2e-3);
+    assert!(look(dome.sun)[0] > 1e4, "no sun");
+    // Without a dome neither pass nor coefficients exist.
+    scene.dome = None;
+    renderer.set_scene(&scene).unwrap();
+    assert!(!renderer.stats().pipelines.iter().any(|p| p == "sky") && !renderer.stats().uploaded("sky"));
+}
+
+/// What contradicts itself is refused by name.
+#[test]
+fn a_wrong_dome_is_refused() {
+    let Some(mut renderer) = renderer() else { return };
+    let mut scene = scene_of(uniform_leaf());
+    scene.dome = Some(dome(vec![[1.0; 3]; 5]));
+    assert!(renderer.set_scene(&scene).unwrap_err().to_string().contains("5 coefficients"));
+    scene.dome = Some(dome(vec![[1.0; 3]; 4]));
+    scene.sky = Some([1.0; 3]);
+    assert!(renderer.set_scene(&scene).unwrap_err().to_string().contains("one of the two"));
+}
