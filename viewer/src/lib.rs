@@ -10,6 +10,7 @@
 //! }
 //! ```
 
+mod bend;
 pub mod editor;
 mod error;
 mod geometry;

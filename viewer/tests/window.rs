@@ -82,7 +82,7 @@ fn two_leaves() -> (WindowScene, Toy) {
     let mut scene = scene_of(leaf.clone());
     leaf.name = "other".into();
     scene.leaves.push(leaf);
-    scene.instances.push(Instance { leaf: 1, transform: Mat4::from_translation(Vec3::new(24.0, 0.0, 0.0)) });
+    scene.instances.push(Instance { leaf: 1, transform: Mat4::from_translation(Vec3::new(24.0, 0.0, 0.0)), ride: None });
     scene.sun = Some(sun(Vec3::new(-0.4, 0.3, 1.0)));
     scene.sky = Some([0.4, 0.5, 0.6]);
     scene.background = [0.02; 3];
