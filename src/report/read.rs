@@ -189,7 +189,8 @@ fn parameters(section: &str, s: &Section) -> Vec<ParameterRow> {
                 [own.as_str(), name.as_str(), channel.as_str()].contains(&who.trim()).then(|| why.trim().to_string())
             });
             let stderr = p.stderr.get(k).copied().filter(|e| e.is_finite());
-            let unbounded = p.stderr.get(k).is_some_and(|e| !e.is_finite()).then(String::new);
+            // NaN is an error that nobody stated: a measured gauge, not an unknown.
+            let unbounded = p.stderr.get(k).is_some_and(|e| e.is_infinite()).then(String::new);
             let undetermined = named.or(unbounded);
             rows.push(ParameterRow {
                 section: section.into(),

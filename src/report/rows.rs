@@ -163,7 +163,8 @@ fn plot(model: &str, rows: &[&BenchRow]) -> std::result::Result<String, String> 
             let of: Vec<&&BenchRow> = rows.iter().filter(|r| r.knob == knob).collect();
             let points = of.iter().map(|r| (r.us, r.error));
             // Peers and the like are points without an order; a knob's settings follow one another.
-            if knob != "peer" {
+            let apart = ["peer", "method", "lobe"].contains(&knob.as_str());
+            if !apart {
                 chart.draw_series(LineSeries::new(points.clone(), color.stroke_width(2))).map_err(|e| text(&e))?;
             }
             chart
@@ -172,7 +173,7 @@ fn plot(model: &str, rows: &[&BenchRow]) -> std::result::Result<String, String> 
                 .label(knob.as_str())
                 .legend(move |(x, y)| Circle::new((x + 8, y), 4, color.filled()));
             // The ends of a knob are named, what lies between follows; names of all settings would cover one another.
-            let named = of.iter().enumerate().filter(|(k, _)| knob == "peer" || *k == 0 || k + 1 == of.len()).map(|(_, r)| r);
+            let named = of.iter().enumerate().filter(|(k, _)| apart || *k == 0 || k + 1 == of.len()).map(|(_, r)| r);
             let style = ("sans-serif", 12).into_font().color(&color);
             chart.draw_series(named.map(|r| Text::new(r.setting.clone(), (r.us * 1.05, r.error), style.clone()))).map_err(|e| text(&e))?;
         }

@@ -49,8 +49,14 @@ pub fn pictures(folder: &Path, grid: usize) -> Result<Vec<PathBuf>> {
             worst.turbidity
         );
         let (top, bottom) = area.split_vertically(330);
-        lines(&top, &title, "luminance (kcd/m²), 7 bands", &[worst.correct.clone(), worst.reconstructed.clone()])?;
-        lines(&bottom, "", "difference (kcd/m²)", &[worst.difference.clone(), worst.fine.clone()])
+        lines(
+            &top,
+            &title,
+            "luminance (kcd/m²), 7 bands",
+            &[worst.correct.clone(), worst.reconstructed.clone()],
+            SeriesLabelPosition::UpperLeft,
+        )?;
+        lines(&bottom, "", "difference (kcd/m²)", &[worst.difference.clone(), worst.fine.clone()], SeriesLabelPosition::LowerLeft)
     })?;
     save("sky-ringing.svg", (860, 480), &|area| {
         lines(
@@ -58,6 +64,7 @@ pub fn pictures(folder: &Path, grid: usize) -> Result<Vec<PathBuf>> {
             "Ringing of 7 bands below the horizon: sun 74.5° from the zenith, turbidity 3",
             "luminance over the sky's mean",
             &ringing,
+            SeriesLabelPosition::UpperLeft,
         )
     })?;
     Ok(files)
@@ -126,8 +133,9 @@ fn frontier(area: &Area, points: &[Point]) -> Drawn {
             .map_err(text)?
             .label("dissertation 2009 (Pentium 4)")
             .legend(|(x, y)| TriangleMarker::new((x + 8, y), 6, COLORS[6].filled()));
-        if k == 0 {
-            legend(&mut chart, SeriesLabelPosition::LowerLeft)?;
+        // the corner that is empty: slow fits that are good
+        if k == 2 {
+            legend(&mut chart, SeriesLabelPosition::LowerRight)?;
         }
     }
     Ok(())
@@ -184,11 +192,11 @@ fn by_band(area: &Area, curves: &[Curve], claims: &[Curve]) -> Drawn {
             .label(c.name.clone())
             .legend(|(x, y)| TriangleMarker::new((x + 9, y), 6, COLORS[6].filled()));
     }
-    legend(&mut chart, SeriesLabelPosition::LowerRight)
+    legend(&mut chart, SeriesLabelPosition::MiddleLeft)
 }
 
-/// Curves along the meridian, the half below the horizon shaded.
-fn lines(area: &Area, title: &str, what: &str, curves: &[Curve]) -> Drawn {
+/// Curves along the meridian, the half below the horizon shaded; the legend at `position`.
+fn lines(area: &Area, title: &str, what: &str, curves: &[Curve], position: SeriesLabelPosition) -> Drawn {
     let values = || curves.iter().flat_map(|c| c.points.iter().map(|p| p.1));
     let (low, high) = (values().fold(0.0, f64::min), values().fold(0.0, f64::max));
     let room = 0.06 * (high - low).max(1e-300);
@@ -223,7 +231,7 @@ fn lines(area: &Area, title: &str, what: &str, curves: &[Curve]) -> Drawn {
             .label(c.name.clone())
             .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], color.stroke_width(width)));
     }
-    legend(&mut chart, SeriesLabelPosition::UpperLeft)
+    legend(&mut chart, position)
 }
 
 /// Told apart by readers who do not see every colour alike (Okabe and Ito, "Color universal design", 2008).

@@ -63,9 +63,9 @@ impl LobeArgs {
         Ok(match self.lobe {
             LobeName::Beckmann => Lobe::Beckmann,
             LobeName::Ggx => Lobe::Ggx,
-            LobeName::CookTorrance if self.index > 1.0 && self.index < 10.0 => Lobe::CookTorrance { index: self.index },
+            LobeName::CookTorrance if self.index > 1.0 && self.index < 4.0 => Lobe::CookTorrance { index: self.index },
             LobeName::CookTorrance => {
-                return Err(Error::Usage(format!("--index: found {}, expected more than 1 and less than 10", self.index)));
+                return Err(Error::Usage(format!("--index: found {}, expected more than 1 and less than 4", self.index)));
             }
         })
     }

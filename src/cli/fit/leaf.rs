@@ -1,12 +1,12 @@
 //! `mesophyll fit leaf CAPTURE -o DIR`.
 
+use super::gloss::LobeArgs;
+use crate::Result;
 use crate::cli::{Common, print, print_json};
 use crate::files::progress::say;
 use crate::fit::leaf::texels::Shard;
 use crate::fit::leaf::{Method, Options, Outcome, run as fit};
 use crate::fit::record::FitRecord;
-use crate::optics::gloss::Lobe;
-use crate::{Error, Result};
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
@@ -45,35 +45,6 @@ pub struct Args {
 enum MethodName {
     Exact,
     Paper,
-}
-
-/// The surface's lobe, by name.
-#[derive(Debug, Clone, clap::Args)]
-pub struct LobeArgs {
-    /// Gloss model
-    #[arg(long, value_enum, default_value = "beckmann")]
-    lobe: LobeName,
-    /// Refractive index of the cook-torrance lobe's Fresnel term
-    #[arg(long, default_value_t = 1.45, value_name = "N")]
-    index: f64,
-}
-
-#[derive(Debug, Clone, Copy, clap::ValueEnum)]
-enum LobeName {
-    Beckmann,
-    Ggx,
-    CookTorrance,
-}
-
-impl LobeArgs {
-    pub fn lobe(&self) -> Result<Lobe> {
-        Ok(match self.lobe {
-            LobeName::Beckmann => Lobe::Beckmann,
-            LobeName::Ggx => Lobe::Ggx,
-            LobeName::CookTorrance if self.index > 1.0 && self.index < 4.0 => Lobe::CookTorrance { index: self.index },
-            LobeName::CookTorrance => return Err(Error::Usage(format!("--index: found {}, expected 1 to 4", self.index))),
-        })
-    }
 }
 
 fn parse_shard(text: &str) -> std::result::Result<Shard, String> {

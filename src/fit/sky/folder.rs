@@ -3,7 +3,7 @@
 use super::judge::{Judged, Reference, judge};
 use super::{Fitted, Form};
 use crate::files::{atomic, hash};
-use crate::fit::record::{FitRecord, Residuals, SCHEMA, Section, Times};
+use crate::fit::record::{FitRecord, SCHEMA, Section, Times};
 use crate::sky::fitted::{Basis, Folded, Tensor};
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -133,19 +133,7 @@ pub fn write(folder: &Path, fit: &Fitted, reference: &Reference) -> Result<(Judg
     let mut all = Section { condition: Some(fit.condition), rank: Some(fit.rank), ..Section::default() };
     let functions = 3 * options.bands * (options.bands + 1) / 2;
     all.terminations.insert(fit.termination.name().into(), functions);
-    let squares = fit.rms * fit.rms * fit.samples as f64;
-    let freedom = fit.samples.saturating_sub(fit.columns * functions);
-    all.residuals.insert(
-        "coefficients".into(),
-        Residuals {
-            samples: fit.samples,
-            chi2: squares,
-            reduced_chi2: if freedom > 0 { squares / freedom as f64 } else { f64::NAN },
-            rms: fit.rms,
-            worst: fit.worst,
-            worst_at: [0, 0],
-        },
-    );
+    // Integrals have no noise, so there is no χ²: what a polynomial leaves is its own misfit.
     let mut figure = |name: &str, value: f64| all.figures.insert(name.into(), value);
     figure("error_worst", error.worst);
     figure("error_worst_f64", wide_error.worst);
@@ -153,6 +141,9 @@ pub fn write(folder: &Path, fit: &Fitted, reference: &Reference) -> Result<(Judg
     figure("error_worst_sum", error.worst_sum);
     figure("error_worst_sun_zenith", error.worst_at.0);
     figure("error_worst_turbidity", error.worst_at.1);
+    figure("residual_rms", fit.rms);
+    figure("residual_worst", fit.worst);
+    figure("residual_samples", fit.samples as f64);
     figure("smallest_c00", reference.smallest);
     figure("skies_judged", reference.skies.len() as f64);
     figure("terms", form.terms() as f64);

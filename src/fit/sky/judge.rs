@@ -41,7 +41,7 @@ impl Reference {
     /// # Errors
     /// What the model refuses.
     pub fn new(model: &dyn Model, bands: usize, turbidities: [f64; 2], suns: usize, turbid: usize) -> Result<Reference, String> {
-        let mut angles: Vec<f64> = (0..suns).map(|k| FRAC_PI_2 * k as f64 / (suns - 1) as f64).collect();
+        let mut angles: Vec<f64> = (0..suns).map(|k| (FRAC_PI_2 * k as f64 / (suns - 1) as f64).min(FRAC_PI_2)).collect();
         angles.extend([1e-3, 4e-3, 0.012, 0.03].map(|e| FRAC_PI_2 - e));
         let [low, high] = turbidities;
         let rows: Result<Vec<Vec<_>>, String> = angles
@@ -49,7 +49,7 @@ impl Reference {
             .map(|s| {
                 let rule = Rule::new(*s, bands, Quality::Exact);
                 let one = |k: usize| {
-                    let t = low + (high - low) * k as f64 / (turbid - 1) as f64;
+                    let t = (low + (high - low) * k as f64 / (turbid - 1) as f64).min(high);
                     let sky = model.sky(*s, t).map_err(|e| e.to_string())?;
                     Ok((*s, t, rule.project(sky.as_ref())))
                 };

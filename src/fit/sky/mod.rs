@@ -84,7 +84,8 @@ impl Default for Options {
 /// Most bands of a fit; beyond, integrate directly.
 pub const MOST_BANDS: usize = 12;
 
-/// Fitted polynomials of either form.
+/// Fitted polynomials of either form. There are a handful of them at most, so that their size on the stack does not matter.
+#[allow(clippy::large_enum_variant)]
 #[derive(Debug, Clone, PartialEq)]
 pub enum Form<T = f64> {
     Folded(Folded<T>),

@@ -15,7 +15,7 @@ const DIRECT: [(&str, f64, f64, usize); 14] = [
     ("sun on the horizon", FRAC_PI_2, 3.0, 7),
     ("sun 1e-12 above the horizon", FRAC_PI_2 - 1e-12, 3.0, 7),
     ("sun 1e-4 above the horizon", FRAC_PI_2 - 1e-4, 3.0, 7),
-    ("pi/2 in five digits", 1.5708, 3.0, 7),
+    ("pi/2 rounded up to five digits", FRAC_PI_2 + 3.7e-6, 3.0, 7),
     ("sun .02 above the horizon", FRAC_PI_2 - 0.02, 3.0, 7),
     ("turbidity 1.7, sun overhead", 0.0, 1.7, 7),
     ("turbidity 1.7, sun on the horizon", FRAC_PI_2, 1.7, 7),

@@ -35,7 +35,7 @@ pub fn fit(options: &Options, model: &dyn Model) -> Fitted {
         let (columns, evaluations) = by_integration(model, &suns, &turbidities, options.bands);
         (suns, turbidities, columns, evaluations)
     } else {
-        let even = |low: f64, high: f64, k: usize| low + (high - low) * k as f64 / (options.grid - 1) as f64;
+        let even = |low: f64, high: f64, k: usize| (low + (high - low) * k as f64 / (options.grid - 1) as f64).min(high);
         let suns: Vec<f64> = (0..options.grid).map(|k| even(0.0, FRAC_PI_2, k)).collect();
         let turbidities: Vec<f64> = (0..options.grid).map(|k| even(options.turbidities[0], options.turbidities[1], k)).collect();
         match by_interpolation(&suns, &turbidities, options) {

@@ -167,17 +167,28 @@ fn derivatives_against_differences() {
     }
 }
 
-/// (Cook–Torrance's changes by tilt jump where G's branches meet; nodes across the tube's radius sample that jump, one here, one there.)
-/// The vectorised pass at default precision against the plain evaluation with many nodes, on every instruction set there is.
+/// The vectorised pass at default precision against the plain evaluation with many nodes, on every instruction set there is. Cook–Torrance
+/// has a kink where G's branches meet, and its changes by tilt jump there: the few nodes across a thick tube's radius sample that coarsely,
+/// a thin tube has none.
 #[test]
 fn fast_agrees_with_the_reference() {
     let positions: Vec<f64> = (0..100).map(|k| -400.0 + 650.0 * f64::from(k) / 99.0).collect();
-    for (lobe, value, slope) in [(Lobe::Beckmann, 1e-5, 1e-4), (Lobe::Ggx, 1e-5, 6e-4), (COOK_TORRANCE, 1e-5, 2e-3)] {
-        let fine = Model::new(TUBE, camera(), lobe, &Precision::fine());
-        let model = Model::new(TUBE, camera(), lobe, &Precision::default());
+    let thin = Tube { radius_mm: 0.0, ..TUBE };
+    for (lobe, tube, value, slope) in [
+        (Lobe::Beckmann, TUBE, 1e-5, 1e-4),
+        (Lobe::Ggx, TUBE, 1e-5, 6e-4),
+        (COOK_TORRANCE, thin, 1e-5, 6e-4),
+        (COOK_TORRANCE, TUBE, 2e-4, f64::INFINITY),
+    ] {
+        let fine = Model::new(tube, camera(), lobe, &Precision::fine());
+        let model = Model::new(tube, camera(), lobe, &Precision::default());
         for m in [0.02, 0.05, 0.12, 0.3, 0.6, 0.9] {
             for (texel, [b, ty]) in PLACES {
                 for travel in [Travel::X, Travel::Y] {
+                    if lobe == COOK_TORRANCE && (ty != 0.0 || travel == Travel::Y) {
+                        // Not vectorised: the reference would be compared with itself.
+                        continue;
+                    }
                     let (n, [nb, ny]) = (normal(b, ty), slopes(b, ty));
                     let want: Vec<[f64; COLUMNS]> = positions
                         .iter()

@@ -20,6 +20,8 @@ const ITERATIONS: usize = 60;
 pub(super) const CONVERGED: f64 = 3e-3;
 /// Weights may change from here on: the fit is within about two standard errors.
 const NEAR: f64 = 4.0;
+/// A slope of a one-pass fit from which on other minima are looked for.
+const BROAD: f64 = 0.6;
 /// A first slope that is doubted.
 const WIDE: f64 = 0.9;
 /// Templates tried where the best leads nowhere.
@@ -205,9 +207,11 @@ impl Job<'_> {
         if self.fitter.robust != Robust::Off {
             (best.0, best.1, outliers) = self.reject(best.0, best.1, worst);
         }
-        // Faint gloss, or gloss that looks like more diffuse light, may have several minima: look at them all.
+        // Faint gloss, gloss that looks like more diffuse light, or in one pass a lobe so wide that a tilted narrow one may hide in it,
+        // may have several minima: look at them all.
         let mut rivals = Vec::new();
-        let mut searched = best.0.gloss_chi2() < FAINT[self.tilts - 1];
+        let wide = self.tilts == 1 && best.0.p[0] > BROAD.ln();
+        let mut searched = wide || best.0.gloss_chi2() < FAINT[self.tilts - 1];
         if searched {
             best = self.others(best, &mut rivals);
         }
