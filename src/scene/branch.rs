@@ -164,7 +164,7 @@ impl Bends {
             }
             let gusts = sway.as_ref().map_or(0.0, |s| STRONGEST * variance(s).sqrt());
             let tip = whole * still[0].hypot(still[1]);
-            if !(tip + gusts <= 1.0) {
+            if (tip + gusts).is_nan() || tip + gusts > 1.0 {
                 return Err(wrong(
                     k,
                     format!("its tip goes by {tip:.2} of its length and {gusts:.2} more in gusts, expected at most 1 in all"),
