@@ -106,7 +106,7 @@ proptest! {
             f32::from_bits(state)
         };
         let mut maps = Maps::new(width, height);
-        for name in ["R", "mask.Y", "σ"] {
+        for name in ["R", "mask.Y", "sigma_a.B"] {
             maps.push(name, (0..width * height).map(|_| next()).collect());
         }
         let dir = tempfile::tempdir().unwrap();

@@ -4,6 +4,7 @@ mod blade;
 mod gltf;
 mod obj;
 mod side;
+pub mod sky;
 mod table;
 mod texture;
 
@@ -13,6 +14,7 @@ use crate::fit::record::{FitRecord, Times};
 use crate::{Error, Result};
 use serde_json::json;
 use side::Side;
+use sky::SkyOptions;
 use std::path::{Path, PathBuf};
 
 /// What a fit can be written as.
@@ -32,10 +34,15 @@ pub enum Format {
     GltfTranslucent,
     /// The blade as Wavefront OBJ with normals, a material library and pictures.
     Obj,
+    /// A sky's polynomials and their evaluator for shaders.
+    Wgsl,
+    /// The same as a C header.
+    C,
 }
 
 impl Format {
-    pub const ALL: [Format; 7] = [Format::Png, Format::Exr, Format::Csv, Format::Json, Format::Gltf, Format::GltfTranslucent, Format::Obj];
+    pub const ALL: [Format; 9] =
+        [Format::Png, Format::Exr, Format::Csv, Format::Json, Format::Gltf, Format::GltfTranslucent, Format::Obj, Format::Wgsl, Format::C];
 
     pub fn name(self) -> &'static str {
         match self {
@@ -46,6 +53,8 @@ impl Format {
             Format::Gltf => "gltf",
             Format::GltfTranslucent => "gltf-translucent",
             Format::Obj => "obj",
+            Format::Wgsl => "wgsl",
+            Format::C => "c",
         }
     }
 
@@ -54,10 +63,12 @@ impl Format {
             Format::Png => "a folder of 8-bit maps: rho_d, rho_t and rho_s as sRGB, the rest linear with ranges.json",
             Format::Exr => "one float OpenEXR with every map and its standard error",
             Format::Csv => "a row a texel: place, mask, every map and its standard error",
-            Format::Json => "parameters with errors, statistics, run times",
+            Format::Json => "parameters with errors, statistics, run times; of a sky the arrays and how to evaluate them",
             Format::Gltf => "the blade as .glb in metres, rho_d as base colour (opaque; right in any reader)",
             Format::GltfTranslucent => "the same with rho_t, for readers of KHR_materials_diffuse_transmission",
             Format::Obj => "the blade as .obj in mm with normals, .mtl and pictures beside it",
+            Format::Wgsl => "a sky's fitted harmonics with an evaluator for shaders, f32",
+            Format::C => "a sky's fitted harmonics with an evaluator as a C header, float or double",
         }
     }
 
@@ -76,8 +87,24 @@ impl Format {
 /// # Errors
 /// [`Error::Input`] when the fit or a map it needs cannot be read, [`Error::Usage`] when this kind of fit has nothing of the
 /// sort, [`Error::Write`].
-pub fn export(folder: &Path, format: Format, path: &Path) -> Result<Vec<PathBuf>> {
+pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> Result<Vec<PathBuf>> {
     let record = FitRecord::read(folder)?;
+    if record.kind == "sky" {
+        if !matches!(format, Format::Wgsl | Format::C | Format::Json) {
+            let what = format!("{} is a sky fit; it can be exported as wgsl, c or json, not as {}", folder.display(), format.name());
+            return Err(Error::Usage(what));
+        }
+        atomic::write_bytes(path, sky::text(folder, format, sky)?.as_bytes())?;
+        return Ok(vec![path.to_path_buf()]);
+    }
+    if matches!(format, Format::Wgsl | Format::C) || !sky.is_plain() {
+        let what = format!(
+            "{} is a {} fit; --to wgsl, --to c, --sun-zenith-deg, --turbidity and --ground are for sky fits",
+            folder.display(),
+            record.kind
+        );
+        return Err(Error::Usage(what));
+    }
     if let Err(e) = record.verify(folder) {
         crate::files::progress::say(format_args!("warning: {e}"));
     }
@@ -92,7 +119,7 @@ pub fn export(folder: &Path, format: Format, path: &Path) -> Result<Vec<PathBuf>
         return Err(Error::Usage(what));
     }
     match format {
-        Format::Json => Ok(Vec::new()),
+        Format::Json | Format::Wgsl | Format::C => Ok(Vec::new()),
         Format::Png => texture::folder(&sides, path),
         Format::Exr => one_exr(&sides, folder, path).map(|()| vec![path.to_path_buf()]),
         Format::Csv => table::write(&sides, &record, path).map(|()| vec![path.to_path_buf()]),

@@ -130,7 +130,11 @@ fn fit(folder: &Path, options: &Options) -> Result<FitReport> {
     };
     for (name, _) in ordered(&record) {
         let Some(side) = side(folder, name, &record, capture.as_deref().map(Path::new), &mut report.missing) else { continue };
-        report.maps.extend(side.rows(&mut report.missing));
+        let mut lacking = Vec::new();
+        report.maps.extend(side.rows(&mut lacking));
+        if record.kind == "leaf" {
+            report.missing.extend(lacking);
+        }
         if options.pictures {
             report.pictures.push(side.pictures(&record.defects));
         }
@@ -147,6 +151,10 @@ fn side(folder: &Path, name: &str, record: &FitRecord, capture: Option<&Path>, m
     // Only sides have maps; `all`, `blade` and the like are figures.
     if !matches!(name, "front" | "back") && !folder.join(format!("{name}.exr")).exists() {
         return None;
+    }
+    if record.kind != "leaf" {
+        // A leaf's maps are a leaf's: no other fit misses them.
+        return maps::read_side(folder, name, capture, &mut Vec::new());
     }
     maps::read_side(folder, name, capture, missing)
 }
@@ -189,7 +197,7 @@ fn parameters(section: &str, s: &Section) -> Vec<ParameterRow> {
                 [own.as_str(), name.as_str(), channel.as_str()].contains(&who.trim()).then(|| why.trim().to_string())
             });
             let stderr = p.stderr.get(k).copied().filter(|e| e.is_finite());
-            // NaN is an error that nobody stated: a measured gauge, not an unknown.
+            // NaN is an error that nobody stated: a measured gauge, or a coefficient of a function that was not measured; not an unknown.
             let unbounded = p.stderr.get(k).is_some_and(|e| e.is_infinite()).then(String::new);
             let undetermined = named.or(unbounded);
             rows.push(ParameterRow {

@@ -23,6 +23,8 @@ const COVERAGE_USABLE: std::ops::RangeInclusive<f64> = 0.85..=0.995;
 const CLOSE: f64 = 0.01;
 /// Relative errors beyond this are not called determined (the promise behind `ok` in batch forms).
 const RELATIVE_ERROR: f64 = 0.1;
+/// The same of angles (degrees).
+const ANGLE_ERROR: f64 = 3.0;
 /// Condition number of the shared problem beyond which half of the digits of an f64 are gone.
 const CONDITION: f64 = 1e8;
 
@@ -37,7 +39,9 @@ pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> Verdict 
     }
     for s in &report.sections {
         let side = if s.name == "all" { String::new() } else { format!("{}: ", s.name) };
-        for (what, r) in &s.residuals {
+        approximation(&side, s, &mut say);
+        // A function that is approximated has no noise that its residuals could be set against.
+        for (what, r) in s.residuals.iter().filter(|_| !approximates(s)) {
             let chi2 = r.reduced_chi2;
             let fact = format!("{side}reduced χ² of {what} is {}", significant(chi2, 3));
             if !chi2.is_finite() {
@@ -85,6 +89,28 @@ pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> Verdict 
         say(Level::Doubtful, m.clone());
     }
     finish(&report.name, reasons)
+}
+
+/// Worst errors of approximated functions: their name, what is good, what is bad, and of what they are a share.
+const APPROXIMATIONS: [(&str, f64, f64, &str); 2] =
+    [("error_worst", 1.1e-4, 0.01, "the smallest c00"), ("worst_error_of_tip", 0.01, 0.05, "the tip's deflection")];
+
+fn approximates(s: &SectionReport) -> bool {
+    APPROXIMATIONS.iter().any(|a| s.figures.contains_key(a.0))
+}
+
+/// Fits of a function (a sky's polynomials, a branch's basis) are judged by their worst error.
+fn approximation(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, String)) {
+    for (name, good, bad, unit) in APPROXIMATIONS {
+        let Some(error) = s.figures.get(name) else { continue };
+        let fact = format!("{side}worst error {} of {unit}", plain(*error));
+        let level = match *error {
+            e if e <= good => Level::Good,
+            e if e <= bad => Level::Doubtful,
+            _ => Level::Bad,
+        };
+        say(level, fact);
+    }
 }
 
 fn texels(side: &str, s: &SectionReport, defects: &BTreeMap<String, String>, say: &mut impl FnMut(Level, String)) {
@@ -206,7 +232,9 @@ fn parameters(report: &FitReport, say: &mut impl FnMut(Level, String)) {
         .filter_map(|p| {
             let relative = p.stderr? / p.value.filter(|v| *v != 0.0)?.abs();
             let channel = if p.channel.is_empty() { String::new() } else { format!(".{}", p.channel) };
-            (relative > RELATIVE_ERROR).then(|| format!("{} {}{channel} ± {}", p.section, symbol(&p.name), percent(relative)))
+            // A share of an angle means nothing: where it is counted from is a convention.
+            let loose = if p.unit == "deg" { p.stderr? > ANGLE_ERROR } else { relative > RELATIVE_ERROR };
+            loose.then(|| format!("{} {}{channel} ± {}", p.section, symbol(&p.name), percent(relative)))
         })
         .collect();
     if !loose.is_empty() {

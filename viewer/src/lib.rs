@@ -40,3 +40,6 @@ pub use stats::{Stats, Upload};
 pub use timing::Timing;
 pub use ui::{CheckLayout, ViewerUi, WindowScene};
 pub use window::{Shown, Stage, WindowOptions, open_window};
+/// For tests of shaders that are handed to other programs; not part of this crate's promise.
+#[doc(hidden)]
+pub use {pollster, wgpu};

@@ -5,6 +5,7 @@ use crate::Result;
 
 pub mod beam;
 pub mod gloss;
+pub mod panorama;
 pub mod sky;
 pub mod slab;
 
@@ -24,6 +25,8 @@ enum What {
     Gloss(gloss::Args),
     /// Spherical harmonics of a sky from the sun's zenith angle and turbidity
     Sky(sky::Args),
+    /// A picture of a sky whose sun and turbidity are known, as EXR
+    Panorama(panorama::Args),
 }
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
@@ -32,5 +35,6 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         What::Beam(a) => beam::run(a, common),
         What::Gloss(a) => gloss::run(a, common),
         What::Sky(a) => sky::run(a, common),
+        What::Panorama(a) => panorama::run(a, common),
     }
 }

@@ -25,7 +25,7 @@ enum What {
     Gloss(gloss::Args),
     /// σa and σs of a slab from its reflectance, transmittance and thickness, from CSV
     Slab(slab::Args),
-    /// Polynomials of a sky's spherical harmonics over sun and turbidity
+    /// Polynomials of a sky's spherical harmonics over sun and turbidity; or sun and turbidity from a picture of the sky
     Sky(sky::Args),
 }
 

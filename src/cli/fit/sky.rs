@@ -1,17 +1,29 @@
-//! `mesophyll fit sky`: polynomials of a sky's spherical harmonics over sun and turbidity, as a fit folder.
+//! `mesophyll fit sky`: polynomials of a sky's spherical harmonics over sun and turbidity, or the sun and turbidity of a panorama, as a fit folder.
 
 use crate::cli::Common;
 use crate::cli::eval::sky::ModelName;
 use crate::files::progress;
 use crate::fit::sky::judge::Reference;
+use crate::fit::sky::panorama::{self, picture::Channels, projection::Projection};
 use crate::fit::sky::{self as fits, Method, Options, folder};
 use crate::{Error, Result};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 /// Fits every coefficient of N bands over sun zenith (0 to the horizon) and turbidity, and judges the fit against direct integration.
 ///
 /// DIR gets fit.toml, times.toml and coefficients.json (the arrays in f32).
+///
+/// With --panorama: from a picture of the sky (EXR, linear, white-balanced, proportional to radiance) the sun's zenith angle and azimuth, the turbidity
+/// and the reading of one kcd/m², with standard errors. Azimuth grows from +x to +y; an equirectangular picture's middle column looks to +x and its right
+/// half towards -y, a fisheye's top is +x and its right +y. What is NaN, below 1/2 in the mask or in an alpha channel A, or below the horizon is not looked at;
+/// clipped pixels, clouds and the sun's disk are found and left out. DIR gets fit.toml, times.toml and all.exr (fate, reduced chi2, residuals).
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  mesophyll fit sky -o out/sky
+  mesophyll fit sky --method compact --bands 4 -o out/sky-small
+  mesophyll eval panorama --sun-zenith-deg 50 --turbidity 3 --noise 0.02 -o out/pano.exr
+  mesophyll fit sky --panorama out/pano.exr -o out/pano-fit")]
 pub struct Args {
     /// Folder to write
     #[arg(short, long, value_name = "DIR")]
@@ -34,6 +46,45 @@ pub struct Args {
     /// Ground albedo of hosek-wilkie, 0 to 1
     #[arg(long, value_name = "A", default_value_t = 0.2)]
     albedo: f64,
+    /// Fit sun, turbidity and scale of this picture of the sky
+    #[arg(long, value_name = "FILE.exr", conflicts_with_all = ["method", "bands", "turbidity", "grid", "model", "albedo"])]
+    panorama: Option<PathBuf>,
+    /// With --panorama: how pixels map to directions
+    #[arg(long, value_enum, default_value_t = ProjectionName::Equirectangular, requires = "panorama")]
+    projection: ProjectionName,
+    /// With --projection fisheye: the whole angle across the circle
+    #[arg(long, value_name = "DEG", default_value_t = 180.0, requires = "panorama")]
+    field_deg: f64,
+    /// With --panorama: three channels (red, green, blue) or one (luminance)
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', default_values_t = ["R".to_string(), "G".to_string(), "B".to_string()], requires = "panorama")]
+    channels: Vec<String>,
+    /// With --panorama: channel that hides pixels where it is below 1/2
+    #[arg(long, value_name = "NAME", requires = "panorama")]
+    mask: Option<String>,
+    /// With --panorama: readings from here on are clipped (default: the highest, where several pixels share it)
+    #[arg(long, value_name = "V", requires = "panorama")]
+    saturation: Option<f64>,
+    /// With --panorama: relative standard error of a reading (default: from how neighbouring pixels scatter)
+    #[arg(long, value_name = "S", requires = "panorama")]
+    noise: Option<f64>,
+}
+
+/// How pixels map to directions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum ProjectionName {
+    /// 2:1 (whole sphere) or 4:1 (upper hemisphere), zenith on top
+    Equirectangular,
+    /// Square, equidistant about the zenith (an angular map looking up)
+    Fisheye,
+}
+
+impl ProjectionName {
+    pub fn projection(self, field_deg: f64) -> Projection {
+        match self {
+            ProjectionName::Equirectangular => Projection::Equirectangular,
+            ProjectionName::Fisheye => Projection::Fisheye { field: field_deg.to_radians() },
+        }
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -47,6 +98,9 @@ enum MethodName {
 }
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
+    if let Some(path) = &args.panorama {
+        return from_panorama(args, path, common);
+    }
     let method = match args.method {
         MethodName::Fine => Method::Fine,
         MethodName::Compact => Method::Compact,
@@ -93,6 +147,61 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             "error_worst_sum": error.worst_sum,
             "smallest_c00": reference.smallest,
             "ms": 1e3 * fitted.seconds(),
+        }))?;
+    }
+    Ok(0)
+}
+
+fn from_panorama(args: &Args, path: &Path, common: &Common) -> Result<u8> {
+    let projection = args.projection.projection(args.field_deg);
+    let channels = Channels { radiance: args.channels.clone(), mask: args.mask.clone(), saturation: args.saturation };
+    let clock = Instant::now();
+    let picture = panorama::picture::read(path, &crate::files::image::read_exr(path)?, projection, &channels)?;
+    let read = clock.elapsed().as_secs_f64();
+    if let Some(n) = args.noise.filter(|n| !(*n > 0.0 && *n < 1.0)) {
+        return Err(Error::Usage(format!("--noise is {n}; expected more than 0 and less than 1 (relative to a reading)")));
+    }
+    let found = panorama::fit(&picture, args.noise).map_err(|why| Error::Missed(format!("{}: {why}", path.display())))?;
+    let fitted = clock.elapsed().as_secs_f64() - read;
+    let mut options = std::collections::BTreeMap::new();
+    options.insert("projection".to_string(), projection.name().to_string());
+    if args.projection == ProjectionName::Fisheye {
+        options.insert("field_deg".into(), args.field_deg.to_string());
+    }
+    options.insert("channels".into(), args.channels.join(","));
+    options.insert("size".into(), format!("{} x {}", picture.width, picture.height));
+    options.extend(args.mask.iter().map(|m| ("mask".to_string(), m.clone())));
+    options.extend(args.saturation.iter().map(|s| ("saturation".to_string(), s.to_string())));
+    let told = format!("{options:?} {:?} {}", args.noise, env!("CARGO_PKG_VERSION"));
+    let hash = crate::files::hash::combine([("panorama", crate::files::hash::file(path)?.as_str()), ("options", told.as_str())]);
+    panorama::record::write(&args.output, &picture, &found, &options, hash, [read, fitted])?;
+    let shown = |k: panorama::Known, unit: f64| format!("{:.4} ± {:.4}", k.value * unit, k.error * unit);
+    let degrees = 180.0 / std::f64::consts::PI;
+    progress::say(format!(
+        "sun {} from the zenith, azimuth {} (degrees); turbidity {}; scale {}; residuals {:.2} % of a reading, reduced chi2 {:.3}; {}; wrote {}",
+        shown(found.sun_zenith, degrees),
+        shown(found.sun_azimuth, degrees),
+        shown(found.turbidity, 1.0),
+        shown(found.scale, 1.0),
+        100.0 * found.relative_rms,
+        found.reduced_chi2,
+        found.status,
+        args.output.display()
+    ));
+    if common.json {
+        let number = |v: f64| v.is_finite().then_some(v);
+        let known = |k: panorama::Known, unit: f64| serde_json::json!({"value": k.value * unit, "stderr": number(k.error * unit)});
+        crate::cli::print_json(&serde_json::json!({
+            "sun_zenith_deg": known(found.sun_zenith, degrees),
+            "sun_azimuth_deg": known(found.sun_azimuth, degrees),
+            "turbidity": known(found.turbidity, 1.0),
+            "scale": known(found.scale, 1.0),
+            "noise": found.noise,
+            "reduced_chi2": number(found.reduced_chi2),
+            "relative_rms": found.relative_rms,
+            "termination": found.fit.termination.name(),
+            "outliers": found.outliers,
+            "status": found.status.to_string(),
         }))?;
     }
     Ok(0)

@@ -9,6 +9,7 @@
 //! | the fit that the program itself uses | [`standard`]: made once, in milliseconds |
 //! | judge | [`judge::judge`] |
 //! | write and read a folder | [`folder::write`], [`folder::read`] |
+//! | find sun and turbidity in a picture of the sky | [`panorama::fit`], [`panorama::picture::read`] |
 
 pub mod bench;
 pub mod figures;
@@ -16,6 +17,7 @@ pub mod folded;
 pub mod folder;
 pub mod judge;
 pub mod nodes;
+pub mod panorama;
 pub mod stress;
 pub mod tensor;
 pub mod window;

@@ -1,0 +1,178 @@
+//! From a panorama's channels to the pixels that a fit may use: above the horizon, not hidden, not clipped.
+
+use super::projection::Projection;
+use crate::files::image::Maps;
+use crate::{Error, Result};
+use std::path::Path;
+
+/// Which channels mean what.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Channels {
+    /// Three (R, G, B) or one (luminance).
+    pub radiance: Vec<String>,
+    /// Channel that hides: 0 (below ½) is hidden. An alpha channel `A` hides alike.
+    pub mask: Option<String>,
+    /// Readings from here on are clipped; `None`: found as the highest reading where several pixels share it.
+    pub saturation: Option<f64>,
+}
+
+impl Default for Channels {
+    fn default() -> Self {
+        Channels { radiance: ["R", "G", "B"].map(String::from).to_vec(), mask: None, saturation: None }
+    }
+}
+
+/// One usable pixel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pixel {
+    /// Unit vector, z > 0.
+    pub d: [f64; 3],
+    /// Readings; one channel: the first alone counts.
+    pub value: [f64; 3],
+    /// row · width + column.
+    pub at: usize,
+}
+
+/// Fate of a pixel, as `mask.Y` of the fit's map has it.
+pub const USED: f32 = 1.0;
+pub const HIDDEN: f32 = 0.0;
+pub const CLIPPED: f32 = -1.0;
+pub const OUTLIER: f32 = -2.0;
+
+/// What of a panorama can be used.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Picture {
+    pub width: usize,
+    pub height: usize,
+    pub channels: usize,
+    pub pixels: Vec<Pixel>,
+    /// Pixels above the horizon, and of these hidden and clipped ones.
+    pub above: usize,
+    pub hidden: usize,
+    pub clipped: usize,
+    /// A value a pixel: [`USED`], [`HIDDEN`] (also below the horizon), [`CLIPPED`].
+    pub fate: Vec<f32>,
+    /// Relative noise of a reading, from how neighbours in a row scatter about a straight line; `None` for too few of them.
+    pub scatter: Option<f64>,
+}
+
+/// Fewest pixels that a fit is tried on.
+const LEAST: usize = 12;
+/// Fewest triples of neighbours that tell the noise.
+const TRIPLES: usize = 60;
+/// Sines of elevation below this are left out: the horizon's own haze, hills and refraction.
+const LOWEST: f64 = 0.01;
+
+/// Reads and checks.
+///
+/// # Errors
+/// [`Error::Input`] that names the file and the channel: no such channel, a size that the projection does not have, negative readings, nothing left.
+pub fn read(path: &Path, maps: &Maps, projection: Projection, channels: &Channels) -> Result<Picture> {
+    let (w, h) = (maps.width, maps.height);
+    projection.check(w, h).map_err(|why| Error::field(path, "size", why))?;
+    if !matches!(channels.radiance.len(), 1 | 3) {
+        let found = channels.radiance.len();
+        return Err(Error::Usage(format!("--channels has {found} names; expected three (red, green, blue) or one (luminance)")));
+    }
+    let planes: Vec<&[f32]> = channels.radiance.iter().map(|n| maps.require(path, n)).collect::<Result<_>>()?;
+    let mask = channels.mask.as_ref().map(|n| maps.require(path, n)).transpose()?;
+    let alpha = maps.get("A");
+    if let Some(s) = channels.saturation.filter(|s| !(*s > 0.0)) {
+        return Err(Error::Usage(format!("--saturation is {s}; expected more than 0")));
+    }
+    let mut fate = vec![HIDDEN; w * h];
+    let mut seen = Vec::new();
+    let (mut above, mut hidden) = (0, 0);
+    for at in 0..w * h {
+        let Some(d) = projection.direction(w, h, at % w, at / w).filter(|d| d[2] > LOWEST) else { continue };
+        above += 1;
+        let off = |plane: Option<&[f32]>| plane.is_some_and(|p| !(p[at] >= 0.5));
+        if off(mask) || off(alpha) || planes.iter().any(|p| p[at].is_nan()) {
+            hidden += 1;
+            continue;
+        }
+        for (plane, name) in planes.iter().zip(&channels.radiance) {
+            if plane[at] < 0.0 {
+                let (column, row) = (at % w, at / w);
+                let what = format!(
+                    "found {} at column {column}, row {row}; expected radiance of 0 or more (hide a pixel by NaN or a mask)",
+                    plane[at]
+                );
+                return Err(Error::field(path, name, what));
+            }
+        }
+        let value = std::array::from_fn(|k| planes.get(k).map_or(0.0, |p| f64::from(p[at])));
+        seen.push(Pixel { d, value, at });
+    }
+    if above == 0 {
+        return Err(Error::input(path, "no pixel lies above the horizon"));
+    }
+    if seen.is_empty() {
+        return Err(Error::input(path, "the whole sky is hidden; expected visible pixels above the horizon"));
+    }
+    let level = channels.saturation.unwrap_or_else(|| shared_peak(&seen));
+    let bright: Vec<usize> = seen.iter().filter(|p| p.value.iter().any(|v| !(*v < level))).map(|p| p.at).collect();
+    for at in &bright {
+        // the neighbours too: a clipped pixel's light spills over
+        let (column, row) = (at % w, at / w);
+        for y in row.saturating_sub(1)..=(row + 1).min(h - 1) {
+            for x in [(column + w - 1) % w, column, (column + 1) % w] {
+                fate[y * w + x] = CLIPPED;
+            }
+        }
+    }
+    let before = seen.len();
+    seen.retain(|p| fate[p.at] == HIDDEN);
+    let clipped = before - seen.len();
+    // what is clipped and was never seen stays hidden
+    let mut all = vec![HIDDEN; w * h];
+    for p in &seen {
+        all[p.at] = USED;
+    }
+    for at in bright {
+        all[at] = CLIPPED;
+    }
+    if seen.len() < LEAST {
+        let what = format!("{} usable pixels above the horizon ({hidden} hidden, {clipped} clipped); expected {LEAST} or more", seen.len());
+        return Err(Error::input(path, what));
+    }
+    if seen.iter().all(|p| p.value == [0.0; 3]) {
+        return Err(Error::input(path, "the sky is black: every visible reading is 0"));
+    }
+    let scatter = scatter(&seen, w, planes.len());
+    Ok(Picture { width: w, height: h, channels: planes.len(), pixels: seen, above, hidden, clipped, fate: all, scatter })
+}
+
+/// The highest reading where at least three pixels have it (a sensor's end), else infinity.
+fn shared_peak(pixels: &[Pixel]) -> f64 {
+    let top = pixels.iter().flat_map(|p| p.value).filter(|v| !v.is_nan()).fold(0.0, f64::max);
+    let sharing = pixels.iter().filter(|p| p.value.iter().any(|v| *v >= top * (1.0 - 1e-6))).count();
+    if top.is_infinite() || sharing >= 3 { top * (1.0 - 1e-6) } else { f64::INFINITY }
+}
+
+/// (a − 2b + c)/(√6 b) of neighbours in a row has the noise's standard deviation where the sky is smooth: its median, scaled to a Gaussian's.
+fn scatter(pixels: &[Pixel], width: usize, channels: usize) -> Option<f64> {
+    let mut all: Vec<f64> = Vec::new();
+    for triple in pixels.windows(3) {
+        let [a, b, c] = triple else { continue };
+        if b.at != a.at + 1 || c.at != a.at + 2 || a.at / width != c.at / width {
+            continue;
+        }
+        for k in 0..channels {
+            let mean = (a.value[k] + b.value[k] + c.value[k]) / 3.0;
+            if mean > 0.0 {
+                all.push((a.value[k] - 2.0 * b.value[k] + c.value[k]).abs() / (6f64.sqrt() * mean));
+            }
+        }
+    }
+    (all.len() >= TRIPLES).then(|| (1.4826 * median(&mut all)).max(1e-6))
+}
+
+/// The median; NaN of nothing.
+pub fn median(values: &mut [f64]) -> f64 {
+    if values.is_empty() {
+        return f64::NAN;
+    }
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}

@@ -1,0 +1,92 @@
+//! Where the pixels of a panorama look. Azimuth grows from +x to +y, which is counter-clockwise seen from above; z is up.
+//!
+//! - Equirectangular, 2:1 (whole sphere) or 4:1 (upper hemisphere), zenith in the top row: the middle column looks to +x and, as for a camera that
+//!   turns to its right, the columns right of it towards −y: azimuth 2π(½ − u), zenith angle πv (or πv/2).
+//! - Fisheye, square, equidistant about the zenith (an angular map that looks up): the top of the picture is +x, its right +y; the zenith angle is
+//!   the distance from the middle over half the width, times half the field. Beyond that circle there is nothing.
+//!
+//! Pixel centres are looked at: u = (column + ½)/width.
+
+use std::f64::consts::{PI, TAU};
+
+/// How a panorama maps pixels to directions.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Projection {
+    Equirectangular,
+    /// `field`: the whole angle that the circle takes in (rad), π for a hemisphere.
+    Fisheye {
+        field: f64,
+    },
+}
+
+impl Projection {
+    pub fn name(self) -> &'static str {
+        match self {
+            Projection::Equirectangular => "equirectangular",
+            Projection::Fisheye { .. } => "fisheye",
+        }
+    }
+
+    /// Whether pictures of this size are of this kind.
+    ///
+    /// # Errors
+    /// What was expected, in words.
+    pub fn check(self, width: usize, height: usize) -> Result<(), String> {
+        match self {
+            Projection::Equirectangular if width != 2 * height && width != 4 * height => Err(format!(
+                "found {width} x {height}; an equirectangular panorama is 2:1 (whole sphere) or 4:1 (upper hemisphere); see --projection"
+            )),
+            Projection::Fisheye { .. } if width != height => {
+                Err(format!("found {width} x {height}; a fisheye picture is square; see --projection"))
+            }
+            Projection::Fisheye { field } if !(field > 0.0 && field <= TAU) => {
+                Err(format!("the field is {} degrees; expected more than 0 and at most 360", field.to_degrees()))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Unit vector of a pixel's centre; `None` outside a fisheye's circle.
+    pub fn direction(self, width: usize, height: usize, column: usize, row: usize) -> Option<[f64; 3]> {
+        let (u, v) = ((column as f64 + 0.5) / width as f64, (row as f64 + 0.5) / height as f64);
+        let (theta, phi) = match self {
+            Projection::Equirectangular => {
+                let whole = if width == 4 * height { 0.5 * PI } else { PI };
+                (whole * v, TAU * (0.5 - u))
+            }
+            Projection::Fisheye { field } => {
+                let (right, up) = (2.0 * u - 1.0, 1.0 - 2.0 * v);
+                let r = right.hypot(up);
+                if r > 1.0 {
+                    return None;
+                }
+                (0.5 * field * r, right.atan2(up))
+            }
+        };
+        Some([theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pixels_look_where_the_conventions_say() {
+        let near = |d: Option<[f64; 3]>, want: [f64; 3]| {
+            let d = d.unwrap();
+            assert!((0..3).all(|k| (d[k] - want[k]).abs() < 0.01), "{d:?} {want:?}");
+        };
+        let e = Projection::Equirectangular;
+        near(e.direction(2000, 1000, 999, 499), [1.0, 0.0, 0.0]);
+        near(e.direction(2000, 1000, 1499, 499), [0.0, -1.0, 0.0]);
+        near(e.direction(2000, 1000, 0, 0), [0.0, 0.0, 1.0]);
+        near(e.direction(2000, 500, 499, 499), [0.0, 1.0, 0.0]);
+        let f = Projection::Fisheye { field: PI };
+        near(f.direction(1001, 1001, 500, 500), [0.0, 0.0, 1.0]);
+        near(f.direction(1001, 1001, 500, 0), [1.0, 0.0, 0.0]);
+        near(f.direction(1001, 1001, 1000, 500), [0.0, 1.0, 0.0]);
+        assert!(f.direction(1001, 1001, 0, 0).is_none());
+        assert!(e.check(300, 100).is_err() && e.check(400, 100).is_ok() && f.check(2, 1).is_err() && f.check(7, 7).is_ok());
+    }
+}
