@@ -25,6 +25,7 @@ test: setup-test
 
 fits: build
 	$(MESOPHYLL) run data/scenes/fits.toml --write-fits --out out/fits || [ $$? -eq 1 ]
+	$(MESOPHYLL) fit beam --deflections data/branches/elm-twig.csv --positions axis -o fits/elm-twig --out out/fits/elm-twig.csv
 
 build: setup
 	$(CARGO) build --release --locked

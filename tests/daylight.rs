@@ -277,7 +277,7 @@ fn card(rho_d: f32, rho_s: f32, m: f32, transform: DMat4, dome: viewer::scene::D
     };
     Scene {
         leaves: vec![leaf],
-        instances: vec![Instance { leaf: 0, transform: transform.as_mat4() }],
+        instances: vec![Instance { leaf: 0, transform: transform.as_mat4(), ride: None }],
         dome: Some(dome),
         exposure: 1.0,
         msaa: 1,

@@ -4,6 +4,7 @@
 //! Errors are of displayed values, 0 to 1. The noise of the reference is measured against a second seed and printed beside each threshold.
 //! Frame times are judged on real GPUs only.
 
+use super::branch;
 use super::card::{self, Card};
 use super::day::{self, Hour};
 use super::golden;
@@ -116,14 +117,28 @@ pub fn check(manifest: &Manifest, plan: &Plan, options: &Options, ledger: &Ledge
     progress::say(format!("drawn by {}", report.adapter));
     let perspective: Vec<&View> = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).collect();
     if !perspective.is_empty() {
-        let scene = handover::scene(manifest, plan, ledger)?;
-        let world = reference::world(manifest, plan, ledger)?;
+        let mut scene = handover::scene(manifest, plan, ledger)?;
+        let mut world = reference::world(manifest, plan, ledger)?;
         renderer.set_scene(&scene).map_err(told)?;
         report.uploads = renderer.stats().uploads.iter().map(|u| (u.name.clone(), u.bytes)).collect();
         report.pipelines = renderer.stats().pipelines.clone();
-        let stage = transport::Renderer::new(&world)?;
-        for view in perspective {
-            report.views.push(one_view(manifest, plan, view, &mut renderer, &stage, options)?);
+        // Views of one time share the reference's trees.
+        let mut times: Vec<f64> = perspective.iter().map(|v| branch::time(manifest, v)).collect();
+        times.dedup();
+        if plan.bends.is_none() {
+            times.truncate(1);
+        }
+        let mut left = perspective.into_iter().peekable();
+        for time in times {
+            if let Some(wind) = &mut scene.wind {
+                wind.time_s = time;
+                renderer.set_time(wind);
+            }
+            reference::move_to(&mut world, plan, time);
+            let stage = transport::Renderer::new(&world)?;
+            while let Some(view) = left.next_if(|v| plan.bends.is_none() || branch::time(manifest, v) == time) {
+                report.views.push(one_view(manifest, plan, view, &mut renderer, &stage, options)?);
+            }
         }
         report.day = day::draw(manifest, plan, &scene, &mut renderer, &options.out, ledger)?;
     }

@@ -2,11 +2,13 @@
 //! reference picture, a verdict, a saved fit, a texel's numbers.
 
 use super::amount;
+use super::branch;
 use super::daylight::{self, Daylight};
 use super::fitted::Fitted;
 use super::handover;
 use super::ledger::Ledger;
 use super::manifest::{Interior, Manifest, ViewKind};
+use super::placement::Ride;
 use super::plan::{LeafPlan, Plan};
 use super::plan_leaf::SIDES;
 use super::reference::{self, Chebyshev};
@@ -119,7 +121,7 @@ impl SceneEditor {
     /// The reference's world with the edits and the window's lights in it.
     fn world(&self, scene: &viewer::Scene) -> Result<transport::World> {
         let mut world = reference::world(&self.manifest, &self.plan, &self.ledger)?;
-        for (leaf, edit) in self.edits.iter().enumerate() {
+        for (leaf, edit) in self.edits.iter().enumerate().take(self.shown.len()) {
             let drawn = &mut world.leaves[leaf];
             for (s, side) in [&mut drawn.front, &mut drawn.back].into_iter().enumerate() {
                 let of_side = edit.side(s == 0);
@@ -147,8 +149,20 @@ impl SceneEditor {
                 }
             }
         }
-        world.instances =
-            scene.instances.iter().map(|i| transport::Placement { leaf: i.leaf, transform: i.transform.as_dmat4() }).collect();
+        let time = scene.wind.as_ref().map_or_else(|| branch::rest_time(&self.manifest), |w| w.time_s);
+        let place = |i: &viewer::Instance| {
+            let rest = i.transform.as_dmat4();
+            let ride = i.ride.and_then(|r| Some(Ride { branch: r.branch, at: f64::from(r.at?) }));
+            let transform = match (&self.plan.bends, ride) {
+                (Some(bends), Some(ride)) => bends.transform(ride, time, rest),
+                _ => rest,
+            };
+            transport::Placement { leaf: i.leaf, transform }
+        };
+        world.instances = scene.instances.iter().map(place).collect();
+        if let Some(bends) = &self.plan.bends {
+            reference::move_branches(&mut world, &self.plan, bends, time);
+        }
         world.sun = scene.sun.map(|s| transport::ReferenceSun {
             direction: s.direction.as_dvec3(),
             irradiance: s.irradiance.map(f64::from),
@@ -196,10 +210,14 @@ fn mean(maps: &Maps, what: &str) -> [f32; 3] {
 
 impl Editor for SceneEditor {
     fn start(&self, leaf: usize) -> LeafEdit {
-        self.starts[leaf]
+        // After the leaves come the branches, which have nothing to edit.
+        self.starts.get(leaf).copied().unwrap_or(LeafEdit { thickness_mm: 1.0, front: unedited(), back: unedited() })
     }
 
     fn recompute(&mut self, leaf: usize, edit: &LeafEdit) -> std::result::Result<LeafUpdate, String> {
+        if leaf >= self.shown.len() {
+            return Err("a branch has no leaf's parameters to edit".into());
+        }
         if !(edit.thickness_mm > 0.0 && edit.thickness_mm.is_finite()) {
             return Err(format!("h: found {} mm, expected a positive thickness", edit.thickness_mm));
         }
@@ -222,6 +240,9 @@ impl Editor for SceneEditor {
     }
 
     fn save(&mut self, leaf: usize, edit: &LeafEdit) -> std::result::Result<String, String> {
+        if leaf >= self.shown.len() {
+            return Err("a branch is no fit of a leaf".into());
+        }
         let Some(fitted) = &self.leaf(leaf).fitted else { return Err("this leaf has no fit".into()) };
         let scale = [0, 1].map(|s| save::Change {
             scaling: self.scaling(leaf, s, edit),
@@ -279,7 +300,9 @@ impl Editor for SceneEditor {
     }
 
     fn probe(&self, leaf: usize, front: bool, texel: [u32; 2]) -> Vec<(String, String)> {
-        let Some(maps) = &self.maps[leaf][usize::from(!front)] else { return vec![("fit".into(), "this side was not measured".into())] };
+        let Some(maps) = self.maps.get(leaf).and_then(|sides| sides[usize::from(!front)].as_ref()) else {
+            return vec![("fit".into(), "this side was not measured".into())];
+        };
         let k = texel[1] as usize * maps.width + texel[0] as usize;
         if texel[0] as usize >= maps.width || texel[1] as usize >= maps.height {
             return Vec::new();

@@ -130,7 +130,7 @@ mod tests {
     use glam::DMat4;
 
     fn at(x: f64, z: f64, tilt: f64) -> Placement {
-        Placement { leaf: 0, transform: DMat4::from_translation(DVec3::new(x, 0.0, z)) * DMat4::from_rotation_y(tilt) }
+        Placement { leaf: 0, transform: DMat4::from_translation(DVec3::new(x, 0.0, z)) * DMat4::from_rotation_y(tilt), ride: None }
     }
 
     #[test]

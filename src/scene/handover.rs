@@ -33,10 +33,61 @@ pub fn scene(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<viewer
     }
     for p in &plan.placements {
         if let Some(leaf) = index[p.leaf] {
-            out.instances.push(viewer::Instance { leaf, transform: p.transform.as_mat4() });
+            let ride = p.ride.filter(|_| plan.bends.is_some()).map(|r| viewer::Ride { branch: r.branch, at: Some(r.at as f32) });
+            out.instances.push(viewer::Instance { leaf, transform: p.transform.as_mat4(), ride });
         }
     }
+    branches(manifest, plan, &mut out);
     Ok(out)
+}
+
+/// Branches as meshes with bark, after the leaves; and what bends them and what rides on them, where anything does.
+fn branches(manifest: &Manifest, plan: &Plan, out: &mut viewer::Scene) {
+    for (k, (twig, mesh)) in plan.twigs.iter().enumerate() {
+        let bark = viewer::Interior::Maps { rho_d: vec![twig.bark.map(|v| v as f32)], rho_t: vec![[0.0; 3]] };
+        let ride = plan.bends.is_some().then_some(viewer::Ride { branch: k, at: None });
+        out.instances.push(viewer::Instance { leaf: out.leaves.len(), transform: glam::Mat4::IDENTITY, ride });
+        out.leaves.push(viewer::Leaf {
+            name: manifest.branches[k].name.clone(),
+            mesh: viewer_mesh(mesh),
+            width: 1,
+            height: 1,
+            thickness_mm: 1.0,
+            lobe: viewer::Lobe::Beckmann,
+            front: viewer::Side { interior: bark, ..viewer::Side::black() },
+            back: viewer::Side::black(),
+            mask: None,
+        });
+    }
+    let Some(bends) = &plan.bends else { return };
+    let vec = |v: [f64; 3]| Vec3::from(v.map(|c| c as f32));
+    out.branches = bends
+        .branches
+        .iter()
+        .map(|b| {
+            let shape = b.rest.shape.single();
+            viewer::Branch {
+                root: vec(b.rest.root),
+                t: vec(b.rest.t),
+                r: vec(b.rest.r),
+                s: vec(b.rest.s),
+                length: b.rest.length as f32,
+                alpha: shape.alpha,
+                ln_alpha: shape.ln_alpha,
+                ell: shape.ell,
+                a: shape.a,
+                still: b.still.map(|v| v as f32),
+                gain: b.gain as f32,
+                start: b.line.map_or([0.0; 2], |l| l.start),
+                velocity: b.line.map_or([0.0; 2], |l| l.velocity),
+            }
+        })
+        .collect();
+    out.wind = bends.motion.as_ref().map(|m| viewer::Wind {
+        size: m.size as u32,
+        motion: m.values.clone(),
+        time_s: super::branch::rest_time(manifest),
+    });
 }
 
 /// Sun, sky, exposure and how shadows and edges are sampled.
@@ -63,6 +114,8 @@ fn lights(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<viewer::S
         shadow_samples: plan.shadow_samples,
         shadow_resolution: plan.shadow_resolution,
         msaa: plan.msaa,
+        branches: Vec::new(),
+        wind: None,
     })
 }
 
@@ -291,7 +344,7 @@ pub fn card(manifest: &Manifest, plan: &Plan, card: &Card, ledger: &Ledger) -> R
         back: side(&card.sides[1]),
         mask: None,
     }];
-    out.instances = vec![viewer::Instance { leaf: 0, transform: card.transform.as_mat4() }];
+    out.instances = vec![viewer::Instance { leaf: 0, transform: card.transform.as_mat4(), ride: None }];
     Ok(out)
 }
 

@@ -28,6 +28,9 @@ pub struct Manifest {
     #[serde(default, rename = "instance")]
     pub instances: Vec<Instance>,
     pub cluster: Option<Cluster>,
+    #[serde(default, rename = "branch")]
+    pub branches: Vec<Branch>,
+    pub wind: Option<Wind>,
     pub sun: Option<Sun>,
     pub sky: Option<Sky>,
     pub day: Option<Day>,
@@ -98,6 +101,61 @@ pub struct Instance {
     pub rotation_deg: [f64; 3],
     #[serde(default = "one")]
     pub scale: f64,
+    /// The branch that it hangs on; position and rotation are then in that branch's frame at `at`.
+    pub branch: Option<String>,
+    /// 0 (root) to 1 (tip).
+    pub at: Option<f64>,
+    /// From the branch's axis to the leaf's origin, along the turned leaf's x.
+    pub offset_mm: Option<f64>,
+}
+
+/// A tapered branch that bends under its weight and in the wind.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Branch {
+    pub name: String,
+    pub length_mm: f64,
+    /// At the root.
+    pub radius_mm: f64,
+    /// Tip radius over root radius; 1 when neither this nor a fit is given.
+    pub taper: Option<f64>,
+    /// F/(E′r₁⁴) of its own weight, were it horizontal: what `fit beam --deflections` calls so.
+    pub load_over_stiffness_mm: Option<f64>,
+    /// A folder of `fit beam --deflections -o`, for taper and load.
+    pub fit: Option<PathBuf>,
+    /// The measured branch's name there, where it is another.
+    pub measured: Option<String>,
+    #[serde(default)]
+    pub position_mm: [f64; 3],
+    /// From root to tip; any length.
+    pub direction: [f64; 3],
+    /// Diffuse reflectance.
+    pub bark: [f64; 3],
+    /// Tip deflection over length per m/s of a steady wind across it.
+    #[serde(default)]
+    pub lean_per_m_s: f64,
+    /// Its own frequency; from its length when absent.
+    pub resonance_hz: Option<f64>,
+    /// Over the critical one.
+    #[serde(default = "damping")]
+    pub damping: f64,
+}
+
+/// A mean wind and its gusts.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Wind {
+    pub speed_m_s: f64,
+    /// Where it blows to, from +x towards +y.
+    #[serde(default)]
+    pub azimuth_deg: f64,
+    /// Standard deviation of the speed over its mean.
+    #[serde(default = "turbulence")]
+    pub turbulence: f64,
+    pub seed: u64,
+    /// When the scene is seen, where a view does not say.
+    #[serde(default)]
+    pub time_s: f64,
 }
 
 /// Leaves on a twig along z, a golden angle apart; the same seed gives the same cluster.
@@ -193,6 +251,8 @@ pub struct View {
     /// The card's leaf and how it is turned.
     pub leaf: Option<String>,
     pub rotation_deg: Option<[f64; 3]>,
+    /// When the scene is seen, instead of the wind's own time.
+    pub time_s: Option<f64>,
     /// Largest 99th percentile of FLIP against the reference.
     pub flip_p99: Option<f64>,
     /// Largest difference of a displayed value (0 to 1) over interior pixels; for a card, of the radiance relative to the closed form.
@@ -223,6 +283,14 @@ impl Default for Check {
 
 fn one() -> f64 {
     1.0
+}
+
+fn damping() -> f64 {
+    0.15
+}
+
+fn turbulence() -> f64 {
+    0.3
 }
 
 fn sun_radius() -> f64 {
@@ -258,6 +326,10 @@ impl Manifest {
     /// Whether the sun stands in more than one place.
     pub fn sun_moves(&self) -> bool {
         self.day.is_some() || self.sun.as_ref().is_some_and(|s| s.moves)
+    }
+
+    pub fn branch_index(&self, name: &str) -> Option<usize> {
+        self.branches.iter().position(|b| b.name == name)
     }
 
     pub fn leaf_index(&self, name: &str) -> Option<usize> {

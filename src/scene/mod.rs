@@ -1,6 +1,7 @@
 //! Scene manifests, the plan of what a scene needs, and the hand-over to the renderer.
 
 pub mod amount;
+pub mod branch;
 pub mod card;
 #[cfg(feature = "render")]
 pub mod check;
@@ -24,6 +25,7 @@ pub mod manifest;
 pub mod mesh;
 pub mod placement;
 pub mod plan;
+mod plan_branch;
 mod plan_leaf;
 mod plan_light;
 pub mod reference;

@@ -1,8 +1,10 @@
-//! Where leaves stand: the scene's instances, then its cluster. Lengths in mm.
+//! Where leaves stand at rest: the scene's instances, then its cluster. Lengths in mm. What hangs on a branch has its frame there: x towards
+//! the branch's tip, z as far up as the branch allows.
 //!
 //! A cluster is a twig along z with leaves a golden angle apart, each blade's tip (its +x) pointing away from the twig and drooping;
 //! droop, twist and height stray by a seeded amount.
 
+use super::branch;
 use super::manifest::{Cluster, Instance, Manifest};
 use glam::{DMat4, DQuat, DVec3, EulerRot};
 use rand::{RngExt, SeedableRng};
@@ -13,23 +15,28 @@ use rand_pcg::Pcg64;
 pub struct Placement {
     pub leaf: usize,
     pub transform: DMat4,
+    /// What bends it.
+    pub ride: Option<Ride>,
+}
+
+/// A place on a branch: 0 (root) to 1 (tip).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ride {
+    pub branch: usize,
+    pub at: f64,
 }
 
 /// Every placement of the scene, in a fixed order.
 pub fn placements(manifest: &Manifest) -> Vec<Placement> {
-    let mut out: Vec<Placement> = manifest
-        .instances
-        .iter()
-        .filter_map(|i| manifest.leaf_index(&i.leaf).map(|leaf| Placement { leaf, transform: instance_transform(i) }))
-        .collect();
+    let mut out: Vec<Placement> =
+        manifest.instances.iter().filter_map(|i| manifest.leaf_index(&i.leaf).map(|leaf| placed(manifest, i, leaf))).collect();
     if let Some(cluster) = &manifest.cluster {
         let leaves: Vec<usize> = cluster.leaves.iter().filter_map(|n| manifest.leaf_index(n)).collect();
-        out.extend(
-            cluster_transforms(cluster)
-                .into_iter()
-                .enumerate()
-                .map(|(k, transform)| Placement { leaf: leaves[k % leaves.len()], transform }),
-        );
+        out.extend(cluster_transforms(cluster).into_iter().enumerate().map(|(k, transform)| Placement {
+            leaf: leaves[k % leaves.len()],
+            transform,
+            ride: None,
+        }));
     }
     out
 }
@@ -37,6 +44,21 @@ pub fn placements(manifest: &Manifest) -> Vec<Placement> {
 /// Rotation about x, then y, then z (degrees).
 pub fn rotation(deg: [f64; 3]) -> DQuat {
     DQuat::from_euler(EulerRot::ZYX, deg[2].to_radians(), deg[1].to_radians(), deg[0].to_radians())
+}
+
+fn placed(manifest: &Manifest, i: &Instance, leaf: usize) -> Placement {
+    let own = instance_transform(i);
+    let Some((ride, b)) = i.branch.as_ref().and_then(|name| {
+        let branch = manifest.branch_index(name)?;
+        Some((Ride { branch, at: i.at.unwrap_or(0.0) }, &manifest.branches[branch]))
+    }) else {
+        return Placement { leaf, transform: own, ride: None };
+    };
+    let (root, [t, r, s]) = branch::frame(b);
+    let place = root + t * (ride.at * b.length_mm);
+    let on_branch = DMat4::from_cols(t.extend(0.0), r.extend(0.0), s.extend(0.0), place.extend(1.0));
+    let out = rotation(i.rotation_deg) * DVec3::X * i.offset_mm.unwrap_or(0.0);
+    Placement { leaf, transform: on_branch * DMat4::from_translation(out) * own, ride: Some(ride) }
 }
 
 fn instance_transform(i: &Instance) -> DMat4 {

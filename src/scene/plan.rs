@@ -5,6 +5,7 @@
 //! error against cost that are measured while planning.
 
 use super::amount::{self, Curve, Row};
+use super::branch::{self, Bends, Twig};
 use super::facing::{self, Facing};
 use super::fitted::Fitted;
 use super::ledger::Ledger;
@@ -132,8 +133,15 @@ pub struct Plan {
     pub hash: String,
     #[serde(skip)]
     pub leaves: Vec<LeafPlan>,
+    /// Where leaves stand at rest.
     #[serde(skip)]
     pub placements: Vec<Placement>,
+    /// Branches at rest, with their meshes.
+    #[serde(skip)]
+    pub twigs: Vec<(Twig, LeafMesh)>,
+    /// `None`: nothing bends.
+    #[serde(skip)]
+    pub bends: Option<Bends>,
     /// 0: none can fall.
     #[serde(skip)]
     pub shadow_samples: u32,
@@ -178,6 +186,8 @@ pub fn make_free(manifest: &Manifest, out: Option<&Path>, input_hash: Option<Inp
 
 fn make_for(manifest: &Manifest, out: Option<&Path>, input_hash: Option<InputHash>, ledger: &Ledger, free: bool) -> Result<Plan> {
     let placements = placement::placements(manifest);
+    let twigs = branch::twigs(manifest, ledger)?;
+    let bends = if branch::moves(manifest, &twigs) { Some(Bends::new(manifest, &twigs, ledger)?) } else { None };
     let mut plan = Plan {
         scene: manifest.name.clone(),
         needed: Vec::new(),
@@ -186,6 +196,8 @@ fn make_for(manifest: &Manifest, out: Option<&Path>, input_hash: Option<InputHas
         hash: String::new(),
         leaves: Vec::new(),
         placements,
+        twigs: twigs.into_iter().map(|t| (t.clone(), branch::tube(&t))).collect(),
+        bends,
         shadow_samples: 0,
         shadow_resolution: 0,
         msaa: if manifest.tolerance < 0.05 { 4 } else { 1 },
@@ -194,7 +206,7 @@ fn make_for(manifest: &Manifest, out: Option<&Path>, input_hash: Option<InputHas
         sky_fitted: OnceLock::new(),
     };
     for index in 0..manifest.leaves.len() {
-        let mut leaf = leaf_plan(manifest, &plan.placements, index, out, input_hash, ledger)?;
+        let mut leaf = leaf_plan(manifest, &plan, index, out, input_hash, ledger)?;
         if free && leaf.mesh.is_some() {
             let sides = leaf.fitted.as_ref().map_or([false; 2], |f| super::plan_leaf::SIDES.map(|s| f.has(s)));
             leaf.facing = Facing::ALL;
@@ -213,6 +225,7 @@ fn make_for(manifest: &Manifest, out: Option<&Path>, input_hash: Option<InputHas
     if free {
         plan.leaves.iter_mut().for_each(|l| l.block = 1);
     }
+    super::plan_branch::branches(manifest, &mut plan, ledger);
     super::plan_light::lights(manifest, &mut plan, free)?;
     super::plan_light::absent_models(manifest, &mut plan);
     let parts: Vec<(String, String)> = plan.needed.iter().map(|n| (n.name.clone(), format!("{:?} {:?}", n.hash, n.amount))).collect();
@@ -222,13 +235,14 @@ fn make_for(manifest: &Manifest, out: Option<&Path>, input_hash: Option<InputHas
 
 fn leaf_plan(
     manifest: &Manifest,
-    placements: &[Placement],
+    whole: &Plan,
     index: usize,
     out: Option<&Path>,
     input_hash: Option<InputHash>,
     ledger: &Ledger,
 ) -> Result<LeafPlan> {
     let leaf = &manifest.leaves[index];
+    let placements = &whole.placements;
     let cards: Vec<_> =
         manifest.views.iter().filter(|v| v.kind == ViewKind::Card && v.leaf.as_deref() == Some(leaf.name.as_str())).collect();
     let perspective = manifest.views.iter().any(|v| v.kind == ViewKind::Perspective);
@@ -259,10 +273,19 @@ fn leaf_plan(
             let bytes = std::fs::metadata(&plan.mesh_path).map_or(0, |m| m.len());
             let name = format!("{}/{}", leaf.name, plan.mesh_path.file_name().map(|n| n.to_string_lossy()).unwrap_or_default());
             let read = ledger.note("read", name, bytes, || mesh::read(&plan.mesh_path))?;
-            let eyes: Vec<DVec3> =
-                manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).filter_map(|v| v.eye_mm.map(DVec3::from)).collect();
+            let views: Vec<(DVec3, f64)> = manifest
+                .views
+                .iter()
+                .filter(|v| v.kind == ViewKind::Perspective)
+                .filter_map(|v| Some((v.eye_mm?.into(), branch::time(manifest, v))))
+                .collect();
             for p in placements.iter().filter(|p| p.leaf == index) {
-                plan.facing.add(&read, p, &eyes, sun);
+                if p.ride.is_none() || whole.bends.is_none() {
+                    let eyes: Vec<DVec3> = views.iter().map(|v| v.0).collect();
+                    plan.facing.add(&read, p, &eyes, sun);
+                } else {
+                    views.iter().for_each(|(eye, time)| plan.facing.add(&read, &whole.at_time(p, *time), &[*eye], sun));
+                }
             }
             if manifest.sun_moves() {
                 // It lights either side at some time.
@@ -277,7 +300,11 @@ fn leaf_plan(
     let sky = manifest.sky.is_some();
     let mut card_facing = Facing::default();
     for card in cards {
-        let p = Placement { leaf: index, transform: glam::DMat4::from_quat(placement::rotation(card.rotation_deg.unwrap_or_default())) };
+        let p = Placement {
+            leaf: index,
+            transform: glam::DMat4::from_quat(placement::rotation(card.rotation_deg.unwrap_or_default())),
+            ride: None,
+        };
         card_facing.add(&LeafMesh::rectangle(1.0, 1.0), &p, &[DVec3::from(card.eye_mm.unwrap_or_default())], sun);
     }
     for side in [0, 1] {
@@ -300,6 +327,14 @@ impl Plan {
 
     pub fn leave_out(&mut self, left: LeftOut) {
         self.left_out.push(left);
+    }
+
+    /// A placement as the branches have it at a time (s).
+    pub fn at_time(&self, placement: &Placement, time: f64) -> Placement {
+        match (&self.bends, placement.ride) {
+            (Some(bends), Some(ride)) => Placement { transform: bends.transform(ride, time, placement.transform), ..*placement },
+            _ => *placement,
+        }
     }
 
     /// Leaves that must be fitted before anything can be drawn.

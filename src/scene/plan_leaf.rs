@@ -288,10 +288,10 @@ fn resolution(manifest: &Manifest, leaf: &mut LeafPlan, plan: &mut Plan) {
     let (centre, radius) = mesh.bounds();
     let mut footprint = f64::INFINITY;
     for p in plan.placements.iter().filter(|p| p.leaf == leaf.index) {
-        let scale = p.transform.x_axis.truncate().length();
-        let centre = p.transform.transform_point3(centre);
         for view in manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective) {
             let (Some(eye), Some(fov)) = (view.eye_mm, view.fov_deg) else { continue };
+            let at = plan.at_time(p, super::branch::time(manifest, view)).transform;
+            let (scale, centre) = (at.x_axis.truncate().length(), at.transform_point3(centre));
             let nearest = (DVec3::from(eye).distance(centre) - radius * scale).max(1e-3);
             let pixel_mm = 2.0 * (fov.to_radians() / 2.0).tan() * nearest / f64::from(manifest.check.height);
             footprint = footprint.min(pixel_mm / (texel_mm * scale));

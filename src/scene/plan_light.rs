@@ -31,7 +31,7 @@ pub fn lights(manifest: &Manifest, plan: &mut Plan, free: bool) -> Result<()> {
         (Some(sun), Some(direction)) => {
             plan.need(Need::new("sun", "the scene has one: three numbers and a direction, its disk by its radius"));
             match plan.shadows(direction, sun.radius_deg.to_radians()) {
-                _ if free => shadows(manifest, plan, sun.radius_deg.to_radians(), shadow_bytes),
+                _ if free || !plan.twigs.is_empty() => shadows(manifest, plan, sun.radius_deg.to_radians(), shadow_bytes),
                 Ok(()) => shadows(manifest, plan, sun.radius_deg.to_radians(), shadow_bytes),
                 Err(why) => plan.leave_out(LeftOut::new("shadow maps", why, shadow_bytes, None)),
             }
@@ -114,14 +114,6 @@ fn shadows(manifest: &Manifest, plan: &mut Plan, radius: f64, map_bytes: u64) {
 
 /// What a plant scene may have and this one has not.
 pub fn absent_models(manifest: &Manifest, plan: &mut Plan) {
-    plan.leave_out(LeftOut::new("beam fit", "nothing bends: the scene has no branches and no wind", 2 * 8, None));
-    // H9: eight texels a cycle of the highest frequency, f_min = 8 f_max/res; sixteen to one is a gentle wind's range.
-    plan.leave_out(LeftOut::new(
-        "motion texture",
-        "the scene has no wind; no deformation in the vertex shader either",
-        128 * 128 * 8,
-        None,
-    ));
     // H9 ch. 5: (13+1)·(7+1) coefficients, 49 harmonics, three channels, doubles.
     let polynomial = 14 * 8 * 49 * 3 * 8;
     let fixed = "a fixed sun and turbidity are 49x3 numbers at most, integrated directly: no polynomial in sun height and turbidity";

@@ -1,6 +1,7 @@
 //! The hand-over to the reference renderer, by a way of its own: from `front.exr` and `back.exr` (γ, thickness, ρs, m, normals a texel in
 //! the scan's frame), not from W's packed textures, and with a slab interpolant of its own (Chebyshev in the thickness).
 
+use super::branch::{Bends, Twig};
 use super::daylight::Daylight;
 use super::fitted::fill;
 use super::ledger::Ledger;
@@ -13,7 +14,7 @@ use crate::capture::manifest::SideName;
 use crate::optics::slab;
 use crate::transport::{self, lobe, world};
 use crate::{Error, Result};
-use glam::{DVec3, DVec4};
+use glam::{DMat4, DVec3, DVec4};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -34,7 +35,39 @@ pub fn world(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<transp
             out.instances.push(transport::Placement { leaf, transform: p.transform });
         }
     }
+    for (twig, mesh) in &plan.twigs {
+        out.instances.push(transport::Placement { leaf: out.leaves.len(), transform: DMat4::IDENTITY });
+        out.leaves.push(branch(twig, mesh));
+    }
+    move_to(&mut out, plan, super::branch::rest_time(manifest));
     Ok(out)
+}
+
+/// A branch: diffuse bark, and nothing comes through.
+fn branch(twig: &Twig, rest: &LeafMesh) -> transport::ReferenceLeaf {
+    let mut front = black(1);
+    if let transport::Interior::Maps { rho_d, .. } = &mut front.interior {
+        *rho_d = twig.bark.map(|v| vec![v as f32]);
+    }
+    transport::ReferenceLeaf { mesh: mesh(rest), width: 1, height: 1, front, back: black(1), mask: None, lobe: lobe::Lobe::Beckmann }
+}
+
+/// Bends the branches of a world that [`world`] made, and what hangs on them, as they are at a time (s).
+pub fn move_to(world: &mut transport::World, plan: &Plan, time: f64) {
+    let Some(bends) = &plan.bends else { return };
+    let drawn = plan.placements.iter().filter(|p| plan.leaves[p.leaf].mesh.is_some());
+    for (placed, p) in world.instances.iter_mut().zip(drawn) {
+        placed.transform = plan.at_time(p, time).transform;
+    }
+    move_branches(world, plan, bends, time);
+}
+
+/// The branches alone.
+pub fn move_branches(world: &mut transport::World, plan: &Plan, bends: &Bends, time: f64) {
+    let first = world.leaves.len() - plan.twigs.len();
+    for (k, (_, rest)) in plan.twigs.iter().enumerate() {
+        world.leaves[first + k].mesh = mesh(&bends.mesh(k, time, rest));
+    }
 }
 
 /// A world without leaves.

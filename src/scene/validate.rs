@@ -1,6 +1,7 @@
 //! What a scene manifest must say, beyond having the right fields. An error names file, line and field.
 
 use super::manifest::{Day, Lobe, Manifest, Sky, View, ViewKind};
+use crate::plant::beam::{TAPER_MAX, TAPER_MIN};
 use crate::sky::preetham;
 use crate::{Error, Result};
 use std::collections::BTreeSet;
@@ -9,6 +10,8 @@ use std::collections::BTreeSet;
 const MOST_LEAVES: usize = 100_000;
 const MOST_PIXELS: u32 = 8192;
 const MOST_SAMPLES: u32 = 1 << 16;
+const MOST_BRANCHES: usize = 128;
+const MOST_SECONDS: f64 = 1e6;
 
 struct Place<'a> {
     manifest: &'a Manifest,
@@ -110,6 +113,7 @@ pub fn validate(m: &Manifest, text: &str) -> Result<()> {
     p.positive("", 0, "exposure", m.exposure, "number")?;
     p.colour("", "background", &m.background)?;
     leaves(&p)?;
+    branches(&p)?;
     placements(&p)?;
     lights(&p)?;
     views(&p)?;
@@ -159,6 +163,58 @@ fn leaves(p: &Place) -> Result<()> {
     Ok(())
 }
 
+fn branches(p: &Place) -> Result<()> {
+    const HEADER: &str = "[[branch]]";
+    let mut names = BTreeSet::new();
+    for (i, b) in p.manifest.branches.iter().enumerate() {
+        let plain = !b.name.is_empty() && b.name.chars().all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_');
+        if !plain {
+            return Err(p.error(HEADER, i, "name", format!("found \"{}\", expected letters, digits, - and _", b.name)));
+        }
+        if !names.insert(&b.name) {
+            return Err(p.error(HEADER, i, "name", format!("\"{}\" is used twice, expected one branch a name", b.name)));
+        }
+        p.range(HEADER, i, "length_mm", b.length_mm, [1.0, 1e5], "mm")?;
+        p.range(HEADER, i, "radius_mm", b.radius_mm, [1e-3, b.length_mm], "mm")?;
+        if let Some(taper) = b.taper {
+            p.range(HEADER, i, "taper", taper, [TAPER_MIN, TAPER_MAX], "(tip radius over root radius)")?;
+        }
+        if let Some(load) = b.load_over_stiffness_mm {
+            p.range(HEADER, i, "load_over_stiffness_mm", load, [0.0, 1e6], "mm")?;
+        }
+        for (key, given) in [("taper", b.taper.is_some()), ("load_over_stiffness_mm", b.load_over_stiffness_mm.is_some())] {
+            if given && b.fit.is_some() {
+                return Err(p.error(HEADER, i, key, "given beside a fit, which says it; expected one of the two"));
+            }
+        }
+        if b.measured.is_some() && b.fit.is_none() {
+            return Err(p.error(HEADER, i, "measured", "given without a fit that could hold it"));
+        }
+        p.finite(HEADER, i, "position_mm", &b.position_mm)?;
+        p.finite(HEADER, i, "direction", &b.direction)?;
+        if glam::DVec3::from(b.direction).length() < 1e-9 {
+            return Err(p.error(HEADER, i, "direction", "found no length, expected the way from root to tip"));
+        }
+        if !b.bark.iter().all(|v| (0.0..=1.0).contains(v)) {
+            return Err(p.error(HEADER, i, "bark", format!("found {:?}, expected three reflectances, 0 to 1", b.bark)));
+        }
+        p.range(HEADER, i, "lean_per_m_s", b.lean_per_m_s, [0.0, 1.0], "of the length per m/s")?;
+        p.range(HEADER, i, "damping", b.damping, [0.01, 10.0], "of the critical one")?;
+        if let Some(f) = b.resonance_hz {
+            p.range(HEADER, i, "resonance_hz", f, [1e-3, 1e3], "Hz")?;
+        }
+    }
+    if p.manifest.branches.len() > MOST_BRANCHES {
+        let found = p.manifest.branches.len();
+        return Err(p.error(HEADER, MOST_BRANCHES, "name", format!("found {found} branches, expected at most {MOST_BRANCHES}")));
+    }
+    let Some(wind) = &p.manifest.wind else { return Ok(()) };
+    p.range("[wind]", 0, "speed_m_s", wind.speed_m_s, [0.0, 100.0], "m/s")?;
+    p.finite("[wind]", 0, "azimuth_deg", &[wind.azimuth_deg])?;
+    p.range("[wind]", 0, "turbulence", wind.turbulence, [1e-3, 2.0], "of the mean speed")?;
+    p.range("[wind]", 0, "time_s", wind.time_s, [-MOST_SECONDS, MOST_SECONDS], "s")
+}
+
 fn placements(p: &Place) -> Result<()> {
     let m = p.manifest;
     for (i, instance) in m.instances.iter().enumerate() {
@@ -167,6 +223,25 @@ fn placements(p: &Place) -> Result<()> {
         p.finite(HEADER, i, "position_mm", &instance.position_mm)?;
         p.finite(HEADER, i, "rotation_deg", &instance.rotation_deg)?;
         p.positive(HEADER, i, "scale", instance.scale, "number")?;
+        match &instance.branch {
+            Some(name) if m.branch_index(name).is_none() => {
+                let known: Vec<&str> = m.branches.iter().map(|b| b.name.as_str()).collect();
+                let what = format!("found \"{name}\", expected one of the scene's branches ({})", known.join(", "));
+                return Err(p.error(HEADER, i, "branch", what));
+            }
+            Some(_) => {
+                let at = instance.at.ok_or_else(|| p.error(HEADER, i, "at", "missing; an instance on a branch needs it"))?;
+                p.range(HEADER, i, "at", at, [0.0, 1.0], "(root to tip)")?;
+                p.finite(HEADER, i, "offset_mm", &[instance.offset_mm.unwrap_or(0.0)])?;
+            }
+            None => {
+                for (key, given) in [("at", instance.at.is_some()), ("offset_mm", instance.offset_mm.is_some())] {
+                    if given {
+                        return Err(p.error(HEADER, i, key, "given, but only instances on a branch have one"));
+                    }
+                }
+            }
+        }
     }
     if let Some(cluster) = &m.cluster {
         const HEADER: &str = "[cluster]";
@@ -321,6 +396,17 @@ fn one_view(p: &Place, i: usize, view: &View) -> Result<()> {
             }
         }
     }
+    if let Some(time) = view.time_s {
+        let what = match (&p.manifest.wind, view.kind) {
+            (_, ViewKind::Card) => "given, but a card does not move",
+            (None, _) => "given, but the scene has no [wind]",
+            _ => "",
+        };
+        if !what.is_empty() {
+            return Err(p.error(HEADER, i, "time_s", what));
+        }
+        p.range(HEADER, i, "time_s", time, [-MOST_SECONDS, MOST_SECONDS], "s")?;
+    }
     if let Some(ms) = view.frame_ms {
         p.positive(HEADER, i, "frame_ms", ms, "time")?;
     }
@@ -379,6 +465,24 @@ max_error = 0.1
             ("tolerance = 0.004", "tolerance = nan", "s.toml:4: tolerance: found NaN"),
             ("schema = 1", "schema = 2", "s.toml:2: schema: found 2, expected 1"),
             ("fit = \"fits/elm\"", "", "s.toml:5: leaf.fit: missing"),
+            (
+                "leaf = \"elm\"",
+                "leaf = \"elm\"\nbranch = \"twig\"\nat = 0.5",
+                "s.toml:10: instance.branch: found \"twig\", expected one of the scene's branches ()",
+            ),
+            ("leaf = \"elm\"", "leaf = \"elm\"\nat = 0.5", "s.toml:10: instance.at: given, but only instances on a branch have one"),
+            ("max_error = 0.1", "max_error = 0.1\ntime_s = 2", "s.toml:21: view.time_s: given, but the scene has no [wind]"),
+            ("[sun]", "[wind]\nspeed_m_s = -3\nseed = 1\n[sun]", "s.toml:11: wind.speed_m_s: found -3, expected 0 to 100 m/s"),
+            (
+                "[sun]",
+                "[[branch]]\nname = \"b\"\nlength_mm = 100\nradius_mm = 1\ntaper = 2\ndirection = [1, 0, 0]\nbark = [0.1, 0.1, 0.1]\n[sun]",
+                "s.toml:14: branch.taper: found 2, expected 0.0001 to 1.25 (tip radius over root radius)",
+            ),
+            (
+                "[sun]",
+                "[[branch]]\nname = \"b\"\nlength_mm = 100\nradius_mm = 1\ndirection = [0, 0, 0]\nbark = [0.1, 0.1, 0.1]\n[sun]",
+                "s.toml:14: branch.direction: found no length, expected the way from root to tip",
+            ),
         ] {
             assert!(GOOD.contains(from));
             let found = verdict(&GOOD.replacen(from, to, 1));

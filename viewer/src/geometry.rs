@@ -1,8 +1,10 @@
 //! Meshes and instances on the adapter: one vertex buffer a quantity, so that a quantity no shader reads is never uploaded, and one
 //! instanced draw a leaf however often it occurs.
 
+use crate::bend::Bends;
 use crate::gpu::Gpu;
-use crate::scene::Scene;
+use crate::passes::bend;
+use crate::scene::{Branch, Ride, Scene, Wind};
 use crate::stats::Stats;
 use glam::{Mat4, Vec3};
 
@@ -16,6 +18,8 @@ pub(crate) struct Geometry {
     pub index_count: u32,
     pub instances: wgpu::Buffer,
     pub instance_count: u32,
+    /// Branch and place of each instance, where any rides on a branch.
+    pub rides: Option<wgpu::Buffer>,
 }
 
 /// What a leaf's shader reads of its vertices.
@@ -23,6 +27,7 @@ pub(crate) struct Geometry {
 pub(crate) struct VertexNeeds {
     pub normals: bool,
     pub tangents: bool,
+    pub rides: bool,
 }
 
 impl Geometry {
@@ -37,6 +42,7 @@ impl Geometry {
                 [m.row(0).to_array(), m.row(1).to_array(), m.row(2).to_array()]
             })
             .collect();
+        let rides: Vec<[f32; 2]> = scene.instances.iter().filter(|i| i.leaf == index).map(|i| bend::ride(i.ride)).collect();
         let mesh = &scene.leaves[index].mesh;
         if rows.is_empty() || mesh.indices.is_empty() {
             return None;
@@ -56,17 +62,19 @@ impl Geometry {
             index_count: mesh.indices.len() as u32,
             instances: put("instances", bytemuck::cast_slice(&rows), Use::VERTEX),
             instance_count: rows.len() as u32,
+            rides: needs.rides.then(|| put("rides", bytemuck::cast_slice(&rides), Use::VERTEX)),
         })
     }
 }
 
-/// Layouts of the vertex buffers, in the order position, normal, tangent, uv, instance; `false` leaves one out.
-pub(crate) fn vertex_layouts(normal: bool, tangent: bool) -> Vec<Option<wgpu::VertexBufferLayout<'static>>> {
+/// Layouts of the vertex buffers, in the order position, normal, tangent, uv, instance, ride; `false` leaves one out.
+pub(crate) fn vertex_layouts(normal: bool, tangent: bool, ride: bool) -> Vec<Option<wgpu::VertexBufferLayout<'static>>> {
     const POSITION: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![0 => Float32x3];
     const NORMAL: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![1 => Float32x3];
     const TANGENT: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![2 => Float32x4];
     const UV: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![3 => Float32x2];
     const WORLD: [wgpu::VertexAttribute; 3] = wgpu::vertex_attr_array![4 => Float32x4, 5 => Float32x4, 6 => Float32x4];
+    const RIDE: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![7 => Float32x2];
     let layout = |array_stride, step_mode, attributes| Some(wgpu::VertexBufferLayout { array_stride, step_mode, attributes });
     let mut layouts = vec![layout(12, wgpu::VertexStepMode::Vertex, &POSITION[..])];
     if normal {
@@ -77,30 +85,52 @@ pub(crate) fn vertex_layouts(normal: bool, tangent: bool) -> Vec<Option<wgpu::Ve
     }
     layouts.push(layout(8, wgpu::VertexStepMode::Vertex, &UV));
     layouts.push(layout(48, wgpu::VertexStepMode::Instance, &WORLD));
+    if ride {
+        layouts.push(layout(8, wgpu::VertexStepMode::Instance, &RIDE));
+    }
     layouts
 }
 
-/// Corners of every instance's box in world space: what shadow maps and clipping planes must cover.
-pub(crate) fn corners(scene: &Scene) -> Vec<Vec3> {
-    let boxes: Vec<Option<(Vec3, Vec3)>> = scene
-        .leaves
-        .iter()
-        .map(|leaf| {
-            let first = *leaf.mesh.positions.first()?;
-            Some(leaf.mesh.positions.iter().fold((first, first), |(low, high), p| (low.min(*p), high.max(*p))))
-        })
-        .collect();
-    let mut out = Vec::with_capacity(scene.instances.len() * 8);
-    for instance in &scene.instances {
-        if let Some((low, high)) = boxes[instance.leaf] {
-            for k in 0..8 {
-                let pick = |bit: u32, l: f32, h: f32| if k & bit == 0 { l } else { h };
-                let corner = Vec3::new(pick(1, low.x, high.x), pick(2, low.y, high.y), pick(4, low.z, high.z));
-                out.push(instance.transform.transform_point3(corner));
-            }
-        }
+/// Points around every instance at rest, in world space, and what bends them: corners of boxes, but every vertex of a branch itself.
+pub(crate) struct Extents {
+    points: Vec<(Option<Ride>, Vec<Vec3>)>,
+    branches: Vec<Branch>,
+}
+
+impl Extents {
+    pub(crate) fn new(scene: &Scene) -> Extents {
+        let corners: Vec<Option<Vec<Vec3>>> = scene
+            .leaves
+            .iter()
+            .map(|leaf| {
+                let first = *leaf.mesh.positions.first()?;
+                let (low, high) = leaf.mesh.positions.iter().fold((first, first), |(low, high), p| (low.min(*p), high.max(*p)));
+                let pick = |k: u32, bit: u32, l: f32, h: f32| if k & bit == 0 { l } else { h };
+                Some((0..8).map(|k| Vec3::new(pick(k, 1, low.x, high.x), pick(k, 2, low.y, high.y), pick(k, 4, low.z, high.z))).collect())
+            })
+            .collect();
+        let points = scene.instances.iter().filter_map(|instance| {
+            let bends = instance.ride.is_some_and(|r| r.at.is_none());
+            let around = if bends { &scene.leaves[instance.leaf].mesh.positions } else { corners[instance.leaf].as_ref()? };
+            Some((instance.ride, around.iter().map(|p| instance.transform.transform_point3(*p)).collect()))
+        });
+        Extents { points: points.collect(), branches: scene.branches.clone() }
     }
-    out
+
+    pub(crate) fn branches(&self) -> &[Branch] {
+        &self.branches
+    }
+
+    /// What shadow maps and clipping planes must cover.
+    pub(crate) fn corners(&self, wind: Option<&Wind>) -> Vec<Vec3> {
+        let bends = Bends::new(&self.branches, wind);
+        self.points.iter().flat_map(|(ride, points)| points.iter().map(|p| bends.moved(*ride, *p))).collect()
+    }
+}
+
+/// Corners of every instance's box in world space, as bent.
+pub(crate) fn corners(scene: &Scene) -> Vec<Vec3> {
+    Extents::new(scene).corners(scene.wind.as_ref())
 }
 
 /// Centre and radius of a ball around points; a unit ball where there are none.

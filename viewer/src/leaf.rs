@@ -5,6 +5,7 @@ use crate::geometry::{Geometry, VertexNeeds};
 use crate::gpu::Gpu;
 use crate::lobe::AlbedoTable;
 use crate::maps::{self, Level, Uploaded};
+use crate::passes::bend;
 use crate::scene::{Interior, Leaf, Lobe, Scene, Side, SlabCurve};
 use crate::stats::Stats;
 use crate::variant::Variant;
@@ -142,8 +143,9 @@ impl LeafOnGpu {
         stats: &mut Stats,
     ) -> Option<LeafOnGpu> {
         let leaf = &scene.leaves[index];
-        let variant = Variant::new(gpu, scene, leaf);
-        let needs = VertexNeeds { normals: true, tangents: variant.tangent() };
+        let (branches, motion) = bend::needs(scene, index);
+        let variant = Variant { branches, motion, ..Variant::new(gpu, scene, leaf) };
+        let needs = VertexNeeds { normals: true, tangents: variant.tangent(), rides: branches > 0 };
         let geometry = Geometry::new(gpu, scene, index, needs, stats)?;
 
         let mut bound: Vec<(u32, wgpu::TextureView)> = Vec::new();

@@ -10,6 +10,7 @@
 //! }
 //! ```
 
+mod bend;
 mod dome;
 pub mod editor;
 mod error;

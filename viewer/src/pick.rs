@@ -1,6 +1,7 @@
 //! What lies under the pointer: a ray through the picture against the instances' triangles, on the CPU.
 
-use crate::scene::{Camera, Leaf, Scene};
+use crate::bend::Bends;
+use crate::scene::{Camera, Instance, Leaf, Scene};
 use glam::{Vec2, Vec3};
 
 /// A point of a leaf.
@@ -31,23 +32,29 @@ pub fn ray(camera: &Camera, aspect: f32, x: f32, y: f32) -> (Vec3, Vec3) {
 pub fn pick(scene: &Scene, camera: &Camera, aspect: f32, x: f32, y: f32) -> Option<Hit> {
     let (origin, direction) = ray(camera, aspect, x, y);
     let boxes: Vec<(Vec3, Vec3)> = scene.leaves.iter().map(bounds).collect();
+    let bends = Bends::of(scene);
     let mut best: Option<Hit> = None;
     for (i, instance) in scene.instances.iter().enumerate() {
         let Some(leaf) = scene.leaves.get(instance.leaf) else { continue };
         let back = instance.transform.inverse();
-        let (o, d) = (back.transform_point3(origin), back.transform_vector3(direction));
-        if !meets_box(o, d, boxes[instance.leaf]) {
+        let (mut o, mut d) = (back.transform_point3(origin), back.transform_vector3(direction));
+        // What rides on a branch is met in world space, where it is bent.
+        let moved = instance.ride.map(|_| swung(&bends, instance, leaf));
+        if moved.is_some() {
+            (o, d) = (origin, direction);
+        } else if !meets_box(o, d, boxes[instance.leaf]) {
             continue;
         }
+        let (positions, normals) = moved.as_ref().map_or((&leaf.mesh.positions, &leaf.mesh.normals), |m| (&m.0, &m.1));
         for triangle in leaf.mesh.indices.as_chunks::<3>().0 {
-            let Some((t, u, v)) = meets_triangle(o, d, triangle.map(|k| leaf.mesh.positions[k as usize])) else { continue };
+            let Some((t, u, v)) = meets_triangle(o, d, triangle.map(|k| positions[k as usize])) else { continue };
             if best.is_some_and(|b| b.distance <= t) {
                 continue;
             }
             let weights = [1.0 - u - v, u, v];
             let corner = |k: usize| triangle[k] as usize;
             let uv: Vec2 = (0..3).map(|k| weights[k] * leaf.mesh.uvs[corner(k)]).sum();
-            let normal: Vec3 = (0..3).map(|k| weights[k] * leaf.mesh.normals[corner(k)]).sum();
+            let normal: Vec3 = (0..3).map(|k| weights[k] * normals[corner(k)]).sum();
             let [column, row] = texel(leaf, uv);
             if leaf.mask.as_ref().is_some_and(|m| m[(row * leaf.width + column) as usize] == 0) {
                 continue;
@@ -58,6 +65,13 @@ pub fn pick(scene: &Scene, camera: &Camera, aspect: f32, x: f32, y: f32) -> Opti
         }
     }
     best
+}
+
+/// World positions and normals of a mesh that rides on a branch.
+fn swung(bends: &Bends, instance: &Instance, leaf: &Leaf) -> (Vec<Vec3>, Vec<Vec3>) {
+    let m = instance.transform;
+    let pairs = leaf.mesh.positions.iter().zip(&leaf.mesh.normals);
+    pairs.map(|(p, n)| bends.bent(instance.ride, m.transform_point3(*p), m.transform_vector3(*n))).unzip()
 }
 
 fn texel(leaf: &Leaf, uv: Vec2) -> [u32; 2] {

@@ -1,16 +1,17 @@
 //! The renderer: a scene in, pictures and times out. It creates and uploads only what the scene needs, and counts it.
 
 use crate::error::{Error, Result};
-use crate::geometry::{ball, corners, view_projection};
+use crate::geometry::{Extents, ball, view_projection};
 use crate::gpu::{AdapterInfo, Gpu, Options, instance_descriptor};
 use crate::leaf::{AlbedoCache, LeafOnGpu, Samplers};
+use crate::passes::bend::BendPass;
 use crate::passes::main::{Frame, MainPass, Pipelines, Targets};
 use crate::passes::shadow::ShadowPass;
 use crate::passes::sky::SkyPass;
 use crate::passes::tonemap::{self, TonemapPass};
 use crate::picture::Picture;
 use crate::readback::{self, Copy};
-use crate::scene::{Camera, Dome, Scene, Sun};
+use crate::scene::{Camera, Dome, Scene, Sun, Wind};
 use crate::stats::Stats;
 use crate::timing::{Clock, PASSES, Timing};
 use crate::validate;
@@ -36,6 +37,8 @@ struct Loaded {
     main: MainPass,
     shadow: Option<ShadowPass>,
     seen_sky: Option<SkyPass>,
+    bend: Option<BendPass>,
+    extents: Extents,
     corners: Vec<Vec3>,
     ball: (Vec3, f32),
     sun: Option<Sun>,
@@ -107,7 +110,9 @@ impl Renderer {
         let leaves: Vec<LeafOnGpu> = (0..scene.leaves.len())
             .filter_map(|i| LeafOnGpu::new(&self.gpu, scene, i, &self.samplers, &mut self.tables, &mut stats))
             .collect();
-        let corners = corners(scene);
+        let extents = Extents::new(scene);
+        let corners = extents.corners(scene.wind.as_ref());
+        let bend = BendPass::new(&self.gpu, scene, &mut stats);
         let layers = shadow_layers(scene);
         let (mut shadow, mut shadow_texel) = (None, 0.0);
         if let Some(sun) = scene.sun.filter(|_| layers > 0) {
@@ -131,6 +136,8 @@ impl Renderer {
             main,
             shadow,
             seen_sky,
+            bend,
+            extents,
             ball: ball(&corners),
             corners,
             sun: scene.sun,
@@ -174,6 +181,43 @@ impl Renderer {
         loaded.dome = scene.dome.clone();
         self.tonemap.set_exposure(&self.gpu, scene.exposure);
         Ok(())
+    }
+
+    /// Takes over another time of `wind`, which is otherwise as it was: branches and what rides on them move, and shadows with them.
+    pub fn set_time(&mut self, wind: &Wind) {
+        let Some(loaded) = &mut self.loaded else { return };
+        let Some(bend) = &loaded.bend else { return };
+        bend.set_time(&self.gpu, loaded.extents.branches(), wind);
+        loaded.corners = loaded.extents.corners(Some(wind));
+        loaded.ball = ball(&loaded.corners);
+        if let (Some(sun), Some(shadow)) = (loaded.sun, &mut loaded.shadow) {
+            loaded.shadow_texel = shadow.set_sun(&self.gpu, &sun, &loaded.corners);
+        }
+    }
+
+    /// Where the vertex stage puts the vertices of instance `index` of `scene`, which must be the one that was set: position, normal and
+    /// tangent each, in world space, computed by the same shader function that pictures are drawn with.
+    ///
+    /// # Errors
+    /// `Scene` where the instance rides on no branch or nothing was set, `Readback`.
+    pub fn bent_vertices(&self, scene: &Scene, index: usize) -> Result<Vec<[Vec3; 3]>> {
+        let bend = self.loaded.as_ref().and_then(|l| l.bend.as_ref());
+        let (Some(bend), Some(instance)) = (bend, scene.instances.get(index).filter(|i| i.ride.is_some())) else {
+            let place = format!("instance {index}");
+            return Err(Error::Scene {
+                place,
+                found: "nothing that bends it".into(),
+                expected: "an instance on a branch of the set scene".into(),
+            });
+        };
+        let (mesh, m) = (&scene.leaves[instance.leaf].mesh, instance.transform);
+        let vertices: Vec<[Vec3; 3]> = (0..mesh.positions.len())
+            .map(|k| {
+                let turned = |d: Vec3| m.transform_vector3(d);
+                [m.transform_point3(mesh.positions[k]), turned(mesh.normals[k]), turned(mesh.tangents[k].truncate())]
+            })
+            .collect();
+        bend.probe(&self.gpu, instance.ride, &vertices)
     }
 
     /// Takes over a change of leaf `index`'s appearance, with its mesh and mask as they were.
@@ -284,7 +328,7 @@ impl Renderer {
             sky.aim(&self.gpu, dome, loaded.sun.as_ref(), loaded.background, camera, [width, height]);
         }
         if let Some(shadow) = &mut loaded.shadow {
-            shadow.draw(encoder, &loaded.leaves, clock.map(|c| (&c.queries, 0)), &mut self.stats);
+            shadow.draw(encoder, &loaded.leaves, loaded.bend.as_ref(), clock.map(|c| (&c.queries, 0)), &mut self.stats);
         }
         let (color, resolve) = match &targets.samples {
             Some(samples) => (samples, Some(&targets.hdr_view)),
@@ -294,7 +338,14 @@ impl Renderer {
             encoder,
             &self.pipelines,
             &loaded.leaves,
-            Targets { color, resolve, depth: &targets.depth, background: loaded.background, sky: loaded.seen_sky.as_ref() },
+            Targets {
+                color,
+                resolve,
+                depth: &targets.depth,
+                background: loaded.background,
+                sky: loaded.seen_sky.as_ref(),
+                bend: loaded.bend.as_ref(),
+            },
             clock.map(|c| c.writes(1)),
             &mut self.stats,
         );

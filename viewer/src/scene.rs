@@ -48,13 +48,63 @@ pub struct Scene {
     pub shadow_resolution: u32,
     /// 1 or 4.
     pub msaa: u32,
+    /// Branches that bend (at most [`MOST_BRANCHES`]); where nothing rides on one, no shader bends.
+    pub branches: Vec<Branch>,
+    /// What sways them; `None` uploads no motion texture.
+    pub wind: Option<Wind>,
 }
 
+/// As many branches as fill the smallest uniform buffer every adapter has.
+pub const MOST_BRANCHES: usize = 128;
+
 /// A leaf drawn somewhere; rigid transforms with uniform scale.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct Instance {
     pub leaf: usize,
     pub transform: Mat4,
+    /// What bends it; the transform is where it is at rest.
+    pub ride: Option<Ride>,
+}
+
+/// How an instance hangs on a branch.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ride {
+    pub branch: usize,
+    /// Where it hangs, rigidly: 0 (root) to 1 (tip). `None`: the mesh is the branch itself and bends at every vertex.
+    pub at: Option<f32>,
+}
+
+/// A branch at rest and how it bends. Amplitudes are in units of its length for the normalised deflection
+/// u = a₂y² + a₃y³ + a₄y⁴ + a₅y⁵ with y = ln(1 + (α − 1)x)/ln α: the tip goes by amplitude · Σa · length, before the length is kept.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Branch {
+    pub root: Vec3,
+    /// Orthonormal: t from root to tip, r and s across.
+    pub t: Vec3,
+    pub r: Vec3,
+    pub s: Vec3,
+    pub length: f32,
+    /// Tip radius over root radius, its logarithm, and ln α/(α − 1) (1 at α = 1).
+    pub alpha: f32,
+    pub ln_alpha: f32,
+    pub ell: f32,
+    pub a: [f32; 4],
+    /// Amplitude towards r and s without gusts: weight and mean wind.
+    pub still: [f32; 2],
+    /// Amplitude per unit of the motion texture.
+    pub gain: f32,
+    /// Line through the motion texture: where at time 0, and texture sides a second.
+    pub start: [f64; 2],
+    pub velocity: [f64; 2],
+}
+
+/// Gusts: a periodic texture whose channels drive the deflections towards r and s, and the time.
+#[derive(Debug, Clone)]
+pub struct Wind {
+    /// Texels a side; row-major, texel centres at (i + ½)/size, sampled linearly and repeated.
+    pub size: u32,
+    pub motion: Vec<[f32; 2]>,
+    pub time_s: f64,
 }
 
 /// The sun as a disk.
@@ -123,6 +173,13 @@ pub enum Lobe {
     Beckmann,
     Ggx,
     CookTorrance { index: f32 },
+}
+
+impl Leaf {
+    /// One texel of fixed reflectance on one side: a branch's bark, which holds nothing that could be edited.
+    pub fn is_plain(&self) -> bool {
+        (self.width, self.height) == (1, 1) && self.back.is_black() && matches!(self.front.interior, Interior::Maps { .. })
+    }
 }
 
 /// How one side looks. Maps are row-major, row 0 on top.

@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
-use crate::scene::{Camera, Dome, Interior, Leaf, Lobe, Scene, Side};
+use crate::scene::{Camera, Dome, Interior, Leaf, Lobe, MOST_BRANCHES, Scene, Side};
 
 /// Shadow maps larger than this in total are refused (bytes).
 const SHADOW_BUDGET: u64 = 2 << 30;
@@ -26,6 +26,7 @@ pub(crate) fn scene(gpu: &Gpu, scene: &Scene) -> Result<()> {
             return Err(wrong(format!("instance {i}, transform"), format!("scales {scale:?}"), "a rigid motion with one positive scale"));
         }
     }
+    branches(scene)?;
     if scene.msaa != 1 && scene.msaa != 4 {
         return Err(wrong("msaa", scene.msaa, "1 or 4"));
     }
@@ -65,6 +66,45 @@ fn check_dome(scene: &Scene, dome: &Dome) -> Result<()> {
     }
     if (dome.sun.length() - 1.0).abs() > 1e-3 {
         return Err(wrong("dome, sun", dome.sun, "a unit vector"));
+    }
+    Ok(())
+}
+
+fn branches(scene: &Scene) -> Result<()> {
+    let n = scene.branches.len();
+    if n > MOST_BRANCHES {
+        return Err(wrong("branches", n, format!("at most {MOST_BRANCHES}")));
+    }
+    for (i, b) in scene.branches.iter().enumerate() {
+        let across = [b.t.dot(b.r), b.r.dot(b.s), b.s.dot(b.t)];
+        let unit = [b.t, b.r, b.s].map(|v| v.length() - 1.0);
+        if !across.into_iter().chain(unit).all(|v| v.abs() < 1e-3) {
+            return Err(wrong(format!("branch {i}, t r s"), format!("{} {} {}", b.t, b.r, b.s), "an orthonormal frame"));
+        }
+        if !(b.length > 0.0 && b.alpha > 0.0) {
+            return Err(wrong(format!("branch {i}, length and taper"), format!("{} and {}", b.length, b.alpha), "both above 0"));
+        }
+        let numbers = [b.length, b.alpha, b.ln_alpha, b.ell, b.gain].into_iter().chain(b.a).chain(b.still).chain(b.root.to_array());
+        let line = b.start.into_iter().chain(b.velocity);
+        if !numbers.map(f64::from).chain(line).all(f64::is_finite) {
+            return Err(wrong(format!("branch {i}"), "a value that is not finite", "finite values"));
+        }
+    }
+    for (i, instance) in scene.instances.iter().enumerate() {
+        let Some(ride) = instance.ride else { continue };
+        if ride.branch >= n {
+            return Err(wrong(format!("instance {i}, branch"), ride.branch, format!("below {n}")));
+        }
+        if !ride.at.is_none_or(|at| (0.0..=1.0).contains(&at)) {
+            return Err(wrong(format!("instance {i}, place on its branch"), format!("{:?}", ride.at), "0 to 1"));
+        }
+    }
+    let Some(wind) = &scene.wind else { return Ok(()) };
+    if wind.size == 0 || wind.motion.len() != wind.size as usize * wind.size as usize {
+        return Err(wrong("motion texture", format!("{} texels", wind.motion.len()), format!("{0} x {0}", wind.size)));
+    }
+    if !(wind.time_s.is_finite() && wind.motion.as_flattened().iter().all(|v| v.is_finite())) {
+        return Err(wrong("wind", "a value that is not finite", "finite values"));
     }
     Ok(())
 }

@@ -1,6 +1,7 @@
 //! What a leaf's shader holds: the closure of what the scene's lights and the leaf's maps need. Equal variants share a pipeline.
 
 use crate::gpu::Gpu;
+use crate::passes::bend;
 use crate::scene::{Interior, Leaf, Lobe, Scene, Side};
 use crate::shader::Defines;
 
@@ -20,6 +21,10 @@ pub(crate) struct Variant {
     pub back: SideVariant,
     pub lobe: LobeKind,
     pub msaa: u32,
+    /// Branches of the scene, where an instance rides on one: its vertices are bent. 0: they are not.
+    pub branches: u32,
+    /// The branches sway by a motion texture.
+    pub motion: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -66,7 +71,20 @@ impl Variant {
         let mask = leaf.mask.is_some();
         // Naga writes GLSL for a sample mask that GL drivers refuse: there the outline is cut at the pixels' centres.
         let sample_mask = mask && scene.msaa > 1 && !gpu.is_gl();
-        Variant { sun, shadow: shadow_layers(scene), sky, dome, mask, sample_mask, front, back, lobe, msaa: scene.msaa }
+        Variant {
+            sun,
+            shadow: shadow_layers(scene),
+            sky,
+            dome,
+            mask,
+            sample_mask,
+            front,
+            back,
+            lobe,
+            msaa: scene.msaa,
+            branches: 0,
+            motion: false,
+        }
     }
 
     /// Whether any light reaches the leaf: without one no map is read.
@@ -99,7 +117,7 @@ impl Variant {
 
     pub(crate) fn defines(&self) -> Defines {
         let lit = self.lit();
-        Defines::default()
+        bend::defines(Defines::default(), self.branches, self.motion)
             .constant("SHADOW_LAYERS", self.shadow)
             .set("SUN", self.sun)
             .set("SHADOW", self.shadow > 0)
@@ -148,6 +166,7 @@ impl Variant {
             say(!parts.is_empty(), format!("{name}{parts}"));
         }
         say(self.lobe != LobeKind::None, format!("{:?}", self.lobe).to_lowercase());
+        say(self.branches > 0, if self.motion { "sway".into() } else { "bend".into() });
         say(self.msaa > 1, format!("{} samples", self.msaa));
         if words.is_empty() { "main: unlit".into() } else { format!("main: {}", words.join(", ")) }
     }

@@ -188,7 +188,7 @@ fn masks_cut_the_outline_and_four_samples_soften_it() {
     assert!((covered[0] - covered[1]).abs() < 0.01, "{covered:?}");
     assert!(renderer.stats().uploaded("mask"));
     let mut twice = scene_of(uniform_leaf());
-    twice.instances.push(Instance { leaf: 0, transform: Mat4::from_translation(Vec3::Z) });
+    twice.instances.push(Instance { leaf: 0, transform: Mat4::from_translation(Vec3::Z), ride: None });
     twice.sky = Some([1.0; 3]);
     renderer.set_scene(&twice).expect("scene");
     assert!(!renderer.stats().uploaded("mask"));

@@ -91,7 +91,7 @@ fn two_leaves() -> (WindowScene, Toy) {
     let mut scene = scene_of(leaf.clone());
     leaf.name = "other".into();
     scene.leaves.push(leaf);
-    scene.instances.push(Instance { leaf: 1, transform: Mat4::from_translation(Vec3::new(24.0, 0.0, 0.0)) });
+    scene.instances.push(Instance { leaf: 1, transform: Mat4::from_translation(Vec3::new(24.0, 0.0, 0.0)), ride: None });
     scene.sun = Some(sun(Vec3::new(-0.4, 0.3, 1.0)));
     scene.sky = Some([0.4, 0.5, 0.6]);
     scene.background = [0.02; 3];
@@ -161,6 +161,10 @@ fn sun_and_turbidity_ask_for_another_sky() {
 }
 
 fn bench() -> Option<Bench> {
+    bench_on(two_leaves())
+}
+
+fn bench_on((window, toy): (WindowScene, Toy)) -> Option<Bench> {
     let stage = match Stage::headless(&Options::default()) {
         Ok(stage) => stage,
         Err(Error::NoAdapter) => {
@@ -169,7 +173,6 @@ fn bench() -> Option<Bench> {
         }
         Err(other) => panic!("{other}"),
     };
-    let (window, toy) = two_leaves();
     let asked = toy.asked.clone();
     let ui = ViewerUi::new(window, Box::new(toy), stage.renderer().adapter());
     let mut bench = Bench { stage, ui, asked, time: 0.0 };
@@ -444,4 +447,55 @@ fn child_with_window() {
     std::fs::remove_file(&path).expect("removed");
     let colours: std::collections::HashSet<[u8; 3]> = shot.pixels().map(|p| p.0).collect();
     assert!(shot.width() >= 600 && colours.len() > 200, "{}x{}, {} colours", shot.width(), shot.height(), colours.len());
+}
+
+#[test]
+fn a_swaying_branch_plays_and_stops() {
+    use mesophyll_viewer::scene::{Branch, Ride, Wind};
+    let (mut window, toy) = two_leaves();
+    let branch = Branch {
+        root: Vec3::new(-12.0, 0.0, 0.0),
+        t: Vec3::X,
+        r: Vec3::Y,
+        s: Vec3::Z,
+        length: 48.0,
+        alpha: 1.0,
+        ln_alpha: 0.0,
+        ell: 1.0,
+        a: [2.0, -4.0 / 3.0, 1.0 / 3.0, 0.0],
+        still: [0.0, 0.0],
+        gain: 1.0,
+        start: [0.1, 0.2],
+        velocity: [0.5, 0.06],
+    };
+    let motion = (0..32 * 32).map(|k| [0.0, 0.3 * (std::f32::consts::TAU * (k % 32) as f32 / 32.0).sin()]).collect();
+    window.scene.branches = vec![branch];
+    window.scene.wind = Some(Wind { size: 32, motion, time_s: 0.0 });
+    window.scene.instances[1].ride = Some(Ride { branch: 0, at: Some(0.8) });
+    let Some(mut bench) = bench_on((window, toy)) else { return };
+    let time = |bench: &Bench| bench.ui.scene().wind.as_ref().map_or(f64::NAN, |w| w.time_s);
+    let rect = bench.ui.landmark_rect("picture").expect("picture");
+    let picture = |bench: &Bench| -> Vec<[u8; 4]> {
+        let all = bench.pixels();
+        (rect.top() as usize..rect.bottom() as usize)
+            .flat_map(|y| all[y * PIXELS[0] as usize..][rect.left() as usize..rect.right() as usize].to_vec())
+            .collect()
+    };
+    assert_eq!(time(&bench), 0.0);
+    let still = picture(&bench);
+    bench.click("play");
+    for _ in 0..6 {
+        bench.frame(vec![]);
+    }
+    assert!(time(&bench) > 0.1, "{}", time(&bench));
+    assert_ne!(picture(&bench), still);
+    bench.click("play");
+    let stopped = time(&bench);
+    bench.frame(vec![]);
+    assert_eq!(time(&bench), stopped);
+    // By hand: the slider's left end is the time the scene opened with.
+    let slider = bench.ui.landmark_rect("time").expect("slider");
+    let from = egui::pos2(slider.left() + 2.0, slider.center().y);
+    bench.drag(from + egui::vec2(30.0, 0.0), egui::vec2(-60.0, 0.0));
+    assert_eq!(time(&bench), 0.0);
 }

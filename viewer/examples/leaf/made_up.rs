@@ -108,13 +108,13 @@ pub fn scene(cluster: bool) -> Scene {
         back: side(false),
         mask: None,
     };
-    let mut instances = vec![Instance { leaf: 0, transform: Mat4::IDENTITY }];
+    let mut instances = vec![Instance { leaf: 0, transform: Mat4::IDENTITY, ride: None }];
     if cluster {
         instances = (0..7)
             .map(|k| {
                 let turn = Quat::from_rotation_z(0.9 * k as f32) * Quat::from_rotation_x(-0.25 - 0.05 * k as f32);
                 let place = turn * Vec3::new(0.0, 38.0, 0.0) + Vec3::Z * 7.0 * k as f32;
-                Instance { leaf: 0, transform: Mat4::from_rotation_translation(turn, place) }
+                Instance { leaf: 0, transform: Mat4::from_rotation_translation(turn, place), ride: None }
             })
             .collect();
     }
@@ -129,6 +129,7 @@ pub fn scene(cluster: bool) -> Scene {
         shadow_samples: 16,
         shadow_resolution: 2048,
         msaa: 4,
+        ..Scene::default()
     }
 }
 

@@ -4,6 +4,7 @@ use crate::dome;
 use crate::geometry::vertex_layouts;
 use crate::gpu::Gpu;
 use crate::leaf::{self, LeafOnGpu};
+use crate::passes::bend::{self, BendPass};
 use crate::passes::shadow::ShadowPass;
 use crate::passes::sky::SkyPass;
 use crate::scene::Dome;
@@ -45,6 +46,8 @@ pub(crate) struct Targets<'a> {
     pub background: [f32; 3],
     /// The sky instead.
     pub sky: Option<&'a SkyPass>,
+    /// Where branches bend.
+    pub bend: Option<&'a BendPass>,
 }
 
 fn frame_layout(gpu: &Gpu, shadow: bool, dome: bool) -> wgpu::BindGroupLayout {
@@ -77,13 +80,14 @@ impl Pipelines {
 }
 
 fn pipeline(gpu: &Gpu, variant: &Variant) -> wgpu::RenderPipeline {
-    let source = assemble(include_str!("main.wgsl"), &variant.defines());
+    let source = assemble(&format!("{}{}", bend::SOURCE, include_str!("main.wgsl")), &variant.defines());
+    let bend = bend::layout_of(gpu, variant);
     let module = gpu
         .device
         .create_shader_module(wgpu::ShaderModuleDescriptor { label: Some("main"), source: wgpu::ShaderSource::Wgsl(source.into()) });
     let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some("main"),
-        bind_group_layouts: &[Some(&frame_layout(gpu, variant.shadow > 0, variant.dome)), Some(&leaf::layout(gpu, variant))],
+        bind_group_layouts: &[Some(&frame_layout(gpu, variant.shadow > 0, variant.dome)), Some(&leaf::layout(gpu, variant)), bend.as_ref()],
         immediate_size: 0,
     });
     gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
@@ -93,7 +97,7 @@ fn pipeline(gpu: &Gpu, variant: &Variant) -> wgpu::RenderPipeline {
             module: &module,
             entry_point: Some("vertex"),
             compilation_options: Default::default(),
-            buffers: &vertex_layouts(true, variant.tangent()),
+            buffers: &vertex_layouts(true, variant.tangent(), variant.branches > 0),
         },
         primitive: wgpu::PrimitiveState::default(),
         depth_stencil: Some(wgpu::DepthStencilState {
@@ -180,12 +184,15 @@ impl MainPass {
             sky.draw(&mut pass, stats);
         }
         pass.set_bind_group(0, &self.group, &[]);
+        if let Some(bend) = targets.bend {
+            pass.set_bind_group(2, &bend.group, &[]);
+        }
         for leaf in leaves {
             let Some(pipeline) = pipelines.0.get(&leaf.variant) else { continue };
             pass.set_pipeline(pipeline);
             pass.set_bind_group(1, &leaf.group, &[]);
             let g = &leaf.geometry;
-            let buffers = [Some(&g.positions), g.normals.as_ref(), g.tangents.as_ref(), Some(&g.uvs), Some(&g.instances)];
+            let buffers = [Some(&g.positions), g.normals.as_ref(), g.tangents.as_ref(), Some(&g.uvs), Some(&g.instances), g.rides.as_ref()];
             for (slot, buffer) in buffers.into_iter().flatten().enumerate() {
                 pass.set_vertex_buffer(slot as u32, buffer.slice(..));
             }

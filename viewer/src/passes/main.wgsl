@@ -86,6 +86,10 @@ struct Vertex {
     @location(4) world_x: vec4f,
     @location(5) world_y: vec4f,
     @location(6) world_z: vec4f,
+    //#if BEND
+    // Branch and place on it: see `bent`.
+    @location(7) ride: vec2f,
+    //#endif
 }
 
 struct Varying {
@@ -114,13 +118,23 @@ fn vertex(in: Vertex) -> Varying {
     let p = vec4f(in.position, 1.0);
     var out: Varying;
     out.world = vec3f(dot(in.world_x, p), dot(in.world_y, p), dot(in.world_z, p));
-    out.position = frame.view_projection * vec4f(out.world, 1.0);
     // Uniform scale only: normals turn like directions and are normalised in the fragment stage.
     out.normal = turned(in, in.normal);
     out.uv = in.uv;
     //#if TANGENT
     out.tangent = vec4f(turned(in, in.tangent.xyz), in.tangent.w);
     //#endif
+    //#if BEND
+    //#if TANGENT
+    let swung = bent(in.ride, out.world, out.normal, out.tangent.xyz);
+    out.tangent = vec4f(swung.tangent, in.tangent.w);
+    //#else
+    let swung = bent(in.ride, out.world, out.normal, vec3f(0.0));
+    //#endif
+    out.world = swung.position;
+    out.normal = swung.normal;
+    //#endif
+    out.position = frame.view_projection * vec4f(out.world, 1.0);
     return out;
 }
 

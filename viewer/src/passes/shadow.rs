@@ -5,9 +5,11 @@
 use crate::geometry::vertex_layouts;
 use crate::gpu::Gpu;
 use crate::leaf::{LeafOnGpu, Samplers};
+use crate::passes::bend::{self, BendPass};
 use crate::scene::{Scene, Sun};
 use crate::shader::{Defines, assemble};
 use crate::stats::Stats;
+use crate::variant::Variant;
 use glam::{Mat4, Vec3, Vec4};
 
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
@@ -22,8 +24,10 @@ pub(crate) struct ShadowPass {
     pub matrices: wgpu::Buffer,
     light_group: wgpu::BindGroup,
     light_buffer: wgpu::Buffer,
-    opaque: Option<wgpu::RenderPipeline>,
-    masked: Option<(wgpu::RenderPipeline, wgpu::BindGroupLayout)>,
+    /// Pipelines without and with a mask; each for what stands still and for what bends.
+    opaque: [Option<wgpu::RenderPipeline>; 2],
+    masked: [Option<wgpu::RenderPipeline>; 2],
+    mask_layout: Option<wgpu::BindGroupLayout>,
     /// Mask groups in leaf order.
     mask_groups: Vec<Option<wgpu::BindGroup>>,
     resolution: u32,
@@ -146,15 +150,16 @@ impl ShadowPass {
                 }),
             }],
         });
-        let opaque = leaves.iter().any(|l| l.mask.is_none()).then(|| {
-            stats.pipeline("shadow: opaque");
-            pipeline(gpu, &light_layout, None)
-        });
-        let masked = leaves.iter().any(|l| l.mask.is_some()).then(|| {
-            stats.pipeline("shadow: masked");
-            let layout = mask_layout(gpu);
-            (pipeline(gpu, &light_layout, Some(&layout)), layout)
-        });
+        let own_mask = leaves.iter().any(|l| l.mask.is_some()).then(|| mask_layout(gpu));
+        let mut need = |masked: bool, bends: bool| {
+            let of = |l: &&LeafOnGpu| l.mask.is_some() == masked && (l.variant.branches > 0) == bends;
+            let first = leaves.iter().find(of)?;
+            let name = if masked { "shadow: masked" } else { "shadow: opaque" };
+            stats.pipeline(&format!("{name}{}", if bends { ", bend" } else { "" }));
+            Some(pipeline(gpu, &light_layout, own_mask.as_ref().filter(|_| masked), &first.variant))
+        };
+        let opaque = [false, true].map(|bends| need(false, bends));
+        let masked = [false, true].map(|bends| need(true, bends));
         let mut pass = ShadowPass {
             layers: (0..layers).map(|i| view(i, 1, wgpu::TextureViewDimension::D2)).collect(),
             map: view(0, layers + spare, wgpu::TextureViewDimension::D2Array),
@@ -164,6 +169,7 @@ impl ShadowPass {
             light_buffer,
             opaque,
             masked,
+            mask_layout: own_mask,
             mask_groups: Vec::new(),
             resolution,
             drawn: false,
@@ -175,7 +181,7 @@ impl ShadowPass {
     /// Binds the leaves' masks anew, after a leaf was uploaded again.
     pub(crate) fn bind_masks(&mut self, gpu: &Gpu, leaves: &[LeafOnGpu], samplers: &Samplers) {
         let group = |leaf: &LeafOnGpu| {
-            let ((_, layout), mask) = (self.masked.as_ref()?, leaf.mask.as_ref()?);
+            let (layout, mask) = (self.mask_layout.as_ref()?, leaf.mask.as_ref()?);
             Some(gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
                 label: Some("shadow mask"),
                 layout,
@@ -207,6 +213,7 @@ impl ShadowPass {
         &mut self,
         encoder: &mut wgpu::CommandEncoder,
         leaves: &[LeafOnGpu],
+        bend: Option<&BendPass>,
         times: Option<(&wgpu::QuerySet, u32)>,
         stats: &mut Stats,
     ) -> bool {
@@ -234,16 +241,21 @@ impl ShadowPass {
                 multiview_mask: None,
             });
             pass.set_bind_group(0, &self.light_group, &[(i * STRIDE) as u32]);
+            if let Some(bend) = bend {
+                pass.set_bind_group(2, &bend.group, &[]);
+            }
             for (leaf, mask) in leaves.iter().zip(&self.mask_groups) {
-                match (mask, &self.masked, &self.opaque) {
-                    (Some(group), Some((pipeline, _)), _) => {
-                        pass.set_pipeline(pipeline);
-                        pass.set_bind_group(1, group, &[]);
-                    }
-                    (None, _, Some(pipeline)) => pass.set_pipeline(pipeline),
-                    _ => continue,
+                let bends = usize::from(leaf.variant.branches > 0);
+                let pipelines = if mask.is_some() { &self.masked } else { &self.opaque };
+                let Some(pipeline) = &pipelines[bends] else { continue };
+                pass.set_pipeline(pipeline);
+                if let Some(group) = mask {
+                    pass.set_bind_group(1, group, &[]);
                 }
                 let g = &leaf.geometry;
+                if let Some(rides) = &g.rides {
+                    pass.set_vertex_buffer(3, rides.slice(..));
+                }
                 pass.set_vertex_buffer(0, g.positions.slice(..));
                 pass.set_vertex_buffer(1, g.uvs.slice(..));
                 pass.set_vertex_buffer(2, g.instances.slice(..));
@@ -276,16 +288,16 @@ fn mask_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
     })
 }
 
-fn pipeline(gpu: &Gpu, light: &wgpu::BindGroupLayout, mask: Option<&wgpu::BindGroupLayout>) -> wgpu::RenderPipeline {
-    let source = assemble(include_str!("shadow.wgsl"), &Defines::default().set("MASK", mask.is_some()));
+fn pipeline(gpu: &Gpu, light: &wgpu::BindGroupLayout, mask: Option<&wgpu::BindGroupLayout>, variant: &Variant) -> wgpu::RenderPipeline {
+    let defines = bend::defines(Defines::default(), variant.branches, variant.motion).set("MASK", mask.is_some());
+    let source = assemble(&format!("{}{}", bend::SOURCE, include_str!("shadow.wgsl")), &defines);
+    let bend = bend::layout_of(gpu, variant);
     let module = gpu
         .device
         .create_shader_module(wgpu::ShaderModuleDescriptor { label: Some("shadow"), source: wgpu::ShaderSource::Wgsl(source.into()) });
-    let mut groups = vec![Some(light)];
-    groups.extend(mask.map(Some));
     let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some("shadow"),
-        bind_group_layouts: &groups,
+        bind_group_layouts: &[Some(light), mask, bend.as_ref()],
         immediate_size: 0,
     });
     gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
@@ -295,7 +307,7 @@ fn pipeline(gpu: &Gpu, light: &wgpu::BindGroupLayout, mask: Option<&wgpu::BindGr
             module: &module,
             entry_point: Some("vertex"),
             compilation_options: Default::default(),
-            buffers: &vertex_layouts(false, false),
+            buffers: &vertex_layouts(false, false, variant.branches > 0),
         },
         primitive: wgpu::PrimitiveState::default(),
         depth_stencil: Some(wgpu::DepthStencilState {

@@ -12,6 +12,9 @@ struct Vertex {
     @location(4) world_x: vec4f,
     @location(5) world_y: vec4f,
     @location(6) world_z: vec4f,
+    //#if BEND
+    @location(7) ride: vec2f,
+    //#endif
 }
 
 struct Varying {
@@ -25,7 +28,11 @@ struct Varying {
 fn vertex(in: Vertex) -> Varying {
     let p = vec4f(in.position, 1.0);
     var out: Varying;
-    out.position = to_light * vec4f(dot(in.world_x, p), dot(in.world_y, p), dot(in.world_z, p), 1.0);
+    var world = vec3f(dot(in.world_x, p), dot(in.world_y, p), dot(in.world_z, p));
+    //#if BEND
+    world = bent(in.ride, world, vec3f(0.0), vec3f(0.0)).position;
+    //#endif
+    out.position = to_light * vec4f(world, 1.0);
     //#if MASK
     out.uv = in.uv;
     //#endif

@@ -69,7 +69,7 @@ impl ViewerUi {
         let mut chosen = self.leaf;
         let name = self.scene.leaves[self.leaf].name.clone();
         egui::ComboBox::from_id_salt("leaf").selected_text(name).width(170.0).show_ui(ui, |ui| {
-            for (i, leaf) in self.scene.leaves.iter().enumerate() {
+            for (i, leaf) in self.scene.leaves.iter().enumerate().filter(|(_, l)| !l.is_plain()) {
                 ui.selectable_value(&mut chosen, i, &leaf.name);
             }
         });

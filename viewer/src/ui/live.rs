@@ -48,11 +48,12 @@ impl ViewerUi {
         });
         self.hover = hit.map(|hit| match self.hover.take() {
             Some((old, rows)) if (old.leaf, old.front, old.texel) == (hit.leaf, hit.front, hit.texel) => (hit, rows),
+            _ if self.scene.leaves[hit.leaf].is_plain() => (hit, Vec::new()),
             _ => (hit, self.editor.probe(hit.leaf, hit.front, hit.texel)),
         });
         if let (true, Some(hit)) = (response.clicked(), hit) {
             self.side_front = hit.front;
-            if hit.leaf != self.leaf {
+            if hit.leaf != self.leaf && !self.scene.leaves[hit.leaf].is_plain() {
                 self.choose(hit.leaf);
             }
         }

@@ -10,6 +10,7 @@ mod live;
 pub(crate) mod orbit;
 mod readout;
 mod thumbnails;
+mod wind;
 
 pub use check::CheckLayout;
 
@@ -82,12 +83,15 @@ pub struct ViewerUi {
     screenshots: PathBuf,
     times: VecDeque<f64>,
     continuous: bool,
+    /// The wind's time runs.
+    playing: bool,
     message: String,
     landmarks: BTreeMap<String, Rect>,
     pub(crate) job: Option<Job>,
     // What the picture has yet to take over.
     pub(crate) scene_changed: bool,
     pub(crate) lights_changed: bool,
+    pub(crate) time_changed: bool,
     pub(crate) leaves_changed: BTreeSet<usize>,
     pub(crate) dirty: bool,
     /// Size of the picture in pixels, as laid out last.
@@ -138,6 +142,8 @@ impl ViewerUi {
             job: None,
             scene_changed: true,
             lights_changed: false,
+            time_changed: false,
+            playing: false,
             leaves_changed: BTreeSet::new(),
             dirty: true,
             picture_size: [1, 1],
@@ -331,7 +337,7 @@ impl ViewerUi {
     }
 
     pub(crate) fn continuous(&self) -> bool {
-        self.continuous
+        self.continuous || self.playing
     }
 
     /// Lays everything out; `picture` is the texture that the picture is drawn into.
@@ -345,6 +351,7 @@ impl ViewerUi {
             egui::ScrollArea::vertical().show(ui, |ui| {
                 self.lights(ui);
                 ui.separator();
+                self.wind(ui);
                 self.check_panel(ui);
                 ui.separator();
                 self.readout(ui);

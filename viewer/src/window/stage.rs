@@ -144,11 +144,16 @@ impl Stage {
             state.scene_changed = false;
             state.leaves_changed.clear();
             state.lights_changed = false;
+            state.time_changed = false;
         }
         for leaf in std::mem::take(&mut state.leaves_changed) {
             if let Err(error) = self.renderer.set_leaf(&state.scene, leaf) {
                 state.say(error.to_string());
             }
+            state.dirty = true;
+        }
+        if let (true, Some(wind)) = (std::mem::take(&mut state.time_changed), &state.scene.wind) {
+            self.renderer.set_time(wind);
             state.dirty = true;
         }
         if std::mem::take(&mut state.lights_changed) {

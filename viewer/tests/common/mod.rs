@@ -77,7 +77,7 @@ pub fn uniform_leaf() -> Leaf {
 pub fn scene_of(leaf: Leaf) -> Scene {
     Scene {
         leaves: vec![leaf],
-        instances: vec![Instance { leaf: 0, transform: Mat4::IDENTITY }],
+        instances: vec![Instance { leaf: 0, transform: Mat4::IDENTITY, ride: None }],
         sun: None,
         sky: None,
         dome: None,
@@ -86,6 +86,7 @@ pub fn scene_of(leaf: Leaf) -> Scene {
         shadow_samples: 0,
         shadow_resolution: 512,
         msaa: 1,
+        ..Scene::default()
     }
 }
 

@@ -1,0 +1,261 @@
+//! Branches and wind in a scene: what the plan asks for, and where the GPU's vertex stage puts things against the library's f64.
+#![cfg(feature = "render")]
+
+mod blade;
+
+use blade::Blade;
+use glam::{DVec3, Vec3};
+use mesophyll::scene::ledger::Ledger;
+use mesophyll::scene::manifest::Manifest;
+use mesophyll::scene::plan::{self, Plan};
+use mesophyll::scene::{handover, reference};
+use mesophyll_viewer::{Options, Renderer};
+use std::path::Path;
+
+const SAGGING: &str = r#"
+[[branch]]
+name = "twig"
+length_mm = 90
+radius_mm = 1.5
+taper = 0.3
+load_over_stiffness_mm = 40
+position_mm = [-40, 5, 8]
+direction = [1, -0.1, 0.2]
+bark = [0.1, 0.08, 0.06]
+lean_per_m_s = 0.03
+"#;
+
+const WIND: &str = "[wind]\nspeed_m_s = 3\nazimuth_deg = 50\nseed = 4\ntime_s = 1.5\n";
+
+/// A scene with one leaf, which hangs on the branch where there is one.
+fn scene(dir: &Path, extra: &str) -> Manifest {
+    let fit = dir.join("fits/elm");
+    if !fit.exists() {
+        Blade { rho_s: [0.0, 0.0], width: 48, height: 36, texel_mm: 1.0, ..Blade::default() }.write(&fit, "elm");
+    }
+    let path = blade::scene(dir, "twig", "elm", Some(30.0), Some(0.3), extra);
+    if extra.contains("[[branch]]") {
+        let text = std::fs::read_to_string(&path).unwrap();
+        let hung = "[[instance]]\nleaf = \"elm\"\nbranch = \"twig\"\nat = 0.7\noffset_mm = 20\nrotation_deg = [15, 20, 50]\n";
+        std::fs::write(&path, text.replace("[[instance]]\nleaf = \"elm\"\n", hung)).unwrap();
+    }
+    Manifest::read(&path).unwrap()
+}
+
+fn planned(manifest: &Manifest) -> (Plan, Ledger) {
+    let ledger = Ledger::new();
+    let plan = plan::make(manifest, None, None, &ledger).unwrap();
+    (plan, ledger)
+}
+
+fn needs(plan: &Plan, name: &str) -> bool {
+    let (needed, left) = (plan.needed.iter().any(|n| n.name == name), plan.left_out.iter().any(|l| l.name == name));
+    assert!(needed != left, "{name}: needed {needed}, left out {left}");
+    needed
+}
+
+/// (fits of beams, motion textures made)
+fn done(ledger: &Ledger) -> (usize, usize) {
+    (ledger.count("fit", "beam"), ledger.count("make", "motion texture"))
+}
+
+#[test]
+fn only_what_moves_is_fitted_and_made_and_then_once() {
+    let dir = tempfile::tempdir().unwrap();
+    let still = SAGGING.replace("load_over_stiffness_mm = 40", "load_over_stiffness_mm = 0");
+    let breeze = format!("{still}{WIND}");
+    let both = format!("{SAGGING}{WIND}{}", SAGGING.replace("\"twig\"", "\"other\"").replace("[-40, 5, 8]", "[-40, 9, 14]"));
+    for (extra, beam, motion) in [
+        ("", false, false),
+        (WIND, false, false),
+        (&still, false, false),
+        (SAGGING, true, false),
+        (&breeze, true, true),
+        (&both, true, true),
+    ] {
+        let (plan, ledger) = planned(&scene(dir.path(), extra));
+        assert_eq!((needs(&plan, "beam fit"), needs(&plan, "motion texture")), (beam, motion), "{extra}");
+        assert_eq!(done(&ledger), (usize::from(beam), usize::from(motion)), "{extra}");
+        assert_eq!(plan.bends.is_some(), beam);
+    }
+}
+
+fn drawn(manifest: &Manifest, renderer: &mut Renderer) -> (Vec<[f32; 4]>, Vec<String>) {
+    let (plan, ledger) = planned(manifest);
+    let view = &manifest.views[0];
+    renderer.set_scene(&handover::scene(manifest, &plan, &ledger).unwrap()).unwrap();
+    let picture = renderer.render(&handover::camera(view), 96, 72).unwrap();
+    (picture.hdr, renderer.stats().pipelines.clone())
+}
+
+#[test]
+fn a_wind_without_branches_changes_no_byte_and_one_with_branches_does() {
+    let Ok(mut renderer) = Renderer::headless(&Options::default()) else { return eprintln!("skipped: no graphics adapter") };
+    let dir = tempfile::tempdir().unwrap();
+    let storm = WIND.replace("speed_m_s = 3", "speed_m_s = 6");
+    let mut draw = |extra: &str| drawn(&scene(dir.path(), extra), &mut renderer);
+    let (plain, pipelines) = draw("");
+    assert_eq!(plain, draw(WIND).0);
+    assert_eq!(plain, draw(&storm).0);
+    assert!(pipelines.iter().all(|p| !p.contains("bend") && !p.contains("sway")), "{pipelines:?}");
+    // A branch that nothing bends is drawn as it is; what it would lean in a wind that is not there does not matter.
+    let still = SAGGING.replace("load_over_stiffness_mm = 40", "load_over_stiffness_mm = 0");
+    let (straight, pipelines) = draw(&still);
+    assert!(pipelines.iter().all(|p| !p.contains("bend") && !p.contains("sway")), "{pipelines:?}");
+    assert_eq!(straight, draw(&still.replace("lean_per_m_s = 0.03", "lean_per_m_s = 0.06")).0);
+    let (sagging, pipelines) = draw(SAGGING);
+    assert!(pipelines.iter().any(|p| p.contains("bend")) && pipelines.iter().all(|p| !p.contains("sway")), "{pipelines:?}");
+    let (swaying, pipelines) = draw(&format!("{SAGGING}{WIND}"));
+    assert!(pipelines.iter().any(|p| p.contains("sway")), "{pipelines:?}");
+    assert!(straight != plain && straight != sagging && sagging != swaying);
+    assert_ne!(swaying, draw(&format!("{SAGGING}{storm}")).0);
+    assert_ne!(swaying, draw(&format!("{SAGGING}{}", WIND.replace("time_s = 1.5", "time_s = 1.7"))).0);
+}
+
+fn angle(a: DVec3, b: Vec3) -> f64 {
+    let b = b.as_dvec3();
+    a.cross(b).length().atan2(a.dot(b)).to_degrees()
+}
+
+/// Where the shader's function puts the vertices of a branch and of a leaf on it, against the library in f64; over tapers from a thin tip to
+/// none, loads up to a tip at 0.6 L, and times.
+#[test]
+fn the_vertex_stage_puts_vertices_where_the_library_does() {
+    let Ok(mut renderer) = Renderer::headless(&Options::default()) else { return eprintln!("skipped: no graphics adapter") };
+    let dir = tempfile::tempdir().unwrap();
+    // Largest distance (of the branch's length) and angles (°) of normals and tangents: branch, leaf.
+    let mut worst = [[0.0f64; 3]; 2];
+    let mut swing = 0.0f64;
+    for (taper, load) in [(0.05, 1.5), (0.3, 40.0), (0.51, 90.0), (1.0, 200.0), (1.2, 260.0)] {
+        let branch = SAGGING.replace("taper = 0.3", &format!("taper = {taper}")).replace("_mm = 40", &format!("_mm = {load}"));
+        let manifest = scene(dir.path(), &format!("{branch}{WIND}"));
+        let (plan, ledger) = planned(&manifest);
+        let mut scene = handover::scene(&manifest, &plan, &ledger).unwrap();
+        renderer.set_scene(&scene).unwrap();
+        let bends = plan.bends.as_ref().unwrap();
+        for time in [0.0, 0.37, 12.9, 1234.5] {
+            let wind = scene.wind.as_mut().unwrap();
+            wind.time_s = time;
+            renderer.set_time(wind);
+            swing =
+                swing.max(bends.amplitude(0, time).map(|a| (a * bends.branches[0].rest.shape.tip()).abs()).into_iter().fold(0.0, f64::max));
+            let bent = bends.mesh(0, time, &plan.twigs[0].1);
+            let leaf = plan.leaves[0].mesh.as_ref().unwrap();
+            let m = plan.at_time(&plan.placements[0], time).transform;
+            let expected = [
+                (1, (0..bent.positions.len()).map(|k| [bent.positions[k], bent.normals[k], bent.tangents[k].0]).collect::<Vec<_>>()),
+                (
+                    0,
+                    (0..leaf.positions.len())
+                        .map(|k| {
+                            let turn = |v: DVec3| m.transform_vector3(v).normalize();
+                            [m.transform_point3(leaf.positions[k]), turn(leaf.normals[k]), turn(leaf.tangents[k].0)]
+                        })
+                        .collect(),
+                ),
+            ];
+            for (instance, expected) in expected {
+                let found = renderer.bent_vertices(&scene, instance).unwrap();
+                assert_eq!(found.len(), expected.len());
+                let of = &mut worst[1 - instance];
+                for (f, e) in found.iter().zip(&expected) {
+                    of[0] = of[0].max(f[0].as_dvec3().distance(e[0]) / 90.0);
+                    of[1] = of[1].max(angle(e[1], f[1]));
+                    of[2] = of[2].max(angle(e[2], f[2]));
+                }
+            }
+        }
+    }
+    println!(
+        "GPU f32 against f64, tip up to {swing:.2} L: branch {:.1e} L, normals {:.1e}°, tangents {:.1e}°",
+        worst[0][0], worst[0][1], worst[0][2]
+    );
+    println!("a leaf on it: {:.1e} L, normals {:.1e}°, tangents {:.1e}°", worst[1][0], worst[1][1], worst[1][2]);
+    assert!(swing > 0.3, "the branches hardly move: {swing}");
+    // Single precision: a thousandth of a millimetre on this branch, and angles far below a mapped normal's.
+    for of in worst {
+        assert!(of[0] < 1e-5 && of[1] < 0.01 && of[2] < 0.01, "{worst:?}");
+    }
+}
+
+/// The pointer finds a leaf where the library says it is, which is not where it was at rest.
+#[test]
+fn the_pointer_meets_what_is_bent() {
+    let dir = tempfile::tempdir().unwrap();
+    let manifest = scene(dir.path(), SAGGING);
+    let (plan, ledger) = planned(&manifest);
+    let scene = handover::scene(&manifest, &plan, &ledger).unwrap();
+    let p = &plan.placements[0];
+    let centre = plan.leaves[0].mesh.as_ref().unwrap().positions[0];
+    let (rest, bent) = (p.transform.transform_point3(centre), plan.at_time(p, 0.0).transform.transform_point3(centre));
+    assert!(rest.distance(bent) > 2.0, "{rest} {bent}");
+    let up = plan.at_time(p, 0.0).transform.z_axis.truncate();
+    let camera =
+        mesophyll_viewer::scene::Camera { eye: (bent + 50.0 * up).as_vec3(), target: bent.as_vec3(), up: Vec3::Y, fov_y_deg: 10.0 };
+    // The blade's mesh has this vertex inside its outline, or on it: look a little towards its middle.
+    let hits: Vec<_> = [(0.5, 0.5), (0.45, 0.5), (0.55, 0.5), (0.5, 0.45), (0.5, 0.55)]
+        .into_iter()
+        .filter_map(|(x, y)| mesophyll_viewer::pick::pick(&scene, &camera, 1.0, x, y))
+        .filter(|h| h.leaf == 0)
+        .collect();
+    assert!(!hits.is_empty() && hits.iter().all(|h| h.position.as_dvec3().distance(bent) < 3.0), "{hits:?} {bent}");
+}
+
+/// The reference moves with the time too, and back to the same place.
+#[test]
+fn the_reference_moves_with_the_time() {
+    let dir = tempfile::tempdir().unwrap();
+    let manifest = scene(dir.path(), &format!("{SAGGING}{WIND}"));
+    let (plan, ledger) = planned(&manifest);
+    let mut world = reference::world(&manifest, &plan, &ledger).unwrap();
+    let look = |w: &mesophyll::transport::World| (w.instances[0].transform, w.leaves[1].mesh.positions.clone());
+    let first = look(&world);
+    reference::move_to(&mut world, &plan, 2.0);
+    let second = look(&world);
+    assert!(first.0 != second.0 && first.1 != second.1);
+    reference::move_to(&mut world, &plan, 1.5);
+    assert_eq!(first, look(&world));
+}
+
+#[test]
+fn a_branch_takes_its_taper_and_load_from_a_measured_one() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let dir = tempfile::tempdir().unwrap();
+    let fit = dir.path().join("fits/bent");
+    let run = |data: &Path| {
+        let out = assert_cmd::Command::cargo_bin("mesophyll")
+            .unwrap()
+            .args(["fit", "beam", "--positions", "axis", "--deflections"])
+            .arg(data)
+            .arg("-o")
+            .arg(&fit)
+            .output()
+            .unwrap();
+        assert_eq!(out.status.code(), Some(0), "{}", String::from_utf8_lossy(&out.stderr));
+    };
+    run(&root.join("data/branches/elm-twig.csv"));
+    // What is committed is what the program makes of the data.
+    let read = |folder: &Path| mesophyll::fit::record::FitRecord::read(folder).unwrap().sections["branch elm-twig"].clone();
+    let (fresh, committed) = (read(&fit), read(&root.join("fits/elm-twig")));
+    let fitted = SAGGING.replace("taper = 0.3\nload_over_stiffness_mm = 40\n", "fit = \"fits/bent\"\nmeasured = \"elm-twig\"\n");
+    let (plan, _) = planned(&scene(dir.path(), &fitted));
+    for (name, found) in [("alpha", plan.twigs[0].0.taper), ("load_over_stiffness", plan.twigs[0].0.load)] {
+        let (a, b) = (&fresh.params[name], &committed.params[name]);
+        assert!((a.value[0] - b.value[0]).abs() < 0.02 * b.stderr[0], "{name}: {a:?}, committed {b:?}");
+        assert_eq!(found, a.value[0]);
+    }
+    // The data were made with a taper of 0.25 and 60 mm.
+    assert!((plan.twigs[0].0.taper - 0.25).abs() < 0.02 && (plan.twigs[0].0.load - 60.0).abs() < 2.0);
+    // Names that are not there, and branches that could not be determined, are named.
+    let fails = |text: &str| plan::make(&scene(dir.path(), text), None, None, &Ledger::new()).unwrap_err().to_string();
+    assert!(fails(&fitted.replace("measured = \"elm-twig\"", "measured = \"oak\"")).contains("expected one of elm-twig"));
+    let thin = dir.path().join("two.csv");
+    std::fs::write(&thin, "branch,length_mm,position_mm,deflection_mm,deflection_err_mm\nelm-twig,230,115,5,3\nelm-twig,230,230,26,20\n")
+        .unwrap();
+    run(&thin);
+    let said = fails(&fitted);
+    assert!(said.contains("alpha") || said.contains("load_over_stiffness"), "{said}");
+    // A tip that would go further than the branch is long.
+    let said = fails(&SAGGING.replace("load_over_stiffness_mm = 40", "load_over_stiffness_mm = 900"));
+    assert!(said.contains("branch \"twig\"") && said.contains("of its length"), "{said}");
+}

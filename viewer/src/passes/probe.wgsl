@@ -1,0 +1,21 @@
+// Writes what the vertex stage's `bent` makes of vertices, so that it can be compared with another computation.
+
+struct Probe {
+    ride: vec4f,
+}
+
+@group(0) @binding(0) var<uniform> probe: Probe;
+// Position, normal and tangent of each vertex, in world space.
+@group(0) @binding(1) var<storage, read_write> vertices: array<vec4f>;
+
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    let k = 3u * id.x;
+    if (k + 2u >= arrayLength(&vertices)) {
+        return;
+    }
+    let moved = bent(probe.ride.xy, vertices[k].xyz, vertices[k + 1u].xyz, vertices[k + 2u].xyz);
+    vertices[k] = vec4f(moved.position, 1.0);
+    vertices[k + 1u] = vec4f(moved.normal, 0.0);
+    vertices[k + 2u] = vec4f(moved.tangent, 0.0);
+}

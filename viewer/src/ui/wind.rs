@@ -1,0 +1,36 @@
+//! The wind panel: the scene's time, by hand or running.
+
+use super::ViewerUi;
+use egui::Slider;
+
+/// Length of the time slider (s).
+const SPAN: f64 = 60.0;
+
+impl ViewerUi {
+    /// Shown where branches sway.
+    pub(super) fn wind(&mut self, ui: &mut egui::Ui) {
+        let Some(wind) = &mut self.scene.wind else { return };
+        ui.heading("Wind");
+        ui.spacing_mut().slider_width = 110.0;
+        let before = wind.time_s;
+        if self.playing {
+            // A frame that came late does not make the branches jump.
+            wind.time_s += f64::from(ui.input(|i| i.stable_dt).min(0.1));
+        }
+        let most = SPAN.max(wind.time_s);
+        let time = ui.add(Slider::new(&mut wind.time_s, 0.0..=most).suffix(" s").max_decimals(2).text("time"));
+        let changed = wind.time_s != before;
+        self.landmark("time", &time);
+        let play = ui.button(if self.playing { "Stop" } else { "Play" });
+        self.landmark("play", &play);
+        if play.clicked() {
+            self.playing = !self.playing;
+        }
+        if changed {
+            self.time_changed = true;
+            self.dirty = true;
+            self.make_stale();
+        }
+        ui.separator();
+    }
+}
