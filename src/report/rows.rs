@@ -191,7 +191,7 @@ fn plot(model: &str, rows: &[&BenchRow]) -> std::result::Result<String, String> 
 }
 
 /// Told apart by readers who do not see every colour alike (Okabe and Ito, "Color universal design", 2008).
-const COLORS: [RGBColor; 7] = [
+pub(super) const COLORS: [RGBColor; 7] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
     RGBColor(0, 158, 115),

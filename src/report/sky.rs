@@ -1,5 +1,6 @@
 //! The pictures of the sky's fits: the frontier, errors by band, the worst case and the ringing, as SVG.
 
+use super::rows::COLORS;
 use crate::files::atomic;
 use crate::fit::sky::figures::{
     self, Curve, DISSERTATION_BYTES, DISSERTATION_ERROR, DISSERTATION_FIT_S, DISSERTATION_TERMS, DISSERTATION_US, Point,
@@ -233,14 +234,3 @@ fn lines(area: &Area, title: &str, what: &str, curves: &[Curve], position: Serie
     }
     legend(&mut chart, position)
 }
-
-/// Told apart by readers who do not see every colour alike (Okabe and Ito, "Color universal design", 2008).
-const COLORS: [RGBColor; 7] = [
-    RGBColor(0, 114, 178),
-    RGBColor(213, 94, 0),
-    RGBColor(0, 158, 115),
-    RGBColor(204, 121, 167),
-    RGBColor(86, 180, 233),
-    RGBColor(230, 159, 0),
-    RGBColor(60, 60, 60),
-];
