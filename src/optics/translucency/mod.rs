@@ -1,0 +1,2 @@
+//! Light through a leaf that is given as maps: what enters, how it spreads, what leaves (H7; H9 §3.3).
+
