@@ -3,4 +3,5 @@
 pub mod dipole;
 pub mod gloss;
 pub mod slab;
+pub mod translucency;
 pub mod tube;

@@ -13,10 +13,10 @@ pub struct Args {
     #[command(flatten)]
     io: BatchIo,
     /// Absorption coefficient, 1/mm
-    #[arg(long, value_name = "PER_MM", default_value_t = Tissue::TABLE.sigma_a)]
+    #[arg(long, value_name = "PER_MM", default_value_t = Tissue::TABLE.sigma_a, allow_negative_numbers = true)]
     sigma_a: f64,
     /// Scattering coefficient, 1/mm
-    #[arg(long, value_name = "PER_MM", default_value_t = Tissue::TABLE.sigma_s)]
+    #[arg(long, value_name = "PER_MM", default_value_t = Tissue::TABLE.sigma_s, allow_negative_numbers = true)]
     sigma_s: f64,
     /// Mean cosine of the scattering angle, between -1 and 1
     #[arg(long, value_name = "COSINE", default_value_t = Tissue::TABLE.g, allow_negative_numbers = true)]
@@ -83,14 +83,14 @@ fn evaluate(tissue: &Tissue, form: Form, thickness: f64, radius: f64) -> Answer 
     if !t.is_finite() {
         return Answer::refused(format!("t has no finite value at thickness {thickness} and radius {radius}"));
     }
-    match doubt(tissue, form, thickness, radius, t) {
+    match doubt(tissue, form, thickness, t) {
         None => Answer::ok(vec![t]),
         Some(why) => Answer { values: vec![t], status: Status::Undetermined(format!("t: {why}")) },
     }
 }
 
 /// Why a value that can be computed is not to be trusted.
-fn doubt(tissue: &Tissue, form: Form, thickness: f64, radius: f64, t: f64) -> Option<String> {
+fn doubt(tissue: &Tissue, form: Form, thickness: f64, t: f64) -> Option<String> {
     let l = tissue.mean_free_path();
     if form != Form::Thin && thickness <= l {
         return Some(format!("diffusion does not hold at a thickness of at most one mean free path, {l:.4} mm; the method thin does"));
@@ -102,10 +102,10 @@ fn doubt(tissue: &Tissue, form: Form, thickness: f64, radius: f64, t: f64) -> Op
         return Some("diffusion does not hold where sigma_a exceeds (1-g) sigma_s".into());
     }
     if let Form::Dipoles(n) = form {
-        let whole = tissue.transmittance(radius, thickness, Form::Images);
-        let left_out = (t - whole).abs() / whole;
-        if left_out > PROMISE {
-            return Some(format!("{n} dipoles are too few here; the whole sum is {whole:.4e}"));
+        // The sum is the one asked for; what it leaves out of all the light is what makes it wrong.
+        let left_out = 1.0 - tissue.total(thickness, form) / tissue.total(thickness, Form::Images);
+        if !(left_out.abs() <= PROMISE) {
+            return Some(format!("{n} dipoles leave out {:.0} % of the light at this thickness", 100.0 * left_out));
         }
     }
     None

@@ -201,12 +201,12 @@ impl Tissue {
         1.0 / self.reduced_extinction()
     }
 
-    pub(crate) fn coefficients(&self) -> Coefficients<f64> {
+    fn coefficients(&self) -> Coefficients<f64> {
         Coefficients::new(self.sigma_a, self.sigma_s, self.g, self.a)
     }
 
     /// The same with derivatives by σa, σs and g (the fourth is the thickness factor's).
-    pub(crate) fn dual_coefficients(&self) -> Coefficients<Dual<f64>> {
+    fn dual_coefficients(&self) -> Coefficients<Dual<f64>> {
         let p = Dual::parameter;
         Coefficients::new(p(self.sigma_a, 0), p(self.sigma_s, 1), p(self.g, 2), self.a)
     }
@@ -243,6 +243,20 @@ impl Tissue {
             return scattered(&self.coefficients(), 0.0, d_mm, form);
         }
         in_space(&self.coefficients(), r_mm, d_mm, form)[1]
+    }
+
+    /// [`Tissue::beyond`] and its derivatives by σa, σs, g and a factor on the thickness (∂/∂ ln d). The derivatives of [`Form::Dipoles`] by σa are
+    /// infinite at σa = 0, where a truncated sum has a root; those of the other forms are ordinary there.
+    pub fn beyond_with_partials(&self, r_mm: f64, d_mm: f64, form: Form) -> Dual<f64> {
+        let d = Dual { value: d_mm, by: [0.0, 0.0, 0.0, d_mm] };
+        if !(self.defined(d_mm, form) && r_mm >= 0.0) {
+            return Dual { value: f64::NAN, by: [f64::NAN; scalar::PARTIALS] };
+        }
+        let c = self.dual_coefficients();
+        if form == Form::Thin && (self.reduced_extinction() == 0.0 || d_mm == 0.0) {
+            return Dual::of(0.0);
+        }
+        if r_mm == 0.0 { scattered(&c, Dual::of(0.0), d, form) } else { in_space(&c, r_mm, d, form)[1] }
     }
 
     /// Flux that passes unscattered and leaves at r = 0: e^(−σt′ d) for [`Form::Thin`], 0 for the others (they have no such part).

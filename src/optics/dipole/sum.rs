@@ -3,8 +3,8 @@
 //! T(r, d) = Σ_{j=−n..n} α′/(4π) [z (1 + σtr ρ) e^(−σtr ρ)/ρ³]_{real − virtual}, z = d − z_j, ρ = √(r² + z²). The print has
 //! (1 + σtr ρ e^(−σtr ρ)), which turns negative and never dies away.
 
-use super::scalar::Scalar;
 use super::Coefficients;
+use super::scalar::Scalar;
 
 /// Signed heights of the exit over the real and the virtual source of dipole `j`: d − z_r,j and d − z_v,j (Eq. 3.5).
 fn heights<T: Scalar>(c: &Coefficients<T>, d: T, j: i64) -> [T; 2] {

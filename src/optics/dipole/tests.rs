@@ -146,7 +146,9 @@ fn images_are_the_limit_of_dipoles() {
 fn three_dipoles_leave_out_what_is_known() {
     // Relative error of the total of n = 3 against n = ∞ of the same sum.
     let error = |sigma_a: f64, d: f64| tissue(sigma_a).total(d, Form::Dipoles(3)) / tissue(sigma_a).total(d, Form::Dipoles(200_000)) - 1.0;
-    for (sigma_a, d, want, within) in [(0.4, 0.1, 0.009, 0.0005), (0.4, 0.5, 8e-7, 0.5e-7), (0.01, 0.2, 0.28, 0.005), (0.001, 0.2, 0.67, 0.005)] {
+    for (sigma_a, d, want, within) in
+        [(0.4, 0.1, 0.009, 0.0005), (0.4, 0.5, 8e-7, 0.5e-7), (0.01, 0.2, 0.28, 0.005), (0.001, 0.2, 0.67, 0.005)]
+    {
         let got = error(sigma_a, d).abs();
         assert!((got - want).abs() < within, "σa {sigma_a} d {d}: {got}");
     }
