@@ -2,4 +2,5 @@
 
 pub mod gloss;
 pub mod slab;
+pub mod translucency;
 pub mod tube;
