@@ -329,6 +329,7 @@ pub fn card(manifest: &Manifest, plan: &Plan, card: &Card, ledger: &Ledger) -> R
                     .any(|v| *v > 0.0)
                     .then(|| vec![[p.rho_s[0] as f32, p.rho_s[1] as f32, p.rho_s[2] as f32, p.m as f32]]),
                 normal: None,
+                translucency: None,
                 interior: viewer::Interior::Scalars(slab_curve(&curve)),
             }
         }
