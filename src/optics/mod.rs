@@ -3,3 +3,4 @@
 pub mod gloss;
 pub mod slab;
 pub mod tube;
+pub mod walk;
