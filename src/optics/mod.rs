@@ -5,3 +5,4 @@ pub mod gloss;
 pub mod slab;
 pub mod translucency;
 pub mod tube;
+pub mod walk;
