@@ -168,11 +168,11 @@ fn shape_warnings(m: &Manifest, s: &Shape, found: &mut Inspection) {
             m.texel_mm, s.thickness_mm[1]
         ));
     }
-    if a.thickness_noise_mm > 0.05 * s.thickness_mm[1] {
+    if a.thickness_error_mm > 0.05 * s.thickness_mm[1] {
         warn(format!(
-            "the scans' noise leaves {:.4} mm of the thickness unknown a texel, {:.0} % of its median",
-            a.thickness_noise_mm,
-            100.0 * a.thickness_noise_mm / s.thickness_mm[1]
+            "noise and smoothing leave {:.4} mm of the thickness unknown a texel, {:.0} % of its median",
+            a.thickness_error_mm,
+            100.0 * a.thickness_error_mm / s.thickness_mm[1]
         ));
     }
     if a.offset_err_mm > 0.1 * s.thickness_mm[1].max(1e-9) {
