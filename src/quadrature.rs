@@ -63,7 +63,7 @@ mod tests {
     #[test]
     fn polynomials_of_degree_below_2n_are_exact() {
         for n in [1, 2, 3, 4, 5, 7, 12, 24, 33, 64, 200] {
-            for power in [0, 1, 2, n, 2 * n - 2, 2 * n - 1] {
+            for power in [0, 1, n, 2 * n - 2, 2 * n - 1] {
                 let p = power as f64;
                 let on_unit: f64 = unit(n).iter().map(|(x, w)| w * x.powi(power as i32)).sum();
                 assert!((on_unit * (p + 1.0) - 1.0).abs() < 1e-12, "n {n}, power {power}: {on_unit}");
