@@ -2,4 +2,6 @@
 
 pub mod gloss;
 pub mod slab;
+pub mod translucency;
 pub mod tube;
+pub mod walk;

@@ -1,0 +1,298 @@
+//! Functions of direction over the hemisphere, and the projection of samples onto them.
+//!
+//! The Half-Life 2 basis (McTaggart 2004; H9 Eq. 3.17) has three functions ℋ_i(ω) = √(3/2π) H_i·ω, orthonormal over the hemisphere although not clamped. They span the
+//! linear functions v·ω and nothing else: a texel's three coefficients say the same as the vector v = √(3/2π) Σ h_i H_i ([`vector`]), whose evaluation
+//! is one dot product. The coefficients stay the stored form, as the sources have it.
+//!
+//! **Projection.** Samples f(ω_m) with solid angles w_m are fitted by least squares: c = G⁻¹ Σ w_m φ(ω_m) f(ω_m) with the Gram matrix of the sample set,
+//! G = Σ w_m φ φᵀ. What lies in the span comes back exactly, whatever the samples. The paper's Eq. 3.21 puts the identity in G's place
+//! ([`Weights::Plain`]): on a flat leaf that alone costs some per cent with random directions.
+
+use super::lights::{Lights, Rule};
+use nalgebra::DMatrix;
+use std::f64::consts::{PI, TAU};
+
+/// The three vectors (H9 §3.3.8).
+pub const HALF_LIFE_2: [[f64; 3]; 3] = [
+    [-0.408_248_290_463_863, -std::f64::consts::FRAC_1_SQRT_2, 0.577_350_269_189_625_7],
+    [-0.408_248_290_463_863, std::f64::consts::FRAC_1_SQRT_2, 0.577_350_269_189_625_7],
+    [0.816_496_580_927_726, 0.0, 0.577_350_269_189_625_7],
+];
+
+/// Each coefficient of a flat uniform leaf, f = n·ω (H9 Eq. 3.22): √(2π)/3.
+pub const FLAT: f64 = 0.835_542_758_210_333_9;
+
+/// A set of functions on the upper hemisphere.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Basis {
+    /// Three linear functions.
+    HalfLife2,
+    /// The first 4 or 6 functions of the H-basis (Habel & Wimmer 2010): constant, linear, and two of second order in the tangent plane.
+    HBasis { count: usize },
+    /// Real spherical harmonics of bands below `bands` (at most 4), restricted to the hemisphere; not orthogonal there.
+    Spherical { bands: usize },
+    /// Hemispherical harmonics (Gautron et al. 2004), Legendre functions shifted to 2z − 1, of bands below `bands` (at most 4).
+    Hemispherical { bands: usize },
+    /// z times polynomials of x and y of degree below `degree` (at most 3: 1, 3 or 6 functions): all vanish at the horizon, as light on a flat leaf does.
+    Cosine { degree: usize },
+}
+
+/// How samples are weighted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Weights {
+    /// Least squares over solid angle: solid angles and the Gram matrix of the sample set.
+    Gram,
+    /// The paper's sum (H9 Eq. 3.21): the Gram matrix is taken for the identity. For orthonormal bases only.
+    Plain,
+    /// Least squares of the error relative to a flat leaf's cosine: solid angles over z² + [`FLOOR`]².
+    Relative,
+}
+
+/// Elevation's sine below which [`Weights::Relative`] stops weighting lower directions more.
+pub const FLOOR: f64 = 0.1;
+
+impl Basis {
+    /// Number of functions, and of coefficients a texel.
+    pub fn count(self) -> usize {
+        match self {
+            Basis::HalfLife2 => 3,
+            Basis::HBasis { count } => count.min(6),
+            Basis::Spherical { bands } | Basis::Hemispherical { bands } => bands.min(4).pow(2),
+            Basis::Cosine { degree } => [0, 1, 3, 6][degree.min(3)],
+        }
+    }
+
+    pub fn name(self) -> String {
+        match self {
+            Basis::HalfLife2 => "half-life 2".into(),
+            Basis::HBasis { count } => format!("h-basis {}", count.min(6)),
+            Basis::Spherical { bands } => format!("spherical harmonics {}", bands.min(4)),
+            Basis::Hemispherical { bands } => format!("hemispherical harmonics {}", bands.min(4)),
+            Basis::Cosine { degree } => format!("cosine {}", self.count().max(degree.min(1))),
+        }
+    }
+
+    /// Bytes a texel as half floats, as textures keep them.
+    pub fn bytes(self) -> usize {
+        2 * self.count()
+    }
+
+    /// Whether ∫ φ_i φ_j dω is the identity.
+    pub fn orthonormal(self) -> bool {
+        matches!(self, Basis::HalfLife2 | Basis::HBasis { .. } | Basis::Hemispherical { .. })
+    }
+
+    /// Function `i` (below [`Basis::count`]) in a unit direction with z ≥ 0.
+    pub fn value(self, i: usize, direction: [f64; 3]) -> f64 {
+        let [x, y, z] = direction;
+        match self {
+            Basis::HalfLife2 => {
+                let h = HALF_LIFE_2[i];
+                (3.0 / TAU).sqrt() * (h[0] * x + h[1] * y + h[2] * z)
+            }
+            Basis::HBasis { .. } => match i {
+                0 => 1.0 / TAU.sqrt(),
+                1 => (3.0 / TAU).sqrt() * y,
+                2 => (3.0 / TAU).sqrt() * (2.0 * z - 1.0),
+                3 => (3.0 / TAU).sqrt() * x,
+                4 => (15.0 / TAU).sqrt() * x * y,
+                _ => 0.5 * (15.0 / TAU).sqrt() * (x * x - y * y),
+            },
+            Basis::Spherical { .. } => harmonic(i, z, x, y) / 2f64.sqrt(),
+            Basis::Hemispherical { .. } => harmonic(i, 2.0 * z - 1.0, x, y),
+            Basis::Cosine { .. } => z * [1.0, x, y, x * y, x * x - y * y, x * x + y * y][i],
+        }
+    }
+
+    /// Reconstruction Σ c_i φ_i(ω).
+    pub fn reconstruct(self, coefficients: &[f64], direction: [f64; 3]) -> f64 {
+        coefficients.iter().enumerate().map(|(i, c)| c * self.value(i, direction)).sum()
+    }
+
+    /// ∫ φ_i dω over the hemisphere, of each function.
+    pub fn integrals(self) -> Vec<f64> {
+        // Exact: all are polynomials of low degree in z after the integral over azimuth.
+        let rule = Lights::new(Rule::Product { levels: 16, azimuths: 16 });
+        let over = |i: usize| rule.directions.iter().zip(&rule.weights).map(|(d, w)| w * self.value(i, *d)).sum();
+        (0..self.count()).map(over).collect()
+    }
+}
+
+/// Real harmonic number l(l+1)+m of the tangent-plane azimuth of (x, y), with Legendre functions of t, orthonormal for the measure dt/2·dφ.
+fn harmonic(index: usize, t: f64, x: f64, y: f64) -> f64 {
+    let l = (index as f64).sqrt().floor() as usize;
+    let order = index as i64 - (l * (l + 1)) as i64;
+    let m = order.unsigned_abs() as usize;
+    // P_m^m = (2m−1)!! (1−t²)^(m/2), no Condon–Shortley sign; then upwards in l.
+    let mut p = (0..m).map(|k| (2 * k + 1) as f64).product::<f64>() * (1.0 - t * t).max(0.0).powf(0.5 * m as f64);
+    let mut before = 0.0;
+    for k in m + 1..=l {
+        (p, before) = (((2 * k - 1) as f64 * t * p - (k + m - 1) as f64 * before) / (k - m) as f64, p);
+    }
+    let ratio: f64 = (l - m + 1..=l + m).map(|k| 1.0 / k as f64).product();
+    let phi = y.atan2(x);
+    let turn = match order {
+        0 => 1.0,
+        o if o > 0 => 2f64.sqrt() * (m as f64 * phi).cos(),
+        _ => 2f64.sqrt() * (m as f64 * phi).sin(),
+    };
+    ((2 * l + 1) as f64 / TAU * ratio).sqrt() * p * turn
+}
+
+/// The vector v whose v·ω the Half-Life 2 coefficients reconstruct.
+pub fn vector(coefficients: [f64; 3]) -> [f64; 3] {
+    [0, 1, 2].map(|c| (3.0 / TAU).sqrt() * (0..3).map(|i| coefficients[i] * HALF_LIFE_2[i][c]).sum::<f64>())
+}
+
+/// The Half-Life 2 coefficients of v·ω.
+pub fn from_vector(v: [f64; 3]) -> [f64; 3] {
+    HALF_LIFE_2.map(|h| (TAU / 3.0).sqrt() * (h[0] * v[0] + h[1] * v[1] + h[2] * v[2]))
+}
+
+/// What turns samples over a set of lights into coefficients: coefficient i = Σ_m `matrix[i][m]` f(ω_m).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Projector {
+    pub directions: Vec<[f64; 3]>,
+    pub matrix: Vec<Vec<f64>>,
+}
+
+impl Projector {
+    /// # Errors
+    /// A sentence when the lights do not determine the coefficients (fewer than functions, or badly placed), or plain sums are wanted of a basis that is not orthonormal.
+    pub fn new(basis: Basis, lights: &Lights, weights: Weights) -> Result<Projector, String> {
+        let (n, count) = (lights.len(), basis.count());
+        let values = DMatrix::from_fn(count, n, |i, m| basis.value(i, lights.directions[m]));
+        let weight = |m: usize| match weights {
+            Weights::Relative => lights.weights[m] / (lights.directions[m][2].powi(2) + FLOOR * FLOOR),
+            _ => lights.weights[m],
+        };
+        let weighted = DMatrix::from_fn(count, n, |i, m| weight(m) * values[(i, m)]);
+        let matrix = if weights == Weights::Plain {
+            if !basis.orthonormal() {
+                return Err(format!("plain sums want an orthonormal basis; {} is none", basis.name()));
+            }
+            weighted
+        } else {
+            let gram = &weighted * values.transpose();
+            let poor = || format!("{n} light directions do not determine the {count} functions of {}", basis.name());
+            let scale = gram.diagonal().max();
+            let factor = gram.cholesky().ok_or_else(poor)?;
+            // A pivot lost in rounding: the functions are dependent on these directions.
+            if !(factor.l_dirty().diagonal().min().powi(2) > 1e-12 * scale) {
+                return Err(poor());
+            }
+            factor.solve(&weighted)
+        };
+        Ok(Projector { directions: lights.directions.clone(), matrix: matrix.row_iter().map(|r| r.iter().copied().collect()).collect() })
+    }
+
+    /// One image, ∫ f dω: what a light from everywhere brings.
+    pub fn total(lights: &Lights) -> Projector {
+        Projector { directions: lights.directions.clone(), matrix: vec![lights.weights.clone()] }
+    }
+
+    /// Number of images that a projection makes.
+    pub fn count(&self) -> usize {
+        self.matrix.len()
+    }
+
+    /// Coefficients of one function given by its samples at the lights.
+    pub fn project(&self, samples: &[f64]) -> Vec<f64> {
+        self.matrix.iter().map(|row| row.iter().zip(samples).map(|(p, f)| p * f).sum()).collect()
+    }
+}
+
+/// ∫ f dω of a flat uniform leaf's f = n·ω.
+pub const FLAT_INTEGRAL: f64 = PI;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn all() -> Vec<Basis> {
+        let mut list = vec![Basis::HalfLife2];
+        list.extend([4, 6].map(|count| Basis::HBasis { count }));
+        list.extend([1, 2, 3, 4].map(|bands| Basis::Spherical { bands }));
+        list.extend([1, 2, 3, 4].map(|bands| Basis::Hemispherical { bands }));
+        list.extend([1, 2, 3].map(|degree| Basis::Cosine { degree }));
+        list
+    }
+
+    fn gram(basis: Basis, i: usize, j: usize) -> f64 {
+        let rule = Lights::new(Rule::Product { levels: 20, azimuths: 24 });
+        rule.directions.iter().zip(&rule.weights).map(|(d, w)| w * basis.value(i, *d) * basis.value(j, *d)).sum()
+    }
+
+    #[test]
+    fn orthonormal_bases_are() {
+        for basis in all() {
+            for i in 0..basis.count() {
+                for j in 0..basis.count() {
+                    if basis.orthonormal() {
+                        let want = f64::from(u8::from(i == j));
+                        assert!((gram(basis, i, j) - want).abs() < 1e-12, "{} {i} {j}", basis.name());
+                    }
+                }
+                let norm = gram(basis, i, i);
+                assert!(norm > 0.01, "{} {i}: {norm}", basis.name());
+                if matches!(basis, Basis::Spherical { .. }) {
+                    // Each real harmonic is even or odd in z: half of the sphere's 1.
+                    assert!((norm - 0.5).abs() < 1e-12, "{i}: {norm}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_flat_leaf_has_the_papers_coefficients() {
+        assert!((FLAT - TAU.sqrt() / 3.0).abs() < 1e-15);
+        let h = from_vector([0.0, 0.0, 1.0]);
+        assert!(h.iter().all(|c| (c - FLAT).abs() < 1e-15));
+        let v = vector([0.3, -0.2, 0.9]);
+        let back = from_vector(v);
+        assert!([0.3, -0.2, 0.9].iter().zip(back).all(|(a, b)| (a - b).abs() < 1e-15));
+        let w = [0.48, -0.6, 0.64];
+        let dot = v[0] * w[0] + v[1] * w[1] + v[2] * w[2];
+        assert!((Basis::HalfLife2.reconstruct(&[0.3, -0.2, 0.9], w) - dot).abs() < 1e-15);
+        let total: f64 = Basis::HalfLife2.integrals().iter().map(|s| FLAT * s).sum();
+        assert!((total - FLAT_INTEGRAL).abs() < 1e-13, "{total}");
+    }
+
+    /// With the Gram matrix of the samples what lies in the span comes back exactly; the plain sum misses it by per cents.
+    #[test]
+    fn the_gram_matrix_undoes_the_samples_chance() {
+        let mut plain_error = 0.0;
+        for seed in 0..20 {
+            let lights = Lights::new(Rule::Stratified { count: 128, seed });
+            let flat: Vec<f64> = lights.directions.iter().map(|d| d[2]).collect();
+            for weights in [Weights::Gram, Weights::Relative] {
+                let h = Projector::new(Basis::HalfLife2, &lights, weights).unwrap().project(&flat);
+                assert!(h.iter().all(|c| (c / FLAT - 1.0).abs() < 1e-12), "{h:?}");
+            }
+            let h = Projector::new(Basis::HalfLife2, &lights, Weights::Plain).unwrap().project(&flat);
+            let rule = Lights::new(Rule::Product { levels: 8, azimuths: 16 });
+            let square = |d: &[f64; 3]| (Basis::HalfLife2.reconstruct(&h, *d) - d[2]).powi(2);
+            plain_error += rule.directions.iter().zip(&rule.weights).map(|(d, w)| w * square(d)).sum::<f64>() / 20.0;
+        }
+        // RMS over the hemisphere against f's own (√(1/3)): far above rounding, of the order of 1/√128.
+        let relative = (plain_error / TAU * 3.0).sqrt();
+        assert!((1e-3..0.1).contains(&relative), "{relative}");
+        for basis in all() {
+            let lights = Lights::new(Rule::Stratified { count: 128, seed: 3 });
+            let wanted: Vec<f64> = (0..basis.count()).map(|i| 0.3 + (i as f64).sin()).collect();
+            let samples: Vec<f64> = lights.directions.iter().map(|d| basis.reconstruct(&wanted, *d)).collect();
+            let found = Projector::new(basis, &lights, Weights::Gram).unwrap().project(&samples);
+            assert!(wanted.iter().zip(&found).all(|(a, b)| (a - b).abs() < 1e-10), "{}", basis.name());
+        }
+    }
+
+    #[test]
+    fn too_few_lights_are_a_sentence() {
+        let lights = Lights::new(Rule::Stratified { count: 5, seed: 1 });
+        assert!(Projector::new(Basis::Spherical { bands: 3 }, &lights, Weights::Gram).unwrap_err().contains("5 light directions"));
+        // Two rings of one height: constant and z cannot be told apart.
+        let ring = Lights::new(Rule::Product { levels: 1, azimuths: 8 });
+        assert!(Projector::new(Basis::HBasis { count: 4 }, &ring, Weights::Gram).is_err());
+        assert!(Projector::new(Basis::Spherical { bands: 2 }, &ring, Weights::Plain).unwrap_err().contains("orthonormal"));
+    }
+}
