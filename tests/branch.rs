@@ -210,10 +210,10 @@ fn the_reference_moves_with_the_time() {
     let mut world = reference::world(&manifest, &plan, &ledger).unwrap();
     let look = |w: &mesophyll::transport::World| (w.instances[0].transform, w.leaves[1].mesh.positions.clone());
     let first = look(&world);
-    reference::move_to(&mut world, &plan, 2.0);
+    reference::move_to(&mut world, &plan, 2.0).unwrap();
     let second = look(&world);
     assert!(first.0 != second.0 && first.1 != second.1);
-    reference::move_to(&mut world, &plan, 1.5);
+    reference::move_to(&mut world, &plan, 1.5).unwrap();
     assert_eq!(first, look(&world));
 }
 

@@ -254,6 +254,7 @@ fn card(rho_d: f32, rho_s: f32, m: f32, transform: DMat4, dome: viewer::scene::D
         gamma_delta: Vec::new(),
         gloss: (gloss && rho_s > 0.0).then(|| vec![[rho_s, rho_s, rho_s, m]]),
         normal: None,
+        translucency: None,
         interior: Interior::Maps { rho_d: vec![[rho_d; 3]], rho_t: vec![[0.0; 3]] },
     };
     let corners = [(-1.0f32, -1.0f32), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];

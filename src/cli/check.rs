@@ -31,8 +31,12 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
 
     let manifest = Manifest::read(&args.scene)?;
     let ledger = Ledger::new();
-    let plan = plan::make(&manifest, args.out.as_deref(), Some(&make::input_hash), &ledger)?;
+    let mut plan = plan::make(&manifest, args.out.as_deref(), Some(&make::input_hash), &ledger)?;
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out/check").join(&manifest.name));
+    // Seconds, not minutes: unlike a leaf's fit, translucency maps are made on the way.
+    if plan.unfitted().is_empty() && make::translucencies(&manifest, &plan, &out, &ledger)? {
+        plan = plan::make(&manifest, Some(&out), Some(&make::input_hash), &ledger)?;
+    }
     let options = Options { out: out.clone(), update_golden: args.update_golden };
     let (passed, text, json) = judged(&manifest, &plan, &options, args.compare_interiors.then_some(args.out.as_deref()), &ledger)?;
     atomic::write_bytes(&out.join("plan.json"), serde_json::to_string_pretty(&plan).unwrap_or_default().as_bytes())?;

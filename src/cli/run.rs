@@ -47,7 +47,12 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         };
         stages.time(&format!("fit {name}"), || make::fit(&manifest, index, &out, &folder, args.write_fits, &ledger))?;
     }
-    let plan = stages.time("plan with the fits", || plan::make(&manifest, Some(&out), Some(&make::input_hash), &ledger))?;
+    let planned = || plan::make(&manifest, Some(&out), Some(&make::input_hash), &ledger);
+    let mut plan = stages.time("plan with the fits", planned)?;
+    if !plan.untranslucent().is_empty() {
+        stages.time("translucency", || make::translucencies(&manifest, &plan, &out, &ledger))?;
+        plan = stages.time("plan with the translucency maps", planned)?;
+    }
     write_json(&out.join("plan.json"), &serde_json::to_value(&plan).unwrap_or_default())?;
 
     // The report is written whatever the check says: it is where one looks why.

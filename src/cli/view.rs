@@ -40,7 +40,7 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
 
     let manifest = Manifest::read(&args.scene)?;
     let ledger = Ledger::new();
-    let plan = plan::make_free(&manifest, args.out.as_deref(), Some(&make::input_hash), &ledger)?;
+    let mut plan = plan::make_free(&manifest, args.out.as_deref(), Some(&make::input_hash), &ledger)?;
     if let Some(missing) = plan.unfitted().first() {
         let name = &manifest.leaves[*missing].name;
         return Err(Error::field(
@@ -51,6 +51,9 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
     }
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out/view").join(&manifest.name));
     atomic::probe_folder(&out)?;
+    if make::translucencies(&manifest, &plan, &out, &ledger)? {
+        plan = plan::make_free(&manifest, Some(&out), Some(&make::input_hash), &ledger)?;
+    }
     let views: Vec<_> =
         manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).map(|v| (v.name.clone(), handover::camera(v))).collect();
     let Some((_, camera)) = views.first().cloned() else {

@@ -11,7 +11,7 @@ use super::golden;
 use super::handover;
 use super::ledger::Ledger;
 use super::manifest::{Manifest, View, ViewKind};
-use super::plan::{Plan, sun_direction};
+use super::plan::{LeafPlan, Plan, sun_direction};
 use super::reference;
 use super::sound;
 use crate::files::{atomic, image, progress};
@@ -134,7 +134,7 @@ pub fn check(manifest: &Manifest, plan: &Plan, options: &Options, ledger: &Ledge
                 wind.time_s = time;
                 renderer.set_time(wind);
             }
-            reference::move_to(&mut world, plan, time);
+            reference::move_to(&mut world, plan, time)?;
             let stage = transport::Renderer::new(&world)?;
             while let Some(view) = left.next_if(|v| plan.bends.is_none() || branch::time(manifest, v) == time) {
                 report.views.push(one_view(manifest, plan, view, &mut renderer, &stage, options)?);
@@ -154,7 +154,8 @@ pub fn check(manifest: &Manifest, plan: &Plan, options: &Options, ledger: &Ledge
 /// Hashes every file of a fit that the plan needs and asks whether they agree with each other; a sentence for each that does not.
 fn verify(plan: &Plan, ledger: &Ledger) -> Result<Vec<String>> {
     let mut out = Vec::new();
-    for fitted in plan.leaves.iter().filter_map(|l| l.fitted.as_ref()) {
+    let translucent = |l: &LeafPlan| l.translucency.as_ref().and_then(|t| t.fitted.clone());
+    for fitted in &plan.leaves.iter().flat_map(|l| [l.fitted.clone(), translucent(l)]).flatten().collect::<Vec<_>>() {
         let prefix = format!("{}/", fitted.name);
         for need in &plan.needed {
             if let Some(file) = need.name.strip_prefix(&prefix)

@@ -17,6 +17,7 @@ use crate::Result;
 use crate::capture::manifest::SideName;
 use crate::files::image::Maps;
 use crate::transport::{self, compare};
+use glam::DVec3;
 use mesophyll_viewer as gpu;
 use mesophyll_viewer::editor::{Editor, LeafEdit, LeafUpdate, Measure, ReferencePicture, SideEdit, SkyUpdate, Verdict};
 use mesophyll_viewer::scene as viewer;
@@ -119,7 +120,7 @@ impl SceneEditor {
     }
 
     /// The reference's world with the edits and the window's lights in it.
-    fn world(&self, scene: &viewer::Scene) -> Result<transport::World> {
+    fn world(&self, scene: &viewer::Scene, eye: DVec3) -> Result<transport::World> {
         let mut world = reference::world(&self.manifest, &self.plan, &self.ledger)?;
         for (leaf, edit) in self.edits.iter().enumerate().take(self.shown.len()) {
             let drawn = &mut world.leaves[leaf];
@@ -178,6 +179,7 @@ impl SceneEditor {
             None => None,
         };
         (world.background, world.exposure) = (scene.background.map(f64::from), f64::from(scene.exposure));
+        super::sunlit::relight(&mut world, &self.plan, &[eye])?;
         Ok(world)
     }
 }
@@ -260,7 +262,7 @@ impl Editor for SceneEditor {
         height: u32,
     ) -> std::result::Result<ReferencePicture, String> {
         let draw = || -> Result<transport::ReferencePicture> {
-            let world = self.world(scene)?;
+            let world = self.world(scene, camera.eye.as_dvec3())?;
             let camera = transport::Camera {
                 eye: camera.eye.as_dvec3(),
                 target: camera.target.as_dvec3(),

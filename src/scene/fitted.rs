@@ -26,13 +26,18 @@ impl Fitted {
     /// # Errors
     /// [`Error::Input`] when there is no fit, or it is not a leaf's.
     pub fn open(name: &str, folder: &Path) -> Result<Fitted> {
+        Fitted::open_as(name, folder, "leaf")
+    }
+
+    /// Opens a folder of another kind of fit.
+    pub fn open_as(name: &str, folder: &Path, kind: &str) -> Result<Fitted> {
         let file = folder.join("fit.toml");
         if !file.is_file() {
-            return Err(Error::input(folder, format!("no fit of leaf \"{name}\" here (no fit.toml); `mesophyll fit leaf` writes one")));
+            return Err(Error::input(folder, format!("no fit of {kind} \"{name}\" here (no fit.toml); `mesophyll fit {kind}` writes one")));
         }
         let record = FitRecord::read(folder)?;
-        if record.kind != "leaf" {
-            return Err(Error::field(&file, "kind", format!("found \"{}\", expected \"leaf\"", record.kind)));
+        if record.kind != kind {
+            return Err(Error::field(&file, "kind", format!("found \"{}\", expected \"{kind}\"", record.kind)));
         }
         Ok(Fitted { name: name.into(), folder: folder.into(), record })
     }

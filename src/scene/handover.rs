@@ -12,6 +12,7 @@ use super::manifest::{Interior, Lobe, Manifest, View};
 use super::mesh::LeafMesh;
 use super::plan::{LeafPlan, Plan, sun_direction};
 use super::plan_leaf::SIDES;
+use super::translucency::Coefficients;
 use crate::capture::manifest::SideName;
 use crate::optics::slab;
 use crate::sky::fitted::Folded;
@@ -188,6 +189,16 @@ fn one_leaf(manifest: &Manifest, leaf: &LeafPlan, ledger: &Ledger) -> Result<vie
         if needs.normal {
             sides[s].normal = Some(normals(leaf, side, ledger)?);
         }
+        if needs.translucency {
+            let Some(maps) = leaf.translucency.as_ref().and_then(|t| t.maps[s].as_ref()) else {
+                let what = "the translucency maps are not made yet; `mesophyll run` and `check` make them";
+                return Err(Error::field(&manifest.path, &format!("leaf \"{}\"", config.name), what));
+            };
+            sides[s].translucency = Some(match maps {
+                Coefficients::Factor(map) => viewer::Translucency::Factor(shrink(map, leaf, mean3)),
+                Coefficients::Colour(maps) => viewer::Translucency::Colour([0, 1, 2].map(|c| shrink(&maps[c], leaf, mean3))),
+            });
+        }
     }
     let [front, back] = sides;
     let size = [leaf.size[0].max(1), leaf.size[1].max(1)];
@@ -329,6 +340,7 @@ pub fn card(manifest: &Manifest, plan: &Plan, card: &Card, ledger: &Ledger) -> R
                     .any(|v| *v > 0.0)
                     .then(|| vec![[p.rho_s[0] as f32, p.rho_s[1] as f32, p.rho_s[2] as f32, p.m as f32]]),
                 normal: None,
+                translucency: None,
                 interior: viewer::Interior::Scalars(slab_curve(&curve)),
             }
         }

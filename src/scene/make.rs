@@ -4,7 +4,9 @@
 
 use super::ledger::Ledger;
 use super::manifest::{Leaf, Lobe, Manifest, Scan};
+use super::plan::Plan;
 use super::source;
+use super::translucency;
 use crate::capture::inspect::inspect;
 use crate::capture::manifest::Travel;
 use crate::capture::reader::Capture;
@@ -61,6 +63,27 @@ pub fn fit(manifest: &Manifest, index: usize, out: &Path, folder: &Path, afresh:
     stop()?;
     ledger.note("fit", leaf.name.clone(), 0, || fit::run(&capture, folder, &fit::Options { force: afresh, ..fit_options(leaf) }))?;
     Ok(())
+}
+
+/// Makes what translucency maps a plan still lacks, of leaves whose own fits are there, into a run's folder `out`. Whether any were made, so
+/// that the plan is to be made again.
+///
+/// # Errors
+/// As `fit translucency`.
+pub fn translucencies(manifest: &Manifest, plan: &Plan, out: &Path, ledger: &Ledger) -> Result<bool> {
+    let lacking = plan.untranslucent();
+    for &index in &lacking {
+        let Some(fitted) = &plan.leaves[index].fitted else { continue };
+        stop()?;
+        translucency(&fitted.folder, &translucency::folder(manifest, index, out), false, ledger)?;
+    }
+    Ok(!lacking.is_empty())
+}
+
+/// Makes the translucency maps of the leaf fitted into `leaf`.
+fn translucency(leaf: &Path, folder: &Path, _afresh: bool, _ledger: &Ledger) -> Result<()> {
+    let what = format!("there are no translucency maps of {} here; `mesophyll fit translucency` makes them", leaf.display());
+    Err(Error::input(folder, what))
 }
 
 /// The scan of a leaf, made now unless a whole one of the same specification is there.

@@ -59,6 +59,16 @@ pub struct Leaf {
     pub lobe: Lobe,
     /// Index of refraction of the `cook-torrance` lobe.
     pub index: Option<f64>,
+    /// How the sun comes through as it turns; by ρt and the mapped normal alone when absent.
+    pub translucency: Option<Translucency>,
+}
+
+/// Translucency maps of a leaf, made from its fit.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Translucency {
+    /// A folder of `fit translucency`; made in the run's own folder when it is absent or not there.
+    pub fit: Option<PathBuf>,
 }
 
 /// A synthetic scan to make when there is no capture: what `mesophyll synth` is told.

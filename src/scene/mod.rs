@@ -33,5 +33,7 @@ pub mod reference;
 pub mod save;
 pub mod sound;
 pub mod source;
+pub mod sunlit;
 mod texel_frame;
+pub mod translucency;
 mod validate;

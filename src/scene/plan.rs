@@ -13,6 +13,7 @@ use super::manifest::{Manifest, ViewKind};
 use super::mesh::{self, LeafMesh};
 use super::placement::{self, Placement};
 use super::source::{self, InputHash, Source, Status};
+use super::translucency::{self, Translucent};
 use crate::Result;
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -72,6 +73,8 @@ pub struct SideNeeds {
     pub rho_t: bool,
     pub gloss: bool,
     pub normal: bool,
+    /// Maps of how the sun comes through that enters this side.
+    pub translucency: bool,
     /// Its mean parameters, for a card.
     pub mean: bool,
 }
@@ -115,6 +118,8 @@ pub struct LeafPlan {
     pub sides: [SideNeeds; 2],
     pub textures: [Textures; 2],
     pub curves: [Option<Curve>; 2],
+    /// Where the scene asks for it.
+    pub translucency: Option<Translucent>,
     /// Size of the maps on disk.
     pub size: [usize; 2],
     /// Maps are averaged over blocks of this many texels a side.
@@ -136,6 +141,9 @@ pub struct Plan {
     /// Where leaves stand at rest.
     #[serde(skip)]
     pub placements: Vec<Placement>,
+    /// Where perspective views look from.
+    #[serde(skip)]
+    pub eyes: Vec<DVec3>,
     /// Branches at rest, with their meshes.
     #[serde(skip)]
     pub twigs: Vec<(Twig, LeafMesh)>,
@@ -196,6 +204,7 @@ fn make_for(manifest: &Manifest, out: Option<&Path>, input_hash: Option<InputHas
         hash: String::new(),
         leaves: Vec::new(),
         placements,
+        eyes: manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).filter_map(|v| v.eye_mm.map(DVec3::from)).collect(),
         twigs: twigs.into_iter().map(|t| (t.clone(), branch::tube(&t))).collect(),
         bends,
         shadow_samples: 0,
@@ -210,9 +219,12 @@ fn make_for(manifest: &Manifest, out: Option<&Path>, input_hash: Option<InputHas
         if free && leaf.mesh.is_some() {
             let sides = leaf.fitted.as_ref().map_or([false; 2], |f| super::plan_leaf::SIDES.map(|s| f.has(s)));
             leaf.facing = Facing::ALL;
-            leaf.sides = sides.map(|has| SideNeeds { rho_d: has, rho_t: has, gloss: has, normal: has, mean: false });
+            let shines = |has: bool| has && leaf.translucency.is_some() && manifest.sun.is_some();
+            leaf.sides =
+                sides.map(|has| SideNeeds { rho_d: has, rho_t: has, gloss: has, normal: has, translucency: shines(has), mean: false });
         }
         super::plan_leaf::list(manifest, &leaf, &mut plan);
+        translucency::list(manifest, &leaf, &mut plan);
         plan.leaves.push(leaf);
     }
     for k in 0..plan.leaves.len() {
@@ -258,6 +270,7 @@ fn leaf_plan(
         sides: Default::default(),
         textures: Default::default(),
         curves: Default::default(),
+        translucency: None,
         size: [0; 2],
         block: 1,
     };
@@ -297,6 +310,9 @@ fn leaf_plan(
         plan.facing = Facing { seen: [true; 2], lit: [sun.is_some(); 2], through: [sun.is_some(); 2] };
     }
     plan.source = Some(source);
+    if placed {
+        plan.translucency = translucency::find(manifest, index, out)?;
+    }
     let sky = manifest.sky.is_some();
     let mut card_facing = Facing::default();
     for card in cards {
@@ -313,8 +329,10 @@ fn leaf_plan(
         needs.rho_d = f.lit[side] || (sky && f.seen[side]);
         needs.rho_t = f.through[1 - side] || (sky && f.seen[1 - side]);
         needs.gloss = needs.rho_d;
+        needs.translucency = plan.translucency.is_some() && sun.is_some() && f.through[1 - side];
         // Under a physical sky every side's light depends on where it turns, the far one's too.
-        needs.normal = f.lit[side] || f.through[1 - side] || (manifest.physical_sky() && (f.seen[side] || f.seen[1 - side]));
+        needs.normal =
+            f.lit[side] || (f.through[1 - side] && !needs.translucency) || (manifest.physical_sky() && (f.seen[side] || f.seen[1 - side]));
         needs.mean = card_facing.seen[side] || card_facing.through[1 - side] || (sky && card_facing.seen[1 - side]);
     }
     Ok(plan)
@@ -342,9 +360,21 @@ impl Plan {
         self.leaves.iter().filter(|l| l.used && l.fitted.is_none()).map(|l| l.index).collect()
     }
 
+    /// Leaves whose translucency maps must be made before anything can be drawn; their own fits are there.
+    pub fn untranslucent(&self) -> Vec<usize> {
+        let lacks = |l: &&LeafPlan| {
+            l.fitted.is_some()
+                && l.sides.iter().any(|s| s.translucency)
+                && l.translucency.as_ref().is_some_and(|t| t.source.status != Status::Reuse)
+        };
+        self.leaves.iter().filter(lacks).map(|l| l.index).collect()
+    }
+
     /// Whether every fit is one the scene file names, so that its golden pictures apply.
     pub fn all_named(&self) -> bool {
-        self.leaves.iter().filter(|l| l.used).all(|l| l.source.as_ref().is_some_and(|s| s.named))
+        let translucency =
+            |l: &LeafPlan| !l.sides.iter().any(|s| s.translucency) || l.translucency.as_ref().is_some_and(|t| t.source.named);
+        self.leaves.iter().filter(|l| l.used).all(|l| l.source.as_ref().is_some_and(|s| s.named) && translucency(l))
     }
 
     /// Decides the shadow maps from the placements and meshes.

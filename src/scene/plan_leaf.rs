@@ -67,6 +67,7 @@ pub fn detail(manifest: &Manifest, leaf: &mut LeafPlan, plan: &mut Plan, ledger:
         }
         task.slab_curve(leaf, plan)?;
         task.gloss(leaf, plan)?;
+        super::translucency::side(manifest, leaf, s, plan, ledger)?;
         task.files(leaf, plan);
     }
     resolution(manifest, leaf, plan);
@@ -255,6 +256,17 @@ impl OneSide<'_> {
                 "the sun falls on this side where it shows"
             };
             file_need(plan, fitted, &file("_normal"), why, true);
+        } else if needs.translucency {
+            // Measured against, where there are maps to measure.
+            if leaf.translucency.as_ref().is_some_and(|t| t.maps[s].is_some()) {
+                file_need(
+                    plan,
+                    fitted,
+                    &file("_normal"),
+                    "what the translucency maps add is measured against it; it is not uploaded",
+                    true,
+                );
+            }
         } else {
             let why = if needs.any() { "no sun falls on this side: a constant sky asks for no direction".into() } else { unseen.clone() };
             skip(plan, "_normal", 1, why);
@@ -323,6 +335,7 @@ fn resolution(manifest: &Manifest, leaf: &mut LeafPlan, plan: &mut Plan) {
             leaf.block = if s == 0 || leaf.textures[0].gamma_delta.is_none() { row.setting } else { leaf.block.min(row.setting) };
         }
     }
+    super::translucency::resolution(manifest, leaf, plan, footprint);
     let (w, h) = (leaf.size[0].div_ceil(leaf.block), leaf.size[1].div_ceil(leaf.block));
     let mut need = Need::new(format!("{name}: maps at {w}x{h}"), format!("the nearest pixel covers {footprint:.2} texels a side"));
     need.amount = Some(format!("blocks of {0}x{0} texels", leaf.block));

@@ -126,8 +126,10 @@ pub fn absent_models(manifest: &Manifest, plan: &mut Plan) {
         plan.leave_out(LeftOut::new("sky polynomial (spherical harmonics)", why, polynomial, None));
     }
     let texels: u64 = plan.leaves.iter().filter(|l| l.used).map(|l| (l.size[0] * l.size[1]) as u64).sum();
-    let why = "light through a leaf follows the slab's rho_t a texel; the scene asks for no scattering sideways";
-    plan.leave_out(LeftOut::new("translucency maps", why, texels * 8 * 3, None));
+    if plan.leaves.iter().all(|l| l.translucency.is_none()) {
+        let why = "light through a leaf follows the slab's rho_t a texel; the scene asks for no scattering sideways";
+        plan.leave_out(LeftOut::new("translucency maps", why, texels * 8 * 2, None));
+    }
     if manifest.views.iter().all(|v| v.kind == ViewKind::Perspective) {
         plan.leave_out(LeftOut::new("cards", "no view asks for a patch with a closed-form radiance", 0, None));
     }

@@ -39,7 +39,10 @@ pub fn world(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<transp
         out.instances.push(transport::Placement { leaf: out.leaves.len(), transform: DMat4::IDENTITY });
         out.leaves.push(branch(twig, mesh));
     }
-    move_to(&mut out, plan, super::branch::rest_time(manifest));
+    move_to(&mut out, plan, super::branch::rest_time(manifest))?;
+    if plan.bends.is_none() {
+        super::sunlit::relight(&mut out, plan, &plan.eyes)?;
+    }
     Ok(out)
 }
 
@@ -53,13 +56,17 @@ fn branch(twig: &Twig, rest: &LeafMesh) -> transport::ReferenceLeaf {
 }
 
 /// Bends the branches of a world that [`world`] made, and what hangs on them, as they are at a time (s).
-pub fn move_to(world: &mut transport::World, plan: &Plan, time: f64) {
-    let Some(bends) = &plan.bends else { return };
+///
+/// # Errors
+/// [`Error::Input`] for a leaf whose inside cannot be read.
+pub fn move_to(world: &mut transport::World, plan: &Plan, time: f64) -> Result<()> {
+    let Some(bends) = &plan.bends else { return Ok(()) };
     let drawn = plan.placements.iter().filter(|p| plan.leaves[p.leaf].mesh.is_some());
     for (placed, p) in world.instances.iter_mut().zip(drawn) {
         placed.transform = plan.at_time(p, time).transform;
     }
     move_branches(world, plan, bends, time);
+    super::sunlit::relight(world, plan, &plan.eyes)
 }
 
 /// The branches alone.

@@ -22,5 +22,6 @@ pub mod world;
 pub use dome::{Dome, RadianceAt};
 pub use render::{Options, ReferencePicture, Renderer, render};
 pub use world::{
-    Camera, Gloss, Interior, NormalFrame, NormalMap, Placement, ReferenceLeaf, ReferenceMesh, ReferenceSide, ReferenceSun, SlabAt, World,
+    Camera, Gloss, Interior, NormalFrame, NormalMap, Placement, ReferenceLeaf, ReferenceMesh, ReferenceSide, ReferenceSun, SlabAt, Sunlit,
+    Through, World,
 };

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! sun on the viewed side:  E · V · max(0, N·l) · (ρd/π + f_s)      sun on the far side:  E · V · max(0, F·l) · ρt_far/π
+//! … through an instance with maps of its own for where the sun stands:                   E · V · f · ρt_far/π
 //! constant sky:            L · (ρd + ρt_far + ρs · a(N·v, m))
 //! dome:                    (ρd E(N) + ρt_far E(F))/π + ∫ L f_s max(0, N·l) dl, E the irradiance on a normal
 //! ```
@@ -10,7 +11,7 @@ use super::accelerate::{Forest, Hit, Ray, Shape};
 use super::albedo::AlbedoTable;
 use super::dome::{self, IrradianceMap};
 use super::lookup::Taps;
-use super::world::{Interior, NormalFrame, Placement, ReferenceLeaf, ReferenceSide, ReferenceSun, World};
+use super::world::{Interior, NormalFrame, Placement, ReferenceLeaf, ReferenceSide, ReferenceSun, Sunlit, World};
 use glam::{DMat3, DVec2, DVec3};
 use std::f64::consts::PI;
 
@@ -144,6 +145,7 @@ impl<'a> Stage<'a> {
         let mut light = 0;
         if let Some(sun) = &world.sun {
             let f = mapped(far, !seen_from_back);
+            let through = world.through.get(hit.instance).and_then(|t| t.entering[usize::from(!seen_from_back)].as_ref());
             let disk = Disk::new(sun);
             // sums over the disk of: cosine on the viewed side, f_s/ρs with its cosine, cosine on the far side
             let (mut lambert, mut shine, mut behind) = (0.0, 0.0, 0.0);
@@ -160,11 +162,20 @@ impl<'a> Stage<'a> {
                     }
                 } else {
                     light |= FAR_SIDE;
-                    behind += f.dot(l).max(0.0);
+                    // Points of the disk count by their cosine; a map holds the cosine's stand-in for the centre, their mean direction.
+                    behind += if through.is_some() { 1.0 } else { f.dot(l).max(0.0) };
                 }
             }
             let share = 1.0 / sun_points.len().max(1) as f64;
-            let rho_t = if behind > 0.0 { transmittance() } else { [0.0; 3] };
+            let rho_t = match through {
+                _ if behind <= 0.0 => [0.0; 3],
+                None => transmittance(),
+                Some(Sunlit::Factor(map)) => {
+                    let f = taps(!seen_from_back).scalar(map).max(0.0);
+                    transmittance().map(|r| r * f)
+                }
+                Some(Sunlit::Colour(maps)) => taps(!seen_from_back).colour(maps).map(|m| m.max(0.0)),
+            };
             for c in 0..3 {
                 let surface = gloss.map_or(0.0, |(rho_s, _)| rho_s[c] * shine);
                 radiance[c] += sun.irradiance[c] * share * ((rho_d[c] * lambert + rho_t[c] * behind) / PI + surface);

@@ -14,6 +14,8 @@ use std::sync::Arc;
 pub struct World {
     pub leaves: Vec<ReferenceLeaf>,
     pub instances: Vec<Placement>,
+    /// How the sun comes through each instance; an instance beyond the end lets it through by the mapped normal's cosine.
+    pub through: Vec<Through>,
     pub sun: Option<ReferenceSun>,
     /// Radiance of a constant sky all around.
     pub sky: Option<[f64; 3]>,
@@ -27,7 +29,16 @@ pub struct World {
 
 impl Default for World {
     fn default() -> Self {
-        World { leaves: Vec::new(), instances: Vec::new(), sun: None, sky: None, dome: None, background: [0.0; 3], exposure: 1.0 }
+        World {
+            leaves: Vec::new(),
+            instances: Vec::new(),
+            through: Vec::new(),
+            sun: None,
+            sky: None,
+            dome: None,
+            background: [0.0; 3],
+            exposure: 1.0,
+        }
     }
 }
 
@@ -36,6 +47,21 @@ impl Default for World {
 pub struct Placement {
     pub leaf: usize,
     pub transform: DMat4,
+}
+
+/// What comes of the sun through one instance, where the sun stands now: for light that enters the front and the back.
+#[derive(Debug, Clone, Default)]
+pub struct Through {
+    pub entering: [Option<Sunlit>; 2],
+}
+
+/// Maps as of the leaf, in the columns of the lit side's camera; interpolated, then at least 0.
+#[derive(Debug, Clone)]
+pub enum Sunlit {
+    /// What multiplies ρt instead of max(0, F·l): exit radiance is E·V·f·ρt/π.
+    Factor(Arc<Vec<f32>>),
+    /// A channel each, instead of both.
+    Colour(Arc<[Vec<f32>; 3]>),
 }
 
 /// The sun as a disk of uniform radiance.
@@ -158,6 +184,16 @@ impl World {
             let det = placed.transform.determinant();
             if !placed.transform.is_finite() || !det.is_normal() {
                 return bad(format!("instance {k}: the transform cannot be inverted (determinant {det})"));
+            }
+        }
+        for (k, (through, placed)) in self.through.iter().zip(&self.instances).enumerate() {
+            let texels = self.leaves[placed.leaf].width * self.leaves[placed.leaf].height;
+            let sizes = through.entering.iter().flatten().flat_map(|s| match s {
+                Sunlit::Factor(map) => vec![map.len()],
+                Sunlit::Colour(maps) => maps.iter().map(Vec::len).collect(),
+            });
+            if let Some(found) = sizes.into_iter().find(|n| *n != texels) {
+                return bad(format!("instance {k}: light through it has {found} texels, expected {texels}"));
             }
         }
         if self.sky.is_some() && self.dome.is_some() {

@@ -6,7 +6,7 @@ use crate::gpu::Gpu;
 use crate::lobe::AlbedoTable;
 use crate::maps::{self, Level, Uploaded};
 use crate::passes::bend;
-use crate::scene::{Interior, Leaf, Lobe, Scene, Side, SlabCurve};
+use crate::scene::{Interior, Leaf, Lobe, Scene, Side, SlabCurve, Translucency};
 use crate::stats::Stats;
 use crate::variant::Variant;
 
@@ -62,9 +62,9 @@ impl AlbedoCache {
 pub(crate) fn layout(gpu: &Gpu, variant: &Variant) -> wgpu::BindGroupLayout {
     let entry = |binding, ty, visibility| wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None };
     let fragment = wgpu::ShaderStages::FRAGMENT;
-    let texture = |filterable| wgpu::BindingType::Texture {
+    let texture = |filterable, layers| wgpu::BindingType::Texture {
         sample_type: wgpu::TextureSampleType::Float { filterable },
-        view_dimension: wgpu::TextureViewDimension::D2,
+        view_dimension: if layers > 1 { wgpu::TextureViewDimension::D2Array } else { wgpu::TextureViewDimension::D2 },
         multisampled: false,
     };
     let mut entries = vec![entry(
@@ -77,7 +77,12 @@ pub(crate) fn layout(gpu: &Gpu, variant: &Variant) -> wgpu::BindGroupLayout {
     }
     for binding in texture_bindings(variant) {
         let filterable = !matches!(binding, 2 | 3 | 15 | 16);
-        entries.push(entry(binding, texture(filterable), fragment));
+        let layers = match binding {
+            17 => variant.front.translucency,
+            18 => variant.back.translucency,
+            _ => 1,
+        };
+        entries.push(entry(binding, texture(filterable, layers), fragment));
     }
     gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("leaf"), entries: &entries })
 }
@@ -96,6 +101,9 @@ fn texture_bindings(variant: &Variant) -> Vec<u32> {
         }
         if side.normal {
             bindings.push(8 + k);
+        }
+        if side.translucency > 0 {
+            bindings.push(17 + k);
         }
     }
     if variant.mask {
@@ -179,6 +187,15 @@ impl LeafOnGpu {
             }
             if let (true, Some(normal)) = (sv.normal, &side.normal) {
                 keep(8 + k, format!("{name} normal"), map("normal", rgb(normal)));
+            }
+            if let (true, Some(translucency)) = (sv.translucency > 0, &side.translucency) {
+                let layers: Vec<Vec<Level>> = translucency
+                    .layers()
+                    .iter()
+                    .map(|map| map.iter().map(|h| Translucency::vector(*h)).map(|[x, y, z]| [x, y, z, 0.0]).collect())
+                    .map(|texels| maps::mip_chain(leaf.width, leaf.height, texels, mask))
+                    .collect();
+                keep(17 + k, format!("{name} translucency"), maps::upload_half(gpu, &format!("{name} translucency"), &layers));
             }
         }
         let mut albedo = [0.0; 4];

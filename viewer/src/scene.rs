@@ -9,9 +9,14 @@
 //! ```text
 //! sun lights the viewed side where l·Ng > 0:   L += E · V · max(0, N·l) · (ρd_viewed/π + f_s)
 //! sun lights the far side where   l·Ng < 0:    L += E · V · max(0, F·l) · ρt_far/π
+//!   … whose translucency was measured:         L += E · V · max(0, f_far(ω)) · ρt_far/π   (or max(0, M_far(ω))/π, a channel each)
 //! constant sky:                                L += L_sky · (ρd_viewed + ρt_far + ρs · a(N·v, m))
 //! dome L(ω):     L += ρd_viewed/π ∫ L max(0, N·ω) dω + ρt_far/π ∫ L max(0, F·ω) dω + ∫ L f_s max(0, N·ω) dω
 //! ```
+//!
+//! f_far is the far side's [`Translucency`], looked up where the far side's other maps are; ω is l in the far side's tangent frame, that of
+//! the *mesh* (relief is in f already): (T·l, B·l, Ng·l) for light on the front, (−T·l, B·l, −Ng·l) on the back, with the mesh's interpolated
+//! T, B and outward-from-the-front Ng. A sky's light comes through by ρt and the mapped normal whatever translucency maps say.
 //!
 //! Of a [`Dome`] this renderer has N² harmonics alone. The two diffuse integrals are Σ A_l c_lm Y_lm (Ramamoorthi and Hanrahan 2001), the
 //! glossy one ρs·a·Σ W_l c_lm Y_lm(R), R being the lobe's mean direction and W_l its bands about it; sums below 0 (ringing) count as 0.
@@ -193,13 +198,47 @@ pub struct Side {
     /// y up, z out of this side; `None` is the mesh normal. With the mesh's tangent t, bitangent b and normal n, (x, y, z) is
     /// x·t + y·b + z·n on the front and −x·t + y·b − z·n on the back.
     pub normal: Option<Vec<[f32; 3]>>,
+    /// For the sun's light that *enters this side*; `None` lets it through by the mapped normal's cosine.
+    pub translucency: Option<Translucency>,
     pub interior: Interior,
+}
+
+/// How light that enters a side comes out of the other one, texel by texel, as it turns (Habel et al. 2007): maps in the columns of the lit
+/// side's camera, in whose tangent frame (x right, y up, z out of the lit side) directions ω towards the light are.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Translucency {
+    /// f(x, ω), which stands for the cosine n·ω and multiplies ρt: coefficients on the three functions √(3/2π) H_i·ω of [`HALF_LIFE_2`].
+    /// A flat, uniform leaf has √(2π)/3 everywhere.
+    Factor(Vec<[f32; 3]>),
+    /// M(x, ω) = ρt·f a channel (red, green, blue), which stands for both: three coefficients each.
+    Colour([Vec<[f32; 3]>; 3]),
+}
+
+/// The axes of the Half-Life 2 basis (McTaggart 2004), orthonormal.
+pub const HALF_LIFE_2: [[f32; 3]; 3] =
+    [[-0.408_248_3, -0.707_106_77, 0.577_350_26], [-0.408_248_3, 0.707_106_77, 0.577_350_26], [0.816_496_6, 0.0, 0.577_350_26]];
+
+impl Translucency {
+    /// The coefficient maps: one, or one a channel.
+    pub fn layers(&self) -> &[Vec<[f32; 3]>] {
+        match self {
+            Translucency::Factor(map) => std::slice::from_ref(map),
+            Translucency::Colour(maps) => maps,
+        }
+    }
+
+    /// Σ h_i √(3/2π) H_i·ω as one product a·ω: the basis is linear in ω, so that a texel's three coefficients are a vector, and
+    /// interpolating one interpolates the other.
+    pub fn vector(coefficients: [f32; 3]) -> [f32; 3] {
+        let scale = (1.5 / std::f32::consts::PI).sqrt();
+        std::array::from_fn(|axis| scale * (0..3).map(|i| coefficients[i] * HALF_LIFE_2[i][axis]).sum::<f32>())
+    }
 }
 
 impl Side {
     /// A side whose reflected and transmitted light no camera sees: it has no γ, no δ and no curve, shades black and uploads nothing.
     pub fn black() -> Side {
-        Side { gamma_delta: Vec::new(), gloss: None, normal: None, interior: Interior::Scalars(SlabCurve::default()) }
+        Side { gamma_delta: Vec::new(), gloss: None, normal: None, translucency: None, interior: Interior::Scalars(SlabCurve::default()) }
     }
 
     /// Whether this side has neither a curve nor maps.

@@ -184,6 +184,12 @@ fn check_side(gpu: &Gpu, place: &str, texels: usize, side: &Side) -> Result<()> 
         size("normal", normal.len())?;
         finite("normal", normal.as_flattened().iter().all(|v| v.is_finite()))?;
     }
+    if let Some(translucency) = &side.translucency {
+        for map in translucency.layers() {
+            size("translucency", map.len())?;
+            finite("translucency", map.as_flattened().iter().all(|v| v.is_finite()))?;
+        }
+    }
     match &side.interior {
         Interior::Scalars(_) if side.is_black() => Ok(()),
         Interior::Scalars(curve) => {

@@ -35,6 +35,8 @@ pub(crate) struct SideVariant {
     pub black: bool,
     pub gloss: bool,
     pub normal: bool,
+    /// Layers of the coefficient map for the sun's light that enters this side: 0 without one, 1, or 3 for a colour.
+    pub translucency: u32,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -59,7 +61,8 @@ impl Variant {
             let gloss = (sun || sky) && side.gloss.as_ref().is_some_and(|g| g.iter().any(|t| t[0] > 0.0 || t[1] > 0.0 || t[2] > 0.0));
             // A constant sky sees the normal only through the gloss's directional albedo.
             let normal = side.normal.is_some() && (sun || dome || (sky && gloss));
-            SideVariant { maps: matches!(side.interior, Interior::Maps { .. }), black: side.is_black(), gloss, normal }
+            let translucency = side.translucency.as_ref().filter(|_| sun).map_or(0, |t| t.layers().len() as u32);
+            SideVariant { maps: matches!(side.interior, Interior::Maps { .. }), black: side.is_black(), gloss, normal, translucency }
         };
         let (front, back) = (side(&leaf.front), side(&leaf.back));
         let lobe = match leaf.lobe {
@@ -93,7 +96,7 @@ impl Variant {
     }
 
     pub(crate) fn tangent(&self) -> bool {
-        self.front.normal || self.back.normal
+        [self.front, self.back].iter().any(|s| s.normal || s.translucency > 0)
     }
 
     /// The gloss's directional albedo, for the sky.
@@ -108,7 +111,7 @@ impl Variant {
 
     /// Highlights are averaged over the pixel where the normal turns quickly across it.
     pub(crate) fn supersample(&self) -> bool {
-        self.sun && self.msaa > 1 && self.lobe != LobeKind::None && self.tangent()
+        self.sun && self.msaa > 1 && self.lobe != LobeKind::None && (self.front.normal || self.back.normal)
     }
 
     pub(crate) fn sampled(&self) -> bool {
@@ -141,6 +144,11 @@ impl Variant {
             .set("BACK_GLOSS", self.back.gloss)
             .set("FRONT_NORMAL", self.front.normal)
             .set("BACK_NORMAL", self.back.normal)
+            .set("FRONT_TRANSLUCENCY", self.front.translucency > 0)
+            .set("BACK_TRANSLUCENCY", self.back.translucency > 0)
+            .set("FRONT_COLOUR", self.front.translucency == 3)
+            .set("BACK_COLOUR", self.back.translucency == 3)
+            .set("COLOUR", self.front.translucency == 3 || self.back.translucency == 3)
     }
 
     /// The pipeline's name in `Stats`, such as `main: sun, shadow 8, sky, front gloss normal, ggx`.
@@ -161,6 +169,8 @@ impl Variant {
                 (side.black && self.lit(), " black"),
                 (side.gloss, " gloss"),
                 (side.normal, " normal"),
+                (side.translucency == 1, " translucency"),
+                (side.translucency == 3, " translucency colour"),
             ];
             let parts: String = parts.iter().filter(|(on, _)| *on).map(|(_, word)| *word).collect();
             say(!parts.is_empty(), format!("{name}{parts}"));

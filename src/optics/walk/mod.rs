@@ -8,11 +8,15 @@
 //! Limits: one homogeneous medium, unpolarised, Henyey–Greenstein scattering. A transmittance far below 1/√(histories) is found by few
 //! or no histories: its standard error then says so, but is itself uncertain. Histories beyond [`EVENTS`] events are counted as lost.
 
+pub mod field;
 pub mod phase;
+pub mod relief;
 pub mod rough;
 pub mod slab;
 pub mod tally;
 
+pub use field::{Field, Rim};
+pub use relief::{Leaf, Light, ReliefWalk};
 pub use slab::{Slab, SlabWalk};
 pub use tally::{Estimate, Histories};
 
@@ -96,5 +100,7 @@ fn survives(weight: &mut f64, start: f64, rng: &mut rand_pcg::Pcg64) -> bool {
     false
 }
 
+#[cfg(test)]
+mod relief_tests;
 #[cfg(test)]
 mod tests;

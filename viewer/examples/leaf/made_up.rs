@@ -38,7 +38,7 @@ pub fn side(front: bool) -> Side {
         }
     }
     let interior = Interior::Scalars(curve(&start(front)));
-    Side { gamma_delta, gloss: front.then_some(gloss), normal: Some(normal), interior }
+    Side { gamma_delta, gloss: front.then_some(gloss), normal: Some(normal), translucency: None, interior }
 }
 
 /// Where editing starts.

@@ -74,6 +74,22 @@ struct LeafConstants {
 @group(1) @binding(16) var lobe_means: texture_2d<f32>;
 //#endif
 //#endif
+// Light that enters a side and comes out of the other, as vectors whose product with the light's direction in the lit side's frame is f (or,
+// a layer a channel, ρt·f).
+//#if FRONT_COLOUR
+@group(1) @binding(17) var front_translucency: texture_2d_array<f32>;
+//#else
+//#if FRONT_TRANSLUCENCY
+@group(1) @binding(17) var front_translucency: texture_2d<f32>;
+//#endif
+//#endif
+//#if BACK_COLOUR
+@group(1) @binding(18) var back_translucency: texture_2d_array<f32>;
+//#else
+//#if BACK_TRANSLUCENCY
+@group(1) @binding(18) var back_translucency: texture_2d<f32>;
+//#endif
+//#endif
 
 struct Vertex {
     @location(0) position: vec3f,
@@ -151,20 +167,44 @@ struct Place {
 // one, so that a blade seen at a slant is not blurred along its veins. Samplers' own anisotropic filters blur magnified maps too on some
 // adapters (Mesa's software one); here a footprint of less than a texel is one plain bilinear sample everywhere.
 fn at(map: texture_2d<f32>, uv: vec2f, place: Place) -> vec4f {
-    let size = vec2f(textureDimensions(map));
+    let print = footprint(vec2f(textureDimensions(map)), place);
+    var sum = vec4f(0.0);
+    for (var i = 0.0; i < print.steps; i += 1.0) {
+        sum += textureSampleLevel(map, map_sampler, uv + print.axis * ((i + 0.5) / print.steps - 0.5), print.lod);
+    }
+    return sum / print.steps;
+}
+
+struct Footprint {
+    axis: vec2f,
+    steps: f32,
+    lod: f32,
+}
+
+fn footprint(size: vec2f, place: Place) -> Footprint {
     let across = length(place.dx * size);
     let down = length(place.dy * size);
     let longer = max(across, down);
     let shorter = max(min(across, down), 1.0);
     let steps = clamp(ceil(longer / shorter - 0.01), 1.0, 16.0);
     let lod = log2(max(max(longer / steps, shorter), 1.0));
-    let axis = select(place.dy, place.dx, across >= down);
-    var sum = vec4f(0.0);
-    for (var i = 0.0; i < steps; i += 1.0) {
-        sum += textureSampleLevel(map, map_sampler, uv + axis * ((i + 0.5) / steps - 0.5), lod);
-    }
-    return sum / steps;
+    return Footprint(select(place.dy, place.dx, across >= down), steps, lod);
 }
+
+//#if COLOUR
+// As `at`, of three layers: the product of each one's mean with a direction.
+fn colour_at(map: texture_2d_array<f32>, uv: vec2f, place: Place, direction: vec3f) -> vec3f {
+    let print = footprint(vec2f(textureDimensions(map)), place);
+    var sum = vec3f(0.0);
+    for (var i = 0.0; i < print.steps; i += 1.0) {
+        let here = uv + print.axis * ((i + 0.5) / print.steps - 0.5);
+        for (var c = 0; c < 3; c++) {
+            sum[c] += dot(textureSampleLevel(map, map_sampler, here, c, print.lod).xyz, direction);
+        }
+    }
+    return sum / print.steps;
+}
+//#endif
 
 //#if FRONT_CURVE || BACK_CURVE
 // ρd (row 0) or ρt (row 1) of the slab at a thickness, linear between the curve's points.
@@ -415,6 +455,68 @@ struct Shade {
     sunlit: vec3f,
 }
 
+//#if SUN
+//#if !SKY
+// ρt of a beam that enters the far side, where it takes part.
+fn far_transmittance(place: Place, front: bool) -> vec3f {
+    if (front) {
+        //#if BACK_COLOUR
+        return vec3f(0.0);
+        //#else
+        return back_transmittance(place);
+        //#endif
+    }
+    //#if FRONT_COLOUR
+    return vec3f(0.0);
+    //#else
+    return front_transmittance(place);
+    //#endif
+}
+//#endif
+
+// What comes through of the sun on the far side, times π and per irradiance: max(0, F·l)·ρt, or the translucency maps' in place of the
+// cosine (or of both).
+fn through(place: Place, facing: Facing, light: vec3f, transmittance: vec3f) -> vec3f {
+    //#if FRONT_TRANSLUCENCY || BACK_TRANSLUCENCY
+    let axes = facing.axes;
+    // In the front's frame; the back's camera looks from behind: x and z change their sign.
+    let omega = vec3f(dot(axes.tangent, light), dot(axes.bitangent, light), dot(axes.normal, light));
+    //#endif
+    //#if BACK_COLOUR
+    if (facing.front) {
+        return max(vec3f(0.0), colour_at(back_translucency, place.back, place, vec3f(-omega.x, omega.y, -omega.z)));
+    }
+    //#else
+    //#if BACK_TRANSLUCENCY
+    if (facing.front) {
+        return max(0.0, dot(at(back_translucency, place.back, place).xyz, vec3f(-omega.x, omega.y, -omega.z))) * transmittance;
+    }
+    //#endif
+    //#endif
+    //#if FRONT_COLOUR
+    if (!facing.front) {
+        return max(vec3f(0.0), colour_at(front_translucency, place.front, place, omega));
+    }
+    //#else
+    //#if FRONT_TRANSLUCENCY
+    if (!facing.front) {
+        return max(0.0, dot(at(front_translucency, place.front, place).xyz, omega)) * transmittance;
+    }
+    //#endif
+    //#endif
+    //#if !FRONT_TRANSLUCENCY || !BACK_TRANSLUCENCY
+    //#if TANGENT
+    let far = mapped(!facing.front, place, facing.axes);
+    //#else
+    let far = -facing.towards_viewer;
+    //#endif
+    return max(0.0, dot(far, light)) * transmittance;
+    //#else
+    return vec3f(0.0);
+    //#endif
+}
+//#endif
+
 fn shade(place: Place, facing: Facing) -> Shade {
     var out = Shade(vec3f(0.0), vec3f(0.0));
     let view = facing.view;
@@ -475,19 +577,9 @@ fn shade(place: Place, facing: Facing) -> Shade {
         //#endif
     } else if (cosine < 0.0) {
         //#if !SKY
-        var transmittance: vec3f;
-        if (facing.front) {
-            transmittance = back_transmittance(place);
-        } else {
-            transmittance = front_transmittance(place);
-        }
+        let transmittance = far_transmittance(place, facing.front);
         //#endif
-        //#if TANGENT
-        let far = mapped(!facing.front, place, facing.axes);
-        //#else
-        let far = -facing.towards_viewer;
-        //#endif
-        out.sunlit = max(0.0, dot(far, light)) * transmittance * 0.318309886;
+        out.sunlit = through(place, facing, light, transmittance) * 0.318309886;
     }
     //#endif
     return out;

@@ -55,7 +55,13 @@ pub fn curve(at: f32, rho_d: [f32; 3], rho_t: [f32; 3]) -> SlabCurve {
 }
 
 pub fn side(texels: usize, curve: SlabCurve) -> Side {
-    Side { gamma_delta: vec![[1.0, 1.0, 1.0, 0.0]; texels], gloss: None, normal: None, interior: Interior::Scalars(curve) }
+    Side {
+        gamma_delta: vec![[1.0, 1.0, 1.0, 0.0]; texels],
+        gloss: None,
+        normal: None,
+        translucency: None,
+        interior: Interior::Scalars(curve),
+    }
 }
 
 /// A flat, matte, uniform leaf.

@@ -1,0 +1,251 @@
+//! A leaf of varying thickness: light from one direction or from everywhere walks between two height fields.
+//!
+//! The lit face shadows itself, and light that leaves travels on and may enter again elsewhere. Exitance is booked where light last left
+//! the unlit face, once it is gone for good. Per texel of the map (its area in the leaf's plane, not that of its facet).
+
+use super::field::{Event, Field, Ray};
+use super::phase::{self, Direction};
+use super::tally::{self, Estimate, Histories, Sum, Tally, uniform};
+use super::{Boundary, EVENTS, Medium, survives};
+use crate::error::{Error, Result};
+use rand_pcg::Pcg64;
+
+/// Where the light comes from, in the lit side's frame (x right, y up in its image, z out of the leaf).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Light {
+    /// Towards the light, z > 0; made a unit vector. Results are per irradiance of a plane that faces the light.
+    Direction(Direction),
+    /// Lambertian. Results are per irradiance of the leaf's plane.
+    Diffuse,
+}
+
+/// The tissue and its faces.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Leaf {
+    pub medium: Medium,
+    pub boundary: Boundary,
+    /// Light that crosses a matched or diffuse face goes on Lambertian about the face's normal (a rough face), not straight.
+    pub spread: bool,
+}
+
+/// Totals are shares of the flux that starts; the maps are per unit irradiance (see [`Light`]).
+#[derive(Debug, Clone, PartialEq)]
+pub struct ReliefWalk {
+    pub histories: u64,
+    /// Leaves for good on the lit side, after it was inside.
+    pub reflected: Estimate,
+    /// Leaves on the lit side without having entered (rough faces).
+    pub glossy: Estimate,
+    /// Leaves for good on the unlit side after it was inside.
+    pub transmitted: Estimate,
+    /// Reaches the unlit side without having entered: through holes.
+    pub passed: Estimate,
+    pub absorbed: Estimate,
+    pub lost: Estimate,
+    /// Sum of all the above; 1 but for the roulette.
+    pub balance: Estimate,
+    /// Flux that entered a second time or more often, summed over entries.
+    pub entered_again: Estimate,
+    /// What leaves the unlit face, per texel.
+    pub exitance: Vec<Estimate>,
+    /// What enters through the lit face for the first time, per texel.
+    pub entering: Vec<Estimate>,
+}
+
+struct Sums {
+    reflected: Sum,
+    glossy: Sum,
+    transmitted: Sum,
+    passed: Sum,
+    absorbed: Sum,
+    lost: Sum,
+    balance: Sum,
+    entered_again: Sum,
+    exitance: Vec<Sum>,
+    entering: Vec<Sum>,
+}
+
+impl Tally for Sums {
+    fn merge(&mut self, o: &Self) {
+        for (a, b) in [
+            (&mut self.reflected, &o.reflected),
+            (&mut self.glossy, &o.glossy),
+            (&mut self.transmitted, &o.transmitted),
+            (&mut self.passed, &o.passed),
+            (&mut self.absorbed, &o.absorbed),
+            (&mut self.lost, &o.lost),
+            (&mut self.balance, &o.balance),
+            (&mut self.entered_again, &o.entered_again),
+        ] {
+            a.merge(b);
+        }
+        self.exitance.iter_mut().zip(&o.exitance).for_each(|(a, b)| a.merge(b));
+        self.entering.iter_mut().zip(&o.entering).for_each(|(a, b)| a.merge(b));
+    }
+}
+
+/// One history under way.
+struct Particle {
+    ray: Ray,
+    weight: f64,
+    absorbed: f64,
+    entries: u32,
+    again: f64,
+    /// Where it left last: the texel, if that was through the unlit face.
+    left: Option<usize>,
+}
+
+impl Leaf {
+    /// Walks `histories` through the leaf of this shape.
+    pub fn walk(&self, field: &Field, light: Light, histories: Histories) -> Result<ReliefWalk> {
+        self.medium.check()?;
+        self.boundary.check()?;
+        // travel in the grid's frame: y runs down the rows
+        let beam = match light {
+            Light::Diffuse => None,
+            Light::Direction(w) => {
+                let length = phase::dot(w, w).sqrt();
+                if !(w[2] > 0.0 && length.is_finite()) {
+                    return Err(Error::Usage(format!("random walk: the light's direction is {w:?}, expected its third part above 0")));
+                }
+                Some([-w[0] / length, w[1] / length, -w[2] / length])
+            }
+        };
+        let (corner, size) = field.start(beam);
+        let texels = field.width() * field.height();
+        let empty = || Sums {
+            reflected: Sum::default(),
+            glossy: Sum::default(),
+            transmitted: Sum::default(),
+            passed: Sum::default(),
+            absorbed: Sum::default(),
+            lost: Sum::default(),
+            balance: Sum::default(),
+            entered_again: Sum::default(),
+            exitance: vec![Sum::default(); texels],
+            entering: vec![Sum::default(); texels],
+        };
+        let sums = tally::run(histories, empty, |rng, sums| {
+            let d = beam.unwrap_or_else(|| {
+                let o = phase::lambert(rng);
+                [o[0], o[1], -o[2]]
+            });
+            let ray = field.above(corner[0] + uniform(rng) * size[0], corner[1] + uniform(rng) * size[1], d);
+            self.history(field, ray, rng, sums);
+        })?;
+        let n = histories.count;
+        // one history carries the flux through the start's area over all histories
+        let per_texel = beam.map_or(1.0, |d| -d[2]) * size[0] * size[1] / (field.texel_mm() * field.texel_mm());
+        let map = |sums: &[Sum]| sums.iter().map(|s| s.mean(n).scaled(per_texel)).collect();
+        Ok(ReliefWalk {
+            histories: n,
+            reflected: sums.reflected.mean(n),
+            glossy: sums.glossy.mean(n),
+            transmitted: sums.transmitted.mean(n),
+            passed: sums.passed.mean(n),
+            absorbed: sums.absorbed.mean(n),
+            lost: sums.lost.mean(n),
+            balance: sums.balance.mean(n),
+            entered_again: sums.entered_again.mean(n),
+            exitance: map(&sums.exitance),
+            entering: map(&sums.entering),
+        })
+    }
+
+    fn history(&self, field: &Field, ray: Ray, rng: &mut Pcg64, sums: &mut Sums) {
+        let mut p = Particle { ray, weight: 1.0, absorbed: 0.0, entries: 0, again: 0.0, left: None };
+        let end = self.follow(field, &mut p, rng, sums);
+        let w = p.weight;
+        let inside = p.entries > 0;
+        let leaves = match end {
+            Some(Event::Up) => Some(if inside { &mut sums.reflected } else { &mut sums.glossy }),
+            Some(Event::Down) => Some(if inside { &mut sums.transmitted } else { &mut sums.passed }),
+            Some(_) => Some(&mut sums.lost),
+            None => None,
+        };
+        let mut balance = p.absorbed;
+        if let Some(sum) = leaves {
+            sum.add(w);
+            balance += w;
+        }
+        if let (Some(Event::Down), Some(texel)) = (end, p.left) {
+            sums.exitance[texel].add(w);
+        }
+        sums.absorbed.add(p.absorbed);
+        sums.entered_again.add(p.again);
+        sums.balance.add(balance);
+    }
+
+    /// Follows the particle; None where it ends in the tissue.
+    fn follow(&self, field: &Field, p: &mut Particle, rng: &mut Pcg64, sums: &mut Sums) -> Option<Event> {
+        let extinction = self.medium.extinction();
+        for _ in 0..EVENTS {
+            let inside = p.ray.inside();
+            if inside && !survives(&mut p.weight, 1.0, rng) {
+                return None;
+            }
+            let budget = if inside && extinction > 0.0 { -uniform(rng).ln() / extinction } else { f64::INFINITY };
+            match field.advance(&mut p.ray, budget) {
+                Event::Collision => {
+                    p.absorbed += p.weight * (self.medium.sigma_a / extinction);
+                    p.weight *= self.medium.albedo();
+                    p.ray.d = phase::scattered(p.ray.d, phase::henyey_greenstein(self.medium.g, rng), rng);
+                }
+                face @ (Event::Front | Event::Back) => {
+                    let front = face == Event::Front;
+                    toggle(&mut p.ray, front);
+                    let enters = p.ray.inside();
+                    if enters == inside {
+                        continue; // of two faces that leave no tissue between them
+                    }
+                    let normal = field.normal(&p.ray, front);
+                    match self.cross(p.ray.d, normal, enters, rng) {
+                        None => return Some(Event::Lost),
+                        Some((d, through)) => {
+                            p.ray.d = d;
+                            if !through {
+                                toggle(&mut p.ray, front);
+                                continue;
+                            }
+                        }
+                    }
+                    if enters {
+                        if p.entries > 0 {
+                            p.again += p.weight;
+                        } else if front && let Some(texel) = field.texel(&p.ray) {
+                            sums.entering[texel].add(p.weight);
+                        }
+                        p.entries = p.entries.saturating_add(1);
+                    } else {
+                        p.left = if front { None } else { field.texel(&p.ray) };
+                    }
+                }
+                gone => return Some(gone),
+            }
+        }
+        Some(Event::Lost)
+    }
+
+    /// Direction after a face of outward normal `n`, and whether the light is through. None where it is given up.
+    fn cross(&self, d: Direction, n: Direction, enters: bool, rng: &mut Pcg64) -> Option<(Direction, bool)> {
+        let inward = [-n[0], -n[1], -n[2]];
+        match self.boundary {
+            Boundary::Rough(rough) => {
+                let mut local = phase::within(n, d);
+                // a ray that grazes the face: the side it comes from is known, its cosine only to rounding
+                local[2] = if enters { local[2].min(-1e-12) } else { local[2].max(1e-12) };
+                let o = rough.scatter(local, rng)?;
+                Some((phase::about(n, o), (o[2] < 0.0) == enters))
+            }
+            Boundary::Diffuse { reflectance } if !enters && uniform(rng) <= reflectance => {
+                Some((phase::about(inward, phase::lambert(rng)), false))
+            }
+            _ if self.spread => Some((phase::about(if enters { inward } else { n }, phase::lambert(rng)), true)),
+            _ => Some((d, true)),
+        }
+    }
+}
+
+fn toggle(ray: &mut Ray, front: bool) {
+    if front { ray.below_front = !ray.below_front } else { ray.above_back = !ray.above_back }
+}

@@ -1,0 +1,296 @@
+//! Translucency maps of a scene's leaf: where they come from, whether the sun ever comes through where a camera looks, what they add.
+//!
+//! A folder of `fit translucency` holds `front.exr` and `back.exr`, for light that enters that side, in the columns of that side's camera and
+//! of the size of the leaf's other maps: channels `translucency.1` to `.3`, coefficients of f on the Half-Life 2 functions, or
+//! `translucency.R1` to `.B3`, those of M = ρt·f a colour. Directions are in the lit side's tangent frame.
+
+use super::display::displayed;
+use super::fitted::{Fitted, fill};
+use super::ledger::Ledger;
+use super::manifest::Manifest;
+use super::plan::{LeafPlan, LeftOut, Need, Plan, sun_direction};
+use super::plan_leaf::SIDES;
+use super::source::{Source, Status};
+use super::texel_frame;
+use crate::capture::manifest::SideName;
+use crate::{Error, Result};
+use glam::{DMat3, DVec3};
+use rayon::prelude::*;
+use std::f64::consts::PI;
+use std::path::{Path, PathBuf};
+
+/// Bytes of a texel on the adapter, a layer: four half floats.
+const TEXEL_BYTES: u64 = 8;
+/// Placements whose light is looked at, at most.
+const PLACEMENTS: usize = 48;
+
+/// What a scene's leaf has of it.
+#[derive(Debug, Clone)]
+pub struct Translucent {
+    pub source: Source,
+    /// Open when it is there; its files are called `LEAF/translucency/…`.
+    pub fitted: Option<Fitted>,
+    /// Coefficients for light that enters the front and the back, without holes; only what the plan needs.
+    pub maps: [Option<Coefficients>; 2],
+}
+
+/// Half-Life 2 coefficients a texel.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Coefficients {
+    /// Of f.
+    Factor(Vec<[f32; 3]>),
+    /// Of M, a channel each.
+    Colour([Vec<[f32; 3]>; 3]),
+}
+
+impl Coefficients {
+    pub fn layers(&self) -> &[Vec<[f32; 3]>] {
+        match self {
+            Coefficients::Factor(map) => std::slice::from_ref(map),
+            Coefficients::Colour(maps) => maps,
+        }
+    }
+}
+
+/// Where a run's own translucency maps of a leaf go.
+pub fn folder(manifest: &Manifest, index: usize, out: &Path) -> PathBuf {
+    out.join("fits").join(format!("{}-translucency", manifest.leaves[index].name))
+}
+
+/// Looks for a leaf's maps; `None` where the scene asks for none.
+///
+/// # Errors
+/// [`Error::Input`] for a folder of another kind of fit.
+pub fn find(manifest: &Manifest, index: usize, out: Option<&Path>) -> Result<Option<Translucent>> {
+    let leaf = &manifest.leaves[index];
+    let Some(asked) = &leaf.translucency else { return Ok(None) };
+    let named = asked.fit.as_ref().map(|f| manifest.resolve(f));
+    let made = out.map(|o| folder(manifest, index, o));
+    let exists = |f: &Option<PathBuf>| f.clone().filter(|f| f.join("fit.toml").is_file());
+    let found = exists(&made).map(|f| (f, false)).or_else(|| exists(&named).map(|f| (f, true)));
+    let Some((place, is_named)) = found else {
+        let why = "not made yet; `mesophyll run` and `check` make it from the leaf's fit".into();
+        let source = Source { status: Status::Missing, folder: made, named: false, why };
+        return Ok(Some(Translucent { source, fitted: None, maps: Default::default() }));
+    };
+    let fitted = Fitted::open_as(&format!("{}/translucency", leaf.name), &place, "translucency")?;
+    let source = Source { status: Status::Reuse, folder: Some(place), named: is_named, why: "the scene asks for it".into() };
+    Ok(Some(Translucent { source, fitted: Some(fitted), maps: Default::default() }))
+}
+
+/// Lists the maps themselves as needed or left out.
+pub fn list(manifest: &Manifest, leaf: &LeafPlan, plan: &mut Plan) {
+    let Some(translucent) = &leaf.translucency else { return };
+    if leaf.sides.iter().any(|s| s.translucency) {
+        let mut need = Need::new(format!("fit {} translucency", manifest.leaves[leaf.index].name), translucent.source.why.clone());
+        need.status = Some(translucent.source.status);
+        need.hash = translucent.fitted.as_ref().map(|f| f.record.input_hash.clone());
+        plan.need(need);
+    }
+}
+
+/// Decides about one side of a leaf whose own maps have been looked at, and reads the coefficients as far as they are needed.
+///
+/// # Errors
+/// [`Error::Input`] for a map that is missing, damaged or of another size.
+pub fn side(manifest: &Manifest, leaf: &mut LeafPlan, s: usize, plan: &mut Plan, ledger: &Ledger) -> Result<()> {
+    let (Some(translucent), Some(fitted)) = (&leaf.translucency, &leaf.fitted) else { return Ok(()) };
+    let (side, name) = (SIDES[s], &manifest.leaves[leaf.index].name);
+    if !fitted.has(side) {
+        return Ok(());
+    }
+    let file = format!("{}.exr", side.name());
+    let what = format!("{name}/translucency/{file}");
+    let on_disk = translucent.fitted.as_ref().map_or(0, |f| f.file_bytes(&file));
+    let layer = (leaf.size[0] * leaf.size[1]) as u64 * TEXEL_BYTES * 4 / 3;
+    if !leaf.sides[s].translucency {
+        let why = if manifest.sun.is_none() {
+            "there is no sun: a sky's light comes through by rho_t alone".to_string()
+        } else {
+            format!("never back-lit: no camera sees sunlight that entered the {}", side.name())
+        };
+        plan.leave_out(LeftOut::new(what, why, layer + on_disk, None));
+        return Ok(());
+    }
+    let Some(maps) = &translucent.fitted else {
+        let mut need = Need::new(what, format!("sunlight that enters the {} shows on the other side", side.name()));
+        need.status = Some(translucent.source.status);
+        plan.need(need);
+        return Ok(());
+    };
+    let read = read(leaf, s, maps, &file, ledger)?;
+    let cost = cost(manifest, leaf, s, &read, plan, ledger)?;
+    if cost.p99 < manifest.tolerance {
+        leaf.sides[s].translucency = false;
+        leaf.sides[s].normal = true;
+        let why = format!(
+            "by rho_t and the mapped normal a displayed value is off by {:.1e} (99 % of the texels, measured), the scene tolerates {:.1e}",
+            cost.p99, manifest.tolerance
+        );
+        plan.leave_out(LeftOut::new(what, why, read.layers().len() as u64 * layer + on_disk, None));
+        return Ok(());
+    }
+    let mut need = Need::new(what, format!("sunlight that enters the {} shows on the other side", side.name()));
+    need.amount = Some(format!(
+        "{}; without it a displayed value is off by {:.3} (99 % of the texels), {:.3} at most (measured)",
+        if read.layers().len() == 1 { "three coefficients a texel" } else { "three coefficients a texel and channel" },
+        cost.p99,
+        cost.largest
+    ));
+    need.hash = maps.record.files.get(&file).cloned();
+    need.bytes = Some(on_disk);
+    plan.need(need);
+    if let Some(translucent) = &mut leaf.translucency {
+        translucent.maps[s] = Some(read);
+    }
+    Ok(())
+}
+
+/// Coefficients of one side, filled beyond the outline.
+fn read(leaf: &LeafPlan, s: usize, fitted: &Fitted, file: &str, ledger: &Ledger) -> Result<Coefficients> {
+    let path = fitted.folder.join(file);
+    let info = fitted.info(file)?;
+    if [info.width, info.height] != leaf.size {
+        let what =
+            format!("found {}x{} texels, expected {}x{} as of the leaf's other maps", info.width, info.height, leaf.size[0], leaf.size[1]);
+        return Err(Error::input(&path, what));
+    }
+    let colour = info.channels.iter().any(|c| c == "translucency.R1");
+    let names: Vec<String> = if colour {
+        ["R", "G", "B"].iter().flat_map(|c| (1..=3).map(move |i| format!("translucency.{c}{i}"))).collect()
+    } else {
+        (1..=3).map(|i| format!("translucency.{i}")).collect()
+    };
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let maps = fitted.maps(file, &names, ledger)?;
+    let mut planes: Vec<Vec<f32>> = maps.channels.into_iter().map(|(_, p)| p).collect();
+    let on_leaf = on_leaf(leaf, s);
+    let good: Vec<bool> = on_leaf.iter().enumerate().map(|(k, on)| *on && planes.iter().all(|p| p[k].is_finite())).collect();
+    fill(&path, leaf.size[0], leaf.size[1], &mut planes, |k| good[k])?;
+    let three = |first: usize| (0..good.len()).map(|k| [planes[first][k], planes[first + 1][k], planes[first + 2][k]]).collect();
+    Ok(if colour { Coefficients::Colour([three(0), three(3), three(6)]) } else { Coefficients::Factor(three(0)) })
+}
+
+/// Texels of a side's maps on the blade.
+fn on_leaf(leaf: &LeafPlan, s: usize) -> Vec<bool> {
+    let [w, h] = leaf.size;
+    if leaf.textures[s].good.len() == w * h {
+        return leaf.textures[s].good.clone();
+    }
+    let Some(mesh) = &leaf.mesh else { return vec![true; w * h] };
+    let front = texel_frame::covered(mesh, w, h);
+    (0..w * h).map(|k| front[front_texel(k, s, w)]).collect()
+}
+
+/// The front's texel behind texel `k` of a side's maps.
+pub fn front_texel(k: usize, s: usize, width: usize) -> usize {
+    if s == 0 { k } else { k / width * width + width - 1 - k % width }
+}
+
+/// Displayed error of doing without.
+struct Cost {
+    p99: f64,
+    largest: f64,
+}
+
+/// Compares the maps' light with that of ρt and the mapped normal, texel by texel, for the suns that the scene's placements see.
+fn cost(manifest: &Manifest, leaf: &LeafPlan, s: usize, maps: &Coefficients, plan: &Plan, ledger: &Ledger) -> Result<Cost> {
+    let none = Cost { p99: 0.0, largest: 0.0 };
+    let (Some(mesh), Some(fitted)) = (&leaf.mesh, &leaf.fitted) else { return Ok(none) };
+    let [w, h] = leaf.size;
+    let file = format!("{}_normal.exr", SIDES[s].name());
+    let normals = fitted.maps(&file, &["X", "Y", "Z"], ledger)?;
+    let rho_t = transmittance(leaf, s, SIDES[s], fitted, ledger)?;
+    let frames = texel_frame::frames(&leaf.mesh_path, mesh, w, h)?;
+    let on_leaf = on_leaf(leaf, s);
+    let level = super::plan_light::levels(manifest).0[1] / PI;
+    let suns = suns(manifest, leaf, plan);
+    let out = if s == 0 { 1.0 } else { -1.0 };
+    let errors: Vec<Vec<f64>> = suns
+        .par_iter()
+        .map(|sun| {
+            let mut errors = Vec::new();
+            for k in (0..w * h).filter(|&k| on_leaf[k]) {
+                let [t, b, n] = frames[front_texel(k, s, w)];
+                let omega = DVec3::new(out * t.dot(*sun), b.dot(*sun), out * n.dot(*sun));
+                let normal = DVec3::from([0, 1, 2].map(|c| f64::from(normals.channels[c].1[k])));
+                if omega.z <= 0.0 || !normal.is_finite() {
+                    continue;
+                }
+                let by_normal = f64::from(rho_t[k]) * normal.normalize_or(DVec3::Z).dot(omega).max(0.0);
+                let by_maps = match maps {
+                    Coefficients::Factor(map) => f64::from(rho_t[k]) * value(map[k], omega),
+                    Coefficients::Colour(maps) => value(maps[1][k], omega),
+                };
+                errors.push((displayed(level * by_maps, manifest.exposure) - displayed(level * by_normal, manifest.exposure)).abs());
+            }
+            errors
+        })
+        .collect();
+    let mut errors = errors.concat();
+    errors.sort_by(f64::total_cmp);
+    Ok(match errors.last() {
+        None => none,
+        Some(largest) => Cost { p99: errors[((errors.len() - 1) as f64 * 0.99).round() as usize], largest: *largest },
+    })
+}
+
+/// max(0, Σ h_i √(3/2π) H_i·ω).
+pub fn value(h: [f32; 3], omega: DVec3) -> f64 {
+    let [x, y, z] = [(1.0f64 / 6.0).sqrt(), 0.5f64.sqrt(), (1.0f64 / 3.0).sqrt()];
+    let axes = [DVec3::new(-x, -y, z), DVec3::new(-x, y, z), DVec3::new(2.0 * x, 0.0, z)];
+    ((1.5 / PI).sqrt() * axes.iter().zip(h).map(|(a, h)| f64::from(h) * a.dot(omega)).sum::<f64>()).max(0.0)
+}
+
+/// Suns in the leaf's own frame: those of its placements, or a spread over both sides where the sun moves.
+fn suns(manifest: &Manifest, leaf: &LeafPlan, plan: &Plan) -> Vec<DVec3> {
+    let Some(sun) = sun_direction(manifest) else { return Vec::new() };
+    if manifest.sun_moves() || plan.sun_moves || leaf.facing == super::facing::Facing::ALL {
+        let golden = PI * (3.0 - 5f64.sqrt());
+        return (0..32)
+            .map(|k| {
+                let z = 1.0 - (2.0 * f64::from(k) + 1.0) / 32.0;
+                let (sin, cos) = (golden * f64::from(k)).sin_cos();
+                let r = (1.0 - z * z).sqrt();
+                DVec3::new(r * cos, r * sin, z)
+            })
+            .collect();
+    }
+    let own: Vec<_> = plan.placements.iter().filter(|p| p.leaf == leaf.index).collect();
+    let stride = own.len().div_ceil(PLACEMENTS).max(1);
+    own.iter().step_by(stride).map(|p| (DMat3::from_mat4(p.transform).inverse() * sun).normalize_or_zero()).collect()
+}
+
+/// ρt (green) of every texel.
+fn transmittance(leaf: &LeafPlan, s: usize, side: SideName, fitted: &Fitted, ledger: &Ledger) -> Result<Vec<f32>> {
+    if let (Some(texels), Some(curve)) = (&leaf.textures[s].gamma_delta, &leaf.curves[s]) {
+        let h = fitted.thickness(side)?;
+        return Ok(texels.iter().map(|t| curve.at(h + f64::from(t[3])).1[1] as f32).collect());
+    }
+    let maps = fitted.maps(&format!("{}.exr", side.name()), &["rho_t.G"], ledger)?;
+    Ok(maps.channels.into_iter().next().map(|(_, p)| p.iter().map(|v| if v.is_finite() { *v } else { 0.0 }).collect()).unwrap_or_default())
+}
+
+/// Lets the maps' own detail say how coarse the leaf's maps may be.
+pub fn resolution(manifest: &Manifest, leaf: &mut LeafPlan, plan: &mut Plan, footprint: f64) {
+    let level = super::plan_light::levels(manifest).0[1] / PI;
+    for s in [0, 1] {
+        let Some(maps) = leaf.translucency.as_ref().and_then(|t| t.maps[s].as_ref()) else { continue };
+        let mean_rho = leaf.curves[s].as_ref().map_or(1.0, |c| c.at((c.min + c.max) / 2.0).1[1]);
+        // At half the height of the sky both relief and level count.
+        let omega = DVec3::new(0.5f64.sqrt(), 0.0, 0.5f64.sqrt());
+        let shown = |k: usize| match maps {
+            Coefficients::Factor(map) => mean_rho * value(map[k], omega),
+            Coefficients::Colour(maps) => value(maps[1][k], omega),
+        };
+        let [w, h] = leaf.size;
+        let values: Vec<f32> = (0..w * h).map(|k| displayed(level * shown(k), manifest.exposure) as f32).collect();
+        let good = on_leaf(leaf, s);
+        let rows = super::amount::map_levels(&values, w, h, |k| good[k], footprint, TEXEL_BYTES);
+        let allowed = rows.first().map_or(0.0, |r| r.error) + manifest.tolerance / 4.0;
+        let what = format!("{}/translucency {} resolution", manifest.leaves[leaf.index].name, SIDES[s].name());
+        if let Some(row) = plan.choose(&what, rows, allowed) {
+            leaf.block = leaf.block.min(row.setting);
+        }
+    }
+}

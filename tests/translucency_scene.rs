@@ -1,0 +1,219 @@
+//! Translucency maps in a scene: asked for, needed, left out, handed over, drawn.
+
+mod blade;
+
+use blade::{Blade, hashes};
+use mesophyll::files::hash;
+use mesophyll::files::image::{Maps, Packing, write_exr};
+use mesophyll::fit::record::{FitRecord, Section};
+use mesophyll::scene::ledger::Ledger;
+use mesophyll::scene::manifest::Manifest;
+use mesophyll::scene::plan::{self, Plan};
+use std::collections::BTreeMap;
+use std::f64::consts::PI;
+use std::path::{Path, PathBuf};
+
+/// h_i of a flat, uniform leaf.
+const FLAT: f64 = 0.835_542_4;
+
+/// Writes made-up coefficients as `fit translucency` would: `h(side, column, row)`.
+fn write_maps(dir: &Path, width: usize, height: usize, h: impl Fn(usize, usize, usize) -> [f64; 3]) {
+    std::fs::create_dir_all(dir).unwrap();
+    for (s, side) in ["front", "back"].iter().enumerate() {
+        let mut maps = Maps::new(width, height);
+        for i in 0..3 {
+            let plane = (0..width * height).map(|k| h(s, k % width, k / width)[i] as f32).collect();
+            maps.push(format!("translucency.{}", i + 1), plane);
+        }
+        write_exr(&dir.join(format!("{side}.exr")), &maps, Packing::Zip).unwrap();
+    }
+    let record = FitRecord {
+        schema: 1,
+        kind: "translucency".into(),
+        name: "elm".into(),
+        program: "test".into(),
+        input_hash: hash::bytes(b"made up"),
+        files: hashes(dir),
+        sections: BTreeMap::from([("front".to_string(), Section::default()), ("back".to_string(), Section::default())]),
+        ..Default::default()
+    };
+    record.write(dir).unwrap();
+}
+
+/// A leaf whose light through it leans: more from +x than from −x on the left half, the other way round on the right.
+fn leaning(_: usize, column: usize, row: usize) -> [f64; 3] {
+    let (x, y) = (column as f64 / 20.0, row as f64 / 15.0);
+    [FLAT * (1.0 - 0.25 * x.sin()), FLAT * (1.0 + 0.2 * y.cos()), FLAT * (1.0 + 0.3 * x.sin())]
+}
+
+/// A scene whose leaf asks for the maps.
+fn scene(dir: &Path, name: &str, zenith: Option<f64>, sky: Option<f64>, extra: &str) -> PathBuf {
+    let path = blade::scene(dir, name, "elm", zenith, sky, extra);
+    let text = std::fs::read_to_string(&path).unwrap();
+    let asks = "fit = \"fits/elm\"\ntranslucency = { fit = \"fits/elm-translucency\" }\n";
+    std::fs::write(&path, text.replacen("fit = \"fits/elm\"\n", asks, 1)).unwrap();
+    path
+}
+
+/// The leaf and its maps.
+fn folder(blade: &Blade) -> tempfile::TempDir {
+    let dir = tempfile::tempdir().unwrap();
+    blade.write(&dir.path().join("fits/elm"), "elm");
+    write_maps(&dir.path().join("fits/elm-translucency"), blade.width, blade.height, leaning);
+    dir
+}
+
+fn planned(path: &Path) -> (Plan, Ledger) {
+    let ledger = Ledger::new();
+    let plan = plan::make(&Manifest::read(path).unwrap(), None, None, &ledger).unwrap();
+    (plan, ledger)
+}
+
+#[test]
+fn a_leaf_that_is_never_back_lit_loads_no_map_and_says_so() {
+    let dir = folder(&Blade { rho_s: [0.0, 0.0], ..Blade::default() });
+    for (zenith, sky, word) in [(Some(30.0), None, "never back-lit"), (None, Some(1.0), "no sun")] {
+        let (plan, ledger) = planned(&scene(dir.path(), "front", zenith, sky, ""));
+        for side in ["front", "back"] {
+            let left = plan.left_out.iter().find(|l| l.name == format!("elm/translucency/{side}.exr")).expect("left out");
+            assert!(left.reason.contains(word), "{}", left.reason);
+            // Half floats with mips on the adapter, and the file.
+            assert!(left.saved_bytes > 96 * 72 * 8, "{}", left.saved);
+        }
+        assert!(plan.needed.iter().all(|n| !n.name.contains("translucency")), "{:?}", plan.needed);
+        assert!(ledger.entries().iter().all(|e| !e.what.contains("translucency")), "{:?}", ledger.entries());
+        assert!(plan.leaves[0].translucency.as_ref().is_some_and(|t| t.maps.iter().all(Option::is_none)));
+    }
+}
+
+#[test]
+fn light_from_behind_needs_the_lit_sides_map_and_says_what_it_adds() {
+    let dir = folder(&Blade::default());
+    let (plan, ledger) = planned(&scene(dir.path(), "back", Some(140.0), None, ""));
+    let need = plan.needed.iter().find(|n| n.name == "elm/translucency/back.exr").expect("needed");
+    assert!(need.reason.contains("enters the back"), "{}", need.reason);
+    assert!(need.amount.as_ref().is_some_and(|a| a.contains("without it")), "{:?}", need.amount);
+    assert!(need.hash.is_some() && need.bytes.is_some());
+    assert!(plan.needed.iter().any(|n| n.name == "fit elm translucency"));
+    let left = plan.left_out.iter().find(|l| l.name == "elm/translucency/front.exr").expect("the front's");
+    assert!(left.reason.contains("never back-lit"), "{}", left.reason);
+    // The mapped normal has no say where the maps have one.
+    assert!(!plan.leaves[0].sides[1].normal && plan.leaves[0].sides[1].rho_t);
+    assert_eq!(ledger.count("read", "elm/translucency/back.exr"), 1);
+    assert_eq!(ledger.count("read", "elm/translucency/front.exr"), 0);
+    assert!(plan.left_out.iter().all(|l| l.name != "translucency maps"));
+}
+
+#[test]
+fn maps_that_say_what_the_mapped_normal_says_are_left_out() {
+    // A flat blade without relief: f is n·ω.
+    let flat = Blade { bump: 0.0, dome: 0.0, ..Blade::default() };
+    let dir = folder(&flat);
+    write_maps(&dir.path().join("fits/elm-translucency"), flat.width, flat.height, |_, _, _| [FLAT * 1.001; 3]);
+    let (plan, _) = planned(&scene(dir.path(), "back", Some(140.0), None, ""));
+    let left = plan.left_out.iter().find(|l| l.name == "elm/translucency/back.exr").expect("left out");
+    assert!(left.reason.contains("tolerates"), "{}", left.reason);
+    assert!(!plan.leaves[0].sides[1].translucency && plan.leaves[0].sides[1].normal);
+    assert!(plan.needed.iter().any(|n| n.name == "elm/back_normal.exr"));
+    // Off by a tenth they are needed, and the figure is that tenth of what is displayed.
+    write_maps(&dir.path().join("fits/elm-translucency"), flat.width, flat.height, |_, _, _| [FLAT * 1.1; 3]);
+    let (plan, _) = planned(&scene(dir.path(), "back", Some(140.0), None, ""));
+    assert!(plan.leaves[0].sides[1].translucency);
+}
+
+#[test]
+fn the_plan_is_the_contracts() {
+    let dir = folder(&Blade::default());
+    let path = scene(dir.path(), "back", Some(140.0), None, "");
+    let output = assert_cmd::Command::cargo_bin("mesophyll").unwrap().arg("plan").arg(&path).arg("--json").output().unwrap();
+    let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(json["needed"].as_array().unwrap().iter().any(|n| n["name"] == "elm/translucency/back.exr"), "{json:#}");
+    for left in json["left_out"].as_array().unwrap() {
+        for key in ["name", "reason", "saved"] {
+            assert!(left[key].is_string(), "{left}");
+        }
+    }
+}
+
+#[test]
+fn what_is_wrong_is_named() {
+    let dir = folder(&Blade::default());
+    let path = scene(dir.path(), "back", Some(140.0), None, "");
+    // Another kind of fit.
+    let text = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(&path, text.replace("fits/elm-translucency", "fits/elm")).unwrap();
+    let told = plan::make(&Manifest::read(&path).unwrap(), None, None, &Ledger::new()).unwrap_err().to_string();
+    assert!(told.contains("kind") && told.contains("translucency"), "{told}");
+    // An unknown field.
+    std::fs::write(&path, text.replace("{ fit = \"fits/elm-translucency\" }", "{ map = \"x\" }")).unwrap();
+    let told = Manifest::read(&path).unwrap_err().to_string();
+    assert!(told.contains("map"), "{told}");
+    // Maps of another size.
+    std::fs::write(&path, &text).unwrap();
+    write_maps(&dir.path().join("fits/elm-translucency"), 20, 10, leaning);
+    let told = plan::make(&Manifest::read(&path).unwrap(), None, None, &Ledger::new()).unwrap_err().to_string();
+    assert!(told.contains("20x10") && told.contains("96x72"), "{told}");
+}
+
+#[cfg(feature = "render")]
+mod drawn {
+    use super::*;
+    use mesophyll::scene::{handover, reference};
+    use mesophyll::transport::Sunlit;
+    use mesophyll_viewer::scene::Translucency;
+
+    #[test]
+    fn the_renderer_gets_the_lit_sides_coefficients_and_the_reference_the_suns_own_map() {
+        let flat = Blade { dome: 0.0, ..Blade::default() };
+        let dir = folder(&flat);
+        let path = scene(dir.path(), "back", Some(140.0), None, "");
+        let manifest = Manifest::read(&path).unwrap();
+        let (plan, ledger) = planned(&path);
+        let drawn = handover::scene(&manifest, &plan, &ledger).unwrap();
+        let leaf = &drawn.leaves[0];
+        assert!(leaf.front.translucency.is_none() && leaf.back.normal.is_none());
+        let Some(Translucency::Factor(map)) = &leaf.back.translucency else { panic!("{:?}", leaf.back.translucency.is_some()) };
+        assert_eq!(plan.leaves[0].block, 1);
+        let k = 36 * flat.width + 40;
+        let want = leaning(1, 40, 36);
+        assert!((0..3).all(|i| (f64::from(map[k][i]) - want[i]).abs() < 1e-6), "{:?} {want:?}", map[k]);
+
+        // A flat blade: the sun stands alike in every texel, at (−sx, sy, −sz) of the back's frame.
+        let world = reference::world(&manifest, &plan, &ledger).unwrap();
+        let (zenith, azimuth) = (140f64.to_radians(), 30f64.to_radians());
+        let omega = [-zenith.sin() * azimuth.cos(), zenith.sin() * azimuth.sin(), -zenith.cos()];
+        let (a, b, c) = ((1.0f64 / 6.0).sqrt(), 0.5f64.sqrt(), (1.0f64 / 3.0).sqrt());
+        let axes = [[-a, -b, c], [-a, b, c], [2.0 * a, 0.0, c]];
+        let f: f64 =
+            (0..3).map(|i| want[i] * (1.5 / PI).sqrt() * (axes[i][0] * omega[0] + axes[i][1] * omega[1] + axes[i][2] * omega[2])).sum();
+        let Some(Sunlit::Factor(map)) = &world.through[0].entering[1] else { panic!("no map") };
+        assert!((f64::from(map[k]) - f).abs() < 1e-5, "{} {f}", map[k]);
+        assert!(world.through[0].entering[0].is_none());
+    }
+
+    #[test]
+    fn both_renderers_draw_the_same_light() {
+        let dir = folder(&Blade { rho_s: [0.0, 0.0], ..Blade::default() });
+        let path = scene(dir.path(), "back", Some(125.0), None, "");
+        let out = dir.path().join("out");
+        let output = assert_cmd::Command::cargo_bin("mesophyll")
+            .unwrap()
+            .arg("check")
+            .arg(&path)
+            .arg("--json")
+            .arg("--out")
+            .arg(&out)
+            .output()
+            .unwrap();
+        if String::from_utf8_lossy(&output.stderr).contains("no graphics adapter") {
+            eprintln!("skipped: no graphics adapter");
+            return;
+        }
+        let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_eq!(output.status.code(), Some(0), "{report:#}");
+        let uploads = report["uploads"].as_array().unwrap();
+        assert!(uploads.iter().any(|u| u["name"] == "leaf 0 back translucency"), "{report:#}");
+        assert!(uploads.iter().all(|u| u["name"] != "leaf 0 back normal" && u["name"] != "leaf 0 front translucency"));
+        assert!(report["pipelines"].as_array().unwrap().iter().any(|p| p.as_str().unwrap().contains("back translucency")));
+    }
+}

@@ -1,0 +1,183 @@
+//! Light that comes through by translucency maps, against the formula written anew; and that nobody pays for maps who has none.
+
+mod common;
+
+use common::*;
+use glam::Vec3;
+use mesophyll_viewer::scene::{Camera, Interior, Leaf, Scene, Translucency};
+use mesophyll_viewer::{Picture, Renderer};
+use std::f64::consts::PI;
+
+/// h of a flat, uniform leaf.
+fn flat() -> [f32; 3] {
+    [((2.0 * PI).sqrt() / 3.0) as f32; 3]
+}
+
+/// Σ h_i √(3/2π) H_i·ω, at least 0.
+fn factor(h: [f32; 3], omega: [f64; 3]) -> f64 {
+    let axes = [
+        [-1.0 / 6f64.sqrt(), -1.0 / 2f64.sqrt(), 1.0 / 3f64.sqrt()],
+        [-1.0 / 6f64.sqrt(), 1.0 / 2f64.sqrt(), 1.0 / 3f64.sqrt()],
+        [(2.0f64 / 3.0).sqrt(), 0.0, 1.0 / 3f64.sqrt()],
+    ];
+    (0..3).map(|i| f64::from(h[i]) * (1.5 / PI).sqrt() * dot(axes[i], omega)).sum::<f64>().max(0.0)
+}
+
+/// Straight onto one side: the picture is the maps as that side's camera saw them.
+fn straight(front: bool) -> Camera {
+    let mut c = camera(if front { Vec3::Z } else { -Vec3::Z }, 100.0);
+    c.fov_y_deg = 2.0 * (10.0f32 / 100.0).atan().to_degrees();
+    c
+}
+
+fn draw(renderer: &mut Renderer, scene: &Scene, camera: &Camera) -> Picture {
+    renderer.set_scene(scene).expect("scene");
+    renderer.render(camera, 40, 40).expect("picture")
+}
+
+fn lit(leaf: Leaf, light: Vec3) -> Scene {
+    let mut scene = scene_of(leaf);
+    scene.sun = Some(sun(light));
+    scene
+}
+
+#[test]
+fn a_flat_uniform_leafs_maps_change_nothing() {
+    let Some(mut renderer) = renderer() else { return };
+    for light in [Vec3::new(0.3, 0.2, 1.0), Vec3::new(-0.9, 0.4, 0.2), Vec3::new(0.5, -0.6, -0.8), Vec3::new(0.1, 0.95, -0.08)] {
+        let plain = lit(uniform_leaf(), light);
+        let mut factors = plain.clone();
+        let mut colours = plain.clone();
+        for s in 0..2 {
+            let rho = if s == 0 { RHO_T } else { BACK_T };
+            let side = |scene: &mut Scene| if s == 0 { scene.leaves[0].front.clone() } else { scene.leaves[0].back.clone() };
+            let mut of = [side(&mut factors), side(&mut colours)];
+            of[0].translucency = Some(Translucency::Factor(vec![flat(); 64]));
+            of[1].translucency = Some(Translucency::Colour(rho.map(|r| vec![flat().map(|h| r * h); 64])));
+            let [a, b] = of;
+            let put = |leaf: &mut Leaf, side| if s == 0 { leaf.front = side } else { leaf.back = side };
+            put(&mut factors.leaves[0], a);
+            put(&mut colours.leaves[0], b);
+        }
+        for front in [true, false] {
+            let want = draw(&mut renderer, &plain, &straight(front));
+            let factor = draw(&mut renderer, &factors, &straight(front));
+            let colour = draw(&mut renderer, &colours, &straight(front));
+            for (x, y) in [(3, 4), (20, 20), (35, 11)] {
+                let wanted: [f64; 3] = std::array::from_fn(|c| f64::from(want.radiance(x, y)[c]));
+                agree("factor", factor.radiance(x, y), wanted, held(&renderer, 1e-4));
+                // ρt itself is rounded to 16 bits there.
+                agree("colour", colour.radiance(x, y), wanted, held(&renderer, 1e-3));
+            }
+        }
+    }
+}
+
+/// Coefficients that differ from texel to texel and from function to function.
+fn made_up(k: usize) -> [f32; 3] {
+    let (x, y) = ((k % 8) as f32, (k / 8) as f32);
+    [0.8 + 0.05 * x, 0.7 + 0.06 * y, 0.9 - 0.04 * x - 0.02 * y]
+}
+
+#[test]
+fn maps_are_looked_up_where_the_lit_sides_camera_saw_them_and_light_is_turned_into_its_frame() {
+    let Some(mut renderer) = renderer() else { return };
+    for front_lit in [true, false] {
+        for toward in [Vec3::new(0.8, 0.3, 0.7), Vec3::new(-0.5, 0.6, 0.3), Vec3::new(0.1, -0.9, 0.5)] {
+            let out = if front_lit { 1.0 } else { -1.0 };
+            let light = Vec3::new(toward.x, toward.y, out * toward.z);
+            let direction = wide(sun(light).direction);
+            // The lit side's image has x to its right: world +x on the front, −x on the back.
+            let omega = [out as f64 * direction[0], direction[1], out as f64 * direction[2]];
+            for colour in [false, true] {
+                let mut leaf = uniform_leaf();
+                let rho = if front_lit { RHO_T } else { BACK_T };
+                let side = if front_lit { &mut leaf.front } else { &mut leaf.back };
+                let tint = [1.0f32, 0.6, 0.3];
+                side.translucency = Some(if colour {
+                    Translucency::Colour(tint.map(|t| (0..64).map(|k| made_up(k).map(|h| t * h)).collect()))
+                } else {
+                    Translucency::Factor((0..64).map(made_up).collect())
+                });
+                // The mapped normal has no say on this side.
+                side.normal = Some(vec![Vec3::new(0.5, 0.5, 0.7).normalize().to_array(); 64]);
+                let scene = lit(leaf, light);
+                // Seen from the other side, whose picture mirrors the lit side's columns.
+                let picture = draw(&mut renderer, &scene, &straight(!front_lit));
+                for (column, row) in [(0usize, 0usize), (5, 2), (2, 6), (7, 7)] {
+                    let f = factor(made_up(8 * row + column), omega);
+                    let per = if colour { tint } else { rho };
+                    // Half floats: each component of the texel's vector, of length √(3/2π)·|h|, is off by 2⁻¹¹ of itself at most.
+                    let length = made_up(8 * row + column).iter().map(|h| f64::from(h * h)).sum::<f64>().sqrt() * (1.5 / PI).sqrt();
+                    let seen = picture.radiance(5 * (7 - column as u32) + 2, 5 * row as u32 + 2);
+                    for c in 0..3 {
+                        let level = f64::from(sun(light).irradiance[c] * per[c]) / PI;
+                        let (want, got) = (level * f, f64::from(seen[c]));
+                        let slack = level * length / 2048.0 + held(&renderer, 1e-5) * want;
+                        assert!(
+                            (got - want).abs() <= slack,
+                            "front lit {front_lit}, {toward}, {colour}, texel {column} {row}: {got} {want}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn light_below_the_function_is_dark_and_not_negative() {
+    let Some(mut renderer) = renderer() else { return };
+    let mut leaf = uniform_leaf();
+    // Leans far towards −y: light from +y at a low angle is below its horizon.
+    leaf.back.translucency = Some(Translucency::Factor(vec![[1.2, -0.4, 0.2]; 64]));
+    let light = Vec3::new(0.0, 1.0, -0.1);
+    let picture = draw(&mut renderer, &lit(leaf, light), &straight(true));
+    assert_eq!(picture.radiance(20, 20)[..3], [0.0; 3]);
+}
+
+fn names(renderer: &Renderer) -> Vec<String> {
+    renderer.stats().uploads.iter().map(|u| u.name.clone()).collect()
+}
+
+#[test]
+fn nothing_of_it_is_uploaded_or_compiled_without_maps_or_without_a_sun() {
+    let Some(mut renderer) = renderer() else { return };
+    let light = Vec3::new(0.2, 0.1, -1.0);
+    draw(&mut renderer, &lit(uniform_leaf(), light), &straight(true));
+    assert_eq!(renderer.stats().pipelines, ["main: sun", "tonemap"]);
+    assert!(!renderer.stats().uploaded("translucency") && !renderer.stats().uploaded("tangents"), "{:?}", names(&renderer));
+
+    let mut leaf = uniform_leaf();
+    leaf.back.translucency = Some(Translucency::Factor(vec![flat(); 64]));
+    let sunny = lit(leaf.clone(), light);
+    draw(&mut renderer, &sunny, &straight(true));
+    assert_eq!(renderer.stats().pipelines, ["main: sun, back translucency", "tonemap"]);
+    assert!(renderer.stats().uploaded("leaf 0 back translucency") && !renderer.stats().uploaded("front translucency"));
+    // Half floats with mips, whatever the adapter's other maps are: 64 + 16 + 4 + 1 texels of eight bytes.
+    let map = renderer.stats().uploads.iter().find(|u| u.name == "leaf 0 back translucency").expect("map");
+    assert_eq!(map.bytes, 85 * 8);
+
+    let mut overcast = sunny.clone();
+    (overcast.sun, overcast.sky) = (None, Some([0.5; 3]));
+    draw(&mut renderer, &overcast, &straight(true));
+    assert_eq!(renderer.stats().pipelines, ["main: sky", "tonemap"]);
+    assert!(!renderer.stats().uploaded("translucency") && !renderer.stats().uploaded("tangents"), "{:?}", names(&renderer));
+
+    leaf.back.translucency = Some(Translucency::Colour([0, 1, 2].map(|_| vec![flat(); 64])));
+    // A side that shows nothing by itself still lets light through by such a map.
+    leaf.back.interior = Interior::Maps { rho_d: vec![BACK_D; 64], rho_t: vec![BACK_T; 64] };
+    draw(&mut renderer, &lit(leaf, light), &straight(true));
+    assert_eq!(renderer.stats().pipelines, ["main: sun, back maps translucency colour", "tonemap"]);
+    let map = renderer.stats().uploads.iter().find(|u| u.name == "leaf 0 back translucency").expect("map");
+    assert_eq!(map.bytes, 3 * 85 * 8);
+}
+
+#[test]
+fn a_map_of_another_size_is_refused() {
+    let Some(mut renderer) = renderer() else { return };
+    let mut leaf = uniform_leaf();
+    leaf.front.translucency = Some(Translucency::Factor(vec![flat(); 63]));
+    let told = renderer.set_scene(&scene_of(leaf)).expect_err("63 texels").to_string();
+    assert!(told.contains("front.translucency") && told.contains("63"), "{told}");
+}
