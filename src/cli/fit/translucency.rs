@@ -141,7 +141,9 @@ fn options(args: &Args) -> Result<Options> {
         _ => TissueFrom::Fit,
     };
     let sun = match (args.sun_elevation_deg, args.sun_azimuth_deg) {
-        (Some(e), Some(a)) => Some([within("sun-elevation-deg", e, 0.0, 90.0)?.to_radians(), within("sun-azimuth-deg", a, -360.0, 360.0)?.to_radians()]),
+        (Some(e), Some(a)) => {
+            Some([within("sun-elevation-deg", e, 0.0, 90.0)?.to_radians(), within("sun-azimuth-deg", a, -360.0, 360.0)?.to_radians()])
+        }
         _ => None,
     };
     Ok(Options {

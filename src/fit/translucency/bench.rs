@@ -24,7 +24,13 @@ fn forms() -> Vec<BenchRow> {
             let form = Form::Dipoles(n);
             let error = (tissue.total(d, form) / all - 1.0).abs();
             let us = median_us(5.0, || tissue.transmittance(0.1, d, form));
-            rows.push(row("dipoles", format!("{n}, d {d}, sigma_a {sigma_a}"), error, us, "total against infinitely many; time of one T(r, d)".into()));
+            rows.push(row(
+                "dipoles",
+                format!("{n}, d {d}, sigma_a {sigma_a}"),
+                error,
+                us,
+                "total against infinitely many; time of one T(r, d)".into(),
+            ));
         }
     }
     for d in [0.02, 0.05, 0.11, 0.2, 0.5, 1.0] {
@@ -34,7 +40,13 @@ fn forms() -> Vec<BenchRow> {
             // NaN where a form has no answer: no row for it.
             if total.is_finite() {
                 let us = median_us(5.0, || TISSUE.total(d, form));
-                rows.push(row("form", format!("{name}, d {d}"), (total / truth - 1.0).abs(), us, "total against the transport equation".into()));
+                rows.push(row(
+                    "form",
+                    format!("{name}, d {d}"),
+                    (total / truth - 1.0).abs(),
+                    us,
+                    "total against the transport equation".into(),
+                ));
             }
         }
     }
@@ -46,7 +58,9 @@ fn thickness(n: usize) -> Vec<f64> {
     (0..n * n)
         .map(|k| {
             let (x, y) = ((k % n) as f64 / n as f64, (k / n) as f64 / n as f64);
-            let vein = (-((x - 0.5 - 0.05 * (6.0 * y).sin()) / 0.02).powi(2)).exp().max(0.5 * (-(((8.0 * (x + y)).fract() - 0.5) / 0.06).powi(2)).exp());
+            let vein = (-((x - 0.5 - 0.05 * (6.0 * y).sin()) / 0.02).powi(2))
+                .exp()
+                .max(0.5 * (-(((8.0 * (x + y)).fract() - 0.5) / 0.06).powi(2)).exp());
             0.15 + 0.05 * (9.0 * x).sin().powi(2) + 0.3 * vein
         })
         .collect()
@@ -63,7 +77,9 @@ fn levels() -> Result<Vec<BenchRow>> {
     let many = convolver(n, 0.1, Levels { count: 64, kind: LevelKind::Chebyshev })?.run(&d, &light).swap_remove(0);
     let size: f64 = many.iter().map(|v| v * v).sum();
     let mut rows = Vec::new();
-    for (name, kind) in [("linear", LevelKind::Linear), ("cubic", LevelKind::Cubic), ("chebyshev", LevelKind::Chebyshev), ("svd", LevelKind::Svd)] {
+    for (name, kind) in
+        [("linear", LevelKind::Linear), ("cubic", LevelKind::Cubic), ("chebyshev", LevelKind::Chebyshev), ("svd", LevelKind::Svd)]
+    {
         for count in [4, 6, 8, 12, 16] {
             let made = convolver(n, 0.1, Levels { count, kind })?;
             let few = made.run(&d, &light).swap_remove(0);

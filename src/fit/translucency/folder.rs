@@ -4,13 +4,14 @@
 //! and `mask.Y` (1 on the leaf).
 
 use super::side::Made;
-use super::source::Source;
+use super::source::{Side, Source};
 use super::tissue;
 use super::{Colour, Options};
 use crate::files::image::{Maps, Packing, to_srgb8, write_exr, write_png};
 use crate::files::{atomic, hash};
 use crate::fit::leaf::map_path;
 use crate::fit::record::{FitRecord, Param, SCHEMA, Section};
+use crate::optics::dipole::Form;
 use crate::{Error, Result};
 use std::path::Path;
 
@@ -44,22 +45,31 @@ pub fn write(out: &Path, source: &Source, made: &[Made], options: &Options, inpu
         say("sun_azimuth_deg", format!("{:?}", azimuth.to_degrees()));
     }
     say("entry", tissue::entry(options).name().into());
-    say("form", options.form.name());
+    say("form", form(options.form));
     say("levels", options.levels.to_string());
     say("lights", options.lights.to_string());
     say("size", format!("{}x{}", source.width, source.height));
     say("texel_mm", format!("{:?}", source.texel_mm));
     say("frame", "columns and tangent frame of the side that light enters: x right, y up, z out of it".into());
-    for side in made {
+    for (side, source_side) in made.iter().zip(&source.sides) {
         let maps = maps(source, side, options);
         let path = map_path(out, side.side, "");
         write_exr(&path, &maps, Packing::Zip)?;
         preview(out, source, side)?;
         let file = map_path(Path::new(""), side.side, "").to_string_lossy().into_owned();
         record.files.insert(file, hash::file(&path)?);
-        record.sections.insert(side.side.name().into(), section(source, side));
+        record.sections.insert(side.side.name().into(), section(source, source_side, side));
     }
     Ok(record)
+}
+
+/// `thin`, `images`, `dipoles 3`.
+fn form(form: Form) -> String {
+    match form {
+        Form::Thin => "thin".into(),
+        Form::Images => "images".into(),
+        Form::Dipoles(n) => format!("dipoles {n}"),
+    }
 }
 
 /// Name of coefficient `i` (from 0) of channel `c`.
@@ -98,7 +108,7 @@ fn preview(out: &Path, source: &Source, side: &Made) -> Result<()> {
     write_png(&out.join(format!("{}_translucency.png", side.side.name())), source.width, source.height, &bytes)
 }
 
-fn section(source: &Source, side: &Made) -> Section {
+fn section(source: &Source, of: &Side, side: &Made) -> Section {
     let mut s = Section { figures: side.figures.clone(), ..Section::default() };
     let on = side.mask.iter().filter(|m| **m).count();
     s.counts.insert("texels".into(), side.mask.len());
@@ -114,6 +124,7 @@ fn section(source: &Source, side: &Made) -> Section {
     say("sigma_s", "1/mm", &|k| side.tissue[k].sigma_s);
     say("g", "", &|k| side.tissue[k].g);
     say("a", "", &|k| side.tissue[k].a);
+    s.figures.insert("slope_residual".into(), of.slope_residual);
     s.figures.insert("mean_free_path_mm".into(), side.tissue[0].mean_free_path());
     s.figures.insert("texel_over_mean_free_path".into(), source.texel_mm / side.tissue[0].mean_free_path());
     s

@@ -25,7 +25,14 @@ pub struct Scale<'a> {
 }
 
 /// Mean and 95th percentile of |rec/full − 1| and the RMS of rec − full over that of full, an elevation each.
-pub fn against_full(lit: &LitSide, horizon: &Horizon, convolver: &Convolver, basis: Basis, stored: &[Vec<f64>], scale: &Scale) -> Vec<(String, f64)> {
+pub fn against_full(
+    lit: &LitSide,
+    horizon: &Horizon,
+    convolver: &Convolver,
+    basis: Basis,
+    stored: &[Vec<f64>],
+    scale: &Scale,
+) -> Vec<(String, f64)> {
     let mut out = Vec::new();
     for (name, elevation) in ELEVATIONS {
         let azimuths = if elevation > FRAC_PI_2 - 1e-9 { 1 } else { 4 };

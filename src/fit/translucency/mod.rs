@@ -22,10 +22,10 @@ pub mod source;
 pub mod stress;
 pub mod tissue;
 
+use crate::files::{atomic, hash};
 use crate::fit::record::{FitRecord, Phase, Times};
 use crate::optics::dipole::Form;
 use crate::optics::translucency::basis::Basis;
-use crate::files::{atomic, hash};
 use crate::{Error, Result};
 use side::Made;
 use source::Source;

@@ -62,7 +62,12 @@ pub fn lit<'a>(source: &Source, side: &'a Side, surface: &'a Surface) -> LitSide
 /// # Errors
 /// [`Error::Missed`] for a tissue or a thickness that no kernel can be made of.
 pub fn convolver(source: &Source, side: &Side, tissue: &Tissue, options: &Options) -> Result<Convolver> {
-    let range = side.thickness.iter().zip(&side.mask).filter(|(_, m)| **m).fold([f64::INFINITY, 0.0], |[a, b]: [f64; 2], (d, _)| [a.min(*d), b.max(*d)]);
+    let range = side
+        .thickness
+        .iter()
+        .zip(&side.mask)
+        .filter(|(_, m)| **m)
+        .fold([f64::INFINITY, 0.0], |[a, b]: [f64; 2], (d, _)| [a.min(*d), b.max(*d)]);
     let settings = Settings {
         form: options.form,
         levels: Levels { count: options.levels, ..Levels::default() },
@@ -80,7 +85,8 @@ pub fn convolver(source: &Source, side: &Side, tissue: &Tissue, options: &Option
 /// [`Error::Missed`] for a slab that the leaf fit did not determine, or that no kernel can be made of; [`Error::Usage`] for lights that do not determine the basis.
 pub fn make(source: &Source, side: &Side, channels: &[usize], options: &Options, phases: &mut Vec<Phase>) -> Result<Made> {
     let name = side.name.name();
-    let mut phase = |what: &str, since: Instant| phases.push(Phase { name: format!("{name}: {what}"), seconds: since.elapsed().as_secs_f64() });
+    let mut phase =
+        |what: &str, since: Instant| phases.push(Phase { name: format!("{name}: {what}"), seconds: since.elapsed().as_secs_f64() });
     let step = Instant::now();
     let first = surface(side, channels[0], tissue::entry(options));
     let horizon = Horizon::new(&lit(source, side, &first));

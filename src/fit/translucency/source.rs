@@ -23,6 +23,8 @@ pub struct Side {
     pub normal: Vec<[f64; 3]>,
     /// Outward of this side, over the mesh (mm).
     pub height: Vec<f64>,
+    /// Root mean square of the slope that no height explains.
+    pub slope_residual: f64,
     pub thickness: Vec<f64>,
     pub mask: Vec<bool>,
     /// The slab's coefficients a channel, and the names of those that the leaf fit did not determine.
@@ -101,8 +103,11 @@ fn parameter(file: &Path, record: &FitRecord, side: SideName, name: &str, count:
 
 fn side(folder: &Path, file: &Path, record: &FitRecord, name: SideName, texel_mm: f64, size: &mut Option<(usize, usize)>) -> Result<Side> {
     let path = map_path(folder, name, "");
-    let names: Vec<String> =
-        ["rho_d", "rho_t"].iter().flat_map(|q| ["R", "G", "B"].iter().map(move |c| format!("{q}.{c}"))).chain(own(&["mask.Y", "thickness.Y"])).collect();
+    let names: Vec<String> = ["rho_d", "rho_t"]
+        .iter()
+        .flat_map(|q| ["R", "G", "B"].iter().map(move |c| format!("{q}.{c}")))
+        .chain(own(&["mask.Y", "thickness.Y"]))
+        .collect();
     let maps = read(&path, &names, size)?;
     let normals = read(&map_path(folder, name, "normal"), &own(&["X", "Y", "Z"]), size)?;
     let (width, height) = (maps.width, maps.height);
@@ -118,18 +123,21 @@ fn side(folder: &Path, file: &Path, record: &FitRecord, name: SideName, texel_mm
         fill::nearest(&mut v, &good, width, height);
         Ok(v)
     };
-    let rgb = |q: &str| -> Result<[Vec<f32>; 3]> { Ok([filled(&format!("{q}.R"))?, filled(&format!("{q}.G"))?, filled(&format!("{q}.B"))?]) };
+    let rgb =
+        |q: &str| -> Result<[Vec<f32>; 3]> { Ok([filled(&format!("{q}.R"))?, filled(&format!("{q}.G"))?, filled(&format!("{q}.B"))?]) };
     let normal_path = map_path(folder, name, "normal");
     let [x, y, z] = [plane(&normals, &normal_path, "X")?, plane(&normals, &normal_path, "Y")?, plane(&normals, &normal_path, "Z")?];
     let mut normal: Vec<[f64; 3]> = (0..x.len()).map(|k| unit([x[k], y[k], z[k]].map(f64::from))).collect();
     fill::nearest(&mut normal, &good, width, height);
     let sigma = |q: &str| parameter(file, record, name, q, 3).map(|v| [v[0], v[1], v[2]]);
     let section = &record.sections[name.name()];
+    let relief = relief::integrate(&normal, &mask, width, height, texel_mm);
     Ok(Side {
         name,
         rho_d: rgb("rho_d")?,
         rho_t: rgb("rho_t")?,
-        height: relief::heights(&normal, &mask, width, height, texel_mm),
+        height: relief.height,
+        slope_residual: relief.residual,
         normal,
         thickness: filled("thickness.Y")?.iter().zip(&mask).map(|(v, m)| if *m { f64::from(*v) } else { 0.0 }).collect(),
         mask,

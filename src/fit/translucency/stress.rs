@@ -34,7 +34,11 @@ fn row(case: &str, expected: &str, verdict: String, digits: Option<f64>, since: 
 fn judged(found: f64, wanted: f64, allowed: f64) -> (String, Option<f64>) {
     let off = (found / wanted - 1.0).abs();
     let digits = Some((-off.log10()).clamp(0.0, 16.0));
-    if off <= allowed { ("ok".into(), digits) } else { (format!("wrong: {found:.4e} for {wanted:.4e}, {:+.1} %", 100.0 * (found / wanted - 1.0)), digits) }
+    if off <= allowed {
+        ("ok".into(), digits)
+    } else {
+        (format!("wrong: {found:.4e} for {wanted:.4e}, {:+.1} %", 100.0 * (found / wanted - 1.0)), digits)
+    }
 }
 
 fn refused(e: &Error) -> String {
@@ -76,7 +80,10 @@ fn veined(hole: bool) -> Vec<f64> {
 }
 
 fn settings(levels: usize) -> Settings {
-    Settings { levels: Levels { count: levels, ..Levels::default() }, ..Settings::new(Tissue { sigma_a: 0.4, sigma_s: 10.2, g: 0.07, a: 1.2 }, 0.1) }
+    Settings {
+        levels: Levels { count: levels, ..Levels::default() },
+        ..Settings::new(Tissue { sigma_a: 0.4, sigma_s: 10.2, g: 0.07, a: 1.2 }, 0.1)
+    }
 }
 
 /// Eight levels against sixty-four: the vein's shadow must not depend on them.
@@ -107,8 +114,10 @@ fn hole() -> Result<StressRow> {
     let settings = settings(8);
     let made = Convolver::with(&settings, 64, 64, 0.16, 0.5)?;
     let out = made.run(&thickness, &[light.clone()]).swap_remove(0);
-    let wanted: f64 = thickness.iter().zip(&light).filter(|(d, _)| **d > 0.0).map(|(d, l)| l * settings.tissue.total(*d, settings.form)).sum();
-    let (verdict, digits) = if out.iter().all(|v| v.is_finite()) { judged(out.iter().sum(), wanted, 1e-5) } else { ("wrong: not a number".into(), None) };
+    let wanted: f64 =
+        thickness.iter().zip(&light).filter(|(d, _)| **d > 0.0).map(|(d, l)| l * settings.tissue.total(*d, settings.form)).sum();
+    let (verdict, digits) =
+        if out.iter().all(|v| v.is_finite()) { judged(out.iter().sum(), wanted, 1e-5) } else { ("wrong: not a number".into(), None) };
     Ok(row("a hole in the leaf", "ok", verdict, digits, clock))
 }
 
@@ -120,6 +129,7 @@ fn flat(n: usize, thickness: f64) -> Source {
         rho_t: [0.1, 0.2, 0.05].map(|v| vec![v; n * n]),
         normal: vec![[0.0, 0.0, 1.0]; n * n],
         height: vec![0.0; n * n],
+        slope_residual: 0.0,
         thickness: vec![thickness; n * n],
         mask: vec![true; n * n],
         sigma_a: [3.0, 1.0, 6.0],

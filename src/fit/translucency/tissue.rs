@@ -46,7 +46,9 @@ pub fn of(side: &Side, c: usize, options: &Options) -> Result<Tissue> {
     let [sigma_a, sigma_s, g] = match options.tissue {
         TissueFrom::Fit => {
             let letter = ["R", "G", "B"][c];
-            if let Some(why) = side.undetermined.iter().find(|u| ["sigma_a", "sigma_s"].iter().any(|n| u.starts_with(&format!("{n}.{letter}")))) {
+            if let Some(why) =
+                side.undetermined.iter().find(|u| ["sigma_a", "sigma_s"].iter().any(|n| u.starts_with(&format!("{n}.{letter}"))))
+            {
                 return Err(Error::Missed(format!(
                     "the leaf fit leaves this undetermined on its {}: {why}; choose --channel, --tissue table or --sigma-a and --sigma-s",
                     side.name.name()
@@ -75,6 +77,7 @@ pub fn dominant(sides: &[Side]) -> usize {
 
 /// Mean over the leaf.
 pub fn mean(plane: &[f32], mask: &[bool]) -> f64 {
-    let (sum, count) = plane.iter().zip(mask).filter(|(v, m)| **m && v.is_finite()).fold((0.0, 0usize), |(s, n), (v, _)| (s + f64::from(*v), n + 1));
+    let (sum, count) =
+        plane.iter().zip(mask).filter(|(v, m)| **m && v.is_finite()).fold((0.0, 0usize), |(s, n), (v, _)| (s + f64::from(*v), n + 1));
     sum / count.max(1) as f64
 }
