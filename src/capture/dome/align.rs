@@ -332,7 +332,7 @@ mod tests {
             let out = smooth(&values, &vec![1.0; w * h], w, &Kernel::gaussian(texels));
             let inner = (8..h - 8).flat_map(|j| (8..w - 8).map(move |i| j * w + i));
             let (sum, n) = inner.fold((0.0, 0.0), |(s, n), k| (s + (out[k] - clean[k]).powi(2), n + 1.0));
-            (sum / n as f64).sqrt()
+            (sum / n).sqrt()
         };
         let chosen = best_width(&values, w, &filter, sd, Wanted::Values, None);
         assert!((0.4..1.6).contains(&chosen.texels), "{chosen:?}");

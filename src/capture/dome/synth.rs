@@ -94,10 +94,8 @@ impl Blade {
         let height = [leaf.relief.clone(), mirrored(&under, wide)];
         let shape =
             optics::Blade::from_heights(wide, leaf.height, leaf.texel_mm, leaf.mask.clone(), height.clone(), [Vec::new(), Vec::new()]);
-        let single = |normals: &[[f64; 3]], mask: &[bool]| -> Vec<[f32; 3]> {
-            normals.iter().zip(mask).map(|(n, m)| if *m { n.map(|v| v as f32) } else { [0.0; 3] }).collect()
-        };
-        leaf.back.normal = single(&shape.back.normal, &leaf.mask_of(true));
+        let back = shape.back.normal.iter().zip(leaf.mask_of(true));
+        leaf.back.normal = back.map(|(n, m)| if m { n.map(|v| v as f32) } else { [0.0; 3] }).collect();
         let shown = shine(&leaf, &shape)?;
         let cut = |s: &Shown| Shown {
             albedo: crop(&s.albedo, wide, margin),
