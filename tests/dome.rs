@@ -230,3 +230,21 @@ fn defects_have_names_and_leave_no_hole_in_the_blade() {
     assert!(r.defects(SideName::Front)["saturated"] > 100);
     assert!(changed(|folder| std::fs::remove_file(folder.join("mask.exr")).unwrap()).1.mask.iter().all(|m| *m), "the leaf fills the patch");
 }
+
+/// A back that was rectified one texel off is seen, for slopes then become thickness; where the scans fit, none is seen.
+#[test]
+fn a_shift_of_the_scans_is_seen() {
+    let (_, _, r) = noisy();
+    let [x, y] = r.alignment.shift_mm;
+    assert!(x.hypot(y) < 0.04, "{x} {y}");
+    let (_, r) = changed(|folder| {
+        let path = folder.join("back/height.exr");
+        let mut maps = image::read_exr(&path).unwrap();
+        // To the right in the back's picture is to the left in the front's.
+        maps.channels[0].1.chunks_mut(SIZE).for_each(|row| row.rotate_right(1));
+        maps.channels[0].1.iter_mut().step_by(SIZE).for_each(|v| *v = f32::NAN);
+        image::write_exr(&path, &maps, Packing::Raw).unwrap();
+    });
+    let [dx, dy] = [r.alignment.shift_mm[0] - x, r.alignment.shift_mm[1] - y];
+    assert!((dx + 0.1).abs() < 0.04 && dy.abs() < 0.04, "{dx} {dy}");
+}

@@ -205,7 +205,7 @@ fn bad_requests_end_in_one_sentence() {
         (&["--patch-mm", "0"], &["--patch-mm: found 0, expected a positive width"]),
         (&["--patch-mm", "5", "--patch-at", "1,2,3"], &["--patch-at: found 3 numbers"]),
         (&["--patch-mm", "1", "--patch-at", "500,0"], &["not one texel lies on the leaf"]),
-        (&["--height-noise", "-1"], &["--height-noise"]),
+        (&["--height-noise=-1"], &["--height-noise: found -1, expected 0 to 10 mm"]),
         (&["--size", "2x2"], &["--size: found 2x2, expected at least 3x3"]),
         (&["--noise", "7"], &["--noise: found 7"]),
     ];

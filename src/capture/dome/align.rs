@@ -21,6 +21,8 @@ const TRIALS: u64 = 8;
 pub struct Alignment {
     /// Lean of the sum of both scans along x and y (mm per mm) that was taken off.
     pub tilt: [f64; 2],
+    /// How far the back's scan lies beside the front's (mm along x and y of the front); not corrected.
+    pub shift_mm: [f64; 2],
     /// What was added to the sum of both scans, at the image's centre (mm).
     pub offset_mm: f64,
     /// Standard error of the zero of the thickness: the caliper's, the noise's, and that of a trend between thickest place and middle.
@@ -140,6 +142,32 @@ pub fn trend_err(rest: &[f64], mask: &[bool], width: usize, at: usize) -> f64 {
     let [u, v] = unit(at);
     // Three bends; each direction's lean is as large as one of them.
     bent / 3f64.sqrt() * u.hypot(v)
+}
+
+/// How far the back's scan lies beside the front's (mm along x and y of the front): a shift s adds s·∇z to the sum of the scans, with z
+/// the blade's relief, here the front's, smoothed by a texel and a half. `rest` is the sum less its plane; a lean in both is left out.
+pub fn shift(rest: &[f64], front: &[f64], mask: &[bool], width: usize, texel_mm: f64) -> [f64; 2] {
+    let height = rest.len() / width;
+    let weight: Vec<f64> = (0..rest.len()).map(|k| f64::from(u8::from(mask[k] && front[k].is_finite()))).collect();
+    let calm = smooth(front, &weight, width, &Kernel::gaussian(1.5));
+    let inside = |k: usize| k % width > 0 && k % width + 1 < width && k >= width && k + width < rest.len();
+    let near = |k: usize| inside(k) && [k - 1, k + 1, k - width, k + width].iter().all(|&n| weight[n] > 0.0);
+    let on: Vec<usize> = (0..rest.len()).filter(|&k| weight[k] > 0.0 && rest[k].is_finite() && near(k)).collect();
+    let values: Vec<f64> = on.iter().map(|&k| rest[k]).collect();
+    let Some((_, tukey)) = biweight(&values) else { return [0.0; 2] };
+    let mut normal = nalgebra::Matrix5::<f64>::zeros();
+    let mut right = nalgebra::Vector5::<f64>::zeros();
+    for ((&k, w), r) in on.iter().zip(&tukey).zip(&values) {
+        let [x, y] = place(k, width, height);
+        let slope = [calm[k + 1] - calm[k - 1], calm[k - width] - calm[k + width]].map(|d| 0.5 * d / texel_mm);
+        let row = nalgebra::Vector5::new(1.0, x / width as f64, y / height as f64, slope[0], slope[1]);
+        normal += *w * row * row.transpose();
+        right += *w * *r * row;
+    }
+    normal.cholesky().map_or([0.0; 2], |c| {
+        let solved = c.solve(&right);
+        [solved[3], solved[4]]
+    })
 }
 
 /// Noise of a height (mm) from the sum of two scans that were smoothed by `filter` before delivery.
