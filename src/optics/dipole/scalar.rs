@@ -2,6 +2,9 @@
 //!
 //! One formula then serves the value, its inversion and its exact derivatives.
 
+// The product and quotient rules use other operators than the one they define.
+#![allow(clippy::suspicious_arithmetic_impl)]
+
 use rustfft::num_complex::Complex;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 

@@ -61,7 +61,7 @@ pub struct Convolver {
 /// # Errors
 /// As [`Convolver::with`]; maps of unequal size.
 pub fn convolve(images: &[Vec<f64>], thickness: &[f64], width: usize, settings: &Settings) -> Result<Vec<Vec<f64>>> {
-    if width == 0 || thickness.len() % width != 0 || images.iter().any(|m| m.len() != thickness.len()) {
+    if width == 0 || !thickness.len().is_multiple_of(width) || images.iter().any(|m| m.len() != thickness.len()) {
         return Err(Error::Usage(format!("maps of unequal size: thickness has {} texels in rows of {width}", thickness.len())));
     }
     let Some(convolver) = Convolver::for_map(settings, width, thickness)? else {

@@ -133,7 +133,7 @@ fn eight_levels_are_enough() {
     let thickness = noise(1, n, 0.15, 0.5);
     let image = noise(2, n, 0.0, 1.0);
     let one_each = Settings { levels: Levels { count: n, kind: LevelKind::Chebyshev }, ..settings(Form::Thin, 0.1) };
-    let exact = convolve(&[image.clone()], &thickness, width, &one_each).unwrap().remove(0);
+    let exact = convolve(std::slice::from_ref(&image), &thickness, width, &one_each).unwrap().remove(0);
     let mean = exact.iter().sum::<f64>() / n as f64;
     for (kind, most) in [(LevelKind::Linear, 0.01), (LevelKind::Cubic, 1e-3), (LevelKind::Chebyshev, 1e-4), (LevelKind::Svd, 1e-4)] {
         let convolver = Convolver::with(&Settings { levels: Levels { count: 8, kind }, ..one_each }, width, height, 0.15, 0.5).unwrap();

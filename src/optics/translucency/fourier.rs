@@ -37,13 +37,13 @@ impl std::fmt::Debug for Grid {
 pub(crate) fn smooth_size(n: usize) -> usize {
     let smooth = |mut m: usize| {
         for p in [2, 3, 5, 7] {
-            while m % p == 0 {
+            while m.is_multiple_of(p) {
                 m /= p;
             }
         }
         m == 1
     };
-    (n.max(2)..).find(|&m| m % 2 == 0 && smooth(m)).unwrap_or(n)
+    (n.max(2)..).find(|&m| m.is_multiple_of(2) && smooth(m)).unwrap_or(n)
 }
 
 /// A quarter of a kernel's spectrum: `values[column * (rows/2 + 1) + row]`.
