@@ -4,7 +4,7 @@
 //! unless the note says otherwise, NaN where the form is not defined or the oracle knows its result to worse than a tenth.
 
 pub mod plane;
-//VEIN pub mod vein;
+pub mod vein;
 
 use crate::Result;
 use crate::fit::bench::BenchRow;
@@ -18,8 +18,8 @@ pub struct Effort {
 }
 
 impl Effort {
-    /// About a minute on two cores.
-    pub const FULL: Effort = Effort { plane: 400_000, vein: 2_000_000 };
+    /// Minutes on two cores.
+    pub const FULL: Effort = Effort { plane: 400_000, vein: 1_000_000 };
 
     fn plane(self) -> Histories {
         Histories { count: self.plane, seed: 510 }
@@ -48,7 +48,7 @@ pub fn rows(effort: Effort) -> Result<Vec<BenchRow>> {
     rows.extend(plane::total_rows(effort)?);
     rows.extend(plane::spot_rows(effort)?);
     rows.extend(plane::angle_rows(effort)?);
-    //VEIN rows.extend(vein::rows(effort)?);
+    rows.extend(vein::rows(effort)?);
     Ok(rows)
 }
 

@@ -1,7 +1,7 @@
-//! A vein's shadow: the convolution, which takes the thickness where the light enters, against the walk through the relief.
+//! A vein's shadow: the convolution against the walk through the relief.
 //!
 //! A straight ridge, raised cosine, on one face of a flat lamina of the paper's tissue; light falls across it. Profiles are relative to the
-//! lamina beside, so that what a form's total is wrong by does not count twice. Standard errors by a jackknife over independent runs.
+//! lamina beside, so that what a form's total is wrong by does not count twice; a row's error is the root mean square of their difference. Standard errors by a jackknife over independent runs.
 
 use super::plane::{inner_reflectance, medium};
 use super::{Effort, row};
@@ -19,13 +19,44 @@ use std::time::Instant;
 /// mm
 const TEXEL: f64 = 0.04;
 const LAMINA: f64 = 0.2;
-const RISE: f64 = 0.3;
-/// Full width at half height, mm.
-const WIDTH: f64 = 0.4;
 /// Texels of a profile (one period of the oracle's relief).
 const N: usize = 100;
+/// Columns and rows of the model's map: the profile and what its kernels reach.
+const WIDE: usize = 2 * N;
+const LONG: usize = 121;
 /// Independent runs of the oracle.
 const RUNS: usize = 8;
+/// Refractive index and facets' slope of the dielectric.
+const INDEX: f64 = 1.4;
+const SLOPE: f64 = 0.35;
+
+/// A straight ridge on a lamina of 0.2 mm: its height and its full width at half height, mm.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Vein {
+    pub name: &'static str,
+    pub rise: f64,
+    pub width: f64,
+}
+
+/// Slopes up to 50° and 15°.
+pub const VEINS: [Vein; 2] = [Vein { name: "steep", rise: 0.3, width: 0.4 }, Vein { name: "gentle", rise: 0.1, width: 0.6 }];
+
+impl Vein {
+    /// Height over texel centres; the middle of `n` texels is the crest.
+    fn heights(&self, n: usize) -> Vec<f64> {
+        (0..n)
+            .map(|k| {
+                let x = (k as f64 + 0.5 - 0.5 * n as f64) * TEXEL;
+                if x.abs() < self.width { self.rise * (0.5 * std::f64::consts::PI * x / self.width).cos().powi(2) } else { 0.0 }
+            })
+            .collect()
+    }
+
+    /// Height of one face over the mid plane, outward.
+    fn face(&self, n: usize, face: Ridge, ridge: Ridge) -> Vec<f64> {
+        self.heights(n).iter().map(|h| 0.5 * LAMINA + if face == ridge { *h } else { 0.0 }).collect()
+    }
+}
 
 /// On which face the ridge stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -55,19 +86,9 @@ impl Faces {
     }
 
     fn leaf(self, tissue: &Tissue) -> Leaf {
-        let boundary = if self == Faces::Dielectric { Boundary::Rough(Rough { index: 1.4, slope: 0.35 }) } else { Boundary::Matched };
+        let boundary = if self == Faces::Dielectric { Boundary::Rough(Rough { index: INDEX, slope: SLOPE }) } else { Boundary::Matched };
         Leaf { medium: medium(tissue), boundary, spread: self == Faces::Spread }
     }
-}
-
-/// Height of the ridge over texel centres; the middle of `n` texels is its crest.
-fn ridge(n: usize) -> Vec<f64> {
-    (0..n)
-        .map(|k| {
-            let x = (k as f64 + 0.5 - 0.5 * n as f64) * TEXEL;
-            if x.abs() < WIDTH { RISE * (0.5 * std::f64::consts::PI * x / WIDTH).cos().powi(2) } else { 0.0 }
-        })
-        .collect()
 }
 
 /// Light from +x at this angle from the leaf's normal.
@@ -76,57 +97,80 @@ fn toward(degrees: f64) -> [f64; 3] {
     [sin, 0.0, cos]
 }
 
-/// The oracle's profiles of exitance, one a run.
-fn oracle(ridge_on: Ridge, faces: Faces, degrees: f64, effort: Effort) -> Result<Vec<Vec<f64>>> {
-    let rise = ridge(N);
-    let on = |face: Ridge| -> Vec<f64> { rise.iter().map(|h| 0.5 * LAMINA + if face == ridge_on { *h } else { 0.0 }).collect() };
-    let back = on(Ridge::Unlit).iter().map(|h| -h).collect();
-    let field = Field::new(N, 1, TEXEL, on(Ridge::Lit), back, Rim::Periodic)?;
+/// The oracle's profiles, one a run.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Runs {
+    /// What leaves each texel of the leaf's plane.
+    pub exitance: Vec<Vec<f64>>,
+    /// π times the radiance from straight before it.
+    pub seen: Vec<Vec<f64>>,
+}
+
+/// The oracle's profiles of one vein.
+pub fn oracle(vein: &Vein, ridge: Ridge, faces: Faces, degrees: f64, effort: Effort) -> Result<Runs> {
+    let back = vein.face(N, Ridge::Unlit, ridge).iter().map(|h| -h).collect();
+    let field = Field::new(N, 1, TEXEL, vein.face(N, Ridge::Lit, ridge), back, Rim::Periodic)?;
     let leaf = faces.leaf(&Tissue::TABLE);
     let Histories { count, seed } = effort.vein();
-    (0..RUNS as u64)
-        .map(|run| {
-            let got = leaf.walk(&field, Light::Direction(toward(degrees)), Histories { count: count / RUNS as u64, seed: seed + run })?;
-            if got.lost.value > 0.0 {
-                return Err(Error::Missed(format!("random walk: {} of the light was lost", got.lost.value)));
-            }
-            Ok(got.exitance.iter().map(|e| e.value).collect())
-        })
-        .collect()
+    let mut runs = Runs::default();
+    for run in 0..RUNS as u64 {
+        let got = leaf.walk(&field, Light::Direction(toward(degrees)), Histories { count: count / RUNS as u64, seed: seed + run })?;
+        if got.lost.value > 0.0 {
+            return Err(Error::Missed(format!("random walk: {} of the light was lost", got.lost.value)));
+        }
+        let values = |map: &[Estimate]| map.iter().map(|e| e.value).collect();
+        runs.exitance.push(values(&got.exitance));
+        runs.seen.push(values(&got.seen));
+    }
+    Ok(runs)
 }
 
-/// How the convolution takes the thickness.
+/// What the convolution makes of the maps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Where {
-    /// Of the texel where light enters (H9 Eq. 3.14).
-    Entry,
-    /// Of the texel where it leaves.
+pub enum Take {
+    /// As H9 Eq. 3.14: the thickness where light enters, E over the texel's area in the leaf's plane.
+    Printed,
+    /// E over the area of the texel's facet, 1/n_z larger: the flux that meets it.
+    Facets,
+    /// The same with the thickness where light leaves.
     Exit,
-    /// The mean of the two images: the same both ways, as transport is.
-    Both,
 }
 
-/// The model's profile: the middle row of a long ridge, from the blade's heights to the convolution.
-pub fn model(tissue: &Tissue, form: Form, ridge_on: Ridge, degrees: f64, place: Where) -> Result<Vec<f64>> {
-    const W: usize = 2 * N;
-    const ROWS: usize = 121;
-    let rise = ridge(W);
-    let on = |face: Ridge| -> Vec<f64> { (0..W * ROWS).map(|k| 0.5 * LAMINA + if face == ridge_on { rise[k % W] } else { 0.0 }).collect() };
-    let all = vec![1.0; W * ROWS];
-    let blade = Blade::from_heights(W, ROWS, TEXEL, vec![true; W * ROWS], [on(Ridge::Lit), on(Ridge::Unlit)], [all.clone(), all]);
-    let lit = blade.lit(Side::Front);
-    let light = irradiance(&lit, &Horizon::new(&lit), toward(degrees), Visibility::Hard);
-    let settings = Settings { form, ..Settings::new(*tissue, TEXEL) };
-    let none = || Error::Missed("the ridge has no thickness".into());
-    let convolver = Convolver::for_map(&settings, W, &lit.thickness)?.ok_or_else(none)?;
-    let entry = || convolver.run(&lit.thickness, std::slice::from_ref(&light)).remove(0);
-    let exit = || convolver.adjoint(&lit.thickness, std::slice::from_ref(&light)).remove(0);
-    let image = match place {
-        Where::Entry => entry(),
-        Where::Exit => exit(),
-        Where::Both => entry().iter().zip(exit()).map(|(a, b)| 0.5 * (a + b)).collect(),
-    };
-    Ok(image[(ROWS / 2) * W + N / 2..][..N].to_vec())
+/// The model of one vein: the blade, its light and the convolution, as the translucency maps are made.
+pub struct Model {
+    blade: Blade,
+    horizon: Horizon,
+}
+
+impl Model {
+    pub fn new(vein: &Vein, ridge: Ridge) -> Model {
+        let map = |face: Ridge| vein.face(WIDE, face, ridge).repeat(LONG);
+        let all = || vec![1.0; WIDE * LONG];
+        let heights = [map(Ridge::Lit), map(Ridge::Unlit)];
+        let blade = Blade::from_heights(WIDE, LONG, TEXEL, vec![true; WIDE * LONG], heights, [all(), all()]);
+        let horizon = Horizon::new(&blade.lit(Side::Front));
+        Model { blade, horizon }
+    }
+
+    /// Kernels for the vein's thicknesses.
+    pub fn kernels(&self, tissue: &Tissue, form: Form) -> Result<Convolver> {
+        let settings = Settings { form, ..Settings::new(*tissue, TEXEL) };
+        let none = || Error::Missed("the ridge has no thickness".into());
+        Convolver::for_map(&settings, WIDE, &self.blade.thickness)?.ok_or_else(none)
+    }
+
+    /// The middle of the middle row.
+    pub fn profile(&self, kernels: &Convolver, degrees: f64, take: Take) -> Vec<f64> {
+        let lit = self.blade.lit(Side::Front);
+        let mut light = irradiance(&lit, &self.horizon, toward(degrees), Visibility::Hard);
+        if take != Take::Printed {
+            light.iter_mut().zip(&lit.surface.normal).for_each(|(e, n)| *e /= n[2]);
+        }
+        let light = std::slice::from_ref(&light);
+        // the adjoint gives the kernel of a thickness to where its sum is taken
+        let image = if take == Take::Exit { kernels.adjoint(&lit.thickness, light) } else { kernels.run(&lit.thickness, light) };
+        image.first().map_or_else(Vec::new, |m| m[(LONG / 2) * WIDE + N / 2..][..N].to_vec())
+    }
 }
 
 /// What is read off a profile: the lamina's level, and relative to it the crest, both feet, and the shadow's edge (mm).
@@ -192,44 +236,70 @@ fn difference(model: &[f64], runs: &[Vec<f64>]) -> f64 {
     (sum / inside.len() as f64).max(0.0).sqrt()
 }
 
-/// Crest, feet, edge and profile of each case and form.
+/// The forms and ways compared.
+const MODELS: [(&str, Form, Take); 4] = [
+    ("images", Form::Images, Take::Printed),
+    ("thin", Form::Thin, Take::Printed),
+    ("thin, facets' area", Form::Thin, Take::Facets),
+    ("thin, facets' area, exit's thickness", Form::Thin, Take::Exit),
+];
+
+/// One row a vein, case and model: the difference of the profiles, and the readings of both.
 pub fn rows(effort: Effort) -> Result<Vec<BenchRow>> {
     let mut rows = Vec::new();
-    let inner = inner_reflectance(1.4);
+    let inner = inner_reflectance(INDEX);
     let closed = Tissue { a: (1.0 + inner) / (1.0 - inner), ..Tissue::TABLE };
-    for on in [Ridge::Unlit, Ridge::Lit] {
-        for (faces, degrees) in [(Faces::Clear, 0.0), (Faces::Spread, 0.0), (Faces::Spread, 75.0), (Faces::Dielectric, 0.0), (Faces::Dielectric, 75.0)] {
-            let runs = oracle(on, faces, degrees, effort)?;
-            let side = if on == Ridge::Lit { "lit" } else { "unlit" };
-            let setting = format!("ridge on the {side} face, light at {degrees} deg, {}", faces.name());
-            let tissue = if faces == Faces::Dielectric { closed } else { Tissue::TABLE };
-            let models = [
-                ("images", Form::Images, Where::Entry),
-                ("thin", Form::Thin, Where::Entry),
-                ("thin with the exit's thickness", Form::Thin, Where::Exit),
-                ("thin with both", Form::Thin, Where::Both),
-            ];
-            for (name, form, place) in models {
-                let start = Instant::now();
-                let profile = model(&tissue, form, on, degrees, place)?;
-                let us = start.elapsed().as_secs_f64() * 1e6;
-                let got = read(&profile);
-                let mut compare = |what: &str, value: f64, pick: fn(&Reading) -> f64, relative: bool, unit: &str| {
-                    let o = jackknife(&runs, |p| pick(&read(p)));
-                    let error = if relative { value / o.value - 1.0 } else { value - o.value };
-                    let note = format!("{value:.4}{unit}, oracle {:.4} ± {:.4}{unit}", o.value, o.error);
-                    rows.push(row(&format!("oracle: vein's {what}, {name}"), &setting, error, us, note));
+    for vein in &VEINS {
+        for (ridge, side) in [(Ridge::Unlit, "unlit"), (Ridge::Lit, "lit")] {
+            let model = Model::new(vein, ridge);
+            for tissue in [Tissue::TABLE, closed] {
+                let kernels = [(Form::Images, model.kernels(&tissue, Form::Images)?), (Form::Thin, model.kernels(&tissue, Form::Thin)?)];
+                let cases: &[(Faces, f64)] = if tissue.a == 1.0 {
+                    // a flat lit face that spreads light forgets where it came from
+                    &[(Faces::Clear, 0.0), (Faces::Spread, 0.0), (Faces::Spread, 75.0)][..if ridge == Ridge::Lit { 3 } else { 2 }]
+                } else {
+                    &[(Faces::Dielectric, 0.0), (Faces::Dielectric, 75.0)]
                 };
-                compare("crest", got.crest, |r| r.crest, false, " of the lamina");
-                compare("foot towards the light", got.near, |r| r.near, false, " of the lamina");
-                compare("foot away from the light", got.far, |r| r.far, false, " of the lamina");
-                if degrees == 0.0 {
-                    compare("edge", got.edge, |r| r.edge, true, " mm");
+                for &(faces, degrees) in cases {
+                    let runs = oracle(vein, ridge, faces, degrees, effort)?;
+                    let setting = format!("{} vein on the {side} face, light at {degrees} deg, {}", vein.name, faces.name());
+                    for (name, form, take) in MODELS {
+                        let Some((_, convolver)) = kernels.iter().find(|(f, _)| *f == form) else { continue };
+                        let start = Instant::now();
+                        let profile = model.profile(convolver, degrees, take);
+                        let us = start.elapsed().as_secs_f64() * 1e6;
+                        let mut compare = |what: &str, runs: &[Vec<f64>]| {
+                            let note = readings(&profile, runs, degrees);
+                            rows.push(row(&format!("oracle: vein's {what}, {name}"), &setting, difference(&profile, runs), us, note));
+                        };
+                        compare("exitance", &runs.exitance);
+                        // of a flat face the two differ by the exit angles alone, which the lamina shares
+                        if ridge == Ridge::Unlit {
+                            compare("radiance", &runs.seen);
+                        }
+                    }
                 }
-                let note = "root mean square over 3.2 mm, of the lamina".into();
-                rows.push(row(&format!("oracle: vein's profile, {name}"), &setting, difference(&profile, &runs), us, note));
             }
         }
     }
     Ok(rows)
+}
+
+/// Model (oracle ± standard error) of each reading.
+fn readings(profile: &[f64], runs: &[Vec<f64>], degrees: f64) -> String {
+    let got = read(profile);
+    let one = |what: &str, value: f64, pick: fn(&Reading) -> f64| {
+        let o = jackknife(runs, |p| pick(&read(p)));
+        format!("{what} {value:.3} ({:.3} ± {:.3})", o.value, o.error)
+    };
+    let mut parts = vec![
+        one("lamina", got.lamina, |r| r.lamina),
+        one("crest", got.crest, |r| r.crest),
+        one("foot to the light", got.near, |r| r.near),
+        one("foot off the light", got.far, |r| r.far),
+    ];
+    if degrees == 0.0 {
+        parts.push(one("edge in mm", got.edge, |r| r.edge));
+    }
+    parts.join(", ")
 }
