@@ -35,6 +35,15 @@ fn named(tissue: &Tissue, d: f64) -> String {
     format!("sigma_a {sigma_a}, sigma_s {sigma_s:.4}, g {g}{faces}, d {d}")
 }
 
+/// Small totals in powers of ten.
+fn digits(x: f64) -> String {
+    if x.abs() < 0.01 { format!("{x:.3e}") } else { format!("{x:.5}") }
+}
+
+fn stated(e: Estimate) -> String {
+    if e.value < 0.01 { format!("{:.3e} ± {:.1e}", e.value, e.error) } else { format!("{:.5} ± {:.5}", e.value, e.error) }
+}
+
 /// One row a form: the relative error of its total.
 fn totals(rows: &mut Vec<BenchRow>, knob: &str, tissue: &Tissue, d: f64, setting: &str, oracle: Estimate) {
     let sure = oracle.error < KNOWN * oracle.value;
@@ -48,7 +57,7 @@ fn totals(rows: &mut Vec<BenchRow>, knob: &str, tissue: &Tissue, d: f64, setting
             setting,
             of(total),
             us,
-            format!("total {total:.5}, oracle {:.5} ± {:.5}{why}", oracle.value, oracle.error),
+            format!("total {}, oracle {}{why}", digits(total), stated(oracle)),
         ));
     }
 }
@@ -58,13 +67,7 @@ fn similar(rows: &mut Vec<BenchRow>, knob: &str, tissue: &Tissue, d: f64, oracle
     let total = slab::response(tissue.sigma_a, tissue.reduced_scattering(), d).rho_t;
     let us = median_us(1.0, || slab::response(tissue.sigma_a, tissue.reduced_scattering(), d));
     let error = if oracle.error < KNOWN * oracle.value { total / oracle.value - 1.0 } else { f64::NAN };
-    rows.push(row(
-        &format!("{knob}, slab"),
-        &named(tissue, d),
-        error,
-        us,
-        format!("total {total:.5}, oracle {:.5} ± {:.5}", oracle.value, oracle.error),
-    ));
+    rows.push(row(&format!("{knob}, slab"), &named(tissue, d), error, us, format!("total {}, oracle {}", digits(total), stated(oracle))));
 }
 
 /// Totals over thickness, absorption, scattering, anisotropy and inner reflectance.

@@ -38,9 +38,12 @@ fn a_vein_under_even_light_is_blurred_by_the_entry_and_not_by_the_exit() {
     let kernels = model.kernels(&t, Form::Images).unwrap();
     // even irradiance and the exit's thickness: no blur at all, each texel has the total of its own thickness
     let exit = read(&model.profile(&kernels, 0.0, Take::Exit));
-    let (lamina, crest) = (t.total(0.2, Form::Images), t.total(0.4988, Form::Images));
+    let lamina = t.total(0.2, Form::Images);
+    // the crest is read over four texels, at 0.02 and 0.06 mm
+    let at = |x: f64| t.total(0.2 + 0.3 * (std::f64::consts::PI * x / 0.8).cos().powi(2), Form::Images);
+    let crest = 0.5 * (at(0.02) + at(0.06));
     assert!((exit.lamina / lamina - 1.0).abs() < 2e-3, "{} {lamina}", exit.lamina);
-    assert!((exit.crest * exit.lamina / crest - 1.0).abs() < 0.02, "{} {crest}", exit.crest * exit.lamina);
+    assert!((exit.crest * exit.lamina / crest - 1.0).abs() < 5e-3, "{} {crest}", exit.crest * exit.lamina);
     // the entry's thickness blurs: a lighter crest; facets change nothing where the lit face is flat
     let entry = read(&model.profile(&kernels, 0.0, Take::Printed));
     let facets = read(&model.profile(&kernels, 0.0, Take::Facets));
