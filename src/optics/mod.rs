@@ -1,5 +1,6 @@
 //! What light does in and on a leaf, one model a file. No files, no solvers.
 
+pub mod dipole;
 pub mod gloss;
 pub mod slab;
 pub mod translucency;

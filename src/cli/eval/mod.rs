@@ -4,6 +4,7 @@ use super::Common;
 use crate::Result;
 
 pub mod beam;
+pub mod dipole;
 pub mod gloss;
 pub mod panorama;
 pub mod sky;
@@ -21,6 +22,8 @@ enum What {
     Slab(slab::Args),
     /// Deflection and slope of a tapered branch
     Beam(beam::Args),
+    /// Light diffusing through a leaf, by thickness and distance
+    Dipole(dipole::Args),
     /// Traces of a linear light source over a glossy texel
     Gloss(gloss::Args),
     /// Spherical harmonics of a sky from the sun's zenith angle and turbidity
@@ -33,6 +36,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     match &args.what {
         What::Slab(a) => slab::run(a, common),
         What::Beam(a) => beam::run(a, common),
+        What::Dipole(a) => dipole::run(a, common),
         What::Gloss(a) => gloss::run(a, common),
         What::Sky(a) => sky::run(a, common),
         What::Panorama(a) => panorama::run(a, common),

@@ -1,0 +1,239 @@
+//! Real maps convolved with real, even kernels: padded two-dimensional FFTs, two maps a complex transform.
+//!
+//! Rows first, then columns in blocks that stay in the cache; a map's transform is multiplied and summed while its column is at hand. The spectrum of
+//! a kernel that is even along both axes is real and even: a quarter of it is stored, and the two maps of a transform never have to be told apart.
+
+use super::kernel::Kernel;
+use rayon::prelude::*;
+use rustfft::num_complex::Complex;
+use rustfft::{Fft, FftPlanner};
+use std::sync::Arc;
+
+/// Columns taken at a time.
+const BLOCK: usize = 8;
+
+type C = Complex<f64>;
+const ZERO: C = C::new(0.0, 0.0);
+
+/// Transforms for maps of one size and kernels up to one reach.
+#[derive(Clone)]
+pub(crate) struct Grid {
+    pub width: usize,
+    pub height: usize,
+    /// Padded sizes: nothing that leaves the map on one side comes back on the other.
+    columns: usize,
+    rows: usize,
+    along: [Arc<dyn Fft<f64>>; 2],
+    down: [Arc<dyn Fft<f64>>; 2],
+}
+
+impl std::fmt::Debug for Grid {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Grid {}×{} in {}×{}", self.width, self.height, self.columns, self.rows)
+    }
+}
+
+/// The smallest even number ≥ n whose only prime factors are 2, 3, 5 and 7.
+pub(crate) fn smooth_size(n: usize) -> usize {
+    let smooth = |mut m: usize| {
+        for p in [2, 3, 5, 7] {
+            while m.is_multiple_of(p) {
+                m /= p;
+            }
+        }
+        m == 1
+    };
+    (n.max(2)..).find(|&m| m.is_multiple_of(2) && smooth(m)).unwrap_or(n)
+}
+
+/// A quarter of a kernel's spectrum: `values[column * (rows/2 + 1) + row]`.
+#[derive(Debug, Clone)]
+pub(crate) struct Spectrum {
+    values: Vec<f64>,
+}
+
+impl Grid {
+    pub fn new(width: usize, height: usize, reach: usize) -> Grid {
+        let columns = smooth_size(width + reach.min(width - 1));
+        let rows = smooth_size(height + reach.min(height - 1));
+        let mut planner = FftPlanner::new();
+        let along = [planner.plan_fft_forward(columns), planner.plan_fft_inverse(columns)];
+        let down = [planner.plan_fft_forward(rows), planner.plan_fft_inverse(rows)];
+        Grid { width, height, columns, rows, along, down }
+    }
+
+    /// Spectrum of a kernel, cropped to the offsets that can occur.
+    pub fn spectrum(&self, kernel: &Kernel) -> Spectrum {
+        let (right, bottom) = (kernel.reach.min(self.width - 1), kernel.reach.min(self.height - 1));
+        let (half, tall) = (self.columns / 2 + 1, self.rows / 2 + 1);
+        // Rows, two to a transform: both are even, so both spectra are real.
+        let mut lines = vec![0.0; (bottom + 2) * half];
+        lines.par_chunks_mut(2 * half).enumerate().for_each(|(pair, out)| {
+            let mut buffer = vec![ZERO; self.columns];
+            for i in 0..=right {
+                let second = if 2 * pair < bottom { kernel.at(i, 2 * pair + 1) } else { 0.0 };
+                buffer[i] = C::new(kernel.at(i, 2 * pair), second);
+                buffer[(self.columns - i) % self.columns] = buffer[i];
+            }
+            self.along[0].process(&mut buffer);
+            for f in 0..half {
+                out[f] = buffer[f].re;
+                if out.len() > half {
+                    out[half + f] = buffer[f].im;
+                }
+            }
+        });
+        let mut values = vec![0.0; half * tall];
+        values.par_chunks_mut(2 * tall).enumerate().for_each(|(pair, out)| {
+            let mut buffer = vec![ZERO; self.rows];
+            let two = out.len() > tall;
+            for j in 0..=bottom {
+                let at = |f: usize| lines[j * half + f];
+                buffer[j] = C::new(at(2 * pair), if two { at(2 * pair + 1) } else { 0.0 });
+                buffer[(self.rows - j) % self.rows] = buffer[j];
+            }
+            self.down[0].process(&mut buffer);
+            for q in 0..tall {
+                out[q] = buffer[q].re;
+                if two {
+                    out[tall + q] = buffer[q].im;
+                }
+            }
+        });
+        Spectrum { values }
+    }
+
+    /// Σ_k kernel_k ∗ source_k for the two maps that `fill(y, k, row)` writes as real and imaginary part of row y (`width` values, zero before).
+    pub fn forward(&self, kernels: &[&Spectrum], fill: impl Fn(usize, &mut [&mut [C]]) + Sync) -> Vec<C> {
+        let (count, tall) = (kernels.len(), self.rows / 2 + 1);
+        let mut lines = vec![ZERO; self.height * count * self.columns];
+        lines.par_chunks_mut(count * self.columns).enumerate().for_each_init(
+            || vec![ZERO; self.along[0].get_inplace_scratch_len()],
+            |scratch, (y, line)| {
+                let mut parts: Vec<&mut [C]> = line.chunks_mut(self.columns).map(|row| &mut row[..self.width]).collect();
+                fill(y, &mut parts);
+                for row in line.chunks_mut(self.columns) {
+                    if row[..self.width].iter().any(|v| *v != ZERO) {
+                        self.along[0].process_with_scratch(row, scratch);
+                    }
+                }
+            },
+        );
+        let mut turned = vec![ZERO; self.columns * self.height];
+        turned.par_chunks_mut(BLOCK * self.height).enumerate().for_each_init(
+            || (vec![ZERO; BLOCK * self.rows], vec![ZERO; BLOCK * self.rows], vec![ZERO; self.down[0].get_inplace_scratch_len()]),
+            |(sum, part, scratch), (block, out)| {
+                let (first, wide) = (block * BLOCK, out.len() / self.height);
+                sum.fill(ZERO);
+                for (k, kernel) in kernels.iter().enumerate() {
+                    part.fill(ZERO);
+                    for y in 0..self.height {
+                        let row = &lines[(y * count + k) * self.columns + first..][..wide];
+                        for (c, v) in row.iter().enumerate() {
+                            part[c * self.rows + y] = *v;
+                        }
+                    }
+                    for c in 0..wide {
+                        let column = &mut part[c * self.rows..][..self.rows];
+                        self.down[0].process_with_scratch(column, scratch);
+                        let spectrum = self.column(kernel, first + c);
+                        let total = &mut sum[c * self.rows..][..self.rows];
+                        for q in 0..tall {
+                            total[q] += column[q] * spectrum[q];
+                        }
+                        for q in tall..self.rows {
+                            total[q] += column[q] * spectrum[self.rows - q];
+                        }
+                    }
+                }
+                for c in 0..wide {
+                    let column = &mut sum[c * self.rows..][..self.rows];
+                    self.down[1].process_with_scratch(column, scratch);
+                    out[c * self.height..][..self.height].copy_from_slice(&column[..self.height]);
+                }
+            },
+        );
+        self.rows_back(&turned, 1, |_, parts, out| out.copy_from_slice(&parts[0]))
+    }
+
+    /// The transpose: `gather(y, parts, out)` sums what kernel_k ∗ `maps` gives in row y (`width` values each) into the row of the result.
+    pub fn backward(
+        &self,
+        kernels: &[&Spectrum],
+        fill: impl Fn(usize, &mut [C]) + Sync,
+        gather: impl Fn(usize, &[Vec<C>], &mut [C]) + Sync,
+    ) -> Vec<C> {
+        let (count, tall) = (kernels.len(), self.rows / 2 + 1);
+        let mut lines = vec![ZERO; self.height * self.columns];
+        lines.par_chunks_mut(self.columns).enumerate().for_each_init(
+            || vec![ZERO; self.along[0].get_inplace_scratch_len()],
+            |scratch, (y, line)| {
+                fill(y, &mut line[..self.width]);
+                self.along[0].process_with_scratch(line, scratch);
+            },
+        );
+        let mut turned = vec![ZERO; self.columns * count * self.height];
+        turned.par_chunks_mut(BLOCK * count * self.height).enumerate().for_each_init(
+            || (vec![ZERO; BLOCK * self.rows], vec![ZERO; self.rows], vec![ZERO; self.down[0].get_inplace_scratch_len()]),
+            |(part, work, scratch), (block, out)| {
+                let (first, wide) = (block * BLOCK, out.len() / (count * self.height));
+                part.fill(ZERO);
+                for y in 0..self.height {
+                    let row = &lines[y * self.columns + first..][..wide];
+                    for (c, v) in row.iter().enumerate() {
+                        part[c * self.rows + y] = *v;
+                    }
+                }
+                for c in 0..wide {
+                    let column = &mut part[c * self.rows..][..self.rows];
+                    self.down[0].process_with_scratch(column, scratch);
+                    for (k, kernel) in kernels.iter().enumerate() {
+                        let spectrum = self.column(kernel, first + c);
+                        for q in 0..self.rows {
+                            work[q] = column[q] * spectrum[if q < tall { q } else { self.rows - q }];
+                        }
+                        self.down[1].process_with_scratch(work, scratch);
+                        out[(c * count + k) * self.height..][..self.height].copy_from_slice(&work[..self.height]);
+                    }
+                }
+            },
+        );
+        self.rows_back(&turned, count, gather)
+    }
+
+    fn column<'a>(&self, kernel: &'a Spectrum, f: usize) -> &'a [f64] {
+        let tall = self.rows / 2 + 1;
+        &kernel.values[f.min(self.columns - f) * tall..][..tall]
+    }
+
+    /// Inverse transforms along the rows of `turned[(f * count + k) * height + y]`, handed to `gather` row by row.
+    fn rows_back(&self, turned: &[C], count: usize, gather: impl Fn(usize, &[Vec<C>], &mut [C]) + Sync) -> Vec<C> {
+        let scale = 1.0 / (self.columns * self.rows) as f64;
+        let mut result = vec![ZERO; self.width * self.height];
+        result.par_chunks_mut(BLOCK * self.width).enumerate().for_each_init(
+            || (vec![vec![ZERO; self.columns]; count * BLOCK], vec![ZERO; self.along[1].get_inplace_scratch_len()]),
+            |(parts, scratch), (block, out)| {
+                let (first, tall) = (block * BLOCK, out.len() / self.width);
+                for f in 0..self.columns {
+                    for k in 0..count {
+                        let values = &turned[(f * count + k) * self.height + first..][..tall];
+                        for (row, v) in values.iter().enumerate() {
+                            parts[row * count + k][f] = *v * scale;
+                        }
+                    }
+                }
+                for row in 0..tall {
+                    let parts = &mut parts[row * count..][..count];
+                    for part in parts.iter_mut() {
+                        part.resize(self.columns, ZERO);
+                        self.along[1].process_with_scratch(part, scratch);
+                        part.truncate(self.width);
+                    }
+                    gather(first + row, parts, &mut out[row * self.width..][..self.width]);
+                    parts.iter_mut().for_each(|part| part.resize(self.columns, ZERO));
+                }
+            },
+        );
+        result
+    }
+}
