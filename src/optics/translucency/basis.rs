@@ -55,7 +55,13 @@ impl Basis {
     pub fn count(self) -> usize {
         match self {
             Basis::HalfLife2 => 3,
-            Basis::Bent { count } => if count > 3 { 6 } else { 3 },
+            Basis::Bent { count } => {
+                if count > 3 {
+                    6
+                } else {
+                    3
+                }
+            }
             Basis::HBasis { count } => count.min(6),
             Basis::Spherical { bands } | Basis::Hemispherical { bands } => bands.min(6).pow(2),
             Basis::Cosine { degree } => [0, 1, 3, 6][degree.min(3)],
@@ -83,7 +89,13 @@ impl Basis {
         match self {
             // As stored: three dot products, weighted. As a vector ([`vector`]) it is 3.
             Basis::HalfLife2 => [12, 0],
-            Basis::Bent { .. } => if self.count() > 3 { [25, 2] } else { [16, 2] },
+            Basis::Bent { .. } => {
+                if self.count() > 3 {
+                    [25, 2]
+                } else {
+                    [16, 2]
+                }
+            }
             Basis::HBasis { count } => [count.min(6) + if count > 4 { 4 } else { 1 }, 0],
             // Each function of higher order is one product more of those before.
             Basis::Spherical { .. } => [2 * self.count(), 0],
