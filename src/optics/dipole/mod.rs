@@ -232,7 +232,7 @@ impl Tissue {
     }
 
     /// T(r, d), 1/mm²: exitance at distance `r_mm` ≥ 0 per entering flux, scattered light only. Relative error about 1e-12 for the two exact forms
-    /// (1e-8 where σtr d > 20); infinite at r = 0 for [`Form::Thin`]; NaN where the form is not defined. Underflows to 0.
+    /// while σtr d < 50; infinite at r = 0 for [`Form::Thin`]; NaN where the form is not defined. Underflows to 0.
     pub fn transmittance(&self, r_mm: f64, d_mm: f64, form: Form) -> f64 {
         if !(self.defined(d_mm, form) && r_mm >= 0.0) {
             return f64::NAN;

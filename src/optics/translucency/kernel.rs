@@ -80,7 +80,7 @@ impl Kernel {
 
 /// Flow over the edge x = (i + ½) texels, y from (j − ½) to (j + ½): `[i * (reach + 1) + j]`.
 fn edges<const M: usize>(beyond: impl Fn(f64) -> [f64; M] + Sync, texel: f64, reach: usize, closed: bool) -> Vec<[f64; M]> {
-    let (fine, coarse) = (gauss(24), gauss(10));
+    let (near, middle, far) = (gauss(24), gauss(10), gauss(4));
     let n = reach + 1;
     let mut edges = vec![[0.0; M]; n * n];
     let curves = Curves::fit(&beyond, 0.499 * texel, std::f64::consts::SQRT_2 * n as f64 * texel);
@@ -89,8 +89,14 @@ fn edges<const M: usize>(beyond: impl Fn(f64) -> [f64; M] + Sync, texel: f64, re
             return;
         }
         let x = (i as f64 + 0.5) * texel;
-        let rule = if i < 2 { &fine } else { &coarse };
         for (j, edge) in row.iter_mut().enumerate() {
+            let rule = if i < 2 && j < 8 {
+                &near
+            } else if i.max(j) < 8 {
+                &middle
+            } else {
+                &far
+            };
             for q in rule {
                 let y = (j as f64 - 0.5 + q.x) * texel;
                 let r2 = x * x + y * y;
