@@ -13,6 +13,7 @@
 //!
 //! The main path is [`run`]: read the leaf, choose the tissue, then side by side project the irradiance, convolve, normalise, judge, write.
 
+pub mod basis_study;
 pub mod bench;
 pub mod colour;
 mod folder;
@@ -21,6 +22,7 @@ pub mod side;
 pub mod source;
 pub mod stress;
 pub mod tissue;
+pub mod validation;
 
 use crate::files::{atomic, hash};
 use crate::fit::record::{FitRecord, Phase, Times};
