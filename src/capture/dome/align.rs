@@ -150,7 +150,7 @@ pub fn shift(rest: &[f64], front: &[f64], mask: &[bool], width: usize, texel_mm:
     let height = rest.len() / width;
     let weight: Vec<f64> = (0..rest.len()).map(|k| f64::from(u8::from(mask[k] && front[k].is_finite()))).collect();
     let calm = smooth(front, &weight, width, &Kernel::gaussian(1.5));
-    let inside = |k: usize| k % width > 0 && k % width + 1 < width && k >= width && k + width < rest.len();
+    let inside = |k: usize| !k.is_multiple_of(width) && k % width + 1 < width && k >= width && k + width < rest.len();
     let near = |k: usize| inside(k) && [k - 1, k + 1, k - width, k + width].iter().all(|&n| weight[n] > 0.0);
     let on: Vec<usize> = (0..rest.len()).filter(|&k| weight[k] > 0.0 && rest[k].is_finite() && near(k)).collect();
     let values: Vec<f64> = on.iter().map(|&k| rest[k]).collect();
