@@ -2,6 +2,7 @@
 
 use crate::cli::{Common, print, print_json};
 use crate::files::progress::say;
+use crate::fit::dome;
 use crate::fit::record::FitRecord;
 use crate::fit::translucency::tissue::Entry;
 use crate::fit::translucency::{Colour, Options, Outcome, TissueFrom, run as fit};
@@ -20,7 +21,7 @@ use std::path::PathBuf;
   mesophyll fit translucency fits/elm -o out/paper --colour product --tissue table --form dipoles --dipoles 3
   mesophyll fit translucency fits/elm -o out/noon --sun-elevation-deg 60 --sun-azimuth-deg 30     one light, no basis")]
 pub struct Args {
-    /// Folder of `fit leaf`
+    /// Folder of `fit leaf`, or a capture under a dome (its leaf fit is then kept as DIR/leaf)
     input: PathBuf,
     /// Folder to write
     #[arg(short, long, value_name = "DIR")]
@@ -178,8 +179,25 @@ fn options(args: &Args) -> Result<Options> {
     })
 }
 
+/// The leaf fit that is asked for: the folder itself, or one made from a capture under a dome, kept as `leaf` in the output.
+fn leaf(args: &Args) -> Result<PathBuf> {
+    if args.input.join("fit.toml").is_file() || !args.input.join("capture.toml").is_file() {
+        return Ok(args.input.clone());
+    }
+    if !super::leaf::is_dome(&args.input) {
+        return Err(Error::input(
+            &args.input,
+            "a scan under a tube; `mesophyll fit leaf` fits it, and the folder of that fit is wanted here",
+        ));
+    }
+    let folder = args.output.join("leaf");
+    dome::run(&args.input, &folder, &dome::Options { gloss: None, force: args.force })?;
+    say(format!("leaf fit written to {}", folder.display()));
+    Ok(folder)
+}
+
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
-    let record = match fit(&args.input, &args.output, &options(args)?)? {
+    let record = match fit(&leaf(args)?, &args.output, &options(args)?)? {
         Outcome::Done(record) => {
             say(format!("fit written to {}", args.output.display()));
             record
