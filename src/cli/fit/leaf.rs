@@ -39,7 +39,7 @@ pub struct Args {
     #[arg(long, conflicts_with = "shard")]
     merge: bool,
     /// Dome captures only: effective refractive index and slope m of the gloss, which a dome does not show (index 1.2 to 1.7, slope 0.078 to 0.5 for leaves)
-    #[arg(long, value_name = "N,M", value_delimiter = ',', num_args = 2)]
+    #[arg(long, value_name = "N,M", value_delimiter = ',')]
     gloss: Option<Vec<f64>>,
     /// Fit again although the folder already holds this very fit
     #[arg(long)]
