@@ -13,6 +13,7 @@
 //!
 //! The main path is [`run`]: read the leaf, choose the tissue, then side by side project the irradiance, convolve, normalise, judge, write.
 
+pub mod basis_study;
 pub mod bench;
 pub mod colour;
 mod folder;
