@@ -22,6 +22,7 @@ pub mod side;
 pub mod source;
 pub mod stress;
 pub mod tissue;
+pub mod validation;
 
 use crate::files::{atomic, hash};
 use crate::fit::record::{FitRecord, Phase, Times};
