@@ -45,6 +45,7 @@ pub fn write(out: &Path, source: &Source, made: &[Made], options: &Options, inpu
         say("sun_azimuth_deg", format!("{:?}", azimuth.to_degrees()));
     }
     say("entry", tissue::entry(options).name().into());
+    say("area", options.area.name().into());
     say("form", form(options.form));
     say("levels", options.levels.to_string());
     say("lights", options.lights.to_string());
