@@ -70,7 +70,7 @@ mod tests {
     #[test]
     fn no_light_is_lost_between_the_slopes() {
         let (w, h) = (160, 160);
-        let wave = |x: f64| 0.12 * (x * TAU / 20.0).sin();
+        let wave = |x: f64| 0.3 * (x * TAU / 20.0).sin();
         for relief in [
             (0..w * h).map(|k| wave((k % w) as f64)).collect::<Vec<_>>(),
             (0..w * h).map(|k| wave((k % w) as f64 + (k / w) as f64) + wave((k % w) as f64 - (k / w) as f64)).collect(),
@@ -81,7 +81,7 @@ mod tests {
             let mean = inner.iter().map(|&k| v[k] / n[k][2]).sum::<f64>() / inner.len() as f64;
             let (plain, least) = inner.iter().fold((0.0, 1.0f64), |(s, m), &k| (s + 0.5 * (1.0 + n[k][2]) / n[k][2], m.min(v[k])));
             assert!(least < 0.85, "{least}: there is something to hide behind");
-            assert!((mean - 1.0).abs() < 0.01, "{mean}");
+            assert!((mean - 1.0).abs() < 0.015, "{mean}");
             assert!((plain / inner.len() as f64 - 1.0).abs() > 2.0 * (mean - 1.0).abs(), "without horizons it would not be so");
         }
     }
