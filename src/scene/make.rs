@@ -35,7 +35,7 @@ pub fn input_hash(leaf: &Leaf, capture: &Path) -> Result<String> {
 
 /// Where a run's fit of a leaf goes.
 pub fn fit_folder(manifest: &Manifest, index: usize, out: &Path) -> PathBuf {
-    out.join("fits").join(&manifest.leaves[index].name)
+    out.join("fits").join(manifest.leaves[index].data_name())
 }
 
 /// Makes the fit of leaf `index` into `folder`; captures that have to be scanned first lie under `out`. A folder that holds this very fit
@@ -88,8 +88,8 @@ fn translucency(leaf: &Path, folder: &Path, _afresh: bool, _ledger: &Ledger) -> 
 
 /// The scan of a leaf, made now unless a whole one of the same specification is there.
 fn scanned(manifest: &Manifest, leaf: &Leaf, told: &Scan, out: &Path, afresh: bool, ledger: &Ledger) -> Result<PathBuf> {
-    let folder = out.join("captures").join(&leaf.name);
-    let stamp = source::scan_stamp(out, &leaf.name);
+    let folder = out.join("captures").join(leaf.data_name());
+    let stamp = source::scan_stamp(out, leaf.data_name());
     let wanted = source::scan_hash(manifest, told)?;
     if !afresh && std::fs::read_to_string(&stamp).ok().as_deref() == Some(wanted.as_str()) && folder.join("capture.toml").is_file() {
         return Ok(folder);
@@ -100,7 +100,8 @@ fn scanned(manifest: &Manifest, leaf: &Leaf, told: &Scan, out: &Path, afresh: bo
         std::fs::remove_dir_all(&folder).map_err(|e| Error::write(&folder, atomic::explain(&e)))?;
     }
     atomic::probe_folder(&folder)?;
-    let spec = Spec::read(&manifest.resolve(&told.spec))?;
+    let mut spec = Spec::read(&manifest.resolve(&told.spec))?;
+    spec.field_mm = told.field_mm.unwrap_or(spec.field_mm);
     let (width, height) = size(told).unwrap_or((720, 540));
     let options = scan::Options {
         width,

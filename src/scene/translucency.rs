@@ -54,7 +54,7 @@ impl Coefficients {
 
 /// Where a run's own translucency maps of a leaf go.
 pub fn folder(manifest: &Manifest, index: usize, out: &Path) -> PathBuf {
-    out.join("fits").join(format!("{}-translucency", manifest.leaves[index].name))
+    out.join("fits").join(format!("{}-translucency", manifest.leaves[index].data_name()))
 }
 
 /// Looks for a leaf's maps; `None` where the scene asks for none.
