@@ -9,7 +9,7 @@
 //! 3  fit              transport
 //! 2  capture
 //! 1  viewer      optics      sky      plant      solve
-//! 0  error       files
+//! 0  error       files       quadrature
 //! ```
 
 pub mod capture;
@@ -20,6 +20,7 @@ pub mod files;
 pub mod fit;
 pub mod optics;
 pub mod plant;
+pub mod quadrature;
 pub mod report;
 pub mod scene;
 pub mod sky;

@@ -3,7 +3,7 @@
 use super::Common;
 use crate::files::{atomic, progress};
 use crate::fit::bench::BenchRow;
-use crate::fit::{beam, gloss, nist, sky, slab_bench};
+use crate::fit::{beam, gloss, nist, sky, slab_bench, translucency};
 use crate::report::{self, rows};
 use crate::{Error, Result};
 use std::path::PathBuf;
@@ -24,12 +24,13 @@ pub struct Args {
 type Sweep = (&'static str, fn() -> Result<Vec<BenchRow>>);
 
 /// The sweeps by name. A model adds its line here.
-const SWEEPS: [Sweep; 5] = [
+const SWEEPS: [Sweep; 6] = [
     ("solve", nist::bench_rows),
     ("slab", slab_bench::bench_rows),
     ("gloss", gloss::bench::bench_rows),
     ("beam", beam::bench::bench_rows),
     ("sky", sky::bench::bench_rows),
+    ("translucency", translucency::bench::rows),
 ];
 
 /// Runs the sweeps. Times are for ratios within one run: nothing is asserted of them.

@@ -3,7 +3,7 @@
 use super::Common;
 use crate::files::progress;
 use crate::fit::stress::StressRow;
-use crate::fit::{beam, coverage, gloss, leaf, nist, sky, slab_stress, solver};
+use crate::fit::{beam, coverage, gloss, leaf, nist, sky, slab_stress, solver, translucency};
 use crate::report::rows;
 use crate::{Error, Result};
 
@@ -17,7 +17,7 @@ pub struct Args {
 type Table = (&'static str, fn() -> Result<Vec<StressRow>>);
 
 /// The tables by name. A model adds its line here.
-const TABLES: [Table; 8] = [
+const TABLES: [Table; 9] = [
     ("solve", || Ok(solver::stress())),
     ("nist", nist::stress),
     ("slab", || Ok(slab_stress::stress_cases())),
@@ -26,6 +26,7 @@ const TABLES: [Table; 8] = [
     ("coverage", || Ok(coverage::rows())),
     ("beam", || Ok(beam::stress::rows())),
     ("sky", sky::stress::rows),
+    ("translucency", translucency::stress::rows),
 ];
 
 /// A row as JSON has it: where the case got what it expects, the verdict is as short as that, and its full text (with a bound) stands apart.

@@ -14,3 +14,4 @@ pub mod slab_bench;
 pub mod slab_stress;
 pub mod solver;
 pub mod stress;
+pub mod translucency;

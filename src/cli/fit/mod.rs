@@ -8,6 +8,7 @@ pub mod gloss;
 pub mod leaf;
 pub mod sky;
 pub mod slab;
+pub mod translucency;
 
 #[derive(Debug, clap::Args)]
 pub struct Args {
@@ -27,6 +28,8 @@ enum What {
     Slab(slab::Args),
     /// Polynomials of a sky's spherical harmonics over sun and turbidity; or sun and turbidity from a picture of the sky
     Sky(sky::Args),
+    /// How the light that comes through a leaf depends on its direction: scattering inside the blade, its relief and thickness
+    Translucency(translucency::Args),
 }
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
@@ -36,5 +39,6 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         What::Gloss(a) => gloss::run(a, common),
         What::Slab(a) => slab::run(a, common),
         What::Sky(a) => sky::run(a, common),
+        What::Translucency(a) => translucency::run(a, common),
     }
 }

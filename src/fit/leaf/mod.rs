@@ -7,7 +7,7 @@ pub mod blade;
 pub mod curve;
 pub mod defect;
 mod doubt;
-mod fill;
+pub mod fill;
 mod interior;
 mod noise;
 mod output;

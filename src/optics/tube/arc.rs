@@ -11,8 +11,8 @@
 //!
 //! which is the thin-tube integral of G3 and W §3 for any normal and any camera.
 
-use super::quadrature::gauss_legendre;
 use crate::optics::gloss::{Lobe, dot, fresnel};
+use crate::quadrature::symmetric;
 use std::f64::consts::PI;
 
 /// A thin tube from a texel, in the pass's frame (travel, tube, up).
@@ -67,7 +67,7 @@ impl Rule {
     pub fn new(along: usize) -> Rule {
         let bell = (along.max(2) / 2) as i32;
         // Aliasing e^(−π²/h²) and truncation e^(−((k+1)h)²) balance at h² = π/(k + 1).
-        Rule { gauss: gauss_legendre(2 * along.max(1)), bell, step: (PI / f64::from(bell + 1)).sqrt() }
+        Rule { gauss: symmetric(2 * along.max(1)), bell, step: (PI / f64::from(bell + 1)).sqrt() }
     }
 }
 

@@ -14,11 +14,10 @@
 pub mod arc;
 pub mod fast;
 pub mod lanes;
-pub mod quadrature;
 
 use crate::optics::gloss::Lobe;
+use crate::quadrature::symmetric;
 pub use arc::{Arc, Sums};
-use quadrature::gauss_legendre;
 
 /// The lamp: axis height over the blade, lit length centred on the blade, radius (0: thin).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -92,7 +91,7 @@ pub struct Model {
 impl Model {
     /// `camera`: unit vector from the blade towards the camera.
     pub fn new(tube: Tube, camera: [f64; 3], lobe: Lobe, precision: &Precision) -> Model {
-        let across = if tube.radius_mm > 0.0 { gauss_legendre(precision.across.max(1)) } else { gauss_legendre(1) };
+        let across = if tube.radius_mm > 0.0 { symmetric(precision.across.max(1)) } else { symmetric(1) };
         Model { tube, camera, lobe, rule: arc::Rule::new(precision.along), across }
     }
 

@@ -10,10 +10,10 @@ mod respond;
 mod rules;
 
 use super::lanes::{Level, padded};
-use super::quadrature::gauss_legendre;
 use super::{Model, Travel};
 use crate::dispatch_lanes;
 use crate::optics::gloss::{Lobe, dot};
+use crate::quadrature::symmetric;
 use light::light;
 use respond::respond;
 
@@ -76,7 +76,7 @@ struct Point {
 
 /// Order `n` on [0, 1], weights for half of that.
 fn halved(n: usize) -> Vec<(f64, f64)> {
-    gauss_legendre(n.max(1)).into_iter().map(|(x, w)| (0.5 * (1.0 + x), w)).collect()
+    symmetric(n.max(1)).into_iter().map(|(x, w)| (0.5 * (1.0 + x), w)).collect()
 }
 
 impl Nodes {
@@ -105,11 +105,11 @@ impl Pass {
             travel,
             positions: positions_mm.to_vec(),
             level,
-            across: (0..=8).map(|k| if radius > 0.0 { gauss_legendre(k.max(1)) } else { gauss_legendre(1) }).collect(),
+            across: (0..=8).map(|k| if radius > 0.0 { symmetric(k.max(1)) } else { symmetric(1) }).collect(),
             nodes: Nodes {
                 bell: (-rule.bell..=rule.bell).map(full).collect(),
                 half_bell: (0..=rule.bell).map(half).collect(),
-                gauss: (0..=2 * along.max(1)).map(|n| gauss_legendre(n.max(1))).collect(),
+                gauss: (0..=2 * along.max(1)).map(|n| symmetric(n.max(1))).collect(),
                 half_gauss: (0..=along.max(1)).map(halved).collect(),
                 along: along.max(1) as f64,
                 step: rule.step,

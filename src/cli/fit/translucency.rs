@@ -1,0 +1,220 @@
+//! `mesophyll fit translucency FIT -o DIR`.
+
+use crate::cli::{Common, print, print_json};
+use crate::files::progress::say;
+use crate::fit::record::FitRecord;
+use crate::fit::translucency::tissue::Entry;
+use crate::fit::translucency::{Colour, Options, Outcome, TissueFrom, run as fit};
+use crate::optics::dipole::Form;
+use crate::optics::translucency::basis::Basis;
+use crate::{Error, Result};
+use std::path::PathBuf;
+
+/// How the light that comes through a leaf depends on where it comes from, a texel at a time: scattering inside the blade, shadows of its relief, its thickness.
+///
+/// DIR gets front.exr and back.exr (light that enters that side: coefficients on a directional basis), previews, fit.toml and times.toml.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  mesophyll fit translucency fits/elm -o fits/elm-translucency
+  mesophyll fit translucency fits/elm -o out/rgb --colour three-wavelengths
+  mesophyll fit translucency fits/elm -o out/paper --colour product --tissue table --form dipoles --dipoles 3
+  mesophyll fit translucency fits/elm -o out/noon --sun-elevation-deg 60 --sun-azimuth-deg 30     one light, no basis")]
+pub struct Args {
+    /// Folder of `fit leaf`
+    input: PathBuf,
+    /// Folder to write
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+    /// Where the colour of the light that comes through is from
+    #[arg(long, value_enum, default_value_t = ColourName::Substituted)]
+    colour: ColourName,
+    /// The one wavelength; the channel that lets most light through when absent
+    #[arg(long, value_enum)]
+    channel: Option<Channel>,
+    /// The leaf fit's slab, or the table of the sources (510 nm: sigma_a 0.4, sigma_s 10.2, g 0.07)
+    #[arg(long, value_enum, default_value_t = TissueName::Fit, conflicts_with_all = ["sigma_a", "sigma_s"])]
+    tissue: TissueName,
+    /// Absorption (1/mm) instead
+    #[arg(long, value_name = "V", requires = "sigma_s")]
+    sigma_a: Option<f64>,
+    /// Scattering (1/mm) instead
+    #[arg(long, value_name = "V", requires = "sigma_a")]
+    sigma_s: Option<f64>,
+    /// Mean cosine of scattering, with --sigma-a and --sigma-s
+    #[arg(long, value_name = "V", requires = "sigma_a", allow_negative_numbers = true)]
+    g: Option<f64>,
+    /// Light that enters: all of it, or 1 - rho_d of the texel (default: all with the fit's slab, else 1 - rho_d)
+    #[arg(long, value_enum)]
+    entry: Option<EntryName>,
+    /// Boundary term A = (1 + rho)/(1 - rho), at least 1 (default: 1 where all light enters, else from the mean rho_d)
+    #[arg(long, value_name = "A")]
+    a: Option<f64>,
+    /// Kernel: thin is right for every thickness, images and dipoles for blades thicker than a mean free path
+    #[arg(long, value_enum, default_value_t = FormName::Thin)]
+    form: FormName,
+    /// With --form dipoles: pairs j = -N to N
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(0..=1000))]
+    dipoles: u32,
+    /// Thickness levels K
+    #[arg(long, value_name = "K", default_value_t = 8, value_parser = clap::value_parser!(u16).range(2..=64))]
+    levels: u16,
+    /// Light directions over the hemisphere
+    #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u32).range(8..=100_000))]
+    lights: u32,
+    /// Functions of direction: half-life-2 (3), h-basis (6), cosine (6), spherical (9), hemispherical (9)
+    #[arg(long, value_enum, default_value_t = BasisName::HalfLife2)]
+    basis: BasisName,
+    /// One light at this elevation over the blade, instead of a basis
+    #[arg(long, value_name = "DEG", requires = "sun_azimuth_deg", conflicts_with = "basis")]
+    sun_elevation_deg: Option<f64>,
+    /// Its azimuth in the lit side's image, from right to up
+    #[arg(long, value_name = "DEG", requires = "sun_elevation_deg", allow_negative_numbers = true)]
+    sun_azimuth_deg: Option<f64>,
+    /// Compute again although the folder already holds this very fit
+    #[arg(long)]
+    force: bool,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum ColourName {
+    /// Directions at one wavelength, colour as the light box measured it
+    Substituted,
+    /// Measured colour times transmitted light, as the sources print it (dark veins count twice)
+    Product,
+    /// Red, green and blue each through the tissue
+    ThreeWavelengths,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum Channel {
+    R,
+    G,
+    B,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, clap::ValueEnum)]
+enum TissueName {
+    Fit,
+    Table,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum EntryName {
+    Matched,
+    Albedo,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum FormName {
+    Thin,
+    Images,
+    Dipoles,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum BasisName {
+    #[value(name = "half-life-2")]
+    HalfLife2,
+    HBasis,
+    Cosine,
+    Spherical,
+    Hemispherical,
+}
+
+/// A number in a range, or a sentence that names the option.
+fn within(name: &str, v: f64, low: f64, high: f64) -> Result<f64> {
+    if v >= low && v <= high {
+        return Ok(v);
+    }
+    let range = if high.is_infinite() { format!("at least {low}") } else { format!("{low} to {high}") };
+    Err(Error::Usage(format!("--{name}: found {v}, expected {range}")))
+}
+
+fn options(args: &Args) -> Result<Options> {
+    let tissue = match (args.sigma_a, args.sigma_s) {
+        (Some(a), Some(s)) => TissueFrom::Given {
+            sigma_a: within("sigma-a", a, 0.0, 1e6)?,
+            sigma_s: within("sigma-s", s, 0.0, 1e6)?,
+            g: within("g", args.g.unwrap_or(0.0), -0.999, 0.999)?,
+        },
+        _ if args.tissue == TissueName::Table => TissueFrom::Table,
+        _ => TissueFrom::Fit,
+    };
+    let sun = match (args.sun_elevation_deg, args.sun_azimuth_deg) {
+        (Some(e), Some(a)) => {
+            Some([within("sun-elevation-deg", e, 0.0, 90.0)?.to_radians(), within("sun-azimuth-deg", a, -360.0, 360.0)?.to_radians()])
+        }
+        _ => None,
+    };
+    Ok(Options {
+        colour: match args.colour {
+            ColourName::Substituted => Colour::Substituted,
+            ColourName::Product => Colour::Product,
+            ColourName::ThreeWavelengths => Colour::ThreeWavelengths,
+        },
+        channel: args.channel.map(|c| c as usize),
+        tissue,
+        entry: args.entry.map(|e| match e {
+            EntryName::Matched => Entry::Matched,
+            EntryName::Albedo => Entry::Albedo,
+        }),
+        a: args.a.map(|a| within("a", a, 1.0, f64::INFINITY)).transpose()?,
+        form: match args.form {
+            FormName::Thin => Form::Thin,
+            FormName::Images => Form::Images,
+            FormName::Dipoles => Form::Dipoles(args.dipoles),
+        },
+        levels: usize::from(args.levels),
+        lights: args.lights as usize,
+        basis: match args.basis {
+            BasisName::HalfLife2 => Basis::HalfLife2,
+            BasisName::HBasis => Basis::HBasis { count: 6 },
+            BasisName::Cosine => Basis::Cosine { degree: 3 },
+            BasisName::Spherical => Basis::Spherical { bands: 3 },
+            BasisName::Hemispherical => Basis::Hemispherical { bands: 3 },
+        },
+        sun,
+        force: args.force,
+    })
+}
+
+pub fn run(args: &Args, common: &Common) -> Result<u8> {
+    let record = match fit(&args.input, &args.output, &options(args)?)? {
+        Outcome::Done(record) => {
+            say(format!("fit written to {}", args.output.display()));
+            record
+        }
+        Outcome::UpToDate(record) => {
+            say(format!("{} already holds this fit; --force computes it again", args.output.display()));
+            record
+        }
+    };
+    if common.json {
+        print_json(&*record)?;
+    } else {
+        print(&summary(&record))?;
+    }
+    Ok(0)
+}
+
+/// A table a person can read.
+fn summary(record: &FitRecord) -> String {
+    let say = |name: &str| record.options.get(name).map_or("", String::as_str);
+    let mut text = format!("{}: colour {}, channel {}, basis {}\n", record.name, say("colour"), say("channel"), say("basis"));
+    for (name, section) in &record.sections {
+        let count = |k: &str| section.counts.get(k).copied().unwrap_or(0);
+        text += &format!("light through the {name}: {} texels", count("texels") - count("outside"));
+        if count("no_light") > 0 {
+            text += &format!(", {} that none comes through", count("no_light"));
+        }
+        text.push('\n');
+        for (parameter, p) in &section.params {
+            let values: Vec<String> = p.value.iter().map(|v| format!("{v:.4}")).collect();
+            text += &format!("  {parameter:<10} {} {}\n", values.join("   "), p.unit);
+        }
+        for (figure, value) in section.figures.iter().filter(|(k, _)| k.starts_with("basis_rms")) {
+            text += &format!("  {figure}: {:.2} % of the light that comes through\n", 100.0 * value);
+        }
+    }
+    text
+}

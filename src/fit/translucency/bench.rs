@@ -1,0 +1,125 @@
+//! What each knob of the translucency maps costs and buys: dipoles, thickness levels, map size, kernels' form.
+
+use crate::fit::bench::{BenchRow, median_us};
+use crate::optics::dipole::{Form, Tissue};
+use crate::optics::slab;
+use crate::optics::translucency::convolve::{Convolver, Settings};
+use crate::optics::translucency::levels::{LevelKind, Levels};
+use crate::{Error, Result};
+
+/// H9 Table 3.1 without its forward scattering: the transport equation that judges is isotropic.
+const TISSUE: Tissue = Tissue { sigma_a: 0.4, sigma_s: 9.486, g: 0.0, a: 1.0 };
+
+fn row(knob: &str, setting: String, error: f64, us: f64, note: String) -> BenchRow {
+    BenchRow { model: "translucency".into(), knob: knob.into(), setting, error, us, note }
+}
+
+/// Dipoles against infinitely many, and every form's total against the transport equation.
+fn forms() -> Vec<BenchRow> {
+    let mut rows = Vec::new();
+    for (d, sigma_a) in [(0.2, 0.4), (0.2, 0.01), (0.5, 0.4)] {
+        let tissue = Tissue { sigma_a, ..TISSUE };
+        let all = tissue.total(d, Form::Images);
+        for n in [0, 1, 3, 10, 30] {
+            let form = Form::Dipoles(n);
+            let error = (tissue.total(d, form) / all - 1.0).abs();
+            let us = median_us(5.0, || tissue.transmittance(0.1, d, form));
+            rows.push(row(
+                "dipoles",
+                format!("{n}, d {d}, sigma_a {sigma_a}"),
+                error,
+                us,
+                "total against infinitely many; time of one T(r, d)".into(),
+            ));
+        }
+    }
+    for d in [0.02, 0.05, 0.11, 0.2, 0.5, 1.0] {
+        let truth = slab::exact::response(TISSUE.sigma_a, TISSUE.sigma_s, d).rho_t;
+        for (name, form) in [("dipoles 3", Form::Dipoles(3)), ("images", Form::Images), ("thin", Form::Thin)] {
+            let total = TISSUE.total(d, form);
+            // NaN where a form has no answer: no row for it.
+            if total.is_finite() {
+                let us = median_us(5.0, || TISSUE.total(d, form));
+                rows.push(row(
+                    "form",
+                    format!("{name}, d {d}"),
+                    (total / truth - 1.0).abs(),
+                    us,
+                    "total against the transport equation".into(),
+                ));
+            }
+        }
+    }
+    rows
+}
+
+/// Thickness of a leaf with veins, d .15 to .5 mm.
+fn thickness(n: usize) -> Vec<f64> {
+    (0..n * n)
+        .map(|k| {
+            let (x, y) = ((k % n) as f64 / n as f64, (k / n) as f64 / n as f64);
+            let vein = (-((x - 0.5 - 0.05 * (6.0 * y).sin()) / 0.02).powi(2))
+                .exp()
+                .max(0.5 * (-(((8.0 * (x + y)).fract() - 0.5) / 0.06).powi(2)).exp());
+            0.15 + 0.05 * (9.0 * x).sin().powi(2) + 0.3 * vein
+        })
+        .collect()
+}
+
+fn convolver(n: usize, texel_mm: f64, levels: Levels) -> Result<Convolver> {
+    Convolver::with(&Settings { levels, ..Settings::new(TISSUE, texel_mm) }, n, n, 0.15, 0.5)
+}
+
+/// K of each kind of level against 64 Chebyshev levels.
+fn levels() -> Result<Vec<BenchRow>> {
+    let n = 256;
+    let (d, light) = (thickness(n), vec![vec![1.0; n * n]]);
+    let many = convolver(n, 0.1, Levels { count: 64, kind: LevelKind::Chebyshev })?.run(&d, &light).swap_remove(0);
+    let size: f64 = many.iter().map(|v| v * v).sum();
+    let mut rows = Vec::new();
+    for (name, kind) in
+        [("linear", LevelKind::Linear), ("cubic", LevelKind::Cubic), ("chebyshev", LevelKind::Chebyshev), ("svd", LevelKind::Svd)]
+    {
+        for count in [4, 6, 8, 12, 16] {
+            let made = convolver(n, 0.1, Levels { count, kind })?;
+            let few = made.run(&d, &light).swap_remove(0);
+            let rms = (few.iter().zip(&many).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / size).sqrt();
+            let us = median_us(50.0, || made.run(&d, &light));
+            rows.push(row("thickness levels", format!("{name}, K {count}"), rms, us, format!("RMS against 64 levels; one {n}x{n} image")));
+        }
+    }
+    Ok(rows)
+}
+
+/// Time of three images against the size of the map, kernels and all.
+fn sizes() -> Result<Vec<BenchRow>> {
+    let mut rows = Vec::new();
+    for n in [128, 256, 512, 1024] {
+        let texel = 102.4 / n as f64;
+        let (d, light) = (thickness(n), vec![vec![1.0; n * n]; 3]);
+        let mut failed: Option<Error> = None;
+        let us = median_us(20.0, || match convolver(n, texel, Levels::default()) {
+            Ok(made) => made.run(&d, &light).len(),
+            Err(e) => {
+                failed = Some(e);
+                0
+            }
+        });
+        if let Some(e) = failed {
+            return Err(e);
+        }
+        rows.push(row("map size", format!("{n}x{n}"), f64::NAN, us, "three images of one side, K = 8, kernels included".into()));
+    }
+    Ok(rows)
+}
+
+/// The table of `mesophyll bench translucency`.
+///
+/// # Errors
+/// None that a correct program meets.
+pub fn rows() -> Result<Vec<BenchRow>> {
+    let mut rows = forms();
+    rows.extend(levels()?);
+    rows.extend(sizes()?);
+    Ok(rows)
+}

@@ -1,0 +1,131 @@
+//! Translucency maps on disk: `front.exr`, `back.exr` (light that enters that side, columns of its camera), previews, `fit.toml`, `times.toml`.
+//!
+//! Channels: `translucency.1`, `.2` … (coefficients of f on the basis), `translucency.R1` … `.B3` (of M, three wavelengths), `translucency.Y` or `.R .G .B` (one light),
+//! and `mask.Y` (1 on the leaf).
+
+use super::side::Made;
+use super::source::{Side, Source};
+use super::tissue;
+use super::{Colour, Options};
+use crate::files::image::{Maps, Packing, to_srgb8, write_exr, write_png};
+use crate::files::{atomic, hash};
+use crate::fit::leaf::map_path;
+use crate::fit::record::{FitRecord, Param, SCHEMA, Section};
+use crate::optics::dipole::Form;
+use crate::{Error, Result};
+use std::path::Path;
+
+const RGB: [&str; 3] = ["R", "G", "B"];
+
+/// Writes the maps and says what is in them; the caller writes `fit.toml` last.
+///
+/// # Errors
+/// [`Error::Write`] for a folder or file that cannot be written.
+pub fn write(out: &Path, source: &Source, made: &[Made], options: &Options, input_hash: String) -> Result<FitRecord> {
+    // A folder without fit.toml is no fit: the old one goes before the maps change.
+    match std::fs::remove_file(out.join("fit.toml")) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(Error::write(&out.join("fit.toml"), atomic::explain(&e))),
+        _ => {}
+    }
+    let mut record = FitRecord {
+        schema: SCHEMA,
+        kind: "translucency".into(),
+        name: source.name.clone(),
+        program: concat!("mesophyll ", env!("CARGO_PKG_VERSION")).into(),
+        input_hash,
+        ..FitRecord::default()
+    };
+    let mut say = |name: &str, text: String| record.options.insert(name.into(), text);
+    say("leaf", source.hash.clone());
+    say("colour", options.colour.name().into());
+    say("channel", made.first().map(|m| m.channels.iter().map(|c| RGB[*c]).collect::<Vec<_>>().join(" ")).unwrap_or_default());
+    say("basis", options.sun.map_or(options.basis.name(), |_| "none: one light".into()));
+    if let Some([elevation, azimuth]) = options.sun {
+        say("sun_elevation_deg", format!("{:?}", elevation.to_degrees()));
+        say("sun_azimuth_deg", format!("{:?}", azimuth.to_degrees()));
+    }
+    say("entry", tissue::entry(options).name().into());
+    say("form", form(options.form));
+    say("levels", options.levels.to_string());
+    say("lights", options.lights.to_string());
+    say("size", format!("{}x{}", source.width, source.height));
+    say("texel_mm", format!("{:?}", source.texel_mm));
+    say("frame", "columns and tangent frame of the side that light enters: x right, y up, z out of it".into());
+    for (side, source_side) in made.iter().zip(&source.sides) {
+        let maps = maps(source, side, options);
+        let path = map_path(out, side.side, "");
+        write_exr(&path, &maps, Packing::Zip)?;
+        preview(out, source, side)?;
+        let file = map_path(Path::new(""), side.side, "").to_string_lossy().into_owned();
+        record.files.insert(file, hash::file(&path)?);
+        record.sections.insert(side.side.name().into(), section(source, source_side, side));
+    }
+    Ok(record)
+}
+
+/// `thin`, `images`, `dipoles 3`.
+fn form(form: Form) -> String {
+    match form {
+        Form::Thin => "thin".into(),
+        Form::Images => "images".into(),
+        Form::Dipoles(n) => format!("dipoles {n}"),
+    }
+}
+
+/// Name of coefficient `i` (from 0) of channel `c`.
+pub fn channel(options: &Options, c: usize, i: usize) -> String {
+    match (options.colour, options.sun) {
+        (Colour::ThreeWavelengths, Some(_)) => format!("translucency.{}", RGB[c]),
+        (Colour::ThreeWavelengths, None) => format!("translucency.{}{}", RGB[c], i + 1),
+        (_, Some(_)) => "translucency.Y".into(),
+        (_, None) => format!("translucency.{}", i + 1),
+    }
+}
+
+fn maps(source: &Source, side: &Made, options: &Options) -> Maps {
+    let mut maps = Maps::new(source.width, source.height);
+    for (c, images) in side.channels.iter().zip(&side.coefficients) {
+        for (i, image) in images.iter().enumerate() {
+            maps.push(channel(options, *c, i), image.iter().map(|v| *v as f32).collect());
+        }
+    }
+    maps.push("mask.Y", side.mask.iter().map(|m| f32::from(u8::from(*m))).collect());
+    maps
+}
+
+/// The first three images as a colour picture, 0 dark and the 99th percentile bright: flat places are grey, flanks coloured (as H9 Fig. 3.16).
+fn preview(out: &Path, source: &Source, side: &Made) -> Result<()> {
+    let Some(images) = side.coefficients.first() else { return Ok(()) };
+    let mut all: Vec<f64> = images.iter().flat_map(|i| i.iter().zip(&side.mask).filter(|(_, m)| **m).map(|(v, _)| *v)).collect();
+    all.sort_unstable_by(f64::total_cmp);
+    let top = all.get(all.len() * 99 / 100).copied().unwrap_or(1.0).max(1e-12);
+    let bytes: Vec<u8> = (0..side.mask.len())
+        .flat_map(|k| {
+            let of = |i: usize| to_srgb8((0.8 * images[i.min(images.len() - 1)][k] / top).clamp(0.0, 1.0) as f32);
+            [of(0), of(1), of(2), if side.mask[k] { 255 } else { 0 }]
+        })
+        .collect();
+    write_png(&out.join(format!("{}_translucency.png", side.side.name())), source.width, source.height, &bytes)
+}
+
+fn section(source: &Source, of: &Side, side: &Made) -> Section {
+    let mut s = Section { figures: side.figures.clone(), ..Section::default() };
+    let on = side.mask.iter().filter(|m| **m).count();
+    s.counts.insert("texels".into(), side.mask.len());
+    s.counts.insert("outside".into(), side.mask.len() - on);
+    s.counts.insert("good".into(), on - side.dark.min(on));
+    s.counts.insert("no_light".into(), side.dark);
+    let mut say = |name: &str, unit: &str, of: &dyn Fn(usize) -> f64| {
+        // Taken over from the leaf fit or from the user: no error of this computation's own.
+        let value: Vec<f64> = (0..side.tissue.len()).map(of).collect();
+        s.params.insert(name.into(), Param { stderr: vec![f64::NAN; value.len()], value, unit: unit.into(), undetermined: Vec::new() });
+    };
+    say("sigma_a", "1/mm", &|k| side.tissue[k].sigma_a);
+    say("sigma_s", "1/mm", &|k| side.tissue[k].sigma_s);
+    say("g", "", &|k| side.tissue[k].g);
+    say("a", "", &|k| side.tissue[k].a);
+    s.figures.insert("slope_residual".into(), of.slope_residual);
+    s.figures.insert("mean_free_path_mm".into(), side.tissue[0].mean_free_path());
+    s.figures.insert("texel_over_mean_free_path".into(), source.texel_mm / side.tissue[0].mean_free_path());
+    s
+}

@@ -1,0 +1,157 @@
+//! One lit side: irradiance projected onto the basis, sent through the tissue, normalised, judged.
+
+use super::source::{Side, Source};
+use super::tissue::{self, Entry};
+use super::{Colour, Options, TissueFrom, colour, judge};
+use crate::capture::manifest::SideName;
+use crate::fit::record::Phase;
+use crate::optics::dipole::Tissue;
+use crate::optics::translucency::basis::{Projector, Weights};
+use crate::optics::translucency::blade::{self, LitSide, Surface};
+use crate::optics::translucency::convolve::{Convolver, Settings, Totals};
+use crate::optics::translucency::horizon::Horizon;
+use crate::optics::translucency::irradiance::{self, Visibility};
+use crate::optics::translucency::levels::Levels;
+use crate::optics::translucency::lights::{Lights, Rule};
+use crate::{Error, Result};
+use rayon::prelude::*;
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::f64::consts::PI;
+use std::time::Instant;
+
+/// What one lit side came to; images in the columns of its camera.
+#[derive(Debug, Clone)]
+pub struct Made {
+    pub side: SideName,
+    pub mask: Vec<bool>,
+    /// Channels computed (0 red, 1 green, 2 blue) and the tissue of each.
+    pub channels: Vec<usize>,
+    pub tissue: Vec<Tissue>,
+    /// A channel, a basis function: coefficients of f, or of M with three wavelengths. With a fixed sun one image a channel, the value itself.
+    pub coefficients: Vec<Vec<Vec<f64>>>,
+    /// Texels on the leaf that no light comes through.
+    pub dark: usize,
+    pub figures: BTreeMap<String, f64>,
+}
+
+/// The lit side as the light transport takes it, in channel `c`.
+pub fn surface(side: &Side, c: usize, entry: Entry) -> Surface {
+    let entry = match entry {
+        Entry::Matched => vec![1.0; side.mask.len()],
+        Entry::Albedo => side.rho_d[c].iter().map(|r| (1.0 - f64::from(*r)).clamp(0.0, 1.0)).collect(),
+    };
+    Surface { height: side.height.clone(), normal: side.normal.clone(), entry }
+}
+
+/// The side lit, over its surface.
+pub fn lit<'a>(source: &Source, side: &'a Side, surface: &'a Surface) -> LitSide<'a> {
+    LitSide {
+        side: if side.name == SideName::Front { blade::Side::Front } else { blade::Side::Back },
+        width: source.width,
+        height: source.height,
+        texel_mm: source.texel_mm,
+        mask: Cow::from(&side.mask),
+        thickness: Cow::from(&side.thickness),
+        surface,
+    }
+}
+
+/// The transport through one side's tissue.
+///
+/// # Errors
+/// [`Error::Missed`] for a tissue or a thickness that no kernel can be made of.
+pub fn convolver(source: &Source, side: &Side, tissue: &Tissue, options: &Options) -> Result<Convolver> {
+    let range = side
+        .thickness
+        .iter()
+        .zip(&side.mask)
+        .filter(|(_, m)| **m)
+        .fold([f64::INFINITY, 0.0], |[a, b]: [f64; 2], (d, _)| [a.min(*d), b.max(*d)]);
+    let settings = Settings {
+        form: options.form,
+        levels: Levels { count: options.levels, ..Levels::default() },
+        // LEAFMOD's coefficients belong to the transport equation: a flat uniform leaf then lets through what the slab says.
+        totals: if options.tissue == TissueFrom::Fit { Totals::Transport } else { Totals::Form },
+        ..Settings::new(*tissue, source.texel_mm)
+    };
+    Convolver::with(&settings, source.width, source.height, range[0], range[1])
+        .map_err(|e| Error::Missed(format!("{} {}: {e}", source.name, side.name.name())))
+}
+
+/// Computes one side's maps.
+///
+/// # Errors
+/// [`Error::Missed`] for a slab that the leaf fit did not determine, or that no kernel can be made of; [`Error::Usage`] for lights that do not determine the basis.
+pub fn make(source: &Source, side: &Side, channels: &[usize], options: &Options, phases: &mut Vec<Phase>) -> Result<Made> {
+    let name = side.name.name();
+    let mut phase =
+        |what: &str, since: Instant| phases.push(Phase { name: format!("{name}: {what}"), seconds: since.elapsed().as_secs_f64() });
+    let step = Instant::now();
+    let first = surface(side, channels[0], tissue::entry(options));
+    let horizon = Horizon::new(&lit(source, side, &first));
+    phase("horizon map", step);
+
+    let lights = Lights::new(Rule::Stratified { count: options.lights, seed: 1 });
+    let mut projector = Projector::new(options.basis, &lights, Weights::Gram).map_err(Error::Usage)?;
+    // The last image is the light from everywhere, which the measured colour is divided by; its weights are scaled so that these very directions
+    // give a flat leaf its π.
+    let cosines: f64 = lights.directions.iter().zip(&lights.weights).map(|(d, w)| w * d[2]).sum();
+    projector.matrix.push(lights.weights.iter().map(|w| w * PI / cosines).collect());
+    let mut made = Made {
+        side: side.name,
+        mask: side.mask.clone(),
+        channels: channels.to_vec(),
+        tissue: Vec::new(),
+        coefficients: Vec::new(),
+        dark: 0,
+        figures: BTreeMap::new(),
+    };
+    for &c in channels {
+        let tissue = tissue::of(side, c, options)?;
+        let surface = surface(side, c, tissue::entry(options));
+        let lit = lit(source, side, &surface);
+        let step = Instant::now();
+        let mut sources = irradiance::project(&lit, &horizon, &projector, Visibility::Hard);
+        if let Some([elevation, azimuth]) = options.sun {
+            let total = sources.pop().unwrap_or_default();
+            sources = vec![irradiance::irradiance(&lit, &horizon, judge::direction(elevation, azimuth), Visibility::Hard), total];
+        }
+        phase("irradiance and projection", step);
+        let step = Instant::now();
+        let convolver = convolver(source, side, &tissue, options)?;
+        phase("kernels", step);
+        let step = Instant::now();
+        let mut images = convolver.run(&side.thickness, &sources);
+        phase("convolution", step);
+        let total = images.pop().unwrap_or_default();
+        let dark = match options.colour {
+            Colour::Substituted => colour::substitute(&mut images, &total, &flat(options), &side.mask),
+            Colour::Product => colour::level(&mut images, &total, &side.mask),
+            Colour::ThreeWavelengths => 0,
+        };
+        made.dark = made.dark.max(dark);
+        if options.sun.is_none() {
+            let step = Instant::now();
+            let letter = ["R", "G", "B"][c];
+            let scale = judge::Scale { colour: options.colour, total: &total, mask: &side.mask };
+            for (figure, value) in judge::against_full(&lit, &horizon, &convolver, options.basis, &images, &scale) {
+                made.figures.insert(format!("{figure}_{letter}"), value);
+            }
+            phase("judging the basis", step);
+        }
+        made.tissue.push(tissue);
+        made.coefficients.push(images);
+    }
+    Ok(made)
+}
+
+/// Coefficients of a flat uniform leaf, f = n·ω.
+fn flat(options: &Options) -> Vec<f64> {
+    if let Some([elevation, _]) = options.sun {
+        return vec![elevation.sin()];
+    }
+    let lights = Lights::new(Rule::Product { levels: 16, azimuths: 16 });
+    let samples: Vec<f64> = lights.directions.par_iter().map(|d| d[2]).collect();
+    Projector::new(options.basis, &lights, Weights::Gram).map(|p| p.project(&samples)).unwrap_or_default()
+}

@@ -1,0 +1,83 @@
+//! Which tissue light is sent through: the slab that the leaf fit found, the sources' table, or numbers from the user; and how light gets in.
+//!
+//! Two consistent pictures of a leaf's surface exist. LEAFMOD's (`fit`): index-matched, all light enters, what is reflected diffusely comes back out of the
+//! tissue, A = 1. H7's (`table`, numbers): the diffuse reflectance is the surface's, 1 − ρd enters (H9 Eq. 3.9, 3.13), and A = (1 + ρd)/(1 − ρd) of its mean
+//! (H9 Eq. 3.4) says what is reflected back inside.
+
+use super::source::Side;
+use super::{Options, TissueFrom};
+use crate::optics::dipole::Tissue;
+use crate::{Error, Result};
+
+/// H9 Table 3.1, at 510 nm (1/mm).
+pub const TABLE: [f64; 3] = [0.4, 10.2, 0.07];
+
+/// How much light enters a texel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Entry {
+    /// All of it.
+    Matched,
+    /// 1 − ρd of the texel.
+    Albedo,
+}
+
+impl Entry {
+    pub fn name(self) -> &'static str {
+        match self {
+            Entry::Matched => "matched",
+            Entry::Albedo => "albedo",
+        }
+    }
+}
+
+/// What the options leave open of how light enters.
+pub fn entry(options: &Options) -> Entry {
+    options.entry.unwrap_or(match options.tissue {
+        TissueFrom::Fit => Entry::Matched,
+        TissueFrom::Table | TissueFrom::Given { .. } => Entry::Albedo,
+    })
+}
+
+/// The tissue behind one side in channel `c`.
+///
+/// # Errors
+/// [`Error::Missed`] when the leaf fit did not determine the slab of this channel and no other tissue was asked for.
+pub fn of(side: &Side, c: usize, options: &Options) -> Result<Tissue> {
+    let [sigma_a, sigma_s, g] = match options.tissue {
+        TissueFrom::Fit => {
+            let letter = ["R", "G", "B"][c];
+            if let Some(why) =
+                side.undetermined.iter().find(|u| ["sigma_a", "sigma_s"].iter().any(|n| u.starts_with(&format!("{n}.{letter}"))))
+            {
+                return Err(Error::Missed(format!(
+                    "the leaf fit leaves this undetermined on its {}: {why}; choose --channel, --tissue table or --sigma-a and --sigma-s",
+                    side.name.name()
+                )));
+            }
+            [side.sigma_a[c], side.sigma_s[c], 0.0]
+        }
+        TissueFrom::Table => TABLE,
+        TissueFrom::Given { sigma_a, sigma_s, g } => [sigma_a, sigma_s, g],
+    };
+    let a = options.a.unwrap_or_else(|| match entry(options) {
+        Entry::Matched => 1.0,
+        Entry::Albedo => {
+            let rho = mean(&side.rho_d[c], &side.mask).clamp(0.0, 0.99);
+            (1.0 + rho) / (1.0 - rho)
+        }
+    });
+    Ok(Tissue { sigma_a, sigma_s, g, a })
+}
+
+/// The channel that lets most light through: green for green leaves, red for red ones (H9 p. 50: one dominant wavelength).
+pub fn dominant(sides: &[Side]) -> usize {
+    let level = |c: usize| sides.iter().map(|s| mean(&s.rho_t[c], &s.mask)).sum::<f64>();
+    (0..3).fold(0, |best, c| if level(c) > level(best) { c } else { best })
+}
+
+/// Mean over the leaf.
+pub fn mean(plane: &[f32], mask: &[bool]) -> f64 {
+    let (sum, count) =
+        plane.iter().zip(mask).filter(|(v, m)| **m && v.is_finite()).fold((0.0, 0usize), |(s, n), (v, _)| (s + f64::from(*v), n + 1));
+    sum / count.max(1) as f64
+}
