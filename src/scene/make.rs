@@ -14,6 +14,7 @@ use crate::capture::synth::leaf::Leaf as Grown;
 use crate::capture::synth::{scan, spec::Spec};
 use crate::files::{atomic, progress};
 use crate::fit::leaf as fit;
+use crate::fit::translucency as through;
 use crate::optics::gloss;
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -81,9 +82,9 @@ pub fn translucencies(manifest: &Manifest, plan: &Plan, out: &Path, ledger: &Led
 }
 
 /// Makes the translucency maps of the leaf fitted into `leaf`.
-fn translucency(leaf: &Path, folder: &Path, _afresh: bool, _ledger: &Ledger) -> Result<()> {
-    let what = format!("there are no translucency maps of {} here; `mesophyll fit translucency` makes them", leaf.display());
-    Err(Error::input(folder, what))
+pub fn translucency(leaf: &Path, folder: &Path, afresh: bool, ledger: &Ledger) -> Result<()> {
+    let options = through::Options { force: afresh, ..through::Options::default() };
+    ledger.note("fit", format!("{} translucency", leaf.display()), 0, || through::run(leaf, folder, &options)).map(|_| ())
 }
 
 /// The scan of a leaf, made now unless a whole one of the same specification is there.

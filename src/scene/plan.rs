@@ -316,7 +316,7 @@ fn leaf_plan(
     }
     plan.source = Some(source);
     if placed {
-        plan.translucency = translucency::find(manifest, index, out)?;
+        plan.translucency = translucency::find(manifest, index, out, plan.fitted.as_ref())?;
     }
     let sky = manifest.sky.is_some();
     let mut card_facing = Facing::default();

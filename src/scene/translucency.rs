@@ -11,13 +11,17 @@ use super::manifest::Manifest;
 use super::plan::{LeafPlan, LeftOut, Need, Plan, sun_direction};
 use super::plan_leaf::SIDES;
 use super::source::{Source, Status};
+use super::sunlit::Inside;
 use super::texel_frame;
 use crate::capture::manifest::SideName;
+use crate::files::hash;
+use crate::fit::record::FitRecord;
 use crate::{Error, Result};
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
 
 /// Bytes of a texel on the adapter, a layer: four half floats.
 const TEXEL_BYTES: u64 = 8;
@@ -32,6 +36,22 @@ pub struct Translucent {
     pub fitted: Option<Fitted>,
     /// Coefficients for light that enters the front and the back, without holes; only what the plan needs.
     pub maps: [Option<Coefficients>; 2],
+    /// For the reference renderer, made when it first asks.
+    inside: Arc<OnceLock<Option<Inside>>>,
+}
+
+impl Translucent {
+    /// What the reference renderer evaluates; `leaf` is the one this belongs to.
+    ///
+    /// # Errors
+    /// As [`Inside::new`].
+    pub fn inside(&self, leaf: &LeafPlan) -> Result<Option<&Inside>> {
+        if self.inside.get().is_none() {
+            let made = Inside::new(leaf)?;
+            let _ = self.inside.set(made);
+        }
+        Ok(self.inside.get().and_then(Option::as_ref))
+    }
 }
 
 /// Half-Life 2 coefficients a texel.
@@ -61,21 +81,36 @@ pub fn folder(manifest: &Manifest, index: usize, out: &Path) -> PathBuf {
 ///
 /// # Errors
 /// [`Error::Input`] for a folder of another kind of fit.
-pub fn find(manifest: &Manifest, index: usize, out: Option<&Path>) -> Result<Option<Translucent>> {
+pub fn find(manifest: &Manifest, index: usize, out: Option<&Path>, fitted_leaf: Option<&Fitted>) -> Result<Option<Translucent>> {
     let leaf = &manifest.leaves[index];
     let Some(asked) = &leaf.translucency else { return Ok(None) };
     let named = asked.fit.as_ref().map(|f| manifest.resolve(f));
     let made = out.map(|o| folder(manifest, index, o));
     let exists = |f: &Option<PathBuf>| f.clone().filter(|f| f.join("fit.toml").is_file());
-    let found = exists(&made).map(|f| (f, false)).or_else(|| exists(&named).map(|f| (f, true)));
+    // What the maps were made from, where they say it, must be the leaf's fit as it is now.
+    let now = fitted_leaf.map(|f| hash::file(&f.folder.join("fit.toml"))).transpose()?;
+    let mut stale = false;
+    let mut found = None;
+    for (place, is_named) in [(exists(&made), false), (exists(&named), true)] {
+        let Some(place) = place else { continue };
+        let from = FitRecord::read(&place)?.options.get("leaf").cloned();
+        if from.is_some() && now.is_some() && from != now {
+            stale = true;
+        } else if found.is_none() {
+            found = Some((place, is_named));
+        }
+    }
     let Some((place, is_named)) = found else {
-        let why = "not made yet; `mesophyll run` and `check` make it from the leaf's fit".into();
-        let source = Source { status: Status::Missing, folder: made, named: false, why };
-        return Ok(Some(Translucent { source, fitted: None, maps: Default::default() }));
+        let (status, why) = match stale {
+            true => (Status::Stale, "the leaf's fit changed since the maps were made"),
+            false => (Status::Missing, "not made yet; `mesophyll run` and `check` make it from the leaf's fit"),
+        };
+        let source = Source { status, folder: made, named: false, why: why.into() };
+        return Ok(Some(Translucent { source, fitted: None, maps: Default::default(), inside: Default::default() }));
     };
     let fitted = Fitted::open_as(&format!("{}/translucency", leaf.name), &place, "translucency")?;
     let source = Source { status: Status::Reuse, folder: Some(place), named: is_named, why: "the scene asks for it".into() };
-    Ok(Some(Translucent { source, fitted: Some(fitted), maps: Default::default() }))
+    Ok(Some(Translucent { source, fitted: Some(fitted), maps: Default::default(), inside: Default::default() }))
 }
 
 /// Lists the maps themselves as needed or left out.
@@ -154,6 +189,10 @@ fn read(leaf: &LeafPlan, s: usize, fitted: &Fitted, file: &str, ledger: &Ledger)
         let what =
             format!("found {}x{} texels, expected {}x{} as of the leaf's other maps", info.width, info.height, leaf.size[0], leaf.size[1]);
         return Err(Error::input(&path, what));
+    }
+    if let Some(basis) = fitted.record.options.get("basis").filter(|b| *b != "half-life 2") {
+        let what = format!("found {basis}, expected half-life 2, which the renderers evaluate");
+        return Err(Error::field(&fitted.folder.join("fit.toml"), "options.basis", what));
     }
     let colour = info.channels.iter().any(|c| c == "translucency.R1");
     let names: Vec<String> = if colour {
