@@ -3,7 +3,7 @@
 //! Everything lands under the run's folder (`captures/LEAF`, `fits/LEAF`) and is kept: a run that was stopped goes on where it was.
 
 use super::ledger::Ledger;
-use super::manifest::{Leaf, Lobe, Manifest, Scan};
+use super::manifest::{Colour, Leaf, Lobe, Manifest, Scan, Tissue, Translucency};
 use super::plan::Plan;
 use super::source;
 use super::translucency;
@@ -76,14 +76,23 @@ pub fn translucencies(manifest: &Manifest, plan: &Plan, out: &Path, ledger: &Led
     for &index in &lacking {
         let Some(fitted) = &plan.leaves[index].fitted else { continue };
         stop()?;
-        translucency(&fitted.folder, &translucency::folder(manifest, index, out), false, ledger)?;
+        let asked = manifest.leaves[index].translucency.clone().unwrap_or_default();
+        translucency(&fitted.folder, &translucency::folder(manifest, index, out), &asked, ledger)?;
     }
     Ok(!lacking.is_empty())
 }
 
 /// Makes the translucency maps of the leaf fitted into `leaf`.
-pub fn translucency(leaf: &Path, folder: &Path, afresh: bool, ledger: &Ledger) -> Result<()> {
-    let options = through::Options { force: afresh, ..through::Options::default() };
+fn translucency(leaf: &Path, folder: &Path, asked: &Translucency, ledger: &Ledger) -> Result<()> {
+    let tissue = match asked.tissue {
+        Tissue::Fit => through::TissueFrom::Fit,
+        Tissue::Table => through::TissueFrom::Table,
+    };
+    let colour = match asked.colour {
+        Colour::Substituted => through::Colour::Substituted,
+        Colour::ThreeWavelengths => through::Colour::ThreeWavelengths,
+    };
+    let options = through::Options { tissue, colour, ..through::Options::default() };
     ledger.note("fit", format!("{} translucency", leaf.display()), 0, || through::run(leaf, folder, &options)).map(|_| ())
 }
 

@@ -79,6 +79,29 @@ impl Leaf {
 pub struct Translucency {
     /// A folder of `fit translucency`; made in the run's own folder when it is absent or not there.
     pub fit: Option<PathBuf>,
+    /// What light is sent through when they are made.
+    #[serde(default)]
+    pub tissue: Tissue,
+    #[serde(default)]
+    pub colour: Colour,
+}
+
+/// The slab that the leaf's fit found, or the table of Habel 2009 (one wavelength, 510 nm).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Tissue {
+    #[default]
+    Fit,
+    Table,
+}
+
+/// One wavelength with the measured colour, or each channel through the tissue.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Colour {
+    #[default]
+    Substituted,
+    ThreeWavelengths,
 }
 
 /// A synthetic scan to make when there is no capture: what `mesophyll synth` is told.

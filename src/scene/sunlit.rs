@@ -195,9 +195,13 @@ fn form(name: &str) -> Option<Form> {
 /// The `k`-th channel's tissue.
 fn tissue(file: &Path, section: &Section, side: &str, k: usize) -> Result<Tissue> {
     let one = |name: &str| {
-        section.params.get(name).and_then(|p| p.value.get(k)).copied().filter(|v| v.is_finite()).ok_or_else(|| {
-            Error::field(file, &format!("{side}.{name}"), format!("expected at least {} finite numbers", k + 1))
-        })
+        section
+            .params
+            .get(name)
+            .and_then(|p| p.value.get(k))
+            .copied()
+            .filter(|v| v.is_finite())
+            .ok_or_else(|| Error::field(file, &format!("{side}.{name}"), format!("expected at least {} finite numbers", k + 1)))
     };
     Ok(Tissue { sigma_a: one("sigma_a")?, sigma_s: one("sigma_s")?, g: one("g")?, a: one("a")? })
 }
@@ -240,21 +244,24 @@ impl Inside {
                 }
                 lit
             }
-            Some(Way::AsTheyAre) => {
-                let Some(coefficients) = leaf.translucency.as_ref().and_then(|t| t.maps[s].as_ref()) else { return Vec::new() };
-                suns.iter()
-                    .map(|sun| {
-                        let of = |map: &[[f32; 3]]| -> Vec<f32> {
-                            map.iter().enumerate().map(|(k, h)| value(*h, self.turned(s, *sun, k)) as f32).collect()
-                        };
-                        match coefficients {
-                            Coefficients::Factor(map) => Sunlit::Factor(Arc::new(of(map))),
-                            Coefficients::Colour(maps) => Sunlit::Colour(Arc::new([of(&maps[0]), of(&maps[1]), of(&maps[2])])),
-                        }
-                    })
-                    .collect()
-            }
+            Some(Way::AsTheyAre) => self.stored(leaf, s, suns),
         }
+    }
+
+    /// The same by the stored coefficients: what the full convolution differs from by is the basis' error.
+    pub fn stored(&self, leaf: &LeafPlan, s: usize, suns: &[DVec3]) -> Vec<Sunlit> {
+        let Some(coefficients) = leaf.translucency.as_ref().and_then(|t| t.maps[s].as_ref()) else { return Vec::new() };
+        suns.iter()
+            .map(|sun| {
+                let of = |map: &[[f32; 3]]| -> Vec<f32> {
+                    map.iter().enumerate().map(|(k, h)| value(*h, self.turned(s, *sun, k)) as f32).collect()
+                };
+                match coefficients {
+                    Coefficients::Factor(map) => Sunlit::Factor(Arc::new(of(map))),
+                    Coefficients::Colour(maps) => Sunlit::Colour(Arc::new([of(&maps[0]), of(&maps[1]), of(&maps[2])])),
+                }
+            })
+            .collect()
     }
 }
 
@@ -284,6 +291,19 @@ fn spread(map: &mut Sunlit, mask: &[bool], width: usize) {
 /// # Errors
 /// [`Error::Input`] for a leaf whose maps cannot be read.
 pub fn relight(world: &mut World, plan: &Plan, eyes: &[DVec3]) -> Result<()> {
+    light(world, plan, eyes, false)
+}
+
+/// As [`relight`], by the stored coefficients instead of the convolution; whether there was anything to light so.
+///
+/// # Errors
+/// As [`relight`].
+pub fn relight_as_stored(world: &mut World, plan: &Plan, eyes: &[DVec3]) -> Result<bool> {
+    light(world, plan, eyes, true)?;
+    Ok(!world.through.is_empty())
+}
+
+fn light(world: &mut World, plan: &Plan, eyes: &[DVec3], stored: bool) -> Result<()> {
     world.through.clear();
     let Some(found) = &world.sun else { return Ok(()) };
     let (sun, radius) = (found.direction.normalize_or_zero(), found.radius);
@@ -307,8 +327,11 @@ pub fn relight(world: &mut World, plan: &Plan, eyes: &[DVec3]) -> Result<()> {
             let shown: Vec<usize> = own.iter().filter(|(_, f)| f.through[1 - s]).map(|(i, _)| *i).collect();
             let local = |i: &usize| (DMat3::from_mat4(instances[*i].transform).inverse() * sun).normalize_or_zero();
             // Two suns share the transforms of a convolution.
-            let lit: Vec<Sunlit> =
-                shown.par_chunks(2).flat_map_iter(|pair| inside.lit(leaf, s, &pair.iter().map(local).collect::<Vec<_>>(), radius)).collect();
+            let of = |pair: &[usize]| {
+                let suns: Vec<DVec3> = pair.iter().map(local).collect();
+                if stored { inside.stored(leaf, s, &suns) } else { inside.lit(leaf, s, &suns, radius) }
+            };
+            let lit: Vec<Sunlit> = shown.par_chunks(2).flat_map_iter(of).collect();
             for (i, map) in shown.into_iter().zip(lit) {
                 through[i].entering[s] = Some(map);
             }

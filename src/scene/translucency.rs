@@ -7,7 +7,7 @@
 use super::display::displayed;
 use super::fitted::{Fitted, fill};
 use super::ledger::Ledger;
-use super::manifest::Manifest;
+use super::manifest::{Colour, Manifest, Tissue, Translucency as Asked};
 use super::plan::{LeafPlan, LeftOut, Need, Plan, sun_direction};
 use super::plan_leaf::SIDES;
 use super::source::{Source, Status};
@@ -19,6 +19,7 @@ use crate::fit::record::FitRecord;
 use crate::{Error, Result};
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
@@ -93,8 +94,9 @@ pub fn find(manifest: &Manifest, index: usize, out: Option<&Path>, fitted_leaf: 
     let mut found = None;
     for (place, is_named) in [(exists(&made), false), (exists(&named), true)] {
         let Some(place) = place else { continue };
-        let from = FitRecord::read(&place)?.options.get("leaf").cloned();
-        if from.is_some() && now.is_some() && from != now {
+        let said = FitRecord::read(&place)?.options;
+        let from = said.get("leaf");
+        if (from.is_some() && now.is_some() && from != now.as_ref()) || !as_asked(asked, &said) {
             stale = true;
         } else if found.is_none() {
             found = Some((place, is_named));
@@ -102,7 +104,7 @@ pub fn find(manifest: &Manifest, index: usize, out: Option<&Path>, fitted_leaf: 
     }
     let Some((place, is_named)) = found else {
         let (status, why) = match stale {
-            true => (Status::Stale, "the leaf's fit changed since the maps were made"),
+            true => (Status::Stale, "the leaf's fit, or what the scene asks of it, changed since the maps were made"),
             false => (Status::Missing, "not made yet; `mesophyll run` and `check` make it from the leaf's fit"),
         };
         let source = Source { status, folder: made, named: false, why: why.into() };
@@ -111,6 +113,20 @@ pub fn find(manifest: &Manifest, index: usize, out: Option<&Path>, fitted_leaf: 
     let fitted = Fitted::open_as(&format!("{}/translucency", leaf.name), &place, "translucency")?;
     let source = Source { status: Status::Reuse, folder: Some(place), named: is_named, why: "the scene asks for it".into() };
     Ok(Some(Translucent { source, fitted: Some(fitted), maps: Default::default(), inside: Default::default() }))
+}
+
+/// Whether maps that say how they were made were made as the scene asks.
+fn as_asked(asked: &Asked, said: &BTreeMap<String, String>) -> bool {
+    let colour = match asked.colour {
+        Colour::Substituted => "substituted",
+        Colour::ThreeWavelengths => "three-wavelengths",
+    };
+    // The slab of a fit lets all light in, the table's tissue what is not reflected.
+    let entry = match asked.tissue {
+        Tissue::Fit => "matched",
+        Tissue::Table => "albedo",
+    };
+    said.get("colour").is_none_or(|c| c == colour) && said.get("entry").is_none_or(|e| e == entry)
 }
 
 /// Lists the maps themselves as needed or left out.

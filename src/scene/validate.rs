@@ -146,7 +146,12 @@ fn leaves(p: &Place) -> Result<()> {
                 return Err(p.error(HEADER, i, "like", "given beside a fit, capture or scan of its own; expected one of the two"));
             }
             if p.manifest.leaf_index(like).is_some_and(|k| p.manifest.leaves[k].like.is_some()) {
-                return Err(p.error(HEADER, i, "like", format!("\"{like}\" is like another one itself; expected a leaf with data of its own")));
+                return Err(p.error(
+                    HEADER,
+                    i,
+                    "like",
+                    format!("\"{like}\" is like another one itself; expected a leaf with data of its own"),
+                ));
             }
         } else if !own {
             return Err(p.error(HEADER, i, "fit", "missing; expected a fit folder, a capture or a scan"));
