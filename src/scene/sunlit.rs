@@ -11,7 +11,7 @@ use super::translucency::{Coefficients, front_texel, value};
 use crate::fit::record::{FitRecord, Section};
 use crate::fit::translucency::source::Source;
 use crate::fit::translucency::tissue::Entry;
-use crate::fit::translucency::{colour, side};
+use crate::fit::translucency::{Area, colour, side};
 use crate::optics::dipole::{Form, Tissue};
 use crate::optics::translucency::basis::{Basis, Projector, Weights};
 use crate::optics::translucency::blade::Surface;
@@ -97,6 +97,11 @@ impl Convolved {
             Some("albedo") => Entry::Albedo,
             _ => return Err(bad("entry", "matched or albedo")),
         };
+        let area = match said("area") {
+            Some("facet") => Area::Facet,
+            Some("texel") => Area::Texel,
+            _ => return Err(bad("area", "facet or texel")),
+        };
         let form = said("form").and_then(form).ok_or_else(|| bad("form", "thin, images or dipoles N"))?;
         let source = Source::read(leaf)?;
         let name = SIDES[s];
@@ -105,19 +110,18 @@ impl Convolved {
         let letters: Vec<&str> = said("channel").unwrap_or_default().split_whitespace().collect();
         let channels: Option<Vec<usize>> = letters.iter().map(|l| ["R", "G", "B"].iter().position(|c| c == l)).collect();
         let channels = channels.filter(|c| !c.is_empty()).ok_or_else(|| bad("channel", "R, G or B"))?;
-        let plain = side::surface(&source.sides[at], channels[0], entry);
+        let plain = side::surface(&source.sides[at], channels[0], entry, area);
         let horizon = Horizon::new(&side::lit(&source, &source.sides[at], &plain));
         let mut out = Convolved { source, at, horizon, channels: Vec::new(), colour };
         for (k, c) in channels.into_iter().enumerate() {
             let tissue = tissue(&file, section, name.name(), k)?;
-            out.channels.push(out.channel(c, entry, form, tissue)?);
+            out.channels.push(out.channel(c, side::surface(&out.source.sides[at], c, entry, area), form, tissue)?);
         }
         Ok(Some(out))
     }
 
-    fn channel(&self, c: usize, entry: Entry, form: Form, tissue: Tissue) -> Result<Channel> {
+    fn channel(&self, c: usize, surface: Surface, form: Form, tissue: Tissue) -> Result<Channel> {
         let of = &self.source.sides[self.at];
-        let surface = side::surface(of, c, entry);
         let slab = tissue.sigma_a == of.sigma_a[c] && tissue.sigma_s == of.sigma_s[c] && tissue.g == 0.0;
         let settings = Settings {
             form,
