@@ -220,6 +220,9 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             record
         }
     };
+    if let Some(why) = record.options.get("doubt") {
+        say(format!("warning: {why}; the maps are not to be relied on"));
+    }
     if common.json {
         print_json(&*record)?;
     } else {
