@@ -48,7 +48,7 @@ pub fn write(out: &Path, source: &Source, made: &[Made], options: &Options, inpu
     say("area", options.area.name().into());
     say("form", form(options.form));
     say("levels", options.levels.to_string());
-    say("lights", options.lights.to_string());
+    say("lights", format!("{:?}", options.lights));
     say("size", format!("{}x{}", source.width, source.height));
     say("texel_mm", format!("{:?}", source.texel_mm));
     say("frame", "columns and tangent frame of the side that light enters: x right, y up, z out of it".into());
