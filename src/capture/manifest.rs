@@ -123,6 +123,9 @@ impl Manifest {
     pub fn read(folder: &Path) -> Result<Manifest> {
         let path = folder.join("capture.toml");
         let text = std::fs::read_to_string(&path).map_err(|e| Error::input(&path, explain(&e)))?;
+        if let Some(kind) = kind_in(&text) {
+            return Err(Error::field(&path, "kind", wrong_kind(&kind)));
+        }
         let manifest: Manifest = toml::from_str(&text).map_err(|e| {
             let line = e.span().map_or(0, |s| text[..s.start.min(text.len())].matches('\n').count() + 1);
             Error::Input { place: format!("{}:{line}", path.display()), what: e.message().lines().collect::<Vec<_>>().join(" ") }
@@ -217,6 +220,30 @@ impl Manifest {
     /// Centre of texel (column i, row j) on the blade (mm): x to the right, y up, origin at the image centre.
     pub fn texel_position(&self, i: usize, j: usize) -> [f64; 2] {
         texel_position(self.width, self.height, self.texel_mm, i, j)
+    }
+}
+
+/// What the field `kind` of a `capture.toml` says: a scan under a linear light source has no such field.
+///
+/// # Errors
+/// [`Error::Input`] when there is no readable `capture.toml` in `folder`.
+pub fn kind_of(folder: &Path) -> Result<Option<String>> {
+    let path = folder.join("capture.toml");
+    std::fs::read_to_string(&path).map(|text| kind_in(&text)).map_err(|e| Error::input(&path, explain(&e)))
+}
+
+/// The top-level `kind` of a TOML text, whatever else it holds.
+fn kind_in(text: &str) -> Option<String> {
+    let table: toml::Table = text.parse().ok()?;
+    table.get("kind").map(|v| v.as_str().map_or_else(|| v.to_string(), str::to_string))
+}
+
+fn wrong_kind(kind: &str) -> String {
+    match kind {
+        "dome" => "found \"dome\" (photographs under a dome and height scans), expected a scan under a linear light source, which has no \
+            kind; its way on is `mesophyll fit translucency`"
+            .into(),
+        _ => format!("found {kind:?}, expected \"dome\", or no kind for a scan under a linear light source"),
     }
 }
 

@@ -1,6 +1,7 @@
 //! The measurement: files, units, calibration, and synthesis with seeded noise. The format is documented in `data/README.md`.
 
 pub mod calibrate;
+pub mod dome;
 pub mod grid;
 pub mod inspect;
 pub mod lightbox;

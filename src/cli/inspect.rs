@@ -1,7 +1,10 @@
 //! `mesophyll inspect CAPTURE`.
 
+mod dome;
+
 use super::Common;
 use crate::capture::inspect::{Inspection, ReferenceSummary, inspect};
+use crate::capture::manifest::kind_of;
 use crate::{Error, Result};
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -22,13 +25,21 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
+    // What cannot be read at all is said by the look at a scan, as ever.
+    if kind_of(&args.capture).is_ok_and(|k| k.as_deref() == Some(crate::capture::dome::manifest::KIND)) {
+        return dome::run(args, common);
+    }
     let found = inspect(&args.capture, args.deep)?;
     if common.json {
         super::print_json(&found)?;
     } else {
         super::print(&text(&found))?;
     }
-    match found.problems.len() {
+    verdict(args, found.problems.len())
+}
+
+fn verdict(args: &Args, problems: usize) -> Result<u8> {
+    match problems {
         0 => Ok(0),
         1 => Err(Error::input(&args.capture, "this capture cannot be fitted: it has a problem")),
         n => Err(Error::input(&args.capture, format!("this capture cannot be fitted: it has {n} problems"))),
@@ -94,14 +105,23 @@ fn text(f: &Inspection) -> String {
             duration(e.seconds)
         ));
     }
-    for (head, list) in [("What follows", &f.notes), ("Worth a look", &f.warnings), ("Problems", &f.problems)] {
+    out.push_str(&said([&f.notes, &f.warnings, &f.problems]));
+    out
+}
+
+/// What follows, what is worth a look, what is wrong; and that nothing is.
+fn said(lists: [&[String]; 3]) -> String {
+    let mut out = String::new();
+    for (head, list) in ["What follows", "Worth a look", "Problems"].into_iter().zip(lists) {
         if !list.is_empty() {
-            line(format!("{head}:"));
-            list.iter().for_each(|n| line(format!("  - {n}")));
+            let _ = writeln!(out, "{head}:");
+            list.iter().for_each(|n| {
+                let _ = writeln!(out, "  - {n}");
+            });
         }
     }
-    if f.fits() {
-        line("This capture can be fitted.".into());
+    if lists[2].is_empty() {
+        out.push_str("This capture can be fitted.\n");
     }
     out
 }

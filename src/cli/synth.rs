@@ -1,6 +1,8 @@
-//! `mesophyll synth`: grows a leaf from a specification and scans it as a linear light source device would.
+//! `mesophyll synth`: grows a leaf from a specification and scans it as a linear light source device would, or photographs it under a
+//! dome and scans its heights.
 
 use super::Common;
+use crate::capture::dome::synth as dome;
 use crate::capture::manifest::Travel;
 use crate::capture::synth::leaf::Leaf;
 use crate::capture::synth::scan::{self, Options};
@@ -11,7 +13,8 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  mesophyll synth data/leaves/elm.toml -o out/elm\n  \
-    mesophyll synth data/leaves/balata.toml -o out/balata --size 240x180 --frames 60 --noise 0\n\n\
+    mesophyll synth data/leaves/balata.toml -o out/balata --size 240x180 --frames 60 --noise 0\n  \
+    mesophyll synth data/leaves/elm.toml -o out/elm-dome --acquisition dome --patch-mm 20 --size 256x256\n\n\
     The specification and the capture it becomes are described in data/README.md.")]
 pub struct Args {
     /// Leaf specification
@@ -23,18 +26,30 @@ pub struct Args {
     /// Size of the frames in texels; the blade keeps its size in mm
     #[arg(long, value_name = "WxH", default_value = "720x540")]
     size: String,
-    /// Frames a pass (8 to 10000)
-    #[arg(long, value_name = "N", default_value_t = 100)]
-    frames: usize,
+    /// How the leaf is measured
+    #[arg(long, value_enum, default_value_t = Acquisition::Tube)]
+    acquisition: Acquisition,
+    /// Frames a pass (8 to 10000) [default: 100]
+    #[arg(long, value_name = "N")]
+    frames: Option<usize>,
     /// Relative noise of a reading; 0 writes exact values
     #[arg(long, value_name = "S", default_value_t = 0.01)]
     noise: f64,
     /// Seed of the noise; the leaf itself grows from the specification's
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Directions of travel: x, or x and y
-    #[arg(long, value_name = "x|xy", default_value = "xy", value_parser = ["x", "xy"])]
-    passes: String,
+    /// Directions of travel: x, or x and y [default: xy]
+    #[arg(long, value_name = "x|xy", value_parser = ["x", "xy"])]
+    passes: Option<String>,
+    /// Dome: width of the part of the leaf that is captured, in mm (its height follows the size's shape); the whole field otherwise
+    #[arg(long, value_name = "MM")]
+    patch_mm: Option<f64>,
+    /// Dome: centre of that part, in mm from the middle of the field (x right, y up)
+    #[arg(long, value_name = "X,Y", value_delimiter = ',', num_args = 1, allow_hyphen_values = true, requires = "patch_mm")]
+    patch_at: Option<Vec<f64>>,
+    /// Dome: noise of a height, standard deviation in mm; none with --noise 0 [default: 0.01]
+    #[arg(long, value_name = "MM")]
+    height_noise: Option<f64>,
     /// Truth of the leaf, instead of the specification's
     #[arg(long)]
     model: Option<Model>,
@@ -46,20 +61,93 @@ pub struct Args {
     force: bool,
 }
 
+/// The two ways to measure a leaf.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Acquisition {
+    /// A lit tube that travels over the leaf, and a light box
+    Tube,
+    /// Photographs under a dome and in front of a back light, and height scans
+    Dome,
+}
+
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let (width, height) = parse_size(&args.size)?;
-    if !(8..=10_000).contains(&args.frames) {
-        return Err(Error::Usage(format!("--frames: found {}, expected 8 to 10000", args.frames)));
-    }
     if !(0.0..=1.0).contains(&args.noise) {
         return Err(Error::Usage(format!("--noise: found {}, expected 0 to 1", args.noise)));
+    }
+    let foreign = match args.acquisition {
+        Acquisition::Tube => [("--patch-mm", args.patch_mm.is_some()), ("--height-noise", args.height_noise.is_some()), ("", false)],
+        Acquisition::Dome => {
+            [("--frames", args.frames.is_some()), ("--passes", args.passes.is_some()), ("--raw-exposures", args.raw_exposures)]
+        }
+    };
+    if let Some((option, _)) = foreign.iter().find(|(_, given)| *given) {
+        let needs = if args.acquisition == Acquisition::Tube { "dome" } else { "tube" };
+        return Err(Error::Usage(format!("{option}: has no meaning here, expected with --acquisition {needs} only")));
+    }
+    match args.acquisition {
+        Acquisition::Tube => tube(args, common, width, height),
+        Acquisition::Dome => under_dome(args, common, width, height),
+    }
+}
+
+fn under_dome(args: &Args, common: &Common, width: usize, height: usize) -> Result<u8> {
+    let height_noise_mm = args.height_noise.unwrap_or(0.01);
+    if !(0.0..=10.0).contains(&height_noise_mm) {
+        return Err(Error::Usage(format!("--height-noise: found {height_noise_mm}, expected 0 to 10 mm")));
+    }
+    if width.min(height) < 3 {
+        return Err(Error::Usage(format!("--size: found {width}x{height}, expected at least 3x3 for heights to have slopes")));
+    }
+    let centre = match args.patch_at.as_deref() {
+        None => [0.0; 2],
+        Some([x, y]) if x.is_finite() && y.is_finite() => [*x, *y],
+        Some(list) => return Err(Error::Usage(format!("--patch-at: found {} numbers, expected X,Y in mm", list.len()))),
+    };
+    if let Some(size) = args.patch_mm
+        && !(size > 0.0 && size.is_finite())
+    {
+        return Err(Error::Usage(format!("--patch-mm: found {size}, expected a positive width in mm")));
+    }
+    let spec = Spec::read(&args.spec)?;
+    let options = dome::Options {
+        width,
+        height,
+        patch: args.patch_mm.map(|size| (size, centre)),
+        noise: args.noise,
+        height_noise_mm,
+        seed: args.seed,
+        model: args.model.unwrap_or(spec.model),
+    };
+    free_folder(&args.out, args.force)?;
+    progress::say(format!("growing {} ({})", spec.name, spec.species));
+    let blade = dome::Blade::grow(&spec, &options).ok_or_else(|| {
+        Error::Usage(format!("--size {width}x{height}: not one texel lies on the leaf; expected a larger size, or a patch on the leaf"))
+    })?;
+    let manifest = dome::capture(&spec, &blade, &options, &args.out)?;
+    let texels = blade.leaf.mask.iter().filter(|m| **m).count();
+    if common.json {
+        super::print_json(&serde_json::json!({
+            "capture": args.out, "kind": manifest.kind, "name": manifest.name, "width": width, "height": height,
+            "texel_mm": manifest.texel_mm, "texels": texels, "thickness_max_mm": manifest.thickness_max_mm,
+        }))?;
+    } else {
+        progress::say(format!("{}: {width}x{height} texels of {:.3} mm, {texels} on the leaf", args.out.display(), manifest.texel_mm));
+    }
+    Ok(0)
+}
+
+fn tube(args: &Args, common: &Common, width: usize, height: usize) -> Result<u8> {
+    let frames = args.frames.unwrap_or(100);
+    if !(8..=10_000).contains(&frames) {
+        return Err(Error::Usage(format!("--frames: found {frames}, expected 8 to 10000")));
     }
     let spec = Spec::read(&args.spec)?;
     let options = Options {
         width,
         height,
-        frames: args.frames,
-        passes: if args.passes == "x" { vec![Travel::X] } else { vec![Travel::X, Travel::Y] },
+        frames,
+        passes: if args.passes.as_deref() == Some("x") { vec![Travel::X] } else { vec![Travel::X, Travel::Y] },
         noise: args.noise,
         seed: args.seed,
         model: args.model.unwrap_or(spec.model),
@@ -101,7 +189,7 @@ fn free_folder(folder: &Path, force: bool) -> Result<()> {
     if !force {
         return Err(Error::Usage(format!("the output folder {} is not empty; choose another or add --force", folder.display())));
     }
-    for name in ["capture.toml", "mask.exr", "dark.exr", "lightbox_empty.exr"] {
+    for name in ["capture.toml", "mask.exr", "dark.exr", "lightbox_empty.exr", "white.exr", "backlight_empty.exr"] {
         remove(&folder.join(name))?;
     }
     for name in ["front", "back", "white", "mirror", "truth"] {

@@ -36,8 +36,17 @@ pub struct Leaf {
     pub lobe: Lobe,
     /// As the front's camera saw it.
     pub mask: Vec<bool>,
+    /// Height of the front over the plane z = 0 (mm), in the front's columns; set on the blade and one texel around it.
+    pub relief: Vec<f64>,
     pub front: Side,
     pub back: Side,
+}
+
+/// Which part of the field is evaluated: its centre (mm, from the field's centre) and the size of a texel (mm).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Window {
+    pub centre_mm: [f64; 2],
+    pub texel_mm: f64,
 }
 
 /// What a place on the blade is made of, before it is split into maps (front's columns).
@@ -65,11 +74,16 @@ pub fn texel_size(spec: &Spec, width: usize, height: usize) -> f64 {
 impl Leaf {
     /// Grows the leaf and evaluates its maps at one resolution; `None` when not one texel lies on the blade.
     pub fn grow(spec: &Spec, model: Model, width: usize, height: usize) -> Option<Leaf> {
-        let texel_mm = texel_size(spec, width, height);
+        Leaf::grow_in(spec, model, (width, height), Window { centre_mm: [0.0; 2], texel_mm: texel_size(spec, width, height) })
+    }
+
+    /// The same for a part of the field: the same leaf wherever one looks, but for the mean of thickness and γ, which are those of what is seen.
+    pub fn grow_in(spec: &Spec, model: Model, (width, height): (usize, usize), window: Window) -> Option<Leaf> {
+        let Window { centre_mm, texel_mm } = window;
         let blade = Blade::new(&spec.outline, &spec.margin, spec.seed);
         let network = Network::grow(&blade, &spec.veins, spec.seed);
-        let x: Vec<f64> = (0..width).map(|i| texel_position(width, height, texel_mm, i, 0)[0]).collect();
-        let y = |j: usize| texel_position(width, height, texel_mm, 0, j)[1];
+        let x: Vec<f64> = (0..width).map(|i| centre_mm[0] + texel_position(width, height, texel_mm, i, 0)[0]).collect();
+        let y = |j: usize| centre_mm[1] + texel_position(width, height, texel_mm, 0, j)[1];
         let rows: Vec<Vec<bool>> = (0..height).into_par_iter().map(|j| blade.row(y(j), &x)).collect();
         let places: Vec<Place> = (0..height)
             .into_par_iter()
@@ -91,7 +105,8 @@ impl Leaf {
         let interior = interior(spec, model, &places);
         let front = side(spec, model, &places, &interior, shape, false);
         let back = side(spec, model, &places, &interior, shape, true);
-        Some(Leaf { width, height, texel_mm, lobe: spec.lobe, mask: places.iter().map(|p| p.inside).collect(), front, back })
+        let (mask, relief) = places.iter().map(|p| (p.inside, p.front_mm)).unzip();
+        Some(Leaf { width, height, texel_mm, lobe: spec.lobe, mask, relief, front, back })
     }
 
     /// The mask as that side's camera saw it.

@@ -31,7 +31,7 @@ pub struct Options {
 }
 
 /// White, dark and light-box references are averaged over this many shots.
-const SHOTS: f64 = 64.0;
+pub const SHOTS: f64 = 64.0;
 /// Radiance of the light box at its middle.
 const BOX_LEVEL: f64 = 0.9;
 
@@ -76,7 +76,8 @@ pub fn scan(spec: &Spec, leaf: &Leaf, options: &Options, folder: &Path) -> Resul
     Ok(manifest)
 }
 
-fn stop_if_asked(folder: &Path) -> Result<()> {
+/// Ends a synthesis after Ctrl-C.
+pub fn stop_if_asked(folder: &Path) -> Result<()> {
     if stop_requested() {
         return Err(Error::Interrupted(format!("stopped; {} is not a complete capture (no capture.toml yet)", folder.display())));
     }
@@ -125,17 +126,21 @@ impl<'a> View<'a> {
     }
 }
 
+/// Sensitivity at a place of the field (mm), a channel: falls off quadratically towards the corners.
+pub fn gain(spec: &Spec, p: [f64; 2]) -> [f64; 3] {
+    let half = spec.field_mm.map(|f| 0.5 * f);
+    let r2 = ((p[0] / half[0]).powi(2) + (p[1] / half[1]).powi(2)) * 0.5;
+    spec.device.gain.map(|g| g * (1.0 - spec.device.vignette * r2))
+}
+
 struct Camera<'a> {
     spec: &'a Spec,
     seed: u64,
 }
 
 impl Camera<'_> {
-    /// Sensitivity at a place of the field (mm), a channel: falls off quadratically towards the corners.
     fn gain(&self, p: [f64; 2]) -> [f64; 3] {
-        let half = self.spec.field_mm.map(|f| 0.5 * f);
-        let r2 = ((p[0] / half[0]).powi(2) + (p[1] / half[1]).powi(2)) * 0.5;
-        self.spec.device.gain.map(|g| g * (1.0 - self.spec.device.vignette * r2))
+        gain(self.spec, p)
     }
 
     /// Noise-free values of a frame, dark level included: row-major, RGB.
@@ -260,7 +265,7 @@ fn references(manifest: &Manifest, leaf: &Leaf, camera: &Camera, sensor: Sensor,
 }
 
 /// Adds noise, merges the exposures and writes a frame; with `raw` also `<raw>_e0.png` … (16-bit linear counts).
-fn write_frame(
+pub fn write_frame(
     path: &Path,
     mut image: Vec<[f64; 3]>,
     (width, height): (usize, usize),

@@ -1,0 +1,42 @@
+//! What can be wrong with a texel, by name. A status of 1 is a good texel, 0 lies off the leaf, and these codes say what is wrong.
+
+use serde::Serialize;
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Defect {
+    /// A photograph has no number here: dead, or saturated in every exposure.
+    NoReading,
+    /// A photograph reads `full_scale` or more here.
+    Saturated,
+    /// A height scan has no number here, on either side; the maps hold what its neighbours say.
+    Hole,
+    /// The two heights leave no thickness above 0.
+    Thickness,
+    /// Albedo and transmittance sum to more than 1 in some channel, by more than three standard errors.
+    Energy,
+    /// The albedo is below 0 in some channel by more than three standard errors once the highlight is taken off.
+    Dark,
+}
+
+pub const OUTSIDE: i16 = 0;
+pub const GOOD: i16 = 1;
+
+impl Defect {
+    pub const ALL: [Defect; 6] = [Defect::NoReading, Defect::Saturated, Defect::Hole, Defect::Thickness, Defect::Energy, Defect::Dark];
+
+    pub fn code(self) -> i16 {
+        -1 - self as i16
+    }
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Defect::NoReading => "no_reading",
+            Defect::Saturated => "saturated",
+            Defect::Hole => "hole",
+            Defect::Thickness => "thickness",
+            Defect::Energy => "energy",
+            Defect::Dark => "dark",
+        }
+    }
+}

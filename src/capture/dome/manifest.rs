@@ -1,0 +1,212 @@
+//! `capture.toml` of a capture under a dome. Lengths in mm; unknown fields are errors.
+
+use crate::capture::manifest::SideName;
+use crate::files::atomic::explain;
+use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// The value of the field `kind`.
+pub const KIND: &str = "dome";
+
+/// What was photographed and scanned, and how (format: `data/README.md`).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Manifest {
+    pub schema: u32,
+    pub kind: String,
+    pub name: String,
+    pub width: usize,
+    pub height: usize,
+    /// Size of a texel on the blade (mm).
+    pub texel_mm: f64,
+    /// Thickness of the thickest place in the pictures, by caliper (mm).
+    pub thickness_max_mm: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub thickness_max_err_mm: Option<f64>,
+    /// Width of the caliper's contact (mm): it meets the mean thickness under it.
+    #[serde(default = "contact")]
+    pub contact_mm: f64,
+    /// Noise sd of a photograph's reading = √((relative·value)² + floor²); estimated when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise_relative: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise_floor: Option<f64>,
+    /// Exposures that white, back light and dark are means of; their noise is less by the root of it.
+    #[serde(default = "one_shot")]
+    pub reference_shots: u32,
+    /// Noise sd of a height as delivered (mm); estimated when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub height_noise_mm: Option<f64>,
+    /// Standard deviation of the Gaussian that the scans were smoothed with before delivery (mm).
+    #[serde(default)]
+    pub height_filter_mm: f64,
+    /// Readings from here on are saturated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub full_scale: Option<f64>,
+    /// Reflectance of the white sheet.
+    #[serde(default = "white")]
+    pub white_reflectance: f64,
+    /// Effective refractive index of front and back surface, which says how much of the dome's light is mirrored.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub highlight_index: Option<[f64; 2]>,
+    /// `front` and `back`.
+    pub sides: Vec<SideName>,
+}
+
+fn contact() -> f64 {
+    0.5
+}
+
+fn one_shot() -> u32 {
+    1
+}
+
+fn white() -> f64 {
+    1.0
+}
+
+impl Manifest {
+    /// Reads and validates `CAPTURE/capture.toml`.
+    ///
+    /// # Errors
+    /// [`Error::Input`] naming the file, the field, what was found and what was expected; also for a capture of the other kind.
+    pub fn read(folder: &Path) -> Result<Manifest> {
+        let path = folder.join("capture.toml");
+        let text = std::fs::read_to_string(&path).map_err(|e| Error::input(&path, explain(&e)))?;
+        let table: Option<toml::Table> = text.parse().ok();
+        if let Some(table) = &table
+            && table.get("kind").and_then(toml::Value::as_str) != Some(KIND)
+        {
+            let found = match table.get("kind") {
+                Some(kind) => format!("found {kind}"),
+                None if table.contains_key("tube") => {
+                    "found none: a scan under a linear light source, whose way on is `mesophyll fit leaf`".into()
+                }
+                None => "missing".into(),
+            };
+            return Err(Error::field(&path, "kind", format!("{found}; expected \"{KIND}\"")));
+        }
+        let manifest: Manifest = toml::from_str(&text).map_err(|e| {
+            let line = e.span().map_or(0, |s| text[..s.start.min(text.len())].matches('\n').count() + 1);
+            Error::Input { place: format!("{}:{line}", path.display()), what: e.message().lines().collect::<Vec<_>>().join(" ") }
+        })?;
+        manifest.validate(&path)?;
+        Ok(manifest)
+    }
+
+    fn validate(&self, path: &Path) -> Result<()> {
+        let bad = |field: &str, found: &dyn std::fmt::Display, expected: &str| {
+            Err(Error::field(path, field, format!("found {found}, expected {expected}")))
+        };
+        if self.schema != 1 {
+            return bad("schema", &self.schema, "1");
+        }
+        for (field, value) in [("width", self.width), ("height", self.height)] {
+            if !(3..=65_536).contains(&value) {
+                return bad(field, &value, "3 to 65536 texels");
+            }
+        }
+        for (field, value) in [("texel_mm", self.texel_mm), ("thickness_max_mm", self.thickness_max_mm)] {
+            if !(value > 0.0 && value.is_finite()) {
+                return bad(field, &value, "a positive length in mm");
+            }
+        }
+        let not_negative = [
+            ("thickness_max_err_mm", self.thickness_max_err_mm),
+            ("noise_relative", self.noise_relative),
+            ("noise_floor", self.noise_floor),
+            ("height_noise_mm", self.height_noise_mm),
+            ("contact_mm", Some(self.contact_mm)),
+            ("height_filter_mm", Some(self.height_filter_mm)),
+        ];
+        for (field, value) in not_negative {
+            if let Some(v) = value
+                && !(v >= 0.0 && v.is_finite())
+            {
+                return bad(field, &v, "zero or a positive number");
+            }
+        }
+        for (field, value) in [("height_filter_mm", self.height_filter_mm), ("contact_mm", 0.25 * self.contact_mm)] {
+            if value > 32.0 * self.texel_mm.max(0.01) {
+                return bad(field, &value, "less: it would level out every vein");
+            }
+        }
+        if let Some(full) = self.full_scale
+            && !(full > 0.0 && full.is_finite())
+        {
+            return bad("full_scale", &full, "a positive reading");
+        }
+        if !(self.white_reflectance > 0.0 && self.white_reflectance <= 1.0) {
+            return bad("white_reflectance", &self.white_reflectance, "more than 0 and at most 1");
+        }
+        if self.reference_shots == 0 {
+            return bad("reference_shots", &self.reference_shots, "1 or more");
+        }
+        if let Some(index) = self.highlight_index
+            && !index.iter().all(|n| (1.0..=2.5).contains(n))
+        {
+            return bad("highlight_index", &format!("{index:?}"), "[front, back], refractive indices of 1 to 2.5");
+        }
+        if self.sides != [SideName::Front, SideName::Back] {
+            let found = format!("{:?}", self.sides.iter().map(|s| s.name()).collect::<Vec<_>>());
+            return bad("sides", &found, "[\"front\", \"back\"]: thickness is the difference of both sides' heights");
+        }
+        Ok(())
+    }
+
+    /// Standard deviation (texels) of the Gaussian that averages as a disc of the contact's width does.
+    pub fn contact_texels(&self) -> f64 {
+        0.25 * self.contact_mm / self.texel_mm
+    }
+
+    pub fn texels(&self) -> usize {
+        self.width * self.height
+    }
+}
+
+/// The pictures of a side.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Picture {
+    /// Under the dome.
+    Albedo,
+    /// In front of the back light: light that fell on the other side.
+    Translucency,
+    /// Heights in mm towards this side's camera.
+    Height,
+}
+
+impl Picture {
+    pub const ALL: [Picture; 3] = [Picture::Albedo, Picture::Translucency, Picture::Height];
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Picture::Albedo => "albedo",
+            Picture::Translucency => "translucency",
+            Picture::Height => "height",
+        }
+    }
+
+    /// Channels it must hold.
+    pub fn channels(self) -> &'static [&'static str] {
+        match self {
+            Picture::Height => &["Y"],
+            _ => &["R", "G", "B"],
+        }
+    }
+
+    /// `CAPTURE/front/albedo.exr`.
+    pub fn path(self, folder: &Path, side: SideName) -> PathBuf {
+        folder.join(side.name()).join(format!("{}.exr", self.name()))
+    }
+}
+
+/// `CAPTURE/white.exr`: the white sheet under the dome.
+pub fn white_path(folder: &Path) -> PathBuf {
+    folder.join("white.exr")
+}
+
+/// `CAPTURE/backlight_empty.exr`: the back light without the leaf.
+pub fn empty_path(folder: &Path) -> PathBuf {
+    folder.join("backlight_empty.exr")
+}

@@ -1,0 +1,168 @@
+//! A capture under a dome, opened: every file it needs is there, of the right size, and read. Photographs have their dark level taken off.
+
+use super::manifest::{Manifest, Picture, empty_path, white_path};
+use crate::capture::manifest::SideName;
+use crate::files::hash;
+use crate::files::image::{ExrInfo, Maps, exr_info, read_exr, read_exr_rows};
+use crate::{Error, Result};
+use std::path::{Path, PathBuf};
+
+/// One RGB triple a texel, row-major.
+pub type Pixels = Vec<[f32; 3]>;
+
+/// One side's pictures, as its camera saw it.
+#[derive(Debug, Clone)]
+pub struct Pictures {
+    /// Reading − dark.
+    pub albedo: Pixels,
+    /// Reading − dark.
+    pub translucency: Pixels,
+    /// mm towards the camera, from a zero of the scan's own; NaN is a hole.
+    pub height: Vec<f32>,
+    /// Texels of either photograph at `full_scale` or more.
+    pub saturated: Vec<bool>,
+}
+
+/// A validated capture in memory.
+#[derive(Debug)]
+pub struct Capture {
+    pub folder: PathBuf,
+    pub manifest: Manifest,
+    pub front: Pictures,
+    pub back: Pictures,
+    /// White sheet − dark.
+    pub white: Pixels,
+    /// Back light − dark.
+    pub empty: Pixels,
+    pub has_dark: bool,
+    /// `mask.exr`, in the front's columns.
+    pub mask: Option<Vec<bool>>,
+}
+
+impl Capture {
+    /// Opens `folder`.
+    ///
+    /// # Errors
+    /// [`Error::Input`] naming the first file that is missing, of another size, without its channels, or without any reading.
+    pub fn open(folder: &Path) -> Result<Capture> {
+        let manifest = Manifest::read(folder)?;
+        check_files(folder, &manifest).into_iter().next().map_or(Ok(()), Err)?;
+        let dark_path = folder.join("dark.exr");
+        let dark = if dark_path.exists() { Some(rgb(&dark_path)?) } else { None };
+        let photograph = |path: &Path| -> Result<(Pixels, Vec<bool>)> {
+            let mut image = rgb(path)?;
+            if image.iter().all(|v| v.iter().any(|c| !c.is_finite())) {
+                return Err(Error::input(path, "no reading anywhere (all NaN)"));
+            }
+            let full = manifest.full_scale.unwrap_or(f64::INFINITY) as f32;
+            let saturated = image.iter().map(|v| v.iter().any(|c| *c >= full)).collect();
+            if let Some(dark) = &dark {
+                for (v, d) in image.iter_mut().zip(dark) {
+                    (0..3).for_each(|c| v[c] -= d[c]);
+                }
+            }
+            Ok((image, saturated))
+        };
+        let side = |side: SideName| -> Result<Pictures> {
+            let path = |p: Picture| p.path(folder, side);
+            let (albedo, a) = photograph(&path(Picture::Albedo))?;
+            let (translucency, t) = photograph(&path(Picture::Translucency))?;
+            let height = read_exr_rows(&path(Picture::Height), Some(&["Y"]), None)?.channels.swap_remove(0).1;
+            if height.iter().all(|h| !h.is_finite()) {
+                return Err(Error::input(&path(Picture::Height), "no height anywhere (all NaN)"));
+            }
+            Ok(Pictures { albedo, translucency, height, saturated: a.into_iter().zip(t).map(|(a, t)| a || t).collect() })
+        };
+        let (front, back) = (side(SideName::Front)?, side(SideName::Back)?);
+        let (white, empty) = (photograph(&white_path(folder))?.0, photograph(&empty_path(folder))?.0);
+        for (path, image) in [(white_path(folder), &white), (empty_path(folder), &empty)] {
+            let unlit = image.iter().filter(|v| v.iter().any(|c| *c <= 0.0)).count();
+            if 2 * unlit > image.len() {
+                let share = 100.0 * unlit as f64 / image.len() as f64;
+                return Err(Error::input(
+                    &path,
+                    format!("{share:.1} % of the texels are no brighter than the dark frame; expected light everywhere"),
+                ));
+            }
+        }
+        let mask_path = folder.join("mask.exr");
+        let mask = if mask_path.exists() {
+            let mask: Vec<bool> = read_exr_rows(&mask_path, Some(&["Y"]), None)?.channels[0].1.iter().map(|&v| v > 0.5).collect();
+            if !mask.contains(&true) {
+                return Err(Error::field(&mask_path, "Y", "no texel is 1, so there is no leaf"));
+            }
+            Some(mask)
+        } else {
+            None
+        };
+        Ok(Capture { folder: folder.to_path_buf(), manifest, front, back, white, empty, has_dark: dark.is_some(), mask })
+    }
+
+    pub fn pictures(&self, side: SideName) -> &Pictures {
+        match side {
+            SideName::Front => &self.front,
+            SideName::Back => &self.back,
+        }
+    }
+
+    /// Content hash of everything a fit reads.
+    pub fn hash(&self) -> Result<String> {
+        let files = self.files();
+        let hashes: Vec<String> = files.iter().map(|p| hash::file(p)).collect::<Result<_>>()?;
+        let names: Vec<String> = files.iter().map(|p| p.strip_prefix(&self.folder).unwrap_or(p).to_string_lossy().into_owned()).collect();
+        Ok(hash::combine(names.iter().map(String::as_str).zip(hashes.iter().map(String::as_str))))
+    }
+
+    /// Every file a fit reads, in a fixed order.
+    pub fn files(&self) -> Vec<PathBuf> {
+        let mut files = vec![self.folder.join("capture.toml")];
+        files.extend(required(&self.folder).into_iter().map(|(path, _)| path));
+        files.extend(["dark.exr", "mask.exr"].map(|n| self.folder.join(n)).into_iter().filter(|p| p.exists()));
+        files
+    }
+
+    /// `truth/front.exr` of a synthetic capture.
+    pub fn truth(&self, side: SideName) -> Result<Option<Maps>> {
+        let path = self.folder.join("truth").join(format!("{}.exr", side.name()));
+        if !path.exists() {
+            return Ok(None);
+        }
+        check_size(&path, &exr_info(&path)?, &self.manifest)?;
+        read_exr(&path).map(Some)
+    }
+}
+
+/// The pictures a capture cannot do without, and their channels.
+fn required(folder: &Path) -> Vec<(PathBuf, &'static [&'static str])> {
+    let sides = [SideName::Front, SideName::Back];
+    let pictures = sides.iter().flat_map(|&s| Picture::ALL.map(|p| (p.path(folder, s), p.channels())));
+    pictures.chain([white_path(folder), empty_path(folder)].map(|p| (p, Picture::Albedo.channels()))).collect()
+}
+
+/// Everything that is wrong with the files' presence, sizes and channels; their samples are not read.
+pub fn check_files(folder: &Path, manifest: &Manifest) -> Vec<Error> {
+    let optional = [("dark.exr", Picture::Albedo.channels()), ("mask.exr", Picture::Height.channels())];
+    let optional = optional.into_iter().map(|(name, channels)| (folder.join(name), channels)).filter(|(p, _)| p.exists());
+    required(folder).into_iter().chain(optional).filter_map(|(path, channels)| check_image(&path, channels, manifest).err()).collect()
+}
+
+fn check_image(path: &Path, channels: &[&str], manifest: &Manifest) -> Result<()> {
+    let info = exr_info(path)?;
+    check_size(path, &info, manifest)?;
+    match channels.iter().find(|name| !info.channels.iter().any(|c| c == *name)) {
+        Some(name) => Err(Error::field(path, name, format!("no such channel; the file holds {}", info.channels.join(", ")))),
+        None => Ok(()),
+    }
+}
+
+fn check_size(path: &Path, info: &ExrInfo, m: &Manifest) -> Result<()> {
+    if (info.width, info.height) != (m.width, m.height) {
+        let what = format!("found {}x{} texels, capture.toml says {}x{}", info.width, info.height, m.width, m.height);
+        return Err(Error::input(path, what));
+    }
+    Ok(())
+}
+
+fn rgb(path: &Path) -> Result<Pixels> {
+    Ok(crate::capture::reader::interleave(&read_exr_rows(path, Some(&["R", "G", "B"]), None)?))
+}

@@ -1,0 +1,266 @@
+//! Synthesis of a capture under a dome from a leaf specification: the leaf's maps (shared with the linear light source's synthesis)
+//! become a blade with two surfaces, which is photographed and scanned. Lengths in mm.
+//!
+//! The blade: the front's relief is the specification's; the back lies the thickness d under it, so that what the scanner measures and
+//! what light crosses are one thing (`raised_mm` of the specification is therefore not used: a vein stands out by what it is thicker).
+//! Light: under the dome a texel shows ρd · V + ρs · (what its lobe mirrors of the dome), V the share of the dome it sees, weighted by
+//! the cosine; light between neighbouring slopes is left out. In front of the back light it shows its transmittance.
+//! Scans: heights towards each camera with white noise, both smoothed by the scanner's filter; each scan has a zero and a tilt of its own.
+
+use super::manifest::{KIND, Manifest, Picture, empty_path, white_path};
+use super::smooth::{Kernel, mirrored, pass, smooth};
+use super::veil::Veil;
+use crate::capture::manifest::{SideName, texel_position};
+use crate::capture::synth::illumination::Lobe;
+use crate::capture::synth::leaf::{Leaf, Side, Window, texel_size};
+use crate::capture::synth::preview;
+use crate::capture::synth::random::Stream;
+use crate::capture::synth::scan::{SHOTS, gain, stop_if_asked, write_frame};
+use crate::capture::synth::sensor::Sensor;
+use crate::capture::synth::spec::{Model, Spec};
+use crate::files::atomic;
+use crate::files::image::{Maps, Packing, write_exr};
+use crate::{Error, Result};
+use std::path::{Path, PathBuf};
+
+/// How a specification is photographed and scanned.
+#[derive(Debug, Clone)]
+pub struct Options {
+    pub width: usize,
+    pub height: usize,
+    /// Width (mm) and centre (mm from the field's centre) of the part that is captured; the whole field when absent.
+    pub patch: Option<(f64, [f64; 2])>,
+    /// Relative noise of the photographs; 0 writes exact values, heights included.
+    pub noise: f64,
+    /// Standard deviation of a height as delivered (mm).
+    pub height_noise_mm: f64,
+    pub seed: u64,
+    pub model: Model,
+}
+
+/// Standard deviation of the scanner's smoothing (mm).
+const FILTER_MM: f64 = 0.05;
+/// Width of the caliper's contact, and its standard error (mm).
+const CONTACT_MM: f64 = 0.5;
+const CALIPER_MM: f64 = 0.002;
+/// Radiance of the back light at its middle.
+const BOX_LEVEL: f64 = 0.9;
+/// A scan's tilt is up to this (mm per mm), its zero up to this many mm off.
+const TILT: f64 = 0.008;
+const OFFSET_MM: f64 = 2.0;
+
+/// A leaf with the blade's geometry: heights of both sides over one plane, each as its own camera saw it (mm).
+#[derive(Debug, Clone)]
+pub struct Blade {
+    pub leaf: Leaf,
+    pub height: [Vec<f64>; 2],
+    centre_mm: [f64; 2],
+}
+
+impl Blade {
+    /// Grows the leaf of a specification and gives it a back; `None` when not one texel lies on it.
+    pub fn grow(spec: &Spec, options: &Options) -> Option<Blade> {
+        let (w, h) = (options.width, options.height);
+        let window = match options.patch {
+            Some((size, centre_mm)) => Window { centre_mm, texel_mm: size / w as f64 },
+            None => Window { centre_mm: [0.0; 2], texel_mm: texel_size(spec, w, h) },
+        };
+        let mut leaf = Leaf::grow_in(spec, options.model, (w, h), window)?;
+        let under: Vec<f64> = leaf.relief.iter().zip(&leaf.front.thickness).map(|(z, d)| f64::from(*d) - z).collect();
+        let height = [leaf.relief.clone(), mirrored(&under, w)];
+        leaf.back.normal = normals(&height[1], &leaf.mask_of(true), w, leaf.texel_mm);
+        Some(Blade { leaf, height, centre_mm: window.centre_mm })
+    }
+
+    fn side(&self, side: SideName) -> &Side {
+        if side == SideName::Back { &self.leaf.back } else { &self.leaf.front }
+    }
+
+    /// Place of a texel in the field (mm), for the front; light and camera are as uneven for the back.
+    fn place(&self, k: usize) -> [f64; 2] {
+        let (w, h) = (self.leaf.width, self.leaf.height);
+        let p = texel_position(w, h, self.leaf.texel_mm, k % w, k / w);
+        [p[0] + self.centre_mm[0], p[1] + self.centre_mm[1]]
+    }
+}
+
+/// Unit normals of a height map by central differences, one-sided where only one neighbour lies on the blade.
+fn normals(height: &[f64], mask: &[bool], width: usize, texel: f64) -> Vec<[f32; 3]> {
+    let rows = height.len() / width;
+    let slope = |k: usize, before: Option<usize>, after: Option<usize>| {
+        let (a, b) = (before.filter(|&n| mask[n]), after.filter(|&n| mask[n]));
+        let span = f64::from(u8::from(a.is_some()) + u8::from(b.is_some())).max(1.0) * texel;
+        (height[b.unwrap_or(k)] - height[a.unwrap_or(k)]) / span
+    };
+    (0..height.len())
+        .map(|k| {
+            if !mask[k] {
+                return [0.0; 3];
+            }
+            let (i, j) = (k % width, k / width);
+            let dx = slope(k, (i > 0).then(|| k - 1), (i + 1 < width).then_some(k + 1));
+            // Rows run downwards, y upwards.
+            let dy = slope(k, (j + 1 < rows).then_some(k + width), (j > 0).then(|| k - width));
+            let s = (1.0 + dx * dx + dy * dy).sqrt();
+            [-dx / s, -dy / s, 1.0 / s].map(|v| v as f32)
+        })
+        .collect()
+}
+
+/// What the photographs of a side show where nothing is uneven: shares of the dome's and of the back light.
+#[derive(Debug, Clone)]
+pub struct Shown {
+    /// ρd times the share of the dome that is seen.
+    pub albedo: Vec<[f32; 3]>,
+    /// What the surface mirrors.
+    pub highlight: Vec<f32>,
+    pub transmittance: Vec<[f32; 3]>,
+}
+
+/// The light of both sides, front first.
+pub fn shine(blade: &Blade) -> [Shown; 2] {
+    let veil = Veil::new(blade.leaf.lobe);
+    [SideName::Front, SideName::Back].map(|name| {
+        let side = blade.side(name);
+        let mask = blade.leaf.mask_of(name == SideName::Back);
+        let on = |k: usize| f32::from(u8::from(mask[k]));
+        // A slope without neighbours sees the dome down to the blade's plane: (1 + n_z)/2 of it, by the cosine.
+        let seen = |k: usize| 0.5 * (1.0 + side.normal[k][2]);
+        Shown {
+            albedo: (0..mask.len()).map(|k| side.rho_d[k].map(|d| on(k) * d * seen(k))).collect(),
+            highlight: (0..mask.len())
+                .map(|k| if mask[k] { side.rho_s[k][0] * veil.at(f64::from(side.normal[k][2]), f64::from(side.m[k])) as f32 } else { 0.0 })
+                .collect(),
+            transmittance: side.rho_t.clone(),
+        }
+    })
+}
+
+/// Photographs and scans `spec` into `folder`; `capture.toml` comes last.
+///
+/// # Errors
+/// [`Error::Write`] for what cannot be written, [`Error::Interrupted`] after Ctrl-C.
+pub fn capture(spec: &Spec, blade: &Blade, options: &Options, folder: &Path) -> Result<Manifest> {
+    let leaf = &blade.leaf;
+    let (device, size) = (&spec.device, (leaf.width, leaf.height));
+    let sensor = Sensor { relative: options.noise, floor: device.noise_floor, full_scale: device.full_scale };
+    let manifest = manifest_of(spec, blade, options);
+    let shown = shine(blade);
+    let sides = [SideName::Front, SideName::Back];
+    let put = |path: PathBuf, light: &dyn Fn(usize) -> [f64; 3], sensor: Sensor, place: u64| {
+        stop_if_asked(folder)?;
+        let image = (0..manifest.texels()).map(|k| {
+            let (gain, light) = (gain(spec, blade.place(k)), light(k));
+            [0, 1, 2].map(|c| device.dark + gain[c] * light[c])
+        });
+        write_frame(&path, image.collect(), size, sensor, options.seed, [20, place, 0], None)
+    };
+    let dome = |k: usize| {
+        let [x, y] = blade.place(k);
+        1.0 - 0.03 * (x / spec.field_mm[0]).powi(2) + 0.02 * y / spec.field_mm[1]
+    };
+    let lamp = |k: usize| {
+        let [x, y] = blade.place(k);
+        BOX_LEVEL * (1.0 + 0.04 * x / spec.field_mm[0] - 0.03 * (y / spec.field_mm[1]).powi(2))
+    };
+    for (s, (name, shown)) in sides.into_iter().zip(&shown).enumerate() {
+        let mask = leaf.mask_of(name == SideName::Back);
+        // Beside the leaf the back light shows past it; the dome shines on black cloth.
+        let albedo = |k: usize| shown.albedo[k].map(|d| dome(k) * f64::from(d + shown.highlight[k]));
+        let through = |k: usize| shown.transmittance[k].map(|t| lamp(k) * if mask[k] { f64::from(t) } else { 1.0 });
+        put(Picture::Albedo.path(folder, name), &albedo, sensor, s as u64)?;
+        put(Picture::Translucency.path(folder, name), &through, sensor, 2 + s as u64)?;
+        let mut scan = Maps::new(size.0, size.1);
+        scan.push("Y", scanned(&blade.height[s], &mask, leaf, options, s as u64));
+        write_exr(&Picture::Height.path(folder, name), &scan, Packing::Raw)?;
+        let truth = truth(blade, name, shown, s);
+        write_exr(&folder.join("truth").join(format!("{}.exr", name.name())), &truth, Packing::Zip)?;
+        preview::write(&folder.join("truth").join(format!("{}.png", name.name())), leaf, name == SideName::Back)?;
+    }
+    let mean = sensor.averaging(SHOTS);
+    put(white_path(folder), &|k| [dome(k); 3], mean, 4)?;
+    put(empty_path(folder), &|k| [lamp(k); 3], mean, 5)?;
+    put(folder.join("dark.exr"), &|_| [0.0; 3], mean, 6)?;
+    let mut mask = Maps::new(size.0, size.1);
+    mask.push("Y", leaf.mask.iter().map(|&m| f32::from(u8::from(m))).collect());
+    write_exr(&folder.join("mask.exr"), &mask, Packing::Zip)?;
+    let text = toml::to_string(&manifest).map_err(|e| Error::write(&folder.join("capture.toml"), e))?;
+    atomic::write_bytes(&folder.join("capture.toml"), text.as_bytes())?;
+    Ok(manifest)
+}
+
+fn truth(blade: &Blade, name: SideName, shown: &Shown, s: usize) -> Maps {
+    let mask = blade.leaf.mask_of(name == SideName::Back);
+    let mut maps = blade.leaf.truth(name == SideName::Back);
+    for (c, end) in ["R", "G", "B"].iter().enumerate() {
+        maps.push(format!("albedo.{end}"), shown.albedo.iter().map(|v| v[c]).collect());
+        maps.push(format!("transmittance.{end}"), shown.transmittance.iter().map(|v| v[c]).collect());
+    }
+    maps.push("highlight.Y", shown.highlight.clone());
+    maps.push("height.Y", blade.height[s].iter().zip(&mask).map(|(z, m)| if *m { *z as f32 } else { 0.0 }).collect());
+    maps
+}
+
+/// A height scan: the surface and the scanner's noise, smoothed together, under a tilt and a zero of its own; NaN off the leaf.
+fn scanned(height: &[f64], mask: &[bool], leaf: &Leaf, options: &Options, side: u64) -> Vec<f32> {
+    let (w, h) = (leaf.width, leaf.height);
+    let exact = options.noise == 0.0;
+    let kernel = Kernel::gaussian(if exact { 0.0 } else { FILTER_MM / leaf.texel_mm });
+    let weight: Vec<f64> = mask.iter().map(|m| f64::from(u8::from(*m))).collect();
+    let mut surface = smooth(height, &weight, w, &kernel);
+    if !exact {
+        let mut white = Vec::with_capacity(w * h + 1);
+        for j in 0..h {
+            let mut stream = Stream::new(options.seed, &[21, side, j as u64]);
+            let mut row: Vec<f64> = (0..w.div_ceil(2)).flat_map(|_| stream.normal_pair()).collect();
+            row.truncate(w);
+            white.append(&mut row);
+        }
+        let scale = options.height_noise_mm / kernel.noise();
+        surface.iter_mut().zip(pass(&white, w, &kernel)).for_each(|(z, n)| *z += scale * n);
+    }
+    let mut stream = Stream::new(options.seed, &[22, side]);
+    let (tilt, zero) = ([TILT * stream.signed(), TILT * stream.signed()], OFFSET_MM * stream.signed());
+    (0..w * h)
+        .map(|k| {
+            let [x, y] = texel_position(w, h, leaf.texel_mm, k % w, k / w);
+            if mask[k] { (surface[k] + zero + tilt[0] * x + tilt[1] * y) as f32 } else { f32::NAN }
+        })
+        .collect()
+}
+
+fn manifest_of(spec: &Spec, blade: &Blade, options: &Options) -> Manifest {
+    let leaf = &blade.leaf;
+    let exact = options.noise == 0.0;
+    let weight: Vec<f64> = leaf.mask.iter().map(|m| f64::from(u8::from(*m))).collect();
+    let thickness: Vec<f64> = leaf.front.thickness.iter().map(|d| f64::from(*d)).collect();
+    let met = smooth(&thickness, &weight, leaf.width, &Kernel::gaussian(0.25 * CONTACT_MM / leaf.texel_mm));
+    let thickest = met.iter().zip(&leaf.mask).filter(|(_, m)| **m).fold(0.0, |a: f64, (d, _)| a.max(*d));
+    let slip = if exact { 0.0 } else { CALIPER_MM * Stream::new(options.seed, &[23]).normal_pair()[0] };
+    // The index of a smooth surface that mirrors as much along its normal as this one does.
+    let fresnel = if let Lobe::CookTorrance { index } = spec.lobe { ((index - 1.0) / (index + 1.0)).powi(2) } else { 1.0 };
+    let index = [&spec.front, &spec.back].map(|s| {
+        let r = (s.rho_s * fresnel).min(0.15).sqrt();
+        (100.0 * (1.0 + r) / (1.0 - r)).round() / 100.0
+    });
+    Manifest {
+        schema: 1,
+        kind: KIND.into(),
+        name: spec.name.clone(),
+        width: leaf.width,
+        height: leaf.height,
+        texel_mm: leaf.texel_mm,
+        thickness_max_mm: (1e6 * (thickest + slip)).round() / 1e6,
+        thickness_max_err_mm: (!exact).then_some(CALIPER_MM),
+        contact_mm: CONTACT_MM,
+        noise_relative: Some(options.noise),
+        noise_floor: Some(if exact { 0.0 } else { spec.device.noise_floor }),
+        reference_shots: SHOTS as u32,
+        height_noise_mm: Some(if exact { 0.0 } else { options.height_noise_mm }),
+        height_filter_mm: if exact { 0.0 } else { FILTER_MM },
+        full_scale: None,
+        white_reflectance: 1.0,
+        highlight_index: Some(index),
+        sides: vec![SideName::Front, SideName::Back],
+    }
+}

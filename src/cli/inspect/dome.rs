@@ -1,0 +1,84 @@
+//! `mesophyll inspect` of a capture under a dome.
+
+use super::{Args, said, verdict};
+use crate::Result;
+use crate::capture::dome::inspect::{Inspection, SideSummary, inspect};
+use crate::cli::{Common, print, print_json};
+use std::fmt::Write;
+
+pub fn run(args: &Args, common: &Common) -> Result<u8> {
+    let found = inspect(&args.capture);
+    if common.json {
+        print_json(&found)?;
+    } else {
+        print(&text(&found))?;
+    }
+    verdict(args, found.problems.len())
+}
+
+fn text(f: &Inspection) -> String {
+    let mut out = String::new();
+    let mut line = |text: String| {
+        let _ = writeln!(out, "{text}");
+    };
+    if let Some(m) = &f.manifest {
+        line(format!(
+            "{}: under a dome, {} × {} texels of {} mm, thickest place {} mm, front and back",
+            m.name, m.width, m.height, m.texel_mm, m.thickness_max_mm
+        ));
+    }
+    for p in &f.photographs {
+        line(format!(
+            "{:>22}  {:.4} … {:.4}, median {:.4} of its reference, no reading {:.2} %",
+            p.name,
+            p.low,
+            p.high,
+            p.median,
+            100.0 * p.no_reading_share
+        ));
+    }
+    f.sides.iter().for_each(|s| line(side(s)));
+    if let Some(s) = &f.shape {
+        let a = &s.alignment;
+        let [thin, median, thick] = s.thickness_mm;
+        line(format!(
+            "thickness: {thin:.3} … {thick:.3} mm, median {median:.3}; zero ± {:.4} mm, a texel ± {:.4} mm",
+            a.offset_err_mm, a.thickness_noise_mm
+        ));
+        line(format!(
+            "the scans lean by {:.3}° to each other and are {:.3} mm apart; their noise is {:.4} mm ({}) and raised the highest place by {:.4} mm",
+            a.tilt[0].hypot(a.tilt[1]).atan().to_degrees(),
+            a.offset_mm,
+            a.height_noise_mm,
+            if a.noise_stated { "stated" } else { "seen" },
+            a.raised_mm
+        ));
+        line(format!(
+            "smoothed by {:.3} mm for the thickness, {:.3} mm for normals, which leaves them ± {:.2}°; holes {:.2} %",
+            a.smooth_thickness_mm,
+            a.smooth_height_mm,
+            a.slope_noise.atan().to_degrees(),
+            100.0 * s.hole_share
+        ));
+    }
+    if let Some(n) = f.leaf_texels {
+        line(format!("leaf: {n} texels"));
+    }
+    out.push_str(&said([&f.notes, &f.warnings, &f.problems]));
+    out
+}
+
+fn side(s: &SideSummary) -> String {
+    let colour = |v: [f64; 3]| v.map(|v| format!("{v:.4}")).join(" ");
+    let defects: Vec<String> = s.defects.iter().map(|(name, n)| format!(", {n} {name}")).collect();
+    format!(
+        "{:>22}  albedo {}, transmittance {} (medians); highlight {:.4} ± {:.4}{}{}",
+        s.side,
+        colour(s.albedo),
+        colour(s.transmittance),
+        s.highlight.share,
+        s.highlight.stderr,
+        if s.highlight.stated { "" } else { " (a range)" },
+        defects.concat()
+    )
+}
