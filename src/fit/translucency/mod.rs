@@ -16,6 +16,7 @@
 pub mod bench;
 pub mod colour;
 mod folder;
+pub mod inverse;
 pub mod judge;
 pub mod side;
 pub mod source;

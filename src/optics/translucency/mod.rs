@@ -16,3 +16,4 @@ mod kernel;
 pub mod levels;
 pub mod lights;
 pub mod relief;
+pub mod tangent;
