@@ -64,7 +64,8 @@ fn the_sum_is_the_papers_corrected_one() {
     }
     for (got, want) in eval(&[], &input).iter().zip(&want) {
         assert!((got.0 / want - 1.0).abs() < 1e-12, "{got:?} {want}");
-        assert_eq!(got.1, "ok");
+        // Far out, three dipoles of a thin blade are too few, and turn negative.
+        assert!(if *want > 0.0 { got.1 == "ok" } else { got.1.starts_with("undetermined: t: negative") }, "{got:?}");
     }
     // The printed (1 + σtr d e^(−σtr d)) would be far off, and negative at distance.
     let options = ["--sigma-a", "1.5", "--sigma-s=8", "--g=-0.2", "--a", "1.3", "--dipoles", "7"];

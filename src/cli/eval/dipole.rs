@@ -96,7 +96,7 @@ fn doubt(tissue: &Tissue, form: Form, thickness: f64, t: f64) -> Option<String> 
         return Some(format!("diffusion does not hold at a thickness of at most one mean free path, {l:.4} mm; the method thin does"));
     }
     if t < 0.0 {
-        return Some("negative, where diffusion does not hold".into());
+        return Some("negative; the sum does not hold here".into());
     }
     if tissue.sigma_a > tissue.reduced_scattering() {
         return Some("diffusion does not hold where sigma_a exceeds (1-g) sigma_s".into());

@@ -212,8 +212,8 @@ fn summary(record: &FitRecord) -> String {
             let values: Vec<String> = p.value.iter().map(|v| format!("{v:.4}")).collect();
             text += &format!("  {parameter:<10} {} {}\n", values.join("   "), p.unit);
         }
-        for (figure, value) in section.figures.iter().filter(|(k, _)| k.starts_with("basis_mean")) {
-            text += &format!("  {figure}: {:.2} %\n", 100.0 * value);
+        for (figure, value) in section.figures.iter().filter(|(k, _)| k.starts_with("basis_rms")) {
+            text += &format!("  {figure}: {:.2} % of the light that comes through\n", 100.0 * value);
         }
     }
     text
