@@ -57,10 +57,10 @@ pub fn usual_beams() -> Vec<Beam> {
     named(beams.map(|(lit, elevation_deg, azimuth_deg)| Beam { file: String::new(), lit, elevation_deg, azimuth_deg }).to_vec())
 }
 
-/// Gives beams the files `front_90_0.exr`, … by their place in the list where two are the same.
+/// Gives beams their files, as `photographs/01_front_90_0.exr`.
 pub fn named(mut beams: Vec<Beam>) -> Vec<Beam> {
     for (k, b) in beams.iter_mut().enumerate() {
-        b.file = format!("{:02}_{}_{}_{}.exr", k + 1, b.lit.name(), b.elevation_deg, b.azimuth_deg);
+        b.file = format!("photographs/{:02}_{}_{}_{}.exr", k + 1, b.lit.name(), b.elevation_deg, b.azimuth_deg);
     }
     beams
 }

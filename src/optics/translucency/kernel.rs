@@ -37,12 +37,7 @@ impl Kernel {
 
     /// A kernel and its derivatives by some parameters: `beyond(r)` holds the share (1 at r = 0) and then its derivatives (0 at r = 0), for r from half a
     /// texel to [`farthest`]. Weights are linear in it, so that the derivatives are exact.
-    pub fn with_partials<const N: usize>(
-        beyond: impl Fn(f64) -> [f64; N] + Sync,
-        texel: f64,
-        reach: usize,
-        closed: bool,
-    ) -> [Kernel; N] {
+    pub fn with_partials<const N: usize>(beyond: impl Fn(f64) -> [f64; N] + Sync, texel: f64, reach: usize, closed: bool) -> [Kernel; N] {
         let edges = edges(beyond, texel, reach, closed);
         let n = reach + 1;
         std::array::from_fn(|which| {

@@ -8,10 +8,10 @@
 //! Two ways to the same numbers: [`Tangent::derivative`] is the change of every image along one parameter, [`Tangent::gradient`] the change of a
 //! weighted sum of all of them along every parameter. The latter takes two transforms a level and image, the former six for three parameters.
 
+use super::convolve::Totals;
 use super::fourier::{Grid, Spectrum};
 use super::kernel::{Kernel, farthest};
 use super::levels::{Levels, Nodes};
-use super::convolve::Totals;
 use crate::optics::dipole::{Form, Tissue};
 use crate::optics::slab;
 use crate::{Error, Result};
@@ -114,7 +114,9 @@ impl Stage {
         }
         if !(tissue.sigma_a > 0.0 && tissue.sigma_s > 0.0 && factor > 0.0 && factor.is_finite()) {
             let Tissue { sigma_a, sigma_s, .. } = tissue;
-            return Err(Error::Usage(format!("sigma_a {sigma_a}, sigma_s {sigma_s}, thickness factor {factor}; expected above 0 for logarithms")));
+            return Err(Error::Usage(format!(
+                "sigma_a {sigma_a}, sigma_s {sigma_s}, thickness factor {factor}; expected above 0 for logarithms"
+            )));
         }
         let opaque = || Error::Usage(format!("{tissue:?} lets no light through {} mm", factor * self.range[1]));
         let made: Option<Vec<[Kernel; PARTIALS + 1]>> = self.nodes.thickness.par_iter().map(|d| self.kernel(tissue, factor * d)).collect();

@@ -85,7 +85,11 @@ pub fn explain(names: &[&str], d: &[Difference], found: &Tissues, scale_err: f64
         "both let the same light through; they part it differently: the slab fit tells absorption from scattering by the reflectance (its gauge of gamma, the surface's own share), the photographs by how far light spreads (diffusion, the texel's size)".into()
     };
     let list = if each.is_empty() { String::new() } else { format!("differs from the slab fit in {}; ", each.join("; ")) };
-    let undetermined = if scale_err > super::certainty::DETERMINED { "; the thickness scale is not determined here, --fix-scale takes the map's" } else { "" };
+    let undetermined = if scale_err > super::certainty::DETERMINED {
+        "; the thickness scale is not determined here, --fix-scale takes the map's"
+    } else {
+        ""
+    };
     format!("{list}{why}{undetermined}")
 }
 

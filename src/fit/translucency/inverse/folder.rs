@@ -46,14 +46,23 @@ pub fn record(
     record
 }
 
-fn section(measured: &Measured, fitted: &Fitted, options: &Options, slab: &Slab, differences: &[Difference], truth: Option<&Truth>) -> Section {
+fn section(
+    measured: &Measured,
+    fitted: &Fitted,
+    options: &Options,
+    slab: &Slab,
+    differences: &[Difference],
+    truth: Option<&Truth>,
+) -> Section {
     let (t, certainty) = (&fitted.tissues, &fitted.certainty);
-    let mut s = Section { condition: Some(certainty.condition).filter(|c| c.is_finite()), rank: Some(certainty.rank), ..Section::default() };
+    let mut s =
+        Section { condition: Some(certainty.condition).filter(|c| c.is_finite()), rank: Some(certainty.rank), ..Section::default() };
     let channels = t.sigma_a.len();
     let place = |c: usize, q: usize| 2 * c + q;
     let mut put = |name: &str, unit: &str, q: usize, value: Vec<f64>, factor: f64, shown: &str| {
-        let undetermined = (0..channels)
-            .filter_map(|c| certainty.undetermined(place(c, q), value[c]).map(|why| why.replacen("sigma_s.", &format!("{shown}."), usize::from(q == 1))));
+        let undetermined = (0..channels).filter_map(|c| {
+            certainty.undetermined(place(c, q), value[c]).map(|why| why.replacen("sigma_s.", &format!("{shown}."), usize::from(q == 1)))
+        });
         let param = Param {
             stderr: (0..channels).map(|c| value[c] * certainty.stderr[place(c, q)]).collect(),
             undetermined: undetermined.collect(),
@@ -70,7 +79,10 @@ fn section(measured: &Measured, fitted: &Fitted, options: &Options, slab: &Slab,
         value: vec![f64::NAN],
         stderr: vec![f64::INFINITY],
         unit: String::new(),
-        undetermined: vec![format!("g: only (1 - g) sigma_s is in the model, in its unscattered light too; sigma_s is for g = {}", options.g)],
+        undetermined: vec![format!(
+            "g: only (1 - g) sigma_s is in the model, in its unscattered light too; sigma_s is for g = {}",
+            options.g
+        )],
     };
     s.params.insert("g".into(), g);
     let scale = match options.fit.fix_scale {

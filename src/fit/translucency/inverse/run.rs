@@ -98,8 +98,7 @@ pub fn run(beams: &Path, blade: &Path, out: &Path, options: &Options) -> Result<
         stderr.push(0.0);
     }
     let differences = differences(&fitted.tissues, &stderr, &slab, source.thickness_mm);
-    let record =
-        folder::record(&capture.manifest.name, input_hash, &measured, &fitted, options, &slab, &differences, truth.as_ref());
+    let record = folder::record(&capture.manifest.name, input_hash, &measured, &fitted, options, &slab, &differences, truth.as_ref());
     let mut times = Times {
         capture: Some(beams.display().to_string()),
         phases,
@@ -122,7 +121,11 @@ pub fn measured(capture: &Capture, source: &Source, options: &Options) -> Result
     let file = capture.folder.join("capture.toml");
     if (m.width, m.height) != (source.width, source.height) {
         let (w, h) = (source.width, source.height);
-        return Err(Error::field(&file, "width, height", format!("found {}x{}, expected {w}x{h} as the leaf fit's maps", m.width, m.height)));
+        return Err(Error::field(
+            &file,
+            "width, height",
+            format!("found {}x{}, expected {w}x{h} as the leaf fit's maps", m.width, m.height),
+        ));
     }
     if (m.texel_mm / source.texel_mm - 1.0).abs() > 1e-3 {
         return Err(Error::field(&file, "texel_mm", format!("found {}, expected {} as the leaf fit's", m.texel_mm, source.texel_mm)));
@@ -141,7 +144,13 @@ pub fn measured(capture: &Capture, source: &Source, options: &Options) -> Result
     let matched = surface(lit_sides[0], 0, Entry::Matched);
     let horizons: Vec<Horizon> = lit_sides
         .iter()
-        .map(|s| Horizon::new(&lit(source, s, &crate::optics::translucency::blade::Surface { height: s.height.clone(), normal: s.normal.clone(), ..matched.clone() })))
+        .map(|s| {
+            Horizon::new(&lit(
+                source,
+                s,
+                &crate::optics::translucency::blade::Surface { height: s.height.clone(), normal: s.normal.clone(), ..matched.clone() },
+            ))
+        })
         .collect();
     let counted: Vec<Vec<bool>> = lit_sides.iter().map(|s| counted(s, source, options)).collect();
     let mut channels = Vec::new();
@@ -210,9 +219,7 @@ fn counted(side: &Side, source: &Source, options: &Options) -> Vec<bool> {
     let right = cut((0..h).any(|j| on(w - 1, j)), w);
     let top = cut((0..w).any(|i| on(i, 0)), h);
     let bottom = cut((0..w).any(|i| on(i, h - 1)), h);
-    let whole = |i: usize, j: usize| {
-        (j.saturating_sub(1)..(j + 2).min(h)).all(|b| (i.saturating_sub(1)..(i + 2).min(w)).all(|a| on(a, b)))
-    };
+    let whole = |i: usize, j: usize| (j.saturating_sub(1)..(j + 2).min(h)).all(|b| (i.saturating_sub(1)..(i + 2).min(w)).all(|a| on(a, b)));
     (0..w * h)
         .map(|k| {
             let (i, j) = (k % w, k / w);
