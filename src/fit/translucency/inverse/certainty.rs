@@ -116,11 +116,11 @@ impl Certainty {
     /// Why parameter `k`, of this value, is not determined: `None` where it is.
     pub fn undetermined(&self, k: usize, value: f64) -> Option<String> {
         let (name, stderr) = (&self.names[k], self.stderr[k]);
-        if self.at_limit[k] {
-            return Some(format!("{name}: the search ended at its limit, {value:.3e}"));
-        }
-        if stderr <= DETERMINED {
+        if stderr <= DETERMINED && !self.at_limit[k] {
             return None;
+        }
+        if self.at_limit[k] && !(stderr > 1.0 && stderr.is_finite()) {
+            return Some(format!("{name}: the search ended at its limit, {value:.3e}"));
         }
         let because = self.weak.iter().filter(|w| w.exponents[k].abs() > 0.2).map(|w| w.text.as_str()).find(|t| t != name);
         let bound = if stderr.is_finite() { format!("at most {:.3e}", value * (1.0 + 1.645 * stderr)) } else { "no bound".into() };

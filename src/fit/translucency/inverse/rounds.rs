@@ -98,8 +98,12 @@ pub fn fit(measured: &Measured, start: &Tissues, options: &Options) -> Result<Fi
         }
     }
     if out.termination != Termination::GradientSmall {
-        let name = out.termination.name();
-        return Err(Error::Missed(format!("the search ended as {name} after {} evaluations; nothing was fitted", out.evaluations)));
+        let names: Vec<&str> = measured.channels.iter().map(|c| c.name.as_str()).collect();
+        let names = certainty::names(&names, options.fix_scale);
+        let stuck: Vec<String> = names.into_iter().zip(model.at_limit(&p)).filter(|(_, at)| *at).map(|(n, _)| n).collect();
+        let limits = if stuck.is_empty() { String::new() } else { format!(", at the limits of {}", stuck.join(" and ")) };
+        let (name, count) = (out.termination.name(), out.evaluations);
+        return Err(Error::Missed(format!("the search ended as {name} after {count} evaluations{limits}; nothing was fitted")));
     }
     let Some(normal) = last else { return Err(Error::Missed("no round was allowed; nothing was fitted".into())) };
     finish(&mut out, &model, &p, &normal, options)?;
