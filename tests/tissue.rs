@@ -59,7 +59,8 @@ fn leaf_fit(beams: &Path, blade: &Path, off: f64) {
 impl Set {
     fn fit(&self, extra: &[&str]) -> std::process::Output {
         let out = self.dir.path().join("out");
-        let mut args = vec!["fit", "tissue", self.beams.to_str().unwrap(), "--blade", self.blade.to_str().unwrap(), "-o", out.to_str().unwrap()];
+        let mut args =
+            vec!["fit", "tissue", self.beams.to_str().unwrap(), "--blade", self.blade.to_str().unwrap(), "-o", out.to_str().unwrap()];
         args.extend(extra);
         run(args)
     }

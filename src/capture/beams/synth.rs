@@ -1,7 +1,7 @@
 //! Synthesis of photographs under beams from a leaf specification. Lengths in mm.
 //!
 //! The leaf's maps are those of the other captures (its normals, its thickness, its σ). A beam's irradiance with self-shadowing enters, spreads in the
-//! thin form with the transport equation's totals, and leaves: 20 thickness levels and kernels to 1e-9, more than a fit uses; σa that
+//! thin form with the transport equation's totals for a beam of that incidence, and leaves: 20 thickness levels and kernels to 1e-9, more than a fit uses; σa that
 //! varies over the leaf (pigment leaves) by levels in ln σa, as thickness is. Index-matched: all light enters, what comes through leaves.
 //! For a patch the leaf is grown wider than the picture, so that light comes in over its border.
 
@@ -15,6 +15,7 @@ use crate::capture::synth::spec::{Model, Spec};
 use crate::files::atomic;
 use crate::files::image::{Maps, Packing, write_exr};
 use crate::optics::dipole::Tissue;
+use crate::optics::slab;
 use crate::optics::translucency::blade::{self, LitSide, Surface};
 use crate::optics::translucency::convolve::{Convolver, Settings, Totals};
 use crate::optics::translucency::horizon::Horizon;
@@ -22,6 +23,7 @@ use crate::optics::translucency::irradiance::{Visibility, irradiance};
 use crate::optics::translucency::levels::{LevelKind, Levels};
 use crate::optics::translucency::relief;
 use crate::{Error, Result};
+use rayon::prelude::*;
 use std::borrow::Cow;
 use std::path::Path;
 
@@ -122,29 +124,60 @@ impl Grown {
         for (c, out) in out.iter_mut().enumerate() {
             let sigma_a: Vec<f64> = side.sigma_a.iter().map(|s| f64::from(s[c])).collect();
             let reduced = side.sigma_s.iter().zip(&mask).find(|(_, m)| **m).map_or(0.0, |(s, _)| f64::from(s[c]));
-            *out = self.crop(&through(&light, &thickness, &sigma_a, reduced, w, leaf.texel_mm)?);
+            *out = self.crop(&through(&light, &thickness, &sigma_a, reduced, beam.direction()[2].min(1.0), w, leaf.texel_mm)?);
         }
         Ok(out)
     }
 }
 
+/// How much of a beam at cosine `mu` to the normal comes through a slab of `d` mm, over that of a beam along it.
+pub fn slanting(tissue: &Tissue, d: f64, mu: f64) -> f64 {
+    if !(d > 0.0 && mu < 1.0) {
+        return 1.0;
+    }
+    let (a, s) = (tissue.sigma_a, tissue.reduced_scattering());
+    let ln = |mu: f64| slab::exact::solve_log(mu, s / (a + s), a / (a + s), (a + s) * d).1;
+    (ln(mu) - ln(1.0)).exp()
+}
+
+/// [`slanting`] for many thicknesses: a table over ln d, cubic between its points.
+fn slants(tissue: &Tissue, range: [f64; 2], mu: f64) -> impl Fn(f64) -> f64 + use<> {
+    const POINTS: usize = 64;
+    let (low, step) = (range[0].ln() - 1e-9, ((range[1] / range[0]).ln() + 2e-9) / (POINTS - 1) as f64);
+    let values: Vec<f64> = (0..POINTS).into_par_iter().map(|k| slanting(tissue, (low + step * k as f64).exp(), mu)).collect();
+    move |d: f64| {
+        let at = ((d.ln() - low) / step).clamp(0.0, (POINTS - 1) as f64);
+        let first = (at as usize).saturating_sub(1).min(POINTS - 4);
+        let u = at - first as f64;
+        let [a, b, c, d] = [0, 1, 2, 3].map(|k| values[first + k]);
+        -a * (u - 1.0) * (u - 2.0) * (u - 3.0) / 6.0 + b * u * (u - 2.0) * (u - 3.0) / 2.0 - c * u * (u - 1.0) * (u - 3.0) / 2.0
+            + d * u * (u - 1.0) * (u - 2.0) / 6.0
+    }
+}
+
 /// The light that comes through where σa varies: sources split by levels of ln σa.
-fn through(light: &[f64], thickness: &[f64], sigma_a: &[f64], reduced: f64, width: usize, texel_mm: f64) -> Result<Vec<f64>> {
+fn through(light: &[f64], thickness: &[f64], sigma_a: &[f64], reduced: f64, mu: f64, width: usize, texel_mm: f64) -> Result<Vec<f64>> {
     let on = || sigma_a.iter().zip(thickness).filter(|(_, d)| **d > 0.0).map(|(s, _)| *s);
     let [low, high] = on().fold([f64::INFINITY, 0.0], |[a, b]: [f64; 2], s| [a.min(s), b.max(s)]);
     let varies = low > 0.0 && high > low * (1.0 + 1e-9);
     let angle = |k: usize| std::f64::consts::PI * (k as f64 + 0.5) / PIGMENTS as f64;
     let (middle, half) = (0.5 * (low.ln() + high.ln()), 0.5 * (high.ln() - low.ln()));
     let nodes: Vec<f64> = if varies { (0..PIGMENTS).map(|k| (middle + half * angle(k).cos()).exp()).collect() } else { vec![high] };
+    let thick = thickness.iter().filter(|d| **d > 0.0).fold([f64::INFINITY, 0.0], |[a, b]: [f64; 2], d| [a.min(*d), b.max(*d)]);
     let mut sum = vec![0.0; light.len()];
+    if !(reduced > 0.0 || high > 0.0) || thick[1] == 0.0 {
+        return Ok(sum);
+    }
     for (k, &node) in nodes.iter().enumerate() {
         // Lagrange weight of this node at each texel's σa.
         let weight = |s: f64| match varies {
             true => (0..PIGMENTS).filter(|j| *j != k).map(|j| (s / nodes[j]).ln() / (node / nodes[j]).ln()).product(),
             false => 1.0,
         };
-        let part: Vec<f64> = light.iter().zip(sigma_a).map(|(l, s)| if *l > 0.0 { l * weight(*s) } else { 0.0 }).collect();
         let tissue = Tissue { sigma_a: node, sigma_s: reduced, g: 0.0, a: 1.0 };
+        let slant = slants(&tissue, thick, mu);
+        let lit = |k: usize| if light[k] > 0.0 && thickness[k] > 0.0 { light[k] * weight(sigma_a[k]) * slant(thickness[k]) } else { 0.0 };
+        let part: Vec<f64> = (0..light.len()).map(lit).collect();
         let levels = Levels { count: LEVELS, kind: LevelKind::Chebyshev };
         let settings = Settings { levels, totals: Totals::Transport, tail: 1e-9, ..Settings::new(tissue, texel_mm) };
         let Some(convolver) = Convolver::for_map(&settings, width, thickness)? else { continue };

@@ -40,6 +40,9 @@ pub struct Args {
     /// How much comes through: the transport equation's, or diffusion's own
     #[arg(long, value_enum, default_value_t = TotalsName::Transport)]
     totals: TotalsName,
+    /// How much of a slanting beam comes through: as the transport equation has it, or as of one along the normal (as the renderers take it)
+    #[arg(long, value_enum, default_value_t = IncidenceName::Slant)]
+    incidence: IncidenceName,
     /// Where the search begins: the leaf fit's slab, or the sources' table
     #[arg(long, value_enum, default_value_t = StartName::Slab)]
     start: StartName,
@@ -67,6 +70,12 @@ enum TotalsName {
 }
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum IncidenceName {
+    Slant,
+    Normal,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
 enum StartName {
     Slab,
     Table,
@@ -85,8 +94,10 @@ fn options(args: &Args) -> Result<Options> {
         TotalsName::Transport => Totals::Transport,
         TotalsName::Form => Totals::Form,
     };
+    let slant = matches!(args.incidence, IncidenceName::Slant);
+    let levels = usize::from(args.levels);
     Ok(Options {
-        fit: inverse::Options { levels: usize::from(args.levels), totals, fix_scale: args.fix_scale, ..inverse::Options::default() },
+        fit: inverse::Options { levels, totals, slant, fix_scale: args.fix_scale, ..inverse::Options::default() },
         g: args.g,
         entry: match args.entry {
             EntryName::Matched => Entry::Matched,

@@ -22,10 +22,11 @@ use std::f64::consts::PI;
 /// ln σa, ln σs′, ln of the factor on the thickness.
 pub const PARTIALS: usize = 3;
 
-/// One image's light that enters (per area), and which of the stage's thickness maps it enters.
+/// One image's light that enters (per area), which of the stage's thickness maps it enters, and which of its incidences it has.
 #[derive(Debug, Clone, Copy)]
 pub struct Source<'a> {
     pub map: usize,
+    pub incidence: usize,
     pub light: &'a [f64],
 }
 
@@ -42,6 +43,8 @@ pub struct Stage {
     thickness: Vec<Vec<f64>>,
     /// A thickness map: weights of each level, texel by texel.
     weights: Vec<Vec<f64>>,
+    /// Cosines of the light to the blade's normal that totals are taken for; 1 is along it.
+    incidences: Vec<f64>,
 }
 
 /// The transport of one tissue on a [`Stage`].
@@ -51,17 +54,21 @@ pub struct Tangent<'a> {
     spectra: Vec<Spectrum>,
     /// A level: derivatives of its kernel.
     partials: Vec<[Spectrum; PARTIALS]>,
-    /// A thickness map, a texel: scattered total and unscattered share, then the derivatives of both, parameter by parameter.
+    /// A thickness map and in it an incidence, a texel: scattered total and unscattered share, then the derivatives of both, parameter by parameter.
     parts: Vec<Vec<[f64; 2 * (PARTIALS + 1)]>>,
 }
 
 impl Stage {
     /// For maps of `width` × n texels of `texel_mm`; `thickness` (mm) of each lit side in its own columns, 0 or NaN where there is no tissue. Kernels
-    /// end at `reach_mm` (at least one texel, at most the map), where the outermost texels take what is left.
+    /// end at `reach_mm` (at least one texel, at most the map), where the outermost texels take what is left. `incidences`: cosines (0 to 1) to the blade's
+    /// normal of the lights; with [`Totals::Transport`] as much comes through as of a beam of that incidence, spread as one along the normal.
     ///
     /// # Errors
-    /// Maps of unequal size, no texel with a thickness, no level, a texel that is not positive.
-    pub fn new(width: usize, texel_mm: f64, thickness: Vec<Vec<f64>>, levels: Levels, reach_mm: f64) -> Result<Stage> {
+    /// Maps of unequal size, no texel with a thickness, no level, a texel that is not positive, a cosine out of range.
+    pub fn new(width: usize, texel_mm: f64, thickness: Vec<Vec<f64>>, incidences: &[f64], levels: Levels, reach_mm: f64) -> Result<Stage> {
+        if incidences.is_empty() || !incidences.iter().all(|mu| *mu > 0.0 && *mu <= 1.0) {
+            return Err(Error::Usage(format!("cosines of incidence {incidences:?}; expected some above 0 and at most 1")));
+        }
         let texels = thickness.first().map_or(0, Vec::len);
         if width == 0 || texels == 0 || !texels.is_multiple_of(width) || thickness.iter().any(|t| t.len() != texels) {
             return Err(Error::Usage(format!("thickness maps of {texels} texels in rows of {width}; expected maps of one size")));
@@ -96,7 +103,17 @@ impl Stage {
             weights.par_chunks_mut(count).zip(map.par_iter()).filter(|(_, d)| **d > 0.0).for_each(|(w, d)| nodes.weights(*d, w));
             weights
         });
-        Ok(Stage { weights: weights.collect(), grid: Grid::new(width, height, reach), texel_mm, reach, closed, nodes, range, thickness })
+        Ok(Stage {
+            weights: weights.collect(),
+            grid: Grid::new(width, height, reach),
+            texel_mm,
+            reach,
+            closed,
+            nodes,
+            range,
+            thickness,
+            incidences: incidences.to_vec(),
+        })
     }
 
     /// Farthest distance (mm) that kernels span, and whether that is less than the whole map.
@@ -127,14 +144,18 @@ impl Stage {
             spectra.push(self.grid.spectrum(value));
             partials.push([by_a, by_s, by_d].map(|k| self.grid.spectrum(k)));
         }
-        let curve = Series::fit(|d| logarithms(tissue, totals, factor * d), self.range[0], self.range[1], 24);
-        if !curve.coefficients.iter().flatten().all(|v| v.is_finite()) {
-            return Err(opaque());
+        let mut curves = Vec::new();
+        for mu in &self.incidences {
+            let curve = Series::fit(|d| logarithms(tissue, totals, factor * d, *mu), self.range[0], self.range[1], 24);
+            if !curve.coefficients.iter().flatten().all(|v| v.is_finite()) {
+                return Err(opaque());
+            }
+            curves.push(curve);
         }
-        let texel = |d: &f64| {
+        let texel = |curve: &Series<{ 2 * (PARTIALS + 1) }>, d: f64| {
             let mut parts = [0.0; 2 * (PARTIALS + 1)];
-            if *d > 0.0 {
-                let log = curve.at(*d);
+            if d > 0.0 {
+                let log = curve.at(d);
                 for which in 0..2 {
                     parts[which] = log[which].exp();
                     (1..=PARTIALS).for_each(|p| parts[2 * p + which] = parts[which] * log[2 * p + which]);
@@ -142,7 +163,8 @@ impl Stage {
             }
             parts
         };
-        let parts = self.thickness.iter().map(|map| map.par_iter().map(texel).collect()).collect();
+        let each = self.thickness.iter().flat_map(|map| curves.iter().map(move |curve| (map, curve)));
+        let parts = each.map(|(map, curve)| map.par_iter().map(|d| texel(curve, *d)).collect()).collect();
         Ok(Tangent { stage: self, spectra, partials, parts })
     }
 
@@ -183,7 +205,7 @@ impl Stage {
 }
 
 /// ln of the scattered total and of the unscattered share at thickness d, then their derivatives, parameter by parameter.
-fn logarithms(tissue: &Tissue, totals: Totals, d: f64) -> [f64; 2 * (PARTIALS + 1)] {
+fn logarithms(tissue: &Tissue, totals: Totals, d: f64, mu: f64) -> [f64; 2 * (PARTIALS + 1)] {
     let scattered = tissue.beyond_with_partials(0.0, d, Form::Thin);
     let (a, s) = (tissue.sigma_a, tissue.reduced_scattering());
     let mut log = [0.0; 2 * (PARTIALS + 1)];
@@ -195,20 +217,44 @@ fn logarithms(tissue: &Tissue, totals: Totals, d: f64) -> [f64; 2 * (PARTIALS + 
     (log[3], log[5], log[7]) = (-a * d, -s * d, -(a + s) * d);
     if totals == Totals::Transport {
         // Both rescaled so that together they are the transport equation's.
-        let (r, by) = slab::response_with_partials(a, s, d);
         let share = scattered.value / (scattered.value + log[1].exp());
-        let wanted = [r.rho_t.ln(), a * by.sigma_a.rho_t / r.rho_t, s * by.sigma_s.rho_t / r.rho_t, d * by.thickness.rho_t / r.rho_t];
-        let own = [(scattered.value + log[1].exp()).ln(), 0.0, 0.0, 0.0];
-        for p in 0..=PARTIALS {
-            let mine = if p == 0 { own[0] } else { share * log[2 * p] + (1.0 - share) * log[2 * p + 1] };
-            log[2 * p] += wanted[p] - mine;
-            log[2 * p + 1] += wanted[p] - mine;
+        let wanted = if mu == 1.0 { along_normal(a, s, d) } else { slanting(a, s, d, mu) };
+        for (p, wanted) in wanted.into_iter().enumerate() {
+            let own = match p {
+                0 => (scattered.value + log[1].exp()).ln(),
+                _ => share * log[2 * p] + (1.0 - share) * log[2 * p + 1],
+            };
+            log[2 * p] += wanted - own;
+            log[2 * p + 1] += wanted - own;
         }
     }
     log
 }
 
+/// ln ρt of the slab and its derivatives by ln σa, ln σs, ln d.
+fn along_normal(a: f64, s: f64, d: f64) -> [f64; PARTIALS + 1] {
+    let (r, by) = slab::response_with_partials(a, s, d);
+    [r.rho_t.ln(), a * by.sigma_a.rho_t / r.rho_t, s * by.sigma_s.rho_t / r.rho_t, d * by.thickness.rho_t / r.rho_t]
+}
+
+/// The same for a beam at cosine `mu` (per flux through the horizontal): derivatives by differences of the exact solution, of order h⁴.
+fn slanting(a: f64, s: f64, d: f64, mu: f64) -> [f64; PARTIALS + 1] {
+    let ln = |by_a: f64, by_s: f64| {
+        let (a, s) = (a * by_a.exp(), s * by_s.exp());
+        slab::exact::solve_log(mu, s / (a + s), a / (a + s), (a + s) * d).1
+    };
+    let h = 2e-3;
+    let slope = |f: &dyn Fn(f64) -> f64| (8.0 * (f(h) - f(-h)) - (f(2.0 * h) - f(-2.0 * h))) / (12.0 * h);
+    let (by_a, by_s) = (slope(&|x| ln(x, 0.0)), slope(&|x| ln(0.0, x)));
+    // Only products with d enter.
+    [ln(0.0, 0.0), by_a, by_s, by_a + by_s]
+}
+
 impl Tangent<'_> {
+    fn parts_of(&self, source: &Source) -> usize {
+        source.map * self.stage.incidences.len() + source.incidence
+    }
+
     /// The light that leaves, an image a source.
     ///
     /// # Panics
@@ -257,7 +303,7 @@ impl Tangent<'_> {
                 for (which, source) in pair.iter().enumerate() {
                     for x in 0..width {
                         let at = y * width + x;
-                        let light = self.parts[source.map][at][0] * source.light[at];
+                        let light = self.parts[self.parts_of(source)][at][0] * source.light[at];
                         for (row, w) in rows.iter_mut().zip(&stage.weights[source.map][at * n..][..n]) {
                             if which == 0 { row[x].re = w * light } else { row[x].im = w * light }
                         }
@@ -283,7 +329,7 @@ impl Tangent<'_> {
             });
             for (which, (source, view)) in pair.iter().zip(views).enumerate() {
                 for (at, worth) in worth.iter().enumerate() {
-                    let (parts, light) = (&self.parts[source.map][at], source.light[at]);
+                    let (parts, light) = (&self.parts[self.parts_of(source)][at], source.light[at]);
                     let worth = if which == 0 { worth.re } else { worth.im };
                     for (p, g) in gradient.iter_mut().enumerate() {
                         *g += light * (parts[2 * p + 2] * worth + parts[2 * p + 3] * view[at]);
@@ -309,7 +355,7 @@ impl Tangent<'_> {
         let texels = width * stage.grid.height;
         assert!(sources.iter().all(|s| s.light.len() == texels), "sources have to hold {texels} texels, as the stage was made for");
         let one = |source: &Source, at: usize, rows: &mut [f64]| {
-            texel(&stage.weights[source.map][at * n..][..n], &self.parts[source.map][at], source.light[at], rows)
+            texel(&stage.weights[source.map][at * n..][..n], &self.parts[self.parts_of(source)][at], source.light[at], rows)
         };
         let mut out = Vec::with_capacity(sources.len());
         for pair in sources.chunks(2) {

@@ -25,7 +25,7 @@ fn maps() -> Vec<Vec<f64>> {
 }
 
 fn stage(reach_mm: f64) -> Stage {
-    Stage::new(WIDTH, TEXEL_MM, maps(), LEVELS, reach_mm).unwrap()
+    Stage::new(WIDTH, TEXEL_MM, maps(), &[1.0, 0.6], LEVELS, reach_mm).unwrap()
 }
 
 fn tissue(p: &[f64]) -> Tissue {
@@ -36,8 +36,9 @@ fn lights() -> Vec<Vec<f64>> {
     (0..3).map(|k| noise(10 + k, TEXELS, 0.0, 1.0)).collect()
 }
 
-fn sources(lights: &[Vec<f64>]) -> Vec<Source<'_>> {
-    lights.iter().zip([0, 1, 1]).map(|(light, map)| Source { map, light }).collect()
+/// The last at incidence `last`.
+fn sources(lights: &[Vec<f64>], last: usize) -> Vec<Source<'_>> {
+    lights.iter().zip([(0, 0), (1, 0), (1, last)]).map(|(light, (map, incidence))| Source { map, incidence, light }).collect()
 }
 
 #[test]
@@ -48,7 +49,7 @@ fn images_are_the_convolvers() {
             let settings = Settings { levels: LEVELS, totals, tail, ..Settings::new(tissue, TEXEL_MM) };
             let convolver = Convolver::with(&settings, WIDTH, 9, RANGE[0], RANGE[1]).unwrap();
             let stage = stage((convolver.reach() as f64 - 0.5) * TEXEL_MM + if tail < 1e-3 { 9.0 } else { 0.0 });
-            let got = stage.at(&tissue, totals, 1.0).unwrap().run(&sources(&lights));
+            let got = stage.at(&tissue, totals, 1.0).unwrap().run(&sources(&lights, 0));
             for (k, map) in [0, 1, 1].into_iter().enumerate() {
                 let want = convolver.run(&maps[map], &lights[k..=k]).swap_remove(0);
                 let size = want.iter().fold(0.0, |m: f64, v| m.max(*v));
@@ -67,15 +68,15 @@ fn derivatives_agree_with_differences_and_the_gradient_with_them() {
         for centre in [[0.4f64.ln(), 8f64.ln(), 0.1], [3f64.ln(), 2f64.ln(), -0.2]] {
             let at = |p: &[f64]| stage.at(&tissue(p), totals, p[2].exp()).unwrap();
             let here = at(&centre);
-            let gradient = here.gradient(&sources(&lights), &views);
+            let gradient = here.gradient(&sources(&lights, 1), &views);
             for p in 0..PARTIALS {
                 let step = 2e-4;
                 let moved = |by: f64| {
                     let mut q = centre;
                     q[p] += by;
-                    at(&q).run(&sources(&lights))
+                    at(&q).run(&sources(&lights, 1))
                 };
-                let derivative = here.derivative(p, &sources(&lights));
+                let derivative = here.derivative(p, &sources(&lights, 1));
                 let [a, b, c, d] = [step, -step, 2.0 * step, -2.0 * step].map(moved);
                 let size = derivative.iter().flatten().fold(0.0, |m: f64, v| m.max(v.abs()));
                 let mut sum = 0.0;
@@ -92,10 +93,26 @@ fn derivatives_agree_with_differences_and_the_gradient_with_them() {
     }
 }
 
+/// A wide flat blade lets through what the transport equation says of a slanting beam.
+#[test]
+fn a_slanting_beam_brings_its_own_total() {
+    let (n, d) = (15, 0.2);
+    let stage = Stage::new(n, 2.0, vec![vec![d; n * n]], &[1.0, 0.5], LEVELS, 9.0).unwrap();
+    let tissue = Tissue { sigma_a: 0.4, sigma_s: 9.5, g: 0.0, a: 1.0 };
+    let light = vec![1.0; n * n];
+    let sources = [0, 1].map(|incidence| Source { map: 0, incidence, light: &light });
+    let out = stage.at(&tissue, Totals::Transport, 1.0).unwrap().run(&sources);
+    for (out, mu) in out.iter().zip([1.0, 0.5]) {
+        let want = slab::exact::response_at(mu, 0.4, 9.5, d).rho_t;
+        assert!((out[n * n / 2] / want - 1.0).abs() < 1e-6, "{} {want}", out[n * n / 2]);
+    }
+}
+
 #[test]
 fn what_cannot_be_is_refused() {
-    assert!(Stage::new(4, 0.1, vec![vec![0.0; 16]], LEVELS, 1.0).is_err());
-    assert!(Stage::new(4, 0.1, vec![vec![0.1; 16], vec![0.1; 12]], LEVELS, 1.0).is_err());
+    assert!(Stage::new(4, 0.1, vec![vec![0.0; 16]], &[1.0], LEVELS, 1.0).is_err());
+    assert!(Stage::new(4, 0.1, vec![vec![0.1; 16], vec![0.1; 12]], &[1.0], LEVELS, 1.0).is_err());
+    assert!(Stage::new(4, 0.1, vec![vec![0.1; 16]], &[0.0], LEVELS, 1.0).is_err());
     let stage = stage(1.0);
     for p in [[f64::NAN, 1.0, 0.0], [9f64, 9.0, 2.0], [f64::NEG_INFINITY, 1.0, 0.0]] {
         assert!(stage.at(&tissue(&p), Totals::Form, p[2].exp()).is_err(), "{p:?}");

@@ -34,6 +34,8 @@ pub struct Image {
     pub map: usize,
     /// Irradiance that enters, per irradiance of a plane that faces the light.
     pub light: Vec<f64>,
+    /// Cosine of the light to the blade's normal, above 0 to 1.
+    pub cosine: f64,
     /// Share of the inner light that leaves through the seen side.
     pub exit: Vec<f64>,
     /// The photograph's values (1 = a white sheet that faces the light); not read where not used.
@@ -93,6 +95,8 @@ pub struct Options {
     /// Thickness levels.
     pub levels: usize,
     pub totals: Totals,
+    /// With the transport equation's totals: of a beam at each light's own incidence, else of one along the normal (as renderers have it).
+    pub slant: bool,
     /// The thickness map is right as it is.
     pub fix_scale: bool,
     /// Rounds of descent at most.
@@ -101,7 +105,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Options { levels: 8, totals: Totals::Transport, fix_scale: false, rounds: 12 }
+        Options { levels: 8, totals: Totals::Transport, slant: true, fix_scale: false, rounds: 12 }
     }
 }
 

@@ -1,6 +1,6 @@
 //! Cost, gradient and Gauss–Newton matrix of photographs against the convolution, in ln σa, ln σs′ (a channel each) and the ln of the scale.
 
-use super::{Measured, Options, Tissues};
+use super::{Image, Measured, Options, Tissues};
 use crate::Result;
 use crate::optics::dipole::{Form, Tissue};
 use crate::optics::translucency::convolve::support;
@@ -22,6 +22,8 @@ pub struct Model<'a> {
     options: Options,
     stage: Stage,
     scale: f64,
+    /// Cosines of incidence, each once.
+    incidences: Vec<f64>,
     /// A channel, an image, a texel: 1/sd; 0 where it does not count.
     inverse: Vec<Vec<Vec<f64>>>,
     /// Texels that count, all images and channels.
@@ -64,9 +66,15 @@ impl<'a> Model<'a> {
     pub fn new(measured: &'a Measured, options: &Options, at: &Tissues) -> Result<Model<'a>> {
         let levels = Levels { count: options.levels, ..Levels::default() };
         let reach = (1.3 * reach_mm(measured, at, 0.1 * TAIL)).max(4.0 * measured.texel_mm);
-        let stage = Stage::new(measured.width, measured.texel_mm, measured.thickness.clone(), levels, reach)?;
+        let mut incidences = Vec::new();
+        for cosine in measured.channels.iter().flat_map(|c| &c.images).map(|i| if options.slant { i.cosine } else { 1.0 }) {
+            if !incidences.contains(&cosine) {
+                incidences.push(cosine);
+            }
+        }
+        let stage = Stage::new(measured.width, measured.texel_mm, measured.thickness.clone(), &incidences, levels, reach)?;
         let count = measured.channels.iter().flat_map(|c| &c.images).map(|i| i.used.iter().filter(|u| **u).count()).sum();
-        let mut model = Model { measured, options: *options, stage, scale: at.scale, inverse: Vec::new(), count };
+        let mut model = Model { measured, options: *options, stage, scale: at.scale, incidences, inverse: Vec::new(), count };
         model.weigh(&measured.channels.iter().map(|c| c.images.iter().map(|i| i.seen.clone()).collect()).collect::<Vec<_>>());
         Ok(model)
     }
@@ -113,7 +121,8 @@ impl<'a> Model<'a> {
     }
 
     fn sources(&self, c: usize) -> Vec<Source<'_>> {
-        self.measured.channels[c].images.iter().map(|i| Source { map: i.map, light: &i.light }).collect()
+        let place = |i: &Image| self.incidences.iter().position(|mu| *mu == i.cosine).unwrap_or(0);
+        self.measured.channels[c].images.iter().map(|i| Source { map: i.map, incidence: place(i), light: &i.light }).collect()
     }
 
     /// What the photographs should show at `p`: a channel, an image.

@@ -173,7 +173,7 @@ pub fn measured(capture: &Capture, source: &Source, options: &Options) -> Result
             };
             let seen = capture.photographs[k][c].clone();
             let used = seen.iter().zip(&counted[map]).map(|(v, u)| *u && v.is_finite()).collect();
-            images.push(Image { map, light, exit, seen, used });
+            images.push(Image { map, light, cosine: beam.direction()[2].clamp(1e-3, 1.0), exit, seen, used });
         }
         let a = match options.entry {
             Entry::Matched => 1.0,

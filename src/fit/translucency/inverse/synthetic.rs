@@ -3,6 +3,7 @@
 
 use super::{Channel, Image, Measured, Noise, Tissues};
 use crate::Result;
+use crate::capture::beams::synth::slanting;
 use crate::capture::synth::random::Stream;
 use crate::optics::dipole::Tissue;
 use crate::optics::translucency::blade::{Blade, Side, mirror};
@@ -11,6 +12,11 @@ use crate::optics::translucency::horizon::Horizon;
 use crate::optics::translucency::irradiance::{Visibility, irradiance};
 use crate::optics::translucency::levels::Levels;
 use crate::optics::translucency::lights::raised;
+
+/// Cosine to the blade's normal of a light at this elevation.
+fn cosine(elevation: f64) -> f64 {
+    elevation.sin().clamp(1e-3, 1.0)
+}
 
 /// What is photographed.
 #[derive(Debug, Clone)]
@@ -70,7 +76,14 @@ impl Scene {
         let image = |&(side, elevation, azimuth): &(Side, f64, f64)| {
             let map = usize::from(side == Side::Back);
             let light = irradiance(&blade.lit(side), &horizons[map], raised(elevation.sin(), azimuth), Visibility::Hard);
-            Image { map, light, exit: vec![1.0; n * n], seen: vec![0.0; n * n], used: (0..n * n).map(used).collect() }
+            Image {
+                map,
+                light,
+                cosine: cosine(elevation),
+                exit: vec![1.0; n * n],
+                seen: vec![0.0; n * n],
+                used: (0..n * n).map(used).collect(),
+            }
         };
         let images: Vec<Image> = self.beams.iter().map(image).collect();
         let letters = ["R", "G", "B"];
@@ -97,7 +110,9 @@ impl Scene {
             let maps: Vec<Vec<f64>> = measured.thickness.iter().map(|m| m.iter().map(|d| d * self.truth.scale).collect()).collect();
             let Some(convolver) = Convolver::for_map(&settings, self.size, &maps[0])? else { continue };
             for image in &mut measured.channels[c].images {
-                image.seen = convolver.run(&maps[image.map], std::slice::from_ref(&image.light)).swap_remove(0);
+                let light: Vec<f64> =
+                    image.light.iter().zip(&maps[image.map]).map(|(l, d)| l * slanting(&tissue, *d, image.cosine)).collect();
+                image.seen = convolver.run(&maps[image.map], &[light]).swap_remove(0);
             }
         }
         disturb(&mut measured, self.noise, self.seed);
