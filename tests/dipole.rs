@@ -125,6 +125,7 @@ fn bad_rows_and_bad_options_are_named() {
     }
     // Far out and deep down there is no light left, and no NaN.
     assert!(got[7].0 == 0.0 && got[8].0 == 0.0, "{got:?}");
+    assert!(got[7..].iter().all(|row| row.1 == "ok"), "{got:?}");
     for (args, word) in [(["--g", "1"], "--g is 1"), (["--sigma-a", "-1"], "--sigma-a is -1"), (["--a", "0.5"], "--a is 0.5")] {
         let output = common::run(["eval", "dipole"].iter().chain(&args));
         common::refused(&output, 2, &[word]);

@@ -3,6 +3,7 @@
 pub mod beam;
 pub mod bench;
 pub mod coverage;
+pub mod dome;
 pub mod gloss;
 pub mod leaf;
 pub mod nist;

@@ -46,6 +46,8 @@ const LEVELS: usize = 20;
 const PIGMENTS: usize = 6;
 /// Light from farther than this many mean thicknesses beyond a patch is left out.
 const AROUND: f64 = 8.0;
+/// No facet counts for more than this many texels' area.
+const STEEPEST: f64 = 5.0;
 
 /// One beam along each side's normal, and three slanting ones on the front.
 pub fn usual_beams() -> Vec<Beam> {
@@ -109,7 +111,9 @@ impl Grown {
             side.normal.iter().zip(&mask).map(|(n, m)| if *m { n.map(f64::from) } else { [0.0, 0.0, 1.0] }).collect();
         let height = relief::integrate(&normal, &mask, w, h, leaf.texel_mm).height;
         let thickness: Vec<f64> = side.thickness.iter().zip(&mask).map(|(d, m)| if *m { f64::from(*d) } else { 0.0 }).collect();
-        let surface = Surface { height, normal, entry: vec![1.0; w * h] };
+        // A slope has more area than its texel: it catches n·ω/n_z.
+        let entry = normal.iter().map(|n| (1.0 / n[2]).min(STEEPEST)).collect();
+        let surface = Surface { height, normal, entry };
         let lit = LitSide {
             side: if back { blade::Side::Back } else { blade::Side::Front },
             width: w,

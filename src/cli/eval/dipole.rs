@@ -103,8 +103,9 @@ fn doubt(tissue: &Tissue, form: Form, thickness: f64, t: f64) -> Option<String> 
     }
     if let Form::Dipoles(n) = form {
         // The sum is the one asked for; what it leaves out of all the light is what makes it wrong.
-        let left_out = 1.0 - tissue.total(thickness, form) / tissue.total(thickness, Form::Images);
-        if !(left_out.abs() <= PROMISE) {
+        let whole = tissue.total(thickness, Form::Images);
+        let left_out = 1.0 - tissue.total(thickness, form) / whole;
+        if whole > 0.0 && !(left_out.abs() <= PROMISE) {
             return Some(format!("{n} dipoles leave out {:.0} % of the light at this thickness", 100.0 * left_out));
         }
     }

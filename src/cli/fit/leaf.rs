@@ -1,12 +1,13 @@
-//! `mesophyll fit leaf CAPTURE -o DIR`.
+//! `mesophyll fit leaf CAPTURE -o DIR`, for scans under a tube and captures under a dome.
 
 use super::gloss::LobeArgs;
-use crate::Result;
 use crate::cli::{Common, print, print_json};
 use crate::files::progress::say;
+use crate::fit::dome;
 use crate::fit::leaf::texels::Shard;
 use crate::fit::leaf::{Method, Options, Outcome, run as fit};
 use crate::fit::record::FitRecord;
+use crate::{Error, Result};
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
@@ -14,6 +15,7 @@ use std::path::PathBuf;
   mesophyll fit leaf scan/elm -o fits/elm
   mesophyll fit leaf scan/elm -o fits/elm --method paper       the reduction as Wang et al. 2005 print it
   mesophyll fit leaf scan/elm -o fits/elm --shard 1/4          one of four processes; then --merge
+  mesophyll fit leaf dome/elm -o fits/elm --gloss 1.4,0.3      a capture under a dome
 
 A run that was stopped goes on where it was when the same command is given again.")]
 pub struct Args {
@@ -36,6 +38,9 @@ pub struct Args {
     /// Put the parts of all shards together
     #[arg(long, conflicts_with = "shard")]
     merge: bool,
+    /// Dome captures only: effective refractive index and slope m of the gloss, which a dome does not show (index 1.2 to 1.7, slope 0.078 to 0.5 for leaves)
+    #[arg(long, value_name = "N,M", value_delimiter = ',')]
+    gloss: Option<Vec<f64>>,
     /// Fit again although the folder already holds this very fit
     #[arg(long)]
     force: bool,
@@ -55,7 +60,34 @@ fn parse_shard(text: &str) -> std::result::Result<Shard, String> {
     }
 }
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
+/// What a capture's `kind` says; the kind of a scan under a tube is not written.
+pub fn is_dome(capture: &std::path::Path) -> bool {
+    let text = std::fs::read_to_string(capture.join("capture.toml")).unwrap_or_default();
+    text.parse::<toml::Table>().is_ok_and(|t| t.get("kind").and_then(toml::Value::as_str) == Some(crate::capture::dome::manifest::KIND))
+}
+
+/// A capture under a dome: no tube, so nothing of shards, lobes and the paper's reduction.
+fn from_dome(args: &Args) -> Result<Outcome> {
+    if args.shard.is_some() || args.merge || args.no_robust || matches!(args.method, MethodName::Paper) {
+        return Err(Error::Usage(format!(
+            "{}: a capture under a dome has no traces to fit; --shard, --merge, --no-robust and --method paper are for scans under a tube",
+            args.capture.display()
+        )));
+    }
+    let gloss = match args.gloss.as_deref() {
+        None => None,
+        Some([n, m]) if (1.0..=3.0).contains(n) && *m > 0.0 && *m <= 1.0 => Some([*n, *m]),
+        Some(other) => {
+            return Err(Error::Usage(format!("--gloss: found {other:?}, expected an index of 1 to 3 and a slope above 0 and at most 1")));
+        }
+    };
+    dome::run(&args.capture, &args.output, &dome::Options { gloss, force: args.force })
+}
+
+fn from_tube(args: &Args) -> Result<Outcome> {
+    if args.gloss.is_some() {
+        return Err(Error::Usage("--gloss is for captures under a dome; a scan under a tube shows its gloss".into()));
+    }
     let options = Options {
         method: match args.method {
             MethodName::Exact => Method::Exact,
@@ -67,7 +99,12 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         merge: args.merge,
         force: args.force,
     };
-    let record = match fit(&args.capture, &args.output, &options)? {
+    fit(&args.capture, &args.output, &options)
+}
+
+pub fn run(args: &Args, common: &Common) -> Result<u8> {
+    let outcome = if is_dome(&args.capture) { from_dome(args)? } else { from_tube(args)? };
+    let record = match outcome {
         Outcome::Done(record) => {
             say(format!("fit written to {}", args.output.display()));
             record

@@ -2,9 +2,10 @@
 
 use crate::cli::{Common, print, print_json};
 use crate::files::progress::say;
+use crate::fit::dome;
 use crate::fit::record::FitRecord;
 use crate::fit::translucency::tissue::Entry;
-use crate::fit::translucency::{Colour, Options, Outcome, TissueFrom, run as fit};
+use crate::fit::translucency::{Area, Colour, Options, Outcome, TissueFrom, run as fit};
 use crate::optics::dipole::Form;
 use crate::optics::translucency::basis::Basis;
 use crate::{Error, Result};
@@ -17,10 +18,10 @@ use std::path::PathBuf;
 #[command(after_help = "Examples:
   mesophyll fit translucency fits/elm -o fits/elm-translucency
   mesophyll fit translucency fits/elm -o out/rgb --colour three-wavelengths
-  mesophyll fit translucency fits/elm -o out/paper --colour product --tissue table --form dipoles --dipoles 3
+  mesophyll fit translucency fits/elm -o out/paper --colour product --tissue table --area texel --form dipoles --dipoles 3
   mesophyll fit translucency fits/elm -o out/noon --sun-elevation-deg 60 --sun-azimuth-deg 30     one light, no basis")]
 pub struct Args {
-    /// Folder of `fit leaf`
+    /// Folder of `fit leaf`, or a capture under a dome (its leaf fit is then kept as DIR/leaf)
     input: PathBuf,
     /// Folder to write
     #[arg(short, long, value_name = "DIR")]
@@ -46,6 +47,9 @@ pub struct Args {
     /// Light that enters: all of it, or 1 - rho_d of the texel (default: all with the fit's slab, else 1 - rho_d)
     #[arg(long, value_enum)]
     entry: Option<EntryName>,
+    /// Area that a texel's light is counted over: its facet's own, or the texel's, as the sources have it
+    #[arg(long, value_enum, default_value_t = AreaName::Facet)]
+    area: AreaName,
     /// Boundary term A = (1 + rho)/(1 - rho), at least 1 (default: 1 where all light enters, else from the mean rho_d)
     #[arg(long, value_name = "A")]
     a: Option<f64>,
@@ -105,6 +109,12 @@ enum EntryName {
 }
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum AreaName {
+    Facet,
+    Texel,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
 enum FormName {
     Thin,
     Images,
@@ -158,6 +168,10 @@ fn options(args: &Args) -> Result<Options> {
             EntryName::Matched => Entry::Matched,
             EntryName::Albedo => Entry::Albedo,
         }),
+        area: match args.area {
+            AreaName::Facet => Area::Facet,
+            AreaName::Texel => Area::Texel,
+        },
         a: args.a.map(|a| within("a", a, 1.0, f64::INFINITY)).transpose()?,
         form: match args.form {
             FormName::Thin => Form::Thin,
@@ -178,8 +192,25 @@ fn options(args: &Args) -> Result<Options> {
     })
 }
 
+/// The leaf fit that is asked for: the folder itself, or one made from a capture under a dome, kept as `leaf` in the output.
+fn leaf(args: &Args) -> Result<PathBuf> {
+    if args.input.join("fit.toml").is_file() || !args.input.join("capture.toml").is_file() {
+        return Ok(args.input.clone());
+    }
+    if !super::leaf::is_dome(&args.input) {
+        return Err(Error::input(
+            &args.input,
+            "a scan under a tube; `mesophyll fit leaf` fits it, and the folder of that fit is wanted here",
+        ));
+    }
+    let folder = args.output.join("leaf");
+    dome::run(&args.input, &folder, &dome::Options { gloss: None, force: args.force })?;
+    say(format!("leaf fit written to {}", folder.display()));
+    Ok(folder)
+}
+
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
-    let record = match fit(&args.input, &args.output, &options(args)?)? {
+    let record = match fit(&leaf(args)?, &args.output, &options(args)?)? {
         Outcome::Done(record) => {
             say(format!("fit written to {}", args.output.display()));
             record

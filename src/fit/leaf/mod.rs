@@ -13,9 +13,10 @@ mod noise;
 mod output;
 pub mod paper;
 mod side;
-mod slabmaps;
+pub mod slabmaps;
 pub mod stress;
 pub mod texels;
+pub mod textures;
 mod truth;
 pub mod wide;
 

@@ -6,7 +6,7 @@
 use super::side::Made;
 use super::source::{Side, Source};
 use super::tissue;
-use super::{Colour, Options};
+use super::{Colour, Options, TissueFrom};
 use crate::files::image::{Maps, Packing, to_srgb8, write_exr, write_png};
 use crate::files::{atomic, hash};
 use crate::fit::leaf::map_path;
@@ -45,6 +45,7 @@ pub fn write(out: &Path, source: &Source, made: &[Made], options: &Options, inpu
         say("sun_azimuth_deg", format!("{:?}", azimuth.to_degrees()));
     }
     say("entry", tissue::entry(options).name().into());
+    say("area", options.area.name().into());
     say("form", form(options.form));
     say("levels", options.levels.to_string());
     say("lights", options.lights.to_string());
@@ -58,7 +59,7 @@ pub fn write(out: &Path, source: &Source, made: &[Made], options: &Options, inpu
         preview(out, source, side)?;
         let file = map_path(Path::new(""), side.side, "").to_string_lossy().into_owned();
         record.files.insert(file, hash::file(&path)?);
-        record.sections.insert(side.side.name().into(), section(source, source_side, side));
+        record.sections.insert(side.side.name().into(), section(source, source_side, side, options));
     }
     Ok(record)
 }
@@ -108,22 +109,24 @@ fn preview(out: &Path, source: &Source, side: &Made) -> Result<()> {
     write_png(&out.join(format!("{}_translucency.png", side.side.name())), source.width, source.height, &bytes)
 }
 
-fn section(source: &Source, of: &Side, side: &Made) -> Section {
+fn section(source: &Source, of: &Side, side: &Made, options: &Options) -> Section {
     let mut s = Section { figures: side.figures.clone(), ..Section::default() };
     let on = side.mask.iter().filter(|m| **m).count();
     s.counts.insert("texels".into(), side.mask.len());
     s.counts.insert("outside".into(), side.mask.len() - on);
     s.counts.insert("good".into(), on - side.dark.min(on));
     s.counts.insert("no_light".into(), side.dark);
-    let mut say = |name: &str, unit: &str, of: &dyn Fn(usize) -> f64| {
-        // Taken over from the leaf fit or from the user: no error of this computation's own.
-        let value: Vec<f64> = (0..side.tissue.len()).map(of).collect();
-        s.params.insert(name.into(), Param { stderr: vec![f64::NAN; value.len()], value, unit: unit.into(), undetermined: Vec::new() });
+    let mut say = |name: &str, unit: &str, value: &dyn Fn(usize) -> f64, stderr: &dyn Fn(usize) -> f64| {
+        let each = |f: &dyn Fn(usize) -> f64| (0..side.tissue.len()).map(f).collect();
+        s.params.insert(name.into(), Param { value: each(value), stderr: each(stderr), unit: unit.into(), undetermined: Vec::new() });
     };
-    say("sigma_a", "1/mm", &|k| side.tissue[k].sigma_a);
-    say("sigma_s", "1/mm", &|k| side.tissue[k].sigma_s);
-    say("g", "", &|k| side.tissue[k].g);
-    say("a", "", &|k| side.tissue[k].a);
+    // The leaf fit's errors where the tissue is the leaf fit's; what was stated has none.
+    let fitted = options.tissue == TissueFrom::Fit;
+    let err = |q: usize| move |k: usize| if fitted { of.sigma_err[q][side.channels[k]] } else { f64::NAN };
+    say("sigma_a", "1/mm", &|k| side.tissue[k].sigma_a, &err(0));
+    say("sigma_s", "1/mm", &|k| side.tissue[k].sigma_s, &err(1));
+    say("g", "", &|k| side.tissue[k].g, &|_| f64::NAN);
+    say("a", "", &|k| side.tissue[k].a, &|_| f64::NAN);
     s.figures.insert("slope_residual".into(), of.slope_residual);
     s.figures.insert("mean_free_path_mm".into(), side.tissue[0].mean_free_path());
     s.figures.insert("texel_over_mean_free_path".into(), source.texel_mm / side.tissue[0].mean_free_path());

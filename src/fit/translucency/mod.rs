@@ -5,14 +5,15 @@
 //! ```text
 //! one wavelength, measured colour:  ρt(x)/π · f(x, ω),  f = π M / ∫ M dω
 //! three wavelengths:                1/π · M_c(x, ω)
-//! M(x, ω) = A_p Σ_i T(|x − x_i|, d_i) E(x_i, ω),  E = entry · V(x_i, ω) · max(0, n(x_i)·ω)
+//! M(x, ω) = A_p Σ_i T(|x − x_i|, d_i) E(x_i, ω),  E = entry · V(x_i, ω) · max(0, n(x_i)·ω)/n_z(x_i)
 //! ```
 //!
 //! with ω in the tangent frame of S (x right, y up in its image, z out of it). What is stored are the coefficients of f, or of M, on a directional basis;
-//! maps lie in the columns of S's camera. Lengths in mm.
+//! maps lie in the columns of S's camera. Lengths in mm. The sources leave 1/n_z out ([`Area`]).
 //!
 //! The main path is [`run`]: read the leaf, choose the tissue, then side by side project the irradiance, convolve, normalise, judge, write.
 
+pub mod basis_study;
 pub mod bench;
 pub mod colour;
 mod folder;
@@ -22,6 +23,7 @@ pub mod side;
 pub mod source;
 pub mod stress;
 pub mod tissue;
+pub mod validation;
 
 use crate::files::{atomic, hash};
 use crate::fit::record::{FitRecord, Phase, Times};
@@ -68,6 +70,25 @@ pub enum TissueFrom {
     Given { sigma_a: f64, sigma_s: f64, g: f64 },
 }
 
+/// Over which area a texel's light is counted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Area {
+    /// The facet's own, 1/n_z of the texel's: a slope catches n·ω/n_z a texel, all of the light that falls on it.
+    #[default]
+    Facet,
+    /// The texel's, as H9 Eq. 3.13–3.14 have it: light on slopes is lost (a steep vein under normal light transmits 5 % too little).
+    Texel,
+}
+
+impl Area {
+    pub fn name(self) -> &'static str {
+        match self {
+            Area::Facet => "facet",
+            Area::Texel => "texel",
+        }
+    }
+}
+
 /// What `fit translucency` is told.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
@@ -77,6 +98,7 @@ pub struct Options {
     pub tissue: TissueFrom,
     /// `None`: what belongs to the tissue (`tissue::entry`).
     pub entry: Option<Entry>,
+    pub area: Area,
     /// The boundary term A; `None`: what belongs to the entry.
     pub a: Option<f64>,
     pub form: Form,
@@ -98,6 +120,7 @@ impl Default for Options {
             channel: None,
             tissue: TissueFrom::Fit,
             entry: None,
+            area: Area::Facet,
             a: None,
             form: Form::Thin,
             levels: 8,

@@ -2,7 +2,7 @@
 
 use super::source::{Side, Source};
 use super::tissue::{self, Entry};
-use super::{Colour, Options, TissueFrom, colour, judge};
+use super::{Area, Colour, Options, TissueFrom, colour, judge};
 use crate::capture::manifest::SideName;
 use crate::fit::record::Phase;
 use crate::optics::dipole::Tissue;
@@ -35,13 +35,20 @@ pub struct Made {
     pub figures: BTreeMap<String, f64>,
 }
 
-/// The lit side as the light transport takes it, in channel `c`.
-pub fn surface(side: &Side, c: usize, entry: Entry) -> Surface {
-    let entry = match entry {
-        Entry::Matched => vec![1.0; side.mask.len()],
-        Entry::Albedo => side.rho_d[c].iter().map(|r| (1.0 - f64::from(*r)).clamp(0.0, 1.0)).collect(),
+/// No facet counts for more than this many texels' area: beyond, a normal says more of noise than of slope.
+const STEEPEST: f64 = 5.0;
+
+/// The lit side as the light transport takes it, in channel `c`: what enters a texel for each unit of n·ω. `fit.toml` says `entry` and `area`.
+pub fn surface(side: &Side, c: usize, entry: Entry, area: Area) -> Surface {
+    let entry = |k: usize| match entry {
+        Entry::Matched => 1.0,
+        Entry::Albedo => (1.0 - f64::from(side.rho_d[c][k])).clamp(0.0, 1.0),
     };
-    Surface { height: side.height.clone(), normal: side.normal.clone(), entry }
+    let area = |k: usize| match area {
+        Area::Facet => (1.0 / side.normal[k][2]).min(STEEPEST),
+        Area::Texel => 1.0,
+    };
+    Surface { height: side.height.clone(), normal: side.normal.clone(), entry: (0..side.mask.len()).map(|k| entry(k) * area(k)).collect() }
 }
 
 /// The side lit, over its surface.
@@ -88,7 +95,7 @@ pub fn make(source: &Source, side: &Side, channels: &[usize], options: &Options,
     let mut phase =
         |what: &str, since: Instant| phases.push(Phase { name: format!("{name}: {what}"), seconds: since.elapsed().as_secs_f64() });
     let step = Instant::now();
-    let first = surface(side, channels[0], tissue::entry(options));
+    let first = surface(side, channels[0], tissue::entry(options), options.area);
     let horizon = Horizon::new(&lit(source, side, &first));
     phase("horizon map", step);
 
@@ -109,7 +116,7 @@ pub fn make(source: &Source, side: &Side, channels: &[usize], options: &Options,
     };
     for &c in channels {
         let tissue = tissue::of(side, c, options)?;
-        let surface = surface(side, c, tissue::entry(options));
+        let surface = surface(side, c, tissue::entry(options), options.area);
         let lit = lit(source, side, &surface);
         let step = Instant::now();
         let mut sources = irradiance::project(&lit, &horizon, &projector, Visibility::Hard);

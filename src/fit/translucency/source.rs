@@ -7,7 +7,7 @@ use crate::capture::manifest::SideName;
 use crate::files::hash;
 use crate::files::image::{Maps, read_exr_rows};
 use crate::fit::leaf::{fill, map_path};
-use crate::fit::record::FitRecord;
+use crate::fit::record::{FitRecord, Section};
 use crate::optics::translucency::relief;
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -27,9 +27,11 @@ pub struct Side {
     pub slope_residual: f64,
     pub thickness: Vec<f64>,
     pub mask: Vec<bool>,
-    /// The slab's coefficients a channel, and the names of those that the leaf fit did not determine.
+    /// The slab's coefficients a channel (1/mm), their standard errors (infinite: nothing is known of them), and what the leaf fit says of those that
+    /// it did not determine.
     pub sigma_a: [f64; 3],
     pub sigma_s: [f64; 3],
+    pub sigma_err: [[f64; 3]; 2],
     pub undetermined: Vec<String>,
 }
 
@@ -101,6 +103,11 @@ fn parameter(file: &Path, record: &FitRecord, side: SideName, name: &str, count:
     Err(Error::field(file, &format!("{}.{name}", side.name()), format!("found {values:?}, expected {expected}")))
 }
 
+/// Standard error of a channel; one that is not stated at all is no doubt.
+fn error(section: &Section, name: &str, c: usize) -> f64 {
+    section.params.get(name).and_then(|p| p.stderr.get(c).copied()).filter(|e| !e.is_nan()).unwrap_or(0.0)
+}
+
 fn side(folder: &Path, file: &Path, record: &FitRecord, name: SideName, texel_mm: f64, size: &mut Option<(usize, usize)>) -> Result<Side> {
     let path = map_path(folder, name, "");
     let names: Vec<String> = ["rho_d", "rho_t"]
@@ -143,6 +150,7 @@ fn side(folder: &Path, file: &Path, record: &FitRecord, name: SideName, texel_mm
         mask,
         sigma_a: sigma("sigma_a")?,
         sigma_s: sigma("sigma_s")?,
+        sigma_err: ["sigma_a", "sigma_s"].map(|q| [0, 1, 2].map(|c| error(section, q, c))),
         undetermined: section.params.values().flat_map(|p| p.undetermined.iter().cloned()).collect(),
     })
 }

@@ -134,6 +134,7 @@ fn flat(n: usize, thickness: f64) -> Source {
         mask: vec![true; n * n],
         sigma_a: [3.0, 1.0, 6.0],
         sigma_s: [10.0; 3],
+        sigma_err: [[0.1; 3]; 2],
         undetermined: Vec::new(),
     };
     Source { name: "flat".into(), width: n, height: n, texel_mm: 0.1, thickness_mm: thickness, sides: vec![side], hash: String::new() }
@@ -153,6 +154,7 @@ fn no_relief() -> Result<StressRow> {
 fn undetermined() -> StressRow {
     let clock = Instant::now();
     let mut source = flat(8, 0.2);
+    source.sides[0].sigma_err[0][1] = f64::INFINITY;
     source.sides[0].undetermined = vec!["sigma_a.G: relative standard error inf".into()];
     let run = |options: &Options| side::make(&source, &source.sides[0], &[1], options, &mut Vec::new());
     let verdict = match (run(&Options::default()), run(&Options { tissue: TissueFrom::Table, ..Options::default() })) {

@@ -41,18 +41,20 @@ pub fn entry(options: &Options) -> Entry {
 /// The tissue behind one side in channel `c`.
 ///
 /// # Errors
-/// [`Error::Missed`] when the leaf fit did not determine the slab of this channel and no other tissue was asked for.
+/// [`Error::Missed`] when the leaf fit knows nothing of the slab in this channel and no other tissue was asked for.
 pub fn of(side: &Side, c: usize, options: &Options) -> Result<Tissue> {
     let [sigma_a, sigma_s, g] = match options.tissue {
         TissueFrom::Fit => {
             let letter = ["R", "G", "B"][c];
-            if let Some(why) =
-                side.undetermined.iter().find(|u| ["sigma_a", "sigma_s"].iter().any(|n| u.starts_with(&format!("{n}.{letter}"))))
-            {
-                return Err(Error::Missed(format!(
-                    "the leaf fit leaves this undetermined on its {}: {why}; choose --channel, --tissue table or --sigma-a and --sigma-s",
-                    side.name.name()
-                )));
+            for (name, err) in [("sigma_a", side.sigma_err[0][c]), ("sigma_s", side.sigma_err[1][c])] {
+                if err.is_infinite() {
+                    let own = format!("{name}.{letter}");
+                    let why = side.undetermined.iter().find(|u| u.starts_with(&own)).map_or(own.as_str(), String::as_str);
+                    return Err(Error::Missed(format!(
+                        "the leaf fit leaves this undetermined on its {}: {why}; choose --channel, --tissue table or --sigma-a and --sigma-s",
+                        side.name.name()
+                    )));
+                }
             }
             [side.sigma_a[c], side.sigma_s[c], 0.0]
         }

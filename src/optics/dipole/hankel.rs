@@ -26,8 +26,8 @@ pub fn contour(r: f64, d: f64, first_pole: f64, depth: f64) -> Vec<Node> {
     let step = if share > 0.7 { 0.06 } else { 0.12 } / (1.0 + first_pole * d / 15.0);
     let start = share * first_pole;
     let scale = start / FRAC_PI_4.sin();
-    // Im k ≥ start cosh u and Re k = start sinh u
-    let reach = (1.0 + 44.0 / (start * r)).acosh().min((1.0 + 50.0 / (start * depth)).asinh());
+    // Until nothing is left of e^(ikr), Im k = start cosh u, or of e^(−K depth) beside its size at the start; Re K ≥ Re k = start sinh u.
+    let reach = (1.0 + 44.0 / (start * r)).acosh().min(((50.0 + first_pole * d) / (start * depth)).asinh());
     let count = (reach / step).ceil() as usize;
     (0..=count)
         .map(|j| {

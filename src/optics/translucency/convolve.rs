@@ -6,7 +6,7 @@
 
 use super::fourier::{Grid, Spectrum};
 use super::kernel::Kernel;
-use super::levels::{Curve, Levels, Nodes};
+use super::levels::{Curves, LevelKind, Levels, Nodes};
 use crate::optics::dipole::{Form, Tissue};
 use crate::optics::slab;
 use crate::{Error, Result};
@@ -46,13 +46,15 @@ impl Settings {
 /// Kernels of one tissue for maps of one size.
 #[derive(Debug)]
 pub struct Convolver {
-    settings: Settings,
-    grid: Grid,
-    nodes: Nodes,
-    kernels: Vec<Kernel>,
-    spectra: Vec<Spectrum>,
+    pub(super) settings: Settings,
+    pub(super) grid: Grid,
+    pub(super) nodes: Nodes,
+    pub(super) kernels: Vec<Kernel>,
+    pub(super) spectra: Vec<Spectrum>,
+    pub(super) closed: bool,
+    pub(super) range: [f64; 2],
     /// Scattered total and unscattered share over the thickness.
-    totals: [Option<Curve>; 2],
+    totals: [Option<Curves<1>>; 2],
 }
 
 /// Convolves each image with the kernels of `thickness` (`width` × n, row by row). Where the map holds no more than `levels.count` different
@@ -126,7 +128,7 @@ impl Convolver {
         Convolver::build(settings, width, height, Nodes::exact(distinct), range).map(Some)
     }
 
-    fn build(settings: &Settings, width: usize, height: usize, nodes: Nodes, range: [f64; 2]) -> Result<Convolver> {
+    fn build(settings: &Settings, width: usize, height: usize, mut nodes: Nodes, range: [f64; 2]) -> Result<Convolver> {
         let Settings { tissue, form, texel_mm, .. } = *settings;
         if let Some(fault) = tissue.fault() {
             return Err(Error::Usage(fault));
@@ -145,25 +147,25 @@ impl Convolver {
         let wanted = (widest / texel_mm).ceil().max(1.0);
         let most = width.max(height) - 1;
         let (reach, closed) = if wanted > most as f64 { (most, false) } else { (wanted as usize, true) };
-        let kernels: Vec<Kernel> = nodes
-            .thickness
-            .iter()
-            .map(|&d| {
-                let whole = scattered(&tissue, d, form);
-                if whole > 0.0 {
-                    Kernel::build(|r| tissue.beyond(r, d, form) / whole, texel_mm, reach, closed)
-                } else {
-                    Kernel::delta(reach)
-                }
-            })
-            .collect();
+        let shape = |&d: &f64| {
+            let whole = scattered(&tissue, d, form);
+            if whole > 0.0 {
+                let [kernel] = Kernel::build(|r| [tissue.beyond(r, d, form) / whole], texel_mm, reach, closed);
+                kernel
+            } else {
+                Kernel::delta(reach)
+            }
+        };
+        let mut kernels: Vec<Kernel> = nodes.thickness.iter().map(shape).collect();
+        if settings.levels.kind == LevelKind::Svd && kernels.len() > settings.levels.count {
+            kernels = nodes.principal(&kernels, settings.levels.count);
+        }
         let grid = Grid::new(width, height, reach);
         let spectra = kernels.iter().map(|k| grid.spectrum(k)).collect();
-        let fit = |which: usize| {
-            if range[1] > range[0] { Curve::fit(|d| total_parts(settings, d)[which], range[0], range[1]) } else { None }
-        };
+        let fit =
+            |which: usize| if range[1] > range[0] { Curves::fit(|d| [total_parts(settings, d)[which]], range[0], range[1]) } else { None };
         let totals = [fit(0), fit(1)];
-        Ok(Convolver { settings: *settings, grid, nodes, kernels, spectra, totals })
+        Ok(Convolver { settings: *settings, grid, nodes, kernels, spectra, closed, range, totals })
     }
 
     /// Farthest texel that a texel's light reaches, along x or y.
@@ -177,13 +179,13 @@ impl Convolver {
             return [0.0; 2];
         }
         let direct = || total_parts(&self.settings, d);
-        let at = |k: usize| self.totals[k].as_ref().and_then(|c| c.at(d)).unwrap_or_else(|| direct()[k]);
+        let at = |k: usize| self.totals[k].as_ref().and_then(|c| c.at(d)).map_or_else(|| direct()[k], |[v]| v);
         [at(0), at(1)]
     }
 
     /// Per texel: its weight on each level, with its own total in it, then the unscattered share.
     fn weights(&self, thickness: &[f64]) -> Vec<f64> {
-        let n = self.nodes.thickness.len() + 1;
+        let n = self.nodes.count() + 1;
         let mut weights = vec![0.0; thickness.len() * n];
         weights.par_chunks_mut(n).zip(thickness.par_iter()).for_each(|(w, &d)| {
             if d > 0.0 {
@@ -196,7 +198,7 @@ impl Convolver {
         weights
     }
 
-    fn check(&self, maps: &[&[f64]]) {
+    pub(super) fn check(&self, maps: &[&[f64]]) {
         let texels = self.grid.width * self.grid.height;
         assert!(maps.iter().all(|m| m.len() == texels), "maps have to hold {texels} texels, as the convolver was made for");
     }
@@ -264,16 +266,16 @@ impl Convolver {
             let sum = self.grid.backward(
                 &kernels,
                 |y, row| row.iter_mut().enumerate().for_each(|(x, v)| *v = value(y * width + x)),
-                |y, parts, out| {
-                    for (x, v) in out.iter_mut().enumerate() {
+                |y, parts| {
+                    let texel = |x: usize| {
                         let at = y * width + x;
-                        *v = value(at) * weights[at * n + n - 1];
-                        for (k, part) in parts.iter().enumerate() {
-                            *v += part[x] * weights[at * n + k];
-                        }
-                    }
+                        let stays = value(at) * weights[at * n + n - 1];
+                        parts.iter().enumerate().fold(stays, |sum, (k, part)| sum + part[x] * weights[at * n + k])
+                    };
+                    (0..width).map(texel).collect::<Vec<_>>()
                 },
             );
+            let sum = sum.concat();
             out.push(sum.iter().map(|v| v.re).collect());
             if pair.len() > 1 {
                 out.push(sum.iter().map(|v| v.im).collect());
@@ -313,7 +315,7 @@ fn scattered(tissue: &Tissue, d: f64, form: Form) -> f64 {
 }
 
 /// Scattered and unscattered light of one entering unit.
-fn total_parts(settings: &Settings, d: f64) -> [f64; 2] {
+pub(super) fn total_parts(settings: &Settings, d: f64) -> [f64; 2] {
     let Settings { tissue, form, .. } = settings;
     let parts = [scattered(tissue, d, *form), tissue.ballistic(d, *form)];
     if settings.totals == Totals::Form {

@@ -160,16 +160,16 @@ impl Grid {
                 }
             },
         );
-        self.rows_back(&turned, 1, |_, parts, out| out.copy_from_slice(&parts[0]))
+        self.rows_back(&turned, 1, |_, parts| parts[0].clone()).concat()
     }
 
-    /// The transpose: `gather(y, parts, out)` sums what kernel_k ∗ `maps` gives in row y (`width` values each) into the row of the result.
-    pub fn backward(
+    /// The transpose: two maps (`fill(y, row)`) convolved with every kernel; `gather(y, parts)` makes of row y (`width` values a kernel) what is wanted.
+    pub fn backward<R: Send>(
         &self,
         kernels: &[&Spectrum],
         fill: impl Fn(usize, &mut [C]) + Sync,
-        gather: impl Fn(usize, &[Vec<C>], &mut [C]) + Sync,
-    ) -> Vec<C> {
+        gather: impl Fn(usize, &[Vec<C>]) -> R + Sync,
+    ) -> Vec<R> {
         let (count, tall) = (kernels.len(), self.rows / 2 + 1);
         let mut lines = vec![ZERO; self.height * self.columns];
         lines.par_chunks_mut(self.columns).enumerate().for_each_init(
@@ -272,33 +272,38 @@ impl Grid {
     }
 
     /// Inverse transforms along the rows of `turned[(f * count + k) * height + y]`, handed to `gather` row by row.
-    fn rows_back(&self, turned: &[C], count: usize, gather: impl Fn(usize, &[Vec<C>], &mut [C]) + Sync) -> Vec<C> {
+    fn rows_back<R: Send>(&self, turned: &[C], count: usize, gather: impl Fn(usize, &[Vec<C>]) -> R + Sync) -> Vec<R> {
         let scale = 1.0 / (self.columns * self.rows) as f64;
-        let mut result = vec![ZERO; self.width * self.height];
-        result.par_chunks_mut(BLOCK * self.width).enumerate().for_each_init(
-            || (vec![vec![ZERO; self.columns]; count * BLOCK], vec![ZERO; self.along[1].get_inplace_scratch_len()]),
-            |(parts, scratch), (block, out)| {
-                let (first, tall) = (block * BLOCK, out.len() / self.width);
-                for f in 0..self.columns {
-                    for k in 0..count {
-                        let values = &turned[(f * count + k) * self.height + first..][..tall];
-                        for (row, v) in values.iter().enumerate() {
-                            parts[row * count + k][f] = *v * scale;
+        let blocks = self.height.div_ceil(BLOCK);
+        let rows: Vec<Vec<R>> = (0..blocks)
+            .into_par_iter()
+            .map_init(
+                || (vec![vec![ZERO; self.columns]; count * BLOCK], vec![ZERO; self.along[1].get_inplace_scratch_len()]),
+                |(parts, scratch), block| {
+                    let first = block * BLOCK;
+                    let tall = BLOCK.min(self.height - first);
+                    parts.iter_mut().for_each(|part| part.resize(self.columns, ZERO));
+                    for f in 0..self.columns {
+                        for k in 0..count {
+                            let values = &turned[(f * count + k) * self.height + first..][..tall];
+                            for (row, v) in values.iter().enumerate() {
+                                parts[row * count + k][f] = *v * scale;
+                            }
                         }
                     }
-                }
-                for row in 0..tall {
-                    let parts = &mut parts[row * count..][..count];
-                    for part in parts.iter_mut() {
-                        part.resize(self.columns, ZERO);
-                        self.along[1].process_with_scratch(part, scratch);
-                        part.truncate(self.width);
-                    }
-                    gather(first + row, parts, &mut out[row * self.width..][..self.width]);
-                    parts.iter_mut().for_each(|part| part.resize(self.columns, ZERO));
-                }
-            },
-        );
-        result
+                    (0..tall)
+                        .map(|row| {
+                            let parts = &mut parts[row * count..][..count];
+                            for part in parts.iter_mut() {
+                                self.along[1].process_with_scratch(part, scratch);
+                                part.truncate(self.width);
+                            }
+                            gather(first + row, parts)
+                        })
+                        .collect()
+                },
+            )
+            .collect();
+        rows.into_iter().flatten().collect()
     }
 }

@@ -63,35 +63,14 @@ impl Horizon {
         if n == 0 {
             return out;
         }
-        // In texels, so that slopes come out right; NaN is nothing.
-        let upright: Vec<f32> = (lit.surface.height.iter().zip(lit.mask.iter()))
-            .map(|(z, on)| if *on { (z / lit.texel_mm) as f32 } else { f32::NAN })
-            .collect();
-        let lying = transpose(&upright, width, height);
-        let mut sweep = Sweep::default();
-        let (mut ahead, mut behind, mut turned) = (vec![0f32; n], vec![0f32; n], vec![0f32; n]);
+        let mut relief = Relief::new(lit);
+        let share = 1.0 / lines as f32;
+        let step = TAU / SLICES as f64;
         // Opposite azimuths share their lines.
         for k in 0..SLICES / 2 {
             for line in 0..lines {
-                let step = TAU / SLICES as f64;
-                let azimuth = step * (k as f64 + (line as f64 + 0.5) / lines as f64 - 0.5);
-                // Rows run downwards.
-                let (dx, dy) = (azimuth.cos(), -azimuth.sin());
-                let steep = dy.abs() > dx.abs();
-                let (map, w, h, across, along) =
-                    if steep { (&lying, height, width, dx / dy, dy) } else { (&upright, width, height, dy / dx, dx) };
-                sweep.run(map, w, h, across, &mut ahead, &mut behind);
-                // `ahead` looks towards growing columns of the map swept.
-                for (slice, found) in
-                    [(k, if along > 0.0 { &ahead } else { &behind }), (k + SLICES / 2, if along > 0.0 { &behind } else { &ahead })]
-                {
-                    let found = if steep {
-                        transpose_into(found, height, width, &mut turned);
-                        &turned
-                    } else {
-                        found
-                    };
-                    let share = 1.0 / lines as f32;
+                let both = relief.both(step * (k as f64 + (line as f64 + 0.5) / lines as f64 - 0.5));
+                for (slice, found) in [k, k + SLICES / 2].into_iter().zip(both) {
                     let plane = &mut out.sines[slice * n..(slice + 1) * n];
                     plane.par_chunks_mut(width).zip(found.par_chunks(width)).for_each(|(to, from)| {
                         to.iter_mut().zip(from).for_each(|(t, f)| *t += share * f);
@@ -117,6 +96,57 @@ impl Horizon {
     pub fn sine(&self, texel: usize, between: Between) -> f64 {
         let [a, b] = between.slices.map(|k| f64::from(self.slice(k)[texel]));
         a + between.fraction * (b - a)
+    }
+}
+
+/// Sines of the horizon's elevation in one azimuth from x towards y (rad), a texel each: what the slices stand for.
+pub fn towards(lit: &LitSide, azimuth: f64) -> Vec<f32> {
+    if lit.width * lit.height == 0 {
+        return Vec::new();
+    }
+    let mut relief = Relief::new(lit);
+    let [found, _] = relief.both(azimuth);
+    found.to_vec()
+}
+
+/// Heights in texels (so that slopes come out right; NaN is nothing), upright and transposed, and the buffers of sweeps over them.
+struct Relief {
+    width: usize,
+    height: usize,
+    upright: Vec<f32>,
+    lying: Vec<f32>,
+    sweep: Sweep,
+    ahead: Vec<f32>,
+    behind: Vec<f32>,
+    turned: [Vec<f32>; 2],
+}
+
+impl Relief {
+    fn new(lit: &LitSide) -> Relief {
+        let (width, height, n) = (lit.width, lit.height, lit.width * lit.height);
+        let in_texels = |(z, on): (&f64, &bool)| if *on { (z / lit.texel_mm) as f32 } else { f32::NAN };
+        let upright: Vec<f32> = lit.surface.height.iter().zip(lit.mask.iter()).map(in_texels).collect();
+        let mut lying = vec![0f32; n];
+        transpose(&upright, width, height, &mut lying);
+        let empty = || vec![0f32; n];
+        Relief { width, height, upright, lying, sweep: Sweep::default(), ahead: empty(), behind: empty(), turned: [empty(), empty()] }
+    }
+
+    /// Sines of the horizons in an azimuth and in the opposite one.
+    fn both(&mut self, azimuth: f64) -> [&[f32]; 2] {
+        // Rows run downwards.
+        let (dx, dy) = (azimuth.cos(), -azimuth.sin());
+        let steep = dy.abs() > dx.abs();
+        let (map, w, h, slope, along) =
+            if steep { (&self.lying, self.height, self.width, dx / dy, dy) } else { (&self.upright, self.width, self.height, dy / dx, dx) };
+        self.sweep.run(map, w, h, slope, &mut self.ahead, &mut self.behind);
+        if steep {
+            transpose(&self.ahead, w, h, &mut self.turned[0]);
+            transpose(&self.behind, w, h, &mut self.turned[1]);
+        }
+        let [ahead, behind] = if steep { [&self.turned[0], &self.turned[1]] } else { [&self.ahead, &self.behind] };
+        // `ahead` looks towards growing columns of the map swept.
+        if along > 0.0 { [ahead, behind] } else { [behind, ahead] }
     }
 }
 
@@ -240,14 +270,8 @@ fn rise(hull: &mut Vec<(f32, f32)>, p: (f32, f32)) -> f32 {
     slope
 }
 
-fn transpose(map: &[f32], width: usize, height: usize) -> Vec<f32> {
-    let mut out = vec![0f32; map.len()];
-    transpose_into(map, width, height, &mut out);
-    out
-}
-
 /// `map` has `height` rows of `width`; `out` gets `width` rows of `height`. In blocks, for the cache.
-fn transpose_into(map: &[f32], width: usize, height: usize, out: &mut [f32]) {
+fn transpose(map: &[f32], width: usize, height: usize, out: &mut [f32]) {
     const BLOCK: usize = 32;
     out.par_chunks_mut(BLOCK * height).enumerate().for_each(|(band, out)| {
         let left = band * BLOCK;

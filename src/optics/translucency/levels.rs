@@ -3,6 +3,8 @@
 //! Kernels are interpolated as *shapes* (sum 1); the transmitted total of each texel's own thickness multiplies the weights, so that the
 //! energy is exact with any number of levels and only the shape is approximated. Weights of every kind add up to 1.
 
+use super::kernel::Kernel;
+use rayon::prelude::*;
 use std::f64::consts::PI;
 
 /// How many levels, and how the shape between them is found.
@@ -39,20 +41,26 @@ pub(crate) struct Nodes {
     kind: Kind,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 enum Kind {
     Exact,
     Linear,
     Cubic,
     Chebyshev,
+    /// Chebyshev weights of many thicknesses, then `[sample * count + level]` weights of the principal shapes.
+    Mixed(Vec<f64>),
 }
 
+/// Thicknesses that principal shapes are taken of.
+pub(crate) const SAMPLES: usize = 32;
+
 impl Nodes {
-    /// `count` ≥ 1 nodes over [thinnest, thickest] (mm, positive). SVD samples as Chebyshev does.
+    /// `count` ≥ 1 nodes over [thinnest, thickest] (mm, positive); for SVD the samples that [`Nodes::principal`] mixes.
     pub fn new(kind: LevelKind, count: usize, thinnest: f64, thickest: f64) -> Nodes {
         if !(thickest > thinnest * (1.0 + 1e-12)) || count < 2 {
             return Nodes { thickness: vec![(thinnest * thickest).sqrt()], kind: Kind::Exact };
         }
+        let count = if kind == LevelKind::Svd { SAMPLES.max(count) } else { count };
         let (low, high) = (thinnest.ln(), thickest.ln());
         let even = |k: usize| k as f64 / (count - 1) as f64;
         let thickness = (0..count).map(|k| match kind {
@@ -75,11 +83,51 @@ impl Nodes {
         Nodes { thickness, kind: Kind::Exact }
     }
 
+    /// The mean shape and the `count` − 1 principal deviations of the shapes at the nodes; weights are those of the new shapes from here on. Deviations
+    /// sum to 0, so any number of them keeps the sum.
+    pub fn principal(&mut self, shapes: &[Kernel], count: usize) -> Vec<Kernel> {
+        let (n, count) = (shapes.len(), count.min(shapes.len()));
+        let mean = Kernel::combine(shapes, &vec![1.0 / n as f64; n]);
+        let apart: Vec<Kernel> = shapes.iter().map(|s| Kernel::combine(&[s.clone(), mean.clone()], &[1.0, -1.0])).collect();
+        let gram = nalgebra::DMatrix::from_fn(n, n, |a, b| apart[a].dot(&apart[b]));
+        let eigen = gram.symmetric_eigen();
+        let mut order: Vec<usize> = (0..n).collect();
+        order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
+        let mut mix = vec![0.0; n * count];
+        let mut found = vec![mean];
+        for (level, &at) in order.iter().take(count - 1).enumerate() {
+            let direction: Vec<f64> = eigen.eigenvectors.column(at).iter().copied().collect();
+            found.push(Kernel::combine(&apart, &direction));
+            for sample in 0..n {
+                mix[sample * count + level + 1] = direction[sample];
+            }
+        }
+        (0..n).for_each(|sample| mix[sample * count] = 1.0);
+        self.kind = Kind::Mixed(mix);
+        found
+    }
+
+    /// Number of weights.
+    pub fn count(&self) -> usize {
+        match &self.kind {
+            Kind::Mixed(mix) => mix.len() / self.thickness.len(),
+            _ => self.thickness.len(),
+        }
+    }
+
     /// Weights of thickness `d` > 0; thicknesses beyond the range take the shape at its end.
     pub fn weights(&self, d: f64, out: &mut [f64]) {
         let n = self.thickness.len();
         out.fill(0.0);
-        match self.kind {
+        match &self.kind {
+            Kind::Mixed(mix) => {
+                let mut samples = vec![0.0; n];
+                self.chebyshev(d, &mut samples);
+                let count = out.len();
+                for (sample, w) in samples.iter().enumerate() {
+                    out.iter_mut().zip(&mix[sample * count..]).for_each(|(o, m)| *o += w * m);
+                }
+            }
             Kind::Exact => {
                 let k = self.thickness.partition_point(|&t| t < d).min(n - 1);
                 let nearer = k > 0 && d - self.thickness[k - 1] < self.thickness[k] - d;
@@ -101,74 +149,92 @@ impl Nodes {
                 out[first + 2] = -u * (u - 1.0) * (u - 3.0) / 2.0;
                 out[first + 3] = u * (u - 1.0) * (u - 2.0) / 6.0;
             }
-            Kind::Chebyshev => {
-                // Barycentric, on the ends of the range where the first and last node leave a little over.
-                let edge = 1.0 / (PI / (2.0 * n as f64)).cos();
-                let (first, last) = (self.thickness[0].ln(), self.thickness[n - 1].ln());
-                let x = ((2.0 * d.ln() - first - last) / (last - first) / edge).clamp(-1.0, 1.0);
-                let mut sum = 0.0;
-                for k in 0..n {
-                    let angle = PI * (k as f64 + 0.5) / n as f64;
-                    let gap = x + angle.cos();
-                    if gap.abs() < 1e-15 {
-                        out.fill(0.0);
-                        out[k] = 1.0;
-                        return;
-                    }
-                    out[k] = angle.sin() / gap * if k % 2 == 0 { 1.0 } else { -1.0 };
-                    sum += out[k];
-                }
-                out.iter_mut().for_each(|w| *w /= sum);
-            }
+            Kind::Chebyshev => self.chebyshev(d, out),
         }
+    }
+
+    /// Barycentric weights on the nodes' ln d.
+    fn chebyshev(&self, d: f64, out: &mut [f64]) {
+        let n = self.thickness.len();
+        // The range ends a little beyond the first and last node.
+        let edge = 1.0 / (PI / (2.0 * n as f64)).cos();
+        let (first, last) = (self.thickness[0].ln(), self.thickness[n - 1].ln());
+        let x = ((2.0 * d.ln() - first - last) / (last - first) * (1.0 / edge)).clamp(-1.0, 1.0);
+        let mut sum = 0.0;
+        for k in 0..n {
+            let angle = PI * (k as f64 + 0.5) / n as f64;
+            let gap = x + angle.cos();
+            if gap.abs() < 1e-15 {
+                out.fill(0.0);
+                out[k] = 1.0;
+                return;
+            }
+            out[k] = angle.sin() / gap * if k % 2 == 0 { 1.0 } else { -1.0 };
+            sum += out[k];
+        }
+        out.iter_mut().for_each(|w| *w /= sum);
     }
 }
 
-/// A smooth positive function as a Chebyshev series of its logarithm over ln x: quick, and to about 1e-12.
+/// Smooth functions of x over ln x as Chebyshev series: the logarithm of the first, which is positive, and the others over the first.
 #[derive(Debug, Clone)]
-pub(crate) struct Curve {
+pub(crate) struct Curves<const M: usize> {
     low: f64,
     high: f64,
-    coefficients: Vec<f64>,
+    series: [Vec<f64>; M],
 }
 
-impl Curve {
-    /// `None` where `f` is not positive and finite all over [low, high], or too rough for 513 coefficients.
-    pub fn fit(f: impl Fn(f64) -> f64 + Sync, low: f64, high: f64) -> Option<Curve> {
-        use rayon::prelude::*;
+impl<const M: usize> Curves<M> {
+    /// Relative error about 1e-12, of the others 1e-9. `None` where the first function is not positive or one not finite somewhere in [low, high], or
+    /// too rough for 512 terms.
+    pub fn fit(f: impl Fn(f64) -> [f64; M] + Sync, low: f64, high: f64) -> Option<Curves<M>> {
         let (low, high) = (low.ln(), high.ln());
         for n in [32usize, 64, 128, 256, 512] {
             let x = |k: usize| (PI * (k as f64 + 0.5) / n as f64).cos();
-            let values: Vec<f64> = (0..n).into_par_iter().map(|k| f((0.5 * (low + high) + 0.5 * (high - low) * x(k)).exp()).ln()).collect();
-            if !values.iter().all(|v| v.is_finite()) {
-                return None;
-            }
-            let coefficients: Vec<f64> = (0..n)
-                .map(|j| {
-                    let sum: f64 = values.iter().enumerate().map(|(k, v)| v * (PI * j as f64 * (k as f64 + 0.5) / n as f64).cos()).sum();
-                    sum * if j == 0 { 1.0 } else { 2.0 } / n as f64
+            let values: Vec<[f64; M]> = (0..n)
+                .into_par_iter()
+                .map(|k| {
+                    let v = f((0.5 * (low + high) + 0.5 * (high - low) * x(k)).exp());
+                    std::array::from_fn(|m| if m == 0 { v[0].ln() } else { v[m] / v[0] })
                 })
                 .collect();
-            let size = coefficients.iter().fold(1.0f64, |m, c| m.max(c.abs()));
-            let keep = coefficients.iter().rposition(|c| c.abs() > 1e-13 * size).unwrap_or(0) + 1;
-            if keep + 4 <= n {
-                return Some(Curve { low, high, coefficients: coefficients[..keep].to_vec() });
+            if !values.iter().flatten().all(|v| v.is_finite()) {
+                return None;
+            }
+            let series: [Vec<f64>; M] = std::array::from_fn(|m| {
+                let term = |j: usize| {
+                    let sum: f64 = values.iter().enumerate().map(|(k, v)| v[m] * (PI * j as f64 * (k as f64 + 0.5) / n as f64).cos()).sum();
+                    sum * if j == 0 { 1.0 } else { 2.0 } / n as f64
+                };
+                let all: Vec<f64> = (0..n).map(term).collect();
+                let small = all.iter().fold(1.0f64, |s, c| s.max(c.abs())) * if m == 0 { 1e-13 } else { 1e-10 };
+                let keep = all.iter().rposition(|c| c.abs() > small).unwrap_or(0) + 1;
+                all[..keep].to_vec()
+            });
+            if series.iter().all(|s| s.len() + 4 <= n) {
+                return Some(Curves { low, high, series });
             }
         }
         None
     }
 
-    /// The function at `x`, if it lies in the range.
-    pub fn at(&self, x: f64) -> Option<f64> {
-        let y = x.ln();
-        let t = (2.0 * y - self.low - self.high) / (self.high - self.low);
+    /// The functions at `x`, if it lies in the range.
+    pub fn at(&self, x: f64) -> Option<[f64; M]> {
+        let t = (2.0 * x.ln() - self.low - self.high) / (self.high - self.low);
         if !(t.abs() <= 1.0 + 1e-9) {
             return None;
         }
-        let (mut b1, mut b2) = (0.0, 0.0);
-        for c in self.coefficients.iter().skip(1).rev() {
-            (b1, b2) = (2.0 * t * b1 - b2 + c, b1);
+        let mut values: [f64; M] = std::array::from_fn(|m| {
+            let (mut b1, mut b2) = (0.0, 0.0);
+            for c in self.series[m].iter().skip(1).rev() {
+                (b1, b2) = (2.0 * t * b1 - b2 + c, b1);
+            }
+            self.series[m][0] + t * b1 - b2
+        });
+        values[0] = values[0].exp();
+        for m in 1..M {
+            values[m] *= values[0];
         }
-        Some((self.coefficients[0] + t * b1 - b2).exp())
+        Some(values)
     }
 }

@@ -77,6 +77,11 @@ pub fn integrate(normal: &[[f64; 3]], mask: &[bool], width: usize, height: usize
     Relief { height: z, residual: (rest / count.max(1) as f64).sqrt() / texel_mm, pieces, steps }
 }
 
+/// Heights (mm) from unit normals: [`integrate`] without its account.
+pub fn heights(normal: &[[f64; 3]], mask: &[bool], width: usize, height: usize, texel_mm: f64) -> Vec<f64> {
+    integrate(normal, mask, width, height, texel_mm).height
+}
+
 /// Neighbours on the leaf.
 struct Edges<'a> {
     mask: &'a [bool],

@@ -10,7 +10,7 @@
 
 use super::convolve::Totals;
 use super::fourier::{Grid, Spectrum};
-use super::kernel::{Kernel, farthest};
+use super::kernel::Kernel;
 use super::levels::{Levels, Nodes};
 use crate::optics::dipole::{Form, Tissue};
 use crate::optics::slab;
@@ -176,7 +176,7 @@ impl Stage {
         }
         let by = |v: &crate::optics::dipole::scalar::Dual<f64>| [tissue.sigma_a * v.by[0], tissue.sigma_s * v.by[1], v.by[3]];
         let whole_by = by(&whole);
-        let (low, high) = (0.499 * self.texel_mm, farthest(self.texel_mm, self.reach));
+        let (low, high) = (0.499 * self.texel_mm, std::f64::consts::SQRT_2 * (self.reach as f64 + 1.0) * self.texel_mm);
         // ln of the share; the nearest singularity lies at r = ± i d, a quarter turn off the axis of ln r.
         let half = 0.5 * (high / low).ln();
         let height = 0.5 * PI / half;
@@ -200,7 +200,7 @@ impl Stage {
             let g = log.exp();
             [g, g * a, g * s, g * d]
         };
-        Some(Kernel::with_partials(flow, self.texel_mm, self.reach, self.closed))
+        Some(Kernel::build(flow, self.texel_mm, self.reach, self.closed))
     }
 }
 
@@ -317,16 +317,16 @@ impl Tangent<'_> {
                 counts.iter_mut().zip(&found).for_each(|(a, b)| a.iter_mut().zip(b).for_each(|(a, b)| *a += b));
             }
             // What a texel's whole light would add, if its total alone changed.
-            let worth = stage.grid.backward(&kernels, view, |y, parts, out| {
-                for (x, v) in out.iter_mut().enumerate() {
+            let worth = stage.grid.backward(&kernels, view, |y, parts| -> Vec<Complex<f64>> {
+                let weight = |which: usize, at: usize, k: usize| pair.get(which).map_or(0.0, |s| stage.weights[s.map][at * n + k]);
+                let texel = |x: usize| {
                     let at = y * width + x;
-                    let weight = |which: usize, k: usize| pair.get(which).map_or(0.0, |s| stage.weights[s.map][at * n + k]);
-                    *v = Complex::new(
-                        (0..n).map(|k| weight(0, k) * parts[k][x].re).sum(),
-                        (0..n).map(|k| weight(1, k) * parts[k][x].im).sum(),
-                    );
-                }
+                    let re = (0..n).map(|k| weight(0, at, k) * parts[k][x].re).sum();
+                    Complex::new(re, (0..n).map(|k| weight(1, at, k) * parts[k][x].im).sum())
+                };
+                (0..width).map(texel).collect()
             });
+            let worth = worth.concat();
             for (which, (source, view)) in pair.iter().zip(views).enumerate() {
                 for (at, worth) in worth.iter().enumerate() {
                     let (parts, light) = (&self.parts[self.parts_of(source)][at], source.light[at]);

@@ -48,9 +48,15 @@ pub struct ReliefWalk {
     pub entered_again: Estimate,
     /// What leaves the unlit face, per texel.
     pub exitance: Vec<Estimate>,
+    /// π times the mean radiance of each texel from straight before the unlit face, within 37° (cosine [`SEEN`]): the exitance where that is Lambertian
+    /// about the leaf's normal, less where the face is tilted.
+    pub seen: Vec<Estimate>,
     /// What enters through the lit face for the first time, per texel.
     pub entering: Vec<Estimate>,
 }
+
+/// Cosine of the half angle of the cone that [`ReliefWalk::seen`] is taken over.
+pub const SEEN: f64 = 0.8;
 
 struct Sums {
     reflected: Sum,
@@ -62,6 +68,7 @@ struct Sums {
     balance: Sum,
     entered_again: Sum,
     exitance: Vec<Sum>,
+    seen: Vec<Sum>,
     entering: Vec<Sum>,
 }
 
@@ -80,6 +87,7 @@ impl Tally for Sums {
             a.merge(b);
         }
         self.exitance.iter_mut().zip(&o.exitance).for_each(|(a, b)| a.merge(b));
+        self.seen.iter_mut().zip(&o.seen).for_each(|(a, b)| a.merge(b));
         self.entering.iter_mut().zip(&o.entering).for_each(|(a, b)| a.merge(b));
     }
 }
@@ -123,6 +131,7 @@ impl Leaf {
             balance: Sum::default(),
             entered_again: Sum::default(),
             exitance: vec![Sum::default(); texels],
+            seen: vec![Sum::default(); texels],
             entering: vec![Sum::default(); texels],
         };
         let sums = tally::run(histories, empty, |rng, sums| {
@@ -148,6 +157,7 @@ impl Leaf {
             balance: sums.balance.mean(n),
             entered_again: sums.entered_again.mean(n),
             exitance: map(&sums.exitance),
+            seen: map(&sums.seen),
             entering: map(&sums.entering),
         })
     }
@@ -170,6 +180,10 @@ impl Leaf {
         }
         if let (Some(Event::Down), Some(texel)) = (end, p.left) {
             sums.exitance[texel].add(w);
+            if -p.ray.d[2] > SEEN {
+                // the cone holds 1 − c² of a Lambertian's flux
+                sums.seen[texel].add(w / (1.0 - SEEN * SEEN));
+            }
         }
         sums.absorbed.add(p.absorbed);
         sums.entered_again.add(p.again);

@@ -65,6 +65,12 @@ fn a_flat_field_is_the_plane_slab() {
             // the maps: cosθ T everywhere, cosθ enters
             let chi2: f64 = got.exitance.iter().map(|e| e.deviation(0.8 * slab.transmitted.value).powi(2)).sum();
             assert!((4.0..36.0).contains(&chi2), "{what}: χ² {chi2} over 16");
+            if spread {
+                // light leaves Lambertian: what is seen is the exitance
+                let sums = [&got.seen, &got.exitance].map(|m| m.iter().map(|e| e.value).sum::<f64>());
+                let error = got.seen.iter().map(|e| e.error.powi(2)).sum::<f64>().sqrt();
+                assert!((sums[0] - sums[1]).abs() < 4.0 * error, "{what}: {sums:?} ± {error}");
+            }
             let enters = 0.8 * (1.0 - slab.glossy.value);
             let chi2: f64 = got.entering.iter().map(|e| e.deviation(enters).powi(2)).sum();
             assert!((4.0..36.0).contains(&chi2), "{what}: χ² {chi2} over 16");

@@ -8,6 +8,7 @@ use crate::capture::manifest::SideName;
 use crate::files::image::read_exr;
 use crate::files::{atomic, hash};
 use crate::fit::record::{FitRecord, Phase, Times};
+use crate::fit::translucency::Area;
 use crate::fit::translucency::side::{lit, surface};
 use crate::fit::translucency::source::{Side, Source};
 use crate::fit::translucency::tissue::{Entry, TABLE, mean};
@@ -141,24 +142,16 @@ pub fn measured(capture: &Capture, source: &Source, options: &Options) -> Result
             lit_sides.push(side);
         }
     }
-    let matched = surface(lit_sides[0], 0, Entry::Matched);
-    let horizons: Vec<Horizon> = lit_sides
-        .iter()
-        .map(|s| {
-            Horizon::new(&lit(
-                source,
-                s,
-                &crate::optics::translucency::blade::Surface { height: s.height.clone(), normal: s.normal.clone(), ..matched.clone() },
-            ))
-        })
-        .collect();
+    // Shadows do not depend on the wavelength.
+    let horizons: Vec<Horizon> =
+        lit_sides.iter().map(|s| Horizon::new(&lit(source, s, &surface(s, 0, Entry::Matched, Area::Facet)))).collect();
     let counted: Vec<Vec<bool>> = lit_sides.iter().map(|s| counted(s, source, options)).collect();
     let mut channels = Vec::new();
     for (c, name) in RGB.iter().enumerate() {
         let mut images = Vec::new();
         for (k, beam) in m.beams.iter().enumerate() {
             let map = lit_sides.iter().position(|s| s.name == beam.lit).unwrap_or(0);
-            let entering = surface(lit_sides[map], c, options.entry);
+            let entering = surface(lit_sides[map], c, options.entry, Area::Facet);
             let light = irradiance(&lit(source, lit_sides[map], &entering), &horizons[map], beam.direction(), Visibility::Hard);
             let exit = match options.entry {
                 Entry::Matched => vec![1.0; source.width * source.height],
@@ -168,7 +161,7 @@ pub fn measured(capture: &Capture, source: &Source, options: &Options) -> Result
                         let need = format!("--entry albedo needs the {}'s reflectance; the leaf fit holds none", other.name());
                         Error::field(&file, &format!("beam {}: lit", k + 1), need)
                     })?;
-                    mirror(&surface(seen, c, Entry::Albedo).entry, source.width)
+                    mirror(&surface(seen, c, Entry::Albedo, Area::Texel).entry, source.width)
                 }
             };
             let seen = capture.photographs[k][c].clone();

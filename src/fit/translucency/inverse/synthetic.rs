@@ -69,7 +69,11 @@ impl Scene {
 
     /// The photographs without values: light, geometry, no texel counted within `border` of the map's edge.
     pub fn frame(&self, border: usize) -> Measured {
-        let blade = self.blade();
+        let mut blade = self.blade();
+        for side in [&mut blade.front, &mut blade.back] {
+            // A slope catches the light of its own area.
+            side.entry.iter_mut().zip(&side.normal).for_each(|(e, n)| *e /= n[2]);
+        }
         let n = self.size;
         let horizons = [Side::Front, Side::Back].map(|s| Horizon::new(&blade.lit(s)));
         let used = |k: usize| (border..n - border).contains(&(k % n)) && (border..n - border).contains(&(k / n));

@@ -1,0 +1,133 @@
+//! The leaf fit of a capture under a dome (H9 §3.3.2): maps of albedo, transmittance, thickness and normals → σa, σs and γ → the same folder that a scan under a tube
+//! gives, so that everything after it (report, translucency, scenes, export) is the same.
+//!
+//! What a dome does not show is said: gloss is taken from a stated index and slope, or left out.
+
+mod output;
+pub mod slab;
+
+use crate::capture::dome::Capture;
+use crate::capture::dome::reduce::{Options as Reduction, Reduced, reduce};
+use crate::capture::manifest::SideName;
+use crate::files::{atomic, hash};
+use crate::fit::leaf::{
+    Outcome,
+    curve::Incidence,
+    slabmaps::{Inverter, Sigma},
+};
+use crate::fit::record::{FitRecord, Phase, Times};
+use crate::{Error, Result};
+use rayon::prelude::*;
+use slab::{Shared, Slab, Texel};
+use std::path::Path;
+use std::time::Instant;
+
+/// What the fit is told beside the capture.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Options {
+    /// Effective refractive index and slope m of both sides' gloss (Bousquet et al. 2005: 1.2 to 1.7 and .078 to .5); `None`: matte.
+    pub gloss: Option<[f64; 2]>,
+    pub force: bool,
+}
+
+/// One side, fitted; maps as its camera saw it.
+pub struct Fitted {
+    pub side: SideName,
+    /// 1 good, 0 off the leaf, negative a defect.
+    pub status: Vec<i16>,
+    pub thickness: Vec<f64>,
+    pub slab: [Slab; 3],
+    /// A texel, a channel; NaN where a texel is not good.
+    pub sigma: Vec<[Sigma; 3]>,
+    /// γ and its standard error.
+    pub gamma: Vec<[[f64; 2]; 3]>,
+}
+
+/// Fits the capture into the folder `out`.
+///
+/// # Errors
+/// Unreadable or invalid captures (exit code 2), an unwritable folder (1).
+pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
+    let clock = Instant::now();
+    let capture = Capture::open(capture)?;
+    atomic::probe_folder(out)?;
+    let told = format!("{:?}", Options { force: false, ..*options });
+    let input = hash::combine([("capture", capture.hash()?.as_str()), ("options", &told), ("program", env!("CARGO_PKG_VERSION"))]);
+    if !options.force
+        && let Ok(record) = FitRecord::read(out)
+        && record.input_hash == input
+        && record.verify(out).is_ok()
+    {
+        return Ok(Outcome::UpToDate(Box::new(record)));
+    }
+    let mut phases = vec![Phase { name: "open and hash the capture".into(), seconds: clock.elapsed().as_secs_f64() }];
+    let mut phase = |name: &str, since: Instant| phases.push(Phase { name: name.into(), seconds: since.elapsed().as_secs_f64() });
+    let step = Instant::now();
+    let reduced = reduce(&capture, &Reduction::default())?;
+    phase("reduce to maps", step);
+    let step = Instant::now();
+    let sides = [SideName::Front, SideName::Back].map(|side| interior(&capture, &reduced, side));
+    let [front, back] = sides;
+    let sides = [front?, back?];
+    phase("slab of every texel and of the leaf", step);
+    let step = Instant::now();
+    let record = output::write(out, &capture, &reduced, &sides, options, input)?;
+    phase("blade and maps", step);
+    let times = Times {
+        capture: Some(capture.folder.display().to_string()),
+        total_s: clock.elapsed().as_secs_f64(),
+        phases,
+        threads: rayon::current_num_threads(),
+        ..Times::default()
+    };
+    times.write(out)?;
+    record.write(out)?;
+    Ok(Outcome::Done(Box::new(record)))
+}
+
+/// σ of the leaf and of every texel, and γ, of one side.
+fn interior(capture: &Capture, reduced: &Reduced, name: SideName) -> Result<Fitted> {
+    let (side, width) = (reduced.side(name), reduced.width);
+    let own = |map: &[f64]| match name {
+        SideName::Front => map.to_vec(),
+        SideName::Back => crate::capture::dome::smooth::mirrored(map, width),
+    };
+    let (thickness, thickness_err) = (own(&reduced.thickness), own(&reduced.thickness_err));
+    let good: Vec<usize> = (0..side.status.len()).filter(|&k| side.status[k] == 1).collect();
+    if good.is_empty() {
+        let found: Vec<String> = reduced.defects(name).iter().map(|(n, c)| format!("{c} {n}")).collect();
+        return Err(Error::input(&capture.folder, format!("no texel of the {} is good: {}", name.name(), found.join(", "))));
+    }
+    let mean = good.iter().map(|&k| thickness[k]).sum::<f64>() / good.len() as f64;
+    let shared = Shared { rho_d: side.highlight.stderr, thickness: reduced.alignment.offset_err_mm / mean };
+    let texel = |k: usize, c: usize| Texel {
+        thickness: thickness[k],
+        rho_d: side.albedo[k][c],
+        rho_t: side.transmittance[k][c],
+        rho_d_err: side.albedo_err[k][c],
+        rho_t_err: side.transmittance_err[k][c],
+    };
+    let slab = [0, 1, 2].map(|c| slab::fit(&good.iter().map(|&k| texel(k, c)).collect::<Vec<_>>(), shared, ["R", "G", "B"][c]));
+    let inverter = Inverter::new(Incidence(1.0));
+    let unknown = Sigma { value: [f64::NAN; 2], error: [f64::NAN; 2] };
+    let (sigma, gamma) = (0..side.status.len())
+        .into_par_iter()
+        .map(|k| {
+            if side.status[k] != 1 {
+                return ([unknown; 3], [[f64::NAN; 2]; 3]);
+            }
+            // σ is inverse to the thickness, whose noise is a texel's own.
+            let relative = thickness_err[k] / thickness[k];
+            let channel = |c: usize| {
+                let t = texel(k, c);
+                let mut s = inverter.invert(t.rho_d, t.rho_t, t.thickness, [t.rho_d_err, t.rho_t_err]);
+                (0..2).for_each(|q| s.error[q] = s.error[q].hypot(s.value[q] * relative));
+                let model = crate::optics::slab::response(slab[c].sigma_a[0], slab[c].sigma_s[0], t.thickness).rho_d;
+                (s, [t.rho_d / model, t.rho_d_err / model])
+            };
+            let [r, g, b] = [channel(0), channel(1), channel(2)];
+            ([r.0, g.0, b.0], [r.1, g.1, b.1])
+        })
+        .unzip();
+    Ok(Fitted { side: name, status: side.status.clone(), thickness, slab, sigma, gamma })
+}

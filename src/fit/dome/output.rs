@@ -1,0 +1,206 @@
+//! The folder of a leaf fit, from a capture under a dome: the same files, channels and sections as from a scan under a tube.
+
+use super::{Fitted, Options};
+use crate::Result;
+use crate::capture::dome::Capture;
+use crate::capture::dome::defect::Defect;
+use crate::capture::dome::highlight::fresnel_normal;
+use crate::capture::dome::reduce::Reduced;
+use crate::files::hash;
+use crate::files::image::{Maps, Packing, write_exr};
+use crate::fit::leaf::blade::{Blade, Grid, glb, mesh};
+use crate::fit::leaf::{fill, map_path, textures};
+use crate::fit::record::{FitRecord, Param, SCHEMA, Section, TruthError};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+const RGB: [&str; 3] = ["R", "G", "B"];
+
+/// Writes the maps and the blade; the caller writes `fit.toml` last.
+///
+/// # Errors
+/// Files that cannot be written; a damaged `truth/`.
+pub fn write(
+    out: &Path,
+    capture: &Capture,
+    reduced: &Reduced,
+    sides: &[Fitted; 2],
+    options: &Options,
+    input_hash: String,
+) -> Result<FitRecord> {
+    let m = &capture.manifest;
+    let grid = Grid { width: m.width, height: m.height, texel: m.texel_mm };
+    let mut record = FitRecord {
+        schema: SCHEMA,
+        kind: "leaf".into(),
+        name: m.name.clone(),
+        program: concat!("mesophyll ", env!("CARGO_PKG_VERSION")).into(),
+        input_hash,
+        defects: Defect::ALL.iter().map(|d| (d.code().to_string(), d.name().to_string())).collect(),
+        ..FitRecord::default()
+    };
+    let mut say = |name: &str, text: String| record.options.insert(name.into(), text);
+    say("capture_kind", "dome".into());
+    say("size", format!("{}x{}", m.width, m.height));
+    say("texel_mm", format!("{:?}", m.texel_mm));
+    say("gauge", "thickness as measured, its highest place the caliper's; mean gamma = 1 a channel".into());
+    say("gloss", options.gloss.map_or("none: a dome shows none".into(), |[n, s]| format!("stated: index {n}, slope {s}")));
+    say("noise_relative", format!("{:?}{}", reduced.noise.relative, if reduced.noise.stated { "" } else { " (estimated)" }));
+    say("noise_floor", format!("{:?}{}", reduced.noise.floor, if reduced.noise.stated { "" } else { " (estimated)" }));
+    say("smooth_thickness_mm", format!("{:?}", reduced.alignment.smooth_thickness_mm));
+    say("smooth_height_mm", format!("{:?}", reduced.alignment.smooth_height_mm));
+    say("lobe", "Beckmann".into());
+
+    let blade = blade(&grid, reduced);
+    let mut names = Vec::new();
+    for fitted in sides {
+        let (values, errors) = maps(&grid, reduced, fitted, options);
+        write_exr(&map_path(out, fitted.side, ""), &values, Packing::Zip)?;
+        write_exr(&map_path(out, fitted.side, "err"), &errors, Packing::Zip)?;
+        textures::packed(out, &grid, mean(fitted), fitted.side, &values, blade.as_ref())?;
+        textures::previews(out, fitted.side, &values)?;
+        let mut section = section(reduced, fitted);
+        section.truth = truth(capture, fitted, &values, &errors)?;
+        record.sections.insert(fitted.side.name().into(), section);
+        names.extend(["", "err", "gamma_delta", "rho_s_m", "normal"].map(|what| map_path(Path::new(""), fitted.side, what)));
+    }
+    if let Some(blade) = &blade {
+        glb::write(&out.join("blade.glb"), &m.name, blade)?;
+        let figures = [
+            ("blade_area_mm2", blade.area),
+            ("blade_vertices", blade.positions.len() as f64),
+            ("blade_slope_residual", blade.slope_residual),
+        ];
+        let figures = figures.map(|(n, v)| (n.to_string(), v)).into_iter().collect();
+        record.sections.insert("blade".into(), Section { figures, ..Section::default() });
+        names.push("blade.glb".into());
+    }
+    for name in names {
+        let path = out.join(&name);
+        record.files.insert(name.to_string_lossy().into_owned(), hash::file(&path)?);
+    }
+    Ok(record)
+}
+
+/// Mean thickness of the good texels (mm).
+fn mean(fitted: &Fitted) -> f64 {
+    let (sum, count) =
+        fitted.status.iter().zip(&fitted.thickness).filter(|(s, _)| **s == 1).fold((0.0, 0usize), |(s, n), (_, d)| (s + d, n + 1));
+    sum / count.max(1) as f64
+}
+
+/// The blade over the middle between both sides, from the front's normals.
+fn blade(grid: &Grid, reduced: &Reduced) -> Option<Blade> {
+    let side = &reduced.front;
+    let slopes: Vec<Option<[f64; 2]>> = side
+        .normal
+        .iter()
+        .zip(&side.status)
+        .map(|(n, status)| (*status == 1 && n[2] > 0.2).then(|| [-n[0] / n[2], -n[1] / n[2]]))
+        .collect();
+    let through: Vec<[f32; 3]> = side.transmittance.iter().map(|t| t.map(|v| if v.is_finite() { v as f32 } else { 1.0 })).collect();
+    mesh::build(grid, &reduced.mask, Some(&through), &slopes)
+}
+
+fn maps(grid: &Grid, reduced: &Reduced, fitted: &Fitted, options: &Options) -> (Maps, Maps) {
+    let (width, height) = (grid.width, grid.height);
+    let side = reduced.side(fitted.side);
+    let good: Vec<bool> = fitted.status.iter().map(|s| *s == 1).collect();
+    let source = fill::sources(&good, width, height);
+    let (mut values, mut errors) = (Maps::new(width, height), Maps::new(width, height));
+    let mut push = |name: String, value: &dyn Fn(usize) -> f64, error: &dyn Fn(usize) -> f64| {
+        let from = |k: usize| source.as_ref().map_or(k, |s| s[k] as usize);
+        values.push(name.clone(), (0..good.len()).map(|k| value(from(k)) as f32).collect());
+        errors.push(name, (0..good.len()).map(|k| if good[k] { error(k) as f32 } else { f32::NAN }).collect());
+    };
+    for (c, letter) in RGB.iter().enumerate() {
+        push(format!("rho_d.{letter}"), &|k| side.albedo[k][c].max(0.0), &|k| side.albedo_err[k][c]);
+    }
+    let [rho_s, slope] = options.gloss.map_or([0.0, 0.5], |[n, slope]| [fresnel_normal(n), slope]);
+    for letter in RGB {
+        push(format!("rho_s.{letter}"), &|_| rho_s, &|_| f64::INFINITY);
+    }
+    push("m.Y".into(), &|_| slope, &|_| f64::INFINITY);
+    for (i, axis) in ["X", "Y", "Z"].iter().enumerate() {
+        push(format!("normal.{axis}"), &|k| side.normal[k][i], &|_| reduced.alignment.slope_noise);
+    }
+    for (c, letter) in RGB.iter().enumerate() {
+        push(format!("rho_t.{letter}"), &|k| side.transmittance[k][c], &|k| side.transmittance_err[k][c]);
+    }
+    for (q, name) in ["sigma_a", "sigma_s"].iter().enumerate() {
+        for (c, letter) in RGB.iter().enumerate() {
+            push(format!("{name}.{letter}"), &|k| fitted.sigma[k][c].value[q], &|k| fitted.sigma[k][c].error[q]);
+        }
+    }
+    push("thickness.Y".into(), &|k| fitted.thickness[k], &|_| reduced.alignment.thickness_noise_mm);
+    for (c, letter) in RGB.iter().enumerate() {
+        push(format!("gamma.{letter}"), &|k| fitted.gamma[k][c][0], &|k| fitted.gamma[k][c][1]);
+    }
+    values.push("mask.Y", fitted.status.iter().map(|s| f32::from(*s)).collect());
+    (values, errors)
+}
+
+fn section(reduced: &Reduced, fitted: &Fitted) -> Section {
+    let mut s = Section::default();
+    s.counts.insert("texels".into(), fitted.status.len());
+    s.counts.insert("outside".into(), fitted.status.iter().filter(|v| **v == 0).count());
+    s.counts.insert("good".into(), fitted.status.iter().filter(|v| **v == 1).count());
+    for (name, count) in reduced.defects(fitted.side) {
+        s.counts.insert(name.into(), count);
+    }
+    let parameter = |of: &dyn Fn(usize) -> [f64; 2], name: &str| Param {
+        value: (0..3).map(|c| of(c)[0]).collect(),
+        stderr: (0..3).map(|c| of(c)[1]).collect(),
+        unit: "1/mm".into(),
+        undetermined: fitted.slab.iter().flat_map(|s| s.undetermined.iter()).filter(|u| u.starts_with(name)).cloned().collect(),
+    };
+    s.params.insert("sigma_a".into(), parameter(&|c| fitted.slab[c].sigma_a, "sigma_a"));
+    s.params.insert("sigma_s".into(), parameter(&|c| fitted.slab[c].sigma_s, "sigma_s"));
+    let thickness =
+        Param { value: vec![mean(fitted)], stderr: vec![reduced.alignment.offset_err_mm], unit: "mm".into(), undetermined: Vec::new() };
+    s.params.insert("thickness".into(), thickness);
+    let side = reduced.side(fitted.side);
+    let a = &reduced.alignment;
+    let figures = [
+        ("highlight_share", side.highlight.share),
+        ("highlight_stderr", side.highlight.stderr),
+        ("height_noise_mm", a.height_noise_mm),
+        ("thickness_noise_mm", a.thickness_noise_mm),
+        ("slope_noise", a.slope_noise),
+        ("scans_tilt_x", a.tilt[0]),
+        ("scans_tilt_y", a.tilt[1]),
+    ];
+    s.figures = figures.map(|(n, v)| (n.to_string(), v)).into_iter().collect();
+    s
+}
+
+/// Errors to the truth of a synthetic capture, by quantity, over the good texels.
+fn truth(capture: &Capture, fitted: &Fitted, values: &Maps, errors: &Maps) -> Result<BTreeMap<String, TruthError>> {
+    let mut out = BTreeMap::new();
+    let Some(truth) = capture.truth(fitted.side)? else { return Ok(out) };
+    // What the camera saw comes through with light scattered sideways: that is what was measured, not each texel's own slab.
+    let pairs: [(&str, &str, &[&str]); 3] =
+        [("rho_d", "albedo", &RGB), ("rho_t", "transmittance", &RGB), ("thickness", "thickness", &["Y"])];
+    for (name, of, channels) in pairs {
+        let (mut relative, mut inside, mut judged) = (Vec::new(), 0usize, 0usize);
+        for c in channels {
+            let (Some(t), Some(v), Some(e)) =
+                (truth.get(&format!("{of}.{c}")), values.get(&format!("{name}.{c}")), errors.get(&format!("{name}.{c}")))
+            else {
+                continue;
+            };
+            for k in (0..t.len()).filter(|&k| fitted.status[k] == 1 && t[k] != 0.0) {
+                let (t, v, e) = (f64::from(t[k]), f64::from(v[k]), f64::from(e[k]));
+                relative.push((v / t - 1.0).abs());
+                judged += 1;
+                inside += usize::from((v - t).abs() <= 1.96 * e + 2.4e-7 * t.abs());
+            }
+        }
+        relative.sort_unstable_by(f64::total_cmp);
+        if let (Some(median), Some(p99)) = (relative.get(relative.len() / 2), relative.get(relative.len() * 99 / 100)) {
+            let coverage95 = Some(inside as f64 / judged as f64);
+            out.insert(name.into(), TruthError { median_relative: *median, p99_relative: *p99, coverage95 });
+        }
+    }
+    Ok(out)
+}

@@ -1,0 +1,56 @@
+//! Diffusion against the random walk: where the forms of T(r, d) hold, and what a vein's shadow looks like.
+//!
+//! The oracle is [`crate::optics::walk`], every figure of which has a standard error; rows carry signed errors (form less oracle), relative
+//! unless the note says otherwise, NaN where the form is not defined or the oracle knows its result to worse than a tenth.
+
+pub mod plane;
+pub mod vein;
+
+use crate::Result;
+use crate::fit::bench::BenchRow;
+use crate::optics::walk::Histories;
+
+/// How many histories the oracle takes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Effort {
+    pub plane: u64,
+    pub vein: u64,
+}
+
+impl Effort {
+    /// Minutes on two cores.
+    pub const FULL: Effort = Effort { plane: 400_000, vein: 1_000_000 };
+
+    fn plane(self) -> Histories {
+        Histories { count: self.plane, seed: 510 }
+    }
+
+    fn vein(self) -> Histories {
+        Histories { count: self.vein, seed: 510 }
+    }
+}
+
+fn row(knob: &str, setting: &str, error: f64, us: f64, note: String) -> BenchRow {
+    BenchRow { model: "translucency".into(), knob: knob.into(), setting: setting.into(), error, us, note }
+}
+
+/// All rows.
+///
+/// # Errors
+/// What the walk or the convolution refuses; none with the settings used here.
+pub fn bench_rows() -> Result<Vec<BenchRow>> {
+    rows(Effort::FULL)
+}
+
+/// [`bench_rows`] with another effort.
+pub fn rows(effort: Effort) -> Result<Vec<BenchRow>> {
+    let mut rows = plane::history_rows()?;
+    rows.extend(plane::total_rows(effort)?);
+    rows.extend(plane::spot_rows(effort)?);
+    rows.extend(plane::angle_rows(effort)?);
+    rows.extend(vein::rows(effort)?);
+    Ok(rows)
+}
+
+#[cfg(test)]
+mod tests;

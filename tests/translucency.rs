@@ -1,0 +1,116 @@
+//! `mesophyll fit translucency`, from a scan under a tube and from a capture under a dome, as a user would.
+
+mod common;
+
+use common::{copy_tree, refused, run, scan, succeeded};
+use mesophyll::files::image::read_exr;
+use mesophyll::optics::translucency::basis::Basis;
+use std::path::Path;
+
+fn fit(input: &str, out: &Path, extra: &[&str]) -> std::process::Output {
+    let mut args = vec!["fit", "translucency", input, "-o", out.to_str().unwrap()];
+    args.extend(extra);
+    run(args)
+}
+
+#[test]
+fn a_leaf_fit_becomes_maps_and_one_light_is_what_the_basis_says_of_it() {
+    let dir = tempfile::tempdir().unwrap();
+    let (all, one) = (dir.path().join("all"), dir.path().join("one"));
+    succeeded(&fit("fits/elm", &all, &[]));
+    succeeded(&fit("fits/elm", &one, &["--sun-elevation-deg", "60", "--sun-azimuth-deg", "20"]));
+    let (sin, cos) = 60f64.to_radians().sin_cos();
+    let light = [cos * 20f64.to_radians().cos(), cos * 20f64.to_radians().sin(), sin];
+    for side in ["front.exr", "back.exr"] {
+        let (maps, direct) = (read_exr(&all.join(side)).unwrap(), read_exr(&one.join(side)).unwrap());
+        let plane = |k: usize| maps.get(&format!("translucency.{}", k + 1)).unwrap();
+        let (mask, full) = (maps.get("mask.Y").unwrap(), direct.get("translucency.Y").unwrap());
+        let (mut off, mut size, mut mean, mut count) = (0.0, 0.0, 0.0, 0.0);
+        for k in (0..mask.len()).filter(|&k| mask[k] == 1.0) {
+            let found: f64 = (0..3).map(|i| f64::from(plane(i)[k]) * Basis::HalfLife2.value(i, light)).sum();
+            let full = f64::from(full[k]);
+            (off, size) = (off + (found - full).powi(2), size + full * full);
+            (mean, count) = (mean + full, count + 1.0);
+        }
+        // Three functions against the whole convolution; and the leaf as a whole answers n·ω.
+        assert!((off / size).sqrt() < 0.05, "{side}: {}", (off / size).sqrt());
+        assert!((mean / count / sin - 1.0).abs() < 0.03, "{side}: {}", mean / count);
+    }
+    // The same again is not computed again.
+    let written = std::fs::metadata(all.join("front.exr")).unwrap().modified().unwrap();
+    succeeded(&fit("fits/elm", &all, &[]));
+    assert_eq!(written, std::fs::metadata(all.join("front.exr")).unwrap().modified().unwrap());
+    // The report knows what it is.
+    let report = run(["report", all.to_str().unwrap(), "--json"]);
+    succeeded(&report);
+    let json: serde_json::Value = serde_json::from_slice(&report.stdout).unwrap();
+    assert_eq!(json["fits"][0]["kind"], "translucency");
+}
+
+/// A flat uniform leaf in three wavelengths lets through what the slab says: the mean over the elm is near its ρt, a channel at a time.
+#[test]
+fn three_wavelengths_let_through_what_the_light_box_measured() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("rgb");
+    let steep = ["--colour", "three-wavelengths", "--sun-elevation-deg", "90", "--sun-azimuth-deg", "0"];
+    succeeded(&fit("fits/elm", &out, &steep));
+    let (maps, leaf) = (read_exr(&out.join("front.exr")).unwrap(), read_exr(Path::new("fits/elm/front.exr")).unwrap());
+    let mask = maps.get("mask.Y").unwrap();
+    for c in ["R", "G", "B"] {
+        let mean = |plane: &[f32]| {
+            let on: Vec<f64> = plane.iter().zip(mask).filter(|(_, m)| **m == 1.0).map(|(v, _)| f64::from(*v)).collect();
+            on.iter().sum::<f64>() / on.len() as f64
+        };
+        let through = mean(maps.get(&format!("translucency.{c}")).unwrap());
+        let measured = mean(leaf.get(&format!("rho_t.{c}")).unwrap());
+        // Tilted texels catch less of a steep light than the flat texel of the slab: a few per cent.
+        assert!((0.93..1.01).contains(&(through / measured)), "{c}: {through} {measured}");
+    }
+}
+
+#[test]
+fn a_capture_under_a_dome_goes_the_same_way() {
+    let dir = tempfile::tempdir().unwrap();
+    let (capture, out) = (dir.path().join("dome"), dir.path().join("tr"));
+    let synth =
+        ["synth", "data/leaves/elm.toml", "--acquisition", "dome", "-o", capture.to_str().unwrap(), "--size", "96x72", "--patch-mm", "9"];
+    succeeded(&run(synth));
+    succeeded(&fit(capture.to_str().unwrap(), &out, &[]));
+    assert!(out.join("leaf/fit.toml").is_file() && out.join("leaf/blade.glb").is_file() && out.join("back.exr").is_file());
+    let record = std::fs::read_to_string(out.join("leaf/fit.toml")).unwrap();
+    let record: toml::Table = record.parse().unwrap();
+    let front = &record["front"];
+    // Within three of its standard errors of the specification's σa (11.4 in green).
+    let (value, err) = (front["sigma_a"]["value"][1].as_float().unwrap(), front["sigma_a"]["stderr"][1].as_float().unwrap());
+    assert!((value - 11.4).abs() < 3.0 * err && err < 0.2 * value, "{value} {err}");
+    assert!(front["truth"]["rho_t"]["coverage95"].as_float().unwrap() > 0.9);
+    // A tube's options mean nothing here, and a dome's nothing there.
+    let leaf = |extra: &[&str]| {
+        let mut args = vec!["fit", "leaf", capture.to_str().unwrap(), "-o", out.to_str().unwrap()];
+        args.extend(extra);
+        run(args)
+    };
+    refused(&leaf(&["--shard", "1/2"]), 2, &["--shard", "dome"]);
+    refused(&leaf(&["--gloss", "9,0.3"]), 2, &["--gloss", "9"]);
+}
+
+#[test]
+fn what_is_no_leaf_fit_is_refused_by_name() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("out");
+    refused(&fit(dir.path().to_str().unwrap(), &out, &[]), 2, &["no leaf fit", "fit leaf"]);
+    refused(&fit("fits/elm-twig", &out, &[]), 2, &["kind", "expected \"leaf\""]);
+    refused(&fit("fits/elm", &out, &["--a", "0.5"]), 2, &["--a", "0.5", "at least 1"]);
+    refused(&fit("fits/elm", &out, &["--sigma-a", "0.4", "--sigma-s", "10", "--g", "1.5"]), 2, &["--g", "1.5"]);
+    refused(&fit("fits/elm", &out, &["--form", "images", "--sigma-a", "0.1", "--sigma-s", "2"]), 1, &["mean free path", "thin"]);
+    let tube = scan(dir.path(), "elm", &["--size", "24x18", "--frames", "8"]);
+    refused(&fit(tube.to_str().unwrap(), &out, &[]), 2, &["scan under a tube", "fit leaf"]);
+    // A map of another size, and one that ends early.
+    let damaged = dir.path().join("damaged");
+    copy_tree(Path::new("fits/elm"), &damaged);
+    std::fs::copy("fits/elm/back_normal.exr", damaged.join("front_normal.exr")).unwrap();
+    let bytes = std::fs::read(damaged.join("front.exr")).unwrap();
+    std::fs::write(damaged.join("front.exr"), &bytes[..bytes.len() / 2]).unwrap();
+    refused(&fit(damaged.to_str().unwrap(), &out, &[]), 2, &["front.exr"]);
+    assert!(!out.join("fit.toml").exists());
+}
