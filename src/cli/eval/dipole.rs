@@ -91,6 +91,9 @@ fn evaluate(tissue: &Tissue, form: Form, thickness: f64, radius: f64) -> Answer 
 
 /// Why a value that can be computed is not to be trusted.
 fn doubt(tissue: &Tissue, form: Form, thickness: f64, t: f64) -> Option<String> {
+    if let Some(why) = tissue.doubt() {
+        return Some(why);
+    }
     let l = tissue.mean_free_path();
     if form != Form::Thin && thickness <= l {
         return Some(format!("diffusion does not hold at a thickness of at most one mean free path, {l:.4} mm; the method thin does"));

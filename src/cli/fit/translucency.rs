@@ -8,6 +8,7 @@ use crate::fit::translucency::tissue::Entry;
 use crate::fit::translucency::{Area, Colour, Options, Outcome, TissueFrom, run as fit};
 use crate::optics::dipole::Form;
 use crate::optics::translucency::basis::Basis;
+use crate::optics::translucency::lights::Rule;
 use crate::{Error, Result};
 use std::path::PathBuf;
 
@@ -65,7 +66,10 @@ pub struct Args {
     /// Light directions over the hemisphere
     #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u32).range(8..=100_000))]
     lights: u32,
-    /// Functions of direction: half-life-2 (3), h-basis (6), cosine (6), spherical (9), hemispherical (9)
+    /// How they are placed: on a spiral, or one at random in each of as many cells, as the sources have it
+    #[arg(long, value_enum, default_value_t = PlacedName::Spiral)]
+    placed: PlacedName,
+    /// Functions of direction: half-life-2 (3, what the renderer reads), bent-3, bent-6, h-basis (6), cosine (6), spherical (9), hemispherical (9)
     #[arg(long, value_enum, default_value_t = BasisName::HalfLife2)]
     basis: BasisName,
     /// One light at this elevation over the blade, instead of a basis
@@ -122,9 +126,19 @@ enum FormName {
 }
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum PlacedName {
+    Spiral,
+    Stratified,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
 enum BasisName {
     #[value(name = "half-life-2")]
     HalfLife2,
+    #[value(name = "bent-3")]
+    Bent3,
+    #[value(name = "bent-6")]
+    Bent6,
     HBasis,
     Cosine,
     Spherical,
@@ -179,9 +193,14 @@ fn options(args: &Args) -> Result<Options> {
             FormName::Dipoles => Form::Dipoles(args.dipoles),
         },
         levels: usize::from(args.levels),
-        lights: args.lights as usize,
+        lights: match args.placed {
+            PlacedName::Spiral => Rule::Spiral { count: args.lights as usize },
+            PlacedName::Stratified => Rule::Stratified { count: args.lights as usize, seed: 1 },
+        },
         basis: match args.basis {
             BasisName::HalfLife2 => Basis::HalfLife2,
+            BasisName::Bent3 => Basis::Bent { count: 3 },
+            BasisName::Bent6 => Basis::Bent { count: 6 },
             BasisName::HBasis => Basis::HBasis { count: 6 },
             BasisName::Cosine => Basis::Cosine { degree: 3 },
             BasisName::Spherical => Basis::Spherical { bands: 3 },
@@ -220,6 +239,9 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             record
         }
     };
+    if let Some(why) = record.options.get("doubt") {
+        say(format!("warning: {why}; the maps are not to be relied on"));
+    }
     if common.json {
         print_json(&*record)?;
     } else {

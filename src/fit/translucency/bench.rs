@@ -1,6 +1,6 @@
 //! What each knob of the translucency maps costs and buys: dipoles, thickness levels, map size, kernels' form.
 
-use super::validation;
+use super::{basis_study, validation};
 use crate::fit::bench::{BenchRow, median_us};
 use crate::optics::dipole::{Form, Tissue};
 use crate::optics::slab;
@@ -122,6 +122,7 @@ pub fn rows() -> Result<Vec<BenchRow>> {
     let mut rows = forms();
     rows.extend(levels()?);
     rows.extend(sizes()?);
+    rows.extend(basis_study::rows()?);
     rows.extend(validation::bench_rows()?);
     Ok(rows)
 }

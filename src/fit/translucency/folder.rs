@@ -48,10 +48,13 @@ pub fn write(out: &Path, source: &Source, made: &[Made], options: &Options, inpu
     say("area", options.area.name().into());
     say("form", form(options.form));
     say("levels", options.levels.to_string());
-    say("lights", options.lights.to_string());
+    say("lights", format!("{:?}", options.lights));
     say("size", format!("{}x{}", source.width, source.height));
     say("texel_mm", format!("{:?}", source.texel_mm));
     say("frame", "columns and tangent frame of the side that light enters: x right, y up, z out of it".into());
+    if let Some(why) = made.iter().flat_map(|m| &m.tissue).find_map(|t| t.doubt()) {
+        record.options.insert("doubt".into(), why);
+    }
     for (side, source_side) in made.iter().zip(&source.sides) {
         let maps = maps(source, side, options);
         let path = map_path(out, side.side, "");

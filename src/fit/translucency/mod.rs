@@ -29,6 +29,7 @@ use crate::files::{atomic, hash};
 use crate::fit::record::{FitRecord, Phase, Times};
 use crate::optics::dipole::Form;
 use crate::optics::translucency::basis::Basis;
+use crate::optics::translucency::lights::{self, Rule};
 use crate::{Error, Result};
 use side::Made;
 use source::Source;
@@ -104,8 +105,8 @@ pub struct Options {
     pub form: Form,
     /// Thickness levels K.
     pub levels: usize,
-    /// Light directions over the hemisphere.
-    pub lights: usize,
+    /// Light directions over the hemisphere: 128 on a spiral are 2.4 to 3.7 times as good as the sources' 128 random ones (`bench translucency`).
+    pub lights: Rule,
     pub basis: Basis,
     /// One light instead of a basis: elevation over the blade and azimuth (rad) in the lit side's frame.
     pub sun: Option<[f64; 2]>,
@@ -124,7 +125,7 @@ impl Default for Options {
             a: None,
             form: Form::Thin,
             levels: 8,
-            lights: 128,
+            lights: Rule::Spiral { count: lights::PAPER },
             basis: Basis::HalfLife2,
             sun: None,
             force: false,

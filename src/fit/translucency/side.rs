@@ -99,7 +99,7 @@ pub fn make(source: &Source, side: &Side, channels: &[usize], options: &Options,
     let horizon = Horizon::new(&lit(source, side, &first));
     phase("horizon map", step);
 
-    let lights = Lights::new(Rule::Stratified { count: options.lights, seed: 1 });
+    let lights = Lights::new(options.lights);
     let mut projector = Projector::new(options.basis, &lights, Weights::Gram).map_err(Error::Usage)?;
     // The last image is the light from everywhere, which the measured colour is divided by; its weights are scaled so that these very directions
     // give a flat leaf its π.
