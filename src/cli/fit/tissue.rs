@@ -50,7 +50,7 @@ pub struct Args {
     #[arg(long, value_name = "K", default_value_t = 8, value_parser = clap::value_parser!(u16).range(2..=64))]
     levels: u16,
     /// Leave out readings nearer than this to a border that the leaf goes on beyond (default: six mean thicknesses)
-    #[arg(long, value_name = "MM")]
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     margin_mm: Option<f64>,
     /// Fit again although the folder already holds this very fit
     #[arg(long)]

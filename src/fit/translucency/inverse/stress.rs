@@ -55,6 +55,7 @@ pub fn rows() -> Result<Vec<StressRow>> {
     let noisy = Scene { noise: 0.01, seed: 5, ..fine.clone() };
     let coarse = Scene { texel_mm: 3.0, noise: 0.005, ..fine.clone() };
     let clear = Scene { noise: 0.01, ..Scene::fine(1e-4, 9.5) };
+    let one_beam = vec![(Side::Front, std::f64::consts::FRAC_PI_2, 0.0)];
     let only_thickness = "undetermined: sigma_a.R";
     let cases: Vec<(&str, &str, Scene, Tissues, Options)> = vec![
         ("noise-free, near", "ok", fine.clone(), near.clone(), free),
@@ -65,7 +66,8 @@ pub fn rows() -> Result<Vec<StressRow>> {
         ("1 % noise, thickness known", "ok", noisy, near.clone(), fixed),
         ("sigma_a = 1e-4", only_thickness, clear, near.clone(), fixed),
         ("texels 20 times the thickness", only_thickness, coarse.clone(), near.clone(), free),
-        ("the same, flat", only_thickness, Scene { relief: 0.0, ..coarse.clone() }, near.clone(), fixed),
+        // A second incidence would tell two coefficients even here.
+        ("the same, flat, one beam", only_thickness, Scene { relief: 0.0, beams: one_beam, ..coarse.clone() }, near.clone(), fixed),
         ("no light", "refused: ", Scene { beams: vec![(Side::Front, -0.1, 0.0)], ..fine }, near, free),
     ];
     let rows = cases.into_iter().map(|(case, expected, scene, start, options)| {
