@@ -240,9 +240,10 @@ fn kind_in(text: &str) -> Option<String> {
 
 fn wrong_kind(kind: &str) -> String {
     match kind {
-        "dome" => "found \"dome\" (photographs under a dome and height scans), expected a scan under a linear light source, which has no \
-            kind; its way on is `mesophyll fit translucency`"
-            .into(),
+        "dome" => {
+            "found \"dome\" (photographs under a dome and height scans), expected a scan under a linear light source, which has no kind"
+                .into()
+        }
         "beams" => {
             "found \"beams\" (photographs of the light that comes through), expected a scan under a linear light source, which has no \
             kind; its way on is `mesophyll fit tissue`"
