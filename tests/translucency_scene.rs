@@ -217,3 +217,86 @@ mod drawn {
         assert!(report["pipelines"].as_array().unwrap().iter().any(|p| p.as_str().unwrap().contains("back translucency")));
     }
 }
+
+/// Lets a made-up leaf say how large its texels are, as fits do.
+fn with_texel(fit: &Path, texel_mm: f64) {
+    let mut record = FitRecord::read(fit).unwrap();
+    record.options.insert("texel_mm".into(), format!("{texel_mm:?}"));
+    record.write(fit).unwrap();
+}
+
+#[cfg(feature = "render")]
+#[test]
+fn the_reference_convolves_and_a_flat_leafs_light_is_its_cosine() {
+    use mesophyll::scene::{manifest::Tissue, reference, source::Status};
+    use mesophyll::transport::Sunlit;
+
+    let flat = Blade { width: 48, height: 36, texel_mm: 1.0, bump: 0.0, dome: 0.0, ..Blade::default() };
+    let dir = tempfile::tempdir().unwrap();
+    let fit = dir.path().join("fits/elm");
+    flat.write(&fit, "elm");
+    with_texel(&fit, flat.texel_mm);
+    let path = scene(dir.path(), "back", Some(140.0), None, "");
+    let manifest = Manifest::read(&path).unwrap();
+    assert_eq!(manifest.leaves[0].translucency.as_ref().map(|t| t.tissue), Some(Tissue::Fit));
+    let ledger = Ledger::new();
+    let out = dir.path().join("out");
+    let before = plan::make(&manifest, Some(&out), None, &ledger).unwrap();
+    assert_eq!(before.untranslucent(), [0]);
+    assert!(before.needed.iter().any(|n| n.name == "fit elm translucency" && n.status == Some(Status::Missing)));
+    assert!(mesophyll::scene::make::translucencies(&manifest, &before, &out, &ledger).unwrap());
+    let mut plan = plan::make(&manifest, Some(&out), None, &ledger).unwrap();
+    assert!(plan.untranslucent().is_empty());
+    // The plan leaves out what is the cosine's; here it is looked at.
+    assert!(!plan.leaves[0].sides[1].translucency && plan.left_out.iter().any(|l| l.name == "elm/translucency/back.exr"));
+    plan.leaves[0].sides[1].translucency = true;
+    let world = reference::world(&manifest, &plan, &ledger).unwrap();
+    let Some(Sunlit::Factor(map)) = &world.through[0].entering[1] else { panic!("no map") };
+    let cosine = -(140f64.to_radians().cos());
+    let off = map.iter().map(|f| (f64::from(*f) - cosine).abs()).fold(0.0, f64::max);
+    assert!(off < 1e-3, "{off}");
+    // Another leaf than the maps were made from: they are to be made again.
+    Blade { h: 0.25, ..flat }.write(&fit, "elm");
+    with_texel(&fit, 1.0);
+    let after = plan::make(&manifest, Some(&out), None, &ledger).unwrap();
+    assert!(after.needed.iter().any(|n| n.name == "fit elm translucency" && n.status == Some(Status::Stale)), "{:?}", after.needed);
+}
+
+#[test]
+fn a_leaf_may_be_drawn_from_another_ones_data() {
+    let dir = folder(&Blade::default());
+    let path = scene(
+        dir.path(),
+        "back",
+        Some(140.0),
+        None,
+        "[[leaf]]\nname = \"plain\"\nlike = \"elm\"\n[[instance]]\nleaf = \"plain\"\nposition_mm = [70, 0, 0]\n",
+    );
+    let (plan, _) = planned(&path);
+    assert!(plan.leaves[0].sides[1].translucency && !plan.leaves[1].sides[1].translucency);
+    assert_eq!(plan.leaves[0].fitted.as_ref().map(|f| &f.folder), plan.leaves[1].fitted.as_ref().map(|f| &f.folder));
+    let text = std::fs::read_to_string(&path).unwrap();
+    for (from, to, word) in [
+        ("like = \"elm\"", "like = \"oak\"", "oak"),
+        ("like = \"elm\"", "like = \"elm\"\nfit = \"fits/elm\"", "of its own"),
+        ("like = \"elm\"", "like = \"plain\"", "like another one itself"),
+    ] {
+        std::fs::write(&path, text.replace(from, to)).unwrap();
+        let told = Manifest::read(&path).unwrap_err().to_string();
+        assert!(told.contains(word), "{told}");
+    }
+}
+
+#[test]
+fn a_tree_shares_one_data_set_among_its_leaves() {
+    let dir = folder(&Blade { rho_s: [0.0, 0.0], ..Blade::default() });
+    let tree =
+        "[tree]\nleaves = [\"elm\"]\ncount = 300\nheight_mm = 1500\ncrown_mm = 500\noffset_mm = 25\nbark = [0.1, 0.1, 0.1]\nseed = 2\n";
+    let (plan, _) = planned(&scene(dir.path(), "tree", Some(50.0), None, tree));
+    assert_eq!(plan.placements.len(), 301);
+    assert!(plan.wood.is_some() && plan.shadow_samples > 0);
+    assert_eq!(plan.needed.iter().filter(|n| n.name == "elm/blade.glb").count(), 1);
+    let bad = scene(dir.path(), "bad", Some(50.0), None, &tree.replace("count = 300", "count = 0"));
+    let told = Manifest::read(&bad).unwrap_err().to_string();
+    assert!(told.contains("tree.count"), "{told}");
+}

@@ -240,9 +240,10 @@ fn kind_in(text: &str) -> Option<String> {
 
 fn wrong_kind(kind: &str) -> String {
     match kind {
-        "dome" => "found \"dome\" (photographs under a dome and height scans), expected a scan under a linear light source, which has no \
-            kind; its way on is `mesophyll fit translucency`"
-            .into(),
+        "dome" => {
+            "found \"dome\" (photographs under a dome and height scans), expected a scan under a linear light source, which has no kind"
+                .into()
+        }
         _ => format!("found {kind:?}, expected \"dome\", or no kind for a scan under a linear light source"),
     }
 }

@@ -121,7 +121,7 @@ fn under_dome(args: &Args, common: &Common, width: usize, height: usize) -> Resu
     };
     free_folder(&args.out, args.force)?;
     progress::say(format!("growing {} ({})", spec.name, spec.species));
-    let blade = dome::Blade::grow(&spec, &options).ok_or_else(|| {
+    let blade = dome::Blade::grow(&spec, &options)?.ok_or_else(|| {
         Error::Usage(format!("--size {width}x{height}: not one texel lies on the leaf; expected a larger size, or a patch on the leaf"))
     })?;
     let manifest = dome::capture(&spec, &blade, &options, &args.out)?;

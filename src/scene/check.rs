@@ -14,6 +14,7 @@ use super::manifest::{Manifest, View, ViewKind};
 use super::plan::{LeafPlan, Plan, sun_direction};
 use super::reference;
 use super::sound;
+use super::sunlit;
 use crate::files::{atomic, image, progress};
 use crate::transport::{self, ReferencePicture, compare};
 use crate::{Error, Result};
@@ -44,8 +45,20 @@ pub struct Report {
     /// What was uploaded (name, bytes) and compiled for the perspective views.
     pub uploads: Vec<(String, u64)>,
     pub pipelines: Vec<String>,
+    /// What translucency maps cost a fragment, where there are any.
+    pub translucency: Option<Term>,
     /// The hours of the scene's day, drawn into `day.png`.
     pub day: Vec<Hour>,
+}
+
+/// The translucency maps' term against the whole shader, in one run on one adapter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Term {
+    /// Median time of the main pass (of a frame where the adapter has no clock) of the first perspective view, ms, with the term and with the
+    /// cosine of the mesh's normal in its place; `None` where a frame takes seconds.
+    pub ms: Option<[f64; 2]>,
+    /// Operations of the dearest leaf's shader, both arms of every branch and loops once, with the term and without.
+    pub operations: [usize; 2],
 }
 
 /// One view's figures; `None` where there was nothing to measure.
@@ -62,6 +75,8 @@ pub struct ViewReport {
     pub interior_share: f64,
     /// The reference's own noise: the same two measures between two seeds; for a card, its error against the closed form.
     pub noise_flip_p99: Option<f64>,
+    /// What the translucency maps' directional basis costs: the reference by the stored coefficients against the reference by the convolution.
+    pub basis: Option<(f64, f64)>,
     pub noise_max_error: Option<f64>,
     pub threshold_flip_p99: Option<f64>,
     pub threshold_max_error: f64,
@@ -112,6 +127,7 @@ pub fn check(manifest: &Manifest, plan: &Plan, options: &Options, ledger: &Ledge
         failures: verify(plan, ledger)?,
         uploads: Vec::new(),
         pipelines: Vec::new(),
+        translucency: None,
         day: Vec::new(),
     };
     progress::say(format!("drawn by {}", report.adapter));
@@ -135,11 +151,17 @@ pub fn check(manifest: &Manifest, plan: &Plan, options: &Options, ledger: &Ledge
                 renderer.set_time(wind);
             }
             reference::move_to(&mut world, plan, time)?;
+            let mut by_maps = world.clone();
+            let stored = sunlit::relight_as_stored(&mut by_maps, plan, &plan.eyes)?;
             let stage = transport::Renderer::new(&world)?;
+            let by_maps = if stored { Some(transport::Renderer::new(&by_maps)?) } else { None };
             while let Some(view) = left.next_if(|v| plan.bends.is_none() || branch::time(manifest, v) == time) {
-                report.views.push(one_view(manifest, plan, view, &mut renderer, &stage, options)?);
+                let stages = Stages { truth: &stage, by_maps: by_maps.as_ref() };
+                report.views.push(one_view(manifest, plan, view, &mut renderer, &stages, options)?);
             }
         }
+        let slow = report.views.first().is_some_and(|v| v.frame_ms_median > 2000.0);
+        report.translucency = term(manifest, &scene, &mut renderer, !slow)?;
         report.day = day::draw(manifest, plan, &scene, &mut renderer, &options.out, ledger)?;
     }
     for view in manifest.views.iter().filter(|v| v.kind == ViewKind::Card) {
@@ -149,6 +171,47 @@ pub fn check(manifest: &Manifest, plan: &Plan, options: &Options, ledger: &Ledge
     let path = options.out.join("check.json");
     atomic::write_bytes(&path, serde_json::to_string_pretty(&report.json(manifest)).unwrap_or_default().as_bytes())?;
     Ok(report)
+}
+
+/// Draws the first view with and without the translucency maps, by turns, and gives the maps back.
+fn term(manifest: &Manifest, scene: &gpu::scene::Scene, renderer: &mut gpu::Renderer, timed: bool) -> Result<Option<Term>> {
+    let has = |l: &gpu::scene::Leaf| l.front.translucency.is_some() || l.back.translucency.is_some();
+    let own: Vec<usize> = (0..scene.leaves.len()).filter(|&k| has(&scene.leaves[k])).collect();
+    let view = manifest.views.iter().find(|v| v.kind == ViewKind::Perspective);
+    let (Some(view), false) = (view, own.is_empty()) else { return Ok(None) };
+    let mut plain = scene.clone();
+    for &k in &own {
+        (plain.leaves[k].front.translucency, plain.leaves[k].back.translucency) = (None, None);
+    }
+    let longest = |scene: &gpu::scene::Scene, renderer: &gpu::Renderer| {
+        own.iter().filter_map(|&k| renderer.operations(scene, k)).max().unwrap_or_default()
+    };
+    let operations = [longest(scene, renderer), longest(&plain, renderer)];
+    if !timed {
+        return Ok(Some(Term { ms: None, operations }));
+    }
+    let mut times = [Vec::new(), Vec::new()];
+    for turn in 0..4 {
+        let which = turn % 2;
+        let drawn = if which == 0 { scene } else { &plain };
+        for &k in &own {
+            renderer.set_leaf(drawn, k).map_err(told)?;
+        }
+        let (w, h) = (manifest.check.width, manifest.check.height);
+        let timing = renderer.time(&handover::camera(view), w, h, (manifest.check.frames as usize).min(10)).map_err(told)?;
+        let main = timing.passes.iter().find(|(n, _)| n == "main").map_or(&timing.frame_ms, |(_, t)| t);
+        times[which].extend(main);
+    }
+    for &k in &own {
+        renderer.set_leaf(scene, k).map_err(told)?;
+    }
+    Ok(Some(Term { ms: Some(times.map(|t| median(&t))), operations }))
+}
+
+fn median(list: &[f64]) -> f64 {
+    let mut sorted = list.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
 }
 
 /// Hashes every file of a fit that the plan needs and asks whether they agree with each other; a sentence for each that does not.
@@ -173,12 +236,18 @@ fn verify(plan: &Plan, ledger: &Ledger) -> Result<Vec<String>> {
     Ok(out)
 }
 
+/// The reference, and the same with translucency maps evaluated as they are stored.
+struct Stages<'a> {
+    truth: &'a transport::Renderer<'a>,
+    by_maps: Option<&'a transport::Renderer<'a>>,
+}
+
 fn one_view(
     manifest: &Manifest,
     plan: &Plan,
     view: &View,
     renderer: &mut gpu::Renderer,
-    stage: &transport::Renderer,
+    stages: &Stages,
     options: &Options,
 ) -> Result<ViewReport> {
     let size = (manifest.check.width, manifest.check.height);
@@ -195,8 +264,13 @@ fn one_view(
         margin: 2,
     };
     let camera = reference::camera(view);
-    let truth = stage.render(&camera, w, h, &sampling(manifest.check.seed))?;
-    let other = stage.render(&camera, w, h, &sampling(manifest.check.seed.wrapping_add(1)))?;
+    let truth = stages.truth.render(&camera, w, h, &sampling(manifest.check.seed))?;
+    if let Some(by_maps) = stages.by_maps {
+        // The same rays: what differs is the basis.
+        let basis = compare::compare(&truth, &by_maps.render(&camera, w, h, &sampling(manifest.check.seed))?.ldr)?;
+        out.basis = Some((basis.flip_p99, basis.max_error.unwrap_or(0.0)));
+    }
+    let other = stages.truth.render(&camera, w, h, &sampling(manifest.check.seed.wrapping_add(1)))?;
     out.reference_s = start.elapsed().as_secs_f64();
     let seen = compare::compare(&truth, &picture.ldr)?;
     let noise = compare::noise_floor(&truth, &other)?;
@@ -297,11 +371,6 @@ fn relative(found: &[[f32; 4]], width: usize, pixels: &[(usize, usize)], exact: 
 fn timed(manifest: &Manifest, view: &View, renderer: &mut gpu::Renderer) -> Result<ViewReport> {
     let (w, h) = (manifest.check.width, manifest.check.height);
     let timing = renderer.time(&handover::camera(view), w, h, manifest.check.frames as usize).map_err(told)?;
-    let median = |list: &[f64]| {
-        let mut sorted = list.to_vec();
-        sorted.sort_by(f64::total_cmp);
-        sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
-    };
     let mut out = ViewReport {
         name: view.name.clone(),
         frame_ms_median: timing.quantile(0.5).unwrap_or(0.0),
@@ -377,6 +446,8 @@ impl ViewReport {
             "interior_share": self.interior_share,
             "noise_flip_p99": self.noise_flip_p99,
             "noise_max_error": self.noise_max_error,
+            "basis_flip_p99": self.basis.map(|b| b.0),
+            "basis_max_error": self.basis.map(|b| b.1),
             "threshold_flip_p99": self.threshold_flip_p99,
             "threshold_max_error": self.threshold_max_error,
             "golden_flip_p99": self.golden.map(|g| g.0),
@@ -419,6 +490,9 @@ impl ViewReport {
                 noise(self.noise_max_error)
             )
         };
+        if let Some((flip, error)) = self.basis {
+            line += &format!("\n        of which the basis of the translucency maps: FLIP 99 % {flip:.4}, largest error {error:.4}");
+        }
         for why in &self.why {
             line += &format!("\n        {why}");
         }
@@ -442,6 +516,12 @@ impl Report {
             "uploaded_bytes": self.uploads.iter().map(|(_, b)| b).sum::<u64>(),
             "pipelines": self.pipelines,
         });
+        if let Some(term) = &self.translucency {
+            out["translucency"] = json!({
+                "main_ms": term.ms.map(|t| t[0]), "main_ms_without": term.ms.map(|t| t[1]),
+                "operations": term.operations[0], "operations_without": term.operations[1],
+            });
+        }
         if !self.day.is_empty() {
             out["day"] = serde_json::to_value(&self.day).unwrap_or_default();
         }
@@ -456,6 +536,14 @@ impl Report {
         }
         for view in &self.views {
             out += &format!("{}\n", view.line());
+        }
+        if let Some(term) = &self.translucency {
+            let [with, without] = term.operations;
+            out += &format!("translucency maps: {with} operations a fragment, {without} without");
+            if let Some([with, without]) = term.ms {
+                out += &format!("; {:.2} times the main pass without ({with:.2} and {without:.2} ms)", with / without.max(1e-9));
+            }
+            out += "\n";
         }
         if !self.day.is_empty() {
             let worst = self.day.iter().map(|h| h.fit_error).fold(0.0, f64::max);

@@ -38,6 +38,10 @@ pub fn scene(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<viewer
             out.instances.push(viewer::Instance { leaf, transform: p.transform.as_mat4(), ride });
         }
     }
+    if let Some((mesh, bark)) = &plan.wood {
+        out.instances.push(viewer::Instance { leaf: out.leaves.len(), transform: glam::Mat4::IDENTITY, ride: None });
+        out.leaves.push(barked("wood", mesh, *bark));
+    }
     branches(manifest, plan, &mut out);
     Ok(out)
 }
@@ -45,20 +49,9 @@ pub fn scene(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<viewer
 /// Branches as meshes with bark, after the leaves; and what bends them and what rides on them, where anything does.
 fn branches(manifest: &Manifest, plan: &Plan, out: &mut viewer::Scene) {
     for (k, (twig, mesh)) in plan.twigs.iter().enumerate() {
-        let bark = viewer::Interior::Maps { rho_d: vec![twig.bark.map(|v| v as f32)], rho_t: vec![[0.0; 3]] };
         let ride = plan.bends.is_some().then_some(viewer::Ride { branch: k, at: None });
         out.instances.push(viewer::Instance { leaf: out.leaves.len(), transform: glam::Mat4::IDENTITY, ride });
-        out.leaves.push(viewer::Leaf {
-            name: manifest.branches[k].name.clone(),
-            mesh: viewer_mesh(mesh),
-            width: 1,
-            height: 1,
-            thickness_mm: 1.0,
-            lobe: viewer::Lobe::Beckmann,
-            front: viewer::Side { interior: bark, ..viewer::Side::black() },
-            back: viewer::Side::black(),
-            mask: None,
-        });
+        out.leaves.push(barked(&manifest.branches[k].name, mesh, twig.bark));
     }
     let Some(bends) = &plan.bends else { return };
     let vec = |v: [f64; 3]| Vec3::from(v.map(|c| c as f32));
@@ -89,6 +82,22 @@ fn branches(manifest: &Manifest, plan: &Plan, out: &mut viewer::Scene) {
         motion: m.values.clone(),
         time_s: super::branch::rest_time(manifest),
     });
+}
+
+/// Wood: diffuse bark, and nothing comes through.
+fn barked(name: &str, mesh: &LeafMesh, bark: [f64; 3]) -> viewer::Leaf {
+    let bark = viewer::Interior::Maps { rho_d: vec![bark.map(|v| v as f32)], rho_t: vec![[0.0; 3]] };
+    viewer::Leaf {
+        name: name.into(),
+        mesh: viewer_mesh(mesh),
+        width: 1,
+        height: 1,
+        thickness_mm: 1.0,
+        lobe: viewer::Lobe::Beckmann,
+        front: viewer::Side { interior: bark, ..viewer::Side::black() },
+        back: viewer::Side::black(),
+        mask: None,
+    }
 }
 
 /// Sun, sky, exposure and how shadows and edges are sampled.

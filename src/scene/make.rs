@@ -3,7 +3,7 @@
 //! Everything lands under the run's folder (`captures/LEAF`, `fits/LEAF`) and is kept: a run that was stopped goes on where it was.
 
 use super::ledger::Ledger;
-use super::manifest::{Leaf, Lobe, Manifest, Scan};
+use super::manifest::{Colour, Leaf, Lobe, Manifest, Scan, Tissue, Translucency};
 use super::plan::Plan;
 use super::source;
 use super::translucency;
@@ -14,6 +14,7 @@ use crate::capture::synth::leaf::Leaf as Grown;
 use crate::capture::synth::{scan, spec::Spec};
 use crate::files::{atomic, progress};
 use crate::fit::leaf as fit;
+use crate::fit::translucency as through;
 use crate::optics::gloss;
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -35,7 +36,7 @@ pub fn input_hash(leaf: &Leaf, capture: &Path) -> Result<String> {
 
 /// Where a run's fit of a leaf goes.
 pub fn fit_folder(manifest: &Manifest, index: usize, out: &Path) -> PathBuf {
-    out.join("fits").join(&manifest.leaves[index].name)
+    out.join("fits").join(manifest.leaves[index].data_name())
 }
 
 /// Makes the fit of leaf `index` into `folder`; captures that have to be scanned first lie under `out`. A folder that holds this very fit
@@ -75,21 +76,30 @@ pub fn translucencies(manifest: &Manifest, plan: &Plan, out: &Path, ledger: &Led
     for &index in &lacking {
         let Some(fitted) = &plan.leaves[index].fitted else { continue };
         stop()?;
-        translucency(&fitted.folder, &translucency::folder(manifest, index, out), false, ledger)?;
+        let asked = manifest.leaves[index].translucency.clone().unwrap_or_default();
+        translucency(&fitted.folder, &translucency::folder(manifest, index, out), &asked, ledger)?;
     }
     Ok(!lacking.is_empty())
 }
 
 /// Makes the translucency maps of the leaf fitted into `leaf`.
-fn translucency(leaf: &Path, folder: &Path, _afresh: bool, _ledger: &Ledger) -> Result<()> {
-    let what = format!("there are no translucency maps of {} here; `mesophyll fit translucency` makes them", leaf.display());
-    Err(Error::input(folder, what))
+fn translucency(leaf: &Path, folder: &Path, asked: &Translucency, ledger: &Ledger) -> Result<()> {
+    let tissue = match asked.tissue {
+        Tissue::Fit => through::TissueFrom::Fit,
+        Tissue::Table => through::TissueFrom::Table,
+    };
+    let colour = match asked.colour {
+        Colour::Substituted => through::Colour::Substituted,
+        Colour::ThreeWavelengths => through::Colour::ThreeWavelengths,
+    };
+    let options = through::Options { tissue, colour, ..through::Options::default() };
+    ledger.note("fit", format!("{} translucency", leaf.display()), 0, || through::run(leaf, folder, &options)).map(|_| ())
 }
 
 /// The scan of a leaf, made now unless a whole one of the same specification is there.
 fn scanned(manifest: &Manifest, leaf: &Leaf, told: &Scan, out: &Path, afresh: bool, ledger: &Ledger) -> Result<PathBuf> {
-    let folder = out.join("captures").join(&leaf.name);
-    let stamp = source::scan_stamp(out, &leaf.name);
+    let folder = out.join("captures").join(leaf.data_name());
+    let stamp = source::scan_stamp(out, leaf.data_name());
     let wanted = source::scan_hash(manifest, told)?;
     if !afresh && std::fs::read_to_string(&stamp).ok().as_deref() == Some(wanted.as_str()) && folder.join("capture.toml").is_file() {
         return Ok(folder);
@@ -100,7 +110,8 @@ fn scanned(manifest: &Manifest, leaf: &Leaf, told: &Scan, out: &Path, afresh: bo
         std::fs::remove_dir_all(&folder).map_err(|e| Error::write(&folder, atomic::explain(&e)))?;
     }
     atomic::probe_folder(&folder)?;
-    let spec = Spec::read(&manifest.resolve(&told.spec))?;
+    let mut spec = Spec::read(&manifest.resolve(&told.spec))?;
+    spec.field_mm = told.field_mm.unwrap_or(spec.field_mm);
     let (width, height) = size(told).unwrap_or((720, 540));
     let options = scan::Options {
         width,

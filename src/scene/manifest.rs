@@ -28,6 +28,7 @@ pub struct Manifest {
     #[serde(default, rename = "instance")]
     pub instances: Vec<Instance>,
     pub cluster: Option<Cluster>,
+    pub tree: Option<Tree>,
     #[serde(default, rename = "branch")]
     pub branches: Vec<Branch>,
     pub wind: Option<Wind>,
@@ -48,6 +49,8 @@ pub struct Manifest {
 #[serde(deny_unknown_fields)]
 pub struct Leaf {
     pub name: String,
+    /// Another leaf's name: this one is drawn from the same data, where they come from is said there.
+    pub like: Option<String>,
     pub fit: Option<PathBuf>,
     pub capture: Option<PathBuf>,
     pub scan: Option<Scan>,
@@ -63,12 +66,42 @@ pub struct Leaf {
     pub translucency: Option<Translucency>,
 }
 
+impl Leaf {
+    /// The name that its data go by in a run's folder.
+    pub fn data_name(&self) -> &str {
+        self.like.as_deref().unwrap_or(&self.name)
+    }
+}
+
 /// Translucency maps of a leaf, made from its fit.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Translucency {
     /// A folder of `fit translucency`; made in the run's own folder when it is absent or not there.
     pub fit: Option<PathBuf>,
+    /// What light is sent through when they are made.
+    #[serde(default)]
+    pub tissue: Tissue,
+    #[serde(default)]
+    pub colour: Colour,
+}
+
+/// The slab that the leaf's fit found, or the table of Habel 2009 (one wavelength, 510 nm).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Tissue {
+    #[default]
+    Fit,
+    Table,
+}
+
+/// One wavelength with the measured colour, or each channel through the tissue.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Colour {
+    #[default]
+    Substituted,
+    ThreeWavelengths,
 }
 
 /// A synthetic scan to make when there is no capture: what `mesophyll synth` is told.
@@ -77,6 +110,8 @@ pub struct Translucency {
 pub struct Scan {
     pub spec: PathBuf,
     pub size: Option<String>,
+    /// Width and height of what is scanned, around the middle of the specification's field; all of it when absent.
+    pub field_mm: Option<[f64; 2]>,
     pub frames: Option<usize>,
     pub noise: Option<f64>,
     pub seed: Option<u64>,
@@ -186,6 +221,31 @@ pub struct Cluster {
     pub spread_deg: f64,
     #[serde(default = "one")]
     pub scale: f64,
+    pub seed: u64,
+}
+
+/// A crown of leaves on seeded, rigid wood; the trunk's foot is the origin.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Tree {
+    /// Leaves by name, taken in turn.
+    pub leaves: Vec<String>,
+    pub count: usize,
+    /// From foot to top.
+    pub height_mm: f64,
+    /// Radius of the crown.
+    pub crown_mm: f64,
+    /// From the twig to a blade's centre.
+    pub offset_mm: f64,
+    #[serde(default)]
+    pub droop_deg: f64,
+    /// How far single blades stray.
+    #[serde(default)]
+    pub spread_deg: f64,
+    #[serde(default = "one")]
+    pub scale: f64,
+    /// Diffuse reflectance.
+    pub bark: [f64; 3],
     pub seed: u64,
 }
 
@@ -317,7 +377,19 @@ impl Manifest {
         let mut manifest: Manifest = toml::from_str(&text).map_err(|e| toml_error(path, &text, &e))?;
         manifest.path = path.to_path_buf();
         super::validate::validate(&manifest, &text)?;
+        manifest.share();
         Ok(manifest)
+    }
+
+    /// Gives leaves that are like another one its data.
+    fn share(&mut self) {
+        for k in 0..self.leaves.len() {
+            let Some(other) = self.leaves[k].like.as_ref().and_then(|n| self.leaf_index(n)) else { continue };
+            let Leaf { fit, capture, scan, mesh, .. } = self.leaves[other].clone();
+            let leaf = &mut self.leaves[k];
+            (leaf.fit, leaf.capture, leaf.scan) = (fit, capture, scan);
+            leaf.mesh = leaf.mesh.take().or(mesh);
+        }
     }
 
     /// A path of the manifest, as seen from the working folder.

@@ -36,4 +36,5 @@ pub mod source;
 pub mod sunlit;
 mod texel_frame;
 pub mod translucency;
+pub mod tree;
 mod validate;

@@ -1,4 +1,4 @@
-//! Where leaves stand at rest: the scene's instances, then its cluster. Lengths in mm. What hangs on a branch has its frame there: x towards
+//! Where leaves stand at rest: the scene's instances, then its cluster, then its tree ([`super::tree`]). Lengths in mm. What hangs on a branch has its frame there: x towards
 //! the branch's tip, z as far up as the branch allows.
 //!
 //! A cluster is a twig along z with leaves a golden angle apart, each blade's tip (its +x) pointing away from the twig and drooping;
@@ -6,6 +6,7 @@
 
 use super::branch;
 use super::manifest::{Cluster, Instance, Manifest};
+use super::tree;
 use glam::{DMat4, DQuat, DVec3, EulerRot};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -37,6 +38,11 @@ pub fn placements(manifest: &Manifest) -> Vec<Placement> {
             transform,
             ride: None,
         }));
+    }
+    if let Some(tree) = &manifest.tree {
+        let leaves: Vec<usize> = tree.leaves.iter().filter_map(|n| manifest.leaf_index(n)).collect();
+        let grown = tree::grow(tree).leaves.into_iter().enumerate();
+        out.extend(grown.map(|(k, transform)| Placement { leaf: leaves[k % leaves.len()], transform, ride: None }));
     }
     out
 }

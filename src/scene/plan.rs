@@ -14,6 +14,7 @@ use super::mesh::{self, LeafMesh};
 use super::placement::{self, Placement};
 use super::source::{self, InputHash, Source, Status};
 use super::translucency::{self, Translucent};
+use super::tree;
 use crate::Result;
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -147,6 +148,9 @@ pub struct Plan {
     /// Branches at rest, with their meshes.
     #[serde(skip)]
     pub twigs: Vec<(Twig, LeafMesh)>,
+    /// A tree's wood, and its bark.
+    #[serde(skip)]
+    pub wood: Option<(LeafMesh, [f64; 3])>,
     /// `None`: nothing bends.
     #[serde(skip)]
     pub bends: Option<Bends>,
@@ -205,6 +209,7 @@ fn make_for(manifest: &Manifest, out: Option<&Path>, input_hash: Option<InputHas
         leaves: Vec::new(),
         placements,
         eyes: manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).filter_map(|v| v.eye_mm.map(DVec3::from)).collect(),
+        wood: manifest.tree.as_ref().map(|t| (tree::wood(&tree::grow(t).wood), t.bark)),
         twigs: twigs.into_iter().map(|t| (t.clone(), branch::tube(&t))).collect(),
         bends,
         shadow_samples: 0,
@@ -311,7 +316,7 @@ fn leaf_plan(
     }
     plan.source = Some(source);
     if placed {
-        plan.translucency = translucency::find(manifest, index, out)?;
+        plan.translucency = translucency::find(manifest, index, out, plan.fitted.as_ref())?;
     }
     let sky = manifest.sky.is_some();
     let mut card_facing = Facing::default();

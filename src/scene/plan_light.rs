@@ -31,7 +31,9 @@ pub fn lights(manifest: &Manifest, plan: &mut Plan, free: bool) -> Result<()> {
         (Some(sun), Some(direction)) => {
             plan.need(Need::new("sun", "the scene has one: three numbers and a direction, its disk by its radius"));
             match plan.shadows(direction, sun.radius_deg.to_radians()) {
-                _ if free || !plan.twigs.is_empty() => shadows(manifest, plan, sun.radius_deg.to_radians(), shadow_bytes),
+                _ if free || !plan.twigs.is_empty() || plan.wood.is_some() => {
+                    shadows(manifest, plan, sun.radius_deg.to_radians(), shadow_bytes)
+                }
                 Ok(()) => shadows(manifest, plan, sun.radius_deg.to_radians(), shadow_bytes),
                 Err(why) => plan.leave_out(LeftOut::new("shadow maps", why, shadow_bytes, None)),
             }

@@ -1,7 +1,7 @@
 //! The hand-over to the reference renderer, by a way of its own: from `front.exr` and `back.exr` (γ, thickness, ρs, m, normals a texel in
 //! the scan's frame), not from W's packed textures, and with a slab interpolant of its own (Chebyshev in the thickness).
 
-use super::branch::{Bends, Twig};
+use super::branch::Bends;
 use super::daylight::Daylight;
 use super::fitted::fill;
 use super::ledger::Ledger;
@@ -35,9 +35,13 @@ pub fn world(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<transp
             out.instances.push(transport::Placement { leaf, transform: p.transform });
         }
     }
+    if let Some((wood, bark)) = &plan.wood {
+        out.instances.push(transport::Placement { leaf: out.leaves.len(), transform: DMat4::IDENTITY });
+        out.leaves.push(barked(*bark, wood));
+    }
     for (twig, mesh) in &plan.twigs {
         out.instances.push(transport::Placement { leaf: out.leaves.len(), transform: DMat4::IDENTITY });
-        out.leaves.push(branch(twig, mesh));
+        out.leaves.push(barked(twig.bark, mesh));
     }
     move_to(&mut out, plan, super::branch::rest_time(manifest))?;
     if plan.bends.is_none() {
@@ -46,11 +50,11 @@ pub fn world(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<transp
     Ok(out)
 }
 
-/// A branch: diffuse bark, and nothing comes through.
-fn branch(twig: &Twig, rest: &LeafMesh) -> transport::ReferenceLeaf {
+/// Wood: diffuse bark, and nothing comes through.
+fn barked(bark: [f64; 3], rest: &LeafMesh) -> transport::ReferenceLeaf {
     let mut front = black(1);
     if let transport::Interior::Maps { rho_d, .. } = &mut front.interior {
-        *rho_d = twig.bark.map(|v| vec![v as f32]);
+        *rho_d = bark.map(|v| vec![v as f32]);
     }
     transport::ReferenceLeaf { mesh: mesh(rest), width: 1, height: 1, front, back: black(1), mask: None, lobe: lobe::Lobe::Beckmann }
 }

@@ -38,7 +38,7 @@ pub type InputHash<'a> = &'a dyn Fn(&Leaf, &Path) -> Result<String>;
 pub fn source(manifest: &Manifest, index: usize, out: Option<&Path>, input_hash: Option<InputHash>) -> Result<Source> {
     let leaf = &manifest.leaves[index];
     let named = leaf.fit.as_ref().map(|f| manifest.resolve(f));
-    let made = out.map(|o| o.join("fits").join(&leaf.name));
+    let made = out.map(|o| o.join("fits").join(leaf.data_name()));
     let exists = |f: &Path| f.join("fit.toml").is_file();
     let mut stale = None;
     for (folder, is_named) in [(made.clone(), false), (named.clone(), true)] {
@@ -53,7 +53,7 @@ pub fn source(manifest: &Manifest, index: usize, out: Option<&Path>, input_hash:
                 "its capture is what it was fitted from"
             }
             (_, Some(scan), _) if !is_named => {
-                let stamp = scan_stamp(out.unwrap_or(Path::new(".")), &leaf.name);
+                let stamp = scan_stamp(out.unwrap_or(Path::new(".")), leaf.data_name());
                 if std::fs::read_to_string(&stamp).ok().as_deref() != Some(scan_hash(manifest, scan)?.as_str()) {
                     stale = Some(format!("the scan's specification changed since {} was fitted", folder.display()));
                     continue;
@@ -82,7 +82,8 @@ pub fn source(manifest: &Manifest, index: usize, out: Option<&Path>, input_hash:
 /// Hash of what a scan is made from: its specification and what `synth` is told.
 pub fn scan_hash(manifest: &Manifest, scan: &Scan) -> Result<String> {
     let spec = hash::file(&manifest.resolve(&scan.spec))?;
-    let told = format!("{:?} {:?} {:?} {:?} {}", scan.size, scan.frames, scan.noise, scan.seed, env!("CARGO_PKG_VERSION"));
+    let field = scan.field_mm.map(|f| format!("{f:?}")).unwrap_or_default();
+    let told = format!("{:?} {:?} {:?} {:?} {}{field}", scan.size, scan.frames, scan.noise, scan.seed, env!("CARGO_PKG_VERSION"));
     Ok(hash::combine([("spec", spec.as_str()), ("told", told.as_str())]))
 }
 

@@ -1,16 +1,36 @@
-//! What comes of the sun through every placed leaf that has translucency maps, for the reference renderer: one map an instance and lit side,
-//! with the sun in each texel's own tangent frame (blades are curved).
+//! What comes of the sun through every placed leaf that has translucency maps, for the reference renderer: one map an instance and lit side, by
+//! the **full convolution** for the scene's own sun, which stands elsewhere in each texel's tangent frame (blades are curved). No directional
+//! basis takes part, nor the maps themselves: what `fit.toml` says they were made from does.
 
 use super::facing::Facing;
 use super::placement::Placement;
 use super::plan::{LeafPlan, Plan};
+use super::plan_leaf::SIDES;
 use super::texel_frame;
 use super::translucency::{Coefficients, front_texel, value};
-use crate::Result;
+use crate::fit::record::{FitRecord, Section};
+use crate::fit::translucency::source::Source;
+use crate::fit::translucency::tissue::Entry;
+use crate::fit::translucency::{Area, colour, side};
+use crate::optics::dipole::{Form, Tissue};
+use crate::optics::translucency::basis::{Basis, Projector, Weights};
+use crate::optics::translucency::blade::Surface;
+use crate::optics::translucency::convolve::{Convolver, Settings, Totals};
+use crate::optics::translucency::horizon::Horizon;
+use crate::optics::translucency::irradiance::{Visibility, irradiance_with, project};
+use crate::optics::translucency::levels::Levels;
+use crate::optics::translucency::lights::{Lights, Rule};
 use crate::transport::{Sunlit, Through, World};
+use crate::{Error, Result};
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
+use std::path::Path;
 use std::sync::Arc;
+
+/// Thickness levels: twice as many as a fit has.
+const LEVELS: usize = 16;
+/// Directions of the light from everywhere that the measured colour is divided by.
+const AROUND: Rule = Rule::Product { levels: 16, azimuths: 48 };
 
 /// One leaf's inside, ready for any sun.
 #[derive(Debug)]
@@ -18,35 +38,254 @@ pub struct Inside {
     /// Tangent, image up and normal at every texel of the front's maps.
     frames: Vec<[DVec3; 3]>,
     width: usize,
+    sides: [Option<Way>; 2],
+}
+
+/// How the reference gets to the light that enters one side.
+#[derive(Debug)]
+enum Way {
+    Convolved(Box<Convolved>),
+    /// The maps do not say how they were made: the basis itself, with the sun in every texel's frame.
+    AsTheyAre,
+}
+
+/// One lit side and the tissue behind it.
+#[derive(Debug)]
+struct Convolved {
+    source: Source,
+    /// Of `source.sides`.
+    at: usize,
+    horizon: Horizon,
+    channels: Vec<Channel>,
+    colour: Colour,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Colour {
+    Substituted,
+    Product,
+    ThreeWavelengths,
+}
+
+#[derive(Debug)]
+struct Channel {
+    surface: Surface,
+    convolver: Convolver,
+    /// ∫ M dω.
+    total: Vec<f64>,
+}
+
+impl Convolved {
+    /// # Errors
+    /// [`Error::Input`] for a `fit.toml` that contradicts itself or a leaf fit that cannot be read.
+    fn new(leaf: &Path, maps: &Path, record: &FitRecord, s: usize) -> Result<Option<Convolved>> {
+        let file = maps.join("fit.toml");
+        let said = |name: &str| record.options.get(name).map(String::as_str);
+        let bad = |name: &str, expected: &str| {
+            let found = said(name).unwrap_or("nothing");
+            Error::field(&file, &format!("options.{name}"), format!("found {found}, expected {expected}"))
+        };
+        let Some(colour) = said("colour") else { return Ok(None) };
+        let colour = match colour {
+            "substituted" => Colour::Substituted,
+            "product" => Colour::Product,
+            "three-wavelengths" => Colour::ThreeWavelengths,
+            _ => return Err(bad("colour", "substituted, product or three-wavelengths")),
+        };
+        let entry = match said("entry") {
+            Some("matched") => Entry::Matched,
+            Some("albedo") => Entry::Albedo,
+            _ => return Err(bad("entry", "matched or albedo")),
+        };
+        let area = match said("area") {
+            Some("facet") => Area::Facet,
+            Some("texel") => Area::Texel,
+            _ => return Err(bad("area", "facet or texel")),
+        };
+        let form = said("form").and_then(form).ok_or_else(|| bad("form", "thin, images or dipoles N"))?;
+        let source = Source::read(leaf)?;
+        let name = SIDES[s];
+        let Some(at) = source.sides.iter().position(|x| x.name == name) else { return Ok(None) };
+        let section = record.sections.get(name.name()).ok_or_else(|| Error::field(&file, name.name(), "missing"))?;
+        let letters: Vec<&str> = said("channel").unwrap_or_default().split_whitespace().collect();
+        let channels: Option<Vec<usize>> = letters.iter().map(|l| ["R", "G", "B"].iter().position(|c| c == l)).collect();
+        let channels = channels.filter(|c| !c.is_empty()).ok_or_else(|| bad("channel", "R, G or B"))?;
+        let plain = side::surface(&source.sides[at], channels[0], entry, area);
+        let horizon = Horizon::new(&side::lit(&source, &source.sides[at], &plain));
+        let mut out = Convolved { source, at, horizon, channels: Vec::new(), colour };
+        for (k, c) in channels.into_iter().enumerate() {
+            let tissue = tissue(&file, section, name.name(), k)?;
+            out.channels.push(out.channel(c, side::surface(&out.source.sides[at], c, entry, area), form, tissue)?);
+        }
+        Ok(Some(out))
+    }
+
+    fn channel(&self, c: usize, surface: Surface, form: Form, tissue: Tissue) -> Result<Channel> {
+        let of = &self.source.sides[self.at];
+        let slab = tissue.sigma_a == of.sigma_a[c] && tissue.sigma_s == of.sigma_s[c] && tissue.g == 0.0;
+        let settings = Settings {
+            form,
+            levels: Levels { count: LEVELS, ..Levels::default() },
+            totals: if slab { Totals::Transport } else { Totals::Form },
+            ..Settings::new(tissue, self.source.texel_mm)
+        };
+        let on = of.thickness.iter().zip(&of.mask).filter(|(_, m)| **m).map(|(d, _)| *d);
+        let (thin, thick) = on.fold((f64::INFINITY, 0f64), |(a, b), d| (a.min(d), b.max(d)));
+        let convolver = Convolver::with(&settings, self.source.width, self.source.height, thin, thick)?;
+        // One function, 1 everywhere: the light from all around.
+        let lights = Lights::new(AROUND);
+        let mut projector = Projector::new(Basis::HalfLife2, &lights, Weights::Gram).map_err(Error::Usage)?;
+        projector.matrix = vec![lights.weights.clone()];
+        let lit = side::lit(&self.source, of, &surface);
+        let around = project(&lit, &self.horizon, &projector, Visibility::Hard);
+        let total = convolver.run(&of.thickness, &around).pop().unwrap_or_default();
+        Ok(Channel { surface, convolver, total })
+    }
+
+    /// What multiplies ρt, or stands for it, for each of some suns; `omega(i, k)` is sun `i` in texel k's frame.
+    fn lit(&self, count: usize, omega: impl Fn(usize, usize) -> DVec3 + Sync, width: f64) -> Vec<Sunlit> {
+        let of = &self.source.sides[self.at];
+        let soft = Visibility::Soft { width };
+        let mut found: Vec<Vec<Vec<f32>>> = vec![Vec::new(); count];
+        for channel in &self.channels {
+            let lit = side::lit(&self.source, of, &channel.surface);
+            let entering: Vec<Vec<f64>> =
+                (0..count).map(|i| irradiance_with(&lit, &self.horizon, soft, |k| omega(i, k).to_array())).collect();
+            for (i, through) in channel.convolver.run(&of.thickness, &entering).into_iter().enumerate() {
+                let mut images = [through];
+                match self.colour {
+                    Colour::Substituted => {
+                        // A texel that no light reaches answers as a flat leaf would; nearly none do.
+                        colour::substitute(&mut images, &channel.total, &[0.0], &of.mask);
+                        for (k, v) in images[0].iter_mut().enumerate() {
+                            if channel.total[k].is_nan() || channel.total[k] <= 0.0 {
+                                *v = omega(i, k).z.max(0.0);
+                            }
+                        }
+                    }
+                    Colour::Product => {
+                        colour::level(&mut images, &channel.total, &of.mask);
+                    }
+                    Colour::ThreeWavelengths => {}
+                }
+                found[i].push(images[0].iter().map(|v| *v as f32).collect());
+            }
+        }
+        found
+            .into_iter()
+            .map(|mut maps| match (maps.len(), maps.pop()) {
+                (3, Some(blue)) => {
+                    let green = maps.pop().unwrap_or_default();
+                    Sunlit::Colour(Arc::new([maps.pop().unwrap_or_default(), green, blue]))
+                }
+                (_, one) => Sunlit::Factor(Arc::new(one.unwrap_or_default())),
+            })
+            .collect()
+    }
+
+    fn mask(&self) -> &[bool] {
+        &self.source.sides[self.at].mask
+    }
+}
+
+fn form(name: &str) -> Option<Form> {
+    match name {
+        "thin" => Some(Form::Thin),
+        "images" => Some(Form::Images),
+        _ => name.strip_prefix("dipoles")?.trim().parse().ok().map(Form::Dipoles),
+    }
+}
+
+/// The `k`-th channel's tissue.
+fn tissue(file: &Path, section: &Section, side: &str, k: usize) -> Result<Tissue> {
+    let one = |name: &str| {
+        section
+            .params
+            .get(name)
+            .and_then(|p| p.value.get(k))
+            .copied()
+            .filter(|v| v.is_finite())
+            .ok_or_else(|| Error::field(file, &format!("{side}.{name}"), format!("expected at least {} finite numbers", k + 1)))
+    };
+    Ok(Tissue { sigma_a: one("sigma_a")?, sigma_s: one("sigma_s")?, g: one("g")?, a: one("a")? })
 }
 
 impl Inside {
     /// # Errors
-    /// [`crate::Error::Input`] where the leaf's mesh covers no texel.
+    /// [`Error::Input`] where the leaf's mesh covers no texel, or where what the maps were made from cannot be read.
     pub fn new(leaf: &LeafPlan) -> Result<Option<Inside>> {
-        let Some(mesh) = &leaf.mesh else { return Ok(None) };
+        let (Some(mesh), Some(fitted), Some(translucent)) = (&leaf.mesh, &leaf.fitted, &leaf.translucency) else { return Ok(None) };
+        let Some(maps) = &translucent.fitted else { return Ok(None) };
         let [width, height] = leaf.size;
-        Ok(Some(Inside { frames: texel_frame::frames(&leaf.mesh_path, mesh, width, height)?, width }))
+        let mut sides = [None, None];
+        for s in [0, 1] {
+            if leaf.sides[s].translucency {
+                sides[s] = Some(match Convolved::new(&fitted.folder, &maps.folder, &maps.record, s)? {
+                    Some(found) => Way::Convolved(Box::new(found)),
+                    None => Way::AsTheyAre,
+                });
+            }
+        }
+        Ok(Some(Inside { frames: texel_frame::frames(&leaf.mesh_path, mesh, width, height)?, width, sides }))
     }
 
-    /// The sun (in the leaf's own frame) in every texel's tangent frame, as side `s` sees it.
-    fn turned(&self, s: usize, sun: DVec3) -> impl Fn(usize) -> DVec3 + '_ {
+    /// A sun (in the leaf's own frame) in texel `k`'s tangent frame, as side `s` sees it.
+    fn turned(&self, s: usize, sun: DVec3, k: usize) -> DVec3 {
         let out = if s == 0 { 1.0 } else { -1.0 };
-        move |k| {
-            let [t, b, n] = self.frames[front_texel(k, s, self.width)];
-            DVec3::new(out * t.dot(sun), b.dot(sun), out * n.dot(sun))
+        let [t, b, n] = self.frames[front_texel(k, s, self.width)];
+        DVec3::new(out * t.dot(sun), b.dot(sun), out * n.dot(sun))
+    }
+
+    /// What multiplies ρt (or stands for it) when each of `suns` shines on side `s`; `radius` is the sun's (rad).
+    pub fn lit(&self, leaf: &LeafPlan, s: usize, suns: &[DVec3], radius: f64) -> Vec<Sunlit> {
+        match &self.sides[s] {
+            None => Vec::new(),
+            Some(Way::Convolved(found)) => {
+                let mut lit = found.lit(suns.len(), |i, k| self.turned(s, suns[i], k), 2.0 * radius.sin());
+                // Bilinear look-ups at the rim must not mix in the dark beside the leaf.
+                for map in &mut lit {
+                    spread(map, found.mask(), self.width);
+                }
+                lit
+            }
+            Some(Way::AsTheyAre) => self.stored(leaf, s, suns),
         }
     }
 
-    /// What multiplies ρt (or stands for it) when `sun` shines on side `s`.
-    fn lit(&self, leaf: &LeafPlan, s: usize, sun: DVec3) -> Option<Sunlit> {
-        let coefficients = leaf.translucency.as_ref()?.maps[s].as_ref()?;
-        let omega = self.turned(s, sun);
-        let of = |map: &[[f32; 3]]| -> Vec<f32> { map.iter().enumerate().map(|(k, h)| value(*h, omega(k)) as f32).collect() };
-        Some(match coefficients {
-            Coefficients::Factor(map) => Sunlit::Factor(Arc::new(of(map))),
-            Coefficients::Colour(maps) => Sunlit::Colour(Arc::new([of(&maps[0]), of(&maps[1]), of(&maps[2])])),
-        })
+    /// The same by the stored coefficients: what the full convolution differs from by is the basis' error.
+    pub fn stored(&self, leaf: &LeafPlan, s: usize, suns: &[DVec3]) -> Vec<Sunlit> {
+        let Some(coefficients) = leaf.translucency.as_ref().and_then(|t| t.maps[s].as_ref()) else { return Vec::new() };
+        suns.iter()
+            .map(|sun| {
+                let of = |map: &[[f32; 3]]| -> Vec<f32> {
+                    map.iter().enumerate().map(|(k, h)| value(*h, self.turned(s, *sun, k)) as f32).collect()
+                };
+                match coefficients {
+                    Coefficients::Factor(map) => Sunlit::Factor(Arc::new(of(map))),
+                    Coefficients::Colour(maps) => Sunlit::Colour(Arc::new([of(&maps[0]), of(&maps[1]), of(&maps[2])])),
+                }
+            })
+            .collect()
+    }
+}
+
+/// Texels beside the leaf take their neighbours' values.
+fn spread(map: &mut Sunlit, mask: &[bool], width: usize) {
+    let fill = |planes: &mut [Vec<f32>]| {
+        // A mask without a texel was refused when it was read.
+        let _ = super::fitted::fill(Path::new("light through a leaf"), width, mask.len() / width, planes, |k| mask[k]);
+    };
+    match map {
+        Sunlit::Factor(map) => {
+            let mut planes = [std::mem::take(Arc::make_mut(map))];
+            fill(&mut planes);
+            let [plane] = planes;
+            *Arc::make_mut(map) = plane;
+        }
+        Sunlit::Colour(maps) => {
+            let three: &mut [Vec<f32>; 3] = Arc::make_mut(maps);
+            fill(three);
+        }
     }
 }
 
@@ -54,36 +293,56 @@ impl Inside {
 /// show no light from behind to any of `eyes` are left alone.
 ///
 /// # Errors
-/// [`crate::Error::Input`] for a leaf whose maps cannot be read.
+/// [`Error::Input`] for a leaf whose maps cannot be read.
 pub fn relight(world: &mut World, plan: &Plan, eyes: &[DVec3]) -> Result<()> {
+    light(world, plan, eyes, false)
+}
+
+/// As [`relight`], by the stored coefficients instead of the convolution; whether there was anything to light so.
+///
+/// # Errors
+/// As [`relight`].
+pub fn relight_as_stored(world: &mut World, plan: &Plan, eyes: &[DVec3]) -> Result<bool> {
+    light(world, plan, eyes, true)?;
+    Ok(!world.through.is_empty())
+}
+
+fn light(world: &mut World, plan: &Plan, eyes: &[DVec3], stored: bool) -> Result<()> {
     world.through.clear();
-    let Some(sun) = world.sun.as_ref().map(|s| s.direction.normalize_or_zero()) else { return Ok(()) };
+    let Some(found) = &world.sun else { return Ok(()) };
+    let (sun, radius) = (found.direction.normalize_or_zero(), found.radius);
     let drawn: Vec<&LeafPlan> = plan.leaves.iter().filter(|l| l.mesh.is_some()).collect();
-    let mut insides = Vec::new();
-    for leaf in &drawn {
-        insides.push(if leaf.sides.iter().any(|s| s.translucency) { Inside::new(leaf)? } else { None });
-    }
-    if insides.iter().all(Option::is_none) {
-        return Ok(());
-    }
-    let one = |placed: &crate::transport::Placement| -> Through {
-        let mut out = Through::default();
-        let Some((leaf, Some(inside))) = drawn.get(placed.leaf).zip(insides.get(placed.leaf).and_then(|i| i.as_ref()).map(Some)) else {
-            return out;
+    let instances = &world.instances;
+    let mut through = vec![Through::default(); instances.len()];
+    let mut any = false;
+    for (index, leaf) in drawn.iter().enumerate() {
+        let (Some(mesh), true) = (&leaf.mesh, leaf.sides.iter().any(|s| s.translucency)) else { continue };
+        let Some(translucent) = &leaf.translucency else { continue };
+        let Some(inside) = translucent.inside(leaf)? else { continue };
+        any = true;
+        let facing = |i: usize| {
+            let mut facing = Facing::default();
+            facing.add(mesh, &Placement { leaf: leaf.index, transform: instances[i].transform, ride: None }, eyes, Some(sun));
+            facing
         };
-        let mut facing = Facing::default();
-        if let Some(mesh) = &leaf.mesh {
-            let placement = Placement { leaf: leaf.index, transform: placed.transform, ride: None };
-            facing.add(mesh, &placement, eyes, Some(sun));
-        }
-        let local = (DMat3::from_mat4(placed.transform).inverse() * sun).normalize_or_zero();
-        for s in [0, 1] {
-            if leaf.sides[s].translucency && facing.through[1 - s] {
-                out.entering[s] = inside.lit(leaf, s, local);
+        let own: Vec<(usize, Facing)> =
+            (0..instances.len()).into_par_iter().filter(|&i| instances[i].leaf == index).map(|i| (i, facing(i))).collect();
+        for s in (0..2).filter(|s| leaf.sides[*s].translucency) {
+            let shown: Vec<usize> = own.iter().filter(|(_, f)| f.through[1 - s]).map(|(i, _)| *i).collect();
+            let local = |i: &usize| (DMat3::from_mat4(instances[*i].transform).inverse() * sun).normalize_or_zero();
+            // Two suns share the transforms of a convolution.
+            let of = |pair: &[usize]| {
+                let suns: Vec<DVec3> = pair.iter().map(local).collect();
+                if stored { inside.stored(leaf, s, &suns) } else { inside.lit(leaf, s, &suns, radius) }
+            };
+            let lit: Vec<Sunlit> = shown.par_chunks(2).flat_map_iter(of).collect();
+            for (i, map) in shown.into_iter().zip(lit) {
+                through[i].entering[s] = Some(map);
             }
         }
-        out
-    };
-    world.through = world.instances.par_iter().map(one).collect();
+    }
+    if any {
+        world.through = through;
+    }
     Ok(())
 }

@@ -7,17 +7,22 @@
 use super::display::displayed;
 use super::fitted::{Fitted, fill};
 use super::ledger::Ledger;
-use super::manifest::Manifest;
+use super::manifest::{Colour, Manifest, Tissue, Translucency as Asked};
 use super::plan::{LeafPlan, LeftOut, Need, Plan, sun_direction};
 use super::plan_leaf::SIDES;
 use super::source::{Source, Status};
+use super::sunlit::Inside;
 use super::texel_frame;
 use crate::capture::manifest::SideName;
+use crate::files::hash;
+use crate::fit::record::FitRecord;
 use crate::{Error, Result};
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
 
 /// Bytes of a texel on the adapter, a layer: four half floats.
 const TEXEL_BYTES: u64 = 8;
@@ -32,6 +37,22 @@ pub struct Translucent {
     pub fitted: Option<Fitted>,
     /// Coefficients for light that enters the front and the back, without holes; only what the plan needs.
     pub maps: [Option<Coefficients>; 2],
+    /// For the reference renderer, made when it first asks.
+    inside: Arc<OnceLock<Option<Inside>>>,
+}
+
+impl Translucent {
+    /// What the reference renderer evaluates; `leaf` is the one this belongs to.
+    ///
+    /// # Errors
+    /// As [`Inside::new`].
+    pub fn inside(&self, leaf: &LeafPlan) -> Result<Option<&Inside>> {
+        if self.inside.get().is_none() {
+            let made = Inside::new(leaf)?;
+            let _ = self.inside.set(made);
+        }
+        Ok(self.inside.get().and_then(Option::as_ref))
+    }
 }
 
 /// Half-Life 2 coefficients a texel.
@@ -54,28 +75,58 @@ impl Coefficients {
 
 /// Where a run's own translucency maps of a leaf go.
 pub fn folder(manifest: &Manifest, index: usize, out: &Path) -> PathBuf {
-    out.join("fits").join(format!("{}-translucency", manifest.leaves[index].name))
+    out.join("fits").join(format!("{}-translucency", manifest.leaves[index].data_name()))
 }
 
 /// Looks for a leaf's maps; `None` where the scene asks for none.
 ///
 /// # Errors
 /// [`Error::Input`] for a folder of another kind of fit.
-pub fn find(manifest: &Manifest, index: usize, out: Option<&Path>) -> Result<Option<Translucent>> {
+pub fn find(manifest: &Manifest, index: usize, out: Option<&Path>, fitted_leaf: Option<&Fitted>) -> Result<Option<Translucent>> {
     let leaf = &manifest.leaves[index];
     let Some(asked) = &leaf.translucency else { return Ok(None) };
     let named = asked.fit.as_ref().map(|f| manifest.resolve(f));
     let made = out.map(|o| folder(manifest, index, o));
     let exists = |f: &Option<PathBuf>| f.clone().filter(|f| f.join("fit.toml").is_file());
-    let found = exists(&made).map(|f| (f, false)).or_else(|| exists(&named).map(|f| (f, true)));
+    // What the maps were made from, where they say it, must be the leaf's fit as it is now.
+    let now = fitted_leaf.map(|f| hash::file(&f.folder.join("fit.toml"))).transpose()?;
+    let mut stale = false;
+    let mut found = None;
+    for (place, is_named) in [(exists(&made), false), (exists(&named), true)] {
+        let Some(place) = place else { continue };
+        let said = FitRecord::read(&place)?.options;
+        let from = said.get("leaf");
+        if (from.is_some() && now.is_some() && from != now.as_ref()) || !as_asked(asked, &said) {
+            stale = true;
+        } else if found.is_none() {
+            found = Some((place, is_named));
+        }
+    }
     let Some((place, is_named)) = found else {
-        let why = "not made yet; `mesophyll run` and `check` make it from the leaf's fit".into();
-        let source = Source { status: Status::Missing, folder: made, named: false, why };
-        return Ok(Some(Translucent { source, fitted: None, maps: Default::default() }));
+        let (status, why) = match stale {
+            true => (Status::Stale, "the leaf's fit, or what the scene asks of it, changed since the maps were made"),
+            false => (Status::Missing, "not made yet; `mesophyll run` and `check` make it from the leaf's fit"),
+        };
+        let source = Source { status, folder: made, named: false, why: why.into() };
+        return Ok(Some(Translucent { source, fitted: None, maps: Default::default(), inside: Default::default() }));
     };
     let fitted = Fitted::open_as(&format!("{}/translucency", leaf.name), &place, "translucency")?;
     let source = Source { status: Status::Reuse, folder: Some(place), named: is_named, why: "the scene asks for it".into() };
-    Ok(Some(Translucent { source, fitted: Some(fitted), maps: Default::default() }))
+    Ok(Some(Translucent { source, fitted: Some(fitted), maps: Default::default(), inside: Default::default() }))
+}
+
+/// Whether maps that say how they were made were made as the scene asks.
+fn as_asked(asked: &Asked, said: &BTreeMap<String, String>) -> bool {
+    let colour = match asked.colour {
+        Colour::Substituted => "substituted",
+        Colour::ThreeWavelengths => "three-wavelengths",
+    };
+    // The slab of a fit lets all light in, the table's tissue what is not reflected.
+    let entry = match asked.tissue {
+        Tissue::Fit => "matched",
+        Tissue::Table => "albedo",
+    };
+    said.get("colour").is_none_or(|c| c == colour) && said.get("entry").is_none_or(|e| e == entry)
 }
 
 /// Lists the maps themselves as needed or left out.
@@ -154,6 +205,10 @@ fn read(leaf: &LeafPlan, s: usize, fitted: &Fitted, file: &str, ledger: &Ledger)
         let what =
             format!("found {}x{} texels, expected {}x{} as of the leaf's other maps", info.width, info.height, leaf.size[0], leaf.size[1]);
         return Err(Error::input(&path, what));
+    }
+    if let Some(basis) = fitted.record.options.get("basis").filter(|b| *b != "half-life 2") {
+        let what = format!("found {basis}, expected half-life 2, which the renderers evaluate");
+        return Err(Error::field(&fitted.folder.join("fit.toml"), "options.basis", what));
     }
     let colour = info.channels.iter().any(|c| c == "translucency.R1");
     let names: Vec<String> = if colour {

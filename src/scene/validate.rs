@@ -139,7 +139,21 @@ fn leaves(p: &Place) -> Result<()> {
         if !names.insert(&leaf.name) {
             return Err(p.error(HEADER, i, "name", format!("\"{}\" is used twice, expected one leaf a name", leaf.name)));
         }
-        if leaf.fit.is_none() && leaf.capture.is_none() && leaf.scan.is_none() {
+        let own = leaf.fit.is_some() || leaf.capture.is_some() || leaf.scan.is_some();
+        if let Some(like) = &leaf.like {
+            p.leaf(HEADER, i, "like", like)?;
+            if own {
+                return Err(p.error(HEADER, i, "like", "given beside a fit, capture or scan of its own; expected one of the two"));
+            }
+            if p.manifest.leaf_index(like).is_some_and(|k| p.manifest.leaves[k].like.is_some()) {
+                return Err(p.error(
+                    HEADER,
+                    i,
+                    "like",
+                    format!("\"{like}\" is like another one itself; expected a leaf with data of its own"),
+                ));
+            }
+        } else if !own {
             return Err(p.error(HEADER, i, "fit", "missing; expected a fit folder, a capture or a scan"));
         }
         if leaf.capture.is_some() && leaf.scan.is_some() {
@@ -149,6 +163,9 @@ fn leaves(p: &Place) -> Result<()> {
             if scan.size.is_some() && super::make::size(scan).is_none() {
                 let found = scan.size.as_deref().unwrap_or_default();
                 return Err(p.error(HEADER, i, "scan", format!("size: found \"{found}\", expected WIDTHxHEIGHT such as 240x180")));
+            }
+            for side in scan.field_mm.iter().flatten() {
+                p.range(HEADER, i, "scan", *side, [0.1, 1e4], "mm of field")?;
             }
             p.range(HEADER, i, "scan", scan.frames.unwrap_or(100) as f64, [8.0, 10_000.0], "frames")?;
             p.range(HEADER, i, "scan", scan.noise.unwrap_or(0.0), [0.0, 1.0], "relative noise")?;
@@ -258,8 +275,27 @@ fn placements(p: &Place) -> Result<()> {
         p.range(HEADER, 0, "spread_deg", cluster.spread_deg, [0.0, 180.0], "degrees")?;
         p.positive(HEADER, 0, "scale", cluster.scale, "number")?;
     }
-    if m.instances.is_empty() && m.cluster.is_none() {
-        return Err(p.error("", 0, "instance", "missing; expected at least one [[instance]] or a [cluster]"));
+    if let Some(tree) = &m.tree {
+        const HEADER: &str = "[tree]";
+        if tree.leaves.is_empty() {
+            return Err(p.error(HEADER, 0, "leaves", "empty, expected at least one leaf"));
+        }
+        for name in &tree.leaves {
+            p.leaf(HEADER, 0, "leaves", name)?;
+        }
+        p.range(HEADER, 0, "count", tree.count as f64, [1.0, MOST_LEAVES as f64], "leaves")?;
+        p.range(HEADER, 0, "height_mm", tree.height_mm, [1.0, 1e6], "mm")?;
+        p.range(HEADER, 0, "crown_mm", tree.crown_mm, [1.0, 1e6], "mm")?;
+        p.range(HEADER, 0, "offset_mm", tree.offset_mm, [0.0, 1e6], "mm")?;
+        p.range(HEADER, 0, "droop_deg", tree.droop_deg, [-180.0, 180.0], "degrees")?;
+        p.range(HEADER, 0, "spread_deg", tree.spread_deg, [0.0, 180.0], "degrees")?;
+        p.positive(HEADER, 0, "scale", tree.scale, "number")?;
+        if !tree.bark.iter().all(|v| (0.0..=1.0).contains(v)) {
+            return Err(p.error(HEADER, 0, "bark", format!("found {:?}, expected three reflectances, 0 to 1", tree.bark)));
+        }
+    }
+    if m.instances.is_empty() && m.cluster.is_none() && m.tree.is_none() {
+        return Err(p.error("", 0, "instance", "missing; expected at least one [[instance]], a [cluster] or a [tree]"));
     }
     Ok(())
 }

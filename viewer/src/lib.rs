@@ -19,6 +19,7 @@ mod gpu;
 mod leaf;
 pub mod lobe;
 mod maps;
+mod operations;
 mod passes;
 pub mod pick;
 mod picture;

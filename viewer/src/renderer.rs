@@ -15,7 +15,7 @@ use crate::scene::{Camera, Dome, Scene, Sun, Wind};
 use crate::stats::Stats;
 use crate::timing::{Clock, PASSES, Timing};
 use crate::validate;
-use crate::variant::shadow_layers;
+use crate::variant::{Variant, shadow_layers};
 use glam::Vec3;
 use std::time::Instant;
 
@@ -218,6 +218,12 @@ impl Renderer {
             })
             .collect();
         bend.probe(&self.gpu, instance.ride, &vertices)
+    }
+
+    /// Operations of the fragment shader that leaf `index` of `scene` is drawn with (see `operations`): a figure to compare shaders by.
+    pub fn operations(&self, scene: &Scene, index: usize) -> Option<usize> {
+        let leaf = scene.leaves.get(index)?;
+        crate::operations::count(&crate::passes::main::source(&Variant::new(&self.gpu, scene, leaf)))
     }
 
     /// Takes over a change of leaf `index`'s appearance, with its mesh and mask as they were.

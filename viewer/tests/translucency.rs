@@ -136,6 +136,25 @@ fn light_below_the_function_is_dark_and_not_negative() {
     assert_eq!(picture.radiance(20, 20)[..3], [0.0; 3]);
 }
 
+#[test]
+fn a_leaf_without_maps_has_the_shader_it_had() {
+    let Some(mut renderer) = renderer() else { return };
+    let scene = lit(uniform_leaf(), Vec3::new(0.2, 0.1, -1.0));
+    let plain = renderer.operations(&scene, 0).expect("a shader");
+    let mut with = scene.clone();
+    with.leaves[0].back.translucency = Some(Translucency::Factor(vec![flat(); 64]));
+    let one = renderer.operations(&with, 0).expect("a shader");
+    with.leaves[0].back.translucency = Some(Translucency::Colour([0, 1, 2].map(|_| vec![flat(); 64])));
+    let three = renderer.operations(&with, 0).expect("a shader");
+    assert!(plain < one && one < 2 * plain && plain < three, "{plain} {one} {three}");
+    // Maps that no sun shines through cost nothing.
+    (with.sun, with.sky) = (None, Some([1.0; 3]));
+    let mut overcast = scene.clone();
+    (overcast.sun, overcast.sky) = (None, Some([1.0; 3]));
+    assert_eq!(renderer.operations(&with, 0), renderer.operations(&overcast, 0));
+    renderer.set_scene(&scene).expect("scene");
+}
+
 fn names(renderer: &Renderer) -> Vec<String> {
     renderer.stats().uploads.iter().map(|u| u.name.clone()).collect()
 }

@@ -101,16 +101,15 @@ fn look(capture: &Capture, r: &Reduced, found: &mut Inspection) {
             let on = || image.iter().zip(&mask).zip(&pictures.saturated).filter(|((_, m), _)| **m);
             let blind = on().filter(|((v, _), s)| **s || v.iter().any(|c| !c.is_finite())).count() as f64 / leaf.max(1) as f64;
             let mut values: Vec<f64> = on().flat_map(|((v, _), _)| v.map(f64::from)).filter(|v| v.is_finite()).collect();
-            let highest = values.iter().copied().fold(f64::MIN, f64::max);
-            let same = values.iter().filter(|v| **v == highest).count();
             let [low, median, high] = [0.001, 0.5, 0.999].map(|q| quantile(&mut values, q) / level);
             let name = format!("{}/{}.exr", name.name(), picture.name());
             if blind > 0.01 {
                 found.warnings.push(format!("{name}: {:.1} % of the leaf has no reading", 100.0 * blind));
             }
-            if same > 8 && same * 1000 > values.len() {
+            let same = pictures.clipped;
+            if picture == Picture::Albedo && same > 8 && same * 1000 > values.len() {
                 found.warnings.push(format!(
-                    "{name}: {same} readings share the highest value {highest}: clipped? Write NaN where saturated, or state full_scale"
+                    "{name}: {same} readings share the highest value: clipped? Write NaN where saturated, or state full_scale"
                 ));
             }
             if picture == Picture::Albedo && high < 0.02 {
@@ -168,11 +167,11 @@ fn shape_warnings(m: &Manifest, s: &Shape, found: &mut Inspection) {
             m.texel_mm, s.thickness_mm[1]
         ));
     }
-    if a.thickness_noise_mm > 0.05 * s.thickness_mm[1] {
+    if a.thickness_error_mm > 0.05 * s.thickness_mm[1] {
         warn(format!(
-            "the scans' noise leaves {:.4} mm of the thickness unknown a texel, {:.0} % of its median",
-            a.thickness_noise_mm,
-            100.0 * a.thickness_noise_mm / s.thickness_mm[1]
+            "noise and smoothing leave {:.4} mm of the thickness unknown a texel, {:.0} % of its median",
+            a.thickness_error_mm,
+            100.0 * a.thickness_error_mm / s.thickness_mm[1]
         ));
     }
     if a.offset_err_mm > 0.1 * s.thickness_mm[1].max(1e-9) {
@@ -186,6 +185,15 @@ fn shape_warnings(m: &Manifest, s: &Shape, found: &mut Inspection) {
         warn(format!(
             "the scans lean by {:.1}° to each other: were they rectified to the blade?",
             a.tilt[0].hypot(a.tilt[1]).atan().to_degrees()
+        ));
+    }
+    let shift = a.shift_mm[0].hypot(a.shift_mm[1]);
+    if shift > 0.75 * m.texel_mm {
+        warn(format!(
+            "the back's scan lies about {shift:.3} mm beside the front's ({:.3}, {:.3}), {:.1} texels: slopes become thickness",
+            a.shift_mm[0],
+            a.shift_mm[1],
+            shift / m.texel_mm
         ));
     }
     if s.hole_share > 0.02 {

@@ -55,7 +55,7 @@ pub struct Manifest {
 }
 
 fn contact() -> f64 {
-    0.5
+    1.0
 }
 
 fn one_shot() -> u32 {

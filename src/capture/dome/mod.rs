@@ -13,9 +13,12 @@ pub mod manifest;
 mod noise;
 pub mod reader;
 pub mod reduce;
+pub mod shape;
 pub mod smooth;
 pub mod synth;
+mod through;
 mod veil;
+pub mod visible;
 
 pub use manifest::Manifest;
 pub use reader::Capture;

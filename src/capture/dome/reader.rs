@@ -19,6 +19,8 @@ pub struct Pictures {
     pub translucency: Pixels,
     /// mm towards the camera, from a zero of the scan's own; NaN is a hole.
     pub height: Vec<f32>,
+    /// Readings under the dome, as recorded, that share the highest value: many where a sensor clips.
+    pub clipped: usize,
     /// Texels of either photograph at `full_scale` or more.
     pub saturated: Vec<bool>,
 }
@@ -49,29 +51,31 @@ impl Capture {
         check_files(folder, &manifest).into_iter().next().map_or(Ok(()), Err)?;
         let dark_path = folder.join("dark.exr");
         let dark = if dark_path.exists() { Some(rgb(&dark_path)?) } else { None };
-        let photograph = |path: &Path| -> Result<(Pixels, Vec<bool>)> {
+        let photograph = |path: &Path| -> Result<(Pixels, Vec<bool>, usize)> {
             let mut image = rgb(path)?;
             if image.iter().all(|v| v.iter().any(|c| !c.is_finite())) {
                 return Err(Error::input(path, "no reading anywhere (all NaN)"));
             }
             let full = manifest.full_scale.unwrap_or(f64::INFINITY) as f32;
             let saturated = image.iter().map(|v| v.iter().any(|c| *c >= full)).collect();
+            let highest = image.iter().flatten().copied().filter(|v| v.is_finite()).fold(f32::MIN, f32::max);
+            let clipped = image.iter().flatten().filter(|v| **v == highest).count();
             if let Some(dark) = &dark {
                 for (v, d) in image.iter_mut().zip(dark) {
                     (0..3).for_each(|c| v[c] -= d[c]);
                 }
             }
-            Ok((image, saturated))
+            Ok((image, saturated, clipped))
         };
         let side = |side: SideName| -> Result<Pictures> {
             let path = |p: Picture| p.path(folder, side);
-            let (albedo, a) = photograph(&path(Picture::Albedo))?;
-            let (translucency, t) = photograph(&path(Picture::Translucency))?;
+            let (albedo, a, clipped) = photograph(&path(Picture::Albedo))?;
+            let (translucency, t, _) = photograph(&path(Picture::Translucency))?;
             let height = read_exr_rows(&path(Picture::Height), Some(&["Y"]), None)?.channels.swap_remove(0).1;
             if height.iter().all(|h| !h.is_finite()) {
                 return Err(Error::input(&path(Picture::Height), "no height anywhere (all NaN)"));
             }
-            Ok(Pictures { albedo, translucency, height, saturated: a.into_iter().zip(t).map(|(a, t)| a || t).collect() })
+            Ok(Pictures { albedo, translucency, height, clipped, saturated: a.into_iter().zip(t).map(|(a, t)| a || t).collect() })
         };
         let (front, back) = (side(SideName::Front)?, side(SideName::Back)?);
         let (white, empty) = (photograph(&white_path(folder))?.0, photograph(&empty_path(folder))?.0);

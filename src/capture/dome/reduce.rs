@@ -1,23 +1,25 @@
 //! A capture under a dome becomes maps: albedo, transmittance, thickness, heights and normals of both sides, with standard errors and
 //! named defects (Habel 2009, §3.3.2, made explicit where the text leaves it to tools). Lengths in mm, shares 0 … 1.
 //!
-//! Albedo: (picture − dark)/(white − dark) · the sheet's reflectance, less the mirrored dome, over the share of the dome that the slope
-//! sees. Transmittance: (picture − dark)/(back light − dark): light that fell on the *other* side. Thickness: the sum of both heights
+//! Albedo: (picture − dark)/(white − dark) · the sheet's reflectance, less the mirrored dome, over the share of the dome that is seen
+//! past the relief. Transmittance: (picture − dark)/(back light − dark): light that fell on the *other* side. Thickness: the sum of both heights
 //! less its lean, its highest place set to the caliper's. Normals: from smoothed heights by central differences.
 
-use super::align::{self, Alignment};
+use super::align::Alignment;
 use super::defect::{Defect, GOOD, OUTSIDE};
 use super::highlight::{self, Highlight};
 use super::manifest::{Manifest, Picture};
-use super::noise::{deviation, quantile};
+use super::noise::deviation;
 use super::reader::{Capture, Pictures, Pixels};
-use super::smooth::{Kernel, mirrored, smooth};
+use super::shape::{filled, shape};
+use super::smooth::mirrored;
+use super::visible::visible;
 use crate::capture::lightbox::mask_from_transmission;
 use crate::capture::manifest::SideName;
+use crate::optics::translucency::blade::{self, Blade, Surface};
 use crate::{Error, Result};
 use serde::Serialize;
 use std::collections::BTreeMap;
-use std::path::Path;
 
 /// What the reduction is told beside the capture.
 #[derive(Debug, Clone, Copy, Default)]
@@ -26,7 +28,7 @@ pub struct Options {
     pub smooth_mm: Option<f64>,
 }
 
-/// One side, row-major as its camera saw it; NaN off the leaf.
+/// One side, row-major as its camera saw it; NaN off the leaf (normals: straight up).
 #[derive(Debug, Clone)]
 pub struct Side {
     /// Diffuse reflectance without the highlight, a channel.
@@ -40,6 +42,8 @@ pub struct Side {
     pub height: Vec<f64>,
     /// Unit normals in this side's image frame.
     pub normal: Vec<[f64; 3]>,
+    /// Share of the dome that a texel sees past the relief, by the cosine.
+    pub visible: Vec<f64>,
     pub highlight: Highlight,
     /// 1 good, 0 off the leaf, else a [`Defect`]'s code.
     pub status: Vec<i16>,
@@ -54,7 +58,7 @@ pub struct Reduced {
     pub mask: Vec<bool>,
     /// mm; NaN off the leaf.
     pub thickness: Vec<f64>,
-    /// Of a texel, from the scans' noise; that of the zero is common to all ([`Alignment::offset_err_mm`]).
+    /// Of a texel: the scans' noise and the detail that smoothing took; that of the zero is common to all ([`Alignment::offset_err_mm`]).
     pub thickness_err: Vec<f64>,
     pub alignment: Alignment,
     pub noise: PhotoNoise,
@@ -86,6 +90,49 @@ impl Reduced {
     }
 }
 
+impl Reduced {
+    /// A channel of a map of a side, row-major as its camera saw it: where the texel has no reading, is dark or breaks energy, what its
+    /// neighbours say; 0 off the leaf.
+    fn whole(&self, side: SideName, map: &[[f64; 3]], channel: usize) -> Vec<f64> {
+        let side = self.side(side);
+        let broken = [Defect::NoReading, Defect::Saturated, Defect::Energy, Defect::Dark].map(Defect::code);
+        let on: Vec<bool> = side.status.iter().map(|s| *s != OUTSIDE).collect();
+        let values: Vec<f64> = map.iter().zip(&side.status).map(|(v, s)| if broken.contains(s) { f64::NAN } else { v[channel] }).collect();
+        filled(&values, &on, self.width, 0.0).into_iter().map(|v| if v.is_finite() { v.clamp(0.0, 1.0) } else { 0.0 }).collect()
+    }
+
+    /// Albedo of a side in a channel (0 red … 2 blue), 0 … 1; without holes, 0 off the leaf.
+    pub fn albedo(&self, side: SideName, channel: usize) -> Vec<f64> {
+        self.whole(side, &self.side(side).albedo, channel)
+    }
+
+    /// What comes through towards the camera of a side (the light fell on the other one), in the same manner.
+    pub fn transmittance(&self, side: SideName, channel: usize) -> Vec<f64> {
+        self.whole(side, &self.side(side).transmittance, channel)
+    }
+
+    /// The blade in one channel, ready for light transport: 1 − albedo of each side enters it. Texels without a positive thickness take
+    /// their neighbours'.
+    pub fn blade(&self, channel: usize) -> Blade {
+        let positive: Vec<f64> = self.thickness.iter().map(|d| if *d > 0.0 { *d } else { f64::NAN }).collect();
+        let thickness = filled(&positive, &self.mask, self.width, 0.0);
+        let surface = |s: SideName| {
+            let side = self.side(s);
+            let height = side.height.iter().map(|h| if h.is_finite() { *h } else { 0.0 }).collect();
+            Surface { height, normal: side.normal.clone(), entry: self.albedo(s, channel).into_iter().map(|a| 1.0 - a).collect() }
+        };
+        Blade {
+            width: self.width,
+            height: self.height,
+            texel_mm: self.texel_mm,
+            mask: self.mask.clone(),
+            thickness: thickness.into_iter().map(|d| if d.is_finite() { d } else { 0.0 }).collect(),
+            front: surface(SideName::Front),
+            back: surface(SideName::Back),
+        }
+    }
+}
+
 /// Reduces an open capture.
 ///
 /// # Errors
@@ -100,20 +147,20 @@ pub fn reduce(capture: &Capture, options: &Options) -> Result<Reduced> {
     let mask = outline(capture, &through)?;
     let masks = [mask.clone(), mirrored(&mask, w)];
 
-    let shape = thickness(capture, &mask, options)?;
+    let shape = shape(capture, &mask, options)?;
     let [front_height, back_height] = &shape.height;
     let heights = [front_height, back_height];
+    let bare = Blade::from_heights(w, h, m.texel_mm, mask.clone(), heights.map(Clone::clone), [Vec::new(), Vec::new()]);
     let mut sides = [SideName::Front, SideName::Back].into_iter().enumerate().zip(through).map(|((s, name), (t, t_err))| {
         let pictures = capture.pictures(name);
-        let normal = normals(heights[s], &masks[s], w, m.texel_mm);
+        let lit = bare.lit(if s == 0 { blade::Side::Front } else { blade::Side::Back });
+        let (seen, normal) = (visible(&lit), lit.surface.normal.clone());
         let (mut albedo, mut albedo_err) = ratio(&pictures.albedo, &capture.white);
         albedo.iter_mut().chain(&mut albedo_err).for_each(|v| v.iter_mut().for_each(|v| *v *= m.white_reflectance));
         let highlight = highlight::estimate(&albedo, &masks[s], m.highlight_index.map(|n| n[s]));
         for (k, (a, e)) in albedo.iter_mut().zip(&mut albedo_err).enumerate() {
-            // A slope sees the dome down to the blade's plane.
-            let seen = 0.5 * (1.0 + normal[k][2]);
             for c in 0..3 {
-                (a[c], e[c]) = if masks[s][k] { ((a[c] - highlight.share) / seen, e[c] / seen) } else { (f64::NAN, f64::NAN) };
+                (a[c], e[c]) = if masks[s][k] { ((a[c] - highlight.share) / seen[k], e[c] / seen[k]) } else { (f64::NAN, f64::NAN) };
             }
         }
         let off = |map: Vec<[f64; 3]>| map.into_iter().zip(&masks[s]).map(|(v, m)| if *m { v } else { [f64::NAN; 3] }).collect::<Vec<_>>();
@@ -124,6 +171,7 @@ pub fn reduce(capture: &Capture, options: &Options) -> Result<Reduced> {
             transmittance_err: off(t_err),
             height: heights[s].clone(),
             normal,
+            visible: seen,
             highlight,
             status: Vec::new(),
         }
@@ -142,7 +190,7 @@ pub fn reduce(capture: &Capture, options: &Options) -> Result<Reduced> {
         width: w,
         height: h,
         texel_mm: m.texel_mm,
-        thickness_err: mask.iter().map(|m| if *m { shape.alignment.thickness_noise_mm } else { f64::NAN }).collect(),
+        thickness_err: mask.iter().map(|m| if *m { shape.alignment.thickness_error_mm } else { f64::NAN }).collect(),
         mask,
         thickness: shape.thickness,
         alignment: shape.alignment,
@@ -238,141 +286,6 @@ fn overlap(a: &[bool], b: &[bool]) -> f64 {
     let both = a.iter().zip(b).filter(|(a, b)| **a && **b).count();
     let either = a.iter().zip(b).filter(|(a, b)| **a || **b).count();
     both as f64 / either.max(1) as f64
-}
-
-/// Thickness (front's columns) and both sides' smoothed heights over the middle plane.
-struct Shape {
-    thickness: Vec<f64>,
-    height: [Vec<f64>; 2],
-    alignment: Alignment,
-}
-
-fn thickness(capture: &Capture, mask: &[bool], options: &Options) -> Result<Shape> {
-    let m = &capture.manifest;
-    let (w, h) = (m.width, m.height);
-    let path = Picture::Height.path(&capture.folder, SideName::Back);
-    let mut scans =
-        [capture.front.height.clone(), mirrored(&capture.back.height, w)].map(|s| s.into_iter().map(f64::from).collect::<Vec<_>>());
-    let sum: Vec<f64> = (0..w * h).map(|k| if mask[k] { scans[0][k] + scans[1][k] } else { f64::NAN }).collect();
-    let lean = align::plane(&sum, mask, w)
-        .ok_or_else(|| Error::input(&path, "fewer than 16 texels of the leaf have a height on both sides; expected heights all over it"))?;
-    let rest: Vec<f64> = (0..w * h).map(|k| sum[k] - lean.at(k, w, h)).collect();
-
-    let filter = Kernel::gaussian(m.height_filter_mm / m.texel_mm);
-    let noise = m.height_noise_mm.or_else(|| align::height_noise(&rest, mask, w, &filter)).unwrap_or(0.0);
-    let forced = options.smooth_mm.map(|s| s / m.texel_mm);
-    let [(thin, left), (flat, slope)] = align::widths(noise, &filter, m.thickness_max_mm, m.texel_mm, forced);
-    let weight: Vec<f64> = rest.iter().map(|v| f64::from(u8::from(v.is_finite()))).collect();
-    let calm = smooth(&rest, &weight, w, &Kernel::gaussian(thin.max(0.7)));
-    let (above, below) =
-        reach(&calm, mask, 2f64.sqrt() * noise).ok_or_else(|| Error::input(&path, "no texel of the leaf has a height on both sides"))?;
-    one_blade(&path, m, above, below)?;
-
-    let (top, raised, top_err) = align::highest(&rest, w, &filter, m.contact_texels(), 2f64.sqrt() * noise);
-    let offset = m.thickness_max_mm - top;
-    let filled = |values: &[f64], width: f64| filled(values, mask, w, width);
-    let thickness: Vec<f64> = filled(&rest, thin).into_iter().map(|v| v + offset).collect();
-    // The back scan takes all of the lean; the middle plane is the front's mean less half the thickness.
-    let mean = |map: &[f64]| {
-        let (sum, n) = (0..w * h).filter(|&k| mask[k] && map[k].is_finite()).fold((0.0, 0usize), |(s, n), k| (s + map[k], n + 1));
-        sum / n.max(1) as f64
-    };
-    let half = 0.5 * mean(&thickness);
-    let zero = mean(&scans[0]) - half;
-    scans[0].iter_mut().for_each(|v| *v -= zero);
-    scans[1].iter_mut().enumerate().for_each(|(k, v)| *v += zero + offset - lean.at(k, w, h));
-    let [front, back] = scans;
-    let height = [filled(&front, flat), mirrored(&filled(&back, flat), w)];
-    let [x, y] = lean.lean();
-    let alignment = Alignment {
-        tilt: [x / m.texel_mm, y / m.texel_mm],
-        offset_mm: offset - lean.at(0, 1, 1),
-        offset_err_mm: top_err.hypot(m.thickness_max_err_mm.unwrap_or(0.0)),
-        raised_mm: raised,
-        height_noise_mm: noise,
-        noise_stated: m.height_noise_mm.is_some(),
-        smooth_thickness_mm: thin * m.texel_mm,
-        smooth_height_mm: flat * m.texel_mm,
-        thickness_noise_mm: left,
-        slope_noise: slope,
-        above_mm: above,
-        below_mm: below,
-    };
-    Ok(Shape { thickness, height, alignment })
-}
-
-/// How far a map reaches above and below its median on the mask, one texel in a thousand left out at each end, less what noise of this
-/// deviation would do by itself.
-fn reach(values: &[f64], mask: &[bool], noise: f64) -> Option<(f64, f64)> {
-    let mut all: Vec<f64> = values.iter().zip(mask).filter(|(v, m)| **m && v.is_finite()).map(|(v, _)| *v).collect();
-    if all.is_empty() {
-        return None;
-    }
-    let [low, middle, high] = [0.001, 0.5, 0.999].map(|q| quantile(&mut all, q));
-    // Three deviations of what the smoothing leaves, about a quarter of the noise.
-    let slack = 0.75 * noise;
-    Some(((high - middle - slack).max(0.0), (middle - low - slack).max(0.0)))
-}
-
-/// Heights of one blade cancel but for its thickness, and veins make it thicker, not thinner.
-fn one_blade(path: &Path, m: &Manifest, above: f64, below: f64) -> Result<()> {
-    if above + below > 1.5 * m.thickness_max_mm {
-        return Err(Error::input(
-            path,
-            format!(
-                "front and back heights sum to values {:.3} mm apart, found thickness_max_mm = {}; expected heights in mm towards each side's camera, the back's mirrored, so that all but the thickness cancels",
-                above + below,
-                m.thickness_max_mm
-            ),
-        ));
-    }
-    if below > 2.0 * above && below > 0.1 * m.thickness_max_mm {
-        return Err(Error::input(
-            path,
-            format!(
-                "the sum of front and back heights hangs {below:.3} mm below its median and rises {above:.3} mm over it; expected veins to stand out: heights are positive towards each side's camera"
-            ),
-        ));
-    }
-    Ok(())
-}
-
-/// Smoothed values on the mask; holes hold what the nearest values say, by ever wider smoothing.
-fn filled(values: &[f64], mask: &[bool], width: usize, smoothing: f64) -> Vec<f64> {
-    let weight: Vec<f64> = values.iter().zip(mask).map(|(v, m)| f64::from(u8::from(*m && v.is_finite()))).collect();
-    let mut out = smooth(values, &weight, width, &Kernel::gaussian(smoothing));
-    let mut wider = smoothing.max(0.5);
-    while wider < values.len() as f64 && out.iter().zip(mask).any(|(v, m)| *m && !v.is_finite()) {
-        wider *= 2.0;
-        let more = smooth(values, &weight, width, &Kernel::gaussian(wider));
-        out.iter_mut().zip(more).filter(|(v, _)| !v.is_finite()).for_each(|(v, m)| *v = m);
-    }
-    out.iter_mut().zip(mask).filter(|(_, m)| !**m).for_each(|(v, _)| *v = f64::NAN);
-    out
-}
-
-/// Unit normals by central differences, one-sided beside the outline; NaN off the leaf.
-fn normals(height: &[f64], mask: &[bool], width: usize, texel: f64) -> Vec<[f64; 3]> {
-    let rows = height.len() / width;
-    let on = |k: Option<usize>| k.filter(|&k| mask[k]);
-    let slope = |k: usize, a: Option<usize>, b: Option<usize>| match (on(a), on(b)) {
-        (Some(a), Some(b)) => 0.5 * (height[b] - height[a]) / texel,
-        (Some(a), None) => (height[k] - height[a]) / texel,
-        (None, Some(b)) => (height[b] - height[k]) / texel,
-        (None, None) => 0.0,
-    };
-    (0..height.len())
-        .map(|k| {
-            if !mask[k] {
-                return [f64::NAN; 3];
-            }
-            let (i, j) = (k % width, k / width);
-            let x = slope(k, (i > 0).then(|| k - 1), (i + 1 < width).then_some(k + 1));
-            let y = slope(k, (j + 1 < rows).then_some(k + width), (j > 0).then(|| k - width));
-            let s = (1.0 + x * x + y * y).sqrt();
-            [-x / s, -y / s, 1.0 / s]
-        })
-        .collect()
 }
 
 /// The first defect that applies. Light that comes through towards this camera fell on the other side: its albedo counts for energy.

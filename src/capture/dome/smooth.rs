@@ -47,6 +47,17 @@ impl Kernel {
         (squares(&difference) * squares(&self.full())).sqrt()
     }
 
+    /// Covariance, at one place, of white noise of unit deviation after this kernel and after another.
+    pub fn covariance(&self, other: &Kernel) -> f64 {
+        product(&self.full(), &other.full()).powi(2)
+    }
+
+    /// The same of their slopes.
+    pub fn slope_covariance(&self, other: &Kernel) -> f64 {
+        let slope = |k: &Kernel| convolve(&k.full(), &[0.5, 0.0, -0.5]);
+        product(&slope(self), &slope(other)) * product(&self.full(), &other.full())
+    }
+
     /// What the noise estimate of `noise.rs` finds of such noise, relative to its deviation after this kernel: less than 1, for smoothed
     /// noise looks like relief.
     pub fn laplacian_noise(&self) -> f64 {
@@ -56,6 +67,12 @@ impl Kernel {
 
 fn squares(kernel: &[f64]) -> f64 {
     kernel.iter().map(|v| v * v).sum()
+}
+
+/// Σ a b of two kernels of odd length about one centre.
+fn product(a: &[f64], b: &[f64]) -> f64 {
+    let (long, short) = if a.len() >= b.len() { (a, b) } else { (b, a) };
+    long[(long.len() - short.len()) / 2..].iter().zip(short).map(|(x, y)| x * y).sum()
 }
 
 fn convolve(a: &[f64], b: &[f64]) -> Vec<f64> {

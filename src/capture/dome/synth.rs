@@ -3,16 +3,19 @@
 //!
 //! The blade: the front's relief is the specification's; the back lies the thickness d under it, so that what the scanner measures and
 //! what light crosses are one thing (`raised_mm` of the specification is therefore not used: a vein stands out by what it is thicker).
-//! Light: under the dome a texel shows ρd · V + ρs · (what its lobe mirrors of the dome), V the share of the dome it sees, weighted by
-//! the cosine; light between neighbouring slopes is left out. In front of the back light it shows its transmittance.
+//! Light: under the dome a texel shows ρd · V + ρs · (what its lobe mirrors of the dome), V the share of the dome it sees past the relief,
+//! weighted by the cosine; light between neighbouring slopes is left out. In front of the back light it shows what comes through, spread
+//! sideways by the tissue ([`through`]).
 //! Scans: heights towards each camera with white noise, both smoothed by the scanner's filter; each scan has a zero and a tilt of its own.
 
 use super::manifest::{KIND, Manifest, Picture, empty_path, white_path};
 use super::smooth::{Kernel, mirrored, pass, smooth};
+use super::through::{REACH_MM, through};
 use super::veil::Veil;
+use super::visible::visible;
 use crate::capture::manifest::{SideName, texel_position};
 use crate::capture::synth::illumination::Lobe;
-use crate::capture::synth::leaf::{Leaf, Side, Window, texel_size};
+use crate::capture::synth::leaf::{Leaf, Side, Window, crop, texel_size};
 use crate::capture::synth::preview;
 use crate::capture::synth::random::Stream;
 use crate::capture::synth::scan::{SHOTS, gain, stop_if_asked, write_frame};
@@ -20,6 +23,7 @@ use crate::capture::synth::sensor::Sensor;
 use crate::capture::synth::spec::{Model, Spec};
 use crate::files::atomic;
 use crate::files::image::{Maps, Packing, write_exr};
+use crate::optics::translucency::blade as optics;
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 
@@ -41,7 +45,7 @@ pub struct Options {
 /// Standard deviation of the scanner's smoothing (mm).
 const FILTER_MM: f64 = 0.05;
 /// Width of the caliper's contact, and its standard error (mm).
-const CONTACT_MM: f64 = 0.5;
+const CONTACT_MM: f64 = 1.0;
 const CALIPER_MM: f64 = 0.002;
 /// Radiance of the back light at its middle.
 const BOX_LEVEL: f64 = 0.9;
@@ -49,62 +53,14 @@ const BOX_LEVEL: f64 = 0.9;
 const TILT: f64 = 0.008;
 const OFFSET_MM: f64 = 2.0;
 
-/// A leaf with the blade's geometry: heights of both sides over one plane, each as its own camera saw it (mm).
+/// A leaf with the blade's geometry and what its photographs show.
 #[derive(Debug, Clone)]
 pub struct Blade {
     pub leaf: Leaf,
+    /// Heights of front and back over one plane, each as its own camera saw it (mm).
     pub height: [Vec<f64>; 2],
+    pub shown: [Shown; 2],
     centre_mm: [f64; 2],
-}
-
-impl Blade {
-    /// Grows the leaf of a specification and gives it a back; `None` when not one texel lies on it.
-    pub fn grow(spec: &Spec, options: &Options) -> Option<Blade> {
-        let (w, h) = (options.width, options.height);
-        let window = match options.patch {
-            Some((size, centre_mm)) => Window { centre_mm, texel_mm: size / w as f64 },
-            None => Window { centre_mm: [0.0; 2], texel_mm: texel_size(spec, w, h) },
-        };
-        let mut leaf = Leaf::grow_in(spec, options.model, (w, h), window)?;
-        let under: Vec<f64> = leaf.relief.iter().zip(&leaf.front.thickness).map(|(z, d)| f64::from(*d) - z).collect();
-        let height = [leaf.relief.clone(), mirrored(&under, w)];
-        leaf.back.normal = normals(&height[1], &leaf.mask_of(true), w, leaf.texel_mm);
-        Some(Blade { leaf, height, centre_mm: window.centre_mm })
-    }
-
-    fn side(&self, side: SideName) -> &Side {
-        if side == SideName::Back { &self.leaf.back } else { &self.leaf.front }
-    }
-
-    /// Place of a texel in the field (mm), for the front; light and camera are as uneven for the back.
-    fn place(&self, k: usize) -> [f64; 2] {
-        let (w, h) = (self.leaf.width, self.leaf.height);
-        let p = texel_position(w, h, self.leaf.texel_mm, k % w, k / w);
-        [p[0] + self.centre_mm[0], p[1] + self.centre_mm[1]]
-    }
-}
-
-/// Unit normals of a height map by central differences, one-sided where only one neighbour lies on the blade.
-fn normals(height: &[f64], mask: &[bool], width: usize, texel: f64) -> Vec<[f32; 3]> {
-    let rows = height.len() / width;
-    let slope = |k: usize, before: Option<usize>, after: Option<usize>| {
-        let (a, b) = (before.filter(|&n| mask[n]), after.filter(|&n| mask[n]));
-        let span = f64::from(u8::from(a.is_some()) + u8::from(b.is_some())).max(1.0) * texel;
-        (height[b.unwrap_or(k)] - height[a.unwrap_or(k)]) / span
-    };
-    (0..height.len())
-        .map(|k| {
-            if !mask[k] {
-                return [0.0; 3];
-            }
-            let (i, j) = (k % width, k / width);
-            let dx = slope(k, (i > 0).then(|| k - 1), (i + 1 < width).then_some(k + 1));
-            // Rows run downwards, y upwards.
-            let dy = slope(k, (j + 1 < rows).then_some(k + width), (j > 0).then(|| k - width));
-            let s = (1.0 + dx * dx + dy * dy).sqrt();
-            [-dx / s, -dy / s, 1.0 / s].map(|v| v as f32)
-        })
-        .collect()
 }
 
 /// What the photographs of a side show where nothing is uneven: shares of the dome's and of the back light.
@@ -117,23 +73,66 @@ pub struct Shown {
     pub transmittance: Vec<[f32; 3]>,
 }
 
-/// The light of both sides, front first.
-pub fn shine(blade: &Blade) -> [Shown; 2] {
-    let veil = Veil::new(blade.leaf.lobe);
-    [SideName::Front, SideName::Back].map(|name| {
-        let side = blade.side(name);
-        let mask = blade.leaf.mask_of(name == SideName::Back);
-        let on = |k: usize| f32::from(u8::from(mask[k]));
-        // A slope without neighbours sees the dome down to the blade's plane: (1 + n_z)/2 of it, by the cosine.
-        let seen = |k: usize| 0.5 * (1.0 + side.normal[k][2]);
-        Shown {
-            albedo: (0..mask.len()).map(|k| side.rho_d[k].map(|d| on(k) * d * seen(k))).collect(),
-            highlight: (0..mask.len())
-                .map(|k| if mask[k] { side.rho_s[k][0] * veil.at(f64::from(side.normal[k][2]), f64::from(side.m[k])) as f32 } else { 0.0 })
-                .collect(),
-            transmittance: side.rho_t.clone(),
+impl Blade {
+    /// Grows the leaf of a specification, gives it a back, and lights it; `None` when not one texel lies on it. Round a patch the leaf goes
+    /// on, so that light may come in from beside.
+    ///
+    /// # Errors
+    /// What the spreading of light refuses ([`through`]).
+    pub fn grow(spec: &Spec, options: &Options) -> Result<Option<Blade>> {
+        let (w, h) = (options.width, options.height);
+        let (window, margin) = match options.patch {
+            Some((size, centre_mm)) => {
+                let texel_mm = size / w as f64;
+                (Window { centre_mm, texel_mm }, ((REACH_MM / texel_mm).ceil() as usize).min(1024))
+            }
+            None => (Window { centre_mm: [0.0; 2], texel_mm: texel_size(spec, w, h) }, 0),
+        };
+        let wide = w + 2 * margin;
+        let Some(mut leaf) = Leaf::grow_in(spec, options.model, (wide, h + 2 * margin), window) else { return Ok(None) };
+        let under: Vec<f64> = leaf.relief.iter().zip(&leaf.front.thickness).map(|(z, d)| f64::from(*d) - z).collect();
+        let height = [leaf.relief.clone(), mirrored(&under, wide)];
+        let shape =
+            optics::Blade::from_heights(wide, leaf.height, leaf.texel_mm, leaf.mask.clone(), height.clone(), [Vec::new(), Vec::new()]);
+        let back = shape.back.normal.iter().zip(leaf.mask_of(true));
+        leaf.back.normal = back.map(|(n, m)| if m { n.map(|v| v as f32) } else { [0.0; 3] }).collect();
+        let shown = shine(&leaf, &shape)?;
+        let cut = |s: &Shown| Shown {
+            albedo: crop(&s.albedo, wide, margin),
+            highlight: crop(&s.highlight, wide, margin),
+            transmittance: crop(&s.transmittance, wide, margin),
+        };
+        let leaf = leaf.cropped(margin);
+        if !leaf.mask.contains(&true) {
+            return Ok(None);
         }
-    })
+        let height = [0, 1].map(|s: usize| crop(&height[s], wide, margin));
+        Ok(Some(Blade { leaf, height, shown: [cut(&shown[0]), cut(&shown[1])], centre_mm: window.centre_mm }))
+    }
+
+    /// Place of a texel in the field (mm), for the front; light and camera are as uneven for the back.
+    fn place(&self, k: usize) -> [f64; 2] {
+        let (w, h) = (self.leaf.width, self.leaf.height);
+        let p = texel_position(w, h, self.leaf.texel_mm, k % w, k / w);
+        [p[0] + self.centre_mm[0], p[1] + self.centre_mm[1]]
+    }
+}
+
+/// The light of both sides, front first.
+fn shine(leaf: &Leaf, shape: &optics::Blade) -> Result<[Shown; 2]> {
+    let veil = Veil::new(leaf.lobe);
+    let [front, back] = through(leaf, shape)?;
+    let side = |side: &Side, lit: optics::Side, transmittance: Vec<[f32; 3]>| {
+        let seen = visible(&shape.lit(lit));
+        let mask = leaf.mask_of(lit == optics::Side::Back);
+        let mirrored = |k: usize| f64::from(side.rho_s[k][0]) * veil.at(f64::from(side.normal[k][2]), f64::from(side.m[k]));
+        Shown {
+            albedo: side.rho_d.iter().zip(&seen).map(|(d, v)| d.map(|d| (f64::from(d) * v) as f32)).collect(),
+            highlight: (0..mask.len()).map(|k| if mask[k] { mirrored(k) as f32 } else { 0.0 }).collect(),
+            transmittance,
+        }
+    };
+    Ok([side(&leaf.front, optics::Side::Front, front), side(&leaf.back, optics::Side::Back, back)])
 }
 
 /// Photographs and scans `spec` into `folder`; `capture.toml` comes last.
@@ -145,7 +144,6 @@ pub fn capture(spec: &Spec, blade: &Blade, options: &Options, folder: &Path) -> 
     let (device, size) = (&spec.device, (leaf.width, leaf.height));
     let sensor = Sensor { relative: options.noise, floor: device.noise_floor, full_scale: device.full_scale };
     let manifest = manifest_of(spec, blade, options);
-    let shown = shine(blade);
     let sides = [SideName::Front, SideName::Back];
     let put = |path: PathBuf, light: &dyn Fn(usize) -> [f64; 3], sensor: Sensor, place: u64| {
         stop_if_asked(folder)?;
@@ -163,7 +161,7 @@ pub fn capture(spec: &Spec, blade: &Blade, options: &Options, folder: &Path) -> 
         let [x, y] = blade.place(k);
         BOX_LEVEL * (1.0 + 0.04 * x / spec.field_mm[0] - 0.03 * (y / spec.field_mm[1]).powi(2))
     };
-    for (s, (name, shown)) in sides.into_iter().zip(&shown).enumerate() {
+    for (s, (name, shown)) in sides.into_iter().zip(&blade.shown).enumerate() {
         let mask = leaf.mask_of(name == SideName::Back);
         // Beside the leaf the back light shows past it; the dome shines on black cloth.
         let albedo = |k: usize| shown.albedo[k].map(|d| dome(k) * f64::from(d + shown.highlight[k]));

@@ -35,7 +35,8 @@ impl Veil {
 /// ∫ f cosθi dω over the directions above both the surface and the blade's plane. With half vectors drawn by D cosα, f cosθi dω =
 /// (v·h)/((n·v) cosα) of their share (Torrance & Sparrow 1967; dω = 4 (v·h) dω_h).
 fn share(lobe: Lobe, lean: f64, m: f64) -> f64 {
-    const AZIMUTHS: usize = 96;
+    // Half a turn: the other half is its mirror image.
+    const AZIMUTHS: usize = 48;
     let sin = (1.0 - lean * lean).max(0.0).sqrt();
     // The surface's frame: normal along z, view in the x–z plane; the blade's normal is the view.
     let v = [sin, 0.0, lean];
@@ -48,7 +49,7 @@ fn share(lobe: Lobe, lean: f64, m: f64) -> f64 {
         };
         let (cos_h, sin_h) = (1.0 / (1.0 + tan2).sqrt(), (tan2 / (1.0 + tan2)).sqrt());
         for k in 0..AZIMUTHS {
-            let phi = (k as f64 + 0.5) * 2.0 * PI / AZIMUTHS as f64;
+            let phi = (k as f64 + 0.5) * PI / AZIMUTHS as f64;
             let h = [sin_h * phi.cos(), sin_h * phi.sin(), cos_h];
             let vh = v[0] * h[0] + v[2] * h[2];
             let l = [0, 1, 2].map(|c| 2.0 * vh * h[c] - v[c]);

@@ -109,6 +109,32 @@ impl Leaf {
         Some(Leaf { width, height, texel_mm, lobe: spec.lobe, mask, relief, front, back })
     }
 
+    /// The leaf without `margin` texels along each edge of its maps; `margin` is less than half of width and height.
+    pub fn cropped(&self, margin: usize) -> Leaf {
+        let side = |s: &Side| Side {
+            rho_d: crop(&s.rho_d, self.width, margin),
+            rho_t: crop(&s.rho_t, self.width, margin),
+            through: crop(&s.through, self.width, margin),
+            rho_s: crop(&s.rho_s, self.width, margin),
+            m: crop(&s.m, self.width, margin),
+            normal: crop(&s.normal, self.width, margin),
+            sigma_a: crop(&s.sigma_a, self.width, margin),
+            sigma_s: crop(&s.sigma_s, self.width, margin),
+            thickness: crop(&s.thickness, self.width, margin),
+            gamma: crop(&s.gamma, self.width, margin),
+        };
+        Leaf {
+            width: self.width - 2 * margin,
+            height: self.height - 2 * margin,
+            texel_mm: self.texel_mm,
+            lobe: self.lobe,
+            mask: crop(&self.mask, self.width, margin),
+            relief: crop(&self.relief, self.width, margin),
+            front: side(&self.front),
+            back: side(&self.back),
+        }
+    }
+
     /// The mask as that side's camera saw it.
     pub fn mask_of(&self, back: bool) -> Vec<bool> {
         if !back {
@@ -139,6 +165,12 @@ impl Leaf {
         maps.push("mask.Y", self.mask_of(back).into_iter().map(|m| f32::from(u8::from(m))).collect());
         maps
     }
+}
+
+/// A row-major map without `margin` texels along each edge.
+pub fn crop<T: Copy>(map: &[T], width: usize, margin: usize) -> Vec<T> {
+    let height = map.len() / width;
+    (margin..height - margin).flat_map(|j| map[j * width + margin..(j + 1) * width - margin].iter().copied()).collect()
 }
 
 /// How strongly a vein of radius r shows at distance d on texels of size p: narrower than a texel it widens and fades.

@@ -43,21 +43,24 @@ fn text(f: &Inspection) -> String {
         let [thin, median, thick] = s.thickness_mm;
         line(format!(
             "thickness: {thin:.3} … {thick:.3} mm, median {median:.3}; zero ± {:.4} mm, a texel ± {:.4} mm",
-            a.offset_err_mm, a.thickness_noise_mm
+            a.offset_err_mm, a.thickness_error_mm
         ));
         line(format!(
-            "the scans lean by {:.3}° to each other and are {:.3} mm apart; their noise is {:.4} mm ({}) and raised the highest place by {:.4} mm",
+            "the scans lean by {:.3}° to each other, lie {:.3} mm beside and {:.3} mm over each other; their noise is {:.4} mm ({}) and raised the highest place by {:.4} mm",
             a.tilt[0].hypot(a.tilt[1]).atan().to_degrees(),
+            a.shift_mm[0].hypot(a.shift_mm[1]),
             a.offset_mm,
             a.height_noise_mm,
             if a.noise_stated { "stated" } else { "seen" },
             a.raised_mm
         ));
         line(format!(
-            "smoothed by {:.3} mm for the thickness, {:.3} mm for normals, which leaves them ± {:.2}°; holes {:.2} %",
+            "smoothed by {:.3} mm for the thickness, {:.3} and {:.3} mm for the normals of front and back, which leaves these ± {:.1}° and ± {:.1}°; holes {:.2} %",
             a.smooth_thickness_mm,
-            a.smooth_height_mm,
-            a.slope_noise.atan().to_degrees(),
+            a.smooth_height_mm[0],
+            a.smooth_height_mm[1],
+            a.slope_error[0].atan().to_degrees(),
+            a.slope_error[1].atan().to_degrees(),
             100.0 * s.hole_share
         ));
     }

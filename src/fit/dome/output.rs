@@ -6,6 +6,7 @@ use crate::capture::dome::Capture;
 use crate::capture::dome::defect::Defect;
 use crate::capture::dome::highlight::fresnel_normal;
 use crate::capture::dome::reduce::Reduced;
+use crate::capture::manifest::SideName;
 use crate::files::hash;
 use crate::files::image::{Maps, Packing, write_exr};
 use crate::fit::leaf::blade::{Blade, Grid, glb, mesh};
@@ -105,6 +106,8 @@ fn blade(grid: &Grid, reduced: &Reduced) -> Option<Blade> {
 fn maps(grid: &Grid, reduced: &Reduced, fitted: &Fitted, options: &Options) -> (Maps, Maps) {
     let (width, height) = (grid.width, grid.height);
     let side = reduced.side(fitted.side);
+    let which = usize::from(fitted.side == SideName::Back);
+    let slope_err = reduced.alignment.slope_error[which];
     let good: Vec<bool> = fitted.status.iter().map(|s| *s == 1).collect();
     let source = fill::sources(&good, width, height);
     let (mut values, mut errors) = (Maps::new(width, height), Maps::new(width, height));
@@ -122,7 +125,7 @@ fn maps(grid: &Grid, reduced: &Reduced, fitted: &Fitted, options: &Options) -> (
     }
     push("m.Y".into(), &|_| slope, &|_| f64::INFINITY);
     for (i, axis) in ["X", "Y", "Z"].iter().enumerate() {
-        push(format!("normal.{axis}"), &|k| side.normal[k][i], &|_| reduced.alignment.slope_noise);
+        push(format!("normal.{axis}"), &|k| side.normal[k][i], &|_| slope_err);
     }
     for (c, letter) in RGB.iter().enumerate() {
         push(format!("rho_t.{letter}"), &|k| side.transmittance[k][c], &|k| side.transmittance_err[k][c]);
@@ -132,7 +135,7 @@ fn maps(grid: &Grid, reduced: &Reduced, fitted: &Fitted, options: &Options) -> (
             push(format!("{name}.{letter}"), &|k| fitted.sigma[k][c].value[q], &|k| fitted.sigma[k][c].error[q]);
         }
     }
-    push("thickness.Y".into(), &|k| fitted.thickness[k], &|_| reduced.alignment.thickness_noise_mm);
+    push("thickness.Y".into(), &|k| fitted.thickness[k], &|_| reduced.alignment.thickness_error_mm);
     for (c, letter) in RGB.iter().enumerate() {
         push(format!("gamma.{letter}"), &|k| fitted.gamma[k][c][0], &|k| fitted.gamma[k][c][1]);
     }
@@ -161,12 +164,15 @@ fn section(reduced: &Reduced, fitted: &Fitted) -> Section {
     s.params.insert("thickness".into(), thickness);
     let side = reduced.side(fitted.side);
     let a = &reduced.alignment;
+    let which = usize::from(fitted.side == SideName::Back);
     let figures = [
         ("highlight_share", side.highlight.share),
         ("highlight_stderr", side.highlight.stderr),
         ("height_noise_mm", a.height_noise_mm),
         ("thickness_noise_mm", a.thickness_noise_mm),
-        ("slope_noise", a.slope_noise),
+        ("thickness_error_mm", a.thickness_error_mm),
+        ("slope_noise", a.slope_noise[which]),
+        ("slope_error", a.slope_error[which]),
         ("scans_tilt_x", a.tilt[0]),
         ("scans_tilt_y", a.tilt[1]),
     ];
@@ -180,7 +186,7 @@ fn truth(capture: &Capture, fitted: &Fitted, values: &Maps, errors: &Maps) -> Re
     let Some(truth) = capture.truth(fitted.side)? else { return Ok(out) };
     // What the camera saw comes through with light scattered sideways: that is what was measured, not each texel's own slab.
     let pairs: [(&str, &str, &[&str]); 3] =
-        [("rho_d", "albedo", &RGB), ("rho_t", "transmittance", &RGB), ("thickness", "thickness", &["Y"])];
+        [("rho_d", "rho_d", &RGB), ("rho_t", "transmittance", &RGB), ("thickness", "thickness", &["Y"])];
     for (name, of, channels) in pairs {
         let (mut relative, mut inside, mut judged) = (Vec::new(), 0usize, 0usize);
         for c in channels {

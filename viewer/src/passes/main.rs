@@ -79,8 +79,13 @@ impl Pipelines {
     }
 }
 
+/// The variant's shader.
+pub(crate) fn source(variant: &Variant) -> String {
+    assemble(&format!("{}{}", bend::SOURCE, include_str!("main.wgsl")), &variant.defines())
+}
+
 fn pipeline(gpu: &Gpu, variant: &Variant) -> wgpu::RenderPipeline {
-    let source = assemble(&format!("{}{}", bend::SOURCE, include_str!("main.wgsl")), &variant.defines());
+    let source = source(variant);
     let bend = bend::layout_of(gpu, variant);
     let module = gpu
         .device

@@ -1,0 +1,137 @@
+//! Two height scans of a capture become the blade's shape: thickness and both sides' heights over one middle plane (mm), with holes filled;
+//! and the checks that the scans are of one blade, each towards its own camera.
+
+use super::align::{self, Alignment, Wanted};
+use super::manifest::{Manifest, Picture};
+use super::noise::quantile;
+use super::reader::Capture;
+use super::reduce::Options;
+use super::smooth::{Kernel, mirrored, smooth};
+use crate::capture::manifest::SideName;
+use crate::{Error, Result};
+use std::path::Path;
+
+/// Thickness (front's columns) and both sides' smoothed heights over the middle plane.
+pub struct Shape {
+    pub thickness: Vec<f64>,
+    pub height: [Vec<f64>; 2],
+    pub alignment: Alignment,
+}
+
+/// Aligns the scans, sets the zero of the thickness and smooths.
+///
+/// # Errors
+/// [`Error::Input`] when the scans hold too little, do not cancel but for a thickness, or have the wrong sign.
+pub fn shape(capture: &Capture, mask: &[bool], options: &Options) -> Result<Shape> {
+    let m = &capture.manifest;
+    let (w, h) = (m.width, m.height);
+    let path = Picture::Height.path(&capture.folder, SideName::Back);
+    let mut scans =
+        [capture.front.height.clone(), mirrored(&capture.back.height, w)].map(|s| s.into_iter().map(f64::from).collect::<Vec<_>>());
+    let sum: Vec<f64> = (0..w * h).map(|k| if mask[k] { scans[0][k] + scans[1][k] } else { f64::NAN }).collect();
+    let lean = align::plane(&sum, mask, w)
+        .ok_or_else(|| Error::input(&path, "fewer than 16 texels of the leaf have a height on both sides; expected heights all over it"))?;
+    let rest: Vec<f64> = (0..w * h).map(|k| sum[k] - lean.at(k, w, h)).collect();
+
+    let filter = Kernel::gaussian(m.height_filter_mm / m.texel_mm);
+    let noise = m.height_noise_mm.or_else(|| align::height_noise(&rest, mask, w, &filter)).unwrap_or(0.0);
+    let forced = options.smooth_mm.map(|s| s / m.texel_mm);
+    let thin = align::best_width(&rest, w, &filter, 2f64.sqrt() * noise, Wanted::Values, forced);
+    let flat = [0, 1].map(|s: usize| {
+        let on: Vec<f64> = scans[s].iter().zip(mask).map(|(v, m)| if *m { *v } else { f64::NAN }).collect();
+        align::best_width(&on, w, &filter, noise, Wanted::Slopes, forced)
+    });
+    let weight: Vec<f64> = rest.iter().map(|v| f64::from(u8::from(v.is_finite()))).collect();
+    let calm = smooth(&rest, &weight, w, &Kernel::gaussian(thin.texels.max(0.7)));
+    let (above, below) =
+        reach(&calm, mask, 2f64.sqrt() * noise).ok_or_else(|| Error::input(&path, "no texel of the leaf has a height on both sides"))?;
+    one_blade(&path, m, above, below)?;
+
+    let top = align::highest(&rest, w, &filter, m.contact_texels(), 2f64.sqrt() * noise);
+    let shift_mm = align::shift(&rest, &scans[0], mask, w, m.texel_mm);
+    let trend = align::trend_err(&rest, mask, w, top.at);
+    let offset = m.thickness_max_mm - top.value;
+    let filled = |values: &[f64], width: f64| filled(values, mask, w, width);
+    let thickness: Vec<f64> = filled(&rest, thin.texels).into_iter().map(|v| v + offset).collect();
+    // The back scan takes all of the lean; the middle plane is the front's mean less half the thickness.
+    let mean = |map: &[f64]| {
+        let (sum, n) = (0..w * h).filter(|&k| mask[k] && map[k].is_finite()).fold((0.0, 0usize), |(s, n), k| (s + map[k], n + 1));
+        sum / n.max(1) as f64
+    };
+    let half = 0.5 * mean(&thickness);
+    let zero = mean(&scans[0]) - half;
+    scans[0].iter_mut().for_each(|v| *v -= zero);
+    scans[1].iter_mut().enumerate().for_each(|(k, v)| *v += zero + offset - lean.at(k, w, h));
+    let [front, back] = scans;
+    let height = [filled(&front, flat[0].texels), mirrored(&filled(&back, flat[1].texels), w)];
+    let [x, y] = lean.lean();
+    let alignment = Alignment {
+        tilt: [x / m.texel_mm, y / m.texel_mm],
+        shift_mm,
+        offset_mm: offset - lean.at(0, 1, 1),
+        offset_err_mm: top.error.hypot(trend).hypot(m.thickness_max_err_mm.unwrap_or(0.0)),
+        trend_err_mm: trend,
+        raised_mm: top.raised,
+        height_noise_mm: noise,
+        noise_stated: m.height_noise_mm.is_some(),
+        smooth_thickness_mm: thin.texels * m.texel_mm,
+        smooth_height_mm: flat.map(|f| f.texels * m.texel_mm),
+        thickness_noise_mm: thin.noise,
+        slope_noise: flat.map(|f| f.noise / m.texel_mm),
+        thickness_error_mm: thin.error,
+        slope_error: flat.map(|f| f.error / m.texel_mm),
+        above_mm: above,
+        below_mm: below,
+    };
+    Ok(Shape { thickness, height, alignment })
+}
+
+/// How far a map reaches above and below its median on the mask, one texel in a thousand left out at each end, less what noise of this
+/// deviation would do by itself.
+fn reach(values: &[f64], mask: &[bool], noise: f64) -> Option<(f64, f64)> {
+    let mut all: Vec<f64> = values.iter().zip(mask).filter(|(v, m)| **m && v.is_finite()).map(|(v, _)| *v).collect();
+    if all.is_empty() {
+        return None;
+    }
+    let [low, middle, high] = [0.001, 0.5, 0.999].map(|q| quantile(&mut all, q));
+    // Three deviations of what the smoothing leaves, about a quarter of the noise.
+    let slack = 0.75 * noise;
+    Some(((high - middle - slack).max(0.0), (middle - low - slack).max(0.0)))
+}
+
+/// Heights of one blade cancel but for its thickness, and veins make it thicker, not thinner.
+fn one_blade(path: &Path, m: &Manifest, above: f64, below: f64) -> Result<()> {
+    if above + below > 1.5 * m.thickness_max_mm {
+        return Err(Error::input(
+            path,
+            format!(
+                "front and back heights sum to values {:.3} mm apart, found thickness_max_mm = {}; expected heights in mm towards each side's camera, the back's mirrored, so that all but the thickness cancels",
+                above + below,
+                m.thickness_max_mm
+            ),
+        ));
+    }
+    if below > 2.0 * above && below > 0.1 * m.thickness_max_mm {
+        return Err(Error::input(
+            path,
+            format!(
+                "the sum of front and back heights hangs {below:.3} mm below its median and rises {above:.3} mm over it; expected veins to stand out: heights are positive towards each side's camera"
+            ),
+        ));
+    }
+    Ok(())
+}
+
+/// Smoothed values on the mask; holes hold what the nearest values say, by ever wider smoothing.
+pub fn filled(values: &[f64], mask: &[bool], width: usize, smoothing: f64) -> Vec<f64> {
+    let weight: Vec<f64> = values.iter().zip(mask).map(|(v, m)| f64::from(u8::from(*m && v.is_finite()))).collect();
+    let mut out = smooth(values, &weight, width, &Kernel::gaussian(smoothing));
+    let mut wider = smoothing.max(0.5);
+    while wider < values.len() as f64 && out.iter().zip(mask).any(|(v, m)| *m && !v.is_finite()) {
+        wider *= 2.0;
+        let more = smooth(values, &weight, width, &Kernel::gaussian(wider));
+        out.iter_mut().zip(more).filter(|(v, _)| !v.is_finite()).for_each(|(v, m)| *v = m);
+    }
+    out.iter_mut().zip(mask).filter(|(_, m)| !**m).for_each(|(v, _)| *v = f64::NAN);
+    out
+}
