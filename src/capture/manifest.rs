@@ -244,7 +244,12 @@ fn wrong_kind(kind: &str) -> String {
             "found \"dome\" (photographs under a dome and height scans), expected a scan under a linear light source, which has no kind"
                 .into()
         }
-        _ => format!("found {kind:?}, expected \"dome\", or no kind for a scan under a linear light source"),
+        "beams" => {
+            "found \"beams\" (photographs of the light that comes through), expected a scan under a linear light source, which has no \
+            kind; its way on is `mesophyll fit tissue`"
+                .into()
+        }
+        _ => format!("found {kind:?}, expected \"dome\", \"beams\", or no kind for a scan under a linear light source"),
     }
 }
 

@@ -1,5 +1,6 @@
 //! The measurement: files, units, calibration, and synthesis with seeded noise. The format is documented in `data/README.md`.
 
+pub mod beams;
 pub mod calibrate;
 pub mod dome;
 pub mod grid;

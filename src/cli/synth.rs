@@ -1,9 +1,11 @@
-//! `mesophyll synth`: grows a leaf from a specification and scans it as a linear light source device would, or photographs it under a
-//! dome and scans its heights.
+//! `mesophyll synth`: grows a leaf from a specification and scans it as a linear light source device would, photographs it under a
+//! dome and scans its heights, or photographs the light that comes through it.
 
 use super::Common;
+use crate::capture::beams::manifest::Beam;
+use crate::capture::beams::synth as beams;
 use crate::capture::dome::synth as dome;
-use crate::capture::manifest::Travel;
+use crate::capture::manifest::{SideName, Travel};
 use crate::capture::synth::leaf::Leaf;
 use crate::capture::synth::scan::{self, Options};
 use crate::capture::synth::spec::{Model, Spec};
@@ -14,7 +16,8 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  mesophyll synth data/leaves/elm.toml -o out/elm\n  \
     mesophyll synth data/leaves/balata.toml -o out/balata --size 240x180 --frames 60 --noise 0\n  \
-    mesophyll synth data/leaves/elm.toml -o out/elm-dome --acquisition dome --patch-mm 20 --size 256x256\n\n\
+    mesophyll synth data/leaves/elm.toml -o out/elm-dome --acquisition dome --patch-mm 20 --size 256x256\n  \
+    mesophyll synth data/leaves/elm.toml -o out/elm-beams --acquisition beams --patch-mm 12 --size 128x128\n\n\
     The specification and the capture it becomes are described in data/README.md.")]
 pub struct Args {
     /// Leaf specification
@@ -41,15 +44,18 @@ pub struct Args {
     /// Directions of travel: x, or x and y [default: xy]
     #[arg(long, value_name = "x|xy", value_parser = ["x", "xy"])]
     passes: Option<String>,
-    /// Dome: width of the part of the leaf that is captured, in mm (its height follows the size's shape); the whole field otherwise
+    /// Dome, beams: width of the part of the leaf that is captured, in mm (its height follows the size's shape); the whole field otherwise
     #[arg(long, value_name = "MM")]
     patch_mm: Option<f64>,
-    /// Dome: centre of that part, in mm from the middle of the field (x right, y up)
+    /// Dome, beams: centre of that part, in mm from the middle of the field (x right, y up)
     #[arg(long, value_name = "X,Y", value_delimiter = ',', num_args = 1, allow_hyphen_values = true, requires = "patch_mm")]
     patch_at: Option<Vec<f64>>,
     /// Dome: noise of a height, standard deviation in mm; none with --noise 0 [default: 0.01]
     #[arg(long, value_name = "MM")]
     height_noise: Option<f64>,
+    /// Beams: lit side, elevation over the blade and azimuth in that side's image, as front,60,0; may be given again
+    #[arg(long, value_name = "SIDE,DEG,DEG", allow_hyphen_values = true)]
+    beam: Vec<String>,
     /// Truth of the leaf, instead of the specification's
     #[arg(long)]
     model: Option<Model>,
@@ -61,13 +67,15 @@ pub struct Args {
     force: bool,
 }
 
-/// The two ways to measure a leaf.
+/// The ways to measure a leaf.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Acquisition {
     /// A lit tube that travels over the leaf, and a light box
     Tube,
     /// Photographs under a dome and in front of a back light, and height scans
     Dome,
+    /// Photographs of one side while narrow beams fall on the other
+    Beams,
 }
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
@@ -75,19 +83,22 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if !(0.0..=1.0).contains(&args.noise) {
         return Err(Error::Usage(format!("--noise: found {}, expected 0 to 1", args.noise)));
     }
-    let foreign = match args.acquisition {
-        Acquisition::Tube => [("--patch-mm", args.patch_mm.is_some()), ("--height-noise", args.height_noise.is_some()), ("", false)],
-        Acquisition::Dome => {
-            [("--frames", args.frames.is_some()), ("--passes", args.passes.is_some()), ("--raw-exposures", args.raw_exposures)]
-        }
-    };
-    if let Some((option, _)) = foreign.iter().find(|(_, given)| *given) {
-        let needs = if args.acquisition == Acquisition::Tube { "dome" } else { "tube" };
+    use Acquisition::{Beams, Dome, Tube};
+    let options: [(&str, bool, &[Acquisition], &str); 6] = [
+        ("--frames", args.frames.is_some(), &[Tube], "tube"),
+        ("--passes", args.passes.is_some(), &[Tube], "tube"),
+        ("--raw-exposures", args.raw_exposures, &[Tube], "tube"),
+        ("--patch-mm", args.patch_mm.is_some(), &[Dome, Beams], "dome or beams"),
+        ("--height-noise", args.height_noise.is_some(), &[Dome], "dome"),
+        ("--beam", !args.beam.is_empty(), &[Beams], "beams"),
+    ];
+    if let Some((option, _, _, needs)) = options.iter().find(|(_, given, meant, _)| *given && !meant.contains(&args.acquisition)) {
         return Err(Error::Usage(format!("{option}: has no meaning here, expected with --acquisition {needs} only")));
     }
     match args.acquisition {
         Acquisition::Tube => tube(args, common, width, height),
         Acquisition::Dome => under_dome(args, common, width, height),
+        Acquisition::Beams => under_beams(args, common, width, height),
     }
 }
 
@@ -99,21 +110,12 @@ fn under_dome(args: &Args, common: &Common, width: usize, height: usize) -> Resu
     if width.min(height) < 3 {
         return Err(Error::Usage(format!("--size: found {width}x{height}, expected at least 3x3 for heights to have slopes")));
     }
-    let centre = match args.patch_at.as_deref() {
-        None => [0.0; 2],
-        Some([x, y]) if x.is_finite() && y.is_finite() => [*x, *y],
-        Some(list) => return Err(Error::Usage(format!("--patch-at: found {} numbers, expected X,Y in mm", list.len()))),
-    };
-    if let Some(size) = args.patch_mm
-        && !(size > 0.0 && size.is_finite())
-    {
-        return Err(Error::Usage(format!("--patch-mm: found {size}, expected a positive width in mm")));
-    }
+    let patch = patch(args)?;
     let spec = Spec::read(&args.spec)?;
     let options = dome::Options {
         width,
         height,
-        patch: args.patch_mm.map(|size| (size, centre)),
+        patch,
         noise: args.noise,
         height_noise_mm,
         seed: args.seed,
@@ -130,6 +132,73 @@ fn under_dome(args: &Args, common: &Common, width: usize, height: usize) -> Resu
         super::print_json(&serde_json::json!({
             "capture": args.out, "kind": manifest.kind, "name": manifest.name, "width": width, "height": height,
             "texel_mm": manifest.texel_mm, "texels": texels, "thickness_max_mm": manifest.thickness_max_mm,
+        }))?;
+    } else {
+        progress::say(format!("{}: {width}x{height} texels of {:.3} mm, {texels} on the leaf", args.out.display(), manifest.texel_mm));
+    }
+    Ok(0)
+}
+
+/// Width and centre of the part that is captured.
+fn patch(args: &Args) -> Result<Option<(f64, [f64; 2])>> {
+    let centre = match args.patch_at.as_deref() {
+        None => [0.0; 2],
+        Some([x, y]) if x.is_finite() && y.is_finite() => [*x, *y],
+        Some(list) => return Err(Error::Usage(format!("--patch-at: found {} numbers, expected X,Y in mm", list.len()))),
+    };
+    if let Some(size) = args.patch_mm
+        && !(size > 0.0 && size.is_finite())
+    {
+        return Err(Error::Usage(format!("--patch-mm: found {size}, expected a positive width in mm")));
+    }
+    Ok(args.patch_mm.map(|size| (size, centre)))
+}
+
+/// `front,60,0`: lit side, elevation, azimuth.
+fn beam(text: &str) -> Result<Beam> {
+    let fail =
+        || Error::Usage(format!("--beam: found {text}, expected front or back, an elevation above 0 to 90 and an azimuth, as front,60,0"));
+    let parts: Vec<&str> = text.split(',').map(str::trim).collect();
+    let [side, elevation, azimuth] = parts[..] else { return Err(fail()) };
+    let lit = match side {
+        "front" => SideName::Front,
+        "back" => SideName::Back,
+        _ => return Err(fail()),
+    };
+    match (elevation.parse::<f64>(), azimuth.parse::<f64>()) {
+        (Ok(e), Ok(a)) if e > 0.0 && e <= 90.0 && (-360.0..=360.0).contains(&a) => {
+            Ok(Beam { file: String::new(), lit, elevation_deg: e, azimuth_deg: a })
+        }
+        _ => Err(fail()),
+    }
+}
+
+fn under_beams(args: &Args, common: &Common, width: usize, height: usize) -> Result<u8> {
+    if width.min(height) < 3 {
+        return Err(Error::Usage(format!("--size: found {width}x{height}, expected at least 3x3")));
+    }
+    let given = args.beam.iter().map(|text| beam(text)).collect::<Result<Vec<Beam>>>()?;
+    let spec = Spec::read(&args.spec)?;
+    let options = beams::Options {
+        width,
+        height,
+        patch: patch(args)?,
+        beams: if given.is_empty() { beams::usual_beams() } else { beams::named(given) },
+        noise: args.noise,
+        seed: args.seed,
+        model: args.model.unwrap_or(spec.model),
+    };
+    free_folder(&args.out, args.force)?;
+    progress::say(format!("growing {} ({})", spec.name, spec.species));
+    let grown = beams::grow(&spec, &options).ok_or_else(|| {
+        Error::Usage(format!("--size {width}x{height}: not one texel lies on the leaf; expected a larger size, or a patch on the leaf"))
+    })?;
+    let manifest = beams::capture(&spec, &grown, &options, &args.out)?;
+    let texels = grown.crop(&grown.leaf.mask).iter().filter(|m| **m).count();
+    if common.json {
+        super::print_json(&serde_json::json!({
+            "capture": args.out, "kind": manifest.kind, "name": manifest.name, "width": width, "height": height,
+            "texel_mm": manifest.texel_mm, "texels": texels, "photographs": manifest.beams.len(),
         }))?;
     } else {
         progress::say(format!("{}: {width}x{height} texels of {:.3} mm, {texels} on the leaf", args.out.display(), manifest.texel_mm));
@@ -192,7 +261,7 @@ fn free_folder(folder: &Path, force: bool) -> Result<()> {
     for name in ["capture.toml", "mask.exr", "dark.exr", "lightbox_empty.exr", "white.exr", "backlight_empty.exr"] {
         remove(&folder.join(name))?;
     }
-    for name in ["front", "back", "white", "mirror", "truth"] {
+    for name in ["front", "back", "white", "mirror", "photographs", "truth"] {
         remove(&folder.join(name))?;
     }
     Ok(())

@@ -10,7 +10,7 @@ use super::day::{self, Hour};
 use super::golden;
 use super::handover;
 use super::ledger::Ledger;
-use super::manifest::{Manifest, View, ViewKind};
+use super::manifest::{JudgedBy, Manifest, View, ViewKind};
 use super::plan::{LeafPlan, Plan, sun_direction};
 use super::reference;
 use super::sound;
@@ -77,6 +77,8 @@ pub struct ViewReport {
     pub noise_flip_p99: Option<f64>,
     /// What the translucency maps' directional basis costs: the reference by the stored coefficients against the reference by the convolution.
     pub basis: Option<(f64, f64)>,
+    /// Judged against the reference by the stored coefficients.
+    pub by_maps: bool,
     pub noise_max_error: Option<f64>,
     pub threshold_flip_p99: Option<f64>,
     pub threshold_max_error: f64,
@@ -264,13 +266,18 @@ fn one_view(
         margin: 2,
     };
     let camera = reference::camera(view);
-    let truth = stages.truth.render(&camera, w, h, &sampling(manifest.check.seed))?;
+    let mut truth = stages.truth.render(&camera, w, h, &sampling(manifest.check.seed))?;
     if let Some(by_maps) = stages.by_maps {
         // The same rays: what differs is the basis.
-        let basis = compare::compare(&truth, &by_maps.render(&camera, w, h, &sampling(manifest.check.seed))?.ldr)?;
+        let stored = by_maps.render(&camera, w, h, &sampling(manifest.check.seed))?;
+        let basis = compare::compare(&truth, &stored.ldr)?;
         out.basis = Some((basis.flip_p99, basis.max_error.unwrap_or(0.0)));
+        if view.judged_by == JudgedBy::Maps {
+            (truth, out.by_maps) = (stored, true);
+        }
     }
-    let other = stages.truth.render(&camera, w, h, &sampling(manifest.check.seed.wrapping_add(1)))?;
+    let own = if out.by_maps { stages.by_maps.unwrap_or(stages.truth) } else { stages.truth };
+    let other = own.render(&camera, w, h, &sampling(manifest.check.seed.wrapping_add(1)))?;
     out.reference_s = start.elapsed().as_secs_f64();
     let seen = compare::compare(&truth, &picture.ldr)?;
     let noise = compare::noise_floor(&truth, &other)?;
@@ -448,6 +455,7 @@ impl ViewReport {
             "noise_max_error": self.noise_max_error,
             "basis_flip_p99": self.basis.map(|b| b.0),
             "basis_max_error": self.basis.map(|b| b.1),
+            "judged_by": if self.by_maps { "maps" } else { "convolution" },
             "threshold_flip_p99": self.threshold_flip_p99,
             "threshold_max_error": self.threshold_max_error,
             "golden_flip_p99": self.golden.map(|g| g.0),
@@ -491,7 +499,12 @@ impl ViewReport {
             )
         };
         if let Some((flip, error)) = self.basis {
-            line += &format!("\n        of which the basis of the translucency maps: FLIP 99 % {flip:.4}, largest error {error:.4}");
+            let what = if self.by_maps {
+                "judged by the stored maps; beside that, their basis costs"
+            } else {
+                "of which the basis of the translucency maps"
+            };
+            line += &format!("\n        {what}: FLIP 99 % {flip:.4}, largest error {error:.4}");
         }
         for why in &self.why {
             line += &format!("\n        {why}");

@@ -309,6 +309,17 @@ pub enum ViewKind {
     Card,
 }
 
+/// What light through translucency maps is judged against.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum JudgedBy {
+    /// The full convolution for this very sun.
+    #[default]
+    Convolution,
+    /// The reference by the stored coefficients: the renderer alone is judged, and what the basis costs is reported beside it.
+    Maps,
+}
+
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct View {
@@ -329,6 +340,8 @@ pub struct View {
     pub max_error: Option<f64>,
     /// Largest median frame time (ms); judged on real GPUs only.
     pub frame_ms: Option<f64>,
+    #[serde(default)]
+    pub judged_by: JudgedBy,
 }
 
 /// How a check is done.

@@ -7,7 +7,7 @@ use super::placement::Placement;
 use super::plan::{LeafPlan, Plan};
 use super::plan_leaf::SIDES;
 use super::texel_frame;
-use super::translucency::{Coefficients, front_texel, value};
+use super::translucency::{Coefficients, front_texel, sum};
 use crate::fit::record::{FitRecord, Section};
 use crate::fit::translucency::source::Source;
 use crate::fit::translucency::tissue::Entry;
@@ -258,7 +258,7 @@ impl Inside {
         suns.iter()
             .map(|sun| {
                 let of = |map: &[[f32; 3]]| -> Vec<f32> {
-                    map.iter().enumerate().map(|(k, h)| value(*h, self.turned(s, *sun, k)) as f32).collect()
+                    map.iter().enumerate().map(|(k, h)| sum(*h, self.turned(s, *sun, k)) as f32).collect()
                 };
                 match coefficients {
                     Coefficients::Factor(map) => Sunlit::Factor(Arc::new(of(map))),

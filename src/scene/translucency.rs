@@ -292,9 +292,14 @@ fn cost(manifest: &Manifest, leaf: &LeafPlan, s: usize, maps: &Coefficients, pla
 
 /// max(0, Σ h_i √(3/2π) H_i·ω).
 pub fn value(h: [f32; 3], omega: DVec3) -> f64 {
+    sum(h, omega).max(0.0)
+}
+
+/// Σ h_i √(3/2π) H_i·ω, which may be negative: renderers interpolate first and cut off at 0 after.
+pub fn sum(h: [f32; 3], omega: DVec3) -> f64 {
     let [x, y, z] = [(1.0f64 / 6.0).sqrt(), 0.5f64.sqrt(), (1.0f64 / 3.0).sqrt()];
     let axes = [DVec3::new(-x, -y, z), DVec3::new(-x, y, z), DVec3::new(2.0 * x, 0.0, z)];
-    ((1.5 / PI).sqrt() * axes.iter().zip(h).map(|(a, h)| f64::from(h) * a.dot(omega)).sum::<f64>()).max(0.0)
+    (1.5 / PI).sqrt() * axes.iter().zip(h).map(|(a, h)| f64::from(h) * a.dot(omega)).sum::<f64>()
 }
 
 /// Suns in the leaf's own frame: those of its placements, or a spread over both sides where the sun moves.

@@ -10,7 +10,7 @@ pub mod defect;
 pub mod highlight;
 pub mod inspect;
 pub mod manifest;
-mod noise;
+pub mod noise;
 pub mod reader;
 pub mod reduce;
 pub mod shape;

@@ -8,6 +8,7 @@ pub mod gloss;
 pub mod leaf;
 pub mod sky;
 pub mod slab;
+pub mod tissue;
 pub mod translucency;
 
 #[derive(Debug, clap::Args)]
@@ -30,6 +31,8 @@ enum What {
     Sky(sky::Args),
     /// How the light that comes through a leaf depends on its direction: scattering inside the blade, its relief and thickness
     Translucency(translucency::Args),
+    /// What a leaf's inside is made of, from photographs of the light that comes through it
+    Tissue(tissue::Args),
 }
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
@@ -40,5 +43,6 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         What::Slab(a) => slab::run(a, common),
         What::Sky(a) => sky::run(a, common),
         What::Translucency(a) => translucency::run(a, common),
+        What::Tissue(a) => tissue::run(a, common),
     }
 }

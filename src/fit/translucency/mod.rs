@@ -17,6 +17,7 @@ pub mod basis_study;
 pub mod bench;
 pub mod colour;
 mod folder;
+pub mod inverse;
 pub mod judge;
 pub mod side;
 pub mod source;

@@ -327,7 +327,7 @@ pub(super) fn total_parts(settings: &Settings, d: f64) -> [f64; 2] {
 }
 
 /// Radius (mm) that less than `tail` of the scattered light passes.
-fn support(tissue: &Tissue, form: Form, d: f64, tail: f64) -> f64 {
+pub(crate) fn support(tissue: &Tissue, form: Form, d: f64, tail: f64) -> f64 {
     let whole = scattered(tissue, d, form);
     let outside = |r: f64| whole > 0.0 && tissue.beyond(r, d, form).abs() > tail * whole;
     let mut high = 0.1 * d;

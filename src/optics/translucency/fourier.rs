@@ -52,6 +52,13 @@ pub(crate) struct Spectrum {
     values: Vec<f64>,
 }
 
+impl Spectrum {
+    /// Σ of the stored values times `counts`, as [`Grid::correlate`] gives them.
+    pub fn dot(&self, counts: &[f64]) -> f64 {
+        self.values.iter().zip(counts).map(|(a, b)| a * b).sum()
+    }
+}
+
 impl Grid {
     pub fn new(width: usize, height: usize, reach: usize) -> Grid {
         let columns = smooth_size(width + reach.min(width - 1));
@@ -199,6 +206,64 @@ impl Grid {
             },
         );
         self.rows_back(&turned, count, gather)
+    }
+
+    /// How much each stored value of a kernel's spectrum counts in ⟨view, kernel ∗ part k⟩, for every part that `fill` writes (as [`Grid::forward`])
+    /// and the map that `view` writes (as [`Grid::backward`]); the two maps of a transform are added up. The derivative by a kernel, whatever the kernel is.
+    pub fn correlate(
+        &self,
+        count: usize,
+        fill: impl Fn(usize, &mut [&mut [C]]) + Sync,
+        view: impl Fn(usize, &mut [C]) + Sync,
+    ) -> Vec<Vec<f64>> {
+        let (parts, tall) = (count + 1, self.rows / 2 + 1);
+        let mut lines = vec![ZERO; self.height * parts * self.columns];
+        lines.par_chunks_mut(parts * self.columns).enumerate().for_each_init(
+            || vec![ZERO; self.along[0].get_inplace_scratch_len()],
+            |scratch, (y, line)| {
+                let (sources, last) = line.split_at_mut(count * self.columns);
+                let mut each: Vec<&mut [C]> = sources.chunks_mut(self.columns).map(|row| &mut row[..self.width]).collect();
+                fill(y, &mut each);
+                view(y, &mut last[..self.width]);
+                line.chunks_mut(self.columns).for_each(|row| self.along[0].process_with_scratch(row, scratch));
+            },
+        );
+        let scale = 1.0 / (self.columns * self.rows) as f64;
+        let mut unfolded = vec![0.0; self.columns * count * tall];
+        unfolded.par_chunks_mut(BLOCK * count * tall).enumerate().for_each_init(
+            || (vec![ZERO; BLOCK * parts * self.rows], vec![ZERO; self.down[0].get_inplace_scratch_len()]),
+            |(work, scratch), (block, out)| {
+                let (first, wide) = (block * BLOCK, out.len() / (count * tall));
+                work.fill(ZERO);
+                for y in 0..self.height {
+                    for k in 0..parts {
+                        let row = &lines[(y * parts + k) * self.columns + first..][..wide];
+                        for (c, v) in row.iter().enumerate() {
+                            work[(c * parts + k) * self.rows + y] = *v;
+                        }
+                    }
+                }
+                for c in 0..wide {
+                    let columns = &mut work[c * parts * self.rows..][..parts * self.rows];
+                    columns.chunks_mut(self.rows).for_each(|column| self.down[0].process_with_scratch(column, scratch));
+                    let (sources, seen) = columns.split_at(count * self.rows);
+                    for (k, column) in sources.chunks(self.rows).enumerate() {
+                        let out = &mut out[(c * count + k) * tall..][..tall];
+                        for q in 0..self.rows {
+                            out[q.min(self.rows - q)] += scale * (column[q].re * seen[q].re + column[q].im * seen[q].im);
+                        }
+                    }
+                }
+            },
+        );
+        let mut counts = vec![vec![0.0; (self.columns / 2 + 1) * tall]; count];
+        for (k, counts) in counts.iter_mut().enumerate() {
+            for f in 0..self.columns {
+                let from = &unfolded[(f * count + k) * tall..][..tall];
+                counts[f.min(self.columns - f) * tall..][..tall].iter_mut().zip(from).for_each(|(a, b)| *a += b);
+            }
+        }
+        counts
     }
 
     fn column<'a>(&self, kernel: &'a Spectrum, f: usize) -> &'a [f64] {

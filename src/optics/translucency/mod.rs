@@ -17,3 +17,4 @@ pub mod levels;
 pub mod lights;
 pub mod partials;
 pub mod relief;
+pub mod tangent;

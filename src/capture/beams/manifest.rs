@@ -1,0 +1,119 @@
+//! `capture.toml` of photographs under beams. Lengths in mm, angles in degrees; unknown fields are errors.
+
+use crate::capture::manifest::SideName;
+use crate::files::atomic::explain;
+use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// The value of the field `kind`.
+pub const KIND: &str = "beams";
+
+/// What was photographed, and how (format: `data/README.md`).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Manifest {
+    pub schema: u32,
+    pub kind: String,
+    pub name: String,
+    pub width: usize,
+    pub height: usize,
+    /// Size of a texel on the blade (mm).
+    pub texel_mm: f64,
+    /// Noise sd of a reading = √((relative·value)² + floor²); estimated when both are absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise_relative: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise_floor: Option<f64>,
+    #[serde(rename = "beam")]
+    pub beams: Vec<Beam>,
+}
+
+/// One photograph and its light.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Beam {
+    /// Photograph of the unlit side, R G B, relative to the folder.
+    pub file: String,
+    /// The side that the light falls on.
+    pub lit: SideName,
+    /// Over the blade's plane: 90 is along the normal.
+    pub elevation_deg: f64,
+    /// In the lit side's image, from right to up, where the light comes from.
+    pub azimuth_deg: f64,
+}
+
+impl Beam {
+    /// Unit vector towards the light in the lit side's image frame: x right, y up, z out of the lit side.
+    pub fn direction(&self) -> [f64; 3] {
+        let ((se, ce), (sa, ca)) = (self.elevation_deg.to_radians().sin_cos(), self.azimuth_deg.to_radians().sin_cos());
+        [ce * ca, ce * sa, se]
+    }
+}
+
+impl Manifest {
+    /// Reads and validates `CAPTURE/capture.toml`.
+    ///
+    /// # Errors
+    /// [`Error::Input`] naming the file, the field, what was found and what was expected; also for a capture of another kind.
+    pub fn read(folder: &Path) -> Result<Manifest> {
+        let path = folder.join("capture.toml");
+        let text = std::fs::read_to_string(&path).map_err(|e| Error::input(&path, explain(&e)))?;
+        if let Ok(table) = text.parse::<toml::Table>()
+            && table.get("kind").and_then(toml::Value::as_str) != Some(KIND)
+        {
+            let found = table.get("kind").map_or("missing".into(), |kind| format!("found {kind}"));
+            return Err(Error::field(&path, "kind", format!("{found}, expected \"{KIND}\" (photographs of the light that comes through)")));
+        }
+        let manifest: Manifest = toml::from_str(&text).map_err(|e| {
+            let line = e.span().map_or(0, |s| text[..s.start.min(text.len())].matches('\n').count() + 1);
+            Error::Input { place: format!("{}:{line}", path.display()), what: e.message().lines().collect::<Vec<_>>().join(" ") }
+        })?;
+        manifest.validate(&path)?;
+        Ok(manifest)
+    }
+
+    fn validate(&self, path: &Path) -> Result<()> {
+        let bad = |field: &str, found: &dyn std::fmt::Display, expected: &str| {
+            Err(Error::field(path, field, format!("found {found}, expected {expected}")))
+        };
+        if self.schema != 1 {
+            return bad("schema", &self.schema, "1");
+        }
+        for (field, value) in [("width", self.width), ("height", self.height)] {
+            if !(3..=16_384).contains(&value) {
+                return bad(field, &value, "3 to 16384 texels");
+            }
+        }
+        if !(self.texel_mm > 0.0 && self.texel_mm.is_finite()) {
+            return bad("texel_mm", &self.texel_mm, "a positive length in mm");
+        }
+        for (field, value) in [("noise_relative", self.noise_relative), ("noise_floor", self.noise_floor)] {
+            if let Some(v) = value
+                && !(0.0..1e3).contains(&v)
+            {
+                return bad(field, &v, "zero or a positive number");
+            }
+        }
+        if self.beams.is_empty() || self.beams.len() > 1000 {
+            return bad("beam", &format!("{} photographs", self.beams.len()), "1 to 1000");
+        }
+        for (k, beam) in self.beams.iter().enumerate() {
+            let field = |name: &str| format!("beam {}: {name}", k + 1);
+            if beam.file.is_empty() || Path::new(&beam.file).components().any(|c| !matches!(c, std::path::Component::Normal(_))) {
+                return bad(&field("file"), &format!("{:?}", beam.file), "a path inside the capture");
+            }
+            if !(beam.elevation_deg > 0.0 && beam.elevation_deg <= 90.0) {
+                return bad(&field("elevation_deg"), &beam.elevation_deg, "above 0 (the blade's plane) to 90 (along its normal)");
+            }
+            if !(-360.0..=360.0).contains(&beam.azimuth_deg) {
+                return bad(&field("azimuth_deg"), &beam.azimuth_deg, "-360 to 360");
+            }
+        }
+        Ok(())
+    }
+
+    pub fn texels(&self) -> usize {
+        self.width * self.height
+    }
+}

@@ -1,0 +1,57 @@
+//! Photographs under beams opened for fitting: all of them are there, of one size, and hold readings.
+
+use super::manifest::{Beam, Manifest};
+use crate::capture::reader::RGB;
+use crate::files::hash;
+use crate::files::image::{exr_info, read_exr_rows};
+use crate::{Error, Result};
+use std::path::{Path, PathBuf};
+
+/// A validated capture with its photographs.
+#[derive(Debug)]
+pub struct Capture {
+    pub folder: PathBuf,
+    pub manifest: Manifest,
+    /// A photograph, a channel (R G B): values in the *lit* side's columns, row by row; NaN where there is no reading.
+    pub photographs: Vec<[Vec<f64>; 3]>,
+}
+
+impl Capture {
+    /// # Errors
+    /// [`Error::Input`] naming the first file that is missing, of another size, without a channel, or without a reading.
+    pub fn open(folder: &Path) -> Result<Capture> {
+        let manifest = Manifest::read(folder)?;
+        let photographs = manifest.beams.iter().map(|b| photograph(folder, &manifest, b)).collect::<Result<_>>()?;
+        Ok(Capture { folder: folder.to_path_buf(), manifest, photographs })
+    }
+
+    /// Content hash of everything a fit reads.
+    ///
+    /// # Errors
+    /// A file that cannot be read.
+    pub fn hash(&self) -> Result<String> {
+        let names: Vec<&str> = std::iter::once("capture.toml").chain(self.manifest.beams.iter().map(|b| b.file.as_str())).collect();
+        let hashes: Vec<String> = names.iter().map(|n| hash::file(&self.folder.join(n))).collect::<Result<_>>()?;
+        Ok(hash::combine(names.into_iter().zip(hashes.iter().map(String::as_str))))
+    }
+}
+
+fn photograph(folder: &Path, manifest: &Manifest, beam: &Beam) -> Result<[Vec<f64>; 3]> {
+    let path = folder.join(&beam.file);
+    let info = exr_info(&path)?;
+    let (w, h) = (manifest.width, manifest.height);
+    if (info.width, info.height) != (w, h) {
+        return Err(Error::input(&path, format!("found {}x{} texels, expected {w}x{h} as capture.toml says", info.width, info.height)));
+    }
+    let maps = read_exr_rows(&path, Some(&RGB), None)?;
+    let mut channels: [Vec<f64>; 3] = Default::default();
+    for (channel, name) in channels.iter_mut().zip(RGB) {
+        let seen = maps.require(&path, name)?;
+        // The lit side's camera would see the place of column i at column width − 1 − i.
+        *channel = seen.chunks(w).flat_map(|row| row.iter().rev().map(|v| f64::from(*v))).collect();
+        if !channel.iter().any(|v| v.is_finite()) {
+            return Err(Error::field(&path, name, "no texel has a reading; expected a photograph"));
+        }
+    }
+    Ok(channels)
+}

@@ -1,0 +1,243 @@
+//! Synthesis of photographs under beams from a leaf specification. Lengths in mm.
+//!
+//! The leaf's maps are those of the other captures (its normals, its thickness, its σ). A beam's irradiance with self-shadowing enters, spreads in the
+//! thin form with the transport equation's totals for a beam of that incidence, and leaves: 20 thickness levels and kernels to 1e-9, more than a fit uses; σa that
+//! varies over the leaf (pigment leaves) by levels in ln σa, as thickness is. Index-matched: all light enters, what comes through leaves.
+//! For a patch the leaf is grown wider than the picture, so that light comes in over its border.
+
+use super::manifest::{Beam, KIND, Manifest};
+use crate::capture::manifest::SideName;
+use crate::capture::synth::leaf::{Leaf, Window, texel_size};
+use crate::capture::synth::preview;
+use crate::capture::synth::random::Stream;
+use crate::capture::synth::scan::stop_if_asked;
+use crate::capture::synth::spec::{Model, Spec};
+use crate::files::atomic;
+use crate::files::image::{Maps, Packing, write_exr};
+use crate::optics::dipole::Tissue;
+use crate::optics::slab;
+use crate::optics::translucency::blade::{self, LitSide, Surface};
+use crate::optics::translucency::convolve::{Convolver, Settings, Totals};
+use crate::optics::translucency::horizon::Horizon;
+use crate::optics::translucency::irradiance::{Visibility, irradiance};
+use crate::optics::translucency::levels::{LevelKind, Levels};
+use crate::optics::translucency::relief;
+use crate::{Error, Result};
+use rayon::prelude::*;
+use std::borrow::Cow;
+use std::path::Path;
+
+/// How a specification is photographed.
+#[derive(Debug, Clone)]
+pub struct Options {
+    pub width: usize,
+    pub height: usize,
+    /// Width (mm) and centre (mm from the field's centre) of the part that is captured; the whole field when absent.
+    pub patch: Option<(f64, [f64; 2])>,
+    pub beams: Vec<Beam>,
+    /// Relative noise; 0 writes exact values.
+    pub noise: f64,
+    pub seed: u64,
+    pub model: Model,
+}
+
+/// Thickness levels, and levels of ln σa where it varies.
+const LEVELS: usize = 20;
+const PIGMENTS: usize = 6;
+/// Light from farther than this many mean thicknesses beyond a patch is left out.
+const AROUND: f64 = 8.0;
+/// No facet counts for more than this many texels' area.
+const STEEPEST: f64 = 5.0;
+
+/// One beam along each side's normal, and three slanting ones on the front.
+pub fn usual_beams() -> Vec<Beam> {
+    let beams = [
+        (SideName::Front, 90.0, 0.0),
+        (SideName::Front, 50.0, 20.0),
+        (SideName::Front, 50.0, 140.0),
+        (SideName::Front, 50.0, 260.0),
+        (SideName::Back, 90.0, 0.0),
+    ];
+    named(beams.map(|(lit, elevation_deg, azimuth_deg)| Beam { file: String::new(), lit, elevation_deg, azimuth_deg }).to_vec())
+}
+
+/// Gives beams their files, as `photographs/01_front_90_0.exr`.
+pub fn named(mut beams: Vec<Beam>) -> Vec<Beam> {
+    for (k, b) in beams.iter_mut().enumerate() {
+        b.file = format!("photographs/{:02}_{}_{}_{}.exr", k + 1, b.lit.name(), b.elevation_deg, b.azimuth_deg);
+    }
+    beams
+}
+
+/// A leaf, wider than the picture by `around` texels on every side.
+#[derive(Debug, Clone)]
+pub struct Grown {
+    pub leaf: Leaf,
+    pub around: usize,
+}
+
+/// Grows the leaf; `None` when not one texel of the picture lies on it.
+pub fn grow(spec: &Spec, options: &Options) -> Option<Grown> {
+    let (w, h) = (options.width, options.height);
+    let (window, around) = match options.patch {
+        Some((size, centre_mm)) => {
+            let texel_mm = size / w as f64;
+            (Window { centre_mm, texel_mm }, (AROUND * spec.thickness_mm / texel_mm).ceil() as usize)
+        }
+        None => (Window { centre_mm: [0.0; 2], texel_mm: texel_size(spec, w, h) }, 0),
+    };
+    let leaf = Leaf::grow_in(spec, options.model, (w + 2 * around, h + 2 * around), window)?;
+    let grown = Grown { leaf, around };
+    grown.crop(&grown.leaf.mask).contains(&true).then_some(grown)
+}
+
+impl Grown {
+    /// The picture's part of a map.
+    pub fn crop<T: Clone>(&self, map: &[T]) -> Vec<T> {
+        let (wide, a) = (self.leaf.width, self.around);
+        map.chunks(wide).skip(a).take(self.leaf.height - 2 * a).flat_map(|row| row[a..wide - a].iter().cloned()).collect()
+    }
+
+    /// Exact values of a photograph, in the lit side's columns, a channel each.
+    ///
+    /// # Errors
+    /// A tissue that no kernel can be made of.
+    pub fn shown(&self, beam: &Beam) -> Result<[Vec<f64>; 3]> {
+        let leaf = &self.leaf;
+        let back = beam.lit == SideName::Back;
+        let (side, mask) = (if back { &leaf.back } else { &leaf.front }, leaf.mask_of(back));
+        let (w, h) = (leaf.width, leaf.height);
+        let normal: Vec<[f64; 3]> =
+            side.normal.iter().zip(&mask).map(|(n, m)| if *m { n.map(f64::from) } else { [0.0, 0.0, 1.0] }).collect();
+        let height = relief::integrate(&normal, &mask, w, h, leaf.texel_mm).height;
+        let thickness: Vec<f64> = side.thickness.iter().zip(&mask).map(|(d, m)| if *m { f64::from(*d) } else { 0.0 }).collect();
+        // A slope has more area than its texel: it catches n·ω/n_z.
+        let entry = normal.iter().map(|n| (1.0 / n[2]).min(STEEPEST)).collect();
+        let surface = Surface { height, normal, entry };
+        let lit = LitSide {
+            side: if back { blade::Side::Back } else { blade::Side::Front },
+            width: w,
+            height: h,
+            texel_mm: leaf.texel_mm,
+            mask: Cow::from(&mask),
+            thickness: Cow::from(&thickness),
+            surface: &surface,
+        };
+        let light = irradiance(&lit, &Horizon::new(&lit), beam.direction(), Visibility::Hard);
+        let mut out: [Vec<f64>; 3] = Default::default();
+        for (c, out) in out.iter_mut().enumerate() {
+            let sigma_a: Vec<f64> = side.sigma_a.iter().map(|s| f64::from(s[c])).collect();
+            let reduced = side.sigma_s.iter().zip(&mask).find(|(_, m)| **m).map_or(0.0, |(s, _)| f64::from(s[c]));
+            *out = self.crop(&through(&light, &thickness, &sigma_a, reduced, beam.direction()[2].min(1.0), w, leaf.texel_mm)?);
+        }
+        Ok(out)
+    }
+}
+
+/// How much of a beam at cosine `mu` to the normal comes through a slab of `d` mm, over that of a beam along it.
+pub fn slanting(tissue: &Tissue, d: f64, mu: f64) -> f64 {
+    if !(d > 0.0 && mu < 1.0) {
+        return 1.0;
+    }
+    let (a, s) = (tissue.sigma_a, tissue.reduced_scattering());
+    let ln = |mu: f64| slab::exact::solve_log(mu, s / (a + s), a / (a + s), (a + s) * d).1;
+    (ln(mu) - ln(1.0)).exp()
+}
+
+/// [`slanting`] for many thicknesses: a table over ln d, cubic between its points.
+fn slants(tissue: &Tissue, range: [f64; 2], mu: f64) -> impl Fn(f64) -> f64 + use<> {
+    const POINTS: usize = 64;
+    let (low, step) = (range[0].ln() - 1e-9, ((range[1] / range[0]).ln() + 2e-9) / (POINTS - 1) as f64);
+    let values: Vec<f64> = (0..POINTS).into_par_iter().map(|k| slanting(tissue, (low + step * k as f64).exp(), mu)).collect();
+    move |d: f64| {
+        let at = ((d.ln() - low) / step).clamp(0.0, (POINTS - 1) as f64);
+        let first = (at as usize).saturating_sub(1).min(POINTS - 4);
+        let u = at - first as f64;
+        let [a, b, c, d] = [0, 1, 2, 3].map(|k| values[first + k]);
+        -a * (u - 1.0) * (u - 2.0) * (u - 3.0) / 6.0 + b * u * (u - 2.0) * (u - 3.0) / 2.0 - c * u * (u - 1.0) * (u - 3.0) / 2.0
+            + d * u * (u - 1.0) * (u - 2.0) / 6.0
+    }
+}
+
+/// The light that comes through where σa varies: sources split by levels of ln σa.
+fn through(light: &[f64], thickness: &[f64], sigma_a: &[f64], reduced: f64, mu: f64, width: usize, texel_mm: f64) -> Result<Vec<f64>> {
+    let on = || sigma_a.iter().zip(thickness).filter(|(_, d)| **d > 0.0).map(|(s, _)| *s);
+    let [low, high] = on().fold([f64::INFINITY, 0.0], |[a, b]: [f64; 2], s| [a.min(s), b.max(s)]);
+    let varies = low > 0.0 && high > low * (1.0 + 1e-9);
+    let angle = |k: usize| std::f64::consts::PI * (k as f64 + 0.5) / PIGMENTS as f64;
+    let (middle, half) = (0.5 * (low.ln() + high.ln()), 0.5 * (high.ln() - low.ln()));
+    let nodes: Vec<f64> = if varies { (0..PIGMENTS).map(|k| (middle + half * angle(k).cos()).exp()).collect() } else { vec![high] };
+    let thick = thickness.iter().filter(|d| **d > 0.0).fold([f64::INFINITY, 0.0], |[a, b]: [f64; 2], d| [a.min(*d), b.max(*d)]);
+    let mut sum = vec![0.0; light.len()];
+    if !(reduced > 0.0 || high > 0.0) || thick[1] == 0.0 {
+        return Ok(sum);
+    }
+    for (k, &node) in nodes.iter().enumerate() {
+        // Lagrange weight of this node at each texel's σa.
+        let weight = |s: f64| match varies {
+            true => (0..PIGMENTS).filter(|j| *j != k).map(|j| (s / nodes[j]).ln() / (node / nodes[j]).ln()).product(),
+            false => 1.0,
+        };
+        let tissue = Tissue { sigma_a: node, sigma_s: reduced, g: 0.0, a: 1.0 };
+        let slant = slants(&tissue, thick, mu);
+        let lit = |k: usize| if light[k] > 0.0 && thickness[k] > 0.0 { light[k] * weight(sigma_a[k]) * slant(thickness[k]) } else { 0.0 };
+        let part: Vec<f64> = (0..light.len()).map(lit).collect();
+        let levels = Levels { count: LEVELS, kind: LevelKind::Chebyshev };
+        let settings = Settings { levels, totals: Totals::Transport, tail: 1e-9, ..Settings::new(tissue, texel_mm) };
+        let Some(convolver) = Convolver::for_map(&settings, width, thickness)? else { continue };
+        sum.iter_mut().zip(&convolver.run(thickness, &[part])[0]).for_each(|(s, v)| *s += v);
+    }
+    Ok(sum)
+}
+
+/// Photographs `grown` into `folder`; `capture.toml` comes last.
+///
+/// # Errors
+/// [`Error::Write`] for what cannot be written, [`Error::Interrupted`] after Ctrl-C.
+pub fn capture(spec: &Spec, grown: &Grown, options: &Options, folder: &Path) -> Result<Manifest> {
+    let (w, h) = (options.width, options.height);
+    let floor = if options.noise > 0.0 { spec.device.noise_floor } else { 0.0 };
+    for (k, beam) in options.beams.iter().enumerate() {
+        stop_if_asked(folder)?;
+        let mut shown = grown.shown(beam)?;
+        for (c, channel) in shown.iter_mut().enumerate() {
+            let mut stream = Stream::new(options.seed, &[31, k as u64, c as u64]);
+            if options.noise > 0.0 {
+                for pair in channel.chunks_mut(2) {
+                    pair.iter_mut().zip(stream.normal_pair()).for_each(|(v, n)| *v += n * (options.noise * *v).hypot(floor));
+                }
+            }
+        }
+        // As the unlit side's camera sees it; off the leaf there is nothing to read.
+        let mask = grown.crop(&grown.leaf.mask_of(beam.lit == SideName::Back));
+        let mut maps = Maps::new(w, h);
+        for (channel, name) in shown.iter().zip(crate::capture::reader::RGB) {
+            let seen: Vec<f32> = channel.iter().zip(&mask).map(|(v, m)| if *m { *v as f32 } else { f32::NAN }).collect();
+            maps.push(name, blade::mirror(&seen, w));
+        }
+        write_exr(&folder.join(&beam.file), &maps, Packing::Raw)?;
+    }
+    for (back, name) in [(false, "front"), (true, "back")] {
+        let all = grown.leaf.truth(back);
+        let mut truth = Maps::new(w, h);
+        for (channel, values) in &all.channels {
+            truth.push(channel, grown.crop(values));
+        }
+        write_exr(&folder.join("truth").join(format!("{name}.exr")), &truth, Packing::Zip)?;
+        preview::write(&folder.join("truth").join(format!("{name}.png")), &grown.leaf, back)?;
+    }
+    let manifest = Manifest {
+        schema: 1,
+        kind: KIND.into(),
+        name: spec.name.clone(),
+        width: w,
+        height: h,
+        texel_mm: grown.leaf.texel_mm,
+        noise_relative: Some(options.noise),
+        noise_floor: Some(floor),
+        beams: options.beams.clone(),
+    };
+    let text = toml::to_string(&manifest).map_err(|e| Error::write(&folder.join("capture.toml"), e))?;
+    atomic::write_bytes(&folder.join("capture.toml"), text.as_bytes())?;
+    Ok(manifest)
+}

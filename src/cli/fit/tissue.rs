@@ -1,0 +1,151 @@
+//! `mesophyll fit tissue BEAMS --blade FIT -o DIR`.
+
+use crate::cli::{Common, print, print_json};
+use crate::files::progress::say;
+use crate::fit::record::FitRecord;
+use crate::fit::translucency::inverse::run::{Options, Outcome, Start, run as fit};
+use crate::fit::translucency::inverse::{self};
+use crate::fit::translucency::tissue::Entry;
+use crate::optics::translucency::convolve::Totals;
+use crate::{Error, Result};
+use std::path::PathBuf;
+
+/// Absorption and scattering inside a leaf, and a factor on its thickness, from photographs of the light that comes through it under beams of known direction.
+///
+/// DIR gets fit.toml and times.toml. Scattering is found as (1 - g) sigma_s; no photograph of this kind tells g itself.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  mesophyll fit tissue scans/elm-beams --blade fits/elm -o fits/elm-tissue
+  mesophyll fit tissue scans/elm-beams --blade fits/elm -o out/elm-tissue --fix-scale     the leaf fit's thickness is right
+The capture (capture.toml with kind = \"beams\") is described in data/README.md; `mesophyll synth --acquisition beams` writes one.")]
+pub struct Args {
+    /// Capture of kind \"beams\"
+    #[arg(value_name = "BEAMS")]
+    input: PathBuf,
+    /// Folder of `fit leaf`: thickness, normals, outline, and the slab to compare with
+    #[arg(long, value_name = "FIT")]
+    blade: PathBuf,
+    /// Folder to write
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+    /// Take the thickness as the leaf fit has it
+    #[arg(long)]
+    fix_scale: bool,
+    /// Mean cosine of scattering that sigma_s is stated for
+    #[arg(long, value_name = "V", default_value_t = 0.0, allow_negative_numbers = true)]
+    g: f64,
+    /// Light that enters and leaves: all of it, or 1 - rho_d of the texel
+    #[arg(long, value_enum, default_value_t = EntryName::Matched)]
+    entry: EntryName,
+    /// How much comes through: the transport equation's, or diffusion's own
+    #[arg(long, value_enum, default_value_t = TotalsName::Transport)]
+    totals: TotalsName,
+    /// How much of a slanting beam comes through: as the transport equation has it, or as of one along the normal (as the renderers take it)
+    #[arg(long, value_enum, default_value_t = IncidenceName::Slant)]
+    incidence: IncidenceName,
+    /// Where the search begins: the leaf fit's slab, or the sources' table
+    #[arg(long, value_enum, default_value_t = StartName::Slab)]
+    start: StartName,
+    /// Thickness levels K
+    #[arg(long, value_name = "K", default_value_t = 8, value_parser = clap::value_parser!(u16).range(2..=64))]
+    levels: u16,
+    /// Leave out readings nearer than this to a border that the leaf goes on beyond (default: six mean thicknesses)
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    margin_mm: Option<f64>,
+    /// Fit again although the folder already holds this very fit
+    #[arg(long)]
+    force: bool,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum EntryName {
+    Matched,
+    Albedo,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum TotalsName {
+    Transport,
+    Form,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum IncidenceName {
+    Slant,
+    Normal,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum StartName {
+    Slab,
+    Table,
+}
+
+fn options(args: &Args) -> Result<Options> {
+    if !(args.g.abs() < 1.0) {
+        return Err(Error::Usage(format!("--g: found {}, expected between -1 and 1", args.g)));
+    }
+    if let Some(margin) = args.margin_mm
+        && !(margin >= 0.0 && margin.is_finite())
+    {
+        return Err(Error::Usage(format!("--margin-mm: found {margin}, expected 0 or more")));
+    }
+    let totals = match args.totals {
+        TotalsName::Transport => Totals::Transport,
+        TotalsName::Form => Totals::Form,
+    };
+    let slant = matches!(args.incidence, IncidenceName::Slant);
+    let levels = usize::from(args.levels);
+    Ok(Options {
+        fit: inverse::Options { levels, totals, slant, fix_scale: args.fix_scale, ..inverse::Options::default() },
+        g: args.g,
+        entry: match args.entry {
+            EntryName::Matched => Entry::Matched,
+            EntryName::Albedo => Entry::Albedo,
+        },
+        start: match args.start {
+            StartName::Slab => Start::Slab,
+            StartName::Table => Start::Table,
+        },
+        margin_mm: args.margin_mm,
+        force: args.force,
+    })
+}
+
+pub fn run(args: &Args, common: &Common) -> Result<u8> {
+    let record = match fit(&args.input, &args.blade, &args.output, &options(args)?)? {
+        Outcome::Done(record) => {
+            say(format!("fit written to {}", args.output.display()));
+            record
+        }
+        Outcome::UpToDate(record) => {
+            say(format!("{} already holds this fit; --force computes it again", args.output.display()));
+            record
+        }
+    };
+    if common.json {
+        print_json(&*record)?;
+    } else {
+        print(&summary(&record))?;
+    }
+    Ok(0)
+}
+
+/// A table a person can read.
+fn summary(record: &FitRecord) -> String {
+    let Some(section) = record.sections.get("all") else { return String::new() };
+    let count = |k: &str| section.counts.get(k).copied().unwrap_or(0);
+    let mut text = format!("{}: {} photographs, {} readings\n", record.name, count("photographs"), count("readings"));
+    for (name, p) in &section.params {
+        let values: Vec<String> = p.value.iter().zip(&p.stderr).map(|(v, e)| format!("{v:.4} ± {e:.1e}")).collect();
+        text += &format!("  {name:<16} {} {}\n", values.join("   "), p.unit);
+        p.undetermined.iter().for_each(|u| text += &format!("    undetermined: {u}\n"));
+    }
+    if let Some(chi2) = section.figures.get("reduced_chi2") {
+        text += &format!("  reduced chi2 {chi2:.3}\n");
+    }
+    for (name, weak) in record.options.iter().filter(|(k, _)| k.starts_with("weak_")) {
+        text += &format!("  {name}: {weak}\n");
+    }
+    text + &format!("  {}\n", record.options.get("comparison").map_or("", String::as_str))
+}

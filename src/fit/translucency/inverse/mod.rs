@@ -1,0 +1,130 @@
+//! What a leaf is made of, from photographs of the light that comes through it: σa and σs′ = (1 − g)σs a channel, and one factor on its thickness.
+//!
+//! Photographs of the unlit side under a few lights of known direction are compared with the very model that renders (H9 Eq. 3.14, the thin form):
+//! seen = exit · A_p Σ_i T(|x_o − x_i|, f·d_i) E(x_i, ω). How much comes through tells one number a channel and thickness; how far it spreads, in texels of known
+//! size, tells a length; together they separate absorption from scattering and both from the thickness. The cost is ½ Σ ((model − seen)/sd)², its gradient that of
+//! the discretised model, by correlation ([`crate::optics::translucency::tangent`]); argmin's L-BFGS minimises it in the logarithms, in coordinates that the
+//! Gauss–Newton matrix at each round's start makes round. sd is that of the *modelled* value (a reading's own would pull the fit low), renewed every round.
+//!
+//! **g is not among the unknowns**: the model holds scattering only as σs′, in its kernel, its unscattered light and its totals alike. Units: mm, 1/mm.
+//!
+//! Limits: what diffusion and the normal-incidence kernel leave out is not in the standard errors; where the residuals exceed the noise, errors are
+//! scaled by them. Texels near a border that the leaf goes on beyond have to be left out by the caller.
+
+pub mod certainty;
+pub mod compare;
+pub mod folder;
+mod model;
+pub mod rounds;
+pub mod run;
+pub mod stress;
+pub mod synthetic;
+
+pub use certainty::Certainty;
+pub use rounds::fit;
+
+use crate::fit::record::Residuals;
+use crate::optics::translucency::convolve::Totals;
+use crate::solve::{Termination, Trace};
+
+/// One channel of one photograph, in the lit side's columns, row by row.
+#[derive(Debug, Clone)]
+pub struct Image {
+    /// Which of the thickness maps the light enters.
+    pub map: usize,
+    /// Irradiance that enters, per irradiance of a plane that faces the light.
+    pub light: Vec<f64>,
+    /// Cosine of the light to the blade's normal, above 0 to 1.
+    pub cosine: f64,
+    /// Share of the inner light that leaves through the seen side.
+    pub exit: Vec<f64>,
+    /// The photograph's values (1 = a white sheet that faces the light); not read where not used.
+    pub seen: Vec<f64>,
+    /// Texels that count.
+    pub used: Vec<bool>,
+}
+
+/// The photographs of one wavelength.
+#[derive(Debug, Clone)]
+pub struct Channel {
+    pub name: String,
+    /// Boundary term A ≥ 1.
+    pub a: f64,
+    pub images: Vec<Image>,
+}
+
+/// Everything that was measured.
+#[derive(Debug, Clone)]
+pub struct Measured {
+    pub width: usize,
+    pub texel_mm: f64,
+    /// Thickness (mm) in the columns of each lit side, 0 off the leaf.
+    pub thickness: Vec<Vec<f64>>,
+    pub channels: Vec<Channel>,
+    pub noise: Noise,
+}
+
+/// sd of a reading = √((relative·value)² + floor²).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Noise {
+    pub relative: f64,
+    pub floor: f64,
+    /// Whether these are the noise, or only weights whose level the residuals tell.
+    pub known: bool,
+}
+
+impl Noise {
+    /// For exact values: all texels count alike, relatively.
+    pub const EXACT: Noise = Noise { relative: 0.01, floor: 0.0, known: false };
+}
+
+/// What a fit begins with, or a truth.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tissues {
+    /// 1/mm, a channel each.
+    pub sigma_a: Vec<f64>,
+    /// σs′, 1/mm.
+    pub reduced: Vec<f64>,
+    /// Factor on the thickness map.
+    pub scale: f64,
+}
+
+/// How the fit is done.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// Thickness levels.
+    pub levels: usize,
+    pub totals: Totals,
+    /// With the transport equation's totals: of a beam at each light's own incidence, else of one along the normal (as renderers have it).
+    pub slant: bool,
+    /// The thickness map is right as it is.
+    pub fix_scale: bool,
+    /// Rounds of descent at most.
+    pub rounds: usize,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options { levels: 8, totals: Totals::Transport, slant: true, fix_scale: false, rounds: 12 }
+    }
+}
+
+/// What came out.
+#[derive(Debug, Clone)]
+pub struct Fitted {
+    pub tissues: Tissues,
+    /// In the logarithms: σa, σs′ of each channel, then the scale unless it was fixed.
+    pub certainty: Certainty,
+    pub termination: Termination,
+    pub trace: Trace,
+    /// The parameters (not their logarithms) of each row of the trace.
+    pub points: Vec<Tissues>,
+    /// Costs with gradient, and Jacobians.
+    pub evaluations: usize,
+    /// A channel each, in their order.
+    pub residuals: Vec<Residuals>,
+    pub reduced_chi2: f64,
+}
+
+#[cfg(test)]
+mod tests;

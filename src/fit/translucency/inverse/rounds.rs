@@ -1,0 +1,170 @@
+//! Rounds of L-BFGS: each begins with the Gauss–Newton matrix where the last one ended, which gives the coordinates, and with the sds that the model has there.
+
+use super::certainty::{self, Certainty};
+use super::model::{Model, Normal, logarithms};
+use super::{Fitted, Measured, Options, Tissues};
+use crate::fit::record::Residuals;
+use crate::solve::Termination;
+use crate::solve::descent::{Limits, lbfgs};
+use crate::{Error, Result};
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
+
+/// Distance to the minimum, in standard errors, at which a fit is done; and what a round goes on to.
+const DONE: f64 = 1e-2;
+const ROUND: f64 = 1e-4;
+/// Longest first step of a round in a logarithm.
+const STEP: f64 = 1.0;
+/// Directions whose curvature is less than this share of the largest are not determined by rounding's account.
+const FLAT: f64 = 1e-13;
+
+/// Fits σa and σs′ of every channel and the thickness scale (unless fixed) from `start`.
+///
+/// # Errors
+/// [`Error::Missed`] where no reading counts, the photographs do not depend on the tissue, the model has no value at the start, or the search
+/// does not converge: its end is named, and no numbers are given.
+pub fn fit(measured: &Measured, start: &Tissues, options: &Options) -> Result<Fitted> {
+    let channels = measured.channels.len();
+    if channels == 0 || start.sigma_a.len() != channels || start.reduced.len() != channels {
+        return Err(Error::Usage(format!("a start for {} channels; expected {channels}, one or more", start.sigma_a.len())));
+    }
+    let mut p = logarithms(start, options);
+    if !p.iter().all(|v| v.is_finite()) {
+        return Err(Error::Usage(format!("start {start:?}; expected coefficients and a scale above 0")));
+    }
+    let mut model = Model::new(measured, options, start)?;
+    if model.count <= p.len() {
+        return Err(Error::Missed(format!("{} readings for {} unknowns: nothing was fitted", model.count, p.len())));
+    }
+    let mut out = Fitted {
+        tissues: start.clone(),
+        certainty: Certainty::default(),
+        termination: Termination::IterationLimit,
+        trace: Vec::new(),
+        points: Vec::new(),
+        evaluations: 0,
+        residuals: Vec::new(),
+        reduced_chi2: f64::NAN,
+    };
+    let (mut damping, mut elapsed, mut last) = (0.0, 0.0, None);
+    for round in 0..=options.rounds {
+        if round > 0 {
+            // The first round's sds are the readings' own: the model may be far off there.
+            if !model.reaches(&model.tissues(&p)) {
+                model = Model::new(measured, options, &model.tissues(&p))?;
+            }
+            model.reweigh(&p)?;
+        }
+        let normal = model.normal(&p).map_err(|e| Error::Missed(format!("no model of the photographs where the search is: {e}")))?;
+        out.evaluations += 1;
+        let size = normal.matrix.diagonal().max();
+        if !(normal.cost.is_finite() && size.is_finite()) {
+            return Err(Error::Missed("the model has no value where the search is (not_finite); nothing was fitted".into()));
+        }
+        if size == 0.0 {
+            return Err(Error::Missed("the photographs do not depend on the tissue (flat); nothing was fitted".into()));
+        }
+        let eigen = SymmetricEigen::new(normal.matrix.clone());
+        let away = distance(&eigen, &normal.gradient, FLAT);
+        // A misfit beyond the noise makes the standard errors as much wider.
+        let misfit = (2.0 * normal.cost / (model.count - p.len()) as f64).sqrt();
+        // Exact readings: their weights stand for 1 % noise, and a thousandth of its errors is enough.
+        let unit = misfit.max(if measured.noise.known { 1.0 } else { 1e-3 });
+        if round > 1 && away < DONE * unit {
+            out.termination = Termination::GradientSmall;
+            last = Some(normal);
+            break;
+        }
+        if round == options.rounds {
+            last = Some(normal);
+            break;
+        }
+        let metric = metric(&eigen, &normal.gradient, damping);
+        let found = lbfgs(&model, &p, &metric, Limits { gradient: ROUND * unit, iterations: 40 });
+        for (row, point) in found.trace.iter().zip(&found.points) {
+            let mut row = *row;
+            (row.iteration, row.evaluations) = (out.trace.len() + 1, row.evaluations + out.evaluations);
+            row.elapsed_s += elapsed;
+            out.trace.push(row);
+            out.points.push(model.tissues(point));
+        }
+        elapsed = out.trace.last().map_or(elapsed, |r| r.elapsed_s);
+        out.evaluations += found.evaluations;
+        out.termination = found.termination;
+        if found.cost.is_finite() && found.cost < normal.cost {
+            damping *= 0.1;
+            p.clone_from(&found.params);
+        } else {
+            damping = (10.0 * damping).max(1e-4 * size);
+        }
+    }
+    if out.termination != Termination::GradientSmall {
+        let names: Vec<&str> = measured.channels.iter().map(|c| c.name.as_str()).collect();
+        let names = certainty::names(&names, options.fix_scale);
+        let stuck: Vec<String> = names.into_iter().zip(model.at_limit(&p)).filter(|(_, at)| *at).map(|(n, _)| n).collect();
+        let limits = if stuck.is_empty() { String::new() } else { format!(", at the limits of {}", stuck.join(" and ")) };
+        let (name, count) = (out.termination.name(), out.evaluations);
+        return Err(Error::Missed(format!("the search ended as {name} after {count} evaluations{limits}; nothing was fitted")));
+    }
+    let Some(normal) = last else { return Err(Error::Missed("no round was allowed; nothing was fitted".into())) };
+    finish(&mut out, &model, &p, &normal, options)?;
+    Ok(out)
+}
+
+/// Length of the Newton step in standard errors, over the determined directions.
+fn distance(eigen: &SymmetricEigen<f64, nalgebra::Dyn>, gradient: &DVector<f64>, flat: f64) -> f64 {
+    let along = eigen.eigenvectors.tr_mul(gradient);
+    let cut = flat * eigen.eigenvalues.max();
+    along.iter().zip(eigen.eigenvalues.iter()).filter(|(_, l)| **l > cut).map(|(g, l)| g * g / l).sum::<f64>().sqrt()
+}
+
+/// W with W Wᵀ = (JᵀWJ + λ)⁻¹, λ at least `damping` and large enough for a first step of at most [`STEP`].
+fn metric(eigen: &SymmetricEigen<f64, nalgebra::Dyn>, gradient: &DVector<f64>, damping: f64) -> DMatrix<f64> {
+    let along = eigen.eigenvectors.tr_mul(gradient);
+    let largest = eigen.eigenvalues.max();
+    let longest = |damping: f64| {
+        let step = DVector::from_fn(along.len(), |k, _| along[k] / (eigen.eigenvalues[k].max(0.0) + damping));
+        (&eigen.eigenvectors * step).amax()
+    };
+    let mut damping = damping.max(1e-12 * largest);
+    while longest(damping) > STEP && damping < 1e6 * largest {
+        damping *= 3.0;
+    }
+    let roots = DVector::from_fn(along.len(), |k, _| 1.0 / (eigen.eigenvalues[k].max(0.0) + damping).sqrt());
+    &eigen.eigenvectors * DMatrix::from_diagonal(&roots)
+}
+
+fn finish(out: &mut Fitted, model: &Model, p: &[f64], normal: &Normal, options: &Options) -> Result<()> {
+    let measured = model.measured;
+    let residuals = model.residuals(p)?;
+    let freedom = (model.count - p.len()) as f64;
+    out.reduced_chi2 = 2.0 * normal.cost / freedom;
+    // Beyond what chance does to χ², the model is not right to the noise.
+    let chance = 1.0 + 4.0 * (2.0 / freedom).sqrt();
+    let misfit = if !measured.noise.known || out.reduced_chi2 > chance { out.reduced_chi2.sqrt() } else { 1.0 };
+    out.tissues = model.tissues(p);
+    for (c, channel) in residuals.iter().enumerate() {
+        let mut r = Residuals::default();
+        let (mut squares, mut worst) = (0.0, vec![(0.0, 0usize); measured.thickness[0].len()]);
+        for (i, image) in channel.iter().enumerate() {
+            let inverse = &model.inverse_sd()[c][i];
+            for (t, value) in image.iter().enumerate().filter(|(t, _)| inverse[*t] > 0.0) {
+                r.samples += 1;
+                r.chi2 += value * value;
+                squares += (value / inverse[t]).powi(2);
+                worst[t] = (worst[t].0 + value * value, worst[t].1 + 1);
+            }
+        }
+        r.rms = (squares / r.samples.max(1) as f64).sqrt();
+        r.reduced_chi2 = r.chi2 / (r.samples as f64 - 2.0).max(1.0);
+        for (t, (sum, count)) in worst.iter().enumerate().filter(|(_, w)| w.1 > 0) {
+            if sum / *count as f64 > r.worst {
+                r.worst = sum / *count as f64;
+                r.worst_at = [t % measured.width, t / measured.width];
+            }
+        }
+        out.residuals.push(r);
+    }
+    let names: Vec<&str> = measured.channels.iter().map(|c| c.name.as_str()).collect();
+    out.certainty = certainty::judge(&normal.matrix, misfit, &certainty::names(&names, options.fix_scale), &model.at_limit(p));
+    Ok(())
+}

@@ -1,0 +1,422 @@
+//! [`super::convolve`] with derivatives: the light that a leaf lets through, and how it changes with ln σa, ln σs′ and ln of a factor on the thickness.
+//!
+//! What does not change with the tissue (levels, weights, transforms) is a [`Stage`], made once; [`Stage::at`] gives the transport of one tissue. A factor on the
+//! thickness moves the levels with it, so that their weights stay. The kernels' reach is the stage's, whatever the tissue: cost and gradient are
+//! smooth functions of it. Derivatives are exact ones of the discretised model: shares of the flow and totals are Chebyshev series in ln r and ln d,
+//! and a series is linear in its values.
+//!
+//! Two ways to the same numbers: [`Tangent::derivative`] is the change of every image along one parameter, [`Tangent::gradient`] the change of a
+//! weighted sum of all of them along every parameter. The latter takes two transforms a level and image, the former six for three parameters.
+
+use super::convolve::Totals;
+use super::fourier::{Grid, Spectrum};
+use super::kernel::Kernel;
+use super::levels::{Levels, Nodes};
+use crate::optics::dipole::{Form, Tissue};
+use crate::optics::slab;
+use crate::{Error, Result};
+use rayon::prelude::*;
+use rustfft::num_complex::Complex;
+use std::f64::consts::PI;
+
+/// ln σa, ln σs′, ln of the factor on the thickness.
+pub const PARTIALS: usize = 3;
+
+/// One image's light that enters (per area), which of the stage's thickness maps it enters, and which of its incidences it has.
+#[derive(Debug, Clone, Copy)]
+pub struct Source<'a> {
+    pub map: usize,
+    pub incidence: usize,
+    pub light: &'a [f64],
+}
+
+/// Maps and levels of a leaf, in which the tissue may change.
+#[derive(Debug)]
+pub struct Stage {
+    grid: Grid,
+    texel_mm: f64,
+    reach: usize,
+    closed: bool,
+    nodes: Nodes,
+    range: [f64; 2],
+    /// mm, row by row; a side's own columns.
+    thickness: Vec<Vec<f64>>,
+    /// A thickness map: weights of each level, texel by texel.
+    weights: Vec<Vec<f64>>,
+    /// Cosines of the light to the blade's normal that totals are taken for; 1 is along it.
+    incidences: Vec<f64>,
+}
+
+/// The transport of one tissue on a [`Stage`].
+#[derive(Debug)]
+pub struct Tangent<'a> {
+    stage: &'a Stage,
+    spectra: Vec<Spectrum>,
+    /// A level: derivatives of its kernel.
+    partials: Vec<[Spectrum; PARTIALS]>,
+    /// A thickness map and in it an incidence, a texel: scattered total and unscattered share, then the derivatives of both, parameter by parameter.
+    parts: Vec<Vec<[f64; 2 * (PARTIALS + 1)]>>,
+}
+
+impl Stage {
+    /// For maps of `width` × n texels of `texel_mm`; `thickness` (mm) of each lit side in its own columns, 0 or NaN where there is no tissue. Kernels
+    /// end at `reach_mm` (at least one texel, at most the map), where the outermost texels take what is left. `incidences`: cosines (0 to 1) to the blade's
+    /// normal of the lights; with [`Totals::Transport`] as much comes through as of a beam of that incidence, spread as one along the normal.
+    ///
+    /// # Errors
+    /// Maps of unequal size, no texel with a thickness, no level, a texel that is not positive, a cosine out of range.
+    pub fn new(width: usize, texel_mm: f64, thickness: Vec<Vec<f64>>, incidences: &[f64], levels: Levels, reach_mm: f64) -> Result<Stage> {
+        if incidences.is_empty() || !incidences.iter().all(|mu| *mu > 0.0 && *mu <= 1.0) {
+            return Err(Error::Usage(format!("cosines of incidence {incidences:?}; expected some above 0 and at most 1")));
+        }
+        let texels = thickness.first().map_or(0, Vec::len);
+        if width == 0 || texels == 0 || !texels.is_multiple_of(width) || thickness.iter().any(|t| t.len() != texels) {
+            return Err(Error::Usage(format!("thickness maps of {texels} texels in rows of {width}; expected maps of one size")));
+        }
+        if !(texel_mm > 0.0 && texel_mm.is_finite() && reach_mm > 0.0) || levels.count == 0 {
+            let count = levels.count;
+            return Err(Error::Usage(format!("texels of {texel_mm} mm, reach {reach_mm} mm, {count} levels; expected numbers above 0")));
+        }
+        let mut distinct: Vec<f64> = Vec::new();
+        let mut range = [f64::INFINITY, 0.0f64];
+        for &d in thickness.iter().flatten().filter(|&&d| d > 0.0 && d.is_finite()) {
+            range = [range[0].min(d), range[1].max(d)];
+            if distinct.len() <= levels.count && !distinct.contains(&d) {
+                distinct.push(d);
+            }
+        }
+        let nodes = match distinct.len() {
+            0 => return Err(Error::Usage("no texel of the leaf has a thickness".into())),
+            n if n <= levels.count => {
+                distinct.sort_by(f64::total_cmp);
+                Nodes::exact(distinct)
+            }
+            _ => Nodes::new(levels.kind, levels.count, range[0], range[1]),
+        };
+        let height = texels / width;
+        let most = width.max(height) - 1;
+        let wanted = (reach_mm / texel_mm).ceil().max(1.0);
+        let (reach, closed) = if wanted > most as f64 { (most, false) } else { (wanted as usize, true) };
+        let count = nodes.thickness.len();
+        let weights = thickness.iter().map(|map| {
+            let mut weights = vec![0.0; texels * count];
+            weights.par_chunks_mut(count).zip(map.par_iter()).filter(|(_, d)| **d > 0.0).for_each(|(w, d)| nodes.weights(*d, w));
+            weights
+        });
+        Ok(Stage {
+            weights: weights.collect(),
+            grid: Grid::new(width, height, reach),
+            texel_mm,
+            reach,
+            closed,
+            nodes,
+            range,
+            thickness,
+            incidences: incidences.to_vec(),
+        })
+    }
+
+    /// Farthest distance (mm) that kernels span, and whether that is less than the whole map.
+    pub fn reach_mm(&self) -> (f64, bool) {
+        (self.reach as f64 * self.texel_mm, self.closed)
+    }
+
+    /// The transport of `tissue` with every thickness times `factor`, in the thin form.
+    ///
+    /// # Errors
+    /// A tissue or factor out of range, or so opaque that no light is left to compute with.
+    pub fn at(&self, tissue: &Tissue, totals: Totals, factor: f64) -> Result<Tangent<'_>> {
+        if let Some(fault) = tissue.fault() {
+            return Err(Error::Usage(fault));
+        }
+        if !(tissue.sigma_a > 0.0 && tissue.sigma_s > 0.0 && factor > 0.0 && factor.is_finite()) {
+            let Tissue { sigma_a, sigma_s, .. } = tissue;
+            return Err(Error::Usage(format!(
+                "sigma_a {sigma_a}, sigma_s {sigma_s}, thickness factor {factor}; expected above 0 for logarithms"
+            )));
+        }
+        let opaque = || Error::Usage(format!("{tissue:?} lets no light through {} mm", factor * self.range[1]));
+        let made: Option<Vec<[Kernel; PARTIALS + 1]>> = self.nodes.thickness.par_iter().map(|d| self.kernel(tissue, factor * d)).collect();
+        let mut spectra = Vec::new();
+        let mut partials = Vec::new();
+        for kernels in &made.ok_or_else(opaque)? {
+            let [value, by_a, by_s, by_d] = kernels;
+            spectra.push(self.grid.spectrum(value));
+            partials.push([by_a, by_s, by_d].map(|k| self.grid.spectrum(k)));
+        }
+        let mut curves = Vec::new();
+        for mu in &self.incidences {
+            let curve = Series::fit(|d| logarithms(tissue, totals, factor * d, *mu), self.range[0], self.range[1], 24);
+            if !curve.coefficients.iter().flatten().all(|v| v.is_finite()) {
+                return Err(opaque());
+            }
+            curves.push(curve);
+        }
+        let texel = |curve: &Series<{ 2 * (PARTIALS + 1) }>, d: f64| {
+            let mut parts = [0.0; 2 * (PARTIALS + 1)];
+            if d > 0.0 {
+                let log = curve.at(d);
+                for which in 0..2 {
+                    parts[which] = log[which].exp();
+                    (1..=PARTIALS).for_each(|p| parts[2 * p + which] = parts[which] * log[2 * p + which]);
+                }
+            }
+            parts
+        };
+        let each = self.thickness.iter().flat_map(|map| curves.iter().map(move |curve| (map, curve)));
+        let parts = each.map(|(map, curve)| map.par_iter().map(|d| texel(curve, *d)).collect()).collect();
+        Ok(Tangent { stage: self, spectra, partials, parts })
+    }
+
+    /// The shape of one thickness (sum 1) and its derivatives.
+    fn kernel(&self, tissue: &Tissue, d: f64) -> Option<[Kernel; PARTIALS + 1]> {
+        let whole = tissue.beyond_with_partials(0.0, d, Form::Thin);
+        if !(whole.value > 0.0) {
+            return None;
+        }
+        let by = |v: &crate::optics::dipole::scalar::Dual<f64>| [tissue.sigma_a * v.by[0], tissue.sigma_s * v.by[1], v.by[3]];
+        let whole_by = by(&whole);
+        let (low, high) = (0.499 * self.texel_mm, std::f64::consts::SQRT_2 * (self.reach as f64 + 1.0) * self.texel_mm);
+        // ln of the share; the nearest singularity lies at r = ± i d, a quarter turn off the axis of ln r.
+        let half = 0.5 * (high / low).ln();
+        let height = 0.5 * PI / half;
+        let count = (20.0 / (height + height.hypot(1.0)).ln()).ceil().clamp(12.0, 200.0) as usize;
+        let share = |r: f64| {
+            let g = tissue.beyond_with_partials(r, d, Form::Thin);
+            // What has died away stays so.
+            if !(g.value > 1e-290 * whole.value) {
+                return [-667.0, 0.0, 0.0, 0.0];
+            }
+            let g_by = by(&g);
+            let change = |k: usize| g_by[k] / g.value - whole_by[k] / whole.value;
+            [(g.value / whole.value).ln(), change(0), change(1), change(2)]
+        };
+        let curve = Series::fit(share, low, high, count);
+        if !curve.coefficients.iter().flatten().all(|v| v.is_finite()) {
+            return None;
+        }
+        let flow = |r: f64| {
+            let [log, a, s, d] = curve.at(r);
+            let g = log.exp();
+            [g, g * a, g * s, g * d]
+        };
+        Some(Kernel::build(flow, self.texel_mm, self.reach, self.closed))
+    }
+}
+
+/// ln of the scattered total and of the unscattered share at thickness d, then their derivatives, parameter by parameter.
+fn logarithms(tissue: &Tissue, totals: Totals, d: f64, mu: f64) -> [f64; 2 * (PARTIALS + 1)] {
+    let scattered = tissue.beyond_with_partials(0.0, d, Form::Thin);
+    let (a, s) = (tissue.sigma_a, tissue.reduced_scattering());
+    let mut log = [0.0; 2 * (PARTIALS + 1)];
+    log[0] = scattered.value.ln();
+    log[1] = -(a + s) * d;
+    for (p, by) in [tissue.sigma_a * scattered.by[0], tissue.sigma_s * scattered.by[1], scattered.by[3]].into_iter().enumerate() {
+        log[2 * (p + 1)] = by / scattered.value;
+    }
+    (log[3], log[5], log[7]) = (-a * d, -s * d, -(a + s) * d);
+    if totals == Totals::Transport {
+        // Both rescaled so that together they are the transport equation's.
+        let share = scattered.value / (scattered.value + log[1].exp());
+        let wanted = if mu == 1.0 { along_normal(a, s, d) } else { slanting(a, s, d, mu) };
+        for (p, wanted) in wanted.into_iter().enumerate() {
+            let own = match p {
+                0 => (scattered.value + log[1].exp()).ln(),
+                _ => share * log[2 * p] + (1.0 - share) * log[2 * p + 1],
+            };
+            log[2 * p] += wanted - own;
+            log[2 * p + 1] += wanted - own;
+        }
+    }
+    log
+}
+
+/// ln ρt of the slab and its derivatives by ln σa, ln σs, ln d.
+fn along_normal(a: f64, s: f64, d: f64) -> [f64; PARTIALS + 1] {
+    let (r, by) = slab::response_with_partials(a, s, d);
+    [r.rho_t.ln(), a * by.sigma_a.rho_t / r.rho_t, s * by.sigma_s.rho_t / r.rho_t, d * by.thickness.rho_t / r.rho_t]
+}
+
+/// The same for a beam at cosine `mu` (per flux through the horizontal): derivatives by differences of the exact solution, of order h⁴.
+fn slanting(a: f64, s: f64, d: f64, mu: f64) -> [f64; PARTIALS + 1] {
+    let ln = |by_a: f64, by_s: f64| {
+        let (a, s) = (a * by_a.exp(), s * by_s.exp());
+        slab::exact::solve_log(mu, s / (a + s), a / (a + s), (a + s) * d).1
+    };
+    let h = 2e-3;
+    let slope = |f: &dyn Fn(f64) -> f64| (8.0 * (f(h) - f(-h)) - (f(2.0 * h) - f(-2.0 * h))) / (12.0 * h);
+    let (by_a, by_s) = (slope(&|x| ln(x, 0.0)), slope(&|x| ln(0.0, x)));
+    // Only products with d enter.
+    [ln(0.0, 0.0), by_a, by_s, by_a + by_s]
+}
+
+impl Tangent<'_> {
+    fn parts_of(&self, source: &Source) -> usize {
+        source.map * self.stage.incidences.len() + source.incidence
+    }
+
+    /// The light that leaves, an image a source.
+    ///
+    /// # Panics
+    /// Where a map has another size than the stage.
+    pub fn run(&self, sources: &[Source]) -> Vec<Vec<f64>> {
+        let kernels: Vec<&Spectrum> = self.spectra.iter().collect();
+        self.sum(sources, &kernels, |w, parts, light, rows| {
+            rows.iter_mut().zip(w).for_each(|(row, w)| *row = w * parts[0] * light);
+            parts[1] * light
+        })
+    }
+
+    /// The change of [`Tangent::run`] along parameter `p`.
+    ///
+    /// # Panics
+    /// Where a map has another size than the stage.
+    pub fn derivative(&self, p: usize, sources: &[Source]) -> Vec<Vec<f64>> {
+        let kernels: Vec<&Spectrum> = self.partials.iter().map(|s| &s[p]).chain(&self.spectra).collect();
+        let n = self.spectra.len();
+        self.sum(sources, &kernels, |w, parts, light, rows| {
+            for (k, w) in w.iter().enumerate() {
+                rows[k] = w * parts[0] * light;
+                rows[n + k] = w * parts[2 * (p + 1)] * light;
+            }
+            parts[2 * p + 3] * light
+        })
+    }
+
+    /// Σ over images and texels of `views` times the change of [`Tangent::run`], for every parameter at once.
+    ///
+    /// # Panics
+    /// Where a map has another size than the stage.
+    pub fn gradient(&self, sources: &[Source], views: &[Vec<f64>]) -> [f64; PARTIALS] {
+        let stage = self.stage;
+        let (n, width) = (self.spectra.len(), stage.grid.width);
+        let kernels: Vec<&Spectrum> = self.spectra.iter().collect();
+        let mut gradient = [0.0; PARTIALS];
+        let mut counts: Vec<Vec<f64>> = Vec::new();
+        for (pair, views) in sources.chunks(2).zip(views.chunks(2)) {
+            let view = |y: usize, row: &mut [Complex<f64>]| {
+                for (x, v) in row.iter_mut().enumerate() {
+                    *v = Complex::new(views[0][y * width + x], views.get(1).map_or(0.0, |m| m[y * width + x]));
+                }
+            };
+            let fill = |y: usize, rows: &mut [&mut [Complex<f64>]]| {
+                for (which, source) in pair.iter().enumerate() {
+                    for x in 0..width {
+                        let at = y * width + x;
+                        let light = self.parts[self.parts_of(source)][at][0] * source.light[at];
+                        for (row, w) in rows.iter_mut().zip(&stage.weights[source.map][at * n..][..n]) {
+                            if which == 0 { row[x].re = w * light } else { row[x].im = w * light }
+                        }
+                    }
+                }
+            };
+            let found = stage.grid.correlate(n, fill, view);
+            if counts.is_empty() {
+                counts = found;
+            } else {
+                counts.iter_mut().zip(&found).for_each(|(a, b)| a.iter_mut().zip(b).for_each(|(a, b)| *a += b));
+            }
+            // What a texel's whole light would add, if its total alone changed.
+            let worth = stage.grid.backward(&kernels, view, |y, parts| -> Vec<Complex<f64>> {
+                let weight = |which: usize, at: usize, k: usize| pair.get(which).map_or(0.0, |s| stage.weights[s.map][at * n + k]);
+                let texel = |x: usize| {
+                    let at = y * width + x;
+                    let re = (0..n).map(|k| weight(0, at, k) * parts[k][x].re).sum();
+                    Complex::new(re, (0..n).map(|k| weight(1, at, k) * parts[k][x].im).sum())
+                };
+                (0..width).map(texel).collect()
+            });
+            let worth = worth.concat();
+            for (which, (source, view)) in pair.iter().zip(views).enumerate() {
+                for (at, worth) in worth.iter().enumerate() {
+                    let (parts, light) = (&self.parts[self.parts_of(source)][at], source.light[at]);
+                    let worth = if which == 0 { worth.re } else { worth.im };
+                    for (p, g) in gradient.iter_mut().enumerate() {
+                        *g += light * (parts[2 * p + 2] * worth + parts[2 * p + 3] * view[at]);
+                    }
+                }
+            }
+        }
+        for (counts, partials) in counts.iter().zip(&self.partials) {
+            gradient.iter_mut().zip(partials).for_each(|(g, spectrum)| *g += spectrum.dot(counts));
+        }
+        gradient
+    }
+
+    /// Σ_k kernel_k ∗ row_k plus what stays in its texel: `texel(weights, parts, light, rows)` writes the rows' values and returns what stays.
+    fn sum(
+        &self,
+        sources: &[Source],
+        kernels: &[&Spectrum],
+        texel: impl Fn(&[f64], &[f64; 2 * (PARTIALS + 1)], f64, &mut [f64]) -> f64 + Sync,
+    ) -> Vec<Vec<f64>> {
+        let stage = self.stage;
+        let (n, width) = (self.spectra.len(), stage.grid.width);
+        let texels = width * stage.grid.height;
+        assert!(sources.iter().all(|s| s.light.len() == texels), "sources have to hold {texels} texels, as the stage was made for");
+        let one = |source: &Source, at: usize, rows: &mut [f64]| {
+            texel(&stage.weights[source.map][at * n..][..n], &self.parts[self.parts_of(source)][at], source.light[at], rows)
+        };
+        let mut out = Vec::with_capacity(sources.len());
+        for pair in sources.chunks(2) {
+            let sum = stage.grid.forward(kernels, |y, rows| {
+                let mut values = vec![0.0; rows.len()];
+                for (which, source) in pair.iter().enumerate() {
+                    for x in 0..width {
+                        one(source, y * width + x, &mut values);
+                        for (row, v) in rows.iter_mut().zip(&values) {
+                            if which == 0 { row[x].re = *v } else { row[x].im = *v }
+                        }
+                    }
+                }
+            });
+            for (which, source) in pair.iter().enumerate() {
+                let mut values = vec![0.0; kernels.len()];
+                let image = sum.iter().enumerate().map(|(at, v)| if which == 0 { v.re } else { v.im } + one(source, at, &mut values));
+                out.push(image.collect());
+            }
+        }
+        out
+    }
+}
+
+/// Several functions of a positive number as Chebyshev series over its logarithm.
+#[derive(Debug, Clone)]
+struct Series<const N: usize> {
+    middle: f64,
+    half: f64,
+    coefficients: Vec<[f64; N]>,
+}
+
+impl<const N: usize> Series<N> {
+    /// `count` terms over [low, high]; a single one where both are the same.
+    fn fit(f: impl Fn(f64) -> [f64; N] + Sync, low: f64, high: f64, count: usize) -> Series<N> {
+        let (middle, half) = (0.5 * (high.ln() + low.ln()), 0.5 * (high.ln() - low.ln()));
+        let count = if half > 1e-12 { count } else { 1 };
+        let angle = |k: usize| PI * (k as f64 + 0.5) / count as f64;
+        let values: Vec<[f64; N]> = (0..count).into_par_iter().map(|k| f((middle + half * angle(k).cos()).exp())).collect();
+        let coefficients = (0..count).map(|j| {
+            let mut sum = [0.0; N];
+            for (k, v) in values.iter().enumerate() {
+                let weight = (j as f64 * angle(k)).cos() * if j == 0 { 1.0 } else { 2.0 } / count as f64;
+                sum.iter_mut().zip(v).for_each(|(s, v)| *s += weight * v);
+            }
+            sum
+        });
+        Series { middle, half, coefficients: coefficients.collect() }
+    }
+
+    fn at(&self, x: f64) -> [f64; N] {
+        let t = if self.coefficients.len() > 1 { ((x.ln() - self.middle) / self.half).clamp(-1.0, 1.0) } else { 0.0 };
+        let (mut b1, mut b2) = ([0.0; N], [0.0; N]);
+        for c in self.coefficients.iter().skip(1).rev() {
+            let next: [f64; N] = std::array::from_fn(|k| 2.0 * t * b1[k] - b2[k] + c[k]);
+            (b1, b2) = (next, b1);
+        }
+        std::array::from_fn(|k| self.coefficients[0][k] + t * b1[k] - b2[k])
+    }
+}
+
+#[cfg(test)]
+#[path = "tangent_tests.rs"]
+mod tests;
