@@ -247,4 +247,6 @@ fn a_shift_of_the_scans_is_seen() {
     });
     let [dx, dy] = [r.alignment.shift_mm[0] - x, r.alignment.shift_mm[1] - y];
     assert!((dx + 0.1).abs() < 0.04 && dy.abs() < 0.04, "{dx} {dy}");
+    let [ex, ey] = r.alignment.shift_err_mm;
+    assert!(ex > 0.0 && ey > 0.0 && ex < 0.025, "{ex} {ey}: a shift of a texel stands out");
 }

@@ -3,8 +3,8 @@
 //! With heights towards each camera, front + back (mirrored) = thickness + a plane: each scan has a zero and a lean of its own. The
 //! lean is that of the lamina (a robust plane through the sum: veins stand out of it and are weighed down), so **a thickness that grows
 //! evenly over the whole leaf cannot be seen and is taken off with it**. The zero follows from the thickest place, measured by caliper
-//! (Habel 2009, §3.3.2), whose contact the scans are averaged over as the tissue is under it. The highest of many noisy values is too high: the noise that is left is doubled by adding more of it, and
-//! most of what that raises the highest value by is taken off.
+//! (Habel 2009, §3.3.2), whose contact the scans are averaged over as the tissue is under it. The highest of many noisy values is too high: the noise that is left is doubled twice by adding more of it,
+//! and from what that raises the highest value by follows what the map's own noise did.
 
 use super::noise::{deviation, median};
 use super::smooth::{Kernel, pass, smooth};
@@ -13,7 +13,7 @@ use serde::Serialize;
 
 /// Widths of smoothing that are tried (texels).
 const WIDTHS: [f64; 12] = [0.0, 0.35, 0.5, 0.65, 0.8, 1.0, 1.25, 1.5, 1.8, 2.2, 2.6, 3.0];
-/// Times the noise is doubled.
+/// Draws of added noise.
 const TRIALS: u64 = 8;
 
 /// How the scans lie to each other, and what was done about noise.
@@ -23,6 +23,7 @@ pub struct Alignment {
     pub tilt: [f64; 2],
     /// How far the back's scan lies beside the front's (mm along x and y of the front); not corrected.
     pub shift_mm: [f64; 2],
+    pub shift_err_mm: [f64; 2],
     /// What was added to the sum of both scans, at the image's centre (mm).
     pub offset_mm: f64,
     /// Standard error of the zero of the thickness: the caliper's, the noise's, and that of a trend between thickest place and middle.
@@ -115,7 +116,8 @@ fn biweight(rest: &[f64]) -> Option<(f64, Vec<f64>)> {
 }
 
 /// What a trend of the thickness, which no plane can be told from, may amount to at texel `at` relative to the leaf's middle (mm, standard
-/// error): as slow variations go, a lean is about as large as the bends of second order that `rest` (values less their plane) shows.
+/// error). Of a slow variation whose waves are the higher the longer they are, a lean is half a wave and a bend a whole one: a lean is taken
+/// to be twice as large as the bends of second order that `rest` (values less their plane) shows.
 pub fn trend_err(rest: &[f64], mask: &[bool], width: usize, at: usize) -> f64 {
     let height = rest.len() / width;
     let on: Vec<usize> = (0..rest.len()).filter(|&k| mask[k] && rest[k].is_finite()).collect();
@@ -140,13 +142,13 @@ pub fn trend_err(rest: &[f64], mask: &[bool], width: usize, at: usize) -> f64 {
     let middle = on.iter().map(|&k| terms(unit(k)).dot(&solved)).sum::<f64>() / n;
     let bent = (on.iter().map(|&k| (terms(unit(k)).dot(&solved) - middle).powi(2)).sum::<f64>() / n).sqrt();
     let [u, v] = unit(at);
-    // Three bends; each direction's lean is as large as one of them.
-    bent / 3f64.sqrt() * u.hypot(v)
+    // There are three bends; each direction's lean is twice one of them.
+    2.0 * bent / 3f64.sqrt() * u.hypot(v)
 }
 
-/// How far the back's scan lies beside the front's (mm along x and y of the front): a shift s adds s·∇z to the sum of the scans, with z
+/// How far the back's scan lies beside the front's (mm along x and y of the front), and its standard error by the jackknife: a shift s adds s·∇z to the sum of the scans, with z
 /// the blade's relief, here the front's, smoothed by a texel and a half. `rest` is the sum less its plane; a lean in both is left out.
-pub fn shift(rest: &[f64], front: &[f64], mask: &[bool], width: usize, texel_mm: f64) -> [f64; 2] {
+pub fn shift(rest: &[f64], front: &[f64], mask: &[bool], width: usize, texel_mm: f64) -> ([f64; 2], [f64; 2]) {
     let height = rest.len() / width;
     let weight: Vec<f64> = (0..rest.len()).map(|k| f64::from(u8::from(mask[k] && front[k].is_finite()))).collect();
     let calm = smooth(front, &weight, width, &Kernel::gaussian(1.5));
@@ -154,20 +156,31 @@ pub fn shift(rest: &[f64], front: &[f64], mask: &[bool], width: usize, texel_mm:
     let near = |k: usize| inside(k) && [k - 1, k + 1, k - width, k + width].iter().all(|&n| weight[n] > 0.0);
     let on: Vec<usize> = (0..rest.len()).filter(|&k| weight[k] > 0.0 && rest[k].is_finite() && near(k)).collect();
     let values: Vec<f64> = on.iter().map(|&k| rest[k]).collect();
-    let Some((_, tukey)) = biweight(&values) else { return [0.0; 2] };
-    let mut normal = nalgebra::Matrix5::<f64>::zeros();
-    let mut right = nalgebra::Vector5::<f64>::zeros();
+    let Some((_, tukey)) = biweight(&values) else { return ([0.0; 2], [0.0; 2]) };
+    // Sums a block of the picture, so that leaving blocks out tells the error: relief and thickness are related here and there.
+    const BLOCKS: usize = 4;
+    let mut sums = vec![(nalgebra::Matrix5::<f64>::zeros(), nalgebra::Vector5::<f64>::zeros()); BLOCKS * BLOCKS];
     for ((&k, w), r) in on.iter().zip(&tukey).zip(&values) {
         let [x, y] = place(k, width, height);
         let slope = [calm[k + 1] - calm[k - 1], calm[k - width] - calm[k + width]].map(|d| 0.5 * d / texel_mm);
         let row = nalgebra::Vector5::new(1.0, x / width as f64, y / height as f64, slope[0], slope[1]);
-        normal += *w * row * row.transpose();
-        right += *w * *r * row;
+        let (normal, right) = &mut sums[k / width * BLOCKS / height * BLOCKS + k % width * BLOCKS / width];
+        *normal += *w * row * row.transpose();
+        *right += *w * *r * row;
     }
-    normal.cholesky().map_or([0.0; 2], |c| {
-        let solved = c.solve(&right);
-        [solved[3], solved[4]]
-    })
+    let solve = |without: Option<usize>| {
+        let kept = sums.iter().enumerate().filter(|(b, _)| Some(*b) != without);
+        let (normal, right) = kept.fold((nalgebra::Matrix5::zeros(), nalgebra::Vector5::zeros()), |(n, r), (_, s)| (n + s.0, r + s.1));
+        normal.cholesky().map(|c: nalgebra::Cholesky<f64, nalgebra::U5>| c.solve(&right)).map(|v: nalgebra::Vector5<f64>| [v[3], v[4]])
+    };
+    let Some(found) = solve(None) else { return ([0.0; 2], [0.0; 2]) };
+    let others: Vec<[f64; 2]> = (0..sums.len()).filter_map(|b| solve(Some(b))).collect();
+    let n = others.len().max(1) as f64;
+    let err = [0, 1].map(|c: usize| {
+        let mean = others.iter().map(|o| o[c]).sum::<f64>() / n;
+        ((n - 1.0) / n * others.iter().map(|o| (o[c] - mean).powi(2)).sum::<f64>()).sqrt()
+    });
+    (found, err)
 }
 
 /// Noise of a height (mm) from the sum of two scans that were smoothed by `filter` before delivery.
@@ -262,23 +275,27 @@ pub fn highest(values: &[f64], width: usize, filter: &Kernel, contact: f64, nois
     if noise <= 0.0 {
         return Top { value: first, at, raised: 0.0, error: 0.0 };
     }
-    let scale = 3f64.sqrt() * noise / filter.noise();
-    let trials: Vec<f64> = (0..TRIALS)
-        .map(|t| {
+    // The mean height of the thickest place when noise is added until there is `times` as much.
+    let with = |times: f64| {
+        let scale = (times * times - 1.0).sqrt() * noise / filter.noise();
+        let trial = |t: u64| {
             let mut stream = Stream::new(0x00d0_3e5c, &[t]);
             let white: Vec<f64> = (0..values.len().div_ceil(2)).flat_map(|_| stream.normal_pair()).collect();
             let added = pass(&white[..values.len()], width, filter);
-            // With three times the variance added, the noise is twice what it was.
             let noisier: Vec<f64> = values.iter().zip(&added).map(|(v, n)| v + scale * n).collect();
             highest_of(&noisier).1
-        })
-        .collect();
-    let mean = trials.iter().sum::<f64>() / TRIALS as f64;
-    let spread = (trials.iter().map(|t| (t - mean).powi(2)).sum::<f64>() / (TRIALS - 1) as f64 / 3.0).sqrt();
-    // The rise goes with the noise itself where many places are equally thick, with its square round a single one: between all and a
-    // third of what doubling it adds.
-    let doubled = (mean - first).max(0.0);
-    Top { value: first - 2.0 / 3.0 * doubled, at, raised: 2.0 / 3.0 * doubled, error: spread.hypot(doubled / 3.0) }
+        };
+        (0..TRIALS).map(trial).sum::<f64>() / TRIALS as f64
+    };
+    // The rise goes with a power p of the noise: 1 where many places are equally thick, 2 and more round a single one. Doubled twice, the
+    // rises stand as 2^p, and what the map's own noise did is the first of them over 2^p − 1.
+    let (double, fourfold) = (with(2.0), with(4.0));
+    let (rise, more_rise) = ((double - first).max(0.0), (fourfold - double).max(0.0));
+    let ratio = if rise > 0.0 { (more_rise / rise).clamp(2.0, 8.0) } else { 8.0 };
+    let raised = rise / (ratio - 1.0);
+    // The noise of a single place, and half of what was taken off: the correction is no exact one.
+    let single = noise / filter.noise() * filter.then(&more).noise();
+    Top { value: first - raised, at, raised, error: single.hypot(0.5 * raised) }
 }
 
 #[cfg(test)]

@@ -188,9 +188,10 @@ fn shape_warnings(m: &Manifest, s: &Shape, found: &mut Inspection) {
         ));
     }
     let shift = a.shift_mm[0].hypot(a.shift_mm[1]);
-    if shift > 0.75 * m.texel_mm {
+    let doubt = a.shift_err_mm[0].hypot(a.shift_err_mm[1]);
+    if shift > 0.75 * m.texel_mm && shift > 4.0 * doubt {
         warn(format!(
-            "the back's scan lies about {shift:.3} mm beside the front's ({:.3}, {:.3}), {:.1} texels: slopes become thickness",
+            "the back's scan lies about {shift:.3} mm beside the front's ({:.3}, {:.3}; ± {doubt:.3}), {:.1} texels: slopes become thickness",
             a.shift_mm[0],
             a.shift_mm[1],
             shift / m.texel_mm

@@ -48,7 +48,7 @@ pub fn shape(capture: &Capture, mask: &[bool], options: &Options) -> Result<Shap
     one_blade(&path, m, above, below)?;
 
     let top = align::highest(&rest, w, &filter, m.contact_texels(), 2f64.sqrt() * noise);
-    let shift_mm = align::shift(&rest, &scans[0], mask, w, m.texel_mm);
+    let (shift_mm, shift_err_mm) = align::shift(&rest, &scans[0], mask, w, m.texel_mm);
     let trend = align::trend_err(&rest, mask, w, top.at);
     let offset = m.thickness_max_mm - top.value;
     let filled = |values: &[f64], width: f64| filled(values, mask, w, width);
@@ -68,6 +68,7 @@ pub fn shape(capture: &Capture, mask: &[bool], options: &Options) -> Result<Shap
     let alignment = Alignment {
         tilt: [x / m.texel_mm, y / m.texel_mm],
         shift_mm,
+        shift_err_mm,
         offset_mm: offset - lean.at(0, 1, 1),
         offset_err_mm: top.error.hypot(trend).hypot(m.thickness_max_err_mm.unwrap_or(0.0)),
         trend_err_mm: trend,
