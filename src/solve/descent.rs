@@ -160,6 +160,10 @@ pub fn lbfgs(problem: &dyn Smooth, start: &[f64], metric: &DMatrix<f64>, limits:
         best: best.clone(),
         evaluations: evaluations.clone(),
     };
+    // A line search that begins without a value may stumble on one; that is no descent.
+    if !cost.known(&DVector::zeros(n), |k| k.cost).is_finite() {
+        return nothing(Termination::NotFinite, evaluations.get());
+    }
     let recorder = Recorder { rows: rows.clone(), evaluations: evaluations.clone(), clock: Instant::now() };
     let run = Executor::new(cost, solver)
         .configure(|state| state.param(DVector::zeros(n)).max_iters(limits.iterations as u64))
