@@ -51,8 +51,6 @@ pub struct Convolver {
     pub(super) nodes: Nodes,
     pub(super) kernels: Vec<Kernel>,
     pub(super) spectra: Vec<Spectrum>,
-    pub(super) closed: bool,
-    pub(super) range: [f64; 2],
     /// Scattered total and unscattered share over the thickness.
     totals: [Option<Curves<1>>; 2],
 }
@@ -165,7 +163,7 @@ impl Convolver {
         let fit =
             |which: usize| if range[1] > range[0] { Curves::fit(|d| [total_parts(settings, d)[which]], range[0], range[1]) } else { None };
         let totals = [fit(0), fit(1)];
-        Ok(Convolver { settings: *settings, grid, nodes, kernels, spectra, closed, range, totals })
+        Ok(Convolver { settings: *settings, grid, nodes, kernels, spectra, totals })
     }
 
     /// Farthest texel that a texel's light reaches, along x or y.

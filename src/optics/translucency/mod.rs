@@ -15,6 +15,5 @@ pub mod irradiance;
 mod kernel;
 pub mod levels;
 pub mod lights;
-pub mod partials;
 pub mod relief;
 pub mod tangent;
