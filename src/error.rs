@@ -40,6 +40,12 @@ impl Error {
         Error::Input { place: format!("{}: {field}", path.display()), what: what.to_string() }
     }
 
+    /// `path:line: message`, for an input that is not the TOML it should be; unknown and missing fields are named.
+    pub fn toml(path: &Path, text: &str, e: &toml::de::Error) -> Self {
+        let line = e.span().map_or(0, |s| text[..s.start.min(text.len())].matches('\n').count() + 1);
+        Error::Input { place: format!("{}:{line}", path.display()), what: e.message().lines().collect::<Vec<_>>().join(" ") }
+    }
+
     /// An output that could not be written.
     pub fn write(path: &Path, what: impl Display) -> Self {
         Error::Write { place: path.display().to_string(), what: what.to_string() }

@@ -126,10 +126,7 @@ impl Manifest {
         if let Some(kind) = kind_in(&text) {
             return Err(Error::field(&path, "kind", wrong_kind(&kind)));
         }
-        let manifest: Manifest = toml::from_str(&text).map_err(|e| {
-            let line = e.span().map_or(0, |s| text[..s.start.min(text.len())].matches('\n').count() + 1);
-            Error::Input { place: format!("{}:{line}", path.display()), what: e.message().lines().collect::<Vec<_>>().join(" ") }
-        })?;
+        let manifest: Manifest = toml::from_str(&text).map_err(|e| Error::toml(&path, &text, &e))?;
         manifest.validate(&path)?;
         Ok(manifest)
     }

@@ -173,14 +173,7 @@ impl Times {
 /// A TOML file as a value; unknown and missing fields are named with their line.
 pub fn read_toml<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
     let text = std::fs::read_to_string(path).map_err(|e| Error::input(path, atomic::explain(&e)))?;
-    toml::from_str(&text).map_err(|e| toml_error(path, &text, &e))
-}
-
-/// `file:line: message` on one line.
-pub fn toml_error(path: &Path, text: &str, e: &toml::de::Error) -> Error {
-    let line = e.span().map_or(0, |s| text[..s.start.min(text.len())].matches('\n').count() + 1);
-    let message = e.message().lines().collect::<Vec<_>>().join(" ");
-    Error::Input { place: format!("{}:{line}", path.display()), what: message }
+    toml::from_str(&text).map_err(|e| Error::toml(path, &text, &e))
 }
 
 pub fn write_toml<T: Serialize>(path: &Path, value: &T) -> Result<()> {

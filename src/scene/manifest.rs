@@ -4,7 +4,6 @@
 //! scene file. Unknown fields are errors; an error names file, line and field.
 
 use crate::files::atomic::explain;
-use crate::fit::record::toml_error;
 use crate::{Error, Result};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -387,7 +386,7 @@ impl Manifest {
     /// [`Error::Input`] naming the file, the line and the field, what was found and what was expected.
     pub fn read(path: &Path) -> Result<Manifest> {
         let text = std::fs::read_to_string(path).map_err(|e| Error::input(path, explain(&e)))?;
-        let mut manifest: Manifest = toml::from_str(&text).map_err(|e| toml_error(path, &text, &e))?;
+        let mut manifest: Manifest = toml::from_str(&text).map_err(|e| Error::toml(path, &text, &e))?;
         manifest.path = path.to_path_buf();
         super::validate::validate(&manifest, &text)?;
         manifest.share();

@@ -65,10 +65,7 @@ impl Manifest {
             let found = table.get("kind").map_or("missing".into(), |kind| format!("found {kind}"));
             return Err(Error::field(&path, "kind", format!("{found}, expected \"{KIND}\" (photographs of the light that comes through)")));
         }
-        let manifest: Manifest = toml::from_str(&text).map_err(|e| {
-            let line = e.span().map_or(0, |s| text[..s.start.min(text.len())].matches('\n').count() + 1);
-            Error::Input { place: format!("{}:{line}", path.display()), what: e.message().lines().collect::<Vec<_>>().join(" ") }
-        })?;
+        let manifest: Manifest = toml::from_str(&text).map_err(|e| Error::toml(&path, &text, &e))?;
         manifest.validate(&path)?;
         Ok(manifest)
     }

@@ -251,10 +251,7 @@ impl Spec {
     /// [`Error::Input`] naming the file, the field, what was found and what was expected.
     pub fn read(path: &Path) -> Result<Spec> {
         let text = std::fs::read_to_string(path).map_err(|e| Error::input(path, explain(&e)))?;
-        let spec: Spec = toml::from_str(&text).map_err(|e| {
-            let line = e.span().map_or(0, |s| text[..s.start.min(text.len())].matches('\n').count() + 1);
-            Error::Input { place: format!("{}:{line}", path.display()), what: e.message().lines().collect::<Vec<_>>().join(" ") }
-        })?;
+        let spec: Spec = toml::from_str(&text).map_err(|e| Error::toml(path, &text, &e))?;
         spec.validate(path)?;
         Ok(spec)
     }

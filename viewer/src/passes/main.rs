@@ -81,7 +81,8 @@ impl Pipelines {
 
 /// The variant's shader.
 pub(crate) fn source(variant: &Variant) -> String {
-    assemble(&format!("{}{}", bend::SOURCE, include_str!("main.wgsl")), &variant.defines())
+    let parts = [bend::SOURCE, include_str!("main.wgsl"), include_str!("maps.wgsl"), include_str!("light.wgsl")];
+    assemble(&parts.concat(), &variant.defines())
 }
 
 fn pipeline(gpu: &Gpu, variant: &Variant) -> wgpu::RenderPipeline {
