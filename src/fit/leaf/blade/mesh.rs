@@ -46,6 +46,9 @@ pub fn build(grid: &Grid, mask: &[bool], ratio: Option<&[[f32; 3]]>, slopes: &[O
     if rings.is_empty() {
         return None;
     }
+    let spacing = (grid.width.max(grid.height) as f64 / 90.0).max(3.0);
+    // A straight stretch of rim (a cut edge, above all) follows the relief as finely as the inside does: one long edge would wall it off.
+    let rings: Vec<Vec<[f64; 2]>> = rings.iter().map(|r| divided(r, spacing)).collect();
     let relief = integrate(grid, slopes);
     let mut cdt: ConstrainedDelaunayTriangulation<Vertex> = ConstrainedDelaunayTriangulation::new();
     for ring in &rings {
@@ -58,17 +61,21 @@ pub fn build(grid: &Grid, mask: &[bool], ratio: Option<&[[f32; 3]]>, slopes: &[O
             }
         }
     }
-    let spacing = (grid.width.max(grid.height) as f64 / 90.0).max(3.0);
     let (columns, rows) = ((grid.width as f64 / spacing) as usize, (grid.height as f64 / spacing) as usize);
     for j in 0..=rows {
         for i in 0..=columns {
             // Rows are staggered for well-shaped triangles.
             let p = [(i as f64 + 0.5 * (j % 2) as f64) * spacing, j as f64 * spacing];
             let reach = 0.45 * spacing;
+            // The image's edge is rim too: the bilinear value alone would go on past it.
             let clear = [[0.0, 0.0], [reach, 0.0], [-reach, 0.0], [0.0, reach], [0.0, -reach]]
+                .map(|d| [p[0] + d[0], p[1] + d[1]])
                 .iter()
-                .all(|d| bilinear(&field, grid.width, grid.height, p[0] + d[0], p[1] + d[1]) > 0.5);
-            if clear && p[0] < grid.width as f64 && p[1] < grid.height as f64 {
+                .all(|q| {
+                    let within = q[0] >= -0.5 && q[1] >= -0.5 && q[0] <= grid.width as f64 - 0.5 && q[1] <= grid.height as f64 - 0.5;
+                    within && bilinear(&field, grid.width, grid.height, q[0], q[1]) > 0.5
+                });
+            if clear {
                 // A point can only be refused when it is not finite, which these are.
                 let _ = cdt.insert(Vertex(Point2::new(p[0], p[1])));
             }
@@ -84,14 +91,27 @@ pub fn build(grid: &Grid, mask: &[bool], ratio: Option<&[[f32; 3]]>, slopes: &[O
             let get = |p: Point2<f64>| if k == 0 { p.x } else { p.y };
             (get(a.position()) + get(b.position()) + get(c.position())) / 3.0
         });
-        if inside(&rings, centre) {
+        // Points that divide a straight edge lie on it but for rounding: the slivers outside them hold nothing.
+        let area = triangle_area(a.position(), b.position(), c.position());
+        if area > 1e-9 * spacing * spacing && inside(&rings, centre) {
             // Spade's faces run counter-clockwise in (column, row); rows point down, so the order is reversed for z up.
             blade.indices.extend([a.fix().index() as u32, c.fix().index() as u32, b.fix().index() as u32]);
-            blade.area += triangle_area(a.position(), b.position(), c.position()) * grid.texel * grid.texel;
+            blade.area += area * grid.texel * grid.texel;
         }
     }
     blade.outline = rings.iter().map(|r| r.iter().map(|p| grid.position(p[0], p[1])).collect()).collect();
     Some(blade)
+}
+
+/// The ring with every edge longer than `spacing` (texels) cut into equal parts no longer than that.
+fn divided(ring: &[[f64; 2]], spacing: f64) -> Vec<[f64; 2]> {
+    let mut out = Vec::with_capacity(ring.len());
+    for (k, a) in ring.iter().enumerate() {
+        let b = ring[(k + 1) % ring.len()];
+        let parts = ((b[0] - a[0]).hypot(b[1] - a[1]) / spacing).ceil().max(1.0);
+        out.extend((0..parts as usize).map(|i| [0, 1].map(|c: usize| a[c] + (b[c] - a[c]) * i as f64 / parts)));
+    }
+    out
 }
 
 fn push_vertex(blade: &mut Blade, grid: &Grid, relief: &Relief, texel: [f64; 2]) {
@@ -185,6 +205,29 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_blade_that_is_cut_by_the_images_edge_has_a_rim_as_smooth_as_its_inside() {
+        let grid = Grid { width: 160, height: 120, texel: 0.08 };
+        let mask = vec![true; grid.width * grid.height];
+        // z = 0.3 sin(1.5 x) + 0.2 cos(2 y) mm: slopes up to 0.45 and 0.4, so no facet leans more than 32 degrees.
+        let slopes: Vec<_> = (0..grid.width * grid.height)
+            .map(|k| {
+                let [x, y] = grid.position((k % 160) as f64, (k / 160) as f64);
+                Some([0.45 * (1.5 * x).cos(), -0.4 * (2.0 * y).sin()])
+            })
+            .collect();
+        let blade = build(&grid, &mask, None, &slopes).unwrap();
+        let mut steepest = 0.0f64;
+        for t in blade.indices.chunks_exact(3) {
+            let p = [0, 1, 2].map(|k: usize| blade.positions[t[k] as usize].map(f64::from));
+            let n = unit(cross([0, 1, 2].map(|k: usize| p[1][k] - p[0][k]), [0, 1, 2].map(|k: usize| p[2][k] - p[0][k])));
+            steepest = steepest.max(n[2].acos().to_degrees());
+        }
+        assert!(steepest < 35.0, "{steepest}");
+        let want = 160.0 * 120.0 * 0.08 * 0.08;
+        assert!((blade.area / want - 1.0).abs() < 0.02, "{} {want}", blade.area);
+    }
 
     #[test]
     fn an_ellipse_with_a_hole_becomes_a_mesh_of_its_area() {
