@@ -3,6 +3,7 @@
 //! Lengths in mm, angles in degrees, world z up, radiance in units set by the light, colours linear sRGB. A path is relative to the
 //! scene file. Unknown fields are errors; an error names file, line and field.
 
+use super::translucency::Basis;
 use crate::files::atomic::explain;
 use crate::{Error, Result};
 use serde::Deserialize;
@@ -83,6 +84,8 @@ pub struct Translucency {
     pub tissue: Tissue,
     #[serde(default)]
     pub colour: Colour,
+    /// What they are made with, and what a folder that is named must hold; when absent, the default and either of the two.
+    pub basis: Option<Basis>,
 }
 
 /// The slab that the leaf's fit found, or the table of Habel 2009 (one wavelength, 510 nm).
