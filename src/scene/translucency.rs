@@ -7,7 +7,7 @@
 use super::display::displayed;
 use super::fitted::{Fitted, fill};
 use super::ledger::Ledger;
-use super::manifest::{Colour, Manifest, Tissue, Translucency as Asked};
+use super::manifest::{Basis, Colour, Manifest, Tissue, Translucency as Asked};
 use super::plan::{LeafPlan, LeftOut, Need, Plan, sun_direction};
 use super::plan_leaf::SIDES;
 use super::source::{Source, Status};
@@ -16,11 +16,10 @@ use super::texel_frame;
 use crate::capture::manifest::SideName;
 use crate::files::hash;
 use crate::fit::record::FitRecord;
-use crate::optics::translucency::basis as functions;
+use crate::optics::translucency::basis;
 use crate::{Error, Result};
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
-use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
@@ -57,29 +56,6 @@ impl Translucent {
     }
 }
 
-/// Functions of direction that both renderers evaluate: three coefficients a texel, one dot product.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
-pub enum Basis {
-    /// As published.
-    #[default]
-    #[serde(rename = "half-life 2")]
-    HalfLife2,
-    /// The same three of a light that is bent towards the normal: shadows of relief end at the horizon.
-    #[serde(rename = "bent")]
-    Bent,
-}
-
-impl Basis {
-    pub const ALL: [Basis; 2] = [Basis::HalfLife2, Basis::Bent];
-
-    pub fn functions(self) -> functions::Basis {
-        match self {
-            Basis::HalfLife2 => functions::Basis::HalfLife2,
-            Basis::Bent => functions::Basis::Bent { count: 3 },
-        }
-    }
-}
-
 /// Three coefficients a texel, and the functions they belong to.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Coefficients {
@@ -106,7 +82,7 @@ impl Coefficients {
     /// Σ h_i φ_i(ω), which may be negative: renderers interpolate first and cut off at 0 after.
     pub fn sum(&self, h: [f32; 3], omega: DVec3) -> f64 {
         let at = self.basis.functions().argument(omega.to_array());
-        DVec3::from(functions::vector(h.map(f64::from))).dot(DVec3::from(at))
+        DVec3::from(basis::vector(h.map(f64::from))).dot(DVec3::from(at))
     }
 
     /// Green light through texel `k`, where `rho_t` is ρt there.
@@ -378,8 +354,7 @@ pub fn resolution(manifest: &Manifest, leaf: &mut LeafPlan, plan: &mut Plan, foo
         // At half the height of the sky both relief and level count.
         let omega = DVec3::new(0.5f64.sqrt(), 0.0, 0.5f64.sqrt());
         let [w, h] = leaf.size;
-        let values: Vec<f32> =
-            (0..w * h).map(|k| displayed(level * maps.green(k, omega, mean_rho), manifest.exposure) as f32).collect();
+        let values: Vec<f32> = (0..w * h).map(|k| displayed(level * maps.green(k, omega, mean_rho), manifest.exposure) as f32).collect();
         let good = on_leaf(leaf, s);
         let rows = super::amount::map_levels(&values, w, h, |k| good[k], footprint, TEXEL_BYTES);
         let allowed = rows.first().map_or(0.0, |r| r.error) + manifest.tolerance / 4.0;
