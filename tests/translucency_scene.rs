@@ -233,6 +233,35 @@ mod drawn {
         }
     }
 
+    /// What the window's box does to the reference: without its maps a leaf is the leaf that never had any.
+    #[test]
+    fn the_windows_reference_follows_the_maps_that_are_taken_off() {
+        use mesophyll::scene::edit::SceneEditor;
+        use mesophyll_viewer::editor::Editor;
+
+        let dir = folder(&Blade::default());
+        let with = scene(dir.path(), "back", Some(125.0), None, "");
+        let plain = blade::scene(dir.path(), "plain", "elm", Some(125.0), None, "");
+        let open = |path: &Path| {
+            let manifest = Manifest::read(path).unwrap();
+            let free = plan::make_free(&manifest, None, None, &Ledger::new()).unwrap();
+            let drawn = handover::scene(&manifest, &free, &Ledger::new()).unwrap();
+            let camera = handover::camera(&manifest.views[0]);
+            (SceneEditor::new(manifest, free, dir.path().join("out")).unwrap(), drawn, camera)
+        };
+        let (mut editor, mut drawn, camera) = open(&with);
+        let (mut never, bare, _) = open(&plain);
+        let by_maps = editor.reference(&drawn, &camera, 40, 30).unwrap();
+        let sides = |leaf: &mut mesophyll_viewer::scene::Leaf| [leaf.front.translucency.take(), leaf.back.translucency.take()];
+        let maps = sides(&mut drawn.leaves[0]);
+        assert!(maps.iter().all(Option::is_some));
+        let without = editor.reference(&drawn, &camera, 40, 30).unwrap();
+        assert!(without.ldr != by_maps.ldr);
+        assert!(without.ldr == never.reference(&bare, &camera, 40, 30).unwrap().ldr);
+        [drawn.leaves[0].front.translucency, drawn.leaves[0].back.translucency] = maps;
+        assert!(editor.reference(&drawn, &camera, 40, 30).unwrap().ldr == by_maps.ldr);
+    }
+
     #[test]
     fn both_renderers_draw_the_same_light() {
         let dir = folder(&Blade { rho_s: [0.0, 0.0], ..Blade::default() });
