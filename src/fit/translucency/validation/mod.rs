@@ -46,6 +46,7 @@ pub fn bench_rows() -> Result<Vec<BenchRow>> {
 pub fn rows(effort: Effort) -> Result<Vec<BenchRow>> {
     let mut rows = plane::history_rows()?;
     rows.extend(plane::total_rows(effort)?);
+    rows.extend(plane::incidence_rows(effort)?);
     rows.extend(plane::spot_rows(effort)?);
     rows.extend(plane::angle_rows(effort)?);
     rows.extend(vein::rows(effort)?);
