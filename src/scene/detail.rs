@@ -282,7 +282,7 @@ mod tests {
                 let [a, b, c] = [0, 1, 2].map(|k: usize| mesh.positions[t[k] as usize]);
                 let (u, v, w) = (b.truncate() - a.truncate(), c.truncate() - a.truncate(), p - a.truncate());
                 let (s, r) = (w.perp_dot(v) / u.perp_dot(v), u.perp_dot(w) / u.perp_dot(v));
-                (s >= 0.0 && r >= 0.0 && s + r <= 1.0).then(|| a.z + s * (b.z - a.z) + r * (c.z - a.z))
+                (s >= 0.0 && r >= 0.0 && s + r <= 1.0).then_some(a.z + s * (b.z - a.z) + r * (c.z - a.z))
             })
         };
         for level in levels(&mesh) {

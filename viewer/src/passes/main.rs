@@ -232,6 +232,7 @@ mod tests {
             bent: false,
             lobe: LobeKind::None,
             msaa: 4,
+            levels: false,
             branches: 0,
             motion: false,
         };
