@@ -1,8 +1,10 @@
 //! `mesophyll inspect CAPTURE`.
 
+mod beams;
 mod dome;
 
 use super::Common;
+use crate::capture;
 use crate::capture::inspect::{Inspection, ReferenceSummary, inspect};
 use crate::capture::manifest::kind_of;
 use crate::{Error, Result};
@@ -26,8 +28,10 @@ pub struct Args {
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     // What cannot be read at all is said by the look at a scan, as ever.
-    if kind_of(&args.capture).is_ok_and(|k| k.as_deref() == Some(crate::capture::dome::manifest::KIND)) {
-        return dome::run(args, common);
+    match kind_of(&args.capture).ok().flatten().as_deref() {
+        Some(capture::dome::manifest::KIND) => return dome::run(args, common),
+        Some(capture::beams::manifest::KIND) => return beams::run(args, common),
+        _ => {}
     }
     let found = inspect(&args.capture, args.deep)?;
     if common.json {
