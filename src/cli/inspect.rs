@@ -34,12 +34,17 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         _ => {}
     }
     let found = inspect(&args.capture, args.deep)?;
+    shown(args, common, &found, text, found.problems.len())
+}
+
+/// Prints what was found, in words or as JSON; the exit code says whether it can be fitted.
+fn shown<T: serde::Serialize>(args: &Args, common: &Common, found: &T, text: impl Fn(&T) -> String, problems: usize) -> Result<u8> {
     if common.json {
-        super::print_json(&found)?;
+        super::print_json(found)?;
     } else {
-        super::print(&text(&found))?;
+        super::print(&text(found))?;
     }
-    verdict(args, found.problems.len())
+    verdict(args, problems)
 }
 
 fn verdict(args: &Args, problems: usize) -> Result<u8> {
