@@ -1,5 +1,6 @@
 //! `capture.toml`: what was scanned and how. Lengths in mm, angles in degrees where the name says so.
 
+use crate::capture::field::Fields;
 use crate::files::atomic::explain;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -132,41 +133,21 @@ impl Manifest {
     }
 
     fn validate(&self, path: &Path) -> Result<()> {
-        let bad = |field: &str, found: &dyn std::fmt::Display, expected: &str| {
-            Err(Error::field(path, field, format!("found {found}, expected {expected}")))
-        };
-        if self.schema != 1 {
-            return bad("schema", &self.schema, "1");
-        }
-        for (field, value) in [("width", self.width), ("height", self.height)] {
-            if value == 0 || value > 65_536 {
-                return bad(field, &value, "1 to 65536 texels");
-            }
-        }
-        let positive = [
+        let fields = Fields { path };
+        let bad = |field: &str, found: &dyn std::fmt::Display, expected: &str| Err(fields.wrong(field, found, expected));
+        fields.photographs(self.schema, self.width, self.height, 1..=65_536)?;
+        fields.positive_mm([
             ("texel_mm", self.texel_mm),
             ("thickness_mm", self.thickness_mm),
             ("tube.height_mm", self.tube.height_mm),
             ("tube.length_mm", self.tube.length_mm),
-        ];
-        for (field, value) in positive {
-            if !(value > 0.0 && value.is_finite()) {
-                return bad(field, &value, "a positive length in mm");
-            }
-        }
-        let not_negative = [
+        ])?;
+        fields.not_negative([
             ("tube.radius_mm", Some(self.tube.radius_mm)),
             ("thickness_err_mm", self.thickness_err_mm),
             ("noise_relative", self.noise_relative),
             ("noise_floor", self.noise_floor),
-        ];
-        for (field, value) in not_negative {
-            if let Some(v) = value
-                && !(v >= 0.0 && v.is_finite())
-            {
-                return bad(field, &v, "zero or a positive number");
-            }
-        }
+        ])?;
         if self.tube.radius_mm >= self.tube.height_mm {
             return bad("tube.radius_mm", &self.tube.radius_mm, "less than tube.height_mm");
         }

@@ -3,6 +3,7 @@
 pub mod beams;
 pub mod calibrate;
 pub mod dome;
+pub mod field;
 pub mod grid;
 pub mod inspect;
 pub mod lightbox;

@@ -1,5 +1,6 @@
 //! `capture.toml` of photographs under beams. Lengths in mm, angles in degrees; unknown fields are errors.
 
+use crate::capture::field::Fields;
 use crate::capture::manifest::SideName;
 use crate::files::atomic::explain;
 use crate::{Error, Result};
@@ -71,27 +72,11 @@ impl Manifest {
     }
 
     fn validate(&self, path: &Path) -> Result<()> {
-        let bad = |field: &str, found: &dyn std::fmt::Display, expected: &str| {
-            Err(Error::field(path, field, format!("found {found}, expected {expected}")))
-        };
-        if self.schema != 1 {
-            return bad("schema", &self.schema, "1");
-        }
-        for (field, value) in [("width", self.width), ("height", self.height)] {
-            if !(3..=16_384).contains(&value) {
-                return bad(field, &value, "3 to 16384 texels");
-            }
-        }
-        if !(self.texel_mm > 0.0 && self.texel_mm.is_finite()) {
-            return bad("texel_mm", &self.texel_mm, "a positive length in mm");
-        }
-        for (field, value) in [("noise_relative", self.noise_relative), ("noise_floor", self.noise_floor)] {
-            if let Some(v) = value
-                && !(0.0..1e3).contains(&v)
-            {
-                return bad(field, &v, "zero or a positive number");
-            }
-        }
+        let fields = Fields { path };
+        let bad = |field: &str, found: &dyn std::fmt::Display, expected: &str| Err(fields.wrong(field, found, expected));
+        fields.photographs(self.schema, self.width, self.height, 3..=16_384)?;
+        fields.positive_mm([("texel_mm", self.texel_mm)])?;
+        fields.not_negative([("noise_relative", self.noise_relative), ("noise_floor", self.noise_floor)])?;
         if self.beams.is_empty() || self.beams.len() > 1000 {
             return bad("beam", &format!("{} photographs", self.beams.len()), "1 to 1000");
         }

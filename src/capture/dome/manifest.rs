@@ -1,5 +1,6 @@
 //! `capture.toml` of a capture under a dome. Lengths in mm; unknown fields are errors.
 
+use crate::capture::field::Fields;
 use crate::capture::manifest::SideName;
 use crate::files::atomic::explain;
 use crate::{Error, Result};
@@ -93,37 +94,18 @@ impl Manifest {
     }
 
     fn validate(&self, path: &Path) -> Result<()> {
-        let bad = |field: &str, found: &dyn std::fmt::Display, expected: &str| {
-            Err(Error::field(path, field, format!("found {found}, expected {expected}")))
-        };
-        if self.schema != 1 {
-            return bad("schema", &self.schema, "1");
-        }
-        for (field, value) in [("width", self.width), ("height", self.height)] {
-            if !(3..=65_536).contains(&value) {
-                return bad(field, &value, "3 to 65536 texels");
-            }
-        }
-        for (field, value) in [("texel_mm", self.texel_mm), ("thickness_max_mm", self.thickness_max_mm)] {
-            if !(value > 0.0 && value.is_finite()) {
-                return bad(field, &value, "a positive length in mm");
-            }
-        }
-        let not_negative = [
+        let fields = Fields { path };
+        let bad = |field: &str, found: &dyn std::fmt::Display, expected: &str| Err(fields.wrong(field, found, expected));
+        fields.photographs(self.schema, self.width, self.height, 3..=65_536)?;
+        fields.positive_mm([("texel_mm", self.texel_mm), ("thickness_max_mm", self.thickness_max_mm)])?;
+        fields.not_negative([
             ("thickness_max_err_mm", self.thickness_max_err_mm),
             ("noise_relative", self.noise_relative),
             ("noise_floor", self.noise_floor),
             ("height_noise_mm", self.height_noise_mm),
             ("contact_mm", Some(self.contact_mm)),
             ("height_filter_mm", Some(self.height_filter_mm)),
-        ];
-        for (field, value) in not_negative {
-            if let Some(v) = value
-                && !(v >= 0.0 && v.is_finite())
-            {
-                return bad(field, &v, "zero or a positive number");
-            }
-        }
+        ])?;
         for (field, value) in [("height_filter_mm", self.height_filter_mm), ("contact_mm", 0.25 * self.contact_mm)] {
             if value > 32.0 * self.texel_mm.max(0.01) {
                 return bad(field, &value, "less: it would level out every vein");

@@ -15,6 +15,7 @@ pub fn timed(manifest: &Manifest, view: &View, renderer: &mut gpu::Renderer) -> 
         name: view.name.clone(),
         frame_ms_median: timing.quantile(0.5).unwrap_or(0.0),
         frame_ms_p95: timing.quantile(0.95).unwrap_or(0.0),
+        triangles: renderer.stats().triangles,
         threshold_flip_p99: view.flip_p99,
         threshold_max_error: view.max_error.unwrap_or(0.0),
         threshold_frame_ms: view.frame_ms,

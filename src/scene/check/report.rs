@@ -58,6 +58,8 @@ pub struct ViewReport {
     pub golden: Option<(f64, f64)>,
     pub frame_ms_median: f64,
     pub frame_ms_p95: f64,
+    /// Drawn in a frame, instances counted each.
+    pub triangles: u64,
     pub threshold_frame_ms: Option<f64>,
     /// Median of each pass by the adapter's own clock.
     pub passes: Vec<(String, f64)>,
@@ -94,6 +96,7 @@ impl ViewReport {
             "golden_max_error": self.golden.map(|g| g.1),
             "frame_ms_median": self.frame_ms_median,
             "frame_ms_p95": self.frame_ms_p95,
+            "triangles": self.triangles,
             "threshold_frame_ms": self.threshold_frame_ms,
             "pass_ms": self.passes.iter().map(|(n, t)| (n.clone(), json!(t))).collect::<serde_json::Map<_, _>>(),
             "reference_s": self.reference_s,
@@ -110,7 +113,7 @@ impl ViewReport {
         let verdict = if self.passed { "passed" } else { "MISSED" };
         let error = self.max_error.map_or("-".to_string(), |e| format!("{e:.4}"));
         let noise = |v: Option<f64>| v.map_or("-".to_string(), |e| format!("{e:.4}"));
-        let times = format!("{:.1} ms a frame (95 %: {:.1})", self.frame_ms_median, self.frame_ms_p95);
+        let times = format!("{:.1} ms a frame (95 %: {:.1}), {} triangles", self.frame_ms_median, self.frame_ms_p95, self.triangles);
         let mut line = if self.card {
             format!(
                 "{verdict}  {}: {:.2e} from the closed form (allowed {:.1e}; the reference {:.1e}), {times}",
