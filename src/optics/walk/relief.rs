@@ -5,7 +5,7 @@
 
 use super::field::{Event, Field, Ray};
 use super::phase::{self, Direction};
-use super::tally::{self, Estimate, Histories, Sum, Tally, uniform};
+use super::tally::{self, Estimate, Fates, Histories, Sum, Tally, uniform};
 use super::{Boundary, EVENTS, Medium, survives};
 use crate::error::{Error, Result};
 use rand_pcg::Pcg64;
@@ -59,13 +59,8 @@ pub struct ReliefWalk {
 pub const SEEN: f64 = 0.8;
 
 struct Sums {
-    reflected: Sum,
-    glossy: Sum,
-    transmitted: Sum,
+    fates: Fates,
     passed: Sum,
-    absorbed: Sum,
-    lost: Sum,
-    balance: Sum,
     entered_again: Sum,
     exitance: Vec<Sum>,
     seen: Vec<Sum>,
@@ -74,21 +69,11 @@ struct Sums {
 
 impl Tally for Sums {
     fn merge(&mut self, o: &Self) {
-        for (a, b) in [
-            (&mut self.reflected, &o.reflected),
-            (&mut self.glossy, &o.glossy),
-            (&mut self.transmitted, &o.transmitted),
-            (&mut self.passed, &o.passed),
-            (&mut self.absorbed, &o.absorbed),
-            (&mut self.lost, &o.lost),
-            (&mut self.balance, &o.balance),
-            (&mut self.entered_again, &o.entered_again),
-        ] {
-            a.merge(b);
-        }
-        self.exitance.iter_mut().zip(&o.exitance).for_each(|(a, b)| a.merge(b));
-        self.seen.iter_mut().zip(&o.seen).for_each(|(a, b)| a.merge(b));
-        self.entering.iter_mut().zip(&o.entering).for_each(|(a, b)| a.merge(b));
+        self.fates.merge(&o.fates);
+        tally::merge([&mut self.passed, &mut self.entered_again], [&o.passed, &o.entered_again]);
+        tally::merge(&mut self.exitance, &o.exitance);
+        tally::merge(&mut self.seen, &o.seen);
+        tally::merge(&mut self.entering, &o.entering);
     }
 }
 
@@ -122,13 +107,8 @@ impl Leaf {
         let (corner, size) = field.start(beam);
         let texels = field.width() * field.height();
         let empty = || Sums {
-            reflected: Sum::default(),
-            glossy: Sum::default(),
-            transmitted: Sum::default(),
+            fates: Fates::default(),
             passed: Sum::default(),
-            absorbed: Sum::default(),
-            lost: Sum::default(),
-            balance: Sum::default(),
             entered_again: Sum::default(),
             exitance: vec![Sum::default(); texels],
             seen: vec![Sum::default(); texels],
@@ -148,13 +128,13 @@ impl Leaf {
         let map = |sums: &[Sum]| sums.iter().map(|s| s.mean(n).scaled(per_texel)).collect();
         Ok(ReliefWalk {
             histories: n,
-            reflected: sums.reflected.mean(n),
-            glossy: sums.glossy.mean(n),
-            transmitted: sums.transmitted.mean(n),
+            reflected: sums.fates.reflected.mean(n),
+            glossy: sums.fates.glossy.mean(n),
+            transmitted: sums.fates.transmitted.mean(n),
             passed: sums.passed.mean(n),
-            absorbed: sums.absorbed.mean(n),
-            lost: sums.lost.mean(n),
-            balance: sums.balance.mean(n),
+            absorbed: sums.fates.absorbed.mean(n),
+            lost: sums.fates.lost.mean(n),
+            balance: sums.fates.balance.mean(n),
             entered_again: sums.entered_again.mean(n),
             exitance: map(&sums.exitance),
             seen: map(&sums.seen),
@@ -168,9 +148,9 @@ impl Leaf {
         let w = p.weight;
         let inside = p.entries > 0;
         let leaves = match end {
-            Some(Event::Up) => Some(if inside { &mut sums.reflected } else { &mut sums.glossy }),
-            Some(Event::Down) => Some(if inside { &mut sums.transmitted } else { &mut sums.passed }),
-            Some(_) => Some(&mut sums.lost),
+            Some(Event::Up) => Some(if inside { &mut sums.fates.reflected } else { &mut sums.fates.glossy }),
+            Some(Event::Down) => Some(if inside { &mut sums.fates.transmitted } else { &mut sums.passed }),
+            Some(_) => Some(&mut sums.fates.lost),
             None => None,
         };
         let mut balance = p.absorbed;
@@ -185,9 +165,9 @@ impl Leaf {
                 sums.seen[texel].add(w / (1.0 - SEEN * SEEN));
             }
         }
-        sums.absorbed.add(p.absorbed);
+        sums.fates.absorbed.add(p.absorbed);
         sums.entered_again.add(p.again);
-        sums.balance.add(balance);
+        sums.fates.balance.add(balance);
     }
 
     /// Follows the particle; None where it ends in the tissue.

@@ -6,7 +6,7 @@
 //! With rough dielectric faces the flux arrives from outside, and nothing is forced.
 
 use super::phase::{self, Direction};
-use super::tally::{self, Estimate, Histories, Ratio, Sum, Tally, uniform};
+use super::tally::{self, Estimate, Fates, Histories, Ratio, Sum, Tally, uniform};
 use super::{Boundary, EVENTS, Medium, survives};
 use crate::error::{Error, Result};
 use rand_pcg::Pcg64;
@@ -66,13 +66,8 @@ pub struct SlabWalk {
 
 #[derive(Clone)]
 struct Sums {
-    reflected: Sum,
-    glossy: Sum,
-    transmitted: Sum,
+    fates: Fates,
     unscattered: Sum,
-    absorbed: Sum,
-    lost: Sum,
-    balance: Sum,
     scattered: Sum,
     radial: Vec<Sum>,
     radius: Ratio,
@@ -82,20 +77,10 @@ struct Sums {
 
 impl Tally for Sums {
     fn merge(&mut self, o: &Self) {
-        for (a, b) in [
-            (&mut self.reflected, &o.reflected),
-            (&mut self.glossy, &o.glossy),
-            (&mut self.transmitted, &o.transmitted),
-            (&mut self.unscattered, &o.unscattered),
-            (&mut self.absorbed, &o.absorbed),
-            (&mut self.lost, &o.lost),
-            (&mut self.balance, &o.balance),
-            (&mut self.scattered, &o.scattered),
-        ] {
-            a.merge(b);
-        }
-        self.radial.iter_mut().zip(&o.radial).for_each(|(a, b)| a.merge(b));
-        self.angles.iter_mut().zip(&o.angles).for_each(|(a, b)| a.merge(b));
+        self.fates.merge(&o.fates);
+        tally::merge([&mut self.unscattered, &mut self.scattered], [&o.unscattered, &o.scattered]);
+        tally::merge(&mut self.radial, &o.radial);
+        tally::merge(&mut self.angles, &o.angles);
         self.radius.merge(&o.radius);
         self.cosine.merge(&o.cosine);
     }
@@ -141,13 +126,8 @@ impl Slab {
         };
         let rings = edges.len().saturating_sub(1);
         let empty = || Sums {
-            reflected: Sum::default(),
-            glossy: Sum::default(),
-            transmitted: Sum::default(),
+            fates: Fates::default(),
             unscattered: Sum::default(),
-            absorbed: Sum::default(),
-            lost: Sum::default(),
-            balance: Sum::default(),
             scattered: Sum::default(),
             radial: vec![Sum::default(); rings],
             radius: Ratio::default(),
@@ -158,13 +138,13 @@ impl Slab {
         let n = histories.count;
         Ok(SlabWalk {
             histories: n,
-            reflected: sums.reflected.mean(n),
-            glossy: sums.glossy.mean(n),
-            transmitted: sums.transmitted.mean(n),
+            reflected: sums.fates.reflected.mean(n),
+            glossy: sums.fates.glossy.mean(n),
+            transmitted: sums.fates.transmitted.mean(n),
             unscattered: sums.unscattered.mean(n),
-            absorbed: sums.absorbed.mean(n),
-            lost: sums.lost.mean(n),
-            balance: sums.balance.mean(n),
+            absorbed: sums.fates.absorbed.mean(n),
+            lost: sums.fates.lost.mean(n),
+            balance: sums.fates.balance.mean(n),
             radial: sums
                 .radial
                 .iter()
@@ -188,8 +168,8 @@ impl Slab {
         match self.boundary {
             Boundary::Rough(rough) => match rough.scatter([d[0], d[1], -d[2]], rng) {
                 Some(o) if o[2] > 0.0 => {
-                    sums.glossy.add(1.0);
-                    sums.balance.add(1.0);
+                    sums.fates.glossy.add(1.0);
+                    sums.fates.balance.add(1.0);
                     return;
                 }
                 Some(o) => particle.d = [o[0], o[1], -o[2]],
@@ -207,7 +187,7 @@ impl Slab {
         }
         match end {
             End::Lit => {
-                sums.reflected.add(w);
+                sums.fates.reflected.add(w);
                 balance += w;
             }
             End::Unlit => {
@@ -217,17 +197,17 @@ impl Slab {
             }
             End::Inside => {}
             End::Lost => {
-                sums.lost.add(w);
+                sums.fates.lost.add(w);
                 balance += w;
             }
         }
         if matches!(self.boundary, Boundary::Rough(_)) && start == 0.0 {
-            sums.lost.add(1.0);
+            sums.fates.lost.add(1.0);
             balance += 1.0;
         }
-        sums.transmitted.add(transmitted);
-        sums.absorbed.add(particle.absorbed);
-        sums.balance.add(balance);
+        sums.fates.transmitted.add(transmitted);
+        sums.fates.absorbed.add(particle.absorbed);
+        sums.fates.balance.add(balance);
     }
 
     /// Splits off what crosses unscattered and leaves (returned); the particle carries the rest, at its first collision or reflection.

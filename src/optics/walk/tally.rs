@@ -76,6 +76,32 @@ impl Sum {
     }
 }
 
+/// Adds each part of one run to its counterpart.
+pub fn merge<'a>(into: impl IntoIterator<Item = &'a mut Sum>, from: impl IntoIterator<Item = &'a Sum>) {
+    into.into_iter().zip(from).for_each(|(a, b)| a.merge(b));
+}
+
+/// Where the flux of one run went, whatever the shape it ran through.
+#[derive(Debug, Clone, Default)]
+pub struct Fates {
+    pub reflected: Sum,
+    pub glossy: Sum,
+    pub transmitted: Sum,
+    pub absorbed: Sum,
+    pub lost: Sum,
+    pub balance: Sum,
+}
+
+impl Fates {
+    pub fn merge(&mut self, o: &Fates) {
+        let Fates { reflected, glossy, transmitted, absorbed, lost, balance } = self;
+        merge(
+            [reflected, glossy, transmitted, absorbed, lost, balance],
+            [&o.reflected, &o.glossy, &o.transmitted, &o.absorbed, &o.lost, &o.balance],
+        );
+    }
+}
+
 /// A weighted mean Σ w x / Σ w over histories; its standard error to first order in the spread (a ratio of two sums).
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Ratio {

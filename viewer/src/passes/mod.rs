@@ -2,6 +2,7 @@
 //! what shadow and main share where branches bend.
 
 pub(crate) mod bend;
+pub(crate) mod fullscreen;
 pub(crate) mod main;
 pub(crate) mod shadow;
 pub(crate) mod sky;

@@ -1,6 +1,7 @@
 //! The sky seen behind the leaves: drawn first in the main pass, by a pipeline of its own, and only where the scene has a dome.
 
 use crate::gpu::Gpu;
+use crate::passes::fullscreen;
 use crate::passes::main::DEPTH;
 use crate::scene::{Camera, Dome, Sun};
 use crate::stats::Stats;
@@ -36,43 +37,16 @@ impl SkyPass {
                 count: None,
             }],
         });
-        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some("sky"),
-            source: wgpu::ShaderSource::Wgsl(include_str!("sky.wgsl").into()),
-        });
-        let pipeline_layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some("sky"),
-            bind_group_layouts: &[Some(&layout)],
-            immediate_size: 0,
-        });
-        let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some("sky"),
-            layout: Some(&pipeline_layout),
-            vertex: wgpu::VertexState {
-                module: &module,
-                entry_point: Some("vertex"),
-                compilation_options: Default::default(),
-                buffers: &[],
-            },
-            primitive: wgpu::PrimitiveState::default(),
-            // Drawn first: the leaves cover it.
-            depth_stencil: Some(wgpu::DepthStencilState {
-                format: DEPTH,
-                depth_write_enabled: Some(false),
-                depth_compare: Some(wgpu::CompareFunction::Always),
-                stencil: Default::default(),
-                bias: Default::default(),
-            }),
-            multisample: wgpu::MultisampleState { count: msaa, mask: !0, alpha_to_coverage_enabled: false },
-            fragment: Some(wgpu::FragmentState {
-                module: &module,
-                entry_point: Some("fragment"),
-                compilation_options: Default::default(),
-                targets: &[Some(gpu.hdr_format(msaa).into())],
-            }),
-            multiview_mask: None,
-            cache: None,
-        });
+        // Drawn first: the leaves cover it.
+        let depth = wgpu::DepthStencilState {
+            format: DEPTH,
+            depth_write_enabled: Some(false),
+            depth_compare: Some(wgpu::CompareFunction::Always),
+            stencil: Default::default(),
+            bias: Default::default(),
+        };
+        let samples = wgpu::MultisampleState { count: msaa, mask: !0, alpha_to_coverage_enabled: false };
+        let pipeline = fullscreen::pipeline(gpu, "sky", include_str!("sky.wgsl"), &layout, gpu.hdr_format(msaa), Some(depth), samples);
         stats.pipeline("sky");
         let uniform = gpu.uniform("sky", &[Uniform::default()]);
         stats.upload("sky", size_of::<Uniform>() as u64);

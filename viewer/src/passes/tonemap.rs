@@ -1,6 +1,7 @@
 //! The tone map: radiance to 8-bit sRGB (exposure, Reinhard a channel, IEC 61966-2-1).
 
 use crate::gpu::Gpu;
+use crate::passes::fullscreen;
 use crate::stats::Stats;
 
 /// Encoded in the shader, so that the rounding is the same on every adapter.
@@ -32,36 +33,7 @@ impl TonemapPass {
                 ),
             ],
         });
-        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some("tonemap"),
-            source: wgpu::ShaderSource::Wgsl(include_str!("tonemap.wgsl").into()),
-        });
-        let pipeline_layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some("tonemap"),
-            bind_group_layouts: &[Some(&layout)],
-            immediate_size: 0,
-        });
-        let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some("tonemap"),
-            layout: Some(&pipeline_layout),
-            vertex: wgpu::VertexState {
-                module: &module,
-                entry_point: Some("vertex"),
-                compilation_options: Default::default(),
-                buffers: &[],
-            },
-            primitive: wgpu::PrimitiveState::default(),
-            depth_stencil: None,
-            multisample: Default::default(),
-            fragment: Some(wgpu::FragmentState {
-                module: &module,
-                entry_point: Some("fragment"),
-                compilation_options: Default::default(),
-                targets: &[Some(FORMAT.into())],
-            }),
-            multiview_mask: None,
-            cache: None,
-        });
+        let pipeline = fullscreen::pipeline(gpu, "tonemap", include_str!("tonemap.wgsl"), &layout, FORMAT, None, Default::default());
         TonemapPass { pipeline, layout, exposure: gpu.uniform("exposure", &[[1.0f32; 4]]) }
     }
 
