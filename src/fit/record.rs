@@ -78,6 +78,12 @@ pub struct TruthError {
     pub coverage95: Option<f64>,
 }
 
+/// Figures that are there where the truth keeps another gauge than the fit: mean true thickness over the good texels relative to the fit's, less 1,
+/// and the mean true γ less 1 of the channel where it is farthest off.
+pub const GAUGE_THICKNESS: &str = "gauge_of_truth_thickness_relative";
+/// As [`GAUGE_THICKNESS`].
+pub const GAUGE_GAMMA: &str = "gauge_of_truth_gamma_relative";
+
 /// `fit.toml`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct FitRecord {

@@ -1,6 +1,6 @@
 //! "Is this good?": the rules, in one place. Every reason is said; the worst one rules.
 
-use crate::fit::record::FitRecord;
+use crate::fit::record::{FitRecord, GAUGE_GAMMA, GAUGE_THICKNESS};
 use crate::fit::translucency::judge::NAMES;
 use crate::report::model::{CheckReport, FitReport, Level, Reason, SectionReport, Verdict};
 use crate::report::number::{count, percent, plain, significant};
@@ -219,6 +219,15 @@ fn truth(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, String)) {
                 narrow_level = Level::Bad;
             }
         }
+    }
+    if let (Some(h), Some(g)) = (s.figures.get(GAUGE_THICKNESS), s.figures.get(GAUGE_GAMMA)) {
+        let text = format!(
+            "{side}σa, σs, h + δ and γ rest on means over the measured texels, where the known truth's differ: thickness by {}, γ by {}; their stated errors do not \
+             hold that and are not judged",
+            percent(h.abs()),
+            percent(g.abs())
+        );
+        say(Level::Doubtful, text);
     }
     let mut state = |level: Level, head: &str, list: Vec<String>| {
         if !list.is_empty() {

@@ -36,7 +36,7 @@ fn row(knob: &str, setting: &str, error: f64, us: f64, note: String) -> BenchRow
 }
 
 /// Steps of the bar that [`bench_rows`] takes.
-pub const PIECES: u64 = 5;
+pub const PIECES: u64 = 6;
 
 /// All rows.
 ///
@@ -51,6 +51,8 @@ pub fn rows(effort: Effort, bar: &Bar) -> Result<Vec<BenchRow>> {
     let mut rows = plane::history_rows()?;
     bar.step()?;
     rows.extend(plane::total_rows(effort)?);
+    bar.step()?;
+    rows.extend(plane::incidence_rows(effort)?);
     bar.step()?;
     rows.extend(plane::spot_rows(effort)?);
     bar.step()?;

@@ -116,6 +116,49 @@ pub fn total_rows(effort: Effort) -> Result<Vec<BenchRow>> {
     Ok(rows)
 }
 
+/// Light at an angle: what a beam sends through, an incident flux, over what light from everywhere does (which ρt was measured with). The maps say 1 for
+/// every angle on a flat blade, so a row's error is that of the picture. The exact slab at that incidence stands beside it where faces are matched.
+pub fn incidence_rows(effort: Effort) -> Result<Vec<BenchRow>> {
+    let table = Tissue::TABLE;
+    let face = Rough { index: 1.4, slope: 0.35 };
+    let mut rows = Vec::new();
+    for (name, boundary) in [("matched", Boundary::Matched), ("rough dielectric", Boundary::Rough(face))] {
+        for d in [0.1, 0.2, 0.5] {
+            let slab = Slab { medium: medium(&table), thickness_mm: d, boundary };
+            for degrees in [0.0f64, 30.0, 45.0, 60.0, 75.0] {
+                progress::go_on()?;
+                let start = std::time::Instant::now();
+                let ratio = beam_over_even(&slab, degrees, effort)?;
+                let us = start.elapsed().as_secs_f64() * 1e6;
+                let exact = match boundary {
+                    Boundary::Matched => format!("; the slab at that incidence {:.4}", slant(&table, d, degrees.to_radians().cos())),
+                    _ => String::new(),
+                };
+                let note = format!("beam over even light {}{exact}", stated(ratio));
+                let setting = format!("{degrees} deg, {}", named(&table, d));
+                rows.push(row(&format!("oracle: incidence, {name}"), &setting, 1.0 / ratio.value - 1.0, us, note));
+            }
+        }
+    }
+    Ok(rows)
+}
+
+/// Transmittance of a beam at this angle over that of light from everywhere, both per incident flux.
+pub fn beam_over_even(slab: &Slab, degrees: f64, effort: Effort) -> Result<Estimate> {
+    let (sin, mu) = degrees.to_radians().sin_cos();
+    let beam = slab.walk(Entry::Beam([sin, 0.0, mu]), effort.plane(), &[])?.transmitted;
+    let even = slab.walk(Entry::Diffuse, effort.plane(), &[])?.transmitted;
+    let value = beam.value / even.value;
+    Ok(Estimate { value, error: value * (beam.error / beam.value).hypot(even.error / even.value) })
+}
+
+/// The same ratio from the transport equation with isotropic scattering σs′ (matched faces).
+pub fn slant(tissue: &Tissue, d: f64, mu: f64) -> f64 {
+    let at = |mu: f64| slab::exact::response_at(mu, tissue.sigma_a, tissue.reduced_scattering(), d).rho_t;
+    let even: f64 = crate::quadrature::unit(12).into_iter().map(|(m, w)| 2.0 * w * m * at(m)).sum();
+    at(mu) / even
+}
+
 /// Share of Lambertian light that a smooth face of this index sends back inside: ∫ 2 μ F dμ, midpoints.
 pub fn inner_reflectance(index: f64) -> f64 {
     const N: usize = 20_000;

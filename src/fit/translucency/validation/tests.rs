@@ -76,3 +76,18 @@ fn the_rows_say_what_they_compare() {
     assert!(at("oracle: thickness, images", "d 0.05").is_nan());
     assert!(at("oracle: thickness, thin", "d 0.05").abs() < 0.2);
 }
+
+#[test]
+fn a_slanting_beam_is_the_exact_slabs() {
+    let effort = Effort { plane: 40_000, vein: 0 };
+    let t = Tissue::TABLE;
+    let slab = Slab { medium: plane::medium(&t), thickness_mm: 0.2, boundary: Boundary::Matched };
+    for degrees in [0.0f64, 60.0] {
+        let walk = plane::beam_over_even(&slab, degrees, effort).unwrap();
+        let exact = plane::slant(&t, 0.2, degrees.to_radians().cos());
+        // σs(1−g) in place of σs and g = 0.07 is worth a few thousandths
+        assert!((walk.value - exact).abs() < 4.0 * walk.error + 0.01 * exact, "{degrees}: {walk:?} {exact}");
+        // neither is 1, which is what the maps say
+        assert!((exact - 1.0).abs() > 0.1, "{exact}");
+    }
+}

@@ -1,0 +1,95 @@
+//! Leaves that a scene may show: where their data come from, and what is drawn of them.
+
+use serde::Deserialize;
+use std::path::PathBuf;
+
+/// A leaf the scene may show: a fit folder, and where the fit comes from when it is missing or stale.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Leaf {
+    pub name: String,
+    /// Another leaf's name: this one is drawn from the same data, where they come from is said there.
+    pub like: Option<String>,
+    pub fit: Option<PathBuf>,
+    pub capture: Option<PathBuf>,
+    pub scan: Option<Scan>,
+    /// glTF in mm; the fit's own blade when absent.
+    pub mesh: Option<PathBuf>,
+    #[serde(default)]
+    pub interior: Interior,
+    #[serde(default)]
+    pub lobe: Lobe,
+    /// Index of refraction of the `cook-torrance` lobe.
+    pub index: Option<f64>,
+    /// How the sun comes through as it turns; by ρt and the mapped normal alone when absent.
+    pub translucency: Option<Translucency>,
+}
+
+impl Leaf {
+    /// The name that its data go by in a run's folder.
+    pub fn data_name(&self) -> &str {
+        self.like.as_deref().unwrap_or(&self.name)
+    }
+}
+
+/// Translucency maps of a leaf, made from its fit.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Translucency {
+    /// A folder of `fit translucency`; made in the run's own folder when it is absent or not there.
+    pub fit: Option<PathBuf>,
+    /// What light is sent through when they are made.
+    #[serde(default)]
+    pub tissue: Tissue,
+    #[serde(default)]
+    pub colour: Colour,
+}
+
+/// The slab that the leaf's fit found, or the table of Habel 2009 (one wavelength, 510 nm).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Tissue {
+    #[default]
+    Fit,
+    Table,
+}
+
+/// One wavelength with the measured colour, or each channel through the tissue.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Colour {
+    #[default]
+    Substituted,
+    ThreeWavelengths,
+}
+
+/// A synthetic scan to make when there is no capture: what `mesophyll synth` is told.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scan {
+    pub spec: PathBuf,
+    pub size: Option<String>,
+    /// Width and height of what is scanned, around the middle of the specification's field; all of it when absent.
+    pub field_mm: Option<[f64; 2]>,
+    pub frames: Option<usize>,
+    pub noise: Option<f64>,
+    pub seed: Option<u64>,
+}
+
+/// Where ρd and ρt come from: W's scalars σa and σs with γ and δ maps, or per-texel pigment maps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Interior {
+    #[default]
+    Scalars,
+    Maps,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Lobe {
+    #[default]
+    Beckmann,
+    Ggx,
+    CookTorrance,
+}

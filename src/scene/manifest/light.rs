@@ -1,0 +1,58 @@
+//! What lights a scene: a sun, a sky, and the hours of a day.
+
+use serde::Deserialize;
+
+/// The sun as a disk.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sun {
+    /// From straight up; more than 90 shines from below.
+    pub zenith_deg: f64,
+    /// From +x towards +y.
+    #[serde(default)]
+    pub azimuth_deg: f64,
+    /// On a surface that faces the sun; under a physical sky the model's own when absent.
+    pub irradiance: Option<[f64; 3]>,
+    #[serde(default = "sun_radius")]
+    pub radius_deg: f64,
+    /// The sun will stand elsewhere too: the sky comes from the polynomial fit.
+    #[serde(default)]
+    pub moves: bool,
+}
+
+/// A constant sky all around, or a physical one above the horizon.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sky {
+    /// Of the constant sky.
+    pub radiance: Option<[f64; 3]>,
+    /// Of the physical one.
+    pub model: Option<SkyModel>,
+    pub turbidity: Option<f64>,
+    /// Of a level, matte ground that lights the scene from below; none when absent.
+    pub ground_albedo: Option<[f64; 3]>,
+    /// Scene units of radiance a kcd/m²; 1 when absent.
+    pub scale: Option<f64>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SkyModel {
+    Preetham,
+}
+
+/// Solar hours at which the scene is drawn too.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Day {
+    pub latitude_deg: f64,
+    /// Of the sun: 0 at the equinoxes, 23.44 in June.
+    #[serde(default)]
+    pub declination_deg: f64,
+    /// 12 is noon.
+    pub hours: Vec<f64>,
+}
+
+fn sun_radius() -> f64 {
+    0.2666
+}

@@ -1,0 +1,127 @@
+//! Where leaves stand and what they hang on: single ones, branches in the wind, a twig, a crown.
+
+use super::one;
+use serde::Deserialize;
+use std::path::PathBuf;
+
+/// A leaf standing somewhere: scaled, turned about x, then y, then z, then moved.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Instance {
+    pub leaf: String,
+    #[serde(default)]
+    pub position_mm: [f64; 3],
+    #[serde(default)]
+    pub rotation_deg: [f64; 3],
+    #[serde(default = "one")]
+    pub scale: f64,
+    /// The branch that it hangs on; position and rotation are then in that branch's frame at `at`.
+    pub branch: Option<String>,
+    /// 0 (root) to 1 (tip).
+    pub at: Option<f64>,
+    /// From the branch's axis to the leaf's origin, along the turned leaf's x.
+    pub offset_mm: Option<f64>,
+}
+
+/// A tapered branch that bends under its weight and in the wind.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Branch {
+    pub name: String,
+    pub length_mm: f64,
+    /// At the root.
+    pub radius_mm: f64,
+    /// Tip radius over root radius; 1 when neither this nor a fit is given.
+    pub taper: Option<f64>,
+    /// F/(E′r₁⁴) of its own weight, were it horizontal: what `fit beam --deflections` calls so.
+    pub load_over_stiffness_mm: Option<f64>,
+    /// A folder of `fit beam --deflections -o`, for taper and load.
+    pub fit: Option<PathBuf>,
+    /// The measured branch's name there, where it is another.
+    pub measured: Option<String>,
+    #[serde(default)]
+    pub position_mm: [f64; 3],
+    /// From root to tip; any length.
+    pub direction: [f64; 3],
+    /// Diffuse reflectance.
+    pub bark: [f64; 3],
+    /// Tip deflection over length per m/s of a steady wind across it.
+    #[serde(default)]
+    pub lean_per_m_s: f64,
+    /// Its own frequency; from its length when absent.
+    pub resonance_hz: Option<f64>,
+    /// Over the critical one.
+    #[serde(default = "damping")]
+    pub damping: f64,
+}
+
+/// A mean wind and its gusts.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Wind {
+    pub speed_m_s: f64,
+    /// Where it blows to, from +x towards +y.
+    #[serde(default)]
+    pub azimuth_deg: f64,
+    /// Standard deviation of the speed over its mean.
+    #[serde(default = "turbulence")]
+    pub turbulence: f64,
+    pub seed: u64,
+    /// When the scene is seen, where a view does not say.
+    #[serde(default)]
+    pub time_s: f64,
+}
+
+/// Leaves on a twig along z, a golden angle apart; the same seed gives the same cluster.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Cluster {
+    /// Leaves by name, taken in turn.
+    pub leaves: Vec<String>,
+    pub count: usize,
+    /// Length of the twig.
+    pub length_mm: f64,
+    /// From the twig to a blade's centre.
+    pub offset_mm: f64,
+    /// Mean angle of a blade below the horizontal, and how far single ones stray from it.
+    #[serde(default)]
+    pub droop_deg: f64,
+    #[serde(default)]
+    pub spread_deg: f64,
+    #[serde(default = "one")]
+    pub scale: f64,
+    pub seed: u64,
+}
+
+/// A crown of leaves on seeded, rigid wood; the trunk's foot is the origin.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Tree {
+    /// Leaves by name, taken in turn.
+    pub leaves: Vec<String>,
+    pub count: usize,
+    /// From foot to top.
+    pub height_mm: f64,
+    /// Radius of the crown.
+    pub crown_mm: f64,
+    /// From the twig to a blade's centre.
+    pub offset_mm: f64,
+    #[serde(default)]
+    pub droop_deg: f64,
+    /// How far single blades stray.
+    #[serde(default)]
+    pub spread_deg: f64,
+    #[serde(default = "one")]
+    pub scale: f64,
+    /// Diffuse reflectance.
+    pub bark: [f64; 3],
+    pub seed: u64,
+}
+
+fn damping() -> f64 {
+    0.15
+}
+
+fn turbulence() -> f64 {
+    0.3
+}

@@ -1,0 +1,67 @@
+//! Who looks, and how a picture is checked against its reference.
+
+use serde::Deserialize;
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ViewKind {
+    /// The scene as it stands.
+    Perspective,
+    /// A flat patch with one leaf's mean parameters, lit as the scene is: its radiance is known in closed form.
+    Card,
+}
+
+/// What light through translucency maps is judged against.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum JudgedBy {
+    /// The full convolution for this very sun.
+    #[default]
+    Convolution,
+    /// The reference by the stored coefficients: the renderer alone is judged, and what the basis costs is reported beside it.
+    Maps,
+}
+
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct View {
+    pub name: String,
+    pub kind: ViewKind,
+    pub eye_mm: Option<[f64; 3]>,
+    pub target_mm: Option<[f64; 3]>,
+    pub up: Option<[f64; 3]>,
+    pub fov_deg: Option<f64>,
+    /// The card's leaf and how it is turned.
+    pub leaf: Option<String>,
+    pub rotation_deg: Option<[f64; 3]>,
+    /// When the scene is seen, instead of the wind's own time.
+    pub time_s: Option<f64>,
+    /// Largest 99th percentile of FLIP against the reference.
+    pub flip_p99: Option<f64>,
+    /// Largest difference of a displayed value (0 to 1) over interior pixels; for a card, of the radiance relative to the closed form.
+    pub max_error: Option<f64>,
+    /// Largest median frame time (ms); judged on real GPUs only.
+    pub frame_ms: Option<f64>,
+    #[serde(default)]
+    pub judged_by: JudgedBy,
+}
+
+/// How a check is done.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Check {
+    pub width: u32,
+    pub height: u32,
+    /// Rays a pixel of the reference.
+    pub samples: u32,
+    /// Frames timed a view.
+    pub frames: u32,
+    /// Seed of the reference; its noise is measured against the next seed.
+    pub seed: u64,
+}
+
+impl Default for Check {
+    fn default() -> Self {
+        Check { width: 800, height: 600, samples: 64, frames: 20, seed: 1 }
+    }
+}

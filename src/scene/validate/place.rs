@@ -1,0 +1,132 @@
+//! Where in a scene file something is wrong, and the checks that many fields share.
+
+use crate::scene::manifest::Manifest;
+use crate::{Error, Result};
+use std::collections::BTreeSet;
+
+/// The manifest and its text, which tells the line of a mistake.
+pub struct Place<'a> {
+    pub manifest: &'a Manifest,
+    pub text: &'a str,
+}
+
+impl<'a> Place<'a> {
+    /// An error at `key` of the `index`-th `header` (`""`: the top of the file).
+    pub fn error(&self, header: &str, index: usize, key: &str, what: impl std::fmt::Display) -> Error {
+        let file = self.manifest.path.display();
+        let place = match line_of(self.text, header, index, key) {
+            Some(line) => format!("{file}:{line}"),
+            None => file.to_string(),
+        };
+        let table = header.trim_matches(['[', ']']);
+        let field = match (table, key) {
+            ("", k) => k.to_string(),
+            (t, "") => t.to_string(),
+            (t, k) => format!("{t}.{k}"),
+        };
+        Error::Input { place: format!("{place}: {field}"), what: what.to_string() }
+    }
+
+    pub fn range(&self, header: &str, index: usize, key: &str, value: f64, limits: [f64; 2], unit: &str) -> Result<()> {
+        let [low, high] = limits;
+        if value >= low && value <= high {
+            return Ok(());
+        }
+        let limits = if high.is_finite() { format!("{low} to {high} {unit}") } else { format!("at least {low} {unit}") };
+        Err(self.error(header, index, key, format!("found {value}, expected {}", limits.trim_end())))
+    }
+
+    pub fn positive(&self, header: &str, index: usize, key: &str, value: f64, unit: &str) -> Result<()> {
+        if value > 0.0 && value.is_finite() {
+            return Ok(());
+        }
+        Err(self.error(header, index, key, format!("found {value}, expected a positive {unit}")))
+    }
+
+    pub fn finite(&self, header: &str, index: usize, key: &str, values: &[f64]) -> Result<()> {
+        if values.iter().all(|v| v.is_finite()) {
+            return Ok(());
+        }
+        Err(self.error(header, index, key, format!("found {values:?}, expected finite numbers")))
+    }
+
+    pub fn colour(&self, header: &str, key: &str, values: &[f64; 3]) -> Result<()> {
+        if values.iter().all(|v| v.is_finite() && *v >= 0.0) {
+            return Ok(());
+        }
+        Err(self.error(header, 0, key, format!("found {values:?}, expected three numbers of at least 0")))
+    }
+
+    pub fn reflectance(&self, header: &str, index: usize, key: &str, values: &[f64; 3]) -> Result<()> {
+        if values.iter().all(|v| (0.0..=1.0).contains(v)) {
+            return Ok(());
+        }
+        Err(self.error(header, index, key, format!("found {values:?}, expected three reflectances, 0 to 1")))
+    }
+
+    pub fn leaf(&self, header: &str, index: usize, key: &str, name: &str) -> Result<()> {
+        if self.manifest.leaf_index(name).is_some() {
+            return Ok(());
+        }
+        let known: Vec<&str> = self.manifest.leaves.iter().map(|l| l.name.as_str()).collect();
+        Err(self.error(header, index, key, format!("found \"{name}\", expected one of the scene's leaves ({})", known.join(", "))))
+    }
+
+    /// Nothing seen yet of the names in tables with this header; `what` is what one of them is called.
+    pub fn names(&self, header: &'static str, what: &'static str) -> Names<'a, '_> {
+        Names { place: self, header, what, seen: BTreeSet::new() }
+    }
+}
+
+/// The names in the tables of one header: plain enough for the name of a file, and each used once.
+pub struct Names<'a, 'p> {
+    place: &'p Place<'a>,
+    header: &'static str,
+    what: &'static str,
+    seen: BTreeSet<&'a str>,
+}
+
+impl<'a> Names<'a, '_> {
+    /// Takes the `index`-th table's name.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for other characters than letters, digits, - and _, and for a name that another table has.
+    pub fn take(&mut self, index: usize, name: &'a str) -> Result<()> {
+        if !plain(name) {
+            return Err(self.place.error(self.header, index, "name", format!("found \"{name}\", expected letters, digits, - and _")));
+        }
+        if !self.seen.insert(name) {
+            let what = self.what;
+            return Err(self.place.error(self.header, index, "name", format!("\"{name}\" is used twice, expected one {what} a name")));
+        }
+        Ok(())
+    }
+}
+
+/// Letters, digits, - and _: what may name a file.
+pub fn plain(name: &str) -> bool {
+    !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_')
+}
+
+/// Line (from 1) of `key = …` in the `index`-th table with this header, or of the header where the key is not there.
+fn line_of(text: &str, header: &str, index: usize, key: &str) -> Option<usize> {
+    let (mut seen, mut inside, mut fallback) = (0, header.is_empty(), None);
+    for (number, line) in text.lines().enumerate() {
+        let line = line.trim();
+        if line.starts_with('[') {
+            if inside {
+                break;
+            }
+            if line.split('#').next().map(str::trim) == Some(header) {
+                inside = seen == index;
+                seen += 1;
+                if inside {
+                    fallback = Some(number + 1);
+                }
+            }
+        } else if inside && line.strip_prefix(key).is_some_and(|rest| rest.trim_start().starts_with('=')) {
+            return Some(number + 1);
+        }
+    }
+    fallback
+}

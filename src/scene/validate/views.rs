@@ -1,0 +1,72 @@
+//! Views: an eye that sees something, and the limits that its kind is judged by.
+
+use super::MOST_SECONDS;
+use super::place::Place;
+use crate::Result;
+use crate::scene::manifest::{View, ViewKind};
+
+pub fn views(p: &Place) -> Result<()> {
+    const HEADER: &str = "[[view]]";
+    if p.manifest.views.is_empty() {
+        return Err(p.error("", 0, "view", "missing; expected at least one [[view]]"));
+    }
+    let mut names = p.names(HEADER, "view");
+    for (i, view) in p.manifest.views.iter().enumerate() {
+        names.take(i, &view.name)?;
+        one_view(p, i, view)?;
+    }
+    Ok(())
+}
+
+fn one_view(p: &Place, i: usize, view: &View) -> Result<()> {
+    const HEADER: &str = "[[view]]";
+    let missing = |key: &str| p.error(HEADER, i, key, format!("missing; view \"{}\" needs it", view.name));
+    let (Some(eye), Some(target)) = (view.eye_mm, view.target_mm) else {
+        return Err(missing(if view.eye_mm.is_none() { "eye_mm" } else { "target_mm" }));
+    };
+    p.finite(HEADER, i, "eye_mm", &eye)?;
+    p.finite(HEADER, i, "target_mm", &target)?;
+    let forward = glam::DVec3::from(target) - glam::DVec3::from(eye);
+    if forward.length() < 1e-9 {
+        return Err(p.error(HEADER, i, "target_mm", "is where the eye is, expected another point"));
+    }
+    let up = glam::DVec3::from(view.up.unwrap_or([0.0, 0.0, 1.0]));
+    p.finite(HEADER, i, "up", &up.to_array())?;
+    if forward.normalize().cross(up.normalize_or_zero()).length() < 1e-6 {
+        return Err(p.error(HEADER, i, "up", "points along the line of sight, expected a direction across it"));
+    }
+    p.range(HEADER, i, "fov_deg", view.fov_deg.ok_or_else(|| missing("fov_deg"))?, [0.1, 150.0], "degrees")?;
+    p.range(HEADER, i, "max_error", view.max_error.ok_or_else(|| missing("max_error"))?, [0.0, 1.0], "")?;
+    match view.kind {
+        ViewKind::Perspective => {
+            p.range(HEADER, i, "flip_p99", view.flip_p99.ok_or_else(|| missing("flip_p99"))?, [0.0, 1.0], "")?;
+            for (key, given) in [("leaf", view.leaf.is_some()), ("rotation_deg", view.rotation_deg.is_some())] {
+                if given {
+                    return Err(p.error(HEADER, i, key, "given, but only card views have one"));
+                }
+            }
+        }
+        ViewKind::Card => {
+            p.leaf(HEADER, i, "leaf", view.leaf.as_deref().ok_or_else(|| missing("leaf"))?)?;
+            p.finite(HEADER, i, "rotation_deg", &view.rotation_deg.unwrap_or_default())?;
+            if view.flip_p99.is_some() {
+                return Err(p.error(HEADER, i, "flip_p99", "given, but a card is judged by max_error alone"));
+            }
+        }
+    }
+    if let Some(time) = view.time_s {
+        let what = match (&p.manifest.wind, view.kind) {
+            (_, ViewKind::Card) => "given, but a card does not move",
+            (None, _) => "given, but the scene has no [wind]",
+            _ => "",
+        };
+        if !what.is_empty() {
+            return Err(p.error(HEADER, i, "time_s", what));
+        }
+        p.range(HEADER, i, "time_s", time, [-MOST_SECONDS, MOST_SECONDS], "s")?;
+    }
+    if let Some(ms) = view.frame_ms {
+        p.positive(HEADER, i, "frame_ms", ms, "time")?;
+    }
+    Ok(())
+}
