@@ -12,7 +12,7 @@ use std::path::PathBuf;
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   mesophyll bench -o out/bench                    every model, tables and plots
-  mesophyll bench translucency -o out/bench       one to two minutes on two cores; also translucency-basis.svg
+  mesophyll bench translucency -o out/bench       about a minute on two idle cores; also translucency-basis.svg
   mesophyll bench sky --json                      rows for a program
 
 A terminal shows how far it is and the time left. Ctrl-C stops before anything is printed or written.")]

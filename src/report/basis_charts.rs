@@ -18,8 +18,9 @@ const ANGLES: [&str; 3] = ["π/2", "π/4", "π/8"];
 /// A panel's size, and the height of what stands over all of them.
 const PANEL: (u32, u32) = (370, 240);
 const HEAD: u32 = 74;
-/// Colour, by place: the first is drawn first.
-const INKS: [RGBColor; 4] = [COLORS[6], COLORS[0], COLORS[1], COLORS[2]];
+/// Colours and widths, by place: the first is drawn first; the second is wide, because with the light straight above the third lies on it.
+const INKS: [RGBColor; 4] = [COLORS[6], COLORS[4], COLORS[1], COLORS[2]];
+const WIDTHS: [u32; 4] = [2, 5, 2, 2];
 
 /// Judges the bases and draws `translucency-basis.svg` into `folder`; returns the file.
 ///
@@ -57,23 +58,21 @@ pub fn draw(cases: &[Vec<Outcome>]) -> std::result::Result<String, String> {
 
 /// Title and names of the bases with their colours.
 fn legend(area: &Area, outcomes: &[Outcome]) -> Drawn {
-    let title = "Error of what a basis holds against the full convolution: share of the leaf's texels";
+    let title = "Error of what a basis holds, against the full convolution (in brackets: coefficients a texel)";
     area.draw(&Text::new(title, (16, 14), ("sans-serif", 19).into_font().color(&BLACK))).map_err(text)?;
     let mut x = 16;
-    for (outcome, ink) in outcomes.iter().zip(INKS) {
+    for ((outcome, ink), width) in outcomes.iter().zip(INKS).zip(WIDTHS) {
         let name = name(outcome);
-        area.draw(&PathElement::new([(x, 54), (x + 26, 54)], ink.stroke_width(3))).map_err(text)?;
+        area.draw(&PathElement::new([(x, 54), (x + 26, 54)], ink.stroke_width(width))).map_err(text)?;
         area.draw(&Text::new(name.clone(), (x + 33, 46), ("sans-serif", 15).into_font().color(&ink))).map_err(text)?;
-        x += 62 + 8 * name.chars().count() as i32;
+        x += 56 + 7 * name.chars().count() as i32;
     }
     Ok(())
 }
 
 /// The candidate with how many coefficients it stores.
 fn name(outcome: &Outcome) -> String {
-    let count = outcome.candidate.basis.count();
-    let name = outcome.candidate.name();
-    if name.ends_with(&count.to_string()) { name } else { format!("{name} ({count} coefficients)") }
+    format!("{} ({})", outcome.candidate.name(), outcome.candidate.basis.count())
 }
 
 /// A step line's corners: error and share in per cent.
@@ -126,8 +125,8 @@ fn histogram(area: &Area, outcomes: &[Outcome], angle: usize) -> Drawn {
         .draw()
         .map_err(text)?;
     chart.draw_series([PathElement::new([(0.0, 0.0), (0.0, top)], RGBColor(190, 190, 190))]).map_err(text)?;
-    for (spread, ink) in spreads.iter().zip(INKS) {
-        chart.draw_series(LineSeries::new(steps(spread), ink.stroke_width(2))).map_err(text)?;
+    for ((spread, ink), width) in spreads.iter().zip(INKS).zip(WIDTHS) {
+        chart.draw_series(LineSeries::new(steps(spread), ink.stroke_width(width))).map_err(text)?;
     }
     for (end, at, side) in [(0, -0.97 * reach, HPos::Left), (1, 0.97 * reach, HPos::Right)] {
         let style = |ink: &RGBColor| ("sans-serif", 13).into_font().color(ink).pos(Pos::new(side, VPos::Top));

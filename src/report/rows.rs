@@ -105,7 +105,7 @@ pub(super) fn names<'a>(all: impl Iterator<Item = &'a str>) -> Vec<String> {
 }
 
 /// Told apart by readers who do not see every colour alike (Okabe and Ito, "Color universal design", 2008).
-pub(super) const COLORS: [RGBColor; 7] = [
+pub(super) const COLORS: [RGBColor; 8] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
     RGBColor(0, 158, 115),
@@ -113,6 +113,7 @@ pub(super) const COLORS: [RGBColor; 7] = [
     RGBColor(86, 180, 233),
     RGBColor(230, 159, 0),
     RGBColor(60, 60, 60),
+    RGBColor(150, 150, 150),
 ];
 
 #[cfg(test)]
