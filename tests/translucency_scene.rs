@@ -40,6 +40,13 @@ fn write_maps(dir: &Path, width: usize, height: usize, h: impl Fn(usize, usize, 
     record.write(dir).unwrap();
 }
 
+/// Lets maps say what functions their coefficients belong to.
+fn with_basis(maps: &Path, basis: &str) {
+    let mut record = FitRecord::read(maps).unwrap();
+    record.options.insert("basis".into(), basis.into());
+    record.write(maps).unwrap();
+}
+
 /// A leaf whose light through it leans: more from +x than from −x on the left half, the other way round on the right.
 fn leaning(_: usize, column: usize, row: usize) -> [f64; 3] {
     let (x, y) = (column as f64 / 20.0, row as f64 / 15.0);
@@ -158,9 +165,10 @@ fn what_is_wrong_is_named() {
 #[cfg(feature = "render")]
 mod drawn {
     use super::*;
+    use mesophyll::scene::manifest::Basis;
     use mesophyll::scene::{handover, reference};
     use mesophyll::transport::Sunlit;
-    use mesophyll_viewer::scene::Translucency;
+    use mesophyll_viewer::scene::{Coefficients, Translucency};
 
     #[test]
     fn the_renderer_gets_the_lit_sides_coefficients_and_the_reference_the_suns_own_map() {
@@ -172,7 +180,7 @@ mod drawn {
         let drawn = handover::scene(&manifest, &plan, &ledger).unwrap();
         let leaf = &drawn.leaves[0];
         assert!(leaf.front.translucency.is_none() && leaf.back.normal.is_none());
-        let Some(Translucency::Factor(map)) = &leaf.back.translucency else { panic!("{:?}", leaf.back.translucency.is_some()) };
+        let Some(Translucency { coefficients: Coefficients::Factor(map), .. }) = &leaf.back.translucency else { panic!("no factor") };
         assert_eq!(plan.leaves[0].block, 1);
         let k = 36 * flat.width + 40;
         let want = leaning(1, 40, 36);
@@ -191,30 +199,91 @@ mod drawn {
         assert!(world.through[0].entering[0].is_none());
     }
 
+    /// Σ h_i √(3/2π) H_i·ω for a sun `zenith` and `azimuth` degrees from the front's normal and its x, on the back, by angles: bent where asked.
+    fn by_angles(h: [f64; 3], zenith: f64, azimuth: f64, bent: bool) -> f64 {
+        let (height, azimuth) = ((zenith - 90.0).to_radians(), PI - azimuth.to_radians());
+        let share = if bent { (2.0 * height.sin() / (1.0 + height.sin())).powf(0.25) } else { 1.0 };
+        // The three axes stand at azimuths of −120, 120 and 0 degrees, all with the z of a cube's diagonal.
+        let along = [-2.0 * PI / 3.0, 2.0 * PI / 3.0, 0.0].map(|a: f64| (azimuth - a).cos());
+        (0..3).map(|i| h[i] * (share * height.cos() * along[i] * 2f64.sqrt() + height.sin()) / (2.0 * PI).sqrt()).sum()
+    }
+
+    #[test]
+    fn the_bent_basis_is_evaluated_as_it_is_stored() {
+        let flat = Blade { dome: 0.0, ..Blade::default() };
+        let dir = folder(&flat);
+        let maps = dir.path().join("fits/elm-translucency");
+        let k = 36 * flat.width + 40;
+        for (basis, name) in [(Basis::HalfLife2, "half-life 2"), (Basis::Bent, "bent half-life 2, 3")] {
+            with_basis(&maps, name);
+            for zenith in [150.0, 120.0, 100.0, 91.0] {
+                let path = scene(dir.path(), "back", Some(zenith), None, "");
+                let (plan, ledger) = planned(&path);
+                let manifest = Manifest::read(&path).unwrap();
+                let amount = plan.needed.iter().find(|n| n.name == "elm/translucency/back.exr").and_then(|n| n.amount.clone());
+                assert!(amount.is_some_and(|a| a.starts_with(&format!("three coefficients a texel, {name};"))));
+                let drawn = handover::scene(&manifest, &plan, &ledger).unwrap();
+                let stored = drawn.leaves[0].back.translucency.as_ref().expect("maps");
+                assert_eq!(format!("{:?}", stored.basis), format!("{basis:?}"));
+                let world = reference::world(&manifest, &plan, &ledger).unwrap();
+                let Some(Sunlit::Factor(map)) = &world.through[0].entering[1] else { panic!("no map") };
+                let want = by_angles(leaning(1, 40, 36), zenith, 30.0, basis == Basis::Bent);
+                assert!((f64::from(map[k]) - want).abs() < 1e-5, "{zenith}: {} {want}", map[k]);
+            }
+        }
+    }
+
+    /// What the window's box does to the reference: without its maps a leaf is the leaf that never had any.
+    #[test]
+    fn the_windows_reference_follows_the_maps_that_are_taken_off() {
+        use mesophyll::scene::edit::SceneEditor;
+        use mesophyll_viewer::editor::Editor;
+
+        let dir = folder(&Blade::default());
+        let with = scene(dir.path(), "back", Some(125.0), None, "");
+        let plain = blade::scene(dir.path(), "plain", "elm", Some(125.0), None, "");
+        let open = |path: &Path| {
+            let manifest = Manifest::read(path).unwrap();
+            let free = plan::make_free(&manifest, None, None, &Ledger::new()).unwrap();
+            let drawn = handover::scene(&manifest, &free, &Ledger::new()).unwrap();
+            let camera = handover::camera(&manifest.views[0]);
+            (SceneEditor::new(manifest, free, dir.path().join("out")).unwrap(), drawn, camera)
+        };
+        let (mut editor, mut drawn, camera) = open(&with);
+        let (mut never, bare, _) = open(&plain);
+        let by_maps = editor.reference(&drawn, &camera, 40, 30).unwrap();
+        let sides = |leaf: &mut mesophyll_viewer::scene::Leaf| [leaf.front.translucency.take(), leaf.back.translucency.take()];
+        let maps = sides(&mut drawn.leaves[0]);
+        assert!(maps.iter().all(Option::is_some));
+        let without = editor.reference(&drawn, &camera, 40, 30).unwrap();
+        assert!(without.ldr != by_maps.ldr);
+        assert!(without.ldr == never.reference(&bare, &camera, 40, 30).unwrap().ldr);
+        [drawn.leaves[0].front.translucency, drawn.leaves[0].back.translucency] = maps;
+        assert!(editor.reference(&drawn, &camera, 40, 30).unwrap().ldr == by_maps.ldr);
+    }
+
     #[test]
     fn both_renderers_draw_the_same_light() {
         let dir = folder(&Blade { rho_s: [0.0, 0.0], ..Blade::default() });
-        let path = scene(dir.path(), "back", Some(125.0), None, "");
-        let out = dir.path().join("out");
-        let output = assert_cmd::Command::cargo_bin("mesophyll")
-            .unwrap()
-            .arg("check")
-            .arg(&path)
-            .arg("--json")
-            .arg("--out")
-            .arg(&out)
-            .output()
-            .unwrap();
-        if String::from_utf8_lossy(&output.stderr).contains("no graphics adapter") {
-            eprintln!("skipped: no graphics adapter");
-            return;
+        // A domed blade whose light leans: under the bent basis also from low over its far side.
+        for (basis, zenith) in [("half-life 2", 125.0), ("bent half-life 2, 3", 104.0)] {
+            with_basis(&dir.path().join("fits/elm-translucency"), basis);
+            let path = scene(dir.path(), "back", Some(zenith), None, "");
+            let out = dir.path().join("out");
+            let mut command = assert_cmd::Command::cargo_bin("mesophyll").unwrap();
+            let output = command.arg("check").arg(&path).arg("--json").arg("--out").arg(&out).output().unwrap();
+            if String::from_utf8_lossy(&output.stderr).contains("no graphics adapter") {
+                eprintln!("skipped: no graphics adapter");
+                return;
+            }
+            let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+            assert_eq!(output.status.code(), Some(0), "{report:#}");
+            let uploads = report["uploads"].as_array().unwrap();
+            assert!(uploads.iter().any(|u| u["name"] == "leaf 0 back translucency"), "{report:#}");
+            assert!(uploads.iter().all(|u| u["name"] != "leaf 0 back normal" && u["name"] != "leaf 0 front translucency"));
+            let word = if basis.starts_with("bent") { "back bent translucency" } else { "back translucency" };
+            assert!(report["pipelines"].as_array().unwrap().iter().any(|p| p.as_str().unwrap().contains(word)), "{report:#}");
         }
-        let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-        assert_eq!(output.status.code(), Some(0), "{report:#}");
-        let uploads = report["uploads"].as_array().unwrap();
-        assert!(uploads.iter().any(|u| u["name"] == "leaf 0 back translucency"), "{report:#}");
-        assert!(uploads.iter().all(|u| u["name"] != "leaf 0 back normal" && u["name"] != "leaf 0 front translucency"));
-        assert!(report["pipelines"].as_array().unwrap().iter().any(|p| p.as_str().unwrap().contains("back translucency")));
     }
 }
 
@@ -260,6 +329,76 @@ fn the_reference_convolves_and_a_flat_leafs_light_is_its_cosine() {
     with_texel(&fit, 1.0);
     let after = plan::make(&manifest, Some(&out), None, &ledger).unwrap();
     assert!(after.needed.iter().any(|n| n.name == "fit elm translucency" && n.status == Some(Status::Stale)), "{:?}", after.needed);
+}
+
+#[test]
+fn a_scene_asks_for_a_basis_and_what_no_renderer_evaluates_is_refused() {
+    use mesophyll::scene::{manifest::Basis, source::Status};
+
+    let dir = folder(&Blade::default());
+    let maps = dir.path().join("fits/elm-translucency");
+    let path = scene(dir.path(), "back", Some(140.0), None, "");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let asks = |basis: &str| {
+        std::fs::write(&path, text.replace("elm-translucency\" }", &format!("elm-translucency\", basis = \"{basis}\" }}"))).unwrap()
+    };
+    let find = |out: Option<&Path>| plan::make(&Manifest::read(&path).unwrap(), out, None, &Ledger::new());
+    let status = |plan: &Plan| plan.leaves[0].translucency.as_ref().unwrap().source.status;
+    // What is named and says another basis is to be made anew; what says none is as published.
+    for (said, asked, wanted) in [
+        (None, "half-life 2", Status::Reuse),
+        (None, "bent", Status::Stale),
+        (Some("half-life 2"), "bent", Status::Stale),
+        (Some("bent half-life 2, 3"), "bent", Status::Reuse),
+        (Some("bent half-life 2, 3"), "half-life 2", Status::Stale),
+        (Some("h-basis 6"), "bent", Status::Stale),
+    ] {
+        if let Some(said) = said {
+            with_basis(&maps, said);
+        }
+        asks(asked);
+        assert_eq!(status(&find(None).unwrap()), wanted, "{said:?} {asked}");
+    }
+    // Nothing asked for: either is read, others are refused.
+    std::fs::write(&path, &text).unwrap();
+    with_basis(&maps, "bent half-life 2, 3");
+    assert_eq!(find(None).unwrap().leaves[0].translucency.as_ref().unwrap().maps[1].as_ref().unwrap().basis, Basis::Bent);
+    for other in ["h-basis 6", "bent half-life 2, 6", "none: one light"] {
+        with_basis(&maps, other);
+        let told = find(None).unwrap_err().to_string();
+        let expected = "expected \"half-life 2\" or \"bent half-life 2, 3\"";
+        assert!(told.contains("options.basis") && told.contains(other) && told.contains(expected), "{told}");
+    }
+    // A value that is none is refused with its line.
+    asks("curved");
+    let told = Manifest::read(&path).unwrap_err().to_string();
+    assert!(told.contains("back.toml:7") && told.contains("curved") && told.contains("`half-life 2` or `bent`"), "{told}");
+}
+
+#[test]
+fn maps_are_made_in_the_basis_that_the_scene_asks_for() {
+    use mesophyll::scene::{make, manifest::Basis, source::Status};
+
+    let flat = Blade { width: 48, height: 36, texel_mm: 1.0, ..Blade::default() };
+    let dir = tempfile::tempdir().unwrap();
+    flat.write(&dir.path().join("fits/elm"), "elm");
+    with_texel(&dir.path().join("fits/elm"), flat.texel_mm);
+    let path = scene(dir.path(), "back", Some(115.0), None, "");
+    let text = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(&path, text.replace("{ fit = \"fits/elm-translucency\" }", "{ basis = \"bent\" }")).unwrap();
+    let (ledger, out) = (Ledger::new(), dir.path().join("out"));
+    let manifest = Manifest::read(&path).unwrap();
+    let before = plan::make(&manifest, Some(&out), None, &ledger).unwrap();
+    assert!(make::translucencies(&manifest, &before, &out, &ledger).unwrap());
+    let plan = plan::make(&manifest, Some(&out), None, &ledger).unwrap();
+    let translucent = plan.leaves[0].translucency.as_ref().unwrap();
+    assert_eq!(translucent.source.status, Status::Reuse);
+    assert!(translucent.fitted.as_ref().unwrap().record.options["basis"] == "bent half-life 2, 3");
+    assert_eq!(translucent.maps[1].as_ref().map(|m| m.basis), Some(Basis::Bent));
+    // No longer asked for: a run's own maps are made again, as published.
+    std::fs::write(&path, text.replace("{ fit = \"fits/elm-translucency\" }", "{}")).unwrap();
+    let after = plan::make(&Manifest::read(&path).unwrap(), Some(&out), None, &ledger).unwrap();
+    assert_eq!(after.leaves[0].translucency.as_ref().unwrap().source.status, Status::Stale);
 }
 
 #[test]

@@ -179,7 +179,8 @@ impl SceneEditor {
             None => None,
         };
         (world.background, world.exposure) = (scene.background.map(f64::from), f64::from(scene.exposure));
-        super::sunlit::relight(&mut world, &self.plan, &[eye])?;
+        let has = |leaf: usize, s: usize| scene.leaves.get(leaf).is_some_and(|l| [&l.front, &l.back][s].translucency.is_some());
+        super::sunlit::relight_where(&mut world, &self.plan, &[eye], has)?;
         Ok(world)
     }
 }

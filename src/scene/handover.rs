@@ -8,11 +8,11 @@ use super::card::{Card, Patch};
 use super::daylight::{self, Daylight};
 use super::fitted::fill;
 use super::ledger::Ledger;
-use super::manifest::{Interior, Lobe, Manifest, View};
+use super::manifest::{Basis, Interior, Lobe, Manifest, View};
 use super::mesh::LeafMesh;
 use super::plan::{LeafPlan, Plan, sun_direction};
 use super::plan_leaf::SIDES;
-use super::translucency::Coefficients;
+use super::translucency::Of;
 use crate::capture::manifest::SideName;
 use crate::optics::slab;
 use crate::sky::fitted::Folded;
@@ -203,10 +203,15 @@ fn one_leaf(manifest: &Manifest, leaf: &LeafPlan, ledger: &Ledger) -> Result<vie
                 let what = "the translucency maps are not made yet; `mesophyll run` and `check` make them";
                 return Err(Error::field(&manifest.path, &format!("leaf \"{}\"", config.name), what));
             };
-            sides[s].translucency = Some(match maps {
-                Coefficients::Factor(map) => viewer::Translucency::Factor(shrink(map, leaf, mean3)),
-                Coefficients::Colour(maps) => viewer::Translucency::Colour([0, 1, 2].map(|c| shrink(&maps[c], leaf, mean3))),
-            });
+            let basis = match maps.basis {
+                Basis::HalfLife2 => viewer::Basis::HalfLife2,
+                Basis::Bent => viewer::Basis::Bent,
+            };
+            let coefficients = match &maps.of {
+                Of::Factor(map) => viewer::Coefficients::Factor(shrink(map, leaf, mean3)),
+                Of::Colour(maps) => viewer::Coefficients::Colour([0, 1, 2].map(|c| shrink(&maps[c], leaf, mean3))),
+            };
+            sides[s].translucency = Some(viewer::Translucency { basis, coefficients });
         }
     }
     let [front, back] = sides;

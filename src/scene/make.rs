@@ -92,7 +92,8 @@ fn translucency(leaf: &Path, folder: &Path, asked: &Translucency, ledger: &Ledge
         Colour::Substituted => through::Colour::Substituted,
         Colour::ThreeWavelengths => through::Colour::ThreeWavelengths,
     };
-    let options = through::Options { tissue, colour, ..through::Options::default() };
+    let basis = asked.basis.unwrap_or_default().functions();
+    let options = through::Options { tissue, colour, basis, ..through::Options::default() };
     ledger.note("fit", format!("{} translucency", leaf.display()), 0, || through::run(leaf, folder, &options)).map(|_| ())
 }
 

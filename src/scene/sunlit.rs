@@ -7,7 +7,7 @@ use super::placement::Placement;
 use super::plan::{LeafPlan, Plan};
 use super::plan_leaf::SIDES;
 use super::texel_frame;
-use super::translucency::{Coefficients, front_texel, sum};
+use super::translucency::{Of, front_texel};
 use crate::fit::record::{FitRecord, Section};
 use crate::fit::translucency::source::Source;
 use crate::fit::translucency::tissue::Entry;
@@ -258,11 +258,11 @@ impl Inside {
         suns.iter()
             .map(|sun| {
                 let of = |map: &[[f32; 3]]| -> Vec<f32> {
-                    map.iter().enumerate().map(|(k, h)| sum(*h, self.turned(s, *sun, k)) as f32).collect()
+                    map.iter().enumerate().map(|(k, h)| coefficients.sum(*h, self.turned(s, *sun, k)) as f32).collect()
                 };
-                match coefficients {
-                    Coefficients::Factor(map) => Sunlit::Factor(Arc::new(of(map))),
-                    Coefficients::Colour(maps) => Sunlit::Colour(Arc::new([of(&maps[0]), of(&maps[1]), of(&maps[2])])),
+                match &coefficients.of {
+                    Of::Factor(map) => Sunlit::Factor(Arc::new(of(map))),
+                    Of::Colour(maps) => Sunlit::Colour(Arc::new([of(&maps[0]), of(&maps[1]), of(&maps[2])])),
                 }
             })
             .collect()
@@ -295,7 +295,15 @@ fn spread(map: &mut Sunlit, mask: &[bool], width: usize) {
 /// # Errors
 /// [`Error::Input`] for a leaf whose maps cannot be read.
 pub fn relight(world: &mut World, plan: &Plan, eyes: &[DVec3]) -> Result<()> {
-    light(world, plan, eyes, false)
+    light(world, plan, eyes, false, |_, _| true)
+}
+
+/// As [`relight`], of those leaves' sides alone that `has(leaf, side)` says still have their maps; `leaf` is the renderers' index.
+///
+/// # Errors
+/// As [`relight`].
+pub fn relight_where(world: &mut World, plan: &Plan, eyes: &[DVec3], has: impl Fn(usize, usize) -> bool) -> Result<()> {
+    light(world, plan, eyes, false, has)
 }
 
 /// As [`relight`], by the stored coefficients instead of the convolution; whether there was anything to light so.
@@ -303,11 +311,11 @@ pub fn relight(world: &mut World, plan: &Plan, eyes: &[DVec3]) -> Result<()> {
 /// # Errors
 /// As [`relight`].
 pub fn relight_as_stored(world: &mut World, plan: &Plan, eyes: &[DVec3]) -> Result<bool> {
-    light(world, plan, eyes, true)?;
+    light(world, plan, eyes, true, |_, _| true)?;
     Ok(!world.through.is_empty())
 }
 
-fn light(world: &mut World, plan: &Plan, eyes: &[DVec3], stored: bool) -> Result<()> {
+fn light(world: &mut World, plan: &Plan, eyes: &[DVec3], stored: bool, has: impl Fn(usize, usize) -> bool) -> Result<()> {
     world.through.clear();
     let Some(found) = &world.sun else { return Ok(()) };
     let (sun, radius) = (found.direction.normalize_or_zero(), found.radius);
@@ -316,7 +324,8 @@ fn light(world: &mut World, plan: &Plan, eyes: &[DVec3], stored: bool) -> Result
     let mut through = vec![Through::default(); instances.len()];
     let mut any = false;
     for (index, leaf) in drawn.iter().enumerate() {
-        let (Some(mesh), true) = (&leaf.mesh, leaf.sides.iter().any(|s| s.translucency)) else { continue };
+        let shines = |s: usize| leaf.sides[s].translucency && has(index, s);
+        let (Some(mesh), true) = (&leaf.mesh, shines(0) || shines(1)) else { continue };
         let Some(translucent) = &leaf.translucency else { continue };
         let Some(inside) = translucent.inside(leaf)? else { continue };
         any = true;
@@ -327,7 +336,7 @@ fn light(world: &mut World, plan: &Plan, eyes: &[DVec3], stored: bool) -> Result
         };
         let own: Vec<(usize, Facing)> =
             (0..instances.len()).into_par_iter().filter(|&i| instances[i].leaf == index).map(|i| (i, facing(i))).collect();
-        for s in (0..2).filter(|s| leaf.sides[*s].translucency) {
+        for s in (0..2).filter(|s| shines(*s)) {
             let shown: Vec<usize> = own.iter().filter(|(_, f)| f.through[1 - s]).map(|(i, _)| *i).collect();
             let local = |i: &usize| (DMat3::from_mat4(instances[*i].transform).inverse() * sun).normalize_or_zero();
             // Two suns share the transforms of a convolution.

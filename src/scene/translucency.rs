@@ -1,13 +1,13 @@
 //! Translucency maps of a scene's leaf: where they come from, whether the sun ever comes through where a camera looks, what they add.
 //!
 //! A folder of `fit translucency` holds `front.exr` and `back.exr`, for light that enters that side, in the columns of that side's camera and
-//! of the size of the leaf's other maps: channels `translucency.1` to `.3`, coefficients of f on the Half-Life 2 functions, or
+//! of the size of the leaf's other maps: channels `translucency.1` to `.3`, coefficients of f on the Half-Life 2 functions (straight or bent), or
 //! `translucency.R1` to `.B3`, those of M = ρt·f a colour. Directions are in the lit side's tangent frame.
 
 use super::display::displayed;
 use super::fitted::{Fitted, fill};
 use super::ledger::Ledger;
-use super::manifest::{Colour, Manifest, Tissue, Translucency as Asked};
+use super::manifest::{Basis, Colour, Manifest, Tissue, Translucency as Asked};
 use super::plan::{LeafPlan, LeftOut, Need, Plan, sun_direction};
 use super::plan_leaf::SIDES;
 use super::source::{Source, Status};
@@ -16,6 +16,7 @@ use super::texel_frame;
 use crate::capture::manifest::SideName;
 use crate::files::hash;
 use crate::fit::record::FitRecord;
+use crate::optics::translucency::basis;
 use crate::{Error, Result};
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
@@ -55,20 +56,40 @@ impl Translucent {
     }
 }
 
-/// Half-Life 2 coefficients a texel.
+/// Three coefficients a texel, and the functions they belong to.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Coefficients {
-    /// Of f.
+pub struct Coefficients {
+    pub basis: Basis,
+    pub of: Of,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub enum Of {
+    /// f.
     Factor(Vec<[f32; 3]>),
-    /// Of M, a channel each.
+    /// M, a channel each.
     Colour([Vec<[f32; 3]>; 3]),
 }
 
 impl Coefficients {
     pub fn layers(&self) -> &[Vec<[f32; 3]>] {
-        match self {
-            Coefficients::Factor(map) => std::slice::from_ref(map),
-            Coefficients::Colour(maps) => maps,
+        match &self.of {
+            Of::Factor(map) => std::slice::from_ref(map),
+            Of::Colour(maps) => maps,
+        }
+    }
+
+    /// Σ h_i φ_i(ω), which may be negative: renderers interpolate first and cut off at 0 after.
+    pub fn sum(&self, h: [f32; 3], omega: DVec3) -> f64 {
+        let at = self.basis.functions().argument(omega.to_array());
+        DVec3::from(basis::vector(h.map(f64::from))).dot(DVec3::from(at))
+    }
+
+    /// Green light through texel `k`, where `rho_t` is ρt there.
+    fn green(&self, k: usize, omega: DVec3, rho_t: f64) -> f64 {
+        match &self.of {
+            Of::Factor(map) => rho_t * self.sum(map[k], omega).max(0.0),
+            Of::Colour(maps) => self.sum(maps[1][k], omega).max(0.0),
         }
     }
 }
@@ -96,7 +117,7 @@ pub fn find(manifest: &Manifest, index: usize, out: Option<&Path>, fitted_leaf: 
         let Some(place) = place else { continue };
         let said = FitRecord::read(&place)?.options;
         let from = said.get("leaf");
-        if (from.is_some() && now.is_some() && from != now.as_ref()) || !as_asked(asked, &said) {
+        if (from.is_some() && now.is_some() && from != now.as_ref()) || !as_asked(asked, &said, is_named) {
             stale = true;
         } else if found.is_none() {
             found = Some((place, is_named));
@@ -115,8 +136,8 @@ pub fn find(manifest: &Manifest, index: usize, out: Option<&Path>, fitted_leaf: 
     Ok(Some(Translucent { source, fitted: Some(fitted), maps: Default::default(), inside: Default::default() }))
 }
 
-/// Whether maps that say how they were made were made as the scene asks.
-fn as_asked(asked: &Asked, said: &BTreeMap<String, String>) -> bool {
+/// Whether maps that say how they were made were made as the scene asks. Of a basis that it does not ask for, what it names may have any.
+fn as_asked(asked: &Asked, said: &BTreeMap<String, String>, named: bool) -> bool {
     let colour = match asked.colour {
         Colour::Substituted => "substituted",
         Colour::ThreeWavelengths => "three-wavelengths",
@@ -126,7 +147,9 @@ fn as_asked(asked: &Asked, said: &BTreeMap<String, String>) -> bool {
         Tissue::Fit => "matched",
         Tissue::Table => "albedo",
     };
-    said.get("colour").is_none_or(|c| c == colour) && said.get("entry").is_none_or(|e| e == entry)
+    let wanted = asked.basis.or_else(|| (!named).then(Basis::default));
+    let of = |b: Basis| said.get("basis").map_or(b == Basis::default(), |s| *s == b.functions().name());
+    said.get("colour").is_none_or(|c| c == colour) && said.get("entry").is_none_or(|e| e == entry) && wanted.is_none_or(of)
 }
 
 /// Lists the maps themselves as needed or left out.
@@ -183,8 +206,9 @@ pub fn side(manifest: &Manifest, leaf: &mut LeafPlan, s: usize, plan: &mut Plan,
     }
     let mut need = Need::new(what, format!("sunlight that enters the {} shows on the other side", side.name()));
     need.amount = Some(format!(
-        "{}; without it a displayed value is off by {:.3} (99 % of the texels), {:.3} at most (measured)",
+        "{}, {}; without it a displayed value is off by {:.3} (99 % of the texels), {:.3} at most (measured)",
         if read.layers().len() == 1 { "three coefficients a texel" } else { "three coefficients a texel and channel" },
+        read.basis.functions().name(),
         cost.p99,
         cost.largest
     ));
@@ -206,10 +230,14 @@ fn read(leaf: &LeafPlan, s: usize, fitted: &Fitted, file: &str, ledger: &Ledger)
             format!("found {}x{} texels, expected {}x{} as of the leaf's other maps", info.width, info.height, leaf.size[0], leaf.size[1]);
         return Err(Error::input(&path, what));
     }
-    if let Some(basis) = fitted.record.options.get("basis").filter(|b| *b != "half-life 2") {
-        let what = format!("found {basis}, expected half-life 2, which the renderers evaluate");
-        return Err(Error::field(&fitted.folder.join("fit.toml"), "options.basis", what));
-    }
+    let basis = match fitted.record.options.get("basis") {
+        None => Basis::default(),
+        Some(said) => Basis::ALL.into_iter().find(|b| b.functions().name() == *said).ok_or_else(|| {
+            let known = Basis::ALL.map(|b| format!("\"{}\"", b.functions().name())).join(" or ");
+            let what = format!("found \"{said}\", expected {known}, which the renderers evaluate");
+            Error::field(&fitted.folder.join("fit.toml"), "options.basis", what)
+        })?,
+    };
     let colour = info.channels.iter().any(|c| c == "translucency.R1");
     let names: Vec<String> = if colour {
         ["R", "G", "B"].iter().flat_map(|c| (1..=3).map(move |i| format!("translucency.{c}{i}"))).collect()
@@ -223,7 +251,8 @@ fn read(leaf: &LeafPlan, s: usize, fitted: &Fitted, file: &str, ledger: &Ledger)
     let good: Vec<bool> = on_leaf.iter().enumerate().map(|(k, on)| *on && planes.iter().all(|p| p[k].is_finite())).collect();
     fill(&path, leaf.size[0], leaf.size[1], &mut planes, |k| good[k])?;
     let three = |first: usize| (0..good.len()).map(|k| [planes[first][k], planes[first + 1][k], planes[first + 2][k]]).collect();
-    Ok(if colour { Coefficients::Colour([three(0), three(3), three(6)]) } else { Coefficients::Factor(three(0)) })
+    let of = if colour { Of::Colour([three(0), three(3), three(6)]) } else { Of::Factor(three(0)) };
+    Ok(Coefficients { basis, of })
 }
 
 /// Texels of a side's maps on the blade.
@@ -273,10 +302,7 @@ fn cost(manifest: &Manifest, leaf: &LeafPlan, s: usize, maps: &Coefficients, pla
                     continue;
                 }
                 let by_normal = f64::from(rho_t[k]) * normal.normalize_or(DVec3::Z).dot(omega).max(0.0);
-                let by_maps = match maps {
-                    Coefficients::Factor(map) => f64::from(rho_t[k]) * value(map[k], omega),
-                    Coefficients::Colour(maps) => value(maps[1][k], omega),
-                };
+                let by_maps = maps.green(k, omega, f64::from(rho_t[k]));
                 errors.push((displayed(level * by_maps, manifest.exposure) - displayed(level * by_normal, manifest.exposure)).abs());
             }
             errors
@@ -288,18 +314,6 @@ fn cost(manifest: &Manifest, leaf: &LeafPlan, s: usize, maps: &Coefficients, pla
         None => none,
         Some(largest) => Cost { p99: errors[((errors.len() - 1) as f64 * 0.99).round() as usize], largest: *largest },
     })
-}
-
-/// max(0, Σ h_i √(3/2π) H_i·ω).
-pub fn value(h: [f32; 3], omega: DVec3) -> f64 {
-    sum(h, omega).max(0.0)
-}
-
-/// Σ h_i √(3/2π) H_i·ω, which may be negative: renderers interpolate first and cut off at 0 after.
-pub fn sum(h: [f32; 3], omega: DVec3) -> f64 {
-    let [x, y, z] = [(1.0f64 / 6.0).sqrt(), 0.5f64.sqrt(), (1.0f64 / 3.0).sqrt()];
-    let axes = [DVec3::new(-x, -y, z), DVec3::new(-x, y, z), DVec3::new(2.0 * x, 0.0, z)];
-    (1.5 / PI).sqrt() * axes.iter().zip(h).map(|(a, h)| f64::from(h) * a.dot(omega)).sum::<f64>()
 }
 
 /// Suns in the leaf's own frame: those of its placements, or a spread over both sides where the sun moves.
@@ -339,12 +353,8 @@ pub fn resolution(manifest: &Manifest, leaf: &mut LeafPlan, plan: &mut Plan, foo
         let mean_rho = leaf.curves[s].as_ref().map_or(1.0, |c| c.at((c.min + c.max) / 2.0).1[1]);
         // At half the height of the sky both relief and level count.
         let omega = DVec3::new(0.5f64.sqrt(), 0.0, 0.5f64.sqrt());
-        let shown = |k: usize| match maps {
-            Coefficients::Factor(map) => mean_rho * value(map[k], omega),
-            Coefficients::Colour(maps) => value(maps[1][k], omega),
-        };
         let [w, h] = leaf.size;
-        let values: Vec<f32> = (0..w * h).map(|k| displayed(level * shown(k), manifest.exposure) as f32).collect();
+        let values: Vec<f32> = (0..w * h).map(|k| displayed(level * maps.green(k, omega, mean_rho), manifest.exposure) as f32).collect();
         let good = on_leaf(leaf, s);
         let rows = super::amount::map_levels(&values, w, h, |k| good[k], footprint, TEXEL_BYTES);
         let allowed = rows.first().map_or(0.0, |r| r.error) + manifest.tolerance / 4.0;

@@ -16,7 +16,7 @@
 //!
 //! f_far is the far side's [`Translucency`], looked up where the far side's other maps are; ω is l in the far side's tangent frame, that of
 //! the *mesh* (relief is in f already): (T·l, B·l, Ng·l) for light on the front, (−T·l, B·l, −Ng·l) on the back, with the mesh's interpolated
-//! T, B and outward-from-the-front Ng. A sky's light comes through by ρt and the mapped normal whatever translucency maps say.
+//! T, B and outward-from-the-front Ng. In the bent basis f is looked up at ω with x and y multiplied by (2z/(1+z))^¼. A sky's light comes through by ρt and the mapped normal whatever translucency maps say.
 //!
 //! Of a [`Dome`] this renderer has N² harmonics alone. The two diffuse integrals are Σ A_l c_lm Y_lm (Ramamoorthi and Hanrahan 2001), the
 //! glossy one ρs·a·Σ W_l c_lm Y_lm(R), R being the lobe's mean direction and W_l its bands about it; sums below 0 (ringing) count as 0.
@@ -206,9 +206,26 @@ pub struct Side {
 /// How light that enters a side comes out of the other one, texel by texel, as it turns (Habel et al. 2007): maps in the columns of the lit
 /// side's camera, in whose tangent frame (x right, y up, z out of the lit side) directions ω towards the light are.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Translucency {
-    /// f(x, ω), which stands for the cosine n·ω and multiplies ρt: coefficients on the three functions √(3/2π) H_i·ω of [`HALF_LIFE_2`].
-    /// A flat, uniform leaf has √(2π)/3 everywhere.
+pub struct Translucency {
+    /// The same on both sides of a leaf.
+    pub basis: Basis,
+    pub coefficients: Coefficients,
+}
+
+/// Functions of ω. A flat, uniform leaf has the coefficient √(2π)/3 of each, whichever they are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Basis {
+    /// The three √(3/2π) H_i·ω of [`HALF_LIFE_2`].
+    #[default]
+    HalfLife2,
+    /// The same three at ω with x and y multiplied by (2z/(1+z))^¼; no longer unit, and never longer.
+    Bent,
+}
+
+/// Three coefficients a texel.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Coefficients {
+    /// f(x, ω), which stands for the cosine n·ω and multiplies ρt.
     Factor(Vec<[f32; 3]>),
     /// M(x, ω) = ρt·f a channel (red, green, blue), which stands for both: three coefficients each.
     Colour([Vec<[f32; 3]>; 3]),
@@ -221,14 +238,14 @@ pub const HALF_LIFE_2: [[f32; 3]; 3] =
 impl Translucency {
     /// The coefficient maps: one, or one a channel.
     pub fn layers(&self) -> &[Vec<[f32; 3]>] {
-        match self {
-            Translucency::Factor(map) => std::slice::from_ref(map),
-            Translucency::Colour(maps) => maps,
+        match &self.coefficients {
+            Coefficients::Factor(map) => std::slice::from_ref(map),
+            Coefficients::Colour(maps) => maps,
         }
     }
 
-    /// Σ h_i √(3/2π) H_i·ω as one product a·ω: the basis is linear in ω, so that a texel's three coefficients are a vector, and
-    /// interpolating one interpolates the other.
+    /// Σ h_i √(3/2π) H_i·ω as one product a·ω: the functions are linear in ω (or in ω bent), so that a texel's three coefficients are a vector,
+    /// and interpolating one interpolates the other.
     pub fn vector(coefficients: [f32; 3]) -> [f32; 3] {
         let scale = (1.5 / std::f32::consts::PI).sqrt();
         std::array::from_fn(|axis| scale * (0..3).map(|i| coefficients[i] * HALF_LIFE_2[i][axis]).sum::<f32>())

@@ -165,6 +165,12 @@ fn check_leaf(gpu: &Gpu, index: usize, leaf: &Leaf) -> Result<()> {
     {
         return Err(wrong(place("mask"), format!("{} texels", mask.len()), texels));
     }
+    if let (Some(front), Some(back)) = (&leaf.front.translucency, &leaf.back.translucency)
+        && front.basis != back.basis
+    {
+        let found = format!("{:?} on the front and {:?} on the back", front.basis, back.basis);
+        return Err(wrong(place("translucency.basis"), found, "one basis for both"));
+    }
     check_side(gpu, &place("front"), texels, &leaf.front)?;
     check_side(gpu, &place("back"), texels, &leaf.back)
 }

@@ -2,7 +2,7 @@
 
 use crate::gpu::Gpu;
 use crate::passes::bend;
-use crate::scene::{Interior, Leaf, Lobe, Scene, Side};
+use crate::scene::{Basis, Interior, Leaf, Lobe, Scene, Side};
 use crate::shader::Defines;
 
 /// Which parts of the main pass a leaf needs.
@@ -19,6 +19,8 @@ pub(crate) struct Variant {
     pub sample_mask: bool,
     pub front: SideVariant,
     pub back: SideVariant,
+    /// Translucency maps are looked up with the light bent towards the normal.
+    pub bent: bool,
     pub lobe: LobeKind,
     pub msaa: u32,
     /// Branches of the scene, where an instance rides on one: its vertices are bent. 0: they are not.
@@ -65,6 +67,7 @@ impl Variant {
             SideVariant { maps: matches!(side.interior, Interior::Maps { .. }), black: side.is_black(), gloss, normal, translucency }
         };
         let (front, back) = (side(&leaf.front), side(&leaf.back));
+        let bent = sun && [&leaf.front, &leaf.back].iter().any(|s| s.translucency.as_ref().is_some_and(|t| t.basis == Basis::Bent));
         let lobe = match leaf.lobe {
             _ if !front.gloss && !back.gloss => LobeKind::None,
             Lobe::Beckmann => LobeKind::Beckmann,
@@ -83,6 +86,7 @@ impl Variant {
             sample_mask,
             front,
             back,
+            bent,
             lobe,
             msaa: scene.msaa,
             branches: 0,
@@ -148,6 +152,7 @@ impl Variant {
             .set("BACK_TRANSLUCENCY", self.back.translucency > 0)
             .set("FRONT_COLOUR", self.front.translucency == 3)
             .set("BACK_COLOUR", self.back.translucency == 3)
+            .set("BENT", self.bent)
             .set("COLOUR", self.front.translucency == 3 || self.back.translucency == 3)
     }
 
@@ -169,6 +174,7 @@ impl Variant {
                 (side.black && self.lit(), " black"),
                 (side.gloss, " gloss"),
                 (side.normal, " normal"),
+                (side.translucency > 0 && self.bent, " bent"),
                 (side.translucency == 1, " translucency"),
                 (side.translucency == 3, " translucency colour"),
             ];

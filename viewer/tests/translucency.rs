@@ -4,13 +4,33 @@ mod common;
 
 use common::*;
 use glam::Vec3;
-use mesophyll_viewer::scene::{Camera, Interior, Leaf, Scene, Translucency};
+use mesophyll_viewer::scene::{Basis, Camera, Coefficients, Interior, Leaf, Scene, Translucency};
 use mesophyll_viewer::{Picture, Renderer};
 use std::f64::consts::PI;
 
 /// h of a flat, uniform leaf.
 fn flat() -> [f32; 3] {
     [((2.0 * PI).sqrt() / 3.0) as f32; 3]
+}
+
+fn of_factors(map: Vec<[f32; 3]>) -> Translucency {
+    Translucency { basis: Basis::HalfLife2, coefficients: Coefficients::Factor(map) }
+}
+
+fn of_colours(maps: [Vec<[f32; 3]>; 3]) -> Translucency {
+    Translucency { basis: Basis::HalfLife2, coefficients: Coefficients::Colour(maps) }
+}
+
+/// The direction as its basis sees it: where it is bent, by way of the height's angle and the azimuth.
+fn looked_up(basis: Basis, omega: [f64; 3]) -> [f64; 3] {
+    let across = omega[0].hypot(omega[1]);
+    let height = omega[2].atan2(across);
+    let azimuth = omega[1].atan2(omega[0]);
+    let share = match basis {
+        Basis::HalfLife2 => 1.0,
+        Basis::Bent => (2.0 * height.sin() / (1.0 + height.sin())).powf(0.25),
+    };
+    [share * height.cos() * azimuth.cos(), share * height.cos() * azimuth.sin(), height.sin()]
 }
 
 /// Σ h_i √(3/2π) H_i·ω, at least 0.
@@ -44,7 +64,8 @@ fn lit(leaf: Leaf, light: Vec3) -> Scene {
 #[test]
 fn a_flat_uniform_leafs_maps_change_nothing() {
     let Some(mut renderer) = renderer() else { return };
-    for light in [Vec3::new(0.3, 0.2, 1.0), Vec3::new(-0.9, 0.4, 0.2), Vec3::new(0.5, -0.6, -0.8), Vec3::new(0.1, 0.95, -0.08)] {
+    let lights = [Vec3::new(0.3, 0.2, 1.0), Vec3::new(-0.9, 0.4, 0.2), Vec3::new(0.5, -0.6, -0.8), Vec3::new(0.1, 0.95, -0.08)];
+    for (light, basis) in lights.into_iter().flat_map(|l| [(l, Basis::HalfLife2), (l, Basis::Bent)]) {
         let plain = lit(uniform_leaf(), light);
         let mut factors = plain.clone();
         let mut colours = plain.clone();
@@ -52,8 +73,8 @@ fn a_flat_uniform_leafs_maps_change_nothing() {
             let rho = if s == 0 { RHO_T } else { BACK_T };
             let side = |scene: &mut Scene| if s == 0 { scene.leaves[0].front.clone() } else { scene.leaves[0].back.clone() };
             let mut of = [side(&mut factors), side(&mut colours)];
-            of[0].translucency = Some(Translucency::Factor(vec![flat(); 64]));
-            of[1].translucency = Some(Translucency::Colour(rho.map(|r| vec![flat().map(|h| r * h); 64])));
+            of[0].translucency = Some(Translucency { basis, ..of_factors(vec![flat(); 64]) });
+            of[1].translucency = Some(Translucency { basis, ..of_colours(rho.map(|r| vec![flat().map(|h| r * h); 64])) });
             let [a, b] = of;
             let put = |leaf: &mut Leaf, side| if s == 0 { leaf.front = side } else { leaf.back = side };
             put(&mut factors.leaves[0], a);
@@ -82,23 +103,29 @@ fn made_up(k: usize) -> [f32; 3] {
 #[test]
 fn maps_are_looked_up_where_the_lit_sides_camera_saw_them_and_light_is_turned_into_its_frame() {
     let Some(mut renderer) = renderer() else { return };
+    // From steep to a half and a twentieth of a degree over the blade.
+    let towards =
+        [(0.1, 0.1, 1.0), (0.8, 0.3, 0.7), (-0.5, 0.6, 0.3), (0.1, -0.9, 0.5), (0.8, 0.5, 0.1), (-0.9, 0.4, 9e-3), (0.3, 0.9, 9e-4)];
+    let cases = towards.into_iter().flat_map(|t| [(t, Basis::HalfLife2), (t, Basis::Bent)]);
     for front_lit in [true, false] {
-        for toward in [Vec3::new(0.8, 0.3, 0.7), Vec3::new(-0.5, 0.6, 0.3), Vec3::new(0.1, -0.9, 0.5)] {
+        for (toward, basis) in cases.clone() {
+            let toward = Vec3::from(toward);
             let out = if front_lit { 1.0 } else { -1.0 };
             let light = Vec3::new(toward.x, toward.y, out * toward.z);
             let direction = wide(sun(light).direction);
             // The lit side's image has x to its right: world +x on the front, −x on the back.
-            let omega = [out as f64 * direction[0], direction[1], out as f64 * direction[2]];
+            let omega = looked_up(basis, [out as f64 * direction[0], direction[1], out as f64 * direction[2]]);
             for colour in [false, true] {
                 let mut leaf = uniform_leaf();
                 let rho = if front_lit { RHO_T } else { BACK_T };
                 let side = if front_lit { &mut leaf.front } else { &mut leaf.back };
                 let tint = [1.0f32, 0.6, 0.3];
-                side.translucency = Some(if colour {
-                    Translucency::Colour(tint.map(|t| (0..64).map(|k| made_up(k).map(|h| t * h)).collect()))
+                let coefficients = if colour {
+                    Coefficients::Colour(tint.map(|t| (0..64).map(|k| made_up(k).map(|h| t * h)).collect()))
                 } else {
-                    Translucency::Factor((0..64).map(made_up).collect())
-                });
+                    Coefficients::Factor((0..64).map(made_up).collect())
+                };
+                side.translucency = Some(Translucency { basis, coefficients });
                 // The mapped normal has no say on this side.
                 side.normal = Some(vec![Vec3::new(0.5, 0.5, 0.7).normalize().to_array(); 64]);
                 let scene = lit(leaf, light);
@@ -116,7 +143,7 @@ fn maps_are_looked_up_where_the_lit_sides_camera_saw_them_and_light_is_turned_in
                         let slack = level * length / 2048.0 + held(&renderer, 1e-5) * want;
                         assert!(
                             (got - want).abs() <= slack,
-                            "front lit {front_lit}, {toward}, {colour}, texel {column} {row}: {got} {want}"
+                            "front lit {front_lit}, {toward}, {basis:?}, {colour}, texel {column} {row}: {got} {want}"
                         );
                     }
                 }
@@ -130,7 +157,7 @@ fn light_below_the_function_is_dark_and_not_negative() {
     let Some(mut renderer) = renderer() else { return };
     let mut leaf = uniform_leaf();
     // Leans far towards −y: light from +y at a low angle is below its horizon.
-    leaf.back.translucency = Some(Translucency::Factor(vec![[1.2, -0.4, 0.2]; 64]));
+    leaf.back.translucency = Some(of_factors(vec![[1.2, -0.4, 0.2]; 64]));
     let light = Vec3::new(0.0, 1.0, -0.1);
     let picture = draw(&mut renderer, &lit(leaf, light), &straight(true));
     assert_eq!(picture.radiance(20, 20)[..3], [0.0; 3]);
@@ -142,11 +169,19 @@ fn a_leaf_without_maps_has_the_shader_it_had() {
     let scene = lit(uniform_leaf(), Vec3::new(0.2, 0.1, -1.0));
     let plain = renderer.operations(&scene, 0).expect("a shader");
     let mut with = scene.clone();
-    with.leaves[0].back.translucency = Some(Translucency::Factor(vec![flat(); 64]));
+    with.leaves[0].back.translucency = Some(of_factors(vec![flat(); 64]));
     let one = renderer.operations(&with, 0).expect("a shader");
-    with.leaves[0].back.translucency = Some(Translucency::Colour([0, 1, 2].map(|_| vec![flat(); 64])));
+    with.leaves[0].back.translucency = Some(of_colours([0, 1, 2].map(|_| vec![flat(); 64])));
     let three = renderer.operations(&with, 0).expect("a shader");
     assert!(plain < one && one < 2 * plain && plain < three, "{plain} {one} {three}");
+    // Bending the light is a dozen operations, once, whatever the maps hold.
+    for (basis_free, coefficients) in
+        [(one, Coefficients::Factor(vec![flat(); 64])), (three, Coefficients::Colour([0, 1, 2].map(|_| vec![flat(); 64])))]
+    {
+        with.leaves[0].back.translucency = Some(Translucency { basis: Basis::Bent, coefficients });
+        let bent = renderer.operations(&with, 0).expect("a shader");
+        assert!(bent > basis_free && bent <= basis_free + 16, "{bent} {basis_free}");
+    }
     // Maps that no sun shines through cost nothing.
     (with.sun, with.sky) = (None, Some([1.0; 3]));
     let mut overcast = scene.clone();
@@ -168,10 +203,15 @@ fn nothing_of_it_is_uploaded_or_compiled_without_maps_or_without_a_sun() {
     assert!(!renderer.stats().uploaded("translucency") && !renderer.stats().uploaded("tangents"), "{:?}", names(&renderer));
 
     let mut leaf = uniform_leaf();
-    leaf.back.translucency = Some(Translucency::Factor(vec![flat(); 64]));
+    leaf.back.translucency = Some(of_factors(vec![flat(); 64]));
     let sunny = lit(leaf.clone(), light);
     draw(&mut renderer, &sunny, &straight(true));
     assert_eq!(renderer.stats().pipelines, ["main: sun, back translucency", "tonemap"]);
+    let mut bent = sunny.clone();
+    bent.leaves[0].back.translucency = Some(Translucency { basis: Basis::Bent, ..of_factors(vec![flat(); 64]) });
+    draw(&mut renderer, &bent, &straight(true));
+    assert_eq!(renderer.stats().pipelines, ["main: sun, back bent translucency", "tonemap"]);
+    draw(&mut renderer, &sunny, &straight(true));
     assert!(renderer.stats().uploaded("leaf 0 back translucency") && !renderer.stats().uploaded("front translucency"));
     // Half floats with mips, whatever the adapter's other maps are: 64 + 16 + 4 + 1 texels of eight bytes.
     let map = renderer.stats().uploads.iter().find(|u| u.name == "leaf 0 back translucency").expect("map");
@@ -183,7 +223,7 @@ fn nothing_of_it_is_uploaded_or_compiled_without_maps_or_without_a_sun() {
     assert_eq!(renderer.stats().pipelines, ["main: sky", "tonemap"]);
     assert!(!renderer.stats().uploaded("translucency") && !renderer.stats().uploaded("tangents"), "{:?}", names(&renderer));
 
-    leaf.back.translucency = Some(Translucency::Colour([0, 1, 2].map(|_| vec![flat(); 64])));
+    leaf.back.translucency = Some(of_colours([0, 1, 2].map(|_| vec![flat(); 64])));
     // A side that shows nothing by itself still lets light through by such a map.
     leaf.back.interior = Interior::Maps { rho_d: vec![BACK_D; 64], rho_t: vec![BACK_T; 64] };
     draw(&mut renderer, &lit(leaf, light), &straight(true));
@@ -193,10 +233,15 @@ fn nothing_of_it_is_uploaded_or_compiled_without_maps_or_without_a_sun() {
 }
 
 #[test]
-fn a_map_of_another_size_is_refused() {
+fn a_map_of_another_size_or_basis_is_refused() {
     let Some(mut renderer) = renderer() else { return };
     let mut leaf = uniform_leaf();
-    leaf.front.translucency = Some(Translucency::Factor(vec![flat(); 63]));
-    let told = renderer.set_scene(&scene_of(leaf)).expect_err("63 texels").to_string();
+    leaf.front.translucency = Some(of_factors(vec![flat(); 63]));
+    let told = renderer.set_scene(&scene_of(leaf.clone())).expect_err("63 texels").to_string();
     assert!(told.contains("front.translucency") && told.contains("63"), "{told}");
+    // One shader, one light for both sides.
+    leaf.front.translucency = Some(of_factors(vec![flat(); 64]));
+    leaf.back.translucency = Some(Translucency { basis: Basis::Bent, ..of_factors(vec![flat(); 64]) });
+    let told = renderer.set_scene(&scene_of(leaf)).expect_err("two bases").to_string();
+    assert!(told.contains("translucency.basis") && told.contains("HalfLife2 on the front and Bent on the back"), "{told}");
 }

@@ -6,7 +6,7 @@ use common::*;
 use glam::{Mat4, Vec3};
 use mesophyll_viewer::editor::{Editor, LeafEdit, LeafUpdate, Measure, ReferencePicture, SideEdit, SkyUpdate, Verdict};
 use mesophyll_viewer::pick::pick;
-use mesophyll_viewer::scene::{Camera, Dome, Instance, Interior, Scene};
+use mesophyll_viewer::scene::{Basis, Camera, Coefficients, Dome, Instance, Interior, Scene, Translucency};
 use mesophyll_viewer::{Error, Options, Picture, Stage, ViewerUi, WindowOptions, WindowScene, open_window};
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -289,6 +289,42 @@ fn gloss_factors_scale_the_fitted_maps() {
     let gloss = bench.ui.scene().leaves[0].front.gloss.clone().expect("gloss");
     assert!((gloss[0][0] - 0.1).abs() < 1e-6 && (gloss[0][3] - 0.15).abs() < 1e-6, "applied once: {:?}", gloss[0]);
     assert_eq!(bench.ui.scene().leaves[0].back.gloss, None);
+}
+
+#[test]
+fn translucency_maps_are_taken_off_and_put_back() {
+    let (mut window, toy) = two_leaves();
+    window.scene.sun = Some(sun(Vec3::new(-0.4, 0.3, -1.0)));
+    // A tenth of a flat leaf's light: what shows must be seen to change.
+    let coefficients = Coefficients::Factor(vec![[0.0836; 3]; 64]);
+    let maps = Translucency { basis: Basis::Bent, coefficients };
+    window.scene.leaves[0].back.translucency = Some(maps.clone());
+    let Some(mut bench) = bench_on((window, toy)) else { return };
+    let dim = bench.brightness();
+    bench.click("translucency");
+    assert_eq!(bench.ui.scene().leaves[0].back.translucency, None);
+    let bright = bench.brightness();
+    assert!(bright > dim + 0.5, "{bright} {dim}");
+    if let Ok(folder) = std::env::var("MESOPHYLL_PICTURES") {
+        bench.stage.save_png(&std::path::Path::new(&folder).join("without-maps.png")).expect("png");
+    }
+    // Taken off twice is put back once; an edit in between leaves them alone.
+    bench.ui.show_translucency(0, false);
+    let edit = bench.ui.edit(0);
+    bench.ui.set_edit(0, edit);
+    bench.frame(vec![]);
+    assert_eq!(bench.ui.scene().leaves[0].back.translucency, None);
+    bench.ui.reset(0);
+    bench.click("translucency");
+    assert_eq!(bench.ui.scene().leaves[0].back.translucency, Some(maps));
+    assert_eq!(bench.brightness(), dim, "as it was");
+    // A window whose leaves have none has no such control; and nothing to put back.
+    let Some(mut plain) = bench_on(two_leaves()) else { return };
+    assert_eq!(plain.ui.landmark_rect("translucency"), None);
+    plain.ui.show_translucency(0, true);
+    plain.ui.show_translucency(0, false);
+    plain.frame(vec![]);
+    assert_eq!(plain.ui.landmark_rect("translucency"), None);
 }
 
 #[test]

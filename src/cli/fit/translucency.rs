@@ -69,7 +69,7 @@ pub struct Args {
     /// How they are placed: on a spiral, or one at random in each of as many cells, as the sources have it
     #[arg(long, value_enum, default_value_t = PlacedName::Spiral)]
     placed: PlacedName,
-    /// Functions of direction: half-life-2 (3, what the renderer reads), bent-3, bent-6, h-basis (6), cosine (6), spherical (9), hemispherical (9)
+    /// Functions of direction: half-life-2 and bent-3 (3, which the renderers evaluate), bent-6, h-basis (6), cosine (6), spherical (9), hemispherical (9)
     #[arg(long, value_enum, default_value_t = BasisName::HalfLife2)]
     basis: BasisName,
     /// One light at this elevation over the blade, instead of a basis

@@ -136,7 +136,7 @@ impl Basis {
                 (3.0 / TAU).sqrt() * (h[0] * x + h[1] * y + h[2] * z)
             }
             Basis::Bent { .. } => match i {
-                0..3 => Basis::HalfLife2.value(i, bent(direction)),
+                0..3 => Basis::HalfLife2.value(i, self.argument(direction)),
                 3 => z * z,
                 4 => z / (1.0 + z) * (x * x - y * y),
                 _ => z / (1.0 + z) * 2.0 * x * y,
@@ -153,6 +153,11 @@ impl Basis {
             Basis::Hemispherical { .. } => harmonic(i, 2.0 * z - 1.0, x, y),
             Basis::Cosine { .. } => z * [1.0, x, y, x * y, x * x - y * y, x * x + y * y][i],
         }
+    }
+
+    /// Where the three linear functions are looked up: the light's direction, or the bent one. With [`vector`] it reconstructs by one dot product.
+    pub fn argument(self, direction: [f64; 3]) -> [f64; 3] {
+        if let Basis::Bent { .. } = self { bent(direction) } else { direction }
     }
 
     /// Reconstruction Σ c_i φ_i(ω).
@@ -198,7 +203,7 @@ fn harmonic(index: usize, t: f64, x: f64, y: f64) -> f64 {
     ((2 * l + 1) as f64 / TAU * ratio).sqrt() * p * turn
 }
 
-/// The vector v whose v·ω the Half-Life 2 coefficients reconstruct.
+/// The vector v whose v·ω the Half-Life 2 coefficients reconstruct; bent ones are reconstructed by its product with [`Basis::argument`].
 pub fn vector(coefficients: [f64; 3]) -> [f64; 3] {
     [0, 1, 2].map(|c| (3.0 / TAU).sqrt() * (0..3).map(|i| coefficients[i] * HALF_LIFE_2[i][c]).sum::<f64>())
 }

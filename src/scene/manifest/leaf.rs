@@ -1,5 +1,6 @@
 //! Leaves that a scene may show: where their data come from, and what is drawn of them.
 
+use crate::optics::translucency::basis as directions;
 use serde::Deserialize;
 use std::path::PathBuf;
 
@@ -43,6 +44,31 @@ pub struct Translucency {
     pub tissue: Tissue,
     #[serde(default)]
     pub colour: Colour,
+    /// What they are made with, and what a folder that is named must hold; when absent, the default and either of the two.
+    pub basis: Option<Basis>,
+}
+
+/// Functions of direction that both renderers evaluate: three coefficients a texel, one dot product.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+pub enum Basis {
+    /// As published.
+    #[default]
+    #[serde(rename = "half-life 2")]
+    HalfLife2,
+    /// The same three of a light that is bent towards the normal: shadows of relief end at the horizon.
+    #[serde(rename = "bent")]
+    Bent,
+}
+
+impl Basis {
+    pub const ALL: [Basis; 2] = [Basis::HalfLife2, Basis::Bent];
+
+    pub fn functions(self) -> directions::Basis {
+        match self {
+            Basis::HalfLife2 => directions::Basis::HalfLife2,
+            Basis::Bent => directions::Basis::Bent { count: 3 },
+        }
+    }
 }
 
 /// The slab that the leaf's fit found, or the table of Habel 2009 (one wavelength, 510 nm).

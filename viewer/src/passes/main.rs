@@ -208,3 +208,40 @@ impl MainPass {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::variant::{LobeKind, SideVariant};
+
+    /// The bent basis is one other line and two more before it: who has none compiles nothing of it.
+    #[test]
+    fn straight_translucency_is_compiled_without_the_bent_ones_code() {
+        let side = SideVariant { maps: false, black: false, gloss: false, normal: false, translucency: 1 };
+        let straight = Variant {
+            sun: true,
+            shadow: 0,
+            sky: true,
+            dome: false,
+            mask: false,
+            sample_mask: false,
+            front: side,
+            back: side,
+            bent: false,
+            lobe: LobeKind::None,
+            msaa: 4,
+            branches: 0,
+            motion: false,
+        };
+        let code = |v: &Variant| -> Vec<String> {
+            let own = |l: &&str| !l.trim().is_empty() && !l.trim().starts_with("//");
+            source(v).lines().filter(own).map(str::to_string).collect()
+        };
+        let (plain, bent) = (code(&straight), code(&Variant { bent: true, ..straight }));
+        let lost: Vec<&String> = plain.iter().filter(|l| !bent.contains(l)).collect();
+        let gained: Vec<&String> = bent.iter().filter(|l| !plain.contains(l)).collect();
+        assert!(lost.len() == 1 && lost[0].trim().starts_with("let omega ="), "{lost:?}");
+        assert!(gained.len() == 3 && plain.len() + 2 == bent.len(), "{gained:?}");
+        assert_eq!(gained.iter().map(|l| l.matches("sqrt(").count()).sum::<usize>(), 2);
+    }
+}

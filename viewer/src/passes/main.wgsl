@@ -74,8 +74,8 @@ struct LeafConstants {
 @group(1) @binding(16) var lobe_means: texture_2d<f32>;
 //#endif
 //#endif
-// Light that enters a side and comes out of the other, as vectors whose product with the light's direction in the lit side's frame is f (or,
-// a layer a channel, ρt·f).
+// Light that enters a side and comes out of the other, as vectors whose product with the light's direction (or the bent one) in the lit side's
+// frame is f (or, a layer a channel, ρt·f).
 //#if FRONT_COLOUR
 @group(1) @binding(17) var front_translucency: texture_2d_array<f32>;
 //#else
@@ -173,31 +173,20 @@ struct Shade {
 }
 
 //#if SUN
-//#if !SKY
-// ρt of a beam that enters the far side, where it takes part.
-fn far_transmittance(place: Place, front: bool) -> vec3f {
-    if (front) {
-        //#if BACK_COLOUR
-        return vec3f(0.0);
-        //#else
-        return back_transmittance(place);
-        //#endif
-    }
-    //#if FRONT_COLOUR
-    return vec3f(0.0);
-    //#else
-    return front_transmittance(place);
-    //#endif
-}
-//#endif
-
 // What comes through of the sun on the far side, times π and per irradiance: max(0, F·l)·ρt, or the translucency maps' in place of the
 // cosine (or of both).
 fn through(place: Place, facing: Facing, light: vec3f, transmittance: vec3f) -> vec3f {
     //#if FRONT_TRANSLUCENCY || BACK_TRANSLUCENCY
     let axes = facing.axes;
     // In the front's frame; the back's camera looks from behind: x and z change their sign.
+    //#if BENT
+    // Where the bent functions are looked up: x and y multiplied by (2|z|/(1+|z|))^¼.
+    let height = abs(dot(axes.normal, light));
+    let bend = sqrt(sqrt(2.0 * height / (1.0 + height)));
+    let omega = vec3f(bend * dot(axes.tangent, light), bend * dot(axes.bitangent, light), dot(axes.normal, light));
+    //#else
     let omega = vec3f(dot(axes.tangent, light), dot(axes.bitangent, light), dot(axes.normal, light));
+    //#endif
     //#endif
     //#if BACK_COLOUR
     if (facing.front) {

@@ -111,6 +111,26 @@ fn back_transmittance(place: Place) -> vec3f {
     //#endif
     //#endif
 }
+
+//#if SUN
+//#if !SKY
+// ρt of a beam that enters the far side, where it takes part.
+fn far_transmittance(place: Place, front: bool) -> vec3f {
+    if (front) {
+        //#if BACK_COLOUR
+        return vec3f(0.0);
+        //#else
+        return back_transmittance(place);
+        //#endif
+    }
+    //#if FRONT_COLOUR
+    return vec3f(0.0);
+    //#else
+    return front_transmittance(place);
+    //#endif
+}
+//#endif
+//#endif
 //#endif
 
 //#if TANGENT

@@ -43,6 +43,7 @@ impl ViewerUi {
             }
         });
         self.maps(ui);
+        self.translucency(ui);
         ui.separator();
         let mut edit = self.edits[self.leaf];
         self.sliders(ui, &mut edit);
@@ -110,6 +111,36 @@ impl ViewerUi {
                 }
             }
         });
+    }
+
+    /// Light from behind by the leaf's translucency maps, or by ρt and the mapped normal; nothing where the leaf has no such maps.
+    fn translucency(&mut self, ui: &mut egui::Ui) {
+        let leaf = &self.scene.leaves[self.leaf];
+        let laid_by = self.laid_by.contains_key(&self.leaf);
+        if !laid_by && leaf.front.translucency.is_none() && leaf.back.translucency.is_none() {
+            return;
+        }
+        let mut shown = !laid_by;
+        let response = ui.checkbox(&mut shown, "translucency maps");
+        self.landmark("translucency", &response);
+        if response.changed() {
+            self.show_translucency(self.leaf, shown);
+        }
+    }
+
+    /// Draws a leaf with its translucency maps, or without.
+    pub fn show_translucency(&mut self, leaf: usize, shown: bool) {
+        let target = &mut self.scene.leaves[leaf];
+        let (front, back) = (&mut target.front.translucency, &mut target.back.translucency);
+        if shown {
+            let Some(maps) = self.laid_by.remove(&leaf) else { return };
+            [*front, *back] = maps;
+        } else if front.is_some() || back.is_some() {
+            self.laid_by.insert(leaf, [front.take(), back.take()]);
+        }
+        self.leaves_changed.insert(leaf);
+        self.make_stale();
+        self.dirty = true;
     }
 
     fn sliders(&mut self, ui: &mut egui::Ui, edit: &mut LeafEdit) {

@@ -19,7 +19,7 @@ use crate::geometry::{ball, corners};
 use crate::gpu::AdapterInfo;
 use crate::pick::Hit;
 use crate::picture::Picture;
-use crate::scene::{Camera, Instance, Interior, Scene};
+use crate::scene::{Camera, Instance, Interior, Scene, Translucency};
 use check::Check;
 use egui::{Rect, Response, TextureId};
 use orbit::Orbit;
@@ -59,6 +59,8 @@ pub struct ViewerUi {
     own_gloss: Vec<[Option<Vec<[f32; 4]>>; 2]>,
     /// Thickness and interiors as fitted, of the leaves that are edited: what a reset puts back.
     own_interiors: BTreeMap<usize, (f32, [Interior; 2])>,
+    /// Translucency maps of the leaves that are shown without theirs, front and back.
+    laid_by: BTreeMap<usize, [Option<Translucency>; 2]>,
     own_sun: Option<[f32; 3]>,
     own_sky: Option<[f32; 3]>,
     sun_factor: f32,
@@ -114,6 +116,7 @@ impl ViewerUi {
             instances: scene.instances.clone(),
             own_gloss: scene.leaves.iter().map(|l| [l.front.gloss.clone(), l.back.gloss.clone()]).collect(),
             own_interiors: BTreeMap::new(),
+            laid_by: BTreeMap::new(),
             own_sun: scene.sun.map(|s| s.irradiance),
             own_sky: scene.sky,
             sun_factor: 1.0,
