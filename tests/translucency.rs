@@ -67,7 +67,7 @@ fn the_report_shows_the_maps() {
         // The coefficients as colours and as three wavelengths.
         ("rgb", vec!["--colour", "three-wavelengths"], 17, vec!["Coefficients of M", "as colours", "π/8 blue"]),
         ("nine", vec!["--basis", "hemispherical"], 14, vec!["Coefficients of f on hemispherical harmonics 3", "function 9"]),
-        ("sun", vec!["--sun-elevation-deg", "60", "--sun-azimuth-deg", "20"], 3, vec!["under light 60.0° over the blade, azimuth 20.0°"]),
+        ("sun", vec!["--sun-elevation-deg", "60", "--sun-azimuth-deg", "20"], 3, vec!["under light 60° over the blade, azimuth 20°"]),
     ] {
         let (out, page) = (dir.path().join(name), dir.path().join(format!("{name}.html")));
         succeeded(&fit("fits/elm", &out, &extra));

@@ -124,9 +124,7 @@ fn coefficients(side: &SideMaps, stacks: &[Stack], basis: Option<Basis>, options
             format!("Coefficients of {what} on {}; no unit, {} each on a flat uniform leaf", say("basis"), significant(FLAT, 3))
         }
         Some(_) => format!("Coefficients of {what} on {}; no unit", say("basis")),
-        None if first.planes.len() == 1 && options.contains_key("sun_elevation_deg") => {
-            format!("{what} under light {}° over the blade, azimuth {}°; no unit", say("sun_elevation_deg"), say("sun_azimuth_deg"))
-        }
+        None if first.planes.len() == 1 && options.contains_key("sun_elevation_deg") => format!("{what} under {}; no unit", sun(options)),
         None => format!("Coefficients of {what}; no unit"),
     };
     let mut channels: Vec<ChannelPictures> = Vec::new();
@@ -139,6 +137,15 @@ fn coefficients(side: &SideMaps, stacks: &[Stack], basis: Option<Basis>, options
     }
     channels.extend(stacks.iter().map(|s| stack(side, s, basis)));
     Some(MapPictures { quantity: "translucency".into(), title, section: side.section.clone(), channels })
+}
+
+/// The one light of a fit without a basis. Its angles were radians in between: rounded to what was asked for.
+fn sun(options: &Options) -> String {
+    let angle = |name: &str| match options.get(name).map(|v| v.parse::<f64>()) {
+        Some(Ok(v)) => plain((v * 1e6).round() / 1e6),
+        _ => "an unknown ".into(),
+    };
+    format!("light {}° over the blade, azimuth {}°", angle("sun_elevation_deg"), angle("sun_azimuth_deg"))
 }
 
 fn function(basis: Option<Basis>, i: usize) -> String {
@@ -245,10 +252,7 @@ pub fn how(options: &Options) -> Vec<(&'static str, String)> {
     let levels = say("levels");
     add("kernel", if levels.is_empty() { say("form").into() } else { format!("{}, {levels} thickness levels", say("form")) });
     add("directions of light", say("lights").into());
-    let basis = match (options.get("sun_elevation_deg"), options.get("sun_azimuth_deg")) {
-        (Some(e), Some(a)) => format!("nothing but one light, {e}° over the blade, azimuth {a}°"),
-        _ => say("basis").into(),
-    };
+    let basis = if options.contains_key("sun_elevation_deg") { format!("one {}", sun(options)) } else { say("basis").into() };
     add("stored", basis);
     add("maps", if say("texel_mm").is_empty() { say("size").into() } else { format!("{} texels of {} mm", say("size"), say("texel_mm")) });
     add("frame", say("frame").into());
