@@ -6,6 +6,7 @@
 use super::amount::{self, Curve};
 use super::card::{Card, Patch};
 use super::daylight::{self, Daylight};
+use super::detail;
 use super::fitted::fill;
 use super::ledger::Ledger;
 use super::manifest::{Basis, Interior, Lobe, Manifest, View};
@@ -20,6 +21,9 @@ use crate::{Error, Result};
 use glam::{Vec2, Vec3, Vec4};
 use mesophyll_viewer::scene as viewer;
 use rayon::prelude::*;
+
+/// A leaf that is drawn with more triangles than this in all gets levels of detail: as many as there are pixels in a small picture.
+const MANY_TRIANGLES: usize = 200_000;
 
 /// Everything the perspective views show.
 ///
@@ -36,6 +40,15 @@ pub fn scene(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<viewer
         if let Some(leaf) = index[p.leaf] {
             let ride = p.ride.filter(|_| plan.bends.is_some()).map(|r| viewer::Ride { branch: r.branch, at: Some(r.at as f32) });
             out.instances.push(viewer::Instance { leaf, transform: p.transform.as_mat4(), ride });
+        }
+    }
+    for leaf in plan.leaves.iter() {
+        let (Some(mesh), Some(at)) = (&leaf.mesh, index[leaf.index]) else { continue };
+        let drawn = mesh.triangles() * out.instances.iter().filter(|i| i.leaf == at).count();
+        if drawn > MANY_TRIANGLES {
+            let levels = ledger.note("make", format!("{}: levels of detail", out.leaves[at].name), 0, || detail::levels(mesh));
+            out.leaves[at].mesh.details =
+                levels.into_iter().map(|l| viewer::Detail { indices: l.indices, error: l.error_mm as f32 }).collect();
         }
     }
     if let Some((mesh, bark)) = &plan.wood {
@@ -174,6 +187,7 @@ fn viewer_mesh(mesh: &LeafMesh) -> viewer::Mesh {
         tangents: mesh.tangents.iter().map(|(t, w)| Vec4::from((t.as_vec3(), *w as f32))).collect(),
         uvs: mesh.uvs.iter().map(|t| Vec2::new(t.x as f32, t.y as f32)).collect(),
         indices: mesh.indices.clone(),
+        details: Vec::new(),
     }
 }
 

@@ -8,6 +8,7 @@ pub mod check;
 #[cfg(feature = "render")]
 pub mod day;
 pub mod daylight;
+pub mod detail;
 pub mod display;
 #[cfg(feature = "render")]
 pub mod edit;

@@ -1,10 +1,11 @@
 //! Meshes and instances on the adapter: one vertex buffer a quantity, so that a quantity no shader reads is never uploaded, and one
-//! instanced draw a leaf however often it occurs.
+//! instanced draw a leaf (and level of detail) however often it occurs.
 
 use crate::bend::Bends;
+use crate::detail::{self, Levels};
 use crate::gpu::Gpu;
 use crate::passes::bend;
-use crate::scene::{Branch, Ride, Scene, Wind};
+use crate::scene::{Branch, Instance, Ride, Scene, Wind};
 use crate::stats::Stats;
 use glam::{Mat4, Vec3};
 
@@ -15,7 +16,7 @@ pub(crate) struct Geometry {
     pub tangents: Option<wgpu::Buffer>,
     pub uvs: wgpu::Buffer,
     pub indices: wgpu::Buffer,
-    pub index_count: u32,
+    pub levels: Levels,
     pub instances: wgpu::Buffer,
     pub instance_count: u32,
     /// Branch and place of each instance, where any rides on a branch.
@@ -33,16 +34,9 @@ pub(crate) struct VertexNeeds {
 impl Geometry {
     /// Uploads leaf `index`; `None` where it stands nowhere.
     pub(crate) fn new(gpu: &Gpu, scene: &Scene, index: usize, needs: VertexNeeds, stats: &mut Stats) -> Option<Geometry> {
-        let rows: Vec<[[f32; 4]; 3]> = scene
-            .instances
-            .iter()
-            .filter(|i| i.leaf == index)
-            .map(|i| {
-                let m = i.transform;
-                [m.row(0).to_array(), m.row(1).to_array(), m.row(2).to_array()]
-            })
-            .collect();
-        let rides: Vec<[f32; 2]> = scene.instances.iter().filter(|i| i.leaf == index).map(|i| bend::ride(i.ride)).collect();
+        let instances: Vec<Instance> = scene.instances.iter().filter(|i| i.leaf == index).copied().collect();
+        let rows: Vec<[[f32; 4]; 3]> = instances.iter().map(detail::rows).collect();
+        let rides: Vec<[f32; 2]> = instances.iter().map(|i| bend::ride(i.ride)).collect();
         let mesh = &scene.leaves[index].mesh;
         if rows.is_empty() || mesh.indices.is_empty() {
             return None;
@@ -58,11 +52,11 @@ impl Geometry {
             normals: needs.normals.then(|| put("normals", bytemuck::cast_slice(&mesh.normals), Use::VERTEX)),
             tangents: needs.tangents.then(|| put("tangents", bytemuck::cast_slice(&mesh.tangents), Use::VERTEX)),
             uvs: put("uvs", bytemuck::cast_slice(&mesh.uvs), Use::VERTEX),
-            indices: put("indices", bytemuck::cast_slice(&mesh.indices), Use::INDEX),
-            index_count: mesh.indices.len() as u32,
-            instances: put("instances", bytemuck::cast_slice(&rows), Use::VERTEX),
+            indices: put("indices", bytemuck::cast_slice(&detail::indices(mesh)), Use::INDEX),
+            levels: Levels::new(mesh, &instances),
+            instances: put("instances", bytemuck::cast_slice(&rows), Use::VERTEX | Use::COPY_DST),
             instance_count: rows.len() as u32,
-            rides: needs.rides.then(|| put("rides", bytemuck::cast_slice(&rides), Use::VERTEX)),
+            rides: needs.rides.then(|| put("rides", bytemuck::cast_slice(&rides), Use::VERTEX | Use::COPY_DST)),
         })
     }
 }

@@ -11,6 +11,7 @@
 //! ```
 
 mod bend;
+mod detail;
 mod dome;
 pub mod editor;
 mod error;

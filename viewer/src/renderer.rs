@@ -1,5 +1,6 @@
 //! The renderer: a scene in, pictures and times out. It creates and uploads only what the scene needs, and counts it.
 
+use crate::detail;
 use crate::error::{Error, Result};
 use crate::geometry::{Extents, ball, view_projection};
 use crate::gpu::{AdapterInfo, Gpu, Options, instance_descriptor};
@@ -321,20 +322,35 @@ impl Renderer {
         let near = (0.5 * (camera.eye.distance(centre) - radius)).max(1e-4 * radius);
         let four = |v: Vec3| [v.x, v.y, v.z, 0.0];
         let colour = |c: [f32; 3]| [c[0], c[1], c[2], 0.0];
+        let pixel = detail::pixel(camera, height);
+        let mut apart = 0.0f32;
+        for leaf in &mut loaded.leaves {
+            let g = &mut leaf.geometry;
+            g.levels.arrange(&self.gpu, camera.eye, pixel, &g.instances, g.rides.as_ref());
+            apart = apart.max(g.levels.apart(loaded.shadow_texel));
+        }
+        self.stats.triangles = loaded.leaves.iter().map(|l| l.geometry.levels.triangles()).sum();
         let frame = Frame {
             view_projection: view_projection(camera, width as f32 / height as f32, near).to_cols_array_2d(),
             eye: four(camera.eye),
             sun_direction: four(loaded.sun.map_or(Vec3::Z, |s| s.direction.normalize())),
             sun_irradiance: colour(loaded.sun.map_or([0.0; 3], |s| s.irradiance)),
             sky: colour(loaded.sky.unwrap_or([0.0; 3])),
-            shadow: [loaded.shadow_texel, 0.0, 0.0, 0.0],
+            shadow: [loaded.shadow_texel, apart, 0.0, 0.0],
         };
         self.gpu.queue.write_buffer(&loaded.main.frame, 0, bytemuck::bytes_of(&frame));
         if let (Some(sky), Some(dome)) = (&loaded.seen_sky, &loaded.dome) {
             sky.aim(&self.gpu, dome, loaded.sun.as_ref(), loaded.background, camera, [width, height]);
         }
         if let Some(shadow) = &mut loaded.shadow {
-            shadow.draw(encoder, &loaded.leaves, loaded.bend.as_ref(), clock.map(|c| (&c.queries, 0)), &mut self.stats);
+            shadow.draw(
+                loaded.shadow_texel,
+                encoder,
+                &loaded.leaves,
+                loaded.bend.as_ref(),
+                clock.map(|c| (&c.queries, 0)),
+                &mut self.stats,
+            );
         }
         let (color, resolve) = match &targets.samples {
             Some(samples) => (samples, Some(&targets.hdr_view)),

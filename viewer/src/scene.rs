@@ -171,6 +171,16 @@ pub struct Mesh {
     /// (0, 0) is the top left corner of the front's maps.
     pub uvs: Vec<Vec2>,
     pub indices: Vec<u32>,
+    /// Coarser triangulations of the same vertices for where it is small in the picture, finest first; may be empty.
+    pub details: Vec<Detail>,
+}
+
+/// A coarser triangulation.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Detail {
+    pub indices: Vec<u32>,
+    /// How far it is from the mesh at most, in the mesh's units.
+    pub error: f32,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -16,6 +16,8 @@ pub struct Stats {
     pub uploads: Vec<Upload>,
     /// Draw calls since the renderer was made.
     pub draws: u64,
+    /// Triangles in the last picture's leaves and wood, instances counted each.
+    pub triangles: u64,
     /// Times the shadow maps were drawn since the renderer was made: once per sun and geometry.
     pub shadow_renders: u64,
 }

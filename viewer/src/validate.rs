@@ -148,6 +148,15 @@ fn check_leaf(gpu: &Gpu, index: usize, leaf: &Leaf) -> Result<()> {
     if !mesh.indices.len().is_multiple_of(3) {
         return Err(wrong(place("mesh.indices"), format!("{} entries", mesh.indices.len()), "a multiple of 3"));
     }
+    for detail in &mesh.details {
+        if !detail.indices.len().is_multiple_of(3) || detail.indices.iter().any(|i| *i as usize >= vertices) {
+            let found = format!("{} entries, up to {:?}", detail.indices.len(), detail.indices.iter().max());
+            return Err(wrong(place("mesh.details"), found, format!("a multiple of 3, below {vertices}")));
+        }
+        if !(detail.error >= 0.0 && detail.error.is_finite()) {
+            return Err(wrong(place("mesh.details"), format!("an error of {}", detail.error), "0 or more"));
+        }
+    }
     if let Some(bad) = mesh.indices.iter().find(|i| **i as usize >= vertices) {
         return Err(wrong(place("mesh.indices"), bad, format!("below {vertices}")));
     }

@@ -23,6 +23,8 @@ pub(crate) struct Variant {
     pub bent: bool,
     pub lobe: LobeKind,
     pub msaa: u32,
+    /// The mesh has levels of detail: what is drawn may be another surface than the one in the shadow maps.
+    pub levels: bool,
     /// Branches of the scene, where an instance rides on one: its vertices are bent. 0: they are not.
     pub branches: u32,
     /// The branches sway by a motion texture.
@@ -89,6 +91,7 @@ impl Variant {
             bent,
             lobe,
             msaa: scene.msaa,
+            levels: !leaf.mesh.details.is_empty(),
             branches: 0,
             motion: false,
         }
@@ -128,6 +131,7 @@ impl Variant {
             .constant("SHADOW_LAYERS", self.shadow)
             .set("SUN", self.sun)
             .set("SHADOW", self.shadow > 0)
+            .set("LEVELS", self.levels)
             .set("SKY", self.sky)
             .set("DOME", self.dome)
             .set("LIT", lit)

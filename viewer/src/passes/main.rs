@@ -203,8 +203,10 @@ impl MainPass {
                 pass.set_vertex_buffer(slot as u32, buffer.slice(..));
             }
             pass.set_index_buffer(g.indices.slice(..), wgpu::IndexFormat::Uint32);
-            pass.draw_indexed(0..g.index_count, 0, 0..g.instance_count);
-            stats.draws += 1;
+            for (indices, instances) in g.levels.runs() {
+                pass.draw_indexed(indices, 0, instances);
+                stats.draws += 1;
+            }
         }
     }
 }
@@ -230,6 +232,7 @@ mod tests {
             bent: false,
             lobe: LobeKind::None,
             msaa: 4,
+            levels: false,
             branches: 0,
             motion: false,
         };

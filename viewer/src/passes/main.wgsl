@@ -7,7 +7,7 @@ struct Frame {
     sun_direction: vec4f,
     sun_irradiance: vec4f,
     sky: vec4f,
-    // x: side of a shadow texel in mm.
+    // x: side of a shadow texel, y: how far levels of detail may be apart (mm).
     shadow: vec4f,
 }
 

@@ -208,9 +208,10 @@ impl ShadowPass {
         self.drawn = false;
     }
 
-    /// Draws the maps unless they are still true. `times` brackets the layers with two timestamps.
+    /// Draws the maps, whose texels have the side `texel` (mm), unless they are still true. `times` brackets the layers with two timestamps.
     pub(crate) fn draw(
         &mut self,
+        texel: f32,
         encoder: &mut wgpu::CommandEncoder,
         leaves: &[LeafOnGpu],
         bend: Option<&BendPass>,
@@ -260,7 +261,7 @@ impl ShadowPass {
                 pass.set_vertex_buffer(1, g.uvs.slice(..));
                 pass.set_vertex_buffer(2, g.instances.slice(..));
                 pass.set_index_buffer(g.indices.slice(..), wgpu::IndexFormat::Uint32);
-                pass.draw_indexed(0..g.index_count, 0, 0..g.instance_count);
+                pass.draw_indexed(g.levels.shadow(texel), 0, 0..g.instance_count);
                 stats.draws += 1;
             }
         }

@@ -1,0 +1,305 @@
+//! Coarser triangulations of a blade for where it is seen from afar: a thinned outline, and inside it vertices by greedy insertion (Garland & Heckbert 1995,
+//! "Fast polygonal approximation of terrains and height fields") until what is left out is within a distance and an angle. Levels share the
+//! mesh's vertices, so that they cost an index list each and their normals are the mesh's own. Lengths in mm.
+
+use super::mesh::LeafMesh;
+use crate::fit::leaf::blade::outline::simplify;
+use glam::{DVec2, DVec3};
+use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// One level: triangles over the mesh's vertices.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Detail {
+    pub indices: Vec<u32>,
+    /// The farthest that a left-out vertex is from the level's surface.
+    pub error_mm: f64,
+}
+
+/// Distance over the blade's diameter and angle between normals that a level may leave out, finest first. Angles stay small: the maps' normals turn
+/// with the mesh's.
+const LEVELS: [(f64, f64); 4] = [(0.001, 2.0), (0.003, 4.0), (0.01, 8.0), (0.03, 12.0)];
+/// A level with more than this share of the one before is not worth its indices.
+const WORTH: f64 = 0.7;
+
+#[derive(Debug, Clone, Copy)]
+struct Vertex {
+    at: Point2<f64>,
+    index: u32,
+}
+
+impl HasPosition for Vertex {
+    type Scalar = f64;
+    fn position(&self) -> Point2<f64> {
+        self.at
+    }
+}
+
+type Mesh2 = ConstrainedDelaunayTriangulation<Vertex>;
+
+/// Levels of a blade, finest first, the mesh itself not among them; none where it is not a height field over its plane (a blade bent over, a twig).
+pub fn levels(mesh: &LeafMesh) -> Vec<Detail> {
+    let mut out: Vec<Detail> = Vec::new();
+    let Some(rings) = rings(mesh).filter(|r| !r.is_empty() && upright(mesh)) else { return out };
+    let (_, radius) = mesh.bounds();
+    let mut before = mesh.triangles();
+    for (distance, degrees) in LEVELS {
+        let Some(level) = level(mesh, &rings, 2.0 * radius * distance, degrees.to_radians()) else { continue };
+        if level.indices.len() / 3 < (WORTH * before as f64) as usize {
+            before = level.indices.len() / 3;
+            out.push(level);
+        }
+    }
+    out
+}
+
+/// Whether every facet faces the front, so that x and y name a place on the blade.
+fn upright(mesh: &LeafMesh) -> bool {
+    let flat = |k: usize| mesh.positions[k].truncate();
+    (0..mesh.triangles()).all(|t| {
+        let [a, b, c] = mesh.triangle(t);
+        (flat(b) - flat(a)).perp_dot(flat(c) - flat(a)) > 0.0
+    })
+}
+
+/// Boundary rings as vertices, each closed; `None` where three edges meet at a boundary vertex or one stays open.
+fn rings(mesh: &LeafMesh) -> Option<Vec<Vec<u32>>> {
+    let mut edges = BTreeSet::new();
+    for t in mesh.indices.chunks_exact(3) {
+        edges.extend([(t[0], t[1]), (t[1], t[2]), (t[2], t[0])]);
+    }
+    let mut next = BTreeMap::new();
+    for (a, b) in &edges {
+        if !edges.contains(&(*b, *a)) && next.insert(*a, *b).is_some() {
+            return None;
+        }
+    }
+    let mut rings = Vec::new();
+    while let Some((first, mut at)) = next.pop_first() {
+        let mut ring = vec![first];
+        while at != first {
+            ring.push(at);
+            at = next.remove(&at)?;
+        }
+        rings.push(ring);
+    }
+    Some(rings)
+}
+
+/// One level, or none where the thinned outline crosses itself.
+fn level(mesh: &LeafMesh, rings: &[Vec<u32>], distance: f64, angle: f64) -> Option<Detail> {
+    let flat = |k: u32| mesh.positions[k as usize].truncate();
+    let vertex = |k: u32| Vertex { at: Point2::new(flat(k).x, flat(k).y), index: k };
+    let mut cdt = Mesh2::new();
+    let mut outline: Vec<Vec<DVec2>> = Vec::new();
+    let mut error_mm = 0.0f64;
+    for ring in rings {
+        let places: Vec<[f64; 2]> = ring.iter().map(|k| flat(*k).to_array()).collect();
+        // Kept points are the ring's own, bit for bit, and in its order.
+        let mut rest = places.iter().enumerate();
+        let corners: Vec<usize> = simplify(&places, distance).iter().filter_map(|p| rest.find(|(_, q)| *q == p).map(|(i, _)| i)).collect();
+        if corners.len() < 3 {
+            continue;
+        }
+        let mut kept = Vec::new();
+        for (i, from) in corners.iter().enumerate() {
+            let to = corners.get(i + 1).copied().unwrap_or(ring.len() + corners[0]);
+            error_mm = error_mm.max(along_rim(mesh, ring, *from, to, distance, &mut kept));
+        }
+        let handles: Vec<_> = kept.iter().map(|k| cdt.insert(vertex(*k))).collect::<Result<_, _>>().ok()?;
+        for i in 0..handles.len() {
+            let (a, b) = (handles[i], handles[(i + 1) % handles.len()]);
+            if a == b || !cdt.can_add_constraint(a, b) {
+                return None;
+            }
+            cdt.add_constraint(a, b);
+        }
+        outline.push(kept.iter().map(|k| flat(*k)).collect());
+    }
+    let on_rings: BTreeSet<u32> = rings.iter().flatten().copied().collect();
+    let mut left: Vec<u32> = (0..mesh.positions.len() as u32).filter(|k| !on_rings.contains(k)).collect();
+    loop {
+        // The worst of every triangle at once: a round a level of refinement instead of one a vertex.
+        let mut worst: BTreeMap<[u32; 3], (f64, u32)> = BTreeMap::new();
+        for k in &left {
+            let Some((corners, off, turn)) = gap(mesh, &cdt, *k) else { continue };
+            let excess = (off / distance).max(turn / angle);
+            let entry = worst.entry(corners).or_insert((1.0, *k));
+            if excess > entry.0 {
+                *entry = (excess, *k);
+            }
+        }
+        let chosen: BTreeSet<u32> = worst.values().filter(|w| w.0 > 1.0).map(|w| w.1).collect();
+        if chosen.is_empty() {
+            break;
+        }
+        for k in &chosen {
+            cdt.insert(vertex(*k)).ok()?;
+        }
+        left.retain(|k| !chosen.contains(k));
+    }
+    for k in &left {
+        error_mm = error_mm.max(gap(mesh, &cdt, *k).map_or(distance, |g| g.1));
+    }
+    let mut indices = Vec::new();
+    for face in cdt.inner_faces() {
+        let [a, b, c] = face.vertices().map(|v| v.data().index);
+        let centre = (flat(a) + flat(b) + flat(c)) / 3.0;
+        if (flat(b) - flat(a)).perp_dot(flat(c) - flat(a)) > 1e-12 && inside(&outline, centre) {
+            indices.extend([a, b, c]);
+        }
+    }
+    (!indices.is_empty()).then_some(Detail { indices, error_mm })
+}
+
+/// Keeps `from` and what lies between it and `to` on the ring (positions that may run past its end) where the chord leaves the rim's height by more than
+/// `distance`; returns the largest such gap that is left, and at least what the outline itself was thinned by.
+fn along_rim(mesh: &LeafMesh, ring: &[u32], from: usize, to: usize, distance: f64, kept: &mut Vec<u32>) -> f64 {
+    let at = |i: usize| mesh.positions[ring[i % ring.len()] as usize];
+    let (a, b) = (at(from), at(to));
+    let along = (b - a).truncate();
+    let gap = |i: usize| {
+        let t = (along.dot((at(i) - a).truncate()) / along.length_squared()).clamp(0.0, 1.0);
+        (a.z + t * (b.z - a.z) - at(i).z).abs()
+    };
+    let worst = (from + 1..to).map(|i| (i, gap(i))).max_by(|p, q| p.1.total_cmp(&q.1));
+    match worst {
+        Some((i, off)) if off > distance => {
+            let before = along_rim(mesh, ring, from, i, distance, kept);
+            before.max(along_rim(mesh, ring, i, to, distance, kept))
+        }
+        _ => {
+            kept.push(ring[from % ring.len()]);
+            worst.map_or(0.0, |w| w.1.max(distance))
+        }
+    }
+}
+
+/// The triangle over which vertex `k` lies, how far it is above or below, and how far its normal is from the triangle's there (rad); `None` outside.
+fn gap(mesh: &LeafMesh, cdt: &Mesh2, k: u32) -> Option<([u32; 3], f64, f64)> {
+    use spade::PositionInTriangulation as At;
+    let p = mesh.positions[k as usize];
+    let face = match cdt.locate(Point2::new(p.x, p.y)) {
+        At::OnVertex(_) => return Some(([k; 3], 0.0, 0.0)),
+        At::OnFace(f) => cdt.face(f),
+        At::OnEdge(e) => {
+            let edge = cdt.directed_edge(e);
+            edge.face().as_inner().or_else(|| edge.rev().face().as_inner())?
+        }
+        At::OutsideOfConvexHull(_) | At::NoTriangulation => return None,
+    };
+    let corners = face.vertices().map(|v| v.data().index);
+    let weights = face.barycentric_interpolation(Point2::new(p.x, p.y));
+    let mix = |get: &dyn Fn(usize) -> DVec3| corners.iter().zip(weights).map(|(c, w)| w * get(*c as usize)).sum::<DVec3>();
+    let off = (mix(&|c| mesh.positions[c]).z - p.z).abs();
+    let turn = mix(&|c| mesh.normals[c]).angle_between(mesh.normals[k as usize]);
+    Some((corners, off, turn))
+}
+
+/// Even–odd rule over all rings.
+fn inside(rings: &[Vec<DVec2>], p: DVec2) -> bool {
+    let crossed = |ring: &Vec<DVec2>| {
+        (0..ring.len())
+            .filter(|&k| {
+                let (a, b) = (ring[k], ring[(k + 1) % ring.len()]);
+                (a.y > p.y) != (b.y > p.y) && p.x < a.x + (p.y - a.y) / (b.y - a.y) * (b.x - a.x)
+            })
+            .count()
+    };
+    rings.iter().map(crossed).sum::<usize>() % 2 == 1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::mesh::{vertex_normals, vertex_tangents};
+
+    /// A disk of 60 mm on a staggered grid, with a hole, bent by a smooth relief.
+    fn blade() -> LeafMesh {
+        let (mut mesh, n) = (LeafMesh::default(), 60);
+        let at = |i: usize, j: usize| DVec2::new(i as f64 - 30.0 + 0.25 * (j % 2) as f64, j as f64 - 30.0);
+        for j in 0..=n {
+            for i in 0..=n {
+                let p = at(i, j);
+                mesh.positions.push(p.extend(2.0 * (p.x / 9.0).sin() + 0.01 * p.y * p.y));
+                mesh.uvs.push(DVec2::new(p.x / 60.0 + 0.5, 0.5 - p.y / 60.0));
+            }
+        }
+        let id = |i: usize, j: usize| (j * (n + 1) + i) as u32;
+        for j in 0..n {
+            for i in 0..n {
+                let c = at(i, j) + DVec2::splat(0.5);
+                if c.length() < 28.0 && c.distance(DVec2::new(8.0, 0.0)) > 5.0 {
+                    mesh.indices.extend([id(i, j), id(i + 1, j), id(i + 1, j + 1), id(i, j), id(i + 1, j + 1), id(i, j + 1)]);
+                }
+            }
+        }
+        // Only vertices that a triangle uses, as a mesh has them.
+        let used: BTreeSet<u32> = mesh.indices.iter().copied().collect();
+        let new: BTreeMap<u32, u32> = used.iter().enumerate().map(|(new, old)| (*old, new as u32)).collect();
+        mesh.positions = used.iter().map(|k| mesh.positions[*k as usize]).collect();
+        mesh.uvs = used.iter().map(|k| mesh.uvs[*k as usize]).collect();
+        mesh.indices.iter_mut().for_each(|k| *k = new[k]);
+        mesh.normals = vertex_normals(&mesh);
+        mesh.tangents = vertex_tangents(&mesh);
+        mesh
+    }
+
+    fn area(mesh: &LeafMesh, indices: &[u32]) -> f64 {
+        let p = |k: u32| mesh.positions[k as usize].truncate();
+        indices.chunks_exact(3).map(|t| 0.5 * (p(t[1]) - p(t[0])).perp_dot(p(t[2]) - p(t[0]))).sum()
+    }
+
+    #[test]
+    fn levels_get_coarser_and_stay_within_what_they_say() {
+        let mesh = blade();
+        let levels = levels(&mesh);
+        assert!(levels.len() >= 2, "{}", levels.len());
+        let (full, diameter) = (area(&mesh, &mesh.indices), 2.0 * mesh.bounds().1);
+        let mut before = mesh.indices.len();
+        for (level, next) in levels.iter().zip(LEVELS.iter().skip(LEVELS.len() - levels.len())) {
+            assert!(level.indices.len() < before);
+            before = level.indices.len();
+            // A rim thinned by no more than the distance loses less than that times its length.
+            let rim = std::f64::consts::TAU * (28.0 + 5.0) * 1.3;
+            assert!((area(&mesh, &level.indices) - full).abs() < rim * diameter * next.0 + 1e-9, "{}", area(&mesh, &level.indices) - full);
+            assert!(level.error_mm <= 3.0 * diameter * next.0, "{} {}", level.error_mm, diameter * next.0);
+            // Every facet faces the front, and no edge is used twice the same way.
+            let mut edges = BTreeSet::new();
+            for t in level.indices.chunks_exact(3) {
+                assert!([(t[0], t[1]), (t[1], t[2]), (t[2], t[0])].into_iter().all(|e| edges.insert(e)));
+            }
+        }
+        assert!(levels.last().unwrap().indices.len() * 4 < mesh.indices.len());
+    }
+
+    /// Rays down onto the level and onto the mesh, by brute force over all triangles.
+    #[test]
+    fn the_stated_error_holds_between_vertices() {
+        let mesh = blade();
+        let height = |indices: &[u32], p: DVec2| {
+            indices.chunks_exact(3).find_map(|t| {
+                let [a, b, c] = [0, 1, 2].map(|k: usize| mesh.positions[t[k] as usize]);
+                let (u, v, w) = (b.truncate() - a.truncate(), c.truncate() - a.truncate(), p - a.truncate());
+                let (s, r) = (w.perp_dot(v) / u.perp_dot(v), u.perp_dot(w) / u.perp_dot(v));
+                (s >= 0.0 && r >= 0.0 && s + r <= 1.0).then_some(a.z + s * (b.z - a.z) + r * (c.z - a.z))
+            })
+        };
+        for level in levels(&mesh) {
+            for k in 0..400 {
+                let p = DVec2::from_angle(2.4 * f64::from(k)) * 27.0 * (f64::from(k) / 400.0).sqrt();
+                if let (Some(a), Some(b)) = (height(&mesh.indices, p), height(&level.indices, p)) {
+                    // Between two vertices of a facet the mesh itself lies between them.
+                    assert!((a - b).abs() <= level.error_mm * 1.05 + 1e-9, "{} {}", a - b, level.error_mm);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_mesh_that_turns_over_has_no_levels() {
+        let mut mesh = blade();
+        mesh.indices.swap(0, 1);
+        assert!(levels(&mesh).is_empty());
+    }
+}

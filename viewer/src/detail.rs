@@ -1,0 +1,127 @@
+//! Levels of detail: which of a mesh's triangulations each instance is drawn with. Levels share the vertices and follow each other in one index buffer;
+//! instances are sorted by level whenever the camera asks for another split, so that a leaf stays one instanced draw a level.
+
+use crate::gpu::Gpu;
+use crate::passes::bend;
+use crate::scene::{Camera, Instance, Mesh};
+use glam::Vec3;
+use std::ops::Range;
+
+/// How far a level may be off in a picture (pixels), and in a shadow map (texels).
+const PIXELS: f32 = 0.5;
+const TEXELS: f32 = 0.25;
+
+/// A leaf's levels (the mesh itself is the first) and which instances take which.
+pub(crate) struct Levels {
+    /// Indices, and how far the level is from the mesh (units of the mesh).
+    levels: Vec<(Range<u32>, f32)>,
+    /// Around each instance at rest: centre, radius, and its scale.
+    spheres: Vec<(Vec3, f32, f32)>,
+    rows: Vec<[[f32; 4]; 3]>,
+    rides: Vec<[f32; 2]>,
+    chosen: Vec<u8>,
+    /// Level and instances of each draw.
+    runs: Vec<(usize, Range<u32>)>,
+}
+
+/// Three rows of an instance's transform.
+pub(crate) fn rows(instance: &Instance) -> [[f32; 4]; 3] {
+    let m = instance.transform;
+    [m.row(0).to_array(), m.row(1).to_array(), m.row(2).to_array()]
+}
+
+/// The mesh's own triangles and those of its levels, one after the other.
+pub(crate) fn indices(mesh: &Mesh) -> Vec<u32> {
+    mesh.indices.iter().chain(mesh.details.iter().flat_map(|d| &d.indices)).copied().collect()
+}
+
+/// The triangle's angle that a pixel covers (rad).
+pub(crate) fn pixel(camera: &Camera, height: u32) -> f32 {
+    2.0 * (0.5 * camera.fov_y_deg.to_radians()).tan() / height.max(1) as f32
+}
+
+impl Levels {
+    pub(crate) fn new(mesh: &Mesh, instances: &[Instance]) -> Levels {
+        let mut levels = vec![(0..mesh.indices.len() as u32, 0.0)];
+        for detail in &mesh.details {
+            let start = levels.last().map_or(0, |l| l.0.end);
+            levels.push((start..start + detail.indices.len() as u32, detail.error));
+        }
+        let (mut spheres, mut kept_rows, mut rides) = (Vec::new(), Vec::new(), Vec::new());
+        if levels.len() > 1 {
+            let (centre, radius) = crate::geometry::ball(&mesh.positions);
+            for instance in instances {
+                let scale = instance.transform.x_axis.truncate().length();
+                spheres.push((instance.transform.transform_point3(centre), radius * scale, scale));
+                kept_rows.push(rows(instance));
+                rides.push(bend::ride(instance.ride));
+            }
+        }
+        let n = instances.len();
+        Levels { levels, spheres, rows: kept_rows, rides, chosen: vec![0; n], runs: vec![(0, 0..n as u32)] }
+    }
+
+    /// Draws of the main pass: indices and instances.
+    pub(crate) fn runs(&self) -> impl Iterator<Item = (Range<u32>, Range<u32>)> + '_ {
+        self.runs.iter().map(|(level, instances)| (self.levels[*level].0.clone(), instances.clone()))
+    }
+
+    /// The coarsest level whose error stays below `most` at every instance, and that error there.
+    fn everywhere(&self, most: f32) -> (usize, f32) {
+        let scale = self.spheres.iter().map(|s| s.2).fold(0.0, f32::max);
+        let fits = |k: &usize| self.levels[*k].1 * scale <= most;
+        let level = (0..self.levels.len()).rev().find(fits).unwrap_or(0);
+        (level, self.levels[level].1 * scale)
+    }
+
+    /// Indices of the shadow pass, for maps whose texels have this side.
+    pub(crate) fn shadow(&self, texel: f32) -> Range<u32> {
+        self.levels[self.everywhere(TEXELS * texel).0].0.clone()
+    }
+
+    /// How far the surface that is drawn may be from the one in the shadow maps.
+    pub(crate) fn apart(&self, texel: f32) -> f32 {
+        if self.levels.len() == 1 {
+            return 0.0;
+        }
+        let drawn = self.chosen.iter().zip(&self.spheres).map(|(level, s)| self.levels[*level as usize].1 * s.2).fold(0.0, f32::max);
+        drawn + self.everywhere(TEXELS * texel).1
+    }
+
+    /// Chooses each instance's level for a camera at `eye` whose pixels cover `pixel` rad; rewrites the instances where the choice changed.
+    pub(crate) fn arrange(&mut self, gpu: &Gpu, eye: Vec3, pixel: f32, instances: &wgpu::Buffer, rides: Option<&wgpu::Buffer>) {
+        if self.levels.len() == 1 {
+            return;
+        }
+        let choose = |(centre, radius, scale): &(Vec3, f32, f32)| {
+            let most = PIXELS * pixel * (eye.distance(*centre) - radius);
+            (0..self.levels.len()).rev().find(|k| self.levels[*k].1 * scale <= most).unwrap_or(0) as u8
+        };
+        let chosen: Vec<u8> = self.spheres.iter().map(choose).collect();
+        if chosen == self.chosen {
+            return;
+        }
+        let mut order: Vec<usize> = (0..chosen.len()).collect();
+        order.sort_by_key(|i| chosen[*i]);
+        let sorted: Vec<_> = order.iter().map(|i| self.rows[*i]).collect();
+        gpu.queue.write_buffer(instances, 0, bytemuck::cast_slice(&sorted));
+        if let Some(buffer) = rides {
+            let sorted: Vec<_> = order.iter().map(|i| self.rides[*i]).collect();
+            gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(&sorted));
+        }
+        self.runs.clear();
+        for level in 0..self.levels.len() {
+            let first = order.partition_point(|i| usize::from(chosen[*i]) < level) as u32;
+            let end = order.partition_point(|i| usize::from(chosen[*i]) <= level) as u32;
+            if end > first {
+                self.runs.push((level, first..end));
+            }
+        }
+        self.chosen = chosen;
+    }
+
+    /// Triangles that the main pass draws.
+    pub(crate) fn triangles(&self) -> u64 {
+        self.runs().map(|(indices, instances)| indices.len() as u64 / 3 * instances.len() as u64).sum()
+    }
+}
