@@ -1,12 +1,12 @@
 //! The reference renderer against closed forms, analytic geometry and itself; leaves are built by hand.
 
-use glam::{DMat4, DQuat, DVec2, DVec3, DVec4};
+use glam::{DMat4, DVec3, DVec4};
 use mesophyll::transport::closed_form::Card;
 use mesophyll::transport::lobe::Lobe;
 use mesophyll::transport::render::Lens;
 use mesophyll::transport::{
-    Camera, Gloss, Interior, NormalFrame, NormalMap, Options, Placement, ReferenceLeaf, ReferenceMesh, ReferencePicture, ReferenceSide,
-    ReferenceSun, Renderer, World, render,
+    Camera, Interior, NormalFrame, Options, Placement, ReferenceLeaf, ReferencePicture, ReferenceSide, ReferenceSun, Renderer, World,
+    render,
 };
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -14,113 +14,14 @@ use std::sync::Arc;
 #[cfg(feature = "render")]
 #[path = "reference/judging.rs"]
 mod judging;
+#[path = "reference/normals.rs"]
+mod normals;
+#[path = "reference/shadow.rs"]
+mod shadow;
+#[path = "reference/stage.rs"]
+mod stage;
 
-const SUN: f64 = 0.004_65;
-
-/// A blade of `w`×`h` mm about the origin in `n`×`n` cells, bent upwards by `bend` mm at its sides.
-fn blade(w: f64, h: f64, n: usize, bend: f64) -> ReferenceMesh {
-    let mut mesh = ReferenceMesh::default();
-    for j in 0..=n {
-        for i in 0..=n {
-            let (u, v) = (i as f64 / n as f64, j as f64 / n as f64);
-            let x = w * (u - 0.5);
-            let slope = 8.0 * bend * x / (w * w);
-            mesh.positions.push(DVec3::new(x, h * (0.5 - v), 4.0 * bend * x * x / (w * w)));
-            mesh.normals.push(DVec3::new(-slope, 0.0, 1.0).normalize());
-            mesh.tangents.push(DVec3::new(1.0, 0.0, slope).normalize().extend(1.0));
-            mesh.uvs.push(DVec2::new(u, v));
-        }
-    }
-    for j in 0..n {
-        for i in 0..n {
-            let a = (j * (n + 1) + i) as u32;
-            let below = a + n as u32 + 1;
-            mesh.indices.extend([a, below, a + 1, a + 1, below, below + 1]);
-        }
-    }
-    mesh
-}
-
-/// One colour over a 1×1 map.
-fn uniform(rho_d: [f64; 3], rho_t: [f64; 3], gloss: Option<([f64; 3], f64)>) -> ReferenceSide {
-    let one = |c: [f64; 3]| c.map(|x| vec![x as f32]);
-    ReferenceSide {
-        interior: Interior::Maps { rho_d: one(rho_d), rho_t: one(rho_t) },
-        gloss: gloss.map(|(rho_s, m)| Gloss { rho_s: one(rho_s), m: vec![m as f32] }),
-        normal: None,
-    }
-}
-
-fn leaf(mesh: ReferenceMesh, front: ReferenceSide, back: ReferenceSide, lobe: Lobe) -> ReferenceLeaf {
-    ReferenceLeaf { mesh, width: 1, height: 1, front, back, mask: None, lobe }
-}
-
-fn alone(leaf: ReferenceLeaf, sun: Option<ReferenceSun>, sky: Option<[f64; 3]>) -> World {
-    World { leaves: vec![leaf], instances: vec![Placement { leaf: 0, transform: DMat4::IDENTITY }], sun, sky, ..World::default() }
-}
-
-fn sun(direction: DVec3, radius: f64) -> Option<ReferenceSun> {
-    Some(ReferenceSun { direction, irradiance: [3.0, 2.5, 2.0], radius })
-}
-
-fn camera(eye: DVec3, fov_y_deg: f64) -> Camera {
-    Camera { eye, target: DVec3::ZERO, up: DVec3::Y, fov_y_deg }
-}
-
-/// A leaf with veins, two unlike sides, gloss and relief, `n` texels wide.
-fn veined(n: usize) -> ReferenceLeaf {
-    let texel = |k: usize| ((k % n) as f64 / n as f64, (k / n) as f64 / n as f64);
-    let vein = |u: f64, v: f64| {
-        let midrib = (-((u - 0.45) / 0.012).powi(2)).exp();
-        let side = (0.5 + 0.5 * ((v - 0.7 * (u - 0.45).abs()) * 2.0 * PI * 7.0).cos()).powi(20);
-        (midrib + 0.7 * side).min(1.0)
-    };
-    let map = |of: &dyn Fn(f64, f64) -> f64| (0..n * n).map(|k| of(texel(k).0, texel(k).1) as f32).collect::<Vec<f32>>();
-    let side = |mirror: bool, tint: [f64; 3], shine: f64, m: f64, relief: f64| {
-        let at = move |u: f64, v: f64| vein(if mirror { 1.0 - u } else { u }, v);
-        let colour = |c: usize, vein_gain: f64| map(&|u, v| tint[c] * (1.0 + vein_gain * at(u, v)));
-        let h = 0.5 / n as f64;
-        let normals = (0..n * n)
-            .map(|k| {
-                let (u, v) = texel(k);
-                let (dx, dy) = (at(u + h, v) - at(u - h, v), at(u, v - h) - at(u, v + h));
-                let normal = DVec3::new(-relief * dx / h * 0.01, -relief * dy / h * 0.01, 1.0).normalize();
-                [normal.x as f32, normal.y as f32, normal.z as f32]
-            })
-            .collect();
-        ReferenceSide {
-            interior: Interior::Maps {
-                rho_d: [colour(0, 1.5), colour(1, 0.8), colour(2, 1.8)],
-                rho_t: [0, 1, 2].map(|c| map(&|u, v| 0.8 * tint[c] * (1.0 - 0.6 * at(u, v)))),
-            },
-            gloss: Some(Gloss {
-                rho_s: [0, 1, 2].map(|_| map(&|u, v| shine * (1.0 - 0.5 * at(u, v)))),
-                m: map(&|u, v| m + 0.1 * at(u, v)),
-            }),
-            normal: Some(NormalMap { frame: NormalFrame::Blade, values: normals }),
-        }
-    };
-    let outline = |u: f64, v: f64| {
-        let y = 2.0 * v - 1.0;
-        (u - 0.48).abs() < 0.42 * (1.0 - y * y).max(0.0).powf(0.8)
-    };
-    ReferenceLeaf {
-        mesh: blade(60.0, 60.0, 24, 4.0),
-        width: n,
-        height: n,
-        front: side(false, [0.05, 0.13, 0.03], 0.05, 0.25, 1.0),
-        back: side(true, [0.12, 0.21, 0.09], 0.02, 0.45, -1.0),
-        mask: Some((0..n * n).map(|k| u8::from(outline(texel(k).0, texel(k).1))).collect()),
-        lobe: Lobe::Beckmann,
-    }
-}
-
-fn portrait() -> (World, Camera) {
-    let mut world = alone(veined(64), sun(DVec3::new(0.5, 0.4, 1.0), SUN), Some([0.25, 0.3, 0.4]));
-    world.exposure = 1.2;
-    world.background = [0.02, 0.02, 0.025];
-    (world, camera(DVec3::new(-20.0, -35.0, 110.0), 32.0))
-}
+use stage::{SUN, alone, blade, camera, leaf, portrait, sun, uniform, veined};
 
 /// Mean of the closed form over a pixel's square, by a 3×3 midpoint rule.
 fn over_pixel(card: &Card, lens: &Lens, x: usize, y: usize, sun: Option<&ReferenceSun>, sky: Option<[f64; 3]>) -> [f64; 3] {
@@ -189,72 +90,6 @@ fn a_white_furnace_gives_the_sky_back() {
     }
 }
 
-/// Share of a unit disk on the side x > d.
-fn segment(d: f64) -> f64 {
-    let d = d.clamp(-1.0, 1.0);
-    (d.acos() - d * (1.0 - d * d).sqrt()) / PI
-}
-
-/// A card lit from straight above, and a wide blade at `height` that hides the half-space x < 0.
-fn half_hidden(height: f64, radius: f64) -> World {
-    let side = || uniform([0.5; 3], [0.0; 3], None);
-    let mut world = alone(leaf(blade(1.0, 1.0, 1, 0.0), side(), side(), Lobe::Beckmann), sun(DVec3::Z, radius), None);
-    let place =
-        |at: DVec3| Placement { leaf: 0, transform: DMat4::from_scale_rotation_translation(DVec3::splat(2000.0), DQuat::IDENTITY, at) };
-    world.instances = vec![place(DVec3::ZERO), place(DVec3::new(-1000.0, 0.0, height))];
-    world
-}
-
-#[test]
-fn a_half_hidden_sun_shows_a_circular_segment() {
-    for radius in [SUN, 0.1] {
-        let world = half_hidden(100.0, radius);
-        let renderer = Renderer::new(&world).unwrap();
-        let reach = 100.0 * f64::tan(radius);
-        for d in [-1.2, -0.9, -0.5, -0.1, 0.0, 0.3, 0.8, 1.1] {
-            // from a point at x = d·reach the edge cuts the disk at −d
-            let found = renderer.sun_visibility(DVec3::new(d * reach, 3.0, 0.0), 4096, 5).unwrap();
-            assert!((found - segment(-d)).abs() < 2e-3, "{radius} {d}: {found} against {}", segment(-d));
-        }
-    }
-}
-
-#[test]
-fn a_penumbra_has_the_right_profile_and_is_marked() {
-    let (height, radius) = (100.0, 0.05);
-    let world = half_hidden(height, radius);
-    let (width, rows) = (80, 8);
-    // from below the occluder, straight down
-    let view = camera(DVec3::new(0.0, 0.0, 50.0), 2.0);
-    let options = Options { samples_per_pixel: 64, sun_samples: 16, ..Options::default() };
-    let picture = render(&world, &view, width, rows, &options).unwrap();
-    let lens = Lens::new(&view, width, rows).unwrap();
-    let full = [3.0, 2.5, 2.0].map(|e| e * 0.5 / PI);
-    let (mut marked, mut squares) = (0, 0.0f64);
-    for k in 0..width * rows {
-        let ray = lens.ray((k % width) as f64 + 0.5, (k / width) as f64 + 0.5);
-        let x = ray.direction.x / -ray.direction.z * 50.0;
-        let d = x / (height * radius.tan());
-        for (found, full) in picture.hdr[k].iter().zip(full) {
-            let share = f64::from(*found) / full;
-            let error = share - segment(-d);
-            assert!(error.abs() < 0.02, "x = {x}: {share} against {}", segment(-d));
-            squares += error * error / (3 * width * rows) as f64;
-        }
-        let pixel = 50.0 * (2.0 / rows as f64).to_radians() / (height * radius.tan());
-        if d.abs() < 1.0 - pixel {
-            assert!(picture.penumbra[k], "unmarked at d = {d}");
-            marked += 1;
-        } else if d.abs() > 1.0 + 3.0 * pixel {
-            assert!(!picture.penumbra[k], "marked at d = {d}");
-        }
-        assert!(picture.interior[k]);
-    }
-    assert!(marked > 100);
-    // 1024 unstratified samples would scatter by √(¼/1024) = .016 at V = ½
-    assert!(squares.sqrt() < 0.008, "{}", squares.sqrt());
-}
-
 /// The blade turned over, with its sides exchanged, must look the same: maps mirrored, normals turned, far side's too.
 #[test]
 fn the_back_is_the_front_turned_over() {
@@ -308,62 +143,6 @@ fn columns_of_the_back_run_the_other_way() {
         let picture = render(&world, &camera(DVec3::Z * z, 18.0), 40, 40, &Options::default()).unwrap();
         assert!((picture.hdr[20 * 40 + 3][0] - left).abs() < 1e-6, "left half from z = {z}");
         assert!((picture.hdr[20 * 40 + 36][0] - right).abs() < 1e-6, "right half from z = {z}");
-    }
-}
-
-/// A constant mapped normal on a turned, scaled flat blade is Lambert's law about the turned normal.
-#[test]
-fn mapped_normals_turn_with_the_instance() {
-    let n = DVec3::new(0.3, -0.2, 0.9).normalize();
-    let turn = DQuat::from_euler(glam::EulerRot::XYZ, 0.4, -0.3, 0.8);
-    let l = DVec3::new(0.3, 0.2, 1.0).normalize();
-    for (frame, from_back) in
-        [(NormalFrame::Blade, false), (NormalFrame::Tangent, false), (NormalFrame::Blade, true), (NormalFrame::Tangent, true)]
-    {
-        let mut side = uniform([0.4; 3], [0.2; 3], None);
-        side.normal = Some(NormalMap { frame, values: vec![[n.x as f32, n.y as f32, n.z as f32]] });
-        let mut world = alone(leaf(blade(300.0, 300.0, 3, 0.0), side.clone(), side, Lobe::Beckmann), sun(l, 0.0), None);
-        let flip = if from_back { DQuat::from_rotation_y(PI) } else { DQuat::IDENTITY };
-        world.instances[0].transform = DMat4::from_scale_rotation_translation(DVec3::splat(1.7), turn * flip, DVec3::ZERO);
-        let picture = render(&world, &camera(DVec3::new(5.0, 8.0, 90.0), 3.0), 4, 3, &Options::default()).unwrap();
-        // from behind, the image's own frame (x right, y up, z out) is the flipped leaf's, so the expectation is the same
-        let expected = 3.0 * 0.4 / PI * (turn * n).dot(l);
-        for p in &picture.hdr {
-            assert!((f64::from(p[0]) / expected - 1.0).abs() < 1e-6, "{frame:?} back {from_back}: {} against {expected}", p[0]);
-        }
-        // and lit from behind, the far side's normal counts
-        world.sun = sun(-l, 0.0);
-        let lit = render(&world, &camera(DVec3::new(5.0, 8.0, 90.0), 3.0), 4, 3, &Options::default()).unwrap();
-        let far = turn * DVec3::new(-n.x, n.y, -n.z);
-        let expected = 3.0 * 0.2 / PI * far.dot(-l);
-        assert!((f64::from(lit.hdr[0][0]) / expected - 1.0).abs() < 1e-6, "{frame:?} far side");
-    }
-}
-
-/// On a bent blade the tangent frame follows the mesh and the blade's frame does not.
-#[test]
-fn tangent_normals_follow_a_bent_mesh() {
-    let n = DVec3::new(0.25, 0.1, 0.95).normalize();
-    let l = DVec3::new(0.2, 0.1, 1.0).normalize();
-    let (w, bend) = (100.0, 12.0);
-    let mesh = blade(w, 100.0, 256, bend);
-    for frame in [NormalFrame::Blade, NormalFrame::Tangent] {
-        let mut side = uniform([0.5; 3], [0.0; 3], None);
-        side.normal = Some(NormalMap { frame, values: vec![[n.x as f32, n.y as f32, n.z as f32]] });
-        let world = alone(leaf(mesh.clone(), side.clone(), side, Lobe::Beckmann), sun(l, 0.0), None);
-        // a camera far away sees x nearly in proportion
-        let view = camera(DVec3::Z * 1e5, 0.05);
-        let picture = render(&world, &view, 31, 21, &Options::default()).unwrap();
-        let pixel = 2.0 * 0.025f64.to_radians().tan() / 21.0 * 1e5;
-        for i in 8..23 {
-            let x = (i as f64 - 15.0) * pixel;
-            let slope = 8.0 * bend * x / (w * w);
-            let (t, up) = (DVec3::new(1.0, 0.0, slope).normalize(), DVec3::new(-slope, 0.0, 1.0).normalize());
-            let normal = if frame == NormalFrame::Blade { n } else { t * n.x + DVec3::Y * n.y + up * n.z };
-            let expected = 3.0 * 0.5 / PI * normal.dot(l);
-            let found = f64::from(picture.hdr[10 * 31 + i][0]);
-            assert!((found / expected - 1.0).abs() < 2e-3, "{frame:?} at {x}: {found} against {expected}");
-        }
     }
 }
 

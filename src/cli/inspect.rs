@@ -1,8 +1,10 @@
 //! `mesophyll inspect CAPTURE`.
 
+mod beams;
 mod dome;
 
 use super::Common;
+use crate::capture;
 use crate::capture::inspect::{Inspection, ReferenceSummary, inspect};
 use crate::capture::manifest::kind_of;
 use crate::{Error, Result};
@@ -26,16 +28,23 @@ pub struct Args {
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     // What cannot be read at all is said by the look at a scan, as ever.
-    if kind_of(&args.capture).is_ok_and(|k| k.as_deref() == Some(crate::capture::dome::manifest::KIND)) {
-        return dome::run(args, common);
+    match kind_of(&args.capture).ok().flatten().as_deref() {
+        Some(capture::dome::manifest::KIND) => return dome::run(args, common),
+        Some(capture::beams::manifest::KIND) => return beams::run(args, common),
+        _ => {}
     }
     let found = inspect(&args.capture, args.deep)?;
+    shown(args, common, &found, text, found.problems.len())
+}
+
+/// Prints what was found, in words or as JSON; the exit code says whether it can be fitted.
+fn shown<T: serde::Serialize>(args: &Args, common: &Common, found: &T, text: impl Fn(&T) -> String, problems: usize) -> Result<u8> {
     if common.json {
-        super::print_json(&found)?;
+        super::print_json(found)?;
     } else {
-        super::print(&text(&found))?;
+        super::print(&text(found))?;
     }
-    verdict(args, found.problems.len())
+    verdict(args, problems)
 }
 
 fn verdict(args: &Args, problems: usize) -> Result<u8> {

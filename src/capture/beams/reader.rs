@@ -36,7 +36,11 @@ impl Capture {
     }
 }
 
-fn photograph(folder: &Path, manifest: &Manifest, beam: &Beam) -> Result<[Vec<f64>; 3]> {
+/// One photograph in the lit side's columns, a channel (R G B) each; NaN where there is no reading.
+///
+/// # Errors
+/// As [`Capture::open`].
+pub fn photograph(folder: &Path, manifest: &Manifest, beam: &Beam) -> Result<[Vec<f64>; 3]> {
     let path = folder.join(&beam.file);
     let info = exr_info(&path)?;
     let (w, h) = (manifest.width, manifest.height);

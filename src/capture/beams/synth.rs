@@ -15,7 +15,7 @@ use crate::capture::synth::spec::{Model, Spec};
 use crate::files::atomic;
 use crate::files::image::{Maps, Packing, write_exr};
 use crate::optics::dipole::Tissue;
-use crate::optics::slab;
+use crate::optics::slab::exact::Medium;
 use crate::optics::translucency::blade::{self, LitSide, Surface};
 use crate::optics::translucency::convolve::{Convolver, Settings, Totals};
 use crate::optics::translucency::horizon::Horizon;
@@ -136,11 +136,19 @@ impl Grown {
 
 /// How much of a beam at cosine `mu` to the normal comes through a slab of `d` mm, over that of a beam along it.
 pub fn slanting(tissue: &Tissue, d: f64, mu: f64) -> f64 {
+    slanting_in(&medium(tissue), tissue, d, mu)
+}
+
+fn medium(tissue: &Tissue) -> Medium {
+    let (a, s) = (tissue.sigma_a, tissue.reduced_scattering());
+    Medium::new(s / (a + s), a / (a + s))
+}
+
+fn slanting_in(medium: &Medium, tissue: &Tissue, d: f64, mu: f64) -> f64 {
     if !(d > 0.0 && mu < 1.0) {
         return 1.0;
     }
-    let (a, s) = (tissue.sigma_a, tissue.reduced_scattering());
-    let ln = |mu: f64| slab::exact::solve_log(mu, s / (a + s), a / (a + s), (a + s) * d).1;
+    let ln = |mu: f64| medium.solve_log(mu, (tissue.sigma_a + tissue.reduced_scattering()) * d).1;
     (ln(mu) - ln(1.0)).exp()
 }
 
@@ -148,7 +156,9 @@ pub fn slanting(tissue: &Tissue, d: f64, mu: f64) -> f64 {
 fn slants(tissue: &Tissue, range: [f64; 2], mu: f64) -> impl Fn(f64) -> f64 + use<> {
     const POINTS: usize = 64;
     let (low, step) = (range[0].ln() - 1e-9, ((range[1] / range[0]).ln() + 2e-9) / (POINTS - 1) as f64);
-    let values: Vec<f64> = (0..POINTS).into_par_iter().map(|k| slanting(tissue, (low + step * k as f64).exp(), mu)).collect();
+    let medium = medium(tissue);
+    let at = |k: usize| slanting_in(&medium, tissue, (low + step * k as f64).exp(), mu);
+    let values: Vec<f64> = (0..POINTS).into_par_iter().map(at).collect();
     move |d: f64| {
         let at = ((d.ln() - low) / step).clamp(0.0, (POINTS - 1) as f64);
         let first = (at as usize).saturating_sub(1).min(POINTS - 4);

@@ -30,11 +30,11 @@ pub fn colonise(blade: &Blade, veins: &Veins, network: &Network, seed: u64) -> V
     let first = nodes.len();
     for round in 0..400 {
         for source in &mut sources {
-            for (k, node) in nodes.iter().enumerate().skip(seen) {
+            for (k, node) in nodes[seen..].iter().enumerate() {
                 let (dx, dy) = (node[0] - source.0[0], node[1] - source.0[1]);
                 let d = dx * dx + dy * dy;
                 if d < source.1 {
-                    (source.1, source.2) = (d, k);
+                    (source.1, source.2) = (d, seen + k);
                 }
             }
         }

@@ -15,6 +15,40 @@ pub struct Blade {
     /// elliptic end is smooth.
     curves: [Curve; 2],
     petiole: Option<[[f64; 2]; 2]>,
+    bands: Bands,
+}
+
+/// The contour's edges by height, so that a point is asked only of the edges that pass its height.
+#[derive(Debug, Clone, Default)]
+struct Bands {
+    low: f64,
+    per_mm: f64,
+    /// Edges (first point, second point) that touch each band, lowest first.
+    edges: Vec<Vec<[[f64; 2]; 2]>>,
+}
+
+impl Bands {
+    const COUNT: usize = 512;
+
+    fn of(contour: &[[f64; 2]]) -> Bands {
+        let [low, high] = contour.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], p| [l.min(p[1]), h.max(p[1])]);
+        let mut bands = Bands { low, per_mm: Bands::COUNT as f64 / (high - low).max(1e-9), edges: vec![Vec::new(); Bands::COUNT] };
+        for (k, &a) in contour.iter().enumerate() {
+            let b = contour[(k + 1) % contour.len()];
+            let (first, last) = (bands.index(a[1].min(b[1])), bands.index(a[1].max(b[1])));
+            bands.edges[first..=last].iter_mut().for_each(|band| band.push([a, b]));
+        }
+        bands
+    }
+
+    /// Rises with y: an edge that passes a height touches that height's band.
+    fn index(&self, y: f64) -> usize {
+        (((y - self.low) * self.per_mm).max(0.0) as usize).min(Bands::COUNT - 1)
+    }
+
+    fn at(&self, y: f64) -> &[[[f64; 2]; 2]] {
+        self.edges.get(self.index(y)).map_or(&[], Vec::as_slice)
+    }
 }
 
 /// A smooth curve through points: natural cubic spline.
@@ -80,10 +114,12 @@ impl Blade {
         } else {
             [Curve::through(outline.polar.iter().map(|p| (p[0], p[1]))), Curve::default()]
         };
-        let mut blade = Blade { contour: Vec::new(), base: [0.0; 2], outline: outline.clone(), curves, petiole: None };
+        let mut blade =
+            Blade { contour: Vec::new(), base: [0.0; 2], outline: outline.clone(), curves, petiole: None, bands: Bands::default() };
         blade.base =
             if outline.polar.is_empty() { [-0.5 * outline.length_mm, blade.place(0.0, 0.0)[1]] } else { centring(&blade.curves[0]) };
         blade.contour = toothed(&blade.smooth_contour(), margin, blade.base, seed);
+        blade.bands = Bands::of(&blade.contour);
         if outline.petiole_mm > 0.0 {
             let [x, y] = blade.base;
             // It enters a little way, so that no gap opens between petiole and blade.
@@ -137,9 +173,7 @@ impl Blade {
     /// Whether a point lies on the blade (even–odd rule).
     pub fn holds(&self, p: [f64; 2]) -> bool {
         let mut inside = false;
-        let n = self.contour.len();
-        for k in 0..n {
-            let (a, b) = (self.contour[k], self.contour[(k + 1) % n]);
+        for [a, b] in self.bands.at(p[1]) {
             if (a[1] > p[1]) != (b[1] > p[1]) && p[0] < a[0] + (p[1] - a[1]) / (b[1] - a[1]) * (b[0] - a[0]) {
                 inside = !inside;
             }

@@ -1,19 +1,14 @@
 //! `mesophyll inspect` of a capture under a dome.
 
-use super::{Args, said, verdict};
+use super::{Args, said, shown};
 use crate::Result;
 use crate::capture::dome::inspect::{Inspection, SideSummary, inspect};
-use crate::cli::{Common, print, print_json};
+use crate::cli::Common;
 use std::fmt::Write;
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let found = inspect(&args.capture);
-    if common.json {
-        print_json(&found)?;
-    } else {
-        print(&text(&found))?;
-    }
-    verdict(args, found.problems.len())
+    shown(args, common, &found, text, found.problems.len())
 }
 
 fn text(f: &Inspection) -> String {

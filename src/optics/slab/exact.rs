@@ -3,6 +3,7 @@
 //! The two derivations share no formula; they overlap over Δ = 1e-3 … 0.2 to better than 1e-9, and the tests hold them to it.
 
 use super::{Response, ordinates, thin};
+use std::sync::OnceLock;
 
 /// Below this optical thickness the integral equation answers, above it the ordinates (both are good to 1e-10 here).
 const THIN: f64 = 0.06;
@@ -38,18 +39,38 @@ pub fn solve_at(mu0: f64, omega: f64, one_minus_omega: f64, delta: f64) -> Respo
 
 /// ρd and ln ρt: the logarithm stays finite where ρt itself underflows.
 pub fn solve_log(mu0: f64, omega: f64, one_minus_omega: f64, delta: f64) -> (f64, f64) {
-    let known = omega >= 0.0 && one_minus_omega >= 0.0 && (omega + one_minus_omega - 1.0).abs() < 1e-9;
-    if !(known && delta >= 0.0 && mu0 > 0.0 && mu0 <= 1.0) {
-        return (f64::NAN, f64::NAN);
+    Medium::new(omega, one_minus_omega).solve_log(mu0, delta)
+}
+
+/// One single-scattering albedo, for slabs of many thicknesses: the modes, most of the work, do not depend on the thickness and are found once.
+pub struct Medium {
+    omega: f64,
+    one_minus_omega: f64,
+    modes: OnceLock<Box<ordinates::Modes<{ ordinates::N }>>>,
+}
+
+impl Medium {
+    /// `one_minus_omega` is given apart, so that it keeps its digits near ω = 1.
+    pub fn new(omega: f64, one_minus_omega: f64) -> Medium {
+        Medium { omega, one_minus_omega, modes: OnceLock::new() }
     }
-    if delta == 0.0 || omega == 0.0 {
-        return (0.0, -delta / mu0);
-    }
-    let delta = delta.min(1e300);
-    if delta / mu0 < THIN {
-        let r = thin::solve(omega, delta, mu0);
-        (r.rho_d, r.rho_t.ln())
-    } else {
-        ordinates::solve(omega, one_minus_omega, delta, mu0)
+
+    /// [`solve_log`] in this medium.
+    pub fn solve_log(&self, mu0: f64, delta: f64) -> (f64, f64) {
+        let (omega, one_minus_omega) = (self.omega, self.one_minus_omega);
+        let known = omega >= 0.0 && one_minus_omega >= 0.0 && (omega + one_minus_omega - 1.0).abs() < 1e-9;
+        if !(known && delta >= 0.0 && mu0 > 0.0 && mu0 <= 1.0) {
+            return (f64::NAN, f64::NAN);
+        }
+        if delta == 0.0 || omega == 0.0 {
+            return (0.0, -delta / mu0);
+        }
+        let delta = delta.min(1e300);
+        if delta / mu0 < THIN {
+            let r = thin::solve(omega, delta, mu0);
+            (r.rho_d, r.rho_t.ln())
+        } else {
+            self.modes.get_or_init(|| Box::new(ordinates::modes(omega, one_minus_omega))).response(delta, mu0)
+        }
     }
 }

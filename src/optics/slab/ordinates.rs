@@ -11,7 +11,7 @@
 use super::quadrature::gauss;
 use std::sync::OnceLock;
 
-/// Ordinates a hemisphere that [`solve`] takes.
+/// Ordinates a hemisphere that [`modes`] takes.
 pub const N: usize = 40;
 /// Modes weaker than e^−CUT after the crossing do not couple the boundaries.
 const CUT: f64 = 42.0;
@@ -374,9 +374,9 @@ fn solve_dense(mut m: Vec<f64>, mut v: Vec<f64>) -> Vec<f64> {
     v
 }
 
-/// ρd and ln ρt at (ω, Δ), 1 − ω given apart.
-pub fn solve(omega: f64, absorbed: f64, delta: f64, mu0: f64) -> (f64, f64) {
-    Modes::new(ordinates(), omega, absorbed).response(delta, mu0)
+/// The modes of albedo ω, 1 − ω given apart.
+pub fn modes(omega: f64, absorbed: f64) -> Modes<N> {
+    Modes::new(ordinates(), omega, absorbed)
 }
 
 /// A solver with `K` ordinates a hemisphere, for the sweep of their number: takes (ω, 1 − ω, Δ), beam along the normal.

@@ -23,7 +23,7 @@ fn integral_equation_and_ordinates_agree_where_both_are_good() {
         let delta = log_uniform(&mut rng, 0.03, 0.12);
         let mu0 = if rng.random::<f64>() < 0.5 { 1.0 } else { 0.5 + 0.5 * rng.random::<f64>() };
         let a = thin::solve(omega, delta, mu0);
-        let (rho_d, log_t) = ordinates::solve(omega, absorbed, delta, mu0);
+        let (rho_d, log_t) = ordinates::modes(omega, absorbed).response(delta, mu0);
         assert!((rho_d / a.rho_d - 1.0).abs() < 3e-10, "ω {omega} Δ {delta} μ₀ {mu0}: ρd {} {rho_d}", a.rho_d);
         assert!((log_t - a.rho_t.ln()).abs() < 3e-10, "ω {omega} Δ {delta} μ₀ {mu0}: ρt {} {}", a.rho_t, log_t.exp());
     }

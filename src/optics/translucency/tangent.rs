@@ -8,16 +8,22 @@
 //! Two ways to the same numbers: [`Tangent::derivative`] is the change of every image along one parameter, [`Tangent::gradient`] the change of a
 //! weighted sum of all of them along every parameter. The latter takes two transforms a level and image, the former six for three parameters.
 
+mod series;
+#[cfg(test)]
+mod tests;
+mod totals;
+
 use super::convolve::Totals;
 use super::fourier::{Grid, Spectrum};
 use super::kernel::Kernel;
 use super::levels::{Levels, Nodes};
 use crate::optics::dipole::{Form, Tissue};
-use crate::optics::slab;
 use crate::{Error, Result};
 use rayon::prelude::*;
 use rustfft::num_complex::Complex;
+use series::Series;
 use std::f64::consts::PI;
+use totals::{Slant, logarithms};
 
 /// ln σa, ln σs′, ln of the factor on the thickness.
 pub const PARTIALS: usize = 3;
@@ -146,7 +152,8 @@ impl Stage {
         }
         let mut curves = Vec::new();
         for mu in &self.incidences {
-            let curve = Series::fit(|d| logarithms(tissue, totals, factor * d, *mu), self.range[0], self.range[1], 24);
+            let slant = (totals == Totals::Transport && *mu != 1.0).then(|| Slant::new(tissue, *mu));
+            let curve = Series::fit(|d| logarithms(tissue, totals, slant.as_ref(), factor * d), self.range[0], self.range[1], 24);
             if !curve.coefficients.iter().flatten().all(|v| v.is_finite()) {
                 return Err(opaque());
             }
@@ -202,52 +209,6 @@ impl Stage {
         };
         Some(Kernel::build(flow, self.texel_mm, self.reach, self.closed))
     }
-}
-
-/// ln of the scattered total and of the unscattered share at thickness d, then their derivatives, parameter by parameter.
-fn logarithms(tissue: &Tissue, totals: Totals, d: f64, mu: f64) -> [f64; 2 * (PARTIALS + 1)] {
-    let scattered = tissue.beyond_with_partials(0.0, d, Form::Thin);
-    let (a, s) = (tissue.sigma_a, tissue.reduced_scattering());
-    let mut log = [0.0; 2 * (PARTIALS + 1)];
-    log[0] = scattered.value.ln();
-    log[1] = -(a + s) * d;
-    for (p, by) in [tissue.sigma_a * scattered.by[0], tissue.sigma_s * scattered.by[1], scattered.by[3]].into_iter().enumerate() {
-        log[2 * (p + 1)] = by / scattered.value;
-    }
-    (log[3], log[5], log[7]) = (-a * d, -s * d, -(a + s) * d);
-    if totals == Totals::Transport {
-        // Both rescaled so that together they are the transport equation's.
-        let share = scattered.value / (scattered.value + log[1].exp());
-        let wanted = if mu == 1.0 { along_normal(a, s, d) } else { slanting(a, s, d, mu) };
-        for (p, wanted) in wanted.into_iter().enumerate() {
-            let own = match p {
-                0 => (scattered.value + log[1].exp()).ln(),
-                _ => share * log[2 * p] + (1.0 - share) * log[2 * p + 1],
-            };
-            log[2 * p] += wanted - own;
-            log[2 * p + 1] += wanted - own;
-        }
-    }
-    log
-}
-
-/// ln ρt of the slab and its derivatives by ln σa, ln σs, ln d.
-fn along_normal(a: f64, s: f64, d: f64) -> [f64; PARTIALS + 1] {
-    let (r, by) = slab::response_with_partials(a, s, d);
-    [r.rho_t.ln(), a * by.sigma_a.rho_t / r.rho_t, s * by.sigma_s.rho_t / r.rho_t, d * by.thickness.rho_t / r.rho_t]
-}
-
-/// The same for a beam at cosine `mu` (per flux through the horizontal): derivatives by differences of the exact solution, of order h⁴.
-fn slanting(a: f64, s: f64, d: f64, mu: f64) -> [f64; PARTIALS + 1] {
-    let ln = |by_a: f64, by_s: f64| {
-        let (a, s) = (a * by_a.exp(), s * by_s.exp());
-        slab::exact::solve_log(mu, s / (a + s), a / (a + s), (a + s) * d).1
-    };
-    let h = 2e-3;
-    let slope = |f: &dyn Fn(f64) -> f64| (8.0 * (f(h) - f(-h)) - (f(2.0 * h) - f(-2.0 * h))) / (12.0 * h);
-    let (by_a, by_s) = (slope(&|x| ln(x, 0.0)), slope(&|x| ln(0.0, x)));
-    // Only products with d enter.
-    [ln(0.0, 0.0), by_a, by_s, by_a + by_s]
 }
 
 impl Tangent<'_> {
@@ -379,44 +340,3 @@ impl Tangent<'_> {
         out
     }
 }
-
-/// Several functions of a positive number as Chebyshev series over its logarithm.
-#[derive(Debug, Clone)]
-struct Series<const N: usize> {
-    middle: f64,
-    half: f64,
-    coefficients: Vec<[f64; N]>,
-}
-
-impl<const N: usize> Series<N> {
-    /// `count` terms over [low, high]; a single one where both are the same.
-    fn fit(f: impl Fn(f64) -> [f64; N] + Sync, low: f64, high: f64, count: usize) -> Series<N> {
-        let (middle, half) = (0.5 * (high.ln() + low.ln()), 0.5 * (high.ln() - low.ln()));
-        let count = if half > 1e-12 { count } else { 1 };
-        let angle = |k: usize| PI * (k as f64 + 0.5) / count as f64;
-        let values: Vec<[f64; N]> = (0..count).into_par_iter().map(|k| f((middle + half * angle(k).cos()).exp())).collect();
-        let coefficients = (0..count).map(|j| {
-            let mut sum = [0.0; N];
-            for (k, v) in values.iter().enumerate() {
-                let weight = (j as f64 * angle(k)).cos() * if j == 0 { 1.0 } else { 2.0 } / count as f64;
-                sum.iter_mut().zip(v).for_each(|(s, v)| *s += weight * v);
-            }
-            sum
-        });
-        Series { middle, half, coefficients: coefficients.collect() }
-    }
-
-    fn at(&self, x: f64) -> [f64; N] {
-        let t = if self.coefficients.len() > 1 { ((x.ln() - self.middle) / self.half).clamp(-1.0, 1.0) } else { 0.0 };
-        let (mut b1, mut b2) = ([0.0; N], [0.0; N]);
-        for c in self.coefficients.iter().skip(1).rev() {
-            let next: [f64; N] = std::array::from_fn(|k| 2.0 * t * b1[k] - b2[k] + c[k]);
-            (b1, b2) = (next, b1);
-        }
-        std::array::from_fn(|k| self.coefficients[0][k] + t * b1[k] - b2[k])
-    }
-}
-
-#[cfg(test)]
-#[path = "tangent_tests.rs"]
-mod tests;

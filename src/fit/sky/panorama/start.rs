@@ -1,8 +1,8 @@
 //! Where the descents begin: a coarse search over suns and turbidities, judged by the median of absolute log ratios (clouds and trees do not move
 //! it), then robust descents from the best few.
 
+use super::descent::{Chart, modelled};
 use super::picture::{Picture, Pixel, median};
-use super::{Chart, modelled};
 use crate::sky::preetham::{Turbid, xyz_from_separable};
 use crate::sky::{colour, sun_direction};
 use crate::solve::{Closure, Options, Termination, Trace, lm};

@@ -5,6 +5,7 @@ use super::*;
 use crate::files::image::Maps;
 use crate::sky::{HosekWilkie, Model, Preetham};
 use rayon::prelude::*;
+use std::f64::consts::PI;
 use std::path::Path;
 
 fn shot(seed: u64) -> Shot {

@@ -1,0 +1,184 @@
+//! A first look at photographs under beams: what is wrong with the files, all of it, and then what they hold: lights, exposure, noise, the outline's
+//! place in the picture, and whether the photographs agree with each other about side and scale. Nothing is fitted.
+
+mod agreement;
+mod photograph;
+
+use super::manifest::{Beam, KIND, Manifest};
+use super::reader;
+use crate::capture::dome::noise::median;
+use crate::capture::manifest::SideName;
+use serde::Serialize;
+use std::path::Path;
+
+pub use photograph::Photograph;
+
+/// What a look at a capture found.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Inspection {
+    pub folder: String,
+    pub kind: &'static str,
+    /// As `capture.toml` says; absent when it cannot be read.
+    pub manifest: Option<Manifest>,
+    /// Why it cannot be fitted; empty when it can.
+    pub problems: Vec<String>,
+    /// What can be fitted but deserves a look.
+    pub warnings: Vec<String>,
+    /// What follows from what is there and what is absent.
+    pub notes: Vec<String>,
+    /// Those that can be read, in the manifest's order.
+    pub photographs: Vec<Photograph>,
+    /// Width and height of the picture on the blade (mm).
+    pub field_mm: Option<[f64; 2]>,
+    /// Texels with a reading in some photograph.
+    pub leaf_texels: Option<usize>,
+    /// Noise seen over noise stated, at the photographs' medians; an upper bound, for fine texture counts as noise. Absent where either is unknown.
+    pub noise_seen_over_stated: Option<f64>,
+}
+
+impl Inspection {
+    pub fn fits(&self) -> bool {
+        self.problems.is_empty()
+    }
+}
+
+/// Beams lower than this (degrees) say little: what they send through is spread as along the normal.
+const LOW_BEAM: f64 = 30.0;
+/// Texels from here on (mm) are coarser than most leaves are thick.
+const COARSE: f64 = 0.2;
+
+/// Looks at `CAPTURE`; whatever is wrong with it is in [`Inspection::problems`].
+pub fn inspect(folder: &Path) -> Inspection {
+    let mut found = Inspection { folder: folder.display().to_string(), kind: KIND, ..Inspection::default() };
+    let m = match Manifest::read(folder) {
+        Ok(m) => m,
+        Err(e) => {
+            found.problems.push(e.to_string());
+            return found;
+        }
+    };
+    let mut views = agreement::Views::new(m.width, m.height);
+    for (k, beam) in m.beams.iter().enumerate() {
+        match reader::photograph(folder, &m, beam) {
+            Ok(channels) => {
+                let photograph = Photograph::look(k, beam, &channels, m.width);
+                photograph.warnings(&mut found.warnings);
+                views.add(k, beam, &channels, photograph.median);
+                found.photographs.push(photograph);
+            }
+            Err(e) => found.problems.push(e.to_string()),
+        }
+    }
+    let leaf = views.leaf();
+    let texels = leaf.iter().filter(|on| **on).count();
+    for p in &mut found.photographs {
+        p.miss(texels, &mut found.warnings);
+    }
+    found.warnings.extend(views.mirrored());
+    lights(&m.beams, &mut found);
+    noise(&m, &mut found);
+    consequences(folder, &m, &leaf, &mut found);
+    (found.leaf_texels, found.field_mm) = (Some(texels), Some([m.width, m.height].map(|n| n as f64 * m.texel_mm)));
+    found.manifest = Some(m);
+    found
+}
+
+/// What the beams' directions tell, by themselves and with how bright the photographs are.
+fn lights(beams: &[Beam], found: &mut Inspection) {
+    for (k, b) in beams.iter().enumerate() {
+        let number = k + 1;
+        if b.elevation_deg < LOW_BEAM {
+            found.warnings.push(format!(
+                "beam {number} stands {}° over the blade: the fit spreads its light as that of a beam along the normal; steep beams are better",
+                b.elevation_deg
+            ));
+        }
+        for (j, a) in beams[..k].iter().enumerate() {
+            let cosine: f64 = a.direction().iter().zip(b.direction()).map(|(x, y)| x * y).sum();
+            if a.file == b.file {
+                found.warnings.push(format!("beams {} and {number} name the same photograph, {}", j + 1, a.file));
+            } else if a.lit == b.lit && cosine > 0.99999 {
+                found.warnings.push(format!("beams {} and {number} light the {} from the same direction", j + 1, a.lit.name()));
+            }
+        }
+    }
+    // Of the light that falls in, less comes through of a slanting beam than of a steep one.
+    let share = |p: &Photograph| p.median / p.elevation_deg.to_radians().sin();
+    for side in [SideName::Front, SideName::Back] {
+        let mut lit: Vec<&Photograph> = found.photographs.iter().filter(|p| p.lit == side.name() && p.median > 0.0).collect();
+        lit.sort_by(|a, b| b.elevation_deg.total_cmp(&a.elevation_deg));
+        let Some((steepest, others)) = lit.split_first() else {
+            found.notes.push(format!("no beam lights the {}: it is not measured from there", side.name()));
+            continue;
+        };
+        for p in others.iter().filter(|p| share(p) > 1.1 * share(steepest)) {
+            found.warnings.push(format!(
+                "of the light of beam {} {:.2} times as much comes through as of the steeper beam {}, expected less: the unit is a white sheet that faces \
+                the beam, not one that lies level; or the blade leans towards it",
+                p.beam,
+                share(p) / share(steepest),
+                steepest.beam
+            ));
+        }
+    }
+}
+
+/// What follows from the noise that is stated, or that is not, beside the noise that is seen.
+fn noise(m: &Manifest, found: &mut Inspection) {
+    let given = [m.noise_relative, m.noise_floor];
+    let stated = given.iter().any(Option::is_some).then(|| given.map(|v| v.unwrap_or(0.0)));
+    for p in &found.photographs {
+        p.doubts(stated, &mut found.warnings);
+    }
+    let Some([relative, floor]) = stated else {
+        return found.notes.push("the noise is not stated: the fit estimates it".into());
+    };
+    if relative == 0.0 && floor == 0.0 {
+        return found.notes.push("the noise is stated as 0: readings are taken as exact, and errors come from the residuals".into());
+    }
+    let channels = found.photographs.iter().flat_map(|p| p.noise.iter().zip(p.colour));
+    let mut each: Vec<f64> = channels.filter_map(|(sd, level)| Some((*sd)? / (relative * level).hypot(floor))).collect();
+    if each.is_empty() {
+        return;
+    }
+    let ratio = median(&mut each);
+    found.noise_seen_over_stated = Some(ratio);
+    // An upper bound: only too little can be told from it.
+    if ratio < 0.67 {
+        found
+            .warnings
+            .push(format!("the noise seen is {ratio:.2} times the stated one at most: errors will be called larger than they are"));
+    }
+}
+
+/// What the manifest, the outline and the absence of files imply.
+fn consequences(folder: &Path, m: &Manifest, leaf: &[bool], found: &mut Inspection) {
+    let (w, h) = (m.width, m.height);
+    let borders = [
+        ("left", (0..h).any(|j| leaf[j * w])),
+        ("right", (0..h).any(|j| leaf[j * w + w - 1])),
+        ("top", leaf[..w].contains(&true)),
+        ("bottom", leaf[(h - 1) * w..].contains(&true)),
+    ];
+    let beyond: Vec<&str> = borders.iter().filter(|(_, on)| *on).map(|(name, _)| *name).collect();
+    if !beyond.is_empty() {
+        found.notes.push(format!(
+            "the leaf goes on beyond the picture ({}, as the front is seen): readings nearer than six thicknesses to that border do not count",
+            beyond.join(", ")
+        ));
+    }
+    if m.texel_mm >= COARSE {
+        found.warnings.push(format!(
+            "texel_mm is {}: light spreads sideways by about a leaf's thickness, which such texels do not resolve; a fit then finds products of \
+            absorption, scattering and thickness only",
+            m.texel_mm
+        ));
+    }
+    found.notes.push(format!(
+        "a fit needs the blade (`--blade`) from a leaf fit of {w} × {h} texels of {} mm, rectified to the same place",
+        m.texel_mm
+    ));
+    if folder.join("truth").join("front.exr").exists() {
+        found.notes.push("truth/ is there: a synthetic capture; the fit reports its error to the truth".into());
+    }
+}

@@ -1,0 +1,116 @@
+//! One photograph: how bright, how noisy, clipped or not, and how much of the leaf it shows.
+
+use crate::capture::beams::manifest::Beam;
+use crate::capture::dome::noise::{deviation, quantile};
+use serde::Serialize;
+
+/// A photograph's readings; 1 is a white sheet that faces the beam. Shares are 0 to 1.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Photograph {
+    /// Number of the beam, from 1.
+    pub beam: usize,
+    pub file: String,
+    pub lit: &'static str,
+    pub elevation_deg: f64,
+    pub azimuth_deg: f64,
+    /// Quantiles .001, .5, .999 of the readings of all channels.
+    pub low: f64,
+    pub median: f64,
+    pub high: f64,
+    /// Median, a channel (R G B).
+    pub colour: [f64; 3],
+    /// Standard deviation of the noise seen, a channel; an upper bound, for fine texture counts. `None` where too little of the leaf is seen.
+    pub noise: [Option<f64>; 3],
+    /// Texels with a number in every channel.
+    pub read: usize,
+    /// Of the texels that any photograph reads: without a number in some channel of this one.
+    pub no_reading_share: f64,
+    /// Readings below 0, and above the white sheet.
+    pub negative_share: f64,
+    pub above_white_share: f64,
+    /// Readings that have exactly the largest value: many where a sensor clips.
+    pub at_the_top: usize,
+}
+
+/// Readings of one value that are no chance any more: more than so many, and more than this share.
+const CLIPPED: (usize, f64) = (8, 1e-3);
+/// Shares above which a warning is due.
+const FEW: f64 = 0.01;
+/// Noise of a reading over the median that leaves little to fit.
+const NOISY: f64 = 0.5;
+/// Readings below zero are no chance any more from so many standard deviations on.
+const BELOW: f64 = 4.0;
+
+impl Photograph {
+    /// The `k`-th photograph, as it was read: a channel each, row by row.
+    pub fn look(k: usize, beam: &Beam, channels: &[Vec<f64>; 3], width: usize) -> Photograph {
+        let read: Vec<bool> = (0..channels[0].len()).map(|at| channels.iter().all(|c| c[at].is_finite())).collect();
+        let mut all: Vec<f64> = channels.iter().flatten().copied().filter(|v| v.is_finite()).collect();
+        let highest = all.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let share = |test: &dyn Fn(f64) -> bool| all.iter().filter(|v| test(**v)).count() as f64 / all.len().max(1) as f64;
+        let (negative_share, above_white_share) = (share(&|v| v < 0.0), share(&|v| v > 1.0));
+        let at_the_top = all.iter().filter(|v| **v == highest).count();
+        let [low, median, high] = [0.001, 0.5, 0.999].map(|q| quantile(&mut all, q));
+        let each = |c: usize| quantile(&mut channels[c].iter().copied().filter(|v| v.is_finite()).collect::<Vec<_>>(), 0.5);
+        Photograph {
+            beam: k + 1,
+            file: beam.file.clone(),
+            lit: beam.lit.name(),
+            elevation_deg: beam.elevation_deg,
+            azimuth_deg: beam.azimuth_deg,
+            low,
+            median,
+            high,
+            colour: [0, 1, 2].map(each),
+            noise: [0, 1, 2].map(|c: usize| deviation(&channels[c], &read, width).map(|(sd, _)| sd)),
+            read: read.iter().filter(|r| **r).count(),
+            no_reading_share: 0.0,
+            negative_share,
+            above_white_share,
+            at_the_top,
+        }
+    }
+
+    /// What its readings alone give reason to look at.
+    pub fn warnings(&self, warnings: &mut Vec<String>) {
+        let mut warn = |text: String| warnings.push(format!("{}: {text}", self.file));
+        let readings = 3 * self.read;
+        if self.at_the_top > CLIPPED.0 && self.at_the_top as f64 > CLIPPED.1 * readings as f64 {
+            warn(format!("{} readings share the highest value, {:.4}: clipped? Write NaN where saturated", self.at_the_top, self.high));
+        }
+        if self.above_white_share > FEW {
+            warn(format!(
+                "{:.1} % of the readings are brighter than a white sheet that faces the beam: divided by the sheet's photograph? Stray light beside the leaf?",
+                100.0 * self.above_white_share
+            ));
+        }
+    }
+
+    /// What the noise gives reason to look at: `stated` as relative and floor, or as seen.
+    pub fn doubts(&self, stated: Option<[f64; 2]>, warnings: &mut Vec<String>) {
+        let mut warn = |text: String| warnings.push(format!("{}: {text}", self.file));
+        let sd = |c: usize| match stated {
+            Some([relative, floor]) => Some((relative * self.colour[c]).hypot(floor)),
+            None => self.noise[c],
+        };
+        for (c, name) in ["R", "G", "B"].into_iter().enumerate() {
+            if let Some(sd) = sd(c).filter(|sd| *sd > NOISY * self.colour[c]) {
+                warn(format!("{name}: a reading's noise is about {sd:.1e}, the median reading {:.1e}: under-exposed?", self.colour[c]));
+            }
+        }
+        // Where the noise is not stated, the darkest channel's tells what chance does.
+        let floor = stated.map(|s| s[1]).or(self.noise.iter().flatten().copied().reduce(f64::min)).unwrap_or(0.0);
+        if self.negative_share > FEW && self.low < -BELOW * floor {
+            let share = 100.0 * self.negative_share;
+            warn(format!("{share:.1} % of the readings are negative, down to {:.1e}: is the dark level too high?", self.low));
+        }
+    }
+
+    /// Says what share of the leaf's `texels` it misses.
+    pub fn miss(&mut self, texels: usize, warnings: &mut Vec<String>) {
+        self.no_reading_share = 1.0 - self.read as f64 / texels.max(1) as f64;
+        if self.no_reading_share > FEW {
+            warnings.push(format!("{}: {:.1} % of the leaf has no reading", self.file, 100.0 * self.no_reading_share));
+        }
+    }
+}

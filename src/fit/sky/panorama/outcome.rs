@@ -1,0 +1,163 @@
+//! What a finished fit may say: the four results with their errors, the fate of every pixel, and which of the results are not determined
+//! (a misfit beyond the noise, another sun that fits as well, a bound, too large an error).
+
+use super::descent::{Chart, OVERHEAD, Round};
+use super::picture::{self, OUTLIER, Picture, Pixel, median};
+use super::{ANGLE_KNOWN, Found, Known, NAMES, NoiseFrom, start};
+use crate::files::table::Status;
+use crate::sky::preetham;
+use crate::solve::Fit;
+use std::f64::consts::PI;
+
+/// Residuals beyond the noise: reduced χ² above 1 by this many of its standard deviations, or by this share where the noise was itself measured.
+const EXCESS: f64 = 5.0;
+const EXCESS_MEASURED: f64 = 0.4;
+
+/// The result of `round` on the pixels `kept`; `values` are the model's readings there, `rival` the zenith and azimuth of a sun as good.
+pub fn finished(
+    picture: &Picture,
+    pixels: &[Pixel],
+    kept: &[bool],
+    round: Round,
+    rival: Option<(f64, f64)>,
+    (level, from): (f64, NoiseFrom),
+    starts: &start::Starts,
+    values: Vec<f64>,
+) -> Found {
+    let Round { chart, fit } = round;
+    let channels = picture.channels;
+    let u = &fit.uncertainty;
+    let (zenith, azimuth) = chart.sun(&fit.params);
+    // rows: the four results by the four parameters
+    let slope: [[f64; 4]; 4] = {
+        let scale = fit.params[3].exp();
+        let (a, b) = match chart {
+            Chart::Polar(_) => ([1.0, 0.0], [0.0, 1.0]),
+            Chart::Plane => {
+                let r = zenith.max(1e-9);
+                ([azimuth.cos(), azimuth.sin()], [-azimuth.sin() / r, azimuth.cos() / r])
+            }
+        };
+        [[a[0], a[1], 0.0, 0.0], [b[0], b[1], 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, scale]]
+    };
+    let covariance = |i: usize, j: usize| -> f64 {
+        let mut sum = 0.0;
+        for a in 0..4 {
+            for b in 0..4 {
+                // products with zero must not spread a NaN
+                if slope[i][a] != 0.0 && slope[j][b] != 0.0 {
+                    sum += slope[i][a] * u.covariance[(a, b)] * slope[j][b];
+                }
+            }
+        }
+        sum
+    };
+    // A misfit widens what is printed; it does not make it right.
+    let wide = if from == NoiseFrom::Residuals { 1.0 } else { u.reduced_chi2.max(1.0).sqrt() };
+    let misfit = from != NoiseFrom::Residuals && u.freedom > 0 && {
+        let statistical = EXCESS * (2.0 / u.freedom as f64).sqrt();
+        u.reduced_chi2 > 1.0 + if from == NoiseFrom::Neighbours { statistical.max(EXCESS_MEASURED) } else { statistical }
+    };
+    let widen = if misfit { wide } else { 1.0 };
+    let error = |k: usize| {
+        let v = covariance(k, k);
+        if v >= 0.0 { widen * v.sqrt() } else { f64::INFINITY }
+    };
+    let turn = (azimuth + PI).rem_euclid(2.0 * PI) - PI;
+    let sun_zenith = Known { value: zenith, error: error(0) };
+    let sun_azimuth = Known { value: turn, error: error(1) };
+    let turbidity = Known { value: fit.params[2], error: error(2) };
+    let scale = Known { value: fit.params[3].exp(), error: error(3) };
+    let correlation = (0..4).map(|i| (0..4).map(|j| covariance(i, j) / (covariance(i, i) * covariance(j, j)).sqrt()).collect()).collect();
+
+    let mut fate = picture.fate.clone();
+    let mut pixel_chi2 = vec![f32::NAN; fate.len()];
+    let mut residuals = vec![vec![f32::NAN; fate.len()]; channels];
+    let mut squares = 0.0;
+    let mut samples = 0;
+    let sampled: Vec<usize> = pixels.iter().map(|p| p.at).collect();
+    // pixels that a large picture's thinning left out were seen and not fitted
+    for p in &picture.pixels {
+        fate[p.at] = picture::HIDDEN;
+    }
+    let floor = 0.02 * median(&mut pixels.iter().flat_map(|p| p.value[..channels].to_vec()).collect::<Vec<_>>());
+    for (k, at) in sampled.iter().enumerate() {
+        fate[*at] = if kept[k] { picture::USED } else { OUTLIER };
+        let mut chi2 = 0.0;
+        for c in 0..channels {
+            let m = values[k * channels + c];
+            let r = pixels[k].value[c] - m;
+            residuals[c][*at] = (r / m) as f32;
+            chi2 += (r / (level * m.hypot(floor))).powi(2) / channels as f64;
+            if kept[k] {
+                squares += (r / m.hypot(floor)).powi(2);
+                samples += 1;
+            }
+        }
+        pixel_chi2[*at] = chi2 as f32;
+    }
+    let outliers = kept.iter().filter(|k| !**k).count();
+    let status = status(&fit, chart, [sun_zenith, sun_azimuth, turbidity, scale], misfit.then_some(u.reduced_chi2), rival);
+    Found {
+        sun_zenith,
+        sun_azimuth,
+        turbidity,
+        scale,
+        correlation,
+        noise: level,
+        noise_from: from,
+        samples,
+        reduced_chi2: u.reduced_chi2,
+        relative_rms: (squares / samples.max(1) as f64).sqrt(),
+        fate,
+        pixel_chi2,
+        residuals,
+        outliers,
+        minima: starts.guesses.len(),
+        failed: starts.failed,
+        search: starts.trace.clone(),
+        status,
+        fit,
+    }
+}
+
+fn status(fit: &Fit, chart: Chart, known: [Known; 4], misfit: Option<f64>, rival: Option<(f64, f64)>) -> Status {
+    if let Some(chi2) = misfit {
+        return Status::Undetermined(format!("{} (residuals exceed the noise: reduced chi2 {chi2:.3e})", NAMES.join(" ")));
+    }
+    let mut unknown: Vec<String> = Vec::new();
+    if let Some((z, a)) = rival {
+        unknown.push(format!("sun_zenith_deg sun_azimuth_deg (a sun at {:.1}, {:.1} fits as well)", z.to_degrees(), a.to_degrees()));
+    }
+    let [zenith, azimuth, turbidity, scale] = known;
+    if rival.is_none() {
+        let on_horizon = matches!(chart, Chart::Polar(_)) && fit.at_bound.contains(&0) && zenith.value > 1.0;
+        if on_horizon {
+            unknown.push(format!("sun_zenith_deg >= {:.2}", (zenith.value - 2.0 * zenith.error).max(0.0).to_degrees()));
+        } else if !(zenith.error <= ANGLE_KNOWN) {
+            unknown.push(NAMES[0].into());
+        }
+        if !(azimuth.error <= ANGLE_KNOWN) {
+            unknown.push(if zenith.value < OVERHEAD && zenith.error <= ANGLE_KNOWN {
+                format!("{} (the sun is overhead)", NAMES[1])
+            } else {
+                NAMES[1].into()
+            });
+        }
+    }
+    let [low, high] = preetham::TURBIDITIES;
+    if fit.at_bound.contains(&2) {
+        let lower = turbidity.value < 0.5 * (low + high);
+        let bound = turbidity.value + if lower { 2.0 } else { -2.0 } * turbidity.error;
+        unknown.push(match bound.is_finite() && (low..=high).contains(&bound) {
+            true => format!("turbidity {} {bound:.3}", if lower { "<=" } else { ">=" }),
+            false => "turbidity".into(),
+        });
+    } else if !(turbidity.error <= 0.1 * turbidity.value) {
+        unknown.push(NAMES[2].into());
+    }
+    if !(scale.error <= 0.1 * scale.value) {
+        unknown.push(NAMES[3].into());
+    }
+    if unknown.is_empty() { Status::Ok } else { Status::Undetermined(unknown.join(" ")) }
+}

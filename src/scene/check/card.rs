@@ -1,0 +1,84 @@
+//! A card view: one leaf's mean parameters on a flat patch, whose radiance has a closed form. Renderer and reference are both held against it.
+
+use super::cost::timed;
+use super::pictures::save;
+use super::report::{ViewReport, exceeds};
+use super::{Options, told};
+use crate::Result;
+use crate::scene::card::{self, Card};
+use crate::scene::ledger::Ledger;
+use crate::scene::manifest::{Manifest, View};
+use crate::scene::plan::{Plan, sun_direction};
+use crate::scene::{handover, reference};
+use crate::transport::{self, compare};
+use mesophyll_viewer as gpu;
+use std::time::Instant;
+
+/// Pixels of a card that are compared with the closed form.
+const COLUMNS: usize = 24;
+const ROWS: usize = 18;
+
+pub fn one_card(
+    manifest: &Manifest,
+    plan: &Plan,
+    view: &View,
+    renderer: &mut gpu::Renderer,
+    options: &Options,
+    ledger: &Ledger,
+) -> Result<ViewReport> {
+    let size = (manifest.check.width, manifest.check.height);
+    let (w, h) = (size.0 as usize, size.1 as usize);
+    let card = Card::new(manifest, plan, view, ledger)?;
+    renderer.set_scene(&handover::card(manifest, plan, &card, ledger)?).map_err(told)?;
+    let picture = renderer.render(&handover::camera(view), size.0, size.1).map_err(told)?;
+    let mut out = timed(manifest, view, renderer)?;
+    out.card = true;
+    let start = Instant::now();
+    let world = card::world(manifest, &card)?;
+    let sampling = transport::Options { samples_per_pixel: 16, sun_samples: 1, seed: manifest.check.seed, ..transport::Options::default() };
+    let truth = transport::render(&world, &reference::camera(view), w, h, &sampling)?;
+    out.reference_s = start.elapsed().as_secs_f64();
+    // The lobe's albedo under a sky is integrated for every pixel that is asked for: a few hundred over the picture tell.
+    let pixels: Vec<(usize, usize)> =
+        (0..ROWS * COLUMNS).map(|k| ((2 * (k % COLUMNS) + 1) * w / (2 * COLUMNS), (2 * (k / COLUMNS) + 1) * h / (2 * ROWS))).collect();
+    let exact = card.closed_form(manifest, view, (w, h), &pixels)?;
+    let seen = compare::compare(&truth, &picture.ldr)?;
+    (out.flip_mean, out.flip_p99, out.interior_share) = (seen.flip_mean, seen.flip_p99, seen.interior_share);
+    let (worst, at) = relative(&picture.hdr, w, &pixels, &exact);
+    // The reference scatters its rays over pixel and sun: few pixels, many rays, for its own distance from the formula.
+    let fine = transport::Options { samples_per_pixel: 64, sun_samples: 16, ..sampling };
+    let own = transport::render(&world, &reference::camera(view), 2 * COLUMNS, 2 * ROWS, &fine)?;
+    let own_pixels: Vec<(usize, usize)> = (0..ROWS * COLUMNS).map(|k| (2 * (k % COLUMNS), 2 * (k / COLUMNS))).collect();
+    let own_exact = card.closed_form(manifest, view, (2 * COLUMNS, 2 * ROWS), &own_pixels)?;
+    let (reference_worst, _) = relative(&own.hdr, 2 * COLUMNS, &own_pixels, &own_exact);
+    out.max_error = Some(worst);
+    out.max_at = Some(at);
+    out.noise_max_error = Some(reference_worst);
+    let limit = out.threshold_max_error;
+    for (who, error) in [("the renderer", worst), ("the reference", reference_worst)] {
+        if exceeds(error, limit) {
+            out.why.push(format!("{who} is {error:.2e} (relative) from the closed form, at most {limit:.2e} allowed"));
+        }
+    }
+    if exact.iter().flatten().all(|v| *v <= 0.0) && sun_direction(manifest).is_some() {
+        out.why.push("the card is black: nothing was compared".into());
+    }
+    save(&mut out, options, &truth, &picture, &seen)?;
+    out.passed = out.why.is_empty();
+    Ok(out)
+}
+
+/// Largest relative difference of the radiance from the closed form, and the pixel; a tenth of a thousandth of the brightest is the floor.
+fn relative(found: &[[f32; 4]], width: usize, pixels: &[(usize, usize)], exact: &[[f64; 3]]) -> (f64, (usize, usize)) {
+    let floor = 1e-4 * exact.iter().flatten().fold(0.0, |a: f64, b| a.max(*b));
+    let mut worst = (0.0, (0, 0));
+    for (&(x, y), b) in pixels.iter().zip(exact) {
+        for c in 0..3 {
+            let error = (f64::from(found[y * width + x][c]) - b[c]).abs() / b[c].max(floor).max(f64::MIN_POSITIVE);
+            if exceeds(error, worst.0) {
+                worst = (error, (x, y));
+            }
+        }
+    }
+    worst
+}

@@ -1,0 +1,113 @@
+//! A view of the scene: the renderer's picture against the reference's, with translucency by the convolution or as the maps store it, and against
+//! the golden picture where there is one.
+
+use super::cost::timed;
+use super::pictures::save;
+use super::report::{ViewReport, exceeds};
+use super::{Options, told};
+use crate::Result;
+use crate::files::progress;
+use crate::scene::manifest::{JudgedBy, Manifest, View};
+use crate::scene::plan::Plan;
+use crate::scene::{golden, handover, reference};
+use crate::transport::{self, compare};
+use mesophyll_viewer as gpu;
+use std::path::Path;
+use std::time::Instant;
+
+/// The reference, and the same with translucency maps evaluated as they are stored.
+pub struct Stages<'a> {
+    pub truth: &'a transport::Renderer<'a>,
+    pub by_maps: Option<&'a transport::Renderer<'a>>,
+}
+
+pub fn one_view(
+    manifest: &Manifest,
+    plan: &Plan,
+    view: &View,
+    renderer: &mut gpu::Renderer,
+    stages: &Stages,
+    options: &Options,
+) -> Result<ViewReport> {
+    let size = (manifest.check.width, manifest.check.height);
+    let (w, h) = (size.0 as usize, size.1 as usize);
+    let picture = renderer.render(&handover::camera(view), size.0, size.1).map_err(told)?;
+    let mut out = timed(manifest, view, renderer)?;
+    let start = Instant::now();
+    let sampling = |seed: u64| transport::Options {
+        samples_per_pixel: manifest.check.samples,
+        sun_samples: if plan.shadow_samples > 0 { 4 } else { 1 },
+        seed,
+        sky_samples: 4,
+        // A grazing leaf's sliver can slip through the rays of one pixel, not through those of all around it.
+        margin: 2,
+    };
+    let camera = reference::camera(view);
+    let mut truth = stages.truth.render(&camera, w, h, &sampling(manifest.check.seed))?;
+    if let Some(by_maps) = stages.by_maps {
+        // The same rays: what differs is the basis.
+        let stored = by_maps.render(&camera, w, h, &sampling(manifest.check.seed))?;
+        let basis = compare::compare(&truth, &stored.ldr)?;
+        out.basis = Some((basis.flip_p99, basis.max_error.unwrap_or(0.0)));
+        if view.judged_by == JudgedBy::Maps {
+            (truth, out.by_maps) = (stored, true);
+        }
+    }
+    let own = if out.by_maps { stages.by_maps.unwrap_or(stages.truth) } else { stages.truth };
+    let other = own.render(&camera, w, h, &sampling(manifest.check.seed.wrapping_add(1)))?;
+    out.reference_s = start.elapsed().as_secs_f64();
+    let seen = compare::compare(&truth, &picture.ldr)?;
+    let noise = compare::noise_floor(&truth, &other)?;
+    out.flip_mean = seen.flip_mean;
+    out.flip_p99 = seen.flip_p99;
+    out.max_error = seen.max_error;
+    out.max_at = seen.max_at;
+    out.interior_share = seen.interior_share;
+    (out.noise_flip_p99, out.noise_max_error) = (Some(noise.flip_p99), noise.max_error);
+    out.judge_against_reference();
+    let golden = golden::path(manifest, view);
+    if options.update_golden {
+        golden::write(&golden, &truth)?;
+        progress::say(format!("wrote {}", golden.display()));
+    } else if golden.is_file() && plan.all_named() {
+        let seen = golden::compare(&golden, &truth, &picture.ldr)?;
+        out.judge_against_golden(&golden, seen);
+    }
+    save(&mut out, options, &truth, &picture, &seen)?;
+    out.passed = out.why.is_empty();
+    Ok(out)
+}
+
+impl ViewReport {
+    fn judge_against_reference(&mut self) {
+        if let Some(limit) = self.threshold_flip_p99
+            && exceeds(self.flip_p99, limit)
+        {
+            self.why.push(format!("99 % FLIP is {:.4} from the reference, at most {limit:.4} allowed", self.flip_p99));
+        }
+        let limit = self.threshold_max_error;
+        match self.max_error {
+            None => self.why.push("no pixel of a leaf's interior to judge the largest error on".into()),
+            Some(e) if exceeds(e, limit) => {
+                let (x, y) = self.max_at.unwrap_or_default();
+                self.why.push(format!("pixel ({x}, {y}) is {e:.4} from the reference, at most {limit:.4} allowed"));
+            }
+            Some(_) => {}
+        }
+    }
+
+    fn judge_against_golden(&mut self, path: &Path, seen: compare::Comparison) {
+        let error = seen.max_error.unwrap_or(1.0);
+        self.golden = Some((seen.flip_p99, error));
+        // The golden was rounded to 8 bits, and so was the picture.
+        let limit = self.threshold_max_error + 1.0 / 255.0;
+        if let Some(flip) = self.threshold_flip_p99
+            && exceeds(seen.flip_p99, flip)
+        {
+            self.why.push(format!("99 % FLIP is {:.4} from the golden {}, at most {flip:.4} allowed", seen.flip_p99, path.display()));
+        }
+        if exceeds(error, limit) {
+            self.why.push(format!("a pixel is {error:.4} from the golden {}, at most {limit:.4} allowed", path.display()));
+        }
+    }
+}

@@ -1,0 +1,199 @@
+//! The verdict of a check: a view's figures, what the translucency maps cost, and all of it as JSON and in words.
+
+use crate::scene::day::Hour;
+use crate::scene::manifest::Manifest;
+use serde_json::{Value, json};
+
+/// The verdict.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Report {
+    pub passed: bool,
+    pub adapter: String,
+    /// Drawn by the CPU: frame times are printed, not judged.
+    pub software: bool,
+    pub views: Vec<ViewReport>,
+    /// What else went wrong, a sentence each: files that are not what was fitted.
+    pub failures: Vec<String>,
+    /// What was uploaded (name, bytes) and compiled for the perspective views.
+    pub uploads: Vec<(String, u64)>,
+    pub pipelines: Vec<String>,
+    /// What translucency maps cost a fragment, where there are any.
+    pub translucency: Option<Term>,
+    /// The hours of the scene's day, drawn into `day.png`.
+    pub day: Vec<Hour>,
+}
+
+/// The translucency maps' term against the whole shader, in one run on one adapter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Term {
+    /// Median time of the main pass (of a frame where the adapter has no clock) of the first perspective view, ms, with the term and with the
+    /// cosine of the mesh's normal in its place; `None` where a frame takes seconds.
+    pub ms: Option<[f64; 2]>,
+    /// Operations of the dearest leaf's shader, both arms of every branch and loops once, with the term and without.
+    pub operations: [usize; 2],
+}
+
+/// One view's figures; `None` where there was nothing to measure.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct ViewReport {
+    pub name: String,
+    pub card: bool,
+    pub flip_mean: f64,
+    pub flip_p99: f64,
+    /// Largest error; for a card, relative, against the closed form.
+    pub max_error: Option<f64>,
+    pub max_at: Option<(usize, usize)>,
+    /// Share of the leaf's pixels that the largest error looks at.
+    pub interior_share: f64,
+    /// The reference's own noise: the same two measures between two seeds; for a card, its error against the closed form.
+    pub noise_flip_p99: Option<f64>,
+    /// What the translucency maps' directional basis costs: the reference by the stored coefficients against the reference by the convolution.
+    pub basis: Option<(f64, f64)>,
+    /// Judged against the reference by the stored coefficients.
+    pub by_maps: bool,
+    pub noise_max_error: Option<f64>,
+    pub threshold_flip_p99: Option<f64>,
+    pub threshold_max_error: f64,
+    /// FLIP and largest error against the scene's golden picture.
+    pub golden: Option<(f64, f64)>,
+    pub frame_ms_median: f64,
+    pub frame_ms_p95: f64,
+    pub threshold_frame_ms: Option<f64>,
+    /// Median of each pass by the adapter's own clock.
+    pub passes: Vec<(String, f64)>,
+    pub reference_s: f64,
+    pub pictures: Option<[String; 3]>,
+    pub passed: bool,
+    pub why: Vec<String>,
+}
+
+/// Above the limit; a NaN is too.
+pub fn exceeds(value: f64, limit: f64) -> bool {
+    value.is_nan() || value > limit
+}
+
+impl ViewReport {
+    fn json(&self) -> Value {
+        let pictures = self.pictures.clone().unwrap_or_default();
+        json!({
+            "name": self.name,
+            "kind": if self.card { "card" } else { "perspective" },
+            "flip_mean": self.flip_mean,
+            "flip_p99": self.flip_p99,
+            "max_error": self.max_error,
+            "max_at": self.max_at.map(|(x, y)| [x, y]),
+            "interior_share": self.interior_share,
+            "noise_flip_p99": self.noise_flip_p99,
+            "noise_max_error": self.noise_max_error,
+            "basis_flip_p99": self.basis.map(|b| b.0),
+            "basis_max_error": self.basis.map(|b| b.1),
+            "judged_by": if self.by_maps { "maps" } else { "convolution" },
+            "threshold_flip_p99": self.threshold_flip_p99,
+            "threshold_max_error": self.threshold_max_error,
+            "golden_flip_p99": self.golden.map(|g| g.0),
+            "golden_max_error": self.golden.map(|g| g.1),
+            "frame_ms_median": self.frame_ms_median,
+            "frame_ms_p95": self.frame_ms_p95,
+            "threshold_frame_ms": self.threshold_frame_ms,
+            "pass_ms": self.passes.iter().map(|(n, t)| (n.clone(), json!(t))).collect::<serde_json::Map<_, _>>(),
+            "reference_s": self.reference_s,
+            "image": pictures[0],
+            "reference": pictures[1],
+            "difference": pictures[2],
+            "passed": self.passed,
+            "why": self.why,
+        })
+    }
+
+    /// One line in words.
+    pub fn line(&self) -> String {
+        let verdict = if self.passed { "passed" } else { "MISSED" };
+        let error = self.max_error.map_or("-".to_string(), |e| format!("{e:.4}"));
+        let noise = |v: Option<f64>| v.map_or("-".to_string(), |e| format!("{e:.4}"));
+        let times = format!("{:.1} ms a frame (95 %: {:.1})", self.frame_ms_median, self.frame_ms_p95);
+        let mut line = if self.card {
+            format!(
+                "{verdict}  {}: {:.2e} from the closed form (allowed {:.1e}; the reference {:.1e}), {times}",
+                self.name,
+                self.max_error.unwrap_or(f64::NAN),
+                self.threshold_max_error,
+                self.noise_max_error.unwrap_or(f64::NAN)
+            )
+        } else {
+            format!(
+                "{verdict}  {}: FLIP 99 % {:.4} (allowed {:.4}, noise {}), largest error {error} (allowed {:.4}, noise {}), {times}",
+                self.name,
+                self.flip_p99,
+                self.threshold_flip_p99.unwrap_or(f64::NAN),
+                noise(self.noise_flip_p99),
+                self.threshold_max_error,
+                noise(self.noise_max_error)
+            )
+        };
+        if let Some((flip, error)) = self.basis {
+            let what = if self.by_maps {
+                "judged by the stored maps; beside that, their basis costs"
+            } else {
+                "of which the basis of the translucency maps"
+            };
+            line += &format!("\n        {what}: FLIP 99 % {flip:.4}, largest error {error:.4}");
+        }
+        for why in &self.why {
+            line += &format!("\n        {why}");
+        }
+        line
+    }
+}
+
+impl Report {
+    /// The contract's JSON and more.
+    pub fn json(&self, manifest: &Manifest) -> Value {
+        let mut out = json!({
+            "scene": manifest.name,
+            "passed": self.passed,
+            "adapter": self.adapter,
+            "software": self.software,
+            "size": [manifest.check.width, manifest.check.height],
+            "reference_samples": manifest.check.samples,
+            "failures": self.failures,
+            "views": self.views.iter().map(ViewReport::json).collect::<Vec<_>>(),
+            "uploads": self.uploads.iter().map(|(n, b)| json!({"name": n, "bytes": b})).collect::<Vec<_>>(),
+            "uploaded_bytes": self.uploads.iter().map(|(_, b)| b).sum::<u64>(),
+            "pipelines": self.pipelines,
+        });
+        if let Some(term) = &self.translucency {
+            out["translucency"] = json!({
+                "main_ms": term.ms.map(|t| t[0]), "main_ms_without": term.ms.map(|t| t[1]),
+                "operations": term.operations[0], "operations_without": term.operations[1],
+            });
+        }
+        if !self.day.is_empty() {
+            out["day"] = serde_json::to_value(&self.day).unwrap_or_default();
+        }
+        out
+    }
+
+    /// The report in words.
+    pub fn text(&self) -> String {
+        let mut out = format!("adapter: {}{}\n", self.adapter, if self.software { ", software: frame times are not judged" } else { "" });
+        for failure in &self.failures {
+            out += &format!("MISSED  {failure}\n");
+        }
+        for view in &self.views {
+            out += &format!("{}\n", view.line());
+        }
+        if let Some(term) = &self.translucency {
+            let [with, without] = term.operations;
+            out += &format!("translucency maps: {with} operations a fragment, {without} without");
+            if let Some([with, without]) = term.ms {
+                out += &format!("; {:.2} times the main pass without ({with:.2} and {without:.2} ms)", with / without.max(1e-9));
+            }
+            out += "\n";
+        }
+        if !self.day.is_empty() {
+            let worst = self.day.iter().map(|h| h.fit_error).fold(0.0, f64::max);
+            out += &format!("day.png: {} hours; the fitted sky is within {worst:.1e} of an integrated one\n", self.day.len());
+        }
+        out
+    }
+}
