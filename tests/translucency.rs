@@ -25,6 +25,16 @@ fn a_leaf_fit_becomes_maps_and_one_light_is_what_the_basis_says_of_it() {
         let (maps, direct) = (read_exr(&all.join(side)).unwrap(), read_exr(&one.join(side)).unwrap());
         let plane = |k: usize| maps.get(&format!("translucency.{}", k + 1)).unwrap();
         let (mask, full) = (maps.get("mask.Y").unwrap(), direct.get("translucency.Y").unwrap());
+        let leaf = read_exr(&Path::new("fits/elm").join(side)).unwrap();
+        let (thickness, measured) = (maps.get("thickness.Y").unwrap(), leaf.get("thickness.Y").unwrap());
+        let entering = maps.get("entering.Y").unwrap();
+        for k in 0..mask.len() {
+            if leaf.get("mask.Y").unwrap()[k] == 1.0 {
+                assert_eq!(thickness[k], measured[k]);
+                // Something enters every texel, and no more than the largest facet area catches.
+                assert!(entering[k] > 0.0 && entering[k] < 5.0, "{side} {k}: {}", entering[k]);
+            }
+        }
         let (mut off, mut size, mut mean, mut count) = (0.0, 0.0, 0.0, 0.0);
         for k in (0..mask.len()).filter(|&k| mask[k] == 1.0) {
             let found: f64 = (0..3).map(|i| f64::from(plane(i)[k]) * Basis::HalfLife2.value(i, light)).sum();
@@ -45,6 +55,32 @@ fn a_leaf_fit_becomes_maps_and_one_light_is_what_the_basis_says_of_it() {
     succeeded(&report);
     let json: serde_json::Value = serde_json::from_slice(&report.stdout).unwrap();
     assert_eq!(json["fits"][0]["kind"], "translucency");
+}
+
+/// The page shows what a fit stores: every coefficient on a side, thickness, light that enters, errors by light angle.
+#[test]
+fn the_report_shows_the_maps() {
+    let dir = tempfile::tempdir().unwrap();
+    for (name, extra, pictures, said) in [
+        // Three lights, three coefficients, thickness, light that enters: a side.
+        ("one", vec![], 8, vec!["Coefficients of f on half-life 2", "azimuth \u{2212}120°, 35° over the blade", "0.836 each"]),
+        // The coefficients as colours and as three wavelengths.
+        ("rgb", vec!["--colour", "three-wavelengths"], 17, vec!["Coefficients of M", "as colours", "8 blue"]),
+        ("nine", vec!["--basis", "hemispherical"], 14, vec!["Coefficients of f on hemispherical harmonics 3", "function 9"]),
+        ("sun", vec!["--sun-elevation-deg", "60", "--sun-azimuth-deg", "20"], 3, vec!["under light 60° over the blade, azimuth 20°"]),
+    ] {
+        let (out, page) = (dir.path().join(name), dir.path().join(format!("{name}.html")));
+        succeeded(&fit("fits/elm", &out, &extra));
+        succeeded(&run(["report", out.to_str().unwrap(), "-o", page.to_str().unwrap()]));
+        let page = std::fs::read_to_string(page).unwrap();
+        assert_eq!(page.matches("<img src=\"data:image/png;base64,").count(), 2 * pictures, "{name}");
+        for part in said.into_iter().chain(["Light that enters the back", "<h4>Thickness", "even sky", "How it was made", "horizon map"]) {
+            assert!(page.contains(part), "{name}: {part}");
+        }
+        let judged = page.contains("95 % of the texels within") || page.contains("95\u{a0}% of the texels within");
+        assert_eq!(judged, name != "sun", "{name}");
+        assert_eq!(page.contains("the stored directions hold what comes through to"), name != "sun");
+    }
 }
 
 /// A flat uniform leaf in three wavelengths lets through what the slab says: the mean over the elm is near its ρt, a channel at a time.

@@ -1,19 +1,26 @@
 //! `mesophyll bench`: error against run time over each model's accuracy knobs, as a table and plots, with peers where they are installed.
 
 use super::Common;
+use crate::files::progress::Bar;
 use crate::files::{atomic, progress};
 use crate::fit::bench::BenchRow;
 use crate::fit::{beam, gloss, nist, sky, slab_bench, translucency};
-use crate::report::{self, rows};
+use crate::report::{self, bench_plots, rows};
 use crate::{Error, Result};
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  mesophyll bench -o out/bench                    every model, tables and plots
+  mesophyll bench translucency -o out/bench       about a minute on two idle cores; also translucency-basis.svg
+  mesophyll bench sky --json                      rows for a program
+
+A terminal shows how far it is and the time left. Ctrl-C stops before anything is printed or written.")]
 pub struct Args {
     /// Which models to sweep (default: all)
     #[arg(value_name = "MODEL")]
     models: Vec<String>,
-    /// Write bench.json and a plot a model into this folder
+    /// Write bench.json, a plot a model, and the pictures of the documentation that belong to a model into this folder
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
     /// Measure Python peers (SciPy, lmfit, iadpython) beside us, where Python has them
@@ -21,46 +28,54 @@ pub struct Args {
     peers: bool,
 }
 
-type Sweep = (&'static str, fn() -> Result<Vec<BenchRow>>);
+/// Name, steps of the bar, and the rows, which take those steps.
+type Sweep = (&'static str, u64, fn(&Bar) -> Result<Vec<BenchRow>>);
 
 /// The sweeps by name. A model adds its line here.
 const SWEEPS: [Sweep; 6] = [
-    ("solve", nist::bench_rows),
-    ("slab", slab_bench::bench_rows),
-    ("gloss", gloss::bench::bench_rows),
-    ("beam", beam::bench::bench_rows),
-    ("sky", sky::bench::bench_rows),
-    ("translucency", translucency::bench::rows),
+    ("solve", 1, |bar| whole(bar, nist::bench_rows)),
+    ("slab", 1, |bar| whole(bar, slab_bench::bench_rows)),
+    ("gloss", 1, |bar| whole(bar, gloss::bench::bench_rows)),
+    ("beam", 1, |bar| whole(bar, beam::bench::bench_rows)),
+    ("sky", 1, |bar| whole(bar, sky::bench::bench_rows)),
+    ("translucency", translucency::bench::PIECES, translucency::bench::rows),
 ];
 
-/// Runs the sweeps. Times are for ratios within one run: nothing is asserted of them.
+/// A sweep of one step.
+fn whole(bar: &Bar, rows: fn() -> Result<Vec<BenchRow>>) -> Result<Vec<BenchRow>> {
+    let rows = rows()?;
+    bar.step()?;
+    Ok(rows)
+}
+
+/// Runs the sweeps; a stop between two steps leaves nothing behind. Times are for ratios within one run: nothing is asserted of them.
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
-    let names = SWEEPS.map(|(name, _)| name);
+    let names = SWEEPS.map(|(name, _, _)| name);
     let wanted = chosen(&args.models, &names, "bench")?;
     if cfg!(debug_assertions) {
         progress::say("this build is not optimised: its times say little, beside peers nothing");
     }
-    let bar = progress::Bar::new("sweeps", wanted.len() as u64 * if args.peers { 2 } else { 1 });
+    let steps: u64 = wanted.iter().map(|k| SWEEPS[*k].1 + u64::from(args.peers)).sum();
+    let bar = Bar::new("sweeps", steps);
     let mut all: Vec<BenchRow> = Vec::new();
     for index in wanted {
-        let (name, sweep) = SWEEPS[index];
-        if progress::stop_requested() {
-            return Err(Error::Interrupted("stopped between two sweeps; nothing was printed".into()));
-        }
-        all.extend(sweep()?);
-        bar.advance(1);
+        let (name, _, sweep) = SWEEPS[index];
+        all.extend(sweep(&bar)?);
         if args.peers {
             all.extend(super::peers::rows(name)?);
-            bar.advance(1);
+            bar.step()?;
         }
     }
     drop(bar);
     if let Some(folder) = &args.output {
         let text = serde_json::to_string_pretty(&serde_json::json!({ "rows": all })).map_err(|e| Error::Missed(e.to_string()))?;
         atomic::write_bytes(&folder.join("bench.json"), format!("{text}\n").as_bytes())?;
-        let mut files = rows::bench_plots(&all, folder)?;
+        let mut files = bench_plots::write(&all, folder)?;
         if all.iter().any(|r| r.model == "sky") {
             files.extend(report::sky::pictures(folder, 500)?);
+        }
+        if all.iter().any(|r| r.model == "translucency") {
+            files.push(report::basis_charts::write(folder)?);
         }
         for file in files {
             progress::say(format!("wrote {}", file.display()));

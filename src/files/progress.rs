@@ -33,6 +33,14 @@ pub fn stop_requested() -> bool {
     STOP.load(Ordering::SeqCst)
 }
 
+/// Whether to go on, between two pieces of work that write nothing.
+///
+/// # Errors
+/// [`crate::Error::Interrupted`] once a stop was asked for.
+pub fn go_on() -> crate::Result<()> {
+    if stop_requested() { Err(crate::Error::Interrupted("stopped; nothing was printed or written".into())) } else { Ok(()) }
+}
+
 /// A bar of `total` steps. Where stderr is no terminal a line is printed at the end only.
 #[derive(Debug)]
 pub struct Bar(indicatif::ProgressBar);
@@ -52,6 +60,15 @@ impl Bar {
 
     pub fn advance(&self, steps: u64) {
         self.0.inc(steps);
+    }
+
+    /// One step further, unless a stop was asked for.
+    ///
+    /// # Errors
+    /// As [`go_on`].
+    pub fn step(&self) -> crate::Result<()> {
+        self.advance(1);
+        go_on()
     }
 }
 

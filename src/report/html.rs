@@ -3,7 +3,7 @@
 use crate::report::model::{Comparison, FitReport, Picture, Report, ViewReport};
 use crate::report::number;
 use crate::report::quantity::{channel_word, symbol};
-use crate::report::view;
+use crate::report::{translucency, view};
 use crate::{Error, Result};
 use minijinja::value::{Serde, Value};
 use minijinja::{AutoEscape, Environment, context};
@@ -63,6 +63,7 @@ fn fit(f: &FitReport) -> Value {
         phases => Serde(f.times.as_ref().map(view::phase_lines).unwrap_or_default()),
         truth_chart,
         cost_chart,
+        made => Serde(if f.kind == "translucency" { translucency::how(&f.options) } else { Vec::new() }),
         has_truth => f.maps.iter().any(|m| m.truth.is_some()) || f.sections.iter().any(|s| !s.truth.is_empty()),
     }
 }

@@ -12,10 +12,10 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Widest picture of a single map, and of one of a row of channels.
-const WIDE: usize = 720;
+pub(super) const WIDE: usize = 720;
 const NARROW: usize = 360;
 /// Bins of the charts.
-const BINS: usize = 60;
+pub(super) const BINS: usize = 60;
 
 /// What a side's files hold.
 #[derive(Debug)]
@@ -101,7 +101,7 @@ impl SideMaps {
         list
     }
 
-    fn good_values<'a>(&'a self, samples: &'a [f32]) -> impl Iterator<Item = f32> + 'a {
+    pub(super) fn good_values<'a>(&'a self, samples: &'a [f32]) -> impl Iterator<Item = f32> + 'a {
         samples.iter().zip(&self.good).filter(|(_, g)| **g).map(|(v, _)| *v)
     }
 
@@ -172,7 +172,7 @@ impl SideMaps {
         })
     }
 
-    fn frame(&self, max_width: usize) -> Frame {
+    pub(super) fn frame(&self, max_width: usize) -> Frame {
         Frame { width: self.fit.width, height: self.fit.height, max_width }
     }
 
@@ -361,6 +361,6 @@ pub fn difference_picture(frame: Frame, value: impl Fn(usize) -> f32, unit: &str
     Some(Captioned { picture, caption: caption.into(), bar: colour_bar_of(true, range, unit) })
 }
 
-fn colour_bar_of(signed: bool, range: (f64, f64), unit: &str) -> String {
+pub(super) fn colour_bar_of(signed: bool, range: (f64, f64), unit: &str) -> String {
     chart::colour_bar(if signed { "ramp-signed" } else { "ramp" }, range, unit)
 }

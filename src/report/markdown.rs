@@ -183,7 +183,7 @@ fn section(out: &mut String, s: &SectionReport) {
     let figures = view::figures(&s.figures);
     if !s.figures.is_empty() {
         heading(out, 3, &head("Figures"));
-        let mut names = vec!["methods compared"];
+        let mut names = vec![figures.heading.as_str()];
         names.extend(figures.methods.iter().map(String::as_str));
         let lines = figures.table.into_iter().map(|(n, cells)| [vec![n], cells].concat());
         table(out, &names, lines);

@@ -1,6 +1,8 @@
 //! The report: how good fits are, as HTML, JSON and Markdown made from the same rows. Nothing new is computed here, only summarised.
 
+pub mod basis_charts;
 pub mod beam_charts;
+pub mod bench_plots;
 pub mod chart;
 pub mod colour;
 pub mod compare;
@@ -15,6 +17,7 @@ pub mod rows;
 pub mod scene;
 pub mod sky;
 pub mod stats;
+pub mod translucency;
 pub mod verdict;
 pub mod view;
 

@@ -3,7 +3,7 @@
 use crate::fit::record::{FitRecord, Section, Times};
 use crate::report::maps::{self, SideMaps};
 use crate::report::model::{FitReport, Level, ParameterRow, Report, SectionReport, TimesReport, Verdict};
-use crate::report::{Options, ReportSource, compare, scene, verdict};
+use crate::report::{Options, ReportSource, compare, scene, translucency, verdict};
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 
@@ -136,7 +136,10 @@ fn fit(folder: &Path, options: &Options) -> Result<FitReport> {
             report.missing.extend(lacking);
         }
         if options.pictures {
-            report.pictures.push(side.pictures(&record.defects));
+            report.pictures.push(match record.kind.as_str() {
+                "translucency" => translucency::pictures(&side, &record.options),
+                _ => side.pictures(&record.defects),
+            });
         }
     }
     report.verdict = verdict::of_fit(&record, folder, &report);

@@ -1,11 +1,8 @@
-//! Tables and plots of stress and bench rows.
+//! Tables of stress and bench rows.
 
-use crate::files::atomic;
 use crate::fit::bench::BenchRow;
 use crate::fit::stress::StressRow;
-use crate::{Error, Result};
-use plotters::prelude::*;
-use std::path::{Path, PathBuf};
+use plotters::style::RGBColor;
 
 /// Longest cell of a table, the last column's aside; longer ones end in `…` (JSON has them whole).
 const WIDEST: usize = 48;
@@ -97,7 +94,7 @@ fn time(us: f64) -> String {
     }
 }
 
-fn names<'a>(all: impl Iterator<Item = &'a str>) -> Vec<String> {
+pub(super) fn names<'a>(all: impl Iterator<Item = &'a str>) -> Vec<String> {
     let mut seen: Vec<String> = Vec::new();
     for name in all {
         if !seen.iter().any(|s| s == name) {
@@ -107,91 +104,8 @@ fn names<'a>(all: impl Iterator<Item = &'a str>) -> Vec<String> {
     seen
 }
 
-/// Draws a plot a model into `folder` (`bench-<model>.svg`): error against run time, a line a knob, both axes logarithmic. Models without a row
-/// of positive error and time get none. Returns the files.
-///
-/// # Errors
-/// [`Error::Write`] where a file cannot be written.
-pub fn bench_plots(rows: &[BenchRow], folder: &Path) -> Result<Vec<PathBuf>> {
-    let mut files = Vec::new();
-    for model in names(rows.iter().map(|r| r.model.as_str())) {
-        let drawable = |r: &&BenchRow| r.model == model && r.error > 0.0 && r.us > 0.0 && r.error.is_finite() && r.us.is_finite();
-        let of: Vec<&BenchRow> = rows.iter().filter(drawable).collect();
-        if of.is_empty() {
-            continue;
-        }
-        let path = folder.join(format!("bench-{model}.svg"));
-        let svg = plot(&model, &of).map_err(|e| Error::write(&path, e))?;
-        atomic::write_bytes(&path, svg.as_bytes())?;
-        files.push(path);
-    }
-    Ok(files)
-}
-
-/// Range of values with room at both ends of a logarithmic axis.
-fn span(values: impl Iterator<Item = f64> + Clone) -> std::ops::Range<f64> {
-    let low = values.clone().fold(f64::INFINITY, f64::min);
-    let high = values.fold(0.0, f64::max);
-    low / 1.6..high * 2.5
-}
-
-fn plot(model: &str, rows: &[&BenchRow]) -> std::result::Result<String, String> {
-    let text = |e: &dyn std::fmt::Display| format!("cannot draw: {e}");
-    let mut svg = String::new();
-    {
-        let area = SVGBackend::with_string(&mut svg, (860, 560)).into_drawing_area();
-        area.fill(&WHITE).map_err(|e| text(&e))?;
-        let mut chart = ChartBuilder::on(&area)
-            .caption(format!("{model}: error against run time"), ("sans-serif", 20))
-            .margin(14)
-            .x_label_area_size(46)
-            .y_label_area_size(72)
-            .build_cartesian_2d(span(rows.iter().map(|r| r.us)).log_scale(), span(rows.iter().map(|r| r.error)).log_scale())
-            .map_err(|e| text(&e))?;
-        chart
-            .configure_mesh()
-            .x_desc("run time (µs)")
-            .y_desc("error")
-            .x_label_formatter(&|v| format!("{v:.0e}"))
-            .y_label_formatter(&|v| format!("{v:.0e}"))
-            .bold_line_style(RGBColor(214, 214, 214))
-            .light_line_style(RGBColor(240, 240, 240))
-            .draw()
-            .map_err(|e| text(&e))?;
-        for (k, knob) in names(rows.iter().map(|r| r.knob.as_str())).into_iter().enumerate() {
-            let color = COLORS[k % COLORS.len()];
-            let of: Vec<&&BenchRow> = rows.iter().filter(|r| r.knob == knob).collect();
-            let points = of.iter().map(|r| (r.us, r.error));
-            // Peers and the like are points without an order; a knob's settings follow one another.
-            let apart = ["peer", "method", "lobe"].contains(&knob.as_str());
-            if !apart {
-                chart.draw_series(LineSeries::new(points.clone(), color.stroke_width(2))).map_err(|e| text(&e))?;
-            }
-            chart
-                .draw_series(points.map(|p| Circle::new(p, 4, color.filled())))
-                .map_err(|e| text(&e))?
-                .label(knob.as_str())
-                .legend(move |(x, y)| Circle::new((x + 8, y), 4, color.filled()));
-            // The ends of a knob are named, what lies between follows; names of all settings would cover one another.
-            let named = of.iter().enumerate().filter(|(k, _)| apart || *k == 0 || k + 1 == of.len()).map(|(_, r)| r);
-            let style = ("sans-serif", 12).into_font().color(&color);
-            chart.draw_series(named.map(|r| Text::new(r.setting.clone(), (r.us * 1.05, r.error), style.clone()))).map_err(|e| text(&e))?;
-        }
-        chart
-            .configure_series_labels()
-            // Slow and wrong at once: the emptiest corner.
-            .position(SeriesLabelPosition::UpperRight)
-            .background_style(WHITE.mix(0.85))
-            .border_style(RGBColor(180, 180, 180))
-            .draw()
-            .map_err(|e| text(&e))?;
-        area.present().map_err(|e| text(&e))?;
-    }
-    Ok(svg)
-}
-
 /// Told apart by readers who do not see every colour alike (Okabe and Ito, "Color universal design", 2008).
-pub(super) const COLORS: [RGBColor; 7] = [
+pub(super) const COLORS: [RGBColor; 8] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
     RGBColor(0, 158, 115),
@@ -199,15 +113,12 @@ pub(super) const COLORS: [RGBColor; 7] = [
     RGBColor(86, 180, 233),
     RGBColor(230, 159, 0),
     RGBColor(60, 60, 60),
+    RGBColor(150, 150, 150),
 ];
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn bench(knob: &str, error: f64, us: f64) -> BenchRow {
-        BenchRow { model: "m".into(), knob: knob.into(), setting: "4".into(), error, us, note: "a < b & c".into() }
-    }
 
     #[test]
     fn tables_align_and_mark_what_missed() {
@@ -231,16 +142,5 @@ mod tests {
     #[test]
     fn times_have_units() {
         assert_eq!([time(0.25), time(12.34), time(1.5e3), time(2.5e6)], ["250 ns", "12.3 µs", "1.5 ms", "2.50 s"]);
-    }
-
-    #[test]
-    fn a_plot_is_written_for_drawable_rows_only() {
-        let folder = tempfile::tempdir().unwrap();
-        let rows = [bench("nodes", 1e-3, 4.0), bench("nodes", 1e-6, 40.0), bench("exact", 0.0, 90.0)];
-        let files = bench_plots(&rows, folder.path()).unwrap();
-        let svg = std::fs::read_to_string(&files[0]).unwrap();
-        assert!(svg.starts_with("<svg") && svg.contains("nodes") && svg.matches("<circle").count() >= 2);
-        assert!(!svg.contains("exact"));
-        assert!(bench_plots(&rows[2..], folder.path()).unwrap().is_empty());
     }
 }

@@ -1,6 +1,7 @@
 //! "Is this good?": the rules, in one place. Every reason is said; the worst one rules.
 
 use crate::fit::record::{FitRecord, GAUGE_GAMMA, GAUGE_THICKNESS};
+use crate::fit::translucency::judge::NAMES;
 use crate::report::model::{CheckReport, FitReport, Level, Reason, SectionReport, Verdict};
 use crate::report::number::{count, percent, plain, significant};
 use crate::report::quantity::symbol;
@@ -71,6 +72,7 @@ pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> Verdict 
             }
         }
         truth(&side, s, &mut say);
+        directions(&side, s, &mut say);
         if let Some(c) = s.condition.filter(|c| c.is_nan() || *c > CONDITION) {
             say(Level::Doubtful, format!("{side}the shared problem is badly conditioned ({})", plain(c)));
         }
@@ -82,6 +84,9 @@ pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> Verdict 
         }
     }
     parameters(report, &mut say);
+    if let Some(doubt) = record.options.get("doubt").filter(|_| record.kind == "translucency") {
+        say(Level::Doubtful, format!("{doubt}; the maps are not to be relied on"));
+    }
     if let Err(e) = record.verify(folder) {
         say(Level::Bad, e.to_string());
     }
@@ -111,6 +116,30 @@ fn approximation(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, Stri
         };
         say(level, fact);
     }
+}
+
+/// What a directional basis leaves out of the light that comes through, at the worst of its light angles: RMS over RMS.
+const BASIS_GOOD: f64 = 0.05;
+const BASIS_BAD: f64 = 0.5;
+
+/// A translucency fit is judged by how well its basis holds the full convolution.
+fn directions(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, String)) {
+    // The worst channel at each angle.
+    let worst = NAMES.map(|angle| {
+        let of = s.figures.iter().filter(|(n, _)| n.starts_with(&format!("basis_rms_{angle}_")));
+        of.map(|(_, v)| *v).fold(f64::NAN, f64::max)
+    });
+    let [steep, half, grazing] = worst.map(percent);
+    let level = match worst.into_iter().fold(f64::NAN, f64::max) {
+        w if w.is_nan() => return,
+        w if w <= BASIS_GOOD => Level::Good,
+        w if w <= BASIS_BAD => Level::Doubtful,
+        _ => Level::Bad,
+    };
+    say(
+        level,
+        format!("{side}the stored directions hold what comes through to {steep}, {half} and {grazing} (light at π/2, π/4, π/8; RMS)"),
+    );
 }
 
 fn texels(side: &str, s: &SectionReport, defects: &BTreeMap<String, String>, say: &mut impl FnMut(Level, String)) {

@@ -1,9 +1,10 @@
 //! Rows turned into the lines of tables, as text: what HTML and Markdown share.
 
+use crate::fit::translucency::judge::NAMES;
 use crate::report::chart::{self, Series, Titles};
 use crate::report::model::{FitReport, ParameterDifference, ParameterRow, TimesReport};
-use crate::report::number::{plain, plus_minus};
-use crate::report::quantity::symbol;
+use crate::report::number::{percent, plain, plus_minus};
+use crate::report::quantity::{channel_word, symbol};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -76,6 +77,9 @@ pub fn sigmas(row: &ParameterDifference) -> String {
 /// Figures of a section. Names such as `exact.median_error` and `paper.median_error` become one table of methods.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Figures {
+    /// Over the table's first column, and under the table.
+    pub heading: String,
+    pub caption: String,
     pub single: Vec<(String, String)>,
     pub methods: Vec<String>,
     /// Quantity, then a figure a method (`—` where it has none).
@@ -85,7 +89,7 @@ pub struct Figures {
 pub fn figures(all: &BTreeMap<String, f64>) -> Figures {
     let dotted: Vec<(&str, &str, f64)> = all.iter().filter_map(|(n, v)| n.split_once('.').map(|(a, b)| (a, b, *v))).collect();
     let shared = |tail: &str| dotted.iter().filter(|(_, t, _)| *t == tail).count() > 1;
-    let mut out = Figures::default();
+    let mut out = Figures { heading: "methods compared".into(), ..Figures::default() };
     for (head, tail, _) in &dotted {
         if shared(tail) && !out.methods.iter().any(|m| m == head) {
             out.methods.push(head.to_string());
@@ -98,12 +102,59 @@ pub fn figures(all: &BTreeMap<String, f64>) -> Figures {
         let cell = |m: &String| dotted.iter().find(|(a, b, _)| a == m && *b == tail).map_or_else(|| "—".into(), |d| plain(d.2));
         out.table.push((words(tail), out.methods.iter().map(cell).collect()));
     }
+    if out.table.is_empty() {
+        light_angles(&mut out, all);
+    }
     for (name, value) in all {
-        if !name.split_once('.').is_some_and(|(_, tail)| shared(tail)) {
+        if basis_figure(name).is_none() && !name.split_once('.').is_some_and(|(_, tail)| shared(tail)) {
             out.single.push((words(name), plain(*value)));
         }
     }
     out
+}
+
+/// Errors of a directional basis: name in `fit.toml`, what the table calls it.
+const BASIS_FIGURES: [(&str, &str); 5] = [
+    ("mean", "mean error"),
+    ("median", "median error"),
+    ("p95", "95 % of the texels within"),
+    ("rms", "RMS over that of the light"),
+    ("faint", "texels left out as faint"),
+];
+
+/// `basis_p95_grazing_G` → (2, 2, `G`): row, light angle, channel.
+fn basis_figure(name: &str) -> Option<(usize, usize, &str)> {
+    let mut parts = name.strip_prefix("basis_")?.splitn(3, '_');
+    let (what, angle, channel) = (parts.next()?, parts.next()?, parts.next()?);
+    let row = BASIS_FIGURES.iter().position(|(n, _)| *n == what)?;
+    Some((row, NAMES.iter().position(|n| *n == angle)?, channel))
+}
+
+/// How well the basis of a translucency fit holds the light, a column a light angle (and a channel where there are several).
+fn light_angles(out: &mut Figures, all: &BTreeMap<String, f64>) {
+    let found: Vec<(usize, usize, &str, f64)> = all.iter().filter_map(|(n, v)| basis_figure(n).map(|(r, a, c)| (r, a, c, *v))).collect();
+    let mut channels: Vec<&str> = ["R", "G", "B"].into_iter().filter(|c| found.iter().any(|f| f.2 == *c)).collect();
+    channels.extend(found.iter().map(|f| f.2).find(|c| !["R", "G", "B"].contains(c)));
+    let columns: Vec<(usize, &str)> = (0..NAMES.len()).flat_map(|a| channels.iter().map(move |c| (a, *c))).collect();
+    for (row, (_, title)) in BASIS_FIGURES.iter().enumerate() {
+        let cell = |(a, c): &(usize, &str)| {
+            let value = found.iter().find(|f| (f.0, f.1, f.2) == (row, *a, *c));
+            value.map_or_else(|| "—".into(), |f| percent(f.3))
+        };
+        if found.iter().any(|f| f.0 == row) {
+            out.table.push((title.to_string(), columns.iter().map(cell).collect()));
+        }
+    }
+    if !out.table.is_empty() {
+        out.heading = "error of the basis, light at".into();
+        out.caption =
+            "Against the full convolution. Errors are relative, over texels that get at least 1 % of the mean at that angle; the RMS is over all texels.".into();
+        let angle = |a: usize| ["π/2", "π/4", "π/8"][a];
+        out.methods = columns
+            .iter()
+            .map(|(a, c)| if channels.len() > 1 { format!("{} {}", angle(*a), channel_word(c)) } else { angle(*a).into() })
+            .collect();
+    }
 }
 
 /// `median_relative_error` → `median relative error`.
@@ -177,6 +228,20 @@ mod tests {
         let cell = parameter_cell(&row(0.5, None, Some("")));
         assert!(cell.text == "undetermined" && cell.undetermined.contains("unbounded"));
         assert_eq!(parameter_cell(&row(0.5, Some(0.01), None)).text, "0.500 ± 0.010");
+    }
+
+    #[test]
+    fn a_basis_errors_stand_by_light_angle() {
+        let mut all: BTreeMap<String, f64> =
+            NAMES.iter().enumerate().map(|(k, n)| (format!("basis_p95_{n}_G"), 0.01 * (k + 1) as f64)).collect();
+        all.extend([("basis_rms_half_G".to_string(), 0.25), ("mean_free_path_mm".to_string(), 0.5)]);
+        let f = figures(&all);
+        assert_eq!(f.methods, ["π/2", "π/4", "π/8"]);
+        assert_eq!(f.table[0], ("95 % of the texels within".to_string(), ["1.0 %", "2.0 %", "3.0 %"].map(String::from).to_vec()));
+        assert_eq!(f.table[1].1, ["—", "25.0 %", "—"]);
+        assert_eq!(f.single, [("mean free path mm".to_string(), "0.5".to_string())]);
+        all.insert("basis_p95_steep_R".into(), 0.5);
+        assert_eq!(figures(&all).methods[..2], ["π/2 red".to_string(), "π/2 green".to_string()]);
     }
 
     #[test]

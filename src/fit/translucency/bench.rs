@@ -1,6 +1,7 @@
 //! What each knob of the translucency maps costs and buys: dipoles, thickness levels, map size, kernels' form.
 
 use super::{basis_study, validation};
+use crate::files::progress::{self, Bar};
 use crate::fit::bench::{BenchRow, median_us};
 use crate::optics::dipole::{Form, Tissue};
 use crate::optics::slab;
@@ -26,8 +27,8 @@ fn forms() -> Vec<BenchRow> {
             let error = (tissue.total(d, form) / all - 1.0).abs();
             let us = median_us(5.0, || tissue.transmittance(0.1, d, form));
             rows.push(row(
-                "dipoles",
-                format!("{n}, d {d}, sigma_a {sigma_a}"),
+                &format!("dipoles: d {d} mm, sigma_a {sigma_a}/mm"),
+                n.to_string(),
                 error,
                 us,
                 "total against infinitely many; time of one T(r, d)".into(),
@@ -42,11 +43,11 @@ fn forms() -> Vec<BenchRow> {
             if total.is_finite() {
                 let us = median_us(5.0, || TISSUE.total(d, form));
                 rows.push(row(
-                    "form",
-                    format!("{name}, d {d}"),
+                    &format!("form: {name}"),
+                    format!("d {d} mm"),
                     (total / truth - 1.0).abs(),
                     us,
-                    "total against the transport equation".into(),
+                    "total against the transport equation; time of one total".into(),
                 ));
             }
         }
@@ -81,12 +82,14 @@ fn levels() -> Result<Vec<BenchRow>> {
     for (name, kind) in
         [("linear", LevelKind::Linear), ("cubic", LevelKind::Cubic), ("chebyshev", LevelKind::Chebyshev), ("svd", LevelKind::Svd)]
     {
+        progress::go_on()?;
         for count in [4, 6, 8, 12, 16] {
             let made = convolver(n, 0.1, Levels { count, kind })?;
             let few = made.run(&d, &light).swap_remove(0);
             let rms = (few.iter().zip(&many).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / size).sqrt();
             let us = median_us(50.0, || made.run(&d, &light));
-            rows.push(row("thickness levels", format!("{name}, K {count}"), rms, us, format!("RMS against 64 levels; one {n}x{n} image")));
+            let note = format!("RMS against 64 levels; time of one {n}x{n} image");
+            rows.push(row(&format!("thickness levels: {name}"), format!("K {count}"), rms, us, note));
         }
     }
     Ok(rows)
@@ -96,6 +99,7 @@ fn levels() -> Result<Vec<BenchRow>> {
 fn sizes() -> Result<Vec<BenchRow>> {
     let mut rows = Vec::new();
     for n in [128, 256, 512, 1024] {
+        progress::go_on()?;
         let texel = 102.4 / n as f64;
         let (d, light) = (thickness(n), vec![vec![1.0; n * n]; 3]);
         let mut failed: Option<Error> = None;
@@ -109,20 +113,32 @@ fn sizes() -> Result<Vec<BenchRow>> {
         if let Some(e) = failed {
             return Err(e);
         }
-        rows.push(row("map size", format!("{n}x{n}"), f64::NAN, us, "three images of one side, K = 8, kernels included".into()));
+        rows.push(row(
+            "map size",
+            format!("{n}x{n}"),
+            f64::NAN,
+            us,
+            "no error: time of three images of one side, K = 8, kernels included".into(),
+        ));
     }
     Ok(rows)
 }
 
+/// Steps of the bar that [`rows`] takes.
+pub const PIECES: u64 = 3 + basis_study::PIECES + validation::PIECES;
+
 /// The table of `mesophyll bench translucency`.
 ///
 /// # Errors
-/// None that a correct program meets.
-pub fn rows() -> Result<Vec<BenchRow>> {
+/// [`Error::Interrupted`]; no other that a correct program meets.
+pub fn rows(bar: &Bar) -> Result<Vec<BenchRow>> {
     let mut rows = forms();
+    bar.step()?;
     rows.extend(levels()?);
+    bar.step()?;
     rows.extend(sizes()?);
-    rows.extend(basis_study::rows()?);
-    rows.extend(validation::bench_rows()?);
+    bar.step()?;
+    rows.extend(basis_study::rows(bar)?);
+    rows.extend(validation::bench_rows(bar)?);
     Ok(rows)
 }

@@ -1,7 +1,7 @@
 //! Translucency maps on disk: `front.exr`, `back.exr` (light that enters that side, columns of its camera), previews, `fit.toml`, `times.toml`.
 //!
 //! Channels: `translucency.1`, `.2` … (coefficients of f on the basis), `translucency.R1` … `.B3` (of M, three wavelengths), `translucency.Y` or `.R .G .B` (one light),
-//! and `mask.Y` (1 on the leaf).
+//! `thickness.Y` (mm), `entering.Y` (an even sky's light that enters, over a flat open texel's) and `mask.Y` (1 on the leaf).
 
 use super::side::Made;
 use super::source::{Side, Source};
@@ -44,11 +44,12 @@ pub fn write(out: &Path, source: &Source, made: &[Made], options: &Options, inpu
         say("sun_elevation_deg", format!("{:?}", elevation.to_degrees()));
         say("sun_azimuth_deg", format!("{:?}", azimuth.to_degrees()));
     }
+    say("tissue", options.tissue.name().into());
     say("entry", tissue::entry(options).name().into());
     say("area", options.area.name().into());
     say("form", form(options.form));
     say("levels", options.levels.to_string());
-    say("lights", format!("{:?}", options.lights));
+    say("lights", options.lights.name());
     say("size", format!("{}x{}", source.width, source.height));
     say("texel_mm", format!("{:?}", source.texel_mm));
     say("frame", "columns and tangent frame of the side that light enters: x right, y up, z out of it".into());
@@ -92,6 +93,9 @@ fn maps(source: &Source, side: &Made, options: &Options) -> Maps {
         for (i, image) in images.iter().enumerate() {
             maps.push(channel(options, *c, i), image.iter().map(|v| *v as f32).collect());
         }
+    }
+    for (name, image) in [("thickness.Y", &side.thickness), ("entering.Y", &side.entering)] {
+        maps.push(name, image.iter().map(|v| *v as f32).collect());
     }
     maps.push("mask.Y", side.mask.iter().map(|m| f32::from(u8::from(*m))).collect());
     maps

@@ -1,15 +1,16 @@
 //! How far the stored directions are from the full convolution: light from three elevations (H9 Fig. 3.19: π/2, π/4, π/8), four azimuths each.
 
+use super::spread::{ELEVATIONS, STEPS, Spread};
 use super::{Colour, colour};
 use crate::optics::translucency::basis::Basis;
 use crate::optics::translucency::blade::LitSide;
 use crate::optics::translucency::convolve::Convolver;
 use crate::optics::translucency::horizon::Horizon;
 use crate::optics::translucency::irradiance::{Visibility, irradiance};
-use std::f64::consts::{FRAC_PI_2, PI};
+use std::f64::consts::FRAC_PI_2;
 
-/// Names of the elevations over the blade, and the angles (rad).
-pub const ELEVATIONS: [(&str, f64); 3] = [("steep", PI / 2.0), ("half", PI / 4.0), ("grazing", PI / 8.0)];
+/// Names of [`ELEVATIONS`] in `fit.toml`.
+pub const NAMES: [&str; 3] = ["steep", "half", "grazing"];
 
 /// Unit vector of an elevation over the blade and an azimuth from x (right) to y (up), rad.
 pub fn direction(elevation: f64, azimuth: f64) -> [f64; 3] {
@@ -24,7 +25,8 @@ pub struct Scale<'a> {
     pub mask: &'a [bool],
 }
 
-/// Mean and 95th percentile of |rec/full − 1| and the RMS of rec − full over that of full, an elevation each.
+/// Of |rec/full − 1| the mean, median and 95th percentile over texels that are not too faint, and the share of those that are
+/// ([`super::spread::FAINT`]); the RMS of rec − full over that of full, all texels. An elevation each.
 pub fn against_full(
     lit: &LitSide,
     horizon: &Horizon,
@@ -34,7 +36,7 @@ pub fn against_full(
     scale: &Scale,
 ) -> Vec<(String, f64)> {
     let mut out = Vec::new();
-    for (name, elevation) in ELEVATIONS {
+    for ((name, elevation), step) in NAMES.into_iter().zip(ELEVATIONS).zip(STEPS) {
         let azimuths = if elevation > FRAC_PI_2 - 1e-9 { 1 } else { 4 };
         let directions: Vec<[f64; 3]> = (0..azimuths).map(|k| direction(elevation, FRAC_PI_2 * (f64::from(k) + 0.5))).collect();
         let sources: Vec<Vec<f64>> = directions.iter().map(|d| irradiance(lit, horizon, *d, Visibility::Hard)).collect();
@@ -48,23 +50,21 @@ pub fn against_full(
             }
             Colour::ThreeWavelengths => {}
         }
-        let (mut relative, mut square, mut level) = (Vec::new(), 0.0, 0.0);
-        for (d, full) in directions.iter().zip(&full) {
-            let weights: Vec<f64> = (0..stored.len()).map(|i| basis.value(i, *d)).collect();
-            for k in (0..full.len()).filter(|&k| scale.mask[k]) {
-                let rec: f64 = weights.iter().zip(stored).map(|(w, s)| w * s[k]).sum();
-                square += (rec - full[k]).powi(2);
-                level += full[k].powi(2);
-                if full[k] > 0.0 {
-                    relative.push((rec / full[k] - 1.0).abs());
-                }
-            }
-        }
-        relative.sort_unstable_by(f64::total_cmp);
-        let mean = relative.iter().sum::<f64>() / relative.len().max(1) as f64;
-        out.push((format!("basis_mean_{name}"), mean));
-        out.push((format!("basis_p95_{name}"), relative.get(relative.len() * 95 / 100).copied().unwrap_or(f64::NAN)));
-        out.push((format!("basis_rms_{name}"), if level > 0.0 { (square / level).sqrt() } else { f64::NAN }));
+        let weights: Vec<Vec<f64>> = directions.iter().map(|d| (0..stored.len()).map(|i| basis.value(i, *d)).collect()).collect();
+        let (weights, mask) = (&weights, scale.mask);
+        let rec = move |m: usize, k: usize| weights[m].iter().zip(stored).map(|(w, s)| w * s[k]).sum::<f64>();
+        let pairs = full
+            .iter()
+            .enumerate()
+            .flat_map(move |(m, full)| full.iter().enumerate().filter(|(k, _)| mask[*k]).map(move |(k, f)| [rec(m, k), *f]));
+        let (square, level) = pairs.clone().fold((0.0, 0.0), |(s, l), [rec, f]| (s + (rec - f).powi(2), l + f * f));
+        let spread = Spread::of(elevation, step, pairs);
+        let mut say = |what: &str, value: f64| out.push((format!("basis_{what}_{name}"), value));
+        say("mean", spread.mean);
+        say("median", spread.median);
+        say("p95", spread.p95);
+        say("faint", spread.faint);
+        say("rms", if level > 0.0 { (square / level).sqrt() } else { f64::NAN });
     }
     out
 }

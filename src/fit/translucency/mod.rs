@@ -21,6 +21,7 @@ pub mod inverse;
 pub mod judge;
 pub mod side;
 pub mod source;
+pub mod spread;
 pub mod stress;
 pub mod tissue;
 pub mod validation;
@@ -69,6 +70,16 @@ pub enum TissueFrom {
     Table,
     /// 1/mm, 1/mm, mean cosine.
     Given { sigma_a: f64, sigma_s: f64, g: f64 },
+}
+
+impl TissueFrom {
+    pub fn name(self) -> &'static str {
+        match self {
+            TissueFrom::Fit => "fit",
+            TissueFrom::Table => "table",
+            TissueFrom::Given { .. } => "given",
+        }
+    }
 }
 
 /// Over which area a texel's light is counted.

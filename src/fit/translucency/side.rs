@@ -30,6 +30,10 @@ pub struct Made {
     pub tissue: Vec<Tissue>,
     /// A channel, a basis function: coefficients of f, or of M with three wavelengths. With a fixed sun one image a channel, the value itself.
     pub coefficients: Vec<Vec<Vec<f64>>>,
+    /// Thickness (mm), 0 off the leaf.
+    pub thickness: Vec<f64>,
+    /// What enters under an even sky over what enters a flat open texel, in the first channel: entry, relief and its shadows. 0 off the leaf.
+    pub entering: Vec<f64>,
     /// Texels on the leaf that no light comes through.
     pub dark: usize,
     pub figures: BTreeMap<String, f64>,
@@ -111,6 +115,8 @@ pub fn make(source: &Source, side: &Side, channels: &[usize], options: &Options,
         channels: channels.to_vec(),
         tissue: Vec::new(),
         coefficients: Vec::new(),
+        thickness: side.thickness.clone(),
+        entering: Vec::new(),
         dark: 0,
         figures: BTreeMap::new(),
     };
@@ -120,6 +126,9 @@ pub fn make(source: &Source, side: &Side, channels: &[usize], options: &Options,
         let lit = lit(source, side, &surface);
         let step = Instant::now();
         let mut sources = irradiance::project(&lit, &horizon, &projector, Visibility::Hard);
+        if made.entering.is_empty() {
+            made.entering = sources.last().map(|total| total.iter().map(|e| e / PI).collect()).unwrap_or_default();
+        }
         if let Some([elevation, azimuth]) = options.sun {
             let total = sources.pop().unwrap_or_default();
             sources = vec![irradiance::irradiance(&lit, &horizon, judge::direction(elevation, azimuth), Visibility::Hard), total];

@@ -79,6 +79,24 @@ impl Basis {
         }
     }
 
+    /// The basis of that [`Basis::name`], as fits store it.
+    pub fn named(name: &str) -> Option<Basis> {
+        let (words, number) = match name.rsplit_once(' ') {
+            Some((words, number)) => (words, number.parse::<usize>().ok()),
+            None => (name, None),
+        };
+        let basis = match (words, number?) {
+            ("half-life", 2) => Basis::HalfLife2,
+            ("bent half-life 2,", count) => Basis::Bent { count },
+            ("h-basis", count) => Basis::HBasis { count },
+            ("spherical harmonics", bands) => Basis::Spherical { bands },
+            ("hemispherical harmonics", bands) => Basis::Hemispherical { bands },
+            ("cosine", count) => Basis::Cosine { degree: (0..=3).find(|d| Basis::Cosine { degree: *d }.count() == count)? },
+            _ => return None,
+        };
+        (basis.name() == name).then_some(basis)
+    }
+
     /// Bytes a texel as half floats, as textures keep them.
     pub fn bytes(self) -> usize {
         2 * self.count()
@@ -264,6 +282,16 @@ mod tests {
     fn gram(basis: Basis, i: usize, j: usize) -> f64 {
         let rule = Lights::new(Rule::Product { levels: 20, azimuths: 24 });
         rule.directions.iter().zip(&rule.weights).map(|(d, w)| w * basis.value(i, *d) * basis.value(j, *d)).sum()
+    }
+
+    #[test]
+    fn names_are_read_back() {
+        for basis in all() {
+            assert_eq!(Basis::named(&basis.name()), Some(basis));
+        }
+        for name in ["", "half-life 3", "cosine 4", "none: one light", "bent half-life 2, 5"] {
+            assert_eq!(Basis::named(name), None, "{name}");
+        }
     }
 
     #[test]

@@ -42,6 +42,14 @@ impl Rule {
             Rule::Product { levels, azimuths } => levels * azimuths,
         }
     }
+
+    pub fn name(self) -> String {
+        match self {
+            Rule::Stratified { count, seed } => format!("{count}, one at random in each of as many cells (seed {seed})"),
+            Rule::Product { levels, azimuths } => format!("{levels} heights by {azimuths} azimuths"),
+            Rule::Spiral { count } => format!("{count} on a spiral"),
+        }
+    }
 }
 
 impl Lights {

@@ -7,6 +7,7 @@ pub mod plane;
 pub mod vein;
 
 use crate::Result;
+use crate::files::progress::Bar;
 use crate::fit::bench::BenchRow;
 use crate::optics::walk::Histories;
 
@@ -34,22 +35,31 @@ fn row(knob: &str, setting: &str, error: f64, us: f64, note: String) -> BenchRow
     BenchRow { model: "translucency".into(), knob: knob.into(), setting: setting.into(), error, us, note }
 }
 
+/// Steps of the bar that [`bench_rows`] takes.
+pub const PIECES: u64 = 6;
+
 /// All rows.
 ///
 /// # Errors
-/// What the walk or the convolution refuses; none with the settings used here.
-pub fn bench_rows() -> Result<Vec<BenchRow>> {
-    rows(Effort::FULL)
+/// [`crate::Error::Interrupted`]; what the walk or the convolution refuses, none with the settings used here.
+pub fn bench_rows(bar: &Bar) -> Result<Vec<BenchRow>> {
+    rows(Effort::FULL, bar)
 }
 
 /// [`bench_rows`] with another effort.
-pub fn rows(effort: Effort) -> Result<Vec<BenchRow>> {
+pub fn rows(effort: Effort, bar: &Bar) -> Result<Vec<BenchRow>> {
     let mut rows = plane::history_rows()?;
+    bar.step()?;
     rows.extend(plane::total_rows(effort)?);
+    bar.step()?;
     rows.extend(plane::incidence_rows(effort)?);
+    bar.step()?;
     rows.extend(plane::spot_rows(effort)?);
+    bar.step()?;
     rows.extend(plane::angle_rows(effort)?);
+    bar.step()?;
     rows.extend(vein::rows(effort)?);
+    bar.step()?;
     Ok(rows)
 }
 

@@ -1,6 +1,7 @@
 //! The forms of T(r, d) against the walk in a plane slab: totals, the spot's spread, the angles the light leaves at.
 
 use super::{Effort, row};
+use crate::files::progress;
 use crate::fit::bench::{BenchRow, median_us};
 use crate::optics::dipole::{Form, Tissue};
 use crate::optics::slab;
@@ -14,6 +15,9 @@ pub const FORMS: [(&str, Form); 3] = [("dipoles 3", Form::Dipoles(3)), ("images"
 
 /// Errors stated to fewer digits than this mean nothing: the oracle's relative standard error.
 const KNOWN: f64 = 0.1;
+
+/// Said of a form below its thinnest blade.
+const UNDEFINED: &str = "the form is not defined here";
 
 /// Inner reflectance ρ of both faces, from the tissue's A = (1 + ρ)/(1 − ρ).
 fn boundary(tissue: &Tissue) -> Boundary {
@@ -50,15 +54,10 @@ fn totals(rows: &mut Vec<BenchRow>, knob: &str, tissue: &Tissue, d: f64, setting
     let of = |total: f64| if sure && total.is_finite() { total / oracle.value - 1.0 } else { f64::NAN };
     for (name, form) in FORMS {
         let total = tissue.total(d, form);
-        let us = median_us(1.0, || tissue.total(d, form));
-        let why = if total.is_nan() { "; the form is not defined here" } else { "" };
-        rows.push(row(
-            &format!("{knob}, {name}"),
-            setting,
-            of(total),
-            us,
-            format!("total {}, oracle {}{why}", digits(total), stated(oracle)),
-        ));
+        // Where the form is not defined there is nothing to time.
+        let us = if total.is_nan() { f64::NAN } else { median_us(1.0, || tissue.total(d, form)) };
+        let found = if total.is_nan() { UNDEFINED.into() } else { format!("total {}", digits(total)) };
+        rows.push(row(&format!("{knob}, {name}"), setting, of(total), us, format!("{found}, oracle {}", stated(oracle))));
     }
 }
 
@@ -86,6 +85,7 @@ pub fn total_rows(effort: Effort) -> Result<Vec<BenchRow>> {
         cases.extend([0.2f64, 0.5, 0.7].map(|rho| ("oracle: inner reflectance", Tissue { a: (1.0 + rho) / (1.0 - rho), ..table }, d)));
     }
     for (knob, tissue, d) in cases {
+        progress::go_on()?;
         let oracle = walk(&tissue, d, Entry::NORMAL, effort, &[])?.transmitted;
         totals(&mut rows, knob, &tissue, d, &named(&tissue, d), oracle);
         if tissue.a == 1.0 {
@@ -126,6 +126,7 @@ pub fn incidence_rows(effort: Effort) -> Result<Vec<BenchRow>> {
         for d in [0.1, 0.2, 0.5] {
             let slab = Slab { medium: medium(&table), thickness_mm: d, boundary };
             for degrees in [0.0f64, 30.0, 45.0, 60.0, 75.0] {
+                progress::go_on()?;
                 let start = std::time::Instant::now();
                 let ratio = beam_over_even(&slab, degrees, effort)?;
                 let us = start.elapsed().as_secs_f64() * 1e6;
@@ -235,6 +236,7 @@ pub fn spot_rows(effort: Effort) -> Result<Vec<BenchRow>> {
     cases.extend([3.0, 30.0].map(|sigma_s| (Tissue { sigma_s, ..table }, 0.2)));
     cases.push((Tissue { a: 3.0, ..table }, 0.2));
     for (tissue, d) in cases {
+        progress::go_on()?;
         let oracle = walk(&tissue, d, Entry::NORMAL, effort, &edges(d))?;
         let setting = named(&tissue, d);
         let half = radius_in(&oracle, 0.5);
@@ -243,23 +245,29 @@ pub fn spot_rows(effort: Effort) -> Result<Vec<BenchRow>> {
         let scattered = oracle.transmitted.value - oracle.unscattered.value;
         let parts = rings(&oracle);
         for (name, form) in FORMS {
-            let us = median_us(1.0, || tissue.beyond(0.1, d, form));
+            let total = tissue.beyond(0.0, d, form);
+            let defined = total > 0.0;
+            let us = if defined { median_us(1.0, || tissue.beyond(0.1, d, form)) } else { f64::NAN };
+            let said = |r: f64| if r.is_nan() { UNDEFINED.to_string() } else { format!("{r:.4} mm") };
             let r = radius_of(&tissue, d, form, 0.5);
-            let note = format!("{r:.4} mm, oracle {:.4} ± {:.4} mm", half.value, half.error);
+            let note = format!("{}, oracle {:.4} ± {:.4} mm", said(r), half.value, half.error);
             rows.push(row(&format!("oracle: half-light radius, {name}"), &setting, r / half.value - 1.0, us, note));
             let r = if tissue.total(d, form) > 0.0 { spread(&tissue, d, form) } else { f64::NAN };
-            let note = format!("{r:.4} mm, oracle {:.4} ± {:.4} mm", root.value, root.error);
+            let note = format!("{}, oracle {:.4} ± {:.4} mm", said(r), root.value, root.error);
             rows.push(row(&format!("oracle: rms radius, {name}"), &setting, r / root.value - 1.0, us, note));
-            let total = tissue.beyond(0.0, d, form);
             let (mut sum, mut worst, mut place) = (0.0, f64::NAN, 0.0);
             for (k, part) in parts.iter().enumerate() {
                 sum += part;
                 let gap = 1.0 - tissue.beyond(oracle.edges[k + 1], d, form) / total - sum / scattered;
-                if total > 0.0 && !(gap.abs() <= f64::abs(worst)) {
+                if defined && !(gap.abs() <= f64::abs(worst)) {
                     (worst, place) = (gap, oracle.edges[k + 1]);
                 }
             }
-            let note = format!("at {place:.3} mm; form's share less the oracle's, of the scattered light");
+            let note = if defined {
+                format!("at {place:.3} mm; form's share less the oracle's, of the scattered light")
+            } else {
+                UNDEFINED.into()
+            };
             rows.push(row(&format!("oracle: enclosed share, {name}"), &setting, worst, us, note));
         }
     }
@@ -298,8 +306,8 @@ pub fn history_rows() -> Result<Vec<BenchRow>> {
         if got.lost.value > 0.0 {
             return Err(Error::Missed(format!("random walk: {} of the light was lost", got.lost.value)));
         }
-        let note = format!("T against the exact slab; the oracle says ± {:.1e}", got.transmitted.error / exact);
-        Ok(row("oracle: histories", &count.to_string(), (got.transmitted.value / exact - 1.0).abs(), us, note))
+        let note = format!("total against the exact slab; the walk says ± {:.1e}", got.transmitted.error / exact);
+        Ok(row("random walk, histories", &count.to_string(), (got.transmitted.value / exact - 1.0).abs(), us, note))
     };
     [1_000, 10_000, 100_000, 1_000_000].into_iter().map(one).collect()
 }

@@ -261,6 +261,7 @@ pub fn rows(effort: Effort) -> Result<Vec<BenchRow>> {
                     &[(Faces::Dielectric, 0.0), (Faces::Dielectric, 75.0)]
                 };
                 for &(faces, degrees) in cases {
+                    crate::files::progress::go_on()?;
                     let runs = oracle(vein, ridge, faces, degrees, effort)?;
                     let setting = format!("{} vein on the {side} face, light at {degrees} deg, {}", vein.name, faces.name());
                     for (name, form, take) in MODELS {

@@ -1,0 +1,106 @@
+//! How the errors of a reconstruction are spread over a leaf's texels (H7 Fig. 12): means, percentiles, a histogram. Errors are relative, f_rec/f − 1.
+
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
+
+/// Elevations of H7 Fig. 12, from the tangent plane (rad).
+pub const ELEVATIONS: [f64; 3] = [FRAC_PI_2, FRAC_PI_4, PI / 8.0];
+
+/// Width of a histogram's step at each of them: errors grow as the light gets lower.
+pub const STEPS: [f64; 3] = [0.0025, 0.01, 0.02];
+
+/// Steps of a histogram; the middle one holds no error.
+pub const BINS: usize = 41;
+
+/// Texels that get less than this share of the elevation's mean have no relative error worth the name (deep shadow over absorbing tissue: f goes to 0, its error does not).
+pub const FAINT: f64 = 0.01;
+
+/// Errors at one elevation, of texels that get at least [`FAINT`] of the mean at that elevation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spread {
+    pub elevation: f64,
+    /// Mean of |f_rec/f − 1|, and of f_rec/f − 1.
+    pub mean: f64,
+    pub bias: f64,
+    /// Root mean square of f_rec/f − 1.
+    pub rms: f64,
+    /// Of |f_rec/f − 1|: median, 95th percentile, largest.
+    pub median: f64,
+    pub p95: f64,
+    pub worst: f64,
+    /// Root mean square of f_rec − f over the mean of f, all texels: what a picture at this elevation shows.
+    pub visible: f64,
+    /// Share of the texels judged in each step of f_rec/f − 1, from −[`Spread::reach`] on.
+    pub histogram: [f64; BINS],
+    pub step: f64,
+    /// Shares of the texels judged below the histogram and above it.
+    pub beyond: [f64; 2],
+    /// Share of texels left out as too faint.
+    pub faint: f64,
+}
+
+impl Spread {
+    /// From pairs of reconstruction and truth, gone through three times; NaN where there are none.
+    pub fn of(elevation: f64, step: f64, pairs: impl Iterator<Item = [f64; 2]> + Clone) -> Spread {
+        let (all, sum) = pairs.clone().fold((0.0, 0.0), |(n, sum), [_, f]| (n + 1.0, sum + f));
+        let level = sum / all;
+        let visible = (pairs.clone().map(|[rec, f]| (rec - f).powi(2)).sum::<f64>() / all).sqrt() / level;
+        let mut errors: Vec<f64> = pairs.filter(|p| p[1] > 0.0 && p[1] >= FAINT * level).map(|[rec, f]| rec / f - 1.0).collect();
+        let n = errors.len() as f64;
+        let mut counts = [0usize; BINS];
+        let mut outside = [0usize; 2];
+        for e in &errors {
+            let at = e / step + 0.5 * BINS as f64;
+            match at {
+                a if a < 0.0 => outside[0] += 1,
+                a if a < BINS as f64 => counts[a as usize] += 1,
+                _ => outside[1] += 1,
+            }
+        }
+        let share = |count: usize| count as f64 / n;
+        let bias = errors.iter().sum::<f64>() / n;
+        let rms = (errors.iter().map(|e| e * e).sum::<f64>() / n).sqrt();
+        errors.iter_mut().for_each(|e| *e = e.abs());
+        errors.sort_unstable_by(f64::total_cmp);
+        let at = |share: f64| {
+            errors.get(((errors.len() as f64 * share) as usize).min(errors.len().saturating_sub(1))).copied().unwrap_or(f64::NAN)
+        };
+        Spread {
+            elevation,
+            mean: errors.iter().sum::<f64>() / n,
+            bias,
+            rms,
+            median: at(0.5),
+            p95: at(0.95),
+            worst: at(1.0),
+            visible,
+            histogram: counts.map(share),
+            step,
+            beyond: outside.map(share),
+            faint: 1.0 - n / all,
+        }
+    }
+
+    /// Largest error that the histogram resolves.
+    pub fn reach(&self) -> f64 {
+        0.5 * BINS as f64 * self.step
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Errors of −60, −1, 0, 0 and 35 %, and a texel in the dark, sorted by hand.
+    #[test]
+    fn every_texel_is_counted_once() {
+        let pairs = [[0.4, 1.0], [0.99, 1.0], [1.0, 1.0], [2.0, 2.0], [1.35, 1.0], [3.0, 1e-3]];
+        let s = Spread::of(1.0, 0.01, pairs.into_iter());
+        assert_eq!((s.beyond, s.histogram[BINS / 2], s.histogram[BINS / 2 - 1]), ([0.2, 0.2], 0.4, 0.2));
+        assert!((s.histogram.iter().chain(&s.beyond).sum::<f64>() - 1.0).abs() < 1e-12);
+        assert!((s.faint - 1.0 / 6.0).abs() < 1e-12 && (s.reach() - 0.205).abs() < 1e-12);
+        assert!((s.mean - 0.192).abs() < 1e-12 && (s.bias + 0.052).abs() < 1e-12, "{} {}", s.mean, s.bias);
+        assert!((s.median - 0.01).abs() < 1e-9 && (s.worst - 0.6).abs() < 1e-12);
+        let none = Spread::of(1.0, 0.01, std::iter::empty());
+        assert!(none.mean.is_nan() && none.median.is_nan() && none.visible.is_nan());
+    }
+}
