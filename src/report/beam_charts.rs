@@ -1,5 +1,6 @@
 //! Pictures of branches for the documentation: error against coefficients, length errors, shapes and spectra.
 
+use super::rows::COLORS;
 use crate::files::atomic;
 use crate::fit::beam::{basis, figures};
 use crate::plant::beam;
@@ -157,15 +158,3 @@ fn draw(p: &Picture) -> std::result::Result<String, String> {
     }
     Ok(svg)
 }
-
-/// Told apart by readers who do not see every colour alike (Okabe and Ito, "Color universal design", 2008).
-const COLORS: [RGBColor; 8] = [
-    RGBColor(60, 60, 60),
-    RGBColor(213, 94, 0),
-    RGBColor(0, 114, 178),
-    RGBColor(0, 158, 115),
-    RGBColor(204, 121, 167),
-    RGBColor(230, 159, 0),
-    RGBColor(86, 180, 233),
-    RGBColor(150, 150, 150),
-];
