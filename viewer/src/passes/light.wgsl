@@ -40,12 +40,12 @@ fn lobe(normal: vec3f, light: vec3f, view: vec3f, roughness: f32) -> f32 {
 // surface by as much as the depth can change within the filter's reach, so that a leaf does not shadow itself.
 fn visibility(world: vec3f, normal_to_sun: vec3f, cosine: f32) -> f32 {
     let sine = sqrt(max(0.0, 1.0 - cosine * cosine));
-    var lift = frame.shadow.x * (0.3 + 2.0 * sine);
     //#if LEVELS
-    // Drawn and cast by different levels of detail: off by as much as the two may be apart.
-    lift += frame.shadow.y;
+    // Drawn and cast by different levels of detail: off by as much as the two may be apart, too.
+    let lifted = vec4f(world + normal_to_sun * (frame.shadow.x * (0.3 + 2.0 * sine) + frame.shadow.y), 1.0);
+    //#else
+    let lifted = vec4f(world + normal_to_sun * (frame.shadow.x * (0.3 + 2.0 * sine)), 1.0);
     //#endif
-    let lifted = vec4f(world + normal_to_sun * lift, 1.0);
     var seen = 0.0;
     for (var i = 0u; i < SHADOW_LAYERS; i++) {
         let p = (shadow_matrices[i] * lifted).xyz;
