@@ -123,6 +123,12 @@ impl Manifest {
     /// [`Error::Input`] naming the file, the field, what was found and what was expected.
     pub fn read(folder: &Path) -> Result<Manifest> {
         let path = folder.join("capture.toml");
+        if folder.is_file() {
+            return Err(Error::input(folder, "found a file, expected the folder of a capture"));
+        }
+        if !path.exists() && folder.join("fit.toml").is_file() {
+            return Err(Error::input(folder, "found a fit (fit.toml), expected a capture (capture.toml)"));
+        }
         let text = std::fs::read_to_string(&path).map_err(|e| Error::input(&path, explain(&e)))?;
         if let Some(kind) = kind_in(&text) {
             return Err(Error::field(&path, "kind", wrong_kind(&kind)));

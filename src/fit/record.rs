@@ -176,6 +176,32 @@ impl Times {
     }
 }
 
+/// Makes sure that a fit of this kind may write into `folder`: it is writable, holds no capture and no fit of another kind, and is not what the fit is
+/// made from, so that nothing measured or fitted is lost to a slip.
+///
+/// # Errors
+/// [`Error::Usage`] (exit code 2) naming the folder and what it holds.
+pub fn claim(folder: &Path, kind: &str, inputs: &[&Path]) -> Result<()> {
+    let refuse = |what: &str| {
+        let folder = folder.display();
+        Err(Error::Usage(format!("the output folder {folder} {what}, which a {kind} fit there would overwrite; name another folder")))
+    };
+    let same = |input: &&Path| matches!((folder.canonicalize(), input.canonicalize()), (Ok(a), Ok(b)) if a == b);
+    if inputs.iter().any(same) {
+        return refuse("is what the fit is made from");
+    }
+    if folder.join("capture.toml").exists() {
+        return refuse("holds a capture (capture.toml)");
+    }
+    // A record that cannot be read is nobody's fit.
+    if let Ok(there) = FitRecord::read(folder)
+        && there.kind != kind
+    {
+        return refuse(&format!("holds the {} fit \"{}\"", there.kind, there.name));
+    }
+    atomic::probe_folder(folder)
+}
+
 /// A TOML file as a value; unknown and missing fields are named with their line.
 pub fn read_toml<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
     let text = std::fs::read_to_string(path).map_err(|e| Error::input(path, atomic::explain(&e)))?;

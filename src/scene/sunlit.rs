@@ -9,7 +9,7 @@ use super::plan_leaf::SIDES;
 use super::texel_frame;
 use super::translucency::{Of, front_texel};
 use crate::fit::record::{FitRecord, Section};
-use crate::fit::translucency::source::Source;
+use crate::fit::translucency::source::{Frame, Source};
 use crate::fit::translucency::tissue::Entry;
 use crate::fit::translucency::{Area, colour, side};
 use crate::optics::dipole::{Form, Tissue};
@@ -103,7 +103,7 @@ impl Convolved {
             _ => return Err(bad("area", "facet or texel")),
         };
         let form = said("form").and_then(form).ok_or_else(|| bad("form", "thin, images or dipoles N"))?;
-        let source = Source::read(leaf)?;
+        let source = Source::read(leaf, Frame::Mesh)?;
         let name = SIDES[s];
         let Some(at) = source.sides.iter().position(|x| x.name == name) else { return Ok(None) };
         let section = record.sections.get(name.name()).ok_or_else(|| Error::field(&file, name.name(), "missing"))?;

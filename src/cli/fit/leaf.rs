@@ -12,10 +12,10 @@ use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
-  mesophyll fit leaf scan/elm -o fits/elm
-  mesophyll fit leaf scan/elm -o fits/elm --method paper       the reduction as Wang et al. 2005 print it
-  mesophyll fit leaf scan/elm -o fits/elm --shard 1/4          one of four processes; then --merge
-  mesophyll fit leaf dome/elm -o fits/elm --gloss 1.4,0.3      a capture under a dome
+  mesophyll fit leaf scan/elm -o out/elm
+  mesophyll fit leaf scan/elm -o out/elm --method paper       the reduction as Wang et al. 2005 print it
+  mesophyll fit leaf scan/elm -o out/elm --shard 1/4          one of four processes; then --merge
+  mesophyll fit leaf dome/elm -o out/elm --gloss 1.4,0.3      a capture under a dome
 
 A run that was stopped goes on where it was when the same command is given again.")]
 pub struct Args {

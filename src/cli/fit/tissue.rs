@@ -15,11 +15,11 @@ use std::path::PathBuf;
 /// DIR gets fit.toml and times.toml. Scattering is found as (1 - g) sigma_s; no photograph of this kind tells g itself.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
-  mesophyll fit tissue scans/elm-beams --blade fits/elm -o fits/elm-tissue
-  mesophyll fit tissue scans/elm-beams --blade fits/elm -o out/elm-tissue --fix-scale     the leaf fit's thickness is right
+  mesophyll fit tissue scans/elm-beams --blade out/elm -o out/elm-tissue
+  mesophyll fit tissue scans/elm-beams --blade out/elm -o out/elm-tissue --fix-scale     the leaf fit's thickness is right
 The capture (capture.toml with kind = \"beams\") is described in data/README.md; `mesophyll synth --acquisition beams` writes one.")]
 pub struct Args {
-    /// Capture of kind \"beams\"
+    /// Capture of photographs under beams (kind "beams")
     #[arg(value_name = "BEAMS")]
     input: PathBuf,
     /// Folder of `fit leaf`: thickness, normals, outline, and the slab to compare with

@@ -17,10 +17,10 @@ use std::path::PathBuf;
 /// DIR gets front.exr and back.exr (light that enters that side: coefficients on a directional basis), previews, fit.toml and times.toml.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
-  mesophyll fit translucency fits/elm -o fits/elm-translucency
-  mesophyll fit translucency fits/elm -o out/rgb --colour three-wavelengths
-  mesophyll fit translucency fits/elm -o out/paper --colour product --tissue table --area texel --form dipoles --dipoles 3
-  mesophyll fit translucency fits/elm -o out/noon --sun-elevation-deg 60 --sun-azimuth-deg 30     one light, no basis")]
+  mesophyll fit translucency out/elm -o out/elm-translucency
+  mesophyll fit translucency out/elm -o out/rgb --colour three-wavelengths
+  mesophyll fit translucency out/elm -o out/paper --colour product --tissue table --area texel --form dipoles --dipoles 3
+  mesophyll fit translucency out/elm -o out/noon --sun-elevation-deg 60 --sun-azimuth-deg 30     one light, no basis")]
 pub struct Args {
     /// Folder of `fit leaf`, or a capture under a dome (its leaf fit is then kept as DIR/leaf)
     input: PathBuf,
@@ -37,10 +37,10 @@ pub struct Args {
     #[arg(long, value_enum, default_value_t = TissueName::Fit, conflicts_with_all = ["sigma_a", "sigma_s"])]
     tissue: TissueName,
     /// Absorption (1/mm) instead
-    #[arg(long, value_name = "V", requires = "sigma_s")]
+    #[arg(long, value_name = "V", requires = "sigma_s", allow_negative_numbers = true)]
     sigma_a: Option<f64>,
     /// Scattering (1/mm) instead
-    #[arg(long, value_name = "V", requires = "sigma_a")]
+    #[arg(long, value_name = "V", requires = "sigma_a", allow_negative_numbers = true)]
     sigma_s: Option<f64>,
     /// Mean cosine of scattering, with --sigma-a and --sigma-s
     #[arg(long, value_name = "V", requires = "sigma_a", allow_negative_numbers = true)]
@@ -52,14 +52,14 @@ pub struct Args {
     #[arg(long, value_enum, default_value_t = AreaName::Facet)]
     area: AreaName,
     /// Boundary term A = (1 + rho)/(1 - rho), at least 1 (default: 1 where all light enters, else from the mean rho_d)
-    #[arg(long, value_name = "A")]
+    #[arg(long, value_name = "A", allow_negative_numbers = true)]
     a: Option<f64>,
     /// Kernel: thin is right for every thickness, images and dipoles for blades thicker than a mean free path
     #[arg(long, value_enum, default_value_t = FormName::Thin)]
     form: FormName,
-    /// With --form dipoles: pairs j = -N to N
-    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(0..=1000))]
-    dipoles: u32,
+    /// With --form dipoles: pairs j = -N to N [default: 3]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=1000))]
+    dipoles: Option<u32>,
     /// Thickness levels K
     #[arg(long, value_name = "K", default_value_t = 8, value_parser = clap::value_parser!(u16).range(2..=64))]
     levels: u16,
@@ -73,7 +73,7 @@ pub struct Args {
     #[arg(long, value_enum, default_value_t = BasisName::HalfLife2)]
     basis: BasisName,
     /// One light at this elevation over the blade, instead of a basis
-    #[arg(long, value_name = "DEG", requires = "sun_azimuth_deg", conflicts_with = "basis")]
+    #[arg(long, value_name = "DEG", requires = "sun_azimuth_deg", conflicts_with = "basis", allow_negative_numbers = true)]
     sun_elevation_deg: Option<f64>,
     /// Its azimuth in the lit side's image, from right to up
     #[arg(long, value_name = "DEG", requires = "sun_elevation_deg", allow_negative_numbers = true)]
@@ -170,6 +170,9 @@ fn options(args: &Args) -> Result<Options> {
         }
         _ => None,
     };
+    if args.dipoles.is_some() && !matches!(args.form, FormName::Dipoles) {
+        return Err(Error::Usage("--dipoles: found without --form dipoles, expected both or neither".into()));
+    }
     Ok(Options {
         colour: match args.colour {
             ColourName::Substituted => Colour::Substituted,
@@ -190,7 +193,7 @@ fn options(args: &Args) -> Result<Options> {
         form: match args.form {
             FormName::Thin => Form::Thin,
             FormName::Images => Form::Images,
-            FormName::Dipoles => Form::Dipoles(args.dipoles),
+            FormName::Dipoles => Form::Dipoles(args.dipoles.unwrap_or(3)),
         },
         levels: usize::from(args.levels),
         lights: match args.placed {
@@ -219,7 +222,7 @@ fn leaf(args: &Args) -> Result<PathBuf> {
     if !super::leaf::is_dome(&args.input) {
         return Err(Error::input(
             &args.input,
-            "a scan under a tube; `mesophyll fit leaf` fits it, and the folder of that fit is wanted here",
+            "a capture, not a fit of one; `mesophyll fit leaf` fits a scan under a tube, and the folder of that fit is wanted here",
         ));
     }
     let folder = args.output.join("leaf");

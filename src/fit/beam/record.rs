@@ -106,7 +106,7 @@ fn describe(section: &mut Section, m: &Measured) {
 /// # Errors
 /// [`crate::Error::Write`] where the folder cannot be written.
 pub fn write(folder: &Path, record: &FitRecord, seconds: f64, traces: Vec<(String, crate::solve::Trace)>) -> Result<()> {
-    crate::files::atomic::probe_folder(folder)?;
+    crate::fit::record::claim(folder, "beam", &[])?;
     let times = Times {
         capture: None,
         phases: vec![Phase { name: "fit".into(), seconds }],

@@ -9,13 +9,13 @@ pub mod slab;
 use crate::capture::dome::Capture;
 use crate::capture::dome::reduce::{Options as Reduction, Reduced, reduce};
 use crate::capture::manifest::SideName;
-use crate::files::{atomic, hash};
+use crate::files::hash;
 use crate::fit::leaf::{
     Outcome,
     curve::Incidence,
     slabmaps::{Inverter, Sigma},
 };
-use crate::fit::record::{FitRecord, Phase, Times};
+use crate::fit::record::{self, FitRecord, Phase, Times};
 use crate::{Error, Result};
 use rayon::prelude::*;
 use slab::{Shared, Slab, Texel};
@@ -49,8 +49,9 @@ pub struct Fitted {
 /// Unreadable or invalid captures (exit code 2), an unwritable folder (1).
 pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     let clock = Instant::now();
-    let capture = Capture::open(capture)?;
-    atomic::probe_folder(out)?;
+    let folder = capture;
+    let capture = Capture::open(folder)?;
+    record::claim(out, "leaf", &[folder])?;
     let told = format!("{:?}", Options { force: false, ..*options });
     let input = hash::combine([("capture", capture.hash()?.as_str()), ("options", &told), ("program", env!("CARGO_PKG_VERSION"))]);
     if !options.force

@@ -22,10 +22,10 @@ pub mod wide;
 
 use crate::capture::manifest::{SideName, Travel};
 use crate::capture::reader::Capture;
+use crate::files::hash;
 use crate::files::progress::Bar;
-use crate::files::{atomic, hash};
 use crate::fit::gloss::{Device, TexelFitter};
-use crate::fit::record::{FitRecord, Phase, SCHEMA, Times};
+use crate::fit::record::{self, FitRecord, Phase, SCHEMA, Times};
 use crate::optics::gloss::Lobe;
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -102,8 +102,9 @@ pub fn input_hash(capture: &Capture, options: &Options) -> Result<String> {
 pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     let clock = Instant::now();
     // The capture first: a mistyped one leaves no empty folder behind.
-    let capture = Capture::open(capture)?;
-    atomic::probe_folder(out)?;
+    let folder = capture;
+    let capture = Capture::open(folder)?;
+    record::claim(out, "leaf", &[folder])?;
     let mut phases = Phases::default();
     phases.add("open and check", clock);
     let step = Instant::now();

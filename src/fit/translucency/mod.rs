@@ -26,14 +26,14 @@ pub mod stress;
 pub mod tissue;
 pub mod validation;
 
-use crate::files::{atomic, hash};
-use crate::fit::record::{FitRecord, Phase, Times};
+use crate::files::hash;
+use crate::fit::record::{self, FitRecord, Phase, Times};
 use crate::optics::dipole::Form;
 use crate::optics::translucency::basis::Basis;
 use crate::optics::translucency::lights::{self, Rule};
 use crate::{Error, Result};
 use side::Made;
-use source::Source;
+use source::{Frame, Source};
 use std::path::Path;
 use std::time::Instant;
 use tissue::Entry;
@@ -169,8 +169,8 @@ pub fn input_hash(source: &Source, options: &Options) -> String {
 /// An input that is no leaf fit or is damaged (exit code 2), a slab that the leaf fit did not determine (1), a folder that cannot be written (1).
 pub fn run(input: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     let clock = Instant::now();
-    let source = Source::read(input)?;
-    atomic::probe_folder(out)?;
+    let source = Source::read(input, Frame::Mesh)?;
+    record::claim(out, "translucency", &[input])?;
     let mut phases = vec![Phase { name: "read the leaf and integrate its heights".into(), seconds: clock.elapsed().as_secs_f64() }];
     let wanted = input_hash(&source, options);
     if !options.force

@@ -19,9 +19,9 @@ pub struct Side {
     /// Diffuse reflectance and transmittance a channel.
     pub rho_d: [Vec<f32>; 3],
     pub rho_t: [Vec<f32>; 3],
-    /// Unit normals in the mesh's tangent frame of this side: x right, y up, z out of this side.
+    /// Unit normals in the frame that was asked for: x right, y up, z out of this side.
     pub normal: Vec<[f64; 3]>,
-    /// Outward of this side, over the mesh (mm).
+    /// Outward of this side, over that frame's plane (mm).
     pub height: Vec<f64>,
     /// Root mean square of the slope that no height explains.
     pub slope_residual: f64,
@@ -33,6 +33,15 @@ pub struct Side {
     pub sigma_s: [f64; 3],
     pub sigma_err: [[f64; 3]; 2],
     pub undetermined: Vec<String>,
+}
+
+/// What directions are told against.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Frame {
+    /// The mesh's tangent frame, texel by texel: a renderer bends the blade itself.
+    Mesh,
+    /// The photographs': the blade as it lay, with its own bend.
+    Photograph,
 }
 
 /// A leaf whose inside is to be computed.
@@ -54,7 +63,7 @@ impl Source {
     ///
     /// # Errors
     /// [`Error::Input`] for a folder that holds no leaf fit, a map that is missing, damaged or of another size, or a field that is missing.
-    pub fn read(folder: &Path) -> Result<Source> {
+    pub fn read(folder: &Path, frame: Frame) -> Result<Source> {
         let file = folder.join("fit.toml");
         if !file.is_file() {
             return Err(Error::input(folder, "no leaf fit here (no fit.toml); `mesophyll fit leaf` writes one"));
@@ -72,7 +81,7 @@ impl Source {
                 continue;
             }
             thickness_mm = parameter(&file, &record, name, "thickness", 1)?[0];
-            sides.push(side(folder, &file, &record, name, texel_mm, &mut size)?);
+            sides.push(side(folder, &file, &record, name, frame, texel_mm, &mut size)?);
         }
         let Some((width, height)) = size else {
             return Err(Error::field(&file, "front", "missing, and so is back; expected the section of a side"));
@@ -108,7 +117,15 @@ fn error(section: &Section, name: &str, c: usize) -> f64 {
     section.params.get(name).and_then(|p| p.stderr.get(c).copied()).filter(|e| !e.is_nan()).unwrap_or(0.0)
 }
 
-fn side(folder: &Path, file: &Path, record: &FitRecord, name: SideName, texel_mm: f64, size: &mut Option<(usize, usize)>) -> Result<Side> {
+fn side(
+    folder: &Path,
+    file: &Path,
+    record: &FitRecord,
+    name: SideName,
+    frame: Frame,
+    texel_mm: f64,
+    size: &mut Option<(usize, usize)>,
+) -> Result<Side> {
     let path = map_path(folder, name, "");
     let names: Vec<String> = ["rho_d", "rho_t"]
         .iter()
@@ -116,7 +133,11 @@ fn side(folder: &Path, file: &Path, record: &FitRecord, name: SideName, texel_mm
         .chain(own(&["mask.Y", "thickness.Y"]))
         .collect();
     let maps = read(&path, &names, size)?;
-    let normals = read(&map_path(folder, name, "normal"), &own(&["X", "Y", "Z"]), size)?;
+    let (normal_path, axes) = match frame {
+        Frame::Mesh => (map_path(folder, name, "normal"), ["X", "Y", "Z"]),
+        Frame::Photograph => (path.clone(), ["normal.X", "normal.Y", "normal.Z"]),
+    };
+    let normals = read(&normal_path, &own(&axes), size)?;
     let (width, height) = (maps.width, maps.height);
     let plane = |m: &Maps, p: &PathBuf, n: &str| m.require(p, n).map(<[f32]>::to_vec);
     let code = plane(&maps, &path, "mask.Y")?;
@@ -132,8 +153,8 @@ fn side(folder: &Path, file: &Path, record: &FitRecord, name: SideName, texel_mm
     };
     let rgb =
         |q: &str| -> Result<[Vec<f32>; 3]> { Ok([filled(&format!("{q}.R"))?, filled(&format!("{q}.G"))?, filled(&format!("{q}.B"))?]) };
-    let normal_path = map_path(folder, name, "normal");
-    let [x, y, z] = [plane(&normals, &normal_path, "X")?, plane(&normals, &normal_path, "Y")?, plane(&normals, &normal_path, "Z")?];
+    let [x, y, z] =
+        [plane(&normals, &normal_path, axes[0])?, plane(&normals, &normal_path, axes[1])?, plane(&normals, &normal_path, axes[2])?];
     let mut normal: Vec<[f64; 3]> = (0..x.len()).map(|k| unit([x[k], y[k], z[k]].map(f64::from))).collect();
     fill::nearest(&mut normal, &good, width, height);
     let sigma = |q: &str| parameter(file, record, name, q, 3).map(|v| [v[0], v[1], v[2]]);

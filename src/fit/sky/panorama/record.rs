@@ -23,7 +23,7 @@ pub fn write(
     input_hash: String,
     seconds: [f64; 2],
 ) -> Result<()> {
-    atomic::probe_folder(folder)?;
+    crate::fit::record::claim(folder, "panorama", &[])?;
     // A folder without fit.toml is no fit: the old one goes before the map changes.
     match std::fs::remove_file(folder.join("fit.toml")) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(Error::write(&folder.join("fit.toml"), atomic::explain(&e))),

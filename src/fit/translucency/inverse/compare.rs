@@ -27,6 +27,9 @@ pub struct Difference {
     pub rho_d: [f64; 2],
 }
 
+/// A standard error of ln σ beyond which three of them span a factor of 20 either way.
+const TELLS: f64 = 1.0;
+
 /// Differences that matter: more than three standard errors and more than this.
 const MATTERS: f64 = 0.03;
 
@@ -61,6 +64,12 @@ pub fn explain(names: &[&str], d: &[Difference], found: &Tissues, scale_err: f64
     let differ: Vec<usize> = (0..d.len()).filter(|&c| matters(d[c].sigma_a) || matters(d[c].sigma_s)).collect();
     let scale = found.scale.ln();
     let scaled = matters([scale, scale_err]);
+    // An error that cannot be told from nothing known agrees with everything, and says nothing.
+    let loose: Vec<&str> =
+        (0..d.len()).filter(|&c| [d[c].sigma_a, d[c].sigma_s].iter().any(|v| !(v[1] <= TELLS))).map(|c| names[c]).collect();
+    if differ.is_empty() && !scaled && !loose.is_empty() {
+        return format!("cannot be compared with the slab fit in {}: the photographs leave sigma there too uncertain", loose.join(", "));
+    }
     if differ.is_empty() && !scaled {
         return "agrees with the slab fit within three standard errors or 3 % in every channel".into();
     }
@@ -118,7 +127,8 @@ mod tests {
             if slab::response(0.8, middle, 0.2).rho_t > want { low = middle } else { high = middle }
         }
         assert!(says(&one(0.8, low, 1.0), sure).contains("they part it differently"));
-        // Wide errors agree with anything.
+        // Wide errors agree with anything, and errors without bound are not called agreement.
+        assert!(says(&one(5.0, 8.0, 1.0), [f64::INFINITY, 0.3, 0.4]).starts_with("cannot be compared"));
         assert!(says(&one(0.6, 8.0, 1.1), [0.5, 0.3, 0.4]).starts_with("agrees"));
     }
 }

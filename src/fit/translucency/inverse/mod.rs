@@ -101,11 +101,13 @@ pub struct Options {
     pub fix_scale: bool,
     /// Rounds of descent at most.
     pub rounds: usize,
+    /// Says on stderr how far it is, round by round.
+    pub told: bool,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Options { levels: 8, totals: Totals::Transport, slant: true, fix_scale: false, rounds: 12 }
+        Options { levels: 8, totals: Totals::Transport, slant: true, fix_scale: false, rounds: 12, told: false }
     }
 }
 

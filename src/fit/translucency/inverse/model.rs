@@ -2,6 +2,7 @@
 
 use super::{Image, Measured, Options, Tissues};
 use crate::Result;
+use crate::files::progress;
 use crate::optics::dipole::{Form, Tissue};
 use crate::optics::translucency::convolve::support;
 use crate::optics::translucency::levels::Levels;
@@ -241,7 +242,8 @@ impl Smooth for Model<'_> {
     }
 
     fn evaluate(&self, params: &[f64], gradient: &mut [f64]) -> f64 {
-        if params.iter().any(|p| p.is_nan()) {
+        // No value ends the search at once; the rounds say why.
+        if params.iter().any(|p| p.is_nan()) || progress::stop_requested() {
             return f64::NAN;
         }
         let (inside, off) = self.within(params);

@@ -3,6 +3,7 @@
 use super::certainty::{self, Certainty};
 use super::model::{Model, Normal, logarithms};
 use super::{Fitted, Measured, Options, Tissues};
+use crate::files::progress;
 use crate::fit::record::Residuals;
 use crate::solve::Termination;
 use crate::solve::descent::{Limits, lbfgs};
@@ -47,6 +48,7 @@ pub fn fit(measured: &Measured, start: &Tissues, options: &Options) -> Result<Fi
     };
     let (mut damping, mut elapsed, mut last) = (0.0, 0.0, None);
     for round in 0..=options.rounds {
+        progress::go_on()?;
         if round > 0 {
             // The first round's sds are the readings' own: the model may be far off there.
             if !model.reaches(&model.tissues(&p)) {
@@ -69,6 +71,15 @@ pub fn fit(measured: &Measured, start: &Tissues, options: &Options) -> Result<Fi
         let misfit = (2.0 * normal.cost / (model.count - p.len()) as f64).sqrt();
         // Exact readings: their weights stand for 1 % noise, and a thousandth of its errors is enough.
         let unit = misfit.max(if measured.noise.known { 1.0 } else { 1e-3 });
+        if options.told {
+            let left = 2.0 * normal.cost / (model.count - p.len()) as f64;
+            progress::say(format!(
+                "round {} of at most {}: {} evaluations, reduced chi2 {left:.3}",
+                round + 1,
+                options.rounds + 1,
+                out.evaluations
+            ));
+        }
         if round > 1 && away < DONE * unit {
             out.termination = Termination::GradientSmall;
             last = Some(normal);

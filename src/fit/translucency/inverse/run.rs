@@ -5,12 +5,12 @@ use super::{Channel, Image, Measured, Noise, Tissues, folder};
 use crate::capture::beams::Capture;
 use crate::capture::dome::noise;
 use crate::capture::manifest::SideName;
+use crate::files::hash;
 use crate::files::image::read_exr;
-use crate::files::{atomic, hash};
-use crate::fit::record::{FitRecord, Phase, Times};
+use crate::fit::record::{self, FitRecord, Phase, Times};
 use crate::fit::translucency::Area;
 use crate::fit::translucency::side::{lit, surface};
-use crate::fit::translucency::source::{Side, Source};
+use crate::fit::translucency::source::{Frame, Side, Source};
 use crate::fit::translucency::tissue::{Entry, TABLE, mean};
 use crate::optics::translucency::blade::mirror;
 use crate::optics::translucency::horizon::Horizon;
@@ -71,8 +71,8 @@ const RGB: [&str; 3] = ["R", "G", "B"];
 pub fn run(beams: &Path, blade: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     let clock = Instant::now();
     let capture = Capture::open(beams)?;
-    let source = Source::read(blade)?;
-    atomic::probe_folder(out)?;
+    let source = Source::read(blade, Frame::Photograph)?;
+    record::claim(out, "tissue", &[beams, blade])?;
     let told = format!("{:?}", Options { force: false, ..*options });
     let input_hash = hash::combine([
         ("beams", capture.hash()?.as_str()),
@@ -91,7 +91,7 @@ pub fn run(beams: &Path, blade: &Path, out: &Path, options: &Options) -> Result<
     let start = start(&slab, options);
     let mut phases = vec![Phase { name: "read, horizon maps, irradiance".into(), seconds: clock.elapsed().as_secs_f64() }];
     let step = Instant::now();
-    let fitted = super::fit(&measured, &start, &options.fit)?;
+    let fitted = super::fit(&measured, &start, &super::Options { told: true, ..options.fit })?;
     phases.push(Phase { name: "fit".into(), seconds: step.elapsed().as_secs_f64() });
     let truth = truth(&capture, &source);
     let mut stderr = fitted.certainty.stderr.clone();
