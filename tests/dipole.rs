@@ -131,3 +131,14 @@ fn bad_rows_and_bad_options_are_named() {
         common::refused(&output, 2, &[word]);
     }
 }
+
+/// Diffusion loses strongly absorbed light: 1 mm at σa = 2/mm passes a quarter less by the thin form than by the transport equation.
+#[test]
+fn a_total_that_is_far_off_the_transport_equation_is_not_ok() {
+    for (sigma_a, words) in [("2", ["undetermined: t: the form's total is -", "ok"]), ("0.4", ["ok", "ok"])] {
+        let rows = eval(&["--sigma-a", sigma_a, "--method", "thin"], "thickness,radius\n1,0.1\n0.2,0.1\n");
+        for (row, word) in rows.iter().zip(words) {
+            assert!(row.0 > 0.0 && row.1.starts_with(word), "{row:?}: {word}");
+        }
+    }
+}

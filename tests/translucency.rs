@@ -150,3 +150,22 @@ fn what_is_no_leaf_fit_is_refused_by_name() {
     refused(&fit(damaged.to_str().unwrap(), &out, &[]), 2, &["front.exr"]);
     assert!(!out.join("fit.toml").exists());
 }
+
+/// A slip in -o costs neither a fit nor a capture.
+#[test]
+fn nothing_fitted_or_measured_is_overwritten_by_another_kind_of_fit() {
+    let dir = tempfile::tempdir().unwrap();
+    let [leaf, maps, capture] = ["leaf", "maps", "capture"].map(|n| dir.path().join(n));
+    copy_tree(Path::new("fits/elm"), &leaf);
+    std::fs::create_dir(&capture).unwrap();
+    std::fs::write(capture.join("capture.toml"), "schema = 1\n").unwrap();
+    let before = std::fs::read(leaf.join("fit.toml")).unwrap();
+    let from = leaf.to_str().unwrap();
+    refused(&fit(from, &leaf, &[]), 2, &[from, "is what the fit is made from"]);
+    refused(&fit("fits/elm", &leaf, &[]), 2, &[from, "holds the leaf fit \"elm\""]);
+    refused(&fit(from, &capture, &[]), 2, &[capture.to_str().unwrap(), "holds a capture"]);
+    assert_eq!(std::fs::read(leaf.join("fit.toml")).unwrap(), before);
+    // And a map that is not what was fitted is not taken for it.
+    std::fs::copy(leaf.join("back.exr"), leaf.join("front.exr")).unwrap();
+    refused(&fit(from, &maps, &[]), 1, &["front.exr", "changed since it was fitted"]);
+}

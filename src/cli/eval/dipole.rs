@@ -3,6 +3,7 @@
 use crate::cli::Common;
 use crate::files::table::{self, Answer, BatchIo, Spec, Status, Table};
 use crate::optics::dipole::{Form, Tissue};
+use crate::optics::slab;
 use crate::{Error, Result};
 
 /// CSV columns `thickness,radius` (mm) → `t,status`: exitance of the far side, 1/mm², per flux that entered `radius` away.
@@ -110,6 +111,14 @@ fn doubt(tissue: &Tissue, form: Form, thickness: f64, t: f64) -> Option<String> 
         let left_out = 1.0 - tissue.total(thickness, form) / whole;
         if whole > 0.0 && !(left_out.abs() <= PROMISE) {
             return Some(format!("{n} dipoles leave out {:.0} % of the light at this thickness", 100.0 * left_out));
+        }
+    }
+    // Matched faces have an exact total to be held to.
+    if tissue.a == 1.0 {
+        let exact = slab::response(tissue.sigma_a, tissue.reduced_scattering(), thickness).rho_t;
+        let off = tissue.total(thickness, form) / exact - 1.0;
+        if exact > 0.0 && !(off.abs() <= PROMISE) {
+            return Some(format!("the form's total is {:+.0} % off the transport equation's at this thickness", 100.0 * off));
         }
     }
     None

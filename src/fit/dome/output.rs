@@ -116,8 +116,11 @@ fn maps(grid: &Grid, reduced: &Reduced, fitted: &Fitted, options: &Options) -> (
         values.push(name.clone(), (0..good.len()).map(|k| value(from(k)) as f32).collect());
         errors.push(name, (0..good.len()).map(|k| if good[k] { error(k) as f32 } else { f32::NAN }).collect());
     };
+    // What all texels share stands in every texel's error: the highlight taken off, and the caliper's zero.
+    let common = side.highlight.stderr;
+    let thickness_err = reduced.alignment.thickness_error_mm.hypot(reduced.alignment.offset_err_mm);
     for (c, letter) in RGB.iter().enumerate() {
-        push(format!("rho_d.{letter}"), &|k| side.albedo[k][c].max(0.0), &|k| side.albedo_err[k][c]);
+        push(format!("rho_d.{letter}"), &|k| side.albedo[k][c].max(0.0), &|k| side.albedo_err[k][c].hypot(common));
     }
     let [rho_s, slope] = options.gloss.map_or([0.0, 0.5], |[n, slope]| [fresnel_normal(n), slope]);
     for letter in RGB {
@@ -135,7 +138,7 @@ fn maps(grid: &Grid, reduced: &Reduced, fitted: &Fitted, options: &Options) -> (
             push(format!("{name}.{letter}"), &|k| fitted.sigma[k][c].value[q], &|k| fitted.sigma[k][c].error[q]);
         }
     }
-    push("thickness.Y".into(), &|k| fitted.thickness[k], &|_| reduced.alignment.thickness_error_mm);
+    push("thickness.Y".into(), &|k| fitted.thickness[k], &|_| thickness_err);
     for (c, letter) in RGB.iter().enumerate() {
         push(format!("gamma.{letter}"), &|k| fitted.gamma[k][c][0], &|k| fitted.gamma[k][c][1]);
     }

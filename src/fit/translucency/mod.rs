@@ -26,7 +26,7 @@ pub mod stress;
 pub mod tissue;
 pub mod validation;
 
-use crate::files::hash;
+use crate::files::{hash, progress};
 use crate::fit::record::{self, FitRecord, Phase, Times};
 use crate::optics::dipole::Form;
 use crate::optics::translucency::basis::Basis;
@@ -181,6 +181,7 @@ pub fn run(input: &Path, out: &Path, options: &Options) -> Result<Outcome> {
         return Ok(Outcome::UpToDate(Box::new(record)));
     }
     let made = make(&source, options, &mut phases)?;
+    progress::go_on()?;
     let step = Instant::now();
     let record = folder::write(out, &source, &made, options, wanted)?;
     phases.push(Phase { name: "write maps".into(), seconds: step.elapsed().as_secs_f64() });
@@ -203,5 +204,9 @@ pub fn make(source: &Source, options: &Options, phases: &mut Vec<Phase>) -> Resu
         (_, Some(c)) => vec![c],
         (_, None) => vec![tissue::dominant(&source.sides)],
     };
-    source.sides.iter().map(|s| side::make(source, s, &channels, options, phases)).collect()
+    let one = |s| {
+        progress::go_on()?;
+        side::make(source, s, &channels, options, phases)
+    };
+    source.sides.iter().map(one).collect()
 }

@@ -35,6 +35,9 @@ pub struct Side {
     pub undetermined: Vec<String>,
 }
 
+/// Blades are some tenths of a millimetre thick; far beyond these limits a map is in other units, or no map of thickness.
+const THICKNESS_MM: std::ops::RangeInclusive<f64> = 1e-6..=1e3;
+
 /// What directions are told against.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Frame {
@@ -86,6 +89,7 @@ impl Source {
         let Some((width, height)) = size else {
             return Err(Error::field(&file, "front", "missing, and so is back; expected the section of a side"));
         };
+        record.verify(folder)?;
         let hash = hash::file(&file)?;
         Ok(Source { name: record.name, width, height, texel_mm, thickness_mm, sides, hash })
     }
@@ -157,6 +161,13 @@ fn side(
         [plane(&normals, &normal_path, axes[0])?, plane(&normals, &normal_path, axes[1])?, plane(&normals, &normal_path, axes[2])?];
     let mut normal: Vec<[f64; 3]> = (0..x.len()).map(|k| unit([x[k], y[k], z[k]].map(f64::from))).collect();
     fill::nearest(&mut normal, &good, width, height);
+    let thickness: Vec<f64> = filled("thickness.Y")?.iter().zip(&mask).map(|(v, m)| if *m { f64::from(*v) } else { 0.0 }).collect();
+    if let Some(k) = (0..thickness.len()).find(|&k| mask[k] && !(THICKNESS_MM.contains(&thickness[k]))) {
+        let (i, j) = (k % width, k / width);
+        let found = thickness[k];
+        let (low, high) = (THICKNESS_MM.start(), THICKNESS_MM.end());
+        return Err(Error::input(&path, format!("thickness.Y at column {i}, row {j}: found {found}, expected {low} to {high} mm")));
+    }
     let sigma = |q: &str| parameter(file, record, name, q, 3).map(|v| [v[0], v[1], v[2]]);
     let section = &record.sections[name.name()];
     let relief = relief::integrate(&normal, &mask, width, height, texel_mm);
@@ -167,7 +178,7 @@ fn side(
         height: relief.height,
         slope_residual: relief.residual,
         normal,
-        thickness: filled("thickness.Y")?.iter().zip(&mask).map(|(v, m)| if *m { f64::from(*v) } else { 0.0 }).collect(),
+        thickness,
         mask,
         sigma_a: sigma("sigma_a")?,
         sigma_s: sigma("sigma_s")?,

@@ -6,6 +6,25 @@ use super::{Fitted, Measured, Tissues};
 use crate::fit::record::{FitRecord, Param, SCHEMA, Section, Times, TruthError};
 use crate::optics::translucency::convolve::Totals;
 
+/// Reduced χ² beyond which the scatter about the model is not the noise's.
+const EXPLAINED: f64 = 2.0;
+
+/// Says of each parameter that its error does not hold what the photographs show beside their noise.
+fn unexplained(all: &mut Section, channels: &[&str], chi2: f64, fixed: bool) {
+    let why = format!(
+        "the photographs are not explained (reduced chi2 {chi2:.3}): the blade's thickness or normals, or the exposure, are off by more than the noise, and the \
+         printed error does not hold that"
+    );
+    for name in ["sigma_a", "sigma_s_reduced", "sigma_s"] {
+        if let Some(p) = all.params.get_mut(name) {
+            p.undetermined = channels.iter().map(|c| format!("{name}.{c}: {why}")).collect();
+        }
+    }
+    if let Some(p) = all.params.get_mut("thickness_scale").filter(|_| !fixed) {
+        p.undetermined = vec![format!("thickness_scale: {why}")];
+    }
+}
+
 /// The record of a fit.
 pub fn record(
     name: &str,
@@ -43,7 +62,14 @@ pub fn record(
         let freely = if weak.stderr.is_finite() { format!("to {:.0} %", 100.0 * weak.stderr) } else { "not at all".into() };
         say(&format!("weak_{}", k + 1), format!("determined {freely}: {}", weak.text));
     }
-    record.sections.insert("all".into(), section(measured, fitted, options, slab, differences, truth));
+    let mut all = section(measured, fitted, options, slab, differences, truth);
+    if measured.noise.known && fitted.reduced_chi2 > EXPLAINED {
+        unexplained(&mut all, &names, fitted.reduced_chi2, options.fit.fix_scale);
+        let text =
+            format!("cannot be compared with the slab fit: the photographs are not explained (reduced chi2 {:.3})", fitted.reduced_chi2);
+        record.options.insert("comparison".into(), text);
+    }
+    record.sections.insert("all".into(), all);
     record
 }
 
