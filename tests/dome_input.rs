@@ -210,8 +210,8 @@ fn bad_requests_end_in_one_sentence() {
         let joined: Vec<&str> = args.iter().map(String::as_str).collect();
         refused(&synth(&out, &joined), 2, words);
     }
-    let tube = run(["synth", "data/leaves/elm.toml", "-o", text(&out), "--patch-mm", "5"]);
-    refused(&tube, 2, &["--patch-mm: has no meaning here", "--acquisition dome"]);
+    let tube = run(["synth", "data/leaves/elm.toml", "-o", text(&out), "--patch-mm", "5", "--patch-at", "1,1"]);
+    refused(&tube, 2, &["--patch-at: has no meaning here", "--acquisition dome"]);
     // A capture of the other kind in the same folder is replaced whole.
     succeeded(&synth(&out, &["--patch-mm", "3", "--size", "12x12"]));
     succeeded(&run(["synth", "data/leaves/elm.toml", "-o", text(&out), "--size", "16x12", "--frames", "8", "--force"]));

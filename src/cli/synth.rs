@@ -44,10 +44,10 @@ pub struct Args {
     /// Directions of travel: x, or x and y [default: xy]
     #[arg(long, value_name = "x|xy", value_parser = ["x", "xy"])]
     passes: Option<String>,
-    /// Dome, beams: width of the part of the leaf that is captured, in mm (its height follows the size's shape); the whole field otherwise
+    /// Width of the part of the leaf that is captured, in mm (its height follows the size's shape); the whole field otherwise
     #[arg(long, value_name = "MM")]
     patch_mm: Option<f64>,
-    /// Dome, beams: centre of that part, in mm from the middle of the field (x right, y up)
+    /// Dome, beams: centre of that part (a tube's field is the middle), in mm from the middle of the field (x right, y up)
     #[arg(long, value_name = "X,Y", value_delimiter = ',', num_args = 1, allow_hyphen_values = true, requires = "patch_mm")]
     patch_at: Option<Vec<f64>>,
     /// Dome: noise of a height, standard deviation in mm; none with --noise 0 [default: 0.01]
@@ -88,7 +88,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         ("--frames", args.frames.is_some(), &[Tube], "tube"),
         ("--passes", args.passes.is_some(), &[Tube], "tube"),
         ("--raw-exposures", args.raw_exposures, &[Tube], "tube"),
-        ("--patch-mm", args.patch_mm.is_some(), &[Dome, Beams], "dome or beams"),
+        ("--patch-at", args.patch_at.is_some(), &[Dome, Beams], "dome or beams"),
         ("--height-noise", args.height_noise.is_some(), &[Dome], "dome"),
         ("--beam", !args.beam.is_empty(), &[Beams], "beams"),
     ];
@@ -211,7 +211,10 @@ fn tube(args: &Args, common: &Common, width: usize, height: usize) -> Result<u8>
     if !(8..=10_000).contains(&frames) {
         return Err(Error::Usage(format!("--frames: found {frames}, expected 8 to 10000")));
     }
-    let spec = Spec::read(&args.spec)?;
+    let mut spec = Spec::read(&args.spec)?;
+    if let Some((size, _)) = patch(args)? {
+        spec.field_mm = [size, size * height as f64 / width as f64];
+    }
     let options = Options {
         width,
         height,
