@@ -47,7 +47,7 @@ pub fn build(grid: &Grid, mask: &[bool], ratio: Option<&[[f32; 3]]>, slopes: &[O
         return None;
     }
     let spacing = (grid.width.max(grid.height) as f64 / 90.0).max(3.0);
-    // A straight stretch of rim (a cut edge, above all) follows the relief as finely as the inside does: one long edge would wall it off.
+    // A long straight stretch of rim (a cut edge) follows the relief as finely as the inside does: one edge would wall it off.
     let rings: Vec<Vec<[f64; 2]>> = rings.iter().map(|r| divided(r, spacing)).collect();
     let relief = integrate(grid, slopes);
     let mut cdt: ConstrainedDelaunayTriangulation<Vertex> = ConstrainedDelaunayTriangulation::new();
@@ -103,12 +103,16 @@ pub fn build(grid: &Grid, mask: &[bool], ratio: Option<&[[f32; 3]]>, slopes: &[O
     Some(blade)
 }
 
-/// The ring with every edge longer than `spacing` (texels) cut into equal parts no longer than that.
+/// Edges of this many spacings and less stay whole: so short a chord keeps to the relief, and an outline's own corners are closer.
+const LONG: f64 = 8.0;
+
+/// The ring with every long edge cut into equal parts of at most `spacing` (texels).
 fn divided(ring: &[[f64; 2]], spacing: f64) -> Vec<[f64; 2]> {
     let mut out = Vec::with_capacity(ring.len());
     for (k, a) in ring.iter().enumerate() {
         let b = ring[(k + 1) % ring.len()];
-        let parts = ((b[0] - a[0]).hypot(b[1] - a[1]) / spacing).ceil().max(1.0);
+        let length = (b[0] - a[0]).hypot(b[1] - a[1]);
+        let parts = if length > LONG * spacing { (length / spacing).ceil() } else { 1.0 };
         out.extend((0..parts as usize).map(|i| [0, 1].map(|c: usize| a[c] + (b[c] - a[c]) * i as f64 / parts)));
     }
     out
