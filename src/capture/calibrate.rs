@@ -111,19 +111,43 @@ impl Gain {
 
     /// Divides the values of frame `k` at `texels` by the interpolated gain.
     pub fn divide(&self, k: usize, texels: &[[u32; 2]], values: &mut [[f32; 3]]) {
-        let grid = &self.frames[k];
+        self.interpolate(&self.frames[k], texels, |n, gain| {
+            for (v, g) in values[n].iter_mut().zip(gain) {
+                *v /= g;
+            }
+        });
+    }
+
+    /// The gain at each of `texels`, averaged over the frames.
+    pub fn mean(&self, texels: &[[u32; 2]]) -> Vec<[f32; 3]> {
+        let mean = |cell: usize, c: usize| {
+            let good = self.frames.iter().map(|f| f[cell][c]).filter(|v| v.is_finite());
+            let (sum, count) = good.fold((0.0, 0u32), |(sum, count), v| (sum + f64::from(v), count + 1));
+            (sum / f64::from(count)) as f32
+        };
+        let grid: Vec<[f32; 3]> = (0..self.width * self.height).map(|cell| [0, 1, 2].map(|c| mean(cell, c))).collect();
+        let mut gains = vec![[f32::NAN; 3]; texels.len()];
+        self.interpolate(&grid, texels, |n, gain| gains[n] = gain);
+        gains
+    }
+
+    /// Calls `take` with the number of each texel and the grid's value there.
+    fn interpolate(&self, grid: &[[f32; 3]], texels: &[[u32; 2]], mut take: impl FnMut(usize, [f32; 3])) {
         let (w, h) = (self.width, self.height);
-        for (value, t) in values.iter_mut().zip(texels) {
+        for (n, t) in texels.iter().enumerate() {
             let x = ((f64::from(t[0]) + 0.5) * w as f64 / self.blade[0] as f64 - 0.5).clamp(0.0, (w - 1) as f64);
             let y = ((f64::from(t[1]) + 0.5) * h as f64 / self.blade[1] as f64 - 0.5).clamp(0.0, (h - 1) as f64);
             let (i, j) = ((x as usize).min(w.saturating_sub(2)), (y as usize).min(h.saturating_sub(2)));
             let (i1, j1) = ((i + 1).min(w - 1), (j + 1).min(h - 1));
             let (fx, fy) = ((x - i as f64) as f32, (y - j as f64) as f32);
-            for c in 0..3 {
-                let top = grid[j * w + i][c] * (1.0 - fx) + grid[j * w + i1][c] * fx;
-                let low = grid[j1 * w + i][c] * (1.0 - fx) + grid[j1 * w + i1][c] * fx;
-                value[c] /= top * (1.0 - fy) + low * fy;
-            }
+            take(
+                n,
+                [0, 1, 2].map(|c: usize| {
+                    let top = grid[j * w + i][c] * (1.0 - fx) + grid[j * w + i1][c] * fx;
+                    let low = grid[j1 * w + i][c] * (1.0 - fx) + grid[j1 * w + i1][c] * fx;
+                    top * (1.0 - fy) + low * fy
+                }),
+            );
         }
     }
 }

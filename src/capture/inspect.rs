@@ -2,7 +2,7 @@
 //! follows from what is there and what is not. Nothing is fitted; every problem is listed, not only the first.
 
 mod frames;
-mod mirror;
+pub mod mirror;
 mod noise;
 mod references;
 

@@ -5,18 +5,28 @@
 use super::grid::neighbours;
 
 /// Ratio leaf/box and its standard error, a texel and channel. NaN where the box reads nothing. `dark` is the standard deviation of
-/// the dark frame taken off both photographs: it shifts the ratio by (1 − ratio)/box.
-pub fn transmittance(leaf: &[[f32; 3]], empty: &[[f32; 3]], relative: f64, floor: f64, dark: f64) -> (Vec<[f32; 3]>, Vec<[f32; 3]>) {
+/// the dark frame taken off both photographs: it shifts the ratio by (1 − ratio)/box. `level`: that dark frame, where there is one; what it
+/// took off has noise, too.
+pub fn transmittance(
+    leaf: &[[f32; 3]],
+    empty: &[[f32; 3]],
+    relative: f64,
+    floor: f64,
+    dark: f64,
+    level: Option<&[[f32; 3]]>,
+) -> (Vec<[f32; 3]>, Vec<[f32; 3]>) {
     leaf.iter()
         .zip(empty)
-        .map(|(l, e)| {
+        .enumerate()
+        .map(|(k, (l, e))| {
+            let level = level.map_or([0.0; 3], |d| d[k].map(|v| if v > 0.0 { f64::from(v) } else { 0.0 }));
             let mut value = [f32::NAN; 3];
             let mut error = [f32::NAN; 3];
             for c in 0..3 {
                 let (l, e) = (f64::from(l[c]), f64::from(e[c]));
                 if e > 0.0 && l.is_finite() {
                     let t = l / e;
-                    let variance = |v: f64| (relative * v).powi(2) + floor * floor;
+                    let variance = |v: f64| (relative * (v + level[c])).powi(2) + floor * floor;
                     value[c] = t as f32;
                     error[c] = ((variance(l) + t * t * variance(e) + (dark * (1.0 - t)).powi(2)).sqrt() / e) as f32;
                 }
@@ -83,7 +93,7 @@ mod tests {
 
     #[test]
     fn the_error_of_a_ratio_is_propagated() {
-        let (t, e) = transmittance(&[[0.2; 3]], &[[0.8; 3]], 0.01, 0.0, 0.0);
+        let (t, e) = transmittance(&[[0.2; 3]], &[[0.8; 3]], 0.01, 0.0, 0.0, None);
         assert!((t[0][0] - 0.25).abs() < 1e-7 && (e[0][0] - 0.25 * 0.01 * 2f32.sqrt()).abs() < 1e-7);
     }
 }

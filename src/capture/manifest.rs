@@ -144,10 +144,10 @@ impl Manifest {
         fields.photographs(self.schema, self.width, self.height, 1..=65_536)?;
         fields.positive_mm([
             ("texel_mm", self.texel_mm),
-            ("thickness_mm", self.thickness_mm),
             ("tube.height_mm", self.tube.height_mm),
             ("tube.length_mm", self.tube.length_mm),
         ])?;
+        fields.thickness_mm("thickness_mm", self.thickness_mm)?;
         fields.not_negative([
             ("tube.radius_mm", Some(self.tube.radius_mm)),
             ("thickness_err_mm", self.thickness_err_mm),
@@ -186,11 +186,11 @@ impl Manifest {
                 return bad(&field("frames"), &positions.len(), "8 to 10000 frames");
             }
             let (up, down) = positions.windows(2).fold((true, true), |(u, d), w| (u && w[1] > w[0], d && w[1] < w[0]));
-            if !(up || down) || positions.iter().any(|p| !p.is_finite()) {
+            if !(up || down) || positions.iter().any(|p| !(p.abs() <= 1e7)) {
                 return bad(
                     &field("positions"),
                     &format!("{:?} … {:?}", positions[0], positions[positions.len() - 1]),
-                    "positions that move one way",
+                    "positions that move one way, at most 1e7 mm from the middle",
                 );
             }
         }

@@ -1,7 +1,7 @@
 //! A capture opened for fitting: every file it needs is there and of the right size before anything long starts.
 
 use crate::capture::calibrate::Gain;
-use crate::capture::manifest::{Manifest, SideName, Travel, frame_path, white_path};
+use crate::capture::manifest::{Manifest, SideName, Travel, frame_path, mirror_path, white_path};
 use crate::files::hash;
 use crate::files::image::{ExrInfo, Maps, exr_info, read_exr, read_exr_rows};
 use crate::{Error, Result};
@@ -88,6 +88,7 @@ impl Capture {
         }
         for pass in &m.passes {
             files.extend((0..pass.positions().len()).map(|k| white_path(&self.folder, pass.name, k)));
+            files.extend((0..pass.positions().len()).map(|k| mirror_path(&self.folder, pass.name, k)));
         }
         files.extend(["dark.exr", "mask.exr"].map(|n| self.folder.join(n)));
         files.retain(|p| p.exists());
@@ -153,6 +154,15 @@ impl Capture {
         }
         let middle = all.len() / 2;
         f64::from(*all.select_nth_unstable_by(middle, f32::total_cmp).1)
+    }
+
+    /// Camera value of calibrated value 1 at each of `texels`, a channel: the mean over the passes' white frames, or 1 without any.
+    pub fn gain(&self, texels: &[[u32; 2]]) -> Vec<[f64; 3]> {
+        let passes: Vec<Vec<[f32; 3]>> = self.gains.iter().map(|(_, g)| g.mean(texels)).collect();
+        let mean = |n: usize, c: usize| passes.iter().map(|p| f64::from(p[n][c])).sum::<f64>() / passes.len() as f64;
+        let median = self.median_gain();
+        let known = |gain: f64| if gain.is_finite() && gain > 0.0 { gain } else { median };
+        (0..texels.len()).map(|n| [0, 1, 2].map(|c| if passes.is_empty() { 1.0 } else { known(mean(n, c)) })).collect()
     }
 
     /// The dark level a texel, where `dark.exr` exists.

@@ -140,7 +140,7 @@ pub fn leaves(leaves: usize, texels: usize, seed: u64) -> Counts<4> {
             .iter()
             .zip(&gamma)
             .map(|(&t, g)| {
-                let mut x = Texel { rho_d: [0.0; 3], rho_d_err: [0.0; 3], rho_t: [0.0; 3] };
+                let mut x = Texel { rho_d: [0.0; 3], rho_d_err: [0.0; 3], rho_t: [0.0; 3], rho_t_floor: [5e-4; 3] };
                 for c in 0..3 {
                     let r = exact::response(sigma[c][0], sigma[c][1], t);
                     x.rho_d_err[c] = 0.01 * g[c] * r.rho_d;
@@ -150,15 +150,8 @@ pub fn leaves(leaves: usize, texels: usize, seed: u64) -> Counts<4> {
                 x
             })
             .collect();
-        let settings = Settings {
-            h,
-            incidence: Incidence(1.0),
-            noise: wide::Noise { relative: 0.01, floor: [5e-4; 3] },
-            robust: true,
-            iterations: 80,
-            common: Common::default(),
-        };
-        let fit = wide::fit(&measured, [[8.0, 12.0]; 3], &settings);
+        let settings = Settings { h, incidence: Incidence(1.0), relative: 0.01, robust: true, iterations: 80, common: Common::default() };
+        let fit = wide::fit(&measured, &[], [[8.0, 12.0]; 3], &settings);
         let mut counts = Counts::<4>::default();
         for c in 0..3 {
             for (q, value) in [fit.sigma_a[c], fit.sigma_s[c]].into_iter().enumerate() {

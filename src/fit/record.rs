@@ -78,6 +78,11 @@ pub struct TruthError {
     pub coverage95: Option<f64>,
 }
 
+/// Figure: how rough the traces are over how rough their stated noise would make them (standard deviations).
+pub const NOISE_SEEN: &str = "noise_seen_over_stated";
+/// Option: what the mirror strip says of the device's geometry; begins with `warning:` where it contradicts the capture.
+pub const MIRROR: &str = "mirror";
+
 /// Figures that are there where the truth keeps another gauge than the fit: mean true thickness over the good texels relative to the fit's, less 1,
 /// and the mean true γ less 1 of the channel where it is farthest off.
 pub const GAUGE_THICKNESS: &str = "gauge_of_truth_thickness_relative";

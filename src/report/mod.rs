@@ -13,6 +13,7 @@ pub mod model;
 pub mod number;
 pub mod quantity;
 pub mod read;
+pub mod residuals;
 pub mod rows;
 pub mod scene;
 pub mod sky;

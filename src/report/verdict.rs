@@ -3,14 +3,12 @@
 use crate::fit::record::{FitRecord, GAUGE_GAMMA, GAUGE_THICKNESS};
 use crate::fit::translucency::judge::NAMES;
 use crate::report::model::{CheckReport, FitReport, Level, Reason, SectionReport, Verdict};
-use crate::report::number::{count, percent, plain, significant};
+use crate::report::number::{count, percent, plain};
 use crate::report::quantity::symbol;
+use crate::report::residuals;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Reduced χ²: 1.4 is a scatter 18 % above the stated noise, 3 is 73 %.
-const CHI2_GOOD: std::ops::RangeInclusive<f64> = 0.7..=1.4;
-const CHI2_BAD: f64 = 3.0;
 /// Share of good texels on the leaf.
 const TEXELS_GOOD: f64 = 0.98;
 const TEXELS_BAD: f64 = 0.9;
@@ -43,19 +41,8 @@ pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> Verdict 
         approximation(&side, s, &mut say);
         // A function that is approximated has no noise that its residuals could be set against.
         for (what, r) in s.residuals.iter().filter(|_| !approximates(s)) {
-            let chi2 = r.reduced_chi2;
-            let fact = format!("{side}reduced χ² of {what} is {}", significant(chi2, 3));
-            if !chi2.is_finite() {
-                say(Level::Bad, format!("{side}the residuals of {what} have no reduced χ²"));
-            } else if CHI2_GOOD.contains(&chi2) {
-                say(Level::Good, format!("{fact}: the model explains the measurements within their stated noise"));
-            } else if chi2 < 1.0 {
-                say(Level::Doubtful, format!("{fact}: the measurements scatter less than their stated noise"));
-            } else if chi2 > CHI2_BAD {
-                say(Level::Bad, format!("{fact}: the model does not describe these measurements"));
-            } else {
-                say(Level::Doubtful, format!("{fact}: the model leaves more than the stated noise"));
-            }
+            let (level, text) = residuals::judge(what, r, record, s);
+            say(level, format!("{side}{text}"));
         }
         texels(&side, s, &record.defects, &mut say);
         shared_problems(&side, s, &mut say);
@@ -83,6 +70,7 @@ pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> Verdict 
             );
         }
     }
+    residuals::sides(record, &mut say);
     parameters(report, &mut say);
     if let Some(doubt) = record.options.get("doubt").filter(|_| record.kind == "translucency") {
         say(Level::Doubtful, format!("{doubt}; the maps are not to be relied on"));

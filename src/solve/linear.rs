@@ -1,5 +1,6 @@
 //! Linear least squares by QR: min Σ w (A x − b)², with the same trace, rank and errors as the nonlinear solver.
 
+use super::decompose;
 use super::lm::Fit;
 use super::qr;
 use super::trace::{Termination, TraceRow};
@@ -41,7 +42,7 @@ pub fn solve(a: &DMatrix<f64>, b: &[f64], sigma: &[f64], noise: Noise) -> Fit {
     let tolerance = (m.max(n) as f64) * f64::EPSILON;
     let square = DMatrix::from_fn(n, n, |i, j| if i <= j && i < m { triangle[j * m + i] } else { 0.0 });
     let full_rank = {
-        let sigma = square.singular_values();
+        let Some(sigma) = decompose::singular_values(square.clone()) else { return fit };
         m >= n && sigma.min() > tolerance * sigma.max()
     };
     // Scaled coordinates: y = x · scale.
@@ -49,7 +50,7 @@ pub fn solve(a: &DMatrix<f64>, b: &[f64], sigma: &[f64], noise: Noise) -> Fit {
         qr::solve_upper(&triangle, m, n, &right)
     } else {
         let top = DVector::from_fn(n, |i, _| right.get(i).copied().unwrap_or(0.0));
-        let svd = square.svd(true, true);
+        let Some(svd) = decompose::svd(square) else { return fit };
         let cut = tolerance * svd.singular_values.max();
         match svd.solve(&top, cut) {
             Ok(y) => y.iter().copied().collect(),

@@ -1,6 +1,7 @@
 //! Least squares for every fit: one trace, one set of termination names, one covariance. No model's name appears here.
 
 pub mod dd;
+pub mod decompose;
 pub mod descent;
 pub mod dual;
 pub mod global;

@@ -1,5 +1,6 @@
 //! What a fit knows of its parameters: covariance, rank, condition, and the directions the data do not determine.
 
+use super::decompose;
 use super::qr;
 use super::real::Real;
 use nalgebra::DMatrix;
@@ -68,7 +69,7 @@ impl Uncertainty {
         let scale: Vec<T> = lengths.iter().map(|l| if l.value() > 0.0 { *l } else { T::one() }).collect();
         // Rows that a short matrix lacks are zero, so that the decomposition always has n right singular vectors.
         let scaled = DMatrix::from_fn(n, n, |i, j| if i <= j && i < top { (r[j * rows + i] / scale[j]).value() } else { 0.0 });
-        let svd = scaled.svd(false, true);
+        let Some(svd) = decompose::svd(scaled) else { return Uncertainty::none(n) };
         let sigma = &svd.singular_values;
         let largest = sigma.iter().copied().fold(0.0, f64::max);
         let kept: Vec<bool> = sigma.iter().map(|s| *s > tolerance * largest && *s > 0.0).collect();

@@ -30,6 +30,7 @@ pub struct MirrorCheck {
     pub lean_deg: f64,
 }
 
+/// Adds what the mirror strip of the capture `folder` says to `found`: its offsets, and a note or a warning about each pass.
 pub fn look(folder: &Path, m: &Manifest, found: &mut Inspection) {
     if !folder.join("mirror").exists() {
         found.notes.push("mirror/ is absent: the tube's height and zero and the camera's angle are taken as stated".into());

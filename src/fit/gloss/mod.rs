@@ -43,6 +43,36 @@ impl Device {
     pub fn tube(&self) -> Tube {
         Tube { height_mm: self.height_mm, length_mm: self.length_mm, radius_mm: self.radius_mm }
     }
+
+    /// The noise of readings that were divided by no white sheet and had no dark frame taken off.
+    pub fn noise(&self) -> ReadingNoise {
+        ReadingNoise { relative: self.noise_relative, floor: [self.noise_floor; 3], dark: [0.0; 3], dark_error: [0.0; 3] }
+    }
+}
+
+/// Noise of one texel's calibrated readings. A reading of value v in channel c has the standard deviation
+/// √((relative·(v + dark_c))² + floor_c²). All readings of a channel share one unknown error of the dark level besides.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ReadingNoise {
+    pub relative: f64,
+    pub floor: [f64; 3],
+    /// The dark level that was taken off the readings: its light-independent part of the signal has noise, too.
+    pub dark: [f64; 3],
+    /// Standard deviation of that dark level as measured. It is not fitted; it widens the errors.
+    pub dark_error: [f64; 3],
+}
+
+impl ReadingNoise {
+    /// What evaluates the variance of channel `c`: relative, dark, floor. A floor of zero would give an exact zero infinite weight.
+    pub fn terms(&self, c: usize) -> [f64; 3] {
+        [self.relative, self.dark[c], self.floor[c].max(1e-6)]
+    }
+
+    /// Variance of a reading of `value` in channel `c`.
+    pub fn variance(&self, c: usize, value: f64) -> f64 {
+        let [relative, dark, floor] = self.terms(c);
+        (relative * (value + dark)).powi(2) + floor * floor
+    }
 }
 
 /// When samples are reweighted against outliers.

@@ -64,8 +64,7 @@ impl Job<'_> {
     /// Standardised residual of sample `k` in channel `c` at the columns of the last evaluation.
     fn residual(&self, state: &State, c: usize, k: usize) -> f64 {
         let value = state.channels[c].rho_d * self.ws.columns[0][k] + state.channels[c].rho_s * self.ws.columns[1][k];
-        let [relative, floor] = self.noise();
-        (self.ws.y[c][k] - value) / ((relative * value).powi(2) + floor * floor).sqrt()
+        (self.ws.y[c][k] - value) / self.noise.variance(c, value).sqrt()
     }
 
     /// Robust scale of the standardised residuals, at least 1.

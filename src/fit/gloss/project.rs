@@ -150,20 +150,21 @@ fn slope_sums<L: Lanes>(columns: &[Vec<f64>; COLUMNS], y: &[f64], w: &[f64], fac
 
 /// Weights 1/sd² from the model ρd D + ρs S, sd² = (relative·model)² + floor²; returns the largest squared residual/sd.
 #[allow(clippy::too_many_arguments)]
-pub fn weigh(level: Level, columns: &[Vec<f64>; COLUMNS], rho: [f64; 2], noise: [f64; 2], y: &[f64], used: &[f64], w: &mut [f64]) -> f64 {
+pub fn weigh(level: Level, columns: &[Vec<f64>; COLUMNS], rho: [f64; 2], noise: [f64; 3], y: &[f64], used: &[f64], w: &mut [f64]) -> f64 {
     let (d, s) = (&columns[D][..], &columns[S][..]);
-    dispatch_lanes!(level, weigh_lanes(d: &[f64], s: &[f64], rho: [f64; 2], noise: [f64; 2], y: &[f64], used: &[f64], w: &mut [f64]) -> f64)
+    dispatch_lanes!(level, weigh_lanes(d: &[f64], s: &[f64], rho: [f64; 2], noise: [f64; 3], y: &[f64], used: &[f64], w: &mut [f64]) -> f64)
 }
 
 #[inline(always)]
-fn weigh_lanes<L: Lanes>(d: &[f64], s: &[f64], rho: [f64; 2], noise: [f64; 2], y: &[f64], used: &[f64], w: &mut [f64]) -> f64 {
+fn weigh_lanes<L: Lanes>(d: &[f64], s: &[f64], rho: [f64; 2], noise: [f64; 3], y: &[f64], used: &[f64], w: &mut [f64]) -> f64 {
     let (rho_d, rho_s) = (L::splat(rho[0]), L::splat(rho[1]));
-    let (relative2, floor2) = (L::splat(noise[0] * noise[0]), L::splat(noise[1] * noise[1]));
+    let (relative2, dark, floor2) = (L::splat(noise[0] * noise[0]), L::splat(noise[1]), L::splat(noise[2] * noise[2]));
     let mut worst = [0.0; 8];
     let mut most = L::splat(0.0);
     for k in (0..y.len()).step_by(L::N) {
         let model = rho_d.mul(L::load(&d[k..])).add(rho_s.mul(L::load(&s[k..])));
-        let weight = L::load(&used[k..]).div(model.mul(model).fma(relative2, floor2));
+        let signal = model.add(dark);
+        let weight = L::load(&used[k..]).div(signal.mul(signal).fma(relative2, floor2));
         let r = L::load(&y[k..]).sub(model);
         most = most.max(r.mul(r).mul(weight));
         weight.store(&mut w[k..]);
@@ -172,10 +173,10 @@ fn weigh_lanes<L: Lanes>(d: &[f64], s: &[f64], rho: [f64; 2], noise: [f64; 2], y
     worst.into_iter().fold(0.0, f64::max)
 }
 
-/// Weights from the samples themselves; sum of the channels and its variance (infinite where a channel's reading is missing).
+/// Weights from the samples themselves, `noise` a channel as [`super::ReadingNoise::terms`] gives it; sum of the channels and its variance (infinite where a channel's reading is missing).
 pub fn weigh_by_samples(
     level: Level,
-    noise: [f64; 2],
+    noise: [[f64; 3]; 3],
     y: &[Vec<f64>; 3],
     used: &[Vec<f64>; 3],
     w: &mut [Vec<f64>; 3],
@@ -183,13 +184,13 @@ pub fn weigh_by_samples(
 ) {
     dispatch_lanes!(
         level,
-        sample_lanes(noise: [f64; 2], y: &[Vec<f64>; 3], used: &[Vec<f64>; 3], w: &mut [Vec<f64>; 3], sum: &mut [Vec<f64>; 2])
+        sample_lanes(noise: [[f64; 3]; 3], y: &[Vec<f64>; 3], used: &[Vec<f64>; 3], w: &mut [Vec<f64>; 3], sum: &mut [Vec<f64>; 2])
     );
 }
 
 #[inline(always)]
-fn sample_lanes<L: Lanes>(noise: [f64; 2], y: &[Vec<f64>; 3], used: &[Vec<f64>; 3], w: &mut [Vec<f64>; 3], sum: &mut [Vec<f64>; 2]) {
-    let (relative2, floor2) = (L::splat(noise[0] * noise[0]), L::splat(noise[1] * noise[1]));
+fn sample_lanes<L: Lanes>(noise: [[f64; 3]; 3], y: &[Vec<f64>; 3], used: &[Vec<f64>; 3], w: &mut [Vec<f64>; 3], sum: &mut [Vec<f64>; 2]) {
+    let terms = noise.map(|[relative, dark, floor]| [L::splat(relative * relative), L::splat(dark), L::splat(floor * floor)]);
     let absent: [bool; 3] = std::array::from_fn(|c| used[c].iter().all(|u| *u == 0.0));
     for k in (0..y[0].len()).step_by(L::N) {
         let (mut total, mut variance, mut whole) = (L::splat(0.0), L::splat(0.0), L::splat(1.0));
@@ -198,7 +199,9 @@ fn sample_lanes<L: Lanes>(noise: [f64; 2], y: &[Vec<f64>; 3], used: &[Vec<f64>; 
                 continue;
             }
             let (v, u) = (L::load(&y[c][k..]), L::load(&used[c][k..]));
-            let sd2 = v.mul(v).fma(relative2, floor2);
+            let [relative2, dark, floor2] = terms[c];
+            let signal = v.add(dark);
+            let sd2 = signal.mul(signal).fma(relative2, floor2);
             u.div(sd2).store(&mut w[c][k..]);
             total = total.add(v);
             variance = variance.add(sd2);

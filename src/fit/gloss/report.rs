@@ -141,6 +141,8 @@ impl Job<'_> {
             defect: None,
             ..TexelFit::refused("")
         };
+        let levels = self.levels();
+        fit.chi2 -= levels.as_ref().map_or(0.0, |levels| self.explained_by_dark(&state, levels));
         // Residuals that the stated noise cannot explain (5 σ of χ²) widen every error.
         let freedom = samples.saturating_sub(parameters).max(1) as f64;
         let inflate = if fit.chi2 > freedom + 5.0 * (2.0 * freedom).sqrt() { (fit.chi2 / freedom).sqrt() } else { 1.0 };
@@ -171,7 +173,9 @@ impl Job<'_> {
                 }
             }
         }
-        self.add_offset(&mut fit, &state, &cov, &inverses);
+        if let Some(levels) = levels {
+            self.add_dark_error(&mut fit, &state, &cov, &inverses, levels);
+        }
         let slopes = normal_slopes(fit.tilt);
         fit.normal_err = std::array::from_fn(|axis| {
             let part = |k: usize| if slopes[k][axis] == 0.0 { 0.0 } else { slopes[k][axis] * fit.tilt_err[k] };
@@ -181,18 +185,35 @@ impl Job<'_> {
         fit
     }
 
-    /// Adds what an unknown common level of each channel does to every parameter: the fit's response to adding one to all samples.
-    fn add_offset(&self, fit: &mut TexelFit, state: &State, cov: &Matrix, inverses: &[[[f64; 2]; 2]; 3]) {
-        let sigma = self.fitter.offset;
-        if sigma <= 0.0 {
-            return;
-        }
+    /// Each channel's linear sums and solve for samples that are all one, where the dark level has an error.
+    fn levels(&self) -> Option<[Channel; 3]> {
+        let ws = &*self.ws;
+        let ones = vec![1.0; ws.y[0].len()];
+        let known = self.noise.dark_error.iter().all(|e| *e <= 0.0);
+        (!known).then(|| std::array::from_fn(|c| Channel::solve(self.fitter.level, &ws.columns, &ones, &ws.w[c], false)))
+    }
+
+    /// What of χ² an error of each channel's dark level explains, that error being no larger than it is known to be: the largest decrease of
+    /// χ² + (level/σ)² over the level. Without it every texel's χ² would hold the noise of its own dark frame.
+    fn explained_by_dark(&self, state: &State, levels: &[Channel; 3]) -> f64 {
+        let ws = &*self.ws;
+        let of_channel = |c: usize| {
+            let (sigma, channel, level) = (self.noise.dark_error[c], &state.channels[c], &levels[c]);
+            let sum: f64 = ws.w[c].iter().zip(&ws.y[c]).map(|(w, y)| w * y).sum();
+            let pull = sum - channel.rho_d * level.dy - channel.rho_s * level.sy;
+            if sigma > 0.0 { pull * pull / (1.0 / (sigma * sigma) + level.chi2) } else { 0.0 }
+        };
+        (0..3).map(of_channel).sum()
+    }
+
+    /// Adds what an error of each channel's dark level does to every parameter: the fit's response to adding one to all samples.
+    fn add_dark_error(&self, fit: &mut TexelFit, state: &State, cov: &Matrix, inverses: &[[[f64; 2]; 2]; 3], levels: [Channel; 3]) {
         let (ws, level, count) = (&*self.ws, self.fitter.level, 1 + self.tilts);
         let ones = vec![1.0; ws.y[0].len()];
         let mut variance = [0.0; NONLINEAR];
         let mut linear = [[0.0; 2]; 3];
-        for (c, channel) in state.channels.iter().enumerate() {
-            let mut level_sums = Channel::solve(level, &ws.columns, &ones, &ws.w[c], false);
+        for (c, (channel, mut level_sums)) in state.channels.iter().zip(levels).enumerate() {
+            let sigma = self.noise.dark_error[c];
             let direct = inverses[c].map(|row| row[0] * level_sums.dy + row[1] * level_sums.sy);
             (level_sums.rho_d, level_sums.rho_s) = (channel.rho_d, channel.rho_s);
             level_sums.slopes(level, &ws.columns, &ones, &ws.w[c], state.p[0].exp(), self.tilts);

@@ -2,6 +2,9 @@
 
 use crate::fit::gloss::{NO_LIGHT, TexelFit};
 
+/// A standard error of ρd from which on the traces say nothing of it: half of all the light.
+const UNKNOWN: f64 = 0.5;
+
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Defect {
     /// Too few readings: dead, or saturated in every exposure.
@@ -10,7 +13,7 @@ pub enum Defect {
     NotConverged,
     /// γρd + ρt above 1 by more than the noise: more light leaves than arrives.
     Energy,
-    /// The light box gives no transmittance between 0 and 1.
+    /// The light box gives no transmittance between 0 and 1, or three that no thickness of this leaf has.
     Transmission,
     /// Too dark in every channel to say how thick it is.
     ThicknessUndetermined,
@@ -20,10 +23,14 @@ pub enum Defect {
     Ambiguous,
     /// Dark within the noise in every channel and frame: it faces away from the camera, or lies in a shadow.
     NoLight,
+    /// The traces differ from every texel's by more than noise can (χ²): a hot pixel, dust on the leaf, something in the light's way.
+    Unexplained,
+    /// Far brighter or darker than this leaf is anywhere else, in a way that no vein is: something lies on it.
+    Foreign,
 }
 
 impl Defect {
-    pub const ALL: [Defect; 8] = [
+    pub const ALL: [Defect; 10] = [
         Defect::NoReading,
         Defect::NotConverged,
         Defect::Energy,
@@ -32,6 +39,8 @@ impl Defect {
         Defect::ThicknessRange,
         Defect::Ambiguous,
         Defect::NoLight,
+        Defect::Unexplained,
+        Defect::Foreign,
     ];
 
     pub fn code(self) -> i16 {
@@ -44,6 +53,8 @@ impl Defect {
             Defect::ThicknessRange => -6,
             Defect::Ambiguous => -7,
             Defect::NoLight => -8,
+            Defect::Unexplained => -9,
+            Defect::Foreign => -10,
         }
     }
 
@@ -57,7 +68,20 @@ impl Defect {
             Defect::ThicknessRange => "thickness_range",
             Defect::Ambiguous => "ambiguous",
             Defect::NoLight => "no_light",
+            Defect::Unexplained => "unexplained",
+            Defect::Foreign => "foreign",
         }
+    }
+
+    /// Whether the reading failed and not the leaf: then its neighbours' values are the best guess of what would have been read.
+    pub fn failed_reading(self) -> bool {
+        use Defect::{Energy, Foreign, NoReading, NotConverged, ThicknessRange, Transmission, Unexplained};
+        matches!(self, NoReading | NotConverged | Energy | Transmission | ThicknessRange | Unexplained | Foreign)
+    }
+
+    /// The defect of a mask's code.
+    pub fn from_code(code: i16) -> Option<Defect> {
+        Defect::ALL.into_iter().find(|d| d.code() == code)
     }
 
     /// The defect of a texel whose gloss fit ended badly.
@@ -68,7 +92,7 @@ impl Defect {
             Some(Defect::NoReading)
         } else if !fit.termination.converged() {
             Some(Defect::NotConverged)
-        } else if fit.rho_d_err.iter().any(|e| !e.is_finite()) || fit.rho_d.iter().all(|v| *v == 0.0) {
+        } else if fit.rho_d_err.iter().any(|e| !(*e < UNKNOWN)) || fit.rho_d.iter().all(|v| *v == 0.0) {
             Some(Defect::Ambiguous)
         } else {
             None

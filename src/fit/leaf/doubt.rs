@@ -48,21 +48,21 @@ pub fn unexplained(maps: &Maps, good: &[u32], level: &Level) -> Option<f64> {
 }
 
 /// The slab that the mean texel of channel `c` says, its errors those of the mean.
-pub fn mean_texel(texels: &[Texel], c: usize, h: f64, rho_t_err: impl Fn(f64) -> f64, common: &Common) -> Estimate {
+pub fn mean_texel(texels: &[Texel], c: usize, h: f64, rho_t_err: impl Fn(&Texel, usize) -> f64, common: &Common) -> Estimate {
     let n = texels.len().max(1) as f64;
     let mean = |f: &dyn Fn(&Texel) -> f64| texels.iter().map(f).sum::<f64>() / n;
     let (d, t) = (mean(&|x| x.rho_d[c]), mean(&|x| x.rho_t[c]));
     let d_err = mean(&|x| x.rho_d_err[c].powi(2)) / n;
-    let t_err = mean(&|x| rho_t_err(x.rho_t[c]).powi(2)) / n;
+    let t_err = mean(&|x| rho_t_err(x, c).powi(2)) / n;
     // Thickness that varies over the leaf makes the mean another slab's: its scatter counts in full.
     let scatter = mean(&|x| (x.rho_t[c] - t).powi(2)) / n;
     inverse::invert(d, t, h, (d_err + (d * common.shared.hypot(common.own[c])).powi(2)).sqrt().min(1.0), (t_err + scatter).sqrt())
 }
 
 /// Whether all that came through channel `c`, over the whole leaf, may be noise: its mean is less than 5.5 of its standard errors.
-pub fn opaque(texels: &[Texel], c: usize, rho_t_err: impl Fn(f64) -> f64) -> bool {
+pub fn opaque(texels: &[Texel], c: usize, rho_t_err: impl Fn(&Texel, usize) -> f64) -> bool {
     let sum: f64 = texels.iter().map(|x| x.rho_t[c]).sum();
-    let variance: f64 = texels.iter().map(|x| rho_t_err(x.rho_t[c]).powi(2)).sum();
+    let variance: f64 = texels.iter().map(|x| rho_t_err(x, c).powi(2)).sum();
     sum < 5.5 * variance.sqrt()
 }
 
@@ -84,6 +84,7 @@ mod tests {
                 rho_d: [normal().max(0.0) * 1e-3; 3],
                 rho_d_err: [1e-3; 3],
                 rho_t: [0.2 + 1e-3 * normal(), 1e-4 * normal(), 1.0],
+                rho_t_floor: [1e-4; 3],
             })
             .collect();
         let own = common(&texels, 0.0).own[0];
@@ -91,6 +92,6 @@ mod tests {
         // Well above zero there is none.
         let bright: Vec<Texel> = texels.iter().map(|x| Texel { rho_d: x.rho_d.map(|d| d + 0.01), ..*x }).collect();
         assert!(common(&bright, 0.0).own[0] < 1e-6);
-        assert!(opaque(&texels, 1, |_| 1e-4) && !opaque(&texels, 0, |_| 1e-3));
+        assert!(opaque(&texels, 1, |_, _| 1e-4) && !opaque(&texels, 0, |_, _| 1e-3));
     }
 }

@@ -4,14 +4,15 @@ use crate::Result;
 use crate::capture::manifest::{SideName, Travel};
 use crate::capture::reader::Capture;
 use crate::files::image::Maps;
-use crate::fit::leaf::curve::{Curve, Incidence, RANGE};
+use crate::fit::leaf::curve::{Curve, Incidence};
 use crate::fit::leaf::defect::Defect;
 use crate::fit::leaf::doubt;
 use crate::fit::leaf::noise::Level;
+use crate::fit::leaf::outliers;
 use crate::fit::leaf::paper::{self, Paper};
 use crate::fit::leaf::side::Measured;
 use crate::fit::leaf::slabmaps::{Inverter, Sigma};
-use crate::fit::leaf::wide::{self, Noise, Settings, Texel, Wide};
+use crate::fit::leaf::wide::{self, Settings, StandIns, Texel, Wide};
 use crate::fit::leaf::{Method, Options};
 use crate::fit::record::Times;
 use crate::optics::slab::{self, inverse};
@@ -77,31 +78,39 @@ pub fn fit(capture: &Capture, measured: Measured, maps: Maps, options: &Options,
     let manifest = &capture.manifest;
     let h = manifest.thickness_mm;
     let incidence = Incidence(manifest.lightbox.camera_deg.to_radians().cos());
-    let noise = Noise { relative: level.relative * level.lightbox * std::f64::consts::SQRT_2, floor: measured.floor };
+    let relative = level.relative * level.lightbox * std::f64::consts::SQRT_2;
     let mut mask = classify(&measured, &maps);
-    let (mut at, mut texels) = gather(&measured, &maps, &mask);
-    let unseen = if manifest.pass(Travel::Y).is_some() { 0.0 } else { doubt::unseen_tilt(&maps, &at) };
-    let common = doubt::common(&texels, unseen);
-    let settings = Settings { h, incidence, noise, robust: options.robust, iterations: 80, common };
-    if texels.is_empty() {
+    let mut good = Good::gather(&measured, &maps, &mask, relative, manifest.width);
+    let none = |mask: &[i16]| {
         let path = capture.folder.join(measured.side.name());
-        return Err(crate::Error::Missed(format!("{}: no texel could be fitted; see the counts of `mesophyll inspect`", path.display())));
+        crate::Error::Missed(format!("{}: no texel could be fitted{}", path.display(), outliers::most_common(mask)))
+    };
+    if good.texels.is_empty() {
+        return Err(none(&mask));
     }
-    let mut wide = wide::fit(&texels, start(&texels, h), &settings);
-    // A thickness at the end of its range is no measurement: name it, and let the rest say what the leaf is.
-    let limit = |t: f64| t < h / RANGE * 1.001 || t > h * RANGE * 0.999;
-    if wide.locals.iter().any(|l| limit(l.thickness)) {
-        for (l, &k) in wide.locals.iter().zip(&at) {
-            if limit(l.thickness) {
-                mask[k as usize] = Defect::ThicknessRange.code();
-            }
+    let unseen = if manifest.pass(Travel::Y).is_some() { 0.0 } else { doubt::unseen_tilt(&maps, &good.at) };
+    let settings = |texels: &[Texel]| {
+        let common = doubt::common(texels, unseen);
+        Settings { h, incidence, relative, robust: options.robust, iterations: 80, common }
+    };
+    let mut wide = wide::fit(&good.texels, &good.missing, start(&good.texels, h), &settings(&good.texels));
+    // What stands out of the fitted leaf is named, and the rest say what the leaf is. Outliers may hide others: three rounds.
+    for _ in 0..3 {
+        let found = outliers::of_leaf(&good.texels, &wide, h);
+        if found.is_empty() {
+            break;
         }
-        (at, texels) = gather(&measured, &maps, &mask);
-        if texels.is_empty() {
-            return Err(crate::Error::Missed(format!("{}: no texel has a thickness within a factor of {RANGE} of h", manifest.name)));
+        for (k, defect) in found {
+            mask[good.at[k] as usize] = defect.code();
         }
-        wide = wide::fit(&texels, start(&texels, h), &settings);
+        good = Good::gather(&measured, &maps, &mask, relative, manifest.width);
+        if good.texels.is_empty() {
+            return Err(none(&mask));
+        }
+        wide = wide::fit(&good.texels, &good.missing, start(&good.texels, h), &settings(&good.texels));
     }
+    let common = settings(&good.texels).common;
+    let Good { at, texels, missing } = good;
     times.traces.insert(format!("{} leaf-wide", measured.side.name()), wide.trace.clone());
 
     let to_normal = (incidence.0 != 1.0).then(|| {
@@ -110,7 +119,8 @@ pub fn fit(capture: &Capture, measured: Measured, maps: Maps, options: &Options,
         wide.locals.iter().map(|l| [0, 1, 2].map(|c: usize| factor(l.thickness, c))).collect()
     });
     let inverter = Inverter::new(incidence);
-    let error = |x: &Texel, c: usize| [x.rho_d_err[c], ((noise.relative * x.rho_t[c]).powi(2) + noise.floor[c].powi(2)).sqrt()];
+    let rho_t_err = |x: &Texel, c: usize| x.variance(c, x.rho_t[c], relative).sqrt();
+    let error = |x: &Texel, c: usize| [x.rho_d_err[c], rho_t_err(x, c)];
     let invert_all = |thickness: &(dyn Fn(usize) -> f64 + Sync)| -> Vec<[Sigma; 3]> {
         texels
             .par_iter()
@@ -120,7 +130,8 @@ pub fn fit(capture: &Capture, measured: Measured, maps: Maps, options: &Options,
     };
     let at_h = invert_all(&|_| h);
     let paper = paper::reduce(&texels, &at_h.iter().map(|s| s.map(|c| c.value)).collect::<Vec<_>>(), h);
-    let figures = compare(&texels, &wide, &paper, &settings);
+    let mut figures = compare(&texels, &wide, &paper, h);
+    figures.insert("stand_ins".into(), missing.len() as f64);
 
     let unexplained = doubt::unexplained(&maps, &at, level);
     let gauge = manifest.thickness_err_mm.unwrap_or(0.0) / h;
@@ -154,8 +165,7 @@ pub fn fit(capture: &Capture, measured: Measured, maps: Maps, options: &Options,
             }
         }
     }
-    let rho_t_err = |c: usize, t: f64| ((noise.relative * t).powi(2) + noise.floor[c].powi(2)).sqrt();
-    for c in (0..3).filter(|&c| doubt::opaque(&texels, c, |t| rho_t_err(c, t))) {
+    for c in (0..3).filter(|&c| doubt::opaque(&texels, c, rho_t_err)) {
         // Nothing comes through that noise could not be: the curvature where the fit stopped says nothing of thicker slabs.
         (rel_a[c], rel_s[c]) = (f64::INFINITY, f64::INFINITY);
     }
@@ -163,7 +173,7 @@ pub fn fit(capture: &Capture, measured: Measured, maps: Maps, options: &Options,
         if rel_a[c] <= inverse::DETERMINED && rel_s[c] <= inverse::DETERMINED {
             return None;
         }
-        let mean = doubt::mean_texel(&texels, c, h, |t| rho_t_err(c, t), &common);
+        let mean = doubt::mean_texel(&texels, c, h, rho_t_err, &common);
         if options.method == Method::Exact {
             // A direction that the joint problem has lost ends wherever it began: the mean texel's estimate stands instead.
             for (value, relative, estimate) in [(&mut sigma_a[c], rel_a[c], mean.sigma_a), (&mut sigma_s[c], rel_s[c], mean.sigma_s)] {
@@ -209,6 +219,7 @@ fn classify(measured: &Measured, maps: &Maps) -> Vec<i16> {
     let code = channel("mask.Y");
     let rho_d = ["rho_d.R", "rho_d.G", "rho_d.B"].map(channel);
     let rho_d_err = ["err.rho_d.R", "err.rho_d.G", "err.rho_d.B"].map(channel);
+    let unexplained = outliers::unexplained(maps, &measured.mask);
     (0..code.len())
         .map(|k| {
             if !measured.mask[k] {
@@ -216,6 +227,9 @@ fn classify(measured: &Measured, maps: &Maps) -> Vec<i16> {
             }
             if code[k] != 1.0 {
                 return code[k] as i16;
+            }
+            if unexplained[k] {
+                return Defect::Unexplained.code();
             }
             let (t, e) = (measured.rho_t[k], measured.rho_t_err[k]);
             if (0..3).any(|c| !t[c].is_finite() || t[c] >= 1.0 || t[c] < -6.0 * e[c]) {
@@ -232,31 +246,40 @@ fn classify(measured: &Measured, maps: &Maps) -> Vec<i16> {
         .collect()
 }
 
-fn gather(measured: &Measured, maps: &Maps, mask: &[i16]) -> (Vec<u32>, Vec<Texel>) {
-    let channel = |name: &str| maps.get(name).unwrap_or(&[]);
-    let rho_d = ["rho_d.R", "rho_d.G", "rho_d.B"].map(channel);
-    let rho_d_err = ["err.rho_d.R", "err.rho_d.G", "err.rho_d.B"].map(channel);
-    mask.iter()
-        .enumerate()
-        .filter(|(_, m)| **m == 1)
-        .map(|(k, _)| {
-            let texel = Texel {
-                rho_d: [0, 1, 2].map(|c: usize| f64::from(rho_d[c][k])),
-                rho_d_err: [0, 1, 2].map(|c: usize| f64::from(rho_d_err[c][k])),
-                rho_t: [0, 1, 2].map(|c: usize| f64::from(measured.rho_t[k][c])),
-            };
-            (k as u32, texel)
-        })
-        .unzip()
+/// The good texels: where they are, what they say, and which of them stand for texels whose reading failed.
+struct Good {
+    at: Vec<u32>,
+    texels: Vec<Texel>,
+    missing: Vec<StandIns>,
 }
 
-/// A start from the leaf's mean reflectance and median transmittance a channel.
+impl Good {
+    /// `relative`: the noise of ρt, relative to it; what is left of its standard error is the floor.
+    fn gather(measured: &Measured, maps: &Maps, mask: &[i16], relative: f64, width: usize) -> Good {
+        let channel = |name: &str| maps.get(name).unwrap_or(&[]);
+        let rho_d = ["rho_d.R", "rho_d.G", "rho_d.B"].map(channel);
+        let rho_d_err = ["err.rho_d.R", "err.rho_d.G", "err.rho_d.B"].map(channel);
+        let texel = |k: usize| {
+            let rho_t = measured.rho_t[k].map(f64::from);
+            let floor = |c: usize| (f64::from(measured.rho_t_err[k][c]).powi(2) - (relative * rho_t[c]).powi(2)).max(1e-18).sqrt();
+            Texel {
+                rho_d: [0, 1, 2].map(|c: usize| f64::from(rho_d[c][k])),
+                rho_d_err: [0, 1, 2].map(|c: usize| f64::from(rho_d_err[c][k])),
+                rho_t,
+                rho_t_floor: [0, 1, 2].map(floor),
+            }
+        };
+        let at: Vec<u32> = (0..mask.len() as u32).filter(|&k| mask[k as usize] == 1).collect();
+        let texels = at.iter().map(|&k| texel(k as usize)).collect();
+        Good { missing: outliers::stand_ins(mask, &at, width), at, texels }
+    }
+}
+
+/// A start from the leaf's median reflectance and transmittance a channel.
 fn start(texels: &[Texel], h: f64) -> [[f64; 2]; 3] {
     [0, 1, 2].map(|c: usize| {
-        let d = texels.iter().map(|x| x.rho_d[c]).sum::<f64>() / texels.len() as f64;
-        let mut t: Vec<f64> = texels.iter().map(|x| x.rho_t[c]).collect();
-        t.sort_unstable_by(f64::total_cmp);
-        let t = t[t.len() / 2].max(1e-4);
+        let d = outliers::median(texels.iter().map(|x| x.rho_d[c]).collect());
+        let t = outliers::median(texels.iter().map(|x| x.rho_t[c]).collect()).max(1e-4);
         let found = slab::inverse::invert(d, t, h, 1e-3 * d, 1e-3 * t);
         if found.sigma_a.is_finite() && found.sigma_s.is_finite() && found.sigma_a > 0.0 && found.sigma_s > 0.0 {
             [found.sigma_a, found.sigma_s]
@@ -268,7 +291,7 @@ fn start(texels: &[Texel], h: f64) -> [[f64; 2]; 3] {
 }
 
 /// How much of the measured transmittance each reduction gives back: over the whole leaf and over its darkest tenth (the veins).
-fn compare(texels: &[Texel], wide: &Wide, paper: &Paper, settings: &Settings) -> BTreeMap<String, f64> {
+fn compare(texels: &[Texel], wide: &Wide, paper: &Paper, h: f64) -> BTreeMap<String, f64> {
     let mut order: Vec<usize> = (0..texels.len()).collect();
     order.sort_unstable_by(|&a, &b| texels[a].rho_t[1].total_cmp(&texels[b].rho_t[1]));
     let veins = &order[..order.len().div_ceil(10)];
@@ -296,7 +319,7 @@ fn compare(texels: &[Texel], wide: &Wide, paper: &Paper, settings: &Settings) ->
         ("paper_sigma_a_red".to_string(), paper.sigma_a[0]),
         ("paper_sigma_s_red".to_string(), paper.sigma_s[0]),
         ("transmittance_reduced_chi2".to_string(), chi2 / freedom),
-        ("gauge_thickness_relative".to_string(), wide.gauge[0] / settings.h),
+        ("gauge_thickness_relative".to_string(), wide.gauge[0] / h),
         ("down_weighted_texels".to_string(), wide.locals.iter().filter(|l| l.weight < 1.0).count() as f64),
     ])
 }

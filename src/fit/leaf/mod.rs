@@ -10,9 +10,11 @@ mod doubt;
 pub mod fill;
 mod interior;
 mod noise;
+mod outliers;
 mod output;
 pub mod paper;
 mod side;
+pub mod sides;
 pub mod slabmaps;
 pub mod stress;
 pub mod texels;
@@ -137,10 +139,11 @@ pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     let x = manifest.pass(Travel::X).map(|p| p.positions()).unwrap_or_default();
     let y = manifest.pass(Travel::Y).map(|p| p.positions());
     let mut fitter = TexelFitter::new(&device, &x, y.as_deref());
-    fitter.offset = level.dark / capture.median_gain();
     fitter.unseen = if y.is_none() { doubt::UNSEEN } else { 0.0 };
-    let jobs: Vec<Job> =
-        sides.iter().map(|s| Job { capture: &capture, side: s.side, mask: &s.mask, fitter: &fitter, parts: &parts }).collect();
+    let jobs: Vec<Job> = sides
+        .iter()
+        .map(|s| Job { capture: &capture, side: s.side, mask: &s.mask, fitter: &fitter, level: &level, parts: &parts })
+        .collect();
     if !options.merge {
         let bar = Bar::new("fitting texels", sides.iter().map(|s| s.count() as u64).sum());
         let shard = options.shard.unwrap_or(Shard { index: 0, count: 1 });
@@ -186,13 +189,14 @@ pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
         phases.add(&format!("{}: interior", fitted.side.name()), step);
         done.push(fitted);
     }
+    sides::compare(&mut done, manifest.thickness_err_mm.unwrap_or(0.0) / manifest.thickness_mm, &mut record);
     let step = Instant::now();
     let blade = output::blade(&capture, &done);
     phases.add("blade", step);
     let step = Instant::now();
     for fitted in &done {
         let truth = truth::compare(&capture, fitted)?;
-        output::side(out, &capture, fitted, blade.as_ref(), truth, &mut record)?;
+        output::side(out, &capture, fitted, &level, blade.as_ref(), truth, &mut record)?;
     }
     output::finish(out, &capture, blade.as_ref(), &mut record)?;
     phases.add("write maps", step);

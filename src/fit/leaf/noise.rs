@@ -3,19 +3,52 @@
 use crate::Result;
 use crate::capture::manifest::{SideName, Travel};
 use crate::capture::reader::Capture;
+use crate::fit::gloss::ReadingNoise;
 
-/// sd = √((relative·value)² + floor²).
+/// Standard deviation √((relative·value)² + floor²) of a value as the camera recorded it, before the dark frame is taken off and before
+/// division by the white sheet.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Level {
     pub relative: f64,
     /// Of calibrated values: the camera's floor over the white sheet's median gain.
     pub floor: f64,
+    /// That median gain: the camera's value where the calibrated value is 1.
+    pub median_gain: f64,
     /// Noise of a light-box photograph over that of a frame: below 1 where photographs were averaged.
     pub lightbox: f64,
     /// Standard deviation of the dark frame, in camera values: common to everything measured at a texel.
     pub dark: f64,
     /// Estimated, not stated.
     pub estimated: bool,
+    /// How rough the traces are over how rough the noise would make them, whatever their model: 1 where the noise is as stated. `None` where
+    /// the noise is not stated, or there are too few frames to tell.
+    pub seen: Option<f64>,
+}
+
+impl Level {
+    /// The camera's own noise floor, in camera values.
+    pub fn camera_floor(&self) -> f64 {
+        self.floor * self.median_gain
+    }
+
+    /// The noise of the readings at each of `texels`, by the gain and the dark level there.
+    pub fn readings(&self, capture: &Capture, texels: &[[u32; 2]]) -> Vec<ReadingNoise> {
+        let width = capture.manifest.width;
+        let of = |(t, gain): (&[u32; 2], [f64; 3])| {
+            let dark = match capture.dark() {
+                // Noise that was estimated from calibrated traces already holds the dark level's part.
+                Some(dark) if !self.estimated => dark[t[1] as usize * width + t[0] as usize].map(|d| f64::from(d).max(0.0)),
+                _ => [0.0; 3],
+            };
+            ReadingNoise {
+                relative: self.relative,
+                floor: gain.map(|g| self.camera_floor() / g),
+                dark: std::array::from_fn(|c| if dark[c].is_finite() { dark[c] / gain[c] } else { 0.0 }),
+                dark_error: gain.map(|g| self.dark / g),
+            }
+        };
+        texels.iter().zip(capture.gain(texels)).map(of).collect()
+    }
 }
 
 /// The texel model is integrated to about 1e-5 (`optics/tube`): claiming less noise would weigh its own error as signal.
@@ -25,19 +58,25 @@ const LEAST_FLOOR: f64 = 1e-7;
 /// Stated or estimated noise.
 pub fn level(capture: &Capture) -> Result<Level> {
     let m = &capture.manifest;
-    let stated = m.noise_relative.zip(m.noise_floor.map(|f| f / capture.median_gain()));
+    let median_gain = capture.median_gain();
+    let stated = m.noise_relative.zip(m.noise_floor.map(|f| f / median_gain));
     let (relative, floor) = match stated {
         Some(both) => both,
         None => {
-            let (relative, floor) = estimate(&sample(capture)?);
-            (m.noise_relative.unwrap_or(relative), m.noise_floor.map_or(floor, |f| f / capture.median_gain()))
+            let (relative, floor) = estimate(&sample(capture)?.1);
+            (m.noise_relative.unwrap_or(relative), m.noise_floor.map_or(floor, |f| f / median_gain))
         }
     };
     let (relative, floor) = (relative.max(LEAST_RELATIVE), floor.max(LEAST_FLOOR));
     let empty = capture.lightbox_empty()?;
     let lightbox = roughness(&empty, m.width).map_or(1.0, |(sd, value)| (sd / (relative * value).hypot(floor)).clamp(1e-3, 1.0));
     let dark = capture.dark().and_then(|d| roughness(d, m.width)).map_or(0.0, |(sd, _)| sd);
-    Ok(Level { relative, floor, lightbox, dark, estimated: stated.is_none() })
+    let mut level = Level { relative, floor, median_gain, lightbox, dark, estimated: stated.is_none(), seen: None };
+    if !level.estimated {
+        let (texels, traces) = sample(capture)?;
+        level.seen = roughness_of_traces(&traces, &level.readings(capture, &texels));
+    }
+    Ok(level)
 }
 
 /// Noise of the empty light box, which is smooth: median third difference along rows (20 times a sample's variance), and its median value.
@@ -65,14 +104,40 @@ fn roughness(image: &[[f32; 3]], width: usize) -> Option<(f64, f64)> {
     Some((median(&mut differences) / 0.6745, median(&mut values)))
 }
 
-/// Traces of texels across the middle rows.
-fn sample(capture: &Capture) -> Result<Vec<Vec<f64>>> {
+/// Fourth differences of the traces (three channels a texel, in turn) in units of what the noise makes of them: their robust standard
+/// deviation. They cancel what is as smooth as the tube's fall-off.
+fn roughness_of_traces(traces: &[Vec<f64>], noise: &[ReadingNoise]) -> Option<f64> {
+    const WEIGHTS: [f64; 5] = [1.0, -4.0, 6.0, -4.0, 1.0];
+    let mut all: Vec<f64> = Vec::new();
+    for (n, trace) in traces.iter().enumerate() {
+        let variance = |value: f64| noise[n / 3].variance(n % 3, value);
+        for window in trace.windows(WEIGHTS.len()) {
+            let (mut difference, mut expected) = (0.0, 0.0);
+            for (v, w) in window.iter().zip(WEIGHTS) {
+                difference += w * v;
+                expected += w * w * variance(*v);
+            }
+            all.push((difference * difference / expected).sqrt());
+        }
+    }
+    all.retain(|v| v.is_finite());
+    if all.len() < 1000 {
+        return None;
+    }
+    let middle = all.len() / 2;
+    Some(*all.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.674_489_75)
+}
+
+/// Traces of texels across the middle rows: the texels, and three channels of each in turn.
+fn sample(capture: &Capture) -> Result<(Vec<[u32; 2]>, Vec<Vec<f64>>)> {
     let m = &capture.manifest;
     let rows = m.height / 2..(m.height / 2 + 2).min(m.height);
     let step = (m.width / 200).max(1);
     let texels: Vec<[u32; 2]> = (0..m.width).step_by(step).map(|i| [i as u32, rows.start as u32]).collect();
     let band = capture.band(SideName::Front, Travel::X, rows, &texels)?;
-    Ok((0..texels.len()).flat_map(|n| [0, 1, 2].map(|c: usize| band.iter().map(|f| f64::from(f[n][c])).collect::<Vec<f64>>())).collect())
+    let traces =
+        (0..texels.len()).flat_map(|n| [0, 1, 2].map(|c: usize| band.iter().map(|f| f64::from(f[n][c])).collect::<Vec<f64>>())).collect();
+    Ok((texels, traces))
 }
 
 /// Fits variance = (r·value)² + f² to third differences, whose expectation over a smooth trace is only noise: a third difference of

@@ -1,6 +1,7 @@
 //! What a leaf fit leaves on disk: `fit.toml`, the maps of `data/README.md`, W's packed textures, the blade, previews.
 
 use crate::Result;
+use crate::capture::inspect::{Inspection, mirror};
 use crate::capture::manifest::SideName;
 use crate::capture::reader::Capture;
 use crate::files::hash;
@@ -11,7 +12,7 @@ use crate::fit::leaf::interior::Fitted;
 use crate::fit::leaf::noise::Level;
 use crate::fit::leaf::truth::Comparison;
 use crate::fit::leaf::{Options, fill, map_path, texels, textures};
-use crate::fit::record::{FitRecord, Param, Residuals, Section};
+use crate::fit::record::{FitRecord, MIRROR, NOISE_SEEN, Param, Residuals, Section};
 use std::path::Path;
 
 const RGB: [&str; 3] = ["R", "G", "B"];
@@ -35,6 +36,12 @@ pub fn describe(record: &mut FitRecord, capture: &Capture, options: &Options, le
         "filled",
         "where mask.Y is not 1, maps hold the nearest good texel's value so that interpolation at edges stays on the leaf".into(),
     );
+    // What the mirror strip says of the tube's place and the camera's angle: without one nothing in the capture can.
+    let mut looked = Inspection::default();
+    mirror::look(&capture.folder, m, &mut looked);
+    let mirror = if looked.warnings.is_empty() { looked.notes.join("; ") } else { format!("warning: {}", looked.warnings.join("; ")) };
+    // A fit does not say where its capture lay.
+    say(MIRROR, mirror.replace(&format!("{}/", capture.folder.display()), ""));
     record.defects = Defect::ALL.iter().map(|d| (d.code().to_string(), d.name().to_string())).collect();
 }
 
@@ -73,6 +80,7 @@ pub fn side(
     out: &Path,
     capture: &Capture,
     fitted: &Fitted,
+    level: &Level,
     blade: Option<&Blade>,
     truth: Comparison,
     record: &mut FitRecord,
@@ -84,7 +92,7 @@ pub fn side(
     let grid = Grid { width: m.width, height: m.height, texel: m.texel_mm };
     textures::packed(out, &grid, m.thickness_mm, fitted.side, &values, blade)?;
     textures::previews(out, fitted.side, &values)?;
-    record.sections.insert(fitted.side.name().into(), section(capture, fitted, truth));
+    record.sections.insert(fitted.side.name().into(), section(capture, fitted, level, truth));
     Ok(())
 }
 
@@ -183,10 +191,11 @@ fn slope(fitted: &Fitted, good: &[bool], width: usize, height: usize) -> Vec<f32
     plane.iter().map(|m| if m.is_finite() && *m > 0.0 { *m } else { 0.5 }).collect()
 }
 
-fn section(capture: &Capture, fitted: &Fitted, truth: Comparison) -> Section {
+fn section(capture: &Capture, fitted: &Fitted, level: &Level, truth: Comparison) -> Section {
     let m = &capture.manifest;
     let mut s = Section { figures: fitted.figures.clone(), truth: truth.0, ..Section::default() };
     s.figures.extend(truth.1);
+    s.figures.extend(level.seen.map(|seen| (NOISE_SEEN.to_string(), seen)));
     s.counts.insert("texels".into(), fitted.mask.len());
     s.counts.insert("outside".into(), fitted.mask.iter().filter(|m| **m == 0).count());
     s.counts.insert("good".into(), fitted.mask.iter().filter(|m| **m == 1).count());

@@ -13,16 +13,14 @@ pub struct Measured {
     pub mask: Vec<bool>,
     pub rho_t: Vec<[f32; 3]>,
     pub rho_t_err: Vec<[f32; 3]>,
-    /// Noise floor of ρt: the frame's floor over the box's median brightness, a channel.
-    pub floor: [f64; 3],
 }
 
 impl Measured {
     pub fn read(capture: &Capture, side: SideName, level: &Level) -> Result<Measured> {
         let (leaf, empty) = capture.lightbox(side)?;
         // The floor is of calibrated values; photographs of the box are in the camera's.
-        let floor = level.floor * level.lightbox * capture.median_gain();
-        let (rho_t, rho_t_err) = transmittance(&leaf, &empty, level.relative * level.lightbox, floor, level.dark);
+        let floor = level.camera_floor() * level.lightbox;
+        let (rho_t, rho_t_err) = transmittance(&leaf, &empty, level.relative * level.lightbox, floor, level.dark, capture.dark());
         let (width, height) = (capture.manifest.width, capture.manifest.height);
         let mask = match capture.mask()? {
             Some(front) if side == SideName::Front => front,
@@ -37,12 +35,7 @@ impl Measured {
                 "no texel is on the leaf; expected a leaf darker than the bare light box, or a mask with ones",
             ));
         }
-        let floor = [0, 1, 2].map(|c: usize| {
-            let mut values: Vec<f32> = empty.iter().map(|e| e[c]).filter(|v| v.is_finite()).collect();
-            values.sort_unstable_by(f32::total_cmp);
-            floor.hypot(level.dark) / f64::from(values.get(values.len() / 2).copied().unwrap_or(1.0)).max(1e-6)
-        });
-        Ok(Measured { side, mask, rho_t, rho_t_err, floor })
+        Ok(Measured { side, mask, rho_t, rho_t_err })
     }
 
     /// Texels on the leaf.

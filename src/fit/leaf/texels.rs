@@ -9,6 +9,7 @@ use crate::files::image::{Maps, Packing, read_exr, write_exr};
 use crate::files::progress::{Bar, stop_requested};
 use crate::fit::gloss::{TexelFit, TexelFitter};
 use crate::fit::leaf::defect::Defect;
+use crate::fit::leaf::noise::Level;
 use crate::{Error, Result};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -59,6 +60,7 @@ pub struct Job<'a> {
     pub side: SideName,
     pub mask: &'a [bool],
     pub fitter: &'a TexelFitter,
+    pub level: &'a Level,
     /// Folder of the part files.
     pub parts: &'a Path,
 }
@@ -118,6 +120,7 @@ impl Job<'_> {
         };
         spent.reading += clock.elapsed().as_secs_f64();
         let clock = std::time::Instant::now();
+        let noise = self.level.readings(self.capture, texels);
         let fits: Vec<TexelFit> = texels
             .par_iter()
             .enumerate()
@@ -132,7 +135,7 @@ impl Job<'_> {
                     }
                     let at = manifest.texel_position(t[0] as usize, t[1] as usize);
                     let second = (!trace_y.is_empty()).then_some(trace_y.as_slice());
-                    self.fitter.fit(workspace, at, trace_x, second)
+                    self.fitter.fit_under(&noise[n], workspace, at, trace_x, second)
                 },
             )
             .collect();

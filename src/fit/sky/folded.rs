@@ -10,8 +10,8 @@ use crate::sky::fitted::Folded;
 use crate::sky::fitted::folded::{MOST_COLUMNS, MOST_ROWS, Mix, Orders, scaled_turbidity, suns};
 use crate::sky::preetham::Turbid;
 use crate::sky::project::Quality;
-use crate::solve::{Termination, TraceRow, qr};
-use nalgebra::DMatrix;
+use crate::solve::{Termination, TraceRow, decompose, qr};
+use nalgebra::{DMatrix, DVector};
 use std::time::Instant;
 
 /// 80 terms: 26,880 bytes in f32 at N = 7.
@@ -146,7 +146,7 @@ pub(super) fn least_squares(a: Vec<f64>, right: Vec<f64>, m: usize, n: usize) ->
     // The right sides ride along as further columns: after n reflections their tops are Qᵀb.
     qr::reduce(&mut both, m, n + k, &mut vec![0.0; m]);
     let triangle = DMatrix::from_fn(n, n, |i, j| if i <= j { both[j * m + i] } else { 0.0 });
-    let sigma = triangle.singular_values();
+    let sigma = decompose::singular_values(triangle.clone()).unwrap_or_else(|| DVector::zeros(n));
     let limit = m as f64 * f64::EPSILON * sigma.max();
     let rank = sigma.iter().filter(|s| **s > limit).count();
     let mut out = Solved {

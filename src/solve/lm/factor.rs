@@ -4,7 +4,7 @@
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
 use super::run::{Run, dot};
-use crate::solve::qr;
+use crate::solve::{decompose, qr};
 use nalgebra::DMatrix;
 
 /// QR of the free columns of the Jacobian, for steps with any damping.
@@ -83,7 +83,7 @@ impl Factor {
         let n = self.n;
         let scale: Vec<f64> = (0..n).map(|k| qr::length(&self.r[k * n..(k + 1) * n])).collect();
         let scaled = DMatrix::from_fn(n, n, |i, j| if scale[j] > 0.0 { self.r[j * n + i] / scale[j] } else { 0.0 });
-        let svd = scaled.svd(true, false);
+        let Some(svd) = decompose::svd(scaled) else { return f64::NAN };
         let Some(u) = svd.u else { return f64::NAN };
         let cut = tolerance * svd.singular_values.max();
         let kept = (0..n).filter(|k| svd.singular_values[*k] > cut);

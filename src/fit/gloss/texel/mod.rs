@@ -7,7 +7,7 @@ pub(super) use descend::bounded;
 
 use super::project::{self, Channel, NONLINEAR};
 use super::start::{Bank, Scratch, Start};
-use super::{Device, NO_LIGHT, Robust, TexelFit, normal_of, normal_slopes};
+use super::{Device, NO_LIGHT, ReadingNoise, Robust, TexelFit, normal_of, normal_slopes};
 use crate::optics::tube::fast::{self, COLUMNS, Lit};
 use crate::optics::tube::lanes::Level;
 use crate::optics::tube::{Model, Precision, Travel};
@@ -40,9 +40,6 @@ pub struct TexelFitter {
     passes: Vec<Pass>,
     pub(super) level: Level,
     pub robust: Robust,
-    /// Standard deviation of an unknown level, a channel, common to every sample of a texel: what is left of a dark frame's own noise
-    /// after it was taken off. It widens the errors; it is not fitted.
-    pub offset: f64,
     /// Standard deviation (rad) of the tilt that a one-pass fit cannot see; what such a tilt does to the rest widens the errors.
     pub unseen: f64,
 }
@@ -97,7 +94,7 @@ impl TexelFitter {
         };
         let mut passes = vec![pass(Travel::X, x_mm, [-0.35, 0.6])];
         passes.extend(y_mm.map(|y| pass(Travel::Y, y, [-0.6, 0.6])));
-        TexelFitter { device: device.clone(), passes, level, robust: Robust::default(), offset: 0.0, unseen: 0.0 }
+        TexelFitter { device: device.clone(), passes, level, robust: Robust::default(), unseen: 0.0 }
     }
 
     /// Templates of the first pass.
@@ -112,6 +109,18 @@ impl TexelFitter {
     /// Fits one texel at `texel_mm` on the blade; samples in frame order, NaN (or infinite) = no reading. A channel without a
     /// single reading stays out of the fit and is returned as NaN.
     pub fn fit(&self, ws: &mut Workspace, texel_mm: [f64; 2], trace_x: &[[f32; 3]], trace_y: Option<&[[f32; 3]]>) -> TexelFit {
+        self.fit_under(&self.device.noise(), ws, texel_mm, trace_x, trace_y)
+    }
+
+    /// The same where the texel's own noise is known: a camera's gain and dark level differ from texel to texel.
+    pub fn fit_under(
+        &self,
+        noise: &ReadingNoise,
+        ws: &mut Workspace,
+        texel_mm: [f64; 2],
+        trace_x: &[[f32; 3]],
+        trace_y: Option<&[[f32; 3]]>,
+    ) -> TexelFit {
         let given = [Some(trace_x), trace_y];
         let tilts = given.iter().flatten().count();
         let matches =
@@ -119,7 +128,8 @@ impl TexelFitter {
         if !matches {
             return TexelFit::refused("the traces and the tube positions differ in length");
         }
-        let mut job = Job { fitter: self, ws, texel: texel_mm, tilts, evaluations: 0, iterations: 0, matte: false, held: false };
+        let mut job =
+            Job { fitter: self, noise: *noise, ws, texel: texel_mm, tilts, evaluations: 0, iterations: 0, matte: false, held: false };
         job.load(given);
         job.run()
     }
@@ -128,6 +138,7 @@ impl TexelFitter {
 /// One texel being fitted.
 pub(super) struct Job<'a> {
     pub fitter: &'a TexelFitter,
+    pub noise: ReadingNoise,
     pub ws: &'a mut Workspace,
     texel: [f64; 2],
     /// Passes in use, and so tilts to find.
@@ -235,16 +246,17 @@ impl Job<'_> {
         fit
     }
 
-    /// Whether darkness explains every reading (χ² of zero light under the floor's noise, 4 σ). A texel that faces away from the camera
-    /// is such: its parameters would be fitted to noise, slowly.
+    /// Whether darkness explains every reading (χ² of zero light under the noise of darkness, 4 σ). A texel that faces away from the
+    /// camera is such: its parameters would be fitted to noise, slowly.
     fn dark(&self, used: usize) -> bool {
-        let [_, floor] = self.noise();
-        // What may be left of the dark frame is common to all readings of a texel.
-        let common = 3.0 * self.fitter.offset;
-        let y = || self.ws.y.iter().flatten();
-        let chi2: f64 = y().map(|y| ((y.abs() - common).max(0.0) / floor).powi(2)).sum();
+        let of_channel = |(c, y): (usize, &Vec<f64>)| {
+            // What may be left of the dark frame is common to all readings of a texel.
+            let (common, variance) = (3.0 * self.noise.dark_error[c], self.noise.variance(c, 0.0));
+            y.iter().map(|y| (y.abs() - common).max(0.0).powi(2)).sum::<f64>() / variance
+        };
+        let chi2: f64 = self.ws.y.iter().enumerate().map(of_channel).sum();
         let n = used as f64;
-        y().all(|y| *y <= 0.0) || chi2 < n + 4.0 * (2.0 * n).sqrt()
+        self.ws.y.iter().flatten().all(|y| *y <= 0.0) || chi2 < n + 4.0 * (2.0 * n).sqrt()
     }
 
     /// The widest template is also what a steep tilt out of a pass's plane looks like to its bank: smaller slopes are tried beside it.
@@ -297,26 +309,21 @@ impl Job<'_> {
         None
     }
 
-    /// No floor at all would give an exact zero infinite weight.
-    pub fn noise(&self) -> [f64; 2] {
-        [self.fitter.device.noise_relative, self.fitter.device.noise_floor.max(1e-6)]
-    }
-
     /// Weights from the fitted model: independent of the samples' own noise, so they do not bias. Returns the largest squared
     /// standardised residual.
     pub fn weigh(&mut self, state: &State) -> f64 {
-        let (noise, level, ws) = (self.noise(), self.fitter.level, &mut *self.ws);
+        let (noise, level, ws) = (self.noise, self.fitter.level, &mut *self.ws);
         let mut worst = 0.0f64;
         for c in 0..3 {
             let rho = [state.channels[c].rho_d, state.channels[c].rho_s];
-            worst = worst.max(project::weigh(level, &ws.columns, rho, noise, &ws.y[c], &ws.used[c], &mut ws.w[c]));
+            worst = worst.max(project::weigh(level, &ws.columns, rho, noise.terms(c), &ws.y[c], &ws.used[c], &mut ws.w[c]));
         }
         worst
     }
 
     /// The start that the templates of the first pass rank `rank`th; leaves weights from the samples, good enough to start with.
     pub fn start(&mut self, rank: usize) -> Option<[f64; NONLINEAR]> {
-        let noise = self.noise();
+        let noise = [0, 1, 2].map(|c| self.noise.terms(c));
         let mut p = [0.3f64.ln(), 0.0, 0.0];
         let ws = &mut *self.ws;
         project::weigh_by_samples(self.fitter.level, noise, &ws.y, &ws.used, &mut ws.w, &mut ws.sum);

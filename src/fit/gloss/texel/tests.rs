@@ -115,14 +115,14 @@ fn fits_of_traces_made_by_other_code() {
 fn a_common_level_widens_errors_by_what_it_does() {
     let d = device(Lobe::Beckmann, 0.01);
     let (xs, ys) = (pass_x(80), ramp(-325.0, 325.0, 80));
-    let mut fitter = TexelFitter::new(&d, &xs, Some(&ys));
+    let fitter = TexelFitter::new(&d, &xs, Some(&ys));
     let texel = [8.0, -5.0];
     let t = Truth { rho_d: [0.06, 0.14, 0.03], rho_s: [0.05, 0.05, 0.06], m: 0.3, tilt: [0.05, -0.08] };
     let (tx, ty) = (trace(&d, Travel::X, &xs, texel, &t, None), trace(&d, Travel::Y, &ys, texel, &t, None));
     let plain = fitter.fit(&mut fitter.workspace(), texel, &tx, Some(&ty));
     let level = 2e-4f32;
-    fitter.offset = f64::from(level);
-    let widened = fitter.fit(&mut fitter.workspace(), texel, &tx, Some(&ty));
+    let noise = ReadingNoise { dark_error: [f64::from(level); 3], ..d.noise() };
+    let widened = fitter.fit_under(&noise, &mut fitter.workspace(), texel, &tx, Some(&ty));
     // What each channel's level really moves, fitted again.
     let mut moved = [0.0; 5];
     for c in 0..3 {
@@ -136,7 +136,7 @@ fn a_common_level_widens_errors_by_what_it_does() {
                 })
                 .collect()
         };
-        let f = fitter.fit(&mut fitter.workspace(), texel, &raise(&tx), Some(&raise(&ty)));
+        let f = fitter.fit_under(&noise, &mut fitter.workspace(), texel, &raise(&tx), Some(&raise(&ty)));
         let now =
             [f.rho_d[0] - plain.rho_d[0], f.rho_s[0] - plain.rho_s[0], f.m - plain.m, f.tilt[0] - plain.tilt[0], f.tilt[1] - plain.tilt[1]];
         for (sum, d) in moved.iter_mut().zip(now) {

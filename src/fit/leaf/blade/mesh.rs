@@ -47,9 +47,10 @@ pub fn build(grid: &Grid, mask: &[bool], ratio: Option<&[[f32; 3]]>, slopes: &[O
         return None;
     }
     let spacing = (grid.width.max(grid.height) as f64 / 90.0).max(3.0);
-    // A long straight stretch of rim (a cut edge) follows the relief as finely as the inside does: one edge would wall it off.
-    let rings: Vec<Vec<[f64; 2]>> = rings.iter().map(|r| divided(r, spacing)).collect();
     let relief = integrate(grid, slopes);
+    // A stretch of rim that leaves the relief is divided: a single edge from corner to corner would wall the leaf off.
+    let height = |p: [f64; 2]| relief.at(p[0], p[1]);
+    let rings: Vec<Vec<[f64; 2]>> = rings.iter().map(|r| divided(r, spacing, TOLERANCE * grid.texel, height)).collect();
     let mut cdt: ConstrainedDelaunayTriangulation<Vertex> = ConstrainedDelaunayTriangulation::new();
     for ring in &rings {
         let handles: Vec<_> = ring.iter().filter_map(|p| cdt.insert(Vertex(Point2::new(p[0], p[1]))).ok()).collect();
@@ -103,17 +104,29 @@ pub fn build(grid: &Grid, mask: &[bool], ratio: Option<&[[f32; 3]]>, slopes: &[O
     Some(blade)
 }
 
-/// Edges of this many spacings and less stay whole: so short a chord keeps to the relief, and an outline's own corners are closer.
-const LONG: f64 = 8.0;
-
-/// The ring with every long edge cut into equal parts of at most `spacing` (texels).
-fn divided(ring: &[[f64; 2]], spacing: f64) -> Vec<[f64; 2]> {
+/// The ring (texels) with every edge cut into as few equal parts as keep each within `gap` (mm) of the relief's `height` (mm). Parts need not be
+/// shorter than the `spacing` of the points inside, whose triangles are no closer to the relief.
+fn divided(ring: &[[f64; 2]], spacing: f64, gap: f64, height: impl Fn([f64; 2]) -> f64) -> Vec<[f64; 2]> {
     let mut out = Vec::with_capacity(ring.len());
     for (k, a) in ring.iter().enumerate() {
         let b = ring[(k + 1) % ring.len()];
         let length = (b[0] - a[0]).hypot(b[1] - a[1]);
-        let parts = if length > LONG * spacing { (length / spacing).ceil() } else { 1.0 };
-        out.extend((0..parts as usize).map(|i| [0, 1].map(|c: usize| a[c] + (b[c] - a[c]) * i as f64 / parts)));
+        let along = |t: f64| [0, 1].map(|c: usize| a[c] + (b[c] - a[c]) * t);
+        let keeps = |parts: usize| {
+            let at = |i: usize| i as f64 / parts as f64;
+            (0..parts).all(|i| {
+                let (from, to) = (height(along(at(i))), height(along(at(i + 1))));
+                // A look every half texel misses nothing of a relief that is linear between texels.
+                let looks = (2.0 * length / parts as f64).ceil().max(2.0) as usize;
+                (1..looks).all(|k| {
+                    let t = k as f64 / looks as f64;
+                    (height(along(at(i) + t / parts as f64)) - from - t * (to - from)).abs() <= gap
+                })
+            })
+        };
+        let most = (length / spacing).ceil().max(1.0) as usize;
+        let parts = (1..most).find(|&parts| keeps(parts)).unwrap_or(most);
+        out.extend((0..parts).map(|i| along(i as f64 / parts as f64)));
     }
     out
 }
@@ -231,6 +244,28 @@ mod tests {
         assert!(steepest < 35.0, "{steepest}");
         let want = 160.0 * 120.0 * 0.08 * 0.08;
         assert!((blade.area / want - 1.0).abs() < 0.02, "{} {want}", blade.area);
+    }
+
+    #[test]
+    fn rim_edges_keep_to_the_relief_or_are_as_short_as_the_inside_is_fine() {
+        // A wave of 20 texels and .5 mm across a square's rim; gap .05 mm.
+        let height = |p: [f64; 2]| 0.5 * (p[0] * std::f64::consts::TAU / 20.0).sin();
+        let square = [[0.0, 0.0], [90.0, 0.0], [90.0, 60.0], [0.0, 60.0]];
+        for spacing in [2.0, 3.0, 6.0] {
+            let ring = divided(&square, spacing, 0.05, height);
+            // Along the wave it is divided, across it (where the height is constant) it is not.
+            assert_eq!(ring.iter().filter(|p| p[0] == 90.0).count(), 2, "{spacing}");
+            for (k, a) in ring.iter().enumerate() {
+                let b = ring[(k + 1) % ring.len()];
+                let length = (b[0] - a[0]).hypot(b[1] - a[1]);
+                let off = (0..=100).map(|i| f64::from(i) / 100.0).map(|t| {
+                    let p = [0, 1].map(|c: usize| a[c] + (b[c] - a[c]) * t);
+                    (height(p) - height(*a) * (1.0 - t) - height(b) * t).abs()
+                });
+                let off = off.fold(0.0, f64::max);
+                assert!(off < 0.055 || length <= spacing * 1.001, "{spacing}: {a:?} {b:?} is off by {off}");
+            }
+        }
     }
 
     #[test]

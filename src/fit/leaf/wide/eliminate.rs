@@ -1,17 +1,17 @@
 //! One texel's part of the leaf-wide problem: its thickness and γ eliminated, what is left of them in the sums for the shared σ.
 
-use super::{Local, Noise, Settings, Sums, Texel, V6};
+use super::{Local, Settings, Sums, Texel, V6};
 use crate::fit::leaf::curve::Curve;
 use nalgebra::{SMatrix, SVector};
 
 /// Thickness that explains three transmittances best, by Gauss–Newton in ln t from the last one (or a scan).
-pub fn solve_thickness(rho_t: &[f64; 3], start: f64, curves: &[Curve; 3], noise: &Noise, h: f64) -> f64 {
+fn solve_thickness(x: &Texel, start: f64, curves: &[Curve; 3], settings: &Settings) -> f64 {
     let [lo, hi] = curves[0].range().map(f64::ln);
     let cost = |t: f64| {
         (0..3)
             .map(|c| {
                 let v = curves[c].at(t).ln_rho_t.exp();
-                (rho_t[c] - v).powi(2) / ((noise.relative * v).powi(2) + noise.floor[c].powi(2))
+                (x.rho_t[c] - v).powi(2) / x.variance(c, v, settings.relative)
             })
             .sum::<f64>()
     };
@@ -19,17 +19,17 @@ pub fn solve_thickness(rho_t: &[f64; 3], start: f64, curves: &[Curve; 3], noise:
     if t.is_nan() {
         // T falls with thickness in every channel: a coarse scan finds the basin.
         let scan = (0..=32).map(|k| lo + (hi - lo) * f64::from(k) / 32.0);
-        t = scan.map(|t| (t, cost(t))).fold((h.ln(), f64::INFINITY), |a, b| if b.1 < a.1 { b } else { a }).0;
+        t = scan.map(|t| (t, cost(t))).fold((settings.h.ln(), f64::INFINITY), |a, b| if b.1 < a.1 { b } else { a }).0;
     }
     for _ in 0..30 {
         let (mut a, mut b) = (0.0, 0.0);
         for c in 0..3 {
             let q = curves[c].at(t);
             let v = q.ln_rho_t.exp();
-            let w = 1.0 / ((noise.relative * v).powi(2) + noise.floor[c].powi(2));
+            let w = 1.0 / x.variance(c, v, settings.relative);
             let slope = v * q.d_rho_t;
             a += w * slope * slope;
-            b += w * slope * (rho_t[c] - v);
+            b += w * slope * (x.rho_t[c] - v);
         }
         let step = (b / a.max(f64::MIN_POSITIVE)).clamp(-0.5, 0.5);
         let next = (t + step).clamp(lo, hi);
@@ -42,10 +42,9 @@ pub fn solve_thickness(rho_t: &[f64; 3], start: f64, curves: &[Curve; 3], noise:
     t
 }
 
-/// Solves one texel at the curves of the shared σ and adds its share to `sums`.
-pub(super) fn eliminate(x: &Texel, ln_t: &mut f64, curves: &[Curve; 3], settings: &Settings, sums: &mut Sums) -> Local {
-    let noise = &settings.noise;
-    *ln_t = solve_thickness(&x.rho_t, *ln_t, curves, noise, settings.h);
+/// Solves one texel at the curves of the shared σ and adds its share to `sums`; `in_gauge` is its weight in the gauges' means.
+pub(super) fn eliminate(x: &Texel, in_gauge: f64, ln_t: &mut f64, curves: &[Curve; 3], settings: &Settings, sums: &mut Sums) -> Local {
+    *ln_t = solve_thickness(x, *ln_t, curves, settings);
     let points = [0, 1, 2].map(|c: usize| curves[c].at(*ln_t));
     let (mut residual, mut slope, mut weight) = ([0.0; 3], [0.0; 3], [0.0; 3]);
     let (mut information, mut bend, mut chi2) = (0.0, 0.0, 0.0);
@@ -53,7 +52,7 @@ pub(super) fn eliminate(x: &Texel, ln_t: &mut f64, curves: &[Curve; 3], settings
         let v = points[c].ln_rho_t.exp();
         residual[c] = x.rho_t[c] - v;
         slope[c] = v * points[c].d_rho_t;
-        weight[c] = 1.0 / ((noise.relative * v).powi(2) + noise.floor[c].powi(2));
+        weight[c] = 1.0 / x.variance(c, v, settings.relative);
         information += weight[c] * slope[c] * slope[c];
         bend += weight[c] * slope[c] * v * (points[c].dd_rho_t + points[c].d_rho_t.powi(2));
         chi2 += weight[c] * residual[c] * residual[c];
@@ -86,20 +85,21 @@ pub(super) fn eliminate(x: &Texel, ln_t: &mut f64, curves: &[Curve; 3], settings
     let usable = if variance.is_finite() && variance < 0.25 { 1.0 } else { 0.0 };
     let t = ln_t.exp();
     let mut local = Local { thickness: t, thickness_err: t * variance.sqrt(), chi2, weight: trust * usable, ..Local::default() };
-    sums.gauge[0] += t * (1.0 - usable * (bias + 0.5 * variance));
+    sums.weight += in_gauge;
+    sums.gauge[0] += in_gauge * t * (1.0 - usable * (bias + 0.5 * variance));
     let mut noise_row = SMatrix::<f64, 4, 6>::zeros();
     for k in 0..6 {
-        sums.jacobian[(0, k)] += t * dt[k];
+        sums.jacobian[(0, k)] += in_gauge * t * dt[k];
     }
     for c in 0..3 {
         let (r, q) = (points[c].ln_rho_d.exp(), &points[c]);
         let gamma = x.rho_d[c] / r;
         // γ is convex in ln t: E[γ̂] = γ (1 − R′·bias + (R′² − R″)/2·variance), R″ of ln R being negligible.
         let curvature = 0.5 * q.d_rho_d * q.d_rho_d * variance;
-        sums.gauge[1 + c] += gamma * (1.0 - usable * (curvature - q.d_rho_d * bias));
+        sums.gauge[1 + c] += in_gauge * gamma * (1.0 - usable * (curvature - q.d_rho_d * bias));
         for k in 0..6 {
             let own = if k / 2 == c { q.p_rho_d[k % 2] } else { 0.0 };
-            sums.jacobian[(1 + c, k)] -= gamma * (own + q.d_rho_d * dt[k]);
+            sums.jacobian[(1 + c, k)] -= in_gauge * gamma * (own + q.d_rho_d * dt[k]);
         }
         local.gamma[c] = gamma;
         local.gamma_err[c] = ((x.rho_d_err[c] / r).powi(2) + (gamma * q.d_rho_d).powi(2) * variance).sqrt();
@@ -107,9 +107,9 @@ pub(super) fn eliminate(x: &Texel, ln_t: &mut f64, curves: &[Curve; 3], settings
     }
     // Noise of the gauges: three independent ρd and the thickness (from ρt) they share.
     let shared = SVector::<f64, 4>::from_fn(|k, _| if k == 0 { t } else { -local.gamma[k - 1] * points[k - 1].d_rho_d });
-    sums.gauge_noise += shared * shared.transpose() * variance;
+    sums.gauge_noise += shared * shared.transpose() * (in_gauge * in_gauge * variance);
     for c in 0..3 {
-        sums.gauge_noise[(1 + c, 1 + c)] += noise_row[(1 + c, c)].powi(2);
+        sums.gauge_noise[(1 + c, 1 + c)] += (in_gauge * noise_row[(1 + c, c)]).powi(2);
     }
     local
 }

@@ -2,27 +2,30 @@
 //! transmittances the rest.
 
 use super::{Common, M6, Sums, V6};
+use crate::solve::decompose;
 use nalgebra::{DMatrix, DVector, SMatrix};
 
 /// Gauss–Newton step under the linearised gauges: a particular solution plus the best move in their null space.
-pub(super) fn constrained_step(sums: &Sums, gauge: &[f64; 4], n: f64, damping: f64) -> V6 {
-    let (particular, null) = split(&(sums.jacobian / n), gauge);
+/// `None` where a sum is not finite.
+pub(super) fn constrained_step(sums: &Sums, gauge: &[f64; 4], damping: f64) -> Option<V6> {
+    let (particular, null) = split(&(sums.jacobian / sums.weight), gauge)?;
     let reduced = null.transpose() * sums.hessian * &null;
     let right = null.transpose() * (sums.gradient - sums.hessian * particular);
     let size = reduced.nrows();
     let scale = reduced.trace().max(f64::MIN_POSITIVE) / size.max(1) as f64;
     let damped = &reduced + DMatrix::identity(size, size) * (scale * (damping + 1e-12));
-    let free = damped.svd(true, true).solve(&right, 1e-14 * scale).unwrap_or_else(|_| DVector::zeros(size));
-    particular + V6::from_iterator((null * free).iter().copied())
+    let free = decompose::svd(damped)?.solve(&right, 1e-14 * scale).ok()?;
+    Some(particular + V6::from_iterator((null * free).iter().copied()))
 }
 
 /// Minimum-norm solution of C·dp = −gauge, and an orthonormal basis of C's null space (6 × (6 − rank)).
-fn split(c: &SMatrix<f64, 4, 6>, gauge: &[f64; 4]) -> (V6, DMatrix<f64>) {
+/// `None` where C is not finite.
+fn split(c: &SMatrix<f64, 4, 6>, gauge: &[f64; 4]) -> Option<(V6, DMatrix<f64>)> {
     // Pad to 6×6 so that the SVD yields a full right basis.
     let mut padded = DMatrix::<f64>::zeros(6, 6);
     padded.view_mut((0, 0), (4, 6)).copy_from(c);
-    let svd = padded.svd(true, true);
-    let (Some(u), Some(vt)) = (&svd.u, &svd.v_t) else { return (V6::zeros(), DMatrix::zeros(6, 0)) };
+    let svd = decompose::svd(padded)?;
+    let (Some(u), Some(vt)) = (&svd.u, &svd.v_t) else { return None };
     let cut = svd.singular_values.max() * 1e-10;
     let mut particular = V6::zeros();
     let mut free = Vec::new();
@@ -36,7 +39,7 @@ fn split(c: &SMatrix<f64, 4, 6>, gauge: &[f64; 4]) -> (V6, DMatrix<f64>) {
         }
     }
     let null = if free.is_empty() { DMatrix::zeros(6, 0) } else { DMatrix::from_columns(&free) };
-    (particular, null)
+    Some((particular, null))
 }
 
 /// An eigenvalue of the reduced problem below this share of the largest is no information: the direction is lost.
@@ -44,12 +47,14 @@ const LOST: f64 = 1e-12;
 
 /// Covariance of p: noise of the gauges carried through the constraints, plus noise of the shape in the free directions. A parameter
 /// that takes part in a lost direction has an infinite variance.
-pub(super) fn covariance(sums: &Sums, n: f64, common: &Common) -> (M6, f64, usize) {
-    let c = sums.jacobian / n;
-    let (_, null) = split(&c, &[0.0; 4]);
+/// Where a sum is not finite nothing is known: every variance is infinite and the rank is 0.
+pub(super) fn covariance(sums: &Sums, common: &Common) -> (M6, f64, usize) {
+    let unknown = (M6::from_diagonal_element(f64::INFINITY), f64::INFINITY, 0);
+    let (n, c) = (sums.weight, sums.jacobian / sums.weight);
+    let Some((_, null)) = split(&c, &[0.0; 4]) else { return unknown };
     let size = null.ncols();
     let reduced = null.transpose() * sums.hessian * &null;
-    let eigen = reduced.symmetric_eigen();
+    let Some(eigen) = decompose::symmetric_eigen(reduced) else { return unknown };
     let largest = eigen.eigenvalues.iter().copied().fold(0.0, f64::max);
     let smallest = eigen.eigenvalues.iter().copied().fold(f64::INFINITY, f64::min).max(0.0);
     let kept = |k: usize| eigen.eigenvalues[k] > largest * LOST;
@@ -72,7 +77,7 @@ pub(super) fn covariance(sums: &Sums, n: f64, common: &Common) -> (M6, f64, usiz
     for k in 0..4 {
         let mut unit = [0.0; 4];
         unit[k] = -1.0;
-        let (particular, _) = split(&c, &unit);
+        let Some((particular, _)) = split(&c, &unit) else { return unknown };
         let free = &shape * (sums.hessian * particular);
         for i in 0..6 {
             carry[(i, k)] = particular[i] - free[i];

@@ -8,8 +8,6 @@
 mod eliminate;
 mod gauge;
 
-pub use eliminate::solve_thickness;
-
 use crate::fit::leaf::curve::{Curve, Incidence};
 use crate::solve::{Termination, Trace, TraceRow};
 use eliminate::eliminate;
@@ -30,14 +28,19 @@ pub struct Texel {
     pub rho_d: [f64; 3],
     pub rho_d_err: [f64; 3],
     pub rho_t: [f64; 3],
+    /// Noise of ρt without light; a transmittance T has the variance (relative·T)² + floor², the relative part being [`Settings::relative`].
+    pub rho_t_floor: [f64; 3],
 }
 
-/// Noise of a measured transmittance: variance = (relative·T)² + floor².
-#[derive(Debug, Clone, Copy)]
-pub struct Noise {
-    pub relative: f64,
-    pub floor: [f64; 3],
+impl Texel {
+    /// Variance of the measured ρt of channel `c` where the model says `value`.
+    pub fn variance(&self, c: usize, value: f64, relative: f64) -> f64 {
+        (relative * value).powi(2) + self.rho_t_floor[c].powi(2)
+    }
 }
+
+/// The good texels (by their place in the list) whose mean stands in the gauges for one texel of the leaf that could not be measured.
+pub type StandIns = Vec<u32>;
 
 /// Thickness and albedo factors of one texel.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -75,8 +78,8 @@ pub struct Wide {
 pub struct Settings {
     pub h: f64,
     pub incidence: Incidence,
-    pub noise: Noise,
-    /// Weigh down texels whose transmittance no thickness explains.
+    /// Noise of a transmittance, relative to it.
+    pub relative: f64,
     pub robust: bool,
     pub iterations: usize,
     /// What all ρd may have in common that their own noise does not tell.
@@ -96,6 +99,8 @@ pub struct Common {
 #[derive(Clone)]
 struct Sums {
     cost: f64,
+    /// Sum of the texels' weights in the gauges.
+    weight: f64,
     hessian: M6,
     gradient: V6,
     gauge: [f64; 4],
@@ -108,6 +113,7 @@ impl Sums {
     fn zero() -> Self {
         Sums {
             cost: 0.0,
+            weight: 0.0,
             hessian: M6::zeros(),
             gradient: V6::zeros(),
             gauge: [0.0; 4],
@@ -117,6 +123,7 @@ impl Sums {
     }
     fn add(mut self, o: &Sums) -> Self {
         self.cost += o.cost;
+        self.weight += o.weight;
         self.hessian += o.hessian;
         self.gradient += o.gradient;
         for k in 0..4 {
@@ -126,22 +133,37 @@ impl Sums {
         self.gauge_noise += o.gauge_noise;
         self
     }
+
+    /// What is left of the gauges: mean thickness − h (mm) and mean γ − 1 a channel.
+    fn gap(&self, h: f64) -> [f64; 4] {
+        let mean = self.gauge.map(|g| g / self.weight);
+        [mean[0] - h, mean[1] - 1.0, mean[2] - 1.0, mean[3] - 1.0]
+    }
 }
 
-/// Fits the leaf-wide problem from `start` = (σa, σs) a channel. `texels` must not be empty.
-pub fn fit(texels: &[Texel], start: [[f64; 2]; 3], settings: &Settings) -> Wide {
+/// Fits the leaf-wide problem from `start` = (σa, σs) a channel. `texels` must not be empty. Each list of `missing` stands for one texel
+/// of the leaf that could not be measured: its neighbours' mean takes its place in the gauges, so that losing a few texels does not move
+/// the leaf's means.
+pub fn fit(texels: &[Texel], missing: &[StandIns], start: [[f64; 2]; 3], settings: &Settings) -> Wide {
     let clock = Instant::now();
     let mut p = V6::from_fn(|k, _| start[k / 2][k % 2].max(1e-6).ln());
     let mut ln_t = vec![f64::NAN; texels.len()];
+    let mut weights = vec![1.0; texels.len()];
+    for stand_ins in missing {
+        stand_ins.iter().for_each(|&k| weights[k as usize] += 1.0 / stand_ins.len() as f64);
+    }
     let mut trace: Trace = Vec::new();
     let mut termination = Termination::IterationLimit;
     let n = texels.len() as f64;
     let mut damping = 0.0;
-    let (mut curves, mut sums, mut locals) = evaluate(texels, &p, &mut ln_t, settings);
+    let (mut curves, mut sums, mut locals) = evaluate(texels, &weights, &p, &mut ln_t, settings);
     let mut evaluations = 1;
     for iteration in 0..settings.iterations {
-        let gauge = [sums.gauge[0] / n - settings.h, sums.gauge[1] / n - 1.0, sums.gauge[2] / n - 1.0, sums.gauge[3] / n - 1.0];
-        let step = constrained_step(&sums, &gauge, n, damping);
+        let gauge = sums.gap(settings.h);
+        let Some(step) = constrained_step(&sums, &gauge, damping) else {
+            termination = Termination::NotFinite;
+            break;
+        };
         let limited = step * (0.7 / step.amax().max(0.7));
         let distance = gauge[0].abs() / settings.h + gauge[1].abs() + gauge[2].abs() + gauge[3].abs();
         trace.push(TraceRow {
@@ -163,8 +185,8 @@ pub fn fit(texels: &[Texel], start: [[f64; 2]; 3], settings: &Settings) -> Wide 
         }
         // Accept a step that brings the gauges or the cost closer; otherwise damp the free directions and try again.
         let merit = |s: &Sums| {
-            let g = [s.gauge[0] / n / settings.h - 1.0, s.gauge[1] / n - 1.0, s.gauge[2] / n - 1.0, s.gauge[3] / n - 1.0];
-            s.cost / n + 1e3 * g.iter().map(|v| v.abs()).sum::<f64>()
+            let g = s.gap(settings.h);
+            s.cost / n + 1e3 * (g[0].abs() / settings.h + g[1].abs() + g[2].abs() + g[3].abs())
         };
         let before = merit(&sums);
         let mut accepted = false;
@@ -172,7 +194,7 @@ pub fn fit(texels: &[Texel], start: [[f64; 2]; 3], settings: &Settings) -> Wide 
         for _ in 0..8 {
             let trial = p + limited * scale;
             let mut trial_t = ln_t.clone();
-            let (c, s, l) = evaluate(texels, &trial, &mut trial_t, settings);
+            let (c, s, l) = evaluate(texels, &weights, &trial, &mut trial_t, settings);
             evaluations += 1;
             let after = merit(&s);
             if after.is_finite() && after <= before * (1.0 + 1e-9) + 1e-12 {
@@ -194,8 +216,9 @@ pub fn fit(texels: &[Texel], start: [[f64; 2]; 3], settings: &Settings) -> Wide 
             damping = if damping == 0.0 { 1e-3 } else { damping * 10.0 };
         }
     }
-    let (covariance, condition, rank) = covariance(&sums, n, &settings.common);
-    let gauge = [sums.gauge[0] / n - settings.h, sums.gauge[1] / n - 1.0, sums.gauge[2] / n - 1.0, sums.gauge[3] / n - 1.0];
+    sums.gauge_noise += stand_in_noise(&locals, missing);
+    let (covariance, condition, rank) = covariance(&sums, &settings.common);
+    let gauge = sums.gap(settings.h);
     Wide {
         sigma_a: [0, 1, 2].map(|c: usize| p[2 * c].exp()),
         sigma_s: [0, 1, 2].map(|c: usize| p[2 * c + 1].exp()),
@@ -211,16 +234,18 @@ pub fn fit(texels: &[Texel], start: [[f64; 2]; 3], settings: &Settings) -> Wide 
 }
 
 /// Eliminates thickness and γ of every texel at σ = exp(p) and sums what the step needs.
-fn evaluate(texels: &[Texel], p: &V6, ln_t: &mut [f64], settings: &Settings) -> ([Curve; 3], Sums, Vec<Local>) {
+fn evaluate(texels: &[Texel], weights: &[f64], p: &V6, ln_t: &mut [f64], settings: &Settings) -> ([Curve; 3], Sums, Vec<Local>) {
     let curves: Vec<Curve> =
         (0..3usize).into_par_iter().map(|c| Curve::new(p[2 * c].exp(), p[2 * c + 1].exp(), settings.h, settings.incidence)).collect();
     let curves: [Curve; 3] = [curves[0].clone(), curves[1].clone(), curves[2].clone()];
     let parts: Vec<(Sums, Vec<Local>)> = texels
         .par_chunks(UNIT)
+        .zip(weights.par_chunks(UNIT))
         .zip(ln_t.par_chunks_mut(UNIT))
-        .map(|(texels, ln_t)| {
+        .map(|((texels, weights), ln_t)| {
             let mut sums = Sums::zero();
-            let locals = texels.iter().zip(ln_t).map(|(x, t)| eliminate(x, t, &curves, settings, &mut sums)).collect();
+            let each = texels.iter().zip(weights).zip(ln_t);
+            let locals = each.map(|((x, weight), t)| eliminate(x, *weight, t, &curves, settings, &mut sums)).collect();
             (sums, locals)
         })
         .collect();
@@ -231,6 +256,25 @@ fn evaluate(texels: &[Texel], p: &V6, ln_t: &mut [f64], settings: &Settings) -> 
         locals.extend(part);
     }
     (curves, total, locals)
+}
+
+/// Covariance of what the stand-ins get wrong in the gauges' sums: each missing value scatters about its neighbours' mean as they do.
+fn stand_in_noise(locals: &[Local], missing: &[StandIns]) -> SMatrix<f64, 4, 4> {
+    let mut total = SMatrix::<f64, 4, 4>::zeros();
+    for stand_ins in missing.iter().filter(|s| s.len() > 1) {
+        let n = stand_ins.len() as f64;
+        let values: Vec<SVector<f64, 4>> = stand_ins
+            .iter()
+            .map(|&k| {
+                let l = &locals[k as usize];
+                SVector::from([l.thickness, l.gamma[0], l.gamma[1], l.gamma[2]])
+            })
+            .collect();
+        let mean = values.iter().sum::<SVector<f64, 4>>() / n;
+        let scatter: SMatrix<f64, 4, 4> = values.iter().map(|v| (v - mean) * (v - mean).transpose()).sum();
+        total += scatter * ((1.0 + 1.0 / n) / (n - 1.0));
+    }
+    total
 }
 
 #[cfg(test)]

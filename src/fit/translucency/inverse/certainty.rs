@@ -1,6 +1,7 @@
 //! What the photographs determine and what they do not: standard errors, correlations, and the weak directions by name.
 
-use nalgebra::{DMatrix, SymmetricEigen};
+use crate::solve::decompose;
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 /// Largest standard error of a logarithm that still counts as determined.
 pub const DETERMINED: f64 = 0.1;
@@ -44,7 +45,12 @@ pub fn names(channels: &[&str], fixed: bool) -> Vec<String> {
 pub fn judge(matrix: &DMatrix<f64>, misfit: f64, names: &[String], at_limit: &[bool]) -> Certainty {
     let n = names.len();
     let root: Vec<f64> = (0..n).map(|k| if matrix[(k, k)] > 0.0 { matrix[(k, k)].sqrt() } else { 1.0 }).collect();
-    let scaled = SymmetricEigen::new(DMatrix::from_fn(n, n, |i, j| matrix[(i, j)] / (root[i] * root[j])));
+    let decompose = |matrix: DMatrix<f64>| {
+        // A matrix that is not finite says nothing: every eigenvalue counts as zero, and every parameter as lost.
+        decompose::symmetric_eigen(matrix)
+            .unwrap_or_else(|| SymmetricEigen { eigenvectors: DMatrix::identity(n, n), eigenvalues: DVector::zeros(n) })
+    };
+    let scaled = decompose(DMatrix::from_fn(n, n, |i, j| matrix[(i, j)] / (root[i] * root[j])));
     let largest = scaled.eigenvalues.max();
     let kept: Vec<bool> = scaled.eigenvalues.iter().map(|l| *l > RANK * largest).collect();
     let rank = kept.iter().filter(|k| **k).count();
@@ -61,7 +67,7 @@ pub fn judge(matrix: &DMatrix<f64>, misfit: f64, names: &[String], at_limit: &[b
         false if lost[i] || lost[j] => f64::NAN,
         false => (covariance[(i, j)] / (stderr[i] * stderr[j])).clamp(-1.0, 1.0),
     };
-    let plain = SymmetricEigen::new(matrix.clone());
+    let plain = decompose(matrix.clone());
     let top = plain.eigenvalues.max();
     let mut weak: Vec<Weak> = (0..n)
         .filter_map(|k| {

@@ -5,8 +5,8 @@ use super::model::{Model, Normal, logarithms};
 use super::{Fitted, Measured, Options, Tissues};
 use crate::files::progress;
 use crate::fit::record::Residuals;
-use crate::solve::Termination;
 use crate::solve::descent::{Limits, lbfgs};
+use crate::solve::{Termination, decompose};
 use crate::{Error, Result};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
@@ -65,7 +65,9 @@ pub fn fit(measured: &Measured, start: &Tissues, options: &Options) -> Result<Fi
         if size == 0.0 {
             return Err(Error::Missed("the photographs do not depend on the tissue (flat); nothing was fitted".into()));
         }
-        let eigen = SymmetricEigen::new(normal.matrix.clone());
+        let Some(eigen) = decompose::symmetric_eigen(normal.matrix.clone()) else {
+            return Err(Error::Missed("the model's slopes are not finite where the search is (not_finite); nothing was fitted".into()));
+        };
         let away = distance(&eigen, &normal.gradient, FLAT);
         // A misfit beyond the noise makes the standard errors as much wider.
         let misfit = (2.0 * normal.cost / (model.count - p.len()) as f64).sqrt();

@@ -1,0 +1,131 @@
+//! Texels that are not what the rest of the leaf is, by name, and the neighbours that stand for them in the leaf's means.
+//!
+//! One hot pixel among thousands of texels must not move σa: the gauges (mean thickness h, mean γ 1) are plain means, so a texel that is
+//! wild is taken out of them by name. All limits are set against the leaf's own scatter (median and median absolute deviation, which hold
+//! until half of the texels are wild), and wide enough that neither noise nor a vein reaches them.
+
+use super::curve::RANGE;
+use super::defect::Defect;
+use super::wide::{StandIns, Texel, Wide};
+use crate::files::image::Maps;
+
+/// Scatters of ln χ² above the leaf's median that no noise reaches: once in 10⁹ texels.
+const CHI2_SCATTERS: f64 = 6.0;
+/// Scatters of ln γ or ln thickness from the leaf's median.
+const SCATTERS: f64 = 8.0;
+/// A texel this many times brighter or darker than the leaf's median is foreign: veins reach five.
+const BRIGHTNESS: f64 = 8.0;
+/// χ² of three transmittances about one thickness that noise exceeds once in 10¹⁷ texels.
+const TRANSMITTANCE_CHI2: f64 = 80.0;
+/// Together with that χ²: a thickness this many times the leaf's median, or a part of it.
+const THICKNESS: f64 = 3.0;
+/// Neighbours within this many texels stand for a missing one, in the smallest square that holds [`NEIGHBOURS`] good texels.
+const REACH: usize = 4;
+const NEIGHBOURS: usize = 4;
+
+/// Median; NaN of nothing.
+pub fn median(mut values: Vec<f64>) -> f64 {
+    if values.is_empty() {
+        return f64::NAN;
+    }
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+/// Median and scatter (1.4826 times the median absolute deviation: a Gaussian's standard deviation).
+fn spread(values: &[f64]) -> (f64, f64) {
+    let centre = median(values.to_vec());
+    (centre, 1.4826 * median(values.iter().map(|v| (v - centre).abs()).collect()))
+}
+
+/// Texels of `mask` whose traces' χ² no noise explains: far above 1, and far above what this leaf's texels have. Where the stated noise or
+/// the model is off, all texels' χ² is high alike, and none stands out.
+pub fn unexplained(maps: &Maps, mask: &[bool]) -> Vec<bool> {
+    let (chi2, freedom) = (maps.get("chi2.Y").unwrap_or(&[]), maps.get("freedom.Y").unwrap_or(&[]));
+    let good = maps.get("mask.Y").unwrap_or(&[]);
+    let reduced = |k: usize| match (chi2.get(k), freedom.get(k)) {
+        (Some(c), Some(f)) if mask[k] && good[k] == 1.0 && *f > 0.0 => Some((f64::from(*c) / f64::from(*f), f64::from(*f))),
+        _ => None,
+    };
+    let all: Vec<f64> = (0..mask.len()).filter_map(reduced).map(|(r, _)| r.max(1e-9).ln()).collect();
+    let (centre, scatter) = spread(&all);
+    (0..mask.len())
+        .map(|k| {
+            let Some((r, freedom)) = reduced(k) else { return false };
+            // Noise alone scatters ln χ² by √(2/freedom).
+            let noise = (2.0 / freedom).sqrt();
+            !r.is_finite() || r.max(1e-9).ln() > centre.max(0.0) + CHI2_SCATTERS * scatter.max(noise)
+        })
+        .collect()
+}
+
+/// Texels that stand out of the fitted leaf, by their place in `texels`.
+pub fn of_leaf(texels: &[Texel], wide: &Wide, h: f64) -> Vec<(usize, Defect)> {
+    let gamma = [0, 1, 2].map(|c: usize| {
+        let list: Vec<f64> = wide.locals.iter().filter(|l| l.gamma[c] > 0.0).map(|l| l.gamma[c].ln()).collect();
+        spread(&list)
+    });
+    let thickness = spread(&wide.locals.iter().map(|l| l.thickness.ln()).collect::<Vec<_>>());
+    let chi2 = median(wide.locals.iter().map(|l| l.chi2).collect());
+    // The median of χ² with two degrees of freedom is 2 ln 2.
+    let chi2_limit = TRANSMITTANCE_CHI2 * (chi2 / (2.0 * std::f64::consts::LN_2)).max(1.0);
+    let foreign = |k: usize| {
+        (0..3).any(|c| {
+            let (centre, scatter) = gamma[c];
+            let far = (SCATTERS * scatter).max(BRIGHTNESS.ln());
+            // Four standard errors of ρd are given to it.
+            let (l, error) = (&wide.locals[k], 4.0 * texels[k].rho_d_err[c] / texels[k].rho_d[c].max(1e-9) * wide.locals[k].gamma[c]);
+            l.gamma[c] - error > (centre + far).exp() || l.gamma[c] + error < (centre - far).exp()
+        })
+    };
+    (0..texels.len())
+        .filter_map(|k| {
+            let l = &wide.locals[k];
+            let away = (l.thickness.ln() - thickness.0).abs();
+            if l.thickness < h / RANGE * 1.001 || l.thickness > h * RANGE * 0.999 {
+                // A thickness at the end of its range is no measurement.
+                Some((k, Defect::ThicknessRange))
+            } else if l.chi2 > chi2_limit && away > (SCATTERS * thickness.1).max(THICKNESS.ln()) {
+                Some((k, Defect::Transmission))
+            } else {
+                foreign(k).then_some((k, Defect::Foreign))
+            }
+        })
+        .collect()
+}
+
+/// For every texel whose reading failed ([`Defect::failed_reading`]), the good texels around it: lists of places in `at`. A failed texel
+/// without enough good ones near has none.
+pub fn stand_ins(mask: &[i16], at: &[u32], width: usize) -> Vec<StandIns> {
+    let mut place = vec![u32::MAX; mask.len()];
+    for (n, &k) in at.iter().enumerate() {
+        place[k as usize] = n as u32;
+    }
+    let height = mask.len() / width.max(1);
+    let around = |k: usize| {
+        let (i, j) = (k % width, k / width);
+        (1..=REACH).find_map(|r| {
+            let rows = j.saturating_sub(r)..(j + r + 1).min(height);
+            let near: StandIns = rows
+                .flat_map(|row| (i.saturating_sub(r)..(i + r + 1).min(width)).map(move |column| row * width + column))
+                .map(|k| place[k])
+                .filter(|n| *n != u32::MAX)
+                .collect();
+            (near.len() >= NEIGHBOURS).then_some(near)
+        })
+    };
+    let failed = |code: i16| Defect::from_code(code).is_some_and(Defect::failed_reading);
+    (0..mask.len()).filter(|&k| failed(mask[k])).filter_map(around).collect()
+}
+
+/// ` (most are …)`, for a leaf of which nothing is left.
+pub fn most_common(mask: &[i16]) -> String {
+    let count = |d: &Defect| mask.iter().filter(|m| **m == d.code()).count();
+    match Defect::ALL.into_iter().max_by_key(count) {
+        Some(d) if count(&d) > 0 => {
+            let on_leaf = mask.iter().filter(|m| **m != 0).count();
+            format!(" ({} of {on_leaf} texels: {}); see `mesophyll inspect`", count(&d), d.name().replace('_', " "))
+        }
+        _ => "; see the counts of `mesophyll inspect`".into(),
+    }
+}
