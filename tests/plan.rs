@@ -88,6 +88,132 @@ fn gloss_is_kept_where_it_shows_and_left_out_where_it_does_not() {
     }
 }
 
+/// A flat, dark leaf with so little gloss that from above nobody sees it, and a view that meets the sun's mirror direction at this angle.
+fn faint_gloss(dir: &Path, zenith_deg: f64) -> std::path::PathBuf {
+    let dark = Blade {
+        sigma_a: [[45.0, 20.0, 90.0]; 2],
+        rho_s: [2e-4, 0.0],
+        m: [0.4, 0.4],
+        dome: 0.0,
+        bump: 0.0,
+        pattern: 0.0,
+        ..Blade::default()
+    };
+    dark.write(&dir.join("fits/elm"), "elm");
+    let path = scene(dir, "faint", "elm", Some(zenith_deg), None, "");
+    let (sin, cos) = zenith_deg.to_radians().sin_cos();
+    let eye = [-90.0 * sin * 30f64.to_radians().cos(), -90.0 * sin * 30f64.to_radians().sin(), 90.0 * cos];
+    let text = std::fs::read_to_string(&path).unwrap();
+    let text = text.replace("[10, -25, 90]", &format!("{eye:?}")).replace("tolerance = 0.004", "tolerance = 0.004\nexposure = 4");
+    std::fs::write(&path, text).unwrap();
+    path
+}
+
+/// What gloss adds in the middle of that leaf, by the formulas alone: W Eq. 7 in the mirror direction, where the half vector is the normal.
+fn added(zenith_deg: f64) -> f64 {
+    use mesophyll::optics::slab;
+    use mesophyll::scene::display::displayed;
+    let cos = zenith_deg.to_radians().cos();
+    let under = [45.0, 20.0, 90.0].into_iter().zip([11.0, 12.0, 10.0]).zip([3.0, 3.0, 2.8]);
+    let one = |((sigma_a, sigma_s), irradiance): ((f64, f64), f64)| {
+        let below = slab::response(sigma_a, sigma_s, 0.2).rho_d * irradiance * cos / std::f64::consts::PI;
+        let gloss = 2e-4 * irradiance / (std::f64::consts::PI * 0.16 * 4.0 * cos);
+        displayed(below + gloss, 4.0) - displayed(below, 4.0)
+    };
+    under.map(one).fold(0.0, f64::max)
+}
+
+#[test]
+fn gloss_that_only_a_grazing_view_shows_is_planned_for_one() {
+    let dir = tempfile::tempdir().unwrap();
+    for zenith in [10.0, 60.0, 75.0, 86.0] {
+        let (plan, _) = planned(&faint_gloss(dir.path(), zenith));
+        let shows = added(zenith) > 0.004;
+        assert_eq!(shows, zenith > 50.0, "{zenith}: {}", added(zenith));
+        assert_eq!(names(&plan).0.contains(&"elm/front_rho_s_m.exr"), shows, "{zenith} degrees: adds {}", added(zenith));
+        if !shows {
+            // The bound is no less than what is added, and not many times more.
+            let left = plan.left_out.iter().find(|l| l.name == "elm/front_rho_s_m.exr").unwrap();
+            let bound: f64 = left.reason.split("adds at most ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
+            assert!((added(zenith)..2.0 * added(zenith)).contains(&bound), "{bound} for {}", added(zenith));
+        }
+    }
+}
+
+/// What the plan leaves out is drawn by the reference all the same: a plan that leaves out too much fails its check.
+#[cfg(feature = "render")]
+#[test]
+fn the_check_sees_gloss_that_a_plan_left_out_by_mistake() {
+    use mesophyll::scene::check;
+    let dir = tempfile::tempdir().unwrap();
+    let manifest = Manifest::read(&faint_gloss(dir.path(), 75.0)).unwrap();
+    let ledger = Ledger::new();
+    let mut plan = plan::make(&manifest, None, None, &ledger).unwrap();
+    let options = check::Options { out: dir.path().join("out"), update_golden: false };
+    let whole = match check::check(&manifest, &plan, &options, &ledger) {
+        Err(e) if e.to_string().contains("no graphics adapter") => return println!("skipped: no graphics adapter"),
+        other => other.unwrap(),
+    };
+    assert!(whole.passed, "{}", whole.text());
+    plan.leaves[0].sides[0].gloss = false;
+    let without = check::check(&manifest, &plan, &options, &ledger).unwrap();
+    let (error, before) = (without.views[0].max_error.unwrap(), whole.views[0].max_error.unwrap());
+    println!("with gloss {before:.4}, without {error:.4}; by the formulas {:.4}", added(75.0));
+    assert!(!without.passed && error > 0.7 * added(75.0), "{error} where {} is missing", added(75.0));
+}
+
+#[test]
+fn a_glossy_side_under_a_constant_sky_needs_its_normals() {
+    let dir = tempfile::tempdir().unwrap();
+    Blade { rho_s: [0.05, 0.0], ..Blade::default() }.write(&dir.path().join("fits/elm"), "elm");
+    let (plan, _) = planned(&scene(dir.path(), "sky", "elm", None, Some(1.0), ""));
+    let (needed, left) = names(&plan);
+    // How much of the sky a lobe mirrors depends on the angle between normal and view.
+    assert!(needed.contains(&"elm/front_normal.exr") && needed.contains(&"elm/front_rho_s_m.exr"), "{needed:?}");
+    assert!(left.contains(&"elm/back_normal.exr"), "{left:?}");
+}
+
+/// The program's own export, drawn again: metres, a node's scale and a back beside the front come out as the blade that was exported.
+#[test]
+fn an_exported_leaf_is_the_blade_again_and_one_in_another_unit_is_named() {
+    let dir = tempfile::tempdir().unwrap();
+    let fit = dir.path().join("fits/elm");
+    Blade::default().write(&fit, "elm");
+    let leaf = dir.path().join("leaf.glb");
+    let out = assert_cmd::Command::cargo_bin("mesophyll")
+        .unwrap()
+        .arg("export")
+        .arg(&fit)
+        .args(["--to", "gltf", "-o"])
+        .arg(&leaf)
+        .output()
+        .unwrap();
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    let path = scene(dir.path(), "front", "elm", Some(30.0), None, "");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let (own, _) = planned(&path);
+    let with = |mesh: &str| {
+        std::fs::write(&path, text.replace("fit = \"fits/elm\"", &format!("fit = \"fits/elm\"\n{mesh}"))).unwrap();
+        planned(&path).0
+    };
+    let again = with("mesh = \"leaf.glb\"");
+    let (a, b) = (own.leaves[0].mesh.as_ref().unwrap(), again.leaves[0].mesh.as_ref().unwrap());
+    assert_eq!(a.indices, b.indices);
+    assert!(a.positions.iter().zip(&b.positions).all(|(p, q)| p.distance(*q) < 1e-4));
+    assert!(own.warnings.is_empty() && again.warnings.is_empty(), "{:?}", again.warnings);
+    // Metres taken for millimetres: the leaf is a thousandth of its size.
+    let tiny = with("mesh = \"leaf.glb\"\nmesh_unit = \"mm\"");
+    let said = tiny.warnings.join("\n");
+    assert!(said.contains("mm across") && said.contains("mesh_unit") && said.contains("no view shows it"), "{said}");
+    let words = assert_cmd::Command::cargo_bin("mesophyll").unwrap().arg("plan").arg(&path).output().unwrap();
+    assert!(String::from_utf8_lossy(&words.stdout).contains("warning: leaf \"elm\": mesh"));
+    // And one that stands beside every view.
+    std::fs::write(&path, text.replace("[[instance]]\nleaf = \"elm\"", "[[instance]]\nleaf = \"elm\"\nposition_mm = [5000, 0, 0]"))
+        .unwrap();
+    let said = planned(&path).0.warnings.join("\n");
+    assert!(said.contains("outside every view") && said.contains("[5000.0, "), "{said}");
+}
+
 #[test]
 fn a_leaf_nobody_places_is_not_even_opened() {
     let dir = tempfile::tempdir().unwrap();

@@ -17,7 +17,7 @@ fn every_committed_scene_reads_and_has_its_card() {
         assert!(cards == 1 || manifest.name == "fits", "{}: {cards} cards", manifest.name);
         names.push(manifest.name);
     }
-    for name in ["matte-front", "glossy-sky", "back-lit", "cluster", "twig", "demo", "fits", "sky", "day", "translucency", "tree"] {
+    for name in ["front-lit", "glossy-sky", "back-lit", "cluster", "twig", "demo", "fits", "sky", "day", "translucency", "tree"] {
         assert!(names.iter().any(|n| n == name), "{name} of {names:?}");
     }
 }

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  mesophyll check data/scenes/matte-front.toml\n  mesophyll check data/scenes/glossy-sky.toml --json --out out/check\n\n\
+    after_help = "Examples:\n  mesophyll check data/scenes/front-lit.toml\n  mesophyll check data/scenes/glossy-sky.toml --json --out out/check\n\n\
     Exit code 1 when a threshold is missed, when a fit's files are not what was fitted, and when there is no adapter to draw with."
 )]
 pub struct Args {

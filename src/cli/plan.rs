@@ -39,5 +39,8 @@ pub fn text(plan: &plan::Plan) -> String {
     for left in &plan.left_out {
         let _ = writeln!(out, "  {}: {}; saved {}", left.name, left.reason, left.saved);
     }
+    for warning in &plan.warnings {
+        let _ = writeln!(out, "warning: {warning}");
+    }
     out
 }

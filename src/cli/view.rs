@@ -26,9 +26,9 @@ pub struct Args {
 #[cfg(feature = "render")]
 pub fn run(args: &Args, _common: &Common) -> Result<u8> {
     use crate::Error;
-    use crate::files::atomic;
+    use crate::files::{atomic, progress};
     use crate::scene::{
-        check,
+        branch, check,
         edit::SceneEditor,
         handover,
         ledger::Ledger,
@@ -36,11 +36,14 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
         manifest::{Manifest, ViewKind},
         plan,
     };
-    use mesophyll_viewer::{WindowOptions, WindowScene, open_window};
+    use mesophyll_viewer::{WindowOptions, WindowScene, WindowView, open_window};
 
     let manifest = Manifest::read(&args.scene)?;
     let ledger = Ledger::new();
     let mut plan = plan::make_free(&manifest, args.out.as_deref(), Some(&make::input_hash), &ledger)?;
+    for warning in &plan.warnings {
+        progress::say(format!("warning: {warning}"));
+    }
     if let Some(missing) = plan.unfitted().first() {
         let name = &manifest.leaves[*missing].name;
         return Err(Error::field(
@@ -54,15 +57,23 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
     if make::translucencies(&manifest, &plan, &out, &ledger)? {
         plan = plan::make_free(&manifest, Some(&out), Some(&make::input_hash), &ledger)?;
     }
-    let views: Vec<_> =
-        manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).map(|v| (v.name.clone(), handover::camera(v))).collect();
-    let Some((_, camera)) = views.first().cloned() else {
+    let views: Vec<WindowView> = manifest
+        .views
+        .iter()
+        .filter(|v| v.kind == ViewKind::Perspective)
+        .map(|v| WindowView { name: v.name.clone(), camera: handover::camera(v), time_s: Some(branch::time(&manifest, v)) })
+        .collect();
+    let Some(first) = views.first().cloned() else {
         return Err(Error::field(&manifest.path, "view", "found only cards, expected a perspective view to open"));
     };
+    let mut scene = handover::scene(&manifest, &plan, &ledger)?;
+    if let (Some(wind), Some(time_s)) = (&mut scene.wind, first.time_s) {
+        wind.time_s = time_s;
+    }
     let window = WindowScene {
         title: manifest.name.clone(),
-        scene: handover::scene(&manifest, &plan, &ledger)?,
-        camera,
+        scene,
+        camera: first.camera,
         views,
         check_size: [manifest.check.width, manifest.check.height],
         screenshots: out.clone(),

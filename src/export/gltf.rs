@@ -75,14 +75,12 @@ pub fn write(sides: &[Side], folder: &Path, path: &Path, translucent: bool) -> R
     for side in sides {
         let turn = if side.name == "back" { Turn::Mirrored } else { Turn::AsSeen };
         let shape = if side.name == "back" { mesh.turned() } else { mesh.clone() };
-        let mut attributes = json!({
+        let attributes = json!({
             "POSITION": file.floats("VEC3", &shape.positions),
             "NORMAL": file.floats("VEC3", &shape.normals),
             "TEXCOORD_0": file.floats("VEC2", &shape.uvs),
+            "TANGENT": file.floats("VEC4", &shape.tangents),
         });
-        if !shape.tangents.is_empty() {
-            attributes["TANGENT"] = json!(file.floats("VEC4", &shape.tangents));
-        }
         let indices = file.indices(&shape.indices);
         primitives.push(json!({"attributes": attributes, "indices": indices, "material": materials.len(), "mode": 4}));
         // A one-sided fit shows its one side from behind as well.

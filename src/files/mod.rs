@@ -3,5 +3,6 @@
 pub mod atomic;
 pub mod hash;
 pub mod image;
+pub mod mesh;
 pub mod progress;
 pub mod table;

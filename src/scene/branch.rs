@@ -6,8 +6,8 @@
 
 use super::ledger::Ledger;
 use super::manifest::{self, Manifest};
-use super::mesh::LeafMesh;
 use super::placement::Ride;
+use crate::files::mesh::LeafMesh;
 use crate::fit::beam::basis;
 use crate::fit::record::FitRecord;
 use crate::plant::branch::Branch;

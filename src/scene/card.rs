@@ -4,12 +4,12 @@
 use super::fitted::Fitted;
 use super::ledger::Ledger;
 use super::manifest::{Manifest, View};
-use super::mesh::LeafMesh;
 use super::placement;
 use super::plan::Plan;
 use super::plan_leaf::SIDES;
 use super::reference;
 use crate::capture::manifest::SideName;
+use crate::files::mesh::LeafMesh;
 use crate::optics::slab;
 use crate::transport::{self, closed_form};
 use crate::{Error, Result};
@@ -39,8 +39,10 @@ pub struct Card {
     pub leaf: usize,
     pub mesh: LeafMesh,
     pub transform: DMat4,
-    /// Front, back; only what the view needs.
+    /// Front, back; what the fit has.
     pub sides: [Option<Patch>; 2],
+    /// Which of them the plan gives to the renderer. The closed form and the reference take both.
+    pub planned: [bool; 2],
 }
 
 impl Card {
@@ -55,10 +57,8 @@ impl Card {
             return Err(Error::field(&manifest.path, &format!("leaf \"{name}\""), "not fitted yet; `mesophyll run` fits it"));
         };
         let mut sides = [None, None];
-        for (s, side) in SIDES.into_iter().enumerate() {
-            if leaf.sides[s].mean {
-                sides[s] = Some(patch(fitted, side, ledger)?);
-            }
+        for (s, side) in SIDES.into_iter().enumerate().filter(|(_, side)| fitted.has(*side)) {
+            sides[s] = Some(patch(fitted, side, ledger)?);
         }
         let (eye, target) = (DVec3::from(view.eye_mm.unwrap_or_default()), DVec3::from(view.target_mm.unwrap_or_default()));
         let turn = placement::rotation(view.rotation_deg.unwrap_or_default());
@@ -70,22 +70,23 @@ impl Card {
             mesh: LeafMesh::rectangle(side, side),
             transform: DMat4::from_rotation_translation(turn, target),
             sides,
+            planned: [0, 1].map(|s| leaf.sides[s].mean),
         })
     }
 
     /// Radiance at the centres of these pixels, by the formula.
     ///
     /// # Errors
-    /// [`Error::Input`] when the card is seen from a side whose parameters the plan did not ask for.
+    /// [`Error::Input`] when the card is seen from a side that the fit does not have.
     pub fn closed_form(&self, manifest: &Manifest, view: &View, size: (usize, usize), pixels: &[(usize, usize)]) -> Result<Vec<[f64; 3]>> {
         let config = &manifest.leaves[self.leaf];
         let normal = self.transform.transform_vector3(DVec3::Z).normalize();
         let towards = DVec3::from(view.eye_mm.unwrap_or_default()) - self.transform.transform_point3(DVec3::ZERO);
         let front = normal.dot(towards) >= 0.0;
         let (seen, far) = if front { (0, 1) } else { (1, 0) };
-        let side = self.sides[seen]
-            .as_ref()
-            .ok_or_else(|| Error::field(&manifest.path, &format!("view \"{}\"", view.name), "the card is seen edge-on"))?;
+        let side = self.sides[seen].as_ref().ok_or_else(|| {
+            Error::field(&manifest.path, &format!("view \"{}\"", view.name), "it shows a side of the leaf that the fit does not have")
+        })?;
         let card = closed_form::Card {
             rho_d: side.rho_d,
             rho_s: side.rho_s,

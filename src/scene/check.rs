@@ -62,6 +62,7 @@ pub fn check(manifest: &Manifest, plan: &Plan, options: &Options, ledger: &Ledge
         software: adapter.is_software,
         views: Vec::new(),
         failures: verify(plan, ledger)?,
+        warnings: plan.warnings.clone(),
         uploads: Vec::new(),
         pipelines: Vec::new(),
         translucency: None,

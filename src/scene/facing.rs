@@ -1,12 +1,12 @@
 //! Which sides of which leaves the cameras see and the sun lights, and whether anything can stand in its own or another's light.
 //!
-//! Every answer errs on the side of "needed": a vertex nearly edge-on counts for both sides.
+//! Every answer errs on the side of "needed": a triangle of which some part may be edge-on counts for both sides.
 
-use super::mesh::LeafMesh;
 use super::placement::Placement;
+use crate::files::mesh::LeafMesh;
 use glam::{DMat3, DVec2, DVec3};
 
-/// Cosines below this are taken for edge-on: between vertices the interpolated normal may turn a little further than at them.
+/// Cosines below this are taken for edge-on.
 const EDGE: f64 = 0.03;
 
 /// What is seen of one leaf, over all its placements and all cameras. Index 0 is the front, 1 the back.
@@ -24,18 +24,27 @@ impl Facing {
     /// Everything, for a leaf whose mesh is not known yet.
     pub const ALL: Facing = Facing { seen: [true; 2], lit: [true; 2], through: [true; 2] };
 
-    /// Adds what `eyes` see of one placement.
-    pub fn add(&mut self, mesh: &LeafMesh, placement: &Placement, eyes: &[DVec3], sun: Option<DVec3>) {
+    /// Adds what `eyes` see of one placement; the sun is a direction and its disk's radius (rad).
+    ///
+    /// Across a triangle the normal and the way to the eye are both linear, so that the cosines of all nine pairs of corners bound what any
+    /// point of it sees, and three those to the sun.
+    pub fn add(&mut self, mesh: &LeafMesh, placement: &Placement, eyes: &[DVec3], sun: Option<(DVec3, f64)>) {
+        if self.is_full(sun.is_some()) {
+            return;
+        }
         let turn = DMat3::from_mat4(placement.transform).inverse().transpose();
-        for (p, n) in mesh.positions.iter().zip(&mesh.normals) {
-            if self.is_full(sun.is_some()) {
-                return;
-            }
-            let (p, n) = (placement.transform.transform_point3(*p), (turn * *n).normalize_or_zero());
-            let sides = |c: f64| [c > -EDGE, c < EDGE];
-            let sunny = sun.map(|l| sides(n.dot(l)));
+        let positions: Vec<DVec3> = mesh.positions.iter().map(|p| placement.transform.transform_point3(*p)).collect();
+        let normals: Vec<DVec3> = mesh.normals.iter().map(|n| (turn * *n).normalize_or_zero()).collect();
+        let sides = |cosines: &[f64], edge: f64| [cosines.iter().any(|c| *c > -edge), cosines.iter().any(|c| *c < edge)];
+        for t in 0..mesh.triangles() {
+            let corner = mesh.triangle(t);
+            let sunny = sun.map(|(l, radius)| sides(&corner.map(|k| normals[k].dot(l)), EDGE + radius.sin()));
             for eye in eyes {
-                let seen = sides(n.dot((*eye - p).normalize_or_zero()));
+                if self.is_full(sun.is_some()) {
+                    return;
+                }
+                let towards = corner.map(|k| (*eye - positions[k]).normalize_or_zero());
+                let seen = sides(corner.map(|k| towards.map(|v| normals[k].dot(v))).as_flattened(), EDGE);
                 for side in [0, 1].into_iter().filter(|s| seen[*s]) {
                     self.seen[side] = true;
                     if let Some(sunny) = sunny {
@@ -139,7 +148,7 @@ mod tests {
         let eyes = [DVec3::new(0.0, -20.0, 200.0)];
         let facing = |sun: Option<DVec3>, tilt: f64| {
             let mut f = Facing::default();
-            f.add(&mesh, &at(0.0, 0.0, tilt), &eyes, sun);
+            f.add(&mesh, &at(0.0, 0.0, tilt), &eyes, sun.map(|l| (l, 0.005)));
             f
         };
         let above = facing(Some(DVec3::new(0.3, 0.0, 1.0).normalize()), 0.0);
@@ -149,6 +158,33 @@ mod tests {
         let turned = facing(Some(DVec3::Z), std::f64::consts::PI);
         assert_eq!(turned, Facing { seen: [false, true], lit: [false, true], through: [false, false] });
         assert_eq!(facing(None, 0.0).lit, [false; 2]);
+    }
+
+    /// No corner of this triangle is seen from the back where the sun shines, but a point on its edge is: the corners' own answers do not do.
+    #[test]
+    fn what_only_the_middle_of_a_triangle_shows_is_found() {
+        let lean = |angle: f64| DVec3::new(angle.sin(), 0.0, angle.cos());
+        let mesh = LeafMesh {
+            positions: vec![DVec3::new(-20.0, 0.0, 0.0), DVec3::new(20.0, 0.0, 0.0), DVec3::new(0.0, 20.0, 0.0)],
+            normals: vec![lean(-0.8), lean(0.8), lean(-0.8)],
+            tangents: vec![(DVec3::X, 1.0); 3],
+            uvs: vec![glam::DVec2::ZERO; 3],
+            indices: vec![0, 1, 2],
+        };
+        // A low eye close by and a low sun on the other side.
+        let eye = DVec3::new(22.0, 0.0, 6.0);
+        let sun = lean(-1.3);
+        let at = |x: f64| {
+            let w = (x + 20.0) / 40.0;
+            let n = lean(-0.8) * (1.0 - w) + lean(0.8) * w;
+            (n.dot(eye - DVec3::new(x, 0.0, 0.0)), n.dot(sun))
+        };
+        let found = |both: &dyn Fn((f64, f64)) -> bool| (0..=400).map(|k| f64::from(k) / 10.0 - 20.0).any(|x| both(at(x)));
+        let mut f = Facing::default();
+        f.add(&mesh, &Placement { leaf: 0, transform: DMat4::IDENTITY, ride: None }, &[eye], Some((sun, 0.0)));
+        let corners = [at(-20.0), at(20.0)];
+        assert!(corners.iter().all(|(v, l)| !(*v > 0.03 * 45.0 && *l > 0.03)), "{corners:?}");
+        assert!(found(&|(v, l)| v > 0.0 && l > 0.0) && f.lit[0]);
     }
 
     #[test]

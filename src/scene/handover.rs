@@ -4,17 +4,17 @@
 //! from is handed over black, without maps. The reference renderer gets its own data another way (`super::reference`).
 
 use super::amount::{self, Curve};
-use super::card::{Card, Patch};
+use super::card::Card;
 use super::daylight::{self, Daylight};
 use super::detail;
 use super::fitted::fill;
 use super::ledger::Ledger;
 use super::manifest::{Basis, Interior, Lobe, Manifest, View};
-use super::mesh::LeafMesh;
 use super::plan::{LeafPlan, Plan, sun_direction};
 use super::plan_leaf::SIDES;
 use super::translucency::Of;
 use crate::capture::manifest::SideName;
+use crate::files::mesh::LeafMesh;
 use crate::optics::slab;
 use crate::sky::fitted::Folded;
 use crate::{Error, Result};
@@ -355,7 +355,7 @@ pub fn card(manifest: &Manifest, plan: &Plan, card: &Card, ledger: &Ledger) -> R
     let mut out = lights(manifest, plan, ledger)?;
     (out.shadow_samples, out.msaa) = (0, 1);
     let thickness = card.sides.iter().flatten().map(|p| p.thickness).next().unwrap_or(1.0);
-    let side = |p: &Option<Patch>| match p {
+    let side = |s: usize| match card.sides[s].as_ref().filter(|_| card.planned[s]) {
         None => viewer::Side::black(),
         Some(p) => {
             let (low, high) = (0.95 * p.thickness.min(thickness), 1.05 * p.thickness.max(thickness));
@@ -380,8 +380,8 @@ pub fn card(manifest: &Manifest, plan: &Plan, card: &Card, ledger: &Ledger) -> R
         height: 1,
         thickness_mm: thickness as f32,
         lobe: lobe(&manifest.leaves[card.leaf]),
-        front: side(&card.sides[0]),
-        back: side(&card.sides[1]),
+        front: side(0),
+        back: side(1),
         mask: None,
     }];
     out.instances = vec![viewer::Instance { leaf: 0, transform: card.transform.as_mat4(), ride: None }];

@@ -75,10 +75,12 @@ impl Manifest {
     fn share(&mut self) {
         for k in 0..self.leaves.len() {
             let Some(other) = self.leaves[k].like.as_ref().and_then(|n| self.leaf_index(n)) else { continue };
-            let Leaf { fit, capture, scan, mesh, .. } = self.leaves[other].clone();
+            let Leaf { fit, capture, scan, mesh, mesh_unit, .. } = self.leaves[other].clone();
             let leaf = &mut self.leaves[k];
             (leaf.fit, leaf.capture, leaf.scan) = (fit, capture, scan);
-            leaf.mesh = leaf.mesh.take().or(mesh);
+            if leaf.mesh.is_none() {
+                (leaf.mesh, leaf.mesh_unit) = (mesh, mesh_unit);
+            }
         }
     }
 

@@ -14,6 +14,7 @@ pub mod display;
 pub mod edit;
 pub mod facing;
 pub mod fitted;
+pub mod gloss_bound;
 #[cfg(feature = "render")]
 pub mod golden;
 #[cfg(feature = "render")]
@@ -23,12 +24,13 @@ pub mod interiors;
 pub mod ledger;
 pub mod make;
 pub mod manifest;
-pub mod mesh;
 pub mod placement;
 pub mod plan;
 mod plan_branch;
+mod plan_gloss;
 mod plan_leaf;
 mod plan_light;
+mod plan_mesh;
 pub mod reference;
 #[cfg(feature = "render")]
 pub mod save;

@@ -10,12 +10,12 @@ use super::facing::{self, Facing};
 use super::fitted::Fitted;
 use super::ledger::Ledger;
 use super::manifest::{Manifest, ViewKind};
-use super::mesh::{self, LeafMesh};
 use super::placement::{self, Placement};
 use super::source::{self, InputHash, Source, Status};
 use super::translucency::{self, Translucent};
 use super::tree;
 use crate::Result;
+use crate::files::mesh::{self, LeafMesh};
 use glam::DVec3;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -135,10 +135,15 @@ pub struct Plan {
     pub left_out: Vec<LeftOut>,
     /// Rows of error against cost behind each choice of an amount.
     pub measured: BTreeMap<String, Vec<Row>>,
+    /// What is strange about it, and may be meant: a leaf that no view shows, a mesh in another unit.
+    pub warnings: Vec<String>,
     /// Hash of the manifest and of every needed file.
     pub hash: String,
     #[serde(skip)]
     pub leaves: Vec<LeafPlan>,
+    /// For a window: camera, sun and sliders may take everything anywhere, so that nothing is left out for being small.
+    #[serde(skip)]
+    pub free: bool,
     /// Where leaves stand at rest.
     #[serde(skip)]
     pub placements: Vec<Placement>,
@@ -205,8 +210,10 @@ fn make_for(manifest: &Manifest, out: Option<&Path>, input_hash: Option<InputHas
         needed: Vec::new(),
         left_out: Vec::new(),
         measured: BTreeMap::new(),
+        warnings: Vec::new(),
         hash: String::new(),
         leaves: Vec::new(),
+        free,
         placements,
         eyes: manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).filter_map(|v| v.eye_mm.map(DVec3::from)).collect(),
         wood: manifest.tree.as_ref().map(|t| (tree::wood(&tree::grow(t).wood), t.bark)),
@@ -245,6 +252,7 @@ fn make_for(manifest: &Manifest, out: Option<&Path>, input_hash: Option<InputHas
     super::plan_branch::branches(manifest, &mut plan, ledger);
     super::plan_light::lights(manifest, &mut plan, free)?;
     super::plan_light::absent_models(manifest, &mut plan);
+    plan.warnings = super::plan_mesh::warnings(manifest, &plan)?;
     let parts: Vec<(String, String)> = plan.needed.iter().map(|n| (n.name.clone(), format!("{:?} {:?}", n.hash, n.amount))).collect();
     plan.hash = crate::files::hash::combine(parts.iter().map(|(a, b)| (a.as_str(), b.as_str())));
     Ok(plan)
@@ -283,14 +291,14 @@ fn leaf_plan(
         return Ok(plan);
     }
     let source = source::source(manifest, index, out, input_hash)?;
-    let sun = sun_direction(manifest);
+    let sun = sun_direction(manifest).zip(manifest.sun.as_ref()).map(|(direction, sun)| (direction, sun.radius_deg.to_radians()));
     if let (Status::Reuse, Some(folder)) = (source.status, &source.folder) {
         plan.fitted = Some(ledger.note("read", format!("{}/fit.toml", leaf.name), 0, || Fitted::open(&leaf.name, folder))?);
         plan.mesh_path = leaf.mesh.as_ref().map_or_else(|| folder.join("blade.glb"), |m| manifest.resolve(m));
         if placed {
             let bytes = std::fs::metadata(&plan.mesh_path).map_or(0, |m| m.len());
             let name = format!("{}/{}", leaf.name, plan.mesh_path.file_name().map(|n| n.to_string_lossy()).unwrap_or_default());
-            let read = ledger.note("read", name, bytes, || mesh::read(&plan.mesh_path))?;
+            let read = ledger.note("read", name, bytes, || mesh::read(&plan.mesh_path, leaf.mesh_unit))?;
             let views: Vec<(DVec3, f64)> = manifest
                 .views
                 .iter()
@@ -321,11 +329,8 @@ fn leaf_plan(
     let sky = manifest.sky.is_some();
     let mut card_facing = Facing::default();
     for card in cards {
-        let p = Placement {
-            leaf: index,
-            transform: glam::DMat4::from_quat(placement::rotation(card.rotation_deg.unwrap_or_default())),
-            ride: None,
-        };
+        let (turn, at) = (placement::rotation(card.rotation_deg.unwrap_or_default()), card.target_mm.unwrap_or_default());
+        let p = Placement { leaf: index, transform: glam::DMat4::from_rotation_translation(turn, at.into()), ride: None };
         card_facing.add(&LeafMesh::rectangle(1.0, 1.0), &p, &[DVec3::from(card.eye_mm.unwrap_or_default())], sun);
     }
     for side in [0, 1] {

@@ -16,7 +16,7 @@ pub const SIDES: [SideName; 2] = [SideName::Front, SideName::Back];
 /// Bytes of a texel on the adapter: four floats, and a third more for its mips.
 const TEXEL_BYTES: u64 = 16;
 
-fn texture_bytes(size: [usize; 2]) -> u64 {
+pub fn texture_bytes(size: [usize; 2]) -> u64 {
     (size[0] * size[1]) as u64 * TEXEL_BYTES * 4 / 3
 }
 
@@ -66,7 +66,7 @@ pub fn detail(manifest: &Manifest, leaf: &mut LeafPlan, plan: &mut Plan, ledger:
             leaf.size = [info.width, info.height];
         }
         task.slab_curve(leaf, plan)?;
-        task.gloss(leaf, plan)?;
+        super::plan_gloss::side(manifest, leaf, s, plan, ledger)?;
         super::translucency::side(manifest, leaf, s, plan, ledger)?;
         task.files(leaf, plan);
     }
@@ -104,13 +104,16 @@ pub fn rgba(fitted: &Fitted, file: &str, ledger: &Ledger, good: impl Fn([f32; 4]
     Ok(Rgba { size, texels, good: mask })
 }
 
-fn same_size(leaf: &mut LeafPlan, size: [usize; 2], fitted: &Fitted, file: &str) -> Result<()> {
-    if leaf.size != [0, 0] && leaf.size != size {
-        let what = format!("found {}x{} texels, expected {}x{} as of the leaf's other maps", size[0], size[1], leaf.size[0], leaf.size[1]);
+/// The size of a leaf's maps, where `size` is that of one of them and `leaf` what is known so far (zero: nothing).
+///
+/// # Errors
+/// [`crate::Error::Input`] naming the file where they differ.
+pub fn same_size(leaf: [usize; 2], size: [usize; 2], fitted: &Fitted, file: &str) -> Result<[usize; 2]> {
+    if leaf != [0, 0] && leaf != size {
+        let what = format!("found {}x{} texels, expected {}x{} as of the leaf's other maps", size[0], size[1], leaf[0], leaf[1]);
         return Err(crate::Error::input(&fitted.folder.join(file), what));
     }
-    leaf.size = size;
-    Ok(())
+    Ok(size)
 }
 
 /// Light that reaches a surface, at most: E/π and the sky's radiance (the mean over the channels).
@@ -136,7 +139,7 @@ impl OneSide<'_> {
         let h = fitted.thickness(side)? as f32;
         // γ of a leaf texel is positive, and so is its thickness.
         let Rgba { size, texels, good } = rgba(fitted, &file, ledger, |t| t[0] > 0.0 && t[1] > 0.0 && t[2] > 0.0 && h + t[3] > 0.0)?;
-        same_size(leaf, size, fitted, &file)?;
+        leaf.size = same_size(leaf.size, size, fitted, &file)?;
         leaf.textures[s] = Textures { gamma_delta: Some(texels), gloss: None, good };
         Ok(())
     }
@@ -157,53 +160,6 @@ impl OneSide<'_> {
         need.bytes = last.map(|r| r.bytes);
         plan.need(need);
         leaf.curves[s] = Some(curve);
-        Ok(())
-    }
-
-    fn gloss(&self, leaf: &mut LeafPlan, plan: &mut Plan) -> Result<()> {
-        let OneSide { manifest, s, side, fitted, ledger } = *self;
-        let name = format!("{}/{}_rho_s_m.exr", fitted.name, side.name());
-        let bytes = texture_bytes(leaf.size) + fitted.file_bytes(&format!("{}_rho_s_m.exr", side.name()));
-        if !leaf.sides[s].gloss {
-            if fitted.has(side) {
-                plan.leave_out(LeftOut::new(name, format!("no light falls on the {} where a camera sees it", side.name()), bytes, None));
-            }
-            return Ok(());
-        }
-        let (sun, sky) = light(manifest);
-        let (exposure, lit) = (manifest.exposure, if leaf.facing.lit[s] { light(manifest).0 } else { 0.0 });
-        // What a highlight adds to the displayed value at most: near-normal peak of Beckmann's D over 4, three times that towards grazing.
-        let shows = |rho_s: f64, m: f64| {
-            let under = 0.05 * (sun / std::f64::consts::PI + sky);
-            let gloss = rho_s * (3.0 * lit / (4.0 * std::f64::consts::PI * (m * m).max(1e-6)) + sky);
-            displayed(under + gloss, exposure) - displayed(under, exposure)
-        };
-        let figures = &fitted.section(side)?.figures;
-        if let (Some(rho_s), Some(m)) = (figures.get("rho_s_max"), figures.get("m_min"))
-            && shows(*rho_s, *m) < manifest.tolerance
-        {
-            leaf.sides[s].gloss = false;
-            let why = format!("matte: rho_s is at most {rho_s:.2e}, which adds less than {:.1e} to a displayed value", manifest.tolerance);
-            plan.leave_out(LeftOut::new(name, why, bytes, None));
-            return Ok(());
-        }
-        let file = format!("{}_rho_s_m.exr", side.name());
-        let Rgba { size, texels, good } = rgba(fitted, &file, ledger, |t| t[3] > 0.0)?;
-        same_size(leaf, size, fitted, &file)?;
-        let most = texels
-            .iter()
-            .zip(&good)
-            .filter(|(_, g)| **g)
-            .map(|(t, _)| shows(t[..3].iter().map(|v| f64::from(*v)).fold(0.0, f64::max), f64::from(t[3])))
-            .fold(0.0, f64::max);
-        if most < manifest.tolerance {
-            leaf.sides[s].gloss = false;
-            let why =
-                format!("matte: a highlight adds at most {most:.1e} to a displayed value, the scene tolerates {:.1e}", manifest.tolerance);
-            plan.leave_out(LeftOut::new(name, why, texture_bytes(size), None));
-            return Ok(());
-        }
-        leaf.textures[s].gloss = Some(texels);
         Ok(())
     }
 
@@ -252,6 +208,8 @@ impl OneSide<'_> {
         if needs.normal {
             let why = if manifest.physical_sky() {
                 "the sky's light differs with where it turns"
+            } else if !leaf.facing.lit[s] && needs.gloss {
+                "how much a glossy side mirrors of the sky depends on where it turns"
             } else {
                 "the sun falls on this side where it shows"
             };
@@ -268,7 +226,11 @@ impl OneSide<'_> {
                 );
             }
         } else {
-            let why = if needs.any() { "no sun falls on this side: a constant sky asks for no direction".into() } else { unseen.clone() };
+            let why = if needs.any() {
+                "no sun falls on this side, and a constant sky asks a matte side for no direction".into()
+            } else {
+                unseen.clone()
+            };
             skip(plan, "_normal", 1, why);
         }
         if needs.any() || needs.mean {

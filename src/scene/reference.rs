@@ -1,16 +1,17 @@
 //! The hand-over to the reference renderer, by a way of its own: from `front.exr` and `back.exr` (γ, thickness, ρs, m, normals a texel in
-//! the scan's frame), not from W's packed textures, and with a slab interpolant of its own (Chebyshev in the thickness).
+//! the scan's frame), not from W's packed textures, and with a slab interpolant of its own (Chebyshev in the thickness). Nothing that the plan
+//! leaves out is left out here: gloss, normals, translucency and both sides are drawn wherever the fit has them.
 
 use super::branch::Bends;
 use super::daylight::Daylight;
-use super::fitted::fill;
+use super::fitted::{Fitted, fill};
 use super::ledger::Ledger;
 use super::manifest::{Interior, Leaf, Lobe, Manifest, View};
-use super::mesh::LeafMesh;
 use super::plan::{LeafPlan, Plan, sun_direction};
-use super::plan_leaf::SIDES;
+use super::plan_leaf::{SIDES, same_size};
 use super::texel_frame;
 use crate::capture::manifest::SideName;
+use crate::files::mesh::LeafMesh;
 use crate::optics::slab;
 use crate::transport::{self, lobe, world};
 use crate::{Error, Result};
@@ -146,62 +147,57 @@ pub fn mesh(mesh: &LeafMesh) -> transport::ReferenceMesh {
     }
 }
 
-/// A side that no camera sees light from.
+/// A side that the fit does not have, or wood's.
 pub fn black(texels: usize) -> transport::ReferenceSide {
     let none = || [vec![0.0; texels], vec![0.0; texels], vec![0.0; texels]];
     transport::ReferenceSide { interior: transport::Interior::Maps { rho_d: none(), rho_t: none() }, gloss: None, normal: None }
 }
 
+/// A leaf with everything that its fit has. What the plan leaves out of the picture is drawn here all the same, so that the picture is held
+/// against the leaf and not against the plan.
 fn one_leaf(manifest: &Manifest, leaf: &LeafPlan, ledger: &Ledger) -> Result<transport::ReferenceLeaf> {
     let config = &manifest.leaves[leaf.index];
-    let Some(blade) = &leaf.mesh else {
+    let (Some(blade), Some(fitted)) = (&leaf.mesh, &leaf.fitted) else {
         return Err(Error::field(&manifest.path, &format!("leaf \"{}\"", config.name), "not fitted yet; `mesophyll run` fits it"));
     };
+    // Normals were seen on the blade that was scanned, whatever blade is drawn.
+    let scanned = match &config.mesh {
+        Some(_) if fitted.folder.join("blade.glb").is_file() => Some(crate::files::mesh::read(&fitted.folder.join("blade.glb"), None)?),
+        _ => None,
+    };
     let mut size = leaf.size;
-    if size == [0, 0] {
-        size = [1, 1];
-    }
-    let mut sides = [black(size[0] * size[1]), black(size[0] * size[1])];
-    let mut mask = None;
-    for (s, side) in SIDES.into_iter().enumerate() {
-        if leaf.sides[s].any() {
-            let (read, on_leaf) = one_side(config, leaf, s, side, ledger)?;
-            sides[s] = read;
-            if config.mesh.is_some() && s == 0 {
-                mask = Some(on_leaf);
-            }
+    let (mut sides, mut mask) = ([None, None], None);
+    for (s, side) in SIDES.into_iter().enumerate().filter(|(_, side)| fitted.has(*side)) {
+        let read = one_side(config, fitted, s, side, scanned.as_ref().unwrap_or(blade), ledger)?;
+        size = same_size(size, read.size, fitted, &format!("{}.exr", side.name()))?;
+        if config.mesh.is_some() && s == 0 {
+            mask = Some(read.on_leaf);
         }
+        sides[s] = Some(read.side);
     }
-    if config.mesh.is_some() && mask.is_none() {
-        let fitted = leaf.fitted.as_ref();
-        mask = match fitted {
-            Some(f) => Some(f.maps("front.exr", &["mask.Y"], ledger)?.channels[0].1.iter().map(|v| u8::from(*v != 0.0)).collect()),
-            None => None,
-        };
-    }
-    let [front, back] = sides;
+    let [front, back] = sides.map(|s| s.unwrap_or_else(|| black(size[0] * size[1])));
     Ok(transport::ReferenceLeaf { mesh: mesh(blade), width: size[0], height: size[1], front, back, mask, lobe: lobe(config) })
 }
 
-fn one_side(config: &Leaf, leaf: &LeafPlan, s: usize, side: SideName, ledger: &Ledger) -> Result<(transport::ReferenceSide, Vec<u8>)> {
-    let needs = leaf.sides[s];
-    let Some(fitted) = &leaf.fitted else { return Ok((black(1), Vec::new())) };
+/// One side as its maps have it.
+struct ReadSide {
+    side: transport::ReferenceSide,
+    size: [usize; 2],
+    on_leaf: Vec<u8>,
+}
+
+fn one_side(config: &Leaf, fitted: &Fitted, s: usize, side: SideName, scanned: &LeafMesh, ledger: &Ledger) -> Result<ReadSide> {
     let file = format!("{}.exr", side.name());
     let path = fitted.folder.join(&file);
-    let mut names = vec!["mask.Y", "thickness.Y"];
+    const COMMON: [&str; 9] = ["mask.Y", "thickness.Y", "rho_s.R", "rho_s.G", "rho_s.B", "m.Y", "normal.X", "normal.Y", "normal.Z"];
+    const INSIDE: usize = COMMON.len();
     let pigment = config.interior == Interior::Maps;
-    let (first, second) =
-        (["gamma.R", "gamma.G", "gamma.B"], ["sigma_a.R", "sigma_a.G", "sigma_a.B", "sigma_s.R", "sigma_s.G", "sigma_s.B"]);
-    names.extend(if pigment { &second[..] } else { &first[..] });
-    let gloss_at = names.len();
-    if needs.gloss {
-        names.extend(["rho_s.R", "rho_s.G", "rho_s.B", "m.Y"]);
-    }
-    let normal_at = names.len();
-    if needs.normal {
-        names.extend(["normal.X", "normal.Y", "normal.Z"]);
-    }
-    let maps = fitted.maps(&file, &names, ledger)?;
+    let inside: &[&str] = if pigment {
+        &["sigma_a.R", "sigma_a.G", "sigma_a.B", "sigma_s.R", "sigma_s.G", "sigma_s.B"]
+    } else {
+        &["gamma.R", "gamma.G", "gamma.B"]
+    };
+    let maps = fitted.maps(&file, &[&COMMON, inside].concat(), ledger)?;
     let (width, height) = (maps.width, maps.height);
     let mut planes: Vec<Vec<f32>> = maps.channels.into_iter().map(|(_, p)| p).collect();
     // A fit fills its maps beyond the good texels itself; what it left undetermined is filled here.
@@ -209,34 +205,31 @@ fn one_side(config: &Leaf, leaf: &LeafPlan, s: usize, side: SideName, ledger: &L
     let on_leaf = planes[0].iter().map(|v| u8::from(*v != 0.0)).collect();
     fill(&path, width, height, &mut planes, |k| good[k])?;
     let three = |planes: &mut [Vec<f32>], at: usize| [0, 1, 2].map(|c| std::mem::take(&mut planes[at + c]));
-    let normal = match &leaf.mesh {
-        Some(mesh) if needs.normal => {
-            let seen: Vec<[f32; 3]> = (0..width * height).map(|k| [0, 1, 2].map(|c| planes[normal_at + c][k])).collect();
-            let frames = texel_frame::frames(&path, mesh, width, height)?;
-            let values = texel_frame::tangent_space(&seen, &frames, width, s == 1);
-            Some(transport::NormalMap { frame: transport::NormalFrame::Tangent, values })
-        }
-        _ => None,
-    };
-    let gloss = needs.gloss.then(|| transport::Gloss { rho_s: three(&mut planes, gloss_at), m: std::mem::take(&mut planes[gloss_at + 3]) });
+    let seen: Vec<[f32; 3]> = (0..width * height).map(|k| [6, 7, 8].map(|c: usize| planes[c][k])).collect();
+    let frames = texel_frame::frames(&path, scanned, width, height)?;
+    let values = texel_frame::tangent_space(&seen, &frames, width, s == 1);
+    let normal = Some(transport::NormalMap { frame: transport::NormalFrame::Tangent, values });
     let interior = if pigment {
-        solved(&planes)
+        solved(&planes[1], &planes[INSIDE..])
     } else {
         let thickness = std::mem::take(&mut planes[1]);
         let (low, high) = thickness.iter().fold((f64::INFINITY, 0f64), |(a, b), h| (a.min(f64::from(*h)), b.max(f64::from(*h))));
         let curve = Chebyshev::new(fitted.rgb(side, "sigma_a")?, fitted.rgb(side, "sigma_s")?, low, high);
-        transport::Interior::Scalars { gamma: three(&mut planes, 2), thickness, curve: Arc::new(move |h| curve.at(h)) }
+        transport::Interior::Scalars { gamma: three(&mut planes, INSIDE), thickness, curve: Arc::new(move |h| curve.at(h)) }
     };
-    Ok((transport::ReferenceSide { interior, gloss, normal }, on_leaf))
+    let rho_s = three(&mut planes, 2);
+    let glossy = rho_s.iter().flatten().any(|v| *v > 0.0);
+    let gloss = glossy.then(|| transport::Gloss { rho_s, m: std::mem::take(&mut planes[5]) });
+    Ok(ReadSide { side: transport::ReferenceSide { interior, gloss, normal }, size: [width, height], on_leaf })
 }
 
 /// ρd and ρt of every texel from its own σa, σs and thickness.
-fn solved(planes: &[Vec<f32>]) -> transport::Interior {
-    let texels: Vec<[f32; 6]> = (0..planes[1].len())
+fn solved(thickness: &[f32], sigma: &[Vec<f32>]) -> transport::Interior {
+    let texels: Vec<[f32; 6]> = (0..thickness.len())
         .into_par_iter()
         .map(|k| {
-            let h = f64::from(planes[1][k]);
-            let r = [0, 1, 2].map(|c| slab::exact::response(f64::from(planes[2 + c][k]), f64::from(planes[5 + c][k]), h));
+            let h = f64::from(thickness[k]);
+            let r = [0, 1, 2].map(|c| slab::exact::response(f64::from(sigma[c][k]), f64::from(sigma[3 + c][k]), h));
             [r[0].rho_d, r[1].rho_d, r[2].rho_d, r[0].rho_t, r[1].rho_t, r[2].rho_t].map(|v| v as f32)
         })
         .collect();

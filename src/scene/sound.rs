@@ -5,13 +5,13 @@
 
 use super::fitted::Fitted;
 use super::ledger::Ledger;
-use super::mesh::LeafMesh;
 use super::plan::LeafPlan;
 use super::plan_leaf::SIDES;
 use super::texel_frame;
 use crate::Result;
 use crate::capture::manifest::SideName;
 use crate::files::image::Maps;
+use crate::files::mesh::LeafMesh;
 use crate::optics::slab;
 use rayon::prelude::*;
 

@@ -25,7 +25,7 @@ use crate::{Error, Result};
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// Thickness levels: twice as many as a fit has.
 const LEVELS: usize = 16;
@@ -38,7 +38,7 @@ pub struct Inside {
     /// Tangent, image up and normal at every texel of the front's maps.
     frames: Vec<[DVec3; 3]>,
     width: usize,
-    sides: [Option<Way>; 2],
+    ways: [OnceLock<Way>; 2],
 }
 
 /// How the reference gets to the light that enters one side.
@@ -211,22 +211,25 @@ fn tissue(file: &Path, section: &Section, side: &str, k: usize) -> Result<Tissue
 }
 
 impl Inside {
+    /// `None` where the leaf has no maps that say how light comes through.
+    ///
     /// # Errors
-    /// [`Error::Input`] where the leaf's mesh covers no texel, or where what the maps were made from cannot be read.
+    /// [`Error::Input`] where the leaf's mesh covers no texel.
     pub fn new(leaf: &LeafPlan) -> Result<Option<Inside>> {
-        let (Some(mesh), Some(fitted), Some(translucent)) = (&leaf.mesh, &leaf.fitted, &leaf.translucency) else { return Ok(None) };
-        let Some(maps) = &translucent.fitted else { return Ok(None) };
+        let (Some(mesh), true) = (&leaf.mesh, leaf.translucency.as_ref().is_some_and(|t| t.fitted.is_some())) else { return Ok(None) };
         let [width, height] = leaf.size;
-        let mut sides = [None, None];
-        for s in [0, 1] {
-            if leaf.sides[s].translucency {
-                sides[s] = Some(match Convolved::new(&fitted.folder, &maps.folder, &maps.record, s)? {
-                    Some(found) => Way::Convolved(Box::new(found)),
-                    None => Way::AsTheyAre,
-                });
-            }
+        Ok(Some(Inside { frames: texel_frame::frames(&leaf.mesh_path, mesh, width, height)?, width, ways: Default::default() }))
+    }
+
+    /// How light that enters side `s` is worked out, made when it is first asked for: a side that is never lit costs nothing.
+    fn way(&self, leaf: &LeafPlan, s: usize) -> Result<Option<&Way>> {
+        let maps = leaf.translucency.as_ref().and_then(|t| t.fitted.as_ref());
+        let (Some(fitted), Some(maps)) = (&leaf.fitted, maps) else { return Ok(None) };
+        if self.ways[s].get().is_none() {
+            let found = Convolved::new(&fitted.folder, &maps.folder, &maps.record, s)?;
+            let _ = self.ways[s].set(found.map_or(Way::AsTheyAre, |c| Way::Convolved(Box::new(c))));
         }
-        Ok(Some(Inside { frames: texel_frame::frames(&leaf.mesh_path, mesh, width, height)?, width, sides }))
+        Ok(self.ways[s].get())
     }
 
     /// A sun (in the leaf's own frame) in texel `k`'s tangent frame, as side `s` sees it.
@@ -237,8 +240,11 @@ impl Inside {
     }
 
     /// What multiplies ρt (or stands for it) when each of `suns` shines on side `s`; `radius` is the sun's (rad).
-    pub fn lit(&self, leaf: &LeafPlan, s: usize, suns: &[DVec3], radius: f64) -> Vec<Sunlit> {
-        match &self.sides[s] {
+    ///
+    /// # Errors
+    /// [`Error::Input`] where what the maps were made from cannot be read.
+    pub fn lit(&self, leaf: &LeafPlan, s: usize, suns: &[DVec3], radius: f64) -> Result<Vec<Sunlit>> {
+        Ok(match self.way(leaf, s)? {
             None => Vec::new(),
             Some(Way::Convolved(found)) => {
                 let mut lit = found.lit(suns.len(), |i, k| self.turned(s, suns[i], k), 2.0 * radius.sin());
@@ -249,7 +255,7 @@ impl Inside {
                 lit
             }
             Some(Way::AsTheyAre) => self.stored(leaf, s, suns),
-        }
+        })
     }
 
     /// The same by the stored coefficients: what the full convolution differs from by is the basis' error.
@@ -324,28 +330,30 @@ fn light(world: &mut World, plan: &Plan, eyes: &[DVec3], stored: bool, has: impl
     let mut through = vec![Through::default(); instances.len()];
     let mut any = false;
     for (index, leaf) in drawn.iter().enumerate() {
-        let shines = |s: usize| leaf.sides[s].translucency && has(index, s);
-        let (Some(mesh), true) = (&leaf.mesh, shines(0) || shines(1)) else { continue };
-        let Some(translucent) = &leaf.translucency else { continue };
+        // Whether the plan leaves a side's maps out has no say here.
+        let (Some(mesh), Some(translucent), Some(fitted)) = (&leaf.mesh, &leaf.translucency, &leaf.fitted) else { continue };
         let Some(inside) = translucent.inside(leaf)? else { continue };
-        any = true;
         let facing = |i: usize| {
             let mut facing = Facing::default();
-            facing.add(mesh, &Placement { leaf: leaf.index, transform: instances[i].transform, ride: None }, eyes, Some(sun));
+            facing.add(mesh, &Placement { leaf: leaf.index, transform: instances[i].transform, ride: None }, eyes, Some((sun, radius)));
             facing
         };
         let own: Vec<(usize, Facing)> =
             (0..instances.len()).into_par_iter().filter(|&i| instances[i].leaf == index).map(|i| (i, facing(i))).collect();
-        for s in (0..2).filter(|s| shines(*s)) {
+        for s in (0..2).filter(|s| fitted.has(SIDES[*s]) && has(index, *s)) {
             let shown: Vec<usize> = own.iter().filter(|(_, f)| f.through[1 - s]).map(|(i, _)| *i).collect();
+            if shown.is_empty() {
+                continue;
+            }
+            any = true;
             let local = |i: &usize| (DMat3::from_mat4(instances[*i].transform).inverse() * sun).normalize_or_zero();
             // Two suns share the transforms of a convolution.
             let of = |pair: &[usize]| {
                 let suns: Vec<DVec3> = pair.iter().map(local).collect();
-                if stored { inside.stored(leaf, s, &suns) } else { inside.lit(leaf, s, &suns, radius) }
+                if stored { Ok(inside.stored(leaf, s, &suns)) } else { inside.lit(leaf, s, &suns, radius) }
             };
-            let lit: Vec<Sunlit> = shown.par_chunks(2).flat_map_iter(of).collect();
-            for (i, map) in shown.into_iter().zip(lit) {
+            let lit: Vec<Vec<Sunlit>> = shown.par_chunks(2).map(of).collect::<Result<_>>()?;
+            for (i, map) in shown.into_iter().zip(lit.into_iter().flatten()) {
                 through[i].entering[s] = Some(map);
             }
         }

@@ -2,8 +2,8 @@
 //! normals in that frame, and this way to it shares no code with the fit's packed `front_normal.exr`.
 
 use super::fitted::fill;
-use super::mesh::LeafMesh;
 use crate::Result;
+use crate::files::mesh::LeafMesh;
 use glam::{DVec2, DVec3};
 use std::path::Path;
 

@@ -4,10 +4,11 @@
 //! of the size of the leaf's other maps: channels `translucency.1` to `.3`, coefficients of f on the Half-Life 2 functions (straight or bent), or
 //! `translucency.R1` to `.B3`, those of M = ρt·f a colour. Directions are in the lit side's tangent frame.
 
+use super::branch;
 use super::display::displayed;
 use super::fitted::{Fitted, fill};
 use super::ledger::Ledger;
-use super::manifest::{Basis, Colour, Manifest, Tissue, Translucency as Asked};
+use super::manifest::{Basis, Colour, Manifest, Tissue, Translucency as Asked, ViewKind};
 use super::plan::{LeafPlan, LeftOut, Need, Plan, sun_direction};
 use super::plan_leaf::SIDES;
 use super::source::{Source, Status};
@@ -36,7 +37,8 @@ pub struct Translucent {
     pub source: Source,
     /// Open when it is there; its files are called `LEAF/translucency/…`.
     pub fitted: Option<Fitted>,
-    /// Coefficients for light that enters the front and the back, without holes; only what the plan needs.
+    /// Coefficients for light that enters the front and the back, without holes; only of sides that are back-lit where a camera looks.
+    /// [`super::plan::SideNeeds`] says which of them the renderer gets.
     pub maps: [Option<Coefficients>; 2],
     /// For the reference renderer, made when it first asks.
     inside: Arc<OnceLock<Option<Inside>>>,
@@ -85,11 +87,14 @@ impl Coefficients {
         DVec3::from(basis::vector(h.map(f64::from))).dot(DVec3::from(at))
     }
 
-    /// Green light through texel `k`, where `rho_t` is ρt there.
-    fn green(&self, k: usize, omega: DVec3, rho_t: f64) -> f64 {
+    /// Light through texel `k`, a channel each, where `rho_t` is ρt there.
+    fn through(&self, k: usize, omega: DVec3, rho_t: [f64; 3]) -> [f64; 3] {
         match &self.of {
-            Of::Factor(map) => rho_t * self.sum(map[k], omega).max(0.0),
-            Of::Colour(maps) => self.sum(maps[1][k], omega).max(0.0),
+            Of::Factor(map) => {
+                let f = self.sum(map[k], omega).max(0.0);
+                rho_t.map(|r| r * f)
+            }
+            Of::Colour(maps) => [0, 1, 2].map(|c| self.sum(maps[c][k], omega).max(0.0)),
         }
     }
 }
@@ -194,14 +199,18 @@ pub fn side(manifest: &Manifest, leaf: &mut LeafPlan, s: usize, plan: &mut Plan,
     };
     let read = read(leaf, s, maps, &file, ledger)?;
     let cost = cost(manifest, leaf, s, &read, plan, ledger)?;
-    if cost.p99 < manifest.tolerance {
+    if cost.largest < manifest.tolerance && !plan.free {
         leaf.sides[s].translucency = false;
         leaf.sides[s].normal = true;
         let why = format!(
-            "by rho_t and the mapped normal a displayed value is off by {:.1e} (99 % of the texels, measured), the scene tolerates {:.1e}",
-            cost.p99, manifest.tolerance
+            "by rho_t and the mapped normal a displayed value is off by {:.1e} at most (measured at every texel), the scene tolerates {:.1e}",
+            cost.largest, manifest.tolerance
         );
         plan.leave_out(LeftOut::new(what, why, read.layers().len() as u64 * layer + on_disk, None));
+        // The reference renderer draws them all the same.
+        if let Some(translucent) = &mut leaf.translucency {
+            translucent.maps[s] = Some(read);
+        }
         return Ok(());
     }
     let mut need = Need::new(what, format!("sunlight that enters the {} shows on the other side", side.name()));
@@ -277,7 +286,8 @@ struct Cost {
     largest: f64,
 }
 
-/// Compares the maps' light with that of ρt and the mapped normal, texel by texel, for the suns that the scene's placements see.
+/// Compares the maps' light with that of ρt and the mapped normal, texel by texel and channel by channel, for the suns that the scene's
+/// placements see: for some of them first, and for all where those would do without the maps.
 fn cost(manifest: &Manifest, leaf: &LeafPlan, s: usize, maps: &Coefficients, plan: &Plan, ledger: &Ledger) -> Result<Cost> {
     let none = Cost { p99: 0.0, largest: 0.0 };
     let (Some(mesh), Some(fitted)) = (&leaf.mesh, &leaf.fitted) else { return Ok(none) };
@@ -287,74 +297,85 @@ fn cost(manifest: &Manifest, leaf: &LeafPlan, s: usize, maps: &Coefficients, pla
     let rho_t = transmittance(leaf, s, SIDES[s], fitted, ledger)?;
     let frames = texel_frame::frames(&leaf.mesh_path, mesh, w, h)?;
     let on_leaf = on_leaf(leaf, s);
-    let level = super::plan_light::levels(manifest).0[1] / PI;
     let suns = suns(manifest, leaf, plan);
     let out = if s == 0 { 1.0 } else { -1.0 };
-    let errors: Vec<Vec<f64>> = suns
-        .par_iter()
-        .map(|sun| {
-            let mut errors = Vec::new();
-            for k in (0..w * h).filter(|&k| on_leaf[k]) {
-                let [t, b, n] = frames[front_texel(k, s, w)];
-                let omega = DVec3::new(out * t.dot(*sun), b.dot(*sun), out * n.dot(*sun));
-                let normal = DVec3::from([0, 1, 2].map(|c| f64::from(normals.channels[c].1[k])));
-                if omega.z <= 0.0 || !normal.is_finite() {
-                    continue;
-                }
-                let by_normal = f64::from(rho_t[k]) * normal.normalize_or(DVec3::Z).dot(omega).max(0.0);
-                let by_maps = maps.green(k, omega, f64::from(rho_t[k]));
-                errors.push((displayed(level * by_maps, manifest.exposure) - displayed(level * by_normal, manifest.exposure)).abs());
-            }
-            errors
-        })
-        .collect();
-    let mut errors = errors.concat();
+    let error = |k: usize, sun: DVec3, level: [f64; 3]| {
+        let [t, b, n] = frames[front_texel(k, s, w)];
+        let omega = DVec3::new(out * t.dot(sun), b.dot(sun), out * n.dot(sun));
+        let normal = DVec3::from([0, 1, 2].map(|c| f64::from(normals.channels[c].1[k])));
+        if omega.z <= 0.0 || !normal.is_finite() {
+            return None;
+        }
+        let rho_t = rho_t[k].map(f64::from);
+        let (by_maps, cosine) = (maps.through(k, omega, rho_t), normal.normalize_or(DVec3::Z).dot(omega).max(0.0));
+        let shown = |c: usize, v: f64| displayed(level[c] * v, manifest.exposure);
+        Some((0..3).map(|c| (shown(c, by_maps[c]) - shown(c, rho_t[c] * cosine)).abs()).fold(0.0, f64::max))
+    };
+    let texels: Vec<usize> = (0..w * h).filter(|&k| on_leaf[k]).collect();
+    let stride = suns.len().div_ceil(PLACEMENTS).max(1);
+    let some: Vec<_> = suns.iter().step_by(stride).collect();
+    let mut errors: Vec<f64> =
+        some.into_par_iter().flat_map_iter(|(sun, level)| texels.iter().filter_map(|k| error(*k, *sun, *level))).collect();
     errors.sort_by(f64::total_cmp);
-    Ok(match errors.last() {
-        None => none,
-        Some(largest) => Cost { p99: errors[((errors.len() - 1) as f64 * 0.99).round() as usize], largest: *largest },
-    })
+    let Some(mut largest) = errors.last().copied() else { return Ok(none) };
+    if largest < manifest.tolerance && stride > 1 {
+        let of = |(sun, level): &(DVec3, [f64; 3])| texels.iter().filter_map(|k| error(*k, *sun, *level)).fold(0.0, f64::max);
+        largest = suns.par_iter().map(of).reduce(|| 0.0, f64::max);
+    }
+    Ok(Cost { p99: errors[((errors.len() - 1) as f64 * 0.99).round() as usize], largest })
 }
 
-/// Suns in the leaf's own frame: those of its placements, or a spread over both sides where the sun moves.
-fn suns(manifest: &Manifest, leaf: &LeafPlan, plan: &Plan) -> Vec<DVec3> {
+/// Suns in the leaf's own frame and what they would give a white surface that faces them: one for each placement and time, or a spread over
+/// both sides where the sun moves.
+fn suns(manifest: &Manifest, leaf: &LeafPlan, plan: &Plan) -> Vec<(DVec3, [f64; 3])> {
     let Some(sun) = sun_direction(manifest) else { return Vec::new() };
-    if manifest.sun_moves() || plan.sun_moves || leaf.facing == super::facing::Facing::ALL {
+    let level = super::plan_light::levels(manifest).0.map(|e| e / PI);
+    if manifest.sun_moves() || plan.free {
         let golden = PI * (3.0 - 5f64.sqrt());
         return (0..32)
             .map(|k| {
                 let z = 1.0 - (2.0 * f64::from(k) + 1.0) / 32.0;
                 let (sin, cos) = (golden * f64::from(k)).sin_cos();
                 let r = (1.0 - z * z).sqrt();
-                DVec3::new(r * cos, r * sin, z)
+                (DVec3::new(r * cos, r * sin, z), level)
             })
             .collect();
     }
-    let own: Vec<_> = plan.placements.iter().filter(|p| p.leaf == leaf.index).collect();
-    let stride = own.len().div_ceil(PLACEMENTS).max(1);
-    own.iter().step_by(stride).map(|p| (DMat3::from_mat4(p.transform).inverse() * sun).normalize_or_zero()).collect()
+    let mut times: Vec<f64> = match plan.bends {
+        Some(_) => manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).map(|v| branch::time(manifest, v)).collect(),
+        None => vec![0.0],
+    };
+    times.dedup();
+    let own = plan.placements.iter().filter(|p| p.leaf == leaf.index);
+    own.flat_map(|p| times.iter().map(move |t| plan.at_time(p, *t).transform))
+        .map(|transform| ((DMat3::from_mat4(transform).inverse() * sun).normalize_or_zero(), level))
+        .collect()
 }
 
-/// ρt (green) of every texel.
-fn transmittance(leaf: &LeafPlan, s: usize, side: SideName, fitted: &Fitted, ledger: &Ledger) -> Result<Vec<f32>> {
+/// ρt of every texel.
+fn transmittance(leaf: &LeafPlan, s: usize, side: SideName, fitted: &Fitted, ledger: &Ledger) -> Result<Vec<[f32; 3]>> {
     if let (Some(texels), Some(curve)) = (&leaf.textures[s].gamma_delta, &leaf.curves[s]) {
         let h = fitted.thickness(side)?;
-        return Ok(texels.iter().map(|t| curve.at(h + f64::from(t[3])).1[1] as f32).collect());
+        return Ok(texels.iter().map(|t| curve.at(h + f64::from(t[3])).1.map(|v| v as f32)).collect());
     }
-    let maps = fitted.maps(&format!("{}.exr", side.name()), &["rho_t.G"], ledger)?;
-    Ok(maps.channels.into_iter().next().map(|(_, p)| p.iter().map(|v| if v.is_finite() { *v } else { 0.0 }).collect()).unwrap_or_default())
+    let maps = fitted.maps(&format!("{}.exr", side.name()), &["rho_t.R", "rho_t.G", "rho_t.B"], ledger)?;
+    let at = |k: usize| [0, 1, 2].map(|c: usize| maps.channels[c].1[k]).map(|v| if v.is_finite() { v } else { 0.0 });
+    Ok((0..maps.width * maps.height).map(at).collect())
 }
 
 /// Lets the maps' own detail say how coarse the leaf's maps may be.
 pub fn resolution(manifest: &Manifest, leaf: &mut LeafPlan, plan: &mut Plan, footprint: f64) {
     let level = super::plan_light::levels(manifest).0[1] / PI;
     for s in [0, 1] {
-        let Some(maps) = leaf.translucency.as_ref().and_then(|t| t.maps[s].as_ref()) else { continue };
-        let mean_rho = leaf.curves[s].as_ref().map_or(1.0, |c| c.at((c.min + c.max) / 2.0).1[1]);
+        let Some(maps) = leaf.translucency.as_ref().and_then(|t| t.maps[s].as_ref()).filter(|_| leaf.sides[s].translucency) else {
+            continue;
+        };
+        let mean_rho = leaf.curves[s].as_ref().map_or([1.0; 3], |c| c.at((c.min + c.max) / 2.0).1);
         // At half the height of the sky both relief and level count.
         let omega = DVec3::new(0.5f64.sqrt(), 0.0, 0.5f64.sqrt());
         let [w, h] = leaf.size;
-        let values: Vec<f32> = (0..w * h).map(|k| displayed(level * maps.green(k, omega, mean_rho), manifest.exposure) as f32).collect();
+        let values: Vec<f32> =
+            (0..w * h).map(|k| displayed(level * maps.through(k, omega, mean_rho)[1], manifest.exposure) as f32).collect();
         let good = on_leaf(leaf, s);
         let rows = super::amount::map_levels(&values, w, h, |k| good[k], footprint, TEXEL_BYTES);
         let allowed = rows.first().map_or(0.0, |r| r.error) + manifest.tolerance / 4.0;

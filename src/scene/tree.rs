@@ -5,7 +5,7 @@
 //! from the one before, and strays by a seeded amount. Leaves are spread evenly over the length of all twigs.
 
 use super::manifest::Tree;
-use super::mesh::LeafMesh;
+use crate::files::mesh::LeafMesh;
 use glam::{DMat3, DMat4, DQuat, DVec2, DVec3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;

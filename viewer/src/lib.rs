@@ -41,7 +41,7 @@ pub use picture::Picture;
 pub use renderer::Renderer;
 pub use stats::{Stats, Upload};
 pub use timing::Timing;
-pub use ui::{CheckLayout, ViewerUi, WindowScene};
+pub use ui::{CheckLayout, ViewerUi, WindowScene, WindowView};
 pub use window::{Shown, Stage, WindowOptions, open_window};
 /// For tests of shaders that are handed to other programs; not part of this crate's promise.
 #[doc(hidden)]

@@ -14,6 +14,8 @@ pub struct Report {
     pub views: Vec<ViewReport>,
     /// What else went wrong, a sentence each: files that are not what was fitted.
     pub failures: Vec<String>,
+    /// What is strange about the scene and fails nothing: see [`crate::scene::plan::Plan::warnings`].
+    pub warnings: Vec<String>,
     /// What was uploaded (name, bytes) and compiled for the perspective views.
     pub uploads: Vec<(String, u64)>,
     pub pipelines: Vec<String>,
@@ -159,6 +161,7 @@ impl Report {
             "size": [manifest.check.width, manifest.check.height],
             "reference_samples": manifest.check.samples,
             "failures": self.failures,
+            "warnings": self.warnings,
             "views": self.views.iter().map(ViewReport::json).collect::<Vec<_>>(),
             "uploads": self.uploads.iter().map(|(n, b)| json!({"name": n, "bytes": b})).collect::<Vec<_>>(),
             "uploaded_bytes": self.uploads.iter().map(|(_, b)| b).sum::<u64>(),
@@ -179,6 +182,9 @@ impl Report {
     /// The report in words.
     pub fn text(&self) -> String {
         let mut out = format!("adapter: {}{}\n", self.adapter, if self.software { ", software: frame times are not judged" } else { "" });
+        for warning in &self.warnings {
+            out += &format!("warning: {warning}\n");
+        }
         for failure in &self.failures {
             out += &format!("MISSED  {failure}\n");
         }

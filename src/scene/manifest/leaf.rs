@@ -1,5 +1,6 @@
 //! Leaves that a scene may show: where their data come from, and what is drawn of them.
 
+use crate::files::mesh::Unit;
 use crate::optics::translucency::basis as directions;
 use serde::Deserialize;
 use std::path::PathBuf;
@@ -14,8 +15,10 @@ pub struct Leaf {
     pub fit: Option<PathBuf>,
     pub capture: Option<PathBuf>,
     pub scan: Option<Scan>,
-    /// glTF in mm; the fit's own blade when absent.
+    /// glTF; the fit's own blade when absent.
     pub mesh: Option<PathBuf>,
+    /// Of that file's lengths; when absent, what the file says, or glTF's metre.
+    pub mesh_unit: Option<Unit>,
     #[serde(default)]
     pub interior: Interior,
     #[serde(default)]

@@ -27,6 +27,9 @@ pub fn leaves(p: &Place) -> Result<()> {
         } else if !own {
             return Err(p.error(HEADER, i, "fit", "missing; expected a fit folder, a capture or a scan"));
         }
+        if leaf.mesh_unit.is_some() && leaf.mesh.is_none() {
+            return Err(p.error(HEADER, i, "mesh_unit", "given without a mesh; a fit's own blade says its unit itself"));
+        }
         if leaf.capture.is_some() && leaf.scan.is_some() {
             return Err(p.error(HEADER, i, "scan", "given beside a capture; expected one of the two"));
         }

@@ -10,7 +10,7 @@ mod made_up;
 
 use mesophyll_viewer::editor::{Editor, LeafEdit, LeafUpdate, Measure, ReferencePicture, Verdict};
 use mesophyll_viewer::scene::{Camera, Interior, Scene};
-use mesophyll_viewer::{Options, Picture, Renderer, WindowOptions, WindowScene, open_window};
+use mesophyll_viewer::{Options, Picture, Renderer, WindowOptions, WindowScene, WindowView, open_window};
 
 /// Stands in for the program around the window: its slab is a two-stream one, its reference the renderer itself without shadows.
 struct StandIn;
@@ -62,7 +62,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             title: "made-up leaf".into(),
             scene: made_up::scene(true),
             camera: made_up::camera(),
-            views: vec![("above".into(), made_up::camera())],
+            views: vec![WindowView { name: "above".into(), camera: made_up::camera(), time_s: None }],
             check_size: [400, 300],
             screenshots: ".".into(),
         };

@@ -34,6 +34,18 @@ pub(crate) fn difference(a: &[[u8; 4]], b: &[[u8; 4]]) -> Vec<[u8; 4]> {
     a.iter().zip(b).map(|(p, q)| [channel(p[0], q[0]), channel(p[1], q[1]), channel(p[2], q[2]), 255]).collect()
 }
 
+/// Where picture, reference and difference go: the first two always side by side, the third beside them or below, whichever shows them larger.
+pub(crate) fn cells(area: Rect, aspect: f32, caption: f32) -> [Rect; 3] {
+    let cell = |x: f32, y: f32, size: egui::Vec2| Rect::from_min_size(area.min + vec2(x * size.x, y * size.y), size);
+    let (row, square) = (vec2(area.width() / 3.0, area.height()), 0.5 * area.size());
+    let shown = |size: egui::Vec2| size.x.min((size.y - caption) * aspect);
+    if shown(row) >= shown(square) {
+        [cell(0.0, 0.0, row), cell(1.0, 0.0, row), cell(2.0, 0.0, row)]
+    } else {
+        [cell(0.0, 0.0, square), cell(1.0, 0.0, square), cell(0.5, 1.0, square)]
+    }
+}
+
 impl Check {
     pub(crate) fn new(context: &egui::Context, picture: &Picture, reference: &ReferencePicture, verdict: Verdict) -> Check {
         let size = [picture.width as usize, picture.height as usize];
@@ -68,20 +80,20 @@ impl ViewerUi {
         if check.stale {
             ui.label(RichText::new("The scene or the view has changed since.").color(Color32::from_rgb(220, 170, 60)));
         }
-        egui::Grid::new("measures").num_columns(3).spacing([10.0, 2.0]).show(ui, |ui| {
-            for m in &check.verdict.measures {
-                ui.label(&m.name);
-                let colour = if m.value <= m.threshold { ui.visuals().text_color() } else { Color32::from_rgb(230, 90, 80) };
+        // A name may be longer than the panel is wide: the numbers stand below it.
+        for m in &check.verdict.measures {
+            ui.label(&m.name);
+            let colour = if m.value <= m.threshold { ui.visuals().text_color() } else { Color32::from_rgb(230, 90, 80) };
+            ui.horizontal(|ui| {
                 ui.label(RichText::new(format!("{:.4}", m.value)).monospace().color(colour));
                 ui.monospace(format!("≤ {:.4}", m.threshold));
-                ui.end_row();
-            }
-        });
+            });
+        }
         if !check.verdict.note.is_empty() {
             ui.label(RichText::new(&check.verdict.note).small());
         }
         let mut show = self.show_check;
-        ui.horizontal(|ui| {
+        ui.horizontal_wrapped(|ui| {
             for (choice, name) in [(None, "live"), (Some(CheckLayout::SideBySide), "side by side"), (Some(CheckLayout::Flipped), "flipped")]
             {
                 let response = ui.selectable_value(&mut show, choice, name);
@@ -109,17 +121,7 @@ impl ViewerUi {
         };
         match layout {
             CheckLayout::SideBySide => {
-                // Three in a row or, in a tall window, below each other: whichever shows them larger.
-                let width_in_a_row = (area.width() / 3.0).min((area.height() - caption) * aspect);
-                let width_in_a_column = area.width().min((area.height() / 3.0 - caption) * aspect);
-                let in_a_row = width_in_a_row >= width_in_a_column;
-                for which in 0..3 {
-                    let k = which as f32;
-                    let cell = if in_a_row {
-                        Rect::from_min_size(area.min + vec2(k * area.width() / 3.0, 0.0), vec2(area.width() / 3.0, area.height()))
-                    } else {
-                        Rect::from_min_size(area.min + vec2(0.0, k * area.height() / 3.0), vec2(area.width(), area.height() / 3.0))
-                    };
+                for (which, cell) in cells(area, aspect, caption).into_iter().enumerate() {
                     show(which, cell.shrink(3.0));
                 }
             }
@@ -128,6 +130,24 @@ impl ViewerUi {
                 show(which, area);
                 ui.ctx().request_repaint_after(std::time::Duration::from_millis(100));
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn side_by_side_is_side_by_side_and_large() {
+        // The default window's middle, a wide one and a tall one.
+        for (width, height, least) in [(795.0f32, 770.0f32, 380.0), (1800.0, 500.0, 590.0), (500.0, 900.0, 240.0)] {
+            let area = Rect::from_min_size(pos2(290.0, 0.0), vec2(width, height));
+            let [picture, reference, difference] = cells(area, 4.0 / 3.0, 20.0);
+            assert!(picture.top() == reference.top() && (picture.right() - reference.left()).abs() < 0.01);
+            assert!([picture, reference, difference].iter().all(|r| area.expand(0.01).contains_rect(*r)));
+            assert!(picture.width().min((picture.height() - 20.0) * 4.0 / 3.0) >= least, "{width} {height}: {picture:?}");
+            assert!(difference.intersect(picture).area() < 0.01 || !difference.intersects(picture.shrink(0.01)));
         }
     }
 }

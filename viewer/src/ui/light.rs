@@ -1,6 +1,6 @@
 //! The lights panel: the sun's direction, the brightness of sun and sky, exposure, and the scene's own views.
 
-use super::ViewerUi;
+use super::{ViewerUi, WindowView};
 use crate::scene::Sun;
 use crate::ui::orbit::Orbit;
 use egui::{RichText, Slider, SliderClamping};
@@ -70,13 +70,15 @@ impl ViewerUi {
         if !self.views.is_empty() {
             ui.horizontal_wrapped(|ui| {
                 ui.label("view");
-                for (name, camera) in self.views.clone() {
+                for WindowView { name, camera, time_s } in self.views.clone() {
                     let button = ui.button(&name);
                     self.landmark(&format!("view {name}"), &button);
                     if button.clicked() {
                         self.orbit = Orbit::new(camera, self.radius);
-                        self.view_name = name;
                         self.camera_changed();
+                        if let Some(time_s) = time_s {
+                            self.set_time(time_s);
+                        }
                     }
                 }
             });

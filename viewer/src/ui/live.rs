@@ -23,7 +23,10 @@ impl ViewerUi {
             || ui.input(|i| i.modifiers.shift);
         if response.dragged() && moved != egui::Vec2::ZERO {
             if panning {
-                self.orbit.pan(moved.x / rect.height(), moved.y / rect.height());
+                // Shares of what a check's picture shows, of which the live one may show more.
+                let tan = |fov: f32| (0.5 * fov.to_radians()).tan();
+                let wider = tan(self.live_camera().fov_y_deg) / tan(self.orbit.camera.fov_y_deg);
+                self.orbit.pan(wider * moved.x / rect.height(), wider * moved.y / rect.height());
             } else {
                 self.orbit.turn(moved.x * 0.008, moved.y * 0.008);
             }
@@ -44,7 +47,7 @@ impl ViewerUi {
         let aspect = rect.width() / rect.height();
         let hit = pointer.and_then(|p| {
             let at = (p - rect.min) / rect.size();
-            pick(&self.scene, &self.orbit.camera, aspect, at.x, at.y)
+            pick(&self.scene, &self.live_camera(), aspect, at.x, at.y)
         });
         self.hover = hit.map(|hit| match self.hover.take() {
             Some((old, rows)) if (old.leaf, old.front, old.texel) == (hit.leaf, hit.front, hit.texel) => (hit, rows),

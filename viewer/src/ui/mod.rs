@@ -32,12 +32,20 @@ pub struct WindowScene {
     pub title: String,
     pub scene: Scene,
     pub camera: Camera,
-    /// Further named cameras.
-    pub views: Vec<(String, Camera)>,
-    /// Size of the pictures that are checked.
+    pub views: Vec<WindowView>,
+    /// Size of the pictures that are checked. The live picture shows at least what such a one does.
     pub check_size: [u32; 2],
     /// Where screenshots go.
     pub screenshots: PathBuf,
+}
+
+/// One of the scene's views, as a button.
+#[derive(Debug, Clone)]
+pub struct WindowView {
+    pub name: String,
+    pub camera: Camera,
+    /// When the scene is seen (s); the wind's time stays as it is where there is none.
+    pub time_s: Option<f64>,
 }
 
 /// Work that takes long enough to say so first: done after the frame that announces it.
@@ -73,8 +81,7 @@ pub struct ViewerUi {
     leaf: usize,
     side_front: bool,
     alone: bool,
-    views: Vec<(String, Camera)>,
-    view_name: String,
+    views: Vec<WindowView>,
     orbit: Orbit,
     radius: f32,
     thumbnails: appearance::Thumbnails,
@@ -103,6 +110,11 @@ pub struct ViewerUi {
     drawn_as_draft: bool,
 }
 
+/// Width over height.
+fn aspect([width, height]: [u32; 2]) -> f32 {
+    width.max(1) as f32 / height.max(1) as f32
+}
+
 impl ViewerUi {
     /// `adapter` is shown beside the frame times.
     pub fn new(window: WindowScene, editor: Box<dyn Editor>, adapter: &AdapterInfo) -> ViewerUi {
@@ -128,7 +140,6 @@ impl ViewerUi {
             leaf: scene.instances.first().map_or(0, |i| i.leaf),
             side_front: true,
             alone: false,
-            view_name: views.first().map_or_else(|| "view".into(), |(n, _)| n.clone()),
             views,
             orbit: Orbit::new(camera, radius),
             radius,
@@ -158,6 +169,14 @@ impl ViewerUi {
 
     pub fn camera(&self) -> Camera {
         self.orbit.camera
+    }
+
+    /// The camera of the live picture: the one that a check has, opened so far that all of a check's picture is seen in the window's shape.
+    pub fn live_camera(&self) -> Camera {
+        let Camera { fov_y_deg, .. } = self.orbit.camera;
+        let wider = (aspect(self.check_size) / aspect(self.picture_size)).max(1.0);
+        let half = ((0.5 * fov_y_deg.to_radians()).tan() * wider).atan();
+        Camera { fov_y_deg: 2.0 * half.to_degrees(), ..self.orbit.camera }
     }
 
     /// The scene as it stands, with edits.
@@ -351,7 +370,8 @@ impl ViewerUi {
             });
         }
         egui::Panel::right("lights").exact_size(275.0).resizable(false).show(ui, |ui| {
-            egui::ScrollArea::vertical().show(ui, |ui| {
+            let room = ui.available_width();
+            let shown = egui::ScrollArea::vertical().show(ui, |ui| {
                 self.lights(ui);
                 ui.separator();
                 self.wind(ui);
@@ -361,6 +381,9 @@ impl ViewerUi {
                 ui.separator();
                 self.frame_times(ui);
             });
+            self.landmarks
+                .insert("right panel".into(), Rect::from_min_size(shown.inner_rect.min, egui::vec2(room, shown.inner_rect.height())));
+            self.landmarks.insert("right panel's content".into(), Rect::from_min_size(shown.inner_rect.min, shown.content_size));
         });
         egui::Panel::bottom("words").show(ui, |ui| {
             ui.horizontal(|ui| {

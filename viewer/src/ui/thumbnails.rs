@@ -2,6 +2,7 @@
 
 use crate::scene::{Interior, Leaf, Side};
 use egui::{Color32, ColorImage};
+use glam::Vec2;
 
 /// Longest side of a thumbnail (pixels).
 const LONGEST: u32 = 96;
@@ -50,18 +51,41 @@ impl MapKind {
     }
 }
 
-/// A thumbnail with the range it spreads from black to white, or `None` where the side has no such map.
+/// Texels of the front's maps whose centres lie on the mesh: beyond the outline maps hold a fill for the renderer's filters, no data.
+fn covered(leaf: &Leaf) -> Vec<bool> {
+    let (width, height) = (leaf.width as usize, leaf.height as usize);
+    let mut out = vec![false; width * height];
+    let size = Vec2::new(width as f32, height as f32);
+    for triangle in leaf.mesh.indices.as_chunks::<3>().0 {
+        let [a, b, c] = triangle.map(|k| leaf.mesh.uvs[k as usize] * size - 0.5);
+        let area = (b - a).perp_dot(c - a);
+        let (low, high) = (a.min(b).min(c).ceil().max(Vec2::ZERO), a.max(b).max(c).floor().min(size - 1.0));
+        for y in low.y as usize..(high.y + 1.0).max(0.0) as usize {
+            for x in low.x as usize..(high.x + 1.0).max(0.0) as usize {
+                let p = Vec2::new(x as f32, y as f32);
+                let weights = [(b - p).perp_dot(c - p), (c - p).perp_dot(a - p), (a - p).perp_dot(b - p)];
+                out[y * width + x] |= area != 0.0 && weights.iter().all(|w| w / area >= -1e-5);
+            }
+        }
+    }
+    out
+}
+
+/// A thumbnail with the range it spreads from black to white over the blade, or `None` where the side has no such map. What lies beside the
+/// blade is transparent.
 pub(crate) fn thumbnail(leaf: &Leaf, front: bool, kind: MapKind) -> Option<(ColorImage, [f32; 2])> {
     let side = if front { &leaf.front } else { &leaf.back };
     kind.value(side, 0)?;
     let step = leaf.width.max(leaf.height).div_ceil(LONGEST).max(1);
     let (w, h) = (leaf.width.div_ceil(step), leaf.height.div_ceil(step));
+    let blade = covered(leaf);
     let mut values = Vec::with_capacity((w * h) as usize);
     for y in 0..h {
         for x in 0..w {
             let (column, row) = ((x * step + step / 2).min(leaf.width - 1), (y * step + step / 2).min(leaf.height - 1));
             let on_front = if front { column } else { leaf.width - 1 - column };
-            let on_leaf = leaf.mask.as_ref().is_none_or(|m| m[(row * leaf.width + on_front) as usize] > 0);
+            let at = (row * leaf.width + on_front) as usize;
+            let on_leaf = blade[at] && leaf.mask.as_ref().is_none_or(|m| m[at] > 0);
             values.push(kind.value(side, (row * leaf.width + column) as usize).filter(|_| on_leaf));
         }
     }
@@ -70,6 +94,7 @@ pub(crate) fn thumbnail(leaf: &Leaf, front: bool, kind: MapKind) -> Option<(Colo
         _ => {
             let all = values.iter().flatten().flatten();
             let (low, high) = all.fold((f32::MAX, f32::MIN), |(l, h), v| (l.min(*v), h.max(*v)));
+            let (low, high) = if low > high { (0.0, 0.0) } else { (low, high) };
             // Quantities that start at nothing are shown from there; δ swings about its mean.
             if kind == MapKind::Delta { [low, high.max(low + 1e-6)] } else { [0.0, high.max(1e-6)] }
         }
@@ -77,4 +102,47 @@ pub(crate) fn thumbnail(leaf: &Leaf, front: bool, kind: MapKind) -> Option<(Colo
     let shade = |v: f32| (255.0 * ((v - range[0]) / (range[1] - range[0])).clamp(0.0, 1.0)).round() as u8;
     let pixels = values.iter().map(|t| t.map_or(Color32::TRANSPARENT, |[r, g, b]| Color32::from_rgb(shade(r), shade(g), shade(b))));
     Some((ColorImage::new([w as usize, h as usize], pixels.collect()), range))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Lobe, Mesh};
+    use glam::{Vec3, Vec4};
+
+    /// A blade over the left half of its maps, with a fill of 9 beyond it: neither the picture nor its range may show that.
+    #[test]
+    fn the_fill_beyond_the_outline_is_no_data() {
+        let corners = [(0.0, 0.0), (0.5, 0.0), (0.5, 1.0), (0.0, 1.0)];
+        let gamma = |k: usize| if k % 8 < 4 { [0.5 + 0.05 * (k % 8) as f32, 0.6, 0.7, 0.0] } else { [9.0; 4] };
+        // The back's columns run the other way.
+        let turned = |k: usize| gamma(k / 8 * 8 + 7 - k % 8);
+        let side = |of: &dyn Fn(usize) -> [f32; 4]| Side { gamma_delta: (0..48).map(of).collect(), ..Side::black() };
+        let leaf = Leaf {
+            name: "half".into(),
+            mesh: Mesh {
+                positions: corners.iter().map(|&(u, v)| Vec3::new(u, -v, 0.0)).collect(),
+                normals: vec![Vec3::Z; 4],
+                tangents: vec![Vec4::new(1.0, 0.0, 0.0, 1.0); 4],
+                uvs: corners.iter().map(|&(u, v)| Vec2::new(u, v)).collect(),
+                indices: vec![0, 3, 2, 0, 2, 1],
+                details: Vec::new(),
+            },
+            width: 8,
+            height: 6,
+            thickness_mm: 0.2,
+            lobe: Lobe::Beckmann,
+            front: side(&gamma),
+            back: side(&turned),
+            mask: None,
+        };
+        for front in [true, false] {
+            let (image, [low, high]) = thumbnail(&leaf, front, MapKind::Gamma).unwrap();
+            assert_eq!((low, high), (0.0, 0.7));
+            for (k, pixel) in image.pixels.iter().enumerate() {
+                let on_blade = (k % 8 < 4) == front;
+                assert_eq!(*pixel != Color32::TRANSPARENT, on_blade, "{front} pixel {k}: {pixel:?}");
+            }
+        }
+    }
 }

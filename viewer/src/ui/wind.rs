@@ -27,10 +27,22 @@ impl ViewerUi {
             self.playing = !self.playing;
         }
         if changed {
-            self.time_changed = true;
-            self.dirty = true;
-            self.make_stale();
+            self.moved();
         }
         ui.separator();
+    }
+
+    /// Shows the scene as it is at a time (s), and stops the clock there.
+    pub(super) fn set_time(&mut self, time_s: f64) {
+        let Some(wind) = &mut self.scene.wind else { return };
+        wind.time_s = time_s;
+        self.playing = false;
+        self.moved();
+    }
+
+    fn moved(&mut self) {
+        self.time_changed = true;
+        self.dirty = true;
+        self.make_stale();
     }
 }

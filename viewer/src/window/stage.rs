@@ -128,7 +128,7 @@ impl Stage {
             }
             Job::Screenshot => {
                 let [width, height] = state.picture_size;
-                let picture = self.renderer.render(&state.camera(), width, height)?;
+                let picture = self.renderer.render(&state.live_camera(), width, height)?;
                 state.finish_screenshot(&picture);
             }
         }
@@ -172,7 +172,7 @@ impl Stage {
         let start = Instant::now();
         let [width, height] = state.live_size();
         let mut encoder = self.renderer.gpu.device.create_command_encoder(&Default::default());
-        self.renderer.record(&mut encoder, &state.camera(), width, height, None)?;
+        self.renderer.record(&mut encoder, &state.live_camera(), width, height, None)?;
         self.renderer.gpu.queue.submit([encoder.finish()]);
         readback::wait(&self.renderer.gpu)?;
         state.drawn(start.elapsed().as_secs_f64() * 1e3);

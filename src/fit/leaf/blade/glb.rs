@@ -1,4 +1,5 @@
-//! `blade.glb`: the blade as binary glTF 2.0, one double-sided mesh with normals, tangents and texture coordinates; lengths in mm.
+//! `blade.glb`: the blade as binary glTF 2.0, one double-sided mesh with normals, tangents and texture coordinates. The buffer is in mm, under a
+//! node that scales it to glTF's metres.
 
 use super::Blade;
 use crate::files::atomic;
@@ -39,10 +40,10 @@ pub fn write(path: &Path, name: &str, blade: &Blade) -> Result<()> {
     positions["min"] = json!(bound(true));
     positions["max"] = json!(bound(false));
     let root = json!({
-        "asset": {"version": "2.0", "generator": concat!("mesophyll ", env!("CARGO_PKG_VERSION")), "extras": {"unit": "mm"}},
+        "asset": {"version": "2.0", "generator": concat!("mesophyll ", env!("CARGO_PKG_VERSION"))},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0, "name": name}],
+        "nodes": [{"mesh": 0, "name": name, "scale": [0.001, 0.001, 0.001]}],
         "meshes": [{"name": name, "primitives": [{
             "attributes": {"POSITION": 0, "NORMAL": 1, "TANGENT": 2, "TEXCOORD_0": 3}, "indices": 4, "material": 0, "mode": 4}]}],
         "materials": [{"name": name, "doubleSided": true,
@@ -86,5 +87,7 @@ mod tests {
         assert_eq!(reader.read_tangents().unwrap().collect::<Vec<_>>(), blade.tangents);
         assert_eq!(reader.read_indices().unwrap().into_u32().collect::<Vec<_>>(), blade.indices);
         assert!(primitive.material().double_sided());
+        // In metres to whoever applies the node.
+        assert_eq!(document.nodes().next().unwrap().transform().decomposed().2, [0.001; 3]);
     }
 }

@@ -1,25 +1,33 @@
 //! Reads a leaf's mesh from glTF: buffers, node transforms, primitives, and refusal of what leads out of the file's folder.
 
-use super::{LeafMesh, vertex_normals, vertex_tangents};
+use super::{LeafMesh, Unit, vertex_normals, vertex_tangents};
 use crate::files::atomic::explain;
 use crate::{Error, Result};
 use glam::{DMat4, DVec2, DVec3};
 use gltf::mesh::Mode;
+use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Component, Path};
 
-/// Reads a glTF file.
+/// Reads a glTF file whose lengths are in `unit`; where none is given, in the file's own, which is the metre unless its `asset.extras.unit`
+/// says "mm", "cm" or "m".
 ///
 /// # Errors
 /// [`Error::Input`] naming the file: missing, damaged, a path outside its folder, no triangles, no texture coordinates.
-pub fn read(path: &Path) -> Result<LeafMesh> {
+pub fn read(path: &Path, unit: Option<Unit>) -> Result<LeafMesh> {
     let bytes = std::fs::read(path).map_err(|e| Error::input(path, explain(&e)))?;
     // A damaged file must end in a sentence, whatever the reader does with it.
-    catch_unwind(AssertUnwindSafe(|| parse(path, &bytes))).unwrap_or_else(|_| Err(Error::input(path, "not a readable glTF file (damaged)")))
+    catch_unwind(AssertUnwindSafe(|| parse(path, &bytes, unit)))
+        .unwrap_or_else(|_| Err(Error::input(path, "not a readable glTF file (damaged)")))
 }
 
-fn parse(path: &Path, bytes: &[u8]) -> Result<LeafMesh> {
+fn parse(path: &Path, bytes: &[u8], unit: Option<Unit>) -> Result<LeafMesh> {
     let gltf::Gltf { document, mut blob } = gltf::Gltf::from_slice(bytes).map_err(|e| Error::input(path, sentence(&e)))?;
+    let unit = match unit {
+        Some(unit) => unit,
+        None => own_unit(path, &document)?,
+    };
+    let to_mm = DMat4::from_scale(DVec3::splat(unit.mm()));
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     for image in document.images() {
         if let gltf::image::Source::Uri { uri, .. } = image.source() {
@@ -40,16 +48,16 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<LeafMesh> {
         buffers.push(data);
     }
     let mut mesh = LeafMesh::default();
-    let mut given = Given { normals: true, tangents: true };
+    let mut given = Given { normals: true, tangents: true, triangles: BTreeSet::new() };
     match document.default_scene().or_else(|| document.scenes().next()) {
         Some(scene) => {
             for node in scene.nodes() {
-                add_node(path, &node, DMat4::IDENTITY, &buffers, &mut mesh, &mut given, 0)?;
+                add_node(path, &node, to_mm, &buffers, &mut mesh, &mut given, 0)?;
             }
         }
         None => {
             for part in document.meshes() {
-                add_mesh(path, &part, DMat4::IDENTITY, &buffers, &mut mesh, &mut given)?;
+                add_mesh(path, &part, to_mm, &buffers, &mut mesh, &mut given)?;
             }
         }
     }
@@ -63,6 +71,17 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<LeafMesh> {
         mesh.tangents = vertex_tangents(&mesh);
     }
     Ok(mesh)
+}
+
+/// What the file says about its lengths.
+fn own_unit(path: &Path, document: &gltf::Document) -> Result<Unit> {
+    let extras = document.as_json().asset.extras.as_ref();
+    let said = extras.and_then(|raw| serde_json::from_str::<serde_json::Value>(raw.get()).ok()).and_then(|v| v.get("unit").cloned());
+    match said {
+        None => Ok(Unit::Metre),
+        Some(unit) => serde_json::from_value(unit.clone())
+            .map_err(|_| Error::field(path, "asset.extras.unit", format!("found {unit}, expected \"mm\", \"cm\" or \"m\""))),
+    }
 }
 
 /// The reader's message on one line, without quoting the file's bytes.
@@ -115,10 +134,13 @@ fn percent_decode(uri: &str) -> String {
     String::from_utf8_lossy(&out).into_owned()
 }
 
-/// Whether every primitive so far brought its own.
+/// What the primitives so far brought.
 struct Given {
+    /// All of them.
     normals: bool,
     tangents: bool,
+    /// Their triangles, as bits of the corners' places.
+    triangles: BTreeSet<[[u64; 3]; 3]>,
 }
 
 /// Deeper nests of nodes than this are taken for a cycle.
@@ -215,15 +237,26 @@ fn add_mesh(
         if positions.iter().any(|p| !p.is_finite()) || uvs.iter().any(|t| !t.is_finite()) || normals.iter().any(|v| !v.is_finite()) {
             return Err(Error::field(path, &field, "found a vertex that is not finite"));
         }
+        let placed: Vec<DVec3> = positions.iter().map(|p| world.transform_point3(*p)).collect();
+        let order = |t: &[u32]| if mirrored { [t[0], t[2], t[1]] } else { [t[0], t[1], t[2]] };
+        let triangles: Vec<[u32; 3]> = indices.chunks_exact(3).map(order).collect();
+        // A triangle by its corners' places, from the least of them on: the same one wound the other way differs in the order of the rest.
+        let key = |corners: [DVec3; 3]| {
+            let bits = corners.map(|p| p.to_array().map(f64::to_bits));
+            let first = (0..3).min_by_key(|k| bits[*k]).unwrap_or(0);
+            [bits[first], bits[(first + 1) % 3], bits[(first + 2) % 3]]
+        };
+        let turned = |t: &[u32; 3]| key([t[0], t[2], t[1]].map(|k| placed[k as usize]));
+        if !triangles.is_empty() && triangles.iter().all(|t| given.triangles.contains(&turned(t))) {
+            continue;
+        }
+        given.triangles.extend(triangles.iter().map(|t| key(t.map(|k| placed[k as usize]))));
         let base = out.positions.len() as u32;
-        out.positions.extend(positions.iter().map(|p| world.transform_point3(*p)));
+        out.positions.extend(placed);
         out.normals.extend(normals);
         out.tangents.extend(tangents);
         out.uvs.extend(uvs);
-        for t in indices.chunks_exact(3) {
-            let order = if mirrored { [t[0], t[2], t[1]] } else { [t[0], t[1], t[2]] };
-            out.indices.extend(order.map(|i| i + base));
-        }
+        out.indices.extend(triangles.iter().flatten().map(|i| i + base));
     }
     Ok(())
 }

@@ -68,7 +68,7 @@ fn write(dir: &Path, json: &str, bytes: &[u8]) -> std::path::PathBuf {
 fn normals_and_tangents_are_computed_where_absent() {
     let dir = tempfile::tempdir().unwrap();
     let (json, bytes, truth) = dome_json(&["POSITION", "TEXCOORD_0"], Some("leaf.bin"));
-    let mesh = read(&write(dir.path(), &json, &bytes)).unwrap();
+    let mesh = read(&write(dir.path(), &json, &bytes), Some(Unit::Millimetre)).unwrap();
     assert_eq!(mesh.triangles(), truth.triangles());
     for k in 0..mesh.positions.len() {
         assert!(mesh.normals[k].dot(truth.normals[k]) > 0.995, "{:?} {:?}", mesh.normals[k], truth.normals[k]);
@@ -87,7 +87,7 @@ fn a_path_outside_the_folder_is_refused() {
     for uri in ["../secret.bin", "/etc/passwd", "file:///etc/passwd", "%2e%2e/secret.bin", "a/../../secret.bin", "..\\\\secret.bin"] {
         let (json, bytes, _) = dome_json(&["POSITION", "NORMAL", "TEXCOORD_0"], Some(uri));
         std::fs::write(dir.path().join("secret.bin"), &bytes).unwrap();
-        let e = read(&write(&home, &json, &bytes)).unwrap_err();
+        let e = read(&write(&home, &json, &bytes), Some(Unit::Millimetre)).unwrap_err();
         assert_eq!(e.exit_code(), 2);
         assert!(e.to_string().contains("buffers[0].uri") && e.to_string().contains("outside the file's folder"), "{e}");
     }
@@ -95,7 +95,7 @@ fn a_path_outside_the_folder_is_refused() {
     {
         let (json, bytes, _) = dome_json(&["POSITION", "NORMAL", "TEXCOORD_0"], Some("link.bin"));
         std::os::unix::fs::symlink(dir.path().join("secret.bin"), home.join("link.bin")).unwrap();
-        assert!(read(&write(&home, &json, &bytes)).unwrap_err().to_string().contains("outside"));
+        assert!(read(&write(&home, &json, &bytes), Some(Unit::Millimetre)).unwrap_err().to_string().contains("outside"));
     }
 }
 
@@ -111,12 +111,44 @@ fn damage_is_a_sentence() {
         (json.replace("\"nodes\":[0]", "\"nodes\":[]"), bytes.clone()),
         (String::new(), Vec::new()),
     ] {
-        let e = read(&write(dir.path(), &j, &b)).unwrap_err();
+        let e = read(&write(dir.path(), &j, &b), Some(Unit::Millimetre)).unwrap_err();
         assert!(e.exit_code() == 2 && e.to_string().contains("leaf.gltf"), "{e}");
     }
     // An index past the last vertex.
     let (json, mut bytes, _) = dome_json(&["POSITION", "NORMAL", "TEXCOORD_0"], Some("leaf.bin"));
     let end = bytes.len();
     bytes[end - 4..].copy_from_slice(&4000u32.to_le_bytes());
-    assert!(read(&write(dir.path(), &json, &bytes)).unwrap_err().to_string().contains("found 4000"));
+    assert!(read(&write(dir.path(), &json, &bytes), Some(Unit::Millimetre)).unwrap_err().to_string().contains("found 4000"));
+}
+
+/// The dome once more as another program may write it: in metres, under nodes that move, turn and scale it, and its back beside it.
+#[test]
+fn lengths_are_metres_and_all_nodes_are_applied() {
+    let dir = tempfile::tempdir().unwrap();
+    let (json, bytes, truth) = dome_json(&["POSITION", "NORMAL", "TEXCOORD_0"], Some("leaf.bin"));
+    let with = |nodes: &str, asset: &str| {
+        let json = json.replace(r#""nodes":[{"mesh":0}],"#, &format!("{nodes},")).replace(r#""asset":{"version":"2.0"}"#, asset);
+        read(&write(dir.path(), &json, &bytes), None).unwrap()
+    };
+    let near = |a: DVec3, b: DVec3| assert!(a.distance(b) < 1e-5, "{a} {b}");
+    let plain = r#""asset":{"version":"2.0"}"#;
+    // Millimetres in the buffer under a node that makes metres of them, as `export --to gltf` writes.
+    let exported = with(r#""nodes":[{"mesh":0,"scale":[0.001,0.001,0.001]}]"#, plain);
+    for (a, b) in exported.positions.iter().zip(&truth.positions) {
+        near(*a, *b);
+    }
+    // A quarter turn about z, then 20 mm along x, then everything half as large: by hand, (x, y, z) → ((20 − y)/2, x/2, z/2).
+    let nest = r#""nodes":[{"children":[1],"scale":[0.5,0.5,0.5]},{"children":[2],"translation":[0.02,0,0]},{"mesh":0,"rotation":[0,0,0.70710678,0.70710678],"scale":[0.001,0.001,0.001]}]"#;
+    for ((a, n), (b, m)) in
+        (with(nest, plain)).positions.iter().zip(&with(nest, plain).normals).zip(truth.positions.iter().zip(&truth.normals))
+    {
+        near(*a, DVec3::new((20.0 - b.y) / 2.0, b.x / 2.0, b.z / 2.0));
+        near(*n, DVec3::new(-m.y, m.x, m.z));
+    }
+    // The file's own word, and the caller's.
+    near(with(r#""nodes":[{"mesh":0}]"#, r#""asset":{"version":"2.0","extras":{"unit":"cm"}}"#).positions[0], 10.0 * truth.positions[0]);
+    near(read(&write(dir.path(), &json, &bytes), Some(Unit::Millimetre)).unwrap().positions[0], truth.positions[0]);
+    let odd = json.replace(plain, r#""asset":{"version":"2.0","extras":{"unit":"inch"}}"#);
+    let e = read(&write(dir.path(), &odd, &bytes), None).unwrap_err().to_string();
+    assert!(e.contains("asset.extras.unit") && e.contains("found \"inch\""), "{e}");
 }

@@ -1,8 +1,10 @@
-//! Leaf meshes from glTF (`.glb`, or `.gltf` with buffers beside it): triangles with normals, tangents and texture coordinates.
+//! Meshes of leaves from glTF (`.glb`, or `.gltf` with buffers beside it): triangles with normals, tangents and texture coordinates.
 //!
-//! Numbers are taken as mm: x to the right, y up, z out of the front; texture (0, 0) is the top left of the front's maps. The node
-//! transforms are applied and all primitives joined. Normals and tangents are computed where the file has none. Pictures, materials
-//! and animation in the file are not read.
+//! Lengths are in mm here. A file is in metres, as glTF says, unless its `asset.extras.unit` or the caller says otherwise; the transforms of all
+//! nodes of its scene are applied and all primitives joined. The frame is the file's own: x to the right, y up, z out of the front; texture
+//! (0, 0) is the top left of the front's maps. A primitive that repeats others wound the other way (the back of a leaf that
+//! `export --to gltf` wrote) is dropped: a leaf is one surface with two sides. Normals and tangents are computed where the file has none.
+//! Pictures, materials and animation in the file are not read.
 
 mod read;
 #[cfg(test)]
@@ -11,6 +13,29 @@ mod tests;
 pub use read::read;
 
 use glam::{DVec2, DVec3};
+use serde::Deserialize;
+
+/// What one unit of a file's lengths is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+pub enum Unit {
+    #[serde(rename = "mm")]
+    Millimetre,
+    #[serde(rename = "cm")]
+    Centimetre,
+    #[serde(rename = "m")]
+    Metre,
+}
+
+impl Unit {
+    /// In mm.
+    pub fn mm(self) -> f64 {
+        match self {
+            Unit::Millimetre => 1.0,
+            Unit::Centimetre => 10.0,
+            Unit::Metre => 1000.0,
+        }
+    }
+}
 
 /// A triangle mesh. All lists but `indices` have one entry a vertex.
 #[derive(Debug, Clone, Default, PartialEq)]
