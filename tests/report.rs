@@ -44,6 +44,29 @@ fn the_page_stands_alone_and_says_what_is_undetermined() {
     for said in ["at least 7.9", "prefers-color-scheme: dark", "the scene has no wind", "llvmpipe (software)", "more light out than in"] {
         assert!(page.contains(said), "{said}");
     }
+    for (earlier, later) in [
+        ("Is this good?", "Pictures, checked against the reference"),
+        ("at most 0.04; noise 0.012", "<h3>Parameters</h3>"),
+        ("<h3>Parameters</h3>", "Maps of the front"),
+        ("Maps of the back", "<h3>Residuals"),
+        ("<h3>Residuals", "How the fit of the front ended"),
+        ("<h3>Run time</h3>", "What was left out, and why"),
+    ] {
+        let [a, b] = [earlier, later].map(|text| page.find(text).unwrap_or_else(|| panic!("{text} is not on the page")));
+        assert!(a < b, "{earlier} comes after {later}");
+    }
+    // Beside the picture: the reference, the FLIP map and the difference, the last two with their scales.
+    for said in ["FLIP map", "Renderer minus reference", "<span>0.100</span>", "<span>0.0625</span>", "ramp-flip", "ramp-grey"] {
+        assert!(page.contains(said), "{said}");
+    }
+    // A figure has a name, a unit and a meaning; one that has no name is counted and its key stays away.
+    for said in ["texels that count for less", "One more figure of fit.toml has no name"] {
+        assert!(page.contains(said), "{said}");
+    }
+    for key in ["down_weighted", "down weighted", "nobody_named", "nobody named", "transmittance_rms", "transmittance rms"] {
+        assert!(!page.contains(key), "the raw key {key} is on the page");
+    }
+    assert!(page.contains("best estimate 8.") && page.contains("at most 10\u{a0}% of it"), "undetermined values and their rule");
     // The undetermined blue σa (8.4 in the sample) must not appear as if it were known.
     assert!(!page.contains("8.4 ±") && !page.contains("8.40 ±"));
     assert!(page.trim_end().ends_with("</html>"));

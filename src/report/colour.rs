@@ -26,6 +26,9 @@ pub fn diverging() -> &'static Scale {
     })
 }
 
+/// Nine steps of the magma scale (Smith and van der Walt 2015), evenly spaced: what FLIP maps are drawn with.
+pub const MAGMA: [&str; 9] = ["#000004", "#1d1147", "#51127c", "#832681", "#b73779", "#e75263", "#fc8961", "#fec488", "#fcfdbf"];
+
 /// Lightness .24 → .92; hue 300° → 108°; the chroma dips in the teal, where sRGB holds less.
 fn sequential_at(t: f64) -> [u8; 3] {
     let hue = 300.0 - 192.0 * t;

@@ -132,6 +132,7 @@ pub fn side(out: &mut Comparison, a: &SideMaps, b: &SideMaps, pictures: bool) {
             out.pictures.push(MapPictures {
                 quantity: name.into(),
                 title: quantity::title(name),
+                note: String::new(),
                 section: a.section.clone(),
                 channels: vec![ChannelPictures { channel: channel_word(letter).into(), pictures: vec![picture], charts: Vec::new() }],
             });

@@ -21,7 +21,7 @@ fn a_picture_equals_itself_and_one_pixel_is_found() {
     assert_eq!((same.flip_mean, same.flip_p99, same.max_error, same.error_p99), (0.0, 0.0, Some(0.0), Some(0.0)));
     assert!(same.interior_share > 0.8, "{}", same.interior_share);
     assert!(difference_picture(&picture.ldr, &picture.ldr, 8.0).iter().all(|&x| x == 128));
-    assert_eq!(same.flip_picture().len(), 3 * SIZE.0 * SIZE.1);
+    assert_eq!(same.flip_picture(1.0).len(), 3 * SIZE.0 * SIZE.1);
 
     let at = 36 * SIZE.0 + 48;
     assert!(picture.interior[at] && !picture.penumbra[at]);

@@ -86,6 +86,7 @@ pub(super) fn eliminate(x: &Texel, ln_t: &mut f64, curves: &[Curve; 3], settings
     let usable = if variance.is_finite() && variance < 0.25 { 1.0 } else { 0.0 };
     let t = ln_t.exp();
     let mut local = Local { thickness: t, thickness_err: t * variance.sqrt(), chi2, weight: trust * usable, ..Local::default() };
+    local.pull = [0, 1, 2].map(|c: usize| weight[c] * slope[c] * variance);
     sums.gauge[0] += t * (1.0 - usable * (bias + 0.5 * variance));
     let mut noise_row = SMatrix::<f64, 4, 6>::zeros();
     for k in 0..6 {
