@@ -171,6 +171,7 @@ fn two_fits_are_weighed_by_their_combined_errors() {
     assert!((red["sigmas"].as_f64().unwrap() - expected).abs() < 1e-9);
     let blue = rows.iter().find(|r| r["name"] == "sigma_a" && r["channel"] == "B").unwrap();
     assert!(blue["sigmas"].is_null() && blue["first"].is_null(), "an undetermined parameter is not weighed: {blue}");
+    assert!(blue["estimates"][0].as_str().unwrap().contains("its error is not bounded; at least 7.9"), "{blue}");
     assert!(c["sentence"].as_str().unwrap().contains("The fits differ: 1 of 6"), "{}", c["sentence"]);
     // independent draws with right errors: 5 % beyond 1.96 combined standard errors
     let maps = c["maps"].as_array().unwrap();

@@ -95,6 +95,7 @@ fn comparison(c: &Comparison) -> Value {
                 unit => p.unit.clone(),
                 first => view::value_or_word(p.first, p.first_stderr),
                 second => view::value_or_word(p.second, p.second_stderr),
+                estimates => Serde(&p.estimates),
                 difference => p.difference.map_or_else(|| "—".into(), number::plain),
                 sigmas => view::sigmas(p),
                 apart => p.sigmas.is_some_and(|s| s.abs() > 1.96),

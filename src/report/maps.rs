@@ -71,7 +71,8 @@ pub fn read_side(folder: &Path, section: &str, capture: Option<&Path>, missing: 
 /// Puts the truth of the σ maps, as the fit left it, in the place of the truth's own σa and σs. Without it they are taken away where the true leaf
 /// has an albedo factor γ: the same σ would mean two things.
 fn describe_by_pigment(truth: &mut Maps, pigment: Option<Maps>, section: &str, missing: &mut Vec<String>) {
-    let plain = |(name, values): &(String, Vec<f32>)| split(name).0 != "gamma" || values.iter().all(|v| !(*v > 0.0) || (v - 1.0).abs() < 1e-3);
+    let plain =
+        |(name, values): &(String, Vec<f32>)| split(name).0 != "gamma" || values.iter().all(|v| !(*v > 0.0) || (v - 1.0).abs() < 1e-3);
     let is_sigma = |name: &str| PIGMENT.contains(&split(name).0);
     match pigment {
         Some(own) => {
@@ -308,7 +309,12 @@ impl SideMaps {
         let Some(s) = Summary::of(&values) else { return (None, None) };
         let range = (0.0, s.p99.max(2.0));
         let shown = |i: usize| if self.good[i] { chi2[i] } else { f32::NAN };
-        let caption = format!("Reduced χ² of each texel (about 1 where the model explains its readings): median {}, 99 % below {}, worst {}.", plain(s.median), plain(s.p99), plain(s.max));
+        let caption = format!(
+            "Reduced χ² of each texel (about 1 where the model explains its readings): median {}, 99 % below {}, worst {}.",
+            plain(s.median),
+            plain(s.p99),
+            plain(s.max)
+        );
         let picture = colour::false_colour(self.frame(WIDE), colour::sequential(), range, shown, caption.clone());
         let bar = colour_bar_of(false, range, "");
         let histogram = Histogram::of(values.iter().copied(), range.0, range.1 * 1.1, BINS);

@@ -77,7 +77,7 @@ fn fit(out: &mut String, f: &FitReport) {
         heading(out, 3, "Parameters");
         let rows = f.parameters.iter().map(|p| {
             let cell = view::parameter_cell(p);
-            let text = if cell.note.is_empty() { cell.text } else { format!("{} ({})", cell.text, cell.note) };
+            let text = with_estimate(cell.text, &cell.note);
             let (symbol, meaning) = parameter(&p.name);
             vec![p.section.clone(), symbol, meaning.into(), channel_word(&p.channel).into(), text, p.unit.clone()]
         });
@@ -204,6 +204,10 @@ fn section(out: &mut String, s: &SectionReport) {
     }
 }
 
+fn with_estimate(text: String, estimate: &str) -> String {
+    if estimate.is_empty() { text } else { format!("{text} ({estimate})") }
+}
+
 fn comparison(out: &mut String, c: &Comparison) {
     heading(out, 2, &format!("{} against {}", c.second, c.first));
     let _ = writeln!(out, "\n{}", inline(&c.sentence));
@@ -212,8 +216,8 @@ fn comparison(out: &mut String, c: &Comparison) {
             p.section.clone(),
             symbol(&p.name),
             channel_word(&p.channel).into(),
-            view::value_or_word(p.first, p.first_stderr),
-            view::value_or_word(p.second, p.second_stderr),
+            with_estimate(view::value_or_word(p.first, p.first_stderr), &p.estimates[0]),
+            with_estimate(view::value_or_word(p.second, p.second_stderr), &p.estimates[1]),
             or_dash(p.difference, plain),
             view::sigmas(p),
             p.unit.clone(),
@@ -254,8 +258,11 @@ fn check(out: &mut String, c: &CheckReport) {
         let [found, noise, error, error_noise] =
             ["flip_p99", "noise_flip_p99", "max_error", "noise_max_error"].map(|name| or_dash(get(name), plain));
         let times = ["frame_ms_median", "frame_ms_p95"].map(|name| or_dash(get(name), plain));
-        [vec![v.name.clone(), verdict(v.passed).into(), found, flip, noise, error, limit("threshold_max_error"), error_noise], times.to_vec()]
-            .concat()
+        [
+            vec![v.name.clone(), verdict(v.passed).into(), found, flip, noise, error, limit("threshold_max_error"), error_noise],
+            times.to_vec(),
+        ]
+        .concat()
     });
     let head = [
         "view",

@@ -164,10 +164,13 @@ pub struct ParameterDifference {
     pub name: String,
     pub channel: String,
     pub unit: String,
+    /// Absent where undetermined.
     pub first: Option<f64>,
     pub first_stderr: Option<f64>,
     pub second: Option<f64>,
     pub second_stderr: Option<f64>,
+    /// The best estimates of undetermined values and what bounds them, in words; empty where determined.
+    pub estimates: [String; 2],
     pub difference: Option<f64>,
     /// Difference over the combined standard error.
     pub sigmas: Option<f64>,

@@ -11,7 +11,8 @@ pub fn add(side: &mut SideMaps, record: &FitRecord, section: &Section) {
         return;
     }
     let caliper = section.params.get("thickness").and_then(|p| Some(p.stderr_caliper.first()? / p.value.first()?)).filter(|c| *c > 0.0);
-    let together = caliper.map_or_else(String::new, |c| format!(" The caliper's ± {} moves all texels together; it is not in these errors.", percent(c)));
+    let together = caliper
+        .map_or_else(String::new, |c| format!(" The caliper's ± {} moves all texels together; it is not in these errors.", percent(c)));
     let compared = side.truth.as_ref().is_some_and(|t| t.get("sigma_a.G").is_some());
     let truth = if compared { " The truth beside them is the true leaf described in the same way." } else { "" };
     let pigment = format!(
@@ -22,7 +23,8 @@ pub fn add(side: &mut SideMaps, record: &FitRecord, section: &Section) {
     for name in ["sigma_a", "sigma_s"] {
         side.notes.insert(name, pigment.clone());
     }
-    let thickness = "Only σa × thickness and σs × thickness can be measured: the mean over the good texels is set to the caliper's reading.";
+    let thickness =
+        "Only σa × thickness and σs × thickness can be measured: the mean over the good texels is set to the caliper's reading.";
     side.notes.insert("thickness", format!("{thickness}{together}"));
     let gamma = "A texel's reflectance over that of a slab with the leaf's σa and σs and the texel's thickness. The mean over the good texels is set to 1.";
     side.notes.insert("gamma", gamma.into());

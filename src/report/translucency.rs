@@ -202,7 +202,13 @@ fn single(side: &SideMaps, name: &str, title: &str, unit: &str, caption: &str) -
     let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
     let caption = format!("Values over the good texels: median {}{unit}.", plain(quantile(&values, 0.5)));
     let channel = ChannelPictures { channel: String::new(), pictures: vec![picture], charts: vec![ChartTile { svg, caption }] };
-    Some(MapPictures { quantity: name.into(), title: title.into(), note: String::new(), section: side.section.clone(), channels: vec![channel] })
+    Some(MapPictures {
+        quantity: name.into(),
+        title: title.into(),
+        note: String::new(),
+        section: side.section.clone(),
+        channels: vec![channel],
+    })
 }
 
 /// How the fit was made, a label and a sentence each.

@@ -211,8 +211,14 @@ fn truth(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, String)) {
             // One of three misses by chance in one fit of seven, two of three in one of 140.
             let hit = (c * values as f64).round() as usize;
             match (values, hit) {
-                (1, 1) => say(Level::Good, format!("{side}the known truth of {q} lies in its 95 % interval (one value, which says little of the error)")),
-                (1, _) => say(Level::Doubtful, format!("{side}the known truth of {q} lies outside its 95 % interval (by chance in one fit of 20)")),
+                (1, 1) => say(
+                    Level::Good,
+                    format!("{side}the known truth of {q} lies in its 95 % interval (one value, which says little of the error)"),
+                ),
+                (1, _) => say(
+                    Level::Doubtful,
+                    format!("{side}the known truth of {q} lies outside its 95 % interval (by chance in one fit of 20)"),
+                ),
                 _ if hit == values => right.push(format!("{q} in {hit} of {values} channels")),
                 _ => narrow.push(format!("{q} in {hit} of {values} channels")),
             }

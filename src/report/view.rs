@@ -2,8 +2,8 @@
 
 use crate::fit::translucency::judge::NAMES;
 use crate::report::chart::{self, Series, Titles};
-use crate::report::model::{FitReport, ParameterDifference, ParameterRow, TimesReport};
 use crate::report::figure::{self, Figure, words};
+use crate::report::model::{FitReport, ParameterDifference, ParameterRow, TimesReport};
 use crate::report::number::{percent, plain, plus_minus, significant};
 use crate::report::quantity::{channel_word, parameter};
 use serde::Serialize;
@@ -54,7 +54,15 @@ pub fn parameter_lines(rows: &[ParameterRow]) -> Vec<ParameterLine> {
             true => (Vec::new(), cells.map(|c| c.text).collect::<Vec<_>>().join("; ")),
             false => (cells.collect(), String::new()),
         };
-        lines.push(ParameterLine { section: first.section.clone(), name: first.name.clone(), symbol, meaning, unit: first.unit.clone(), cells, series });
+        lines.push(ParameterLine {
+            section: first.section.clone(),
+            name: first.name.clone(),
+            symbol,
+            meaning,
+            unit: first.unit.clone(),
+            cells,
+            series,
+        });
     }
     lines
 }
@@ -131,10 +139,7 @@ pub fn value_or_word(value: Option<f64>, error: Option<f64>) -> String {
 
 /// `+1.3 σ`.
 pub fn sigmas(row: &ParameterDifference) -> String {
-    row.sigmas.map_or_else(
-        || "not weighed".into(),
-        |s| format!("{}{} σ", if s > 0.0 { "+" } else { "" }, significant(s, 2)),
-    )
+    row.sigmas.map_or_else(|| "not weighed".into(), |s| format!("{}{} σ", if s > 0.0 { "+" } else { "" }, significant(s, 2)))
 }
 
 /// Figures of a section: those that stand for themselves, and the table of a directional basis's errors.

@@ -77,7 +77,10 @@ fn describe(section: &mut Section, m: &Measured) {
     let mut add = |name: &str, k: Known, unit: &str| {
         let unknown = !(k.error <= 0.1 * k.value.abs());
         let undetermined = if unknown { vec![format!("{name}: {}", m.status)] } else { Vec::new() };
-        section.params.insert(name.into(), Param { value: vec![k.value], stderr: vec![k.error], unit: unit.into(), undetermined, ..Param::default() });
+        section.params.insert(
+            name.into(),
+            Param { value: vec![k.value], stderr: vec![k.error], unit: unit.into(), undetermined, ..Param::default() },
+        );
     };
     add("alpha", m.taper, "");
     add("load_over_stiffness", m.load_over_stiffness, "mm");

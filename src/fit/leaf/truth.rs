@@ -205,7 +205,12 @@ impl Samples {
         let coverage95 = Some(self.inside as f64 / self.judged as f64);
         into.insert(
             name.into(),
-            TruthError { median_relative: self.relative[n / 2], p99_relative: self.relative[n * 99 / 100], coverage95, judged: Some(self.judged) },
+            TruthError {
+                median_relative: self.relative[n / 2],
+                p99_relative: self.relative[n * 99 / 100],
+                coverage95,
+                judged: Some(self.judged),
+            },
         );
     }
 }
