@@ -3,7 +3,7 @@
 mod samples;
 
 use mesophyll::files::{hash, image};
-use mesophyll::fit::record::FitRecord;
+use mesophyll::fit::record::{FitRecord, TruthError};
 use samples::{Sample, write_fit, write_run};
 use serde_json::Value;
 use std::path::Path;
@@ -105,6 +105,23 @@ fn coverage_is_what_the_normal_distribution_says() {
         assert!((mean - expected).abs() < 5.0 * sigma, "{name}: {mean} against {expected} ± {sigma}");
         assert_eq!(reasons(fit).contains("too small"), overconfidence != 1.0, "{}", reasons(fit));
         assert_eq!(reasons(fit).contains("bad: front: stated errors are too small"), overconfidence != 1.0, "{}", reasons(fit));
+    }
+}
+
+/// A share over one value is 0 or 100 %: it says nothing of the errors, and the verdict must not read it as if it did.
+#[test]
+fn one_truth_is_no_share() {
+    let dir = tempfile::tempdir().unwrap();
+    let fit = dir.path().join("x");
+    write_fit(&fit, &Sample { sides: vec!["front"], ..Sample::default() });
+    for (coverage, level) in [(1.0, "good"), (0.0, "doubtful")] {
+        let mut record = FitRecord::read(&fit).unwrap();
+        let one = TruthError { median_relative: 0.003, p99_relative: 0.003, coverage95: Some(coverage), judged: Some(1) };
+        record.sections.get_mut("front").unwrap().truth.insert("thickness_scale".into(), one);
+        record.write(&fit).unwrap();
+        let said = reasons(&json(&["report", "x", "--json"], dir.path())["fits"][0]);
+        let line = said.lines().find(|l| l.contains("known truth of s lies")).unwrap_or_else(|| panic!("{said}"));
+        assert!(line.starts_with(level) && !said.contains("too large") && !said.contains("too small"), "{said}");
     }
 }
 
