@@ -126,6 +126,8 @@ fn the_basis_is_written_as_a_fit() {
     let page = folder.path().join("page.html");
     let (code, _, err) = mesophyll(&["--quiet", "report", fit.to_str().unwrap(), "-o", page.to_str().unwrap()], "");
     assert_eq!(code, 0, "{err}");
+    let page = std::fs::read_to_string(page).unwrap();
+    assert!(page.contains("largest error of the deflection") && !page.contains("no name in this version"));
 }
 
 #[test]

@@ -333,3 +333,83 @@ fn a_full_disk_ends_in_a_sentence_and_leaves_nothing_half_written() {
     succeeded(&run(["fit", "leaf", small_scan().to_str().unwrap(), "-o", out.to_str().unwrap()]));
     FitRecord::read(&out).unwrap().verify(&out).unwrap();
 }
+
+/// The maps of σa and σs explain every texel by a pigment of its own, while the true elm has one σa and σs and an albedo factor γ. Their intervals
+/// hold the true leaf described in the same way; the exact slab, which the fit does not use, turns that description back into the true ρd and ρt.
+#[test]
+fn intervals_of_the_pigment_maps_hold_the_true_leaf() {
+    let dir = tempfile::tempdir().unwrap();
+    let capture = scan(dir.path(), "elm", &["--size", "60x45", "--frames", "24", "--noise", "0.01", "--seed", "3"]);
+    let out = dir.path().join("fit");
+    succeeded(&run(["fit", "leaf", capture.to_str().unwrap(), "-o", out.to_str().unwrap()]));
+    let record = FitRecord::read(&out).unwrap();
+    for side in ["front", "back"] {
+        let read = |path: &Path| read_exr(path).unwrap();
+        let (fit, err) = (read(&out.join(format!("{side}.exr"))), read(&out.join(format!("{side}_err.exr"))));
+        let (own, truth) = (read(&out.join(format!("{side}_truth.exr"))), read(&capture.join(format!("truth/{side}.exr"))));
+        let mask = fit.get("mask.Y").unwrap();
+        for name in ["sigma_a", "sigma_s"] {
+            let (mut inside, mut all, mut apart) = (0, 0, 0);
+            for c in ["R", "G", "B"] {
+                let channel = format!("{name}.{c}");
+                let [value, error, own] = [&fit, &err, &own].map(|m| m.get(&channel).unwrap());
+                let plain = truth.get(&channel).unwrap();
+                for k in (0..mask.len()).filter(|&k| mask[k] == 1.0 && own[k].is_finite() && error[k].is_finite()) {
+                    inside += usize::from((value[k] - own[k]).abs() <= 1.96 * error[k]);
+                    apart += usize::from((value[k] - plain[k]).abs() > 1.96 * error[k]);
+                    all += 1;
+                }
+            }
+            let (share, missed) = (inside as f64 / all as f64, apart as f64 / all as f64);
+            assert!((0.93..=0.97).contains(&share), "{side} {name}: {share} of {all}");
+            // The same intervals say nothing of the leaf's one σ: that is another quantity.
+            assert!(missed > 0.3, "{side} {name}: {missed}");
+            let said = record.sections[side].truth[&format!("{name}_map")];
+            assert!((said.coverage95.unwrap() - share).abs() < 0.005 && said.judged == Some(all), "{said:?} {share} {all}");
+        }
+        for c in ["R", "G", "B"] {
+            let at = |maps: &mesophyll::files::image::Maps, name: &str, k: usize| f64::from(maps.get(&format!("{name}.{c}")).unwrap()[k]);
+            for k in (0..mask.len()).filter(|&k| mask[k] == 1.0 && at(&own, "sigma_a", k).is_finite()).step_by(37) {
+                let thickness = f64::from(truth.get("thickness.Y").unwrap()[k]);
+                let slab = mesophyll::optics::slab::exact::response(at(&own, "sigma_a", k), at(&own, "sigma_s", k), thickness);
+                let off = [slab.rho_d / at(&truth, "rho_d", k), slab.rho_t / at(&truth, "rho_t", k)].map(|r| (r - 1.0).abs());
+                assert!(off.iter().all(|o| *o < 2e-4), "{side} {c} texel {k}: {off:?}");
+            }
+        }
+    }
+    let page = dir.path().join("report.html");
+    succeeded(&run(["report", out.to_str().unwrap(), "-o", page.to_str().unwrap()]));
+    let page = std::fs::read_to_string(page).unwrap();
+    assert_eq!(mesophyll::report::figure::unnamed(&record), Vec::<String>::new());
+    assert!(page.contains("describe the leaf in another way than the parameters") && page.contains("described in the same way"));
+}
+
+/// σa and σs are inversely proportional to the caliper's thickness: its share stands beside the fit's own, and the two add as squares.
+#[test]
+fn the_calipers_share_of_an_error_is_stated() {
+    let dir = tempfile::tempdir().unwrap();
+    let capture = damaged(&dir, |copy| {
+        let path = copy.join("capture.toml");
+        let text = std::fs::read_to_string(&path).unwrap();
+        let h: f64 = text.lines().find_map(|l| l.strip_prefix("thickness_mm = ")).unwrap().parse().unwrap();
+        std::fs::write(&path, format!("thickness_err_mm = {}\n{text}", 0.02 * h)).unwrap();
+    });
+    succeeded(&fit(&capture, &dir));
+    let with = FitRecord::read(&dir.path().join("fit")).unwrap();
+    let without = tempfile::tempdir().unwrap();
+    succeeded(&fit(small_scan().to_str().unwrap(), &without));
+    let without = FitRecord::read(&without.path().join("fit")).unwrap();
+    for name in ["sigma_a", "sigma_s"] {
+        let [a, b] = [&with, &without].map(|r| &r.sections["front"].params[name]);
+        assert!(b.stderr_caliper.is_empty(), "{b:?}");
+        for c in 0..3 {
+            let share = a.stderr_caliper[c] / a.value[c];
+            assert!((share - 0.02).abs() < 1e-9, "{share}");
+            // What the fit without a caliper's error states is the fit's own part.
+            let sum = b.stderr[c].hypot(a.stderr_caliper[c]);
+            assert!((a.stderr[c] / sum - 1.0).abs() < 1e-6 || !sum.is_finite(), "{name} {c}: {} and {sum}", a.stderr[c]);
+        }
+    }
+    let thickness = &with.sections["front"].params["thickness"];
+    assert_eq!(thickness.stderr, thickness.stderr_caliper);
+}

@@ -3,7 +3,7 @@
 mod samples;
 
 use mesophyll::files::{hash, image};
-use mesophyll::fit::record::FitRecord;
+use mesophyll::fit::record::{FitRecord, TruthError};
 use samples::{Sample, write_fit, write_run};
 use serde_json::Value;
 use std::path::Path;
@@ -44,6 +44,29 @@ fn the_page_stands_alone_and_says_what_is_undetermined() {
     for said in ["at least 7.9", "prefers-color-scheme: dark", "the scene has no wind", "llvmpipe (software)", "more light out than in"] {
         assert!(page.contains(said), "{said}");
     }
+    for (earlier, later) in [
+        ("Is this good?", "Pictures, checked against the reference"),
+        ("at most 0.04; noise 0.012", "<h3>Parameters</h3>"),
+        ("<h3>Parameters</h3>", "Maps of the front"),
+        ("Maps of the back", "<h3>Residuals"),
+        ("<h3>Residuals", "How the fit of the front ended"),
+        ("<h3>Run time</h3>", "What was left out, and why"),
+    ] {
+        let [a, b] = [earlier, later].map(|text| page.find(text).unwrap_or_else(|| panic!("{text} is not on the page")));
+        assert!(a < b, "{earlier} comes after {later}");
+    }
+    // Beside the picture: the reference, the FLIP map and the difference, the last two with their scales.
+    for said in ["FLIP map", "Renderer minus reference", "<span>0.100</span>", "<span>0.0625</span>", "ramp-flip", "ramp-grey"] {
+        assert!(page.contains(said), "{said}");
+    }
+    // A figure has a name, a unit and a meaning; one that has no name is counted and its key stays away.
+    for said in ["texels that count for less", "One more figure of fit.toml has no name"] {
+        assert!(page.contains(said), "{said}");
+    }
+    for key in ["down_weighted", "down weighted", "nobody_named", "nobody named", "transmittance_rms", "transmittance rms"] {
+        assert!(!page.contains(key), "the raw key {key} is on the page");
+    }
+    assert!(page.contains("best estimate 8.") && page.contains("at most 10\u{a0}% of it"), "undetermined values and their rule");
     // The undetermined blue σa (8.4 in the sample) must not appear as if it were known.
     assert!(!page.contains("8.4 ±") && !page.contains("8.40 ±"));
     assert!(page.trim_end().ends_with("</html>"));
@@ -82,6 +105,23 @@ fn coverage_is_what_the_normal_distribution_says() {
         assert!((mean - expected).abs() < 5.0 * sigma, "{name}: {mean} against {expected} ± {sigma}");
         assert_eq!(reasons(fit).contains("too small"), overconfidence != 1.0, "{}", reasons(fit));
         assert_eq!(reasons(fit).contains("bad: front: stated errors are too small"), overconfidence != 1.0, "{}", reasons(fit));
+    }
+}
+
+/// A share over one value is 0 or 100 %: it says nothing of the errors, and the verdict must not read it as if it did.
+#[test]
+fn one_truth_is_no_share() {
+    let dir = tempfile::tempdir().unwrap();
+    let fit = dir.path().join("x");
+    write_fit(&fit, &Sample { sides: vec!["front"], ..Sample::default() });
+    for (coverage, level) in [(1.0, "good"), (0.0, "doubtful")] {
+        let mut record = FitRecord::read(&fit).unwrap();
+        let one = TruthError { median_relative: 0.003, p99_relative: 0.003, coverage95: Some(coverage), judged: Some(1) };
+        record.sections.get_mut("front").unwrap().truth.insert("thickness_scale".into(), one);
+        record.write(&fit).unwrap();
+        let said = reasons(&json(&["report", "x", "--json"], dir.path())["fits"][0]);
+        let line = said.lines().find(|l| l.contains("known truth of s lies")).unwrap_or_else(|| panic!("{said}"));
+        assert!(line.starts_with(level) && !said.contains("too large") && !said.contains("too small"), "{said}");
     }
 }
 
@@ -148,6 +188,7 @@ fn two_fits_are_weighed_by_their_combined_errors() {
     assert!((red["sigmas"].as_f64().unwrap() - expected).abs() < 1e-9);
     let blue = rows.iter().find(|r| r["name"] == "sigma_a" && r["channel"] == "B").unwrap();
     assert!(blue["sigmas"].is_null() && blue["first"].is_null(), "an undetermined parameter is not weighed: {blue}");
+    assert!(blue["estimates"][0].as_str().unwrap().contains("its error is not bounded; at least 7.9"), "{blue}");
     assert!(c["sentence"].as_str().unwrap().contains("The fits differ: 1 of 6"), "{}", c["sentence"]);
     // independent draws with right errors: 5 % beyond 1.96 combined standard errors
     let maps = c["maps"].as_array().unwrap();

@@ -53,6 +53,16 @@ fn a_run_makes_what_is_missing_and_nothing_twice() {
     assert_eq!((done("scan"), done("fit")), (1, 1));
     if drawn {
         assert!(out.join("check.json").is_file() && out.join("above.png").is_file());
+        // Beside the picture lie the reference, the FLIP map and the difference, and their scales are stated.
+        let check: serde_json::Value = serde_json::from_slice(&std::fs::read(out.join("check.json")).unwrap()).unwrap();
+        let view = &check["views"][0];
+        for picture in ["image", "reference", "difference", "flip"] {
+            assert!(out.join(view[picture].as_str().unwrap()).is_file(), "{picture}: {view}");
+        }
+        assert!(view["flip_top"].as_f64().unwrap() >= 2.0 * view["flip_p99"].as_f64().unwrap(), "{view}");
+        assert!((view["difference_top"].as_f64().unwrap() - 0.0627).abs() < 1e-3, "{view}");
+        let page = std::fs::read_to_string(out.join("report.html")).unwrap();
+        assert!(page.contains("FLIP map: how visible") && page.contains("Renderer minus reference"), "the pictures of the page");
     }
     let record = std::fs::read(out.join("fits/elm/fit.toml")).unwrap();
     run(&scanned(dir.path(), 1));

@@ -253,6 +253,7 @@ fn a_panorama_is_made_fitted_and_reported() {
     let report: Value = serde_json::from_slice(&report.stdout).unwrap();
     assert_eq!(report["verdict"]["level"], "good", "{report}");
     succeeded(&run(["report", &out, "-o", &at("report.html")]));
+    assert!(!std::fs::read_to_string(at("report.html")).unwrap().contains("no name in this version"), "a figure without a name");
     // the same bytes again
     let first = std::fs::read(dir.path().join("fit/fit.toml")).unwrap();
     succeeded(&run(["fit", "sky", "--quiet", "--panorama", &picture, "-o", &out]));

@@ -98,6 +98,7 @@ fn photographs_give_back_what_they_were_made_of() {
     assert!(text.contains("undetermined: g: only (1 - g) sigma_s") && text.contains("agrees with the slab fit"), "{text}");
     let folder = set.dir.path().join("out");
     let record = FitRecord::read(&folder).unwrap();
+    assert_eq!(mesophyll::report::figure::unnamed(&record), Vec::<String>::new());
     let all = &record.sections["all"];
     for name in ["sigma_a", "sigma_s_reduced"] {
         let (param, truth) = (&all.params[name], &all.truth[name]);

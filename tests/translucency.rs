@@ -77,9 +77,10 @@ fn the_report_shows_the_maps() {
         for part in said.into_iter().chain(["Light that enters the back", "<h4>Thickness", "even sky", "How it was made", "horizon map"]) {
             assert!(page.contains(part), "{name}: {part}");
         }
+        assert!(!page.contains("no name in this version"), "{name}: a figure without a name");
         let judged = page.contains("95 % of the texels within") || page.contains("95\u{a0}% of the texels within");
         assert_eq!(judged, name != "sun", "{name}");
-        assert_eq!(page.contains("the stored directions hold what comes through to"), name != "sun");
+        assert_eq!(page.contains("the stored directions keep the light that comes through to within"), name != "sun");
     }
 }
 

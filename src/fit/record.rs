@@ -17,6 +17,10 @@ pub struct Param {
     pub value: Vec<f64>,
     /// Standard errors, same length; infinite where undetermined.
     pub stderr: Vec<f64>,
+    /// The part of `stderr` that the caliper's reading of the thickness brings (`thickness_err_mm`), the same share for all of the leaf; the rest is
+    /// the fit's own, and the two add as squares. Empty where the caliper has no part in it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub stderr_caliper: Vec<f64>,
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub unit: String,
     /// Channels (or the name itself) that the data do not determine, with the reason: `sigma_a.B: at most 0.02`.
@@ -76,6 +80,9 @@ pub struct TruthError {
     /// Share of truths inside the 95 % interval; NaN-free: absent when no standard error is known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub coverage95: Option<f64>,
+    /// How many values that share is over.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub judged: Option<usize>,
 }
 
 /// Figure: how rough the traces are over how rough their stated noise would make them (standard deviations).

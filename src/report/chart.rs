@@ -44,8 +44,13 @@ pub fn colour_bar(ramp: &str, (min, max): (f64, f64), unit: &str) -> String {
 /// The style of the colour bars: one gradient a scale.
 pub fn ramps() -> String {
     let gradient = |scale: &Scale| (0..=32).map(|k| colour::hex(scale, f64::from(k) / 32.0)).collect::<Vec<_>>().join(",");
-    let (even, signed) = (gradient(colour::sequential()), gradient(colour::diverging()));
-    format!(".ramp{{background:linear-gradient(to right,{even})}}.ramp-signed{{background:linear-gradient(to right,{signed})}}")
+    let scales = [
+        ("ramp", gradient(colour::sequential())),
+        ("ramp-signed", gradient(colour::diverging())),
+        ("ramp-flip", colour::MAGMA.join(",")),
+        ("ramp-grey", "#000,#808080,#fff".to_string()),
+    ];
+    scales.map(|(name, colours)| format!(".{name}{{background:linear-gradient(to right,{colours})}}")).concat()
 }
 
 /// Histograms over one axis: the first filled, the others outlined; `marks` are vertical lines with names; `normal` draws the unit normal density.

@@ -26,6 +26,9 @@ pub fn diverging() -> &'static Scale {
     })
 }
 
+/// Nine steps of the magma scale (Smith and van der Walt 2015), evenly spaced: what FLIP maps are drawn with.
+pub const MAGMA: [&str; 9] = ["#000004", "#1d1147", "#51127c", "#832681", "#b73779", "#e55064", "#fb8761", "#fec287", "#fcfdbf"];
+
 /// Lightness .24 → .92; hue 300° → 108°; the chroma dips in the teal, where sRGB holds less.
 fn sequential_at(t: f64) -> [u8; 3] {
     let hue = 300.0 - 192.0 * t;
@@ -200,6 +203,19 @@ pub fn hex(scale: &Scale, t: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[cfg(feature = "render")]
+    #[test]
+    fn bars_of_flip_maps_have_the_colours_that_the_maps_are_drawn_with() {
+        let drawn = nv_flip::magma_lut().to_vec();
+        for (k, hex) in MAGMA.iter().enumerate() {
+            let at = 3 * (255.0 * k as f64 / 8.0).round() as usize;
+            for (c, value) in drawn[at..at + 3].iter().enumerate() {
+                let stated = u8::from_str_radix(&hex[1 + 2 * c..3 + 2 * c], 16).unwrap();
+                assert!(stated.abs_diff(*value) <= 2, "{hex} {:?}", &drawn[at..at + 3]);
+            }
+        }
+    }
 
     /// CIE lightness of an 8-bit sRGB colour: an independent measure from the one the scale is built with.
     fn cie_lightness(c: [u8; 3]) -> f64 {

@@ -6,6 +6,7 @@ use crate::report::model::{ChannelPictures, Comparison, FitReport, MapDifference
 use crate::report::number::{percent, significant};
 use crate::report::quantity::{self, channel_word, known, split};
 use crate::report::stats::{quantile, sorted};
+use crate::report::view;
 
 /// Differences of the second fit from the first, without maps.
 pub fn parameters(first: &FitReport, second: &FitReport) -> Comparison {
@@ -60,6 +61,7 @@ fn difference(a: &ParameterRow, b: &ParameterRow) -> ParameterDifference {
         first_stderr: a.stderr,
         second: known(b),
         second_stderr: b.stderr,
+        estimates: [a, b].map(view::parameter_cell).map(|c| if c.undetermined { c.note } else { String::new() }),
         difference,
         sigmas: difference.zip(combined).map(|(d, s)| d / s),
     }
@@ -132,6 +134,7 @@ pub fn side(out: &mut Comparison, a: &SideMaps, b: &SideMaps, pictures: bool) {
             out.pictures.push(MapPictures {
                 quantity: name.into(),
                 title: quantity::title(name),
+                note: String::new(),
                 section: a.section.clone(),
                 channels: vec![ChannelPictures { channel: channel_word(letter).into(), pictures: vec![picture], charts: Vec::new() }],
             });

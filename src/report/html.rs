@@ -3,12 +3,18 @@
 use crate::report::model::{Comparison, FitReport, Picture, Report, ViewReport};
 use crate::report::number;
 use crate::report::quantity::{channel_word, symbol};
-use crate::report::{translucency, view};
+use crate::report::{chart, figure, translucency, view};
 use crate::{Error, Result};
 use minijinja::value::{Serde, Value};
 use minijinja::{AutoEscape, Environment, context};
 
-const PAGE: &str = include_str!("page.html");
+/// The page and its parts, in the order in which they are read.
+const TEMPLATES: [(&str, &str); 4] = [
+    ("page", include_str!("page.html")),
+    ("macros", include_str!("macros.html")),
+    ("checks", include_str!("checks.html")),
+    ("fit", include_str!("fit.html")),
+];
 const STYLE: &str = include_str!("page.css");
 
 /// Renders a report that was read with pictures.
@@ -21,10 +27,15 @@ pub fn render(report: &Report) -> Result<String> {
     env.add_filter("pct", |v: &Value| number_or_dash(v, number::percent));
     env.add_filter("duration", |v: &Value| number_or_dash(v, number::duration));
     env.add_filter("thousands", |v: &Value| number_or_dash(v, |n| number::count(n.max(0.0) as usize)));
-    env.add_filter("words", |v: String| view::words(&v));
+    env.add_filter("words", |v: String| figure::words(&v));
+    env.add_filter("parameter", |v: String| view::channel_of(&v));
+    env.add_filter("residual_unit", |v: String| view::residual_unit(&v));
+    env.add_filter("coverage", |v: &Value| coverage(v));
     env.add_filter("symbol", |v: String| symbol(&v));
     env.add_filter("colour_word", |v: String| channel_word(&v).to_string());
-    env.add_template("page", PAGE).map_err(failed)?;
+    for (name, text) in TEMPLATES {
+        env.add_template(name, text).map_err(failed)?;
+    }
     let fits: Vec<Value> = report.fits.iter().map(fit).collect();
     let comparisons: Vec<Value> = report.comparisons.iter().map(comparison).collect();
     let checks: Vec<Value> =
@@ -52,12 +63,16 @@ fn keep_together(html: &str) -> String {
 
 fn fit(f: &FitReport) -> Value {
     let (truth_chart, cost_chart) = view::trace_charts(f);
+    let lines = view::parameter_lines(&f.parameters);
     let sections: Vec<Value> =
         f.sections.iter().map(|s| context! { row => Serde(s), figures => Serde(view::figures(&s.figures)) }).collect();
     context! {
         row => Serde(f),
         word => f.verdict.level.word(),
-        parameters => Serde(view::parameter_lines(&f.parameters)),
+        coloured => lines.iter().any(|l| l.cells.len() == 3),
+        rule => if f.parameters.iter().any(|p| p.undetermined.is_some()) { view::RULE } else { "" },
+        caliper => if f.parameters.iter().any(|p| p.stderr_caliper.is_some()) { view::CALIPER } else { "" },
+        parameters => Serde(lines),
         sections,
         sides => Serde(&f.pictures),
         phases => Serde(f.times.as_ref().map(view::phase_lines).unwrap_or_default()),
@@ -80,6 +95,7 @@ fn comparison(c: &Comparison) -> Value {
                 unit => p.unit.clone(),
                 first => view::value_or_word(p.first, p.first_stderr),
                 second => view::value_or_word(p.second, p.second_stderr),
+                estimates => Serde(&p.estimates),
                 difference => p.difference.map_or_else(|| "—".into(), number::plain),
                 sigmas => view::sigmas(p),
                 apart => p.sigmas.is_some_and(|s| s.abs() > 1.96),
@@ -91,7 +107,24 @@ fn comparison(c: &Comparison) -> Value {
 
 fn shot(v: &ViewReport) -> Value {
     let picture = |p: &Option<Picture>| Serde(p.clone());
-    context! { row => Serde(v), image => picture(&v.image), reference => picture(&v.reference), difference => picture(&v.difference) }
+    let top = |name: &str| v.figures.get(name).copied().filter(|t| *t > 0.0);
+    let bar = |ramp: &str, range: Option<(f64, f64)>| range.map(|r| chart::colour_bar(ramp, r, ""));
+    context! {
+        row => Serde(v),
+        image => picture(&v.image),
+        reference => picture(&v.reference),
+        difference => picture(&v.difference),
+        flip => picture(&v.flip),
+        difference_bar => bar("ramp-grey", top("difference_top").map(|t| (-t, t))),
+        flip_bar => bar("ramp-flip", top("flip_top").map(|t| (0.0, t))),
+    }
+}
+
+/// A `TruthError`'s share of truths inside their intervals, in words.
+fn coverage(truth: &Value) -> String {
+    let number = |name: &str| truth.get_attr(name).ok().and_then(|v| f64::try_from(v).ok());
+    let judged = number("judged").map(|n| n as usize);
+    view::coverage(number("coverage95"), judged)
 }
 
 /// A number in words, `—` where there is none.

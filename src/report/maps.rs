@@ -25,7 +25,16 @@ pub struct SideMaps {
     pub errors: Option<Maps>,
     pub truth: Option<Maps>,
     pub good: Vec<bool>,
+    /// What is said of a quantity's maps, by its name.
+    pub notes: BTreeMap<&'static str, String>,
+    /// Why the intervals of [`SHARED`] are not judged by the truth, where they are not.
+    pub unjudged: Option<String>,
 }
+
+/// Quantities that rest on the gauge: the caliper's mean thickness and a mean γ of 1.
+const SHARED: [&str; 4] = ["sigma_a", "sigma_s", "thickness", "gamma"];
+/// Maps in which pigment alone explains a texel.
+const PIGMENT: [&str; 2] = ["sigma_a", "sigma_s"];
 
 /// Reads what there is of a side; what is missing or unreadable is said in `missing`.
 pub fn read_side(folder: &Path, section: &str, capture: Option<&Path>, missing: &mut Vec<String>) -> Option<SideMaps> {
@@ -41,8 +50,14 @@ pub fn read_side(folder: &Path, section: &str, capture: Option<&Path>, missing: 
         same
     };
     let errors = read_or_say(&errors_path, "no standard errors of the maps", missing).filter(|m| same_size(m, &errors_path, missing));
-    let truth = truth_path(folder, section, capture)
+    let mut truth = truth_path(folder, section, capture)
         .and_then(|path| read_or_say(&path, "no truth", missing).filter(|m| same_size(m, &path, missing)));
+    let pigment_path = folder.join(format!("{section}_truth.exr"));
+    let pigment = pigment_path.exists().then(|| read_or_say(&pigment_path, "no truth of the σ maps", missing)).flatten();
+    let pigment = pigment.filter(|m| same_size(m, &pigment_path, missing));
+    if let Some(truth) = &mut truth {
+        describe_by_pigment(truth, pigment, section, missing);
+    }
     let good = match fit.get("mask.Y") {
         Some(mask) => mask.iter().map(|m| *m > 0.5).collect(),
         None => {
@@ -50,7 +65,29 @@ pub fn read_side(folder: &Path, section: &str, capture: Option<&Path>, missing: 
             vec![true; fit.width * fit.height]
         }
     };
-    Some(SideMaps { section: section.into(), fit, errors, truth, good })
+    Some(SideMaps { section: section.into(), fit, errors, truth, good, notes: BTreeMap::new(), unjudged: None })
+}
+
+/// Puts the truth of the σ maps, as the fit left it, in the place of the truth's own σa and σs. Without it they are taken away where the true leaf
+/// has an albedo factor γ: the same σ would mean two things.
+fn describe_by_pigment(truth: &mut Maps, pigment: Option<Maps>, section: &str, missing: &mut Vec<String>) {
+    let plain =
+        |(name, values): &(String, Vec<f32>)| split(name).0 != "gamma" || values.iter().all(|v| !(*v > 0.0) || (v - 1.0).abs() < 1e-3);
+    let is_sigma = |name: &str| PIGMENT.contains(&split(name).0);
+    match pigment {
+        Some(own) => {
+            truth.channels.retain(|(name, _)| !is_sigma(name));
+            truth.channels.extend(own.channels);
+        }
+        None if !truth.channels.iter().all(plain) => {
+            truth.channels.retain(|(name, _)| !is_sigma(name));
+            missing.push(format!(
+                "{section}_truth.exr: not there, so the maps of σa and σs are not compared: they explain a texel by pigment alone, the known truth has \
+                 an albedo factor γ beside it; fit again to compare them"
+            ));
+        }
+        None => {}
+    }
 }
 
 /// `truth_front.exr` in the fit, else `truth/front.exr` of the capture.
@@ -158,8 +195,12 @@ impl SideMaps {
             p99_absolute: quantile(&absolute, 0.99),
             median_relative: (!signed && !relative.is_empty()).then(|| quantile(&relative, 0.5)),
             bias: quantile(&sorted(each().map(|i| c.fit[i] - truth[i])), 0.5),
-            coverage95: (!z.is_empty()).then(|| inside as f64 / z.len() as f64),
+            coverage95: (!z.is_empty() && !self.is_unjudged(c)).then(|| inside as f64 / z.len() as f64),
         })
+    }
+
+    fn is_unjudged(&self, c: &Channel) -> bool {
+        self.unjudged.is_some() && SHARED.contains(&split(c.name).0)
     }
 
     /// (fit − truth) / standard error on the good texels where all three are known.
@@ -191,6 +232,7 @@ impl SideMaps {
                 None => maps.push(MapPictures {
                     quantity: name.into(),
                     title: quantity::title(name),
+                    note: self.notes.get(name).cloned().unwrap_or_default(),
                     section: self.section.clone(),
                     channels: vec![drawn],
                 }),
@@ -212,7 +254,7 @@ impl SideMaps {
             let gain = (0.8 / brightest).max(1.0) as f32;
             let mut caption = format!("{}: {words}", self.section);
             if gain > 1.005 {
-                caption.push_str(&format!(", × {gain:.1}"));
+                caption.push_str(&format!(", brightened {gain:.1} times"));
             }
             if let Some(picture) = colour::photograph(self.frame(WIDE), [r, g, b], gain, |i| self.good[i], caption.clone()) {
                 out.push(Captioned { picture, caption, bar: String::new() });
@@ -257,7 +299,7 @@ impl SideMaps {
         };
         let alt = format!("{}: the fate of every texel", self.section);
         let picture = colour::categories(self.frame(WIDE), &colours, code, alt);
-        let caption = "The fate of every texel; outside is left empty.".to_string();
+        let caption = "Which texels are good, and what was wrong with the others. Outside the leaf the picture is empty.".to_string();
         (picture.map(|picture| Captioned { picture, caption, bar: String::new() }), legend)
     }
 
@@ -267,7 +309,12 @@ impl SideMaps {
         let Some(s) = Summary::of(&values) else { return (None, None) };
         let range = (0.0, s.p99.max(2.0));
         let shown = |i: usize| if self.good[i] { chi2[i] } else { f32::NAN };
-        let caption = format!("Reduced χ² a texel: median {}, 99 % below {}, worst {}.", plain(s.median), plain(s.p99), plain(s.max));
+        let caption = format!(
+            "Reduced χ² of each texel (about 1 where the model explains its readings): median {}, 99 % below {}, worst {}.",
+            plain(s.median),
+            plain(s.p99),
+            plain(s.max)
+        );
         let picture = colour::false_colour(self.frame(WIDE), colour::sequential(), range, shown, caption.clone());
         let bar = colour_bar_of(false, range, "");
         let histogram = Histogram::of(values.iter().copied(), range.0, range.1 * 1.1, BINS);
@@ -331,8 +378,11 @@ impl SideMaps {
             let h = Histogram::of(z.iter().copied(), -4.5, 4.5, BINS);
             let about = format!("Histogram of the errors of {words} in standard errors");
             let titles = Titles { x: "(fit − truth) / standard error", y: "density", about: &about };
-            let caption =
+            let mut caption =
                 format!("Errors in units of the stated standard errors: {} of the truths lie within 95 % intervals.", percent(inside));
+            if let Some(why) = self.unjudged.as_ref().filter(|_| self.is_unjudged(c)) {
+                caption.push_str(&format!(" The share is not judged: {why}."));
+            }
             charts.push(ChartTile { svg: chart::histogram(&[("texels", &h)], titles, &[], true), caption });
         }
         if let Some(error) = c.error {

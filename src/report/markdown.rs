@@ -2,21 +2,21 @@
 
 use crate::report::model::{CheckReport, Comparison, FitReport, Level, PlanReport, Report, SectionReport, Verdict};
 use crate::report::number::{count, duration, percent, plain};
-use crate::report::quantity::{channel_word, symbol};
-use crate::report::view;
+use crate::report::quantity::{channel_word, parameter, symbol};
+use crate::report::{figure, view};
 use std::fmt::Write;
 
 /// Renders a report.
 pub fn render(report: &Report) -> String {
     let mut out = format!("# {}\n\n**{}.** {}\n", inline(&report.title), report.verdict.level.word(), inline(&report.verdict.sentence));
+    for c in &report.checks {
+        check(&mut out, c);
+    }
     for c in &report.comparisons {
         comparison(&mut out, c);
     }
     for f in &report.fits {
         fit(&mut out, f);
-    }
-    for c in &report.checks {
-        check(&mut out, c);
     }
     for p in &report.plans {
         plan(&mut out, p);
@@ -46,6 +46,9 @@ fn heading(out: &mut String, level: usize, text: &str) {
 }
 
 fn list(out: &mut String, items: &[String]) {
+    if items.is_empty() {
+        return;
+    }
     let lines: Vec<String> = items.iter().map(|i| format!("- {}", inline(i))).collect();
     let _ = writeln!(out, "\n{}", lines.join("\n"));
 }
@@ -74,13 +77,16 @@ fn fit(out: &mut String, f: &FitReport) {
         heading(out, 3, "Parameters");
         let rows = f.parameters.iter().map(|p| {
             let cell = view::parameter_cell(p);
-            let text = if cell.undetermined.is_empty() { cell.text } else { format!("{} ({})", cell.text, cell.undetermined) };
-            vec![p.section.clone(), symbol(&p.name), channel_word(&p.channel).into(), text, p.unit.clone()]
+            let text = with_estimate(cell.text, &cell.note);
+            let (symbol, meaning) = parameter(&p.name);
+            vec![p.section.clone(), symbol, meaning.into(), channel_word(&p.channel).into(), text, p.unit.clone()]
         });
-        table(out, &["side", "parameter", "channel", "value ± standard error", "unit"], rows);
-    }
-    for s in &f.sections {
-        section(out, s);
+        table(out, &["side", "parameter", "what it is", "channel", "value ± standard error", "unit"], rows);
+        let undetermined = f.parameters.iter().any(|p| p.undetermined.is_some());
+        let shared = f.parameters.iter().any(|p| p.stderr_caliper.is_some());
+        for (_, text) in [(undetermined, view::RULE), (shared, view::CALIPER)].iter().filter(|(met, _)| *met) {
+            let _ = writeln!(out, "\n{text}");
+        }
     }
     if !f.maps.is_empty() {
         heading(out, 3, "Maps");
@@ -116,13 +122,16 @@ fn fit(out: &mut String, f: &FitReport) {
         ];
         table(out, &head, rows);
     }
+    for s in &f.sections {
+        section(out, s);
+    }
     if let Some(t) = &f.times {
         heading(out, 3, "Run time");
         let memory = t.peak_memory_mib.map(|m| format!(", peak memory {} MiB", plain(m))).unwrap_or_default();
         let _ = writeln!(out, "\nTotal {} on {} threads{memory}.", duration(t.total_s), t.threads);
         table(out, &["phase", "time", "share"], view::phase_lines(t).into_iter().map(|p| vec![p.name, p.time, percent(p.share / 100.0)]));
         for (name, rows) in &t.traces {
-            heading(out, 4, &format!("Error against run time: {}", view::words(name)));
+            heading(out, 4, &format!("Error against run time: {}", figure::words(name)));
             let rows = rows.iter().map(|r| {
                 vec![
                     r.iteration.to_string(),
@@ -148,7 +157,7 @@ fn section(out: &mut String, s: &SectionReport) {
         heading(out, 3, &head("Residuals"));
         let rows = s.residuals.iter().map(|(n, r)| {
             let at = format!("{}, {}", r.worst_at[0], r.worst_at[1]);
-            vec![view::words(n), count(r.samples), plain(r.chi2), plain(r.reduced_chi2), plain(r.rms), plain(r.worst), at]
+            vec![figure::words(n), count(r.samples), plain(r.chi2), plain(r.reduced_chi2), plain(r.rms), plain(r.worst), at]
         });
         table(out, &["of", "samples", "χ²", "reduced χ²", "RMS", "worst texel", "at column, row"], rows);
     }
@@ -157,13 +166,13 @@ fn section(out: &mut String, s: &SectionReport) {
         let rows = s
             .truth
             .iter()
-            .map(|(n, t)| vec![symbol(n), percent(t.median_relative), percent(t.p99_relative), or_dash(t.coverage95, percent)]);
+            .map(|(n, t)| vec![symbol(n), percent(t.median_relative), percent(t.p99_relative), view::coverage(t.coverage95, t.judged)]);
         table(out, &["quantity", "median error", "99 % within", "truths inside 95 % intervals"], rows);
     }
     if !s.counts.is_empty() || !s.terminations.is_empty() || s.condition.is_some() {
         heading(out, 3, &head("How it ended"));
-        table(out, &["reason to stop", "runs"], s.terminations.iter().map(|(n, c)| vec![view::words(n), count(*c)]));
-        table(out, &["texels", "count"], s.counts.iter().map(|(n, c)| vec![view::words(n), count(*c)]));
+        table(out, &["reason to stop", "runs"], s.terminations.iter().map(|(n, c)| vec![figure::words(n), count(*c)]));
+        table(out, &["texels", "count"], s.counts.iter().map(|(n, c)| vec![figure::words(n), count(*c)]));
         if let Some(c) = s.condition {
             let rank = s.rank.map(|r| format!(", rank {r}")).unwrap_or_default();
             let _ = writeln!(out, "\nCondition number {}{rank}.", plain(c));
@@ -171,10 +180,11 @@ fn section(out: &mut String, s: &SectionReport) {
     }
     if !s.correlation_names.is_empty() {
         heading(out, 3, &head("Correlations"));
+        let labels: Vec<String> = s.correlation_names.iter().map(|n| view::channel_of(n)).collect();
         let mut names = vec![""];
-        names.extend(s.correlation_names.iter().map(String::as_str));
+        names.extend(labels.iter().map(String::as_str));
         let rows = s.correlation.iter().zip(&s.correlation_names).map(|(line, n)| {
-            let mut row = vec![n.clone()];
+            let mut row = vec![view::channel_of(n)];
             row.extend(line.iter().map(|v| format!("{v:.2}")));
             row
         });
@@ -184,11 +194,18 @@ fn section(out: &mut String, s: &SectionReport) {
     if !s.figures.is_empty() {
         heading(out, 3, &head("Figures"));
         let mut names = vec![figures.heading.as_str()];
-        names.extend(figures.methods.iter().map(String::as_str));
+        names.extend(figures.columns.iter().map(String::as_str));
         let lines = figures.table.into_iter().map(|(n, cells)| [vec![n], cells].concat());
         table(out, &names, lines);
-        table(out, &["figure", "value"], figures.single.into_iter().map(|(n, v)| vec![n, v]));
+        table(out, &["figure", "value", "what it means"], figures.single.into_iter().map(|f| vec![f.name, f.value, f.meaning.into()]));
+        if figures.unnamed > 0 {
+            let _ = writeln!(out, "\nFigures of fit.toml that have no name in this version of the report: {}.", figures.unnamed);
+        }
     }
+}
+
+fn with_estimate(text: String, estimate: &str) -> String {
+    if estimate.is_empty() { text } else { format!("{text} ({estimate})") }
 }
 
 fn comparison(out: &mut String, c: &Comparison) {
@@ -199,8 +216,8 @@ fn comparison(out: &mut String, c: &Comparison) {
             p.section.clone(),
             symbol(&p.name),
             channel_word(&p.channel).into(),
-            view::value_or_word(p.first, p.first_stderr),
-            view::value_or_word(p.second, p.second_stderr),
+            with_estimate(view::value_or_word(p.first, p.first_stderr), &p.estimates[0]),
+            with_estimate(view::value_or_word(p.second, p.second_stderr), &p.estimates[1]),
             or_dash(p.difference, plain),
             view::sigmas(p),
             p.unit.clone(),
@@ -233,13 +250,34 @@ fn check(out: &mut String, c: &CheckReport) {
         None => "not judged",
     };
     let _ = writeln!(out, "\nDrawn by {}: {}.", inline(&c.adapter), verdict(c.passed));
-    const FIGURES: [&str; 5] = ["flip_mean", "flip_p99", "max_error", "frame_ms_median", "frame_ms_p95"];
     let rows = c.views.iter().map(|v| {
-        let mut row = vec![v.name.clone(), verdict(v.passed).into()];
-        row.extend(FIGURES.iter().map(|f| or_dash(v.figures.get(*f).copied(), plain)));
-        row
+        let get = |name: &str| v.figures.get(name).copied();
+        let limit = |name: &str| get(name).map_or_else(|| "not judged".into(), plain);
+        // A card is held against a formula; how it looks beside the reference is not judged.
+        let flip = if v.kind == "card" { "not judged".into() } else { limit("threshold_flip_p99") };
+        let [found, noise, error, error_noise] =
+            ["flip_p99", "noise_flip_p99", "max_error", "noise_max_error"].map(|name| or_dash(get(name), plain));
+        let times = ["frame_ms_median", "frame_ms_p95"].map(|name| or_dash(get(name), plain));
+        [
+            vec![v.name.clone(), verdict(v.passed).into(), found, flip, noise, error, limit("threshold_max_error"), error_noise],
+            times.to_vec(),
+        ]
+        .concat()
     });
-    table(out, &["view", "verdict", "FLIP mean", "FLIP 99 %", "largest error", "frame median (ms)", "frame 95 % (ms)"], rows);
+    let head = [
+        "view",
+        "verdict",
+        "FLIP, 99 % of the pixels",
+        "at most",
+        "noise",
+        "largest error",
+        "at most",
+        "noise",
+        "frame median (ms)",
+        "frame 95 % (ms)",
+    ];
+    table(out, &head, rows);
+    list(out, &c.views.iter().flat_map(|v| v.why.iter().map(|w| format!("{}: {w}", v.name))).collect::<Vec<_>>());
     if !c.missing.is_empty() {
         list(out, &c.missing);
     }

@@ -83,8 +83,10 @@ pub struct ParameterRow {
     /// `R`, `G`, `B`, or empty.
     pub channel: String,
     pub value: Option<f64>,
-    /// Absent where undetermined.
+    /// The whole standard error; absent where it is infinite or not stated.
     pub stderr: Option<f64>,
+    /// The part of it that the caliper's reading brings, the same share for all of the leaf; absent where it has none.
+    pub stderr_caliper: Option<f64>,
     pub unit: String,
     /// Why the data do not determine it.
     pub undetermined: Option<String>,
@@ -162,10 +164,13 @@ pub struct ParameterDifference {
     pub name: String,
     pub channel: String,
     pub unit: String,
+    /// Absent where undetermined.
     pub first: Option<f64>,
     pub first_stderr: Option<f64>,
     pub second: Option<f64>,
     pub second_stderr: Option<f64>,
+    /// The best estimates of undetermined values and what bounds them, in words; empty where determined.
+    pub estimates: [String; 2],
     pub difference: Option<f64>,
     /// Difference over the combined standard error.
     pub sigmas: Option<f64>,
@@ -213,7 +218,11 @@ pub struct CheckReport {
 #[derive(Debug, Clone, Serialize)]
 pub struct ViewReport {
     pub name: String,
+    /// What the picture is held against: `perspective` (the reference renderer), `card` (a closed form), or empty where it is not said.
+    pub kind: String,
     pub passed: Option<bool>,
+    /// What missed, a sentence each.
+    pub why: Vec<String>,
     /// Every number of the view, by the name `check.json` gives it.
     pub figures: BTreeMap<String, f64>,
     #[serde(skip)]
@@ -222,6 +231,8 @@ pub struct ViewReport {
     pub reference: Option<Picture>,
     #[serde(skip)]
     pub difference: Option<Picture>,
+    #[serde(skip)]
+    pub flip: Option<Picture>,
 }
 
 /// A picture inside the page.
@@ -266,6 +277,8 @@ pub struct LegendItem {
 pub struct MapPictures {
     pub quantity: String,
     pub title: String,
+    /// What to know of the maps; may be empty.
+    pub note: String,
     pub section: String,
     pub channels: Vec<ChannelPictures>,
 }

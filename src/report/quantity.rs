@@ -37,7 +37,35 @@ pub fn symbol(name: &str) -> String {
     if let Some(own) = name.strip_suffix("_map") {
         return format!("{} maps", symbol(own));
     }
-    known(name).filter(|q| q.name != "normal").and_then(|q| q.title.split(',').next()).unwrap_or(name).to_string()
+    let other = || PARAMETERS.iter().find(|p| p.0 == name).map_or(name, |p| p.1);
+    known(name).filter(|q| q.name != "normal").and_then(|q| q.title.split(',').next()).unwrap_or_else(other).to_string()
+}
+
+/// Parameters that are no maps: name in `fit.toml`, symbol, what it is.
+const PARAMETERS: [(&str, &str, &str); 15] = [
+    ("thickness", "h", "mean thickness of the leaf, by the caliper"),
+    ("sigma_s_reduced", "σs′", "scattering less what goes straight on, (1 − g) σs"),
+    ("g", "g", "mean cosine of a scattering angle"),
+    ("a", "A", "what the leaf's inner surface throws back, (1 + ρ)/(1 − ρ)"),
+    ("thickness_scale", "s", "factor on the leaf fit's thickness map"),
+    ("alpha", "α", "taper: radius at the tip over radius at the root"),
+    ("load_over_stiffness", "F/(E′r₁⁴)", "load over the stiffness of the root"),
+    ("root_radius", "r₁", "radius at the root"),
+    ("tip", "u(1)", "deflection of the tip"),
+    ("sun_zenith_deg", "θs", "angle of the sun from straight up"),
+    ("sun_azimuth_deg", "φs", "azimuth of the sun, from +x to +y"),
+    ("turbidity", "T", "turbidity: 1 is pure air, 6 is hazy"),
+    ("scale", "k", "reading of one kcd/m²"),
+    ("sigma_a", "σa", "absorption"),
+    ("sigma_s", "σs", "scattering"),
+];
+
+/// Symbol of a parameter and what it is.
+pub fn parameter(name: &str) -> (String, &'static str) {
+    match PARAMETERS.iter().find(|p| p.0 == name) {
+        Some((_, symbol, meaning)) => ((*symbol).into(), meaning),
+        None => (symbol(name), ""),
+    }
 }
 
 /// Heading of a quantity that may be unknown.

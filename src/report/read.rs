@@ -3,7 +3,7 @@
 use crate::fit::record::{FitRecord, Section, Times};
 use crate::report::maps::{self, SideMaps};
 use crate::report::model::{FitReport, Level, ParameterRow, Report, SectionReport, TimesReport, Verdict};
-use crate::report::{Options, ReportSource, compare, scene, translucency, verdict};
+use crate::report::{Options, ReportSource, compare, notes, scene, translucency, verdict};
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 
@@ -128,8 +128,9 @@ fn fit(folder: &Path, options: &Options) -> Result<FitReport> {
         missing,
         pictures: Vec::new(),
     };
-    for (name, _) in ordered(&record) {
-        let Some(side) = side(folder, name, &record, capture.as_deref().map(Path::new), &mut report.missing) else { continue };
+    for (name, of) in ordered(&record) {
+        let Some(mut side) = side(folder, name, &record, capture.as_deref().map(Path::new), &mut report.missing) else { continue };
+        notes::add(&mut side, &record, of);
         let mut lacking = Vec::new();
         report.maps.extend(side.rows(&mut lacking));
         if record.kind == "leaf" {
@@ -209,6 +210,7 @@ fn parameters(section: &str, s: &Section) -> Vec<ParameterRow> {
                 channel,
                 value: Some(*value).filter(|v| v.is_finite()),
                 stderr,
+                stderr_caliper: p.stderr_caliper.get(k).copied().filter(|e| e.is_finite()),
                 unit: p.unit.clone(),
                 undetermined,
             });

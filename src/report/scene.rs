@@ -43,7 +43,10 @@ fn view(folder: &Path, index: usize, json: &Value, pictures: bool, missing: &mut
     let image = find("image", &["", "-image", "_image", ".image"]);
     let reference = find("reference", &["-reference", "_reference", ".reference"]);
     let difference = find("difference", &["-difference", "_difference", ".difference", "-diff", "_diff", ".diff"]);
-    ViewReport { passed: json.get("passed").and_then(Value::as_bool), name, figures, image, reference, difference }
+    let flip = find("flip", &["-flip", "_flip", ".flip"]);
+    let kind = json.get("kind").map(text).unwrap_or_default();
+    let why = json.get("why").and_then(Value::as_array).map(|w| w.iter().map(text).collect()).unwrap_or_default();
+    ViewReport { passed: json.get("passed").and_then(Value::as_bool), kind, why, name, figures, image, reference, difference, flip }
 }
 
 /// The PNG the view names, else `NAME-reference.png` and the like; names never lead out of the folder.

@@ -82,7 +82,7 @@ fn tile(side: &SideMaps, plane: &[f32], range: (f64, f64), signed: bool, unit: &
 /// Three planes as a colour picture, brightened by `gain`.
 fn photograph(side: &SideMaps, rgb: [&[f32]; 3], gain: f64, mut caption: String) -> Option<Captioned> {
     if (gain - 1.0).abs() > 0.005 {
-        caption.push_str(&format!(", × {}", significant(gain, 2)));
+        caption.push_str(&format!(", brightened {} times", significant(gain, 2)));
     }
     let alt = format!("{}: {caption}", side.section);
     let picture = colour::photograph(side.frame(WIDE), rgb, gain as f32, |k| side.good[k], alt)?;
@@ -136,7 +136,7 @@ fn coefficients(side: &SideMaps, stacks: &[Stack], basis: Option<Basis>, options
         channels.push(ChannelPictures { channel: "as colours".into(), pictures: colours.collect(), charts: Vec::new() });
     }
     channels.extend(stacks.iter().map(|s| stack(side, s, basis)));
-    Some(MapPictures { quantity: "translucency".into(), title, section: side.section.clone(), channels })
+    Some(MapPictures { quantity: "translucency".into(), title, note: String::new(), section: side.section.clone(), channels })
 }
 
 /// The one light of a fit without a basis. Its angles were radians in between: rounded to what was asked for.
@@ -202,7 +202,13 @@ fn single(side: &SideMaps, name: &str, title: &str, unit: &str, caption: &str) -
     let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
     let caption = format!("Values over the good texels: median {}{unit}.", plain(quantile(&values, 0.5)));
     let channel = ChannelPictures { channel: String::new(), pictures: vec![picture], charts: vec![ChartTile { svg, caption }] };
-    Some(MapPictures { quantity: name.into(), title: title.into(), section: side.section.clone(), channels: vec![channel] })
+    Some(MapPictures {
+        quantity: name.into(),
+        title: title.into(),
+        note: String::new(),
+        section: side.section.clone(),
+        channels: vec![channel],
+    })
 }
 
 /// How the fit was made, a label and a sentence each.

@@ -4,8 +4,9 @@ use crate::fit::record::{FitRecord, GAUGE_GAMMA, GAUGE_THICKNESS};
 use crate::fit::translucency::judge::NAMES;
 use crate::report::model::{CheckReport, FitReport, Level, Reason, SectionReport, Verdict};
 use crate::report::number::{count, percent, plain};
-use crate::report::quantity::symbol;
+use crate::report::quantity::{parameter, symbol};
 use crate::report::residuals;
+use crate::report::view::MANY;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -126,7 +127,10 @@ fn directions(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, String)
     };
     say(
         level,
-        format!("{side}the stored directions hold what comes through to {steep}, {half} and {grazing} (light at π/2, π/4, π/8; RMS)"),
+        format!(
+            "{side}the stored directions keep the light that comes through to within {steep}, {half} and {grazing} (root mean square; light at π/2, π/4 \
+             and π/8 over the blade)"
+        ),
     );
 }
 
@@ -189,12 +193,24 @@ fn truth(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, String)) {
         }
         let Some(c) = t.coverage95 else { continue };
         let close = t.median_relative <= CLOSE;
-        if let Some(channels) = shared_channels(s, name) {
+        // A share of a few values says nothing: they are counted. Records of earlier versions do not say how many there were.
+        let few = t.judged.or_else(|| matches!(name.as_str(), "sigma_a" | "sigma_s").then_some(3)).filter(|n| *n < MANY);
+        if let Some(values) = few {
             // One of three misses by chance in one fit of seven, two of three in one of 140.
-            let hit = (c * channels as f64).round() as usize;
-            let list = if hit == channels { &mut right } else { &mut narrow };
-            list.push(format!("{q} in {hit} of {channels} channels"));
-            if hit + 1 < channels && !close {
+            let hit = (c * values as f64).round() as usize;
+            match (values, hit) {
+                (1, 1) => say(
+                    Level::Good,
+                    format!("{side}the known truth of {q} lies in its 95 % interval (one value, which says little of the error)"),
+                ),
+                (1, _) => say(
+                    Level::Doubtful,
+                    format!("{side}the known truth of {q} lies outside its 95 % interval (by chance in one fit of 20)"),
+                ),
+                _ if hit == values => right.push(format!("{q} in {hit} of {values} channels")),
+                _ => narrow.push(format!("{q} in {hit} of {values} channels")),
+            }
+            if hit + 1 < values && !close {
                 narrow_level = Level::Bad;
             }
         } else if COVERAGE_GOOD.contains(&c) {
@@ -228,14 +244,6 @@ fn truth(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, String)) {
     state(Level::Good, "stated errors are right, 95 % intervals hold the truth of", right);
 }
 
-/// How many channels a shared parameter has, where the truth is of that parameter and not of a map (`sigma_a` beside `sigma_a_map`).
-fn shared_channels(s: &SectionReport, name: &str) -> Option<usize> {
-    let shared = s.truth.contains_key(&format!("{name}_map")) || matches!(name, "sigma_a" | "sigma_s");
-    let c = s.truth.get(name)?.coverage95?;
-    let whole = (c * 3.0 - (c * 3.0).round()).abs() < 1e-9;
-    (shared && whole).then_some(3)
-}
-
 fn parameters(report: &FitReport, say: &mut impl FnMut(Level, String)) {
     let undetermined: Vec<String> = report
         .parameters
@@ -245,11 +253,13 @@ fn parameters(report: &FitReport, say: &mut impl FnMut(Level, String)) {
             let place = if p.section == "all" { String::new() } else { format!(" of the {}", p.section) };
             let channel = if p.channel.is_empty() { String::new() } else { format!(".{}", p.channel) };
             let why = if reason.is_empty() { String::new() } else { format!(" ({reason})") };
-            Some(format!("{}{channel}{place}{why}", symbol(&p.name)))
+            Some(format!("{}{channel}{place}{why}", parameter(&p.name).0))
         })
         .collect();
     if !undetermined.is_empty() {
-        say(Level::Doubtful, format!("not determined by the data: {}", undetermined.join("; ")));
+        // A panorama's angles have a rule of their own.
+        let rule = if report.kind == "panorama" { "" } else { " (a value is determined when its standard error is at most 10 % of it)" };
+        say(Level::Doubtful, format!("not determined by the data{rule}: {}", undetermined.join("; ")));
     }
     let loose: Vec<String> = report
         .parameters
@@ -260,7 +270,7 @@ fn parameters(report: &FitReport, say: &mut impl FnMut(Level, String)) {
             let channel = if p.channel.is_empty() { String::new() } else { format!(".{}", p.channel) };
             // A share of an angle means nothing: where it is counted from is a convention.
             let loose = if p.unit == "deg" { p.stderr? > ANGLE_ERROR } else { relative > RELATIVE_ERROR };
-            loose.then(|| format!("{} {}{channel} ± {}", p.section, symbol(&p.name), percent(relative)))
+            loose.then(|| format!("{} {}{channel} ± {}", p.section, parameter(&p.name).0, percent(relative)))
         })
         .collect();
     if !loose.is_empty() {

@@ -2,9 +2,10 @@
 
 use crate::fit::translucency::judge::NAMES;
 use crate::report::chart::{self, Series, Titles};
+use crate::report::figure::{self, Figure, words};
 use crate::report::model::{FitReport, ParameterDifference, ParameterRow, TimesReport};
-use crate::report::number::{percent, plain, plus_minus};
-use crate::report::quantity::{channel_word, symbol};
+use crate::report::number::{percent, plain, plus_minus, significant};
+use crate::report::quantity::{channel_word, parameter};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -14,48 +15,118 @@ pub struct ParameterLine {
     pub section: String,
     pub name: String,
     pub symbol: String,
+    /// What the symbol stands for; empty where nobody said.
+    pub meaning: &'static str,
     pub unit: String,
+    /// One cell, or one each for red, green and blue.
     pub cells: Vec<Cell>,
+    /// A series of numbers that are no colour channels.
+    pub series: String,
 }
 
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Cell {
+    /// Value ± standard error, or `undetermined`.
     pub text: String,
-    /// Said instead of an error; empty where the parameter is determined.
-    pub undetermined: String,
+    /// The parts of the error; for an undetermined value its best estimate and why it is no more than that.
+    pub note: String,
+    pub undetermined: bool,
 }
+
+/// What makes a value undetermined, where a table holds one.
+pub const RULE: &str = "A value is called determined when its standard error is at most 10 % of it. An undetermined value is shown with its best estimate: \
+                        do not rely on more of it than its error or its bound allows.";
+
+/// What the caliper's share of an error is, where a table holds one.
+pub const CALIPER: &str = "Thickness is measured by a caliper, and σa and σs are inversely proportional to it: the caliper's error moves them and every thickness \
+                           of the leaf together, by the same share. Its part and the fit's own part are given beside the whole error (they add as squares). γ, ρd, \
+                           ρt, ρs and m do not depend on the caliper.";
 
 /// One line a parameter, in the rows' order.
 pub fn parameter_lines(rows: &[ParameterRow]) -> Vec<ParameterLine> {
     let mut lines: Vec<ParameterLine> = Vec::new();
-    for row in rows {
-        let cell = parameter_cell(row);
-        match lines.last_mut().filter(|l| l.section == row.section && l.name == row.name) {
-            Some(line) => line.cells.push(cell),
-            None => lines.push(ParameterLine {
-                section: row.section.clone(),
-                name: row.name.clone(),
-                symbol: symbol(&row.name),
-                unit: row.unit.clone(),
-                cells: vec![cell],
-            }),
-        }
+    for of in rows.chunk_by(|a, b| a.section == b.section && a.name == b.name) {
+        let first = &of[0];
+        let (symbol, meaning) = parameter(&first.name);
+        let series = of.len() > 1 && of.iter().any(|r| !matches!(r.channel.as_str(), "R" | "G" | "B"));
+        let cells = of.iter().map(parameter_cell);
+        let (cells, series) = match series {
+            true => (Vec::new(), cells.map(|c| c.text).collect::<Vec<_>>().join("; ")),
+            false => (cells.collect(), String::new()),
+        };
+        lines.push(ParameterLine {
+            section: first.section.clone(),
+            name: first.name.clone(),
+            symbol,
+            meaning,
+            unit: first.unit.clone(),
+            cells,
+            series,
+        });
     }
     lines
 }
 
-/// `0.412 ± 0.013`, or `undetermined: at most 0.02` — never a figure that looks known.
+/// `0.412 ± 0.013`, or `undetermined` with the best estimate beside it: never a figure that looks known.
 pub fn parameter_cell(row: &ParameterRow) -> Cell {
-    match (&row.undetermined, row.value) {
-        (Some(why), _) if !why.is_empty() => Cell { text: "undetermined".into(), undetermined: why.clone() },
-        (Some(_), Some(v)) => Cell { text: "undetermined".into(), undetermined: format!("best estimate {}, error unbounded", plain(v)) },
-        (Some(_), None) | (None, None) => Cell { text: "undetermined".into(), undetermined: "no estimate".into() },
-        (None, Some(v)) => Cell {
-            text: row.stderr.map_or_else(|| format!("{} (no error given)", plain(v)), |e| plus_minus(v, e)),
-            undetermined: String::new(),
-        },
+    let Some(why) = &row.undetermined else {
+        let text = match (row.value, row.stderr) {
+            (None, _) => return Cell { text: "undetermined".into(), note: "no estimate".into(), undetermined: true },
+            (Some(v), Some(e)) if e > 0.0 => plus_minus(v, e),
+            (Some(v), stated) => {
+                let note = if stated.is_some() { "held fixed" } else { "no error stated" };
+                return Cell { text: plain(v), note: note.into(), undetermined: false };
+            }
+        };
+        let parts = row.stderr.zip(row.stderr_caliper).filter(|(_, c)| *c > 0.0);
+        let own = |e: f64, c: f64| (e * e - c * c).max(0.0).sqrt();
+        let note = parts.map(|(e, c)| match own(e, c) {
+            own if own < 1e-3 * e => "all of the error is the caliper's".to_string(),
+            own => format!("own ± {}, caliper ± {}", significant(own, 2), significant(c, 2)),
+        });
+        return Cell { text, note: note.unwrap_or_default(), undetermined: false };
+    };
+    let estimate = match (row.value, row.stderr) {
+        (None, _) => "no estimate".to_string(),
+        (Some(v), None) => format!("best estimate {}, its error is not bounded", plain(v)),
+        (Some(v), Some(e)) => format!("best estimate {} ({})", plus_minus(v, e), percent(e / v.abs())),
+    };
+    // The share is already said.
+    let why: Vec<&str> = why.split("; ").filter(|part| !part.is_empty() && !part.starts_with("relative standard error")).collect();
+    let note = [vec![estimate.as_str()], why].concat().join("; ");
+    Cell { text: "undetermined".into(), note, undetermined: true }
+}
+
+/// `sigma_a.R` → `σa red`, as correlations are labelled.
+pub fn channel_of(name: &str) -> String {
+    match name.split_once('.') {
+        Some((head, channel)) => format!("{} {}", parameter(head).0, channel_word(channel)),
+        None => parameter(name).0,
     }
 }
+
+/// What the RMS of a residual is counted in.
+pub fn residual_unit(name: &str) -> &'static str {
+    match name {
+        "gloss" => "× the noise",
+        "transmittance" => "of ρt (0 to 1)",
+        "deflection" => "mm",
+        "radiance" => "of the model",
+        _ => "",
+    }
+}
+
+/// `94.8 %`, or for a few values `2 of 3`, since a share of so few says nothing; `—` where no interval is judged.
+pub fn coverage(share: Option<f64>, judged: Option<usize>) -> String {
+    match (share, judged) {
+        (None, _) => "—".into(),
+        (Some(c), Some(n)) if n < MANY => format!("{} of {n}", (c * n as f64).round()),
+        (Some(c), _) => percent(c),
+    }
+}
+
+/// Fewer values than this are counted one by one.
+pub const MANY: usize = 20;
 
 /// A difference of two fits in words.
 pub fn value_or_word(value: Option<f64>, error: Option<f64>) -> String {
@@ -68,48 +139,26 @@ pub fn value_or_word(value: Option<f64>, error: Option<f64>) -> String {
 
 /// `+1.3 σ`.
 pub fn sigmas(row: &ParameterDifference) -> String {
-    row.sigmas.map_or_else(
-        || "not weighed".into(),
-        |s| format!("{}{} σ", if s > 0.0 { "+" } else { "" }, crate::report::number::significant(s, 2)),
-    )
+    row.sigmas.map_or_else(|| "not weighed".into(), |s| format!("{}{} σ", if s > 0.0 { "+" } else { "" }, significant(s, 2)))
 }
 
-/// Figures of a section. Names such as `exact.median_error` and `paper.median_error` become one table of methods.
+/// Figures of a section: those that stand for themselves, and the table of a directional basis's errors.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Figures {
-    /// Over the table's first column, and under the table.
+    pub single: Vec<Figure>,
+    /// Figures that have no name on the page.
+    pub unnamed: usize,
+    /// Columns of the table, under the heading of its first column; what the table says.
     pub heading: String,
-    pub caption: String,
-    pub single: Vec<(String, String)>,
-    pub methods: Vec<String>,
-    /// Quantity, then a figure a method (`—` where it has none).
+    pub columns: Vec<String>,
     pub table: Vec<(String, Vec<String>)>,
+    pub caption: String,
 }
 
 pub fn figures(all: &BTreeMap<String, f64>) -> Figures {
-    let dotted: Vec<(&str, &str, f64)> = all.iter().filter_map(|(n, v)| n.split_once('.').map(|(a, b)| (a, b, *v))).collect();
-    let shared = |tail: &str| dotted.iter().filter(|(_, t, _)| *t == tail).count() > 1;
-    let mut out = Figures { heading: "methods compared".into(), ..Figures::default() };
-    for (head, tail, _) in &dotted {
-        if shared(tail) && !out.methods.iter().any(|m| m == head) {
-            out.methods.push(head.to_string());
-        }
-    }
-    let mut tails: Vec<&str> = dotted.iter().filter(|d| shared(d.1)).map(|d| d.1).collect();
-    tails.sort_unstable();
-    tails.dedup();
-    for tail in tails {
-        let cell = |m: &String| dotted.iter().find(|(a, b, _)| a == m && *b == tail).map_or_else(|| "—".into(), |d| plain(d.2));
-        out.table.push((words(tail), out.methods.iter().map(cell).collect()));
-    }
-    if out.table.is_empty() {
-        light_angles(&mut out, all);
-    }
-    for (name, value) in all {
-        if basis_figure(name).is_none() && !name.split_once('.').is_some_and(|(_, tail)| shared(tail)) {
-            out.single.push((words(name), plain(*value)));
-        }
-    }
+    let (single, unnamed) = figure::lines(all.iter().filter(|(name, _)| basis_figure(name).is_none()));
+    let mut out = Figures { single, unnamed, ..Figures::default() };
+    light_angles(&mut out, all);
     out
 }
 
@@ -150,16 +199,11 @@ fn light_angles(out: &mut Figures, all: &BTreeMap<String, f64>) {
         out.caption =
             "Against the full convolution. Errors are relative, over texels that get at least 1 % of the mean at that angle; the RMS is over all texels.".into();
         let angle = |a: usize| ["π/2", "π/4", "π/8"][a];
-        out.methods = columns
+        out.columns = columns
             .iter()
             .map(|(a, c)| if channels.len() > 1 { format!("{} {}", angle(*a), channel_word(c)) } else { angle(*a).into() })
             .collect();
     }
-}
-
-/// `median_relative_error` → `median relative error`.
-pub fn words(name: &str) -> String {
-    name.replace('_', " ").replace(':', ": ")
 }
 
 /// The traces as charts: error to the truth where it is known, and cost, both against run time.
@@ -216,6 +260,7 @@ mod tests {
             channel: "B".into(),
             value: Some(value),
             stderr,
+            stderr_caliper: None,
             unit: "1/mm".into(),
             undetermined: undetermined.map(str::to_string),
         }
@@ -223,11 +268,20 @@ mod tests {
 
     #[test]
     fn what_is_undetermined_shows_no_figure_as_if_known() {
-        let cell = parameter_cell(&row(0.0, Some(0.0), Some("at most 0.02")));
-        assert_eq!((cell.text.as_str(), cell.undetermined.as_str()), ("undetermined", "at most 0.02"));
+        let cell = parameter_cell(&row(0.02, Some(0.006), Some("relative standard error 0.30; at most 0.03")));
+        assert!(cell.undetermined && cell.text == "undetermined");
+        assert_eq!(cell.note, "best estimate 0.0200 ± 0.0060 (30.0 %); at most 0.03");
         let cell = parameter_cell(&row(0.5, None, Some("")));
-        assert!(cell.text == "undetermined" && cell.undetermined.contains("unbounded"));
+        assert!(cell.text == "undetermined" && cell.note == "best estimate 0.5, its error is not bounded");
         assert_eq!(parameter_cell(&row(0.5, Some(0.01), None)).text, "0.500 ± 0.010");
+    }
+
+    #[test]
+    fn the_calipers_share_stands_beside_the_fits_own() {
+        // 0.3² + 0.4² = 0.5²
+        let shared = ParameterRow { stderr_caliper: Some(0.4), ..row(20.0, Some(0.5), None) };
+        assert_eq!(parameter_cell(&shared).note, "own ± 0.30, caliper ± 0.40");
+        assert_eq!(parameter_cell(&row(20.0, Some(0.5), None)).note, "");
     }
 
     #[test]
@@ -236,25 +290,11 @@ mod tests {
             NAMES.iter().enumerate().map(|(k, n)| (format!("basis_p95_{n}_G"), 0.01 * (k + 1) as f64)).collect();
         all.extend([("basis_rms_half_G".to_string(), 0.25), ("mean_free_path_mm".to_string(), 0.5)]);
         let f = figures(&all);
-        assert_eq!(f.methods, ["π/2", "π/4", "π/8"]);
+        assert_eq!(f.columns, ["π/2", "π/4", "π/8"]);
         assert_eq!(f.table[0], ("95 % of the texels within".to_string(), ["1.0 %", "2.0 %", "3.0 %"].map(String::from).to_vec()));
         assert_eq!(f.table[1].1, ["—", "25.0 %", "—"]);
-        assert_eq!(f.single, [("mean free path mm".to_string(), "0.5".to_string())]);
+        assert_eq!((f.single.len(), f.single[0].value.as_str(), f.unnamed), (1, "0.5 mm", 0));
         all.insert("basis_p95_steep_R".into(), 0.5);
-        assert_eq!(figures(&all).methods[..2], ["π/2 red".to_string(), "π/2 green".to_string()]);
-    }
-
-    #[test]
-    fn methods_stand_side_by_side() {
-        let all = BTreeMap::from([
-            ("exact.median_error".to_string(), 0.001),
-            ("paper.median_error".to_string(), 0.2),
-            ("paper.failed".to_string(), 12.0),
-            ("texels".to_string(), 99.0),
-        ]);
-        let f = figures(&all);
-        assert_eq!(f.methods, ["exact", "paper"]);
-        assert_eq!(f.table, [("median error".to_string(), vec!["0.001".to_string(), "0.2".to_string()])]);
-        assert_eq!(f.single.len(), 2);
+        assert_eq!(figures(&all).columns[..2], ["π/2 red".to_string(), "π/2 green".to_string()]);
     }
 }

@@ -97,9 +97,10 @@ fn flip_map(a: &[[u8; 4]], b: &[[u8; 4]], width: usize, height: usize) -> Vec<f3
 }
 
 impl Comparison {
-    /// The FLIP map as an RGB picture, dark violet (same) to light yellow (FLIP 1), 3 bytes a pixel.
-    pub fn flip_picture(&self) -> Vec<u8> {
-        let map = nv_flip::FlipImageFloat::with_data(self.width as u32, self.height as u32, &self.flip);
+    /// The FLIP map as an RGB picture, black (same) to light yellow (FLIP `top` or more, 0 < `top` ≤ 1), 3 bytes a pixel.
+    pub fn flip_picture(&self, top: f64) -> Vec<u8> {
+        let stretched: Vec<f32> = self.flip.iter().map(|f| (f64::from(*f) / top).min(1.0) as f32).collect();
+        let map = nv_flip::FlipImageFloat::with_data(self.width as u32, self.height as u32, &stretched);
         map.apply_color_lut(&nv_flip::magma_lut()).to_vec()
     }
 }

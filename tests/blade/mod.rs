@@ -172,7 +172,7 @@ impl Blade {
             write_exr(&dir.join(format!("{side}_rho_s_m.exr")), &texture2, Packing::Zip).unwrap();
             write_exr(&dir.join(format!("{side}_normal.exr")), &tangent, Packing::Zip).unwrap();
             let param =
-                |value: Vec<f64>, unit: &str| Param { stderr: vec![0.0; value.len()], value, unit: unit.into(), undetermined: vec![] };
+                |value: Vec<f64>, unit: &str| Param { stderr: vec![0.0; value.len()], value, unit: unit.into(), ..Param::default() };
             let params = BTreeMap::from([
                 ("sigma_a".to_string(), param(self.sigma_a[s].to_vec(), "1/mm")),
                 ("sigma_s".to_string(), param(self.sigma_s[s].to_vec(), "1/mm")),

@@ -21,7 +21,7 @@ fn a_picture_equals_itself_and_one_pixel_is_found() {
     assert_eq!((same.flip_mean, same.flip_p99, same.max_error, same.error_p99), (0.0, 0.0, Some(0.0), Some(0.0)));
     assert!(same.interior_share > 0.8, "{}", same.interior_share);
     assert!(difference_picture(&picture.ldr, &picture.ldr, 8.0).iter().all(|&x| x == 128));
-    assert_eq!(same.flip_picture().len(), 3 * SIZE.0 * SIZE.1);
+    assert_eq!(same.flip_picture(1.0).len(), 3 * SIZE.0 * SIZE.1);
 
     let at = 36 * SIZE.0 + 48;
     assert!(picture.interior[at] && !picture.penumbra[at]);
@@ -30,6 +30,10 @@ fn a_picture_equals_itself_and_one_pixel_is_found() {
     let found = compare(&picture, &spoilt).unwrap();
     assert_eq!((found.max_error, found.max_at), (Some(51.0 / 255.0), Some((48, 36))));
     assert!(found.flip_mean > 0.0 && found.error_p99 == Some(0.0));
+    // The scale of the FLIP map ends where it is said to: the worst pixel has its lightest colour there, and at twice that a darker one.
+    let worst = (0..found.flip.len()).max_by(|&a, &b| found.flip[a].total_cmp(&found.flip[b])).unwrap();
+    let shade = |top: f64| found.flip_picture(top)[3 * worst];
+    assert!(shade(f64::from(found.flip[worst])) == 0xfc && shade(2.0 * f64::from(found.flip[worst])) < 0xf0);
 
     // an edge pixel is not judged by the largest error, but FLIP sees it
     let edge = picture.interior.iter().position(|i| !i).unwrap();

@@ -27,7 +27,7 @@ pub fn of_basis() -> FitRecord {
     let mut section = Section { condition: Some(f.uncertainty.condition), rank: Some(f.uncertainty.rank), ..Section::default() };
     for (k, row) in series.series.iter().enumerate() {
         // Nothing was measured: a standard error of these numbers has no meaning. What they are good for are the figures below.
-        let param = Param { value: row.clone(), stderr: vec![f64::NAN; row.len()], unit: String::new(), undetermined: Vec::new() };
+        let param = Param { value: row.clone(), stderr: vec![f64::NAN; row.len()], ..Param::default() };
         section.params.insert(format!("a{}", k + 2), param);
     }
     section.terminations.insert(f.termination.name().into(), 1);
@@ -77,7 +77,10 @@ fn describe(section: &mut Section, m: &Measured) {
     let mut add = |name: &str, k: Known, unit: &str| {
         let unknown = !(k.error <= 0.1 * k.value.abs());
         let undetermined = if unknown { vec![format!("{name}: {}", m.status)] } else { Vec::new() };
-        section.params.insert(name.into(), Param { value: vec![k.value], stderr: vec![k.error], unit: unit.into(), undetermined });
+        section.params.insert(
+            name.into(),
+            Param { value: vec![k.value], stderr: vec![k.error], unit: unit.into(), undetermined, ..Param::default() },
+        );
     };
     add("alpha", m.taper, "");
     add("load_over_stiffness", m.load_over_stiffness, "mm");

@@ -159,11 +159,12 @@ fn section(reduced: &Reduced, fitted: &Fitted) -> Section {
         stderr: (0..3).map(|c| of(c)[1]).collect(),
         unit: "1/mm".into(),
         undetermined: fitted.slab.iter().flat_map(|s| s.undetermined.iter()).filter(|u| u.starts_with(name)).cloned().collect(),
+        ..Param::default()
     };
     s.params.insert("sigma_a".into(), parameter(&|c| fitted.slab[c].sigma_a, "sigma_a"));
     s.params.insert("sigma_s".into(), parameter(&|c| fitted.slab[c].sigma_s, "sigma_s"));
     let thickness =
-        Param { value: vec![mean(fitted)], stderr: vec![reduced.alignment.offset_err_mm], unit: "mm".into(), undetermined: Vec::new() };
+        Param { value: vec![mean(fitted)], stderr: vec![reduced.alignment.offset_err_mm], unit: "mm".into(), ..Param::default() };
     s.params.insert("thickness".into(), thickness);
     let side = reduced.side(fitted.side);
     let a = &reduced.alignment;
@@ -208,7 +209,7 @@ fn truth(capture: &Capture, fitted: &Fitted, values: &Maps, errors: &Maps) -> Re
         relative.sort_unstable_by(f64::total_cmp);
         if let (Some(median), Some(p99)) = (relative.get(relative.len() / 2), relative.get(relative.len() * 99 / 100)) {
             let coverage95 = Some(inside as f64 / judged as f64);
-            out.insert(name.into(), TruthError { median_relative: *median, p99_relative: *p99, coverage95 });
+            out.insert(name.into(), TruthError { median_relative: *median, p99_relative: *p99, coverage95, judged: Some(judged) });
         }
     }
     Ok(out)

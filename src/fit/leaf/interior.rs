@@ -121,14 +121,8 @@ pub fn fit(capture: &Capture, measured: Measured, maps: Maps, options: &Options,
     let inverter = Inverter::new(incidence);
     let rho_t_err = |x: &Texel, c: usize| x.variance(c, x.rho_t[c], relative).sqrt();
     let error = |x: &Texel, c: usize| [x.rho_d_err[c], rho_t_err(x, c)];
-    let invert_all = |thickness: &(dyn Fn(usize) -> f64 + Sync)| -> Vec<[Sigma; 3]> {
-        texels
-            .par_iter()
-            .enumerate()
-            .map(|(k, x)| [0, 1, 2].map(|c: usize| inverter.invert(x.rho_d[c], x.rho_t[c], thickness(k), error(x, c))))
-            .collect()
-    };
-    let at_h = invert_all(&|_| h);
+    let at_h: Vec<[Sigma; 3]> =
+        texels.par_iter().map(|x| [0, 1, 2].map(|c: usize| inverter.invert(x.rho_d[c], x.rho_t[c], h, error(x, c)))).collect();
     let paper = paper::reduce(&texels, &at_h.iter().map(|s| s.map(|c| c.value)).collect::<Vec<_>>(), h);
     let mut figures = compare(&texels, &wide, &paper, h);
     figures.insert("stand_ins".into(), missing.len() as f64);
@@ -187,7 +181,11 @@ pub fn fit(capture: &Capture, measured: Measured, maps: Maps, options: &Options,
             _ => None,
         }
     });
-    let sigma = invert_all(&|k| if thickness[k].is_finite() && thickness[k] > 0.0 { thickness[k] } else { h });
+    let own = |k: usize| if thickness[k].is_finite() && thickness[k] > 0.0 { thickness[k] } else { h };
+    let pigment = |(k, x): (usize, &Texel)| {
+        [0, 1, 2].map(|c: usize| inverter.invert_fitted(x.rho_d[c], x.rho_t[c], own(k), error(x, c), &wide.locals[k], c))
+    };
+    let sigma: Vec<[Sigma; 3]> = texels.par_iter().enumerate().map(pigment).collect();
     Ok(Fitted {
         side: measured.side,
         measured,

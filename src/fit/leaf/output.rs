@@ -90,6 +90,11 @@ pub fn side(
     write_exr(&map_path(out, fitted.side, "err"), &errors, Packing::Zip)?;
     let m = &capture.manifest;
     let grid = Grid { width: m.width, height: m.height, texel: m.texel_mm };
+    // What the report sets the σ maps against: no part of the fit, so it is not hashed. An earlier fit's truth is not this one's.
+    match &truth.pigment {
+        Some(pigment) => write_exr(&map_path(out, fitted.side, "truth"), pigment, Packing::Zip)?,
+        None => drop(std::fs::remove_file(map_path(out, fitted.side, "truth"))),
+    }
     textures::packed(out, &grid, m.thickness_mm, fitted.side, &values, blade)?;
     textures::previews(out, fitted.side, &values)?;
     record.sections.insert(fitted.side.name().into(), section(capture, fitted, level, truth));
@@ -193,8 +198,8 @@ fn slope(fitted: &Fitted, good: &[bool], width: usize, height: usize) -> Vec<f32
 
 fn section(capture: &Capture, fitted: &Fitted, level: &Level, truth: Comparison) -> Section {
     let m = &capture.manifest;
-    let mut s = Section { figures: fitted.figures.clone(), truth: truth.0, ..Section::default() };
-    s.figures.extend(truth.1);
+    let mut s = Section { figures: fitted.figures.clone(), truth: truth.errors, ..Section::default() };
+    s.figures.extend(truth.figures);
     s.figures.extend(level.seen.map(|seen| (NOISE_SEEN.to_string(), seen)));
     s.counts.insert("texels".into(), fitted.mask.len());
     s.counts.insert("outside".into(), fitted.mask.iter().filter(|m| **m == 0).count());
@@ -232,6 +237,8 @@ fn section(capture: &Capture, fitted: &Fitted, level: &Level, truth: Comparison)
     s.correlation = (0..6).map(|i| (0..6).map(|j| c[(i, j)] / (c[(i, i)] * c[(j, j)]).sqrt()).collect()).collect();
     s.condition = Some(fitted.wide.condition);
     s.rank = Some(fitted.wide.rank);
+    let err = m.thickness_err_mm;
+    let caliper = err.unwrap_or(0.0) / m.thickness_mm;
     let parameter = |name: &str, value: [f64; 3], relative: [f64; 3]| {
         let undetermined = (0..3)
             .filter_map(|c| {
@@ -247,17 +254,18 @@ fn section(capture: &Capture, fitted: &Fitted, level: &Level, truth: Comparison)
             })
             .collect();
         let stderr = [0, 1, 2].map(|c: usize| if relative[c].is_finite() { value[c] * relative[c] } else { f64::INFINITY });
-        Param { value: value.to_vec(), stderr: stderr.to_vec(), unit: "1/mm".into(), undetermined }
+        let stderr_caliper = if caliper > 0.0 { value.iter().map(|v| v * caliper).collect() } else { Vec::new() };
+        Param { value: value.to_vec(), stderr: stderr.to_vec(), stderr_caliper, unit: "1/mm".into(), undetermined }
     };
     s.params.insert("sigma_a".into(), parameter("sigma_a", fitted.sigma_a, fitted.sigma_a_rel));
     s.params.insert("sigma_s".into(), parameter("sigma_s", fitted.sigma_s, fitted.sigma_s_rel));
-    let err = m.thickness_err_mm;
     s.params.insert(
         "thickness".into(),
         Param {
             value: vec![m.thickness_mm],
             // Not stated is not undetermined: h is the gauge that σ and δ are measured in.
             stderr: vec![err.unwrap_or(f64::NAN)],
+            stderr_caliper: err.into_iter().collect(),
             unit: "mm".into(),
             undetermined: vec![],
         },

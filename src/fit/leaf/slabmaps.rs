@@ -1,6 +1,10 @@
 //! σa and σs a texel and channel: the slab inverted with the texel's own thickness (the pigment representation).
+//!
+//! Their errors hold the noise of the texel's ρd and ρt and that of its thickness, which is found from the same ρt of all three channels. They do
+//! not hold what all texels share: the caliper's reading, and the errors of the leaf's own σa and σs.
 
 use crate::fit::leaf::curve::Incidence;
+use crate::fit::leaf::wide::Local;
 use crate::optics::slab;
 use crate::optics::slab::inverse;
 
@@ -13,6 +17,24 @@ pub struct Sigma {
 
 const UNKNOWN: Sigma = Sigma { value: [f64::NAN; 2], error: [f64::NAN; 2] };
 
+impl Sigma {
+    /// Adds the noise of the texel's thickness. σ = X(ρd, ρt)/thickness, and the thickness moves with `local.pull` times the same ρt, so that
+    /// var σ = σ² (var ln X + var ln t − 2 cov(ln X, ln t)). `rho_t_err` is the standard error of this channel's ρt, `to_normal` what ρt is along
+    /// the normal over what it was measured as.
+    fn with_thickness(self, local: &Local, c: usize, thickness: f64, rho_t_err: f64, to_normal: f64) -> Sigma {
+        let [a, s] = self.value;
+        let (_, p) = slab::response_with_partials(a, s, thickness);
+        let determinant = p.sigma_a.rho_d * p.sigma_s.rho_t - p.sigma_s.rho_d * p.sigma_a.rho_t;
+        let by_rho_t = [-p.sigma_s.rho_d / determinant, p.sigma_a.rho_d / determinant].map(|d| d * to_normal);
+        let spread = (local.thickness_err / local.thickness).powi(2);
+        let error = [0, 1].map(|q: usize| {
+            let shared = self.value[q] * by_rho_t[q] * local.pull[c] * rho_t_err * rho_t_err;
+            (self.error[q].powi(2) + self.value[q].powi(2) * spread - 2.0 * shared).max(0.0).sqrt()
+        });
+        Sigma { value: self.value, error }
+    }
+}
+
 /// Inverts slabs whose transmittance was measured at one incidence.
 #[derive(Debug)]
 pub struct Inverter {
@@ -24,7 +46,15 @@ impl Inverter {
         Inverter { oblique: (incidence.0 != 1.0).then(|| Oblique::new(incidence.0)) }
     }
 
-    /// σ of one texel and channel; `error` are the standard errors of (ρd, ρt).
+    /// σ of one texel and channel `c`, its thickness found from its own ρt; `error` are the standard errors of (ρd, ρt).
+    pub fn invert_fitted(&self, rho_d: f64, rho_t: f64, thickness: f64, error: [f64; 2], local: &Local, c: usize) -> Sigma {
+        let found = self.invert(rho_d, rho_t, thickness, error);
+        let to_normal = self.oblique.as_ref().map_or(1.0, |o| (-o.ratio(found.value[0], found.value[1], thickness)).exp());
+        // Where ρd and ρt alone bound nothing, a thickness adds nothing.
+        if found.error.iter().all(|e| e.is_finite()) { found.with_thickness(local, c, thickness, error[1], to_normal) } else { found }
+    }
+
+    /// σ at a thickness that is taken as exact; `error` are the standard errors of (ρd, ρt).
     pub fn invert(&self, rho_d: f64, rho_t: f64, thickness: f64, error: [f64; 2]) -> Sigma {
         let solve = |t: f64, te: f64| {
             let e = inverse::invert(rho_d, t, thickness, error[0], te);

@@ -7,17 +7,28 @@
 use crate::Result;
 use crate::capture::reader::Capture;
 use crate::files::image::Maps;
+use crate::fit::leaf::curve::Incidence;
 use crate::fit::leaf::interior::Fitted;
+use crate::fit::leaf::slabmaps::Inverter;
 use crate::fit::record::{GAUGE_GAMMA, GAUGE_THICKNESS, TruthError};
+use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// Errors by quantity, and extra figures (angles of normals).
-pub type Comparison = (BTreeMap<String, TruthError>, BTreeMap<String, f64>);
+/// The fit against the truth.
+#[derive(Default)]
+pub struct Comparison {
+    /// By quantity.
+    pub errors: BTreeMap<String, TruthError>,
+    /// Extra figures (angles of normals).
+    pub figures: BTreeMap<String, f64>,
+    /// The truth of the σ maps.
+    pub pigment: Option<Maps>,
+}
 
 /// Compares every quantity that both sides hold; empty where the capture has no truth.
 pub fn compare(capture: &Capture, fitted: &Fitted) -> Result<Comparison> {
     let (mut errors, mut figures) = (BTreeMap::new(), BTreeMap::new());
-    let Some(truth) = capture.truth(fitted.side)? else { return Ok((errors, figures)) };
+    let Some(truth) = capture.truth(fitted.side)? else { return Ok(Comparison::default()) };
     let good: Vec<usize> = fitted.at.iter().map(|&k| k as usize).collect();
     let rgb = ["R", "G", "B"];
     for name in ["rho_d", "rho_s"] {
@@ -32,6 +43,7 @@ pub fn compare(capture: &Capture, fitted: &Fitted) -> Result<Comparison> {
     m.maps(&truth, &fitted.maps, "m.Y", "err.m.Y", &good);
     m.store(&mut errors, "m");
 
+    let pigment = pigment(&truth, &good);
     let mut rho_t = Samples::default();
     let mut gamma = Samples::default();
     let mut sigma = [Samples::default(), Samples::default()];
@@ -50,11 +62,10 @@ pub fn compare(capture: &Capture, fitted: &Fitted) -> Result<Comparison> {
         }
         for (q, name) in ["sigma_a", "sigma_s"].iter().enumerate() {
             let Some(t) = truth.get(&format!("{name}.{letter}")) else { continue };
-            // A texel's own σ explains its albedo by pigment; where the truth has an albedo factor instead, they are not the same thing.
-            if pigment_only(&truth) {
+            if let Some(own) = pigment.get(&format!("{name}.{letter}")) {
                 for (n, &k) in good.iter().enumerate() {
                     let s = &fitted.sigma[n][c];
-                    sigma[q].push(t[k], s.value[q], s.error[q]);
+                    sigma[q].push(own[k], s.value[q], s.error[q]);
                 }
             }
             let mean = good.iter().map(|&k| f64::from(t[k])).sum::<f64>() / good.len().max(1) as f64;
@@ -106,7 +117,7 @@ pub fn compare(capture: &Capture, fitted: &Fitted) -> Result<Comparison> {
             figures.insert("normal_p99_error_deg".into(), angles[(angles.len() * 99) / 100]);
         }
     }
-    Ok((errors, figures))
+    Ok(Comparison { errors, figures, pigment: Some(pigment).filter(|p| !p.channels.is_empty()) })
 }
 
 /// A gap of this share of the smallest standard error moves a 95 % interval's coverage by less than half a per cent.
@@ -135,11 +146,23 @@ impl Gauge {
     }
 }
 
-/// Whether the true leaf has γ = 1 everywhere, so that all variation is pigment and thickness.
-fn pigment_only(truth: &Maps) -> bool {
-    ["gamma.R", "gamma.G", "gamma.B"]
-        .iter()
-        .all(|c| truth.get(c).is_none_or(|g| g.iter().all(|v| !(v.is_finite() && *v > 0.0) || (v - 1.0).abs() < 1e-3)))
+/// The true leaf as the fit's σ maps describe it: σa and σs of every good texel from its own ρd, ρt and thickness, so that pigment explains what
+/// the truth may keep as an albedo factor γ beside a σa and σs of the whole leaf. NaN elsewhere, and where the truth lacks a channel there is no map.
+pub fn pigment(truth: &Maps, good: &[usize]) -> Maps {
+    let mut out = Maps::new(truth.width, truth.height);
+    let Some(thickness) = truth.get("thickness.Y") else { return out };
+    let exact = Inverter::new(Incidence(1.0));
+    for letter in ["R", "G", "B"] {
+        let (Some(d), Some(t)) = (truth.get(&format!("rho_d.{letter}")), truth.get(&format!("rho_t.{letter}"))) else { continue };
+        let solve = |k: &usize| exact.invert(f64::from(d[*k]), f64::from(t[*k]), f64::from(thickness[*k]), [1e-9; 2]).value;
+        let found: Vec<[f64; 2]> = good.par_iter().map(solve).collect();
+        for (q, name) in ["sigma_a", "sigma_s"].iter().enumerate() {
+            let mut plane = vec![f32::NAN; d.len()];
+            good.iter().zip(&found).for_each(|(k, s)| plane[*k] = s[q] as f32);
+            out.push(format!("{name}.{letter}"), plane);
+        }
+    }
+    out
 }
 
 /// Relative errors and coverage of one quantity.
@@ -182,7 +205,12 @@ impl Samples {
         let coverage95 = Some(self.inside as f64 / self.judged as f64);
         into.insert(
             name.into(),
-            TruthError { median_relative: self.relative[n / 2], p99_relative: self.relative[n * 99 / 100], coverage95 },
+            TruthError {
+                median_relative: self.relative[n / 2],
+                p99_relative: self.relative[n * 99 / 100],
+                coverage95,
+                judged: Some(self.judged),
+            },
         );
     }
 }

@@ -125,7 +125,7 @@ fn section(source: &Source, of: &Side, side: &Made, options: &Options) -> Sectio
     s.counts.insert("no_light".into(), side.dark);
     let mut say = |name: &str, unit: &str, value: &dyn Fn(usize) -> f64, stderr: &dyn Fn(usize) -> f64| {
         let each = |f: &dyn Fn(usize) -> f64| (0..side.tissue.len()).map(f).collect();
-        s.params.insert(name.into(), Param { value: each(value), stderr: each(stderr), unit: unit.into(), undetermined: Vec::new() });
+        s.params.insert(name.into(), Param { value: each(value), stderr: each(stderr), unit: unit.into(), ..Param::default() });
     };
     // The leaf fit's errors where the tissue is the leaf fit's; what was stated has none.
     let fitted = options.tissue == TissueFrom::Fit;

@@ -66,7 +66,12 @@ pub struct ViewReport {
     /// Median of each pass by the adapter's own clock.
     pub passes: Vec<(String, f64)>,
     pub reference_s: f64,
-    pub pictures: Option<[String; 3]>,
+    /// Files of the picture, the reference, the difference and the FLIP map.
+    pub pictures: Option<[String; 4]>,
+    /// What the lightest colour of the FLIP map stands for.
+    pub flip_top: Option<f64>,
+    /// What white (and, negated, black) stands for in the picture of the difference; displayed values are 0 to 1.
+    pub difference_top: Option<f64>,
     pub passed: bool,
     pub why: Vec<String>,
 }
@@ -105,6 +110,9 @@ impl ViewReport {
             "image": pictures[0],
             "reference": pictures[1],
             "difference": pictures[2],
+            "flip": pictures[3],
+            "flip_top": self.flip_top,
+            "difference_top": self.difference_top,
             "passed": self.passed,
             "why": self.why,
         })

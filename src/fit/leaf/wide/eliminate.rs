@@ -85,6 +85,7 @@ pub(super) fn eliminate(x: &Texel, in_gauge: f64, ln_t: &mut f64, curves: &[Curv
     let usable = if variance.is_finite() && variance < 0.25 { 1.0 } else { 0.0 };
     let t = ln_t.exp();
     let mut local = Local { thickness: t, thickness_err: t * variance.sqrt(), chi2, weight: trust * usable, ..Local::default() };
+    local.pull = [0, 1, 2].map(|c: usize| weight[c] * slope[c] * variance);
     sums.weight += in_gauge;
     sums.gauge[0] += in_gauge * t * (1.0 - usable * (bias + 0.5 * variance));
     let mut noise_row = SMatrix::<f64, 4, 6>::zeros();

@@ -48,6 +48,8 @@ pub struct Local {
     /// h + δ (mm)
     pub thickness: f64,
     pub thickness_err: f64,
+    /// d ln thickness / d ρt, a channel.
+    pub pull: [f64; 3],
     pub gamma: [f64; 3],
     pub gamma_err: [f64; 3],
     /// χ² of the transmittance (three channels, one unknown).

@@ -73,8 +73,10 @@ fn section(picture: &Picture, found: &Found) -> Section {
         [(found.sun_zenith, degrees, "deg"), (found.sun_azimuth, degrees, "deg"), (found.turbidity, 1.0, ""), (found.scale, 1.0, "m2/kcd")];
     for (name, (k, unit, word)) in NAMES.iter().zip(values) {
         let undetermined = if why.split([' ', '(']).any(|w| w == *name) { vec![format!("{name}: {why}")] } else { Vec::new() };
-        all.params
-            .insert((*name).into(), Param { value: vec![k.value * unit], stderr: vec![k.error * unit], unit: word.into(), undetermined });
+        all.params.insert(
+            (*name).into(),
+            Param { value: vec![k.value * unit], stderr: vec![k.error * unit], unit: word.into(), undetermined, ..Param::default() },
+        );
     }
     all.correlation_names = NAMES.map(String::from).to_vec();
     all.correlation = found.correlation.clone();

@@ -95,6 +95,7 @@ fn section(
             undetermined: undetermined.collect(),
             unit: unit.into(),
             value: value.iter().map(|v| v * factor).collect(),
+            ..Param::default()
         };
         let stderr = param.stderr.iter().map(|e| e * factor).collect();
         s.params.insert(name.into(), Param { stderr, ..param });
@@ -110,6 +111,7 @@ fn section(
             "g: only (1 - g) sigma_s is in the model, in its unscattered light too; sigma_s is for g = {}",
             options.g
         )],
+        ..Param::default()
     };
     s.params.insert("g".into(), g);
     let scale = match options.fit.fix_scale {
@@ -119,6 +121,7 @@ fn section(
             stderr: vec![t.scale * certainty.stderr[2 * channels]],
             unit: String::new(),
             undetermined: certainty.undetermined(2 * channels, t.scale).into_iter().collect(),
+            ..Param::default()
         },
     };
     s.params.insert("thickness_scale".into(), scale);
@@ -155,7 +158,7 @@ fn section(
             let inside = found.iter().zip(want).zip(stderr).filter(|((a, b), e)| (*a / *b).ln().abs() <= 1.96 * **e).count();
             off.sort_unstable_by(f64::total_cmp);
             let coverage95 = Some(inside as f64 / found.len() as f64);
-            TruthError { median_relative: off[off.len() / 2], p99_relative: off[off.len() - 1], coverage95 }
+            TruthError { median_relative: off[off.len() / 2], p99_relative: off[off.len() - 1], coverage95, judged: Some(found.len()) }
         };
         let errors = |q: usize| (0..channels).map(|c| certainty.stderr[place(c, q)]).collect::<Vec<_>>();
         s.truth.insert("sigma_a".into(), error(&t.sigma_a, &truth.0.sigma_a, &errors(0)));
