@@ -25,6 +25,7 @@ pub fn render(report: &Report) -> Result<String> {
     env.add_filter("symbol", |v: String| symbol(&v));
     env.add_filter("colour_word", |v: String| channel_word(&v).to_string());
     env.add_template("page", PAGE).map_err(failed)?;
+    env.add_template("held_out", include_str!("held_out.html")).map_err(failed)?;
     let fits: Vec<Value> = report.fits.iter().map(fit).collect();
     let comparisons: Vec<Value> = report.comparisons.iter().map(comparison).collect();
     let checks: Vec<Value> =
@@ -60,6 +61,7 @@ fn fit(f: &FitReport) -> Value {
         parameters => Serde(view::parameter_lines(&f.parameters)),
         sections,
         sides => Serde(&f.pictures),
+        held_out => Serde(&f.held_out.pictures),
         phases => Serde(f.times.as_ref().map(view::phase_lines).unwrap_or_default()),
         truth_chart,
         cost_chart,

@@ -6,6 +6,7 @@ pub mod bench_plots;
 pub mod chart;
 pub mod colour;
 pub mod compare;
+pub mod held_out;
 pub mod html;
 pub mod maps;
 pub mod markdown;

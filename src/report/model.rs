@@ -1,6 +1,7 @@
 //! What a report says, as plain rows: the JSON *is* this, Markdown and HTML print the same.
 
 use crate::fit::record::{Phase, Residuals, TruthError};
+use crate::report::held_out::HeldOutReport;
 use crate::report::stats::Summary;
 use crate::solve::TraceRow;
 use serde::Serialize;
@@ -68,6 +69,8 @@ pub struct FitReport {
     pub parameters: Vec<ParameterRow>,
     pub sections: Vec<SectionReport>,
     pub maps: Vec<MapRow>,
+    /// Measurements that the fit did not see.
+    pub held_out: HeldOutReport,
     pub times: Option<TimesReport>,
     /// What the folder does not hold, in words.
     pub missing: Vec<String>,

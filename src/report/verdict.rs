@@ -2,6 +2,7 @@
 
 use crate::fit::record::{FitRecord, GAUGE_GAMMA, GAUGE_THICKNESS};
 use crate::fit::translucency::judge::NAMES;
+use crate::report::held_out;
 use crate::report::model::{CheckReport, FitReport, Level, Reason, SectionReport, Verdict};
 use crate::report::number::{count, percent, plain, significant};
 use crate::report::quantity::symbol;
@@ -83,6 +84,7 @@ pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> Verdict 
             );
         }
     }
+    held_out::reasons(&report.held_out, &mut say);
     parameters(report, &mut say);
     if let Some(doubt) = record.options.get("doubt").filter(|_| record.kind == "translucency") {
         say(Level::Doubtful, format!("{doubt}; the maps are not to be relied on"));

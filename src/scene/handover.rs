@@ -132,6 +132,7 @@ fn lights(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<viewer::S
         }),
         sky: manifest.sky.as_ref().and_then(|s| s.radiance).map(|c| rgb(&c)),
         dome,
+        scanner: None,
         background: rgb(&manifest.background),
         exposure: manifest.exposure as f32,
         shadow_samples: plan.shadow_samples,

@@ -3,6 +3,7 @@
 use crate::Result;
 use crate::capture::manifest::{SideName, Travel};
 use crate::capture::reader::Capture;
+use crate::fit::leaf::held_out::Splits;
 
 /// sd = √((relative·value)² + floor²).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -22,14 +23,14 @@ pub struct Level {
 const LEAST_RELATIVE: f64 = 2e-5;
 const LEAST_FLOOR: f64 = 1e-7;
 
-/// Stated or estimated noise.
-pub fn level(capture: &Capture) -> Result<Level> {
+/// Stated noise, or the noise estimated from the frames that the fit sees.
+pub fn level(capture: &Capture, splits: &Splits) -> Result<Level> {
     let m = &capture.manifest;
     let stated = m.noise_relative.zip(m.noise_floor.map(|f| f / capture.median_gain()));
     let (relative, floor) = match stated {
         Some(both) => both,
         None => {
-            let (relative, floor) = estimate(&sample(capture)?);
+            let (relative, floor) = estimate(&sample(capture, splits)?);
             (m.noise_relative.unwrap_or(relative), m.noise_floor.map_or(floor, |f| f / capture.median_gain()))
         }
     };
@@ -65,13 +66,13 @@ fn roughness(image: &[[f32; 3]], width: usize) -> Option<(f64, f64)> {
     Some((median(&mut differences) / 0.6745, median(&mut values)))
 }
 
-/// Traces of texels across the middle rows.
-fn sample(capture: &Capture) -> Result<Vec<Vec<f64>>> {
+/// Traces of texels across the middle rows, without the frames that the fit leaves out.
+fn sample(capture: &Capture, splits: &Splits) -> Result<Vec<Vec<f64>>> {
     let m = &capture.manifest;
     let rows = m.height / 2..(m.height / 2 + 2).min(m.height);
     let step = (m.width / 200).max(1);
     let texels: Vec<[u32; 2]> = (0..m.width).step_by(step).map(|i| [i as u32, rows.start as u32]).collect();
-    let band = capture.band(SideName::Front, Travel::X, rows, &texels)?;
+    let band = capture.band(SideName::Front, Travel::X, rows, &texels, &splits.x.kept)?;
     Ok((0..texels.len()).flat_map(|n| [0, 1, 2].map(|c: usize| band.iter().map(|f| f64::from(f[n][c])).collect::<Vec<f64>>())).collect())
 }
 

@@ -1,6 +1,6 @@
 // How light meets a surface: the lobe, the sun's visible share, the lobe's albedo and what it collects of the sky's harmonics. Part of the main pass.
 
-//#if SUN
+//#if SUN || SCANNER
 //#if GLOSS
 // f_s per unit ρs; 0 where the half vector lies below the surface.
 fn lobe(normal: vec3f, light: vec3f, view: vec3f, roughness: f32) -> f32 {
