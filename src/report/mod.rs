@@ -3,6 +3,7 @@
 pub mod basis_charts;
 pub mod beam_charts;
 pub mod bench_plots;
+pub mod captures;
 pub mod chart;
 pub mod colour;
 pub mod compare;

@@ -1,6 +1,7 @@
 //! What a report says, as plain rows: the JSON *is* this, Markdown and HTML print the same.
 
 use crate::fit::record::{Phase, Residuals, TruthError};
+use crate::report::captures::CaptureRow;
 use crate::report::held_out::HeldOutReport;
 use crate::report::stats::Summary;
 use crate::solve::TraceRow;
@@ -210,6 +211,9 @@ pub struct CheckReport {
     pub passed: Option<bool>,
     pub adapter: String,
     pub views: Vec<ViewReport>,
+    /// Leaves as their scans saw them, and what of that was skipped.
+    pub captures: Vec<CaptureRow>,
+    pub skipped: Vec<String>,
     pub missing: Vec<String>,
 }
 

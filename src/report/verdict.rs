@@ -2,10 +2,10 @@
 
 use crate::fit::record::{FitRecord, GAUGE_GAMMA, GAUGE_THICKNESS};
 use crate::fit::translucency::judge::NAMES;
-use crate::report::held_out;
 use crate::report::model::{CheckReport, FitReport, Level, Reason, SectionReport, Verdict};
 use crate::report::number::{count, percent, plain, significant};
 use crate::report::quantity::symbol;
+use crate::report::{captures, held_out};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -302,6 +302,7 @@ pub fn overall(fits: &[FitReport], checks: &[CheckReport]) -> Verdict {
     let mut reasons: Vec<Reason> =
         fits.iter().map(|f| Reason { level: f.verdict.level, text: f.verdict.sentence.trim_end_matches('.').to_string() }).collect();
     reasons.extend(checks.iter().map(of_check));
+    reasons.extend(checks.iter().filter_map(|c| captures::reason(&c.captures)));
     let level = reasons.iter().map(|r| r.level).max().unwrap_or(Level::Doubtful);
     let sentence = match (level, reasons.is_empty()) {
         (_, true) => "There is nothing to judge: no fit and no check were found.".into(),

@@ -4,12 +4,14 @@
 //! Errors are of displayed values, 0 to 1. The noise of the reference is measured against a second seed and printed beside each threshold.
 //! Frame times are judged on real GPUs only.
 
+mod capture;
 mod card;
 mod cost;
 mod perspective;
 mod pictures;
 mod report;
 
+pub use capture::CaptureReport;
 pub use report::{Report, Term, ViewReport};
 
 use super::ledger::Ledger;
@@ -61,6 +63,8 @@ pub fn check(manifest: &Manifest, plan: &Plan, options: &Options, ledger: &Ledge
         adapter: format!("{} ({}, {})", adapter.name, adapter.backend, adapter.driver),
         software: adapter.is_software,
         views: Vec::new(),
+        captures: Vec::new(),
+        skipped: Vec::new(),
         failures: verify(plan, ledger)?,
         uploads: Vec::new(),
         pipelines: Vec::new(),
@@ -104,7 +108,8 @@ pub fn check(manifest: &Manifest, plan: &Plan, options: &Options, ledger: &Ledge
     for view in manifest.views.iter().filter(|v| v.kind == ViewKind::Card) {
         report.views.push(card::one_card(manifest, plan, view, &mut renderer, options, ledger)?);
     }
-    report.passed = report.failures.is_empty() && report.views.iter().all(|v| v.passed);
+    (report.captures, report.skipped) = capture::all(manifest, plan, &mut renderer, options)?;
+    report.passed = report.failures.is_empty() && report.views.iter().all(|v| v.passed) && report.captures.iter().all(|c| c.passed);
     let path = options.out.join("check.json");
     atomic::write_bytes(&path, serde_json::to_string_pretty(&report.json(manifest)).unwrap_or_default().as_bytes())?;
     Ok(report)

@@ -181,7 +181,8 @@ fn lobe(config: &super::manifest::Leaf) -> viewer::Lobe {
     }
 }
 
-fn viewer_mesh(mesh: &LeafMesh) -> viewer::Mesh {
+/// A mesh in the renderer's precision.
+pub fn viewer_mesh(mesh: &LeafMesh) -> viewer::Mesh {
     viewer::Mesh {
         positions: mesh.positions.iter().map(|p| p.as_vec3()).collect(),
         normals: mesh.normals.iter().map(|p| p.as_vec3()).collect(),

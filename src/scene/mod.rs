@@ -32,6 +32,8 @@ mod plan_light;
 pub mod reference;
 #[cfg(feature = "render")]
 pub mod save;
+#[cfg(feature = "render")]
+mod scanned;
 pub mod sound;
 pub mod source;
 pub mod sunlit;

@@ -1,5 +1,6 @@
 //! The verdict of a check: a view's figures, what the translucency maps cost, and all of it as JSON and in words.
 
+use super::CaptureReport;
 use crate::scene::day::Hour;
 use crate::scene::manifest::Manifest;
 use serde_json::{Value, json};
@@ -12,6 +13,10 @@ pub struct Report {
     /// Drawn by the CPU: frame times are printed, not judged.
     pub software: bool,
     pub views: Vec<ViewReport>,
+    /// Leaves as their scans saw them, against held-out frames.
+    pub captures: Vec<CaptureReport>,
+    /// Capture views that could not be drawn, a sentence each; they are not judged.
+    pub skipped: Vec<String>,
     /// What else went wrong, a sentence each: files that are not what was fitted.
     pub failures: Vec<String>,
     /// What was uploaded (name, bytes) and compiled for the perspective views.
@@ -160,6 +165,8 @@ impl Report {
             "reference_samples": manifest.check.samples,
             "failures": self.failures,
             "views": self.views.iter().map(ViewReport::json).collect::<Vec<_>>(),
+            "captures": self.captures,
+            "skipped": self.skipped,
             "uploads": self.uploads.iter().map(|(n, b)| json!({"name": n, "bytes": b})).collect::<Vec<_>>(),
             "uploaded_bytes": self.uploads.iter().map(|(_, b)| b).sum::<u64>(),
             "pipelines": self.pipelines,
@@ -184,6 +191,9 @@ impl Report {
         }
         for view in &self.views {
             out += &format!("{}\n", view.line());
+        }
+        for line in self.captures.iter().map(CaptureReport::line).chain(self.skipped.iter().cloned()) {
+            out += &format!("{line}\n");
         }
         if let Some(term) = &self.translucency {
             let [with, without] = term.operations;

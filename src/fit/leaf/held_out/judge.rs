@@ -30,7 +30,7 @@ pub struct Judged {
 
 /// Sums over standardised residuals.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Tally {
+pub struct Tally {
     pub readings: usize,
     squares: f64,
     signed: f64,

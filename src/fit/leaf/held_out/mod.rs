@@ -11,7 +11,7 @@ mod leverage;
 mod predict;
 mod stored;
 
-pub use judge::{Judged, judge, stored_step};
+pub use judge::{Judged, Tally, judge, stored_step};
 pub use predict::{Predictor, Scratch, Texel, texel_of};
 pub use stored::{Kept, KeptFrame, LIGHT_BOX, kept};
 
