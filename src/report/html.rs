@@ -29,8 +29,14 @@ pub fn render(report: &Report) -> Result<String> {
     env.add_template("held_out", include_str!("held_out.html")).map_err(failed)?;
     let fits: Vec<Value> = report.fits.iter().map(fit).collect();
     let comparisons: Vec<Value> = report.comparisons.iter().map(comparison).collect();
-    let checks: Vec<Value> =
-        report.checks.iter().map(|c| context! { row => Serde(c), views => c.views.iter().map(shot).collect::<Vec<_>>(), captures => c.captures.iter().map(|r| Value::from_serialize(&r.pictures)).collect::<Vec<_>>() }).collect();
+    let checks: Vec<Value> = report
+        .checks
+        .iter()
+        .map(|c| {
+            let captures: Vec<_> = c.captures.iter().map(|r| &r.pictures).collect();
+            context! { row => Serde(c), views => c.views.iter().map(shot).collect::<Vec<_>>(), captures => Serde(&captures) }
+        })
+        .collect();
     let page = env.get_template("page").map_err(failed)?;
     page.render(context! {
         style => Value::from_safe_string(format!("{STYLE}{}", crate::report::chart::ramps())),
