@@ -26,6 +26,7 @@ pub fn render(report: &Report) -> Result<String> {
     env.add_filter("colour_word", |v: String| channel_word(&v).to_string());
     env.add_template("page", PAGE).map_err(failed)?;
     env.add_template("captures", include_str!("captures.html")).map_err(failed)?;
+    env.add_template("true_leaf", include_str!("true_leaf.html")).map_err(failed)?;
     env.add_template("held_out", include_str!("held_out.html")).map_err(failed)?;
     let fits: Vec<Value> = report.fits.iter().map(fit).collect();
     let comparisons: Vec<Value> = report.comparisons.iter().map(comparison).collect();
@@ -100,7 +101,7 @@ fn comparison(c: &Comparison) -> Value {
 
 fn shot(v: &ViewReport) -> Value {
     let picture = |p: &Option<Picture>| Serde(p.clone());
-    context! { row => Serde(v), image => picture(&v.image), reference => picture(&v.reference), difference => picture(&v.difference) }
+    context! { row => Serde(v), image => picture(&v.image), reference => picture(&v.reference), difference => picture(&v.difference), true_leaf => picture(&v.true_leaf) }
 }
 
 /// A number in words, `—` where there is none.

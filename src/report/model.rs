@@ -229,6 +229,9 @@ pub struct ViewReport {
     pub reference: Option<Picture>,
     #[serde(skip)]
     pub difference: Option<Picture>,
+    /// The reference's picture of the true leaf, where the scan is synthetic.
+    #[serde(skip)]
+    pub true_leaf: Option<Picture>,
 }
 
 /// A picture inside the page.

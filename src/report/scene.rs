@@ -47,7 +47,9 @@ fn view(folder: &Path, index: usize, json: &Value, pictures: bool, missing: &mut
     let image = find("image", &["", "-image", "_image", ".image"]);
     let reference = find("reference", &["-reference", "_reference", ".reference"]);
     let difference = find("difference", &["-difference", "_difference", ".difference", "-diff", "_diff", ".diff"]);
-    ViewReport { passed: json.get("passed").and_then(Value::as_bool), name, figures, image, reference, difference }
+    let true_leaf = json.get("true_leaf").and_then(Value::as_str).filter(|_| pictures);
+    let true_leaf = true_leaf.and_then(|file| picture(folder, Some(file), &name, &[], &format!("{name}: the true leaf")));
+    ViewReport { true_leaf, passed: json.get("passed").and_then(Value::as_bool), name, figures, image, reference, difference }
 }
 
 /// The PNG the view names, else `NAME-reference.png` and the like; names never lead out of the folder.

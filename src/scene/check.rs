@@ -17,7 +17,7 @@ pub use report::{Report, Term, ViewReport};
 use super::ledger::Ledger;
 use super::manifest::{Manifest, View, ViewKind};
 use super::plan::{LeafPlan, Plan};
-use super::{branch, day, handover, reference, sound, sunlit};
+use super::{branch, day, handover, reference, sound, sunlit, true_leaf};
 use crate::files::{atomic, progress};
 use crate::{Error, Result, transport};
 use mesophyll_viewer as gpu;
@@ -94,10 +94,13 @@ pub fn check(manifest: &Manifest, plan: &Plan, options: &Options, ledger: &Ledge
             reference::move_to(&mut world, plan, time)?;
             let mut by_maps = world.clone();
             let stored = sunlit::relight_as_stored(&mut by_maps, plan, &plan.eyes)?;
+            let mut as_grown = world.clone();
+            let known = !true_leaf::replace(&mut as_grown, manifest, plan, &options.out)?.is_empty();
+            let as_grown = if known { Some(transport::Renderer::new(&as_grown)?) } else { None };
             let stage = transport::Renderer::new(&world)?;
             let by_maps = if stored { Some(transport::Renderer::new(&by_maps)?) } else { None };
             while let Some(view) = left.next_if(|v| plan.bends.is_none() || branch::time(manifest, v) == time) {
-                let stages = perspective::Stages { truth: &stage, by_maps: by_maps.as_ref() };
+                let stages = perspective::Stages { truth: &stage, by_maps: by_maps.as_ref(), true_leaf: as_grown.as_ref() };
                 report.views.push(perspective::one_view(manifest, plan, view, &mut renderer, &stages, options)?);
             }
         }

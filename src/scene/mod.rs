@@ -40,4 +40,6 @@ pub mod sunlit;
 mod texel_frame;
 pub mod translucency;
 pub mod tree;
+#[cfg(feature = "render")]
+mod true_leaf;
 mod validate;

@@ -213,7 +213,9 @@ pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     let step = Instant::now();
     let mut judged = Vec::new();
     for fitted in &done {
-        let noise = (level.relative * level.lightbox * std::f64::consts::SQRT_2, fitted.measured.floor);
+        // Floats and the slab's curve hold a transmittance to a few millionths: less noise than that is not claimed.
+        let relative = (level.relative * level.lightbox * std::f64::consts::SQRT_2).max(noise::LEAST_RELATIVE);
+        let noise = (relative, fitted.measured.floor);
         judged.push(held_out::judge(&capture, record.scan.get_or_insert_default(), &splits, fitted, noise)?);
     }
     phases.add("held-out frames", step);

@@ -20,7 +20,7 @@ pub struct Level {
 }
 
 /// The texel model is integrated to about 1e-5 (`optics/tube`): claiming less noise would weigh its own error as signal.
-const LEAST_RELATIVE: f64 = 2e-5;
+pub const LEAST_RELATIVE: f64 = 2e-5;
 const LEAST_FLOOR: f64 = 1e-7;
 
 /// Stated noise, or the noise estimated from the frames that the fit sees.

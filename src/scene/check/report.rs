@@ -61,6 +61,8 @@ pub struct ViewReport {
     pub threshold_max_error: f64,
     /// FLIP and largest error against the scene's golden picture.
     pub golden: Option<(f64, f64)>,
+    /// The renderer's picture against the reference's of the true leaves.
+    pub true_leaf: Option<TrueLeaf>,
     pub frame_ms_median: f64,
     pub frame_ms_p95: f64,
     /// Drawn in a frame, instances counted each.
@@ -72,6 +74,15 @@ pub struct ViewReport {
     pub pictures: Option<[String; 3]>,
     pub passed: bool,
     pub why: Vec<String>,
+}
+
+/// What the fit costs where the true leaves are known: the picture from the fit against the reference's picture of the truth.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TrueLeaf {
+    pub flip_mean: f64,
+    pub flip_p99: f64,
+    pub max_error: Option<f64>,
+    pub picture: String,
 }
 
 /// Above the limit; a NaN is too.
@@ -99,6 +110,10 @@ impl ViewReport {
             "threshold_max_error": self.threshold_max_error,
             "golden_flip_p99": self.golden.map(|g| g.0),
             "golden_max_error": self.golden.map(|g| g.1),
+            "true_leaf_flip_mean": self.true_leaf.as_ref().map(|t| t.flip_mean),
+            "true_leaf_flip_p99": self.true_leaf.as_ref().map(|t| t.flip_p99),
+            "true_leaf_max_error": self.true_leaf.as_ref().and_then(|t| t.max_error),
+            "true_leaf": self.true_leaf.as_ref().map(|t| &t.picture),
             "frame_ms_median": self.frame_ms_median,
             "frame_ms_p95": self.frame_ms_p95,
             "triangles": self.triangles,
@@ -145,6 +160,10 @@ impl ViewReport {
                 "of which the basis of the translucency maps"
             };
             line += &format!("\n        {what}: FLIP 99 % {flip:.4}, largest error {error:.4}");
+        }
+        if let Some(t) = &self.true_leaf {
+            let error = t.max_error.map_or("-".to_string(), |e| format!("{e:.4}"));
+            line += &format!("\n        from the true leaf: FLIP mean {:.4}, 99 % {:.4}, largest error {error}", t.flip_mean, t.flip_p99);
         }
         for why in &self.why {
             line += &format!("\n        {why}");
