@@ -25,6 +25,8 @@ pub struct CaptureRow {
     pub reference_chi2: Option<f64>,
     /// How far the renderer's picture is from the exact tube integral (RMS).
     pub from_model: Option<f64>,
+    /// The same with the V-cavity factor that scenes have and the fit has not.
+    pub bounded_off: Option<f64>,
     pub why: Vec<String>,
     /// Measured, the renderer's, the reference's, residuals.
     #[serde(skip)]
@@ -66,6 +68,7 @@ fn row(folder: &Path, json: &Value, pictures: bool) -> CaptureRow {
         renderer_chi2: of("renderer", "reduced_chi2"),
         reference_off: of("reference", "off"),
         reference_chi2: of("reference", "reduced_chi2"),
+        bounded_off: of("bounded", "off"),
         from_model: of("renderer", "from_model"),
         why: json.get("why").and_then(Value::as_array).into_iter().flatten().filter_map(|w| w.as_str().map(str::to_string)).collect(),
         pictures: if pictures { shown.into_iter().filter_map(find).collect() } else { Vec::new() },

@@ -65,11 +65,12 @@ impl<'a> Scanned<'a> {
         LeafMesh::rectangle(self.width as f64 * self.scan.texel_mm, self.height as f64 * self.scan.texel_mm)
     }
 
-    /// The scene for the renderer, the tube where it stood in `frame`.
+    /// The scene for the renderer, the tube where it stood in `frame`; the gloss as it was fitted, or `bounded` by the V-cavity factor that scenes have.
+    /// Cook–Torrance lobes always have it.
     ///
     /// # Errors
     /// A map that cannot be read.
-    pub fn scene(&self, frame: &KeptFrame) -> Result<viewer::Scene> {
+    pub fn scene(&self, frame: &KeptFrame, bounded: bool) -> Result<viewer::Scene> {
         let (h, sigma_a, sigma_s) = self.slab()?;
         let first = self.maps("gamma_delta", &["R", "G", "B", "A"])?;
         let second = self.maps("rho_s_m", &["R", "G", "B", "A"])?;
@@ -112,6 +113,7 @@ impl<'a> Scanned<'a> {
                 radius_mm: s.tube_radius_mm as f32,
                 along_x: frame.travel == Travel::Y,
                 at_mm: frame.position_mm as f32,
+                bounded: bounded || self.always_bounded(),
             }),
             exposure: 1.0,
             shadow_resolution: 64,
@@ -165,9 +167,14 @@ impl<'a> Scanned<'a> {
                 radius_mm: s.tube_radius_mm,
                 along_x: frame.travel == Travel::Y,
                 at_mm: frame.position_mm,
+                bounded: self.always_bounded(),
             }),
             ..transport::World::default()
         })
+    }
+
+    fn always_bounded(&self) -> bool {
+        matches!(self.scan.lobe(), Lobe::CookTorrance { .. })
     }
 
     /// Mean thickness (mm), σa and σs (1/mm) of the side.

@@ -211,7 +211,7 @@ impl<'a> Stage<'a> {
         }
         if let Some(scanner) = &world.scanner {
             let lamp = |l: DVec3| {
-                let surface = gloss.map_or(0.0, |(_, m)| leaf.lobe.times_cosine(n, view, l, m));
+                let surface = gloss.map_or(0.0, |(_, m)| leaf.lobe.with_cosine(n, view, l, m, scanner.bounded));
                 [n.dot(l).max(0.0) / PI, surface]
             };
             let [lambert, shine] = scanner.gathered(point, lamp);

@@ -93,6 +93,8 @@ pub struct Scanner {
     pub along_x: bool,
     /// Where it stands along its travel.
     pub at_mm: f64,
+    /// Gloss with the V-cavity factor, as scenes have it; else without, as leaves are fitted.
+    pub bounded: bool,
 }
 
 /// A pinhole camera; row 0 of its picture is the top row.

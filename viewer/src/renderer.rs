@@ -359,7 +359,7 @@ impl Renderer {
             sky: colour(loaded.sky.unwrap_or([0.0; 3])),
             shadow: [loaded.shadow_texel, apart, 0.0, 0.0],
             tube: loaded.scanner.map_or([0.0; 4], |s| [s.at_mm, 0.5 * s.length_mm, s.radius_mm, s.height_mm]),
-            travel: [if loaded.scanner.is_some_and(|s| s.along_x) { 1.0 } else { 0.0 }, 0.0, 0.0, 0.0],
+            travel: loaded.scanner.map_or([0.0; 4], |s| [f32::from(u8::from(s.along_x)), f32::from(u8::from(s.bounded)), 0.0, 0.0]),
         };
         self.gpu.queue.write_buffer(&loaded.main.frame, 0, bytemuck::bytes_of(&frame));
         if let (Some(sky), Some(dome)) = (&loaded.seen_sky, &loaded.dome) {

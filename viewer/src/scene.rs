@@ -143,6 +143,8 @@ pub struct Scanner {
     pub along_x: bool,
     /// Where it stands along its travel.
     pub at_mm: f32,
+    /// Gloss with the V-cavity factor G, as scenes have it; else without, as leaves are fitted (Wang et al. 2005, Eq. 7).
+    pub bounded: bool,
 }
 
 /// A sky: the light it throws on the leaves, and how it looks behind them. Plain numbers: where they come from is the caller's business.

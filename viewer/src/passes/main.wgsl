@@ -12,7 +12,7 @@ struct Frame {
     shadow: vec4f,
     // A scanner's tube. x: where it stands along its travel, y: half its length, z: radius, w: height.
     tube: vec4f,
-    // x: 1 where it moves along y.
+    // x: 1 where it moves along y, y: 1 for gloss with its V-cavity factor.
     travel: vec4f,
 }
 

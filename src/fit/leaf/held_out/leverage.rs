@@ -12,8 +12,8 @@ type Slope = SVector<f64, PARAMETERS>;
 /// Texels that the mean is taken over: the figure is the same to a few percent of itself on every texel.
 const SAMPLE: usize = 400;
 
-/// Expected mean square of held-out residuals in units of the noise, a pass each; 1 where nothing was held out. Texels: their place (mm) and fit.
-pub fn expected(scan: &Scan, manifest: &Manifest, splits: &Splits, texels: &[([f64; 2], Texel)]) -> [f64; 2] {
+/// Expected mean square of held-out residuals in units of the noise: by pass, a figure each held-out frame. Texels: their place (mm) and fit.
+pub fn expected(scan: &Scan, manifest: &Manifest, splits: &Splits, texels: &[([f64; 2], Texel)]) -> [Vec<f64>; 2] {
     let passes: Vec<(Travel, [Predictor; 2])> = manifest
         .passes
         .iter()
@@ -23,7 +23,8 @@ pub fn expected(scan: &Scan, manifest: &Manifest, splits: &Splits, texels: &[([f
             (pass.name, [&split.kept, &split.held].map(|list| Predictor::new(scan, pass.name, &at(list))))
         })
         .collect();
-    let mut sums = [[0.0; 2]; 2];
+    let mut sums = [&splits.x, &splits.y].map(|s| vec![0.0; s.held.len()]);
+    let mut count = 0usize;
     let mut scratch = Scratch::default();
     for (at, texel) in texels.iter().step_by(texels.len().div_ceil(SAMPLE).max(1)) {
         let mut normal = SMatrix::<f64, PARAMETERS, PARAMETERS>::zeros();
@@ -34,14 +35,14 @@ pub fn expected(scan: &Scan, manifest: &Manifest, splits: &Splits, texels: &[([f
         }
         let Some(inverse) = pseudo_inverse(&normal) else { continue };
         for (travel, [_, held]) in &passes {
-            let sum = &mut sums[*travel as usize];
-            for j in slopes(scan, held, &mut scratch, texel, *at, passes.len()).iter().flatten() {
-                sum[0] += j.dot(&(inverse * j));
-                sum[1] += 1.0;
+            let frames = slopes(scan, held, &mut scratch, texel, *at, passes.len());
+            for (sum, channels) in sums[*travel as usize].iter_mut().zip(&frames) {
+                *sum += channels.iter().map(|j| j.dot(&(inverse * j))).sum::<f64>() / 3.0;
             }
         }
+        count += 1;
     }
-    sums.map(|[sum, n]| 1.0 + if n > 0.0 { sum / n } else { 0.0 })
+    sums.map(|list| list.iter().map(|sum| 1.0 + sum / count.max(1) as f64).collect())
 }
 
 /// Slopes of every reading (frame by channel) to the parameters, over the reading's noise.
@@ -103,7 +104,7 @@ mod tests {
         let texel = Texel { rho_d: [0.05, 0.1, 0.03], rho_s: [0.04; 3], m: 0.3, normal: [0.1, 0.0, 0.99f64.sqrt()] };
         let pass = Predictor::new(&scan, Travel::X, &positions);
         let rows: Vec<Slope> = slopes(&scan, &pass, &mut Scratch::default(), &texel, [3.0, -2.0], 1).into_iter().flatten().collect();
-        let mut normal = SMatrix::zeros();
+        let mut normal = SMatrix::<f64, PARAMETERS, PARAMETERS>::zeros();
         rows.iter().for_each(|j| normal.ger(1.0, j, j, 1.0));
         let inverse = pseudo_inverse(&normal).unwrap();
         let trace: f64 = rows.iter().map(|j| j.dot(&(inverse * j))).sum();

@@ -179,8 +179,9 @@ pub struct HeldOut {
     pub share_beyond_3: f64,
     /// Mean residual, measured less predicted.
     pub bias: f64,
-    /// `reduced_chi2` a frame, in the order of `frames`, and the frame where it is largest.
+    /// `reduced_chi2` and what is expected of it a frame, in the order of `frames`, and the frame where it is largest.
     pub frame_chi2: Vec<f64>,
+    pub frame_expected: Vec<f64>,
     pub worst_frame: usize,
     pub worst_frame_chi2: f64,
     /// Largest residual and its texel (column, row).

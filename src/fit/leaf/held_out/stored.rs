@@ -160,7 +160,7 @@ fn frame_of(
         residual: [zr, zg, zb],
         readings: tally.readings,
         reduced_chi2: tally.reduced_chi2(),
-        expected: held.expected,
+        expected: held.frames.iter().position(|f| *f == frame).and_then(|k| held.frame_expected.get(k)).copied().unwrap_or(held.expected),
         stderr: tally.stderr(),
         share_beyond_3: tally.share_beyond_3(),
         bias: tally.bias(),
