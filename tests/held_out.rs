@@ -1,4 +1,5 @@
-//! Frames that no fit sees: left out by choice, predicted within their noise, and a wrong fit is caught by them whatever its files say of themselves.
+//! Frames that no fit sees: left out by choice, predicted within their noise, and a wrong fit is caught by them whatever its files say of
+//! themselves.
 
 mod common;
 

@@ -1,5 +1,5 @@
-//! Frames that no fit saw, in rows, pictures and reasons: those that the fit judged itself by, and those that its folder keeps, predicted from the maps
-//! as they are now. A map that was changed after the fit, by whatever hand, no longer gives back what was measured.
+//! Frames that no fit saw, in rows, pictures and reasons: those that the fit judged itself by, and those that its folder keeps, predicted
+//! from the maps as they are now. A map that was changed after the fit, by whatever hand, no longer gives back what was measured.
 
 use crate::capture::manifest::SideName;
 use crate::fit::leaf::held_out::{self, BAD, GOOD, KeptFrame};

@@ -1,7 +1,8 @@
-//! A leaf as its own scan saw it: the flat, rectified blade under the tube, from the fit's folder, for both renderers. Everything is drawn from the fit,
-//! and nothing of the scene's light takes part, so that the pictures can be set against frames that were measured.
+//! A leaf as its own scan saw it: the flat, rectified blade under the tube, from the fit's folder, for both renderers. Everything is drawn
+//! from the fit, and nothing of the scene's light takes part, so that the pictures can be set against frames that were measured.
 //!
-//! The renderer takes W's packed textures and a slab curve, the reference takes the float maps and an interpolant of its own, as in every other view.
+//! The renderer takes W's packed textures and a slab curve, the reference takes the float maps and an interpolant of its own, as in every
+//! other view.
 
 use super::amount;
 use super::fitted::{Fitted, fill};
@@ -65,8 +66,8 @@ impl<'a> Scanned<'a> {
         LeafMesh::rectangle(self.width as f64 * self.scan.texel_mm, self.height as f64 * self.scan.texel_mm)
     }
 
-    /// The scene for the renderer, the tube where it stood in `frame`; the gloss as it was fitted, or `bounded` by the V-cavity factor that scenes have.
-    /// Cook–Torrance lobes always have it.
+    /// The scene for the renderer, the tube where it stood in `frame`; the gloss as it was fitted, or `bounded` by the V-cavity factor that
+    /// scenes have. Cook–Torrance lobes always have it.
     ///
     /// # Errors
     /// A map that cannot be read.

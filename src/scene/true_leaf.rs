@@ -1,5 +1,6 @@
-//! The leaves of a scene as they truly are, where their scans are synthetic: the reference's world with ρd, ρt, ρs, m and normals of the scan's `truth/`
-//! in place of the fit's, everything else (mesh, placement, light) as it was. A picture of it against the picture from the fit shows what the fit costs.
+//! The leaves of a scene as they truly are, where their scans are synthetic: the reference's world with ρd, ρt, ρs, m and normals of the
+//! scan's `truth/` in place of the fit's, everything else (mesh, placement, light) as it was. A picture of it against the picture from the
+//! fit shows what the fit costs.
 
 use super::fitted::fill;
 use super::manifest::Manifest;
@@ -11,8 +12,8 @@ use crate::transport::{self, NormalFrame};
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 
-/// Puts the true maps of every leaf that has some into `world`, which [`super::reference::world`] made. The names of these leaves; light through
-/// translucency maps, which have no such truth, stays the fit's.
+/// Puts the true maps of every leaf that has some into `world`, which [`super::reference::world`] made. The names of these leaves; light
+/// through translucency maps, which have no such truth, stays the fit's.
 ///
 /// # Errors
 /// A truth that is there and cannot be read.

@@ -1,7 +1,8 @@
 //! What a scanner sees: every pixel's centre along the camera's parallel rays, under the tube's own light.
 //!
-//! The tube is a cylinder of uniform radiance; a texel sees it under the angles θ ± asin(radius/distance) across and between the angles of its ends
-//! along. Radiance is a plain sum over both angles, many midpoints each: no formula of `optics::tube` is used, which is what makes it a check of them.
+//! The tube is a cylinder of uniform radiance; a texel sees it under the angles θ ± asin(radius/distance) across and between the angles of
+//! its ends along. Radiance is a plain sum over both angles, many midpoints each: no formula of `optics::tube` is used, which is what makes
+//! it a check of them.
 
 use super::accelerate::Ray;
 use super::render::Renderer;

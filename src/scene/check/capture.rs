@@ -1,12 +1,14 @@
-//! Views of kind `capture`: renderer and reference draw a leaf as its scan saw it, and both are held against frames that the fit did not see.
+//! Views of kind `capture`: renderer and reference draw a leaf as its scan saw it, and both are held against frames that the fit did not
+//! see.
 //!
-//! The gloss is drawn as it was fitted (Wang et al. 2005, Eq. 7). In scenes both renderers bound it by a V-cavity factor that the fit does not have; what
-//! that costs is measured with the same frame and printed beside.
+//! The gloss is drawn as it was fitted (Wang et al. 2005, Eq. 7). In scenes both renderers bound it by a V-cavity factor that the fit does
+//! not have; what that costs is measured with the same frame and printed beside.
 //!
-//! **The rule.** Residuals are in units of the measurement's noise, and of half a percent of the value where the noise is smaller: no picture is asked
-//! for more. A picture that is off by e of these units raises the mean square of its residuals by e². Half a unit is allowed (a view's `max_error` says
-//! otherwise), beyond two standard errors of chance and what a right fit leaves. The tube model's own prediction from the folder's maps must
-//! stay within one unit, and so must the light box's transmittance from the slab of σa, σs and h + δ.
+//! **The rule.** Residuals are in units of the measurement's noise, and of half a percent of the value where the noise is smaller: no
+//! picture is asked for more. A picture that is off by e of these units raises the mean square of its residuals by e². Half a unit is
+//! allowed (a view's `max_error` says otherwise), beyond two standard errors of chance and what a right fit leaves. The tube model's own
+//! prediction from the folder's maps must stay within one unit, and so must the light box's transmittance from the slab of σa, σs and h +
+//! δ.
 
 use super::report::exceeds;
 use super::{Options, told};
@@ -69,7 +71,8 @@ pub struct Drawn {
     pub from_model_most: f64,
 }
 
-/// Draws and judges every capture view that the scene names, and one frame a side of every other fit that keeps some. Sentences say what was skipped.
+/// Draws and judges every capture view that the scene names, and one frame a side of every other fit that keeps some. Sentences say what
+/// was skipped.
 pub fn all(manifest: &Manifest, plan: &Plan, renderer: &mut gpu::Renderer, options: &Options) -> Result<(Vec<CaptureReport>, Vec<String>)> {
     let (mut out, mut skipped) = (Vec::new(), Vec::new());
     for leaf in &plan.leaves {

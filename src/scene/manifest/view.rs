@@ -37,7 +37,8 @@ pub struct View {
     /// The card's or the scan's leaf, and how the card is turned.
     pub leaf: Option<String>,
     pub rotation_deg: Option<[f64; 3]>,
-    /// Which held-out frame of the scan: side (front where it is not said), pass and number; the brightest one that the fit keeps where something is open.
+    /// Which held-out frame of the scan: side (front where it is not said), pass and number. Where something is open it is the brightest one that
+    /// the fit keeps.
     pub side: Option<SideName>,
     pub pass: Option<Travel>,
     pub frame: Option<usize>,

@@ -15,7 +15,8 @@ use std::collections::BTreeMap;
 const ROWS: usize = 32;
 /// Held-out frames of a pass that are stored: those nearest to where the lobe peaks.
 const STORED: usize = 2;
-/// A file of held-out frames holds at most this many bytes before packing; of larger scans every second (third, …) row and column is stored.
+/// A file of held-out frames holds at most this many bytes before packing; of larger scans every second (third, …) row and column is
+/// stored.
 const STORED_BYTES: usize = 8 << 20;
 
 /// A judged side.

@@ -12,7 +12,8 @@ type Slope = SVector<f64, PARAMETERS>;
 /// Texels that the mean is taken over: the figure is the same to a few percent of itself on every texel.
 const SAMPLE: usize = 400;
 
-/// Expected mean square of held-out residuals in units of the noise: by pass, a figure each held-out frame. Texels: their place (mm) and fit.
+/// Expected mean square of held-out residuals in units of the noise: by pass, a figure each held-out frame. Texels: their place (mm) and
+/// fit.
 pub fn expected(scan: &Scan, manifest: &Manifest, splits: &Splits, texels: &[([f64; 2], Texel)]) -> [Vec<f64>; 2] {
     let passes: Vec<(Travel, [Predictor; 2])> = manifest
         .passes

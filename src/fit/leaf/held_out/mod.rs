@@ -1,10 +1,11 @@
-//! Frames that no fit sees. `fit leaf` leaves out one frame of every N, predicts it from the fitted ρd, ρs, m and normals with the tube model, and
-//! compares the prediction with what was measured, in units of the measurement's noise. Some of these frames are kept in the fit's folder, so that the
-//! fit can be judged by a measurement for as long as it exists.
+//! Frames that no fit sees. `fit leaf` leaves out one frame of every N, predicts it from the fitted ρd, ρs, m and normals with the tube
+//! model, and compares the prediction with what was measured, in units of the measurement's noise. Some of these frames are kept in the
+//! fit's folder, so that the fit can be judged by a measurement for as long as it exists.
 //!
-//! **What to expect.** A reading that the fit did not see differs from its prediction by its own noise and by what the fit's parameters are off. With
-//! the weighted slopes J of a texel's readings to its parameters, the expected square is 1 + j (JᵀJ)⁻¹ jᵀ for a reading of slope j, in units of the
-//! noise: a little above 1 (the mean of the second term is about parameters / readings). It is computed, not assumed: [`leverage`].
+//! **What to expect.** A reading that the fit did not see differs from its prediction by its own noise and by what the fit's parameters are
+//! off. With the weighted slopes J of a texel's readings to its parameters, the expected square is 1 + j (JᵀJ)⁻¹ jᵀ for a reading of slope
+//! j, in units of the noise: a little above 1 (the mean of the second term is about parameters / readings). It is computed, not assumed:
+//! [`leverage`].
 
 mod judge;
 mod leverage;
@@ -23,7 +24,8 @@ use serde::{Deserialize, Serialize};
 
 /// A pass of fewer frames keeps all of them for the fit: a texel has nine parameters, and every frame counts.
 pub const FEWEST_FRAMES: usize = 20;
-/// A reading farther from its prediction counts as this many standard deviations, so that a spark in one frame does not hide all other readings.
+/// A reading farther from its prediction counts as this many standard deviations, so that a spark in one frame does not hide all other
+/// readings.
 pub const FARTHEST: f64 = 5.0;
 /// A prediction that is off by less than this share of the noise is good …
 pub const GOOD: f64 = 1.0 / 3.0;
@@ -51,7 +53,8 @@ pub struct Split {
 }
 
 impl HoldOut {
-    /// Divides the frames of a pass. Each whole group of `every` frames loses the one that the seed names; both sides of a leaf lose the same ones.
+    /// Divides the frames of a pass. Each whole group of `every` frames loses the one that the seed names; both sides of a leaf lose the
+    /// same ones.
     pub fn split(&self, travel: Travel, frames: usize) -> Split {
         if self.every == 0 || frames < FEWEST_FRAMES {
             return Split { kept: (0..frames).collect(), held: Vec::new() };
@@ -160,7 +163,8 @@ impl Scan {
     }
 }
 
-/// How well one pass's held-out frames are predicted. `[front.held_out.x]` in `fit.toml`; residuals are in standard deviations of the noise.
+/// How well one pass's held-out frames are predicted. `[front.held_out.x]` in `fit.toml`; residuals are in standard deviations of the
+/// noise.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct HeldOut {
     /// Frames that the fit did not see, and where the tube stood (mm).
@@ -196,8 +200,8 @@ impl HeldOut {
     }
 }
 
-/// How far a model is off in units of the noise: an error of e times the noise raises the mean square from its expectation by the factor 1 + e². Two
-/// standard errors are chance.
+/// How far a model is off in units of the noise: an error of e times the noise raises the mean square from its expectation by the factor 1
+/// + e². Two standard errors are chance.
 pub fn off(reduced_chi2: f64, expected: f64, stderr: f64) -> f64 {
     let excess = (reduced_chi2 - 2.0 * stderr) / expected - 1.0;
     // A figure that is no number is no agreement.
