@@ -10,7 +10,7 @@ use super::texel_frame;
 use crate::files::image::{Maps, read_exr};
 use crate::transport::{self, NormalFrame};
 use crate::{Error, Result};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Puts the true maps of every leaf that has some into `world`, which [`super::reference::world`] made. The names of these leaves; light
 /// through translucency maps, which have no such truth, stays the fit's.
@@ -54,7 +54,7 @@ pub fn replace(world: &mut transport::World, manifest: &Manifest, plan: &Plan, o
 }
 
 /// The truth of a side where there is one of the drawn maps' size.
-fn open(path: &PathBuf, drawn: &transport::ReferenceLeaf) -> Result<Option<Maps>> {
+fn open(path: &Path, drawn: &transport::ReferenceLeaf) -> Result<Option<Maps>> {
     if !path.is_file() {
         return Ok(None);
     }
