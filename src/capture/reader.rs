@@ -23,7 +23,7 @@ pub struct Capture {
     gains: Vec<(Travel, Gain)>,
 }
 
-/// Calibrated frames of one pass over a set of texels: `frames[k][n]` is frame k at the n-th texel asked for.
+/// Calibrated frames of one pass over a set of texels: `frames[k][n]` is the k-th frame asked for at the n-th texel asked for.
 pub type Band = Vec<Vec<[f32; 3]>>;
 
 /// One RGB triple a texel of the whole image, row-major.
@@ -95,17 +95,19 @@ impl Capture {
         files
     }
 
-    /// Reads and calibrates the frames of one pass in `rows`, at the texels `(column, row)` listed (all inside `rows`).
+    /// Reads and calibrates these `frames` of one pass in `rows`, at the texels `(column, row)` listed (all inside `rows`).
     /// Values are 1 for a white texel under an infinite tube straight above; NaN where there is no reading.
-    pub fn band(&self, side: SideName, travel: Travel, rows: Range<usize>, texels: &[[u32; 2]]) -> Result<Band> {
-        let Some(pass) = self.manifest.pass(travel) else { return Ok(Vec::new()) };
+    pub fn band(&self, side: SideName, travel: Travel, rows: Range<usize>, texels: &[[u32; 2]], frames: &[usize]) -> Result<Band> {
+        if self.manifest.pass(travel).is_none() {
+            return Ok(Vec::new());
+        }
         let gain = self.gains.iter().find(|(t, _)| *t == travel).map(|(_, g)| g);
         let width = self.manifest.width;
         let at: Vec<(usize, usize)> =
             texels.iter().map(|t| ((t[1] as usize - rows.start) * width + t[0] as usize, t[1] as usize * width + t[0] as usize)).collect();
-        (0..pass.positions().len())
-            .into_par_iter()
-            .map(|k| {
+        frames
+            .par_iter()
+            .map(|&k| {
                 let path = frame_path(&self.folder, side, travel, k);
                 let maps = read_exr_rows(&path, Some(&RGB), Some(rows.clone()))?;
                 let mut out: Vec<[f32; 3]> = at.iter().map(|&(local, _)| [0, 1, 2].map(|c: usize| maps.channels[c].1[local])).collect();

@@ -3,7 +3,7 @@
 use super::Common;
 use crate::Result;
 use crate::files::{atomic, progress};
-use crate::report::{self, ReportSource};
+use crate::report::{self, ReportSource, model::Level};
 use crate::scene::{ledger::Ledger, make, manifest::Manifest, plan};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -15,7 +15,7 @@ use std::time::Instant;
   mesophyll run data/scenes/fits.toml --out out/fits --write-fits
 
 Everything lands in the folder: captures/, fits/, plan.json, check.json, pictures and report.html. Run again it does only what is
-missing or stale. Exit code 1 when a fit failed or the check missed.")]
+missing or stale. The last line is the verdict of its report: exit code 0 for \"Good\" and \"Usable with care\", 1 for \"Not good\".")]
 pub struct Args {
     /// Scene to run
     #[arg(value_name = "SCENE.toml")]
@@ -67,17 +67,22 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let fits: Vec<String> = plan.leaves.iter().filter_map(|l| l.fitted.as_ref()).map(|f| f.folder.display().to_string()).collect();
     if common.json {
         super::print_json(&json!({
-            "scene": manifest.name, "passed": passed, "verdict": verdict.sentence, "fits": fits, "report": path, "check": checked,
+            "scene": manifest.name, "passed": passed, "verdict": verdict.sentence, "level": verdict.level, "fits": fits, "report": path, "check": checked,
             "stages": stages.0, "seconds": clock.elapsed().as_secs_f64(),
         }))?;
     } else {
         let left: Vec<&str> = plan.left_out.iter().map(|l| l.name.as_str()).collect();
-        let mut text = format!("{}: {}. {}\n{lines}", manifest.name, verdict.level.word(), verdict.sentence);
+        let mut text = format!("{}\n{lines}", manifest.name);
         text += &format!("left out: {}\n", left.join(", "));
         text += &format!("report: {}   {:.1} s in all\n", path.display(), clock.elapsed().as_secs_f64());
+        for reason in verdict.reasons.iter().filter(|r| r.level != Level::Good) {
+            text += &format!("{}\n", reason.text);
+        }
+        text += &format!("{}: {}\n", verdict.level.word(), verdict.sentence);
         super::print(&text)?;
     }
-    Ok(u8::from(!passed))
+    // The report judges fits and pictures alike; "usable with care" is a warning.
+    Ok(u8::from(!passed || verdict.level == Level::Bad))
 }
 
 /// The run's folder, and fits that lie elsewhere.

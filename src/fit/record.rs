@@ -1,6 +1,7 @@
 //! `fit.toml`: what a fit folder says about itself. The same input and seed give the same bytes, so times live beside it in `times.toml`.
 
 use crate::files::{atomic, hash};
+use crate::fit::leaf::held_out::{HeldOut, LightBox, Scan};
 use crate::solve::{Termination, TraceRow};
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -67,6 +68,12 @@ pub struct Section {
     /// Error to the truth where the capture holds it, by quantity.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub truth: BTreeMap<String, TruthError>,
+    /// How well frames that the fit did not see are predicted, by pass.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub held_out: BTreeMap<String, HeldOut>,
+    /// How well the slab gives back what came through the light box.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub light_box: Option<LightBox>,
     /// `[front.sigma_a] value = …`: parameters by name.
     #[serde(flatten)]
     pub params: BTreeMap<String, Param>,
@@ -117,6 +124,9 @@ pub struct FitRecord {
     /// Content hash of every file of the folder, by name: a map changed from outside is noticed.
     #[serde(default)]
     pub files: BTreeMap<String, String>,
+    /// The device of a scan under a tube.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scan: Option<Scan>,
     /// Sections by name: `front`, `back`, or `all`.
     #[serde(flatten)]
     pub sections: BTreeMap<String, Section>,

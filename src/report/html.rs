@@ -9,11 +9,14 @@ use minijinja::value::{Serde, Value};
 use minijinja::{AutoEscape, Environment, context};
 
 /// The page and its parts, in the order in which they are read.
-const TEMPLATES: [(&str, &str); 4] = [
+const TEMPLATES: [(&str, &str); 7] = [
     ("page", include_str!("page.html")),
     ("macros", include_str!("macros.html")),
     ("checks", include_str!("checks.html")),
     ("fit", include_str!("fit.html")),
+    ("captures", include_str!("captures.html")),
+    ("true_leaf", include_str!("true_leaf.html")),
+    ("held_out", include_str!("held_out.html")),
 ];
 const STYLE: &str = include_str!("page.css");
 
@@ -38,8 +41,14 @@ pub fn render(report: &Report) -> Result<String> {
     }
     let fits: Vec<Value> = report.fits.iter().map(fit).collect();
     let comparisons: Vec<Value> = report.comparisons.iter().map(comparison).collect();
-    let checks: Vec<Value> =
-        report.checks.iter().map(|c| context! { row => Serde(c), views => c.views.iter().map(shot).collect::<Vec<_>>() }).collect();
+    let checks: Vec<Value> = report
+        .checks
+        .iter()
+        .map(|c| {
+            let captures: Vec<_> = c.captures.iter().map(|r| &r.pictures).collect();
+            context! { row => Serde(c), views => c.views.iter().map(shot).collect::<Vec<_>>(), captures => Serde(&captures) }
+        })
+        .collect();
     let page = env.get_template("page").map_err(failed)?;
     page.render(context! {
         style => Value::from_safe_string(format!("{STYLE}{}", crate::report::chart::ramps())),
@@ -75,6 +84,7 @@ fn fit(f: &FitReport) -> Value {
         parameters => Serde(lines),
         sections,
         sides => Serde(&f.pictures),
+        held_out => Serde(&f.held_out.pictures),
         phases => Serde(f.times.as_ref().map(view::phase_lines).unwrap_or_default()),
         truth_chart,
         cost_chart,
@@ -115,6 +125,7 @@ fn shot(v: &ViewReport) -> Value {
         reference => picture(&v.reference),
         difference => picture(&v.difference),
         flip => picture(&v.flip),
+        true_leaf => picture(&v.true_leaf),
         difference_bar => bar("ramp-grey", top("difference_top").map(|t| (-t, t))),
         flip_bar => bar("ramp-flip", top("flip_top").map(|t| (0.0, t))),
     }

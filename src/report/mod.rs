@@ -3,10 +3,12 @@
 pub mod basis_charts;
 pub mod beam_charts;
 pub mod bench_plots;
+pub mod captures;
 pub mod chart;
 pub mod colour;
 pub mod compare;
 pub mod figure;
+pub mod held_out;
 pub mod html;
 pub mod maps;
 pub mod markdown;

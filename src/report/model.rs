@@ -1,6 +1,8 @@
 //! What a report says, as plain rows: the JSON *is* this, Markdown and HTML print the same.
 
 use crate::fit::record::{Phase, Residuals, TruthError};
+use crate::report::captures::CaptureRow;
+use crate::report::held_out::HeldOutReport;
 use crate::report::stats::Summary;
 use crate::solve::TraceRow;
 use serde::Serialize;
@@ -68,6 +70,8 @@ pub struct FitReport {
     pub parameters: Vec<ParameterRow>,
     pub sections: Vec<SectionReport>,
     pub maps: Vec<MapRow>,
+    /// Measurements that the fit did not see.
+    pub held_out: HeldOutReport,
     pub times: Option<TimesReport>,
     /// What the folder does not hold, in words.
     pub missing: Vec<String>,
@@ -212,6 +216,9 @@ pub struct CheckReport {
     pub passed: Option<bool>,
     pub adapter: String,
     pub views: Vec<ViewReport>,
+    /// Leaves as their scans saw them, and what of that was skipped.
+    pub captures: Vec<CaptureRow>,
+    pub skipped: Vec<String>,
     pub missing: Vec<String>,
 }
 
@@ -233,6 +240,9 @@ pub struct ViewReport {
     pub difference: Option<Picture>,
     #[serde(skip)]
     pub flip: Option<Picture>,
+    /// The reference's picture of the true leaf, where the scan is synthetic.
+    #[serde(skip)]
+    pub true_leaf: Option<Picture>,
 }
 
 /// A picture inside the page.

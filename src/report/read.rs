@@ -3,7 +3,7 @@
 use crate::fit::record::{FitRecord, Section, Times};
 use crate::report::maps::{self, SideMaps};
 use crate::report::model::{FitReport, Level, ParameterRow, Report, SectionReport, TimesReport, Verdict};
-use crate::report::{Options, ReportSource, compare, notes, scene, translucency, verdict};
+use crate::report::{Options, ReportSource, compare, held_out, notes, scene, translucency, verdict};
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 
@@ -124,6 +124,7 @@ fn fit(folder: &Path, options: &Options) -> Result<FitReport> {
         parameters: ordered(&record).flat_map(|(n, s)| parameters(n, s)).collect(),
         sections: ordered(&record).map(|(n, s)| section(n, s)).collect(),
         maps: Vec::new(),
+        held_out: held_out::read(folder, &record, options.pictures),
         times,
         missing,
         pictures: Vec::new(),

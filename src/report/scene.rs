@@ -1,6 +1,7 @@
 //! `check.json` and `plan.json` as rows. Both are read leniently: what they do not say is left empty, never invented.
 
 use crate::files::atomic::explain;
+use crate::report::captures;
 use crate::report::colour::data_uri;
 use crate::report::model::{CheckReport, Picture, PlanItem, PlanReport, ViewReport};
 use crate::{Error, Result};
@@ -17,11 +18,14 @@ pub fn read_check(folder: &Path, pictures: bool) -> Result<Option<CheckReport>> 
     let mut missing = Vec::new();
     let views = json.get("views").and_then(Value::as_array).map(Vec::as_slice).unwrap_or_default();
     let views = views.iter().enumerate().map(|(k, v)| view(folder, k, v, pictures, &mut missing)).collect();
+    let (captures, skipped) = captures::read(folder, &json, pictures);
     Ok(Some(CheckReport {
         folder: folder.display().to_string(),
         passed: json.get("passed").and_then(Value::as_bool),
         adapter: json.get("adapter").map(text).filter(|a| !a.is_empty()).unwrap_or_else(|| "adapter not named".into()),
         views,
+        captures,
+        skipped,
         missing,
     }))
 }
@@ -46,11 +50,13 @@ fn view(folder: &Path, index: usize, json: &Value, pictures: bool, missing: &mut
     let flip = find("flip", &["-flip", "_flip", ".flip"]);
     let kind = json.get("kind").map(text).unwrap_or_default();
     let why = json.get("why").and_then(Value::as_array).map(|w| w.iter().map(text).collect()).unwrap_or_default();
-    ViewReport { passed: json.get("passed").and_then(Value::as_bool), kind, why, name, figures, image, reference, difference, flip }
+    let true_leaf = json.get("true_leaf").and_then(Value::as_str).filter(|_| pictures);
+    let true_leaf = true_leaf.and_then(|file| picture(folder, Some(file), &name, &[], &format!("{name}: the true leaf")));
+    ViewReport { passed: json.get("passed").and_then(Value::as_bool), kind, why, name, figures, image, reference, difference, flip, true_leaf }
 }
 
 /// The PNG the view names, else `NAME-reference.png` and the like; names never lead out of the folder.
-fn picture(folder: &Path, named: Option<&str>, view: &str, endings: &[&str], alt: &str) -> Option<Picture> {
+pub(super) fn picture(folder: &Path, named: Option<&str>, view: &str, endings: &[&str], alt: &str) -> Option<Picture> {
     let inside = |name: &str| {
         let path = Path::new(name);
         path.components().all(|c| matches!(c, std::path::Component::Normal(_))).then(|| folder.join(path))

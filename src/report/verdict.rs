@@ -5,8 +5,8 @@ use crate::fit::translucency::judge::NAMES;
 use crate::report::model::{CheckReport, FitReport, Level, Reason, SectionReport, Verdict};
 use crate::report::number::{count, percent, plain};
 use crate::report::quantity::{parameter, symbol};
-use crate::report::residuals;
 use crate::report::view::MANY;
+use crate::report::{captures, held_out, residuals};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -72,6 +72,7 @@ pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> Verdict 
         }
     }
     residuals::sides(record, &mut say);
+    held_out::reasons(&report.held_out, &mut say);
     parameters(report, &mut say);
     if let Some(doubt) = record.options.get("doubt").filter(|_| record.kind == "translucency") {
         say(Level::Doubtful, format!("{doubt}; the maps are not to be relied on"));
@@ -298,6 +299,7 @@ pub fn overall(fits: &[FitReport], checks: &[CheckReport]) -> Verdict {
     let mut reasons: Vec<Reason> =
         fits.iter().map(|f| Reason { level: f.verdict.level, text: f.verdict.sentence.trim_end_matches('.').to_string() }).collect();
     reasons.extend(checks.iter().map(of_check));
+    reasons.extend(checks.iter().filter_map(|c| captures::reason(&c.captures)));
     let level = reasons.iter().map(|r| r.level).max().unwrap_or(Level::Doubtful);
     let sentence = match (level, reasons.is_empty()) {
         (_, true) => "There is nothing to judge: no fit and no check were found.".into(),

@@ -4,18 +4,20 @@
 //! Errors are of displayed values, 0 to 1. The noise of the reference is measured against a second seed and printed beside each threshold.
 //! Frame times are judged on real GPUs only.
 
+mod capture;
 mod card;
 mod cost;
 mod perspective;
 mod pictures;
 mod report;
 
+pub use capture::CaptureReport;
 pub use report::{Report, Term, ViewReport};
 
 use super::ledger::Ledger;
 use super::manifest::{Manifest, View, ViewKind};
 use super::plan::{LeafPlan, Plan};
-use super::{branch, day, handover, reference, sound, sunlit};
+use super::{branch, day, handover, reference, sound, sunlit, true_leaf};
 use crate::files::{atomic, progress};
 use crate::{Error, Result, transport};
 use mesophyll_viewer as gpu;
@@ -61,6 +63,8 @@ pub fn check(manifest: &Manifest, plan: &Plan, options: &Options, ledger: &Ledge
         adapter: format!("{} ({}, {})", adapter.name, adapter.backend, adapter.driver),
         software: adapter.is_software,
         views: Vec::new(),
+        captures: Vec::new(),
+        skipped: Vec::new(),
         failures: verify(plan, ledger)?,
         warnings: plan.warnings.clone(),
         uploads: Vec::new(),
@@ -91,10 +95,13 @@ pub fn check(manifest: &Manifest, plan: &Plan, options: &Options, ledger: &Ledge
             reference::move_to(&mut world, plan, time)?;
             let mut by_maps = world.clone();
             let stored = sunlit::relight_as_stored(&mut by_maps, plan, &plan.eyes)?;
+            let mut as_grown = world.clone();
+            let known = !true_leaf::replace(&mut as_grown, manifest, plan, &options.out)?.is_empty();
+            let as_grown = if known { Some(transport::Renderer::new(&as_grown)?) } else { None };
             let stage = transport::Renderer::new(&world)?;
             let by_maps = if stored { Some(transport::Renderer::new(&by_maps)?) } else { None };
             while let Some(view) = left.next_if(|v| plan.bends.is_none() || branch::time(manifest, v) == time) {
-                let stages = perspective::Stages { truth: &stage, by_maps: by_maps.as_ref() };
+                let stages = perspective::Stages { truth: &stage, by_maps: by_maps.as_ref(), true_leaf: as_grown.as_ref() };
                 report.views.push(perspective::one_view(manifest, plan, view, &mut renderer, &stages, options)?);
             }
         }
@@ -105,7 +112,8 @@ pub fn check(manifest: &Manifest, plan: &Plan, options: &Options, ledger: &Ledge
     for view in manifest.views.iter().filter(|v| v.kind == ViewKind::Card) {
         report.views.push(card::one_card(manifest, plan, view, &mut renderer, options, ledger)?);
     }
-    report.passed = report.failures.is_empty() && report.views.iter().all(|v| v.passed);
+    (report.captures, report.skipped) = capture::all(manifest, plan, &mut renderer, options)?;
+    report.passed = report.failures.is_empty() && report.views.iter().all(|v| v.passed) && report.captures.iter().all(|c| c.passed);
     let path = options.out.join("check.json");
     atomic::write_bytes(&path, serde_json::to_string_pretty(&report.json(manifest)).unwrap_or_default().as_bytes())?;
     Ok(report)

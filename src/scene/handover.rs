@@ -132,6 +132,7 @@ fn lights(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<viewer::S
         }),
         sky: manifest.sky.as_ref().and_then(|s| s.radiance).map(|c| rgb(&c)),
         dome,
+        scanner: None,
         background: rgb(&manifest.background),
         exposure: manifest.exposure as f32,
         shadow_samples: plan.shadow_samples,
@@ -180,7 +181,8 @@ fn lobe(config: &super::manifest::Leaf) -> viewer::Lobe {
     }
 }
 
-fn viewer_mesh(mesh: &LeafMesh) -> viewer::Mesh {
+/// A mesh in the renderer's precision.
+pub fn viewer_mesh(mesh: &LeafMesh) -> viewer::Mesh {
     viewer::Mesh {
         positions: mesh.positions.iter().map(|p| p.as_vec3()).collect(),
         normals: mesh.normals.iter().map(|p| p.as_vec3()).collect(),

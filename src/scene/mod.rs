@@ -34,10 +34,14 @@ mod plan_mesh;
 pub mod reference;
 #[cfg(feature = "render")]
 pub mod save;
+#[cfg(feature = "render")]
+mod scanned;
 pub mod sound;
 pub mod source;
 pub mod sunlit;
 mod texel_frame;
 pub mod translucency;
 pub mod tree;
+#[cfg(feature = "render")]
+mod true_leaf;
 mod validate;

@@ -107,7 +107,7 @@ pub struct Textures {
 pub struct LeafPlan {
     /// Index into the manifest's leaves.
     pub index: usize,
-    /// Drawn by a perspective view or a card.
+    /// Drawn by a perspective view, a card or as its scan saw it.
     pub used: bool,
     pub source: Option<Source>,
     /// Open when used and up to date.
@@ -270,11 +270,12 @@ fn leaf_plan(
     let placements = &whole.placements;
     let cards: Vec<_> =
         manifest.views.iter().filter(|v| v.kind == ViewKind::Card && v.leaf.as_deref() == Some(leaf.name.as_str())).collect();
+    let scanned = manifest.views.iter().any(|v| v.kind == ViewKind::Capture && v.leaf.as_deref() == Some(leaf.name.as_str()));
     let perspective = manifest.views.iter().any(|v| v.kind == ViewKind::Perspective);
     let placed = perspective && placements.iter().any(|p| p.leaf == index);
     let mut plan = LeafPlan {
         index,
-        used: placed || !cards.is_empty(),
+        used: placed || scanned || !cards.is_empty(),
         source: None,
         fitted: None,
         mesh_path: PathBuf::new(),

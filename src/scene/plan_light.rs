@@ -132,7 +132,7 @@ pub fn absent_models(manifest: &Manifest, plan: &mut Plan) {
         let why = "light through a leaf follows the slab's rho_t a texel; the scene asks for no scattering sideways";
         plan.leave_out(LeftOut::new("translucency maps", why, texels * 8 * 2, None));
     }
-    if manifest.views.iter().all(|v| v.kind == ViewKind::Perspective) {
+    if manifest.views.iter().all(|v| v.kind != ViewKind::Card) {
         plan.leave_out(LeftOut::new("cards", "no view asks for a patch with a closed-form radiance", 0, None));
     }
 }

@@ -28,12 +28,15 @@ pub fn edited(fitted: &Fitted, changes: &[Change; 2], folder: &Path) -> Result<P
     let free = (1..).map(|n| folder.join(format!("{}-edit-{n}", fitted.name))).find(|p| !p.exists());
     let target = free.unwrap_or_else(|| folder.join(&fitted.name));
     atomic::probe_folder(&target)?;
-    for name in fitted.record.files.keys() {
+    let mut record = fitted.record.clone();
+    // What was measured is no measurement of an edited leaf.
+    record.files.retain(|name, _| !name.ends_with("_held_out.exr"));
+    record.scan = None;
+    for name in record.files.keys() {
         let (from, to) = (fitted.folder.join(name), target.join(name));
         let bytes = std::fs::read(&from).map_err(|e| Error::input(&from, explain(&e)))?;
         atomic::write_bytes(&to, &bytes)?;
     }
-    let mut record = fitted.record.clone();
     record.name = target.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     record.options.insert("edited_from".into(), format!("{} ({})", fitted.record.name, fitted.record.input_hash));
     record.termination = None;
@@ -51,6 +54,7 @@ pub fn edited(fitted: &Fitted, changes: &[Change; 2], folder: &Path) -> Result<P
         }
         // Residuals, errors to the truth and figures belong to the fit that was measured.
         (section.residuals, section.truth, section.figures) = Default::default();
+        (section.held_out, section.light_box) = Default::default();
         let shared = |n: &str| section.params.get(n).map(|p| p.value.clone()).unwrap_or_default();
         let (sigma_a, sigma_s) = (shared("sigma_a"), shared("sigma_s"));
         change_maps(&target.join(format!("{}.exr", side.name())), change, &sigma_a, &sigma_s)?;

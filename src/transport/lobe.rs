@@ -43,6 +43,11 @@ impl Lobe {
 
     /// f_s/ρs times N·l (1/sr) for unit vectors: the product stays finite where N·l → 0. Zero where N·l ≤ 0.
     pub fn times_cosine(self, n: DVec3, v: DVec3, l: DVec3, m: f64) -> f64 {
+        self.with_cosine(n, v, l, m, true)
+    }
+
+    /// The same, without G where it is not `bounded`: Wang et al. 2005, Eq. 7, as leaves are fitted.
+    pub fn with_cosine(self, n: DVec3, v: DVec3, l: DVec3, m: f64, bounded: bool) -> f64 {
         let cos_l = n.dot(l);
         if cos_l <= 0.0 {
             return 0.0;
@@ -58,7 +63,7 @@ impl Lobe {
         if cos_h <= 0.0 || v_h <= 0.0 {
             return 0.0;
         }
-        let cavity = 1f64.min(2.0 * cos_h * cos_v / v_h).min(2.0 * cos_h * cos_l / v_h);
+        let cavity = if bounded { 1f64.min(2.0 * cos_h * cos_v / v_h).min(2.0 * cos_h * cos_l / v_h) } else { 1.0 };
         self.distribution(cos_h, m.max(M_FLOOR)) * cavity * self.fresnel(v_h) / (4.0 * cos_v)
     }
 

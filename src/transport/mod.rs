@@ -15,6 +15,7 @@ pub mod lobe;
 pub mod lookup;
 pub mod quadrature;
 pub mod render;
+pub mod scan;
 mod shade;
 pub mod tone;
 pub mod world;
@@ -22,6 +23,6 @@ pub mod world;
 pub use dome::{Dome, RadianceAt};
 pub use render::{Options, ReferencePicture, Renderer, render};
 pub use world::{
-    Camera, Gloss, Interior, NormalFrame, NormalMap, Placement, ReferenceLeaf, ReferenceMesh, ReferenceSide, ReferenceSun, SlabAt, Sunlit,
-    Through, World,
+    Camera, Gloss, Interior, NormalFrame, NormalMap, Placement, ReferenceLeaf, ReferenceMesh, ReferenceSide, ReferenceSun, Scanner, SlabAt,
+    Sunlit, Through, World,
 };

@@ -70,6 +70,16 @@ impl<'a> Renderer<'a> {
         Ok(Renderer { stage: Stage::new(world) })
     }
 
+    /// What is drawn.
+    pub(super) fn world(&self) -> &World {
+        self.stage.world
+    }
+
+    /// What comes back along one ray, without sun and dome.
+    pub(super) fn look(&self, ray: &Ray) -> [f64; 3] {
+        self.stage.see(ray, &[], &[]).radiance
+    }
+
     /// One picture.
     ///
     /// # Errors

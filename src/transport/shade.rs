@@ -209,6 +209,16 @@ impl<'a> Stage<'a> {
                 radiance[c] += (rho_d[c] * near[c] + rho_t[c] * beyond[c]) / PI + gloss.map_or(0.0, |(rho_s, _)| rho_s[c] * shine[c]);
             }
         }
+        if let Some(scanner) = &world.scanner {
+            let lamp = |l: DVec3| {
+                let surface = gloss.map_or(0.0, |(_, m)| leaf.lobe.with_cosine(n, view, l, m, scanner.bounded));
+                [n.dot(l).max(0.0) / PI, surface]
+            };
+            let [lambert, shine] = scanner.gathered(point, lamp);
+            for c in 0..3 {
+                radiance[c] += rho_d[c] * lambert + gloss.map_or(0.0, |(rho_s, _)| rho_s[c] * shine);
+            }
+        }
         Seen { radiance, surface: 1 + 2 * hit.instance as u32 + u32::from(seen_from_back), light }
     }
 }

@@ -21,6 +21,8 @@ pub struct World {
     pub sky: Option<[f64; 3]>,
     /// A sky of any radiance instead, which also is the background.
     pub dome: Option<Dome>,
+    /// A scanner instead of sun and sky.
+    pub scanner: Option<Scanner>,
     /// Radiance where nothing is hit.
     pub background: [f64; 3],
     /// What radiance is multiplied with before tone mapping.
@@ -36,6 +38,7 @@ impl Default for World {
             sun: None,
             sky: None,
             dome: None,
+            scanner: None,
             background: [0.0; 3],
             exposure: 1.0,
         }
@@ -73,6 +76,25 @@ pub struct ReferenceSun {
     pub irradiance: [f64; 3],
     /// Angular radius (rad), 0 to below π/2.
     pub radius: f64,
+}
+
+/// A tube-shaped lamp over the plane z = 0 and an orthographic camera whose picture is rectified to that plane, as `data/README.md` states for
+/// captures. Nothing casts a shadow, and nothing comes through.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scanner {
+    /// Towards the camera; a unit vector above the plane.
+    pub camera: DVec3,
+    pub pixel_mm: f64,
+    /// Height of the tube's axis, lit length (centred) and radius (0: thin).
+    pub height_mm: f64,
+    pub length_mm: f64,
+    pub radius_mm: f64,
+    /// The tube lies along x and moves along y, instead of the other way round.
+    pub along_x: bool,
+    /// Where it stands along its travel.
+    pub at_mm: f64,
+    /// Gloss with the V-cavity factor, as scenes have it; else without, as leaves are fitted.
+    pub bounded: bool,
 }
 
 /// A pinhole camera; row 0 of its picture is the top row.

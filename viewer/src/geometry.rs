@@ -140,3 +140,15 @@ pub(crate) fn view_projection(camera: &crate::scene::Camera, aspect: f32, near: 
     let view = glam::camera::rh::view::look_at_mat4(camera.eye, camera.target, camera.up.normalize());
     glam::camera::rh::proj::directx::perspective_infinite_reverse(camera.fov_y_deg.to_radians(), aspect, near) * view
 }
+
+/// Maps world space to a scanner's picture: a parallel projection along its camera onto z = 0; depth grows towards the camera.
+pub(crate) fn parallel_projection(scanner: &crate::scene::Scanner, width: u32, height: u32, radius: f32) -> Mat4 {
+    let scale = glam::vec2(width as f32, height as f32).recip() * (2.0 / scanner.pixel_mm);
+    let slant = scanner.camera.truncate() / scanner.camera.z;
+    Mat4::from_cols(
+        glam::vec4(scale.x, 0.0, 0.0, 0.0),
+        glam::vec4(0.0, scale.y, 0.0, 0.0),
+        glam::vec4(-scale.x * slant.x, -scale.y * slant.y, 0.25 / radius.max(1e-3), 0.0),
+        glam::vec4(0.0, 0.0, 0.5, 1.0),
+    )
+}

@@ -2,7 +2,7 @@
 
 use crate::detail;
 use crate::error::{Error, Result};
-use crate::geometry::{Extents, ball, view_projection};
+use crate::geometry::{Extents, ball, parallel_projection, view_projection};
 use crate::gpu::{AdapterInfo, Gpu, Options, instance_descriptor};
 use crate::leaf::{AlbedoCache, LeafOnGpu, Samplers};
 use crate::passes::bend::BendPass;
@@ -12,7 +12,7 @@ use crate::passes::sky::SkyPass;
 use crate::passes::tonemap::{self, TonemapPass};
 use crate::picture::Picture;
 use crate::readback::{self, Copy};
-use crate::scene::{Camera, Dome, Scene, Sun, Wind};
+use crate::scene::{Camera, Dome, Scanner, Scene, Sun, Wind};
 use crate::stats::Stats;
 use crate::timing::{Clock, PASSES, Timing};
 use crate::validate;
@@ -45,6 +45,7 @@ struct Loaded {
     sun: Option<Sun>,
     sky: Option<[f32; 3]>,
     dome: Option<Dome>,
+    scanner: Option<Scanner>,
     background: [f32; 3],
     shadow_texel: f32,
     shadow_layers: u32,
@@ -144,6 +145,7 @@ impl Renderer {
             sun: scene.sun,
             sky: scene.sky,
             dome: scene.dome.clone(),
+            scanner: scene.scanner,
             background: scene.background,
             shadow_texel,
             shadow_layers: layers,
@@ -161,6 +163,7 @@ impl Renderer {
             l.sun.is_some() == scene.sun.is_some()
                 && l.sky.is_some() == scene.sky.is_some()
                 && l.dome.is_some() == scene.dome.is_some()
+                && l.scanner.is_some() == scene.scanner.is_some()
                 && l.shadow_layers == shadow_layers(scene)
                 && l.shadow_resolution == scene.shadow_resolution
                 && l.msaa == scene.msaa
@@ -176,6 +179,7 @@ impl Renderer {
             loaded.shadow_texel = shadow.set_sun(&self.gpu, &sun, &loaded.corners);
         }
         (loaded.sun, loaded.sky, loaded.background) = (scene.sun, scene.sky, scene.background);
+        loaded.scanner = scene.scanner;
         if let Some(dome) = &scene.dome {
             loaded.main.set_dome(&self.gpu, dome);
         }
@@ -265,6 +269,19 @@ impl Renderer {
         Ok(Picture { width, height, hdr: hdr.floats(&self.gpu)?, ldr: ldr.bytes(&self.gpu)? })
     }
 
+    /// Draws what the scene's scanner sees.
+    ///
+    /// # Errors
+    /// As [`Renderer::render`], and `Scene` where there is no scanner.
+    pub fn scan(&mut self, width: u32, height: u32) -> Result<Picture> {
+        if self.loaded.as_ref().is_none_or(|l| l.scanner.is_none()) {
+            return Err(Error::Scene { place: "scanner".into(), found: "none".into(), expected: "a scene with a scanner".into() });
+        }
+        // The scanner's own camera is taken; this one only has to look somewhere.
+        let camera = Camera { eye: 1e3 * Vec3::Z, target: Vec3::ZERO, up: Vec3::Y, fov_y_deg: 30.0 };
+        self.render(&camera, width, height)
+    }
+
     /// Draws the picture `frames` times after one to warm up, without reading it back.
     pub fn time(&mut self, camera: &Camera, width: u32, height: u32, frames: usize) -> Result<Timing> {
         let clock = Clock::new(&self.gpu);
@@ -331,12 +348,18 @@ impl Renderer {
         }
         self.stats.triangles = loaded.leaves.iter().map(|l| l.geometry.levels.triangles()).sum();
         let frame = Frame {
-            view_projection: view_projection(camera, width as f32 / height as f32, near).to_cols_array_2d(),
-            eye: four(camera.eye),
+            view_projection: match &loaded.scanner {
+                Some(scanner) => parallel_projection(scanner, width, height, radius),
+                None => view_projection(camera, width as f32 / height as f32, near),
+            }
+            .to_cols_array_2d(),
+            eye: loaded.scanner.map_or(camera.eye.extend(1.0), |s| s.camera.extend(0.0)).to_array(),
             sun_direction: four(loaded.sun.map_or(Vec3::Z, |s| s.direction.normalize())),
             sun_irradiance: colour(loaded.sun.map_or([0.0; 3], |s| s.irradiance)),
             sky: colour(loaded.sky.unwrap_or([0.0; 3])),
             shadow: [loaded.shadow_texel, apart, 0.0, 0.0],
+            tube: loaded.scanner.map_or([0.0; 4], |s| [s.at_mm, 0.5 * s.length_mm, s.radius_mm, s.height_mm]),
+            travel: loaded.scanner.map_or([0.0; 4], |s| [f32::from(u8::from(s.along_x)), f32::from(u8::from(s.bounded)), 0.0, 0.0]),
         };
         self.gpu.queue.write_buffer(&loaded.main.frame, 0, bytemuck::bytes_of(&frame));
         if let (Some(sky), Some(dome)) = (&loaded.seen_sky, &loaded.dome) {

@@ -46,6 +46,8 @@ pub struct Scene {
     pub sky: Option<[f32; 3]>,
     /// A sky that differs from direction to direction, instead of a constant one; `None` leaves its code and its pass out.
     pub dome: Option<Dome>,
+    /// A scanner instead of sun and sky; seen by [`Renderer::scan`](crate::Renderer::scan). `None` leaves its code out.
+    pub scanner: Option<Scanner>,
     pub background: [f32; 3],
     pub exposure: f32,
     /// Shadow maps spread over the sun's disk: 0 leaves shadows out, 1 is a hard shadow, more are softer and truer.
@@ -121,6 +123,28 @@ pub struct Sun {
     pub irradiance: [f32; 3],
     /// Angular radius (rad); 0.004 65 for the real one.
     pub radius: f32,
+}
+
+/// A tube-shaped lamp that moves over the plane z = 0 and an orthographic camera whose picture is rectified to that plane: pixel (i, j) of W×H is
+/// the point ((i + ½ − W/2)·p, (H/2 − j − ½)·p). Nothing casts a shadow, and nothing comes through.
+///
+/// With R the distance to the axis, h its height, and the tube seen under the angles θ ± β across and φ₀ … φ₁ along,
+/// L = h/R · β/sin β · 2 ∫∫ (ρd/π + f_s) max(0, N·l) cosφ dφ dθ/2β, so that a white matte texel facing up under an infinite tube straight above shows 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scanner {
+    /// Towards the camera; a unit vector above the plane.
+    pub camera: Vec3,
+    pub pixel_mm: f32,
+    /// Height of the tube's axis, lit length (centred) and radius; radius 0 is a thin tube.
+    pub height_mm: f32,
+    pub length_mm: f32,
+    pub radius_mm: f32,
+    /// The tube lies along x and moves along y, instead of the other way round.
+    pub along_x: bool,
+    /// Where it stands along its travel.
+    pub at_mm: f32,
+    /// Gloss with the V-cavity factor G, as scenes have it; else without, as leaves are fitted (Wang et al. 2005, Eq. 7).
+    pub bounded: bool,
 }
 
 /// A sky: the light it throws on the leaves, and how it looks behind them. Plain numbers: where they come from is the caller's business.

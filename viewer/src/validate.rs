@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
-use crate::scene::{Camera, Dome, Interior, Leaf, Lobe, MOST_BRANCHES, Scene, Side};
+use crate::scene::{Camera, Dome, Interior, Leaf, Lobe, MOST_BRANCHES, Scanner, Scene, Side};
 
 /// Shadow maps larger than this in total are refused (bytes).
 const SHADOW_BUDGET: u64 = 2 << 30;
@@ -37,6 +37,9 @@ pub(crate) fn scene(gpu: &Gpu, scene: &Scene) -> Result<()> {
     if let Some(dome) = &scene.dome {
         check_dome(scene, dome)?;
     }
+    if let Some(scanner) = &scene.scanner {
+        check_scanner(scene, scanner)?;
+    }
     if !scene.exposure.is_finite() || scene.exposure < 0.0 {
         return Err(wrong("exposure", scene.exposure, "finite and not negative"));
     }
@@ -48,6 +51,23 @@ pub(crate) fn scene(gpu: &Gpu, scene: &Scene) -> Result<()> {
             return Err(wrong("sun, radius", sun.radius, "0 up to 0.5 rad"));
         }
         shadow(gpu, scene)?;
+    }
+    Ok(())
+}
+
+fn check_scanner(scene: &Scene, scanner: &Scanner) -> Result<()> {
+    if scene.sun.is_some() || scene.sky.is_some() || scene.dome.is_some() {
+        return Err(wrong("scanner", "a sun or a sky beside it", "the tube as the only light"));
+    }
+    if (scanner.camera.length() - 1.0).abs() > 1e-3 || scanner.camera.z <= 0.0 {
+        return Err(wrong("scanner, camera", scanner.camera, "a unit vector above the plane"));
+    }
+    let lengths = [scanner.pixel_mm, scanner.height_mm, scanner.length_mm];
+    if !lengths.iter().all(|v| v.is_finite() && *v > 0.0)
+        || !(0.0..scanner.height_mm).contains(&scanner.radius_mm)
+        || !scanner.at_mm.is_finite()
+    {
+        return Err(wrong("scanner", format!("{scanner:?}"), "positive lengths and a radius below the height"));
     }
     Ok(())
 }

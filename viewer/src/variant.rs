@@ -14,6 +14,8 @@ pub(crate) struct Variant {
     pub sky: bool,
     /// The sky's light comes as harmonics.
     pub dome: bool,
+    /// A tube lights it.
+    pub scanner: bool,
     pub mask: bool,
     /// The mask is sampled where the pixel's samples are, instead of at its centre.
     pub sample_mask: bool,
@@ -61,10 +63,12 @@ impl Variant {
     pub(crate) fn new(gpu: &Gpu, scene: &Scene, leaf: &Leaf) -> Variant {
         let (sun, dome) = (scene.sun.is_some(), scene.dome.is_some());
         let sky = scene.sky.is_some() || dome;
+        let scanner = scene.scanner.is_some();
         let side = |side: &Side| {
-            let gloss = (sun || sky) && side.gloss.as_ref().is_some_and(|g| g.iter().any(|t| t[0] > 0.0 || t[1] > 0.0 || t[2] > 0.0));
+            let gloss =
+                (sun || sky || scanner) && side.gloss.as_ref().is_some_and(|g| g.iter().any(|t| t[0] > 0.0 || t[1] > 0.0 || t[2] > 0.0));
             // A constant sky sees the normal only through the gloss's directional albedo.
-            let normal = side.normal.is_some() && (sun || dome || (sky && gloss));
+            let normal = side.normal.is_some() && (sun || dome || scanner || (sky && gloss));
             let translucency = side.translucency.as_ref().filter(|_| sun).map_or(0, |t| t.layers().len() as u32);
             SideVariant { maps: matches!(side.interior, Interior::Maps { .. }), black: side.is_black(), gloss, normal, translucency }
         };
@@ -84,6 +88,7 @@ impl Variant {
             shadow: shadow_layers(scene),
             sky,
             dome,
+            scanner,
             mask,
             sample_mask,
             front,
@@ -99,7 +104,7 @@ impl Variant {
 
     /// Whether any light reaches the leaf: without one no map is read.
     pub(crate) fn lit(&self) -> bool {
-        self.sun || self.sky
+        self.sun || self.sky || self.scanner
     }
 
     pub(crate) fn tangent(&self) -> bool {
@@ -134,6 +139,7 @@ impl Variant {
             .set("LEVELS", self.levels)
             .set("SKY", self.sky)
             .set("DOME", self.dome)
+            .set("SCANNER", self.scanner)
             .set("LIT", lit)
             .set("MASK", self.mask)
             .set("SAMPLE_MASK", self.sample_mask)
@@ -171,6 +177,7 @@ impl Variant {
         say(self.sun, "sun".into());
         say(self.shadow > 0, format!("shadow {}", self.shadow));
         say(self.sky, if self.dome { "dome" } else { "sky" }.into());
+        say(self.scanner, "scanner".into());
         say(self.mask, "mask".into());
         for (name, side) in [("front", self.front), ("back", self.back)] {
             let parts = [

@@ -4,6 +4,7 @@ use super::gloss::LobeArgs;
 use crate::cli::{Common, print, print_json};
 use crate::files::progress::say;
 use crate::fit::dome;
+use crate::fit::leaf::held_out::HoldOut;
 use crate::fit::leaf::texels::Shard;
 use crate::fit::leaf::{Method, Options, Outcome, run as fit};
 use crate::fit::record::FitRecord;
@@ -32,6 +33,12 @@ pub struct Args {
     /// Weigh no texel down, however badly it fits
     #[arg(long)]
     no_robust: bool,
+    /// Leave one frame of every N out of the fit and judge the fit by it; 0 leaves none out
+    #[arg(long, value_name = "N", default_value = "20", value_parser = parse_hold_out)]
+    hold_out: usize,
+    /// Seed that draws the frames that are left out
+    #[arg(long, value_name = "SEED", default_value = "1")]
+    hold_out_seed: u64,
     /// Fit only the I-th of N parts of the texels (1-based), for several processes or machines
     #[arg(long, value_name = "I/N", value_parser = parse_shard)]
     shard: Option<Shard>,
@@ -58,6 +65,11 @@ fn parse_shard(text: &str) -> std::result::Result<Shard, String> {
         Some((i, n)) if i >= 1 && i <= n => Ok(Shard { index: i - 1, count: n }),
         _ => Err("expected I/N with 1 ≤ I ≤ N, such as 2/4".into()),
     }
+}
+
+/// Every second frame at most: a fit needs most of what was measured.
+fn parse_hold_out(text: &str) -> std::result::Result<usize, String> {
+    text.parse().ok().filter(|n| *n == 0 || (2..=10_000).contains(n)).ok_or_else(|| "expected 0 (none) or 2 to 10000".into())
 }
 
 /// What a capture's `kind` says; the kind of a scan under a tube is not written.
@@ -95,6 +107,7 @@ fn from_tube(args: &Args) -> Result<Outcome> {
         },
         lobe: args.lobe.lobe()?,
         robust: !args.no_robust,
+        hold_out: HoldOut { every: args.hold_out, seed: args.hold_out_seed },
         shard: args.shard,
         merge: args.merge,
         force: args.force,
@@ -155,6 +168,12 @@ fn summary(record: &FitRecord) -> String {
         }
         for (what, r) in &section.residuals {
             text += &format!("  {what}: reduced chi2 {:.3}\n", r.reduced_chi2);
+        }
+        for (pass, held) in &section.held_out {
+            let (n, chi2, expected, off) = (held.frames.len(), held.reduced_chi2, held.expected, held.off());
+            text += &format!(
+                "  {n} held-out frames of pass {pass}: reduced chi2 {chi2:.3}, {expected:.3} expected; off by {off:.2} of the noise\n"
+            );
         }
     }
     text

@@ -8,6 +8,7 @@ pub mod curve;
 pub mod defect;
 mod doubt;
 pub mod fill;
+pub mod held_out;
 mod interior;
 mod noise;
 mod outliers;
@@ -22,7 +23,7 @@ pub mod textures;
 mod truth;
 pub mod wide;
 
-use crate::capture::manifest::{SideName, Travel};
+use crate::capture::manifest::{Pass, SideName, Travel};
 use crate::capture::reader::Capture;
 use crate::files::hash;
 use crate::files::progress::Bar;
@@ -30,6 +31,7 @@ use crate::fit::gloss::{Device, TexelFitter};
 use crate::fit::record::{self, FitRecord, Phase, SCHEMA, Times};
 use crate::optics::gloss::Lobe;
 use crate::{Error, Result};
+use held_out::{HoldOut, Splits};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use texels::{Job, Shard};
@@ -59,6 +61,8 @@ pub struct Options {
     pub method: Method,
     pub lobe: Lobe,
     pub robust: bool,
+    /// Which frames are left out of the fit, to judge it by.
+    pub hold_out: HoldOut,
     /// Make only these parts of the texel phase.
     pub shard: Option<Shard>,
     /// Do not fit texels: put the parts of all shards together.
@@ -69,13 +73,22 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Options { method: Method::Exact, lobe: Lobe::Beckmann, robust: true, shard: None, merge: false, force: false }
+        Options {
+            method: Method::Exact,
+            lobe: Lobe::Beckmann,
+            robust: true,
+            hold_out: HoldOut::default(),
+            shard: None,
+            merge: false,
+            force: false,
+        }
     }
 }
 
 impl Options {
     fn describe(&self) -> String {
-        format!("method={} lobe={:?} robust={}", self.method.name(), self.lobe, self.robust)
+        let HoldOut { every, seed } = self.hold_out;
+        format!("method={} lobe={:?} robust={} hold_out={every}/{seed}", self.method.name(), self.lobe, self.robust)
     }
 }
 
@@ -122,7 +135,9 @@ pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     let parts = out.join(format!("parts-{}", &input[..12]));
     let manifest = &capture.manifest;
     let step = Instant::now();
-    let level = noise::level(&capture)?;
+    let split = |travel| manifest.pass(travel).map_or_else(Default::default, |p| options.hold_out.split(travel, p.positions().len()));
+    let splits = Splits { x: split(Travel::X), y: split(Travel::Y) };
+    let level = noise::level(&capture, &splits)?;
     let sides = manifest.sides.iter().map(|&s| side::Measured::read(&capture, s, &level)).collect::<Result<Vec<_>>>()?;
     phases.add("light box and mask", step);
 
@@ -136,13 +151,17 @@ pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
         noise_relative: level.relative,
         noise_floor: level.floor,
     };
-    let x = manifest.pass(Travel::X).map(|p| p.positions()).unwrap_or_default();
-    let y = manifest.pass(Travel::Y).map(|p| p.positions());
+    let seen = |p: &Pass| {
+        let positions = p.positions();
+        splits.of(p.name).kept.iter().map(|k| positions[*k]).collect::<Vec<f64>>()
+    };
+    let x = manifest.pass(Travel::X).map(seen).unwrap_or_default();
+    let y = manifest.pass(Travel::Y).map(seen);
     let mut fitter = TexelFitter::new(&device, &x, y.as_deref());
     fitter.unseen = if y.is_none() { doubt::UNSEEN } else { 0.0 };
     let jobs: Vec<Job> = sides
         .iter()
-        .map(|s| Job { capture: &capture, side: s.side, mask: &s.mask, fitter: &fitter, level: &level, parts: &parts })
+        .map(|s| Job { capture: &capture, side: s.side, mask: &s.mask, fitter: &fitter, level: &level, splits: &splits, parts: &parts })
         .collect();
     if !options.merge {
         let bar = Bar::new("fitting texels", sides.iter().map(|s| s.count() as u64).sum());
@@ -179,7 +198,7 @@ pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
         input_hash: input,
         ..FitRecord::default()
     };
-    output::describe(&mut record, &capture, options, &level);
+    output::describe(&mut record, &capture, options, &level, &splits);
     let mut times =
         Times { capture: Some(capture.folder.display().to_string()), threads: rayon::current_num_threads(), ..Times::default() };
     let mut done = Vec::new();
@@ -194,9 +213,18 @@ pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     let blade = output::blade(&capture, &done);
     phases.add("blade", step);
     let step = Instant::now();
+    let mut judged = Vec::new();
     for fitted in &done {
+        // Floats and the slab's curve hold a transmittance to a few millionths: less noise than that is not claimed.
+        let relative = (level.relative * level.lightbox * std::f64::consts::SQRT_2).max(noise::LEAST_RELATIVE);
+        let noise = (relative, fitted.measured.floor);
+        judged.push(held_out::judge(&capture, record.scan.get_or_insert_default(), &splits, fitted, noise)?);
+    }
+    phases.add("held-out frames", step);
+    let step = Instant::now();
+    for (fitted, judged) in done.iter().zip(judged) {
         let truth = truth::compare(&capture, fitted)?;
-        output::side(out, &capture, fitted, &level, blade.as_ref(), truth, &mut record)?;
+        output::side(out, &capture, fitted, &level, blade.as_ref(), truth, judged, &mut record)?;
     }
     output::finish(out, &capture, blade.as_ref(), &mut record)?;
     phases.add("write maps", step);

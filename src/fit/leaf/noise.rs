@@ -4,6 +4,7 @@ use crate::Result;
 use crate::capture::manifest::{SideName, Travel};
 use crate::capture::reader::Capture;
 use crate::fit::gloss::ReadingNoise;
+use crate::fit::leaf::held_out::Splits;
 
 /// Standard deviation √((relative·value)² + floor²) of a value as the camera recorded it, before the dark frame is taken off and before
 /// division by the white sheet.
@@ -52,18 +53,18 @@ impl Level {
 }
 
 /// The texel model is integrated to about 1e-5 (`optics/tube`): claiming less noise would weigh its own error as signal.
-const LEAST_RELATIVE: f64 = 2e-5;
+pub const LEAST_RELATIVE: f64 = 2e-5;
 const LEAST_FLOOR: f64 = 1e-7;
 
-/// Stated or estimated noise.
-pub fn level(capture: &Capture) -> Result<Level> {
+/// Stated noise, or the noise estimated from the frames that the fit sees.
+pub fn level(capture: &Capture, splits: &Splits) -> Result<Level> {
     let m = &capture.manifest;
     let median_gain = capture.median_gain();
     let stated = m.noise_relative.zip(m.noise_floor.map(|f| f / median_gain));
     let (relative, floor) = match stated {
         Some(both) => both,
         None => {
-            let (relative, floor) = estimate(&sample(capture)?.1);
+            let (relative, floor) = estimate(&sample(capture, splits)?.1);
             (m.noise_relative.unwrap_or(relative), m.noise_floor.map_or(floor, |f| f / median_gain))
         }
     };
@@ -73,7 +74,7 @@ pub fn level(capture: &Capture) -> Result<Level> {
     let dark = capture.dark().and_then(|d| roughness(d, m.width)).map_or(0.0, |(sd, _)| sd);
     let mut level = Level { relative, floor, median_gain, lightbox, dark, estimated: stated.is_none(), seen: None };
     if !level.estimated {
-        let (texels, traces) = sample(capture)?;
+        let (texels, traces) = sample(capture, splits)?;
         level.seen = roughness_of_traces(&traces, &level.readings(capture, &texels));
     }
     Ok(level)
@@ -128,13 +129,13 @@ fn roughness_of_traces(traces: &[Vec<f64>], noise: &[ReadingNoise]) -> Option<f6
     Some(*all.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.674_489_75)
 }
 
-/// Traces of texels across the middle rows: the texels, and three channels of each in turn.
-fn sample(capture: &Capture) -> Result<(Vec<[u32; 2]>, Vec<Vec<f64>>)> {
+/// Traces of texels across the middle rows, without the frames that the fit leaves out: the texels, and three channels of each in turn.
+fn sample(capture: &Capture, splits: &Splits) -> Result<(Vec<[u32; 2]>, Vec<Vec<f64>>)> {
     let m = &capture.manifest;
     let rows = m.height / 2..(m.height / 2 + 2).min(m.height);
     let step = (m.width / 200).max(1);
     let texels: Vec<[u32; 2]> = (0..m.width).step_by(step).map(|i| [i as u32, rows.start as u32]).collect();
-    let band = capture.band(SideName::Front, Travel::X, rows, &texels)?;
+    let band = capture.band(SideName::Front, Travel::X, rows, &texels, &splits.x.kept)?;
     let traces =
         (0..texels.len()).flat_map(|n| [0, 1, 2].map(|c: usize| band.iter().map(|f| f64::from(f[n][c])).collect::<Vec<f64>>())).collect();
     Ok((texels, traces))

@@ -8,6 +8,7 @@ use crate::files::hash;
 use crate::files::image::{Maps, Packing, write_exr};
 use crate::fit::leaf::blade::{self, Blade, Grid, glb};
 use crate::fit::leaf::defect::Defect;
+use crate::fit::leaf::held_out::{self, Judged, Scan, Splits};
 use crate::fit::leaf::interior::Fitted;
 use crate::fit::leaf::noise::Level;
 use crate::fit::leaf::truth::Comparison;
@@ -18,12 +19,29 @@ use std::path::Path;
 const RGB: [&str; 3] = ["R", "G", "B"];
 
 /// Options, gauges and defect names: everything in `fit.toml` that no side owns.
-pub fn describe(record: &mut FitRecord, capture: &Capture, options: &Options, level: &Level) {
+pub fn describe(record: &mut FitRecord, capture: &Capture, options: &Options, level: &Level, splits: &Splits) {
     let m = &capture.manifest;
+    let (lobe, lobe_index) = Scan::name_lobe(options.lobe);
+    record.scan = Some(Scan {
+        texel_mm: m.texel_mm,
+        camera_deg: m.camera_deg,
+        lightbox_camera_deg: m.lightbox.camera_deg,
+        tube_height_mm: m.tube.height_mm,
+        tube_length_mm: m.tube.length_mm,
+        tube_radius_mm: m.tube.radius_mm,
+        lobe,
+        lobe_index,
+        noise_relative: level.relative,
+        noise_floor: level.floor,
+        hold_out: options.hold_out.every,
+        hold_out_seed: options.hold_out.seed,
+        stored_step: held_out::stored_step(m.width, m.height, m.passes.len()),
+    });
     let mut say = |name: &str, text: String| record.options.insert(name.to_string(), text);
     say("method", options.method.name().into());
     say("lobe", format!("{:?}", options.lobe));
     say("robust", options.robust.to_string());
+    say("held_out", held_out::in_words(m, options.hold_out, splits));
     say("gauge", "mean thickness over good texels = thickness_mm; mean gamma = 1 a channel".into());
     say("noise_relative", format!("{:?}{}", level.relative, if level.estimated { " (estimated)" } else { "" }));
     say("noise_floor", format!("{:?}{}", level.floor, if level.estimated { " (estimated)" } else { "" }));
@@ -83,6 +101,7 @@ pub fn side(
     level: &Level,
     blade: Option<&Blade>,
     truth: Comparison,
+    judged: Judged,
     record: &mut FitRecord,
 ) -> Result<()> {
     let (values, errors) = maps(fitted, capture);
@@ -97,7 +116,11 @@ pub fn side(
     }
     textures::packed(out, &grid, m.thickness_mm, fitted.side, &values, blade)?;
     textures::previews(out, fitted.side, &values)?;
-    record.sections.insert(fitted.side.name().into(), section(capture, fitted, level, truth));
+    if let Some(frames) = &judged.stored {
+        write_exr(&map_path(out, fitted.side, "held_out"), frames, Packing::Zip)?;
+    }
+    let section = Section { held_out: judged.passes, light_box: judged.light_box, ..section(capture, fitted, level, truth) };
+    record.sections.insert(fitted.side.name().into(), section);
     Ok(())
 }
 
@@ -115,7 +138,7 @@ pub fn finish(out: &Path, capture: &Capture, blade: Option<&Blade>, record: &mut
     }
     let mut names = vec!["blade.glb".to_string()];
     for side in &capture.manifest.sides {
-        for what in ["", "err", "gamma_delta", "rho_s_m", "normal"] {
+        for what in ["", "err", "gamma_delta", "rho_s_m", "normal", "held_out"] {
             names.push(map_path(Path::new(""), *side, what).to_string_lossy().into_owned());
         }
     }

@@ -10,6 +10,7 @@ use crate::files::progress::{Bar, stop_requested};
 use crate::fit::gloss::{TexelFit, TexelFitter};
 use crate::fit::leaf::defect::Defect;
 use crate::fit::leaf::noise::Level;
+use crate::fit::leaf::held_out::Splits;
 use crate::{Error, Result};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -61,6 +62,8 @@ pub struct Job<'a> {
     pub mask: &'a [bool],
     pub fitter: &'a TexelFitter,
     pub level: &'a Level,
+    /// Which frames the fitter sees.
+    pub splits: &'a Splits,
     /// Folder of the part files.
     pub parts: &'a Path,
 }
@@ -116,7 +119,8 @@ impl Job<'_> {
         let (x, y) = if texels.is_empty() {
             (Vec::new(), Vec::new())
         } else {
-            (self.capture.band(self.side, Travel::X, rows.clone(), texels)?, self.capture.band(self.side, Travel::Y, rows.clone(), texels)?)
+            let read = |travel| self.capture.band(self.side, travel, rows.clone(), texels, &self.splits.of(travel).kept);
+            (read(Travel::X)?, read(Travel::Y)?)
         };
         spent.reading += clock.elapsed().as_secs_f64();
         let clock = std::time::Instant::now();

@@ -3,9 +3,10 @@
 
 use super::cost::timed;
 use super::pictures::save;
-use super::report::{ViewReport, exceeds};
+use super::report::{TrueLeaf, ViewReport, exceeds};
 use super::{Options, told};
 use crate::Result;
+use crate::files::image::write_png;
 use crate::files::progress;
 use crate::scene::manifest::{JudgedBy, Manifest, View};
 use crate::scene::plan::Plan;
@@ -19,6 +20,8 @@ use std::time::Instant;
 pub struct Stages<'a> {
     pub truth: &'a transport::Renderer<'a>,
     pub by_maps: Option<&'a transport::Renderer<'a>>,
+    /// The reference with the true leaves, where scans are synthetic.
+    pub true_leaf: Option<&'a transport::Renderer<'a>>,
 }
 
 pub fn one_view(
@@ -72,6 +75,14 @@ pub fn one_view(
     } else if golden.is_file() && plan.all_named() {
         let seen = golden::compare(&golden, &truth, &picture.ldr)?;
         out.judge_against_golden(&golden, seen);
+    }
+    if let Some(stage) = stages.true_leaf {
+        // The same rays: what differs is the fit.
+        let grown = stage.render(&camera, w, h, &sampling(manifest.check.seed))?;
+        let apart = compare::compare(&grown, &picture.ldr)?;
+        let file = format!("{}-true-leaf.png", view.name);
+        write_png(&options.out.join(&file), w, h, grown.ldr.as_flattened())?;
+        out.true_leaf = Some(TrueLeaf { flip_mean: apart.flip_mean, flip_p99: apart.flip_p99, max_error: apart.max_error, picture: file });
     }
     save(&mut out, options, &truth, &picture, &seen)?;
     out.passed = out.why.is_empty();

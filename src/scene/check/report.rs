@@ -1,5 +1,6 @@
 //! The verdict of a check: a view's figures, what the translucency maps cost, and all of it as JSON and in words.
 
+use super::CaptureReport;
 use crate::scene::day::Hour;
 use crate::scene::manifest::Manifest;
 use serde_json::{Value, json};
@@ -12,6 +13,10 @@ pub struct Report {
     /// Drawn by the CPU: frame times are printed, not judged.
     pub software: bool,
     pub views: Vec<ViewReport>,
+    /// Leaves as their scans saw them, against held-out frames.
+    pub captures: Vec<CaptureReport>,
+    /// Capture views that could not be drawn, a sentence each; they are not judged.
+    pub skipped: Vec<String>,
     /// What else went wrong, a sentence each: files that are not what was fitted.
     pub failures: Vec<String>,
     /// What is strange about the scene and fails nothing: see [`crate::scene::plan::Plan::warnings`].
@@ -58,6 +63,8 @@ pub struct ViewReport {
     pub threshold_max_error: f64,
     /// FLIP and largest error against the scene's golden picture.
     pub golden: Option<(f64, f64)>,
+    /// The renderer's picture against the reference's of the true leaves.
+    pub true_leaf: Option<TrueLeaf>,
     pub frame_ms_median: f64,
     pub frame_ms_p95: f64,
     /// Drawn in a frame, instances counted each.
@@ -74,6 +81,15 @@ pub struct ViewReport {
     pub difference_top: Option<f64>,
     pub passed: bool,
     pub why: Vec<String>,
+}
+
+/// What the fit costs where the true leaves are known: the picture from the fit against the reference's picture of the truth.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TrueLeaf {
+    pub flip_mean: f64,
+    pub flip_p99: f64,
+    pub max_error: Option<f64>,
+    pub picture: String,
 }
 
 /// Above the limit; a NaN is too.
@@ -101,6 +117,10 @@ impl ViewReport {
             "threshold_max_error": self.threshold_max_error,
             "golden_flip_p99": self.golden.map(|g| g.0),
             "golden_max_error": self.golden.map(|g| g.1),
+            "true_leaf_flip_mean": self.true_leaf.as_ref().map(|t| t.flip_mean),
+            "true_leaf_flip_p99": self.true_leaf.as_ref().map(|t| t.flip_p99),
+            "true_leaf_max_error": self.true_leaf.as_ref().and_then(|t| t.max_error),
+            "true_leaf": self.true_leaf.as_ref().map(|t| &t.picture),
             "frame_ms_median": self.frame_ms_median,
             "frame_ms_p95": self.frame_ms_p95,
             "triangles": self.triangles,
@@ -151,6 +171,10 @@ impl ViewReport {
             };
             line += &format!("\n        {what}: FLIP 99 % {flip:.4}, largest error {error:.4}");
         }
+        if let Some(t) = &self.true_leaf {
+            let error = t.max_error.map_or("-".to_string(), |e| format!("{e:.4}"));
+            line += &format!("\n        from the true leaf: FLIP mean {:.4}, 99 % {:.4}, largest error {error}", t.flip_mean, t.flip_p99);
+        }
         for why in &self.why {
             line += &format!("\n        {why}");
         }
@@ -171,6 +195,8 @@ impl Report {
             "failures": self.failures,
             "warnings": self.warnings,
             "views": self.views.iter().map(ViewReport::json).collect::<Vec<_>>(),
+            "captures": self.captures,
+            "skipped": self.skipped,
             "uploads": self.uploads.iter().map(|(n, b)| json!({"name": n, "bytes": b})).collect::<Vec<_>>(),
             "uploaded_bytes": self.uploads.iter().map(|(_, b)| b).sum::<u64>(),
             "pipelines": self.pipelines,
@@ -198,6 +224,9 @@ impl Report {
         }
         for view in &self.views {
             out += &format!("{}\n", view.line());
+        }
+        for line in self.captures.iter().map(CaptureReport::line).chain(self.skipped.iter().cloned()) {
+            out += &format!("{line}\n");
         }
         if let Some(term) = &self.translucency {
             let [with, without] = term.operations;

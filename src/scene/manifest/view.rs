@@ -1,5 +1,6 @@
 //! Who looks, and how a picture is checked against its reference.
 
+use crate::capture::manifest::{SideName, Travel};
 use serde::Deserialize;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
@@ -9,6 +10,8 @@ pub enum ViewKind {
     Perspective,
     /// A flat patch with one leaf's mean parameters, lit as the scene is: its radiance is known in closed form.
     Card,
+    /// A leaf as its own scan saw it, from the fit, against a frame that the fit did not see.
+    Capture,
 }
 
 /// What light through translucency maps is judged against.
@@ -31,14 +34,20 @@ pub struct View {
     pub target_mm: Option<[f64; 3]>,
     pub up: Option<[f64; 3]>,
     pub fov_deg: Option<f64>,
-    /// The card's leaf and how it is turned.
+    /// The card's or the scan's leaf, and how the card is turned.
     pub leaf: Option<String>,
     pub rotation_deg: Option<[f64; 3]>,
+    /// Which held-out frame of the scan: side (front where it is not said), pass and number. Where something is open it is the brightest one that
+    /// the fit keeps.
+    pub side: Option<SideName>,
+    pub pass: Option<Travel>,
+    pub frame: Option<usize>,
     /// When the scene is seen, instead of the wind's own time.
     pub time_s: Option<f64>,
     /// Largest 99th percentile of FLIP against the reference.
     pub flip_p99: Option<f64>,
-    /// Largest difference of a displayed value (0 to 1) over interior pixels; for a card, of the radiance relative to the closed form.
+    /// Largest difference of a displayed value (0 to 1) over interior pixels; for a card, of the radiance relative to the closed form; for a
+    /// scan, how far the picture may be off in units of the measurement's noise.
     pub max_error: Option<f64>,
     /// Largest median frame time (ms); judged on real GPUs only.
     pub frame_ms: Option<f64>,

@@ -21,6 +21,14 @@ pub fn views(p: &Place) -> Result<()> {
 fn one_view(p: &Place, i: usize, view: &View) -> Result<()> {
     const HEADER: &str = "[[view]]";
     let missing = |key: &str| p.error(HEADER, i, key, format!("missing; view \"{}\" needs it", view.name));
+    if view.kind == ViewKind::Capture {
+        return capture(p, i, view);
+    }
+    for (key, given) in [("side", view.side.is_some()), ("pass", view.pass.is_some()), ("frame", view.frame.is_some())] {
+        if given {
+            return Err(p.error(HEADER, i, key, "given, but only capture views have one"));
+        }
+    }
     let (Some(eye), Some(target)) = (view.eye_mm, view.target_mm) else {
         return Err(missing(if view.eye_mm.is_none() { "eye_mm" } else { "target_mm" }));
     };
@@ -46,6 +54,7 @@ fn one_view(p: &Place, i: usize, view: &View) -> Result<()> {
                 }
             }
         }
+        ViewKind::Capture => {}
         ViewKind::Card => {
             p.leaf(HEADER, i, "leaf", view.leaf.as_deref().ok_or_else(|| missing("leaf"))?)?;
             p.finite(HEADER, i, "rotation_deg", &view.rotation_deg.unwrap_or_default())?;
@@ -56,7 +65,7 @@ fn one_view(p: &Place, i: usize, view: &View) -> Result<()> {
     }
     if let Some(time) = view.time_s {
         let what = match (&p.manifest.wind, view.kind) {
-            (_, ViewKind::Card) => "given, but a card does not move",
+            (_, ViewKind::Card | ViewKind::Capture) => "given, but a card does not move",
             (None, _) => "given, but the scene has no [wind]",
             _ => "",
         };
@@ -67,6 +76,34 @@ fn one_view(p: &Place, i: usize, view: &View) -> Result<()> {
     }
     if let Some(ms) = view.frame_ms {
         p.positive(HEADER, i, "frame_ms", ms, "time")?;
+    }
+    Ok(())
+}
+
+/// A scan's view has the scan's own camera and light.
+fn capture(p: &Place, i: usize, view: &View) -> Result<()> {
+    const HEADER: &str = "[[view]]";
+    p.leaf(
+        HEADER,
+        i,
+        "leaf",
+        view.leaf.as_deref().ok_or_else(|| p.error(HEADER, i, "leaf", format!("missing; view \"{}\" needs it", view.name)))?,
+    )?;
+    let given = [
+        ("eye_mm", view.eye_mm.is_some()),
+        ("target_mm", view.target_mm.is_some()),
+        ("up", view.up.is_some()),
+        ("fov_deg", view.fov_deg.is_some()),
+        ("rotation_deg", view.rotation_deg.is_some()),
+        ("time_s", view.time_s.is_some()),
+        ("flip_p99", view.flip_p99.is_some()),
+        ("frame_ms", view.frame_ms.is_some()),
+    ];
+    if let Some((key, _)) = given.iter().find(|g| g.1) {
+        return Err(p.error(HEADER, i, key, "given, but a capture view has the camera and the light of its scan"));
+    }
+    if let Some(most) = view.max_error {
+        p.range(HEADER, i, "max_error", most, [0.0, 10.0], "of the measurement's noise")?;
     }
     Ok(())
 }

@@ -1,6 +1,6 @@
 // How light meets a surface: the lobe, the sun's visible share, the lobe's albedo and what it collects of the sky's harmonics. Part of the main pass.
 
-//#if SUN
+//#if SUN || SCANNER
 //#if GLOSS
 // f_s per unit ρs; 0 where the half vector lies below the surface.
 fn lobe(normal: vec3f, light: vec3f, view: vec3f, roughness: f32) -> f32 {
@@ -22,7 +22,11 @@ fn lobe(normal: vec3f, light: vec3f, view: vec3f, roughness: f32) -> f32 {
     //#else
     let density = exp(-tan2 / m2) / (3.14159265 * m2 * cos2 * cos2);
     //#endif
+    //#if SCANNER
+    let cavity = select(1.0, min(1.0, 2.0 * nh * min(nv, nl) / vh), frame.travel.y > 0.5);
+    //#else
     let cavity = min(1.0, 2.0 * nh * min(nv, nl) / vh);
+    //#endif
     var f = density * cavity / (4.0 * nl * nv);
     //#if FRESNEL
     let n = constants.leaf.y;

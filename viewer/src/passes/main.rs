@@ -25,6 +25,8 @@ pub(crate) struct Frame {
     pub sun_irradiance: [f32; 4],
     pub sky: [f32; 4],
     pub shadow: [f32; 4],
+    pub tube: [f32; 4],
+    pub travel: [f32; 4],
 }
 
 /// Pipelines made so far, kept from scene to scene.
@@ -225,6 +227,7 @@ mod tests {
             shadow: 0,
             sky: true,
             dome: false,
+            scanner: false,
             mask: false,
             sample_mask: false,
             front: side,

@@ -3,12 +3,17 @@
 
 struct Frame {
     view_projection: mat4x4f,
+    // The eye and 1, or the direction to a parallel camera and 0.
     eye: vec4f,
     sun_direction: vec4f,
     sun_irradiance: vec4f,
     sky: vec4f,
     // x: side of a shadow texel, y: how far levels of detail may be apart (mm).
     shadow: vec4f,
+    // A scanner's tube. x: where it stands along its travel, y: half its length, z: radius, w: height.
+    tube: vec4f,
+    // x: 1 where it moves along y, y: 1 for gloss with its V-cavity factor.
+    travel: vec4f,
 }
 
 struct LeafConstants {
@@ -291,6 +296,61 @@ fn shade(place: Place, facing: Facing) -> Shade {
     return out;
 }
 
+//#if SCANNER
+const TUBE_NODES: i32 = 160;
+
+// Radiance under the tube: midpoints along it, four Gauss points across it.
+fn scanned(place: Place, facing: Facing, world: vec3f) -> vec3f {
+    //#if TANGENT
+    let normal = mapped(facing.front, place, facing.axes);
+    //#else
+    let normal = facing.towards_viewer;
+    //#endif
+    var reflectance: vec3f;
+    if (facing.front) {
+        reflectance = front_reflectance(place);
+    } else {
+        reflectance = back_reflectance(place);
+    }
+    //#if GLOSS
+    let gloss = viewed_gloss(facing.front, place);
+    let roughness = max(gloss.a, 1e-3);
+    //#endif
+    // Along the travel, along the tube.
+    let turned = frame.travel.x > 0.5;
+    let own = select(world.xy, world.yx, turned);
+    let away = frame.tube.x - own.x;
+    let distance = length(vec2f(away, frame.tube.w));
+    let theta = atan2(away, frame.tube.w);
+    let beta = asin(min(frame.tube.z / distance, 1.0));
+    let low = atan((-frame.tube.y - own.y) / distance);
+    let high = atan((frame.tube.y - own.y) / distance);
+    var across = array<vec2f, 4>(
+        vec2f(-0.861136312, 0.347854845), vec2f(-0.339981044, 0.652145155), vec2f(0.339981044, 0.652145155), vec2f(0.861136312, 0.347854845));
+    var sum = vec3f(0.0);
+    for (var i = 0; i < TUBE_NODES; i++) {
+        let phi = mix(low, high, (f32(i) + 0.5) / f32(TUBE_NODES));
+        let c = cos(phi);
+        let s = sin(phi);
+        for (var k = 0; k < 4; k++) {
+            let t = theta + beta * across[k].x;
+            let local = vec3f(sin(t) * c, s, cos(t) * c);
+            let light = select(local, local.yxz, turned);
+            let nl = dot(normal, light);
+            if (nl > 0.0) {
+                var f = reflectance * 0.318309886;
+                //#if GLOSS
+                f += gloss.rgb * lobe(normal, light, facing.view, roughness);
+                //#endif
+                sum += across[k].y * c * nl * f;
+            }
+        }
+    }
+    let spread = select(1.0 / distance, beta / max(frame.tube.z, 1e-6), frame.tube.z > 0.0);
+    return sum * (spread * frame.tube.w * (high - low) / f32(TUBE_NODES));
+}
+//#endif
+
 //#if SUPERSAMPLE
 // The place moved by a part of a pixel, its footprint a third as wide.
 fn moved(place: Place, by: vec2f) -> Place {
@@ -343,7 +403,7 @@ fn fragment(in: Varying) -> Pixel {
     var radiance = vec3f(0.0);
     //#if LIT
     let place = Place(in.uv, vec2f(1.0 - in.uv.x, in.uv.y), dx, dy);
-    let view = normalize(frame.eye.xyz - in.world);
+    let view = normalize(frame.eye.xyz - frame.eye.w * in.world);
     let mesh_normal = normalize(in.normal);
     let front = dot(mesh_normal, view) >= 0.0;
     let towards_viewer = select(-mesh_normal, mesh_normal, front);
@@ -370,6 +430,9 @@ fn fragment(in: Varying) -> Pixel {
     seen = shade(place, facing);
     //#endif
     radiance += seen.ambient;
+    //#if SCANNER
+    radiance += scanned(place, facing, in.world);
+    //#endif
     //#if SUN
     var sunlit = seen.sunlit;
     //#if SHADOW

@@ -1,0 +1,81 @@
+//! What the tube model says that frames show of a fitted texel.
+
+use super::Scan;
+use crate::capture::manifest::Travel;
+use crate::files::image::Maps;
+use crate::optics::tube::fast::{COLUMNS, Lit, Pass};
+use crate::optics::tube::lanes::Level;
+use crate::optics::tube::{self, Model, Precision};
+
+/// A texel as it was fitted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Texel {
+    pub rho_d: [f64; 3],
+    pub rho_s: [f64; 3],
+    pub m: f64,
+    pub normal: [f64; 3],
+}
+
+/// Reads one texel of maps with the channels `rho_d.R` … `normal.Z`; `None` where a channel is missing or a reflectance is no number.
+pub fn texel_of(maps: &Maps) -> Option<impl Fn(usize) -> Option<Texel> + Sync + '_> {
+    let planes = |names: [&str; 3]| -> Option<[&[f32]; 3]> { Some([maps.get(names[0])?, maps.get(names[1])?, maps.get(names[2])?]) };
+    let rho_d = planes(["rho_d.R", "rho_d.G", "rho_d.B"])?;
+    let rho_s = planes(["rho_s.R", "rho_s.G", "rho_s.B"])?;
+    let normal = planes(["normal.X", "normal.Y", "normal.Z"])?;
+    let m = maps.get("m.Y")?;
+    Some(move |k: usize| {
+        let three = |p: &[&[f32]; 3]| p.map(|c| f64::from(c[k]));
+        let (rho_d, rho_s, n) = (three(&rho_d), three(&rho_s), three(&normal));
+        let length = n.iter().map(|v| v * v).sum::<f64>().sqrt();
+        let whole = rho_d.iter().chain(&rho_s).all(|v| v.is_finite()) && length > 0.5 && length.is_finite();
+        // A matte texel has no slope, and no lobe that would need one.
+        let slope = f64::from(m[k]);
+        let m = if slope > 0.0 && slope.is_finite() { slope } else { 0.5 };
+        whole.then(|| Texel { rho_d, rho_s, m, normal: n.map(|v| v / length) })
+    })
+}
+
+/// One pass of a device at some positions of its tube.
+pub struct Predictor {
+    pass: Pass,
+}
+
+/// Room for one texel's frames; one a thread.
+#[derive(Debug, Default)]
+pub struct Scratch {
+    lit: Lit,
+    columns: [Vec<f64>; COLUMNS],
+}
+
+impl Predictor {
+    pub fn new(scan: &Scan, travel: Travel, positions_mm: &[f64]) -> Predictor {
+        let precision = Precision::default();
+        let model = Model::new(scan.tube(), scan.camera(), scan.lobe(), &precision);
+        let travel = match travel {
+            Travel::X => tube::Travel::X,
+            Travel::Y => tube::Travel::Y,
+        };
+        Predictor { pass: Pass::new(&model, travel, positions_mm, precision.along, Level::detect()) }
+    }
+
+    pub fn frames(&self) -> usize {
+        self.pass.frames()
+    }
+
+    /// Columns D, S, ∂S/∂m, and ∂D and ∂S along the given changes of the normal, a frame each, of a texel at `at` (mm).
+    pub fn columns<'a>(&self, scratch: &'a mut Scratch, texel: &Texel, at: [f64; 2], changes: &[[f64; 3]]) -> &'a [Vec<f64>; COLUMNS] {
+        self.pass.light(at, &mut scratch.lit);
+        for column in &mut scratch.columns {
+            column.resize(self.pass.padded(), 0.0);
+        }
+        let mut columns = scratch.columns.each_mut().map(Vec::as_mut_slice);
+        self.pass.respond(&mut scratch.lit, texel.normal, changes, texel.m, &mut columns);
+        &scratch.columns
+    }
+
+    /// Predicted value a frame and channel.
+    pub fn values(&self, scratch: &mut Scratch, texel: &Texel, at: [f64; 2]) -> Vec<[f64; 3]> {
+        let columns = self.columns(scratch, texel, at, &[]);
+        (0..self.frames()).map(|k| [0, 1, 2].map(|c: usize| texel.rho_d[c] * columns[0][k] + texel.rho_s[c] * columns[1][k])).collect()
+    }
+}

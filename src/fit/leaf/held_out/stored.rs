@@ -1,0 +1,205 @@
+//! Held-out frames as a fit's folder keeps them: the maps in the folder are judged by them again, whatever happened to the maps since.
+
+use super::judge::{Tally, through};
+use super::{HeldOut, LightBox, Predictor, Scan, Scratch, texel_of};
+use crate::capture::manifest::{SideName, Travel};
+use crate::files::image::read_exr;
+use crate::fit::leaf::map_path;
+use crate::fit::record::FitRecord;
+use crate::{Error, Result};
+use rayon::prelude::*;
+use std::path::Path;
+
+/// Channels of the light box's transmittance as it was measured: `light_box.R` and so on.
+pub const LIGHT_BOX: &str = "light_box";
+
+/// Channel of a frame: `x0012.R`.
+pub(super) fn plane_name(pass: &str, frame: usize, channel: usize) -> String {
+    format!("{pass}{frame:04}.{}", ["R", "G", "B"][channel])
+}
+
+/// A reading with as many binary digits as tell it within a 64th of its relative noise: the rest is random and would not pack.
+pub(super) fn rounded(value: f32, relative: f64) -> f32 {
+    let digits = (32.0 / relative.max(1e-7)).log2().ceil().clamp(8.0, 23.0) as u32;
+    if digits == 23 || !value.is_finite() {
+        return value;
+    }
+    let dropped = 23 - digits;
+    f32::from_bits(((value.to_bits() >> (dropped - 1)) + 1) >> 1 << dropped)
+}
+
+/// One side's stored frames against what the folder's maps say now.
+#[derive(Debug, Clone)]
+pub struct Kept {
+    pub side: SideName,
+    /// Size of the stored images, and every how many rows and columns of the maps they hold.
+    pub width: usize,
+    pub height: usize,
+    pub step: usize,
+    pub frames: Vec<KeptFrame>,
+    pub light_box: Option<LightBox>,
+}
+
+/// A stored frame. Planes are a channel each; NaN off the good texels.
+#[derive(Debug, Clone)]
+pub struct KeptFrame {
+    pub travel: Travel,
+    pub frame: usize,
+    pub position_mm: f64,
+    pub measured: [Vec<f32>; 3],
+    pub predicted: [Vec<f32>; 3],
+    /// (measured − predicted) / noise.
+    pub residual: [Vec<f32>; 3],
+    pub readings: usize,
+    pub reduced_chi2: f64,
+    pub expected: f64,
+    pub stderr: f64,
+    pub share_beyond_3: f64,
+    pub bias: f64,
+}
+
+impl KeptFrame {
+    /// How far the prediction is off, beyond noise and chance, in units of the noise.
+    pub fn off(&self) -> f64 {
+        super::off(self.reduced_chi2, self.expected, self.stderr)
+    }
+
+    pub fn name(&self) -> String {
+        format!("{} {}", self.travel.name(), self.frame)
+    }
+}
+
+impl Kept {
+    /// Texel of the whole maps that a stored one is.
+    pub fn texel(&self, k: usize, width: usize) -> usize {
+        k / self.width * self.step * width + k % self.width * self.step
+    }
+}
+
+/// Reads what a fit's folder keeps of a side and predicts it from the folder's maps; `None` where nothing was held out.
+///
+/// # Errors
+/// A map or file of held-out frames that is missing, damaged or of another size.
+pub fn kept(folder: &Path, record: &FitRecord, side: SideName) -> Result<Option<Kept>> {
+    let (Some(scan), Some(section)) = (&record.scan, record.sections.get(side.name())) else { return Ok(None) };
+    if section.held_out.is_empty() {
+        return Ok(None);
+    }
+    let path = map_path(folder, side, "held_out");
+    let stored = read_exr(&path)?;
+    let maps_path = map_path(folder, side, "");
+    let maps = read_exr(&maps_path)?;
+    let step = scan.stored_step.max(1);
+    let (width, height) = (maps.width.div_ceil(step), maps.height.div_ceil(step));
+    if (stored.width, stored.height) != (width, height) {
+        return Err(Error::input(&path, format!("found {}x{} texels, expected {width}x{height}", stored.width, stored.height)));
+    }
+    let texel = texel_of(&maps).ok_or_else(|| Error::input(&maps_path, "channels are missing, expected rho_d, rho_s, m and normal"))?;
+    let mask = maps.require(&maps_path, "mask.Y")?;
+    let mut out = Kept { side, width, height, step, frames: Vec::new(), light_box: None };
+    for travel in [Travel::X, Travel::Y] {
+        let Some(held) = section.held_out.get(travel.name()) else { continue };
+        for &frame in &held.stored {
+            let planes = |c: usize| stored.require(&path, &plane_name(travel.name(), frame, c)).map(<[f32]>::to_vec);
+            let measured = [planes(0)?, planes(1)?, planes(2)?];
+            let position = position(held, frame).ok_or_else(|| {
+                Error::field(&folder.join("fit.toml"), &format!("{}.held_out", side.name()), format!("frame {frame} has no position"))
+            })?;
+            let predictor = Predictor::new(scan, travel, &[position]);
+            let at = |k: usize| {
+                let place = out.texel(k, maps.width);
+                let centre = [maps.width, maps.height].map(|n| 0.5 * n as f64 - 0.5);
+                let p = [(place % maps.width) as f64 - centre[0], centre[1] - (place / maps.width) as f64];
+                (place, p.map(|v| v * scan.texel_mm))
+            };
+            let predicted: Vec<Option<[f64; 3]>> = (0..width * height)
+                .into_par_iter()
+                .map_init(Scratch::default, |scratch, k| {
+                    let (place, mm) = at(k);
+                    let good = mask[place] == 1.0 && measured.iter().any(|p| p[k].is_finite());
+                    Some(predictor.values(scratch, &texel(place).filter(|_| good)?, mm)[0])
+                })
+                .collect();
+            out.frames.push(frame_of(scan, held, travel, frame, position, measured, &predicted));
+        }
+    }
+    out.light_box = light_box(&out, record, section, &stored, &maps, mask);
+    Ok(Some(out))
+}
+
+fn position(held: &HeldOut, frame: usize) -> Option<f64> {
+    held.frames.iter().position(|f| *f == frame).and_then(|k| held.positions_mm.get(k)).copied()
+}
+
+fn frame_of(
+    scan: &Scan,
+    held: &HeldOut,
+    travel: Travel,
+    frame: usize,
+    position_mm: f64,
+    measured: [Vec<f32>; 3],
+    predicted: &[Option<[f64; 3]>],
+) -> KeptFrame {
+    let mut tally = Tally::default();
+    let mut planes = [0, 1, 2].map(|_| [vec![f32::NAN; predicted.len()], vec![f32::NAN; predicted.len()]]);
+    for (k, value) in predicted.iter().enumerate() {
+        let Some(value) = value else { continue };
+        let z = [0, 1, 2].map(|c: usize| (f64::from(measured[c][k]) - value[c]) / scan.noise(value[c]));
+        tally.add(z.into_iter(), k);
+        for c in 0..3 {
+            (planes[c][0][k], planes[c][1][k]) = (value[c] as f32, z[c] as f32);
+        }
+    }
+    let [[r, zr], [g, zg], [b, zb]] = planes;
+    KeptFrame {
+        travel,
+        frame,
+        position_mm,
+        measured,
+        predicted: [r, g, b],
+        residual: [zr, zg, zb],
+        readings: tally.readings,
+        reduced_chi2: tally.reduced_chi2(),
+        expected: held.frames.iter().position(|f| *f == frame).and_then(|k| held.frame_expected.get(k)).copied().unwrap_or(held.expected),
+        stderr: tally.stderr(),
+        share_beyond_3: tally.share_beyond_3(),
+        bias: tally.bias(),
+    }
+}
+
+/// The stored transmittance against the slab that the folder's σa, σs and thickness say.
+fn light_box(
+    kept: &Kept,
+    record: &FitRecord,
+    section: &crate::fit::record::Section,
+    stored: &crate::files::image::Maps,
+    maps: &crate::files::image::Maps,
+    mask: &[f32],
+) -> Option<LightBox> {
+    let (scan, told) = (record.scan.as_ref()?, section.light_box.as_ref()?);
+    let rgb = |name: &str| <[f64; 3]>::try_from(section.params.get(name)?.value.as_slice()).ok();
+    let h = *section.params.get("thickness")?.value.first()?;
+    let measured: Vec<&[f32]> = ["R", "G", "B"].iter().map(|c| stored.get(&format!("{LIGHT_BOX}.{c}"))).collect::<Option<_>>()?;
+    let thickness = maps.get("thickness.Y")?;
+    let incidence = scan.lightbox_camera_deg.to_radians().cos();
+    let good = (0..kept.width * kept.height).filter(|k| mask[kept.texel(*k, maps.width)] == 1.0);
+    through(rgb("sigma_a")?, rgb("sigma_s")?, h, incidence, told.noise_relative, told.noise_floor, good, |k| {
+        (f64::from(thickness[kept.texel(k, maps.width)]), [0, 1, 2].map(|c: usize| f64::from(measured[c][k])))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rounding_stays_within_a_64th_of_the_noise() {
+        for v in [1e-6f32, 0.0123456, 0.337, 1.0, -0.02, 7.77] {
+            for relative in [0.1, 0.01, 1e-3] {
+                assert!(f64::from((rounded(v, relative) - v).abs()) <= f64::from(v.abs()) * relative / 64.0, "{v} {relative}");
+            }
+        }
+        assert!(rounded(f32::NAN, 0.01).is_nan());
+        assert_eq!(rounded(0.123_456_79, 2e-5), 0.123_456_79);
+    }
+}
