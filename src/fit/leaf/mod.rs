@@ -182,6 +182,7 @@ pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     let mut done = Vec::new();
     for (measured, maps) in sides.into_iter().zip(merged) {
         let step = Instant::now();
+        let _bar = Bar::of(format!("{}: interior", measured.side.name()));
         let fitted = interior::fit(&capture, measured, maps, options, &level, &mut times)?;
         phases.add(&format!("{}: interior", fitted.side.name()), step);
         done.push(fitted);
@@ -190,6 +191,7 @@ pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     let blade = output::blade(&capture, &done);
     phases.add("blade", step);
     let step = Instant::now();
+    record::begin(out, "leaf")?;
     for fitted in &done {
         let truth = truth::compare(&capture, fitted)?;
         output::side(out, &capture, fitted, blade.as_ref(), truth, &mut record)?;
