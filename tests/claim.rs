@@ -4,7 +4,7 @@ mod blade;
 mod common;
 
 use blade::{Blade, scene};
-use common::{mesophyll, refused, run, succeeded};
+use common::{copy_tree, mesophyll, refused, run, succeeded};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -60,7 +60,8 @@ impl Workplace {
 fn a_folder_of_another_kind_is_refused_and_stays_as_it_is() {
     let place = Workplace::new();
     let [elm, scan, bench, sky] = ["fits/elm", "scan", "bench", "sky"].map(|n| place.at(n));
-    let [inside, truth, marks] = ["fits/elm/deeper", "scan/truth", "marks.csv"].map(|n| place.at(n));
+    let [real, inside, truth, marks] = ["real", "real/deeper", "scan/truth", "marks.csv"].map(|n| place.at(n));
+    copy_tree(Path::new("fits/elm"), Path::new(&real));
     let scene = place.scene.as_str();
     let leaf = ["holds the leaf fit \"elm\""].as_slice();
     let capture = ["holds a capture"].as_slice();
@@ -72,8 +73,8 @@ fn a_folder_of_another_kind_is_refused_and_stays_as_it_is() {
         (vec!["fit", "leaf", &scan, "-o", &truth], &["lies inside", "scan"]),
         (vec!["fit", "leaf", &scan, "-o", &scan], &["is what is to be read"]),
         (vec!["fit", "leaf", &scan, "-o", &sky], &["holds the sky fit"]),
-        (vec!["fit", "translucency", &elm, "-o", &elm], &["is what is to be read"]),
-        (vec!["fit", "translucency", &elm, "-o", &inside], &["lies inside"]),
+        (vec!["fit", "translucency", &real, "-o", &real], &["is what is to be read"]),
+        (vec!["fit", "translucency", &real, "-o", &inside], &["lies inside"]),
         (vec!["fit", "beam", "--basis", "-o", &elm], leaf),
         (vec!["fit", "beam", "--deflections", &marks, "-o", &elm], leaf),
         (vec!["fit", "beam", "--pictures", &elm], leaf),
@@ -117,7 +118,7 @@ fn a_file_that_belongs_to_something_is_refused_and_stays_as_it_is() {
     let cases: Vec<(Vec<&str>, &str)> = vec![
         (vec!["report", &elm, "-o", &record], "belongs to the leaf fit"),
         (vec!["report", &elm, "-o", &times], "belongs to the leaf fit"),
-        (vec!["report", &elm, "-o", &scene], "a .toml file, expected a file ending in .html"),
+        (vec!["report", &elm, "-o", &scene], "is a .toml file, where one ending in .html was expected"),
         (vec!["report", &elm, "-o", &rows], "belongs to a bench"),
         (vec!["export", &elm, "--to", "exr", "-o", &map], "belongs to the leaf fit"),
         (vec!["export", &elm, "--to", "json", "-o", &record], "belongs to the leaf fit"),
@@ -160,7 +161,7 @@ fn force_replaces_a_synthetic_capture_and_nothing_else() {
         let file = Path::new(&folder).join(name);
         std::fs::create_dir_all(file.parent().unwrap()).unwrap();
         std::fs::write(&file, "precious").unwrap();
-        refused(&synth(&folder, &["--force"]), 2, &["the output folder", "is no capture but holds"]);
+        refused(&synth(&folder, &["--force"]), 2, &["the output folder", "no capture"]);
         assert_eq!(std::fs::read_to_string(&file).unwrap(), "precious");
         std::fs::remove_dir_all(&folder).unwrap();
     }

@@ -6,8 +6,8 @@
 use super::blade::Mesh;
 use super::side::Side;
 use super::texture::{Turn, data_byte, encode, normal_pixel, pixels};
-use crate::files::{atomic, claim};
 use crate::files::image::to_srgb8;
+use crate::files::{atomic, claim};
 use crate::fit::record::FitRecord;
 use crate::{Error, Result};
 use std::fmt::Write;

@@ -86,7 +86,7 @@ struct Held {
 pub fn folder(folder: &Path, kind: Kind, inputs: &[&Path]) -> Result<()> {
     let refuse = |what: &str| {
         let (folder, kind) = (folder.display(), kind.words());
-        Err(Error::Usage(format!("the output folder {folder} {what}, which a {kind} there would overwrite; name another folder")))
+        Err(Error::Usage(format!("the output folder {folder} {what}; a {kind} there would overwrite it, so name another folder")))
     };
     let place = resolved(folder);
     for input in inputs {
@@ -137,7 +137,7 @@ pub fn capture(folder: &Path, inputs: &[&Path], replace: bool) -> Result<()> {
     }
     match CAPTURE_NAMES.iter().find(|name| folder.join(name).exists()) {
         Some(name) => Err(Error::Usage(format!(
-            "the output folder {shown} is no capture but holds {name}, which a capture there would overwrite; name another folder"
+            "the output folder {shown} is no capture but holds {name}; a capture there would overwrite it, so name another folder"
         ))),
         None => Ok(()),
     }
@@ -222,9 +222,8 @@ pub fn file(path: &Path, endings: &[&str], inputs: &[&Path]) -> Result<()> {
     if path == Path::new("-") || fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir()) {
         return Ok(());
     }
-    let refuse = |what: String| {
-        Err(Error::Usage(format!("the output file {} {what}, which would be overwritten; name another file", path.display())))
-    };
+    let refuse =
+        |what: String| Err(Error::Usage(format!("the output file {} {what} and would be overwritten; name another file", path.display())));
     if inputs.iter().any(|input| same_file(path, input)) {
         return refuse("is what is to be read".into());
     }
@@ -242,7 +241,7 @@ pub fn file(path: &Path, endings: &[&str], inputs: &[&Path]) -> Result<()> {
     }
     match ending(&place) {
         Some(found) if ENDINGS.contains(&found.as_str()) && !endings.contains(&found.as_str()) => {
-            refuse(format!("is there already, a .{found} file, expected a file ending in .{}", endings.join(" or .")))
+            refuse(format!("is a .{found} file, where one ending in .{} was expected,", endings.join(" or .")))
         }
         _ => Ok(()),
     }

@@ -82,8 +82,7 @@ impl Table {
 
     /// Position of a column that must be there.
     pub fn require(&self, name: &str) -> Result<usize> {
-        self.column(name)
-            .ok_or_else(|| Error::field(&self.name, name, format!("no such column; the header has {}", self.shown_header())))
+        self.column(name).ok_or_else(|| Error::field(&self.name, name, format!("no such column; the header has {}", self.shown_header())))
     }
 
     /// The header for a message, cut where it is long.

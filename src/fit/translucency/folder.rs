@@ -7,12 +7,12 @@ use super::side::Made;
 use super::source::{Side, Source};
 use super::tissue;
 use super::{Colour, Options, TissueFrom};
-use crate::files::image::{Maps, Packing, to_srgb8, write_exr, write_png};
+use crate::Result;
 use crate::files::hash;
+use crate::files::image::{Maps, Packing, to_srgb8, write_exr, write_png};
 use crate::fit::leaf::map_path;
 use crate::fit::record::{FitRecord, Param, SCHEMA, Section};
 use crate::optics::dipole::Form;
-use crate::Result;
 use std::path::Path;
 
 const RGB: [&str; 3] = ["R", "G", "B"];

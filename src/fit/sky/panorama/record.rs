@@ -2,12 +2,12 @@
 
 use super::picture::Picture;
 use super::{Found, NAMES, clipped};
+use crate::Result;
+use crate::files::hash;
 use crate::files::image::{Maps, Packing, write_exr};
 use crate::files::table::Status;
-use crate::files::hash;
 use crate::fit::record::{FitRecord, Param, Phase, Residuals, SCHEMA, Section, Times};
 use crate::sky::preetham;
-use crate::Result;
 use std::collections::BTreeMap;
 use std::path::Path;
 
