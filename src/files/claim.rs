@@ -1,8 +1,8 @@
 //! Output folders and output files are claimed here before anything is computed. A claim is refused where the verb would overwrite its own
 //! input, what another kind of verb made, or files that this program did not make.
 //!
-//! What a folder holds is told by the file that its maker writes last ([`Kind`]). Until that file is written, the hidden file [`MARK`] names
-//! the kind (and, of a leaf fit, the folder of its parts does).
+//! What a folder holds is told by the file that its maker writes last ([`Kind`]). Until that file is written, the hidden file [`MARK`]
+//! names the kind (and, of a leaf fit, the folder of its parts does).
 
 use crate::files::atomic::{self, explain};
 use crate::{Error, Result};
@@ -54,7 +54,8 @@ impl Kind<'_> {
 /// The hidden file that names the kind of a folder while nothing else does.
 pub const MARK: &str = ".mesophyll";
 
-/// Files and folders at the top of a capture, as `synth` writes them; `capture.toml` comes first, so that nothing half removed is a capture.
+/// Files and folders at the top of a capture, as `synth` writes them; `capture.toml` comes first, so that nothing half removed is a
+/// capture.
 const CAPTURE_NAMES: [&str; 12] = [
     "capture.toml",
     "mask.exr",
@@ -113,17 +114,16 @@ pub fn folder(folder: &Path, kind: Kind, inputs: &[&Path]) -> Result<()> {
     atomic::probe_folder(folder)
 }
 
-/// Claims `folder` for a synthetic capture. With `replace` a synthetic capture that is there is removed; a measured one (without `truth/`)
-/// and files that are not a capture's are never touched. What a stopped synthesis left is always removed.
+/// Claims `folder` for a synthetic capture. With `replace` a synthetic capture may be there, but not a measured one (without `truth/`) and not
+/// files that are not a capture's. What a stopped synthesis left may always be there. Nothing is removed yet: see [`capturing`].
 ///
 /// # Errors
 /// As [`folder`]; a folder that is not empty, without `replace`.
 pub fn capture(folder: &Path, inputs: &[&Path], replace: bool) -> Result<()> {
     self::folder(folder, Kind::Capture, inputs)?;
     let shown = folder.display();
-    let stopped = marked(folder).is_some();
-    if stopped || (replace && is_capture(folder) && folder.join("truth").is_dir()) {
-        return remove_capture(folder);
+    if marked(folder).is_some() || (replace && is_capture(folder) && folder.join("truth").is_dir()) {
+        return Ok(());
     }
     if fs::read_dir(folder).map_err(|e| Error::write(folder, explain(&e)))?.next().is_none() {
         return Ok(());
@@ -143,11 +143,15 @@ pub fn capture(folder: &Path, inputs: &[&Path], replace: bool) -> Result<()> {
     }
 }
 
-/// Runs a synthesis into a claimed folder. One that does not come to its end leaves nothing behind.
+/// Runs a synthesis into a folder that [`capture`] has claimed, after removing the capture that it replaces. A synthesis that does not come
+/// to its end leaves nothing behind.
 ///
 /// # Errors
 /// Those of `body`.
 pub fn capturing<T>(folder: &Path, body: impl FnOnce() -> Result<T>) -> Result<T> {
+    if marked(folder).is_some() || is_capture(folder) {
+        remove_capture(folder)?;
+    }
     begin(folder, Kind::Capture)?;
     let made = body();
     // The reason why the synthesis failed matters more than a rest that cannot be removed; the marker then stays and tells of it.
