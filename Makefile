@@ -9,11 +9,26 @@ MESOPHYLL = target/release/mesophyll
 
 .PHONY: demo full test fits build setup setup-test fmt lint
 
+# Says how the program ended and where to look, and ends with its exit code, which the shell has in `code`. $(1) is the report.
+# 1: a fit, a picture or the machine (no adapter to draw with) misses what the scene asks; 2: an input or the disk; more: it died.
+ended = if [ -e $(1) ]; then where="open $(1)"; else where="no report was written; the messages above say why"; fi; \
+	case $$code in \
+	    0) echo "Done: $$where" ;; \
+	    1) echo "Not good: a fit, a picture or the machine missed what the scene asks for; $$where" >&2 ;; \
+	    *) echo "Stopped with exit code $$code; $$where" >&2 ;; \
+	esac; \
+	exit $$code
+
 demo: build
-	$(MESOPHYLL) run data/scenes/demo.toml --out out/demo || [ $$? -eq 1 ] # 1: a picture missed a threshold; the report says which
-	$(MESOPHYLL) fit slab --in data/leaves/species_means.csv --out out/demo/species_550nm.csv \
-	    --columns rho_d=reflectance_550,rho_t=transmittance_550,h=thickness_mm --noise 2e-3
-	@echo "Done: open out/demo/report.html; real leaves at 550 nm are in out/demo/species_550nm.csv"
+	@rm -f out/demo/report.html
+	@code=0; $(MESOPHYLL) run data/scenes/demo.toml --out out/demo || code=$$?; \
+	if [ $$code -le 1 ]; then \
+	    if $(MESOPHYLL) fit slab --in data/leaves/species_means.csv --out out/demo/species_550nm.csv \
+	        --columns rho_d=reflectance_550,rho_t=transmittance_550,h=thickness_mm --noise 2e-3; \
+	    then echo "Real leaves at 550 nm are in out/demo/species_550nm.csv"; \
+	    else code=$$?; fi; \
+	fi; \
+	$(call ended,out/demo/report.html)
 
 full: build
 	$(MESOPHYLL) synth data/leaves/balata.toml -o out/full/scan --force
@@ -24,8 +39,13 @@ test: setup-test
 	$(CARGO) test --workspace --locked
 
 fits: build
-	$(MESOPHYLL) run data/scenes/fits.toml --write-fits --out out/fits || [ $$? -eq 1 ]
-	$(MESOPHYLL) fit beam --deflections data/branches/elm-twig.csv --positions axis -o fits/elm-twig --out out/fits/elm-twig.csv
+	@rm -f out/fits/report.html
+	@code=0; $(MESOPHYLL) run data/scenes/fits.toml --write-fits --out out/fits || code=$$?; \
+	if [ $$code -le 1 ]; then \
+	    $(MESOPHYLL) fit beam --deflections data/branches/elm-twig.csv --positions axis -o fits/elm-twig --out out/fits/elm-twig.csv \
+	        || code=$$?; \
+	fi; \
+	$(call ended,out/fits/report.html)
 
 build: setup
 	$(CARGO) build --release --locked

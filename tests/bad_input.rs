@@ -151,15 +151,14 @@ fn a_full_disk_is_said_and_what_was_there_stays() {
         &["export", &fit, "--to", "csv", "-o", &out],
     ];
     for args in cases {
-        refused(&with_little_room(args), 1, &["cannot write", "old.out", "largest size allowed"]);
+        refused(&with_little_room(args), 2, &["cannot write", "old.out", "largest size allowed"]);
         assert_eq!(std::fs::read_to_string(&old).unwrap(), "what was there", "{args:?}");
         assert_eq!(std::fs::read_dir(&kept).unwrap().count(), 1, "{args:?} left something behind");
     }
     // A scan that did not fit is no capture.
     let scan = text(&dir.path().join("scan"));
-    refused(&with_little_room(&["synth", "data/leaves/elm.toml", "-o", &scan, "--size", "48x36", "--frames", "8"]), 1, &["cannot write"]);
-    assert!(!Path::new(&scan).join("capture.toml").exists());
-    refused(&run(["fit", "leaf", &scan, "-o", &text(&dir.path().join("fit"))]), 2, &["capture.toml", "no such file"]);
+    refused(&with_little_room(&["synth", "data/leaves/elm.toml", "-o", &scan, "--size", "48x36", "--frames", "8"]), 2, &["cannot write"]);
+    assert_eq!(std::fs::read_dir(&scan).unwrap().count(), 0, "a scan that failed left something behind");
 }
 
 /// The device that is always full, as a file and as standard output.
@@ -168,11 +167,11 @@ fn a_full_disk_is_said_and_what_was_there_stays() {
 fn a_device_without_room_is_said_to_be_full() {
     let (dir, path) = workplace();
     let csv = text(&dir.path().join("slabs.csv"));
-    refused(&run(["eval", "slab", "--in", &csv, "--out", "/dev/full"]), 1, &["cannot write /dev/full", "the disk is full"]);
+    refused(&run(["eval", "slab", "--in", &csv, "--out", "/dev/full"]), 2, &["cannot write /dev/full", "the disk is full"]);
     for args in [vec!["eval", "slab", "--in", &csv], vec!["plan", path.to_str().unwrap(), "--json"], vec!["stress", "solve"]] {
         let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
         let child = mesophyll().args(&args).stdout(Stdio::from(full)).stderr(Stdio::piped()).spawn().unwrap();
-        refused(&child.wait_with_output().unwrap(), 1, &["cannot write standard output", "the disk is full"]);
+        refused(&child.wait_with_output().unwrap(), 2, &["cannot write standard output", "the disk is full"]);
     }
 }
 
@@ -190,8 +189,39 @@ fn a_scan_that_is_stopped_is_no_capture() {
     let output = child.wait_with_output().unwrap();
     // A machine that is done before the signal arrives has nothing to stop.
     if !output.status.success() {
-        refused(&output, 130, &["stopped", "not a complete capture"]);
-        assert!(!scan.join("capture.toml").exists());
-        assert!(!std::fs::read_dir(scan.join("front/x")).unwrap().flatten().any(|e| e.file_name().to_string_lossy().ends_with(".partial")));
+        refused(&output, 130, &["stopped before the capture", "nothing of it was kept"]);
+        assert_eq!(std::fs::read_dir(&scan).unwrap().count(), 0);
     }
+}
+
+#[test]
+fn options_that_would_run_without_end_have_limits() {
+    let (dir, _) = workplace();
+    let csv = text(&dir.path().join("slabs.csv"));
+    refused_usage(&run(["eval", "slab", "--in", &csv, "--threads", "65535"]), "1..=1024");
+    // A thickness that no slab has: σ would be beyond all numbers.
+    std::fs::write(&csv, "rho_d,rho_t,h\n0.1,0.2,1e-308\n0.1,0.2,1e300\n0.1,0.2,0.2\n").unwrap();
+    let output = run(["fit", "slab", "--in", &csv, "--noise", "1e-4"]);
+    let rows = String::from_utf8_lossy(&output.stdout).into_owned();
+    let status: Vec<&str> = rows.lines().skip(1).map(|l| l.rsplit(',').next().unwrap()).collect();
+    assert!(status[0].starts_with("refused: h is 1e-308 mm; expected a thickness of 1e-7 to 1e6 mm"), "{rows}");
+    assert!(status[1].starts_with("refused: h is 1e300 mm") && status[2] == "ok", "{rows}");
+    // 200,000 columns are refused before they are compared with each other.
+    std::fs::write(&csv, (0..200_000).map(|k| format!("c{k}")).collect::<Vec<_>>().join(",")).unwrap();
+    refused(&run(["fit", "slab", "--in", &csv]), 2, &["found 200000 columns, expected at most 65536"]);
+}
+
+/// `--resume` stands in the contract: it is what the same command does anyway.
+#[test]
+fn fit_leaf_takes_resume() {
+    let output = run(["fit", "leaf", "no/such", "-o", "no/such/fit", "--resume"]);
+    refused(&output, 2, &["no/such"]);
+    refused_usage(&run(["fit", "leaf", "no/such", "-o", "x", "--resume", "--force"]), "--force");
+}
+
+/// The parser's own words: several lines, exit code 2.
+#[track_caller]
+fn refused_usage(output: &Output, word: &str) {
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.code() == Some(2) && said.contains(word), "{said}");
 }

@@ -162,7 +162,7 @@ fn nothing_fitted_or_measured_is_overwritten_by_another_kind_of_fit() {
     std::fs::write(capture.join("capture.toml"), "schema = 1\n").unwrap();
     let before = std::fs::read(leaf.join("fit.toml")).unwrap();
     let from = leaf.to_str().unwrap();
-    refused(&fit(from, &leaf, &[]), 2, &[from, "is what the fit is made from"]);
+    refused(&fit(from, &leaf, &[]), 2, &[from, "is what is to be read"]);
     refused(&fit("fits/elm", &leaf, &[]), 2, &[from, "holds the leaf fit \"elm\""]);
     refused(&fit(from, &capture, &[]), 2, &[capture.to_str().unwrap(), "holds a capture"]);
     assert_eq!(std::fs::read(leaf.join("fit.toml")).unwrap(), before);

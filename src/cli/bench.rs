@@ -1,6 +1,7 @@
 //! `mesophyll bench`: error against run time over each model's accuracy knobs, as a table and plots, with peers where they are installed.
 
 use super::Common;
+use crate::files::claim::{self, Kind};
 use crate::files::progress::Bar;
 use crate::files::{atomic, progress};
 use crate::fit::bench::BenchRow;
@@ -55,16 +56,21 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if cfg!(debug_assertions) {
         progress::say("this build is not optimised: its times say little, beside peers nothing");
     }
+    if let Some(folder) = &args.output {
+        claim::folder(folder, Kind::Bench, &[])?;
+    }
     let steps: u64 = wanted.iter().map(|k| SWEEPS[*k].1 + u64::from(args.peers)).sum();
     let bar = Bar::new("sweeps", steps);
     let mut all: Vec<BenchRow> = Vec::new();
     for index in wanted {
         let (name, _, sweep) = SWEEPS[index];
+        let part = Bar::of(name);
         all.extend(sweep(&bar)?);
         if args.peers {
             all.extend(super::peers::rows(name)?);
             bar.step()?;
         }
+        drop(part);
     }
     drop(bar);
     if let Some(folder) = &args.output {

@@ -26,13 +26,14 @@ pub struct Args {
 
 #[cfg(feature = "render")]
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
-    use crate::files::atomic;
+    use crate::files::{atomic, claim};
     use crate::scene::{check::Options, ledger::Ledger, make, manifest::Manifest, plan};
 
     let manifest = Manifest::read(&args.scene)?;
+    let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out/check").join(&manifest.name));
+    claim::scene(&out, &args.scene)?;
     let ledger = Ledger::new();
     let mut plan = plan::make(&manifest, args.out.as_deref(), Some(&make::input_hash), &ledger)?;
-    let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out/check").join(&manifest.name));
     // Seconds, not minutes: unlike a leaf's fit, translucency maps are made on the way.
     if plan.unfitted().is_empty() && make::translucencies(&manifest, &plan, &out, &ledger)? {
         plan = plan::make(&manifest, Some(&out), Some(&make::input_hash), &ledger)?;

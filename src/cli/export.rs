@@ -3,7 +3,7 @@
 use super::Common;
 use crate::export::sky::SkyOptions;
 use crate::export::{Format, export};
-use crate::files::progress;
+use crate::files::{claim, progress};
 use crate::{Error, Result};
 use std::path::PathBuf;
 
@@ -50,6 +50,9 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let format = Format::parse(&args.to)?;
     if format != Format::Png && args.output.is_dir() {
         return Err(Error::Usage(format!("{}: found a folder, expected the name of a file for {}", args.output.display(), format.name())));
+    }
+    if format != Format::Png {
+        claim::file(&args.output, format.endings(), &[&args.folder])?;
     }
     let fixed = args.sun_zenith_deg.zip(args.turbidity).map(|(sun, turbidity)| (sun.to_radians(), turbidity));
     let written = export(&args.folder, format, &args.output, &SkyOptions { fixed, ground: args.ground })?;

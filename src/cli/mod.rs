@@ -37,8 +37,8 @@ struct Cli {
 /// Options every verb takes.
 #[derive(Debug, Clone, clap::Args)]
 pub struct Common {
-    /// Worker threads (default: one a core)
-    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    /// Worker threads, 1 to 1024 (default: one a core)
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
     /// No progress and no messages; results and errors only
     #[arg(long, short, global = true)]
@@ -78,6 +78,41 @@ enum Verb {
     Completions(completions::Args),
 }
 
+impl Verb {
+    fn name(&self) -> &'static str {
+        match self {
+            Verb::Run(_) => "run",
+            Verb::Plan(_) => "plan",
+            Verb::Inspect(_) => "inspect",
+            Verb::Synth(_) => "synth",
+            Verb::Fit(_) => "fit",
+            Verb::Eval(_) => "eval",
+            Verb::Report(_) => "report",
+            Verb::Bench(_) => "bench",
+            Verb::Stress(_) => "stress",
+            Verb::Check(_) => "check",
+            Verb::View(_) => "view",
+            Verb::Export(_) => "export",
+            Verb::Completions(_) => "completions",
+        }
+    }
+}
+
+/// Keeps libwayland from printing "XDG_RUNTIME_DIR is invalid" whenever Mesa's device selection asks it for a display that is not there.
+/// A session with a valid folder keeps it. Otherwise the variable names a place that nobody can fill: a temporary folder could hold a
+/// stranger's socket.
+#[cfg(all(unix, feature = "render"))]
+fn quiet_display_libraries() {
+    let valid = std::env::var_os("XDG_RUNTIME_DIR").is_some_and(|d| std::path::Path::new(&d).is_absolute());
+    if !valid {
+        // SAFETY: this is the start of `main`; there is no other thread yet that could read the environment.
+        unsafe { std::env::set_var("XDG_RUNTIME_DIR", "/dev/null/no-display") };
+    }
+}
+
+#[cfg(not(all(unix, feature = "render")))]
+fn quiet_display_libraries() {}
+
 /// Parses the command line, runs the verb, prints an error once, returns the exit code.
 pub fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
@@ -88,12 +123,14 @@ pub fn main() -> ExitCode {
             return ExitCode::from(if e.use_stderr() { 2 } else { 0 });
         }
     };
+    quiet_display_libraries();
     progress::set_quiet(cli.common.quiet);
     if let Some(n) = cli.common.threads {
         // Fails only when a pool exists already, which nothing before this line makes.
         let _ = rayon::ThreadPoolBuilder::new().num_threads(usize::from(n)).build_global();
     }
     stop_on_ctrl_c();
+    let _verb = progress::Bar::of(cli.verb.name());
     match dispatch(&cli) {
         Ok(code) => ExitCode::from(code),
         Err(e) => {

@@ -1,10 +1,10 @@
 //! `mesophyll report DIR…`.
 
 use super::Common;
-use crate::files::progress;
+use crate::files::{claim, progress};
 use crate::report::{self, ReportSource};
 use crate::{Error, Result};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Reports how good fits are: one HTML file that needs no network, or the same rows as JSON or Markdown.
 #[derive(Debug, clap::Args)]
@@ -36,6 +36,8 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         return Ok(0);
     }
     let path = args.output.clone().unwrap_or_else(|| PathBuf::from("report.html"));
+    let inputs: Vec<&Path> = args.folders.iter().map(PathBuf::as_path).collect();
+    claim::file(&path, &["html"], &inputs)?;
     if path.is_dir() {
         return Err(Error::Usage(format!("{}: found a folder, expected the name of an HTML file", path.display())));
     }

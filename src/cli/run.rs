@@ -2,7 +2,7 @@
 
 use super::Common;
 use crate::Result;
-use crate::files::{atomic, progress};
+use crate::files::{atomic, claim, progress};
 use crate::report::{self, ReportSource, model::Level};
 use crate::scene::{ledger::Ledger, make, manifest::Manifest, plan};
 use serde_json::{Value, json};
@@ -32,7 +32,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let clock = Instant::now();
     let manifest = Manifest::read(&args.scene)?;
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out").join(&manifest.name));
-    atomic::probe_folder(&out)?;
+    claim::scene(&out, &args.scene)?;
     let mut stages = Stages::default();
     let ledger = Ledger::new();
 
@@ -119,6 +119,7 @@ struct Stages(Vec<(String, f64)>);
 impl Stages {
     fn time<T>(&mut self, name: &str, body: impl FnOnce() -> Result<T>) -> Result<T> {
         progress::say(format!("{name} …"));
+        let _bar = progress::Bar::of(name);
         let start = Instant::now();
         let result = body();
         let seconds = start.elapsed().as_secs_f64();

@@ -69,6 +69,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             return Err(Error::Interrupted("stopped between two stress tables; nothing was printed".into()));
         }
         let (name, table) = TABLES[index];
+        let _part = progress::Bar::of(name);
         all.extend(named(name, table()?));
         bar.advance(1);
     }

@@ -9,9 +9,9 @@ use crate::capture::manifest::{SideName, Travel};
 use crate::capture::synth::leaf::Leaf;
 use crate::capture::synth::scan::{self, Options};
 use crate::capture::synth::spec::{Model, Spec};
-use crate::files::{atomic, progress};
+use crate::files::{claim, progress};
 use crate::{Error, Result};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  mesophyll synth data/leaves/elm.toml -o out/elm\n  \
@@ -62,7 +62,7 @@ pub struct Args {
     /// Keep the three 16-bit exposures of every frame beside it
     #[arg(long)]
     raw_exposures: bool,
-    /// Write into a folder that is not empty
+    /// Replace a synthetic capture that is there (a measured one is never replaced), or write beside other files
     #[arg(long)]
     force: bool,
 }
@@ -121,12 +121,12 @@ fn under_dome(args: &Args, common: &Common, width: usize, height: usize) -> Resu
         seed: args.seed,
         model: args.model.unwrap_or(spec.model),
     };
-    free_folder(&args.out, args.force)?;
+    claim::capture(&args.out, &[&args.spec], args.force)?;
     progress::say(format!("growing {} ({})", spec.name, spec.species));
     let blade = dome::Blade::grow(&spec, &options)?.ok_or_else(|| {
         Error::Usage(format!("--size {width}x{height}: not one texel lies on the leaf; expected a larger size, or a patch on the leaf"))
     })?;
-    let manifest = dome::capture(&spec, &blade, &options, &args.out)?;
+    let manifest = claim::capturing(&args.out, || dome::capture(&spec, &blade, &options, &args.out))?;
     let texels = blade.leaf.mask.iter().filter(|m| **m).count();
     if common.json {
         super::print_json(&serde_json::json!({
@@ -188,12 +188,12 @@ fn under_beams(args: &Args, common: &Common, width: usize, height: usize) -> Res
         seed: args.seed,
         model: args.model.unwrap_or(spec.model),
     };
-    free_folder(&args.out, args.force)?;
+    claim::capture(&args.out, &[&args.spec], args.force)?;
     progress::say(format!("growing {} ({})", spec.name, spec.species));
     let grown = beams::grow(&spec, &options).ok_or_else(|| {
         Error::Usage(format!("--size {width}x{height}: not one texel lies on the leaf; expected a larger size, or a patch on the leaf"))
     })?;
-    let manifest = beams::capture(&spec, &grown, &options, &args.out)?;
+    let manifest = claim::capturing(&args.out, || beams::capture(&spec, &grown, &options, &args.out))?;
     let texels = grown.crop(&grown.leaf.mask).iter().filter(|m| **m).count();
     if common.json {
         super::print_json(&serde_json::json!({
@@ -225,11 +225,11 @@ fn tube(args: &Args, common: &Common, width: usize, height: usize) -> Result<u8>
         model: args.model.unwrap_or(spec.model),
         raw_exposures: args.raw_exposures,
     };
-    free_folder(&args.out, args.force)?;
+    claim::capture(&args.out, &[&args.spec], args.force)?;
     progress::say(format!("growing {} ({})", spec.name, spec.species));
     let leaf = Leaf::grow(&spec, options.model, width, height)
         .ok_or_else(|| Error::Usage(format!("--size {width}x{height}: not one texel lies on the leaf; expected a larger size")))?;
-    let manifest = scan::scan(&spec, &leaf, &options, &args.out)?;
+    let manifest = claim::capturing(&args.out, || scan::scan(&spec, &leaf, &options, &args.out))?;
     let texels = leaf.mask.iter().filter(|m| **m).count();
     if common.json {
         super::print_json(&serde_json::json!({
@@ -248,32 +248,5 @@ fn parse_size(text: &str) -> Result<(usize, usize)> {
     match (w.trim().parse(), h.trim().parse()) {
         (Ok(w), Ok(h)) if (1..=16_384).contains(&w) && (1..=16_384).contains(&h) => Ok((w, h)),
         _ => Err(fail()),
-    }
-}
-
-/// An empty or new folder that can be written; with `force` what a capture holds is removed first, `capture.toml` foremost.
-fn free_folder(folder: &Path, force: bool) -> Result<()> {
-    atomic::probe_folder(folder)?;
-    let occupied = std::fs::read_dir(folder).map_err(|e| Error::write(folder, atomic::explain(&e)))?.next().is_some();
-    if !occupied {
-        return Ok(());
-    }
-    if !force {
-        return Err(Error::Usage(format!("the output folder {} is not empty; choose another or add --force", folder.display())));
-    }
-    for name in ["capture.toml", "mask.exr", "dark.exr", "lightbox_empty.exr", "white.exr", "backlight_empty.exr"] {
-        remove(&folder.join(name))?;
-    }
-    for name in ["front", "back", "white", "mirror", "photographs", "truth"] {
-        remove(&folder.join(name))?;
-    }
-    Ok(())
-}
-
-fn remove(path: &Path) -> Result<()> {
-    let done = if path.is_dir() { std::fs::remove_dir_all(path) } else { std::fs::remove_file(path) };
-    match done {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::write(path, atomic::explain(&e))),
-        _ => Ok(()),
     }
 }

@@ -26,7 +26,7 @@ pub struct Args {
 #[cfg(feature = "render")]
 pub fn run(args: &Args, _common: &Common) -> Result<u8> {
     use crate::Error;
-    use crate::files::{atomic, progress};
+    use crate::files::{atomic, claim, progress};
     use crate::scene::{
         branch, check,
         edit::SceneEditor,
@@ -53,7 +53,10 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
         ));
     }
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out/view").join(&manifest.name));
-    atomic::probe_folder(&out)?;
+    claim::scene(&out, &args.scene)?;
+    if let Some(file) = &args.screenshot {
+        claim::file(file, &["png"], &[&args.scene])?;
+    }
     if make::translucencies(&manifest, &plan, &out, &ledger)? {
         plan = plan::make_free(&manifest, Some(&out), Some(&make::input_hash), &ledger)?;
     }
@@ -80,6 +83,7 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
     };
     let options = WindowOptions { frames: args.frames, screenshot: args.screenshot.clone(), ..WindowOptions::default() };
     let editor = SceneEditor::new(manifest, plan, out)?;
+    progress::pause();
     open_window(window, Box::new(editor), &options).map_err(check::told)?;
     Ok(0)
 }

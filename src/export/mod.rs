@@ -58,6 +58,20 @@ impl Format {
         }
     }
 
+    /// Endings of the files that this format writes.
+    pub fn endings(self) -> &'static [&'static str] {
+        match self {
+            Format::Png => &["png", "json"],
+            Format::Exr => &["exr"],
+            Format::Csv => &["csv"],
+            Format::Json => &["json"],
+            Format::Gltf | Format::GltfTranslucent => &["glb", "gltf"],
+            Format::Obj => &["obj"],
+            Format::Wgsl => &["wgsl"],
+            Format::C => &["h"],
+        }
+    }
+
     pub fn about(self) -> &'static str {
         match self {
             Format::Png => "a folder of 8-bit maps: rho_d, rho_t and rho_s as sRGB, the rest linear with ranges.json",
@@ -120,7 +134,7 @@ pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> R
     }
     match format {
         Format::Json | Format::Wgsl | Format::C => Ok(Vec::new()),
-        Format::Png => texture::folder(&sides, path),
+        Format::Png => texture::folder(&sides, folder, path),
         Format::Exr => one_exr(&sides, folder, path).map(|()| vec![path.to_path_buf()]),
         Format::Csv => table::write(&sides, &record, path).map(|()| vec![path.to_path_buf()]),
         Format::Gltf => gltf::write(&sides, folder, path, false).map(|()| vec![path.to_path_buf()]),

@@ -6,8 +6,8 @@
 use super::blade::Mesh;
 use super::side::Side;
 use super::texture::{Turn, data_byte, encode, normal_pixel, pixels};
-use crate::files::atomic;
 use crate::files::image::to_srgb8;
+use crate::files::{atomic, claim};
 use crate::fit::record::FitRecord;
 use crate::{Error, Result};
 use std::fmt::Write;
@@ -32,6 +32,7 @@ pub fn write(sides: &[Side], record: &FitRecord, folder: &Path, path: &Path) -> 
         let (width, height) = (side.maps.width, side.maps.height);
         let mut save = |what: &str, pixel: &dyn Fn(usize) -> [u8; 3]| {
             let file = name(&format!("_{}_{what}.png", side.name));
+            claim::file(&file, &["png"], &[])?;
             atomic::write_bytes(&file, &encode(&file, width, height, &pixels(side, turn, pixel))?)?;
             let plain = file.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
             written.push(file);
@@ -59,6 +60,7 @@ pub fn write(sides: &[Side], record: &FitRecord, folder: &Path, path: &Path) -> 
             let _ = writeln!(materials, "norm {}", save("normal", &|k| normal_pixel([x[k], y[k], z[k]], turn))?);
         }
     }
+    claim::file(&name(".mtl"), &["mtl"], &[])?;
     atomic::write_bytes(&name(".mtl"), materials.as_bytes())?;
     written.push(name(".mtl"));
     // The mesh last: when it is there, everything it names is.

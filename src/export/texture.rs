@@ -3,6 +3,7 @@
 use super::side::{RGB, Side};
 use crate::Error;
 use crate::Result;
+use crate::files::claim::{self, Kind};
 use crate::files::image::to_srgb8;
 use crate::files::{atomic, image};
 use serde_json::{Map, Value, json};
@@ -45,8 +46,12 @@ pub fn normal_pixel(n: [f32; 3], turn: Turn) -> [u8; 3] {
 }
 
 /// `PATH/front_rho_d.png` … and `PATH/ranges.json`.
-pub fn folder(sides: &[Side], path: &Path) -> Result<Vec<PathBuf>> {
-    atomic::probe_folder(path)?;
+///
+/// # Errors
+/// A folder that holds something else (see [`claim::folder`]), among it the fit itself (`from`), or that cannot be written.
+pub fn folder(sides: &[Side], from: &Path, path: &Path) -> Result<Vec<PathBuf>> {
+    claim::folder(path, Kind::Maps, &[from])?;
+    claim::begin(path, Kind::Maps)?;
     let mut written = Vec::new();
     let mut ranges = Map::new();
     for side in sides {
@@ -113,6 +118,7 @@ pub fn folder(sides: &[Side], path: &Path) -> Result<Vec<PathBuf>> {
     let about = json!({"about": "linear: value = low + (high - low) * byte / 255, clipped to 1 and 99 % of the good texels; the EXR maps hold the exact values", "files": ranges});
     let text = serde_json::to_vec_pretty(&about).map_err(|e| Error::write(path, e))?;
     atomic::write_bytes(&path.join("ranges.json"), &text)?;
+    claim::finish(path)?;
     written.push(path.join("ranges.json"));
     Ok(written)
 }

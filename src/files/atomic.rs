@@ -21,11 +21,15 @@ pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
 }
 
 /// A file being written under a temporary name; [`Pending::finish`] gives it its own. Devices and pipes (`/dev/null`, a FIFO) are
-/// written in place: renaming over them would replace them.
+/// written in place: renaming over them would replace them. Through a symbolic link the file that it leads to is written, and the link stays.
+/// A new file has the mode that the umask leaves, a replaced one keeps its own.
 #[derive(Debug)]
 pub struct Pending {
     target: Option<Target>,
+    /// The name that was asked for.
     path: PathBuf,
+    /// The file that it leads to.
+    real: PathBuf,
 }
 
 #[derive(Debug)]
@@ -43,24 +47,35 @@ impl Pending {
         if path.is_dir() {
             return Err(Error::Usage(format!("{}: found a folder, expected the name of a file", path.display())));
         }
+        let real = through_links(path);
         let target = if fs::metadata(path).is_ok_and(|m| !m.is_file()) {
             let file = fs::OpenOptions::new().write(true).open(path).map_err(|e| unopened(path, &e))?;
             Target::InPlace(BufWriter::new(file))
         } else {
-            Target::Temporary(Self::temporary(path)?)
+            Target::Temporary(Self::temporary(&real).map_err(|(at, e)| unopened(if at == real { path } else { &at }, &e))?)
         };
-        Ok(Pending { target: Some(target), path: path.to_path_buf() })
+        Ok(Pending { target: Some(target), path: path.to_path_buf(), real })
     }
 
-    fn temporary(path: &Path) -> Result<BufWriter<tempfile::NamedTempFile>> {
+    /// A temporary file beside `path`; where that fails, the place and why.
+    fn temporary(path: &Path) -> std::result::Result<BufWriter<tempfile::NamedTempFile>, (PathBuf, io::Error)> {
+        let here = |e| (path.to_path_buf(), e);
         let folder = match path.parent() {
             Some(p) if !p.as_os_str().is_empty() => p,
             _ => Path::new("."),
         };
-        fs::create_dir_all(folder).map_err(|e| unopened(folder, &e))?;
+        fs::create_dir_all(folder).map_err(|e| (folder.to_path_buf(), e))?;
+        // Renaming would replace a file that its owner has made read-only.
+        let old = match fs::OpenOptions::new().write(true).open(path) {
+            Ok(file) => Some(file.metadata().map_err(here)?.permissions()),
+            Err(e) if e.kind() == io::ErrorKind::NotFound => None,
+            Err(e) => return Err(here(e)),
+        };
         let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-        let file =
-            tempfile::Builder::new().prefix(&format!(".{name}.")).suffix(".partial").tempfile_in(folder).map_err(|e| unopened(path, &e))?;
+        let file = temporary(&format!(".{name}."), ".partial", folder).map_err(here)?;
+        if let Some(mode) = old {
+            file.as_file().set_permissions(mode).map_err(here)?;
+        }
         Ok(BufWriter::with_capacity(1 << 16, file))
     }
 
@@ -69,13 +84,7 @@ impl Pending {
         match self.target.take() {
             Some(Target::Temporary(writer)) => {
                 let temp = writer.into_inner().map_err(|e| Error::write(&self.path, explain(e.error())))?;
-                // Temporary files are born private (0600); results are as readable as other new files.
-                #[cfg(unix)]
-                {
-                    use std::os::unix::fs::PermissionsExt;
-                    let _ = temp.as_file().set_permissions(fs::Permissions::from_mode(0o644));
-                }
-                temp.persist(&self.path).map_err(|e| Error::write(&self.path, explain(&e.error)))?;
+                temp.persist(&self.real).map_err(|e| Error::write(&self.path, explain(&e.error)))?;
                 Ok(())
             }
             Some(Target::InPlace(mut writer)) => writer.flush().map_err(|e| Error::write(&self.path, explain(&e))),
@@ -90,6 +99,30 @@ impl Pending {
             None => Err(io::Error::other("already finished")),
         }
     }
+}
+
+/// A temporary file in `folder` with the mode that the umask leaves a new file. (The crate's own default is private, 0600.)
+fn temporary(prefix: &str, suffix: &str, folder: &Path) -> io::Result<tempfile::NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(prefix).suffix(suffix);
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        builder.permissions(fs::Permissions::from_mode(0o666));
+    }
+    builder.tempfile_in(folder)
+}
+
+/// Where a name leads to: a symbolic link is followed, also to a file that is not there yet. A link that leads in a circle is left as it is.
+pub fn through_links(path: &Path) -> PathBuf {
+    let mut at = path.to_path_buf();
+    for _ in 0..40 {
+        match fs::read_link(&at) {
+            Ok(next) => at = at.parent().map_or_else(|| next.clone(), |folder| folder.join(&next)),
+            Err(_) => return at,
+        }
+    }
+    path.to_path_buf()
 }
 
 /// A place where nothing can be written is the command line's mistake; a full disk is not.
@@ -128,7 +161,7 @@ pub fn probe_folder(folder: &Path) -> Result<()> {
         Error::Usage(format!("cannot write to the output folder {}: {why}", folder.display()))
     };
     fs::create_dir_all(folder).map_err(fail)?;
-    tempfile::Builder::new().prefix(".probe").tempfile_in(folder).map_err(fail)?;
+    temporary(".probe", "", folder).map_err(fail)?;
     Ok(())
 }
 

@@ -1,6 +1,7 @@
 //! Files: written whole or not at all, read with errors that name the place. No physics.
 
 pub mod atomic;
+pub mod claim;
 pub mod hash;
 pub mod image;
 pub mod mesh;

@@ -1,11 +1,21 @@
-//! Progress with time left on stderr, for anything over a second; silent with `--quiet` and where stderr is no terminal.
+//! Progress on stderr for anything that takes long: bars with the time left on a terminal, elsewhere a line every ten seconds; nothing with
+//! `--quiet`.
+//!
+//! Work that is under way is a stack of [`Bar`]s. The innermost one says what is being done and how far it is; the outermost is the verb.
 
 use std::io::IsTerminal;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, Once, OnceLock, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Time between two lines where stderr is no terminal.
+const EVERY: Duration = Duration::from_secs(10);
 
 static QUIET: AtomicBool = AtomicBool::new(false);
 static STOP: AtomicBool = AtomicBool::new(false);
+static PAUSED: AtomicBool = AtomicBool::new(false);
+/// What is under way, outermost first.
+static TASKS: Mutex<Vec<Arc<Task>>> = Mutex::new(Vec::new());
 
 /// `--quiet`: no bars and no messages from here on.
 pub fn set_quiet(quiet: bool) {
@@ -16,10 +26,15 @@ pub fn is_quiet() -> bool {
     QUIET.load(Ordering::Relaxed)
 }
 
+/// No more lines of progress: a window is open, and the person before it decides how long that takes.
+pub fn pause() {
+    PAUSED.store(true, Ordering::Relaxed);
+}
+
 /// Says something on stderr, unless `--quiet`.
 pub fn say(text: impl std::fmt::Display) {
     if !is_quiet() {
-        eprintln!("{text}");
+        bars().suspend(|| eprintln!("{text}"));
     }
 }
 
@@ -41,25 +56,115 @@ pub fn go_on() -> crate::Result<()> {
     if stop_requested() { Err(crate::Error::Interrupted("stopped; nothing was printed or written".into())) } else { Ok(()) }
 }
 
-/// A bar of `total` steps. Where stderr is no terminal a line is printed at the end only.
+/// A piece of work and how far it is.
 #[derive(Debug)]
-pub struct Bar(indicatif::ProgressBar);
+struct Task {
+    what: String,
+    /// Steps in all; 0 where nobody knows.
+    total: u64,
+    done: AtomicU64,
+    start: Instant,
+}
+
+impl Task {
+    /// `scanning: 12 of 240 (5 %) after 10 s, about 3 min 10 s left`.
+    fn line(&self, elapsed: Duration) -> String {
+        let (done, total, what) = (self.done.load(Ordering::Relaxed), self.total, &self.what);
+        let after = shown(elapsed);
+        match (done, total) {
+            (0, 0) => format!("{what}: {after} so far"),
+            (_, 0) => format!("{what}: {done} done after {after}"),
+            (0, _) => format!("{what}: 0 of {total} after {after}"),
+            _ => {
+                let left = elapsed.mul_f64((total.saturating_sub(done)) as f64 / done as f64);
+                let percent = 100.0 * done as f64 / total as f64;
+                format!("{what}: {done} of {total} ({percent:.0} %) after {after}, about {} left", shown(left))
+            }
+        }
+    }
+}
+
+/// `8 s`, `3 min 10 s`, `2 h 5 min`.
+fn shown(time: Duration) -> String {
+    let s = time.as_secs_f64().round() as u64;
+    match (s / 3600, s / 60 % 60, s % 60) {
+        (0, 0, s) => format!("{s} s"),
+        (0, m, s) => format!("{m} min {s} s"),
+        (h, m, _) => format!("{h} h {m} min"),
+    }
+}
+
+/// The bars of a terminal, one below the other.
+fn bars() -> &'static indicatif::MultiProgress {
+    static BARS: OnceLock<indicatif::MultiProgress> = OnceLock::new();
+    BARS.get_or_init(indicatif::MultiProgress::new)
+}
+
+fn tasks() -> std::sync::MutexGuard<'static, Vec<Arc<Task>>> {
+    TASKS.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// What to print now: all that is under way, from the verb to the innermost work, whose time is told.
+fn state(tasks: &[Arc<Task>]) -> Option<String> {
+    let (inner, outer) = tasks.split_last()?;
+    let around = outer.iter().map(|t| match t.total {
+        0 => format!("{}: ", t.what),
+        total => format!("{} ({} of {total} done): ", t.what, t.done.load(Ordering::Relaxed)),
+    });
+    Some(around.collect::<String>() + &inner.line(inner.start.elapsed()))
+}
+
+/// Starts the thread that prints the lines, once. It ends with the program.
+fn print_lines() {
+    static STARTED: Once = Once::new();
+    STARTED.call_once(|| {
+        std::thread::spawn(|| {
+            loop {
+                std::thread::sleep(EVERY);
+                let line = state(&tasks());
+                if let Some(line) = line.filter(|_| !is_quiet() && !PAUSED.load(Ordering::Relaxed)) {
+                    // A reader of stderr that went away is no reason to end.
+                    let _ = std::io::Write::write_all(&mut std::io::stderr(), format!("{line}\n").as_bytes());
+                }
+            }
+        });
+    });
+}
+
+/// A piece of work under way, of `total` steps (0: nobody knows how many). It ends when the value is dropped.
+#[derive(Debug)]
+pub struct Bar {
+    task: Arc<Task>,
+    drawn: indicatif::ProgressBar,
+}
 
 impl Bar {
-    pub fn new(what: &'static str, total: u64) -> Self {
-        if is_quiet() || !std::io::stderr().is_terminal() {
-            return Bar(indicatif::ProgressBar::hidden());
-        }
-        let bar = indicatif::ProgressBar::new(total).with_prefix(what);
-        if let Ok(style) = indicatif::ProgressStyle::with_template("{prefix:>22} {wide_bar} {percent:>3} %  {eta} left") {
-            bar.set_style(style);
-        }
-        bar.enable_steady_tick(Duration::from_millis(200));
-        Bar(bar)
+    pub fn new(what: impl Into<String>, total: u64) -> Self {
+        let outermost = tasks().is_empty();
+        let task = Arc::new(Task { what: what.into(), total, done: AtomicU64::new(0), start: Instant::now() });
+        tasks().push(task.clone());
+        let drawn = if is_quiet() || PAUSED.load(Ordering::Relaxed) {
+            indicatif::ProgressBar::hidden()
+        } else if !std::io::stderr().is_terminal() {
+            print_lines();
+            indicatif::ProgressBar::hidden()
+        } else if outermost && total == 0 {
+            // The verb itself: the bars inside say more.
+            indicatif::ProgressBar::hidden()
+        } else {
+            drawn(&task)
+        };
+        Bar { task, drawn }
+    }
+
+    /// Work without a count of steps.
+    pub fn of(what: impl Into<String>) -> Self {
+        Bar::new(what, 0)
     }
 
     pub fn advance(&self, steps: u64) {
-        self.0.inc(steps);
+        self.task.done.fetch_add(steps, Ordering::Relaxed);
+        self.drawn.inc(steps);
     }
 
     /// One step further, unless a stop was asked for.
@@ -72,8 +177,50 @@ impl Bar {
     }
 }
 
+/// A bar on the terminal.
+fn drawn(task: &Task) -> indicatif::ProgressBar {
+    let (bar, template) = match task.total {
+        0 => (indicatif::ProgressBar::new_spinner(), "{prefix:>22} {spinner} {elapsed}"),
+        total => (indicatif::ProgressBar::new(total), "{prefix:>22} {wide_bar} {percent:>3} %  {eta} left"),
+    };
+    let bar = bars().add(bar.with_prefix(task.what.clone()));
+    if let Ok(style) = indicatif::ProgressStyle::with_template(template) {
+        bar.set_style(style);
+    }
+    bar.enable_steady_tick(Duration::from_millis(200));
+    bar
+}
+
 impl Drop for Bar {
     fn drop(&mut self) {
-        self.0.finish_and_clear();
+        tasks().retain(|t| !Arc::ptr_eq(t, &self.task));
+        self.drawn.finish_and_clear();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn task(what: &str, total: u64, done: u64) -> Arc<Task> {
+        Arc::new(Task { what: what.into(), total, done: AtomicU64::new(done), start: Instant::now() })
+    }
+
+    #[test]
+    fn a_line_says_what_is_done_how_far_it_is_and_how_long_it_takes() {
+        let after = Duration::from_secs(30);
+        // A quarter took 30 s, so that three quarters take 90 s.
+        assert_eq!(task("scanning", 240, 60).line(after), "scanning: 60 of 240 (25 %) after 30 s, about 1 min 30 s left");
+        assert_eq!(task("scanning", 240, 0).line(after), "scanning: 0 of 240 after 30 s");
+        assert_eq!(task("rows", 0, 7).line(after), "rows: 7 done after 30 s");
+        assert_eq!(task("plan", 0, 0).line(Duration::from_secs(7530)), "plan: 2 h 5 min so far");
+    }
+
+    #[test]
+    fn the_innermost_work_speaks_for_its_verb() {
+        assert_eq!(state(&[]), None);
+        assert_eq!(state(&[task("check", 0, 0)]).as_deref(), Some("check: 0 s so far"));
+        let nested = [task("check", 0, 0), task("views", 3, 1), task("reference of front", 10, 0)];
+        assert_eq!(state(&nested).as_deref(), Some("check: views (1 of 3 done): reference of front: 0 of 10 after 0 s"));
     }
 }

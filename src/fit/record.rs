@@ -1,5 +1,6 @@
 //! `fit.toml`: what a fit folder says about itself. The same input and seed give the same bytes, so times live beside it in `times.toml`.
 
+use crate::files::claim::{self, Kind};
 use crate::files::{atomic, hash};
 use crate::fit::leaf::held_out::{HeldOut, LightBox, Scan};
 use crate::solve::{Termination, TraceRow};
@@ -183,9 +184,10 @@ impl FitRecord {
         Ok(())
     }
 
-    /// Writes `fit.toml`, last of all files, so that a folder with one is complete.
+    /// Writes `fit.toml`, last of all files, so that a folder with one is complete, and takes the marker of unfinished work away.
     pub fn write(&self, folder: &Path) -> Result<()> {
-        write_toml(&folder.join("fit.toml"), self)
+        write_toml(&folder.join("fit.toml"), self)?;
+        claim::finish(folder)
     }
 }
 
@@ -198,30 +200,20 @@ impl Times {
     }
 }
 
-/// Makes sure that a fit of this kind may write into `folder`: it is writable, holds no capture and no fit of another kind, and is not what the fit is
-/// made from, so that nothing measured or fitted is lost to a slip.
+/// Makes sure that a fit of this kind may write into `folder`: see [`claim::folder`].
 ///
 /// # Errors
 /// [`Error::Usage`] (exit code 2) naming the folder and what it holds.
 pub fn claim(folder: &Path, kind: &str, inputs: &[&Path]) -> Result<()> {
-    let refuse = |what: &str| {
-        let folder = folder.display();
-        Err(Error::Usage(format!("the output folder {folder} {what}, which a {kind} fit there would overwrite; name another folder")))
-    };
-    let same = |input: &&Path| matches!((folder.canonicalize(), input.canonicalize()), (Ok(a), Ok(b)) if a == b);
-    if inputs.iter().any(same) {
-        return refuse("is what the fit is made from");
-    }
-    if folder.join("capture.toml").exists() {
-        return refuse("holds a capture (capture.toml)");
-    }
-    // A record that cannot be read is nobody's fit.
-    if let Ok(there) = FitRecord::read(folder)
-        && there.kind != kind
-    {
-        return refuse(&format!("holds the {} fit \"{}\"", there.kind, there.name));
-    }
-    atomic::probe_folder(folder)
+    claim::folder(folder, Kind::Fit(kind), inputs)
+}
+
+/// Opens a claimed folder for writing: from here to [`FitRecord::write`] it is marked as no whole fit, and an earlier fit's record is gone.
+///
+/// # Errors
+/// A folder that cannot be written.
+pub fn begin(folder: &Path, kind: &str) -> Result<()> {
+    claim::begin(folder, Kind::Fit(kind))
 }
 
 /// A TOML file as a value; unknown and missing fields are named with their line.

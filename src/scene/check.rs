@@ -101,6 +101,7 @@ pub fn check(manifest: &Manifest, plan: &Plan, options: &Options, ledger: &Ledge
             let stage = transport::Renderer::new(&world)?;
             let by_maps = if stored { Some(transport::Renderer::new(&by_maps)?) } else { None };
             while let Some(view) = left.next_if(|v| plan.bends.is_none() || branch::time(manifest, v) == time) {
+                let _bar = progress::Bar::of(format!("view {}", view.name));
                 let stages = perspective::Stages { truth: &stage, by_maps: by_maps.as_ref(), true_leaf: as_grown.as_ref() };
                 report.views.push(perspective::one_view(manifest, plan, view, &mut renderer, &stages, options)?);
             }

@@ -4,6 +4,7 @@
 
 use super::placement::Placement;
 use crate::files::mesh::LeafMesh;
+use crate::files::progress::Bar;
 use glam::{DMat3, DVec2, DVec3};
 
 /// Cosines below this are taken for edge-on.
@@ -68,7 +69,9 @@ impl Facing {
 /// overlap as seen from the sun.
 pub fn shadows(meshes: &[Option<&LeafMesh>], placements: &[Placement], sun: DVec3, radius: f64) -> Result<(), &'static str> {
     let mut spheres = Vec::new();
+    let bar = Bar::new("which leaves shade each other", placements.len() as u64);
     for placement in placements {
+        bar.advance(1);
         let Some(mesh) = meshes[placement.leaf] else { return Ok(()) };
         if !lit_once(mesh, placement, sun, radius) {
             return Ok(());

@@ -12,7 +12,7 @@ use crate::capture::manifest::Travel;
 use crate::capture::reader::Capture;
 use crate::capture::synth::leaf::Leaf as Grown;
 use crate::capture::synth::{scan, spec::Spec};
-use crate::files::{atomic, progress};
+use crate::files::{atomic, claim, progress};
 use crate::fit::leaf as fit;
 use crate::fit::translucency as through;
 use crate::optics::gloss;
@@ -106,11 +106,8 @@ fn scanned(manifest: &Manifest, leaf: &Leaf, told: &Scan, out: &Path, afresh: bo
         return Ok(folder);
     }
     let _ = std::fs::remove_file(&stamp);
-    if folder.exists() {
-        // A scan of another specification, or one that was stopped half way.
-        std::fs::remove_dir_all(&folder).map_err(|e| Error::write(&folder, atomic::explain(&e)))?;
-    }
-    atomic::probe_folder(&folder)?;
+    // What is there may be a scan of another specification, or one that was stopped half way; a measured capture is refused.
+    claim::capture(&folder, &[], true)?;
     let mut spec = Spec::read(&manifest.resolve(&told.spec))?;
     spec.field_mm = told.field_mm.unwrap_or(spec.field_mm);
     let (width, height) = size(told).unwrap_or((720, 540));
@@ -127,7 +124,7 @@ fn scanned(manifest: &Manifest, leaf: &Leaf, told: &Scan, out: &Path, afresh: bo
     ledger.note("scan", leaf.name.clone(), 0, || -> Result<()> {
         let grown = Grown::grow(&spec, options.model, width, height)
             .ok_or_else(|| Error::field(&manifest.path, &format!("leaf \"{}\": scan.size", leaf.name), "not one texel lies on the leaf"))?;
-        scan::scan(&spec, &grown, &options, &folder).map(|_| ())
+        claim::capturing(&folder, || scan::scan(&spec, &grown, &options, &folder)).map(|_| ())
     })?;
     atomic::write_bytes(&stamp, wanted.as_bytes())?;
     Ok(folder)

@@ -16,6 +16,7 @@ use super::translucency::{self, Translucent};
 use super::tree;
 use crate::Result;
 use crate::files::mesh::{self, LeafMesh};
+use crate::files::progress::Bar;
 use glam::DVec3;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -306,7 +307,10 @@ fn leaf_plan(
                 .filter(|v| v.kind == ViewKind::Perspective)
                 .filter_map(|v| Some((v.eye_mm?.into(), branch::time(manifest, v))))
                 .collect();
-            for p in placements.iter().filter(|p| p.leaf == index) {
+            let mine: Vec<&Placement> = placements.iter().filter(|p| p.leaf == index).collect();
+            let bar = Bar::new(format!("which sides of {} are seen and lit", leaf.name), mine.len() as u64);
+            for p in mine {
+                bar.step()?;
                 if p.ride.is_none() || whole.bends.is_none() {
                     let eyes: Vec<DVec3> = views.iter().map(|v| v.0).collect();
                     plan.facing.add(&read, p, &eyes, sun);

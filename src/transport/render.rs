@@ -9,6 +9,7 @@ use super::dome::{BELOW, DISK};
 use super::shade::{DiskPoint, Stage};
 use super::tone;
 use super::world::{Camera, World};
+use crate::files::progress::Bar;
 use crate::{Error, Result};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -95,8 +96,13 @@ impl<'a> Renderer<'a> {
         }
         let lens = Lens::new(camera, width, height)?;
         let patterns = Patterns::new(options, self.stage.world.dome.is_some());
-        let pixels: Vec<Pixel> =
-            (0..width * height).into_par_iter().with_min_len(64).map(|k| self.pixel(&lens, &patterns, k, width)).collect();
+        let bar = Bar::new("drawing the reference", height as u64);
+        let row = |j: usize| {
+            let pixels: Vec<Pixel> = (0..width).map(|i| self.pixel(&lens, &patterns, j * width + i, width)).collect();
+            bar.advance(1);
+            pixels
+        };
+        let pixels: Vec<Pixel> = (0..height).into_par_iter().flat_map_iter(row).collect();
         let exposure = self.stage.world.exposure;
         let near = |test: &(dyn Fn(&Pixel, &Pixel) -> bool + Sync)| -> Vec<bool> {
             (0..width * height)

@@ -14,6 +14,7 @@ use crate::capture::synth::scan::stop_if_asked;
 use crate::capture::synth::spec::{Model, Spec};
 use crate::files::atomic;
 use crate::files::image::{Maps, Packing, write_exr};
+use crate::files::progress::Bar;
 use crate::optics::dipole::Tissue;
 use crate::optics::slab::exact::Medium;
 use crate::optics::translucency::blade::{self, LitSide, Surface};
@@ -207,6 +208,7 @@ fn through(light: &[f64], thickness: &[f64], sigma_a: &[f64], reduced: f64, mu: 
 pub fn capture(spec: &Spec, grown: &Grown, options: &Options, folder: &Path) -> Result<Manifest> {
     let (w, h) = (options.width, options.height);
     let floor = if options.noise > 0.0 { spec.device.noise_floor } else { 0.0 };
+    let bar = Bar::new("photographing", options.beams.len() as u64);
     for (k, beam) in options.beams.iter().enumerate() {
         stop_if_asked(folder)?;
         let mut shown = grown.shown(beam)?;
@@ -226,6 +228,7 @@ pub fn capture(spec: &Spec, grown: &Grown, options: &Options, folder: &Path) -> 
             maps.push(name, blade::mirror(&seen, w));
         }
         write_exr(&folder.join(&beam.file), &maps, Packing::Raw)?;
+        bar.advance(1);
     }
     for (back, name) in [(false, "front"), (true, "back")] {
         let all = grown.leaf.truth(back);

@@ -23,6 +23,7 @@ use crate::capture::synth::sensor::Sensor;
 use crate::capture::synth::spec::{Model, Spec};
 use crate::files::atomic;
 use crate::files::image::{Maps, Packing, write_exr};
+use crate::files::progress::Bar;
 use crate::optics::translucency::blade as optics;
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -145,6 +146,7 @@ pub fn capture(spec: &Spec, blade: &Blade, options: &Options, folder: &Path) -> 
     let sensor = Sensor { relative: options.noise, floor: device.noise_floor, full_scale: device.full_scale };
     let manifest = manifest_of(spec, blade, options);
     let sides = [SideName::Front, SideName::Back];
+    let bar = Bar::new("photographing sides", 2);
     let put = |path: PathBuf, light: &dyn Fn(usize) -> [f64; 3], sensor: Sensor, place: u64| {
         stop_if_asked(folder)?;
         let image = (0..manifest.texels()).map(|k| {
@@ -174,6 +176,7 @@ pub fn capture(spec: &Spec, blade: &Blade, options: &Options, folder: &Path) -> 
         let truth = truth(blade, name, shown, s);
         write_exr(&folder.join("truth").join(format!("{}.exr", name.name())), &truth, Packing::Zip)?;
         preview::write(&folder.join("truth").join(format!("{}.png", name.name())), leaf, name == SideName::Back)?;
+        bar.advance(1);
     }
     let mean = sensor.averaging(SHOTS);
     put(white_path(folder), &|k| [dome(k); 3], mean, 4)?;

@@ -79,7 +79,7 @@ pub fn scan(spec: &Spec, leaf: &Leaf, options: &Options, folder: &Path) -> Resul
 /// Ends a synthesis after Ctrl-C.
 pub fn stop_if_asked(folder: &Path) -> Result<()> {
     if stop_requested() {
-        return Err(Error::Interrupted(format!("stopped; {} is not a complete capture (no capture.toml yet)", folder.display())));
+        return Err(Error::Interrupted(format!("stopped before the capture {} was complete; nothing of it was kept", folder.display())));
     }
     Ok(())
 }

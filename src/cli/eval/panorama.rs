@@ -4,7 +4,7 @@ use super::sky::ModelName;
 use crate::cli::Common;
 use crate::cli::fit::sky::ProjectionName;
 use crate::files::image::{Packing, write_exr};
-use crate::files::progress;
+use crate::files::{claim, progress};
 use crate::fit::sky::panorama::render::{Shot, render};
 use crate::{Error, Result};
 use std::path::PathBuf;
@@ -66,6 +66,7 @@ pub struct Args {
 const MOST: usize = 1 << 26;
 
 pub fn run(args: &Args, _: &Common) -> Result<u8> {
+    claim::file(&args.output, &["exr"], &[])?;
     let projection = args.projection.projection(args.field_deg);
     let default = if args.projection == ProjectionName::Fisheye { "256x256" } else { "256x128" };
     let text = args.size.as_deref().unwrap_or(default);

@@ -52,12 +52,22 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     Ok(0)
 }
 
+/// Smaller numbers than this are stored with fewer digits than an answer promises.
+const SMALLEST: f64 = 1e-300;
+
 fn evaluate(method: Method, mu0: f64, omega: f64, delta: f64, one_minus_omega: f64) -> Answer {
     if !(0.0..=1.0).contains(&omega) {
         return Answer::refused(format!("omega is {omega}; expected 0 to 1"));
     }
     if !(delta >= 0.0 && delta.is_finite()) {
         return Answer::refused(format!("delta is {delta}; expected 0 or more"));
+    }
+    for (name, value) in [("omega", omega), ("delta", delta)] {
+        if value != 0.0 && value < SMALLEST {
+            return Answer::refused(format!(
+                "{name} is {value:e}; expected 0 or at least {SMALLEST:e}, below which numbers lose their digits"
+            ));
+        }
     }
     let absorbed = if one_minus_omega.is_nan() { 1.0 - omega } else { one_minus_omega };
     if !(absorbed >= 0.0 && (omega + absorbed - 1.0).abs() < 1e-9) {

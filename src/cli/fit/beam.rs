@@ -1,10 +1,12 @@
 //! `mesophyll fit beam`: coefficients of a taper, the basis of all tapers, or taper and stiffness from measured deflections.
 
 use crate::cli::Common;
+use crate::files::claim::{self, Kind};
 use crate::files::progress::say;
 use crate::files::table::{self, BatchIo, Spec, Table};
 use crate::fit::beam::measured::Along;
 use crate::fit::beam::{self, basis, deflections, record};
+use crate::fit::record::claim;
 use crate::report::beam_charts;
 use crate::{Error, Result};
 use std::path::PathBuf;
@@ -61,6 +63,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             basis_to(folder, common)?;
         }
         if let Some(folder) = &args.pictures {
+            claim::folder(folder, Kind::Pictures, &[])?;
             for file in beam_charts::write(folder)? {
                 say(format!("wrote {}", file.display()));
             }
@@ -79,6 +82,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
 }
 
 fn basis_to(folder: &std::path::Path, common: &Common) -> Result<()> {
+    claim(folder, "beam", &[])?;
     let clock = Instant::now();
     let fit = basis::smooth_fit(crate::plant::taper::TERMS, basis::DEGREE);
     let seconds = clock.elapsed().as_secs_f64();
@@ -100,6 +104,9 @@ fn basis_to(folder: &std::path::Path, common: &Common) -> Result<()> {
 fn from_deflections(args: &Args, path: &std::path::Path, common: &Common) -> Result<u8> {
     deflections::check_noise(args.noise)?;
     let along = if args.positions == Positions::Branch { Along::Branch } else { Along::Axis };
+    if let Some(folder) = &args.folder {
+        claim(folder, "beam", &[path])?;
+    }
     let clock = Instant::now();
     let branches = deflections::read(Table::open(path)?, args.noise)?;
     if branches.is_empty() {
@@ -116,7 +123,7 @@ fn from_deflections(args: &Args, path: &std::path::Path, common: &Common) -> Res
         let traces = branches.iter().zip(&fits).filter_map(|((n, _), f)| f.as_ref().ok().map(|m| (n.clone(), m.fit.trace.clone())));
         record::write(folder, &record::of_branches(&branches, &fits, along, hash), seconds, traces.collect())?;
     }
-    let tally = deflections::write(&branches, &fits, &args.io.output)?;
+    let tally = deflections::write(&branches, &fits, path, &args.io.output)?;
     super::slab::say_tally(&tally, &args.io, common)?;
     Ok(0)
 }

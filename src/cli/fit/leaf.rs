@@ -48,6 +48,9 @@ pub struct Args {
     /// Dome captures only: effective refractive index and slope m of the gloss, which a dome does not show (index 1.2 to 1.7, slope 0.078 to 0.5 for leaves)
     #[arg(long, value_name = "N,M", value_delimiter = ',')]
     gloss: Option<Vec<f64>>,
+    /// Go on where a stopped run was; the same command does that without being told
+    #[arg(long, conflicts_with = "force")]
+    resume: bool,
     /// Fit again although the folder already holds this very fit
     #[arg(long)]
     force: bool,

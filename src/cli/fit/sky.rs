@@ -3,6 +3,7 @@
 use crate::cli::Common;
 use crate::cli::eval::sky::ModelName;
 use crate::files::progress;
+use crate::fit::record::claim;
 use crate::fit::sky::judge::Reference;
 use crate::fit::sky::panorama::{self, picture::Channels, projection::Projection};
 use crate::fit::sky::{self as fits, Method, Options, folder};
@@ -118,6 +119,9 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         ModelName::Preetham => fits::fit(&options)?,
         ModelName::HosekWilkie => fits::fit_model(&options, model.as_ref())?,
     };
+    if fitted.form.is_some() {
+        claim(&args.output, "sky", &[])?;
+    }
     let reference = Reference::new(model.as_ref(), options.bands, options.turbidities, 33, 15).map_err(Error::Missed)?;
     let (wide, error) = folder::write(&args.output, &fitted, &reference)?;
     let bytes = fitted.form.as_ref().map_or(0, |f| f.narrow().bytes());
@@ -174,6 +178,7 @@ fn from_panorama(args: &Args, path: &Path, common: &Common) -> Result<u8> {
     options.extend(args.saturation.iter().map(|s| ("saturation".to_string(), s.to_string())));
     let told = format!("{options:?} {:?} {}", args.noise, env!("CARGO_PKG_VERSION"));
     let hash = crate::files::hash::combine([("panorama", crate::files::hash::file(path)?.as_str()), ("options", told.as_str())]);
+    claim(&args.output, "panorama", &[path])?;
     panorama::record::write(&args.output, &picture, &found, &options, hash, [read, fitted])?;
     let shown = |k: panorama::Known, unit: f64| format!("{:.4} ± {:.4}", k.value * unit, k.error * unit);
     let degrees = 180.0 / std::f64::consts::PI;

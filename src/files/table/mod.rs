@@ -3,14 +3,17 @@
 //! Every batch form of the command line goes through [`run`]: rows are read in blocks, computed in parallel, and written
 //! in input order, so ten million rows need no more memory than ten thousand.
 
+mod quotes;
 mod sink;
 mod source;
 
 pub use sink::{Sink, push_cell, push_number, push_text, stdout_error};
 pub use source::{Record, Table};
 
+use crate::files::progress::Bar;
 use crate::{Error, Result};
 use rayon::prelude::*;
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 /// Rows handed to the workers at a time.
@@ -116,9 +119,10 @@ where
     F: Fn(&Row, &mut Vec<Answer>) + Sync,
 {
     let plan = Plan::new(&table, spec)?;
-    let mut sink = Sink::open(output)?;
+    let mut sink = Sink::open(output, table.source())?;
     sink.write_all(output, &plan.header_line(&table, spec))?;
     let mut tally = Tally::default();
+    let bar = Bar::of("rows");
     let mut block: Vec<Record> = Vec::with_capacity(BLOCK);
     loop {
         block.clear();
@@ -160,6 +164,7 @@ where
             tally.ok += part.ok;
             tally.undetermined += part.undetermined;
             tally.refused += part.refused;
+            bar.advance(part.rows as u64);
         }
         if crate::files::progress::stop_requested() {
             return Err(Error::Interrupted(format!("interrupted after {} rows; no output file was written", tally.rows)));
@@ -185,7 +190,8 @@ impl Plan {
         for name in &spec.optional {
             numbers.push((table.column(name), name.clone(), false));
         }
-        let carried: Vec<usize> = (0..table.header.len()).filter(|&k| !spec.dropped.contains(&table.header[k])).collect();
+        let dropped: HashSet<&String> = spec.dropped.iter().collect();
+        let carried: Vec<usize> = (0..table.header.len()).filter(|&k| !dropped.contains(&table.header[k])).collect();
         for name in spec.outputs.iter().map(String::as_str).chain(["status"]) {
             if carried.iter().any(|&k| table.header[k] == name) {
                 return Err(Error::field(table.name(), name, "the input already has this output column; rename or remove it"));
@@ -298,6 +304,32 @@ mod tests {
             "note,x,y,status\na,1,1.0,ok\n\u{fffd},2,2.0,ok\nb,\u{fffd},,refused: x is not valid UTF-8 text; expected a number\n"
         );
         assert_eq!(through_bytes(b"\xff\xfe,x\n1,2\n").unwrap_err().to_string(), "in.csv: line 1: not valid UTF-8 text");
+    }
+
+    /// What RFC 4180 says of quotes is kept; a quote that it does not allow spoils its own row.
+    #[test]
+    fn a_quote_that_is_not_closed_costs_its_own_row_and_no_other() {
+        let rows = |text: &'static str| -> Vec<String> { through(text).unwrap().lines().skip(1).map(String::from).collect() };
+        let never = "refused: the quote that opens on line 3 is never closed";
+        assert_eq!(rows("note,x\na,1\n\"b,2\nc,3\nd,4\n"), ["a,1,1.0,ok", &format!("\"\"\"b,2\",,{never}"), "c,3,3.0,ok", "d,4,4.0,ok"]);
+        // The quotes of a later row do not close it.
+        let wrong = "refused: the quote that opens on line 2 is closed in the middle of a cell";
+        assert_eq!(rows("note,x\r\n\"b,2\r\n\"c\",3\r\n\r\nd,4"), [&format!("\"\"\"b,2\",,{wrong}"), "c,3,3.0,ok", "d,4,4.0,ok"]);
+        // Neither do a thousand rows without one.
+        let long: &'static str = format!("note,x\n\"b,2\n{}", "c,3\n".repeat(1000)).leak();
+        assert_eq!(rows(long).iter().filter(|r| *r == "c,3,3.0,ok").count(), 1000);
+        // The last row, without an end.
+        assert_eq!(rows("note,x\na,1\n\"b,2").len(), 2);
+        // Line breaks, doubled quotes and commas in a quoted cell are its text.
+        assert_eq!(through("note,x\n\"a\n\"\"b,\",1\nc,2\n").unwrap(), "note,x,y,status\n\"a\n\"\"b,\",1,1.0,ok\nc,2,2.0,ok\n");
+        assert!(through("note,\"x\n1,2\n").unwrap_err().to_string().contains("the header cannot be read: the quote that opens on line 1"));
+    }
+
+    #[test]
+    fn columns_without_end_are_refused_at_once() {
+        let header: Vec<String> = (0..200_000).map(|k| format!("c{k}")).collect();
+        let text: &'static str = format!("{}\n", header.join(",")).leak();
+        assert!(through(text).unwrap_err().to_string().contains("found 200000 columns, expected at most 65536"));
     }
 
     #[test]

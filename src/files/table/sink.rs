@@ -1,6 +1,7 @@
 //! Where a table's rows go, and how cells are written.
 
 use crate::files::atomic::{self, Pending};
+use crate::files::claim;
 use crate::{Error, Result};
 use std::io::{self, Write};
 use std::path::Path;
@@ -13,7 +14,12 @@ pub enum Sink {
 }
 
 impl Sink {
-    pub fn open(path: &Path) -> Result<Sink> {
+    /// Opens the output `path` of a batch that reads `input` (`-`: a standard stream).
+    ///
+    /// # Errors
+    /// As [`claim::file`] and [`Pending::create`].
+    pub fn open(path: &Path, input: &Path) -> Result<Sink> {
+        claim::file(path, &["csv"], &[input])?;
         if path == Path::new("-") {
             Ok(Sink::Stdout(io::BufWriter::with_capacity(1 << 16, io::stdout())))
         } else {

@@ -123,11 +123,11 @@ pub fn fit_all(branches: &[Named], along: Along) -> Vec<std::result::Result<Meas
     branches.par_iter().map(|(_, b)| b.as_ref().map_err(String::clone).and_then(|b| fit(b, along))).collect()
 }
 
-/// Writes a row a branch.
+/// Writes a row a branch of what was read from `input`.
 ///
 /// # Errors
-/// [`Error::Write`] where the output cannot be written.
-pub fn write(branches: &[Named], fits: &[std::result::Result<Measured, String>], output: &Path) -> Result<Tally> {
+/// [`Error::Write`] where the output cannot be written, [`Error::Usage`] where it is the input.
+pub fn write(branches: &[Named], fits: &[std::result::Result<Measured, String>], input: &Path, output: &Path) -> Result<Tally> {
     let mut bytes = format!("branch,{},status\n", OUTPUTS.join(",")).into_bytes();
     let mut tally = Tally::default();
     for ((name, _), result) in branches.iter().zip(fits) {
@@ -150,7 +150,7 @@ pub fn write(branches: &[Named], fits: &[std::result::Result<Measured, String>],
             Status::Refused(_) => tally.refused += 1,
         }
     }
-    let mut sink = Sink::open(output)?;
+    let mut sink = Sink::open(output, input)?;
     sink.write_all(output, &bytes)?;
     sink.finish()?;
     Ok(tally)

@@ -104,12 +104,12 @@ fn describe(section: &mut Section, m: &Measured) {
     );
 }
 
-/// Writes a record and what differs from run to run.
+/// Writes a record and what differs from run to run into a claimed folder.
 ///
 /// # Errors
 /// [`crate::Error::Write`] where the folder cannot be written.
 pub fn write(folder: &Path, record: &FitRecord, seconds: f64, traces: Vec<(String, crate::solve::Trace)>) -> Result<()> {
-    crate::fit::record::claim(folder, "beam", &[])?;
+    crate::fit::record::begin(folder, "beam")?;
     let times = Times {
         capture: None,
         phases: vec![Phase { name: "fit".into(), seconds }],

@@ -46,7 +46,7 @@ pub struct Fitted {
 /// Fits the capture into the folder `out`.
 ///
 /// # Errors
-/// Unreadable or invalid captures (exit code 2), an unwritable folder (1).
+/// Unreadable or invalid captures (exit code 2), a folder that cannot be written or holds something else (2).
 pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     let clock = Instant::now();
     let folder = capture;
@@ -72,6 +72,7 @@ pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     let sides = [front?, back?];
     phase("slab of every texel and of the leaf", step);
     let step = Instant::now();
+    record::begin(out, "leaf")?;
     let record = output::write(out, &capture, &reduced, &sides, options, input)?;
     phase("blade and maps", step);
     let times = Times {

@@ -204,6 +204,7 @@ pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     let mut done = Vec::new();
     for (measured, maps) in sides.into_iter().zip(merged) {
         let step = Instant::now();
+        let _bar = Bar::of(format!("{}: interior", measured.side.name()));
         let fitted = interior::fit(&capture, measured, maps, options, &level, &mut times)?;
         phases.add(&format!("{}: interior", fitted.side.name()), step);
         done.push(fitted);
@@ -213,6 +214,7 @@ pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     let blade = output::blade(&capture, &done);
     phases.add("blade", step);
     let step = Instant::now();
+    record::begin(out, "leaf")?;
     let mut judged = Vec::new();
     for fitted in &done {
         // Floats and the slab's curve hold a transmittance to a few millionths: less noise than that is not claimed.

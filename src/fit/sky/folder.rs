@@ -97,11 +97,7 @@ pub fn write(folder: &Path, fit: &Fitted, reference: &Reference) -> Result<(Judg
     let (wide_error, error) = (judge(form, reference), judge(&narrow, reference));
     let arrays = serde_json::to_string(&Arrays::new(&narrow, &fit.model)).map_err(|e| Error::Missed(format!("cannot write JSON: {e}")))?;
     let path = folder.join("coefficients.json");
-    // A folder without fit.toml is no fit: the old one goes before the arrays change.
-    match std::fs::remove_file(folder.join("fit.toml")) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(Error::write(&folder.join("fit.toml"), atomic::explain(&e))),
-        _ => {}
-    }
+    crate::fit::record::begin(folder, "sky")?;
     atomic::write_bytes(&path, format!("{arrays}\n").as_bytes())?;
 
     let options = &fit.options;

@@ -7,12 +7,12 @@ use super::side::Made;
 use super::source::{Side, Source};
 use super::tissue;
 use super::{Colour, Options, TissueFrom};
+use crate::Result;
+use crate::files::hash;
 use crate::files::image::{Maps, Packing, to_srgb8, write_exr, write_png};
-use crate::files::{atomic, hash};
 use crate::fit::leaf::map_path;
 use crate::fit::record::{FitRecord, Param, SCHEMA, Section};
 use crate::optics::dipole::Form;
-use crate::{Error, Result};
 use std::path::Path;
 
 const RGB: [&str; 3] = ["R", "G", "B"];
@@ -22,11 +22,7 @@ const RGB: [&str; 3] = ["R", "G", "B"];
 /// # Errors
 /// [`Error::Write`] for a folder or file that cannot be written.
 pub fn write(out: &Path, source: &Source, made: &[Made], options: &Options, input_hash: String) -> Result<FitRecord> {
-    // A folder without fit.toml is no fit: the old one goes before the maps change.
-    match std::fs::remove_file(out.join("fit.toml")) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(Error::write(&out.join("fit.toml"), atomic::explain(&e))),
-        _ => {}
-    }
+    crate::fit::record::begin(out, "translucency")?;
     let mut record = FitRecord {
         schema: SCHEMA,
         kind: "translucency".into(),

@@ -166,7 +166,7 @@ pub fn input_hash(source: &Source, options: &Options) -> String {
 /// Computes the translucency maps of the leaf fit in `input` into the folder `out`.
 ///
 /// # Errors
-/// An input that is no leaf fit or is damaged (exit code 2), a slab that the leaf fit did not determine (1), a folder that cannot be written (1).
+/// An input that is no leaf fit or is damaged (exit code 2), a slab that the leaf fit did not determine (1), a folder that cannot be written (2).
 pub fn run(input: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     let clock = Instant::now();
     let source = Source::read(input, Frame::Mesh)?;

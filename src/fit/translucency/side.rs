@@ -4,6 +4,7 @@ use super::source::{Side, Source};
 use super::tissue::{self, Entry};
 use super::{Area, Colour, Options, TissueFrom, colour, judge};
 use crate::capture::manifest::SideName;
+use crate::files::progress::Bar;
 use crate::fit::record::Phase;
 use crate::optics::dipole::Tissue;
 use crate::optics::translucency::basis::{Projector, Weights};
@@ -96,6 +97,7 @@ pub fn convolver(source: &Source, side: &Side, tissue: &Tissue, options: &Option
 /// [`Error::Missed`] for a slab that the leaf fit did not determine, or that no kernel can be made of; [`Error::Usage`] for lights that do not determine the basis.
 pub fn make(source: &Source, side: &Side, channels: &[usize], options: &Options, phases: &mut Vec<Phase>) -> Result<Made> {
     let name = side.name.name();
+    let _bar = Bar::of(format!("light through the {name}"));
     let mut phase =
         |what: &str, since: Instant| phases.push(Phase { name: format!("{name}: {what}"), seconds: since.elapsed().as_secs_f64() });
     let step = Instant::now();

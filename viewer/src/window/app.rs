@@ -40,7 +40,7 @@ pub fn open_window(scene: WindowScene, editor: Box<dyn Editor>, options: &Window
     let events = event_loop()?;
     let start = Start { scene, editor };
     let mut app = App { options: options.clone(), start: Some(start), running: None, failed: None, frames: 0 };
-    events.run_app(&mut app).map_err(|e| Error::Window(e.to_string()))?;
+    events.run_app(&mut app).map_err(|e| Error::Window(reason(&e.to_string()).into()))?;
     app.failed.map_or(Ok(()), Err)
 }
 
@@ -51,12 +51,22 @@ fn event_loop() -> Result<EventLoop<()>> {
     // Off the main thread winit would panic instead of returning an error; both systems allow it.
     EventLoopBuilderExtX11::with_any_thread(&mut builder, true);
     EventLoopBuilderExtWayland::with_any_thread(&mut builder, true);
-    builder.build().map_err(|e| Error::Window(e.to_string()))
+    builder.build().map_err(|e| Error::Window(no_display(&e.to_string())))
 }
 
 #[cfg(not(target_os = "linux"))]
 fn event_loop() -> Result<EventLoop<()>> {
-    EventLoop::new().map_err(|e| Error::Window(e.to_string()))
+    EventLoop::new().map_err(|e| Error::Window(no_display(&e.to_string())))
+}
+
+/// The reason in what winit says, which puts a place in its own source before it (`os error at PATH:LINE: REASON`).
+fn reason(told: &str) -> &str {
+    let reason = told.strip_prefix("os error at ").and_then(|rest| rest.split_once(": ")).map_or(told, |(_, reason)| reason);
+    reason.trim_end_matches('.')
+}
+
+fn no_display(told: &str) -> String {
+    format!("there is no display here ({})", reason(told))
 }
 
 struct Start {
@@ -89,7 +99,7 @@ impl Running {
         let attributes = Window::default_attributes()
             .with_title(format!("Mesophyll: {}", start.scene.title))
             .with_inner_size(PhysicalSize::new(width, height));
-        let window = Arc::new(events.create_window(attributes).map_err(|e| failed(e.to_string()))?);
+        let window = Arc::new(events.create_window(attributes).map_err(|e| failed(reason(&e.to_string()).into()))?);
         let mut descriptor = instance_descriptor(&options.gpu);
         descriptor.display = Some(Box::new(events.owned_display_handle()));
         let instance = wgpu::Instance::new(descriptor);

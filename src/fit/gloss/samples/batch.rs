@@ -44,7 +44,7 @@ pub fn run(mut table: Table, output: &Path, values: &[String], lobe: Lobe) -> Re
             _ => {}
         }
     }
-    let mut sink = Sink::open(output)?;
+    let mut sink = Sink::open(output, table.source())?;
     let each = |suffix: &str| values.iter().map(|v| format!("rho_d_{v}{suffix}")).collect::<Vec<_>>();
     let mut header = vec!["leaf".to_string()];
     header.extend(each(""));

@@ -2,12 +2,12 @@
 
 use super::picture::Picture;
 use super::{Found, NAMES, clipped};
+use crate::Result;
+use crate::files::hash;
 use crate::files::image::{Maps, Packing, write_exr};
 use crate::files::table::Status;
-use crate::files::{atomic, hash};
 use crate::fit::record::{FitRecord, Param, Phase, Residuals, SCHEMA, Section, Times};
 use crate::sky::preetham;
-use crate::{Error, Result};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -23,12 +23,7 @@ pub fn write(
     input_hash: String,
     seconds: [f64; 2],
 ) -> Result<()> {
-    crate::fit::record::claim(folder, "panorama", &[])?;
-    // A folder without fit.toml is no fit: the old one goes before the map changes.
-    match std::fs::remove_file(folder.join("fit.toml")) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(Error::write(&folder.join("fit.toml"), atomic::explain(&e))),
-        _ => {}
-    }
+    crate::fit::record::begin(folder, "panorama")?;
     let map = folder.join("all.exr");
     write_exr(&map, &maps(picture, found), Packing::Zip)?;
     let mut record = FitRecord {

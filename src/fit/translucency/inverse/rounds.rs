@@ -47,8 +47,10 @@ pub fn fit(measured: &Measured, start: &Tissues, options: &Options) -> Result<Fi
         reduced_chi2: f64::NAN,
     };
     let (mut damping, mut elapsed, mut last) = (0.0, 0.0, None);
+    let bar = progress::Bar::of("rounds of the search");
     for round in 0..=options.rounds {
         progress::go_on()?;
+        bar.advance(1);
         if round > 0 {
             // The first round's sds are the readings' own: the model may be far off there.
             if !model.reaches(&model.tissues(&p)) {

@@ -67,7 +67,7 @@ const RGB: [&str; 3] = ["R", "G", "B"];
 ///
 /// # Errors
 /// Inputs that cannot be read or do not belong together (exit code 2), a search that does not converge or has nothing to go by (1), a folder that cannot be
-/// written (1).
+/// written (2).
 pub fn run(beams: &Path, blade: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     let clock = Instant::now();
     let capture = Capture::open(beams)?;
@@ -108,6 +108,7 @@ pub fn run(beams: &Path, blade: &Path, out: &Path, options: &Options) -> Result<
         ..Times::default()
     };
     folder::times(&mut times, &fitted, truth.as_ref());
+    record::begin(out, "tissue")?;
     times.write(out)?;
     record.write(out)?;
     Ok(Outcome::Done(Box::new(record)))

@@ -81,6 +81,8 @@ const ROUNDING: f64 = 2e-16;
 const SMALLEST: f64 = 1e-300;
 /// A transmittance below this goes to the exact model.
 const DEEP: f64 = 1e-30;
+/// Thicknesses that a slab of matter can have (mm): from the size of an atom to a kilometre. At far smaller ones σ is beyond all numbers.
+const THICKNESS_MM: [f64; 2] = [1e-7, 1e6];
 /// Relative error of the forward models in ρd and in −ln ρt.
 const FAST_MODEL: f64 = 4e-9;
 const EXACT_MODEL: f64 = 2e-10;
@@ -132,8 +134,12 @@ fn with_model_error(m: &Measured, model: f64) -> Measured {
 
 /// Why no slab can be meant, if so.
 fn impossible(m: &Measured, h: f64) -> Option<String> {
+    let [thinnest, thickest] = THICKNESS_MM;
     if !(h > 0.0 && h.is_finite()) {
         return Some(format!("h is {h}; expected a positive thickness"));
+    }
+    if !(thinnest..=thickest).contains(&h) {
+        return Some(format!("h is {h:e} mm; expected a thickness of {thinnest:e} to {thickest:e} mm"));
     }
     for (name, value, err) in [("rho_d", m.r, m.r_err), ("rho_t", m.t, m.t_err)] {
         if !value.is_finite() {

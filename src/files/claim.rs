@@ -1,0 +1,385 @@
+//! Output folders and output files are claimed here before anything is computed. A claim is refused where the verb would overwrite its own
+//! input, what another kind of verb made, or files that this program did not make.
+//!
+//! What a folder holds is told by the file that its maker writes last ([`Kind`]). Until that file is written, the hidden file [`MARK`]
+//! names the kind (and, of a leaf fit, the folder of its parts does).
+
+use crate::files::atomic::{self, explain};
+use crate::{Error, Result};
+use serde_json::Value;
+use std::fs;
+use std::path::{Component, Path, PathBuf};
+
+/// What a verb makes in a folder.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind<'a> {
+    /// A fit of the kind that `fit.toml` names.
+    Fit(&'a str),
+    /// A capture: `capture.toml`.
+    Capture,
+    /// What `run`, `check` and `view` make of a scene: `plan.json`, `check.json` or `ledger.json`.
+    Scene,
+    /// What `bench` makes: `bench.json`.
+    Bench,
+    /// The maps of `export --to png`: `ranges.json`.
+    Maps,
+    /// Documentation pictures, which may lie beside anything but captures, fits and the other kinds.
+    Pictures,
+}
+
+impl Kind<'_> {
+    fn words(self) -> String {
+        match self {
+            Kind::Fit(kind) => format!("{kind} fit"),
+            Kind::Capture => "capture".into(),
+            Kind::Scene => "run or a check".into(),
+            Kind::Bench => "bench".into(),
+            Kind::Maps => "folder of exported maps".into(),
+            Kind::Pictures => "folder of pictures".into(),
+        }
+    }
+
+    /// Endings of the files that this kind writes. A folder with such files that this program did not make is refused.
+    fn endings(self) -> &'static [&'static str] {
+        match self {
+            Kind::Fit(_) => &["toml", "exr", "png", "glb", "json"],
+            Kind::Capture => &["exr"],
+            Kind::Scene | Kind::Maps => &["json", "png"],
+            Kind::Bench => &["json"],
+            Kind::Pictures => &[],
+        }
+    }
+}
+
+/// The hidden file that names the kind of a folder while nothing else does.
+pub const MARK: &str = ".mesophyll";
+
+/// Files and folders at the top of a capture, as `synth` writes them; `capture.toml` comes first, so that nothing half removed is a
+/// capture.
+const CAPTURE_NAMES: [&str; 12] = [
+    "capture.toml",
+    "mask.exr",
+    "dark.exr",
+    "lightbox_empty.exr",
+    "white.exr",
+    "backlight_empty.exr",
+    "front",
+    "back",
+    "white",
+    "mirror",
+    "photographs",
+    "truth",
+];
+
+/// Endings of the files that some verb writes. `-o` replaces a file of such an ending only where the verb itself writes that ending.
+const ENDINGS: [&str; 13] = ["toml", "exr", "png", "svg", "html", "json", "csv", "glb", "gltf", "obj", "mtl", "wgsl", "h"];
+
+/// What a folder holds, in words for a message, and whether it is of the kind that claims it.
+struct Held {
+    words: String,
+    same: bool,
+}
+
+/// Claims `folder` for what a verb makes of `inputs`: makes it if needed and proves that it can be written.
+///
+/// # Errors
+/// [`Error::Usage`] (exit code 2) that names the folder and what it holds. Nothing was changed then.
+pub fn folder(folder: &Path, kind: Kind, inputs: &[&Path]) -> Result<()> {
+    let refuse = |what: &str| {
+        let (folder, kind) = (folder.display(), kind.words());
+        Err(Error::Usage(format!("the output folder {folder} {what}; a {kind} there would overwrite it, so name another folder")))
+    };
+    let place = resolved(folder);
+    for input in inputs {
+        let made_from = resolved(input);
+        if place == made_from {
+            return refuse("is what is to be read");
+        }
+        if made_from.is_dir() && place.starts_with(&made_from) {
+            return refuse(&format!("lies inside {}, which is to be read", input.display()));
+        }
+    }
+    if let Some(capture) = place.ancestors().skip(1).find(|a| is_capture(a)) {
+        return refuse(&format!("lies inside the capture {}", capture.display()));
+    }
+    let held = holds(&place, kind);
+    if let Some(other) = held.iter().find(|h| !h.same) {
+        return refuse(&format!("holds {}", other.words));
+    }
+    if held.is_empty()
+        && let Some(name) = stranger(&place, kind.endings())
+    {
+        return refuse(&format!("holds files that are no {} ({name})", kind.words()));
+    }
+    atomic::probe_folder(folder)
+}
+
+/// Claims `folder` for a synthetic capture. With `replace` a synthetic capture may be there, but not a measured one (without `truth/`) and not
+/// files that are not a capture's. What a stopped synthesis left may always be there. Nothing is removed yet: see [`capturing`].
+///
+/// # Errors
+/// As [`folder`]; a folder that is not empty, without `replace`.
+pub fn capture(folder: &Path, inputs: &[&Path], replace: bool) -> Result<()> {
+    self::folder(folder, Kind::Capture, inputs)?;
+    let shown = folder.display();
+    if marked(folder).is_some() || (replace && is_capture(folder) && folder.join("truth").is_dir()) {
+        return Ok(());
+    }
+    if fs::read_dir(folder).map_err(|e| Error::write(folder, explain(&e)))?.next().is_none() {
+        return Ok(());
+    }
+    if !replace {
+        return Err(Error::Usage(format!("the output folder {shown} is not empty; choose another or add --force")));
+    }
+    if is_capture(folder) {
+        let what = "holds a measured capture (there is no truth/ in it), which is never replaced; name another folder";
+        return Err(Error::Usage(format!("the output folder {shown} {what}")));
+    }
+    match CAPTURE_NAMES.iter().find(|name| folder.join(name).exists()) {
+        Some(name) => Err(Error::Usage(format!(
+            "the output folder {shown} is no capture but holds {name}; a capture there would overwrite it, so name another folder"
+        ))),
+        None => Ok(()),
+    }
+}
+
+/// Runs a synthesis into a folder that [`capture`] has claimed, after removing the capture that it replaces. A synthesis that does not come
+/// to its end leaves nothing behind.
+///
+/// # Errors
+/// Those of `body`.
+pub fn capturing<T>(folder: &Path, body: impl FnOnce() -> Result<T>) -> Result<T> {
+    if marked(folder).is_some() || is_capture(folder) {
+        remove_capture(folder)?;
+    }
+    begin(folder, Kind::Capture)?;
+    let made = body();
+    // The reason why the synthesis failed matters more than a rest that cannot be removed; the marker then stays and tells of it.
+    let _ = if made.is_ok() { finish(folder) } else { remove_capture(folder) };
+    made
+}
+
+/// Claims `folder` for what `run`, `check` and `view` make of the scene file `scene`, and marks it.
+///
+/// # Errors
+/// As [`folder`].
+pub fn scene(folder: &Path, scene: &Path) -> Result<()> {
+    self::folder(folder, Kind::Scene, &[scene])?;
+    begin(folder, Kind::Scene)
+}
+
+/// Removes what a capture's synthesis writes, and nothing else.
+///
+/// # Errors
+/// [`Error::Write`] for a file that cannot be removed.
+pub fn remove_capture(folder: &Path) -> Result<()> {
+    let failed = |path: &Path, e: std::io::Error| Error::write(path, explain(&e));
+    for path in CAPTURE_NAMES.map(|name| folder.join(name)) {
+        if path.is_dir() {
+            remove_pictures(&path).map_err(|e| failed(&path, e))?;
+        } else if path.is_file() {
+            fs::remove_file(&path).map_err(|e| failed(&path, e))?;
+        }
+    }
+    finish(folder)
+}
+
+/// Removes the EXR and PNG files under a folder, and what folders are empty then. Links are left alone.
+fn remove_pictures(folder: &Path) -> std::io::Result<()> {
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        let (path, kind) = (entry.path(), entry.file_type()?);
+        if kind.is_dir() {
+            remove_pictures(&path)?;
+        } else if kind.is_file() && ending(&path).is_some_and(|e| e == "exr" || e == "png") {
+            fs::remove_file(&path)?;
+        }
+    }
+    if fs::read_dir(folder)?.next().is_none() { fs::remove_dir(folder) } else { Ok(()) }
+}
+
+/// Marks `folder` with its kind, and removes the `fit.toml` of an earlier fit: what is there from here on is no whole fit.
+///
+/// # Errors
+/// [`Error::Write`] or [`Error::Usage`] where the folder cannot be written.
+pub fn begin(folder: &Path, kind: Kind) -> Result<()> {
+    atomic::write_bytes(&folder.join(MARK), format!("{}\n", kind.words()).as_bytes())?;
+    if matches!(kind, Kind::Fit(_)) {
+        remove(&folder.join("fit.toml"))?;
+    }
+    Ok(())
+}
+
+/// Takes the marker away: the file that tells the kind is written.
+///
+/// # Errors
+/// [`Error::Write`] where the marker cannot be removed.
+pub fn finish(folder: &Path) -> Result<()> {
+    remove(&folder.join(MARK))
+}
+
+/// Claims the file `path` for a verb that writes files with these `endings` and reads `inputs`. `-`, devices and pipes are free.
+///
+/// # Errors
+/// [`Error::Usage`] (exit code 2) that names the file and what it is.
+pub fn file(path: &Path, endings: &[&str], inputs: &[&Path]) -> Result<()> {
+    if path == Path::new("-") || fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir()) {
+        return Ok(());
+    }
+    let refuse =
+        |what: String| Err(Error::Usage(format!("the output file {} {what} and would be overwritten; name another file", path.display())));
+    if inputs.iter().any(|input| same_file(path, input)) {
+        return refuse("is what is to be read".into());
+    }
+    let place = resolved(path);
+    if let Some(capture) = place.ancestors().skip(1).find(|a| is_capture(a)) {
+        return refuse(format!("lies inside the capture {}", capture.display()));
+    }
+    let Some((home, name)) = place.parent().zip(place.file_name()) else { return Ok(()) };
+    let name = name.to_string_lossy();
+    if let Some(words) = part_of(home, &name) {
+        return refuse(format!("belongs to {words}"));
+    }
+    if !place.is_file() {
+        return Ok(());
+    }
+    match ending(&place) {
+        Some(found) if ENDINGS.contains(&found.as_str()) && !endings.contains(&found.as_str()) => {
+            refuse(format!("is a .{found} file, where one ending in .{} was expected,", endings.join(" or .")))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// What of `home` the file `name` is part of, whether it is there or not (a fit's record), or because it is there.
+fn part_of(home: &Path, name: &str) -> Option<String> {
+    let there = home.join(name).is_file();
+    if let Some(fit) = fit_there(home) {
+        let listed = || fit.files.iter().any(|f| f == name);
+        let preview = || name.ends_with(".png") && ["front_", "back_", "all"].iter().any(|p| name.starts_with(p));
+        if matches!(name, "fit.toml" | "times.toml") || (there && (listed() || preview())) {
+            return Some(fit.words);
+        }
+    }
+    let told = [Kind::Scene, Kind::Bench, Kind::Maps].into_iter().find(|kind| marks(home, *kind).iter().any(|mark| *mark == name));
+    told.map(|kind| format!("a {}", kind.words()))
+}
+
+/// Everything that `folder` holds of what verbs make.
+fn holds(folder: &Path, claimed: Kind) -> Vec<Held> {
+    let mut out = Vec::new();
+    let mut found = |kind: Kind, words: String| out.push(Held { same: kind == claimed, words });
+    if is_capture(folder) {
+        found(Kind::Capture, "a capture (capture.toml)".into());
+    }
+    if let Some(fit) = fit_there(folder) {
+        found(Kind::Fit(fit.kind.as_deref().unwrap_or("unknown")), fit.words);
+    }
+    let parts = |e: fs::DirEntry| e.file_name().to_string_lossy().starts_with("parts-") && e.path().is_dir();
+    if fs::read_dir(folder).is_ok_and(|list| list.flatten().any(parts)) {
+        found(Kind::Fit("leaf"), "a leaf fit that was stopped (its parts)".into());
+    }
+    if let Some(words) = marked(folder) {
+        out.push(Held { same: words == claimed.words(), words: format!("a {words} ({MARK})") });
+    }
+    for kind in [Kind::Scene, Kind::Bench, Kind::Maps] {
+        if let Some(mark) = marks(folder, kind).first() {
+            out.push(Held { same: kind == claimed, words: format!("a {} ({mark})", kind.words()) });
+        }
+    }
+    out
+}
+
+/// The kind that the marker names, in words.
+fn marked(folder: &Path) -> Option<String> {
+    fs::read_to_string(folder.join(MARK)).ok().map(|text| text.trim().to_string())
+}
+
+/// The files by which a folder of this kind is known, as far as they are there and are what they are called.
+fn marks(folder: &Path, kind: Kind) -> Vec<&'static str> {
+    let known: &[(&str, &str)] = match kind {
+        Kind::Scene => &[("plan.json", "needed"), ("check.json", "views"), ("ledger.json", "stages")],
+        Kind::Bench => &[("bench.json", "rows")],
+        Kind::Maps => &[("ranges.json", "files")],
+        Kind::Fit(_) | Kind::Capture | Kind::Pictures => &[],
+    };
+    let says = |name: &str, key: &str| {
+        let bytes = fs::read(folder.join(name)).unwrap_or_default();
+        serde_json::from_slice::<Value>(&bytes).is_ok_and(|v| v.get(key).is_some())
+    };
+    known.iter().filter(|(name, key)| says(name, key)).map(|(name, _)| *name).collect()
+}
+
+fn is_capture(folder: &Path) -> bool {
+    folder.join("capture.toml").is_file()
+}
+
+/// What the `fit.toml` of a folder says; a file of that name that cannot be read is somebody's all the same.
+struct FitThere {
+    kind: Option<String>,
+    files: Vec<String>,
+    words: String,
+}
+
+fn fit_there(folder: &Path) -> Option<FitThere> {
+    let path = folder.join("fit.toml");
+    if !path.is_file() {
+        return None;
+    }
+    let table = fs::read_to_string(&path).ok().and_then(|text| text.parse::<toml::Table>().ok()).unwrap_or_default();
+    let text = |key: &str| table.get(key).and_then(toml::Value::as_str).map(str::to_string);
+    let files = table.get("files").and_then(toml::Value::as_table).map(|t| t.keys().cloned().collect()).unwrap_or_default();
+    let words = match (text("kind"), text("name")) {
+        (Some(kind), name) => format!("the {kind} fit \"{}\"", name.unwrap_or_default()),
+        _ => "a fit.toml that says no kind".into(),
+    };
+    Some(FitThere { kind: text("kind"), files, words })
+}
+
+/// The first file with one of these endings, by name. Hidden files and folders do not count.
+fn stranger(folder: &Path, endings: &[&str]) -> Option<String> {
+    let list = fs::read_dir(folder).ok()?;
+    let files = list.flatten().filter(|e| e.path().is_file()).map(|e| e.file_name().to_string_lossy().into_owned());
+    files.filter(|n| !n.starts_with('.') && ending(Path::new(n)).is_some_and(|e| endings.contains(&e.as_str()))).min()
+}
+
+fn ending(path: &Path) -> Option<String> {
+    path.extension().map(|e| e.to_string_lossy().to_lowercase())
+}
+
+/// Whether two names are one file: the same place, or hard links of each other. Standard input is a file where the shell redirects one.
+fn same_file(a: &Path, b: &Path) -> bool {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt;
+        let b = if b == Path::new("-") { Path::new("/dev/stdin") } else { b };
+        matches!((fs::metadata(a), fs::metadata(b)), (Ok(a), Ok(b)) if a.is_file() && (a.dev(), a.ino()) == (b.dev(), b.ino()))
+    }
+    #[cfg(not(unix))]
+    {
+        matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b && a.is_file())
+    }
+}
+
+/// The place of a path that need not be there: links are followed as far as it is there, `.` and `..` are taken out.
+pub fn resolved(path: &Path) -> PathBuf {
+    let path = std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf());
+    let path = atomic::through_links(&path);
+    for base in path.ancestors() {
+        if let (Ok(real), Ok(rest)) = (base.canonicalize(), path.strip_prefix(base)) {
+            return rest.components().fold(real, |at, part| match part {
+                Component::ParentDir => at.parent().map(Path::to_path_buf).unwrap_or(at),
+                Component::CurDir => at,
+                name => at.join(name),
+            });
+        }
+    }
+    path
+}
+
+fn remove(path: &Path) -> Result<()> {
+    match fs::remove_file(path) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::write(path, explain(&e))),
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,83 @@
+//! What stands on standard error: a line every ten seconds of long work, nothing with `--quiet`, and nothing that is not ours.
+
+mod blade;
+mod common;
+
+use blade::{Blade, scene};
+use common::{mesophyll, refused};
+use std::io::{BufRead, BufReader, Read};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// The program without `--quiet`.
+fn loud() -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_mesophyll"));
+    command.current_dir(env!("CARGO_MANIFEST_DIR"));
+    command
+}
+
+/// The first line of standard error that has all the words, and when it came; the program is ended then, or after three minutes.
+fn first_line(mut child: Child, words: &'static [&'static str]) -> (String, Duration) {
+    let start = Instant::now();
+    let (send, receive) = std::sync::mpsc::channel();
+    let lines = BufReader::new(child.stderr.take().unwrap()).lines();
+    std::thread::spawn(move || lines.map_while(Result::ok).for_each(|line| drop(send.send(line))));
+    let mut all = Vec::new();
+    while let Ok(line) = receive.recv_timeout(Duration::from_secs(180).saturating_sub(start.elapsed())) {
+        all.push(line.clone());
+        if words.iter().all(|w| line.contains(w)) {
+            let _ = (child.kill(), child.wait());
+            return (line, start.elapsed());
+        }
+    }
+    let _ = (child.kill(), child.wait());
+    panic!("no line with {words:?} within three minutes in: {all:#?}");
+}
+
+#[test]
+fn long_work_says_every_ten_seconds_how_far_it_is() {
+    let dir = tempfile::tempdir().unwrap();
+    let synth = |command: &mut Command, name: &str| {
+        let long = ["synth", "data/leaves/elm.toml", "--size", "64x48", "--frames", "10000", "--threads", "1", "-o"];
+        command.args(long).arg(dir.path().join(name)).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
+    };
+    let mut quiet = synth(&mut mesophyll(), "quiet");
+    // Whatever is under way: growing the leaf, or its first frames.
+    let (line, after) = first_line(synth(&mut loud(), "loud"), &["synth: ", " s"]);
+    assert!(after > Duration::from_secs(8) && after < Duration::from_secs(25), "{line} came after {after:?}");
+    let (line, _) = first_line(synth(&mut loud(), "frames"), &["synth: scanning: ", " of 40000 (", " left"]);
+    let done: u64 = line.split(' ').nth(2).unwrap().parse().unwrap();
+    assert!(done > 0, "{line}");
+    quiet.kill().unwrap();
+    let mut said = String::new();
+    quiet.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+    assert_eq!(said, "", "--quiet is not quiet");
+    quiet.wait().unwrap();
+}
+
+/// Without a display, as on a server. libwayland complained of XDG_RUNTIME_DIR here whenever Mesa looked for one.
+#[test]
+#[cfg(all(unix, feature = "render"))]
+fn libraries_say_nothing_where_there_is_no_display() {
+    let dir = tempfile::tempdir().unwrap();
+    Blade { width: 24, height: 18, texel_mm: 2.0, ..Blade::default() }.write(&dir.path().join("fits/elm"), "elm");
+    let scene = scene(dir.path(), "front", "elm", Some(30.0), None, "");
+    for folder in [None, Some("not/absolute")] {
+        let mut command = mesophyll();
+        for name in ["DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET", "XDG_RUNTIME_DIR"] {
+            command.env_remove(name);
+        }
+        command.envs(folder.map(|f| ("XDG_RUNTIME_DIR", f)));
+        let output = command.arg("check").arg(&scene).arg("--out").arg(dir.path().join("out")).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(said.lines().all(|l| l.starts_with("mesophyll: ")), "{said}");
+        let mut command = mesophyll();
+        for name in ["DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET", "XDG_RUNTIME_DIR"] {
+            command.env_remove(name);
+        }
+        let output = command.arg("view").arg(&scene).arg("--out").arg(dir.path().join("view")).output().unwrap();
+        refused(&output, 1, &["the window could not be opened: there is no display here"]);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!said.contains(".rs") && !said.contains("os error"), "a place in a source file: {said}");
+    }
+}
