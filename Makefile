@@ -1,13 +1,14 @@
 # The two commands of the README, and what keeps `fits/` true.
 #   make demo    a leaf scan measured, fitted, reported, rendered and checked, under out/demo/
-#   make test    every test
+#   make test    every test; at the end it says how many were skipped, and why
 #   make fits    regenerates everything under fits/
+#   make goldens draws the golden pictures of every scene anew; only after a deliberate change of a fit or of the renderer
 #   make full    the demo at the full size of a real scan (720×540, 100 frames a pass); about 2 GB of disk
 
 CARGO ?= cargo
 MESOPHYLL = target/release/mesophyll
 
-.PHONY: demo full test fits build setup setup-test fmt lint
+.PHONY: demo full test fits goldens build setup setup-test fmt lint
 
 demo: build
 	$(MESOPHYLL) run data/scenes/demo.toml --out out/demo || [ $$? -eq 1 ] # 1: a picture missed a threshold; the report says which
@@ -21,11 +22,18 @@ full: build
 	$(MESOPHYLL) report out/full/fit -o out/full/report.html
 
 test: setup-test
-	$(CARGO) test --workspace --locked
+	@rm -f $${CARGO_TARGET_DIR:-target}/skipped-tests.txt
+	@status=0; $(CARGO) test --workspace --locked || status=$$?; .ci/skipped; exit $$status
 
 fits: build
 	$(MESOPHYLL) run data/scenes/fits.toml --write-fits --out out/fits || [ $$? -eq 1 ]
 	$(MESOPHYLL) fit beam --deflections data/branches/elm-twig.csv --positions axis -o fits/elm-twig --out out/fits/elm-twig.csv
+
+goldens: build
+	rm -f data/scenes/golden/*.png
+	for scene in data/scenes/*.toml; do \
+	    $(MESOPHYLL) check $$scene --goldens-only --update-golden --out out/goldens/$$(basename $$scene .toml) || exit 1; \
+	done
 
 build: setup
 	$(CARGO) build --release --locked

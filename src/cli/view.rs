@@ -26,7 +26,7 @@ pub struct Args {
 #[cfg(feature = "render")]
 pub fn run(args: &Args, _common: &Common) -> Result<u8> {
     use crate::Error;
-    use crate::files::atomic;
+    use crate::files::{atomic, progress};
     use crate::scene::{
         check,
         edit::SceneEditor,
@@ -53,6 +53,9 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
     atomic::probe_folder(&out)?;
     if make::translucencies(&manifest, &plan, &out, &ledger)? {
         plan = plan::make_free(&manifest, Some(&out), Some(&make::input_hash), &ledger)?;
+    }
+    for changed in check::verify(&manifest, &plan, &ledger)? {
+        progress::say(format!("warning: {changed}"));
     }
     let views: Vec<_> =
         manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).map(|v| (v.name.clone(), handover::camera(v))).collect();

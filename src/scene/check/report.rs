@@ -1,6 +1,7 @@
 //! The verdict of a check: a view's figures, what the translucency maps cost, and all of it as JSON and in words.
 
 use crate::scene::day::Hour;
+use crate::scene::golden;
 use crate::scene::manifest::Manifest;
 use serde_json::{Value, json};
 
@@ -54,8 +55,10 @@ pub struct ViewReport {
     pub noise_max_error: Option<f64>,
     pub threshold_flip_p99: Option<f64>,
     pub threshold_max_error: f64,
-    /// FLIP and largest error against the scene's golden picture.
-    pub golden: Option<(f64, f64)>,
+    /// How far the small picture is from the scene's golden picture, where there is one.
+    pub golden: Option<golden::Figures>,
+    /// Nothing but the golden was looked at.
+    pub golden_only: bool,
     pub frame_ms_median: f64,
     pub frame_ms_p95: f64,
     /// Drawn in a frame, instances counted each.
@@ -92,8 +95,8 @@ impl ViewReport {
             "judged_by": if self.by_maps { "maps" } else { "convolution" },
             "threshold_flip_p99": self.threshold_flip_p99,
             "threshold_max_error": self.threshold_max_error,
-            "golden_flip_p99": self.golden.map(|g| g.0),
-            "golden_max_error": self.golden.map(|g| g.1),
+            "golden_flip_mean": self.golden.map(|g| g.flip_mean),
+            "golden_changed": self.golden.map(|g| g.changed),
             "frame_ms_median": self.frame_ms_median,
             "frame_ms_p95": self.frame_ms_p95,
             "triangles": self.triangles,
@@ -114,7 +117,13 @@ impl ViewReport {
         let error = self.max_error.map_or("-".to_string(), |e| format!("{e:.4}"));
         let noise = |v: Option<f64>| v.map_or("-".to_string(), |e| format!("{e:.4}"));
         let times = format!("{:.1} ms a frame (95 %: {:.1}), {} triangles", self.frame_ms_median, self.frame_ms_p95, self.triangles);
-        let mut line = if self.card {
+        let golden = self.golden.map(|g| {
+            let allowed = format!("allowed {:.0e} and {:.1} %", golden::FLIP_MEAN, 100.0 * golden::CHANGED);
+            format!("mean FLIP {:.1e} and {:.2} % of the pixels from the golden ({allowed})", g.flip_mean, 100.0 * g.changed)
+        });
+        let mut line = if self.golden_only {
+            format!("{verdict}  {}: {}", self.name, golden.clone().unwrap_or_else(|| "drawn small".into()))
+        } else if self.card {
             format!(
                 "{verdict}  {}: {:.2e} from the closed form (allowed {:.1e}; the reference {:.1e}), {times}",
                 self.name,
@@ -140,6 +149,9 @@ impl ViewReport {
                 "of which the basis of the translucency maps"
             };
             line += &format!("\n        {what}: FLIP 99 % {flip:.4}, largest error {error:.4}");
+        }
+        if let Some(golden) = golden.filter(|_| !self.golden_only) {
+            line += &format!("\n        {golden}");
         }
         for why in &self.why {
             line += &format!("\n        {why}");
