@@ -118,7 +118,10 @@ fn goldens_that_must_fail_do_fail_with_and_without_new_hashes() {
         assert_eq!(output.status.code(), Some(0), "{:#}", json(&output));
         let output = check(path, &[]);
         assert_eq!(output.status.code(), Some(0), "untouched: {:#}", json(&output));
-        assert_eq!((&json(&output)["views"][0]["golden_flip_mean"], &json(&output)["views"][0]["golden_changed"]), (&0.0.into(), &0.0.into()));
+        assert_eq!(
+            (&json(&output)["views"][0]["golden_flip_mean"], &json(&output)["views"][0]["golden_changed"]),
+            (&0.0.into(), &0.0.into())
+        );
     }
     let cases = [
         ("mirrored normal", &front),

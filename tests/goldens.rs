@@ -71,8 +71,7 @@ fn every_committed_scene_draws_its_goldens() {
         }
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
-    let there: BTreeSet<PathBuf> =
-        std::fs::read_dir(root().join("data/scenes/golden")).unwrap().map(|e| e.unwrap().path()).collect();
+    let there: BTreeSet<PathBuf> = std::fs::read_dir(root().join("data/scenes/golden")).unwrap().map(|e| e.unwrap().path()).collect();
     assert_eq!(there, known, "a golden of no view, or a view without a golden; `make goldens` draws them anew");
 }
 

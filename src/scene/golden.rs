@@ -83,7 +83,8 @@ pub fn write(path: &Path, width: usize, height: usize, pixels: &[[u8; 4]]) -> Re
 pub fn compare(path: &Path, width: usize, height: usize, pixels: &[[u8; 4]]) -> Result<Comparison> {
     let (w, h, golden) = read(path)?;
     if (w, h) != (width, height) {
-        let what = format!("found {w}x{h} pixels, expected {width}x{height}; `mesophyll check --goldens-only --update-golden` writes it anew");
+        let what =
+            format!("found {w}x{h} pixels, expected {width}x{height}; `mesophyll check --goldens-only --update-golden` writes it anew");
         return Err(Error::input(path, what));
     }
     let flip = compare::flip_map(&golden, pixels, w, h);
@@ -122,7 +123,8 @@ mod tests {
         let brighter: Vec<[u8; 4]> = drawn.iter().map(|p| p.map(|v| v.saturating_add(3))).collect();
         let seen = figures(&brighter);
         assert!(seen.changed == 0.0 && seen.missed().is_some_and(|why| why.contains("mean FLIP")), "{seen:?}");
-        let moved: Vec<[u8; 4]> = drawn.iter().enumerate().map(|(k, p)| if k % 50 == 0 { [p[0] ^ 64, p[1], p[2], 255] } else { *p }).collect();
+        let moved: Vec<[u8; 4]> =
+            drawn.iter().enumerate().map(|(k, p)| if k % 50 == 0 { [p[0] ^ 64, p[1], p[2], 255] } else { *p }).collect();
         assert!(figures(&moved).missed().is_some_and(|why| why.contains("2.00 % of the pixels changed")), "{:?}", figures(&moved));
         assert!(Figures { flip_mean: f64::NAN, changed: 0.0 }.missed().is_some());
         let error = compare(&path, h, w, &drawn).err().map(|e| e.to_string()).unwrap_or_default();
