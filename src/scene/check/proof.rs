@@ -42,13 +42,13 @@ pub fn all(
     for view in of_kind(ViewKind::Card) {
         let card = Card::new(manifest, plan, view, ledger)?;
         renderer.set_scene(&handover::card(manifest, plan, &card, ledger)?).map_err(told)?;
-        report.views.push(ViewReport { card: true, ..alone(manifest, view, renderer, options)? });
+        report.views.push(alone(manifest, view, renderer, options)?);
     }
     Ok(())
 }
 
 fn alone(manifest: &Manifest, view: &View, renderer: &mut gpu::Renderer, options: &Options) -> Result<ViewReport> {
-    let mut out = ViewReport { name: view.name.clone(), golden_only: true, ..ViewReport::default() };
+    let mut out = ViewReport { name: view.name.clone(), card: view.kind == ViewKind::Card, golden_only: true, ..ViewReport::default() };
     judge_view(manifest, view, renderer, options, &mut out)?;
     out.passed = out.why.is_empty();
     Ok(out)
@@ -94,7 +94,7 @@ fn judge(manifest: &Manifest, (w, h): (usize, usize), pixels: &[[u8; 4]], option
     } else if path.is_file() {
         let seen = golden::compare(&path, w, h, pixels)?;
         out.golden = Some(seen.figures);
-        if let Some(why) = seen.figures.missed() {
+        if let Some(why) = seen.figures.missed(out.card) {
             let difference = options.out.join(format!("{}-small-difference.png", out.name));
             image::write_png(&difference, w, h, &seen.difference)?;
             out.why.push(format!("{why} from the golden {} (eightfold difference: {})", path.display(), difference.display()));

@@ -118,7 +118,7 @@ impl ViewReport {
         let noise = |v: Option<f64>| v.map_or("-".to_string(), |e| format!("{e:.4}"));
         let times = format!("{:.1} ms a frame (95 %: {:.1}), {} triangles", self.frame_ms_median, self.frame_ms_p95, self.triangles);
         let golden = self.golden.map(|g| {
-            let allowed = format!("allowed {:.0e} and {:.1} %", golden::FLIP_MEAN, 100.0 * golden::CHANGED);
+            let allowed = format!("allowed {:.0e} and {:.1} %", golden::FLIP_MEAN[usize::from(self.card)], 100.0 * golden::CHANGED);
             format!("mean FLIP {:.1e} and {:.2} % of the pixels from the golden ({allowed})", g.flip_mean, 100.0 * g.changed)
         });
         let mut line = if self.golden_only {
