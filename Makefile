@@ -1,13 +1,14 @@
 # The two commands of the README, and what keeps `fits/` true.
 #   make demo    a leaf scan measured, fitted, reported, rendered and checked, under out/demo/
-#   make test    every test
+#   make test    every test; at the end it says how many were skipped, and why
 #   make fits    regenerates everything under fits/
+#   make goldens draws the golden pictures of every scene anew; only after a deliberate change of a fit or of the renderer
 #   make full    the demo at the full size of a real scan (720×540, 100 frames a pass); about 2 GB of disk
 
 CARGO ?= cargo
 MESOPHYLL = target/release/mesophyll
 
-.PHONY: demo full test fits build setup setup-test fmt lint
+.PHONY: demo full test fits goldens build setup setup-test fmt lint
 
 # Says how the program ended and where to look, and ends with its exit code, which the shell has in `code`. $(1) is the report.
 # 1: a fit, a picture or the machine (no adapter to draw with) misses what the scene asks; 2: an input or the disk; more: it died.
@@ -36,7 +37,8 @@ full: build
 	$(MESOPHYLL) report out/full/fit -o out/full/report.html
 
 test: setup-test
-	$(CARGO) test --workspace --locked
+	@rm -f $${CARGO_TARGET_DIR:-target}/skipped-tests.txt
+	@status=0; $(CARGO) test --workspace --locked || status=$$?; .ci/skipped; exit $$status
 
 fits: build
 	@rm -f out/fits/report.html
@@ -46,6 +48,12 @@ fits: build
 	        || code=$$?; \
 	fi; \
 	$(call ended,out/fits/report.html)
+
+goldens: build
+	rm -f data/scenes/golden/*.png
+	for scene in data/scenes/*.toml; do \
+	    $(MESOPHYLL) check $$scene --goldens-only --update-golden --out out/goldens/$$(basename $$scene .toml) || exit 1; \
+	done
 
 build: setup
 	$(CARGO) build --release --locked

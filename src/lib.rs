@@ -27,4 +27,8 @@ pub mod sky;
 pub mod solve;
 pub mod transport;
 
+#[cfg(test)]
+#[path = "../tests/common/skips.rs"]
+mod skips;
+
 pub use error::{Error, Result};

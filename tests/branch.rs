@@ -2,6 +2,8 @@
 #![cfg(feature = "render")]
 
 mod blade;
+#[path = "common/skips.rs"]
+mod skips;
 
 use blade::Blade;
 use glam::{DVec3, Vec3};
@@ -9,7 +11,7 @@ use mesophyll::scene::ledger::Ledger;
 use mesophyll::scene::manifest::Manifest;
 use mesophyll::scene::plan::{self, Plan};
 use mesophyll::scene::{handover, reference};
-use mesophyll_viewer::{Options, Renderer};
+use mesophyll_viewer::{Error, Options, Renderer};
 use std::path::Path;
 
 const SAGGING: &str = r#"
@@ -80,6 +82,18 @@ fn only_what_moves_is_fitted_and_made_and_then_once() {
     }
 }
 
+/// A renderer, or a skip.
+fn renderer() -> Option<Renderer> {
+    match Renderer::headless(&Options::default()) {
+        Ok(renderer) => Some(renderer),
+        Err(Error::NoAdapter) => {
+            skips::skip(skips::Need::Adapter, "no graphics adapter");
+            None
+        }
+        Err(other) => panic!("{other}"),
+    }
+}
+
 fn drawn(manifest: &Manifest, renderer: &mut Renderer) -> (Vec<[f32; 4]>, Vec<String>) {
     let (plan, ledger) = planned(manifest);
     let view = &manifest.views[0];
@@ -90,7 +104,7 @@ fn drawn(manifest: &Manifest, renderer: &mut Renderer) -> (Vec<[f32; 4]>, Vec<St
 
 #[test]
 fn a_wind_without_branches_changes_no_byte_and_one_with_branches_does() {
-    let Ok(mut renderer) = Renderer::headless(&Options::default()) else { return eprintln!("skipped: no graphics adapter") };
+    let Some(mut renderer) = renderer() else { return };
     let dir = tempfile::tempdir().unwrap();
     let storm = WIND.replace("speed_m_s = 3", "speed_m_s = 6");
     let mut draw = |extra: &str| drawn(&scene(dir.path(), extra), &mut renderer);
@@ -121,7 +135,7 @@ fn angle(a: DVec3, b: Vec3) -> f64 {
 /// none, loads up to a tip at 0.6 L, and times.
 #[test]
 fn the_vertex_stage_puts_vertices_where_the_library_does() {
-    let Ok(mut renderer) = Renderer::headless(&Options::default()) else { return eprintln!("skipped: no graphics adapter") };
+    let Some(mut renderer) = renderer() else { return };
     let dir = tempfile::tempdir().unwrap();
     // Largest distance (of the branch's length) and angles (°) of normals and tangents: branch, leaf.
     let mut worst = [[0.0f64; 3]; 2];

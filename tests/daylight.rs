@@ -2,6 +2,8 @@
 #![cfg(feature = "render")]
 
 mod blade;
+#[path = "common/skips.rs"]
+mod skips;
 
 use blade::{Blade, scene};
 use glam::{DMat4, DVec3};
@@ -12,6 +14,7 @@ use mesophyll::scene::plan::{self, Plan};
 use mesophyll::scene::{handover, reference};
 use mesophyll::transport::closed_form;
 use mesophyll_viewer as viewer;
+use skips::Need;
 use std::path::{Path, PathBuf};
 
 const PREETHAM: &str = "[sun]\nzenith_deg = 40\nazimuth_deg = 30\n[sky]\nmodel = \"preetham\"\nturbidity = 3\n";
@@ -115,7 +118,7 @@ rotation_deg = [-25, 25, 0]
 eye_mm = [20, -40, 90]
 target_mm = [0, 0, 0]
 fov_deg = 6
-max_error = 2e-2
+max_error = 2e-3
 [[view]]
 name = "from-the-sun"
 kind = "card"
@@ -124,11 +127,11 @@ rotation_deg = [30, -35, 0]
 eye_mm = [20, -40, 90]
 target_mm = [0, 0, 0]
 fov_deg = 6
-max_error = 2e-2
+max_error = 2e-3
 "#;
 
-/// Tilted matte cards under sky, ground and sun: the reference meets the integral of the sky to a thousandth, the renderer to the 2 % that
-/// seven bands leave of an irradiance. The leaf beside them is judged against the reference with 2 % of its displayed value on top.
+/// Tilted matte cards under sky, ground and sun: the reference meets the integral of the sky to a thousandth, the renderer to the .15 % that
+/// seven bands leave of an irradiance, and a third. The leaf beside them is judged against the reference with 2 % of its displayed value on top.
 #[test]
 fn tilted_cards_meet_the_integral_in_both_renderers() {
     let dir = tempfile::tempdir().unwrap();
@@ -147,8 +150,7 @@ fn tilted_cards_meet_the_integral_in_both_renderers() {
         .arg(&path)
         .output()
         .unwrap();
-    if String::from_utf8_lossy(&output.stderr).contains("no graphics adapter") {
-        eprintln!("skipped: no graphics adapter");
+    if skips::no_adapter(&output) {
         return;
     }
     let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
@@ -159,7 +161,10 @@ fn tilted_cards_meet_the_integral_in_both_renderers() {
     assert!(report["pipelines"].as_array().unwrap().iter().any(|p| p == "sky"));
 }
 
-/// What harmonics cost at 3, 5 and 7 bands, against plain integrals of the sky: worst of 20 tilts. Diffuse light of 7 bands stays within 2 %.
+/// What harmonics cost at 3, 5 and 7 bands, against plain integrals of the sky: worst of 20 tilts. The table of data/scenes/README.md states it
+/// (diffuse, gloss) with the last digit rounded; a tenth above it is another renderer.
+const COST: [[f64; 2]; 3] = [[8e-3, 0.16], [4e-3, 0.034], [1.5e-3, 0.019]];
+
 #[test]
 fn the_cost_of_the_harmonics_falls_with_bands() {
     let dir = tempfile::tempdir().unwrap();
@@ -168,7 +173,8 @@ fn the_cost_of_the_harmonics_falls_with_bands() {
     let (manifest, ..) = planned(&lit(dir.path(), &light, ""));
     let mut renderer = match viewer::Renderer::headless(&viewer::Options::default()) {
         Ok(renderer) => renderer,
-        Err(_) => return eprintln!("skipped: no graphics adapter"),
+        Err(viewer::Error::NoAdapter) => return skips::skip(Need::Adapter, "no graphics adapter"),
+        Err(other) => panic!("{other}"),
     };
     let daylight = Daylight::of(&manifest).unwrap().unwrap();
     let dome = reference::dome(&manifest, daylight.clone(), 1.0);
@@ -209,7 +215,13 @@ fn the_cost_of_the_harmonics_falls_with_bands() {
         println!("{bands} bands: diffuse within {:.2e}, gloss of m = {m} within {:.2e} (relative)", of[0], of[1]);
         worst.push(of);
     }
-    assert!(worst[2][0] < 0.02 && worst[2][0] < worst[0][0] && worst[2][1] < worst[0][1], "{worst:?}");
+    // Maps of 16 bits keep 5e-4 of a value.
+    let held = if renderer.adapter().half_precision { 5e-4 } else { 0.0 };
+    for (found, stated) in worst.iter().zip(COST) {
+        for k in 0..2 {
+            assert!((0.8 * stated[k]..=1.1 * stated[k] + held).contains(&found[k]), "{worst:?}, stated {COST:?}");
+        }
+    }
 }
 
 /// The window's sliders: another sun and turbidity give the coefficients of that sky, from one fit where it reaches and by integration beyond;

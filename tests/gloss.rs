@@ -1,5 +1,8 @@
 //! `mesophyll eval gloss` and `fit gloss`, through the binary.
 
+#[path = "common/skips.rs"]
+mod skips;
+
 use assert_cmd::Command;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -164,10 +167,7 @@ fn goniometer_samples_give_back_a_known_leaf() {
 
 #[test]
 fn real_leaves() {
-    let Some(data) = std::env::var_os("MESOPHYLL_DATA") else {
-        println!("skipped: MESOPHYLL_DATA is not set (leaves/brf.csv)");
-        return;
-    };
+    let Some(data) = skips::data("leaves/brf.csv") else { return };
     let brf = Path::new(&data).join("leaves/brf.csv");
     let mut medians = Vec::new();
     for lobe in ["beckmann", "ggx"] {

@@ -5,6 +5,8 @@
 
 #[path = "lobes/picture.rs"]
 mod picture;
+#[path = "common/skips.rs"]
+mod skips;
 
 use assert_cmd::Command;
 use rand::{RngExt, SeedableRng};
@@ -167,10 +169,7 @@ fn agree(a: &str, b: &str) -> bool {
 
 #[test]
 fn the_page_s_figures_are_what_the_data_say() {
-    let Some(data) = std::env::var_os("MESOPHYLL_DATA") else {
-        println!("skipped: MESOPHYLL_DATA is not set (leaves/brf.csv)");
-        return;
-    };
+    let Some(data) = skips::data("leaves/brf.csv") else { return };
     let leaves = leaves(&Path::new(&data).join("leaves/brf.csv"));
     assert!(leaves.iter().all(|l| l.fits.len() == LOBES.len()));
     let now = figures(&leaves);

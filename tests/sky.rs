@@ -43,7 +43,8 @@ fn the_contract_of_eval_sky() {
     assert_eq!((rows[1][4].as_str(), rows[4][5].as_str()), ("0.0", "0.0"));
 }
 
-/// The default against the integral, over the whole accepted domain: 1e-5 of the smallest c00 where it is a fit, the same digits where it is not.
+/// The default and the compact polynomials against the integral, over the whole accepted domain: the 4.1e-6 and 1.1e-5 of the smallest c00 that
+/// README.md claims, and a fifth, where they are a fit; the same digits where they are not.
 #[test]
 fn the_default_is_the_integral_everywhere() {
     let mut input = String::from("sun_zenith,turbidity\n");
@@ -66,7 +67,7 @@ fn the_default_is_the_integral_everywhere() {
         of.flat_map(|(c, _)| c[0]).fold(f64::INFINITY, f64::min)
     };
     for (k, t) in turbidities.iter().enumerate() {
-        for (got, limit) in [(&fit[k], 1e-5), (&compact[k], 1e-4)] {
+        for (got, limit) in [(&fit[k], 4.9e-6), (&compact[k], 1.3e-5)] {
             for c in 0..3 {
                 let off: f64 = got.iter().zip(&direct[k]).map(|(a, b)| (a[c] - b[c]).powi(2)).sum::<f64>().sqrt() / smallest(inside(*t));
                 assert!(off <= if inside(*t) { limit } else { 1e-15 }, "sky {k}, turbidity {t}, channel {c}: {off:.1e}");
@@ -137,14 +138,14 @@ fn a_fit_is_written_judged_and_evaluated() {
     let (code, out, _) = mesophyll(&["--quiet", "--json", "fit", "sky", "-o", path, "--method", "compact", "--bands", "4"], "");
     assert_eq!(code, 0);
     let json: serde_json::Value = serde_json::from_str(&out).unwrap();
-    assert!(json["error_worst"].as_f64().unwrap() < 1e-4 && json["bytes"] == 80 * 4 * 30);
+    assert!(json["error_worst"].as_f64().unwrap() < 1.3e-5 && json["bytes"] == 80 * 4 * 30);
     let input = "sun_zenith,turbidity\n0.7,3\n1.2,9\n";
     let (_, ours, _) = mesophyll(&["--quiet", "eval", "sky", "--fit", path, "--bands", "4"], input);
     let (_, direct, _) = mesophyll(&["--quiet", "eval", "sky", "--method", "direct", "--bands", "4"], input);
     let (a, b) = (coefficients(&table(&ours).1, 16), coefficients(&table(&direct).1, 16));
     for k in 0..16 {
         for c in 0..3 {
-            assert!((a[0][k][c] - b[0][k][c]).abs() < 1e-4 * b[0][0][c]);
+            assert!((a[0][k][c] - b[0][k][c]).abs() < 1.3e-5 * b[0][0][c]);
             assert_eq!(a[1][k][c], b[1][k][c]);
         }
     }

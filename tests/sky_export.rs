@@ -2,6 +2,7 @@
 
 mod common;
 
+use common::skips::{self, Need};
 use common::{refused, run, succeeded};
 use mesophyll::fit::sky::{Form, folder};
 use mesophyll::sky::irradiance::add_ground;
@@ -63,15 +64,17 @@ fn worst(got: &[f64], want: &[Vec<[f64; 3]>]) -> f64 {
     out
 }
 
-/// Single precision: 24 bits, a sum of 124 terms, Chebyshev recurrences of 30 steps.
-const SINGLE: f64 = 1e-5;
-const DOUBLE: f64 = 1e-12;
+/// Largest differences of c00 that docs/sky.md states, and a half: C in float 2e-7, in double 2e-15, JSON 3e-15. WGSL is single precision throughout,
+/// with recurrences of 30 steps, and its adapter rounds as it likes: 2e-6, and as much again.
+const SINGLE: f64 = 3e-7;
+const DOUBLE: f64 = 3e-15;
+const JSON: f64 = 4.5e-15;
+const WGSL: f64 = 4e-6;
 
 #[test]
 fn the_c_header_compiles_and_equals_the_library() {
     if Command::new("cc").arg("--version").output().is_err() {
-        println!("skipped: no C compiler (cc)");
-        return;
+        return skips::skip(Need::Compiler, "no C compiler (cc)");
     }
     let dir = tempfile::tempdir().unwrap();
     for (method, ground) in [("fine", 0.0), ("compact", 0.3), ("chebyshev", 0.0)] {
@@ -166,7 +169,7 @@ fn the_json_says_how_it_is_evaluated() {
         let got: Vec<f64> = skies().iter().flat_map(|(s, t)| by_hand(&json["sky"], *s, *t)).flatten().collect();
         let off = worst(&got, &library(&folder, ground));
         println!("JSON {method}: {off:.1e} of c00");
-        assert!(off < 1e-11, "{method}: {off:e}");
+        assert!(off < JSON, "{method}: {off:e}");
     }
 }
 
@@ -291,7 +294,7 @@ mod shader {
             let got = evaluate(device, queue, &text);
             let off = worst(&got, &library(&folder, ground));
             println!("WGSL {method}: {off:.1e} of c00");
-            assert!(off < SINGLE, "{method}: {off:e}");
+            assert!(off < WGSL, "{method}: {off:e}");
         }
         let folder = dir.path().join("fine");
         valid(&export(&folder, &dir.path().join("f.wgsl"), &["--sun-zenith-deg", "40", "--turbidity", "3"]));
@@ -305,12 +308,12 @@ mod shader {
     fn open() -> Option<(wgpu::Device, wgpu::Queue)> {
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle().with_env());
         let Ok(adapter) = pollster::block_on(instance.request_adapter(&wgpu::RequestAdapterOptions::default())) else {
-            println!("not run: no adapter; the text was parsed and validated only");
+            skips::skip(Need::Adapter, "no graphics adapter (the text was parsed and validated only)");
             return None;
         };
         println!("adapter {}", adapter.get_info().name);
         if !adapter.get_downlevel_capabilities().flags.contains(wgpu::DownlevelFlags::COMPUTE_SHADERS) {
-            println!("not run: the adapter computes nothing; the text was parsed and validated only");
+            skips::skip(Need::Elsewhere, "the adapter computes nothing (the text was parsed and validated only)");
             return None;
         }
         pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor::default())).ok()

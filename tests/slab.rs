@@ -1,5 +1,8 @@
 //! `eval slab` and `fit slab` from the outside.
 
+#[path = "common/skips.rs"]
+mod skips;
+
 use assert_cmd::Command;
 use std::path::Path;
 
@@ -175,10 +178,7 @@ fn a_reader_that_leaves_is_no_failure() {
 
 #[test]
 fn real_leaves_get_an_honest_status() {
-    let Some(data) = std::env::var_os("MESOPHYLL_DATA") else {
-        println!("skipped: MESOPHYLL_DATA is not set");
-        return;
-    };
+    let Some(data) = skips::data("leaves/reflectance_transmittance.csv") else { return };
     let file = Path::new(&data).join("leaves/reflectance_transmittance.csv");
     for band in ["450", "550", "650"] {
         let columns = format!("rho_d=R{band},rho_t=T{band},h=thickness_um");

@@ -6,7 +6,9 @@ use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  mesophyll check data/scenes/front-lit.toml\n  mesophyll check data/scenes/glossy-sky.toml --json --out out/check\n\n\
+    after_help = "Examples:\n  mesophyll check data/scenes/front-lit.toml\n  mesophyll check data/scenes/glossy-sky.toml --json --out out/check\n  \
+     mesophyll check data/scenes/twig.toml --goldens-only\n  \
+     mesophyll check data/scenes/twig.toml --goldens-only --update-golden    after a deliberate change of a fit or of the renderer\n\n\
     Exit code 1 when a threshold is missed, when a fit's files are not what was fitted, and when there is no adapter to draw with."
 )]
 pub struct Args {
@@ -16,9 +18,13 @@ pub struct Args {
     /// Folder for pictures and check.json (default: out/check/SCENE); an earlier run's folder counts its fits as done
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Write the reference's pictures as the scene's goldens instead of comparing with them
+    /// Write the scene's golden pictures anew instead of comparing with them
     #[arg(long)]
     update_golden: bool,
+    /// Only draw every view small and compare it with its golden picture: no reference, seconds instead of minutes. Fits that are missing are
+    /// made first
+    #[arg(long)]
+    goldens_only: bool,
     /// Compare W's scalars with pigment maps for every leaf: bytes, fit error, picture error
     #[arg(long)]
     compare_interiors: bool,
@@ -33,12 +39,20 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out/check").join(&manifest.name));
     claim::scene(&out, &args.scene)?;
     let ledger = Ledger::new();
-    let mut plan = plan::make(&manifest, args.out.as_deref(), Some(&make::input_hash), &ledger)?;
+    let own = args.out.as_deref().or(args.goldens_only.then_some(out.as_path()));
+    let mut plan = plan::make(&manifest, own, Some(&make::input_hash), &ledger)?;
+    let missing = if args.goldens_only { plan.unfitted() } else { Vec::new() };
+    for index in &missing {
+        make::fit(&manifest, *index, &out, &make::fit_folder(&manifest, *index, &out), false, &ledger)?;
+    }
+    if !missing.is_empty() {
+        plan = plan::make(&manifest, own, Some(&make::input_hash), &ledger)?;
+    }
     // Seconds, not minutes: unlike a leaf's fit, translucency maps are made on the way.
     if plan.unfitted().is_empty() && make::translucencies(&manifest, &plan, &out, &ledger)? {
         plan = plan::make(&manifest, Some(&out), Some(&make::input_hash), &ledger)?;
     }
-    let options = Options { out: out.clone(), update_golden: args.update_golden };
+    let options = Options { out: out.clone(), update_golden: args.update_golden, goldens_only: args.goldens_only };
     let (passed, text, json) = judged(&manifest, &plan, &options, args.compare_interiors.then_some(args.out.as_deref()), &ledger)?;
     atomic::write_bytes(&out.join("plan.json"), serde_json::to_string_pretty(&plan).unwrap_or_default().as_bytes())?;
     if common.json {

@@ -94,7 +94,7 @@ fn sources(plan: &plan::Plan, out: &Path) -> Vec<ReportSource> {
 #[cfg(feature = "render")]
 fn check(manifest: &Manifest, plan: &plan::Plan, out: &Path, ledger: &Ledger) -> Result<(bool, String, Value)> {
     use crate::scene::{check::Options, manifest::Interior};
-    let options = Options { out: out.to_path_buf(), update_golden: false };
+    let options = Options { out: out.to_path_buf(), ..Options::default() };
     let compare = manifest.leaves.iter().any(|l| l.interior == Interior::Maps);
     let (passed, text, json) = super::check::judged(manifest, plan, &options, compare.then_some(Some(out)), ledger)?;
     if compare {

@@ -60,6 +60,9 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
     if make::translucencies(&manifest, &plan, &out, &ledger)? {
         plan = plan::make_free(&manifest, Some(&out), Some(&make::input_hash), &ledger)?;
     }
+    for changed in check::verify(&manifest, &plan, &ledger)? {
+        progress::say(format!("warning: {changed}"));
+    }
     let views: Vec<WindowView> = manifest
         .views
         .iter()

@@ -228,8 +228,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let pipe = dir.path().join("pipe");
         if !std::process::Command::new("mkfifo").arg(&pipe).status().is_ok_and(|s| s.success()) {
-            println!("skipped: no mkfifo here");
-            return;
+            return crate::skips::skip(crate::skips::Need::System, "no mkfifo");
         }
         let reader = std::thread::spawn({
             let pipe = pipe.clone();

@@ -1,5 +1,7 @@
 //! `fit.toml`: what a fit folder says about itself. The same input and seed give the same bytes, so times live beside it in `times.toml`.
 
+mod seal;
+
 use crate::files::claim::{self, Kind};
 use crate::files::{atomic, hash};
 use crate::fit::leaf::held_out::{HeldOut, LightBox, Scan};
@@ -108,6 +110,9 @@ pub const GAUGE_GAMMA: &str = "gauge_of_truth_gamma_relative";
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct FitRecord {
     pub schema: u32,
+    /// Hash of the rest of the file as it was read. [`FitRecord::write`] computes it anew, so that an edit made by the program is accepted.
+    #[serde(default, skip_serializing)]
+    pub record_hash: String,
     /// `leaf`, `gloss`, `slab`, `beam`, `sky`, …
     pub kind: String,
     pub name: String,
@@ -167,11 +172,12 @@ impl FitRecord {
         Ok(record)
     }
 
-    /// Hashes every file named in `files` afresh and compares.
+    /// Hashes `fit.toml` and every file named in `files` afresh and compares.
     ///
     /// # Errors
     /// [`Error::Missed`] naming the first file that is not what the fit wrote.
     pub fn verify(&self, folder: &Path) -> Result<()> {
+        FitRecord::verify_numbers(folder)?;
         for (name, expected) in &self.files {
             let path = folder.join(name);
             if &hash::file(&path)? != expected {
@@ -184,9 +190,20 @@ impl FitRecord {
         Ok(())
     }
 
-    /// Writes `fit.toml`, last of all files, so that a folder with one is complete, and takes the marker of unfinished work away.
+    /// Checks that the numbers of `folder`'s `fit.toml` are the ones that were written, by its record hash.
+    ///
+    /// # Errors
+    /// [`Error::Missed`] where they are not; the sentence says how a deliberate edit is made.
+    pub fn verify_numbers(folder: &Path) -> Result<()> {
+        seal::verify(folder)
+    }
+
+    /// Writes `fit.toml` with its record hash, last of all files, so that a folder with one is complete, and takes the marker of unfinished
+    /// work away.
     pub fn write(&self, folder: &Path) -> Result<()> {
-        write_toml(&folder.join("fit.toml"), self)?;
+        let path = folder.join("fit.toml");
+        let text = toml::to_string(self).map_err(|e| Error::write(&path, e))?;
+        atomic::write_bytes(&path, seal::sealed(&text).as_bytes())?;
         claim::finish(folder)
     }
 }

@@ -1,5 +1,6 @@
 //! The check: every view of a scene drawn by the GPU renderer, judged against the CPU reference (a card: against its closed form), against
-//! golden pictures where the scene has them, and against the thresholds that the scene states.
+//! golden pictures where the scene has them, and against the thresholds that the scene states. A check of the goldens alone needs no reference
+//! and takes seconds.
 //!
 //! Errors are of displayed values, 0 to 1. The noise of the reference is measured against a second seed and printed beside each threshold.
 //! Frame times are judged on real GPUs only.
@@ -9,15 +10,18 @@ mod card;
 mod cost;
 mod perspective;
 mod pictures;
+mod proof;
 mod report;
+mod verify;
 
 pub use capture::CaptureReport;
 pub use report::{Report, Term, ViewReport};
+pub use verify::verify;
 
 use super::ledger::Ledger;
 use super::manifest::{Manifest, View, ViewKind};
-use super::plan::{LeafPlan, Plan};
-use super::{branch, day, handover, reference, sound, sunlit, true_leaf};
+use super::plan::Plan;
+use super::{branch, day, handover, reference, sunlit, true_leaf};
 use crate::files::{atomic, progress};
 use crate::{Error, Result, transport};
 use mesophyll_viewer as gpu;
@@ -28,8 +32,10 @@ use std::path::PathBuf;
 pub struct Options {
     /// Where pictures and `check.json` go.
     pub out: PathBuf,
-    /// Write the reference's pictures as the scene's goldens instead of comparing with them.
+    /// Write the scene's golden pictures anew instead of comparing with them.
     pub update_golden: bool,
+    /// Only draw every view small, for its golden picture: no reference, no frame times.
+    pub goldens_only: bool,
 }
 
 /// Opens the adapter.
@@ -65,7 +71,7 @@ pub fn check(manifest: &Manifest, plan: &Plan, options: &Options, ledger: &Ledge
         views: Vec::new(),
         captures: Vec::new(),
         skipped: Vec::new(),
-        failures: verify(plan, ledger)?,
+        failures: verify(manifest, plan, ledger)?,
         warnings: plan.warnings.clone(),
         uploads: Vec::new(),
         pipelines: Vec::new(),
@@ -73,6 +79,26 @@ pub fn check(manifest: &Manifest, plan: &Plan, options: &Options, ledger: &Ledge
         day: Vec::new(),
     };
     progress::say(format!("drawn by {}", report.adapter));
+    if options.goldens_only {
+        proof::all(manifest, plan, &mut renderer, options, ledger, &mut report)?;
+    } else {
+        against_reference(manifest, plan, &mut renderer, options, ledger, &mut report)?;
+    }
+    report.passed = report.failures.is_empty() && report.views.iter().all(|v| v.passed) && report.captures.iter().all(|c| c.passed);
+    let path = options.out.join("check.json");
+    atomic::write_bytes(&path, serde_json::to_string_pretty(&report.json(manifest)).unwrap_or_default().as_bytes())?;
+    Ok(report)
+}
+
+/// Every view against the reference or its closed form, and against its golden where there is one.
+fn against_reference(
+    manifest: &Manifest,
+    plan: &Plan,
+    renderer: &mut gpu::Renderer,
+    options: &Options,
+    ledger: &Ledger,
+    report: &mut Report,
+) -> Result<()> {
     let perspective: Vec<&View> = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).collect();
     if !perspective.is_empty() {
         let mut scene = handover::scene(manifest, plan, ledger)?;
@@ -103,41 +129,21 @@ pub fn check(manifest: &Manifest, plan: &Plan, options: &Options, ledger: &Ledge
             while let Some(view) = left.next_if(|v| plan.bends.is_none() || branch::time(manifest, v) == time) {
                 let _bar = progress::Bar::of(format!("view {}", view.name));
                 let stages = perspective::Stages { truth: &stage, by_maps: by_maps.as_ref(), true_leaf: as_grown.as_ref() };
-                report.views.push(perspective::one_view(manifest, plan, view, &mut renderer, &stages, options)?);
+                report.views.push(perspective::one_view(manifest, plan, view, renderer, &stages, options)?);
             }
         }
         let slow = report.views.first().is_some_and(|v| v.frame_ms_median > 2000.0);
-        report.translucency = cost::term(manifest, &scene, &mut renderer, !slow)?;
-        report.day = day::draw(manifest, plan, &scene, &mut renderer, &options.out, ledger)?;
-    }
-    for view in manifest.views.iter().filter(|v| v.kind == ViewKind::Card) {
-        report.views.push(card::one_card(manifest, plan, view, &mut renderer, options, ledger)?);
-    }
-    (report.captures, report.skipped) = capture::all(manifest, plan, &mut renderer, options)?;
-    report.passed = report.failures.is_empty() && report.views.iter().all(|v| v.passed) && report.captures.iter().all(|c| c.passed);
-    let path = options.out.join("check.json");
-    atomic::write_bytes(&path, serde_json::to_string_pretty(&report.json(manifest)).unwrap_or_default().as_bytes())?;
-    Ok(report)
-}
-
-/// Hashes every file of a fit that the plan needs and asks whether they agree with each other; a sentence for each that does not.
-fn verify(plan: &Plan, ledger: &Ledger) -> Result<Vec<String>> {
-    let mut out = Vec::new();
-    let translucent = |l: &LeafPlan| l.translucency.as_ref().and_then(|t| t.fitted.clone());
-    for fitted in &plan.leaves.iter().flat_map(|l| [l.fitted.clone(), translucent(l)]).flatten().collect::<Vec<_>>() {
-        let prefix = format!("{}/", fitted.name);
-        for need in &plan.needed {
-            if let Some(file) = need.name.strip_prefix(&prefix)
-                && need.bytes.is_some()
-                && fitted.folder.join(file).is_file()
-                && let Err(e) = fitted.verify([file], ledger)
-            {
-                out.push(e.to_string());
-            }
+        report.translucency = cost::term(manifest, &scene, renderer, !slow)?;
+        let tile = (manifest.check.width.div_ceil(2), manifest.check.height.div_ceil(2));
+        if let Some(strip) = day::draw(manifest, plan, &scene, renderer, tile, ledger)? {
+            strip.write(&options.out.join("day.png"))?;
+            report.day = strip.hours;
+            proof::hours(manifest, plan, &scene, renderer, options, ledger, report)?;
         }
     }
-    for leaf in &plan.leaves {
-        out.extend(sound::contradictions(leaf, ledger)?);
+    for view in manifest.views.iter().filter(|v| v.kind == ViewKind::Card) {
+        report.views.push(card::one_card(manifest, plan, view, renderer, options, ledger)?);
     }
-    Ok(out)
+    (report.captures, report.skipped) = capture::all(manifest, plan, renderer, options)?;
+    Ok(())
 }

@@ -29,21 +29,38 @@ pub struct Hour {
 /// Columns of the mosaic.
 const COLUMNS: usize = 4;
 
-/// Draws the hours into `out/day.png`; nothing without a `[day]` or a perspective view.
+/// The hours as one picture.
+pub struct Strip {
+    pub hours: Vec<Hour>,
+    /// Columns and rows of pixels.
+    pub size: (usize, usize),
+    pub pixels: Vec<[u8; 4]>,
+}
+
+impl Strip {
+    /// Writes the picture as PNG.
+    ///
+    /// # Errors
+    /// [`crate::Error::Write`] where it cannot be written.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        image::write_png(path, self.size.0, self.size.1, self.pixels.as_flattened())
+    }
+}
+
+/// Draws the hours, `w` × `h` pixels each; nothing without a `[day]` or a perspective view.
 ///
 /// # Errors
-/// [`crate::Error::Missed`] where the renderer or the fit fails; a picture that cannot be written.
+/// [`crate::Error::Missed`] where the renderer or the fit fails.
 pub fn draw(
     manifest: &Manifest,
     plan: &Plan,
     scene: &viewer::Scene,
     renderer: &mut gpu::Renderer,
-    out: &Path,
+    (w, h): (u32, u32),
     ledger: &Ledger,
-) -> Result<Vec<Hour>> {
-    let (Some(day), Some(sky)) = (&manifest.day, &manifest.sky) else { return Ok(Vec::new()) };
-    let Some(view) = manifest.views.iter().find(|v| v.kind == ViewKind::Perspective) else { return Ok(Vec::new()) };
-    let (w, h) = (manifest.check.width.div_ceil(2), manifest.check.height.div_ceil(2));
+) -> Result<Option<Strip>> {
+    let (Some(day), Some(sky)) = (&manifest.day, &manifest.sky) else { return Ok(None) };
+    let Some(view) = manifest.views.iter().find(|v| v.kind == ViewKind::Perspective) else { return Ok(None) };
     let (tile_w, tile_h) = (w as usize, h as usize);
     let (columns, rows) = (day.hours.len().min(COLUMNS), day.hours.len().div_ceil(COLUMNS));
     let mut mosaic = vec![[0u8, 0, 0, 255]; columns * tile_w * rows * tile_h];
@@ -71,7 +88,5 @@ pub fn draw(
         let (zenith_deg, azimuth_deg) = (zenith.to_degrees(), azimuth.to_degrees());
         hours.push(Hour { hour, zenith_deg, azimuth_deg, sun: daylight.sun, fit_error: error });
     }
-    let rgb: Vec<u8> = mosaic.iter().flat_map(|p| [p[0], p[1], p[2]]).collect();
-    image::write_png(&out.join("day.png"), columns * tile_w, rows * tile_h, &rgb)?;
-    Ok(hours)
+    Ok(Some(Strip { hours, size: (columns * tile_w, rows * tile_h), pixels: mosaic }))
 }

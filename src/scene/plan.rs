@@ -385,13 +385,6 @@ impl Plan {
         self.leaves.iter().filter(lacks).map(|l| l.index).collect()
     }
 
-    /// Whether every fit is one the scene file names, so that its golden pictures apply.
-    pub fn all_named(&self) -> bool {
-        let translucency =
-            |l: &LeafPlan| !l.sides.iter().any(|s| s.translucency) || l.translucency.as_ref().is_some_and(|t| t.source.named);
-        self.leaves.iter().filter(|l| l.used).all(|l| l.source.as_ref().is_some_and(|s| s.named) && translucency(l))
-    }
-
     /// Decides the shadow maps from the placements and meshes.
     pub fn shadows(&self, sun: DVec3, radius: f64) -> std::result::Result<(), &'static str> {
         let meshes: Vec<Option<&LeafMesh>> = self.leaves.iter().map(|l| l.mesh.as_ref()).collect();

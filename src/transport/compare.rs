@@ -88,7 +88,8 @@ fn percentile<T: Copy>(sorted: &[T], p: f64) -> Option<T> {
     sorted.get(at.saturating_sub(1)).copied()
 }
 
-fn flip_map(a: &[[u8; 4]], b: &[[u8; 4]], width: usize, height: usize) -> Vec<f32> {
+/// FLIP error a pixel between two RGBA pictures of the same size.
+pub fn flip_map(a: &[[u8; 4]], b: &[[u8; 4]], width: usize, height: usize) -> Vec<f32> {
     let image = |pixels: &[[u8; 4]]| {
         let bytes: Vec<u8> = pixels.iter().flat_map(|p| [p[0], p[1], p[2]]).collect();
         FlipImageRgb8::with_data(width as u32, height as u32, &bytes)

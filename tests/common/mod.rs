@@ -1,6 +1,8 @@
 //! What the tests that drive the binary share: running it, small synthetic captures, and places that refuse to be written.
 #![allow(dead_code)]
 
+pub mod skips;
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 

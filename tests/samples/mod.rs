@@ -90,8 +90,8 @@ pub fn write_fit(folder: &Path, sample: &Sample) {
         termination: Some(Termination::CostConverged),
         options: BTreeMap::from([("lobe".to_string(), "beckmann".to_string()), ("seed".to_string(), sample.seed.to_string())]),
         defects: names,
-        files: BTreeMap::new(),
         sections,
+        ..FitRecord::default()
     };
     record.write(folder).unwrap();
     times().write(folder).unwrap();

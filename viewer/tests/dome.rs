@@ -85,7 +85,8 @@ fn a_gradient_lights_both_sides_by_its_closed_form() {
     }
 }
 
-/// The mirror image of a linear sky, by brute force over the lobe: two bands about the lobe's mean direction are exact.
+/// The mirror image of a linear sky, by brute force over the lobe as the papers write it: Beckmann's density (Wang et al. 2005, Eq. 7) and the
+/// V-cavities of Cook and Torrance 1982. Nothing is taken from the renderer. Two bands about the lobe's mean direction are exact.
 #[test]
 fn the_gloss_of_a_gradient_is_its_integral() {
     let Some(mut renderer) = renderer() else { return };
@@ -117,8 +118,10 @@ fn the_gloss_of_a_gradient_is_its_integral() {
                 let l = [s * phi.cos(), s * phi.sin(), nl];
                 let h = unit([l[0] + v[0], l[1] + v[1], l[2] + v[2]]);
                 let vh = dot(v, h);
-                let d = mesophyll_viewer::lobe::density(Lobe::Beckmann, h[2] * h[2], f64::from(m));
-                let f = d * mesophyll_viewer::lobe::cavity(h[2], v[2], nl, vh) / (4.0 * nl * v[2]);
+                let (cos2, m2) = (h[2] * h[2], f64::from(m * m));
+                let density = (-(1.0 / cos2 - 1.0) / m2).exp() / (PI * m2 * cos2 * cos2);
+                let cavity = (2.0 * h[2] * v[2] / vh).min(2.0 * h[2] * nl / vh).min(1.0);
+                let f = density * cavity / (4.0 * nl * v[2]);
                 sum += f * nl * (1.0 + dot(a, l)) * 2.0 * PI / f64::from(rings * spokes);
             }
         }

@@ -126,7 +126,7 @@ fn even_dome(sun: Vec3, turbidity: f32) -> Dome {
 fn sun_and_turbidity_ask_for_another_sky() {
     let stage = match Stage::headless(&Options::default()) {
         Ok(stage) => stage,
-        Err(Error::NoAdapter) => return println!("skipped: no graphics adapter"),
+        Err(Error::NoAdapter) => return skips::skip(skips::Need::Adapter, "no graphics adapter"),
         Err(other) => panic!("{other}"),
     };
     let (mut window, toy) = two_leaves();
@@ -168,7 +168,7 @@ fn bench_on((window, toy): (WindowScene, Toy)) -> Option<Bench> {
     let stage = match Stage::headless(&Options::default()) {
         Ok(stage) => stage,
         Err(Error::NoAdapter) => {
-            println!("skipped: no graphics adapter");
+            skips::skip(skips::Need::Adapter, "no graphics adapter");
             return None;
         }
         Err(other) => panic!("{other}"),
@@ -472,8 +472,7 @@ fn a_real_window_opens_draws_and_closes() {
         return;
     }
     if !std::process::Command::new("xvfb-run").arg("--help").output().is_ok_and(|o| o.status.success()) {
-        println!("skipped: no xvfb-run");
-        return;
+        return skips::skip(skips::Need::Display, "no virtual display (xvfb-run)");
     }
     let mut command = std::process::Command::new("xvfb-run");
     command.args(["-a", "-s", "-screen 0 1100x720x24"]).arg(std::env::current_exe().expect("path"));

@@ -179,7 +179,8 @@ mod tests {
     }
 
     #[test]
-    fn four_smooth_coefficients_stay_below_half_a_percent_of_the_tip() {
+    fn four_smooth_coefficients_stay_within_the_stated_share_of_the_tip() {
+        // README.md says .35 % over all tapers; the last digit is rounded.
         let (smooth, fit) = smooth();
         let (worst, at) = fit.worst();
         println!(
@@ -187,13 +188,13 @@ mod tests {
             smooth.len(),
             fit.fit.uncertainty.condition
         );
-        assert!(smooth.len() == 24 && worst < 0.01);
+        assert!(smooth.len() == 24 && worst < 0.0037);
         assert_eq!(fit.fit.uncertainty.rank, 24);
         // The handed-over form is the fitted one, up to the tapers beside 1.
         for alpha in [1e-4, 0.03, 1.0 - 1e-5, 1.0, 1.0 + 1e-5, 1.25] {
             let shape = smooth.shape(alpha);
             let got = super::worst(alpha, |x| shape.at(x).0);
-            assert!((got - fit.error(alpha)).abs() < 1e-12 && got < 0.01 * beam::deflection(alpha, 1.0), "α {alpha}: {got}");
+            assert!((got - fit.error(alpha)).abs() < 1e-12 && got < 0.0037 * beam::deflection(alpha, 1.0), "α {alpha}: {got}");
         }
     }
 
@@ -223,7 +224,8 @@ mod tests {
             }
         }
         println!("worst length error {:.1e} (α = {:.1e}, tip {} L)", worst.0, worst.1, worst.2);
-        assert!(worst.0 < 1e-3);
+        // README.md says .013 %.
+        assert!(worst.0 < 1.4e-4);
     }
 
     /// Against the settled curve of the exact beam: where a branch is, and which way it points.

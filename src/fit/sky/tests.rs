@@ -17,7 +17,8 @@ fn fitted(method: Method) -> Fitted {
 
 #[test]
 fn the_two_tiers_meet_their_targets_in_f32() {
-    for (method, target, bytes) in [(Method::Compact, 1e-4, 27_000), (Method::Fine, 1e-5, 43_000)] {
+    // README.md and docs/sky.md say 1.1e-5 in 26,880 bytes and 4.1e-6 in 41,664 bytes: a fifth above is another fit.
+    for (method, target, bytes) in [(Method::Compact, 1.3e-5, 26_880), (Method::Fine, 4.9e-6, 41_664)] {
         let fit = fitted(method);
         let form = fit.form.unwrap();
         let (wide, narrow) = (judge(&form, reference()), judge(&form.narrow(), reference()));
@@ -34,7 +35,7 @@ fn the_two_tiers_meet_their_targets_in_f32() {
             fit.phases.iter().map(|p| p.seconds).sum::<f64>() * 1e3
         );
         assert!(narrow.worst <= target && narrow.refused == 0, "{}: {:.1e}", method.name(), narrow.worst);
-        assert!(form.narrow().bytes() <= bytes);
+        assert_eq!(form.narrow().bytes(), bytes);
         assert!(fit.rank == fit.columns && fit.condition < 100.0 && fit.termination == Termination::Direct);
         // single precision costs a few roundings of the brightest sky, here four, over the darkest
         let brightest = reference().skies.iter().flat_map(|s| s.2.get(0, 0)).fold(0.0, f64::max);

@@ -3,7 +3,7 @@
 use super::cost::timed;
 use super::pictures::save;
 use super::report::{ViewReport, exceeds};
-use super::{Options, told};
+use super::{Options, proof, told};
 use crate::Result;
 use crate::scene::card::{self, Card};
 use crate::scene::ledger::Ledger;
@@ -33,6 +33,7 @@ pub fn one_card(
     let picture = renderer.render(&handover::camera(view), size.0, size.1).map_err(told)?;
     let mut out = timed(manifest, view, renderer)?;
     out.card = true;
+    proof::judge_view(manifest, view, renderer, options, &mut out)?;
     let start = Instant::now();
     let world = card::world(manifest, &card)?;
     let sampling = transport::Options { samples_per_pixel: 16, sun_samples: 1, seed: manifest.check.seed, ..transport::Options::default() };

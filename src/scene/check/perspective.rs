@@ -4,16 +4,14 @@
 use super::cost::timed;
 use super::pictures::save;
 use super::report::{TrueLeaf, ViewReport, exceeds};
-use super::{Options, told};
+use super::{Options, proof, told};
 use crate::Result;
 use crate::files::image::write_png;
-use crate::files::progress;
 use crate::scene::manifest::{JudgedBy, Manifest, View};
 use crate::scene::plan::Plan;
-use crate::scene::{golden, handover, reference};
+use crate::scene::{handover, reference};
 use crate::transport::{self, compare};
 use mesophyll_viewer as gpu;
-use std::path::Path;
 use std::time::Instant;
 
 /// The reference, and the same with translucency maps evaluated as they are stored.
@@ -68,14 +66,6 @@ pub fn one_view(
     out.interior_share = seen.interior_share;
     (out.noise_flip_p99, out.noise_max_error) = (Some(noise.flip_p99), noise.max_error);
     out.judge_against_reference();
-    let golden = golden::path(manifest, view);
-    if options.update_golden {
-        golden::write(&golden, &truth)?;
-        progress::say(format!("wrote {}", golden.display()));
-    } else if golden.is_file() && plan.all_named() {
-        let seen = golden::compare(&golden, &truth, &picture.ldr)?;
-        out.judge_against_golden(&golden, seen);
-    }
     if let Some(stage) = stages.true_leaf {
         // The same rays: what differs is the fit.
         let grown = stage.render(&camera, w, h, &sampling(manifest.check.seed))?;
@@ -84,6 +74,7 @@ pub fn one_view(
         write_png(&options.out.join(&file), w, h, grown.ldr.as_flattened())?;
         out.true_leaf = Some(TrueLeaf { flip_mean: apart.flip_mean, flip_p99: apart.flip_p99, max_error: apart.max_error, picture: file });
     }
+    proof::judge_view(manifest, view, renderer, options, &mut out)?;
     save(&mut out, options, &truth, &picture, &seen)?;
     out.passed = out.why.is_empty();
     Ok(out)
@@ -104,21 +95,6 @@ impl ViewReport {
                 self.why.push(format!("pixel ({x}, {y}) is {e:.4} from the reference, at most {limit:.4} allowed"));
             }
             Some(_) => {}
-        }
-    }
-
-    fn judge_against_golden(&mut self, path: &Path, seen: compare::Comparison) {
-        let error = seen.max_error.unwrap_or(1.0);
-        self.golden = Some((seen.flip_p99, error));
-        // The golden was rounded to 8 bits, and so was the picture.
-        let limit = self.threshold_max_error + 1.0 / 255.0;
-        if let Some(flip) = self.threshold_flip_p99
-            && exceeds(seen.flip_p99, flip)
-        {
-            self.why.push(format!("99 % FLIP is {:.4} from the golden {}, at most {flip:.4} allowed", seen.flip_p99, path.display()));
-        }
-        if exceeds(error, limit) {
-            self.why.push(format!("a pixel is {error:.4} from the golden {}, at most {limit:.4} allowed", path.display()));
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::CaptureReport;
 use crate::scene::day::Hour;
+use crate::scene::golden;
 use crate::scene::manifest::Manifest;
 use serde_json::{Value, json};
 
@@ -61,8 +62,10 @@ pub struct ViewReport {
     pub noise_max_error: Option<f64>,
     pub threshold_flip_p99: Option<f64>,
     pub threshold_max_error: f64,
-    /// FLIP and largest error against the scene's golden picture.
-    pub golden: Option<(f64, f64)>,
+    /// How far the small picture is from the scene's golden picture, where there is one.
+    pub golden: Option<golden::Figures>,
+    /// Nothing but the golden was looked at.
+    pub golden_only: bool,
     /// The renderer's picture against the reference's of the true leaves.
     pub true_leaf: Option<TrueLeaf>,
     pub frame_ms_median: f64,
@@ -115,8 +118,8 @@ impl ViewReport {
             "judged_by": if self.by_maps { "maps" } else { "convolution" },
             "threshold_flip_p99": self.threshold_flip_p99,
             "threshold_max_error": self.threshold_max_error,
-            "golden_flip_p99": self.golden.map(|g| g.0),
-            "golden_max_error": self.golden.map(|g| g.1),
+            "golden_flip_mean": self.golden.map(|g| g.flip_mean),
+            "golden_changed": self.golden.map(|g| g.changed),
             "true_leaf_flip_mean": self.true_leaf.as_ref().map(|t| t.flip_mean),
             "true_leaf_flip_p99": self.true_leaf.as_ref().map(|t| t.flip_p99),
             "true_leaf_max_error": self.true_leaf.as_ref().and_then(|t| t.max_error),
@@ -144,7 +147,13 @@ impl ViewReport {
         let error = self.max_error.map_or("-".to_string(), |e| format!("{e:.4}"));
         let noise = |v: Option<f64>| v.map_or("-".to_string(), |e| format!("{e:.4}"));
         let times = format!("{:.1} ms a frame (95 %: {:.1}), {} triangles", self.frame_ms_median, self.frame_ms_p95, self.triangles);
-        let mut line = if self.card {
+        let golden = self.golden.map(|g| {
+            let allowed = format!("allowed {:.0e} and {:.1} %", golden::FLIP_MEAN[usize::from(self.card)], 100.0 * golden::CHANGED);
+            format!("mean FLIP {:.1e} and {:.2} % of the pixels from the golden ({allowed})", g.flip_mean, 100.0 * g.changed)
+        });
+        let mut line = if self.golden_only {
+            format!("{verdict}  {}: {}", self.name, golden.clone().unwrap_or_else(|| "drawn small".into()))
+        } else if self.card {
             format!(
                 "{verdict}  {}: {:.2e} from the closed form (allowed {:.1e}; the reference {:.1e}), {times}",
                 self.name,
@@ -174,6 +183,9 @@ impl ViewReport {
         if let Some(t) = &self.true_leaf {
             let error = t.max_error.map_or("-".to_string(), |e| format!("{e:.4}"));
             line += &format!("\n        from the true leaf: FLIP mean {:.4}, 99 % {:.4}, largest error {error}", t.flip_mean, t.flip_p99);
+        }
+        if let Some(golden) = golden.filter(|_| !self.golden_only) {
+            line += &format!("\n        {golden}");
         }
         for why in &self.why {
             line += &format!("\n        {why}");

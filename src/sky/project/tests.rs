@@ -77,7 +77,7 @@ fn agrees_with_an_adaptive_integration() {
 }
 
 #[test]
-fn more_nodes_change_nothing_at_1e_10() {
+fn more_nodes_change_nothing() {
     for t in [1.7, 2.5, 10.0] {
         for s in [0.0, 1e-4, 0.6, 1.3, LOW - 1e-9, LOW + 1e-9, 1.5, 1.5706, FRAC_PI_2 - 1e-7, FRAC_PI_2] {
             for bands in [7, 20] {
@@ -86,7 +86,8 @@ fn more_nodes_change_nothing_at_1e_10() {
                     continue;
                 }
                 let e = off(&direct(&sky, bands), &Rule::new(s, bands, Quality::Checked).project(&sky));
-                assert!(e < 1e-10, "θs {s} τ {t} N {bands}: {e:.1e}");
+                // README.md says 1e-12 of the mean for the seven bands of the fits.
+                assert!(e < if bands == 7 { 1.3e-12 } else { 1e-10 }, "θs {s} τ {t} N {bands}: {e:.1e}");
             }
         }
     }

@@ -1,6 +1,9 @@
 //! Scenes with known answers. Each test file uses a part of them.
 #![allow(dead_code)]
 
+#[path = "../../../tests/common/skips.rs"]
+pub mod skips;
+
 use glam::{Mat4, Vec2, Vec3, Vec4};
 use mesophyll_viewer::scene::{Camera, Instance, Interior, Leaf, Lobe, Mesh, Scene, Side, SlabCurve, Sun};
 use mesophyll_viewer::{Error, Options, Renderer};
@@ -10,7 +13,7 @@ pub const RHO_T: [f32; 3] = [0.06, 0.11, 0.02];
 pub const BACK_D: [f32; 3] = [0.16, 0.2, 0.13];
 pub const BACK_T: [f32; 3] = [0.05, 0.1, 0.015];
 
-/// A renderer, or `None` with a printed word where the machine has no adapter at all.
+/// A renderer, or `None` and a counted skip where the machine has no adapter at all.
 pub fn renderer() -> Option<Renderer> {
     renderer_with(&Options::default())
 }
@@ -19,7 +22,7 @@ pub fn renderer_with(options: &Options) -> Option<Renderer> {
     match Renderer::headless(options) {
         Ok(renderer) => Some(renderer),
         Err(Error::NoAdapter) => {
-            println!("skipped: no graphics adapter");
+            skips::skip(skips::Need::Adapter, "no graphics adapter");
             None
         }
         Err(other) => panic!("{other}"),

@@ -83,6 +83,7 @@ pub fn run(beams: &Path, blade: &Path, out: &Path, options: &Options) -> Result<
     if !options.force
         && let Ok(record) = FitRecord::read(out)
         && record.input_hash == input_hash
+        && record.verify(out).is_ok()
     {
         return Ok(Outcome::UpToDate(Box::new(record)));
     }

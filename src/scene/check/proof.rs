@@ -1,0 +1,108 @@
+//! Every view drawn small and compared with its golden picture, or written as one.
+
+use super::report::ViewReport;
+use super::{Options, Report, told};
+use crate::Result;
+use crate::files::{image, progress};
+use crate::scene::card::Card;
+use crate::scene::ledger::Ledger;
+use crate::scene::manifest::{Manifest, View, ViewKind};
+use crate::scene::plan::Plan;
+use crate::scene::{branch, day, golden, handover};
+use mesophyll_viewer as gpu;
+
+/// The name that the hours of a day have among the golden pictures.
+const HOURS: &str = "hours";
+
+/// Every view of the scene, and the hours of its day, by their goldens alone.
+///
+/// # Errors
+/// As [`super::check`].
+pub fn all(
+    manifest: &Manifest,
+    plan: &Plan,
+    renderer: &mut gpu::Renderer,
+    options: &Options,
+    ledger: &Ledger,
+    report: &mut Report,
+) -> Result<()> {
+    let of_kind = |kind: ViewKind| manifest.views.iter().filter(move |v| v.kind == kind);
+    if of_kind(ViewKind::Perspective).next().is_some() {
+        let mut scene = handover::scene(manifest, plan, ledger)?;
+        renderer.set_scene(&scene).map_err(told)?;
+        for view in of_kind(ViewKind::Perspective) {
+            if let Some(wind) = &mut scene.wind {
+                wind.time_s = branch::time(manifest, view);
+                renderer.set_time(wind);
+            }
+            report.views.push(alone(manifest, view, renderer, options)?);
+        }
+        hours(manifest, plan, &scene, renderer, options, ledger, report)?;
+    }
+    for view in of_kind(ViewKind::Card) {
+        let card = Card::new(manifest, plan, view, ledger)?;
+        renderer.set_scene(&handover::card(manifest, plan, &card, ledger)?).map_err(told)?;
+        report.views.push(alone(manifest, view, renderer, options)?);
+    }
+    Ok(())
+}
+
+fn alone(manifest: &Manifest, view: &View, renderer: &mut gpu::Renderer, options: &Options) -> Result<ViewReport> {
+    let mut out = ViewReport { name: view.name.clone(), card: view.kind == ViewKind::Card, golden_only: true, ..ViewReport::default() };
+    judge_view(manifest, view, renderer, options, &mut out)?;
+    out.passed = out.why.is_empty();
+    Ok(out)
+}
+
+/// Draws a view of the scene that the renderer holds small, and judges it by its golden.
+pub fn judge_view(manifest: &Manifest, view: &View, renderer: &mut gpu::Renderer, options: &Options, out: &mut ViewReport) -> Result<()> {
+    let (w, h) = golden::size(manifest);
+    let picture = renderer.render(&handover::camera(view), w, h).map_err(told)?;
+    judge(manifest, (w as usize, h as usize), &picture.ldr, options, out)
+}
+
+/// The hours of the scene's day as one picture more, where it has a day and there is, or will be, a golden of it.
+pub fn hours(
+    manifest: &Manifest,
+    plan: &Plan,
+    scene: &gpu::scene::Scene,
+    renderer: &mut gpu::Renderer,
+    options: &Options,
+    ledger: &Ledger,
+    report: &mut Report,
+) -> Result<()> {
+    if !options.goldens_only && !options.update_golden && !golden::path(manifest, HOURS).is_file() {
+        return Ok(());
+    }
+    let (w, h) = golden::size(manifest);
+    if let Some(strip) = day::draw(manifest, plan, scene, renderer, (w / 2, h / 2), ledger)? {
+        let mut out = ViewReport { name: HOURS.into(), golden_only: true, ..ViewReport::default() };
+        judge(manifest, strip.size, &strip.pixels, options, &mut out)?;
+        out.passed = out.why.is_empty();
+        report.views.push(out);
+    }
+    Ok(())
+}
+
+/// Writes the picture as the golden of `out.name`, or compares the two. Only a check of the goldens alone asks for one that is not there.
+fn judge(manifest: &Manifest, (w, h): (usize, usize), pixels: &[[u8; 4]], options: &Options, out: &mut ViewReport) -> Result<()> {
+    let path = golden::path(manifest, &out.name);
+    image::write_png(&options.out.join(format!("{}-small.png", out.name)), w, h, pixels.as_flattened())?;
+    if options.update_golden {
+        golden::write(&path, w, h, pixels)?;
+        progress::say(format!("wrote {}", path.display()));
+    } else if path.is_file() {
+        let seen = golden::compare(&path, w, h, pixels)?;
+        out.golden = Some(seen.figures);
+        if let Some(why) = seen.figures.missed(out.card) {
+            let difference = options.out.join(format!("{}-small-difference.png", out.name));
+            image::write_png(&difference, w, h, &seen.difference)?;
+            out.why.push(format!("{why} from the golden {} (eightfold difference: {})", path.display(), difference.display()));
+        }
+    } else if options.goldens_only {
+        let scene = manifest.path.display();
+        let command = format!("`mesophyll check {scene} --goldens-only --update-golden`");
+        out.why.push(format!("there is no golden picture {}; {command} writes it", path.display()));
+    }
+    Ok(())
+}

@@ -1,0 +1,40 @@
+//! Whether the fits that a scene uses are still what was fitted: their content hashes, the record hash of their numbers, and whether their maps
+//! agree with each other.
+
+use crate::Result;
+use crate::fit::record::FitRecord;
+use crate::scene::fitted::Fitted;
+use crate::scene::ledger::Ledger;
+use crate::scene::manifest::Manifest;
+use crate::scene::plan::Plan;
+use crate::scene::sound;
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+
+/// A sentence for every fit that was changed since it was written: of leaves, of translucency maps and of branches.
+///
+/// # Errors
+/// [`crate::Error::Input`] for a file that cannot be read.
+pub fn verify(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<Vec<String>> {
+    let fits: Vec<&Fitted> =
+        plan.leaves.iter().flat_map(|l| [l.fitted.as_ref(), l.translucency.as_ref().and_then(|t| t.fitted.as_ref())]).flatten().collect();
+    let branches = manifest.branches.iter().filter_map(|b| b.fit.as_ref()).map(|folder| manifest.resolve(folder));
+    let folders: BTreeSet<PathBuf> = fits.iter().map(|f| f.folder.clone()).chain(branches).collect();
+    let mut out: Vec<String> = folders.iter().filter_map(|f| FitRecord::verify_numbers(f).err()).map(|e| e.to_string()).collect();
+    for fitted in fits {
+        let prefix = format!("{}/", fitted.name);
+        for need in &plan.needed {
+            if let Some(file) = need.name.strip_prefix(&prefix)
+                && need.bytes.is_some()
+                && fitted.folder.join(file).is_file()
+                && let Err(e) = fitted.verify([file], ledger)
+            {
+                out.push(e.to_string());
+            }
+        }
+    }
+    for leaf in &plan.leaves {
+        out.extend(sound::contradictions(leaf, ledger)?);
+    }
+    Ok(out)
+}

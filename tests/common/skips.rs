@@ -1,0 +1,72 @@
+//! What some tests need beyond Rust. Where it is missing such a test calls [`skip`] and returns: the skip is counted in a file under `target/`,
+//! which `make test` sums up at its end, because the test harness hides what a passing test prints. With `MESOPHYLL_REQUIRE_ALL` set, as in
+//! continuous integration, a skip is a failure, except for databases that are not part of the repository.
+//!
+//! The library, `tests/` and `viewer/tests` share this file by `#[path]`.
+#![allow(dead_code)]
+
+use std::io::Write;
+use std::path::PathBuf;
+
+/// A thing that a test cannot do without.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Need {
+    /// A graphics adapter; a software one will do.
+    Adapter,
+    /// A C compiler (`cc`).
+    Compiler,
+    /// A virtual display (`xvfb-run`).
+    Display,
+    /// A program of the operating system.
+    System,
+    /// Real measurements, found through `MESOPHYLL_DATA`: nobody can require what is not in the repository.
+    Data,
+    /// What is asked of one graphics interface does not exist in another.
+    Elsewhere,
+}
+
+/// Counts the calling test as skipped, for `why`.
+///
+/// # Panics
+/// Where everything is required (`MESOPHYLL_REQUIRE_ALL`) and the need can be met by an installation.
+pub fn skip(need: Need, why: &str) {
+    let test = std::thread::current().name().unwrap_or("a test").to_string();
+    let required = std::env::var_os("MESOPHYLL_REQUIRE_ALL").is_some_and(|v| !v.is_empty() && v != "0");
+    let optional = matches!(need, Need::Data | Need::Elsewhere);
+    assert!(optional || !required, "{test}: {why}, but MESOPHYLL_REQUIRE_ALL is set: install what is missing (`make setup-test`)");
+    println!("skipped: {why}");
+    let Some(file) = list() else { return };
+    let line = format!("{why}\t{test}\n");
+    if let Ok(mut out) = std::fs::OpenOptions::new().create(true).append(true).open(file) {
+        let _ = out.write_all(line.as_bytes());
+    }
+}
+
+/// The file that `MESOPHYLL_SKIPPED` names, or `target/skipped-tests.txt`: the folder that holds the running test and is marked as Cargo's.
+fn list() -> Option<PathBuf> {
+    if let Some(named) = std::env::var_os("MESOPHYLL_SKIPPED") {
+        return Some(named.into());
+    }
+    let me = std::env::current_exe().ok()?;
+    let target = me.ancestors().find(|folder| folder.join("CACHEDIR.TAG").is_file())?;
+    Some(target.join("skipped-tests.txt"))
+}
+
+/// The folder of real measurements, or a skip.
+pub fn data(what: &str) -> Option<PathBuf> {
+    let folder = std::env::var_os("MESOPHYLL_DATA").map(PathBuf::from);
+    if folder.is_none() {
+        skip(Need::Data, &format!("MESOPHYLL_DATA is not set ({what})"));
+    }
+    folder
+}
+
+/// Whether a run of the program said that there is no adapter: then the calling test is skipped.
+pub fn no_adapter(output: &std::process::Output) -> bool {
+    let none = String::from_utf8_lossy(&output.stderr).contains("no graphics adapter");
+    if none {
+        assert_eq!(output.status.code(), Some(1), "a check that looked at nothing must not pass");
+        skip(Need::Adapter, "no graphics adapter");
+    }
+    none
+}

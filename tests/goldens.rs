@@ -1,0 +1,216 @@
+//! Every committed scene is drawn, small, and compared with its golden pictures; fits that are wrong but consistent, and hashed anew, must miss
+//! them.
+#![cfg(feature = "render")]
+
+#[path = "common/skips.rs"]
+mod skips;
+
+use mesophyll::files::image::{Packing, read_exr, write_exr};
+use mesophyll::fit::record::FitRecord;
+use mesophyll::scene::fitted::Fitted;
+use mesophyll::scene::handover::Scaling;
+use mesophyll::scene::manifest::Manifest;
+use mesophyll::scene::save::{Change, edited};
+use serde_json::Value;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::process::Output;
+use std::time::Instant;
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn scenes() -> Vec<PathBuf> {
+    let mut list: Vec<PathBuf> = std::fs::read_dir(root().join("data/scenes"))
+        .unwrap()
+        .map(|e| e.unwrap().path())
+        .filter(|p| p.extension().is_some_and(|x| x == "toml"))
+        .collect();
+    list.sort();
+    list
+}
+
+fn check(scene: &Path, out: &Path, args: &[&str]) -> Output {
+    let mut command = assert_cmd::Command::cargo_bin("mesophyll").unwrap();
+    command.args(["--quiet", "check", "--goldens-only", "--json"]).args(args).arg("--out").arg(out).arg(scene).output().unwrap()
+}
+
+fn json(output: &Output) -> Value {
+    serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{e}: {}", String::from_utf8_lossy(&output.stderr)))
+}
+
+/// Scans, fits and translucency maps that are not committed are made on the way.
+#[test]
+fn every_committed_scene_draws_its_goldens() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut known: BTreeSet<PathBuf> = BTreeSet::new();
+    let mut wrong = Vec::new();
+    for scene in scenes() {
+        let start = Instant::now();
+        let manifest = Manifest::read(&scene).unwrap();
+        let output = check(&scene, &dir.path().join(&manifest.name), &[]);
+        if skips::no_adapter(&output) {
+            return;
+        }
+        let report = json(&output);
+        let views = report["views"].as_array().unwrap();
+        println!("{}: {:.1} s", manifest.name, start.elapsed().as_secs_f64());
+        for view in views {
+            println!("  {}: {} {}", view["name"], view["golden_flip_mean"], view["golden_changed"]);
+            let name = view["name"].as_str().unwrap();
+            known.insert(scene.with_file_name(format!("golden/{}-{name}.png", manifest.name)));
+        }
+        // Every view of the file was drawn, and the hours where there is a day.
+        let drawn: BTreeSet<&str> = views.iter().filter_map(|v| v["name"].as_str()).collect();
+        for view in manifest.views.iter().map(|v| v.name.as_str()).chain(manifest.day.iter().map(|_| "hours")) {
+            assert!(drawn.contains(view), "{}: the view {view} was not drawn", manifest.name);
+        }
+        if output.status.code() != Some(0) {
+            wrong.push(format!("{}: {report:#}", manifest.name));
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    let there: BTreeSet<PathBuf> = std::fs::read_dir(root().join("data/scenes/golden")).unwrap().map(|e| e.unwrap().path()).collect();
+    assert_eq!(there, known, "a golden of no view, or a view without a golden; `make goldens` draws them anew");
+}
+
+/// What someone does to the fits beside a scene. Every one leaves a folder that agrees with itself and with its hashes.
+struct Tampering {
+    what: &'static str,
+    scene: &'static str,
+    act: fn(&Path),
+}
+
+/// Writes the fit `elm` under `fits` anew as the window's edit does: the maps are solved again, and everything is hashed.
+fn edit(fits: &Path, name: &str, change: impl Fn(f64) -> Change) {
+    let folder = fits.join(name);
+    let fitted = Fitted::open(name, &folder).unwrap();
+    let h = fitted.record.sections["front"].params["thickness"].value[0];
+    let change = change(h);
+    let made = edited(&fitted, &[change, change], &fits.join("edited")).unwrap();
+    std::fs::remove_dir_all(&folder).unwrap();
+    std::fs::rename(made, folder).unwrap();
+}
+
+fn unchanged() -> Change {
+    Change { scaling: Scaling { sigma_a: [1.0; 3], sigma_s: [1.0; 3], thickness_mm: 0.0 }, rho_s: 1.0, m: 1.0 }
+}
+
+fn scaled(sigma_a: f64, thickness_mm: f64) -> Change {
+    Change { scaling: Scaling { sigma_a: [sigma_a; 3], sigma_s: [1.0; 3], thickness_mm }, ..unchanged() }
+}
+
+/// γ × .8, and ρd with it.
+fn paler(folder: &Path) {
+    let mut record = FitRecord::read(folder).unwrap();
+    for side in ["front", "back"] {
+        for file in [format!("{side}.exr"), format!("{side}_gamma_delta.exr")] {
+            let path = folder.join(&file);
+            let mut maps = read_exr(&path).unwrap();
+            for (name, plane) in &mut maps.channels {
+                let of_gamma = name.starts_with("gamma.") || name.starts_with("rho_d.") || (file.contains("gamma_delta") && name != "A");
+                plane.iter_mut().filter(|_| of_gamma).for_each(|v| *v *= 0.8);
+            }
+            write_exr(&path, &maps, Packing::Zip).unwrap();
+            record.files.insert(file, mesophyll::files::hash::file(&path).unwrap());
+        }
+    }
+    record.write(folder).unwrap();
+}
+
+/// The load of a measured branch × 2.5.
+fn heavier(folder: &Path) {
+    let mut record = FitRecord::read(folder).unwrap();
+    record.sections.get_mut("branch elm-twig").unwrap().params.get_mut("load_over_stiffness").unwrap().value[0] *= 2.5;
+    record.write(folder).unwrap();
+}
+
+const TAMPERINGS: [Tampering; 7] = [
+    Tampering { what: "thickness × 1.3", scene: "back-lit", act: |fits| edit(fits, "elm", |h| scaled(1.0, 0.3 * h)) },
+    Tampering { what: "thickness × 1.3", scene: "twig", act: |fits| edit(fits, "elm", |h| scaled(1.0, 0.3 * h)) },
+    Tampering { what: "σa × 1.5", scene: "twig", act: |fits| edit(fits, "elm", |_| scaled(1.5, 0.0)) },
+    Tampering { what: "γ × .8", scene: "matte-front", act: |fits| paler(&fits.join("elm")) },
+    Tampering { what: "ρs × 2", scene: "glossy-sky", act: |fits| edit(fits, "balata", |_| Change { rho_s: 2.0, ..unchanged() }) },
+    Tampering { what: "m × 2", scene: "sky", act: |fits| edit(fits, "balata", |_| Change { m: 2.0, ..unchanged() }) },
+    Tampering { what: "load × 2.5", scene: "twig", act: |fits| heavier(&fits.join("elm-twig")) },
+];
+
+/// The goldens here are drawn from the committed fits as they are, so that this test says nothing of the committed pictures.
+#[test]
+fn a_consistent_but_wrong_fit_misses_its_golden() {
+    let dir = tempfile::tempdir().unwrap();
+    let (data, fits) = (dir.path().join("data"), dir.path().join("fits"));
+    let fresh = || {
+        let _ = std::fs::remove_dir_all(&fits);
+        for name in ["elm", "balata", "elm-twig"] {
+            copy(&root().join("fits").join(name), &fits.join(name));
+        }
+    };
+    std::fs::create_dir_all(data.join("scenes")).unwrap();
+    copy(&root().join("data/leaves"), &data.join("leaves"));
+    let mut drawn = BTreeSet::new();
+    for Tampering { what, scene, act } in TAMPERINGS {
+        let path = data.join(format!("scenes/{scene}.toml"));
+        let out = dir.path().join("out");
+        fresh();
+        if drawn.insert(scene) {
+            std::fs::copy(root().join(format!("data/scenes/{scene}.toml")), &path).unwrap();
+            let output = check(&path, &out, &["--update-golden"]);
+            if skips::no_adapter(&output) {
+                return;
+            }
+            assert_eq!(output.status.code(), Some(0), "{scene}: {:#}", json(&output));
+            let output = check(&path, &out, &[]);
+            assert_eq!(output.status.code(), Some(0), "{scene}, untouched: {:#}", json(&output));
+        }
+        act(&fits);
+        let output = check(&path, &out, &[]);
+        let report = json(&output);
+        assert_eq!(report["failures"].as_array().map(Vec::len), Some(0), "{what} of {scene} is seen without a golden: {report:#}");
+        assert_eq!(output.status.code(), Some(1), "{what} of {scene} passes: {report:#}");
+        let missed: Vec<&Value> = report["views"].as_array().unwrap().iter().filter(|v| v["passed"] == false).collect();
+        for view in &missed {
+            println!("{what} of {scene}, {}: {} {}", view["name"], view["golden_flip_mean"], view["golden_changed"]);
+            assert!(view["why"][0].as_str().unwrap().contains("from the golden"), "{view:#}");
+        }
+        assert!(!missed.is_empty());
+    }
+}
+
+/// Numbers that were changed by hand are named whatever the pictures say: of a leaf and of a branch.
+#[test]
+fn a_number_changed_by_hand_is_named() {
+    let dir = tempfile::tempdir().unwrap();
+    let fits = dir.path().join("fits");
+    for name in ["elm", "elm-twig"] {
+        copy(&root().join("fits").join(name), &fits.join(name));
+    }
+    copy(&root().join("data/leaves"), &dir.path().join("data/leaves"));
+    std::fs::create_dir_all(dir.path().join("data/scenes")).unwrap();
+    let path = dir.path().join("data/scenes/twig.toml");
+    std::fs::copy(root().join("data/scenes/twig.toml"), &path).unwrap();
+    for (file, key) in [("elm-twig/fit.toml", "load_over_stiffness"), ("elm/fit.toml", "sigma_a")] {
+        let place = fits.join(file);
+        let text = std::fs::read_to_string(&place).unwrap();
+        let (before, after) = text.split_once(&format!("{key}]\nvalue = [")).unwrap();
+        std::fs::write(&place, format!("{before}{key}]\nvalue = [1{after}")).unwrap();
+        let output = check(&path, &dir.path().join("out"), &["--update-golden"]);
+        if skips::no_adapter(&output) {
+            return;
+        }
+        let report = json(&output);
+        assert_eq!(output.status.code(), Some(1), "{file}: {report:#}");
+        let named = report["failures"].as_array().unwrap().iter().filter_map(Value::as_str);
+        assert!(named.clone().any(|f| f.contains(file) && f.contains("changed since it was written")), "{file}: {report:#}");
+        std::fs::write(&place, text).unwrap();
+    }
+}
+
+/// Copies a folder of plain files.
+fn copy(from: &Path, to: &Path) {
+    std::fs::create_dir_all(to).unwrap();
+    for entry in std::fs::read_dir(from).unwrap().flatten() {
+        std::fs::copy(entry.path(), to.join(entry.file_name())).unwrap();
+    }
+}
