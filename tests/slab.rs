@@ -165,7 +165,7 @@ fn a_thickness_without_a_unit_is_not_taken_for_mm() {
         assert_eq!(code, 0, "{err}");
         table(&out).1
     };
-    let rows = fit(&[], "rho_d,rho_t,thickness\n0.3,0.2,107\n0.3,0.2,0.000107\n0.3,0.2,0.107\n");
+    let rows = fit(&["--columns", "h=thickness"], "rho_d,rho_t,thickness\n0.3,0.2,107\n0.3,0.2,0.000107\n0.3,0.2,0.107\n");
     let status = |rows: &[Vec<String>], k: usize| rows[k].last().unwrap().clone();
     assert!(
         status(&rows, 0).starts_with("refused: thickness is 107 and names no unit") && status(&rows, 0).contains("--thickness-unit um")
@@ -175,8 +175,8 @@ fn a_thickness_without_a_unit_is_not_taken_for_mm() {
     let mapped = fit(&["--columns", "h=leaf thickness"], "rho_d,rho_t,leaf thickness\n0.3,0.2,107\n");
     assert!(status(&mapped, 0).starts_with("refused: leaf thickness is 107 and names no unit"), "{mapped:?}");
     let same = [
-        fit(&["--thickness-unit", "um"], "rho_d,rho_t,thickness\n0.3,0.2,107\n"),
-        fit(&[], "rho_d,rho_t,thickness_um\n0.3,0.2,107\n"),
+        fit(&["--columns", "h=thickness", "--thickness-unit", "um"], "rho_d,rho_t,thickness\n0.3,0.2,107\n"),
+        fit(&["--columns", "h=thickness_um"], "rho_d,rho_t,thickness_um\n0.3,0.2,107\n"),
         fit(&[], "rho_d,rho_t,h\n0.3,0.2,0.107\n"),
     ];
     for other in &same {

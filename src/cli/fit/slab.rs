@@ -50,9 +50,6 @@ enum Unit {
 
 const INPUTS: [&str; 5] = ["rho_d", "rho_t", "h", "rho_d_err", "rho_t_err"];
 
-/// What a column of thicknesses may be called where there is none called `h`.
-const THICKNESSES: [&str; 4] = ["thickness", "thickness_mm", "thickness_um", "thickness_m"];
-
 /// Thickness of leaves (mm), thinnest and thickest with room to spare. The same thicknesses in µm are numbers above this range and in m numbers below it,
 /// so a column that names no unit shows by its numbers whether it can be in mm.
 const LEAVES_MM: [f64; 2] = [0.01, 10.0];
@@ -64,15 +61,8 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if !(0.0..1.0).contains(&args.surface) {
         return Err(Error::Usage(format!("--surface is {}; expected a reflectance of 0 to below 1", args.surface)));
     }
-    let mut names = column_names(&args.columns)?;
+    let names = column_names(&args.columns)?;
     let table = Table::open(&args.io.input)?;
-    if names[2] == "h" && table.column("h").is_none() {
-        // A thickness may go by its own name.
-        let own = THICKNESSES.into_iter().filter(|name| table.column(name).is_some()).collect::<Vec<_>>();
-        if let [only] = own[..] {
-            names[2] = only.to_string();
-        }
-    }
     let spec = Spec {
         required: names[..3].to_vec(),
         optional: names[3..].to_vec(),
