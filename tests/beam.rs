@@ -1,6 +1,7 @@
 //! `eval beam` and `fit beam` from the outside.
 
 use assert_cmd::Command;
+use std::path::Path;
 
 fn mesophyll(args: &[&str], input: &str) -> (i32, String, String) {
     let out = Command::cargo_bin("mesophyll").unwrap().args(args).write_stdin(input).output().unwrap();
@@ -65,6 +66,26 @@ fn fit_gives_the_printed_pair_and_a_better_basis() {
     assert!(answer.1[6].last().unwrap().starts_with("refused: alpha"));
 }
 
+fn record_of(fit: &Path) -> String {
+    std::fs::read_to_string(fit.join("fit.toml")).unwrap()
+}
+
+/// Taper and load are found where only the radius is missing, and the sentence at the end says so.
+#[test]
+fn what_was_found_is_said() {
+    let twig = concat!(env!("CARGO_MANIFEST_DIR"), "/data/branches/elm-twig.csv");
+    let (code, out, said) = mesophyll(&["fit", "beam", "--deflections", twig, "--positions", "axis"], "");
+    let answer = table(&out);
+    assert!(code == 0 && (cell(&answer, 0, "alpha") / 0.25 - 1.0).abs() < 0.1);
+    let want = "1 branch: 0 ok, 1 undetermined, 0 refused; the undetermined branch has alpha, load_over_stiffness_mm and tip_mm, but not root_radius_mm";
+    assert_eq!(said.trim(), want);
+    let folder = tempfile::tempdir().unwrap();
+    let rows = folder.path().join("rows.csv");
+    let args = ["--json", "--quiet", "fit", "beam", "--deflections", twig, "--positions", "axis", "-o", rows.to_str().unwrap()];
+    let counts: serde_json::Value = serde_json::from_str(&mesophyll(&args, "").1).unwrap();
+    assert_eq!(counts["found"], serde_json::json!({"alpha": 1, "load_over_stiffness_mm": 1, "root_radius_mm": 0, "tip_mm": 1}));
+}
+
 /// Deflections that `eval beam` gives, as marks: what `fit beam --deflections` gets back.
 #[test]
 fn measured_branches_are_fitted_and_named() {
@@ -100,9 +121,19 @@ fn measured_branches_are_fitted_and_named() {
     assert!(answer.1[1][answer.0.iter().position(|h| h == "root_radius_mm").unwrap()].is_empty());
     assert!(status(2).starts_with("refused: too few readings"));
     assert!(status(3).contains("deflection_mm") && status(4).contains("length_mm"));
-    let record = std::fs::read_to_string(fit.join("fit.toml")).unwrap();
+    let record = record_of(&fit);
     assert!(record.contains("kind = \"beam\"") && record.contains("branch oak"), "{record}");
     assert!(fit.join("times.toml").exists());
+    // Rows and folder both by -o, --out and, as it once was, --output: a name with an ending is the file of the rows.
+    for option in ["-o", "--out", "--output"] {
+        let (place, rows) = (folder.path().join(format!("fit{option}")), folder.path().join(format!("rows{option}.csv")));
+        let (place, rows) = (place.to_str().unwrap(), rows.to_str().unwrap());
+        let args = ["--quiet", "fit", "beam", "--deflections", file.to_str().unwrap(), "--positions", "axis", "-o", place, option, rows];
+        let (code, nothing, err) = mesophyll(&args, "");
+        assert_eq!((code, nothing.as_str()), (0, ""), "{err}");
+        assert_eq!(std::fs::read_to_string(rows).unwrap(), out);
+        assert_eq!(std::fs::read_to_string(Path::new(place).join("fit.toml")).unwrap(), record_of(&fit));
+    }
     // The same input gives the same bytes.
     let again = folder.path().join("again");
     let mut args = args;
@@ -133,7 +164,9 @@ fn the_basis_is_written_as_a_fit() {
 #[test]
 fn slips_of_the_command_line_are_usage() {
     for (args, words) in [
-        (vec!["fit", "beam", "-o", "out"], "-o needs"),
+        (vec!["fit", "beam", "--basis"], "--out"),
+        (vec!["fit", "beam", "--basis", "-o", "-"], "folder"),
+        (vec!["fit", "beam", "-o", "a.csv", "-o", "b.csv"], "a.csv and b.csv"),
         (vec!["fit", "beam", "--samples", "1"], "--samples"),
         (vec!["fit", "beam", "--deflections", "no-such-file.csv"], "no-such-file.csv"),
         (vec!["fit", "beam", "--deflections", "x.csv", "--noise", "0"], "--noise"),

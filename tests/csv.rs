@@ -79,6 +79,43 @@ fn ragged_rows_are_refused_in_their_place() {
     });
 }
 
+/// With `--json` the rows on standard output are JSON with the cells of the CSV; a file stays CSV.
+#[test]
+fn rows_can_be_json() {
+    with_forms(|form| {
+        let Form { args, header, good } = form;
+        let text = format!("{header}\n{good}\nshort\n");
+        let plain = run(args, text.as_bytes()).stdout;
+        let with = |more: &[&str]| {
+            let args: Vec<String> = args.iter().cloned().chain(more.iter().map(|m| m.to_string())).collect();
+            let out = run(&args, text.as_bytes());
+            assert!(out.status.success(), "{args:?}: {}", String::from_utf8_lossy(&out.stderr));
+            out.stdout
+        };
+        let json: serde_json::Value = serde_json::from_slice(&with(&["--json"])).unwrap();
+        let mut csv = csv::Reader::from_reader(&plain[..]);
+        let names = csv.headers().unwrap().clone();
+        let rows: Vec<csv::StringRecord> = csv.records().map(|r| r.unwrap()).collect();
+        assert_eq!(json["rows"].as_array().unwrap().len(), rows.len());
+        for (k, row) in rows.iter().enumerate() {
+            for (name, cell) in names.iter().zip(row) {
+                let value = &json["rows"][k][name];
+                let same = match cell.parse::<f64>() {
+                    Ok(v) if v.is_finite() => value.as_f64() == Some(v),
+                    _ if cell.is_empty() || cell == "inf" => value.is_null(),
+                    _ => value.as_str() == Some(cell),
+                };
+                assert!(same, "{args:?}: {name}: {cell:?} is {value}");
+            }
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("rows.csv");
+        let counts: serde_json::Value = serde_json::from_slice(&with(&["--json", "-o", file.to_str().unwrap()])).unwrap();
+        assert_eq!((counts["rows"].as_u64(), counts["refused"].as_u64()), (Some(2), Some(1)));
+        assert_eq!(std::fs::read(file).unwrap(), plain);
+    });
+}
+
 #[test]
 fn a_header_that_names_a_column_twice_or_an_output_is_an_error() {
     with_forms(|form| {

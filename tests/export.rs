@@ -238,6 +238,23 @@ fn parameters_come_out_as_json_without_invented_numbers() {
     assert!(json["times"]["total_s"].as_f64().is_some());
 }
 
+/// `-o -` prints what the file would hold, and `glb` is another name of gltf.
+#[test]
+fn one_file_goes_to_standard_output() {
+    let dir = tempfile::tempdir().unwrap();
+    with_blade(dir.path());
+    for (format, name) in
+        [("csv", "elm.csv"), ("json", "elm.json"), ("exr", "elm.exr"), ("glb", "elm.glb"), ("gltf-translucent", "thin.glb")]
+    {
+        export(dir.path(), if format == "glb" { "gltf" } else { format }, name);
+        let args = ["export", "elm", "--to", format, "-o", "-"];
+        let out = Command::new(env!("CARGO_BIN_EXE_mesophyll")).args(args).current_dir(dir.path()).output().unwrap();
+        assert!(out.status.success() && out.stderr.is_empty(), "{}", String::from_utf8_lossy(&out.stderr));
+        assert!(!out.stdout.is_empty() && out.stdout == std::fs::read(dir.path().join(name)).unwrap(), "{format}");
+    }
+    assert!(!dir.path().join("-").exists());
+}
+
 #[test]
 fn mistakes_are_one_sentence_and_write_nothing() {
     let dir = tempfile::tempdir().unwrap();
@@ -246,8 +263,10 @@ fn mistakes_are_one_sentence_and_write_nothing() {
     std::fs::create_dir(dir.path().join("slab")).unwrap();
     std::fs::write(dir.path().join("slab/fit.toml"), "schema = 1\nkind = \"slab\"\nname = \"s\"\nprogram = \"p\"\ninput_hash = \"h\"\n")
         .unwrap();
-    let cases: [(&[&str], &str); 5] = [
-        (&["export", "elm", "--to", "fbx", "-o", "x"], "no such format; known are png"),
+    let cases: [(&[&str], &str); 7] = [
+        (&["export", "elm", "--to", "png", "-o", "-"], "-o -: --to png writes several files"),
+        (&["export", "elm", "--to", "obj", "--out", "-"], "-o -: --to obj writes several files"),
+        (&["export", "elm", "--to", "csv", "-o", "-", "--json"], "standard output holds the exported file itself"),
         (&["export", "nowhere", "--to", "csv", "-o", "x"], "fit.toml: no such file or folder"),
         (&["export", "slab", "--to", "csv", "-o", "x"], "is a slab fit, which has no maps"),
         (&["export", "elm", "--to", "csv", "-o", "folder"], "found a folder, expected the name of a file"),
@@ -258,7 +277,11 @@ fn mistakes_are_one_sentence_and_write_nothing() {
         assert_eq!((code, stdout.as_str()), (2, ""), "{args:?}: {stderr}");
         assert!(stderr.contains(said) && stderr.lines().count() == 1, "{args:?}: {stderr}");
     }
-    assert!(!dir.path().join("x").exists());
+    for (format, words) in [("fbx", "possible values: png, exr"), ("glft", "a similar value exists: 'gltf'")] {
+        let (code, stdout, stderr) = mesophyll(&["export", "elm", "--to", format, "-o", "x"], dir.path());
+        assert!(code == 2 && stdout.is_empty() && stderr.contains(words), "{format}: {stderr}");
+    }
+    assert!(!dir.path().join("x").exists() && !dir.path().join("-").exists());
     std::fs::write(dir.path().join("elm/blade.glb"), b"glTF nonsense").unwrap();
     let (code, _, stderr) = mesophyll(&["export", "elm", "--to", "gltf", "-o", "x"], dir.path());
     assert!(code == 2 && stderr.contains("blade.glb"), "{stderr}");

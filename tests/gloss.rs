@@ -55,6 +55,20 @@ fn what_eval_shows_fit_gives_back() {
     }
 }
 
+/// Tilts in degrees are tilts in radians times π/180.
+#[test]
+fn tilts_may_be_given_in_degrees() {
+    let dir = tempfile::tempdir().unwrap();
+    let geo = geometry(dir.path(), GEOMETRY);
+    let eval = |input: &str| mesophyll(&["-q", "eval", "gloss", "--geometry", geo.to_str().unwrap()], input);
+    let radians = eval(&format!("rho_d,rho_s,m,tilt,tilt_y\n0.1,0.05,0.3,{:?},{:?}\n", 8f64.to_radians(), (-5f64).to_radians()));
+    let degrees = eval("rho_d,rho_s,m,tilt_deg,tilt_y_deg\n0.1,0.05,0.3,8,-5\n");
+    assert_eq!(degrees, radians);
+    assert_ne!(degrees.1, eval("rho_d,rho_s,m,tilt,tilt_y\n0.1,0.05,0.3,0,0\n").1);
+    let beyond = eval("rho_d,rho_s,m,tilt_deg\n0.1,0.05,0.3,89\n");
+    assert!(beyond.1.contains("refused: tilt_deg or tilt_y is beyond 1.5 rad"), "{}", beyond.1);
+}
+
 #[test]
 fn noisy_rgb_traces_and_their_errors() {
     let dir = tempfile::tempdir().unwrap();

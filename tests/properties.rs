@@ -2,7 +2,7 @@
 //! back as they were written.
 
 use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
-use mesophyll::files::table::{self, Answer, Spec, Table};
+use mesophyll::files::table::{self, Answer, Output, Spec, Table};
 use mesophyll::optics::gloss::Lobe;
 use mesophyll::optics::slab::{self, exact, inverse};
 use proptest::prelude::*;
@@ -94,7 +94,7 @@ proptest! {
         let out = dir.path().join("out.csv");
         let spec = Spec { required: vec!["x".into()], outputs: vec!["same".into()], ..Spec::default() };
         let input = Table::from_reader(Box::new(std::io::Cursor::new(bytes)), "in.csv".into()).unwrap();
-        table::run(input, &out, &spec, |row, out| out.push(Answer::ok(vec![row.get(0)]))).unwrap();
+        table::run(input, &Output::csv(&out), &spec, |row, out| out.push(Answer::ok(vec![row.get(0)]))).unwrap();
         let mut again = csv::Reader::from_path(&out).unwrap();
         let found: Vec<(f64, String)> = again.records().map(|r| r.unwrap()).map(|r| (r[2].parse().unwrap(), r[0].to_string())).collect();
         prop_assert_eq!(found.len(), rows.len());

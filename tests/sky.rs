@@ -43,6 +43,27 @@ fn the_contract_of_eval_sky() {
     assert_eq!((rows[1][4].as_str(), rows[4][5].as_str()), ("0.0", "0.0"));
 }
 
+/// A column in degrees is a column in radians times π/180; its refusals are in degrees, and both columns at once are an error.
+#[test]
+fn the_sun_may_be_given_in_degrees() {
+    let run = |input: &str| mesophyll(&["--quiet", "eval", "sky", "--bands", "3"], input);
+    let angles = [0.0f64, 40.0, 90.0];
+    let text = |name: &str, unit: f64| format!("{name},turbidity\n") + &angles.map(|a| format!("{:?},3\n", a * unit)).concat();
+    let (degrees, radians) = (table(&run(&text("sun_zenith_deg", 1.0)).1), table(&run(&text("sun_zenith", PI / 180.0)).1));
+    assert_eq!(degrees.0[0], "sun_zenith_deg");
+    assert_eq!(degrees.1.len(), 27);
+    for (d, r) in degrees.1.iter().zip(&radians.1) {
+        assert_eq!((&d[1..], d[6].as_str()), (&r[1..], "ok"));
+    }
+    let (code, out, _) = run("sun_zenith_deg,turbidity\n91,3\n-1,3\n");
+    assert_eq!(code, 0);
+    for (row, found) in table(&out).1.iter().zip(["91", "-1"]) {
+        assert_eq!(row[6], format!("refused: sun_zenith_deg is {found}; expected 0 (zenith) to 90 (horizon)"));
+    }
+    let (code, out, said) = run("sun_zenith_deg,sun_zenith,turbidity\n40,0.7,3\n");
+    assert!(code == 2 && out.is_empty() && said.contains("sun_zenith_deg too"), "{said}");
+}
+
 /// The default and the compact polynomials against the integral, over the whole accepted domain: the 4.1e-6 and 1.1e-5 of the smallest c00 that
 /// README.md claims, and a fifth, where they are a fit; the same digits where they are not.
 #[test]

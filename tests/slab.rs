@@ -97,7 +97,7 @@ fn a_round_trip_through_files() {
 #[test]
 fn options_are_checked_and_a_row_may_bring_its_own_errors() {
     let input = "rho_d,rho_t,h,rho_d_err,rho_t_err\n0.3,0.2,0.2,,\n0.3,0.2,0.2,0.1,0.1\n0.3,0.2,0.2,1e-4,1e-4\n";
-    let (_, out, _) = mesophyll(&["--quiet", "fit", "slab"], input);
+    let (_, out, _) = mesophyll(&["--quiet", "fit", "slab", "--noise", "1e-6"], input);
     let (_, rows) = table(&out);
     assert_eq!(rows[0][9], "ok");
     assert!(rows[1][9].starts_with("undetermined: "), "{:?}", rows[1]);
@@ -127,6 +127,66 @@ fn options_are_checked_and_a_row_may_bring_its_own_errors() {
     let (_, matte) = table(&millimetres);
     let (_, gloss) = table(&out);
     assert!((number(&gloss, 0, 4) / number(&matte, 0, 4) - 1.0).abs() < 1e-9);
+}
+
+/// Without a stated noise no error is claimed: its cells are empty, the values are those of exact input, and one line says why.
+#[test]
+fn noise_is_asked_for() {
+    // Two leaves of a spectrometer that is right within 5e-3; the second one brings its own errors in the other form.
+    let input = "rho_d,rho_t,h\n0.3801,0.5129,0.15\n0.05,0,0.2\n0.7,0.7,0.2\n";
+    let (code, out, said) = mesophyll(&["fit", "slab"], input);
+    let (header, rows) = table(&out);
+    assert_eq!((code, &header[3..]), (0, &["sigma_a", "sigma_s", "sigma_a_err", "sigma_s_err", "status"].map(String::from)[..]));
+    let exact = table(&mesophyll(&["--quiet", "fit", "slab", "--noise", "0"], input).1).1;
+    let honest = table(&mesophyll(&["--quiet", "fit", "slab", "--noise", "0.005"], input).1).1;
+    for k in [3, 4] {
+        assert!((number(&rows, 0, k) / number(&exact, 0, k) - 1.0).abs() < 1e-9);
+        assert_eq!(rows[0][k + 2], "", "no error without noise");
+        assert!(number(&exact, 0, k + 2) < 1e-5 * number(&exact, 0, k));
+    }
+    assert_eq!((rows[0][7].as_str(), exact[0][7].as_str()), ("ok", "ok"));
+    // A tenth of what the leaf absorbs is in the noise: the error that went unsaid.
+    assert!(number(&honest, 0, 5) > 0.02 * number(&honest, 0, 3), "{honest:?}");
+    assert!(rows[1][7].starts_with("undetermined: sigma_a >= ") && rows[1][7].contains("none was stated"), "{:?}", rows[1]);
+    assert_eq!(rows[1][5], "");
+    assert!(rows[2][7].starts_with("refused: rho_d + rho_t"), "{:?}", rows[2]);
+    assert!(said.contains("no noise is stated for 2 rows") && said.contains("--noise 0"), "{said}");
+    assert!(!mesophyll(&["fit", "slab", "--noise", "0.005"], input).2.contains("no noise"));
+    // A row's own errors need no option; a row beside it without them has none to show.
+    let own = "rho_d,rho_t,h,rho_d_err,rho_t_err\n0.3801,0.5129,0.15,0.005,0.005\n0.3801,0.5129,0.15,,\n0.3801,0.5129,0.15,0.005,\n";
+    let (_, out, said) = mesophyll(&["fit", "slab"], own);
+    let own = table(&out).1;
+    assert_eq!(own[0][5..], honest[0][3..]);
+    assert!(own[1][7].is_empty() && own[2][7].is_empty() && said.contains("for 2 rows"), "{own:?} {said}");
+}
+
+/// A thickness that names no unit and can be none in mm is refused by name; `h` is mm whatever its size.
+#[test]
+fn a_thickness_without_a_unit_is_not_taken_for_mm() {
+    let fit = |args: &[&str], text: &str| {
+        let (code, out, err) = mesophyll(&[&["--quiet", "fit", "slab", "--noise", "0.005"], args].concat(), text);
+        assert_eq!(code, 0, "{err}");
+        table(&out).1
+    };
+    let rows = fit(&["--columns", "h=thickness"], "rho_d,rho_t,thickness\n0.3,0.2,107\n0.3,0.2,0.000107\n0.3,0.2,0.107\n");
+    let status = |rows: &[Vec<String>], k: usize| rows[k].last().unwrap().clone();
+    assert!(
+        status(&rows, 0).starts_with("refused: thickness is 107 and names no unit") && status(&rows, 0).contains("--thickness-unit um")
+    );
+    assert!(status(&rows, 1).contains("--thickness-unit m "), "{rows:?}");
+    assert_eq!(status(&rows, 2), "ok");
+    let mapped = fit(&["--columns", "h=leaf thickness"], "rho_d,rho_t,leaf thickness\n0.3,0.2,107\n");
+    assert!(status(&mapped, 0).starts_with("refused: leaf thickness is 107 and names no unit"), "{mapped:?}");
+    let same = [
+        fit(&["--columns", "h=thickness", "--thickness-unit", "um"], "rho_d,rho_t,thickness\n0.3,0.2,107\n"),
+        fit(&["--columns", "h=thickness_um"], "rho_d,rho_t,thickness_um\n0.3,0.2,107\n"),
+        fit(&[], "rho_d,rho_t,h\n0.3,0.2,0.107\n"),
+    ];
+    for other in &same {
+        assert!((number(other, 0, 3) / number(&rows, 2, 3) - 1.0).abs() < 1e-12 && status(other, 0) == "ok", "{other:?}");
+    }
+    let thick = fit(&[], "rho_d,rho_t,h\n0.3,0.2,107\n");
+    assert!((1e3 * number(&thick, 0, 3) / number(&rows, 2, 3) - 1.0).abs() < 1e-12, "{thick:?}");
 }
 
 #[test]

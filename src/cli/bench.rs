@@ -1,6 +1,6 @@
 //! `mesophyll bench`: error against run time over each model's accuracy knobs, as a table and plots, with peers where they are installed.
 
-use super::Common;
+use super::{Common, place};
 use crate::files::claim::{self, Kind};
 use crate::files::progress::Bar;
 use crate::files::{atomic, progress};
@@ -8,6 +8,7 @@ use crate::fit::bench::BenchRow;
 use crate::fit::{beam, gloss, nist, sky, slab_bench, translucency};
 use crate::report::{self, bench_plots, rows};
 use crate::{Error, Result};
+use clap::builder::PossibleValuesParser;
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
@@ -19,10 +20,10 @@ use std::path::PathBuf;
 A terminal shows how far it is and the time left. Ctrl-C stops before anything is printed or written.")]
 pub struct Args {
     /// Which models to sweep (default: all)
-    #[arg(value_name = "MODEL")]
+    #[arg(value_name = "MODEL", value_parser = PossibleValuesParser::new(SWEEPS.map(|(name, _, _)| name)))]
     models: Vec<String>,
     /// Write bench.json, a plot a model, and the pictures of the documentation that belong to a model into this folder
-    #[arg(short, long, value_name = "DIR")]
+    #[arg(short, long = "out", alias = "output", value_name = "DIR", value_parser = place::folder())]
     output: Option<PathBuf>,
     /// Measure Python peers (SciPy, lmfit, iadpython) beside us, where Python has them
     #[arg(long)]
@@ -52,7 +53,7 @@ fn whole(bar: &Bar, rows: fn() -> Result<Vec<BenchRow>>) -> Result<Vec<BenchRow>
 /// Runs the sweeps; a stop between two steps leaves nothing behind. Times are for ratios within one run: nothing is asserted of them.
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let names = SWEEPS.map(|(name, _, _)| name);
-    let wanted = chosen(&args.models, &names, "bench")?;
+    let wanted = chosen(&args.models, &names);
     if cfg!(debug_assertions) {
         progress::say("this build is not optimised: its times say little, beside peers nothing");
     }
@@ -95,23 +96,16 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     Ok(0)
 }
 
-/// Indices of the names asked for, in the order asked; all of them where none was. Shared with `stress`.
-pub(super) fn chosen(asked: &[String], names: &[&str], what: &str) -> Result<Vec<usize>> {
+/// Indices of the names asked for, each once, in the order asked; all of them where none was. Shared with `stress`.
+pub(super) fn chosen(asked: &[String], names: &[&str]) -> Vec<usize> {
     if asked.is_empty() {
-        return Ok((0..names.len()).collect());
+        return (0..names.len()).collect();
     }
-    let index = |name: &String| {
-        names
-            .iter()
-            .position(|n| n == name)
-            .ok_or_else(|| Error::Usage(format!("no {what} is called {name:?}; there are {}", names.join(", "))))
-    };
     let mut indices = Vec::new();
-    for name in asked {
-        let k = index(name)?;
+    for k in asked.iter().filter_map(|name| names.iter().position(|n| n == name)) {
         if !indices.contains(&k) {
             indices.push(k);
         }
     }
-    Ok(indices)
+    indices
 }

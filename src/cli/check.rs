@@ -16,7 +16,7 @@ pub struct Args {
     #[arg(value_name = "SCENE.toml")]
     scene: PathBuf,
     /// Folder for pictures and check.json (default: out/check/SCENE); an earlier run's folder counts its fits as done
-    #[arg(long, value_name = "DIR")]
+    #[arg(short, long, alias = "output", value_name = "DIR", value_parser = super::place::folder())]
     out: Option<PathBuf>,
     /// Write the scene's golden pictures anew instead of comparing with them
     #[arg(long)]

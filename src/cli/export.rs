@@ -1,6 +1,6 @@
 //! `mesophyll export DIR --to FORMAT -o PATH`.
 
-use super::Common;
+use super::{Common, place};
 use crate::export::sky::SkyOptions;
 use crate::export::{Format, export};
 use crate::files::{claim, progress};
@@ -9,18 +9,7 @@ use std::path::PathBuf;
 
 /// Writes a fit in a format other programs read.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Formats:
-  png               a folder of 8-bit maps: rho_d, rho_t and rho_s as sRGB, the rest linear with ranges.json
-  exr               one float OpenEXR with every map and its standard error
-  csv               a row a texel: place, mask, every map and its standard error
-  json              parameters with errors, statistics, run times; of a sky also the arrays and how to evaluate them
-  gltf              the blade as .glb in metres, rho_d as base colour (opaque; right in any reader)
-  gltf-translucent  the same with rho_t, for readers of KHR_materials_diffuse_transmission
-  obj               the blade as .obj in mm with normals, .mtl and pictures beside it
-  wgsl              a sky's fitted harmonics with an evaluator for shaders, f32
-  c                 a sky's fitted harmonics with an evaluator as a C header, float or double
-
-Examples:
+#[command(after_help = "Examples:
   mesophyll export fits/elm --to gltf -o elm.glb
   mesophyll export fits/elm --to csv -o elm.csv
   mesophyll fit sky -o out/sky && mesophyll export out/sky --to wgsl -o sky.wgsl
@@ -30,10 +19,10 @@ pub struct Args {
     #[arg(value_name = "DIR")]
     folder: PathBuf,
     /// Format
-    #[arg(long, value_name = "FORMAT")]
-    to: String,
-    /// File to write (png: a folder)
-    #[arg(short, long, value_name = "PATH")]
+    #[arg(long, value_enum, value_name = "FORMAT")]
+    to: Format,
+    /// File to write, `-` for standard output; with png a folder
+    #[arg(short, long = "out", alias = "output", value_name = "PATH")]
     output: PathBuf,
     /// Sky: only the numbers of this sun (angle from the zenith), no polynomial
     #[arg(long, value_name = "DEG", requires = "turbidity")]
@@ -47,7 +36,14 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
-    let format = Format::parse(&args.to)?;
+    let format = args.to;
+    let stdout = place::is_stdout(&args.output);
+    if stdout && matches!(format, Format::Png | Format::Obj) {
+        return Err(Error::Usage(format!("-o -: --to {} writes several files; expected a name, not standard output", format.name())));
+    }
+    if stdout && common.json {
+        return Err(Error::Usage("-o -: standard output holds the exported file itself; expected no --json beside it".into()));
+    }
     if format != Format::Png && args.output.is_dir() {
         return Err(Error::Usage(format!("{}: found a folder, expected the name of a file for {}", args.output.display(), format.name())));
     }
@@ -55,7 +51,11 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         claim::file(&args.output, format.endings(), &[&args.folder])?;
     }
     let fixed = args.sun_zenith_deg.zip(args.turbidity).map(|(sun, turbidity)| (sun.to_radians(), turbidity));
-    let written = export(&args.folder, format, &args.output, &SkyOptions { fixed, ground: args.ground })?;
+    let options = SkyOptions { fixed, ground: args.ground };
+    let written = place::file(&args.output, |path| export(&args.folder, format, path, &options))?;
+    if stdout {
+        return Ok(0);
+    }
     if common.json {
         let list: Vec<String> = written.iter().map(|p| p.display().to_string()).collect();
         super::print_json(&serde_json::json!({"written": list}))?;

@@ -5,6 +5,7 @@ use crate::{Error, Result};
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
+mod batch;
 pub mod bench;
 pub mod check;
 pub mod completions;
@@ -13,11 +14,13 @@ pub mod export;
 pub mod fit;
 pub mod inspect;
 mod peers;
+mod place;
 pub mod plan;
 pub mod report;
 pub mod run;
 pub mod stress;
 pub mod synth;
+mod tables;
 pub mod view;
 
 #[derive(Debug, Parser)]
@@ -144,6 +147,9 @@ pub fn main() -> ExitCode {
 
 fn dispatch(cli: &Cli) -> Result<u8> {
     let common = &cli.common;
+    if common.json && matches!(cli.verb, Verb::View(_) | Verb::Completions(_)) {
+        return Err(Error::Usage("--json: view and completions have no results that JSON could hold".into()));
+    }
     match &cli.verb {
         Verb::Run(a) => run::run(a, common),
         Verb::Plan(a) => plan::run(a, common),
@@ -174,9 +180,14 @@ fn stop_on_ctrl_c() {
 
 /// Prints to standard output; a reader that went away ends the run quietly.
 pub fn print(text: &str) -> Result<()> {
+    print_bytes(text.as_bytes())
+}
+
+/// As [`print`], for a file that is no text.
+fn print_bytes(bytes: &[u8]) -> Result<()> {
     use std::io::Write;
     let mut out = std::io::stdout().lock();
-    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(crate::files::table::stdout_error)
+    out.write_all(bytes).and_then(|()| out.flush()).map_err(crate::files::table::stdout_error)
 }
 
 /// Prints a value as indented JSON and a newline.
@@ -189,4 +200,86 @@ pub fn print_json<T: serde::Serialize>(value: &T) -> Result<()> {
 pub fn command() -> clap::Command {
     use clap::CommandFactory;
     Cli::command()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every verb, with the verbs inside `fit` and `eval`, by its whole name.
+    fn verbs() -> Vec<(String, clap::Command)> {
+        fn below(name: &str, verb: &clap::Command, all: &mut Vec<(String, clap::Command)>) {
+            for sub in verb.get_subcommands() {
+                let name = format!("{name} {}", sub.get_name());
+                below(&name, sub, all);
+                all.push((name, sub.clone()));
+            }
+        }
+        let (mut all, mut command) = (Vec::new(), command());
+        command.build();
+        below("mesophyll", &command, &mut all);
+        all
+    }
+
+    /// Outputs are named by `-o, --out` everywhere; `--output` is understood and shown nowhere.
+    #[test]
+    fn one_spelling_names_the_output() {
+        let mut seen = 0;
+        for (name, verb) in verbs() {
+            for arg in verb.get_arguments() {
+                let outputs = arg.get_long() == Some("out") || arg.get_short() == Some('o') || arg.get_long() == Some("output");
+                if outputs {
+                    assert_eq!((arg.get_short(), arg.get_long()), (Some('o'), Some("out")), "{name}");
+                    assert_eq!(arg.get_all_aliases(), Some(vec!["output"]), "{name}");
+                    assert!(arg.get_visible_aliases().unwrap_or_default().is_empty(), "{name}");
+                    seen += 1;
+                }
+            }
+        }
+        assert!(seen >= 20, "{seen} verbs write");
+    }
+
+    /// The examples in help texts are accepted as they stand.
+    #[test]
+    fn examples_of_the_help_are_accepted() {
+        let mut seen = 0;
+        for (name, mut verb) in verbs() {
+            let help = verb.render_long_help().to_string();
+            for line in help.lines().filter_map(|l| l.strip_prefix("  mesophyll ")) {
+                // Three blanks begin a remark, `&&` the next command.
+                for part in line.split("   ").next().unwrap_or_default().split("&& mesophyll ") {
+                    let words = std::iter::once("mesophyll").chain(part.split_whitespace());
+                    let parsed = Cli::try_parse_from(words);
+                    assert!(parsed.is_ok(), "{name}: {part}: {}", parsed.err().map_or_else(String::new, |e| e.to_string()));
+                    seen += 1;
+                }
+            }
+        }
+        assert!(seen >= 30, "{seen} examples");
+    }
+
+    #[test]
+    fn slips_are_answered_with_what_was_meant() {
+        for (words, meant) in [
+            (&["exprt"][..], "export"),
+            (&["fit", "slap"], "slab"),
+            (&["export", "fits/elm", "--to", "glft", "-o", "x"], "gltf"),
+            (&["stress", "coverag"], "coverage"),
+            (&["bench", "translucenci"], "translucency"),
+            (&["eval", "sky", "--metod", "direct"], "--method"),
+        ] {
+            let error = Cli::try_parse_from(std::iter::once(&"mesophyll").chain(words)).expect_err("a slip").to_string();
+            assert!(error.contains("similar") && error.contains(meant), "{words:?}: {error}");
+        }
+        for alias in ["gltf", "glb"] {
+            assert!(Cli::try_parse_from(["mesophyll", "export", "fits/elm", "--to", alias, "-o", "x"]).is_ok());
+        }
+        // A folder cannot go to standard output.
+        for words in
+            [&["fit", "leaf", "scan", "-o", "-"][..], &["run", "scene.toml", "--out", "-"], &["synth", "leaf.toml", "--output", "-"]]
+        {
+            let error = Cli::try_parse_from(std::iter::once(&"mesophyll").chain(words)).expect_err("no folder").to_string();
+            assert!(error.contains("a folder is written"), "{words:?}: {error}");
+        }
+    }
 }

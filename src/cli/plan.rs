@@ -13,7 +13,7 @@ pub struct Args {
     #[arg(value_name = "SCENE.toml")]
     scene: PathBuf,
     /// Folder of an earlier run, whose fits count as done
-    #[arg(long, value_name = "DIR")]
+    #[arg(short, long, alias = "output", value_name = "DIR", value_parser = super::place::folder())]
     out: Option<PathBuf>,
 }
 

@@ -1,6 +1,6 @@
 //! `mesophyll report DIR…`.
 
-use super::Common;
+use super::{Common, place};
 use crate::files::{claim, progress};
 use crate::report::{self, ReportSource};
 use crate::{Error, Result};
@@ -16,8 +16,8 @@ pub struct Args {
     /// Fit folders (two or more are compared with the first), or the folder of a run
     #[arg(required = true, value_name = "DIR")]
     folders: Vec<PathBuf>,
-    /// The HTML file (default: report.html, unless --json or --markdown is asked for)
-    #[arg(short, long, value_name = "FILE")]
+    /// The HTML file, `-` for standard output (default: report.html, unless --json or --markdown is asked for)
+    #[arg(short, long = "out", alias = "output", value_name = "FILE")]
     output: Option<PathBuf>,
     /// The rows as Markdown on standard output
     #[arg(long, conflicts_with = "json")]
@@ -25,6 +25,11 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
+    if args.output.as_deref().is_some_and(place::is_stdout) && (common.json || args.markdown) {
+        return Err(Error::Usage(
+            "-o -: standard output already holds what --json or --markdown prints; expected the name of an HTML file".into(),
+        ));
+    }
     let sources: Vec<ReportSource> = args.folders.iter().map(ReportSource::folder).collect();
     if common.json {
         super::print_json(&report::to_json(&sources)?)?;
@@ -41,11 +46,13 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if path.is_dir() {
         return Err(Error::Usage(format!("{}: found a folder, expected the name of an HTML file", path.display())));
     }
-    let report = report::write_html(&sources, &path)?;
+    let report = place::file(&path, |path| report::write_html(&sources, path))?;
     progress::say(format_args!("{}. {}", report.verdict.level.word(), report.verdict.sentence));
     for reason in &report.verdict.reasons {
         progress::say(format_args!("  {}", reason.text));
     }
-    progress::say(format_args!("written: {}", path.display()));
+    if !place::is_stdout(&path) {
+        progress::say(format_args!("written: {}", path.display()));
+    }
     Ok(0)
 }

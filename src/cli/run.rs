@@ -21,7 +21,7 @@ pub struct Args {
     #[arg(value_name = "SCENE.toml")]
     scene: PathBuf,
     /// Folder for everything the run makes (default: out/SCENE)
-    #[arg(long, value_name = "DIR")]
+    #[arg(short, long, alias = "output", value_name = "DIR", value_parser = super::place::folder())]
     out: Option<PathBuf>,
     /// Scan and fit every leaf afresh into the folder that the scene names, instead of fitting only what is missing into DIR/fits
     #[arg(long)]

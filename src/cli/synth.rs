@@ -24,7 +24,7 @@ pub struct Args {
     #[arg(value_name = "SPEC.toml")]
     spec: PathBuf,
     /// Folder to write the capture to
-    #[arg(long, short, value_name = "CAPTURE")]
+    #[arg(short, long, alias = "output", value_name = "CAPTURE", value_parser = super::place::folder())]
     out: PathBuf,
     /// Size of the frames in texels; the blade keeps its size in mm
     #[arg(long, value_name = "WxH", default_value = "720x540")]

@@ -13,7 +13,7 @@ pub struct Args {
     #[arg(value_name = "SCENE.toml")]
     scene: PathBuf,
     /// Folder of a run, whose fits are shown; screenshots and edited fits go there (default: out/view/SCENE)
-    #[arg(long, value_name = "DIR")]
+    #[arg(short, long, alias = "output", value_name = "DIR", value_parser = super::place::folder())]
     out: Option<PathBuf>,
     /// Close after this many frames
     #[arg(long, value_name = "N")]

@@ -18,32 +18,30 @@ use sky::SkyOptions;
 use std::path::{Path, PathBuf};
 
 /// What a fit can be written as.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Format {
-    /// A folder of 8-bit pictures: colours as sRGB, data linear, with `ranges.json` saying what a byte means.
+    /// A folder of 8-bit maps: rho_d, rho_t and rho_s as sRGB, the rest linear; ranges.json says what a byte means
     Png,
-    /// One float OpenEXR with every map of both sides and their standard errors.
+    /// One float OpenEXR with every map of both sides and its standard error
     Exr,
-    /// A row a texel on the leaf.
+    /// A row a texel: place, mask, every map and its standard error
     Csv,
-    /// Parameters, statistics and run times; not the maps.
+    /// Parameters with errors, statistics and run times, not the maps; of a sky also the arrays and how to evaluate them
     Json,
-    /// The blade as binary glTF in metres with ρd as base colour: right in any reader, opaque.
+    /// The blade as binary glTF (.glb) in metres, rho_d as base colour: opaque, and right in any reader
+    #[value(alias = "glb")]
     Gltf,
-    /// The same with light shining through, for readers of `KHR_materials_diffuse_transmission`.
+    /// The same with light shining through (rho_t), for readers of KHR_materials_diffuse_transmission
     GltfTranslucent,
-    /// The blade as Wavefront OBJ with normals, a material library and pictures.
+    /// The blade as Wavefront OBJ in mm with normals, a material library and pictures beside it
     Obj,
-    /// A sky's polynomials and their evaluator for shaders.
+    /// A sky's fitted harmonics with an evaluator for shaders, f32
     Wgsl,
-    /// The same as a C header.
+    /// A sky's fitted harmonics with an evaluator as a C header, float or double
     C,
 }
 
 impl Format {
-    pub const ALL: [Format; 9] =
-        [Format::Png, Format::Exr, Format::Csv, Format::Json, Format::Gltf, Format::GltfTranslucent, Format::Obj, Format::Wgsl, Format::C];
-
     pub fn name(self) -> &'static str {
         match self {
             Format::Png => "png",
@@ -70,29 +68,6 @@ impl Format {
             Format::Wgsl => &["wgsl"],
             Format::C => &["h"],
         }
-    }
-
-    pub fn about(self) -> &'static str {
-        match self {
-            Format::Png => "a folder of 8-bit maps: rho_d, rho_t and rho_s as sRGB, the rest linear with ranges.json",
-            Format::Exr => "one float OpenEXR with every map and its standard error",
-            Format::Csv => "a row a texel: place, mask, every map and its standard error",
-            Format::Json => "parameters with errors, statistics, run times; of a sky the arrays and how to evaluate them",
-            Format::Gltf => "the blade as .glb in metres, rho_d as base colour (opaque; right in any reader)",
-            Format::GltfTranslucent => "the same with rho_t, for readers of KHR_materials_diffuse_transmission",
-            Format::Obj => "the blade as .obj in mm with normals, .mtl and pictures beside it",
-            Format::Wgsl => "a sky's fitted harmonics with an evaluator for shaders, f32",
-            Format::C => "a sky's fitted harmonics with an evaluator as a C header, float or double",
-        }
-    }
-
-    /// # Errors
-    /// [`Error::Usage`] with the list of formats.
-    pub fn parse(text: &str) -> Result<Format> {
-        Format::ALL.into_iter().find(|f| f.name() == text).ok_or_else(|| {
-            let list: Vec<String> = Format::ALL.iter().map(|f| format!("{} ({})", f.name(), f.about())).collect();
-            Error::Usage(format!("--to {text}: no such format; known are {}", list.join("; ")))
-        })
     }
 }
 

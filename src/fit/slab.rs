@@ -3,39 +3,94 @@
 //! Units: thickness in mm, σ in 1/mm, errors absolute standard errors.
 
 use crate::files::table::{Answer, Status};
-use crate::optics::slab::inverse::{self, Estimate, Precision, Verdict};
+use crate::optics::slab::inverse::{self, Precision, Verdict};
 
 /// How rows are read.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
     pub precision: Precision,
-    /// Standard error of ρd and ρt where a row has none of its own.
-    pub noise: f64,
+    /// Standard error of ρd and ρt where a row has none of its own; 0 for exact values, `None` where nobody stated it.
+    pub noise: Option<f64>,
     /// What the surface reflects of the measured ρd before light enters the slab; it is taken off.
     pub surface: f64,
 }
 
-impl Default for Options {
-    fn default() -> Self {
-        Options { precision: Precision::Fast, noise: 1e-6, surface: 0.0 }
-    }
-}
+/// Standard error that an inversion takes where none was stated, to tell which slabs can be found at all. No error is printed for it.
+pub const ASSUMED_NOISE: f64 = 1e-6;
 
 /// Output columns of [`answer`].
 pub const OUTPUTS: [&str; 4] = ["sigma_a", "sigma_s", "sigma_a_err", "sigma_s_err"];
 
-/// Inverts one measurement; an error that is NaN stands for the options' noise.
-pub fn fit(options: &Options, rho_d: f64, rho_t: f64, thickness_mm: f64, rho_d_err: f64, rho_t_err: f64) -> Estimate {
-    let or_noise = |err: f64| if err.is_nan() { options.noise } else { err };
-    inverse::invert_with(options.precision, rho_d - options.surface, rho_t, thickness_mm, or_noise(rho_d_err), or_noise(rho_t_err))
+/// One measurement; an error that is NaN was not measured.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Measured {
+    pub rho_d: f64,
+    pub rho_t: f64,
+    pub thickness_mm: f64,
+    pub rho_d_err: f64,
+    pub rho_t_err: f64,
 }
 
-/// The row of a batch that says what [`fit`] found.
-pub fn answer(e: &Estimate) -> Answer {
-    let values = vec![e.sigma_a, e.sigma_s, e.sigma_a_err, e.sigma_s_err];
-    match &e.status {
+impl Measured {
+    /// Whether both standard errors are known, from the row or from the options.
+    pub fn noise_is_stated(&self, options: &Options) -> bool {
+        options.noise.is_some() || !(self.rho_d_err.is_nan() || self.rho_t_err.is_nan())
+    }
+}
+
+/// Inverts one measurement and says what was found as the row of a batch.
+///
+/// Where no noise is stated nothing is known of the errors, so their cells stay empty. The status then only says whether the numbers belong to a slab and
+/// can be inverted: `ok`, or what stays open at a noise of [`ASSUMED_NOISE`].
+pub fn answer(options: &Options, m: &Measured) -> Answer {
+    let stated = m.noise_is_stated(options);
+    let or_noise = |err: f64| if err.is_nan() { options.noise.unwrap_or(ASSUMED_NOISE) } else { err };
+    let (rho_d, [d_err, t_err]) = (m.rho_d - options.surface, [m.rho_d_err, m.rho_t_err].map(or_noise));
+    let e = inverse::invert_with(options.precision, rho_d, m.rho_t, m.thickness_mm, d_err, t_err);
+    let errors = if stated { [e.sigma_a_err, e.sigma_s_err] } else { [f64::NAN; 2] };
+    let values = vec![e.sigma_a, e.sigma_s, errors[0], errors[1]];
+    match e.status {
         Verdict::Ok => Answer::ok(values),
-        Verdict::Undetermined(what) => Answer { values, status: Status::Undetermined(what.clone()) },
-        Verdict::Refused(why) => Answer::refused(why.clone()),
+        Verdict::Undetermined(what) if stated => Answer { values, status: Status::Undetermined(what) },
+        Verdict::Undetermined(what) => {
+            let what = format!("{what} (judged at a noise of {ASSUMED_NOISE:e}; none was stated)");
+            Answer { values, status: Status::Undetermined(what) }
+        }
+        Verdict::Refused(why) => Answer::refused(why),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LEAF: Measured = Measured { rho_d: 0.3, rho_t: 0.2, thickness_mm: 0.2, rho_d_err: f64::NAN, rho_t_err: f64::NAN };
+
+    fn with(noise: Option<f64>, m: Measured) -> Answer {
+        answer(&Options { precision: Precision::Fast, noise, surface: 0.0 }, &m)
+    }
+
+    /// Without noise the numbers are those of the exact input, and no error is claimed.
+    #[test]
+    fn errors_are_empty_without_noise() {
+        let (unstated, exact, noisy) = (with(None, LEAF), with(Some(0.0), LEAF), with(Some(5e-3), LEAF));
+        assert!(unstated.values[2].is_nan() && unstated.values[3].is_nan() && unstated.status == Status::Ok);
+        for k in 0..2 {
+            assert!((unstated.values[k] / exact.values[k] - 1.0).abs() < 1e-9);
+            assert!(exact.values[2 + k] < 1e-6 * exact.values[k], "exact values leave the model's own error only: {exact:?}");
+            assert!(noisy.values[2 + k] > 1e-3 * noisy.values[k]);
+        }
+        // One error alone does not say how sure σ is.
+        assert!(with(None, Measured { rho_d_err: 1e-3, ..LEAF }).values[2].is_nan());
+        let both = with(None, Measured { rho_d_err: 5e-3, rho_t_err: 5e-3, ..LEAF });
+        assert_eq!(both, noisy);
+    }
+
+    #[test]
+    fn what_cannot_be_inverted_is_named_without_noise_too() {
+        let opaque = with(None, Measured { rho_t: 0.0, ..LEAF });
+        assert!(opaque.status.leaves_open("sigma_a") && opaque.status.to_string().contains("none was stated"), "{opaque:?}");
+        assert!(opaque.values[2].is_nan());
+        assert!(matches!(with(None, Measured { rho_d: 0.9, rho_t: 0.5, ..LEAF }).status, Status::Refused(_)));
     }
 }

@@ -1,13 +1,14 @@
 //! `mesophyll eval beam`: taper and place in, deflection and slope out.
 
 use crate::Result;
-use crate::cli::Common;
+use crate::cli::{Common, batch, tables};
 use crate::files::table::{self, BatchIo, Spec, Table};
 use crate::fit::beam;
 
 /// CSV columns `alpha,x` (tip radius over root radius; place from 0 at the root to 1 at the tip) → `u,du,status`: deflection and slope of an evenly
 /// loaded, clamped, tapered circular beam of unit length for F/(E′r₁⁴) = 1, to 12 digits.
 #[derive(Debug, clap::Args)]
+#[command(after_long_help = tables::help("eval beam"))]
 pub struct Args {
     #[command(flatten)]
     io: BatchIo,
@@ -15,9 +16,9 @@ pub struct Args {
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let spec = Spec { required: vec!["alpha".into(), "x".into()], outputs: vec!["u".into(), "du".into()], ..Spec::default() };
-    let tally = table::run(Table::open(&args.io.input)?, &args.io.output, &spec, |row, out| {
+    let tally = table::run(Table::open(&args.io.input)?, &args.io.rows(common.json), &spec, |row, out| {
         out.push(beam::evaluate(row.get(0), row.get(1)));
     })?;
-    crate::cli::fit::slab::say_tally(&tally, &args.io, common)?;
+    batch::say_tally(&tally, &args.io, common, "row")?;
     Ok(0)
 }

@@ -1,6 +1,6 @@
 //! `mesophyll eval dipole`: thickness and radius in, a leaf's transmittance T(r, d) out.
 
-use crate::cli::Common;
+use crate::cli::{Common, batch, tables};
 use crate::files::table::{self, Answer, BatchIo, Spec, Status, Table};
 use crate::optics::dipole::{Form, Tissue};
 use crate::optics::slab;
@@ -10,6 +10,7 @@ use crate::{Error, Result};
 ///
 /// The value is printed wherever the formula has one; `status` says where diffusion does not hold.
 #[derive(Debug, clap::Args)]
+#[command(after_long_help = tables::help("eval dipole"))]
 pub struct Args {
     #[command(flatten)]
     io: BatchIo,
@@ -59,10 +60,10 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         Method::Thin => Form::Thin,
     };
     let spec = Spec { required: vec!["thickness".into(), "radius".into()], outputs: vec!["t".into()], ..Spec::default() };
-    let tally = table::run(Table::open(&args.io.input)?, &args.io.output, &spec, |row, out| {
+    let tally = table::run(Table::open(&args.io.input)?, &args.io.rows(common.json), &spec, |row, out| {
         out.push(evaluate(&tissue, form, row.get(0), row.get(1)));
     })?;
-    crate::cli::fit::slab::say_tally(&tally, &args.io, common)?;
+    batch::say_tally(&tally, &args.io, common, "row")?;
     Ok(0)
 }
 

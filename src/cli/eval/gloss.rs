@@ -1,7 +1,7 @@
 //! `mesophyll eval gloss`: traces that a linear light source would show, wide, so that they feed `fit gloss`.
 
-use crate::cli::Common;
 use crate::cli::fit::gloss::LobeArgs;
+use crate::cli::{Common, batch, tables};
 use crate::files::table::{self, Answer, BatchIo, Table};
 use crate::fit::gloss::geometry::Geometry;
 use crate::fit::gloss::{M_RANGE, normal_of};
@@ -10,7 +10,12 @@ use crate::{Error, Result};
 use rand::{RngExt, SeedableRng};
 use std::path::PathBuf;
 
+/// CSV columns `rho_d,rho_s,m,tilt` (or `rho_d_r … rho_s_b,m,tilt`) → the trace `r0 … r{n-1}` (and `g0 …`, `b0 …`) of a device.
+///
+/// A column `tilt_y` may be there, and `seed` for rows that differ in nothing else. Tilts are radians; columns `tilt_deg` and `tilt_y_deg` are degrees. The columns are
+/// not carried through, so that the output can be fitted as it is.
 #[derive(Debug, clap::Args)]
+#[command(after_long_help = tables::help("eval gloss"))]
 pub struct Args {
     /// The device (TOML)
     #[arg(long, value_name = "GEOMETRY.toml")]
@@ -30,9 +35,7 @@ pub struct Args {
     io: BatchIo,
 }
 
-/// Columns: rho_d,rho_s,m,tilt or rho_d_r … rho_s_b,m,tilt; tilt_y and seed if there. They are not carried through, so that the
-/// output can be fitted as it is.
-pub fn run(args: &Args, _common: &Common) -> Result<u8> {
+pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let geometry = Geometry::read(&args.geometry)?;
     if let Some(s) = args.noise.filter(|s| !(s.is_finite() && *s >= 0.0)) {
         return Err(Error::Usage(format!("--noise: found {s}, expected zero or a positive number")));
@@ -44,9 +47,10 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
     let rgb = table.column("rho_d_r").is_some();
     let suffixes: &[&str] = if rgb { &["_r", "_g", "_b"] } else { &[""] };
     let channels = suffixes.len();
+    let ((tilt_column, tilt_unit), (tilt_y_column, tilt_y_unit)) = (table.angle("tilt")?, table.angle("tilt_y")?);
     let names = |stem: &str| suffixes.iter().map(|s| format!("{stem}{s}")).collect::<Vec<_>>();
-    let required: Vec<String> = names("rho_d").into_iter().chain(names("rho_s")).chain(["m".into(), "tilt".into()]).collect();
-    let optional: Vec<String> = vec!["tilt_y".into(), "seed".into()];
+    let required: Vec<String> = names("rho_d").into_iter().chain(names("rho_s")).chain(["m".into(), tilt_column.clone()]).collect();
+    let optional: Vec<String> = vec![tilt_y_column, "seed".into()];
     let positions = geometry.positions_mm();
     let spec = table::Spec {
         dropped: required.iter().chain(&optional).cloned().collect(),
@@ -55,15 +59,15 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
         outputs: ["r", "g", "b"][..channels].iter().flat_map(|c| (0..positions.len()).map(move |k| format!("{c}{k}"))).collect(),
         ..table::Spec::default()
     };
-    table::run(table, &args.io.output, &spec, |row, out| {
-        let (m, tilt) = (row.get(2 * channels), row.get(2 * channels + 1));
-        let tilt_y = if row.get(2 * channels + 2).is_nan() { 0.0 } else { row.get(2 * channels + 2) };
+    let tally = table::run(table, &args.io.rows(common.json), &spec, |row, out| {
+        let (m, tilt) = (row.get(2 * channels), tilt_unit * row.get(2 * channels + 1));
+        let tilt_y = if row.get(2 * channels + 2).is_nan() { 0.0 } else { tilt_y_unit * row.get(2 * channels + 2) };
         if !(M_RANGE[0] * 0.01..=10.0).contains(&m) {
             out.push(Answer::refused(format!("m is {m}, expected {} to 10", M_RANGE[0] * 0.01)));
             return;
         }
         if !(tilt.abs() <= 1.5 && tilt_y.abs() <= 1.5) {
-            out.push(Answer::refused("tilt beyond 1.5 rad".to_string()));
+            out.push(Answer::refused(format!("{} or tilt_y is beyond 1.5 rad (86 degrees)", spec.required[2 * channels + 1])));
             return;
         }
         if let Some(k) = (0..2 * channels).find(|&k| !(0.0..1e6).contains(&row.get(k))) {
@@ -83,6 +87,7 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
         }
         out.push(Answer::ok(values));
     })?;
+    batch::say_tally(&tally, &args.io, common, "row")?;
     Ok(0)
 }
 

@@ -1,8 +1,8 @@
 //! `mesophyll eval panorama`: a picture of a sky whose sun and turbidity are known, for tests of `fit sky --panorama`.
 
 use super::sky::ModelName;
-use crate::cli::Common;
 use crate::cli::fit::sky::ProjectionName;
+use crate::cli::{Common, place, tables};
 use crate::files::image::{Packing, write_exr};
 use crate::files::{claim, progress};
 use crate::fit::sky::panorama::render::{Shot, render};
@@ -13,10 +13,10 @@ use std::path::PathBuf;
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   mesophyll eval panorama --sun-zenith-deg 50 --turbidity 3 -o sky.exr
-  mesophyll eval panorama --sun-zenith-deg 30 --turbidity 4 --projection fisheye --size 400x400 --noise 0.02 --disk --clip 30 -o dome.exr")]
+  mesophyll eval panorama --sun-zenith-deg 30 --turbidity 4 --projection fisheye --size 400x400 --noise 0.02 --disk --clip 30 -o dome.exr", after_long_help = tables::help("eval panorama"))]
 pub struct Args {
-    /// File to write
-    #[arg(short, long, value_name = "FILE.exr")]
+    /// File to write, `-` for standard output
+    #[arg(short, long = "out", alias = "output", value_name = "FILE.exr")]
     output: PathBuf,
     /// Sun: angle from the zenith, 0 to 90
     #[arg(long, value_name = "DEG")]
@@ -65,7 +65,7 @@ pub struct Args {
 /// Largest picture.
 const MOST: usize = 1 << 26;
 
-pub fn run(args: &Args, _: &Common) -> Result<u8> {
+pub fn run(args: &Args, common: &Common) -> Result<u8> {
     claim::file(&args.output, &["exr"], &[])?;
     let projection = args.projection.projection(args.field_deg);
     let default = if args.projection == ProjectionName::Fisheye { "256x256" } else { "256x128" };
@@ -102,7 +102,15 @@ pub fn run(args: &Args, _: &Common) -> Result<u8> {
         disk: args.disk,
         clip: args.clip.unwrap_or(f64::INFINITY),
     };
-    write_exr(&args.output, &render(sky.as_ref(), &shot), Packing::Zip)?;
-    progress::say(format!("wrote {}", args.output.display()));
+    let stdout = place::is_stdout(&args.output);
+    if stdout && common.json {
+        return Err(Error::Usage("-o -: standard output holds the picture itself; expected no --json beside it".into()));
+    }
+    place::file(&args.output, |path| write_exr(path, &render(sky.as_ref(), &shot), Packing::Zip))?;
+    if common.json {
+        crate::cli::print_json(&serde_json::json!({ "written": [args.output] }))?;
+    } else if !stdout {
+        progress::say(format!("wrote {}", args.output.display()));
+    }
     Ok(0)
 }

@@ -1,6 +1,6 @@
 //! `mesophyll eval sky`: sun and turbidity in, spherical harmonics of the sky out, N² rows for each row.
 
-use crate::cli::Common;
+use crate::cli::{Common, batch, tables};
 use crate::files::progress;
 use crate::files::table::{self, Answer, BatchIo, Spec, Table};
 use crate::fit::sky::{self as fits, Form, Method, Options};
@@ -11,12 +11,13 @@ use crate::{Error, Result};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// CSV columns `sun_zenith,turbidity` (radians) → N² rows `sun_zenith,turbidity,index,r,g,b,status` for each.
+/// CSV columns `sun_zenith,turbidity` (radians; a column `sun_zenith_deg` is in degrees) → N² rows `sun_zenith,turbidity,index,r,g,b,status` for each.
 ///
 /// Real orthonormal harmonics of the upper hemisphere, zero below the horizon: no Condon-Shortley phase, index l(l+1)+m, z up, sun at azimuth 0 = +x,
 /// kcd/m², linear sRGB, not clamped. The default evaluates the fit (turbidity 2.5 to 6, up to 7 bands); what it does not cover is integrated
 /// directly, and a message says so.
 #[derive(Debug, clap::Args)]
+#[command(after_long_help = tables::help("eval sky"))]
 pub struct Args {
     #[command(flatten)]
     io: BatchIo,
@@ -103,15 +104,17 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let worked = if args.ground > 0.0 { bands.max(2) } else { bands };
     let window = args.window.window(bands)?;
     let form = polynomials(args, worked)?;
+    let table = Table::open(&args.io.input)?;
+    let (sun_column, sun_unit) = table.angle("sun_zenith")?;
     let spec = Spec {
-        required: vec!["sun_zenith".into(), "turbidity".into()],
+        required: vec![sun_column.clone(), "turbidity".into()],
         outputs: ["index", "r", "g", "b"].map(String::from).to_vec(),
         whole: vec!["index".into()],
         ..Spec::default()
     };
     let (beyond, warned) = (AtomicUsize::new(0), AtomicUsize::new(0));
-    let tally = table::run(Table::open(&args.io.input)?, &args.io.output, &spec, |row, out| {
-        let (sun, turbidity) = (row.get(0), row.get(1));
+    let tally = table::run(table, &args.io.rows(common.json), &spec, |row, out| {
+        let (sun, turbidity) = (sun_unit * row.get(0), row.get(1));
         let fitted = form.as_ref().filter(|f| f.bands() >= worked && (f.turbidities()[0]..=f.turbidities()[1]).contains(&turbidity));
         let answer = match fitted {
             Some(form) => form.coefficients(sun, turbidity),
@@ -131,6 +134,9 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
                 let values = c.values().iter().take(bands * bands).enumerate();
                 out.extend(values.map(|(k, v)| Answer::ok(vec![k as f64, v[0], v[1], v[2]])));
             }
+            Err(_) if sun_unit != 1.0 && !(0.0..=90.0).contains(&row.get(0)) => {
+                out.push(Answer::refused(format!("{sun_column} is {}; expected 0 (zenith) to 90 (horizon)", row.get(0))));
+            }
             Err(why) => out.push(Answer::refused(why.to_string())),
         }
     })?;
@@ -145,7 +151,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if beyond > 0 {
         progress::say(format!("outside what the fit covers, integrated directly (skies: {beyond})"));
     }
-    crate::cli::fit::slab::say_tally(&tally, &args.io, common)?;
+    batch::say_tally(&tally, &args.io, common, "row")?;
     Ok(0)
 }
 

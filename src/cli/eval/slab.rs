@@ -1,6 +1,6 @@
 //! `mesophyll eval slab`: ω and Δ in, ρd and ρt out.
 
-use crate::cli::Common;
+use crate::cli::{Common, batch, tables};
 use crate::files::table::{self, Answer, BatchIo, Spec, Status, Table};
 use crate::optics::slab::{self, Response, exact, fn_method};
 use crate::{Error, Result};
@@ -9,6 +9,7 @@ use crate::{Error, Result};
 ///
 /// Near ω = 1, `one_minus_omega` may be given as a column of its own; where it is, it decides and omega only has to agree to 1e-9.
 #[derive(Debug, clap::Args)]
+#[command(after_long_help = tables::help("eval slab"))]
 pub struct Args {
     #[command(flatten)]
     io: BatchIo,
@@ -45,10 +46,10 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         outputs: vec!["rho_d".into(), "rho_t".into()],
         ..Spec::default()
     };
-    let tally = table::run(Table::open(&args.io.input)?, &args.io.output, &spec, |row, out| {
+    let tally = table::run(Table::open(&args.io.input)?, &args.io.rows(common.json), &spec, |row, out| {
         out.push(evaluate(args.method, mu0, row.get(0), row.get(1), row.get(2)));
     })?;
-    crate::cli::fit::slab::say_tally(&tally, &args.io, common)?;
+    batch::say_tally(&tally, &args.io, common, "row")?;
     Ok(0)
 }
 

@@ -1,6 +1,6 @@
 //! `mesophyll fit beam`: coefficients of a taper, the basis of all tapers, or taper and stiffness from measured deflections.
 
-use crate::cli::Common;
+use crate::cli::{Common, batch, place, tables};
 use crate::files::claim::{self, Kind};
 use crate::files::progress::say;
 use crate::files::table::{self, BatchIo, Spec, Table};
@@ -9,7 +9,7 @@ use crate::fit::beam::{self, basis, deflections, record};
 use crate::fit::record::claim;
 use crate::report::beam_charts;
 use crate::{Error, Result};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// CSV column `alpha` → `c2,c4,max_error` (u = c2 x² + c4 x⁴ by least squares over even samples; largest error over all x), then
@@ -20,14 +20,20 @@ use std::time::Instant;
 /// F L³/(E s1⁴), `root_radius_mm` = s1, `tip_mm`, each with `_err`, then `correlation,chi2,rms_mm,readings,status`. Load, modulus and root radius cannot be told
 /// apart by deflections; the radius needs the other two.
 #[derive(Debug, clap::Args)]
+#[command(after_long_help = tables::help("fit beam"))]
 pub struct Args {
-    #[command(flatten)]
-    io: BatchIo,
+    /// CSV to read (`-`: standard input)
+    #[arg(long = "in", value_name = "FILE", default_value = "-")]
+    input: PathBuf,
+    /// CSV to write (default and `-`: standard output). With --basis it is the folder of the fit. With --deflections it may be given twice: a name without a
+    /// file ending is the folder of the fit, one with an ending (rows.csv) the CSV
+    #[arg(short = 'o', long = "out", alias = "output", value_name = "FILE|DIR")]
+    output: Vec<PathBuf>,
     /// Even samples from x = 0 to 1, both included; 101 is the dissertation's
     #[arg(long, value_name = "N", default_value_t = 101, value_parser = clap::value_parser!(u32).range(2..=1_000_000))]
     samples: u32,
-    /// Measured deflections (CSV, - for standard input); results go to --out
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["basis", "pictures"])]
+    /// Measured deflections (CSV, `-`: standard input)
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["basis", "pictures", "input"])]
     deflections: Option<PathBuf>,
     /// With --deflections: what positions were measured along
     #[arg(long, value_enum, default_value_t = Positions::Branch, requires = "deflections")]
@@ -36,14 +42,29 @@ pub struct Args {
     #[arg(long, value_name = "MM", requires = "deflections")]
     noise: Option<f64>,
     /// Fit the coefficients of all tapers and write them to the folder of -o
-    #[arg(long, requires = "folder")]
+    #[arg(long, requires = "output")]
     basis: bool,
     /// Write the documentation pictures beam-*.svg into this folder
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", value_parser = place::folder())]
     pictures: Option<PathBuf>,
-    /// Folder for fit.toml and times.toml (with --basis or --deflections)
-    #[arg(short = 'o', value_name = "DIR")]
-    folder: Option<PathBuf>,
+}
+
+/// What `-o, --out` names: where rows go, and the folder of the fit, if any.
+fn places(args: &Args) -> Result<(PathBuf, Option<PathBuf>)> {
+    let is_folder = |path: &&PathBuf| match args.deflections {
+        Some(_) => !place::is_stdout(path) && (path.is_dir() || (!path.exists() && path.extension().is_none())),
+        None => args.basis,
+    };
+    let (folders, files): (Vec<&PathBuf>, Vec<&PathBuf>) = args.output.iter().partition(is_folder);
+    if folders.len() > 1 || files.len() > 1 {
+        let names: Vec<String> = args.output.iter().map(|p| p.display().to_string()).collect();
+        let expected = "at most one CSV, and with --deflections one folder besides";
+        return Err(Error::Usage(format!("-o, --out: found {}; expected {expected}", names.join(" and "))));
+    }
+    if let (true, Some(folder)) = (args.basis, folders.first().filter(|f| place::is_stdout(f))) {
+        return Err(Error::Usage(format!("-o {}: --basis writes a folder, expected its name", folder.display())));
+    }
+    Ok((files.first().map_or_else(|| "-".into(), |f| f.to_path_buf()), folders.first().map(|f| f.to_path_buf())))
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -55,33 +76,34 @@ enum Positions {
 }
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
+    let (output, folder) = places(args)?;
+    let io = BatchIo { input: args.input.clone(), output };
     if let Some(path) = &args.deflections {
-        return from_deflections(args, path, common);
+        return from_deflections(args, path, &io, folder.as_deref(), common);
     }
     if args.basis || args.pictures.is_some() {
-        if let (true, Some(folder)) = (args.basis, &args.folder) {
+        if let Some(folder) = &folder {
             basis_to(folder, common)?;
         }
         if let Some(folder) = &args.pictures {
             claim::folder(folder, Kind::Pictures, &[])?;
-            for file in beam_charts::write(folder)? {
-                say(format!("wrote {}", file.display()));
+            let files = beam_charts::write(folder)?;
+            if common.json && !args.basis {
+                crate::cli::print_json(&serde_json::json!({ "written": files }))?;
             }
+            files.iter().for_each(|file| say(format!("wrote {}", file.display())));
         }
         return Ok(0);
     }
-    if args.folder.is_some() {
-        return Err(Error::Usage("-o needs --basis or --deflections; rows of coefficients go to --out".into()));
-    }
     let spec = Spec { required: vec!["alpha".into()], outputs: beam::OUTPUTS.iter().map(|s| s.to_string()).collect(), ..Spec::default() };
-    let tally = table::run(Table::open(&args.io.input)?, &args.io.output, &spec, |row, out| {
+    let tally = table::run(Table::open(&io.input)?, &io.rows(common.json), &spec, |row, out| {
         out.push(beam::coefficients(row.get(0), args.samples as usize));
     })?;
-    super::slab::say_tally(&tally, &args.io, common)?;
+    batch::say_tally(&tally, &io, common, "row")?;
     Ok(0)
 }
 
-fn basis_to(folder: &std::path::Path, common: &Common) -> Result<()> {
+fn basis_to(folder: &Path, common: &Common) -> Result<()> {
     claim(folder, "beam", &[])?;
     let clock = Instant::now();
     let fit = basis::smooth_fit(crate::plant::taper::TERMS, basis::DEGREE);
@@ -101,10 +123,10 @@ fn basis_to(folder: &std::path::Path, common: &Common) -> Result<()> {
     Ok(())
 }
 
-fn from_deflections(args: &Args, path: &std::path::Path, common: &Common) -> Result<u8> {
+fn from_deflections(args: &Args, path: &Path, io: &BatchIo, folder: Option<&Path>, common: &Common) -> Result<u8> {
     deflections::check_noise(args.noise)?;
     let along = if args.positions == Positions::Branch { Along::Branch } else { Along::Axis };
-    if let Some(folder) = &args.folder {
+    if let Some(folder) = folder {
         claim(folder, "beam", &[path])?;
     }
     let clock = Instant::now();
@@ -114,7 +136,7 @@ fn from_deflections(args: &Args, path: &std::path::Path, common: &Common) -> Res
     }
     let fits = deflections::fit_all(&branches, along);
     let seconds = clock.elapsed().as_secs_f64();
-    if let Some(folder) = &args.folder {
+    if let Some(folder) = folder {
         let hash = crate::files::hash::combine([
             ("branches", format!("{branches:?}").as_str()),
             ("along", &format!("{along:?}")),
@@ -123,7 +145,7 @@ fn from_deflections(args: &Args, path: &std::path::Path, common: &Common) -> Res
         let traces = branches.iter().zip(&fits).filter_map(|((n, _), f)| f.as_ref().ok().map(|m| (n.clone(), m.fit.trace.clone())));
         record::write(folder, &record::of_branches(&branches, &fits, along, hash), seconds, traces.collect())?;
     }
-    let tally = deflections::write(&branches, &fits, path, &args.io.output)?;
-    super::slab::say_tally(&tally, &args.io, common)?;
+    let tally = deflections::write(&branches, &fits, path, &io.rows(common.json))?;
+    batch::say_tally(&tally, io, common, "branch")?;
     Ok(0)
 }

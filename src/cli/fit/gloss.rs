@@ -1,8 +1,7 @@
 //! `mesophyll fit gloss`: traces of a linear light source, or goniometer samples, from CSV.
 
-use crate::cli::Common;
-use crate::files::progress;
-use crate::files::table::{self, Answer, BatchIo, Table};
+use crate::cli::{Common, batch, tables};
+use crate::files::table::{self, Answer, BatchIo, Table, Tally};
 use crate::fit::gloss::geometry::{Geometry, trace_columns};
 use crate::fit::gloss::{Robust, TexelFit, TexelFitter, samples};
 use crate::optics::gloss::Lobe;
@@ -10,7 +9,9 @@ use crate::optics::tube::Precision;
 use crate::{Error, Result};
 use std::path::PathBuf;
 
+/// Traces of a linear light source (`--geometry`), or goniometer samples (`--samples`), from CSV: diffuse and glossy reflectance, slope and normal.
 #[derive(Debug, clap::Args)]
+#[command(after_long_help = tables::help("fit gloss"))]
 pub struct Args {
     /// The device (TOML); the input has a trace a row: r0 … r{n-1}, optionally g0 …, b0 …
     #[arg(long, value_name = "GEOMETRY.toml", required_unless_present = "samples", conflicts_with = "samples")]
@@ -71,23 +72,17 @@ impl LobeArgs {
     }
 }
 
-pub fn run(args: &Args, _common: &Common) -> Result<u8> {
+pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let lobe = args.lobe.lobe()?;
-    match &args.geometry {
-        Some(path) => traces(args, &Geometry::read(path)?, lobe),
-        None => {
-            let table = Table::open(&args.io.input)?;
-            let tally = samples::run(table, &args.io.output, &args.values, lobe)?;
-            progress::say(format!(
-                "{} leaves: {} ok, {} undetermined, {} refused",
-                tally.rows, tally.ok, tally.undetermined, tally.refused
-            ));
-            Ok(0)
-        }
-    }
+    let (tally, row) = match &args.geometry {
+        Some(path) => (traces(args, common, &Geometry::read(path)?, lobe)?, "row"),
+        None => (samples::run(Table::open(&args.io.input)?, &args.io.rows(common.json), &args.values, lobe)?, "leaf"),
+    };
+    batch::say_tally(&tally, &args.io, common, row)?;
+    Ok(0)
 }
 
-fn traces(args: &Args, geometry: &Geometry, lobe: Lobe) -> Result<u8> {
+fn traces(args: &Args, common: &Common, geometry: &Geometry, lobe: Lobe) -> Result<Tally> {
     let table = Table::open(&args.io.input)?;
     let frames = geometry.frames_u().len();
     let columns = trace_columns(&table, frames)?;
@@ -117,15 +112,13 @@ fn traces(args: &Args, geometry: &Geometry, lobe: Lobe) -> Result<u8> {
         outputs: names.iter().map(|n| n.to_string()).chain(names.iter().map(|n| format!("{n}_err"))).chain(["chi2".into()]).collect(),
         ..table::Spec::default()
     };
-    let tally = table::run(table, &args.io.output, &spec, |row, out| {
+    table::run(table, &args.io.rows(common.json), &spec, |row, out| {
         let value = |c: usize, k: usize| if c < channels { row.get(c * frames + k) as f32 } else { f32::NAN };
         let trace: Vec<[f32; 3]> = (0..frames).map(|k| std::array::from_fn(|c| value(c, k))).collect();
         thread_local!(static SCRATCH: std::cell::RefCell<crate::fit::gloss::Workspace> = std::cell::RefCell::default());
         let fit = SCRATCH.with_borrow_mut(|ws| fitter.fit(ws, [0.0; 2], &trace, None));
         out.push(answer(&fit, channels));
-    })?;
-    progress::say(format!("{} rows: {} ok, {} undetermined, {} refused", tally.rows, tally.ok, tally.undetermined, tally.refused));
-    Ok(0)
+    })
 }
 
 fn answer(fit: &TexelFit, channels: usize) -> Answer {

@@ -1,7 +1,7 @@
 //! `mesophyll fit leaf CAPTURE -o DIR`, for scans under a tube and captures under a dome.
 
 use super::gloss::LobeArgs;
-use crate::cli::{Common, print, print_json};
+use crate::cli::{Common, place, print, print_json};
 use crate::files::progress::say;
 use crate::fit::dome;
 use crate::fit::leaf::held_out::HoldOut;
@@ -23,7 +23,7 @@ pub struct Args {
     /// Folder with capture.toml
     capture: PathBuf,
     /// Folder to write the fit to
-    #[arg(short, long, value_name = "DIR")]
+    #[arg(short, long = "out", alias = "output", value_name = "DIR", value_parser = place::folder())]
     output: PathBuf,
     /// How ρd and ρt become σa, σs, δ and γ
     #[arg(long, value_enum, default_value = "exact")]

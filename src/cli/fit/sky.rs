@@ -1,7 +1,7 @@
 //! `mesophyll fit sky`: polynomials of a sky's spherical harmonics over sun and turbidity, or the sun and turbidity of a panorama, as a fit folder.
 
-use crate::cli::Common;
 use crate::cli::eval::sky::ModelName;
+use crate::cli::{Common, place, tables};
 use crate::files::progress;
 use crate::fit::record::claim;
 use crate::fit::sky::judge::Reference;
@@ -24,10 +24,10 @@ use std::time::Instant;
   mesophyll fit sky -o out/sky
   mesophyll fit sky --method compact --bands 4 -o out/sky-small
   mesophyll eval panorama --sun-zenith-deg 50 --turbidity 3 --noise 0.02 -o out/pano.exr
-  mesophyll fit sky --panorama out/pano.exr -o out/pano-fit")]
+  mesophyll fit sky --panorama out/pano.exr -o out/pano-fit", after_long_help = tables::help("fit sky"))]
 pub struct Args {
     /// Folder to write
-    #[arg(short, long, value_name = "DIR")]
+    #[arg(short, long = "out", alias = "output", value_name = "DIR", value_parser = place::folder())]
     output: PathBuf,
     /// Polynomials and how they are found; fine: 1e-5 in 42 kB at 7 bands, compact: 1e-4 in 27 kB
     #[arg(long, value_enum, default_value_t = MethodName::Fine)]

@@ -1,31 +1,33 @@
 //! `mesophyll fit slab`: ρd, ρt and thickness in, σa and σs out.
 
-use crate::cli::Common;
+use crate::cli::{Common, batch, tables};
 use crate::files::progress;
-use crate::files::table::{self, BatchIo, Spec, Table, Tally};
-use crate::fit::slab::{self, Options};
+use crate::files::table::{self, Answer, BatchIo, Spec, Table, counted};
+use crate::fit::slab::{self, Measured, Options};
 use crate::optics::slab::inverse::Precision;
 use crate::{Error, Result};
-use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// CSV columns `rho_d,rho_t,h` → `sigma_a,sigma_s,sigma_a_err,sigma_s_err,status` (1/mm).
 ///
-/// Optional columns `rho_d_err,rho_t_err` are standard errors of a row's own. Where noise leaves a parameter open, the status names it,
+/// The errors need the noise of the measurements: `--noise S`, or columns `rho_d_err,rho_t_err` for a row's own; `--noise 0` says that the input is exact. Where
+/// no noise is stated the error cells are empty, and `ok` says only that the slab could be inverted. Where noise leaves a parameter open, the status names it,
 /// with a bound at two standard errors where one side is closed.
 #[derive(Debug, clap::Args)]
+#[command(after_long_help = tables::help("fit slab"))]
 pub struct Args {
     #[command(flatten)]
     io: BatchIo,
-    /// Absolute standard error of rho_d and rho_t
-    #[arg(long, value_name = "S", default_value_t = 1e-6)]
-    noise: f64,
+    /// Absolute standard error of rho_d and rho_t, where a row has none of its own; 0 for exact values (default: not known, no errors are printed)
+    #[arg(long, value_name = "S")]
+    noise: Option<f64>,
     /// fast: better than 1e-6 where determined; exact: nine digits
     #[arg(long, value_enum, default_value_t = Method::Fast)]
     method: Method,
     /// Names of the input columns, as `rho_d=reflectance_550,rho_t=transmittance_550,h=thickness_mm`
     #[arg(long, value_name = "NAME=COLUMN,…", value_delimiter = ',')]
     columns: Vec<String>,
-    /// Unit of the thickness column (default: what its name ends in, `_um`, `_mm` or `_m`, else mm)
+    /// Unit of the thickness column (default: what its name ends in, `_um`, `_mm` or `_m`; a column `h` is in mm)
     #[arg(long, value_enum)]
     thickness_unit: Option<Unit>,
     /// Reflectance of the surface itself (gloss), taken off rho_d before the fit
@@ -48,21 +50,25 @@ enum Unit {
 
 const INPUTS: [&str; 5] = ["rho_d", "rho_t", "h", "rho_d_err", "rho_t_err"];
 
+/// Thickness of leaves (mm), thinnest and thickest with room to spare. The same thicknesses in µm are numbers above this range and in m numbers below it,
+/// so a column that names no unit shows by its numbers whether it can be in mm.
+const LEAVES_MM: [f64; 2] = [0.01, 10.0];
+
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
-    if !(args.noise >= 0.0 && args.noise.is_finite()) {
-        return Err(Error::Usage(format!("--noise is {}; expected a standard error of 0 or more", args.noise)));
+    if let Some(noise) = args.noise.filter(|n| !(*n >= 0.0 && n.is_finite())) {
+        return Err(Error::Usage(format!("--noise is {noise}; expected a standard error of 0 or more")));
     }
     if !(0.0..1.0).contains(&args.surface) {
         return Err(Error::Usage(format!("--surface is {}; expected a reflectance of 0 to below 1", args.surface)));
     }
     let names = column_names(&args.columns)?;
+    let table = Table::open(&args.io.input)?;
     let spec = Spec {
         required: names[..3].to_vec(),
         optional: names[3..].to_vec(),
         outputs: slab::OUTPUTS.iter().map(|s| s.to_string()).collect(),
         ..Spec::default()
     };
-    let table = Table::open(&args.io.input)?;
     for (name, column) in INPUTS.iter().zip(&names).skip(3) {
         if name != column {
             table.require(column)?;
@@ -73,32 +79,55 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         noise: args.noise,
         surface: args.surface,
     };
-    let unit = match thickness_unit(&names[2], args.thickness_unit)? {
-        Unit::Mm => 1.0,
-        Unit::Um => 1e-3,
-        Unit::M => 1e3,
+    let column = names[2].clone();
+    let unit = thickness_unit(&column, args.thickness_unit)?;
+    let scale = match unit {
+        None | Some(Unit::Mm) => 1.0,
+        Some(Unit::Um) => 1e-3,
+        Some(Unit::M) => 1e3,
     };
-    let tally = table::run(table, &args.io.output, &spec, |row, out| {
-        let e = slab::fit(&options, row.get(0), row.get(1), row.get(2) * unit, row.get(3), row.get(4));
-        out.push(slab::answer(&e));
+    let without_errors = AtomicUsize::new(0);
+    let tally = table::run(table, &args.io.rows(common.json), &spec, |row, out| {
+        let thickness = row.get(2);
+        if unit.is_none() && thickness > 0.0 && !(LEAVES_MM[0]..=LEAVES_MM[1]).contains(&thickness) {
+            out.push(Answer::refused(not_in_mm(&column, thickness)));
+            return;
+        }
+        let thickness_mm = thickness * scale;
+        let m = Measured { rho_d: row.get(0), rho_t: row.get(1), thickness_mm, rho_d_err: row.get(3), rho_t_err: row.get(4) };
+        let answer = slab::answer(&options, &m);
+        let silent = !m.noise_is_stated(&options) && !answer.values.is_empty();
+        without_errors.fetch_add(usize::from(silent), Ordering::Relaxed);
+        out.push(answer);
     })?;
-    say_tally(&tally, &args.io, common)?;
+    batch::say_tally(&tally, &args.io, common, "row")?;
+    let without_errors = without_errors.into_inner();
+    if without_errors > 0 {
+        progress::say(format!(
+            "no noise is stated for {}: the error cells are empty, and ok says only that the slab could be inverted, not how sure its numbers are; \
+             state the standard error of rho_d and rho_t by --noise S or by columns rho_d_err and rho_t_err, or exact input by --noise 0",
+            counted(without_errors, "row")
+        ));
+    }
     Ok(0)
 }
 
-/// One line on standard error; with `--json`, and the rows in a file, JSON on standard output.
-pub fn say_tally(tally: &Tally, io: &BatchIo, common: &Common) -> Result<()> {
-    let Tally { rows, ok, undetermined, refused } = *tally;
-    progress::say(format!("{rows} rows: {ok} ok, {undetermined} undetermined, {refused} refused"));
-    if common.json && io.output != Path::new("-") {
-        crate::cli::print_json(&serde_json::json!({ "rows": rows, "ok": ok, "undetermined": undetermined, "refused": refused }))?;
-    }
-    Ok(())
+/// Why a thickness without a unit is not taken for mm, and what would make it readable.
+fn not_in_mm(column: &str, thickness: f64) -> String {
+    let [low, high] = LEAVES_MM;
+    let hint = if (1e3 * low..=1e3 * high).contains(&thickness) {
+        ", in um such numbers are usual: add --thickness-unit um"
+    } else if (1e-3 * low..=1e-3 * high).contains(&thickness) {
+        ", in m such numbers are usual: add --thickness-unit m"
+    } else {
+        ": add --thickness-unit"
+    };
+    format!("{column} is {thickness} and names no unit; leaves are {low} to {high} mm thick{hint} (or mm if it is right)")
 }
 
-/// The unit that is asked for or that the column's name ends in. A name that says another unit than was asked for, or one that is not
-/// known here, is an error: micrometres read as millimetres would look like an answer.
-fn thickness_unit(column: &str, asked: Option<Unit>) -> Result<Unit> {
+/// The unit that is asked for or that the column's name ends in; none where neither says it (a column `h` is in mm). A name that says another unit than was
+/// asked for, or one that is not known here, is an error: micrometres read as millimetres would look like an answer.
+fn thickness_unit(column: &str, asked: Option<Unit>) -> Result<Option<Unit>> {
     let suffix = column.rsplit_once(['_', ' ', '(', '[']).map_or("", |(_, end)| end.trim_end_matches([')', ']']));
     let named = match suffix {
         "mm" => Some(Unit::Mm),
@@ -113,7 +142,8 @@ fn thickness_unit(column: &str, asked: Option<Unit>) -> Result<Unit> {
         (Some(named), Some(asked)) if named != asked => {
             Err(Error::Usage(format!("--thickness-unit says otherwise than the name of the thickness column, {column:?}")))
         }
-        (named, asked) => Ok(asked.or(named).unwrap_or(Unit::Mm)),
+        (None, None) if column == "h" => Ok(Some(Unit::Mm)),
+        (named, asked) => Ok(asked.or(named)),
     }
 }
 

@@ -1,6 +1,6 @@
 //! `mesophyll fit tissue BEAMS --blade FIT -o DIR`.
 
-use crate::cli::{Common, print, print_json};
+use crate::cli::{Common, place, print, print_json};
 use crate::files::progress::say;
 use crate::fit::record::FitRecord;
 use crate::fit::translucency::inverse::run::{Options, Outcome, Start, run as fit};
@@ -26,7 +26,7 @@ pub struct Args {
     #[arg(long, value_name = "FIT")]
     blade: PathBuf,
     /// Folder to write
-    #[arg(short, long, value_name = "DIR")]
+    #[arg(short, long = "out", alias = "output", value_name = "DIR", value_parser = place::folder())]
     output: PathBuf,
     /// Take the thickness as the leaf fit has it
     #[arg(long)]

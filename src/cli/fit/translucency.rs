@@ -1,6 +1,6 @@
 //! `mesophyll fit translucency FIT -o DIR`.
 
-use crate::cli::{Common, print, print_json};
+use crate::cli::{Common, place, print, print_json};
 use crate::files::progress::say;
 use crate::fit::dome;
 use crate::fit::record::FitRecord;
@@ -25,7 +25,7 @@ pub struct Args {
     /// Folder of `fit leaf`, or a capture under a dome (its leaf fit is then kept as DIR/leaf)
     input: PathBuf,
     /// Folder to write
-    #[arg(short, long, value_name = "DIR")]
+    #[arg(short, long = "out", alias = "output", value_name = "DIR", value_parser = place::folder())]
     output: PathBuf,
     /// Where the colour of the light that comes through is from
     #[arg(long, value_enum, default_value_t = ColourName::Substituted)]

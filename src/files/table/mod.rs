@@ -3,12 +3,15 @@
 //! Every batch form of the command line goes through [`run`]: rows are read in blocks, computed in parallel, and written
 //! in input order, so ten million rows need no more memory than ten thousand.
 
+mod json;
 mod quotes;
 mod sink;
 mod source;
+mod tally;
 
-pub use sink::{Sink, push_cell, push_number, push_text, stdout_error};
+pub use sink::{Output, Sink, push_cell, push_number, push_text, stdout_error};
 pub use source::{Record, Table};
+pub use tally::{Tally, counted};
 
 use crate::files::progress::Bar;
 use crate::{Error, Result};
@@ -26,19 +29,36 @@ pub struct BatchIo {
     #[arg(long = "in", value_name = "FILE", default_value = "-")]
     pub input: PathBuf,
     /// CSV to write (`-`: standard output); written whole or not at all
-    #[arg(long = "out", value_name = "FILE", default_value = "-")]
+    #[arg(short = 'o', long = "out", alias = "output", value_name = "FILE", default_value = "-")]
     pub output: PathBuf,
+}
+
+impl BatchIo {
+    /// Where the rows go. `json` asks for JSON; only standard output gets it, a file is always CSV.
+    pub fn rows(&self, json: bool) -> Output {
+        Output { json: json && self.output == Path::new("-"), path: self.output.clone() }
+    }
 }
 
 /// A row's verdict, as printed in the last column.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Status {
-    /// Right within the printed errors, each relative 1σ ≤ 10 %.
+    /// Right within the printed errors, each relative 1σ ≤ 10 %. Where a form prints empty errors nothing is said of them.
     Ok,
     /// The best estimate is printed; the named parameters are not determined.
     Undetermined(String),
     /// No numbers; the reason names the field.
     Refused(String),
+}
+
+impl Status {
+    /// Whether this status names the output column `name` as not determined. The names stand before any explanation, which begins with a
+    /// bracket or a colon.
+    pub fn leaves_open(&self, name: &str) -> bool {
+        let Status::Undetermined(what) = self else { return false };
+        let names = what.split(['(', ':']).next().unwrap_or_default();
+        names.split([' ', ',', ';']).any(|word| word == name)
+    }
 }
 
 impl std::fmt::Display for Status {
@@ -100,28 +120,19 @@ impl Row<'_> {
     }
 }
 
-/// How many rows ended how.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Tally {
-    pub rows: usize,
-    pub ok: usize,
-    pub undetermined: usize,
-    pub refused: usize,
-}
-
-/// Streams `table` through `f` into `io.output`; `f` sees the numbers of one row and pushes one answer for each output row.
+/// Streams `table` through `f` into `output`; `f` sees the numbers of one row and pushes one answer for each output row.
 ///
 /// # Errors
 /// A missing required column, an output name that the input already has, an unreadable input or an unwritable output.
 /// Bad rows are not errors: they are answered in place with `refused: …`.
-pub fn run<F>(mut table: Table, output: &Path, spec: &Spec, f: F) -> Result<Tally>
+pub fn run<F>(mut table: Table, output: &Output, spec: &Spec, f: F) -> Result<Tally>
 where
     F: Fn(&Row, &mut Vec<Answer>) + Sync,
 {
     let plan = Plan::new(&table, spec)?;
     let mut sink = Sink::open(output, table.source())?;
-    sink.write_all(output, &plan.header_line(&table, spec))?;
-    let mut tally = Tally::default();
+    sink.write_all(&plan.header_line(&table, spec))?;
+    let mut tally = Tally::new(&spec.outputs);
     let bar = Bar::of("rows");
     let mut block: Vec<Record> = Vec::with_capacity(BLOCK);
     loop {
@@ -140,18 +151,13 @@ where
         let done: Vec<(Vec<u8>, Tally)> = block
             .par_chunks(chunk)
             .map(|records| {
-                let (mut bytes, mut tally) = (Vec::with_capacity(records.len() * 64), Tally::default());
+                let (mut bytes, mut tally) = (Vec::with_capacity(records.len() * 64), Tally::new(&spec.outputs));
                 let mut answers = Vec::new();
                 for record in records {
                     answers.clear();
                     plan.answer(record, spec, &f, &mut answers);
                     for answer in &answers {
-                        tally.rows += 1;
-                        match answer.status {
-                            Status::Ok => tally.ok += 1,
-                            Status::Undetermined(_) => tally.undetermined += 1,
-                            Status::Refused(_) => tally.refused += 1,
-                        }
+                        tally.count(&answer.status, &answer.values);
                         plan.write_row(&mut bytes, record, answer, spec);
                     }
                 }
@@ -159,11 +165,8 @@ where
             })
             .collect();
         for (bytes, part) in done {
-            sink.write_all(output, &bytes)?;
-            tally.rows += part.rows;
-            tally.ok += part.ok;
-            tally.undetermined += part.undetermined;
-            tally.refused += part.refused;
+            sink.write_all(&bytes)?;
+            tally.add(&part);
             bar.advance(part.rows as u64);
         }
         if crate::files::progress::stop_requested() {
@@ -281,7 +284,7 @@ mod tests {
         let out = dir.path().join("out.csv");
         let spec = Spec { required: vec!["x".into()], optional: vec!["k".into()], outputs: vec!["y".into()], ..Spec::default() };
         let table = Table::from_reader(Box::new(text), "in.csv".into())?;
-        run(table, &out, &spec, |row, out| {
+        run(table, &Output::csv(&out), &spec, |row, out| {
             let k = if row.get(1).is_nan() { 1.0 } else { row.get(1) };
             out.push(Answer::ok(vec![row.get(0) * k]));
         })?;

@@ -1,49 +1,97 @@
 //! Where a table's rows go, and how cells are written.
 
+use super::json::Rows;
 use crate::files::atomic::{self, Pending};
 use crate::files::claim;
 use crate::{Error, Result};
 use std::io::{self, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-/// Where rows go: a file that appears whole, or standard output.
-pub enum Sink {
+/// Where rows go and in which form.
+#[derive(Debug, Clone)]
+pub struct Output {
+    /// A file, or `-` for standard output.
+    pub path: PathBuf,
+    /// As JSON in place of CSV.
+    pub json: bool,
+}
+
+impl Output {
+    /// Rows as CSV.
+    pub fn csv(path: &Path) -> Output {
+        Output { path: path.to_path_buf(), json: false }
+    }
+}
+
+/// An opened [`Output`]: a file that appears whole, or standard output.
+pub struct Sink {
+    place: Place,
+    path: PathBuf,
+    json: Option<Rows>,
+}
+
+enum Place {
     File(Pending),
     Stdout(io::BufWriter<io::Stdout>),
-    Memory(Vec<u8>),
+}
+
+impl Write for Place {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        match self {
+            Place::File(f) => f.write(bytes),
+            Place::Stdout(s) => s.write(bytes),
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        match self {
+            Place::File(f) => f.flush(),
+            Place::Stdout(s) => s.flush(),
+        }
+    }
 }
 
 impl Sink {
-    /// Opens the output `path` of a batch that reads `input` (`-`: a standard stream).
+    /// Opens the output of a batch that reads `input` (`-`: a standard stream).
     ///
     /// # Errors
     /// As [`claim::file`] and [`Pending::create`].
-    pub fn open(path: &Path, input: &Path) -> Result<Sink> {
-        claim::file(path, &["csv"], &[input])?;
-        if path == Path::new("-") {
-            Ok(Sink::Stdout(io::BufWriter::with_capacity(1 << 16, io::stdout())))
+    pub fn open(output: &Output, input: &Path) -> Result<Sink> {
+        claim::file(&output.path, &["csv", "json"], &[input])?;
+        let place = if output.path == Path::new("-") {
+            Place::Stdout(io::BufWriter::with_capacity(1 << 16, io::stdout()))
         } else {
-            Ok(Sink::File(Pending::create(path)?))
-        }
+            Place::File(Pending::create(&output.path)?)
+        };
+        Ok(Sink { place, path: output.path.clone(), json: output.json.then(Rows::default) })
     }
 
-    pub fn write_all(&mut self, path: &Path, bytes: &[u8]) -> Result<()> {
-        match self {
-            Sink::File(f) => f.write_all(bytes).map_err(|e| Error::write(path, atomic::explain(&e))),
-            Sink::Stdout(s) => s.write_all(bytes).map_err(stdout_error),
-            Sink::Memory(m) => {
-                m.extend_from_slice(bytes);
-                Ok(())
-            }
-        }
+    /// Writes whole lines of CSV; the first one is the header.
+    pub fn write_all(&mut self, lines: &[u8]) -> Result<()> {
+        let done = match &mut self.json {
+            Some(rows) => rows.write(lines, &mut self.place),
+            None => self.place.write_all(lines),
+        };
+        done.map_err(|e| self.failed(e))
     }
 
     /// Flushes; a file gets its name.
-    pub fn finish(self) -> Result<()> {
-        match self {
-            Sink::File(f) => f.finish(),
-            Sink::Stdout(mut s) => s.flush().map_err(stdout_error),
-            Sink::Memory(_) => Ok(()),
+    pub fn finish(mut self) -> Result<()> {
+        let done = match &self.json {
+            Some(rows) => rows.finish(&mut self.place),
+            None => Ok(()),
+        };
+        done.and_then(|()| self.place.flush()).map_err(|e| self.failed(e))?;
+        match self.place {
+            Place::File(f) => f.finish(),
+            Place::Stdout(_) => Ok(()),
+        }
+    }
+
+    fn failed(&self, e: io::Error) -> Error {
+        match self.place {
+            Place::File(_) => Error::write(&self.path, atomic::explain(&e)),
+            Place::Stdout(_) => stdout_error(e),
         }
     }
 }

@@ -91,6 +91,19 @@ impl Table {
         if self.header.len() > 40 { format!("{shown} and {} more", self.header.len() - 40) } else { shown }
     }
 
+    /// The column of an angle, which is `name` (radians) or `name_deg` (degrees), and the factor that makes radians of its numbers.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where the header has both.
+    pub fn angle(&self, name: &str) -> Result<(String, f64)> {
+        let degrees = format!("{name}_deg");
+        match (self.column(name), self.column(&degrees)) {
+            (Some(_), Some(_)) => Err(Error::field(&self.name, name, format!("the header has {degrees} too; expected one of the two"))),
+            (None, Some(_)) => Ok((degrees, 1f64.to_radians())),
+            _ => Ok((name.to_string(), 1.0)),
+        }
+    }
+
     /// Reads the next row; false at the end. Rows may be ragged or no text at all: see [`Record::fault`].
     pub fn next_record(&mut self, record: &mut Record) -> Result<bool> {
         let mut bytes = csv::ByteRecord::new();

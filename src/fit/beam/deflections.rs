@@ -13,11 +13,10 @@
 //! | `modulus_gpa`, `modulus_err_gpa` | modulus of elasticity; optional |
 
 use super::measured::{Along, Branch, Measured, Reading, fit};
-use crate::files::table::{Record, Sink, Status, Table, Tally, push_number, push_text};
+use crate::files::table::{Output, Record, Sink, Status, Table, Tally, push_number, push_text};
 use crate::{Error, Result};
 use rayon::prelude::*;
 use std::collections::HashMap;
-use std::path::Path;
 
 /// Output columns, before `status`.
 pub const OUTPUTS: [&str; 12] = [
@@ -127,15 +126,16 @@ pub fn fit_all(branches: &[Named], along: Along) -> Vec<std::result::Result<Meas
 ///
 /// # Errors
 /// [`Error::Write`] where the output cannot be written, [`Error::Usage`] where it is the input.
-pub fn write(branches: &[Named], fits: &[std::result::Result<Measured, String>], input: &Path, output: &Path) -> Result<Tally> {
+pub fn write(branches: &[Named], fits: &[std::result::Result<Measured, String>], input: &Path, output: &Output) -> Result<Tally> {
     let mut bytes = format!("branch,{},status\n", OUTPUTS.join(",")).into_bytes();
-    let mut tally = Tally::default();
+    let mut tally = Tally::new(&OUTPUTS);
     for ((name, _), result) in branches.iter().zip(fits) {
         push_text(&mut bytes, name);
         let (values, status) = match result {
             Ok(m) => (row(m), m.status.clone()),
             Err(why) => (vec![f64::NAN; OUTPUTS.len()], Status::Refused(why.clone())),
         };
+        tally.count(&status, &values);
         for v in values {
             bytes.push(b',');
             push_number(&mut bytes, v);
@@ -143,15 +143,9 @@ pub fn write(branches: &[Named], fits: &[std::result::Result<Measured, String>],
         bytes.push(b',');
         push_text(&mut bytes, &status.to_string());
         bytes.push(b'\n');
-        tally.rows += 1;
-        match status {
-            Status::Ok => tally.ok += 1,
-            Status::Undetermined(_) => tally.undetermined += 1,
-            Status::Refused(_) => tally.refused += 1,
-        }
     }
     let mut sink = Sink::open(output, input)?;
-    sink.write_all(output, &bytes)?;
+    sink.write_all(&bytes)?;
     sink.finish()?;
     Ok(tally)
 }

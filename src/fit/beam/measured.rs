@@ -219,16 +219,16 @@ fn measured(branch: &Branch, fit: Fit, readings: &[Reading], along: Along, state
         let scale = |r: &Reading| if stated { r.error } else { 1.0 };
         (fit.residuals.iter().zip(readings).map(|(v, r)| (v * scale(r)).powi(2)).sum::<f64>() / readings.len() as f64).sqrt()
     };
-    let status = status(&fit, [taper, load_over_stiffness, root_radius], given, stated);
+    let status = status(&fit, [taper, load_over_stiffness, root_radius, tip], given, stated);
     Measured { taper, load_over_stiffness, root_radius, tip, correlation, rms, stated, fit, status }
 }
 
-fn status(fit: &Fit, [taper, load, radius]: [Known; 3], given: bool, stated: bool) -> Status {
+fn status(fit: &Fit, [taper, load, radius, tip]: [Known; 4], given: bool, stated: bool) -> Status {
     let u = &fit.uncertainty;
     let freedom = u.freedom as f64;
     if stated && freedom > 0.0 && u.reduced_chi2 > 1.0 + EXCESS * (2.0 / freedom).sqrt() {
         return Status::Undetermined(format!(
-            "alpha load_over_stiffness_mm root_radius_mm (residuals exceed the noise: reduced chi2 {:.3e})",
+            "alpha load_over_stiffness_mm root_radius_mm tip_mm (residuals exceed the noise: reduced chi2 {:.3e})",
             u.reduced_chi2
         ));
     }
@@ -246,6 +246,10 @@ fn status(fit: &Fit, [taper, load, radius]: [Known; 3], given: bool, stated: boo
     if !load.sure() {
         unknown.push("load_over_stiffness_mm".into());
     }
+    if !tip.sure() {
+        unknown.push("tip_mm".into());
+    }
+    // The explanation ends the list of names.
     if !given {
         unknown.push(TIED.into());
     } else if !radius.sure() {

@@ -118,7 +118,7 @@ pub fn rows() -> Vec<StressRow> {
         }),
         measured(
             "measured, an outlier of 50 %",
-            "undetermined: alpha load_over_stiffness_mm root_radius_mm (residuals exceed the noise",
+            "undetermined: alpha load_over_stiffness_mm root_radius_mm tip_mm (residuals exceed the noise",
             t,
             0.01,
             |b| {

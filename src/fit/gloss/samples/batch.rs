@@ -1,17 +1,16 @@
 //! `fit gloss --samples`: goniometer tables in, a row a leaf out.
 
 use super::{Sample, SamplesFit, TILT, fit};
-use crate::files::table::{Record, Sink, Status, Table, Tally, push_number, push_text};
+use crate::files::table::{Output, Record, Sink, Status, Table, Tally, push_number, push_text};
 use crate::fit::gloss::M_RANGE;
 use crate::optics::gloss::Lobe;
 use crate::{Error, Result};
-use std::path::Path;
 
 /// `fit gloss --samples`: reads all rows, groups them by `leaf`, writes a row a leaf in order of first appearance.
 ///
 /// # Errors
 /// A missing column, an unreadable input, an unwritable output. A bad row refuses its leaf, by line.
-pub fn run(mut table: Table, output: &Path, values: &[String], lobe: Lobe) -> Result<Tally> {
+pub fn run(mut table: Table, output: &Output, values: &[String], lobe: Lobe) -> Result<Tally> {
     let values: Vec<String> =
         if values.is_empty() { table.header.iter().filter(|h| h.starts_with("brf")).cloned().collect() } else { values.to_vec() };
     if values.is_empty() {
@@ -59,7 +58,7 @@ pub fn run(mut table: Table, output: &Path, values: &[String], lobe: Lobe) -> Re
         push_text(&mut bytes, name);
     }
     bytes.push(b'\n');
-    let mut tally = Tally::default();
+    let mut tally = Tally::new(&header[1..header.len() - 1]);
     use rayon::prelude::*;
     let fits: Vec<_> = leaves.par_iter().map(|(_, samples)| samples.as_ref().map_err(String::clone).and_then(|s| fit(s, lobe))).collect();
     for ((name, _), fitted) in leaves.iter().zip(fits) {
@@ -69,28 +68,26 @@ pub fn run(mut table: Table, output: &Path, values: &[String], lobe: Lobe) -> Re
                 let status = status(&f, &values);
                 let cells = f.rho_d.iter().copied().chain([f.rho_s, f.m, f.tilt[0], f.tilt[1], f.rms]);
                 let errors = f.rho_d_err.iter().copied().chain([f.rho_s_err, f.m_err, f.tilt_err[0], f.tilt_err[1]]);
-                for v in cells.chain(errors) {
+                let numbers: Vec<f64> = cells.chain(errors).collect();
+                for v in &numbers {
                     bytes.push(b',');
-                    push_number(&mut bytes, v);
+                    push_number(&mut bytes, *v);
                 }
+                tally.count(&status, &numbers);
                 status
             }
             Err(why) => {
                 bytes.extend(std::iter::repeat_n(b',', header.len() - 2));
-                Status::Refused(why)
+                let status = Status::Refused(why);
+                tally.count(&status, &[]);
+                status
             }
         };
-        match status {
-            Status::Ok => tally.ok += 1,
-            Status::Undetermined(_) => tally.undetermined += 1,
-            Status::Refused(_) => tally.refused += 1,
-        }
-        tally.rows += 1;
         bytes.push(b',');
         push_text(&mut bytes, &status.to_string());
         bytes.push(b'\n');
     }
-    sink.write_all(output, &bytes)?;
+    sink.write_all(&bytes)?;
     sink.finish()?;
     Ok(tally)
 }

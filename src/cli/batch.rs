@@ -1,0 +1,19 @@
+//! What the batch forms (CSV in, CSV out) share: the sentence at their end.
+
+use super::{Common, print_json};
+use crate::Result;
+use crate::files::progress;
+use crate::files::table::{BatchIo, Tally};
+use std::path::Path;
+
+/// One line on standard error. With `--json` and the rows in a file, the same numbers as JSON on standard output.
+/// `row` says what a row is: `row`, `leaf`, `branch`.
+pub fn say_tally(tally: &Tally, io: &BatchIo, common: &Common, row: &str) -> Result<()> {
+    progress::say(tally.words(row));
+    if common.json && io.output != Path::new("-") {
+        let found: serde_json::Map<_, _> = tally.found().map(|(name, n)| (name.to_string(), n.into())).collect();
+        let Tally { rows, ok, undetermined, refused, .. } = tally;
+        print_json(&serde_json::json!({ "rows": rows, "ok": ok, "undetermined": undetermined, "refused": refused, "found": found }))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,139 @@
+//! The commands of the README and of `docs/` run as they are printed, page by page, in a copy of the working folder.
+//!
+//! Commands that only a long computation or a window answers are left out here, by name and with the reason, and counted. Scans are made smaller for the
+//! test; the printed command is checked to be accepted as it stands.
+
+mod common;
+
+use std::path::Path;
+use std::process::Command;
+
+const TISSUE: &str = "its texels have to be this fine, so it cannot be made smaller: minutes; tests/tissue.rs fits photographs of its own";
+
+/// Commands that are not run here, and why.
+const LEFT_OUT: [(&str, &str); 18] = [
+    ("make demo", "it builds an optimised program and runs the demo scene: minutes"),
+    ("make test", "it runs this test"),
+    ("make full", "two gigabytes of frames"),
+    ("cargo build --release", "it builds an optimised program: minutes"),
+    ("cargo build --release --no-default-features", "it builds an optimised program: minutes"),
+    ("mesophyll run data/scenes/demo.toml --out out/demo", "a whole scan is fitted and drawn without optimisation: minutes"),
+    ("mesophyll run data/scenes/translucency.toml --out out/tr", "many views are drawn without optimisation: minutes"),
+    ("mesophyll check data/scenes/twig.toml", "a twig under a sky is drawn without optimisation: minutes"),
+    ("mesophyll check data/scenes/back-lit.toml", "tests/check.rs draws and judges scenes where there is an adapter"),
+    ("mesophyll view data/scenes/glossy-sky.toml", "it opens a window and waits for its user"),
+    ("mesophyll stress", "tests/solve.rs runs its tables, each once: minutes"),
+    ("mesophyll stress coverage", "ten thousand texels are fitted without optimisation: minutes"),
+    ("mesophyll synth data/leaves/elm.toml -o out/patch-scan --patch-mm 13 --size 160x120 --frames 60", TISSUE),
+    ("mesophyll fit leaf out/patch-scan -o out/patch", TISSUE),
+    (
+        "mesophyll synth data/leaves/elm.toml -o out/beams --acquisition beams --patch-mm 13 --size 160x120 --beam front,90,0 --beam front,50,20",
+        TISSUE,
+    ),
+    ("mesophyll fit tissue out/beams --blade out/patch -o out/tissue", TISSUE),
+    ("mesophyll bench -o out/bench", "a minute of an optimised program"),
+    ("mesophyll bench translucency", "a minute of an optimised program"),
+];
+
+/// What is made smaller for the test: printed words, and the words that are run.
+const SMALLER: [(&str, &str); 2] =
+    [("--size 240x180 --frames 60", "--size 48x36 --frames 12"), ("--acquisition dome --size 240x180", "--acquisition dome --size 48x36")];
+
+fn is_command(text: &str) -> bool {
+    ["mesophyll ", "make ", "cargo "].iter().any(|program| text.starts_with(program))
+}
+
+/// The commands of a page in the order of the page: lines of its code blocks and, with `spans`, code within lines.
+fn commands(page: &str, spans: bool) -> Vec<String> {
+    let mut found = Vec::new();
+    for line in page.lines() {
+        if let Some(code) = line.strip_prefix("    ").filter(|code| is_command(code)) {
+            // Two blanks and a hash begin a remark.
+            found.push(code.split("  #").next().unwrap_or_default().trim().to_string());
+        } else if spans {
+            found.extend(line.split('`').skip(1).step_by(2).filter(|span| is_command(span)).map(String::from));
+        }
+    }
+    // `make demo    # what it does` is one command.
+    found.iter().map(|c| c.split("   ").next().unwrap_or_default().to_string()).collect()
+}
+
+/// What a command writes, by its `-o` or `--out`.
+fn written(words: &[&str]) -> Option<String> {
+    let at = words.iter().position(|w| ["-o", "--out"].contains(w))?;
+    words.get(at + 1).map(|w| w.to_string())
+}
+
+/// Runs a page's commands; the numbers run and left out.
+#[track_caller]
+fn run_page(page: &str, spans: bool) -> [usize; 2] {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let text = std::fs::read_to_string(root.join(page)).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["data", "fits"] {
+        common::copy_tree(&root.join(name), &folder.path().join(name));
+    }
+    let mut counts = [0, 0];
+    for printed in commands(&text, spans) {
+        let words: Vec<&str> = printed.split_whitespace().collect();
+        if words[0] == "mesophyll" {
+            let parsed = mesophyll::cli::command().try_get_matches_from(&words);
+            assert!(parsed.is_ok(), "{page}: {printed}: {}", parsed.err().map_or_else(String::new, |e| e.to_string()));
+        }
+        if let Some((_, why)) = LEFT_OUT.iter().find(|(command, _)| *command == printed) {
+            println!("{page}: left out: {printed} ({why})");
+            counts[1] += 1;
+            continue;
+        }
+        let smaller = SMALLER.iter().fold(printed.clone(), |command, (long, short)| command.replace(long, short));
+        let words: Vec<&str> = smaller.split_whitespace().collect();
+        assert_eq!(words[0], "mesophyll", "{page}: {printed} is neither run nor left out");
+        let clock = std::time::Instant::now();
+        let output = Command::new(env!("CARGO_BIN_EXE_mesophyll")).args(&words[1..]).current_dir(folder.path()).output().unwrap();
+        assert!(output.status.success(), "{page}: {smaller}: {}", String::from_utf8_lossy(&output.stderr));
+        if let Some(place) = written(&words) {
+            assert!(folder.path().join(&place).exists(), "{page}: {smaller} wrote no {place}");
+        }
+        println!("{page}: {:.1} s: {smaller}", clock.elapsed().as_secs_f64());
+        counts[0] += 1;
+    }
+    println!("{page}: {} commands ran, {} are left out", counts[0], counts[1]);
+    counts
+}
+
+#[test]
+fn the_commands_of_the_readme_run() {
+    let [ran, left_out] = run_page("README.md", true);
+    assert!(ran >= 22 && left_out <= 13, "{ran} ran, {left_out} are left out");
+}
+
+#[test]
+fn the_commands_of_the_sky_page_run() {
+    assert_eq!(run_page("docs/sky.md", false), [6, 0]);
+}
+
+#[test]
+fn the_commands_of_the_translucency_page_run() {
+    assert_eq!(run_page("docs/translucency.md", false), [6, 4]);
+}
+
+/// No page of commands is forgotten, and nothing is left out that no page has.
+#[test]
+fn the_list_of_what_is_left_out_is_true() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut printed = commands(&std::fs::read_to_string(root.join("README.md")).unwrap(), true);
+    for file in std::fs::read_dir(root.join("docs")).unwrap().flatten().map(|f| f.path()) {
+        if file.extension().is_none_or(|e| e != "md") {
+            continue;
+        }
+        let found = commands(&std::fs::read_to_string(&file).unwrap(), false);
+        let tested = ["sky.md", "translucency.md"].iter().any(|page| file.ends_with(page));
+        let all_left_out = found.iter().all(|c| LEFT_OUT.iter().any(|(command, _)| command == c));
+        assert!(tested || all_left_out, "{}: its commands are not run", file.display());
+        printed.extend(found);
+    }
+    for (command, _) in LEFT_OUT {
+        assert!(printed.iter().any(|p| p == command), "{command} stands on no page");
+    }
+    println!("{} commands are printed, {} of them left out", printed.len(), LEFT_OUT.len());
+}
