@@ -261,7 +261,7 @@ fn part_of(home: &Path, name: &str) -> Option<String> {
             return Some(fit.words);
         }
     }
-    let told = [Kind::Scene, Kind::Bench, Kind::Maps].into_iter().find(|kind| marks(home, *kind).iter().any(|mark| *mark == name));
+    let told = [Kind::Scene, Kind::Bench, Kind::Maps].into_iter().find(|kind| marks(home, *kind).contains(&name));
     told.map(|kind| format!("a {}", kind.words()))
 }
 
