@@ -26,7 +26,7 @@ pub struct Args {
 #[cfg(feature = "render")]
 pub fn run(args: &Args, _common: &Common) -> Result<u8> {
     use crate::Error;
-    use crate::files::{atomic, claim, progress};
+    use crate::files::{claim, progress};
     use crate::scene::{
         branch, check,
         edit::SceneEditor,

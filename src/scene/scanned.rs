@@ -7,7 +7,7 @@
 use super::amount;
 use super::fitted::{Fitted, fill};
 use super::ledger::Ledger;
-use super::mesh::LeafMesh;
+use crate::files::mesh::LeafMesh;
 use super::{handover, reference};
 use crate::capture::manifest::{SideName, Travel};
 use crate::files::image::Maps;

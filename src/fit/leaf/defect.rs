@@ -79,6 +79,11 @@ impl Defect {
         matches!(self, NoReading | NotConverged | Energy | Transmission | ThicknessRange | Unexplained | Foreign)
     }
 
+    /// Whether what comes through was misread, so that it says nothing of the texel.
+    pub fn of_light_box(self) -> bool {
+        matches!(self, Defect::Transmission | Defect::ThicknessRange)
+    }
+
     /// The defect of a mask's code.
     pub fn from_code(code: i16) -> Option<Defect> {
         Defect::ALL.into_iter().find(|d| d.code() == code)

@@ -223,11 +223,11 @@ fn classify(measured: &Measured, maps: &Maps) -> Vec<i16> {
             if !measured.mask[k] {
                 return 0;
             }
-            if code[k] != 1.0 {
-                return code[k] as i16;
-            }
             if unexplained[k] {
                 return Defect::Unexplained.code();
+            }
+            if code[k] != 1.0 {
+                return code[k] as i16;
             }
             let (t, e) = (measured.rho_t[k], measured.rho_t_err[k]);
             if (0..3).any(|c| !t[c].is_finite() || t[c] >= 1.0 || t[c] < -6.0 * e[c]) {
@@ -269,7 +269,7 @@ impl Good {
         };
         let at: Vec<u32> = (0..mask.len() as u32).filter(|&k| mask[k as usize] == 1).collect();
         let texels = at.iter().map(|&k| texel(k as usize)).collect();
-        Good { missing: outliers::stand_ins(mask, &at, width), at, texels }
+        Good { missing: outliers::stand_ins(mask, &at, &measured.rho_t, width), at, texels }
     }
 }
 

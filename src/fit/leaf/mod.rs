@@ -217,10 +217,7 @@ pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     record::begin(out, "leaf")?;
     let mut judged = Vec::new();
     for fitted in &done {
-        // Floats and the slab's curve hold a transmittance to a few millionths: less noise than that is not claimed.
-        let relative = (level.relative * level.lightbox * std::f64::consts::SQRT_2).max(noise::LEAST_RELATIVE);
-        let noise = (relative, fitted.measured.floor);
-        judged.push(held_out::judge(&capture, record.scan.get_or_insert_default(), &splits, fitted, noise)?);
+        judged.push(held_out::judge(&capture, record.scan.get_or_insert_default(), &splits, fitted, &level)?);
     }
     phases.add("held-out frames", step);
     let step = Instant::now();

@@ -19,9 +19,11 @@ const BRIGHTNESS: f64 = 8.0;
 const TRANSMITTANCE_CHI2: f64 = 80.0;
 /// Together with that χ²: a thickness this many times the leaf's median, or a part of it.
 const THICKNESS: f64 = 3.0;
-/// Neighbours within this many texels stand for a missing one, in the smallest square that holds [`NEIGHBOURS`] good texels.
-const REACH: usize = 4;
-const NEIGHBOURS: usize = 4;
+/// Neighbours within this many texels may stand for a missing one, from the smallest square that holds [`CANDIDATES`] good texels (or any).
+const REACH: usize = 6;
+const CANDIDATES: usize = 40;
+/// Of these, as many stand for it as are most like it in what comes through: a vein for a vein, lamina for lamina.
+const NEIGHBOURS: usize = 8;
 
 /// Median; NaN of nothing.
 pub fn median(mut values: Vec<f64>) -> f64 {
@@ -42,12 +44,16 @@ fn spread(values: &[f64]) -> (f64, f64) {
 /// the model is off, all texels' χ² is high alike, and none stands out.
 pub fn unexplained(maps: &Maps, mask: &[bool]) -> Vec<bool> {
     let (chi2, freedom) = (maps.get("chi2.Y").unwrap_or(&[]), maps.get("freedom.Y").unwrap_or(&[]));
-    let good = maps.get("mask.Y").unwrap_or(&[]);
+    let code = maps.get("mask.Y").unwrap_or(&[]);
+    // Traces that are far off often leave a texel ambiguous, too; that they are off is the better name.
+    let ambiguous = f32::from(Defect::Ambiguous.code());
     let reduced = |k: usize| match (chi2.get(k), freedom.get(k)) {
-        (Some(c), Some(f)) if mask[k] && good[k] == 1.0 && *f > 0.0 => Some((f64::from(*c) / f64::from(*f), f64::from(*f))),
+        (Some(c), Some(f)) if mask[k] && (code[k] == 1.0 || code[k] == ambiguous) && *f > 0.0 => {
+            Some((f64::from(*c) / f64::from(*f), f64::from(*f)))
+        }
         _ => None,
     };
-    let all: Vec<f64> = (0..mask.len()).filter_map(reduced).map(|(r, _)| r.max(1e-9).ln()).collect();
+    let all: Vec<f64> = (0..mask.len()).filter(|&k| code[k] == 1.0).filter_map(reduced).map(|(r, _)| r.max(1e-9).ln()).collect();
     let (centre, scatter) = spread(&all);
     (0..mask.len())
         .map(|k| {
@@ -94,25 +100,33 @@ pub fn of_leaf(texels: &[Texel], wide: &Wide, h: f64) -> Vec<(usize, Defect)> {
         .collect()
 }
 
-/// For every texel whose reading failed ([`Defect::failed_reading`]), the good texels around it: lists of places in `at`. A failed texel
-/// without enough good ones near has none.
-pub fn stand_ins(mask: &[i16], at: &[u32], width: usize) -> Vec<StandIns> {
+/// For every texel whose reading failed ([`Defect::failed_reading`]), the good texels around it that let through what it lets through: lists
+/// of places in `at`. `rho_t` is what was measured of every texel. A failed texel without good ones near has none.
+pub fn stand_ins(mask: &[i16], at: &[u32], rho_t: &[[f32; 3]], width: usize) -> Vec<StandIns> {
     let mut place = vec![u32::MAX; mask.len()];
     for (n, &k) in at.iter().enumerate() {
         place[k as usize] = n as u32;
     }
     let height = mask.len() / width.max(1);
-    let around = |k: usize| {
+    let near = |k: usize, r: usize| -> StandIns {
         let (i, j) = (k % width, k / width);
-        (1..=REACH).find_map(|r| {
-            let rows = j.saturating_sub(r)..(j + r + 1).min(height);
-            let near: StandIns = rows
-                .flat_map(|row| (i.saturating_sub(r)..(i + r + 1).min(width)).map(move |column| row * width + column))
-                .map(|k| place[k])
-                .filter(|n| *n != u32::MAX)
-                .collect();
-            (near.len() >= NEIGHBOURS).then_some(near)
-        })
+        let rows = j.saturating_sub(r)..(j + r + 1).min(height);
+        let all = rows.flat_map(|row| (i.saturating_sub(r)..(i + r + 1).min(width)).map(move |column| row * width + column));
+        all.map(|k| place[k]).filter(|n| *n != u32::MAX).collect()
+    };
+    let around = |k: usize| {
+        let mut list = (1..=REACH).map(|r| near(k, r)).find(|list| list.len() >= CANDIDATES).unwrap_or_else(|| near(k, REACH));
+        let away = |n: u32| -> f32 {
+            let (a, b) = (&rho_t[k], &rho_t[at[n as usize] as usize]);
+            a.iter().zip(b).map(|(a, b)| (a.max(1e-4) / b.max(1e-4)).ln().powi(2)).sum()
+        };
+        let seen = rho_t[k].iter().all(|t| *t > 0.0 && *t < 1.0) && !Defect::from_code(mask[k]).is_some_and(Defect::of_light_box);
+        if seen {
+            // Equally like ones in their order, so that the list is the same on every run.
+            list.sort_by(|a, b| away(*a).total_cmp(&away(*b)));
+            list.truncate(NEIGHBOURS);
+        }
+        (!list.is_empty()).then_some(list)
     };
     let failed = |code: i16| Defect::from_code(code).is_some_and(Defect::failed_reading);
     (0..mask.len()).filter(|&k| failed(mask[k])).filter_map(around).collect()

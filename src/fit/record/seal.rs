@@ -42,7 +42,7 @@ mod tests {
     use crate::fit::record::{FitRecord, Param, SCHEMA, Section};
 
     fn record() -> FitRecord {
-        let load = Param { value: vec![59.567070350437795], stderr: vec![0.64], unit: "mm".into(), undetermined: vec![] };
+        let load = Param { value: vec![59.567070350437795], stderr: vec![0.64], unit: "mm".into(), ..Param::default() };
         let unknown = Param { value: vec![f64::NAN], stderr: vec![f64::INFINITY], ..Param::default() };
         let params = [("load".to_string(), load), ("radius".to_string(), unknown)].into();
         let sections = [("branch twig".to_string(), Section { params, ..Section::default() })].into();

@@ -8,6 +8,8 @@ use crate::capture::reader::Capture;
 use crate::files::image::Maps;
 use crate::fit::leaf::curve::{Curve, Incidence};
 use crate::fit::leaf::interior::Fitted;
+use crate::fit::leaf::noise::{self, Level};
+use crate::fit::leaf::outliers;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -81,12 +83,14 @@ impl Tally {
     }
 }
 
-/// Judges a fitted side. `noise` is that of a transmittance: relative, and the floor a channel.
+/// Judges a fitted side by the noise that its texels' readings have.
 ///
 /// # Errors
 /// Frames that cannot be read.
-pub fn judge(capture: &Capture, scan: &Scan, splits: &Splits, fitted: &Fitted, noise: (f64, [f64; 3])) -> Result<Judged> {
-    let mut out = Judged { light_box: light_box(capture, fitted, noise), ..Judged::default() };
+pub fn judge(capture: &Capture, scan: &Scan, splits: &Splits, fitted: &Fitted, level: &Level) -> Result<Judged> {
+    // Floats and the slab's curve hold a transmittance to a few millionths: less noise than that is not claimed.
+    let relative = (level.relative * level.lightbox * std::f64::consts::SQRT_2).max(noise::LEAST_RELATIVE);
+    let mut out = Judged { light_box: light_box(capture, fitted, relative), ..Judged::default() };
     let Some(texel) = texel_of(&fitted.maps).filter(|_| splits.any()) else { return Ok(out) };
     let m = &capture.manifest;
     let at = |k: usize| m.texel_position(k % m.width, k / m.width);
@@ -113,12 +117,13 @@ pub fn judge(capture: &Capture, scan: &Scan, splits: &Splits, fitted: &Fitted, n
             }
             let places: Vec<[u32; 2]> = list.iter().map(|k| [(k % m.width) as u32, (k / m.width) as u32]).collect();
             let band = capture.band(fitted.side, pass.name, rows.clone(), &places, &split.held)?;
+            let noise = level.readings(capture, &places);
             let residuals: Vec<Option<Vec<[f64; 3]>>> = list
                 .par_iter()
                 .enumerate()
                 .map_init(Scratch::default, |scratch, (n, &k)| {
                     let values = predictor.values(scratch, &texel(k)?, at(k));
-                    let z = |(f, v): (usize, &[f64; 3])| [0, 1, 2].map(|c: usize| (f64::from(band[f][n][c]) - v[c]) / scan.noise(v[c]));
+                    let z = |(f, v): (usize, &[f64; 3])| [0, 1, 2].map(|c: usize| (f64::from(band[f][n][c]) - v[c]) / noise[n].variance(c, v[c]).sqrt());
                     Some(values.iter().enumerate().map(z).collect())
                 })
                 .collect();
@@ -166,7 +171,7 @@ pub fn judge(capture: &Capture, scan: &Scan, splits: &Splits, fitted: &Fitted, n
     for (c, letter) in ["R", "G", "B"].iter().enumerate() {
         let value = |k: usize| {
             let at = k / stored.width * scan.stored_step * m.width + k % stored.width * scan.stored_step;
-            if fitted.mask[at] == 1 { rounded(fitted.measured.rho_t[at][c], noise.0) } else { f32::NAN }
+            if fitted.mask[at] == 1 { rounded(fitted.measured.rho_t[at][c], relative) } else { f32::NAN }
         };
         let plane = (0..stored.width * stored.height).map(value).collect();
         stored.push(format!("{LIGHT_BOX}.{letter}"), plane);
@@ -194,8 +199,10 @@ fn nearest_the_peak(scan: &Scan, travel: Travel, positions: &[f64]) -> Vec<usize
     order
 }
 
-fn light_box(capture: &Capture, fitted: &Fitted, (relative, floor): (f64, [f64; 3])) -> Option<LightBox> {
+/// The floor of the whole side is the median texel's.
+fn light_box(capture: &Capture, fitted: &Fitted, relative: f64) -> Option<LightBox> {
     let m = &capture.manifest;
+    let floor = [0, 1, 2].map(|c: usize| outliers::median(fitted.texels.iter().map(|x| x.rho_t_floor[c]).collect()));
     let incidence = m.lightbox.camera_deg.to_radians().cos();
     let thickness: BTreeMap<usize, f64> = fitted.at.iter().zip(&fitted.thickness).map(|(k, t)| (*k as usize, *t)).collect();
     through(fitted.sigma_a, fitted.sigma_s, m.thickness_mm, incidence, relative, floor, fitted.at.iter().map(|k| *k as usize), |k| {
