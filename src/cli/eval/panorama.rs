@@ -9,11 +9,13 @@ use crate::fit::sky::panorama::render::{Shot, render};
 use crate::{Error, Result};
 use std::path::PathBuf;
 
+const EXAMPLES: &str = "Examples:
+  mesophyll eval panorama --sun-zenith-deg 50 --turbidity 3 -o sky.exr
+  mesophyll eval panorama --sun-zenith-deg 30 --turbidity 4 --projection fisheye --size 400x400 --noise 0.02 --disk --clip 30 -o dome.exr";
+
 /// Renders a sky as an EXR panorama (channels R, G, B: linear sRGB, kcd/m² times --scale), with seeded noise.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:
-  mesophyll eval panorama --sun-zenith-deg 50 --turbidity 3 -o sky.exr
-  mesophyll eval panorama --sun-zenith-deg 30 --turbidity 4 --projection fisheye --size 400x400 --noise 0.02 --disk --clip 30 -o dome.exr", after_long_help = tables::help("eval panorama"))]
+#[command(after_help = EXAMPLES, after_long_help = format!("{EXAMPLES}\n\n{}", tables::help("eval panorama")))]
 pub struct Args {
     /// File to write, `-` for standard output
     #[arg(short, long = "out", alias = "output", value_name = "FILE.exr")]

@@ -11,6 +11,12 @@ use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+const EXAMPLES: &str = "Examples:
+  mesophyll fit sky -o out/sky
+  mesophyll fit sky --method compact --bands 4 -o out/sky-small
+  mesophyll eval panorama --sun-zenith-deg 50 --turbidity 3 --noise 0.02 -o out/pano.exr
+  mesophyll fit sky --panorama out/pano.exr -o out/pano-fit";
+
 /// Fits every coefficient of N bands over sun zenith (0 to the horizon) and turbidity, and judges the fit against direct integration.
 ///
 /// DIR gets fit.toml, times.toml and coefficients.json (the arrays in f32).
@@ -20,11 +26,7 @@ use std::time::Instant;
 /// half towards -y, a fisheye's top is +x and its right +y. What is NaN, below 1/2 in the mask or in an alpha channel A, or below the horizon is not looked at;
 /// clipped pixels, clouds and the sun's disk are found and left out. DIR gets fit.toml, times.toml and all.exr (fate, reduced chi2, residuals).
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:
-  mesophyll fit sky -o out/sky
-  mesophyll fit sky --method compact --bands 4 -o out/sky-small
-  mesophyll eval panorama --sun-zenith-deg 50 --turbidity 3 --noise 0.02 -o out/pano.exr
-  mesophyll fit sky --panorama out/pano.exr -o out/pano-fit", after_long_help = tables::help("fit sky"))]
+#[command(after_help = EXAMPLES, after_long_help = format!("{EXAMPLES}\n\n{}", tables::help("fit sky")))]
 pub struct Args {
     /// Folder to write
     #[arg(short, long = "out", alias = "output", value_name = "DIR", value_parser = place::folder())]
