@@ -51,11 +51,11 @@ impl Error {
         Error::Write { place: path.display().to_string(), what: what.to_string() }
     }
 
-    /// Exit code: 0 done, 1 a fit or a check missed, 2 usage, unreadable input or an output that cannot be written, 130 interrupted.
+    /// Exit code: 0 done, 1 a fit or a check missed (or could not be written), 2 usage or unreadable input, 130 interrupted.
     pub fn exit_code(&self) -> u8 {
         match self {
-            Error::Input { .. } | Error::Usage(_) | Error::Write { .. } => 2,
-            Error::Missed(_) => 1,
+            Error::Input { .. } | Error::Usage(_) => 2,
+            Error::Write { .. } | Error::Missed(_) => 1,
             Error::Interrupted(_) => 130,
             Error::BrokenPipe => 0,
         }

@@ -107,10 +107,10 @@ fn places_that_cannot_be_written_are_the_command_line_s_mistake() {
             &["bench", "slab", "-o", &place],
         ];
         for args in cases {
-            refused(&run(args), 2, &["cannot write", &place]);
+            refused(&run(args), 1, &["cannot write", &place]);
         }
         #[cfg(feature = "render")]
-        refused(&run(["check", &scene, "--out", &place]), 2, &["cannot write", &place]);
+        refused(&run(["check", &scene, "--out", &place]), 1, &["cannot write", &place]);
     }
     assert_eq!(std::fs::read_to_string(&csv).unwrap(), SLABS);
 }
@@ -151,13 +151,13 @@ fn a_full_disk_is_said_and_what_was_there_stays() {
         &["export", &fit, "--to", "csv", "-o", &out],
     ];
     for args in cases {
-        refused(&with_little_room(args), 2, &["cannot write", "old.out", "largest size allowed"]);
+        refused(&with_little_room(args), 1, &["cannot write", "old.out", "largest size allowed"]);
         assert_eq!(std::fs::read_to_string(&old).unwrap(), "what was there", "{args:?}");
         assert_eq!(std::fs::read_dir(&kept).unwrap().count(), 1, "{args:?} left something behind");
     }
     // A scan that did not fit is no capture.
     let scan = text(&dir.path().join("scan"));
-    refused(&with_little_room(&["synth", "data/leaves/elm.toml", "-o", &scan, "--size", "48x36", "--frames", "8"]), 2, &["cannot write"]);
+    refused(&with_little_room(&["synth", "data/leaves/elm.toml", "-o", &scan, "--size", "48x36", "--frames", "8"]), 1, &["cannot write"]);
     assert_eq!(std::fs::read_dir(&scan).unwrap().count(), 0, "a scan that failed left something behind");
 }
 
@@ -167,11 +167,11 @@ fn a_full_disk_is_said_and_what_was_there_stays() {
 fn a_device_without_room_is_said_to_be_full() {
     let (dir, path) = workplace();
     let csv = text(&dir.path().join("slabs.csv"));
-    refused(&run(["eval", "slab", "--in", &csv, "--out", "/dev/full"]), 2, &["cannot write /dev/full", "the disk is full"]);
+    refused(&run(["eval", "slab", "--in", &csv, "--out", "/dev/full"]), 1, &["cannot write /dev/full", "the disk is full"]);
     for args in [vec!["eval", "slab", "--in", &csv], vec!["plan", path.to_str().unwrap(), "--json"], vec!["stress", "solve"]] {
         let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
         let child = mesophyll().args(&args).stdout(Stdio::from(full)).stderr(Stdio::piped()).spawn().unwrap();
-        refused(&child.wait_with_output().unwrap(), 2, &["cannot write standard output", "the disk is full"]);
+        refused(&child.wait_with_output().unwrap(), 1, &["cannot write standard output", "the disk is full"]);
     }
 }
 

@@ -324,7 +324,7 @@ fn a_full_disk_ends_in_a_sentence_and_leaves_nothing_half_written() {
         out.display()
     );
     let output = std::process::Command::new("sh").args(["-c", &script]).output().unwrap();
-    refused(&output, 2, &["cannot write"]);
+    refused(&output, 1, &["cannot write"]);
     assert!(!out.join("fit.toml").exists());
     let litter: Vec<_> =
         std::fs::read_dir(&out).unwrap().flatten().filter(|e| e.file_name().to_string_lossy().ends_with(".partial")).collect();

@@ -149,7 +149,7 @@ fn the_check_sees_gloss_that_a_plan_left_out_by_mistake() {
     let manifest = Manifest::read(&faint_gloss(dir.path(), 75.0)).unwrap();
     let ledger = Ledger::new();
     let mut plan = plan::make(&manifest, None, None, &ledger).unwrap();
-    let options = check::Options { out: dir.path().join("out"), update_golden: false };
+    let options = check::Options { out: dir.path().join("out"), update_golden: false, goldens_only: false };
     let whole = match check::check(&manifest, &plan, &options, &ledger) {
         Err(e) if e.to_string().contains("no graphics adapter") => return println!("skipped: no graphics adapter"),
         other => other.unwrap(),

@@ -52,7 +52,18 @@ fn view(folder: &Path, index: usize, json: &Value, pictures: bool, missing: &mut
     let why = json.get("why").and_then(Value::as_array).map(|w| w.iter().map(text).collect()).unwrap_or_default();
     let true_leaf = json.get("true_leaf").and_then(Value::as_str).filter(|_| pictures);
     let true_leaf = true_leaf.and_then(|file| picture(folder, Some(file), &name, &[], &format!("{name}: the true leaf")));
-    ViewReport { passed: json.get("passed").and_then(Value::as_bool), kind, why, name, figures, image, reference, difference, flip, true_leaf }
+    ViewReport {
+        passed: json.get("passed").and_then(Value::as_bool),
+        kind,
+        why,
+        name,
+        figures,
+        image,
+        reference,
+        difference,
+        flip,
+        true_leaf,
+    }
 }
 
 /// The PNG the view names, else `NAME-reference.png` and the like; names never lead out of the folder.

@@ -7,10 +7,10 @@
 use super::amount;
 use super::fitted::{Fitted, fill};
 use super::ledger::Ledger;
-use crate::files::mesh::LeafMesh;
 use super::{handover, reference};
 use crate::capture::manifest::{SideName, Travel};
 use crate::files::image::Maps;
+use crate::files::mesh::LeafMesh;
 use crate::fit::leaf::held_out::{KeptFrame, Scan};
 use crate::optics::gloss::Lobe;
 use crate::transport::{self, lobe};

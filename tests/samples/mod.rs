@@ -232,6 +232,7 @@ fn write_side(folder: &Path, sample: &Sample, side: &str, tone: f32, rng: &mut P
             ("sigma_s".to_string(), param(&[9.6, 10.2, 9.1], &[0.11, 0.10, 0.31], "1/mm", &[], nudge)),
             ("thickness".to_string(), param(&[0.1612], &[0.004], "mm", &[], 0.0)),
         ]),
+        ..Section::default()
     }
 }
 

@@ -16,8 +16,8 @@ use super::measured::{Along, Branch, Measured, Reading, fit};
 use crate::files::table::{Output, Record, Sink, Status, Table, Tally, push_number, push_text};
 use crate::{Error, Result};
 use rayon::prelude::*;
-use std::path::Path;
 use std::collections::HashMap;
+use std::path::Path;
 
 /// Output columns, before `status`.
 pub const OUTPUTS: [&str; 12] = [

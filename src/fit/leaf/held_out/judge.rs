@@ -123,7 +123,9 @@ pub fn judge(capture: &Capture, scan: &Scan, splits: &Splits, fitted: &Fitted, l
                 .enumerate()
                 .map_init(Scratch::default, |scratch, (n, &k)| {
                     let values = predictor.values(scratch, &texel(k)?, at(k));
-                    let z = |(f, v): (usize, &[f64; 3])| [0, 1, 2].map(|c: usize| (f64::from(band[f][n][c]) - v[c]) / noise[n].variance(c, v[c]).sqrt());
+                    let z = |(f, v): (usize, &[f64; 3])| {
+                        [0, 1, 2].map(|c: usize| (f64::from(band[f][n][c]) - v[c]) / noise[n].variance(c, v[c]).sqrt())
+                    };
                     Some(values.iter().enumerate().map(z).collect())
                 })
                 .collect();
