@@ -107,10 +107,10 @@ fn places_that_cannot_be_written_are_the_command_line_s_mistake() {
             &["bench", "slab", "-o", &place],
         ];
         for args in cases {
-            refused(&run(args), 1, &["cannot write", &place]);
+            refused(&run(args), 2, &["cannot write", &place]);
         }
         #[cfg(feature = "render")]
-        refused(&run(["check", &scene, "--out", &place]), 1, &["cannot write", &place]);
+        refused(&run(["check", &scene, "--out", &place]), 2, &["cannot write", &place]);
     }
     assert_eq!(std::fs::read_to_string(&csv).unwrap(), SLABS);
 }

@@ -103,17 +103,20 @@ fn one_per_cent_of_wild_texels_moves_less_than_the_error_and_ten_are_bounded() {
     }
 }
 
+/// Frames of random values up to 1e38 used to hang in a decomposition without a limit. A few texels are enough to get there.
 #[test]
 fn frames_of_any_size_end_in_a_sentence() {
     let dir = tempfile::tempdir().unwrap();
+    let kept = every(40);
     let capture = spoilt(dir.path(), |frame, values, c| {
         for (k, v) in values.iter_mut().enumerate() {
             *v = 10f32.powf(76.0 * scrambled(frame * 1_000_003 + 3 * k + c) - 38.0);
         }
     });
-    let clock = std::time::Instant::now();
+    let mut mask = read_exr(&capture.join("mask.exr")).unwrap();
+    mask.channels[0].1.iter_mut().enumerate().for_each(|(k, v)| *v = f32::from(u8::from(kept.contains(&k))));
+    write_exr(&capture.join("mask.exr"), &mask, Packing::Raw).unwrap();
     let out = run(["fit", "leaf", capture.to_str().unwrap(), "-o", dir.path().join("fit").to_str().unwrap()]);
-    assert!(clock.elapsed().as_secs() < 240, "{:?}", clock.elapsed());
     refused(&out, 1, &["front", "no texel could be fitted"]);
 }
 

@@ -314,10 +314,10 @@ mod tests {
     fn a_quote_that_is_not_closed_costs_its_own_row_and_no_other() {
         let rows = |text: &'static str| -> Vec<String> { through(text).unwrap().lines().skip(1).map(String::from).collect() };
         let never = "refused: the quote that opens on line 3 is never closed";
-        assert_eq!(rows("note,x\na,1\n\"b,2\nc,3\nd,4\n"), ["a,1,1.0,ok", &format!("\"\"\"b,2\",,{never}"), "c,3,3.0,ok", "d,4,4.0,ok"]);
+        assert_eq!(rows("note,x\na,1\n\"b,2\nc,3\nd,4\n"), ["a,1,1.0,ok", &format!("\"\"\"b,2\",,,{never}"), "c,3,3.0,ok", "d,4,4.0,ok"]);
         // The quotes of a later row do not close it.
         let wrong = "refused: the quote that opens on line 2 is closed in the middle of a cell";
-        assert_eq!(rows("note,x\r\n\"b,2\r\n\"c\",3\r\n\r\nd,4"), [&format!("\"\"\"b,2\",,{wrong}"), "c,3,3.0,ok", "d,4,4.0,ok"]);
+        assert_eq!(rows("note,x\r\n\"b,2\r\n\"c\",3\r\n\r\nd,4"), [&format!("\"\"\"b,2\",,,{wrong}"), "c,3,3.0,ok", "d,4,4.0,ok"]);
         // Neither do a thousand rows without one.
         let long: &'static str = format!("note,x\n\"b,2\n{}", "c,3\n".repeat(1000)).leak();
         assert_eq!(rows(long).iter().filter(|r| *r == "c,3,3.0,ok").count(), 1000);

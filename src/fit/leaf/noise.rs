@@ -129,15 +129,20 @@ fn roughness_of_traces(traces: &[Vec<f64>], noise: &[ReadingNoise]) -> Option<f6
     Some(*all.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.674_489_75)
 }
 
-/// Traces of texels across the middle rows, without the frames that the fit leaves out: the texels, and three channels of each in turn.
+/// Traces of texels across the middle rows, NaN in the frames that the fit leaves out: the texels, and three channels of each in turn.
 fn sample(capture: &Capture, splits: &Splits) -> Result<(Vec<[u32; 2]>, Vec<Vec<f64>>)> {
     let m = &capture.manifest;
     let rows = m.height / 2..(m.height / 2 + 2).min(m.height);
     let step = (m.width / 200).max(1);
     let texels: Vec<[u32; 2]> = (0..m.width).step_by(step).map(|i| [i as u32, rows.start as u32]).collect();
     let band = capture.band(SideName::Front, Travel::X, rows, &texels, &splits.x.kept)?;
-    let traces =
-        (0..texels.len()).flat_map(|n| [0, 1, 2].map(|c: usize| band.iter().map(|f| f64::from(f[n][c])).collect::<Vec<f64>>())).collect();
+    let frames = m.pass(Travel::X).map_or(0, |p| p.positions().len());
+    let trace = |n: usize, c: usize| {
+        let mut all = vec![f64::NAN; frames];
+        splits.x.kept.iter().zip(&band).for_each(|(k, frame)| all[*k] = f64::from(frame[n][c]));
+        all
+    };
+    let traces = (0..texels.len()).flat_map(|n| [0, 1, 2].map(|c: usize| trace(n, c))).collect();
     Ok((texels, traces))
 }
 
