@@ -118,7 +118,7 @@ rotation_deg = [-25, 25, 0]
 eye_mm = [20, -40, 90]
 target_mm = [0, 0, 0]
 fov_deg = 6
-max_error = 2e-3
+max_error = 8e-3
 [[view]]
 name = "from-the-sun"
 kind = "card"
@@ -127,11 +127,11 @@ rotation_deg = [30, -35, 0]
 eye_mm = [20, -40, 90]
 target_mm = [0, 0, 0]
 fov_deg = 6
-max_error = 2e-3
+max_error = 8e-3
 "#;
 
-/// Tilted matte cards under sky, ground and sun: the reference meets the integral of the sky to a thousandth, the renderer to the .15 % that
-/// seven bands leave of an irradiance, and a third. The leaf beside them is judged against the reference with 2 % of its displayed value on top.
+/// Tilted matte cards under sky, ground and sun: the reference meets the integral of the sky to a thousandth, the renderer to .8 %:
+/// seven bands leave .28 and .63 % of these two cards' light, which comes from a coloured ground too and through the leaf. The leaf beside them is judged against the reference with 2 % of its displayed value on top.
 #[test]
 fn tilted_cards_meet_the_integral_in_both_renderers() {
     let dir = tempfile::tempdir().unwrap();

@@ -90,7 +90,9 @@ fn the_c_header_compiles_and_equals_the_library() {
         }
         main.push_str("    return mesophyll_sky(0.5, 6.1, c) || mesophyll_sky(1.6, 3.0, c) || mesophyll_sky(0.0 / 0.0, 3.0, c);\n}\n");
         std::fs::write(dir.path().join("main.c"), main).unwrap();
-        for (real, tolerance) in [("float", SINGLE), ("double", DOUBLE)] {
+        // The plain Chebyshev polynomials cancel more in single precision.
+        let single = if method == "chebyshev" { 2e-6 } else { SINGLE };
+        for (real, tolerance) in [("float", single), ("double", DOUBLE)] {
             let program = dir.path().join(format!("{method}-{real}"));
             let built = Command::new("cc")
                 .args(["-std=c99", "-Wall", "-Wextra", "-Werror", &format!("-DMESOPHYLL_SKY_REAL={real}"), "main.c", "-lm", "-o"])

@@ -22,7 +22,7 @@ pub struct Args {
     #[arg(long)]
     update_golden: bool,
     /// Only draw every view small and compare it with its golden picture: no reference, seconds instead of minutes. Fits that are missing are
-    /// made first
+    /// made first, from small scans; everything goes to DIR/goldens
     #[arg(long)]
     goldens_only: bool,
     /// Compare W's scalars with pigment maps for every leaf: bytes, fit error, picture error
@@ -33,13 +33,18 @@ pub struct Args {
 #[cfg(feature = "render")]
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     use crate::files::{atomic, claim};
-    use crate::scene::{check::Options, ledger::Ledger, make, manifest::Manifest, plan};
+    use crate::scene::{check::Options, golden, ledger::Ledger, make, manifest::Manifest, plan};
 
-    let manifest = Manifest::read(&args.scene)?;
+    let mut manifest = Manifest::read(&args.scene)?;
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out/check").join(&manifest.name));
+    // Fits that are made for goldens alone are small: they must not take the place of a run's own.
+    let out = if args.goldens_only { out.join("goldens") } else { out };
     claim::scene(&out, &args.scene)?;
     let ledger = Ledger::new();
-    let own = args.out.as_deref().or(args.goldens_only.then_some(out.as_path()));
+    if args.goldens_only {
+        golden::small_scans(&mut manifest);
+    }
+    let own = if args.goldens_only { Some(out.as_path()) } else { args.out.as_deref() };
     let mut plan = plan::make(&manifest, own, Some(&make::input_hash), &ledger)?;
     let missing = if args.goldens_only { plan.unfitted() } else { Vec::new() };
     for index in &missing {

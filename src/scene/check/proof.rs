@@ -54,8 +54,11 @@ fn alone(manifest: &Manifest, view: &View, renderer: &mut gpu::Renderer, options
     Ok(out)
 }
 
-/// Draws a view of the scene that the renderer holds small, and judges it by its golden.
+/// Draws a view of the scene that the renderer holds small, and judges it by its golden where that applies.
 pub fn judge_view(manifest: &Manifest, view: &View, renderer: &mut gpu::Renderer, options: &Options, out: &mut ViewReport) -> Result<()> {
+    if !options.goldens_only && !golden::applies(manifest) {
+        return Ok(());
+    }
     let (w, h) = golden::size(manifest);
     let picture = renderer.render(&handover::camera(view), w, h).map_err(told)?;
     judge(manifest, (w as usize, h as usize), &picture.ldr, options, out)
@@ -71,7 +74,8 @@ pub fn hours(
     ledger: &Ledger,
     report: &mut Report,
 ) -> Result<()> {
-    if !options.goldens_only && !options.update_golden && !golden::path(manifest, HOURS).is_file() {
+    let wanted = options.update_golden || golden::path(manifest, HOURS).is_file();
+    if !options.goldens_only && !(wanted && golden::applies(manifest)) {
         return Ok(());
     }
     let (w, h) = golden::size(manifest);
