@@ -130,7 +130,7 @@ const TAMPERINGS: [Tampering; 7] = [
     Tampering { what: "thickness × 1.3", scene: "back-lit", act: |fits| edit(fits, "elm", |h| scaled(1.0, 0.3 * h)) },
     Tampering { what: "thickness × 1.3", scene: "twig", act: |fits| edit(fits, "elm", |h| scaled(1.0, 0.3 * h)) },
     Tampering { what: "σa × 1.5", scene: "twig", act: |fits| edit(fits, "elm", |_| scaled(1.5, 0.0)) },
-    Tampering { what: "γ × .8", scene: "matte-front", act: |fits| paler(&fits.join("elm")) },
+    Tampering { what: "γ × .8", scene: "front-lit", act: |fits| paler(&fits.join("elm")) },
     Tampering { what: "ρs × 2", scene: "glossy-sky", act: |fits| edit(fits, "balata", |_| Change { rho_s: 2.0, ..unchanged() }) },
     Tampering { what: "m × 2", scene: "sky", act: |fits| edit(fits, "balata", |_| Change { m: 2.0, ..unchanged() }) },
     Tampering { what: "load × 2.5", scene: "twig", act: |fits| heavier(&fits.join("elm-twig")) },

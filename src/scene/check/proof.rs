@@ -75,7 +75,7 @@ pub fn hours(
     report: &mut Report,
 ) -> Result<()> {
     let wanted = options.update_golden || golden::path(manifest, HOURS).is_file();
-    if !options.goldens_only && !(wanted && golden::applies(manifest)) {
+    if !(options.goldens_only || wanted && golden::applies(manifest)) {
         return Ok(());
     }
     let (w, h) = golden::size(manifest);
