@@ -33,7 +33,8 @@ fn every_table_of_stress_gets_the_verdicts_it_expects() {
     // The program's own list of tables, from what it says to a name that it does not know: a new table is run here too.
     let said = mesophyll().args(["stress", "no-such-model"]).assert().code(2).get_output().stderr.clone();
     let said = String::from_utf8(said).unwrap();
-    let mut tables: Vec<&str> = said.split_once("there are ").expect("a list of the tables").1.trim().split(", ").collect();
+    let list = said.split_once("possible values: ").and_then(|(_, rest)| rest.split_once(']')).expect("a list of the tables").0;
+    let mut tables: Vec<&str> = list.split(", ").collect();
     assert!(tables.len() >= 9, "{said}");
     // The 10,000 texels of `coverage` take half a minute in an optimised build, minutes here: a thousand of them are a test of `fit::coverage`.
     tables.retain(|t| *t != "coverage");

@@ -94,10 +94,13 @@ pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> R
         );
         return Err(Error::Usage(what));
     }
-    if let Err(e) = record.verify(folder) {
-        crate::files::progress::say(format_args!("warning: {e}"));
-    }
+    let warn_of_changes = || {
+        if let Err(e) = record.verify(folder) {
+            crate::files::progress::say(format_args!("warning: {e}"));
+        }
+    };
     if format == Format::Json {
+        warn_of_changes();
         atomic::write_bytes(path, &as_json(&record, folder)?)?;
         return Ok(vec![path.to_path_buf()]);
     }
@@ -107,6 +110,7 @@ pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> R
         let what = format!("{} is a {} fit, which has no maps; it can be exported as json", folder.display(), record.kind);
         return Err(Error::Usage(what));
     }
+    warn_of_changes();
     match format {
         Format::Json | Format::Wgsl | Format::C => Ok(Vec::new()),
         Format::Png => texture::folder(&sides, folder, path),
