@@ -37,6 +37,9 @@ fn entry(key: &str) -> Option<(usize, &str)> {
     if let Some(at) = find(key) {
         return Some((at, ""));
     }
+    if let Some((head, channel @ ("R" | "G" | "B"))) = key.rsplit_once('.') {
+        return Some((find(head)?, channel));
+    }
     if let Some((head, tail)) = key.split_once('.') {
         let (channel, tail) = tail.split_once('_')?;
         return Some((find(&format!("{head}_{tail}"))?, channel));
@@ -95,6 +98,8 @@ mod tests {
         assert_eq!(shown("sigma_a_off_slab_in_errors_550nm", 1.25).1, "1.25 combined standard errors");
         assert_eq!(shown("slab_sigma_a_G", 3.5), ("σa by the slab fit, green".into(), "3.5 1/mm".into()));
         assert_eq!(shown("blade_area_mm2", 2.5).1, "2.5 mm²");
+        let apart = shown("apart_in_errors.sigma_a.R", 2.5);
+        assert_eq!(apart, ("σa, front against back, in errors of the noise, red".into(), "2.5 combined standard errors".into()));
         assert_eq!(figure("a_new_key_that_nobody_named", 1.0), None);
         assert!(catalogue().len() > 60);
         let text = include_str!("figures.txt").lines().filter(|l| !l.starts_with('#')).count();
