@@ -361,10 +361,9 @@ fn intervals_of_the_pigment_maps_hold_the_true_leaf() {
                 }
             }
             let (share, missed) = (inside as f64 / all as f64, apart as f64 / all as f64);
-            // Errors are propagated to first order: over scans and sides 92.6 to 95.0 % were seen, and the verdict says so where it is below 93.
-            assert!((0.92..=0.97).contains(&share), "{side} {name}: {share} of {all}");
+            assert!((0.93..=0.97).contains(&share), "{side} {name}: {share} of {all}");
             // The leaf's one σ is another quantity: these intervals miss it far more often than the 5 % that theirs may miss.
-            assert!(missed > 0.15, "{side} {name}: {missed}");
+            assert!(missed > 0.3, "{side} {name}: {missed}");
             let said = record.sections[side].truth[&format!("{name}_map")];
             assert!((said.coverage95.unwrap() - share).abs() < 0.005 && said.judged == Some(all), "{said:?} {share} {all}");
         }

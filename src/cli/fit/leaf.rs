@@ -33,12 +33,12 @@ pub struct Args {
     /// Weigh no texel down, however badly it fits
     #[arg(long)]
     no_robust: bool,
-    /// Leave one frame of every N out of the fit and judge the fit by it; 0 leaves none out
-    #[arg(long, value_name = "N", default_value = "20", value_parser = parse_hold_out)]
-    hold_out: usize,
-    /// Seed that draws the frames that are left out
-    #[arg(long, value_name = "SEED", default_value = "1")]
-    hold_out_seed: u64,
+    /// Leave one frame of every N out of the fit and judge the fit by it; 0 leaves none out [default: 20]
+    #[arg(long, value_name = "N", value_parser = parse_hold_out)]
+    hold_out: Option<usize>,
+    /// Seed that draws the frames that are left out [default: 1]
+    #[arg(long, value_name = "SEED")]
+    hold_out_seed: Option<u64>,
     /// Fit only the I-th of N parts of the texels (1-based), for several processes or machines
     #[arg(long, value_name = "I/N", value_parser = parse_shard)]
     shard: Option<Shard>,
@@ -83,9 +83,11 @@ pub fn is_dome(capture: &std::path::Path) -> bool {
 
 /// A capture under a dome: no tube, so nothing of shards, lobes and the paper's reduction.
 fn from_dome(args: &Args) -> Result<Outcome> {
-    if args.shard.is_some() || args.merge || args.no_robust || matches!(args.method, MethodName::Paper) {
+    let held_out = args.hold_out.is_some() || args.hold_out_seed.is_some();
+    if args.shard.is_some() || args.merge || args.no_robust || held_out || matches!(args.method, MethodName::Paper) {
         return Err(Error::Usage(format!(
-            "{}: a capture under a dome has no traces to fit; --shard, --merge, --no-robust and --method paper are for scans under a tube",
+            "{}: a capture under a dome has no traces to fit and no frames to leave out; --shard, --merge, --no-robust, --hold-out and --method \
+             paper are for scans under a tube",
             args.capture.display()
         )));
     }
@@ -110,7 +112,10 @@ fn from_tube(args: &Args) -> Result<Outcome> {
         },
         lobe: args.lobe.lobe()?,
         robust: !args.no_robust,
-        hold_out: HoldOut { every: args.hold_out, seed: args.hold_out_seed },
+        hold_out: HoldOut {
+            every: args.hold_out.unwrap_or(HoldOut::default().every),
+            seed: args.hold_out_seed.unwrap_or(HoldOut::default().seed),
+        },
         shard: args.shard,
         merge: args.merge,
         force: args.force,

@@ -7,6 +7,7 @@ use crate::fit::leaf::curve::Incidence;
 use crate::fit::leaf::wide::Local;
 use crate::optics::slab;
 use crate::optics::slab::inverse;
+use nalgebra::Matrix2;
 
 /// σa, σs (1/mm) and their standard errors; NaN where the slab cannot be inverted at all.
 #[derive(Debug, Clone, Copy)]
@@ -16,24 +17,6 @@ pub struct Sigma {
 }
 
 const UNKNOWN: Sigma = Sigma { value: [f64::NAN; 2], error: [f64::NAN; 2] };
-
-impl Sigma {
-    /// Adds the noise of the texel's thickness. σ = X(ρd, ρt)/thickness, and the thickness moves with `local.pull` times the same ρt, so that
-    /// var σ = σ² (var ln X + var ln t − 2 cov(ln X, ln t)). `rho_t_err` is the standard error of this channel's ρt, `to_normal` what ρt is along
-    /// the normal over what it was measured as.
-    fn with_thickness(self, local: &Local, c: usize, thickness: f64, rho_t_err: f64, to_normal: f64) -> Sigma {
-        let [a, s] = self.value;
-        let (_, p) = slab::response_with_partials(a, s, thickness);
-        let determinant = p.sigma_a.rho_d * p.sigma_s.rho_t - p.sigma_s.rho_d * p.sigma_a.rho_t;
-        let by_rho_t = [-p.sigma_s.rho_d / determinant, p.sigma_a.rho_d / determinant].map(|d| d * to_normal);
-        let spread = (local.thickness_err / local.thickness).powi(2);
-        let error = [0, 1].map(|q: usize| {
-            let shared = self.value[q] * by_rho_t[q] * local.pull[c] * rho_t_err * rho_t_err;
-            (self.error[q].powi(2) + self.value[q].powi(2) * spread - 2.0 * shared).max(0.0).sqrt()
-        });
-        Sigma { value: self.value, error }
-    }
-}
 
 /// Inverts slabs whose transmittance was measured at one incidence.
 #[derive(Debug)]
@@ -47,11 +30,38 @@ impl Inverter {
     }
 
     /// σ of one texel and channel `c`, its thickness found from its own ρt; `error` are the standard errors of (ρd, ρt).
+    ///
+    /// The thickness moves with the ρt of all three channels: d ln t = Σ pull · dρt. At fixed ρd and ρt the optical depths σa·t and σs·t stay,
+    /// so that dσ = ∂σ/∂ρd · dρd + ∂σ/∂ρt · dρt − σ · d ln t. The two parts of this channel's ρt nearly cancel in σa and are added before they
+    /// are squared.
     pub fn invert_fitted(&self, rho_d: f64, rho_t: f64, thickness: f64, error: [f64; 2], local: &Local, c: usize) -> Sigma {
         let found = self.invert(rho_d, rho_t, thickness, error);
-        let to_normal = self.oblique.as_ref().map_or(1.0, |o| (-o.ratio(found.value[0], found.value[1], thickness)).exp());
+        let inverse = self.jacobian(found.value, thickness).try_inverse();
         // Where ρd and ρt alone bound nothing, a thickness adds nothing.
-        if found.error.iter().all(|e| e.is_finite()) { found.with_thickness(local, c, thickness, error[1], to_normal) } else { found }
+        let Some(by) = inverse.filter(|_| found.error.iter().all(|e| e.is_finite())) else { return found };
+        let [rho_d_err, rho_t_err] = error;
+        let own = local.pull[c] * rho_t_err;
+        let others = ((local.thickness_err / local.thickness).powi(2) - own * own).max(0.0).sqrt();
+        let error = [0, 1].map(|q: usize| {
+            let value = found.value[q];
+            (by[(q, 0)] * rho_d_err).hypot(by[(q, 1)] * rho_t_err - value * own).hypot(value * others)
+        });
+        Sigma { value: found.value, error }
+    }
+
+    /// Derivatives of (ρd, ρt as it was measured), the rows, by σa and σs (1/mm), the columns.
+    fn jacobian(&self, [sigma_a, sigma_s]: [f64; 2], thickness: f64) -> Matrix2<f64> {
+        let (r, p) = slab::response_with_partials(sigma_a, sigma_s, thickness);
+        let mut rho_t = [p.sigma_a.rho_t, p.sigma_s.rho_t];
+        if let Some(oblique) = &self.oblique {
+            // ρt measured = ρt along the normal · exp(q), and q follows σa and σs too.
+            let step = 1e-4 * (sigma_a + sigma_s);
+            let q = |a: f64, s: f64| oblique.ratio((sigma_a + a).max(0.0), (sigma_s + s).max(0.0), thickness);
+            let slope = [(q(step, 0.0) - q(-step, 0.0)) / (2.0 * step), (q(0.0, step) - q(0.0, -step)) / (2.0 * step)];
+            let scale = q(0.0, 0.0).exp();
+            rho_t = [0, 1].map(|k| scale * (rho_t[k] + r.rho_t * slope[k]));
+        }
+        Matrix2::new(p.sigma_a.rho_d, p.sigma_s.rho_d, rho_t[0], rho_t[1])
     }
 
     /// σ at a thickness that is taken as exact; `error` are the standard errors of (ρd, ρt).
@@ -153,6 +163,26 @@ mod tests {
             let t = slab::exact::response_at(mu0, a, s, 0.2).rho_t;
             let found = inverter.invert(r.rho_d, t, 0.2, [1e-5; 2]);
             assert!((found.value[0] / a - 1.0).abs() < 2e-4 && (found.value[1] / s - 1.0).abs() < 2e-4, "{found:?}");
+        }
+    }
+
+    /// The derivatives that the errors rest on, against differences of the exact slab, straight and aslant.
+    #[test]
+    fn derivatives_of_what_was_measured() {
+        let h = 0.2;
+        for mu0 in [1.0, 55f64.to_radians().cos()] {
+            let inverter = Inverter::new(Incidence(mu0));
+            for (a, s) in [(2.6, 16.0), (9.0, 18.0), (0.4, 25.0)] {
+                let measured = |a: f64, s: f64| [slab::exact::response(a, s, h).rho_d, slab::exact::response_at(mu0, a, s, h).rho_t];
+                let found = inverter.jacobian([a, s], h);
+                for (column, da, ds) in [(0, 1e-3 * a, 0.0), (1, 0.0, 1e-3 * s)] {
+                    let [up, down] = [measured(a + da, s + ds), measured(a - da, s - ds)];
+                    for row in 0..2 {
+                        let want = (up[row] - down[row]) / (2.0 * (da + ds));
+                        assert!((found[(row, column)] / want - 1.0).abs() < 5e-3, "{mu0} {a} {s} ({row}, {column}): {} {want}", found[(row, column)]);
+                    }
+                }
+            }
         }
     }
 }
