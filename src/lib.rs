@@ -12,23 +12,18 @@
 //! 0  error       files       quadrature
 //! ```
 
-pub mod capture;
-pub mod cli;
-pub mod error;
-pub mod export;
-pub mod files;
-pub mod fit;
-pub mod optics;
-pub mod plant;
-pub mod quadrature;
-pub mod report;
-pub mod scene;
-pub mod sky;
-pub mod solve;
-pub mod transport;
-
-#[cfg(test)]
-#[path = "../tests/common/skips.rs"]
-mod skips;
+pub use mesophyll_capture as capture;
+pub use mesophyll_error as error;
+pub use mesophyll_export as export;
+pub use mesophyll_files as files;
+pub use mesophyll_fit as fit;
+pub use mesophyll_optics as optics;
+pub use mesophyll_plant as plant;
+pub use mesophyll_quadrature as quadrature;
+pub use mesophyll_report as report;
+pub use mesophyll_scene as scene;
+pub use mesophyll_sky as sky;
+pub use mesophyll_solve as solve;
+pub use mesophyll_transport as transport;
 
 pub use error::{Error, Result};

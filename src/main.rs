@@ -3,5 +3,5 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    mesophyll::cli::main()
+    mesophyll_cli::main()
 }

@@ -3,9 +3,9 @@
 //! Plain division by the white frame would make every white texel 1 in every frame and lose the tube's distance; D puts it back
 //! (Gardner et al. 2003; the normalisation is documented in `data/README.md`).
 
-use crate::capture::manifest::{Manifest, Pass, Travel, Tube, texel_position, white_path};
-use crate::files::image::{exr_info, read_exr_rows};
+use crate::manifest::{Manifest, Pass, Travel, Tube, texel_position, white_path};
 use crate::{Error, Result};
+use mesophyll_files::image::{exr_info, read_exr_rows};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::path::Path;

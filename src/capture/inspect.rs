@@ -7,7 +7,7 @@ mod noise;
 mod references;
 
 use crate::Result;
-use crate::capture::manifest::{Manifest, SideName};
+use crate::manifest::{Manifest, SideName};
 use serde::Serialize;
 use std::path::Path;
 

@@ -1,8 +1,8 @@
 //! `capture.toml`: what was scanned and how. Lengths in mm, angles in degrees where the name says so.
 
-use crate::capture::field::Fields;
-use crate::files::atomic::explain;
+use crate::field::Fields;
 use crate::{Error, Result};
+use mesophyll_files::atomic::explain;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 

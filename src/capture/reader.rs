@@ -1,10 +1,10 @@
 //! A capture opened for fitting: every file it needs is there and of the right size before anything long starts.
 
-use crate::capture::calibrate::Gain;
-use crate::capture::manifest::{Manifest, SideName, Travel, frame_path, mirror_path, white_path};
-use crate::files::hash;
-use crate::files::image::{ExrInfo, Maps, exr_info, read_exr, read_exr_rows};
+use crate::calibrate::Gain;
+use crate::manifest::{Manifest, SideName, Travel, frame_path, mirror_path, white_path};
 use crate::{Error, Result};
+use mesophyll_files::hash;
+use mesophyll_files::image::{ExrInfo, Maps, exr_info, read_exr, read_exr_rows};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::path::{Path, PathBuf};

@@ -2,8 +2,8 @@
 
 use super::{Common, print_json};
 use crate::Result;
-use crate::files::progress;
-use crate::files::table::{BatchIo, Tally};
+use mesophyll_files::progress;
+use mesophyll_files::table::{BatchIo, Tally};
 use std::path::Path;
 
 /// One line on standard error. With `--json` and the rows in a file, the same numbers as JSON on standard output.

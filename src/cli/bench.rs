@@ -1,14 +1,14 @@
 //! `mesophyll bench`: error against run time over each model's accuracy knobs, as a table and plots, with peers where they are installed.
 
 use super::{Common, place};
-use crate::files::claim::{self, Kind};
-use crate::files::progress::Bar;
-use crate::files::{atomic, progress};
-use crate::fit::bench::BenchRow;
-use crate::fit::{beam, gloss, nist, sky, slab_bench, translucency};
-use crate::report::{self, bench_plots, rows};
 use crate::{Error, Result};
 use clap::builder::PossibleValuesParser;
+use mesophyll_files::claim::{self, Kind};
+use mesophyll_files::progress::Bar;
+use mesophyll_files::{atomic, progress};
+use mesophyll_fit::bench::BenchRow;
+use mesophyll_fit::{beam, gloss, nist, sky, slab_bench, translucency};
+use mesophyll_report::{self as report, bench_plots, rows};
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]

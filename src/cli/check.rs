@@ -32,8 +32,8 @@ pub struct Args {
 
 #[cfg(feature = "render")]
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
-    use crate::files::{atomic, claim};
-    use crate::scene::{check::Options, golden, ledger::Ledger, make, manifest::Manifest, plan};
+    use mesophyll_files::{atomic, claim};
+    use mesophyll_scene::{check::Options, golden, ledger::Ledger, make, manifest::Manifest, plan};
 
     let mut manifest = Manifest::read(&args.scene)?;
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out/check").join(&manifest.name));
@@ -72,13 +72,13 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
 /// too. Whether it passed, as text, and as JSON.
 #[cfg(feature = "render")]
 pub(super) fn judged(
-    manifest: &crate::scene::manifest::Manifest,
-    plan: &crate::scene::plan::Plan,
-    options: &crate::scene::check::Options,
+    manifest: &mesophyll_scene::manifest::Manifest,
+    plan: &mesophyll_scene::plan::Plan,
+    options: &mesophyll_scene::check::Options,
     compare: Option<Option<&std::path::Path>>,
-    ledger: &crate::scene::ledger::Ledger,
+    ledger: &mesophyll_scene::ledger::Ledger,
 ) -> Result<(bool, String, serde_json::Value)> {
-    use crate::scene::{check, interiors};
+    use mesophyll_scene::{check, interiors};
 
     let report = check::check(manifest, plan, options, ledger)?;
     let (mut json, mut text) = (report.json(manifest), report.text());

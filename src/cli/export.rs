@@ -1,10 +1,10 @@
 //! `mesophyll export DIR --to FORMAT -o PATH`.
 
 use super::{Common, place};
-use crate::export::sky::SkyOptions;
-use crate::export::{Format, export};
-use crate::files::{claim, progress};
 use crate::{Error, Result};
+use mesophyll_export::sky::SkyOptions;
+use mesophyll_export::{Format, export};
+use mesophyll_files::{claim, progress};
 use std::path::PathBuf;
 
 /// Writes a fit in a format other programs read.

@@ -4,10 +4,10 @@ mod beams;
 mod dome;
 
 use super::Common;
-use crate::capture;
-use crate::capture::inspect::{Inspection, ReferenceSummary, inspect};
-use crate::capture::manifest::kind_of;
 use crate::{Error, Result};
+use mesophyll_capture as capture;
+use mesophyll_capture::inspect::{Inspection, ReferenceSummary, inspect};
+use mesophyll_capture::manifest::kind_of;
 use std::fmt::Write;
 use std::path::PathBuf;
 

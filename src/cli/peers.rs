@@ -1,9 +1,9 @@
 //! Peers of `bench --peers`: the scripts of `tests/peers`, run where Python and their modules are installed, skipped with a word where not.
 
-use crate::files::progress;
-use crate::fit::bench::BenchRow;
-use crate::fit::peers;
 use crate::{Error, Result};
+use mesophyll_files::progress;
+use mesophyll_fit::bench::BenchRow;
+use mesophyll_fit::peers;
 use serde::Deserialize;
 use std::process::{Command, Stdio};
 
@@ -33,7 +33,7 @@ pub fn rows(sweep: &str) -> Result<Vec<BenchRow>> {
     };
     let folder = tempfile::tempdir().map_err(|e| Error::write(&std::env::temp_dir(), e))?;
     for (name, text) in &inputs.files {
-        crate::files::atomic::write_bytes(&folder.path().join(name), text.as_bytes())?;
+        mesophyll_files::atomic::write_bytes(&folder.path().join(name), text.as_bytes())?;
     }
     let python = std::env::var("MESOPHYLL_PYTHON").unwrap_or_else(|_| "python3".into());
     // One thread, as ours: linear algebra libraries take all cores otherwise.

@@ -1,8 +1,8 @@
 //! Where a verb's output goes, as its `-o, --out` says: a folder, a file, or `-` for standard output.
 
-use crate::files::atomic;
 use crate::{Error, Result};
 use clap::builder::{PathBufValueParser, TypedValueParser};
+use mesophyll_files::atomic;
 use std::path::{Path, PathBuf};
 
 /// Parses the name of a folder to write. `-` is none: standard output cannot hold a folder.

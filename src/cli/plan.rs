@@ -2,7 +2,7 @@
 
 use super::Common;
 use crate::Result;
-use crate::scene::{ledger::Ledger, make, manifest::Manifest, plan};
+use mesophyll_scene::{ledger::Ledger, make, manifest::Manifest, plan};
 use std::fmt::Write;
 use std::path::PathBuf;
 

@@ -1,9 +1,9 @@
 //! `mesophyll report DIR…`.
 
 use super::{Common, place};
-use crate::files::{claim, progress};
-use crate::report::{self, ReportSource};
 use crate::{Error, Result};
+use mesophyll_files::{claim, progress};
+use mesophyll_report::{self as report, ReportSource};
 use std::path::{Path, PathBuf};
 
 /// Reports how good fits are: one HTML file that needs no network, or the same rows as JSON or Markdown.

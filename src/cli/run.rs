@@ -2,9 +2,9 @@
 
 use super::Common;
 use crate::Result;
-use crate::files::{atomic, claim, progress};
-use crate::report::{self, ReportSource, model::Level};
-use crate::scene::{ledger::Ledger, make, manifest::Manifest, plan};
+use mesophyll_files::{atomic, claim, progress};
+use mesophyll_report::{self as report, ReportSource, model::Level};
+use mesophyll_scene::{ledger::Ledger, make, manifest::Manifest, plan};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -93,7 +93,7 @@ fn sources(plan: &plan::Plan, out: &Path) -> Vec<ReportSource> {
 
 #[cfg(feature = "render")]
 fn check(manifest: &Manifest, plan: &plan::Plan, out: &Path, ledger: &Ledger) -> Result<(bool, String, Value)> {
-    use crate::scene::{check::Options, manifest::Interior};
+    use mesophyll_scene::{check::Options, manifest::Interior};
     let options = Options { out: out.to_path_buf(), ..Options::default() };
     let compare = manifest.leaves.iter().any(|l| l.interior == Interior::Maps);
     let (passed, text, json) = super::check::judged(manifest, plan, &options, compare.then_some(Some(out)), ledger)?;

@@ -1,12 +1,12 @@
 //! `mesophyll stress`: the committed tables of stiff and extreme cases, each with the verdict that it must get.
 
 use super::Common;
-use crate::files::progress;
-use crate::fit::stress::StressRow;
-use crate::fit::{beam, coverage, gloss, leaf, nist, sky, slab_stress, solver, translucency};
-use crate::report::rows;
 use crate::{Error, Result};
 use clap::builder::PossibleValuesParser;
+use mesophyll_files::progress;
+use mesophyll_fit::stress::StressRow;
+use mesophyll_fit::{beam, coverage, gloss, leaf, nist, sky, slab_stress, solver, translucency};
+use mesophyll_report::rows;
 
 #[derive(Debug, clap::Args)]
 pub struct Args {

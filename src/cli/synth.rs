@@ -2,15 +2,15 @@
 //! dome and scans its heights, or photographs the light that comes through it.
 
 use super::Common;
-use crate::capture::beams::manifest::Beam;
-use crate::capture::beams::synth as beams;
-use crate::capture::dome::synth as dome;
-use crate::capture::manifest::{SideName, Travel};
-use crate::capture::synth::leaf::Leaf;
-use crate::capture::synth::scan::{self, Options};
-use crate::capture::synth::spec::{Model, Spec};
-use crate::files::{claim, progress};
 use crate::{Error, Result};
+use mesophyll_capture::beams::manifest::Beam;
+use mesophyll_capture::beams::synth as beams;
+use mesophyll_capture::dome::synth as dome;
+use mesophyll_capture::manifest::{SideName, Travel};
+use mesophyll_capture::synth::leaf::Leaf;
+use mesophyll_capture::synth::scan::{self, Options};
+use mesophyll_capture::synth::spec::{Model, Spec};
+use mesophyll_files::{claim, progress};
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]

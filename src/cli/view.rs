@@ -26,8 +26,8 @@ pub struct Args {
 #[cfg(feature = "render")]
 pub fn run(args: &Args, _common: &Common) -> Result<u8> {
     use crate::Error;
-    use crate::files::{claim, progress};
-    use crate::scene::{
+    use mesophyll_files::{claim, progress};
+    use mesophyll_scene::{
         branch, check,
         edit::SceneEditor,
         handover,

@@ -1,7 +1,7 @@
 //! The blade's mesh out of `blade.glb`: positions in mm, normals out of the front, (0, 0) the top left corner of the front's maps.
 
 use crate::Result;
-use crate::files::mesh;
+use mesophyll_files::mesh;
 use std::path::Path;
 
 #[derive(Debug, Clone, Default, PartialEq)]

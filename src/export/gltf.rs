@@ -7,9 +7,9 @@
 use super::blade::Mesh;
 use super::side::Side;
 use super::texture::{Turn, data_byte, encode, normal_pixel, pixels};
-use crate::files::atomic;
-use crate::files::image::to_srgb8;
 use crate::{Error, Result};
+use mesophyll_files::atomic;
+use mesophyll_files::image::to_srgb8;
 use serde_json::{Value, json};
 use std::path::Path;
 

@@ -6,10 +6,10 @@
 use super::blade::Mesh;
 use super::side::Side;
 use super::texture::{Turn, data_byte, encode, normal_pixel, pixels};
-use crate::files::image::to_srgb8;
-use crate::files::{atomic, claim};
-use crate::fit::record::FitRecord;
 use crate::{Error, Result};
+use mesophyll_files::image::to_srgb8;
+use mesophyll_files::{atomic, claim};
+use mesophyll_fit::record::FitRecord;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 

@@ -1,7 +1,7 @@
 //! A side of a leaf fit as it lies on disk.
 
-use crate::files::image::{self, Maps};
 use crate::{Error, Result};
+use mesophyll_files::image::{self, Maps};
 use std::path::Path;
 
 pub const RGB: [&str; 3] = ["R", "G", "B"];

@@ -2,9 +2,9 @@
 
 use super::side::Side;
 use crate::Result;
-use crate::capture::manifest::texel_position;
-use crate::files::atomic;
-use crate::fit::record::FitRecord;
+use mesophyll_capture::manifest::texel_position;
+use mesophyll_files::atomic;
+use mesophyll_fit::record::FitRecord;
 use std::io::Write;
 use std::path::Path;
 

@@ -3,9 +3,9 @@
 use super::side::{RGB, Side};
 use crate::Error;
 use crate::Result;
-use crate::files::claim::{self, Kind};
-use crate::files::image::to_srgb8;
-use crate::files::{atomic, image};
+use mesophyll_files::claim::{self, Kind};
+use mesophyll_files::image::to_srgb8;
+use mesophyll_files::{atomic, image};
 use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
 

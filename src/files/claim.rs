@@ -4,7 +4,7 @@
 //! What a folder holds is told by the file that its maker writes last ([`Kind`]). Until that file is written, the hidden file [`MARK`]
 //! names the kind (and, of a leaf fit, the folder of its parts does).
 
-use crate::files::atomic::{self, explain};
+use crate::atomic::{self, explain};
 use crate::{Error, Result};
 use serde_json::Value;
 use std::fs;

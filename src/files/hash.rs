@@ -1,6 +1,6 @@
 //! Content hashes (BLAKE3, hexadecimal): what a fit was made from, and whether a file is still what was written.
 
-use crate::files::atomic::explain;
+use crate::atomic::explain;
 use crate::{Error, Result};
 use std::io;
 use std::path::Path;

@@ -1,6 +1,6 @@
 //! Maps on disk: OpenEXR with named float channels (the truth) and 8-bit PNG (the preview).
 
-use crate::files::atomic::{self, Pending};
+use crate::atomic::{self, Pending};
 use crate::{Error, Result};
 use exr::block::reader::ChunksReader;
 use exr::prelude::{

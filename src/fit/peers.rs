@@ -5,10 +5,10 @@ use super::bench::{BenchRow, median_us};
 use super::gloss::{Device, TexelFitter, synthetic};
 use super::nist;
 use super::slab_bench::{self, Slab, forward_error, larger};
-use crate::optics::gloss::Lobe;
-use crate::optics::slab;
-use crate::optics::tube::Travel;
 use crate::{Error, Result};
+use mesophyll_optics::gloss::Lobe;
+use mesophyll_optics::slab;
+use mesophyll_optics::tube::Travel;
 
 /// Files for a peer's folder, and our rows on the same inputs.
 #[derive(Debug, Clone)]

@@ -2,11 +2,11 @@
 
 mod seal;
 
-use crate::files::claim::{self, Kind};
-use crate::files::{atomic, hash};
-use crate::fit::leaf::held_out::{HeldOut, LightBox, Scan};
-use crate::solve::{Termination, TraceRow};
+use crate::leaf::held_out::{HeldOut, LightBox, Scan};
 use crate::{Error, Result};
+use mesophyll_files::claim::{self, Kind};
+use mesophyll_files::{atomic, hash};
+use mesophyll_solve::{Termination, TraceRow};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;

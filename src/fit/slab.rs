@@ -2,8 +2,8 @@
 //!
 //! Units: thickness in mm, σ in 1/mm, errors absolute standard errors.
 
-use crate::files::table::{Answer, Status};
-use crate::optics::slab::inverse::{self, Precision, Verdict};
+use mesophyll_files::table::{Answer, Status};
+use mesophyll_optics::slab::inverse::{self, Precision, Verdict};
 
 /// How rows are read.
 #[derive(Debug, Clone, Copy, PartialEq)]

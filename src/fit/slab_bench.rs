@@ -2,11 +2,11 @@
 //! optical thickness .05–20), each against the exact method.
 
 use super::bench::{BenchRow, median_us};
-use crate::optics::slab::inverse::{self, Precision};
-use crate::optics::slab::ordinates::with_ordinates;
-use crate::optics::slab::table::Table;
-use crate::optics::slab::{self, Response, exact, fn_method};
-use crate::solve::global::starts_in_box;
+use mesophyll_optics::slab::inverse::{self, Precision};
+use mesophyll_optics::slab::ordinates::with_ordinates;
+use mesophyll_optics::slab::table::Table;
+use mesophyll_optics::slab::{self, Response, exact, fn_method};
+use mesophyll_solve::global::starts_in_box;
 
 /// A slab 1 mm thick, so that σ in 1/mm is an optical thickness.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,8 +1,8 @@
 //! The slab's stress table: forward against the exact solution, and inversions with the verdict physics asks for.
 
 use super::stress::StressRow;
-use crate::optics::slab::inverse::{self, Verdict};
-use crate::optics::slab::{self, exact};
+use mesophyll_optics::slab::inverse::{self, Verdict};
+use mesophyll_optics::slab::{self, exact};
 use std::time::Instant;
 
 /// Inverse cases, committed: a slab (ω, 1−ω, Δ, h) or a measurement (ρd, ρt, h), the stated noise, and the verdict it must get.

@@ -69,7 +69,7 @@ impl Lobe {
     /// Integrated over half vectors drawn by D's own cumulative (dωi = 4 (v·h) dωh): midpoint in azimuth, Gauss–Legendre in the
     /// cumulative; good to about 1e-3.
     pub fn albedo(self, cos_view: f64, m: f64) -> f64 {
-        let rule = crate::quadrature::symmetric(48);
+        let rule = mesophyll_quadrature::symmetric(48);
         let v = [(1.0 - cos_view * cos_view).max(0.0).sqrt(), 0.0, cos_view];
         const AZIMUTHS: usize = 96;
         let mut sum = 0.0;

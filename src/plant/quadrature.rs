@@ -12,7 +12,7 @@ pub static TWENTY_FOUR: LazyLock<Vec<Node>> = LazyLock::new(|| gauss(24));
 
 /// The `n`-point rule; the weights sum to 1.
 pub fn gauss(n: usize) -> Vec<Node> {
-    crate::quadrature::unit(n)
+    mesophyll_quadrature::unit(n)
 }
 
 /// Four nodes in closed form (Abramowitz & Stegun 25.4.30), on (0, 1): what a shader integrates arc length with.

@@ -1,10 +1,10 @@
 //! The error histograms of the directional bases (H7 Fig. 12): how far what a few functions hold is from the full convolution, at three light angles.
 
 use super::rows::COLORS;
-use crate::files::atomic;
-use crate::fit::translucency::basis_study::{self, Outcome};
-use crate::fit::translucency::spread::Spread;
 use crate::{Error, Result};
+use mesophyll_files::atomic;
+use mesophyll_fit::translucency::basis_study::{self, Outcome};
+use mesophyll_fit::translucency::spread::Spread;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};

@@ -1,10 +1,10 @@
 //! Pictures of branches for the documentation: error against coefficients, length errors, shapes and spectra.
 
 use super::rows::COLORS;
-use crate::files::atomic;
-use crate::fit::beam::{basis, figures};
-use crate::plant::beam;
 use crate::{Error, Result};
+use mesophyll_files::atomic;
+use mesophyll_fit::beam::{basis, figures};
+use mesophyll_plant::beam;
 use plotters::prelude::*;
 use std::path::{Path, PathBuf};
 

@@ -1,9 +1,9 @@
 //! Error against run time as SVG, a picture a model. A model whose knobs are called `GROUP: KNOB` gets a panel a group.
 
 use super::rows::{COLORS, names};
-use crate::files::atomic;
-use crate::fit::bench::BenchRow;
 use crate::{Error, Result};
+use mesophyll_files::atomic;
+use mesophyll_fit::bench::BenchRow;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use std::path::{Path, PathBuf};

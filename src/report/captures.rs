@@ -1,8 +1,8 @@
 //! Views of kind `capture` as rows: pictures from a fit against frames that the fit did not see, from `check.json`.
 
-use crate::report::model::{Level, Picture, Reason};
-use crate::report::number::significant;
-use crate::report::scene::picture;
+use crate::model::{Level, Picture, Reason};
+use crate::number::significant;
+use crate::scene::picture;
 use serde::Serialize;
 use serde_json::Value;
 use std::path::Path;

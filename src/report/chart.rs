@@ -1,8 +1,8 @@
 //! Charts as inline SVG without a script. Colours come from the page's CSS (`c0` … `c5`, `axis`, `grid`), so light and dark both work.
 
-use crate::report::colour::{self, Scale};
-use crate::report::number::{plain, significant, superscript};
-use crate::report::stats::Histogram;
+use crate::colour::{self, Scale};
+use crate::number::{plain, significant, superscript};
+use crate::stats::Histogram;
 use std::fmt::Write;
 
 /// A named curve.

@@ -1,7 +1,7 @@
 //! False colour: a sequential and a diverging scale of even perceived steps, computed in OKLab (Ottosson 2020), and pictures as
 //! indexed PNG inside data URIs.
 
-use crate::report::model::Picture;
+use crate::model::Picture;
 use std::sync::OnceLock;
 
 /// 255 colours of a scale; index 255 is left for "no value" (transparent).
@@ -42,7 +42,7 @@ fn in_gamut(lightness: f64, chroma: f64, hue: f64) -> [u8; 3] {
     loop {
         let rgb = oklab_to_linear(lightness, c * hue.cos(), c * hue.sin());
         if c < 1e-4 || rgb.iter().all(|v| (-1e-4..=1.0001).contains(v)) {
-            return rgb.map(|v| crate::files::image::to_srgb8(v as f32));
+            return rgb.map(|v| mesophyll_files::image::to_srgb8(v as f32));
         }
         c *= 0.98;
     }
@@ -147,7 +147,7 @@ pub fn photograph(frame: Frame, rgb: [&[f32]; 3], gain: f32, shown: impl Fn(usiz
             for (c, plane) in rgb.iter().enumerate() {
                 let value = |i: usize| if shown(i) { plane[i] } else { f32::NAN };
                 if let Some(v) = averaged(frame, x, y, &value) {
-                    pixel[c] = crate::files::image::to_srgb8(v as f32 * gain);
+                    pixel[c] = mesophyll_files::image::to_srgb8(v as f32 * gain);
                     pixel[3] = 255;
                 }
             }

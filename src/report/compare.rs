@@ -1,12 +1,12 @@
 //! Two fits side by side: parameters in units of their combined standard errors, maps texel by texel.
 
-use crate::report::colour::Frame;
-use crate::report::maps::{SideMaps, difference_picture};
-use crate::report::model::{ChannelPictures, Comparison, FitReport, MapDifference, MapPictures, ParameterDifference, ParameterRow};
-use crate::report::number::{percent, significant};
-use crate::report::quantity::{self, channel_word, known, split};
-use crate::report::stats::{quantile, sorted};
-use crate::report::view;
+use crate::colour::Frame;
+use crate::maps::{SideMaps, difference_picture};
+use crate::model::{ChannelPictures, Comparison, FitReport, MapDifference, MapPictures, ParameterDifference, ParameterRow};
+use crate::number::{percent, significant};
+use crate::quantity::{self, channel_word, known, split};
+use crate::stats::{quantile, sorted};
+use crate::view;
 
 /// Differences of the second fit from the first, without maps.
 pub fn parameters(first: &FitReport, second: &FitReport) -> Comparison {

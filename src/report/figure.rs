@@ -1,9 +1,9 @@
 //! What every figure of a `fit.toml` is called on the page: a plain name, its unit and a sentence on what it means (`figures.txt`). A figure that is
 //! not listed there never reaches the page under its raw key; [`unnamed`] finds such figures for the tests.
 
-use crate::fit::record::FitRecord;
-use crate::report::number::{count, percent, plain};
-use crate::report::quantity::channel_word;
+use crate::number::{count, percent, plain};
+use crate::quantity::channel_word;
+use mesophyll_fit::record::FitRecord;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::sync::OnceLock;

@@ -1,14 +1,14 @@
 //! Frames that no fit saw, in rows, pictures and reasons: those that the fit judged itself by, and those that its folder keeps, predicted
 //! from the maps as they are now. A map that was changed after the fit, by whatever hand, no longer gives back what was measured.
 
-use crate::capture::manifest::SideName;
-use crate::fit::leaf::held_out::{self, BAD, GOOD, KeptFrame};
-use crate::fit::record::FitRecord;
-use crate::report::colour::{self, Frame};
-use crate::report::maps::{WIDE, colour_bar_of};
-use crate::report::model::{Captioned, Level};
-use crate::report::number::{count, percent, significant};
-use crate::report::stats::{quantile, sorted};
+use crate::colour::{self, Frame};
+use crate::maps::{WIDE, colour_bar_of};
+use crate::model::{Captioned, Level};
+use crate::number::{count, percent, significant};
+use crate::stats::{quantile, sorted};
+use mesophyll_capture::manifest::SideName;
+use mesophyll_fit::leaf::held_out::{self, BAD, GOOD, KeptFrame};
+use mesophyll_fit::record::FitRecord;
 use serde::Serialize;
 use std::path::Path;
 

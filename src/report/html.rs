@@ -1,10 +1,10 @@
 //! The report as one HTML file: no script, nothing from the network, light and dark by the reader's preference.
 
-use crate::report::model::{Comparison, FitReport, Picture, Report, ViewReport};
-use crate::report::number;
-use crate::report::quantity::{channel_word, symbol};
-use crate::report::{chart, figure, translucency, view};
+use crate::model::{Comparison, FitReport, Picture, Report, ViewReport};
+use crate::number;
+use crate::quantity::{channel_word, symbol};
 use crate::{Error, Result};
+use crate::{chart, figure, translucency, view};
 use minijinja::value::{Serde, Value};
 use minijinja::{AutoEscape, Environment, context};
 
@@ -51,7 +51,7 @@ pub fn render(report: &Report) -> Result<String> {
         .collect();
     let page = env.get_template("page").map_err(failed)?;
     page.render(context! {
-        style => Value::from_safe_string(format!("{STYLE}{}", crate::report::chart::ramps())),
+        style => Value::from_safe_string(format!("{STYLE}{}", crate::chart::ramps())),
         title => report.title.clone(),
         program => report.program.clone(),
         verdict => Serde(&report.verdict),

@@ -1,12 +1,12 @@
 //! A side's maps in numbers and pictures: the fit, the truth where it is known, the difference, the standard errors.
 
-use crate::files::image::{self, Maps};
-use crate::report::chart::{self, Titles};
-use crate::report::colour::{self, Frame};
-use crate::report::model::{Captioned, ChannelPictures, ChartTile, LegendItem, MapPictures, MapRow, MapTruth, SidePictures};
-use crate::report::number::{percent, plain};
-use crate::report::quantity::{self, channel_word, known, split};
-use crate::report::stats::{Histogram, Summary, quantile, sorted, widen};
+use crate::chart::{self, Titles};
+use crate::colour::{self, Frame};
+use crate::model::{Captioned, ChannelPictures, ChartTile, LegendItem, MapPictures, MapRow, MapTruth, SidePictures};
+use crate::number::{percent, plain};
+use crate::quantity::{self, channel_word, known, split};
+use crate::stats::{Histogram, Summary, quantile, sorted, widen};
+use mesophyll_files::image::{self, Maps};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

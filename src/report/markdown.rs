@@ -1,9 +1,9 @@
 //! The rows as Markdown tables, for terminals, issues and notes.
 
-use crate::report::model::{CheckReport, Comparison, FitReport, Level, PlanReport, Report, SectionReport, Verdict};
-use crate::report::number::{count, duration, percent, plain};
-use crate::report::quantity::{channel_word, parameter, symbol};
-use crate::report::{figure, view};
+use crate::model::{CheckReport, Comparison, FitReport, Level, PlanReport, Report, SectionReport, Verdict};
+use crate::number::{count, duration, percent, plain};
+use crate::quantity::{channel_word, parameter, symbol};
+use crate::{figure, view};
 use std::fmt::Write;
 
 /// Renders a report.

@@ -1,10 +1,10 @@
 //! What a report says, as plain rows: the JSON *is* this, Markdown and HTML print the same.
 
-use crate::fit::record::{Phase, Residuals, TruthError};
-use crate::report::captures::CaptureRow;
-use crate::report::held_out::HeldOutReport;
-use crate::report::stats::Summary;
-use crate::solve::TraceRow;
+use crate::captures::CaptureRow;
+use crate::held_out::HeldOutReport;
+use crate::stats::Summary;
+use mesophyll_fit::record::{Phase, Residuals, TruthError};
+use mesophyll_solve::TraceRow;
 use serde::Serialize;
 use std::collections::BTreeMap;
 

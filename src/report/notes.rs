@@ -1,8 +1,8 @@
 //! What a reader must know of a leaf's maps before taking them for the parameters: which description they are, and what their intervals do not hold.
 
-use crate::fit::record::{FitRecord, GAUGE_GAMMA, GAUGE_THICKNESS, Section};
-use crate::report::maps::SideMaps;
-use crate::report::number::percent;
+use crate::maps::SideMaps;
+use crate::number::percent;
+use mesophyll_fit::record::{FitRecord, GAUGE_GAMMA, GAUGE_THICKNESS, Section};
 
 /// Adds the notes of a leaf scan's side; maps of other fits need none.
 pub fn add(side: &mut SideMaps, record: &FitRecord, section: &Section) {

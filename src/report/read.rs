@@ -1,10 +1,10 @@
 //! From folders to rows: a fit folder holds `fit.toml`, a folder of a run may hold `check.json`, `plan.json` and several fits.
 
-use crate::fit::record::{FitRecord, Section, Times};
-use crate::report::maps::{self, SideMaps};
-use crate::report::model::{FitReport, Level, ParameterRow, Report, SectionReport, TimesReport, Verdict};
-use crate::report::{Options, ReportSource, compare, held_out, notes, scene, translucency, verdict};
+use crate::maps::{self, SideMaps};
+use crate::model::{FitReport, Level, ParameterRow, Report, SectionReport, TimesReport, Verdict};
 use crate::{Error, Result};
+use crate::{Options, ReportSource, compare, held_out, notes, scene, translucency, verdict};
+use mesophyll_fit::record::{FitRecord, Section, Times};
 use std::path::{Path, PathBuf};
 
 /// Version of the JSON rows.
@@ -220,7 +220,7 @@ fn parameters(section: &str, s: &Section) -> Vec<ParameterRow> {
     rows
 }
 
-fn against_first(a: &FitReport, b: &FitReport, folder_a: &Path, folder_b: &Path, options: &Options) -> crate::report::model::Comparison {
+fn against_first(a: &FitReport, b: &FitReport, folder_a: &Path, folder_b: &Path, options: &Options) -> crate::model::Comparison {
     let mut out = compare::parameters(a, b);
     let mut said = Vec::new();
     for section in a.sections.iter().map(|s| s.name.as_str()).filter(|n| b.sections.iter().any(|s| s.name == *n)) {

@@ -1,10 +1,10 @@
 //! What residuals say of a fit: its reduced χ² against the spread that χ² itself has, and one side of a leaf against the other.
 
-use crate::fit::leaf::sides;
-use crate::fit::record::{FitRecord, MIRROR, NOISE_SEEN, Residuals};
-use crate::report::model::{Level, SectionReport};
-use crate::report::number::{percent, significant};
-use crate::report::quantity::symbol;
+use crate::model::{Level, SectionReport};
+use crate::number::{percent, significant};
+use crate::quantity::symbol;
+use mesophyll_fit::leaf::sides;
+use mesophyll_fit::record::{FitRecord, MIRROR, NOISE_SEEN, Residuals};
 
 /// Standard deviations of χ² that chance does not reach.
 const SPREADS: f64 = 5.0;

@@ -1,10 +1,10 @@
 //! `check.json` and `plan.json` as rows. Both are read leniently: what they do not say is left empty, never invented.
 
-use crate::files::atomic::explain;
-use crate::report::captures;
-use crate::report::colour::data_uri;
-use crate::report::model::{CheckReport, Picture, PlanItem, PlanReport, ViewReport};
+use crate::captures;
+use crate::colour::data_uri;
+use crate::model::{CheckReport, Picture, PlanItem, PlanReport, ViewReport};
 use crate::{Error, Result};
+use mesophyll_files::atomic::explain;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::Path;

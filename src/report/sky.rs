@@ -1,11 +1,11 @@
 //! The pictures of the sky's fits: the frontier, errors by band, the worst case and the ringing, as SVG.
 
 use super::rows::COLORS;
-use crate::files::atomic;
-use crate::fit::sky::figures::{
+use crate::{Error, Result};
+use mesophyll_files::atomic;
+use mesophyll_fit::sky::figures::{
     self, Curve, DISSERTATION_BYTES, DISSERTATION_ERROR, DISSERTATION_FIT_S, DISSERTATION_TERMS, DISSERTATION_US, Point,
 };
-use crate::{Error, Result};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use std::ops::Range;

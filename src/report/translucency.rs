@@ -1,13 +1,13 @@
 //! A translucency fit in pictures and words: what comes through under three lights, the coefficients, thickness, the light that enters; how it was made.
 
-use crate::optics::translucency::basis::{Basis, FLAT, HALF_LIFE_2};
-use crate::report::chart::{self, Titles};
-use crate::report::colour;
-use crate::report::maps::{BINS, SideMaps, WIDE, colour_bar_of};
-use crate::report::model::{Captioned, ChannelPictures, ChartTile, MapPictures, SidePictures};
-use crate::report::number::{plain, significant};
-use crate::report::quantity::channel_word;
-use crate::report::stats::{Histogram, quantile, sorted, widen};
+use crate::chart::{self, Titles};
+use crate::colour;
+use crate::maps::{BINS, SideMaps, WIDE, colour_bar_of};
+use crate::model::{Captioned, ChannelPictures, ChartTile, MapPictures, SidePictures};
+use crate::number::{plain, significant};
+use crate::quantity::channel_word;
+use crate::stats::{Histogram, quantile, sorted, widen};
+use mesophyll_optics::translucency::basis::{Basis, FLAT, HALF_LIFE_2};
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 

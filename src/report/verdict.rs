@@ -1,12 +1,12 @@
 //! "Is this good?": the rules, in one place. Every reason is said; the worst one rules.
 
-use crate::fit::record::{FitRecord, GAUGE_GAMMA, GAUGE_THICKNESS};
-use crate::fit::translucency::judge::NAMES;
-use crate::report::model::{CheckReport, FitReport, Level, Reason, SectionReport, Verdict};
-use crate::report::number::{count, percent, plain};
-use crate::report::quantity::{parameter, symbol};
-use crate::report::view::MANY;
-use crate::report::{captures, held_out, residuals};
+use crate::model::{CheckReport, FitReport, Level, Reason, SectionReport, Verdict};
+use crate::number::{count, percent, plain};
+use crate::quantity::{parameter, symbol};
+use crate::view::MANY;
+use crate::{captures, held_out, residuals};
+use mesophyll_fit::record::{FitRecord, GAUGE_GAMMA, GAUGE_THICKNESS};
+use mesophyll_fit::translucency::judge::NAMES;
 use std::collections::BTreeMap;
 use std::path::Path;
 

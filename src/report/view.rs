@@ -1,11 +1,11 @@
 //! Rows turned into the lines of tables, as text: what HTML and Markdown share.
 
-use crate::fit::translucency::judge::NAMES;
-use crate::report::chart::{self, Series, Titles};
-use crate::report::figure::{self, Figure, words};
-use crate::report::model::{FitReport, ParameterDifference, ParameterRow, TimesReport};
-use crate::report::number::{percent, plain, plus_minus, significant};
-use crate::report::quantity::{channel_word, parameter};
+use crate::chart::{self, Series, Titles};
+use crate::figure::{self, Figure, words};
+use crate::model::{FitReport, ParameterDifference, ParameterRow, TimesReport};
+use crate::number::{percent, plain, plus_minus, significant};
+use crate::quantity::{channel_word, parameter};
+use mesophyll_fit::translucency::judge::NAMES;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -217,14 +217,14 @@ pub fn trace_charts(fit: &FitReport) -> (Option<String>, Option<String>) {
 }
 
 /// A logarithmic axis has no zero: a first row at time zero stands where half of the first positive time would.
-fn curves(times: &TimesReport, pick: impl Fn(&crate::solve::TraceRow) -> Option<f64>) -> Vec<Series> {
-    let first = |rows: &[crate::solve::TraceRow]| rows.iter().map(|r| r.elapsed_s).filter(|t| *t > 0.0).fold(f64::INFINITY, f64::min);
+fn curves(times: &TimesReport, pick: impl Fn(&mesophyll_solve::TraceRow) -> Option<f64>) -> Vec<Series> {
+    let first = |rows: &[mesophyll_solve::TraceRow]| rows.iter().map(|r| r.elapsed_s).filter(|t| *t > 0.0).fold(f64::INFINITY, f64::min);
     times
         .traces
         .iter()
         .map(|(name, rows)| {
             let earliest = first(rows) / 2.0;
-            let point = |r: &crate::solve::TraceRow| Some((if r.elapsed_s > 0.0 { r.elapsed_s } else { earliest }, pick(r)?));
+            let point = |r: &mesophyll_solve::TraceRow| Some((if r.elapsed_s > 0.0 { r.elapsed_s } else { earliest }, pick(r)?));
             Series { name: words(name), points: rows.iter().filter_map(point).collect() }
         })
         .collect()
@@ -245,7 +245,7 @@ pub fn phase_lines(times: &TimesReport) -> Vec<PhaseLine> {
     times
         .phases
         .iter()
-        .map(|p| PhaseLine { name: words(&p.name), time: crate::report::number::duration(p.seconds), share: 100.0 * p.seconds / total })
+        .map(|p| PhaseLine { name: words(&p.name), time: crate::number::duration(p.seconds), share: 100.0 * p.seconds / total })
         .collect()
 }
 

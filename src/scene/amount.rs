@@ -1,7 +1,7 @@
 //! How much is enough: rows of error against cost, measured here and now, and the cheapest row that the scene's tolerance allows.
 
 use super::ledger::Ledger;
-use crate::optics::slab;
+use mesophyll_optics::slab;
 use std::time::Instant;
 
 /// One setting of an accuracy knob: what it costs and how wrong it is.

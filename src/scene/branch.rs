@@ -1,21 +1,21 @@
 //! Branches of a scene: what the manifest or a fit says of them, their frames and meshes at rest, and how they bend at a time. All in f64; the
 //! reference renderer draws from here, the GPU renderer gets the same numbers and bends in its own shader.
 //!
-//! A branch's deflection is that of a tapered beam under an even load ([`crate::plant`]): its weight, towards the ground, its mean wind along the
+//! A branch's deflection is that of a tapered beam under an even load ([`mesophyll_plant`]): its weight, towards the ground, its mean wind along the
 //! wind, and gusts from one motion texture for all branches, each on a line of its own. Lengths in mm, amplitudes in units of a branch's length.
 
 use super::ledger::Ledger;
 use super::manifest::{self, Manifest};
 use super::placement::Ride;
-use crate::files::mesh::LeafMesh;
-use crate::fit::beam::basis;
-use crate::fit::record::FitRecord;
-use crate::plant::branch::Branch;
-use crate::plant::motion::{Motion, Trajectory};
-use crate::plant::motion_spectrum::Method;
-use crate::plant::wind::{Oscillator, Sway, Wind, resonance};
 use crate::{Error, Result};
 use glam::{DMat4, DVec3, DVec4};
+use mesophyll_files::mesh::LeafMesh;
+use mesophyll_fit::beam::basis;
+use mesophyll_fit::record::FitRecord;
+use mesophyll_plant::branch::Branch;
+use mesophyll_plant::motion::{Motion, Trajectory};
+use mesophyll_plant::motion_spectrum::Method;
+use mesophyll_plant::wind::{Oscillator, Sway, Wind, resonance};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// Texels a side of the motion texture: frequencies down to an eighth of the branch's resonance.
@@ -224,7 +224,7 @@ fn sway(manifest: &Manifest, b: &manifest::Branch) -> Option<Sway> {
 
 /// Variance of the tip's deflection over the length, over the frequencies that a motion texture holds.
 fn variance(sway: &Sway) -> f64 {
-    let count = MOTION_SIDE / crate::plant::motion::TEXELS_A_CYCLE;
+    let count = MOTION_SIDE / mesophyll_plant::motion::TEXELS_A_CYCLE;
     let step = sway.highest() / count as f64;
     (1..=count).map(|j| sway.spectrum(j as f64 * step) * step).sum()
 }

@@ -8,12 +8,12 @@ use super::placement;
 use super::plan::Plan;
 use super::plan_leaf::SIDES;
 use super::reference;
-use crate::capture::manifest::SideName;
-use crate::files::mesh::LeafMesh;
-use crate::optics::slab;
-use crate::transport::{self, closed_form};
 use crate::{Error, Result};
 use glam::{DMat4, DVec3};
+use mesophyll_capture::manifest::SideName;
+use mesophyll_files::mesh::LeafMesh;
+use mesophyll_optics::slab;
+use mesophyll_transport::{self as transport, closed_form};
 use rayon::prelude::*;
 use std::sync::Arc;
 

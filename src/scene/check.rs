@@ -22,8 +22,9 @@ use super::ledger::Ledger;
 use super::manifest::{Manifest, View, ViewKind};
 use super::plan::Plan;
 use super::{branch, day, handover, reference, sunlit, true_leaf};
-use crate::files::{atomic, progress};
-use crate::{Error, Result, transport};
+use crate::{Error, Result};
+use mesophyll_files::{atomic, progress};
+use mesophyll_transport as transport;
 use mesophyll_viewer as gpu;
 use std::path::PathBuf;
 

@@ -9,7 +9,7 @@ use super::ledger::Ledger;
 use super::manifest::{Manifest, ViewKind};
 use super::plan::Plan;
 use crate::Result;
-use crate::files::image;
+use mesophyll_files::image;
 use mesophyll_viewer as gpu;
 use mesophyll_viewer::scene as viewer;
 use std::path::Path;

@@ -8,12 +8,12 @@ use super::display::displayed;
 use super::ledger::Ledger;
 use super::manifest::{Day, Manifest};
 use super::plan::Plan;
-use crate::fit::sky as fit;
-use crate::sky::fitted::Folded;
-use crate::sky::preetham::PreethamSky;
-use crate::sky::{Coefficients, Preetham, Sky, harmonics, irradiance, project, sun};
 use crate::{Error, Result};
 use glam::DVec3;
+use mesophyll_fit::sky as fit;
+use mesophyll_sky::fitted::Folded;
+use mesophyll_sky::preetham::PreethamSky;
+use mesophyll_sky::{Coefficients, Preetham, Sky, harmonics, irradiance, project, sun};
 use std::f64::consts::{PI, TAU};
 
 /// Radiance on the horizon's level and above of one sky, and what goes with it; everything in the scene's unit.

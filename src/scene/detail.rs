@@ -2,9 +2,9 @@
 //! "Fast polygonal approximation of terrains and height fields") until what is left out is within a distance and an angle. Levels share the
 //! mesh's vertices, so that they cost an index list each and their normals are the mesh's own. Lengths in mm.
 
-use crate::files::mesh::LeafMesh;
-use crate::fit::leaf::blade::outline::simplify;
 use glam::{DVec2, DVec3};
+use mesophyll_files::mesh::LeafMesh;
+use mesophyll_fit::leaf::blade::outline::simplify;
 use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -212,7 +212,7 @@ fn inside(rings: &[Vec<DVec2>], p: DVec2) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::files::mesh::{vertex_normals, vertex_tangents};
+    use mesophyll_files::mesh::{vertex_normals, vertex_tangents};
 
     /// A disk of 60 mm on a staggered grid, with a hole, bent by a smooth relief.
     fn blade() -> LeafMesh {

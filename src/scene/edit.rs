@@ -14,10 +14,10 @@ use super::plan_leaf::SIDES;
 use super::reference::{self, Chebyshev};
 use super::save;
 use crate::Result;
-use crate::capture::manifest::SideName;
-use crate::files::image::Maps;
-use crate::transport::{self, compare};
 use glam::DVec3;
+use mesophyll_capture::manifest::SideName;
+use mesophyll_files::image::Maps;
+use mesophyll_transport::{self as transport, compare};
 use mesophyll_viewer as gpu;
 use mesophyll_viewer::editor::{Editor, LeafEdit, LeafUpdate, Measure, ReferencePicture, SideEdit, SkyUpdate, Verdict};
 use mesophyll_viewer::scene as viewer;
@@ -56,7 +56,8 @@ impl SceneEditor {
                 for (s, side) in SIDES.into_iter().enumerate().filter(|(_, side)| fitted.has(*side)) {
                     let path = fitted.folder.join(format!("{}.exr", side.name()));
                     sides[s] = Some(
-                        ledger.note("read", fitted.entry(&format!("{}.exr", side.name())), 0, || crate::files::image::read_exr(&path))?,
+                        ledger
+                            .note("read", fitted.entry(&format!("{}.exr", side.name())), 0, || mesophyll_files::image::read_exr(&path))?,
                     );
                     let edit = start.side_mut(s == 0);
                     (edit.sigma_a, edit.sigma_s) =
@@ -234,7 +235,7 @@ impl Editor for SceneEditor {
         let (zenith, azimuth) = angles(sun);
         let new = || -> Result<SkyUpdate> {
             let daylight = Daylight::at(&self.manifest, zenith, azimuth, f64::from(turbidity))?;
-            let [low, high] = crate::sky::preetham::TRUSTED;
+            let [low, high] = mesophyll_sky::preetham::TRUSTED;
             let fitted = (low..=high).contains(&daylight.turbidity).then(|| daylight::polynomials(&self.plan, &self.ledger)).transpose()?;
             let dome = handover::dome(&daylight, self.plan.sky_bands, fitted.flatten())?;
             Ok(SkyUpdate { dome, sun_irradiance: daylight.sun.map(|v| v as f32) })

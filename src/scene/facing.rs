@@ -3,9 +3,9 @@
 //! Every answer errs on the side of "needed": a triangle of which some part may be edge-on counts for both sides.
 
 use super::placement::Placement;
-use crate::files::mesh::LeafMesh;
-use crate::files::progress::Bar;
 use glam::{DMat3, DVec2, DVec3};
+use mesophyll_files::mesh::LeafMesh;
+use mesophyll_files::progress::Bar;
 
 /// Cosines below this are taken for edge-on.
 const EDGE: f64 = 0.03;

@@ -4,11 +4,11 @@
 //! blade) take the mean of their neighbours, ring by ring, so that filtering at the outline never mixes in what is not leaf.
 
 use super::ledger::Ledger;
-use crate::capture::manifest::SideName;
-use crate::files::hash;
-use crate::files::image::{self, ExrInfo, Maps};
-use crate::fit::record::{FitRecord, Section};
 use crate::{Error, Result};
+use mesophyll_capture::manifest::SideName;
+use mesophyll_files::hash;
+use mesophyll_files::image::{self, ExrInfo, Maps};
+use mesophyll_fit::record::{FitRecord, Section};
 use std::path::{Path, PathBuf};
 
 /// An opened fit folder; maps are read only when asked for.

@@ -6,9 +6,9 @@
 //! a point in the shade shows less gloss than the bound says. Angles are in radians; radiance and irradiance are in the scene's unit.
 
 use super::display::displayed;
-use crate::files::mesh::LeafMesh;
-use crate::transport::lobe::{COS_VIEW_FLOOR, Lobe, M_FLOOR};
 use glam::{DMat3, DMat4, DVec3};
+use mesophyll_files::mesh::LeafMesh;
+use mesophyll_transport::lobe::{COS_VIEW_FLOOR, Lobe, M_FLOOR};
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI};
 

@@ -8,10 +8,10 @@
 
 use super::make;
 use super::manifest::Manifest;
-use crate::files::atomic::explain;
-use crate::files::image;
-use crate::transport::compare;
 use crate::{Error, Result};
+use mesophyll_files::atomic::explain;
+use mesophyll_files::image;
+use mesophyll_transport::compare;
 use std::path::{Path, PathBuf};
 
 /// Longer side of a golden picture in pixels. The software adapter draws one in a fraction of a second.

@@ -13,12 +13,12 @@ use super::manifest::{Basis, Interior, Lobe, Manifest, View};
 use super::plan::{LeafPlan, Plan, sun_direction};
 use super::plan_leaf::SIDES;
 use super::translucency::Of;
-use crate::capture::manifest::SideName;
-use crate::files::mesh::LeafMesh;
-use crate::optics::slab;
-use crate::sky::fitted::Folded;
 use crate::{Error, Result};
 use glam::{Vec2, Vec3, Vec4};
+use mesophyll_capture::manifest::SideName;
+use mesophyll_files::mesh::LeafMesh;
+use mesophyll_optics::slab;
+use mesophyll_sky::fitted::Folded;
 use mesophyll_viewer::scene as viewer;
 use rayon::prelude::*;
 

@@ -9,8 +9,8 @@ use super::plan::{self, Plan};
 use super::plan_leaf::SIDES;
 use super::reference;
 use crate::Result;
-use crate::optics::slab;
-use crate::transport::{self, compare as measure};
+use mesophyll_optics::slab;
+use mesophyll_transport::{self as transport, compare as measure};
 use std::path::Path;
 
 /// One leaf with one kind of interior.

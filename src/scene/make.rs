@@ -7,16 +7,16 @@ use super::manifest::{Colour, Leaf, Lobe, Manifest, Scan, Tissue, Translucency};
 use super::plan::Plan;
 use super::source;
 use super::translucency;
-use crate::capture::inspect::inspect;
-use crate::capture::manifest::Travel;
-use crate::capture::reader::Capture;
-use crate::capture::synth::leaf::Leaf as Grown;
-use crate::capture::synth::{scan, spec::Spec};
-use crate::files::{atomic, claim, progress};
-use crate::fit::leaf as fit;
-use crate::fit::translucency as through;
-use crate::optics::gloss;
 use crate::{Error, Result};
+use mesophyll_capture::inspect::inspect;
+use mesophyll_capture::manifest::Travel;
+use mesophyll_capture::reader::Capture;
+use mesophyll_capture::synth::leaf::Leaf as Grown;
+use mesophyll_capture::synth::{scan, spec::Spec};
+use mesophyll_files::{atomic, claim, progress};
+use mesophyll_fit::leaf as fit;
+use mesophyll_fit::translucency as through;
+use mesophyll_optics::gloss;
 use std::path::{Path, PathBuf};
 
 /// What the fit of a scene's leaf is told: the lobe that it will be drawn with.

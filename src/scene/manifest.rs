@@ -13,8 +13,8 @@ pub use light::{Day, Sky, SkyModel, Sun};
 pub use plant::{Branch, Cluster, Instance, Tree, Wind};
 pub use view::{Check, JudgedBy, View, ViewKind};
 
-use crate::files::atomic::explain;
 use crate::{Error, Result};
+use mesophyll_files::atomic::explain;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 

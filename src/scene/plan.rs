@@ -15,9 +15,9 @@ use super::source::{self, InputHash, Source, Status};
 use super::translucency::{self, Translucent};
 use super::tree;
 use crate::Result;
-use crate::files::mesh::{self, LeafMesh};
-use crate::files::progress::Bar;
 use glam::DVec3;
+use mesophyll_files::mesh::{self, LeafMesh};
+use mesophyll_files::progress::Bar;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -255,7 +255,7 @@ fn make_for(manifest: &Manifest, out: Option<&Path>, input_hash: Option<InputHas
     super::plan_light::absent_models(manifest, &mut plan);
     plan.warnings = super::plan_mesh::warnings(manifest, &plan)?;
     let parts: Vec<(String, String)> = plan.needed.iter().map(|n| (n.name.clone(), format!("{:?} {:?}", n.hash, n.amount))).collect();
-    plan.hash = crate::files::hash::combine(parts.iter().map(|(a, b)| (a.as_str(), b.as_str())));
+    plan.hash = mesophyll_files::hash::combine(parts.iter().map(|(a, b)| (a.as_str(), b.as_str())));
     Ok(plan)
 }
 

@@ -4,8 +4,8 @@ use super::branch::{self, MOTION_SIDE};
 use super::ledger::Ledger;
 use super::manifest::Manifest;
 use super::plan::{LeftOut, Need, Plan};
-use crate::fit::beam::basis;
-use crate::plant::taper::TERMS;
+use mesophyll_fit::beam::basis;
+use mesophyll_plant::taper::TERMS;
 
 /// Lists what branches and wind ask for, or why they ask for nothing.
 pub fn branches(manifest: &Manifest, plan: &mut Plan, ledger: &Ledger) {

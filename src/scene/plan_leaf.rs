@@ -7,9 +7,9 @@ use super::ledger::Ledger;
 use super::manifest::{Interior, Manifest, ViewKind};
 use super::plan::{LeafPlan, LeftOut, Need, Plan, Textures};
 use crate::Result;
-use crate::capture::manifest::SideName;
-use crate::fit::record::Times;
 use glam::DVec3;
+use mesophyll_capture::manifest::SideName;
+use mesophyll_fit::record::Times;
 
 /// Sides by index.
 pub const SIDES: [SideName; 2] = [SideName::Front, SideName::Back];

@@ -4,8 +4,8 @@ use super::manifest::{Manifest, View, ViewKind};
 use super::plan::{LeafPlan, Plan};
 use super::{branch, placement::Placement};
 use crate::Result;
-use crate::files::mesh;
 use glam::DVec3;
+use mesophyll_files::mesh;
 
 /// A mesh this many times larger or smaller than the blade that was scanned is taken for one in another unit.
 const STRANGE: f64 = 50.0;

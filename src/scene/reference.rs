@@ -10,12 +10,12 @@ use super::manifest::{Interior, Leaf, Lobe, Manifest, View};
 use super::plan::{LeafPlan, Plan, sun_direction};
 use super::plan_leaf::{SIDES, same_size};
 use super::texel_frame;
-use crate::capture::manifest::SideName;
-use crate::files::mesh::LeafMesh;
-use crate::optics::slab;
-use crate::transport::{self, lobe, world};
 use crate::{Error, Result};
 use glam::{DMat4, DVec3, DVec4};
+use mesophyll_capture::manifest::SideName;
+use mesophyll_files::mesh::LeafMesh;
+use mesophyll_optics::slab;
+use mesophyll_transport::{self as transport, lobe, world};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -162,7 +162,7 @@ fn one_leaf(manifest: &Manifest, leaf: &LeafPlan, ledger: &Ledger) -> Result<tra
     };
     // Normals were seen on the blade that was scanned, whatever blade is drawn.
     let scanned = match &config.mesh {
-        Some(_) if fitted.folder.join("blade.glb").is_file() => Some(crate::files::mesh::read(&fitted.folder.join("blade.glb"), None)?),
+        Some(_) if fitted.folder.join("blade.glb").is_file() => Some(mesophyll_files::mesh::read(&fitted.folder.join("blade.glb"), None)?),
         _ => None,
     };
     let mut size = leaf.size;

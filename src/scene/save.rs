@@ -3,11 +3,11 @@
 use super::fitted::Fitted;
 use super::handover::Scaling;
 use super::plan_leaf::SIDES;
-use crate::files::atomic::{self, explain};
-use crate::files::hash;
-use crate::files::image::{self, Maps, Packing};
-use crate::optics::slab;
 use crate::{Error, Result};
+use mesophyll_files::atomic::{self, explain};
+use mesophyll_files::hash;
+use mesophyll_files::image::{self, Maps, Packing};
+use mesophyll_optics::slab;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 

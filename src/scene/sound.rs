@@ -9,10 +9,10 @@ use super::plan::LeafPlan;
 use super::plan_leaf::SIDES;
 use super::texel_frame;
 use crate::Result;
-use crate::capture::manifest::SideName;
-use crate::files::image::Maps;
-use crate::files::mesh::LeafMesh;
-use crate::optics::slab;
+use mesophyll_capture::manifest::SideName;
+use mesophyll_files::image::Maps;
+use mesophyll_files::mesh::LeafMesh;
+use mesophyll_optics::slab;
 use rayon::prelude::*;
 
 /// Shares of texels that may stray (rims, where filling and filtering differ), and how far the others may.

@@ -1,9 +1,9 @@
 //! Where a leaf's fit comes from: a folder that is up to date, or a capture or scan that has yet to be fitted.
 
 use super::manifest::{Leaf, Manifest, Scan};
-use crate::files::hash;
-use crate::fit::record::FitRecord;
 use crate::{Error, Result};
+use mesophyll_files::hash;
+use mesophyll_fit::record::FitRecord;
 use std::path::{Path, PathBuf};
 
 /// What is to be done about a leaf's fit.

@@ -3,8 +3,8 @@
 
 use super::fitted::fill;
 use crate::Result;
-use crate::files::mesh::LeafMesh;
 use glam::{DVec2, DVec3};
+use mesophyll_files::mesh::LeafMesh;
 use std::path::Path;
 
 /// Tangent, image up and normal of the mesh at the centre of every texel of the front's maps; texels off the mesh take their neighbours'.

@@ -5,8 +5,8 @@
 //! from the one before, and strays by a seeded amount. Leaves are spread evenly over the length of all twigs.
 
 use super::manifest::Tree;
-use crate::files::mesh::LeafMesh;
 use glam::{DMat3, DMat4, DQuat, DVec2, DVec3};
+use mesophyll_files::mesh::LeafMesh;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::f64::consts::{PI, TAU};

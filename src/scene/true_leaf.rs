@@ -7,9 +7,9 @@ use super::manifest::Manifest;
 use super::plan::Plan;
 use super::plan_leaf::SIDES;
 use super::texel_frame;
-use crate::files::image::{Maps, read_exr};
-use crate::transport::{self, NormalFrame};
 use crate::{Error, Result};
+use mesophyll_files::image::{Maps, read_exr};
+use mesophyll_transport::{self as transport, NormalFrame};
 use std::path::Path;
 
 /// Puts the true maps of every leaf that has some into `world`, which [`super::reference::world`] made. The names of these leaves; light

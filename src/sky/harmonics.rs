@@ -181,7 +181,7 @@ pub fn rotate_z(c: &Coefficients, phi: f64) -> Coefficients {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sky::quadrature::gauss;
+    use crate::quadrature::gauss;
 
     fn direction(z: f64, phi: f64) -> [f64; 3] {
         let s = (1.0 - z * z).sqrt();

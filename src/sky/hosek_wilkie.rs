@@ -79,7 +79,7 @@ mod tests {
     fn the_unit_is_klx_on_the_ground() {
         for s in [0.5, 0.9, 1.2f64] {
             let sky = HosekWilkie { albedo: [0.2; 3] }.sky(s, 3.0).unwrap();
-            let rgb = crate::sky::irradiance::on_level_ground(&crate::sky::project::direct(sky.as_ref(), 2));
+            let rgb = crate::irradiance::on_level_ground(&crate::project::direct(sky.as_ref(), 2));
             let (got, measured) = (colour::xyz_from_rgb(rgb)[1], 0.8 + 15.5 * s.cos().sqrt());
             println!("θs {s}: {got:.2} klx, measured {measured:.2}");
             assert!((0.6..1.7).contains(&(got / measured)), "θs {s}: {got} {measured}");

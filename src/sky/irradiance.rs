@@ -69,9 +69,9 @@ pub fn add_ground(c: &Coefficients, albedo: [f64; 3], extra: [f64; 3]) -> Coeffi
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sky::project::direct;
-    use crate::sky::quadrature::gauss;
-    use crate::sky::{Preetham, Sky};
+    use crate::project::direct;
+    use crate::quadrature::gauss;
+    use crate::{Preetham, Sky};
 
     /// ∫ L(d) max(0, n·d) over a product rule, of anything.
     fn numeric(n: [f64; 3], radiance: impl Fn([f64; 3]) -> [f64; 3], nodes: usize) -> [f64; 3] {

@@ -172,7 +172,7 @@ impl Model for Preetham {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sky::{angle_to_sun, sun_direction};
+    use crate::{angle_to_sun, sun_direction};
     use std::f64::consts::FRAC_PI_2;
 
     /// xyY written out from the paper's formulas, without the grouping that the code uses.

@@ -14,5 +14,5 @@ pub fn gauss(n: usize) -> Nodes {
     if kept.len() <= n {
         kept.resize(n + 1, None);
     }
-    kept[n].get_or_insert_with(|| Arc::new(crate::quadrature::symmetric(n.max(1)))).clone()
+    kept[n].get_or_insert_with(|| Arc::new(mesophyll_quadrature::symmetric(n.max(1)))).clone()
 }

@@ -104,7 +104,7 @@ pub struct Dip {
 pub fn lowest_below(c: &Coefficients, basis: &Basis) -> Dip {
     // windows keep band 0, so this is the mean of the unwindowed upper hemisphere
     let mean = c.get(0, 0).map(|v| v * (4.0 * PI).sqrt() / (2.0 * PI));
-    let luminance = |rgb: [f64; 3]| crate::sky::colour::xyz_from_rgb(rgb)[1];
+    let luminance = |rgb: [f64; 3]| crate::colour::xyz_from_rgb(rgb)[1];
     let bright = luminance(mean);
     let mut dip = Dip { luminance: f64::INFINITY, channel: f64::INFINITY };
     for row in 0..=90 {
@@ -129,8 +129,8 @@ pub fn irradiance_change(c: &Coefficients, exact: [f64; 3]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sky::Preetham;
-    use crate::sky::project::direct;
+    use crate::Preetham;
+    use crate::project::direct;
 
     /// θs = 1.3, τ = 3, N = 7, computed elsewhere: luminance dips to −.38 of the mean, with the zonal filter −.23, filtering every order −.08.
     #[test]

@@ -6,8 +6,8 @@ mod photograph;
 
 use super::manifest::{Beam, KIND, Manifest};
 use super::reader;
-use crate::capture::dome::noise::median;
-use crate::capture::manifest::SideName;
+use crate::dome::noise::median;
+use crate::manifest::SideName;
 use serde::Serialize;
 use std::path::Path;
 

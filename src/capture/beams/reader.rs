@@ -1,10 +1,10 @@
 //! Photographs under beams opened for fitting: all of them are there, of one size, and hold readings.
 
 use super::manifest::{Beam, Manifest};
-use crate::capture::reader::RGB;
-use crate::files::hash;
-use crate::files::image::{exr_info, read_exr_rows};
+use crate::reader::RGB;
 use crate::{Error, Result};
+use mesophyll_files::hash;
+use mesophyll_files::image::{exr_info, read_exr_rows};
 use std::path::{Path, PathBuf};
 
 /// A validated capture with its photographs.

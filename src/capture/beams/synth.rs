@@ -6,24 +6,24 @@
 //! For a patch the leaf is grown wider than the picture, so that light comes in over its border.
 
 use super::manifest::{Beam, KIND, Manifest};
-use crate::capture::manifest::SideName;
-use crate::capture::synth::leaf::{Leaf, Window, texel_size};
-use crate::capture::synth::preview;
-use crate::capture::synth::random::Stream;
-use crate::capture::synth::scan::stop_if_asked;
-use crate::capture::synth::spec::{Model, Spec};
-use crate::files::atomic;
-use crate::files::image::{Maps, Packing, write_exr};
-use crate::files::progress::Bar;
-use crate::optics::dipole::Tissue;
-use crate::optics::slab::exact::Medium;
-use crate::optics::translucency::blade::{self, LitSide, Surface};
-use crate::optics::translucency::convolve::{Convolver, Settings, Totals};
-use crate::optics::translucency::horizon::Horizon;
-use crate::optics::translucency::irradiance::{Visibility, irradiance};
-use crate::optics::translucency::levels::{LevelKind, Levels};
-use crate::optics::translucency::relief;
+use crate::manifest::SideName;
+use crate::synth::leaf::{Leaf, Window, texel_size};
+use crate::synth::preview;
+use crate::synth::random::Stream;
+use crate::synth::scan::stop_if_asked;
+use crate::synth::spec::{Model, Spec};
 use crate::{Error, Result};
+use mesophyll_files::atomic;
+use mesophyll_files::image::{Maps, Packing, write_exr};
+use mesophyll_files::progress::Bar;
+use mesophyll_optics::dipole::Tissue;
+use mesophyll_optics::slab::exact::Medium;
+use mesophyll_optics::translucency::blade::{self, LitSide, Surface};
+use mesophyll_optics::translucency::convolve::{Convolver, Settings, Totals};
+use mesophyll_optics::translucency::horizon::Horizon;
+use mesophyll_optics::translucency::irradiance::{Visibility, irradiance};
+use mesophyll_optics::translucency::levels::{LevelKind, Levels};
+use mesophyll_optics::translucency::relief;
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::path::Path;
@@ -223,7 +223,7 @@ pub fn capture(spec: &Spec, grown: &Grown, options: &Options, folder: &Path) -> 
         // As the unlit side's camera sees it; off the leaf there is nothing to read.
         let mask = grown.crop(&grown.leaf.mask_of(beam.lit == SideName::Back));
         let mut maps = Maps::new(w, h);
-        for (channel, name) in shown.iter().zip(crate::capture::reader::RGB) {
+        for (channel, name) in shown.iter().zip(crate::reader::RGB) {
             let seen: Vec<f32> = channel.iter().zip(&mask).map(|(v, m)| if *m { *v as f32 } else { f32::NAN }).collect();
             maps.push(name, blade::mirror(&seen, w));
         }

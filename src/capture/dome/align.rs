@@ -8,7 +8,7 @@
 
 use super::noise::{deviation, median};
 use super::smooth::{Kernel, pass, smooth};
-use crate::capture::synth::random::Stream;
+use crate::synth::random::Stream;
 use serde::Serialize;
 
 /// Widths of smoothing that are tried (texels).

@@ -5,7 +5,7 @@ use super::manifest::{Manifest, Picture};
 use super::noise::quantile;
 use super::reader::{Capture, check_files};
 use super::reduce::{Options, Reduced, reduce};
-use crate::capture::manifest::SideName;
+use crate::manifest::SideName;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;

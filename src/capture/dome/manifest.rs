@@ -1,9 +1,9 @@
 //! `capture.toml` of a capture under a dome. Lengths in mm; unknown fields are errors.
 
-use crate::capture::field::Fields;
-use crate::capture::manifest::SideName;
-use crate::files::atomic::explain;
+use crate::field::Fields;
+use crate::manifest::SideName;
 use crate::{Error, Result};
+use mesophyll_files::atomic::explain;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 

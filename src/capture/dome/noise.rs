@@ -45,7 +45,7 @@ pub fn quantile(values: &mut [f64], q: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::capture::synth::random::Stream;
+    use crate::synth::random::Stream;
 
     #[test]
     fn the_noise_is_found_on_a_slope() {

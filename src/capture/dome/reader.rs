@@ -1,10 +1,10 @@
 //! A capture under a dome, opened: every file it needs is there, of the right size, and read. Photographs have their dark level taken off.
 
 use super::manifest::{Manifest, Picture, empty_path, white_path};
-use crate::capture::manifest::SideName;
-use crate::files::hash;
-use crate::files::image::{ExrInfo, Maps, exr_info, read_exr, read_exr_rows};
+use crate::manifest::SideName;
 use crate::{Error, Result};
+use mesophyll_files::hash;
+use mesophyll_files::image::{ExrInfo, Maps, exr_info, read_exr, read_exr_rows};
 use std::path::{Path, PathBuf};
 
 /// One RGB triple a texel, row-major.
@@ -168,5 +168,5 @@ fn check_size(path: &Path, info: &ExrInfo, m: &Manifest) -> Result<()> {
 }
 
 fn rgb(path: &Path) -> Result<Pixels> {
-    Ok(crate::capture::reader::interleave(&read_exr_rows(path, Some(&["R", "G", "B"]), None)?))
+    Ok(crate::reader::interleave(&read_exr_rows(path, Some(&["R", "G", "B"]), None)?))
 }

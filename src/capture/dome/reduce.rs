@@ -14,10 +14,10 @@ use super::reader::{Capture, Pictures, Pixels};
 use super::shape::{filled, shape};
 use super::smooth::mirrored;
 use super::visible::visible;
-use crate::capture::lightbox::mask_from_transmission;
-use crate::capture::manifest::SideName;
-use crate::optics::translucency::blade::{self, Blade, Surface};
+use crate::lightbox::mask_from_transmission;
+use crate::manifest::SideName;
 use crate::{Error, Result};
+use mesophyll_optics::translucency::blade::{self, Blade, Surface};
 use serde::Serialize;
 use std::collections::BTreeMap;
 

@@ -7,7 +7,7 @@ use super::noise::quantile;
 use super::reader::Capture;
 use super::reduce::Options;
 use super::smooth::{Kernel, mirrored, smooth};
-use crate::capture::manifest::SideName;
+use crate::manifest::SideName;
 use crate::{Error, Result};
 use std::path::Path;
 

@@ -126,7 +126,7 @@ pub fn mirrored<T: Copy>(map: &[T], width: usize) -> Vec<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::capture::synth::random::Stream;
+    use crate::synth::random::Stream;
 
     #[test]
     fn a_plane_stays_a_plane_inside_and_holes_are_filled() {

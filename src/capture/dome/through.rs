@@ -8,11 +8,11 @@
 
 use super::visible::visible;
 use crate::Result;
-use crate::capture::synth::leaf::{Leaf, Side};
-use crate::capture::synth::slab_truth::Table;
-use crate::optics::dipole::Tissue;
-use crate::optics::translucency::blade::{self, Blade, mirror};
-use crate::optics::translucency::convolve::{Convolver, Settings, Totals};
+use crate::synth::leaf::{Leaf, Side};
+use crate::synth::slab_truth::Table;
+use mesophyll_optics::dipole::Tissue;
+use mesophyll_optics::translucency::blade::{self, Blade, mirror};
+use mesophyll_optics::translucency::convolve::{Convolver, Settings, Totals};
 
 /// How far sideways light is followed where a part of a leaf is captured (mm).
 pub const REACH_MM: f64 = 2.0;
@@ -62,8 +62,8 @@ fn tissue(side: &Side, c: usize) -> Tissue {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::capture::synth::illumination::Lobe;
-    use crate::capture::synth::slab_truth::response;
+    use crate::synth::illumination::Lobe;
+    use crate::synth::slab_truth::response;
 
     const W: usize = 96;
     const H: usize = 80;

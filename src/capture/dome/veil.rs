@@ -2,8 +2,8 @@
 //! Per unit ρs; the view is along the blade's normal, the surface leans by the cosine `lean` and has the roughness `m`. For synthesis
 //! only: the reduction knows no lobe.
 
-use crate::capture::synth::illumination::Lobe;
-use crate::capture::synth::slab_truth::gauss_legendre;
+use crate::synth::illumination::Lobe;
+use crate::synth::slab_truth::gauss_legendre;
 use std::f64::consts::PI;
 
 /// Nodes of the table in the cosine of the lean and in roughness.
@@ -81,7 +81,7 @@ fn dielectric(c: f64, index: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::optics::gloss;
+    use mesophyll_optics::gloss;
 
     /// A smooth level surface mirrors the whole dome (per unit ρs), and with a Fresnel term its reflectance at normal incidence.
     #[test]

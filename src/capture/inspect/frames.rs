@@ -2,10 +2,10 @@
 
 use super::noise::{NoiseMeter, WINDOW};
 use super::{Inspection, list_numbers};
-use crate::capture::manifest::{Manifest, Pass, SideName, frame_path};
-use crate::files::image::{self, Maps};
-use crate::files::progress::{self, Bar};
+use crate::manifest::{Manifest, Pass, SideName, frame_path};
 use crate::{Error, Result};
+use mesophyll_files::image::{self, Maps};
+use mesophyll_files::progress::{self, Bar};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::collections::BTreeMap;

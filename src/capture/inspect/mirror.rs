@@ -7,8 +7,8 @@
 
 use super::{Inspection, list_numbers};
 use crate::Result;
-use crate::capture::manifest::{Manifest, Pass, Travel, mirror_path};
-use crate::files::image;
+use crate::manifest::{Manifest, Pass, Travel, mirror_path};
+use mesophyll_files::image;
 use serde::Serialize;
 use std::path::Path;
 

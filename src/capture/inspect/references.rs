@@ -2,8 +2,8 @@
 
 use super::{Inspection, list_numbers};
 use crate::Error;
-use crate::capture::manifest::{Manifest, white_path};
-use crate::files::image::{self, Maps};
+use crate::manifest::{Manifest, white_path};
+use mesophyll_files::image::{self, Maps};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 

@@ -11,7 +11,7 @@
 //! m ≥ 0.03 (tested against area elements of the cylinder). Nothing here is shared with the fit.
 
 use super::slab_truth::gauss_legendre;
-use crate::capture::manifest::{Travel, Tube};
+use crate::manifest::{Travel, Tube};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 

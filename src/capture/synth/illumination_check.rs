@@ -2,7 +2,7 @@
 
 use super::illumination::{Device, Lobe, Shown};
 use super::slab_truth::gauss_legendre;
-use crate::capture::manifest::{Travel, Tube};
+use crate::manifest::{Travel, Tube};
 use std::f64::consts::PI;
 
 const TUBE: Tube = Tube { height_mm: 100.0, length_mm: 500.0, radius_mm: 2.5 };

@@ -8,8 +8,8 @@ use super::random::{mesh, noise};
 use super::slab_truth::Table;
 use super::spec::{Model, Spec, Surface};
 use super::veins::Network;
-use crate::capture::manifest::texel_position;
-use crate::files::image::Maps;
+use crate::manifest::texel_position;
+use mesophyll_files::image::Maps;
 use rayon::prelude::*;
 
 /// One side, row-major as its camera saw it; every map has `width · height` entries, zero off the blade.
@@ -340,10 +340,10 @@ fn side(spec: &Spec, model: Model, places: &[Place], interior: &Interior, (width
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::capture::synth::slab_truth;
+    use crate::synth::slab_truth;
 
     fn elm(model: Model) -> (Spec, Leaf) {
-        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("data/leaves/elm.toml");
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/leaves/elm.toml");
         let spec = Spec::read(&path).unwrap();
         let leaf = Leaf::grow(&spec, model, 60, 45).unwrap();
         (spec, leaf)

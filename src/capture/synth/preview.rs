@@ -3,7 +3,7 @@
 
 use super::leaf::{Leaf, Side};
 use crate::Result;
-use crate::files::image::{to_srgb8, write_png};
+use mesophyll_files::image::{to_srgb8, write_png};
 use std::path::Path;
 
 /// Widest tile (texels).

@@ -7,11 +7,11 @@ use super::preview;
 use super::random::Stream;
 use super::sensor::{EXPOSURES, Sensor};
 use super::spec::{Model, Spec};
-use crate::capture::manifest::{self, LightBox, Manifest, Pass, SideName, Travel, texel_position};
-use crate::files::atomic;
-use crate::files::image::{Maps, Packing, write_exr};
-use crate::files::progress::{Bar, stop_requested};
+use crate::manifest::{self, LightBox, Manifest, Pass, SideName, Travel, texel_position};
 use crate::{Error, Result};
+use mesophyll_files::atomic;
+use mesophyll_files::image::{Maps, Packing, write_exr};
+use mesophyll_files::progress::{Bar, stop_requested};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 

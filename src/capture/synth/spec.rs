@@ -2,9 +2,9 @@
 //! Lengths in mm, angles in degrees, coefficients in 1/mm. Unknown fields are errors.
 
 use super::illumination::Lobe;
-use crate::capture::manifest::Tube;
-use crate::files::atomic::explain;
+use crate::manifest::Tube;
 use crate::{Error, Result};
+use mesophyll_files::atomic::explain;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 

@@ -1,9 +1,9 @@
 //! `mesophyll eval beam`: taper and place in, deflection and slope out.
 
 use crate::Result;
-use crate::cli::{Common, batch, tables};
-use crate::files::table::{self, BatchIo, Spec, Table};
-use crate::fit::beam;
+use crate::{Common, batch, tables};
+use mesophyll_files::table::{self, BatchIo, Spec, Table};
+use mesophyll_fit::beam;
 
 /// CSV columns `alpha,x` (tip radius over root radius; place from 0 at the root to 1 at the tip) → `u,du,status`: deflection and slope of an evenly
 /// loaded, clamped, tapered circular beam of unit length for F/(E′r₁⁴) = 1, to 12 digits.

@@ -1,10 +1,10 @@
 //! `mesophyll eval dipole`: thickness and radius in, a leaf's transmittance T(r, d) out.
 
-use crate::cli::{Common, batch, tables};
-use crate::files::table::{self, Answer, BatchIo, Spec, Status, Table};
-use crate::optics::dipole::{Form, Tissue};
-use crate::optics::slab;
+use crate::{Common, batch, tables};
 use crate::{Error, Result};
+use mesophyll_files::table::{self, Answer, BatchIo, Spec, Status, Table};
+use mesophyll_optics::dipole::{Form, Tissue};
+use mesophyll_optics::slab;
 
 /// CSV columns `thickness,radius` (mm) → `t,status`: exitance of the far side, 1/mm², per flux that entered `radius` away.
 ///

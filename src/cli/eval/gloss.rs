@@ -1,12 +1,12 @@
 //! `mesophyll eval gloss`: traces that a linear light source would show, wide, so that they feed `fit gloss`.
 
-use crate::cli::fit::gloss::LobeArgs;
-use crate::cli::{Common, batch, tables};
-use crate::files::table::{self, Answer, BatchIo, Table};
-use crate::fit::gloss::geometry::Geometry;
-use crate::fit::gloss::{M_RANGE, normal_of};
-use crate::optics::tube::{Model, Precision, Travel};
+use crate::fit::gloss::LobeArgs;
+use crate::{Common, batch, tables};
 use crate::{Error, Result};
+use mesophyll_files::table::{self, Answer, BatchIo, Table};
+use mesophyll_fit::gloss::geometry::Geometry;
+use mesophyll_fit::gloss::{M_RANGE, normal_of};
+use mesophyll_optics::tube::{Model, Precision, Travel};
 use rand::{RngExt, SeedableRng};
 use std::path::PathBuf;
 

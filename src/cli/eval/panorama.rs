@@ -1,12 +1,12 @@
 //! `mesophyll eval panorama`: a picture of a sky whose sun and turbidity are known, for tests of `fit sky --panorama`.
 
 use super::sky::ModelName;
-use crate::cli::fit::sky::ProjectionName;
-use crate::cli::{Common, place, tables};
-use crate::files::image::{Packing, write_exr};
-use crate::files::{claim, progress};
-use crate::fit::sky::panorama::render::{Shot, render};
+use crate::fit::sky::ProjectionName;
+use crate::{Common, place, tables};
 use crate::{Error, Result};
+use mesophyll_files::image::{Packing, write_exr};
+use mesophyll_files::{claim, progress};
+use mesophyll_fit::sky::panorama::render::{Shot, render};
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "Examples:
@@ -110,7 +110,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     }
     place::file(&args.output, |path| write_exr(path, &render(sky.as_ref(), &shot), Packing::Zip))?;
     if common.json {
-        crate::cli::print_json(&serde_json::json!({ "written": [args.output] }))?;
+        crate::print_json(&serde_json::json!({ "written": [args.output] }))?;
     } else if !stdout {
         progress::say(format!("wrote {}", args.output.display()));
     }

@@ -1,13 +1,13 @@
 //! `mesophyll eval sky`: sun and turbidity in, spherical harmonics of the sky out, N² rows for each row.
 
-use crate::cli::{Common, batch, tables};
-use crate::files::progress;
-use crate::files::table::{self, Answer, BatchIo, Spec, Table};
-use crate::fit::sky::{self as fits, Form, Method, Options};
-use crate::sky::harmonics::MOST_BANDS;
-use crate::sky::window::Window;
-use crate::sky::{Coefficients, HosekWilkie, Model, Preetham, Refused, irradiance, project};
+use crate::{Common, batch, tables};
 use crate::{Error, Result};
+use mesophyll_files::progress;
+use mesophyll_files::table::{self, Answer, BatchIo, Spec, Table};
+use mesophyll_fit::sky::{self as fits, Form, Method, Options};
+use mesophyll_sky::harmonics::MOST_BANDS;
+use mesophyll_sky::window::Window;
+use mesophyll_sky::{Coefficients, HosekWilkie, Model, Preetham, Refused, irradiance, project};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 

@@ -1,9 +1,9 @@
 //! `mesophyll eval slab`: ω and Δ in, ρd and ρt out.
 
-use crate::cli::{Common, batch, tables};
-use crate::files::table::{self, Answer, BatchIo, Spec, Status, Table};
-use crate::optics::slab::{self, Response, exact, fn_method};
+use crate::{Common, batch, tables};
 use crate::{Error, Result};
+use mesophyll_files::table::{self, Answer, BatchIo, Spec, Status, Table};
+use mesophyll_optics::slab::{self, Response, exact, fn_method};
 
 /// CSV columns `omega,delta` (single-scattering albedo, optical thickness) → `rho_d,rho_t,status`.
 ///

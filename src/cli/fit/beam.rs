@@ -1,14 +1,14 @@
 //! `mesophyll fit beam`: coefficients of a taper, the basis of all tapers, or taper and stiffness from measured deflections.
 
-use crate::cli::{Common, batch, place, tables};
-use crate::files::claim::{self, Kind};
-use crate::files::progress::say;
-use crate::files::table::{self, BatchIo, Spec, Table};
-use crate::fit::beam::measured::Along;
-use crate::fit::beam::{self, basis, deflections, record};
-use crate::fit::record::claim;
-use crate::report::beam_charts;
+use crate::{Common, batch, place, tables};
 use crate::{Error, Result};
+use mesophyll_files::claim::{self, Kind};
+use mesophyll_files::progress::say;
+use mesophyll_files::table::{self, BatchIo, Spec, Table};
+use mesophyll_fit::beam::measured::Along;
+use mesophyll_fit::beam::{self, basis, deflections, record};
+use mesophyll_fit::record::claim;
+use mesophyll_report::beam_charts;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -89,7 +89,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             claim::folder(folder, Kind::Pictures, &[])?;
             let files = beam_charts::write(folder)?;
             if common.json && !args.basis {
-                crate::cli::print_json(&serde_json::json!({ "written": files }))?;
+                crate::print_json(&serde_json::json!({ "written": files }))?;
             }
             files.iter().for_each(|file| say(format!("wrote {}", file.display())));
         }
@@ -106,12 +106,12 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
 fn basis_to(folder: &Path, common: &Common) -> Result<()> {
     claim(folder, "beam", &[])?;
     let clock = Instant::now();
-    let fit = basis::smooth_fit(crate::plant::taper::TERMS, basis::DEGREE);
+    let fit = basis::smooth_fit(mesophyll_plant::taper::TERMS, basis::DEGREE);
     let seconds = clock.elapsed().as_secs_f64();
     let record = record::of_basis();
     record::write(folder, &record, seconds, vec![("all".into(), fit.fit.trace)])?;
     if common.json {
-        crate::cli::print_json(&record)?;
+        crate::print_json(&record)?;
     } else {
         let (worst, at) = basis::smooth().1.worst();
         say(format!(
@@ -137,7 +137,7 @@ fn from_deflections(args: &Args, path: &Path, io: &BatchIo, folder: Option<&Path
     let fits = deflections::fit_all(&branches, along);
     let seconds = clock.elapsed().as_secs_f64();
     if let Some(folder) = folder {
-        let hash = crate::files::hash::combine([
+        let hash = mesophyll_files::hash::combine([
             ("branches", format!("{branches:?}").as_str()),
             ("along", &format!("{along:?}")),
             ("program", env!("CARGO_PKG_VERSION")),

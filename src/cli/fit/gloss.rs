@@ -1,12 +1,12 @@
 //! `mesophyll fit gloss`: traces of a linear light source, or goniometer samples, from CSV.
 
-use crate::cli::{Common, batch, tables};
-use crate::files::table::{self, Answer, BatchIo, Table, Tally};
-use crate::fit::gloss::geometry::{Geometry, trace_columns};
-use crate::fit::gloss::{Robust, TexelFit, TexelFitter, samples};
-use crate::optics::gloss::Lobe;
-use crate::optics::tube::Precision;
+use crate::{Common, batch, tables};
 use crate::{Error, Result};
+use mesophyll_files::table::{self, Answer, BatchIo, Table, Tally};
+use mesophyll_fit::gloss::geometry::{Geometry, trace_columns};
+use mesophyll_fit::gloss::{Robust, TexelFit, TexelFitter, samples};
+use mesophyll_optics::gloss::Lobe;
+use mesophyll_optics::tube::Precision;
 use std::path::PathBuf;
 
 /// Traces of a linear light source (`--geometry`), or goniometer samples (`--samples`), from CSV: diffuse and glossy reflectance, slope and normal.
@@ -115,14 +115,14 @@ fn traces(args: &Args, common: &Common, geometry: &Geometry, lobe: Lobe) -> Resu
     table::run(table, &args.io.rows(common.json), &spec, |row, out| {
         let value = |c: usize, k: usize| if c < channels { row.get(c * frames + k) as f32 } else { f32::NAN };
         let trace: Vec<[f32; 3]> = (0..frames).map(|k| std::array::from_fn(|c| value(c, k))).collect();
-        thread_local!(static SCRATCH: std::cell::RefCell<crate::fit::gloss::Workspace> = std::cell::RefCell::default());
+        thread_local!(static SCRATCH: std::cell::RefCell<mesophyll_fit::gloss::Workspace> = std::cell::RefCell::default());
         let fit = SCRATCH.with_borrow_mut(|ws| fitter.fit(ws, [0.0; 2], &trace, None));
         out.push(answer(&fit, channels));
     })
 }
 
 fn answer(fit: &TexelFit, channels: usize) -> Answer {
-    if fit.termination == crate::solve::Termination::Refused {
+    if fit.termination == mesophyll_solve::Termination::Refused {
         return Answer::refused(fit.defect.unwrap_or("no fit"));
     }
     let mut values = Vec::with_capacity(17);

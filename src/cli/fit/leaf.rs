@@ -1,14 +1,14 @@
 //! `mesophyll fit leaf CAPTURE -o DIR`, for scans under a tube and captures under a dome.
 
 use super::gloss::LobeArgs;
-use crate::cli::{Common, place, print, print_json};
-use crate::files::progress::say;
-use crate::fit::dome;
-use crate::fit::leaf::held_out::HoldOut;
-use crate::fit::leaf::texels::Shard;
-use crate::fit::leaf::{Method, Options, Outcome, run as fit};
-use crate::fit::record::FitRecord;
+use crate::{Common, place, print, print_json};
 use crate::{Error, Result};
+use mesophyll_files::progress::say;
+use mesophyll_fit::dome;
+use mesophyll_fit::leaf::held_out::HoldOut;
+use mesophyll_fit::leaf::texels::Shard;
+use mesophyll_fit::leaf::{Method, Options, Outcome, run as fit};
+use mesophyll_fit::record::FitRecord;
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
@@ -78,7 +78,7 @@ fn parse_hold_out(text: &str) -> std::result::Result<usize, String> {
 /// What a capture's `kind` says; the kind of a scan under a tube is not written.
 pub fn is_dome(capture: &std::path::Path) -> bool {
     let text = std::fs::read_to_string(capture.join("capture.toml")).unwrap_or_default();
-    text.parse::<toml::Table>().is_ok_and(|t| t.get("kind").and_then(toml::Value::as_str) == Some(crate::capture::dome::manifest::KIND))
+    text.parse::<toml::Table>().is_ok_and(|t| t.get("kind").and_then(toml::Value::as_str) == Some(mesophyll_capture::dome::manifest::KIND))
 }
 
 /// A capture under a dome: no tube, so nothing of shards, lobes and the paper's reduction.

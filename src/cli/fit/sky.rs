@@ -1,13 +1,13 @@
 //! `mesophyll fit sky`: polynomials of a sky's spherical harmonics over sun and turbidity, or the sun and turbidity of a panorama, as a fit folder.
 
-use crate::cli::eval::sky::ModelName;
-use crate::cli::{Common, place, tables};
-use crate::files::progress;
-use crate::fit::record::claim;
-use crate::fit::sky::judge::Reference;
-use crate::fit::sky::panorama::{self, picture::Channels, projection::Projection};
-use crate::fit::sky::{self as fits, Method, Options, folder};
+use crate::eval::sky::ModelName;
+use crate::{Common, place, tables};
 use crate::{Error, Result};
+use mesophyll_files::progress;
+use mesophyll_fit::record::claim;
+use mesophyll_fit::sky::judge::Reference;
+use mesophyll_fit::sky::panorama::{self, picture::Channels, projection::Projection};
+use mesophyll_fit::sky::{self as fits, Method, Options, folder};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -140,7 +140,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         progress::say(format!("note: {}", fitted.remark));
     }
     if common.json {
-        crate::cli::print_json(&serde_json::json!({
+        crate::print_json(&serde_json::json!({
             "method": method.name(),
             "bands": options.bands,
             "terms": fitted.columns,
@@ -162,7 +162,7 @@ fn from_panorama(args: &Args, path: &Path, common: &Common) -> Result<u8> {
     let projection = args.projection.projection(args.field_deg);
     let channels = Channels { radiance: args.channels.clone(), mask: args.mask.clone(), saturation: args.saturation };
     let clock = Instant::now();
-    let picture = panorama::picture::read(path, &crate::files::image::read_exr(path)?, projection, &channels)?;
+    let picture = panorama::picture::read(path, &mesophyll_files::image::read_exr(path)?, projection, &channels)?;
     let read = clock.elapsed().as_secs_f64();
     if let Some(n) = args.noise.filter(|n| !(*n > 0.0 && *n < 1.0)) {
         return Err(Error::Usage(format!("--noise is {n}; expected more than 0 and less than 1 (relative to a reading)")));
@@ -179,7 +179,7 @@ fn from_panorama(args: &Args, path: &Path, common: &Common) -> Result<u8> {
     options.extend(args.mask.iter().map(|m| ("mask".to_string(), m.clone())));
     options.extend(args.saturation.iter().map(|s| ("saturation".to_string(), s.to_string())));
     let told = format!("{options:?} {:?} {}", args.noise, env!("CARGO_PKG_VERSION"));
-    let hash = crate::files::hash::combine([("panorama", crate::files::hash::file(path)?.as_str()), ("options", told.as_str())]);
+    let hash = mesophyll_files::hash::combine([("panorama", mesophyll_files::hash::file(path)?.as_str()), ("options", told.as_str())]);
     claim(&args.output, "panorama", &[path])?;
     panorama::record::write(&args.output, &picture, &found, &options, hash, [read, fitted])?;
     let shown = |k: panorama::Known, unit: f64| format!("{:.4} ± {:.4}", k.value * unit, k.error * unit);
@@ -198,7 +198,7 @@ fn from_panorama(args: &Args, path: &Path, common: &Common) -> Result<u8> {
     if common.json {
         let number = |v: f64| v.is_finite().then_some(v);
         let known = |k: panorama::Known, unit: f64| serde_json::json!({"value": k.value * unit, "stderr": number(k.error * unit)});
-        crate::cli::print_json(&serde_json::json!({
+        crate::print_json(&serde_json::json!({
             "sun_zenith_deg": known(found.sun_zenith, degrees),
             "sun_azimuth_deg": known(found.sun_azimuth, degrees),
             "turbidity": known(found.turbidity, 1.0),

@@ -1,11 +1,11 @@
 //! `mesophyll fit slab`: ρd, ρt and thickness in, σa and σs out.
 
-use crate::cli::{Common, batch, tables};
-use crate::files::progress;
-use crate::files::table::{self, Answer, BatchIo, Spec, Table, counted};
-use crate::fit::slab::{self, Measured, Options};
-use crate::optics::slab::inverse::Precision;
+use crate::{Common, batch, tables};
 use crate::{Error, Result};
+use mesophyll_files::progress;
+use mesophyll_files::table::{self, Answer, BatchIo, Spec, Table, counted};
+use mesophyll_fit::slab::{self, Measured, Options};
+use mesophyll_optics::slab::inverse::Precision;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// CSV columns `rho_d,rho_t,h` → `sigma_a,sigma_s,sigma_a_err,sigma_s_err,status` (1/mm).

@@ -1,13 +1,13 @@
 //! `mesophyll fit tissue BEAMS --blade FIT -o DIR`.
 
-use crate::cli::{Common, place, print, print_json};
-use crate::files::progress::say;
-use crate::fit::record::FitRecord;
-use crate::fit::translucency::inverse::run::{Options, Outcome, Start, run as fit};
-use crate::fit::translucency::inverse::{self};
-use crate::fit::translucency::tissue::Entry;
-use crate::optics::translucency::convolve::Totals;
+use crate::{Common, place, print, print_json};
 use crate::{Error, Result};
+use mesophyll_files::progress::say;
+use mesophyll_fit::record::FitRecord;
+use mesophyll_fit::translucency::inverse::run::{Options, Outcome, Start, run as fit};
+use mesophyll_fit::translucency::inverse::{self};
+use mesophyll_fit::translucency::tissue::Entry;
+use mesophyll_optics::translucency::convolve::Totals;
 use std::path::PathBuf;
 
 /// Absorption and scattering inside a leaf, and a factor on its thickness, from photographs of the light that comes through it under beams of known direction.

@@ -1,15 +1,15 @@
 //! `mesophyll fit translucency FIT -o DIR`.
 
-use crate::cli::{Common, place, print, print_json};
-use crate::files::progress::say;
-use crate::fit::dome;
-use crate::fit::record::FitRecord;
-use crate::fit::translucency::tissue::Entry;
-use crate::fit::translucency::{Area, Colour, Options, Outcome, TissueFrom, run as fit};
-use crate::optics::dipole::Form;
-use crate::optics::translucency::basis::Basis;
-use crate::optics::translucency::lights::Rule;
+use crate::{Common, place, print, print_json};
 use crate::{Error, Result};
+use mesophyll_files::progress::say;
+use mesophyll_fit::dome;
+use mesophyll_fit::record::FitRecord;
+use mesophyll_fit::translucency::tissue::Entry;
+use mesophyll_fit::translucency::{Area, Colour, Options, Outcome, TissueFrom, run as fit};
+use mesophyll_optics::dipole::Form;
+use mesophyll_optics::translucency::basis::Basis;
+use mesophyll_optics::translucency::lights::Rule;
 use std::path::PathBuf;
 
 /// How the light that comes through a leaf depends on where it comes from, a texel at a time: scattering inside the blade, shadows of its relief, its thickness.

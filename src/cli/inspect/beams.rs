@@ -1,9 +1,9 @@
 //! `mesophyll inspect` of photographs under beams.
 
 use super::{Args, said, shown};
+use crate::Common;
 use crate::Result;
-use crate::capture::beams::inspect::{Inspection, Photograph, inspect};
-use crate::cli::Common;
+use mesophyll_capture::beams::inspect::{Inspection, Photograph, inspect};
 use std::fmt::Write;
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {

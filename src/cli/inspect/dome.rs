@@ -1,9 +1,9 @@
 //! `mesophyll inspect` of a capture under a dome.
 
 use super::{Args, said, shown};
+use crate::Common;
 use crate::Result;
-use crate::capture::dome::inspect::{Inspection, SideSummary, inspect};
-use crate::cli::Common;
+use mesophyll_capture::dome::inspect::{Inspection, SideSummary, inspect};
 use std::fmt::Write;
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {

@@ -1,9 +1,9 @@
 //! The sky as a C header (C99, one file, no state): arrays in float, the few factors of a sky in double, sums in `MESOPHYLL_SKY_REAL`.
 
 use super::{Constants, Evaluator, Kind, constants, listed};
-use crate::sky::Coefficients;
-use crate::sky::fitted::Basis;
-use crate::sky::fitted::folded::TURBIDITY_ZERO;
+use mesophyll_sky::Coefficients;
+use mesophyll_sky::fitted::Basis;
+use mesophyll_sky::fitted::folded::TURBIDITY_ZERO;
 
 fn head(about: &[String]) -> String {
     let lines: String = about.iter().map(|l| format!(" * {l}").trim_end().to_string() + "\n").collect();

@@ -1,11 +1,11 @@
 //! The sky as JSON: the arrays, every constant that the evaluation needs, and the evaluation in words.
 
 use super::{Evaluator, Kind, SkyOptions, constants};
-use crate::fit::record::{FitRecord, Times};
-use crate::sky::Coefficients;
-use crate::sky::fitted::Basis;
-use crate::sky::fitted::folded::TURBIDITY_ZERO;
 use crate::{Error, Result};
+use mesophyll_fit::record::{FitRecord, Times};
+use mesophyll_sky::Coefficients;
+use mesophyll_sky::fitted::Basis;
+use mesophyll_sky::fitted::folded::TURBIDITY_ZERO;
 use serde_json::{Value, json};
 use std::path::Path;
 

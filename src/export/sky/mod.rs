@@ -6,13 +6,13 @@ mod json;
 mod wgsl;
 
 use super::Format;
-use crate::fit::record::FitRecord;
-use crate::fit::sky::{Form, folder};
-use crate::sky::fitted::folded::{TURBIDITY_ZERO, rgb_from_separable};
-use crate::sky::fitted::{Basis, Folded};
-use crate::sky::irradiance::{add_ground, below_horizon};
-use crate::sky::{Coefficients, preetham};
 use crate::{Error, Result};
+use mesophyll_fit::record::FitRecord;
+use mesophyll_fit::sky::{Form, folder};
+use mesophyll_sky::fitted::folded::{TURBIDITY_ZERO, rgb_from_separable};
+use mesophyll_sky::fitted::{Basis, Folded};
+use mesophyll_sky::irradiance::{add_ground, below_horizon};
+use mesophyll_sky::{Coefficients, preetham};
 use std::f64::consts::PI;
 use std::path::Path;
 
@@ -142,7 +142,7 @@ pub fn text(folder: &Path, format: Format, options: &SkyOptions) -> Result<Strin
 }
 
 /// In f64 from the arrays as stored.
-fn coefficients(form: &Form<f32>, sun: f64, turbidity: f64) -> std::result::Result<Coefficients, crate::sky::Refused> {
+fn coefficients(form: &Form<f32>, sun: f64, turbidity: f64) -> std::result::Result<Coefficients, mesophyll_sky::Refused> {
     match form {
         Form::Folded(f) => Folded::to::<f64>(f).coefficients(sun, turbidity),
         Form::Tensor(f) => f.to::<f64>().coefficients(sun, turbidity),

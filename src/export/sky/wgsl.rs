@@ -2,9 +2,9 @@
 //! cosine and logarithm are spelled out as short series; `exp` is the only function called.
 
 use super::{Constants, Evaluator, Kind, constants, listed};
-use crate::sky::Coefficients;
-use crate::sky::fitted::Basis;
-use crate::sky::fitted::folded::TURBIDITY_ZERO;
+use mesophyll_sky::Coefficients;
+use mesophyll_sky::fitted::Basis;
+use mesophyll_sky::fitted::folded::TURBIDITY_ZERO;
 
 fn head(about: &[String]) -> String {
     about.iter().map(|l| format!("// {l}").trim_end().to_string() + "\n").collect::<String>() + "\n"

@@ -1,7 +1,7 @@
 //! Reads a leaf's mesh from glTF: buffers, node transforms, primitives, and refusal of what leads out of the file's folder.
 
 use super::{LeafMesh, Unit, vertex_normals, vertex_tangents};
-use crate::files::atomic::explain;
+use crate::atomic::explain;
 use crate::{Error, Result};
 use glam::{DMat4, DVec2, DVec3};
 use gltf::mesh::Mode;

@@ -13,7 +13,7 @@ pub use sink::{Output, Sink, push_cell, push_number, push_text, stdout_error};
 pub use source::{Record, Table};
 pub use tally::{Tally, counted};
 
-use crate::files::progress::Bar;
+use crate::progress::Bar;
 use crate::{Error, Result};
 use rayon::prelude::*;
 use std::collections::HashSet;
@@ -169,7 +169,7 @@ where
             tally.add(&part);
             bar.advance(part.rows as u64);
         }
-        if crate::files::progress::stop_requested() {
+        if crate::progress::stop_requested() {
             return Err(Error::Interrupted(format!("interrupted after {} rows; no output file was written", tally.rows)));
         }
     }

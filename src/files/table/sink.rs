@@ -1,8 +1,8 @@
 //! Where a table's rows go, and how cells are written.
 
 use super::json::Rows;
-use crate::files::atomic::{self, Pending};
-use crate::files::claim;
+use crate::atomic::{self, Pending};
+use crate::claim;
 use crate::{Error, Result};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};

@@ -1,7 +1,7 @@
 //! A CSV as it is read: a header line that names the columns, then rows one at a time.
 
 use super::quotes::{Faults, Quotes};
-use crate::files::atomic;
+use crate::atomic;
 use crate::{Error, Result};
 use std::collections::HashMap;
 use std::fs::File;

@@ -1,9 +1,9 @@
 //! Few coefficients for a branch's deflection: the dissertation's pair by its own sampling, and four in a coordinate that follows the taper,
 //! as smooth functions of it, so that a tree needs no fit a branch.
 
-use crate::plant::beam;
-use crate::plant::taper::{self, Shape, Smooth, TERMS, chebyshev, coordinate, position, scaled, unscaled};
-use crate::solve::{Fit, Noise, linear};
+use mesophyll_plant::beam;
+use mesophyll_plant::taper::{self, Shape, Smooth, TERMS, chebyshev, coordinate, position, scaled, unscaled};
+use mesophyll_solve::{Fit, Noise, linear};
 use nalgebra::DMatrix;
 use std::sync::LazyLock;
 
@@ -38,7 +38,7 @@ pub fn worst(alpha: f64, approximation: impl Fn(f64) -> f64) -> f64 {
             [t, position(&shape, t).min(1.0)]
         })
         .map(|x| (beam::deflection(alpha, x) - approximation(x)).abs())
-        .fold(0.0, crate::solve::qr::nan_max)
+        .fold(0.0, mesophyll_solve::qr::nan_max)
 }
 
 /// In which variable a polynomial is.
@@ -69,7 +69,7 @@ pub fn of_branches(variable: Variable, terms: usize) -> f64 {
             let error = worst(alpha, |x| functions(x).iter().zip(&c).map(|(f, c)| f * c).sum());
             error / beam::deflection(alpha, 1.0)
         })
-        .fold(0.0, crate::solve::qr::nan_max)
+        .fold(0.0, mesophyll_solve::qr::nan_max)
 }
 
 /// Chebyshev nodes on (0, 1).
@@ -155,7 +155,7 @@ pub fn shape(alpha: f64) -> taper::Shape<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plant::{branch::Branch, length};
+    use mesophyll_plant::{branch::Branch, length};
 
     #[test]
     fn table_4_1_to_every_printed_digit() {

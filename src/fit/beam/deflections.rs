@@ -13,8 +13,8 @@
 //! | `modulus_gpa`, `modulus_err_gpa` | modulus of elasticity; optional |
 
 use super::measured::{Along, Branch, Measured, Reading, fit};
-use crate::files::table::{Output, Record, Sink, Status, Table, Tally, push_number, push_text};
 use crate::{Error, Result};
+use mesophyll_files::table::{Output, Record, Sink, Status, Table, Tally, push_number, push_text};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::path::Path;

@@ -1,11 +1,11 @@
 //! The numbers behind the documentation pictures of branches.
 
 use super::basis::{Variable, of_branches, shape, smooth_fit};
-use crate::plant::beam;
-use crate::plant::length::{bend, kept, printed};
-use crate::plant::motion::{Motion, deviation};
-use crate::plant::motion_spectrum::Method;
-use crate::plant::wind::{Oscillator, Sway, Wind};
+use mesophyll_plant::beam;
+use mesophyll_plant::length::{bend, kept, printed};
+use mesophyll_plant::motion::{Motion, deviation};
+use mesophyll_plant::motion_spectrum::Method;
+use mesophyll_plant::wind::{Oscillator, Sway, Wind};
 
 /// A named curve.
 pub type Curve = (String, Vec<(f64, f64)>);
@@ -80,7 +80,7 @@ pub fn directions(alpha: f64, tip: f64) -> Directions {
         let stated = (amplitude * beam::slope(alpha, place(x).0)).atan();
         let (p, q) = (place(x + h), place(x - h));
         worst.printed = worst.printed.max(angle(stated, (p.1 - q.1).atan2(p.0 - q.0)));
-        let exact = crate::plant::length::settled(alpha, x, amplitude);
+        let exact = mesophyll_plant::length::settled(alpha, x, amplitude);
         let truth = exact.sin.atan2(exact.cos);
         worst.printed_true = worst.printed_true.max(angle(stated, truth));
         let (b, p, q) = (bend(&s, x, ours), bend(&s, x + h, ours), bend(&s, x - h, ours));

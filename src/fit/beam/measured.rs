@@ -11,10 +11,10 @@
 //! than that once the tip moves by more than a quarter of the length; a root that gives way, a crooked branch at rest and a weight hung at one place are not in the model. A weight at the tip of an untapered
 //! branch passes for a spread load on a taper of .65 to .2 % of the tip's deflection: the kind of load has to be known.
 
-use crate::files::table::Status;
-use crate::plant::beam::{self, TAPER_MAX, TAPER_MIN};
-use crate::plant::length::settled;
-use crate::solve::{Closure, Fit, Noise, Options, Termination, global};
+use mesophyll_files::table::Status;
+use mesophyll_plant::beam::{self, TAPER_MAX, TAPER_MIN};
+use mesophyll_plant::length::settled;
+use mesophyll_solve::{Closure, Fit, Noise, Options, Termination, global};
 
 /// One mark.
 #[derive(Debug, Clone, Copy, PartialEq)]

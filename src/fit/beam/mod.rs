@@ -10,8 +10,8 @@ pub mod reference;
 pub mod stress;
 pub mod synthetic;
 
-use crate::files::table::Answer;
-use crate::plant::beam::{self, TAPER_MAX, TAPER_MIN};
+use mesophyll_files::table::Answer;
+use mesophyll_plant::beam::{self, TAPER_MAX, TAPER_MIN};
 
 /// `eval beam`: `alpha,x` → `u,du`, for F/(E′r₁⁴) = 1 and unit length.
 pub fn evaluate(alpha: f64, x: f64) -> Answer {

@@ -4,9 +4,9 @@ use super::basis::{DEGREE, smooth};
 use super::deflections::Named;
 use super::measured::{Along, Known, Measured, termination};
 use crate::Result;
-use crate::fit::record::{FitRecord, Param, Phase, Residuals, SCHEMA, Section, Times};
-use crate::plant::beam::{TAPER_MAX, TAPER_MIN};
-use crate::solve::Termination;
+use crate::record::{FitRecord, Param, Phase, Residuals, SCHEMA, Section, Times};
+use mesophyll_plant::beam::{TAPER_MAX, TAPER_MIN};
+use mesophyll_solve::Termination;
 use std::path::Path;
 
 fn empty(name: &str, input_hash: String) -> FitRecord {
@@ -36,7 +36,8 @@ pub fn of_basis() -> FitRecord {
     section.figures.insert("rms_error_of_tip".into(), (f.uncertainty.chi2 / n as f64).sqrt());
     section.figures.insert("worst_error_of_tip".into(), worst);
     section.figures.insert("worst_error_at_alpha".into(), at);
-    let mut record = empty("branch basis", crate::files::hash::combine([("basis", format!("{TAPER_MIN} {TAPER_MAX} {DEGREE}").as_str())]));
+    let mut record =
+        empty("branch basis", mesophyll_files::hash::combine([("basis", format!("{TAPER_MIN} {TAPER_MAX} {DEGREE}").as_str())]));
     record.termination = Some(f.termination);
     record.options.insert("alpha".into(), format!("{TAPER_MIN} to {TAPER_MAX}"));
     record
@@ -108,8 +109,8 @@ fn describe(section: &mut Section, m: &Measured) {
 ///
 /// # Errors
 /// [`crate::Error::Write`] where the folder cannot be written.
-pub fn write(folder: &Path, record: &FitRecord, seconds: f64, traces: Vec<(String, crate::solve::Trace)>) -> Result<()> {
-    crate::fit::record::begin(folder, "beam")?;
+pub fn write(folder: &Path, record: &FitRecord, seconds: f64, traces: Vec<(String, mesophyll_solve::Trace)>) -> Result<()> {
+    crate::record::begin(folder, "beam")?;
     let times = Times {
         capture: None,
         phases: vec![Phase { name: "fit".into(), seconds }],

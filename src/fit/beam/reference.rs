@@ -1,6 +1,6 @@
 //! The tapered beam in double-double, by other formulas than the library's: what its digits are counted against.
 
-use crate::solve::{Dd, Dual, Real};
+use mesophyll_solve::{Dd, Dual, Real};
 
 /// H9 Eq. 4.7 with its prefactor F/(E′r₁⁴) = 1, as printed otherwise.
 fn printed<T: Real>(alpha: T, x: T) -> T {
@@ -54,7 +54,7 @@ pub fn digits(alpha: f64, x: f64, got: (f64, f64)) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plant::beam;
+    use mesophyll_plant::beam;
 
     /// The library's promise: 1e-12 for every taper from 1e-4 to 1 and every x.
     #[test]

@@ -4,9 +4,9 @@ use super::measured::{Along, Branch, fit};
 use super::reference;
 use super::synthetic::{Truth, branch};
 use super::{basis, evaluate};
-use crate::fit::stress::StressRow;
-use crate::plant::beam;
-use crate::plant::length::{bend, kept};
+use crate::stress::StressRow;
+use mesophyll_plant::beam;
+use mesophyll_plant::length::{bend, kept};
 use std::time::Instant;
 
 fn row(case: &str, expected: &str, verdict: String, digits: Option<f64>, condition: Option<f64>, since: Instant) -> StressRow {
@@ -57,7 +57,7 @@ fn measured(case: &str, expected: &str, truth: Truth, noise: f64, spoil: impl Fn
         Ok(m) => {
             let off =
                 (m.taper.value / truth.alpha - 1.0).abs().max((m.load_over_stiffness.value / truth.load_over_stiffness() - 1.0).abs());
-            let digits = (m.status == crate::files::table::Status::Ok).then(|| (-off.log10()).clamp(0.0, 16.0));
+            let digits = (m.status == mesophyll_files::table::Status::Ok).then(|| (-off.log10()).clamp(0.0, 16.0));
             row(case, expected, m.status.to_string(), digits, Some(m.fit.uncertainty.condition), clock)
         }
         Err(why) => row(case, expected, format!("refused: {why}"), None, None, clock),

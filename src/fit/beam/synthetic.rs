@@ -1,8 +1,8 @@
 //! Synthetic measurements of branches with seeded noise, for tests and the tables of stress and bench.
 
 use super::measured::{Along, Branch, Reading};
-use crate::plant::beam;
-use crate::plant::length::settled;
+use mesophyll_plant::beam;
+use mesophyll_plant::length::settled;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 

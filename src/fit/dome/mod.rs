@@ -6,17 +6,17 @@
 mod output;
 pub mod slab;
 
-use crate::capture::dome::Capture;
-use crate::capture::dome::reduce::{Options as Reduction, Reduced, reduce};
-use crate::capture::manifest::SideName;
-use crate::files::hash;
-use crate::fit::leaf::{
+use crate::leaf::{
     Outcome,
     curve::Incidence,
     slabmaps::{Inverter, Sigma},
 };
-use crate::fit::record::{self, FitRecord, Phase, Times};
+use crate::record::{self, FitRecord, Phase, Times};
 use crate::{Error, Result};
+use mesophyll_capture::dome::Capture;
+use mesophyll_capture::dome::reduce::{Options as Reduction, Reduced, reduce};
+use mesophyll_capture::manifest::SideName;
+use mesophyll_files::hash;
 use rayon::prelude::*;
 use slab::{Shared, Slab, Texel};
 use std::path::Path;
@@ -92,7 +92,7 @@ fn interior(capture: &Capture, reduced: &Reduced, name: SideName) -> Result<Fitt
     let (side, width) = (reduced.side(name), reduced.width);
     let own = |map: &[f64]| match name {
         SideName::Front => map.to_vec(),
-        SideName::Back => crate::capture::dome::smooth::mirrored(map, width),
+        SideName::Back => mesophyll_capture::dome::smooth::mirrored(map, width),
     };
     let (thickness, thickness_err) = (own(&reduced.thickness), own(&reduced.thickness_err));
     let good: Vec<usize> = (0..side.status.len()).filter(|&k| side.status[k] == 1).collect();
@@ -124,7 +124,7 @@ fn interior(capture: &Capture, reduced: &Reduced, name: SideName) -> Result<Fitt
                 let t = texel(k, c);
                 let mut s = inverter.invert(t.rho_d, t.rho_t, t.thickness, [t.rho_d_err, t.rho_t_err]);
                 (0..2).for_each(|q| s.error[q] = s.error[q].hypot(s.value[q] * relative));
-                let model = crate::optics::slab::response(slab[c].sigma_a[0], slab[c].sigma_s[0], t.thickness).rho_d;
+                let model = mesophyll_optics::slab::response(slab[c].sigma_a[0], slab[c].sigma_s[0], t.thickness).rho_d;
                 (s, [t.rho_d / model, t.rho_d_err / model])
             };
             let [r, g, b] = [channel(0), channel(1), channel(2)];

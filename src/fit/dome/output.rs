@@ -2,16 +2,16 @@
 
 use super::{Fitted, Options};
 use crate::Result;
-use crate::capture::dome::Capture;
-use crate::capture::dome::defect::Defect;
-use crate::capture::dome::highlight::fresnel_normal;
-use crate::capture::dome::reduce::Reduced;
-use crate::capture::manifest::SideName;
-use crate::files::hash;
-use crate::files::image::{Maps, Packing, write_exr};
-use crate::fit::leaf::blade::{Blade, Grid, glb, mesh};
-use crate::fit::leaf::{fill, map_path, textures};
-use crate::fit::record::{FitRecord, Param, SCHEMA, Section, TruthError};
+use crate::leaf::blade::{Blade, Grid, glb, mesh};
+use crate::leaf::{fill, map_path, textures};
+use crate::record::{FitRecord, Param, SCHEMA, Section, TruthError};
+use mesophyll_capture::dome::Capture;
+use mesophyll_capture::dome::defect::Defect;
+use mesophyll_capture::dome::highlight::fresnel_normal;
+use mesophyll_capture::dome::reduce::Reduced;
+use mesophyll_capture::manifest::SideName;
+use mesophyll_files::hash;
+use mesophyll_files::image::{Maps, Packing, write_exr};
 use std::collections::BTreeMap;
 use std::path::Path;
 

@@ -3,8 +3,8 @@
 //! Two equations for two unknowns a channel, over the good texels: mean ρd/ρd(σ, h(x)) = 1 (so that the mean of γ is 1) and mean ρt/ρt(σ, h(x)) = 1. Texels of like
 //! thickness are put together first. Errors: those of the means, of what all texels share (the highlight taken off), and of the caliper, to which σ is inverse.
 
-use crate::optics::slab::inverse;
-use crate::optics::slab::response_with_partials;
+use mesophyll_optics::slab::inverse;
+use mesophyll_optics::slab::response_with_partials;
 
 /// What one channel says.
 #[derive(Debug, Clone, Copy, Default)]
@@ -112,7 +112,7 @@ fn groups(texels: &[Texel]) -> Vec<(f64, f64, f64, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::optics::slab::exact::response;
+    use mesophyll_optics::slab::exact::response;
 
     #[test]
     fn the_slab_comes_back_from_a_leaf_of_many_thicknesses() {

@@ -3,11 +3,11 @@
 use super::synthetic::{Noise, Truth, device, pass_x, trace};
 use super::{Device, TexelFitter, normal_of, normal_slopes};
 use crate::Result;
-use crate::fit::bench::{BenchRow, median_us};
-use crate::optics::gloss::Lobe;
-use crate::optics::tube::fast::{COLUMNS, Lit, Pass};
-use crate::optics::tube::lanes::Level;
-use crate::optics::tube::{Model, Precision, Travel};
+use crate::bench::{BenchRow, median_us};
+use mesophyll_optics::gloss::Lobe;
+use mesophyll_optics::tube::fast::{COLUMNS, Lit, Pass};
+use mesophyll_optics::tube::lanes::Level;
+use mesophyll_optics::tube::{Model, Precision, Travel};
 
 /// Texels with slopes between `m` and tilts to ±`tilt`.
 fn texels(count: usize, seed: u64, m: [f64; 2], tilt: f64) -> Vec<Truth> {

@@ -17,10 +17,10 @@ pub mod texel;
 
 pub use texel::{TexelFitter, Workspace};
 
-use crate::files::table::Status;
-use crate::optics::gloss::Lobe;
-use crate::optics::tube::Tube;
-use crate::solve::Termination;
+use mesophyll_files::table::Status;
+use mesophyll_optics::gloss::Lobe;
+use mesophyll_optics::tube::Tube;
+use mesophyll_solve::Termination;
 
 /// What a fit needs to know about the device. Lengths in mm.
 #[derive(Debug, Clone, PartialEq)]

@@ -2,7 +2,7 @@
 
 use super::Robust;
 use super::texel::{CONVERGED, Job, State};
-use crate::solve::Termination;
+use mesophyll_solve::Termination;
 
 /// A residual beyond this many standard deviations is an outlier (in 300 samples noise does so once in 500 texels).
 const OUTLIER: f64 = 4.5;

@@ -7,11 +7,11 @@
 
 #![allow(clippy::needless_range_loop)]
 
-use crate::dispatch_lanes;
-use crate::optics::tube::fast::COLUMNS;
-use crate::optics::tube::lanes::{Lanes, Level};
+use mesophyll_optics::dispatch_lanes;
+use mesophyll_optics::tube::fast::COLUMNS;
+use mesophyll_optics::tube::lanes::{Lanes, Level};
 
-/// Columns of a pass, as [`crate::optics::tube::fast`] fills them.
+/// Columns of a pass, as [`mesophyll_optics::tube::fast`] fills them.
 pub const D: usize = 0;
 pub const S: usize = 1;
 pub const S_M: usize = 2;

@@ -3,7 +3,7 @@
 use super::project::{Channel, NONLINEAR, S};
 use super::texel::{Job, State, bounded};
 use super::{AMBIGUOUS, M_RANGE, NARROW, NOT_CONVERGED, NOT_EXPLAINED, TILT_LIMIT, TexelFit, Undetermined, normal_of, normal_slopes};
-use crate::solve::Termination;
+use mesophyll_solve::Termination;
 
 type Matrix = [[f64; NONLINEAR]; NONLINEAR];
 

@@ -2,10 +2,10 @@
 //!
 //! Templates depend on where the texel lies along the travel, so there is a bank for every few millimetres, built when first used.
 
-use crate::dispatch_lanes;
-use crate::fit::gloss::{Device, normal_of};
-use crate::optics::tube::lanes::{Lanes, Level, padded};
-use crate::optics::tube::{Model, Precision, Travel};
+use crate::gloss::{Device, normal_of};
+use mesophyll_optics::dispatch_lanes;
+use mesophyll_optics::tube::lanes::{Lanes, Level, padded};
+use mesophyll_optics::tube::{Model, Precision, Travel};
 use std::sync::OnceLock;
 
 /// m of the templates, finest first.
@@ -56,7 +56,7 @@ impl Bank {
     /// number, which 1 gives.
     pub fn new(device: &Device, travel: Travel, positions: &[f64], range: [f64; 2], fineness: f64) -> Bank {
         // A thin tube will do to start from.
-        let tube = crate::optics::tube::Tube { radius_mm: 0.0, ..device.tube() };
+        let tube = mesophyll_optics::tube::Tube { radius_mm: 0.0, ..device.tube() };
         Bank {
             model: Model::new(tube, device.camera, device.lobe, &Precision { along: 6, across: 1 }),
             travel,

@@ -2,9 +2,9 @@
 
 use super::synthetic::{Noise, Truth, device, pass_x, trace};
 use super::{Device, TexelFit, TexelFitter};
-use crate::fit::stress::StressRow;
-use crate::optics::gloss::Lobe;
-use crate::optics::tube::Travel;
+use crate::stress::StressRow;
+use mesophyll_optics::gloss::Lobe;
+use mesophyll_optics::tube::Travel;
 
 const COMMON: Truth = Truth { rho_d: [0.08, 0.15, 0.05], rho_s: [0.05; 3], m: 0.2, tilt: [0.05, 0.0] };
 const COOK_TORRANCE: Lobe = Lobe::CookTorrance { index: 1.45 };

@@ -2,8 +2,8 @@
 //! not by the fit's own fast one.
 
 use super::{Device, normal_of};
-use crate::optics::gloss::Lobe;
-use crate::optics::tube::{Model, Precision, Travel};
+use mesophyll_optics::gloss::Lobe;
+use mesophyll_optics::tube::{Model, Precision, Travel};
 use rand::{RngExt, SeedableRng};
 
 /// A texel whose parameters are known.

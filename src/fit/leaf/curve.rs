@@ -4,7 +4,7 @@
 //! kept in logarithms, so a transmittance of 1e-20 has as many digits as one of 0.1. Interpolation error is below 1e-7 relative
 //! for Δ ≤ 40 over the default range (tested).
 
-use crate::optics::slab;
+use mesophyll_optics::slab;
 
 /// Points of the grid in ln t.
 const POINTS: usize = 256;

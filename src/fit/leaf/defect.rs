@@ -1,6 +1,6 @@
 //! What can be wrong with a texel, by name. `mask.Y` holds 1 for a good texel, 0 outside the leaf, and these codes otherwise.
 
-use crate::fit::gloss::{NO_LIGHT, TexelFit};
+use crate::gloss::{NO_LIGHT, TexelFit};
 
 /// A standard error of ρd from which on the traces say nothing of it: half of all the light.
 const UNKNOWN: f64 = 0.5;

@@ -2,9 +2,9 @@
 //! texel model explains, and the bounds of channels whose σa or σs is not determined.
 
 use super::wide::{Common, Texel};
-use crate::files::image::Maps;
-use crate::fit::leaf::noise::Level;
-use crate::optics::slab::inverse::{self, Estimate};
+use crate::leaf::noise::Level;
+use mesophyll_files::image::Maps;
+use mesophyll_optics::slab::inverse::{self, Estimate};
 
 /// Tilt out of the plane of travel (rad, standard deviation) that a single pass must be taken to miss, beside what it sees in its own plane.
 pub const UNSEEN: f64 = 0.1;

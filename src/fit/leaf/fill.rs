@@ -1,7 +1,7 @@
 //! Texels without a measurement take the value of the nearest good one, so that interpolation at the leaf's edge and around
 //! defects stays on the leaf. Filled values are not measurements: the mask says so.
 
-use crate::capture::grid::neighbours;
+use mesophyll_capture::grid::neighbours;
 use std::collections::VecDeque;
 
 /// For each texel the index of (one of) its nearest good texels by 4-connected distance, itself where it is good;

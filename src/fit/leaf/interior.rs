@@ -1,22 +1,22 @@
 //! From (ρd, ρt) a texel to the leaf's σa, σs, thickness h + δ and γ, by the exact or the paper's reduction, with what each leaves unexplained.
 
 use crate::Result;
-use crate::capture::manifest::{SideName, Travel};
-use crate::capture::reader::Capture;
-use crate::files::image::Maps;
-use crate::fit::leaf::curve::{Curve, Incidence};
-use crate::fit::leaf::defect::Defect;
-use crate::fit::leaf::doubt;
-use crate::fit::leaf::noise::Level;
-use crate::fit::leaf::outliers;
-use crate::fit::leaf::paper::{self, Paper};
-use crate::fit::leaf::side::Measured;
-use crate::fit::leaf::slabmaps::{Inverter, Sigma};
-use crate::fit::leaf::wide::{self, Settings, StandIns, Texel, Wide};
-use crate::fit::leaf::{Method, Options};
-use crate::fit::record::Times;
-use crate::optics::slab::{self, inverse};
-use crate::solve::Termination;
+use crate::leaf::curve::{Curve, Incidence};
+use crate::leaf::defect::Defect;
+use crate::leaf::doubt;
+use crate::leaf::noise::Level;
+use crate::leaf::outliers;
+use crate::leaf::paper::{self, Paper};
+use crate::leaf::side::Measured;
+use crate::leaf::slabmaps::{Inverter, Sigma};
+use crate::leaf::wide::{self, Settings, StandIns, Texel, Wide};
+use crate::leaf::{Method, Options};
+use crate::record::Times;
+use mesophyll_capture::manifest::{SideName, Travel};
+use mesophyll_capture::reader::Capture;
+use mesophyll_files::image::Maps;
+use mesophyll_optics::slab::{self, inverse};
+use mesophyll_solve::Termination;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 

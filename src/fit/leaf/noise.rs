@@ -1,10 +1,10 @@
 //! The measurement's noise: as the capture states it, else estimated from how rough the traces are.
 
 use crate::Result;
-use crate::capture::manifest::{SideName, Travel};
-use crate::capture::reader::Capture;
-use crate::fit::gloss::ReadingNoise;
-use crate::fit::leaf::held_out::Splits;
+use crate::gloss::ReadingNoise;
+use crate::leaf::held_out::Splits;
+use mesophyll_capture::manifest::{SideName, Travel};
+use mesophyll_capture::reader::Capture;
 
 /// Standard deviation √((relative·value)² + floor²) of a value as the camera recorded it, before the dark frame is taken off and before
 /// division by the white sheet.

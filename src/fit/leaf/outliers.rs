@@ -7,7 +7,7 @@
 use super::curve::RANGE;
 use super::defect::Defect;
 use super::wide::{StandIns, Texel, Wide};
-use crate::files::image::Maps;
+use mesophyll_files::image::Maps;
 
 /// Scatters of ln χ² above the leaf's median that no noise reaches: once in 10⁹ texels.
 const CHI2_SCATTERS: f64 = 6.0;

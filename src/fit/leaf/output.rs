@@ -1,19 +1,19 @@
 //! What a leaf fit leaves on disk: `fit.toml`, the maps of `data/README.md`, W's packed textures, the blade, previews.
 
 use crate::Result;
-use crate::capture::inspect::{Inspection, mirror};
-use crate::capture::manifest::SideName;
-use crate::capture::reader::Capture;
-use crate::files::hash;
-use crate::files::image::{Maps, Packing, write_exr};
-use crate::fit::leaf::blade::{self, Blade, Grid, glb};
-use crate::fit::leaf::defect::Defect;
-use crate::fit::leaf::held_out::{self, Judged, Scan, Splits};
-use crate::fit::leaf::interior::Fitted;
-use crate::fit::leaf::noise::Level;
-use crate::fit::leaf::truth::Comparison;
-use crate::fit::leaf::{Options, fill, map_path, texels, textures};
-use crate::fit::record::{FitRecord, MIRROR, NOISE_SEEN, Param, Residuals, Section};
+use crate::leaf::blade::{self, Blade, Grid, glb};
+use crate::leaf::defect::Defect;
+use crate::leaf::held_out::{self, Judged, Scan, Splits};
+use crate::leaf::interior::Fitted;
+use crate::leaf::noise::Level;
+use crate::leaf::truth::Comparison;
+use crate::leaf::{Options, fill, map_path, texels, textures};
+use crate::record::{FitRecord, MIRROR, NOISE_SEEN, Param, Residuals, Section};
+use mesophyll_capture::inspect::{Inspection, mirror};
+use mesophyll_capture::manifest::SideName;
+use mesophyll_capture::reader::Capture;
+use mesophyll_files::hash;
+use mesophyll_files::image::{Maps, Packing, write_exr};
 use std::path::Path;
 
 const RGB: [&str; 3] = ["R", "G", "B"];

@@ -4,8 +4,8 @@
 //! Kept by name (`--method paper`) so that both can be reported. Freezing B makes Eq. 5 take the logarithm of a negative number
 //! wherever ρt falls below B ω/2: such texels get no δ and are counted.
 
-use crate::fit::leaf::wide::Texel;
-use crate::optics::slab;
+use crate::leaf::wide::Texel;
+use mesophyll_optics::slab;
 
 /// What the paper's reduction finds.
 #[derive(Debug, Clone)]

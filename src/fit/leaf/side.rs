@@ -1,10 +1,10 @@
 //! What one side's references say before any texel is fitted: where the leaf is and what it lets through.
 
-use crate::capture::lightbox::{mask_from_transmission, transmittance};
-use crate::capture::manifest::SideName;
-use crate::capture::reader::Capture;
-use crate::fit::leaf::noise::Level;
+use crate::leaf::noise::Level;
 use crate::{Error, Result};
+use mesophyll_capture::lightbox::{mask_from_transmission, transmittance};
+use mesophyll_capture::manifest::SideName;
+use mesophyll_capture::reader::Capture;
 
 /// Mask and transmittance of one side, in that side's image.
 #[derive(Debug)]

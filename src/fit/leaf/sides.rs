@@ -6,7 +6,7 @@
 //! given to both sides as an error of the gauge (two measurements of one number: DerSimonian & Laird 1986).
 
 use super::interior::Fitted;
-use crate::fit::record::{FitRecord, Section};
+use crate::record::{FitRecord, Section};
 
 /// Section of `fit.toml` that holds the comparison.
 pub const SECTION: &str = "sides";

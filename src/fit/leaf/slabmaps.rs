@@ -3,10 +3,10 @@
 //! Their errors hold the noise of the texel's ρd and ρt and that of its thickness, which is found from the same ρt of all three channels. They do
 //! not hold what all texels share: the caliper's reading, and the errors of the leaf's own σa and σs.
 
-use crate::fit::leaf::curve::Incidence;
-use crate::fit::leaf::wide::Local;
-use crate::optics::slab;
-use crate::optics::slab::inverse;
+use crate::leaf::curve::Incidence;
+use crate::leaf::wide::Local;
+use mesophyll_optics::slab;
+use mesophyll_optics::slab::inverse;
 use nalgebra::Matrix2;
 
 /// σa, σs (1/mm) and their standard errors; NaN where the slab cannot be inverted at all.
@@ -179,7 +179,11 @@ mod tests {
                     let [up, down] = [measured(a + da, s + ds), measured(a - da, s - ds)];
                     for row in 0..2 {
                         let want = (up[row] - down[row]) / (2.0 * (da + ds));
-                        assert!((found[(row, column)] / want - 1.0).abs() < 5e-3, "{mu0} {a} {s} ({row}, {column}): {} {want}", found[(row, column)]);
+                        assert!(
+                            (found[(row, column)] / want - 1.0).abs() < 5e-3,
+                            "{mu0} {a} {s} ({row}, {column}): {} {want}",
+                            found[(row, column)]
+                        );
                     }
                 }
             }

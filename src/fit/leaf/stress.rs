@@ -5,14 +5,14 @@
 //! with the shared parameters that `fit.toml` names (`gloss` where most texels' gloss is not determined), or `refused: ` with the reason.
 
 use super::{Options, Outcome};
-use crate::capture::manifest::{SideName, Travel};
-use crate::capture::synth::leaf::Leaf;
-use crate::capture::synth::scan;
-use crate::capture::synth::spec::{Interior, Model, Spec, Surface};
-use crate::files::image::{Packing, read_exr, write_exr};
-use crate::fit::record::FitRecord;
-use crate::fit::stress::StressRow;
+use crate::record::FitRecord;
+use crate::stress::StressRow;
 use crate::{Error, Result};
+use mesophyll_capture::manifest::{SideName, Travel};
+use mesophyll_capture::synth::leaf::Leaf;
+use mesophyll_capture::synth::scan;
+use mesophyll_capture::synth::spec::{Interior, Model, Spec, Surface};
+use mesophyll_files::image::{Packing, read_exr, write_exr};
 use std::path::Path;
 use std::time::Instant;
 

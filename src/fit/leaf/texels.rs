@@ -3,15 +3,15 @@
 //! A part is the unit of resuming and of sharding: it is written whole under `parts/`, named by side and first row, and does not
 //! depend on which process or how many threads made it.
 
-use crate::capture::manifest::{SideName, Travel};
-use crate::capture::reader::Capture;
-use crate::files::image::{Maps, Packing, read_exr, write_exr};
-use crate::files::progress::{Bar, stop_requested};
-use crate::fit::gloss::{TexelFit, TexelFitter};
-use crate::fit::leaf::defect::Defect;
-use crate::fit::leaf::held_out::Splits;
-use crate::fit::leaf::noise::Level;
+use crate::gloss::{TexelFit, TexelFitter};
+use crate::leaf::defect::Defect;
+use crate::leaf::held_out::Splits;
+use crate::leaf::noise::Level;
 use crate::{Error, Result};
+use mesophyll_capture::manifest::{SideName, Travel};
+use mesophyll_capture::reader::Capture;
+use mesophyll_files::image::{Maps, Packing, read_exr, write_exr};
+use mesophyll_files::progress::{Bar, stop_requested};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -203,12 +203,12 @@ fn to_maps(width: usize, rows: Range<usize>, texels: &[[u32; 2]], fits: &[TexelF
 }
 
 /// Terminations as numbers in part files.
-const TERMINATIONS: [crate::solve::Termination; 9] = {
-    use crate::solve::Termination as T;
+const TERMINATIONS: [mesophyll_solve::Termination; 9] = {
+    use mesophyll_solve::Termination as T;
     [T::GradientSmall, T::CostConverged, T::StepSmall, T::Direct, T::IterationLimit, T::NoProgress, T::NotFinite, T::Refused, T::Flat]
 };
 
-fn termination_code(t: crate::solve::Termination) -> f64 {
+fn termination_code(t: mesophyll_solve::Termination) -> f64 {
     TERMINATIONS.iter().position(|&x| x == t).map_or(-1.0, |k| k as f64)
 }
 

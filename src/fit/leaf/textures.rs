@@ -1,10 +1,10 @@
 //! What the renderer and people look at: W's packed textures, normals in the blade mesh's tangent frame, and 8-bit previews.
 
 use crate::Result;
-use crate::capture::manifest::SideName;
-use crate::files::image::{Maps, Packing, to_srgb8, write_exr, write_png};
-use crate::fit::leaf::blade::{Blade, Grid};
-use crate::fit::leaf::map_path;
+use crate::leaf::blade::{Blade, Grid};
+use crate::leaf::map_path;
+use mesophyll_capture::manifest::SideName;
+use mesophyll_files::image::{Maps, Packing, to_srgb8, write_exr, write_png};
 use std::path::Path;
 
 const RGB: [&str; 3] = ["R", "G", "B"];

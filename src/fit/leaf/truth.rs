@@ -5,12 +5,12 @@
 //! not the noise's: it is printed, and the standard errors, which do not claim to hold it, are not judged by it.
 
 use crate::Result;
-use crate::capture::reader::Capture;
-use crate::files::image::Maps;
-use crate::fit::leaf::curve::Incidence;
-use crate::fit::leaf::interior::Fitted;
-use crate::fit::leaf::slabmaps::Inverter;
-use crate::fit::record::{GAUGE_GAMMA, GAUGE_THICKNESS, TruthError};
+use crate::leaf::curve::Incidence;
+use crate::leaf::interior::Fitted;
+use crate::leaf::slabmaps::Inverter;
+use crate::record::{GAUGE_GAMMA, GAUGE_THICKNESS, TruthError};
+use mesophyll_capture::reader::Capture;
+use mesophyll_files::image::Maps;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 

@@ -3,8 +3,8 @@
 use super::models;
 use super::table::{Outcome, SOLVED, Solver, datasets, run};
 use crate::Result;
-use crate::fit::bench::BenchRow;
-use crate::solve::{Dd, Options, Problem, global, lm};
+use crate::bench::BenchRow;
+use mesophyll_solve::{Dd, Options, Problem, global, lm};
 
 /// Rows for every knob of the solver: iterations, cost tolerance, first trust radius, derivatives, refinement. The error of a setting is
 /// 10^−(mean correct digits over the 54 runs); its time is the median run's.

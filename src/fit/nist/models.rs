@@ -1,7 +1,7 @@
 //! The models of the 27 problems, as each file prints them, written once for every precision (derivatives come by forward mode).
 
 use super::parse::Dataset;
-use crate::solve::{Auto, Dd, Model, Problem, Real};
+use mesophyll_solve::{Auto, Dd, Model, Problem, Real};
 
 /// The data, and the formula in one type: `y − f(x; b)` would do as well, the residual is `f(x; b) − y`.
 macro_rules! models {

@@ -1,7 +1,7 @@
 //! Reader of the StRD files: starts and certified values from line 41, data from line 61, as each file's header says.
 
-use crate::solve::Dd;
 use crate::{Error, Result};
+use mesophyll_solve::Dd;
 
 /// One problem file.
 #[derive(Debug, Clone, PartialEq)]

@@ -3,8 +3,8 @@
 use super::models;
 use super::parse::{self, Dataset};
 use crate::Result;
-use crate::fit::stress::StressRow;
-use crate::solve::{Fit, Options, Problem, global};
+use crate::stress::StressRow;
+use mesophyll_solve::{Fit, Options, Problem, global};
 use std::time::Instant;
 
 macro_rules! files {
@@ -128,7 +128,7 @@ pub fn stress() -> Result<Vec<StressRow>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::solve::jacobian;
+    use mesophyll_solve::jacobian;
 
     /// The goal set for the solver: all 54 runs solved, at least 10 digits on average, and the certified standard deviations with them.
     #[test]

@@ -1,8 +1,8 @@
 //! The record hash: the content hash of `fit.toml` itself, kept in its second line. As the record lists the content hash of every map, this one
 //! number stands for the whole folder, and a parameter that was changed by hand is noticed like a changed map.
 
-use crate::files::{atomic, hash};
 use crate::{Error, Result};
+use mesophyll_files::{atomic, hash};
 use std::path::Path;
 
 const KEY: &str = "record_hash = ";
@@ -39,7 +39,7 @@ pub fn verify(folder: &Path) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fit::record::{FitRecord, Param, SCHEMA, Section};
+    use crate::record::{FitRecord, Param, SCHEMA, Section};
 
     fn record() -> FitRecord {
         let load = Param { value: vec![59.567070350437795], stderr: vec![0.64], unit: "mm".into(), ..Param::default() };

@@ -3,9 +3,9 @@
 use super::figures::{self, DISSERTATION_BYTES, DISSERTATION_ERROR, DISSERTATION_FIT_S, DISSERTATION_US, Point};
 use super::{standard, window};
 use crate::Result;
-use crate::fit::bench::{BenchRow, median_us};
-use crate::sky::Preetham;
-use crate::sky::project::{Quality, Rule};
+use crate::bench::{BenchRow, median_us};
+use mesophyll_sky::Preetham;
+use mesophyll_sky::project::{Quality, Rule};
 
 fn row(knob: &str, setting: String, error: f64, us: f64, note: String) -> BenchRow {
     BenchRow { model: "sky".into(), knob: knob.into(), setting, error, us, note }

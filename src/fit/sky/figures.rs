@@ -2,11 +2,11 @@
 
 use super::judge::{Judged, Reference, judge};
 use super::{Fitted, Form, Method, Options, folded, window};
-use crate::fit::bench::median_us;
-use crate::sky::harmonics::Basis;
-use crate::sky::window::Window;
-use crate::sky::{Coefficients, Preetham, Sky, colour, preetham, project};
+use crate::bench::median_us;
 use crate::{Error, Result};
+use mesophyll_sky::harmonics::Basis;
+use mesophyll_sky::window::Window;
+use mesophyll_sky::{Coefficients, Preetham, Sky, colour, preetham, project};
 use std::f64::consts::PI;
 
 /// What the dissertation says of its own fit (Habel 2009, §5.3.1 and 5.4; the error is ours: its fit repeated, f64).
@@ -142,7 +142,7 @@ pub struct Worst {
 /// # Errors
 /// As [`super::fit`].
 pub fn worst(reference: &Reference, grid: usize) -> Result<Worst> {
-    let refused = |e: crate::sky::Refused| Error::Missed(e.to_string());
+    let refused = |e: mesophyll_sky::Refused| Error::Missed(e.to_string());
     let fitted = super::fit(&Options { method: Method::ChebyshevGrid, grid, ..Options::default() })?;
     let form = fitted.form.ok_or_else(|| Error::Missed(fitted.remark.clone()))?;
     let (sun_zenith, turbidity, _) = judge(&form, reference).worst_at;

@@ -5,12 +5,12 @@
 
 use super::nodes::{self, lower};
 use super::{Fitted, Form, Options};
-use crate::fit::record::Phase;
-use crate::sky::fitted::Folded;
-use crate::sky::fitted::folded::{MOST_COLUMNS, MOST_ROWS, Mix, Orders, scaled_turbidity, suns};
-use crate::sky::preetham::Turbid;
-use crate::sky::project::Quality;
-use crate::solve::{Termination, TraceRow, decompose, qr};
+use crate::record::Phase;
+use mesophyll_sky::fitted::Folded;
+use mesophyll_sky::fitted::folded::{MOST_COLUMNS, MOST_ROWS, Mix, Orders, scaled_turbidity, suns};
+use mesophyll_sky::preetham::Turbid;
+use mesophyll_sky::project::Quality;
+use mesophyll_solve::{Termination, TraceRow, decompose, qr};
 use nalgebra::{DMatrix, DVector};
 use std::time::Instant;
 
@@ -103,7 +103,7 @@ fn design(rows: &[usize], at_suns: &[f64], at_turbid: &[f64], range: [f64; 2], p
         .iter()
         .map(|t| {
             let mut c = [0.0; MOST_COLUMNS];
-            crate::sky::fitted::chebyshev(scaled_turbidity(*t, range), 0, 1, &mut c);
+            mesophyll_sky::fitted::chebyshev(scaled_turbidity(*t, range), 0, 1, &mut c);
             c
         })
         .collect();

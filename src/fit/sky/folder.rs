@@ -2,10 +2,10 @@
 
 use super::judge::{Judged, Reference, judge};
 use super::{Fitted, Form};
-use crate::files::{atomic, hash};
-use crate::fit::record::{FitRecord, SCHEMA, Section, Times};
-use crate::sky::fitted::{Basis, Folded, Tensor};
+use crate::record::{FitRecord, SCHEMA, Section, Times};
 use crate::{Error, Result};
+use mesophyll_files::{atomic, hash};
+use mesophyll_sky::fitted::{Basis, Folded, Tensor};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -97,7 +97,7 @@ pub fn write(folder: &Path, fit: &Fitted, reference: &Reference) -> Result<(Judg
     let (wide_error, error) = (judge(form, reference), judge(&narrow, reference));
     let arrays = serde_json::to_string(&Arrays::new(&narrow, &fit.model)).map_err(|e| Error::Missed(format!("cannot write JSON: {e}")))?;
     let path = folder.join("coefficients.json");
-    crate::fit::record::begin(folder, "sky")?;
+    crate::record::begin(folder, "sky")?;
     atomic::write_bytes(&path, format!("{arrays}\n").as_bytes())?;
 
     let options = &fit.options;
@@ -179,8 +179,8 @@ pub fn read(folder: &Path) -> Result<(FitRecord, Form<f32>)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fit::sky::{Method, Options, fit};
-    use crate::sky::{Preetham, preetham};
+    use crate::sky::{Method, Options, fit};
+    use mesophyll_sky::{Preetham, preetham};
 
     #[test]
     fn what_is_written_reads_back_and_a_changed_file_is_noticed() {

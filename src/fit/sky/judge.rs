@@ -1,9 +1,9 @@
 //! What a fit is worth: its error at skies between the nodes and on every edge of the domain, against direct integration.
 
 use super::Form;
-use crate::sky::fitted::Scalar;
-use crate::sky::project::{Quality, Rule};
-use crate::sky::{Coefficients, Model};
+use mesophyll_sky::fitted::Scalar;
+use mesophyll_sky::project::{Quality, Rule};
+use mesophyll_sky::{Coefficients, Model};
 use rayon::prelude::*;
 use std::f64::consts::FRAC_PI_2;
 

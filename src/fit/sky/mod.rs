@@ -22,11 +22,11 @@ pub mod stress;
 pub mod tensor;
 pub mod window;
 
-use crate::fit::record::Phase;
-use crate::sky::fitted::{Folded, Tensor};
-use crate::sky::{Coefficients, Model, Preetham, Refused, preetham};
-use crate::solve::{Termination, Trace};
+use crate::record::Phase;
 use crate::{Error, Result};
+use mesophyll_sky::fitted::{Folded, Tensor};
+use mesophyll_sky::{Coefficients, Model, Preetham, Refused, preetham};
+use mesophyll_solve::{Termination, Trace};
 use std::sync::OnceLock;
 
 /// Which polynomials, and how they are found.
@@ -94,7 +94,7 @@ pub enum Form<T = f64> {
     Tensor(Tensor<T>),
 }
 
-impl<T: crate::sky::fitted::Scalar> Form<T> {
+impl<T: mesophyll_sky::fitted::Scalar> Form<T> {
     /// N² coefficients in linear sRGB (kcd/m²), sun at azimuth 0.
     ///
     /// # Errors

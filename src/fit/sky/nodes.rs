@@ -1,9 +1,9 @@
 //! Where skies are sampled for a fit: Chebyshev nodes in (θs, ln(τ − τ₀)), and the integrals there without their prefactors.
 
-use crate::sky::fitted::Folded;
-use crate::sky::fitted::folded::{Mix, Orders, TURBIDITY_ZERO, scaled_turbidity, suns};
-use crate::sky::preetham::Turbid;
-use crate::sky::project::{Quality, Rule};
+use mesophyll_sky::fitted::Folded;
+use mesophyll_sky::fitted::folded::{Mix, Orders, TURBIDITY_ZERO, scaled_turbidity, suns};
+use mesophyll_sky::preetham::Turbid;
+use mesophyll_sky::project::{Quality, Rule};
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -60,7 +60,7 @@ pub fn dense(bands: usize, range: [f64; 2]) -> Result<Folded<f64>, String> {
     // weights of the discrete transform: 2/n, and half of that for degree 0
     let mut columns = vec![[0.0; TURBID]; TURBID];
     for (row, t) in columns.iter_mut().zip(&samples.turbidities) {
-        crate::sky::fitted::chebyshev(scaled_turbidity(*t, range), 0, 1, row);
+        mesophyll_sky::fitted::chebyshev(scaled_turbidity(*t, range), 0, 1, row);
     }
     let (mut even, mut odd) = (vec![[0.0; SUNS]; SUNS], vec![[0.0; SUNS]; SUNS]);
     for (k, s) in samples.suns.iter().enumerate() {

@@ -2,9 +2,9 @@
 
 use super::judge::{Reference, judge};
 use super::{Fitted, Method, Options, fit, standard};
-use crate::fit::stress::StressRow;
-use crate::sky::project::{Quality, Rule, direct};
-use crate::sky::{Coefficients, HosekWilkie, Model, Preetham, Sky, preetham};
+use crate::stress::StressRow;
+use mesophyll_sky::project::{Quality, Rule, direct};
+use mesophyll_sky::{Coefficients, HosekWilkie, Model, Preetham, Sky, preetham};
 use std::f64::consts::FRAC_PI_2;
 use std::time::Instant;
 
@@ -128,7 +128,8 @@ fn of_fit(case: &str, expected: &str, fitted: &Fitted, single: bool, reference: 
 
 fn off(a: &Coefficients, b: &Coefficients) -> f64 {
     let c00 = b.get(0, 0).into_iter().fold(f64::INFINITY, f64::min);
-    a.values().iter().zip(b.values()).flat_map(|(a, b)| (0..3).map(move |c| (a[c] - b[c]).abs())).fold(0.0, crate::solve::qr::nan_max) / c00
+    a.values().iter().zip(b.values()).flat_map(|(a, b)| (0..3).map(move |c| (a[c] - b[c]).abs())).fold(0.0, mesophyll_solve::qr::nan_max)
+        / c00
 }
 
 fn within(error: f64, limit: f64) -> String {

@@ -5,11 +5,11 @@
 
 use super::nodes;
 use super::{Fitted, Form, Method, Options};
-use crate::fit::record::Phase;
-use crate::sky::Model;
-use crate::sky::fitted::tensor::{self, Basis, Tensor};
-use crate::sky::project::{Quality, Rule};
-use crate::solve::{Termination, TraceRow};
+use crate::record::Phase;
+use mesophyll_sky::Model;
+use mesophyll_sky::fitted::tensor::{self, Basis, Tensor};
+use mesophyll_sky::project::{Quality, Rule};
+use mesophyll_solve::{Termination, TraceRow};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use std::f64::consts::FRAC_PI_2;

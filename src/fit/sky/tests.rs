@@ -2,8 +2,8 @@
 
 use super::judge::{Reference, judge};
 use super::*;
-use crate::sky::HosekWilkie;
-use crate::sky::project::{Quality, Rule, direct};
+use mesophyll_sky::HosekWilkie;
+use mesophyll_sky::project::{Quality, Rule, direct};
 use std::f64::consts::FRAC_PI_2;
 
 fn reference() -> &'static Reference {

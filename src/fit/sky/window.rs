@@ -5,14 +5,14 @@
 //! normals. (Squared once more by the least squares, so that the deepest dip and the largest loss count most.) The weight moves along the front between the two; [`matched`] stops where the dip equals that of the sin x/x
 //! window on all orders, so that the two can be compared by their loss alone.
 
-use crate::sky::harmonics::Basis;
-use crate::sky::irradiance::{cosine_lobe, irradiance, on_level_ground};
-use crate::sky::project::{Quality, Rule};
-use crate::sky::window::{Dip, Orders, Window, irradiance_change, lowest_below};
-use crate::sky::{Coefficients, Preetham, colour};
-use crate::solve::problem::Closure;
-use crate::solve::{Fit, Options, lm};
 use crate::{Error, Result};
+use mesophyll_sky::harmonics::Basis;
+use mesophyll_sky::irradiance::{cosine_lobe, irradiance, on_level_ground};
+use mesophyll_sky::project::{Quality, Rule};
+use mesophyll_sky::window::{Dip, Orders, Window, irradiance_change, lowest_below};
+use mesophyll_sky::{Coefficients, Preetham, colour};
+use mesophyll_solve::problem::Closure;
+use mesophyll_solve::{Fit, Options, lm};
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
@@ -30,7 +30,7 @@ const NORMALS: [[f64; 3]; 5] = [
 ];
 
 fn skies((suns, turbidities): ([f64; 6], [f64; 3]), bands: usize) -> Result<Vec<Coefficients>> {
-    let refused = |e: crate::sky::Refused| Error::Missed(e.to_string());
+    let refused = |e: mesophyll_sky::Refused| Error::Missed(e.to_string());
     let rows: Result<Vec<Vec<Coefficients>>> = suns
         .par_iter()
         .map(|s| {

@@ -1,13 +1,13 @@
 //! What each knob of the translucency maps costs and buys: dipoles, thickness levels, map size, kernels' form.
 
 use super::{basis_study, validation};
-use crate::files::progress::{self, Bar};
-use crate::fit::bench::{BenchRow, median_us};
-use crate::optics::dipole::{Form, Tissue};
-use crate::optics::slab;
-use crate::optics::translucency::convolve::{Convolver, Settings};
-use crate::optics::translucency::levels::{LevelKind, Levels};
+use crate::bench::{BenchRow, median_us};
 use crate::{Error, Result};
+use mesophyll_files::progress::{self, Bar};
+use mesophyll_optics::dipole::{Form, Tissue};
+use mesophyll_optics::slab;
+use mesophyll_optics::translucency::convolve::{Convolver, Settings};
+use mesophyll_optics::translucency::levels::{LevelKind, Levels};
 
 /// H9 Table 3.1 without its forward scattering: the transport equation that judges is isotropic.
 const TISSUE: Tissue = Tissue { sigma_a: 0.4, sigma_s: 9.486, g: 0.0, a: 1.0 };

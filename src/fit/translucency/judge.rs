@@ -2,11 +2,11 @@
 
 use super::spread::{ELEVATIONS, STEPS, Spread};
 use super::{Colour, colour};
-use crate::optics::translucency::basis::Basis;
-use crate::optics::translucency::blade::LitSide;
-use crate::optics::translucency::convolve::Convolver;
-use crate::optics::translucency::horizon::Horizon;
-use crate::optics::translucency::irradiance::{Visibility, irradiance};
+use mesophyll_optics::translucency::basis::Basis;
+use mesophyll_optics::translucency::blade::LitSide;
+use mesophyll_optics::translucency::convolve::Convolver;
+use mesophyll_optics::translucency::horizon::Horizon;
+use mesophyll_optics::translucency::irradiance::{Visibility, irradiance};
 use std::f64::consts::FRAC_PI_2;
 
 /// Names of [`ELEVATIONS`] in `fit.toml`.

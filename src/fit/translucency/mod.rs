@@ -26,12 +26,12 @@ pub mod stress;
 pub mod tissue;
 pub mod validation;
 
-use crate::files::{hash, progress};
-use crate::fit::record::{self, FitRecord, Phase, Times};
-use crate::optics::dipole::Form;
-use crate::optics::translucency::basis::Basis;
-use crate::optics::translucency::lights::{self, Rule};
+use crate::record::{self, FitRecord, Phase, Times};
 use crate::{Error, Result};
+use mesophyll_files::{hash, progress};
+use mesophyll_optics::dipole::Form;
+use mesophyll_optics::translucency::basis::Basis;
+use mesophyll_optics::translucency::lights::{self, Rule};
 use side::Made;
 use source::{Frame, Source};
 use std::path::Path;

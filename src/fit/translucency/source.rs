@@ -3,13 +3,13 @@
 //! Lengths in mm, σ in 1/mm. Texels without a measurement take their nearest good neighbour's values, so that no light is lost at a hole in
 //! the data; texels beside the leaf hold nothing.
 
-use crate::capture::manifest::SideName;
-use crate::files::hash;
-use crate::files::image::{Maps, read_exr_rows};
-use crate::fit::leaf::{fill, map_path};
-use crate::fit::record::{FitRecord, Section};
-use crate::optics::translucency::relief;
+use crate::leaf::{fill, map_path};
+use crate::record::{FitRecord, Section};
 use crate::{Error, Result};
+use mesophyll_capture::manifest::SideName;
+use mesophyll_files::hash;
+use mesophyll_files::image::{Maps, read_exr_rows};
+use mesophyll_optics::translucency::relief;
 use std::path::{Path, PathBuf};
 
 /// One side's maps, as its own camera saw it, row-major.

@@ -3,16 +3,16 @@
 
 use super::source::{Side, Source};
 use super::{Options, TissueFrom, side};
-use crate::capture::manifest::SideName;
-use crate::fit::stress::StressRow;
-use crate::optics::dipole::{Form, Tissue};
-use crate::optics::slab;
-use crate::optics::translucency::basis;
-use crate::optics::translucency::convolve::{Convolver, Settings};
-use crate::optics::translucency::levels::Levels;
-use crate::optics::walk::slab::Entry;
-use crate::optics::walk::{Boundary, Histories, Medium, Slab};
+use crate::stress::StressRow;
 use crate::{Error, Result};
+use mesophyll_capture::manifest::SideName;
+use mesophyll_optics::dipole::{Form, Tissue};
+use mesophyll_optics::slab;
+use mesophyll_optics::translucency::basis;
+use mesophyll_optics::translucency::convolve::{Convolver, Settings};
+use mesophyll_optics::translucency::levels::Levels;
+use mesophyll_optics::walk::slab::Entry;
+use mesophyll_optics::walk::{Boundary, Histories, Medium, Slab};
 use std::time::Instant;
 
 /// What a form may be wrong by, and still be called right: diffusion is no better anywhere (`bench translucency` has the errors).

@@ -6,8 +6,8 @@
 
 use super::source::Side;
 use super::{Options, TissueFrom};
-use crate::optics::dipole::Tissue;
 use crate::{Error, Result};
+use mesophyll_optics::dipole::Tissue;
 
 /// H9 Table 3.1, at 510 nm (1/mm).
 pub const TABLE: [f64; 3] = [0.4, 10.2, 0.07];

@@ -8,7 +8,7 @@
 use super::Coefficients;
 use super::bessel;
 use super::scalar::{Dual, Scalar, falling, rising};
-use crate::optics::slab::quadrature::{Node, gauss};
+use crate::slab::quadrature::{Node, gauss};
 use std::sync::OnceLock;
 
 /// T̂(k) of the infinite image sum; for d > l only.

@@ -1,7 +1,7 @@
 //! The three forms against each other's independent derivations, the transport equation, and brute integration.
 
 use super::*;
-use crate::optics::slab::{exact, quadrature::gauss};
+use crate::slab::{exact, quadrature::gauss};
 use std::f64::consts::PI;
 
 const FORMS: [Form; 3] = [Form::Dipoles(3), Form::Images, Form::Thin];

@@ -9,7 +9,7 @@ pub struct Node {
 
 /// The `n`-point Gauss–Legendre rule on (0, 1), ascending; the weights sum to 1.
 pub fn gauss(n: usize) -> Vec<Node> {
-    crate::quadrature::unit(n).into_iter().map(|(x, w)| Node { x, w }).collect()
+    mesophyll_quadrature::unit(n).into_iter().map(|(x, w)| Node { x, w }).collect()
 }
 
 /// Shifted Legendre polynomials P*_0 … P*_{n−1} at x in [0, 1].

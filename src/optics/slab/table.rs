@@ -226,7 +226,7 @@ pub mod build {
     //! How the committed table is made: `cargo test --release slab_table_is_made_again -- --ignored`.
 
     use super::{DELTA_MAX, DELTA_MIN, ORDER, Patch, WIDTH, absorbed_at};
-    use crate::optics::slab::exact;
+    use crate::slab::exact;
     use std::f64::consts::PI;
 
     /// Rows of equal width in ln Δ.

@@ -181,7 +181,7 @@ fn partials_agree_with_differences_of_the_exact_solution() {
 #[ignore = "rewrites data/slab/response.bin"]
 fn slab_table_is_made_again() {
     let bytes = table::build::bytes(|line| println!("{line}"));
-    std::fs::write(concat!(env!("CARGO_MANIFEST_DIR"), "/data/slab/response.bin"), bytes).unwrap();
+    std::fs::write(concat!(env!("CARGO_MANIFEST_DIR"), "/../../data/slab/response.bin"), bytes).unwrap();
 }
 
 #[test]

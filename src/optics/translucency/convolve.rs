@@ -7,8 +7,8 @@
 use super::fourier::{Grid, Spectrum};
 use super::kernel::Kernel;
 use super::levels::{Curves, LevelKind, Levels, Nodes};
-use crate::optics::dipole::{Form, Tissue};
-use crate::optics::slab;
+use crate::dipole::{Form, Tissue};
+use crate::slab;
 use crate::{Error, Result};
 use rayon::prelude::*;
 use rustfft::num_complex::Complex;
@@ -325,7 +325,7 @@ pub(super) fn total_parts(settings: &Settings, d: f64) -> [f64; 2] {
 }
 
 /// Radius (mm) that less than `tail` of the scattered light passes.
-pub(crate) fn support(tissue: &Tissue, form: Form, d: f64, tail: f64) -> f64 {
+pub fn support(tissue: &Tissue, form: Form, d: f64, tail: f64) -> f64 {
     let whole = scattered(tissue, d, form);
     let outside = |r: f64| whole > 0.0 && tissue.beyond(r, d, form).abs() > tail * whole;
     let mut high = 0.1 * d;

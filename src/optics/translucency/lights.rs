@@ -2,7 +2,7 @@
 //!
 //! z = 0 is the tangent plane, z = 1 straight above; weights are steradians and sum to 2π.
 
-use crate::optics::slab::quadrature::gauss;
+use crate::slab::quadrature::gauss;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::f64::consts::{FRAC_PI_4, TAU};

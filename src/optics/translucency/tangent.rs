@@ -17,7 +17,7 @@ use super::convolve::Totals;
 use super::fourier::{Grid, Spectrum};
 use super::kernel::Kernel;
 use super::levels::{Levels, Nodes};
-use crate::optics::dipole::{Form, Tissue};
+use crate::dipole::{Form, Tissue};
 use crate::{Error, Result};
 use rayon::prelude::*;
 use rustfft::num_complex::Complex;
@@ -181,7 +181,7 @@ impl Stage {
         if !(whole.value > 0.0) {
             return None;
         }
-        let by = |v: &crate::optics::dipole::scalar::Dual<f64>| [tissue.sigma_a * v.by[0], tissue.sigma_s * v.by[1], v.by[3]];
+        let by = |v: &crate::dipole::scalar::Dual<f64>| [tissue.sigma_a * v.by[0], tissue.sigma_s * v.by[1], v.by[3]];
         let whole_by = by(&whole);
         let (low, high) = (0.499 * self.texel_mm, std::f64::consts::SQRT_2 * (self.reach as f64 + 1.0) * self.texel_mm);
         // ln of the share; the nearest singularity lies at r = ± i d, a quarter turn off the axis of ln r.

@@ -11,8 +11,8 @@
 //!
 //! which is the thin-tube integral of G3 and W §3 for any normal and any camera.
 
-use crate::optics::gloss::{Lobe, dot, fresnel};
-use crate::quadrature::symmetric;
+use crate::gloss::{Lobe, dot, fresnel};
+use mesophyll_quadrature::symmetric;
 use std::f64::consts::PI;
 
 /// A thin tube from a texel, in the pass's frame (travel, tube, up).
@@ -120,7 +120,7 @@ impl Arc {
             // D/(4 cosθi cosθr)·cosθi per dsinφ, with dsinφ = q³ dt and dt/dn = −(sin, t, cos)/n_y
             let e = 1.0 + dot(l, c);
             let shadow = if matches!(lobe, Lobe::CookTorrance { .. }) { 0.0 } else { 1.0 };
-            let value = shadow * lobe.distribution(crate::optics::gloss::tan2_half(b, e), m) * q * q * q;
+            let value = shadow * lobe.distribution(crate::gloss::tan2_half(b, e), m) * q * q * q;
             let factor = sign * self.scale / (2.0 * b) * value / -n[1];
             for (o, v) in out.s_n.iter_mut().zip([self.sin, t, self.cos]) {
                 *o += factor * v;

@@ -15,9 +15,9 @@ pub mod arc;
 pub mod fast;
 pub mod lanes;
 
-use crate::optics::gloss::Lobe;
-use crate::quadrature::symmetric;
+use crate::gloss::Lobe;
 pub use arc::{Arc, Sums};
+use mesophyll_quadrature::symmetric;
 
 /// The lamp: axis height over the blade, lit length centred on the blade, radius (0: thin).
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,7 +1,7 @@
 use super::fast::{COLUMNS, Lit, Pass};
 use super::lanes::Level;
 use super::*;
-use crate::optics::gloss::dot;
+use crate::gloss::dot;
 use std::f64::consts::PI;
 
 const TUBE: Tube = Tube { height_mm: 100.0, length_mm: 500.0, radius_mm: 2.5 };

@@ -5,7 +5,7 @@
 //! Grid frame: x to the right, y down the rows, z towards the light.
 
 use super::phase::Direction;
-use crate::error::{Error, Result};
+use crate::{Error, Result};
 
 /// What lies beyond the map.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -20,7 +20,7 @@ pub use relief::{Leaf, Light, ReliefWalk};
 pub use slab::{Slab, SlabWalk};
 pub use tally::{Estimate, Histories};
 
-use crate::error::{Error, Result};
+use crate::{Error, Result};
 use rough::Rough;
 
 /// A history with more collisions and crossings than this is given up and counted as lost.

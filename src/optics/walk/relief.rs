@@ -7,7 +7,7 @@ use super::field::{Event, Field, Ray};
 use super::phase::{self, Direction};
 use super::tally::{self, Estimate, Fates, Histories, Sum, Tally, uniform};
 use super::{Boundary, EVENTS, Medium, survives};
-use crate::error::{Error, Result};
+use crate::{Error, Result};
 use rand_pcg::Pcg64;
 
 /// Where the light comes from, in the lit side's frame (x right, y up in its image, z out of the leaf).

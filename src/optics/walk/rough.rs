@@ -6,12 +6,12 @@
 
 use super::phase::{Direction, dot};
 use super::tally::uniform;
-use crate::error::{Error, Result};
-use crate::optics::gloss::fresnel;
+use crate::gloss::fresnel;
+use crate::{Error, Result};
 use rand_pcg::Pcg64;
 use std::f64::consts::PI;
 
-/// Refractive index of the medium over that outside, and root of twice the mean square slope along one axis (`m` of [`crate::optics::gloss`]).
+/// Refractive index of the medium over that outside, and root of twice the mean square slope along one axis (`m` of [`crate::gloss`]).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rough {
     pub index: f64,
@@ -137,7 +137,7 @@ fn erfc(x: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::optics::slab::quadrature::gauss;
+    use crate::slab::quadrature::gauss;
     use rand::SeedableRng;
 
     #[test]

@@ -8,7 +8,7 @@
 use super::phase::{self, Direction};
 use super::tally::{self, Estimate, Fates, Histories, Ratio, Sum, Tally, uniform};
 use super::{Boundary, EVENTS, Medium, survives};
-use crate::error::{Error, Result};
+use crate::{Error, Result};
 use rand_pcg::Pcg64;
 use std::f64::consts::PI;
 

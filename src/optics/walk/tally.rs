@@ -1,6 +1,6 @@
 //! Sums over histories, their standard errors, and the batches that make a run independent of its threads.
 
-use crate::error::{Error, Result};
+use crate::{Error, Result};
 use rand::RngExt;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;

@@ -3,7 +3,7 @@
 use super::rough::Rough;
 use super::slab::{ANGLES, Entry};
 use super::*;
-use crate::optics::slab::{exact, quadrature::gauss};
+use crate::slab::{exact, quadrature::gauss};
 use nalgebra::DMatrix;
 
 fn histories(count: u64) -> Histories {

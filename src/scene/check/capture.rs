@@ -12,15 +12,16 @@
 
 use super::report::exceeds;
 use super::{Options, told};
-use crate::capture::manifest::SideName;
-use crate::files::image::{to_srgb8, write_png};
-use crate::fit::leaf::held_out::{self, BAD, Kept, KeptFrame, Scan, Tally};
-use crate::scene::ledger::Ledger;
-use crate::scene::manifest::{Manifest, View, ViewKind};
-use crate::scene::plan::Plan;
-use crate::scene::plan_leaf::SIDES;
-use crate::scene::scanned::Scanned;
-use crate::{Error, Result, transport};
+use crate::ledger::Ledger;
+use crate::manifest::{Manifest, View, ViewKind};
+use crate::plan::Plan;
+use crate::plan_leaf::SIDES;
+use crate::scanned::Scanned;
+use crate::{Error, Result};
+use mesophyll_capture::manifest::SideName;
+use mesophyll_files::image::{to_srgb8, write_png};
+use mesophyll_fit::leaf::held_out::{self, BAD, Kept, KeptFrame, Scan, Tally};
+use mesophyll_transport as transport;
 use mesophyll_viewer as gpu;
 use serde::Serialize;
 

@@ -5,12 +5,12 @@ use super::pictures::save;
 use super::report::{ViewReport, exceeds};
 use super::{Options, proof, told};
 use crate::Result;
-use crate::scene::card::{self, Card};
-use crate::scene::ledger::Ledger;
-use crate::scene::manifest::{Manifest, View};
-use crate::scene::plan::{Plan, sun_direction};
-use crate::scene::{handover, reference};
-use crate::transport::{self, compare};
+use crate::card::{self, Card};
+use crate::ledger::Ledger;
+use crate::manifest::{Manifest, View};
+use crate::plan::{Plan, sun_direction};
+use crate::{handover, reference};
+use mesophyll_transport::{self as transport, compare};
 use mesophyll_viewer as gpu;
 use std::time::Instant;
 

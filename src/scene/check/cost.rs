@@ -3,8 +3,8 @@
 use super::report::{Term, ViewReport};
 use super::told;
 use crate::Result;
-use crate::scene::handover;
-use crate::scene::manifest::{Manifest, View, ViewKind};
+use crate::handover;
+use crate::manifest::{Manifest, View, ViewKind};
 use mesophyll_viewer as gpu;
 
 /// A view's report with its times, which are judged on real GPUs.

@@ -6,11 +6,11 @@ use super::pictures::save;
 use super::report::{TrueLeaf, ViewReport, exceeds};
 use super::{Options, proof, told};
 use crate::Result;
-use crate::files::image::write_png;
-use crate::scene::manifest::{JudgedBy, Manifest, View};
-use crate::scene::plan::Plan;
-use crate::scene::{handover, reference};
-use crate::transport::{self, compare};
+use crate::manifest::{JudgedBy, Manifest, View};
+use crate::plan::Plan;
+use crate::{handover, reference};
+use mesophyll_files::image::write_png;
+use mesophyll_transport::{self as transport, compare};
 use mesophyll_viewer as gpu;
 use std::time::Instant;
 

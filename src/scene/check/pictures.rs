@@ -3,8 +3,8 @@
 use super::Options;
 use super::report::ViewReport;
 use crate::Result;
-use crate::files::image;
-use crate::transport::{ReferencePicture, compare};
+use mesophyll_files::image;
+use mesophyll_transport::{ReferencePicture, compare};
 use mesophyll_viewer as gpu;
 
 /// How much the picture of the difference is enlarged.

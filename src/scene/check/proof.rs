@@ -3,12 +3,12 @@
 use super::report::ViewReport;
 use super::{Options, Report, told};
 use crate::Result;
-use crate::files::{image, progress};
-use crate::scene::card::Card;
-use crate::scene::ledger::Ledger;
-use crate::scene::manifest::{Manifest, View, ViewKind};
-use crate::scene::plan::Plan;
-use crate::scene::{branch, day, golden, handover};
+use crate::card::Card;
+use crate::ledger::Ledger;
+use crate::manifest::{Manifest, View, ViewKind};
+use crate::plan::Plan;
+use crate::{branch, day, golden, handover};
+use mesophyll_files::{image, progress};
 use mesophyll_viewer as gpu;
 
 /// The name that the hours of a day have among the golden pictures.

@@ -2,12 +2,12 @@
 //! agree with each other.
 
 use crate::Result;
-use crate::fit::record::FitRecord;
-use crate::scene::fitted::Fitted;
-use crate::scene::ledger::Ledger;
-use crate::scene::manifest::Manifest;
-use crate::scene::plan::Plan;
-use crate::scene::sound;
+use crate::fitted::Fitted;
+use crate::ledger::Ledger;
+use crate::manifest::Manifest;
+use crate::plan::Plan;
+use crate::sound;
+use mesophyll_fit::record::FitRecord;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 

@@ -1,7 +1,7 @@
 //! Leaves that a scene may show: where their data come from, and what is drawn of them.
 
-use crate::files::mesh::Unit;
-use crate::optics::translucency::basis as directions;
+use mesophyll_files::mesh::Unit;
+use mesophyll_optics::translucency::basis as directions;
 use serde::Deserialize;
 use std::path::PathBuf;
 

@@ -1,6 +1,6 @@
 //! Who looks, and how a picture is checked against its reference.
 
-use crate::capture::manifest::{SideName, Travel};
+use mesophyll_capture::manifest::{SideName, Travel};
 use serde::Deserialize;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]

@@ -3,7 +3,7 @@
 use super::MOST_SECONDS;
 use super::place::Place;
 use crate::Result;
-use crate::plant::beam::{TAPER_MAX, TAPER_MIN};
+use mesophyll_plant::beam::{TAPER_MAX, TAPER_MIN};
 
 /// As many as the renderer takes.
 const MOST_BRANCHES: usize = 128;

@@ -2,8 +2,8 @@
 
 use super::place::Place;
 use crate::Result;
-use crate::scene::make::size;
-use crate::scene::manifest::Lobe;
+use crate::make::size;
+use crate::manifest::Lobe;
 
 pub fn leaves(p: &Place) -> Result<()> {
     const HEADER: &str = "[[leaf]]";

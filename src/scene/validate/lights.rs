@@ -2,9 +2,9 @@
 
 use super::place::Place;
 use crate::Result;
-use crate::scene::daylight::sun_of;
-use crate::scene::manifest::{Day, Sky};
-use crate::sky::preetham;
+use crate::daylight::sun_of;
+use crate::manifest::{Day, Sky};
+use mesophyll_sky::preetham;
 
 pub fn lights(p: &Place) -> Result<()> {
     if let Some(sun) = &p.manifest.sun {

@@ -1,6 +1,6 @@
 //! Where in a scene file something is wrong, and the checks that many fields share.
 
-use crate::scene::manifest::Manifest;
+use crate::manifest::Manifest;
 use crate::{Error, Result};
 use std::collections::BTreeSet;
 

@@ -3,7 +3,7 @@
 use super::MOST_SECONDS;
 use super::place::Place;
 use crate::Result;
-use crate::scene::manifest::{View, ViewKind};
+use crate::manifest::{View, ViewKind};
 
 pub fn views(p: &Place) -> Result<()> {
     const HEADER: &str = "[[view]]";

@@ -12,9 +12,9 @@
 //! RGB already and rgb = (K P P̄⁻¹ K⁻¹) u is nearly u: without that, red is a small difference of large numbers, and single precision loses a digit.
 
 use super::{Scalar, chebyshev};
-use crate::sky::harmonics::Coefficients;
-use crate::sky::preetham::{self, Turbid};
-use crate::sky::{Refused, check, colour};
+use crate::harmonics::Coefficients;
+use crate::preetham::{self, Turbid};
+use crate::{Refused, check, colour};
 use std::f64::consts::FRAC_PI_2;
 
 /// Where B of the luminance's horizon factor vanishes: .4275/.3554.

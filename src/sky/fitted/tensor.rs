@@ -1,8 +1,8 @@
 //! Coefficients as a product of two polynomial bases in θs and τ, a polynomial a coefficient and channel (Habel 2009 Eq. 5.1).
 
 use super::{Scalar, chebyshev};
-use crate::sky::harmonics::Coefficients;
-use crate::sky::{Refused, check};
+use crate::harmonics::Coefficients;
+use crate::{Refused, check};
 use std::f64::consts::FRAC_PI_2;
 
 /// How a variable enters.
@@ -86,7 +86,7 @@ impl<T: Scalar> Tensor<T> {
             }
         }
         let even: Vec<[f64; 3]> = (0..size).map(|k| std::array::from_fn(|c| sums[c * size + k].wide())).collect();
-        Ok(crate::sky::project::spread(self.bands, &even, |v| v))
+        Ok(crate::project::spread(self.bands, &even, |v| v))
     }
 }
 

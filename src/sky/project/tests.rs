@@ -1,8 +1,8 @@
 //! The sun-centred rule against an adaptive integration in zenith angle and azimuth, against more nodes, and against closed forms.
 
 use super::*;
-use crate::sky::quadrature::gauss;
-use crate::sky::{HosekWilkie, Model, Preetham};
+use crate::quadrature::gauss;
+use crate::{HosekWilkie, Model, Preetham};
 
 /// ∫ f over [a, b] by halving until a 10-point Gauss rule and its two halves agree to `tolerance`.
 fn adaptive(f: &mut dyn FnMut(f64, &mut [f64]), a: f64, b: f64, tolerance: f64, size: usize) -> Vec<f64> {

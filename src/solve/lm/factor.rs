@@ -4,7 +4,7 @@
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
 use super::run::{Run, dot};
-use crate::solve::{decompose, qr};
+use crate::{decompose, qr};
 use nalgebra::DMatrix;
 
 /// QR of the free columns of the Jacobian, for steps with any damping.

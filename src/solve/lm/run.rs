@@ -5,10 +5,10 @@
 
 use super::factor::Factor;
 use super::{Fit, Options};
-use crate::solve::problem::Problem;
-use crate::solve::trace::{Termination, Trace, TraceRow};
-use crate::solve::uncertainty::Uncertainty;
-use crate::solve::{jacobian, qr, refine};
+use crate::problem::Problem;
+use crate::trace::{Termination, Trace, TraceRow};
+use crate::uncertainty::Uncertainty;
+use crate::{jacobian, qr, refine};
 use std::time::Instant;
 
 /// A relative offset (see [`minimize`]) at which a stalled cost or radius counts as convergence: 1e-8 of the cost is left to gain.

@@ -1,5 +1,5 @@
 use super::*;
-use crate::solve::problem::Closure;
+use crate::problem::Closure;
 
 fn rosenbrock(p: &[f64], r: &mut [f64]) {
     r[0] = 10.0 * (p[1] - p[0] * p[0]);

@@ -1,9 +1,9 @@
 //! Whether the photographs show one leaf the same way round: outline and veins of each, brought to the front's columns, against the first one's.
 //! A photograph taken from the lit side, or whose `lit` is the other side, agrees better when it is mirrored.
 
-use crate::capture::beams::manifest::Beam;
-use crate::capture::manifest::SideName;
-use crate::optics::translucency::blade::mirror;
+use crate::beams::manifest::Beam;
+use crate::manifest::SideName;
+use mesophyll_optics::translucency::blade::mirror;
 
 /// How much better (of a correlation) the mirror image has to agree, and how well at least.
 const BETTER: f64 = 0.1;

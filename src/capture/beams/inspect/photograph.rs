@@ -1,7 +1,7 @@
 //! One photograph: how bright, how noisy, clipped or not, and how much of the leaf it shows.
 
-use crate::capture::beams::manifest::Beam;
-use crate::capture::dome::noise::{deviation, quantile};
+use crate::beams::manifest::Beam;
+use crate::dome::noise::{deviation, quantile};
 use serde::Serialize;
 
 /// A photograph's readings; 1 is a white sheet that faces the beam. Shares are 0 to 1.

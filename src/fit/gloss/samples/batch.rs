@@ -1,10 +1,10 @@
 //! `fit gloss --samples`: goniometer tables in, a row a leaf out.
 
 use super::{Sample, SamplesFit, TILT, fit};
-use crate::files::table::{Output, Record, Sink, Status, Table, Tally, push_number, push_text};
-use crate::fit::gloss::M_RANGE;
-use crate::optics::gloss::Lobe;
+use crate::gloss::M_RANGE;
 use crate::{Error, Result};
+use mesophyll_files::table::{Output, Record, Sink, Status, Table, Tally, push_number, push_text};
+use mesophyll_optics::gloss::Lobe;
 
 /// `fit gloss --samples`: reads all rows, groups them by `leaf`, writes a row a leaf in order of first appearance.
 ///

@@ -11,9 +11,9 @@ mod batch;
 pub use batch::run;
 
 use super::{M_RANGE, normal_of};
-use crate::optics::gloss::Lobe;
 use argmin::core::{CostFunction, Executor, State as _};
 use argmin::solver::neldermead::NelderMead;
+use mesophyll_optics::gloss::Lobe;
 use std::f64::consts::PI;
 
 /// One direction.

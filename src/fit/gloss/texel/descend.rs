@@ -1,9 +1,9 @@
 //! The descent of one texel: Levenberg–Marquardt on the projected problem, with weights that turn from the samples' to the model's.
 
 use super::{ITERATIONS, Job, NEAR, State};
-use crate::fit::gloss::project::NONLINEAR;
-use crate::fit::gloss::{M_RANGE, TILT_LIMIT};
-use crate::solve::Termination;
+use crate::gloss::project::NONLINEAR;
+use crate::gloss::{M_RANGE, TILT_LIMIT};
+use mesophyll_solve::Termination;
 
 impl Job<'_> {
     /// Levenberg–Marquardt with Marquardt's scaling until the predicted decrease of χ² is below `tolerance`; `reweigh`: weights
@@ -92,7 +92,7 @@ impl Job<'_> {
 }
 
 /// Applies a step, kept short and within the bounds.
-pub(in crate::fit::gloss) fn bounded(p: &[f64; NONLINEAR], step: &[f64; NONLINEAR]) -> [f64; NONLINEAR] {
+pub(in crate::gloss) fn bounded(p: &[f64; NONLINEAR], step: &[f64; NONLINEAR]) -> [f64; NONLINEAR] {
     let shrink = [1.0 / step[0].abs().max(1.0), 0.3 / step[1].abs().max(0.3), 0.3 / step[2].abs().max(0.3)].into_iter().fold(1.0, f64::min);
     [
         (p[0] + shrink * step[0]).clamp(M_RANGE[0].ln(), M_RANGE[1].ln()),

@@ -8,10 +8,10 @@ pub(super) use descend::bounded;
 use super::project::{self, Channel, NONLINEAR};
 use super::start::{Bank, Scratch, Start};
 use super::{Device, NO_LIGHT, ReadingNoise, Robust, TexelFit, normal_of, normal_slopes};
-use crate::optics::tube::fast::{self, COLUMNS, Lit};
-use crate::optics::tube::lanes::Level;
-use crate::optics::tube::{Model, Precision, Travel};
-use crate::solve::Termination;
+use mesophyll_optics::tube::fast::{self, COLUMNS, Lit};
+use mesophyll_optics::tube::lanes::Level;
+use mesophyll_optics::tube::{Model, Precision, Travel};
+use mesophyll_solve::Termination;
 
 /// Steps at most; a texel needs three to six.
 const ITERATIONS: usize = 60;

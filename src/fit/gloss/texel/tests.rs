@@ -1,6 +1,6 @@
 use super::*;
-use crate::fit::gloss::synthetic::{Noise, Truth, device, pass_x, ramp, trace};
-use crate::optics::gloss::Lobe;
+use crate::gloss::synthetic::{Noise, Truth, device, pass_x, ramp, trace};
+use mesophyll_optics::gloss::Lobe;
 
 #[test]
 fn exact_traces_give_back_the_truth() {
@@ -31,8 +31,8 @@ fn exact_traces_give_back_the_truth() {
 /// Fits of traces that the scan's own integral made (`capture::synth`): failures, and the median error over what the stated errors
 /// allow. A failure did not converge without saying so, or promises a value that lies six of its errors off.
 fn judged(lobe: Lobe, noise: f64, ms: [f64; 2], tilt: f64, count: usize, seed: u64) -> (usize, f64, f64) {
-    use crate::capture::manifest;
-    use crate::capture::synth::illumination::{Device as Scanner, Lobe as Scanned};
+    use mesophyll_capture::manifest;
+    use mesophyll_capture::synth::illumination::{Device as Scanner, Lobe as Scanned};
     let d = device(lobe, noise);
     let scanned = match lobe {
         Lobe::Beckmann => Scanned::Beckmann,
@@ -77,7 +77,7 @@ fn judged(lobe: Lobe, noise: f64, ms: [f64; 2], tilt: f64, count: usize, seed: u
             (f.rho_s[1] - t.rho_s[1]) / f.rho_s_err[1],
         ];
         // A texel without a lobe in the noise is matte by its verdict: its m makes no claim.
-        let matte = f.m.is_nan() && f.undetermined.contains(crate::fit::gloss::Undetermined::M);
+        let matte = f.m.is_nan() && f.undetermined.contains(crate::gloss::Undetermined::M);
         if !f.termination.converged() || z.iter().enumerate().any(|(k, v)| !(v.abs() < 6.0 || matte && k == 0)) {
             failed += 1;
             println!(

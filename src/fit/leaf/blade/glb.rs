@@ -2,8 +2,8 @@
 //! node that scales it to glTF's metres.
 
 use super::Blade;
-use crate::files::atomic;
 use crate::{Error, Result};
+use mesophyll_files::atomic;
 use serde_json::json;
 use std::path::Path;
 

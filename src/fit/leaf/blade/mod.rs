@@ -7,7 +7,7 @@ pub mod relief;
 
 pub use mesh::Blade;
 
-use crate::capture::manifest::texel_position;
+use mesophyll_capture::manifest::texel_position;
 
 /// A square grid of texels on the blade.
 #[derive(Debug, Clone, Copy)]

@@ -3,13 +3,13 @@
 use super::stored::{LIGHT_BOX, plane_name, rounded};
 use super::{FARTHEST, HeldOut, LightBox, Predictor, Scan, Scratch, Splits, leverage, texel_of};
 use crate::Result;
-use crate::capture::manifest::Travel;
-use crate::capture::reader::Capture;
-use crate::files::image::Maps;
-use crate::fit::leaf::curve::{Curve, Incidence};
-use crate::fit::leaf::interior::Fitted;
-use crate::fit::leaf::noise::{self, Level};
-use crate::fit::leaf::outliers;
+use crate::leaf::curve::{Curve, Incidence};
+use crate::leaf::interior::Fitted;
+use crate::leaf::noise::{self, Level};
+use crate::leaf::outliers;
+use mesophyll_capture::manifest::Travel;
+use mesophyll_capture::reader::Capture;
+use mesophyll_files::image::Maps;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 

@@ -1,8 +1,8 @@
 //! How far predictions of held-out readings are off because the fit's parameters are: the mean of j (JᵀJ)⁻¹ jᵀ over held-out readings.
 
 use super::{Predictor, Scan, Scratch, Splits, Texel};
-use crate::capture::manifest::{Manifest, Travel};
-use crate::fit::gloss::normal_slopes;
+use crate::gloss::normal_slopes;
+use mesophyll_capture::manifest::{Manifest, Travel};
 use nalgebra::{SMatrix, SVector};
 
 /// ρd and ρs a channel, m, two tilts.

@@ -16,10 +16,10 @@ pub use judge::{Judged, Tally, judge, stored_step};
 pub use predict::{Predictor, Scratch, Texel, texel_of};
 pub use stored::{Kept, KeptFrame, LIGHT_BOX, kept};
 
-use crate::capture::manifest::{Manifest, Travel};
-use crate::capture::synth::random::Stream;
-use crate::optics::gloss::Lobe;
-use crate::optics::tube::Tube;
+use mesophyll_capture::manifest::{Manifest, Travel};
+use mesophyll_capture::synth::random::Stream;
+use mesophyll_optics::gloss::Lobe;
+use mesophyll_optics::tube::Tube;
 use serde::{Deserialize, Serialize};
 
 /// A pass of fewer frames keeps all of them for the fit: a texel has nine parameters, and every frame counts.

@@ -1,11 +1,11 @@
 //! What the tube model says that frames show of a fitted texel.
 
 use super::Scan;
-use crate::capture::manifest::Travel;
-use crate::files::image::Maps;
-use crate::optics::tube::fast::{COLUMNS, Lit, Pass};
-use crate::optics::tube::lanes::Level;
-use crate::optics::tube::{self, Model, Precision};
+use mesophyll_capture::manifest::Travel;
+use mesophyll_files::image::Maps;
+use mesophyll_optics::tube::fast::{COLUMNS, Lit, Pass};
+use mesophyll_optics::tube::lanes::Level;
+use mesophyll_optics::tube::{self, Model, Precision};
 
 /// A texel as it was fitted.
 #[derive(Debug, Clone, Copy, PartialEq)]

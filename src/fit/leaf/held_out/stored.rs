@@ -2,11 +2,11 @@
 
 use super::judge::{Tally, through};
 use super::{HeldOut, LightBox, Predictor, Scan, Scratch, texel_of};
-use crate::capture::manifest::{SideName, Travel};
-use crate::files::image::read_exr;
-use crate::fit::leaf::map_path;
-use crate::fit::record::FitRecord;
+use crate::leaf::map_path;
+use crate::record::FitRecord;
 use crate::{Error, Result};
+use mesophyll_capture::manifest::{SideName, Travel};
+use mesophyll_files::image::read_exr;
 use rayon::prelude::*;
 use std::path::Path;
 
@@ -171,9 +171,9 @@ fn frame_of(
 fn light_box(
     kept: &Kept,
     record: &FitRecord,
-    section: &crate::fit::record::Section,
-    stored: &crate::files::image::Maps,
-    maps: &crate::files::image::Maps,
+    section: &crate::record::Section,
+    stored: &mesophyll_files::image::Maps,
+    maps: &mesophyll_files::image::Maps,
     mask: &[f32],
 ) -> Option<LightBox> {
     let (scan, told) = (record.scan.as_ref()?, section.light_box.as_ref()?);

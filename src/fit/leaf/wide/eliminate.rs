@@ -1,7 +1,7 @@
 //! One texel's part of the leaf-wide problem: its thickness and γ eliminated, what is left of them in the sums for the shared σ.
 
 use super::{Local, Settings, Sums, Texel, V6};
-use crate::fit::leaf::curve::Curve;
+use crate::leaf::curve::Curve;
 use nalgebra::{SMatrix, SVector};
 
 /// Thickness that explains three transmittances best, by Gauss–Newton in ln t from the last one (or a scan).

@@ -2,7 +2,7 @@
 //! transmittances the rest.
 
 use super::{Common, M6, Sums, V6};
-use crate::solve::decompose;
+use mesophyll_solve::decompose;
 use nalgebra::{DMatrix, DVector, SMatrix};
 
 /// Gauss–Newton step under the linearised gauges: a particular solution plus the best move in their null space.

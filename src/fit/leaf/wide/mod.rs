@@ -8,10 +8,10 @@
 mod eliminate;
 mod gauge;
 
-use crate::fit::leaf::curve::{Curve, Incidence};
-use crate::solve::{Termination, Trace, TraceRow};
+use crate::leaf::curve::{Curve, Incidence};
 use eliminate::eliminate;
 use gauge::{constrained_step, covariance};
+use mesophyll_solve::{Termination, Trace, TraceRow};
 use nalgebra::{SMatrix, SVector};
 use rayon::prelude::*;
 use std::time::Instant;

@@ -1,5 +1,5 @@
 use super::*;
-use crate::optics::slab;
+use mesophyll_optics::slab;
 
 /// A leaf of known σ with thickness and albedo that vary, and noise where asked.
 pub fn leaf(n: usize, noise: f64, seed: u64) -> (Vec<Texel>, [[f64; 2]; 3], Vec<f64>, f64) {

@@ -2,9 +2,9 @@
 
 use super::picture::Pixel;
 use super::start::{Guess, angle, turned};
-use crate::sky::preetham::{self, Turbid, xyz_from_separable};
-use crate::sky::{colour, sun_direction};
-use crate::solve::{Closure, Fit, Noise, Options, lm};
+use mesophyll_sky::preetham::{self, Turbid, xyz_from_separable};
+use mesophyll_sky::{colour, sun_direction};
+use mesophyll_solve::{Closure, Fit, Noise, Options, lm};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// How the sun's direction is written in parameters: angles, or near the zenith (where azimuth loses its meaning) a plane.

@@ -18,10 +18,10 @@ mod start;
 #[cfg(test)]
 mod tests;
 
-use crate::files::table::Status;
-use crate::sky::sun_direction;
-use crate::solve::{Fit, Noise, Termination, Trace};
 use descent::{Chart, Round, descend, modelled};
+use mesophyll_files::table::Status;
+use mesophyll_sky::sun_direction;
+use mesophyll_solve::{Fit, Noise, Termination, Trace};
 use outcome::finished;
 use picture::{CLIPPED, Picture, Pixel, median};
 use start::{Guess, angle, turned};

@@ -4,9 +4,9 @@
 use super::descent::{Chart, OVERHEAD, Round};
 use super::picture::{self, OUTLIER, Picture, Pixel, median};
 use super::{ANGLE_KNOWN, Found, Known, NAMES, NoiseFrom, start};
-use crate::files::table::Status;
-use crate::sky::preetham;
-use crate::solve::Fit;
+use mesophyll_files::table::Status;
+use mesophyll_sky::preetham;
+use mesophyll_solve::Fit;
 use std::f64::consts::PI;
 
 /// Residuals beyond the noise: reduced χ² above 1 by this many of its standard deviations, or by this share where the noise was itself measured.

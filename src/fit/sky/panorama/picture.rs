@@ -1,8 +1,8 @@
 //! From a panorama's channels to the pixels that a fit may use: above the horizon, not hidden, not clipped.
 
 use super::projection::Projection;
-use crate::files::image::Maps;
 use crate::{Error, Result};
+use mesophyll_files::image::Maps;
 use std::path::Path;
 
 /// Which channels mean what.

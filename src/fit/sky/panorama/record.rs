@@ -3,11 +3,11 @@
 use super::picture::Picture;
 use super::{Found, NAMES, clipped};
 use crate::Result;
-use crate::files::hash;
-use crate::files::image::{Maps, Packing, write_exr};
-use crate::files::table::Status;
-use crate::fit::record::{FitRecord, Param, Phase, Residuals, SCHEMA, Section, Times};
-use crate::sky::preetham;
+use crate::record::{FitRecord, Param, Phase, Residuals, SCHEMA, Section, Times};
+use mesophyll_files::hash;
+use mesophyll_files::image::{Maps, Packing, write_exr};
+use mesophyll_files::table::Status;
+use mesophyll_sky::preetham;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -23,7 +23,7 @@ pub fn write(
     input_hash: String,
     seconds: [f64; 2],
 ) -> Result<()> {
-    crate::fit::record::begin(folder, "panorama")?;
+    crate::record::begin(folder, "panorama")?;
     let map = folder.join("all.exr");
     write_exr(&map, &maps(picture, found), Packing::Zip)?;
     let mut record = FitRecord {

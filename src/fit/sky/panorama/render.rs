@@ -2,9 +2,9 @@
 //! that clips.
 
 use super::projection::Projection;
-use crate::capture::synth::random::Stream;
-use crate::files::image::Maps;
-use crate::sky::{Sky, irradiance, project};
+use mesophyll_capture::synth::random::Stream;
+use mesophyll_files::image::Maps;
+use mesophyll_sky::{Sky, irradiance, project};
 use std::f64::consts::PI;
 
 /// What is rendered, and how.
@@ -71,7 +71,7 @@ pub fn render(sky: &dyn Sky, shot: &Shot) -> Maps {
             // as if the sun stood at azimuth 0
             let turned = [cos * d[0] + sin * d[1], cos * d[1] - sin * d[0], d[2]];
             let mut rgb = if d[2] > 0.0 { sky.rgb(turned) } else { ground };
-            if shot.disk && d[2] > 0.0 && crate::sky::angle_to_sun(sun, turned) < reach {
+            if shot.disk && d[2] > 0.0 && mesophyll_sky::angle_to_sun(sun, turned) < reach {
                 rgb = rgb.map(|v| v + disk);
             }
             let mut stream = Stream::new(shot.seed, &[at as u64]);

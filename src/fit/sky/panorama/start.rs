@@ -3,9 +3,9 @@
 
 use super::descent::{Chart, modelled};
 use super::picture::{Picture, Pixel, median};
-use crate::sky::preetham::{Turbid, xyz_from_separable};
-use crate::sky::{colour, sun_direction};
-use crate::solve::{Closure, Options, Termination, Trace, lm};
+use mesophyll_sky::preetham::{Turbid, xyz_from_separable};
+use mesophyll_sky::{colour, sun_direction};
+use mesophyll_solve::{Closure, Options, Termination, Trace, lm};
 use std::f64::consts::TAU;
 
 /// Sun (azimuth any), turbidity and scale.

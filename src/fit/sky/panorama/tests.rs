@@ -2,8 +2,8 @@ use super::picture::{Channels, read};
 use super::projection::Projection;
 use super::render::{Shot, render};
 use super::*;
-use crate::files::image::Maps;
-use crate::sky::{HosekWilkie, Model, Preetham};
+use mesophyll_files::image::Maps;
+use mesophyll_sky::{HosekWilkie, Model, Preetham};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::path::Path;
@@ -16,7 +16,7 @@ fn seen(maps: &Maps, projection: Projection) -> Picture {
     read(Path::new("p.exr"), maps, projection, &Channels::default()).unwrap()
 }
 
-fn found(sky: &dyn crate::sky::Sky, shot: &Shot, noise: Option<f64>) -> Found {
+fn found(sky: &dyn mesophyll_sky::Sky, shot: &Shot, noise: Option<f64>) -> Found {
     fit(&seen(&render(sky, shot), shot.projection), noise).unwrap()
 }
 

@@ -1,14 +1,14 @@
 //! One lit side of a piece of leaf under the full convolution, and what a basis makes of it.
 
 use super::{Candidate, Case};
-use crate::fit::translucency::spread::{ELEVATIONS, STEPS, Spread};
-use crate::optics::translucency::basis::Projector;
-use crate::optics::translucency::blade::LitSide;
-use crate::optics::translucency::convolve::{Convolver, Settings};
-use crate::optics::translucency::horizon::Horizon;
-use crate::optics::translucency::irradiance::{Visibility, irradiance, project};
-use crate::optics::translucency::lights::{Lights, raised};
+use crate::translucency::spread::{ELEVATIONS, STEPS, Spread};
 use crate::{Error, Result};
+use mesophyll_optics::translucency::basis::Projector;
+use mesophyll_optics::translucency::blade::LitSide;
+use mesophyll_optics::translucency::convolve::{Convolver, Settings};
+use mesophyll_optics::translucency::horizon::Horizon;
+use mesophyll_optics::translucency::irradiance::{Visibility, irradiance, project};
+use mesophyll_optics::translucency::lights::{Lights, raised};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// Azimuths tried at each elevation but the first.
@@ -111,11 +111,11 @@ mod tests {
     use super::super::rows::apart;
     use super::super::{FINE, PAPER_TISSUE, candidates, piece};
     use super::*;
-    use crate::capture::synth::spec::Spec;
-    use crate::fit::translucency::spread::BINS;
-    use crate::optics::translucency::basis::{Basis, Weights};
-    use crate::optics::translucency::blade::{Blade, Side};
-    use crate::optics::translucency::lights::Rule;
+    use crate::translucency::spread::BINS;
+    use mesophyll_capture::synth::spec::Spec;
+    use mesophyll_optics::translucency::basis::{Basis, Weights};
+    use mesophyll_optics::translucency::blade::{Blade, Side};
+    use mesophyll_optics::translucency::lights::Rule;
 
     fn elm() -> Spec {
         toml::from_str(include_str!("../../../../data/leaves/elm.toml")).unwrap()

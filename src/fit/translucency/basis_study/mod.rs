@@ -11,15 +11,15 @@ mod rows;
 pub use judge::{Judge, Outcome};
 pub use rows::{PIECES, rows};
 
-use crate::capture::synth::leaf::Leaf;
-use crate::capture::synth::spec::{Model, Spec};
-use crate::files::progress;
-use crate::optics::dipole::Tissue;
-use crate::optics::translucency::basis::{Basis, Weights};
-use crate::optics::translucency::blade::{Blade, Side, Surface, mirror};
-use crate::optics::translucency::lights::Rule;
-use crate::optics::translucency::relief;
 use crate::{Error, Result};
+use mesophyll_capture::synth::leaf::Leaf;
+use mesophyll_capture::synth::spec::{Model, Spec};
+use mesophyll_files::progress;
+use mesophyll_optics::dipole::Tissue;
+use mesophyll_optics::translucency::basis::{Basis, Weights};
+use mesophyll_optics::translucency::blade::{Blade, Side, Surface, mirror};
+use mesophyll_optics::translucency::lights::Rule;
+use mesophyll_optics::translucency::relief;
 
 /// The directions that bases are judged with.
 pub const FINE: Rule = Rule::Product { levels: 16, azimuths: 32 };

@@ -1,15 +1,15 @@
 //! The study as rows: bases on every case, light directions, azimuths a slice of the horizon.
 
 use super::{Candidate, Judge, PAPER_TISSUE, TEXEL_MM, candidates, cases};
-use crate::files::progress::{self, Bar};
-use crate::fit::bench::{BenchRow, median_us};
-use crate::fit::translucency::spread::Spread;
-use crate::optics::translucency::basis::{Basis, Projector, Weights};
-use crate::optics::translucency::blade::Side;
-use crate::optics::translucency::horizon::{self, Horizon};
-use crate::optics::translucency::irradiance::{Visibility, irradiance, project};
-use crate::optics::translucency::lights::{Lights, PAPER, Rule};
+use crate::bench::{BenchRow, median_us};
+use crate::translucency::spread::Spread;
 use crate::{Error, Result};
+use mesophyll_files::progress::{self, Bar};
+use mesophyll_optics::translucency::basis::{Basis, Projector, Weights};
+use mesophyll_optics::translucency::blade::Side;
+use mesophyll_optics::translucency::horizon::{self, Horizon};
+use mesophyll_optics::translucency::irradiance::{Visibility, irradiance, project};
+use mesophyll_optics::translucency::lights::{Lights, PAPER, Rule};
 
 /// Steps of the bar that [`rows`] takes: one a case.
 pub const PIECES: u64 = 8;

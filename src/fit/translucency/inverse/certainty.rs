@@ -1,6 +1,6 @@
 //! What the photographs determine and what they do not: standard errors, correlations, and the weak directions by name.
 
-use crate::solve::decompose;
+use mesophyll_solve::decompose;
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 /// Largest standard error of a logarithm that still counts as determined.

@@ -4,7 +4,7 @@
 //! spreads in texels of known size. Where both hold, they agree; each disagreement has an assumption of its own behind it.
 
 use super::Tissues;
-use crate::optics::slab;
+use mesophyll_optics::slab;
 
 /// What the leaf fit says (1/mm), a channel each; errors are NaN or infinite where it knows none.
 #[derive(Debug, Clone, PartialEq)]

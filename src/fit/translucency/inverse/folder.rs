@@ -3,8 +3,8 @@
 use super::compare::{Difference, Slab, explain};
 use super::run::{Options, Truth};
 use super::{Fitted, Measured, Tissues};
-use crate::fit::record::{FitRecord, Param, SCHEMA, Section, Times, TruthError};
-use crate::optics::translucency::convolve::Totals;
+use crate::record::{FitRecord, Param, SCHEMA, Section, Times, TruthError};
+use mesophyll_optics::translucency::convolve::Totals;
 
 /// Reduced χ² beyond which the scatter about the model is not the noise's.
 const EXPLAINED: f64 = 2.0;
@@ -178,7 +178,7 @@ pub fn off(found: &Tissues, truth: &Tissues) -> f64 {
 
 /// The trace, with errors to the truth where it is known.
 pub fn times(times: &mut Times, fitted: &Fitted, truth: Option<&Truth>) {
-    let row = |(row, point): (&crate::solve::TraceRow, &Tissues)| {
+    let row = |(row, point): (&mesophyll_solve::TraceRow, &Tissues)| {
         let mut row = *row;
         row.truth_error = truth.map(|t| off(point, &t.0));
         row

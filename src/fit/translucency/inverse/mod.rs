@@ -3,7 +3,7 @@
 //! Photographs of the unlit side under a few lights of known direction are compared with the very model that renders (H9 Eq. 3.14, the thin form):
 //! seen = exit · A_p Σ_i T(|x_o − x_i|, f·d_i) E(x_i, ω). How much comes through tells one number a channel and thickness; how far it spreads, in texels of known
 //! size, tells a length; together they separate absorption from scattering and both from the thickness. The cost is ½ Σ ((model − seen)/sd)², its gradient that of
-//! the discretised model, by correlation ([`crate::optics::translucency::tangent`]); argmin's L-BFGS minimises it in the logarithms, in coordinates that the
+//! the discretised model, by correlation ([`mesophyll_optics::translucency::tangent`]); argmin's L-BFGS minimises it in the logarithms, in coordinates that the
 //! Gauss–Newton matrix at each round's start makes round. sd is that of the *modelled* value (a reading's own would pull the fit low), renewed every round.
 //!
 //! **g is not among the unknowns**: the model holds scattering only as σs′, in its kernel, its unscattered light and its totals alike. Units: mm, 1/mm.
@@ -23,9 +23,9 @@ pub mod synthetic;
 pub use certainty::Certainty;
 pub use rounds::fit;
 
-use crate::fit::record::Residuals;
-use crate::optics::translucency::convolve::Totals;
-use crate::solve::{Termination, Trace};
+use crate::record::Residuals;
+use mesophyll_optics::translucency::convolve::Totals;
+use mesophyll_solve::{Termination, Trace};
 
 /// One channel of one photograph, in the lit side's columns, row by row.
 #[derive(Debug, Clone)]

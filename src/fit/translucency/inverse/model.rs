@@ -2,12 +2,12 @@
 
 use super::{Image, Measured, Options, Tissues};
 use crate::Result;
-use crate::files::progress;
-use crate::optics::dipole::{Form, Tissue};
-use crate::optics::translucency::convolve::support;
-use crate::optics::translucency::levels::Levels;
-use crate::optics::translucency::tangent::{PARTIALS, Source, Stage, Tangent};
-use crate::solve::descent::Smooth;
+use mesophyll_files::progress;
+use mesophyll_optics::dipole::{Form, Tissue};
+use mesophyll_optics::translucency::convolve::support;
+use mesophyll_optics::translucency::levels::Levels;
+use mesophyll_optics::translucency::tangent::{PARTIALS, Source, Stage, Tangent};
+use mesophyll_solve::descent::Smooth;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 

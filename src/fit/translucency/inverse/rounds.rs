@@ -3,11 +3,11 @@
 use super::certainty::{self, Certainty};
 use super::model::{Model, Normal, logarithms};
 use super::{Fitted, Measured, Options, Tissues};
-use crate::files::progress;
-use crate::fit::record::Residuals;
-use crate::solve::descent::{Limits, lbfgs};
-use crate::solve::{Termination, decompose};
+use crate::record::Residuals;
 use crate::{Error, Result};
+use mesophyll_files::progress;
+use mesophyll_solve::descent::{Limits, lbfgs};
+use mesophyll_solve::{Termination, decompose};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 /// Distance to the minimum, in standard errors, at which a fit is done; and what a round goes on to.

@@ -2,20 +2,20 @@
 
 use super::compare::{Slab, differences};
 use super::{Channel, Image, Measured, Noise, Tissues, folder};
-use crate::capture::beams::Capture;
-use crate::capture::dome::noise;
-use crate::capture::manifest::SideName;
-use crate::files::hash;
-use crate::files::image::read_exr;
-use crate::fit::record::{self, FitRecord, Phase, Times};
-use crate::fit::translucency::Area;
-use crate::fit::translucency::side::{lit, surface};
-use crate::fit::translucency::source::{Frame, Side, Source};
-use crate::fit::translucency::tissue::{Entry, TABLE, mean};
-use crate::optics::translucency::blade::mirror;
-use crate::optics::translucency::horizon::Horizon;
-use crate::optics::translucency::irradiance::{Visibility, irradiance};
+use crate::record::{self, FitRecord, Phase, Times};
+use crate::translucency::Area;
+use crate::translucency::side::{lit, surface};
+use crate::translucency::source::{Frame, Side, Source};
+use crate::translucency::tissue::{Entry, TABLE, mean};
 use crate::{Error, Result};
+use mesophyll_capture::beams::Capture;
+use mesophyll_capture::dome::noise;
+use mesophyll_capture::manifest::SideName;
+use mesophyll_files::hash;
+use mesophyll_files::image::read_exr;
+use mesophyll_optics::translucency::blade::mirror;
+use mesophyll_optics::translucency::horizon::Horizon;
+use mesophyll_optics::translucency::irradiance::{Visibility, irradiance};
 use std::path::Path;
 use std::time::Instant;
 

@@ -3,8 +3,8 @@
 use super::synthetic::Scene;
 use super::{Fitted, Options, Tissues, fit};
 use crate::Result;
-use crate::fit::stress::StressRow;
-use crate::optics::translucency::blade::Side;
+use crate::stress::StressRow;
+use mesophyll_optics::translucency::blade::Side;
 use std::time::Instant;
 
 fn verdict(scene: &Scene, start: &Tissues, options: &Options) -> (String, Option<f64>, Option<f64>) {

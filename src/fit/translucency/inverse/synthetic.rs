@@ -3,15 +3,15 @@
 
 use super::{Channel, Image, Measured, Noise, Tissues};
 use crate::Result;
-use crate::capture::beams::synth::slanting;
-use crate::capture::synth::random::Stream;
-use crate::optics::dipole::Tissue;
-use crate::optics::translucency::blade::{Blade, Side, mirror};
-use crate::optics::translucency::convolve::{Convolver, Settings, Totals};
-use crate::optics::translucency::horizon::Horizon;
-use crate::optics::translucency::irradiance::{Visibility, irradiance};
-use crate::optics::translucency::levels::Levels;
-use crate::optics::translucency::lights::raised;
+use mesophyll_capture::beams::synth::slanting;
+use mesophyll_capture::synth::random::Stream;
+use mesophyll_optics::dipole::Tissue;
+use mesophyll_optics::translucency::blade::{Blade, Side, mirror};
+use mesophyll_optics::translucency::convolve::{Convolver, Settings, Totals};
+use mesophyll_optics::translucency::horizon::Horizon;
+use mesophyll_optics::translucency::irradiance::{Visibility, irradiance};
+use mesophyll_optics::translucency::levels::Levels;
+use mesophyll_optics::translucency::lights::raised;
 
 /// Cosine to the blade's normal of a light at this elevation.
 fn cosine(elevation: f64) -> f64 {

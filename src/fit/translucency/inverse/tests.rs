@@ -2,8 +2,8 @@
 
 use super::synthetic::Scene;
 use super::*;
-use crate::optics::translucency::blade::Side;
-use crate::optics::walk::{Boundary, Field, Histories, Leaf, Light, Medium, Rim};
+use mesophyll_optics::translucency::blade::Side;
+use mesophyll_optics::walk::{Boundary, Field, Histories, Leaf, Light, Medium, Rim};
 
 const QUICK: Options = Options { levels: 4, totals: Totals::Transport, slant: true, fix_scale: false, rounds: 12, told: false };
 
@@ -30,7 +30,7 @@ fn several_tissues_are_recovered_from_near_and_far() {
 
 #[test]
 fn the_gradient_is_that_of_the_cost() {
-    use crate::solve::descent::Smooth;
+    use mesophyll_solve::descent::Smooth;
     let scene = Scene {
         noise: 0.02,
         beams: vec![(Side::Front, 1.2, 0.3), (Side::Back, 1.5, 0.0), (Side::Back, 0.8, 2.0)],
@@ -82,7 +82,7 @@ fn a_random_walk_is_fitted_within_what_diffusion_leaves_out() {
     measured.noise = Noise { relative: spread, floor: 0.0, known: true };
     let fitted = fit(&measured, &start(1.0, 5.0, 1.0), &Options { fix_scale: true, ..QUICK }).unwrap();
     let (a, s) = (fitted.tissues.sigma_a[0], fitted.tissues.reduced[0]);
-    let rho_t = |a: f64, s: f64| crate::optics::slab::exact::response(a, s, 0.2).rho_t;
+    let rho_t = |a: f64, s: f64| mesophyll_optics::slab::exact::response(a, s, 0.2).rho_t;
     assert!((rho_t(a, s) / rho_t(0.4, 9.5) - 1.0).abs() < 0.03, "{a} {s}");
     // Diffusion's spread is known to about a tenth at this thickness.
     assert!((s / 9.5 - 1.0).abs() < 0.15 && (a - 0.4).abs() < 0.3, "{a} {s} {:?}", fitted.certainty.stderr);

@@ -1,15 +1,15 @@
 //! Diffusion against the random walk: where the forms of T(r, d) hold, and what a vein's shadow looks like.
 //!
-//! The oracle is [`crate::optics::walk`], every figure of which has a standard error; rows carry signed errors (form less oracle), relative
+//! The oracle is [`mesophyll_optics::walk`], every figure of which has a standard error; rows carry signed errors (form less oracle), relative
 //! unless the note says otherwise, NaN where the form is not defined or the oracle knows its result to worse than a tenth.
 
 pub mod plane;
 pub mod vein;
 
 use crate::Result;
-use crate::files::progress::Bar;
-use crate::fit::bench::BenchRow;
-use crate::optics::walk::Histories;
+use crate::bench::BenchRow;
+use mesophyll_files::progress::Bar;
+use mesophyll_optics::walk::Histories;
 
 /// How many histories the oracle takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

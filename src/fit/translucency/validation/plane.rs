@@ -1,14 +1,14 @@
 //! The forms of T(r, d) against the walk in a plane slab: totals, the spot's spread, the angles the light leaves at.
 
 use super::{Effort, row};
-use crate::files::progress;
-use crate::fit::bench::{BenchRow, median_us};
-use crate::optics::dipole::{Form, Tissue};
-use crate::optics::slab;
-use crate::optics::walk::rough::Rough;
-use crate::optics::walk::slab::Entry;
-use crate::optics::walk::{Boundary, Estimate, Medium, Slab, SlabWalk};
+use crate::bench::{BenchRow, median_us};
 use crate::{Error, Result};
+use mesophyll_files::progress;
+use mesophyll_optics::dipole::{Form, Tissue};
+use mesophyll_optics::slab;
+use mesophyll_optics::walk::rough::Rough;
+use mesophyll_optics::walk::slab::Entry;
+use mesophyll_optics::walk::{Boundary, Estimate, Medium, Slab, SlabWalk};
 
 /// The forms by name.
 pub const FORMS: [(&str, Form); 3] = [("dipoles 3", Form::Dipoles(3)), ("images", Form::Images), ("thin", Form::Thin)];
@@ -155,7 +155,7 @@ pub fn beam_over_even(slab: &Slab, degrees: f64, effort: Effort) -> Result<Estim
 /// The same ratio from the transport equation with isotropic scattering σs′ (matched faces).
 pub fn slant(tissue: &Tissue, d: f64, mu: f64) -> f64 {
     let at = |mu: f64| slab::exact::response_at(mu, tissue.sigma_a, tissue.reduced_scattering(), d).rho_t;
-    let even: f64 = crate::quadrature::unit(12).into_iter().map(|(m, w)| 2.0 * w * m * at(m)).sum();
+    let even: f64 = mesophyll_quadrature::unit(12).into_iter().map(|(m, w)| 2.0 * w * m * at(m)).sum();
     at(mu) / even
 }
 
@@ -164,7 +164,7 @@ pub fn inner_reflectance(index: f64) -> f64 {
     const N: usize = 20_000;
     let at = |k: usize| {
         let mu = (k as f64 + 0.5) / N as f64;
-        2.0 * mu * crate::optics::gloss::fresnel(mu, 1.0 / index)
+        2.0 * mu * mesophyll_optics::gloss::fresnel(mu, 1.0 / index)
     };
     (0..N).map(at).sum::<f64>() / N as f64
 }
@@ -301,7 +301,7 @@ pub fn history_rows() -> Result<Vec<BenchRow>> {
     let slab = Slab { medium: Medium { sigma_a, sigma_s, g: 0.0 }, thickness_mm: d, boundary: Boundary::Matched };
     let one = |count: u64| -> Result<BenchRow> {
         let start = std::time::Instant::now();
-        let got = slab.walk(Entry::NORMAL, crate::optics::walk::Histories { count, seed: 3 }, &[])?;
+        let got = slab.walk(Entry::NORMAL, mesophyll_optics::walk::Histories { count, seed: 3 }, &[])?;
         let us = start.elapsed().as_secs_f64() * 1e6;
         if got.lost.value > 0.0 {
             return Err(Error::Missed(format!("random walk: {} of the light was lost", got.lost.value)));

@@ -5,15 +5,15 @@
 
 use super::plane::{inner_reflectance, medium};
 use super::{Effort, row};
-use crate::fit::bench::BenchRow;
-use crate::optics::dipole::{Form, Tissue};
-use crate::optics::translucency::blade::{Blade, Side};
-use crate::optics::translucency::convolve::{Convolver, Settings};
-use crate::optics::translucency::horizon::Horizon;
-use crate::optics::translucency::irradiance::{Visibility, irradiance};
-use crate::optics::walk::rough::Rough;
-use crate::optics::walk::{Boundary, Estimate, Field, Histories, Leaf, Light, Rim};
+use crate::bench::BenchRow;
 use crate::{Error, Result};
+use mesophyll_optics::dipole::{Form, Tissue};
+use mesophyll_optics::translucency::blade::{Blade, Side};
+use mesophyll_optics::translucency::convolve::{Convolver, Settings};
+use mesophyll_optics::translucency::horizon::Horizon;
+use mesophyll_optics::translucency::irradiance::{Visibility, irradiance};
+use mesophyll_optics::walk::rough::Rough;
+use mesophyll_optics::walk::{Boundary, Estimate, Field, Histories, Leaf, Light, Rim};
 use std::time::Instant;
 
 /// mm
@@ -261,7 +261,7 @@ pub fn rows(effort: Effort) -> Result<Vec<BenchRow>> {
                     &[(Faces::Dielectric, 0.0), (Faces::Dielectric, 75.0)]
                 };
                 for &(faces, degrees) in cases {
-                    crate::files::progress::go_on()?;
+                    mesophyll_files::progress::go_on()?;
                     let runs = oracle(vein, ridge, faces, degrees, effort)?;
                     let setting = format!("{} vein on the {side} face, light at {degrees} deg, {}", vein.name, faces.name());
                     for (name, form, take) in MODELS {

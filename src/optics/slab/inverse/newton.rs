@@ -1,8 +1,8 @@
 //! Newton's method in (L, M) = (ln(σs/σa), ln Δ) on F₁ = ln(ρd/α) and F₂ = ln(−ln ρt), from a tabulated start.
 
 use super::Precision;
-use crate::optics::slab::table::{DELTA_MAX, DELTA_MIN, Scaled, Table};
-use crate::optics::slab::{exact, reduced};
+use crate::slab::table::{DELTA_MAX, DELTA_MIN, Scaled, Table};
+use crate::slab::{exact, reduced};
 use std::sync::OnceLock;
 
 /// A slab: ω, 1−ω and Δ, and ∂(F₁, F₂)/∂(L, M) there.

@@ -1,5 +1,5 @@
 use super::*;
-use crate::optics::slab::{exact, response};
+use crate::slab::{exact, response};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 

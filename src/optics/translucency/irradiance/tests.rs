@@ -1,7 +1,7 @@
 use super::*;
-use crate::optics::translucency::basis::{Basis, FLAT, Weights};
-use crate::optics::translucency::blade::{Blade, Side, mirror};
-use crate::optics::translucency::lights::{Lights, Rule, raised};
+use crate::translucency::basis::{Basis, FLAT, Weights};
+use crate::translucency::blade::{Blade, Side, mirror};
+use crate::translucency::lights::{Lights, Rule, raised};
 
 /// A blade with ridges, an uneven outline and entries that vary.
 fn ridged(w: usize, h: usize) -> Blade {

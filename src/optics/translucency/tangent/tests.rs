@@ -2,7 +2,7 @@
 
 use super::super::convolve::{Convolver, Settings};
 use super::*;
-use crate::optics::slab;
+use crate::slab;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 

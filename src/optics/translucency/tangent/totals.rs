@@ -1,9 +1,9 @@
 //! How much light comes through one thickness, scattered and unscattered, and how both change with the tissue: in logarithms.
 
 use super::PARTIALS;
-use crate::optics::dipole::{Form, Tissue};
-use crate::optics::slab::{self, exact::Medium};
-use crate::optics::translucency::convolve::Totals;
+use crate::dipole::{Form, Tissue};
+use crate::slab::{self, exact::Medium};
+use crate::translucency::convolve::Totals;
 
 /// ln of the scattered total and of the unscattered share at thickness d, then their derivatives, parameter by parameter. `slant`: of the beam,
 /// unless it is along the normal.

@@ -2,7 +2,7 @@
 //!
 //! Free functions instead of closures: only `#[inline(always)]` takes the intrinsics along into the caller that was compiled for them.
 
-use crate::optics::tube::lanes::Lanes;
+use crate::tube::lanes::Lanes;
 
 /// Running sums over nodes.
 #[derive(Clone, Copy)]

@@ -3,7 +3,7 @@
 use super::Point;
 use super::arc::flat;
 use super::light::atan;
-use crate::optics::tube::lanes::Lanes;
+use crate::tube::lanes::Lanes;
 use std::f64::consts::PI;
 
 /// Moves the end that the horizon hides to where it cuts the arc, in the lanes of `cut`; the lanes of these that see anything.

@@ -3,7 +3,7 @@
 #![allow(clippy::needless_range_loop)] // Loops by index: closures would not take the intrinsics along.
 
 use super::{Lit, Pass};
-use crate::optics::tube::lanes::{Lanes, PAD};
+use crate::tube::lanes::{Lanes, PAD};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_8, PI};
 
 #[inline(always)]

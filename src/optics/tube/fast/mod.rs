@@ -12,9 +12,9 @@ mod rules;
 use super::lanes::{Level, padded};
 use super::{Model, Travel};
 use crate::dispatch_lanes;
-use crate::optics::gloss::{Lobe, dot};
-use crate::quadrature::symmetric;
+use crate::gloss::{Lobe, dot};
 use light::light;
+use mesophyll_quadrature::symmetric;
 use respond::respond;
 
 /// What a pass shows of one texel for one normal and slope: columns of D, S, ∂S/∂m, then ∂D and ∂S along one or two changes of

@@ -6,8 +6,8 @@ use super::arc::{Arc, Sums, clamp, flat, limit};
 use super::horizon::{above, cut_moves, diffuse};
 use super::rules::{Frame, bell, long_tail, shadows};
 use super::{COLUMNS, Lit, Pass, Point};
-use crate::optics::gloss::{Lobe, dot};
-use crate::optics::tube::lanes::Lanes;
+use crate::gloss::{Lobe, dot};
+use crate::tube::lanes::Lanes;
 use std::f64::consts::PI;
 
 /// Fills the columns of all frames.

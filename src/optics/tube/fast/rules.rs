@@ -5,7 +5,7 @@
 
 use super::Nodes;
 use super::arc::{Arc, Sums, half_tan};
-use crate::optics::tube::lanes::Lanes;
+use crate::tube::lanes::Lanes;
 
 /// What the choice of nodes looks at.
 pub(super) struct Frame<L: Lanes> {

@@ -205,24 +205,24 @@ macro_rules! dispatch_lanes {
         {
             #[target_feature(enable = "avx2,fma")]
             fn avx2($($arg: $type),*) $(-> $ret)? {
-                $function::<$crate::optics::tube::lanes::Avx2>($($arg),*)
+                $function::<$crate::tube::lanes::Avx2>($($arg),*)
             }
             #[target_feature(enable = "avx512f")]
             fn avx512($($arg: $type),*) $(-> $ret)? {
-                $function::<$crate::optics::tube::lanes::Avx512>($($arg),*)
+                $function::<$crate::tube::lanes::Avx512>($($arg),*)
             }
             match $level {
                 // SAFETY: `Level::detect` saw the instruction set on this processor.
-                $crate::optics::tube::lanes::Level::Avx512 => unsafe { avx512($($arg),*) },
+                $crate::tube::lanes::Level::Avx512 => unsafe { avx512($($arg),*) },
                 // SAFETY: as above.
-                $crate::optics::tube::lanes::Level::Avx2 => unsafe { avx2($($arg),*) },
-                $crate::optics::tube::lanes::Level::Plain => $function::<$crate::optics::tube::lanes::Plain>($($arg),*),
+                $crate::tube::lanes::Level::Avx2 => unsafe { avx2($($arg),*) },
+                $crate::tube::lanes::Level::Plain => $function::<$crate::tube::lanes::Plain>($($arg),*),
             }
         }
         #[cfg(not(target_arch = "x86_64"))]
         {
             let _ = $level;
-            $function::<$crate::optics::tube::lanes::Plain>($($arg),*)
+            $function::<$crate::tube::lanes::Plain>($($arg),*)
         }
     }};
 }

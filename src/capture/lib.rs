@@ -12,3 +12,5 @@ pub mod reader;
 pub mod synth;
 
 pub use inspect::inspect;
+
+pub(crate) use mesophyll_error::{Error, Result};

@@ -16,3 +16,5 @@ pub mod slab_stress;
 pub mod solver;
 pub mod stress;
 pub mod translucency;
+
+pub(crate) use mesophyll_error::{Error, Result};

@@ -6,3 +6,5 @@ pub mod slab;
 pub mod translucency;
 pub mod tube;
 pub mod walk;
+
+pub(crate) use mesophyll_error::{Error, Result};

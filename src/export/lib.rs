@@ -8,10 +8,9 @@ pub mod sky;
 mod table;
 mod texture;
 
-use crate::files::atomic;
-use crate::files::image::{Maps, Packing, write_exr};
-use crate::fit::record::{FitRecord, Times};
-use crate::{Error, Result};
+use mesophyll_files::atomic;
+use mesophyll_files::image::{Maps, Packing, write_exr};
+use mesophyll_fit::record::{FitRecord, Times};
 use serde_json::json;
 use side::Side;
 use sky::SkyOptions;
@@ -96,7 +95,7 @@ pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> R
     }
     let warn_of_changes = || {
         if let Err(e) = record.verify(folder) {
-            crate::files::progress::say(format_args!("warning: {e}"));
+            mesophyll_files::progress::say(format_args!("warning: {e}"));
         }
     };
     if format == Format::Json {
@@ -153,3 +152,5 @@ fn one_exr(sides: &[Side], folder: &Path, path: &Path) -> Result<()> {
     }
     write_exr(path, &all, Packing::Zip)
 }
+
+pub(crate) use mesophyll_error::{Error, Result};

@@ -26,7 +26,6 @@ pub mod translucency;
 pub mod verdict;
 pub mod view;
 
-use crate::{Error, Result};
 pub use model::Report;
 use std::path::{Path, PathBuf};
 
@@ -69,7 +68,7 @@ fn defaults(sources: &[ReportSource], pictures: bool) -> Options {
 /// [`Error::Input`] for a folder without anything to report or with a broken `fit.toml`, `check.json` or `plan.json`; [`Error::Write`].
 pub fn write_html(sources: &[ReportSource], path: &Path) -> Result<Report> {
     let report = read::read(sources, &defaults(sources, true))?;
-    crate::files::atomic::write_bytes(path, html::render(&report)?.as_bytes())?;
+    mesophyll_files::atomic::write_bytes(path, html::render(&report)?.as_bytes())?;
     Ok(report)
 }
 
@@ -87,3 +86,5 @@ pub fn to_json(sources: &[ReportSource]) -> Result<serde_json::Value> {
 pub fn to_markdown(sources: &[ReportSource]) -> Result<String> {
     Ok(markdown::render(&rows(sources)?))
 }
+
+pub(crate) use mesophyll_error::{Error, Result};

@@ -26,3 +26,5 @@ pub use world::{
     Camera, Gloss, Interior, NormalFrame, NormalMap, Placement, ReferenceLeaf, ReferenceMesh, ReferenceSide, ReferenceSun, Scanner, SlabAt,
     Sunlit, Through, World,
 };
+
+pub(crate) use mesophyll_error::{Error, Result};

@@ -1,8 +1,7 @@
 //! The verbs, a file each: arguments in, exit code out. No physics.
 
-use crate::files::progress;
-use crate::{Error, Result};
 use clap::{Parser, Subcommand};
+use mesophyll_files::progress;
 use std::process::ExitCode;
 
 mod batch;
@@ -22,6 +21,7 @@ pub mod stress;
 pub mod synth;
 mod tables;
 pub mod view;
+pub(crate) use mesophyll_error::{Error, Result};
 
 #[derive(Debug, Parser)]
 #[command(
@@ -187,7 +187,7 @@ pub fn print(text: &str) -> Result<()> {
 fn print_bytes(bytes: &[u8]) -> Result<()> {
     use std::io::Write;
     let mut out = std::io::stdout().lock();
-    out.write_all(bytes).and_then(|()| out.flush()).map_err(crate::files::table::stdout_error)
+    out.write_all(bytes).and_then(|()| out.flush()).map_err(mesophyll_files::table::stdout_error)
 }
 
 /// Prints a value as indented JSON and a newline.

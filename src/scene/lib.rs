@@ -45,3 +45,5 @@ pub mod tree;
 #[cfg(feature = "render")]
 mod true_leaf;
 mod validate;
+
+pub(crate) use mesophyll_error::{Error, Result};

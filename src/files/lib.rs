@@ -7,3 +7,9 @@ pub mod image;
 pub mod mesh;
 pub mod progress;
 pub mod table;
+
+pub(crate) use mesophyll_error::{Error, Result};
+
+#[cfg(test)]
+#[path = "../../tests/common/skips.rs"]
+mod skips;
