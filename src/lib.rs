@@ -19,6 +19,7 @@ pub use mesophyll_files as files;
 pub use mesophyll_fit as fit;
 pub use mesophyll_optics as optics;
 pub use mesophyll_plant as plant;
+pub use mesophyll_proof as proof;
 pub use mesophyll_quadrature as quadrature;
 pub use mesophyll_report as report;
 pub use mesophyll_scene as scene;

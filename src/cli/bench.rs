@@ -6,8 +6,8 @@ use clap::builder::PossibleValuesParser;
 use mesophyll_files::claim::{self, Kind};
 use mesophyll_files::progress::Bar;
 use mesophyll_files::{atomic, progress};
-use mesophyll_fit::bench::BenchRow;
-use mesophyll_fit::{beam, gloss, nist, sky, slab_bench, translucency};
+use mesophyll_proof::bench::BenchRow;
+use mesophyll_proof::{beam, gloss, nist, sky, slab, translucency};
 use mesophyll_report::{self as report, bench_plots, rows};
 use std::path::PathBuf;
 
@@ -36,7 +36,7 @@ type Sweep = (&'static str, u64, fn(&Bar) -> Result<Vec<BenchRow>>);
 /// The sweeps by name. A model adds its line here.
 const SWEEPS: [Sweep; 6] = [
     ("solve", 1, |bar| whole(bar, nist::bench_rows)),
-    ("slab", 1, |bar| whole(bar, slab_bench::bench_rows)),
+    ("slab", 1, |bar| whole(bar, slab::bench::bench_rows)),
     ("gloss", 1, |bar| whole(bar, gloss::bench::bench_rows)),
     ("beam", 1, |bar| whole(bar, beam::bench::bench_rows)),
     ("sky", 1, |bar| whole(bar, sky::bench::bench_rows)),
@@ -79,10 +79,10 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         atomic::write_bytes(&folder.join("bench.json"), format!("{text}\n").as_bytes())?;
         let mut files = bench_plots::write(&all, folder)?;
         if all.iter().any(|r| r.model == "sky") {
-            files.extend(report::sky::pictures(folder, 500)?);
+            files.extend(report::sky::pictures(folder, &sky::figures::all(500)?)?);
         }
         if all.iter().any(|r| r.model == "translucency") {
-            files.push(report::basis_charts::write(folder)?);
+            files.push(report::basis_charts::write(folder, &translucency::basis_study::histograms()?)?);
         }
         for file in files {
             progress::say(format!("wrote {}", file.display()));

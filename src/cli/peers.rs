@@ -2,8 +2,8 @@
 
 use crate::{Error, Result};
 use mesophyll_files::progress;
-use mesophyll_fit::bench::BenchRow;
-use mesophyll_fit::peers;
+use mesophyll_proof::bench::BenchRow;
+use mesophyll_proof::peers;
 use serde::Deserialize;
 use std::process::{Command, Stdio};
 

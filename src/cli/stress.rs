@@ -4,8 +4,8 @@ use super::Common;
 use crate::{Error, Result};
 use clap::builder::PossibleValuesParser;
 use mesophyll_files::progress;
-use mesophyll_fit::stress::StressRow;
-use mesophyll_fit::{beam, coverage, gloss, leaf, nist, sky, slab_stress, solver, translucency};
+use mesophyll_proof::stress::StressRow;
+use mesophyll_proof::{beam, coverage, gloss, leaf, nist, sky, slab, solver, translucency};
 use mesophyll_report::rows;
 
 #[derive(Debug, clap::Args)]
@@ -21,7 +21,7 @@ type Table = (&'static str, fn() -> Result<Vec<StressRow>>);
 const TABLES: [Table; 9] = [
     ("solve", || Ok(solver::stress())),
     ("nist", nist::stress),
-    ("slab", || Ok(slab_stress::stress_cases())),
+    ("slab", || Ok(slab::stress::stress_cases())),
     ("gloss", || Ok(gloss::stress::rows())),
     ("leaf", leaf::stress::rows),
     ("coverage", || Ok(coverage::rows())),

@@ -12,8 +12,7 @@
 use super::motion_spectrum::{Method, Rings};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
-use rustfft::FftPlanner;
-use rustfft::num_complex::Complex;
+use mesophyll_fourier::Complex;
 use std::f64::consts::TAU;
 
 /// Texels a cycle of the highest frequency.
@@ -163,7 +162,7 @@ impl Motion {
 
 /// Rows, then columns; unnormalised, as a sum of waves is.
 fn inverse_transform(field: &mut [Complex<f64>], size: usize) {
-    let fft = FftPlanner::new().plan_fft_inverse(size);
+    let fft = mesophyll_fourier::inverse(size);
     let mut turned = vec![Complex::new(0.0, 0.0); field.len()];
     for _ in 0..2 {
         fft.process(field);

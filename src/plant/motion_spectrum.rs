@@ -6,9 +6,7 @@
 //! inverse without negative power below it: every ring also feeds all lower frequencies of the line. There Φ is the non-negative one of least
 //! relative deviation (Richardson–Lucy iteration; W. H. Richardson, J. Opt. Soc. Am. 62 (1972), 55–59), and the rest is a fact of isotropic textures.
 
-use rustfft::num_complex::Complex;
-use rustfft::{Fft, FftPlanner};
-use std::sync::Arc;
+use mesophyll_fourier::Complex;
 
 /// How a texture's spectrum is made from the wanted one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -97,7 +95,7 @@ pub fn periodogram(samples: &[f64], dt: f64, segment: usize) -> Vec<f64> {
     if segment < 2 || samples.len() < segment {
         return Vec::new();
     }
-    let fft: Arc<dyn Fft<f64>> = FftPlanner::new().plan_fft_forward(segment);
+    let fft = mesophyll_fourier::forward(segment);
     let window: Vec<f64> = (0..segment).map(|k| (std::f64::consts::PI * k as f64 / segment as f64).sin().powi(2)).collect();
     let power: f64 = window.iter().map(|w| w * w).sum();
     let mut sum = vec![0.0; segment / 2 + 1];

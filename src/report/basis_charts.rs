@@ -3,7 +3,7 @@
 use super::rows::COLORS;
 use crate::{Error, Result};
 use mesophyll_files::atomic;
-use mesophyll_fit::translucency::basis_study::{self, Outcome};
+use mesophyll_proof::translucency::basis_study::Outcome;
 use mesophyll_fit::translucency::spread::Spread;
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -22,13 +22,13 @@ const HEAD: u32 = 74;
 const INKS: [RGBColor; 4] = [COLORS[6], COLORS[4], COLORS[1], COLORS[2]];
 const WIDTHS: [u32; 4] = [2, 5, 2, 2];
 
-/// Judges the bases and draws `translucency-basis.svg` into `folder`; returns the file.
+/// Draws `translucency-basis.svg` into `folder`; returns the file.
 ///
 /// # Errors
-/// As [`basis_study::histograms`]; [`Error::Write`].
-pub fn write(folder: &Path) -> Result<PathBuf> {
+/// [`Error::Write`] where the file cannot be written.
+pub fn write(folder: &Path, cases: &[Vec<Outcome>]) -> Result<PathBuf> {
     let path = folder.join("translucency-basis.svg");
-    let svg = draw(&basis_study::histograms()?).map_err(|e| Error::write(&path, e))?;
+    let svg = draw(cases).map_err(|e| Error::write(&path, e))?;
     atomic::write_bytes(&path, svg.as_bytes())?;
     Ok(path)
 }
@@ -143,6 +143,7 @@ fn histogram(area: &Area, outcomes: &[Outcome], angle: usize) -> Drawn {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use mesophyll_proof::translucency::basis_study;
 
     fn outcome(case: &str, which: usize, errors: &[f64]) -> Outcome {
         let spread = |elevation: f64, step: f64| Spread::of(elevation, step, errors.iter().map(|e| [1.0 + e, 1.0]));

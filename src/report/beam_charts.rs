@@ -3,8 +3,7 @@
 use super::rows::COLORS;
 use crate::{Error, Result};
 use mesophyll_files::atomic;
-use mesophyll_fit::beam::{basis, figures};
-use mesophyll_plant::beam;
+use mesophyll_proof::beam::figures::{Curve, Figures};
 use plotters::prelude::*;
 use std::path::{Path, PathBuf};
 
@@ -14,36 +13,15 @@ struct Picture<'a> {
     y: &'a str,
     log_x: bool,
     log_y: bool,
-    curves: Vec<figures::Curve>,
+    curves: &'a [Curve],
 }
 
 /// Draws `beam-basis.svg`, `beam-shapes.svg`, `beam-length.svg` and `beam-motion.svg` into `folder`; returns the files.
 ///
 /// # Errors
 /// [`Error::Write`] where a file cannot be written.
-pub fn write(folder: &Path) -> Result<Vec<PathBuf>> {
-    let shapes = [1.0, 0.3, 0.1, 0.05, 0.01, 1e-4]
-        .iter()
-        .flat_map(|&alpha| {
-            let tip = beam::deflection(alpha, 1.0);
-            let shape = basis::shape(alpha);
-            let points =
-                |f: &dyn Fn(f64) -> f64| (0..=100).map(|k| (f64::from(k) / 100.0, f(f64::from(k) / 100.0) / tip)).collect::<Vec<_>>();
-            let mut curves = vec![(format!("taper {alpha}"), points(&|x| beam::deflection(alpha, x)))];
-            if alpha == 0.01 {
-                let pair = basis::pair(alpha, 101);
-                curves.push(("taper 0.01, printed pair".into(), points(&|x| pair.c2 * x * x + pair.c4 * x.powi(4))));
-                curves.push(("taper 0.01, four coefficients".into(), points(&|x| shape.at(x).0)));
-            }
-            curves
-        })
-        .collect();
-    let (spectra, [plain, abel, directed]) = figures::spectra(0.1, 256);
-    let (wanted, [plain_damped, abel_damped, directed_damped]) = figures::spectra(0.5, 256);
-    let mut motion: Vec<figures::Curve> = Vec::new();
-    for (damping, curves) in [("0.1", spectra), ("0.5", wanted)] {
-        motion.extend(curves.into_iter().map(|(name, points)| (format!("{name}, damping {damping} of critical"), points)));
-    }
+pub fn write(folder: &Path, figures: &Figures) -> Result<Vec<PathBuf>> {
+    let [[plain, abel, directed], [plain_damped, abel_damped, directed_damped]] = figures.spectrum_errors;
     let motion_title = format!(
         "lines through a motion texture, RMS log10: {plain:.2} / {abel:.2} / {directed:.2} (0.1), {plain_damped:.2} / {abel_damped:.2} / {directed_damped:.2} (0.5)"
     );
@@ -56,12 +34,12 @@ pub fn write(folder: &Path) -> Result<Vec<PathBuf>> {
                 y: "error",
                 log_x: false,
                 log_y: true,
-                curves: figures::error_against_coefficients(),
+                curves: &figures.coefficients,
             },
         ),
         (
             "beam-shapes.svg",
-            Picture { title: "deflection over the tip's", x: "x", y: "u(x)/u(1)", log_x: false, log_y: false, curves: shapes },
+            Picture { title: "deflection over the tip's", x: "x", y: "u(x)/u(1)", log_x: false, log_y: false, curves: &figures.shapes },
         ),
         (
             "beam-length.svg",
@@ -71,7 +49,7 @@ pub fn write(folder: &Path) -> Result<Vec<PathBuf>> {
                 y: "relative error of the length",
                 log_x: false,
                 log_y: true,
-                curves: figures::length_errors(),
+                curves: &figures.lengths,
             },
         ),
         (
@@ -82,7 +60,7 @@ pub fn write(folder: &Path) -> Result<Vec<PathBuf>> {
                 y: "power density of tip over length (1/Hz)",
                 log_x: true,
                 log_y: true,
-                curves: motion,
+                curves: &figures.spectra,
             },
         ),
     ];

@@ -3,7 +3,7 @@
 use super::rows::{COLORS, names};
 use crate::{Error, Result};
 use mesophyll_files::atomic;
-use mesophyll_fit::bench::BenchRow;
+use mesophyll_proof::bench::BenchRow;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use std::path::{Path, PathBuf};

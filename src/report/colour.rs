@@ -204,7 +204,6 @@ pub fn hex(scale: &Scale, t: f64) -> String {
 mod tests {
     use super::*;
 
-    #[cfg(feature = "render")]
     #[test]
     fn bars_of_flip_maps_have_the_colours_that_the_maps_are_drawn_with() {
         let drawn = nv_flip::magma_lut().to_vec();

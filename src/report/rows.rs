@@ -1,7 +1,7 @@
 //! Tables of stress and bench rows.
 
-use mesophyll_fit::bench::BenchRow;
-use mesophyll_fit::stress::StressRow;
+use mesophyll_proof::bench::BenchRow;
+use mesophyll_proof::stress::StressRow;
 use plotters::style::RGBColor;
 
 /// Longest cell of a table, the last column's aside; longer ones end in `…` (JSON has them whole).

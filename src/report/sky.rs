@@ -3,8 +3,8 @@
 use super::rows::COLORS;
 use crate::{Error, Result};
 use mesophyll_files::atomic;
-use mesophyll_fit::sky::figures::{
-    self, Curve, DISSERTATION_BYTES, DISSERTATION_ERROR, DISSERTATION_FIT_S, DISSERTATION_TERMS, DISSERTATION_US, Point,
+use mesophyll_proof::sky::figures::{
+    Curve, DISSERTATION_BYTES, DISSERTATION_ERROR, DISSERTATION_FIT_S, DISSERTATION_TERMS, DISSERTATION_US, Figures, Point,
 };
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -14,16 +14,12 @@ use std::path::{Path, PathBuf};
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Drawn = std::result::Result<(), String>;
 
-/// Draws `sky-frontier.svg`, `sky-error-by-band.svg`, `sky-worst.svg` and `sky-ringing.svg` into `folder`. `grid` is the dissertation's (500).
+/// Draws `sky-frontier.svg`, `sky-error-by-band.svg`, `sky-worst.svg` and `sky-ringing.svg` into `folder`; returns the files.
 ///
 /// # Errors
-/// As the fits; a file that cannot be written.
-pub fn pictures(folder: &Path, grid: usize) -> Result<Vec<PathBuf>> {
-    let reference = figures::reference()?;
-    let points = figures::frontier(&reference, grid)?;
-    let worst = figures::worst(&reference, grid)?;
-    let ringing = figures::ringing()?;
-    let bands = figures::by_band(&points);
+/// [`Error::Write`] where a file cannot be written.
+pub fn pictures(folder: &Path, figures: &Figures) -> Result<Vec<PathBuf>> {
+    let Figures { points, bands, worst, ringing } = figures;
     let mut files = Vec::new();
     let mut save = |name: &str, size: (u32, u32), draw: &dyn Fn(&Area) -> Drawn| -> Result<()> {
         let path = folder.join(name);
@@ -38,10 +34,10 @@ pub fn pictures(folder: &Path, grid: usize) -> Result<Vec<PathBuf>> {
         files.push(path);
         Ok(())
     };
-    save("sky-frontier.svg", (980, 760), &|area| frontier(area, &points))?;
+    save("sky-frontier.svg", (980, 760), &|area| frontier(area, points))?;
     save("sky-error-by-band.svg", (760, 500), &|area| {
         let claims = [Curve { name: "dissertation's claims, E_mean".into(), points: vec![(5.0, 5e-5), (7.0, 0.015)] }];
-        by_band(area, &bands, &claims)
+        by_band(area, bands, &claims)
     })?;
     save("sky-worst.svg", (860, 620), &|area| {
         let title = format!(
@@ -64,7 +60,7 @@ pub fn pictures(folder: &Path, grid: usize) -> Result<Vec<PathBuf>> {
             area,
             "Ringing of 7 bands below the horizon: sun 74.5° from the zenith, turbidity 3",
             "luminance over the sky's mean",
-            &ringing,
+            ringing,
             SeriesLabelPosition::UpperLeft,
         )
     })?;

@@ -8,6 +8,7 @@ use mesophyll_files::table::{self, BatchIo, Spec, Table};
 use mesophyll_fit::beam::measured::Along;
 use mesophyll_fit::beam::{self, basis, deflections, record};
 use mesophyll_fit::record::claim;
+use mesophyll_proof::beam::figures;
 use mesophyll_report::beam_charts;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -87,7 +88,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         }
         if let Some(folder) = &args.pictures {
             claim::folder(folder, Kind::Pictures, &[])?;
-            let files = beam_charts::write(folder)?;
+            let files = beam_charts::write(folder, &figures::all())?;
             if common.json && !args.basis {
                 crate::print_json(&serde_json::json!({ "written": files }))?;
             }

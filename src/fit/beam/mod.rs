@@ -1,13 +1,9 @@
 //! Branches: coefficients that a renderer bends them with, and taper and stiffness from measured deflections.
 
 pub mod basis;
-pub mod bench;
 pub mod deflections;
-pub mod figures;
 pub mod measured;
 pub mod record;
-pub mod reference;
-pub mod stress;
 pub mod synthetic;
 
 use mesophyll_files::table::Answer;

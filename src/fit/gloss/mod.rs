@@ -4,14 +4,12 @@
 //! A single pass sees the tilt in its plane of travel only; with a second pass the full normal is known. Noise: standard
 //! deviation √((relative·value)² + floor²), evaluated at the model, not at the noisy sample, so that weights do not bias.
 
-pub mod bench;
 pub mod geometry;
 mod outliers;
 pub mod project;
 mod report;
 pub mod samples;
 pub mod start;
-pub mod stress;
 pub mod synthetic;
 pub mod texel;
 

@@ -17,7 +17,6 @@ pub mod paper;
 mod side;
 pub mod sides;
 pub mod slabmaps;
-pub mod stress;
 pub mod texels;
 pub mod textures;
 mod truth;

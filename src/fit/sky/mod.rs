@@ -11,14 +11,11 @@
 //! | write and read a folder | [`folder::write`], [`folder::read`] |
 //! | find sun and turbidity in a picture of the sky | [`panorama::fit`], [`panorama::picture::read`] |
 
-pub mod bench;
-pub mod figures;
 pub mod folded;
 pub mod folder;
 pub mod judge;
 pub mod nodes;
 pub mod panorama;
-pub mod stress;
 pub mod tensor;
 pub mod window;
 

@@ -13,8 +13,6 @@
 //!
 //! The main path is [`run`]: read the leaf, choose the tissue, then side by side project the irradiance, convolve, normalise, judge, write.
 
-pub mod basis_study;
-pub mod bench;
 pub mod colour;
 mod folder;
 pub mod inverse;
@@ -22,9 +20,7 @@ pub mod judge;
 pub mod side;
 pub mod source;
 pub mod spread;
-pub mod stress;
 pub mod tissue;
-pub mod validation;
 
 use crate::record::{self, FitRecord, Phase, Times};
 use crate::{Error, Result};

@@ -6,7 +6,7 @@
 //! (the strip of analyticity is π/4 wide on both sides). The spectrum enters linearly: derivatives by the tissue's parameters share the nodes.
 
 use super::bessel;
-use rustfft::num_complex::Complex;
+use mesophyll_fourier::Complex;
 use std::f64::consts::{FRAC_PI_4, PI};
 
 /// One node: T(r) = Σ Re(for_t T̂(k)), 2π ∫_r^∞ T s ds = Σ Re(for_beyond T̂(k)).

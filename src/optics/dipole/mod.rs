@@ -35,7 +35,7 @@ pub mod scalar;
 mod sum;
 
 use layer::{Layer, Modal};
-use rustfft::num_complex::Complex;
+use mesophyll_fourier::Complex;
 use scalar::{Dual, Scalar};
 
 /// What the inside of a leaf is made of, at one wavelength.

@@ -5,7 +5,7 @@
 // The product and quotient rules use other operators than the one they define.
 #![allow(clippy::suspicious_arithmetic_impl)]
 
-use rustfft::num_complex::Complex;
+use mesophyll_fourier::Complex;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// What the formulas need of a number.

@@ -11,7 +11,7 @@ use crate::dipole::{Form, Tissue};
 use crate::slab;
 use crate::{Error, Result};
 use rayon::prelude::*;
-use rustfft::num_complex::Complex;
+use mesophyll_fourier::Complex;
 
 /// What the total of a thickness is taken from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -5,9 +5,7 @@
 
 use super::kernel::Kernel;
 use rayon::prelude::*;
-use rustfft::num_complex::Complex;
-use rustfft::{Fft, FftPlanner};
-use std::sync::Arc;
+use mesophyll_fourier::{Complex, Transform, forward, inverse};
 
 /// Columns taken at a time.
 const BLOCK: usize = 8;
@@ -23,8 +21,8 @@ pub(crate) struct Grid {
     /// Padded sizes: nothing that leaves the map on one side comes back on the other.
     columns: usize,
     rows: usize,
-    along: [Arc<dyn Fft<f64>>; 2],
-    down: [Arc<dyn Fft<f64>>; 2],
+    along: [Transform; 2],
+    down: [Transform; 2],
 }
 
 impl std::fmt::Debug for Grid {
@@ -63,9 +61,8 @@ impl Grid {
     pub fn new(width: usize, height: usize, reach: usize) -> Grid {
         let columns = smooth_size(width + reach.min(width - 1));
         let rows = smooth_size(height + reach.min(height - 1));
-        let mut planner = FftPlanner::new();
-        let along = [planner.plan_fft_forward(columns), planner.plan_fft_inverse(columns)];
-        let down = [planner.plan_fft_forward(rows), planner.plan_fft_inverse(rows)];
+        let along = [forward(columns), inverse(columns)];
+        let down = [forward(rows), inverse(rows)];
         Grid { width, height, columns, rows, along, down }
     }
 

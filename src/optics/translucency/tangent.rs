@@ -20,7 +20,7 @@ use super::levels::{Levels, Nodes};
 use crate::dipole::{Form, Tissue};
 use crate::{Error, Result};
 use rayon::prelude::*;
-use rustfft::num_complex::Complex;
+use mesophyll_fourier::Complex;
 use series::Series;
 use std::f64::consts::PI;
 use totals::{Slant, logarithms};

@@ -17,10 +17,10 @@ pub mod folder;
 mod model;
 pub mod rounds;
 pub mod run;
-pub mod stress;
 pub mod synthetic;
 
 pub use certainty::Certainty;
+pub use model::logarithms;
 pub use rounds::fit;
 
 use crate::record::Residuals;

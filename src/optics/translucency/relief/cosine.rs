@@ -2,10 +2,8 @@
 //! DCT-II's. Transforms go through complex FFTs of the same length (Makhoul 1980), two real lines at a time; any size.
 
 use rayon::prelude::*;
-use rustfft::num_complex::Complex;
-use rustfft::{Fft, FftPlanner};
+use mesophyll_fourier::{self as fourier, Complex, Transform};
 use std::f64::consts::PI;
-use std::sync::Arc;
 
 /// Solver for maps of one size.
 pub struct Poisson {
@@ -45,17 +43,16 @@ impl Poisson {
 /// DCT-II of lines of one length and its inverse.
 struct Cosine {
     n: usize,
-    forward: Arc<dyn Fft<f64>>,
-    backward: Arc<dyn Fft<f64>>,
+    forward: Transform,
+    backward: Transform,
     /// e^(−iπk/2n).
     turn: Vec<Complex<f64>>,
 }
 
 impl Cosine {
     fn new(n: usize) -> Cosine {
-        let mut planner = FftPlanner::new();
         let turn = (0..n).map(|k| Complex::from_polar(1.0, -PI * k as f64 / (2 * n) as f64)).collect();
-        Cosine { n, forward: planner.plan_fft_forward(n), backward: planner.plan_fft_inverse(n), turn }
+        Cosine { n, forward: fourier::forward(n), backward: fourier::inverse(n), turn }
     }
 
     /// X_k = 2 Σ x_n cos(πk(2n+1)/2N) of every line of length N.

@@ -1,7 +1,7 @@
 //! What the documentation draws of the sky fits, as numbers: the frontier of error against size and time, errors by band, the worst case, the ringing.
 
-use super::judge::{Judged, Reference, judge};
-use super::{Fitted, Form, Method, Options, folded, window};
+use mesophyll_fit::sky::judge::{Judged, Reference, judge};
+use mesophyll_fit::sky::{Fitted, Form, Method, Options, folded, window};
 use crate::bench::median_us;
 use crate::{Error, Result};
 use mesophyll_sky::harmonics::Basis;
@@ -67,7 +67,7 @@ pub fn thousand_us(mut work: impl FnMut(f64)) -> f64 {
 /// The frontier of every family, seven bands; `grid` is the dissertation's (500).
 ///
 /// # Errors
-/// As [`super::fit`].
+/// As [`mesophyll_fit::sky::fit`].
 pub fn frontier(reference: &Reference, grid: usize) -> Result<Vec<Point>> {
     let mut out = Vec::new();
     let options = Options { grid, ..Options::default() };
@@ -86,10 +86,10 @@ pub fn frontier(reference: &Reference, grid: usize) -> Result<Vec<Point>> {
         out.extend(point("folded", name, &last, times[1], reference));
     }
     for degrees in [[5, 3], [7, 4], [9, 5], [11, 6], [13, 7], [17, 9], [21, 11]] {
-        let fitted = super::fit(&Options { method: Method::Chebyshev, degrees, ..options.clone() })?;
+        let fitted = mesophyll_fit::sky::fit(&Options { method: Method::Chebyshev, degrees, ..options.clone() })?;
         out.extend(point("chebyshev", format!("({}, {})", degrees[0], degrees[1]), &fitted, fitted.seconds() * 1e6, reference));
     }
-    let fitted = super::fit(&Options { method: Method::MonomialsQr, ..options })?;
+    let fitted = mesophyll_fit::sky::fit(&Options { method: Method::MonomialsQr, ..options })?;
     out.extend(point("monomials f64", "(13, 7)".into(), &fitted, fitted.seconds() * 1e6, reference));
     Ok(out)
 }
@@ -140,17 +140,17 @@ pub struct Worst {
 }
 
 /// # Errors
-/// As [`super::fit`].
+/// As [`mesophyll_fit::sky::fit`].
 pub fn worst(reference: &Reference, grid: usize) -> Result<Worst> {
     let refused = |e: mesophyll_sky::Refused| Error::Missed(e.to_string());
-    let fitted = super::fit(&Options { method: Method::ChebyshevGrid, grid, ..Options::default() })?;
+    let fitted = mesophyll_fit::sky::fit(&Options { method: Method::ChebyshevGrid, grid, ..Options::default() })?;
     let form = fitted.form.ok_or_else(|| Error::Missed(fitted.remark.clone()))?;
     let (sun_zenith, turbidity, _) = judge(&form, reference).worst_at;
     let want = project::direct(&Preetham.at(sun_zenith, turbidity).map_err(refused)?, 7);
     let basis = Basis::new(7);
     let correct = luminance(&want, &basis);
     let got = luminance(&form.coefficients(sun_zenith, turbidity).map_err(refused)?, &basis);
-    let fine = luminance(&super::standard()?.coefficients(sun_zenith, turbidity).map_err(refused)?, &basis);
+    let fine = luminance(&mesophyll_fit::sky::standard()?.coefficients(sun_zenith, turbidity).map_err(refused)?, &basis);
     let less = |a: &[(f64, f64)]| a.iter().zip(&correct).map(|(a, b)| (a.0, a.1 - b.1)).collect();
     Ok(Worst {
         sun_zenith,
@@ -194,3 +194,22 @@ pub fn ringing() -> Result<Vec<Curve>> {
 pub fn reference() -> Result<Reference> {
     Reference::new(&Preetham, 7, preetham::TRUSTED, 33, 15).map_err(Error::Missed)
 }
+/// All that the pictures of the sky's fits show.
+#[derive(Debug, Clone)]
+pub struct Figures {
+    pub points: Vec<Point>,
+    pub bands: Vec<Curve>,
+    pub worst: Worst,
+    pub ringing: Vec<Curve>,
+}
+
+/// Fits and judges what the pictures show. `grid` is the dissertation's (500).
+///
+/// # Errors
+/// As [`mesophyll_fit::sky::fit`].
+pub fn all(grid: usize) -> Result<Figures> {
+    let reference = reference()?;
+    let points = frontier(&reference, grid)?;
+    Ok(Figures { bands: by_band(&points), worst: worst(&reference, grid)?, ringing: ringing()?, points })
+}
+

@@ -1,6 +1,6 @@
 //! The numbers behind the documentation pictures of branches.
 
-use super::basis::{Variable, of_branches, shape, smooth_fit};
+use mesophyll_fit::beam::basis::{Variable, of_branches, pair, shape, smooth_fit};
 use mesophyll_plant::beam;
 use mesophyll_plant::length::{bend, kept, printed};
 use mesophyll_plant::motion::{Motion, deviation};
@@ -118,6 +118,52 @@ pub fn spectra(ratio: f64, size: usize) -> (Vec<Curve>, [f64; 3]) {
         curves.push((name.into(), bands.iter().map(|b| (b[0], b[2])).collect()));
     }
     (curves, off)
+}
+
+/// Deflection over the tip's for six tapers; for one of them also what the printed pair and four coefficients make of it.
+fn shapes() -> Vec<Curve> {
+    let mut curves = Vec::new();
+    for alpha in [1.0, 0.3, 0.1, 0.05, 0.01, 1e-4] {
+        let tip = beam::deflection(alpha, 1.0);
+        let points = |f: &dyn Fn(f64) -> f64| (0..=100).map(|k| (f64::from(k) / 100.0, f(f64::from(k) / 100.0) / tip)).collect::<Vec<_>>();
+        curves.push((format!("taper {alpha}"), points(&|x| beam::deflection(alpha, x))));
+        if alpha == 0.01 {
+            let (pair, shape) = (pair(alpha, 101), shape(alpha));
+            curves.push(("taper 0.01, printed pair".into(), points(&|x| pair.c2 * x * x + pair.c4 * x.powi(4))));
+            curves.push(("taper 0.01, four coefficients".into(), points(&|x| shape.at(x).0)));
+        }
+    }
+    curves
+}
+
+/// All that the pictures of branches show.
+#[derive(Debug, Clone)]
+pub struct Figures {
+    /// Worst error against coefficients a branch.
+    pub coefficients: Vec<Curve>,
+    /// Deflection over the tip's.
+    pub shapes: Vec<Curve>,
+    /// Length error against the tip's deflection.
+    pub lengths: Vec<Curve>,
+    /// Spectra along lines through motion textures, at a tenth and at half of critical damping.
+    pub spectra: Vec<Curve>,
+    /// How far the lines of three methods are from the wanted spectrum (RMS of log10), at either damping: see [`spectra`].
+    pub spectrum_errors: [[f64; 3]; 2],
+}
+
+/// Computes what the pictures of branches show.
+pub fn all() -> Figures {
+    let [light, heavy] = [0.1, 0.5].map(|ratio| spectra(ratio, 256));
+    let named = |(curves, ratio): (Vec<Curve>, f64)| {
+        curves.into_iter().map(move |(name, points)| (format!("{name}, damping {ratio} of critical"), points))
+    };
+    Figures {
+        coefficients: error_against_coefficients(),
+        shapes: shapes(),
+        lengths: length_errors(),
+        spectra: [(light.0, 0.1), (heavy.0, 0.5)].into_iter().flat_map(named).collect(),
+        spectrum_errors: [light.1, heavy.1],
+    }
 }
 
 #[cfg(test)]

@@ -4,8 +4,8 @@
 //! A verdict is `ok` (σa and σs of every channel within 10 %, and the truth within four printed errors, on both sides), `undetermined: `
 //! with the shared parameters that `fit.toml` names (`gloss` where most texels' gloss is not determined), or `refused: ` with the reason.
 
-use super::{Options, Outcome};
-use crate::record::FitRecord;
+use mesophyll_fit::leaf::{self, Options, Outcome};
+use mesophyll_fit::record::FitRecord;
 use crate::stress::StressRow;
 use crate::{Error, Result};
 use mesophyll_capture::manifest::{SideName, Travel};
@@ -164,7 +164,7 @@ fn run(case: &Case) -> Result<StressRow> {
     scan::scan(&spec, &leaf, &options, &capture)?;
     (case.spoil)(&capture)?;
     let clock = Instant::now();
-    let outcome = super::run(&capture, &folder.path().join("fit"), &Options::default());
+    let outcome = leaf::run(&capture, &folder.path().join("fit"), &Options::default());
     let ms = clock.elapsed().as_secs_f64() * 1e3;
     let (verdict, digits, condition) = match outcome {
         Ok(Outcome::Done(record) | Outcome::UpToDate(record)) => judge(&record, case, &spec),

@@ -3,10 +3,10 @@
 //! Traces come from the scan's own integral (`capture::synth`), slabs from the exact solution: neither is what the fits compute with.
 //! Values that a fit flags as undetermined make no promise; they are counted, and so is how many of them their errors cover all the same.
 
-use crate::gloss::synthetic::{Noise, device, ramp};
-use crate::gloss::{TexelFitter, Undetermined, normal_of};
-use crate::leaf::curve::Incidence;
-use crate::leaf::wide::{self, Common, Settings, Texel};
+use mesophyll_fit::gloss::synthetic::{Noise, device, ramp};
+use mesophyll_fit::gloss::{TexelFitter, Undetermined, normal_of};
+use mesophyll_fit::leaf::curve::Incidence;
+use mesophyll_fit::leaf::wide::{self, Common, Settings, Texel};
 use crate::stress::StressRow;
 use mesophyll_capture::manifest;
 use mesophyll_capture::synth::illumination::{Device as Scanner, Lobe as ScannedLobe};
@@ -71,7 +71,7 @@ pub fn gloss(texels: usize, seed: u64) -> Counts<5> {
     let fitter = TexelFitter::new(&known, &x, Some(&y));
     let tube = manifest::Tube { height_mm: known.height_mm, length_mm: known.length_mm, radius_mm: known.radius_mm };
     let scanners = [manifest::Travel::X, manifest::Travel::Y].map(|t| Scanner::new(tube, t, 55.0));
-    let one = |workspace: &mut crate::gloss::Workspace, k: usize| {
+    let one = |workspace: &mut mesophyll_fit::gloss::Workspace, k: usize| {
         let mut noise = Noise::new(seed + k as u64);
         let rho_s = noise.uniform(0.015, 0.08);
         let rho_d = [noise.uniform(0.02, 0.1), noise.uniform(0.05, 0.25), noise.uniform(0.02, 0.1)];

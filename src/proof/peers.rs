@@ -1,10 +1,10 @@
 //! What the peers of `bench --peers` are measured on: the same inputs for them and for us, written as files that their scripts read, and our
 //! own row on them. Seeded: the inputs are the same in every run.
 
-use super::bench::{BenchRow, median_us};
-use super::gloss::{Device, TexelFitter, synthetic};
-use super::nist;
-use super::slab_bench::{self, Slab, forward_error, larger};
+use crate::bench::{BenchRow, median_us};
+use mesophyll_fit::gloss::{Device, TexelFitter, synthetic};
+use crate::nist;
+use crate::slab::bench::{self as slab_bench, Slab, forward_error, larger};
 use crate::{Error, Result};
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::slab;

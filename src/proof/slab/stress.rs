@@ -1,12 +1,12 @@
 //! The slab's stress table: forward against the exact solution, and inversions with the verdict physics asks for.
 
-use super::stress::StressRow;
+use crate::stress::StressRow;
 use mesophyll_optics::slab::inverse::{self, Verdict};
 use mesophyll_optics::slab::{self, exact};
 use std::time::Instant;
 
 /// Inverse cases, committed: a slab (ω, 1−ω, Δ, h) or a measurement (ρd, ρt, h), the stated noise, and the verdict it must get.
-const CASES: &str = include_str!("../../data/stress/slab.csv");
+const CASES: &str = include_str!("../../../data/stress/slab.csv");
 
 /// Forward cases: name, ω, 1−ω, Δ.
 const FORWARD: [(&str, f64, f64, f64); 14] = [

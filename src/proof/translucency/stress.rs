@@ -1,8 +1,8 @@
 //! Stiff and extreme leaves with the verdict that each must get: blades thinner than a mean free path, no absorption, hardly any scattering,
 //! veins of one texel, holes, no relief, scattering that is all but forward or backward.
 
-use super::source::{Side, Source};
-use super::{Options, TissueFrom, side};
+use mesophyll_fit::translucency::source::{Side, Source};
+use mesophyll_fit::translucency::{Options, TissueFrom, side};
 use crate::stress::StressRow;
 use crate::{Error, Result};
 use mesophyll_capture::manifest::SideName;
@@ -198,6 +198,6 @@ pub fn rows() -> Result<Vec<StressRow>> {
     let bad = Tissue { sigma_a: f64::NAN, ..paper };
     let verdict = Convolver::with(&Settings::new(bad, 0.1), 16, 16, 0.1, 0.2).map_or_else(|e| refused(&e), |_| "ok".into());
     rows.push(row("sigma_a not a number", "refused: ", verdict, None, clock));
-    rows.extend(super::inverse::stress::rows()?);
+    rows.extend(crate::tissue::stress::rows()?);
     Ok(rows)
 }

@@ -1,7 +1,7 @@
 //! Sweeps of the slab: its forward methods, the order of F_N, ordinates, table sizes, Newton's steps and the way back, on 64 slabs 1 mm thick (single-scattering albedo .05–.995,
 //! optical thickness .05–20), each against the exact method.
 
-use super::bench::{BenchRow, median_us};
+use crate::bench::{BenchRow, median_us};
 use mesophyll_optics::slab::inverse::{self, Precision};
 use mesophyll_optics::slab::ordinates::with_ordinates;
 use mesophyll_optics::slab::table::Table;

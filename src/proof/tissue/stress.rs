@@ -1,7 +1,7 @@
 //! Stiff and extreme photographs with the verdict that each must get.
 
-use super::synthetic::Scene;
-use super::{Fitted, Options, Tissues, fit};
+use mesophyll_fit::translucency::inverse::synthetic::Scene;
+use mesophyll_fit::translucency::inverse::{Fitted, Options, Tissues, fit, logarithms};
 use crate::Result;
 use crate::stress::StressRow;
 use mesophyll_optics::translucency::blade::Side;
@@ -27,7 +27,7 @@ fn verdict(scene: &Scene, start: &Tissues, options: &Options) -> (String, Option
 }
 
 fn values(t: &Tissues, options: &Options) -> Vec<f64> {
-    super::model::logarithms(t, options).iter().map(|v| v.exp()).collect()
+    logarithms(t, options).iter().map(|v| v.exp()).collect()
 }
 
 fn held(f: &Fitted, truth: &Tissues, options: &Options) -> bool {

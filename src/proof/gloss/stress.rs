@@ -1,7 +1,7 @@
 //! Stiff and extreme gloss traces with the verdict each must get.
 
-use super::synthetic::{Noise, Truth, device, pass_x, trace};
-use super::{Device, TexelFit, TexelFitter};
+use mesophyll_fit::gloss::synthetic::{Noise, Truth, device, pass_x, trace};
+use mesophyll_fit::gloss::{Device, TexelFit, TexelFitter};
 use crate::stress::StressRow;
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::tube::Travel;

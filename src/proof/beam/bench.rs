@@ -1,10 +1,10 @@
 //! Sweeps of the branches' accuracy knobs: coefficients, degree in the taper, arc length steps, precision, size of a motion texture.
 
-use super::basis::{DEGREE, Variable, of_branches, pair, shape, smooth_fit, worst};
+use mesophyll_fit::beam::basis::{DEGREE, Variable, of_branches, pair, shape, smooth_fit, worst};
 use super::figures::{example, printed_length_error};
-use super::measured::{Along, fit};
+use mesophyll_fit::beam::measured::{Along, fit};
 use super::reference;
-use super::synthetic::{Truth, branch};
+use mesophyll_fit::beam::synthetic::{Truth, branch};
 use crate::bench::{BenchRow, median_us};
 use mesophyll_plant::length::{bend_with, kept, printed};
 use mesophyll_plant::motion::{Motion, deviation};

@@ -1,9 +1,9 @@
 //! Stiff and extreme branches with the verdict that each must get.
 
-use super::measured::{Along, Branch, fit};
+use mesophyll_fit::beam::measured::{Along, Branch, fit};
 use super::reference;
-use super::synthetic::{Truth, branch};
-use super::{basis, evaluate};
+use mesophyll_fit::beam::synthetic::{Truth, branch};
+use mesophyll_fit::beam::{basis, evaluate};
 use crate::stress::StressRow;
 use mesophyll_plant::beam;
 use mesophyll_plant::length::{bend, kept};

@@ -1,7 +1,7 @@
 //! `bench sky`: error against terms, bytes, fit time and evaluation time, with the dissertation's point beside; integration and windows.
 
 use super::figures::{self, DISSERTATION_BYTES, DISSERTATION_ERROR, DISSERTATION_FIT_S, DISSERTATION_US, Point};
-use super::{standard, window};
+use mesophyll_fit::sky::{standard, window};
 use crate::Result;
 use crate::bench::{BenchRow, median_us};
 use mesophyll_sky::Preetham;

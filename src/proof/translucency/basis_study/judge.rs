@@ -1,7 +1,7 @@
 //! One lit side of a piece of leaf under the full convolution, and what a basis makes of it.
 
 use super::{Candidate, Case};
-use crate::translucency::spread::{ELEVATIONS, STEPS, Spread};
+use mesophyll_fit::translucency::spread::{ELEVATIONS, STEPS, Spread};
 use crate::{Error, Result};
 use mesophyll_optics::translucency::basis::Projector;
 use mesophyll_optics::translucency::blade::LitSide;
@@ -111,7 +111,7 @@ mod tests {
     use super::super::rows::apart;
     use super::super::{FINE, PAPER_TISSUE, candidates, piece};
     use super::*;
-    use crate::translucency::spread::BINS;
+    use mesophyll_fit::translucency::spread::BINS;
     use mesophyll_capture::synth::spec::Spec;
     use mesophyll_optics::translucency::basis::{Basis, Weights};
     use mesophyll_optics::translucency::blade::{Blade, Side};

@@ -2,7 +2,7 @@
 
 use super::{Candidate, Judge, PAPER_TISSUE, TEXEL_MM, candidates, cases};
 use crate::bench::{BenchRow, median_us};
-use crate::translucency::spread::Spread;
+use mesophyll_fit::translucency::spread::Spread;
 use crate::{Error, Result};
 use mesophyll_files::progress::{self, Bar};
 use mesophyll_optics::translucency::basis::{Basis, Projector, Weights};

@@ -1,7 +1,7 @@
 //! Error against run time of the gloss fit: quadrature nodes, frames used, lobe, template bank.
 
-use super::synthetic::{Noise, Truth, device, pass_x, trace};
-use super::{Device, TexelFitter, normal_of, normal_slopes};
+use mesophyll_fit::gloss::synthetic::{Noise, Truth, device, pass_x, trace};
+use mesophyll_fit::gloss::{Device, TexelFitter, normal_of, normal_slopes};
 use crate::Result;
 use crate::bench::{BenchRow, median_us};
 use mesophyll_optics::gloss::Lobe;

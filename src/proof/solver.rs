@@ -1,6 +1,6 @@
 //! The solver's own stiff and extreme cases: problems without any model's name, each with the verdict that it must get.
 
-use super::stress::StressRow;
+use crate::stress::StressRow;
 use mesophyll_solve::{Auto, Closure, Dd, Fit, Model, Noise, Options, Problem, Real, linear, lm};
 use nalgebra::DMatrix;
 use std::time::Instant;

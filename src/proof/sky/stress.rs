@@ -1,7 +1,7 @@
 //! The sky's stress table: suns on the horizon and overhead, turbidity at both ends and near the pole, single precision, and the fits that must fail.
 
-use super::judge::{Reference, judge};
-use super::{Fitted, Method, Options, fit, standard};
+use mesophyll_fit::sky::judge::{Reference, judge};
+use mesophyll_fit::sky::{Fitted, Method, Options, fit, standard};
 use crate::stress::StressRow;
 use mesophyll_sky::project::{Quality, Rule, direct};
 use mesophyll_sky::{Coefficients, HosekWilkie, Model, Preetham, Sky, preetham};

@@ -1,0 +1,4 @@
+//! Gloss traces of known texels.
+
+pub mod bench;
+pub mod stress;

@@ -1,0 +1,3 @@
+//! Small synthetic scans of known leaves.
+
+pub mod stress;

@@ -1,0 +1,18 @@
+//! What proves the fits: error against run time (`bench`), extreme cases with the verdict that each must get (`stress`), certified regression
+//! problems (`nist`), coverage of stated errors, other programs (`peers`), and the numbers behind the pictures of the documentation.
+
+pub mod beam;
+pub mod bench;
+pub mod coverage;
+pub mod gloss;
+pub mod leaf;
+pub mod nist;
+pub mod peers;
+pub mod sky;
+pub mod slab;
+pub mod solver;
+pub mod stress;
+pub mod tissue;
+pub mod translucency;
+
+pub(crate) use mesophyll_error::{Error, Result};

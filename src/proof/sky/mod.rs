@@ -1,0 +1,5 @@
+//! Sky polynomials: error against size and time.
+
+pub mod bench;
+pub mod figures;
+pub mod stress;

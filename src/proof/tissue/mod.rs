@@ -1,0 +1,3 @@
+//! Photographs of known tissues.
+
+pub mod stress;
