@@ -1,5 +1,6 @@
-//! Bad input and bad places as a user meets them: one sentence, the right exit code, nothing lost. Damaged captures and interrupted fits
-//! are in `leaf_fit.rs`, damaged fits and meshes in `check.rs`; here is what all verbs share, and scenes.
+//! Bad input and bad places as a user meets them: one sentence, the right exit code, nothing lost. Damaged captures and
+//! interrupted fits are in `leaf_fit.rs`, damaged fits and meshes in `check.rs`; here is what all verbs share, and
+//! scenes.
 
 mod blade;
 mod common;
@@ -31,7 +32,11 @@ fn a_scene_that_cannot_be_read_is_named_by_file_line_and_field() {
     let scan = "scan = { spec = \"elm.toml\", size = \"0x0\" }";
     let cases: [(&str, &str, &[&str]); 6] = [
         ("tolerance = 0.004", "tolerance = 0.004\ntoleranze = 1", &["front.toml:4", "unknown field `toleranze`"]),
-        ("fit = \"fits/elm\"", "fit = \"fits/oak\"", &["front.toml", "leaf \"elm\": fit", "there is no fit at", "fits/oak"]),
+        (
+            "fit = \"fits/elm\"",
+            "fit = \"fits/oak\"",
+            &["front.toml", "leaf \"elm\": fit", "there is no fit at", "fits/oak"],
+        ),
         ("fit = \"fits/elm\"", scan, &["front.toml:6", "leaf.scan: size: found \"0x0\"", "WIDTHxHEIGHT"]),
         ("fov_deg = 30", "fov_deg = \"wide\"", &["front.toml:19", "string"]),
         ("samples = 32", "samples = 0", &["check.samples: found 0, expected 1 to"]),
@@ -135,7 +140,8 @@ fn mesophyll_free(program: &str) -> std::process::Command {
 fn a_full_disk_is_said_and_what_was_there_stays() {
     let (dir, _) = workplace();
     let fit = text(&dir.path().join("fits/elm"));
-    let slabs: String = std::iter::once("omega,delta\n".to_string()).chain((0..400).map(|k| format!("0.9,{k}\n"))).collect();
+    let slabs: String =
+        std::iter::once("omega,delta\n".to_string()).chain((0..400).map(|k| format!("0.9,{k}\n"))).collect();
     std::fs::write(dir.path().join("slabs.csv"), slabs).unwrap();
     let csv = text(&dir.path().join("slabs.csv"));
     let kept = dir.path().join("kept");
@@ -157,7 +163,11 @@ fn a_full_disk_is_said_and_what_was_there_stays() {
     }
     // A scan that did not fit is no capture.
     let scan = text(&dir.path().join("scan"));
-    refused(&with_little_room(&["synth", "data/leaves/elm.toml", "-o", &scan, "--size", "48x36", "--frames", "8"]), 1, &["cannot write"]);
+    refused(
+        &with_little_room(&["synth", "data/leaves/elm.toml", "-o", &scan, "--size", "48x36", "--frames", "8"]),
+        1,
+        &["cannot write"],
+    );
     assert_eq!(std::fs::read_dir(&scan).unwrap().count(), 0, "a scan that failed left something behind");
 }
 
@@ -167,8 +177,14 @@ fn a_full_disk_is_said_and_what_was_there_stays() {
 fn a_device_without_room_is_said_to_be_full() {
     let (dir, path) = workplace();
     let csv = text(&dir.path().join("slabs.csv"));
-    refused(&run(["eval", "slab", "--in", &csv, "--out", "/dev/full"]), 1, &["cannot write /dev/full", "the disk is full"]);
-    for args in [vec!["eval", "slab", "--in", &csv], vec!["plan", path.to_str().unwrap(), "--json"], vec!["stress", "solve"]] {
+    refused(
+        &run(["eval", "slab", "--in", &csv, "--out", "/dev/full"]),
+        1,
+        &["cannot write /dev/full", "the disk is full"],
+    );
+    for args in
+        [vec!["eval", "slab", "--in", &csv], vec!["plan", path.to_str().unwrap(), "--json"], vec!["stress", "solve"]]
+    {
         let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
         let child = mesophyll().args(&args).stdout(Stdio::from(full)).stderr(Stdio::piped()).spawn().unwrap();
         refused(&child.wait_with_output().unwrap(), 1, &["cannot write standard output", "the disk is full"]);
@@ -180,7 +196,18 @@ fn a_device_without_room_is_said_to_be_full() {
 fn a_scan_that_is_stopped_is_no_capture() {
     let dir = tempfile::tempdir().unwrap();
     let scan = dir.path().join("scan");
-    let args = ["synth", "data/leaves/elm.toml", "-o", scan.to_str().unwrap(), "--size", "240x180", "--frames", "60", "--threads", "1"];
+    let args = [
+        "synth",
+        "data/leaves/elm.toml",
+        "-o",
+        scan.to_str().unwrap(),
+        "--size",
+        "240x180",
+        "--frames",
+        "60",
+        "--threads",
+        "1",
+    ];
     let mut child = mesophyll().args(args).stderr(Stdio::piped()).spawn().unwrap();
     while !scan.join("front/x/0001.exr").exists() && child.try_wait().unwrap().is_none() {
         std::thread::sleep(std::time::Duration::from_millis(5));

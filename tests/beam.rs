@@ -31,13 +31,18 @@ fn eval_answers_and_refuses_by_name() {
     assert_eq!(answer.1.len(), 12);
     // An untapered beam: u(1) = 1/(2π), u′(1) = 2/(3π); its neighbour differs in the seventh digit.
     let pi = std::f64::consts::PI;
-    assert!((cell(&answer, 0, "u") * 2.0 * pi - 1.0).abs() < 1e-13 && (cell(&answer, 0, "du") * 1.5 * pi - 1.0).abs() < 1e-13);
+    assert!(
+        (cell(&answer, 0, "u") * 2.0 * pi - 1.0).abs() < 1e-13
+            && (cell(&answer, 0, "du") * 1.5 * pi - 1.0).abs() < 1e-13
+    );
     assert!((cell(&answer, 1, "u") * 2.0 * pi - 1.0).abs() < 1e-6);
     assert_eq!((cell(&answer, 3, "u"), cell(&answer, 3, "du")), (0.0, 0.0));
     for row in 0..4 {
         assert_eq!(answer.1[row][5], "ok");
     }
-    for (row, name) in [(4, "x"), (5, "x"), (6, "alpha"), (7, "alpha"), (8, "alpha"), (9, "x"), (10, "alpha"), (11, "2 fields")] {
+    for (row, name) in
+        [(4, "x"), (5, "x"), (6, "alpha"), (7, "alpha"), (8, "alpha"), (9, "x"), (10, "alpha"), (11, "2 fields")]
+    {
         assert!(answer.1[row][5].starts_with(&format!("refused: {name}")), "{:?}", answer.1[row]);
         assert!(answer.1[row][3].is_empty() && answer.1[row][4].is_empty());
     }
@@ -45,11 +50,14 @@ fn eval_answers_and_refuses_by_name() {
 
 #[test]
 fn fit_gives_the_printed_pair_and_a_better_basis() {
-    let (code, out, _) = mesophyll(&["--quiet", "fit", "beam", "--samples", "101"], "alpha\n0.05\n0.1\n0.2\n0.3\n1e-4\n1\n0\n");
+    let (code, out, _) =
+        mesophyll(&["--quiet", "fit", "beam", "--samples", "101"], "alpha\n0.05\n0.1\n0.2\n0.3\n1e-4\n1\n0\n");
     assert_eq!(code, 0);
     let answer = table(&out);
     assert_eq!(answer.0[..4], ["alpha", "c2", "c4", "max_error"]);
-    for (row, c2, c4) in [(0, 0.221875, 0.754029), (1, 0.3326, 0.398924), (2, 0.374571, 0.129428), (3, 0.364816, 0.024577)] {
+    for (row, c2, c4) in
+        [(0, 0.221875, 0.754029), (1, 0.3326, 0.398924), (2, 0.374571, 0.129428), (3, 0.364816, 0.024577)]
+    {
         assert!((cell(&answer, row, "c2") - c2).abs() <= 5e-7 && (cell(&answer, row, "c4") - c4).abs() <= 5e-7);
     }
     // The better basis against the exact beam, at all rows, in units of the tip.
@@ -77,13 +85,28 @@ fn what_was_found_is_said() {
     let (code, out, said) = mesophyll(&["fit", "beam", "--deflections", twig, "--positions", "axis"], "");
     let answer = table(&out);
     assert!(code == 0 && (cell(&answer, 0, "alpha") / 0.25 - 1.0).abs() < 0.1);
-    let want = "1 branch: 0 ok, 1 undetermined, 0 refused; the undetermined branch has alpha, load_over_stiffness_mm and tip_mm, but not root_radius_mm";
+    let want = "1 branch: 0 ok, 1 undetermined, 0 refused; the undetermined branch has alpha, load_over_stiffness_mm \
+     and tip_mm, but not root_radius_mm";
     assert_eq!(said.trim(), want);
     let folder = tempfile::tempdir().unwrap();
     let rows = folder.path().join("rows.csv");
-    let args = ["--json", "--quiet", "fit", "beam", "--deflections", twig, "--positions", "axis", "-o", rows.to_str().unwrap()];
+    let args = [
+        "--json",
+        "--quiet",
+        "fit",
+        "beam",
+        "--deflections",
+        twig,
+        "--positions",
+        "axis",
+        "-o",
+        rows.to_str().unwrap(),
+    ];
     let counts: serde_json::Value = serde_json::from_str(&mesophyll(&args, "").1).unwrap();
-    assert_eq!(counts["found"], serde_json::json!({"alpha": 1, "load_over_stiffness_mm": 1, "root_radius_mm": 0, "tip_mm": 1}));
+    assert_eq!(
+        counts["found"],
+        serde_json::json!({"alpha": 1, "load_over_stiffness_mm": 1, "root_radius_mm": 0, "tip_mm": 1})
+    );
 }
 
 /// Deflections that `eval beam` gives, as marks: what `fit beam --deflections` gets back.
@@ -105,7 +128,17 @@ fn measured_branches_are_fitted_and_named() {
     let file = folder.path().join("marks.csv");
     std::fs::write(&file, text).unwrap();
     let fit = folder.path().join("fit");
-    let args = ["--quiet", "fit", "beam", "--deflections", file.to_str().unwrap(), "--positions", "axis", "-o", fit.to_str().unwrap()];
+    let args = [
+        "--quiet",
+        "fit",
+        "beam",
+        "--deflections",
+        file.to_str().unwrap(),
+        "--positions",
+        "axis",
+        "-o",
+        fit.to_str().unwrap(),
+    ];
     let (code, out, err) = mesophyll(&args, "");
     assert_eq!(code, 0, "{err}");
     let answer = table(&out);
@@ -126,9 +159,22 @@ fn measured_branches_are_fitted_and_named() {
     assert!(fit.join("times.toml").exists());
     // Rows and folder both by -o, --out and, as it once was, --output: a name with an ending is the file of the rows.
     for option in ["-o", "--out", "--output"] {
-        let (place, rows) = (folder.path().join(format!("fit{option}")), folder.path().join(format!("rows{option}.csv")));
+        let (place, rows) =
+            (folder.path().join(format!("fit{option}")), folder.path().join(format!("rows{option}.csv")));
         let (place, rows) = (place.to_str().unwrap(), rows.to_str().unwrap());
-        let args = ["--quiet", "fit", "beam", "--deflections", file.to_str().unwrap(), "--positions", "axis", "-o", place, option, rows];
+        let args = [
+            "--quiet",
+            "fit",
+            "beam",
+            "--deflections",
+            file.to_str().unwrap(),
+            "--positions",
+            "axis",
+            "-o",
+            place,
+            option,
+            rows,
+        ];
         let (code, nothing, err) = mesophyll(&args, "");
         assert_eq!((code, nothing.as_str()), (0, ""), "{err}");
         assert_eq!(std::fs::read_to_string(rows).unwrap(), out);

@@ -1,4 +1,5 @@
-//! Branches and wind in a scene: what the plan asks for, and where the GPU's vertex stage puts things against the library's f64.
+//! Branches and wind in a scene: what the plan asks for, and where the GPU's vertex stage puts things against the
+//! library's f64.
 #![cfg(feature = "render")]
 
 mod blade;
@@ -38,7 +39,8 @@ fn scene(dir: &Path, extra: &str) -> Manifest {
     let path = blade::scene(dir, "twig", "elm", Some(30.0), Some(0.3), extra);
     if extra.contains("[[branch]]") {
         let text = std::fs::read_to_string(&path).unwrap();
-        let hung = "[[instance]]\nleaf = \"elm\"\nbranch = \"twig\"\nat = 0.7\noffset_mm = 20\nrotation_deg = [15, 20, 50]\n";
+        let hung =
+            "[[instance]]\nleaf = \"elm\"\nbranch = \"twig\"\nat = 0.7\noffset_mm = 20\nrotation_deg = [15, 20, 50]\n";
         std::fs::write(&path, text.replace("[[instance]]\nleaf = \"elm\"\n", hung)).unwrap();
     }
     Manifest::read(&path).unwrap()
@@ -66,7 +68,8 @@ fn only_what_moves_is_fitted_and_made_and_then_once() {
     let dir = tempfile::tempdir().unwrap();
     let still = SAGGING.replace("load_over_stiffness_mm = 40", "load_over_stiffness_mm = 0");
     let breeze = format!("{still}{WIND}");
-    let both = format!("{SAGGING}{WIND}{}", SAGGING.replace("\"twig\"", "\"other\"").replace("[-40, 5, 8]", "[-40, 9, 14]"));
+    let both =
+        format!("{SAGGING}{WIND}{}", SAGGING.replace("\"twig\"", "\"other\"").replace("[-40, 5, 8]", "[-40, 9, 14]"));
     for (extra, beam, motion) in [
         ("", false, false),
         (WIND, false, false),
@@ -118,7 +121,10 @@ fn a_wind_without_branches_changes_no_byte_and_one_with_branches_does() {
     assert!(pipelines.iter().all(|p| !p.contains("bend") && !p.contains("sway")), "{pipelines:?}");
     assert_eq!(straight, draw(&still.replace("lean_per_m_s = 0.03", "lean_per_m_s = 0.06")).0);
     let (sagging, pipelines) = draw(SAGGING);
-    assert!(pipelines.iter().any(|p| p.contains("bend")) && pipelines.iter().all(|p| !p.contains("sway")), "{pipelines:?}");
+    assert!(
+        pipelines.iter().any(|p| p.contains("bend")) && pipelines.iter().all(|p| !p.contains("sway")),
+        "{pipelines:?}"
+    );
     let (swaying, pipelines) = draw(&format!("{SAGGING}{WIND}"));
     assert!(pipelines.iter().any(|p| p.contains("sway")), "{pipelines:?}");
     assert!(straight != plain && straight != sagging && sagging != swaying);
@@ -131,8 +137,8 @@ fn angle(a: DVec3, b: Vec3) -> f64 {
     a.cross(b).length().atan2(a.dot(b)).to_degrees()
 }
 
-/// Where the shader's function puts the vertices of a branch and of a leaf on it, against the library in f64; over tapers from a thin tip to
-/// none, loads up to a tip at 0.6 L, and times.
+/// Where the shader's function puts the vertices of a branch and of a leaf on it, against the library in f64; over
+/// tapers from a thin tip to none, loads up to a tip at 0.6 L, and times.
 #[test]
 fn the_vertex_stage_puts_vertices_where_the_library_does() {
     let Some(mut renderer) = renderer() else { return };
@@ -141,7 +147,8 @@ fn the_vertex_stage_puts_vertices_where_the_library_does() {
     let mut worst = [[0.0f64; 3]; 2];
     let mut swing = 0.0f64;
     for (taper, load) in [(0.05, 1.5), (0.3, 40.0), (0.51, 90.0), (1.0, 200.0), (1.2, 260.0)] {
-        let branch = SAGGING.replace("taper = 0.3", &format!("taper = {taper}")).replace("_mm = 40", &format!("_mm = {load}"));
+        let branch =
+            SAGGING.replace("taper = 0.3", &format!("taper = {taper}")).replace("_mm = 40", &format!("_mm = {load}"));
         let manifest = scene(dir.path(), &format!("{branch}{WIND}"));
         let (plan, ledger) = planned(&manifest);
         let mut scene = handover::scene(&manifest, &plan, &ledger).unwrap();
@@ -151,13 +158,23 @@ fn the_vertex_stage_puts_vertices_where_the_library_does() {
             let wind = scene.wind.as_mut().unwrap();
             wind.time_s = time;
             renderer.set_time(wind);
-            swing =
-                swing.max(bends.amplitude(0, time).map(|a| (a * bends.branches[0].rest.shape.tip()).abs()).into_iter().fold(0.0, f64::max));
+            swing = swing.max(
+                bends
+                    .amplitude(0, time)
+                    .map(|a| (a * bends.branches[0].rest.shape.tip()).abs())
+                    .into_iter()
+                    .fold(0.0, f64::max),
+            );
             let bent = bends.mesh(0, time, &plan.twigs[0].1);
             let leaf = plan.leaves[0].mesh.as_ref().unwrap();
             let m = plan.at_time(&plan.placements[0], time).transform;
             let expected = [
-                (1, (0..bent.positions.len()).map(|k| [bent.positions[k], bent.normals[k], bent.tangents[k].0]).collect::<Vec<_>>()),
+                (
+                    1,
+                    (0..bent.positions.len())
+                        .map(|k| [bent.positions[k], bent.normals[k], bent.tangents[k].0])
+                        .collect::<Vec<_>>(),
+                ),
                 (
                     0,
                     (0..leaf.positions.len())
@@ -204,8 +221,12 @@ fn the_pointer_meets_what_is_bent() {
     let (rest, bent) = (p.transform.transform_point3(centre), plan.at_time(p, 0.0).transform.transform_point3(centre));
     assert!(rest.distance(bent) > 2.0, "{rest} {bent}");
     let up = plan.at_time(p, 0.0).transform.z_axis.truncate();
-    let camera =
-        mesophyll_viewer::scene::Camera { eye: (bent + 50.0 * up).as_vec3(), target: bent.as_vec3(), up: Vec3::Y, fov_y_deg: 10.0 };
+    let camera = mesophyll_viewer::scene::Camera {
+        eye: (bent + 50.0 * up).as_vec3(),
+        target: bent.as_vec3(),
+        up: Vec3::Y,
+        fov_y_deg: 10.0,
+    };
     // The blade's mesh has this vertex inside its outline, or on it: look a little towards its middle.
     let hits: Vec<_> = [(0.5, 0.5), (0.45, 0.5), (0.55, 0.5), (0.5, 0.45), (0.5, 0.55)]
         .into_iter()
@@ -249,9 +270,11 @@ fn a_branch_takes_its_taper_and_load_from_a_measured_one() {
     };
     run(&root.join("data/branches/elm-twig.csv"));
     // What is committed is what the program makes of the data.
-    let read = |folder: &Path| mesophyll::fit::record::FitRecord::read(folder).unwrap().sections["branch elm-twig"].clone();
+    let read =
+        |folder: &Path| mesophyll::fit::record::FitRecord::read(folder).unwrap().sections["branch elm-twig"].clone();
     let (fresh, committed) = (read(&fit), read(&root.join("fits/elm-twig")));
-    let fitted = SAGGING.replace("taper = 0.3\nload_over_stiffness_mm = 40\n", "fit = \"fits/bent\"\nmeasured = \"elm-twig\"\n");
+    let fitted =
+        SAGGING.replace("taper = 0.3\nload_over_stiffness_mm = 40\n", "fit = \"fits/bent\"\nmeasured = \"elm-twig\"\n");
     let (plan, _) = planned(&scene(dir.path(), &fitted));
     for (name, found) in [("alpha", plan.twigs[0].0.taper), ("load_over_stiffness", plan.twigs[0].0.load)] {
         let (a, b) = (&fresh.params[name], &committed.params[name]);
@@ -262,10 +285,15 @@ fn a_branch_takes_its_taper_and_load_from_a_measured_one() {
     assert!((plan.twigs[0].0.taper - 0.25).abs() < 0.02 && (plan.twigs[0].0.load - 60.0).abs() < 2.0);
     // Names that are not there, and branches that could not be determined, are named.
     let fails = |text: &str| plan::make(&scene(dir.path(), text), None, None, &Ledger::new()).unwrap_err().to_string();
-    assert!(fails(&fitted.replace("measured = \"elm-twig\"", "measured = \"oak\"")).contains("expected one of elm-twig"));
+    assert!(
+        fails(&fitted.replace("measured = \"elm-twig\"", "measured = \"oak\"")).contains("expected one of elm-twig")
+    );
     let thin = dir.path().join("two.csv");
-    std::fs::write(&thin, "branch,length_mm,position_mm,deflection_mm,deflection_err_mm\nelm-twig,230,115,5,3\nelm-twig,230,230,26,20\n")
-        .unwrap();
+    std::fs::write(
+        &thin,
+        "branch,length_mm,position_mm,deflection_mm,deflection_err_mm\nelm-twig,230,115,5,3\nelm-twig,230,230,26,20\n",
+    )
+    .unwrap();
     run(&thin);
     let said = fails(&fitted);
     assert!(said.contains("alpha") || said.contains("load_over_stiffness"), "{said}");

@@ -37,7 +37,8 @@ fn check(path: &Path, args: &[&str]) -> Output {
 }
 
 fn json(output: &Output) -> Value {
-    serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{e}: {}", String::from_utf8_lossy(&output.stderr)))
+    serde_json::from_slice(&output.stdout)
+        .unwrap_or_else(|e| panic!("{e}: {}", String::from_utf8_lossy(&output.stderr)))
 }
 
 #[test]
@@ -82,7 +83,9 @@ fn pigment_maps_and_shadows_match_too() {
     Blade { pigment: 0.3, ..Blade::default() }.write(&dir.path().join("fits/elm"), "elm");
     let above = "[[instance]]\nleaf = \"elm\"\nposition_mm = [14, 9, 25]\nrotation_deg = [20, -15, 40]\nscale = 0.6\n";
     let path = scene(dir.path(), "two", "elm", Some(35.0), Some(0.2), above);
-    let text = std::fs::read_to_string(&path).unwrap().replace("fit = \"fits/elm\"", "fit = \"fits/elm\"\ninterior = \"maps\"");
+    let text = std::fs::read_to_string(&path)
+        .unwrap()
+        .replace("fit = \"fits/elm\"", "fit = \"fits/elm\"\ninterior = \"maps\"");
     std::fs::write(&path, text).unwrap();
     let output = check(&path, &[]);
     if no_adapter(&output) {
@@ -145,7 +148,8 @@ fn goldens_that_must_fail_do_fail_with_and_without_new_hashes() {
                 (Some(1), &Value::Bool(false)),
                 "{how}, hashed anew: {hashed}: {report:#}"
             );
-            // Without new hashes the changed files are named. `fit.toml` is always written with a hash of its own here; tests/goldens.rs edits its text.
+            // Without new hashes the changed files are named. `fit.toml` is always written with a hash of its own here;
+            // tests/goldens.rs edits its text.
             if !hashed && how != "thicker in fit.toml alone" {
                 assert!(report["failures"][0].as_str().unwrap().contains("changed since it was fitted"), "{how}");
             }
@@ -162,10 +166,12 @@ fn a_cluster_with_one_tampered_fit_fails_too() {
     let kept = dir.path().join("kept");
     let elm = Blade { sigma_s: [[11.0, 12.0, 10.0], [16.0, 18.0, 15.0]], bump: 0.25, ..Blade::default() };
     elm.write(&kept, "elm");
-    Blade { sigma_a: [[0.5, 0.7, 2.4], [0.5, 0.7, 2.2]], ..Blade::default() }.write(&dir.path().join("fits/oak"), "oak");
+    Blade { sigma_a: [[0.5, 0.7, 2.4], [0.5, 0.7, 2.2]], ..Blade::default() }
+        .write(&dir.path().join("fits/oak"), "oak");
     let fit = dir.path().join("fits/elm");
     copy(&kept, &fit);
-    let twig = "[[leaf]]\nname = \"oak\"\nfit = \"fits/oak\"\n[cluster]\nleaves = [\"elm\", \"oak\"]\ncount = 6\nlength_mm = 60\noffset_mm = 26\ndroop_deg = 25\nspread_deg = 14\nseed = 5\n";
+    let twig = "[[leaf]]\nname = \"oak\"\nfit = \"fits/oak\"\n[cluster]\nleaves = [\"elm\", \"oak\"]\ncount = \
+     6\nlength_mm = 60\noffset_mm = 26\ndroop_deg = 25\nspread_deg = 14\nseed = 5\n";
     let path = scene(dir.path(), "twig", "elm", Some(40.0), Some(0.2), twig);
     let text = std::fs::read_to_string(&path).unwrap();
     let mut text = text.replace("[[instance]]\nleaf = \"elm\"\n", "");
@@ -187,7 +193,10 @@ fn a_cluster_with_one_tampered_fit_fails_too() {
     }
     let untouched = json(&check(&path, &[]));
     assert_eq!(untouched["passed"], true, "untouched: {untouched:#}");
-    println!("noise of the reference: {} {}", untouched["views"][0]["noise_flip_p99"], untouched["views"][0]["noise_max_error"]);
+    println!(
+        "noise of the reference: {} {}",
+        untouched["views"][0]["noise_flip_p99"], untouched["views"][0]["noise_max_error"]
+    );
     for how in ["mirrored normal", "swapped sides", "thicker", "sRGB read as linear"] {
         for hashed in [false, true] {
             std::fs::remove_dir_all(&fit).unwrap();
@@ -214,7 +223,8 @@ fn an_unneeded_map_leaves_the_picture_alone_and_a_needed_one_changes_it() {
     let fit = dir.path().join("fits/elm");
     Blade::default().write(&fit, "elm");
     Blade::default().write(&dir.path().join("fits/spare"), "spare");
-    let path = scene(dir.path(), "front", "elm", Some(30.0), None, "[[leaf]]\nname = \"spare\"\nfit = \"fits/spare\"\n");
+    let path =
+        scene(dir.path(), "front", "elm", Some(30.0), None, "[[leaf]]\nname = \"spare\"\nfit = \"fits/spare\"\n");
     let picture = || {
         let output = check(&path, &[]);
         (!no_adapter(&output)).then(|| (std::fs::read(dir.path().join("front.out/above.png")).unwrap(), json(&output)))
@@ -225,11 +235,18 @@ fn an_unneeded_map_leaves_the_picture_alone_and_a_needed_one_changes_it() {
     for absent in ["back gamma_delta", "back normal", "back gloss", "back slab curve", "shadow", "albedo", "leaf 1"] {
         assert!(!uploads.contains(absent), "{absent} of {uploads}");
     }
-    assert!(uploads.contains("front gamma_delta") && uploads.contains("front normal") && uploads.contains("front gloss"), "{uploads}");
+    assert!(
+        uploads.contains("front gamma_delta") && uploads.contains("front normal") && uploads.contains("front gloss"),
+        "{uploads}"
+    );
     assert_eq!(report["pipelines"].as_array().unwrap().len(), 2, "{}", report["pipelines"]);
-    for unneeded in
-        ["fits/elm/back.exr", "fits/elm/back_gamma_delta.exr", "fits/elm/back_normal.exr", "fits/elm/front_err.exr", "fits/spare/front.exr"]
-    {
+    for unneeded in [
+        "fits/elm/back.exr",
+        "fits/elm/back_gamma_delta.exr",
+        "fits/elm/back_normal.exr",
+        "fits/elm/front_err.exr",
+        "fits/spare/front.exr",
+    ] {
         edit(&dir.path().join(unneeded), |_, v| 0.5 * v + 0.1);
     }
     let Some((after, report)) = picture() else { return };

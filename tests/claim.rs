@@ -47,7 +47,8 @@ impl Workplace {
         succeeded(&run(["bench", "slab", "-o", &place.at("bench")]));
         succeeded(&run(["fit", "sky", "--bands", "2", "--method", "compact", "-o", &place.at("sky")]));
         std::fs::write(place.at("slabs.csv"), "omega,delta\n0.9,1\n").unwrap();
-        std::fs::write(place.at("marks.csv"), "branch,length_mm,position_mm,deflection_mm\nb,10,5,1\nb,10,10,3\n").unwrap();
+        std::fs::write(place.at("marks.csv"), "branch,length_mm,position_mm,deflection_mm\nb,10,5,1\nb,10,10,3\n")
+            .unwrap();
         place
     }
 
@@ -108,7 +109,8 @@ fn a_file_that_belongs_to_something_is_refused_and_stays_as_it_is() {
     let place = Workplace::new();
     let [elm, scan, sky, csv] = ["fits/elm", "scan", "sky", "slabs.csv"].map(|n| place.at(n));
     let [record, times, map] = ["fits/elm/fit.toml", "fits/elm/times.toml", "fits/elm/front.exr"].map(|n| place.at(n));
-    let [frame, arrays, rows] = ["scan/front/x/0001.exr", "sky/coefficients.json", "bench/bench.json"].map(|n| place.at(n));
+    let [frame, arrays, rows] =
+        ["scan/front/x/0001.exr", "sky/coefficients.json", "bench/bench.json"].map(|n| place.at(n));
     let [linked, hard] = ["linked.csv", "hard.csv"].map(|n| place.at(n));
     #[cfg(unix)]
     std::os::unix::fs::symlink(&csv, &linked).unwrap();
@@ -130,7 +132,10 @@ fn a_file_that_belongs_to_something_is_refused_and_stays_as_it_is() {
         #[cfg(unix)]
         (vec!["eval", "slab", "--in", &csv, "--out", &hard], "is what is to be read"),
         (vec!["eval", "slab", "--in", &csv, "--out", &map], "belongs to the leaf fit"),
-        (vec!["eval", "panorama", "--sun-zenith-deg", "50", "--turbidity", "3", "-o", &record], "belongs to the leaf fit"),
+        (
+            vec!["eval", "panorama", "--sun-zenith-deg", "50", "--turbidity", "3", "-o", &record],
+            "belongs to the leaf fit",
+        ),
     ];
     let before = contents(place.dir.path());
     for (args, words) in cases {
@@ -188,7 +193,18 @@ fn force_replaces_a_synthetic_capture_and_nothing_else() {
 fn what_a_killed_synthesis_left_is_replaced() {
     let dir = tempfile::tempdir().unwrap();
     let scan = dir.path().join("scan");
-    let args = ["synth", "data/leaves/elm.toml", "-o", scan.to_str().unwrap(), "--size", "240x180", "--frames", "60", "--threads", "1"];
+    let args = [
+        "synth",
+        "data/leaves/elm.toml",
+        "-o",
+        scan.to_str().unwrap(),
+        "--size",
+        "240x180",
+        "--frames",
+        "60",
+        "--threads",
+        "1",
+    ];
     let mut child = mesophyll().args(args).stderr(Stdio::null()).spawn().unwrap();
     while !scan.join("front/x/0001.exr").exists() && child.try_wait().unwrap().is_none() {
         std::thread::sleep(std::time::Duration::from_millis(5));
@@ -216,7 +232,8 @@ fn a_link_is_written_through_and_modes_follow_the_umask() {
     symlink("link.csv", at("twice.csv")).unwrap();
     symlink("far/new.csv", at("dangling.csv")).unwrap();
     let write = |name: &str, umask: &str| {
-        let script = format!("umask {umask}; exec '{}' -q eval slab --in in.csv --out {name}", env!("CARGO_BIN_EXE_mesophyll"));
+        let script =
+            format!("umask {umask}; exec '{}' -q eval slab --in in.csv --out {name}", env!("CARGO_BIN_EXE_mesophyll"));
         succeeded(&Command::new("sh").current_dir(dir.path()).args(["-c", &script]).output().unwrap());
     };
     for (umask, expected) in [("022", 0o644), ("077", 0o600), ("002", 0o664), ("027", 0o640)] {

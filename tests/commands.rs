@@ -1,14 +1,15 @@
 //! The commands of the README and of `docs/` run as they are printed, page by page, in a copy of the working folder.
 //!
-//! Commands that only a long computation or a window answers are left out here, by name and with the reason, and counted. Scans are made smaller for the
-//! test; the printed command is checked to be accepted as it stands.
+//! Commands that only a long computation or a window answers are left out here, by name and with the reason, and
+//! counted. Scans are made smaller for the test; the printed command is checked to be accepted as it stands.
 
 mod common;
 
 use std::path::Path;
 use std::process::Command;
 
-const TISSUE: &str = "its texels have to be this fine, so it cannot be made smaller: minutes; tests/tissue.rs fits photographs of its own";
+const TISSUE: &str = "its texels have to be this fine, so it cannot be made smaller: minutes; tests/tissue.rs fits \
+ photographs of its own";
 
 /// Commands that are not run here, and why.
 const LEFT_OUT: [(&str, &str); 18] = [
@@ -17,7 +18,10 @@ const LEFT_OUT: [(&str, &str); 18] = [
     ("make full", "two gigabytes of frames"),
     ("cargo build --release", "it builds an optimised program: minutes"),
     ("cargo build --release --no-default-features", "it builds an optimised program: minutes"),
-    ("mesophyll run data/scenes/demo.toml --out out/demo", "a whole scan is fitted and drawn without optimisation: minutes"),
+    (
+        "mesophyll run data/scenes/demo.toml --out out/demo",
+        "a whole scan is fitted and drawn without optimisation: minutes",
+    ),
     ("mesophyll run data/scenes/translucency.toml --out out/tr", "many views are drawn without optimisation: minutes"),
     ("mesophyll check data/scenes/twig.toml", "a twig under a sky is drawn without optimisation: minutes"),
     ("mesophyll check data/scenes/back-lit.toml", "tests/check.rs draws and judges scenes where there is an adapter"),
@@ -27,7 +31,8 @@ const LEFT_OUT: [(&str, &str); 18] = [
     ("mesophyll synth data/leaves/elm.toml -o out/patch-scan --patch-mm 13 --size 160x120 --frames 60", TISSUE),
     ("mesophyll fit leaf out/patch-scan -o out/patch", TISSUE),
     (
-        "mesophyll synth data/leaves/elm.toml -o out/beams --acquisition beams --patch-mm 13 --size 160x120 --beam front,90,0 --beam front,50,20",
+        "mesophyll synth data/leaves/elm.toml -o out/beams --acquisition beams --patch-mm 13 --size 160x120 --beam \
+         front,90,0 --beam front,50,20",
         TISSUE,
     ),
     ("mesophyll fit tissue out/beams --blade out/patch -o out/tissue", TISSUE),
@@ -36,8 +41,10 @@ const LEFT_OUT: [(&str, &str); 18] = [
 ];
 
 /// What is made smaller for the test: printed words, and the words that are run.
-const SMALLER: [(&str, &str); 2] =
-    [("--size 240x180 --frames 60", "--size 48x36 --frames 12"), ("--acquisition dome --size 240x180", "--acquisition dome --size 48x36")];
+const SMALLER: [(&str, &str); 2] = [
+    ("--size 240x180 --frames 60", "--size 48x36 --frames 12"),
+    ("--acquisition dome --size 240x180", "--acquisition dome --size 48x36"),
+];
 
 fn is_command(text: &str) -> bool {
     ["mesophyll ", "make ", "cargo "].iter().any(|program| text.starts_with(program))
@@ -89,7 +96,11 @@ fn run_page(page: &str, spans: bool) -> [usize; 2] {
         let words: Vec<&str> = smaller.split_whitespace().collect();
         assert_eq!(words[0], "mesophyll", "{page}: {printed} is neither run nor left out");
         let clock = std::time::Instant::now();
-        let output = Command::new(env!("CARGO_BIN_EXE_mesophyll")).args(&words[1..]).current_dir(folder.path()).output().unwrap();
+        let output = Command::new(env!("CARGO_BIN_EXE_mesophyll"))
+            .args(&words[1..])
+            .current_dir(folder.path())
+            .output()
+            .unwrap();
         assert!(output.status.success(), "{page}: {smaller}: {}", String::from_utf8_lossy(&output.stderr));
         if let Some(place) = written(&words) {
             assert!(folder.path().join(&place).exists(), "{page}: {smaller} wrote no {place}");

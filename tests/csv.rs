@@ -1,9 +1,11 @@
-//! Bad tables through the binary, for every batch form: ragged rows, units, headers named twice, other encodings, readers that leave.
+//! Bad tables through the binary, for every batch form: ragged rows, units, headers named twice, other encodings,
+//! readers that leave.
 
 use std::io::{Read, Write};
 use std::process::{Command, Output, Stdio};
 
-const GEOMETRY: &str = "height_mm = 100.0\ntube_length_mm = 500.0\ntube_radius_mm = 2.5\ncamera_deg = 55.0\nu_start = -4.0\nu_end = 2.5\nframes = 16\n\
+const GEOMETRY: &str = "height_mm = 100.0\ntube_length_mm = 500.0\ntube_radius_mm = 2.5\ncamera_deg = 55.0\nu_start = \
+ -4.0\nu_end = 2.5\nframes = 16\n\
                         noise_relative = 0.01\nnoise_floor = 5e-4\n";
 
 /// A batch form: its arguments, header, a good row, and the name of its first number.
@@ -14,9 +16,12 @@ struct Form {
 }
 
 fn forms(geometry: &str) -> Vec<Form> {
-    let words = |text: &str| text.split_whitespace().map(|w| if w == "GEO" { geometry.to_string() } else { w.to_string() }).collect();
+    let words = |text: &str| {
+        text.split_whitespace().map(|w| if w == "GEO" { geometry.to_string() } else { w.to_string() }).collect()
+    };
     let frames: Vec<String> = (0..16).map(|k| format!("r{k}")).collect();
-    let form = |args: &str, header: &str, good: &str| Form { args: words(args), header: header.into(), good: good.into() };
+    let form =
+        |args: &str, header: &str, good: &str| Form { args: words(args), header: header.into(), good: good.into() };
     vec![
         form("fit slab", "note,rho_d,rho_t,h", "a,0.3,0.2,0.2"),
         form("eval slab", "note,omega,delta", "a,0.5,1"),
@@ -69,7 +74,8 @@ fn ragged_rows_are_refused_in_their_place() {
         let out = run(args, text.as_bytes());
         assert_eq!(out.status.code(), Some(0), "{}", String::from_utf8_lossy(&out.stderr));
         let answer = String::from_utf8(out.stdout).unwrap();
-        let rows: Vec<csv::StringRecord> = csv::Reader::from_reader(answer.as_bytes()).records().map(|r| r.unwrap()).collect();
+        let rows: Vec<csv::StringRecord> =
+            csv::Reader::from_reader(answer.as_bytes()).records().map(|r| r.unwrap()).collect();
         assert_eq!(rows.len(), 4, "{answer}");
         let (width, status) = (header.split(',').count(), |k: usize| rows[k].iter().next_back().unwrap().to_string());
         assert!(!status(0).starts_with("refused"), "{args:?}: {}", status(0));
@@ -110,7 +116,8 @@ fn rows_can_be_json() {
         }
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("rows.csv");
-        let counts: serde_json::Value = serde_json::from_slice(&with(&["--json", "-o", file.to_str().unwrap()])).unwrap();
+        let counts: serde_json::Value =
+            serde_json::from_slice(&with(&["--json", "-o", file.to_str().unwrap()])).unwrap();
         assert_eq!((counts["rows"].as_u64(), counts["refused"].as_u64()), (Some(2), Some(1)));
         assert_eq!(std::fs::read(file).unwrap(), plain);
     });
@@ -130,7 +137,8 @@ fn a_header_that_names_a_column_twice_or_an_output_is_an_error() {
     });
 }
 
-/// One row in another encoding: its carried cell goes through byte by byte, a number in it is refused, the batch goes on.
+/// One row in another encoding: its carried cell goes through byte by byte, a number in it is refused, the batch goes
+/// on.
 #[test]
 fn another_encoding_stops_no_batch() {
     with_forms(|form| {
@@ -146,18 +154,26 @@ fn another_encoding_stops_no_batch() {
         let lines: Vec<&[u8]> = out.stdout.split(|b| *b == b'\n').filter(|l| !l.is_empty()).collect();
         assert_eq!(lines.len(), 5);
         assert!(lines[2].starts_with(b"\xff\xe4,") && lines[2][2..] == lines[1][1..], "{:?}", form.args);
-        assert!(String::from_utf8_lossy(lines[3]).contains("refused: ") && lines[3].ends_with(b"not valid UTF-8 text; expected a number"));
+        assert!(
+            String::from_utf8_lossy(lines[3]).contains("refused: ")
+                && lines[3].ends_with(b"not valid UTF-8 text; expected a number")
+        );
         assert_eq!(lines[4], lines[1]);
     });
     // A header must be text.
     with_forms(|form| {
         let out = run(&form.args, b"\xff\xfe\n1\n");
         assert_eq!(out.status.code(), Some(2));
-        assert!(String::from_utf8_lossy(&out.stderr).contains("line 1: not valid UTF-8 text"), "{}", String::from_utf8_lossy(&out.stderr));
+        assert!(
+            String::from_utf8_lossy(&out.stderr).contains("line 1: not valid UTF-8 text"),
+            "{}",
+            String::from_utf8_lossy(&out.stderr)
+        );
     });
 }
 
-/// Cells with a unit in them are no numbers; a thickness column that names its unit is read in it, and never in another.
+/// Cells with a unit in them are no numbers; a thickness column that names its unit is read in it, and never in
+/// another.
 #[test]
 fn units_are_never_guessed() {
     let slab = |args: &[&str], text: &str| {
@@ -167,12 +183,21 @@ fn units_are_never_guessed() {
     };
     let cells = slab(&[], "rho_d,rho_t,h\n0.3,0.2,0.2 mm\n30 %,0.2,0.2\n0.3,0.2,200um\n");
     assert_eq!(cells.0, 0);
-    assert_eq!(cells.1.lines().filter(|l| l.contains("refused: ") && l.ends_with("expected a number\"")).count(), 3, "{}", cells.1);
+    assert_eq!(
+        cells.1.lines().filter(|l| l.contains("refused: ") && l.ends_with("expected a number\"")).count(),
+        3,
+        "{}",
+        cells.1
+    );
     let numbers = |out: &str| out.lines().nth(1).unwrap().split(',').skip(3).map(String::from).collect::<Vec<_>>();
     let mm = slab(&[], "rho_d,rho_t,h\n0.3,0.2,0.2\n");
-    for (column, value) in
-        [("thickness_um", "200"), ("thickness_mm", "0.2"), ("thickness (um)", "200"), ("h_m", "0.0002"), ("depth", "0.2")]
-    {
+    for (column, value) in [
+        ("thickness_um", "200"),
+        ("thickness_mm", "0.2"),
+        ("thickness (um)", "200"),
+        ("h_m", "0.0002"),
+        ("depth", "0.2"),
+    ] {
         let out = slab(&["--columns", &format!("h={column}")], &format!("rho_d,rho_t,{column}\n0.3,0.2,{value}\n"));
         assert_eq!(out.0, 0, "{}", out.2);
         assert_eq!(numbers(&out.1), numbers(&mm.1), "{column}");

@@ -1,4 +1,5 @@
-//! Physical skies in scenes: what is planned and fitted, what is refused, and both renderers against plain integrals of the sky.
+//! Physical skies in scenes: what is planned and fitted, what is refused, and both renderers against plain integrals of
+//! the sky.
 #![cfg(feature = "render")]
 
 mod blade;
@@ -22,8 +23,9 @@ const PREETHAM: &str = "[sun]\nzenith_deg = 40\nazimuth_deg = 30\n[sky]\nmodel =
 /// A blade's scene with this light.
 fn lit(dir: &Path, light: &str, extra: &str) -> PathBuf {
     let path = scene(dir, "lit", "elm", None, None, extra);
-    let text =
-        std::fs::read_to_string(&path).unwrap().replace("[[view]]\nname = \"above\"", &format!("{light}\n[[view]]\nname = \"above\""));
+    let text = std::fs::read_to_string(&path)
+        .unwrap()
+        .replace("[[view]]\nname = \"above\"", &format!("{light}\n[[view]]\nname = \"above\""));
     std::fs::write(&path, text).unwrap();
     path
 }
@@ -71,7 +73,8 @@ fn only_a_sun_that_moves_is_fitted() {
 #[test]
 fn a_loose_tolerance_takes_fewer_bands() {
     let dir = tempfile::tempdir().unwrap();
-    Blade { rho_s: [0.0, 0.0], width: 24, height: 18, texel_mm: 2.0, ..Blade::default() }.write(&dir.path().join("fits/elm"), "elm");
+    Blade { rho_s: [0.0, 0.0], width: 24, height: 18, texel_mm: 2.0, ..Blade::default() }
+        .write(&dir.path().join("fits/elm"), "elm");
     let path = lit(dir.path(), PREETHAM, "");
     let tight = planned(&path).1;
     let text = std::fs::read_to_string(&path).unwrap().replace("tolerance = 0.004", "tolerance = 0.4");
@@ -90,14 +93,22 @@ fn a_mistake_in_a_sky_is_named() {
         ("turbidity = 3", "turbidity = 12", "sky.turbidity: found 12, expected 1.7 to 10"),
         ("turbidity = 3", "", "sky.turbidity: missing"),
         ("turbidity = 3", "turbidity = 3\nradiance = [1, 1, 1]", "sky.model: given beside radiance"),
-        ("turbidity = 3", "turbidity = 3\nground_albedo = [0.1, 1.2, 0.1]", "sky.ground_albedo: found 1.2, expected 0 to 1"),
+        (
+            "turbidity = 3",
+            "turbidity = 3\nground_albedo = [0.1, 1.2, 0.1]",
+            "sky.ground_albedo: found 1.2, expected 0 to 1",
+        ),
         ("turbidity = 3", "turbidity = 3\nscale = 0", "sky.scale: found 0, expected a positive"),
         (
             "turbidity = 3",
             "turbidity = 8\n[day]\nlatitude_deg = 50\nhours = [12]",
             "sky.turbidity: found 8, expected 2.5 to 6 where the sun moves",
         ),
-        ("turbidity = 3", "turbidity = 3\n[day]\nlatitude_deg = 50\nhours = [3]", "day.hours: the sun is below the horizon at 3"),
+        (
+            "turbidity = 3",
+            "turbidity = 3\n[day]\nlatitude_deg = 50\nhours = [3]",
+            "day.hours: the sun is below the horizon at 3",
+        ),
         ("zenith_deg = 40", "zenith_deg = 100", "sun.zenith_deg: found 100, expected 0 to 90"),
         ("model = \"preetham\"\nturbidity = 3", "radiance = [1, 1, 1]", "sun.irradiance: missing"),
         ("[sun]\nzenith_deg = 40\nazimuth_deg = 30\n", "", "sky.model: given without a [sun]"),
@@ -130,9 +141,10 @@ fov_deg = 6
 max_error = 2e-3
 "#;
 
-/// Tilted matte cards under sky, ground and sun: the reference meets the integral of the sky to a thousandth, the renderer to what seven bands cost
-/// (.15 %, see COST) and maps of 16 bits lose (.05 %). The tolerance is so small that no fewer bands are chosen; at .004 five would do. The leaf
-/// beside the cards is judged against the reference with 2 % of its displayed value on top.
+/// Tilted matte cards under sky, ground and sun: the reference meets the integral of the sky to a thousandth, the
+/// renderer to what seven bands cost (.15 %, see COST) and maps of 16 bits lose (.05 %). The tolerance is so small that
+/// no fewer bands are chosen; at .004 five would do. The leaf beside the cards is judged against the reference with 2 %
+/// of its displayed value on top.
 #[test]
 fn tilted_cards_meet_the_integral_in_both_renderers() {
     let dir = tempfile::tempdir().unwrap();
@@ -163,8 +175,8 @@ fn tilted_cards_meet_the_integral_in_both_renderers() {
     assert!(report["pipelines"].as_array().unwrap().iter().any(|p| p == "sky"));
 }
 
-/// What harmonics cost at 3, 5 and 7 bands, against plain integrals of the sky: worst of 20 tilts. The table of data/scenes/README.md states it
-/// (diffuse, gloss) with the last digit rounded; a tenth above it is another renderer.
+/// What harmonics cost at 3, 5 and 7 bands, against plain integrals of the sky: worst of 20 tilts. The table of
+/// data/scenes/README.md states it (diffuse, gloss) with the last digit rounded; a tenth above it is another renderer.
 const COST: [[f64; 2]; 3] = [[8e-3, 0.16], [4e-3, 0.034], [1.5e-3, 0.019]];
 
 #[test]
@@ -197,7 +209,9 @@ fn the_cost_of_the_harmonics_falls_with_bands() {
                     up: transform.transform_vector3(DVec3::Y).as_vec3(),
                     fov_y_deg: 2.0,
                 };
-                renderer.set_scene(&card(rho_d, rho_s, m, transform, handover::dome(&daylight, bands, None).unwrap())).unwrap();
+                renderer
+                    .set_scene(&card(rho_d, rho_s, m, transform, handover::dome(&daylight, bands, None).unwrap()))
+                    .unwrap();
                 let drawn = renderer.render(&camera, 5, 5).unwrap().hdr[12];
                 let flat = closed_form::Card {
                     rho_d: [f64::from(rho_d); 3],
@@ -226,8 +240,8 @@ fn the_cost_of_the_harmonics_falls_with_bands() {
     }
 }
 
-/// The window's sliders: another sun and turbidity give the coefficients of that sky, from one fit where it reaches and by integration beyond;
-/// the reference under it is another picture too.
+/// The window's sliders: another sun and turbidity give the coefficients of that sky, from one fit where it reaches and
+/// by integration beyond; the reference under it is another picture too.
 #[test]
 fn the_window_is_given_the_sky_it_asks_for() {
     use mesophyll::scene::edit::SceneEditor;
@@ -243,7 +257,9 @@ fn the_window_is_given_the_sky_it_asks_for() {
     let mut editor = SceneEditor::new(manifest.clone(), free, dir.path().join("out")).unwrap();
     let camera = handover::camera(&manifest.views[0]);
     let before = editor.reference(&scene, &camera, 16, 12).unwrap();
-    for (zenith, azimuth, turbidity) in [(0.2f64, 1.0, 3.5), (1.4, -2.0, 2.5), (1.0, 0.4, 8.0), (std::f64::consts::FRAC_PI_2, 0.0, 4.0)] {
+    for (zenith, azimuth, turbidity) in
+        [(0.2f64, 1.0, 3.5), (1.4, -2.0, 2.5), (1.0, 0.4, 8.0), (std::f64::consts::FRAC_PI_2, 0.0, 4.0)]
+    {
         let sun = mesophyll::scene::daylight::direction(zenith, azimuth).as_vec3();
         let update = editor.sky(sun, turbidity as f32).unwrap();
         let want = Daylight::at(&manifest, zenith, azimuth, turbidity).unwrap();
@@ -252,7 +268,9 @@ fn the_window_is_given_the_sky_it_asks_for() {
         for (a, b) in update.dome.harmonics.iter().zip(exact.values()) {
             assert!((0..3).all(|c| (f64::from(a[c]) - b[c]).abs() < 2e-5 * c00), "{zenith} {turbidity}: {a:?} {b:?}");
         }
-        assert!((0..3).all(|c| (f64::from(update.sun_irradiance[c]) - want.sun[c]).abs() < 1e-3 * want.sun[0].max(0.1)));
+        assert!(
+            (0..3).all(|c| (f64::from(update.sun_irradiance[c]) - want.sun[c]).abs() < 1e-3 * want.sun[0].max(0.1))
+        );
         scene.dome = Some(update.dome);
     }
     let after = editor.reference(&scene, &camera, 16, 12).unwrap();

@@ -126,13 +126,16 @@ fn bad_rows_and_bad_options_are_named() {
     // Far out and deep down there is no light left, and no NaN.
     assert!(got[7].0 == 0.0 && got[8].0 == 0.0, "{got:?}");
     assert!(got[7..].iter().all(|row| row.1 == "ok"), "{got:?}");
-    for (args, word) in [(["--g", "1"], "--g is 1"), (["--sigma-a", "-1"], "--sigma-a is -1"), (["--a", "0.5"], "--a is 0.5")] {
+    for (args, word) in
+        [(["--g", "1"], "--g is 1"), (["--sigma-a", "-1"], "--sigma-a is -1"), (["--a", "0.5"], "--a is 0.5")]
+    {
         let output = common::run(["eval", "dipole"].iter().chain(&args));
         common::refused(&output, 2, &[word]);
     }
 }
 
-/// Diffusion loses strongly absorbed light: 1 mm at σa = 2/mm passes a quarter less by the thin form than by the transport equation.
+/// Diffusion loses strongly absorbed light: 1 mm at σa = 2/mm passes a quarter less by the thin form than by the
+/// transport equation.
 #[test]
 fn a_total_that_is_far_off_the_transport_equation_is_not_ok() {
     for (sigma_a, words) in [("2", ["undetermined: t: the form's total is -", "ok"]), ("0.4", ["ok", "ok"])] {

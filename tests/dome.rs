@@ -14,8 +14,15 @@ const SIZE: usize = 100;
 
 fn captured(folder: &Path, noise: f64, height_noise_mm: f64) -> PathBuf {
     let spec = Spec::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("data/leaves/elm.toml")).unwrap();
-    let options =
-        Options { width: SIZE, height: SIZE, patch: Some((10.0, [0.0, 0.0])), noise, height_noise_mm, seed: 1, model: Model::Exact };
+    let options = Options {
+        width: SIZE,
+        height: SIZE,
+        patch: Some((10.0, [0.0, 0.0])),
+        noise,
+        height_noise_mm,
+        seed: 1,
+        model: Model::Exact,
+    };
     let blade = Blade::grow(&spec, &options).unwrap().unwrap();
     let out = folder.join("capture");
     synth::capture(&spec, &blade, &options, &out).unwrap();
@@ -48,7 +55,11 @@ fn copy(from: &Path, to: &Path) {
     std::fs::create_dir_all(to).unwrap();
     for entry in std::fs::read_dir(from).unwrap().flatten() {
         let target = to.join(entry.file_name());
-        if entry.path().is_dir() { copy(&entry.path(), &target) } else { std::fs::copy(entry.path(), target).map(|_| ()).unwrap() }
+        if entry.path().is_dir() {
+            copy(&entry.path(), &target)
+        } else {
+            std::fs::copy(entry.path(), target).map(|_| ()).unwrap()
+        }
     }
 }
 
@@ -83,13 +94,16 @@ fn moments(values: impl Iterator<Item = f64>) -> (f64, f64) {
 
 /// Angle between a side's normals and the true ones (degrees).
 fn angle(maps: &Maps, r: &Reduced, side: SideName, k: usize) -> f64 {
-    let cos: f64 =
-        ["X", "Y", "Z"].iter().enumerate().map(|(c, n)| f64::from(map(maps, &format!("normal.{n}"))[k]) * r.side(side).normal[k][c]).sum();
+    let cos: f64 = ["X", "Y", "Z"]
+        .iter()
+        .enumerate()
+        .map(|(c, n)| f64::from(map(maps, &format!("normal.{n}"))[k]) * r.side(side).normal[k][c])
+        .sum();
     cos.min(1.0).acos().to_degrees()
 }
 
-/// Without noise transmittance and normals come back (the scans' lean of up to 0.65° stays in these), thickness but for its zero and a
-/// trend over the patch, albedo but for what the highlight varies.
+/// Without noise transmittance and normals come back (the scans' lean of up to 0.65° stays in these), thickness but for
+/// its zero and a trend over the patch, albedo but for what the highlight varies.
 #[test]
 fn an_exact_capture_gives_back_its_truth() {
     let dir = tempfile::tempdir().unwrap();
@@ -102,8 +116,9 @@ fn an_exact_capture_gives_back_its_truth() {
     for s in SIDES {
         let (maps, side) = (truth(&capture, s), r.side(s));
         assert!(r.defects(s).is_empty(), "{:?}", r.defects(s));
-        // What is left of the highlight once the share that the stated index mirrors along the normal is off, over the true share of the dome that
-        // a texel sees. The truth holds both: the albedo that the camera sees is the leaf's times that share.
+        // What is left of the highlight once the share that the stated index mirrors along the normal is off, over the
+        // true share of the dome that a texel sees. The truth holds both: the albedo that the camera sees is the leaf's
+        // times that share.
         let (veil, seen, leaf) = (map(&maps, "highlight.Y"), map(&maps, "albedo.G"), map(&maps, "rho_d.G"));
         let index = capture.manifest.highlight_index.unwrap()[usize::from(s == SideName::Back)];
         let share = ((index - 1.0) / (index + 1.0)).powi(2);
@@ -129,12 +144,15 @@ fn the_stated_errors_are_those_met() {
         let (maps, side) = (truth(capture, s), r.side(s));
         for (c, end) in ["R", "G", "B"].iter().enumerate() {
             let t = map(&maps, &format!("transmittance.{end}"));
-            let pull = moments(inner(0).map(|k| (side.transmittance[k][c] - f64::from(t[k])) / side.transmittance_err[k][c]));
+            let pull =
+                moments(inner(0).map(|k| (side.transmittance[k][c] - f64::from(t[k])) / side.transmittance_err[k][c]));
             // 10000 texels: the standard error of a mean is .01, of a deviation .007.
             assert!(pull.0.abs() < 0.04 && (pull.1 - 1.0).abs() < 0.03, "{} {end}: {pull:?}", s.name());
             let (a, veil) = (map(&maps, &format!("albedo.{end}")), map(&maps, "highlight.Y"));
             let shown = |k: usize| side.albedo[k][c] * side.visible[k] + side.highlight.share;
-            let pull = moments(inner(0).map(|k| (shown(k) - f64::from(a[k] + veil[k])) / (side.albedo_err[k][c] * side.visible[k])));
+            let pull = moments(
+                inner(0).map(|k| (shown(k) - f64::from(a[k] + veil[k])) / (side.albedo_err[k][c] * side.visible[k])),
+            );
             assert!(pull.0.abs() < 0.04 && (pull.1 - 1.0).abs() < 0.03, "{} {end}: {pull:?}", s.name());
         }
         // What the scanner's own filter blunted (0.05 mm; veins are 0.2 to 0.5 mm wide) is not in the stated error.
@@ -170,13 +188,17 @@ fn the_blade_is_ready_for_light() {
 #[test]
 fn noise_and_highlight_that_are_not_stated() {
     let (_, _, told) = noisy();
-    let (_, r) = changed(|folder| without(folder, &["noise_relative", "noise_floor", "height_noise_mm", "highlight_index"]));
+    let (_, r) =
+        changed(|folder| without(folder, &["noise_relative", "noise_floor", "height_noise_mm", "highlight_index"]));
     assert!(!r.alignment.noise_stated && !r.noise.stated);
     let seen = r.alignment.height_noise_mm;
     assert!((0.007..0.016).contains(&seen), "{seen}: fine veins count as noise");
     for s in SIDES {
         let (h, before) = (r.side(s).highlight, told.side(s).highlight);
-        assert!(!h.stated && h.stderr > before.stderr && (h.share - before.share).abs() < 2.0 * h.stderr, "{h:?} {before:?}");
+        assert!(
+            !h.stated && h.stderr > before.stderr && (h.share - before.share).abs() < 2.0 * h.stderr,
+            "{h:?} {before:?}"
+        );
     }
     let (a, b) = (r.front.transmittance_err[550][1], told.front.transmittance_err[550][1]);
     assert!((0.3..3.0).contains(&(a / b)), "{a} {b}");
@@ -232,10 +254,14 @@ fn defects_have_names_and_leave_no_hole_in_the_blade() {
         std::fs::write(&path, text + "\nfull_scale = 0.1\n").unwrap();
     });
     assert!(r.defects(SideName::Front)["saturated"] > 100);
-    assert!(changed(|folder| std::fs::remove_file(folder.join("mask.exr")).unwrap()).1.mask.iter().all(|m| *m), "the leaf fills the patch");
+    assert!(
+        changed(|folder| std::fs::remove_file(folder.join("mask.exr")).unwrap()).1.mask.iter().all(|m| *m),
+        "the leaf fills the patch"
+    );
 }
 
-/// A back that was rectified one texel off is seen, for slopes then become thickness; where the scans fit, none is seen.
+/// A back that was rectified one texel off is seen, for slopes then become thickness; where the scans fit, none is
+/// seen.
 #[test]
 fn a_shift_of_the_scans_is_seen() {
     let (_, _, r) = noisy();

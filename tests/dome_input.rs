@@ -37,7 +37,9 @@ fn look(from: &Path, change: impl FnOnce(&Path)) -> (i32, [String; 3], String) {
     let stderr = String::from_utf8_lossy(&out.stderr).into_owned();
     assert!(!stderr.contains("panicked"), "{stderr}");
     let found: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
-    let list = |name: &str| found[name].as_array().unwrap().iter().map(|v| format!("{}\n", v.as_str().unwrap())).collect::<String>();
+    let list = |name: &str| {
+        found[name].as_array().unwrap().iter().map(|v| format!("{}\n", v.as_str().unwrap())).collect::<String>()
+    };
     (out.status.code().unwrap(), ["problems", "warnings", "notes"].map(list), stderr)
 }
 
@@ -75,7 +77,9 @@ fn good_captures_are_summarised() {
         assert!(notes.contains("synthetic"));
         let out = run(["inspect", text(folder)]);
         let said = String::from_utf8_lossy(&out.stdout).into_owned();
-        for word in ["under a dome", "front/albedo.exr", "thickness:", "the scans lean by", "This capture can be fitted."] {
+        for word in
+            ["under a dome", "front/albedo.exr", "thickness:", "the scans lean by", "This capture can be fitted."]
+        {
             assert!(said.contains(word), "{word} is missing in\n{said}");
         }
     }
@@ -130,15 +134,27 @@ fn what_is_wrong_is_named_by_file_and_field() {
             },
             "back/albedo.exr: found 4x3 texels, capture.toml says 80x60",
         ),
-        (&|f| edit(f, "back/height.exr", |m| m.channels[0].0 = "Z".into()), "back/height.exr: Y: no such channel; the file holds Z"),
+        (
+            &|f| edit(f, "back/height.exr", |m| m.channels[0].0 = "Z".into()),
+            "back/height.exr: Y: no such channel; the file holds Z",
+        ),
         (&|f| each(f, "front/translucency.exr", |_| f32::NAN), "front/translucency.exr: no reading anywhere"),
         (&|f| each(f, "front/height.exr", |_| f32::NAN), "front/height.exr: no height anywhere"),
         (&|f| each(f, "backlight_empty.exr", |_| 0.0), "backlight_empty.exr: 100.0 % of the texels are no brighter"),
-        (&|f| std::fs::write(f.join("front/albedo.exr"), b"not an image").unwrap(), "front/albedo.exr: not a readable OpenEXR file"),
+        (
+            &|f| std::fs::write(f.join("front/albedo.exr"), b"not an image").unwrap(),
+            "front/albedo.exr: not a readable OpenEXR file",
+        ),
         (&|f| toml(f, "schema = 1", "schema = 1\ncolour = 3"), "capture.toml:2: unknown field `colour`"),
-        (&|f| toml(f, &thickest, "thickness_max_mm = 0.0"), "capture.toml: thickness_max_mm: found 0, expected a positive length in mm"),
+        (
+            &|f| toml(f, &thickest, "thickness_max_mm = 0.0"),
+            "capture.toml: thickness_max_mm: found 0, expected a positive length in mm",
+        ),
         (&|f| toml(f, &thickest, ""), "missing field `thickness_max_mm`"),
-        (&|f| toml(f, "[\"front\", \"back\"]", "[\"front\"]"), "capture.toml: sides: found [\"front\"], expected [\"front\", \"back\"]"),
+        (
+            &|f| toml(f, "[\"front\", \"back\"]", "[\"front\"]"),
+            "capture.toml: sides: found [\"front\"], expected [\"front\", \"back\"]",
+        ),
         (&|f| toml(f, "kind = \"dome\"", "kind = \"dom\""), "capture.toml: kind: found \"dom\", expected \"dome\""),
         // Heights that point away from the cameras: veins would be thinner than the blade between them.
         (
@@ -169,24 +185,45 @@ fn outlines_tell_swapped_sides_and_a_back_that_is_not_mirrored() {
         std::fs::rename(f.join("back"), f.join("front")).unwrap();
         std::fs::rename(f.join("other"), f.join("back")).unwrap();
     });
-    assert!(code == 2 && problems.contains("front/translucency.exr: the leaf's outline is the mirror image of mask.exr"), "{problems}");
+    assert!(
+        code == 2 && problems.contains("front/translucency.exr: the leaf's outline is the mirror image of mask.exr"),
+        "{problems}"
+    );
     let (code, [problems, ..], _) = look(whole, |f| {
         ["albedo", "translucency", "height"].iter().for_each(|p| turned(f, &format!("back/{p}.exr")));
         std::fs::remove_file(f.join("mask.exr")).unwrap();
     });
-    assert!(code == 2 && problems.contains("back/translucency.exr: the leaf's outline is the mirror image of the front's"), "{problems}");
+    assert!(
+        code == 2 && problems.contains("back/translucency.exr: the leaf's outline is the mirror image of the front's"),
+        "{problems}"
+    );
 }
 
 #[test]
 fn each_reader_names_the_kind_it_found() {
     let (dir, patch, _) = made();
     let error = mesophyll::capture::reader::Capture::open(patch).unwrap_err().to_string();
-    assert!(error.contains("capture.toml: kind: found \"dome\"") && error.contains("expected a scan under a linear"), "{error}");
+    assert!(
+        error.contains("capture.toml: kind: found \"dome\"") && error.contains("expected a scan under a linear"),
+        "{error}"
+    );
     let tube = dir.path().join("tube");
-    succeeded(&run(["synth", "data/leaves/elm.toml", "-o", text(&tube), "--size", "16x12", "--frames", "8", "--passes", "x"]));
+    succeeded(&run([
+        "synth",
+        "data/leaves/elm.toml",
+        "-o",
+        text(&tube),
+        "--size",
+        "16x12",
+        "--frames",
+        "8",
+        "--passes",
+        "x",
+    ]));
     let error = mesophyll::capture::dome::Capture::open(&tube).unwrap_err().to_string();
     assert!(
-        error.contains("capture.toml: kind: found none: a scan under a linear light source") && error.contains("expected \"dome\""),
+        error.contains("capture.toml: kind: found none: a scan under a linear light source")
+            && error.contains("expected \"dome\""),
         "{error}"
     );
 }

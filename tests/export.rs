@@ -47,11 +47,16 @@ fn the_exr_holds_every_map_and_error_bit_for_bit() {
     let all = image::read_exr(&dir.path().join("all.exr")).unwrap();
     let mut channels = 0;
     for side in ["front", "back"] {
-        for (file, prefix) in [(format!("{side}.exr"), side.to_string()), (format!("{side}_err.exr"), format!("{side}.err"))] {
+        for (file, prefix) in
+            [(format!("{side}.exr"), side.to_string()), (format!("{side}_err.exr"), format!("{side}.err"))]
+        {
             let own = image::read_exr(&dir.path().join("elm").join(file)).unwrap();
             for (name, samples) in &own.channels {
                 let copy = all.get(&format!("{prefix}.{name}")).unwrap();
-                assert!(samples.iter().zip(copy).all(|(a, b)| a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan())), "{prefix}.{name}");
+                assert!(
+                    samples.iter().zip(copy).all(|(a, b)| a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan())),
+                    "{prefix}.{name}"
+                );
                 channels += 1;
             }
         }
@@ -91,7 +96,8 @@ fn pictures_mean_what_their_ranges_say() {
     let dir = tempfile::tempdir().unwrap();
     with_blade(dir.path());
     export(dir.path(), "png", "maps");
-    let ranges: serde_json::Value = serde_json::from_slice(&std::fs::read(dir.path().join("maps/ranges.json")).unwrap()).unwrap();
+    let ranges: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(dir.path().join("maps/ranges.json")).unwrap()).unwrap();
     let front = image::read_exr(&dir.path().join("elm/front.exr")).unwrap();
     let mask = front.get("mask.Y").unwrap();
     let open = |name: &str| ::image::open(dir.path().join("maps").join(name)).unwrap().to_rgb8();
@@ -153,7 +159,11 @@ fn a_gltf_reader_sees_both_sides_in_metres_with_their_colours() {
         let pixel = &picture.pixels[3 * (row * picture.width as usize + x)..];
         for (c, name) in ["rho_d.R", "rho_d.G", "rho_d.B"].iter().enumerate() {
             let expected = maps.get(name).unwrap()[k];
-            assert!((linear(pixel[c]) - expected).abs() < 0.005, "{side} {name}: {} against {expected}", linear(pixel[c]));
+            assert!(
+                (linear(pixel[c]) - expected).abs() < 0.005,
+                "{side} {name}: {} against {expected}",
+                linear(pixel[c])
+            );
         }
         let roughness = primitive.material().pbr_metallic_roughness().metallic_roughness_texture().unwrap().texture();
         let picture = &images[roughness.source().index()];
@@ -206,8 +216,11 @@ fn the_obj_has_normals_and_names_files_that_are_there() {
     let list = |head: &str| -> Vec<Vec<f64>> { text.lines().filter(|l| l.starts_with(head)).map(vector).collect() };
     let (v, n) = (list("v "), list("vn "));
     for line in text.lines().filter(|l| l.starts_with("f ")) {
-        let corners: Vec<usize> =
-            line.split_whitespace().skip(1).map(|c| c.split('/').next().unwrap().parse::<usize>().unwrap() - 1).collect();
+        let corners: Vec<usize> = line
+            .split_whitespace()
+            .skip(1)
+            .map(|c| c.split('/').next().unwrap().parse::<usize>().unwrap() - 1)
+            .collect();
         let [a, b, c] = [&v[corners[0]], &v[corners[1]], &v[corners[2]]];
         let turning = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
         assert!(turning * n[corners[0]][2] > 0.0, "{line}");
@@ -243,9 +256,13 @@ fn parameters_come_out_as_json_without_invented_numbers() {
 fn one_file_goes_to_standard_output() {
     let dir = tempfile::tempdir().unwrap();
     with_blade(dir.path());
-    for (format, name) in
-        [("csv", "elm.csv"), ("json", "elm.json"), ("exr", "elm.exr"), ("glb", "elm.glb"), ("gltf-translucent", "thin.glb")]
-    {
+    for (format, name) in [
+        ("csv", "elm.csv"),
+        ("json", "elm.json"),
+        ("exr", "elm.exr"),
+        ("glb", "elm.glb"),
+        ("gltf-translucent", "thin.glb"),
+    ] {
         export(dir.path(), if format == "glb" { "gltf" } else { format }, name);
         let args = ["export", "elm", "--to", format, "-o", "-"];
         let out = Command::new(env!("CARGO_BIN_EXE_mesophyll")).args(args).current_dir(dir.path()).output().unwrap();
@@ -261,8 +278,11 @@ fn mistakes_are_one_sentence_and_write_nothing() {
     with_blade(dir.path());
     std::fs::create_dir(dir.path().join("folder")).unwrap();
     std::fs::create_dir(dir.path().join("slab")).unwrap();
-    std::fs::write(dir.path().join("slab/fit.toml"), "schema = 1\nkind = \"slab\"\nname = \"s\"\nprogram = \"p\"\ninput_hash = \"h\"\n")
-        .unwrap();
+    std::fs::write(
+        dir.path().join("slab/fit.toml"),
+        "schema = 1\nkind = \"slab\"\nname = \"s\"\nprogram = \"p\"\ninput_hash = \"h\"\n",
+    )
+    .unwrap();
     let cases: [(&[&str], &str); 7] = [
         (&["export", "elm", "--to", "png", "-o", "-"], "-o -: --to png writes several files"),
         (&["export", "elm", "--to", "obj", "--out", "-"], "-o -: --to obj writes several files"),

@@ -1,8 +1,9 @@
-//! `fits/` is what the program makes of `data/`: its leaves are scanned and fitted anew (as `make fits` does) and compared with what is
-//! committed.
+//! `fits/` is what the program makes of `data/`: its leaves are scanned and fitted anew (as `make fits` does) and
+//! compared with what is committed.
 //!
-//! On one kind of machine the bytes agree. On another the C library may round an exponential the other way, and then numbers may differ by
-//! a fiftieth of their own standard errors: far less than any change of a model, a convention or a seed makes.
+//! On one kind of machine the bytes agree. On another the C library may round an exponential the other way, and then
+//! numbers may differ by a fiftieth of their own standard errors: far less than any change of a model, a convention or
+//! a seed makes.
 
 use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
 use mesophyll::fit::record::FitRecord;
@@ -24,15 +25,21 @@ fn made_anew(name: &str) {
     let differing = compare(&committed, &fresh);
     println!(
         "{name}: {}",
-        if differing.is_empty() { "byte for byte".into() } else { format!("{} within tolerance", differing.join(", ")) }
+        if differing.is_empty() {
+            "byte for byte".into()
+        } else {
+            format!("{} within tolerance", differing.join(", "))
+        }
     );
 }
 
 /// Holds `fresh` against `committed`; the names of files that agree in substance but not in every byte.
 fn compare(committed: &Path, fresh: &Path) -> Vec<String> {
     assert_eq!(names(committed), names(fresh), "{}: other files than a fit writes", committed.display());
-    let differing: Vec<String> =
-        names(fresh).into_iter().filter(|n| std::fs::read(committed.join(n)).unwrap() != std::fs::read(fresh.join(n)).unwrap()).collect();
+    let differing: Vec<String> = names(fresh)
+        .into_iter()
+        .filter(|n| std::fs::read(committed.join(n)).unwrap() != std::fs::read(fresh.join(n)).unwrap())
+        .collect();
     for name in differing.iter().filter(|n| n.ends_with(".exr")) {
         close_maps(committed, fresh, name);
     }
@@ -42,7 +49,8 @@ fn compare(committed: &Path, fresh: &Path) -> Vec<String> {
     differing
 }
 
-/// What is committed of a fit: everything but its times and what it keeps of a synthetic scan's truth, which the scan can make again.
+/// What is committed of a fit: everything but its times and what it keeps of a synthetic scan's truth, which the scan
+/// can make again.
 fn names(folder: &Path) -> Vec<String> {
     let files = std::fs::read_dir(folder).unwrap().flatten().map(|e| e.file_name().to_string_lossy().into_owned());
     let mut names: Vec<String> = files.filter(|n| n != "times.toml" && !n.ends_with("_truth.exr")).collect();
@@ -89,7 +97,8 @@ fn close_maps(committed: &Path, fresh: &Path, name: &str) {
         let place = [k % old.width, k / old.width];
         assert!(
             ratio <= 1.0,
-            "{}: {channel} at {place:?} is {}, made anew it is {} ({ratio:.1} times what is allowed); `make fits` makes it anew",
+            "{}: {channel} at {place:?} is {}, made anew it is {} ({ratio:.1} times what is allowed); `make fits` \
+             makes it anew",
             committed.join(name).display(),
             a[k],
             b[k]
@@ -110,18 +119,30 @@ fn close_numbers(committed: &Path, fresh: &Path) {
             for (k, value) in p.value.iter().enumerate() {
                 let allowed = if p.stderr[k].is_finite() { f64::from(SHARE) * p.stderr[k] } else { 0.0 };
                 let found = a.params[name].value[k];
-                assert!((found - value).abs() <= allowed, "{side}.{name}: {found}, made anew {value} ± {}", p.stderr[k]);
+                assert!(
+                    (found - value).abs() <= allowed,
+                    "{side}.{name}: {found}, made anew {value} ± {}",
+                    p.stderr[k]
+                );
             }
         }
         for (name, value) in b.figures.iter().filter(|(n, _)| n.starts_with("blade_")) {
             assert!((a.figures[name] / value - 1.0).abs() < 1e-3, "{name}: {}, made anew {value}", a.figures[name]);
         }
         for (name, count) in &b.counts {
-            assert!(a.counts[name].abs_diff(*count) * 1000 <= b.counts["texels"], "{side}: {name}: {}, made anew {count}", a.counts[name]);
+            assert!(
+                a.counts[name].abs_diff(*count) * 1000 <= b.counts["texels"],
+                "{side}: {name}: {}, made anew {count}",
+                a.counts[name]
+            );
         }
         for (name, r) in &b.residuals {
             let found = a.residuals[name].reduced_chi2;
-            assert!((found / r.reduced_chi2 - 1.0).abs() < 1e-3, "{side}: {name}: χ² {found}, made anew {}", r.reduced_chi2);
+            assert!(
+                (found / r.reduced_chi2 - 1.0).abs() < 1e-3,
+                "{side}: {name}: χ² {found}, made anew {}",
+                r.reduced_chi2
+            );
         }
         for (name, t) in &b.truth {
             let found = a.truth[name].p99_relative;
@@ -134,7 +155,8 @@ fn close_numbers(committed: &Path, fresh: &Path) {
     }
 }
 
-/// The comparison itself: a twentieth of a tolerance passes, five times it does not, and neither does another number in `fit.toml`.
+/// The comparison itself: a twentieth of a tolerance passes, five times it does not, and neither does another number in
+/// `fit.toml`.
 #[test]
 fn a_change_of_a_tenth_of_a_standard_error_is_seen() {
     let committed = Path::new(env!("CARGO_MANIFEST_DIR")).join("fits/elm");

@@ -7,7 +7,8 @@ use assert_cmd::Command;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-const GEOMETRY: &str = "height_mm = 100.0\ntube_length_mm = 500.0\ntube_radius_mm = 2.5\ncamera_deg = 55.0\nu_start = -4.0\nu_end = 2.5\nframes = 100\n\
+const GEOMETRY: &str = "height_mm = 100.0\ntube_length_mm = 500.0\ntube_radius_mm = 2.5\ncamera_deg = 55.0\nu_start = \
+ -4.0\nu_end = 2.5\nframes = 100\n\
                         noise_relative = 0.01\nnoise_floor = 5e-4\n";
 
 fn geometry(dir: &Path, text: &str) -> PathBuf {
@@ -61,7 +62,8 @@ fn tilts_may_be_given_in_degrees() {
     let dir = tempfile::tempdir().unwrap();
     let geo = geometry(dir.path(), GEOMETRY);
     let eval = |input: &str| mesophyll(&["-q", "eval", "gloss", "--geometry", geo.to_str().unwrap()], input);
-    let radians = eval(&format!("rho_d,rho_s,m,tilt,tilt_y\n0.1,0.05,0.3,{:?},{:?}\n", 8f64.to_radians(), (-5f64).to_radians()));
+    let radians =
+        eval(&format!("rho_d,rho_s,m,tilt,tilt_y\n0.1,0.05,0.3,{:?},{:?}\n", 8f64.to_radians(), (-5f64).to_radians()));
     let degrees = eval("rho_d,rho_s,m,tilt_deg,tilt_y_deg\n0.1,0.05,0.3,8,-5\n");
     assert_eq!(degrees, radians);
     assert_ne!(degrees.1, eval("rho_d,rho_s,m,tilt,tilt_y\n0.1,0.05,0.3,0,0\n").1);
@@ -75,17 +77,20 @@ fn noisy_rgb_traces_and_their_errors() {
     let geo = geometry(dir.path(), GEOMETRY);
     let geo = geo.to_str().unwrap();
     let header = "id,seed,rho_d_r,rho_d_g,rho_d_b,rho_s_r,rho_s_g,rho_s_b,m,tilt\n";
-    let input: String =
-        std::iter::once(header.to_string()).chain((0..300).map(|k| format!("{k},{k},0.1,0.2,0.05,0.05,0.05,0.06,0.25,0.08\n"))).collect();
+    let input: String = std::iter::once(header.to_string())
+        .chain((0..300).map(|k| format!("{k},{k},0.1,0.2,0.05,0.05,0.05,0.06,0.25,0.08\n")))
+        .collect();
     let (_, traces, _) = mesophyll(&["eval", "gloss", "--geometry", geo, "--noise", "0.01", "--seed", "5"], &input);
-    let (_, again, _) = mesophyll(&["eval", "gloss", "--geometry", geo, "--noise", "0.01", "--seed", "5", "--threads", "1"], &input);
+    let (_, again, _) =
+        mesophyll(&["eval", "gloss", "--geometry", geo, "--noise", "0.01", "--seed", "5", "--threads", "1"], &input);
     assert_eq!(traces, again);
     let (code, fits, err) = mesophyll(&["fit", "gloss", "--geometry", geo], &traces);
     assert_eq!(code, 0, "{err}");
     let fits = rows(&fits);
     assert_eq!(fits.len(), 300);
     for (name, want) in [("rho_d_g", 0.2), ("rho_d_b", 0.05), ("rho_s_r", 0.05), ("m", 0.25), ("tilt", 0.08)] {
-        let inside = fits.iter().filter(|r| (number(r, name) - want).abs() < 1.96 * number(r, &format!("{name}_err"))).count();
+        let inside =
+            fits.iter().filter(|r| (number(r, name) - want).abs() < 1.96 * number(r, &format!("{name}_err"))).count();
         // 285 expected, standard deviation 3.8
         assert!((270..=298).contains(&inside), "{name}: {inside} of 300 inside their 95 % interval");
     }
@@ -99,11 +104,13 @@ fn bad_rows_are_named_in_their_rows() {
     let dir = tempfile::tempdir().unwrap();
     let geo = geometry(dir.path(), GEOMETRY);
     let geo = geo.to_str().unwrap();
-    let (_, traces, _) = mesophyll(&["eval", "gloss", "--geometry", geo], "id,rho_d,rho_s,m,tilt\ngood,0.1,0.05,0.2,0.0\n");
+    let (_, traces, _) =
+        mesophyll(&["eval", "gloss", "--geometry", geo], "id,rho_d,rho_s,m,tilt\ngood,0.1,0.05,0.2,0.0\n");
     let good = traces.lines().nth(1).unwrap().rsplit_once(',').unwrap().0;
     let cells: Vec<&str> = good.split(',').collect();
     let mut clipped: Vec<String> = cells.iter().map(|c| c.to_string()).collect();
-    let peak = (1..=100).max_by(|a, b| cells[*a].parse::<f64>().unwrap().total_cmp(&cells[*b].parse().unwrap())).unwrap();
+    let peak =
+        (1..=100).max_by(|a, b| cells[*a].parse::<f64>().unwrap().total_cmp(&cells[*b].parse().unwrap())).unwrap();
     clipped[0] = "clipped".into();
     clipped[peak - 1..=peak + 1].fill(String::new());
     clipped[peak] = "nan".into();
@@ -120,7 +127,8 @@ fn bad_rows_are_named_in_their_rows() {
     );
     let (code, fits, err) = mesophyll(&["fit", "gloss", "--geometry", geo], &text);
     assert_eq!(code, 0, "{err}");
-    let status: Vec<(String, String)> = rows(&fits).into_iter().map(|r| (r["id"].clone(), r["status"].clone())).collect();
+    let status: Vec<(String, String)> =
+        rows(&fits).into_iter().map(|r| (r["id"].clone(), r["status"].clone())).collect();
     assert_eq!(status[0], ("good".into(), "ok".into()));
     assert_eq!(status[1].1, "ok");
     assert_eq!(status[2].1, "ok");
@@ -141,7 +149,8 @@ fn wrong_geometry_is_an_error_with_its_place() {
     ] {
         let geo = geometry(dir.path(), &text);
         let header: Vec<String> = (0..100).map(|k| format!("r{k}")).collect();
-        let (code, out, err) = mesophyll(&["fit", "gloss", "--geometry", geo.to_str().unwrap()], &format!("{}\n", header.join(",")));
+        let (code, out, err) =
+            mesophyll(&["fit", "gloss", "--geometry", geo.to_str().unwrap()], &format!("{}\n", header.join(",")));
         assert_eq!((code, out.as_str()), (2, ""), "{err}");
         assert!(wants.iter().all(|w| err.contains(w)), "{err}");
         assert_eq!(err.lines().count(), 1, "{err}");
@@ -171,8 +180,15 @@ fn goniometer_samples_give_back_a_known_leaf() {
     let (code, out, err) = mesophyll(&["fit", "gloss", "--samples", "--values", "a,b"], &text);
     assert_eq!(code, 0, "{err}");
     let fits = rows(&out);
-    for (name, want) in [("rho_d_a", 0.05), ("rho_d_b", 0.4), ("rho_s", rho_s), ("m", m), ("tilt", tilt), ("tilt_y", tilt_y), ("rms", 0.0)]
-    {
+    for (name, want) in [
+        ("rho_d_a", 0.05),
+        ("rho_d_b", 0.4),
+        ("rho_s", rho_s),
+        ("m", m),
+        ("tilt", tilt),
+        ("tilt_y", tilt_y),
+        ("rms", 0.0),
+    ] {
         assert!((number(&fits[0], name) - want).abs() < 1e-6, "{name}: {}", fits[0][name]);
     }
     assert_eq!(fits[0]["status"], "ok");
@@ -185,7 +201,8 @@ fn real_leaves() {
     let brf = Path::new(&data).join("leaves/brf.csv");
     let mut medians = Vec::new();
     for lobe in ["beckmann", "ggx"] {
-        let (code, out, err) = mesophyll(&["fit", "gloss", "--samples", "--lobe", lobe, "--in", brf.to_str().unwrap()], "");
+        let (code, out, err) =
+            mesophyll(&["fit", "gloss", "--samples", "--lobe", lobe, "--in", brf.to_str().unwrap()], "");
         assert_eq!(code, 0, "{err}");
         let mut rms: Vec<f64> = rows(&out).iter().map(|r| number(r, "rms")).collect();
         rms.sort_by(f64::total_cmp);

@@ -1,5 +1,5 @@
-//! Every committed scene is drawn, small, and compared with its golden pictures; fits that are wrong but consistent, and hashed anew, must miss
-//! them.
+//! Every committed scene is drawn, small, and compared with its golden pictures; fits that are wrong but consistent,
+//! and hashed anew, must miss them.
 #![cfg(feature = "render")]
 
 #[path = "common/skips.rs"]
@@ -33,11 +33,19 @@ fn scenes() -> Vec<PathBuf> {
 
 fn check(scene: &Path, out: &Path, args: &[&str]) -> Output {
     let mut command = assert_cmd::Command::cargo_bin("mesophyll").unwrap();
-    command.args(["--quiet", "check", "--goldens-only", "--json"]).args(args).arg("--out").arg(out).arg(scene).output().unwrap()
+    command
+        .args(["--quiet", "check", "--goldens-only", "--json"])
+        .args(args)
+        .arg("--out")
+        .arg(out)
+        .arg(scene)
+        .output()
+        .unwrap()
 }
 
 fn json(output: &Output) -> Value {
-    serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{e}: {}", String::from_utf8_lossy(&output.stderr)))
+    serde_json::from_slice(&output.stdout)
+        .unwrap_or_else(|e| panic!("{e}: {}", String::from_utf8_lossy(&output.stderr)))
 }
 
 /// Scans, fits and translucency maps that are not committed are made on the way.
@@ -71,7 +79,8 @@ fn every_committed_scene_draws_its_goldens() {
         }
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
-    let there: BTreeSet<PathBuf> = std::fs::read_dir(root().join("data/scenes/golden")).unwrap().map(|e| e.unwrap().path()).collect();
+    let there: BTreeSet<PathBuf> =
+        std::fs::read_dir(root().join("data/scenes/golden")).unwrap().map(|e| e.unwrap().path()).collect();
     assert_eq!(there, known, "a golden of no view, or a view without a golden; `make goldens` draws them anew");
 }
 
@@ -82,7 +91,8 @@ struct Tampering {
     act: fn(&Path),
 }
 
-/// Writes the fit `elm` under `fits` anew as the window's edit does: the maps are solved again, and everything is hashed.
+/// Writes the fit `elm` under `fits` anew as the window's edit does: the maps are solved again, and everything is
+/// hashed.
 fn edit(fits: &Path, name: &str, change: impl Fn(f64) -> Change) {
     let folder = fits.join(name);
     let fitted = Fitted::open(name, &folder).unwrap();
@@ -109,7 +119,9 @@ fn paler(folder: &Path) {
             let path = folder.join(&file);
             let mut maps = read_exr(&path).unwrap();
             for (name, plane) in &mut maps.channels {
-                let of_gamma = name.starts_with("gamma.") || name.starts_with("rho_d.") || (file.contains("gamma_delta") && name != "A");
+                let of_gamma = name.starts_with("gamma.")
+                    || name.starts_with("rho_d.")
+                    || (file.contains("gamma_delta") && name != "A");
                 plane.iter_mut().filter(|_| of_gamma).for_each(|v| *v *= 0.8);
             }
             write_exr(&path, &maps, Packing::Zip).unwrap();
@@ -131,12 +143,17 @@ const TAMPERINGS: [Tampering; 7] = [
     Tampering { what: "thickness × 1.3", scene: "twig", act: |fits| edit(fits, "elm", |h| scaled(1.0, 0.3 * h)) },
     Tampering { what: "σa × 1.5", scene: "twig", act: |fits| edit(fits, "elm", |_| scaled(1.5, 0.0)) },
     Tampering { what: "γ × .8", scene: "front-lit", act: |fits| paler(&fits.join("elm")) },
-    Tampering { what: "ρs × 2", scene: "glossy-sky", act: |fits| edit(fits, "balata", |_| Change { rho_s: 2.0, ..unchanged() }) },
+    Tampering {
+        what: "ρs × 2",
+        scene: "glossy-sky",
+        act: |fits| edit(fits, "balata", |_| Change { rho_s: 2.0, ..unchanged() }),
+    },
     Tampering { what: "m × 2", scene: "sky", act: |fits| edit(fits, "balata", |_| Change { m: 2.0, ..unchanged() }) },
     Tampering { what: "load × 2.5", scene: "twig", act: |fits| heavier(&fits.join("elm-twig")) },
 ];
 
-/// The goldens here are drawn from the committed fits as they are, so that this test says nothing of the committed pictures.
+/// The goldens here are drawn from the committed fits as they are, so that this test says nothing of the committed
+/// pictures.
 #[test]
 fn a_consistent_but_wrong_fit_misses_its_golden() {
     let dir = tempfile::tempdir().unwrap();
@@ -167,7 +184,11 @@ fn a_consistent_but_wrong_fit_misses_its_golden() {
         act(&fits);
         let output = check(&path, &out, &[]);
         let report = json(&output);
-        assert_eq!(report["failures"].as_array().map(Vec::len), Some(0), "{what} of {scene} is seen without a golden: {report:#}");
+        assert_eq!(
+            report["failures"].as_array().map(Vec::len),
+            Some(0),
+            "{what} of {scene} is seen without a golden: {report:#}"
+        );
         assert_eq!(output.status.code(), Some(1), "{what} of {scene} passes: {report:#}");
         let missed: Vec<&Value> = report["views"].as_array().unwrap().iter().filter(|v| v["passed"] == false).collect();
         for view in &missed {
@@ -202,7 +223,10 @@ fn a_number_changed_by_hand_is_named() {
         let report = json(&output);
         assert_eq!(output.status.code(), Some(1), "{file}: {report:#}");
         let named = report["failures"].as_array().unwrap().iter().filter_map(Value::as_str);
-        assert!(named.clone().any(|f| f.contains(file) && f.contains("changed since it was written")), "{file}: {report:#}");
+        assert!(
+            named.clone().any(|f| f.contains(file) && f.contains("changed since it was written")),
+            "{file}: {report:#}"
+        );
         std::fs::write(&place, text).unwrap();
     }
 }

@@ -1,5 +1,5 @@
-//! Frames that no fit sees: left out by choice, predicted within their noise, and a wrong fit is caught by them whatever its files say of
-//! themselves.
+//! Frames that no fit sees: left out by choice, predicted within their noise, and a wrong fit is caught by them
+//! whatever its files say of themselves.
 
 mod common;
 
@@ -34,7 +34,8 @@ fn report(fit: &Path) -> Value {
 /// Largest error in units of the noise over rows of a kind.
 fn off(report: &Value, kind: &str) -> f64 {
     let rows = report["held_out"]["rows"].as_array().unwrap();
-    let worst = rows.iter().filter(|r| r["kind"] == kind).map(|r| r["off"].as_f64().unwrap()).fold(f64::NEG_INFINITY, f64::max);
+    let worst =
+        rows.iter().filter(|r| r["kind"] == kind).map(|r| r["off"].as_f64().unwrap()).fold(f64::NEG_INFINITY, f64::max);
     assert!(worst.is_finite(), "no row of {kind}: {rows:#?}");
     worst
 }
@@ -67,7 +68,9 @@ fn held_out_frames_are_named_and_predicted_within_their_noise() {
     let page = fit.with_extension("html");
     succeeded(&run(["report", fit.to_str().unwrap(), "-o", page.to_str().unwrap()]));
     let page = std::fs::read_to_string(page).unwrap();
-    assert!(page.contains("Frames that the fit did not see") && page.matches("measured, not seen by the fit").count() >= 2);
+    assert!(
+        page.contains("Frames that the fit did not see") && page.matches("measured, not seen by the fit").count() >= 2
+    );
 }
 
 #[test]
@@ -151,7 +154,8 @@ fn tampered(dir: &Path, by: Tamper) -> PathBuf {
         }
         let thickness = maps.get("thickness.Y").unwrap().to_vec();
         for (k, c) in ["R", "G", "B"].iter().enumerate() {
-            let slab: Vec<_> = thickness.iter().map(|t| slab::response(sigma_a[k], sigma_s[k], f64::from(*t))).collect();
+            let slab: Vec<_> =
+                thickness.iter().map(|t| slab::response(sigma_a[k], sigma_s[k], f64::from(*t))).collect();
             let gamma = maps.get(&format!("gamma.{c}")).unwrap().to_vec();
             set(&mut maps, &format!("rho_d.{c}"), slab.iter().zip(&gamma).map(|(s, g)| s.rho_d as f32 * g).collect());
             set(&mut maps, &format!("rho_t.{c}"), slab.iter().map(|s| s.rho_t as f32).collect());
@@ -192,7 +196,8 @@ const LIST: [(&str, Tamper, bool, bool); 5] = [
 
 #[test]
 fn a_wrong_but_consistent_fit_is_caught_by_what_was_measured() {
-    // Solving the maps again, with nothing changed, is no tampering: the fit's own ρt is a measurement, the slab's is a model of it.
+    // Solving the maps again, with nothing changed, is no tampering: the fit's own ρt is a measurement, the slab's is a
+    // model of it.
     let dir = tempfile::tempdir().unwrap();
     let honest = report(&tampered(dir.path(), HONEST));
     assert!(off(&honest, "stored") <= 1.0 / 3.0 && off(&honest, "light_box") <= 1.0 / 3.0, "{:#}", honest["held_out"]);
@@ -200,7 +205,10 @@ fn a_wrong_but_consistent_fit_is_caught_by_what_was_measured() {
         let dir = tempfile::tempdir().unwrap();
         let report = report(&tampered(dir.path(), by));
         let found = [off(&report, "stored"), off(&report, "light_box")];
-        eprintln!("{name}: held-out frames are off by {:.2} of their noise, the light box by {:.2}", found[0], found[1]);
+        eprintln!(
+            "{name}: held-out frames are off by {:.2} of their noise, the light box by {:.2}",
+            found[0], found[1]
+        );
         assert_eq!(report["verdict"]["level"], "bad", "{name}: {:#}", report["verdict"]);
         assert!(!frames || found[0] > 1.0, "{name}: frames {found:?}");
         assert!(!light_box || found[1] > 1.0, "{name}: light box {found:?}");
@@ -218,8 +226,10 @@ mod drawn {
     fn scene(dir: &Path, more: &str) -> PathBuf {
         let path = dir.join("scene.toml");
         let text = format!(
-            "schema = 1\nname = \"scan\"\ntolerance = 0.004\n[[leaf]]\nname = \"elm\"\nfit = \"fit\"\n[[instance]]\nleaf = \"elm\"\n\
-             [sun]\nzenith_deg = 30\nirradiance = [1.0, 1.0, 1.0]\n[[view]]\nname = \"seen\"\nkind = \"capture\"\nleaf = \"elm\"\n{more}"
+            "schema = 1\nname = \"scan\"\ntolerance = 0.004\n[[leaf]]\nname = \"elm\"\nfit \
+             = \"fit\"\n[[instance]]\nleaf = \"elm\"\n\
+             [sun]\nzenith_deg = 30\nirradiance = [1.0, 1.0, 1.0]\n[[view]]\nname = \"seen\"\nkind = \"capture\"\nleaf \
+             = \"elm\"\n{more}"
         );
         std::fs::write(&path, text).unwrap();
         path
@@ -227,7 +237,10 @@ mod drawn {
 
     fn check(verb: &str, scene: &Path) -> Option<Output> {
         let out = scene.with_extension("out");
-        let output = mesophyll().args([verb, scene.to_str().unwrap(), "--json", "--out", out.to_str().unwrap()]).output().unwrap();
+        let output = mesophyll()
+            .args([verb, scene.to_str().unwrap(), "--json", "--out", out.to_str().unwrap()])
+            .output()
+            .unwrap();
         let none = String::from_utf8_lossy(&output.stderr).contains("no graphics adapter");
         if none {
             eprintln!("skipped: no graphics adapter");
@@ -236,7 +249,8 @@ mod drawn {
     }
 
     fn json(output: &Output) -> Value {
-        serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{e}: {}", String::from_utf8_lossy(&output.stderr)))
+        serde_json::from_slice(&output.stdout)
+            .unwrap_or_else(|e| panic!("{e}: {}", String::from_utf8_lossy(&output.stderr)))
     }
 
     #[test]
@@ -252,7 +266,8 @@ mod drawn {
             for who in ["renderer", "reference"] {
                 let drawn = &capture[who];
                 assert!(drawn["off"].as_f64().unwrap() < 0.34, "{capture:#}");
-                // The tube as a sum of points, half floats and the slab's curve, against the exact integral: a small part of the noise.
+                // The tube as a sum of points, half floats and the slab's curve, against the exact integral: a small
+                // part of the noise.
                 assert!(drawn["from_model"].as_f64().unwrap() < 0.1, "{capture:#}");
             }
             for image in ["measured_image", "image", "reference_image", "residual_image"] {
@@ -282,7 +297,8 @@ mod drawn {
         tampered(dir.path(), LIST[3].1);
         let path = scene(dir.path(), "");
         let out = dir.path().join("out");
-        let output = mesophyll().args(["run", path.to_str().unwrap(), "--out", out.to_str().unwrap()]).output().unwrap();
+        let output =
+            mesophyll().args(["run", path.to_str().unwrap(), "--out", out.to_str().unwrap()]).output().unwrap();
         let text = String::from_utf8_lossy(&output.stdout).into_owned();
         assert_eq!(output.status.code(), Some(1), "{text}");
         assert!(text.trim_end().lines().last().unwrap().starts_with("Not good:"), "{text}");
@@ -298,6 +314,9 @@ mod drawn {
         let found = json(&output);
         assert_eq!(output.status.code(), Some(0), "{found:#}");
         let skipped = found["skipped"].to_string();
-        assert!(skipped.contains("view seen was skipped") && found["captures"].as_array().unwrap().is_empty(), "{found:#}");
+        assert!(
+            skipped.contains("view seen was skipped") && found["captures"].as_array().unwrap().is_empty(),
+            "{found:#}"
+        );
     }
 }

@@ -61,9 +61,14 @@ fn what_follows_from_absence_is_said() {
     let (code, found) = look(dir.path(), &[]);
     assert_eq!(code, 0, "{}", lines(&found, "problems"));
     let notes = lines(&found, "notes");
-    for said in
-        ["pass \"y\" is absent", "the back is absent", "white/ is absent", "dark.exr is absent", "mask.exr is absent", "along the normal"]
-    {
+    for said in [
+        "pass \"y\" is absent",
+        "the back is absent",
+        "white/ is absent",
+        "dark.exr is absent",
+        "mask.exr is absent",
+        "along the normal",
+    ] {
         assert!(notes.contains(said), "{said} is not in\n{notes}");
     }
 }
@@ -129,7 +134,9 @@ fn only_a_deep_look_reads_every_sample() {
     ["R", "G", "B"].iter().for_each(|c| smooth.push(*c, (0..432).map(|i| (i / 24) as f32 * 0.01).collect()));
     image::write_exr(&path, &smooth, Packing::Zip).unwrap();
     let mut bytes = std::fs::read(&path).unwrap();
-    let header = bytes.windows(2).rposition(|w| w == [0x78, 0x5e] || w == [0x78, 0x9c] || w == [0x78, 0x01] || w == [0x78, 0xda]);
+    let header = bytes
+        .windows(2)
+        .rposition(|w| w == [0x78, 0x5e] || w == [0x78, 0x9c] || w == [0x78, 0x01] || w == [0x78, 0xda]);
     let first = bytes.windows(2).position(|w| w == &bytes[header.unwrap()..header.unwrap() + 2]).unwrap();
     bytes[first + 4..first + 20].iter_mut().for_each(|b| *b ^= 0xa5);
     std::fs::write(&path, bytes).unwrap();

@@ -14,7 +14,8 @@ fn clean_scan() -> &'static Path {
     &SCAN
         .get_or_init(|| {
             let dir = tempfile::tempdir().unwrap();
-            let capture = scan(dir.path(), "balata", &["--size", "48x36", "--frames", "60", "--noise", "0", "--seed", "1"]);
+            let capture =
+                scan(dir.path(), "balata", &["--size", "48x36", "--frames", "60", "--noise", "0", "--seed", "1"]);
             (dir, capture)
         })
         .1
@@ -26,7 +27,8 @@ fn small_scan() -> &'static Path {
     &SCAN
         .get_or_init(|| {
             let dir = tempfile::tempdir().unwrap();
-            let capture = scan(dir.path(), "elm", &["--size", "24x18", "--frames", "16", "--noise", "0.01", "--seed", "1"]);
+            let capture =
+                scan(dir.path(), "elm", &["--size", "24x18", "--frames", "16", "--noise", "0.01", "--seed", "1"]);
             (dir, capture)
         })
         .1
@@ -51,15 +53,26 @@ fn a_noise_free_scan_is_recovered_to_a_thousandth() {
     let record = FitRecord::read(&out).unwrap();
     for side in ["front", "back"] {
         let section = &record.sections[side];
-        assert!(section.counts["good"] * 100 >= (section.counts["texels"] - section.counts["outside"]) * 98, "{:?}", section.counts);
+        assert!(
+            section.counts["good"] * 100 >= (section.counts["texels"] - section.counts["outside"]) * 98,
+            "{:?}",
+            section.counts
+        );
         for quantity in ["rho_d", "rho_t", "thickness", "sigma_a", "sigma_s"] {
             let error = section.truth[quantity];
             assert!(error.p99_relative < 1e-3, "{side} {quantity}: {error:?}");
         }
     }
-    for name in
-        ["front.exr", "back.exr", "front_err.exr", "back_err.exr", "front_gamma_delta.exr", "back_rho_s_m.exr", "blade.glb", "times.toml"]
-    {
+    for name in [
+        "front.exr",
+        "back.exr",
+        "front_err.exr",
+        "back_err.exr",
+        "front_gamma_delta.exr",
+        "back_rho_s_m.exr",
+        "blade.glb",
+        "times.toml",
+    ] {
         assert!(out.join(name).exists(), "{name}");
     }
     // ρd + ρt + absorbed = 1 with something absorbed everywhere
@@ -68,7 +81,8 @@ fn a_noise_free_scan_is_recovered_to_a_thousandth() {
     assert!((0..mask.len()).all(|k| mask[k] != 1.0 || d[k] + t[k] < 1.0));
 }
 
-/// The light box seen at 40°: the slab is solved for that incidence, and ρt is written for a beam along the normal, as the truth is.
+/// The light box seen at 40°: the slab is solved for that incidence, and ρt is written for a beam along the normal, as
+/// the truth is.
 #[test]
 fn an_oblique_light_box_recovers_the_same_leaf() {
     let dir = tempfile::tempdir().unwrap();
@@ -81,7 +95,8 @@ fn an_oblique_light_box_recovers_the_same_leaf() {
     succeeded(&run([["synth", spec.to_str().unwrap(), "-o", capture.as_str()].as_slice(), args.as_slice()].concat()));
     // What the box shows is not ρt along the normal: converting it is what is tested.
     let read = |name: &str| read_exr(&Path::new(&capture).join(name)).unwrap();
-    let (truth, box_, leaf, dark) = (read("truth/front.exr"), read("lightbox_empty.exr"), read("front/lightbox.exr"), read("dark.exr"));
+    let (truth, box_, leaf, dark) =
+        (read("truth/front.exr"), read("lightbox_empty.exr"), read("front/lightbox.exr"), read("dark.exr"));
     let k = (0..32 * 24).find(|&k| k > 12 * 32 + 10 && truth.get("mask.Y").unwrap()[k] == 1.0).unwrap();
     let at = |m: &mesophyll::files::image::Maps| m.get("G").unwrap()[k];
     let ratio = (at(&leaf) - at(&dark)) / (at(&box_) - at(&dark));
@@ -98,7 +113,8 @@ fn an_oblique_light_box_recovers_the_same_leaf() {
     }
 }
 
-/// A tube that is 2 mm from where `capture.toml` puts it: the mirror strip says so, and says by how much the fitted normals will lean.
+/// A tube that is 2 mm from where `capture.toml` puts it: the mirror strip says so, and says by how much the fitted
+/// normals will lean.
 #[test]
 fn the_mirror_strip_foretells_the_lean_of_the_normals() {
     let dir = tempfile::tempdir().unwrap();
@@ -123,14 +139,20 @@ fn the_mirror_strip_foretells_the_lean_of_the_normals() {
     // cos²(55°)/(2 · 100 mm) · 2 mm
     assert!((lean(&wrong, 0) - 0.1885).abs() < 0.02 && lean(&wrong, 1).abs() < 0.02, "{wrong:#}");
     let warnings = wrong["warnings"].to_string();
-    assert!(warnings.contains("mirror/x") && warnings.contains("normals will lean by +0.1") && warnings.contains("start_mm"), "{warnings}");
+    assert!(
+        warnings.contains("mirror/x")
+            && warnings.contains("normals will lean by +0.1")
+            && warnings.contains("start_mm"),
+        "{warnings}"
+    );
 
     let mean_tilt = |capture: &Path| {
         let out = capture.with_extension("fit");
         succeeded(&run(["fit", "leaf", capture.to_str().unwrap(), "-o", out.to_str().unwrap()]));
         let maps = read_exr(&out.join("front.exr")).unwrap();
         let (mask, x, z) = (maps.get("mask.Y").unwrap(), maps.get("normal.X").unwrap(), maps.get("normal.Z").unwrap());
-        let tilts: Vec<f64> = (0..mask.len()).filter(|&k| mask[k] == 1.0).map(|k| f64::from(x[k] / z[k]).atan().to_degrees()).collect();
+        let tilts: Vec<f64> =
+            (0..mask.len()).filter(|&k| mask[k] == 1.0).map(|k| f64::from(x[k] / z[k]).atan().to_degrees()).collect();
         tilts.iter().sum::<f64>() / tilts.len() as f64
     };
     let leaned = mean_tilt(&shifted) - mean_tilt(&right);
@@ -148,7 +170,9 @@ fn shards_and_a_resumed_run_give_the_bytes_of_one_run() {
     refused(&run(["fit", "leaf", capture, "-o", &parts, "--merge"]), 1, &["parts are missing"]);
     succeeded(&run(["fit", "leaf", capture, "-o", &parts, "--shard", "2/2"]));
     succeeded(&run(["fit", "leaf", capture, "-o", &parts, "--merge"]));
-    for name in ["fit.toml", "front.exr", "back.exr", "front_err.exr", "blade.glb", "front_gamma_delta.exr", "front_rho_d.png"] {
+    for name in
+        ["fit.toml", "front.exr", "back.exr", "front_err.exr", "blade.glb", "front_gamma_delta.exr", "front_rho_d.png"]
+    {
         let [a, b] = [&one, &parts].map(|d| std::fs::read(Path::new(d).join(name)).unwrap());
         assert!(a == b, "{name} differs");
     }
@@ -171,7 +195,9 @@ fn ctrl_c_keeps_finished_parts_and_the_next_run_goes_on() {
         let folders = std::fs::read_dir(out).into_iter().flatten().flatten().filter(|e| e.path().is_dir());
         folders
             .flat_map(|f| std::fs::read_dir(f.path()).into_iter().flatten().flatten())
-            .filter(|e| e.file_name().to_string_lossy().ends_with(".exr") && !e.file_name().to_string_lossy().starts_with('.'))
+            .filter(|e| {
+                e.file_name().to_string_lossy().ends_with(".exr") && !e.file_name().to_string_lossy().starts_with('.')
+            })
             .count()
     };
     while parts(&out) == 0 && child.try_wait().unwrap().is_none() {
@@ -326,16 +352,20 @@ fn a_full_disk_ends_in_a_sentence_and_leaves_nothing_half_written() {
     let output = std::process::Command::new("sh").args(["-c", &script]).output().unwrap();
     refused(&output, 1, &["cannot write"]);
     assert!(!out.join("fit.toml").exists());
-    let litter: Vec<_> =
-        std::fs::read_dir(&out).unwrap().flatten().filter(|e| e.file_name().to_string_lossy().ends_with(".partial")).collect();
+    let litter: Vec<_> = std::fs::read_dir(&out)
+        .unwrap()
+        .flatten()
+        .filter(|e| e.file_name().to_string_lossy().ends_with(".partial"))
+        .collect();
     assert!(litter.is_empty(), "{litter:?}");
     // With room again the same command goes on and ends well.
     succeeded(&run(["fit", "leaf", small_scan().to_str().unwrap(), "-o", out.to_str().unwrap()]));
     FitRecord::read(&out).unwrap().verify(&out).unwrap();
 }
 
-/// The maps of σa and σs explain every texel by a pigment of its own, while the true elm has one σa and σs and an albedo factor γ. Their intervals
-/// hold the true leaf described in the same way; the exact slab, which the fit does not use, turns that description back into the true ρd and ρt.
+/// The maps of σa and σs explain every texel by a pigment of its own, while the true elm has one σa and σs and an
+/// albedo factor γ. Their intervals hold the true leaf described in the same way; the exact slab, which the fit does
+/// not use, turns that description back into the true ρd and ρt.
 #[test]
 fn intervals_of_the_pigment_maps_hold_the_true_leaf() {
     let dir = tempfile::tempdir().unwrap();
@@ -346,7 +376,8 @@ fn intervals_of_the_pigment_maps_hold_the_true_leaf() {
     for side in ["front", "back"] {
         let read = |path: &Path| read_exr(path).unwrap();
         let (fit, err) = (read(&out.join(format!("{side}.exr"))), read(&out.join(format!("{side}_err.exr"))));
-        let (own, truth) = (read(&out.join(format!("{side}_truth.exr"))), read(&capture.join(format!("truth/{side}.exr"))));
+        let (own, truth) =
+            (read(&out.join(format!("{side}_truth.exr"))), read(&capture.join(format!("truth/{side}.exr"))));
         let mask = fit.get("mask.Y").unwrap();
         for name in ["sigma_a", "sigma_s"] {
             let (mut inside, mut all, mut apart) = (0, 0, 0);
@@ -362,17 +393,25 @@ fn intervals_of_the_pigment_maps_hold_the_true_leaf() {
             }
             let (share, missed) = (inside as f64 / all as f64, apart as f64 / all as f64);
             assert!((0.93..=0.97).contains(&share), "{side} {name}: {share} of {all}");
-            // The leaf's one σ is another quantity: these intervals miss it far more often than the 5 % that theirs may miss.
+            // The leaf's one σ is another quantity: these intervals miss it far more often than the 5 % that theirs may
+            // miss.
             assert!(missed > 0.3, "{side} {name}: {missed}");
             let said = record.sections[side].truth[&format!("{name}_map")];
-            assert!((said.coverage95.unwrap() - share).abs() < 0.005 && said.judged == Some(all), "{said:?} {share} {all}");
+            assert!(
+                (said.coverage95.unwrap() - share).abs() < 0.005 && said.judged == Some(all),
+                "{said:?} {share} {all}"
+            );
         }
         for c in ["R", "G", "B"] {
-            let at = |maps: &mesophyll::files::image::Maps, name: &str, k: usize| f64::from(maps.get(&format!("{name}.{c}")).unwrap()[k]);
+            let at = |maps: &mesophyll::files::image::Maps, name: &str, k: usize| {
+                f64::from(maps.get(&format!("{name}.{c}")).unwrap()[k])
+            };
             for k in (0..mask.len()).filter(|&k| mask[k] == 1.0 && at(&own, "sigma_a", k).is_finite()).step_by(37) {
                 let thickness = f64::from(truth.get("thickness.Y").unwrap()[k]);
-                let slab = mesophyll::optics::slab::exact::response(at(&own, "sigma_a", k), at(&own, "sigma_s", k), thickness);
-                let off = [slab.rho_d / at(&truth, "rho_d", k), slab.rho_t / at(&truth, "rho_t", k)].map(|r| (r - 1.0).abs());
+                let slab =
+                    mesophyll::optics::slab::exact::response(at(&own, "sigma_a", k), at(&own, "sigma_s", k), thickness);
+                let off =
+                    [slab.rho_d / at(&truth, "rho_d", k), slab.rho_t / at(&truth, "rho_t", k)].map(|r| (r - 1.0).abs());
                 assert!(off.iter().all(|o| *o < 2e-4), "{side} {c} texel {k}: {off:?}");
             }
         }
@@ -381,10 +420,14 @@ fn intervals_of_the_pigment_maps_hold_the_true_leaf() {
     succeeded(&run(["report", out.to_str().unwrap(), "-o", page.to_str().unwrap()]));
     let page = std::fs::read_to_string(page).unwrap();
     assert_eq!(mesophyll::report::figure::unnamed(&record), Vec::<String>::new());
-    assert!(page.contains("describe the leaf in another way than the parameters") && page.contains("described in the same way"));
+    assert!(
+        page.contains("describe the leaf in another way than the parameters")
+            && page.contains("described in the same way")
+    );
 }
 
-/// σa and σs are inversely proportional to the caliper's thickness: its share stands beside the fit's own, and the two add as squares.
+/// σa and σs are inversely proportional to the caliper's thickness: its share stands beside the fit's own, and the two
+/// add as squares.
 #[test]
 fn the_calipers_share_of_an_error_is_stated() {
     let dir = tempfile::tempdir().unwrap();
@@ -407,7 +450,11 @@ fn the_calipers_share_of_an_error_is_stated() {
             assert!((share - 0.02).abs() < 1e-9, "{share}");
             // What the fit without a caliper's error states is the fit's own part.
             let sum = b.stderr[c].hypot(a.stderr_caliper[c]);
-            assert!((a.stderr[c] / sum - 1.0).abs() < 1e-6 || !sum.is_finite(), "{name} {c}: {} and {sum}", a.stderr[c]);
+            assert!(
+                (a.stderr[c] / sum - 1.0).abs() < 1e-6 || !sum.is_finite(),
+                "{name} {c}: {} and {sum}",
+                a.stderr[c]
+            );
         }
     }
     let thickness = &with.sections["front"].params["thickness"];

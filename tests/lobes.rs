@@ -1,7 +1,9 @@
-//! Which lobe real leaves want: the figures and the picture of `docs/lobes.md`, made from goniometer scans by `fit gloss --samples`.
+//! Which lobe real leaves want: the figures and the picture of `docs/lobes.md`, made from goniometer scans by `fit
+//! gloss --samples`.
 //!
-//! With `MESOPHYLL_DATA` set the page's figures are computed again and must be the printed ones; with `MESOPHYLL_WRITE_DOCS=1` beside it
-//! the page's table and `docs/lobes.svg` are written anew: `MESOPHYLL_WRITE_DOCS=1 cargo test --release --test lobes`.
+//! With `MESOPHYLL_DATA` set the page's figures are computed again and must be the printed ones; with
+//! `MESOPHYLL_WRITE_DOCS=1` beside it the page's table and `docs/lobes.svg` are written anew: `MESOPHYLL_WRITE_DOCS=1
+//! cargo test --release --test lobes`.
 
 #[path = "lobes/picture.rs"]
 mod picture;
@@ -38,7 +40,8 @@ impl Leaf {
     pub fn rms(&self, lobe: usize) -> f64 {
         self.fits[lobe]["rms"]
     }
-    /// AIC of Beckmann's lobe less that of the long-tailed one: n ln of the ratio of the sums of squares, as both have as many parameters.
+    /// AIC of Beckmann's lobe less that of the long-tailed one: n ln of the ratio of the sums of squares, as both have
+    /// as many parameters.
     pub fn delta_aic(&self) -> f64 {
         let n = self.samples.iter().map(|s| s.brf.len()).sum::<usize>() as f64;
         2.0 * n * (self.rms(0) / self.rms(1)).ln()
@@ -67,7 +70,9 @@ fn leaves(brf: &Path) -> Vec<Leaf> {
             .output()
             .unwrap();
         assert!(out.status.success());
-        for (row, leaf) in csv::Reader::from_reader(&out.stdout[..]).deserialize::<HashMap<String, String>>().zip(&mut leaves) {
+        for (row, leaf) in
+            csv::Reader::from_reader(&out.stdout[..]).deserialize::<HashMap<String, String>>().zip(&mut leaves)
+        {
             let row = row.unwrap();
             assert_eq!(row["leaf"], leaf.name);
             leaf.fits.push(row.iter().filter_map(|(k, v)| Some((k.clone(), v.parse().ok()?))).collect());
@@ -109,7 +114,8 @@ fn bootstrap(groups: &[Vec<f64>]) -> [f64; 2] {
 /// The page's table and sentence of figures.
 fn figures(leaves: &[Leaf]) -> String {
     let mut text = String::from(
-        "| scan | species | source | RMS beckmann | RMS ggx | RMS cook-torrance | ΔAIC | m beckmann | m ggx |\n|---|---|---|---|---|---|---|---|---|\n",
+        "| scan | species | source | RMS beckmann | RMS ggx | RMS cook-torrance | ΔAIC | m beckmann | m ggx \
+         |\n|---|---|---|---|---|---|---|---|---|\n",
     );
     for l in leaves {
         let _ = writeln!(
@@ -127,7 +133,11 @@ fn figures(leaves: &[Leaf]) -> String {
         );
     }
     let medians = [0, 1, 2].map(|k| median(leaves.iter().map(|l| l.rms(k)).collect()));
-    let _ = writeln!(text, "| **median** | | | **{:.5}** | **{:.5}** | **{:.5}** | | | |\n", medians[0], medians[1], medians[2]);
+    let _ = writeln!(
+        text,
+        "| **median** | | | **{:.5}** | **{:.5}** | **{:.5}** | | | |\n",
+        medians[0], medians[1], medians[2]
+    );
     let gains: Vec<f64> = leaves.iter().map(Leaf::delta_aic).collect();
     let wins = gains.iter().filter(|d| **d > 0.0).count();
     let mut species: Vec<(&str, Vec<f64>)> = Vec::new();
@@ -142,7 +152,8 @@ fn figures(leaves: &[Leaf]) -> String {
     let better = species.iter().filter(|s| s.1.iter().sum::<f64>() > 0.0).count();
     let _ = writeln!(
         text,
-        "GGX is better on {wins} of {} scans (two-sided sign test p = {:.3}). Mean ΔAIC {:.1}, 95 % of bootstrap means over scans {:.1} to {:.1}; \
+        "GGX is better on {wins} of {} scans (two-sided sign test p = {:.3}). Mean ΔAIC {:.1}, 95 % of bootstrap means \
+         over scans {:.1} to {:.1}; \
          over species {:.1} to {:.1}, and GGX is better in the sum of {better} of {} species.",
         leaves.len(),
         sign_test(wins, leaves.len()),
@@ -158,7 +169,9 @@ fn figures(leaves: &[Leaf]) -> String {
 
 /// Whether two texts say the same but for the last digit of their numbers, give or take two.
 fn agree(a: &str, b: &str) -> bool {
-    let words = |t: &str| t.split_whitespace().map(|w| w.trim_matches(['*', ',', ';', ')', '.', '°']).to_string()).collect::<Vec<_>>();
+    let words = |t: &str| {
+        t.split_whitespace().map(|w| w.trim_matches(['*', ',', ';', ')', '.', '°']).to_string()).collect::<Vec<_>>()
+    };
     let (a, b) = (words(a), words(b));
     let same = |a: &String, b: &String| match (a.parse::<f64>(), b.parse::<f64>()) {
         (Ok(x), Ok(y)) => (x - y).abs() <= 2.1 * 0.1f64.powi(b.split_once('.').map_or(0, |p| p.1.len() as i32)),
@@ -191,7 +204,9 @@ fn a_sign_test_and_a_comparison_that_can_fail() {
     // 12 of 15: 2 (C(15,12) + C(15,13) + C(15,14) + 1)/2¹⁵ = 2 · 576/32768
     assert!((sign_test(12, 15) - 2.0 * 576.0 / 32768.0).abs() < 1e-12);
     assert_eq!(sign_test(1, 2), 1.0);
-    assert!(agree("a 0.123, b", "a 0.124; b") && !agree("a 0.123", "a 0.133") && !agree("a 1", "b 1") && !agree("a", "a b"));
+    assert!(
+        agree("a 0.123, b", "a 0.124; b") && !agree("a 0.123", "a 0.133") && !agree("a 1", "b 1") && !agree("a", "a b")
+    );
     let narrow = bootstrap(&vec![vec![3.0]; 5]);
     assert_eq!(narrow, [3.0, 3.0]);
 }

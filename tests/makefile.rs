@@ -9,7 +9,8 @@ use std::process::Command;
 fn make(target: &str, code: i32, report: bool) -> (bool, String) {
     let dir = tempfile::tempdir().unwrap();
     let stub = dir.path().join("stub");
-    let write = if report { format!("mkdir -p out/{target}; echo new > out/{target}/report.html;") } else { String::new() };
+    let write =
+        if report { format!("mkdir -p out/{target}; echo new > out/{target}/report.html;") } else { String::new() };
     std::fs::write(&stub, format!("#!/bin/sh\n[ \"$1\" = run ] || exit 0\n{write}\nexit {code}\n")).unwrap();
     std::fs::set_permissions(&stub, std::fs::Permissions::from_mode(0o755)).unwrap();
     // A report of an earlier run is not this run's.
@@ -19,7 +20,8 @@ fn make(target: &str, code: i32, report: bool) -> (bool, String) {
     let mut command = Command::new("make");
     // Without what an outer make hands on.
     command.env_remove("MAKEFLAGS").env_remove("MAKELEVEL").current_dir(dir.path());
-    let output = command.args(["-f", makefile, "-o", "build", target, "MESOPHYLL=./stub"]).output().expect("make starts");
+    let output =
+        command.args(["-f", makefile, "-o", "build", target, "MESOPHYLL=./stub"]).output().expect("make starts");
     let said = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
     (output.status.success(), said)
 }
@@ -37,7 +39,10 @@ fn a_target_ends_with_the_code_of_the_program_and_says_where_to_look() {
         for code in [1, 2, 139] {
             let (fine, said) = make(target, code, false);
             assert!(!fine && said.contains(&format!("Error {code}")), "{said}");
-            assert!(said.contains("no report was written") && !said.contains("Done") && !said.contains("open out"), "{said}");
+            assert!(
+                said.contains("no report was written") && !said.contains("Done") && !said.contains("open out"),
+                "{said}"
+            );
         }
     }
 }

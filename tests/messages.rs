@@ -1,4 +1,5 @@
-//! What stands on standard error: a line every ten seconds of long work, nothing with `--quiet`, and nothing that is not ours.
+//! What stands on standard error: a line every ten seconds of long work, nothing with `--quiet`, and nothing that is
+//! not ours.
 
 mod blade;
 mod common;
@@ -16,7 +17,8 @@ fn loud() -> Command {
     command
 }
 
-/// The first line of standard error that has all the words, and when it came; the program is ended then, or after three minutes.
+/// The first line of standard error that has all the words, and when it came; the program is ended then, or after three
+/// minutes.
 fn first_line(mut child: Child, words: &'static [&'static str]) -> (String, Duration) {
     let start = Instant::now();
     let (send, receive) = std::sync::mpsc::channel();

@@ -24,7 +24,9 @@ fn a_front_lit_matte_leaf_needs_neither_back_nor_gloss_nor_sky() {
     Blade { rho_s: [0.0, 0.0], ..Blade::default() }.write(&dir.path().join("fits/elm"), "elm");
     let (plan, ledger) = planned(&scene(dir.path(), "front", "elm", Some(30.0), None, ""));
     let (needed, left) = names(&plan);
-    for name in ["fit elm", "elm/blade.glb", "elm/front_gamma_delta.exr", "elm/front_normal.exr", "elm/front.exr", "sun"] {
+    for name in
+        ["fit elm", "elm/blade.glb", "elm/front_gamma_delta.exr", "elm/front_normal.exr", "elm/front.exr", "sun"]
+    {
         assert!(needed.contains(&name), "{name} of {needed:?}");
     }
     for name in [
@@ -88,7 +90,8 @@ fn gloss_is_kept_where_it_shows_and_left_out_where_it_does_not() {
     }
 }
 
-/// A flat, dark leaf with so little gloss that from above nobody sees it, and a view that meets the sun's mirror direction at this angle.
+/// A flat, dark leaf with so little gloss that from above nobody sees it, and a view that meets the sun's mirror
+/// direction at this angle.
 fn faint_gloss(dir: &Path, zenith_deg: f64) -> std::path::PathBuf {
     let dark = Blade {
         sigma_a: [[45.0, 20.0, 90.0]; 2],
@@ -104,12 +107,15 @@ fn faint_gloss(dir: &Path, zenith_deg: f64) -> std::path::PathBuf {
     let (sin, cos) = zenith_deg.to_radians().sin_cos();
     let eye = [-90.0 * sin * 30f64.to_radians().cos(), -90.0 * sin * 30f64.to_radians().sin(), 90.0 * cos];
     let text = std::fs::read_to_string(&path).unwrap();
-    let text = text.replace("[10, -25, 90]", &format!("{eye:?}")).replace("tolerance = 0.004", "tolerance = 0.004\nexposure = 4");
+    let text = text
+        .replace("[10, -25, 90]", &format!("{eye:?}"))
+        .replace("tolerance = 0.004", "tolerance = 0.004\nexposure = 4");
     std::fs::write(&path, text).unwrap();
     path
 }
 
-/// What gloss adds in the middle of that leaf, by the formulas alone: W Eq. 7 in the mirror direction, where the half vector is the normal.
+/// What gloss adds in the middle of that leaf, by the formulas alone: W Eq. 7 in the mirror direction, where the half
+/// vector is the normal.
 fn added(zenith_deg: f64) -> f64 {
     use mesophyll::optics::slab;
     use mesophyll::scene::display::displayed;
@@ -130,11 +136,17 @@ fn gloss_that_only_a_grazing_view_shows_is_planned_for_one() {
         let (plan, _) = planned(&faint_gloss(dir.path(), zenith));
         let shows = added(zenith) > 0.004;
         assert_eq!(shows, zenith > 50.0, "{zenith}: {}", added(zenith));
-        assert_eq!(names(&plan).0.contains(&"elm/front_rho_s_m.exr"), shows, "{zenith} degrees: adds {}", added(zenith));
+        assert_eq!(
+            names(&plan).0.contains(&"elm/front_rho_s_m.exr"),
+            shows,
+            "{zenith} degrees: adds {}",
+            added(zenith)
+        );
         if !shows {
             // The bound is no less than what is added, and not many times more.
             let left = plan.left_out.iter().find(|l| l.name == "elm/front_rho_s_m.exr").unwrap();
-            let bound: f64 = left.reason.split("adds at most ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
+            let bound: f64 =
+                left.reason.split("adds at most ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
             assert!((added(zenith)..2.0 * added(zenith)).contains(&bound), "{bound} for {}", added(zenith));
         }
     }
@@ -173,7 +185,8 @@ fn a_glossy_side_under_a_constant_sky_needs_its_normals() {
     assert!(left.contains(&"elm/back_normal.exr"), "{left:?}");
 }
 
-/// The program's own export, drawn again: metres, a node's scale and a back beside the front come out as the blade that was exported.
+/// The program's own export, drawn again: metres, a node's scale and a back beside the front come out as the blade that
+/// was exported.
 #[test]
 fn an_exported_leaf_is_the_blade_again_and_one_in_another_unit_is_named() {
     let dir = tempfile::tempdir().unwrap();
@@ -208,8 +221,11 @@ fn an_exported_leaf_is_the_blade_again_and_one_in_another_unit_is_named() {
     let words = assert_cmd::Command::cargo_bin("mesophyll").unwrap().arg("plan").arg(&path).output().unwrap();
     assert!(String::from_utf8_lossy(&words.stdout).contains("warning: leaf \"elm\": mesh"));
     // And one that stands beside every view.
-    std::fs::write(&path, text.replace("[[instance]]\nleaf = \"elm\"", "[[instance]]\nleaf = \"elm\"\nposition_mm = [5000, 0, 0]"))
-        .unwrap();
+    std::fs::write(
+        &path,
+        text.replace("[[instance]]\nleaf = \"elm\"", "[[instance]]\nleaf = \"elm\"\nposition_mm = [5000, 0, 0]"),
+    )
+    .unwrap();
     let said = planned(&path).0.warnings.join("\n");
     assert!(said.contains("outside every view") && said.contains("[5000.0, "), "{said}");
 }
@@ -219,7 +235,8 @@ fn a_leaf_nobody_places_is_not_even_opened() {
     let dir = tempfile::tempdir().unwrap();
     Blade::default().write(&dir.path().join("fits/elm"), "elm");
     Blade::default().write(&dir.path().join("fits/spare"), "spare");
-    let path = scene(dir.path(), "spare", "elm", Some(30.0), None, "[[leaf]]\nname = \"spare\"\nfit = \"fits/spare\"\n");
+    let path =
+        scene(dir.path(), "spare", "elm", Some(30.0), None, "[[leaf]]\nname = \"spare\"\nfit = \"fits/spare\"\n");
     let (plan, ledger) = planned(&path);
     assert!(names(&plan).1.contains(&"fit spare"));
     assert!(plan.left_out.iter().any(|l| l.name == "fit spare" && l.saved_bytes > 1000));
@@ -261,7 +278,9 @@ fn the_verb_prints_the_contract() {
     let dir = tempfile::tempdir().unwrap();
     Blade::default().write(&dir.path().join("fits/elm"), "elm");
     let path = scene(dir.path(), "front", "elm", Some(30.0), None, "");
-    let run = |args: &[&str]| assert_cmd::Command::cargo_bin("mesophyll").unwrap().arg("plan").arg(&path).args(args).output().unwrap();
+    let run = |args: &[&str]| {
+        assert_cmd::Command::cargo_bin("mesophyll").unwrap().arg("plan").arg(&path).args(args).output().unwrap()
+    };
     let json: serde_json::Value = serde_json::from_slice(&run(&["--json"]).stdout).unwrap();
     assert!(!json["needed"].as_array().unwrap().is_empty());
     for left in json["left_out"].as_array().unwrap() {

@@ -1,5 +1,5 @@
-//! Properties that hold whatever the numbers are: energy and scaling of the slab, reciprocity of the lobes, tables and images that read
-//! back as they were written.
+//! Properties that hold whatever the numbers are: energy and scaling of the slab, reciprocity of the lobes, tables and
+//! images that read back as they were written.
 
 use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
 use mesophyll::files::table::{self, Answer, Output, Spec, Table};
@@ -35,7 +35,8 @@ fn a_black_slab_still_passes_what_meets_nothing() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 96, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// ρd + ρt + absorbed = 1 with nothing negative; nothing is absorbed without an absorber; unscattered light always gets through.
+    /// ρd + ρt + absorbed = 1 with nothing negative; nothing is absorbed without an absorber; unscattered light always
+    /// gets through.
     #[test]
     fn a_slab_keeps_its_energy(a in coefficient(), s in coefficient(), h in thickness()) {
         for r in [slab::response(a, s, h), exact::response(a, s, h)] {
@@ -53,9 +54,11 @@ proptest! {
         let same = exact::response(a * k, s * k, h / k);
         prop_assert!((same.rho_d - r.rho_d).abs() <= 1e-9 * r.rho_d + 1e-14 && (same.rho_t - r.rho_t).abs() <= 1e-9 * r.rho_t, "{r:?} {same:?}");
         let darker = exact::response(a * k, s, h);
-        prop_assert!(darker.rho_d <= r.rho_d * (1.0 + 1e-9) && darker.rho_t <= r.rho_t * (1.0 + 1e-9), "{r:?} {darker:?}");
+        prop_assert!(darker.rho_d <= r.rho_d * (1.0 + 1e-9) && darker.rho_t <= r.rho_t * (1.0 + 1e-9), "{r:?} \
+         {darker:?}");
         let thicker = exact::response(a, s, h * k);
-        prop_assert!(thicker.rho_d >= r.rho_d * (1.0 - 1e-9) && thicker.rho_t <= r.rho_t * (1.0 + 1e-9), "{r:?} {thicker:?}");
+        prop_assert!(thicker.rho_d >= r.rho_d * (1.0 - 1e-9) && thicker.rho_t <= r.rho_t * (1.0 + 1e-9), "{r:?} \
+         {thicker:?}");
     }
 
     /// What the slab shows gives back what it is made of, and `ok` is a promise.

@@ -5,8 +5,8 @@ use mesophyll::transport::closed_form::Card;
 use mesophyll::transport::lobe::Lobe;
 use mesophyll::transport::render::Lens;
 use mesophyll::transport::{
-    Camera, Interior, NormalFrame, Options, Placement, ReferenceLeaf, ReferencePicture, ReferenceSide, ReferenceSun, Renderer, World,
-    render,
+    Camera, Interior, NormalFrame, Options, Placement, ReferenceLeaf, ReferencePicture, ReferenceSide, ReferenceSun,
+    Renderer, World, render,
 };
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -24,7 +24,14 @@ mod stage;
 use stage::{SUN, alone, blade, camera, leaf, portrait, sun, uniform, veined};
 
 /// Mean of the closed form over a pixel's square, by a 3×3 midpoint rule.
-fn over_pixel(card: &Card, lens: &Lens, x: usize, y: usize, sun: Option<&ReferenceSun>, sky: Option<[f64; 3]>) -> [f64; 3] {
+fn over_pixel(
+    card: &Card,
+    lens: &Lens,
+    x: usize,
+    y: usize,
+    sun: Option<&ReferenceSun>,
+    sky: Option<[f64; 3]>,
+) -> [f64; 3] {
     let mut mean = [0.0; 3];
     for k in 0..9 {
         let ray = lens.ray(x as f64 + ((k % 3) as f64 + 0.5) / 3.0, y as f64 + ((k / 3) as f64 + 0.5) / 3.0);
@@ -80,7 +87,8 @@ fn flat_cards_meet_the_closed_form() {
 fn a_white_furnace_gives_the_sky_back() {
     let side = |d: f64| uniform([d; 3], [0.3; 3], None);
     for (eye, rho_d) in [(DVec3::Z * 90.0, 0.7), (DVec3::new(20.0, 5.0, -90.0), 0.7)] {
-        let world = alone(leaf(blade(30.0, 30.0, 6, 5.0), side(rho_d), side(rho_d), Lobe::Ggx), None, Some([0.4, 0.8, 1.2]));
+        let world =
+            alone(leaf(blade(30.0, 30.0, 6, 5.0), side(rho_d), side(rho_d), Lobe::Ggx), None, Some([0.4, 0.8, 1.2]));
         let picture = render(&world, &camera(eye, 30.0), 40, 30, &Options::default()).unwrap();
         let inside: Vec<_> = picture.hdr.iter().filter(|p| p[3] == 1.0).collect();
         assert!(inside.len() > 100);
@@ -125,7 +133,10 @@ fn the_back_is_the_front_turned_over() {
 #[test]
 fn columns_of_the_back_run_the_other_way() {
     let side = |left: f32, right: f32| ReferenceSide {
-        interior: Interior::Maps { rho_d: [vec![left, right], vec![0.1; 2], vec![0.1; 2]], rho_t: [(); 3].map(|_| vec![0.0; 2]) },
+        interior: Interior::Maps {
+            rho_d: [vec![left, right], vec![0.1; 2], vec![0.1; 2]],
+            rho_t: [(); 3].map(|_| vec![0.0; 2]),
+        },
         gloss: None,
         normal: None,
     };
@@ -171,7 +182,8 @@ fn scalars_solve_between_texels() {
     let world = alone(card, None, Some([1.0; 3]));
     let (width, height) = (41, 9);
     let view = camera(DVec3::Z * 2000.0, 0.12);
-    let picture = render(&world, &view, width, height, &Options { samples_per_pixel: 256, ..Options::default() }).unwrap();
+    let picture =
+        render(&world, &view, width, height, &Options { samples_per_pixel: 256, ..Options::default() }).unwrap();
     let lens = Lens::new(&view, width, height).unwrap();
     for i in 0..width {
         let mean = (0..40).map(|s| {
@@ -237,8 +249,9 @@ fn pictures_depend_on_the_seed_and_not_on_the_threads() {
 fn the_printed_noise_is_honest() {
     let (world, view) = portrait();
     let renderer = Renderer::new(&world).unwrap();
-    let shots: Vec<_> =
-        (0..6).map(|seed| renderer.render(&view, 80, 60, &Options { seed, sun_samples: 1, ..Options::default() }).unwrap()).collect();
+    let shots: Vec<_> = (0..6)
+        .map(|seed| renderer.render(&view, 80, 60, &Options { seed, sun_samples: 1, ..Options::default() }).unwrap())
+        .collect();
     // root mean square over the picture, in display units of the green channel, against the printed worst channel
     let value = |p: &ReferencePicture, k: usize| f64::from(p.ldr[k][1]) / 255.0;
     let (mut spread, mut printed, mut count) = (0.0, 0.0, 0);
@@ -287,6 +300,8 @@ fn worlds_that_do_not_fit_together_are_refused() {
     assert!(render(&world, &view, 4, 3, &Options { samples_per_pixel: 0, ..Options::default() }).is_err());
     assert!(render(&world, &Camera { target: view.eye, ..view }, 4, 3, &Options::default()).is_err());
     // an empty world is its background
-    let nothing = render(&World { background: [0.5, 0.25, 0.125], ..World::default() }, &view, 2, 2, &Options::default()).unwrap();
+    let nothing =
+        render(&World { background: [0.5, 0.25, 0.125], ..World::default() }, &view, 2, 2, &Options::default())
+            .unwrap();
     assert_eq!(nothing.hdr[3], [0.5, 0.25, 0.125, 0.0]);
 }

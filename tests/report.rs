@@ -41,7 +41,13 @@ fn the_page_stands_alone_and_says_what_is_undetermined() {
     let sources = page.matches("src=\"").count();
     assert!(sources > 40, "{sources} pictures");
     assert_eq!(sources, page.matches("src=\"data:image/png;base64,").count());
-    for said in ["at least 7.9", "prefers-color-scheme: dark", "the scene has no wind", "llvmpipe (software)", "more light out than in"] {
+    for said in [
+        "at least 7.9",
+        "prefers-color-scheme: dark",
+        "the scene has no wind",
+        "llvmpipe (software)",
+        "more light out than in",
+    ] {
         assert!(page.contains(said), "{said}");
     }
     for (earlier, later) in [
@@ -52,21 +58,29 @@ fn the_page_stands_alone_and_says_what_is_undetermined() {
         ("<h3>Residuals", "How the fit of the front ended"),
         ("<h3>Run time</h3>", "What was left out, and why"),
     ] {
-        let [a, b] = [earlier, later].map(|text| page.find(text).unwrap_or_else(|| panic!("{text} is not on the page")));
+        let [a, b] =
+            [earlier, later].map(|text| page.find(text).unwrap_or_else(|| panic!("{text} is not on the page")));
         assert!(a < b, "{earlier} comes after {later}");
     }
     // Beside the picture: the reference, the FLIP map and the difference, the last two with their scales.
-    for said in ["FLIP map", "Renderer minus reference", "<span>0.100</span>", "<span>0.0625</span>", "ramp-flip", "ramp-grey"] {
+    for said in
+        ["FLIP map", "Renderer minus reference", "<span>0.100</span>", "<span>0.0625</span>", "ramp-flip", "ramp-grey"]
+    {
         assert!(page.contains(said), "{said}");
     }
     // A figure has a name, a unit and a meaning; one that has no name is counted and its key stays away.
     for said in ["texels that count for less", "One more figure of fit.toml has no name"] {
         assert!(page.contains(said), "{said}");
     }
-    for key in ["down_weighted", "down weighted", "nobody_named", "nobody named", "transmittance_rms", "transmittance rms"] {
+    for key in
+        ["down_weighted", "down weighted", "nobody_named", "nobody named", "transmittance_rms", "transmittance rms"]
+    {
         assert!(!page.contains(key), "the raw key {key} is on the page");
     }
-    assert!(page.contains("best estimate 8.") && page.contains("at most 10\u{a0}% of it"), "undetermined values and their rule");
+    assert!(
+        page.contains("best estimate 8.") && page.contains("at most 10\u{a0}% of it"),
+        "undetermined values and their rule"
+    );
     // The undetermined blue σa (8.4 in the sample) must not appear as if it were known.
     assert!(!page.contains("8.4 ±") && !page.contains("8.40 ±"));
     assert!(page.trim_end().ends_with("</html>"));
@@ -97,14 +111,20 @@ fn coverage_is_what_the_normal_distribution_says() {
         write_fit(&dir.path().join(name), &sample);
         let report = json(&["report", name, "--json"], dir.path());
         let fit = &report["fits"][0];
-        let covered: Vec<f64> = fit["maps"].as_array().unwrap().iter().map(|m| m["truth"]["coverage95"].as_f64().unwrap()).collect();
+        let covered: Vec<f64> =
+            fit["maps"].as_array().unwrap().iter().map(|m| m["truth"]["coverage95"].as_f64().unwrap()).collect();
         assert_eq!(covered.len(), 22);
         let texels = fit["maps"][0]["summary"]["samples"].as_f64().unwrap();
         let mean = covered.iter().sum::<f64>() / 22.0;
         let sigma = (expected * (1.0 - expected) / (22.0 * texels)).sqrt();
         assert!((mean - expected).abs() < 5.0 * sigma, "{name}: {mean} against {expected} ± {sigma}");
         assert_eq!(reasons(fit).contains("too small"), overconfidence != 1.0, "{}", reasons(fit));
-        assert_eq!(reasons(fit).contains("bad: front: stated errors are too small"), overconfidence != 1.0, "{}", reasons(fit));
+        assert_eq!(
+            reasons(fit).contains("bad: front: stated errors are too small"),
+            overconfidence != 1.0,
+            "{}",
+            reasons(fit)
+        );
     }
 }
 
@@ -116,7 +136,8 @@ fn one_truth_is_no_share() {
     write_fit(&fit, &Sample { sides: vec!["front"], ..Sample::default() });
     for (coverage, level) in [(1.0, "good"), (0.0, "doubtful")] {
         let mut record = FitRecord::read(&fit).unwrap();
-        let one = TruthError { median_relative: 0.003, p99_relative: 0.003, coverage95: Some(coverage), judged: Some(1) };
+        let one =
+            TruthError { median_relative: 0.003, p99_relative: 0.003, coverage95: Some(coverage), judged: Some(1) };
         record.sections.get_mut("front").unwrap().truth.insert("thickness_scale".into(), one);
         record.write(&fit).unwrap();
         let said = reasons(&json(&["report", "x", "--json"], dir.path())["fits"][0]);
@@ -151,9 +172,11 @@ fn what_is_missing_is_said_and_never_a_crash() {
     front.channels.iter_mut().filter(|(n, _)| n == "m.Y").for_each(|(_, s)| s.fill(f32::NAN));
     image::write_exr(&fit.join("front.exr"), &front, image::Packing::Zip).unwrap();
     let report = json(&["report", "elm", "--json"], dir.path());
-    let missing: Vec<&str> = report["fits"][0]["missing"].as_array().unwrap().iter().map(|m| m.as_str().unwrap()).collect();
+    let missing: Vec<&str> =
+        report["fits"][0]["missing"].as_array().unwrap().iter().map(|m| m.as_str().unwrap()).collect();
     let all = missing.join("\n");
-    for said in ["times.toml", "back_err.exr", "truth_front.exr", "mask.Y", "no channels of gamma", "m.Y has no value"] {
+    for said in ["times.toml", "back_err.exr", "truth_front.exr", "mask.Y", "no channels of gamma", "m.Y has no value"]
+    {
         assert!(all.contains(said), "{said} is not in\n{all}");
     }
     assert_eq!(mesophyll(&["report", "elm", "-o", "r.html"], dir.path()).0, 0);
@@ -230,7 +253,8 @@ fn markdown_and_json_say_the_same() {
     assert_eq!(code, 0, "{stderr}");
     let report = json(&["report", "elm", "--json"], dir.path());
     for row in report["fits"][0]["parameters"].as_array().unwrap().iter().filter(|r| r["undetermined"].is_null()) {
-        let printed = mesophyll::report::number::plus_minus(row["value"].as_f64().unwrap(), row["stderr"].as_f64().unwrap());
+        let printed =
+            mesophyll::report::number::plus_minus(row["value"].as_f64().unwrap(), row["stderr"].as_f64().unwrap());
         assert!(markdown.contains(&printed), "{printed}");
     }
     for reason in report["fits"][0]["verdict"]["reasons"].as_array().unwrap() {
@@ -277,7 +301,10 @@ fn samples_to_look_at() {
     let folder = Path::new(&folder);
     let full = Sample { name: "elm".into(), width: 720, height: 540, ..Sample::default() };
     write_fit(&folder.join("elm"), &full);
-    write_fit(&folder.join("elm2"), &Sample { name: "elm".into(), seed: 2, truth: false, sides: vec!["front"], ..full });
+    write_fit(
+        &folder.join("elm2"),
+        &Sample { name: "elm".into(), seed: 2, truth: false, sides: vec!["front"], ..full },
+    );
     write_run(&folder.join("run"), true);
     for args in [["report", "elm", "run", "-o", "one.html"], ["report", "elm", "elm2", "-o", "two.html"]] {
         let (code, _, stderr) = mesophyll(&args, folder);

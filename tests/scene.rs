@@ -1,4 +1,5 @@
-//! Scenes as a whole: the committed ones read, a run makes what is missing and nothing twice, an edit solves the slab anew.
+//! Scenes as a whole: the committed ones read, a run makes what is missing and nothing twice, an edit solves the slab
+//! anew.
 
 mod blade;
 #[path = "common/skips.rs"]
@@ -12,14 +13,18 @@ use std::path::Path;
 fn every_committed_scene_reads_and_has_its_card() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/scenes");
     let mut names = Vec::new();
-    for entry in std::fs::read_dir(folder).unwrap().flatten().filter(|e| e.path().extension().is_some_and(|x| x == "toml")) {
+    for entry in
+        std::fs::read_dir(folder).unwrap().flatten().filter(|e| e.path().extension().is_some_and(|x| x == "toml"))
+    {
         let manifest = Manifest::read(&entry.path()).unwrap();
         assert_eq!(entry.path().file_stem().unwrap().to_str().unwrap(), manifest.name);
         let cards = manifest.views.iter().filter(|v| v.kind == mesophyll::scene::manifest::ViewKind::Card).count();
         assert!(cards == 1 || manifest.name == "fits", "{}: {cards} cards", manifest.name);
         names.push(manifest.name);
     }
-    for name in ["front-lit", "glossy-sky", "back-lit", "cluster", "twig", "demo", "fits", "sky", "day", "translucency", "tree"] {
+    for name in
+        ["front-lit", "glossy-sky", "back-lit", "cluster", "twig", "demo", "fits", "sky", "day", "translucency", "tree"]
+    {
         assert!(names.iter().any(|n| n == name), "{name} of {names:?}");
     }
 }
@@ -28,10 +33,17 @@ fn every_committed_scene_reads_and_has_its_card() {
 fn scanned(dir: &Path, seed: u64) -> std::path::PathBuf {
     let spec = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/leaves/elm.toml");
     let path = scene(dir, "tiny", "elm", Some(30.0), None, "");
-    let scan = format!("scan = {{ spec = {:?}, size = \"40x30\", frames = 24, noise = 0.01, seed = {seed} }}", spec.display().to_string());
+    let scan = format!(
+        "scan = {{ spec = {:?}, size = \"40x30\", frames = 24, noise = 0.01, seed = {seed} }}",
+        spec.display().to_string()
+    );
     let text = std::fs::read_to_string(&path).unwrap().replace("fit = \"fits/elm\"", &scan);
     // What is tested here is that the stages follow each other, not how well so coarse a leaf is drawn.
-    std::fs::write(&path, text.replace("flip_p99 = 0.15", "flip_p99 = 1.0").replace("max_error = 0.012", "max_error = 1.0")).unwrap();
+    std::fs::write(
+        &path,
+        text.replace("flip_p99 = 0.15", "flip_p99 = 1.0").replace("max_error = 0.012", "max_error = 1.0"),
+    )
+    .unwrap();
     path
 }
 
@@ -39,10 +51,19 @@ fn scanned(dir: &Path, seed: u64) -> std::path::PathBuf {
 fn a_run_makes_what_is_missing_and_nothing_twice() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("out");
-    let run =
-        |path: &Path| assert_cmd::Command::cargo_bin("mesophyll").unwrap().arg("run").arg(path).arg("--out").arg(&out).output().unwrap();
+    let run = |path: &Path| {
+        assert_cmd::Command::cargo_bin("mesophyll")
+            .unwrap()
+            .arg("run")
+            .arg(path)
+            .arg("--out")
+            .arg(&out)
+            .output()
+            .unwrap()
+    };
     let done = |what: &str| {
-        let ledger: serde_json::Value = serde_json::from_slice(&std::fs::read(out.join("ledger.json")).unwrap()).unwrap();
+        let ledger: serde_json::Value =
+            serde_json::from_slice(&std::fs::read(out.join("ledger.json")).unwrap()).unwrap();
         ledger["entries"].as_array().unwrap().iter().filter(|e| e["action"] == what).count()
     };
     let first = run(&scanned(dir.path(), 1));
@@ -64,7 +85,10 @@ fn a_run_makes_what_is_missing_and_nothing_twice() {
         assert!(view["flip_top"].as_f64().unwrap() >= 2.0 * view["flip_p99"].as_f64().unwrap(), "{view}");
         assert!((view["difference_top"].as_f64().unwrap() - 0.0627).abs() < 1e-3, "{view}");
         let page = std::fs::read_to_string(out.join("report.html")).unwrap();
-        assert!(page.contains("FLIP map: how visible") && page.contains("Renderer minus reference"), "the pictures of the page");
+        assert!(
+            page.contains("FLIP map: how visible") && page.contains("Renderer minus reference"),
+            "the pictures of the page"
+        );
     }
     let record = std::fs::read(out.join("fits/elm/fit.toml")).unwrap();
     run(&scanned(dir.path(), 1));
@@ -121,5 +145,8 @@ fn a_thicker_leaf_dims_and_an_edit_becomes_a_fit() {
     assert!((maps.get("rho_s.G").unwrap()[k] - 0.025).abs() < 1e-6);
     // The texel under the pointer reads out what the fit says.
     let rows = editor.probe(0, true, [24, 18]);
-    assert!(rows.iter().any(|(n, _)| n.starts_with("σa")) && rows.iter().any(|(n, v)| n == "texel" && v == "good"), "{rows:?}");
+    assert!(
+        rows.iter().any(|(n, _)| n.starts_with("σa")) && rows.iter().any(|(n, v)| n == "texel" && v == "good"),
+        "{rows:?}"
+    );
 }

@@ -40,14 +40,22 @@ fn a_skip_is_counted_and_fails_where_all_is_required() {
         String::from_utf8(out.stdout).unwrap()
     };
     assert_eq!(summary(), "skipped tests: 0\n");
-    for (need, require, passes) in [("adapter", "", true), ("data", "1", true), ("adapter", "1", false), ("adapter", "0", true)] {
+    for (need, require, passes) in
+        [("adapter", "", true), ("data", "1", true), ("adapter", "1", false), ("adapter", "0", true)]
+    {
         let out = child(need, require, &list);
         let said = String::from_utf8_lossy(&out.stdout).into_owned() + &String::from_utf8_lossy(&out.stderr);
         assert_eq!(out.status.success(), passes, "{need}, required: {require:?}: {said}");
-        assert!(said.contains(if passes { "skipped: " } else { "no graphics adapter, but MESOPHYLL_REQUIRE_ALL is set" }), "{said}");
+        assert!(
+            said.contains(if passes { "skipped: " } else { "no graphics adapter, but MESOPHYLL_REQUIRE_ALL is set" }),
+            "{said}"
+        );
     }
     // The same test twice is one skipped test.
     let said = summary();
     assert!(said.starts_with("skipped tests: 2\n"), "{said}");
-    assert!(said.contains("  1: no graphics adapter\n") && said.contains("  1: MESOPHYLL_DATA is not set (a table)\n"), "{said}");
+    assert!(
+        said.contains("  1: no graphics adapter\n") && said.contains("  1: MESOPHYLL_DATA is not set (a table)\n"),
+        "{said}"
+    );
 }

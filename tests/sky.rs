@@ -30,11 +30,16 @@ fn the_contract_of_eval_sky() {
     assert_eq!(header, ["note", "turbidity", "sun_zenith", "index", "r", "g", "b", "status"]);
     assert_eq!(rows.len(), 3 * 49 + 4);
     for (k, row) in rows[..49].iter().enumerate() {
-        assert_eq!((row[0].as_str(), row[1].as_str(), row[3].as_str(), row[7].as_str()), ("a,b", "3", k.to_string().as_str(), "ok"));
+        assert_eq!(
+            (row[0].as_str(), row[1].as_str(), row[3].as_str(), row[7].as_str()),
+            ("a,b", "3", k.to_string().as_str(), "ok")
+        );
     }
     let statuses: Vec<&str> = rows.iter().filter(|r| r[7] != "ok").map(|r| r[7].as_str()).collect();
     assert_eq!(statuses.len(), 4);
-    for (status, word) in statuses.iter().zip(["below the horizon", "turbidity is 1.643", "turbidity is empty", "2 fields"]) {
+    for (status, word) in
+        statuses.iter().zip(["below the horizon", "turbidity is 1.643", "turbidity is empty", "2 fields"])
+    {
         assert!(status.starts_with("refused: ") && status.contains(word), "{status}");
     }
     assert!(rows.iter().filter(|r| r[7] != "ok").all(|r| r[3..7].iter().all(String::is_empty)));
@@ -43,13 +48,16 @@ fn the_contract_of_eval_sky() {
     assert_eq!((rows[1][4].as_str(), rows[4][5].as_str()), ("0.0", "0.0"));
 }
 
-/// A column in degrees is a column in radians times π/180; its refusals are in degrees, and both columns at once are an error.
+/// A column in degrees is a column in radians times π/180; its refusals are in degrees, and both columns at once are an
+/// error.
 #[test]
 fn the_sun_may_be_given_in_degrees() {
     let run = |input: &str| mesophyll(&["--quiet", "eval", "sky", "--bands", "3"], input);
     let angles = [0.0f64, 40.0, 90.0];
-    let text = |name: &str, unit: f64| format!("{name},turbidity\n") + &angles.map(|a| format!("{:?},3\n", a * unit)).concat();
-    let (degrees, radians) = (table(&run(&text("sun_zenith_deg", 1.0)).1), table(&run(&text("sun_zenith", PI / 180.0)).1));
+    let text =
+        |name: &str, unit: f64| format!("{name},turbidity\n") + &angles.map(|a| format!("{:?},3\n", a * unit)).concat();
+    let (degrees, radians) =
+        (table(&run(&text("sun_zenith_deg", 1.0)).1), table(&run(&text("sun_zenith", PI / 180.0)).1));
     assert_eq!(degrees.0[0], "sun_zenith_deg");
     assert_eq!(degrees.1.len(), 27);
     for (d, r) in degrees.1.iter().zip(&radians.1) {
@@ -64,8 +72,8 @@ fn the_sun_may_be_given_in_degrees() {
     assert!(code == 2 && out.is_empty() && said.contains("sun_zenith_deg too"), "{said}");
 }
 
-/// The default and the compact polynomials against the integral, over the whole accepted domain: the 4.1e-6 and 1.1e-5 of the smallest c00 that
-/// README.md claims, and a fifth, where they are a fit; the same digits where they are not.
+/// The default and the compact polynomials against the integral, over the whole accepted domain: the 4.1e-6 and 1.1e-5
+/// of the smallest c00 that README.md claims, and a fifth, where they are a fit; the same digits where they are not.
 #[test]
 fn the_default_is_the_integral_everywhere() {
     let mut input = String::from("sun_zenith,turbidity\n");
@@ -81,7 +89,8 @@ fn the_default_is_the_integral_everywhere() {
         assert!(rows.iter().all(|r| r[6] == "ok"));
         (rows.iter().step_by(49).map(|r| r[1].parse().unwrap()).collect::<Vec<f64>>(), coefficients(&rows, 49))
     };
-    let ((turbidities, fit), (_, direct), (_, compact)) = (run(&[]), run(&["--method", "direct"]), run(&["--method", "compact"]));
+    let ((turbidities, fit), (_, direct), (_, compact)) =
+        (run(&[]), run(&["--method", "direct"]), run(&["--method", "compact"]));
     let inside = |t: f64| (2.5..=6.0).contains(&t);
     let smallest = |inner: bool| {
         let of = direct.iter().zip(&turbidities).filter(|(_, t)| inner == inside(**t));
@@ -90,23 +99,30 @@ fn the_default_is_the_integral_everywhere() {
     for (k, t) in turbidities.iter().enumerate() {
         for (got, limit) in [(&fit[k], 4.9e-6), (&compact[k], 1.3e-5)] {
             for c in 0..3 {
-                let off: f64 = got.iter().zip(&direct[k]).map(|(a, b)| (a[c] - b[c]).powi(2)).sum::<f64>().sqrt() / smallest(inside(*t));
-                assert!(off <= if inside(*t) { limit } else { 1e-15 }, "sky {k}, turbidity {t}, channel {c}: {off:.1e}");
+                let off: f64 = got.iter().zip(&direct[k]).map(|(a, b)| (a[c] - b[c]).powi(2)).sum::<f64>().sqrt()
+                    / smallest(inside(*t));
+                assert!(
+                    off <= if inside(*t) { limit } else { 1e-15 },
+                    "sky {k}, turbidity {t}, channel {c}: {off:.1e}"
+                );
             }
         }
     }
 }
 
-/// c00 of the integral against a plain sum over the hemisphere of the formulas written out here: nothing is shared with the program.
+/// c00 of the integral against a plain sum over the hemisphere of the formulas written out here: nothing is shared with
+/// the program.
 #[test]
 fn the_integral_is_of_preethams_sky() {
     let (s, t): (f64, f64) = (0.8, 3.0);
-    let (_, out, _) = mesophyll(&["--quiet", "eval", "sky", "--method", "direct", "--bands", "2"], "sun_zenith,turbidity\n0.8,3\n");
+    let (_, out, _) =
+        mesophyll(&["--quiet", "eval", "sky", "--method", "direct", "--bands", "2"], "sun_zenith,turbidity\n0.8,3\n");
     let got = &coefficients(&table(&out).1, 4)[0];
     let perez = |p: [f64; 5], theta: f64, gamma: f64| {
         (1.0 + p[0] * (p[1] / theta.cos()).exp()) * (1.0 + p[2] * (p[3] * gamma).exp() + p[4] * gamma.cos().powi(2))
     };
-    let lum = [0.1787 * t - 1.4630, -0.3554 * t + 0.4275, -0.0227 * t + 5.3251, 0.1206 * t - 2.5771, -0.0670 * t + 0.3703];
+    let lum =
+        [0.1787 * t - 1.4630, -0.3554 * t + 0.4275, -0.0227 * t + 5.3251, 0.1206 * t - 2.5771, -0.0670 * t + 0.3703];
     let chi = (4.0 / 9.0 - t / 120.0) * (PI - 2.0 * s);
     let zenith = (4.0453 * t - 4.9710) * chi.tan() - 0.2155 * t + 2.4192;
     let (mut c00, mut c10, mut c11) = (0.0, 0.0, 0.0);
@@ -140,11 +156,14 @@ fn more_bands_and_other_skies_by_integration() {
     let seven = mesophyll(&["--quiet", "eval", "sky", "--method", "direct"], input).1;
     let (a, b) = (coefficients(&rows, 400), coefficients(&table(&seven).1, 49));
     assert!((0..49).all(|k| (0..3).all(|c| (a[0][k][c] - b[0][k][c]).abs() < 1e-9 * b[0][0][c])));
-    let (code, out, _) = mesophyll(&["--quiet", "eval", "sky", "--model", "hosek-wilkie", "--method", "direct", "--bands", "1"], input);
+    let (code, out, _) =
+        mesophyll(&["--quiet", "eval", "sky", "--model", "hosek-wilkie", "--method", "direct", "--bands", "1"], input);
     assert!(code == 0 && table(&out).1[0][6] == "ok");
     let (code, _, err) = mesophyll(&["--quiet", "eval", "sky", "--model", "hosek-wilkie"], input);
     assert!(code == 2 && err.contains("--method direct"), "{err}");
-    for bad in [&["--bands", "0"][..], &["--bands", "65"], &["--albedo", "2"], &["--method", "compact", "--bands", "20"]] {
+    for bad in
+        [&["--bands", "0"][..], &["--bands", "65"], &["--albedo", "2"], &["--method", "compact", "--bands", "20"]]
+    {
         assert_eq!(mesophyll(&[&["--quiet", "eval", "sky"], bad].concat(), input).0, 2, "{bad:?}");
     }
     let (code, _, err) = mesophyll(&["--quiet", "eval", "sky"], "sun_zenith\n0.7\n");
@@ -156,7 +175,8 @@ fn a_fit_is_written_judged_and_evaluated() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("sky");
     let path = path.to_str().unwrap();
-    let (code, out, _) = mesophyll(&["--quiet", "--json", "fit", "sky", "-o", path, "--method", "compact", "--bands", "4"], "");
+    let (code, out, _) =
+        mesophyll(&["--quiet", "--json", "fit", "sky", "-o", path, "--method", "compact", "--bands", "4"], "");
     assert_eq!(code, 0);
     let json: serde_json::Value = serde_json::from_str(&out).unwrap();
     assert!(json["error_worst"].as_f64().unwrap() < 1.3e-5 && json["bytes"] == 80 * 4 * 30);
@@ -170,23 +190,28 @@ fn a_fit_is_written_judged_and_evaluated() {
             assert_eq!(a[1][k][c], b[1][k][c]);
         }
     }
-    let (code, _, err) =
-        mesophyll(&["--quiet", "fit", "sky", "-o", path, "--method", "monomials-normal", "--bands", "2", "--grid", "50"], "");
+    let (code, _, err) = mesophyll(
+        &["--quiet", "fit", "sky", "-o", path, "--method", "monomials-normal", "--bands", "2", "--grid", "50"],
+        "",
+    );
     assert!(code == 1 && err.contains("not positive definite"), "{err}");
     let (code, _, err) = mesophyll(&["--quiet", "fit", "sky", "-o", path, "--turbidity", "1,3"], "");
     assert!(code == 2 && err.contains("1.7"), "{err}");
 }
 
-/// A window scales bands and leaves the first alone; a ground of albedo 1 under the sky adds its own irradiance over π below the horizon.
+/// A window scales bands and leaves the first alone; a ground of albedo 1 under the sky adds its own irradiance over π
+/// below the horizon.
 #[test]
 fn windows_and_ground() {
     let input = "sun_zenith,turbidity\n0.7,3\n";
     let run = |extra: &[&str]| {
-        let (code, out, _) = mesophyll(&[&["--quiet", "eval", "sky", "--method", "direct", "--bands", "7"], extra].concat(), input);
+        let (code, out, _) =
+            mesophyll(&[&["--quiet", "eval", "sky", "--method", "direct", "--bands", "7"], extra].concat(), input);
         assert_eq!(code, 0, "{extra:?}");
         coefficients(&table(&out).1, 49).remove(0)
     };
-    let (plain, lanczos, zonal, lit) = (run(&[]), run(&["--window", "lanczos"]), run(&["--window", "zonal"]), run(&["--ground", "1"]));
+    let (plain, lanczos, zonal, lit) =
+        (run(&[]), run(&["--window", "lanczos"]), run(&["--window", "zonal"]), run(&["--ground", "1"]));
     let sinc = |l: f64| (PI * l / 7.0).sin() / (PI * l / 7.0);
     assert_eq!(plain[0], lanczos[0]);
     // l = 2, m = 1 and m = 0

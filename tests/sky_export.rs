@@ -64,8 +64,9 @@ fn worst(got: &[f64], want: &[Vec<[f64; 3]>]) -> f64 {
     out
 }
 
-/// Largest differences of c00 that docs/sky.md states, and a half: C in float 2e-7, in double 2e-15, JSON 3e-15. WGSL is single precision throughout,
-/// with recurrences of 30 steps, and its adapter rounds as it likes: 2e-6, and as much again.
+/// Largest differences of c00 that docs/sky.md states, and a half: C in float 2e-7, in double 2e-15, JSON 3e-15. WGSL
+/// is single precision throughout, with recurrences of 30 steps, and its adapter rounds as it likes: 2e-6, and as much
+/// again.
 const SINGLE: f64 = 3e-7;
 const DOUBLE: f64 = 3e-15;
 const JSON: f64 = 4.5e-15;
@@ -81,21 +82,36 @@ fn the_c_header_compiles_and_equals_the_library() {
         let folder = fit(dir.path(), method);
         export(&folder, &dir.path().join("sky.h"), &["--ground", &ground.to_string()]);
         let want = library(&folder, ground);
-        let mut main =
-            String::from("#include <stdio.h>\n#include \"sky.h\"\nint main(void) {\n    static MESOPHYLL_SKY_REAL c[49][3];\n    int k;\n");
+        let mut main = String::from(
+            "#include <stdio.h>\n#include \"sky.h\"\nint main(void) {\n    static MESOPHYLL_SKY_REAL c[49][3];\n    \
+             int k;\n",
+        );
         for (s, t) in skies() {
             main.push_str(&format!(
-                "    if (!mesophyll_sky({s:?}, {t:?}, c)) return 1;\n    for (k = 0; k < 49; k++) printf(\"%.17g %.17g %.17g\\n\", (double)c[k][0], (double)c[k][1], (double)c[k][2]);\n"
+                "    if (!mesophyll_sky({s:?}, {t:?}, c)) return 1;\n    for (k = 0; k < 49; k++) printf(\"%.17g %.17g \
+                 %.17g\\n\", (double)c[k][0], (double)c[k][1], (double)c[k][2]);\n"
             ));
         }
-        main.push_str("    return mesophyll_sky(0.5, 6.1, c) || mesophyll_sky(1.6, 3.0, c) || mesophyll_sky(0.0 / 0.0, 3.0, c);\n}\n");
+        main.push_str(
+            "    return mesophyll_sky(0.5, 6.1, c) || mesophyll_sky(1.6, 3.0, c) || mesophyll_sky(0.0 / 0.0, \
+         3.0, c);\n}\n",
+        );
         std::fs::write(dir.path().join("main.c"), main).unwrap();
         // The plain Chebyshev polynomials cancel more in single precision.
         let single = if method == "chebyshev" { 2e-6 } else { SINGLE };
         for (real, tolerance) in [("float", single), ("double", DOUBLE)] {
             let program = dir.path().join(format!("{method}-{real}"));
             let built = Command::new("cc")
-                .args(["-std=c99", "-Wall", "-Wextra", "-Werror", &format!("-DMESOPHYLL_SKY_REAL={real}"), "main.c", "-lm", "-o"])
+                .args([
+                    "-std=c99",
+                    "-Wall",
+                    "-Wextra",
+                    "-Werror",
+                    &format!("-DMESOPHYLL_SKY_REAL={real}"),
+                    "main.c",
+                    "-lm",
+                    "-o",
+                ])
                 .arg(&program)
                 .current_dir(dir.path())
                 .output()
@@ -133,12 +149,15 @@ fn by_hand(sky: &Value, s: f64, t: f64) -> Vec<[f64; 3]> {
         (0..3).map(|q| (0..5).map(|k| n(&sky["perez"][q][k][0]) * t + n(&sky["perez"][q][k][1])).collect()).collect();
     let chi = (4.0 / 9.0 - t / 120.0) * (std::f64::consts::PI - 2.0 * s);
     let chroma = |name: &str| {
-        (0..3).map(|r| t.powi(2 - r) * (0..4).map(|c| n(&sky[name][r as usize][c]) * s.powi(3 - c as i32)).sum::<f64>()).sum::<f64>()
+        (0..3)
+            .map(|r| t.powi(2 - r) * (0..4).map(|c| n(&sky[name][r as usize][c]) * s.powi(3 - c as i32)).sum::<f64>())
+            .sum::<f64>()
     };
     let z = [(4.0453 * t - 4.9710) * chi.tan() - 0.2155 * t + 2.4192, chroma("zenith_x"), chroma("zenith_y")];
     let q: Vec<f64> = (0..3)
         .map(|k| {
-            z[k] / ((1.0 + perez[k][0] * perez[k][1].exp()) * (1.0 + perez[k][2] * (perez[k][3] * s).exp() + perez[k][4] * s.cos().powi(2)))
+            z[k] / ((1.0 + perez[k][0] * perez[k][1].exp())
+                * (1.0 + perez[k][2] * (perez[k][3] * s).exp() + perez[k][4] * s.cos().powi(2)))
         })
         .collect();
     let p = [q[0], q[0] / q[2], q[0] * q[1] / q[2]];
@@ -150,7 +169,8 @@ fn by_hand(sky: &Value, s: f64, t: f64) -> Vec<[f64; 3]> {
             (0..3).for_each(|k| u[k] += factor * n(&term[k]));
         }
         let w: Vec<f64> = (0..3).map(|a| p[a] * (0..3).map(|b| n(&sky["back"][a][b]) * u[b]).sum::<f64>()).collect();
-        out[f["index"].as_u64().unwrap() as usize] = std::array::from_fn(|c| (0..3).map(|a| n(&sky["colours"][c][a]) * w[a]).sum());
+        out[f["index"].as_u64().unwrap() as usize] =
+            std::array::from_fn(|c| (0..3).map(|a| n(&sky["colours"][c][a]) * w[a]).sum());
     }
     let (albedo, light) = (n(&sky["ground"]), out[2]);
     for (l, share) in list(&sky["ground_shares"]).iter().enumerate() {
@@ -182,7 +202,8 @@ fn a_fixed_sky_is_forty_nine_triples() {
     let folder = fit(dir.path(), "fine");
     let extra = ["--sun-zenith-deg", "40", "--turbidity", "3", "--ground", "0.2"];
     let json: Value = serde_json::from_str(&export(&folder, &dir.path().join("f.json"), &extra)).unwrap();
-    let (c, wgsl) = (export(&folder, &dir.path().join("f.h"), &extra), export(&folder, &dir.path().join("f.wgsl"), &extra));
+    let (c, wgsl) =
+        (export(&folder, &dir.path().join("f.h"), &extra), export(&folder, &dir.path().join("f.wgsl"), &extra));
     let listed = json["coefficients"].as_array().unwrap();
     assert_eq!(listed.len(), 49);
     // against direct integration, to the fit's tier
@@ -220,8 +241,16 @@ fn what_cannot_be_exported_is_a_sentence() {
     let (f, to) = (folder.to_str().unwrap(), dir.path().join("x"));
     let to = to.to_str().unwrap();
     refused(&run(["export", f, "--to", "gltf", "-o", to]), 2, &["sky fit", "wgsl"]);
-    refused(&run(["export", f, "--to", "c", "--sun-zenith-deg", "95", "--turbidity", "3", "-o", to]), 2, &["below the horizon"]);
-    refused(&run(["export", f, "--to", "c", "--sun-zenith-deg", "30", "--turbidity", "8", "-o", to]), 2, &["turbidity is 8"]);
+    refused(
+        &run(["export", f, "--to", "c", "--sun-zenith-deg", "95", "--turbidity", "3", "-o", to]),
+        2,
+        &["below the horizon"],
+    );
+    refused(
+        &run(["export", f, "--to", "c", "--sun-zenith-deg", "30", "--turbidity", "8", "-o", to]),
+        2,
+        &["turbidity is 8"],
+    );
     refused(&run(["export", f, "--to", "c", "--ground", "1.5", "-o", to]), 2, &["--ground"]);
     let beam = dir.path().join("beam");
     succeeded(&run(["fit", "beam", "--quiet", "--basis", "-o", beam.to_str().unwrap()]));
@@ -258,7 +287,10 @@ fn a_panorama_is_made_fitted_and_reported() {
     let report: Value = serde_json::from_slice(&report.stdout).unwrap();
     assert_eq!(report["verdict"]["level"], "good", "{report}");
     succeeded(&run(["report", &out, "-o", &at("report.html")]));
-    assert!(!std::fs::read_to_string(at("report.html")).unwrap().contains("no name in this version"), "a figure without a name");
+    assert!(
+        !std::fs::read_to_string(at("report.html")).unwrap().contains("no name in this version"),
+        "a figure without a name"
+    );
     // the same bytes again
     let first = std::fs::read(dir.path().join("fit/fit.toml")).unwrap();
     succeeded(&run(["fit", "sky", "--quiet", "--panorama", &picture, "-o", &out]));
@@ -270,10 +302,22 @@ fn a_panorama_is_made_fitted_and_reported() {
     assert!(json["status"].as_str().unwrap().contains("residuals exceed the noise"));
     let report: Value = serde_json::from_slice(&run(["report", &out, "--json"]).stdout).unwrap();
     assert_eq!(report["verdict"]["level"], "bad");
-    refused(&run(["fit", "sky", "--panorama", &picture, "--channels", "R,G,X", "-o", &out]), 2, &["X", "no such channel"]);
-    refused(&run(["fit", "sky", "--panorama", &picture, "--projection", "fisheye", "-o", &out]), 2, &["96 x 48", "square"]);
+    refused(
+        &run(["fit", "sky", "--panorama", &picture, "--channels", "R,G,X", "-o", &out]),
+        2,
+        &["X", "no such channel"],
+    );
+    refused(
+        &run(["fit", "sky", "--panorama", &picture, "--projection", "fisheye", "-o", &out]),
+        2,
+        &["96 x 48", "square"],
+    );
     refused(&run(["fit", "sky", "--panorama", &at("none.exr"), "-o", &out]), 2, &["none.exr"]);
-    refused(&run(["eval", "panorama", "--sun-zenith-deg", "95", "--turbidity", "3", "-o", &picture]), 2, &["below the horizon"]);
+    refused(
+        &run(["eval", "panorama", "--sun-zenith-deg", "95", "--turbidity", "3", "-o", &picture]),
+        2,
+        &["below the horizon"],
+    );
 }
 
 #[cfg(feature = "render")]
@@ -304,7 +348,9 @@ mod shader {
 
     fn valid(text: &str) {
         let module = naga::front::wgsl::parse_str(text).unwrap_or_else(|e| panic!("{}", e.emit_to_string(text)));
-        naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::empty()).validate(&module).unwrap();
+        naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::empty())
+            .validate(&module)
+            .unwrap();
     }
 
     fn open() -> Option<(wgpu::Device, wgpu::Queue)> {
@@ -325,11 +371,13 @@ mod shader {
     fn evaluate(device: &wgpu::Device, queue: &wgpu::Queue, text: &str) -> Vec<f64> {
         use wgpu::util::DeviceExt;
         let all = skies();
-        // The numbers go through a storage buffer, as the text itself advises: software adapters copy large constants at every access.
+        // The numbers go through a storage buffer, as the text itself advises: software adapters copy large constants
+        // at every access.
         let (head, rest) = text.split_once("const SKY_VALUES: ").unwrap();
         let (values, tail) = rest.split_once(");").unwrap();
         let list = values.rsplit_once('(').unwrap().1;
-        let numbers: Vec<f32> = list.split(',').map(str::trim).filter(|v| !v.is_empty()).map(|v| v.parse().unwrap()).collect();
+        let numbers: Vec<f32> =
+            list.split(',').map(str::trim).filter(|v| !v.is_empty()).map(|v| v.parse().unwrap()).collect();
         let source = format!(
             "{head}@group(0) @binding(2) var<storage, read> SKY_VALUES: array<f32>;{tail}
 @group(0) @binding(0) var<storage, read> suns: array<vec2<f32>>;
@@ -345,8 +393,10 @@ mod shader {
     }}
 }}"
         );
-        let module =
-            device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source: wgpu::ShaderSource::Wgsl(source.into()) });
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: None,
+            source: wgpu::ShaderSource::Wgsl(source.into()),
+        });
         let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: None,
             layout: None,
@@ -368,7 +418,9 @@ mod shader {
             usage: wgpu::BufferUsages::STORAGE,
         });
         let size = (all.len() * 49 * 3 * 4) as u64;
-        let buffer = |usage| device.create_buffer(&wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false });
+        let buffer = |usage| {
+            device.create_buffer(&wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false })
+        };
         let results = buffer(wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC);
         let back = buffer(wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST);
         let bind = device.create_bind_group(&wgpu::BindGroupDescriptor {

@@ -24,7 +24,8 @@ fn number(rows: &[Vec<String>], row: usize, column: usize) -> f64 {
 
 #[test]
 fn eval_methods_agree_and_bad_rows_are_named() {
-    let input = "delta,note,omega\n1,a,0.9\n1e-3,b,0.5\n60,c,0.2\n2,d,1\n0,e,0.3\n3,f,0\n1,g,1.5\n-1,h,0.5\noops,i,0.5\n1,j\n";
+    let input =
+        "delta,note,omega\n1,a,0.9\n1e-3,b,0.5\n60,c,0.2\n2,d,1\n0,e,0.3\n3,f,0\n1,g,1.5\n-1,h,0.5\noops,i,0.5\n1,j\n";
     let mut answers = Vec::new();
     for method in ["fast", "exact", "fn"] {
         let (code, out, _) = mesophyll(&["--quiet", "eval", "slab", "--method", method], input);
@@ -32,9 +33,12 @@ fn eval_methods_agree_and_bad_rows_are_named() {
         let (header, rows) = table(&out);
         assert_eq!(header, ["delta", "note", "omega", "rho_d", "rho_t", "status"]);
         assert_eq!(rows.len(), 10);
-        for (row, status) in
-            [(6, "refused: omega is 1.5"), (7, "refused: delta is -1"), (8, "refused: delta is \"oops\""), (9, "refused: 2 fields")]
-        {
+        for (row, status) in [
+            (6, "refused: omega is 1.5"),
+            (7, "refused: delta is -1"),
+            (8, "refused: delta is \"oops\""),
+            (9, "refused: 2 fields"),
+        ] {
             assert!(rows[row][5].starts_with(status), "{:?}", rows[row]);
             assert!(rows[row][3].is_empty());
         }
@@ -75,13 +79,14 @@ fn a_round_trip_through_files() {
     std::fs::write(&a, text).unwrap();
     let path = |p: &Path| p.to_str().unwrap().to_string();
     assert_eq!(mesophyll(&["eval", "slab", "--method", "exact", "--in", &path(&a), "--out", &path(&b)], "").0, 0);
-    let measured = std::fs::read_to_string(&b).unwrap().replace("status", "eval_status").replace(",ok", ",ok,0.25").replacen(
-        "eval_status",
-        "eval_status,h",
-        1,
-    );
+    let measured = std::fs::read_to_string(&b)
+        .unwrap()
+        .replace("status", "eval_status")
+        .replace(",ok", ",ok,0.25")
+        .replacen("eval_status", "eval_status,h", 1);
     std::fs::write(&b, measured).unwrap();
-    let (code, json, _) = mesophyll(&["--json", "fit", "slab", "--in", &path(&b), "--out", &path(&c), "--noise", "1e-9"], "");
+    let (code, json, _) =
+        mesophyll(&["--json", "fit", "slab", "--in", &path(&b), "--out", &path(&c), "--noise", "1e-9"], "");
     assert_eq!(code, 0);
     assert!(json.contains("\"rows\": 200"), "{json}");
     let (header, rows) = table(&std::fs::read_to_string(&c).unwrap());
@@ -90,7 +95,11 @@ fn a_round_trip_through_files() {
         let (omega, delta) = (number(&rows, k, at("omega")), number(&rows, k, at("delta")));
         assert_eq!(rows[k][at("status")], "ok");
         let (sa, ss) = (number(&rows, k, at("sigma_a")) * 0.25, number(&rows, k, at("sigma_s")) * 0.25);
-        assert!((sa / ((1.0 - omega) * delta) - 1.0).abs() < 1e-6 && (ss / (omega * delta) - 1.0).abs() < 1e-6, "{:?}", rows[k]);
+        assert!(
+            (sa / ((1.0 - omega) * delta) - 1.0).abs() < 1e-6 && (ss / (omega * delta) - 1.0).abs() < 1e-6,
+            "{:?}",
+            rows[k]
+        );
     }
 }
 
@@ -117,7 +126,8 @@ fn options_are_checked_and_a_row_may_bring_its_own_errors() {
         let (code, _, err) = mesophyll(&[&["fit", "slab"], bad].concat(), input);
         assert_eq!(code, 2, "{bad:?}: {err}");
     }
-    let micrometres = mesophyll(&["--quiet", "fit", "slab", "--thickness-unit", "um"], "rho_d,rho_t,h\n0.3,0.2,200\n").1;
+    let micrometres =
+        mesophyll(&["--quiet", "fit", "slab", "--thickness-unit", "um"], "rho_d,rho_t,h\n0.3,0.2,200\n").1;
     let millimetres = mesophyll(&["--quiet", "fit", "slab"], "rho_d,rho_t,h\n0.3,0.2,0.2\n").1;
     assert_eq!(
         micrometres.lines().nth(1).unwrap().split_once("200").unwrap().1,
@@ -129,14 +139,18 @@ fn options_are_checked_and_a_row_may_bring_its_own_errors() {
     assert!((number(&gloss, 0, 4) / number(&matte, 0, 4) - 1.0).abs() < 1e-9);
 }
 
-/// Without a stated noise no error is claimed: its cells are empty, the values are those of exact input, and one line says why.
+/// Without a stated noise no error is claimed: its cells are empty, the values are those of exact input, and one line
+/// says why.
 #[test]
 fn noise_is_asked_for() {
     // Two leaves of a spectrometer that is right within 5e-3; the second one brings its own errors in the other form.
     let input = "rho_d,rho_t,h\n0.3801,0.5129,0.15\n0.05,0,0.2\n0.7,0.7,0.2\n";
     let (code, out, said) = mesophyll(&["fit", "slab"], input);
     let (header, rows) = table(&out);
-    assert_eq!((code, &header[3..]), (0, &["sigma_a", "sigma_s", "sigma_a_err", "sigma_s_err", "status"].map(String::from)[..]));
+    assert_eq!(
+        (code, &header[3..]),
+        (0, &["sigma_a", "sigma_s", "sigma_a_err", "sigma_s_err", "status"].map(String::from)[..])
+    );
     let exact = table(&mesophyll(&["--quiet", "fit", "slab", "--noise", "0"], input).1).1;
     let honest = table(&mesophyll(&["--quiet", "fit", "slab", "--noise", "0.005"], input).1).1;
     for k in [3, 4] {
@@ -147,7 +161,11 @@ fn noise_is_asked_for() {
     assert_eq!((rows[0][7].as_str(), exact[0][7].as_str()), ("ok", "ok"));
     // A tenth of what the leaf absorbs is in the noise: the error that went unsaid.
     assert!(number(&honest, 0, 5) > 0.02 * number(&honest, 0, 3), "{honest:?}");
-    assert!(rows[1][7].starts_with("undetermined: sigma_a >= ") && rows[1][7].contains("none was stated"), "{:?}", rows[1]);
+    assert!(
+        rows[1][7].starts_with("undetermined: sigma_a >= ") && rows[1][7].contains("none was stated"),
+        "{:?}",
+        rows[1]
+    );
     assert_eq!(rows[1][5], "");
     assert!(rows[2][7].starts_with("refused: rho_d + rho_t"), "{:?}", rows[2]);
     assert!(said.contains("no noise is stated for 2 rows") && said.contains("--noise 0"), "{said}");
@@ -168,10 +186,12 @@ fn a_thickness_without_a_unit_is_not_taken_for_mm() {
         assert_eq!(code, 0, "{err}");
         table(&out).1
     };
-    let rows = fit(&["--columns", "h=thickness"], "rho_d,rho_t,thickness\n0.3,0.2,107\n0.3,0.2,0.000107\n0.3,0.2,0.107\n");
+    let rows =
+        fit(&["--columns", "h=thickness"], "rho_d,rho_t,thickness\n0.3,0.2,107\n0.3,0.2,0.000107\n0.3,0.2,0.107\n");
     let status = |rows: &[Vec<String>], k: usize| rows[k].last().unwrap().clone();
     assert!(
-        status(&rows, 0).starts_with("refused: thickness is 107 and names no unit") && status(&rows, 0).contains("--thickness-unit um")
+        status(&rows, 0).starts_with("refused: thickness is 107 and names no unit")
+            && status(&rows, 0).contains("--thickness-unit um")
     );
     assert!(status(&rows, 1).contains("--thickness-unit m "), "{rows:?}");
     assert_eq!(status(&rows, 2), "ok");
@@ -183,7 +203,10 @@ fn a_thickness_without_a_unit_is_not_taken_for_mm() {
         fit(&[], "rho_d,rho_t,h\n0.3,0.2,0.107\n"),
     ];
     for other in &same {
-        assert!((number(other, 0, 3) / number(&rows, 2, 3) - 1.0).abs() < 1e-12 && status(other, 0) == "ok", "{other:?}");
+        assert!(
+            (number(other, 0, 3) / number(&rows, 2, 3) - 1.0).abs() < 1e-12 && status(other, 0) == "ok",
+            "{other:?}"
+        );
     }
     let thick = fit(&[], "rho_d,rho_t,h\n0.3,0.2,107\n");
     assert!((1e3 * number(&thick, 0, 3) / number(&rows, 2, 3) - 1.0).abs() < 1e-12, "{thick:?}");
@@ -194,8 +217,10 @@ fn species_means_run_as_they_are() {
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/data/leaves/species_means.csv");
     for band in ["450", "550", "650"] {
         let columns = format!("rho_d=reflectance_{band},rho_t=transmittance_{band},h=thickness_mm");
-        let (code, out, _) =
-            mesophyll(&["--quiet", "fit", "slab", "--in", file, "--columns", &columns, "--noise", "0.002", "--surface", "0.03"], "");
+        let (code, out, _) = mesophyll(
+            &["--quiet", "fit", "slab", "--in", file, "--columns", &columns, "--noise", "0.002", "--surface", "0.03"],
+            "",
+        );
         assert_eq!(code, 0);
         let (header, rows) = table(&out);
         assert_eq!(rows.len(), 45);
@@ -242,8 +267,19 @@ fn real_leaves_get_an_honest_status() {
     let file = Path::new(&data).join("leaves/reflectance_transmittance.csv");
     for band in ["450", "550", "650"] {
         let columns = format!("rho_d=R{band},rho_t=T{band},h=thickness_um");
-        let args =
-            ["--quiet", "fit", "slab", "--in", file.to_str().unwrap(), "--columns", &columns, "--thickness-unit", "um", "--noise", "0.002"];
+        let args = [
+            "--quiet",
+            "fit",
+            "slab",
+            "--in",
+            file.to_str().unwrap(),
+            "--columns",
+            &columns,
+            "--thickness-unit",
+            "um",
+            "--noise",
+            "0.002",
+        ];
         let (code, out, err) = mesophyll(&args, "");
         assert_eq!(code, 0, "{err}");
         let (header, rows) = table(&out);

@@ -33,10 +33,15 @@ fn every_table_of_stress_gets_the_verdicts_it_expects() {
     // The program's own list of tables, from what it says to a name that it does not know: a new table is run here too.
     let said = mesophyll().args(["stress", "no-such-model"]).assert().code(2).get_output().stderr.clone();
     let said = String::from_utf8(said).unwrap();
-    let list = said.split_once("possible values: ").and_then(|(_, rest)| rest.split_once(']')).expect("a list of the tables").0;
+    let list = said
+        .split_once("possible values: ")
+        .and_then(|(_, rest)| rest.split_once(']'))
+        .expect("a list of the tables")
+        .0;
     let mut tables: Vec<&str> = list.split(", ").collect();
     assert!(tables.len() >= 9, "{said}");
-    // The 10,000 texels of `coverage` take half a minute in an optimised build, minutes here: a thousand of them are a test of `fit::coverage`.
+    // The 10,000 texels of `coverage` take half a minute in an optimised build, minutes here: a thousand of them are a
+    // test of `fit::coverage`.
     tables.retain(|t| *t != "coverage");
     let rows = rows(&[&["stress"], &tables[..], &["--json"]].concat());
     for model in tables {
@@ -71,8 +76,11 @@ fn unknown_names_are_usage_errors_with_the_list() {
 fn bench_gives_rows_a_plot_and_the_frontier() {
     let folder = tempfile::tempdir().unwrap();
     let rows = rows(&["bench", "solve", "--json", "-o", folder.path().to_str().unwrap()]);
-    let errors = |knob: &str| -> Vec<f64> { rows.iter().filter(|r| r["knob"] == knob).map(|r| r["error"].as_f64().unwrap()).collect() };
-    // Errors (not times) are the same on every machine: more iterations, a tighter tolerance, the refinement buy digits.
+    let errors = |knob: &str| -> Vec<f64> {
+        rows.iter().filter(|r| r["knob"] == knob).map(|r| r["error"].as_f64().unwrap()).collect()
+    };
+    // Errors (not times) are the same on every machine: more iterations, a tighter tolerance, the refinement buy
+    // digits.
     for knob in ["iterations at most", "tolerance", "refinement"] {
         let e = errors(knob);
         assert!(e.len() >= 2 && e.last() < e.first(), "{knob}: {e:?}");
@@ -85,7 +93,11 @@ fn bench_gives_rows_a_plot_and_the_frontier() {
 
 #[test]
 fn missing_peers_are_skipped_with_a_word() {
-    let output = mesophyll().args(["bench", "solve", "--peers", "--json"]).env("MESOPHYLL_PYTHON", "no-such-python").assert().code(0);
+    let output = mesophyll()
+        .args(["bench", "solve", "--peers", "--json"])
+        .env("MESOPHYLL_PYTHON", "no-such-python")
+        .assert()
+        .code(0);
     let output = output.get_output().clone();
     assert!(String::from_utf8(output.stderr).unwrap().contains("skipped"));
     let value: Value = serde_json::from_slice(&output.stdout).unwrap();

@@ -1,4 +1,5 @@
-//! `mesophyll synth` from outside: what it writes, that the same seed gives the same bytes, and what it says to bad requests.
+//! `mesophyll synth` from outside: what it writes, that the same seed gives the same bytes, and what it says to bad
+//! requests.
 
 use assert_cmd::Command;
 use mesophyll::capture::manifest::{Manifest, SideName, Travel, frame_path, mirror_path, texel_position, white_path};
@@ -68,13 +69,16 @@ fn a_capture_is_complete_and_calibrates_to_its_truth() {
         for c in ["R", "G", "B"] {
             let ratio = |leaf, k| (get(leaf, c, k) - get(&dark, c, k)) / (get(&empty, c, k) - get(&dark, c, k));
             let rho_t = get(&truth, &format!("rho_t.{c}"), k);
-            assert!((ratio(&front, k) / rho_t - 1.0).abs() < 1e-4 && (ratio(&back, mirrored) / rho_t - 1.0).abs() < 1e-4);
+            assert!(
+                (ratio(&front, k) / rho_t - 1.0).abs() < 1e-4 && (ratio(&back, mirrored) / rho_t - 1.0).abs() < 1e-4
+            );
         }
     }
     assert!(on_leaf > 100);
 
-    // A frame, calibrated by the white sheet and a thin tube's closed form (G3; the tube's radius changes it by under 1 %), holds at
-    // least the diffuse part, and nothing but it where the mirror direction is far away (last frame of pass x).
+    // A frame, calibrated by the white sheet and a thin tube's closed form (G3; the tube's radius changes it by under 1
+    // %), holds at least the diffuse part, and nothing but it where the mirror direction is far away (last frame of
+    // pass x).
     let (frame, white) = (read("front/x/0007.exr"), read("white/x/0007.exr"));
     assert_eq!((white.width, white.height), (32, 24));
     for k in (0..32 * 24).filter(|&k| get(&mask, "Y", k) > 0.5) {
@@ -122,7 +126,14 @@ fn bad_requests_end_in_one_sentence_and_exit_code_2() {
     };
     let out = dir.path().join("new");
     let run = |args: &[&str], spec: &Path, out: &Path| {
-        Command::cargo_bin("mesophyll").unwrap().args(["synth", "--quiet"]).arg(spec).arg("-o").arg(out).args(args).assert()
+        Command::cargo_bin("mesophyll")
+            .unwrap()
+            .args(["synth", "--quiet"])
+            .arg(spec)
+            .arg("-o")
+            .arg(out)
+            .args(args)
+            .assert()
     };
     for size in ["0x0", "32", "32x", "-3x4", "99999x2"] {
         says(run(&[&format!("--size={size}")], &spec("elm"), &out), "--size: found");

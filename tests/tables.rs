@@ -1,4 +1,5 @@
-//! `docs/tables.md`: its files are those of the repository, its commands print what it says, and every verb's `--help` shows its section.
+//! `docs/tables.md`: its files are those of the repository, its commands print what it says, and every verb's `--help`
+//! shows its section.
 //!
 //! `MESOPHYLL_WRITE_DOCS=1 cargo test --test tables` writes the printed answers into the page anew.
 
@@ -46,7 +47,11 @@ fn blocks(page: &str) -> Vec<Block> {
                 "sh" => Kind::Command,
                 "text" => Kind::Printed,
                 "csv" | "toml" => {
-                    let name = before.strip_suffix("`:").and_then(|b| b.rsplit_once('`')).expect("a file is named before its block").1;
+                    let name = before
+                        .strip_suffix("`:")
+                        .and_then(|b| b.rsplit_once('`'))
+                        .expect("a file is named before its block")
+                        .1;
                     Kind::File(name.to_string())
                 }
                 other => panic!("line {}: a block of kind {other:?}", k + 1),
@@ -84,7 +89,11 @@ fn same(got: &str, want: &str) -> Result<(), String> {
             return Err(format!("found {g:?}, the page has {w:?}"));
         }
     }
-    if got.len() == want.len() { Ok(()) } else { Err(format!("found {} words, the page has {}", got.len(), want.len())) }
+    if got.len() == want.len() {
+        Ok(())
+    } else {
+        Err(format!("found {} words, the page has {}", got.len(), want.len()))
+    }
 }
 
 #[test]
@@ -146,8 +155,11 @@ fn section(page: &str, verb: &str) -> Vec<String> {
 #[test]
 fn every_help_shows_its_section() {
     let page = page();
-    let plain = |text: &str| text.replace('`', "").replace('|', " ").replace("**", "").split_whitespace().collect::<Vec<_>>().join(" ");
-    let verbs: Vec<&str> = page.lines().filter_map(|l| l.strip_prefix("## `")).map(|v| v.trim_end_matches('`')).collect();
+    let plain = |text: &str| {
+        text.replace('`', "").replace('|', " ").replace("**", "").split_whitespace().collect::<Vec<_>>().join(" ")
+    };
+    let verbs: Vec<&str> =
+        page.lines().filter_map(|l| l.strip_prefix("## `")).map(|v| v.trim_end_matches('`')).collect();
     assert!(verbs.len() >= 10, "{verbs:?}");
     for verb in &verbs {
         let output = common::run(verb.split(' ').chain(["--help"]));

@@ -1,4 +1,5 @@
-//! `mesophyll fit tissue` through the binary: photographs that `synth` makes, on a blade whose maps are the truth's; then everything that can be wrong with them.
+//! `mesophyll fit tissue` through the binary: photographs that `synth` makes, on a blade whose maps are the truth's;
+//! then everything that can be wrong with them.
 
 mod common;
 
@@ -21,7 +22,16 @@ const SLANTING: [&str; 6] = ["--beam", "front,90,0", "--beam", "front,50,30", "-
 fn set(size: [&str; 2], beams: &[&str], extra: &[&str]) -> Set {
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path().join("beams");
-    let mut args = vec!["synth", "data/leaves/elm.toml", "-o", folder.to_str().unwrap(), "--acquisition", "beams", "--model", "exact"];
+    let mut args = vec![
+        "synth",
+        "data/leaves/elm.toml",
+        "-o",
+        folder.to_str().unwrap(),
+        "--acquisition",
+        "beams",
+        "--model",
+        "exact",
+    ];
     args.extend(["--patch-mm", size[0], "--size", size[1]].iter().chain(beams).chain(extra));
     succeeded(&run(args));
     let blade = dir.path().join("leaf");
@@ -53,7 +63,8 @@ fn leaf_fit(beams: &Path, blade: &Path, off: f64) {
             maps.push(name, get(name));
         }
         ["normal.X", "normal.Y", "normal.Z"].iter().for_each(|c| maps.push(*c, get(c)));
-        // As if the mesh carried the whole relief: the photographs' directions are told against the blade as it lay, not against the mesh.
+        // As if the mesh carried the whole relief: the photographs' directions are told against the blade as it lay,
+        // not against the mesh.
         ["X", "Y", "Z"].iter().for_each(|c| normals.push(*c, vec![f32::from(u8::from(*c == "Z")); texels]));
         write_exr(&blade.join(format!("{side}.exr")), &maps, Packing::Zip).unwrap();
         write_exr(&blade.join(format!("{side}_normal.exr")), &normals, Packing::Zip).unwrap();
@@ -75,8 +86,15 @@ fn leaf_fit(beams: &Path, blade: &Path, off: f64) {
 impl Set {
     fn fit(&self, extra: &[&str]) -> std::process::Output {
         let out = self.dir.path().join("out");
-        let mut args =
-            vec!["fit", "tissue", self.beams.to_str().unwrap(), "--blade", self.blade.to_str().unwrap(), "-o", out.to_str().unwrap()];
+        let mut args = vec![
+            "fit",
+            "tissue",
+            self.beams.to_str().unwrap(),
+            "--blade",
+            self.blade.to_str().unwrap(),
+            "-o",
+            out.to_str().unwrap(),
+        ];
         args.extend(extra);
         run(args)
     }
@@ -95,7 +113,10 @@ fn photographs_give_back_what_they_were_made_of() {
     let out = set.fit(&["--levels", "4", "--margin-mm", "0.6"]);
     succeeded(&out);
     let text = String::from_utf8_lossy(&out.stdout);
-    assert!(text.contains("undetermined: g: only (1 - g) sigma_s") && text.contains("agrees with the slab fit"), "{text}");
+    assert!(
+        text.contains("undetermined: g: only (1 - g) sigma_s") && text.contains("agrees with the slab fit"),
+        "{text}"
+    );
     let folder = set.dir.path().join("out");
     let record = FitRecord::read(&folder).unwrap();
     assert_eq!(mesophyll::report::figure::unnamed(&record), Vec::<String>::new());
@@ -188,7 +209,9 @@ fn bad_input_is_named() {
 fn look(set: &Set) -> (i32, String, String, serde_json::Value) {
     let out = run(["inspect", set.beams.to_str().unwrap(), "--json"]);
     let found: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
-    let list = |name: &str| found[name].as_array().unwrap().iter().map(|v| format!("{}\n", v.as_str().unwrap())).collect::<String>();
+    let list = |name: &str| {
+        found[name].as_array().unwrap().iter().map(|v| format!("{}\n", v.as_str().unwrap())).collect::<String>()
+    };
     (out.status.code().unwrap(), list("problems"), list("warnings"), found.clone())
 }
 
@@ -207,8 +230,12 @@ fn a_good_capture_is_inspected() {
     assert_eq!((code, problems.as_str(), warnings.as_str()), (0, "", ""));
     // What is there is read and counted: beams, angles, field, brightness, noise.
     let photographs = found["photographs"].as_array().unwrap();
-    let angles: Vec<_> = photographs.iter().map(|p| ["lit", "elevation_deg", "azimuth_deg"].map(|k| p[k].clone())).collect();
-    assert_eq!(serde_json::json!(angles), serde_json::json!([["front", 90.0, 0.0], ["front", 50.0, 30.0], ["back", 50.0, 200.0]]));
+    let angles: Vec<_> =
+        photographs.iter().map(|p| ["lit", "elevation_deg", "azimuth_deg"].map(|k| p[k].clone())).collect();
+    assert_eq!(
+        serde_json::json!(angles),
+        serde_json::json!([["front", 90.0, 0.0], ["front", 50.0, 30.0], ["back", 50.0, 200.0]])
+    );
     assert_eq!(found["leaf_texels"], 32 * 30);
     let field = [0, 1].map(|k: usize| found["field_mm"][k].as_f64().unwrap());
     assert!((field[0] - 3.2).abs() < 1e-9 && (field[1] - 3.0).abs() < 1e-9);
@@ -222,9 +249,14 @@ fn a_good_capture_is_inspected() {
     assert!(ratio > 0.8, "{ratio}");
     let out = run(["inspect", set.beams.to_str().unwrap()]);
     let said = String::from_utf8_lossy(&out.stdout).into_owned();
-    for word in
-        ["3 photographs under beams", "32 × 30 texels of 0.1 mm", "50° up", "truth/ is there", "--blade", "This capture can be fitted."]
-    {
+    for word in [
+        "3 photographs under beams",
+        "32 × 30 texels of 0.1 mm",
+        "50° up",
+        "truth/ is there",
+        "--blade",
+        "This capture can be fitted.",
+    ] {
         assert!(said.contains(word), "{word} is missing in\n{said}");
     }
 }
@@ -239,7 +271,11 @@ fn every_file_that_is_wrong_is_named_at_once() {
     each(&set, "03_back_50_200.exr", |_, v| v.fill(f32::NAN));
     let (code, problems, _, _) = look(&set);
     assert_eq!((code, problems.lines().count()), (2, 3), "{problems}");
-    for said in ["01_front_90_0.exr: no such file", "found 4x3 texels, expected 32x30", "03_back_50_200.exr: R: no texel has a reading"] {
+    for said in [
+        "01_front_90_0.exr: no such file",
+        "found 4x3 texels, expected 32x30",
+        "03_back_50_200.exr: R: no texel has a reading",
+    ] {
         assert!(problems.contains(said), "{said} is missing in\n{problems}");
     }
     set.edit("texel_mm = 0.1", "texel_mm = -0.1");

@@ -63,18 +63,39 @@ fn the_report_shows_the_maps() {
     let dir = tempfile::tempdir().unwrap();
     for (name, extra, pictures, said) in [
         // Three lights, three coefficients, thickness, light that enters: a side.
-        ("one", vec![], 8, vec!["Coefficients of f on half-life 2", "azimuth \u{2212}120°, 35° over the blade", "0.836 each"]),
+        (
+            "one",
+            vec![],
+            8,
+            vec!["Coefficients of f on half-life 2", "azimuth \u{2212}120°, 35° over the blade", "0.836 each"],
+        ),
         // The coefficients as colours and as three wavelengths.
         ("rgb", vec!["--colour", "three-wavelengths"], 17, vec!["Coefficients of M", "as colours", "8 blue"]),
-        ("nine", vec!["--basis", "hemispherical"], 14, vec!["Coefficients of f on hemispherical harmonics 3", "function 9"]),
-        ("sun", vec!["--sun-elevation-deg", "60", "--sun-azimuth-deg", "20"], 3, vec!["under light 60° over the blade, azimuth 20°"]),
+        (
+            "nine",
+            vec!["--basis", "hemispherical"],
+            14,
+            vec!["Coefficients of f on hemispherical harmonics 3", "function 9"],
+        ),
+        (
+            "sun",
+            vec!["--sun-elevation-deg", "60", "--sun-azimuth-deg", "20"],
+            3,
+            vec!["under light 60° over the blade, azimuth 20°"],
+        ),
     ] {
         let (out, page) = (dir.path().join(name), dir.path().join(format!("{name}.html")));
         succeeded(&fit("fits/elm", &out, &extra));
         succeeded(&run(["report", out.to_str().unwrap(), "-o", page.to_str().unwrap()]));
         let page = std::fs::read_to_string(page).unwrap();
         assert_eq!(page.matches("<img src=\"data:image/png;base64,").count(), 2 * pictures, "{name}");
-        for part in said.into_iter().chain(["Light that enters the back", "<h4>Thickness", "even sky", "How it was made", "horizon map"]) {
+        for part in said.into_iter().chain([
+            "Light that enters the back",
+            "<h4>Thickness",
+            "even sky",
+            "How it was made",
+            "horizon map",
+        ]) {
             assert!(page.contains(part), "{name}: {part}");
         }
         assert!(!page.contains("no name in this version"), "{name}: a figure without a name");
@@ -84,7 +105,8 @@ fn the_report_shows_the_maps() {
     }
 }
 
-/// A flat uniform leaf in three wavelengths lets through what the slab says: the mean over the elm is near its ρt, a channel at a time.
+/// A flat uniform leaf in three wavelengths lets through what the slab says: the mean over the elm is near its ρt, a
+/// channel at a time.
 #[test]
 fn three_wavelengths_let_through_what_the_light_box_measured() {
     let dir = tempfile::tempdir().unwrap();
@@ -109,16 +131,29 @@ fn three_wavelengths_let_through_what_the_light_box_measured() {
 fn a_capture_under_a_dome_goes_the_same_way() {
     let dir = tempfile::tempdir().unwrap();
     let (capture, out) = (dir.path().join("dome"), dir.path().join("tr"));
-    let synth =
-        ["synth", "data/leaves/elm.toml", "--acquisition", "dome", "-o", capture.to_str().unwrap(), "--size", "96x72", "--patch-mm", "9"];
+    let synth = [
+        "synth",
+        "data/leaves/elm.toml",
+        "--acquisition",
+        "dome",
+        "-o",
+        capture.to_str().unwrap(),
+        "--size",
+        "96x72",
+        "--patch-mm",
+        "9",
+    ];
     succeeded(&run(synth));
     succeeded(&fit(capture.to_str().unwrap(), &out, &[]));
-    assert!(out.join("leaf/fit.toml").is_file() && out.join("leaf/blade.glb").is_file() && out.join("back.exr").is_file());
+    assert!(
+        out.join("leaf/fit.toml").is_file() && out.join("leaf/blade.glb").is_file() && out.join("back.exr").is_file()
+    );
     let record = std::fs::read_to_string(out.join("leaf/fit.toml")).unwrap();
     let record: toml::Table = record.parse().unwrap();
     let front = &record["front"];
     // Within three of its standard errors of the specification's σa (11.4 in green).
-    let (value, err) = (front["sigma_a"]["value"][1].as_float().unwrap(), front["sigma_a"]["stderr"][1].as_float().unwrap());
+    let (value, err) =
+        (front["sigma_a"]["value"][1].as_float().unwrap(), front["sigma_a"]["stderr"][1].as_float().unwrap());
     assert!((value - 11.4).abs() < 3.0 * err && err < 0.2 * value, "{value} {err}");
     assert!(front["truth"]["rho_t"]["coverage95"].as_float().unwrap() > 0.9);
     // A tube's options mean nothing here, and a dome's nothing there.
@@ -139,7 +174,11 @@ fn what_is_no_leaf_fit_is_refused_by_name() {
     refused(&fit("fits/elm-twig", &out, &[]), 2, &["kind", "expected \"leaf\""]);
     refused(&fit("fits/elm", &out, &["--a", "0.5"]), 2, &["--a", "0.5", "at least 1"]);
     refused(&fit("fits/elm", &out, &["--sigma-a", "0.4", "--sigma-s", "10", "--g", "1.5"]), 2, &["--g", "1.5"]);
-    refused(&fit("fits/elm", &out, &["--form", "images", "--sigma-a", "0.1", "--sigma-s", "2"]), 1, &["mean free path", "thin"]);
+    refused(
+        &fit("fits/elm", &out, &["--form", "images", "--sigma-a", "0.1", "--sigma-s", "2"]),
+        1,
+        &["mean free path", "thin"],
+    );
     let tube = scan(dir.path(), "elm", &["--size", "24x18", "--frames", "8"]);
     refused(&fit(tube.to_str().unwrap(), &out, &[]), 2, &["scan under a tube", "fit leaf"]);
     // A map of another size, and one that ends early.

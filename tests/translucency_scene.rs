@@ -84,7 +84,8 @@ fn a_leaf_that_is_never_back_lit_loads_no_map_and_says_so() {
     for (zenith, sky, word) in [(Some(30.0), None, "never back-lit"), (None, Some(1.0), "no sun")] {
         let (plan, ledger) = planned(&scene(dir.path(), "front", zenith, sky, ""));
         for side in ["front", "back"] {
-            let left = plan.left_out.iter().find(|l| l.name == format!("elm/translucency/{side}.exr")).expect("left out");
+            let left =
+                plan.left_out.iter().find(|l| l.name == format!("elm/translucency/{side}.exr")).expect("left out");
             assert!(left.reason.contains(word), "{}", left.reason);
             // Half floats with mips on the adapter, and the file.
             assert!(left.saved_bytes > 96 * 72 * 8, "{}", left.saved);
@@ -134,7 +135,8 @@ fn maps_that_say_what_the_mapped_normal_says_are_left_out() {
 fn the_plan_is_the_contracts() {
     let dir = folder(&Blade::default());
     let path = scene(dir.path(), "back", Some(140.0), None, "");
-    let output = assert_cmd::Command::cargo_bin("mesophyll").unwrap().arg("plan").arg(&path).arg("--json").output().unwrap();
+    let output =
+        assert_cmd::Command::cargo_bin("mesophyll").unwrap().arg("plan").arg(&path).arg("--json").output().unwrap();
     let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert!(json["needed"].as_array().unwrap().iter().any(|n| n["name"] == "elm/translucency/back.exr"), "{json:#}");
     for left in json["left_out"].as_array().unwrap() {
@@ -182,7 +184,9 @@ mod drawn {
         let drawn = handover::scene(&manifest, &plan, &ledger).unwrap();
         let leaf = &drawn.leaves[0];
         assert!(leaf.front.translucency.is_none() && leaf.back.normal.is_none());
-        let Some(Translucency { coefficients: Coefficients::Factor(map), .. }) = &leaf.back.translucency else { panic!("no factor") };
+        let Some(Translucency { coefficients: Coefficients::Factor(map), .. }) = &leaf.back.translucency else {
+            panic!("no factor")
+        };
         assert_eq!(plan.leaves[0].block, 1);
         let k = 36 * flat.width + 40;
         let want = leaning(1, 40, 36);
@@ -194,14 +198,18 @@ mod drawn {
         let omega = [-zenith.sin() * azimuth.cos(), zenith.sin() * azimuth.sin(), -zenith.cos()];
         let (a, b, c) = ((1.0f64 / 6.0).sqrt(), 0.5f64.sqrt(), (1.0f64 / 3.0).sqrt());
         let axes = [[-a, -b, c], [-a, b, c], [2.0 * a, 0.0, c]];
-        let f: f64 =
-            (0..3).map(|i| want[i] * (1.5 / PI).sqrt() * (axes[i][0] * omega[0] + axes[i][1] * omega[1] + axes[i][2] * omega[2])).sum();
+        let f: f64 = (0..3)
+            .map(|i| {
+                want[i] * (1.5 / PI).sqrt() * (axes[i][0] * omega[0] + axes[i][1] * omega[1] + axes[i][2] * omega[2])
+            })
+            .sum();
         let Some(Sunlit::Factor(map)) = &world.through[0].entering[1] else { panic!("no map") };
         assert!((f64::from(map[k]) - f).abs() < 1e-5, "{} {f}", map[k]);
         assert!(world.through[0].entering[0].is_none());
     }
 
-    /// Σ h_i √(3/2π) H_i·ω for a sun `zenith` and `azimuth` degrees from the front's normal and its x, on the back, by angles: bent where asked.
+    /// Σ h_i √(3/2π) H_i·ω for a sun `zenith` and `azimuth` degrees from the front's normal and its x, on the back, by
+    /// angles: bent where asked.
     fn by_angles(h: [f64; 3], zenith: f64, azimuth: f64, bent: bool) -> f64 {
         let (height, azimuth) = ((zenith - 90.0).to_radians(), PI - azimuth.to_radians());
         let share = if bent { (2.0 * height.sin() / (1.0 + height.sin())).powf(0.25) } else { 1.0 };
@@ -222,7 +230,8 @@ mod drawn {
                 let path = scene(dir.path(), "back", Some(zenith), None, "");
                 let (plan, ledger) = planned(&path);
                 let manifest = Manifest::read(&path).unwrap();
-                let amount = plan.needed.iter().find(|n| n.name == "elm/translucency/back.exr").and_then(|n| n.amount.clone());
+                let amount =
+                    plan.needed.iter().find(|n| n.name == "elm/translucency/back.exr").and_then(|n| n.amount.clone());
                 assert!(amount.is_some_and(|a| a.starts_with(&format!("three coefficients a texel, {name};"))));
                 let drawn = handover::scene(&manifest, &plan, &ledger).unwrap();
                 let stored = drawn.leaves[0].back.translucency.as_ref().expect("maps");
@@ -254,7 +263,8 @@ mod drawn {
         let (mut editor, mut drawn, camera) = open(&with);
         let (mut never, bare, _) = open(&plain);
         let by_maps = editor.reference(&drawn, &camera, 40, 30).unwrap();
-        let sides = |leaf: &mut mesophyll_viewer::scene::Leaf| [leaf.front.translucency.take(), leaf.back.translucency.take()];
+        let sides =
+            |leaf: &mut mesophyll_viewer::scene::Leaf| [leaf.front.translucency.take(), leaf.back.translucency.take()];
         let maps = sides(&mut drawn.leaves[0]);
         assert!(maps.iter().all(Option::is_some));
         let without = editor.reference(&drawn, &camera, 40, 30).unwrap();
@@ -281,9 +291,14 @@ mod drawn {
             assert_eq!(output.status.code(), Some(0), "{report:#}");
             let uploads = report["uploads"].as_array().unwrap();
             assert!(uploads.iter().any(|u| u["name"] == "leaf 0 back translucency"), "{report:#}");
-            assert!(uploads.iter().all(|u| u["name"] != "leaf 0 back normal" && u["name"] != "leaf 0 front translucency"));
+            assert!(
+                uploads.iter().all(|u| u["name"] != "leaf 0 back normal" && u["name"] != "leaf 0 front translucency")
+            );
             let word = if basis.starts_with("bent") { "back bent translucency" } else { "back translucency" };
-            assert!(report["pipelines"].as_array().unwrap().iter().any(|p| p.as_str().unwrap().contains(word)), "{report:#}");
+            assert!(
+                report["pipelines"].as_array().unwrap().iter().any(|p| p.as_str().unwrap().contains(word)),
+                "{report:#}"
+            );
         }
     }
 }
@@ -318,7 +333,9 @@ fn the_reference_convolves_and_a_flat_leafs_light_is_its_cosine() {
     let mut plan = plan::make(&manifest, Some(&out), None, &ledger).unwrap();
     assert!(plan.untranslucent().is_empty());
     // The plan leaves out what is the cosine's; here it is looked at.
-    assert!(!plan.leaves[0].sides[1].translucency && plan.left_out.iter().any(|l| l.name == "elm/translucency/back.exr"));
+    assert!(
+        !plan.leaves[0].sides[1].translucency && plan.left_out.iter().any(|l| l.name == "elm/translucency/back.exr")
+    );
     plan.leaves[0].sides[1].translucency = true;
     let world = reference::world(&manifest, &plan, &ledger).unwrap();
     let Some(Sunlit::Factor(map)) = &world.through[0].entering[1] else { panic!("no map") };
@@ -329,7 +346,11 @@ fn the_reference_convolves_and_a_flat_leafs_light_is_its_cosine() {
     Blade { h: 0.25, ..flat }.write(&fit, "elm");
     with_texel(&fit, 1.0);
     let after = plan::make(&manifest, Some(&out), None, &ledger).unwrap();
-    assert!(after.needed.iter().any(|n| n.name == "fit elm translucency" && n.status == Some(Status::Stale)), "{:?}", after.needed);
+    assert!(
+        after.needed.iter().any(|n| n.name == "fit elm translucency" && n.status == Some(Status::Stale)),
+        "{:?}",
+        after.needed
+    );
 }
 
 #[test]
@@ -341,7 +362,11 @@ fn a_scene_asks_for_a_basis_and_what_no_renderer_evaluates_is_refused() {
     let path = scene(dir.path(), "back", Some(140.0), None, "");
     let text = std::fs::read_to_string(&path).unwrap();
     let asks = |basis: &str| {
-        std::fs::write(&path, text.replace("elm-translucency\" }", &format!("elm-translucency\", basis = \"{basis}\" }}"))).unwrap()
+        std::fs::write(
+            &path,
+            text.replace("elm-translucency\" }", &format!("elm-translucency\", basis = \"{basis}\" }}")),
+        )
+        .unwrap()
     };
     let find = |out: Option<&Path>| plan::make(&Manifest::read(&path).unwrap(), out, None, &Ledger::new());
     let status = |plan: &Plan| plan.leaves[0].translucency.as_ref().unwrap().source.status;
@@ -363,7 +388,10 @@ fn a_scene_asks_for_a_basis_and_what_no_renderer_evaluates_is_refused() {
     // Nothing asked for: either is read, others are refused.
     std::fs::write(&path, &text).unwrap();
     with_basis(&maps, "bent half-life 2, 3");
-    assert_eq!(find(None).unwrap().leaves[0].translucency.as_ref().unwrap().maps[1].as_ref().unwrap().basis, Basis::Bent);
+    assert_eq!(
+        find(None).unwrap().leaves[0].translucency.as_ref().unwrap().maps[1].as_ref().unwrap().basis,
+        Basis::Bent
+    );
     for other in ["h-basis 6", "bent half-life 2, 6", "none: one light"] {
         with_basis(&maps, other);
         let told = find(None).unwrap_err().to_string();
@@ -373,7 +401,10 @@ fn a_scene_asks_for_a_basis_and_what_no_renderer_evaluates_is_refused() {
     // A value that is none is refused with its line.
     asks("curved");
     let told = Manifest::read(&path).unwrap_err().to_string();
-    assert!(told.contains("back.toml:7") && told.contains("curved") && told.contains("`half-life 2` or `bent`"), "{told}");
+    assert!(
+        told.contains("back.toml:7") && told.contains("curved") && told.contains("`half-life 2` or `bent`"),
+        "{told}"
+    );
 }
 
 #[test]
@@ -430,8 +461,8 @@ fn a_leaf_may_be_drawn_from_another_ones_data() {
 #[test]
 fn a_tree_shares_one_data_set_among_its_leaves() {
     let dir = folder(&Blade { rho_s: [0.0, 0.0], ..Blade::default() });
-    let tree =
-        "[tree]\nleaves = [\"elm\"]\ncount = 300\nheight_mm = 1500\ncrown_mm = 500\noffset_mm = 25\nbark = [0.1, 0.1, 0.1]\nseed = 2\n";
+    let tree = "[tree]\nleaves = [\"elm\"]\ncount = 300\nheight_mm = 1500\ncrown_mm = 500\noffset_mm = 25\nbark = \
+     [0.1, 0.1, 0.1]\nseed = 2\n";
     let (plan, _) = planned(&scene(dir.path(), "tree", Some(50.0), None, tree));
     assert_eq!(plan.placements.len(), 301);
     assert!(plan.wood.is_some() && plan.shadow_samples > 0);

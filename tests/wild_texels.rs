@@ -1,4 +1,5 @@
-//! Texels that are wild, captures that are wrong, and two sides that disagree: a leaf fit holds against the first and says the others.
+//! Texels that are wild, captures that are wrong, and two sides that disagree: a leaf fit holds against the first and
+//! says the others.
 
 mod common;
 
@@ -14,7 +15,8 @@ fn clean() -> &'static (PathBuf, FitRecord) {
     &CLEAN
         .get_or_init(|| {
             let dir = tempfile::tempdir().unwrap();
-            let capture = scan(dir.path(), "elm", &["--size", "60x45", "--frames", "40", "--noise", "0.01", "--seed", "4"]);
+            let capture =
+                scan(dir.path(), "elm", &["--size", "60x45", "--frames", "40", "--noise", "0.01", "--seed", "4"]);
             let record = fit(&capture, &dir.path().join("fit"));
             (dir, (capture, record))
         })
@@ -26,7 +28,8 @@ fn fit(capture: &Path, out: &Path) -> FitRecord {
     FitRecord::read(out).unwrap()
 }
 
-/// A copy of the clean capture in which `change` may alter every frame of the front: given the frame's number and its channels.
+/// A copy of the clean capture in which `change` may alter every frame of the front: given the frame's number and its
+/// channels.
 fn spoilt(dir: &Path, change: impl Fn(usize, &mut [f32], usize)) -> PathBuf {
     let copy = dir.join("spoilt");
     copy_tree(&clean().0, &copy);
@@ -103,7 +106,8 @@ fn one_per_cent_of_wild_texels_moves_less_than_the_error_and_ten_are_bounded() {
     }
 }
 
-/// Frames of random values up to 1e38 used to hang in a decomposition without a limit. A few texels are enough to get there.
+/// Frames of random values up to 1e38 used to hang in a decomposition without a limit. A few texels are enough to get
+/// there.
 #[test]
 fn frames_of_any_size_end_in_a_sentence() {
     let dir = tempfile::tempdir().unwrap();
@@ -153,7 +157,11 @@ fn a_wrong_camera_angle_is_a_finding() {
     let r = &record.sections["front"].residuals["gloss"];
     let spread = (2.0 * r.reduced_chi2 / r.chi2).sqrt();
     assert!((r.reduced_chi2 - 1.0).abs() < 5.0 * spread + 2e-3, "{r:?}, spread {spread}");
-    assert!((record.sections["front"].figures[NOISE_SEEN] - 1.0).abs() < 0.03, "{:?}", record.sections["front"].figures);
+    assert!(
+        (record.sections["front"].figures[NOISE_SEEN] - 1.0).abs() < 0.03,
+        "{:?}",
+        record.sections["front"].figures
+    );
     assert!(!verdict(&right).1.contains("leaves more than"), "{}", verdict(&right).1);
 
     let copy = dir.path().join("scan");

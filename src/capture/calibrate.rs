@@ -1,7 +1,7 @@
 //! From camera values to the calibrated scale: value = frame / white × the white sheet's own response D.
 //!
-//! Plain division by the white frame would make every white texel 1 in every frame and lose the tube's distance; D puts it back
-//! (Gardner et al. 2003; the normalisation is documented in `data/README.md`).
+//! Plain division by the white frame would make every white texel 1 in every frame and lose the tube's distance; D puts
+//! it back (Gardner et al. 2003; the normalisation is documented in `data/README.md`).
 
 use crate::manifest::{Manifest, Pass, Travel, Tube, texel_position, white_path};
 use crate::{Error, Result};
@@ -13,12 +13,12 @@ use std::path::Path;
 /// White sheets wider than this are averaged down: gain varies slowly, noise does not.
 const GRID: usize = 96;
 
-/// Response of a white Lambertian texel facing up at `at` (mm) to the tube at `position` (mm along its travel), in units of the
-/// response to an infinite tube straight above.
+/// Response of a white Lambertian texel facing up at `at` (mm) to the tube at `position` (mm along its travel), in
+/// units of the response to an infinite tube straight above.
 ///
-/// D = 1/(π r²) Σ over both ends (φ + sin φ cos φ), tan φ = (distance to that end along the tube)/(r H), r = √(1+u²): the
-/// closed form for a line source in units of its height. A long Lambertian cylinder gives the same irradiance as its axis; by the
-/// capture's convention its lit length ends under the angles at which the axis' ends are seen.
+/// D = 1/(π r²) Σ over both ends (φ + sin φ cos φ), tan φ = (distance to that end along the tube)/(r H), r = √(1+u²):
+/// the closed form for a line source in units of its height. A long Lambertian cylinder gives the same irradiance as
+/// its axis; by the capture's convention its lit length ends under the angles at which the axis' ends are seen.
 pub fn white_response(tube: &Tube, travel: Travel, position: f64, at: [f64; 2]) -> f64 {
     let (across, along) = match travel {
         Travel::X => (position - at[0], at[1]),
@@ -62,7 +62,10 @@ impl Gain {
                 if (info.width, info.height) != (w, h) {
                     return Err(Error::input(
                         &path,
-                        format!("found {}x{} texels, the pass's first white frame has {w}x{h}", info.width, info.height),
+                        format!(
+                            "found {}x{} texels, the pass's first white frame has {w}x{h}",
+                            info.width, info.height
+                        ),
                     ));
                 }
                 let maps = read_exr_rows(&path, Some(&super::reader::RGB), None)?;
@@ -96,7 +99,10 @@ impl Gain {
                     }
                 }
                 if out.iter().flatten().all(|g| g.is_nan()) {
-                    return Err(Error::input(&path, "the white sheet reads zero or less everywhere; expected a lit white frame"));
+                    return Err(Error::input(
+                        &path,
+                        "the white sheet reads zero or less everywhere; expected a lit white frame",
+                    ));
                 }
                 Ok(out)
             })

@@ -1,5 +1,5 @@
-//! What every capture's manifest is held to: its schema, the size of its photographs, lengths and noises. Each refusal names the file, the field, what was
-//! found and what was expected.
+//! What every capture's manifest is held to: its schema, the size of its photographs, lengths and noises. Each refusal
+//! names the file, the field, what was found and what was expected.
 
 use crate::{Error, Result};
 use std::fmt::Display;
@@ -24,12 +24,15 @@ impl Fields<'_> {
             return Err(self.wrong("schema", schema, "1"));
         }
         match [("width", width), ("height", height)].into_iter().find(|(_, value)| !texels.contains(value)) {
-            Some((field, value)) => Err(self.wrong(field, value, &format!("{} to {} texels", texels.start(), texels.end()))),
+            Some((field, value)) => {
+                Err(self.wrong(field, value, &format!("{} to {} texels", texels.start(), texels.end())))
+            }
             None => Ok(()),
         }
     }
 
-    /// Lengths of a device: between a nanometre and ten kilometres, beyond which arithmetic and not a device is being tested.
+    /// Lengths of a device: between a nanometre and ten kilometres, beyond which arithmetic and not a device is being
+    /// tested.
     pub fn positive_mm<const N: usize>(&self, lengths: [(&str, f64); N]) -> Result<()> {
         match lengths.into_iter().find(|(_, value)| !(1e-6..=1e7).contains(value)) {
             Some((field, value)) => Err(self.wrong(field, value, "a positive length in mm, 1e-6 to 1e7")),

@@ -3,9 +3,14 @@
 /// Indices of the texels left, right, above and below of texel `at` of a row-major image, as far as they exist.
 pub fn neighbours(at: usize, width: usize, height: usize) -> impl Iterator<Item = usize> {
     let (i, j) = (at % width, at / width);
-    [(i > 0).then(|| at - 1), (i + 1 < width).then_some(at + 1), (j > 0).then(|| at - width), (j + 1 < height).then_some(at + width)]
-        .into_iter()
-        .flatten()
+    [
+        (i > 0).then(|| at - 1),
+        (i + 1 < width).then_some(at + 1),
+        (j > 0).then(|| at - width),
+        (j + 1 < height).then_some(at + width),
+    ]
+    .into_iter()
+    .flatten()
 }
 
 #[cfg(test)]

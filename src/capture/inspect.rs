@@ -1,5 +1,6 @@
-//! Looks a capture over before anyone waits for a fit: every file it needs, every header, a sample of the frames (or all), and what
-//! follows from what is there and what is not. Nothing is fitted; every problem is listed, not only the first.
+//! Looks a capture over before anyone waits for a fit: every file it needs, every header, a sample of the frames (or
+//! all), and what follows from what is there and what is not. Nothing is fitted; every problem is listed, not only the
+//! first.
 
 mod frames;
 pub mod mirror;
@@ -54,7 +55,8 @@ impl Inspection {
     }
 }
 
-/// Looks at `CAPTURE`: all headers and the last row of every frame; of the samples a few frames a pass, or all of them when `deep`.
+/// Looks at `CAPTURE`: all headers and the last row of every frame; of the samples a few frames a pass, or all of them
+/// when `deep`.
 ///
 /// # Errors
 /// Only [`crate::Error::Interrupted`]; whatever is wrong with the capture is in [`Inspection::problems`].
@@ -90,17 +92,24 @@ fn consequences(m: &Manifest, found: &mut Inspection) {
         note("thickness_err_mm is absent: the errors of σa and σs leave out that of the thickness".into());
     }
     match m.lightbox.camera_deg {
-        0.0 => note("the light box is seen along the normal: its ratio is ρt for light that falls in along the normal".into()),
-        angle => note(format!("the light box is seen at {angle}°: its ratio is ρt for light that falls in at {angle}°")),
+        0.0 => note(
+            "the light box is seen along the normal: its ratio is ρt for light that falls in along the normal".into(),
+        ),
+        angle => {
+            note(format!("the light box is seen at {angle}°: its ratio is ρt for light that falls in at {angle}°"))
+        }
     }
     if m.camera_deg.abs() < 20.0 {
         let angle = m.camera_deg;
-        found.warnings.push(format!("camera_deg is {angle}: so close to the normal, broad highlights cannot be told from diffuse light"));
+        found.warnings.push(format!(
+            "camera_deg is {angle}: so close to the normal, broad highlights cannot be told from diffuse light"
+        ));
     }
     for pass in &m.passes {
         let p = pass.positions();
         let step = p.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
-        // Near the mirror angle a slope changes the tube's place by 2 H/cos²(camera): a lobe of roughness m spans two frames at this m.
+        // Near the mirror angle a slope changes the tube's place by 2 H/cos²(camera): a lobe of roughness m spans two
+        // frames at this m.
         let narrow = step / m.tube.height_mm * m.camera_deg.to_radians().cos().powi(2);
         note(format!(
             "pass \"{}\": {} positions, at most {step:.3} mm apart; roughness below about {narrow:.3} is not resolved",
@@ -118,11 +127,13 @@ fn compare_noise(m: &Manifest, found: &mut Inspection) {
         (relative, floor) => {
             for at in [seen.typical_value, seen.bright_value] {
                 let sd = |r: f64, f: f64| (r * at).hypot(f);
-                let (stated, estimated) = (sd(relative.unwrap_or(0.0), floor.unwrap_or(0.0)), sd(seen.relative, seen.floor));
+                let (stated, estimated) =
+                    (sd(relative.unwrap_or(0.0), floor.unwrap_or(0.0)), sd(seen.relative, seen.floor));
                 let ratio = estimated / stated;
                 if !(0.67..=1.5).contains(&ratio) {
                     found.warnings.push(format!(
-                        "the noise seen at the value {at:.3} is {estimated:.2e}, {ratio:.2} times the stated {stated:.2e}: errors and χ² will be off by as much"
+                        "the noise seen at the value {at:.3} is {estimated:.2e}, {ratio:.2} times the stated \
+                         {stated:.2e}: errors and χ² will be off by as much"
                     ));
                     break;
                 }
@@ -131,7 +142,8 @@ fn compare_noise(m: &Manifest, found: &mut Inspection) {
     }
 }
 
-/// Rough: a fit reads every frame once, keeps maps and errors of every side, and works at some tens of microseconds a texel and pass.
+/// Rough: a fit reads every frame once, keeps maps and errors of every side, and works at some tens of microseconds a
+/// texel and pass.
 fn estimate(m: &Manifest, found: &Inspection) -> Estimate {
     const READ_BYTES_A_SECOND: f64 = 2.0e8;
     const SECONDS_A_TEXEL_AND_PASS: f64 = 4.0e-5;
@@ -141,13 +153,16 @@ fn estimate(m: &Manifest, found: &Inspection) -> Estimate {
     let texels = (m.width * m.height) as f64;
     let on_leaf = found.leaf_texels.map_or(texels, |n| n as f64);
     let sides = m.sides.len() as f64;
-    let bytes: u64 = found.passes.iter().map(|p| p.bytes).sum::<u64>() + found.references.iter().map(|r| r.bytes).sum::<u64>();
-    let files = found.passes.iter().map(|p| p.found).sum::<usize>() + found.references.iter().map(|r| r.files).sum::<usize>();
+    let bytes: u64 =
+        found.passes.iter().map(|p| p.bytes).sum::<u64>() + found.references.iter().map(|r| r.bytes).sum::<u64>();
+    let files =
+        found.passes.iter().map(|p| p.found).sum::<usize>() + found.references.iter().map(|r| r.files).sum::<usize>();
     Estimate {
         files,
         bytes,
         memory_mib: BASE_MIB + texels * sides * FLOATS_A_TEXEL * 4.0 / f64::from(1 << 20),
-        seconds: bytes as f64 / READ_BYTES_A_SECOND + on_leaf * sides * m.passes.len() as f64 * SECONDS_A_TEXEL_AND_PASS,
+        seconds: bytes as f64 / READ_BYTES_A_SECOND
+            + on_leaf * sides * m.passes.len() as f64 * SECONDS_A_TEXEL_AND_PASS,
     }
 }
 
@@ -160,8 +175,11 @@ fn list_numbers(numbers: &[usize]) -> String {
             None => runs.push((n, n)),
         }
     }
-    let shown: Vec<String> =
-        runs.iter().take(6).map(|(a, b)| if a == b { format!("{a:04}") } else { format!("{a:04}\u{2013}{b:04}") }).collect();
+    let shown: Vec<String> = runs
+        .iter()
+        .take(6)
+        .map(|(a, b)| if a == b { format!("{a:04}") } else { format!("{a:04}\u{2013}{b:04}") })
+        .collect();
     let listed: usize = runs.iter().take(6).map(|(a, b)| b - a + 1).sum();
     let more = numbers.len() - listed;
     if more > 0 { format!("{} and {more} more", shown.join(", ")) } else { shown.join(", ") }

@@ -1,4 +1,5 @@
-//! The measurement: files, units, calibration, and synthesis with seeded noise. The format is documented in `data/README.md`.
+//! The measurement: files, units, calibration, and synthesis with seeded noise. The format is documented in
+//! `data/README.md`.
 
 pub mod beams;
 pub mod calibrate;

@@ -1,12 +1,13 @@
 //! Transmission: a leaf on a diffuse box, and the mask that follows from it.
 //!
-//! By reciprocity (leaf − dark)/(box − dark) seen at an angle is the slab's ρt for a collimated beam at that angle (`data/README.md`).
+//! By reciprocity (leaf − dark)/(box − dark) seen at an angle is the slab's ρt for a collimated beam at that angle
+//! (`data/README.md`).
 
 use super::grid::neighbours;
 
-/// Ratio leaf/box and its standard error, a texel and channel. NaN where the box reads nothing. `dark` is the standard deviation of
-/// the dark frame taken off both photographs: it shifts the ratio by (1 − ratio)/box. `level`: that dark frame, where there is one; what it
-/// took off has noise, too.
+/// Ratio leaf/box and its standard error, a texel and channel. NaN where the box reads nothing. `dark` is the standard
+/// deviation of the dark frame taken off both photographs: it shifts the ratio by (1 − ratio)/box. `level`: that dark
+/// frame, where there is one; what it took off has noise, too.
 pub fn transmittance(
     leaf: &[[f32; 3]],
     empty: &[[f32; 3]],
@@ -36,8 +37,8 @@ pub fn transmittance(
         .unzip()
 }
 
-/// Where the leaf is, from its transmission: texels darker than halfway between the leaf's median and the bare box, in pieces of
-/// at least 1 % of the largest one. Empty when nothing stands out.
+/// Where the leaf is, from its transmission: texels darker than halfway between the leaf's median and the bare box, in
+/// pieces of at least 1 % of the largest one. Empty when nothing stands out.
 pub fn mask_from_transmission(ratio: &[[f32; 3]], width: usize, height: usize) -> Vec<bool> {
     let mean: Vec<f32> = ratio.iter().map(|t| (t[0] + t[1] + t[2]) / 3.0).collect();
     let mut dark: Vec<f32> = mean.iter().copied().filter(|v| *v < 0.8).collect();
@@ -85,8 +86,9 @@ mod tests {
     fn the_mask_keeps_the_leaf_and_drops_specks() {
         let (w, h) = (40, 30);
         let leaf = |i: usize, j: usize| (i as f64 - 20.0).hypot(j as f64 - 15.0) < 10.0;
-        let ratio: Vec<[f32; 3]> =
-            (0..w * h).map(|k| if leaf(k % w, k / w) || k == 3 { [0.1, 0.2, 0.05] } else { [1.0, 0.99, 1.01] }).collect();
+        let ratio: Vec<[f32; 3]> = (0..w * h)
+            .map(|k| if leaf(k % w, k / w) || k == 3 { [0.1, 0.2, 0.05] } else { [1.0, 0.99, 1.01] })
+            .collect();
         let mask = mask_from_transmission(&ratio, w, h);
         assert!((0..w * h).all(|k| mask[k] == leaf(k % w, k / w)));
     }

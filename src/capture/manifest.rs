@@ -140,7 +140,8 @@ impl Manifest {
 
     fn validate(&self, path: &Path) -> Result<()> {
         let fields = Fields { path };
-        let bad = |field: &str, found: &dyn std::fmt::Display, expected: &str| Err(fields.wrong(field, found, expected));
+        let bad =
+            |field: &str, found: &dyn std::fmt::Display, expected: &str| Err(fields.wrong(field, found, expected));
         fields.photographs(self.schema, self.width, self.height, 1..=65_536)?;
         fields.positive_mm([
             ("texel_mm", self.texel_mm),
@@ -162,7 +163,10 @@ impl Manifest {
                 return bad(field, &value, "-85 to 85 degrees");
             }
         }
-        if self.sides.first() != Some(&SideName::Front) || self.sides.len() > 2 || self.sides[1..].contains(&SideName::Front) {
+        if self.sides.first() != Some(&SideName::Front)
+            || self.sides.len() > 2
+            || self.sides[1..].contains(&SideName::Front)
+        {
             return bad(
                 "sides",
                 &format!("{:?}", self.sides.iter().map(|s| s.name()).collect::<Vec<_>>()),
@@ -172,14 +176,24 @@ impl Manifest {
         for travel in [Travel::X, Travel::Y] {
             let count = self.passes.iter().filter(|p| p.name == travel).count();
             if count > 1 || (count == 0 && travel == Travel::X) {
-                return bad("pass", &format!("{count} passes named \"{}\"", travel.name()), "one \"x\" and at most one \"y\"");
+                return bad(
+                    "pass",
+                    &format!("{count} passes named \"{}\"", travel.name()),
+                    "one \"x\" and at most one \"y\"",
+                );
             }
         }
         for pass in &self.passes {
             let field = |f: &str| format!("pass \"{}\": {f}", pass.name.name());
             let ramp = [pass.start_mm.is_some(), pass.end_mm.is_some(), pass.frames.is_some()];
-            if pass.positions_mm.is_some() == ramp.contains(&true) || (pass.positions_mm.is_none() && ramp.contains(&false)) {
-                return Err(Error::field(path, &field("positions"), "expected either positions_mm or all of start_mm, end_mm and frames"));
+            if pass.positions_mm.is_some() == ramp.contains(&true)
+                || (pass.positions_mm.is_none() && ramp.contains(&false))
+            {
+                return Err(Error::field(
+                    path,
+                    &field("positions"),
+                    "expected either positions_mm or all of start_mm, end_mm and frames",
+                ));
             }
             let positions = pass.positions();
             if positions.len() < 8 || positions.len() > 10_000 {
@@ -225,11 +239,13 @@ fn kind_in(text: &str) -> Option<String> {
 fn wrong_kind(kind: &str) -> String {
     match kind {
         "dome" => {
-            "found \"dome\" (photographs under a dome and height scans), expected a scan under a linear light source, which has no kind"
+            "found \"dome\" (photographs under a dome and height scans), expected a scan under a linear light source, \
+             which has no kind"
                 .into()
         }
         "beams" => {
-            "found \"beams\" (photographs of the light that comes through), expected a scan under a linear light source, which has no \
+            "found \"beams\" (photographs of the light that comes through), expected a scan under a linear light \
+             source, which has no \
             kind; its way on is `mesophyll fit tissue`"
                 .into()
         }

@@ -23,14 +23,16 @@ pub struct Capture {
     gains: Vec<(Travel, Gain)>,
 }
 
-/// Calibrated frames of one pass over a set of texels: `frames[k][n]` is the k-th frame asked for at the n-th texel asked for.
+/// Calibrated frames of one pass over a set of texels: `frames[k][n]` is the k-th frame asked for at the n-th texel
+/// asked for.
 pub type Band = Vec<Vec<[f32; 3]>>;
 
 /// One RGB triple a texel of the whole image, row-major.
 pub type Pixels = Vec<[f32; 3]>;
 
 impl Capture {
-    /// Opens `folder`: reads the manifest, checks that every frame is there with the right size and channels, loads the references.
+    /// Opens `folder`: reads the manifest, checks that every frame is there with the right size and channels, loads the
+    /// references.
     ///
     /// # Errors
     /// [`Error::Input`] naming the first file that is missing, of another size, or unreadable.
@@ -39,7 +41,9 @@ impl Capture {
         let wanted: Vec<PathBuf> = manifest
             .sides
             .iter()
-            .flat_map(|&side| manifest.passes.iter().flat_map(move |p| (0..p.positions().len()).map(move |k| (side, p.name, k))))
+            .flat_map(|&side| {
+                manifest.passes.iter().flat_map(move |p| (0..p.positions().len()).map(move |k| (side, p.name, k)))
+            })
             .map(|(side, travel, k)| frame_path(folder, side, travel, k))
             .chain(manifest.sides.iter().map(|s| folder.join(s.name()).join("lightbox.exr")))
             .chain([folder.join("lightbox_empty.exr")])
@@ -60,19 +64,21 @@ impl Capture {
             } else if folder.join("white").exists() {
                 return Err(Error::input(
                     &white_path(folder, pass.name, 0),
-                    "no such file; expected white frames for every pass, or no white folder where frames are normalised already",
+                    "no such file; expected white frames for every pass, or no white folder where frames are \
+                     normalised already",
                 ));
             }
         }
         Ok(Capture { folder: folder.to_path_buf(), manifest, dark, gains })
     }
 
-    /// Content hash of everything a fit reads. Frames are hashed by name, size and a sample of their bytes would miss edits, so
-    /// their whole content counts.
+    /// Content hash of everything a fit reads. Frames are hashed by name, size and a sample of their bytes would miss
+    /// edits, so their whole content counts.
     pub fn hash(&self) -> Result<String> {
         let files = self.files();
         let hashes: Vec<String> = files.par_iter().map(|p| hash::file(p)).collect::<Result<_>>()?;
-        let names: Vec<String> = files.iter().map(|p| p.strip_prefix(&self.folder).unwrap_or(p).to_string_lossy().into_owned()).collect();
+        let names: Vec<String> =
+            files.iter().map(|p| p.strip_prefix(&self.folder).unwrap_or(p).to_string_lossy().into_owned()).collect();
         Ok(hash::combine(names.iter().map(String::as_str).zip(hashes.iter().map(String::as_str))))
     }
 
@@ -95,22 +101,32 @@ impl Capture {
         files
     }
 
-    /// Reads and calibrates these `frames` of one pass in `rows`, at the texels `(column, row)` listed (all inside `rows`).
-    /// Values are 1 for a white texel under an infinite tube straight above; NaN where there is no reading.
-    pub fn band(&self, side: SideName, travel: Travel, rows: Range<usize>, texels: &[[u32; 2]], frames: &[usize]) -> Result<Band> {
+    /// Reads and calibrates these `frames` of one pass in `rows`, at the texels `(column, row)` listed (all inside
+    /// `rows`). Values are 1 for a white texel under an infinite tube straight above; NaN where there is no reading.
+    pub fn band(
+        &self,
+        side: SideName,
+        travel: Travel,
+        rows: Range<usize>,
+        texels: &[[u32; 2]],
+        frames: &[usize],
+    ) -> Result<Band> {
         if self.manifest.pass(travel).is_none() {
             return Ok(Vec::new());
         }
         let gain = self.gains.iter().find(|(t, _)| *t == travel).map(|(_, g)| g);
         let width = self.manifest.width;
-        let at: Vec<(usize, usize)> =
-            texels.iter().map(|t| ((t[1] as usize - rows.start) * width + t[0] as usize, t[1] as usize * width + t[0] as usize)).collect();
+        let at: Vec<(usize, usize)> = texels
+            .iter()
+            .map(|t| ((t[1] as usize - rows.start) * width + t[0] as usize, t[1] as usize * width + t[0] as usize))
+            .collect();
         frames
             .par_iter()
             .map(|&k| {
                 let path = frame_path(&self.folder, side, travel, k);
                 let maps = read_exr_rows(&path, Some(&RGB), Some(rows.clone()))?;
-                let mut out: Vec<[f32; 3]> = at.iter().map(|&(local, _)| [0, 1, 2].map(|c: usize| maps.channels[c].1[local])).collect();
+                let mut out: Vec<[f32; 3]> =
+                    at.iter().map(|&(local, _)| [0, 1, 2].map(|c: usize| maps.channels[c].1[local])).collect();
                 if let Some(dark) = &self.dark {
                     for (value, &(_, global)) in out.iter_mut().zip(&at) {
                         for (v, d) in value.iter_mut().zip(dark[global]) {
@@ -158,7 +174,8 @@ impl Capture {
         f64::from(*all.select_nth_unstable_by(middle, f32::total_cmp).1)
     }
 
-    /// Camera value of calibrated value 1 at each of `texels`, a channel: the mean over the passes' white frames, or 1 without any.
+    /// Camera value of calibrated value 1 at each of `texels`, a channel: the mean over the passes' white frames, or 1
+    /// without any.
     pub fn gain(&self, texels: &[[u32; 2]]) -> Vec<[f64; 3]> {
         let passes: Vec<Vec<[f32; 3]>> = self.gains.iter().map(|(_, g)| g.mean(texels)).collect();
         let mean = |n: usize, c: usize| passes.iter().map(|p| f64::from(p[n][c])).sum::<f64>() / passes.len() as f64;
@@ -200,7 +217,11 @@ fn check_image(path: &Path, manifest: &Manifest) -> Result<()> {
     check_size(path, &info, manifest)?;
     for name in RGB {
         if !info.channels.iter().any(|c| c == name) {
-            return Err(Error::field(path, name, format!("no such channel; the file holds {}", info.channels.join(", "))));
+            return Err(Error::field(
+                path,
+                name,
+                format!("no such channel; the file holds {}", info.channels.join(", ")),
+            ));
         }
     }
     Ok(())
@@ -210,7 +231,10 @@ fn check_size(path: &Path, info: &ExrInfo, manifest: &Manifest) -> Result<()> {
     if (info.width, info.height) != (manifest.width, manifest.height) {
         return Err(Error::input(
             path,
-            format!("found {}x{} texels, capture.toml says {}x{}", info.width, info.height, manifest.width, manifest.height),
+            format!(
+                "found {}x{} texels, capture.toml says {}x{}",
+                info.width, info.height, manifest.width, manifest.height
+            ),
         ));
     }
     Ok(())

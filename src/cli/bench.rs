@@ -1,4 +1,5 @@
-//! `mesophyll bench`: error against run time over each model's accuracy knobs, as a table and plots, with peers where they are installed.
+//! `mesophyll bench`: error against run time over each model's accuracy knobs, as a table and plots, with peers where
+//! they are installed.
 
 use super::{Common, place};
 use crate::{Error, Result};
@@ -50,7 +51,8 @@ fn whole(bar: &Bar, rows: fn() -> Result<Vec<BenchRow>>) -> Result<Vec<BenchRow>
     Ok(rows)
 }
 
-/// Runs the sweeps; a stop between two steps leaves nothing behind. Times are for ratios within one run: nothing is asserted of them.
+/// Runs the sweeps; a stop between two steps leaves nothing behind. Times are for ratios within one run: nothing is
+/// asserted of them.
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let names = SWEEPS.map(|(name, _, _)| name);
     let wanted = chosen(&args.models, &names);
@@ -75,7 +77,8 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     }
     drop(bar);
     if let Some(folder) = &args.output {
-        let text = serde_json::to_string_pretty(&serde_json::json!({ "rows": all })).map_err(|e| Error::Missed(e.to_string()))?;
+        let text = serde_json::to_string_pretty(&serde_json::json!({ "rows": all }))
+            .map_err(|e| Error::Missed(e.to_string()))?;
         atomic::write_bytes(&folder.join("bench.json"), format!("{text}\n").as_bytes())?;
         let mut files = bench_plots::write(&all, folder)?;
         if all.iter().any(|r| r.model == "sky") {

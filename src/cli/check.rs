@@ -5,12 +5,13 @@ use crate::Result;
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
-#[command(
-    after_help = "Examples:\n  mesophyll check data/scenes/front-lit.toml\n  mesophyll check data/scenes/glossy-sky.toml --json --out out/check\n  \
+#[command(after_help = "Examples:\n  mesophyll check data/scenes/front-lit.toml\n  mesophyll check \
+     data/scenes/glossy-sky.toml --json --out out/check\n  \
      mesophyll check data/scenes/twig.toml --goldens-only\n  \
-     mesophyll check data/scenes/twig.toml --goldens-only --update-golden    after a deliberate change of a fit or of the renderer\n\n\
-    Exit code 1 when a threshold is missed, when a fit's files are not what was fitted, and when there is no adapter to draw with."
-)]
+     mesophyll check data/scenes/twig.toml --goldens-only --update-golden    after a deliberate change of a fit or of \
+     the renderer\n\n\
+    Exit code 1 when a threshold is missed, when a fit's files are not what was fitted, and when there is no adapter \
+    to draw with.")]
 pub struct Args {
     /// Scene to check
     #[arg(value_name = "SCENE.toml")]
@@ -21,8 +22,8 @@ pub struct Args {
     /// Write the scene's golden pictures anew instead of comparing with them
     #[arg(long)]
     update_golden: bool,
-    /// Only draw every view small and compare it with its golden picture: no reference, seconds instead of minutes. Fits that are missing are
-    /// made first, from small scans; everything goes to DIR/goldens
+    /// Only draw every view small and compare it with its golden picture: no reference, seconds instead of minutes.
+    /// Fits that are missing are made first, from small scans; everything goes to DIR/goldens
     #[arg(long)]
     goldens_only: bool,
     /// Compare W's scalars with pigment maps for every leaf: bytes, fit error, picture error
@@ -58,7 +59,8 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         plan = plan::make(&manifest, Some(&out), Some(&make::input_hash), &ledger)?;
     }
     let options = Options { out: out.clone(), update_golden: args.update_golden, goldens_only: args.goldens_only };
-    let (passed, text, json) = judged(&manifest, &plan, &options, args.compare_interiors.then_some(args.out.as_deref()), &ledger)?;
+    let (passed, text, json) =
+        judged(&manifest, &plan, &options, args.compare_interiors.then_some(args.out.as_deref()), &ledger)?;
     atomic::write_bytes(&out.join("plan.json"), serde_json::to_string_pretty(&plan).unwrap_or_default().as_bytes())?;
     if common.json {
         super::print_json(&json)?;
@@ -68,8 +70,8 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     Ok(u8::from(!passed))
 }
 
-/// Checks a planned scene; with `compare` (the folder of an earlier run, if any) the interiors of its leaves are weighed against each other
-/// too. Whether it passed, as text, and as JSON.
+/// Checks a planned scene; with `compare` (the folder of an earlier run, if any) the interiors of its leaves are
+/// weighed against each other too. Whether it passed, as text, and as JSON.
 #[cfg(feature = "render")]
 pub(super) fn judged(
     manifest: &mesophyll_scene::manifest::Manifest,

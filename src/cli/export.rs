@@ -30,7 +30,8 @@ pub struct Args {
     /// Sky: the turbidity that goes with --sun-zenith-deg
     #[arg(long, value_name = "T", requires = "sun_zenith_deg")]
     turbidity: Option<f64>,
-    /// Sky: light from level ground of this albedo, 0 to 1, below the horizon (of the sky alone: the sun is not part of it)
+    /// Sky: light from level ground of this albedo, 0 to 1, below the horizon (of the sky alone: the sun is not part of
+    /// it)
     #[arg(long, value_name = "A", default_value_t = 0.0)]
     ground: f64,
 }
@@ -39,13 +40,22 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let format = args.to;
     let stdout = place::is_stdout(&args.output);
     if stdout && matches!(format, Format::Png | Format::Obj) {
-        return Err(Error::Usage(format!("-o -: --to {} writes several files; expected a name, not standard output", format.name())));
+        return Err(Error::Usage(format!(
+            "-o -: --to {} writes several files; expected a name, not standard output",
+            format.name()
+        )));
     }
     if stdout && common.json {
-        return Err(Error::Usage("-o -: standard output holds the exported file itself; expected no --json beside it".into()));
+        return Err(Error::Usage(
+            "-o -: standard output holds the exported file itself; expected no --json beside it".into(),
+        ));
     }
     if format != Format::Png && args.output.is_dir() {
-        return Err(Error::Usage(format!("{}: found a folder, expected the name of a file for {}", args.output.display(), format.name())));
+        return Err(Error::Usage(format!(
+            "{}: found a folder, expected the name of a file for {}",
+            args.output.display(),
+            format.name()
+        )));
     }
     if format != Format::Png {
         claim::file(&args.output, format.endings(), &[&args.folder])?;

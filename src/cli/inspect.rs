@@ -38,7 +38,13 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
 }
 
 /// Prints what was found, in words or as JSON; the exit code says whether it can be fitted.
-fn shown<T: serde::Serialize>(args: &Args, common: &Common, found: &T, text: impl Fn(&T) -> String, problems: usize) -> Result<u8> {
+fn shown<T: serde::Serialize>(
+    args: &Args,
+    common: &Common,
+    found: &T,
+    text: impl Fn(&T) -> String,
+    problems: usize,
+) -> Result<u8> {
     if common.json {
         super::print_json(found)?;
     } else {

@@ -101,9 +101,9 @@ impl Verb {
     }
 }
 
-/// Keeps libwayland from printing "XDG_RUNTIME_DIR is invalid" whenever Mesa's device selection asks it for a display that is not there.
-/// A session with a valid folder keeps it. Otherwise the variable names a place that nobody can fill: a temporary folder could hold a
-/// stranger's socket.
+/// Keeps libwayland from printing "XDG_RUNTIME_DIR is invalid" whenever Mesa's device selection asks it for a display
+/// that is not there. A session with a valid folder keeps it. Otherwise the variable names a place that nobody can
+/// fill: a temporary folder could hold a stranger's socket.
 #[cfg(all(unix, feature = "render"))]
 fn quiet_display_libraries() {
     let valid = std::env::var_os("XDG_RUNTIME_DIR").is_some_and(|d| std::path::Path::new(&d).is_absolute());
@@ -227,7 +227,8 @@ mod tests {
         let mut seen = 0;
         for (name, verb) in verbs() {
             for arg in verb.get_arguments() {
-                let outputs = arg.get_long() == Some("out") || arg.get_short() == Some('o') || arg.get_long() == Some("output");
+                let outputs =
+                    arg.get_long() == Some("out") || arg.get_short() == Some('o') || arg.get_long() == Some("output");
                 if outputs {
                     assert_eq!((arg.get_short(), arg.get_long()), (Some('o'), Some("out")), "{name}");
                     assert_eq!(arg.get_all_aliases(), Some(vec!["output"]), "{name}");
@@ -252,7 +253,11 @@ mod tests {
                 for part in line.split("   ").next().unwrap_or_default().split("&& mesophyll ") {
                     let words = std::iter::once("mesophyll").chain(part.split_whitespace());
                     let parsed = Cli::try_parse_from(words);
-                    assert!(parsed.is_ok(), "{name}: {part}: {}", parsed.err().map_or_else(String::new, |e| e.to_string()));
+                    assert!(
+                        parsed.is_ok(),
+                        "{name}: {part}: {}",
+                        parsed.err().map_or_else(String::new, |e| e.to_string())
+                    );
                     seen += 1;
                 }
             }
@@ -270,17 +275,21 @@ mod tests {
             (&["bench", "translucenci"], "translucency"),
             (&["eval", "sky", "--metod", "direct"], "--method"),
         ] {
-            let error = Cli::try_parse_from(std::iter::once(&"mesophyll").chain(words)).expect_err("a slip").to_string();
+            let error =
+                Cli::try_parse_from(std::iter::once(&"mesophyll").chain(words)).expect_err("a slip").to_string();
             assert!(error.contains("similar") && error.contains(meant), "{words:?}: {error}");
         }
         for alias in ["gltf", "glb"] {
             assert!(Cli::try_parse_from(["mesophyll", "export", "fits/elm", "--to", alias, "-o", "x"]).is_ok());
         }
         // A folder cannot go to standard output.
-        for words in
-            [&["fit", "leaf", "scan", "-o", "-"][..], &["run", "scene.toml", "--out", "-"], &["synth", "leaf.toml", "--output", "-"]]
-        {
-            let error = Cli::try_parse_from(std::iter::once(&"mesophyll").chain(words)).expect_err("no folder").to_string();
+        for words in [
+            &["fit", "leaf", "scan", "-o", "-"][..],
+            &["run", "scene.toml", "--out", "-"],
+            &["synth", "leaf.toml", "--output", "-"],
+        ] {
+            let error =
+                Cli::try_parse_from(std::iter::once(&"mesophyll").chain(words)).expect_err("no folder").to_string();
             assert!(error.contains("a folder is written"), "{words:?}: {error}");
         }
     }

@@ -1,4 +1,5 @@
-//! Peers of `bench --peers`: the scripts of `tests/peers`, run where Python and their modules are installed, skipped with a word where not.
+//! Peers of `bench --peers`: the scripts of `tests/peers`, run where Python and their modules are installed, skipped
+//! with a word where not.
 
 use crate::{Error, Result};
 use mesophyll_files::progress;
@@ -7,7 +8,8 @@ use mesophyll_proof::peers;
 use serde::Deserialize;
 use std::process::{Command, Stdio};
 
-/// The scripts by sweep. A script gets the path of an input folder and prints a JSON line a row, or one that says why it skipped.
+/// The scripts by sweep. A script gets the path of an input folder and prints a JSON line a row, or one that says why
+/// it skipped.
 const SCRIPTS: [(&str, &str); 3] = [
     ("solve", include_str!("../../tests/peers/nist_peers.py")),
     ("slab", include_str!("../../tests/peers/slab_peers.py")),
@@ -24,7 +26,8 @@ enum Line {
 /// Rows of the peers of one sweep. `MESOPHYLL_PYTHON` names the interpreter; `python3` else.
 ///
 /// # Errors
-/// [`Error::Write`] where the inputs cannot be put into a temporary folder. A missing or failing peer is a message, never an error.
+/// [`Error::Write`] where the inputs cannot be put into a temporary folder. A missing or failing peer is a message,
+/// never an error.
 pub fn rows(sweep: &str) -> Result<Vec<BenchRow>> {
     let script = SCRIPTS.iter().find(|(name, _)| *name == sweep);
     let (Some((_, script)), Some(inputs)) = (script, peers::inputs(sweep)?) else {

@@ -7,7 +7,10 @@ use std::fmt::Write;
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:\n  mesophyll plan data/scenes/glossy-sky.toml\n  mesophyll plan data/scenes/back-lit.toml --json")]
+#[command(
+    after_help = "Examples:\n  mesophyll plan data/scenes/glossy-sky.toml\n  mesophyll plan data/scenes/back-lit.toml \
+     --json"
+)]
 pub struct Args {
     /// Scene to plan
     #[arg(value_name = "SCENE.toml")]

@@ -27,7 +27,8 @@ pub struct Args {
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if args.output.as_deref().is_some_and(place::is_stdout) && (common.json || args.markdown) {
         return Err(Error::Usage(
-            "-o -: standard output already holds what --json or --markdown prints; expected the name of an HTML file".into(),
+            "-o -: standard output already holds what --json or --markdown prints; expected the name of an HTML file"
+                .into(),
         ));
     }
     let sources: Vec<ReportSource> = args.folders.iter().map(ReportSource::folder).collect();

@@ -14,8 +14,10 @@ use std::time::Instant;
   mesophyll run data/scenes/demo.toml --out out/demo
   mesophyll run data/scenes/fits.toml --out out/fits --write-fits
 
-Everything lands in the folder: captures/, fits/, plan.json, check.json, pictures and report.html. Run again it does only what is
-missing or stale. The last line is the verdict of its report: exit code 0 for \"Good\" and \"Usable with care\", 1 for \"Not good\".")]
+Everything lands in the folder: captures/, fits/, plan.json, check.json, pictures and report.html. Run again it does \
+only what is
+missing or stale. The last line is the verdict of its report: exit code 0 for \"Good\" and \"Usable with care\", 1 \
+for \"Not good\".")]
 pub struct Args {
     /// Scene to run
     #[arg(value_name = "SCENE.toml")]
@@ -23,7 +25,8 @@ pub struct Args {
     /// Folder for everything the run makes (default: out/SCENE)
     #[arg(short, long, alias = "output", value_name = "DIR", value_parser = super::place::folder())]
     out: Option<PathBuf>,
-    /// Scan and fit every leaf afresh into the folder that the scene names, instead of fitting only what is missing into DIR/fits
+    /// Scan and fit every leaf afresh into the folder that the scene names, instead of fitting only what is missing
+    /// into DIR/fits
     #[arg(long)]
     write_fits: bool,
 }
@@ -37,8 +40,11 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let ledger = Ledger::new();
 
     let first = stages.time("plan", || plan::make(&manifest, Some(&out), Some(&make::input_hash), &ledger))?;
-    let wanted: Vec<usize> =
-        if args.write_fits { first.leaves.iter().filter(|l| l.used).map(|l| l.index).collect() } else { first.unfitted() };
+    let wanted: Vec<usize> = if args.write_fits {
+        first.leaves.iter().filter(|l| l.used).map(|l| l.index).collect()
+    } else {
+        first.unfitted()
+    };
     for index in wanted {
         let name = &manifest.leaves[index].name;
         let folder = match (&manifest.leaves[index].fit, args.write_fits) {
@@ -64,7 +70,8 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let (passed, lines, checked) = checked?;
     let verdict = written?.verdict;
 
-    let fits: Vec<String> = plan.leaves.iter().filter_map(|l| l.fitted.as_ref()).map(|f| f.folder.display().to_string()).collect();
+    let fits: Vec<String> =
+        plan.leaves.iter().filter_map(|l| l.fitted.as_ref()).map(|f| f.folder.display().to_string()).collect();
     if common.json {
         super::print_json(&json!({
             "scene": manifest.name, "passed": passed, "verdict": verdict.sentence, "level": verdict.level, "fits": fits, "report": path, "check": checked,

@@ -30,7 +30,8 @@ const TABLES: [Table; 9] = [
     ("translucency", translucency::stress::rows),
 ];
 
-/// A row as JSON has it: where the case got what it expects, the verdict is as short as that, and its full text (with a bound) stands apart.
+/// A row as JSON has it: where the case got what it expects, the verdict is as short as that, and its full text (with a
+/// bound) stands apart.
 #[derive(serde::Serialize)]
 struct Shown {
     #[serde(flatten)]
@@ -48,7 +49,8 @@ impl Shown {
     }
 }
 
-/// The rows of a table under the table's name; a longer model name goes to the case (`slab forward` → `slab`, `forward: …`).
+/// The rows of a table under the table's name; a longer model name goes to the case (`slab forward` → `slab`, `forward:
+/// …`).
 fn named(table: &str, mut rows: Vec<StressRow>) -> Vec<StressRow> {
     for row in &mut rows {
         if let Some(part) = row.model.strip_prefix(table).map(str::trim).filter(|part| !part.is_empty()) {

@@ -1,5 +1,5 @@
-//! `mesophyll synth`: grows a leaf from a specification and scans it as a linear light source device would, photographs it under a
-//! dome and scans its heights, or photographs the light that comes through it.
+//! `mesophyll synth`: grows a leaf from a specification and scans it as a linear light source device would, photographs
+//! it under a dome and scans its heights, or photographs the light that comes through it.
 
 use super::Common;
 use crate::{Error, Result};
@@ -44,11 +44,20 @@ pub struct Args {
     /// Directions of travel: x, or x and y [default: xy]
     #[arg(long, value_name = "x|xy", value_parser = ["x", "xy"])]
     passes: Option<String>,
-    /// Width of the part of the leaf that is captured, in mm (its height follows the size's shape); the whole field otherwise
+    /// Width of the part of the leaf that is captured, in mm (its height follows the size's shape); the whole field
+    /// otherwise
     #[arg(long, value_name = "MM")]
     patch_mm: Option<f64>,
-    /// Dome, beams: centre of that part (a tube's field is the middle), in mm from the middle of the field (x right, y up)
-    #[arg(long, value_name = "X,Y", value_delimiter = ',', num_args = 1, allow_hyphen_values = true, requires = "patch_mm")]
+    /// Dome, beams: centre of that part (a tube's field is the middle), in mm from the middle of the field (x right, y
+    /// up)
+    #[arg(
+        long,
+        value_name = "X,Y",
+        value_delimiter = ',',
+        num_args = 1,
+        allow_hyphen_values = true,
+        requires = "patch_mm"
+    )]
     patch_at: Option<Vec<f64>>,
     /// Dome: noise of a height, standard deviation in mm; none with --noise 0 [default: 0.01]
     #[arg(long, value_name = "MM")]
@@ -92,7 +101,9 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         ("--height-noise", args.height_noise.is_some(), &[Dome], "dome"),
         ("--beam", !args.beam.is_empty(), &[Beams], "beams"),
     ];
-    if let Some((option, _, _, needs)) = options.iter().find(|(_, given, meant, _)| *given && !meant.contains(&args.acquisition)) {
+    if let Some((option, _, _, needs)) =
+        options.iter().find(|(_, given, meant, _)| *given && !meant.contains(&args.acquisition))
+    {
         return Err(Error::Usage(format!("{option}: has no meaning here, expected with --acquisition {needs} only")));
     }
     match args.acquisition {
@@ -108,7 +119,9 @@ fn under_dome(args: &Args, common: &Common, width: usize, height: usize) -> Resu
         return Err(Error::Usage(format!("--height-noise: found {height_noise_mm}, expected 0 to 10 mm")));
     }
     if width.min(height) < 3 {
-        return Err(Error::Usage(format!("--size: found {width}x{height}, expected at least 3x3 for heights to have slopes")));
+        return Err(Error::Usage(format!(
+            "--size: found {width}x{height}, expected at least 3x3 for heights to have slopes"
+        )));
     }
     let patch = patch(args)?;
     let spec = Spec::read(&args.spec)?;
@@ -124,7 +137,9 @@ fn under_dome(args: &Args, common: &Common, width: usize, height: usize) -> Resu
     claim::capture(&args.out, &[&args.spec], args.force)?;
     progress::say(format!("growing {} ({})", spec.name, spec.species));
     let blade = dome::Blade::grow(&spec, &options)?.ok_or_else(|| {
-        Error::Usage(format!("--size {width}x{height}: not one texel lies on the leaf; expected a larger size, or a patch on the leaf"))
+        Error::Usage(format!(
+            "--size {width}x{height}: not one texel lies on the leaf; expected a larger size, or a patch on the leaf"
+        ))
     })?;
     let manifest = claim::capturing(&args.out, || dome::capture(&spec, &blade, &options, &args.out))?;
     let texels = blade.leaf.mask.iter().filter(|m| **m).count();
@@ -134,7 +149,11 @@ fn under_dome(args: &Args, common: &Common, width: usize, height: usize) -> Resu
             "texel_mm": manifest.texel_mm, "texels": texels, "thickness_max_mm": manifest.thickness_max_mm,
         }))?;
     } else {
-        progress::say(format!("{}: {width}x{height} texels of {:.3} mm, {texels} on the leaf", args.out.display(), manifest.texel_mm));
+        progress::say(format!(
+            "{}: {width}x{height} texels of {:.3} mm, {texels} on the leaf",
+            args.out.display(),
+            manifest.texel_mm
+        ));
     }
     Ok(0)
 }
@@ -144,7 +163,9 @@ fn patch(args: &Args) -> Result<Option<(f64, [f64; 2])>> {
     let centre = match args.patch_at.as_deref() {
         None => [0.0; 2],
         Some([x, y]) if x.is_finite() && y.is_finite() => [*x, *y],
-        Some(list) => return Err(Error::Usage(format!("--patch-at: found {} numbers, expected X,Y in mm", list.len()))),
+        Some(list) => {
+            return Err(Error::Usage(format!("--patch-at: found {} numbers, expected X,Y in mm", list.len())));
+        }
     };
     if let Some(size) = args.patch_mm
         && !(size > 0.0 && size.is_finite())
@@ -156,8 +177,11 @@ fn patch(args: &Args) -> Result<Option<(f64, [f64; 2])>> {
 
 /// `front,60,0`: lit side, elevation, azimuth.
 fn beam(text: &str) -> Result<Beam> {
-    let fail =
-        || Error::Usage(format!("--beam: found {text}, expected front or back, an elevation above 0 to 90 and an azimuth, as front,60,0"));
+    let fail = || {
+        Error::Usage(format!(
+            "--beam: found {text}, expected front or back, an elevation above 0 to 90 and an azimuth, as front,60,0"
+        ))
+    };
     let parts: Vec<&str> = text.split(',').map(str::trim).collect();
     let [side, elevation, azimuth] = parts[..] else { return Err(fail()) };
     let lit = match side {
@@ -191,7 +215,9 @@ fn under_beams(args: &Args, common: &Common, width: usize, height: usize) -> Res
     claim::capture(&args.out, &[&args.spec], args.force)?;
     progress::say(format!("growing {} ({})", spec.name, spec.species));
     let grown = beams::grow(&spec, &options).ok_or_else(|| {
-        Error::Usage(format!("--size {width}x{height}: not one texel lies on the leaf; expected a larger size, or a patch on the leaf"))
+        Error::Usage(format!(
+            "--size {width}x{height}: not one texel lies on the leaf; expected a larger size, or a patch on the leaf"
+        ))
     })?;
     let manifest = claim::capturing(&args.out, || beams::capture(&spec, &grown, &options, &args.out))?;
     let texels = grown.crop(&grown.leaf.mask).iter().filter(|m| **m).count();
@@ -201,7 +227,11 @@ fn under_beams(args: &Args, common: &Common, width: usize, height: usize) -> Res
             "texel_mm": manifest.texel_mm, "texels": texels, "photographs": manifest.beams.len(),
         }))?;
     } else {
-        progress::say(format!("{}: {width}x{height} texels of {:.3} mm, {texels} on the leaf", args.out.display(), manifest.texel_mm));
+        progress::say(format!(
+            "{}: {width}x{height} texels of {:.3} mm, {texels} on the leaf",
+            args.out.display(),
+            manifest.texel_mm
+        ));
     }
     Ok(0)
 }
@@ -227,8 +257,9 @@ fn tube(args: &Args, common: &Common, width: usize, height: usize) -> Result<u8>
     };
     claim::capture(&args.out, &[&args.spec], args.force)?;
     progress::say(format!("growing {} ({})", spec.name, spec.species));
-    let leaf = Leaf::grow(&spec, options.model, width, height)
-        .ok_or_else(|| Error::Usage(format!("--size {width}x{height}: not one texel lies on the leaf; expected a larger size")))?;
+    let leaf = Leaf::grow(&spec, options.model, width, height).ok_or_else(|| {
+        Error::Usage(format!("--size {width}x{height}: not one texel lies on the leaf; expected a larger size"))
+    })?;
     let manifest = claim::capturing(&args.out, || scan::scan(&spec, &leaf, &options, &args.out))?;
     let texels = leaf.mask.iter().filter(|m| **m).count();
     if common.json {
@@ -237,13 +268,19 @@ fn tube(args: &Args, common: &Common, width: usize, height: usize) -> Result<u8>
             "frames": manifest.passes.iter().map(|p| p.positions().len()).sum::<usize>() * 2,
         }))?;
     } else {
-        progress::say(format!("{}: {width}x{height} texels of {:.3} mm, {texels} on the leaf", args.out.display(), leaf.texel_mm));
+        progress::say(format!(
+            "{}: {width}x{height} texels of {:.3} mm, {texels} on the leaf",
+            args.out.display(),
+            leaf.texel_mm
+        ));
     }
     Ok(0)
 }
 
 fn parse_size(text: &str) -> Result<(usize, usize)> {
-    let fail = || Error::Usage(format!("--size: found {text}, expected WIDTHxHEIGHT of 1 to 16384 texels each, such as 720x540"));
+    let fail = || {
+        Error::Usage(format!("--size: found {text}, expected WIDTHxHEIGHT of 1 to 16384 texels each, such as 720x540"))
+    };
     let (w, h) = text.split_once(['x', 'X']).ok_or_else(fail)?;
     match (w.trim().parse(), h.trim().parse()) {
         (Ok(w), Ok(h)) if (1..=16_384).contains(&w) && (1..=16_384).contains(&h) => Ok((w, h)),

@@ -1,4 +1,5 @@
-//! The forms of the tables that verbs read and write, as `docs/tables.md` has them: each verb's `--help` shows its own section of that page.
+//! The forms of the tables that verbs read and write, as `docs/tables.md` has them: each verb's `--help` shows its own
+//! section of that page.
 
 const PAGE: &str = include_str!("../../docs/tables.md");
 
@@ -9,7 +10,8 @@ pub fn help(verb: &str) -> String {
     plain(&lines.take_while(|line| !line.starts_with("## ")).collect::<Vec<_>>())
 }
 
-/// Markdown as it reads in a terminal: tables in aligned columns, blocks of files and commands set in, no marks for bold text.
+/// Markdown as it reads in a terminal: tables in aligned columns, blocks of files and commands set in, no marks for
+/// bold text.
 fn plain(lines: &[&str]) -> String {
     let mut out = String::new();
     let mut k = 0;
@@ -34,7 +36,8 @@ fn plain(lines: &[&str]) -> String {
 /// A Markdown table without its rules, a column as wide as its widest cell.
 fn aligned(lines: &[&str]) -> String {
     let cells = |line: &str| line.trim_matches('|').split('|').map(|c| c.trim().replace('`', "")).collect::<Vec<_>>();
-    let rows: Vec<Vec<String>> = lines.iter().map(|l| cells(l)).filter(|row| row.iter().any(|c| !c.trim_matches('-').is_empty())).collect();
+    let rows: Vec<Vec<String>> =
+        lines.iter().map(|l| cells(l)).filter(|row| row.iter().any(|c| !c.trim_matches('-').is_empty())).collect();
     let width = |column: usize| rows.iter().filter_map(|r| r.get(column)).map(|c| c.chars().count()).max().unwrap_or(0);
     let mut out = String::new();
     for row in &rows {
@@ -50,7 +53,18 @@ mod tests {
 
     #[test]
     fn markdown_reads_as_plain_text() {
-        let page = ["Columns **in**:", "", "| column | unit |", "|---|---|", "| `rho_d` | 1 |", "", "```csv", "a,b", "```", "### More"];
+        let page = [
+            "Columns **in**:",
+            "",
+            "| column | unit |",
+            "|---|---|",
+            "| `rho_d` | 1 |",
+            "",
+            "```csv",
+            "a,b",
+            "```",
+            "### More",
+        ];
         assert_eq!(plain(&page), "Columns in:\n\n  column  unit\n  rho_d   1\n\n  a,b\nMore");
     }
 }

@@ -6,7 +6,8 @@ use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  mesophyll view data/scenes/glossy-sky.toml\n  mesophyll view data/scenes/demo.toml --out out/demo    with the fits of that run"
+    after_help = "Examples:\n  mesophyll view data/scenes/glossy-sky.toml\n  mesophyll view data/scenes/demo.toml \
+     --out out/demo    with the fits of that run"
 )]
 pub struct Args {
     /// Scene to open
@@ -67,7 +68,11 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
         .views
         .iter()
         .filter(|v| v.kind == ViewKind::Perspective)
-        .map(|v| WindowView { name: v.name.clone(), camera: handover::camera(v), time_s: Some(branch::time(&manifest, v)) })
+        .map(|v| WindowView {
+            name: v.name.clone(),
+            camera: handover::camera(v),
+            time_s: Some(branch::time(&manifest, v)),
+        })
         .collect();
     let Some(first) = views.first().cloned() else {
         return Err(Error::field(&manifest.path, "view", "found only cards, expected a perspective view to open"));
@@ -84,7 +89,8 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
         check_size: [manifest.check.width, manifest.check.height],
         screenshots: out.clone(),
     };
-    let options = WindowOptions { frames: args.frames, screenshot: args.screenshot.clone(), ..WindowOptions::default() };
+    let options =
+        WindowOptions { frames: args.frames, screenshot: args.screenshot.clone(), ..WindowOptions::default() };
     let editor = SceneEditor::new(manifest, plan, out)?;
     progress::pause();
     open_window(window, Box::new(editor), &options).map_err(check::told)?;

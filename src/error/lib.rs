@@ -7,7 +7,8 @@ use std::path::Path;
 /// `main` prints the sentence and turns it into the exit code.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// An input that cannot be read or does not say what it should. `place` names the file and, where there is one, the field.
+    /// An input that cannot be read or does not say what it should. `place` names the file and, where there is one, the
+    /// field.
     #[error("{place}: {what}")]
     Input { place: String, what: String },
     /// The command line asks for something that cannot be done.
@@ -43,7 +44,10 @@ impl Error {
     /// `path:line: message`, for an input that is not the TOML it should be; unknown and missing fields are named.
     pub fn toml(path: &Path, text: &str, e: &toml::de::Error) -> Self {
         let line = e.span().map_or(0, |s| text[..s.start.min(text.len())].matches('\n').count() + 1);
-        Error::Input { place: format!("{}:{line}", path.display()), what: e.message().lines().collect::<Vec<_>>().join(" ") }
+        Error::Input {
+            place: format!("{}:{line}", path.display()),
+            what: e.message().lines().collect::<Vec<_>>().join(" "),
+        }
     }
 
     /// An output that could not be written.
@@ -51,7 +55,8 @@ impl Error {
         Error::Write { place: path.display().to_string(), what: what.to_string() }
     }
 
-    /// Exit code: 0 done, 1 a fit or a check missed (or could not be written), 2 usage or unreadable input, 130 interrupted.
+    /// Exit code: 0 done, 1 a fit or a check missed (or could not be written), 2 usage or unreadable input, 130
+    /// interrupted.
     pub fn exit_code(&self) -> u8 {
         match self {
             Error::Input { .. } | Error::Usage(_) => 2,

@@ -1,4 +1,5 @@
-//! The blade's mesh out of `blade.glb`: positions in mm, normals out of the front, (0, 0) the top left corner of the front's maps.
+//! The blade's mesh out of `blade.glb`: positions in mm, normals out of the front, (0, 0) the top left corner of the
+//! front's maps.
 
 use crate::Result;
 use mesophyll_files::mesh;

@@ -1,8 +1,9 @@
-//! The blade as binary glTF 2.0: a primitive a side, each with its own material, textures embedded, nodes scaled to metres.
+//! The blade as binary glTF 2.0: a primitive a side, each with its own material, textures embedded, nodes scaled to
+//! metres.
 //!
-//! Material: base colour ρd, metalness 0, roughness √m (glTF's α is roughness squared; Beckmann's m stands in for α), specular colour
-//! ρs over the 0.04 that a reader assumes. `translucent` splits what is not reflected as glTF's diffuse transmission has it: with t the share
-//! of ρt in ρd + ρt, base colour = ρd/(1 − t) and transmission colour = ρt/t.
+//! Material: base colour ρd, metalness 0, roughness √m (glTF's α is roughness squared; Beckmann's m stands in for α),
+//! specular colour ρs over the 0.04 that a reader assumes. `translucent` splits what is not reflected as glTF's diffuse
+//! transmission has it: with t the share of ρt in ρd + ρt, base colour = ρd/(1 − t) and transmission colour = ρt/t.
 
 use super::blade::Mesh;
 use super::side::Side;
@@ -55,7 +56,8 @@ impl File {
     fn indices(&mut self, values: &[u32]) -> usize {
         let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
         let view = self.view(&bytes);
-        self.accessors.push(json!({"bufferView": view, "componentType": UNSIGNED_INT, "count": values.len(), "type": "SCALAR"}));
+        self.accessors
+            .push(json!({"bufferView": view, "componentType": UNSIGNED_INT, "count": values.len(), "type": "SCALAR"}));
         self.accessors.len() - 1
     }
 
@@ -113,7 +115,15 @@ pub fn write(sides: &[Side], folder: &Path, path: &Path, translucent: bool) -> R
     atomic::write_bytes(path, &bytes)
 }
 
-fn material(file: &mut File, side: &Side, folder: &Path, path: &Path, turn: Turn, translucent: bool, double: bool) -> Result<Value> {
+fn material(
+    file: &mut File,
+    side: &Side,
+    folder: &Path,
+    path: &Path,
+    turn: Turn,
+    translucent: bool,
+    double: bool,
+) -> Result<Value> {
     let (width, height) = (side.maps.width, side.maps.height);
     let png = |pixel: &dyn Fn(usize) -> [u8; 3]| encode(path, width, height, &pixels(side, turn, pixel));
     let name = |what: &str| format!("{} {what}", side.name);
@@ -156,7 +166,8 @@ fn material(file: &mut File, side: &Side, folder: &Path, path: &Path, turn: Turn
         }
         _ => extensions["KHR_materials_specular"] = json!({"specularFactor": 0.0}),
     }
-    let mut out = json!({"name": side.name, "doubleSided": double, "pbrMetallicRoughness": pbr, "extensions": extensions});
+    let mut out =
+        json!({"name": side.name, "doubleSided": double, "pbrMetallicRoughness": pbr, "extensions": extensions});
     let normals = side.blade_normals.as_ref().map(|m| ["X", "Y", "Z"].map(|c| m.get(c)));
     if let Some([Some(x), Some(y), Some(z)]) = normals {
         let picture = png(&|k| normal_pixel([x[k], y[k], z[k]], turn))?;

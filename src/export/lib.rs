@@ -25,7 +25,8 @@ pub enum Format {
     Exr,
     /// A row a texel: place, mask, every map and its standard error
     Csv,
-    /// Parameters with errors, statistics and run times, not the maps; of a sky also the arrays and how to evaluate them
+    /// Parameters with errors, statistics and run times, not the maps; of a sky also the arrays and how to evaluate
+    /// them
     Json,
     /// The blade as binary glTF (.glb) in metres, rho_d as base colour: opaque, and right in any reader
     #[value(alias = "glb")]
@@ -73,13 +74,17 @@ impl Format {
 /// Writes the fit in `folder` as `format` to `path`; returns every file written.
 ///
 /// # Errors
-/// [`Error::Input`] when the fit or a map it needs cannot be read, [`Error::Usage`] when this kind of fit has nothing of the
-/// sort, [`Error::Write`].
+/// [`Error::Input`] when the fit or a map it needs cannot be read, [`Error::Usage`] when this kind of fit has nothing
+/// of the sort, [`Error::Write`].
 pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> Result<Vec<PathBuf>> {
     let record = FitRecord::read(folder)?;
     if record.kind == "sky" {
         if !matches!(format, Format::Wgsl | Format::C | Format::Json) {
-            let what = format!("{} is a sky fit; it can be exported as wgsl, c or json, not as {}", folder.display(), format.name());
+            let what = format!(
+                "{} is a sky fit; it can be exported as wgsl, c or json, not as {}",
+                folder.display(),
+                format.name()
+            );
             return Err(Error::Usage(what));
         }
         atomic::write_bytes(path, sky::text(folder, format, sky)?.as_bytes())?;
@@ -103,10 +108,14 @@ pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> R
         atomic::write_bytes(path, &as_json(&record, folder)?)?;
         return Ok(vec![path.to_path_buf()]);
     }
-    let sides: Vec<Side> =
-        ["front", "back"].iter().filter(|s| record.sections.contains_key(**s)).map(|s| Side::read(folder, s)).collect::<Result<_>>()?;
+    let sides: Vec<Side> = ["front", "back"]
+        .iter()
+        .filter(|s| record.sections.contains_key(**s))
+        .map(|s| Side::read(folder, s))
+        .collect::<Result<_>>()?;
     if sides.is_empty() {
-        let what = format!("{} is a {} fit, which has no maps; it can be exported as json", folder.display(), record.kind);
+        let what =
+            format!("{} is a {} fit, which has no maps; it can be exported as json", folder.display(), record.kind);
         return Err(Error::Usage(what));
     }
     warn_of_changes();
@@ -124,8 +133,8 @@ pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> R
 /// The record as it is, and the times; numbers that are not finite become `null`.
 fn as_json(record: &FitRecord, folder: &Path) -> Result<Vec<u8>> {
     let times = Times::read(folder).ok();
-    let mut text =
-        serde_json::to_vec_pretty(&json!({"fit": record, "times": times})).map_err(|e| Error::Missed(format!("cannot write JSON: {e}")))?;
+    let mut text = serde_json::to_vec_pretty(&json!({"fit": record, "times": times}))
+        .map_err(|e| Error::Missed(format!("cannot write JSON: {e}")))?;
     text.push(b'\n');
     Ok(text)
 }

@@ -1,7 +1,8 @@
 //! The blade as Wavefront OBJ (mm, normals, texture coordinates with v upwards), a material a side, pictures beside it.
 //!
-//! `map_Kd` is ρd (sRGB), `Ks` the mean ρs, `Ns` = 2/m² − 2 the Phong exponent of the mean roughness (Walter et al. 2007, §5.2),
-//! `norm` the normals, `map_Pr` the roughness √m for readers of the physically based extension. ρt has no place in the format.
+//! `map_Kd` is ρd (sRGB), `Ks` the mean ρs, `Ns` = 2/m² − 2 the Phong exponent of the mean roughness (Walter et al.
+//! 2007, §5.2), `norm` the normals, `map_Pr` the roughness √m for readers of the physically based extension. ρt has no
+//! place in the format.
 
 use super::blade::Mesh;
 use super::side::Side;
@@ -18,13 +19,17 @@ pub fn write(sides: &[Side], record: &FitRecord, folder: &Path, path: &Path) -> 
     let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
     // A blank in a file name ends it for most readers of these formats.
     if stem.is_empty() || stem.contains(char::is_whitespace) {
-        return Err(Error::Usage(format!("{}: expected an output name without blanks, such as leaf.obj", path.display())));
+        return Err(Error::Usage(format!(
+            "{}: expected an output name without blanks, such as leaf.obj",
+            path.display()
+        )));
     }
     let front = Mesh::read(folder)?;
     let mut written = vec![path.to_path_buf()];
     let name = |what: &str| path.with_file_name(format!("{stem}{what}"));
     let mut materials = format!("# {} by {}\n", one_line(&record.name), one_line(&record.program));
-    let mut text = format!("# {}: lengths in mm, normals out of each side\nmtllib {stem}.mtl\n", one_line(&record.name));
+    let mut text =
+        format!("# {}: lengths in mm, normals out of each side\nmtllib {stem}.mtl\n", one_line(&record.name));
     for side in sides {
         let back = side.name == "back";
         let (mesh, turn) = if back { (front.turned(), Turn::Mirrored) } else { (front.clone(), Turn::AsSeen) };
@@ -53,7 +58,11 @@ pub fn write(sides: &[Side], record: &FitRecord, folder: &Path, path: &Path) -> 
             let exponent = (2.0 / mean(m).max(1e-3).powi(2) - 2.0).clamp(1.0, 1000.0);
             let [r, g, b] = rho_s.map(mean);
             let _ = writeln!(materials, "Ks {r:.5} {g:.5} {b:.5}\nNs {exponent:.2}");
-            let _ = writeln!(materials, "map_Pr {}", save("roughness", &|k| [data_byte(m[k].max(0.0).sqrt(), 0.0, 1.0); 3])?);
+            let _ = writeln!(
+                materials,
+                "map_Pr {}",
+                save("roughness", &|k| [data_byte(m[k].max(0.0).sqrt(), 0.0, 1.0); 3])?
+            );
         }
         let normals = side.blade_normals.as_ref().map(|n| ["X", "Y", "Z"].map(|c| n.get(c)));
         if let Some([Some(x), Some(y), Some(z)]) = normals {

@@ -53,9 +53,11 @@ impl Side {
 
     /// The 1st and 99th percentile over the good texels.
     pub fn range(&self, plane: &[f32]) -> (f64, f64) {
-        let mut values: Vec<f32> = plane.iter().zip(&self.mask).filter(|(v, m)| **m > 0.5 && v.is_finite()).map(|(v, _)| *v).collect();
+        let mut values: Vec<f32> =
+            plane.iter().zip(&self.mask).filter(|(v, m)| **m > 0.5 && v.is_finite()).map(|(v, _)| *v).collect();
         values.sort_unstable_by(f32::total_cmp);
-        let at = |q: f64| values.get(((values.len().saturating_sub(1)) as f64 * q).round() as usize).copied().unwrap_or(0.0);
+        let at =
+            |q: f64| values.get(((values.len().saturating_sub(1)) as f64 * q).round() as usize).copied().unwrap_or(0.0);
         (f64::from(at(0.01)), f64::from(at(0.99)))
     }
 }

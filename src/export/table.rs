@@ -1,4 +1,5 @@
-//! The texels as CSV: `side,column,row,x_mm,y_mm,mask`, then every map and its standard error (`sigma_a_r`, `sigma_a_r_err`).
+//! The texels as CSV: `side,column,row,x_mm,y_mm,mask`, then every map and its standard error (`sigma_a_r`,
+//! `sigma_a_r_err`).
 
 use super::side::Side;
 use crate::Result;
@@ -11,7 +12,8 @@ use std::path::Path;
 /// A channel, where the side has it.
 type Plane<'a> = Option<&'a [f32]>;
 
-/// Every texel on the leaf, front first. Places are in mm where the fit says how large a texel is, else the cells are empty.
+/// Every texel on the leaf, front first. Places are in mm where the fit says how large a texel is, else the cells are
+/// empty.
 pub fn write(sides: &[Side], record: &FitRecord, path: &Path) -> Result<()> {
     let texel: Option<f64> = record.options.get("texel_mm").and_then(|t| t.parse().ok());
     let mut channels: Vec<&str> = Vec::new();

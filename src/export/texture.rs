@@ -48,7 +48,8 @@ pub fn normal_pixel(n: [f32; 3], turn: Turn) -> [u8; 3] {
 /// `PATH/front_rho_d.png` … and `PATH/ranges.json`.
 ///
 /// # Errors
-/// A folder that holds something else (see [`claim::folder`]), among it the fit itself (`from`), or that cannot be written.
+/// A folder that holds something else (see [`claim::folder`]), among it the fit itself (`from`), or that cannot be
+/// written.
 pub fn folder(sides: &[Side], from: &Path, path: &Path) -> Result<Vec<PathBuf>> {
     claim::folder(path, Kind::Maps, &[from])?;
     claim::begin(path, Kind::Maps)?;
@@ -63,7 +64,8 @@ pub fn folder(sides: &[Side], from: &Path, path: &Path) -> Result<Vec<PathBuf>> 
             ranges.insert(name, meaning);
             Ok::<(), Error>(())
         };
-        let mut quantities: Vec<&str> = side.maps.channels.iter().filter_map(|(n, _)| n.rsplit_once('.')).map(|(q, _)| q).collect();
+        let mut quantities: Vec<&str> =
+            side.maps.channels.iter().filter_map(|(n, _)| n.rsplit_once('.')).map(|(q, _)| q).collect();
         quantities.sort_unstable();
         quantities.dedup();
         for quantity in quantities {
@@ -83,13 +85,15 @@ pub fn folder(sides: &[Side], from: &Path, path: &Path) -> Result<Vec<PathBuf>> 
                     save("mask", &bytes, json!({"encoding": "255 good, 128 defective, 0 outside"}))?;
                 }
                 ("normal", _, _) => {
-                    let xyz: Vec<&[f32]> = ["X", "Y", "Z"].iter().filter_map(|c| side.maps.get(&format!("normal.{c}"))).collect();
+                    let xyz: Vec<&[f32]> =
+                        ["X", "Y", "Z"].iter().filter_map(|c| side.maps.get(&format!("normal.{c}"))).collect();
                     if let [x, y, z] = xyz[..] {
                         let bytes = pixels(side, Turn::AsSeen, |k| normal_pixel([x[k], y[k], z[k]], Turn::AsSeen));
                         save(
                             "normal",
                             &bytes,
-                            json!({"encoding": "linear", "low": -1.0, "high": 1.0, "axes": "x right, y up, z out of this side"}),
+                            json!({"encoding": "linear", "low": -1.0, "high": 1.0, "axes": "x right, y up, z out of \
+                             this side"}),
                         )?;
                     }
                 }
@@ -115,7 +119,8 @@ pub fn folder(sides: &[Side], from: &Path, path: &Path) -> Result<Vec<PathBuf>> 
             }
         }
     }
-    let about = json!({"about": "linear: value = low + (high - low) * byte / 255, clipped to 1 and 99 % of the good texels; the EXR maps hold the exact values", "files": ranges});
+    let about = json!({"about": "linear: value = low + (high - low) * byte / 255, clipped to 1 and 99 % of the good \
+     texels; the EXR maps hold the exact values", "files": ranges});
     let text = serde_json::to_vec_pretty(&about).map_err(|e| Error::write(path, e))?;
     atomic::write_bytes(&path.join("ranges.json"), &text)?;
     claim::finish(path)?;

@@ -8,7 +8,8 @@ use std::path::{Path, PathBuf};
 /// Writes `path` through `fill`; the name appears only when everything is on disk.
 ///
 /// # Errors
-/// Naming `path`: [`Error::Usage`] when nothing can be written there, [`Error::Write`] when the disk is full; the temporary file is removed.
+/// Naming `path`: [`Error::Usage`] when nothing can be written there, [`Error::Write`] when the disk is full; the
+/// temporary file is removed.
 pub fn write(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
     let mut pending = Pending::create(path)?;
     fill(&mut pending).map_err(|e| Error::write(path, explain(&e)))?;
@@ -20,9 +21,9 @@ pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
     write(path, |w| w.write_all(bytes))
 }
 
-/// A file being written under a temporary name; [`Pending::finish`] gives it its own. Devices and pipes (`/dev/null`, a FIFO) are
-/// written in place: renaming over them would replace them. Through a symbolic link the file that it leads to is written, and the link stays.
-/// A new file has the mode that the umask leaves, a replaced one keeps its own.
+/// A file being written under a temporary name; [`Pending::finish`] gives it its own. Devices and pipes (`/dev/null`, a
+/// FIFO) are written in place: renaming over them would replace them. Through a symbolic link the file that it leads to
+/// is written, and the link stays. A new file has the mode that the umask leaves, a replaced one keeps its own.
 #[derive(Debug)]
 pub struct Pending {
     target: Option<Target>,
@@ -42,7 +43,8 @@ impl Pending {
     /// Opens a temporary file in the folder of `path` (created if missing).
     ///
     /// # Errors
-    /// [`Error::Usage`] where no file can be made (a folder of that name, a read-only place), [`Error::Write`] for a full disk.
+    /// [`Error::Usage`] where no file can be made (a folder of that name, a read-only place), [`Error::Write`] for a
+    /// full disk.
     pub fn create(path: &Path) -> Result<Self> {
         if path.is_dir() {
             return Err(Error::Usage(format!("{}: found a folder, expected the name of a file", path.display())));
@@ -52,7 +54,9 @@ impl Pending {
             let file = fs::OpenOptions::new().write(true).open(path).map_err(|e| unopened(path, &e))?;
             Target::InPlace(BufWriter::new(file))
         } else {
-            Target::Temporary(Self::temporary(&real).map_err(|(at, e)| unopened(if at == real { path } else { &at }, &e))?)
+            Target::Temporary(
+                Self::temporary(&real).map_err(|(at, e)| unopened(if at == real { path } else { &at }, &e))?,
+            )
         };
         Ok(Pending { target: Some(target), path: path.to_path_buf(), real })
     }
@@ -101,7 +105,8 @@ impl Pending {
     }
 }
 
-/// A temporary file in `folder` with the mode that the umask leaves a new file. (The crate's own default is private, 0600.)
+/// A temporary file in `folder` with the mode that the umask leaves a new file. (The crate's own default is private,
+/// 0600.)
 fn temporary(prefix: &str, suffix: &str, folder: &Path) -> io::Result<tempfile::NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(prefix).suffix(suffix);
@@ -113,7 +118,8 @@ fn temporary(prefix: &str, suffix: &str, folder: &Path) -> io::Result<tempfile::
     builder.tempfile_in(folder)
 }
 
-/// Where a name leads to: a symbolic link is followed, also to a file that is not there yet. A link that leads in a circle is left as it is.
+/// Where a name leads to: a symbolic link is followed, also to a file that is not there yet. A link that leads in a
+/// circle is left as it is.
 pub fn through_links(path: &Path) -> PathBuf {
     let mut at = path.to_path_buf();
     for _ in 0..40 {
@@ -177,7 +183,9 @@ pub fn explain(e: &io::Error) -> String {
         io::ErrorKind::IsADirectory => "found a folder, expected a file".into(),
         io::ErrorKind::NotADirectory => "a file stands where a folder is expected".into(),
         io::ErrorKind::AlreadyExists => "something of this name is there already".into(),
-        io::ErrorKind::InvalidData if e.to_string().contains("UTF-8") => "found bytes that are not UTF-8, expected a text file".into(),
+        io::ErrorKind::InvalidData if e.to_string().contains("UTF-8") => {
+            "found bytes that are not UTF-8, expected a text file".into()
+        }
         _ => {
             let text = e.to_string();
             text.split(" (os error").next().unwrap_or(&text).to_string()

@@ -1,8 +1,8 @@
-//! Output folders and output files are claimed here before anything is computed. A claim is refused where the verb would overwrite its own
-//! input, what another kind of verb made, or files that this program did not make.
+//! Output folders and output files are claimed here before anything is computed. A claim is refused where the verb
+//! would overwrite its own input, what another kind of verb made, or files that this program did not make.
 //!
-//! What a folder holds is told by the file that its maker writes last ([`Kind`]). Until that file is written, the hidden file [`MARK`]
-//! names the kind (and, of a leaf fit, the folder of its parts does).
+//! What a folder holds is told by the file that its maker writes last ([`Kind`]). Until that file is written, the
+//! hidden file [`MARK`] names the kind (and, of a leaf fit, the folder of its parts does).
 
 use crate::atomic::{self, explain};
 use crate::{Error, Result};
@@ -54,8 +54,8 @@ impl Kind<'_> {
 /// The hidden file that names the kind of a folder while nothing else does.
 pub const MARK: &str = ".mesophyll";
 
-/// Files and folders at the top of a capture, as `synth` writes them; `capture.toml` comes first, so that nothing half removed is a
-/// capture.
+/// Files and folders at the top of a capture, as `synth` writes them; `capture.toml` comes first, so that nothing half
+/// removed is a capture.
 const CAPTURE_NAMES: [&str; 12] = [
     "capture.toml",
     "mask.exr",
@@ -71,8 +71,10 @@ const CAPTURE_NAMES: [&str; 12] = [
     "truth",
 ];
 
-/// Endings of the files that some verb writes. `-o` replaces a file of such an ending only where the verb itself writes that ending.
-const ENDINGS: [&str; 13] = ["toml", "exr", "png", "svg", "html", "json", "csv", "glb", "gltf", "obj", "mtl", "wgsl", "h"];
+/// Endings of the files that some verb writes. `-o` replaces a file of such an ending only where the verb itself writes
+/// that ending.
+const ENDINGS: [&str; 13] =
+    ["toml", "exr", "png", "svg", "html", "json", "csv", "glb", "gltf", "obj", "mtl", "wgsl", "h"];
 
 /// What a folder holds, in words for a message, and whether it is of the kind that claims it.
 struct Held {
@@ -87,7 +89,9 @@ struct Held {
 pub fn folder(folder: &Path, kind: Kind, inputs: &[&Path]) -> Result<()> {
     let refuse = |what: &str| {
         let (folder, kind) = (folder.display(), kind.words());
-        Err(Error::Usage(format!("the output folder {folder} {what}; a {kind} there would overwrite it, so name another folder")))
+        Err(Error::Usage(format!(
+            "the output folder {folder} {what}; a {kind} there would overwrite it, so name another folder"
+        )))
     };
     let place = resolved(folder);
     for input in inputs {
@@ -114,8 +118,9 @@ pub fn folder(folder: &Path, kind: Kind, inputs: &[&Path]) -> Result<()> {
     atomic::probe_folder(folder)
 }
 
-/// Claims `folder` for a synthetic capture. With `replace` a synthetic capture may be there, but not a measured one (without `truth/`) and not
-/// files that are not a capture's. What a stopped synthesis left may always be there. Nothing is removed yet: see [`capturing`].
+/// Claims `folder` for a synthetic capture. With `replace` a synthetic capture may be there, but not a measured one
+/// (without `truth/`) and not files that are not a capture's. What a stopped synthesis left may always be there.
+/// Nothing is removed yet: see [`capturing`].
 ///
 /// # Errors
 /// As [`folder`]; a folder that is not empty, without `replace`.
@@ -137,14 +142,15 @@ pub fn capture(folder: &Path, inputs: &[&Path], replace: bool) -> Result<()> {
     }
     match CAPTURE_NAMES.iter().find(|name| folder.join(name).exists()) {
         Some(name) => Err(Error::Usage(format!(
-            "the output folder {shown} is no capture but holds {name}; a capture there would overwrite it, so name another folder"
+            "the output folder {shown} is no capture but holds {name}; a capture there would overwrite it, so name \
+             another folder"
         ))),
         None => Ok(()),
     }
 }
 
-/// Runs a synthesis into a folder that [`capture`] has claimed, after removing the capture that it replaces. A synthesis that does not come
-/// to its end leaves nothing behind.
+/// Runs a synthesis into a folder that [`capture`] has claimed, after removing the capture that it replaces. A
+/// synthesis that does not come to its end leaves nothing behind.
 ///
 /// # Errors
 /// Those of `body`.
@@ -154,7 +160,8 @@ pub fn capturing<T>(folder: &Path, body: impl FnOnce() -> Result<T>) -> Result<T
     }
     begin(folder, Kind::Capture)?;
     let made = body();
-    // The reason why the synthesis failed matters more than a rest that cannot be removed; the marker then stays and tells of it.
+    // The reason why the synthesis failed matters more than a rest that cannot be removed; the marker then stays and
+    // tells of it.
     let _ = if made.is_ok() { finish(folder) } else { remove_capture(folder) };
     made
 }
@@ -198,7 +205,8 @@ fn remove_pictures(folder: &Path) -> std::io::Result<()> {
     if fs::read_dir(folder)?.next().is_none() { fs::remove_dir(folder) } else { Ok(()) }
 }
 
-/// Marks `folder` with its kind, and removes the `fit.toml` of an earlier fit: what is there from here on is no whole fit.
+/// Marks `folder` with its kind, and removes the `fit.toml` of an earlier fit: what is there from here on is no whole
+/// fit.
 ///
 /// # Errors
 /// [`Error::Write`] or [`Error::Usage`] where the folder cannot be written.
@@ -218,7 +226,8 @@ pub fn finish(folder: &Path) -> Result<()> {
     remove(&folder.join(MARK))
 }
 
-/// Claims the file `path` for a verb that writes files with these `endings` and reads `inputs`. `-`, devices and pipes are free.
+/// Claims the file `path` for a verb that writes files with these `endings` and reads `inputs`. `-`, devices and pipes
+/// are free.
 ///
 /// # Errors
 /// [`Error::Usage`] (exit code 2) that names the file and what it is.
@@ -226,8 +235,12 @@ pub fn file(path: &Path, endings: &[&str], inputs: &[&Path]) -> Result<()> {
     if path == Path::new("-") || fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir()) {
         return Ok(());
     }
-    let refuse =
-        |what: String| Err(Error::Usage(format!("the output file {} {what} and would be overwritten; name another file", path.display())));
+    let refuse = |what: String| {
+        Err(Error::Usage(format!(
+            "the output file {} {what} and would be overwritten; name another file",
+            path.display()
+        )))
+    };
     if inputs.iter().any(|input| same_file(path, input)) {
         return refuse("is what is to be read".into());
     }
@@ -328,7 +341,8 @@ fn fit_there(folder: &Path) -> Option<FitThere> {
     }
     let table = fs::read_to_string(&path).ok().and_then(|text| text.parse::<toml::Table>().ok()).unwrap_or_default();
     let text = |key: &str| table.get(key).and_then(toml::Value::as_str).map(str::to_string);
-    let files = table.get("files").and_then(toml::Value::as_table).map(|t| t.keys().cloned().collect()).unwrap_or_default();
+    let files =
+        table.get("files").and_then(toml::Value::as_table).map(|t| t.keys().cloned().collect()).unwrap_or_default();
     let words = match (text("kind"), text("name")) {
         (Some(kind), name) => format!("the {kind} fit \"{}\"", name.unwrap_or_default()),
         _ => "a fit.toml that says no kind".into(),
@@ -347,7 +361,8 @@ fn ending(path: &Path) -> Option<String> {
     path.extension().map(|e| e.to_string_lossy().to_lowercase())
 }
 
-/// Whether two names are one file: the same place, or hard links of each other. Standard input is a file where the shell redirects one.
+/// Whether two names are one file: the same place, or hard links of each other. Standard input is a file where the
+/// shell redirects one.
 fn same_file(a: &Path, b: &Path) -> bool {
     #[cfg(unix)]
     {

@@ -4,7 +4,8 @@ use crate::atomic::{self, Pending};
 use crate::{Error, Result};
 use exr::block::reader::ChunksReader;
 use exr::prelude::{
-    AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, LineOrder, SampleType, SmallVec, WritableImage,
+    AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, LineOrder, SampleType, SmallVec,
+    WritableImage,
 };
 use std::fs::File;
 use std::io::{BufReader, Write};
@@ -91,7 +92,8 @@ pub fn read_exr(path: &Path) -> Result<Maps> {
     read_exr_rows(path, None, None)
 }
 
-/// Reads some channels (all when `None`, in the order asked) and some rows (all when `None`), decompressing only the blocks that hold them.
+/// Reads some channels (all when `None`, in the order asked) and some rows (all when `None`), decompressing only the
+/// blocks that hold them.
 ///
 /// # Errors
 /// [`Error::Input`] naming the file and, for a missing channel, the channel.
@@ -114,7 +116,11 @@ pub fn read_exr_rows(path: &Path, names: Option<&[&str]>, rows: Option<Range<usi
             match info.channels.iter().position(|c| c == name) {
                 Some(k) => slots[k].push(at),
                 None => {
-                    return Err(Error::field(path, name, format!("no such channel; the file holds {}", info.channels.join(", "))));
+                    return Err(Error::field(
+                        path,
+                        name,
+                        format!("no such channel; the file holds {}", info.channels.join(", ")),
+                    ));
                 }
             }
         }
@@ -124,7 +130,11 @@ pub fn read_exr_rows(path: &Path, names: Option<&[&str]>, rows: Option<Range<usi
         let chunks = reader
             .filter_chunks(false, |_, tile, block| {
                 let (y0, y1) = (block.pixel_position.y(), block.pixel_position.y() + block.pixel_size.height());
-                block.layer == 0 && tile.level_index.0 == 0 && tile.level_index.1 == 0 && y0 < rows.end && y1 > rows.start
+                block.layer == 0
+                    && tile.level_index.0 == 0
+                    && tile.level_index.1 == 0
+                    && y0 < rows.end
+                    && y1 > rows.start
             })
             .map_err(|e| broken(path, &e))?;
         let list = chunks.meta_data().headers[0].channels.clone();
@@ -203,7 +213,8 @@ pub fn write_exr(path: &Path, maps: &Maps, packing: Packing) -> Result<()> {
         blocks: exr::prelude::Blocks::ScanLines,
         line_order: LineOrder::Increasing,
     };
-    let layer = Layer::new((maps.width, maps.height), LayerAttributes::default(), encoding, AnyChannels::sort(channels));
+    let layer =
+        Layer::new((maps.width, maps.height), LayerAttributes::default(), encoding, AnyChannels::sort(channels));
     let image = Image::from_layer(layer);
     let mut pending = Pending::create(path)?;
     image.write().non_parallel().to_buffered(&mut pending).map_err(|e| match e {
@@ -222,7 +233,8 @@ pub fn write_png(path: &Path, width: usize, height: usize, pixels: &[u8]) -> Res
     };
     let mut bytes = Vec::new();
     let encoder = image::codecs::png::PngEncoder::new(&mut bytes);
-    image::ImageEncoder::write_image(encoder, pixels, width as u32, height as u32, kind).map_err(|e| Error::write(path, e))?;
+    image::ImageEncoder::write_image(encoder, pixels, width as u32, height as u32, kind)
+        .map_err(|e| Error::write(path, e))?;
     atomic::write(path, |w: &mut dyn Write| w.write_all(&bytes))
 }
 

@@ -1,10 +1,12 @@
-//! Meshes of leaves from glTF (`.glb`, or `.gltf` with buffers beside it): triangles with normals, tangents and texture coordinates.
+//! Meshes of leaves from glTF (`.glb`, or `.gltf` with buffers beside it): triangles with normals, tangents and texture
+//! coordinates.
 //!
-//! Lengths are in mm here. A file is in metres, as glTF says, unless its `asset.extras.unit` or the caller says otherwise; the transforms of all
-//! nodes of its scene are applied and all primitives joined. The frame is the file's own: x to the right, y up, z out of the front; texture
-//! (0, 0) is the top left of the front's maps. A primitive that repeats others wound the other way (the back of a leaf that
-//! `export --to gltf` wrote) is dropped: a leaf is one surface with two sides. Normals and tangents are computed where the file has none.
-//! Pictures, materials and animation in the file are not read.
+//! Lengths are in mm here. A file is in metres, as glTF says, unless its `asset.extras.unit` or the caller says
+//! otherwise; the transforms of all nodes of its scene are applied and all primitives joined. The frame is the file's
+//! own: x to the right, y up, z out of the front; texture (0, 0) is the top left of the front's maps. A primitive that
+//! repeats others wound the other way (the back of a leaf that `export --to gltf` wrote) is dropped: a leaf is one
+//! surface with two sides. Normals and tangents are computed where the file has none. Pictures, materials and animation
+//! in the file are not read.
 
 mod read;
 #[cfg(test)]
@@ -62,8 +64,10 @@ impl LeafMesh {
 
     /// Centre and radius of a sphere around every vertex.
     pub fn bounds(&self) -> (DVec3, f64) {
-        let (low, high) =
-            self.positions.iter().fold((DVec3::splat(f64::INFINITY), DVec3::splat(f64::NEG_INFINITY)), |(a, b), p| (a.min(*p), b.max(*p)));
+        let (low, high) = self
+            .positions
+            .iter()
+            .fold((DVec3::splat(f64::INFINITY), DVec3::splat(f64::NEG_INFINITY)), |(a, b), p| (a.min(*p), b.max(*p)));
         let centre = (low + high) / 2.0;
         (centre, self.positions.iter().map(|p| p.distance(centre)).fold(0.0, f64::max))
     }
@@ -72,7 +76,10 @@ impl LeafMesh {
     pub fn rectangle(width_mm: f64, height_mm: f64) -> LeafMesh {
         let corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)];
         LeafMesh {
-            positions: corners.iter().map(|&(u, v)| DVec3::new((u - 0.5) * width_mm, (0.5 - v) * height_mm, 0.0)).collect(),
+            positions: corners
+                .iter()
+                .map(|&(u, v)| DVec3::new((u - 0.5) * width_mm, (0.5 - v) * height_mm, 0.0))
+                .collect(),
             normals: vec![DVec3::Z; 4],
             tangents: vec![(DVec3::X, 1.0); 4],
             uvs: corners.iter().map(|&(u, v)| DVec2::new(u, v)).collect(),
@@ -94,8 +101,8 @@ pub fn vertex_normals(mesh: &LeafMesh) -> Vec<DVec3> {
     sums.into_iter().map(|n| n.try_normalize().unwrap_or(DVec3::Z)).collect()
 }
 
-/// Direction of growing u on the surface, made orthogonal to the normal; the sign turns normal × tangent towards the image's top
-/// (falling v).
+/// Direction of growing u on the surface, made orthogonal to the normal; the sign turns normal × tangent towards the
+/// image's top (falling v).
 pub fn vertex_tangents(mesh: &LeafMesh) -> Vec<(DVec3, f64)> {
     let mut along_u = vec![DVec3::ZERO; mesh.positions.len()];
     let mut up = vec![DVec3::ZERO; mesh.positions.len()];

@@ -1,7 +1,8 @@
-//! Progress on stderr for anything that takes long: bars with the time left on a terminal, elsewhere a line every ten seconds; nothing with
-//! `--quiet`.
+//! Progress on stderr for anything that takes long: bars with the time left on a terminal, elsewhere a line every ten
+//! seconds; nothing with `--quiet`.
 //!
-//! Work that is under way is a stack of [`Bar`]s. The innermost one says what is being done and how far it is; the outermost is the verb.
+//! Work that is under way is a stack of [`Bar`]s. The innermost one says what is being done and how far it is; the
+//! outermost is the verb.
 
 use std::io::IsTerminal;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -53,7 +54,11 @@ pub fn stop_requested() -> bool {
 /// # Errors
 /// [`crate::Error::Interrupted`] once a stop was asked for.
 pub fn go_on() -> crate::Result<()> {
-    if stop_requested() { Err(crate::Error::Interrupted("stopped; nothing was printed or written".into())) } else { Ok(()) }
+    if stop_requested() {
+        Err(crate::Error::Interrupted("stopped; nothing was printed or written".into()))
+    } else {
+        Ok(())
+    }
 }
 
 /// A piece of work and how far it is.
@@ -210,7 +215,10 @@ mod tests {
     fn a_line_says_what_is_done_how_far_it_is_and_how_long_it_takes() {
         let after = Duration::from_secs(30);
         // A quarter took 30 s, so that three quarters take 90 s.
-        assert_eq!(task("scanning", 240, 60).line(after), "scanning: 60 of 240 (25 %) after 30 s, about 1 min 30 s left");
+        assert_eq!(
+            task("scanning", 240, 60).line(after),
+            "scanning: 60 of 240 (25 %) after 30 s, about 1 min 30 s left"
+        );
         assert_eq!(task("scanning", 240, 0).line(after), "scanning: 0 of 240 after 30 s");
         assert_eq!(task("rows", 0, 7).line(after), "rows: 7 done after 30 s");
         assert_eq!(task("plan", 0, 0).line(Duration::from_secs(7530)), "plan: 2 h 5 min so far");
@@ -221,6 +229,9 @@ mod tests {
         assert_eq!(state(&[]), None);
         assert_eq!(state(&[task("check", 0, 0)]).as_deref(), Some("check: 0 s so far"));
         let nested = [task("check", 0, 0), task("views", 3, 1), task("reference of front", 10, 0)];
-        assert_eq!(state(&nested).as_deref(), Some("check: views (1 of 3 done): reference of front: 0 of 10 after 0 s"));
+        assert_eq!(
+            state(&nested).as_deref(),
+            Some("check: views (1 of 3 done): reference of front: 0 of 10 after 0 s")
+        );
     }
 }

@@ -1,4 +1,5 @@
-//! `fit.toml`: what a fit folder says about itself. The same input and seed give the same bytes, so times live beside it in `times.toml`.
+//! `fit.toml`: what a fit folder says about itself. The same input and seed give the same bytes, so times live beside
+//! it in `times.toml`.
 
 mod seal;
 
@@ -21,8 +22,9 @@ pub struct Param {
     pub value: Vec<f64>,
     /// Standard errors, same length; infinite where undetermined.
     pub stderr: Vec<f64>,
-    /// The part of `stderr` that the caliper's reading of the thickness brings (`thickness_err_mm`), the same share for all of the leaf; the rest is
-    /// the fit's own, and the two add as squares. Empty where the caliper has no part in it.
+    /// The part of `stderr` that the caliper's reading of the thickness brings (`thickness_err_mm`), the same share for
+    /// all of the leaf; the rest is the fit's own, and the two add as squares. Empty where the caliper has no part in
+    /// it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub stderr_caliper: Vec<f64>,
     #[serde(default, skip_serializing_if = "String::is_empty")]
@@ -97,11 +99,12 @@ pub struct TruthError {
 
 /// Figure: how rough the traces are over how rough their stated noise would make them (standard deviations).
 pub const NOISE_SEEN: &str = "noise_seen_over_stated";
-/// Option: what the mirror strip says of the device's geometry; begins with `warning:` where it contradicts the capture.
+/// Option: what the mirror strip says of the device's geometry; begins with `warning:` where it contradicts the
+/// capture.
 pub const MIRROR: &str = "mirror";
 
-/// Figures that are there where the truth keeps another gauge than the fit: mean true thickness over the good texels relative to the fit's, less 1,
-/// and the mean true γ less 1 of the channel where it is farthest off.
+/// Figures that are there where the truth keeps another gauge than the fit: mean true thickness over the good texels
+/// relative to the fit's, less 1, and the mean true γ less 1 of the channel where it is farthest off.
 pub const GAUGE_THICKNESS: &str = "gauge_of_truth_thickness_relative";
 /// As [`GAUGE_THICKNESS`].
 pub const GAUGE_GAMMA: &str = "gauge_of_truth_gamma_relative";
@@ -110,7 +113,8 @@ pub const GAUGE_GAMMA: &str = "gauge_of_truth_gamma_relative";
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct FitRecord {
     pub schema: u32,
-    /// Hash of the rest of the file as it was read. [`FitRecord::write`] computes it anew, so that an edit made by the program is accepted.
+    /// Hash of the rest of the file as it was read. [`FitRecord::write`] computes it anew, so that an edit made by the
+    /// program is accepted.
     #[serde(default, skip_serializing)]
     pub record_hash: String,
     /// `leaf`, `gloss`, `slab`, `beam`, `sky`, …
@@ -198,8 +202,8 @@ impl FitRecord {
         seal::verify(folder)
     }
 
-    /// Writes `fit.toml` with its record hash, last of all files, so that a folder with one is complete, and takes the marker of unfinished
-    /// work away.
+    /// Writes `fit.toml` with its record hash, last of all files, so that a folder with one is complete, and takes the
+    /// marker of unfinished work away.
     pub fn write(&self, folder: &Path) -> Result<()> {
         let path = folder.join("fit.toml");
         let text = toml::to_string(self).map_err(|e| Error::write(&path, e))?;
@@ -225,7 +229,8 @@ pub fn claim(folder: &Path, kind: &str, inputs: &[&Path]) -> Result<()> {
     claim::folder(folder, Kind::Fit(kind), inputs)
 }
 
-/// Opens a claimed folder for writing: from here to [`FitRecord::write`] it is marked as no whole fit, and an earlier fit's record is gone.
+/// Opens a claimed folder for writing: from here to [`FitRecord::write`] it is marked as no whole fit, and an earlier
+/// fit's record is gone.
 ///
 /// # Errors
 /// A folder that cannot be written.

@@ -1,4 +1,5 @@
-//! σa and σs of a slab from measured (ρd, ρt, thickness), one row at a time: what `mesophyll fit slab` does to each row.
+//! σa and σs of a slab from measured (ρd, ρt, thickness), one row at a time: what `mesophyll fit slab` does to each
+//! row.
 //!
 //! Units: thickness in mm, σ in 1/mm, errors absolute standard errors.
 
@@ -15,7 +16,8 @@ pub struct Options {
     pub surface: f64,
 }
 
-/// Standard error that an inversion takes where none was stated, to tell which slabs can be found at all. No error is printed for it.
+/// Standard error that an inversion takes where none was stated, to tell which slabs can be found at all. No error is
+/// printed for it.
 pub const ASSUMED_NOISE: f64 = 1e-6;
 
 /// Output columns of [`answer`].
@@ -40,8 +42,8 @@ impl Measured {
 
 /// Inverts one measurement and says what was found as the row of a batch.
 ///
-/// Where no noise is stated nothing is known of the errors, so their cells stay empty. The status then only says whether the numbers belong to a slab and
-/// can be inverted: `ok`, or what stays open at a noise of [`ASSUMED_NOISE`].
+/// Where no noise is stated nothing is known of the errors, so their cells stay empty. The status then only says
+/// whether the numbers belong to a slab and can be inverted: `ok`, or what stays open at a noise of [`ASSUMED_NOISE`].
 pub fn answer(options: &Options, m: &Measured) -> Answer {
     let stated = m.noise_is_stated(options);
     let or_noise = |err: f64| if err.is_nan() { options.noise.unwrap_or(ASSUMED_NOISE) } else { err };
@@ -64,7 +66,8 @@ pub fn answer(options: &Options, m: &Measured) -> Answer {
 mod tests {
     use super::*;
 
-    const LEAF: Measured = Measured { rho_d: 0.3, rho_t: 0.2, thickness_mm: 0.2, rho_d_err: f64::NAN, rho_t_err: f64::NAN };
+    const LEAF: Measured =
+        Measured { rho_d: 0.3, rho_t: 0.2, thickness_mm: 0.2, rho_d_err: f64::NAN, rho_t_err: f64::NAN };
 
     fn with(noise: Option<f64>, m: Measured) -> Answer {
         answer(&Options { precision: Precision::Fast, noise, surface: 0.0 }, &m)
@@ -77,7 +80,10 @@ mod tests {
         assert!(unstated.values[2].is_nan() && unstated.values[3].is_nan() && unstated.status == Status::Ok);
         for k in 0..2 {
             assert!((unstated.values[k] / exact.values[k] - 1.0).abs() < 1e-9);
-            assert!(exact.values[2 + k] < 1e-6 * exact.values[k], "exact values leave the model's own error only: {exact:?}");
+            assert!(
+                exact.values[2 + k] < 1e-6 * exact.values[k],
+                "exact values leave the model's own error only: {exact:?}"
+            );
             assert!(noisy.values[2 + k] > 1e-3 * noisy.values[k]);
         }
         // One error alone does not say how sure σ is.
@@ -89,7 +95,10 @@ mod tests {
     #[test]
     fn what_cannot_be_inverted_is_named_without_noise_too() {
         let opaque = with(None, Measured { rho_t: 0.0, ..LEAF });
-        assert!(opaque.status.leaves_open("sigma_a") && opaque.status.to_string().contains("none was stated"), "{opaque:?}");
+        assert!(
+            opaque.status.leaves_open("sigma_a") && opaque.status.to_string().contains("none was stated"),
+            "{opaque:?}"
+        );
         assert!(opaque.values[2].is_nan());
         assert!(matches!(with(None, Measured { rho_d: 0.9, rho_t: 0.5, ..LEAF }).status, Status::Refused(_)));
     }

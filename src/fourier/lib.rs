@@ -1,7 +1,7 @@
 //! Discrete Fourier transforms of `f64`, unnormalised, by `rustfft`.
 //!
-//! `rustfft` is generic, so that every package that plans a transform compiles all of it anew (40 s each in the dev profile). This package is
-//! the only one that does; the others hold what it returns.
+//! `rustfft` is generic, so that every package that plans a transform compiles all of it anew (40 s each in the dev
+//! profile). This package is the only one that does; the others hold what it returns.
 
 use rustfft::FftPlanner;
 pub use rustfft::{Fft, num_complex::Complex};
@@ -34,7 +34,8 @@ mod tests {
                 transform.process(&mut found);
                 for (k, value) in found.iter().enumerate() {
                     let turn = sign * std::f64::consts::TAU * k as f64 / n as f64;
-                    let want: Complex<f64> = x.iter().enumerate().map(|(m, x)| x * Complex::from_polar(1.0, turn * m as f64)).sum();
+                    let want: Complex<f64> =
+                        x.iter().enumerate().map(|(m, x)| x * Complex::from_polar(1.0, turn * m as f64)).sum();
                     assert!((value - want).norm() < 1e-12 * n as f64, "{n} {k}: {value} {want}");
                 }
             }

@@ -1,9 +1,10 @@
 //! Gloss of a leaf's surface: W Eq. 6 and 7 (Torrance–Sparrow with F·G merged into ρs), the same with a long-tailed
 //! distribution, and the full Cook–Torrance form that Habel uses (H9 §3.3.3).
 //!
-//! All values are f_s per unit ρs, in 1/sr. `m` is the surface slope (W: 2σ/l), unitless; `n`, `l`, `v` are unit vectors: normal,
-//! towards the light, towards the viewer. Isotropic, one bounce. W's form exceeds energy conservation at grazing angles
-//! (its directional albedo reaches 8.6 at 89°, m = .5); [`Lobe::bounded`] multiplies the V-cavity G and stays at or below 1.
+//! All values are f_s per unit ρs, in 1/sr. `m` is the surface slope (W: 2σ/l), unitless; `n`, `l`, `v` are unit
+//! vectors: normal, towards the light, towards the viewer. Isotropic, one bounce. W's form exceeds energy conservation
+//! at grazing angles (its directional albedo reaches 8.6 at 89°, m = .5); [`Lobe::bounded`] multiplies the V-cavity G
+//! and stays at or below 1.
 
 use std::f64::consts::PI;
 
@@ -41,7 +42,8 @@ impl Lobe {
         }
     }
 
-    /// f_s per unit ρs as the paper has it: D/(4 cosθi cosθr), for Cook–Torrance D·F·G/(4 cosθi cosθr). Zero below the horizon.
+    /// f_s per unit ρs as the paper has it: D/(4 cosθi cosθr), for Cook–Torrance D·F·G/(4 cosθi cosθr). Zero below the
+    /// horizon.
     pub fn value(self, n: [f64; 3], l: [f64; 3], v: [f64; 3], m: f64) -> f64 {
         let (a, b) = (dot(n, l), dot(n, v));
         if a <= 0.0 || b <= 0.0 {
@@ -66,8 +68,8 @@ impl Lobe {
 
     /// Directional albedo of the bounded form per unit ρs, ∫ f cosθi dωi, for a viewer at cosine `cos_view` in (0, 1].
     ///
-    /// Integrated over half vectors drawn by D's own cumulative (dωi = 4 (v·h) dωh): midpoint in azimuth, Gauss–Legendre in the
-    /// cumulative; good to about 1e-3.
+    /// Integrated over half vectors drawn by D's own cumulative (dωi = 4 (v·h) dωh): midpoint in azimuth,
+    /// Gauss–Legendre in the cumulative; good to about 1e-3.
     pub fn albedo(self, cos_view: f64, m: f64) -> f64 {
         let rule = mesophyll_quadrature::symmetric(48);
         let v = [(1.0 - cos_view * cos_view).max(0.0).sqrt(), 0.0, cos_view];

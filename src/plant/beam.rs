@@ -1,15 +1,19 @@
-//! The tapered beam, exactly: deflection u and slope u′ of a clamped circular beam under an evenly spread transverse load.
+//! The tapered beam, exactly: deflection u and slope u′ of a clamped circular beam under an evenly spread transverse
+//! load.
 //!
-//! Normalised as H9 §4.4.1: x in [0, 1] from the root to the tip, α = r₂/r₁ the taper (tip radius over root radius), and F/(E′r₁⁴) = 1.
-//! The deflection in mm is u times F/(E′r₁⁴) = F L³/(E s₁⁴): F the whole load (N), L the length (mm), E the modulus (N/mm²), s₁ the
-//! root radius (mm). The relative error of u and u′ is below 1e-12 for every α from 1e-4 to 1, and up to [`TAPER_MAX`].
+//! Normalised as H9 §4.4.1: x in [0, 1] from the root to the tip, α = r₂/r₁ the taper (tip radius over root radius),
+//! and F/(E′r₁⁴) = 1. The deflection in mm is u times F/(E′r₁⁴) = F L³/(E s₁⁴): F the whole load (N), L the length
+//! (mm), E the modulus (N/mm²), s₁ the root radius (mm). The relative error of u and u′ is below 1e-12 for every α from
+//! 1e-4 to 1, and up to [`TAPER_MAX`].
 //!
-//! Limits: Euler–Bernoulli (no shear: at least 15 times as long as thick) and linear, so slopes well below 1; [`super::length`] says what is
-//! done beyond. H9 Eq. 4.7 prints the prefactor as E′F/r₁⁴; dimensions and the derivation say F/(E′r₁⁴).
+//! Limits: Euler–Bernoulli (no shear: at least 15 times as long as thick) and linear, so slopes well below 1;
+//! [`super::length`] says what is done beyond. H9 Eq. 4.7 prints the prefactor as E′F/r₁⁴; dimensions and the
+//! derivation say F/(E′r₁⁴).
 //!
-//! With w = 1 + (α−1)x, the bending moment (1−x)²/2 over the area moment π w⁴/4 gives u″ = 2(1−x)²/(π w⁴). Integrated once, with
-//! q = (1−x)/w, u′ = 2x(1+q+q²)/(3π w): a sum of positive terms. Eq. 4.7 loses every digit as α → 1; here u is
-//! the integral of u′ by Gauss–Legendre wherever w ≥ ½ (both limits of α are then regular), and a logarithm elsewhere.
+//! With w = 1 + (α−1)x, the bending moment (1−x)²/2 over the area moment π w⁴/4 gives u″ = 2(1−x)²/(π w⁴). Integrated
+//! once, with q = (1−x)/w, u′ = 2x(1+q+q²)/(3π w): a sum of positive terms. Eq. 4.7 loses every digit as α → 1; here u
+//! is the integral of u′ by Gauss–Legendre wherever w ≥ ½ (both limits of α are then regular), and a logarithm
+//! elsewhere.
 
 use super::quadrature::TWELVE;
 use std::f64::consts::PI;
@@ -19,7 +23,8 @@ pub const TAPER_MAX: f64 = 1.25;
 /// Least taper that the accuracy is promised for.
 pub const TAPER_MIN: f64 = 1e-4;
 
-/// Radius at x over the root's, 1 + (α−1)x, as a sum of positive terms: at the tip of a thin taper the other form loses digits.
+/// Radius at x over the root's, 1 + (α−1)x, as a sum of positive terms: at the tip of a thin taper the other form loses
+/// digits.
 fn width(alpha: f64, x: f64) -> f64 {
     (1.0 - x) + alpha * x
 }
@@ -48,7 +53,8 @@ pub fn deflection(alpha: f64, x: f64) -> f64 {
     logarithmic(alpha, w)
 }
 
-/// u as a function of w: the integral of u′ in partial fractions. The terms cancel to 1/40 of the largest at worst (α = w = ½).
+/// u as a function of w: the integral of u′ in partial fractions. The terms cancel to 1/40 of the largest at worst (α =
+/// w = ½).
 fn logarithmic(alpha: f64, w: f64) -> f64 {
     let t = alpha / w;
     let beta = alpha - 1.0;
@@ -56,8 +62,8 @@ fn logarithmic(alpha: f64, w: f64) -> f64 {
     2.0 / (PI * beta.powi(4)) * (-w.ln() - (t - alpha) + (t - alpha) * (t + alpha) / 6.0 + linear * (w - 1.0))
 }
 
-/// Deflection and slope in `f32`, by the formulas of a shader: relative error of u below 2e-6 and of u′ below 1e-6 for every taper from
-/// 1e-4 to 1. Eight nodes, and the logarithm only where w < ¼, where it cancels less.
+/// Deflection and slope in `f32`, by the formulas of a shader: relative error of u below 2e-6 and of u′ below 1e-6 for
+/// every taper from 1e-4 to 1. Eight nodes, and the logarithm only where w < ¼, where it cancels less.
 pub fn single(alpha: f32, x: f32) -> (f32, f32) {
     let pi = std::f32::consts::PI;
     let slope = |x: f32| {

@@ -1,14 +1,17 @@
-//! A vertex on a bent branch: position, tangent and normal, the reference of the vertex shader (`f64`) and its mirror (`f32`).
+//! A vertex on a bent branch: position, tangent and normal, the reference of the vertex shader (`f64`) and its mirror
+//! (`f32`).
 //!
-//! The two deflections of H9 Eq. 4.12 share one shape, so together they are one bend in one plane: amplitude |A| towards
-//! (A_r r + A_s s)/|A|. The axis follows [`super::length::bend`]; cross-sections stay plane and turn with the axis, so the map is
+//! The two deflections of H9 Eq. 4.12 share one shape, so together they are one bend in one plane: amplitude |A|
+//! towards (A_r r + A_s s)/|A|. The axis follows [`super::length::bend`]; cross-sections stay plane and turn with the
+//! axis, so the map is
 //!
 //! ```text
 //! p(x, e, b) = C(x) + e N(x) + b B,      ∂p/∂x = (1 − κ e) T,   ∂p/∂e = N,   ∂p/∂b = B
 //! ```
 //!
-//! and its Jacobian is exact but for the residual stretch of the two Newton steps (below 1e-3). H9 Eq. 4.13 adds two length corrections and does not turn cross-sections; its Eq. 4.14 takes the
-//! Jacobian of the uncorrected deflection (and row 3 prints d_s/s_r for d_s/s_s). Beyond the tip a vertex moves rigidly with the tip.
+//! and its Jacobian is exact but for the residual stretch of the two Newton steps (below 1e-3). H9 Eq. 4.13 adds two
+//! length corrections and does not turn cross-sections; its Eq. 4.14 takes the Jacobian of the uncorrected deflection
+//! (and row 3 prints d_s/s_r for d_s/s_s). Beyond the tip a vertex moves rigidly with the tip.
 
 use super::length::{Bent, bend};
 use super::scalar::Scalar;
@@ -74,7 +77,8 @@ struct Plane<T> {
 }
 
 impl<T: Scalar> Branch<T> {
-    /// `amplitude`: A_r, A_s in units of the branch's length per normalised deflection: F/(E′r₁⁴) over L, along r and s.
+    /// `amplitude`: A_r, A_s in units of the branch's length per normalised deflection: F/(E′r₁⁴) over L, along r and
+    /// s.
     fn plane(&self, x: T, amplitude: [T; 2]) -> Plane<T> {
         let size = (amplitude[0] * amplitude[0] + amplitude[1] * amplitude[1]).sqrt();
         let share = if size > T::zero() { [amplitude[0] / size, amplitude[1] / size] } else { [T::one(), T::zero()] };
@@ -94,7 +98,8 @@ impl<T: Scalar> Branch<T> {
 
     /// The axis after bending.
     fn axis(&self, plane: &Plane<T>) -> [T; 3] {
-        let moved = mix(self.length * plane.bent.along, self.t, self.length * plane.bent.across, plane.e, T::one(), self.root);
+        let moved =
+            mix(self.length * plane.bent.along, self.t, self.length * plane.bent.across, plane.e, T::one(), self.root);
         std::array::from_fn(|k| moved[k])
     }
 
@@ -109,9 +114,20 @@ impl<T: Scalar> Branch<T> {
         let off = mix((along - x) * self.length, plane.turned_t, e, plane.turned_e, b, plane.b);
         // A vertex beyond an end does not stretch: it hangs rigidly on it.
         let inside = along >= T::zero() && along <= T::one();
-        let stretch = if inside { (T::one() - plane.bent.curvature * e / self.length).at_least(T::of(LEAST_STRETCH)) } else { T::one() };
+        let stretch = if inside {
+            (T::one() - plane.bent.curvature * e / self.length).at_least(T::of(LEAST_STRETCH))
+        } else {
+            T::one()
+        };
         let turn = |v: [T; 3], factor: T| {
-            unit(mix(factor * dot(v, self.t), plane.turned_t, dot(v, plane.e), plane.turned_e, dot(v, plane.b), plane.b))
+            unit(mix(
+                factor * dot(v, self.t),
+                plane.turned_t,
+                dot(v, plane.e),
+                plane.turned_e,
+                dot(v, plane.b),
+                plane.b,
+            ))
         };
         Deformed {
             position: std::array::from_fn(|k| axis[k] + off[k]),
@@ -167,7 +183,14 @@ impl Branch<f64> {
     /// The same branch as a shader holds it.
     pub fn single(&self) -> Branch<f32> {
         let f = |v: [f64; 3]| v.map(|c| c as f32);
-        Branch { root: f(self.root), t: f(self.t), r: f(self.r), s: f(self.s), length: self.length as f32, shape: self.shape.single() }
+        Branch {
+            root: f(self.root),
+            t: f(self.t),
+            r: f(self.r),
+            s: f(self.s),
+            length: self.length as f32,
+            shape: self.shape.single(),
+        }
     }
 }
 
@@ -247,7 +270,9 @@ mod tests {
         let one = b.deform([0.8 * 1.3, 0.6 * 1.3], p, t, t);
         let other = turned.deform([1.3, 0.0], p, t, t);
         for k in 0..3 {
-            assert!((one.position[k] - other.position[k]).abs() < 1e-12 && (one.normal[k] - other.normal[k]).abs() < 1e-12);
+            assert!(
+                (one.position[k] - other.position[k]).abs() < 1e-12 && (one.normal[k] - other.normal[k]).abs() < 1e-12
+            );
         }
     }
 
@@ -257,7 +282,9 @@ mod tests {
         let amplitude = b.amplitude_of_tip([-0.2, 0.6]);
         for x in [0.0, 0.5, 1.0] {
             let j = b.joint(amplitude, x);
-            for (u, v, want) in [(j.t, j.t, 1.0), (j.r, j.r, 1.0), (j.s, j.s, 1.0), (j.t, j.r, 0.0), (j.r, j.s, 0.0), (j.s, j.t, 0.0)] {
+            for (u, v, want) in
+                [(j.t, j.t, 1.0), (j.r, j.r, 1.0), (j.s, j.s, 1.0), (j.t, j.r, 0.0), (j.r, j.s, 0.0), (j.s, j.t, 0.0)]
+            {
                 assert!((dot(u, v) - want).abs() < 1e-12);
             }
             let offset = [0.1, -0.05];
@@ -269,7 +296,8 @@ mod tests {
         }
         // A sub-branch keeps its own frame orthonormal, and its distances to the joint.
         let j = b.joint(amplitude, 0.5);
-        let child = b.child(&j, 0.5, &Branch { root: at(&b, 0.5, [0.2, 0.0]), t: b.r, r: b.s, s: b.t, length: 0.5, ..b });
+        let child =
+            b.child(&j, 0.5, &Branch { root: at(&b, 0.5, [0.2, 0.0]), t: b.r, r: b.s, s: b.t, length: 0.5, ..b });
         assert!((dot(child.t, child.r)).abs() < 1e-12 && (dot(child.t, child.t) - 1.0).abs() < 1e-12);
         let arm: [f64; 3] = std::array::from_fn(|k| child.root[k] - j.position[k]);
         assert!((dot(arm, arm) - 0.04).abs() < 1e-12 && (dot(arm, child.t) - 0.2).abs() < 1e-12);

@@ -1,17 +1,22 @@
-//! Keeping a bent branch as long as it was. A beam's deflection is transverse, so a strongly bent branch would be stretched: by 15 % at a tip
-//! deflection of half its length. Everything here is in the plane of bending and in units of the branch's length.
+//! Keeping a bent branch as long as it was. A beam's deflection is transverse, so a strongly bent branch would be
+//! stretched: by 15 % at a tip deflection of half its length. Everything here is in the plane of bending and in units
+//! of the branch's length.
 //!
 //! Three answers:
 //!
-//! - [`printed`], H9 Eq. 4.9–4.11: the point slides back along its tangent. It over-corrects: −4.5 % (α = 0.3, tip 0.5 L), −14 % (α = 0.1, tip 1 L).
-//!   Eq. 4.9 divides by u′; d = u u′/(1+s) with s = √(1+u′²) is the same number without the 0/0 at the root.
-//! - [`bend`]: the point is put where the arc length from the root is what it was, by two Newton steps from the printed answer
-//!   with a four-point rule for the arc, in the coordinate of [`super::taper`], where the arc is smooth up to the tip of any taper.
-//!   Length error below 0.02 % for tip deflections up to 1 L. `f64` and `f32` alike: this is what the shader does.
-//! - [`settled`]: the same curve from the exact u with the arc solved to 1e-10: the reference of both, and what a measurement sees.
+//! - [`printed`], H9 Eq. 4.9–4.11: the point slides back along its tangent. It over-corrects: −4.5 % (α = 0.3, tip 0.5
+//!   L), −14 % (α = 0.1, tip 1 L). Eq. 4.9 divides by u′; d = u u′/(1+s) with s = √(1+u′²) is the same number without
+//!   the 0/0 at the root.
+//! - [`bend`]: the point is put where the arc length from the root is what it was, by two Newton steps from the printed
+//!   answer with a four-point rule for the arc, in the coordinate of [`super::taper`], where the arc is smooth up to
+//!   the tip of any taper. Length error below 0.02 % for tip deflections up to 1 L. `f64` and `f32` alike: this is what
+//!   the shader does.
+//! - [`settled`]: the same curve from the exact u with the arc solved to 1e-10: the reference of both, and what a
+//!   measurement sees.
 //!
 //! The bent axis is the graph of A u(x), A = F/(E′r₁⁴) over L. A real branch under a load that keeps its direction
-//! deviates from that graph as the tip deflection grows beyond a quarter of its length; no geometrically exact beam is solved here.
+//! deviates from that graph as the tip deflection grows beyond a quarter of its length; no geometrically exact beam is
+//! solved here.
 
 use super::beam;
 use super::quadrature::{Node, TWELVE, TWENTY_FOUR, four};
@@ -99,14 +104,16 @@ impl<T: Scalar> Curve<'_, T> {
     }
 }
 
-/// Length of the bent axis between the root and the point that [`bend`] gives for `x`, over x: 1 where the length is kept.
+/// Length of the bent axis between the root and the point that [`bend`] gives for `x`, over x: 1 where the length is
+/// kept.
 pub fn kept(shape: &Shape<f64>, bent: &Bent<f64>, x: f64, amplitude: f64) -> f64 {
     let curve = Curve { shape, amplitude };
     let y = coordinate(shape, bent.along);
     y * TWENTY_FOUR.iter().map(|(t, g)| g * curve.speed(y * t)).sum::<f64>() / x
 }
 
-/// The graph of the exact A u, with the arc length solved to 1e-10: `alpha` as in [`beam::deflection`], any amplitude (its sign is the side).
+/// The graph of the exact A u, with the arc length solved to 1e-10: `alpha` as in [`beam::deflection`], any amplitude
+/// (its sign is the side).
 pub fn settled(alpha: f64, x: f64, amplitude: f64) -> Bent<f64> {
     settled_with(&TWELVE, alpha, x, amplitude)
 }
@@ -166,7 +173,8 @@ mod tests {
         for alpha in [1e-4, 0.1, 1.0] {
             for tip in [0.1, 0.75, 1.0] {
                 let amplitude = tip / beam::deflection(alpha, 1.0);
-                let points: Vec<[f64; 2]> = places(3000).map(|x| settled(alpha, x, amplitude)).map(|b| [b.along, b.across]).collect();
+                let points: Vec<[f64; 2]> =
+                    places(3000).map(|x| settled(alpha, x, amplitude)).map(|b| [b.along, b.across]).collect();
                 let length = polygon(points.iter().copied());
                 assert!((length - 1.0).abs() < 1e-5, "α {alpha}, tip {tip}: {length}");
                 // Half of it as well.

@@ -1,18 +1,21 @@
 //! Motion textures: periodic two-channel noise whose straight lines are the swaying of a branch (H9 §4.5.2–4.5.3).
 //!
-//! Channel 0 drives the deflection towards r, channel 1 towards s: two independent fields with one spectrum, the real and the imaginary part of one inverse FFT. Values are in the unit
-//! whose power density the spectrum states (for [`super::wind::Sway`]: tip deflection over length), not normalised. The same seed gives the same texture.
+//! Channel 0 drives the deflection towards r, channel 1 towards s: two independent fields with one spectrum, the real
+//! and the imaginary part of one inverse FFT. Values are in the unit whose power density the spectrum states (for
+//! [`super::wind::Sway`]: tip deflection over length), not normalised. The same seed gives the same texture.
 //!
-//! Isotropic textures ([`Method::Plain`], [`Method::InverseAbel`]) may be crossed in any direction, as leaves do; they cannot hold a sharp resonance.
-//! [`Method::Directed`] can, for lines nearly along x: one branch a line, far enough apart in y.
+//! Isotropic textures ([`Method::Plain`], [`Method::InverseAbel`]) may be crossed in any direction, as leaves do; they
+//! cannot hold a sharp resonance. [`Method::Directed`] can, for lines nearly along x: one branch a line, far enough
+//! apart in y.
 //!
-//! The highest frequency takes 8 texels a cycle, so that the hardware's linear filter is enough (it takes 10 % of the power there); a
-//! texture of n texels a side then holds frequencies down to f_min = 8 f_max/n. (The print has f_max/(8 n).)
+//! The highest frequency takes 8 texels a cycle, so that the hardware's linear filter is enough (it takes 10 % of the
+//! power there); a texture of n texels a side then holds frequencies down to f_min = 8 f_max/n. (The print has f_max/(8
+//! n).)
 
 use super::motion_spectrum::{Method, Rings};
+use mesophyll_fourier::Complex;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
-use mesophyll_fourier::Complex;
 use std::f64::consts::TAU;
 
 /// Texels a cycle of the highest frequency.
@@ -31,8 +34,8 @@ pub struct Motion {
 
 /// Waves across a directed texture: −6 … 6 cycles along y.
 const ACROSS: i64 = 6;
-/// Slopes of lines through a directed texture. From 1/13 on, the next passage through the texture meets other waves; the frequencies are smeared by
-/// slope times cycles along y, less than one step of the texture's own.
+/// Slopes of lines through a directed texture. From 1/13 on, the next passage through the texture meets other waves;
+/// the frequencies are smeared by slope times cycles along y, less than one step of the texture's own.
 const SLOPES: [f64; 2] = [0.08, 0.14];
 
 /// A line through a texture: where a branch is at time t (s), in texture units (wrapped).
@@ -44,8 +47,8 @@ pub struct Trajectory {
 }
 
 impl Trajectory {
-    /// A line in any direction, of its own for every `seed`. `speed`: [`Motion::speed`]. Directions whose slope is near a ratio of small whole numbers close on
-    /// themselves early and are passed over.
+    /// A line in any direction, of its own for every `seed`. `speed`: [`Motion::speed`]. Directions whose slope is near
+    /// a ratio of small whole numbers close on themselves early and are passed over.
     pub fn new(seed: u64, speed: f64) -> Trajectory {
         let mut rng = Pcg64::seed_from_u64(seed);
         let start = [rng.random::<f64>(), rng.random::<f64>()];
@@ -84,15 +87,16 @@ fn nearly_rational(angle: f64) -> bool {
 }
 
 impl Motion {
-    /// Texture units a second at which a line shows the frequencies as they are. A branch whose own resonance is f instead of the texture's
-    /// f_h goes f/f_h times as fast (H9 "Branch frequencies"); its density is then f_h/f of the wanted one at f/f_h times the frequency.
+    /// Texture units a second at which a line shows the frequencies as they are. A branch whose own resonance is f
+    /// instead of the texture's f_h goes f/f_h times as fast (H9 "Branch frequencies"); its density is then f_h/f of
+    /// the wanted one at f/f_h times the frequency.
     pub fn speed(&self) -> f64 {
         self.lowest
     }
 
-    /// A texture in whose lines `spectrum` (one-sided power density over Hz) is found from `highest`·8/`size` up to `highest` (Hz).
-    /// `size`: at least 32 texels; powers of two are quickest. `None` for a smaller size, a `highest` that is not positive, or a spectrum that is not
-    /// positive and finite there.
+    /// A texture in whose lines `spectrum` (one-sided power density over Hz) is found from `highest`·8/`size` up to
+    /// `highest` (Hz). `size`: at least 32 texels; powers of two are quickest. `None` for a smaller size, a `highest`
+    /// that is not positive, or a spectrum that is not positive and finite there.
     pub fn new(spectrum: impl Fn(f64) -> f64, highest: f64, size: usize, seed: u64, method: Method) -> Option<Motion> {
         if size < 32 || !(highest > 0.0 && highest.is_finite()) {
             return None;
@@ -103,7 +107,8 @@ impl Motion {
             return None;
         }
         // Two-sided density of a line along x, a unit of k, over the waves across.
-        let directed: Vec<f64> = (1..=count).map(|j| 0.5 * lowest * spectrum(j as f64 * lowest) / (2 * ACROSS + 1) as f64).collect();
+        let directed: Vec<f64> =
+            (1..=count).map(|j| 0.5 * lowest * spectrum(j as f64 * lowest) / (2 * ACROSS + 1) as f64).collect();
         let rings = Rings::new(spectrum, lowest, count, method);
         let mut rng = Pcg64::seed_from_u64(seed);
         let mut field = vec![Complex::new(0.0, 0.0); size * size];
@@ -120,8 +125,9 @@ impl Motion {
                 if ring == 0 || ring > count {
                     continue;
                 }
-                // Random phases, fixed sizes: each part of the sum has the variance Σ Φ whatever the draw, and so many waves are Gaussian together.
-                // (H9 Eq. 4.18 draws the sizes as well; the spectrum of one texture then scatters by that.)
+                // Random phases, fixed sizes: each part of the sum has the variance Σ Φ whatever the draw, and so many
+                // waves are Gaussian together. (H9 Eq. 4.18 draws the sizes as well; the spectrum of one texture then
+                // scatters by that.)
                 let density = if method == Method::Directed { directed[ring - 1] } else { rings.0[ring - 1] };
                 let size_of = (2.0 * density).sqrt();
                 let at = |k: i64| k.rem_euclid(size as i64) as usize;
@@ -129,16 +135,24 @@ impl Motion {
             }
         }
         inverse_transform(&mut field, size);
-        Some(Motion { size, lowest, highest, values: field.iter().map(|c| [c.re as f32, c.im as f32]).collect(), method })
+        Some(Motion {
+            size,
+            lowest,
+            highest,
+            values: field.iter().map(|c| [c.re as f32, c.im as f32]).collect(),
+            method,
+        })
     }
 
-    /// The line of branch number `seed` through this texture, at [`Motion::speed`] times `faster` (1, or the branch's resonance over the texture's).
+    /// The line of branch number `seed` through this texture, at [`Motion::speed`] times `faster` (1, or the branch's
+    /// resonance over the texture's).
     pub fn trajectory(&self, seed: u64, faster: f64) -> Trajectory {
         let speed = faster * self.speed();
         if self.method == Method::Directed { Trajectory::along(seed, speed) } else { Trajectory::new(seed, speed) }
     }
 
-    /// Both channels at a place in texture units, wrapped and linearly filtered as a sampler with repeat addressing does.
+    /// Both channels at a place in texture units, wrapped and linearly filtered as a sampler with repeat addressing
+    /// does.
     pub fn sample(&self, at: [f64; 2]) -> [f64; 2] {
         let n = self.size;
         let [(x0, x1, fx), (y0, y1, fy)] = at.map(|c| {
@@ -156,7 +170,9 @@ impl Motion {
 
     /// Root mean square of both channels over the texture.
     pub fn rms(&self) -> [f64; 2] {
-        [0, 1].map(|k| (self.values.iter().map(|v| f64::from(v[k]).powi(2)).sum::<f64>() / self.values.len() as f64).sqrt())
+        [0, 1].map(|k| {
+            (self.values.iter().map(|v| f64::from(v[k]).powi(2)).sum::<f64>() / self.values.len() as f64).sqrt()
+        })
     }
 }
 
@@ -175,9 +191,9 @@ fn inverse_transform(field: &mut [Complex<f64>], size: usize) {
     }
 }
 
-/// How far the spectrum of lines through a texture is from the wanted one: root mean square of log₁₀(measured/wanted) over
-/// `bands` bands, even in ln f between twice the lowest and the highest frequency, measured along `lines` trajectories. Both channels are used.
-/// Also returns the bands: (frequency, wanted, measured).
+/// How far the spectrum of lines through a texture is from the wanted one: root mean square of log₁₀(measured/wanted)
+/// over `bands` bands, even in ln f between twice the lowest and the highest frequency, measured along `lines`
+/// trajectories. Both channels are used. Also returns the bands: (frequency, wanted, measured).
 pub fn deviation(motion: &Motion, spectrum: impl Fn(f64) -> f64, lines: u64, bands: usize) -> (f64, Vec<[f64; 3]>) {
     let dt = 1.0 / (TEXELS_A_CYCLE as f64 * motion.highest);
     // Eight times the resolution of the texture: neighbouring lines of its lattice are averaged within a band.
@@ -198,7 +214,8 @@ pub fn deviation(motion: &Motion, spectrum: impl Fn(f64) -> f64, lines: u64, ban
     let edge = |b: usize| low * (high / low).powf(b as f64 / bands as f64);
     let found: Vec<[f64; 3]> = (0..bands)
         .filter_map(|b| {
-            let inside: Vec<usize> = (1..mean.len()).filter(|k| (edge(b)..edge(b + 1)).contains(&(*k as f64 * step))).collect();
+            let inside: Vec<usize> =
+                (1..mean.len()).filter(|k| (edge(b)..edge(b + 1)).contains(&(*k as f64 * step))).collect();
             let n = inside.len() as f64;
             let wanted = inside.iter().map(|k| spectrum(*k as f64 * step)).sum::<f64>() / n;
             let measured = inside.iter().map(|k| mean[*k]).sum::<f64>() / n;
@@ -215,13 +232,18 @@ mod tests {
     use super::*;
 
     fn sway(ratio: f64) -> Sway {
-        Sway { wind: Wind { speed: 3.0, turbulence: 0.3 }, oscillator: Oscillator::of_branch(1.2, false, ratio), lean: 0.1 }
+        Sway {
+            wind: Wind { speed: 3.0, turbulence: 0.3 },
+            oscillator: Oscillator::of_branch(1.2, false, ratio),
+            lean: 0.1,
+        }
     }
 
     #[test]
     fn lines_have_the_wanted_spectrum() {
-        // Isotropic textures: where the inverse is exact, what is left is the uneven count of lattice waves a frequency, and the filter, which takes
-        // 10 % at the highest one. A sharp resonance (a tenth of critical) has no inverse: 0.18 is the least an isotropic texture can do.
+        // Isotropic textures: where the inverse is exact, what is left is the uneven count of lattice waves a
+        // frequency, and the filter, which takes 10 % at the highest one. A sharp resonance (a tenth of critical) has
+        // no inverse: 0.18 is the least an isotropic texture can do.
         for (ratio, limit) in [(2.0, 0.08), (0.25, 0.08), (0.1, 0.25)] {
             let s = sway(ratio);
             let of = |method| {
@@ -229,7 +251,10 @@ mod tests {
                 deviation(&motion, |f| s.spectrum(f), 4, 16).0
             };
             let (plain, abel, directed) = (of(Method::Plain), of(Method::InverseAbel), of(Method::Directed));
-            println!("damping {ratio} of critical: RMS log10 deviation {plain:.3} plain, {abel:.3} inverse Abel, {directed:.3} directed");
+            println!(
+                "damping {ratio} of critical: RMS log10 deviation {plain:.3} plain, {abel:.3} inverse Abel, \
+                 {directed:.3} directed"
+            );
             // A directed one has no such limit.
             assert!(directed < 0.08, "{ratio}: {directed}");
             assert!(abel < limit && abel < 0.6 * plain, "{ratio}: {abel} against {plain}");
@@ -255,7 +280,8 @@ mod tests {
         let twice = Sway { lean: 0.2, ..s };
         let b = Motion::new(|f| twice.spectrum(f), s.highest(), 128, 3, Method::InverseAbel).unwrap();
         assert!((b.rms()[1] / a.rms()[1] - 2.0).abs() < 1e-5);
-        // The variance is that of the band: the sum over lattice frequencies of what a line sees, within what one draw scatters.
+        // The variance is that of the band: the sum over lattice frequencies of what a line sees, within what one draw
+        // scatters.
         let wanted: f64 = (1..=16).map(|j| s.spectrum(f64::from(j) * a.lowest) * a.lowest).sum();
         let have = (a.rms()[0].powi(2) + a.rms()[1].powi(2)) / 2.0;
         println!("variance {have:.3e} of {wanted:.3e} in the band from the lowest frequency");

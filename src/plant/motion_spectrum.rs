@@ -1,10 +1,13 @@
-//! What spectrum a texture must have so that a straight line through it has the spectrum that is wanted, and how to measure the latter.
+//! What spectrum a texture must have so that a straight line through it has the spectrum that is wanted, and how to
+//! measure the latter.
 //!
-//! H9 §4.5.3 gives a radially symmetric texture the wanted spectrum itself. But a line through an isotropic field sees the *Abel projection* of the
-//! field's spectrum Φ(ρ): S₁(k) = 2 ∫_k^∞ Φ(ρ) ρ dρ / √(ρ² − k²). So Φ has to be the inverse projection. It is solved on rings
-//! one frequency step wide, where the projection is a triangular matrix in closed form. A resonance that stands out of its surroundings has no
-//! inverse without negative power below it: every ring also feeds all lower frequencies of the line. There Φ is the non-negative one of least
-//! relative deviation (Richardson–Lucy iteration; W. H. Richardson, J. Opt. Soc. Am. 62 (1972), 55–59), and the rest is a fact of isotropic textures.
+//! H9 §4.5.3 gives a radially symmetric texture the wanted spectrum itself. But a line through an isotropic field sees
+//! the *Abel projection* of the field's spectrum Φ(ρ): S₁(k) = 2 ∫_k^∞ Φ(ρ) ρ dρ / √(ρ² − k²). So Φ has to be the
+//! inverse projection. It is solved on rings one frequency step wide, where the projection is a triangular matrix in
+//! closed form. A resonance that stands out of its surroundings has no inverse without negative power below it: every
+//! ring also feeds all lower frequencies of the line. There Φ is the non-negative one of least relative deviation
+//! (Richardson–Lucy iteration; W. H. Richardson, J. Opt. Soc. Am. 62 (1972), 55–59), and the rest is a fact of
+//! isotropic textures.
 
 use mesophyll_fourier::Complex;
 
@@ -16,8 +19,9 @@ pub enum Method {
     /// Its inverse Abel projection.
     #[default]
     InverseAbel,
-    /// Not isotropic: the wanted spectrum along x, a narrow band along y. Lines that run nearly along x ([`super::motion::Motion::trajectory`]) have the wanted
-    /// spectrum however sharp its resonance; lines in other directions do not.
+    /// Not isotropic: the wanted spectrum along x, a narrow band along y. Lines that run nearly along x
+    /// ([`super::motion::Motion::trajectory`]) have the wanted spectrum however sharp its resonance; lines in other
+    /// directions do not.
     Directed,
 }
 
@@ -89,14 +93,16 @@ fn inverse(wanted: &[f64], plain: &Rings) -> Rings {
     rings
 }
 
-/// One-sided power density of evenly spaced samples, `dt` (s) apart, at multiples of 1/(segment · dt): mean over half-overlapping segments
-/// under Hann's window (P. D. Welch, IEEE Trans. Audio Electroacoust. 15 (1967), 70–73). Empty where the samples do not fill a segment.
+/// One-sided power density of evenly spaced samples, `dt` (s) apart, at multiples of 1/(segment · dt): mean over
+/// half-overlapping segments under Hann's window (P. D. Welch, IEEE Trans. Audio Electroacoust. 15 (1967), 70–73).
+/// Empty where the samples do not fill a segment.
 pub fn periodogram(samples: &[f64], dt: f64, segment: usize) -> Vec<f64> {
     if segment < 2 || samples.len() < segment {
         return Vec::new();
     }
     let fft = mesophyll_fourier::forward(segment);
-    let window: Vec<f64> = (0..segment).map(|k| (std::f64::consts::PI * k as f64 / segment as f64).sin().powi(2)).collect();
+    let window: Vec<f64> =
+        (0..segment).map(|k| (std::f64::consts::PI * k as f64 / segment as f64).sin().powi(2)).collect();
     let power: f64 = window.iter().map(|w| w * w).sum();
     let mut sum = vec![0.0; segment / 2 + 1];
     let mut count = 0.0;
@@ -140,7 +146,8 @@ mod tests {
         let peak = |f: f64| 1.0 / (0.01 + (f - 2.0) * (f - 2.0));
         let deviation = |m: Method| {
             let p = Rings::new(peak, 0.1, 40, m).projected();
-            let sum: f64 = p.iter().enumerate().map(|(k, p)| (p / (0.05 * peak(0.1 * (k + 1) as f64))).log10().powi(2)).sum();
+            let sum: f64 =
+                p.iter().enumerate().map(|(k, p)| (p / (0.05 * peak(0.1 * (k + 1) as f64))).log10().powi(2)).sum();
             (sum / 40.0).sqrt()
         };
         assert!(Rings::new(peak, 0.1, 40, Method::InverseAbel).0.iter().all(|p| *p >= 0.0));
@@ -160,7 +167,8 @@ mod tests {
         let p = periodogram(&white, 0.25, 256);
         let mean = p[1..128].iter().sum::<f64>() / 127.0;
         assert!((mean / (2.0 * 0.25 / 12.0) - 1.0).abs() < 0.03, "{mean}");
-        let sine: Vec<f64> = (0..4096).map(|k| 3.0 * (std::f64::consts::TAU * 0.1 * f64::from(k) + 0.3).sin()).collect();
+        let sine: Vec<f64> =
+            (0..4096).map(|k| 3.0 * (std::f64::consts::TAU * 0.1 * f64::from(k) + 0.3).sin()).collect();
         let p = periodogram(&sine, 1.0, 1024);
         assert!((p.iter().sum::<f64>() / 1024.0 / 4.5 - 1.0).abs() < 1e-3);
         assert!(periodogram(&sine, 1.0, 5000).is_empty());

@@ -1,11 +1,19 @@
-//! `f64` and `f32` behind one name, so that what a shader computes is written once: the `f32` form runs the formulas of the `f64` form.
+//! `f64` and `f32` behind one name, so that what a shader computes is written once: the `f32` form runs the formulas of
+//! the `f64` form.
 
 use std::fmt::Debug;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// A floating-point number with the functions that bending needs.
 pub trait Scalar:
-    Copy + Debug + PartialOrd + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
+    Copy
+    + Debug
+    + PartialOrd
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
 {
     /// Terms of a power series in a quantity below 1/9 that reach the type's precision.
     const SERIES: usize;

@@ -1,15 +1,16 @@
 //! A branch's deflection as four numbers in a coordinate that follows its taper.
 //!
-//! Polynomials in x converge badly for thin tips: u(x) of a strong taper is a logarithm that nearly diverges at the tip, and 11 terms still
-//! miss a fifth of the tip's deflection at α = 1e-4. In y = ln w / ln α, with w = 1 + (α−1)x the radius over the root's, u is an entire function: a
-//! line, exponentials of ±y ln α, and nothing else. y runs from 0 at the root to 1 at the tip and becomes x as α → 1. So
+//! Polynomials in x converge badly for thin tips: u(x) of a strong taper is a logarithm that nearly diverges at the
+//! tip, and 11 terms still miss a fifth of the tip's deflection at α = 1e-4. In y = ln w / ln α, with w = 1 + (α−1)x
+//! the radius over the root's, u is an entire function: a line, exponentials of ±y ln α, and nothing else. y runs from
+//! 0 at the root to 1 at the tip and becomes x as α → 1. So
 //!
 //! ```text
 //! u ≈ P(y) = a₂y² + a₃y³ + a₄y⁴ + a₅y⁵,    u′ = P′(y) / (w ℓ),    ℓ = ln α / (α − 1)
 //! ```
 //!
-//! The a's are smooth functions of ln α ([`Smooth`]): a tree hands over its tapers and needs no fit of its own. [`Shape`] is what a
-//! shader gets: eight plain numbers a branch.
+//! The a's are smooth functions of ln α ([`Smooth`]): a tree hands over its tapers and needs no fit of its own.
+//! [`Shape`] is what a shader gets: eight plain numbers a branch.
 
 use super::beam::{TAPER_MAX, TAPER_MIN};
 use super::scalar::Scalar;
@@ -17,7 +18,8 @@ use super::scalar::Scalar;
 /// Coefficients a branch: a₂ … a₅.
 pub const TERMS: usize = 4;
 
-/// What a renderer needs to bend a branch of one taper; deflections are of the normalised beam (F/(E′r₁⁴) = 1, unit length).
+/// What a renderer needs to bend a branch of one taper; deflections are of the normalised beam (F/(E′r₁⁴) = 1, unit
+/// length).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shape<T> {
     pub alpha: T,
@@ -49,7 +51,8 @@ pub fn ell(alpha: f64) -> f64 {
     if beta == 0.0 { 1.0 } else { beta.ln_1p() / beta }
 }
 
-/// y of x: ln(1+(α−1)x)/ln α. From α = ½ upward by the series of the area hyperbolic tangent, whose common factor cancels, so that α → 1 is regular.
+/// y of x: ln(1+(α−1)x)/ln α. From α = ½ upward by the series of the area hyperbolic tangent, whose common factor
+/// cancels, so that α → 1 is regular.
 pub fn coordinate<T: Scalar>(shape: &Shape<T>, x: T) -> T {
     let (one, two) = (T::one(), T::of(2.0));
     let beta = shape.alpha - one;
@@ -108,7 +111,8 @@ impl<T: Scalar> Shape<T> {
     }
 }
 
-/// Coefficients as functions of the taper: a Chebyshev series each, in ln α scaled to [−1, 1] over [`TAPER_MIN`], [`TAPER_MAX`].
+/// Coefficients as functions of the taper: a Chebyshev series each, in ln α scaled to [−1, 1] over [`TAPER_MIN`],
+/// [`TAPER_MAX`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Smooth {
     /// Row k: the series of a_{k+2}; every row as long as the first.

@@ -1,4 +1,5 @@
-//! Wind and how a branch answers it: spectra, resonance, mass, leaning and the weights of a leaf's three motion textures.
+//! Wind and how a branch answers it: spectra, resonance, mass, leaning and the weights of a leaf's three motion
+//! textures.
 //!
 //! Units: Hz, m, m/s, kg, s. Spectra are one-sided power densities.
 
@@ -14,8 +15,8 @@ pub struct Wind {
 }
 
 impl Wind {
-    /// Power density of the speed ((m/s)²/Hz) at `f` (Hz): H9 Eq. 4.15, P ∝ v_m/(1 + f/v_m)^(5/3), scaled so that the integral over all
-    /// frequencies is (turbulence · v_m)². The source's f/v_m stands for f · 1 m / v_m.
+    /// Power density of the speed ((m/s)²/Hz) at `f` (Hz): H9 Eq. 4.15, P ∝ v_m/(1 + f/v_m)^(5/3), scaled so that the
+    /// integral over all frequencies is (turbulence · v_m)². The source's f/v_m stands for f · 1 m / v_m.
     pub fn spectrum(&self, f: f64) -> f64 {
         let sigma = self.turbulence * self.speed;
         // ∫ (1 + f/v)^(−5/3) df = 3v/2.
@@ -33,15 +34,16 @@ pub struct Oscillator {
 }
 
 impl Oscillator {
-    /// A branch of `length` (m): f_h = 2.55 L^(−0.59) (H9 Eq. 4.20, measured on broad-leaved trees); without leaves 2.5 times that.
-    /// `ratio` is the damping over the critical one.
+    /// A branch of `length` (m): f_h = 2.55 L^(−0.59) (H9 Eq. 4.20, measured on broad-leaved trees); without leaves 2.5
+    /// times that. `ratio` is the damping over the critical one.
     pub fn of_branch(length: f64, leafless: bool, ratio: f64) -> Self {
         let resonance = resonance(length, leafless);
         Oscillator { resonance, damping: ratio * 4.0 * PI * resonance }
     }
 
-    /// Displacement per force (m/N) at `f` for a mass `m` (kg): H9 Eq. 4.16 with the denominator that the equation of motion gives,
-    /// 2π m √((2π(f_h²−f²))² + (f γ)²). The print squares the wrong factor; γ is in 1/s (for a damping γ_h in Hz put γ = 2π γ_h).
+    /// Displacement per force (m/N) at `f` for a mass `m` (kg): H9 Eq. 4.16 with the denominator that the equation of
+    /// motion gives, 2π m √((2π(f_h²−f²))² + (f γ)²). The print squares the wrong factor; γ is in 1/s (for a damping
+    /// γ_h in Hz put γ = 2π γ_h).
     pub fn compliance(&self, f: f64, mass: f64) -> f64 {
         1.0 / (2.0 * PI * mass * self.denominator(f))
     }
@@ -66,8 +68,8 @@ pub fn resonance(length: f64, leafless: bool) -> f64 {
 pub struct Sway {
     pub wind: Wind,
     pub oscillator: Oscillator,
-    /// Tip deflection over length that a steady wind of the mean speed would cause across the branch. The force is taken as proportional to the
-    /// speed (H9 Eq. 4.19), so gusts of σ add σ/v_m of it.
+    /// Tip deflection over length that a steady wind of the mean speed would cause across the branch. The force is
+    /// taken as proportional to the speed (H9 Eq. 4.19), so gusts of σ add σ/v_m of it.
     pub lean: f64,
 }
 
@@ -83,8 +85,8 @@ impl Sway {
         2.0 * self.oscillator.resonance
     }
 
-    /// Steady tip deflection over length towards r and s in a wind from direction `wind` (a vector along which it blows, of any length but 0):
-    /// H9 Eq. 4.21–4.22. No direction, no lean.
+    /// Steady tip deflection over length towards r and s in a wind from direction `wind` (a vector along which it
+    /// blows, of any length but 0): H9 Eq. 4.21–4.22. No direction, no lean.
     pub fn steady(&self, wind: [f64; 3], r: [f64; 3], s: [f64; 3]) -> [f64; 2] {
         let size = wind.iter().map(|c| c * c).sum::<f64>().sqrt();
         if !(size > 0.0 && size.is_finite()) {
@@ -109,8 +111,8 @@ pub fn mass(density: f64, cones: &[Cone]) -> f64 {
     density * cones.iter().map(volume).sum::<f64>()
 }
 
-/// Weights of a leaf's motion textures in the planes xy, yz and xz: H9 Eq. 4.27, 1 − |W_z|/|W| and so on, normalised to a sum of 1
-/// (the print's sum runs from 1.27 to 2). Without wind all three weigh the same.
+/// Weights of a leaf's motion textures in the planes xy, yz and xz: H9 Eq. 4.27, 1 − |W_z|/|W| and so on, normalised to
+/// a sum of 1 (the print's sum runs from 1.27 to 2). Without wind all three weigh the same.
 pub fn leaf_weights(wind: [f64; 3]) -> [f64; 3] {
     let size = wind.iter().map(|c| c * c).sum::<f64>().sqrt();
     if !(size > 0.0 && size.is_finite()) {
@@ -147,12 +149,15 @@ mod tests {
         let mass = 2.5;
         for f in [0.2, 1.0, 1.3, 2.4] {
             let (dt, omega) = (1e-4, 2.0 * PI * f);
-            let acceleration = |t: f64, x: f64, v: f64| (omega * t).sin() / mass - o.damping * v - (2.0 * PI * o.resonance).powi(2) * x;
+            let acceleration = |t: f64, x: f64, v: f64| {
+                (omega * t).sin() / mass - o.damping * v - (2.0 * PI * o.resonance).powi(2) * x
+            };
             let (mut x, mut v, mut t, mut peak) = (0.0, 0.0, 0.0, 0.0f64);
             let end = 12.0 + 2.0 / f;
             while t < end {
                 let (k1x, k1v) = (v, acceleration(t, x, v));
-                let (k2x, k2v) = (v + 0.5 * dt * k1v, acceleration(t + 0.5 * dt, x + 0.5 * dt * k1x, v + 0.5 * dt * k1v));
+                let (k2x, k2v) =
+                    (v + 0.5 * dt * k1v, acceleration(t + 0.5 * dt, x + 0.5 * dt * k1x, v + 0.5 * dt * k1v));
                 x += dt * k2x;
                 v += dt * k2v;
                 let _ = k1x;
@@ -190,7 +195,11 @@ mod tests {
 
     #[test]
     fn steady_wind_leans_along_itself() {
-        let sway = Sway { wind: Wind { speed: 3.0, turbulence: 0.2 }, oscillator: Oscillator::of_branch(1.0, false, 0.3), lean: 0.1 };
+        let sway = Sway {
+            wind: Wind { speed: 3.0, turbulence: 0.2 },
+            oscillator: Oscillator::of_branch(1.0, false, 0.3),
+            lean: 0.1,
+        };
         let [a, b] = sway.steady([0.0, 2.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]);
         assert!((a - 0.1).abs() < 1e-15 && b == 0.0);
         assert_eq!(sway.steady([0.0; 3], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]), [0.0; 2]);

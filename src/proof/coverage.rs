@@ -1,15 +1,17 @@
-//! Whether stated errors are right: over 10,000 synthetic texels, how many truths lie inside their 95 % intervals, parameter by parameter.
+//! Whether stated errors are right: over 10,000 synthetic texels, how many truths lie inside their 95 % intervals,
+//! parameter by parameter.
 //!
-//! Traces come from the scan's own integral (`capture::synth`), slabs from the exact solution: neither is what the fits compute with.
-//! Values that a fit flags as undetermined make no promise; they are counted, and so is how many of them their errors cover all the same.
+//! Traces come from the scan's own integral (`capture::synth`), slabs from the exact solution: neither is what the fits
+//! compute with. Values that a fit flags as undetermined make no promise; they are counted, and so is how many of them
+//! their errors cover all the same.
 
+use crate::stress::StressRow;
+use mesophyll_capture::manifest;
+use mesophyll_capture::synth::illumination::{Device as Scanner, Lobe as ScannedLobe};
 use mesophyll_fit::gloss::synthetic::{Noise, device, ramp};
 use mesophyll_fit::gloss::{TexelFitter, Undetermined, normal_of};
 use mesophyll_fit::leaf::curve::Incidence;
 use mesophyll_fit::leaf::wide::{self, Common, Settings, Texel};
-use crate::stress::StressRow;
-use mesophyll_capture::manifest;
-use mesophyll_capture::synth::illumination::{Device as Scanner, Lobe as ScannedLobe};
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::slab::{exact, inverse};
 use rayon::prelude::*;
@@ -63,8 +65,8 @@ fn sum<const N: usize>(a: Counts<N>, b: Counts<N>) -> Counts<N> {
     std::array::from_fn(|k| a[k].add(b[k]))
 }
 
-/// ρd, ρs (three channels each), m, tilt, tilt_y of texels seen in two passes of 40 frames with 1 % noise: m .06–.5, tilts to ±.15 rad,
-/// anywhere on the blade.
+/// ρd, ρs (three channels each), m, tilt, tilt_y of texels seen in two passes of 40 frames with 1 % noise: m .06–.5,
+/// tilts to ±.15 rad, anywhere on the blade.
 pub fn gloss(texels: usize, seed: u64) -> Counts<5> {
     let known = device(Lobe::Beckmann, 0.01);
     let (x, y) = (ramp(-400.0, 250.0, 40), ramp(-325.0, 325.0, 40));
@@ -76,13 +78,16 @@ pub fn gloss(texels: usize, seed: u64) -> Counts<5> {
         let rho_s = noise.uniform(0.015, 0.08);
         let rho_d = [noise.uniform(0.02, 0.1), noise.uniform(0.05, 0.25), noise.uniform(0.02, 0.1)];
         let m = noise.uniform(0.06f64.ln(), 0.5f64.ln()).exp();
-        let (tilt, texel) =
-            ([noise.uniform(-0.15, 0.15), noise.uniform(-0.15, 0.15)], [noise.uniform(-35.0, 35.0), noise.uniform(-26.0, 26.0)]);
+        let (tilt, texel) = (
+            [noise.uniform(-0.15, 0.15), noise.uniform(-0.15, 0.15)],
+            [noise.uniform(-35.0, 35.0), noise.uniform(-26.0, 26.0)],
+        );
         let normal = normal_of(tilt);
         let mut trace = |pass: usize, positions: &[f64]| -> Vec<[f32; 3]> {
             let (at, along) = (texel[pass], texel[1 - pass]);
             let shown = positions.iter().map(|&p| {
-                let s = scanners[pass].shown(&scanners[pass].seen(p, at), along, normal, Some(m), ScannedLobe::Beckmann);
+                let s =
+                    scanners[pass].shown(&scanners[pass].seen(p, at), along, normal, Some(m), ScannedLobe::Beckmann);
                 std::array::from_fn(|c| {
                     let value = rho_d[c] * s.diffuse + rho_s * s.gloss;
                     (value + noise.normal() * (known.noise_relative * value).hypot(known.noise_floor)) as f32
@@ -124,7 +129,8 @@ pub fn slabs(count: usize, seed: u64) -> Counts<2> {
     (0..count).into_par_iter().map(one).reduce(Default::default, sum)
 }
 
-/// Shared σa and σs, thickness h + δ and γ of `leaves` leaves of 25 texels each, ρd and ρt measured to 1 %: what the joint problem says.
+/// Shared σa and σs, thickness h + δ and γ of `leaves` leaves of 25 texels each, ρd and ρt measured to 1 %: what the
+/// joint problem says.
 pub fn leaves(leaves: usize, texels: usize, seed: u64) -> Counts<4> {
     let one = |k: usize| {
         let mut noise = Noise::new(seed + k as u64);
@@ -150,7 +156,14 @@ pub fn leaves(leaves: usize, texels: usize, seed: u64) -> Counts<4> {
                 x
             })
             .collect();
-        let settings = Settings { h, incidence: Incidence(1.0), relative: 0.01, robust: true, iterations: 80, common: Common::default() };
+        let settings = Settings {
+            h,
+            incidence: Incidence(1.0),
+            relative: 0.01,
+            robust: true,
+            iterations: 80,
+            common: Common::default(),
+        };
         let fit = wide::fit(&measured, &[], [[8.0, 12.0]; 3], &settings);
         let mut counts = Counts::<4>::default();
         for c in 0..3 {
@@ -182,7 +195,15 @@ fn row(case: &str, count: &Count, ms: f64) -> StressRow {
     };
     let said = format!("{share:.1} % of {}, {flagged}", count.promised);
     let verdict = if RIGHT.contains(&count.share()) { format!("{EXPECTED}: {said}") } else { format!("wrong: {said}") };
-    StressRow { model: "coverage".into(), case: case.into(), expected: EXPECTED.into(), verdict, digits: None, condition: None, ms }
+    StressRow {
+        model: "coverage".into(),
+        case: case.into(),
+        expected: EXPECTED.into(),
+        verdict,
+        digits: None,
+        condition: None,
+        ms,
+    }
 }
 
 /// The rows of `mesophyll stress coverage`.
@@ -197,7 +218,12 @@ pub fn rows() -> Vec<StressRow> {
     let clock = Instant::now();
     set(&["sigma_a", "sigma_s"], "single slabs", &slabs(TEXELS, 2), clock);
     let clock = Instant::now();
-    set(&["shared sigma_a", "shared sigma_s", "thickness", "gamma"], "400 leaves", &leaves(LEAVES, TEXELS / LEAVES, 3), clock);
+    set(
+        &["shared sigma_a", "shared sigma_s", "thickness", "gamma"],
+        "400 leaves",
+        &leaves(LEAVES, TEXELS / LEAVES, 3),
+        clock,
+    );
     rows
 }
 
@@ -220,7 +246,8 @@ mod tests {
         assert_eq!((flagged.promised, flagged.flagged, flagged.flagged_inside), (right.promised, 1, 0));
     }
 
-    /// A tenth of the set, within three and a half standard deviations of 95 %; whole in `stress coverage`, and here when asked for.
+    /// A tenth of the set, within three and a half standard deviations of 95 %; whole in `stress coverage`, and here
+    /// when asked for.
     #[test]
     fn intervals_hold_the_truth_as_often_as_they_say() {
         let close = |name: &str, count: &Count| {
@@ -233,7 +260,9 @@ mod tests {
         for (name, count) in ["sigma_a", "sigma_s"].iter().zip(&slabs(TEXELS / 10, 12)) {
             close(name, count);
         }
-        for (name, count) in ["shared sigma_a", "shared sigma_s", "thickness", "gamma"].iter().zip(&leaves(LEAVES / 10, 25, 13)) {
+        for (name, count) in
+            ["shared sigma_a", "shared sigma_s", "thickness", "gamma"].iter().zip(&leaves(LEAVES / 10, 25, 13))
+        {
             close(name, count);
         }
     }

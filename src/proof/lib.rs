@@ -1,5 +1,6 @@
-//! What proves the fits: error against run time (`bench`), extreme cases with the verdict that each must get (`stress`), certified regression
-//! problems (`nist`), coverage of stated errors, other programs (`peers`), and the numbers behind the pictures of the documentation.
+//! What proves the fits: error against run time (`bench`), extreme cases with the verdict that each must get
+//! (`stress`), certified regression problems (`nist`), coverage of stated errors, other programs (`peers`), and the
+//! numbers behind the pictures of the documentation.
 
 pub mod beam;
 pub mod bench;

@@ -1,11 +1,11 @@
-//! What the peers of `bench --peers` are measured on: the same inputs for them and for us, written as files that their scripts read, and our
-//! own row on them. Seeded: the inputs are the same in every run.
+//! What the peers of `bench --peers` are measured on: the same inputs for them and for us, written as files that their
+//! scripts read, and our own row on them. Seeded: the inputs are the same in every run.
 
 use crate::bench::{BenchRow, median_us};
-use mesophyll_fit::gloss::{Device, TexelFitter, synthetic};
 use crate::nist;
 use crate::slab::bench::{self as slab_bench, Slab, forward_error, larger};
 use crate::{Error, Result};
+use mesophyll_fit::gloss::{Device, TexelFitter, synthetic};
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::slab;
 use mesophyll_optics::tube::Travel;
@@ -92,7 +92,8 @@ fn gloss_inputs() -> Result<Inputs> {
         }
     };
     let truths: Vec<synthetic::Truth> = (0..48).map(&mut draw).collect();
-    let mut trace = |t: &synthetic::Truth| synthetic::trace(&device, Travel::X, &positions, [0.0; 2], t, Some(&mut noise));
+    let mut trace =
+        |t: &synthetic::Truth| synthetic::trace(&device, Travel::X, &positions, [0.0; 2], t, Some(&mut noise));
     let traces: Vec<Vec<[f32; 3]>> = truths.iter().map(&mut trace).collect();
     let fitter = TexelFitter::new(&device, &positions, None);
     let mut workspace = fitter.workspace();

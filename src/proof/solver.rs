@@ -5,8 +5,8 @@ use mesophyll_solve::{Auto, Closure, Dd, Fit, Model, Noise, Options, Problem, Re
 use nalgebra::DMatrix;
 use std::time::Instant;
 
-/// What a fit may be used for: `ok` where every relative standard error is at most 10 %, `undetermined: b1 b3` (numbered from 1) where some are
-/// not, or `refused: ` and why nothing was fitted.
+/// What a fit may be used for: `ok` where every relative standard error is at most 10 %, `undetermined: b1 b3`
+/// (numbered from 1) where some are not, or `refused: ` and why nothing was fitted.
 pub fn verdict(fit: &Fit) -> String {
     if !fit.converged() {
         return format!("refused: {}", fit.termination.name());
@@ -109,7 +109,11 @@ fn cases() -> Vec<Case> {
                     *r = p[0] * (-p[1] * i as f64 * 0.25).exp() / 0.01;
                 }
             };
-            lm::minimize(&Closure::new(2, 20, gone), &[1.0, 1.0], &Options { noise: Noise::Known, ..Options::default() })
+            lm::minimize(
+                &Closure::new(2, 20, gone),
+                &[1.0, 1.0],
+                &Options { noise: Noise::Known, ..Options::default() },
+            )
         }),
         case("dependent columns", "undetermined: b2 b3", &[1.0, none, none], || {
             let a = DMatrix::from_fn(6, 3, |i, j| [1.0, i as f64, 2.0 * i as f64][j]);
@@ -117,11 +121,17 @@ fn cases() -> Vec<Case> {
         }),
         case("Hilbert 8, condition 1e9", "ok", &[1.0; 8], || hilbert(8)),
         case("Hilbert 14, beyond double precision", HILBERT_14, &[none; 14], || hilbert(14)),
-        case("polynomial of degree 9 in powers, refined", "ok", &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0], || {
-            minimize(&Auto(Powers), &[0.0; 10])
-        }),
+        case(
+            "polynomial of degree 9 in powers, refined",
+            "ok",
+            &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0],
+            || minimize(&Auto(Powers), &[0.0; 10]),
+        ),
         case("units of 1e-200 and 1e150", "ok", &[2e-200, 0.6e150], || {
-            minimize(&Closure::new(2, 20, |p: &[f64], r: &mut [f64]| decay(&[p[0] * 1e200, p[1] * 1e-150], r)), &[1e-200, 1e150])
+            minimize(
+                &Closure::new(2, 20, |p: &[f64], r: &mut [f64]| decay(&[p[0] * 1e200, p[1] * 1e-150], r)),
+                &[1e-200, 1e150],
+            )
         }),
         case("steep: exp(300 b) = 2 from b = 1", "ok", &[2f64.ln() / 300.0], || {
             let steep = |p: &[f64], r: &mut [f64]| r.fill((300.0 * p[0]).exp() - 2.0);
@@ -138,11 +148,16 @@ fn cases() -> Vec<Case> {
                     *r = if i < 2 { 100.0 * (p[0] - 5.0) } else { i as f64 * (p[1] - 0.6) };
                 }
             };
-            let options = Options { lower: vec![0.0, 0.0], upper: vec![1.0, 10.0], noise: Noise::Known, ..Options::default() };
+            let options =
+                Options { lower: vec![0.0, 0.0], upper: vec![1.0, 10.0], noise: Noise::Known, ..Options::default() };
             lm::minimize(&Closure::new(2, 21, pulled), &[0.5, 2.0], &options)
         }),
-        case("as many residuals as parameters", "undetermined: b1 b2", &[2.0, 0.6], || minimize(&Closure::new(2, 2, decay), &[1.0, 1.0])),
-        case("fewer residuals than parameters", "undetermined: b1 b2", &[none; 2], || minimize(&Closure::new(2, 1, decay), &[1.0, 1.0])),
+        case("as many residuals as parameters", "undetermined: b1 b2", &[2.0, 0.6], || {
+            minimize(&Closure::new(2, 2, decay), &[1.0, 1.0])
+        }),
+        case("fewer residuals than parameters", "undetermined: b1 b2", &[none; 2], || {
+            minimize(&Closure::new(2, 1, decay), &[1.0, 1.0])
+        }),
         case("model is NaN", "refused: not_finite", &[], || {
             minimize(&Closure::new(2, 5, |_: &[f64], r: &mut [f64]| r.fill(f64::NAN)), &[1.0, 1.0])
         }),

@@ -21,7 +21,8 @@ pub struct StressRow {
 }
 
 impl StressRow {
-    /// Whether the case got the verdict that it expects. `ok` is `ok` alone; the others may go on with a bound: `undetermined: sigma_a <= 0.02`.
+    /// Whether the case got the verdict that it expects. `ok` is `ok` alone; the others may go on with a bound:
+    /// `undetermined: sigma_a <= 0.02`.
     pub fn passed(&self) -> bool {
         self.verdict == self.expected || (self.expected != "ok" && self.verdict.starts_with(&self.expected))
     }

@@ -1,5 +1,5 @@
-//! Gauss–Legendre rules, for every room that integrates: nodes by Newton's method on P_n, from Tricomi's cosines. The reference renderer has
-//! one of its own, so that it shares nothing with what it judges.
+//! Gauss–Legendre rules, for every room that integrates: nodes by Newton's method on P_n, from Tricomi's cosines. The
+//! reference renderer has one of its own, so that it shares nothing with what it judges.
 
 use std::f64::consts::PI;
 

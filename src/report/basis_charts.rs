@@ -1,10 +1,11 @@
-//! The error histograms of the directional bases (H7 Fig. 12): how far what a few functions hold is from the full convolution, at three light angles.
+//! The error histograms of the directional bases (H7 Fig. 12): how far what a few functions hold is from the full
+//! convolution, at three light angles.
 
 use super::rows::COLORS;
 use crate::{Error, Result};
 use mesophyll_files::atomic;
-use mesophyll_proof::translucency::basis_study::Outcome;
 use mesophyll_fit::translucency::spread::Spread;
+use mesophyll_proof::translucency::basis_study::Outcome;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -18,7 +19,8 @@ const ANGLES: [&str; 3] = ["π/2", "π/4", "π/8"];
 /// A panel's size, and the height of what stands over all of them.
 const PANEL: (u32, u32) = (370, 240);
 const HEAD: u32 = 74;
-/// Colours and widths, by place: the first is drawn first; the second is wide, because with the light straight above the third lies on it.
+/// Colours and widths, by place: the first is drawn first; the second is wide, because with the light straight above
+/// the third lies on it.
 const INKS: [RGBColor; 4] = [COLORS[6], COLORS[4], COLORS[1], COLORS[2]];
 const WIDTHS: [u32; 4] = [2, 5, 2, 2];
 
@@ -78,7 +80,11 @@ fn name(outcome: &Outcome) -> String {
 /// A step line's corners: error and share in per cent.
 fn steps(spread: &Spread) -> Vec<(f64, f64)> {
     let edge = |bin: usize| 100.0 * (bin as f64 * spread.step - spread.reach());
-    let corners = spread.histogram.iter().enumerate().flat_map(|(k, share)| [(edge(k), 100.0 * share), (edge(k + 1), 100.0 * share)]);
+    let corners = spread
+        .histogram
+        .iter()
+        .enumerate()
+        .flat_map(|(k, share)| [(edge(k), 100.0 * share), (edge(k + 1), 100.0 * share)]);
     let [first, last] = [0, spread.histogram.len()].map(|bin| (edge(bin), 0.0));
     [first].into_iter().chain(corners).chain([last]).collect()
 }
@@ -169,8 +175,10 @@ mod tests {
     #[test]
     fn every_panel_and_basis_is_named() {
         let errors = [-0.9, -0.001, 0.0, 0.0005, 0.6];
-        let cases: Vec<Vec<Outcome>> =
-            ["elm, front lit, x", "elm, back lit, x"].iter().map(|c| (0..4).map(|k| outcome(c, k, &errors)).collect()).collect();
+        let cases: Vec<Vec<Outcome>> = ["elm, front lit, x", "elm, back lit, x"]
+            .iter()
+            .map(|c| (0..4).map(|k| outcome(c, k, &errors)).collect())
+            .collect();
         let svg = draw(&cases).unwrap();
         for case in ["elm, front lit", "elm, back lit"] {
             for angle in ANGLES {

@@ -23,7 +23,8 @@ struct Picture<'a> {
 pub fn write(folder: &Path, figures: &Figures) -> Result<Vec<PathBuf>> {
     let [[plain, abel, directed], [plain_damped, abel_damped, directed_damped]] = figures.spectrum_errors;
     let motion_title = format!(
-        "lines through a motion texture, RMS log10: {plain:.2} / {abel:.2} / {directed:.2} (0.1), {plain_damped:.2} / {abel_damped:.2} / {directed_damped:.2} (0.5)"
+        "lines through a motion texture, RMS log10: {plain:.2} / {abel:.2} / {directed:.2} (0.1), {plain_damped:.2} / \
+         {abel_damped:.2} / {directed_damped:.2} (0.5)"
     );
     let pictures = [
         (
@@ -39,7 +40,14 @@ pub fn write(folder: &Path, figures: &Figures) -> Result<Vec<PathBuf>> {
         ),
         (
             "beam-shapes.svg",
-            Picture { title: "deflection over the tip's", x: "x", y: "u(x)/u(1)", log_x: false, log_y: false, curves: &figures.shapes },
+            Picture {
+                title: "deflection over the tip's",
+                x: "x",
+                y: "u(x)/u(1)",
+                log_x: false,
+                log_y: false,
+                curves: &figures.shapes,
+            },
         ),
         (
             "beam-length.svg",
@@ -82,7 +90,10 @@ fn draw(p: &Picture) -> std::result::Result<String, String> {
         .curves
         .iter()
         .map(|(name, points)| {
-            let shown = points.iter().map(|(x, y)| (place(p.log_x, *x), place(p.log_y, *y))).filter(|q| q.0.is_finite() && q.1.is_finite());
+            let shown = points
+                .iter()
+                .map(|(x, y)| (place(p.log_x, *x), place(p.log_y, *y)))
+                .filter(|q| q.0.is_finite() && q.1.is_finite());
             (name.as_str(), shown.collect())
         })
         .collect();

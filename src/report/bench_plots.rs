@@ -14,7 +14,8 @@ type Drawn = std::result::Result<(), String>;
 /// Points without an order (peers, methods): no line joins them, and each has its name.
 const APART: [&str; 3] = ["peer", "method", "lobe"];
 
-/// Groups whose settings are cases and no knob that could be turned: error and time of one say nothing of the next. The table has them.
+/// Groups whose settings are cases and no knob that could be turned: error and time of one say nothing of the next. The
+/// table has them.
 const CASES: [&str; 3] = ["oracle", "basis", "form"];
 
 /// Sizes of a picture with one panel, and of each of several.
@@ -26,8 +27,8 @@ fn parts(knob: &str) -> (&str, &str) {
     knob.split_once(": ").unwrap_or((knob, knob))
 }
 
-/// Draws a plot a model into `folder` (`bench-<model>.svg`): error against run time, a line a knob, both axes logarithmic. Models without a row
-/// of positive error and time get none. Returns the files.
+/// Draws a plot a model into `folder` (`bench-<model>.svg`): error against run time, a line a knob, both axes
+/// logarithmic. Models without a row of positive error and time get none. Returns the files.
 ///
 /// # Errors
 /// [`Error::Write`] where a file cannot be written.
@@ -123,7 +124,9 @@ fn plot(area: &Area, (title, size): (&str, i32), rows: &[&BenchRow]) -> Drawn {
         // The ends of a knob are named, what lies between follows; names of all settings would cover one another.
         let named = of.iter().enumerate().filter(|(k, _)| apart || *k == 0 || k + 1 == of.len()).map(|(_, r)| r);
         let style = ("sans-serif", 12).into_font().color(&color);
-        chart.draw_series(named.map(|r| Text::new(r.setting.clone(), (r.us * 1.05, r.error), style.clone()))).map_err(text)?;
+        chart
+            .draw_series(named.map(|r| Text::new(r.setting.clone(), (r.us * 1.05, r.error), style.clone())))
+            .map_err(text)?;
     }
     // A panel's only knob is its title.
     if rows.iter().all(|r| r.knob == title) {

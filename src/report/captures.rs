@@ -70,7 +70,13 @@ fn row(folder: &Path, json: &Value, pictures: bool) -> CaptureRow {
         reference_chi2: of("reference", "reduced_chi2"),
         bounded_off: of("bounded", "off"),
         from_model: of("renderer", "from_model"),
-        why: json.get("why").and_then(Value::as_array).into_iter().flatten().filter_map(|w| w.as_str().map(str::to_string)).collect(),
+        why: json
+            .get("why")
+            .and_then(Value::as_array)
+            .into_iter()
+            .flatten()
+            .filter_map(|w| w.as_str().map(str::to_string))
+            .collect(),
         pictures: if pictures { shown.into_iter().filter_map(find).collect() } else { Vec::new() },
         name,
     }
@@ -80,12 +86,18 @@ fn row(folder: &Path, json: &Value, pictures: bool) -> CaptureRow {
 pub fn reason(rows: &[CaptureRow]) -> Option<Reason> {
     let missed: Vec<&str> = rows.iter().filter(|r| r.passed != Some(true)).map(|r| r.name.as_str()).collect();
     if !missed.is_empty() {
-        return Some(Reason { level: Level::Bad, text: format!("pictures from the fit miss what was measured in {}", missed.join(", ")) });
+        return Some(Reason {
+            level: Level::Bad,
+            text: format!("pictures from the fit miss what was measured in {}", missed.join(", ")),
+        });
     }
     let worst = rows.iter().filter_map(|r| r.renderer_off).fold(f64::NAN, f64::max);
     let frames = if rows.len() == 1 { "a frame".to_string() } else { format!("{} frames", rows.len()) };
     (!rows.is_empty()).then(|| Reason {
         level: Level::Good,
-        text: format!("pictures give back {frames} that no fit saw, off by at most {} of the measurement's noise", significant(worst, 2)),
+        text: format!(
+            "pictures give back {frames} that no fit saw, off by at most {} of the measurement's noise",
+            significant(worst, 2)
+        ),
     })
 }

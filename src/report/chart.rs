@@ -1,4 +1,5 @@
-//! Charts as inline SVG without a script. Colours come from the page's CSS (`c0` … `c5`, `axis`, `grid`), so light and dark both work.
+//! Charts as inline SVG without a script. Colours come from the page's CSS (`c0` … `c5`, `axis`, `grid`), so light and
+//! dark both work.
 
 use crate::colour::{self, Scale};
 use crate::number::{plain, significant, superscript};
@@ -38,12 +39,15 @@ pub fn colour_bar(ramp: &str, (min, max): (f64, f64), unit: &str) -> String {
     let middle = if middle.abs() < 1e-9 * (max - min) { 0.0 } else { middle };
     let [low, middle, high] = [min, middle, max].map(|v| significant(v, 3));
     let unit = if unit.is_empty() { String::new() } else { format!(" {}", escape(unit)) };
-    format!("<div class=\"bar\"><i class=\"{ramp}\"></i><span>{low}</span><span>{middle}</span><span>{high}{unit}</span></div>")
+    format!(
+        "<div class=\"bar\"><i class=\"{ramp}\"></i><span>{low}</span><span>{middle}</span><span>{high}{unit}</span></div>"
+    )
 }
 
 /// The style of the colour bars: one gradient a scale.
 pub fn ramps() -> String {
-    let gradient = |scale: &Scale| (0..=32).map(|k| colour::hex(scale, f64::from(k) / 32.0)).collect::<Vec<_>>().join(",");
+    let gradient =
+        |scale: &Scale| (0..=32).map(|k| colour::hex(scale, f64::from(k) / 32.0)).collect::<Vec<_>>().join(",");
     let scales = [
         ("ramp", gradient(colour::sequential())),
         ("ramp-signed", gradient(colour::diverging())),
@@ -53,7 +57,8 @@ pub fn ramps() -> String {
     scales.map(|(name, colours)| format!(".{name}{{background:linear-gradient(to right,{colours})}}")).concat()
 }
 
-/// Histograms over one axis: the first filled, the others outlined; `marks` are vertical lines with names; `normal` draws the unit normal density.
+/// Histograms over one axis: the first filled, the others outlined; `marks` are vertical lines with names; `normal`
+/// draws the unit normal density.
 pub fn histogram(parts: &[(&str, &Histogram)], titles: Titles, marks: &[(f64, &str)], normal: bool) -> String {
     let Some((_, first)) = parts.first() else { return String::new() };
     let densities: Vec<Vec<f64>> = parts.iter().map(|(_, h)| h.density()).collect();
@@ -88,7 +93,8 @@ pub fn histogram(parts: &[(&str, &Histogram)], titles: Titles, marks: &[(f64, &s
     for (x, name) in marks.iter().filter(|(x, _)| *x >= first.min && *x <= first.max) {
         let at = plot.x(*x);
         let _ = write!(out, "<path class=\"mark\" d=\"M{at:.1} {TOP}V{:.1}\"/>", plot.y(0.0));
-        let _ = write!(out, "<text class=\"note\" x=\"{:.1}\" y=\"{:.1}\">{}</text>", at + 3.0, TOP + 9.0, escape(name));
+        let _ =
+            write!(out, "<text class=\"note\" x=\"{:.1}\" y=\"{:.1}\">{}</text>", at + 3.0, TOP + 9.0, escape(name));
     }
     let names: Vec<&str> = parts.iter().map(|(n, _)| *n).chain(normal.then_some("normal")).collect();
     plot.legend(&mut out, &names, false);
@@ -124,7 +130,8 @@ pub fn log_log(series: &[Series], titles: Titles) -> Option<String> {
             let (px, py) = (plot.x(p.0), plot.y(p.1));
             let _ = write!(
                 out,
-                "<circle class=\"dot c{k}\" cx=\"{px:.1}\" cy=\"{py:.1}\" r=\"3\"><title>{name}: {} at {} s</title></circle>",
+                "<circle class=\"dot c{k}\" cx=\"{px:.1}\" cy=\"{py:.1}\" r=\"3\"><title>{name}: {} at {} \
+                 s</title></circle>",
                 plain(p.1),
                 plain(p.0)
             );
@@ -235,7 +242,12 @@ impl Plot {
             for (v, label) in self.vertical.ticks(6) {
                 let y = self.y(v);
                 let _ = write!(out, "<path class=\"grid\" d=\"M{left} {y:.1}H{right}\"/>");
-                let _ = write!(out, "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{label}</text>", left - 6.0, y + 3.5);
+                let _ = write!(
+                    out,
+                    "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{label}</text>",
+                    left - 6.0,
+                    y + 3.5
+                );
             }
         }
         let _ = write!(out, "<path class=\"axis\" d=\"M{left} {TOP}V{floor}H{right}\"/>");
@@ -253,7 +265,8 @@ impl Plot {
             escape(titles.y)
         );
     }
-    /// Names with their colours, to the right on top or to the left at the bottom (where falling curves leave room); a single nameless curve needs none.
+    /// Names with their colours, to the right on top or to the left at the bottom (where falling curves leave room); a
+    /// single nameless curve needs none.
     fn legend(&self, out: &mut String, names: &[&str], falling: bool) {
         if names.len() < 2 && names.iter().all(|n| n.is_empty()) {
             return;

@@ -1,5 +1,5 @@
-//! False colour: a sequential and a diverging scale of even perceived steps, computed in OKLab (Ottosson 2020), and pictures as
-//! indexed PNG inside data URIs.
+//! False colour: a sequential and a diverging scale of even perceived steps, computed in OKLab (Ottosson 2020), and
+//! pictures as indexed PNG inside data URIs.
 
 use crate::model::Picture;
 use std::sync::OnceLock;
@@ -27,7 +27,8 @@ pub fn diverging() -> &'static Scale {
 }
 
 /// Nine steps of the magma scale (Smith and van der Walt 2015), evenly spaced: what FLIP maps are drawn with.
-pub const MAGMA: [&str; 9] = ["#000004", "#1d1147", "#51127c", "#832681", "#b73779", "#e55064", "#fb8761", "#fec287", "#fcfdbf"];
+pub const MAGMA: [&str; 9] =
+    ["#000004", "#1d1147", "#51127c", "#832681", "#b73779", "#e55064", "#fb8761", "#fec287", "#fcfdbf"];
 
 /// Lightness .24 → .92; hue 300° → 108°; the chroma dips in the teal, where sRGB holds less.
 fn sequential_at(t: f64) -> [u8; 3] {
@@ -83,7 +84,13 @@ impl Frame {
 }
 
 /// A map in false colour over [min, max]; samples without a value, or where `shown` is false, are transparent.
-pub fn false_colour(frame: Frame, scale: &Scale, (min, max): (f64, f64), value: impl Fn(usize) -> f32, alt: String) -> Option<Picture> {
+pub fn false_colour(
+    frame: Frame,
+    scale: &Scale,
+    (min, max): (f64, f64),
+    value: impl Fn(usize) -> f32,
+    alt: String,
+) -> Option<Picture> {
     let (w, h) = frame.size();
     let mut indices = vec![NONE; w * h];
     for (y, row) in indices.chunks_exact_mut(w.max(1)).enumerate() {
@@ -96,9 +103,14 @@ pub fn false_colour(frame: Frame, scale: &Scale, (min, max): (f64, f64), value: 
     indexed_png(w, h, &indices, scale, alt)
 }
 
-/// Categories: `code(i)` is an index into `colours`, `None` is transparent. Never averaged; every `step`-th texel that differs from the first
-/// category wins its pixel, so that a single defect stays visible.
-pub fn categories(frame: Frame, colours: &[[u8; 3]], code: impl Fn(usize) -> Option<usize>, alt: String) -> Option<Picture> {
+/// Categories: `code(i)` is an index into `colours`, `None` is transparent. Never averaged; every `step`-th texel that
+/// differs from the first category wins its pixel, so that a single defect stays visible.
+pub fn categories(
+    frame: Frame,
+    colours: &[[u8; 3]],
+    code: impl Fn(usize) -> Option<usize>,
+    alt: String,
+) -> Option<Picture> {
     let (w, h) = frame.size();
     let step = frame.step();
     let mut indices = vec![NONE; w * h];
@@ -138,7 +150,13 @@ fn averaged(frame: Frame, x: usize, y: usize, value: &impl Fn(usize) -> f32) -> 
 }
 
 /// Linear RGB as it would look (sRGB), transparent where `shown` is false.
-pub fn photograph(frame: Frame, rgb: [&[f32]; 3], gain: f32, shown: impl Fn(usize) -> bool, alt: String) -> Option<Picture> {
+pub fn photograph(
+    frame: Frame,
+    rgb: [&[f32]; 3],
+    gain: f32,
+    shown: impl Fn(usize) -> bool,
+    alt: String,
+) -> Option<Picture> {
     let (w, h) = frame.size();
     let mut pixels = Vec::with_capacity(w * h * 4);
     for y in 0..h {
@@ -230,7 +248,8 @@ mod tests {
     fn the_sequential_scale_gets_lighter_evenly() {
         let light: Vec<f64> = sequential().iter().map(|c| cie_lightness(*c)).collect();
         assert!(light[0] < 20.0 && light[254] > 85.0, "{} {}", light[0], light[254]);
-        let steps: Vec<f64> = light.chunks_exact(15).collect::<Vec<_>>().windows(2).map(|w| w[1][0] - w[0][0]).collect();
+        let steps: Vec<f64> =
+            light.chunks_exact(15).collect::<Vec<_>>().windows(2).map(|w| w[1][0] - w[0][0]).collect();
         let mean = steps.iter().sum::<f64>() / steps.len() as f64;
         assert!(steps.iter().all(|s| *s > 0.5 * mean && *s < 1.6 * mean), "{steps:?}");
     }

@@ -2,7 +2,9 @@
 
 use crate::colour::Frame;
 use crate::maps::{SideMaps, difference_picture};
-use crate::model::{ChannelPictures, Comparison, FitReport, MapDifference, MapPictures, ParameterDifference, ParameterRow};
+use crate::model::{
+    ChannelPictures, Comparison, FitReport, MapDifference, MapPictures, ParameterDifference, ParameterRow,
+};
 use crate::number::{percent, significant};
 use crate::quantity::{self, channel_word, known, split};
 use crate::stats::{quantile, sorted};
@@ -26,7 +28,11 @@ pub fn parameters(first: &FitReport, second: &FitReport) -> Comparison {
         }
     }
     notes.extend(
-        second.options.iter().filter(|(n, _)| !first.options.contains_key(*n)).map(|(n, b)| format!("option {n}: none against {b}")),
+        second
+            .options
+            .iter()
+            .filter(|(n, _)| !first.options.contains_key(*n))
+            .map(|(n, b)| format!("option {n}: none against {b}")),
     );
     let mut rows = Vec::new();
     for a in &first.parameters {
@@ -35,7 +41,8 @@ pub fn parameters(first: &FitReport, second: &FitReport) -> Comparison {
             None => notes.push(format!("{} {} {} is in {} only", a.section, a.name, a.channel, first.name)),
         }
     }
-    let only: Vec<_> = second.parameters.iter().filter(|b| !first.parameters.iter().any(|a| key(a) == key(b))).collect();
+    let only: Vec<_> =
+        second.parameters.iter().filter(|b| !first.parameters.iter().any(|a| key(a) == key(b))).collect();
     notes.extend(only.iter().map(|b| format!("{} {} {} is in {} only", b.section, b.name, b.channel, second.name)));
     Comparison {
         first: first.name.clone(),
@@ -77,7 +84,10 @@ fn sentence(rows: &[ParameterDifference]) -> String {
     let most = format!("the largest is {} standard errors ({})", significant(sigmas.abs(), 2), name.trim());
     match apart {
         0 => format!("The fits agree: all {} differences lie within 95 % intervals; {most}.", judged.len()),
-        n => format!("The fits differ: {n} of {} parameters by more than 1.96 combined standard errors; {most}.", judged.len()),
+        n => format!(
+            "The fits differ: {n} of {} parameters by more than 1.96 combined standard errors; {most}.",
+            judged.len()
+        ),
     }
 }
 
@@ -88,7 +98,8 @@ pub fn side(out: &mut Comparison, a: &SideMaps, b: &SideMaps, pictures: bool) {
         out.notes.push(format!("{}: maps of {wa} × {ha} and {wb} × {hb} texels are not compared", a.section));
         return;
     }
-    let mut names: Vec<&str> = a.fit.channels.iter().map(|(n, _)| n.as_str()).filter(|n| !quantity::SET_APART.contains(n)).collect();
+    let mut names: Vec<&str> =
+        a.fit.channels.iter().map(|(n, _)| n.as_str()).filter(|n| !quantity::SET_APART.contains(n)).collect();
     names.sort_by_key(|n| quantity::rank(n));
     for channel in names {
         let (Some(x), Some(y)) = (a.fit.get(channel), b.fit.get(channel)) else {
@@ -104,8 +115,11 @@ pub fn side(out: &mut Comparison, a: &SideMaps, b: &SideMaps, pictures: bool) {
         let sizes = sorted(signed.iter().map(|v| v.abs()));
         let errors = a.errors.as_ref().and_then(|m| m.get(channel)).zip(b.errors.as_ref().and_then(|m| m.get(channel)));
         let beyond95 = errors.map(|(ea, eb)| {
-            let scores: Vec<f32> =
-                (0..x.len()).filter(|&i| both(i)).map(|i| (y[i] - x[i]) / ea[i].hypot(eb[i])).filter(|z| z.is_finite()).collect();
+            let scores: Vec<f32> = (0..x.len())
+                .filter(|&i| both(i))
+                .map(|i| (y[i] - x[i]) / ea[i].hypot(eb[i]))
+                .filter(|z| z.is_finite())
+                .collect();
             scores.iter().filter(|z| z.abs() > 1.96).count() as f64 / scores.len().max(1) as f64
         });
         let (name, letter) = split(channel);
@@ -136,7 +150,11 @@ pub fn side(out: &mut Comparison, a: &SideMaps, b: &SideMaps, pictures: bool) {
                 title: quantity::title(name),
                 note: String::new(),
                 section: a.section.clone(),
-                channels: vec![ChannelPictures { channel: channel_word(letter).into(), pictures: vec![picture], charts: Vec::new() }],
+                channels: vec![ChannelPictures {
+                    channel: channel_word(letter).into(),
+                    pictures: vec![picture],
+                    charts: Vec::new(),
+                }],
             });
         }
     }

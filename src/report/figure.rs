@@ -1,5 +1,6 @@
-//! What every figure of a `fit.toml` is called on the page: a plain name, its unit and a sentence on what it means (`figures.txt`). A figure that is
-//! not listed there never reaches the page under its raw key; [`unnamed`] finds such figures for the tests.
+//! What every figure of a `fit.toml` is called on the page: a plain name, its unit and a sentence on what it means
+//! (`figures.txt`). A figure that is not listed there never reaches the page under its raw key; [`unnamed`] finds such
+//! figures for the tests.
 
 use crate::number::{count, percent, plain};
 use crate::quantity::channel_word;
@@ -74,10 +75,14 @@ pub fn lines<'a>(all: impl Iterator<Item = (&'a String, &'a f64)>) -> (Vec<Figur
 /// The keys of a record's figures that have no name; the errors of a basis have a table of their own.
 pub fn unnamed(record: &FitRecord) -> Vec<String> {
     let figures = record.sections.values().flat_map(|s| &s.figures);
-    figures.filter(|(key, v)| !key.starts_with("basis_") && figure(key, **v).is_none()).map(|(key, _)| key.clone()).collect()
+    figures
+        .filter(|(key, v)| !key.starts_with("basis_") && figure(key, **v).is_none())
+        .map(|(key, _)| key.clone())
+        .collect()
 }
 
-/// A key in words: `iteration_limit` → `stopped at the iteration limit`; a key that is not in `words.txt` loses its underscores.
+/// A key in words: `iteration_limit` → `stopped at the iteration limit`; a key that is not in `words.txt` loses its
+/// underscores.
 pub fn words(key: &str) -> String {
     static WORDS: OnceLock<BTreeMap<&str, &str>> = OnceLock::new();
     if let Some((problem, ending)) = key.split_once(':') {
@@ -99,7 +104,10 @@ mod tests {
         assert_eq!(shown("slab_sigma_a_G", 3.5), ("σa by the slab fit, green".into(), "3.5 1/mm".into()));
         assert_eq!(shown("blade_area_mm2", 2.5).1, "2.5 mm²");
         let apart = shown("apart_in_errors.sigma_a.R", 2.5);
-        assert_eq!(apart, ("σa, front against back, in errors of the noise, red".into(), "2.5 combined standard errors".into()));
+        assert_eq!(
+            apart,
+            ("σa, front against back, in errors of the noise, red".into(), "2.5 combined standard errors".into())
+        );
         assert_eq!(figure("a_new_key_that_nobody_named", 1.0), None);
         assert!(catalogue().len() > 60);
         let text = include_str!("figures.txt").lines().filter(|l| !l.starts_with('#')).count();

@@ -1,5 +1,6 @@
-//! Frames that no fit saw, in rows, pictures and reasons: those that the fit judged itself by, and those that its folder keeps, predicted
-//! from the maps as they are now. A map that was changed after the fit, by whatever hand, no longer gives back what was measured.
+//! Frames that no fit saw, in rows, pictures and reasons: those that the fit judged itself by, and those that its
+//! folder keeps, predicted from the maps as they are now. A map that was changed after the fit, by whatever hand, no
+//! longer gives back what was measured.
 
 use crate::colour::{self, Frame};
 use crate::maps::{WIDE, colour_bar_of};
@@ -131,10 +132,14 @@ fn drawn(side: SideName, frame: &KeptFrame, size: Frame) -> Vec<Captioned> {
     let range = (-SCALE, SCALE);
     let residual = colour::false_colour(size, colour::diverging(), range, |i| frame.residual[1][i], caption.clone());
     let residual = residual.map(|picture| Captioned { picture, caption, bar: colour_bar_of(true, range, "σ") });
-    [photograph(&frame.measured, "measured, not seen by the fit"), photograph(&frame.predicted, "predicted from the fit"), residual]
-        .into_iter()
-        .flatten()
-        .collect()
+    [
+        photograph(&frame.measured, "measured, not seen by the fit"),
+        photograph(&frame.predicted, "predicted from the fit"),
+        residual,
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
 }
 
 /// The rule: off by less than a third of the noise is good, by more than the noise is bad.
@@ -175,25 +180,36 @@ pub fn reasons(report: &HeldOutReport, say: &mut impl FnMut(Level, String)) {
             let text = match (kind, level) {
                 (Kind::Pass, Level::Good) => {
                     let what: Vec<&str> = rows().map(|r| r.what.as_str()).collect();
-                    format!("{side}: {} that the fit did not see are predicted within their noise ({figures})", what.join(" and "))
+                    format!(
+                        "{side}: {} that the fit did not see are predicted within their noise ({figures})",
+                        what.join(" and ")
+                    )
                 }
                 (Kind::Pass, _) => {
-                    format!("{side}: predictions of {} that the fit did not see are off by {off} of the noise ({figures})", worst.what)
+                    format!(
+                        "{side}: predictions of {} that the fit did not see are off by {off} of the noise ({figures})",
+                        worst.what
+                    )
                 }
                 // Said above unless the maps changed.
                 (Kind::Stored, Level::Good) => continue,
                 (Kind::Stored, _) => {
                     format!(
-                        "{side}: the maps do not give back the held-out measurement; {}: off by {off} of the noise ({figures})",
+                        "{side}: the maps do not give back the held-out measurement; {}: off by {off} of the noise \
+                         ({figures})",
                         worst.what
                     )
                 }
                 (Kind::LightBox, Level::Good) => {
-                    format!("{side}: σa, σs and h + δ give back what came through the light box within its noise ({figures})")
+                    format!(
+                        "{side}: σa, σs and h + δ give back what came through the light box within its noise \
+                         ({figures})"
+                    )
                 }
                 (Kind::LightBox, _) => {
                     format!(
-                        "{side}: σa, σs and h + δ do not give back what came through the light box: off by {off} of its noise ({figures})"
+                        "{side}: σa, σs and h + δ do not give back what came through the light box: off by {off} of \
+                         its noise ({figures})"
                     )
                 }
             };

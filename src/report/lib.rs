@@ -1,4 +1,5 @@
-//! The report: how good fits are, as HTML, JSON and Markdown made from the same rows. Nothing new is computed here, only summarised.
+//! The report: how good fits are, as HTML, JSON and Markdown made from the same rows. Nothing new is computed here,
+//! only summarised.
 
 pub mod basis_charts;
 pub mod beam_charts;
@@ -65,7 +66,8 @@ fn defaults(sources: &[ReportSource], pictures: bool) -> Options {
 /// Writes one self-contained HTML file.
 ///
 /// # Errors
-/// [`Error::Input`] for a folder without anything to report or with a broken `fit.toml`, `check.json` or `plan.json`; [`Error::Write`].
+/// [`Error::Input`] for a folder without anything to report or with a broken `fit.toml`, `check.json` or `plan.json`;
+/// [`Error::Write`].
 pub fn write_html(sources: &[ReportSource], path: &Path) -> Result<Report> {
     let report = read::read(sources, &defaults(sources, true))?;
     mesophyll_files::atomic::write_bytes(path, html::render(&report)?.as_bytes())?;

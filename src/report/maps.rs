@@ -49,11 +49,13 @@ pub fn read_side(folder: &Path, section: &str, capture: Option<&Path>, missing: 
         }
         same
     };
-    let errors = read_or_say(&errors_path, "no standard errors of the maps", missing).filter(|m| same_size(m, &errors_path, missing));
+    let errors = read_or_say(&errors_path, "no standard errors of the maps", missing)
+        .filter(|m| same_size(m, &errors_path, missing));
     let mut truth = truth_path(folder, section, capture)
         .and_then(|path| read_or_say(&path, "no truth", missing).filter(|m| same_size(m, &path, missing)));
     let pigment_path = folder.join(format!("{section}_truth.exr"));
-    let pigment = pigment_path.exists().then(|| read_or_say(&pigment_path, "no truth of the σ maps", missing)).flatten();
+    let pigment =
+        pigment_path.exists().then(|| read_or_say(&pigment_path, "no truth of the σ maps", missing)).flatten();
     let pigment = pigment.filter(|m| same_size(m, &pigment_path, missing));
     if let Some(truth) = &mut truth {
         describe_by_pigment(truth, pigment, section, missing);
@@ -68,11 +70,12 @@ pub fn read_side(folder: &Path, section: &str, capture: Option<&Path>, missing: 
     Some(SideMaps { section: section.into(), fit, errors, truth, good, notes: BTreeMap::new(), unjudged: None })
 }
 
-/// Puts the truth of the σ maps, as the fit left it, in the place of the truth's own σa and σs. Without it they are taken away where the true leaf
-/// has an albedo factor γ: the same σ would mean two things.
+/// Puts the truth of the σ maps, as the fit left it, in the place of the truth's own σa and σs. Without it they are
+/// taken away where the true leaf has an albedo factor γ: the same σ would mean two things.
 fn describe_by_pigment(truth: &mut Maps, pigment: Option<Maps>, section: &str, missing: &mut Vec<String>) {
-    let plain =
-        |(name, values): &(String, Vec<f32>)| split(name).0 != "gamma" || values.iter().all(|v| !(*v > 0.0) || (v - 1.0).abs() < 1e-3);
+    let plain = |(name, values): &(String, Vec<f32>)| {
+        split(name).0 != "gamma" || values.iter().all(|v| !(*v > 0.0) || (v - 1.0).abs() < 1e-3)
+    };
     let is_sigma = |name: &str| PIGMENT.contains(&split(name).0);
     match pigment {
         Some(own) => {
@@ -82,7 +85,8 @@ fn describe_by_pigment(truth: &mut Maps, pigment: Option<Maps>, section: &str, m
         None if !truth.channels.iter().all(plain) => {
             truth.channels.retain(|(name, _)| !is_sigma(name));
             missing.push(format!(
-                "{section}_truth.exr: not there, so the maps of σa and σs are not compared: they explain a texel by pigment alone, the known truth has \
+                "{section}_truth.exr: not there, so the maps of σa and σs are not compared: they explain a texel by \
+                 pigment alone, the known truth has \
                  an albedo factor γ beside it; fit again to compare them"
             ));
         }
@@ -153,8 +157,11 @@ impl SideMaps {
                 None => missing.push(format!("{}.exr: {} has no value on any good texel", self.section, c.name)),
             }
         }
-        let lacking: Vec<&str> =
-            quantity::QUANTITIES.iter().map(|q| q.name).filter(|q| !self.fit.channels.iter().any(|(n, _)| split(n).0 == *q)).collect();
+        let lacking: Vec<&str> = quantity::QUANTITIES
+            .iter()
+            .map(|q| q.name)
+            .filter(|q| !self.fit.channels.iter().any(|(n, _)| split(n).0 == *q))
+            .collect();
         if !lacking.is_empty() {
             missing.push(format!("{}.exr: no channels of {}", self.section, lacking.join(", ")));
         }
@@ -238,7 +245,15 @@ impl SideMaps {
                 }),
             }
         }
-        SidePictures { section: self.section.clone(), looks: self.looks(), fate, legend, residual, residual_histogram, maps }
+        SidePictures {
+            section: self.section.clone(),
+            looks: self.looks(),
+            fate,
+            legend,
+            residual,
+            residual_histogram,
+            maps,
+        }
     }
 
     /// ρd and ρt as colours, brightened to fill the range.
@@ -256,7 +271,9 @@ impl SideMaps {
             if gain > 1.005 {
                 caption.push_str(&format!(", brightened {gain:.1} times"));
             }
-            if let Some(picture) = colour::photograph(self.frame(WIDE), [r, g, b], gain, |i| self.good[i], caption.clone()) {
+            if let Some(picture) =
+                colour::photograph(self.frame(WIDE), [r, g, b], gain, |i| self.good[i], caption.clone())
+            {
                 out.push(Captioned { picture, caption, bar: String::new() });
             }
         }
@@ -281,7 +298,9 @@ impl SideMaps {
         codes.dedup();
         let name_of = |code: i32| {
             let own = [code.to_string(), code.abs().to_string()];
-            own.iter().find_map(|k| defects.get(k)).map_or_else(|| format!("defect {code}, not named in fit.toml"), |n| n.replace('_', " "))
+            own.iter()
+                .find_map(|k| defects.get(k))
+                .map_or_else(|| format!("defect {code}, not named in fit.toml"), |n| n.replace('_', " "))
         };
         let count = |want: i32| mask.iter().filter(|m| m.round() as i32 == want).count();
         let hex = |c: [u8; 3]| format!("#{:02x}{:02x}{:02x}", c[0], c[1], c[2]);
@@ -299,7 +318,9 @@ impl SideMaps {
         };
         let alt = format!("{}: the fate of every texel", self.section);
         let picture = colour::categories(self.frame(WIDE), &colours, code, alt);
-        let caption = "Which texels are good, and what was wrong with the others. Outside the leaf the picture is empty.".to_string();
+        let caption =
+            "Which texels are good, and what was wrong with the others. Outside the leaf the picture is empty."
+                .to_string();
         (picture.map(|picture| Captioned { picture, caption, bar: String::new() }), legend)
     }
 
@@ -310,7 +331,8 @@ impl SideMaps {
         let range = (0.0, s.p99.max(2.0));
         let shown = |i: usize| if self.good[i] { chi2[i] } else { f32::NAN };
         let caption = format!(
-            "Reduced χ² of each texel (about 1 where the model explains its readings): median {}, 99 % below {}, worst {}.",
+            "Reduced χ² of each texel (about 1 where the model explains its readings): median {}, 99 % below {}, worst \
+             {}.",
             plain(s.median),
             plain(s.p99),
             plain(s.max)
@@ -318,7 +340,11 @@ impl SideMaps {
         let picture = colour::false_colour(self.frame(WIDE), colour::sequential(), range, shown, caption.clone());
         let bar = colour_bar_of(false, range, "");
         let histogram = Histogram::of(values.iter().copied(), range.0, range.1 * 1.1, BINS);
-        let titles = Titles { x: "reduced χ² of a texel", y: "share of texels", about: "Histogram of the reduced χ² of the texels" };
+        let titles = Titles {
+            x: "reduced χ² of a texel",
+            y: "share of texels",
+            about: "Histogram of the reduced χ² of the texels",
+        };
         let chart = chart::histogram(&[("", &histogram)], titles, &[(1.0, "1 = as noisy as stated")], false);
         (picture.map(|picture| Captioned { picture, caption, bar }), Some(chart))
     }
@@ -328,7 +354,8 @@ impl SideMaps {
         let signed = known(name).is_some_and(|q| q.signed);
         let unit = known(name).map_or("", |q| q.unit);
         let frame = self.frame(if matches!(letter, "R" | "B") { NARROW } else { WIDE });
-        let words = format!("{} {} {}", self.section, quantity::symbol(name), channel_word(letter)).trim_end().to_string();
+        let words =
+            format!("{} {} {}", self.section, quantity::symbol(name), channel_word(letter)).trim_end().to_string();
         let good = |samples: &'_ [f32], i: usize| if self.good[i] { samples[i] } else { f32::NAN };
 
         let fit_summary = Summary::of(&sorted(self.good_values(c.fit)))?;
@@ -344,7 +371,8 @@ impl SideMaps {
         let range = widen(low, high);
         let scale = if signed { colour::diverging() } else { colour::sequential() };
         let draw = |samples: &[f32], caption: String| {
-            let picture = colour::false_colour(frame, scale, range, |i| good(samples, i), format!("{words}: {caption}"))?;
+            let picture =
+                colour::false_colour(frame, scale, range, |i| good(samples, i), format!("{words}: {caption}"))?;
             Some(Captioned { picture, caption, bar: colour_bar_of(signed, range, unit) })
         };
         let mut pictures: Vec<Captioned> = draw(c.fit, "fit".into()).into_iter().collect();
@@ -364,7 +392,10 @@ impl SideMaps {
         let truth_histogram = c.truth.map(|t| Histogram::of(self.good_values(t), from, to, BINS));
         let mut parts = vec![(if truth_histogram.is_some() { "fit" } else { "" }, &fit_histogram)];
         parts.extend(truth_histogram.as_ref().map(|h| ("truth", h)));
-        charts.push(ChartTile { svg: chart::histogram(&parts, titles, &[], false), caption: "Values over the good texels.".into() });
+        charts.push(ChartTile {
+            svg: chart::histogram(&parts, titles, &[], false),
+            caption: "Values over the good texels.".into(),
+        });
         charts.extend(self.error_charts(c, &axis, &words));
         Some(ChannelPictures { channel: channel_word(letter).into(), pictures, charts })
     }
@@ -378,8 +409,10 @@ impl SideMaps {
             let h = Histogram::of(z.iter().copied(), -4.5, 4.5, BINS);
             let about = format!("Histogram of the errors of {words} in standard errors");
             let titles = Titles { x: "(fit − truth) / standard error", y: "density", about: &about };
-            let mut caption =
-                format!("Errors in units of the stated standard errors: {} of the truths lie within 95 % intervals.", percent(inside));
+            let mut caption = format!(
+                "Errors in units of the stated standard errors: {} of the truths lie within 95 % intervals.",
+                percent(inside)
+            );
             if let Some(why) = self.unjudged.as_ref().filter(|_| self.is_unjudged(c)) {
                 caption.push_str(&format!(" The share is not judged: {why}."));
             }
@@ -391,7 +424,11 @@ impl SideMaps {
                 let (_, top) = widen(0.0, s.p99 * 1.05);
                 let h = Histogram::of(values.iter().copied(), 0.0, top, BINS);
                 let x = format!("standard error of {axis}");
-                let titles = Titles { x: &x, y: "share of texels", about: &format!("Histogram of the standard errors of {words}") };
+                let titles = Titles {
+                    x: &x,
+                    y: "share of texels",
+                    about: &format!("Histogram of the standard errors of {words}"),
+                };
                 charts.push(ChartTile {
                     svg: chart::histogram(&[("", &h)], titles, &[], false),
                     caption: format!("Standard errors: median {}, 99 % below {}.", plain(s.median), plain(s.p99)),
@@ -403,7 +440,13 @@ impl SideMaps {
 }
 
 /// A difference on the diverging scale, symmetric about zero.
-pub fn difference_picture(frame: Frame, value: impl Fn(usize) -> f32, unit: &str, words: &str, caption: &str) -> Option<Captioned> {
+pub fn difference_picture(
+    frame: Frame,
+    value: impl Fn(usize) -> f32,
+    unit: &str,
+    words: &str,
+    caption: &str,
+) -> Option<Captioned> {
     let sizes = sorted((0..frame.width * frame.height).map(&value).map(f32::abs));
     let (_, most) = widen(0.0, quantile(&sizes, 0.99));
     let range = if sizes.is_empty() { return None } else { (-most, most) };

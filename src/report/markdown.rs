@@ -8,7 +8,12 @@ use std::fmt::Write;
 
 /// Renders a report.
 pub fn render(report: &Report) -> String {
-    let mut out = format!("# {}\n\n**{}.** {}\n", inline(&report.title), report.verdict.level.word(), inline(&report.verdict.sentence));
+    let mut out = format!(
+        "# {}\n\n**{}.** {}\n",
+        inline(&report.title),
+        report.verdict.level.word(),
+        inline(&report.verdict.sentence)
+    );
     for c in &report.checks {
         check(&mut out, c);
     }
@@ -129,7 +134,11 @@ fn fit(out: &mut String, f: &FitReport) {
         heading(out, 3, "Run time");
         let memory = t.peak_memory_mib.map(|m| format!(", peak memory {} MiB", plain(m))).unwrap_or_default();
         let _ = writeln!(out, "\nTotal {} on {} threads{memory}.", duration(t.total_s), t.threads);
-        table(out, &["phase", "time", "share"], view::phase_lines(t).into_iter().map(|p| vec![p.name, p.time, percent(p.share / 100.0)]));
+        table(
+            out,
+            &["phase", "time", "share"],
+            view::phase_lines(t).into_iter().map(|p| vec![p.name, p.time, percent(p.share / 100.0)]),
+        );
         for (name, rows) in &t.traces {
             heading(out, 4, &format!("Error against run time: {}", figure::words(name)));
             let rows = rows.iter().map(|r| {
@@ -157,16 +166,23 @@ fn section(out: &mut String, s: &SectionReport) {
         heading(out, 3, &head("Residuals"));
         let rows = s.residuals.iter().map(|(n, r)| {
             let at = format!("{}, {}", r.worst_at[0], r.worst_at[1]);
-            vec![figure::words(n), count(r.samples), plain(r.chi2), plain(r.reduced_chi2), plain(r.rms), plain(r.worst), at]
+            vec![
+                figure::words(n),
+                count(r.samples),
+                plain(r.chi2),
+                plain(r.reduced_chi2),
+                plain(r.rms),
+                plain(r.worst),
+                at,
+            ]
         });
         table(out, &["of", "samples", "χ²", "reduced χ²", "RMS", "worst texel", "at column, row"], rows);
     }
     if !s.truth.is_empty() {
         heading(out, 3, &head("Against the truth"));
-        let rows = s
-            .truth
-            .iter()
-            .map(|(n, t)| vec![symbol(n), percent(t.median_relative), percent(t.p99_relative), view::coverage(t.coverage95, t.judged)]);
+        let rows = s.truth.iter().map(|(n, t)| {
+            vec![symbol(n), percent(t.median_relative), percent(t.p99_relative), view::coverage(t.coverage95, t.judged)]
+        });
         table(out, &["quantity", "median error", "99 % within", "truths inside 95 % intervals"], rows);
     }
     if !s.counts.is_empty() || !s.terminations.is_empty() || s.condition.is_some() {
@@ -197,9 +213,17 @@ fn section(out: &mut String, s: &SectionReport) {
         names.extend(figures.columns.iter().map(String::as_str));
         let lines = figures.table.into_iter().map(|(n, cells)| [vec![n], cells].concat());
         table(out, &names, lines);
-        table(out, &["figure", "value", "what it means"], figures.single.into_iter().map(|f| vec![f.name, f.value, f.meaning.into()]));
+        table(
+            out,
+            &["figure", "value", "what it means"],
+            figures.single.into_iter().map(|f| vec![f.name, f.value, f.meaning.into()]),
+        );
         if figures.unnamed > 0 {
-            let _ = writeln!(out, "\nFigures of fit.toml that have no name in this version of the report: {}.", figures.unnamed);
+            let _ = writeln!(
+                out,
+                "\nFigures of fit.toml that have no name in this version of the report: {}.",
+                figures.unnamed
+            );
         }
     }
 }
@@ -223,7 +247,11 @@ fn comparison(out: &mut String, c: &Comparison) {
             p.unit.clone(),
         ]
     });
-    table(out, &["side", "parameter", "channel", "first", "second", "difference", "in combined standard errors", "unit"], rows);
+    table(
+        out,
+        &["side", "parameter", "channel", "first", "second", "difference", "in combined standard errors", "unit"],
+        rows,
+    );
     let rows = c.maps.iter().map(|m| {
         vec![
             m.section.clone(),
@@ -236,7 +264,11 @@ fn comparison(out: &mut String, c: &Comparison) {
             m.unit.clone(),
         ]
     });
-    table(out, &["side", "map", "channel", "texels", "median difference", "99 % within", "beyond 1.96 σ", "unit"], rows);
+    table(
+        out,
+        &["side", "map", "channel", "texels", "median difference", "99 % within", "beyond 1.96 σ", "unit"],
+        rows,
+    );
     if !c.notes.is_empty() {
         list(out, &c.notes);
     }
@@ -259,7 +291,16 @@ fn check(out: &mut String, c: &CheckReport) {
             ["flip_p99", "noise_flip_p99", "max_error", "noise_max_error"].map(|name| or_dash(get(name), plain));
         let times = ["frame_ms_median", "frame_ms_p95"].map(|name| or_dash(get(name), plain));
         [
-            vec![v.name.clone(), verdict(v.passed).into(), found, flip, noise, error, limit("threshold_max_error"), error_noise],
+            vec![
+                v.name.clone(),
+                verdict(v.passed).into(),
+                found,
+                flip,
+                noise,
+                error,
+                limit("threshold_max_error"),
+                error_noise,
+            ],
             times.to_vec(),
         ]
         .concat()
@@ -285,6 +326,10 @@ fn check(out: &mut String, c: &CheckReport) {
 
 fn plan(out: &mut String, p: &PlanReport) {
     heading(out, 2, "What was left out, and why");
-    table(out, &["left out", "because", "saved"], p.left_out.iter().map(|i| vec![i.name.clone(), i.reason.clone(), i.saved.clone()]));
+    table(
+        out,
+        &["left out", "because", "saved"],
+        p.left_out.iter().map(|i| vec![i.name.clone(), i.reason.clone(), i.saved.clone()]),
+    );
     table(out, &["needed", "because"], p.needed.iter().map(|i| vec![i.name.clone(), i.reason.clone()]));
 }

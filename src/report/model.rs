@@ -225,7 +225,8 @@ pub struct CheckReport {
 #[derive(Debug, Clone, Serialize)]
 pub struct ViewReport {
     pub name: String,
-    /// What the picture is held against: `perspective` (the reference renderer), `card` (a closed form), or empty where it is not said.
+    /// What the picture is held against: `perspective` (the reference renderer), `card` (a closed form), or empty where
+    /// it is not said.
     pub kind: String,
     pub passed: Option<bool>,
     /// What missed, a sentence each.

@@ -1,4 +1,5 @@
-//! Numbers in words: as many digits as the error supports, a true minus sign, and never `0 %` for something that is not zero.
+//! Numbers in words: as many digits as the error supports, a true minus sign, and never `0 %` for something that is not
+//! zero.
 
 const MINUS: char = '\u{2212}';
 
@@ -32,7 +33,8 @@ pub fn plain(value: f64) -> String {
     if tail.is_empty() { head.to_string() } else { format!("{head} × {tail}") }
 }
 
-/// Decimal exponent of `value` after rounding to `digits` significant digits (9.996 to three digits is 10.0: exponent 1).
+/// Decimal exponent of `value` after rounding to `digits` significant digits (9.996 to three digits is 10.0: exponent
+/// 1).
 fn rounded_exponent(value: f64, digits: usize) -> i32 {
     let text = format!("{:.*e}", digits.saturating_sub(1), value);
     text.rsplit('e').next().and_then(|e| e.parse().ok()).unwrap_or(0)
@@ -54,7 +56,8 @@ fn sign(text: String) -> String {
     text.replacen('-', &MINUS.to_string(), 1)
 }
 
-/// `0.412 ± 0.013`: the error to two digits, the value to the same place. An error that is missing or infinite is said in words.
+/// `0.412 ± 0.013`: the error to two digits, the value to the same place. An error that is missing or infinite is said
+/// in words.
 pub fn plus_minus(value: f64, error: f64) -> String {
     if !value.is_finite() {
         return "not determined".into();

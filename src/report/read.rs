@@ -1,4 +1,5 @@
-//! From folders to rows: a fit folder holds `fit.toml`, a folder of a run may hold `check.json`, `plan.json` and several fits.
+//! From folders to rows: a fit folder holds `fit.toml`, a folder of a run may hold `check.json`, `plan.json` and
+//! several fits.
 
 use crate::maps::{self, SideMaps};
 use crate::model::{FitReport, Level, ParameterRow, Report, SectionReport, TimesReport, Verdict};
@@ -13,8 +14,8 @@ const SCHEMA: u32 = 1;
 /// Reads every source.
 ///
 /// # Errors
-/// [`Error::Input`] when a folder holds nothing to report, or when `fit.toml`, `check.json` or `plan.json` is there and broken.
-/// Everything else that is missing or damaged is said in the report.
+/// [`Error::Input`] when a folder holds nothing to report, or when `fit.toml`, `check.json` or `plan.json` is there and
+/// broken. Everything else that is missing or damaged is said in the report.
 pub fn read(sources: &[ReportSource], options: &Options) -> Result<Report> {
     let mut fits = Vec::new();
     let mut folders = Vec::new();
@@ -52,7 +53,16 @@ pub fn read(sources: &[ReportSource], options: &Options) -> Result<Report> {
     };
     let verdict = verdict::overall(&fits, &checks);
     let program = concat!("mesophyll ", env!("CARGO_PKG_VERSION")).to_string();
-    Ok(Report { schema: SCHEMA, program, title: options.title.clone().unwrap_or(title), verdict, fits, comparisons, plans, checks })
+    Ok(Report {
+        schema: SCHEMA,
+        program,
+        title: options.title.clone().unwrap_or(title),
+        verdict,
+        fits,
+        comparisons,
+        plans,
+        checks,
+    })
 }
 
 /// The folder itself when it is a fit, else the fits below it and below its `fits/`, by name.
@@ -78,7 +88,8 @@ fn tell_apart(fits: &mut [FitReport]) {
     let names: Vec<String> = fits.iter().map(|f| f.name.clone()).collect();
     for (k, fit) in fits.iter_mut().enumerate() {
         if names.iter().filter(|n| **n == names[k]).count() > 1 {
-            let folder = Path::new(&fit.folder).file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+            let folder =
+                Path::new(&fit.folder).file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
             fit.name = if folder == names[k] || folder.is_empty() { fit.folder.clone() } else { folder };
             if let Some(rest) = fit.verdict.sentence.strip_prefix(names[k].as_str()) {
                 fit.verdict.sentence = format!("{}{rest}", fit.name);
@@ -111,7 +122,13 @@ fn fit(folder: &Path, options: &Options) -> Result<FitReport> {
             None
         }
     };
-    missing.extend(record.files.keys().filter(|n| !folder.join(n).exists()).map(|n| format!("{n}: named in fit.toml and not there")));
+    missing.extend(
+        record
+            .files
+            .keys()
+            .filter(|n| !folder.join(n).exists())
+            .map(|n| format!("{n}: named in fit.toml and not there")),
+    );
     let mut report = FitReport {
         name: if record.name.is_empty() { folder.display().to_string() } else { record.name.clone() },
         kind: record.kind.clone(),
@@ -130,7 +147,9 @@ fn fit(folder: &Path, options: &Options) -> Result<FitReport> {
         pictures: Vec::new(),
     };
     for (name, of) in ordered(&record) {
-        let Some(mut side) = side(folder, name, &record, capture.as_deref().map(Path::new), &mut report.missing) else { continue };
+        let Some(mut side) = side(folder, name, &record, capture.as_deref().map(Path::new), &mut report.missing) else {
+            continue;
+        };
         notes::add(&mut side, &record, of);
         let mut lacking = Vec::new();
         report.maps.extend(side.rows(&mut lacking));
@@ -149,7 +168,13 @@ fn fit(folder: &Path, options: &Options) -> Result<FitReport> {
 }
 
 /// Maps of a section; sections without sides (`all`) have none and miss none.
-fn side(folder: &Path, name: &str, record: &FitRecord, capture: Option<&Path>, missing: &mut Vec<String>) -> Option<SideMaps> {
+fn side(
+    folder: &Path,
+    name: &str,
+    record: &FitRecord,
+    capture: Option<&Path>,
+    missing: &mut Vec<String>,
+) -> Option<SideMaps> {
     if record.kind != "leaf" && !folder.join(format!("{name}.exr")).exists() {
         return None;
     }
@@ -186,7 +211,8 @@ fn section(name: &str, s: &Section) -> SectionReport {
     }
 }
 
-/// A row a channel; `sigma_a.B: at most 0.02` (or a whole name) says which are undetermined, and so does an infinite error.
+/// A row a channel; `sigma_a.B: at most 0.02` (or a whole name) says which are undetermined, and so does an infinite
+/// error.
 fn parameters(section: &str, s: &Section) -> Vec<ParameterRow> {
     let mut rows = Vec::new();
     for (name, p) in &s.params {
@@ -202,7 +228,8 @@ fn parameters(section: &str, s: &Section) -> Vec<ParameterRow> {
                 [own.as_str(), name.as_str(), channel.as_str()].contains(&who.trim()).then(|| why.trim().to_string())
             });
             let stderr = p.stderr.get(k).copied().filter(|e| e.is_finite());
-            // NaN is an error that nobody stated: a measured gauge, or a coefficient of a function that was not measured; not an unknown.
+            // NaN is an error that nobody stated: a measured gauge, or a coefficient of a function that was not
+            // measured; not an unknown.
             let unbounded = p.stderr.get(k).is_some_and(|e| e.is_infinite()).then(String::new);
             let undetermined = named.or(unbounded);
             rows.push(ParameterRow {
@@ -220,7 +247,13 @@ fn parameters(section: &str, s: &Section) -> Vec<ParameterRow> {
     rows
 }
 
-fn against_first(a: &FitReport, b: &FitReport, folder_a: &Path, folder_b: &Path, options: &Options) -> crate::model::Comparison {
+fn against_first(
+    a: &FitReport,
+    b: &FitReport,
+    folder_a: &Path,
+    folder_b: &Path,
+    options: &Options,
+) -> crate::model::Comparison {
     let mut out = compare::parameters(a, b);
     let mut said = Vec::new();
     for section in a.sections.iter().map(|s| s.name.as_str()).filter(|n| b.sections.iter().any(|s| s.name == *n)) {

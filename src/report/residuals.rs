@@ -1,4 +1,5 @@
-//! What residuals say of a fit: its reduced χ² against the spread that χ² itself has, and one side of a leaf against the other.
+//! What residuals say of a fit: its reduced χ² against the spread that χ² itself has, and one side of a leaf against
+//! the other.
 
 use crate::model::{Level, SectionReport};
 use crate::number::{percent, significant};
@@ -8,7 +9,8 @@ use mesophyll_fit::record::{FitRecord, MIRROR, NOISE_SEEN, Residuals};
 
 /// Standard deviations of χ² that chance does not reach.
 const SPREADS: f64 = 5.0;
-/// Nobody knows noise better than to about 1 % (reduced χ² to 2.5 %): less than that is no finding, however many the readings.
+/// Nobody knows noise better than to about 1 % (reduced χ² to 2.5 %): less than that is no finding, however many the
+/// readings.
 const NOISE_KNOWN: f64 = 0.025;
 /// The same of noise that was estimated from the measurements themselves.
 const NOISE_ESTIMATED: f64 = 0.3;
@@ -17,7 +19,8 @@ const BAD: f64 = 3.0;
 /// Front and back differ by this many errors of the noise: chance does so once in 16,000 comparisons.
 const SIDES: f64 = 4.0;
 
-/// Level and sentence for the residuals of `what`, measured against their own spread: with many readings even 1.03 is a finding.
+/// Level and sentence for the residuals of `what`, measured against their own spread: with many readings even 1.03 is a
+/// finding.
 pub fn judge(what: &str, r: &Residuals, record: &FitRecord, s: &SectionReport) -> (Level, String) {
     let chi2 = r.reduced_chi2;
     if !chi2.is_finite() {
@@ -35,9 +38,15 @@ pub fn judge(what: &str, r: &Residuals, record: &FitRecord, s: &SectionReport) -
     } else if chi2 < 1.0 {
         (Level::Doubtful, format!("{fact} ({against}): the measurements scatter less than their {noise}"))
     } else if chi2 > BAD {
-        (Level::Bad, format!("{fact}: the model does not describe these measurements{}", suspects(what, chi2, record, s)))
+        (
+            Level::Bad,
+            format!("{fact}: the model does not describe these measurements{}", suspects(what, chi2, record, s)),
+        )
     } else {
-        (Level::Doubtful, format!("{fact} ({against}): the model leaves more than the {noise}{}", suspects(what, chi2, record, s)))
+        (
+            Level::Doubtful,
+            format!("{fact} ({against}): the model leaves more than the {noise}{}", suspects(what, chi2, record, s)),
+        )
     }
 }
 
@@ -54,14 +63,16 @@ fn suspects(what: &str, chi2: f64, record: &FitRecord, s: &SectionReport) -> Str
             capture can tell; 5° of camera angle cost m 5 %, ρs 4 % and 1.3° of the normals"
                 .into()
         }
-        _ => "the mirror strip agrees with the stated geometry, so the lobe's model (`--lobe`) is the first suspect".into(),
+        _ => "the mirror strip agrees with the stated geometry, so the lobe's model (`--lobe`) is the first suspect"
+            .into(),
     };
     let Some(seen) = s.figures.get(NOISE_SEEN) else { return format!(": {geometry}") };
     // Noise that is off by a factor makes χ² off by its square.
     if (seen * seen - 1.0) > 0.5 * (chi2 - 1.0) {
         let off = percent((seen - 1.0).abs());
         format!(
-            ": the traces are {off} rougher than the stated noise whatever their model, so the noise is understated; errors are too small by as much"
+            ": the traces are {off} rougher than the stated noise whatever their model, so the noise is understated; \
+             errors are too small by as much"
         )
     } else {
         format!(": the traces are as rough as the stated noise makes them, so it is the model that is off; {geometry}")
@@ -72,24 +83,37 @@ fn suspects(what: &str, chi2: f64, record: &FitRecord, s: &SectionReport) -> Str
 pub fn sides(record: &FitRecord, say: &mut impl FnMut(Level, String)) {
     let Some(section) = record.sections.get(sides::SECTION) else {
         if record.kind == "leaf" && record.sections.contains_key("front") && !record.sections.contains_key("back") {
-            say(Level::Good, "only one side was measured, so nothing checks that its mean albedo is the interior's (mean γ = 1)".into());
+            say(
+                Level::Good,
+                "only one side was measured, so nothing checks that its mean albedo is the interior's (mean γ = 1)"
+                    .into(),
+            );
         }
         return;
     };
     let prefix = format!("{}.", sides::APART_IN_ERRORS);
-    let worst = section.figures.iter().filter_map(|(n, v)| Some((n.strip_prefix(&prefix)?, *v))).max_by(|a, b| a.1.total_cmp(&b.1));
+    let worst = section
+        .figures
+        .iter()
+        .filter_map(|(n, v)| Some((n.strip_prefix(&prefix)?, *v)))
+        .max_by(|a, b| a.1.total_cmp(&b.1));
     let Some((name, errors)) = worst else { return };
     let apart = section.figures.get(&format!("{}.{name}", sides::APART)).copied().unwrap_or(f64::NAN);
     let (quantity, channel) = name.split_once('.').unwrap_or((name, ""));
     let place = format!("{}.{channel}", symbol(quantity));
     if errors <= SIDES {
-        say(Level::Good, format!("front and back agree on the interior (at most {} errors apart, {place})", significant(errors, 2)));
+        say(
+            Level::Good,
+            format!("front and back agree on the interior (at most {} errors apart, {place})", significant(errors, 2)),
+        );
     } else {
         say(
             Level::Doubtful,
             format!(
-                "front and back disagree on the interior they share: {place} differs by {}, {} errors of the noise. Each side's σ takes its own mean albedo for the \
-                 interior's (mean γ = 1), which the two sides do not confirm; the printed errors are widened to hold the difference",
+                "front and back disagree on the interior they share: {place} differs by {}, {} errors of the noise. \
+                 Each side's σ takes its own mean albedo for the \
+                 interior's (mean γ = 1), which the two sides do not confirm; the printed errors are widened to hold \
+                 the difference",
                 percent(apart.abs()),
                 significant(errors, 2)
             ),

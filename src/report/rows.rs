@@ -14,9 +14,9 @@ fn table(head: &[&str], right: &[bool], rows: &[Vec<String>]) -> String {
         _ => cell.to_string(),
     };
     let mut lines: Vec<Vec<String>> = vec![head.iter().map(|h| (*h).to_string()).collect()];
-    lines.extend(
-        rows.iter().map(|row| row.iter().enumerate().map(|(k, cell)| if k + 1 < row.len() { short(cell) } else { cell.clone() }).collect()),
-    );
+    lines.extend(rows.iter().map(|row| {
+        row.iter().enumerate().map(|(k, cell)| if k + 1 < row.len() { short(cell) } else { cell.clone() }).collect()
+    }));
     let width = |k: usize| lines.iter().map(|l| l[k].chars().count()).max().unwrap_or(0);
     let widths: Vec<usize> = (0..head.len()).map(width).collect();
     let mut text = String::new();

@@ -32,8 +32,10 @@ pub fn read_check(folder: &Path, pictures: bool) -> Result<Option<CheckReport>> 
 
 fn view(folder: &Path, index: usize, json: &Value, pictures: bool, missing: &mut Vec<String>) -> ViewReport {
     let name = json.get("name").map_or_else(|| format!("view {}", index + 1), text);
-    let figures: BTreeMap<String, f64> =
-        json.as_object().map(|o| o.iter().filter_map(|(k, v)| Some((k.clone(), v.as_f64()?))).collect()).unwrap_or_default();
+    let figures: BTreeMap<String, f64> = json
+        .as_object()
+        .map(|o| o.iter().filter_map(|(k, v)| Some((k.clone(), v.as_f64()?))).collect())
+        .unwrap_or_default();
     let mut find = |kind: &str, endings: &[&str]| {
         if !pictures {
             return None;
@@ -51,7 +53,8 @@ fn view(folder: &Path, index: usize, json: &Value, pictures: bool, missing: &mut
     let kind = json.get("kind").map(text).unwrap_or_default();
     let why = json.get("why").and_then(Value::as_array).map(|w| w.iter().map(text).collect()).unwrap_or_default();
     let true_leaf = json.get("true_leaf").and_then(Value::as_str).filter(|_| pictures);
-    let true_leaf = true_leaf.and_then(|file| picture(folder, Some(file), &name, &[], &format!("{name}: the true leaf")));
+    let true_leaf =
+        true_leaf.and_then(|file| picture(folder, Some(file), &name, &[], &format!("{name}: the true leaf")));
     ViewReport {
         passed: json.get("passed").and_then(Value::as_bool),
         kind,

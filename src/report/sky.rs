@@ -4,7 +4,8 @@ use super::rows::COLORS;
 use crate::{Error, Result};
 use mesophyll_files::atomic;
 use mesophyll_proof::sky::figures::{
-    Curve, DISSERTATION_BYTES, DISSERTATION_ERROR, DISSERTATION_FIT_S, DISSERTATION_TERMS, DISSERTATION_US, Figures, Point,
+    Curve, DISSERTATION_BYTES, DISSERTATION_ERROR, DISSERTATION_FIT_S, DISSERTATION_TERMS, DISSERTATION_US, Figures,
+    Point,
 };
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -14,7 +15,8 @@ use std::path::{Path, PathBuf};
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Drawn = std::result::Result<(), String>;
 
-/// Draws `sky-frontier.svg`, `sky-error-by-band.svg`, `sky-worst.svg` and `sky-ringing.svg` into `folder`; returns the files.
+/// Draws `sky-frontier.svg`, `sky-error-by-band.svg`, `sky-worst.svg` and `sky-ringing.svg` into `folder`; returns the
+/// files.
 ///
 /// # Errors
 /// [`Error::Write`] where a file cannot be written.
@@ -53,7 +55,13 @@ pub fn pictures(folder: &Path, figures: &Figures) -> Result<Vec<PathBuf>> {
             &[worst.correct.clone(), worst.reconstructed.clone()],
             SeriesLabelPosition::UpperLeft,
         )?;
-        lines(&bottom, "", "difference (kcd/m²)", &[worst.difference.clone(), worst.fine.clone()], SeriesLabelPosition::LowerLeft)
+        lines(
+            &bottom,
+            "",
+            "difference (kcd/m²)",
+            &[worst.difference.clone(), worst.fine.clone()],
+            SeriesLabelPosition::LowerLeft,
+        )
     })?;
     save("sky-ringing.svg", (860, 480), &|area| {
         lines(
@@ -114,7 +122,8 @@ fn frontier(area: &Area, points: &[Point]) -> Drawn {
             .draw()
             .map_err(text)?;
         for (family, name, color) in families {
-            let mut of: Vec<(f64, f64)> = points.iter().filter(|p| p.family == family).map(|p| (of(p), p.judged.worst)).collect();
+            let mut of: Vec<(f64, f64)> =
+                points.iter().filter(|p| p.family == family).map(|p| (of(p), p.judged.worst)).collect();
             of.sort_by(|a, b| a.0.total_cmp(&b.0));
             if k < 2 {
                 chart.draw_series(LineSeries::new(of.clone(), color.stroke_width(2))).map_err(text)?;
@@ -206,12 +215,18 @@ fn lines(area: &Area, title: &str, what: &str, curves: &[Curve], position: Serie
         .map_err(text)?;
     for side in [-180.0..-90.0, 90.0..180.0] {
         chart
-            .draw_series([Rectangle::new([(side.start, low - room), (side.end, high + room)], RGBColor(238, 236, 230).filled())])
+            .draw_series([Rectangle::new(
+                [(side.start, low - room), (side.end, high + room)],
+                RGBColor(238, 236, 230).filled(),
+            )])
             .map_err(text)?;
     }
     chart
         .configure_mesh()
-        .x_desc("angle from the zenith along the sun's meridian (°; the sun's side to the right; shaded: below the horizon)")
+        .x_desc(
+            "angle from the zenith along the sun's meridian (°; the sun's side to the right; shaded: below the \
+         horizon)",
+        )
         .y_desc(what)
         .x_labels(13)
         .x_label_formatter(&|v| format!("{v:.0}"))

@@ -1,4 +1,5 @@
-//! A translucency fit in pictures and words: what comes through under three lights, the coefficients, thickness, the light that enters; how it was made.
+//! A translucency fit in pictures and words: what comes through under three lights, the coefficients, thickness, the
+//! light that enters; how it was made.
 
 use crate::chart::{self, Titles};
 use crate::colour;
@@ -67,12 +68,20 @@ const LEAST: f64 = 0.01;
 /// 1 to 99 % of the values of all planes.
 fn range(side: &SideMaps, planes: &[&[f32]]) -> (f64, f64) {
     let ends = planes.iter().map(|p| sorted(side.good_values(p))).filter(|v| !v.is_empty());
-    let (low, high) = ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(quantile(&v, 0.01)), b.max(quantile(&v, 0.99))));
+    let (low, high) = ends
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(quantile(&v, 0.01)), b.max(quantile(&v, 0.99))));
     let lacking = (LEAST * high.abs().max(low.abs()) - (high - low)).max(0.0);
     widen(low - 0.5 * lacking, high + 0.5 * lacking)
 }
 
-fn tile(side: &SideMaps, plane: &[f32], range: (f64, f64), signed: bool, unit: &str, caption: String) -> Option<Captioned> {
+fn tile(
+    side: &SideMaps,
+    plane: &[f32],
+    range: (f64, f64),
+    signed: bool,
+    unit: &str,
+    caption: String,
+) -> Option<Captioned> {
     let scale = if signed { colour::diverging() } else { colour::sequential() };
     let alt = format!("{}: {caption}", side.section);
     let picture = colour::false_colour(side.frame(WIDE), scale, range, |k| good(side, plane, k), alt)?;
@@ -98,8 +107,11 @@ fn gain(side: &SideMaps, planes: &[&[f32]]) -> f64 {
 /// What comes through under [`LIGHTS`], on one scale: f, or with three wavelengths M as a colour.
 fn looks(side: &SideMaps, stacks: &[Stack], basis: Basis) -> Vec<Captioned> {
     let lit = |stack: &Stack, elevation: f64| -> Vec<f32> {
-        let weights: Vec<f64> = (0..basis.count()).map(|i| basis.value(i, [elevation.cos(), 0.0, elevation.sin()])).collect();
-        (0..side.good.len()).map(|k| weights.iter().zip(&stack.planes).map(|(w, p)| w * f64::from(p[k])).sum::<f64>() as f32).collect()
+        let weights: Vec<f64> =
+            (0..basis.count()).map(|i| basis.value(i, [elevation.cos(), 0.0, elevation.sin()])).collect();
+        (0..side.good.len())
+            .map(|k| weights.iter().zip(&stack.planes).map(|(w, p)| w * f64::from(p[k])).sum::<f64>() as f32)
+            .collect()
     };
     let images: Vec<Vec<Vec<f32>>> = LIGHTS.iter().map(|(_, e)| stacks.iter().map(|s| lit(s, *e)).collect()).collect();
     let all: Vec<&[f32]> = images.iter().flatten().map(Vec::as_slice).collect();
@@ -121,22 +133,39 @@ fn coefficients(side: &SideMaps, stacks: &[Stack], basis: Option<Basis>, options
     let say = |name: &str| options.get(name).map_or("", String::as_str);
     let title = match basis {
         Some(Basis::HalfLife2 | Basis::Bent { count: 3 }) if stacks.len() == 1 => {
-            format!("Coefficients of {what} on {}; no unit, {} each on a flat uniform leaf", say("basis"), significant(FLAT, 3))
+            format!(
+                "Coefficients of {what} on {}; no unit, {} each on a flat uniform leaf",
+                say("basis"),
+                significant(FLAT, 3)
+            )
         }
         Some(_) => format!("Coefficients of {what} on {}; no unit", say("basis")),
-        None if first.planes.len() == 1 && options.contains_key("sun_elevation_deg") => format!("{what} under {}; no unit", sun(options)),
+        None if first.planes.len() == 1 && options.contains_key("sun_elevation_deg") => {
+            format!("{what} under {}; no unit", sun(options))
+        }
         None => format!("Coefficients of {what}; no unit"),
     };
     let mut channels: Vec<ChannelPictures> = Vec::new();
     if let [r, g, b] = stacks {
         let all: Vec<&[f32]> = stacks.iter().flat_map(|s| s.planes.iter().copied()).collect();
         let common = gain(side, &all);
-        let colours = (0..first.planes.len())
-            .filter_map(|i| photograph(side, [r.planes.get(i)?, g.planes.get(i)?, b.planes.get(i)?], common, function(basis, i)));
-        channels.push(ChannelPictures { channel: "as colours".into(), pictures: colours.collect(), charts: Vec::new() });
+        let colours = (0..first.planes.len()).filter_map(|i| {
+            photograph(side, [r.planes.get(i)?, g.planes.get(i)?, b.planes.get(i)?], common, function(basis, i))
+        });
+        channels.push(ChannelPictures {
+            channel: "as colours".into(),
+            pictures: colours.collect(),
+            charts: Vec::new(),
+        });
     }
     channels.extend(stacks.iter().map(|s| stack(side, s, basis)));
-    Some(MapPictures { quantity: "translucency".into(), title, note: String::new(), section: side.section.clone(), channels })
+    Some(MapPictures {
+        quantity: "translucency".into(),
+        title,
+        note: String::new(),
+        section: side.section.clone(),
+        channels,
+    })
 }
 
 /// The one light of a fit without a basis. Its angles were radians in between: rounded to what was asked for.
@@ -160,7 +189,8 @@ fn function(basis: Option<Basis>, i: usize) -> String {
     }
 }
 
-/// One wavelength's images. The three vectors of a half-life basis are alike and share a scale; other functions have their own.
+/// One wavelength's images. The three vectors of a half-life basis are alike and share a scale; other functions have
+/// their own.
 fn stack(side: &SideMaps, stack: &Stack, basis: Option<Basis>) -> ChannelPictures {
     let alike = matches!(basis, Some(Basis::HalfLife2 | Basis::Bent { count: 3 }));
     let common = range(side, &stack.planes);
@@ -172,8 +202,10 @@ fn stack(side: &SideMaps, stack: &Stack, basis: Option<Basis>) -> ChannelPicture
         tile(side, plane, if signed { (-most, most) } else { (low, high) }, signed, "", function(basis, i))
     });
     let pictures = pictures.collect();
-    let histograms: Vec<Histogram> = stack.planes.iter().map(|p| Histogram::of(side.good_values(p), common.0, common.1, BINS)).collect();
-    let names: Vec<String> = (1..=histograms.len()).map(|i| if histograms.len() > 1 { i.to_string() } else { String::new() }).collect();
+    let histograms: Vec<Histogram> =
+        stack.planes.iter().map(|p| Histogram::of(side.good_values(p), common.0, common.1, BINS)).collect();
+    let names: Vec<String> =
+        (1..=histograms.len()).map(|i| if histograms.len() > 1 { i.to_string() } else { String::new() }).collect();
     // The page has six colours.
     let charts = if (alike || histograms.len() == 1) && common.0 < common.1 {
         let parts: Vec<(&str, &Histogram)> = names.iter().map(String::as_str).zip(&histograms).collect();
@@ -197,11 +229,13 @@ fn single(side: &SideMaps, name: &str, title: &str, unit: &str, caption: &str) -
     let histogram = Histogram::of(side.good_values(plane), low, high, BINS);
     let axis = if unit.is_empty() { "value".to_string() } else { format!("{name} ({unit})") };
     let about = format!("Histogram of the {}'s {name}", side.section);
-    let svg = chart::histogram(&[("", &histogram)], Titles { x: &axis, y: "share of texels", about: &about }, &[], false);
+    let svg =
+        chart::histogram(&[("", &histogram)], Titles { x: &axis, y: "share of texels", about: &about }, &[], false);
     let values = sorted(side.good_values(plane));
     let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
     let caption = format!("Values over the good texels: median {}{unit}.", plain(quantile(&values, 0.5)));
-    let channel = ChannelPictures { channel: String::new(), pictures: vec![picture], charts: vec![ChartTile { svg, caption }] };
+    let channel =
+        ChannelPictures { channel: String::new(), pictures: vec![picture], charts: vec![ChartTile { svg, caption }] };
     Some(MapPictures {
         quantity: name.into(),
         title: title.into(),
@@ -225,7 +259,9 @@ pub fn how(options: &Options) -> Vec<(&'static str, String)> {
         "colour",
         match say("colour") {
             "substituted" => format!("as measured (ρt), times what the {channels} channel says of directions"),
-            "product" => format!("ρt times the light that comes through in {channels}, as the sources print it: dark veins count twice"),
+            "product" => format!(
+                "ρt times the light that comes through in {channels}, as the sources print it: dark veins count twice"
+            ),
             "three-wavelengths" => format!("{channels}, each through the tissue"),
             other => other.into(),
         },
@@ -256,11 +292,22 @@ pub fn how(options: &Options) -> Vec<(&'static str, String)> {
         },
     );
     let levels = say("levels");
-    add("kernel", if levels.is_empty() { say("form").into() } else { format!("{}, {levels} thickness levels", say("form")) });
+    add(
+        "kernel",
+        if levels.is_empty() { say("form").into() } else { format!("{}, {levels} thickness levels", say("form")) },
+    );
     add("directions of light", say("lights").into());
-    let basis = if options.contains_key("sun_elevation_deg") { format!("one {}", sun(options)) } else { say("basis").into() };
+    let basis =
+        if options.contains_key("sun_elevation_deg") { format!("one {}", sun(options)) } else { say("basis").into() };
     add("stored", basis);
-    add("maps", if say("texel_mm").is_empty() { say("size").into() } else { format!("{} texels of {} mm", say("size"), say("texel_mm")) });
+    add(
+        "maps",
+        if say("texel_mm").is_empty() {
+            say("size").into()
+        } else {
+            format!("{} texels of {} mm", say("size"), say("texel_mm"))
+        },
+    );
     add("frame", say("frame").into());
     add("doubt", say("doubt").into());
     add("leaf fit (content hash)", say("leaf").into());

@@ -67,7 +67,10 @@ pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> Verdict 
         if let Some(rank) = s.rank.filter(|r| *r < s.correlation_names.len()) {
             say(
                 Level::Doubtful,
-                format!("{side}rank {rank} of {}: some parameters are not determined together", s.correlation_names.len()),
+                format!(
+                    "{side}rank {rank} of {}: some parameters are not determined together",
+                    s.correlation_names.len()
+                ),
             );
         }
     }
@@ -129,7 +132,8 @@ fn directions(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, String)
     say(
         level,
         format!(
-            "{side}the stored directions keep the light that comes through to within {steep}, {half} and {grazing} (root mean square; light at π/2, π/4 \
+            "{side}the stored directions keep the light that comes through to within {steep}, {half} and {grazing} \
+             (root mean square; light at π/2, π/4 \
              and π/8 over the blade)"
         ),
     );
@@ -137,10 +141,15 @@ fn directions(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, String)
 
 fn texels(side: &str, s: &SectionReport, defects: &BTreeMap<String, String>, say: &mut impl FnMut(Level, String)) {
     let Some(good) = s.counts.get("good").copied() else { return };
-    // Besides good and outside, the fates are the named defects; other counts (of all texels, of undetermined ones) overlap with them.
-    let named: Vec<(&String, usize)> = s.counts.iter().filter(|(n, _)| defects.values().any(|d| d == *n)).map(|(n, c)| (n, *c)).collect();
+    // Besides good and outside, the fates are the named defects; other counts (of all texels, of undetermined ones)
+    // overlap with them.
+    let named: Vec<(&String, usize)> =
+        s.counts.iter().filter(|(n, _)| defects.values().any(|d| d == *n)).map(|(n, c)| (n, *c)).collect();
     let outside = s.counts.get("outside").copied().unwrap_or(0);
-    let inside = s.counts.get("texels").map_or_else(|| good + named.iter().map(|d| d.1).sum::<usize>(), |all| all.saturating_sub(outside));
+    let inside = s
+        .counts
+        .get("texels")
+        .map_or_else(|| good + named.iter().map(|d| d.1).sum::<usize>(), |all| all.saturating_sub(outside));
     if inside == 0 {
         say(Level::Bad, format!("{side}no texel lies on the leaf"));
         return;
@@ -158,7 +167,8 @@ fn texels(side: &str, s: &SectionReport, defects: &BTreeMap<String, String>, say
     say(level, fact);
 }
 
-/// (runs that did not converge, all runs) over the texels; the leaf-wide problem (`leaf_wide:NAME`) is judged on its own.
+/// (runs that did not converge, all runs) over the texels; the leaf-wide problem (`leaf_wide:NAME`) is judged on its
+/// own.
 fn terminations(s: &SectionReport) -> (usize, usize) {
     let runs = || s.terminations.iter().filter(|(n, _)| !n.contains(':'));
     let stopped = runs().filter(|(n, _)| !converged(n)).map(|(_, c)| c).sum();
@@ -180,8 +190,9 @@ fn shared_problems(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, St
     }
 }
 
-/// One sentence on the errors, one on the intervals that are right, one on those that are too narrow and one on those too wide.
-/// Wrong intervals around values that are within a percent of the truth call for care; around worse ones they are bad.
+/// One sentence on the errors, one on the intervals that are right, one on those that are too narrow and one on those
+/// too wide. Wrong intervals around values that are within a percent of the truth call for care; around worse ones they
+/// are bad.
 fn truth(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, String)) {
     let (mut near, mut right, mut wide) = (Vec::new(), Vec::new(), Vec::new());
     let (mut narrow, mut narrow_level) = (Vec::new(), Level::Doubtful);
@@ -194,15 +205,20 @@ fn truth(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, String)) {
         }
         let Some(c) = t.coverage95 else { continue };
         let close = t.median_relative <= CLOSE;
-        // A share of a few values says nothing: they are counted. Records of earlier versions do not say how many there were.
-        let few = t.judged.or_else(|| matches!(name.as_str(), "sigma_a" | "sigma_s").then_some(3)).filter(|n| *n < MANY);
+        // A share of a few values says nothing: they are counted. Records of earlier versions do not say how many there
+        // were.
+        let few =
+            t.judged.or_else(|| matches!(name.as_str(), "sigma_a" | "sigma_s").then_some(3)).filter(|n| *n < MANY);
         if let Some(values) = few {
             // One of three misses by chance in one fit of seven, two of three in one of 140.
             let hit = (c * values as f64).round() as usize;
             match (values, hit) {
                 (1, 1) => say(
                     Level::Good,
-                    format!("{side}the known truth of {q} lies in its 95 % interval (one value, which says little of the error)"),
+                    format!(
+                        "{side}the known truth of {q} lies in its 95 % interval (one value, which says little of the \
+                         error)"
+                    ),
                 ),
                 (1, _) => say(
                     Level::Doubtful,
@@ -227,7 +243,8 @@ fn truth(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, String)) {
     }
     if let (Some(h), Some(g)) = (s.figures.get(GAUGE_THICKNESS), s.figures.get(GAUGE_GAMMA)) {
         let text = format!(
-            "{side}σa, σs, h + δ and γ rest on means over the measured texels, where the known truth's differ: thickness by {}, γ by {}; their stated errors do not \
+            "{side}σa, σs, h + δ and γ rest on means over the measured texels, where the known truth's differ: \
+             thickness by {}, γ by {}; their stated errors do not \
              hold that and are not judged",
             percent(h.abs()),
             percent(g.abs())
@@ -259,7 +276,11 @@ fn parameters(report: &FitReport, say: &mut impl FnMut(Level, String)) {
         .collect();
     if !undetermined.is_empty() {
         // A panorama's angles have a rule of their own.
-        let rule = if report.kind == "panorama" { "" } else { " (a value is determined when its standard error is at most 10 % of it)" };
+        let rule = if report.kind == "panorama" {
+            ""
+        } else {
+            " (a value is determined when its standard error is at most 10 % of it)"
+        };
         say(Level::Doubtful, format!("not determined by the data{rule}: {}", undetermined.join("; ")));
     }
     let loose: Vec<String> = report
@@ -290,14 +311,19 @@ pub fn of_check(check: &CheckReport) -> Reason {
         }
         None => Reason { level: Level::Doubtful, text: "check.json does not say whether the check passed".into() },
         _ if failed.is_empty() => Reason { level: Level::Bad, text: "the picture check missed its threshold".into() },
-        _ => Reason { level: Level::Bad, text: format!("the picture check missed its threshold in {}", failed.join(", ")) },
+        _ => Reason {
+            level: Level::Bad,
+            text: format!("the picture check missed its threshold in {}", failed.join(", ")),
+        },
     }
 }
 
 /// The verdict over everything in the report.
 pub fn overall(fits: &[FitReport], checks: &[CheckReport]) -> Verdict {
-    let mut reasons: Vec<Reason> =
-        fits.iter().map(|f| Reason { level: f.verdict.level, text: f.verdict.sentence.trim_end_matches('.').to_string() }).collect();
+    let mut reasons: Vec<Reason> = fits
+        .iter()
+        .map(|f| Reason { level: f.verdict.level, text: f.verdict.sentence.trim_end_matches('.').to_string() })
+        .collect();
     reasons.extend(checks.iter().map(of_check));
     reasons.extend(checks.iter().filter_map(|c| captures::reason(&c.captures)));
     let level = reasons.iter().map(|r| r.level).max().unwrap_or(Level::Doubtful);
@@ -319,7 +345,9 @@ fn finish(name: &str, mut reasons: Vec<Reason>) -> Verdict {
     ruling.truncate(3);
     let mut sentence = match level {
         Level::Good => format!("{name} is good: {}", ruling.join("; ")),
-        Level::Doubtful if reasons.is_empty() => format!("{name} cannot be judged: the fit states no residuals, counts or errors"),
+        Level::Doubtful if reasons.is_empty() => {
+            format!("{name} cannot be judged: the fit states no residuals, counts or errors")
+        }
         Level::Doubtful => format!("{name} is usable with care: {}", ruling.join("; ")),
         Level::Bad => format!("{name} is not good: {}", ruling.join("; ")),
     };

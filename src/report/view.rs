@@ -34,12 +34,15 @@ pub struct Cell {
 }
 
 /// What makes a value undetermined, where a table holds one.
-pub const RULE: &str = "A value is called determined when its standard error is at most 10 % of it. An undetermined value is shown with its best estimate: \
+pub const RULE: &str = "A value is called determined when its standard error is at most 10 % of it. An undetermined \
+ value is shown with its best estimate: \
                         do not rely on more of it than its error or its bound allows.";
 
 /// What the caliper's share of an error is, where a table holds one.
-pub const CALIPER: &str = "Thickness is measured by a caliper, and σa and σs are inversely proportional to it: the caliper's error moves them and every thickness \
-                           of the leaf together, by the same share. Its part and the fit's own part are given beside the whole error (they add as squares). γ, ρd, \
+pub const CALIPER: &str = "Thickness is measured by a caliper, and σa and σs are inversely proportional to it: the \
+ caliper's error moves them and every thickness \
+                           of the leaf together, by the same share. Its part and the fit's own part are given beside \
+                           the whole error (they add as squares). γ, ρd, \
                            ρt, ρs and m do not depend on the caliper.";
 
 /// One line a parameter, in the rows' order.
@@ -92,7 +95,8 @@ pub fn parameter_cell(row: &ParameterRow) -> Cell {
         (Some(v), Some(e)) => format!("best estimate {} ({})", plus_minus(v, e), percent(e / v.abs())),
     };
     // The share is already said.
-    let why: Vec<&str> = why.split("; ").filter(|part| !part.is_empty() && !part.starts_with("relative standard error")).collect();
+    let why: Vec<&str> =
+        why.split("; ").filter(|part| !part.is_empty() && !part.starts_with("relative standard error")).collect();
     let note = [vec![estimate.as_str()], why].concat().join("; ");
     Cell { text: "undetermined".into(), note, undetermined: true }
 }
@@ -139,7 +143,8 @@ pub fn value_or_word(value: Option<f64>, error: Option<f64>) -> String {
 
 /// `+1.3 σ`.
 pub fn sigmas(row: &ParameterDifference) -> String {
-    row.sigmas.map_or_else(|| "not weighed".into(), |s| format!("{}{} σ", if s > 0.0 { "+" } else { "" }, significant(s, 2)))
+    row.sigmas
+        .map_or_else(|| "not weighed".into(), |s| format!("{}{} σ", if s > 0.0 { "+" } else { "" }, significant(s, 2)))
 }
 
 /// Figures of a section: those that stand for themselves, and the table of a directional basis's errors.
@@ -179,9 +184,11 @@ fn basis_figure(name: &str) -> Option<(usize, usize, &str)> {
     Some((row, NAMES.iter().position(|n| *n == angle)?, channel))
 }
 
-/// How well the basis of a translucency fit holds the light, a column a light angle (and a channel where there are several).
+/// How well the basis of a translucency fit holds the light, a column a light angle (and a channel where there are
+/// several).
 fn light_angles(out: &mut Figures, all: &BTreeMap<String, f64>) {
-    let found: Vec<(usize, usize, &str, f64)> = all.iter().filter_map(|(n, v)| basis_figure(n).map(|(r, a, c)| (r, a, c, *v))).collect();
+    let found: Vec<(usize, usize, &str, f64)> =
+        all.iter().filter_map(|(n, v)| basis_figure(n).map(|(r, a, c)| (r, a, c, *v))).collect();
     let mut channels: Vec<&str> = ["R", "G", "B"].into_iter().filter(|c| found.iter().any(|f| f.2 == *c)).collect();
     channels.extend(found.iter().map(|f| f.2).find(|c| !["R", "G", "B"].contains(c)));
     let columns: Vec<(usize, &str)> = (0..NAMES.len()).flat_map(|a| channels.iter().map(move |c| (a, *c))).collect();
@@ -197,11 +204,17 @@ fn light_angles(out: &mut Figures, all: &BTreeMap<String, f64>) {
     if !out.table.is_empty() {
         out.heading = "error of the basis, light at".into();
         out.caption =
-            "Against the full convolution. Errors are relative, over texels that get at least 1 % of the mean at that angle; the RMS is over all texels.".into();
+            "Against the full convolution. Errors are relative, over texels that get at least 1 % of the mean at that \
+             angle; the RMS is over all texels."
+                .into();
         let angle = |a: usize| ["π/2", "π/4", "π/8"][a];
         out.columns = columns
             .iter()
-            .map(|(a, c)| if channels.len() > 1 { format!("{} {}", angle(*a), channel_word(c)) } else { angle(*a).into() })
+            .map(
+                |(a, c)| {
+                    if channels.len() > 1 { format!("{} {}", angle(*a), channel_word(c)) } else { angle(*a).into() }
+                },
+            )
             .collect();
     }
 }
@@ -213,18 +226,25 @@ pub fn trace_charts(fit: &FitReport) -> (Option<String>, Option<String>) {
     let truth = curves(times, |r| r.truth_error);
     let cost = curves(times, |r| Some(r.cost));
     let titles = |y: &'static str, about| Titles { x: "run time (s)", y, about };
-    (chart::log_log(&truth, titles("error to the truth", &about("Error"))), chart::log_log(&cost, titles("cost, ½ Σ r²", &about("Cost"))))
+    (
+        chart::log_log(&truth, titles("error to the truth", &about("Error"))),
+        chart::log_log(&cost, titles("cost, ½ Σ r²", &about("Cost"))),
+    )
 }
 
 /// A logarithmic axis has no zero: a first row at time zero stands where half of the first positive time would.
 fn curves(times: &TimesReport, pick: impl Fn(&mesophyll_solve::TraceRow) -> Option<f64>) -> Vec<Series> {
-    let first = |rows: &[mesophyll_solve::TraceRow]| rows.iter().map(|r| r.elapsed_s).filter(|t| *t > 0.0).fold(f64::INFINITY, f64::min);
+    let first = |rows: &[mesophyll_solve::TraceRow]| {
+        rows.iter().map(|r| r.elapsed_s).filter(|t| *t > 0.0).fold(f64::INFINITY, f64::min)
+    };
     times
         .traces
         .iter()
         .map(|(name, rows)| {
             let earliest = first(rows) / 2.0;
-            let point = |r: &mesophyll_solve::TraceRow| Some((if r.elapsed_s > 0.0 { r.elapsed_s } else { earliest }, pick(r)?));
+            let point = |r: &mesophyll_solve::TraceRow| {
+                Some((if r.elapsed_s > 0.0 { r.elapsed_s } else { earliest }, pick(r)?))
+            };
             Series { name: words(name), points: rows.iter().filter_map(point).collect() }
         })
         .collect()
@@ -245,7 +265,11 @@ pub fn phase_lines(times: &TimesReport) -> Vec<PhaseLine> {
     times
         .phases
         .iter()
-        .map(|p| PhaseLine { name: words(&p.name), time: crate::number::duration(p.seconds), share: 100.0 * p.seconds / total })
+        .map(|p| PhaseLine {
+            name: words(&p.name),
+            time: crate::number::duration(p.seconds),
+            share: 100.0 * p.seconds / total,
+        })
         .collect()
 }
 
@@ -291,7 +315,10 @@ mod tests {
         all.extend([("basis_rms_half_G".to_string(), 0.25), ("mean_free_path_mm".to_string(), 0.5)]);
         let f = figures(&all);
         assert_eq!(f.columns, ["π/2", "π/4", "π/8"]);
-        assert_eq!(f.table[0], ("95 % of the texels within".to_string(), ["1.0 %", "2.0 %", "3.0 %"].map(String::from).to_vec()));
+        assert_eq!(
+            f.table[0],
+            ("95 % of the texels within".to_string(), ["1.0 %", "2.0 %", "3.0 %"].map(String::from).to_vec())
+        );
         assert_eq!(f.table[1].1, ["—", "25.0 %", "—"]);
         assert_eq!((f.single.len(), f.single[0].value.as_str(), f.unnamed), (1, "0.5 mm", 0));
         all.insert("basis_p95_steep_R".into(), 0.5);

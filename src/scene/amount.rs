@@ -1,4 +1,5 @@
-//! How much is enough: rows of error against cost, measured here and now, and the cheapest row that the scene's tolerance allows.
+//! How much is enough: rows of error against cost, measured here and now, and the cheapest row that the scene's
+//! tolerance allows.
 
 use super::ledger::Ledger;
 use mesophyll_optics::slab;
@@ -33,9 +34,17 @@ const FINEST: usize = 1024;
 
 /// Samples the slab between `min` and `max` mm until linear interpolation is within `allowed` (relative) of it.
 ///
-/// The error is measured at the midpoints of every interval, where a smooth curve is farthest from its chords; the midpoints become
-/// the next refinement's points, so nothing is solved twice.
-pub fn curve(sigma_a: [f64; 3], sigma_s: [f64; 3], min: f64, max: f64, allowed: f64, what: &str, ledger: &Ledger) -> Curve {
+/// The error is measured at the midpoints of every interval, where a smooth curve is farthest from its chords; the
+/// midpoints become the next refinement's points, so nothing is solved twice.
+pub fn curve(
+    sigma_a: [f64; 3],
+    sigma_s: [f64; 3],
+    min: f64,
+    max: f64,
+    allowed: f64,
+    what: &str,
+    ledger: &Ledger,
+) -> Curve {
     ledger.note("curve", what, 0, || {
         let start = Instant::now();
         let (min, max) = if max > min { (min, max) } else { (min * (1.0 - 1e-3), min * (1.0 + 1e-3)) };
@@ -59,7 +68,12 @@ pub fn curve(sigma_a: [f64; 3], sigma_s: [f64; 3], min: f64, max: f64, allowed: 
                     }
                 }
             }
-            rows.push(Row { setting: points.len(), error, ms: start.elapsed().as_secs_f64() * 1e3, bytes: points.len() as u64 * 32 });
+            rows.push(Row {
+                setting: points.len(),
+                error,
+                ms: start.elapsed().as_secs_f64() * 1e3,
+                bytes: points.len() as u64 * 32,
+            });
             if error <= allowed || intervals >= FINEST {
                 let (rho_d, rho_t) = points.iter().map(|p| (p[0], p[1])).unzip();
                 return Curve { min, max, rho_d, rho_t, rows };
@@ -87,10 +101,18 @@ impl Curve {
     }
 }
 
-/// Displayed error of a map that is uploaded averaged over blocks of 1, 2, 4 … texels: sampled once a pixel through its mips (trilinear,
-/// as the renderer does) against its mean over the pixel. `value` holds the displayed map; a pixel covers `footprint` texels a side. The
-/// error is the 99th percentile over pixels. Rows run from the finest (dearest) to the coarsest.
-pub fn map_levels(value: &[f32], width: usize, height: usize, good: impl Fn(usize) -> bool, footprint: f64, texel_bytes: u64) -> Vec<Row> {
+/// Displayed error of a map that is uploaded averaged over blocks of 1, 2, 4 … texels: sampled once a pixel through its
+/// mips (trilinear, as the renderer does) against its mean over the pixel. `value` holds the displayed map; a pixel
+/// covers `footprint` texels a side. The error is the 99th percentile over pixels. Rows run from the finest (dearest)
+/// to the coarsest.
+pub fn map_levels(
+    value: &[f32],
+    width: usize,
+    height: usize,
+    good: impl Fn(usize) -> bool,
+    footprint: f64,
+    texel_bytes: u64,
+) -> Vec<Row> {
     let mut levels = vec![Level { width, height, value: value.to_vec() }];
     while let Some(last) = levels.last()
         && last.width >= 8
@@ -125,7 +147,12 @@ pub fn map_levels(value: &[f32], width: usize, height: usize, good: impl Fn(usiz
         }
         // A third more for the mips.
         let bytes = (levels[base].width * levels[base].height) as u64 * texel_bytes * 4 / 3;
-        rows.push(Row { setting: 1 << base, error: percentile(&mut errors, 0.99), ms: start.elapsed().as_secs_f64() * 1e3, bytes });
+        rows.push(Row {
+            setting: 1 << base,
+            error: percentile(&mut errors, 0.99),
+            ms: start.elapsed().as_secs_f64() * 1e3,
+            bytes,
+        });
     }
     rows
 }
@@ -151,12 +178,18 @@ impl Level {
         let (x, y) = (x - 0.5, y - 0.5);
         let (i, j) = (x.floor() as isize, y.floor() as isize);
         let (fx, fy) = (x - x.floor(), y - y.floor());
-        (pick(i, j) * (1.0 - fx) + pick(i + 1, j) * fx) * (1.0 - fy) + (pick(i, j + 1) * (1.0 - fx) + pick(i + 1, j + 1) * fx) * fy
+        (pick(i, j) * (1.0 - fx) + pick(i + 1, j) * fx) * (1.0 - fy)
+            + (pick(i, j + 1) * (1.0 - fx) + pick(i + 1, j + 1) * fx) * fy
     }
 }
 
 /// Blocks of two by two joined; an odd last row or column pairs with itself.
-pub fn halve<T: Copy>(value: &[T], width: usize, height: usize, join: impl Fn(T, T, T, T) -> T) -> (usize, usize, Vec<T>) {
+pub fn halve<T: Copy>(
+    value: &[T],
+    width: usize,
+    height: usize,
+    join: impl Fn(T, T, T, T) -> T,
+) -> (usize, usize, Vec<T>) {
     let (w, h) = (width.div_ceil(2), height.div_ceil(2));
     let pick = |i: usize, j: usize| value[j.min(height - 1) * width + i.min(width - 1)];
     let out = (0..w * h)
@@ -194,8 +227,8 @@ fn percentile(values: &mut [f64], share: f64) -> f64 {
     values[((values.len() - 1) as f64 * share).round() as usize]
 }
 
-/// Error of `n` hard shadows spread over the sun's disk against the disk itself, root mean square over a straight edge's penumbra, times
-/// the displayed `contrast` of sun and shade and the root of the picture's `share` in penumbra.
+/// Error of `n` hard shadows spread over the sun's disk against the disk itself, root mean square over a straight
+/// edge's penumbra, times the displayed `contrast` of sun and shade and the root of the picture's `share` in penumbra.
 pub fn shadow_samples(contrast: f64, share: f64, map_bytes: u64) -> Vec<Row> {
     [1usize, 4, 8, 16, 32, 64]
         .into_iter()
@@ -220,7 +253,12 @@ pub fn shadow_samples(contrast: f64, share: f64, map_bytes: u64) -> Vec<Row> {
                 }
             }
             let rms = (sum / f64::from(count)).sqrt();
-            Row { setting: n, error: rms * contrast * share.sqrt(), ms: start.elapsed().as_secs_f64() * 1e3, bytes: n as u64 * map_bytes }
+            Row {
+                setting: n,
+                error: rms * contrast * share.sqrt(),
+                ms: start.elapsed().as_secs_f64() * 1e3,
+                bytes: n as u64 * map_bytes,
+            }
         })
         .collect()
 }
@@ -250,7 +288,10 @@ mod tests {
                 let (rd, rt) = c.at(h);
                 for ch in 0..3 {
                     let r = slab::response(sa[ch], ss[ch], h);
-                    assert!((rd[ch] / r.rho_d - 1.0).abs() <= 1.05 * allowed && (rt[ch] / r.rho_t - 1.0).abs() <= 1.05 * allowed);
+                    assert!(
+                        (rd[ch] / r.rho_d - 1.0).abs() <= 1.05 * allowed
+                            && (rt[ch] / r.rho_t - 1.0).abs() <= 1.05 * allowed
+                    );
                 }
             }
         }
@@ -266,7 +307,10 @@ mod tests {
         let far = map_levels(&value, w, h, |_| true, 8.0, 16);
         assert_eq!(far.iter().map(|r| r.setting).collect::<Vec<_>>(), [1, 2, 4, 8, 16]);
         // Mips coarser than the pixel lose detail, finer ones are never looked at.
-        assert!(far[..4].iter().all(|r| (r.error - far[0].error).abs() < 1e-6) && far[4].error > 1.5 * far[0].error, "{far:?}");
+        assert!(
+            far[..4].iter().all(|r| (r.error - far[0].error).abs() < 1e-6) && far[4].error > 1.5 * far[0].error,
+            "{far:?}"
+        );
         let uniform = map_levels(&vec![0.4; w * h], w, h, |_| true, 8.0, 16);
         assert!(uniform.iter().all(|r| r.error < 1e-6));
     }
@@ -274,7 +318,8 @@ mod tests {
     #[test]
     fn more_shadow_samples_are_nearer_to_the_disk() {
         let rows = shadow_samples(1.0, 1.0, 1);
-        // One hard shadow through the centre: the mean of the disk's squared hidden share over half the penumbra, .068 by Simpson's rule.
+        // One hard shadow through the centre: the mean of the disk's squared hidden share over half the penumbra, .068
+        // by Simpson's rule.
         assert!((rows[0].error - 0.068f64.sqrt()).abs() < 0.01, "{rows:?}");
         assert!(rows.windows(2).all(|w| w[1].error < w[0].error));
         assert_eq!(cheapest(&rows, 1.0).map(|r| r.setting), Some(1));

@@ -1,8 +1,10 @@
-//! Branches of a scene: what the manifest or a fit says of them, their frames and meshes at rest, and how they bend at a time. All in f64; the
-//! reference renderer draws from here, the GPU renderer gets the same numbers and bends in its own shader.
+//! Branches of a scene: what the manifest or a fit says of them, their frames and meshes at rest, and how they bend at
+//! a time. All in f64; the reference renderer draws from here, the GPU renderer gets the same numbers and bends in its
+//! own shader.
 //!
-//! A branch's deflection is that of a tapered beam under an even load ([`mesophyll_plant`]): its weight, towards the ground, its mean wind along the
-//! wind, and gusts from one motion texture for all branches, each on a line of its own. Lengths in mm, amplitudes in units of a branch's length.
+//! A branch's deflection is that of a tapered beam under an even load ([`mesophyll_plant`]): its weight, towards the
+//! ground, its mean wind along the wind, and gusts from one motion texture for all branches, each on a line of its own.
+//! Lengths in mm, amplitudes in units of a branch's length.
 
 use super::ledger::Ledger;
 use super::manifest::{self, Manifest};
@@ -71,12 +73,18 @@ fn fitted(manifest: &Manifest, b: &manifest::Branch, folder: &std::path::Path, l
     let place = folder.join("fit.toml");
     let Some(section) = record.sections.get(&name) else {
         let known: Vec<&str> = record.sections.keys().filter_map(|k| k.strip_prefix("branch ")).collect();
-        let what = format!("found no branch \"{measured}\", expected one of {} ({})", known.join(", "), manifest.path.display());
+        let what = format!(
+            "found no branch \"{measured}\", expected one of {} ({})",
+            known.join(", "),
+            manifest.path.display()
+        );
         return Err(Error::field(&place, &name, what));
     };
     let one = |key: &str| match section.params.get(key) {
         Some(p) if p.undetermined.is_empty() && p.value.first().is_some_and(|v| v.is_finite()) => Ok(p.value[0]),
-        Some(p) if !p.undetermined.is_empty() => Err(Error::field(&place, &format!("{name}, {key}"), p.undetermined.join("; "))),
+        Some(p) if !p.undetermined.is_empty() => {
+            Err(Error::field(&place, &format!("{name}, {key}"), p.undetermined.join("; ")))
+        }
         _ => Err(Error::field(&place, &format!("{name}, {key}"), "missing, expected a fitted number")),
     };
     Ok((one("alpha")?, one("load_over_stiffness")?))
@@ -134,7 +142,9 @@ impl Bends {
         if ledger.count("fit", "beam") == 0 {
             ledger.note("fit", "beam", 0, basis::smooth);
         }
-        let wrong = |k: usize, what: String| Error::field(&manifest.path, &format!("branch \"{}\"", manifest.branches[k].name), what);
+        let wrong = |k: usize, what: String| {
+            Error::field(&manifest.path, &format!("branch \"{}\"", manifest.branches[k].name), what)
+        };
         let sways: Vec<Option<Sway>> = manifest.branches.iter().map(|b| sway(manifest, b)).collect();
         let lead = sways.iter().flatten().next().copied();
         let seed = manifest.wind.as_ref().map_or(0, |w| w.seed);
@@ -143,7 +153,13 @@ impl Bends {
             Some(sway) => {
                 let make = || Motion::new(|f| sway.spectrum(f), sway.highest(), MOTION_SIDE, seed, Method::Directed);
                 let made = ledger.note("make", "motion texture", (MOTION_SIDE * MOTION_SIDE * 8) as u64, make);
-                let missing = || Error::field(&manifest.path, "wind", "the branches' sway has no spectrum that is positive and finite");
+                let missing = || {
+                    Error::field(
+                        &manifest.path,
+                        "wind",
+                        "the branches' sway has no spectrum that is positive and finite",
+                    )
+                };
                 Some(made.ok_or_else(missing)?)
             }
         };
@@ -160,14 +176,19 @@ impl Bends {
                 let lean = sway.steady(wind_direction(manifest).to_array(), r, s);
                 still = [0, 1].map(|c| still[c] + lean[c] / whole);
                 gain = (variance(sway) / variance(lead)).sqrt() / whole;
-                line = Some(motion.trajectory(seed.wrapping_add(1 + k as u64), sway.oscillator.resonance / lead.oscillator.resonance));
+                line = Some(motion.trajectory(
+                    seed.wrapping_add(1 + k as u64),
+                    sway.oscillator.resonance / lead.oscillator.resonance,
+                ));
             }
             let gusts = sway.as_ref().map_or(0.0, |s| STRONGEST * variance(s).sqrt());
             let tip = whole * still[0].hypot(still[1]);
             if (tip + gusts).is_nan() || tip + gusts > 1.0 {
                 return Err(wrong(
                     k,
-                    format!("its tip goes by {tip:.2} of its length and {gusts:.2} more in gusts, expected at most 1 in all"),
+                    format!(
+                        "its tip goes by {tip:.2} of its length and {gusts:.2} more in gusts, expected at most 1 in all"
+                    ),
                 ));
             }
             branches.push(Bending { rest, still, gain, line });
@@ -287,7 +308,11 @@ mod tests {
     use super::*;
 
     fn twig() -> Twig {
-        let b = manifest::Branch { direction: [1.0, 0.4, 0.3], position_mm: [3.0, -2.0, 1.0], ..manifest::Branch::default() };
+        let b = manifest::Branch {
+            direction: [1.0, 0.4, 0.3],
+            position_mm: [3.0, -2.0, 1.0],
+            ..manifest::Branch::default()
+        };
         let (root, axes) = frame(&b);
         Twig { root, axes, length: 150.0, radius: 2.0, taper: 0.3, load: 10.0, bark: [0.1; 3] }
     }
@@ -319,7 +344,8 @@ mod tests {
         }
         let (big, small) = (2.0f64, 0.6f64);
         let pi = std::f64::consts::PI;
-        let exact = pi / 3.0 * 150.0 * (big * big + big * small + small * small) + 2.0 / 3.0 * pi * (big.powi(3) + small.powi(3));
+        let exact = pi / 3.0 * 150.0 * (big * big + big * small + small * small)
+            + 2.0 / 3.0 * pi * (big.powi(3) + small.powi(3));
         // Sixteen chords instead of a circle take 2.6 % of its area.
         assert!((volume / exact - 0.974).abs() < 0.004, "{volume} {exact}");
         assert!(worst > 2.5, "{worst}");

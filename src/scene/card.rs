@@ -1,5 +1,5 @@
-//! Cards: a flat patch with one leaf's mean parameters, lit as the scene is. Its radiance is known in closed form, so that both renderers
-//! can be judged by something that neither of them computed.
+//! Cards: a flat patch with one leaf's mean parameters, lit as the scene is. Its radiance is known in closed form, so
+//! that both renderers can be judged by something that neither of them computed.
 
 use super::fitted::Fitted;
 use super::ledger::Ledger;
@@ -54,13 +54,18 @@ impl Card {
         let name = view.leaf.as_deref().unwrap_or_default();
         let leaf = plan.leaves.iter().find(|l| manifest.leaves[l.index].name == name);
         let Some((leaf, fitted)) = leaf.and_then(|l| l.fitted.as_ref().map(|f| (l, f))) else {
-            return Err(Error::field(&manifest.path, &format!("leaf \"{name}\""), "not fitted yet; `mesophyll run` fits it"));
+            return Err(Error::field(
+                &manifest.path,
+                &format!("leaf \"{name}\""),
+                "not fitted yet; `mesophyll run` fits it",
+            ));
         };
         let mut sides = [None, None];
         for (s, side) in SIDES.into_iter().enumerate().filter(|(_, side)| fitted.has(*side)) {
             sides[s] = Some(patch(fitted, side, ledger)?);
         }
-        let (eye, target) = (DVec3::from(view.eye_mm.unwrap_or_default()), DVec3::from(view.target_mm.unwrap_or_default()));
+        let (eye, target) =
+            (DVec3::from(view.eye_mm.unwrap_or_default()), DVec3::from(view.target_mm.unwrap_or_default()));
         let turn = placement::rotation(view.rotation_deg.unwrap_or_default());
         // Large enough to fill the picture at the angle it is seen at.
         let slant = (turn * DVec3::Z).dot((eye - target).normalize()).abs().max(0.05);
@@ -78,14 +83,24 @@ impl Card {
     ///
     /// # Errors
     /// [`Error::Input`] when the card is seen from a side that the fit does not have.
-    pub fn closed_form(&self, manifest: &Manifest, view: &View, size: (usize, usize), pixels: &[(usize, usize)]) -> Result<Vec<[f64; 3]>> {
+    pub fn closed_form(
+        &self,
+        manifest: &Manifest,
+        view: &View,
+        size: (usize, usize),
+        pixels: &[(usize, usize)],
+    ) -> Result<Vec<[f64; 3]>> {
         let config = &manifest.leaves[self.leaf];
         let normal = self.transform.transform_vector3(DVec3::Z).normalize();
         let towards = DVec3::from(view.eye_mm.unwrap_or_default()) - self.transform.transform_point3(DVec3::ZERO);
         let front = normal.dot(towards) >= 0.0;
         let (seen, far) = if front { (0, 1) } else { (1, 0) };
         let side = self.sides[seen].as_ref().ok_or_else(|| {
-            Error::field(&manifest.path, &format!("view \"{}\"", view.name), "it shows a side of the leaf that the fit does not have")
+            Error::field(
+                &manifest.path,
+                &format!("view \"{}\"", view.name),
+                "it shows a side of the leaf that the fit does not have",
+            )
         })?;
         let card = closed_form::Card {
             rho_d: side.rho_d,
@@ -102,7 +117,8 @@ impl Card {
             return pixels.iter().map(|&pixel| card.pixel(&camera, size, pixel, sun, sky)).collect();
         };
         let radiance = |d: DVec3| (dome.radiance)(d);
-        let (near, beyond) = (closed_form::irradiance(&radiance, card.normal), closed_form::irradiance(&radiance, -card.normal));
+        let (near, beyond) =
+            (closed_form::irradiance(&radiance, card.normal), closed_form::irradiance(&radiance, -card.normal));
         let lens = transport::render::Lens::new(&camera, size.0, size.1)?;
         Ok(pixels
             .par_iter()
@@ -118,13 +134,19 @@ impl Card {
 /// Means over the good texels of `{side}.exr`.
 fn patch(fitted: &Fitted, side: SideName, ledger: &Ledger) -> Result<Patch> {
     let file = format!("{}.exr", side.name());
-    const CHANNELS: [&str; 9] = ["mask.Y", "gamma.R", "gamma.G", "gamma.B", "thickness.Y", "rho_s.R", "rho_s.G", "rho_s.B", "m.Y"];
+    const CHANNELS: [&str; 9] =
+        ["mask.Y", "gamma.R", "gamma.G", "gamma.B", "thickness.Y", "rho_s.R", "rho_s.G", "rho_s.B", "m.Y"];
     let maps = fitted.maps(&file, &CHANNELS, ledger)?;
     let planes: Vec<&[f32]> = maps.channels.iter().map(|(_, p)| p.as_slice()).collect();
-    let good: Vec<usize> =
-        (0..maps.width * maps.height).filter(|&k| planes[0][k] > 0.0 && planes.iter().all(|p| p[k].is_finite())).collect();
+    let good: Vec<usize> = (0..maps.width * maps.height)
+        .filter(|&k| planes[0][k] > 0.0 && planes.iter().all(|p| p[k].is_finite()))
+        .collect();
     if good.is_empty() {
-        return Err(Error::field(&fitted.folder.join(&file), "mask.Y", "found no good texel, expected some on the leaf"));
+        return Err(Error::field(
+            &fitted.folder.join(&file),
+            "mask.Y",
+            "found no good texel, expected some on the leaf",
+        ));
     }
     let mean = |c: usize| good.iter().map(|&k| f64::from(planes[c][k])).sum::<f64>() / good.len() as f64;
     let (sigma_a, sigma_s) = (fitted.rgb(side, "sigma_a")?, fitted.rgb(side, "sigma_s")?);
@@ -159,7 +181,11 @@ pub fn world(manifest: &Manifest, card: &Card) -> Result<transport::World> {
                     Arc::new(move |h| curve.at(h))
                 },
             },
-            gloss: p.rho_s.iter().any(|v| *v > 0.0).then(|| transport::Gloss { rho_s: p.rho_s.map(texel), m: texel(p.m) }),
+            gloss: p
+                .rho_s
+                .iter()
+                .any(|v| *v > 0.0)
+                .then(|| transport::Gloss { rho_s: p.rho_s.map(texel), m: texel(p.m) }),
             normal: None,
         },
     };

@@ -1,9 +1,9 @@
-//! The check: every view of a scene drawn by the GPU renderer, judged against the CPU reference (a card: against its closed form), against
-//! golden pictures where the scene has them, and against the thresholds that the scene states. A check of the goldens alone needs no reference
-//! and takes seconds.
+//! The check: every view of a scene drawn by the GPU renderer, judged against the CPU reference (a card: against its
+//! closed form), against golden pictures where the scene has them, and against the thresholds that the scene states. A
+//! check of the goldens alone needs no reference and takes seconds.
 //!
-//! Errors are of displayed values, 0 to 1. The noise of the reference is measured against a second seed and printed beside each threshold.
-//! Frame times are judged on real GPUs only.
+//! Errors are of displayed values, 0 to 1. The noise of the reference is measured against a second seed and printed
+//! beside each threshold. Frame times are judged on real GPUs only.
 
 mod capture;
 mod card;
@@ -55,12 +55,16 @@ pub fn told(e: gpu::Error) -> Error {
 /// Checks every view.
 ///
 /// # Errors
-/// [`Error::Missed`] without an adapter; [`Error::Input`] for a leaf that is not fitted or a damaged file. A missed threshold is no error
-/// here: see [`Report::passed`].
+/// [`Error::Missed`] without an adapter; [`Error::Input`] for a leaf that is not fitted or a damaged file. A missed
+/// threshold is no error here: see [`Report::passed`].
 pub fn check(manifest: &Manifest, plan: &Plan, options: &Options, ledger: &Ledger) -> Result<Report> {
     if let Some(missing) = plan.unfitted().first() {
         let name = &manifest.leaves[*missing].name;
-        return Err(Error::field(&manifest.path, &format!("leaf \"{name}\""), "not fitted yet; `mesophyll run` fits what a scene needs"));
+        return Err(Error::field(
+            &manifest.path,
+            &format!("leaf \"{name}\""),
+            "not fitted yet; `mesophyll run` fits what a scene needs",
+        ));
     }
     atomic::probe_folder(&options.out)?;
     let mut renderer = open()?;
@@ -85,7 +89,8 @@ pub fn check(manifest: &Manifest, plan: &Plan, options: &Options, ledger: &Ledge
     } else {
         against_reference(manifest, plan, &mut renderer, options, ledger, &mut report)?;
     }
-    report.passed = report.failures.is_empty() && report.views.iter().all(|v| v.passed) && report.captures.iter().all(|c| c.passed);
+    report.passed =
+        report.failures.is_empty() && report.views.iter().all(|v| v.passed) && report.captures.iter().all(|c| c.passed);
     let path = options.out.join("check.json");
     atomic::write_bytes(&path, serde_json::to_string_pretty(&report.json(manifest)).unwrap_or_default().as_bytes())?;
     Ok(report)
@@ -129,7 +134,8 @@ fn against_reference(
             let by_maps = if stored { Some(transport::Renderer::new(&by_maps)?) } else { None };
             while let Some(view) = left.next_if(|v| plan.bends.is_none() || branch::time(manifest, v) == time) {
                 let _bar = progress::Bar::of(format!("view {}", view.name));
-                let stages = perspective::Stages { truth: &stage, by_maps: by_maps.as_ref(), true_leaf: as_grown.as_ref() };
+                let stages =
+                    perspective::Stages { truth: &stage, by_maps: by_maps.as_ref(), true_leaf: as_grown.as_ref() };
                 report.views.push(perspective::one_view(manifest, plan, view, renderer, &stages, options)?);
             }
         }

@@ -1,6 +1,8 @@
-//! The hours of a scene's day: the first perspective view under each of them, as one picture, from the fitted polynomials.
+//! The hours of a scene's day: the first perspective view under each of them, as one picture, from the fitted
+//! polynomials.
 //!
-//! The mosaic has four columns, in the order of the hours. With every hour goes how far its coefficients are from integrated ones.
+//! The mosaic has four columns, in the order of the hours. With every hour goes how far its coefficients are from
+//! integrated ones.
 
 use super::check::told;
 use super::daylight::{self, Daylight};
@@ -82,9 +84,11 @@ pub fn draw(
             let at = (top + y) * columns * tile_w + left;
             mosaic[at..at + tile_w].copy_from_slice(row);
         }
-        let (made, exact) = (daylight.light(plan.sky_bands, polynomials)?.harmonics, daylight.light(plan.sky_bands, None)?.harmonics);
+        let (made, exact) =
+            (daylight.light(plan.sky_bands, polynomials)?.harmonics, daylight.light(plan.sky_bands, None)?.harmonics);
         let c00 = exact.get(0, 0);
-        let error = made.distance(&exact).iter().zip(c00).map(|(d, c)| d / c.abs().max(f64::MIN_POSITIVE)).fold(0.0, f64::max);
+        let error =
+            made.distance(&exact).iter().zip(c00).map(|(d, c)| d / c.abs().max(f64::MIN_POSITIVE)).fold(0.0, f64::max);
         let (zenith_deg, azimuth_deg) = (zenith.to_degrees(), azimuth.to_degrees());
         hours.push(Hour { hour, zenith_deg, azimuth_deg, sun: daylight.sun, fit_error: error });
     }

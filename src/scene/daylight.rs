@@ -1,8 +1,9 @@
-//! The physical sky of a scene: Preetham's at a turbidity, turned to the sun's azimuth, in the scene's unit, with the sun's own light and
-//! what the ground sends back; as harmonics for the renderer and as the function itself for the reference.
+//! The physical sky of a scene: Preetham's at a turbidity, turned to the sun's azimuth, in the scene's unit, with the
+//! sun's own light and what the ground sends back; as harmonics for the renderer and as the function itself for the
+//! reference.
 //!
-//! Unit: `scale` scene units of radiance a kcd/m², which are as many scene units of irradiance a klx. A fixed sun's N² coefficients are
-//! integrated; a sun that moves takes them from the polynomial fit, which is made once and only then.
+//! Unit: `scale` scene units of radiance a kcd/m², which are as many scene units of irradiance a klx. A fixed sun's N²
+//! coefficients are integrated; a sun that moves takes them from the polynomial fit, which is made once and only then.
 
 use super::display::displayed;
 use super::ledger::Ledger;
@@ -44,7 +45,8 @@ pub fn sun_of(day: &Day, hour: f64) -> (f64, f64) {
     let (sin_d, cos_d) = day.declination_deg.to_radians().sin_cos();
     let (sin_l, cos_l) = day.latitude_deg.to_radians().sin_cos();
     let (sin_h, cos_h) = ((hour - 12.0) * 15.0).to_radians().sin_cos();
-    let (east, north, up) = (-cos_d * sin_h, cos_l * sin_d - sin_l * cos_d * cos_h, sin_l * sin_d + cos_l * cos_d * cos_h);
+    let (east, north, up) =
+        (-cos_d * sin_h, cos_l * sin_d - sin_l * cos_d * cos_h, sin_l * sin_d + cos_l * cos_d * cos_h);
     (up.clamp(-1.0, 1.0).acos(), north.atan2(east))
 }
 
@@ -75,7 +77,16 @@ impl Daylight {
         let stated = manifest.sun.as_ref().and_then(|s| s.irradiance);
         let level = irradiance::on_level_ground(&project::direct(&sky, 2)).map(|v| v * scale);
         let sun = stated.unwrap_or_else(|| sun::irradiance(zenith, turbidity).map(|v| v * scale));
-        Ok(Daylight { sky, turbidity, zenith: sky.sun_zenith(), azimuth, scale, sun, albedo: told.and_then(|s| s.ground_albedo), level })
+        Ok(Daylight {
+            sky,
+            turbidity,
+            zenith: sky.sun_zenith(),
+            azimuth,
+            scale,
+            sun,
+            albedo: told.and_then(|s| s.ground_albedo),
+            level,
+        })
     }
 
     /// The sun's on level ground.
@@ -110,7 +121,8 @@ impl Daylight {
         let sun = self.sun_on_ground().map(|v| v / self.scale);
         let level = irradiance::on_level_ground(&sky);
         let ground = self.albedo.map(|a| [0, 1, 2].map(|c| self.scale * a[c] * (level[c] + sun[c]) / PI));
-        let mut whole = self.albedo.map_or_else(|| sky.clone(), |a| irradiance::add_ground(&sky, a, sun)).truncated(bands);
+        let mut whole =
+            self.albedo.map_or_else(|| sky.clone(), |a| irradiance::add_ground(&sky, a, sun)).truncated(bands);
         whole.values_mut().iter_mut().for_each(|v| *v = v.map(|x| self.scale * x));
         Ok(Light { harmonics: harmonics::rotate_z(&whole, self.azimuth), ground })
     }
@@ -120,8 +132,8 @@ impl Daylight {
         (self.sky.turbid().perez(), self.sky.prefactors().map(|v| v * self.scale))
     }
 
-    /// What cutting off at each number of bands costs a matte leaf that reflects a tenth: the largest error of a displayed value over
-    /// normals all around, against an integration of the sky itself.
+    /// What cutting off at each number of bands costs a matte leaf that reflects a tenth: the largest error of a
+    /// displayed value over normals all around, against an integration of the sky itself.
     pub fn truncation(&self, bands: &[usize], exposure: f64) -> Result<Vec<f64>> {
         let mut nodes: Vec<(DVec3, [f64; 3])> = Vec::new();
         for (sign, rings, spokes) in [(1.0, 40, 96), (-1.0, 20, 48)] {
@@ -166,7 +178,8 @@ impl Daylight {
     }
 }
 
-/// The polynomials of a scene whose sun moves: fitted at the first call, noted once; `None` for every other scene, which runs no fit.
+/// The polynomials of a scene whose sun moves: fitted at the first call, noted once; `None` for every other scene,
+/// which runs no fit.
 ///
 /// # Errors
 /// [`Error::Missed`] where the fit fails.
@@ -186,9 +199,11 @@ mod tests {
 
     fn manifest(sky: &str) -> Manifest {
         let text = format!(
-            "schema = 1\nname = \"s\"\ntolerance = 0.004\n[[leaf]]\nname = \"elm\"\nfit = \"f\"\n[[instance]]\nleaf = \"elm\"\n\
+            "schema = 1\nname = \"s\"\ntolerance = 0.004\n[[leaf]]\nname = \"elm\"\nfit = \"f\"\n[[instance]]\nleaf \
+             = \"elm\"\n\
              [sun]\nzenith_deg = 50\nazimuth_deg = 70\n[sky]\nmodel = \"preetham\"\nturbidity = 3\n{sky}\n\
-             [[view]]\nname = \"a\"\nkind = \"perspective\"\neye_mm = [0, -10, 100]\ntarget_mm = [0, 0, 0]\nfov_deg = 30\nflip_p99 = 0.1\nmax_error = 0.1\n"
+             [[view]]\nname = \"a\"\nkind = \"perspective\"\neye_mm = [0, -10, 100]\ntarget_mm = [0, 0, 0]\nfov_deg = \
+             30\nflip_p99 = 0.1\nmax_error = 0.1\n"
         );
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("s.toml");

@@ -1,6 +1,7 @@
-//! Coarser triangulations of a blade for where it is seen from afar: a thinned outline, and inside it vertices by greedy insertion (Garland & Heckbert 1995,
-//! "Fast polygonal approximation of terrains and height fields") until what is left out is within a distance and an angle. Levels share the
-//! mesh's vertices, so that they cost an index list each and their normals are the mesh's own. Lengths in mm.
+//! Coarser triangulations of a blade for where it is seen from afar: a thinned outline, and inside it vertices by
+//! greedy insertion (Garland & Heckbert 1995, "Fast polygonal approximation of terrains and height fields") until what
+//! is left out is within a distance and an angle. Levels share the mesh's vertices, so that they cost an index list
+//! each and their normals are the mesh's own. Lengths in mm.
 
 use glam::{DVec2, DVec3};
 use mesophyll_files::mesh::LeafMesh;
@@ -16,8 +17,8 @@ pub struct Detail {
     pub error_mm: f64,
 }
 
-/// Distance over the blade's diameter and angle between normals that a level may leave out, finest first. Angles stay small: the maps' normals turn
-/// with the mesh's.
+/// Distance over the blade's diameter and angle between normals that a level may leave out, finest first. Angles stay
+/// small: the maps' normals turn with the mesh's.
 const LEVELS: [(f64, f64); 4] = [(0.001, 2.0), (0.003, 4.0), (0.01, 8.0), (0.03, 12.0)];
 /// A level with more than this share of the one before is not worth its indices.
 const WORTH: f64 = 0.7;
@@ -37,7 +38,8 @@ impl HasPosition for Vertex {
 
 type Mesh2 = ConstrainedDelaunayTriangulation<Vertex>;
 
-/// Levels of a blade, finest first, the mesh itself not among them; none where it is not a height field over its plane (a blade bent over, a twig).
+/// Levels of a blade, finest first, the mesh itself not among them; none where it is not a height field over its plane
+/// (a blade bent over, a twig).
 pub fn levels(mesh: &LeafMesh) -> Vec<Detail> {
     let mut out: Vec<Detail> = Vec::new();
     let Some(rings) = rings(mesh).filter(|r| !r.is_empty() && upright(mesh)) else { return out };
@@ -97,7 +99,8 @@ fn level(mesh: &LeafMesh, rings: &[Vec<u32>], distance: f64, angle: f64) -> Opti
         let places: Vec<[f64; 2]> = ring.iter().map(|k| flat(*k).to_array()).collect();
         // Kept points are the ring's own, bit for bit, and in its order.
         let mut rest = places.iter().enumerate();
-        let corners: Vec<usize> = simplify(&places, distance).iter().filter_map(|p| rest.find(|(_, q)| *q == p).map(|(i, _)| i)).collect();
+        let corners: Vec<usize> =
+            simplify(&places, distance).iter().filter_map(|p| rest.find(|(_, q)| *q == p).map(|(i, _)| i)).collect();
         if corners.len() < 3 {
             continue;
         }
@@ -152,8 +155,9 @@ fn level(mesh: &LeafMesh, rings: &[Vec<u32>], distance: f64, angle: f64) -> Opti
     (!indices.is_empty()).then_some(Detail { indices, error_mm })
 }
 
-/// Keeps `from` and what lies between it and `to` on the ring (positions that may run past its end) where the chord leaves the rim's height by more than
-/// `distance`; returns the largest such gap that is left, and at least what the outline itself was thinned by.
+/// Keeps `from` and what lies between it and `to` on the ring (positions that may run past its end) where the chord
+/// leaves the rim's height by more than `distance`; returns the largest such gap that is left, and at least what the
+/// outline itself was thinned by.
 fn along_rim(mesh: &LeafMesh, ring: &[u32], from: usize, to: usize, distance: f64, kept: &mut Vec<u32>) -> f64 {
     let at = |i: usize| mesh.positions[ring[i % ring.len()] as usize];
     let (a, b) = (at(from), at(to));
@@ -175,7 +179,8 @@ fn along_rim(mesh: &LeafMesh, ring: &[u32], from: usize, to: usize, distance: f6
     }
 }
 
-/// The triangle over which vertex `k` lies, how far it is above or below, and how far its normal is from the triangle's there (rad); `None` outside.
+/// The triangle over which vertex `k` lies, how far it is above or below, and how far its normal is from the triangle's
+/// there (rad); `None` outside.
 fn gap(mesh: &LeafMesh, cdt: &Mesh2, k: u32) -> Option<([u32; 3], f64, f64)> {
     use spade::PositionInTriangulation as At;
     let p = mesh.positions[k as usize];
@@ -190,7 +195,8 @@ fn gap(mesh: &LeafMesh, cdt: &Mesh2, k: u32) -> Option<([u32; 3], f64, f64)> {
     };
     let corners = face.vertices().map(|v| v.data().index);
     let weights = face.barycentric_interpolation(Point2::new(p.x, p.y));
-    let mix = |get: &dyn Fn(usize) -> DVec3| corners.iter().zip(weights).map(|(c, w)| w * get(*c as usize)).sum::<DVec3>();
+    let mix =
+        |get: &dyn Fn(usize) -> DVec3| corners.iter().zip(weights).map(|(c, w)| w * get(*c as usize)).sum::<DVec3>();
     let off = (mix(&|c| mesh.positions[c]).z - p.z).abs();
     let turn = mix(&|c| mesh.normals[c]).angle_between(mesh.normals[k as usize]);
     Some((corners, off, turn))
@@ -230,7 +236,14 @@ mod tests {
             for i in 0..n {
                 let c = at(i, j) + DVec2::splat(0.5);
                 if c.length() < 28.0 && c.distance(DVec2::new(8.0, 0.0)) > 5.0 {
-                    mesh.indices.extend([id(i, j), id(i + 1, j), id(i + 1, j + 1), id(i, j), id(i + 1, j + 1), id(i, j + 1)]);
+                    mesh.indices.extend([
+                        id(i, j),
+                        id(i + 1, j),
+                        id(i + 1, j + 1),
+                        id(i, j),
+                        id(i + 1, j + 1),
+                        id(i, j + 1),
+                    ]);
                 }
             }
         }
@@ -262,7 +275,11 @@ mod tests {
             before = level.indices.len();
             // A rim thinned by no more than the distance loses less than that times its length.
             let rim = std::f64::consts::TAU * (28.0 + 5.0) * 1.3;
-            assert!((area(&mesh, &level.indices) - full).abs() < rim * diameter * next.0 + 1e-9, "{}", area(&mesh, &level.indices) - full);
+            assert!(
+                (area(&mesh, &level.indices) - full).abs() < rim * diameter * next.0 + 1e-9,
+                "{}",
+                area(&mesh, &level.indices) - full
+            );
             assert!(level.error_mm <= 3.0 * diameter * next.0, "{} {}", level.error_mm, diameter * next.0);
             // Every facet faces the front, and no edge is used twice the same way.
             let mut edges = BTreeSet::new();

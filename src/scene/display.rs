@@ -1,4 +1,5 @@
-//! From radiance to the displayed value, as the plan needs it to weigh a shortcut: exposure, Reinhard x/(1 + x), sRGB encoding.
+//! From radiance to the displayed value, as the plan needs it to weigh a shortcut: exposure, Reinhard x/(1 + x), sRGB
+//! encoding.
 
 /// Displayed value (0 to 1) of a radiance at this exposure.
 pub fn displayed(radiance: f64, exposure: f64) -> f64 {

@@ -1,5 +1,5 @@
-//! What the window asks of the library: an edit of h, σa, σs or the gloss becomes a new slab (so that a thicker leaf really dims), a
-//! reference picture, a verdict, a saved fit, a texel's numbers.
+//! What the window asks of the library: an edit of h, σa, σs or the gloss becomes a new slab (so that a thicker leaf
+//! really dims), a reference picture, a verdict, a saved fit, a texel's numbers.
 
 use super::amount;
 use super::branch;
@@ -55,13 +55,14 @@ impl SceneEditor {
             if let Some(fitted) = &plan.leaves[index].fitted {
                 for (s, side) in SIDES.into_iter().enumerate().filter(|(_, side)| fitted.has(*side)) {
                     let path = fitted.folder.join(format!("{}.exr", side.name()));
-                    sides[s] = Some(
-                        ledger
-                            .note("read", fitted.entry(&format!("{}.exr", side.name())), 0, || mesophyll_files::image::read_exr(&path))?,
-                    );
+                    sides[s] = Some(ledger.note("read", fitted.entry(&format!("{}.exr", side.name())), 0, || {
+                        mesophyll_files::image::read_exr(&path)
+                    })?);
                     let edit = start.side_mut(s == 0);
-                    (edit.sigma_a, edit.sigma_s) =
-                        (fitted.rgb(side, "sigma_a")?.map(|v| v as f32), fitted.rgb(side, "sigma_s")?.map(|v| v as f32));
+                    (edit.sigma_a, edit.sigma_s) = (
+                        fitted.rgb(side, "sigma_a")?.map(|v| v as f32),
+                        fitted.rgb(side, "sigma_s")?.map(|v| v as f32),
+                    );
                     if manifest.leaves[index].interior == Interior::Maps
                         && let Some(maps) = &sides[s]
                     {
@@ -83,14 +84,24 @@ impl SceneEditor {
     fn side(&self, leaf: usize, s: usize, edit: &LeafEdit) -> Result<viewer::Interior> {
         let plan = self.leaf(leaf);
         let black = viewer::Interior::Scalars(viewer::SlabCurve::default());
-        let Some(fitted) = plan.fitted.as_ref().filter(|f| f.has(SIDES[s]) && plan.sides[s].interior()) else { return Ok(black) };
+        let Some(fitted) = plan.fitted.as_ref().filter(|f| f.has(SIDES[s]) && plan.sides[s].interior()) else {
+            return Ok(black);
+        };
         let of_side = edit.side(s == 0);
         match self.manifest.leaves[plan.index].interior {
             Interior::Scalars => {
                 let (low, high) = self.range(leaf, s, edit);
                 let (sigma_a, sigma_s) = (of_side.sigma_a.map(f64::from), of_side.sigma_s.map(f64::from));
                 let what = format!("{}/{} slab curve", fitted.name, SIDES[s].name());
-                Ok(viewer::Interior::Scalars(handover::slab_curve(&amount::curve(sigma_a, sigma_s, low, high, 1e-4, &what, &self.ledger))))
+                Ok(viewer::Interior::Scalars(handover::slab_curve(&amount::curve(
+                    sigma_a,
+                    sigma_s,
+                    low,
+                    high,
+                    1e-4,
+                    &what,
+                    &self.ledger,
+                ))))
             }
             Interior::Maps => {
                 let [rho_d, rho_t] = handover::pigment(plan, SIDES[s], &self.scaling(leaf, s, edit), &self.ledger)?;
@@ -104,7 +115,8 @@ impl SceneEditor {
         let h = f64::from(edit.thickness_mm);
         let none = Vec::new();
         let texels = self.leaf(leaf).textures[s].gamma_delta.as_ref().unwrap_or(&none);
-        let (low, high) = texels.iter().fold((h, h), |(a, b), t| (a.min(h + f64::from(t[3])), b.max(h + f64::from(t[3]))));
+        let (low, high) =
+            texels.iter().fold((h, h), |(a, b), t| (a.min(h + f64::from(t[3])), b.max(h + f64::from(t[3]))));
         // An edit may ask for less blade than a vein is thinner than the mean.
         (low.max(1e-3 * h), high)
     }
@@ -139,11 +151,13 @@ impl SceneEditor {
                         let more = edit.thickness_mm - self.starts[leaf].thickness_mm;
                         thickness.iter_mut().for_each(|v| *v += more);
                         let (low, high) = self.range(leaf, s, edit);
-                        let slab = Chebyshev::new(of_side.sigma_a.map(f64::from), of_side.sigma_s.map(f64::from), low, high);
+                        let slab =
+                            Chebyshev::new(of_side.sigma_a.map(f64::from), of_side.sigma_s.map(f64::from), low, high);
                         *curve = Arc::new(move |h| slab.at(h));
                     }
                     transport::Interior::Maps { rho_d, rho_t } if self.leaf(leaf).sides[s].interior() => {
-                        let [d, t] = handover::pigment(self.leaf(leaf), SIDES[s], &self.scaling(leaf, s, edit), &self.ledger)?;
+                        let [d, t] =
+                            handover::pigment(self.leaf(leaf), SIDES[s], &self.scaling(leaf, s, edit), &self.ledger)?;
                         *rho_d = [0, 1, 2].map(|c| d.iter().map(|v| v[c]).collect());
                         *rho_t = [0, 1, 2].map(|c| t.iter().map(|v| v[c]).collect());
                     }
@@ -180,7 +194,9 @@ impl SceneEditor {
             None => None,
         };
         (world.background, world.exposure) = (scene.background.map(f64::from), f64::from(scene.exposure));
-        let has = |leaf: usize, s: usize| scene.leaves.get(leaf).is_some_and(|l| [&l.front, &l.back][s].translucency.is_some());
+        let has = |leaf: usize, s: usize| {
+            scene.leaves.get(leaf).is_some_and(|l| [&l.front, &l.back][s].translucency.is_some())
+        };
         super::sunlit::relight_where(&mut world, &self.plan, &[eye], has)?;
         Ok(world)
     }
@@ -236,7 +252,10 @@ impl Editor for SceneEditor {
         let new = || -> Result<SkyUpdate> {
             let daylight = Daylight::at(&self.manifest, zenith, azimuth, f64::from(turbidity))?;
             let [low, high] = mesophyll_sky::preetham::TRUSTED;
-            let fitted = (low..=high).contains(&daylight.turbidity).then(|| daylight::polynomials(&self.plan, &self.ledger)).transpose()?;
+            let fitted = (low..=high)
+                .contains(&daylight.turbidity)
+                .then(|| daylight::polynomials(&self.plan, &self.ledger))
+                .transpose()?;
             let dome = handover::dome(&daylight, self.plan.sky_bands, fitted.flatten())?;
             Ok(SkyUpdate { dome, sun_irradiance: daylight.sun.map(|v| v as f32) })
         };
@@ -286,17 +305,24 @@ impl Editor for SceneEditor {
     }
 
     fn judge(&mut self, picture: &gpu::Picture, _: &ReferencePicture) -> Verdict {
-        let Some(reference) = &self.judged else { return Verdict { note: "no reference yet".into(), ..Verdict::default() } };
+        let Some(reference) = &self.judged else {
+            return Verdict { note: "no reference yet".into(), ..Verdict::default() };
+        };
         let seen = match compare::compare(reference, &picture.ldr) {
             Ok(seen) => seen,
             Err(e) => return Verdict { note: e.to_string(), ..Verdict::default() },
         };
         let view = self.manifest.views.iter().find(|v| v.kind == ViewKind::Perspective);
         let limit = |f: fn(&super::manifest::View) -> Option<f64>| view.and_then(f).unwrap_or(0.0);
-        let mut measures = vec![Measure { name: "FLIP, 99 %".into(), value: seen.flip_p99, threshold: limit(|v| v.flip_p99) }];
+        let mut measures =
+            vec![Measure { name: "FLIP, 99 %".into(), value: seen.flip_p99, threshold: limit(|v| v.flip_p99) }];
         let mut note = String::new();
         match seen.max_error {
-            Some(value) => measures.push(Measure { name: "largest error inside leaves".into(), value, threshold: limit(|v| v.max_error) }),
+            Some(value) => measures.push(Measure {
+                name: "largest error inside leaves".into(),
+                value,
+                threshold: limit(|v| v.max_error),
+            }),
             None => note = "no pixel lies wholly inside a leaf: the largest error was not measured".into(),
         }
         let passed = note.is_empty() && measures.iter().all(|m| m.value <= m.threshold);
@@ -315,15 +341,23 @@ impl Editor for SceneEditor {
         let mut rows = Vec::new();
         // Short numbers: the panel is narrow.
         let number = |v: f32| if v.is_finite() { format!("{v:.3}") } else { "undetermined".into() };
-        for (label, name) in
-            [("ρd", "rho_d"), ("ρt", "rho_t"), ("ρs", "rho_s"), ("σa /mm", "sigma_a"), ("σs /mm", "sigma_s"), ("γ", "gamma")]
-        {
-            let all: Vec<String> = ["R", "G", "B"].iter().filter_map(|c| one(&format!("{name}.{c}"))).map(number).collect();
+        for (label, name) in [
+            ("ρd", "rho_d"),
+            ("ρt", "rho_t"),
+            ("ρs", "rho_s"),
+            ("σa /mm", "sigma_a"),
+            ("σs /mm", "sigma_s"),
+            ("γ", "gamma"),
+        ] {
+            let all: Vec<String> =
+                ["R", "G", "B"].iter().filter_map(|c| one(&format!("{name}.{c}"))).map(number).collect();
             if !all.is_empty() {
                 rows.push((label.to_string(), all.join(" ")));
             }
         }
-        for (label, name, unit) in [("m", "m.Y", ""), ("thickness", "thickness.Y", " mm"), ("reduced χ²", "reduced_chi2.Y", "")] {
+        for (label, name, unit) in
+            [("m", "m.Y", ""), ("thickness", "thickness.Y", " mm"), ("reduced χ²", "reduced_chi2.Y", "")]
+        {
             if let Some(v) = one(name) {
                 rows.push((label.to_string(), format!("{}{unit}", number(v))));
             }

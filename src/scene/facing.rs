@@ -1,4 +1,5 @@
-//! Which sides of which leaves the cameras see and the sun lights, and whether anything can stand in its own or another's light.
+//! Which sides of which leaves the cameras see and the sun lights, and whether anything can stand in its own or
+//! another's light.
 //!
 //! Every answer errs on the side of "needed": a triangle of which some part may be edge-on counts for both sides.
 
@@ -27,8 +28,8 @@ impl Facing {
 
     /// Adds what `eyes` see of one placement; the sun is a direction and its disk's radius (rad).
     ///
-    /// Across a triangle the normal and the way to the eye are both linear, so that the cosines of all nine pairs of corners bound what any
-    /// point of it sees, and three those to the sun.
+    /// Across a triangle the normal and the way to the eye are both linear, so that the cosines of all nine pairs of
+    /// corners bound what any point of it sees, and three those to the sun.
     pub fn add(&mut self, mesh: &LeafMesh, placement: &Placement, eyes: &[DVec3], sun: Option<(DVec3, f64)>) {
         if self.is_full(sun.is_some()) {
             return;
@@ -36,7 +37,8 @@ impl Facing {
         let turn = DMat3::from_mat4(placement.transform).inverse().transpose();
         let positions: Vec<DVec3> = mesh.positions.iter().map(|p| placement.transform.transform_point3(*p)).collect();
         let normals: Vec<DVec3> = mesh.normals.iter().map(|n| (turn * *n).normalize_or_zero()).collect();
-        let sides = |cosines: &[f64], edge: f64| [cosines.iter().any(|c| *c > -edge), cosines.iter().any(|c| *c < edge)];
+        let sides =
+            |cosines: &[f64], edge: f64| [cosines.iter().any(|c| *c > -edge), cosines.iter().any(|c| *c < edge)];
         for t in 0..mesh.triangles() {
             let corner = mesh.triangle(t);
             let sunny = sun.map(|(l, radius)| sides(&corner.map(|k| normals[k].dot(l)), EDGE + radius.sin()));
@@ -64,10 +66,15 @@ impl Facing {
 
 /// Whether any leaf can stand in the light of another or in its own; the reason where none can.
 ///
-/// A leaf whose facets all face the light on one side (with the disk's radius to spare) and that covers no point twice as seen from
-/// the sun cannot shade itself. Two leaves cannot shade each other when the spheres around them, widened by the disk's spread, do not
-/// overlap as seen from the sun.
-pub fn shadows(meshes: &[Option<&LeafMesh>], placements: &[Placement], sun: DVec3, radius: f64) -> Result<(), &'static str> {
+/// A leaf whose facets all face the light on one side (with the disk's radius to spare) and that covers no point twice
+/// as seen from the sun cannot shade itself. Two leaves cannot shade each other when the spheres around them, widened
+/// by the disk's spread, do not overlap as seen from the sun.
+pub fn shadows(
+    meshes: &[Option<&LeafMesh>],
+    placements: &[Placement],
+    sun: DVec3,
+    radius: f64,
+) -> Result<(), &'static str> {
     let mut spheres = Vec::new();
     let bar = Bar::new("which leaves shade each other", placements.len() as u64);
     for placement in placements {
@@ -102,8 +109,12 @@ const RASTER: usize = 512;
 fn lit_once(mesh: &LeafMesh, placement: &Placement, sun: DVec3, radius: f64) -> bool {
     let across = sun.any_orthonormal_vector();
     let up = sun.cross(across);
-    let flat: Vec<DVec2> =
-        mesh.positions.iter().map(|p| placement.transform.transform_point3(*p)).map(|p| DVec2::new(p.dot(across), p.dot(up))).collect();
+    let flat: Vec<DVec2> = mesh
+        .positions
+        .iter()
+        .map(|p| placement.transform.transform_point3(*p))
+        .map(|p| DVec2::new(p.dot(across), p.dot(up)))
+        .collect();
     let turn = DMat3::from_mat4(placement.transform);
     let low = flat.iter().fold(DVec2::INFINITY, |a, p| a.min(*p));
     let high = flat.iter().fold(DVec2::NEG_INFINITY, |a, p| a.max(*p));
@@ -142,7 +153,11 @@ mod tests {
     use glam::DMat4;
 
     fn at(x: f64, z: f64, tilt: f64) -> Placement {
-        Placement { leaf: 0, transform: DMat4::from_translation(DVec3::new(x, 0.0, z)) * DMat4::from_rotation_y(tilt), ride: None }
+        Placement {
+            leaf: 0,
+            transform: DMat4::from_translation(DVec3::new(x, 0.0, z)) * DMat4::from_rotation_y(tilt),
+            ride: None,
+        }
     }
 
     #[test]
@@ -163,7 +178,8 @@ mod tests {
         assert_eq!(facing(None, 0.0).lit, [false; 2]);
     }
 
-    /// No corner of this triangle is seen from the back where the sun shines, but a point on its edge is: the corners' own answers do not do.
+    /// No corner of this triangle is seen from the back where the sun shines, but a point on its edge is: the corners'
+    /// own answers do not do.
     #[test]
     fn what_only_the_middle_of_a_triangle_shows_is_found() {
         let lean = |angle: f64| DVec3::new(angle.sin(), 0.0, angle.cos());
@@ -182,7 +198,8 @@ mod tests {
             let n = lean(-0.8) * (1.0 - w) + lean(0.8) * w;
             (n.dot(eye - DVec3::new(x, 0.0, 0.0)), n.dot(sun))
         };
-        let found = |both: &dyn Fn((f64, f64)) -> bool| (0..=400).map(|k| f64::from(k) / 10.0 - 20.0).any(|x| both(at(x)));
+        let found =
+            |both: &dyn Fn((f64, f64)) -> bool| (0..=400).map(|k| f64::from(k) / 10.0 - 20.0).any(|x| both(at(x)));
         let mut f = Facing::default();
         f.add(&mesh, &Placement { leaf: 0, transform: DMat4::IDENTITY, ride: None }, &[eye], Some((sun, 0.0)));
         let corners = [at(-20.0), at(20.0)];

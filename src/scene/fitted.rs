@@ -1,7 +1,8 @@
 //! A fit folder as the scene reads it: shared parameters from `fit.toml`, maps on demand, content hashes.
 //!
-//! σa and σs in 1/mm, thickness in mm. Every read goes through the ledger. Texels the fit could not determine (and those beside the
-//! blade) take the mean of their neighbours, ring by ring, so that filtering at the outline never mixes in what is not leaf.
+//! σa and σs in 1/mm, thickness in mm. Every read goes through the ledger. Texels the fit could not determine (and
+//! those beside the blade) take the mean of their neighbours, ring by ring, so that filtering at the outline never
+//! mixes in what is not leaf.
 
 use super::ledger::Ledger;
 use crate::{Error, Result};
@@ -33,7 +34,10 @@ impl Fitted {
     pub fn open_as(name: &str, folder: &Path, kind: &str) -> Result<Fitted> {
         let file = folder.join("fit.toml");
         if !file.is_file() {
-            return Err(Error::input(folder, format!("no fit of {kind} \"{name}\" here (no fit.toml); `mesophyll fit {kind}` writes one")));
+            return Err(Error::input(
+                folder,
+                format!("no fit of {kind} \"{name}\" here (no fit.toml); `mesophyll fit {kind}` writes one"),
+            ));
         }
         let record = FitRecord::read(folder)?;
         if record.kind != kind {
@@ -47,10 +51,9 @@ impl Fitted {
     }
 
     pub fn section(&self, side: SideName) -> Result<&Section> {
-        self.record
-            .sections
-            .get(side.name())
-            .ok_or_else(|| Error::field(&self.folder.join("fit.toml"), side.name(), "missing; the scene needs this side of the leaf"))
+        self.record.sections.get(side.name()).ok_or_else(|| {
+            Error::field(&self.folder.join("fit.toml"), side.name(), "missing; the scene needs this side of the leaf")
+        })
     }
 
     /// A shared parameter, one number a channel.
@@ -81,7 +84,8 @@ impl Fitted {
     /// Reads some channels of one of the folder's maps.
     pub fn maps(&self, file: &str, channels: &[&str], ledger: &Ledger) -> Result<Maps> {
         let path = self.folder.join(file);
-        ledger.note("read", self.entry(file), self.file_bytes(file), || image::read_exr_rows(&path, Some(channels), None))
+        ledger
+            .note("read", self.entry(file), self.file_bytes(file), || image::read_exr_rows(&path, Some(channels), None))
     }
 
     /// Size and channels of one of the folder's maps.
@@ -119,11 +123,18 @@ impl Fitted {
     }
 }
 
-/// Gives every texel where `good` does not hold the mean of its good neighbours, ring by ring outward, in every plane alike.
+/// Gives every texel where `good` does not hold the mean of its good neighbours, ring by ring outward, in every plane
+/// alike.
 ///
 /// # Errors
 /// [`Error::Input`] when no texel at all is good.
-pub fn fill(path: &Path, width: usize, height: usize, planes: &mut [Vec<f32>], good: impl Fn(usize) -> bool) -> Result<()> {
+pub fn fill(
+    path: &Path,
+    width: usize,
+    height: usize,
+    planes: &mut [Vec<f32>],
+    good: impl Fn(usize) -> bool,
+) -> Result<()> {
     let n = width * height;
     let mut ring = vec![u32::MAX; n];
     let mut frontier: Vec<usize> = (0..n).filter(|&k| good(k)).collect();

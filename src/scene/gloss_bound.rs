@@ -1,9 +1,11 @@
-//! An upper bound of what a side's gloss adds to any displayed value of a scene's views: what the plan must know before it leaves gloss out.
+//! An upper bound of what a side's gloss adds to any displayed value of a scene's views: what the plan must know before
+//! it leaves gloss out.
 //!
-//! The bound goes through the triangles of every placed leaf. Over one triangle the interpolated normal, the direction to the eye and the sun
-//! stray from their means by known angles, and the mapped normals stray from the interpolated one by their own tilt. Over such a cone the
-//! lobe has a closed upper bound ([`largest`]), which grows towards grazing views as the lobe itself does. Shadows are not looked at:
-//! a point in the shade shows less gloss than the bound says. Angles are in radians; radiance and irradiance are in the scene's unit.
+//! The bound goes through the triangles of every placed leaf. Over one triangle the interpolated normal, the direction
+//! to the eye and the sun stray from their means by known angles, and the mapped normals stray from the interpolated
+//! one by their own tilt. Over such a cone the lobe has a closed upper bound ([`largest`]), which grows towards grazing
+//! views as the lobe itself does. Shadows are not looked at: a point in the shade shows less gloss than the bound says.
+//! Angles are in radians; radiance and irradiance are in the scene's unit.
 
 use super::display::displayed;
 use glam::{DMat3, DMat4, DVec3};
@@ -25,17 +27,20 @@ pub struct Cone {
 
 /// The largest value of f_s/ρs · N·l (1/sr) within a cone, for slopes between the two of `m`.
 ///
-/// With v·h the cosine of half the angle between eye and sun, whatever the normal, f_s/ρs · N·l = D·F·G/(4 N·v) is at most D·F times the
-/// smallest of 1/(4 N·v), N·h/(2 v·h) and (N·h)(N·l)/(2 (v·h)(N·v)): the three branches of the V-cavity G.
+/// With v·h the cosine of half the angle between eye and sun, whatever the normal, f_s/ρs · N·l = D·F·G/(4 N·v) is at
+/// most D·F times the smallest of 1/(4 N·v), N·h/(2 v·h) and (N·h)(N·l)/(2 (v·h)(N·v)): the three branches of the
+/// V-cavity G.
 pub fn largest(lobe: Lobe, cone: &Cone, m: [f64; 2]) -> f64 {
     let apart = cone.view.angle_between(cone.sun);
     let slack = cone.view_by + cone.sun_by;
-    let (nearest, farthest) = ((0.5 * (apart - slack)).clamp(0.0, FRAC_PI_2), (0.5 * (apart + slack)).clamp(0.0, FRAC_PI_2));
+    let (nearest, farthest) =
+        ((0.5 * (apart - slack)).clamp(0.0, FRAC_PI_2), (0.5 * (apart + slack)).clamp(0.0, FRAC_PI_2));
     let v_h = farthest.cos().max(1e-9);
     // The middle of an arc moves by 1/(2 cos of half the arc) times what one of its ends moves by, at most.
     let half_by = slack / (2.0 * v_h);
     let half = (cone.view + cone.sun).normalize_or_zero();
-    let alpha = if half == DVec3::ZERO { 0.0 } else { (cone.normal.angle_between(half) - cone.normal_by - half_by).max(0.0) };
+    let alpha =
+        if half == DVec3::ZERO { 0.0 } else { (cone.normal.angle_between(half) - cone.normal_by - half_by).max(0.0) };
     if alpha >= FRAC_PI_2 {
         return 0.0;
     }
@@ -52,8 +57,8 @@ pub fn largest(lobe: Lobe, cone: &Cone, m: [f64; 2]) -> f64 {
 /// The largest D (1/sr) at tan²α of at least `tan2`, for slopes between the two of `m`.
 fn largest_density(lobe: Lobe, tan2: f64, m: [f64; 2]) -> f64 {
     let [low, high] = m.map(|m| m.max(M_FLOOR).powi(2));
-    // At a fixed angle D is largest at m² = tan²α for both densities; along that curve and at either end of the range of m, the
-    // largest value over the angle lies at one of these.
+    // At a fixed angle D is largest at m² = tan²α for both densities; along that curve and at either end of the range
+    // of m, the largest value over the angle lies at one of these.
     let candidates = [tan2, low, high, 2.0 * low - 1.0, 2.0 * high - 1.0];
     let at = |t: f64| lobe.distribution((1.0 / (1.0 + t)).sqrt(), t.clamp(low, high).sqrt());
     let most = candidates.into_iter().filter(|t| *t >= tan2).map(at).fold(0.0, f64::max);
@@ -138,8 +143,8 @@ impl Maps<'_> {
     }
 }
 
-/// The largest difference of a displayed value that one side's gloss makes over all placements and eyes. The search ends as soon as it has
-/// found more than `enough`.
+/// The largest difference of a displayed value that one side's gloss makes over all placements and eyes. The search
+/// ends as soon as it has found more than `enough`.
 ///
 /// `places` are the leaf's transforms, each with the eyes that see it so.
 pub fn most(
@@ -174,12 +179,22 @@ pub fn most(
                     if normal.angle_between(*sun) - normal_by - lights.radius >= FRAC_PI_2 {
                         continue;
                     }
-                    let cone = Cone { normal, view, sun: *sun, normal_by: normal_by + patch.tilt, view_by, sun_by: lights.radius };
+                    let cone = Cone {
+                        normal,
+                        view,
+                        sun: *sun,
+                        normal_by: normal_by + patch.tilt,
+                        view_by,
+                        sun_by: lights.radius,
+                    };
                     let lit = Lit {
                         irradiance: *irradiance,
                         // A point of the disk counts by one over its cosine to the centre.
                         shine: largest(lobe, &cone, patch.m) / lights.radius.cos(),
-                        cosine: (normal.angle_between(*sun) + cone.normal_by + lights.radius).min(FRAC_PI_2).cos().max(0.0),
+                        cosine: (normal.angle_between(*sun) + cone.normal_by + lights.radius)
+                            .min(FRAC_PI_2)
+                            .cos()
+                            .max(0.0),
                     };
                     most = lights.shown(patch, Some(lit), most);
                 }
@@ -213,15 +228,16 @@ const PARTS: u32 = 8;
 const STEEPEST: f64 = 12.92;
 
 impl Lights {
-    /// The larger of `most` and what gloss adds to a displayed value here. The displayed value is concave in radiance, so that the bound
-    /// takes the least light that the leaf surely scatters beneath the gloss.
+    /// The larger of `most` and what gloss adds to a displayed value here. The displayed value is concave in radiance,
+    /// so that the bound takes the least light that the leaf surely scatters beneath the gloss.
     fn shown(&self, patch: &Patch, lit: Option<Lit>, most: f64) -> f64 {
         let mut most = most;
         for c in 0..3 {
             // A lobe's directional albedo is at most 1.
             let (sky, under_sky) = (patch.rho_s[c] * self.sky[c], patch.rho_d[c] * self.even_sky[c]);
-            let (sun, under_sun) =
-                lit.map_or((0.0, 0.0), |l| (patch.rho_s[c] * l.irradiance[c] * l.shine, patch.rho_d[c] * l.irradiance[c] * l.cosine / PI));
+            let (sun, under_sun) = lit.map_or((0.0, 0.0), |l| {
+                (patch.rho_s[c] * l.irradiance[c] * l.shine, patch.rho_d[c] * l.irradiance[c] * l.cosine / PI)
+            });
             if STEEPEST * self.exposure * (sky + sun) <= most {
                 continue;
             }
@@ -241,7 +257,11 @@ mod tests {
     use proptest::prelude::*;
 
     fn lobes() -> impl Strategy<Value = Lobe> {
-        prop_oneof![Just(Lobe::Beckmann), Just(Lobe::Ggx), (1.05f64..4.0).prop_map(|index| Lobe::CookTorrance { index })]
+        prop_oneof![
+            Just(Lobe::Beckmann),
+            Just(Lobe::Ggx),
+            (1.05f64..4.0).prop_map(|index| Lobe::CookTorrance { index })
+        ]
     }
 
     /// A direction `angle` away from the unit vector `d`.
@@ -274,7 +294,8 @@ mod tests {
             }
         }
 
-        /// A cone of one direction and one slope: the bound is the lobe itself but for what G and D leave between their branches.
+        /// A cone of one direction and one slope: the bound is the lobe itself but for what G and D leave between their
+        /// branches.
         #[test]
         fn the_bound_of_a_single_direction_is_the_lobe(zenith_v in 0.0f64..1.5, zenith_l in 0.0f64..1.5, turn in 0.0f64..6.3, m in 0.05f64..0.7) {
             let (view, sun) = (away(DVec3::Z, zenith_v, 0.0), away(DVec3::Z, zenith_l, turn));
@@ -284,7 +305,8 @@ mod tests {
         }
     }
 
-    /// A rectangle with bumps, seen and lit from many places, against radiance that is evaluated directly at random points of it.
+    /// A rectangle with bumps, seen and lit from many places, against radiance that is evaluated directly at random
+    /// points of it.
     #[test]
     fn no_point_of_a_leaf_shows_more_gloss_than_the_bound() {
         use rand::{RngExt, SeedableRng};
@@ -293,17 +315,27 @@ mod tests {
         let size = [8, 6];
         let mut tightest = f64::INFINITY;
         for _ in 0..60 {
-            let gloss: Vec<[f32; 4]> =
-                (0..48).map(|_| [0, 1, 2, 3].map(|c| rng.random::<f32>() * if c == 3 { 0.5 } else { 0.01 } + 0.05)).collect();
+            let gloss: Vec<[f32; 4]> = (0..48)
+                .map(|_| [0, 1, 2, 3].map(|c| rng.random::<f32>() * if c == 3 { 0.5 } else { 0.01 } + 0.05))
+                .collect();
             let lean = 0.4 * rng.random::<f32>();
-            let normals: Vec<[f32; 3]> =
-                (0..48).map(|_| [lean * (rng.random::<f32>() - 0.5), lean * (rng.random::<f32>() - 0.5), 1.0]).collect();
+            let normals: Vec<[f32; 3]> = (0..48)
+                .map(|_| [lean * (rng.random::<f32>() - 0.5), lean * (rng.random::<f32>() - 0.5), 1.0])
+                .collect();
             let rho_d = vec![[0.05f32; 3]; 48];
             let maps = Maps { size, back: false, gloss: &gloss, normals: Some(&normals), rho_d: Some(&rho_d) };
             let eye = away(DVec3::Z, 1.5 * rng.random::<f64>(), 6.0 * rng.random::<f64>()) * 120.0;
             let sun = away(DVec3::Z, 1.5 * rng.random::<f64>(), 6.0 * rng.random::<f64>());
             let lights = Lights { suns: vec![(sun, [3.0; 3])], exposure: 2.0, ..Lights::default() };
-            let bound = most(Lobe::Beckmann, &mesh, false, &maps.patches(&mesh), &[(DMat4::IDENTITY, vec![eye])], &lights, f64::INFINITY);
+            let bound = most(
+                Lobe::Beckmann,
+                &mesh,
+                false,
+                &maps.patches(&mesh),
+                &[(DMat4::IDENTITY, vec![eye])],
+                &lights,
+                f64::INFINITY,
+            );
             let mut found = 0.0f64;
             for _ in 0..2000 {
                 let k = rng.random_range(0..48);

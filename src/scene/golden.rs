@@ -1,10 +1,12 @@
-//! Golden pictures: what the renderer drew of every view of a scene, small, committed beside the scene files. A check takes its truth from the fit,
-//! so that a fit which is wrong but consistent, and hashed anew, passes it; against its golden it draws another picture.
+//! Golden pictures: what the renderer drew of every view of a scene, small, committed beside the scene files. A check
+//! takes its truth from the fit, so that a fit which is wrong but consistent, and hashed anew, passes it; against its
+//! golden it draws another picture.
 //!
-//! The limits come from what two adapters may differ by, not from what a change of a fit does. On Mesa's software adapter Vulkan holds maps in 32 bits and
-//! OpenGL in 16, as many GPUs do; between the two the committed scenes differ by a mean FLIP of at most 4.0e-4, cards (one colour, which rounding may
-//! move by one step of 8 bits as a whole) by at most 3.4e-3; 1.3e-4 of the pixels (leaves of the tree) are more than [`STEPS`] off. The limits lie about twice as high. Eight bits are
-//! enough: a mean over thousands of pixels resolves far less than one step of one pixel.
+//! The limits come from what two adapters may differ by, not from what a change of a fit does. On Mesa's software
+//! adapter Vulkan holds maps in 32 bits and OpenGL in 16, as many GPUs do; between the two the committed scenes differ
+//! by a mean FLIP of at most 4.0e-4, cards (one colour, which rounding may move by one step of 8 bits as a whole) by at
+//! most 3.4e-3; 1.3e-4 of the pixels (leaves of the tree) are more than [`STEPS`] off. The limits lie about twice as
+//! high. Eight bits are enough: a mean over thousands of pixels resolves far less than one step of one pixel.
 
 use super::make;
 use super::manifest::Manifest;
@@ -20,11 +22,12 @@ const LONGEST: u32 = 200;
 /// Largest mean FLIP error over all pixels of a view, and of a card.
 pub const FLIP_MEAN: [f64; 2] = [1e-3, 6e-3];
 
-/// A pixel has changed where a displayed value differs by more than this many of 255 steps: more than rounding and 16-bit maps make it.
+/// A pixel has changed where a displayed value differs by more than this many of 255 steps: more than rounding and
+/// 16-bit maps make it.
 const STEPS: u8 = 4;
 
-/// Largest share of changed pixels: the edge of a leaf may fall on either side of a pixel's centre. At 800 × 600 pixels 2.4e-4 of them did; edges take
-/// a four times larger share of a golden's pixels.
+/// Largest share of changed pixels: the edge of a leaf may fall on either side of a pixel's centre. At 800 × 600 pixels
+/// 2.4e-4 of them did; edges take a four times larger share of a golden's pixels.
 pub const CHANGED: f64 = 2e-3;
 
 /// How far a picture is from its golden.
@@ -51,7 +54,11 @@ impl Figures {
             out.push(format!("mean FLIP is {:.1e}, at most {limit:.0e} allowed", self.flip_mean));
         }
         if !(self.changed <= CHANGED) {
-            out.push(format!("{:.2} % of the pixels changed, at most {:.2} % allowed,", 100.0 * self.changed, 100.0 * CHANGED));
+            out.push(format!(
+                "{:.2} % of the pixels changed, at most {:.2} % allowed,",
+                100.0 * self.changed,
+                100.0 * CHANGED
+            ));
         }
         (!out.is_empty()).then(|| out.join("; "))
     }
@@ -73,7 +80,8 @@ pub fn small_scans(manifest: &mut Manifest) {
     }
 }
 
-/// Whether the scene as it stands draws its goldens: where leaves are scanned first, only a scene with [`small_scans`] does.
+/// Whether the scene as it stands draws its goldens: where leaves are scanned first, only a scene with [`small_scans`]
+/// does.
 pub fn applies(manifest: &Manifest) -> bool {
     !manifest.leaves.iter().any(|l| l.fit.is_none() && l.scan.is_some())
 }
@@ -107,14 +115,17 @@ pub fn write(path: &Path, width: usize, height: usize, pixels: &[[u8; 4]]) -> Re
 pub fn compare(path: &Path, width: usize, height: usize, pixels: &[[u8; 4]]) -> Result<Comparison> {
     let (w, h, golden) = read(path)?;
     if (w, h) != (width, height) {
-        let what =
-            format!("found {w}x{h} pixels, expected {width}x{height}; `mesophyll check --goldens-only --update-golden` writes it anew");
+        let what = format!(
+            "found {w}x{h} pixels, expected {width}x{height}; `mesophyll check --goldens-only --update-golden` writes \
+             it anew"
+        );
         return Err(Error::input(path, what));
     }
     let flip = compare::flip_map(&golden, pixels, w, h);
     let count = (w * h) as f64;
     let changed = golden.iter().zip(pixels).filter(|(a, b)| (0..3).any(|c| a[c].abs_diff(b[c]) > STEPS)).count();
-    let figures = Figures { flip_mean: flip.iter().map(|&x| f64::from(x)).sum::<f64>() / count, changed: changed as f64 / count };
+    let figures =
+        Figures { flip_mean: flip.iter().map(|&x| f64::from(x)).sum::<f64>() / count, changed: changed as f64 / count };
     Ok(Comparison { figures, difference: compare::difference_picture(&golden, pixels, 8.0) })
 }
 
@@ -140,16 +151,25 @@ mod tests {
         write(&path, w, h, &drawn).unwrap();
         let figures = |pixels: &[[u8; 4]]| compare(&path, w, h, pixels).unwrap().figures;
         assert_eq!(figures(&drawn), Figures { flip_mean: 0.0, changed: 0.0 });
-        // 116 pixels of 800 × 600 lie on the other side of an edge; at this size edges are as long and pixels four times as large a side.
-        let edges: Vec<[u8; 4]> = drawn.iter().enumerate().map(|(k, p)| if k % 1000 == 0 { [255, 255, 255, 255] } else { *p }).collect();
+        // 116 pixels of 800 × 600 lie on the other side of an edge; at this size edges are as long and pixels four
+        // times as large a side.
+        let edges: Vec<[u8; 4]> =
+            drawn.iter().enumerate().map(|(k, p)| if k % 1000 == 0 { [255, 255, 255, 255] } else { *p }).collect();
         assert!(figures(&edges).changed == 1e-3, "{:?}", figures(&edges));
         // Everything a little brighter is no pixel's change and yet another picture.
         let brighter: Vec<[u8; 4]> = drawn.iter().map(|p| p.map(|v| v.saturating_add(3))).collect();
         let seen = figures(&brighter);
         assert!(seen.changed == 0.0 && seen.missed(false).is_some_and(|why| why.contains("mean FLIP")), "{seen:?}");
-        let moved: Vec<[u8; 4]> =
-            drawn.iter().enumerate().map(|(k, p)| if k % 50 == 0 { [p[0] ^ 64, p[1], p[2], 255] } else { *p }).collect();
-        assert!(figures(&moved).missed(false).is_some_and(|why| why.contains("2.00 % of the pixels changed")), "{:?}", figures(&moved));
+        let moved: Vec<[u8; 4]> = drawn
+            .iter()
+            .enumerate()
+            .map(|(k, p)| if k % 50 == 0 { [p[0] ^ 64, p[1], p[2], 255] } else { *p })
+            .collect();
+        assert!(
+            figures(&moved).missed(false).is_some_and(|why| why.contains("2.00 % of the pixels changed")),
+            "{:?}",
+            figures(&moved)
+        );
         assert!(Figures { flip_mean: f64::NAN, changed: 0.0 }.missed(false).is_some());
         let error = compare(&path, h, w, &drawn).err().map(|e| e.to_string()).unwrap_or_default();
         assert!(error.contains("found 200x150 pixels, expected 150x200"), "{error}");

@@ -1,7 +1,8 @@
 //! The hand-over to the GPU renderer: what the plan lists of each fit folder, as plain scene data.
 //!
-//! W's packed textures, tangent-space normals and a slab curve a side (or pigment maps, solved a texel). A side that no camera sees light
-//! from is handed over black, without maps. The reference renderer gets its own data another way (`super::reference`).
+//! W's packed textures, tangent-space normals and a slab curve a side (or pigment maps, solved a texel). A side that no
+//! camera sees light from is handed over black, without maps. The reference renderer gets its own data another way
+//! (`super::reference`).
 
 use super::amount::{self, Curve};
 use super::card::Card;
@@ -22,7 +23,8 @@ use mesophyll_sky::fitted::Folded;
 use mesophyll_viewer::scene as viewer;
 use rayon::prelude::*;
 
-/// A leaf that is drawn with more triangles than this in all gets levels of detail: as many as there are pixels in a small picture.
+/// A leaf that is drawn with more triangles than this in all gets levels of detail: as many as there are pixels in a
+/// small picture.
 const MANY_TRIANGLES: usize = 200_000;
 
 /// Everything the perspective views show.
@@ -38,7 +40,10 @@ pub fn scene(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<viewer
     }
     for p in &plan.placements {
         if let Some(leaf) = index[p.leaf] {
-            let ride = p.ride.filter(|_| plan.bends.is_some()).map(|r| viewer::Ride { branch: r.branch, at: Some(r.at as f32) });
+            let ride = p
+                .ride
+                .filter(|_| plan.bends.is_some())
+                .map(|r| viewer::Ride { branch: r.branch, at: Some(r.at as f32) });
             out.instances.push(viewer::Instance { leaf, transform: p.transform.as_mat4(), ride });
         }
     }
@@ -46,7 +51,8 @@ pub fn scene(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<viewer
         let (Some(mesh), Some(at)) = (&leaf.mesh, index[leaf.index]) else { continue };
         let drawn = mesh.triangles() * out.instances.iter().filter(|i| i.leaf == at).count();
         if drawn > MANY_TRIANGLES {
-            let levels = ledger.note("make", format!("{}: levels of detail", out.leaves[at].name), 0, || detail::levels(mesh));
+            let levels =
+                ledger.note("make", format!("{}: levels of detail", out.leaves[at].name), 0, || detail::levels(mesh));
             out.leaves[at].mesh.details =
                 levels.into_iter().map(|l| viewer::Detail { indices: l.indices, error: l.error_mm as f32 }).collect();
         }
@@ -196,7 +202,11 @@ pub fn viewer_mesh(mesh: &LeafMesh) -> viewer::Mesh {
 fn one_leaf(manifest: &Manifest, leaf: &LeafPlan, ledger: &Ledger) -> Result<viewer::Leaf> {
     let config = &manifest.leaves[leaf.index];
     let (Some(fitted), Some(mesh)) = (&leaf.fitted, &leaf.mesh) else {
-        return Err(Error::field(&manifest.path, &format!("leaf \"{}\"", config.name), "not fitted yet; `mesophyll run` fits it"));
+        return Err(Error::field(
+            &manifest.path,
+            &format!("leaf \"{}\"", config.name),
+            "not fitted yet; `mesophyll run` fits it",
+        ));
     };
     // One thickness a leaf: a side fitted with another h has the difference moved into its δ.
     let lead = if fitted.has(SideName::Front) { SideName::Front } else { SideName::Back };
@@ -245,7 +255,14 @@ fn one_leaf(manifest: &Manifest, leaf: &LeafPlan, ledger: &Ledger) -> Result<vie
     })
 }
 
-fn interior(kind: Interior, leaf: &LeafPlan, s: usize, side: SideName, shift: f32, ledger: &Ledger) -> Result<viewer::Side> {
+fn interior(
+    kind: Interior,
+    leaf: &LeafPlan,
+    s: usize,
+    side: SideName,
+    shift: f32,
+    ledger: &Ledger,
+) -> Result<viewer::Side> {
     let mut out = viewer::Side::black();
     match kind {
         Interior::Scalars => {
@@ -256,7 +273,8 @@ fn interior(kind: Interior, leaf: &LeafPlan, s: usize, side: SideName, shift: f3
         }
         Interior::Maps => {
             let [rho_d, rho_t] = pigment(leaf, side, &Scaling::default(), ledger)?;
-            out.interior = viewer::Interior::Maps { rho_d: shrink(&rho_d, leaf, mean3), rho_t: shrink(&rho_t, leaf, mean3) };
+            out.interior =
+                viewer::Interior::Maps { rho_d: shrink(&rho_d, leaf, mean3), rho_t: shrink(&rho_t, leaf, mean3) };
         }
     }
     Ok(out)
@@ -280,11 +298,13 @@ impl Default for Scaling {
 pub fn pigment(leaf: &LeafPlan, side: SideName, edit: &Scaling, ledger: &Ledger) -> Result<[Vec<[f32; 3]>; 2]> {
     let Some(fitted) = &leaf.fitted else { return Ok(Default::default()) };
     let file = format!("{}.exr", side.name());
-    const CHANNELS: [&str; 7] = ["sigma_a.R", "sigma_a.G", "sigma_a.B", "sigma_s.R", "sigma_s.G", "sigma_s.B", "thickness.Y"];
+    const CHANNELS: [&str; 7] =
+        ["sigma_a.R", "sigma_a.G", "sigma_a.B", "sigma_s.R", "sigma_s.G", "sigma_s.B", "thickness.Y"];
     let maps = fitted.maps(&file, &CHANNELS, ledger)?;
     let planes: Vec<&[f32]> = maps.channels.iter().map(|(_, p)| p.as_slice()).collect();
     let n = maps.width * maps.height;
-    let good: Vec<bool> = (0..n).map(|k| planes.iter().all(|p| p[k].is_finite() && p[k] >= 0.0) && planes[6][k] > 0.0).collect();
+    let good: Vec<bool> =
+        (0..n).map(|k| planes.iter().all(|p| p[k].is_finite() && p[k] >= 0.0) && planes[6][k] > 0.0).collect();
     let solved: Vec<[f32; 6]> = ledger.note("solve", fitted.entry(&file), 0, || {
         (0..n)
             .into_par_iter()
@@ -293,14 +313,21 @@ pub fn pigment(leaf: &LeafPlan, side: SideName, edit: &Scaling, ledger: &Ledger)
                     return [f32::NAN; 6];
                 }
                 let h = (f64::from(planes[6][k]) + edit.thickness_mm).max(1e-6);
-                let r = [0, 1, 2]
-                    .map(|c| slab::response(f64::from(planes[c][k]) * edit.sigma_a[c], f64::from(planes[3 + c][k]) * edit.sigma_s[c], h));
+                let r = [0, 1, 2].map(|c| {
+                    slab::response(
+                        f64::from(planes[c][k]) * edit.sigma_a[c],
+                        f64::from(planes[3 + c][k]) * edit.sigma_s[c],
+                        h,
+                    )
+                });
                 [r[0].rho_d, r[1].rho_d, r[2].rho_d, r[0].rho_t, r[1].rho_t, r[2].rho_t].map(|v| v as f32)
             })
             .collect()
     });
     let mut six: Vec<Vec<f32>> = (0..6).map(|c| solved.iter().map(|t| t[c]).collect()).collect();
-    fill(&fitted.folder.join(&file), maps.width, maps.height, &mut six, |k| good[k] && solved[k].iter().all(|v| v.is_finite()))?;
+    fill(&fitted.folder.join(&file), maps.width, maps.height, &mut six, |k| {
+        good[k] && solved[k].iter().all(|v| v.is_finite())
+    })?;
     let rgb = |first: usize| (0..n).map(|k| [six[first][k], six[first + 1][k], six[first + 2][k]]).collect();
     Ok([rgb(0), rgb(3)])
 }
@@ -310,8 +337,10 @@ fn normals(leaf: &LeafPlan, side: SideName, ledger: &Ledger) -> Result<Vec<[f32;
     let file = format!("{}_normal.exr", side.name());
     let maps = fitted.maps(&file, &["X", "Y", "Z"], ledger)?;
     if [maps.width, maps.height] != leaf.size {
-        let what =
-            format!("found {}x{} texels, expected {}x{} as of the leaf's other maps", maps.width, maps.height, leaf.size[0], leaf.size[1]);
+        let what = format!(
+            "found {}x{} texels, expected {}x{} as of the leaf's other maps",
+            maps.width, maps.height, leaf.size[0], leaf.size[1]
+        );
         return Err(Error::input(&fitted.folder.join(&file), what));
     }
     let mut planes: Vec<Vec<f32>> = maps.channels.into_iter().map(|(_, p)| p).collect();
@@ -363,7 +392,12 @@ pub fn card(manifest: &Manifest, plan: &Plan, card: &Card, ledger: &Ledger) -> R
             let (low, high) = (0.95 * p.thickness.min(thickness), 1.05 * p.thickness.max(thickness));
             let curve = amount::curve(p.sigma_a, p.sigma_s, low, high, 1e-5, "card slab curve", ledger);
             viewer::Side {
-                gamma_delta: vec![[p.gamma[0] as f32, p.gamma[1] as f32, p.gamma[2] as f32, (p.thickness - thickness) as f32]],
+                gamma_delta: vec![[
+                    p.gamma[0] as f32,
+                    p.gamma[1] as f32,
+                    p.gamma[2] as f32,
+                    (p.thickness - thickness) as f32,
+                ]],
                 gloss: p
                     .rho_s
                     .iter()
@@ -393,5 +427,10 @@ pub fn card(manifest: &Manifest, plan: &Plan, card: &Card, ledger: &Ledger) -> R
 /// A curve in the renderer's precision.
 pub fn slab_curve(curve: &Curve) -> viewer::SlabCurve {
     let rgb = |list: &[[f64; 3]]| list.iter().map(|c| c.map(|v| v as f32)).collect();
-    viewer::SlabCurve { min_mm: curve.min as f32, max_mm: curve.max as f32, rho_d: rgb(&curve.rho_d), rho_t: rgb(&curve.rho_t) }
+    viewer::SlabCurve {
+        min_mm: curve.min as f32,
+        max_mm: curve.max as f32,
+        rho_d: rgb(&curve.rho_d),
+        rho_t: rgb(&curve.rho_t),
+    }
 }

@@ -1,5 +1,5 @@
-//! W's scalars against pigment maps: what each costs in bytes, how far each is from the fit's own ρd and ρt maps, and how far its picture
-//! is from the picture that those maps give.
+//! W's scalars against pigment maps: what each costs in bytes, how far each is from the fit's own ρd and ρt maps, and
+//! how far its picture is from the picture that those maps give.
 
 use super::check::{open, told};
 use super::handover;
@@ -55,7 +55,8 @@ pub fn compare(manifest: &Manifest, out: Option<&Path>, ledger: &Ledger) -> Resu
             for view in manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective) {
                 let (w, h) = (manifest.check.width, manifest.check.height);
                 let picture = renderer.render(&handover::camera(view), w, h).map_err(told)?;
-                let options = transport::Options { samples_per_pixel: manifest.check.samples, ..transport::Options::default() };
+                let options =
+                    transport::Options { samples_per_pixel: manifest.check.samples, ..transport::Options::default() };
                 let reference = stage.render(&reference::camera(view), w as usize, h as usize, &options)?;
                 let seen = measure::compare(&reference, &picture.ldr)?;
                 (flip, error) = (flip.max(seen.flip_p99), error.max(seen.max_error.unwrap_or(0.0)));
@@ -83,13 +84,19 @@ fn measured_world(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<t
                 continue;
             }
             let file = format!("{}.exr", side.name());
-            let maps = fitted.maps(&file, &["rho_d.R", "rho_d.G", "rho_d.B", "rho_t.R", "rho_t.G", "rho_t.B", "mask.Y"], ledger)?;
+            let maps = fitted.maps(
+                &file,
+                &["rho_d.R", "rho_d.G", "rho_d.B", "rho_t.R", "rho_t.G", "rho_t.B", "mask.Y"],
+                ledger,
+            )?;
             let mut planes: Vec<Vec<f32>> = maps.channels.into_iter().map(|(_, p)| p).collect();
-            let good: Vec<bool> =
-                (0..maps.width * maps.height).map(|k| planes[6][k] > 0.0 && planes.iter().all(|p| p[k].is_finite())).collect();
+            let good: Vec<bool> = (0..maps.width * maps.height)
+                .map(|k| planes[6][k] > 0.0 && planes.iter().all(|p| p[k].is_finite()))
+                .collect();
             super::fitted::fill(&fitted.folder.join(&file), maps.width, maps.height, &mut planes, |k| good[k])?;
             let mut take = |c: usize| std::mem::take(&mut planes[c]);
-            let interior = transport::Interior::Maps { rho_d: [take(0), take(1), take(2)], rho_t: [take(3), take(4), take(5)] };
+            let interior =
+                transport::Interior::Maps { rho_d: [take(0), take(1), take(2)], rho_t: [take(3), take(4), take(5)] };
             if s == 0 { drawn.front.interior = interior } else { drawn.back.interior = interior }
         }
     }

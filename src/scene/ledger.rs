@@ -1,4 +1,5 @@
-//! What was really done: every fit, file read, curve and upload with its bytes and time, so that the plan's promises can be counted.
+//! What was really done: every fit, file read, curve and upload with its bytes and time, so that the plan's promises
+//! can be counted.
 
 use std::path::Path;
 use std::sync::Mutex;

@@ -1,6 +1,7 @@
 //! Makes the fits a scene still lacks: a synthetic scan where the scene asks for one, a look at the capture, the fit.
 //!
-//! Everything lands under the run's folder (`captures/LEAF`, `fits/LEAF`) and is kept: a run that was stopped goes on where it was.
+//! Everything lands under the run's folder (`captures/LEAF`, `fits/LEAF`) and is kept: a run that was stopped goes on
+//! where it was.
 
 use super::ledger::Ledger;
 use super::manifest::{Colour, Leaf, Lobe, Manifest, Scan, Tissue, Translucency};
@@ -39,18 +40,24 @@ pub fn fit_folder(manifest: &Manifest, index: usize, out: &Path) -> PathBuf {
     out.join("fits").join(manifest.leaves[index].data_name())
 }
 
-/// Makes the fit of leaf `index` into `folder`; captures that have to be scanned first lie under `out`. A folder that holds this very fit
-/// is left as it is unless all is to be made `afresh` (by another state of the program, whose version says nothing of it).
+/// Makes the fit of leaf `index` into `folder`; captures that have to be scanned first lie under `out`. A folder that
+/// holds this very fit is left as it is unless all is to be made `afresh` (by another state of the program, whose
+/// version says nothing of it).
 ///
 /// # Errors
-/// As `fit leaf`: 2 for an input that cannot be read, 130 when stopped (finished parts are kept), 1 for a fit that as a whole failed.
+/// As `fit leaf`: 2 for an input that cannot be read, 130 when stopped (finished parts are kept), 1 for a fit that as a
+/// whole failed.
 pub fn fit(manifest: &Manifest, index: usize, out: &Path, folder: &Path, afresh: bool, ledger: &Ledger) -> Result<()> {
     let leaf = &manifest.leaves[index];
     let capture = match (&leaf.capture, &leaf.scan) {
         (Some(capture), _) => manifest.resolve(capture),
         (None, Some(scan)) => scanned(manifest, leaf, scan, out, afresh, ledger)?,
         (None, None) => {
-            return Err(Error::field(&manifest.path, &format!("leaf \"{}\"", leaf.name), "there is no capture and no scan to fit it from"));
+            return Err(Error::field(
+                &manifest.path,
+                &format!("leaf \"{}\"", leaf.name),
+                "there is no capture and no scan to fit it from",
+            ));
         }
     };
     stop()?;
@@ -62,12 +69,14 @@ pub fn fit(manifest: &Manifest, index: usize, out: &Path, folder: &Path, afresh:
         progress::say(format!("  {}: {warning}", leaf.name));
     }
     stop()?;
-    ledger.note("fit", leaf.name.clone(), 0, || fit::run(&capture, folder, &fit::Options { force: afresh, ..fit_options(leaf) }))?;
+    ledger.note("fit", leaf.name.clone(), 0, || {
+        fit::run(&capture, folder, &fit::Options { force: afresh, ..fit_options(leaf) })
+    })?;
     Ok(())
 }
 
-/// Makes what translucency maps a plan still lacks, of leaves whose own fits are there, into a run's folder `out`. Whether any were made, so
-/// that the plan is to be made again.
+/// Makes what translucency maps a plan still lacks, of leaves whose own fits are there, into a run's folder `out`.
+/// Whether any were made, so that the plan is to be made again.
 ///
 /// # Errors
 /// As `fit translucency`.
@@ -94,19 +103,32 @@ fn translucency(leaf: &Path, folder: &Path, asked: &Translucency, ledger: &Ledge
     };
     let basis = asked.basis.unwrap_or_default().functions();
     let options = through::Options { tissue, colour, basis, ..through::Options::default() };
-    ledger.note("fit", format!("{} translucency", leaf.display()), 0, || through::run(leaf, folder, &options)).map(|_| ())
+    ledger
+        .note("fit", format!("{} translucency", leaf.display()), 0, || through::run(leaf, folder, &options))
+        .map(|_| ())
 }
 
 /// The scan of a leaf, made now unless a whole one of the same specification is there.
-fn scanned(manifest: &Manifest, leaf: &Leaf, told: &Scan, out: &Path, afresh: bool, ledger: &Ledger) -> Result<PathBuf> {
+fn scanned(
+    manifest: &Manifest,
+    leaf: &Leaf,
+    told: &Scan,
+    out: &Path,
+    afresh: bool,
+    ledger: &Ledger,
+) -> Result<PathBuf> {
     let folder = out.join("captures").join(leaf.data_name());
     let stamp = source::scan_stamp(out, leaf.data_name());
     let wanted = source::scan_hash(manifest, told)?;
-    if !afresh && std::fs::read_to_string(&stamp).ok().as_deref() == Some(wanted.as_str()) && folder.join("capture.toml").is_file() {
+    if !afresh
+        && std::fs::read_to_string(&stamp).ok().as_deref() == Some(wanted.as_str())
+        && folder.join("capture.toml").is_file()
+    {
         return Ok(folder);
     }
     let _ = std::fs::remove_file(&stamp);
-    // What is there may be a scan of another specification, or one that was stopped half way; a measured capture is refused.
+    // What is there may be a scan of another specification, or one that was stopped half way; a measured capture is
+    // refused.
     claim::capture(&folder, &[], true)?;
     let mut spec = Spec::read(&manifest.resolve(&told.spec))?;
     spec.field_mm = told.field_mm.unwrap_or(spec.field_mm);
@@ -122,8 +144,13 @@ fn scanned(manifest: &Manifest, leaf: &Leaf, told: &Scan, out: &Path, afresh: bo
         raw_exposures: false,
     };
     ledger.note("scan", leaf.name.clone(), 0, || -> Result<()> {
-        let grown = Grown::grow(&spec, options.model, width, height)
-            .ok_or_else(|| Error::field(&manifest.path, &format!("leaf \"{}\": scan.size", leaf.name), "not one texel lies on the leaf"))?;
+        let grown = Grown::grow(&spec, options.model, width, height).ok_or_else(|| {
+            Error::field(
+                &manifest.path,
+                &format!("leaf \"{}\": scan.size", leaf.name),
+                "not one texel lies on the leaf",
+            )
+        })?;
         claim::capturing(&folder, || scan::scan(&spec, &grown, &options, &folder)).map(|_| ())
     })?;
     atomic::write_bytes(&stamp, wanted.as_bytes())?;
@@ -139,7 +166,9 @@ pub fn size(scan: &Scan) -> Option<(usize, usize)> {
 
 fn stop() -> Result<()> {
     if progress::stop_requested() {
-        return Err(Error::Interrupted("stopped; what was finished is kept, the same command goes on from there".into()));
+        return Err(Error::Interrupted(
+            "stopped; what was finished is kept, the same command goes on from there".into(),
+        ));
     }
     Ok(())
 }

@@ -1,7 +1,8 @@
-//! Scene manifests: which leaves stand where, what lights them, who looks, and how close a picture must come to its reference.
+//! Scene manifests: which leaves stand where, what lights them, who looks, and how close a picture must come to its
+//! reference.
 //!
-//! Lengths in mm, angles in degrees, world z up, radiance in units set by the light, colours linear sRGB. A path is relative to the
-//! scene file. Unknown fields are errors; an error names file, line and field.
+//! Lengths in mm, angles in degrees, world z up, radiance in units set by the light, colours linear sRGB. A path is
+//! relative to the scene file. Unknown fields are errors; an error names file, line and field.
 
 mod leaf;
 mod light;
@@ -26,7 +27,8 @@ pub struct Manifest {
     pub name: String,
     #[serde(default)]
     pub description: String,
-    /// Largest error of a displayed value (0 to 1, after tone mapping and sRGB encoding) that one shortcut of the plan may cause.
+    /// Largest error of a displayed value (0 to 1, after tone mapping and sRGB encoding) that one shortcut of the plan
+    /// may cause.
     pub tolerance: f64,
     #[serde(default = "one")]
     pub exposure: f64,

@@ -1,8 +1,8 @@
-//! Where leaves stand at rest: the scene's instances, then its cluster, then its tree ([`super::tree`]). Lengths in mm. What hangs on a branch has its frame there: x towards
-//! the branch's tip, z as far up as the branch allows.
+//! Where leaves stand at rest: the scene's instances, then its cluster, then its tree ([`super::tree`]). Lengths in mm.
+//! What hangs on a branch has its frame there: x towards the branch's tip, z as far up as the branch allows.
 //!
-//! A cluster is a twig along z with leaves a golden angle apart, each blade's tip (its +x) pointing away from the twig and drooping;
-//! droop, twist and height stray by a seeded amount.
+//! A cluster is a twig along z with leaves a golden angle apart, each blade's tip (its +x) pointing away from the twig
+//! and drooping; droop, twist and height stray by a seeded amount.
 
 use super::branch;
 use super::manifest::{Cluster, Instance, Manifest};
@@ -29,8 +29,11 @@ pub struct Ride {
 
 /// Every placement of the scene, in a fixed order.
 pub fn placements(manifest: &Manifest) -> Vec<Placement> {
-    let mut out: Vec<Placement> =
-        manifest.instances.iter().filter_map(|i| manifest.leaf_index(&i.leaf).map(|leaf| placed(manifest, i, leaf))).collect();
+    let mut out: Vec<Placement> = manifest
+        .instances
+        .iter()
+        .filter_map(|i| manifest.leaf_index(&i.leaf).map(|leaf| placed(manifest, i, leaf)))
+        .collect();
     if let Some(cluster) = &manifest.cluster {
         let leaves: Vec<usize> = cluster.leaves.iter().filter_map(|n| manifest.leaf_index(n)).collect();
         out.extend(cluster_transforms(cluster).into_iter().enumerate().map(|(k, transform)| Placement {
@@ -82,7 +85,8 @@ fn cluster_transforms(c: &Cluster) -> Vec<DMat4> {
             let azimuth = k as f64 * golden + 0.25 * stray();
             let droop = (c.droop_deg + c.spread_deg * stray()).to_radians();
             let twist = (c.spread_deg * stray()).to_radians();
-            // Blade frame: +x outward, +z (the front) up. Twist about the midrib, droop about y, then turn +x to the azimuth.
+            // Blade frame: +x outward, +z (the front) up. Twist about the midrib, droop about y, then turn +x to the
+            // azimuth.
             let turn = DQuat::from_rotation_z(azimuth) * DQuat::from_rotation_y(droop);
             let out = turn * DVec3::X;
             DMat4::from_scale_rotation_translation(

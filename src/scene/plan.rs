@@ -1,8 +1,8 @@
 //! The plan: the closure of what a scene needs, how much of it, and what is left out, why, and what that saved.
 //!
-//! Nothing is fitted, read, uploaded or compiled that the plan does not list. What is needed follows from the scene alone (which sides the
-//! cameras see, what light falls on them) and from the fits' own figures; how much follows from the scene's tolerance and from rows of
-//! error against cost that are measured while planning.
+//! Nothing is fitted, read, uploaded or compiled that the plan does not list. What is needed follows from the scene
+//! alone (which sides the cameras see, what light falls on them) and from the fits' own figures; how much follows from
+//! the scene's tolerance and from rows of error against cost that are measured while planning.
 
 use super::amount::{self, Curve, Row};
 use super::branch::{self, Bends, Twig};
@@ -189,7 +189,8 @@ pub fn sun_direction(manifest: &Manifest) -> Option<DVec3> {
 /// Makes the plan. `out` is a run's folder with fits of its own.
 ///
 /// # Errors
-/// [`crate::Error::Input`] for a fit that does not exist and cannot be made, a damaged mesh or map, a side the fit does not have.
+/// [`crate::Error::Input`] for a fit that does not exist and cannot be made, a damaged mesh or map, a side the fit does
+/// not have.
 pub fn make(manifest: &Manifest, out: Option<&Path>, input_hash: Option<InputHash>, ledger: &Ledger) -> Result<Plan> {
     make_for(manifest, out, input_hash, ledger, false)
 }
@@ -198,11 +199,22 @@ pub fn make(manifest: &Manifest, out: Option<&Path>, input_hash: Option<InputHas
 ///
 /// # Errors
 /// As [`make`].
-pub fn make_free(manifest: &Manifest, out: Option<&Path>, input_hash: Option<InputHash>, ledger: &Ledger) -> Result<Plan> {
+pub fn make_free(
+    manifest: &Manifest,
+    out: Option<&Path>,
+    input_hash: Option<InputHash>,
+    ledger: &Ledger,
+) -> Result<Plan> {
     make_for(manifest, out, input_hash, ledger, true)
 }
 
-fn make_for(manifest: &Manifest, out: Option<&Path>, input_hash: Option<InputHash>, ledger: &Ledger, free: bool) -> Result<Plan> {
+fn make_for(
+    manifest: &Manifest,
+    out: Option<&Path>,
+    input_hash: Option<InputHash>,
+    ledger: &Ledger,
+    free: bool,
+) -> Result<Plan> {
     let placements = placement::placements(manifest);
     let twigs = branch::twigs(manifest, ledger)?;
     let bends = if branch::moves(manifest, &twigs) { Some(Bends::new(manifest, &twigs, ledger)?) } else { None };
@@ -216,7 +228,12 @@ fn make_for(manifest: &Manifest, out: Option<&Path>, input_hash: Option<InputHas
         leaves: Vec::new(),
         free,
         placements,
-        eyes: manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).filter_map(|v| v.eye_mm.map(DVec3::from)).collect(),
+        eyes: manifest
+            .views
+            .iter()
+            .filter(|v| v.kind == ViewKind::Perspective)
+            .filter_map(|v| v.eye_mm.map(DVec3::from))
+            .collect(),
         wood: manifest.tree.as_ref().map(|t| (tree::wood(&tree::grow(t).wood), t.bark)),
         twigs: twigs.into_iter().map(|t| (t.clone(), branch::tube(&t))).collect(),
         bends,
@@ -233,8 +250,14 @@ fn make_for(manifest: &Manifest, out: Option<&Path>, input_hash: Option<InputHas
             let sides = leaf.fitted.as_ref().map_or([false; 2], |f| super::plan_leaf::SIDES.map(|s| f.has(s)));
             leaf.facing = Facing::ALL;
             let shines = |has: bool| has && leaf.translucency.is_some() && manifest.sun.is_some();
-            leaf.sides =
-                sides.map(|has| SideNeeds { rho_d: has, rho_t: has, gloss: has, normal: has, translucency: shines(has), mean: false });
+            leaf.sides = sides.map(|has| SideNeeds {
+                rho_d: has,
+                rho_t: has,
+                gloss: has,
+                normal: has,
+                translucency: shines(has),
+                mean: false,
+            });
         }
         super::plan_leaf::list(manifest, &leaf, &mut plan);
         translucency::list(manifest, &leaf, &mut plan);
@@ -254,7 +277,8 @@ fn make_for(manifest: &Manifest, out: Option<&Path>, input_hash: Option<InputHas
     super::plan_light::lights(manifest, &mut plan, free)?;
     super::plan_light::absent_models(manifest, &mut plan);
     plan.warnings = super::plan_mesh::warnings(manifest, &plan)?;
-    let parts: Vec<(String, String)> = plan.needed.iter().map(|n| (n.name.clone(), format!("{:?} {:?}", n.hash, n.amount))).collect();
+    let parts: Vec<(String, String)> =
+        plan.needed.iter().map(|n| (n.name.clone(), format!("{:?} {:?}", n.hash, n.amount))).collect();
     plan.hash = mesophyll_files::hash::combine(parts.iter().map(|(a, b)| (a.as_str(), b.as_str())));
     Ok(plan)
 }
@@ -269,9 +293,13 @@ fn leaf_plan(
 ) -> Result<LeafPlan> {
     let leaf = &manifest.leaves[index];
     let placements = &whole.placements;
-    let cards: Vec<_> =
-        manifest.views.iter().filter(|v| v.kind == ViewKind::Card && v.leaf.as_deref() == Some(leaf.name.as_str())).collect();
-    let scanned = manifest.views.iter().any(|v| v.kind == ViewKind::Capture && v.leaf.as_deref() == Some(leaf.name.as_str()));
+    let cards: Vec<_> = manifest
+        .views
+        .iter()
+        .filter(|v| v.kind == ViewKind::Card && v.leaf.as_deref() == Some(leaf.name.as_str()))
+        .collect();
+    let scanned =
+        manifest.views.iter().any(|v| v.kind == ViewKind::Capture && v.leaf.as_deref() == Some(leaf.name.as_str()));
     let perspective = manifest.views.iter().any(|v| v.kind == ViewKind::Perspective);
     let placed = perspective && placements.iter().any(|p| p.leaf == index);
     let mut plan = LeafPlan {
@@ -293,13 +321,20 @@ fn leaf_plan(
         return Ok(plan);
     }
     let source = source::source(manifest, index, out, input_hash)?;
-    let sun = sun_direction(manifest).zip(manifest.sun.as_ref()).map(|(direction, sun)| (direction, sun.radius_deg.to_radians()));
+    let sun = sun_direction(manifest)
+        .zip(manifest.sun.as_ref())
+        .map(|(direction, sun)| (direction, sun.radius_deg.to_radians()));
     if let (Status::Reuse, Some(folder)) = (source.status, &source.folder) {
-        plan.fitted = Some(ledger.note("read", format!("{}/fit.toml", leaf.name), 0, || Fitted::open(&leaf.name, folder))?);
+        plan.fitted =
+            Some(ledger.note("read", format!("{}/fit.toml", leaf.name), 0, || Fitted::open(&leaf.name, folder))?);
         plan.mesh_path = leaf.mesh.as_ref().map_or_else(|| folder.join("blade.glb"), |m| manifest.resolve(m));
         if placed {
             let bytes = std::fs::metadata(&plan.mesh_path).map_or(0, |m| m.len());
-            let name = format!("{}/{}", leaf.name, plan.mesh_path.file_name().map(|n| n.to_string_lossy()).unwrap_or_default());
+            let name = format!(
+                "{}/{}",
+                leaf.name,
+                plan.mesh_path.file_name().map(|n| n.to_string_lossy()).unwrap_or_default()
+            );
             let read = ledger.note("read", name, bytes, || mesh::read(&plan.mesh_path, leaf.mesh_unit))?;
             let views: Vec<(DVec3, f64)> = manifest
                 .views
@@ -334,8 +369,10 @@ fn leaf_plan(
     let sky = manifest.sky.is_some();
     let mut card_facing = Facing::default();
     for card in cards {
-        let (turn, at) = (placement::rotation(card.rotation_deg.unwrap_or_default()), card.target_mm.unwrap_or_default());
-        let p = Placement { leaf: index, transform: glam::DMat4::from_rotation_translation(turn, at.into()), ride: None };
+        let (turn, at) =
+            (placement::rotation(card.rotation_deg.unwrap_or_default()), card.target_mm.unwrap_or_default());
+        let p =
+            Placement { leaf: index, transform: glam::DMat4::from_rotation_translation(turn, at.into()), ride: None };
         card_facing.add(&LeafMesh::rectangle(1.0, 1.0), &p, &[DVec3::from(card.eye_mm.unwrap_or_default())], sun);
     }
     for side in [0, 1] {
@@ -346,8 +383,9 @@ fn leaf_plan(
         needs.gloss = needs.rho_d;
         needs.translucency = plan.translucency.is_some() && sun.is_some() && f.through[1 - side];
         // Under a physical sky every side's light depends on where it turns, the far one's too.
-        needs.normal =
-            f.lit[side] || (f.through[1 - side] && !needs.translucency) || (manifest.physical_sky() && (f.seen[side] || f.seen[1 - side]));
+        needs.normal = f.lit[side]
+            || (f.through[1 - side] && !needs.translucency)
+            || (manifest.physical_sky() && (f.seen[side] || f.seen[1 - side]));
         needs.mean = card_facing.seen[side] || card_facing.through[1 - side] || (sky && card_facing.seen[1 - side]);
     }
     Ok(plan)
@@ -365,7 +403,9 @@ impl Plan {
     /// A placement as the branches have it at a time (s).
     pub fn at_time(&self, placement: &Placement, time: f64) -> Placement {
         match (&self.bends, placement.ride) {
-            (Some(bends), Some(ride)) => Placement { transform: bends.transform(ride, time, placement.transform), ..*placement },
+            (Some(bends), Some(ride)) => {
+                Placement { transform: bends.transform(ride, time, placement.transform), ..*placement }
+            }
             _ => *placement,
         }
     }

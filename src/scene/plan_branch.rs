@@ -1,4 +1,5 @@
-//! The plan of branches and wind: beam fit, motion texture and the bend in the vertex stage, each only where something moves.
+//! The plan of branches and wind: beam fit, motion texture and the bend in the vertex stage, each only where something
+//! moves.
 
 use super::branch::{self, MOTION_SIDE};
 use super::ledger::Ledger;
@@ -13,15 +14,23 @@ pub fn branches(manifest: &Manifest, plan: &mut Plan, ledger: &Ledger) {
         let bytes = (mesh.positions.len() * 32 + mesh.indices.len() * 4) as u64;
         let why = if b.fit.is_some() { "a branch of the scene, as it was measured" } else { "a branch of the scene" };
         let mut need = Need::new(format!("branch {}", b.name), why);
-        need.amount =
-            Some(format!("{} mm, taper {:.4}, load {:.4} mm, {} triangles", twig.length, twig.taper, twig.load, mesh.triangles()));
+        need.amount = Some(format!(
+            "{} mm, taper {:.4}, load {:.4} mm, {} triangles",
+            twig.length,
+            twig.taper,
+            twig.load,
+            mesh.triangles()
+        ));
         need.bytes = Some(bytes);
         plan.needed.push(need);
     }
     let coefficients = (TERMS * (basis::DEGREE + 1) * 8) as u64;
     if let Some(bends) = &plan.bends {
         let ms = ledger.entries().iter().find(|e| e.action == "fit" && e.what == "beam").map_or(0.0, |e| e.ms);
-        let mut need = Need::new("beam fit", "branches bend: four coefficients each, from one fit of all tapers; bent in the vertex stage");
+        let mut need = Need::new(
+            "beam fit",
+            "branches bend: four coefficients each, from one fit of all tapers; bent in the vertex stage",
+        );
         need.amount = Some(format!("{} of {TERMS} numbers, {ms:.1} ms (measured)", bends.branches.len()));
         need.bytes = Some(coefficients);
         plan.needed.push(need);
@@ -32,7 +41,12 @@ pub fn branches(manifest: &Manifest, plan: &mut Plan, ledger: &Ledger) {
             (false, None) => "nothing bends: no branch carries a load, and there is no wind",
             (false, Some(_)) => "nothing bends: no branch carries a load, and none leans in the wind",
         };
-        plan.leave_out(LeftOut::new("beam fit", format!("{why}; no deformation in the vertex shader"), coefficients, None));
+        plan.leave_out(LeftOut::new(
+            "beam fit",
+            format!("{why}; no deformation in the vertex shader"),
+            coefficients,
+            None,
+        ));
     }
     let texture = (MOTION_SIDE * MOTION_SIDE * 8) as u64;
     if let Some(motion) = plan.bends.as_ref().and_then(|b| b.motion.as_ref()) {

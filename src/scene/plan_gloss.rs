@@ -1,5 +1,5 @@
-//! The plan of one side's gloss: kept, unless what it adds to a displayed value stays below the scene's tolerance at every angle that the
-//! scene's views, placements and suns have ([`super::gloss_bound`]).
+//! The plan of one side's gloss: kept, unless what it adds to a displayed value stays below the scene's tolerance at
+//! every angle that the scene's views, placements and suns have ([`super::gloss_bound`]).
 
 use super::daylight::{self, Daylight};
 use super::fitted::Fitted;
@@ -38,7 +38,8 @@ pub fn side(manifest: &Manifest, leaf: &mut LeafPlan, s: usize, plan: &mut Plan,
         let most = largest(manifest, leaf, s, &texels, plan, &fitted, ledger)?;
         (most < tolerated).then(|| {
             format!(
-                "matte: at the angles of this scene's views and lights a highlight adds at most {most:.1e} to a displayed value, \
+                "matte: at the angles of this scene's views and lights a highlight adds at most {most:.1e} to a \
+                 displayed value, \
                  the scene tolerates {tolerated:.1e}"
             )
         })
@@ -87,19 +88,21 @@ fn largest(
         })
         .collect();
     let h = fitted.thickness(SIDES[s])?;
-    let rho_d: Option<Vec<[f32; 3]>> = leaf.textures[s].gamma_delta.as_ref().zip(leaf.curves[s].as_ref()).map(|(texels, curve)| {
-        let of = |t: &[f32; 4]| {
-            let rho_d = curve.at(h + f64::from(t[3])).0;
-            [0, 1, 2].map(|c| t[c] * rho_d[c] as f32)
-        };
-        texels.iter().map(of).collect()
-    });
+    let rho_d: Option<Vec<[f32; 3]>> =
+        leaf.textures[s].gamma_delta.as_ref().zip(leaf.curves[s].as_ref()).map(|(texels, curve)| {
+            let of = |t: &[f32; 4]| {
+                let rho_d = curve.at(h + f64::from(t[3])).0;
+                [0, 1, 2].map(|c| t[c] * rho_d[c] as f32)
+            };
+            texels.iter().map(of).collect()
+        });
     let lobe = reference::lobe(&manifest.leaves[leaf.index]);
     let most = |normals: Option<&[[f32; 3]]>| {
         let maps = Maps { size: leaf.size, back: s == 1, gloss: texels, normals, rho_d: rho_d.as_deref() };
         gloss_bound::most(lobe, mesh, s == 1, &maps.patches(mesh), &places, &lights, manifest.tolerance)
     };
-    // Mapped normals only make the bound larger: they are not read where the mesh's own already exceed what is tolerated.
+    // Mapped normals only make the bound larger: they are not read where the mesh's own already exceed what is
+    // tolerated.
     let by_mesh = most(None);
     if by_mesh > manifest.tolerance || lights.suns.is_empty() {
         return Ok(by_mesh);
@@ -110,8 +113,10 @@ fn largest(
     let plane: Vec<&[f32]> = maps.channels.iter().map(|(_, p)| p.as_slice()).collect();
     // A texel that the fit could not determine takes its neighbours' normal when it is drawn.
     let normal = |k: usize| [0, 1, 2].map(|c| plane[c][k]);
-    let normals: Vec<[f32; 3]> =
-        (0..plane[0].len()).map(normal).map(|n| if n.iter().all(|v| v.is_finite()) { n } else { [0.0, 0.0, 1.0] }).collect();
+    let normals: Vec<[f32; 3]> = (0..plane[0].len())
+        .map(normal)
+        .map(|n| if n.iter().all(|v| v.is_finite()) { n } else { [0.0, 0.0, 1.0] })
+        .collect();
     Ok(most(Some(&normals)))
 }
 

@@ -1,4 +1,5 @@
-//! The plan of one leaf: which of its fit's files are read, which maps are uploaded, at what resolution, with how fine a slab curve.
+//! The plan of one leaf: which of its fit's files are read, which maps are uploaded, at what resolution, with how fine
+//! a slab curve.
 
 use super::amount;
 use super::display::displayed;
@@ -25,10 +26,9 @@ pub fn list(manifest: &Manifest, leaf: &LeafPlan, plan: &mut Plan) {
     let name = &manifest.leaves[leaf.index].name;
     if !leaf.used {
         let folder = manifest.leaves[leaf.index].fit.as_ref().map(|f| manifest.resolve(f));
-        let bytes = folder
-            .as_ref()
-            .and_then(|f| std::fs::read_dir(f).ok())
-            .map_or(0, |entries| entries.flatten().filter_map(|e| e.metadata().ok()).filter(|m| m.is_file()).map(|m| m.len()).sum());
+        let bytes = folder.as_ref().and_then(|f| std::fs::read_dir(f).ok()).map_or(0, |entries| {
+            entries.flatten().filter_map(|e| e.metadata().ok()).filter(|m| m.is_file()).map(|m| m.len()).sum()
+        });
         let ms = folder.as_ref().and_then(|f| Times::read(f).ok()).map(|t| t.total_s * 1e3);
         plan.leave_out(LeftOut::new(format!("fit {name}"), "no instance and no card shows this leaf", bytes, ms));
         return;
@@ -72,7 +72,12 @@ pub fn detail(manifest: &Manifest, leaf: &mut LeafPlan, plan: &mut Plan, ledger:
     }
     resolution(manifest, leaf, plan);
     let keep: u64 = ["front_err.exr", "back_err.exr"].iter().map(|f| fitted.file_bytes(f)).sum();
-    plan.leave_out(LeftOut::new(format!("{}: error maps and previews", config.name), "a picture needs no standard errors", keep, None));
+    plan.leave_out(LeftOut::new(
+        format!("{}: error maps and previews", config.name),
+        "a picture needs no standard errors",
+        keep,
+        None,
+    ));
     Ok(())
 }
 
@@ -98,7 +103,8 @@ pub fn rgba(fitted: &Fitted, file: &str, ledger: &Ledger, good: impl Fn([f32; 4]
     let size = [maps.width, maps.height];
     let mut planes: Vec<Vec<f32>> = maps.channels.into_iter().map(|(_, p)| p).collect();
     let at = |planes: &[Vec<f32>], k: usize| [planes[0][k], planes[1][k], planes[2][k], planes[3][k]];
-    let mask: Vec<bool> = (0..size[0] * size[1]).map(|k| at(&planes, k)).map(|t| t.iter().all(|v| v.is_finite()) && good(t)).collect();
+    let mask: Vec<bool> =
+        (0..size[0] * size[1]).map(|k| at(&planes, k)).map(|t| t.iter().all(|v| v.is_finite()) && good(t)).collect();
     fill(&fitted.folder.join(file), size[0], size[1], &mut planes, |k| mask[k])?;
     let texels = (0..mask.len()).map(|k| at(&planes, k)).collect();
     Ok(Rgba { size, texels, good: mask })
@@ -110,7 +116,10 @@ pub fn rgba(fitted: &Fitted, file: &str, ledger: &Ledger, good: impl Fn([f32; 4]
 /// [`crate::Error::Input`] naming the file where they differ.
 pub fn same_size(leaf: [usize; 2], size: [usize; 2], fitted: &Fitted, file: &str) -> Result<[usize; 2]> {
     if leaf != [0, 0] && leaf != size {
-        let what = format!("found {}x{} texels, expected {}x{} as of the leaf's other maps", size[0], size[1], leaf[0], leaf[1]);
+        let what = format!(
+            "found {}x{} texels, expected {}x{} as of the leaf's other maps",
+            size[0], size[1], leaf[0], leaf[1]
+        );
         return Err(crate::Error::input(&fitted.folder.join(file), what));
     }
     Ok(size)
@@ -138,7 +147,8 @@ impl OneSide<'_> {
         let file = format!("{}_gamma_delta.exr", side.name());
         let h = fitted.thickness(side)? as f32;
         // γ of a leaf texel is positive, and so is its thickness.
-        let Rgba { size, texels, good } = rgba(fitted, &file, ledger, |t| t[0] > 0.0 && t[1] > 0.0 && t[2] > 0.0 && h + t[3] > 0.0)?;
+        let Rgba { size, texels, good } =
+            rgba(fitted, &file, ledger, |t| t[0] > 0.0 && t[1] > 0.0 && t[2] > 0.0 && h + t[3] > 0.0)?;
         leaf.size = same_size(leaf.size, size, fitted, &file)?;
         leaf.textures[s] = Textures { gamma_delta: Some(texels), gloss: None, good };
         Ok(())
@@ -148,15 +158,26 @@ impl OneSide<'_> {
         let OneSide { manifest, s, side, fitted, ledger } = *self;
         let Some(texels) = &leaf.textures[s].gamma_delta else { return Ok(()) };
         let h = fitted.thickness(side)?;
-        let (low, high) = texels.iter().fold((f64::INFINITY, 0f64), |(a, b), t| (a.min(h + f64::from(t[3])), b.max(h + f64::from(t[3]))));
+        let (low, high) = texels
+            .iter()
+            .fold((f64::INFINITY, 0f64), |(a, b), t| (a.min(h + f64::from(t[3])), b.max(h + f64::from(t[3]))));
         // A tenth of a shortcut's share, and never more than a ten-thousandth.
         let allowed = (manifest.tolerance / 10.0).min(1e-4);
         let what = format!("{}/{} slab curve", fitted.name, side.name());
-        let curve = amount::curve(fitted.rgb(side, "sigma_a")?, fitted.rgb(side, "sigma_s")?, low, high, allowed, &what, ledger);
+        let curve = amount::curve(
+            fitted.rgb(side, "sigma_a")?,
+            fitted.rgb(side, "sigma_s")?,
+            low,
+            high,
+            allowed,
+            &what,
+            ledger,
+        );
         let last = curve.rows.last().copied();
         plan.measured.insert(what.clone(), curve.rows.clone());
         let mut need = Need::new(what, "rho_d and rho_t follow the thickness h + delta of each texel");
-        need.amount = last.map(|r| format!("{} points, interpolation error {:.1e} (measured), {:.2} ms", r.setting, r.error, r.ms));
+        need.amount = last
+            .map(|r| format!("{} points, interpolation error {:.1e} (measured), {:.2} ms", r.setting, r.error, r.ms));
         need.bytes = last.map(|r| r.bytes);
         plan.need(need);
         leaf.curves[s] = Some(curve);
@@ -179,13 +200,20 @@ impl OneSide<'_> {
             let (bytes, ms) = ledger
                 .entries()
                 .iter()
-                .filter(|e| e.action == "read" && e.what.starts_with(&format!("{}/", fitted.name)) && e.what.ends_with(".exr"))
+                .filter(|e| {
+                    e.action == "read" && e.what.starts_with(&format!("{}/", fitted.name)) && e.what.ends_with(".exr")
+                })
                 .fold((0u64, 0.0), |(b, t), e| (b + e.bytes, t + e.ms));
             (bytes > 0).then(|| ms / bytes as f64)
         };
         let skip = |plan: &mut Plan, what: &str, textures: u64, why: String| {
             let on_disk = fitted.file_bytes(&file(what));
-            plan.leave_out(LeftOut::new(entry(what), why, on_disk + textures * texture, rate.map(|r| r * on_disk as f64)));
+            plan.leave_out(LeftOut::new(
+                entry(what),
+                why,
+                on_disk + textures * texture,
+                rate.map(|r| r * on_disk as f64),
+            ));
         };
         let unseen = format!("no camera sees the {} or light that came through it", side.name());
         match (needs.interior(), pigment) {
@@ -278,7 +306,10 @@ fn resolution(manifest: &Manifest, leaf: &mut LeafPlan, plan: &mut Plan) {
     let (sun, sky) = light(manifest);
     let power = sun / std::f64::consts::PI + sky;
     for s in [0, 1] {
-        let (Some(texels), Some(curve), Some(fitted)) = (&leaf.textures[s].gamma_delta, &leaf.curves[s], &leaf.fitted) else { continue };
+        let (Some(texels), Some(curve), Some(fitted)) = (&leaf.textures[s].gamma_delta, &leaf.curves[s], &leaf.fitted)
+        else {
+            continue;
+        };
         let Ok(h) = fitted.thickness(SIDES[s]) else { continue };
         let value: Vec<f32> = texels
             .iter()
@@ -294,16 +325,25 @@ fn resolution(manifest: &Manifest, leaf: &mut LeafPlan, plan: &mut Plan) {
         let allowed = rows.first().map_or(0.0, |r| r.error) + manifest.tolerance / 4.0;
         let what = format!("{name}/{} map resolution", SIDES[s].name());
         if let Some(row) = plan.choose(&what, rows, allowed) {
-            leaf.block = if s == 0 || leaf.textures[0].gamma_delta.is_none() { row.setting } else { leaf.block.min(row.setting) };
+            leaf.block = if s == 0 || leaf.textures[0].gamma_delta.is_none() {
+                row.setting
+            } else {
+                leaf.block.min(row.setting)
+            };
         }
     }
     super::translucency::resolution(manifest, leaf, plan, footprint);
     let (w, h) = (leaf.size[0].div_ceil(leaf.block), leaf.size[1].div_ceil(leaf.block));
-    let mut need = Need::new(format!("{name}: maps at {w}x{h}"), format!("the nearest pixel covers {footprint:.2} texels a side"));
+    let mut need =
+        Need::new(format!("{name}: maps at {w}x{h}"), format!("the nearest pixel covers {footprint:.2} texels a side"));
     need.amount = Some(format!("blocks of {0}x{0} texels", leaf.block));
     plan.need(need);
     if leaf.block > 1 {
-        let maps = leaf.textures.iter().map(|t| u64::from(t.gamma_delta.is_some()) + u64::from(t.gloss.is_some())).sum::<u64>()
+        let maps = leaf
+            .textures
+            .iter()
+            .map(|t| u64::from(t.gamma_delta.is_some()) + u64::from(t.gloss.is_some()))
+            .sum::<u64>()
             + leaf.sides.iter().map(|s| u64::from(s.normal)).sum::<u64>();
         let saved = maps * (texture_bytes(leaf.size) - texture_bytes([w, h]));
         plan.leave_out(LeftOut::new(

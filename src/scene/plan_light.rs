@@ -45,7 +45,10 @@ pub fn lights(manifest: &Manifest, plan: &mut Plan, free: bool) -> Result<()> {
     }
     match &manifest.sky {
         Some(sky) if sky.model.is_some() => physical_sky(manifest, plan)?,
-        Some(_) => plan.need(Need::new("sky", "constant: three numbers, and the lobe's directional albedo where a side is glossy")),
+        Some(_) => plan.need(Need::new(
+            "sky",
+            "constant: three numbers, and the lobe's directional albedo where a side is glossy",
+        )),
         None => plan.leave_out(LeftOut::new("sky", "the scene has none: its term is not in the shader", 0, None)),
     }
     let mut need = Need::new("multisampling", "edges show");
@@ -61,7 +64,12 @@ fn physical_sky(manifest: &Manifest, plan: &mut Plan) -> Result<()> {
     for bands in [3usize, 5, 7] {
         let start = Instant::now();
         let error = daylight.truncation(&[bands], manifest.exposure)?[0];
-        rows.push(Row { setting: bands, error, ms: start.elapsed().as_secs_f64() * 1e3, bytes: (16 * bands * bands) as u64 });
+        rows.push(Row {
+            setting: bands,
+            error,
+            ms: start.elapsed().as_secs_f64() * 1e3,
+            bytes: (16 * bands * bands) as u64,
+        });
     }
     let row = plan.choose("sky bands", rows, manifest.tolerance);
     let glossy = plan.leaves.iter().any(|l| l.sides.iter().any(|s| s.gloss));
@@ -69,17 +77,22 @@ fn physical_sky(manifest: &Manifest, plan: &mut Plan) -> Result<()> {
     plan.sky_bands = if glossy { 7 } else { row.map_or(7, |r| r.setting) };
     let n = plan.sky_bands * plan.sky_bands;
     let how = if plan.sun_moves { "from the polynomials" } else { "integrated for this sun and turbidity" };
-    let mut need =
-        Need::new("sky", format!("preetham, turbidity {}: {n}x3 coefficients, {how}; drawn behind the leaves", daylight.turbidity));
+    let mut need = Need::new(
+        "sky",
+        format!("preetham, turbidity {}: {n}x3 coefficients, {how}; drawn behind the leaves", daylight.turbidity),
+    );
     if let Some(row) = row {
-        let cost = plan.measured["sky bands"].iter().find(|r| r.setting == plan.sky_bands).map_or(row.error, |r| r.error);
+        let cost =
+            plan.measured["sky bands"].iter().find(|r| r.setting == plan.sky_bands).map_or(row.error, |r| r.error);
         need.amount = Some(format!("{} bands, displayed error of diffuse light {cost:.1e} (measured)", plan.sky_bands));
     }
     need.bytes = Some(16 * n as u64);
     plan.need(need);
     if plan.sun_moves {
-        let mut need =
-            Need::new("sky polynomial (spherical harmonics)", "the sun moves: fit sky makes it, milliseconds, before the first picture");
+        let mut need = Need::new(
+            "sky polynomial (spherical harmonics)",
+            "the sun moves: fit sky makes it, milliseconds, before the first picture",
+        );
         need.amount = Some("7 bands, sun zenith 0 to 90 degrees, turbidity 2.5 to 6".into());
         plan.need(need);
     }
@@ -94,7 +107,10 @@ fn shadows(manifest: &Manifest, plan: &mut Plan, radius: f64, map_bytes: u64) {
         .filter_map(|p| plan.leaves[p.leaf].mesh.as_ref().map(|m| (m.bounds(), p.transform)))
         .map(|((c, r), t)| (t.transform_point3(c), r * t.x_axis.truncate().length()))
         .collect();
-    let reach = spheres.iter().flat_map(|(a, ra)| spheres.iter().map(move |(b, rb)| a.distance(*b) + ra + rb)).fold(0.0, f64::max);
+    let reach = spheres
+        .iter()
+        .flat_map(|(a, ra)| spheres.iter().map(move |(b, rb)| a.distance(*b) + ra + rb))
+        .fold(0.0, f64::max);
     let leaf = spheres.iter().map(|s| s.1).fold(f64::INFINITY, f64::min);
     let share = if spheres.is_empty() { 1.0 } else { (2.0 * radius.tan() * reach / (2.0 * leaf)).min(1.0) };
     let mean = |c: &[f64; 3]| c.iter().sum::<f64>() / 3.0;
@@ -107,8 +123,10 @@ fn shadows(manifest: &Manifest, plan: &mut Plan, radius: f64, map_bytes: u64) {
     if let Some(row) = row {
         plan.shadow_samples = row.setting as u32;
         plan.shadow_resolution = SHADOW_SIDE as u32;
-        need.amount =
-            Some(format!("{} over the sun's disk, {SHADOW_SIDE} texels a side, displayed error {:.1e} (measured)", row.setting, row.error));
+        need.amount = Some(format!(
+            "{} over the sun's disk, {SHADOW_SIDE} texels a side, displayed error {:.1e} (measured)",
+            row.setting, row.error
+        ));
         need.bytes = Some(row.bytes);
     }
     plan.need(need);
@@ -118,10 +136,13 @@ fn shadows(manifest: &Manifest, plan: &mut Plan, radius: f64, map_bytes: u64) {
 pub fn absent_models(manifest: &Manifest, plan: &mut Plan) {
     // H9 ch. 5: (13+1)·(7+1) coefficients, 49 harmonics, three channels, doubles.
     let polynomial = 14 * 8 * 49 * 3 * 8;
-    let fixed = "a fixed sun and turbidity are 49x3 numbers at most, integrated directly: no polynomial in sun height and turbidity";
+    let fixed = "a fixed sun and turbidity are 49x3 numbers at most, integrated directly: no polynomial in sun height \
+     and turbidity";
     let why = match (&manifest.sky, &manifest.sun) {
         (Some(sky), _) if sky.model.is_some() => fixed,
-        (Some(_), _) => "a constant sky under a fixed sun is three numbers, not a polynomial in sun height and turbidity",
+        (Some(_), _) => {
+            "a constant sky under a fixed sun is three numbers, not a polynomial in sun height and turbidity"
+        }
         _ => "the scene has no sky",
     };
     if !plan.sun_moves {

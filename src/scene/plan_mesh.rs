@@ -1,4 +1,5 @@
-//! What is strange about where and how large leaves stand: a mesh in another unit than its scene's, a leaf that no view shows.
+//! What is strange about where and how large leaves stand: a mesh in another unit than its scene's, a leaf that no view
+//! shows.
 
 use super::manifest::{Manifest, View, ViewKind};
 use super::plan::{LeafPlan, Plan};
@@ -60,7 +61,11 @@ fn unseen(manifest: &Manifest, plan: &Plan, leaf: &LeafPlan) -> Option<String> {
     }
     let (Some(at), true) = (first, largest < 1.0) else { return None };
     let size = sizes.into_iter().fold(0.0, f64::max);
-    let how = if largest > 0.0 { format!("it covers {largest:.2} of a pixel at most") } else { "it lies outside every view".into() };
+    let how = if largest > 0.0 {
+        format!("it covers {largest:.2} of a pixel at most")
+    } else {
+        "it lies outside every view".into()
+    };
     Some(format!(
         "leaf \"{}\": no view shows it: {how} ({} mm across, the first one around [{:.1}, {:.1}, {:.1}] mm)",
         manifest.leaves[leaf.index].name,
@@ -83,7 +88,11 @@ fn pixels(manifest: &Manifest, view: &View, centre: DVec3, radius: f64) -> f64 {
     }
     // Within the cone through the picture's corners, widened by the sphere.
     let corner = (tan * (1.0 + aspect * aspect).sqrt()).atan();
-    if towards.angle_between(away) > corner + (radius / distance).asin() { 0.0 } else { radius / (distance * tan) * height }
+    if towards.angle_between(away) > corner + (radius / distance).asin() {
+        0.0
+    } else {
+        radius / (distance * tan) * height
+    }
 }
 
 /// Three significant digits.

@@ -1,6 +1,7 @@
-//! The hand-over to the reference renderer, by a way of its own: from `front.exr` and `back.exr` (γ, thickness, ρs, m, normals a texel in
-//! the scan's frame), not from W's packed textures, and with a slab interpolant of its own (Chebyshev in the thickness). Nothing that the plan
-//! leaves out is left out here: gloss, normals, translucency and both sides are drawn wherever the fit has them.
+//! The hand-over to the reference renderer, by a way of its own: from `front.exr` and `back.exr` (γ, thickness, ρs, m,
+//! normals a texel in the scan's frame), not from W's packed textures, and with a slab interpolant of its own
+//! (Chebyshev in the thickness). Nothing that the plan leaves out is left out here: gloss, normals, translucency and
+//! both sides are drawn wherever the fit has them.
 
 use super::branch::Bends;
 use super::daylight::Daylight;
@@ -57,7 +58,15 @@ fn barked(bark: [f64; 3], rest: &LeafMesh) -> transport::ReferenceLeaf {
     if let transport::Interior::Maps { rho_d, .. } = &mut front.interior {
         *rho_d = bark.map(|v| vec![v as f32]);
     }
-    transport::ReferenceLeaf { mesh: mesh(rest), width: 1, height: 1, front, back: black(1), mask: None, lobe: lobe::Lobe::Beckmann }
+    transport::ReferenceLeaf {
+        mesh: mesh(rest),
+        width: 1,
+        height: 1,
+        front,
+        back: black(1),
+        mask: None,
+        lobe: lobe::Lobe::Beckmann,
+    }
 }
 
 /// Bends the branches of a world that [`world`] made, and what hangs on them, as they are at a time (s).
@@ -98,8 +107,8 @@ pub fn lights(manifest: &Manifest) -> Result<transport::World> {
     })
 }
 
-/// The sky itself, `strength` times, with the background below its horizon where there is no ground. The ground is worked out anew from the
-/// sky, not from its harmonics.
+/// The sky itself, `strength` times, with the background below its horizon where there is no ground. The ground is
+/// worked out anew from the sky, not from its harmonics.
 pub fn dome(manifest: &Manifest, daylight: Daylight, strength: f64) -> transport::Dome {
     let above = |d: DVec3| if d.z > 0.0 { daylight.radiance(d) } else { [0.0; 3] };
     let ground = manifest.sky.as_ref().and_then(|s| s.ground_albedo).map(|albedo| {
@@ -150,19 +159,29 @@ pub fn mesh(mesh: &LeafMesh) -> transport::ReferenceMesh {
 /// A side that the fit does not have, or wood's.
 pub fn black(texels: usize) -> transport::ReferenceSide {
     let none = || [vec![0.0; texels], vec![0.0; texels], vec![0.0; texels]];
-    transport::ReferenceSide { interior: transport::Interior::Maps { rho_d: none(), rho_t: none() }, gloss: None, normal: None }
+    transport::ReferenceSide {
+        interior: transport::Interior::Maps { rho_d: none(), rho_t: none() },
+        gloss: None,
+        normal: None,
+    }
 }
 
-/// A leaf with everything that its fit has. What the plan leaves out of the picture is drawn here all the same, so that the picture is held
-/// against the leaf and not against the plan.
+/// A leaf with everything that its fit has. What the plan leaves out of the picture is drawn here all the same, so that
+/// the picture is held against the leaf and not against the plan.
 fn one_leaf(manifest: &Manifest, leaf: &LeafPlan, ledger: &Ledger) -> Result<transport::ReferenceLeaf> {
     let config = &manifest.leaves[leaf.index];
     let (Some(blade), Some(fitted)) = (&leaf.mesh, &leaf.fitted) else {
-        return Err(Error::field(&manifest.path, &format!("leaf \"{}\"", config.name), "not fitted yet; `mesophyll run` fits it"));
+        return Err(Error::field(
+            &manifest.path,
+            &format!("leaf \"{}\"", config.name),
+            "not fitted yet; `mesophyll run` fits it",
+        ));
     };
     // Normals were seen on the blade that was scanned, whatever blade is drawn.
     let scanned = match &config.mesh {
-        Some(_) if fitted.folder.join("blade.glb").is_file() => Some(mesophyll_files::mesh::read(&fitted.folder.join("blade.glb"), None)?),
+        Some(_) if fitted.folder.join("blade.glb").is_file() => {
+            Some(mesophyll_files::mesh::read(&fitted.folder.join("blade.glb"), None)?)
+        }
         _ => None,
     };
     let mut size = leaf.size;
@@ -176,7 +195,15 @@ fn one_leaf(manifest: &Manifest, leaf: &LeafPlan, ledger: &Ledger) -> Result<tra
         sides[s] = Some(read.side);
     }
     let [front, back] = sides.map(|s| s.unwrap_or_else(|| black(size[0] * size[1])));
-    Ok(transport::ReferenceLeaf { mesh: mesh(blade), width: size[0], height: size[1], front, back, mask, lobe: lobe(config) })
+    Ok(transport::ReferenceLeaf {
+        mesh: mesh(blade),
+        width: size[0],
+        height: size[1],
+        front,
+        back,
+        mask,
+        lobe: lobe(config),
+    })
 }
 
 /// One side as its maps have it.
@@ -186,10 +213,18 @@ struct ReadSide {
     on_leaf: Vec<u8>,
 }
 
-fn one_side(config: &Leaf, fitted: &Fitted, s: usize, side: SideName, scanned: &LeafMesh, ledger: &Ledger) -> Result<ReadSide> {
+fn one_side(
+    config: &Leaf,
+    fitted: &Fitted,
+    s: usize,
+    side: SideName,
+    scanned: &LeafMesh,
+    ledger: &Ledger,
+) -> Result<ReadSide> {
     let file = format!("{}.exr", side.name());
     let path = fitted.folder.join(&file);
-    const COMMON: [&str; 9] = ["mask.Y", "thickness.Y", "rho_s.R", "rho_s.G", "rho_s.B", "m.Y", "normal.X", "normal.Y", "normal.Z"];
+    const COMMON: [&str; 9] =
+        ["mask.Y", "thickness.Y", "rho_s.R", "rho_s.G", "rho_s.B", "m.Y", "normal.X", "normal.Y", "normal.Z"];
     const INSIDE: usize = COMMON.len();
     let pigment = config.interior == Interior::Maps;
     let inside: &[&str] = if pigment {
@@ -213,9 +248,14 @@ fn one_side(config: &Leaf, fitted: &Fitted, s: usize, side: SideName, scanned: &
         solved(&planes[1], &planes[INSIDE..])
     } else {
         let thickness = std::mem::take(&mut planes[1]);
-        let (low, high) = thickness.iter().fold((f64::INFINITY, 0f64), |(a, b), h| (a.min(f64::from(*h)), b.max(f64::from(*h))));
+        let (low, high) =
+            thickness.iter().fold((f64::INFINITY, 0f64), |(a, b), h| (a.min(f64::from(*h)), b.max(f64::from(*h))));
         let curve = Chebyshev::new(fitted.rgb(side, "sigma_a")?, fitted.rgb(side, "sigma_s")?, low, high);
-        transport::Interior::Scalars { gamma: three(&mut planes, INSIDE), thickness, curve: Arc::new(move |h| curve.at(h)) }
+        transport::Interior::Scalars {
+            gamma: three(&mut planes, INSIDE),
+            thickness,
+            curve: Arc::new(move |h| curve.at(h)),
+        }
     };
     let rho_s = three(&mut planes, 2);
     let glossy = rho_s.iter().flatten().any(|v| *v > 0.0);
@@ -237,8 +277,8 @@ fn solved(thickness: &[f32], sigma: &[Vec<f32>]) -> transport::Interior {
     world::Interior::Maps { rho_d: [plane(0), plane(1), plane(2)], rho_t: [plane(3), plane(4), plane(5)] }
 }
 
-/// Barycentric interpolation of ln ρ in Chebyshev points of the second kind (Berrut & Trefethen 2004, Eq. 4.2): a slab's response is analytic in
-/// the thickness, so that a few dozen points reach rounding.
+/// Barycentric interpolation of ln ρ in Chebyshev points of the second kind (Berrut & Trefethen 2004, Eq. 4.2): a
+/// slab's response is analytic in the thickness, so that a few dozen points reach rounding.
 pub struct Chebyshev {
     nodes: Vec<f64>,
     /// ln ρd and ln ρt, a channel each, a node each.
@@ -252,7 +292,8 @@ impl Chebyshev {
     /// The slab with these coefficients (1/mm) between `low` and `high` mm.
     pub fn new(sigma_a: [f64; 3], sigma_s: [f64; 3], low: f64, high: f64) -> Chebyshev {
         let half = ((high - low) / 2.0).max(1e-9 * high);
-        let nodes: Vec<f64> = (0..NODES).map(|k| (low + high) / 2.0 + half * (PI * k as f64 / (NODES - 1) as f64).cos()).collect();
+        let nodes: Vec<f64> =
+            (0..NODES).map(|k| (low + high) / 2.0 + half * (PI * k as f64 / (NODES - 1) as f64).cos()).collect();
         let values = nodes
             .iter()
             .map(|&h| {
@@ -297,7 +338,10 @@ mod tests {
             let (rho_d, rho_t) = curve.at(h);
             for c in 0..3 {
                 let exact = slab::exact::response(sa[c], ss[c], h);
-                assert!((rho_d[c] / exact.rho_d - 1.0).abs() < 1e-7 && (rho_t[c] / exact.rho_t - 1.0).abs() < 1e-7, "{h} {c}");
+                assert!(
+                    (rho_d[c] / exact.rho_d - 1.0).abs() < 1e-7 && (rho_t[c] / exact.rho_t - 1.0).abs() < 1e-7,
+                    "{h} {c}"
+                );
             }
         }
     }

@@ -23,7 +23,8 @@ pub struct Change {
 /// Writes `NAME-edit-N` under `folder` and returns where; `fit.toml` says that its σ and h were set by hand.
 ///
 /// # Errors
-/// [`Error::Write`] or [`Error::Usage`] when the folder cannot be written, [`Error::Input`] for a map of the fit that cannot be read.
+/// [`Error::Write`] or [`Error::Usage`] when the folder cannot be written, [`Error::Input`] for a map of the fit that
+/// cannot be read.
 pub fn edited(fitted: &Fitted, changes: &[Change; 2], folder: &Path) -> Result<PathBuf> {
     let free = (1..).map(|n| folder.join(format!("{}-edit-{n}", fitted.name))).find(|p| !p.exists());
     let target = free.unwrap_or_else(|| folder.join(&fitted.name));
@@ -43,7 +44,9 @@ pub fn edited(fitted: &Fitted, changes: &[Change; 2], folder: &Path) -> Result<P
     for (s, side) in SIDES.into_iter().enumerate() {
         let Some(section) = record.sections.get_mut(side.name()) else { continue };
         let change = &changes[s];
-        for (name, factor) in [("sigma_a", Some(change.scaling.sigma_a)), ("sigma_s", Some(change.scaling.sigma_s)), ("thickness", None)] {
+        for (name, factor) in
+            [("sigma_a", Some(change.scaling.sigma_a)), ("sigma_s", Some(change.scaling.sigma_s)), ("thickness", None)]
+        {
             if let Some(param) = section.params.get_mut(name) {
                 for (c, v) in param.value.iter_mut().enumerate() {
                     *v = factor.map_or(*v + change.scaling.thickness_mm, |f| *v * f[c.min(2)]);

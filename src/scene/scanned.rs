@@ -1,8 +1,9 @@
-//! A leaf as its own scan saw it: the flat, rectified blade under the tube, from the fit's folder, for both renderers. Everything is drawn
-//! from the fit, and nothing of the scene's light takes part, so that the pictures can be set against frames that were measured.
+//! A leaf as its own scan saw it: the flat, rectified blade under the tube, from the fit's folder, for both renderers.
+//! Everything is drawn from the fit, and nothing of the scene's light takes part, so that the pictures can be set
+//! against frames that were measured.
 //!
-//! The renderer takes W's packed textures and a slab curve, the reference takes the float maps and an interpolant of its own, as in every
-//! other view.
+//! The renderer takes W's packed textures and a slab curve, the reference takes the float maps and an interpolant of
+//! its own, as in every other view.
 
 use super::amount;
 use super::fitted::{Fitted, fill};
@@ -47,7 +48,11 @@ impl<'a> Scanned<'a> {
     }
 
     fn maps(&self, what: &str, channels: &[&str]) -> Result<Vec<Vec<f32>>> {
-        let file = if what.is_empty() { format!("{}.exr", self.side.name()) } else { format!("{}_{what}.exr", self.side.name()) };
+        let file = if what.is_empty() {
+            format!("{}.exr", self.side.name())
+        } else {
+            format!("{}_{what}.exr", self.side.name())
+        };
         let maps: Maps = self.fitted.maps(&file, channels, &Ledger::new())?;
         let path = self.fitted.folder.join(&file);
         if (maps.width, maps.height) != (self.width, self.height) {
@@ -66,8 +71,8 @@ impl<'a> Scanned<'a> {
         LeafMesh::rectangle(self.width as f64 * self.scan.texel_mm, self.height as f64 * self.scan.texel_mm)
     }
 
-    /// The scene for the renderer, the tube where it stood in `frame`; the gloss as it was fitted, or `bounded` by the V-cavity factor that
-    /// scenes have. Cook–Torrance lobes always have it.
+    /// The scene for the renderer, the tube where it stood in `frame`; the gloss as it was fitted, or `bounded` by the
+    /// V-cavity factor that scenes have. Cook–Torrance lobes always have it.
     ///
     /// # Errors
     /// A map that cannot be read.
@@ -78,8 +83,11 @@ impl<'a> Scanned<'a> {
         let normal = self.maps("", &["normal.X", "normal.Y", "normal.Z"])?;
         let texel = |planes: &[Vec<f32>], k: usize| [planes[0][k], planes[1][k], planes[2][k], planes[3][k]];
         let n = self.width * self.height;
-        let (low, high) = first[3].iter().fold((f64::INFINITY, 0f64), |(a, b), d| (a.min(h + f64::from(*d)), b.max(h + f64::from(*d))));
-        let curve = amount::curve(sigma_a, sigma_s, low.max(1e-6), high.max(2e-6), CURVE, "scanned leaf", &Ledger::new());
+        let (low, high) = first[3]
+            .iter()
+            .fold((f64::INFINITY, 0f64), |(a, b), d| (a.min(h + f64::from(*d)), b.max(h + f64::from(*d))));
+        let curve =
+            amount::curve(sigma_a, sigma_s, low.max(1e-6), high.max(2e-6), CURVE, "scanned leaf", &Ledger::new());
         let front = viewer::Side {
             gamma_delta: (0..n).map(|k| texel(&first, k)).collect(),
             gloss: Some((0..n).map(|k| texel(&second, k)).collect()),
@@ -129,17 +137,33 @@ impl<'a> Scanned<'a> {
     /// A map that cannot be read.
     pub fn world(&self, frame: &KeptFrame) -> Result<transport::World> {
         let (_, sigma_a, sigma_s) = self.slab()?;
-        const CHANNELS: [&str; 11] =
-            ["gamma.R", "gamma.G", "gamma.B", "thickness.Y", "rho_s.R", "rho_s.G", "rho_s.B", "m.Y", "normal.X", "normal.Y", "normal.Z"];
+        const CHANNELS: [&str; 11] = [
+            "gamma.R",
+            "gamma.G",
+            "gamma.B",
+            "thickness.Y",
+            "rho_s.R",
+            "rho_s.G",
+            "rho_s.B",
+            "m.Y",
+            "normal.X",
+            "normal.Y",
+            "normal.Z",
+        ];
         let mut planes = self.maps("", &CHANNELS)?;
         let n = self.width * self.height;
         let values = (0..n).map(|k| [planes[8][k], planes[9][k], planes[10][k]]).collect();
         let mut take = |k: usize| std::mem::take(&mut planes[k]);
         let thickness = take(3);
-        let (low, high) = thickness.iter().fold((f64::INFINITY, 0f64), |(a, b), h| (a.min(f64::from(*h)), b.max(f64::from(*h))));
+        let (low, high) =
+            thickness.iter().fold((f64::INFINITY, 0f64), |(a, b), h| (a.min(f64::from(*h)), b.max(f64::from(*h))));
         let curve = reference::Chebyshev::new(sigma_a, sigma_s, low, high);
         let front = transport::ReferenceSide {
-            interior: transport::Interior::Scalars { gamma: [take(0), take(1), take(2)], thickness, curve: Arc::new(move |h| curve.at(h)) },
+            interior: transport::Interior::Scalars {
+                gamma: [take(0), take(1), take(2)],
+                thickness,
+                curve: Arc::new(move |h| curve.at(h)),
+            },
             gloss: Some(transport::Gloss { rho_s: [take(4), take(5), take(6)], m: take(7) }),
             normal: Some(transport::NormalMap { frame: transport::NormalFrame::Blade, values }),
         };

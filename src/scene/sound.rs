@@ -1,7 +1,9 @@
-//! Whether a fit folder agrees with itself, whatever its hashes say: a map that was changed and hashed anew contradicts the others.
+//! Whether a fit folder agrees with itself, whatever its hashes say: a map that was changed and hashed anew contradicts
+//! the others.
 //!
-//! Five things a fit writes twice: mean thickness = h; ρd = γ·slab(σa, σs, h + δ); ρt = slab's, in the median; W's packed textures = the
-//! named channels; packed normals = the scan's normals in the mesh's frame, leaning the way the blade leans; mask = the blade's outline.
+//! Five things a fit writes twice: mean thickness = h; ρd = γ·slab(σa, σs, h + δ); ρt = slab's, in the median; W's
+//! packed textures = the named channels; packed normals = the scan's normals in the mesh's frame, leaning the way the
+//! blade leans; mask = the blade's outline.
 
 use super::fitted::Fitted;
 use super::ledger::Ledger;
@@ -45,7 +47,9 @@ pub fn contradictions(leaf: &LeafPlan, ledger: &Ledger) -> Result<Vec<String>> {
             .collect();
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
         let maps = fitted.maps(&format!("{}.exr", side.name()), &names, ledger)?;
-        let good: Vec<usize> = (0..maps.width * maps.height).filter(|&k| maps.require(&path, "mask.Y").is_ok_and(|m| m[k] > 0.0)).collect();
+        let good: Vec<usize> = (0..maps.width * maps.height)
+            .filter(|&k| maps.require(&path, "mask.Y").is_ok_and(|m| m[k] > 0.0))
+            .collect();
         let mut say = |what: String| out.push(format!("{}: {what}", path.display()));
         if good.is_empty() {
             say("no good texel at all".into());
@@ -83,7 +87,8 @@ fn interior(fitted: &Fitted, side: SideName, maps: &Maps, good: &[usize]) -> Res
     let thickness = maps.get("thickness.Y").unwrap_or_default();
     let mut out = Vec::new();
     for (c, letter) in ["R", "G", "B"].into_iter().enumerate() {
-        let (gamma, rho_d, rho_t) = (plane(format!("gamma.{letter}")), plane(format!("rho_d.{letter}")), plane(format!("rho_t.{letter}")));
+        let (gamma, rho_d, rho_t) =
+            (plane(format!("gamma.{letter}")), plane(format!("rho_d.{letter}")), plane(format!("rho_t.{letter}")));
         let ratios: Vec<(f64, f64)> = good
             .par_iter()
             .map(|&k| {
@@ -99,7 +104,9 @@ fn interior(fitted: &Fitted, side: SideName, maps: &Maps, good: &[usize]) -> Res
         through.sort_by(f64::total_cmp);
         let median = through[through.len() / 2];
         if off(median, 1.0, TRANSMITTANCE) {
-            out.push(format!("the slab of fit.toml lets {median:.2} times the light of rho_t.{letter} through, in the median"));
+            out.push(format!(
+                "the slab of fit.toml lets {median:.2} times the light of rho_t.{letter} through, in the median"
+            ));
         }
     }
     Ok(out)
@@ -132,7 +139,14 @@ fn packed(leaf: &LeafPlan, s: usize, maps: &Maps, good: &[usize], h: f64) -> Vec
 }
 
 /// Normals and mask against the blade.
-fn shape(fitted: &Fitted, leaf: &LeafPlan, s: usize, maps: &Maps, mesh: &LeafMesh, ledger: &Ledger) -> Result<Vec<String>> {
+fn shape(
+    fitted: &Fitted,
+    leaf: &LeafPlan,
+    s: usize,
+    maps: &Maps,
+    mesh: &LeafMesh,
+    ledger: &Ledger,
+) -> Result<Vec<String>> {
     let mut out = Vec::new();
     let (w, h) = (maps.width, maps.height);
     let path = fitted.folder.join("blade.glb");

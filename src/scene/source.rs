@@ -31,7 +31,8 @@ pub struct Source {
 /// Hash of everything a fit of this capture would be made from, as `fit.toml` records it.
 pub type InputHash<'a> = &'a dyn Fn(&Leaf, &Path) -> Result<String>;
 
-/// Decides where leaf `index` comes from. `out` is a run's folder with fits of its own; `input_hash` says what a capture is worth now.
+/// Decides where leaf `index` comes from. `out` is a run's folder with fits of its own; `input_hash` says what a
+/// capture is worth now.
 ///
 /// # Errors
 /// [`Error::Input`] when the scene names a fit that does not exist and nothing to make it from.
@@ -47,7 +48,8 @@ pub fn source(manifest: &Manifest, index: usize, out: Option<&Path>, input_hash:
             (Some(capture), _, Some(hash)) => {
                 let capture = manifest.resolve(capture);
                 if FitRecord::read(&folder)?.input_hash != hash(leaf, &capture)? {
-                    stale = Some(format!("{} changed since {} was fitted from it", capture.display(), folder.display()));
+                    stale =
+                        Some(format!("{} changed since {} was fitted from it", capture.display(), folder.display()));
                     continue;
                 }
                 "its capture is what it was fitted from"
@@ -69,13 +71,21 @@ pub fn source(manifest: &Manifest, index: usize, out: Option<&Path>, input_hash:
         return Err(Error::field(
             &manifest.path,
             &format!("leaf \"{}\": fit", leaf.name),
-            format!("there is no fit at {} (no fit.toml there), and no capture or scan to make it from", folder.display()),
+            format!(
+                "there is no fit at {} (no fit.toml there), and no capture or scan to make it from",
+                folder.display()
+            ),
         ));
     }
     let from = if leaf.capture.is_some() { "capture" } else { "scan" };
     Ok(match stale {
         Some(why) => Source { status: Status::Stale, folder: made, named: false, why },
-        None => Source { status: Status::Missing, folder: made, named: false, why: format!("not fitted yet; the scene names a {from}") },
+        None => Source {
+            status: Status::Missing,
+            folder: made,
+            named: false,
+            why: format!("not fitted yet; the scene names a {from}"),
+        },
     })
 }
 
@@ -83,7 +93,14 @@ pub fn source(manifest: &Manifest, index: usize, out: Option<&Path>, input_hash:
 pub fn scan_hash(manifest: &Manifest, scan: &Scan) -> Result<String> {
     let spec = hash::file(&manifest.resolve(&scan.spec))?;
     let field = scan.field_mm.map(|f| format!("{f:?}")).unwrap_or_default();
-    let told = format!("{:?} {:?} {:?} {:?} {}{field}", scan.size, scan.frames, scan.noise, scan.seed, env!("CARGO_PKG_VERSION"));
+    let told = format!(
+        "{:?} {:?} {:?} {:?} {}{field}",
+        scan.size,
+        scan.frames,
+        scan.noise,
+        scan.seed,
+        env!("CARGO_PKG_VERSION")
+    );
     Ok(hash::combine([("spec", spec.as_str()), ("told", told.as_str())]))
 }
 

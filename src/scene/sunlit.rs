@@ -1,6 +1,7 @@
-//! What comes of the sun through every placed leaf that has translucency maps, for the reference renderer: one map an instance and lit side, by
-//! the **full convolution** for the scene's own sun, which stands elsewhere in each texel's tangent frame (blades are curved). No directional
-//! basis takes part, nor the maps themselves: what `fit.toml` says they were made from does.
+//! What comes of the sun through every placed leaf that has translucency maps, for the reference renderer: one map an
+//! instance and lit side, by the **full convolution** for the scene's own sun, which stands elsewhere in each texel's
+//! tangent frame (blades are curved). No directional basis takes part, nor the maps themselves: what `fit.toml` says
+//! they were made from does.
 
 use super::facing::Facing;
 use super::placement::Placement;
@@ -108,7 +109,8 @@ impl Convolved {
         let Some(at) = source.sides.iter().position(|x| x.name == name) else { return Ok(None) };
         let section = record.sections.get(name.name()).ok_or_else(|| Error::field(&file, name.name(), "missing"))?;
         let letters: Vec<&str> = said("channel").unwrap_or_default().split_whitespace().collect();
-        let channels: Option<Vec<usize>> = letters.iter().map(|l| ["R", "G", "B"].iter().position(|c| c == l)).collect();
+        let channels: Option<Vec<usize>> =
+            letters.iter().map(|l| ["R", "G", "B"].iter().position(|c| c == l)).collect();
         let channels = channels.filter(|c| !c.is_empty()).ok_or_else(|| bad("channel", "R, G or B"))?;
         let plain = side::surface(&source.sides[at], channels[0], entry, area);
         let horizon = Horizon::new(&side::lit(&source, &source.sides[at], &plain));
@@ -199,13 +201,9 @@ fn form(name: &str) -> Option<Form> {
 /// The `k`-th channel's tissue.
 fn tissue(file: &Path, section: &Section, side: &str, k: usize) -> Result<Tissue> {
     let one = |name: &str| {
-        section
-            .params
-            .get(name)
-            .and_then(|p| p.value.get(k))
-            .copied()
-            .filter(|v| v.is_finite())
-            .ok_or_else(|| Error::field(file, &format!("{side}.{name}"), format!("expected at least {} finite numbers", k + 1)))
+        section.params.get(name).and_then(|p| p.value.get(k)).copied().filter(|v| v.is_finite()).ok_or_else(|| {
+            Error::field(file, &format!("{side}.{name}"), format!("expected at least {} finite numbers", k + 1))
+        })
     };
     Ok(Tissue { sigma_a: one("sigma_a")?, sigma_s: one("sigma_s")?, g: one("g")?, a: one("a")? })
 }
@@ -216,12 +214,19 @@ impl Inside {
     /// # Errors
     /// [`Error::Input`] where the leaf's mesh covers no texel.
     pub fn new(leaf: &LeafPlan) -> Result<Option<Inside>> {
-        let (Some(mesh), true) = (&leaf.mesh, leaf.translucency.as_ref().is_some_and(|t| t.fitted.is_some())) else { return Ok(None) };
+        let (Some(mesh), true) = (&leaf.mesh, leaf.translucency.as_ref().is_some_and(|t| t.fitted.is_some())) else {
+            return Ok(None);
+        };
         let [width, height] = leaf.size;
-        Ok(Some(Inside { frames: texel_frame::frames(&leaf.mesh_path, mesh, width, height)?, width, ways: Default::default() }))
+        Ok(Some(Inside {
+            frames: texel_frame::frames(&leaf.mesh_path, mesh, width, height)?,
+            width,
+            ways: Default::default(),
+        }))
     }
 
-    /// How light that enters side `s` is worked out, made when it is first asked for: a side that is never lit costs nothing.
+    /// How light that enters side `s` is worked out, made when it is first asked for: a side that is never lit costs
+    /// nothing.
     fn way(&self, leaf: &LeafPlan, s: usize) -> Result<Option<&Way>> {
         let maps = leaf.translucency.as_ref().and_then(|t| t.fitted.as_ref());
         let (Some(fitted), Some(maps)) = (&leaf.fitted, maps) else { return Ok(None) };
@@ -295,8 +300,8 @@ fn spread(map: &mut Sunlit, mask: &[bool], width: usize) {
     }
 }
 
-/// Lights every instance of `world`, which [`super::reference::world`] made, for where its sun and its instances are now. Instances that
-/// show no light from behind to any of `eyes` are left alone.
+/// Lights every instance of `world`, which [`super::reference::world`] made, for where its sun and its instances are
+/// now. Instances that show no light from behind to any of `eyes` are left alone.
 ///
 /// # Errors
 /// [`Error::Input`] for a leaf whose maps cannot be read.
@@ -304,7 +309,8 @@ pub fn relight(world: &mut World, plan: &Plan, eyes: &[DVec3]) -> Result<()> {
     light(world, plan, eyes, false, |_, _| true)
 }
 
-/// As [`relight`], of those leaves' sides alone that `has(leaf, side)` says still have their maps; `leaf` is the renderers' index.
+/// As [`relight`], of those leaves' sides alone that `has(leaf, side)` says still have their maps; `leaf` is the
+/// renderers' index.
 ///
 /// # Errors
 /// As [`relight`].
@@ -321,7 +327,13 @@ pub fn relight_as_stored(world: &mut World, plan: &Plan, eyes: &[DVec3]) -> Resu
     Ok(!world.through.is_empty())
 }
 
-fn light(world: &mut World, plan: &Plan, eyes: &[DVec3], stored: bool, has: impl Fn(usize, usize) -> bool) -> Result<()> {
+fn light(
+    world: &mut World,
+    plan: &Plan,
+    eyes: &[DVec3],
+    stored: bool,
+    has: impl Fn(usize, usize) -> bool,
+) -> Result<()> {
     world.through.clear();
     let Some(found) = &world.sun else { return Ok(()) };
     let (sun, radius) = (found.direction.normalize_or_zero(), found.radius);
@@ -331,15 +343,25 @@ fn light(world: &mut World, plan: &Plan, eyes: &[DVec3], stored: bool, has: impl
     let mut any = false;
     for (index, leaf) in drawn.iter().enumerate() {
         // Whether the plan leaves a side's maps out has no say here.
-        let (Some(mesh), Some(translucent), Some(fitted)) = (&leaf.mesh, &leaf.translucency, &leaf.fitted) else { continue };
+        let (Some(mesh), Some(translucent), Some(fitted)) = (&leaf.mesh, &leaf.translucency, &leaf.fitted) else {
+            continue;
+        };
         let Some(inside) = translucent.inside(leaf)? else { continue };
         let facing = |i: usize| {
             let mut facing = Facing::default();
-            facing.add(mesh, &Placement { leaf: leaf.index, transform: instances[i].transform, ride: None }, eyes, Some((sun, radius)));
+            facing.add(
+                mesh,
+                &Placement { leaf: leaf.index, transform: instances[i].transform, ride: None },
+                eyes,
+                Some((sun, radius)),
+            );
             facing
         };
-        let own: Vec<(usize, Facing)> =
-            (0..instances.len()).into_par_iter().filter(|&i| instances[i].leaf == index).map(|i| (i, facing(i))).collect();
+        let own: Vec<(usize, Facing)> = (0..instances.len())
+            .into_par_iter()
+            .filter(|&i| instances[i].leaf == index)
+            .map(|i| (i, facing(i)))
+            .collect();
         for s in (0..2).filter(|s| fitted.has(SIDES[*s]) && has(index, *s)) {
             let shown: Vec<usize> = own.iter().filter(|(_, f)| f.through[1 - s]).map(|(i, _)| *i).collect();
             if shown.is_empty() {

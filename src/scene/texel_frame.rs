@@ -1,5 +1,6 @@
-//! Normals of the scan, turned into the mesh's tangent frame texel by texel, for the reference renderer: both renderers interpolate mapped
-//! normals in that frame, and this way to it shares no code with the fit's packed `front_normal.exr`.
+//! Normals of the scan, turned into the mesh's tangent frame texel by texel, for the reference renderer: both renderers
+//! interpolate mapped normals in that frame, and this way to it shares no code with the fit's packed
+//! `front_normal.exr`.
 
 use super::fitted::fill;
 use crate::Result;
@@ -7,7 +8,8 @@ use glam::{DVec2, DVec3};
 use mesophyll_files::mesh::LeafMesh;
 use std::path::Path;
 
-/// Tangent, image up and normal of the mesh at the centre of every texel of the front's maps; texels off the mesh take their neighbours'.
+/// Tangent, image up and normal of the mesh at the centre of every texel of the front's maps; texels off the mesh take
+/// their neighbours'.
 ///
 /// # Errors
 /// [`crate::Error::Input`] naming `path` when the mesh covers no texel at all.
@@ -32,8 +34,13 @@ pub fn frames(path: &Path, mesh: &LeafMesh, width: usize, height: usize) -> Resu
     let hand = mesh.tangents.first().map_or(1.0, |t| t.1);
     Ok((0..width * height)
         .map(|k| {
-            let v =
-                |first: usize| DVec3::new(f64::from(planes[first][k]), f64::from(planes[first + 1][k]), f64::from(planes[first + 2][k]));
+            let v = |first: usize| {
+                DVec3::new(
+                    f64::from(planes[first][k]),
+                    f64::from(planes[first + 1][k]),
+                    f64::from(planes[first + 2][k]),
+                )
+            };
             let normal = v(0).normalize_or(DVec3::Z);
             let tangent = (v(3) - normal * normal.dot(v(3))).normalize_or(normal.any_orthonormal_vector());
             [tangent, normal.cross(tangent) * hand, normal]
@@ -70,14 +77,16 @@ fn each_texel([a, b, c]: [DVec2; 3], width: usize, height: usize, mut found: imp
     }
 }
 
-/// One side's normals (x right, y up, z out, as its camera saw the blade) in the mesh's tangent frame as that side sees it.
+/// One side's normals (x right, y up, z out, as its camera saw the blade) in the mesh's tangent frame as that side sees
+/// it.
 pub fn tangent_space(normals: &[[f32; 3]], frames: &[[DVec3; 3]], width: usize, back: bool) -> Vec<[f32; 3]> {
     let sign = if back { -1.0 } else { 1.0 };
     normals
         .iter()
         .enumerate()
         .map(|(k, n)| {
-            // The blade was turned about y: x and z change sign, and column i of the back is column width − 1 − i of the front.
+            // The blade was turned about y: x and z change sign, and column i of the back is column width − 1 − i of
+            // the front.
             let [tangent, up, out] = frames[if back { k / width * width + width - 1 - k % width } else { k }];
             let blade = DVec3::new(sign * f64::from(n[0]), f64::from(n[1]), sign * f64::from(n[2]));
             [sign * blade.dot(tangent), blade.dot(up), sign * blade.dot(out)].map(|v| v as f32)

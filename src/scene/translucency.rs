@@ -1,8 +1,10 @@
-//! Translucency maps of a scene's leaf: where they come from, whether the sun ever comes through where a camera looks, what they add.
+//! Translucency maps of a scene's leaf: where they come from, whether the sun ever comes through where a camera looks,
+//! what they add.
 //!
-//! A folder of `fit translucency` holds `front.exr` and `back.exr`, for light that enters that side, in the columns of that side's camera and
-//! of the size of the leaf's other maps: channels `translucency.1` to `.3`, coefficients of f on the Half-Life 2 functions (straight or bent), or
-//! `translucency.R1` to `.B3`, those of M = ρt·f a colour. Directions are in the lit side's tangent frame.
+//! A folder of `fit translucency` holds `front.exr` and `back.exr`, for light that enters that side, in the columns of
+//! that side's camera and of the size of the leaf's other maps: channels `translucency.1` to `.3`, coefficients of f on
+//! the Half-Life 2 functions (straight or bent), or `translucency.R1` to `.B3`, those of M = ρt·f a colour. Directions
+//! are in the lit side's tangent frame.
 
 use super::branch;
 use super::display::displayed;
@@ -37,8 +39,8 @@ pub struct Translucent {
     pub source: Source,
     /// Open when it is there; its files are called `LEAF/translucency/…`.
     pub fitted: Option<Fitted>,
-    /// Coefficients for light that enters the front and the back, without holes; only of sides that are back-lit where a camera looks.
-    /// [`super::plan::SideNeeds`] says which of them the renderer gets.
+    /// Coefficients for light that enters the front and the back, without holes; only of sides that are back-lit where
+    /// a camera looks. [`super::plan::SideNeeds`] says which of them the renderer gets.
     pub maps: [Option<Coefficients>; 2],
     /// For the reference renderer, made when it first asks.
     inside: Arc<OnceLock<Option<Inside>>>,
@@ -108,7 +110,12 @@ pub fn folder(manifest: &Manifest, index: usize, out: &Path) -> PathBuf {
 ///
 /// # Errors
 /// [`Error::Input`] for a folder of another kind of fit.
-pub fn find(manifest: &Manifest, index: usize, out: Option<&Path>, fitted_leaf: Option<&Fitted>) -> Result<Option<Translucent>> {
+pub fn find(
+    manifest: &Manifest,
+    index: usize,
+    out: Option<&Path>,
+    fitted_leaf: Option<&Fitted>,
+) -> Result<Option<Translucent>> {
     let leaf = &manifest.leaves[index];
     let Some(asked) = &leaf.translucency else { return Ok(None) };
     let named = asked.fit.as_ref().map(|f| manifest.resolve(f));
@@ -137,11 +144,13 @@ pub fn find(manifest: &Manifest, index: usize, out: Option<&Path>, fitted_leaf: 
         return Ok(Some(Translucent { source, fitted: None, maps: Default::default(), inside: Default::default() }));
     };
     let fitted = Fitted::open_as(&format!("{}/translucency", leaf.name), &place, "translucency")?;
-    let source = Source { status: Status::Reuse, folder: Some(place), named: is_named, why: "the scene asks for it".into() };
+    let source =
+        Source { status: Status::Reuse, folder: Some(place), named: is_named, why: "the scene asks for it".into() };
     Ok(Some(Translucent { source, fitted: Some(fitted), maps: Default::default(), inside: Default::default() }))
 }
 
-/// Whether maps that say how they were made were made as the scene asks. Of a basis that it does not ask for, what it names may have any.
+/// Whether maps that say how they were made were made as the scene asks. Of a basis that it does not ask for, what it
+/// names may have any.
 fn as_asked(asked: &Asked, said: &BTreeMap<String, String>, named: bool) -> bool {
     let colour = match asked.colour {
         Colour::Substituted => "substituted",
@@ -154,21 +163,25 @@ fn as_asked(asked: &Asked, said: &BTreeMap<String, String>, named: bool) -> bool
     };
     let wanted = asked.basis.or_else(|| (!named).then(Basis::default));
     let of = |b: Basis| said.get("basis").map_or(b == Basis::default(), |s| *s == b.functions().name());
-    said.get("colour").is_none_or(|c| c == colour) && said.get("entry").is_none_or(|e| e == entry) && wanted.is_none_or(of)
+    said.get("colour").is_none_or(|c| c == colour)
+        && said.get("entry").is_none_or(|e| e == entry)
+        && wanted.is_none_or(of)
 }
 
 /// Lists the maps themselves as needed or left out.
 pub fn list(manifest: &Manifest, leaf: &LeafPlan, plan: &mut Plan) {
     let Some(translucent) = &leaf.translucency else { return };
     if leaf.sides.iter().any(|s| s.translucency) {
-        let mut need = Need::new(format!("fit {} translucency", manifest.leaves[leaf.index].name), translucent.source.why.clone());
+        let mut need =
+            Need::new(format!("fit {} translucency", manifest.leaves[leaf.index].name), translucent.source.why.clone());
         need.status = Some(translucent.source.status);
         need.hash = translucent.fitted.as_ref().map(|f| f.record.input_hash.clone());
         plan.need(need);
     }
 }
 
-/// Decides about one side of a leaf whose own maps have been looked at, and reads the coefficients as far as they are needed.
+/// Decides about one side of a leaf whose own maps have been looked at, and reads the coefficients as far as they are
+/// needed.
 ///
 /// # Errors
 /// [`Error::Input`] for a map that is missing, damaged or of another size.
@@ -203,7 +216,8 @@ pub fn side(manifest: &Manifest, leaf: &mut LeafPlan, s: usize, plan: &mut Plan,
         leaf.sides[s].translucency = false;
         leaf.sides[s].normal = true;
         let why = format!(
-            "by rho_t and the mapped normal a displayed value is off by {:.1e} at most (measured at every texel), the scene tolerates {:.1e}",
+            "by rho_t and the mapped normal a displayed value is off by {:.1e} at most (measured at every texel), the \
+             scene tolerates {:.1e}",
             cost.largest, manifest.tolerance
         );
         plan.leave_out(LeftOut::new(what, why, read.layers().len() as u64 * layer + on_disk, None));
@@ -235,8 +249,10 @@ fn read(leaf: &LeafPlan, s: usize, fitted: &Fitted, file: &str, ledger: &Ledger)
     let path = fitted.folder.join(file);
     let info = fitted.info(file)?;
     if [info.width, info.height] != leaf.size {
-        let what =
-            format!("found {}x{} texels, expected {}x{} as of the leaf's other maps", info.width, info.height, leaf.size[0], leaf.size[1]);
+        let what = format!(
+            "found {}x{} texels, expected {}x{} as of the leaf's other maps",
+            info.width, info.height, leaf.size[0], leaf.size[1]
+        );
         return Err(Error::input(&path, what));
     }
     let basis = match fitted.record.options.get("basis") {
@@ -257,9 +273,12 @@ fn read(leaf: &LeafPlan, s: usize, fitted: &Fitted, file: &str, ledger: &Ledger)
     let maps = fitted.maps(file, &names, ledger)?;
     let mut planes: Vec<Vec<f32>> = maps.channels.into_iter().map(|(_, p)| p).collect();
     let on_leaf = on_leaf(leaf, s);
-    let good: Vec<bool> = on_leaf.iter().enumerate().map(|(k, on)| *on && planes.iter().all(|p| p[k].is_finite())).collect();
+    let good: Vec<bool> =
+        on_leaf.iter().enumerate().map(|(k, on)| *on && planes.iter().all(|p| p[k].is_finite())).collect();
     fill(&path, leaf.size[0], leaf.size[1], &mut planes, |k| good[k])?;
-    let three = |first: usize| (0..good.len()).map(|k| [planes[first][k], planes[first + 1][k], planes[first + 2][k]]).collect();
+    let three = |first: usize| {
+        (0..good.len()).map(|k| [planes[first][k], planes[first + 1][k], planes[first + 2][k]]).collect()
+    };
     let of = if colour { Of::Colour([three(0), three(3), three(6)]) } else { Of::Factor(three(0)) };
     Ok(Coefficients { basis, of })
 }
@@ -286,9 +305,16 @@ struct Cost {
     largest: f64,
 }
 
-/// Compares the maps' light with that of ρt and the mapped normal, texel by texel and channel by channel, for the suns that the scene's
-/// placements see: for some of them first, and for all where those would do without the maps.
-fn cost(manifest: &Manifest, leaf: &LeafPlan, s: usize, maps: &Coefficients, plan: &Plan, ledger: &Ledger) -> Result<Cost> {
+/// Compares the maps' light with that of ρt and the mapped normal, texel by texel and channel by channel, for the suns
+/// that the scene's placements see: for some of them first, and for all where those would do without the maps.
+fn cost(
+    manifest: &Manifest,
+    leaf: &LeafPlan,
+    s: usize,
+    maps: &Coefficients,
+    plan: &Plan,
+    ledger: &Ledger,
+) -> Result<Cost> {
     let none = Cost { p99: 0.0, largest: 0.0 };
     let (Some(mesh), Some(fitted)) = (&leaf.mesh, &leaf.fitted) else { return Ok(none) };
     let [w, h] = leaf.size;
@@ -314,19 +340,23 @@ fn cost(manifest: &Manifest, leaf: &LeafPlan, s: usize, maps: &Coefficients, pla
     let texels: Vec<usize> = (0..w * h).filter(|&k| on_leaf[k]).collect();
     let stride = suns.len().div_ceil(PLACEMENTS).max(1);
     let some: Vec<_> = suns.iter().step_by(stride).collect();
-    let mut errors: Vec<f64> =
-        some.into_par_iter().flat_map_iter(|(sun, level)| texels.iter().filter_map(|k| error(*k, *sun, *level))).collect();
+    let mut errors: Vec<f64> = some
+        .into_par_iter()
+        .flat_map_iter(|(sun, level)| texels.iter().filter_map(|k| error(*k, *sun, *level)))
+        .collect();
     errors.sort_by(f64::total_cmp);
     let Some(mut largest) = errors.last().copied() else { return Ok(none) };
     if largest < manifest.tolerance && stride > 1 {
-        let of = |(sun, level): &(DVec3, [f64; 3])| texels.iter().filter_map(|k| error(*k, *sun, *level)).fold(0.0, f64::max);
+        let of = |(sun, level): &(DVec3, [f64; 3])| {
+            texels.iter().filter_map(|k| error(*k, *sun, *level)).fold(0.0, f64::max)
+        };
         largest = suns.par_iter().map(of).reduce(|| 0.0, f64::max);
     }
     Ok(Cost { p99: errors[((errors.len() - 1) as f64 * 0.99).round() as usize], largest })
 }
 
-/// Suns in the leaf's own frame and what they would give a white surface that faces them: one for each placement and time, or a spread over
-/// both sides where the sun moves.
+/// Suns in the leaf's own frame and what they would give a white surface that faces them: one for each placement and
+/// time, or a spread over both sides where the sun moves.
 fn suns(manifest: &Manifest, leaf: &LeafPlan, plan: &Plan) -> Vec<(DVec3, [f64; 3])> {
     let Some(sun) = sun_direction(manifest) else { return Vec::new() };
     let level = super::plan_light::levels(manifest).0.map(|e| e / PI);
@@ -342,7 +372,12 @@ fn suns(manifest: &Manifest, leaf: &LeafPlan, plan: &Plan) -> Vec<(DVec3, [f64; 
             .collect();
     }
     let mut times: Vec<f64> = match plan.bends {
-        Some(_) => manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).map(|v| branch::time(manifest, v)).collect(),
+        Some(_) => manifest
+            .views
+            .iter()
+            .filter(|v| v.kind == ViewKind::Perspective)
+            .map(|v| branch::time(manifest, v))
+            .collect(),
         None => vec![0.0],
     };
     times.dedup();
@@ -367,15 +402,18 @@ fn transmittance(leaf: &LeafPlan, s: usize, side: SideName, fitted: &Fitted, led
 pub fn resolution(manifest: &Manifest, leaf: &mut LeafPlan, plan: &mut Plan, footprint: f64) {
     let level = super::plan_light::levels(manifest).0[1] / PI;
     for s in [0, 1] {
-        let Some(maps) = leaf.translucency.as_ref().and_then(|t| t.maps[s].as_ref()).filter(|_| leaf.sides[s].translucency) else {
+        let Some(maps) =
+            leaf.translucency.as_ref().and_then(|t| t.maps[s].as_ref()).filter(|_| leaf.sides[s].translucency)
+        else {
             continue;
         };
         let mean_rho = leaf.curves[s].as_ref().map_or([1.0; 3], |c| c.at((c.min + c.max) / 2.0).1);
         // At half the height of the sky both relief and level count.
         let omega = DVec3::new(0.5f64.sqrt(), 0.0, 0.5f64.sqrt());
         let [w, h] = leaf.size;
-        let values: Vec<f32> =
-            (0..w * h).map(|k| displayed(level * maps.through(k, omega, mean_rho)[1], manifest.exposure) as f32).collect();
+        let values: Vec<f32> = (0..w * h)
+            .map(|k| displayed(level * maps.through(k, omega, mean_rho)[1], manifest.exposure) as f32)
+            .collect();
         let good = on_leaf(leaf, s);
         let rows = super::amount::map_levels(&values, w, h, |k| good[k], footprint, TEXEL_BYTES);
         let allowed = rows.first().map_or(0.0, |r| r.error) + manifest.tolerance / 4.0;

@@ -1,8 +1,9 @@
-//! A crown of leaves: limbs off a trunk, boughs off limbs, twigs off boughs, leaves in two ranks along twigs. Rigid; one seed, one tree. Lengths in mm,
-//! z up, the trunk's foot at the origin.
+//! A crown of leaves: limbs off a trunk, boughs off limbs, twigs off boughs, leaves in two ranks along twigs. Rigid;
+//! one seed, one tree. Lengths in mm, z up, the trunk's foot at the origin.
 //!
-//! Limbs reach for the surface of an ellipsoid; each further order is shorter, leaves its parent at [`FORK`], a golden angle around the parent
-//! from the one before, and strays by a seeded amount. Leaves are spread evenly over the length of all twigs.
+//! Limbs reach for the surface of an ellipsoid; each further order is shorter, leaves its parent at [`FORK`], a golden
+//! angle around the parent from the one before, and strays by a seeded amount. Leaves are spread evenly over the length
+//! of all twigs.
 
 use super::manifest::Tree;
 use glam::{DMat3, DMat4, DQuat, DVec2, DVec3};
@@ -92,7 +93,12 @@ pub fn grow(tree: &Tree) -> Grown {
                 };
                 let length = length * (1.0 + 0.15 * stray());
                 let thick = 0.7 * (parent.radius[0] + (parent.radius[1] - parent.radius[0]) * x);
-                children.push(Stick { from, to: from + toward * length, radius: [thick, 0.3 * thick], order: order + 1 });
+                children.push(Stick {
+                    from,
+                    to: from + toward * length,
+                    radius: [thick, 0.3 * thick],
+                    order: order + 1,
+                });
             }
         }
         wood.extend(&children);
@@ -124,7 +130,8 @@ pub fn grow(tree: &Tree) -> Grown {
 /// A blade in one of two ranks beside its twig, spread as flat as the twig allows.
 fn leaf(tree: &Tree, twig: &Stick, x: f64, rank: usize, stray: &mut impl FnMut() -> f64) -> DMat4 {
     let along = twig.along();
-    let beside = along.cross(DVec3::Z).normalize_or(along.any_orthonormal_vector()) * if rank.is_multiple_of(2) { 1.0 } else { -1.0 };
+    let beside = along.cross(DVec3::Z).normalize_or(along.any_orthonormal_vector())
+        * if rank.is_multiple_of(2) { 1.0 } else { -1.0 };
     let spread = tree.spread_deg.to_radians();
     let angle = 0.95 + 0.3 * stray();
     let out = (along * angle.cos() + beside * angle.sin()).normalize();

@@ -1,6 +1,6 @@
-//! The leaves of a scene as they truly are, where their scans are synthetic: the reference's world with ρd, ρt, ρs, m and normals of the
-//! scan's `truth/` in place of the fit's, everything else (mesh, placement, light) as it was. A picture of it against the picture from the
-//! fit shows what the fit costs.
+//! The leaves of a scene as they truly are, where their scans are synthetic: the reference's world with ρd, ρt, ρs, m
+//! and normals of the scan's `truth/` in place of the fit's, everything else (mesh, placement, light) as it was. A
+//! picture of it against the picture from the fit shows what the fit costs.
 
 use super::fitted::fill;
 use super::manifest::Manifest;
@@ -12,8 +12,8 @@ use mesophyll_files::image::{Maps, read_exr};
 use mesophyll_transport::{self as transport, NormalFrame};
 use std::path::Path;
 
-/// Puts the true maps of every leaf that has some into `world`, which [`super::reference::world`] made. The names of these leaves; light
-/// through translucency maps, which have no such truth, stays the fit's.
+/// Puts the true maps of every leaf that has some into `world`, which [`super::reference::world`] made. The names of
+/// these leaves; light through translucency maps, which have no such truth, stays the fit's.
 ///
 /// # Errors
 /// A truth that is there and cannot be read.
@@ -33,10 +33,16 @@ pub fn replace(world: &mut transport::World, manifest: &Manifest, plan: &Plan, o
             let Some(truth) = open(&path, drawn)? else { continue };
             let place = if s == 0 { &mut drawn.front } else { &mut drawn.back };
             if leaf.sides[s].interior() {
-                place.interior = transport::Interior::Maps { rho_d: rgb(&truth, &path, "rho_d")?, rho_t: rgb(&truth, &path, "rho_t")? };
+                place.interior = transport::Interior::Maps {
+                    rho_d: rgb(&truth, &path, "rho_d")?,
+                    rho_t: rgb(&truth, &path, "rho_t")?,
+                };
             }
             if let Some(gloss) = &mut place.gloss {
-                *gloss = transport::Gloss { rho_s: rgb(&truth, &path, "rho_s")?, m: planes(&truth, &path, &["m.Y"])?.remove(0) };
+                *gloss = transport::Gloss {
+                    rho_s: rgb(&truth, &path, "rho_s")?,
+                    m: planes(&truth, &path, &["m.Y"])?.remove(0),
+                };
             }
             if let Some(normal) = place.normal.as_mut().filter(|n| n.frame == NormalFrame::Tangent) {
                 let n = planes(&truth, &path, &["normal.X", "normal.Y", "normal.Z"])?;
@@ -71,8 +77,9 @@ fn rgb(truth: &Maps, path: &Path, name: &str) -> Result<[Vec<f32>; 3]> {
 fn planes(truth: &Maps, path: &Path, names: &[&str]) -> Result<Vec<Vec<f32>>> {
     let mut found = names.iter().map(|n| truth.require(path, n).map(<[f32]>::to_vec)).collect::<Result<Vec<_>>>()?;
     let mask = truth.get("mask.Y").map(<[f32]>::to_vec);
-    let good: Vec<bool> =
-        (0..found[0].len()).map(|k| mask.as_ref().is_none_or(|m| m[k] != 0.0) && found.iter().all(|p| p[k].is_finite())).collect();
+    let good: Vec<bool> = (0..found[0].len())
+        .map(|k| mask.as_ref().is_none_or(|m| m[k] != 0.0) && found.iter().all(|p| p[k].is_finite()))
+        .collect();
     fill(path, truth.width, truth.height, &mut found, |k| good[k])?;
     Ok(found)
 }

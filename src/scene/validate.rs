@@ -26,7 +26,12 @@ pub fn validate(m: &Manifest, text: &str) -> Result<()> {
         return Err(p.error("", 0, "schema", format!("found {}, expected 1", m.schema)));
     }
     if !plain(&m.name) {
-        return Err(p.error("", 0, "name", format!("found \"{}\", expected letters, digits, - and _ (it names files)", m.name)));
+        return Err(p.error(
+            "",
+            0,
+            "name",
+            format!("found \"{}\", expected letters, digits, - and _ (it names files)", m.name),
+        ));
     }
     p.range("", 0, "tolerance", m.tolerance, [1e-6, 0.5], "of the displayed range")?;
     p.positive("", 0, "exposure", m.exposure, "number")?;
@@ -93,7 +98,11 @@ max_error = 0.1
         for (from, to, expected) in [
             ("zenith_deg = 30", "zenith_deg = 300", "s.toml:11: sun.zenith_deg: found 300, expected 0 to 180 degrees"),
             ("zenith_deg = 30", "zenit_deg = 30", "s.toml:11: unknown field `zenit_deg`"),
-            ("leaf = \"elm\"", "leaf = \"oak\"", "s.toml:9: instance.leaf: found \"oak\", expected one of the scene's leaves (elm)"),
+            (
+                "leaf = \"elm\"",
+                "leaf = \"oak\"",
+                "s.toml:9: instance.leaf: found \"oak\", expected one of the scene's leaves (elm)",
+            ),
             ("fov_deg = 30", "", "s.toml:13: view.fov_deg: missing; view \"a\" needs it"),
             ("target_mm = [0, 0, 0]", "target_mm = [0, -10, 100]", "s.toml:17: view.target_mm: is where the eye is"),
             ("tolerance = 0.004", "tolerance = nan", "s.toml:4: tolerance: found NaN"),
@@ -104,17 +113,31 @@ max_error = 0.1
                 "leaf = \"elm\"\nbranch = \"twig\"\nat = 0.5",
                 "s.toml:10: instance.branch: found \"twig\", expected one of the scene's branches ()",
             ),
-            ("leaf = \"elm\"", "leaf = \"elm\"\nat = 0.5", "s.toml:10: instance.at: given, but only instances on a branch have one"),
-            ("max_error = 0.1", "max_error = 0.1\ntime_s = 2", "s.toml:21: view.time_s: given, but the scene has no [wind]"),
-            ("[sun]", "[wind]\nspeed_m_s = -3\nseed = 1\n[sun]", "s.toml:11: wind.speed_m_s: found -3, expected 0 to 100 m/s"),
+            (
+                "leaf = \"elm\"",
+                "leaf = \"elm\"\nat = 0.5",
+                "s.toml:10: instance.at: given, but only instances on a branch have one",
+            ),
+            (
+                "max_error = 0.1",
+                "max_error = 0.1\ntime_s = 2",
+                "s.toml:21: view.time_s: given, but the scene has no [wind]",
+            ),
             (
                 "[sun]",
-                "[[branch]]\nname = \"b\"\nlength_mm = 100\nradius_mm = 1\ntaper = 2\ndirection = [1, 0, 0]\nbark = [0.1, 0.1, 0.1]\n[sun]",
+                "[wind]\nspeed_m_s = -3\nseed = 1\n[sun]",
+                "s.toml:11: wind.speed_m_s: found -3, expected 0 to 100 m/s",
+            ),
+            (
+                "[sun]",
+                "[[branch]]\nname = \"b\"\nlength_mm = 100\nradius_mm = 1\ntaper = 2\ndirection = [1, 0, 0]\nbark = \
+                 [0.1, 0.1, 0.1]\n[sun]",
                 "s.toml:14: branch.taper: found 2, expected 0.0001 to 1.25 (tip radius over root radius)",
             ),
             (
                 "[sun]",
-                "[[branch]]\nname = \"b\"\nlength_mm = 100\nradius_mm = 1\ndirection = [0, 0, 0]\nbark = [0.1, 0.1, 0.1]\n[sun]",
+                "[[branch]]\nname = \"b\"\nlength_mm = 100\nradius_mm = 1\ndirection = [0, 0, 0]\nbark = [0.1, 0.1, \
+                 0.1]\n[sun]",
                 "s.toml:14: branch.direction: found no length, expected the way from root to tip",
             ),
         ] {

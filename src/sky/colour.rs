@@ -1,4 +1,5 @@
-//! XYZ to linear sRGB (IEC 61966-2-1 primaries, D65), linear and unclamped, so that it commutes with every projection and fit.
+//! XYZ to linear sRGB (IEC 61966-2-1 primaries, D65), linear and unclamped, so that it commutes with every projection
+//! and fit.
 
 /// Rows R, G, B.
 pub const RGB_FROM_XYZ: [[f64; 3]; 3] =

@@ -1,8 +1,10 @@
-//! Real orthonormal spherical harmonics, without the Condon–Shortley phase: index l(l+1)+m, cos mφ for m > 0, sin |m|φ for m < 0, z up.
+//! Real orthonormal spherical harmonics, without the Condon–Shortley phase: index l(l+1)+m, cos mφ for m > 0, sin |m|φ
+//! for m < 0, z up.
 //!
-//! Y_lm = √2 K_l|m| P_l^|m|(cosθ) cos mφ (m > 0), K_l0 P_l (m = 0), √2 K_l|m| P_l^|m| sin |m|φ (m < 0), K² = (2l+1)/(4π) (l−|m|)!/(l+|m|)!,
-//! P_l^m without (−1)^m. Values come from recurrences of the *normalised* functions in l at fixed m (Holmes and Featherstone 2002, Eq. 11),
-//! which neither overflow nor lose digits; sin^m θ cos mφ are the real parts of (x + iy)^m, so no angle is ever taken.
+//! Y_lm = √2 K_l|m| P_l^|m|(cosθ) cos mφ (m > 0), K_l0 P_l (m = 0), √2 K_l|m| P_l^|m| sin |m|φ (m < 0), K² =
+//! (2l+1)/(4π) (l−|m|)!/(l+|m|)!, P_l^m without (−1)^m. Values come from recurrences of the *normalised* functions in l
+//! at fixed m (Holmes and Featherstone 2002, Eq. 11), which neither overflow nor lose digits; sin^m θ cos mφ are the
+//! real parts of (x + iy)^m, so no angle is ever taken.
 
 use std::f64::consts::PI;
 
@@ -54,7 +56,9 @@ impl Coefficients {
     pub fn distance(&self, other: &Self) -> [f64; 3] {
         let (a, b) = (&self.values, &other.values);
         let at = |v: &[[f64; 3]], k: usize, c: usize| v.get(k).map_or(0.0, |x| x[c]);
-        std::array::from_fn(|c| (0..a.len().max(b.len())).map(|k| (at(a, k, c) - at(b, k, c)).powi(2)).sum::<f64>().sqrt())
+        std::array::from_fn(|c| {
+            (0..a.len().max(b.len())).map(|k| (at(a, k, c) - at(b, k, c)).powi(2)).sum::<f64>().sqrt()
+        })
     }
 }
 
@@ -68,7 +72,8 @@ pub fn index(l: usize, m: isize) -> usize {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Basis {
     bands: usize,
-    /// For each m: the value of Y_mm without (x + iy)^m, then pairs (α, β) for l = m+1 …: Y_l = α (z Y_{l−1} − β Y_{l−2}).
+    /// For each m: the value of Y_mm without (x + iy)^m, then pairs (α, β) for l = m+1 …: Y_l = α (z Y_{l−1} − β
+    /// Y_{l−2}).
     orders: Vec<Order>,
 }
 
@@ -115,7 +120,8 @@ impl Basis {
         }
     }
 
-    /// The values for m ≥ 0 alone, in the order l(l+1)/2 + m: all that a function even in azimuth has. `out` has N(N+1)/2 places.
+    /// The values for m ≥ 0 alone, in the order l(l+1)/2 + m: all that a function even in azimuth has. `out` has
+    /// N(N+1)/2 places.
     pub fn fill_even(&self, d: [f64; 3], out: &mut [f64]) {
         let (mut cos, mut sin) = (1.0, 0.0);
         for (m, order) in self.orders.iter().enumerate() {
@@ -160,8 +166,8 @@ pub fn evaluate(c: &Coefficients, d: [f64; 3]) -> [f64; 3] {
     Basis::new(c.bands().max(1)).sum(c, d)
 }
 
-/// The coefficients of the function turned about z by `phi` (counter-clockwise seen from above: +x goes to +y). Exact: Habel 2009 Eq. 5.2
-/// with the signs of this basis, c′_m = c_m cos mφ − c_−m sin mφ, c′_−m = c_−m cos mφ + c_m sin mφ.
+/// The coefficients of the function turned about z by `phi` (counter-clockwise seen from above: +x goes to +y). Exact:
+/// Habel 2009 Eq. 5.2 with the signs of this basis, c′_m = c_m cos mφ − c_−m sin mφ, c′_−m = c_−m cos mφ + c_m sin mφ.
 pub fn rotate_z(c: &Coefficients, phi: f64) -> Coefficients {
     let mut turned = c.clone();
     for m in 1..c.bands() {
@@ -206,7 +212,10 @@ mod tests {
                 }
             }
         }
-        (0..n).flat_map(|i| (0..=i).map(move |j| (i, j))).map(|(i, j)| (gram[i * n + j] - f64::from(i == j)).abs()).fold(0.0, f64::max)
+        (0..n)
+            .flat_map(|i| (0..=i).map(move |j| (i, j)))
+            .map(|(i, j)| (gram[i * n + j] - f64::from(i == j)).abs())
+            .fold(0.0, f64::max)
     }
 
     #[test]

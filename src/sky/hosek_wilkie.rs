@@ -1,8 +1,9 @@
-//! The sky of Hosek and Wilkie 2012 ("An analytic model for full spectral sky-dome radiance"), with ground albedo, through the crate
-//! `hw-skymodel` (a port of the authors' RGB data; single precision, so about six digits).
+//! The sky of Hosek and Wilkie 2012 ("An analytic model for full spectral sky-dome radiance"), with ground albedo,
+//! through the crate `hw-skymodel` (a port of the authors' RGB data; single precision, so about six digits).
 //!
-//! Unit: the data are W/(m² sr) integrated over the colour matching functions; 683 lm/W makes them kcd/m² here. Limits: turbidity 1 to 10,
-//! albedo 0 to 1. Towards the horizon radiance goes like √cosθ, so that its quadrature converges more slowly than Preetham's.
+//! Unit: the data are W/(m² sr) integrated over the colour matching functions; 683 lm/W makes them kcd/m² here. Limits:
+//! turbidity 1 to 10, albedo 0 to 1. Towards the horizon radiance goes like √cosθ, so that its quadrature converges
+//! more slowly than Preetham's.
 
 use super::{Model, Refused, Sky, check, colour};
 use hw_skymodel::rgb::{Channel, SkyParams, SkyState};
@@ -27,7 +28,8 @@ pub struct HosekWilkieSky {
 impl HosekWilkieSky {
     fn rgb_at(&self, mu: f64, gamma: f64) -> [f64; 3] {
         let theta = mu.clamp(0.0, 1.0).acos() as f32;
-        [Channel::R, Channel::G, Channel::B].map(|c| KILOLUMEN_PER_WATT * f64::from(self.state.radiance(theta, gamma as f32, c)))
+        [Channel::R, Channel::G, Channel::B]
+            .map(|c| KILOLUMEN_PER_WATT * f64::from(self.state.radiance(theta, gamma as f32, c)))
     }
 }
 
@@ -73,8 +75,8 @@ impl Model for HosekWilkie {
 mod tests {
     use super::*;
 
-    /// Illuminance on level ground under a clear sky is measured to be .8 + 15.5 √(sine of the sun's elevation) klx (IES Handbook, daylighting): a
-    /// wrong unit would be far off.
+    /// Illuminance on level ground under a clear sky is measured to be .8 + 15.5 √(sine of the sun's elevation) klx
+    /// (IES Handbook, daylighting): a wrong unit would be far off.
     #[test]
     fn the_unit_is_klx_on_the_ground() {
         for s in [0.5, 0.9, 1.2f64] {
@@ -95,7 +97,10 @@ mod tests {
 
     #[test]
     fn outside_is_refused() {
-        assert!(HosekWilkie::default().sky(0.3, 0.9).is_err() && HosekWilkie { albedo: [0.1, 1.1, 0.0] }.sky(0.3, 2.0).is_err());
+        assert!(
+            HosekWilkie::default().sky(0.3, 0.9).is_err()
+                && HosekWilkie { albedo: [0.1, 1.1, 0.0] }.sky(0.3, 2.0).is_err()
+        );
         assert!(HosekWilkie::default().sky(0.0, 10.0).is_ok() && HosekWilkie::default().sky(FRAC_PI_2, 1.0).is_ok());
     }
 }

@@ -1,11 +1,13 @@
-//! What a surface gets from a sky given as harmonics: irradiance on a normal (Ramamoorthi and Hanrahan 2001), and light from the ground.
+//! What a surface gets from a sky given as harmonics: irradiance on a normal (Ramamoorthi and Hanrahan 2001), and light
+//! from the ground.
 //!
 //! Radiance in kcd/m² gives illuminance in klx.
 
 use super::harmonics::{Basis, Coefficients};
 use std::f64::consts::PI;
 
-/// A_l = 2π ∫₀¹ μ P_l(μ) dμ, the cosine lobe's weight of band l: π, 2π/3, π/4, 0, −π/24, 0, … (Ramamoorthi and Hanrahan 2001, Eq. 8).
+/// A_l = 2π ∫₀¹ μ P_l(μ) dμ, the cosine lobe's weight of band l: π, 2π/3, π/4, 0, −π/24, 0, … (Ramamoorthi and Hanrahan
+/// 2001, Eq. 8).
 pub fn cosine_lobe(l: usize) -> f64 {
     match l {
         0 => PI,
@@ -20,7 +22,8 @@ pub fn cosine_lobe(l: usize) -> f64 {
     }
 }
 
-/// Irradiance coefficients: band l times A_l. Their sum in a direction is the irradiance on the surface with that normal.
+/// Irradiance coefficients: band l times A_l. Their sum in a direction is the irradiance on the surface with that
+/// normal.
 pub fn convolved(c: &Coefficients) -> Coefficients {
     let mut out = c.clone();
     for l in 0..c.bands() {
@@ -30,14 +33,14 @@ pub fn convolved(c: &Coefficients) -> Coefficients {
     out
 }
 
-/// Irradiance on a surface with unit normal `n`, π times the radiance of an even sky all around. Negative sums (ringing) are kept.
-/// For many normals keep [`convolved`] and a [`Basis`].
+/// Irradiance on a surface with unit normal `n`, π times the radiance of an even sky all around. Negative sums
+/// (ringing) are kept. For many normals keep [`convolved`] and a [`Basis`].
 pub fn irradiance(c: &Coefficients, n: [f64; 3]) -> [f64; 3] {
     Basis::new(c.bands().max(1)).sum(&convolved(c), n)
 }
 
-/// Irradiance of the *whole* upper hemisphere on level ground. For unfiltered coefficients of a function that is zero below the horizon it is
-/// exact, whatever the number of bands from 2 on: cosθ is Y_10 but for a factor.
+/// Irradiance of the *whole* upper hemisphere on level ground. For unfiltered coefficients of a function that is zero
+/// below the horizon it is exact, whatever the number of bands from 2 on: cosθ is Y_10 but for a factor.
 pub fn on_level_ground(c: &Coefficients) -> [f64; 3] {
     c.get(1, 0).map(|v| v * (4.0 * PI / 3.0).sqrt())
 }
@@ -53,8 +56,9 @@ pub fn below_horizon(l: usize) -> f64 {
     2.0 * PI * ((2 * l + 1) as f64 / (4.0 * PI)).sqrt() * integral
 }
 
-/// Adds a level, matte ground to a sky: below the horizon the radiance is `albedo` (one a channel, 0 to 1) × irradiance on the ground/π,
-/// the irradiance being the sky's ([`on_level_ground`]) and `extra` (the sun's, in klx). Call it before any window.
+/// Adds a level, matte ground to a sky: below the horizon the radiance is `albedo` (one a channel, 0 to 1) × irradiance
+/// on the ground/π, the irradiance being the sky's ([`on_level_ground`]) and `extra` (the sun's, in klx). Call it
+/// before any window.
 pub fn add_ground(c: &Coefficients, albedo: [f64; 3], extra: [f64; 3]) -> Coefficients {
     let sky = on_level_ground(c);
     let ground: [f64; 3] = std::array::from_fn(|k| albedo[k] * (sky[k] + extra[k]) / PI);
@@ -78,7 +82,9 @@ mod tests {
         let mut sum = [0.0; 3];
         // the pole of the rule is the normal, so that max(0, ·) ends at a node's edge
         let up = if n[2].abs() < 0.9 { [0.0, 0.0, 1.0] } else { [1.0, 0.0, 0.0] };
-        let cross = |a: [f64; 3], b: [f64; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+        let cross = |a: [f64; 3], b: [f64; 3]| {
+            [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+        };
         let unit = |a: [f64; 3]| a.map(|v| v / (a[0] * a[0] + a[1] * a[1] + a[2] * a[2]).sqrt());
         let t = unit(cross(up, n));
         let b = cross(n, t);
@@ -152,7 +158,8 @@ mod tests {
         let lit = add_ground(&c, [0.2, 0.3, 0.4], [0.0, 1.0, 0.0]);
         let sky = on_level_ground(&c);
         let want = [0.2 * sky[0], 0.3 * (sky[1] + 1.0), 0.4 * sky[2]];
-        // the sky's own share on a surface that faces down is what its bands ring to; subtract it to see the ground's alone
+        // the sky's own share on a surface that faces down is what its bands ring to; subtract it to see the ground's
+        // alone
         let (got, ring) = (irradiance(&lit, [0.0, 0.0, -1.0]), irradiance(&c, [0.0, 0.0, -1.0]));
         for k in 0..3 {
             assert!(((got[k] - ring[k]) / want[k] - 1.0).abs() < 2e-3, "{k}: {got:?} {ring:?} {want:?}");

@@ -1,9 +1,11 @@
-//! Skies and their spherical harmonics: what a clear sky looks like in every direction, and the few numbers that light a scene with it.
+//! Skies and their spherical harmonics: what a clear sky looks like in every direction, and the few numbers that light
+//! a scene with it.
 //!
-//! Conventions, once for the whole program: z is up, the sun's azimuth is 0, which is +x; azimuth grows from +x to +y. Angles in radians.
-//! Radiance is luminance-weighted: XYZ with Y in kcd/m², or linear sRGB in the same unit, not clamped (blue may dip below zero).
-//! Harmonics are real, orthonormal, without the Condon–Shortley phase, at index l(l+1)+m; a sky's coefficients are those of the upper
-//! hemisphere with zero below the horizon. The sun's disk is not part of the sky.
+//! Conventions, once for the whole program: z is up, the sun's azimuth is 0, which is +x; azimuth grows from +x to +y.
+//! Angles in radians. Radiance is luminance-weighted: XYZ with Y in kcd/m², or linear sRGB in the same unit, not
+//! clamped (blue may dip below zero). Harmonics are real, orthonormal, without the Condon–Shortley phase, at index
+//! l(l+1)+m; a sky's coefficients are those of the upper hemisphere with zero below the horizon. The sun's disk is not
+//! part of the sky.
 //!
 //! | to … | call |
 //! |---|---|
@@ -16,7 +18,8 @@
 //! | the sun's own light through that air | [`sun::irradiance`] |
 //! | keep ringing down | [`window`] |
 //!
-//! Coefficients of a sky are a [`Coefficients`]: N² values a channel. `project::direct(sky, 7)?` is the 49×3 numbers of a fixed sun and turbidity.
+//! Coefficients of a sky are a [`Coefficients`]: N² values a channel. `project::direct(sky, 7)?` is the 49×3 numbers of
+//! a fixed sun and turbidity.
 
 pub mod colour;
 pub mod fitted;
@@ -45,12 +48,14 @@ pub trait Sky: Sync {
     /// Angle of the sun from the zenith, 0 … π/2.
     fn sun_zenith(&self) -> f64;
 
-    /// XYZ radiance (kcd/m²) from the unit direction `d`, z > 0. On and below the horizon it is the model's limit from above.
+    /// XYZ radiance (kcd/m²) from the unit direction `d`, z > 0. On and below the horizon it is the model's limit from
+    /// above.
     fn xyz(&self, d: [f64; 3]) -> [f64; 3] {
         self.xyz_near_sun(d, angle_to_sun(self.sun_zenith(), d))
     }
 
-    /// As [`Sky::xyz`] where the angle γ between `d` and the sun is already known; skies that do not depend on γ ignore it.
+    /// As [`Sky::xyz`] where the angle γ between `d` and the sun is already known; skies that do not depend on γ ignore
+    /// it.
     fn xyz_near_sun(&self, d: [f64; 3], gamma: f64) -> [f64; 3];
 
     /// Linear sRGB radiance (kcd/m², not clamped) from the unit direction `d`.
@@ -73,18 +78,22 @@ pub trait Model: Sync {
     /// The sky with these parameters.
     ///
     /// # Errors
-    /// [`Refused`] for a sun below the horizon, a turbidity outside [`Model::turbidities`], and values that are not finite.
+    /// [`Refused`] for a sun below the horizon, a turbidity outside [`Model::turbidities`], and values that are not
+    /// finite.
     fn sky(&self, sun_zenith: f64, turbidity: f64) -> Result<Box<dyn Sky>, Refused>;
 
     /// What a user should know of an accepted turbidity.
     fn warning(&self, turbidity: f64) -> Option<String> {
         let [low, high] = self.trusted();
         let outside = !(low..=high).contains(&turbidity);
-        outside.then(|| format!("turbidity is {turbidity}, outside the {low} to {high} for which {} is trusted", self.name()))
+        outside.then(|| {
+            format!("turbidity is {turbidity}, outside the {low} to {high} for which {} is trusted", self.name())
+        })
     }
 }
 
-/// A sun this little below the horizon (rad; two arc seconds) counts as standing on it, so that π/2 may be written with five digits.
+/// A sun this little below the horizon (rad; two arc seconds) counts as standing on it, so that π/2 may be written with
+/// five digits.
 pub const HORIZON_ROUNDING: f64 = 1e-5;
 
 /// What every model asks of its two parameters; gives the sun's zenith angle, at most π/2.
@@ -109,7 +118,8 @@ pub fn sun_direction(sun_zenith: f64) -> [f64; 3] {
     [sun_zenith.sin(), 0.0, sun_zenith.cos()]
 }
 
-/// Angle between the unit direction `d` and the sun, to full precision at both ends (an arc cosine of the dot product has half the digits).
+/// Angle between the unit direction `d` and the sun, to full precision at both ends (an arc cosine of the dot product
+/// has half the digits).
 pub fn angle_to_sun(sun_zenith: f64, d: [f64; 3]) -> f64 {
     let [sx, _, sz] = sun_direction(sun_zenith);
     let cross = [-sz * d[1], sz * d[0] - sx * d[2], sx * d[1]];

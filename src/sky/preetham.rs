@@ -1,9 +1,10 @@
-//! The daylight sky of Preetham, Shirley and Smits 1999 ("A practical analytic model for daylight"), with the paper's own four-decimal
-//! numbers; no smoothing at the horizon, no clamp.
+//! The daylight sky of Preetham, Shirley and Smits 1999 ("A practical analytic model for daylight"), with the paper's
+//! own four-decimal numbers; no smoothing at the horizon, no clamp.
 //!
-//! Luminance Y and chromaticities x, y are each v(θ, γ) = v_z F(θ, γ)/F(0, θs), F = (1 + A e^(B/cosθ))(1 + C e^(Dγ) + E cos²γ) (Perez 1993),
-//! A … E linear in turbidity τ. Unit: kcd/m². Limits: the luminance factor 1 + A e^B has a zero at τ = 1.643, below which the horizon is
-//! negative, so τ is accepted from 1.7 to 10; the paper fitted 2 to 6, and below 2.5 the horizon is too bright (Zotti et al. 2007).
+//! Luminance Y and chromaticities x, y are each v(θ, γ) = v_z F(θ, γ)/F(0, θs), F = (1 + A e^(B/cosθ))(1 + C e^(Dγ) + E
+//! cos²γ) (Perez 1993), A … E linear in turbidity τ. Unit: kcd/m². Limits: the luminance factor 1 + A e^B has a zero at
+//! τ = 1.643, below which the horizon is negative, so τ is accepted from 1.7 to 10; the paper fitted 2 to 6, and below
+//! 2.5 the horizon is too bright (Zotti et al. 2007).
 
 use super::{Model, Refused, Sky, check};
 
@@ -55,7 +56,8 @@ impl Turbid {
         self.perez
     }
 
-    /// 1 + A e^(B/cosθ) for Y, x, y: what depends on the view's zenith angle alone. `mu` is cosθ; 0 and below count as the limit at the horizon.
+    /// 1 + A e^(B/cosθ) for Y, x, y: what depends on the view's zenith angle alone. `mu` is cosθ; 0 and below count as
+    /// the limit at the horizon.
     #[inline]
     pub fn horizon(&self, mu: f64) -> [f64; 3] {
         let inverse = if mu > 0.0 { 1.0 / mu } else { f64::INFINITY };
@@ -94,7 +96,8 @@ impl Turbid {
         [l, l / y, l * x / y]
     }
 
-    /// The three functions of direction without their prefactors, each a function of θ times a function of γ: F_Y, F_Y/F_y, F_Y F_x/F_y.
+    /// The three functions of direction without their prefactors, each a function of θ times a function of γ: F_Y,
+    /// F_Y/F_y, F_Y F_x/F_y.
     #[inline]
     pub fn separable(&self, mu: f64, gamma: f64) -> [f64; 3] {
         let (f, g) = (self.horizon(mu), self.glow(gamma));
@@ -182,9 +185,27 @@ mod tests {
         let f = |p: [f64; 5], theta: f64, gamma: f64| {
             (1.0 + p[0] * (p[1] / theta.cos()).exp()) * (1.0 + p[2] * (p[3] * gamma).exp() + p[4] * gamma.cos().powi(2))
         };
-        let p_lum = [0.1787 * t - 1.4630, -0.3554 * t + 0.4275, -0.0227 * t + 5.3251, 0.1206 * t - 2.5771, -0.0670 * t + 0.3703];
-        let p_x = [-0.0193 * t - 0.2592, -0.0665 * t + 0.0008, -0.0004 * t + 0.2125, -0.0641 * t - 0.8989, -0.0033 * t + 0.0452];
-        let p_y = [-0.0167 * t - 0.2608, -0.0950 * t + 0.0092, -0.0079 * t + 0.2102, -0.0441 * t - 1.6537, -0.0109 * t + 0.0529];
+        let p_lum = [
+            0.1787 * t - 1.4630,
+            -0.3554 * t + 0.4275,
+            -0.0227 * t + 5.3251,
+            0.1206 * t - 2.5771,
+            -0.0670 * t + 0.3703,
+        ];
+        let p_x = [
+            -0.0193 * t - 0.2592,
+            -0.0665 * t + 0.0008,
+            -0.0004 * t + 0.2125,
+            -0.0641 * t - 0.8989,
+            -0.0033 * t + 0.0452,
+        ];
+        let p_y = [
+            -0.0167 * t - 0.2608,
+            -0.0950 * t + 0.0092,
+            -0.0079 * t + 0.2102,
+            -0.0441 * t - 1.6537,
+            -0.0109 * t + 0.0529,
+        ];
         let chi = (4.0 / 9.0 - t / 120.0) * (std::f64::consts::PI - 2.0 * theta_s);
         let lum = (4.0453 * t - 4.9710) * chi.tan() - 0.2155 * t + 2.4192;
         let (t2, s, s2, s3) = (t * t, theta_s, theta_s.powi(2), theta_s.powi(3));

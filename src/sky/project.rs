@@ -1,16 +1,20 @@
-//! Projection of a sky's upper hemisphere onto spherical harmonics, by quadrature in polar coordinates around the *sun*.
+//! Projection of a sky's upper hemisphere onto spherical harmonics, by quadrature in polar coordinates around the
+//! *sun*.
 //!
-//! Three things spoil a plain (θ, φ) rule: the cone of e^(Dγ) at the sun (a kink in every direction through it), the essential singularity
-//! of e^(B/cosθ) at the horizon, and the jump to zero below it. In polar coordinates (γ, ψ) around the sun the cone is smooth: each ray
-//! runs from the sun (γ = 0) to where it meets the horizon, γ₁(ψ) = atan2(cosθs, −sinθs cosψ), and the horizon is a coordinate line.
+//! Three things spoil a plain (θ, φ) rule: the cone of e^(Dγ) at the sun (a kink in every direction through it), the
+//! essential singularity of e^(B/cosθ) at the horizon, and the jump to zero below it. In polar coordinates (γ, ψ)
+//! around the sun the cone is smooth: each ray runs from the sun (γ = 0) to where it meets the horizon, γ₁(ψ) =
+//! atan2(cosθs, −sinθs cosψ), and the horizon is a coordinate line.
 //!
-//! - Along a ray, cosθ = r sin(γ₁ − γ) exactly, r² = cos²θs + sin²θs cos²ψ. Nodes are gathered towards the horizon end (and towards the sun
-//!   too where it stands low, for then both ends lie in the horizon's layer).
-//! - Across rays, γ₁ swings from π to 0 within η = asinh(cot θs) of ψ = π/2: ψ = π/2 + η sinh u spreads that swing over u evenly.
+//! - Along a ray, cosθ = r sin(γ₁ − γ) exactly, r² = cos²θs + sin²θs cos²ψ. Nodes are gathered towards the horizon end
+//!   (and towards the sun too where it stands low, for then both ends lie in the horizon's layer).
+//! - Across rays, γ₁ swings from π to 0 within η = asinh(cot θs) of ψ = π/2: ψ = π/2 + η sinh u spreads that swing over
+//!   u evenly.
 //!
-//! Both are Gauss–Legendre rules and converge geometrically. Everything is even in azimuth, so half of the rays are enough and m < 0 vanishes.
-//! Error at [`Quality::Exact`]: ≤ 1e-10 of c00 for Preetham at any turbidity of 1.7 … 10 and any sun, N ≤ 20 (tested against an adaptive
-//! integration in zenith angle and azimuth, and against half as many nodes again); Hosek–Wilkie's √cosθ and single precision leave 1e-5.
+//! Both are Gauss–Legendre rules and converge geometrically. Everything is even in azimuth, so half of the rays are
+//! enough and m < 0 vanishes. Error at [`Quality::Exact`]: ≤ 1e-10 of c00 for Preetham at any turbidity of 1.7 … 10 and
+//! any sun, N ≤ 20 (tested against an adaptive integration in zenith angle and azimuth, and against half as many nodes
+//! again); Hosek–Wilkie's √cosθ and single precision leave 1e-5.
 
 use super::harmonics::{Basis, Coefficients};
 use super::{Sky, colour, quadrature};
@@ -33,8 +37,8 @@ const LOWEST: f64 = 1e-13;
 /// Suns lower than this (zenith angle) have nodes gathered at both ends of a ray.
 const LOW: f64 = 1.43;
 
-/// A rule for one sun and a number of bands: directions, angles to the sun, and weights times the basis. Skies of any turbidity (and any model)
-/// with that sun are projected by one pass over the nodes.
+/// A rule for one sun and a number of bands: directions, angles to the sun, and weights times the basis. Skies of any
+/// turbidity (and any model) with that sun are projected by one pass over the nodes.
 #[derive(Debug, Clone)]
 pub struct Rule {
     bands: usize,
@@ -66,7 +70,12 @@ impl Rule {
         };
         let basis = Basis::new(bands);
         let size = bands * (bands + 1) / 2;
-        let mut rule = Rule { bands, sun_zenith, nodes: Vec::with_capacity(rays * steps), weighted: vec![0.0; rays * steps * size] };
+        let mut rule = Rule {
+            bands,
+            sun_zenith,
+            nodes: Vec::with_capacity(rays * steps),
+            weighted: vec![0.0; rays * steps * size],
+        };
         let along = quadrature::gauss(steps);
         for &(x, w) in quadrature::gauss(rays).iter() {
             let u = reach * x;
@@ -103,7 +112,8 @@ impl Rule {
         self.nodes.len()
     }
 
-    /// Integrals of three functions times each basis function of m ≥ 0: N(N+1)/2 triples at l(l+1)/2 + m. `f` gets a direction and γ.
+    /// Integrals of three functions times each basis function of m ≥ 0: N(N+1)/2 triples at l(l+1)/2 + m. `f` gets a
+    /// direction and γ.
     pub fn integrate(&self, mut f: impl FnMut([f64; 3], f64) -> [f64; 3]) -> Vec<[f64; 3]> {
         let size = self.bands * (self.bands + 1) / 2;
         let mut planes = vec![0.0; 3 * size];
@@ -127,7 +137,8 @@ impl Rule {
     }
 }
 
-/// Part of the way done (0 … 1), part left (no difference of the two: the horizon needs its digits), and slope, for t evenly over 0 … 1.
+/// Part of the way done (0 … 1), part left (no difference of the two: the horizon needs its digits), and slope, for t
+/// evenly over 0 … 1.
 fn gathered(t: f64, both: bool) -> (f64, f64, f64) {
     let s = 1.0 - t;
     if both { (t * t * (3.0 - 2.0 * t), s * s * (1.0 + 2.0 * t), 6.0 * t * s) } else { (t * (2.0 - t), s * s, 2.0 * s) }
@@ -144,7 +155,8 @@ pub fn spread(bands: usize, even: &[[f64; 3]], colour: impl Fn([f64; 3]) -> [f64
     out
 }
 
-/// N² coefficients of a sky in linear sRGB (kcd/m²), sun at azimuth 0: 49 × 3 numbers for 7 bands, without any polynomial.
+/// N² coefficients of a sky in linear sRGB (kcd/m²), sun at azimuth 0: 49 × 3 numbers for 7 bands, without any
+/// polynomial.
 pub fn direct(sky: &dyn Sky, bands: usize) -> Coefficients {
     Rule::new(sky.sun_zenith(), bands, Quality::Exact).project(sky)
 }

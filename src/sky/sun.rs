@@ -1,9 +1,11 @@
-//! Direct sunlight on a surface that faces the sun, under the same air as Preetham's sky (Preetham, Shirley and Smits 1999, appendix A.1).
+//! Direct sunlight on a surface that faces the sun, under the same air as Preetham's sky (Preetham, Shirley and Smits
+//! 1999, appendix A.1).
 //!
-//! Unit: klx, as linear sRGB (so that a radiance in kcd/m² and this irradiance are in one system). The sun above the air is a black body of
-//! 5772 K (IAU 2015) that gives 133.1 klx; its light passes molecules (Rayleigh), haze (Ångström's formula with the exponent 1.3, its β from
-//! turbidity) and ozone (.35 cm). Limits: mixed gases and water vapour are left out, for they absorb beyond 690 nm, where the eye hardly
-//! sees; refraction is in the relative air mass alone. Channels that would be negative (a deep red sun lies outside sRGB) are 0.
+//! Unit: klx, as linear sRGB (so that a radiance in kcd/m² and this irradiance are in one system). The sun above the
+//! air is a black body of 5772 K (IAU 2015) that gives 133.1 klx; its light passes molecules (Rayleigh), haze
+//! (Ångström's formula with the exponent 1.3, its β from turbidity) and ozone (.35 cm). Limits: mixed gases and water
+//! vapour are left out, for they absorb beyond 690 nm, where the eye hardly sees; refraction is in the relative air
+//! mass alone. Channels that would be negative (a deep red sun lies outside sRGB) are 0.
 
 use super::colour;
 
@@ -16,8 +18,9 @@ const SECOND: f64 = 1.438_776_877e7;
 const OZONE: f64 = 0.35;
 /// Ozone's absorption coefficient (1/cm), 450 to 780 nm in steps of 10 (Leckner 1978).
 const ABSORPTION: [f64; 34] = [
-    0.003, 0.006, 0.009, 0.014, 0.021, 0.030, 0.040, 0.048, 0.063, 0.075, 0.085, 0.103, 0.120, 0.120, 0.115, 0.125, 0.120, 0.105, 0.090,
-    0.079, 0.067, 0.057, 0.048, 0.036, 0.028, 0.023, 0.018, 0.014, 0.011, 0.010, 0.009, 0.007, 0.004, 0.0,
+    0.003, 0.006, 0.009, 0.014, 0.021, 0.030, 0.040, 0.048, 0.063, 0.075, 0.085, 0.103, 0.120, 0.120, 0.115, 0.125,
+    0.120, 0.105, 0.090, 0.079, 0.067, 0.057, 0.048, 0.036, 0.028, 0.023, 0.018, 0.014, 0.011, 0.010, 0.009, 0.007,
+    0.004, 0.0,
 ];
 
 /// Air passed relative to that overhead (Kasten 1966, as in appendix A.1); `sun_zenith` from 0 to π/2.
@@ -33,7 +36,8 @@ pub fn transmittance(nm: f64, sun_zenith: f64, turbidity: f64) -> f64 {
     let haze = (0.04608 * turbidity - 0.04586).max(0.0) * um.powf(-1.3);
     let x = ((nm - 450.0) / 10.0).clamp(0.0, 33.0);
     let i = (x as usize).min(32);
-    let ozone = if nm < 450.0 { 0.0 } else { OZONE * (ABSORPTION[i] + (x - i as f64) * (ABSORPTION[i + 1] - ABSORPTION[i])) };
+    let ozone =
+        if nm < 450.0 { 0.0 } else { OZONE * (ABSORPTION[i] + (x - i as f64) * (ABSORPTION[i + 1] - ABSORPTION[i])) };
     (-m * (molecules + haze + ozone)).exp()
 }
 
@@ -73,8 +77,8 @@ mod tests {
     use super::*;
     use std::f64::consts::FRAC_PI_2;
 
-    /// Known of clear air: one air mass overhead and about 38 at the horizon; molecules take a tenth of the green overhead (Bucholtz 1995:
-    /// optical depth .0984 at 550 nm), and a clear noon sun gives about 100 klx.
+    /// Known of clear air: one air mass overhead and about 38 at the horizon; molecules take a tenth of the green
+    /// overhead (Bucholtz 1995: optical depth .0984 at 550 nm), and a clear noon sun gives about 100 klx.
     #[test]
     fn what_is_known_of_clear_air() {
         assert!((air_mass(0.0) - 1.0).abs() < 2e-3 && (30.0..40.0).contains(&air_mass(FRAC_PI_2)));
@@ -85,11 +89,18 @@ mod tests {
         assert!((95.0..115.0).contains(&noon), "{noon}");
     }
 
-    /// Equal-energy light integrates to x = y = 1/3 and to the area of ȳ, 106.86 nm: the closed forms of the eye are whole.
+    /// Equal-energy light integrates to x = y = 1/3 and to the area of ȳ, 106.86 nm: the closed forms of the eye are
+    /// whole.
     #[test]
     fn the_eye_sees_equal_energy_white() {
-        let sum = (0..=800).map(|k| matching(380.0 + 0.5 * f64::from(k))).fold([0.0; 3], |a, b| [a[0] + b[0], a[1] + b[1], a[2] + b[2]]);
-        assert!((sum[1] * 0.5 / 106.86 - 1.0).abs() < 0.01 && (sum[0] / sum[1] - 1.0).abs() < 0.01 && (sum[2] / sum[1] - 1.0).abs() < 0.01);
+        let sum = (0..=800)
+            .map(|k| matching(380.0 + 0.5 * f64::from(k)))
+            .fold([0.0; 3], |a, b| [a[0] + b[0], a[1] + b[1], a[2] + b[2]]);
+        assert!(
+            (sum[1] * 0.5 / 106.86 - 1.0).abs() < 0.01
+                && (sum[0] / sum[1] - 1.0).abs() < 0.01
+                && (sum[2] / sum[1] - 1.0).abs() < 0.01
+        );
     }
 
     #[test]

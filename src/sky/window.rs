@@ -1,7 +1,8 @@
 //! Windows against ringing: factors a band that soften the jump at the horizon, and what each costs.
 //!
-//! A sky that ends at the horizon rings: its truncated sum dips below zero in the lower hemisphere. The jump is not confined to m = 0 (its height
-//! varies with azimuth), so a filter of the zonal terms alone (Habel 2009 Eq. 5.5) leaves dips that a filter of every order removes.
+//! A sky that ends at the horizon rings: its truncated sum dips below zero in the lower hemisphere. The jump is not
+//! confined to m = 0 (its height varies with azimuth), so a filter of the zonal terms alone (Habel 2009 Eq. 5.5) leaves
+//! dips that a filter of every order removes.
 
 use super::harmonics::{Basis, Coefficients};
 use super::irradiance;
@@ -51,9 +52,10 @@ impl Window {
         Window { name: "laplacian".into(), orders: Orders::All, factors }
     }
 
-    /// The convolution with a kernel that is nowhere negative, of all such the one that keeps most of band 1: what comes out is nowhere negative
-    /// either, whatever the sky. The kernel is the square of Σ_k P_k(x₁) (2k+1) P_k(z), k ≤ (N−1)/2, with x₁ the largest zero of the next
-    /// Legendre polynomial (Fejér's extremal problem on the sphere); band 1 keeps the share x₁.
+    /// The convolution with a kernel that is nowhere negative, of all such the one that keeps most of band 1: what
+    /// comes out is nowhere negative either, whatever the sky. The kernel is the square of Σ_k P_k(x₁) (2k+1) P_k(z), k
+    /// ≤ (N−1)/2, with x₁ the largest zero of the next Legendre polynomial (Fejér's extremal problem on the sphere);
+    /// band 1 keeps the share x₁.
     pub fn positive(bands: usize) -> Window {
         let degree = bands.saturating_sub(1) / 2;
         let legendre = |z: f64, up_to: usize| {
@@ -119,8 +121,8 @@ pub fn lowest_below(c: &Coefficients, basis: &Basis) -> Dip {
     dip
 }
 
-/// Relative change of the irradiance on level ground, worst channel, against what the whole hemisphere sends (`exact`: see
-/// [`irradiance::on_level_ground`]).
+/// Relative change of the irradiance on level ground, worst channel, against what the whole hemisphere sends (`exact`:
+/// see [`irradiance::on_level_ground`]).
 pub fn irradiance_change(c: &Coefficients, exact: [f64; 3]) -> f64 {
     let got = irradiance::irradiance(c, [0.0, 0.0, 1.0]);
     (0..3).map(|k| got[k] / exact[k] - 1.0).fold(0.0, |a: f64, b| if b.abs() > a.abs() { b } else { a })
@@ -132,7 +134,8 @@ mod tests {
     use crate::Preetham;
     use crate::project::direct;
 
-    /// θs = 1.3, τ = 3, N = 7, computed elsewhere: luminance dips to −.38 of the mean, with the zonal filter −.23, filtering every order −.08.
+    /// θs = 1.3, τ = 3, N = 7, computed elsewhere: luminance dips to −.38 of the mean, with the zonal filter −.23,
+    /// filtering every order −.08.
     #[test]
     fn the_zonal_filter_leaves_most_of_the_dip() {
         let c = direct(&Preetham.at(1.3, 3.0).unwrap(), 7);
@@ -140,7 +143,10 @@ mod tests {
         let dip = |w: &Window| lowest_below(&w.apply(&c), &basis).luminance;
         let (none, zonal, all) = (dip(&Window::none(7)), dip(&Window::zonal(7)), dip(&Window::lanczos(7)));
         println!("none {none:.3} zonal {zonal:.3} lanczos {all:.3}");
-        assert!((none + 0.38).abs() < 0.01 && (zonal + 0.23).abs() < 0.01 && (all + 0.08).abs() < 0.01, "{none} {zonal} {all}");
+        assert!(
+            (none + 0.38).abs() < 0.01 && (zonal + 0.23).abs() < 0.01 && (all + 0.08).abs() < 0.01,
+            "{none} {zonal} {all}"
+        );
     }
 
     /// A kernel that is nowhere negative cannot make a sky negative, and keeps as much of band 1 as theory allows.

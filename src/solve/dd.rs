@@ -1,7 +1,9 @@
-//! Double-double arithmetic: an unevaluated sum of two `f64`, about 31 decimal digits. It lets a final Gauss–Newton step see residuals that
-//! double precision rounds away. Range as `f64`; products of numbers above about 1e300 are not finite.
+//! Double-double arithmetic: an unevaluated sum of two `f64`, about 31 decimal digits. It lets a final Gauss–Newton
+//! step see residuals that double precision rounds away. Range as `f64`; products of numbers above about 1e300 are not
+//! finite.
 //!
-//! Sums and products: T. J. Dekker, "A floating-point technique for extending the available precision", Numer. Math. 18 (1971), 224–242.
+//! Sums and products: T. J. Dekker, "A floating-point technique for extending the available precision", Numer. Math. 18
+//! (1971), 224–242.
 
 // A comparison with NaN is false: written as `!(a < b)` where NaN must fail.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
@@ -30,7 +32,8 @@ fn quick_two_sum(a: f64, b: f64) -> (f64, f64) {
     (s, b - (s - a))
 }
 
-/// Product and its rounding error, exactly: Dekker's splitting, for processors whose fused multiply-add is a slow library call.
+/// Product and its rounding error, exactly: Dekker's splitting, for processors whose fused multiply-add is a slow
+/// library call.
 fn two_product(a: f64, b: f64) -> (f64, f64) {
     const SPLITTER: f64 = 134_217_729.0; // 2²⁷ + 1
     let split = |x: f64| {
@@ -68,12 +71,15 @@ impl Dd {
         self.hi.is_finite() && self.lo.is_finite()
     }
 
-    /// Reads a decimal number (`-1.5E-03`) to full double-double precision: data given with 14 digits are not spoilt by rounding to `f64`.
+    /// Reads a decimal number (`-1.5E-03`) to full double-double precision: data given with 14 digits are not spoilt by
+    /// rounding to `f64`.
     pub fn parse(text: &str) -> Option<Self> {
         let text = text.trim();
         // The standard parser decides what a number is; hexadecimal or named values do not pass.
         let nearest: f64 = text.parse().ok()?;
-        if !nearest.is_finite() || !text.bytes().all(|b| b.is_ascii_digit() || matches!(b, b'+' | b'-' | b'.' | b'e' | b'E')) {
+        if !nearest.is_finite()
+            || !text.bytes().all(|b| b.is_ascii_digit() || matches!(b, b'+' | b'-' | b'.' | b'e' | b'E'))
+        {
             return None;
         }
         let (mantissa, exponent) = match text.find(['e', 'E']) {
@@ -257,7 +263,8 @@ impl Real for Dd {
         if !(self.hi.abs() < 700.0) {
             return Dd::constant(self.hi.exp());
         }
-        // exp x = 2ᵏ (exp(r/512))^512 with |r| ≤ ln 2 / 2; squaring works on exp − 1, which keeps the small part's digits.
+        // exp x = 2ᵏ (exp(r/512))^512 with |r| ≤ ln 2 / 2; squaring works on exp − 1, which keeps the small part's
+        // digits.
         let k = (self.hi / Dd::LN_2.hi).round();
         let r = (self - Dd::constant(k) * Dd::LN_2).ldexp(-9);
         let (mut sum, mut term) = (r, r);

@@ -1,5 +1,5 @@
-//! Singular values and eigenvalues that always end: nalgebra iterates without a limit, and on a matrix that holds a NaN or an infinity it
-//! never stops.
+//! Singular values and eigenvalues that always end: nalgebra iterates without a limit, and on a matrix that holds a NaN
+//! or an infinity it never stops.
 
 use nalgebra::{DMatrix, DVector, Dyn, SVD, SymmetricEigen};
 
@@ -17,7 +17,8 @@ where
     matrix.iter().all(|v| v.is_finite()).then(|| SWEEPS * matrix.nrows().max(matrix.ncols()).max(1))
 }
 
-/// Singular value decomposition with both bases, largest value first; `None` where an entry is not finite or the iteration does not end.
+/// Singular value decomposition with both bases, largest value first; `None` where an entry is not finite or the
+/// iteration does not end.
 pub fn svd(matrix: DMatrix<f64>) -> Option<SVD<f64, Dyn, Dyn>> {
     let limit = limit(&matrix)?;
     SVD::try_new(matrix, true, true, TOLERANCE, limit)
@@ -42,8 +43,13 @@ mod tests {
     #[test]
     fn what_is_not_finite_is_refused_instead_of_iterated_for_ever() {
         for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-            let matrix = DMatrix::from_fn(4, 4, |i, j| if (i, j) == (1, 2) || (i, j) == (2, 1) { bad } else { (i * j) as f64 });
-            assert!(svd(matrix.clone()).is_none() && singular_values(matrix.clone()).is_none() && symmetric_eigen(matrix).is_none());
+            let matrix =
+                DMatrix::from_fn(4, 4, |i, j| if (i, j) == (1, 2) || (i, j) == (2, 1) { bad } else { (i * j) as f64 });
+            assert!(
+                svd(matrix.clone()).is_none()
+                    && singular_values(matrix.clone()).is_none()
+                    && symmetric_eigen(matrix).is_none()
+            );
         }
     }
 
@@ -53,7 +59,10 @@ mod tests {
             let matrix = DMatrix::from_fn(6, 6, |i, j| scale / (1.0 + i as f64 + j as f64));
             // A Hilbert matrix' largest singular value is 1.6188998589 at order 6.
             if let Some(values) = singular_values(matrix.clone()) {
-                assert!(!(1e-150..=1e150).contains(&scale) || (values[0] / scale - 1.6188998589243).abs() < 1e-9, "{scale}: {values}");
+                assert!(
+                    !(1e-150..=1e150).contains(&scale) || (values[0] / scale - 1.6188998589243).abs() < 1e-9,
+                    "{scale}: {values}"
+                );
             }
             let _ = symmetric_eigen(matrix);
         }

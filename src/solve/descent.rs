@@ -1,8 +1,10 @@
-//! Minimising a smooth cost by its gradient alone: argmin's L-BFGS behind our trace and termination names. For costs whose gradient is cheap
-//! and whose Jacobian is not (adjoint models); where the Jacobian is at hand, [`super::lm`] takes fewer steps.
+//! Minimising a smooth cost by its gradient alone: argmin's L-BFGS behind our trace and termination names. For costs
+//! whose gradient is cheap and whose Jacobian is not (adjoint models); where the Jacobian is at hand, [`super::lm`]
+//! takes fewer steps.
 //!
-//! D. C. Liu and J. Nocedal, "On the limited memory BFGS method for large scale optimization", Mathematical Programming 45 (1989), 503–528.
-//! J. J. Moré and D. J. Thuente, "Line search algorithms with guaranteed sufficient decrease", ACM TOMS 20 (1994), 286–307.
+//! D. C. Liu and J. Nocedal, "On the limited memory BFGS method for large scale optimization", Mathematical Programming
+//! 45 (1989), 503–528. J. J. Moré and D. J. Thuente, "Line search algorithms with guaranteed sufficient decrease", ACM
+//! TOMS 20 (1994), 286–307.
 
 use super::trace::{Termination, Trace, TraceRow};
 use argmin::core::observers::{Observe, ObserverMode};
@@ -18,7 +20,8 @@ use std::time::Instant;
 pub trait Smooth {
     /// How many parameters there are.
     fn parameters(&self) -> usize;
-    /// The cost at `params`, its gradient into `gradient`. NaN where the model has no value; the line search then gives up.
+    /// The cost at `params`, its gradient into `gradient`. NaN where the model has no value; the line search then gives
+    /// up.
     fn evaluate(&self, params: &[f64], gradient: &mut [f64]) -> f64;
 }
 
@@ -77,7 +80,10 @@ impl Cost<'_> {
         self.evaluations.set(self.evaluations.get() + 1);
         let known = Known { u: u.clone(), params, cost, gradient };
         let mut best = self.best.borrow_mut();
-        if cost.is_finite() && known.gradient.iter().all(|g| g.is_finite()) && best.as_ref().is_none_or(|b| cost < b.cost) {
+        if cost.is_finite()
+            && known.gradient.iter().all(|g| g.is_finite())
+            && best.as_ref().is_none_or(|b| cost < b.cost)
+        {
             *best = Some(Known { u: u.clone(), params: known.params.clone(), cost, gradient: known.gradient.clone() });
         }
         read(last.insert(known))
@@ -127,11 +133,13 @@ impl Observe<Quasi> for Recorder {
     }
 }
 
-/// L-BFGS from `start`, in coordinates u with params = start + `metric` · u. With a metric that makes the cost about ½|u|² (an inverse root of its
-/// second derivatives) the first step is Newton's and few are needed; `trace` and `limits` are in these coordinates.
+/// L-BFGS from `start`, in coordinates u with params = start + `metric` · u. With a metric that makes the cost about
+/// ½|u|² (an inverse root of its second derivatives) the first step is Newton's and few are needed; `trace` and
+/// `limits` are in these coordinates.
 ///
-/// Ends as [`Termination::GradientSmall`], [`Termination::CostConverged`] (no change left to see), [`Termination::IterationLimit`],
-/// [`Termination::NoProgress`] (the line search found nothing), [`Termination::NotFinite`] (no value at the start) or [`Termination::Refused`].
+/// Ends as [`Termination::GradientSmall`], [`Termination::CostConverged`] (no change left to see),
+/// [`Termination::IterationLimit`], [`Termination::NoProgress`] (the line search found nothing),
+/// [`Termination::NotFinite`] (no value at the start) or [`Termination::Refused`].
 pub fn lbfgs(problem: &dyn Smooth, start: &[f64], metric: &DMatrix<f64>, limits: Limits) -> Descent {
     let n = problem.parameters();
     let nothing = |termination, evaluations| Descent {
@@ -143,11 +151,16 @@ pub fn lbfgs(problem: &dyn Smooth, start: &[f64], metric: &DMatrix<f64>, limits:
         points: Vec::new(),
         evaluations,
     };
-    if n == 0 || start.len() != n || metric.shape() != (n, n) || !start.iter().chain(metric.iter()).all(|v| v.is_finite()) {
+    if n == 0
+        || start.len() != n
+        || metric.shape() != (n, n)
+        || !start.iter().chain(metric.iter()).all(|v| v.is_finite())
+    {
         return nothing(Termination::Refused, 0);
     }
     let search = MoreThuenteLineSearch::new().with_bounds(1e-10, 20.0);
-    let solver = search.and_then(|search| LBFGS::new(search, 8).with_tolerance_grad(limits.gradient)?.with_tolerance_cost(0.0));
+    let solver =
+        search.and_then(|search| LBFGS::new(search, 8).with_tolerance_grad(limits.gradient)?.with_tolerance_cost(0.0));
     let Ok(solver) = solver else { return nothing(Termination::Refused, 0) };
     let evaluations = Rc::new(Cell::new(0));
     let best = Rc::new(RefCell::new(None));
@@ -182,7 +195,15 @@ pub fn lbfgs(problem: &dyn Smooth, start: &[f64], metric: &DMatrix<f64>, limits:
     let (trace, points) = rows.take();
     let origin = DVector::from_column_slice(start);
     let points = points.iter().map(|u| (&origin + metric * u).iter().copied().collect()).collect();
-    Descent { params: best.params, cost: best.cost, gradient: best.gradient, termination, trace, points, evaluations: evaluations.get() }
+    Descent {
+        params: best.params,
+        cost: best.cost,
+        gradient: best.gradient,
+        termination,
+        trace,
+        points,
+        evaluations: evaluations.get(),
+    }
 }
 
 #[cfg(test)]
@@ -221,7 +242,10 @@ mod tests {
     #[test]
     fn ends_are_named() {
         let unit = DMatrix::identity(2, 2);
-        assert_eq!(lbfgs(&Valley, &[-1.2, 1.0], &unit, Limits { iterations: 3, ..LIMITS }).termination, Termination::IterationLimit);
+        assert_eq!(
+            lbfgs(&Valley, &[-1.2, 1.0], &unit, Limits { iterations: 3, ..LIMITS }).termination,
+            Termination::IterationLimit
+        );
         assert_eq!(lbfgs(&Valley, &[-4.0, 1.0], &unit, LIMITS).termination, Termination::NotFinite);
         assert_eq!(lbfgs(&Valley, &[f64::NAN, 1.0], &unit, LIMITS).termination, Termination::Refused);
         assert_eq!(lbfgs(&Valley, &[1.0], &unit, LIMITS).termination, Termination::Refused);

@@ -1,4 +1,5 @@
-//! Forward-mode derivatives: a value with its gradient in `N` parameters. Exact to rounding, with no step length to choose.
+//! Forward-mode derivatives: a value with its gradient in `N` parameters. Exact to rounding, with no step length to
+//! choose.
 
 // The product and quotient rules mix operators by nature.
 #![allow(clippy::suspicious_arithmetic_impl)]

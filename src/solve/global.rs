@@ -1,13 +1,14 @@
 //! Beyond one descent: trust radii of several scales, several starts, and what they agree on.
 //!
-//! Every descent is [`lm::minimize`]. Population methods (particle swarm, annealing) are not offered: for smooth least squares each of their
-//! thousands of evaluations is better spent on a descent from one more start, which also ends on the minimum instead of near it.
+//! Every descent is [`lm::minimize`]. Population methods (particle swarm, annealing) are not offered: for smooth least
+//! squares each of their thousands of evaluations is better spent on a descent from one more start, which also ends on
+//! the minimum instead of near it.
 
 use super::lm::{self, Fit, Options};
 use super::problem::Problem;
 
-/// First trust radii that [`minimize_scales`] tries in turn, times [`Options::initial_radius`]. A radius that is too long throws a start onto a
-/// plateau, one that is too short takes the nearest hollow.
+/// First trust radii that [`minimize_scales`] tries in turn, times [`Options::initial_radius`]. A radius that is too
+/// long throws a start onto a plateau, one that is too short takes the nearest hollow.
 const SCALES: [f64; 4] = [1.0, 100.0, 0.01, 10.0];
 
 /// Whether a fit may be taken as it is: converged, with every parameter determined.
@@ -17,8 +18,8 @@ pub fn is_sound(fit: &Fit) -> bool {
 
 /// [`lm::minimize`], tried again with other trust radii where it did not converge or left parameters undetermined.
 ///
-/// Returns the first sound fit ([`is_sound`]); where there is none, the converged one of least cost; where nothing converged, the first try.
-/// `evaluations` counts all tries, the trace is that of the fit returned.
+/// Returns the first sound fit ([`is_sound`]); where there is none, the converged one of least cost; where nothing
+/// converged, the first try. `evaluations` counts all tries, the trace is that of the fit returned.
 pub fn minimize_scales(problem: &dyn Problem, start: &[f64], options: &Options) -> Fit {
     let mut evaluations = 0;
     let mut best: Option<Fit> = None;
@@ -65,8 +66,8 @@ pub struct MultiStart {
 
 /// Descends from each start and keeps the best. `None` for no starts.
 ///
-/// Two ends are the same minimum when their costs agree to 1e-6 and their parameters to 1e-3, relatively. Ties go to the earlier start, so that
-/// the result does not depend on anything but the arguments.
+/// Two ends are the same minimum when their costs agree to 1e-6 and their parameters to 1e-3, relatively. Ties go to
+/// the earlier start, so that the result does not depend on anything but the arguments.
 pub fn multi_start(problem: &dyn Problem, starts: &[Vec<f64>], options: &Options) -> Option<MultiStart> {
     let mut result: Option<MultiStart> = None;
     let (mut evaluations, mut failed) = (0, 0);
@@ -76,8 +77,9 @@ pub fn multi_start(problem: &dyn Problem, starts: &[Vec<f64>], options: &Options
         evaluations += fit.evaluations;
         if fit.converged() {
             let close = |a: f64, b: f64, tolerance: f64| (a - b).abs() <= tolerance * a.abs().max(b.abs());
-            let same =
-                |m: &&mut Minimum| close(m.cost, fit.cost, 1e-6) && m.params.iter().zip(&fit.params).all(|(a, b)| close(*a, *b, 1e-3));
+            let same = |m: &&mut Minimum| {
+                close(m.cost, fit.cost, 1e-6) && m.params.iter().zip(&fit.params).all(|(a, b)| close(*a, *b, 1e-3))
+            };
             match minima.iter_mut().find(same) {
                 Some(known) => known.hits += 1,
                 None => minima.push(Minimum { cost: fit.cost, params: fit.params.clone(), hits: 1 }),
@@ -97,10 +99,11 @@ pub fn multi_start(problem: &dyn Problem, starts: &[Vec<f64>], options: &Options
     result.map(|r| MultiStart { best: Fit { evaluations, ..r.best }, minima, failed, ..r })
 }
 
-/// `count` starts that fill a box evenly: the Owen-scrambled Sobol sequence of `seed`. Up to 65,536 points and 256 parameters; beyond, `None`.
-/// Also `None` for bounds that are not finite, crossed, or of different lengths.
+/// `count` starts that fill a box evenly: the Owen-scrambled Sobol sequence of `seed`. Up to 65,536 points and 256
+/// parameters; beyond, `None`. Also `None` for bounds that are not finite, crossed, or of different lengths.
 pub fn starts_in_box(lower: &[f64], upper: &[f64], count: usize, seed: u32) -> Option<Vec<Vec<f64>>> {
-    let usable = lower.len() == upper.len() && lower.iter().zip(upper).all(|(l, u)| l.is_finite() && u.is_finite() && l <= u);
+    let usable =
+        lower.len() == upper.len() && lower.iter().zip(upper).all(|(l, u)| l.is_finite() && u.is_finite() && l <= u);
     if !usable || lower.len() > 256 || count > 1 << 16 {
         return None;
     }

@@ -5,12 +5,15 @@
 
 use super::problem::Problem;
 
-/// Numeric Jacobian by central differences at two step lengths and Richardson's extrapolation: error of order h⁴, about eleven digits
-/// for a smooth model. Beside a bound the steps are shortened, and on it the difference is one-sided (error of order h²).
+/// Numeric Jacobian by central differences at two step lengths and Richardson's extrapolation: error of order h⁴, about
+/// eleven digits for a smooth model. Beside a bound the steps are shortened, and on it the difference is one-sided
+/// (error of order h²).
 ///
-/// `lower` and `upper` may be empty (no bounds). Returns the number of residual evaluations; `out` as in [`Problem::jacobian`].
+/// `lower` and `upper` may be empty (no bounds). Returns the number of residual evaluations; `out` as in
+/// [`Problem::jacobian`].
 ///
-/// L. F. Richardson, "The approximate arithmetical solution by finite differences …", Phil. Trans. A 210 (1911), 307–357.
+/// L. F. Richardson, "The approximate arithmetical solution by finite differences …", Phil. Trans. A 210 (1911),
+/// 307–357.
 pub fn numeric(problem: &dyn Problem, params: &[f64], lower: &[f64], upper: &[f64], out: &mut [f64]) -> usize {
     let (n, m) = (problem.parameters(), problem.residuals());
     let mut x = params.to_vec();
@@ -25,7 +28,8 @@ pub fn numeric(problem: &dyn Problem, params: &[f64], lower: &[f64], upper: &[f6
         let x0 = params[j];
         let low = lower.get(j).copied().unwrap_or(f64::NEG_INFINITY);
         let high = upper.get(j).copied().unwrap_or(f64::INFINITY);
-        // Truncation h⁴ balances rounding ε/h at h ≈ ε^(1/5). A parameter at zero has no scale of its own but its bounds'.
+        // Truncation h⁴ balances rounding ε/h at h ≈ ε^(1/5). A parameter at zero has no scale of its own but its
+        // bounds'.
         let scale = if x0 != 0.0 { x0.abs() } else { (high - low).min(1.0) };
         let wanted = scale * f64::EPSILON.powf(0.2);
         let room = (x0 - low).min(high - x0);
@@ -96,7 +100,8 @@ pub fn check(problem: &dyn Problem, params: &[f64]) -> Option<Check> {
             let difference = if own[k] == other[k] { 0.0 } else { (own[k] - other[k]).abs() / largest };
             // A NaN in either is a difference too.
             if !(difference <= found.worst) {
-                found = Check { worst: difference, residual: k - j * m, parameter: j, analytic: own[k], numeric: other[k] };
+                found =
+                    Check { worst: difference, residual: k - j * m, parameter: j, analytic: own[k], numeric: other[k] };
             }
         }
     }

@@ -10,12 +10,14 @@ use std::time::Instant;
 
 /// Solves min Σ ((A x − b)/σ)².
 ///
-/// `a`: m × n. `b`: m values. `sigma`: standard errors of `b` (m values, positive), or empty for equal weights. A σ of infinity drops its row.
-/// With [`Noise::Known`] the errors are those that `sigma` implies (1 where empty); with [`Noise::Estimated`] they are scaled by the reduced χ².
+/// `a`: m × n. `b`: m values. `sigma`: standard errors of `b` (m values, positive), or empty for equal weights. A σ of
+/// infinity drops its row. With [`Noise::Known`] the errors are those that `sigma` implies (1 where empty); with
+/// [`Noise::Estimated`] they are scaled by the reduced χ².
 ///
-/// Columns may have any scale. Where the columns are dependent, the solution is the one of least length in column-scaled coordinates and
-/// the parameters that take part in an undetermined direction are NaN, with infinite errors; `fit.residuals` is still the best possible.
-/// Wrong lengths, no data, a σ ≤ 0 and values that are not finite end as [`Termination::Refused`], with NaN everywhere.
+/// Columns may have any scale. Where the columns are dependent, the solution is the one of least length in
+/// column-scaled coordinates and the parameters that take part in an undetermined direction are NaN, with infinite
+/// errors; `fit.residuals` is still the best possible. Wrong lengths, no data, a σ ≤ 0 and values that are not finite
+/// end as [`Termination::Refused`], with NaN everywhere.
 pub fn solve(a: &DMatrix<f64>, b: &[f64], sigma: &[f64], noise: Noise) -> Fit {
     let clock = Instant::now();
     let (m, n) = a.shape();
@@ -30,7 +32,8 @@ pub fn solve(a: &DMatrix<f64>, b: &[f64], sigma: &[f64], noise: Noise) -> Fit {
     }
     let weight = |i: usize| sigma.get(i).map_or(1.0, |s| 1.0 / s);
     let rows = (0..m).filter(|i| weight(*i) > 0.0).count();
-    let lengths: Vec<f64> = (0..n).map(|k| qr::length(&(0..m).map(|i| weight(i) * a[(i, k)]).collect::<Vec<_>>())).collect();
+    let lengths: Vec<f64> =
+        (0..n).map(|k| qr::length(&(0..m).map(|i| weight(i) * a[(i, k)]).collect::<Vec<_>>())).collect();
     let scale: Vec<f64> = lengths.iter().map(|l| if *l > 0.0 { *l } else { 1.0 }).collect();
     if rows == 0 || scale.iter().any(|s| !s.is_finite()) {
         return fit;
@@ -58,8 +61,9 @@ pub fn solve(a: &DMatrix<f64>, b: &[f64], sigma: &[f64], noise: Noise) -> Fit {
         }
     };
     let x: Vec<f64> = y.iter().zip(&scale).map(|(y, s)| y / s).collect();
-    let residuals: Vec<f64> =
-        (0..m).map(|i| if weight(i) > 0.0 { weight(i) * ((0..n).map(|k| a[(i, k)] * x[k]).sum::<f64>() - b[i]) } else { 0.0 }).collect();
+    let residuals: Vec<f64> = (0..m)
+        .map(|i| if weight(i) > 0.0 { weight(i) * ((0..n).map(|k| a[(i, k)] * x[k]).sum::<f64>() - b[i]) } else { 0.0 })
+        .collect();
     let norm = qr::length(&residuals);
     let cost = 0.5 * norm * norm;
     // Undo the scaling, so that the errors are those of x.
@@ -73,7 +77,8 @@ pub fn solve(a: &DMatrix<f64>, b: &[f64], sigma: &[f64], noise: Noise) -> Fit {
     for k in &uncertainty.undetermined {
         fit.params[*k] = f64::NAN;
     }
-    let gradient = (0..n).map(|k| (0..m).map(|i| weight(i) * a[(i, k)] * residuals[i]).sum::<f64>().abs()).fold(0.0, f64::max);
+    let gradient =
+        (0..n).map(|k| (0..m).map(|i| weight(i) * a[(i, k)] * residuals[i]).sum::<f64>().abs()).fold(0.0, f64::max);
     fit.termination = if lengths.iter().all(|l| *l == 0.0) { Termination::Flat } else { Termination::Direct };
     fit.trace = vec![TraceRow {
         iteration: 1,
@@ -151,7 +156,9 @@ mod tests {
     #[test]
     fn nonsense_is_refused() {
         let a = line(&[0.0, 1.0, 2.0]);
-        for (b, s) in [(vec![1.0, 2.0], vec![]), (vec![1.0, f64::NAN, 2.0], vec![]), (vec![1.0; 3], vec![1.0, 0.0, 1.0])] {
+        for (b, s) in
+            [(vec![1.0, 2.0], vec![]), (vec![1.0, f64::NAN, 2.0], vec![]), (vec![1.0; 3], vec![1.0, 0.0, 1.0])]
+        {
             let fit = solve(&a, &b, &s, Noise::Known);
             assert_eq!(fit.termination, Termination::Refused);
             assert!(fit.params.iter().all(|p| p.is_nan()) && fit.uncertainty.stderr.iter().all(|s| s.is_infinite()));
@@ -160,7 +167,12 @@ mod tests {
 
     #[test]
     fn an_infinite_sigma_drops_its_row() {
-        let with = solve(&line(&[0.0, 1.0, 2.0, 9.0]), &[1.0, 2.1, 2.9, 50.0], &[1.0, 1.0, 1.0, f64::INFINITY], Noise::Estimated);
+        let with = solve(
+            &line(&[0.0, 1.0, 2.0, 9.0]),
+            &[1.0, 2.1, 2.9, 50.0],
+            &[1.0, 1.0, 1.0, f64::INFINITY],
+            Noise::Estimated,
+        );
         let without = solve(&line(&[0.0, 1.0, 2.0]), &[1.0, 2.1, 2.9], &[], Noise::Estimated);
         assert_eq!(with.uncertainty.freedom, 1);
         for k in 0..2 {

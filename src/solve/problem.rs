@@ -12,7 +12,8 @@ pub trait Problem {
     fn residuals(&self) -> usize;
     /// Writes the `m` residuals at `params`. Where the model has no value it writes NaN; the solver then steps back.
     fn evaluate(&self, params: &[f64], out: &mut [f64]);
-    /// Writes ∂r/∂p column by column (`m` rows, entry `i` of column `j` at `j·m + i`) and says `true`; `false` asks for numeric differences.
+    /// Writes ∂r/∂p column by column (`m` rows, entry `i` of column `j` at `j·m + i`) and says `true`; `false` asks for
+    /// numeric differences.
     fn jacobian(&self, _params: &[f64], _out: &mut [f64]) -> bool {
         false
     }
@@ -38,7 +39,12 @@ impl<R: Fn(&[f64], &mut [f64])> Closure<R> {
 
     /// Adds an analytic Jacobian (layout as in [`Problem::jacobian`]).
     pub fn with_jacobian<J: Fn(&[f64], &mut [f64])>(self, jacobian: J) -> Closure<R, J> {
-        Closure { parameters: self.parameters, residuals: self.residuals, evaluate: self.evaluate, jacobian: Some(jacobian) }
+        Closure {
+            parameters: self.parameters,
+            residuals: self.residuals,
+            evaluate: self.evaluate,
+            jacobian: Some(jacobian),
+        }
     }
 }
 
@@ -63,7 +69,8 @@ impl<R: Fn(&[f64], &mut [f64]), J: Fn(&[f64], &mut [f64])> Problem for Closure<R
     }
 }
 
-/// A model of `N` parameters written once over any [`Real`]: [`Auto`] makes a problem of it, with exact derivatives and a refined form.
+/// A model of `N` parameters written once over any [`Real`]: [`Auto`] makes a problem of it, with exact derivatives and
+/// a refined form.
 pub trait Model<const N: usize> {
     /// How many residuals there are.
     fn residuals(&self) -> usize;

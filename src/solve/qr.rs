@@ -1,12 +1,13 @@
-//! Householder QR over any [`Real`], column by column in one flat slice (column-major). Small dense problems: up to a few dozen columns.
+//! Householder QR over any [`Real`], column by column in one flat slice (column-major). Small dense problems: up to a
+//! few dozen columns.
 //!
 //! G. H. Golub, "Numerical methods for solving linear least squares problems", Numer. Math. 7 (1965), 206–216.
 
 use super::real::Real;
 
-/// Reduces the `m × n` matrix `a` to upper triangular form in place (R in its upper triangle, zeros below) and applies the same
-/// reflections to `b` (length `m`). Afterwards `b[..n]` is the top of Qᵀb and `b[n..]` holds what no combination of columns can explain.
-/// `m < n` is allowed: the trailing rows of R are then absent.
+/// Reduces the `m × n` matrix `a` to upper triangular form in place (R in its upper triangle, zeros below) and applies
+/// the same reflections to `b` (length `m`). Afterwards `b[..n]` is the top of Qᵀb and `b[n..]` holds what no
+/// combination of columns can explain. `m < n` is allowed: the trailing rows of R are then absent.
 pub fn reduce<T: Real>(a: &mut [T], m: usize, n: usize, b: &mut [T]) {
     for k in 0..n.min(m) {
         let (before, rest) = a.split_at_mut((k + 1) * m);
@@ -15,7 +16,8 @@ pub fn reduce<T: Real>(a: &mut [T], m: usize, n: usize, b: &mut [T]) {
         if norm.value() == 0.0 || !norm.value().is_finite() {
             continue;
         }
-        // The reflection v = x/|x| ± e₁ with the sign that avoids cancellation; of length about 1, so that no product leaves the range.
+        // The reflection v = x/|x| ± e₁ with the sign that avoids cancellation; of length about 1, so that no product
+        // leaves the range.
         for x in &mut column[k..m] {
             *x = *x / norm;
         }
@@ -64,7 +66,8 @@ pub fn nan_max(a: f64, b: f64) -> f64 {
     if a.is_nan() || b.is_nan() { f64::NAN } else { a.max(b) }
 }
 
-/// Solves R x = b for the upper triangle of a column-major matrix with `m` rows. A zero on the diagonal gives a non-finite result.
+/// Solves R x = b for the upper triangle of a column-major matrix with `m` rows. A zero on the diagonal gives a
+/// non-finite result.
 pub fn solve_upper<T: Real>(r: &[T], m: usize, n: usize, b: &[T]) -> Vec<T> {
     let mut x = b[..n].to_vec();
     for j in (0..n).rev() {
@@ -93,7 +96,8 @@ mod tests {
     use super::super::dd::Dd;
     use super::*;
 
-    /// A Vandermonde system with a known solution: the residual part of Qᵀb vanishes and back substitution returns the coefficients.
+    /// A Vandermonde system with a known solution: the residual part of Qᵀb vanishes and back substitution returns the
+    /// coefficients.
     #[test]
     fn a_polynomial_is_recovered_in_both_precisions() {
         fn worst<T: Real>() -> f64 {
@@ -126,7 +130,9 @@ mod tests {
             let mut a: Vec<f64> = base.iter().enumerate().map(|(k, v)| v * if k < 3 { s } else { t }).collect();
             let mut c = vec![1.0, 0.0, 2.0];
             reduce(&mut a, 3, 2, &mut c);
-            for (got, expected) in [(a[0] / s, plain[0]), (a[3] / t, plain[3]), (a[4] / t, plain[4]), (c[0], b[0]), (c[1], b[1])] {
+            for (got, expected) in
+                [(a[0] / s, plain[0]), (a[3] / t, plain[3]), (a[4] / t, plain[4]), (c[0], b[0]), (c[1], b[1])]
+            {
                 assert!((got / expected - 1.0).abs() < 1e-14, "{got} against {expected}");
             }
         }

@@ -1,10 +1,12 @@
-//! What a model needs of a number, so that it is written once and evaluated in double precision, in double-double, and with derivatives.
+//! What a model needs of a number, so that it is written once and evaluated in double precision, in double-double, and
+//! with derivatives.
 
 use super::dd::Dd;
 use std::fmt::Debug;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// A real number with the elementary functions. Implemented by `f64`, [`Dd`] (about 31 digits) and [`super::Dual`] (value and gradient).
+/// A real number with the elementary functions. Implemented by `f64`, [`Dd`] (about 31 digits) and [`super::Dual`]
+/// (value and gradient).
 pub trait Real:
     Copy + Debug + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
 {

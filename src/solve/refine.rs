@@ -1,5 +1,6 @@
-//! The last digits: Gauss–Newton in double-double from a converged point. In double precision the gradient Jᵀr of a good fit drowns in
-//! the rounding of its terms at about half the digits of the condition number; with 31 digits it does not.
+//! The last digits: Gauss–Newton in double-double from a converged point. In double precision the gradient Jᵀr of a
+//! good fit drowns in the rounding of its terms at about half the digits of the condition number; with 31 digits it
+//! does not.
 
 // A comparison with NaN is false: written as `!(a < b)` where NaN must fail.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
@@ -10,7 +11,8 @@ use super::qr;
 use super::real::Real;
 use super::uncertainty::{Noise, Uncertainty};
 
-/// Relative steps below this are converged: beyond what any `f64` result shows, above the rounding of ill-conditioned systems.
+/// Relative steps below this are converged: beyond what any `f64` result shows, above the rounding of ill-conditioned
+/// systems.
 const ENOUGH: f64 = 1e-22;
 const MAX_STEPS: usize = 200;
 
@@ -24,7 +26,8 @@ pub(super) struct Refined {
     pub evaluations: usize,
 }
 
-/// `None` where the problem has no refined form, where it is rank-deficient or not finite, and where the steps do not contract.
+/// `None` where the problem has no refined form, where it is rank-deficient or not finite, and where the steps do not
+/// contract.
 pub(super) fn refine(problem: &dyn Problem, start: &[f64], noise: Noise, tolerance: f64) -> Option<Refined> {
     let (n, m) = (problem.parameters(), problem.residuals());
     if m < n {
@@ -46,13 +49,16 @@ pub(super) fn refine(problem: &dyn Problem, start: &[f64], noise: Noise, toleran
         let delta = qr::solve_upper(&j, m, n, &r);
         let previous = step;
         step = (0..n)
-            .map(|k| (delta[k].value() / x[k].value().abs().max(1e-8 * whole / columns[k]).max(f64::MIN_POSITIVE)).abs())
+            .map(|k| {
+                (delta[k].value() / x[k].value().abs().max(1e-8 * whole / columns[k]).max(f64::MIN_POSITIVE)).abs()
+            })
             .fold(0.0, qr::nan_max);
         // The first steps tell whether the iteration contracts; one that grows is refused whole.
         if !(step < 1e-2) || (evaluations > 3 && step > 2.0 * previous) && step > ENOUGH.sqrt() {
             return None;
         }
-        let settled = step <= ENOUGH || (evaluations > 3 && step < 1e-18 && step >= previous) || evaluations == MAX_STEPS;
+        let settled =
+            step <= ENOUGH || (evaluations > 3 && step < 1e-18 && step >= previous) || evaluations == MAX_STEPS;
         if settled {
             if step > 1e-10 {
                 return None;
@@ -62,7 +68,14 @@ pub(super) fn refine(problem: &dyn Problem, start: &[f64], noise: Noise, toleran
                 return None;
             }
             let params = x.iter().map(|v| v.value()).collect();
-            return Some(Refined { params, residuals, cost: 0.5 * chi2.value(), uncertainty, last_step: step, evaluations });
+            return Some(Refined {
+                params,
+                residuals,
+                cost: 0.5 * chi2.value(),
+                uncertainty,
+                last_step: step,
+                evaluations,
+            });
         }
         for (x, d) in x.iter_mut().zip(&delta) {
             *x = *x - *d;

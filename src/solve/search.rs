@@ -1,5 +1,6 @@
-//! Search without derivatives: argmin's Nelder–Mead behind our trace and termination names. For residuals with kinks or steps (clipped
-//! samples, counts), where a Jacobian means nothing; on smooth ones [`super::lm`] is both faster and exact.
+//! Search without derivatives: argmin's Nelder–Mead behind our trace and termination names. For residuals with kinks or
+//! steps (clipped samples, counts), where a Jacobian means nothing; on smooth ones [`super::lm`] is both faster and
+//! exact.
 //!
 //! J. A. Nelder and R. Mead, "A simplex method for function minimization", Computer Journal 7 (1965), 308–313.
 
@@ -71,10 +72,23 @@ impl Observe<Simplex> for Recorder {
 /// Nelder–Mead from the simplex of `start` and `start` with `steps[k]` (≠ 0) added to parameter k.
 ///
 /// Converges where the costs of the simplex scatter by less than `tolerance` (absolute, in units of the cost). Ends as
-/// [`Termination::Refused`] for wrong lengths or zero steps, as [`Termination::NotFinite`] where no point of the search had a value.
-pub fn nelder_mead(problem: &dyn Problem, start: &[f64], steps: &[f64], tolerance: f64, max_iterations: usize) -> Search {
+/// [`Termination::Refused`] for wrong lengths or zero steps, as [`Termination::NotFinite`] where no point of the search
+/// had a value.
+pub fn nelder_mead(
+    problem: &dyn Problem,
+    start: &[f64],
+    steps: &[f64],
+    tolerance: f64,
+    max_iterations: usize,
+) -> Search {
     let n = problem.parameters();
-    let nothing = |termination| Search { params: vec![f64::NAN; n], cost: f64::NAN, termination, trace: Vec::new(), evaluations: 0 };
+    let nothing = |termination| Search {
+        params: vec![f64::NAN; n],
+        cost: f64::NAN,
+        termination,
+        trace: Vec::new(),
+        evaluations: 0,
+    };
     let usable = |v: &f64| v.is_finite();
     if n == 0
         || problem.residuals() == 0
@@ -91,7 +105,9 @@ pub fn nelder_mead(problem: &dyn Problem, start: &[f64], steps: &[f64], toleranc
         corner[k] += steps[k];
         simplex.push(corner);
     }
-    let Ok(solver) = NelderMead::new(simplex).with_sd_tolerance(tolerance) else { return nothing(Termination::Refused) };
+    let Ok(solver) = NelderMead::new(simplex).with_sd_tolerance(tolerance) else {
+        return nothing(Termination::Refused);
+    };
     let evaluations = Rc::new(Cell::new(0));
     let rows = Rc::new(RefCell::new(Trace::new()));
     let recorder = Recorder { rows: rows.clone(), evaluations: evaluations.clone(), clock: Instant::now() };
@@ -108,9 +124,13 @@ pub fn nelder_mead(problem: &dyn Problem, start: &[f64], steps: &[f64], toleranc
     };
     let trace = rows.take();
     match state.get_best_param() {
-        Some(params) if state.get_best_cost() < f64::MAX => {
-            Search { params: params.clone(), cost: state.get_best_cost(), termination, trace, evaluations: evaluations.get() }
-        }
+        Some(params) if state.get_best_cost() < f64::MAX => Search {
+            params: params.clone(),
+            cost: state.get_best_cost(),
+            termination,
+            trace,
+            evaluations: evaluations.get(),
+        },
         _ => Search { trace, evaluations: evaluations.get(), ..nothing(Termination::NotFinite) },
     }
 }

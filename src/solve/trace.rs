@@ -29,7 +29,10 @@ pub enum Termination {
 impl Termination {
     /// Whether the parameters may be used.
     pub fn converged(self) -> bool {
-        matches!(self, Termination::GradientSmall | Termination::CostConverged | Termination::StepSmall | Termination::Direct)
+        matches!(
+            self,
+            Termination::GradientSmall | Termination::CostConverged | Termination::StepSmall | Termination::Direct
+        )
     }
 
     /// The name used in files.

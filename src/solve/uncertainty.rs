@@ -5,7 +5,8 @@ use super::qr;
 use super::real::Real;
 use nalgebra::DMatrix;
 
-/// A component of an undetermined direction below this (in column-scaled coordinates) is rounding, not a missing parameter.
+/// A component of an undetermined direction below this (in column-scaled coordinates) is rounding, not a missing
+/// parameter.
 const ABSENT: f64 = 1e-8;
 
 /// Whether the residuals came divided by their true standard errors.
@@ -13,8 +14,8 @@ const ABSENT: f64 = 1e-8;
 pub enum Noise {
     /// Residuals are in units of their standard error: the covariance is (JᵀJ)⁻¹.
     Known,
-    /// Only their relative weights are known: the covariance is scaled by the reduced χ². With no degrees of freedom left nothing is known of
-    /// the noise, and every standard error is infinite.
+    /// Only their relative weights are known: the covariance is scaled by the reduced χ². With no degrees of freedom
+    /// left nothing is known of the noise, and every standard error is infinite.
     #[default]
     Estimated,
 }
@@ -32,7 +33,8 @@ pub struct Uncertainty {
     pub covariance: DMatrix<f64>,
     /// Parameters that take part in an undetermined direction, by index.
     pub undetermined: Vec<usize>,
-    /// The undetermined directions themselves, of length 1 in scaled coordinates: a step along one does not change the residuals.
+    /// The undetermined directions themselves, of length 1 in scaled coordinates: a step along one does not change the
+    /// residuals.
     pub directions: Vec<Vec<f64>>,
     /// Σ r².
     pub chi2: f64,
@@ -58,9 +60,18 @@ impl Uncertainty {
         }
     }
 
-    /// From the upper triangle `r` (column-major, `rows` rows) of a QR factorisation of a Jacobian with `m` rows and `n` columns.
-    /// Singular values below `tolerance` times the largest count as zero. Where rank is full the covariance is formed in `T`'s precision.
-    pub fn from_triangle<T: Real>(r: &[T], rows: usize, m: usize, n: usize, chi2: T, noise: Noise, tolerance: f64) -> Self {
+    /// From the upper triangle `r` (column-major, `rows` rows) of a QR factorisation of a Jacobian with `m` rows and
+    /// `n` columns. Singular values below `tolerance` times the largest count as zero. Where rank is full the
+    /// covariance is formed in `T`'s precision.
+    pub fn from_triangle<T: Real>(
+        r: &[T],
+        rows: usize,
+        m: usize,
+        n: usize,
+        chi2: T,
+        noise: Noise,
+        tolerance: f64,
+    ) -> Self {
         let top = n.min(m);
         let lengths: Vec<T> = (0..n).map(|j| qr::length(&r[j * rows..j * rows + (j + 1).min(top)])).collect();
         if lengths.iter().any(|l| !l.value().is_finite()) || !chi2.value().is_finite() {
@@ -68,7 +79,8 @@ impl Uncertainty {
         }
         let scale: Vec<T> = lengths.iter().map(|l| if l.value() > 0.0 { *l } else { T::one() }).collect();
         // Rows that a short matrix lacks are zero, so that the decomposition always has n right singular vectors.
-        let scaled = DMatrix::from_fn(n, n, |i, j| if i <= j && i < top { (r[j * rows + i] / scale[j]).value() } else { 0.0 });
+        let scaled =
+            DMatrix::from_fn(n, n, |i, j| if i <= j && i < top { (r[j * rows + i] / scale[j]).value() } else { 0.0 });
         let Some(svd) = decompose::svd(scaled) else { return Uncertainty::none(n) };
         let sigma = &svd.singular_values;
         let largest = sigma.iter().copied().fold(0.0, f64::max);
@@ -85,7 +97,9 @@ impl Uncertainty {
         };
         let directions: Vec<Vec<f64>> = (0..n)
             .filter(|k| !kept[*k])
-            .map(|k| (0..n).map(|j| if vt[(k, j)].abs() > ABSENT { vt[(k, j)] / scale[j].value() } else { 0.0 }).collect())
+            .map(|k| {
+                (0..n).map(|j| if vt[(k, j)].abs() > ABSENT { vt[(k, j)] / scale[j].value() } else { 0.0 }).collect()
+            })
             .collect();
         let undetermined: Vec<usize> = (0..n).filter(|j| directions.iter().any(|d| d[*j] != 0.0)).collect();
 
@@ -119,7 +133,8 @@ impl Uncertainty {
                     covariance[(i, j)] = if unknown(&i) || unknown(&j) {
                         if i == j { f64::INFINITY } else { f64::NAN }
                     } else {
-                        let sum: f64 = (0..n).filter(|k| kept[*k]).map(|k| vt[(k, i)] * vt[(k, j)] / sigma[k].powi(2)).sum();
+                        let sum: f64 =
+                            (0..n).filter(|k| kept[*k]).map(|k| vt[(k, i)] * vt[(k, j)] / sigma[k].powi(2)).sum();
                         variance.value() * sum / (scale[i].value() * scale[j].value())
                     };
                 }

@@ -1,8 +1,8 @@
 //! Which triangle a ray meets first: a tree of boxes over each leaf's triangles, and one over the instances.
 //!
-//! The trees are built by the crate `bvh` (surface area heuristic) and walked here, nearest box first. Triangles are met by the
-//! method of Möller & Trumbore (1997) in f64, from both sides; shared edges do not leak, because a ray within 1e-12 of an edge
-//! (in barycentric units) counts as hitting.
+//! The trees are built by the crate `bvh` (surface area heuristic) and walked here, nearest box first. Triangles are
+//! met by the method of Möller & Trumbore (1997) in f64, from both sides; shared edges do not leak, because a ray
+//! within 1e-12 of an edge (in barycentric units) counts as hitting.
 
 mod tree;
 
@@ -53,8 +53,11 @@ pub struct Shape {
 impl Shape {
     pub fn new(positions: &[DVec3], indices: &[u32]) -> Shape {
         let corners = |t: &[u32]| [positions[t[0] as usize], positions[t[1] as usize], positions[t[2] as usize]];
-        let triangles =
-            indices.chunks_exact(3).map(corners).map(|[a, b, c]| Triangle { corner: a, edge: [b - a, c - a] }).collect::<Vec<_>>();
+        let triangles = indices
+            .chunks_exact(3)
+            .map(corners)
+            .map(|[a, b, c]| Triangle { corner: a, edge: [b - a, c - a] })
+            .collect::<Vec<_>>();
         let boxes = indices.chunks_exact(3).map(|t| Bounds::of(corners(t))).collect();
         Shape { triangles, tree: Tree::build(boxes) }
     }
@@ -90,7 +93,8 @@ impl Forest {
                 if bounds.is_empty() {
                     return Bounds { low: DVec3::ZERO, high: DVec3::ZERO };
                 }
-                let corner = |k: usize| DVec3::new([low.x, high.x][k & 1], [low.y, high.y][k >> 1 & 1], [low.z, high.z][k >> 2]);
+                let corner =
+                    |k: usize| DVec3::new([low.x, high.x][k & 1], [low.y, high.y][k >> 1 & 1], [low.z, high.z][k >> 2]);
                 Bounds::of((0..8).map(|k| transform.transform_point3(corner(k))))
             })
             .collect();
@@ -119,7 +123,12 @@ impl Forest {
                     && accept(instance as usize, triangle as usize, [b1, b2])
                 {
                     *limit = t;
-                    best = Some(Hit { t, instance: instance as usize, triangle: triangle as usize, barycentric: [b1, b2] });
+                    best = Some(Hit {
+                        t,
+                        instance: instance as usize,
+                        triangle: triangle as usize,
+                        barycentric: [b1, b2],
+                    });
                 }
                 false
             });
@@ -160,7 +169,13 @@ mod tests {
         for (k, [a, b, c]) in triangles.iter().enumerate() {
             let system = glam::DMat3::from_cols(*b - *a, *c - *a, -direction);
             let s = system.inverse() * (origin - *a);
-            if s.is_finite() && s.x >= 0.0 && s.y >= 0.0 && s.x + s.y <= 1.0 && s.z > 0.0 && best.is_none_or(|(_, t)| s.z < t) {
+            if s.is_finite()
+                && s.x >= 0.0
+                && s.y >= 0.0
+                && s.x + s.y <= 1.0
+                && s.z > 0.0
+                && best.is_none_or(|(_, t)| s.z < t)
+            {
                 best = Some((k, s.z));
             }
         }
@@ -186,7 +201,11 @@ mod tests {
         let mut world = Vec::new();
         for k in 0..25 {
             let turn = DQuat::from_axis_angle(point(&mut rng, 1.0).normalize(), 6.0 * rng.random::<f64>());
-            let transform = DMat4::from_scale_rotation_translation(DVec3::splat(0.5 + rng.random::<f64>()), turn, point(&mut rng, 4.0));
+            let transform = DMat4::from_scale_rotation_translation(
+                DVec3::splat(0.5 + rng.random::<f64>()),
+                turn,
+                point(&mut rng, 4.0),
+            );
             placed.push((k % 2, transform));
             world.extend(meshes[k % 2].chunks(3).map(|t| [0, 1, 2].map(|i| transform.transform_point3(t[i]))));
         }
@@ -212,8 +231,9 @@ mod tests {
     fn rays_through_shared_edges_and_vertices_do_not_leak() {
         // a flat grid, axis-aligned rays through every vertex and edge midpoint, and slanted ones
         let n = 8u32;
-        let positions: Vec<DVec3> =
-            (0..=n).flat_map(|j| (0..=n).map(move |i| DVec3::new(f64::from(i) * 0.1, f64::from(j) * 0.3, 0.7))).collect();
+        let positions: Vec<DVec3> = (0..=n)
+            .flat_map(|j| (0..=n).map(move |i| DVec3::new(f64::from(i) * 0.1, f64::from(j) * 0.3, 0.7)))
+            .collect();
         let mut indices = Vec::new();
         for j in 0..n {
             for i in 0..n {
@@ -244,15 +264,17 @@ mod tests {
         assert!(hollow.nearest(&ray, |_, _, _| true).is_none());
         let stacked: Vec<DVec3> = (0..3)
             .flat_map(|k| {
-                [DVec3::new(-1.0, -1.0, 0.0), DVec3::new(1.0, -1.0, 0.0), DVec3::new(0.0, 1.0, 0.0)].map(|p| p - DVec3::Z * f64::from(k))
+                [DVec3::new(-1.0, -1.0, 0.0), DVec3::new(1.0, -1.0, 0.0), DVec3::new(0.0, 1.0, 0.0)]
+                    .map(|p| p - DVec3::Z * f64::from(k))
             })
             .collect();
         let forest = Forest::new(vec![Shape::new(&stacked, &(0..9).collect::<Vec<_>>())], &[(0, DMat4::IDENTITY)]);
         assert_eq!(forest.nearest(&ray, |_, t, _| t != 0).map(|h| h.triangle), Some(1));
         assert!(!forest.blocked(&ray, |_, _, _| false));
         // hundreds of coincident triangles: a tree deeper than the fixed stack must still work
-        let pile: Vec<DVec3> =
-            (0..600).flat_map(|_| [DVec3::new(-1.0, -1.0, 0.0), DVec3::new(1.0, -1.0, 0.0), DVec3::new(0.0, 1.0, 0.0)]).collect();
+        let pile: Vec<DVec3> = (0..600)
+            .flat_map(|_| [DVec3::new(-1.0, -1.0, 0.0), DVec3::new(1.0, -1.0, 0.0), DVec3::new(0.0, 1.0, 0.0)])
+            .collect();
         let pile = Forest::new(vec![Shape::new(&pile, &(0..1800).collect::<Vec<_>>())], &[(0, DMat4::IDENTITY)]);
         assert_eq!(pile.nearest(&ray, |_, _, _| true).map(|h| h.t), Some(1.0));
     }

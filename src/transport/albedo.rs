@@ -1,7 +1,9 @@
-//! The directional albedo a(N·v, m) of a lobe as a table: exact values (see [`Lobe::directional_albedo`]) on a grid, cubic between.
+//! The directional albedo a(N·v, m) of a lobe as a table: exact values (see [`Lobe::directional_albedo`]) on a grid,
+//! cubic between.
 //!
-//! The grid is uniform in ln m and in y = μ(1+m)/(μ+m), which stretches the strip of grazing views about as wide as m, where a
-//! changes fastest. It is refined until the error found between its points is small; what was found is kept in `error`.
+//! The grid is uniform in ln m and in y = μ(1+m)/(μ+m), which stretches the strip of grazing views about as wide as m,
+//! where a changes fastest. It is refined until the error found between its points is small; what was found is kept in
+//! `error`.
 
 use super::lobe::{COS_VIEW_FLOOR, Lobe, M_FLOOR};
 use rayon::prelude::*;
@@ -18,24 +20,37 @@ pub struct AlbedoTable {
 }
 
 impl AlbedoTable {
-    /// A table for slopes within `m_range` (floored at 1e-3), refined until the error between its points is below `tolerance` or the
-    /// grid has 257 views; look at [`AlbedoTable::error`] for what was reached.
+    /// A table for slopes within `m_range` (floored at 1e-3), refined until the error between its points is below
+    /// `tolerance` or the grid has 257 views; look at [`AlbedoTable::error`] for what was reached.
     pub fn new(lobe: Lobe, m_range: [f64; 2], tolerance: f64) -> AlbedoTable {
         let ln_m = m_range.map(|m| m.max(M_FLOOR).ln());
         let narrow = ln_m[1] - ln_m[0] < 1e-9;
         let mut columns = 33;
         loop {
-            let rows = if narrow { 1 } else { (((ln_m[1] - ln_m[0]) * columns as f64 / 8.0).ceil() as usize).clamp(5, columns) };
+            let rows = if narrow {
+                1
+            } else {
+                (((ln_m[1] - ln_m[0]) * columns as f64 / 8.0).ceil() as usize).clamp(5, columns)
+            };
             let mut table = AlbedoTable { rows, columns, ln_m, values: Vec::new(), error: 0.0 };
-            let exact = |t: &AlbedoTable, row: f64, column: f64| lobe.directional_albedo(t.cos_of(row, column), t.m_of(row));
-            table.values = (0..rows * columns).into_par_iter().map(|k| exact(&table, (k / columns) as f64, (k % columns) as f64)).collect();
-            let rows_probed: Vec<f64> =
-                if rows == 1 { vec![0.0] } else { (0..rows - 1).step_by((rows / 8).max(1)).map(|j| j as f64 + 0.5).collect() };
+            let exact =
+                |t: &AlbedoTable, row: f64, column: f64| lobe.directional_albedo(t.cos_of(row, column), t.m_of(row));
+            table.values = (0..rows * columns)
+                .into_par_iter()
+                .map(|k| exact(&table, (k / columns) as f64, (k % columns) as f64))
+                .collect();
+            let rows_probed: Vec<f64> = if rows == 1 {
+                vec![0.0]
+            } else {
+                (0..rows - 1).step_by((rows / 8).max(1)).map(|j| j as f64 + 0.5).collect()
+            };
             table.error = (0..columns - 1)
                 .into_par_iter()
                 .step_by(columns / 32)
                 .flat_map_iter(|i| rows_probed.iter().map(move |&row| (row, i as f64 + 0.5)))
-                .map(|(row, column)| (table.at(table.cos_of(row, column), table.m_of(row)) - exact(&table, row, column)).abs())
+                .map(|(row, column)| {
+                    (table.at(table.cos_of(row, column), table.m_of(row)) - exact(&table, row, column)).abs()
+                })
                 .reduce(|| 0.0, f64::max);
             if table.error <= tolerance || columns >= 257 {
                 return table;
@@ -94,7 +109,9 @@ mod tests {
     #[test]
     fn the_table_meets_the_quadrature_at_random_points() {
         let mut rng = rand_pcg::Pcg64::seed_from_u64(1);
-        for (lobe, range) in [(Lobe::Beckmann, [0.03, 0.7]), (Lobe::Ggx, [0.1, 0.4]), (Lobe::CookTorrance { index: 1.45 }, [0.2, 0.2])] {
+        for (lobe, range) in
+            [(Lobe::Beckmann, [0.03, 0.7]), (Lobe::Ggx, [0.1, 0.4]), (Lobe::CookTorrance { index: 1.45 }, [0.2, 0.2])]
+        {
             let table = AlbedoTable::new(lobe, range, 2e-5);
             assert!(table.error <= 2e-5, "{lobe:?}: {} with {} × {}", table.error, table.rows, table.columns);
             for _ in 0..60 {

@@ -1,8 +1,8 @@
 //! The radiance of a flat leaf of one colour in closed form: what both renderers must meet.
 //!
-//! A card with uniform ρd, ρt, ρs and m, no mapped normals, nothing that hides the sun. Written in angles instead of vectors, so
-//! that it shares no algebra with the renderers. Limits: the sun is taken at its centre (an error of the order of its radius
-//! squared over m², 2e-5/m² for the real one).
+//! A card with uniform ρd, ρt, ρs and m, no mapped normals, nothing that hides the sun. Written in angles instead of
+//! vectors, so that it shares no algebra with the renderers. Limits: the sun is taken at its centre (an error of the
+//! order of its radius squared over m², 2e-5/m² for the real one).
 
 use super::lobe::{COS_VIEW_FLOOR, Lobe};
 use super::render::Lens;
@@ -48,8 +48,15 @@ impl Card {
         radiance
     }
 
-    /// What a dome adds, by plain midpoint rules: `near` and `beyond` are its irradiances ([`irradiance`]) on the normal and its opposite.
-    pub fn under_dome(&self, view: DVec3, near: [f64; 3], beyond: [f64; 3], radiance: &dyn Fn(DVec3) -> [f64; 3]) -> [f64; 3] {
+    /// What a dome adds, by plain midpoint rules: `near` and `beyond` are its irradiances ([`irradiance`]) on the
+    /// normal and its opposite.
+    pub fn under_dome(
+        &self,
+        view: DVec3,
+        near: [f64; 3],
+        beyond: [f64; 3],
+        radiance: &dyn Fn(DVec3) -> [f64; 3],
+    ) -> [f64; 3] {
         let mut out = [0, 1, 2].map(|c| (self.rho_d[c] * near[c] + self.rho_t_far[c] * beyond[c]) / PI);
         if self.rho_s == [0.0; 3] {
             return out;
@@ -74,7 +81,8 @@ impl Card {
                 let cos_light = n.dot(l);
                 if cos_half > 0.0 && cos_light > 0.0 {
                     let cavity = (2.0 * alpha.cos() * cos_light.min(cos_view) / cos_half).min(1.0);
-                    let weight = cavity * self.fresnel(cos_half.clamp(0.0, 1.0).acos()) * cos_half / (cos_view * alpha.cos());
+                    let weight =
+                        cavity * self.fresnel(cos_half.clamp(0.0, 1.0).acos()) * cos_half / (cos_view * alpha.cos());
                     let light = radiance(l);
                     (0..3).for_each(|c| out[c] += self.rho_s[c] * weight * light[c] / f64::from(rings * spokes));
                 }
@@ -130,8 +138,8 @@ impl Card {
     }
 }
 
-/// Irradiance of a dome on the unit normal `n`: a midpoint rule in the elevation (even in it, so that the horizon is an edge of cells) and
-/// azimuth; errors below 1e-4 for skies that are smooth above the horizon.
+/// Irradiance of a dome on the unit normal `n`: a midpoint rule in the elevation (even in it, so that the horizon is an
+/// edge of cells) and azimuth; errors below 1e-4 for skies that are smooth above the horizon.
 pub fn irradiance(radiance: &dyn Fn(DVec3) -> [f64; 3], n: DVec3) -> [f64; 3] {
     let (rings, spokes) = (200, 400);
     let mut sum = [0.0; 3];

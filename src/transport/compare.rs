@@ -1,8 +1,9 @@
-//! How far a picture is from its reference: a perceptual measure over all of it and the largest error where both must agree exactly.
+//! How far a picture is from its reference: a perceptual measure over all of it and the largest error where both must
+//! agree exactly.
 //!
-//! FLIP (Andersson et al. 2020, LDR) sees the pictures as a person does at 0.7 m from a 0.7 m wide 4K screen (67 pixels a degree);
-//! its mean and 99th percentile are over all pixels. The largest error is over pixels inside one surface and away from shadow
-//! edges, where sampling differences excuse nothing.
+//! FLIP (Andersson et al. 2020, LDR) sees the pictures as a person does at 0.7 m from a 0.7 m wide 4K screen (67 pixels
+//! a degree); its mean and 99th percentile are over all pixels. The largest error is over pixels inside one surface and
+//! away from shadow edges, where sampling differences excuse nothing.
 
 use super::render::ReferencePicture;
 use crate::{Error, Result};
@@ -16,8 +17,8 @@ pub struct Comparison {
     pub flip_mean: f64,
     /// 99 % of the pixels have a FLIP error of at most this.
     pub flip_p99: f64,
-    /// Largest difference in a channel of the 8-bit pictures, over pixels that are interior and outside penumbras; `None` when the
-    /// view has no such pixel.
+    /// Largest difference in a channel of the 8-bit pictures, over pixels that are interior and outside penumbras;
+    /// `None` when the view has no such pixel.
     pub max_error: Option<f64>,
     /// Column and row of that pixel (the first, if several).
     pub max_at: Option<(usize, usize)>,
@@ -38,8 +39,8 @@ pub fn compare(reference: &ReferencePicture, picture: &[[u8; 4]]) -> Result<Comp
     compare_where(reference, picture, &judged)
 }
 
-/// The same measures between two reference pictures of different seeds: what the reference's own noise amounts to. Only pixels
-/// that both call interior and free of penumbra are judged.
+/// The same measures between two reference pictures of different seeds: what the reference's own noise amounts to. Only
+/// pixels that both call interior and free of penumbra are judged.
 pub fn noise_floor(a: &ReferencePicture, b: &ReferencePicture) -> Result<Comparison> {
     let calm = |p: &ReferencePicture| p.interior.iter().zip(&p.penumbra).map(|(&i, &s)| i && !s).collect::<Vec<_>>();
     let judged: Vec<bool> = calm(a).into_iter().zip(calm(b)).map(|(x, y)| x && y).collect();
@@ -49,7 +50,10 @@ pub fn noise_floor(a: &ReferencePicture, b: &ReferencePicture) -> Result<Compari
 fn compare_where(reference: &ReferencePicture, picture: &[[u8; 4]], judged: &[bool]) -> Result<Comparison> {
     let (width, height) = (reference.width, reference.height);
     if picture.len() != width * height {
-        return Err(Error::Usage(format!("a picture of {} pixels against a reference of {width}×{height}", picture.len())));
+        return Err(Error::Usage(format!(
+            "a picture of {} pixels against a reference of {width}×{height}",
+            picture.len()
+        )));
     }
     let flip = flip_map(&reference.ldr, picture, width, height);
     let mut errors = Vec::new();
@@ -98,7 +102,8 @@ pub fn flip_map(a: &[[u8; 4]], b: &[[u8; 4]], width: usize, height: usize) -> Ve
 }
 
 impl Comparison {
-    /// The FLIP map as an RGB picture, black (same) to light yellow (FLIP `top` or more, 0 < `top` ≤ 1), 3 bytes a pixel.
+    /// The FLIP map as an RGB picture, black (same) to light yellow (FLIP `top` or more, 0 < `top` ≤ 1), 3 bytes a
+    /// pixel.
     pub fn flip_picture(&self, top: f64) -> Vec<u8> {
         let stretched: Vec<f32> = self.flip.iter().map(|f| (f64::from(*f) / top).min(1.0) as f32).collect();
         let map = nv_flip::FlipImageFloat::with_data(self.width as u32, self.height as u32, &stretched);
@@ -106,7 +111,8 @@ impl Comparison {
     }
 }
 
-/// The difference a channel, `gain` times enlarged about mid-grey, as an RGB picture: grey is equal, lighter is too light.
+/// The difference a channel, `gain` times enlarged about mid-grey, as an RGB picture: grey is equal, lighter is too
+/// light.
 pub fn difference_picture(reference: &[[u8; 4]], picture: &[[u8; 4]], gain: f64) -> Vec<u8> {
     let channel = |a: u8, b: u8| (128.0 + gain * (f64::from(b) - f64::from(a))).round().clamp(0.0, 255.0) as u8;
     reference.iter().zip(picture).flat_map(|(a, b)| [0, 1, 2].map(|c| channel(a[c], b[c]))).collect()

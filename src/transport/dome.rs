@@ -1,8 +1,9 @@
 //! A sky of any radiance for the reference renderer: the true function of direction, never its harmonics.
 //!
-//! Diffuse light is integrated by a product rule over the sphere for a grid of normals and interpolated between them (errors of a few 1e-4,
-//! tested); glossy light is sampled for every ray, by half vectors drawn from the lobe's slope density. What lies on the horizon or on the
-//! sun's disk counts as a surface of its own, so that no pixel across their edges is called even.
+//! Diffuse light is integrated by a product rule over the sphere for a grid of normals and interpolated between them
+//! (errors of a few 1e-4, tested); glossy light is sampled for every ray, by half vectors drawn from the lobe's slope
+//! density. What lies on the horizon or on the sun's disk counts as a surface of its own, so that no pixel across their
+//! edges is called even.
 
 use super::lobe::{COS_VIEW_FLOOR, Lobe, M_FLOOR};
 use super::world::ReferenceSun;
@@ -112,8 +113,8 @@ fn direction(ring: f64, spoke: f64) -> DVec3 {
     DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos())
 }
 
-/// A light direction for a half vector drawn from D cosα by two uniform numbers, and the weight f_s (N·l)/density per unit ρs, which is
-/// F·G·(v·h)/((N·v) cosα); `None` where no light can come from.
+/// A light direction for a half vector drawn from D cosα by two uniform numbers, and the weight f_s (N·l)/density per
+/// unit ρs, which is F·G·(v·h)/((N·v) cosα); `None` where no light can come from.
 pub fn reflected(lobe: Lobe, n: DVec3, v: DVec3, m: f64, [u, w]: [f64; 2]) -> Option<(DVec3, f64)> {
     let m = m.max(M_FLOOR);
     // ∫ D cosα from the pole outwards is 1 − exp(−tan²α/m²) (Beckmann) and tan²α/(m² + tan²α) (GGX).
@@ -156,8 +157,9 @@ mod tests {
         }
     }
 
-    /// ∫ f/ρs cosθ dω by a plain grid, even in sin²θ and azimuth, over the lobes as the papers write them (Beckmann: Wang et al. 2005, Eq. 7; GGX: Walter
-    /// et al. 2007, Eq. 33; V-cavities and Fresnel: Cook & Torrance 1982). Nothing is taken from the renderer.
+    /// ∫ f/ρs cosθ dω by a plain grid, even in sin²θ and azimuth, over the lobes as the papers write them (Beckmann:
+    /// Wang et al. 2005, Eq. 7; GGX: Walter et al. 2007, Eq. 33; V-cavities and Fresnel: Cook & Torrance 1982). Nothing
+    /// is taken from the renderer.
     fn albedo(lobe: Lobe, theta: f64, m: f64) -> f64 {
         let (nv, sin_v, n) = (theta.cos(), theta.sin(), 1500);
         let mut sum = 0.0;
@@ -203,8 +205,12 @@ mod tests {
                         reflected(lobe, DVec3::Z, v, m, [f64::from(a), f64::from(b)]).map_or(0.0, |(_, w)| w)
                     })
                     .sum();
-                let (got, table, want) = (sum / f64::from(count), lobe.directional_albedo(theta.cos(), m), albedo(lobe, theta, m));
-                assert!((got - want).abs() < 2e-3 && (table - want).abs() < 2e-3, "{lobe:?} {theta} {m}: {got} {table} {want}");
+                let (got, table, want) =
+                    (sum / f64::from(count), lobe.directional_albedo(theta.cos(), m), albedo(lobe, theta, m));
+                assert!(
+                    (got - want).abs() < 2e-3 && (table - want).abs() < 2e-3,
+                    "{lobe:?} {theta} {m}: {got} {table} {want}"
+                );
             }
         }
     }

@@ -1,9 +1,9 @@
 //! Light transport on the CPU: the reference renderer that pictures are judged against.
 //!
-//! It shares no code with the GPU renderer nor with `optics`: rays, texture look-ups, lobes, directional albedo, sampling and tone
-//! mapping are written again here in f64, so that a mistake on one side shows. What both must agree on is the shading written at
-//! the top of `mesophyll_viewer::scene`; limits: direct light only (the sun's disk, and a constant sky or a dome of any
-//! radiance, which nothing shadows).
+//! It shares no code with the GPU renderer nor with `optics`: rays, texture look-ups, lobes, directional albedo,
+//! sampling and tone mapping are written again here in f64, so that a mistake on one side shows. What both must agree
+//! on is the shading written at the top of `mesophyll_viewer::scene`; limits: direct light only (the sun's disk, and a
+//! constant sky or a dome of any radiance, which nothing shadows).
 
 pub mod accelerate;
 pub mod albedo;
@@ -23,8 +23,8 @@ pub mod world;
 pub use dome::{Dome, RadianceAt};
 pub use render::{Options, ReferencePicture, Renderer, render};
 pub use world::{
-    Camera, Gloss, Interior, NormalFrame, NormalMap, Placement, ReferenceLeaf, ReferenceMesh, ReferenceSide, ReferenceSun, Scanner, SlabAt,
-    Sunlit, Through, World,
+    Camera, Gloss, Interior, NormalFrame, NormalMap, Placement, ReferenceLeaf, ReferenceMesh, ReferenceSide,
+    ReferenceSun, Scanner, SlabAt, Sunlit, Through, World,
 };
 
 pub(crate) use mesophyll_error::{Error, Result};

@@ -1,8 +1,8 @@
 //! Surface reflection f_s per unit ρs, bounded, and its directional albedo by quadrature.
 //!
-//! f_s = ρs·D·G/(4 (N·l)(N·v)) with a V-cavity G (Torrance & Sparrow 1967), D of W Eq. 7 (Beckmann) or GGX (Walter et al. 2007,
-//! Eq. 33), and for Cook–Torrance (1982) the dielectric Fresnel factor. Slope m above 0, angles by unit vectors.
-//! Limits: single scattering in the surface (no inter-reflection between facets); N·v is floored at 1e-3.
+//! f_s = ρs·D·G/(4 (N·l)(N·v)) with a V-cavity G (Torrance & Sparrow 1967), D of W Eq. 7 (Beckmann) or GGX (Walter et
+//! al. 2007, Eq. 33), and for Cook–Torrance (1982) the dielectric Fresnel factor. Slope m above 0, angles by unit
+//! vectors. Limits: single scattering in the surface (no inter-reflection between facets); N·v is floored at 1e-3.
 
 use super::quadrature::{adaptive, sixteen};
 use glam::DVec3;
@@ -69,19 +69,29 @@ impl Lobe {
 
     /// a(N·v, m) = ∫ f_s/ρs (N·l) dω_l to about 1e-8, over the half-vector.
     ///
-    /// With dω_l = 4 (v·h) dω_h it is ∫ D cosα dω_h · G F (v·h)/(cosα N·v). The integrand over α has kinks only where, in the plane
-    /// of incidence (view at θ, so l at 2α−θ or −(2α+θ)), G changes its branch or l sinks below the horizon: α = θ, π/2−θ, π/4±θ/2,
-    /// (π/2±θ)/3. Between them it is smooth but for 3/2-powers at the ends, which α = a + (b−a) u²(3−2u) takes away.
+    /// With dω_l = 4 (v·h) dω_h it is ∫ D cosα dω_h · G F (v·h)/(cosα N·v). The integrand over α has kinks only where,
+    /// in the plane of incidence (view at θ, so l at 2α−θ or −(2α+θ)), G changes its branch or l sinks below the
+    /// horizon: α = θ, π/2−θ, π/4±θ/2, (π/2±θ)/3. Between them it is smooth but for 3/2-powers at the ends, which α = a
+    /// + (b−a) u²(3−2u) takes away.
     pub fn directional_albedo(self, cos_view: f64, m: f64) -> f64 {
         let mu = cos_view.clamp(COS_VIEW_FLOOR, 1.0);
         let m = m.max(M_FLOOR);
         let theta = mu.acos();
         let quarter = 0.5 * PI;
         // the last slopes only keep pieces short where D varies
-        let mut cuts = [theta, quarter - theta, 0.5 * (quarter - theta), 0.5 * (quarter + theta), (quarter - theta) / 3.0]
-            .into_iter()
-            .chain([(quarter + theta) / 3.0, m.atan(), (2.5 * m).atan(), (7.0 * m).atan(), (40.0 * m).atan(), 0.0, quarter])
-            .collect::<Vec<f64>>();
+        let mut cuts =
+            [theta, quarter - theta, 0.5 * (quarter - theta), 0.5 * (quarter + theta), (quarter - theta) / 3.0]
+                .into_iter()
+                .chain([
+                    (quarter + theta) / 3.0,
+                    m.atan(),
+                    (2.5 * m).atan(),
+                    (7.0 * m).atan(),
+                    (40.0 * m).atan(),
+                    0.0,
+                    quarter,
+                ])
+                .collect::<Vec<f64>>();
         cuts.sort_by(f64::total_cmp);
         let mut sum = 0.0;
         for pair in cuts.windows(2).filter(|p| p[1] - p[0] > 1e-12) {
@@ -96,15 +106,17 @@ impl Lobe {
         sum
     }
 
-    /// The mean over azimuth of G F (v·h)/(cosα N·v) at fixed α. With x = v·h = centre + reach·cosφ each branch of G (v·h)/(cosα N·v)
-    /// is a + b·x, so only Fresnel's factor needs nodes.
+    /// The mean over azimuth of G F (v·h)/(cosα N·v) at fixed α. With x = v·h = centre + reach·cosφ each branch of G
+    /// (v·h)/(cosα N·v) is a + b·x, so only Fresnel's factor needs nodes.
     fn over_azimuth(self, mu: f64, c: f64) -> f64 {
         let (centre, reach) = (c * mu, (1.0 - c * c).max(0.0).sqrt() * (1.0 - mu * mu).max(0.0).sqrt());
         // the facet fully seen and lit; hidden from the view; hidden from the light
         let branches = [(0.0, 1.0 / (mu * c)), (2.0, 0.0), (-2.0, 4.0 * c / mu)];
         let least = |x: f64| {
             let value = |(a, b): (f64, f64)| a + b * x;
-            branches.into_iter().fold((f64::INFINITY, 0.0), |best, next| if value(next) < value(best) { next } else { best })
+            branches
+                .into_iter()
+                .fold((f64::INFINITY, 0.0), |best, next| if value(next) < value(best) { next } else { best })
         };
         let lowest = mu / (2.0 * c);
         if reach < 1e-14 {
@@ -135,7 +147,8 @@ impl Lobe {
     }
 }
 
-/// Reflectance of an unpolarised ray at a dielectric of relative index n (Born & Wolf §1.5.2); `cos` is the angle to the facet.
+/// Reflectance of an unpolarised ray at a dielectric of relative index n (Born & Wolf §1.5.2); `cos` is the angle to
+/// the facet.
 pub fn fresnel_dielectric(cos: f64, index: f64) -> f64 {
     let cos = cos.clamp(0.0, 1.0);
     let sin_t = (1.0 - cos * cos).sqrt() / index;
@@ -163,7 +176,9 @@ mod tests {
     fn slope_densities_integrate_to_one() {
         for lobe in LOBES {
             for m in [0.05, 0.3, 0.8] {
-                let sum = adaptive(0.0, PI / 2.0, 1e-10, &mut |a: f64| 2.0 * PI * a.sin() * a.cos() * lobe.distribution(a.cos(), m));
+                let sum = adaptive(0.0, PI / 2.0, 1e-10, &mut |a: f64| {
+                    2.0 * PI * a.sin() * a.cos() * lobe.distribution(a.cos(), m)
+                });
                 assert!((sum - 1.0).abs() < 1e-8, "{lobe:?} {m}: {sum}");
             }
         }
@@ -189,7 +204,10 @@ mod tests {
                 let mean = sum / n as f64;
                 let error = ((square / n as f64 - mean * mean) / n as f64).sqrt();
                 let exact = lobe.directional_albedo(theta.cos(), m);
-                assert!(error < 0.03 * exact.max(0.05), "{lobe:?} {theta} {m}: the Monte Carlo is too coarse, ±{error}");
+                assert!(
+                    error < 0.03 * exact.max(0.05),
+                    "{lobe:?} {theta} {m}: the Monte Carlo is too coarse, ±{error}"
+                );
                 assert!((mean - exact).abs() < 4.5 * error, "{lobe:?} {theta} {m}: {mean} ± {error} against {exact}");
                 assert!(exact <= 1.0 + 1e-9, "{lobe:?} {theta} {m}: {exact} exceeds one");
             }
@@ -203,7 +221,9 @@ mod tests {
             for (mu, m) in [(0.9f64, 0.3), (0.3, 0.5)] {
                 let v = at(mu.acos(), 0.0);
                 let direct = adaptive(0.0, PI, 2e-6, &mut |phi: f64| {
-                    adaptive(0.0, PI / 2.0, 1e-6, &mut |t: f64| 2.0 * t.sin() * lobe.times_cosine(DVec3::Z, v, at(t, phi), m))
+                    adaptive(0.0, PI / 2.0, 1e-6, &mut |t: f64| {
+                        2.0 * t.sin() * lobe.times_cosine(DVec3::Z, v, at(t, phi), m)
+                    })
                 });
                 let half = lobe.directional_albedo(mu, m);
                 assert!((direct - half).abs() < 2e-5, "{lobe:?} {mu} {m}: {direct} {half}");

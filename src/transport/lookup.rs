@@ -1,4 +1,5 @@
-//! Bilinear look-up in a map: texel centres at (i + ½)/W, clamped at the edges; u to the right, v downwards, row 0 on top.
+//! Bilinear look-up in a map: texel centres at (i + ½)/W, clamped at the edges; u to the right, v downwards, row 0 on
+//! top.
 
 /// Four texels and their weights (which sum to 1).
 #[derive(Debug, Clone, Copy)]
@@ -8,7 +9,8 @@ pub struct Taps {
 }
 
 impl Taps {
-    /// The texels around (u, v) of a `width`×`height` map; `mirrored` looks up column `width−1−i` instead of i, as the back's maps need.
+    /// The texels around (u, v) of a `width`×`height` map; `mirrored` looks up column `width−1−i` instead of i, as the
+    /// back's maps need.
     pub fn new(u: f64, v: f64, width: usize, height: usize, mirrored: bool) -> Taps {
         let (i, j, fx) = axis(u, width);
         let (row, below, fy) = axis(v, height);

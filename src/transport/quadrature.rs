@@ -49,7 +49,8 @@ pub fn sixteen() -> &'static Rule {
     RULE.get_or_init(|| Rule::legendre(16))
 }
 
-/// ∫ f over [a, b] by halving intervals until one and two 16-point rules agree to `tolerance` (absolute, shared out by length).
+/// ∫ f over [a, b] by halving intervals until one and two 16-point rules agree to `tolerance` (absolute, shared out by
+/// length).
 pub fn adaptive(a: f64, b: f64, tolerance: f64, f: &mut impl FnMut(f64) -> f64) -> f64 {
     let whole = sixteen().integrate(a, b, &mut *f);
     halve(a, b, whole, tolerance, 40, f)

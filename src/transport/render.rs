@@ -1,8 +1,9 @@
-//! Pictures from a world: stratified rays through each pixel's square (a box filter, as multisampling averages), the sun's disk
-//! sampled for every one of them, HDR averaged first and tone-mapped then.
+//! Pictures from a world: stratified rays through each pixel's square (a box filter, as multisampling averages), the
+//! sun's disk sampled for every one of them, HDR averaged first and tone-mapped then.
 //!
-//! Sample points are Owen-scrambled Sobol points (Burley 2020). The samples of a pixel fall into two independent sets, whose difference
-//! is the printed noise (one degree of freedom: honest on average, not a pixel); which sets a pixel uses hangs on the seed and its place alone, so threads change nothing.
+//! Sample points are Owen-scrambled Sobol points (Burley 2020). The samples of a pixel fall into two independent sets,
+//! whose difference is the printed noise (one degree of freedom: honest on average, not a pixel); which sets a pixel
+//! uses hangs on the seed and its place alone, so threads change nothing.
 
 use super::accelerate::Ray;
 use super::dome::{BELOW, DISK};
@@ -45,7 +46,8 @@ pub struct ReferencePicture {
     pub hdr: Vec<[f32; 4]>,
     /// The picture, sRGB, alpha 255.
     pub ldr: Vec<[u8; 4]>,
-    /// Standard error of the picture's worst channel, in display units (1 = white); 0 where there is one sample a pixel.
+    /// Standard error of the picture's worst channel, in display units (1 = white); 0 where there is one sample a
+    /// pixel.
     pub noise: Vec<f32>,
     /// All rays of the pixel and of its neighbours met one side of one instance, or all met nothing.
     pub interior: Vec<bool>,
@@ -59,7 +61,13 @@ pub struct Renderer<'a> {
 }
 
 /// [`Renderer::new`] and one picture.
-pub fn render(world: &World, camera: &Camera, width: usize, height: usize, options: &Options) -> Result<ReferencePicture> {
+pub fn render(
+    world: &World,
+    camera: &Camera,
+    width: usize,
+    height: usize,
+    options: &Options,
+) -> Result<ReferencePicture> {
     Renderer::new(world)?.render(camera, width, height, options)
 }
 
@@ -89,10 +97,14 @@ impl<'a> Renderer<'a> {
         if width == 0 || height == 0 {
             return Err(Error::Usage(format!("a picture of {width}×{height} pixels, expected at least 1×1")));
         }
-        let (rays, suns) =
-            (options.samples_per_pixel, options.sun_samples.max(if self.stage.world.dome.is_some() { options.sky_samples } else { 0 }));
+        let (rays, suns) = (
+            options.samples_per_pixel,
+            options.sun_samples.max(if self.stage.world.dome.is_some() { options.sky_samples } else { 0 }),
+        );
         if rays == 0 || options.sun_samples == 0 || options.sky_samples == 0 || rays.saturating_mul(suns) > 1 << 16 {
-            return Err(Error::Usage(format!("{rays} rays a pixel with {suns} sun samples each, expected 1 to 65536 together")));
+            return Err(Error::Usage(format!(
+                "{rays} rays a pixel with {suns} sun samples each, expected 1 to 65536 together"
+            )));
         }
         let lens = Lens::new(camera, width, height)?;
         let patterns = Patterns::new(options, self.stage.world.dome.is_some());
@@ -120,7 +132,10 @@ impl<'a> Renderer<'a> {
         Ok(ReferencePicture {
             width,
             height,
-            hdr: pixels.iter().map(|p| [p.mean[0] as f32, p.mean[1] as f32, p.mean[2] as f32, p.coverage as f32]).collect(),
+            hdr: pixels
+                .iter()
+                .map(|p| [p.mean[0] as f32, p.mean[1] as f32, p.mean[2] as f32, p.coverage as f32])
+                .collect(),
             ldr: pixels
                 .iter()
                 .map(|p| {
@@ -130,7 +145,9 @@ impl<'a> Renderer<'a> {
                 .collect(),
             noise: pixels
                 .iter()
-                .map(|p| (0..3).map(|c| p.error[c] * tone::display_slope(p.mean[c], exposure)).fold(0.0, f64::max) as f32)
+                .map(|p| {
+                    (0..3).map(|c| p.error[c] * tone::display_slope(p.mean[c], exposure)).fold(0.0, f64::max) as f32
+                })
                 .collect(),
             interior,
             penumbra: steady.into_iter().map(|s| !s).collect(),
@@ -146,8 +163,10 @@ impl<'a> Renderer<'a> {
             let pattern = patterns.choose(index, set);
             let mut sum = [0.0; 3];
             let lobes = pattern.lobe.len() / pattern.pixel.len();
-            for (k, (at, disk)) in pattern.pixel.iter().zip(pattern.disk.chunks_exact(patterns.sun_samples)).enumerate() {
-                let seen = self.stage.see(&lens.ray(x + at[0], y + at[1]), disk, &pattern.lobe[k * lobes..(k + 1) * lobes]);
+            for (k, (at, disk)) in pattern.pixel.iter().zip(pattern.disk.chunks_exact(patterns.sun_samples)).enumerate()
+            {
+                let seen =
+                    self.stage.see(&lens.ray(x + at[0], y + at[1]), disk, &pattern.lobe[k * lobes..(k + 1) * lobes]);
                 for (s, r) in sum.iter_mut().zip(seen.radiance) {
                     *s += r;
                 }
@@ -173,7 +192,8 @@ impl<'a> Renderer<'a> {
         Pixel { mean, error, coverage, surface: surface.unwrap_or(0), light }
     }
 
-    /// The share of the sun's disk that `point` (off any surface) sees, from `samples` stratified points; `None` without a sun.
+    /// The share of the sun's disk that `point` (off any surface) sees, from `samples` stratified points; `None`
+    /// without a sun.
     pub fn sun_visibility(&self, point: DVec3, samples: u32, seed: u64) -> Option<f64> {
         let sun = self.stage.world.sun.as_ref()?;
         let samples = samples.clamp(1, 1 << 16);
@@ -225,11 +245,14 @@ impl Patterns {
         let patterns = (0..count.clamp(16, 1024) as u64)
             .map(|k| {
                 let seed = scramble(options.seed, k);
-                let pixel =
-                    (0..rays_per_set as u32).map(|i| sample_4d(i, 0, seed)).map(|[u, v, ..]| [f64::from(u), f64::from(v)]).collect();
+                let pixel = (0..rays_per_set as u32)
+                    .map(|i| sample_4d(i, 0, seed))
+                    .map(|[u, v, ..]| [f64::from(u), f64::from(v)])
+                    .collect();
                 let disk = (0..rays_per_set as u32 * options.sun_samples).map(|i| disk_point(i, seed)).collect();
                 let lobes = if dome { rays_per_set as u32 * options.sky_samples } else { 0 };
-                let lobe = (0..lobes).map(|i| sample_4d(i, 2, seed)).map(|[u, v, ..]| [f64::from(u), f64::from(v)]).collect();
+                let lobe =
+                    (0..lobes).map(|i| sample_4d(i, 2, seed)).map(|[u, v, ..]| [f64::from(u), f64::from(v)]).collect();
                 Pattern { pixel, disk, lobe }
             })
             .collect();
@@ -252,7 +275,9 @@ fn disk_point(index: u32, seed: u32) -> DiskPoint {
 
 /// A well-mixed 32-bit seed (SplitMix64's finaliser, Steele et al. 2014).
 fn scramble(seed: u64, index: u64) -> u32 {
-    let mut z = seed.wrapping_mul(0xD1B5_4A32_D192_ED03).wrapping_add(index.wrapping_add(1).wrapping_mul(0x9E37_79B9_7F4A_7C15));
+    let mut z = seed
+        .wrapping_mul(0xD1B5_4A32_D192_ED03)
+        .wrapping_add(index.wrapping_add(1).wrapping_mul(0x9E37_79B9_7F4A_7C15));
     z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
     ((z ^ (z >> 31)) >> 16) as u32
@@ -274,13 +299,19 @@ impl Lens {
         let right = forward.cross(camera.up).normalize_or_zero();
         if forward == DVec3::ZERO || right == DVec3::ZERO || !(camera.fov_y_deg > 0.0 && camera.fov_y_deg < 180.0) {
             return Err(Error::Usage(format!(
-                "camera: eye and target must differ, up must not lie along the view, and the field of view ({}°) must be within 0 to 180",
+                "camera: eye and target must differ, up must not lie along the view, and the field of view ({}°) must \
+                 be within 0 to 180",
                 camera.fov_y_deg
             )));
         }
         let pixel = 2.0 * (0.5 * camera.fov_y_deg.to_radians()).tan() / height as f64;
         let (right, down) = (right * pixel, right.cross(forward).normalize() * -pixel);
-        Ok(Lens { eye: camera.eye, corner: forward - right * (0.5 * width as f64) - down * (0.5 * height as f64), right, down })
+        Ok(Lens {
+            eye: camera.eye,
+            corner: forward - right * (0.5 * width as f64) - down * (0.5 * height as f64),
+            right,
+            down,
+        })
     }
 
     /// The ray through (x, y) in pixels, (0, 0) being the top left corner; of unit direction.

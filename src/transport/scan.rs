@@ -1,8 +1,8 @@
 //! What a scanner sees: every pixel's centre along the camera's parallel rays, under the tube's own light.
 //!
-//! The tube is a cylinder of uniform radiance; a texel sees it under the angles θ ± asin(radius/distance) across and between the angles of
-//! its ends along. Radiance is a plain sum over both angles, many midpoints each: no formula of `optics::tube` is used, which is what makes
-//! it a check of them.
+//! The tube is a cylinder of uniform radiance; a texel sees it under the angles θ ± asin(radius/distance) across and
+//! between the angles of its ends along. Radiance is a plain sum over both angles, many midpoints each: no formula of
+//! `optics::tube` is used, which is what makes it a check of them.
 
 use super::accelerate::Ray;
 use super::render::Renderer;
@@ -16,7 +16,8 @@ const ALONG: usize = 200;
 const ACROSS: usize = 5;
 
 impl Scanner {
-    /// ∫ g(l) over the tube's solid angle as seen from `point`, in units where ∫ cosθ/π of an infinite tube straight above is 1.
+    /// ∫ g(l) over the tube's solid angle as seen from `point`, in units where ∫ cosθ/π of an infinite tube straight
+    /// above is 1.
     pub(super) fn gathered(&self, point: DVec3, of: impl Fn(DVec3) -> [f64; 2]) -> [f64; 2] {
         let (travel, along) = if self.along_x { (point.y, point.x) } else { (point.x, point.y) };
         let (away, up) = (self.at_mm - travel, self.height_mm - point.z);
@@ -51,7 +52,9 @@ impl Renderer<'_> {
     /// # Errors
     /// [`Error::Usage`] for a world without a scanner.
     pub fn scan(&self, width: usize, height: usize, wanted: impl Fn(usize) -> bool + Sync) -> Result<Vec<[f64; 3]>> {
-        let Some(scanner) = self.world().scanner else { return Err(Error::Usage("scan: the world has no scanner".into())) };
+        let Some(scanner) = self.world().scanner else {
+            return Err(Error::Usage("scan: the world has no scanner".into()));
+        };
         let pixel = |k: usize| {
             if !wanted(k) {
                 return [f64::NAN; 3];

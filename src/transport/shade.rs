@@ -1,4 +1,5 @@
-//! The radiance that leaves a leaf towards the viewer: W Eq. 1 under direct light, as `mesophyll_viewer::scene` states it.
+//! The radiance that leaves a leaf towards the viewer: W Eq. 1 under direct light, as `mesophyll_viewer::scene` states
+//! it.
 //!
 //! ```text
 //! sun on the viewed side:  E · V · max(0, N·l) · (ρd/π + f_s)      sun on the far side:  E · V · max(0, F·l) · ρt_far/π
@@ -86,7 +87,8 @@ impl<'a> Stage<'a> {
         Taps::new(uv.x, uv.y, leaf.width, leaf.height, false).coverage(mask) >= 0.5
     }
 
-    /// Whether the sun is hidden in direction `l` (not normalised) from a point on the blade with geometric normal `flat`.
+    /// Whether the sun is hidden in direction `l` (not normalised) from a point on the blade with geometric normal
+    /// `flat`.
     fn hidden(&self, point: DVec3, flat: DVec3, l: DVec3) -> bool {
         // start on the sun's side of the flat triangle, so that the blade never shades itself where it is lit
         let side = if flat.dot(l) < 0.0 { -flat } else { flat };
@@ -145,7 +147,8 @@ impl<'a> Stage<'a> {
         let mut light = 0;
         if let Some(sun) = &world.sun {
             let f = mapped(far, !seen_from_back);
-            let through = world.through.get(hit.instance).and_then(|t| t.entering[usize::from(!seen_from_back)].as_ref());
+            let through =
+                world.through.get(hit.instance).and_then(|t| t.entering[usize::from(!seen_from_back)].as_ref());
             let disk = Disk::new(sun);
             // sums over the disk of: cosine on the viewed side, f_s/ρs with its cosine, cosine on the far side
             let (mut lambert, mut shine, mut behind) = (0.0, 0.0, 0.0);
@@ -162,7 +165,8 @@ impl<'a> Stage<'a> {
                     }
                 } else {
                     light |= FAR_SIDE;
-                    // Points of the disk count by their cosine; a map holds the cosine's stand-in for the centre, their mean direction.
+                    // Points of the disk count by their cosine; a map holds the cosine's stand-in for the centre, their
+                    // mean direction.
                     behind += if through.is_some() { 1.0 } else { f.dot(l).max(0.0) };
                 }
             }
@@ -206,7 +210,8 @@ impl<'a> Stage<'a> {
                 }
             }
             for c in 0..3 {
-                radiance[c] += (rho_d[c] * near[c] + rho_t[c] * beyond[c]) / PI + gloss.map_or(0.0, |(rho_s, _)| rho_s[c] * shine[c]);
+                radiance[c] += (rho_d[c] * near[c] + rho_t[c] * beyond[c]) / PI
+                    + gloss.map_or(0.0, |(rho_s, _)| rho_s[c] * shine[c]);
             }
         }
         if let Some(scanner) = &world.scanner {
@@ -223,8 +228,9 @@ impl<'a> Stage<'a> {
     }
 }
 
-/// The sun's disk in the plane one unit away that faces it, uniform there: its mean direction is the centre's, so that a surface
-/// which sees all of it receives exactly E·(N·l). (A sphere of uniform radiance differs by the radius squared: 2e-5.)
+/// The sun's disk in the plane one unit away that faces it, uniform there: its mean direction is the centre's, so that
+/// a surface which sees all of it receives exactly E·(N·l). (A sphere of uniform radiance differs by the radius
+/// squared: 2e-5.)
 struct Disk {
     centre: DVec3,
     across: [DVec3; 2],
@@ -238,7 +244,8 @@ impl Disk {
         Disk { centre, across: [a * reach, b * reach] }
     }
 
-    /// Towards a point of the disk; its length is 1/cos of the angle to the centre, the weight that the plane's uniform measure needs.
+    /// Towards a point of the disk; its length is 1/cos of the angle to the centre, the weight that the plane's uniform
+    /// measure needs.
     fn toward(&self, offset: DiskPoint) -> DVec3 {
         self.centre + self.across[0] * offset[0] + self.across[1] * offset[1]
     }

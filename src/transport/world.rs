@@ -1,7 +1,8 @@
 //! What the reference renderer draws: leaves, where they stand, and the light on them, all in f64.
 //!
-//! Lengths in mm, world z up, directions are unit vectors, colours linear sRGB, radiance in units set by the light. Maps are
-//! row-major with row 0 on top, each side's as its own camera saw it: column i of the back is column `width−1−i` of the front.
+//! Lengths in mm, world z up, directions are unit vectors, colours linear sRGB, radiance in units set by the light.
+//! Maps are row-major with row 0 on top, each side's as its own camera saw it: column i of the back is column
+//! `width−1−i` of the front.
 
 use super::dome::Dome;
 use super::lobe::Lobe;
@@ -14,7 +15,8 @@ use std::sync::Arc;
 pub struct World {
     pub leaves: Vec<ReferenceLeaf>,
     pub instances: Vec<Placement>,
-    /// How the sun comes through each instance; an instance beyond the end lets it through by the mapped normal's cosine.
+    /// How the sun comes through each instance; an instance beyond the end lets it through by the mapped normal's
+    /// cosine.
     pub through: Vec<Through>,
     pub sun: Option<ReferenceSun>,
     /// Radiance of a constant sky all around.
@@ -78,8 +80,8 @@ pub struct ReferenceSun {
     pub radius: f64,
 }
 
-/// A tube-shaped lamp over the plane z = 0 and an orthographic camera whose picture is rectified to that plane, as `data/README.md` states for
-/// captures. Nothing casts a shadow, and nothing comes through.
+/// A tube-shaped lamp over the plane z = 0 and an orthographic camera whose picture is rectified to that plane, as
+/// `data/README.md` states for captures. Nothing casts a shadow, and nothing comes through.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scanner {
     /// Towards the camera; a unit vector above the plane.
@@ -116,7 +118,8 @@ pub struct ReferenceLeaf {
     pub height: usize,
     pub front: ReferenceSide,
     pub back: ReferenceSide,
-    /// Nonzero on the leaf, in the front's columns. A point is on the leaf where the bilinear value reaches ½; `None`: everywhere.
+    /// Nonzero on the leaf, in the front's columns. A point is on the leaf where the bilinear value reaches ½; `None`:
+    /// everywhere.
     pub mask: Option<Vec<u8>>,
     pub lobe: Lobe,
 }
@@ -127,7 +130,8 @@ pub struct ReferenceMesh {
     pub positions: Vec<DVec3>,
     /// Out of the front, a vertex each; interpolated and normalised.
     pub normals: Vec<DVec3>,
-    /// xyz along +u, w = ±1: bitangent = w · normal × tangent. Only read for [`NormalFrame::Tangent`]; may else be empty.
+    /// xyz along +u, w = ±1: bitangent = w · normal × tangent. Only read for [`NormalFrame::Tangent`]; may else be
+    /// empty.
     pub tangents: Vec<DVec4>,
     /// (0, 0) is the top left corner of the front's maps.
     pub uvs: Vec<DVec2>,
@@ -153,7 +157,8 @@ pub type SlabAt = Arc<dyn Fn(f64) -> ([f64; 3], [f64; 3]) + Send + Sync>;
 pub enum Interior {
     /// Final ρd (γ applied) and ρt a texel, interpolated themselves.
     Maps { rho_d: [Vec<f32>; 3], rho_t: [Vec<f32>; 3] },
-    /// γ and thickness (h + δ, mm) are interpolated, then ρd = γ·curve.ρd, ρt = curve.ρt. The curve is the caller's and must be accurate.
+    /// γ and thickness (h + δ, mm) are interpolated, then ρd = γ·curve.ρd, ρt = curve.ρt. The curve is the caller's and
+    /// must be accurate.
     Scalars { gamma: [Vec<f32>; 3], thickness: Vec<f32>, curve: SlabAt },
 }
 
@@ -254,7 +259,9 @@ impl ReferenceLeaf {
         if !mesh.indices.len().is_multiple_of(3) || mesh.indices.iter().any(|&i| i as usize >= vertices) {
             return Err(format!("mesh: indices must come in threes and stay below {vertices}"));
         }
-        if !(mesh.positions.iter().chain(&mesh.normals).all(|p| p.is_finite()) && mesh.uvs.iter().all(|p| p.is_finite())) {
+        if !(mesh.positions.iter().chain(&mesh.normals).all(|p| p.is_finite())
+            && mesh.uvs.iter().all(|p| p.is_finite()))
+        {
             return Err("mesh: positions, normals and uvs must be finite".into());
         }
         let mut maps: Vec<(String, usize)> = Vec::new();
@@ -279,7 +286,10 @@ impl ReferenceLeaf {
             if let Some(normal) = &side.normal {
                 maps.push((format!("{name} normal"), normal.values.len()));
                 if normal.frame == NormalFrame::Tangent && mesh.tangents.len() != vertices {
-                    return Err(format!("{name} normals need tangents: found {}, expected {vertices}", mesh.tangents.len()));
+                    return Err(format!(
+                        "{name} normals need tangents: found {}, expected {vertices}",
+                        mesh.tangents.len()
+                    ));
                 }
             }
         }
@@ -287,7 +297,9 @@ impl ReferenceLeaf {
             maps.push(("mask".into(), mask.len()));
         }
         match maps.iter().find(|(_, found)| *found != texels) {
-            Some((name, found)) => Err(format!("{name}: {found} texels, expected {}×{} = {texels}", self.width, self.height)),
+            Some((name, found)) => {
+                Err(format!("{name}: {found} texels, expected {}×{} = {texels}", self.width, self.height))
+            }
             None => Ok(()),
         }
     }

@@ -1,4 +1,5 @@
-//! Fit folders made from formulas: an elliptic, domed blade with known σ, γ, δ, gloss and normals, written exactly as `fit leaf` does.
+//! Fit folders made from formulas: an elliptic, domed blade with known σ, γ, δ, gloss and normals, written exactly as
+//! `fit leaf` does.
 #![allow(dead_code)]
 
 use glam::{DVec2, DVec3};
@@ -171,8 +172,12 @@ impl Blade {
             write_exr(&dir.join(format!("{side}_gamma_delta.exr")), &texture1, Packing::Zip).unwrap();
             write_exr(&dir.join(format!("{side}_rho_s_m.exr")), &texture2, Packing::Zip).unwrap();
             write_exr(&dir.join(format!("{side}_normal.exr")), &tangent, Packing::Zip).unwrap();
-            let param =
-                |value: Vec<f64>, unit: &str| Param { stderr: vec![0.0; value.len()], value, unit: unit.into(), ..Param::default() };
+            let param = |value: Vec<f64>, unit: &str| Param {
+                stderr: vec![0.0; value.len()],
+                value,
+                unit: unit.into(),
+                ..Param::default()
+            };
             let params = BTreeMap::from([
                 ("sigma_a".to_string(), param(self.sigma_a[s].to_vec(), "1/mm")),
                 ("sigma_s".to_string(), param(self.sigma_s[s].to_vec(), "1/mm")),
@@ -199,7 +204,8 @@ impl Blade {
     fn glb(&self) -> Vec<u8> {
         let (rings, spokes) = (40usize, 96usize);
         let (a, b) = self.half();
-        let (mut positions, mut normals, mut tangents, mut uvs, mut indices) = (vec![], vec![], vec![], vec![], Vec::<u32>::new());
+        let (mut positions, mut normals, mut tangents, mut uvs, mut indices) =
+            (vec![], vec![], vec![], vec![], Vec::<u32>::new());
         let (span_x, span_y) = (self.width as f64 * self.texel_mm, self.height as f64 * self.texel_mm);
         let mut vertex = |x: f64, y: f64| {
             let f = self.frame(x, y);
@@ -350,7 +356,9 @@ pub fn tamper(how: &str, fit: &Path) {
 
 /// A scene file beside `fits/`: one leaf in a sun of the given zenith, optionally with a sky, seen from above.
 pub fn scene(dir: &Path, name: &str, leaf: &str, sun_zenith: Option<f64>, sky: Option<f64>, extra: &str) -> PathBuf {
-    let sun = sun_zenith.map_or(String::new(), |z| format!("[sun]\nzenith_deg = {z}\nazimuth_deg = 30\nirradiance = [3.0, 3.0, 2.8]\n"));
+    let sun = sun_zenith.map_or(String::new(), |z| {
+        format!("[sun]\nzenith_deg = {z}\nazimuth_deg = 30\nirradiance = [3.0, 3.0, 2.8]\n")
+    });
     let sky = sky.map_or(String::new(), |l| format!("[sky]\nradiance = [{l}, {l}, {l}]\n"));
     let text = format!(
         r#"schema = 1

@@ -1,4 +1,5 @@
-//! What the tests that drive the binary share: running it, small synthetic captures, and places that refuse to be written.
+//! What the tests that drive the binary share: running it, small synthetic captures, and places that refuse to be
+//! written.
 #![allow(dead_code)]
 
 pub mod skips;

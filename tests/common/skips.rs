@@ -1,6 +1,7 @@
-//! What some tests need beyond Rust. Where it is missing such a test calls [`skip`] and returns: the skip is counted in a file under `target/`,
-//! which `make test` sums up at its end, because the test harness hides what a passing test prints. With `MESOPHYLL_REQUIRE_ALL` set, as in
-//! continuous integration, a skip is a failure, except for databases that are not part of the repository.
+//! What some tests need beyond Rust. Where it is missing such a test calls [`skip`] and returns: the skip is counted in
+//! a file under `target/`, which `make test` sums up at its end, because the test harness hides what a passing test
+//! prints. With `MESOPHYLL_REQUIRE_ALL` set, as in continuous integration, a skip is a failure, except for databases
+//! that are not part of the repository.
 //!
 //! The library, `tests/` and `viewer/tests` share this file by `#[path]`.
 #![allow(dead_code)]
@@ -33,7 +34,10 @@ pub fn skip(need: Need, why: &str) {
     let test = std::thread::current().name().unwrap_or("a test").to_string();
     let required = std::env::var_os("MESOPHYLL_REQUIRE_ALL").is_some_and(|v| !v.is_empty() && v != "0");
     let optional = matches!(need, Need::Data | Need::Elsewhere);
-    assert!(optional || !required, "{test}: {why}, but MESOPHYLL_REQUIRE_ALL is set: install what is missing (`make setup-test`)");
+    assert!(
+        optional || !required,
+        "{test}: {why}, but MESOPHYLL_REQUIRE_ALL is set: install what is missing (`make setup-test`)"
+    );
     println!("skipped: {why}");
     let Some(file) = list() else { return };
     let line = format!("{why}\t{test}\n");
@@ -42,7 +46,8 @@ pub fn skip(need: Need, why: &str) {
     }
 }
 
-/// The file that `MESOPHYLL_SKIPPED` names, or `target/skipped-tests.txt`: the folder that holds the running test and is marked as Cargo's.
+/// The file that `MESOPHYLL_SKIPPED` names, or `target/skipped-tests.txt`: the folder that holds the running test and
+/// is marked as Cargo's.
 fn list() -> Option<PathBuf> {
     if let Some(named) = std::env::var_os("MESOPHYLL_SKIPPED") {
         return Some(named.into());

@@ -1,4 +1,5 @@
-//! `docs/lobes.svg`: a leaf's reflectance in the plane of incidence with the three lobes' fits, and what the long tail gains a scan.
+//! `docs/lobes.svg`: a leaf's reflectance in the plane of incidence with the three lobes' fits, and what the long tail
+//! gains a scan.
 
 use super::Leaf;
 use mesophyll::optics::gloss::Lobe;
@@ -21,7 +22,8 @@ fn scale(from: [f64; 2], to: [f64; 2]) -> impl Fn(f64) -> f64 {
 
 pub fn draw(leaves: &[Leaf]) -> String {
     let mut svg = String::from(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 980 440\" font-family=\"sans-serif\" font-size=\"13\">\n\
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 980 440\" font-family=\"sans-serif\" \
+         font-size=\"13\">\n\
          <title>Which lobe real leaves want</title>\n<rect width=\"980\" height=\"440\" fill=\"white\"/>\n",
     );
     curves(&mut svg, leaves.iter().find(|l| l.name == SHOWN).expect("the scan that is drawn"));
@@ -35,14 +37,20 @@ fn text(svg: &mut String, x: f64, y: f64, anchor: &str, words: &str) {
 }
 
 fn line(svg: &mut String, a: [f64; 2], b: [f64; 2], colour: &str) {
-    let _ = writeln!(svg, "<path d=\"M{:.1} {:.1}L{:.1} {:.1}\" stroke=\"{colour}\" fill=\"none\"/>", a[0], a[1], b[0], b[1]);
+    let _ = writeln!(
+        svg,
+        "<path d=\"M{:.1} {:.1}L{:.1} {:.1}\" stroke=\"{colour}\" fill=\"none\"/>",
+        a[0], a[1], b[0], b[1]
+    );
 }
 
 /// Measured points in the plane of incidence and the fitted curves; view zenith counts towards the mirror side.
 fn curves(svg: &mut String, leaf: &Leaf) {
     let (x, y) = (scale([-65.0, 65.0], [60.0, 520.0]), scale([0.0, 0.34], [380.0, 50.0]));
-    let place =
-        format!("{}, <tspan font-style=\"italic\">{}</tspan>, 550 nm, source at {:.0}°", leaf.name, leaf.species, leaf.samples[0].source);
+    let place = format!(
+        "{}, <tspan font-style=\"italic\">{}</tspan>, 550 nm, source at {:.0}°",
+        leaf.name, leaf.species, leaf.samples[0].source
+    );
     text(svg, 60.0, 28.0, "start", &place);
     for zenith in [-60, -30, 0, 30, 60] {
         line(svg, [x(zenith.into()), 380.0], [x(zenith.into()), 50.0], "#eee");
@@ -54,7 +62,10 @@ fn curves(svg: &mut String, leaf: &Leaf) {
         text(svg, 54.0, y(v) + 4.0, "end", &format!("{v:.1}"));
     }
     text(svg, 290.0, 422.0, "middle", "view zenith in the plane of incidence (mirror side positive)");
-    let _ = writeln!(svg, "<text transform=\"translate(18 215) rotate(-90)\" text-anchor=\"middle\">reflectance factor</text>");
+    let _ = writeln!(
+        svg,
+        "<text transform=\"translate(18 215) rotate(-90)\" text-anchor=\"middle\">reflectance factor</text>"
+    );
     let source = leaf.samples[0].source.to_radians();
     let light = [source.sin(), 0.0, source.cos()];
     for (k, (lobe, name, colour)) in KINDS.into_iter().enumerate() {
@@ -63,12 +74,18 @@ fn curves(svg: &mut String, leaf: &Leaf) {
         let normal = [t.sin() * ty.cos(), ty.sin(), t.cos() * ty.cos()];
         let brf = |zenith: f64| {
             let z = zenith.to_radians();
-            f["rho_d_brf_550"] + std::f64::consts::PI * f["rho_s"] * lobe.value(normal, light, [-z.sin(), 0.0, z.cos()], f["m"])
+            f["rho_d_brf_550"]
+                + std::f64::consts::PI * f["rho_s"] * lobe.value(normal, light, [-z.sin(), 0.0, z.cos()], f["m"])
         };
-        let points: Vec<String> = (-130..=130).map(|k| 0.5 * f64::from(k)).map(|z| format!("{:.1} {:.1}", x(z), y(brf(z)))).collect();
+        let points: Vec<String> =
+            (-130..=130).map(|k| 0.5 * f64::from(k)).map(|z| format!("{:.1} {:.1}", x(z), y(brf(z)))).collect();
         // Beckmann and Cook-Torrance all but coincide: dashes let both be seen.
         let dash = if k == 2 { " stroke-dasharray=\"7 7\"" } else { "" };
-        let _ = writeln!(svg, "<path d=\"M{}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"2\"{dash}/>", points.join("L"));
+        let _ = writeln!(
+            svg,
+            "<path d=\"M{}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"2\"{dash}/>",
+            points.join("L")
+        );
         let row = 66.0 + 20.0 * k as f64;
         let _ = writeln!(svg, "<path d=\"M80 {row}H108\" stroke=\"{colour}\" stroke-width=\"3\"/>");
         text(svg, 116.0, row + 4.0, "start", &format!("{name}: m {:.2}, RMS {:.4}", f["m"], leaf.rms(k)));

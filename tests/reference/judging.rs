@@ -30,7 +30,8 @@ fn a_picture_equals_itself_and_one_pixel_is_found() {
     let found = compare(&picture, &spoilt).unwrap();
     assert_eq!((found.max_error, found.max_at), (Some(51.0 / 255.0), Some((48, 36))));
     assert!(found.flip_mean > 0.0 && found.error_p99 == Some(0.0));
-    // The scale of the FLIP map ends where it is said to: the worst pixel has its lightest colour there, and at twice that a darker one.
+    // The scale of the FLIP map ends where it is said to: the worst pixel has its lightest colour there, and at twice
+    // that a darker one.
     let worst = (0..found.flip.len()).max_by(|&a, &b| found.flip[a].total_cmp(&found.flip[b])).unwrap();
     let shade = |top: f64| found.flip_picture(top)[3 * worst];
     assert!(shade(f64::from(found.flip[worst])) == 0xfc && shade(2.0 * f64::from(found.flip[worst])) < 0xf0);
@@ -45,7 +46,8 @@ fn a_picture_equals_itself_and_one_pixel_is_found() {
     assert!(compare(&picture, &spoilt[1..]).is_err());
 }
 
-/// Mistakes that a renderer makes must stand far above the reference's own noise, from both sides and with light from both.
+/// Mistakes that a renderer makes must stand far above the reference's own noise, from both sides and with light from
+/// both.
 #[test]
 fn wrong_pictures_stand_out_of_the_noise() {
     let (world, view) = portrait();
@@ -117,12 +119,23 @@ fn wrong_pictures_stand_out_of_the_noise() {
             let (found_max, floor_max) = (found.max_error.unwrap(), floor.max_error.unwrap().max(1.0 / 255.0));
             // small mistakes: seen at all
             if !gross {
-                assert!(found_max > floor_max, "{place}, {name}: largest error {found_max} against a floor of {floor_max}");
+                assert!(
+                    found_max > floor_max,
+                    "{place}, {name}: largest error {found_max} against a floor of {floor_max}"
+                );
                 continue;
             }
-            assert!(found_max > 3.0 * floor_max, "{place}, {name}: largest error {found_max} against a floor of {floor_max}");
+            assert!(
+                found_max > 3.0 * floor_max,
+                "{place}, {name}: largest error {found_max} against a floor of {floor_max}"
+            );
             let least = 2.0 * floor.flip_p99;
-            assert!(found.flip_p99 > least, "{place}, {name}: FLIP {} against a floor of {}", found.flip_p99, floor.flip_p99);
+            assert!(
+                found.flip_p99 > least,
+                "{place}, {name}: FLIP {} against a floor of {}",
+                found.flip_p99,
+                floor.flip_p99
+            );
         }
     }
 }

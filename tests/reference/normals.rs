@@ -12,19 +12,28 @@ fn mapped_normals_turn_with_the_instance() {
     let n = DVec3::new(0.3, -0.2, 0.9).normalize();
     let turn = DQuat::from_euler(glam::EulerRot::XYZ, 0.4, -0.3, 0.8);
     let l = DVec3::new(0.3, 0.2, 1.0).normalize();
-    for (frame, from_back) in
-        [(NormalFrame::Blade, false), (NormalFrame::Tangent, false), (NormalFrame::Blade, true), (NormalFrame::Tangent, true)]
-    {
+    for (frame, from_back) in [
+        (NormalFrame::Blade, false),
+        (NormalFrame::Tangent, false),
+        (NormalFrame::Blade, true),
+        (NormalFrame::Tangent, true),
+    ] {
         let mut side = uniform([0.4; 3], [0.2; 3], None);
         side.normal = Some(NormalMap { frame, values: vec![[n.x as f32, n.y as f32, n.z as f32]] });
         let mut world = alone(leaf(blade(300.0, 300.0, 3, 0.0), side.clone(), side, Lobe::Beckmann), sun(l, 0.0), None);
         let flip = if from_back { DQuat::from_rotation_y(PI) } else { DQuat::IDENTITY };
-        world.instances[0].transform = DMat4::from_scale_rotation_translation(DVec3::splat(1.7), turn * flip, DVec3::ZERO);
+        world.instances[0].transform =
+            DMat4::from_scale_rotation_translation(DVec3::splat(1.7), turn * flip, DVec3::ZERO);
         let picture = render(&world, &camera(DVec3::new(5.0, 8.0, 90.0), 3.0), 4, 3, &Options::default()).unwrap();
-        // from behind, the image's own frame (x right, y up, z out) is the flipped leaf's, so the expectation is the same
+        // from behind, the image's own frame (x right, y up, z out) is the flipped leaf's, so the expectation is the
+        // same
         let expected = 3.0 * 0.4 / PI * (turn * n).dot(l);
         for p in &picture.hdr {
-            assert!((f64::from(p[0]) / expected - 1.0).abs() < 1e-6, "{frame:?} back {from_back}: {} against {expected}", p[0]);
+            assert!(
+                (f64::from(p[0]) / expected - 1.0).abs() < 1e-6,
+                "{frame:?} back {from_back}: {} against {expected}",
+                p[0]
+            );
         }
         // and lit from behind, the far side's normal counts
         world.sun = sun(-l, 0.0);

@@ -17,8 +17,10 @@ fn segment(d: f64) -> f64 {
 fn half_hidden(height: f64, radius: f64) -> World {
     let side = || uniform([0.5; 3], [0.0; 3], None);
     let mut world = alone(leaf(blade(1.0, 1.0, 1, 0.0), side(), side(), Lobe::Beckmann), sun(DVec3::Z, radius), None);
-    let place =
-        |at: DVec3| Placement { leaf: 0, transform: DMat4::from_scale_rotation_translation(DVec3::splat(2000.0), DQuat::IDENTITY, at) };
+    let place = |at: DVec3| Placement {
+        leaf: 0,
+        transform: DMat4::from_scale_rotation_translation(DVec3::splat(2000.0), DQuat::IDENTITY, at),
+    };
     world.instances = vec![place(DVec3::ZERO), place(DVec3::new(-1000.0, 0.0, height))];
     world
 }

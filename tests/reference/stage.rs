@@ -3,7 +3,8 @@
 use glam::{DMat4, DVec2, DVec3};
 use mesophyll::transport::lobe::Lobe;
 use mesophyll::transport::{
-    Camera, Gloss, Interior, NormalFrame, NormalMap, Placement, ReferenceLeaf, ReferenceMesh, ReferenceSide, ReferenceSun, World,
+    Camera, Gloss, Interior, NormalFrame, NormalMap, Placement, ReferenceLeaf, ReferenceMesh, ReferenceSide,
+    ReferenceSun, World,
 };
 use std::f64::consts::PI;
 
@@ -48,7 +49,13 @@ pub fn leaf(mesh: ReferenceMesh, front: ReferenceSide, back: ReferenceSide, lobe
 }
 
 pub fn alone(leaf: ReferenceLeaf, sun: Option<ReferenceSun>, sky: Option<[f64; 3]>) -> World {
-    World { leaves: vec![leaf], instances: vec![Placement { leaf: 0, transform: DMat4::IDENTITY }], sun, sky, ..World::default() }
+    World {
+        leaves: vec![leaf],
+        instances: vec![Placement { leaf: 0, transform: DMat4::IDENTITY }],
+        sun,
+        sky,
+        ..World::default()
+    }
 }
 
 pub fn sun(direction: DVec3, radius: f64) -> Option<ReferenceSun> {
@@ -67,7 +74,8 @@ pub fn veined(n: usize) -> ReferenceLeaf {
         let side = (0.5 + 0.5 * ((v - 0.7 * (u - 0.45).abs()) * 2.0 * PI * 7.0).cos()).powi(20);
         (midrib + 0.7 * side).min(1.0)
     };
-    let map = |of: &dyn Fn(f64, f64) -> f64| (0..n * n).map(|k| of(texel(k).0, texel(k).1) as f32).collect::<Vec<f32>>();
+    let map =
+        |of: &dyn Fn(f64, f64) -> f64| (0..n * n).map(|k| of(texel(k).0, texel(k).1) as f32).collect::<Vec<f32>>();
     let side = |mirror: bool, tint: [f64; 3], shine: f64, m: f64, relief: f64| {
         let at = move |u: f64, v: f64| vein(if mirror { 1.0 - u } else { u }, v);
         let colour = |c: usize, vein_gain: f64| map(&|u, v| tint[c] * (1.0 + vein_gain * at(u, v)));

@@ -1,4 +1,5 @@
-//! Plausible fit folders and captures for tests of what reads them: made up, but consistent, so that a right report can be told from a wrong one.
+//! Plausible fit folders and captures for tests of what reads them: made up, but consistent, so that a right report can
+//! be told from a wrong one.
 #![allow(dead_code)]
 
 use mesophyll::files::image::{self, Maps, Packing};
@@ -34,7 +35,8 @@ impl Default for Sample {
 pub fn leaf_at(u: f32, v: f32) -> (f32, f32) {
     // u, v in -1 … 1, the leaf along u
     let along = (u + 0.94) / 1.86;
-    let half = if (0.0..=1.0).contains(&along) { 0.95 * along.powf(0.55) * (1.0 - along).powf(0.8) * 1.55 } else { -1.0 };
+    let half =
+        if (0.0..=1.0).contains(&along) { 0.95 * along.powf(0.55) * (1.0 - along).powf(0.8) * 1.55 } else { -1.0 };
     let midrib = (-(v / 0.022).powi(2)).exp();
     let branch = (along * 8.0 - v.abs() * 3.0).fract();
     let secondary = 0.7 * (-((branch - 0.5) / 0.06).powi(2)).exp();
@@ -80,7 +82,10 @@ pub fn write_fit(folder: &Path, sample: &Sample) {
     for (k, side) in sample.sides.iter().enumerate() {
         sections.insert(side.to_string(), write_side(folder, sample, side, 1.0 + 0.4 * k as f32, &mut rng));
     }
-    let names = BTreeMap::from([("-1".to_string(), "saturated".to_string()), ("-2".to_string(), "more_light_out_than_in".to_string())]);
+    let names = BTreeMap::from([
+        ("-1".to_string(), "saturated".to_string()),
+        ("-2".to_string(), "more_light_out_than_in".to_string()),
+    ]);
     let record = FitRecord {
         schema: 1,
         kind: "leaf".into(),
@@ -88,7 +93,10 @@ pub fn write_fit(folder: &Path, sample: &Sample) {
         program: "mesophyll 0.1.0".into(),
         input_hash: "5f0c2b9e".repeat(8),
         termination: Some(Termination::CostConverged),
-        options: BTreeMap::from([("lobe".to_string(), "beckmann".to_string()), ("seed".to_string(), sample.seed.to_string())]),
+        options: BTreeMap::from([
+            ("lobe".to_string(), "beckmann".to_string()),
+            ("seed".to_string(), sample.seed.to_string()),
+        ]),
         defects: names,
         sections,
         ..FitRecord::default()
@@ -142,7 +150,9 @@ fn write_side(folder: &Path, sample: &Sample, side: &str, tone: f32, rng: &mut P
     });
     let z: Vec<f32> = z.collect();
     fit.push("normal.Z", z);
-    let chi2 = (0..w * h).map(|i| if mask[i] == 1.0 { 1.0 + 0.1 * normal(rng) + 0.5 * place(i, side == "back").1 * 0.3 } else { f32::NAN });
+    let chi2 = (0..w * h).map(|i| {
+        if mask[i] == 1.0 { 1.0 + 0.1 * normal(rng) + 0.5 * place(i, side == "back").1 * 0.3 } else { f32::NAN }
+    });
     let chi2: Vec<f32> = chi2.collect();
     let good: Vec<f32> = chi2.iter().copied().filter(|c| c.is_finite()).collect();
     let mean = f64::from(good.iter().sum::<f32>()) / good.len() as f64;
@@ -167,7 +177,14 @@ fn write_side(folder: &Path, sample: &Sample, side: &str, tone: f32, rng: &mut P
         image::write_exr(&folder.join(format!("{side}_truth.exr")), &truth, Packing::Zip).unwrap();
     }
     let covered = if sample.overconfidence == 1.0 { 0.951 } else { 0.62 };
-    let truths = [("rho_d", 0.0068), ("rho_t", 0.0067), ("sigma_a_map", 0.013), ("sigma_a", 0.001), ("thickness", 0.004), ("m", 0.0081)];
+    let truths = [
+        ("rho_d", 0.0068),
+        ("rho_t", 0.0067),
+        ("sigma_a_map", 0.013),
+        ("sigma_a", 0.001),
+        ("thickness", 0.004),
+        ("m", 0.0081),
+    ];
     let truth_rows = truths.map(|(n, e)| {
         (
             n.to_string(),
@@ -304,19 +321,22 @@ pub fn write_run(folder: &Path, passed: bool) {
         "passed": passed, "adapter": "llvmpipe (software)",
         "views": [{"name": "top", "kind": "perspective", "flip_mean": 0.004, "flip_p99": 0.021, "max_error": 0.031,
                    "threshold_flip_p99": 0.04, "threshold_max_error": 0.05, "noise_flip_p99": 0.012, "noise_max_error": 0.008,
-                   "flip_top": 0.1, "difference_top": 0.0625, "why": if passed { vec![] } else { vec!["pixel (3, 4) is too light"] },
+                   "flip_top": 0.1, "difference_top": 0.0625, "why": if passed { vec![] } else { vec!["pixel (3, 4) is \
+                    too light"] },
                    "frame_ms_median": 18.2, "frame_ms_p95": 21.7, "passed": passed}]
     });
     std::fs::write(folder.join("check.json"), check.to_string()).unwrap();
     let plan = serde_json::json!({
         "needed": [{"name": "leaf fit elm", "reason": "the scene shows this leaf"}],
-        "left_out": [{"name": "beam fit", "reason": "the scene has no wind", "saved": "0.4 s, 2 kB, a vertex deformation"},
+        "left_out": [{"name": "beam fit", "reason": "the scene has no wind", "saved": "0.4 s, 2 kB, a vertex \
+         deformation"},
                      {"name": "sky polynomials", "reason": "the sun does not move", "saved": "27 kB"}]
     });
     std::fs::write(folder.join("plan.json"), plan.to_string()).unwrap();
 }
 
-/// A small capture of a disk-shaped leaf under a thin infinite tube (radiance ρd·(2/π)·…/r² is not needed here: any smooth fall-off will do).
+/// A small capture of a disk-shaped leaf under a thin infinite tube (radiance ρd·(2/π)·…/r² is not needed here: any
+/// smooth fall-off will do).
 pub fn write_capture(folder: &Path, sides: &[&str], passes: &[&str], noise: f32) {
     const W: usize = 24;
     const H: usize = 18;
@@ -324,8 +344,10 @@ pub fn write_capture(folder: &Path, sides: &[&str], passes: &[&str], noise: f32)
     let mut rng = Pcg64Mcg::seed_from_u64(11);
     let list = |l: &[&str]| l.iter().map(|s| format!("\"{s}\"")).collect::<Vec<_>>().join(", ");
     let mut toml = format!(
-        "schema = 1\nname = \"disk\"\nwidth = {W}\nheight = {H}\ntexel_mm = 1.0\nthickness_mm = 0.2\ncamera_deg = 55.0\n\
-         noise_relative = {noise}\nnoise_floor = 5e-4\nsides = [{}]\n[tube]\nheight_mm = 100.0\nlength_mm = 500.0\nradius_mm = 2.5\n",
+        "schema = 1\nname = \"disk\"\nwidth = {W}\nheight = {H}\ntexel_mm = 1.0\nthickness_mm = 0.2\ncamera_deg = \
+         55.0\n\
+         noise_relative = {noise}\nnoise_floor = 5e-4\nsides = [{}]\n[tube]\nheight_mm = 100.0\nlength_mm = \
+         500.0\nradius_mm = 2.5\n",
         list(sides)
     );
     for p in passes {
@@ -354,7 +376,8 @@ pub fn write_capture(folder: &Path, sides: &[&str], passes: &[&str], noise: f32)
         for pass in passes {
             for k in 0..FRAMES {
                 let maps = frame(W, H, &|c, i| if inside(i) { albedo[c] * light(k, i) } else { 0.0 });
-                image::write_exr(&folder.join(side).join(pass).join(format!("{k:04}.exr")), &maps, Packing::Zip).unwrap();
+                image::write_exr(&folder.join(side).join(pass).join(format!("{k:04}.exr")), &maps, Packing::Zip)
+                    .unwrap();
             }
         }
         let maps = frame(W, H, &|c, i| if inside(i) { 0.9 * albedo[c] } else { 0.9 });
@@ -363,7 +386,8 @@ pub fn write_capture(folder: &Path, sides: &[&str], passes: &[&str], noise: f32)
     for pass in passes {
         for k in 0..FRAMES {
             let maps = frame(8, 6, &|_, i| light(k, i % 8));
-            image::write_exr(&folder.join("white").join(pass).join(format!("{k:04}.exr")), &maps, Packing::Zip).unwrap();
+            image::write_exr(&folder.join("white").join(pass).join(format!("{k:04}.exr")), &maps, Packing::Zip)
+                .unwrap();
         }
     }
     let maps = frame(W, H, &|_, _| 0.9);

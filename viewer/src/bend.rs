@@ -1,12 +1,16 @@
-//! The bend of `passes/bend.wgsl` on the CPU, in single precision: what the shadow maps and clipping planes must cover, and what the pointer
-//! is over. Pictures come from the shader alone.
+//! The bend of `passes/bend.wgsl` on the CPU, in single precision: what the shadow maps and clipping planes must cover,
+//! and what the pointer is over. Pictures come from the shader alone.
 
 use crate::scene::{Branch, Ride, Scene, Wind};
 use glam::{Vec2, Vec3};
 
 /// Abscissae and weights of the four-point Gauss rule on 0 to 1.
-const NODES: [(f32, f32); 4] =
-    [(0.069_431_84, 0.173_927_42), (0.330_009_5, 0.326_072_57), (0.669_990_5, 0.326_072_57), (0.930_568_16, 0.173_927_42)];
+const NODES: [(f32, f32); 4] = [
+    (0.069_431_84, 0.173_927_42),
+    (0.330_009_5, 0.326_072_57),
+    (0.669_990_5, 0.326_072_57),
+    (0.930_568_16, 0.173_927_42),
+];
 
 /// All branches at one time.
 #[derive(Debug, Clone)]
@@ -51,7 +55,9 @@ impl<'a> Bends<'a> {
 
     /// A point and a normal.
     pub(crate) fn bent(&self, ride: Option<Ride>, point: Vec3, normal: Vec3) -> (Vec3, Vec3) {
-        let Some((ride, b)) = ride.and_then(|r| Some((r, self.branches.get(r.branch)?))) else { return (point, normal) };
+        let Some((ride, b)) = ride.and_then(|r| Some((r, self.branches.get(r.branch)?))) else {
+            return (point, normal);
+        };
         let amplitude = self.amplitudes[ride.branch];
         let size = amplitude.length();
         let share = if size > 0.0 { amplitude / size } else { Vec2::X };

@@ -1,5 +1,6 @@
-//! Levels of detail: which of a mesh's triangulations each instance is drawn with. Levels share the vertices and follow each other in one index buffer;
-//! instances are sorted by level whenever the camera asks for another split, so that a leaf stays one instanced draw a level.
+//! Levels of detail: which of a mesh's triangulations each instance is drawn with. Levels share the vertices and follow
+//! each other in one index buffer; instances are sorted by level whenever the camera asks for another split, so that a
+//! leaf stays one instanced draw a level.
 
 use crate::gpu::Gpu;
 use crate::passes::bend;
@@ -84,12 +85,25 @@ impl Levels {
         if self.levels.len() == 1 {
             return 0.0;
         }
-        let drawn = self.chosen.iter().zip(&self.spheres).map(|(level, s)| self.levels[*level as usize].1 * s.2).fold(0.0, f32::max);
+        let drawn = self
+            .chosen
+            .iter()
+            .zip(&self.spheres)
+            .map(|(level, s)| self.levels[*level as usize].1 * s.2)
+            .fold(0.0, f32::max);
         drawn + self.everywhere(TEXELS * texel).1
     }
 
-    /// Chooses each instance's level for a camera at `eye` whose pixels cover `pixel` rad; rewrites the instances where the choice changed.
-    pub(crate) fn arrange(&mut self, gpu: &Gpu, eye: Vec3, pixel: f32, instances: &wgpu::Buffer, rides: Option<&wgpu::Buffer>) {
+    /// Chooses each instance's level for a camera at `eye` whose pixels cover `pixel` rad; rewrites the instances where
+    /// the choice changed.
+    pub(crate) fn arrange(
+        &mut self,
+        gpu: &Gpu,
+        eye: Vec3,
+        pixel: f32,
+        instances: &wgpu::Buffer,
+        rides: Option<&wgpu::Buffer>,
+    ) {
         if self.levels.len() == 1 {
             return;
         }

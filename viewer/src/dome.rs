@@ -1,10 +1,12 @@
 //! A sky's harmonics as the shader reads them, and a gloss lobe's weight of each band.
 //!
-//! Y_lm = K_lm p_lm(z) Re or Im (x + iy)^m with p_mm = 1, (l − m) p_lm = (2l − 1) z p_{l−1,m} − (l + m − 1) p_{l−2,m}: the shader runs this
-//! recurrence, the K_lm are folded into the coefficients. Six degrees lose no digit of f32 that a picture shows.
+//! Y_lm = K_lm p_lm(z) Re or Im (x + iy)^m with p_mm = 1, (l − m) p_lm = (2l − 1) z p_{l−1,m} − (l + m − 1) p_{l−2,m}:
+//! the shader runs this recurrence, the K_lm are folded into the coefficients. Six degrees lose no digit of f32 that a
+//! picture shows.
 //!
-//! The lobe seen from v is taken for one that is round about its own mean direction R: its band l is W_l = ∫ f cosθ P_l(ω·R) / ∫ f cosθ. The
-//! first two bands are exact, whatever the roughness and the slant; what is left out is the lobe's departure from roundness in bands 2 and up.
+//! The lobe seen from v is taken for one that is round about its own mean direction R: its band l is W_l = ∫ f cosθ
+//! P_l(ω·R) / ∫ f cosθ. The first two bands are exact, whatever the roughness and the slant; what is left out is the
+//! lobe's departure from roundness in bands 2 and up.
 
 use crate::lobe::{FLOOR, cavity, fresnel, polar_nodes};
 use crate::scene::{Dome, Lobe};
@@ -45,7 +47,8 @@ pub(crate) fn coefficients(dome: &Dome) -> [[f32; 4]; MOST_BANDS * MOST_BANDS] {
 pub(crate) struct MeanTable {
     pub m_min: f64,
     pub m_max: f64,
-    /// First `ROWS` rows: x (from the normal away from the view) over the view's sine, z of the mean direction, W_1, W_2; then as many with W_3 … W_6.
+    /// First `ROWS` rows: x (from the normal away from the view) over the view's sine, z of the mean direction, W_1,
+    /// W_2; then as many with W_3 … W_6.
     pub texels: Vec<[f32; 4]>,
 }
 

@@ -1,5 +1,5 @@
-//! What the window asks of the program around it. The viewer never solves the slab, renders no reference and judges nothing: an edit
-//! goes out through `Editor` and comes back as new curves or maps.
+//! What the window asks of the program around it. The viewer never solves the slab, renders no reference and judges
+//! nothing: an edit goes out through `Editor` and comes back as new curves or maps.
 
 use crate::picture::Picture;
 use crate::scene::{Camera, Dome, Interior, Scene};
@@ -36,7 +36,8 @@ impl LeafEdit {
     }
 }
 
-/// What follows from an edit: ρd and ρt of the new slab, as curves or maps. The gloss factors are applied by the viewer.
+/// What follows from an edit: ρd and ρt of the new slab, as curves or maps. The gloss factors are applied by the
+/// viewer.
 #[derive(Debug, Clone)]
 pub struct LeafUpdate {
     pub thickness_mm: f32,
@@ -96,12 +97,18 @@ pub trait Editor {
     fn save(&mut self, leaf: usize, edit: &LeafEdit) -> Result<String, String>;
 
     /// Draws the scene as it stands with the reference renderer.
-    fn reference(&mut self, scene: &Scene, camera: &Camera, width: u32, height: u32) -> Result<ReferencePicture, String>;
+    fn reference(
+        &mut self,
+        scene: &Scene,
+        camera: &Camera,
+        width: u32,
+        height: u32,
+    ) -> Result<ReferencePicture, String>;
 
     /// Compares a picture with its reference.
     fn judge(&mut self, picture: &Picture, reference: &ReferencePicture) -> Verdict;
 
-    /// What is known about one texel, as pairs of a name and a value with its unit. The texel is a column and row of the side's own
-    /// maps, as its camera saw them.
+    /// What is known about one texel, as pairs of a name and a value with its unit. The texel is a column and row of
+    /// the side's own maps, as its camera saw them.
     fn probe(&self, leaf: usize, front: bool, texel: [u32; 2]) -> Vec<(String, String)>;
 }

@@ -1,5 +1,5 @@
-//! Meshes and instances on the adapter: one vertex buffer a quantity, so that a quantity no shader reads is never uploaded, and one
-//! instanced draw a leaf (and level of detail) however often it occurs.
+//! Meshes and instances on the adapter: one vertex buffer a quantity, so that a quantity no shader reads is never
+//! uploaded, and one instanced draw a leaf (and level of detail) however often it occurs.
 
 use crate::bend::Bends;
 use crate::detail::{self, Levels};
@@ -33,7 +33,13 @@ pub(crate) struct VertexNeeds {
 
 impl Geometry {
     /// Uploads leaf `index`; `None` where it stands nowhere.
-    pub(crate) fn new(gpu: &Gpu, scene: &Scene, index: usize, needs: VertexNeeds, stats: &mut Stats) -> Option<Geometry> {
+    pub(crate) fn new(
+        gpu: &Gpu,
+        scene: &Scene,
+        index: usize,
+        needs: VertexNeeds,
+        stats: &mut Stats,
+    ) -> Option<Geometry> {
         let instances: Vec<Instance> = scene.instances.iter().filter(|i| i.leaf == index).copied().collect();
         let rows: Vec<[[f32; 4]; 3]> = instances.iter().map(detail::rows).collect();
         let rides: Vec<[f32; 2]> = instances.iter().map(|i| bend::ride(i.ride)).collect();
@@ -62,14 +68,19 @@ impl Geometry {
 }
 
 /// Layouts of the vertex buffers, in the order position, normal, tangent, uv, instance, ride; `false` leaves one out.
-pub(crate) fn vertex_layouts(normal: bool, tangent: bool, ride: bool) -> Vec<Option<wgpu::VertexBufferLayout<'static>>> {
+pub(crate) fn vertex_layouts(
+    normal: bool,
+    tangent: bool,
+    ride: bool,
+) -> Vec<Option<wgpu::VertexBufferLayout<'static>>> {
     const POSITION: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![0 => Float32x3];
     const NORMAL: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![1 => Float32x3];
     const TANGENT: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![2 => Float32x4];
     const UV: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![3 => Float32x2];
     const WORLD: [wgpu::VertexAttribute; 3] = wgpu::vertex_attr_array![4 => Float32x4, 5 => Float32x4, 6 => Float32x4];
     const RIDE: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![7 => Float32x2];
-    let layout = |array_stride, step_mode, attributes| Some(wgpu::VertexBufferLayout { array_stride, step_mode, attributes });
+    let layout =
+        |array_stride, step_mode, attributes| Some(wgpu::VertexBufferLayout { array_stride, step_mode, attributes });
     let mut layouts = vec![layout(12, wgpu::VertexStepMode::Vertex, &POSITION[..])];
     if normal {
         layouts.push(layout(12, wgpu::VertexStepMode::Vertex, &NORMAL));
@@ -85,7 +96,8 @@ pub(crate) fn vertex_layouts(normal: bool, tangent: bool, ride: bool) -> Vec<Opt
     layouts
 }
 
-/// Points around every instance at rest, in world space, and what bends them: corners of boxes, but every vertex of a branch itself.
+/// Points around every instance at rest, in world space, and what bends them: corners of boxes, but every vertex of a
+/// branch itself.
 pub(crate) struct Extents {
     points: Vec<(Option<Ride>, Vec<Vec3>)>,
     branches: Vec<Branch>,
@@ -98,14 +110,22 @@ impl Extents {
             .iter()
             .map(|leaf| {
                 let first = *leaf.mesh.positions.first()?;
-                let (low, high) = leaf.mesh.positions.iter().fold((first, first), |(low, high), p| (low.min(*p), high.max(*p)));
+                let (low, high) =
+                    leaf.mesh.positions.iter().fold((first, first), |(low, high), p| (low.min(*p), high.max(*p)));
                 let pick = |k: u32, bit: u32, l: f32, h: f32| if k & bit == 0 { l } else { h };
-                Some((0..8).map(|k| Vec3::new(pick(k, 1, low.x, high.x), pick(k, 2, low.y, high.y), pick(k, 4, low.z, high.z))).collect())
+                Some(
+                    (0..8)
+                        .map(|k| {
+                            Vec3::new(pick(k, 1, low.x, high.x), pick(k, 2, low.y, high.y), pick(k, 4, low.z, high.z))
+                        })
+                        .collect(),
+                )
             })
             .collect();
         let points = scene.instances.iter().filter_map(|instance| {
             let bends = instance.ride.is_some_and(|r| r.at.is_none());
-            let around = if bends { &scene.leaves[instance.leaf].mesh.positions } else { corners[instance.leaf].as_ref()? };
+            let around =
+                if bends { &scene.leaves[instance.leaf].mesh.positions } else { corners[instance.leaf].as_ref()? };
             Some((instance.ride, around.iter().map(|p| instance.transform.transform_point3(*p)).collect()))
         });
         Extents { points: points.collect(), branches: scene.branches.clone() }
@@ -135,13 +155,15 @@ pub(crate) fn ball(points: &[Vec3]) -> (Vec3, f32) {
     (centre, points.iter().map(|p| p.distance(centre)).fold(1e-3, f32::max))
 }
 
-/// Maps world space to the picture: infinite far plane and reversed depth (1 near, 0 far), which keeps digits everywhere.
+/// Maps world space to the picture: infinite far plane and reversed depth (1 near, 0 far), which keeps digits
+/// everywhere.
 pub(crate) fn view_projection(camera: &crate::scene::Camera, aspect: f32, near: f32) -> Mat4 {
     let view = glam::camera::rh::view::look_at_mat4(camera.eye, camera.target, camera.up.normalize());
     glam::camera::rh::proj::directx::perspective_infinite_reverse(camera.fov_y_deg.to_radians(), aspect, near) * view
 }
 
-/// Maps world space to a scanner's picture: a parallel projection along its camera onto z = 0; depth grows towards the camera.
+/// Maps world space to a scanner's picture: a parallel projection along its camera onto z = 0; depth grows towards the
+/// camera.
 pub(crate) fn parallel_projection(scanner: &crate::scene::Scanner, width: u32, height: u32, radius: f32) -> Mat4 {
     let scale = glam::vec2(width as f32, height as f32).recip() * (2.0 / scanner.pixel_mm);
     let slant = scanner.camera.truncate() / scanner.camera.z;

@@ -1,5 +1,5 @@
-//! The adapter and device that draw: chosen once, shared by the headless renderer and the window. Says what the adapter can do, so
-//! that the passes pick 32-bit maps and targets only where they work.
+//! The adapter and device that draw: chosen once, shared by the headless renderer and the window. Says what the adapter
+//! can do, so that the passes pick 32-bit maps and targets only where they work.
 
 use crate::error::{Error, Result};
 use wgpu::{Backends, Features, Limits};
@@ -62,7 +62,11 @@ pub(crate) fn instance_descriptor(options: &Options) -> wgpu::InstanceDescriptor
 
 impl Gpu {
     /// Opens the best adapter; with a `surface`, one that can show pictures on it.
-    pub(crate) fn open(instance: &wgpu::Instance, surface: Option<&wgpu::Surface<'_>>, options: &Options) -> Result<Gpu> {
+    pub(crate) fn open(
+        instance: &wgpu::Instance,
+        surface: Option<&wgpu::Surface<'_>>,
+        options: &Options,
+    ) -> Result<Gpu> {
         let request = wgpu::RequestAdapterOptions {
             power_preference: wgpu::PowerPreference::HighPerformance,
             force_fallback_adapter: false,
@@ -83,8 +87,12 @@ impl Gpu {
         let offered = adapter.limits();
         let mut limits = Limits::default().using_resolution(offered.clone());
         limits.max_buffer_size = offered.max_buffer_size;
-        let descriptor =
-            wgpu::DeviceDescriptor { label: Some("mesophyll"), required_features: features, required_limits: limits, ..Default::default() };
+        let descriptor = wgpu::DeviceDescriptor {
+            label: Some("mesophyll"),
+            required_features: features,
+            required_limits: limits,
+            ..Default::default()
+        };
         let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
             .map_err(|error| Error::Device { adapter: info.name.clone(), reason: error.to_string() })?;
         let filterable = features.contains(Features::FLOAT32_FILTERABLE) && !options.half_only;

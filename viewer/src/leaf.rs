@@ -38,8 +38,11 @@ impl AlbedoCache {
     /// A table that covers roughness `m_min` to `m_max`.
     fn table(&mut self, lobe: Lobe, m_min: f64, m_max: f64) -> AlbedoTable {
         // Rounded outwards to powers of two, so that an edit in the window rarely integrates anew.
-        let (low, high) = (m_min.max(crate::lobe::FLOOR).log2().floor().exp2(), m_max.max(crate::lobe::FLOOR).log2().ceil().exp2());
-        if let Some((_, table)) = self.0.iter().find(|(l, t)| *l == lobe && t.m_min <= low && t.m_max >= high && t.m_max <= 4.0 * high) {
+        let (low, high) =
+            (m_min.max(crate::lobe::FLOOR).log2().floor().exp2(), m_max.max(crate::lobe::FLOOR).log2().ceil().exp2());
+        if let Some((_, table)) =
+            self.0.iter().find(|(l, t)| *l == lobe && t.m_min <= low && t.m_max >= high && t.m_max <= 4.0 * high)
+        {
             return table.clone();
         }
         let table = AlbedoTable::new(lobe, low, high);
@@ -49,7 +52,9 @@ impl AlbedoCache {
 
     /// The lobe's mean directions over an albedo table's grid.
     fn means(&mut self, lobe: Lobe, like: &AlbedoTable) -> MeanTable {
-        if let Some((_, table)) = self.1.iter().find(|(l, t)| *l == lobe && (t.m_min, t.m_max) == (like.m_min, like.m_max)) {
+        if let Some((_, table)) =
+            self.1.iter().find(|(l, t)| *l == lobe && (t.m_min, t.m_max) == (like.m_min, like.m_max))
+        {
             return table.clone();
         }
         let table = MeanTable::new(lobe, like.m_min, like.m_max);
@@ -69,7 +74,11 @@ pub(crate) fn layout(gpu: &Gpu, variant: &Variant) -> wgpu::BindGroupLayout {
     };
     let mut entries = vec![entry(
         0,
-        wgpu::BindingType::Buffer { ty: wgpu::BufferBindingType::Uniform, has_dynamic_offset: false, min_binding_size: None },
+        wgpu::BindingType::Buffer {
+            ty: wgpu::BufferBindingType::Uniform,
+            has_dynamic_offset: false,
+            min_binding_size: None,
+        },
         fragment,
     )];
     if variant.sampled() {
@@ -157,19 +166,23 @@ impl LeafOnGpu {
         let geometry = Geometry::new(gpu, scene, index, needs, stats)?;
 
         let mut bound: Vec<(u32, wgpu::TextureView)> = Vec::new();
-        let mirrored: Option<Vec<u8>> =
-            leaf.mask.as_ref().map(|mask| mask.chunks(leaf.width as usize).flat_map(|row| row.iter().rev().copied()).collect());
+        let mirrored: Option<Vec<u8>> = leaf
+            .mask
+            .as_ref()
+            .map(|mask| mask.chunks(leaf.width as usize).flat_map(|row| row.iter().rev().copied()).collect());
         let mut keep = |binding: u32, name: String, up: Uploaded| {
             stats.upload(&format!("leaf {index} {name}"), up.bytes);
             bound.push((binding, up.view));
         };
-        for (k, name, side, sv, mask) in
-            [(0, "front", &leaf.front, variant.front, leaf.mask.as_deref()), (1, "back", &leaf.back, variant.back, mirrored.as_deref())]
-        {
+        for (k, name, side, sv, mask) in [
+            (0, "front", &leaf.front, variant.front, leaf.mask.as_deref()),
+            (1, "back", &leaf.back, variant.back, mirrored.as_deref()),
+        ] {
             let map = |what: &str, texels: Vec<[f32; 4]>| {
                 maps::upload(gpu, &format!("{name} {what}"), &maps::mip_chain(leaf.width, leaf.height, texels, mask))
             };
-            let rgb = |texels: &[[f32; 3]]| -> Vec<[f32; 4]> { texels.iter().map(|t| [t[0], t[1], t[2], 0.0]).collect() };
+            let rgb =
+                |texels: &[[f32; 3]]| -> Vec<[f32; 4]> { texels.iter().map(|t| [t[0], t[1], t[2], 0.0]).collect() };
             if variant.lit() && !sv.black {
                 match &side.interior {
                     Interior::Maps { rho_d, rho_t } => {
@@ -177,7 +190,11 @@ impl LeafOnGpu {
                         keep(11 + 2 * k, format!("{name} rho_t"), map("rho_t", rgb(rho_t)));
                     }
                     Interior::Scalars(curve) => {
-                        keep(2 + k, format!("{name} slab curve"), maps::upload_table(gpu, "slab curve", curve_table(curve)));
+                        keep(
+                            2 + k,
+                            format!("{name} slab curve"),
+                            maps::upload_table(gpu, "slab curve", curve_table(curve)),
+                        );
                         keep(4 + k, format!("{name} gamma_delta"), map("gamma_delta", side.gamma_delta.clone()));
                     }
                 }
@@ -195,7 +212,11 @@ impl LeafOnGpu {
                     .map(|map| map.iter().map(|h| Translucency::vector(*h)).map(|[x, y, z]| [x, y, z, 0.0]).collect())
                     .map(|texels| maps::mip_chain(leaf.width, leaf.height, texels, mask))
                     .collect();
-                keep(17 + k, format!("{name} translucency"), maps::upload_half(gpu, &format!("{name} translucency"), &layers));
+                keep(
+                    17 + k,
+                    format!("{name} translucency"),
+                    maps::upload_half(gpu, &format!("{name} translucency"), &layers),
+                );
             }
         }
         let mut albedo = [0.0; 4];
@@ -208,7 +229,11 @@ impl LeafOnGpu {
             keep(15, "albedo table".into(), maps::upload_table(gpu, "albedo table", level));
             if variant.means() {
                 let means = tables.means(leaf.lobe, &table);
-                let level = Level { width: MeanTable::COLUMNS as u32, height: 2 * MeanTable::ROWS as u32, texels: means.texels };
+                let level = Level {
+                    width: MeanTable::COLUMNS as u32,
+                    height: 2 * MeanTable::ROWS as u32,
+                    texels: means.texels,
+                };
                 keep(16, "lobe means".into(), maps::upload_table(gpu, "lobe means", level));
             }
         }
@@ -231,7 +256,8 @@ impl LeafOnGpu {
             entries.push(wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&samplers.maps) });
         }
         for (binding, view) in &bound {
-            entries.push(wgpu::BindGroupEntry { binding: *binding, resource: wgpu::BindingResource::TextureView(view) });
+            entries
+                .push(wgpu::BindGroupEntry { binding: *binding, resource: wgpu::BindingResource::TextureView(view) });
         }
         let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("leaf"),

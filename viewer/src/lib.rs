@@ -1,4 +1,5 @@
-//! Draws fitted leaves with wgpu, headless or in a window. Takes plain scene data; knows nothing of fitting or files of scenes.
+//! Draws fitted leaves with wgpu, headless or in a window. Takes plain scene data; knows nothing of fitting or files of
+//! scenes.
 //!
 //! ```no_run
 //! use mesophyll_viewer::{Error, Options, Renderer, scene::{Camera, Scene}};

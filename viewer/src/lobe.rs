@@ -1,8 +1,8 @@
 //! The bounded gloss lobe f_s in f64 and its directional albedo a(N·v, m) as a table for the sky term.
 //!
-//! f_s = ρs·D·G/(4 (N·l)(N·v)), Beckmann or GGX D, V-cavity G (Cook & Torrance 1982 with π m² cos⁴α under the Beckmann exponential so
-//! that ∫ D cosα dω = 1; Walter et al. 2007 Eq. 33 for GGX), times the dielectric Fresnel factor for `CookTorrance`.
-//! a(N·v, m) = ∫ f_s/ρs cosθ dω ≤ 1. Limits: N·v is floored at 1e-3, m at 1e-3.
+//! f_s = ρs·D·G/(4 (N·l)(N·v)), Beckmann or GGX D, V-cavity G (Cook & Torrance 1982 with π m² cos⁴α under the Beckmann
+//! exponential so that ∫ D cosα dω = 1; Walter et al. 2007 Eq. 33 for GGX), times the dielectric Fresnel factor for
+//! `CookTorrance`. a(N·v, m) = ∫ f_s/ρs cosθ dω ≤ 1. Limits: N·v is floored at 1e-3, m at 1e-3.
 
 use crate::scene::Lobe;
 use std::f64::consts::PI;
@@ -41,8 +41,8 @@ pub fn cavity(nh: f64, nv: f64, nl: f64, vh: f64) -> f64 {
 }
 
 /// Directional albedo per unit ρs at cosine `nv` and roughness `m`: the mean over half vectors h drawn from D cosα of
-/// F·G·(v·h)/((N·v) cosα), which is what dω_l = 4 (v·h) dω_h makes of the integral. Gauss–Legendre in the share of D and a midpoint
-/// rule in azimuth.
+/// F·G·(v·h)/((N·v) cosα), which is what dω_l = 4 (v·h) dω_h makes of the integral. Gauss–Legendre in the share of D
+/// and a midpoint rule in azimuth.
 pub fn directional_albedo(lobe: Lobe, nv: f64, m: f64, polar: &[(f64, f64)], azimuths: usize) -> f64 {
     let (nv, m) = (nv.clamp(FLOOR, 1.0), m.max(FLOOR));
     let sin_v = (1.0 - nv * nv).sqrt();
@@ -66,7 +66,8 @@ pub fn directional_albedo(lobe: Lobe, nv: f64, m: f64, polar: &[(f64, f64)], azi
     sum / azimuths as f64
 }
 
-/// Nodes and weights on [0, 1]: Gauss–Legendre in x with share = 1 − (1 − x)², which crowds nodes where the lobe's tail lies.
+/// Nodes and weights on [0, 1]: Gauss–Legendre in x with share = 1 − (1 − x)², which crowds nodes where the lobe's tail
+/// lies.
 pub fn polar_nodes(n: usize) -> Vec<(f64, f64)> {
     gauss_legendre(n)
         .into_iter()
@@ -101,7 +102,8 @@ pub fn gauss_legendre(n: usize) -> Vec<(f64, f64)> {
     nodes
 }
 
-/// The table the shader looks up: columns √(N·v) from √`FLOOR` to 1, rows ln m from `m_min` to `m_max`, bilinear between.
+/// The table the shader looks up: columns √(N·v) from √`FLOOR` to 1, rows ln m from `m_min` to `m_max`, bilinear
+/// between.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AlbedoTable {
     pub m_min: f64,
@@ -133,7 +135,8 @@ impl AlbedoTable {
     /// What the shader reads at (N·v, m).
     pub fn lookup(&self, nv: f64, m: f64) -> f64 {
         let x = (nv.clamp(FLOOR, 1.0).sqrt() - FLOOR.sqrt()) / (1.0 - FLOOR.sqrt()) * (Self::COLUMNS - 1) as f64;
-        let y = (m.clamp(self.m_min, self.m_max) / self.m_min).ln() / (self.m_max / self.m_min).ln() * (Self::ROWS - 1) as f64;
+        let y = (m.clamp(self.m_min, self.m_max) / self.m_min).ln() / (self.m_max / self.m_min).ln()
+            * (Self::ROWS - 1) as f64;
         let (i, j) = ((x as usize).min(Self::COLUMNS - 2), (y as usize).min(Self::ROWS - 2));
         let (s, t) = (x - i as f64, y - j as f64);
         let at = |i: usize, j: usize| f64::from(self.values[j * Self::COLUMNS + i]);
@@ -145,7 +148,8 @@ impl AlbedoTable {
 mod tests {
     use super::*;
 
-    /// ∫ f_s cosθ dω over light directions, by brute force: rings crowd towards the horizon, cosθ = s⁴, where grazing views reflect.
+    /// ∫ f_s cosθ dω over light directions, by brute force: rings crowd towards the horizon, cosθ = s⁴, where grazing
+    /// views reflect.
     fn brute(lobe: Lobe, nv: f64, m: f64) -> f64 {
         let sin_v = (1.0 - nv * nv).sqrt();
         let (rings, spokes) = (900, 900);
@@ -174,7 +178,9 @@ mod tests {
     fn table_meets_brute_force() {
         for lobe in [Lobe::Beckmann, Lobe::Ggx, Lobe::CookTorrance { index: 1.45 }] {
             let table = AlbedoTable::new(lobe, 0.1, 0.5);
-            for (nv, m) in [(0.95, 0.13), (0.6, 0.3), (0.3, 0.21), (0.12, 0.47), (0.05, 0.2), (0.01, 0.4), (0.001, 0.15)] {
+            for (nv, m) in
+                [(0.95, 0.13), (0.6, 0.3), (0.3, 0.21), (0.12, 0.47), (0.05, 0.2), (0.01, 0.4), (0.001, 0.15)]
+            {
                 let (got, want) = (table.lookup(nv, m), brute(lobe, nv, m));
                 assert!((got - want).abs() < 2e-3, "{lobe:?} nv {nv} m {m}: {got} against {want}");
             }

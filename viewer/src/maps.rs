@@ -1,10 +1,11 @@
-//! Appearance maps on their way to the adapter: mip chains by area-weighted averaging over the leaf (texels off the leaf hardly
-//! count), 32 or 16 bits a channel. Texel centres lie at (i + ½)/W; sampling is bilinear and clamped.
+//! Appearance maps on their way to the adapter: mip chains by area-weighted averaging over the leaf (texels off the
+//! leaf hardly count), 32 or 16 bits a channel. Texel centres lie at (i + ½)/W; sampling is bilinear and clamped.
 
 use crate::gpu::Gpu;
 use half::f16;
 
-/// Weight of a texel off the leaf: small enough not to bleed into it, large enough that a level off the leaf stays defined.
+/// Weight of a texel off the leaf: small enough not to bleed into it, large enough that a level off the leaf stays
+/// defined.
 const OFF_LEAF: f32 = 1e-5;
 
 /// One level of a map, row-major, row 0 on top.
@@ -57,7 +58,9 @@ fn footprint(i: u32, n: u32, source: u32) -> impl Iterator<Item = (u32, f32)> {
     let scale = source as f32 / n as f32;
     let (start, end) = (i as f32 * scale, (i + 1) as f32 * scale);
     let last = ((end - 1e-4).ceil() as u32).min(source);
-    (start as u32..last).map(move |s| (s, end.min((s + 1) as f32) - start.max(s as f32))).filter(|(_, share)| *share > 1e-6)
+    (start as u32..last)
+        .map(move |s| (s, end.min((s + 1) as f32) - start.max(s as f32)))
+        .filter(|(_, share)| *share > 1e-6)
 }
 
 /// A texture with what its upload weighed.
@@ -71,8 +74,8 @@ pub(crate) fn upload(gpu: &Gpu, label: &str, levels: &[Level]) -> Uploaded {
     write(gpu, label, &[levels], gpu.map_format)
 }
 
-/// Uploads maps of one size as the layers of one texture, at 16 bits a channel on every adapter: a component is rounded by 2⁻¹¹ of itself,
-/// so that a product with a unit vector is off by less than 5e-4 of the texel's length.
+/// Uploads maps of one size as the layers of one texture, at 16 bits a channel on every adapter: a component is rounded
+/// by 2⁻¹¹ of itself, so that a product with a unit vector is off by less than 5e-4 of the texel's length.
 pub(crate) fn upload_half(gpu: &Gpu, label: &str, layers: &[Vec<Level>]) -> Uploaded {
     let layers: Vec<&[Level]> = layers.iter().map(Vec::as_slice).collect();
     write(gpu, label, &layers, wgpu::TextureFormat::Rgba16Float)
@@ -96,13 +99,16 @@ fn write(gpu: &Gpu, label: &str, layers: &[&[Level]], format: wgpu::TextureForma
         view_formats: &[],
     });
     let mut bytes = 0;
-    for (layer, i, level) in layers.iter().enumerate().flat_map(|(k, levels)| levels.iter().enumerate().map(move |(i, l)| (k, i, l))) {
+    for (layer, i, level) in
+        layers.iter().enumerate().flat_map(|(k, levels)| levels.iter().enumerate().map(move |(i, l)| (k, i, l)))
+    {
         let halves: Vec<[u16; 4]>;
         let data: &[u8] = if format == wgpu::TextureFormat::Rgba32Float {
             bytemuck::cast_slice(&level.texels)
         } else {
             let largest = f16::MAX.to_f32();
-            halves = level.texels.iter().map(|t| t.map(|c| f16::from_f32(c.clamp(-largest, largest)).to_bits())).collect();
+            halves =
+                level.texels.iter().map(|t| t.map(|c| f16::from_f32(c.clamp(-largest, largest)).to_bits())).collect();
             bytemuck::cast_slice(&halves)
         };
         put(gpu, &texture, [layer as u32, i as u32], level.width, level.height, data);
@@ -137,7 +143,11 @@ fn put(gpu: &Gpu, texture: &wgpu::Texture, [layer, level]: [u32; 2], width: u32,
             aspect: wgpu::TextureAspect::All,
         },
         data,
-        wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(data.len() as u32 / height), rows_per_image: Some(height) },
+        wgpu::TexelCopyBufferLayout {
+            offset: 0,
+            bytes_per_row: Some(data.len() as u32 / height),
+            rows_per_image: Some(height),
+        },
         wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
     );
 }

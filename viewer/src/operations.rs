@@ -1,5 +1,5 @@
-//! How long a fragment's way through a shader is: operations of the intermediate representation, calls followed, both arms of every branch, loops
-//! once. A figure to compare shaders by, the same on every adapter; it is not time.
+//! How long a fragment's way through a shader is: operations of the intermediate representation, calls followed, both
+//! arms of every branch, loops once. A figure to compare shaders by, the same on every adapter; it is not time.
 
 use wgpu::naga::{self, Block, Function, Module, Statement};
 
@@ -37,7 +37,8 @@ mod tests {
     fn calls_and_branches_are_followed() {
         let shader = |body: &str| {
             format!(
-                "fn twice(x: f32) -> f32 {{ return x + x; }}\n@fragment fn fragment(@location(0) a: f32) -> @location(0) vec4f {{ {body} }}"
+                "fn twice(x: f32) -> f32 {{ return x + x; }}\n@fragment fn fragment(@location(0) a: f32) -> \
+                 @location(0) vec4f {{ {body} }}"
             )
         };
         let one = count(&shader("return vec4f(twice(a));")).expect("one call");

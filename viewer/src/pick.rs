@@ -61,7 +61,15 @@ pub fn pick(scene: &Scene, camera: &Camera, aspect: f32, x: f32, y: f32) -> Opti
             }
             let front = normal.dot(d) <= 0.0;
             let texel = if front { [column, row] } else { [leaf.width - 1 - column, row] };
-            best = Some(Hit { instance: i, leaf: instance.leaf, front, uv, texel, position: origin + t * direction, distance: t });
+            best = Some(Hit {
+                instance: i,
+                leaf: instance.leaf,
+                front,
+                uv,
+                texel,
+                position: origin + t * direction,
+                distance: t,
+            });
         }
     }
     best

@@ -103,12 +103,13 @@ impl Renderer {
     /// Uploads what `scene` needs and makes the pipelines it needs; replaces the scene before it.
     ///
     /// # Errors
-    /// `Scene` or `Size` where the data contradict themselves or exceed the adapter: the scene before stays then. `Device` where the
-    /// adapter runs out of memory or refuses a shader: no scene is left then.
+    /// `Scene` or `Size` where the data contradict themselves or exceed the adapter: the scene before stays then.
+    /// `Device` where the adapter runs out of memory or refuses a shader: no scene is left then.
     pub fn set_scene(&mut self, scene: &Scene) -> Result<()> {
         validate::scene(&self.gpu, scene)?;
         let guard = self.gpu.guard();
-        let mut stats = Stats { draws: self.stats.draws, shadow_renders: self.stats.shadow_renders, ..Stats::default() };
+        let mut stats =
+            Stats { draws: self.stats.draws, shadow_renders: self.stats.shadow_renders, ..Stats::default() };
         let leaves: Vec<LeafOnGpu> = (0..scene.leaves.len())
             .filter_map(|i| LeafOnGpu::new(&self.gpu, scene, i, &self.samplers, &mut self.tables, &mut stats))
             .collect();
@@ -156,8 +157,9 @@ impl Renderer {
         Ok(())
     }
 
-    /// Takes over a change of lights, background or exposure, with leaves and instances as they were; moving the sun redraws the
-    /// shadow maps, all else is free. A light that appears or goes reloads the scene, since other maps are needed then.
+    /// Takes over a change of lights, background or exposure, with leaves and instances as they were; moving the sun
+    /// redraws the shadow maps, all else is free. A light that appears or goes reloads the scene, since other maps are
+    /// needed then.
     pub fn set_lights(&mut self, scene: &Scene) -> Result<()> {
         let same = self.loaded.as_ref().is_some_and(|l| {
             l.sun.is_some() == scene.sun.is_some()
@@ -188,7 +190,8 @@ impl Renderer {
         Ok(())
     }
 
-    /// Takes over another time of `wind`, which is otherwise as it was: branches and what rides on them move, and shadows with them.
+    /// Takes over another time of `wind`, which is otherwise as it was: branches and what rides on them move, and
+    /// shadows with them.
     pub fn set_time(&mut self, wind: &Wind) {
         let Some(loaded) = &mut self.loaded else { return };
         let Some(bend) = &loaded.bend else { return };
@@ -200,8 +203,9 @@ impl Renderer {
         }
     }
 
-    /// Where the vertex stage puts the vertices of instance `index` of `scene`, which must be the one that was set: position, normal and
-    /// tangent each, in world space, computed by the same shader function that pictures are drawn with.
+    /// Where the vertex stage puts the vertices of instance `index` of `scene`, which must be the one that was set:
+    /// position, normal and tangent each, in world space, computed by the same shader function that pictures are drawn
+    /// with.
     ///
     /// # Errors
     /// `Scene` where the instance rides on no branch or nothing was set, `Readback`.
@@ -225,7 +229,8 @@ impl Renderer {
         bend.probe(&self.gpu, instance.ride, &vertices)
     }
 
-    /// Operations of the fragment shader that leaf `index` of `scene` is drawn with (see `operations`): a figure to compare shaders by.
+    /// Operations of the fragment shader that leaf `index` of `scene` is drawn with (see `operations`): a figure to
+    /// compare shaders by.
     pub fn operations(&self, scene: &Scene, index: usize) -> Option<usize> {
         let leaf = scene.leaves.get(index)?;
         crate::operations::count(&crate::passes::main::source(&Variant::new(&self.gpu, scene, leaf)))
@@ -275,7 +280,11 @@ impl Renderer {
     /// As [`Renderer::render`], and `Scene` where there is no scanner.
     pub fn scan(&mut self, width: u32, height: u32) -> Result<Picture> {
         if self.loaded.as_ref().is_none_or(|l| l.scanner.is_none()) {
-            return Err(Error::Scene { place: "scanner".into(), found: "none".into(), expected: "a scene with a scanner".into() });
+            return Err(Error::Scene {
+                place: "scanner".into(),
+                found: "none".into(),
+                expected: "a scene with a scanner".into(),
+            });
         }
         // The scanner's own camera is taken; this one only has to look somewhere.
         let camera = Camera { eye: 1e3 * Vec3::Z, target: Vec3::ZERO, up: Vec3::Y, fov_y_deg: 30.0 };
@@ -329,7 +338,11 @@ impl Renderer {
         validate::camera(camera)?;
         validate::picture(&self.gpu, width, height)?;
         let Some(loaded) = &mut self.loaded else {
-            return Err(Error::Scene { place: "renderer".into(), found: "no scene".into(), expected: "set_scene before a picture".into() });
+            return Err(Error::Scene {
+                place: "renderer".into(),
+                found: "no scene".into(),
+                expected: "set_scene before a picture".into(),
+            });
         };
         if self.targets.as_ref().is_none_or(|t| (t.width, t.height, t.msaa) != (width, height, loaded.msaa)) {
             self.targets = Some(TargetSet::new(&self.gpu, &self.tonemap, width, height, loaded.msaa));
@@ -359,7 +372,9 @@ impl Renderer {
             sky: colour(loaded.sky.unwrap_or([0.0; 3])),
             shadow: [loaded.shadow_texel, apart, 0.0, 0.0],
             tube: loaded.scanner.map_or([0.0; 4], |s| [s.at_mm, 0.5 * s.length_mm, s.radius_mm, s.height_mm]),
-            travel: loaded.scanner.map_or([0.0; 4], |s| [f32::from(u8::from(s.along_x)), f32::from(u8::from(s.bounded)), 0.0, 0.0]),
+            travel: loaded
+                .scanner
+                .map_or([0.0; 4], |s| [f32::from(u8::from(s.along_x)), f32::from(u8::from(s.bounded)), 0.0, 0.0]),
         };
         self.gpu.queue.write_buffer(&loaded.main.frame, 0, bytemuck::bytes_of(&frame));
         if let (Some(sky), Some(dome)) = (&loaded.seen_sky, &loaded.dome) {

@@ -1,10 +1,11 @@
-//! Plain scene data: what the renderer draws. Lengths in mm, directions are unit vectors in world space (z up), radiance in
-//! units set by the light; colours are linear sRGB.
+//! Plain scene data: what the renderer draws. Lengths in mm, directions are unit vectors in world space (z up),
+//! radiance in units set by the light; colours are linear sRGB.
 //!
-//! **The shading both renderers must agree on** (W = Wang et al. 2005, Eq. 1, with full A(ω, Δ), B(ω, Δ) and a bounded gloss).
-//! At a point let `Ng` be the interpolated mesh normal turned to the viewer, `v` the direction to the viewer, `l` to the sun.
-//! The viewed side is the one whose mesh normal faces the viewer, the far side the other one; `N` is the viewed side's mapped
-//! normal (outward from that side), `F` the far side's (outward from *that* side, so it points away from the viewer).
+//! **The shading both renderers must agree on** (W = Wang et al. 2005, Eq. 1, with full A(ω, Δ), B(ω, Δ) and a bounded
+//! gloss). At a point let `Ng` be the interpolated mesh normal turned to the viewer, `v` the direction to the viewer,
+//! `l` to the sun. The viewed side is the one whose mesh normal faces the viewer, the far side the other one; `N` is
+//! the viewed side's mapped normal (outward from that side), `F` the far side's (outward from *that* side, so it points
+//! away from the viewer).
 //!
 //! ```text
 //! sun lights the viewed side where l·Ng > 0:   L += E · V · max(0, N·l) · (ρd_viewed/π + f_s)
@@ -14,25 +15,29 @@
 //! dome L(ω):     L += ρd_viewed/π ∫ L max(0, N·ω) dω + ρt_far/π ∫ L max(0, F·ω) dω + ∫ L f_s max(0, N·ω) dω
 //! ```
 //!
-//! f_far is the far side's [`Translucency`], looked up where the far side's other maps are; ω is l in the far side's tangent frame, that of
-//! the *mesh* (relief is in f already): (T·l, B·l, Ng·l) for light on the front, (−T·l, B·l, −Ng·l) on the back, with the mesh's interpolated
-//! T, B and outward-from-the-front Ng. In the bent basis f is looked up at ω with x and y multiplied by (2z/(1+z))^¼. A sky's light comes through by ρt and the mapped normal whatever translucency maps say.
+//! f_far is the far side's [`Translucency`], looked up where the far side's other maps are; ω is l in the far side's
+//! tangent frame, that of the *mesh* (relief is in f already): (T·l, B·l, Ng·l) for light on the front, (−T·l, B·l,
+//! −Ng·l) on the back, with the mesh's interpolated T, B and outward-from-the-front Ng. In the bent basis f is looked
+//! up at ω with x and y multiplied by (2z/(1+z))^¼. A sky's light comes through by ρt and the mapped normal whatever
+//! translucency maps say.
 //!
-//! Of a [`Dome`] this renderer has N² harmonics alone. The two diffuse integrals are Σ A_l c_lm Y_lm (Ramamoorthi and Hanrahan 2001), the
-//! glossy one ρs·a·Σ W_l c_lm Y_lm(R), R being the lobe's mean direction and W_l its bands about it; sums below 0 (ringing) count as 0.
-//! A mapped normal sees the whole hemisphere around itself, also where that dips under the blade, as under a constant sky.
+//! Of a [`Dome`] this renderer has N² harmonics alone. The two diffuse integrals are Σ A_l c_lm Y_lm (Ramamoorthi and
+//! Hanrahan 2001), the glossy one ρs·a·Σ W_l c_lm Y_lm(R), R being the lobe's mean direction and W_l its bands about
+//! it; sums below 0 (ringing) count as 0. A mapped normal sees the whole hemisphere around itself, also where that dips
+//! under the blade, as under a constant sky.
 //!
-//! E is the irradiance at normal incidence, V the visible share of the sun's disk, ρt_far the transmittance of a beam that enters
-//! the far side. f_s = ρs·D·G/(4 (N·l)(N·v)), D = exp(−tan²α/m²)/(π m² cos⁴α) (Beckmann) or m²/(π cos⁴α (m² + tan²α)²) (GGX),
-//! G = min(1, 2(N·h)(N·v)/(v·h), 2(N·h)(N·l)/(v·h)) (V-cavity); with `CookTorrance { index }` times the dielectric Fresnel F(v·h)
-//! for unpolarised light. N·v is floored at 1e-3. a(N·v, m) is the directional albedo of f_s per unit ρs: ∫ f_s/ρs cosθ dω.
-//! f_s = 0 where N·h ≤ 0; m is floored at 1e-3. The sun's centre lights the surface, its disk only decides V.
-//! Maps are sampled bilinearly with texel centres at (i + ½)/W, clamped at the rim; δ is sampled before the curve is looked up (clamped at
-//! its ends), mapped normals are sampled and then normalised. Minified maps are averaged (a mip chain). A mask's edge lies where its
-//! bilinear sample passes ½. With `msaa` 4 coverage is sampled at (3/8, 1/8), (7/8, 3/8), (1/8, 5/8), (5/8, 7/8) of a pixel and shading
-//! once a leaf, at the pixel's centre (GL cuts a mask at the centre alone); the picture averages radiance before the tone map.
-//! The sky is not shadowed by other leaves. Where nothing is hit the radiance is `Scene::background`.
-//! Picture: exposure · L, Reinhard x/(1 + x) a channel, sRGB encoding (IEC 61966-2-1), 8 bits.
+//! E is the irradiance at normal incidence, V the visible share of the sun's disk, ρt_far the transmittance of a beam
+//! that enters the far side. f_s = ρs·D·G/(4 (N·l)(N·v)), D = exp(−tan²α/m²)/(π m² cos⁴α) (Beckmann) or m²/(π cos⁴α (m²
+//! + tan²α)²) (GGX), G = min(1, 2(N·h)(N·v)/(v·h), 2(N·h)(N·l)/(v·h)) (V-cavity); with `CookTorrance { index }` times
+//! the dielectric Fresnel F(v·h) for unpolarised light. N·v is floored at 1e-3. a(N·v, m) is the directional albedo of
+//! f_s per unit ρs: ∫ f_s/ρs cosθ dω. f_s = 0 where N·h ≤ 0; m is floored at 1e-3. The sun's centre lights the surface,
+//! its disk only decides V. Maps are sampled bilinearly with texel centres at (i + ½)/W, clamped at the rim; δ is
+//! sampled before the curve is looked up (clamped at its ends), mapped normals are sampled and then normalised.
+//! Minified maps are averaged (a mip chain). A mask's edge lies where its bilinear sample passes ½. With `msaa` 4
+//! coverage is sampled at (3/8, 1/8), (7/8, 3/8), (1/8, 5/8), (5/8, 7/8) of a pixel and shading once a leaf, at the
+//! pixel's centre (GL cuts a mask at the centre alone); the picture averages radiance before the tone map. The sky is
+//! not shadowed by other leaves. Where nothing is hit the radiance is `Scene::background`. Picture: exposure · L,
+//! Reinhard x/(1 + x) a channel, sRGB encoding (IEC 61966-2-1), 8 bits.
 
 use glam::{Mat4, Vec2, Vec3, Vec4};
 
@@ -44,7 +49,8 @@ pub struct Scene {
     pub sun: Option<Sun>,
     /// Radiance of a constant sky all around; `None` leaves its code out of the shader.
     pub sky: Option<[f32; 3]>,
-    /// A sky that differs from direction to direction, instead of a constant one; `None` leaves its code and its pass out.
+    /// A sky that differs from direction to direction, instead of a constant one; `None` leaves its code and its pass
+    /// out.
     pub dome: Option<Dome>,
     /// A scanner instead of sun and sky; seen by [`Renderer::scan`](crate::Renderer::scan). `None` leaves its code out.
     pub scanner: Option<Scanner>,
@@ -82,7 +88,8 @@ pub struct Ride {
 }
 
 /// A branch at rest and how it bends. Amplitudes are in units of its length for the normalised deflection
-/// u = a₂y² + a₃y³ + a₄y⁴ + a₅y⁵ with y = ln(1 + (α − 1)x)/ln α: the tip goes by amplitude · Σa · length, before the length is kept.
+/// u = a₂y² + a₃y³ + a₄y⁴ + a₅y⁵ with y = ln(1 + (α − 1)x)/ln α: the tip goes by amplitude · Σa · length, before the
+/// length is kept.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Branch {
     pub root: Vec3,
@@ -125,11 +132,13 @@ pub struct Sun {
     pub radius: f32,
 }
 
-/// A tube-shaped lamp that moves over the plane z = 0 and an orthographic camera whose picture is rectified to that plane: pixel (i, j) of W×H is
-/// the point ((i + ½ − W/2)·p, (H/2 − j − ½)·p). Nothing casts a shadow, and nothing comes through.
+/// A tube-shaped lamp that moves over the plane z = 0 and an orthographic camera whose picture is rectified to that
+/// plane: pixel (i, j) of W×H is the point ((i + ½ − W/2)·p, (H/2 − j − ½)·p). Nothing casts a shadow, and nothing
+/// comes through.
 ///
 /// With R the distance to the axis, h its height, and the tube seen under the angles θ ± β across and φ₀ … φ₁ along,
-/// L = h/R · β/sin β · 2 ∫∫ (ρd/π + f_s) max(0, N·l) cosφ dφ dθ/2β, so that a white matte texel facing up under an infinite tube straight above shows 1.
+/// L = h/R · β/sin β · 2 ∫∫ (ρd/π + f_s) max(0, N·l) cosφ dφ dθ/2β, so that a white matte texel facing up under an
+/// infinite tube straight above shows 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scanner {
     /// Towards the camera; a unit vector above the plane.
@@ -143,15 +152,17 @@ pub struct Scanner {
     pub along_x: bool,
     /// Where it stands along its travel.
     pub at_mm: f32,
-    /// Gloss with the V-cavity factor G, as scenes have it; else without, as leaves are fitted (Wang et al. 2005, Eq. 7).
+    /// Gloss with the V-cavity factor G, as scenes have it; else without, as leaves are fitted (Wang et al. 2005, Eq.
+    /// 7).
     pub bounded: bool,
 }
 
-/// A sky: the light it throws on the leaves, and how it looks behind them. Plain numbers: where they come from is the caller's business.
+/// A sky: the light it throws on the leaves, and how it looks behind them. Plain numbers: where they come from is the
+/// caller's business.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Dome {
-    /// Coefficients of the radiance all around (below the horizon too) in real orthonormal harmonics without the Condon–Shortley phase, at
-    /// l(l+1)+m, z up, in world directions: N² of them, N from 1 to 7.
+    /// Coefficients of the radiance all around (below the horizon too) in real orthonormal harmonics without the
+    /// Condon–Shortley phase, at l(l+1)+m, z up, in world directions: N² of them, N from 1 to 7.
     pub harmonics: Vec<[f32; 3]>,
     /// Perez coefficients A … E of luminance Y and chromaticities x and y.
     pub perez: [[f32; 5]; 3],
@@ -178,8 +189,8 @@ pub struct Leaf {
     /// Mean thickness h (mm); a texel's thickness is h + δ.
     pub thickness_mm: f32,
     pub lobe: Lobe,
-    /// Maps are stored as each side's camera saw them: column i of the back is column `width−1−i` of the front, so the back is
-    /// looked up at (1 − u, v).
+    /// Maps are stored as each side's camera saw them: column i of the back is column `width−1−i` of the front, so the
+    /// back is looked up at (1 − u, v).
     pub front: Side,
     pub back: Side,
     /// 1 on the leaf, row-major in the front's columns; `None` where the mesh is trimmed to the outline already.
@@ -190,7 +201,8 @@ pub struct Leaf {
 pub struct Mesh {
     pub positions: Vec<Vec3>,
     pub normals: Vec<Vec3>,
-    /// xyz tangent along +u, w = ±1 handedness: bitangent = w · normal × tangent, up in the front's image (towards smaller v).
+    /// xyz tangent along +u, w = ±1 handedness: bitangent = w · normal × tangent, up in the front's image (towards
+    /// smaller v).
     pub tangents: Vec<Vec4>,
     /// (0, 0) is the top left corner of the front's maps.
     pub uvs: Vec<Vec2>,
@@ -217,7 +229,9 @@ pub enum Lobe {
 impl Leaf {
     /// One texel of fixed reflectance on one side: a branch's bark, which holds nothing that could be edited.
     pub fn is_plain(&self) -> bool {
-        (self.width, self.height) == (1, 1) && self.back.is_black() && matches!(self.front.interior, Interior::Maps { .. })
+        (self.width, self.height) == (1, 1)
+            && self.back.is_black()
+            && matches!(self.front.interior, Interior::Maps { .. })
     }
 }
 
@@ -228,17 +242,18 @@ pub struct Side {
     pub gamma_delta: Vec<[f32; 4]>,
     /// W's second texture: ρs (RGB) and m; `None` is a matte side and uploads nothing.
     pub gloss: Option<Vec<[f32; 4]>>,
-    /// Mapped normals in the mesh's tangent frame *of this side as its camera saw it*: x to the right in this side's image,
-    /// y up, z out of this side; `None` is the mesh normal. With the mesh's tangent t, bitangent b and normal n, (x, y, z) is
-    /// x·t + y·b + z·n on the front and −x·t + y·b − z·n on the back.
+    /// Mapped normals in the mesh's tangent frame *of this side as its camera saw it*: x to the right in this side's
+    /// image, y up, z out of this side; `None` is the mesh normal. With the mesh's tangent t, bitangent b and normal n,
+    /// (x, y, z) is x·t + y·b + z·n on the front and −x·t + y·b − z·n on the back.
     pub normal: Option<Vec<[f32; 3]>>,
     /// For the sun's light that *enters this side*; `None` lets it through by the mapped normal's cosine.
     pub translucency: Option<Translucency>,
     pub interior: Interior,
 }
 
-/// How light that enters a side comes out of the other one, texel by texel, as it turns (Habel et al. 2007): maps in the columns of the lit
-/// side's camera, in whose tangent frame (x right, y up, z out of the lit side) directions ω towards the light are.
+/// How light that enters a side comes out of the other one, texel by texel, as it turns (Habel et al. 2007): maps in
+/// the columns of the lit side's camera, in whose tangent frame (x right, y up, z out of the lit side) directions ω
+/// towards the light are.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Translucency {
     /// The same on both sides of a leaf.
@@ -266,8 +281,11 @@ pub enum Coefficients {
 }
 
 /// The axes of the Half-Life 2 basis (McTaggart 2004), orthonormal.
-pub const HALF_LIFE_2: [[f32; 3]; 3] =
-    [[-0.408_248_3, -0.707_106_77, 0.577_350_26], [-0.408_248_3, 0.707_106_77, 0.577_350_26], [0.816_496_6, 0.0, 0.577_350_26]];
+pub const HALF_LIFE_2: [[f32; 3]; 3] = [
+    [-0.408_248_3, -0.707_106_77, 0.577_350_26],
+    [-0.408_248_3, 0.707_106_77, 0.577_350_26],
+    [0.816_496_6, 0.0, 0.577_350_26],
+];
 
 impl Translucency {
     /// The coefficient maps: one, or one a channel.
@@ -278,8 +296,8 @@ impl Translucency {
         }
     }
 
-    /// Σ h_i √(3/2π) H_i·ω as one product a·ω: the functions are linear in ω (or in ω bent), so that a texel's three coefficients are a vector,
-    /// and interpolating one interpolates the other.
+    /// Σ h_i √(3/2π) H_i·ω as one product a·ω: the functions are linear in ω (or in ω bent), so that a texel's three
+    /// coefficients are a vector, and interpolating one interpolates the other.
     pub fn vector(coefficients: [f32; 3]) -> [f32; 3] {
         let scale = (1.5 / std::f32::consts::PI).sqrt();
         std::array::from_fn(|axis| scale * (0..3).map(|i| coefficients[i] * HALF_LIFE_2[i][axis]).sum::<f32>())
@@ -287,9 +305,16 @@ impl Translucency {
 }
 
 impl Side {
-    /// A side whose reflected and transmitted light no camera sees: it has no γ, no δ and no curve, shades black and uploads nothing.
+    /// A side whose reflected and transmitted light no camera sees: it has no γ, no δ and no curve, shades black and
+    /// uploads nothing.
     pub fn black() -> Side {
-        Side { gamma_delta: Vec::new(), gloss: None, normal: None, translucency: None, interior: Interior::Scalars(SlabCurve::default()) }
+        Side {
+            gamma_delta: Vec::new(),
+            gloss: None,
+            normal: None,
+            translucency: None,
+            interior: Interior::Scalars(SlabCurve::default()),
+        }
     }
 
     /// Whether this side has neither a curve nor maps.

@@ -1,5 +1,5 @@
-//! Puts a pass's WGSL together for what a scene needs: lines between `//#if NAME` (or `!NAME`) and `//#endif` stay only where the
-//! name is set, so that code, bindings and textures of an absent sun, sky or gloss do not exist at all.
+//! Puts a pass's WGSL together for what a scene needs: lines between `//#if NAME` (or `!NAME`) and `//#endif` stay only
+//! where the name is set, so that code, bindings and textures of an absent sun, sky or gloss do not exist at all.
 
 /// The names that are set and the constants that are put in front.
 #[derive(Debug, Clone, Default)]

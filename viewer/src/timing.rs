@@ -12,7 +12,8 @@ pub(crate) const PASSES: [&str; 3] = ["shadow", "main", "tonemap"];
 pub struct Timing {
     /// From submitting a frame to its end, with shadow maps kept: what a still sun costs a frame.
     pub frame_ms: Vec<f64>,
-    /// Times of each pass by the adapter's own clock; empty without timestamps. `shadow` has one entry: the maps are drawn once.
+    /// Times of each pass by the adapter's own clock; empty without timestamps. `shadow` has one entry: the maps are
+    /// drawn once.
     pub passes: Vec<(String, Vec<f64>)>,
 }
 

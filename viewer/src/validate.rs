@@ -1,4 +1,5 @@
-//! Refuses scenes that contradict themselves before anything reaches the adapter, with the place, what was found and what was expected.
+//! Refuses scenes that contradict themselves before anything reaches the adapter, with the place, what was found and
+//! what was expected.
 
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
@@ -23,7 +24,11 @@ pub(crate) fn scene(gpu: &Gpu, scene: &Scene) -> Result<()> {
         let scale = [m.x_axis, m.y_axis, m.z_axis].map(|a| a.truncate().length());
         let even = scale.iter().all(|s| s.is_finite() && *s > 0.0 && (s / scale[0] - 1.0).abs() < 1e-3);
         if !even || !m.w_axis.is_finite() {
-            return Err(wrong(format!("instance {i}, transform"), format!("scales {scale:?}"), "a rigid motion with one positive scale"));
+            return Err(wrong(
+                format!("instance {i}, transform"),
+                format!("scales {scale:?}"),
+                "a rigid motion with one positive scale",
+            ));
         }
     }
     branches(scene)?;
@@ -77,10 +82,19 @@ fn check_dome(scene: &Scene, dome: &Dome) -> Result<()> {
         return Err(wrong("dome", "a constant sky beside it", "one of the two"));
     }
     if crate::dome::bands(dome).is_none() {
-        return Err(wrong("dome, harmonics", format!("{} coefficients", dome.harmonics.len()), "1, 4, 9, 16, 25, 36 or 49"));
+        return Err(wrong(
+            "dome, harmonics",
+            format!("{} coefficients", dome.harmonics.len()),
+            "1, 4, 9, 16, 25, 36 or 49",
+        ));
     }
-    let numbers =
-        dome.harmonics.as_flattened().iter().chain(dome.perez.as_flattened()).chain(&dome.scale).chain(dome.ground.iter().flatten());
+    let numbers = dome
+        .harmonics
+        .as_flattened()
+        .iter()
+        .chain(dome.perez.as_flattened())
+        .chain(&dome.scale)
+        .chain(dome.ground.iter().flatten());
     if let Some(bad) = numbers.chain([&dome.strength]).find(|v| !v.is_finite()) {
         return Err(wrong("dome", bad, "finite numbers"));
     }
@@ -99,12 +113,24 @@ fn branches(scene: &Scene) -> Result<()> {
         let across = [b.t.dot(b.r), b.r.dot(b.s), b.s.dot(b.t)];
         let unit = [b.t, b.r, b.s].map(|v| v.length() - 1.0);
         if !across.into_iter().chain(unit).all(|v| v.abs() < 1e-3) {
-            return Err(wrong(format!("branch {i}, t r s"), format!("{} {} {}", b.t, b.r, b.s), "an orthonormal frame"));
+            return Err(wrong(
+                format!("branch {i}, t r s"),
+                format!("{} {} {}", b.t, b.r, b.s),
+                "an orthonormal frame",
+            ));
         }
         if !(b.length > 0.0 && b.alpha > 0.0) {
-            return Err(wrong(format!("branch {i}, length and taper"), format!("{} and {}", b.length, b.alpha), "both above 0"));
+            return Err(wrong(
+                format!("branch {i}, length and taper"),
+                format!("{} and {}", b.length, b.alpha),
+                "both above 0",
+            ));
         }
-        let numbers = [b.length, b.alpha, b.ln_alpha, b.ell, b.gain].into_iter().chain(b.a).chain(b.still).chain(b.root.to_array());
+        let numbers = [b.length, b.alpha, b.ln_alpha, b.ell, b.gain]
+            .into_iter()
+            .chain(b.a)
+            .chain(b.still)
+            .chain(b.root.to_array());
         let line = b.start.into_iter().chain(b.velocity);
         if !numbers.map(f64::from).chain(line).all(f64::is_finite) {
             return Err(wrong(format!("branch {i}"), "a value that is not finite", "finite values"));
@@ -162,7 +188,11 @@ fn check_leaf(gpu: &Gpu, index: usize, leaf: &Leaf) -> Result<()> {
     let vertices = mesh.positions.len();
     for (field, n) in [("normals", mesh.normals.len()), ("tangents", mesh.tangents.len()), ("uvs", mesh.uvs.len())] {
         if n != vertices {
-            return Err(wrong(place(&format!("mesh.{field}")), format!("{n} entries"), format!("{vertices}, one a position")));
+            return Err(wrong(
+                place(&format!("mesh.{field}")),
+                format!("{n} entries"),
+                format!("{vertices}, one a position"),
+            ));
         }
     }
     if !mesh.indices.len().is_multiple_of(3) {
@@ -233,7 +263,11 @@ fn check_side(gpu: &Gpu, place: &str, texels: usize, side: &Side) -> Result<()> 
             let n = curve.rho_d.len();
             if n < 2 || n > gpu.max_side() as usize || curve.rho_t.len() != n {
                 let found = format!("{n} and {} points", curve.rho_t.len());
-                return Err(wrong(format!("{place}.interior curve"), found, format!("as many of both, 2 to {}", gpu.max_side())));
+                return Err(wrong(
+                    format!("{place}.interior curve"),
+                    found,
+                    format!("as many of both, 2 to {}", gpu.max_side()),
+                ));
             }
             if !(curve.min_mm.is_finite() && curve.max_mm.is_finite() && curve.min_mm < curve.max_mm) {
                 let found = format!("{} to {} mm", curve.min_mm, curve.max_mm);
@@ -252,7 +286,11 @@ fn check_side(gpu: &Gpu, place: &str, texels: usize, side: &Side) -> Result<()> 
 pub(crate) fn camera(camera: &Camera) -> Result<()> {
     let ahead = camera.target - camera.eye;
     if !(ahead.is_finite() && ahead.length() > 0.0) {
-        return Err(wrong("camera, eye and target", format!("{} and {}", camera.eye, camera.target), "two different points"));
+        return Err(wrong(
+            "camera, eye and target",
+            format!("{} and {}", camera.eye, camera.target),
+            "two different points",
+        ));
     }
     if !(camera.up.is_finite() && ahead.normalize().cross(camera.up).length() > 1e-6) {
         return Err(wrong("camera, up", camera.up, "a direction off the line of sight"));

@@ -1,4 +1,5 @@
-//! What a leaf's shader holds: the closure of what the scene's lights and the leaf's maps need. Equal variants share a pipeline.
+//! What a leaf's shader holds: the closure of what the scene's lights and the leaf's maps need. Equal variants share a
+//! pipeline.
 
 use crate::gpu::Gpu;
 use crate::passes::bend;
@@ -65,15 +66,24 @@ impl Variant {
         let sky = scene.sky.is_some() || dome;
         let scanner = scene.scanner.is_some();
         let side = |side: &Side| {
-            let gloss =
-                (sun || sky || scanner) && side.gloss.as_ref().is_some_and(|g| g.iter().any(|t| t[0] > 0.0 || t[1] > 0.0 || t[2] > 0.0));
+            let gloss = (sun || sky || scanner)
+                && side.gloss.as_ref().is_some_and(|g| g.iter().any(|t| t[0] > 0.0 || t[1] > 0.0 || t[2] > 0.0));
             // A constant sky sees the normal only through the gloss's directional albedo.
             let normal = side.normal.is_some() && (sun || dome || scanner || (sky && gloss));
             let translucency = side.translucency.as_ref().filter(|_| sun).map_or(0, |t| t.layers().len() as u32);
-            SideVariant { maps: matches!(side.interior, Interior::Maps { .. }), black: side.is_black(), gloss, normal, translucency }
+            SideVariant {
+                maps: matches!(side.interior, Interior::Maps { .. }),
+                black: side.is_black(),
+                gloss,
+                normal,
+                translucency,
+            }
         };
         let (front, back) = (side(&leaf.front), side(&leaf.back));
-        let bent = sun && [&leaf.front, &leaf.back].iter().any(|s| s.translucency.as_ref().is_some_and(|t| t.basis == Basis::Bent));
+        let bent = sun
+            && [&leaf.front, &leaf.back]
+                .iter()
+                .any(|s| s.translucency.as_ref().is_some_and(|t| t.basis == Basis::Bent));
         let lobe = match leaf.lobe {
             _ if !front.gloss && !back.gloss => LobeKind::None,
             Lobe::Beckmann => LobeKind::Beckmann,

@@ -30,7 +30,11 @@ fn branch(amplitude: f32, gain: f32) -> Branch {
 fn wind(time_s: f64) -> Wind {
     let size = 32;
     let wave = |k: u32| (std::f32::consts::TAU * k as f32 / size as f32).sin();
-    Wind { size, motion: (0..size * size).map(|k| [0.2 * wave(k % size), 0.3 * wave(k / size + 3 * (k % size))]).collect(), time_s }
+    Wind {
+        size,
+        motion: (0..size * size).map(|k| [0.2 * wave(k % size), 0.3 * wave(k / size + 3 * (k % size))]).collect(),
+        time_s,
+    }
 }
 
 fn scene(amplitude: f32, gain: f32) -> Scene {
@@ -81,7 +85,8 @@ fn a_branch_without_load_is_drawn_as_it_stands_and_one_with_load_is_not() {
     without.instances[0].ride = None;
     let without = draw(&mut renderer, &without);
     // At rest the bend moves vertices by rounding alone: a pixel at an edge may turn over.
-    let differing = level.hdr.iter().zip(&without.hdr).filter(|(a, b)| a.iter().zip(*b).any(|(x, y)| (x - y).abs() > 1e-3)).count();
+    let differing =
+        level.hdr.iter().zip(&without.hdr).filter(|(a, b)| a.iter().zip(*b).any(|(x, y)| (x - y).abs() > 1e-3)).count();
     assert!(differing <= 8, "{differing} pixels");
     let moved = bent.hdr.iter().zip(&without.hdr).filter(|(a, b)| a != b).count();
     assert!(moved > 200, "{moved} pixels");

@@ -51,7 +51,9 @@ fn a_far_leaf_takes_the_coarse_triangles_and_a_near_one_the_mesh() {
     let camera = camera(Vec3::Z, EYE);
     let full = u64::from(2 * CELLS * CELLS);
     // 64 pixels over 20°: half a pixel is the level's 0.0625 mm at 23 mm from the sheet's ball (radius 14 mm).
-    for (distances, want) in [(vec![30.0], full), (vec![45.0], full / 16), (vec![150.0, 30.0, 120.0], full + 2 * full / 16)] {
+    for (distances, want) in
+        [(vec![30.0], full), (vec![45.0], full / 16), (vec![150.0, 30.0, 120.0], full + 2 * full / 16)]
+    {
         renderer.set_scene(&sheets(&distances, true)).expect("scene");
         renderer.render(&camera, 96, 64).expect("picture");
         assert_eq!(renderer.stats().triangles, want, "{distances:?}");
@@ -75,13 +77,15 @@ fn levels_do_not_shade_each_other_and_show_the_same_picture() {
     let mut seen = 0;
     for y in 1..63 {
         for x in 1..95 {
-            let around = |p: &mesophyll_viewer::Picture| (0..9).all(|k| p.radiance(x + k % 3 - 1, y + k / 3 - 1)[3] > 0.0);
+            let around =
+                |p: &mesophyll_viewer::Picture| (0..9).all(|k| p.radiance(x + k % 3 - 1, y + k / 3 - 1)[3] > 0.0);
             if !(around(&with) && around(&without)) {
                 continue;
             }
             seen += 1;
             let (a, b) = (with.radiance(x, y)[1], without.radiance(x, y)[1]);
-            // Its own shadow on a sheet would take a quarter at least; a normal interpolated over 5 mm is 0.1 rad · (1/4)² off at most.
+            // Its own shadow on a sheet would take a quarter at least; a normal interpolated over 5 mm is 0.1 rad ·
+            // (1/4)² off at most.
             assert!((a - b).abs() < 0.02 * b, "({x}, {y}): {a} {b}");
         }
     }

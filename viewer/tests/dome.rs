@@ -52,7 +52,12 @@ fn an_even_dome_is_the_constant_sky() {
                 let domed = draw(&mut renderer, &scene);
                 let mut compared = 0;
                 for (a, b) in domed.iter().zip(&constant).filter(|(_, b)| b[3] == 1.0) {
-                    agree(&format!("{lobe:?} {bands} bands"), *a, [b[0], b[1], b[2]].map(f64::from), held(&renderer, 1e-5));
+                    agree(
+                        &format!("{lobe:?} {bands} bands"),
+                        *a,
+                        [b[0], b[1], b[2]].map(f64::from),
+                        held(&renderer, 1e-5),
+                    );
                     compared += 1;
                 }
                 assert!(compared > 300, "{compared}");
@@ -78,15 +83,17 @@ fn a_gradient_lights_both_sides_by_its_closed_form() {
             renderer.set_scene(&scene).unwrap();
             let picture = renderer.render(&camera(normal * towards, 80.0), 16, 16).unwrap();
             let cosine = dot(a, wide(normal)) * f64::from(towards);
-            let want =
-                [0, 1, 2].map(|c| f64::from(rho_d[c]) * (1.0 + 2.0 / 3.0 * cosine) + f64::from(rho_t[c]) * (1.0 - 2.0 / 3.0 * cosine));
+            let want = [0, 1, 2].map(|c| {
+                f64::from(rho_d[c]) * (1.0 + 2.0 / 3.0 * cosine) + f64::from(rho_t[c]) * (1.0 - 2.0 / 3.0 * cosine)
+            });
             agree(&format!("side {towards}, tilt {tilt}"), picture.hdr[8 * 16 + 8], want, held(&renderer, 2e-5));
         }
     }
 }
 
-/// The mirror image of a linear sky, by brute force over the lobe as the papers write it: Beckmann's density (Wang et al. 2005, Eq. 7) and the
-/// V-cavities of Cook and Torrance 1982. Nothing is taken from the renderer. Two bands about the lobe's mean direction are exact.
+/// The mirror image of a linear sky, by brute force over the lobe as the papers write it: Beckmann's density (Wang et
+/// al. 2005, Eq. 7) and the V-cavities of Cook and Torrance 1982. Nothing is taken from the renderer. Two bands about
+/// the lobe's mean direction are exact.
 #[test]
 fn the_gloss_of_a_gradient_is_its_integral() {
     let Some(mut renderer) = renderer() else { return };
@@ -129,7 +136,8 @@ fn the_gloss_of_a_gradient_is_its_integral() {
     }
 }
 
-/// Above the horizon the sky is seen, below it the ground; the sun's disk stands where the sun is; nothing of it counts as leaf.
+/// Above the horizon the sky is seen, below it the ground; the sun's disk stands where the sun is; nothing of it counts
+/// as leaf.
 #[test]
 fn the_sky_is_drawn_behind_the_leaves() {
     let Some(mut renderer) = renderer() else { return };
@@ -146,7 +154,8 @@ fn the_sky_is_drawn_behind_the_leaves() {
     };
     let up = look(Vec3::new(-0.3, 0.2, 0.9));
     // Equal energy of luminance 1/4 in linear sRGB.
-    let white = [3.2404542 - 1.5371385 - 0.4985314, -0.969266 + 1.8760108 + 0.041556, 0.0556434 - 0.2040259 + 1.0572252];
+    let white =
+        [3.2404542 - 1.5371385 - 0.4985314, -0.969266 + 1.8760108 + 0.041556, 0.0556434 - 0.2040259 + 1.0572252];
     agree("sky", up, white.map(|v: f64| 0.25 * v), 2e-3);
     assert_eq!(up[3], 0.0);
     agree("ground", look(Vec3::new(1.0, 0.3, -0.1)), [0.02, 0.03, 0.04], 2e-3);

@@ -12,7 +12,8 @@ fn full_leaf() -> Leaf {
     let mut leaf = uniform_leaf();
     for side in [&mut leaf.front, &mut leaf.back] {
         side.gloss = Some((0..64).map(|i| [0.05, 0.05, 0.05, 0.2 + 0.002 * i as f32]).collect());
-        side.normal = Some((0..64).map(|i| Vec3::new(0.02 * (i % 5) as f32, 0.03, 1.0).normalize().to_array()).collect());
+        side.normal =
+            Some((0..64).map(|i| Vec3::new(0.02 * (i % 5) as f32, 0.03, 1.0).normalize().to_array()).collect());
     }
     leaf
 }
@@ -39,8 +40,13 @@ fn everything_when_everything_is_there() {
     let Some(mut renderer) = renderer() else { return };
     draw(&mut renderer, &lit(full_leaf()));
     let stats = renderer.stats();
-    assert_eq!(stats.pipelines, ["shadow: opaque", "main: sun, shadow 3, sky, front gloss normal, back gloss normal, beckmann", "tonemap"]);
-    for part in ["front gloss", "back gloss", "front normal", "back normal", "front gamma_delta", "albedo table", "tangents"] {
+    assert_eq!(
+        stats.pipelines,
+        ["shadow: opaque", "main: sun, shadow 3, sky, front gloss normal, back gloss normal, beckmann", "tonemap"]
+    );
+    for part in
+        ["front gloss", "back gloss", "front normal", "back normal", "front gamma_delta", "albedo table", "tangents"]
+    {
         assert!(stats.uploaded(part), "{part} missing");
     }
     assert_eq!((stats.shadow_renders, stats.draws), (1, 5));
@@ -55,7 +61,11 @@ fn without_a_sun_no_shadow_and_no_normal_where_nothing_shines() {
     draw(&mut renderer, &scene);
     assert_eq!(renderer.stats().pipelines, ["main: sky, front gloss normal, beckmann", "tonemap"]);
     assert_eq!(renderer.stats().shadow_renders, 0);
-    assert!(!renderer.stats().uploaded("back normal") && !renderer.stats().uploaded("back gloss"), "{:?}", names(&renderer));
+    assert!(
+        !renderer.stats().uploaded("back normal") && !renderer.stats().uploaded("back gloss"),
+        "{:?}",
+        names(&renderer)
+    );
 }
 
 #[test]
@@ -83,7 +93,10 @@ fn in_the_dark_no_map_at_all() {
     (scene.sun, scene.sky) = (None, None);
     let picture = draw(&mut renderer, &scene);
     assert_eq!(picture.radiance(20, 20), [0.0, 0.0, 0.0, 1.0]);
-    assert_eq!(names(&renderer), ["positions", "normals", "uvs", "indices", "instances"].map(|n| format!("leaf 0 {n}")));
+    assert_eq!(
+        names(&renderer),
+        ["positions", "normals", "uvs", "indices", "instances"].map(|n| format!("leaf 0 {n}"))
+    );
 }
 
 #[test]

@@ -66,7 +66,12 @@ fn thickness_moves_along_the_slab_curve() {
     let want = std::array::from_fn(|c| gamma[c] * 1.1 * f64::from(RHO_D[c]) + f64::from(BACK_T[c]));
     agree("front", seen, want, held(&renderer, 1e-5));
     let seen = middle(&mut renderer, &scene, &camera(FROM_BACK, 100.0));
-    agree("back", seen, std::array::from_fn(|c| f64::from(BACK_D[c]) + 0.75 * f64::from(RHO_T[c])), held(&renderer, 1e-5));
+    agree(
+        "back",
+        seen,
+        std::array::from_fn(|c| f64::from(BACK_D[c]) + 0.75 * f64::from(RHO_T[c])),
+        held(&renderer, 1e-5),
+    );
 }
 
 #[test]
@@ -129,7 +134,9 @@ fn gloss_of_every_lobe_at_several_geometries() {
                 let want = if view.z > 0.0 {
                     let f = lobe(kind, [0.0, 0.0, 1.0], l, v, f64::from(m));
                     let rho_s = [0.05, 0.04, 0.03];
-                    std::array::from_fn(|c| f64::from(sun.irradiance[c]) * l[2] * (f64::from(RHO_D[c]) / PI + rho_s[c] * f))
+                    std::array::from_fn(|c| {
+                        f64::from(sun.irradiance[c]) * l[2] * (f64::from(RHO_D[c]) / PI + rho_s[c] * f)
+                    })
                 } else {
                     // Seen from the matte back there is no gloss, only what the front lets through.
                     std::array::from_fn(|c| f64::from(sun.irradiance[c]) * l[2] * f64::from(RHO_T[c]) / PI)
@@ -230,7 +237,10 @@ fn bad_scenes_and_sizes_are_refused_in_words() {
     let mut scene = scene_of(uniform_leaf());
     scene.leaves[0].front.gamma_delta.pop();
     let error = renderer.set_scene(&scene).expect_err("short map").to_string();
-    assert!(error.contains("leaf 0 (flat), front.gamma_delta") && error.contains("63 texels") && error.contains("64"), "{error}");
+    assert!(
+        error.contains("leaf 0 (flat), front.gamma_delta") && error.contains("63 texels") && error.contains("64"),
+        "{error}"
+    );
     let mut scene = scene_of(uniform_leaf());
     scene.instances[0].leaf = 3;
     assert!(renderer.set_scene(&scene).expect_err("no such leaf").to_string().contains("instance 0, leaf"));

@@ -1,5 +1,5 @@
-//! A curved leaf with maps on both sides, pixel by pixel against the formulas of `scene.rs` in f64: its own ray casting, its own
-//! interpolation, its own optics.
+//! A curved leaf with maps on both sides, pixel by pixel against the formulas of `scene.rs` in f64: its own ray
+//! casting, its own interpolation, its own optics.
 
 mod common;
 
@@ -23,7 +23,14 @@ fn mapped_leaf(lobe: Lobe) -> Leaf {
     let wave = |k: usize, a: f32, b: f32| ((k % 24) as f32 * a).sin() * ((k / 24) as f32 * b).cos();
     for (side, s) in [(&mut leaf.front, 1.0f32), (&mut leaf.back, 1.7)] {
         side.gamma_delta = (0..384)
-            .map(|k| [1.0 + 0.3 * wave(k, 0.4 * s, 0.3), 1.0, 1.0 - 0.2 * wave(k, 0.2, 0.5 * s), 0.04 * wave(k, 0.3, 0.6 * s)])
+            .map(|k| {
+                [
+                    1.0 + 0.3 * wave(k, 0.4 * s, 0.3),
+                    1.0,
+                    1.0 - 0.2 * wave(k, 0.2, 0.5 * s),
+                    0.04 * wave(k, 0.3, 0.6 * s),
+                ]
+            })
             .collect();
         let g = |k| 0.05 + 0.02 * wave(k, 0.5 * s, 0.2);
         side.gloss = Some((0..384).map(|k| [g(k), g(k), 0.04, 0.3 + 0.1 * wave(k, 0.1, 0.4 * s)]).collect());
@@ -43,7 +50,8 @@ fn bilinear<const N: usize>(leaf: &Leaf, map: &[[f32; N]], u: f64, v: f64) -> [f
     let ((i, s), (j, t)) = (place(u, w), place(v, h));
     let at = |i: usize, j: usize, c: usize| f64::from(map[j * w + i][c]);
     std::array::from_fn(|c| {
-        (at(i, j, c) * (1.0 - s) + at(i + 1, j, c) * s) * (1.0 - t) + (at(i, j + 1, c) * (1.0 - s) + at(i + 1, j + 1, c) * s) * t
+        (at(i, j, c) * (1.0 - s) + at(i + 1, j, c) * s) * (1.0 - t)
+            + (at(i, j + 1, c) * (1.0 - s) + at(i + 1, j + 1, c) * s) * t
     })
 }
 
@@ -55,7 +63,9 @@ fn interior(leaf: &Leaf, side: &Side, u: f64, v: f64) -> (V, V) {
     let h = f64::from(leaf.thickness_mm) + gd[3];
     let x = ((h - f64::from(c.min_mm)) / f64::from(c.max_mm - c.min_mm) * n as f64).clamp(0.0, n as f64);
     let i = (x as usize).min(n - 1);
-    let on = |curve: &[[f32; 3]], k: usize| f64::from(curve[i][k]) * (1.0 - (x - i as f64)) + f64::from(curve[i + 1][k]) * (x - i as f64);
+    let on = |curve: &[[f32; 3]], k: usize| {
+        f64::from(curve[i][k]) * (1.0 - (x - i as f64)) + f64::from(curve[i + 1][k]) * (x - i as f64)
+    };
     (std::array::from_fn(|k| gd[k] * on(&c.rho_d, k)), std::array::from_fn(|k| on(&c.rho_t, k)))
 }
 
@@ -79,7 +89,8 @@ fn fresnel(c: f64, n: f64) -> f64 {
     0.5 * ((g - c) / (g + c)).powi(2) * (1.0 + ((c * (g + c) - 1.0) / (c * (g - c) + 1.0)).powi(2))
 }
 
-/// Directional albedo by a product rule over light directions that crowds where grazing views reflect: cosθ = s⁴, φ = π(1 − t²).
+/// Directional albedo by a product rule over light directions that crowds where grazing views reflect: cosθ = s⁴, φ =
+/// π(1 − t²).
 fn albedo(kind: Lobe, nv: f64, m: f64) -> f64 {
     let nv = nv.max(1e-3);
     let v = [(1.0 - nv * nv).sqrt(), 0.0, nv];
@@ -130,7 +141,8 @@ fn expected(scene: &Scene, camera: &Camera, size: (u32, u32), pixel: (u32, u32))
         let m = side.normal.as_ref().map_or([0.0, 0.0, 1.0], |map| bilinear(leaf, map, u, v));
         unit(std::array::from_fn(|c| sign * m[0] * t[c] + m[1] * b[c] + sign * m[2] * n[c]))
     };
-    let (near, near_u, far, far_u) = if front { (&leaf.front, fu, &leaf.back, bu) } else { (&leaf.back, bu, &leaf.front, fu) };
+    let (near, near_u, far, far_u) =
+        if front { (&leaf.front, fu, &leaf.back, bu) } else { (&leaf.back, bu, &leaf.front, fu) };
     let sign = if front { 1.0 } else { -1.0 };
     let (rho_d, _) = interior(leaf, near, near_u, v);
     let (_, rho_t) = interior(leaf, far, far_u, v);

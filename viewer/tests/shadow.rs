@@ -154,7 +154,8 @@ fn holes_in_the_mask_let_the_sun_through() {
         for x in 0..96 {
             let p = seen_point(&camera, 96, 72, x, y);
             let inside = p[0].abs() < 4.5 && p[1].abs() < 4.5 && (p[0] - 0.0).abs() > 0.6;
-            let above: [f64; 3] = std::array::from_fn(|i| p[i] + f64::from(HEIGHT) / wide(camera.eye)[2] * (wide(camera.eye)[i] - p[i]));
+            let above: [f64; 3] =
+                std::array::from_fn(|i| p[i] + f64::from(HEIGHT) / wide(camera.eye)[2] * (wide(camera.eye)[i] - p[i]));
             if inside && above[0].abs().max(above[1].abs()) > 5.3 {
                 let lit = picture.radiance(x, y)[1] > 0.0;
                 assert_eq!(lit, p[0] > 0.0, "{p:?}");
@@ -182,7 +183,8 @@ fn a_convex_leaf_does_not_shadow_itself_either() {
         let with = renderer.render(&camera, 64, 64).expect("picture");
         let full = 2.5 * 0.12 / std::f32::consts::PI;
         for (a, b) in without.hdr.iter().zip(&with.hdr) {
-            // Where the sun grazes, facets and smooth normals disagree about the terminator; little light is at stake there.
+            // Where the sun grazes, facets and smooth normals disagree about the terminator; little light is at stake
+            // there.
             assert!(b[1] <= a[1] && (a[1] - b[1]).abs() < 0.02 * full, "sun {direction}: {} became {}", a[1], b[1]);
         }
     }

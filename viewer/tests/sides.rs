@@ -15,7 +15,8 @@ fn straight(front: bool) -> mesophyll_viewer::scene::Camera {
 }
 
 /// A letter F, which no turn or mirror maps onto itself.
-const LETTER: [&str; 8] = ["........", ".#####..", ".#......", ".####...", ".#......", ".#......", ".#......", "........"];
+const LETTER: [&str; 8] =
+    ["........", ".#####..", ".#......", ".####...", ".#......", ".#......", ".#......", "........"];
 
 fn letter() -> Vec<[f32; 4]> {
     LETTER.iter().flat_map(|row| row.bytes().map(|b| if b == b'#' { [1.0, 1.0, 1.0, 0.0] } else { [0.0; 4] })).collect()
@@ -85,7 +86,12 @@ fn mapped_normals_lean_the_way_their_camera_saw() {
             let want = std::array::from_fn(|c| f64::from(sun(light).irradiance[c]) * cosine * f64::from(rho[c]) / PI);
             renderer.set_scene(&scene).expect("scene");
             let picture = renderer.render(&straight(front_seen), 9, 9).expect("picture");
-            agree(&format!("seen {front_seen}, mapped {front_mapped}"), picture.radiance(4, 4), want, held(&renderer, 1e-4));
+            agree(
+                &format!("seen {front_seen}, mapped {front_mapped}"),
+                picture.radiance(4, 4),
+                want,
+                held(&renderer, 1e-4),
+            );
         }
     }
 }
@@ -95,7 +101,8 @@ fn turning_everything_together_changes_nothing() {
     let Some(mut renderer) = renderer() else { return };
     let mut leaf = uniform_leaf();
     leaf.front.gloss = Some(vec![[0.05, 0.05, 0.05, 0.3]; 64]);
-    leaf.front.normal = Some((0..64).map(|i| Vec3::new(0.04 * (i % 8) as f32, 0.1, 1.0).normalize().to_array()).collect());
+    leaf.front.normal =
+        Some((0..64).map(|i| Vec3::new(0.04 * (i % 8) as f32, 0.1, 1.0).normalize().to_array()).collect());
     leaf.front.gamma_delta = letter();
     let mut scene = scene_of(leaf);
     scene.sun = Some(sun(Vec3::new(-0.5, 0.3, 1.0)));
@@ -140,7 +147,8 @@ fn magnified_maps_are_bilinear() {
         let (i, j) = ((s as usize).min(6), (t as usize).min(6));
         let (a, b) = (s - i as f64, t - j as f64);
         let g = |i, j| f64::from(gamma(i, j));
-        let mixed = (g(i, j) * (1.0 - a) + g(i + 1, j) * a) * (1.0 - b) + (g(i, j + 1) * (1.0 - a) + g(i + 1, j + 1) * a) * b;
+        let mixed =
+            (g(i, j) * (1.0 - a) + g(i + 1, j) * a) * (1.0 - b) + (g(i, j + 1) * (1.0 - a) + g(i + 1, j + 1) * a) * b;
         let want = 3.0 / PI * f64::from(RHO_D[0]) * mixed;
         let got = f64::from(picture.radiance(x, y)[0]);
         // Filters may hold their weights in 1/256.
@@ -221,6 +229,10 @@ fn a_masks_edge_covers_as_a_meshs_edge_does() {
     let partial = b.iter().filter(|c| **c > 0.0 && **c < 1.0).count();
     let differing = a.iter().zip(&b).filter(|(x, y)| x != y).count();
     let largest = a.iter().zip(&b).map(|(x, y)| (x - y).abs()).fold(0.0, f32::max);
-    // Filters hold their weights in 1/256 of a texel, 1/32 of a pixel here: a sample in some thirty may fall on the other side.
-    assert!(partial > 60 && differing <= partial / 8 && largest <= 0.25, "{differing} of {partial} edge pixels differ by up to {largest}");
+    // Filters hold their weights in 1/256 of a texel, 1/32 of a pixel here: a sample in some thirty may fall on the
+    // other side.
+    assert!(
+        partial > 60 && differing <= partial / 8 && largest <= 0.25,
+        "{differing} of {partial} edge pixels differ by up to {largest}"
+    );
 }

@@ -1,4 +1,5 @@
-//! Light that comes through by translucency maps, against the formula written anew; and that nobody pays for maps who has none.
+//! Light that comes through by translucency maps, against the formula written anew; and that nobody pays for maps who
+//! has none.
 
 mod common;
 
@@ -64,17 +65,20 @@ fn lit(leaf: Leaf, light: Vec3) -> Scene {
 #[test]
 fn a_flat_uniform_leafs_maps_change_nothing() {
     let Some(mut renderer) = renderer() else { return };
-    let lights = [Vec3::new(0.3, 0.2, 1.0), Vec3::new(-0.9, 0.4, 0.2), Vec3::new(0.5, -0.6, -0.8), Vec3::new(0.1, 0.95, -0.08)];
+    let lights =
+        [Vec3::new(0.3, 0.2, 1.0), Vec3::new(-0.9, 0.4, 0.2), Vec3::new(0.5, -0.6, -0.8), Vec3::new(0.1, 0.95, -0.08)];
     for (light, basis) in lights.into_iter().flat_map(|l| [(l, Basis::HalfLife2), (l, Basis::Bent)]) {
         let plain = lit(uniform_leaf(), light);
         let mut factors = plain.clone();
         let mut colours = plain.clone();
         for s in 0..2 {
             let rho = if s == 0 { RHO_T } else { BACK_T };
-            let side = |scene: &mut Scene| if s == 0 { scene.leaves[0].front.clone() } else { scene.leaves[0].back.clone() };
+            let side =
+                |scene: &mut Scene| if s == 0 { scene.leaves[0].front.clone() } else { scene.leaves[0].back.clone() };
             let mut of = [side(&mut factors), side(&mut colours)];
             of[0].translucency = Some(Translucency { basis, ..of_factors(vec![flat(); 64]) });
-            of[1].translucency = Some(Translucency { basis, ..of_colours(rho.map(|r| vec![flat().map(|h| r * h); 64])) });
+            of[1].translucency =
+                Some(Translucency { basis, ..of_colours(rho.map(|r| vec![flat().map(|h| r * h); 64])) });
             let [a, b] = of;
             let put = |leaf: &mut Leaf, side| if s == 0 { leaf.front = side } else { leaf.back = side };
             put(&mut factors.leaves[0], a);
@@ -104,8 +108,15 @@ fn made_up(k: usize) -> [f32; 3] {
 fn maps_are_looked_up_where_the_lit_sides_camera_saw_them_and_light_is_turned_into_its_frame() {
     let Some(mut renderer) = renderer() else { return };
     // From steep to a half and a twentieth of a degree over the blade.
-    let towards =
-        [(0.1, 0.1, 1.0), (0.8, 0.3, 0.7), (-0.5, 0.6, 0.3), (0.1, -0.9, 0.5), (0.8, 0.5, 0.1), (-0.9, 0.4, 9e-3), (0.3, 0.9, 9e-4)];
+    let towards = [
+        (0.1, 0.1, 1.0),
+        (0.8, 0.3, 0.7),
+        (-0.5, 0.6, 0.3),
+        (0.1, -0.9, 0.5),
+        (0.8, 0.5, 0.1),
+        (-0.9, 0.4, 9e-3),
+        (0.3, 0.9, 9e-4),
+    ];
     let cases = towards.into_iter().flat_map(|t| [(t, Basis::HalfLife2), (t, Basis::Bent)]);
     for front_lit in [true, false] {
         for (toward, basis) in cases.clone() {
@@ -134,8 +145,10 @@ fn maps_are_looked_up_where_the_lit_sides_camera_saw_them_and_light_is_turned_in
                 for (column, row) in [(0usize, 0usize), (5, 2), (2, 6), (7, 7)] {
                     let f = factor(made_up(8 * row + column), omega);
                     let per = if colour { tint } else { rho };
-                    // Half floats: each component of the texel's vector, of length √(3/2π)·|h|, is off by 2⁻¹¹ of itself at most.
-                    let length = made_up(8 * row + column).iter().map(|h| f64::from(h * h)).sum::<f64>().sqrt() * (1.5 / PI).sqrt();
+                    // Half floats: each component of the texel's vector, of length √(3/2π)·|h|, is off by 2⁻¹¹ of
+                    // itself at most.
+                    let length = made_up(8 * row + column).iter().map(|h| f64::from(h * h)).sum::<f64>().sqrt()
+                        * (1.5 / PI).sqrt();
                     let seen = picture.radiance(5 * (7 - column as u32) + 2, 5 * row as u32 + 2);
                     for c in 0..3 {
                         let level = f64::from(sun(light).irradiance[c] * per[c]) / PI;
@@ -175,9 +188,10 @@ fn a_leaf_without_maps_has_the_shader_it_had() {
     let three = renderer.operations(&with, 0).expect("a shader");
     assert!(plain < one && one < 2 * plain && plain < three, "{plain} {one} {three}");
     // Bending the light is a dozen operations, once, whatever the maps hold.
-    for (basis_free, coefficients) in
-        [(one, Coefficients::Factor(vec![flat(); 64])), (three, Coefficients::Colour([0, 1, 2].map(|_| vec![flat(); 64])))]
-    {
+    for (basis_free, coefficients) in [
+        (one, Coefficients::Factor(vec![flat(); 64])),
+        (three, Coefficients::Colour([0, 1, 2].map(|_| vec![flat(); 64]))),
+    ] {
         with.leaves[0].back.translucency = Some(Translucency { basis: Basis::Bent, coefficients });
         let bent = renderer.operations(&with, 0).expect("a shader");
         assert!(bent > basis_free && bent <= basis_free + 16, "{bent} {basis_free}");
@@ -200,7 +214,11 @@ fn nothing_of_it_is_uploaded_or_compiled_without_maps_or_without_a_sun() {
     let light = Vec3::new(0.2, 0.1, -1.0);
     draw(&mut renderer, &lit(uniform_leaf(), light), &straight(true));
     assert_eq!(renderer.stats().pipelines, ["main: sun", "tonemap"]);
-    assert!(!renderer.stats().uploaded("translucency") && !renderer.stats().uploaded("tangents"), "{:?}", names(&renderer));
+    assert!(
+        !renderer.stats().uploaded("translucency") && !renderer.stats().uploaded("tangents"),
+        "{:?}",
+        names(&renderer)
+    );
 
     let mut leaf = uniform_leaf();
     leaf.back.translucency = Some(of_factors(vec![flat(); 64]));
@@ -221,7 +239,11 @@ fn nothing_of_it_is_uploaded_or_compiled_without_maps_or_without_a_sun() {
     (overcast.sun, overcast.sky) = (None, Some([0.5; 3]));
     draw(&mut renderer, &overcast, &straight(true));
     assert_eq!(renderer.stats().pipelines, ["main: sky", "tonemap"]);
-    assert!(!renderer.stats().uploaded("translucency") && !renderer.stats().uploaded("tangents"), "{:?}", names(&renderer));
+    assert!(
+        !renderer.stats().uploaded("translucency") && !renderer.stats().uploaded("tangents"),
+        "{:?}",
+        names(&renderer)
+    );
 
     leaf.back.translucency = Some(of_colours([0, 1, 2].map(|_| vec![flat(); 64])));
     // A side that shows nothing by itself still lets light through by such a map.
@@ -243,5 +265,8 @@ fn a_map_of_another_size_or_basis_is_refused() {
     leaf.front.translucency = Some(of_factors(vec![flat(); 64]));
     leaf.back.translucency = Some(Translucency { basis: Basis::Bent, ..of_factors(vec![flat(); 64]) });
     let told = renderer.set_scene(&scene_of(leaf)).expect_err("two bases").to_string();
-    assert!(told.contains("translucency.basis") && told.contains("HalfLife2 on the front and Bent on the back"), "{told}");
+    assert!(
+        told.contains("translucency.basis") && told.contains("HalfLife2 on the front and Bent on the back"),
+        "{told}"
+    );
 }

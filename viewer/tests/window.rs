@@ -67,7 +67,8 @@ impl Editor for Toy {
 
     fn judge(&mut self, picture: &Picture, reference: &ReferencePicture) -> Verdict {
         let worst = picture.ldr.iter().zip(&reference.ldr).map(|(a, b)| a[1].abs_diff(b[1])).max().unwrap_or(0);
-        let measure = Measure { name: "largest error inside leaves".into(), value: f64::from(worst) / 255.0, threshold: 0.02 };
+        let measure =
+            Measure { name: "largest error inside leaves".into(), value: f64::from(worst) / 255.0, threshold: 0.02 };
         Verdict { passed: measure.value <= measure.threshold, measures: vec![measure], note: String::new() }
     }
 
@@ -91,7 +92,11 @@ fn two_leaves() -> (WindowScene, Toy) {
     let mut scene = scene_of(leaf.clone());
     leaf.name = "other".into();
     scene.leaves.push(leaf);
-    scene.instances.push(Instance { leaf: 1, transform: Mat4::from_translation(Vec3::new(24.0, 0.0, 0.0)), ride: None });
+    scene.instances.push(Instance {
+        leaf: 1,
+        transform: Mat4::from_translation(Vec3::new(24.0, 0.0, 0.0)),
+        ride: None,
+    });
     scene.sun = Some(sun(Vec3::new(-0.4, 0.3, 1.0)));
     scene.sky = Some([0.4, 0.5, 0.6]);
     scene.background = [0.02; 3];
@@ -274,7 +279,9 @@ fn a_thicker_leaf_goes_through_the_editor_and_dims() {
     assert!(bench.ui.message().contains("fits/edited"));
     bench.click("reset");
     assert_eq!(bench.ui.edit(0).thickness_mm, 0.2);
-    let (Interior::Scalars(a), Interior::Scalars(b)) = (&fitted, &bench.ui.scene().leaves[0].front.interior) else { panic!() };
+    let (Interior::Scalars(a), Interior::Scalars(b)) = (&fitted, &bench.ui.scene().leaves[0].front.interior) else {
+        panic!()
+    };
     assert!(a == b && bench.brightness() == before, "as fitted, bit for bit");
 }
 
@@ -304,7 +311,8 @@ fn translucency_maps_are_taken_off_and_put_back() {
     bench.click("translucency");
     assert_eq!(bench.ui.scene().leaves[0].back.translucency, None);
     // How much of the picture the leaf takes depends on the window: what changed is what is judged.
-    let brighter = dimmed.iter().zip(bench.pixels()).map(|(a, b)| f64::from(b[1]) - f64::from(a[1])).filter(|d| *d > 2.0);
+    let brighter =
+        dimmed.iter().zip(bench.pixels()).map(|(a, b)| f64::from(b[1]) - f64::from(a[1])).filter(|d| *d > 2.0);
     let (count, sum) = brighter.fold((0, 0.0), |(n, s), d| (n + 1, s + d));
     assert!(count > 300 && sum > 10.0 * f64::from(count), "{count} pixels brighter by {sum}");
     if let Ok(folder) = std::env::var("MESOPHYLL_PICTURES") {
@@ -342,7 +350,8 @@ fn a_refused_edit_is_said_and_undone() {
 #[test]
 fn the_sun_moves_and_shadows_follow() {
     let Some(mut bench) = bench() else { return };
-    let (before, shadows) = (bench.ui.scene().sun.expect("sun").direction, bench.stage.renderer().stats().shadow_renders);
+    let (before, shadows) =
+        (bench.ui.scene().sun.expect("sun").direction, bench.stage.renderer().stats().shadow_renders);
     let slider = bench.ui.landmark_rect("elevation").expect("slider");
     bench.drag(egui::pos2(slider.left() + 80.0, slider.center().y), egui::vec2(-20.0, 0.0));
     let after = bench.ui.scene().sun.expect("sun").direction;
@@ -405,9 +414,14 @@ fn a_check_shows_its_verdict_until_the_scene_changes() {
     let live = bench.pixels();
     bench.click("check");
     bench.frame(vec![]);
-    assert_eq!((bench.asked.borrow().checked, bench.ui.passed()), (1, Some(false)), "black is no reference for a lit leaf");
+    assert_eq!(
+        (bench.asked.borrow().checked, bench.ui.passed()),
+        (1, Some(false)),
+        "black is no reference for a lit leaf"
+    );
     // Nothing of the panel is wider than the panel: what is, would be cut on both sides.
-    let (panel, content) = (bench.ui.landmark_rect("right panel").unwrap(), bench.ui.landmark_rect("right panel's content").unwrap());
+    let (panel, content) =
+        (bench.ui.landmark_rect("right panel").unwrap(), bench.ui.landmark_rect("right panel's content").unwrap());
     assert!(content.width() <= panel.width() + 0.5, "{} in {}", content.width(), panel.width());
     for name in ["check", "live", "side by side", "flipped"] {
         let rect = bench.ui.landmark_rect(name).unwrap();
@@ -487,12 +501,19 @@ fn a_real_window_opens_draws_and_closes() {
 fn child_with_window() {
     let (window, toy) = two_leaves();
     let path = std::env::temp_dir().join(format!("mesophyll-window-{}.png", std::process::id()));
-    let options = WindowOptions { size: [900, 600], frames: Some(3), screenshot: Some(path.clone()), ..Default::default() };
+    let options =
+        WindowOptions { size: [900, 600], frames: Some(3), screenshot: Some(path.clone()), ..Default::default() };
     open_window(window, Box::new(toy), &options).expect("window");
     let shot = image::open(&path).expect("screenshot").to_rgb8();
     std::fs::remove_file(&path).expect("removed");
     let colours: std::collections::HashSet<[u8; 3]> = shot.pixels().map(|p| p.0).collect();
-    assert!(shot.width() >= 600 && colours.len() > 200, "{}x{}, {} colours", shot.width(), shot.height(), colours.len());
+    assert!(
+        shot.width() >= 600 && colours.len() > 200,
+        "{}x{}, {} colours",
+        shot.width(),
+        shot.height(),
+        colours.len()
+    );
 }
 
 #[test]

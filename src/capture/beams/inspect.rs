@@ -1,5 +1,6 @@
-//! A first look at photographs under beams: what is wrong with the files, all of it, and then what they hold: lights, exposure, noise, the outline's
-//! place in the picture, and whether the photographs agree with each other about side and scale. Nothing is fitted.
+//! A first look at photographs under beams: what is wrong with the files, all of it, and then what they hold: lights,
+//! exposure, noise, the outline's place in the picture, and whether the photographs agree with each other about side
+//! and scale. Nothing is fitted.
 
 mod agreement;
 mod photograph;
@@ -32,7 +33,8 @@ pub struct Inspection {
     pub field_mm: Option<[f64; 2]>,
     /// Texels with a reading in some photograph.
     pub leaf_texels: Option<usize>,
-    /// Noise seen over noise stated, at the photographs' medians; an upper bound, for fine texture counts as noise. Absent where either is unknown.
+    /// Noise seen over noise stated, at the photographs' medians; an upper bound, for fine texture counts as noise.
+    /// Absent where either is unknown.
     pub noise_seen_over_stated: Option<f64>,
 }
 
@@ -89,7 +91,8 @@ fn lights(beams: &[Beam], found: &mut Inspection) {
         let number = k + 1;
         if b.elevation_deg < LOW_BEAM {
             found.warnings.push(format!(
-                "beam {number} stands {}° over the blade: the fit spreads its light as that of a beam along the normal; steep beams are better",
+                "beam {number} stands {}° over the blade: the fit spreads its light as that of a beam along the \
+                 normal; steep beams are better",
                 b.elevation_deg
             ));
         }
@@ -98,14 +101,19 @@ fn lights(beams: &[Beam], found: &mut Inspection) {
             if a.file == b.file {
                 found.warnings.push(format!("beams {} and {number} name the same photograph, {}", j + 1, a.file));
             } else if a.lit == b.lit && cosine > 0.99999 {
-                found.warnings.push(format!("beams {} and {number} light the {} from the same direction", j + 1, a.lit.name()));
+                found.warnings.push(format!(
+                    "beams {} and {number} light the {} from the same direction",
+                    j + 1,
+                    a.lit.name()
+                ));
             }
         }
     }
     // Of the light that falls in, less comes through of a slanting beam than of a steep one.
     let share = |p: &Photograph| p.median / p.elevation_deg.to_radians().sin();
     for side in [SideName::Front, SideName::Back] {
-        let mut lit: Vec<&Photograph> = found.photographs.iter().filter(|p| p.lit == side.name() && p.median > 0.0).collect();
+        let mut lit: Vec<&Photograph> =
+            found.photographs.iter().filter(|p| p.lit == side.name() && p.median > 0.0).collect();
         lit.sort_by(|a, b| b.elevation_deg.total_cmp(&a.elevation_deg));
         let Some((steepest, others)) = lit.split_first() else {
             found.notes.push(format!("no beam lights the {}: it is not measured from there", side.name()));
@@ -113,7 +121,8 @@ fn lights(beams: &[Beam], found: &mut Inspection) {
         };
         for p in others.iter().filter(|p| share(p) > 1.1 * share(steepest)) {
             found.warnings.push(format!(
-                "of the light of beam {} {:.2} times as much comes through as of the steeper beam {}, expected less: the unit is a white sheet that faces \
+                "of the light of beam {} {:.2} times as much comes through as of the steeper beam {}, expected less: \
+                 the unit is a white sheet that faces \
                 the beam, not one that lies level; or the blade leans towards it",
                 p.beam,
                 share(p) / share(steepest),
@@ -134,10 +143,13 @@ fn noise(m: &Manifest, found: &mut Inspection) {
         return found.notes.push("the noise is not stated: the fit estimates it".into());
     };
     if relative == 0.0 && floor == 0.0 {
-        return found.notes.push("the noise is stated as 0: readings are taken as exact, and errors come from the residuals".into());
+        return found
+            .notes
+            .push("the noise is stated as 0: readings are taken as exact, and errors come from the residuals".into());
     }
     let channels = found.photographs.iter().flat_map(|p| p.noise.iter().zip(p.colour));
-    let mut each: Vec<f64> = channels.filter_map(|(sd, level)| Some((*sd)? / (relative * level).hypot(floor))).collect();
+    let mut each: Vec<f64> =
+        channels.filter_map(|(sd, level)| Some((*sd)? / (relative * level).hypot(floor))).collect();
     if each.is_empty() {
         return;
     }
@@ -145,9 +157,9 @@ fn noise(m: &Manifest, found: &mut Inspection) {
     found.noise_seen_over_stated = Some(ratio);
     // An upper bound: only too little can be told from it.
     if ratio < 0.67 {
-        found
-            .warnings
-            .push(format!("the noise seen is {ratio:.2} times the stated one at most: errors will be called larger than they are"));
+        found.warnings.push(format!(
+            "the noise seen is {ratio:.2} times the stated one at most: errors will be called larger than they are"
+        ));
     }
 }
 
@@ -163,13 +175,15 @@ fn consequences(folder: &Path, m: &Manifest, leaf: &[bool], found: &mut Inspecti
     let beyond: Vec<&str> = borders.iter().filter(|(_, on)| *on).map(|(name, _)| *name).collect();
     if !beyond.is_empty() {
         found.notes.push(format!(
-            "the leaf goes on beyond the picture ({}, as the front is seen): readings nearer than six thicknesses to that border do not count",
+            "the leaf goes on beyond the picture ({}, as the front is seen): readings nearer than six thicknesses to \
+             that border do not count",
             beyond.join(", ")
         ));
     }
     if m.texel_mm >= COARSE {
         found.warnings.push(format!(
-            "texel_mm is {}: light spreads sideways by about a leaf's thickness, which such texels do not resolve; a fit then finds products of \
+            "texel_mm is {}: light spreads sideways by about a leaf's thickness, which such texels do not resolve; a \
+             fit then finds products of \
             absorption, scattering and thickness only",
             m.texel_mm
         ));

@@ -56,7 +56,8 @@ impl Manifest {
     /// Reads and validates `CAPTURE/capture.toml`.
     ///
     /// # Errors
-    /// [`Error::Input`] naming the file, the field, what was found and what was expected; also for a capture of another kind.
+    /// [`Error::Input`] naming the file, the field, what was found and what was expected; also for a capture of another
+    /// kind.
     pub fn read(folder: &Path) -> Result<Manifest> {
         let path = folder.join("capture.toml");
         let text = std::fs::read_to_string(&path).map_err(|e| Error::input(&path, explain(&e)))?;
@@ -64,7 +65,11 @@ impl Manifest {
             && table.get("kind").and_then(toml::Value::as_str) != Some(KIND)
         {
             let found = table.get("kind").map_or("missing".into(), |kind| format!("found {kind}"));
-            return Err(Error::field(&path, "kind", format!("{found}, expected \"{KIND}\" (photographs of the light that comes through)")));
+            return Err(Error::field(
+                &path,
+                "kind",
+                format!("{found}, expected \"{KIND}\" (photographs of the light that comes through)"),
+            ));
         }
         let manifest: Manifest = toml::from_str(&text).map_err(|e| Error::toml(&path, &text, &e))?;
         manifest.validate(&path)?;
@@ -73,7 +78,8 @@ impl Manifest {
 
     fn validate(&self, path: &Path) -> Result<()> {
         let fields = Fields { path };
-        let bad = |field: &str, found: &dyn std::fmt::Display, expected: &str| Err(fields.wrong(field, found, expected));
+        let bad =
+            |field: &str, found: &dyn std::fmt::Display, expected: &str| Err(fields.wrong(field, found, expected));
         fields.photographs(self.schema, self.width, self.height, 3..=16_384)?;
         fields.positive_mm([("texel_mm", self.texel_mm)])?;
         fields.not_negative([("noise_relative", self.noise_relative), ("noise_floor", self.noise_floor)])?;
@@ -82,11 +88,17 @@ impl Manifest {
         }
         for (k, beam) in self.beams.iter().enumerate() {
             let field = |name: &str| format!("beam {}: {name}", k + 1);
-            if beam.file.is_empty() || Path::new(&beam.file).components().any(|c| !matches!(c, std::path::Component::Normal(_))) {
+            if beam.file.is_empty()
+                || Path::new(&beam.file).components().any(|c| !matches!(c, std::path::Component::Normal(_)))
+            {
                 return bad(&field("file"), &format!("{:?}", beam.file), "a path inside the capture");
             }
             if !(beam.elevation_deg > 0.0 && beam.elevation_deg <= 90.0) {
-                return bad(&field("elevation_deg"), &beam.elevation_deg, "above 0 (the blade's plane) to 90 (along its normal)");
+                return bad(
+                    &field("elevation_deg"),
+                    &beam.elevation_deg,
+                    "above 0 (the blade's plane) to 90 (along its normal)",
+                );
             }
             if !(-360.0..=360.0).contains(&beam.azimuth_deg) {
                 return bad(&field("azimuth_deg"), &beam.azimuth_deg, "-360 to 360");

@@ -18,7 +18,8 @@ pub struct Capture {
 
 impl Capture {
     /// # Errors
-    /// [`Error::Input`] naming the first file that is missing, of another size, without a channel, or without a reading.
+    /// [`Error::Input`] naming the first file that is missing, of another size, without a channel, or without a
+    /// reading.
     pub fn open(folder: &Path) -> Result<Capture> {
         let manifest = Manifest::read(folder)?;
         let photographs = manifest.beams.iter().map(|b| photograph(folder, &manifest, b)).collect::<Result<_>>()?;
@@ -30,7 +31,8 @@ impl Capture {
     /// # Errors
     /// A file that cannot be read.
     pub fn hash(&self) -> Result<String> {
-        let names: Vec<&str> = std::iter::once("capture.toml").chain(self.manifest.beams.iter().map(|b| b.file.as_str())).collect();
+        let names: Vec<&str> =
+            std::iter::once("capture.toml").chain(self.manifest.beams.iter().map(|b| b.file.as_str())).collect();
         let hashes: Vec<String> = names.iter().map(|n| hash::file(&self.folder.join(n))).collect::<Result<_>>()?;
         Ok(hash::combine(names.into_iter().zip(hashes.iter().map(String::as_str))))
     }
@@ -45,7 +47,10 @@ pub fn photograph(folder: &Path, manifest: &Manifest, beam: &Beam) -> Result<[Ve
     let info = exr_info(&path)?;
     let (w, h) = (manifest.width, manifest.height);
     if (info.width, info.height) != (w, h) {
-        return Err(Error::input(&path, format!("found {}x{} texels, expected {w}x{h} as capture.toml says", info.width, info.height)));
+        return Err(Error::input(
+            &path,
+            format!("found {}x{} texels, expected {w}x{h} as capture.toml says", info.width, info.height),
+        ));
     }
     let maps = read_exr_rows(&path, Some(&RGB), None)?;
     let mut channels: [Vec<f64>; 3] = Default::default();

@@ -1,9 +1,10 @@
 //! Synthesis of photographs under beams from a leaf specification. Lengths in mm.
 //!
-//! The leaf's maps are those of the other captures (its normals, its thickness, its σ). A beam's irradiance with self-shadowing enters, spreads in the
-//! thin form with the transport equation's totals for a beam of that incidence, and leaves: 20 thickness levels and kernels to 1e-9, more than a fit uses; σa that
-//! varies over the leaf (pigment leaves) by levels in ln σa, as thickness is. Index-matched: all light enters, what comes through leaves.
-//! For a patch the leaf is grown wider than the picture, so that light comes in over its border.
+//! The leaf's maps are those of the other captures (its normals, its thickness, its σ). A beam's irradiance with
+//! self-shadowing enters, spreads in the thin form with the transport equation's totals for a beam of that incidence,
+//! and leaves: 20 thickness levels and kernels to 1e-9, more than a fit uses; σa that varies over the leaf (pigment
+//! leaves) by levels in ln σa, as thickness is. Index-matched: all light enters, what comes through leaves. For a patch
+//! the leaf is grown wider than the picture, so that light comes in over its border.
 
 use super::manifest::{Beam, KIND, Manifest};
 use crate::manifest::SideName;
@@ -59,7 +60,11 @@ pub fn usual_beams() -> Vec<Beam> {
         (SideName::Front, 50.0, 260.0),
         (SideName::Back, 90.0, 0.0),
     ];
-    named(beams.map(|(lit, elevation_deg, azimuth_deg)| Beam { file: String::new(), lit, elevation_deg, azimuth_deg }).to_vec())
+    named(
+        beams
+            .map(|(lit, elevation_deg, azimuth_deg)| Beam { file: String::new(), lit, elevation_deg, azimuth_deg })
+            .to_vec(),
+    )
 }
 
 /// Gives beams their files, as `photographs/01_front_90_0.exr`.
@@ -96,7 +101,11 @@ impl Grown {
     /// The picture's part of a map.
     pub fn crop<T: Clone>(&self, map: &[T]) -> Vec<T> {
         let (wide, a) = (self.leaf.width, self.around);
-        map.chunks(wide).skip(a).take(self.leaf.height - 2 * a).flat_map(|row| row[a..wide - a].iter().cloned()).collect()
+        map.chunks(wide)
+            .skip(a)
+            .take(self.leaf.height - 2 * a)
+            .flat_map(|row| row[a..wide - a].iter().cloned())
+            .collect()
     }
 
     /// Exact values of a photograph, in the lit side's columns, a channel each.
@@ -111,7 +120,8 @@ impl Grown {
         let normal: Vec<[f64; 3]> =
             side.normal.iter().zip(&mask).map(|(n, m)| if *m { n.map(f64::from) } else { [0.0, 0.0, 1.0] }).collect();
         let height = relief::integrate(&normal, &mask, w, h, leaf.texel_mm).height;
-        let thickness: Vec<f64> = side.thickness.iter().zip(&mask).map(|(d, m)| if *m { f64::from(*d) } else { 0.0 }).collect();
+        let thickness: Vec<f64> =
+            side.thickness.iter().zip(&mask).map(|(d, m)| if *m { f64::from(*d) } else { 0.0 }).collect();
         // A slope has more area than its texel: it catches n·ω/n_z.
         let entry = normal.iter().map(|n| (1.0 / n[2]).min(STEEPEST)).collect();
         let surface = Surface { height, normal, entry };
@@ -129,7 +139,15 @@ impl Grown {
         for (c, out) in out.iter_mut().enumerate() {
             let sigma_a: Vec<f64> = side.sigma_a.iter().map(|s| f64::from(s[c])).collect();
             let reduced = side.sigma_s.iter().zip(&mask).find(|(_, m)| **m).map_or(0.0, |(s, _)| f64::from(s[c]));
-            *out = self.crop(&through(&light, &thickness, &sigma_a, reduced, beam.direction()[2].min(1.0), w, leaf.texel_mm)?);
+            *out = self.crop(&through(
+                &light,
+                &thickness,
+                &sigma_a,
+                reduced,
+                beam.direction()[2].min(1.0),
+                w,
+                leaf.texel_mm,
+            )?);
         }
         Ok(out)
     }
@@ -165,20 +183,31 @@ fn slants(tissue: &Tissue, range: [f64; 2], mu: f64) -> impl Fn(f64) -> f64 + us
         let first = (at as usize).saturating_sub(1).min(POINTS - 4);
         let u = at - first as f64;
         let [a, b, c, d] = [0, 1, 2, 3].map(|k| values[first + k]);
-        -a * (u - 1.0) * (u - 2.0) * (u - 3.0) / 6.0 + b * u * (u - 2.0) * (u - 3.0) / 2.0 - c * u * (u - 1.0) * (u - 3.0) / 2.0
+        -a * (u - 1.0) * (u - 2.0) * (u - 3.0) / 6.0 + b * u * (u - 2.0) * (u - 3.0) / 2.0
+            - c * u * (u - 1.0) * (u - 3.0) / 2.0
             + d * u * (u - 1.0) * (u - 2.0) / 6.0
     }
 }
 
 /// The light that comes through where σa varies: sources split by levels of ln σa.
-fn through(light: &[f64], thickness: &[f64], sigma_a: &[f64], reduced: f64, mu: f64, width: usize, texel_mm: f64) -> Result<Vec<f64>> {
+fn through(
+    light: &[f64],
+    thickness: &[f64],
+    sigma_a: &[f64],
+    reduced: f64,
+    mu: f64,
+    width: usize,
+    texel_mm: f64,
+) -> Result<Vec<f64>> {
     let on = || sigma_a.iter().zip(thickness).filter(|(_, d)| **d > 0.0).map(|(s, _)| *s);
     let [low, high] = on().fold([f64::INFINITY, 0.0], |[a, b]: [f64; 2], s| [a.min(s), b.max(s)]);
     let varies = low > 0.0 && high > low * (1.0 + 1e-9);
     let angle = |k: usize| std::f64::consts::PI * (k as f64 + 0.5) / PIGMENTS as f64;
     let (middle, half) = (0.5 * (low.ln() + high.ln()), 0.5 * (high.ln() - low.ln()));
-    let nodes: Vec<f64> = if varies { (0..PIGMENTS).map(|k| (middle + half * angle(k).cos()).exp()).collect() } else { vec![high] };
-    let thick = thickness.iter().filter(|d| **d > 0.0).fold([f64::INFINITY, 0.0], |[a, b]: [f64; 2], d| [a.min(*d), b.max(*d)]);
+    let nodes: Vec<f64> =
+        if varies { (0..PIGMENTS).map(|k| (middle + half * angle(k).cos()).exp()).collect() } else { vec![high] };
+    let thick =
+        thickness.iter().filter(|d| **d > 0.0).fold([f64::INFINITY, 0.0], |[a, b]: [f64; 2], d| [a.min(*d), b.max(*d)]);
     let mut sum = vec![0.0; light.len()];
     if !(reduced > 0.0 || high > 0.0) || thick[1] == 0.0 {
         return Ok(sum);
@@ -191,7 +220,9 @@ fn through(light: &[f64], thickness: &[f64], sigma_a: &[f64], reduced: f64, mu: 
         };
         let tissue = Tissue { sigma_a: node, sigma_s: reduced, g: 0.0, a: 1.0 };
         let slant = slants(&tissue, thick, mu);
-        let lit = |k: usize| if light[k] > 0.0 && thickness[k] > 0.0 { light[k] * weight(sigma_a[k]) * slant(thickness[k]) } else { 0.0 };
+        let lit = |k: usize| {
+            if light[k] > 0.0 && thickness[k] > 0.0 { light[k] * weight(sigma_a[k]) * slant(thickness[k]) } else { 0.0 }
+        };
         let part: Vec<f64> = (0..light.len()).map(lit).collect();
         let levels = Levels { count: LEVELS, kind: LevelKind::Chebyshev };
         let settings = Settings { levels, totals: Totals::Transport, tail: 1e-9, ..Settings::new(tissue, texel_mm) };
@@ -216,7 +247,9 @@ pub fn capture(spec: &Spec, grown: &Grown, options: &Options, folder: &Path) -> 
             let mut stream = Stream::new(options.seed, &[31, k as u64, c as u64]);
             if options.noise > 0.0 {
                 for pair in channel.chunks_mut(2) {
-                    pair.iter_mut().zip(stream.normal_pair()).for_each(|(v, n)| *v += n * (options.noise * *v).hypot(floor));
+                    pair.iter_mut()
+                        .zip(stream.normal_pair())
+                        .for_each(|(v, n)| *v += n * (options.noise * *v).hypot(floor));
                 }
             }
         }
@@ -224,7 +257,8 @@ pub fn capture(spec: &Spec, grown: &Grown, options: &Options, folder: &Path) -> 
         let mask = grown.crop(&grown.leaf.mask_of(beam.lit == SideName::Back));
         let mut maps = Maps::new(w, h);
         for (channel, name) in shown.iter().zip(crate::reader::RGB) {
-            let seen: Vec<f32> = channel.iter().zip(&mask).map(|(v, m)| if *m { *v as f32 } else { f32::NAN }).collect();
+            let seen: Vec<f32> =
+                channel.iter().zip(&mask).map(|(v, m)| if *m { *v as f32 } else { f32::NAN }).collect();
             maps.push(name, blade::mirror(&seen, w));
         }
         write_exr(&folder.join(&beam.file), &maps, Packing::Raw)?;

@@ -1,10 +1,11 @@
 //! Two height scans become one thickness. Lengths in mm, widths of smoothing in texels.
 //!
-//! With heights towards each camera, front + back (mirrored) = thickness + a plane: each scan has a zero and a lean of its own. The
-//! lean is that of the lamina (a robust plane through the sum: veins stand out of it and are weighed down), so **a thickness that grows
-//! evenly over the whole leaf cannot be seen and is taken off with it**. The zero follows from the thickest place, measured by caliper
-//! (Habel 2009, §3.3.2), whose contact the scans are averaged over as the tissue is under it. The highest of many noisy values is too high: the noise that is left is doubled twice by adding more of it,
-//! and from what that raises the highest value by follows what the map's own noise did.
+//! With heights towards each camera, front + back (mirrored) = thickness + a plane: each scan has a zero and a lean of
+//! its own. The lean is that of the lamina (a robust plane through the sum: veins stand out of it and are weighed
+//! down), so **a thickness that grows evenly over the whole leaf cannot be seen and is taken off with it**. The zero
+//! follows from the thickest place, measured by caliper (Habel 2009, §3.3.2), whose contact the scans are averaged over
+//! as the tissue is under it. The highest of many noisy values is too high: the noise that is left is doubled twice by
+//! adding more of it, and from what that raises the highest value by follows what the map's own noise did.
 
 use super::noise::{deviation, median};
 use super::smooth::{Kernel, pass, smooth};
@@ -26,7 +27,8 @@ pub struct Alignment {
     pub shift_err_mm: [f64; 2],
     /// What was added to the sum of both scans, at the image's centre (mm).
     pub offset_mm: f64,
-    /// Standard error of the zero of the thickness: the caliper's, the noise's, and that of a trend between thickest place and middle.
+    /// Standard error of the zero of the thickness: the caliper's, the noise's, and that of a trend between thickest
+    /// place and middle.
     pub offset_err_mm: f64,
     /// The last of these alone.
     pub trend_err_mm: f64,
@@ -41,7 +43,8 @@ pub struct Alignment {
     /// Noise left of the thickness (mm) and of a slope of front and back.
     pub thickness_noise_mm: f64,
     pub slope_noise: [f64; 2],
-    /// The same together with the detail that smoothing blunted, root mean squares; what the scanner's own filter blunted is not in them.
+    /// The same together with the detail that smoothing blunted, root mean squares; what the scanner's own filter
+    /// blunted is not in them.
     pub thickness_error_mm: f64,
     pub slope_error: [f64; 2],
     /// How far the thickness reaches above and below its median (mm).
@@ -69,8 +72,8 @@ fn place(k: usize, width: usize, height: usize) -> [f64; 2] {
     [(k % width) as f64 + 0.5 - 0.5 * width as f64, 0.5 * height as f64 - 0.5 - (k / width) as f64]
 }
 
-/// The plane through `values` where they are numbers on `mask`: least squares, then Tukey's biweight. `None` with fewer than 16 such
-/// texels, or where they lie on one line.
+/// The plane through `values` where they are numbers on `mask`: least squares, then Tukey's biweight. `None` with fewer
+/// than 16 such texels, or where they lie on one line.
 pub fn plane(values: &[f64], mask: &[bool], width: usize) -> Option<Plane> {
     let height = values.len() / width;
     let at: Vec<usize> = (0..values.len()).filter(|&k| mask[k] && values[k].is_finite()).collect();
@@ -95,7 +98,9 @@ pub fn plane(values: &[f64], mask: &[bool], width: usize) -> Option<Plane> {
         let before = found;
         found = Plane([solved[0], solved[1], solved[2]]);
         let rest: Vec<f64> = at.iter().map(|&k| values[k] - found.at(k, width, height)).collect();
-        let moved = (0..3).map(|c| (found.0[c] - before.0[c]).abs() * if c == 0 { 1.0 } else { width as f64 }).fold(0.0, f64::max);
+        let moved = (0..3)
+            .map(|c| (found.0[c] - before.0[c]).abs() * if c == 0 { 1.0 } else { width as f64 })
+            .fold(0.0, f64::max);
         match biweight(&rest) {
             Some((scale, next)) if moved > 1e-9 * scale => weight = next,
             _ => break,
@@ -115,15 +120,17 @@ fn biweight(rest: &[f64]) -> Option<(f64, Vec<f64>)> {
     (scale > 0.0).then(|| (scale, rest.iter().map(weight).collect()))
 }
 
-/// What a trend of the thickness, which no plane can be told from, may amount to at texel `at` relative to the leaf's middle (mm, standard
-/// error). Of a slow variation whose waves are the higher the longer they are, a lean is half a wave and a bend a whole one: a lean is taken
-/// to be twice as large as the bends of second order that `rest` (values less their plane) shows.
+/// What a trend of the thickness, which no plane can be told from, may amount to at texel `at` relative to the leaf's
+/// middle (mm, standard error). Of a slow variation whose waves are the higher the longer they are, a lean is half a
+/// wave and a bend a whole one: a lean is taken to be twice as large as the bends of second order that `rest` (values
+/// less their plane) shows.
 pub fn trend_err(rest: &[f64], mask: &[bool], width: usize, at: usize) -> f64 {
     let height = rest.len() / width;
     let on: Vec<usize> = (0..rest.len()).filter(|&k| mask[k] && rest[k].is_finite()).collect();
     let n = on.len().max(1) as f64;
     let centre = [0, 1].map(|c: usize| on.iter().map(|&k| place(k, width, height)[c]).sum::<f64>() / n);
-    let spread = [0, 1].map(|c: usize| (on.iter().map(|&k| (place(k, width, height)[c] - centre[c]).powi(2)).sum::<f64>() / n).sqrt());
+    let spread = [0, 1]
+        .map(|c: usize| (on.iter().map(|&k| (place(k, width, height)[c] - centre[c]).powi(2)).sum::<f64>() / n).sqrt());
     let unit = |k: usize| {
         let p = place(k, width, height);
         [0, 1].map(|c: usize| (p[c] - centre[c]) / spread[c].max(1e-9))
@@ -146,8 +153,9 @@ pub fn trend_err(rest: &[f64], mask: &[bool], width: usize, at: usize) -> f64 {
     2.0 * bent / 3f64.sqrt() * u.hypot(v)
 }
 
-/// How far the back's scan lies beside the front's (mm along x and y of the front), and its standard error by the jackknife: a shift s adds s·∇z to the sum of the scans, with z
-/// the blade's relief, here the front's, smoothed by a texel and a half. `rest` is the sum less its plane; a lean in both is left out.
+/// How far the back's scan lies beside the front's (mm along x and y of the front), and its standard error by the
+/// jackknife: a shift s adds s·∇z to the sum of the scans, with z the blade's relief, here the front's, smoothed by a
+/// texel and a half. `rest` is the sum less its plane; a lean in both is left out.
 pub fn shift(rest: &[f64], front: &[f64], mask: &[bool], width: usize, texel_mm: f64) -> ([f64; 2], [f64; 2]) {
     let height = rest.len() / width;
     let weight: Vec<f64> = (0..rest.len()).map(|k| f64::from(u8::from(mask[k] && front[k].is_finite()))).collect();
@@ -157,7 +165,8 @@ pub fn shift(rest: &[f64], front: &[f64], mask: &[bool], width: usize, texel_mm:
     let on: Vec<usize> = (0..rest.len()).filter(|&k| weight[k] > 0.0 && rest[k].is_finite() && near(k)).collect();
     let values: Vec<f64> = on.iter().map(|&k| rest[k]).collect();
     let Some((_, tukey)) = biweight(&values) else { return ([0.0; 2], [0.0; 2]) };
-    // Sums a block of the picture, so that leaving blocks out tells the error: relief and thickness are related here and there.
+    // Sums a block of the picture, so that leaving blocks out tells the error: relief and thickness are related here
+    // and there.
     const BLOCKS: usize = 4;
     let mut sums = vec![(nalgebra::Matrix5::<f64>::zeros(), nalgebra::Vector5::<f64>::zeros()); BLOCKS * BLOCKS];
     for ((&k, w), r) in on.iter().zip(&tukey).zip(&values) {
@@ -170,8 +179,12 @@ pub fn shift(rest: &[f64], front: &[f64], mask: &[bool], width: usize, texel_mm:
     }
     let solve = |without: Option<usize>| {
         let kept = sums.iter().enumerate().filter(|(b, _)| Some(*b) != without);
-        let (normal, right) = kept.fold((nalgebra::Matrix5::zeros(), nalgebra::Vector5::zeros()), |(n, r), (_, s)| (n + s.0, r + s.1));
-        normal.cholesky().map(|c: nalgebra::Cholesky<f64, nalgebra::U5>| c.solve(&right)).map(|v: nalgebra::Vector5<f64>| [v[3], v[4]])
+        let (normal, right) =
+            kept.fold((nalgebra::Matrix5::zeros(), nalgebra::Vector5::zeros()), |(n, r), (_, s)| (n + s.0, r + s.1));
+        normal
+            .cholesky()
+            .map(|c: nalgebra::Cholesky<f64, nalgebra::U5>| c.solve(&right))
+            .map(|v: nalgebra::Vector5<f64>| [v[3], v[4]])
     };
     let Some(found) = solve(None) else { return ([0.0; 2], [0.0; 2]) };
     let others: Vec<[f64; 2]> = (0..sums.len()).filter_map(|b| solve(Some(b))).collect();
@@ -188,7 +201,8 @@ pub fn height_noise(sum: &[f64], mask: &[bool], width: usize, filter: &Kernel) -
     deviation(sum, mask, width).map(|(sd, _)| sd / filter.laplacian_noise() / 2f64.sqrt())
 }
 
-/// A smoothing and what it does: width (texels), noise left, and the root mean square of noise left and detail lost together.
+/// A smoothing and what it does: width (texels), noise left, and the root mean square of noise left and detail lost
+/// together.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Width {
     pub texels: f64,
@@ -205,18 +219,30 @@ pub enum Wanted {
     Slopes,
 }
 
-/// The smoothing with the least mean square error of `values` (NaN where there is none), which carry noise of deviation `noise` that was
-/// smoothed by `filter`. The error is estimated from the map itself (Stein 1981: mean (Kx − x)² + 2 cov(Kx, x) − var x), relative to
-/// the map as delivered. `only`: this width.
-pub fn best_width(values: &[f64], width: usize, filter: &Kernel, noise: f64, wanted: Wanted, only: Option<f64>) -> Width {
+/// The smoothing with the least mean square error of `values` (NaN where there is none), which carry noise of deviation
+/// `noise` that was smoothed by `filter`. The error is estimated from the map itself (Stein 1981: mean (Kx − x)² + 2
+/// cov(Kx, x) − var x), relative to the map as delivered. `only`: this width.
+pub fn best_width(
+    values: &[f64],
+    width: usize,
+    filter: &Kernel,
+    noise: f64,
+    wanted: Wanted,
+    only: Option<f64>,
+) -> Width {
     let weight: Vec<f64> = values.iter().map(|v| f64::from(u8::from(v.is_finite()))).collect();
     let slopes = |map: &[f64]| -> Vec<f64> {
         match wanted {
             Wanted::Values => map.to_vec(),
             Wanted::Slopes => (0..map.len())
                 .flat_map(|k| {
-                    let across = if k % width > 0 && k % width + 1 < width { 0.5 * (map[k + 1] - map[k - 1]) } else { f64::NAN };
-                    let down = if k >= width && k + width < map.len() { 0.5 * (map[k + width] - map[k - width]) } else { f64::NAN };
+                    let across =
+                        if k % width > 0 && k % width + 1 < width { 0.5 * (map[k + 1] - map[k - 1]) } else { f64::NAN };
+                    let down = if k >= width && k + width < map.len() {
+                        0.5 * (map[k + width] - map[k - width])
+                    } else {
+                        f64::NAN
+                    };
                     [across, down]
                 })
                 .collect(),
@@ -245,7 +271,11 @@ pub fn best_width(values: &[f64], width: usize, filter: &Kernel, noise: f64, wan
     match only {
         Some(texels) => try_width(texels),
         None if noise <= 0.0 => try_width(0.0),
-        None => WIDTHS.into_iter().map(try_width).min_by(|a, b| a.error.total_cmp(&b.error)).unwrap_or_else(|| try_width(0.0)),
+        None => WIDTHS
+            .into_iter()
+            .map(try_width)
+            .min_by(|a, b| a.error.total_cmp(&b.error))
+            .unwrap_or_else(|| try_width(0.0)),
     }
 }
 
@@ -259,8 +289,9 @@ pub struct Top {
     pub error: f64,
 }
 
-/// The thickest place as a gauge meets it, without the noise's part. `values` are sums of two scans (NaN off the leaf) smoothed by `filter`
-/// before delivery, `noise` that of a sum as delivered (mm), `contact` the standard deviation of the gauge's contact (texels).
+/// The thickest place as a gauge meets it, without the noise's part. `values` are sums of two scans (NaN off the leaf)
+/// smoothed by `filter` before delivery, `noise` that of a sum as delivered (mm), `contact` the standard deviation of
+/// the gauge's contact (texels).
 pub fn highest(values: &[f64], width: usize, filter: &Kernel, contact: f64, noise: f64) -> Top {
     let weight: Vec<f64> = values.iter().map(|v| f64::from(u8::from(v.is_finite()))).collect();
     // What the scan's filter did need not be done again.
@@ -287,8 +318,8 @@ pub fn highest(values: &[f64], width: usize, filter: &Kernel, contact: f64, nois
         };
         (0..TRIALS).map(trial).sum::<f64>() / TRIALS as f64
     };
-    // The rise goes with a power p of the noise: 1 where many places are equally thick, 2 and more round a single one. Doubled twice, the
-    // rises stand as 2^p, and what the map's own noise did is the first of them over 2^p − 1.
+    // The rise goes with a power p of the noise: 1 where many places are equally thick, 2 and more round a single one.
+    // Doubled twice, the rises stand as 2^p, and what the map's own noise did is the first of them over 2^p − 1.
     let (double, fourfold) = (with(2.0), with(4.0));
     let (rise, more_rise) = ((double - first).max(0.0), (fourfold - double).max(0.0));
     let ratio = if rise > 0.0 { (more_rise / rise).clamp(2.0, 8.0) } else { 8.0 };
@@ -326,7 +357,10 @@ mod tests {
         let found = plane(&values, &vec![true; w * h], w).unwrap();
         // σ_b = σ/(√n · w/√12) = 1.6e-6 per texel for the noise alone.
         assert!((found.lean()[0] - 2e-4).abs() < 1e-5 && (found.lean()[1] + 5e-4).abs() < 1e-5, "{found:?}");
-        assert!(plane(&values, &(0..w * h).map(|k| k < w).collect::<Vec<_>>(), w).is_none(), "one row says nothing of the other direction");
+        assert!(
+            plane(&values, &(0..w * h).map(|k| k < w).collect::<Vec<_>>(), w).is_none(),
+            "one row says nothing of the other direction"
+        );
     }
 
     #[test]
@@ -335,8 +369,8 @@ mod tests {
         let filter = Kernel::gaussian(0.5);
         let contact = 1.5;
         let clean = pass(&ridge(w, h), w, &filter);
-        // A ridge exp(−y²/36) has the variance 18; the contact flattens it to √(18/(18 + 2.25)) (away from the image's upper and lower
-        // edge, where nothing is).
+        // A ridge exp(−y²/36) has the variance 18; the contact flattens it to √(18/(18 + 2.25)) (away from the image's
+        // upper and lower edge, where nothing is).
         let truth = 0.2 + 0.15 * (18f64 / (18.0 + contact * contact)).sqrt();
         let inside = |v: Vec<f64>| {
             v.into_iter()
@@ -362,13 +396,15 @@ mod tests {
         assert!(misses.iter().all(|m| m.abs() < 3.0) && mean.abs() < 1.3, "{misses:?}");
     }
 
-    /// The error that the map itself tells, against the error to the map without noise; and the width chosen is nearly the best there is.
+    /// The error that the map itself tells, against the error to the map without noise; and the width chosen is nearly
+    /// the best there is.
     #[test]
     fn smoothing_is_as_wide_as_serves_and_its_error_is_known() {
         let (w, h) = (160, 120);
         let filter = Kernel::gaussian(0.5);
         // Veins of a few texels' width on a lamina.
-        let clean: Vec<f64> = (0..w * h).map(|k| 0.2 + 0.06 * (-(((k % w) % 20) as f64 - 10.0).powi(2) / 5.0).exp()).collect();
+        let clean: Vec<f64> =
+            (0..w * h).map(|k| 0.2 + 0.06 * (-(((k % w) % 20) as f64 - 10.0).powi(2) / 5.0).exp()).collect();
         let clean = pass(&clean, w, &filter);
         let sd = 0.014;
         let noise = pass(&drawn(w * h, 77), w, &filter);

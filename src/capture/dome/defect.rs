@@ -1,4 +1,5 @@
-//! What can be wrong with a texel, by name. A status of 1 is a good texel, 0 lies off the leaf, and these codes say what is wrong.
+//! What can be wrong with a texel, by name. A status of 1 is a good texel, 0 lies off the leaf, and these codes say
+//! what is wrong.
 
 use serde::Serialize;
 
@@ -23,7 +24,8 @@ pub const OUTSIDE: i16 = 0;
 pub const GOOD: i16 = 1;
 
 impl Defect {
-    pub const ALL: [Defect; 6] = [Defect::NoReading, Defect::Saturated, Defect::Hole, Defect::Thickness, Defect::Energy, Defect::Dark];
+    pub const ALL: [Defect; 6] =
+        [Defect::NoReading, Defect::Saturated, Defect::Hole, Defect::Thickness, Defect::Energy, Defect::Dark];
 
     pub fn code(self) -> i16 {
         -1 - self as i16

@@ -1,10 +1,11 @@
 //! Taking the mirrored dome off a photograph under it. Shares of the dome's light, 0 … 1.
 //!
-//! Under an even dome a surface shows no spots: its highlight is a veil, white and nearly the same everywhere, of about the Fresnel
-//! reflectance along the normal, ((n − 1)/(n + 1))², whatever the roughness. One photograph cannot tell it from a paler leaf. So it is
-//! taken from a stated refractive index; without one only a range is known: effective indices of leaves run from 1.2 to 1.7
-//! (Bousquet et al. 2005, quoted by Habel 2009, §3.3.3), and no more can be mirrored than the darkest texel shows in its darkest
-//! channel. Half the range is taken off then and the rest stands in the errors.
+//! Under an even dome a surface shows no spots: its highlight is a veil, white and nearly the same everywhere, of about
+//! the Fresnel reflectance along the normal, ((n − 1)/(n + 1))², whatever the roughness. One photograph cannot tell it
+//! from a paler leaf. So it is taken from a stated refractive index; without one only a range is known: effective
+//! indices of leaves run from 1.2 to 1.7 (Bousquet et al. 2005, quoted by Habel 2009, §3.3.3), and no more can be
+//! mirrored than the darkest texel shows in its darkest channel. Half the range is taken off then and the rest stands
+//! in the errors.
 
 use super::noise::quantile;
 use serde::Serialize;

@@ -1,5 +1,5 @@
-//! A first look at a capture under a dome: what is wrong with its files, all of it, and then what the reduction makes of it: coverage,
-//! exposure, noise, how the two scans lie to each other, and whether the texels are fine enough.
+//! A first look at a capture under a dome: what is wrong with its files, all of it, and then what the reduction makes
+//! of it: coverage, exposure, noise, how the two scans lie to each other, and whether the texels are fine enough.
 
 use super::manifest::{Manifest, Picture};
 use super::noise::quantile;
@@ -27,7 +27,8 @@ pub struct Inspection {
     pub sides: Vec<SideSummary>,
 }
 
-/// Readings of one photograph on the leaf, dark level off, relative to the median of its reference (white sheet, back light).
+/// Readings of one photograph on the leaf, dark level off, relative to the median of its reference (white sheet, back
+/// light).
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Photograph {
     pub name: String,
@@ -66,7 +67,8 @@ impl Inspection {
 
 /// Looks at `CAPTURE`; whatever is wrong with it is in [`Inspection::problems`].
 pub fn inspect(folder: &Path) -> Inspection {
-    let mut found = Inspection { folder: folder.display().to_string(), kind: super::manifest::KIND, ..Inspection::default() };
+    let mut found =
+        Inspection { folder: folder.display().to_string(), kind: super::manifest::KIND, ..Inspection::default() };
     let manifest = match Manifest::read(folder) {
         Ok(m) => m,
         Err(e) => {
@@ -93,14 +95,18 @@ fn look(capture: &Capture, r: &Reduced, found: &mut Inspection) {
     for name in [SideName::Front, SideName::Back] {
         let (side, pictures) = (r.side(name), capture.pictures(name));
         let mask: Vec<bool> = side.status.iter().map(|s| *s != super::defect::OUTSIDE).collect();
-        for (picture, image, reference) in
-            [(Picture::Albedo, &pictures.albedo, &capture.white), (Picture::Translucency, &pictures.translucency, &capture.empty)]
-        {
-            let mut level: Vec<f64> = reference.iter().flatten().map(|v| f64::from(*v)).filter(|v| v.is_finite()).collect();
+        for (picture, image, reference) in [
+            (Picture::Albedo, &pictures.albedo, &capture.white),
+            (Picture::Translucency, &pictures.translucency, &capture.empty),
+        ] {
+            let mut level: Vec<f64> =
+                reference.iter().flatten().map(|v| f64::from(*v)).filter(|v| v.is_finite()).collect();
             let level = quantile(&mut level, 0.5);
             let on = || image.iter().zip(&mask).zip(&pictures.saturated).filter(|((_, m), _)| **m);
-            let blind = on().filter(|((v, _), s)| **s || v.iter().any(|c| !c.is_finite())).count() as f64 / leaf.max(1) as f64;
-            let mut values: Vec<f64> = on().flat_map(|((v, _), _)| v.map(f64::from)).filter(|v| v.is_finite()).collect();
+            let blind =
+                on().filter(|((v, _), s)| **s || v.iter().any(|c| !c.is_finite())).count() as f64 / leaf.max(1) as f64;
+            let mut values: Vec<f64> =
+                on().flat_map(|((v, _), _)| v.map(f64::from)).filter(|v| v.is_finite()).collect();
             let [low, median, high] = [0.001, 0.5, 0.999].map(|q| quantile(&mut values, q) / level);
             let name = format!("{}/{}.exr", name.name(), picture.name());
             if blind > 0.01 {
@@ -109,23 +115,28 @@ fn look(capture: &Capture, r: &Reduced, found: &mut Inspection) {
             let same = pictures.clipped;
             if picture == Picture::Albedo && same > 8 && same * 1000 > values.len() {
                 found.warnings.push(format!(
-                    "{name}: {same} readings share the highest value: clipped? Write NaN where saturated, or state full_scale"
+                    "{name}: {same} readings share the highest value: clipped? Write NaN where saturated, or state \
+                     full_scale"
                 ));
             }
             if picture == Picture::Albedo && high < 0.02 {
-                found
-                    .warnings
-                    .push(format!("{name}: the brightest of the leaf is {:.2} % of the white sheet: under-exposed?", 100.0 * high));
+                found.warnings.push(format!(
+                    "{name}: the brightest of the leaf is {:.2} % of the white sheet: under-exposed?",
+                    100.0 * high
+                ));
             }
             found.photographs.push(Photograph { name, low, median, high, no_reading_share: blind });
         }
         let medians = |map: &[[f64; 3]]| {
-            [0, 1, 2].map(|c: usize| quantile(&mut map.iter().map(|v| v[c]).filter(|v| v.is_finite()).collect::<Vec<_>>(), 0.5))
+            [0, 1, 2].map(|c: usize| {
+                quantile(&mut map.iter().map(|v| v[c]).filter(|v| v.is_finite()).collect::<Vec<_>>(), 0.5)
+            })
         };
         let h = side.highlight;
         if h.stated && h.share > h.at_most {
             found.warnings.push(format!(
-                "{}: the stated index mirrors {:.3} of the dome, the darkest texels show {:.3}: a lower index, or a dark level that is too high",
+                "{}: the stated index mirrors {:.3} of the dome, the darkest texels show {:.3}: a lower index, or a \
+                 dark level that is too high",
                 name.name(),
                 h.share,
                 h.at_most
@@ -133,7 +144,11 @@ fn look(capture: &Capture, r: &Reduced, found: &mut Inspection) {
         }
         let defects = r.defects(name);
         for (defect, n) in defects.iter().filter(|(_, n)| **n * 100 > leaf) {
-            found.warnings.push(format!("{}: {:.1} % of the texels are defect: {defect}", name.name(), 100.0 * *n as f64 / leaf as f64));
+            found.warnings.push(format!(
+                "{}: {:.1} % of the texels are defect: {defect}",
+                name.name(),
+                100.0 * *n as f64 / leaf as f64
+            ));
         }
         found.sides.push(SideSummary {
             side: name.name(),
@@ -146,7 +161,8 @@ fn look(capture: &Capture, r: &Reduced, found: &mut Inspection) {
     let mut d: Vec<f64> = r.thickness.iter().copied().filter(|v| v.is_finite()).collect();
     let thickness_mm = [0.01, 0.5, 0.99].map(|q| quantile(&mut d, q));
     let back = super::smooth::mirrored(&capture.back.height, m.width);
-    let holes = (0..m.texels()).filter(|&k| r.mask[k] && !(capture.front.height[k].is_finite() && back[k].is_finite())).count();
+    let holes =
+        (0..m.texels()).filter(|&k| r.mask[k] && !(capture.front.height[k].is_finite() && back[k].is_finite())).count();
     let shape = Shape { alignment: r.alignment, thickness_mm, hole_share: holes as f64 / leaf.max(1) as f64 };
     shape_warnings(m, &shape, found);
     found.shape = Some(shape);
@@ -163,7 +179,8 @@ fn shape_warnings(m: &Manifest, s: &Shape, found: &mut Inspection) {
     }
     if m.texel_mm > s.thickness_mm[1] {
         warn(format!(
-            "texel_mm is {}, the leaf is {:.3} mm thick: light spreads sideways by about its thickness, which such texels do not resolve",
+            "texel_mm is {}, the leaf is {:.3} mm thick: light spreads sideways by about its thickness, which such \
+             texels do not resolve",
             m.texel_mm, s.thickness_mm[1]
         ));
     }
@@ -191,14 +208,18 @@ fn shape_warnings(m: &Manifest, s: &Shape, found: &mut Inspection) {
     let doubt = a.shift_err_mm[0].hypot(a.shift_err_mm[1]);
     if shift > 0.75 * m.texel_mm && shift > 4.0 * doubt {
         warn(format!(
-            "the back's scan lies about {shift:.3} mm beside the front's ({:.3}, {:.3}; ± {doubt:.3}), {:.1} texels: slopes become thickness",
+            "the back's scan lies about {shift:.3} mm beside the front's ({:.3}, {:.3}; ± {doubt:.3}), {:.1} texels: \
+             slopes become thickness",
             a.shift_mm[0],
             a.shift_mm[1],
             shift / m.texel_mm
         ));
     }
     if s.hole_share > 0.02 {
-        warn(format!("{:.1} % of the leaf has no height on one side or both; filled from beside", 100.0 * s.hole_share));
+        warn(format!(
+            "{:.1} % of the leaf has no height on one side or both; filled from beside",
+            100.0 * s.hole_share
+        ));
     }
 }
 
@@ -212,7 +233,11 @@ fn consequences(folder: &Path, m: &Manifest, found: &mut Inspection) {
         note("mask.exr is absent: the outline is taken from the back light".into());
     }
     if m.highlight_index.is_none() {
-        note("highlight_index is absent: one photograph does not tell highlight from colour; half the possible range is taken off the albedo, the rest stands in its error".into());
+        note(
+            "highlight_index is absent: one photograph does not tell highlight from colour; half the possible range \
+         is taken off the albedo, the rest stands in its error"
+                .into(),
+        );
     }
     if m.thickness_max_err_mm.is_none() {
         note("thickness_max_err_mm is absent: the thickness's zero is as sure as the scans' noise alone allows".into());
@@ -221,9 +246,17 @@ fn consequences(folder: &Path, m: &Manifest, found: &mut Inspection) {
         note("the photographs' noise is not stated: it is estimated, with fine texture counted as noise".into());
     }
     if m.height_noise_mm.is_none() {
-        note("height_noise_mm is absent: the scans' noise is estimated from the sum of both, with fine relief counted as noise".into());
+        note(
+            "height_noise_mm is absent: the scans' noise is estimated from the sum of both, with fine relief counted \
+         as noise"
+                .into(),
+        );
     }
-    note("a thickness that grows evenly across the whole leaf cannot be told from the scans' lean and is taken off with it".into());
+    note(
+        "a thickness that grows evenly across the whole leaf cannot be told from the scans' lean and is taken off \
+     with it"
+            .into(),
+    );
     if folder.join("truth").join("front.exr").exists() {
         note("truth/ is there: a synthetic capture".into());
     }

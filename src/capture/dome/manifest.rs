@@ -71,7 +71,8 @@ impl Manifest {
     /// Reads and validates `CAPTURE/capture.toml`.
     ///
     /// # Errors
-    /// [`Error::Input`] naming the file, the field, what was found and what was expected; also for a capture of the other kind.
+    /// [`Error::Input`] naming the file, the field, what was found and what was expected; also for a capture of the
+    /// other kind.
     pub fn read(folder: &Path) -> Result<Manifest> {
         let path = folder.join("capture.toml");
         let text = std::fs::read_to_string(&path).map_err(|e| Error::input(&path, explain(&e)))?;
@@ -95,7 +96,8 @@ impl Manifest {
 
     fn validate(&self, path: &Path) -> Result<()> {
         let fields = Fields { path };
-        let bad = |field: &str, found: &dyn std::fmt::Display, expected: &str| Err(fields.wrong(field, found, expected));
+        let bad =
+            |field: &str, found: &dyn std::fmt::Display, expected: &str| Err(fields.wrong(field, found, expected));
         fields.photographs(self.schema, self.width, self.height, 3..=65_536)?;
         fields.positive_mm([("texel_mm", self.texel_mm), ("thickness_max_mm", self.thickness_max_mm)])?;
         fields.not_negative([

@@ -1,9 +1,10 @@
-//! The second kind of capture, for people without a linear light source: photographs under a diffuse dome and in front of a diffuse
-//! back light, and height scans of both sides (Habel 2009, §3.3.2). Files, synthesis, reduction to maps, and a first look.
+//! The second kind of capture, for people without a linear light source: photographs under a diffuse dome and in front
+//! of a diffuse back light, and height scans of both sides (Habel 2009, §3.3.2). Files, synthesis, reduction to maps,
+//! and a first look.
 //!
-//! The format is documented in `data/README.md`. Lengths in mm; shares (albedo, transmittance) in 0 … 1; directions in the image frame
-//! of the side that is looked at (x right, y up, z towards the camera). The back's images are mirrored: its column i is the front's
-//! column width − 1 − i.
+//! The format is documented in `data/README.md`. Lengths in mm; shares (albedo, transmittance) in 0 … 1; directions in
+//! the image frame of the side that is looked at (x right, y up, z towards the camera). The back's images are mirrored:
+//! its column i is the front's column width − 1 − i.
 
 pub mod align;
 pub mod defect;

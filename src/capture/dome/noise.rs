@@ -1,14 +1,14 @@
-//! Noise of one picture from the picture itself, where nobody stated it: the Laplacian difference of Immerkær (1996), which cancels
-//! anything that is locally a plane in either direction, taken as a median so that veins and the outline count little. Fine texture
-//! that is really there is taken for noise: an upper bound.
+//! Noise of one picture from the picture itself, where nobody stated it: the Laplacian difference of Immerkær (1996),
+//! which cancels anything that is locally a plane in either direction, taken as a median so that veins and the outline
+//! count little. Fine texture that is really there is taken for noise: an upper bound.
 
 /// 1 −2 1; −2 4 −2; 1 −2 1: the sum of squares is 36.
 const STENCIL: [f64; 9] = [1.0, -2.0, 1.0, -2.0, 4.0, -2.0, 1.0, -2.0, 1.0];
 /// Fewest places that make an estimate.
 const FEWEST: usize = 64;
 
-/// Standard deviation of white noise in `values` (row-major) over the texels of `mask` whose neighbours all lie on it and are numbers,
-/// and the median of the values there. `None` with fewer than 64 such texels.
+/// Standard deviation of white noise in `values` (row-major) over the texels of `mask` whose neighbours all lie on it
+/// and are numbers, and the median of the values there. `None` with fewer than 64 such texels.
 pub fn deviation(values: &[f64], mask: &[bool], width: usize) -> Option<(f64, f64)> {
     let height = values.len() / width.max(1);
     let (mut found, mut level) = (Vec::new(), Vec::new());

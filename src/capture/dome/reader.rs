@@ -1,4 +1,5 @@
-//! A capture under a dome, opened: every file it needs is there, of the right size, and read. Photographs have their dark level taken off.
+//! A capture under a dome, opened: every file it needs is there, of the right size, and read. Photographs have their
+//! dark level taken off.
 
 use super::manifest::{Manifest, Picture, empty_path, white_path};
 use crate::manifest::SideName;
@@ -45,7 +46,8 @@ impl Capture {
     /// Opens `folder`.
     ///
     /// # Errors
-    /// [`Error::Input`] naming the first file that is missing, of another size, without its channels, or without any reading.
+    /// [`Error::Input`] naming the first file that is missing, of another size, without its channels, or without any
+    /// reading.
     pub fn open(folder: &Path) -> Result<Capture> {
         let manifest = Manifest::read(folder)?;
         check_files(folder, &manifest).into_iter().next().map_or(Ok(()), Err)?;
@@ -75,7 +77,13 @@ impl Capture {
             if height.iter().all(|h| !h.is_finite()) {
                 return Err(Error::input(&path(Picture::Height), "no height anywhere (all NaN)"));
             }
-            Ok(Pictures { albedo, translucency, height, clipped, saturated: a.into_iter().zip(t).map(|(a, t)| a || t).collect() })
+            Ok(Pictures {
+                albedo,
+                translucency,
+                height,
+                clipped,
+                saturated: a.into_iter().zip(t).map(|(a, t)| a || t).collect(),
+            })
         };
         let (front, back) = (side(SideName::Front)?, side(SideName::Back)?);
         let (white, empty) = (photograph(&white_path(folder))?.0, photograph(&empty_path(folder))?.0);
@@ -85,13 +93,16 @@ impl Capture {
                 let share = 100.0 * unlit as f64 / image.len() as f64;
                 return Err(Error::input(
                     &path,
-                    format!("{share:.1} % of the texels are no brighter than the dark frame; expected light everywhere"),
+                    format!(
+                        "{share:.1} % of the texels are no brighter than the dark frame; expected light everywhere"
+                    ),
                 ));
             }
         }
         let mask_path = folder.join("mask.exr");
         let mask = if mask_path.exists() {
-            let mask: Vec<bool> = read_exr_rows(&mask_path, Some(&["Y"]), None)?.channels[0].1.iter().map(|&v| v > 0.5).collect();
+            let mask: Vec<bool> =
+                read_exr_rows(&mask_path, Some(&["Y"]), None)?.channels[0].1.iter().map(|&v| v > 0.5).collect();
             if !mask.contains(&true) {
                 return Err(Error::field(&mask_path, "Y", "no texel is 1, so there is no leaf"));
             }
@@ -99,7 +110,16 @@ impl Capture {
         } else {
             None
         };
-        Ok(Capture { folder: folder.to_path_buf(), manifest, front, back, white, empty, has_dark: dark.is_some(), mask })
+        Ok(Capture {
+            folder: folder.to_path_buf(),
+            manifest,
+            front,
+            back,
+            white,
+            empty,
+            has_dark: dark.is_some(),
+            mask,
+        })
     }
 
     pub fn pictures(&self, side: SideName) -> &Pictures {
@@ -113,7 +133,8 @@ impl Capture {
     pub fn hash(&self) -> Result<String> {
         let files = self.files();
         let hashes: Vec<String> = files.iter().map(|p| hash::file(p)).collect::<Result<_>>()?;
-        let names: Vec<String> = files.iter().map(|p| p.strip_prefix(&self.folder).unwrap_or(p).to_string_lossy().into_owned()).collect();
+        let names: Vec<String> =
+            files.iter().map(|p| p.strip_prefix(&self.folder).unwrap_or(p).to_string_lossy().into_owned()).collect();
         Ok(hash::combine(names.iter().map(String::as_str).zip(hashes.iter().map(String::as_str))))
     }
 
@@ -146,15 +167,22 @@ fn required(folder: &Path) -> Vec<(PathBuf, &'static [&'static str])> {
 /// Everything that is wrong with the files' presence, sizes and channels; their samples are not read.
 pub fn check_files(folder: &Path, manifest: &Manifest) -> Vec<Error> {
     let optional = [("dark.exr", Picture::Albedo.channels()), ("mask.exr", Picture::Height.channels())];
-    let optional = optional.into_iter().map(|(name, channels)| (folder.join(name), channels)).filter(|(p, _)| p.exists());
-    required(folder).into_iter().chain(optional).filter_map(|(path, channels)| check_image(&path, channels, manifest).err()).collect()
+    let optional =
+        optional.into_iter().map(|(name, channels)| (folder.join(name), channels)).filter(|(p, _)| p.exists());
+    required(folder)
+        .into_iter()
+        .chain(optional)
+        .filter_map(|(path, channels)| check_image(&path, channels, manifest).err())
+        .collect()
 }
 
 fn check_image(path: &Path, channels: &[&str], manifest: &Manifest) -> Result<()> {
     let info = exr_info(path)?;
     check_size(path, &info, manifest)?;
     match channels.iter().find(|name| !info.channels.iter().any(|c| c == *name)) {
-        Some(name) => Err(Error::field(path, name, format!("no such channel; the file holds {}", info.channels.join(", ")))),
+        Some(name) => {
+            Err(Error::field(path, name, format!("no such channel; the file holds {}", info.channels.join(", "))))
+        }
         None => Ok(()),
     }
 }

@@ -1,9 +1,11 @@
-//! A capture under a dome becomes maps: albedo, transmittance, thickness, heights and normals of both sides, with standard errors and
-//! named defects (Habel 2009, §3.3.2, made explicit where the text leaves it to tools). Lengths in mm, shares 0 … 1.
+//! A capture under a dome becomes maps: albedo, transmittance, thickness, heights and normals of both sides, with
+//! standard errors and named defects (Habel 2009, §3.3.2, made explicit where the text leaves it to tools). Lengths in
+//! mm, shares 0 … 1.
 //!
-//! Albedo: (picture − dark)/(white − dark) · the sheet's reflectance, less the mirrored dome, over the share of the dome that is seen
-//! past the relief. Transmittance: (picture − dark)/(back light − dark): light that fell on the *other* side. Thickness: the sum of both heights
-//! less its lean, its highest place set to the caliper's. Normals: from smoothed heights by central differences.
+//! Albedo: (picture − dark)/(white − dark) · the sheet's reflectance, less the mirrored dome, over the share of the
+//! dome that is seen past the relief. Transmittance: (picture − dark)/(back light − dark): light that fell on the
+//! *other* side. Thickness: the sum of both heights less its lean, its highest place set to the caliper's. Normals:
+//! from smoothed heights by central differences.
 
 use super::align::Alignment;
 use super::defect::{Defect, GOOD, OUTSIDE};
@@ -33,7 +35,8 @@ pub struct Options {
 pub struct Side {
     /// Diffuse reflectance without the highlight, a channel.
     pub albedo: Vec<[f64; 3]>,
-    /// Its standard error from the photographs' noise; that of the highlight is common to all texels ([`Highlight::stderr`]).
+    /// Its standard error from the photographs' noise; that of the highlight is common to all texels
+    /// ([`Highlight::stderr`]).
     pub albedo_err: Vec<[f64; 3]>,
     /// Share of the back light that comes through towards this side's camera, a channel.
     pub transmittance: Vec<[f64; 3]>,
@@ -58,7 +61,8 @@ pub struct Reduced {
     pub mask: Vec<bool>,
     /// mm; NaN off the leaf.
     pub thickness: Vec<f64>,
-    /// Of a texel: the scans' noise and the detail that smoothing took; that of the zero is common to all ([`Alignment::offset_err_mm`]).
+    /// Of a texel: the scans' noise and the detail that smoothing took; that of the zero is common to all
+    /// ([`Alignment::offset_err_mm`]).
     pub thickness_err: Vec<f64>,
     pub alignment: Alignment,
     pub noise: PhotoNoise,
@@ -91,14 +95,18 @@ impl Reduced {
 }
 
 impl Reduced {
-    /// A channel of a map of a side, row-major as its camera saw it: where the texel has no reading, is dark or breaks energy, what its
-    /// neighbours say; 0 off the leaf.
+    /// A channel of a map of a side, row-major as its camera saw it: where the texel has no reading, is dark or breaks
+    /// energy, what its neighbours say; 0 off the leaf.
     fn whole(&self, side: SideName, map: &[[f64; 3]], channel: usize) -> Vec<f64> {
         let side = self.side(side);
         let broken = [Defect::NoReading, Defect::Saturated, Defect::Energy, Defect::Dark].map(Defect::code);
         let on: Vec<bool> = side.status.iter().map(|s| *s != OUTSIDE).collect();
-        let values: Vec<f64> = map.iter().zip(&side.status).map(|(v, s)| if broken.contains(s) { f64::NAN } else { v[channel] }).collect();
-        filled(&values, &on, self.width, 0.0).into_iter().map(|v| if v.is_finite() { v.clamp(0.0, 1.0) } else { 0.0 }).collect()
+        let values: Vec<f64> =
+            map.iter().zip(&side.status).map(|(v, s)| if broken.contains(s) { f64::NAN } else { v[channel] }).collect();
+        filled(&values, &on, self.width, 0.0)
+            .into_iter()
+            .map(|v| if v.is_finite() { v.clamp(0.0, 1.0) } else { 0.0 })
+            .collect()
     }
 
     /// Albedo of a side in a channel (0 red … 2 blue), 0 … 1; without holes, 0 off the leaf.
@@ -111,15 +119,19 @@ impl Reduced {
         self.whole(side, &self.side(side).transmittance, channel)
     }
 
-    /// The blade in one channel, ready for light transport: 1 − albedo of each side enters it. Texels without a positive thickness take
-    /// their neighbours'.
+    /// The blade in one channel, ready for light transport: 1 − albedo of each side enters it. Texels without a
+    /// positive thickness take their neighbours'.
     pub fn blade(&self, channel: usize) -> Blade {
         let positive: Vec<f64> = self.thickness.iter().map(|d| if *d > 0.0 { *d } else { f64::NAN }).collect();
         let thickness = filled(&positive, &self.mask, self.width, 0.0);
         let surface = |s: SideName| {
             let side = self.side(s);
             let height = side.height.iter().map(|h| if h.is_finite() { *h } else { 0.0 }).collect();
-            Surface { height, normal: side.normal.clone(), entry: self.albedo(s, channel).into_iter().map(|a| 1.0 - a).collect() }
+            Surface {
+                height,
+                normal: side.normal.clone(),
+                entry: self.albedo(s, channel).into_iter().map(|a| 1.0 - a).collect(),
+            }
         };
         Blade {
             width: self.width,
@@ -136,8 +148,8 @@ impl Reduced {
 /// Reduces an open capture.
 ///
 /// # Errors
-/// [`Error::Input`] when the pictures do not show one leaf: outlines that do not match, heights that do not cancel or have the wrong
-/// sign, no texel on the leaf.
+/// [`Error::Input`] when the pictures do not show one leaf: outlines that do not match, heights that do not cancel or
+/// have the wrong sign, no texel on the leaf.
 pub fn reduce(capture: &Capture, options: &Options) -> Result<Reduced> {
     let m = &capture.manifest;
     let (w, h) = (m.width, m.height);
@@ -151,31 +163,38 @@ pub fn reduce(capture: &Capture, options: &Options) -> Result<Reduced> {
     let [front_height, back_height] = &shape.height;
     let heights = [front_height, back_height];
     let bare = Blade::from_heights(w, h, m.texel_mm, mask.clone(), heights.map(Clone::clone), [Vec::new(), Vec::new()]);
-    let mut sides = [SideName::Front, SideName::Back].into_iter().enumerate().zip(through).map(|((s, name), (t, t_err))| {
-        let pictures = capture.pictures(name);
-        let lit = bare.lit(if s == 0 { blade::Side::Front } else { blade::Side::Back });
-        let (seen, normal) = (visible(&lit), lit.surface.normal.clone());
-        let (mut albedo, mut albedo_err) = ratio(&pictures.albedo, &capture.white);
-        albedo.iter_mut().chain(&mut albedo_err).for_each(|v| v.iter_mut().for_each(|v| *v *= m.white_reflectance));
-        let highlight = highlight::estimate(&albedo, &masks[s], m.highlight_index.map(|n| n[s]));
-        for (k, (a, e)) in albedo.iter_mut().zip(&mut albedo_err).enumerate() {
-            for c in 0..3 {
-                (a[c], e[c]) = if masks[s][k] { ((a[c] - highlight.share) / seen[k], e[c] / seen[k]) } else { (f64::NAN, f64::NAN) };
+    let mut sides =
+        [SideName::Front, SideName::Back].into_iter().enumerate().zip(through).map(|((s, name), (t, t_err))| {
+            let pictures = capture.pictures(name);
+            let lit = bare.lit(if s == 0 { blade::Side::Front } else { blade::Side::Back });
+            let (seen, normal) = (visible(&lit), lit.surface.normal.clone());
+            let (mut albedo, mut albedo_err) = ratio(&pictures.albedo, &capture.white);
+            albedo.iter_mut().chain(&mut albedo_err).for_each(|v| v.iter_mut().for_each(|v| *v *= m.white_reflectance));
+            let highlight = highlight::estimate(&albedo, &masks[s], m.highlight_index.map(|n| n[s]));
+            for (k, (a, e)) in albedo.iter_mut().zip(&mut albedo_err).enumerate() {
+                for c in 0..3 {
+                    (a[c], e[c]) = if masks[s][k] {
+                        ((a[c] - highlight.share) / seen[k], e[c] / seen[k])
+                    } else {
+                        (f64::NAN, f64::NAN)
+                    };
+                }
             }
-        }
-        let off = |map: Vec<[f64; 3]>| map.into_iter().zip(&masks[s]).map(|(v, m)| if *m { v } else { [f64::NAN; 3] }).collect::<Vec<_>>();
-        Side {
-            albedo,
-            albedo_err,
-            transmittance: off(t),
-            transmittance_err: off(t_err),
-            height: heights[s].clone(),
-            normal,
-            visible: seen,
-            highlight,
-            status: Vec::new(),
-        }
-    });
+            let off = |map: Vec<[f64; 3]>| {
+                map.into_iter().zip(&masks[s]).map(|(v, m)| if *m { v } else { [f64::NAN; 3] }).collect::<Vec<_>>()
+            };
+            Side {
+                albedo,
+                albedo_err,
+                transmittance: off(t),
+                transmittance_err: off(t_err),
+                height: heights[s].clone(),
+                normal,
+                visible: seen,
+                highlight,
+                status: Vec::new(),
+            }
+        });
     let (Some(mut front), Some(mut back)) = (sides.next(), sides.next()) else {
         return Err(Error::input(&capture.folder, "found less than two sides"));
     };
@@ -204,7 +223,11 @@ pub fn reduce(capture: &Capture, options: &Options) -> Result<Reduced> {
 fn photo_noise(capture: &Capture) -> PhotoNoise {
     let m = &capture.manifest;
     if m.noise_relative.is_some() || m.noise_floor.is_some() {
-        return PhotoNoise { relative: m.noise_relative.unwrap_or(0.0), floor: m.noise_floor.unwrap_or(0.0), stated: true };
+        return PhotoNoise {
+            relative: m.noise_relative.unwrap_or(0.0),
+            floor: m.noise_floor.unwrap_or(0.0),
+            stated: true,
+        };
     }
     let green: Vec<f64> = capture.front.albedo.iter().map(|v| f64::from(v[1])).collect();
     let mask = capture.mask.clone().unwrap_or_else(|| vec![true; green.len()]);
@@ -212,8 +235,15 @@ fn photo_noise(capture: &Capture) -> PhotoNoise {
     PhotoNoise { relative: 0.0, floor, stated: false }
 }
 
-/// picture/reference and its standard error, both with their dark level off already; NaN where the reference shows no light.
-fn quotient(picture: &Pixels, reference: &Pixels, noise: PhotoNoise, m: &Manifest, dark: bool) -> (Vec<[f64; 3]>, Vec<[f64; 3]>) {
+/// picture/reference and its standard error, both with their dark level off already; NaN where the reference shows no
+/// light.
+fn quotient(
+    picture: &Pixels,
+    reference: &Pixels,
+    noise: PhotoNoise,
+    m: &Manifest,
+    dark: bool,
+) -> (Vec<[f64; 3]>, Vec<[f64; 3]>) {
     let shots = f64::from(m.reference_shots);
     let variance = |v: f64| (noise.relative * v).powi(2) + noise.floor.powi(2);
     let dark = if dark { noise.floor.powi(2) / shots } else { 0.0 };
@@ -243,7 +273,10 @@ fn outline(capture: &Capture, through: &[(Vec<[f64; 3]>, Vec<[f64; 3]>); 2]) -> 
     let path = |side| Picture::Translucency.path(&capture.folder, side);
     for (side, seen) in [SideName::Front, SideName::Back].into_iter().zip(&seen) {
         if !seen.contains(&true) {
-            return Err(Error::input(&path(side), "no texel is darker than the back light without the leaf, so no leaf is seen"));
+            return Err(Error::input(
+                &path(side),
+                "no texel is darker than the back light without the leaf, so no leaf is seen",
+            ));
         }
     }
     let [front, back] = &seen;
@@ -254,7 +287,8 @@ fn outline(capture: &Capture, through: &[(Vec<[f64; 3]>, Vec<[f64; 3]>); 2]) -> 
             return Err(Error::input(
                 &path(side),
                 format!(
-                    "the leaf's outline is the mirror image of {what} ({:.0} % overlap, mirrored {:.0} %); expected the back's pictures mirrored, and each side's in its own folder",
+                    "the leaf's outline is the mirror image of {what} ({:.0} % overlap, mirrored {:.0} %); expected \
+                     the back's pictures mirrored, and each side's in its own folder",
                     100.0 * fits,
                     100.0 * turned
                 ),
@@ -263,7 +297,10 @@ fn outline(capture: &Capture, through: &[(Vec<[f64; 3]>, Vec<[f64; 3]>); 2]) -> 
         if fits < 0.8 {
             return Err(Error::input(
                 &path(side),
-                format!("the leaf's outline overlaps {what} by {:.0} % only; expected one leaf that stays in place", 100.0 * fits),
+                format!(
+                    "the leaf's outline overlaps {what} by {:.0} % only; expected one leaf that stays in place",
+                    100.0 * fits
+                ),
             ));
         }
         Ok(())
@@ -288,8 +325,17 @@ fn overlap(a: &[bool], b: &[bool]) -> f64 {
     both as f64 / either.max(1) as f64
 }
 
-/// The first defect that applies. Light that comes through towards this camera fell on the other side: its albedo counts for energy.
-fn status(side: &Side, other: &Side, pictures: &Pictures, mask: &[bool], holes: &[bool], thin: &[bool], width: usize) -> Vec<i16> {
+/// The first defect that applies. Light that comes through towards this camera fell on the other side: its albedo
+/// counts for energy.
+fn status(
+    side: &Side,
+    other: &Side,
+    pictures: &Pictures,
+    mask: &[bool],
+    holes: &[bool],
+    thin: &[bool],
+    width: usize,
+) -> Vec<i16> {
     let entered = mirrored(&other.albedo, width);
     let entered_err = mirrored(&other.albedo_err, width);
     let common = other.highlight.stderr;
@@ -308,8 +354,9 @@ fn status(side: &Side, other: &Side, pictures: &Pictures, mask: &[bool], holes: 
                 Some(Defect::Hole)
             } else if thin[k] {
                 Some(Defect::Thickness)
-            } else if three(t, &|t, c| t + entered[k][c] - 1.0 > 3.0 * entered_err[k][c].hypot(side.transmittance_err[k][c]).hypot(common))
-            {
+            } else if three(t, &|t, c| {
+                t + entered[k][c] - 1.0 > 3.0 * entered_err[k][c].hypot(side.transmittance_err[k][c]).hypot(common)
+            }) {
                 Some(Defect::Energy)
             } else if three(a, &|a, c| a < -3.0 * side.albedo_err[k][c].hypot(side.highlight.stderr)) {
                 Some(Defect::Dark)

@@ -1,5 +1,5 @@
-//! Two height scans of a capture become the blade's shape: thickness and both sides' heights over one middle plane (mm), with holes filled;
-//! and the checks that the scans are of one blade, each towards its own camera.
+//! Two height scans of a capture become the blade's shape: thickness and both sides' heights over one middle plane
+//! (mm), with holes filled; and the checks that the scans are of one blade, each towards its own camera.
 
 use super::align::{self, Alignment, Wanted};
 use super::manifest::{Manifest, Picture};
@@ -26,11 +26,15 @@ pub fn shape(capture: &Capture, mask: &[bool], options: &Options) -> Result<Shap
     let m = &capture.manifest;
     let (w, h) = (m.width, m.height);
     let path = Picture::Height.path(&capture.folder, SideName::Back);
-    let mut scans =
-        [capture.front.height.clone(), mirrored(&capture.back.height, w)].map(|s| s.into_iter().map(f64::from).collect::<Vec<_>>());
+    let mut scans = [capture.front.height.clone(), mirrored(&capture.back.height, w)]
+        .map(|s| s.into_iter().map(f64::from).collect::<Vec<_>>());
     let sum: Vec<f64> = (0..w * h).map(|k| if mask[k] { scans[0][k] + scans[1][k] } else { f64::NAN }).collect();
-    let lean = align::plane(&sum, mask, w)
-        .ok_or_else(|| Error::input(&path, "fewer than 16 texels of the leaf have a height on both sides; expected heights all over it"))?;
+    let lean = align::plane(&sum, mask, w).ok_or_else(|| {
+        Error::input(
+            &path,
+            "fewer than 16 texels of the leaf have a height on both sides; expected heights all over it",
+        )
+    })?;
     let rest: Vec<f64> = (0..w * h).map(|k| sum[k] - lean.at(k, w, h)).collect();
 
     let filter = Kernel::gaussian(m.height_filter_mm / m.texel_mm);
@@ -43,8 +47,8 @@ pub fn shape(capture: &Capture, mask: &[bool], options: &Options) -> Result<Shap
     });
     let weight: Vec<f64> = rest.iter().map(|v| f64::from(u8::from(v.is_finite()))).collect();
     let calm = smooth(&rest, &weight, w, &Kernel::gaussian(thin.texels.max(0.7)));
-    let (above, below) =
-        reach(&calm, mask, 2f64.sqrt() * noise).ok_or_else(|| Error::input(&path, "no texel of the leaf has a height on both sides"))?;
+    let (above, below) = reach(&calm, mask, 2f64.sqrt() * noise)
+        .ok_or_else(|| Error::input(&path, "no texel of the leaf has a height on both sides"))?;
     one_blade(&path, m, above, below)?;
 
     let top = align::highest(&rest, w, &filter, m.contact_texels(), 2f64.sqrt() * noise);
@@ -55,7 +59,8 @@ pub fn shape(capture: &Capture, mask: &[bool], options: &Options) -> Result<Shap
     let thickness: Vec<f64> = filled(&rest, thin.texels).into_iter().map(|v| v + offset).collect();
     // The back scan takes all of the lean; the middle plane is the front's mean less half the thickness.
     let mean = |map: &[f64]| {
-        let (sum, n) = (0..w * h).filter(|&k| mask[k] && map[k].is_finite()).fold((0.0, 0usize), |(s, n), k| (s + map[k], n + 1));
+        let (sum, n) =
+            (0..w * h).filter(|&k| mask[k] && map[k].is_finite()).fold((0.0, 0usize), |(s, n), k| (s + map[k], n + 1));
         sum / n.max(1) as f64
     };
     let half = 0.5 * mean(&thickness);
@@ -87,8 +92,8 @@ pub fn shape(capture: &Capture, mask: &[bool], options: &Options) -> Result<Shap
     Ok(Shape { thickness, height, alignment })
 }
 
-/// How far a map reaches above and below its median on the mask, one texel in a thousand left out at each end, less what noise of this
-/// deviation would do by itself.
+/// How far a map reaches above and below its median on the mask, one texel in a thousand left out at each end, less
+/// what noise of this deviation would do by itself.
 fn reach(values: &[f64], mask: &[bool], noise: f64) -> Option<(f64, f64)> {
     let mut all: Vec<f64> = values.iter().zip(mask).filter(|(v, m)| **m && v.is_finite()).map(|(v, _)| *v).collect();
     if all.is_empty() {
@@ -106,7 +111,8 @@ fn one_blade(path: &Path, m: &Manifest, above: f64, below: f64) -> Result<()> {
         return Err(Error::input(
             path,
             format!(
-                "front and back heights sum to values {:.3} mm apart, found thickness_max_mm = {}; expected heights in mm towards each side's camera, the back's mirrored, so that all but the thickness cancels",
+                "front and back heights sum to values {:.3} mm apart, found thickness_max_mm = {}; expected heights in \
+                 mm towards each side's camera, the back's mirrored, so that all but the thickness cancels",
                 above + below,
                 m.thickness_max_mm
             ),
@@ -116,7 +122,8 @@ fn one_blade(path: &Path, m: &Manifest, above: f64, below: f64) -> Result<()> {
         return Err(Error::input(
             path,
             format!(
-                "the sum of front and back heights hangs {below:.3} mm below its median and rises {above:.3} mm over it; expected veins to stand out: heights are positive towards each side's camera"
+                "the sum of front and back heights hangs {below:.3} mm below its median and rises {above:.3} mm over \
+                 it; expected veins to stand out: heights are positive towards each side's camera"
             ),
         ));
     }

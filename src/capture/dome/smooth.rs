@@ -1,7 +1,7 @@
 //! Gaussian smoothing of maps with holes, and what it does to noise. Widths in texels.
 //!
-//! A map is smoothed by normalised convolution (Knutsson & Westin 1993): texels of weight 0 contribute nothing and are filled in from
-//! their neighbours, so that neither the outline nor a hole bends what is measured beside it.
+//! A map is smoothed by normalised convolution (Knutsson & Westin 1993): texels of weight 0 contribute nothing and are
+//! filled in from their neighbours, so that neither the outline nor a hole bends what is measured beside it.
 
 use rayon::prelude::*;
 
@@ -58,8 +58,8 @@ impl Kernel {
         product(&slope(self), &slope(other)) * product(&self.full(), &other.full())
     }
 
-    /// What the noise estimate of `noise.rs` finds of such noise, relative to its deviation after this kernel: less than 1, for smoothed
-    /// noise looks like relief.
+    /// What the noise estimate of `noise.rs` finds of such noise, relative to its deviation after this kernel: less
+    /// than 1, for smoothed noise looks like relief.
     pub fn laplacian_noise(&self) -> f64 {
         squares(&convolve(&self.full(), &[1.0, -2.0, 1.0])) / 6.0 / self.noise()
     }
@@ -85,8 +85,8 @@ fn convolve(a: &[f64], b: &[f64]) -> Vec<f64> {
     out
 }
 
-/// Smooths `values` (row-major, `width` a row) where `weight` is above 0; NaN where the kernel finds nothing. Values of weight 0 are
-/// never looked at.
+/// Smooths `values` (row-major, `width` a row) where `weight` is above 0; NaN where the kernel finds nothing. Values of
+/// weight 0 are never looked at.
 pub fn smooth(values: &[f64], weight: &[f64], width: usize, kernel: &Kernel) -> Vec<f64> {
     let product: Vec<f64> = values.iter().zip(weight).map(|(v, w)| if *w > 0.0 { v * w } else { 0.0 }).collect();
     let (top, bottom) = (pass(&product, width, kernel), pass(weight, width, kernel));
@@ -144,7 +144,10 @@ mod tests {
         let mut broken = plane.clone();
         broken[15 * w + 20] = f64::NAN;
         let filled = smooth(&broken, &weight, w, &kernel);
-        assert!((filled[15 * w + 20] - plane[15 * w + 20]).abs() < 1e-9, "the hole is symmetric, so the plane goes through it");
+        assert!(
+            (filled[15 * w + 20] - plane[15 * w + 20]).abs() < 1e-9,
+            "the hole is symmetric, so the plane goes through it"
+        );
     }
 
     /// The stated noise against noise that is drawn, smoothed and measured.
@@ -162,7 +165,11 @@ mod tests {
             // Independent values: about one in 4πσ² texels.
             let spread = (4.0 * std::f64::consts::PI * sigma * sigma / n).sqrt().max(1.0 / n.sqrt());
             assert!((sd / kernel.noise() - 1.0).abs() < 4.0 * spread, "{sigma}: {sd} {}", kernel.noise());
-            assert!((slope / kernel.slope_noise() - 1.0).abs() < 4.0 * spread, "{sigma}: {slope} {}", kernel.slope_noise());
+            assert!(
+                (slope / kernel.slope_noise() - 1.0).abs() < 4.0 * spread,
+                "{sigma}: {slope} {}",
+                kernel.slope_noise()
+            );
         }
         // One after the other is the sum of squares, nearly.
         let both = Kernel::gaussian(3.0).then(&Kernel::gaussian(4.0));

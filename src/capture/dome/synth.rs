@@ -1,12 +1,13 @@
-//! Synthesis of a capture under a dome from a leaf specification: the leaf's maps (shared with the linear light source's synthesis)
-//! become a blade with two surfaces, which is photographed and scanned. Lengths in mm.
+//! Synthesis of a capture under a dome from a leaf specification: the leaf's maps (shared with the linear light
+//! source's synthesis) become a blade with two surfaces, which is photographed and scanned. Lengths in mm.
 //!
-//! The blade: the front's relief is the specification's; the back lies the thickness d under it, so that what the scanner measures and
-//! what light crosses are one thing (`raised_mm` of the specification is therefore not used: a vein stands out by what it is thicker).
-//! Light: under the dome a texel shows ρd · V + ρs · (what its lobe mirrors of the dome), V the share of the dome it sees past the relief,
-//! weighted by the cosine; light between neighbouring slopes is left out. In front of the back light it shows what comes through, spread
-//! sideways by the tissue ([`through`]).
-//! Scans: heights towards each camera with white noise, both smoothed by the scanner's filter; each scan has a zero and a tilt of its own.
+//! The blade: the front's relief is the specification's; the back lies the thickness d under it, so that what the
+//! scanner measures and what light crosses are one thing (`raised_mm` of the specification is therefore not used: a
+//! vein stands out by what it is thicker). Light: under the dome a texel shows ρd · V + ρs · (what its lobe mirrors of
+//! the dome), V the share of the dome it sees past the relief, weighted by the cosine; light between neighbouring
+//! slopes is left out. In front of the back light it shows what comes through, spread sideways by the tissue
+//! ([`through`]). Scans: heights towards each camera with white noise, both smoothed by the scanner's filter; each scan
+//! has a zero and a tilt of its own.
 
 use super::manifest::{KIND, Manifest, Picture, empty_path, white_path};
 use super::smooth::{Kernel, mirrored, pass, smooth};
@@ -75,8 +76,8 @@ pub struct Shown {
 }
 
 impl Blade {
-    /// Grows the leaf of a specification, gives it a back, and lights it; `None` when not one texel lies on it. Round a patch the leaf goes
-    /// on, so that light may come in from beside.
+    /// Grows the leaf of a specification, gives it a back, and lights it; `None` when not one texel lies on it. Round a
+    /// patch the leaf goes on, so that light may come in from beside.
     ///
     /// # Errors
     /// What the spreading of light refuses ([`through`]).
@@ -90,11 +91,19 @@ impl Blade {
             None => (Window { centre_mm: [0.0; 2], texel_mm: texel_size(spec, w, h) }, 0),
         };
         let wide = w + 2 * margin;
-        let Some(mut leaf) = Leaf::grow_in(spec, options.model, (wide, h + 2 * margin), window) else { return Ok(None) };
+        let Some(mut leaf) = Leaf::grow_in(spec, options.model, (wide, h + 2 * margin), window) else {
+            return Ok(None);
+        };
         let under: Vec<f64> = leaf.relief.iter().zip(&leaf.front.thickness).map(|(z, d)| f64::from(*d) - z).collect();
         let height = [leaf.relief.clone(), mirrored(&under, wide)];
-        let shape =
-            optics::Blade::from_heights(wide, leaf.height, leaf.texel_mm, leaf.mask.clone(), height.clone(), [Vec::new(), Vec::new()]);
+        let shape = optics::Blade::from_heights(
+            wide,
+            leaf.height,
+            leaf.texel_mm,
+            leaf.mask.clone(),
+            height.clone(),
+            [Vec::new(), Vec::new()],
+        );
         let back = shape.back.normal.iter().zip(leaf.mask_of(true));
         leaf.back.normal = back.map(|(n, m)| if m { n.map(|v| v as f32) } else { [0.0; 3] }).collect();
         let shown = shine(&leaf, &shape)?;
@@ -126,7 +135,8 @@ fn shine(leaf: &Leaf, shape: &optics::Blade) -> Result<[Shown; 2]> {
     let side = |side: &Side, lit: optics::Side, transmittance: Vec<[f32; 3]>| {
         let seen = visible(&shape.lit(lit));
         let mask = leaf.mask_of(lit == optics::Side::Back);
-        let mirrored = |k: usize| f64::from(side.rho_s[k][0]) * veil.at(f64::from(side.normal[k][2]), f64::from(side.m[k]));
+        let mirrored =
+            |k: usize| f64::from(side.rho_s[k][0]) * veil.at(f64::from(side.normal[k][2]), f64::from(side.m[k]));
         Shown {
             albedo: side.rho_d.iter().zip(&seen).map(|(d, v)| d.map(|d| (f64::from(d) * v) as f32)).collect(),
             highlight: (0..mask.len()).map(|k| if mask[k] { mirrored(k) as f32 } else { 0.0 }).collect(),
@@ -202,7 +212,8 @@ fn truth(blade: &Blade, name: SideName, shown: &Shown, s: usize) -> Maps {
     maps
 }
 
-/// A height scan: the surface and the scanner's noise, smoothed together, under a tilt and a zero of its own; NaN off the leaf.
+/// A height scan: the surface and the scanner's noise, smoothed together, under a tilt and a zero of its own; NaN off
+/// the leaf.
 fn scanned(height: &[f64], mask: &[bool], leaf: &Leaf, options: &Options, side: u64) -> Vec<f32> {
     let (w, h) = (leaf.width, leaf.height);
     let exact = options.noise == 0.0;
@@ -239,7 +250,8 @@ fn manifest_of(spec: &Spec, blade: &Blade, options: &Options) -> Manifest {
     let thickest = met.iter().zip(&leaf.mask).filter(|(_, m)| **m).fold(0.0, |a: f64, (d, _)| a.max(*d));
     let slip = if exact { 0.0 } else { CALIPER_MM * Stream::new(options.seed, &[23]).normal_pair()[0] };
     // The index of a smooth surface that mirrors as much along its normal as this one does.
-    let fresnel = if let Lobe::CookTorrance { index } = spec.lobe { ((index - 1.0) / (index + 1.0)).powi(2) } else { 1.0 };
+    let fresnel =
+        if let Lobe::CookTorrance { index } = spec.lobe { ((index - 1.0) / (index + 1.0)).powi(2) } else { 1.0 };
     let index = [&spec.front, &spec.back].map(|s| {
         let r = (s.rho_s * fresnel).min(0.15).sqrt();
         (100.0 * (1.0 + r) / (1.0 - r)).round() / 100.0

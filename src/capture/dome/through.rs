@@ -1,10 +1,11 @@
 //! What a leaf shows in front of a diffuse back light when light spreads sideways inside it, for synthesis.
 //!
-//! Per texel and channel: τ(x) = ρt(x) · [A_p Σ_i T(|x − x_i|, d_i) V_i/n_z,i] / T_total(d(x)), with ρt the slab's for the texel's own pigment
-//! (a beam along the normal, which by reciprocity is what the camera sees), T the diffusing kernel of the leaf's mean tissue with its
-//! total set to the slab's (H9 Eq. 3.14 without the albedos; all light enters, as the slab has it), d the thickness where the light entered
-//! and V/n_z what falls there of the back light past the relief, per area of the plane. A flat uniform leaf shows its ρt; a vein's shadow is
-//! softened; beside a hole or the outline some light is lost.
+//! Per texel and channel: τ(x) = ρt(x) · [A_p Σ_i T(|x − x_i|, d_i) V_i/n_z,i] / T_total(d(x)), with ρt the slab's for
+//! the texel's own pigment (a beam along the normal, which by reciprocity is what the camera sees), T the diffusing
+//! kernel of the leaf's mean tissue with its total set to the slab's (H9 Eq. 3.14 without the albedos; all light
+//! enters, as the slab has it), d the thickness where the light entered and V/n_z what falls there of the back light
+//! past the relief, per area of the plane. A flat uniform leaf shows its ρt; a vein's shadow is softened; beside a hole
+//! or the outline some light is lost.
 
 use super::visible::visible;
 use crate::Result;
@@ -25,14 +26,17 @@ pub fn through(leaf: &Leaf, shape: &Blade) -> Result<[Vec<[f32; 3]>; 2]> {
     let width = leaf.width;
     let (front, back) = (shape.lit(blade::Side::Front), shape.lit(blade::Side::Back));
     // A facet of the slope 1/n_z catches that much more than its texel's area would.
-    let falls =
-        [&front, &back].map(|lit| -> Vec<f64> { visible(lit).into_iter().zip(&lit.surface.normal).map(|(v, n)| v / n[2]).collect() });
+    let falls = [&front, &back]
+        .map(|lit| -> Vec<f64> { visible(lit).into_iter().zip(&lit.surface.normal).map(|(v, n)| v / n[2]).collect() });
     let mut shown = [vec![[0f32; 3]; leaf.mask.len()], vec![[0f32; 3]; leaf.mask.len()]];
     for c in 0..3 {
         let tissue = tissue(&leaf.front, c);
         let settings = Settings { totals: Totals::Transport, ..Settings::new(tissue, leaf.texel_mm) };
         let Some(convolver) = Convolver::for_map(&settings, width, &front.thickness)? else { continue };
-        let spread = convolver.run_each(&[(front.thickness.as_ref(), falls[0].as_slice()), (back.thickness.as_ref(), falls[1].as_slice())]);
+        let spread = convolver.run_each(&[
+            (front.thickness.as_ref(), falls[0].as_slice()),
+            (back.thickness.as_ref(), falls[1].as_slice()),
+        ]);
         // What a texel would show if all light stayed in it.
         let alone = Table::new(1.0, [tissue.sigma_a; 2], tissue.sigma_s, range(&leaf.front));
         // Light that fell on the back shows on the front.
@@ -52,7 +56,8 @@ fn range(side: &Side) -> [f64; 2] {
     on.fold([f64::MAX, 0.0], |[a, b], d| [a.min(d), b.max(d)])
 }
 
-/// The mean inside of a leaf in a channel; scattering is isotropic, and all light leaves that reaches a surface, as in the slab.
+/// The mean inside of a leaf in a channel; scattering is isotropic, and all light leaves that reaches a surface, as in
+/// the slab.
 fn tissue(side: &Side, c: usize) -> Tissue {
     let on: Vec<usize> = (0..side.thickness.len()).filter(|&k| side.thickness[k] > 0.0).collect();
     let mean = |map: &[[f32; 3]]| on.iter().map(|&k| f64::from(map[k][c])).sum::<f64>() / on.len().max(1) as f64;
@@ -76,7 +81,8 @@ mod tests {
         let mut solved: Vec<(f32, [f32; 3])> = Vec::new();
         for &d in &front {
             if !solved.iter().any(|s| s.0 == d) {
-                let alone = |c: usize| response(f64::from(sigma_a[c]), f64::from(sigma_s[c]), f64::from(d)).rho_t as f32;
+                let alone =
+                    |c: usize| response(f64::from(sigma_a[c]), f64::from(sigma_s[c]), f64::from(d)).rho_t as f32;
                 solved.push((d, [0, 1, 2].map(alone)));
             }
         }
@@ -91,7 +97,16 @@ mod tests {
         let mut shape = Blade::from_heights(W, H, 0.1, mask.clone(), heights, [Vec::new(), Vec::new()]);
         shape.thickness = front.iter().map(|d| f64::from(*d)).collect();
         let back = side(mirror(&front, W));
-        let leaf = Leaf { width: W, height: H, texel_mm: 0.1, lobe: Lobe::Beckmann, mask, relief, front: side(front.clone()), back };
+        let leaf = Leaf {
+            width: W,
+            height: H,
+            texel_mm: 0.1,
+            lobe: Lobe::Beckmann,
+            mask,
+            relief,
+            front: side(front.clone()),
+            back,
+        };
         let [shown, _] = through(&leaf, &shape).unwrap();
         (front, leaf.front.rho_t, shown)
     }

@@ -1,6 +1,6 @@
-//! What a rough surface mirrors of an even dome: the directional albedo of the lobe, which lies over the leaf's own colour as a veil.
-//! Per unit ρs; the view is along the blade's normal, the surface leans by the cosine `lean` and has the roughness `m`. For synthesis
-//! only: the reduction knows no lobe.
+//! What a rough surface mirrors of an even dome: the directional albedo of the lobe, which lies over the leaf's own
+//! colour as a veil. Per unit ρs; the view is along the blade's normal, the surface leans by the cosine `lean` and has
+//! the roughness `m`. For synthesis only: the reduction knows no lobe.
 
 use crate::synth::illumination::Lobe;
 use crate::synth::slab_truth::gauss_legendre;
@@ -18,7 +18,11 @@ pub struct Veil(Vec<f64>);
 impl Veil {
     pub fn new(lobe: Lobe) -> Veil {
         let node = |k: usize, a: f64, b: f64| a + (b - a) * k as f64 / (NODES - 1) as f64;
-        Veil((0..NODES * NODES).map(|k| share(lobe, node(k % NODES, FLATTEST, 1.0), node(k / NODES, 0.01, ROUGHEST))).collect())
+        Veil(
+            (0..NODES * NODES)
+                .map(|k| share(lobe, node(k % NODES, FLATTEST, 1.0), node(k / NODES, 0.01, ROUGHEST)))
+                .collect(),
+        )
     }
 
     /// At a lean (cosine of the angle between surface and blade normal) and a roughness; clamped to the table's range.
@@ -32,8 +36,8 @@ impl Veil {
     }
 }
 
-/// ∫ f cosθi dω over the directions above both the surface and the blade's plane. With half vectors drawn by D cosα, f cosθi dω =
-/// (v·h)/((n·v) cosα) of their share (Torrance & Sparrow 1967; dω = 4 (v·h) dω_h).
+/// ∫ f cosθi dω over the directions above both the surface and the blade's plane. With half vectors drawn by D cosα, f
+/// cosθi dω = (v·h)/((n·v) cosα) of their share (Torrance & Sparrow 1967; dω = 4 (v·h) dω_h).
 fn share(lobe: Lobe, lean: f64, m: f64) -> f64 {
     // Half a turn: the other half is its mirror image.
     const AZIMUTHS: usize = 48;
@@ -83,7 +87,8 @@ mod tests {
     use super::*;
     use mesophyll_optics::gloss;
 
-    /// A smooth level surface mirrors the whole dome (per unit ρs), and with a Fresnel term its reflectance at normal incidence.
+    /// A smooth level surface mirrors the whole dome (per unit ρs), and with a Fresnel term its reflectance at normal
+    /// incidence.
     #[test]
     fn a_mirror_shows_the_whole_dome() {
         assert!((share(Lobe::Beckmann, 1.0, 0.01) - 1.0).abs() < 1e-3);
@@ -96,7 +101,8 @@ mod tests {
         }
     }
 
-    /// Level surfaces against the directional albedo that the renderers use, which is other code (it bounds the lobe by G as well).
+    /// Level surfaces against the directional albedo that the renderers use, which is other code (it bounds the lobe by
+    /// G as well).
     #[test]
     fn level_surfaces_agree_with_the_renderers_albedo() {
         for m in [0.1, 0.25, 0.4] {

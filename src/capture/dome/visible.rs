@@ -1,9 +1,9 @@
-//! How much of an even dome a texel sees: V(x) = (1/π) ∫ max(0, n·ω) dω over the directions above the blade's plane that nothing of
-//! the leaf stands in, 0 … 1. Light that neighbouring slopes send each other is left out: with albedos of a few per cent it is a few per
-//! cent of what is missing.
+//! How much of an even dome a texel sees: V(x) = (1/π) ∫ max(0, n·ω) dω over the directions above the blade's plane
+//! that nothing of the leaf stands in, 0 … 1. Light that neighbouring slopes send each other is left out: with albedos
+//! of a few per cent it is a few per cent of what is missing.
 //!
-//! From horizons in 16 slices of azimuth (Max 1988), each slice in closed form: with h the sine of its horizon's elevation,
-//! ∫_h^1 z dz = (1 − h²)/2 and ∫_h^1 √(1 − z²) dz = (acos h − h √(1 − h²))/2.
+//! From horizons in 16 slices of azimuth (Max 1988), each slice in closed form: with h the sine of its horizon's
+//! elevation, ∫_h^1 z dz = (1 − h²)/2 and ∫_h^1 √(1 − z²) dz = (acos h − h √(1 − h²))/2.
 
 use mesophyll_optics::translucency::blade::LitSide;
 use mesophyll_optics::translucency::horizon::{Horizon, SLICES};
@@ -35,7 +35,8 @@ pub fn visible(lit: &LitSide) -> Vec<f64> {
                     let h = f64::from(plane[k]).clamp(0.0, 1.0);
                     let up = 0.5 * (1.0 - h * h);
                     let across = 0.5 * (h.acos() - h * (1.0 - h * h).sqrt());
-                    // Where a slope's own plane hides a direction the horizon does, so n·ω is not negative but for the slices' width.
+                    // Where a slope's own plane hides a direction the horizon does, so n·ω is not negative but for the
+                    // slices' width.
                     (normal[2] * up + (normal[0] * c + normal[1] * s) * across).max(0.0)
                 })
                 .sum();
@@ -51,7 +52,8 @@ mod tests {
 
     fn of(heights: Vec<f64>, w: usize, h: usize) -> (Vec<f64>, Vec<[f64; 3]>) {
         let n = w * h;
-        let blade = Blade::from_heights(w, h, 0.1, vec![true; n], [heights, vec![0.1; n]], [vec![0.9; n], vec![0.9; n]]);
+        let blade =
+            Blade::from_heights(w, h, 0.1, vec![true; n], [heights, vec![0.1; n]], [vec![0.9; n], vec![0.9; n]]);
         (visible(&blade.lit(Side::Front)), blade.front.normal)
     }
 
@@ -66,7 +68,8 @@ mod tests {
         assert!((lean[k] - 0.5 * (1.0 + n[k][2])).abs() < 4e-3, "{} {}", lean[k], n[k][2]);
     }
 
-    /// All light that falls through the blade's plane lands: V/n_z, per area of the plane, has mean 1, whatever the relief.
+    /// All light that falls through the blade's plane lands: V/n_z, per area of the plane, has mean 1, whatever the
+    /// relief.
     #[test]
     fn no_light_is_lost_between_the_slopes() {
         let (w, h) = (160, 160);
@@ -79,10 +82,14 @@ mod tests {
             // Away from the edges, over whole waves.
             let inner: Vec<usize> = (40..120).flat_map(|j| (40..120).map(move |i| j * w + i)).collect();
             let mean = inner.iter().map(|&k| v[k] / n[k][2]).sum::<f64>() / inner.len() as f64;
-            let (plain, least) = inner.iter().fold((0.0, 1.0f64), |(s, m), &k| (s + 0.5 * (1.0 + n[k][2]) / n[k][2], m.min(v[k])));
+            let (plain, least) =
+                inner.iter().fold((0.0, 1.0f64), |(s, m), &k| (s + 0.5 * (1.0 + n[k][2]) / n[k][2], m.min(v[k])));
             assert!(least < 0.85, "{least}: there is something to hide behind");
             assert!((mean - 1.0).abs() < 0.015, "{mean}");
-            assert!((plain / inner.len() as f64 - 1.0).abs() > 2.0 * (mean - 1.0).abs(), "without horizons it would not be so");
+            assert!(
+                (plain / inner.len() as f64 - 1.0).abs() > 2.0 * (mean - 1.0).abs(),
+                "without horizons it would not be so"
+            );
         }
     }
 }

@@ -66,7 +66,13 @@ struct Task<'a> {
     bar: Bar,
 }
 
-fn one_pass(task: &Task, side: SideName, pass: &Pass, found: &mut Inspection, meter: &mut NoiseMeter) -> Result<PassSummary> {
+fn one_pass(
+    task: &Task,
+    side: SideName,
+    pass: &Pass,
+    found: &mut Inspection,
+    meter: &mut NoiseMeter,
+) -> Result<PassSummary> {
     let Task { folder, m, deep, bar } = task;
     let expected = pass.positions().len();
     let place = format!("{}/{}", side.name(), pass.name.name());
@@ -74,11 +80,16 @@ fn one_pass(task: &Task, side: SideName, pass: &Pass, found: &mut Inspection, me
         .into_par_iter()
         .map(|k| {
             bar.advance(1);
-            if progress::stop_requested() { Header::Missing } else { header(&frame_path(folder, side, pass.name, k), m) }
+            if progress::stop_requested() {
+                Header::Missing
+            } else {
+                header(&frame_path(folder, side, pass.name, k), m)
+            }
         })
         .collect();
     interrupted()?;
-    let mut summary = PassSummary { side: side.name().into(), pass: pass.name.name().into(), expected, ..PassSummary::default() };
+    let mut summary =
+        PassSummary { side: side.name().into(), pass: pass.name.name().into(), expected, ..PassSummary::default() };
     let (mut missing, mut wrong, mut fine, mut half) = (Vec::new(), Vec::new(), Vec::new(), 0);
     for (k, h) in headers.into_iter().enumerate() {
         match h {
@@ -98,16 +109,20 @@ fn one_pass(task: &Task, side: SideName, pass: &Pass, found: &mut Inspection, me
     }
     found.problems.extend(wrong.iter().take(LISTED).cloned());
     if wrong.len() > LISTED {
-        found.problems.push(format!("{place}: {} more frames are unreadable or of the wrong shape", wrong.len() - LISTED));
+        found
+            .problems
+            .push(format!("{place}: {} more frames are unreadable or of the wrong shape", wrong.len() - LISTED));
     }
     if half > 0 {
-        found
-            .warnings
-            .push(format!("{place}: {half} frames are stored as half, which keeps only about 5e-4 of a value; float is expected"));
+        found.warnings.push(format!(
+            "{place}: {half} frames are stored as half, which keeps only about 5e-4 of a value; float is expected"
+        ));
     }
     let extra = surplus(folder, side, pass, expected);
     if extra > 0 {
-        found.warnings.push(format!("{place}: {extra} more EXR files than the {expected} frames of the manifest; they are not read"));
+        found.warnings.push(format!(
+            "{place}: {extra} more EXR files than the {expected} frames of the manifest; they are not read"
+        ));
     }
     let chosen = chosen(expected, *deep);
     let mut samples = Samples::new(m.width * m.height);
@@ -162,7 +177,11 @@ fn surplus(folder: &Path, side: SideName, pass: &Pass, expected: usize) -> usize
     let names: Vec<std::path::PathBuf> = (0..expected).map(|k| frame_path(folder, side, pass.name, k)).collect();
     let place = folder.join(side.name()).join(pass.name.name());
     let Ok(entries) = std::fs::read_dir(place) else { return 0 };
-    entries.flatten().map(|e| e.path()).filter(|p| p.extension().is_some_and(|e| e == "exr") && !names.contains(p)).count()
+    entries
+        .flatten()
+        .map(|e| e.path())
+        .filter(|p| p.extension().is_some_and(|e| e == "exr") && !names.contains(p))
+        .count()
 }
 
 /// The ends, and windows of five for the noise; everything, in windows of five, when `deep`.
@@ -193,13 +212,28 @@ struct Samples {
 impl Samples {
     fn new(texels: usize) -> Samples {
         let (min, max) = (f64::INFINITY, f64::NEG_INFINITY);
-        Samples { seen: vec![false; texels], frames: 0, count: 0, nan: 0, negative: 0, min, max, top: 0.0, means: BTreeMap::new() }
+        Samples {
+            seen: vec![false; texels],
+            frames: 0,
+            count: 0,
+            nan: 0,
+            negative: 0,
+            min,
+            max,
+            top: 0.0,
+            means: BTreeMap::new(),
+        }
     }
 
     fn add(&mut self, frame: usize, maps: &Maps) {
         self.frames += 1;
         let (mut sum, mut finite) = (0.0, 0usize);
-        let peak = maps.channels.iter().flat_map(|c| c.1.iter().copied()).filter(|v| v.is_finite()).fold(f32::NEG_INFINITY, f32::max);
+        let peak = maps
+            .channels
+            .iter()
+            .flat_map(|c| c.1.iter().copied())
+            .filter(|v| v.is_finite())
+            .fold(f32::NEG_INFINITY, f32::max);
         let mut at_peak = 0usize;
         for (_, plane) in &maps.channels {
             for (v, seen) in plane.iter().zip(&mut self.seen) {
@@ -241,11 +275,17 @@ fn judge(place: &str, m: &Manifest, s: &PassSummary, samples: &Samples, found: &
         return;
     }
     if samples.means.is_empty() {
-        found.problems.push(format!("{place}: no reading anywhere in the {} frames looked at (saturated in every exposure?)", s.sampled));
+        found.problems.push(format!(
+            "{place}: no reading anywhere in the {} frames looked at (saturated in every exposure?)",
+            s.sampled
+        ));
         return;
     }
     if s.max <= 0.0 {
-        found.problems.push(format!("{place}: no light in any of the {} frames looked at; the largest value is {}", s.sampled, s.max));
+        found.problems.push(format!(
+            "{place}: no light in any of the {} frames looked at; the largest value is {}",
+            s.sampled, s.max
+        ));
         return;
     }
     if s.min == s.max {
@@ -256,7 +296,8 @@ fn judge(place: &str, m: &Manifest, s: &PassSummary, samples: &Samples, found: &
     if s.at_the_top_share > 0.005 {
         let share = percent(s.at_the_top_share);
         found.warnings.push(format!(
-            "{place}: {share} of a frame has exactly its largest value: clipped? Samples without a reading are expected to be NaN"
+            "{place}: {share} of a frame has exactly its largest value: clipped? Samples without a reading are \
+             expected to be NaN"
         ));
     }
     if s.no_reading_share > 0.01 {
@@ -265,6 +306,8 @@ fn judge(place: &str, m: &Manifest, s: &PassSummary, samples: &Samples, found: &
     if s.never_read_texels > 0 {
         let texels = m.width * m.height;
         let share = percent(s.never_read_texels as f64 / texels as f64);
-        found.warnings.push(format!("{place}: {} texels ({share}) have no reading in any frame looked at", s.never_read_texels));
+        found
+            .warnings
+            .push(format!("{place}: {} texels ({share}) have no reading in any frame looked at", s.never_read_texels));
     }
 }

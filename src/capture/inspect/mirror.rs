@@ -1,9 +1,10 @@
 //! The mirror strip: whether the tube's reflection stands where `capture.toml` says that it must.
 //!
-//! A level mirror sends the camera's ray to (−sin c, 0, cos c): in pass x it meets the axis of a tube at height H where x = position +
-//! H tan c, in pass y where y = position. An offset Δ from there is one of the tube's zero, its height (H by Δ/tan c) or the camera's angle
-//! (by Δ cos²c/H), which one view cannot tell apart; whichever it is, the fitted normals lean by −Δ cos²c/(2H) in pass x and −Δ/(2H) in
-//! pass y. (Gardner et al. 2003 place the tube by a mirror strip; the arithmetic here is the law of reflection.) Lengths in mm.
+//! A level mirror sends the camera's ray to (−sin c, 0, cos c): in pass x it meets the axis of a tube at height H where
+//! x = position + H tan c, in pass y where y = position. An offset Δ from there is one of the tube's zero, its height
+//! (H by Δ/tan c) or the camera's angle (by Δ cos²c/H), which one view cannot tell apart; whichever it is, the fitted
+//! normals lean by −Δ cos²c/(2H) in pass x and −Δ/(2H) in pass y. (Gardner et al. 2003 place the tube by a mirror
+//! strip; the arithmetic here is the law of reflection.) Lengths in mm.
 
 use super::{Inspection, list_numbers};
 use crate::Result;
@@ -30,25 +31,33 @@ pub struct MirrorCheck {
     pub lean_deg: f64,
 }
 
-/// Adds what the mirror strip of the capture `folder` says to `found`: its offsets, and a note or a warning about each pass.
+/// Adds what the mirror strip of the capture `folder` says to `found`: its offsets, and a note or a warning about each
+/// pass.
 pub fn look(folder: &Path, m: &Manifest, found: &mut Inspection) {
     if !folder.join("mirror").exists() {
-        found.notes.push("mirror/ is absent: the tube's height and zero and the camera's angle are taken as stated".into());
+        found
+            .notes
+            .push("mirror/ is absent: the tube's height and zero and the camera's angle are taken as stated".into());
         return;
     }
     for pass in &m.passes {
         let place = format!("mirror/{}", pass.name.name());
-        let missing: Vec<usize> = (0..pass.positions().len()).filter(|&k| !mirror_path(folder, pass.name, k).exists()).collect();
+        let missing: Vec<usize> =
+            (0..pass.positions().len()).filter(|&k| !mirror_path(folder, pass.name, k).exists()).collect();
         if !missing.is_empty() {
             let list = list_numbers(&missing);
-            found.warnings.push(format!("{place}: {} of {} frames are missing: {list}", missing.len(), pass.positions().len()));
+            found.warnings.push(format!(
+                "{place}: {} of {} frames are missing: {list}",
+                missing.len(),
+                pass.positions().len()
+            ));
         }
         match offsets(folder, m, pass) {
             Err(e) => found.warnings.push(format!("{e}; a fit does not need it")),
             Ok(offsets) if offsets.is_empty() => {
-                found
-                    .warnings
-                    .push(format!("{place}: no frame shows the whole of the tube's reflection; is the mirror level and in the field?"));
+                found.warnings.push(format!(
+                    "{place}: no frame shows the whole of the tube's reflection; is the mirror level and in the field?"
+                ));
             }
             Ok(offsets) => judge(m, pass, &offsets, found),
         }
@@ -65,8 +74,10 @@ fn judge(m: &Manifest, pass: &Pass, offsets: &[f64], found: &mut Inspection) {
     let turn = if pass.name == Travel::X { camera.cos().powi(2) } else { 1.0 };
     let lean = (-mean * turn / (2.0 * m.tube.height_mm)).to_degrees();
     let (name, axis) = (pass.name.name(), if pass.name == Travel::X { "x" } else { "y" });
-    let seen =
-        format!("mirror/{name}: the tube's reflection stands {mean:+.3} ± {error:.3} mm from where capture.toml puts it ({n} frames)");
+    let seen = format!(
+        "mirror/{name}: the tube's reflection stands {mean:+.3} ± {error:.3} mm from where capture.toml puts it ({n} \
+         frames)"
+    );
     if lean.abs() > LEAN_DEG && mean.abs() > SURE * error {
         let suspects = match pass.name {
             Travel::X if camera.tan().abs() > 0.1 => {
@@ -74,11 +85,19 @@ fn judge(m: &Manifest, pass: &Pass, offsets: &[f64], found: &mut Inspection) {
             }
             _ => "start_mm is off".into(),
         };
-        found.warnings.push(format!("{seen}: normals will lean by {lean:+.2}° in {axis}; {suspects}, or the mirror is not level"));
+        found.warnings.push(format!(
+            "{seen}: normals will lean by {lean:+.2}° in {axis}; {suspects}, or the mirror is not level"
+        ));
     } else {
         found.notes.push(format!("{seen}, worth {lean:+.2}° of tilt in {axis}"));
     }
-    found.mirror.push(MirrorCheck { pass: name.into(), frames: offsets.len(), offset_mm: mean, error_mm: error, lean_deg: lean });
+    found.mirror.push(MirrorCheck {
+        pass: name.into(),
+        frames: offsets.len(),
+        offset_mm: mean,
+        error_mm: error,
+        lean_deg: lean,
+    });
 }
 
 /// Distance of the reflection from its stated place in every frame that shows the whole of it.
@@ -91,7 +110,11 @@ fn offsets(folder: &Path, m: &Manifest, pass: &Pass) -> Result<Vec<f64>> {
         }
     }
     // The brightest frame tells how bright a reflection is; frames without one show noise.
-    let top = profiles.iter().flat_map(|(_, p)| p.iter().map(|(_, v)| v - base(p))).filter(|v| v.is_finite()).fold(0.0, f64::max);
+    let top = profiles
+        .iter()
+        .flat_map(|(_, p)| p.iter().map(|(_, v)| v - base(p)))
+        .filter(|v| v.is_finite())
+        .fold(0.0, f64::max);
     let shift = if pass.name == Travel::X { m.tube.height_mm * m.camera_deg.to_radians().tan() } else { 0.0 };
     Ok(profiles.iter().filter_map(|(position, p)| Some(centre(p, top)? - position - shift)).collect())
 }
@@ -104,10 +127,17 @@ fn profile(path: &Path, m: &Manifest, travel: Travel) -> Result<Vec<(f64, f64)>>
     let wide = length as f64 * m.texel_mm / count as f64;
     let mut out = Vec::new();
     for at in 0..count {
-        let texels: Vec<usize> =
-            if travel == Travel::X { (0..h).map(|j| j * w + at).collect() } else { (0..w).map(|i| at * w + i).collect() };
-        let values: Vec<f64> =
-            maps.channels.iter().flat_map(|c| texels.iter().map(|&k| f64::from(c.1[k]))).filter(|v| v.is_finite()).collect();
+        let texels: Vec<usize> = if travel == Travel::X {
+            (0..h).map(|j| j * w + at).collect()
+        } else {
+            (0..w).map(|i| at * w + i).collect()
+        };
+        let values: Vec<f64> = maps
+            .channels
+            .iter()
+            .flat_map(|c| texels.iter().map(|&k| f64::from(c.1[k])))
+            .filter(|v| v.is_finite())
+            .collect();
         if !values.is_empty() {
             let place = (at as f64 + 0.5 - count as f64 / 2.0) * wide;
             let place = if travel == Travel::X { place } else { -place };

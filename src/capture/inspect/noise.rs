@@ -1,5 +1,5 @@
-//! Noise of frames from fourth differences along the tube's path: they cancel anything as smooth as the tube's fall-off (to about 1e-4
-//! of the value at 100 frames), so what is left is noise: sd² = (relative · value)² + floor².
+//! Noise of frames from fourth differences along the tube's path: they cancel anything as smooth as the tube's fall-off
+//! (to about 1e-4 of the value at 100 frames), so what is left is noise: sd² = (relative · value)² + floor².
 
 use serde::Serialize;
 

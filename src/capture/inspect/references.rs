@@ -23,10 +23,15 @@ pub struct ReferenceSummary {
 pub fn look(folder: &Path, m: &Manifest, found: &mut Inspection) {
     let white = white(folder, m, found);
     if !white {
-        found.notes.push("white/ is absent: the frames are taken as normalised already (1 = a white texel under an infinite tube)".into());
+        found.notes.push(
+            "white/ is absent: the frames are taken as normalised already (1 = a white texel under an infinite tube)"
+                .into(),
+        );
         let brightest = found.passes.iter().filter_map(|p| p.brightest).map(|b| b.1).fold(0.0, f64::max);
         if brightest > 1.5 {
-            found.warnings.push(format!("a frame's mean is {brightest:.2} without a white sheet: are the frames normalised?"));
+            found
+                .warnings
+                .push(format!("a frame's mean is {brightest:.2} without a white sheet: are the frames normalised?"));
         }
     }
     let dark = picture(folder, "dark.exr", m, found);
@@ -45,7 +50,11 @@ pub fn look(folder: &Path, m: &Manifest, found: &mut Inspection) {
         let name = format!("{}/lightbox.exr", side.name());
         let leaf = picture(folder, &name, m, found);
         if !folder.join(&name).exists() {
-            found.problems.push(format!("{}: missing; without it ρt of the {} is unknown", folder.join(&name).display(), side.name()));
+            found.problems.push(format!(
+                "{}: missing; without it ρt of the {} is unknown",
+                folder.join(&name).display(),
+                side.name()
+            ));
         }
         if let (Some(leaf), Some(empty)) = (&leaf, &empty) {
             let share = ratio(&name, leaf, empty, dark.as_ref(), found);
@@ -72,11 +81,13 @@ fn white(folder: &Path, m: &Manifest, found: &mut Inspection) -> bool {
         if !missing.is_empty() {
             let list = list_numbers(&missing);
             found.problems.push(format!(
-                "{place}: {} of {expected} frames are missing: {list}; white frames stand at the tube positions of the leaf's",
+                "{place}: {} of {expected} frames are missing: {list}; white frames stand at the tube positions of the \
+                 leaf's",
                 missing.len()
             ));
         }
-        let mut summary = ReferenceSummary { name: place.clone(), files: expected - missing.len(), ..ReferenceSummary::default() };
+        let mut summary =
+            ReferenceSummary { name: place.clone(), files: expected - missing.len(), ..ReferenceSummary::default() };
         for (k, path) in paths.iter().enumerate().filter(|(k, _)| !missing.contains(k)) {
             summary.bytes += std::fs::metadata(path).map_or(0, |d| d.len());
             // Headers of all; the samples of a few say whether there is light.
@@ -97,7 +108,10 @@ fn white(folder: &Path, m: &Manifest, found: &mut Inspection) -> bool {
             }
         }
         if summary.max.is_some_and(|v| v <= 0.0) {
-            found.problems.push(format!("{place}: the white sheet shows no light; its largest value is {}", summary.max.unwrap_or(0.0)));
+            found.problems.push(format!(
+                "{place}: the white sheet shows no light; its largest value is {}",
+                summary.max.unwrap_or(0.0)
+            ));
         }
         found.references.push(summary);
     }
@@ -149,7 +163,8 @@ fn picture(folder: &Path, name: &str, m: &Manifest, found: &mut Inspection) -> O
 }
 
 fn widen(s: &mut ReferenceSummary, maps: &Maps) {
-    let mut values: Vec<f32> = maps.channels.iter().flat_map(|c| c.1.iter().copied()).filter(|v| v.is_finite()).collect();
+    let mut values: Vec<f32> =
+        maps.channels.iter().flat_map(|c| c.1.iter().copied()).filter(|v| v.is_finite()).collect();
     let all = maps.channels.len() * maps.width * maps.height;
     let absent = 1.0 - values.len() as f64 / all.max(1) as f64;
     s.no_reading_share = Some(s.no_reading_share.map_or(absent, |a| a.max(absent)));
@@ -191,7 +206,8 @@ fn ratio(name: &str, leaf: &Maps, empty: &Maps, dark: Option<&Maps>, found: &mut
     let share = |n: usize| n as f64 / all as f64;
     if share(unlit) > 0.5 {
         found.problems.push(format!(
-            "lightbox_empty.exr: {:.1} % of the texels are no brighter than the dark frame; the box must light the whole blade",
+            "lightbox_empty.exr: {:.1} % of the texels are no brighter than the dark frame; the box must light the \
+             whole blade",
             100.0 * share(unlit)
         ));
         return None;

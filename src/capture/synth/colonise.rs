@@ -1,5 +1,5 @@
-//! Space colonisation (Runions et al. 2005): the finest veins grow from the nearest vein towards auxin sources spread over the lamina,
-//! and their tips join into meshes. Lengths in mm.
+//! Space colonisation (Runions et al. 2005): the finest veins grow from the nearest vein towards auxin sources spread
+//! over the lamina, and their tips join into meshes. Lengths in mm.
 
 use super::outline::Blade;
 use super::random::Stream;
@@ -8,7 +8,8 @@ use super::veins::{Network, Piece, cell, distance};
 use std::collections::HashMap;
 use std::f64::consts::PI;
 
-/// Fine veins between those of `network`: auxin sources about half of `tertiary_mm` apart draw veins from the nearest node until they are reached.
+/// Fine veins between those of `network`: auxin sources about half of `tertiary_mm` apart draw veins from the nearest
+/// node until they are reached.
 pub fn colonise(blade: &Blade, veins: &Veins, network: &Network, seed: u64) -> Vec<Piece> {
     let spacing = 0.55 * veins.tertiary_mm;
     // A source closer than `born` to a vein needs none; one is reached when a vein comes within a step.
@@ -24,7 +25,8 @@ pub fn colonise(blade: &Blade, veins: &Veins, network: &Network, seed: u64) -> V
         }
     }
     // What each source is drawn to: (distance, node).
-    let mut sources: Vec<([f64; 2], f64, usize)> = scatter(blade, spacing, seed).into_iter().map(|p| (p, f64::MAX, usize::MAX)).collect();
+    let mut sources: Vec<([f64; 2], f64, usize)> =
+        scatter(blade, spacing, seed).into_iter().map(|p| (p, f64::MAX, usize::MAX)).collect();
     let mut seen = 0;
     let mut parent: Vec<usize> = vec![usize::MAX; nodes.len()];
     let first = nodes.len();

@@ -1,14 +1,17 @@
-//! What a texel shows under the tube: the radiance it sends to the camera, integrated finely over the tube's visible surface.
+//! What a texel shows under the tube: the radiance it sends to the camera, integrated finely over the tube's visible
+//! surface.
 //!
-//! The tube is a cylinder of constant radiance (Lambertian), radius a, length L, axis at height H over the blade, centred on it; the
-//! camera is orthographic. Lengths in mm, directions are unit vectors with z up. Values are normalised so that a white Lambertian texel
-//! facing up shows 1 straight under an infinitely long tube (Gardner et al. 2003 describe the device; `data/README.md` the units).
+//! The tube is a cylinder of constant radiance (Lambertian), radius a, length L, axis at height H over the blade,
+//! centred on it; the camera is orthographic. Lengths in mm, directions are unit vectors with z up. Values are
+//! normalised so that a white Lambertian texel facing up shows 1 straight under an infinitely long tube (Gardner et al.
+//! 2003 describe the device; `data/README.md` the units).
 //!
-//! Seen from the texel a direction is (φ, ψ): φ turns in the plane across the tube, ψ along it, dω = cosψ dψ dφ. In the cross plane
-//! the tube fills φ₀ ± asin(a/d); with sin(φ − φ₀) = (a/d) sinτ the limb's square root goes away and Gauss–Legendre in τ converges
-//! fast. Along ψ the diffuse part is integrated in closed form; the lobe by Gauss–Legendre panels graded around its peak, or, where the
-//! lobe lies well inside the tube, by the trapezoidal rule (exponentially convergent for such bells). Relative accuracy 1e-6 for
-//! m ≥ 0.03 (tested against area elements of the cylinder). Nothing here is shared with the fit.
+//! Seen from the texel a direction is (φ, ψ): φ turns in the plane across the tube, ψ along it, dω = cosψ dψ dφ. In the
+//! cross plane the tube fills φ₀ ± asin(a/d); with sin(φ − φ₀) = (a/d) sinτ the limb's square root goes away and
+//! Gauss–Legendre in τ converges fast. Along ψ the diffuse part is integrated in closed form; the lobe by
+//! Gauss–Legendre panels graded around its peak, or, where the lobe lies well inside the tube, by the trapezoidal rule
+//! (exponentially convergent for such bells). Relative accuracy 1e-6 for m ≥ 0.03 (tested against area elements of the
+//! cylinder). Nothing here is shared with the fit.
 
 use super::slab_truth::gauss_legendre;
 use crate::manifest::{Travel, Tube};
@@ -24,7 +27,8 @@ pub enum Lobe {
     Beckmann,
     /// The same with D = m²/(π cos⁴α (m² + tan²α)²).
     Ggx,
-    /// Beckmann's D with the dielectric Fresnel factor of unpolarised light and V-cavity masking (Cook & Torrance 1982).
+    /// Beckmann's D with the dielectric Fresnel factor of unpolarised light and V-cavity masking (Cook & Torrance
+    /// 1982).
     CookTorrance { index: f64 },
 }
 
@@ -44,14 +48,16 @@ pub struct Device {
     tube: Tube,
     travel: Travel,
     view: [f64; 3],
-    /// Nodes across the tube, for the diffuse part and broad lobes, and for lobes narrower than [`NARROW`]: (sinτ, cosτ, weight·cosτ).
+    /// Nodes across the tube, for the diffuse part and broad lobes, and for lobes narrower than [`NARROW`]: (sinτ,
+    /// cosτ, weight·cosτ).
     across: [Vec<[f64; 3]>; 2],
     /// Gauss–Legendre nodes of a panel.
     panel: Vec<(f64, f64)>,
 }
 
-/// A direction in the cross plane towards the tube: (sinφ, cosφ), weight Le dφ, and the distance at which the lit length ends: the
-/// axis', by the capture's convention (the surface's own would be nearer by most of a radius, worth 0.15 % of D for the usual device).
+/// A direction in the cross plane towards the tube: (sinφ, cosφ), weight Le dφ, and the distance at which the lit
+/// length ends: the axis', by the capture's convention (the surface's own would be nearer by most of a radius, worth
+/// 0.15 % of D for the usual device).
 #[derive(Debug, Clone, Copy)]
 struct Ray {
     sin: f64,
@@ -88,7 +94,11 @@ impl Device {
             if tube.radius_mm == 0.0 {
                 return vec![[0.0, 0.0, 2.0]];
             }
-            gauss_legendre(n).iter().map(|&(x, w)| (0.5 * PI * x, 0.5 * PI * w)).map(|(t, w)| [t.sin(), t.cos(), w * t.cos()]).collect()
+            gauss_legendre(n)
+                .iter()
+                .map(|&(x, w)| (0.5 * PI * x, 0.5 * PI * w))
+                .map(|(t, w)| [t.sin(), t.cos(), w * t.cos()])
+                .collect()
         });
         Device { tube, travel, view: [s, 0.0, c], across, panel: gauss_legendre(10) }
     }
@@ -109,14 +119,19 @@ impl Device {
         let ray = |&[sin_tau, _, weight]: &[f64; 3]| {
             let sin = radius / d * sin_tau;
             let cos = (1.0 - sin * sin).sqrt();
-            Ray { sin: sin0 * cos + cos0 * sin, cos: cos0 * cos - sin0 * sin, distance: d, weight: height / d * weight / cos }
+            Ray {
+                sin: sin0 * cos + cos0 * sin,
+                cos: cos0 * cos - sin0 * sin,
+                distance: d,
+                weight: height / d * weight / cos,
+            }
         };
         let rays = [0, 1].map(|set| self.across[set].iter().map(ray).collect());
         Seen { rays, axis: Ray { sin: sin0, cos: cos0, distance: d, weight: 0.0 }, half_width: (radius / d).asin() }
     }
 
-    /// What a texel shows: `along` is its position along the tube (mm), `normal` its unit normal (x, y, z), `m` its roughness; without
-    /// roughness only the diffuse part is computed.
+    /// What a texel shows: `along` is its position along the tube (mm), `normal` its unit normal (x, y, z), `m` its
+    /// roughness; without roughness only the diffuse part is computed.
     pub fn shown(&self, seen: &Seen, along: f64, normal: [f64; 3], m: Option<f64>, lobe: Lobe) -> Shown {
         let (n, v) = (self.turned(normal), self.turned(self.view));
         let facing = n[0] * v[0] + n[1] * v[1] + n[2] * v[2];
@@ -164,7 +179,8 @@ impl Lobed<'_> {
     /// ∫ f cosθi L dω per unit ρs.
     fn integral(&self, seen: &Seen, ends: [f64; 2]) -> f64 {
         let (peak, low, width) = self.peak(&seen.axis);
-        // The lobe is cut where it has fallen to e^−50; turning the direction by the tube's half width turns α by at most half of it.
+        // The lobe is cut where it has fallen to e^−50; turning the direction by the tube's half width turns α by at
+        // most half of it.
         if !matches!(self.lobe, Lobe::Ggx) {
             let nearest = (low.sqrt() - 2.0 * seen.half_width).max(0.0);
             if nearest * nearest > 50.0 * self.m * self.m {
@@ -239,7 +255,8 @@ impl Lobed<'_> {
         }
     }
 
-    /// Trapezoidal rule over the whole bell, shared ψ nodes for all rays; `None` where the tube's ends or the horizon cut it.
+    /// Trapezoidal rule over the whole bell, shared ψ nodes for all rays; `None` where the tube's ends or the horizon
+    /// cut it.
     fn trapezoid(&self, seen: &Seen, rays: &[Ray], ends: [f64; 2], peak: f64, width: f64) -> Option<f64> {
         const STEP: f64 = 0.62;
         const REACH: i32 = 9;
@@ -248,7 +265,10 @@ impl Lobed<'_> {
             let (s, c) = psi.sin_cos();
             let t = s / c;
             let light = c * (self.normal[0] * seen.axis.sin + self.normal[2] * seen.axis.cos) + s * self.normal[1];
-            psi.abs() < 1.5 && t > ends[0] / seen.axis.distance && t < ends[1] / seen.axis.distance && light > 2.0 * seen.half_width
+            psi.abs() < 1.5
+                && t > ends[0] / seen.axis.distance
+                && t < ends[1] / seen.axis.distance
+                && light > 2.0 * seen.half_width
         };
         if !(inside(peak - reach) && inside(peak + reach)) {
             return None;

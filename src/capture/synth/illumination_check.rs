@@ -74,7 +74,8 @@ fn by_area(tube: Tube, travel: Travel, position: f64, at: [f64; 2], n: [f64; 3],
                 }
                 _ => 1.0,
             };
-            let element = tube.height_mm / tube.radius_mm * ci * cl / r2 * (arc * w * tube.radius_mm) * (0.5 * step * gw);
+            let element =
+                tube.height_mm / tube.radius_mm * ci * cl / r2 * (arc * w * tube.radius_mm) * (0.5 * step * gw);
             sum.diffuse += element / PI;
             sum.gloss += element * dist * extra / (4.0 * ci * cr);
         }
@@ -102,17 +103,24 @@ fn it_is_the_integral_over_the_cylinders_surface() {
         for (lobe, limit) in [(Lobe::Beckmann, 1e-6), (Lobe::Ggx, 1e-6), (Lobe::CookTorrance { index: 1.45 }, 2e-5)] {
             let found = device.shown(&device.seen(position, t), l, n, Some(m), lobe);
             let exact = by_area(TUBE, travel, position, at, n, m, lobe);
-            let errors = [found.diffuse / exact.diffuse - 1.0, (found.gloss - exact.gloss) / (exact.gloss + 1e-3 * exact.diffuse)];
+            let errors = [
+                found.diffuse / exact.diffuse - 1.0,
+                (found.gloss - exact.gloss) / (exact.gloss + 1e-3 * exact.diffuse),
+            ];
             println!(
                 "{travel:?} {position} m {m} {lobe:?}: {:.3e} {:.3e}  errors {:.1e} {:.1e}",
                 exact.diffuse, exact.gloss, errors[0], errors[1]
             );
-            assert!(errors[0].abs() < 1e-6 && errors[1].abs() < limit, "{travel:?} {position} {m} {lobe:?}: {found:?} {exact:?}");
+            assert!(
+                errors[0].abs() < 1e-6 && errors[1].abs() < limit,
+                "{travel:?} {position} {m} {lobe:?}: {found:?} {exact:?}"
+            );
         }
     }
 }
 
-/// A white texel straight under an infinite tube shows 1, under 500 mm at 100 mm height .977; and the thin tube's closed form.
+/// A white texel straight under an infinite tube shows 1, under 500 mm at 100 mm height .977; and the thin tube's
+/// closed form.
 #[test]
 fn white_is_one() {
     let white = |tube: Tube, position: f64| {

@@ -1,6 +1,7 @@
-//! The truth about a leaf, texel by texel: outline, veins, relief and normals, thickness, pigment, γ, gloss, and what the slab makes of
-//! them. Both sides share interior and shape; the back's maps are stored as its camera saw them (column i of the back is column W−1−i
-//! of the front, x and z change sign). Lengths in mm, coefficients in 1/mm, albedos in [0, 1].
+//! The truth about a leaf, texel by texel: outline, veins, relief and normals, thickness, pigment, γ, gloss, and what
+//! the slab makes of them. Both sides share interior and shape; the back's maps are stored as its camera saw them
+//! (column i of the back is column W−1−i of the front, x and z change sign). Lengths in mm, coefficients in 1/mm,
+//! albedos in [0, 1].
 
 use super::illumination::Lobe;
 use super::outline::Blade;
@@ -74,10 +75,16 @@ pub fn texel_size(spec: &Spec, width: usize, height: usize) -> f64 {
 impl Leaf {
     /// Grows the leaf and evaluates its maps at one resolution; `None` when not one texel lies on the blade.
     pub fn grow(spec: &Spec, model: Model, width: usize, height: usize) -> Option<Leaf> {
-        Leaf::grow_in(spec, model, (width, height), Window { centre_mm: [0.0; 2], texel_mm: texel_size(spec, width, height) })
+        Leaf::grow_in(
+            spec,
+            model,
+            (width, height),
+            Window { centre_mm: [0.0; 2], texel_mm: texel_size(spec, width, height) },
+        )
     }
 
-    /// The same for a part of the field: the same leaf wherever one looks, but for the mean of thickness and γ, which are those of what is seen.
+    /// The same for a part of the field: the same leaf wherever one looks, but for the mean of thickness and γ, which
+    /// are those of what is seen.
     pub fn grow_in(spec: &Spec, model: Model, (width, height): (usize, usize), window: Window) -> Option<Leaf> {
         let Window { centre_mm, texel_mm } = window;
         let blade = Blade::new(&spec.outline, &spec.margin, spec.seed);
@@ -90,11 +97,18 @@ impl Leaf {
             .flat_map_iter(|j| {
                 // Slopes need the neighbours too, on the blade or not.
                 let wanted = |i: usize| {
-                    (j.saturating_sub(1)..(j + 2).min(height)).any(|b| (i.saturating_sub(1)..(i + 2).min(width)).any(|a| rows[b][a]))
+                    (j.saturating_sub(1)..(j + 2).min(height))
+                        .any(|b| (i.saturating_sub(1)..(i + 2).min(width)).any(|a| rows[b][a]))
                 };
                 let (rows, x, network) = (&rows, &x, &network);
                 (0..width)
-                    .map(|i| if wanted(i) { place(spec, network, [x[i], y(j)], texel_mm, rows[j][i]) } else { Place::default() })
+                    .map(|i| {
+                        if wanted(i) {
+                            place(spec, network, [x[i], y(j)], texel_mm, rows[j][i])
+                        } else {
+                            Place::default()
+                        }
+                    })
                     .collect::<Vec<_>>()
             })
             .collect();
@@ -183,7 +197,8 @@ fn bell(found: Option<(f64, f64)>, texel: f64) -> f64 {
 fn place(spec: &Spec, network: &Network, p: [f64; 2], texel: f64, inside: bool) -> Place {
     let (v, relief) = (&spec.veins, &spec.relief);
     let reach = [0, 1, 2].map(|k| 2.5 * v.width_mm[k].hypot(2.0 * texel));
-    let near = [0, 1, 2].map(|k| network.orders[k].nearest(p, reach[k].max(3.4 * relief.bulge_width_mm[usize::from(k == 2)])));
+    let near =
+        [0, 1, 2].map(|k| network.orders[k].nearest(p, reach[k].max(3.4 * relief.bulge_width_mm[usize::from(k == 2)])));
     let vein = [0, 1, 2].map(|k| bell(near[k], texel));
     let far = |k: usize| near[k].map_or(f64::MAX, |(d, _)| d);
     // The lamina rises away from veins and levels off; small meshes ride on the large ones.
@@ -194,19 +209,23 @@ fn place(spec: &Spec, network: &Network, p: [f64; 2], texel: f64, inside: bool) 
     if v.tertiary_mm > 0.0 {
         bulge += relief.bulge_mm[1] * (relief.bulge_width_mm[1] / fine_width) * between * dome(far(2), fine_width);
     }
-    let areole = if v.areole_mm > 2.0 * texel { (-(mesh(spec.seed ^ 0xa5, p, v.areole_mm) / 0.09).powi(2)).exp() } else { 0.0 };
+    let areole =
+        if v.areole_mm > 2.0 * texel { (-(mesh(spec.seed ^ 0xa5, p, v.areole_mm) / 0.09).powi(2)).exp() } else { 0.0 };
     bulge -= 0.12 * relief.bulge_mm[1] * areole;
     // The blade as a whole: halves that rise from the midrib, ends that hang, slow waves that grow towards the margin.
     let half = 0.5 * spec.outline.length_mm;
     let off = p[1] - spec.outline.bow_mm * ((std::f64::consts::PI * (p[0] / half * 0.5 + 0.5)).sin() - 0.5);
     let fold = relief.fold_deg.to_radians().tan() * (off.hypot(2.0) - 2.0);
-    let wave = relief.wave_mm * noise(spec.seed ^ 0x3a, p, relief.wave_length_mm) * (off.abs() / (0.35 * half)).min(1.5);
+    let wave =
+        relief.wave_mm * noise(spec.seed ^ 0x3a, p, relief.wave_length_mm) * (off.abs() / (0.35 * half)).min(1.5);
     let sheet = fold - relief.droop_mm * (p[0] / half).powi(2) + wave + bulge;
     let dents = |depths: [f64; 3]| (0..3).map(|k| depths[k] * vein[k]).sum::<f64>();
     let lamina = 1.0
         + spec.variation.lamina[0] * noise(spec.seed ^ 0x11, p, 14.0)
         + spec.variation.lamina[1] * noise(spec.seed ^ 0x12, p, 1.2) * damped(1.2, texel);
-    let thickness = lamina + (0..3).map(|k| spec.variation.veins[k] * vein[k]).sum::<f64>() + 0.2 * spec.variation.veins[2] * areole;
+    let thickness = lamina
+        + (0..3).map(|k| spec.variation.veins[k] * vein[k]).sum::<f64>()
+        + 0.2 * spec.variation.veins[2] * areole;
     let any = vein[0].max(vein[1]).max(0.75 * vein[2]).max(0.2 * areole);
     let lively = 1.0 + spec.pigment.lamina * noise(spec.seed ^ 0x21, p, 9.0) - spec.pigment.between * between;
     Place {
@@ -245,7 +264,8 @@ fn interior(spec: &Spec, model: Model, places: &[Place]) -> Interior {
         places.iter().map(|p| if p.inside { f(p).map(|v| v as f32) } else { [0.0; 3] }).collect()
     };
     let pigment = |p: &Place| if model == Model::Exact { 1.0 } else { p.chlorophyll };
-    let thickness: Vec<f32> = places.iter().map(|p| if p.inside { (scale * p.thickness) as f32 } else { 0.0 }).collect();
+    let thickness: Vec<f32> =
+        places.iter().map(|p| if p.inside { (scale * p.thickness) as f32 } else { 0.0 }).collect();
     let sigma_a = on_blade(&|p| spec.interior.sigma_a.map(|s| s * pigment(p)));
     let sigma_s = on_blade(&|_| spec.interior.sigma_s);
     let (mut reflected, mut rho_t) = (vec![[0.0; 3]; places.len()], vec![[0f32; 3]; places.len()]);
@@ -260,10 +280,12 @@ fn interior(spec: &Spec, model: Model, places: &[Place]) -> Interior {
         let (absorption, scattering, thick) =
             (range(&|k| sigma_a[k][c]), f64::from(spec.interior.sigma_s[c] as f32), range(&|k| thickness[k]));
         let table = Table::new(1.0, absorption, scattering, thick);
-        reflected.par_iter_mut().zip(&mut rho_t).enumerate().filter(|(k, _)| places[*k].inside).for_each(|(k, (d, t))| {
-            let r = table.at(f64::from(sigma_a[k][c]), f64::from(thickness[k]));
-            (d[c], t[c]) = (r.rho_d, r.rho_t as f32);
-        });
+        reflected.par_iter_mut().zip(&mut rho_t).enumerate().filter(|(k, _)| places[*k].inside).for_each(
+            |(k, (d, t))| {
+                let r = table.at(f64::from(sigma_a[k][c]), f64::from(thickness[k]));
+                (d[c], t[c]) = (r.rho_d, r.rho_t as f32);
+            },
+        );
         if !through.is_empty() {
             let table = Table::new(oblique, absorption, scattering, thick);
             through.par_iter_mut().enumerate().filter(|(k, _)| places[*k].inside).for_each(|(k, t)| {
@@ -277,13 +299,23 @@ fn interior(spec: &Spec, model: Model, places: &[Place]) -> Interior {
     Interior { thickness, sigma_a, sigma_s, reflected, rho_t, through }
 }
 
-fn side(spec: &Spec, model: Model, places: &[Place], interior: &Interior, (width, height, texel): (usize, usize, f64), back: bool) -> Side {
+fn side(
+    spec: &Spec,
+    model: Model,
+    places: &[Place],
+    interior: &Interior,
+    (width, height, texel): (usize, usize, f64),
+    back: bool,
+) -> Side {
     let surface: &Surface = if back { &spec.back } else { &spec.front };
     // Index into the front's maps of what this side's camera sees at (i, j).
     let place_of = |i: usize, j: usize| j * width + if back { width - 1 - i } else { i };
     let seen: Vec<usize> = (0..width * height).map(|k| place_of(k % width, k / width)).collect();
     let on_blade = |f: &dyn Fn(usize) -> [f64; 3]| -> Vec<[f32; 3]> {
-        seen.iter().enumerate().map(|(k, &p)| if places[p].inside { f(k).map(|v| v as f32) } else { [0.0; 3] }).collect()
+        seen.iter()
+            .enumerate()
+            .map(|(k, &p)| if places[p].inside { f(k).map(|v| v as f32) } else { [0.0; 3] })
+            .collect()
     };
     let vein = |p: &Place| p.vein[0].max(p.vein[1]).max(0.75 * p.vein[2]);
 
@@ -308,12 +340,14 @@ fn side(spec: &Spec, model: Model, places: &[Place], interior: &Interior, (width
         let p = &places[seen[k]];
         let [slow, fine] = [p.mottle[2], p.mottle[3]];
         let vary = |mean: f64, which: usize, n: f64| {
-            (mean * (1.0 + surface.gloss_veins[which] * vein(p)) * (1.0 + surface.gloss_lamina[which] * n)).max(0.1 * mean)
+            (mean * (1.0 + surface.gloss_veins[which] * vein(p)) * (1.0 + surface.gloss_lamina[which] * n))
+                .max(0.1 * mean)
         };
         [vary(surface.rho_s, 0, 0.8 * slow + 0.6 * fine), vary(surface.m, 1, 0.8 * fine - 0.6 * slow).clamp(0.03, 0.8)]
     };
     // Heights as this side's camera sees them: towards it is positive.
-    let height_of = |i: usize, j: usize| if back { -places[place_of(i, j)].back_mm } else { places[place_of(i, j)].front_mm };
+    let height_of =
+        |i: usize, j: usize| if back { -places[place_of(i, j)].back_mm } else { places[place_of(i, j)].front_mm };
     let normal = |k: usize| {
         let (i, j) = (k % width, k / width);
         let (l, r) = (i.saturating_sub(1), (i + 1).min(width - 1));
@@ -363,7 +397,9 @@ mod tests {
                     for &k in good.iter().step_by(211) {
                         let (a, s) = (f64::from(side.sigma_a[k][c]), f64::from(side.sigma_s[k][c]));
                         let r = slab_truth::response(a, s, f64::from(side.thickness[k]));
-                        assert!((f64::from(side.rho_d[k][c]) / (r.rho_d * f64::from(side.gamma[k][c])) - 1.0).abs() < 1e-6);
+                        assert!(
+                            (f64::from(side.rho_d[k][c]) / (r.rho_d * f64::from(side.gamma[k][c])) - 1.0).abs() < 1e-6
+                        );
                         assert!((f64::from(side.rho_t[k][c]) / r.rho_t - 1.0).abs() < 1e-6);
                     }
                 }
@@ -371,7 +407,13 @@ mod tests {
                 assert!(good.iter().all(|&k| (side.normal[k].iter().map(|v| v * v).sum::<f32>() - 1.0).abs() < 1e-6));
             }
             if model == Model::Exact {
-                assert!(leaf.front.sigma_a.iter().zip(&leaf.mask).all(|(s, m)| !m || *s == spec.interior.sigma_a.map(|v| v as f32)));
+                assert!(
+                    leaf.front
+                        .sigma_a
+                        .iter()
+                        .zip(&leaf.mask)
+                        .all(|(s, m)| !m || *s == spec.interior.sigma_a.map(|v| v as f32))
+                );
             }
         }
     }
@@ -391,7 +433,8 @@ mod tests {
         }
     }
 
-    /// A plane tilted up to the right for the front tilts up to the right for the back too (turned about y, seen from below).
+    /// A plane tilted up to the right for the front tilts up to the right for the back too (turned about y, seen from
+    /// below).
     #[test]
     fn normals_turn_with_the_leaf() {
         let (mut spec, _) = elm(Model::Exact);

@@ -1,7 +1,8 @@
-//! Synthetic leaves and their scans: a specification grows into maps (the truth), and a linear light source device scans them.
+//! Synthetic leaves and their scans: a specification grows into maps (the truth), and a linear light source device
+//! scans them.
 //!
-//! Truth and fit are different code: the slab is solved by doubling ([`slab_truth`]), the light under the tube is integrated finely
-//! ([`illumination`]); neither calls anything the fit uses.
+//! Truth and fit are different code: the slab is solved by doubling ([`slab_truth`]), the light under the tube is
+//! integrated finely ([`illumination`]); neither calls anything the fit uses.
 
 pub mod colonise;
 pub mod illumination;

@@ -11,8 +11,8 @@ pub struct Blade {
     /// Where the petiole meets the blade.
     pub base: [f64; 2],
     outline: Outline,
-    /// Half widths left and right of the midrib against the angle θ of t = (1 − cosθ)/2, or radii against the angle in degrees. In θ an
-    /// elliptic end is smooth.
+    /// Half widths left and right of the midrib against the angle θ of t = (1 − cosθ)/2, or radii against the angle in
+    /// degrees. In θ an elliptic end is smooth.
     curves: [Curve; 2],
     petiole: Option<[[f64; 2]; 2]>,
     bands: Bands,
@@ -31,8 +31,10 @@ impl Bands {
     const COUNT: usize = 512;
 
     fn of(contour: &[[f64; 2]]) -> Bands {
-        let [low, high] = contour.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], p| [l.min(p[1]), h.max(p[1])]);
-        let mut bands = Bands { low, per_mm: Bands::COUNT as f64 / (high - low).max(1e-9), edges: vec![Vec::new(); Bands::COUNT] };
+        let [low, high] =
+            contour.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], p| [l.min(p[1]), h.max(p[1])]);
+        let mut bands =
+            Bands { low, per_mm: Bands::COUNT as f64 / (high - low).max(1e-9), edges: vec![Vec::new(); Bands::COUNT] };
         for (k, &a) in contour.iter().enumerate() {
             let b = contour[(k + 1) % contour.len()];
             let (first, last) = (bands.index(a[1].min(b[1])), bands.index(a[1].max(b[1])));
@@ -84,7 +86,9 @@ impl Curve {
         let k = self.x.partition_point(|&v| v <= x).clamp(1, self.x.len() - 1) - 1;
         let h = self.x[k + 1] - self.x[k];
         let (a, b) = ((self.x[k + 1] - x) / h, (x - self.x[k]) / h);
-        a * self.y[k] + b * self.y[k + 1] + ((a * a * a - a) * self.bend[k] + (b * b * b - b) * self.bend[k + 1]) * h * h / 6.0
+        a * self.y[k]
+            + b * self.y[k + 1]
+            + ((a * a * a - a) * self.bend[k] + (b * b * b - b) * self.bend[k + 1]) * h * h / 6.0
     }
 }
 
@@ -114,21 +118,32 @@ impl Blade {
         } else {
             [Curve::through(outline.polar.iter().map(|p| (p[0], p[1]))), Curve::default()]
         };
-        let mut blade =
-            Blade { contour: Vec::new(), base: [0.0; 2], outline: outline.clone(), curves, petiole: None, bands: Bands::default() };
-        blade.base =
-            if outline.polar.is_empty() { [-0.5 * outline.length_mm, blade.place(0.0, 0.0)[1]] } else { centring(&blade.curves[0]) };
+        let mut blade = Blade {
+            contour: Vec::new(),
+            base: [0.0; 2],
+            outline: outline.clone(),
+            curves,
+            petiole: None,
+            bands: Bands::default(),
+        };
+        blade.base = if outline.polar.is_empty() {
+            [-0.5 * outline.length_mm, blade.place(0.0, 0.0)[1]]
+        } else {
+            centring(&blade.curves[0])
+        };
         blade.contour = toothed(&blade.smooth_contour(), margin, blade.base, seed);
         blade.bands = Bands::of(&blade.contour);
         if outline.petiole_mm > 0.0 {
             let [x, y] = blade.base;
             // It enters a little way, so that no gap opens between petiole and blade.
-            blade.petiole = Some([[x + 0.5, y], [x - outline.petiole_mm - outline.polar.first().map_or(0.0, |p| p[1]), y]]);
+            blade.petiole =
+                Some([[x + 0.5, y], [x - outline.petiole_mm - outline.polar.first().map_or(0.0, |p| p[1]), y]]);
         }
         blade
     }
 
-    /// Densely sampled margin without teeth, from the base along the left half to the tip and back along the right half.
+    /// Densely sampled margin without teeth, from the base along the left half to the tip and back along the right
+    /// half.
     fn smooth_contour(&self) -> Vec<[f64; 2]> {
         let steps = 1500;
         if !self.outline.polar.is_empty() {
@@ -181,7 +196,8 @@ impl Blade {
         inside
     }
 
-    /// Which of the points at heights `y`, abscissae `x` (rising) lie on the blade or its petiole: one crossing search a row.
+    /// Which of the points at heights `y`, abscissae `x` (rising) lie on the blade or its petiole: one crossing search
+    /// a row.
     pub fn row(&self, y: f64, x: &[f64]) -> Vec<bool> {
         let n = self.contour.len();
         let mut crossings: Vec<f64> = (0..n)
@@ -235,13 +251,19 @@ fn toothed(smooth: &[[f64; 2]], margin: &Margin, base: [f64; 2], seed: u64) -> V
             let outward = [-tangent[1] / size, tangent[0] / size];
             // The contour runs clockwise seen from +z with left = +y first: its outward side is to the left.
             let from_base = if k < n / 2 { lengths[k] } else { total - lengths[k] };
-            let wander = 0.35 * noise(seed ^ 0x7007, [from_base, if k < n / 2 { 0.0 } else { 500.0 }], 4.0 * margin.tooth_mm);
+            let wander =
+                0.35 * noise(seed ^ 0x7007, [from_base, if k < n / 2 { 0.0 } else { 500.0 }], 4.0 * margin.tooth_mm);
             let phase = from_base / margin.tooth_mm + 0.3 * wander;
             let far = (smooth[k][0] - base[0]).hypot(smooth[k][1] - base[1]) / reach;
             let fade = (far * 5.0).min(1.0) * (0.35 + 0.65 * ((1.0 - from_base / (0.5 * total)) * 4.0).clamp(0.0, 1.0));
-            let uneven = 1.0 + 0.25 * (Stream::new(seed, &[phase.floor() as i64 as u64, u64::from(k < n / 2)]).signed());
+            let uneven =
+                1.0 + 0.25 * (Stream::new(seed, &[phase.floor() as i64 as u64, u64::from(k < n / 2)]).signed());
             let first = tooth(phase, margin.lean) * margin.depth_mm * uneven;
-            let second = if margin.second > 0.0 { tooth(phase * margin.second, margin.lean) * margin.second_depth_mm } else { 0.0 };
+            let second = if margin.second > 0.0 {
+                tooth(phase * margin.second, margin.lean) * margin.second_depth_mm
+            } else {
+                0.0
+            };
             let out = fade * (first + second);
             let push = fade * margin.lean * 0.7 * (first + second);
             [0, 1].map(|c| smooth[k][c] + out * outward[c] + push * t[c])
@@ -249,7 +271,8 @@ fn toothed(smooth: &[[f64; 2]], margin: &Margin, base: [f64; 2], seed: u64) -> V
         .collect()
 }
 
-/// Height of a tooth, 0 to 1, over its phase: blunt and symmetric for lean 0, rising slowly and falling fast for lean 1.
+/// Height of a tooth, 0 to 1, over its phase: blunt and symmetric for lean 0, rising slowly and falling fast for lean
+/// 1.
 fn tooth(phase: f64, lean: f64) -> f64 {
     let u = phase.rem_euclid(1.0);
     let blunt = (std::f64::consts::PI * u).sin().sqrt();

@@ -1,5 +1,5 @@
-//! One picture a side to look at what was grown: lit leaf, diffuse reflectance, transmittance; normals, thickness, roughness.
-//! For eyes only; the truth is in the EXR files beside it.
+//! One picture a side to look at what was grown: lit leaf, diffuse reflectance, transmittance; normals, thickness,
+//! roughness. For eyes only; the truth is in the EXR files beside it.
 
 use super::leaf::{Leaf, Side};
 use crate::Result;
@@ -18,8 +18,9 @@ pub fn write(path: &Path, leaf: &Leaf, back: bool) -> Result<()> {
     if w == 0 || h == 0 {
         return Ok(());
     }
-    let range =
-        |map: &[f32]| map.iter().zip(&mask).filter(|(_, m)| **m).fold([f32::MAX, f32::MIN], |[a, b], (v, _)| [a.min(*v), b.max(*v)]);
+    let range = |map: &[f32]| {
+        map.iter().zip(&mask).filter(|(_, m)| **m).fold([f32::MAX, f32::MIN], |[a, b], (v, _)| [a.min(*v), b.max(*v)])
+    };
     let [thin, thick] = range(&side.thickness);
     let [smooth, rough] = range(&side.m);
     let brightest = |map: &[[f32; 3]]| {

@@ -1,5 +1,6 @@
-//! Random numbers that depend on a seed and a place only, never on the order in which threads ask: hashed counters, Gaussian deviates,
-//! and smooth noise over the plane. Kept here, not taken from a crate, so that the bytes of a capture outlive crate versions.
+//! Random numbers that depend on a seed and a place only, never on the order in which threads ask: hashed counters,
+//! Gaussian deviates, and smooth noise over the plane. Kept here, not taken from a crate, so that the bytes of a
+//! capture outlive crate versions.
 
 /// A stream of 64-bit numbers (SplitMix64; Steele, Lea & Flood 2014).
 #[derive(Debug, Clone)]
@@ -60,7 +61,8 @@ fn gradient_noise(seed: u64, p: [f64; 2]) -> f64 {
     let (x, y) = (p[0] - i, p[1] - j);
     let fade = |t: f64| t * t * t * (t * (t * 6.0 - 15.0) + 10.0);
     let corner = |di: f64, dj: f64| {
-        let angle = std::f64::consts::TAU * Stream::new(seed, &[(i + di) as i64 as u64, (j + dj) as i64 as u64]).uniform();
+        let angle =
+            std::f64::consts::TAU * Stream::new(seed, &[(i + di) as i64 as u64, (j + dj) as i64 as u64]).uniform();
         angle.cos() * (x - di) + angle.sin() * (y - dj)
     };
     let (u, v) = (fade(x), fade(y));
@@ -68,7 +70,8 @@ fn gradient_noise(seed: u64, p: [f64; 2]) -> f64 {
     lerp(lerp(corner(0.0, 0.0), corner(1.0, 0.0), u), lerp(corner(0.0, 1.0), corner(1.0, 1.0), u), v)
 }
 
-/// Distance to the border between the two nearest of one jittered point a cell (cells of size `length`), in units of `length`.
+/// Distance to the border between the two nearest of one jittered point a cell (cells of size `length`), in units of
+/// `length`.
 pub fn mesh(seed: u64, p: [f64; 2], length: f64) -> f64 {
     let q = [p[0] / length, p[1] / length];
     let (i, j) = (q[0].floor(), q[1].floor());

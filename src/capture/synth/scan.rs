@@ -1,5 +1,6 @@
-//! The scan: frames of the moving tube for both sides and both passes, white sheet, dark, light box, mask and truth, written frame by
-//! frame so that a full-size capture is never held in memory. `capture.toml` comes last: a folder without it is no capture yet.
+//! The scan: frames of the moving tube for both sides and both passes, white sheet, dark, light box, mask and truth,
+//! written frame by frame so that a full-size capture is never held in memory. `capture.toml` comes last: a folder
+//! without it is no capture yet.
 
 use super::illumination::{Device, Lobe};
 use super::leaf::{Leaf, Side};
@@ -38,7 +39,8 @@ const BOX_LEVEL: f64 = 0.9;
 /// Scans `leaf` into `folder`.
 ///
 /// # Errors
-/// [`Error::Write`] for what cannot be written, [`Error::Interrupted`] after Ctrl-C; without `capture.toml` the folder is no capture.
+/// [`Error::Write`] for what cannot be written, [`Error::Interrupted`] after Ctrl-C; without `capture.toml` the folder
+/// is no capture.
 pub fn scan(spec: &Spec, leaf: &Leaf, options: &Options, folder: &Path) -> Result<Manifest> {
     let manifest = manifest_of(spec, leaf, options);
     let device = &spec.device;
@@ -79,7 +81,10 @@ pub fn scan(spec: &Spec, leaf: &Leaf, options: &Options, folder: &Path) -> Resul
 /// Ends a synthesis after Ctrl-C.
 pub fn stop_if_asked(folder: &Path) -> Result<()> {
     if stop_requested() {
-        return Err(Error::Interrupted(format!("stopped before the capture {} was complete; nothing of it was kept", folder.display())));
+        return Err(Error::Interrupted(format!(
+            "stopped before the capture {} was complete; nothing of it was kept",
+            folder.display()
+        )));
     }
     Ok(())
 }
@@ -175,7 +180,14 @@ impl Camera<'_> {
     }
 
     /// Noise-free values of the white sheet, which covers the same field with fewer texels.
-    fn white(&self, tube: &Device, travel: Travel, position: f64, (w, h): (usize, usize), texel: [f64; 2]) -> Vec<[f64; 3]> {
+    fn white(
+        &self,
+        tube: &Device,
+        travel: Travel,
+        position: f64,
+        (w, h): (usize, usize),
+        texel: [f64; 2],
+    ) -> Vec<[f64; 3]> {
         let mut image = vec![[0.0; 3]; w * h];
         image.par_chunks_mut(w).enumerate().for_each(|(j, row)| {
             for (i, value) in row.iter_mut().enumerate() {
@@ -188,7 +200,8 @@ impl Camera<'_> {
         image
     }
 
-    /// The light box, with a leaf on it or without (Wang et al. 2005 §3: reciprocity makes the ratio the ρt of a beam at the camera's angle).
+    /// The light box, with a leaf on it or without (Wang et al. 2005 §3: reciprocity makes the ratio the ρt of a beam
+    /// at the camera's angle).
     fn lightbox(&self, leaf: &Leaf, on_it: Option<&View>) -> Vec<[f64; 3]> {
         let field = self.spec.field_mm;
         (0..leaf.width * leaf.height)
@@ -210,13 +223,19 @@ impl Camera<'_> {
 /// Texels of a mirror frame across the strip, where nothing changes.
 const STRIP: usize = 4;
 
-/// A level mirror in the blade's plane, a strip along the travel: where the tube's reflection stands, and nothing else. Shown through a
-/// filter, for a mirror shows the tube itself, H/a times as bright as white paper; here the tube is 1.
-fn mirror(manifest: &Manifest, travel: Travel, position: f64, white: (usize, usize), dark: f64) -> (Vec<[f64; 3]>, (usize, usize)) {
+/// A level mirror in the blade's plane, a strip along the travel: where the tube's reflection stands, and nothing else.
+/// Shown through a filter, for a mirror shows the tube itself, H/a times as bright as white paper; here the tube is 1.
+fn mirror(
+    manifest: &Manifest,
+    travel: Travel,
+    position: f64,
+    white: (usize, usize),
+    dark: f64,
+) -> (Vec<[f64; 3]>, (usize, usize)) {
     let (sin, cos) = manifest.camera_deg.to_radians().sin_cos();
     let (tube, field) = (manifest.tube, [manifest.width, manifest.height].map(|n| n as f64 * manifest.texel_mm));
-    // The camera's ray turned back by the mirror, (−sin, 0, cos), meets the tube where it passes the axis at less than its radius: in
-    // pass x around position + H tan(camera), in pass y around the position itself.
+    // The camera's ray turned back by the mirror, (−sin, 0, cos), meets the tube where it passes the axis at less than
+    // its radius: in pass x around position + H tan(camera), in pass y around the position itself.
     let (size, count, length, centre, half) = match travel {
         Travel::X => ((white.0, STRIP), white.0, field[0], position + tube.height_mm * sin / cos, tube.radius_mm / cos),
         Travel::Y => ((STRIP, white.1), white.1, field[1], position, tube.radius_mm),
@@ -236,7 +255,14 @@ fn mirror(manifest: &Manifest, travel: Travel, position: f64, white: (usize, usi
     ((0..size.0 * size.1).map(|k| [dark + covered[along(k)]; 3]).collect(), size)
 }
 
-fn references(manifest: &Manifest, leaf: &Leaf, camera: &Camera, sensor: Sensor, white: (usize, usize), folder: &Path) -> Result<()> {
+fn references(
+    manifest: &Manifest,
+    leaf: &Leaf,
+    camera: &Camera,
+    sensor: Sensor,
+    white: (usize, usize),
+    folder: &Path,
+) -> Result<()> {
     let size = (leaf.width, leaf.height);
     let put = |name: PathBuf, image: Vec<[f64; 3]>, size: (usize, usize), place: [u64; 3]| {
         stop_if_asked(folder)?;

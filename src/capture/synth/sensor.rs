@@ -1,5 +1,5 @@
-//! The camera's sensor: seeded noise, three 16-bit exposures each eight times longer than the next, saturation, and their merging.
-//! Values are in the units of a capture (1 = white texel under an infinite tube).
+//! The camera's sensor: seeded noise, three 16-bit exposures each eight times longer than the next, saturation, and
+//! their merging. Values are in the units of a capture (1 = white texel under an infinite tube).
 
 use super::random::Stream;
 
@@ -30,8 +30,8 @@ impl Sensor {
         (value / self.saturation(e) * f64::from(SATURATED)).round().clamp(0.0, f64::from(SATURATED)) as u16
     }
 
-    /// What the merged frame holds for a value that already carries its noise: the longest exposure that is not saturated, NaN where all
-    /// are. Without noise the value itself, unless it saturates everywhere.
+    /// What the merged frame holds for a value that already carries its noise: the longest exposure that is not
+    /// saturated, NaN where all are. Without noise the value itself, unless it saturates everywhere.
     pub fn merged(&self, value: f64) -> f32 {
         if self.relative == 0.0 {
             return if value < self.full_scale { value as f32 } else { f32::NAN };

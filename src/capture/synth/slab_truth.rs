@@ -1,9 +1,9 @@
-//! The leaf's interior for synthetic leaves: a plane-parallel slab with isotropic scattering, index-matched, under a collimated beam
-//! along the normal or at a cosine μ₀, black below (LEAFMOD; Ganapol et al. 1998, Wang et al. 2005 §3). Coefficients in 1/mm, thickness in
-//! mm.
+//! The leaf's interior for synthetic leaves: a plane-parallel slab with isotropic scattering, index-matched, under a
+//! collimated beam along the normal or at a cosine μ₀, black below (LEAFMOD; Ganapol et al. 1998, Wang et al. 2005 §3).
+//! Coefficients in 1/mm, thickness in mm.
 //!
-//! Solved by doubling: a layer so thin that it scatters once, doubled until it is as thick as the leaf. The fit solves the same
-//! equation by other means, so truth and fit share no code. Good to 1e-8 for optical thicknesses 0.05 to 20.
+//! Solved by doubling: a layer so thin that it scatters once, doubled until it is as thick as the leaf. The fit solves
+//! the same equation by other means, so truth and fit share no code. Good to 1e-8 for optical thicknesses 0.05 to 20.
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -44,7 +44,8 @@ pub fn gauss_legendre(n: usize) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// ρd and ρt of a slab with absorption and scattering coefficients (1/mm) and thickness (mm), all ≥ 0, for a beam along the normal.
+/// ρd and ρt of a slab with absorption and scattering coefficients (1/mm) and thickness (mm), all ≥ 0, for a beam along
+/// the normal.
 pub fn response(sigma_a: f64, sigma_s: f64, thickness_mm: f64) -> Response {
     response_at(1.0, sigma_a, sigma_s, thickness_mm)
 }
@@ -58,7 +59,8 @@ pub fn response_at(mu0: f64, sigma_a: f64, sigma_s: f64, thickness_mm: f64) -> R
     by_doubling(sigma_s / sigma_t, sigma_t * thickness_mm, mu0, ORDINATES)
 }
 
-/// Operators of one layer on radiance at the ordinates (weights included), and the radiance that a unit collimated flux at cosine μ₀ makes.
+/// Operators of one layer on radiance at the ordinates (weights included), and the radiance that a unit collimated flux
+/// at cosine μ₀ makes.
 struct Layer {
     depth: f64,
     mu0: f64,
@@ -70,7 +72,8 @@ struct Layer {
 }
 
 fn by_doubling(omega: f64, delta: f64, mu0: f64, n: usize) -> Response {
-    let (mu, weight): (Vec<f64>, Vec<f64>) = gauss_legendre(n).into_iter().map(|(x, w)| (0.5 * (x + 1.0), 0.5 * w)).unzip();
+    let (mu, weight): (Vec<f64>, Vec<f64>) =
+        gauss_legendre(n).into_iter().map(|(x, w)| (0.5 * (x + 1.0), 0.5 * w)).unzip();
     let doublings = (delta / SINGLE).log2().ceil().max(0.0) as i32;
     let mut layer = single_scattering(omega, delta * 0.5f64.powi(doublings), mu0, &mu, &weight);
     for _ in 0..doublings {
@@ -80,7 +83,8 @@ fn by_doubling(omega: f64, delta: f64, mu0: f64, n: usize) -> Response {
     Response { rho_d: flux(&layer.back), rho_t: (-layer.depth / mu0).exp() + flux(&layer.through) }
 }
 
-/// Exact first order of scattering of a layer: source (ω/2)·(incident radiance) at each depth, attenuated on its way out.
+/// Exact first order of scattering of a layer: source (ω/2)·(incident radiance) at each depth, attenuated on its way
+/// out.
 fn single_scattering(omega: f64, depth: f64, mu0: f64, mu: &[f64], weight: &[f64]) -> Layer {
     let n = mu.len();
     let back = |out: f64, inward: f64| {
@@ -103,8 +107,8 @@ fn single_scattering(omega: f64, depth: f64, mu0: f64, mu: &[f64], weight: &[f64
     }
 }
 
-/// Two equal layers on top of each other (the adding equations of van de Hulst), direct and scattered transmission kept apart so that
-/// thin layers lose no digits.
+/// Two equal layers on top of each other (the adding equations of van de Hulst), direct and scattered transmission kept
+/// apart so that thin layers lose no digits.
 fn doubled(layer: &Layer, mu: &[f64]) -> Layer {
     let n = mu.len();
     let direct = DVector::from_fn(n, |i, _| (-layer.depth / mu[i]).exp());
@@ -113,7 +117,8 @@ fn doubled(layer: &Layer, mu: &[f64]) -> Layer {
     let transmit = ts + DMatrix::from_diagonal(&direct);
     let rr = r * r;
     let between = (DMatrix::identity(n, n) - &rr).lu();
-    // I − RR is strictly diagonally dominant for any layer that returns less light than it gets; a failed solve cannot occur.
+    // I − RR is strictly diagonally dominant for any layer that returns less light than it gets; a failed solve cannot
+    // occur.
     let solve = |rhs: &DMatrix<f64>| between.solve(rhs).unwrap_or_else(|| rhs.clone());
     let bounced = solve(&(&rr * &transmit)); // what joins the downward stream by bouncing between the layers
     let down = &transmit + &bounced;
@@ -136,7 +141,8 @@ fn doubled(layer: &Layer, mu: &[f64]) -> Layer {
     }
 }
 
-/// ρd and ρt against absorption and thickness at fixed scattering and incidence: Chebyshev interpolation of their logarithms.
+/// ρd and ρt against absorption and thickness at fixed scattering and incidence: Chebyshev interpolation of their
+/// logarithms.
 ///
 /// Both axes are logarithmic; an axis whose ends coincide has a single node.
 #[derive(Debug, Clone)]
@@ -180,10 +186,12 @@ impl Axis {
 }
 
 impl Table {
-    /// Tabulates σs (1/mm) over ranges of σa (1/mm) and thickness (mm), both positive, for a beam at cosine `mu0`; solves in parallel.
+    /// Tabulates σs (1/mm) over ranges of σa (1/mm) and thickness (mm), both positive, for a beam at cosine `mu0`;
+    /// solves in parallel.
     pub fn new(mu0: f64, sigma_a: [f64; 2], sigma_s: f64, thickness_mm: [f64; 2]) -> Table {
         let (absorption, thickness) = (Axis::new(sigma_a, 13), Axis::new(thickness_mm, 14));
-        let pairs: Vec<(f64, f64)> = absorption.nodes.iter().flat_map(|a| thickness.nodes.iter().map(|h| (a.exp(), h.exp()))).collect();
+        let pairs: Vec<(f64, f64)> =
+            absorption.nodes.iter().flat_map(|a| thickness.nodes.iter().map(|h| (a.exp(), h.exp()))).collect();
         let values = pairs
             .into_par_iter()
             .map(|(a, h)| {
@@ -228,11 +236,13 @@ mod tests {
     #[test]
     fn a_thick_slab_is_chandrasekhars_half_space() {
         for omega in [0.3, 0.8, 0.95] {
-            let nodes: Vec<(f64, f64)> = gauss_legendre(200).into_iter().map(|(x, w)| (0.5 * (x + 1.0), 0.5 * w)).collect();
+            let nodes: Vec<(f64, f64)> =
+                gauss_legendre(200).into_iter().map(|(x, w)| (0.5 * (x + 1.0), 0.5 * w)).collect();
             let mut h = vec![1.0; nodes.len()];
             let root = (1.0f64 - omega).sqrt();
-            let next =
-                |h: &[f64], mu: f64| 1.0 / (root + 0.5 * omega * nodes.iter().zip(h).map(|((x, w), h)| w * x * h / (x + mu)).sum::<f64>());
+            let next = |h: &[f64], mu: f64| {
+                1.0 / (root + 0.5 * omega * nodes.iter().zip(h).map(|((x, w), h)| w * x * h / (x + mu)).sum::<f64>())
+            };
             for _ in 0..400 {
                 h = nodes.iter().map(|&(mu, _)| next(&h, mu)).collect();
             }
@@ -247,18 +257,23 @@ mod tests {
         let table = Table::new(1.0, [0.8, 20.0], 12.0, [0.06, 0.5]);
         for (a, h) in [(0.83, 0.49), (3.0, 0.2), (19.0, 0.07), (7.3, 0.31)] {
             let (t, r) = (table.at(a, h), response(a, 12.0, h));
-            assert!((t.rho_d / r.rho_d - 1.0).abs() < 1e-7 && (t.rho_t / r.rho_t - 1.0).abs() < 1e-7, "{a} {h}: {t:?} {r:?}");
+            assert!(
+                (t.rho_d / r.rho_d - 1.0).abs() < 1e-7 && (t.rho_t / r.rho_t - 1.0).abs() < 1e-7,
+                "{a} {h}: {t:?} {r:?}"
+            );
         }
     }
 
-    /// Plane albedo of a half space at any incidence: 1 − H(μ₀)√(1−ω); and a conservative slab gives back what falls on it.
+    /// Plane albedo of a half space at any incidence: 1 − H(μ₀)√(1−ω); and a conservative slab gives back what falls on
+    /// it.
     #[test]
     fn oblique_beams_meet_chandrasekhar_and_conserve_energy() {
         let nodes: Vec<(f64, f64)> = gauss_legendre(200).into_iter().map(|(x, w)| (0.5 * (x + 1.0), 0.5 * w)).collect();
         let (omega, root) = (0.8, 0.2f64.sqrt());
         let mut h = vec![1.0; nodes.len()];
-        let next =
-            |h: &[f64], mu: f64| 1.0 / (root + 0.5 * omega * nodes.iter().zip(h).map(|((x, w), h)| w * x * h / (x + mu)).sum::<f64>());
+        let next = |h: &[f64], mu: f64| {
+            1.0 / (root + 0.5 * omega * nodes.iter().zip(h).map(|((x, w), h)| w * x * h / (x + mu)).sum::<f64>())
+        };
         for _ in 0..400 {
             h = nodes.iter().map(|&(mu, _)| next(&h, mu)).collect();
         }

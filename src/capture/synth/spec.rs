@@ -1,5 +1,5 @@
-//! Leaf specifications (`data/leaves/*.toml`, format in `data/README.md`): what a synthetic leaf looks like and how it is scanned.
-//! Lengths in mm, angles in degrees, coefficients in 1/mm. Unknown fields are errors.
+//! Leaf specifications (`data/leaves/*.toml`, format in `data/README.md`): what a synthetic leaf looks like and how it
+//! is scanned. Lengths in mm, angles in degrees, coefficients in 1/mm. Unknown fields are errors.
 
 use super::illumination::Lobe;
 use crate::manifest::Tube;
@@ -56,7 +56,8 @@ pub struct Outline {
     /// `[t, left, right]`: half widths (mm) at the fraction t of the length; t rises from 0 to 1. Left is +y.
     #[serde(default)]
     pub profile: Vec<[f64; 3]>,
-    /// `[angle_deg, radius_mm]` around the petiole for round blades, angle from the tip direction, −180 to 180; instead of `profile`.
+    /// `[angle_deg, radius_mm]` around the petiole for round blades, angle from the tip direction, −180 to 180; instead
+    /// of `profile`.
     #[serde(default)]
     pub polar: Vec<[f64; 2]>,
     /// Sideways bow of the midrib.
@@ -257,8 +258,9 @@ impl Spec {
     }
 
     fn validate(&self, path: &Path) -> Result<()> {
-        let bad =
-            |field: &str, found: String, expected: &str| Err(Error::field(path, field, format!("found {found}, expected {expected}")));
+        let bad = |field: &str, found: String, expected: &str| {
+            Err(Error::field(path, field, format!("found {found}, expected {expected}")))
+        };
         if self.schema != 1 {
             return bad("schema", self.schema.to_string(), "1");
         }
@@ -288,8 +290,11 @@ impl Spec {
                 return bad(field, value.to_string(), "a positive number");
             }
         }
-        let colours =
-            [("interior.sigma_a", self.interior.sigma_a), ("interior.sigma_s", self.interior.sigma_s), ("device.gain", self.device.gain)];
+        let colours = [
+            ("interior.sigma_a", self.interior.sigma_a),
+            ("interior.sigma_s", self.interior.sigma_s),
+            ("device.gain", self.device.gain),
+        ];
         for (field, values) in colours {
             if values.iter().any(|v| !(*v > 0.0 && v.is_finite())) {
                 return bad(field, format!("{values:?}"), "three positive numbers");
@@ -312,9 +317,10 @@ impl Spec {
         if tube.radius_mm >= tube.height_mm {
             return bad("device.tube.radius_mm", tube.radius_mm.to_string(), "less than device.tube.height_mm");
         }
-        for (field, angle) in
-            [("device.camera_deg", self.device.camera_deg), ("device.lightbox_camera_deg", self.device.lightbox_camera_deg)]
-        {
+        for (field, angle) in [
+            ("device.camera_deg", self.device.camera_deg),
+            ("device.lightbox_camera_deg", self.device.lightbox_camera_deg),
+        ] {
             if angle.is_nan() || angle.abs() > 85.0 {
                 return bad(field, angle.to_string(), "-85 to 85 degrees");
             }

@@ -1,6 +1,6 @@
-//! A vein network that is grown, not drawn: primaries from the outline, curved secondaries from the primaries, tertiaries cross-veins and by space
-//! colonisation (Runions et al. 2005: veins grow towards auxin sources spread over the lamina), their tips joined into meshes.
-//! Lengths in mm.
+//! A vein network that is grown, not drawn: primaries from the outline, curved secondaries from the primaries,
+//! tertiaries cross-veins and by space colonisation (Runions et al. 2005: veins grow towards auxin sources spread over
+//! the lamina), their tips joined into meshes. Lengths in mm.
 
 use super::colonise::colonise;
 use super::outline::Blade;
@@ -180,17 +180,21 @@ fn primaries(blade: &Blade, veins: &Veins) -> Vec<Vec<[f64; 2]>> {
 
 fn secondaries(blade: &Blade, veins: &Veins, primaries: &[Vec<[f64; 2]>], seed: u64) -> Vec<Vec<[f64; 2]>> {
     let mut lines = Vec::new();
-    let jitter =
-        |k: usize, side: f64, what: u64| veins.jitter * Stream::new(seed, &[0x5ec, k as u64, u64::from(side > 0.0), what]).signed();
+    let jitter = |k: usize, side: f64, what: u64| {
+        veins.jitter * Stream::new(seed, &[0x5ec, k as u64, u64::from(side > 0.0), what]).signed()
+    };
     match veins.kind {
         Venation::Pinnate => {
             for side in [1.0, -1.0] {
                 for k in 0..veins.count {
                     // Closer together towards base and tip; the two sides are not quite opposite.
-                    let u = (k as f64 + 0.5 + 0.25 * side * veins.jitter + 0.4 * jitter(k, side, 0)) / veins.count as f64;
+                    let u =
+                        (k as f64 + 0.5 + 0.25 * side * veins.jitter + 0.4 * jitter(k, side, 0)) / veins.count as f64;
                     let t0 = 0.02 + 0.95 * u * (1.0 - 0.12 * (1.0 - u));
                     // Wider at the base, where lobes beside the petiole want veins too.
-                    let angle = veins.angle_deg * (1.08 - 0.25 * u + 0.55 * (-u * 9.0).exp()) * (1.0 + 0.1 * jitter(k, side, 1));
+                    let angle = veins.angle_deg
+                        * (1.08 - 0.25 * u + 0.55 * (-u * 9.0).exp())
+                        * (1.0 + 0.1 * jitter(k, side, 1));
                     lines.push(pinnate(blade, t0, side, angle, veins.arch, (seed, k)));
                 }
             }
@@ -212,8 +216,9 @@ fn secondaries(blade: &Blade, veins: &Veins, primaries: &[Vec<[f64; 2]>], seed: 
                 let length = primary.len();
                 for side in [1.0, -1.0] {
                     for k in 0..5 {
-                        let at =
-                            length as f64 * (0.30 + 0.15 * (k as f64 + 0.5 * f64::from(side > 0.0) + 0.4 * jitter(p * 7 + k, side, 0)));
+                        let at = length as f64
+                            * (0.30
+                                + 0.15 * (k as f64 + 0.5 * f64::from(side > 0.0) + 0.4 * jitter(p * 7 + k, side, 0)));
                         let at = (at as usize).clamp(1, length - 1);
                         let (a, b) = (primary[at - 1], primary[at]);
                         let heading = (b[1] - a[1]).atan2(b[0] - a[0]);
@@ -225,13 +230,12 @@ fn secondaries(blade: &Blade, veins: &Veins, primaries: &[Vec<[f64; 2]>], seed: 
                             let (s, c) = angle.sin_cos();
                             point = [point[0] + 0.35 * c, point[1] + 0.35 * s];
                             let ahead = [point[0] + 0.6 * c, point[1] + 0.6 * s];
-                            let met = primaries
-                                .iter()
-                                .enumerate()
-                                .any(|(q, other)| q != p && other.iter().step_by(2).any(|v| distance(*v, point) < 1.0))
-                                || lines
-                                    .iter()
-                                    .any(|other: &Vec<[f64; 2]>| other.iter().skip(6).step_by(2).any(|v| distance(*v, point) < 0.8));
+                            let met =
+                                primaries.iter().enumerate().any(|(q, other)| {
+                                    q != p && other.iter().step_by(2).any(|v| distance(*v, point) < 1.0)
+                                }) || lines.iter().any(|other: &Vec<[f64; 2]>| {
+                                    other.iter().skip(6).step_by(2).any(|v| distance(*v, point) < 0.8)
+                                });
                             if met || !blade.holds(ahead) {
                                 break;
                             }
@@ -271,7 +275,8 @@ fn pinnate(blade: &Blade, t0: f64, side: f64, angle_deg: f64, arch: f64, (seed, 
     line
 }
 
-/// Cross-veins: from each secondary across the lamina until another vein is met, as rungs between the sides of a ladder.
+/// Cross-veins: from each secondary across the lamina until another vein is met, as rungs between the sides of a
+/// ladder.
 fn cross_veins(blade: &Blade, veins: &Veins, network: &Network, seed: u64) -> Pieces {
     let mut grown = Pieces::new(blade.reach());
     let radius = 0.5 * veins.width_mm[2];
@@ -304,7 +309,8 @@ fn cross_veins(blade: &Blade, veins: &Veins, network: &Network, seed: u64) -> Pi
                     break;
                 }
                 line.push(p);
-                let met = (0..2).any(|o| network.orders[o].nearest(p, step).is_some()) || grown.nearest(p, 0.8 * step).is_some();
+                let met = (0..2).any(|o| network.orders[o].nearest(p, step).is_some())
+                    || grown.nearest(p, 0.8 * step).is_some();
                 if k > 3 && met {
                     break;
                 }

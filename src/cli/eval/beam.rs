@@ -5,8 +5,9 @@ use crate::{Common, batch, tables};
 use mesophyll_files::table::{self, BatchIo, Spec, Table};
 use mesophyll_fit::beam;
 
-/// CSV columns `alpha,x` (tip radius over root radius; place from 0 at the root to 1 at the tip) → `u,du,status`: deflection and slope of an evenly
-/// loaded, clamped, tapered circular beam of unit length for F/(E′r₁⁴) = 1, to 12 digits.
+/// CSV columns `alpha,x` (tip radius over root radius; place from 0 at the root to 1 at the tip) → `u,du,status`:
+/// deflection and slope of an evenly loaded, clamped, tapered circular beam of unit length for F/(E′r₁⁴) = 1, to 12
+/// digits.
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = tables::help("eval beam"))]
 pub struct Args {
@@ -15,7 +16,8 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
-    let spec = Spec { required: vec!["alpha".into(), "x".into()], outputs: vec!["u".into(), "du".into()], ..Spec::default() };
+    let spec =
+        Spec { required: vec!["alpha".into(), "x".into()], outputs: vec!["u".into(), "du".into()], ..Spec::default() };
     let tally = table::run(Table::open(&args.io.input)?, &args.io.rows(common.json), &spec, |row, out| {
         out.push(beam::evaluate(row.get(0), row.get(1)));
     })?;

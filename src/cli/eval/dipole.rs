@@ -6,7 +6,8 @@ use mesophyll_files::table::{self, Answer, BatchIo, Spec, Status, Table};
 use mesophyll_optics::dipole::{Form, Tissue};
 use mesophyll_optics::slab;
 
-/// CSV columns `thickness,radius` (mm) → `t,status`: exitance of the far side, 1/mm², per flux that entered `radius` away.
+/// CSV columns `thickness,radius` (mm) → `t,status`: exitance of the far side, 1/mm², per flux that entered `radius`
+/// away.
 ///
 /// The value is printed wherever the formula has one; `status` says where diffusion does not hold.
 #[derive(Debug, clap::Args)]
@@ -29,7 +30,8 @@ pub struct Args {
     /// The sum runs over j = -n … n (with --method dipoles)
     #[arg(long, value_name = "N", default_value_t = 3)]
     dipoles: u32,
-    /// dipoles: the paper's sum; images: n = ∞, exact; thin: also for blades thinner than a mean free path (scattered light only)
+    /// dipoles: the paper's sum; images: n = ∞, exact; thin: also for blades thinner than a mean free path (scattered
+    /// light only)
     #[arg(long, value_enum, default_value_t = Method::Dipoles)]
     method: Method,
 }
@@ -59,7 +61,8 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         Method::Images => Form::Images,
         Method::Thin => Form::Thin,
     };
-    let spec = Spec { required: vec!["thickness".into(), "radius".into()], outputs: vec!["t".into()], ..Spec::default() };
+    let spec =
+        Spec { required: vec!["thickness".into(), "radius".into()], outputs: vec!["t".into()], ..Spec::default() };
     let tally = table::run(Table::open(&args.io.input)?, &args.io.rows(common.json), &spec, |row, out| {
         out.push(evaluate(&tissue, form, row.get(0), row.get(1)));
     })?;
@@ -79,7 +82,9 @@ fn evaluate(tissue: &Tissue, form: Form, thickness: f64, radius: f64) -> Answer 
         return Answer::refused("nothing absorbs or scatters; expected sigma_a + (1-g) sigma_s above 0");
     }
     if form == Form::Images && thickness <= l {
-        return Answer::refused(format!("thickness is {thickness}; expected above one mean free path, {l:.4} mm, with the method images"));
+        return Answer::refused(format!(
+            "thickness is {thickness}; expected above one mean free path, {l:.4} mm, with the method images"
+        ));
     }
     let t = tissue.transmittance(radius, thickness, form);
     if !t.is_finite() {
@@ -98,7 +103,9 @@ fn doubt(tissue: &Tissue, form: Form, thickness: f64, t: f64) -> Option<String> 
     }
     let l = tissue.mean_free_path();
     if form != Form::Thin && thickness <= l {
-        return Some(format!("diffusion does not hold at a thickness of at most one mean free path, {l:.4} mm; the method thin does"));
+        return Some(format!(
+            "diffusion does not hold at a thickness of at most one mean free path, {l:.4} mm; the method thin does"
+        ));
     }
     if t < 0.0 {
         return Some("negative; the sum does not hold here".into());
@@ -119,7 +126,10 @@ fn doubt(tissue: &Tissue, form: Form, thickness: f64, t: f64) -> Option<String> 
         let exact = slab::response(tissue.sigma_a, tissue.reduced_scattering(), thickness).rho_t;
         let off = tissue.total(thickness, form) / exact - 1.0;
         if exact > 0.0 && !(off.abs() <= PROMISE) {
-            return Some(format!("the form's total is {:+.0} % off the transport equation's at this thickness", 100.0 * off));
+            return Some(format!(
+                "the form's total is {:+.0} % off the transport equation's at this thickness",
+                100.0 * off
+            ));
         }
     }
     None

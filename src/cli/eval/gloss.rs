@@ -10,10 +10,12 @@ use mesophyll_optics::tube::{Model, Precision, Travel};
 use rand::{RngExt, SeedableRng};
 use std::path::PathBuf;
 
-/// CSV columns `rho_d,rho_s,m,tilt` (or `rho_d_r … rho_s_b,m,tilt`) → the trace `r0 … r{n-1}` (and `g0 …`, `b0 …`) of a device.
+/// CSV columns `rho_d,rho_s,m,tilt` (or `rho_d_r … rho_s_b,m,tilt`) → the trace `r0 … r{n-1}` (and `g0 …`, `b0 …`) of a
+/// device.
 ///
-/// A column `tilt_y` may be there, and `seed` for rows that differ in nothing else. Tilts are radians; columns `tilt_deg` and `tilt_y_deg` are degrees. The columns are
-/// not carried through, so that the output can be fitted as it is.
+/// A column `tilt_y` may be there, and `seed` for rows that differ in nothing else. Tilts are radians; columns
+/// `tilt_deg` and `tilt_y_deg` are degrees. The columns are not carried through, so that the output can be fitted as it
+/// is.
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = tables::help("eval gloss"))]
 pub struct Args {
@@ -49,14 +51,18 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let channels = suffixes.len();
     let ((tilt_column, tilt_unit), (tilt_y_column, tilt_y_unit)) = (table.angle("tilt")?, table.angle("tilt_y")?);
     let names = |stem: &str| suffixes.iter().map(|s| format!("{stem}{s}")).collect::<Vec<_>>();
-    let required: Vec<String> = names("rho_d").into_iter().chain(names("rho_s")).chain(["m".into(), tilt_column.clone()]).collect();
+    let required: Vec<String> =
+        names("rho_d").into_iter().chain(names("rho_s")).chain(["m".into(), tilt_column.clone()]).collect();
     let optional: Vec<String> = vec![tilt_y_column, "seed".into()];
     let positions = geometry.positions_mm();
     let spec = table::Spec {
         dropped: required.iter().chain(&optional).cloned().collect(),
         required,
         optional,
-        outputs: ["r", "g", "b"][..channels].iter().flat_map(|c| (0..positions.len()).map(move |k| format!("{c}{k}"))).collect(),
+        outputs: ["r", "g", "b"][..channels]
+            .iter()
+            .flat_map(|c| (0..positions.len()).map(move |k| format!("{c}{k}")))
+            .collect(),
         ..table::Spec::default()
     };
     let tally = table::run(table, &args.io.rows(common.json), &spec, |row, out| {
@@ -67,7 +73,10 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             return;
         }
         if !(tilt.abs() <= 1.5 && tilt_y.abs() <= 1.5) {
-            out.push(Answer::refused(format!("{} or tilt_y is beyond 1.5 rad (86 degrees)", spec.required[2 * channels + 1])));
+            out.push(Answer::refused(format!(
+                "{} or tilt_y is beyond 1.5 rad (86 degrees)",
+                spec.required[2 * channels + 1]
+            )));
             return;
         }
         if let Some(k) = (0..2 * channels).find(|&k| !(0.0..1e6).contains(&row.get(k))) {

@@ -11,7 +11,8 @@ use std::path::PathBuf;
 
 const EXAMPLES: &str = "Examples:
   mesophyll eval panorama --sun-zenith-deg 50 --turbidity 3 -o sky.exr
-  mesophyll eval panorama --sun-zenith-deg 30 --turbidity 4 --projection fisheye --size 400x400 --noise 0.02 --disk --clip 30 -o dome.exr";
+  mesophyll eval panorama --sun-zenith-deg 30 --turbidity 4 --projection fisheye --size 400x400 --noise 0.02 --disk \
+  --clip 30 -o dome.exr";
 
 /// Renders a sky as an EXR panorama (channels R, G, B: linear sRGB, kcd/m² times --scale), with seeded noise.
 #[derive(Debug, clap::Args)]
@@ -106,7 +107,9 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     };
     let stdout = place::is_stdout(&args.output);
     if stdout && common.json {
-        return Err(Error::Usage("-o -: standard output holds the picture itself; expected no --json beside it".into()));
+        return Err(Error::Usage(
+            "-o -: standard output holds the picture itself; expected no --json beside it".into(),
+        ));
     }
     place::file(&args.output, |path| write_exr(path, &render(sky.as_ref(), &shot), Packing::Zip))?;
     if common.json {

@@ -11,11 +11,12 @@ use mesophyll_sky::{Coefficients, HosekWilkie, Model, Preetham, Refused, irradia
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// CSV columns `sun_zenith,turbidity` (radians; a column `sun_zenith_deg` is in degrees) → N² rows `sun_zenith,turbidity,index,r,g,b,status` for each.
+/// CSV columns `sun_zenith,turbidity` (radians; a column `sun_zenith_deg` is in degrees) → N² rows
+/// `sun_zenith,turbidity,index,r,g,b,status` for each.
 ///
-/// Real orthonormal harmonics of the upper hemisphere, zero below the horizon: no Condon-Shortley phase, index l(l+1)+m, z up, sun at azimuth 0 = +x,
-/// kcd/m², linear sRGB, not clamped. The default evaluates the fit (turbidity 2.5 to 6, up to 7 bands); what it does not cover is integrated
-/// directly, and a message says so.
+/// Real orthonormal harmonics of the upper hemisphere, zero below the horizon: no Condon-Shortley phase, index
+/// l(l+1)+m, z up, sun at azimuth 0 = +x, kcd/m², linear sRGB, not clamped. The default evaluates the fit (turbidity
+/// 2.5 to 6, up to 7 bands); what it does not cover is integrated directly, and a message says so.
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = tables::help("eval sky"))]
 pub struct Args {
@@ -24,7 +25,8 @@ pub struct Args {
     /// Bands N: l < N
     #[arg(long, value_name = "N", default_value_t = 7, value_parser = clap::value_parser!(u16).range(1..=MOST_BANDS as i64))]
     bands: u16,
-    /// fit: fitted polynomials, 1e-5; compact: half the size, 1e-4; direct: integrated, 1e-9; the others fit Preetham as a black box
+    /// fit: fitted polynomials, 1e-5; compact: half the size, 1e-4; direct: integrated, 1e-9; the others fit Preetham
+    /// as a black box
     #[arg(long, value_enum, default_value_t = MethodName::Fit)]
     method: MethodName,
     /// The sky; hosek-wilkie needs --method direct
@@ -115,7 +117,9 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let (beyond, warned) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let tally = table::run(table, &args.io.rows(common.json), &spec, |row, out| {
         let (sun, turbidity) = (sun_unit * row.get(0), row.get(1));
-        let fitted = form.as_ref().filter(|f| f.bands() >= worked && (f.turbidities()[0]..=f.turbidities()[1]).contains(&turbidity));
+        let fitted = form
+            .as_ref()
+            .filter(|f| f.bands() >= worked && (f.turbidities()[0]..=f.turbidities()[1]).contains(&turbidity));
         let answer = match fitted {
             Some(form) => form.coefficients(sun, turbidity),
             None => integrated(model.as_ref(), sun, turbidity, worked).inspect(|_| {
@@ -135,7 +139,10 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
                 out.extend(values.map(|(k, v)| Answer::ok(vec![k as f64, v[0], v[1], v[2]])));
             }
             Err(_) if sun_unit != 1.0 && !(0.0..=90.0).contains(&row.get(0)) => {
-                out.push(Answer::refused(format!("{sun_column} is {}; expected 0 (zenith) to 90 (horizon)", row.get(0))));
+                out.push(Answer::refused(format!(
+                    "{sun_column} is {}; expected 0 (zenith) to 90 (horizon)",
+                    row.get(0)
+                )));
             }
             Err(why) => out.push(Answer::refused(why.to_string())),
         }
@@ -164,7 +171,11 @@ fn polynomials(args: &Args, bands: usize) -> Result<Option<Form<f32>>> {
     if let Some(folder) = &args.fit {
         let (record, form) = fits::folder::read(folder)?;
         if record.options.get("model").map(String::as_str) != Some("preetham") {
-            return Err(Error::field(&folder.join("fit.toml"), "model", "expected preetham, whose skies stand in where the fit ends"));
+            return Err(Error::field(
+                &folder.join("fit.toml"),
+                "model",
+                "expected preetham, whose skies stand in where the fit ends",
+            ));
         }
         return Ok(Some(form));
     }
@@ -184,10 +195,17 @@ fn polynomials(args: &Args, bands: usize) -> Result<Option<Form<f32>>> {
     if bands > fits::MOST_BANDS {
         // the default gives way; a fit asked for by name does not
         if args.method == MethodName::Fit {
-            progress::say(format!("{bands} bands are more than a fit has ({}); everything is integrated directly", fits::MOST_BANDS));
+            progress::say(format!(
+                "{bands} bands are more than a fit has ({}); everything is integrated directly",
+                fits::MOST_BANDS
+            ));
             return Ok(None);
         }
-        return Err(Error::Usage(format!("--bands {bands} with --method {}: expected at most {}", method.name(), fits::MOST_BANDS)));
+        return Err(Error::Usage(format!(
+            "--bands {bands} with --method {}: expected at most {}",
+            method.name(),
+            fits::MOST_BANDS
+        )));
     }
     let fitted = fits::fit(&Options { method, bands, ..Options::default() })?;
     let failed = || Error::Missed(format!("{} failed: {}", method.name(), fitted.remark));

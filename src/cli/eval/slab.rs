@@ -7,7 +7,8 @@ use mesophyll_optics::slab::{self, Response, exact, fn_method};
 
 /// CSV columns `omega,delta` (single-scattering albedo, optical thickness) → `rho_d,rho_t,status`.
 ///
-/// Near ω = 1, `one_minus_omega` may be given as a column of its own; where it is, it decides and omega only has to agree to 1e-9.
+/// Near ω = 1, `one_minus_omega` may be given as a column of its own; where it is, it decides and omega only has to
+/// agree to 1e-9.
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = tables::help("eval slab"))]
 pub struct Args {
@@ -28,7 +29,8 @@ enum Method {
     Fn,
 }
 
-/// F_N orders are raised until ρd and ρt change by less than this; an answer that never settles to 1e-3 is not called ok.
+/// F_N orders are raised until ρd and ρt change by less than this; an answer that never settles to 1e-3 is not called
+/// ok.
 const FN_TOLERANCE: f64 = 1e-6;
 const FN_SETTLED: f64 = 1e-3;
 
@@ -72,7 +74,9 @@ fn evaluate(method: Method, mu0: f64, omega: f64, delta: f64, one_minus_omega: f
     }
     let absorbed = if one_minus_omega.is_nan() { 1.0 - omega } else { one_minus_omega };
     if !(absorbed >= 0.0 && (omega + absorbed - 1.0).abs() < 1e-9) {
-        return Answer::refused(format!("one_minus_omega is {absorbed} beside omega {omega}; expected their sum to be 1"));
+        return Answer::refused(format!(
+            "one_minus_omega is {absorbed} beside omega {omega}; expected their sum to be 1"
+        ));
     }
     // One of the two carries the digits: 1−ω near 1, ω near 0.
     let omega = if absorbed < 0.5 { 1.0 - absorbed } else { omega };

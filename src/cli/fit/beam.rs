@@ -1,4 +1,5 @@
-//! `mesophyll fit beam`: coefficients of a taper, the basis of all tapers, or taper and stiffness from measured deflections.
+//! `mesophyll fit beam`: coefficients of a taper, the basis of all tapers, or taper and stiffness from measured
+//! deflections.
 
 use crate::{Common, batch, place, tables};
 use crate::{Error, Result};
@@ -13,21 +14,23 @@ use mesophyll_report::beam_charts;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// CSV column `alpha` → `c2,c4,max_error` (u = c2 x² + c4 x⁴ by least squares over even samples; largest error over all x), then
-/// `a2,a3,a4,a5,a_max_error`: u = a2 y² + a3 y³ + a4 y⁴ + a5 y⁵ with y = ln(1 + (alpha − 1)x)/ln(alpha), from coefficients that are smooth in the taper.
+/// CSV column `alpha` → `c2,c4,max_error` (u = c2 x² + c4 x⁴ by least squares over even samples; largest error over all
+/// x), then `a2,a3,a4,a5,a_max_error`: u = a2 y² + a3 y³ + a4 y⁴ + a5 y⁵ with y = ln(1 + (alpha − 1)x)/ln(alpha), from
+/// coefficients that are smooth in the taper.
 ///
-/// With --deflections: CSV columns `branch,length_mm,position_mm,deflection_mm`, optionally `deflection_err_mm`, `load_n`, `load_err_n`,
-/// `modulus_gpa`, `modulus_err_gpa` (the load is the whole load, spread evenly) → a row a branch: `alpha`, `load_over_stiffness_mm` = F/(E′r1⁴) =
-/// F L³/(E s1⁴), `root_radius_mm` = s1, `tip_mm`, each with `_err`, then `correlation,chi2,rms_mm,readings,status`. Load, modulus and root radius cannot be told
-/// apart by deflections; the radius needs the other two.
+/// With --deflections: CSV columns `branch,length_mm,position_mm,deflection_mm`, optionally `deflection_err_mm`,
+/// `load_n`, `load_err_n`, `modulus_gpa`, `modulus_err_gpa` (the load is the whole load, spread evenly) → a row a
+/// branch: `alpha`, `load_over_stiffness_mm` = F/(E′r1⁴) = F L³/(E s1⁴), `root_radius_mm` = s1, `tip_mm`, each with
+/// `_err`, then `correlation,chi2,rms_mm,readings,status`. Load, modulus and root radius cannot be told apart by
+/// deflections; the radius needs the other two.
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = tables::help("fit beam"))]
 pub struct Args {
     /// CSV to read (`-`: standard input)
     #[arg(long = "in", value_name = "FILE", default_value = "-")]
     input: PathBuf,
-    /// CSV to write (default and `-`: standard output). With --basis it is the folder of the fit. With --deflections it may be given twice: a name without a
-    /// file ending is the folder of the fit, one with an ending (rows.csv) the CSV
+    /// CSV to write (default and `-`: standard output). With --basis it is the folder of the fit. With --deflections it
+    /// may be given twice: a name without a file ending is the folder of the fit, one with an ending (rows.csv) the CSV
     #[arg(short = 'o', long = "out", alias = "output", value_name = "FILE|DIR")]
     output: Vec<PathBuf>,
     /// Even samples from x = 0 to 1, both included; 101 is the dissertation's
@@ -96,7 +99,11 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         }
         return Ok(0);
     }
-    let spec = Spec { required: vec!["alpha".into()], outputs: beam::OUTPUTS.iter().map(|s| s.to_string()).collect(), ..Spec::default() };
+    let spec = Spec {
+        required: vec!["alpha".into()],
+        outputs: beam::OUTPUTS.iter().map(|s| s.to_string()).collect(),
+        ..Spec::default()
+    };
     let tally = table::run(Table::open(&io.input)?, &io.rows(common.json), &spec, |row, out| {
         out.push(beam::coefficients(row.get(0), args.samples as usize));
     })?;
@@ -116,7 +123,8 @@ fn basis_to(folder: &Path, common: &Common) -> Result<()> {
     } else {
         let (worst, at) = basis::smooth().1.worst();
         say(format!(
-            "coefficients of all tapers: worst error {:.2} % of the tip's deflection, at alpha {at:.1e}; fitted in {:.1} ms",
+            "coefficients of all tapers: worst error {:.2} % of the tip's deflection, at alpha {at:.1e}; fitted in \
+             {:.1} ms",
             100.0 * worst,
             1e3 * seconds
         ));
@@ -143,7 +151,10 @@ fn from_deflections(args: &Args, path: &Path, io: &BatchIo, folder: Option<&Path
             ("along", &format!("{along:?}")),
             ("program", env!("CARGO_PKG_VERSION")),
         ]);
-        let traces = branches.iter().zip(&fits).filter_map(|((n, _), f)| f.as_ref().ok().map(|m| (n.clone(), m.fit.trace.clone())));
+        let traces = branches
+            .iter()
+            .zip(&fits)
+            .filter_map(|((n, _), f)| f.as_ref().ok().map(|m| (n.clone(), m.fit.trace.clone())));
         record::write(folder, &record::of_branches(&branches, &fits, along, hash), seconds, traces.collect())?;
     }
     let tally = deflections::write(&branches, &fits, path, &io.rows(common.json))?;

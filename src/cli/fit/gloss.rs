@@ -9,7 +9,8 @@ use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::tube::Precision;
 use std::path::PathBuf;
 
-/// Traces of a linear light source (`--geometry`), or goniometer samples (`--samples`), from CSV: diffuse and glossy reflectance, slope and normal.
+/// Traces of a linear light source (`--geometry`), or goniometer samples (`--samples`), from CSV: diffuse and glossy
+/// reflectance, slope and normal.
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = tables::help("fit gloss"))]
 pub struct Args {
@@ -66,7 +67,10 @@ impl LobeArgs {
             LobeName::Ggx => Lobe::Ggx,
             LobeName::CookTorrance if self.index > 1.0 && self.index < 4.0 => Lobe::CookTorrance { index: self.index },
             LobeName::CookTorrance => {
-                return Err(Error::Usage(format!("--index: found {}, expected more than 1 and less than 4", self.index)));
+                return Err(Error::Usage(format!(
+                    "--index: found {}, expected more than 1 and less than 4",
+                    self.index
+                )));
             }
         })
     }
@@ -109,7 +113,12 @@ fn traces(args: &Args, common: &Common, geometry: &Geometry, lobe: Lobe) -> Resu
         optional: columns.clone(),
         // A status of an earlier step (`eval gloss`) gives way to this one.
         dropped: columns.into_iter().chain(["status".into()]).collect(),
-        outputs: names.iter().map(|n| n.to_string()).chain(names.iter().map(|n| format!("{n}_err"))).chain(["chi2".into()]).collect(),
+        outputs: names
+            .iter()
+            .map(|n| n.to_string())
+            .chain(names.iter().map(|n| format!("{n}_err")))
+            .chain(["chi2".into()])
+            .collect(),
         ..table::Spec::default()
     };
     table::run(table, &args.io.rows(common.json), &spec, |row, out| {

@@ -45,7 +45,8 @@ pub struct Args {
     /// Put the parts of all shards together
     #[arg(long, conflicts_with = "shard")]
     merge: bool,
-    /// Dome captures only: effective refractive index and slope m of the gloss, which a dome does not show (index 1.2 to 1.7, slope 0.078 to 0.5 for leaves)
+    /// Dome captures only: effective refractive index and slope m of the gloss, which a dome does not show (index 1.2
+    /// to 1.7, slope 0.078 to 0.5 for leaves)
     #[arg(long, value_name = "N,M", value_delimiter = ',')]
     gloss: Option<Vec<f64>>,
     /// Go on where a stopped run was; the same command does that without being told
@@ -72,13 +73,17 @@ fn parse_shard(text: &str) -> std::result::Result<Shard, String> {
 
 /// Every second frame at most: a fit needs most of what was measured.
 fn parse_hold_out(text: &str) -> std::result::Result<usize, String> {
-    text.parse().ok().filter(|n| *n == 0 || (2..=10_000).contains(n)).ok_or_else(|| "expected 0 (none) or 2 to 10000".into())
+    text.parse()
+        .ok()
+        .filter(|n| *n == 0 || (2..=10_000).contains(n))
+        .ok_or_else(|| "expected 0 (none) or 2 to 10000".into())
 }
 
 /// What a capture's `kind` says; the kind of a scan under a tube is not written.
 pub fn is_dome(capture: &std::path::Path) -> bool {
     let text = std::fs::read_to_string(capture.join("capture.toml")).unwrap_or_default();
-    text.parse::<toml::Table>().is_ok_and(|t| t.get("kind").and_then(toml::Value::as_str) == Some(mesophyll_capture::dome::manifest::KIND))
+    text.parse::<toml::Table>()
+        .is_ok_and(|t| t.get("kind").and_then(toml::Value::as_str) == Some(mesophyll_capture::dome::manifest::KIND))
 }
 
 /// A capture under a dome: no tube, so nothing of shards, lobes and the paper's reduction.
@@ -86,7 +91,8 @@ fn from_dome(args: &Args) -> Result<Outcome> {
     let held_out = args.hold_out.is_some() || args.hold_out_seed.is_some();
     if args.shard.is_some() || args.merge || args.no_robust || held_out || matches!(args.method, MethodName::Paper) {
         return Err(Error::Usage(format!(
-            "{}: a capture under a dome has no traces to fit and no frames to leave out; --shard, --merge, --no-robust, --hold-out and --method \
+            "{}: a capture under a dome has no traces to fit and no frames to leave out; --shard, --merge, \
+             --no-robust, --hold-out and --method \
              paper are for scans under a tube",
             args.capture.display()
         )));
@@ -95,7 +101,9 @@ fn from_dome(args: &Args) -> Result<Outcome> {
         None => None,
         Some([n, m]) if (1.0..=3.0).contains(n) && *m > 0.0 && *m <= 1.0 => Some([*n, *m]),
         Some(other) => {
-            return Err(Error::Usage(format!("--gloss: found {other:?}, expected an index of 1 to 3 and a slope above 0 and at most 1")));
+            return Err(Error::Usage(format!(
+                "--gloss: found {other:?}, expected an index of 1 to 3 and a slope above 0 and at most 1"
+            )));
         }
     };
     dome::run(&args.capture, &args.output, &dome::Options { gloss, force: args.force })
@@ -180,7 +188,8 @@ fn summary(record: &FitRecord) -> String {
         for (pass, held) in &section.held_out {
             let (n, chi2, expected, off) = (held.frames.len(), held.reduced_chi2, held.expected, held.off());
             text += &format!(
-                "  {n} held-out frames of pass {pass}: reduced chi2 {chi2:.3}, {expected:.3} expected; off by {off:.2} of the noise\n"
+                "  {n} held-out frames of pass {pass}: reduced chi2 {chi2:.3}, {expected:.3} expected; off by {off:.2} \
+                 of the noise\n"
             );
         }
     }

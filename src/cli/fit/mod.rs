@@ -27,9 +27,11 @@ enum What {
     Gloss(gloss::Args),
     /// σa and σs of a slab from its reflectance, transmittance and thickness, from CSV
     Slab(slab::Args),
-    /// Polynomials of a sky's spherical harmonics over sun and turbidity; or sun and turbidity from a picture of the sky
+    /// Polynomials of a sky's spherical harmonics over sun and turbidity; or sun and turbidity from a picture of the
+    /// sky
     Sky(sky::Args),
-    /// How the light that comes through a leaf depends on its direction: scattering inside the blade, its relief and thickness
+    /// How the light that comes through a leaf depends on its direction: scattering inside the blade, its relief and
+    /// thickness
     Translucency(translucency::Args),
     /// What a leaf's inside is made of, from photographs of the light that comes through it
     Tissue(tissue::Args),

@@ -1,4 +1,5 @@
-//! `mesophyll fit sky`: polynomials of a sky's spherical harmonics over sun and turbidity, or the sun and turbidity of a panorama, as a fit folder.
+//! `mesophyll fit sky`: polynomials of a sky's spherical harmonics over sun and turbidity, or the sun and turbidity of
+//! a panorama, as a fit folder.
 
 use crate::eval::sky::ModelName;
 use crate::{Common, place, tables};
@@ -17,14 +18,17 @@ const EXAMPLES: &str = "Examples:
   mesophyll eval panorama --sun-zenith-deg 50 --turbidity 3 --noise 0.02 -o out/pano.exr
   mesophyll fit sky --panorama out/pano.exr -o out/pano-fit";
 
-/// Fits every coefficient of N bands over sun zenith (0 to the horizon) and turbidity, and judges the fit against direct integration.
+/// Fits every coefficient of N bands over sun zenith (0 to the horizon) and turbidity, and judges the fit against
+/// direct integration.
 ///
 /// DIR gets fit.toml, times.toml and coefficients.json (the arrays in f32).
 ///
-/// With --panorama: from a picture of the sky (EXR, linear, white-balanced, proportional to radiance) the sun's zenith angle and azimuth, the turbidity
-/// and the reading of one kcd/m², with standard errors. Azimuth grows from +x to +y; an equirectangular picture's middle column looks to +x and its right
-/// half towards -y, a fisheye's top is +x and its right +y. What is NaN, below 1/2 in the mask or in an alpha channel A, or below the horizon is not looked at;
-/// clipped pixels, clouds and the sun's disk are found and left out. DIR gets fit.toml, times.toml and all.exr (fate, reduced chi2, residuals).
+/// With --panorama: from a picture of the sky (EXR, linear, white-balanced, proportional to radiance) the sun's zenith
+/// angle and azimuth, the turbidity and the reading of one kcd/m², with standard errors. Azimuth grows from +x to +y;
+/// an equirectangular picture's middle column looks to +x and its right half towards -y, a fisheye's top is +x and its
+/// right +y. What is NaN, below 1/2 in the mask or in an alpha channel A, or below the horizon is not looked at;
+/// clipped pixels, clouds and the sun's disk are found and left out. DIR gets fit.toml, times.toml and all.exr (fate,
+/// reduced chi2, residuals).
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES, after_long_help = format!("{EXAMPLES}\n\n{}", tables::help("fit sky")))]
 pub struct Args {
@@ -115,7 +119,8 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let [low, high] = args.turbidity[..] else {
         return Err(Error::Usage(format!("--turbidity has {} values; expected two", args.turbidity.len())));
     };
-    let options = Options { method, bands: args.bands.into(), turbidities: [low, high], grid: args.grid, ..Options::default() };
+    let options =
+        Options { method, bands: args.bands.into(), turbidities: [low, high], grid: args.grid, ..Options::default() };
     let model = args.model.model(args.albedo)?;
     let fitted = match args.model {
         ModelName::Preetham => fits::fit(&options)?,
@@ -124,11 +129,13 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if fitted.form.is_some() {
         claim(&args.output, "sky", &[])?;
     }
-    let reference = Reference::new(model.as_ref(), options.bands, options.turbidities, 33, 15).map_err(Error::Missed)?;
+    let reference =
+        Reference::new(model.as_ref(), options.bands, options.turbidities, 33, 15).map_err(Error::Missed)?;
     let (wide, error) = folder::write(&args.output, &fitted, &reference)?;
     let bytes = fitted.form.as_ref().map_or(0, |f| f.narrow().bytes());
     progress::say(format!(
-        "{} terms a function, {bytes} bytes, {:.0} ms; worst error {:.1e} of the smallest c00 ({:.1e} in f64), median {:.1e}; wrote {}",
+        "{} terms a function, {bytes} bytes, {:.0} ms; worst error {:.1e} of the smallest c00 ({:.1e} in f64), median \
+         {:.1e}; wrote {}",
         fitted.columns,
         1e3 * fitted.seconds(),
         error.worst,
@@ -165,9 +172,12 @@ fn from_panorama(args: &Args, path: &Path, common: &Common) -> Result<u8> {
     let picture = panorama::picture::read(path, &mesophyll_files::image::read_exr(path)?, projection, &channels)?;
     let read = clock.elapsed().as_secs_f64();
     if let Some(n) = args.noise.filter(|n| !(*n > 0.0 && *n < 1.0)) {
-        return Err(Error::Usage(format!("--noise is {n}; expected more than 0 and less than 1 (relative to a reading)")));
+        return Err(Error::Usage(format!(
+            "--noise is {n}; expected more than 0 and less than 1 (relative to a reading)"
+        )));
     }
-    let found = panorama::fit(&picture, args.noise).map_err(|why| Error::Missed(format!("{}: {why}", path.display())))?;
+    let found =
+        panorama::fit(&picture, args.noise).map_err(|why| Error::Missed(format!("{}: {why}", path.display())))?;
     let fitted = clock.elapsed().as_secs_f64() - read;
     let mut options = std::collections::BTreeMap::new();
     options.insert("projection".to_string(), projection.name().to_string());
@@ -179,13 +189,17 @@ fn from_panorama(args: &Args, path: &Path, common: &Common) -> Result<u8> {
     options.extend(args.mask.iter().map(|m| ("mask".to_string(), m.clone())));
     options.extend(args.saturation.iter().map(|s| ("saturation".to_string(), s.to_string())));
     let told = format!("{options:?} {:?} {}", args.noise, env!("CARGO_PKG_VERSION"));
-    let hash = mesophyll_files::hash::combine([("panorama", mesophyll_files::hash::file(path)?.as_str()), ("options", told.as_str())]);
+    let hash = mesophyll_files::hash::combine([
+        ("panorama", mesophyll_files::hash::file(path)?.as_str()),
+        ("options", told.as_str()),
+    ]);
     claim(&args.output, "panorama", &[path])?;
     panorama::record::write(&args.output, &picture, &found, &options, hash, [read, fitted])?;
     let shown = |k: panorama::Known, unit: f64| format!("{:.4} ± {:.4}", k.value * unit, k.error * unit);
     let degrees = 180.0 / std::f64::consts::PI;
     progress::say(format!(
-        "sun {} from the zenith, azimuth {} (degrees); turbidity {}; scale {}; residuals {:.2} % of a reading, reduced chi2 {:.3}; {}; wrote {}",
+        "sun {} from the zenith, azimuth {} (degrees); turbidity {}; scale {}; residuals {:.2} % of a reading, reduced \
+         chi2 {:.3}; {}; wrote {}",
         shown(found.sun_zenith, degrees),
         shown(found.sun_azimuth, degrees),
         shown(found.turbidity, 1.0),

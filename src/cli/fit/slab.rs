@@ -10,15 +10,17 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// CSV columns `rho_d,rho_t,h` → `sigma_a,sigma_s,sigma_a_err,sigma_s_err,status` (1/mm).
 ///
-/// The errors need the noise of the measurements: `--noise S`, or columns `rho_d_err,rho_t_err` for a row's own; `--noise 0` says that the input is exact. Where
-/// no noise is stated the error cells are empty, and `ok` says only that the slab could be inverted. Where noise leaves a parameter open, the status names it,
-/// with a bound at two standard errors where one side is closed.
+/// The errors need the noise of the measurements: `--noise S`, or columns `rho_d_err,rho_t_err` for a row's own;
+/// `--noise 0` says that the input is exact. Where no noise is stated the error cells are empty, and `ok` says only
+/// that the slab could be inverted. Where noise leaves a parameter open, the status names it, with a bound at two
+/// standard errors where one side is closed.
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = tables::help("fit slab"))]
 pub struct Args {
     #[command(flatten)]
     io: BatchIo,
-    /// Absolute standard error of rho_d and rho_t, where a row has none of its own; 0 for exact values (default: not known, no errors are printed)
+    /// Absolute standard error of rho_d and rho_t, where a row has none of its own; 0 for exact values (default: not
+    /// known, no errors are printed)
     #[arg(long, value_name = "S")]
     noise: Option<f64>,
     /// fast: better than 1e-6 where determined; exact: nine digits
@@ -50,8 +52,8 @@ enum Unit {
 
 const INPUTS: [&str; 5] = ["rho_d", "rho_t", "h", "rho_d_err", "rho_t_err"];
 
-/// Thickness of leaves (mm), thinnest and thickest with room to spare. The same thicknesses in µm are numbers above this range and in m numbers below it,
-/// so a column that names no unit shows by its numbers whether it can be in mm.
+/// Thickness of leaves (mm), thinnest and thickest with room to spare. The same thicknesses in µm are numbers above
+/// this range and in m numbers below it, so a column that names no unit shows by its numbers whether it can be in mm.
 const LEAVES_MM: [f64; 2] = [0.01, 10.0];
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
@@ -94,7 +96,13 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             return;
         }
         let thickness_mm = thickness * scale;
-        let m = Measured { rho_d: row.get(0), rho_t: row.get(1), thickness_mm, rho_d_err: row.get(3), rho_t_err: row.get(4) };
+        let m = Measured {
+            rho_d: row.get(0),
+            rho_t: row.get(1),
+            thickness_mm,
+            rho_d_err: row.get(3),
+            rho_t_err: row.get(4),
+        };
         let answer = slab::answer(&options, &m);
         let silent = !m.noise_is_stated(&options) && !answer.values.is_empty();
         without_errors.fetch_add(usize::from(silent), Ordering::Relaxed);
@@ -104,8 +112,10 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let without_errors = without_errors.into_inner();
     if without_errors > 0 {
         progress::say(format!(
-            "no noise is stated for {}: the error cells are empty, and ok says only that the slab could be inverted, not how sure its numbers are; \
-             state the standard error of rho_d and rho_t by --noise S or by columns rho_d_err and rho_t_err, or exact input by --noise 0",
+            "no noise is stated for {}: the error cells are empty, and ok says only that the slab could be inverted, \
+             not how sure its numbers are; \
+             state the standard error of rho_d and rho_t by --noise S or by columns rho_d_err and rho_t_err, or exact \
+             input by --noise 0",
             counted(without_errors, "row")
         ));
     }
@@ -122,11 +132,14 @@ fn not_in_mm(column: &str, thickness: f64) -> String {
     } else {
         ": add --thickness-unit"
     };
-    format!("{column} is {thickness} and names no unit; leaves are {low} to {high} mm thick{hint} (or mm if it is right)")
+    format!(
+        "{column} is {thickness} and names no unit; leaves are {low} to {high} mm thick{hint} (or mm if it is right)"
+    )
 }
 
-/// The unit that is asked for or that the column's name ends in; none where neither says it (a column `h` is in mm). A name that says another unit than was
-/// asked for, or one that is not known here, is an error: micrometres read as millimetres would look like an answer.
+/// The unit that is asked for or that the column's name ends in; none where neither says it (a column `h` is in mm). A
+/// name that says another unit than was asked for, or one that is not known here, is an error: micrometres read as
+/// millimetres would look like an answer.
 fn thickness_unit(column: &str, asked: Option<Unit>) -> Result<Option<Unit>> {
     let suffix = column.rsplit_once(['_', ' ', '(', '[']).map_or("", |(_, end)| end.trim_end_matches([')', ']']));
     let named = match suffix {
@@ -134,14 +147,16 @@ fn thickness_unit(column: &str, asked: Option<Unit>) -> Result<Option<Unit>> {
         "um" | "µm" | "μm" | "micron" | "microns" => Some(Unit::Um),
         "m" => Some(Unit::M),
         "cm" | "dm" | "nm" | "km" | "in" | "inch" | "inches" | "mil" | "mils" | "ft" => {
-            return Err(Error::Usage(format!("the thickness column {column:?} is in {suffix:?}; expected mm, um or m")));
+            return Err(Error::Usage(format!(
+                "the thickness column {column:?} is in {suffix:?}; expected mm, um or m"
+            )));
         }
         _ => None,
     };
     match (named, asked) {
-        (Some(named), Some(asked)) if named != asked => {
-            Err(Error::Usage(format!("--thickness-unit says otherwise than the name of the thickness column, {column:?}")))
-        }
+        (Some(named), Some(asked)) if named != asked => Err(Error::Usage(format!(
+            "--thickness-unit says otherwise than the name of the thickness column, {column:?}"
+        ))),
         (None, None) if column == "h" => Ok(Some(Unit::Mm)),
         (named, asked) => Ok(asked.or(named)),
     }
@@ -152,10 +167,17 @@ fn column_names(mapping: &[String]) -> Result<Vec<String>> {
     let mut names: Vec<String> = INPUTS.iter().map(|s| s.to_string()).collect();
     for pair in mapping.iter().filter(|p| !p.is_empty()) {
         let Some((name, column)) = pair.split_once('=') else {
-            return Err(Error::Usage(format!("--columns has {pair:?}; expected NAME=COLUMN with NAME one of {}", INPUTS.join(", "))));
+            return Err(Error::Usage(format!(
+                "--columns has {pair:?}; expected NAME=COLUMN with NAME one of {}",
+                INPUTS.join(", ")
+            )));
         };
         let Some(k) = INPUTS.iter().position(|n| *n == name.trim()) else {
-            return Err(Error::Usage(format!("--columns names {:?}; expected one of {}", name.trim(), INPUTS.join(", "))));
+            return Err(Error::Usage(format!(
+                "--columns names {:?}; expected one of {}",
+                name.trim(),
+                INPUTS.join(", ")
+            )));
         };
         names[k] = column.trim().to_string();
     }

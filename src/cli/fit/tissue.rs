@@ -10,14 +10,17 @@ use mesophyll_fit::translucency::tissue::Entry;
 use mesophyll_optics::translucency::convolve::Totals;
 use std::path::PathBuf;
 
-/// Absorption and scattering inside a leaf, and a factor on its thickness, from photographs of the light that comes through it under beams of known direction.
+/// Absorption and scattering inside a leaf, and a factor on its thickness, from photographs of the light that comes
+/// through it under beams of known direction.
 ///
 /// DIR gets fit.toml and times.toml. Scattering is found as (1 - g) sigma_s; no photograph of this kind tells g itself.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   mesophyll fit tissue scans/elm-beams --blade out/elm -o out/elm-tissue
-  mesophyll fit tissue scans/elm-beams --blade out/elm -o out/elm-tissue --fix-scale     the leaf fit's thickness is right
-The capture (capture.toml with kind = \"beams\") is described in data/README.md; `mesophyll synth --acquisition beams` writes one.")]
+  mesophyll fit tissue scans/elm-beams --blade out/elm -o out/elm-tissue --fix-scale     the leaf fit's thickness is \
+  right
+The capture (capture.toml with kind = \"beams\") is described in data/README.md; `mesophyll synth --acquisition beams` \
+writes one.")]
 pub struct Args {
     /// Capture of photographs under beams (kind "beams")
     #[arg(value_name = "BEAMS")]
@@ -40,7 +43,8 @@ pub struct Args {
     /// How much comes through: the transport equation's, or diffusion's own
     #[arg(long, value_enum, default_value_t = TotalsName::Transport)]
     totals: TotalsName,
-    /// How much of a slanting beam comes through: as the transport equation has it, or as of one along the normal (as the renderers take it)
+    /// How much of a slanting beam comes through: as the transport equation has it, or as of one along the normal (as
+    /// the renderers take it)
     #[arg(long, value_enum, default_value_t = IncidenceName::Slant)]
     incidence: IncidenceName,
     /// Where the search begins: the leaf fit's slab, or the sources' table

@@ -12,14 +12,17 @@ use mesophyll_optics::translucency::basis::Basis;
 use mesophyll_optics::translucency::lights::Rule;
 use std::path::PathBuf;
 
-/// How the light that comes through a leaf depends on where it comes from, a texel at a time: scattering inside the blade, shadows of its relief, its thickness.
+/// How the light that comes through a leaf depends on where it comes from, a texel at a time: scattering inside the
+/// blade, shadows of its relief, its thickness.
 ///
-/// DIR gets front.exr and back.exr (light that enters that side: coefficients on a directional basis), previews, fit.toml and times.toml.
+/// DIR gets front.exr and back.exr (light that enters that side: coefficients on a directional basis), previews,
+/// fit.toml and times.toml.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   mesophyll fit translucency out/elm -o out/elm-translucency
   mesophyll fit translucency out/elm -o out/rgb --colour three-wavelengths
-  mesophyll fit translucency out/elm -o out/paper --colour product --tissue table --area texel --form dipoles --dipoles 3
+  mesophyll fit translucency out/elm -o out/paper --colour product --tissue table --area texel --form dipoles \
+  --dipoles 3
   mesophyll fit translucency out/elm -o out/noon --sun-elevation-deg 60 --sun-azimuth-deg 30     one light, no basis")]
 pub struct Args {
     /// Folder of `fit leaf`, or a capture under a dome (its leaf fit is then kept as DIR/leaf)
@@ -69,11 +72,18 @@ pub struct Args {
     /// How they are placed: on a spiral, or one at random in each of as many cells, as the sources have it
     #[arg(long, value_enum, default_value_t = PlacedName::Spiral)]
     placed: PlacedName,
-    /// Functions of direction: half-life-2 and bent-3 (3, which the renderers evaluate), bent-6, h-basis (6), cosine (6), spherical (9), hemispherical (9)
+    /// Functions of direction: half-life-2 and bent-3 (3, which the renderers evaluate), bent-6, h-basis (6), cosine
+    /// (6), spherical (9), hemispherical (9)
     #[arg(long, value_enum, default_value_t = BasisName::HalfLife2)]
     basis: BasisName,
     /// One light at this elevation over the blade, instead of a basis
-    #[arg(long, value_name = "DEG", requires = "sun_azimuth_deg", conflicts_with = "basis", allow_negative_numbers = true)]
+    #[arg(
+        long,
+        value_name = "DEG",
+        requires = "sun_azimuth_deg",
+        conflicts_with = "basis",
+        allow_negative_numbers = true
+    )]
     sun_elevation_deg: Option<f64>,
     /// Its azimuth in the lit side's image, from right to up
     #[arg(long, value_name = "DEG", requires = "sun_elevation_deg", allow_negative_numbers = true)]
@@ -165,9 +175,10 @@ fn options(args: &Args) -> Result<Options> {
         _ => TissueFrom::Fit,
     };
     let sun = match (args.sun_elevation_deg, args.sun_azimuth_deg) {
-        (Some(e), Some(a)) => {
-            Some([within("sun-elevation-deg", e, 0.0, 90.0)?.to_radians(), within("sun-azimuth-deg", a, -360.0, 360.0)?.to_radians()])
-        }
+        (Some(e), Some(a)) => Some([
+            within("sun-elevation-deg", e, 0.0, 90.0)?.to_radians(),
+            within("sun-azimuth-deg", a, -360.0, 360.0)?.to_radians(),
+        ]),
         _ => None,
     };
     if args.dipoles.is_some() && !matches!(args.form, FormName::Dipoles) {
@@ -214,7 +225,8 @@ fn options(args: &Args) -> Result<Options> {
     })
 }
 
-/// The leaf fit that is asked for: the folder itself, or one made from a capture under a dome, kept as `leaf` in the output.
+/// The leaf fit that is asked for: the folder itself, or one made from a capture under a dome, kept as `leaf` in the
+/// output.
 fn leaf(args: &Args) -> Result<PathBuf> {
     if args.input.join("fit.toml").is_file() || !args.input.join("capture.toml").is_file() {
         return Ok(args.input.clone());
@@ -222,7 +234,8 @@ fn leaf(args: &Args) -> Result<PathBuf> {
     if !super::leaf::is_dome(&args.input) {
         return Err(Error::input(
             &args.input,
-            "a capture, not a fit of one; `mesophyll fit leaf` fits a scan under a tube, and the folder of that fit is wanted here",
+            "a capture, not a fit of one; `mesophyll fit leaf` fits a scan under a tube, and the folder of that fit is \
+             wanted here",
         ));
     }
     let folder = args.output.join("leaf");
@@ -256,7 +269,8 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
 /// A table a person can read.
 fn summary(record: &FitRecord) -> String {
     let say = |name: &str| record.options.get(name).map_or("", String::as_str);
-    let mut text = format!("{}: colour {}, channel {}, basis {}\n", record.name, say("colour"), say("channel"), say("basis"));
+    let mut text =
+        format!("{}: colour {}, channel {}, basis {}\n", record.name, say("colour"), say("channel"), say("basis"));
     for (name, section) in &record.sections {
         let count = |k: &str| section.counts.get(k).copied().unwrap_or(0);
         text += &format!("light through the {name}: {} texels", count("texels") - count("outside"));

@@ -42,7 +42,8 @@ fn photograph(p: &Photograph) -> String {
     let worst = relative.reduce(f64::max);
     let percent = |v: Option<f64>| v.map_or("unknown".to_string(), |v| format!("{:.1} %", 100.0 * v));
     format!(
-        "{:>2}  {:<28} {:>5} lit {:>4}° up, {:>4}° around;  {:.4} … {:.4}, medians {}, noise at most {}, no reading {:.2} %",
+        "{:>2}  {:<28} {:>5} lit {:>4}° up, {:>4}° around;  {:.4} … {:.4}, medians {}, noise at most {}, no reading \
+         {:.2} %",
         p.beam,
         p.file,
         p.lit,

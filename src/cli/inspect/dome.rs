@@ -41,7 +41,8 @@ fn text(f: &Inspection) -> String {
             a.offset_err_mm, a.thickness_error_mm
         ));
         line(format!(
-            "the scans lean by {:.3}° to each other, lie {:.3} mm beside and {:.3} mm over each other; their noise is {:.4} mm ({}) and raised the highest place by {:.4} mm",
+            "the scans lean by {:.3}° to each other, lie {:.3} mm beside and {:.3} mm over each other; their noise is \
+             {:.4} mm ({}) and raised the highest place by {:.4} mm",
             a.tilt[0].hypot(a.tilt[1]).atan().to_degrees(),
             a.shift_mm[0].hypot(a.shift_mm[1]),
             a.offset_mm,
@@ -50,7 +51,8 @@ fn text(f: &Inspection) -> String {
             a.raised_mm
         ));
         line(format!(
-            "smoothed by {:.3} mm for the thickness, {:.3} and {:.3} mm for the normals of front and back, which leaves these ± {:.1}° and ± {:.1}°; holes {:.2} %",
+            "smoothed by {:.3} mm for the thickness, {:.3} and {:.3} mm for the normals of front and back, which \
+             leaves these ± {:.1}° and ± {:.1}°; holes {:.2} %",
             a.smooth_thickness_mm,
             a.smooth_height_mm[0],
             a.smooth_height_mm[1],

@@ -1,4 +1,5 @@
-//! The sky as a C header (C99, one file, no state): arrays in float, the few factors of a sky in double, sums in `MESOPHYLL_SKY_REAL`.
+//! The sky as a C header (C99, one file, no state): arrays in float, the few factors of a sky in double, sums in
+//! `MESOPHYLL_SKY_REAL`.
 
 use super::{Constants, Evaluator, Kind, constants, listed};
 use mesophyll_sky::Coefficients;
@@ -33,20 +34,32 @@ pub fn polynomials(e: &Evaluator, about: &[String], ground: f64) -> String {
     out.push_str(&format!("#ifndef MESOPHYLL_SKY_GROUND\n#define MESOPHYLL_SKY_GROUND {ground:?}\n#endif\n\n"));
     out.push_str(&format!("#define MESOPHYLL_SKY_BANDS {}\n#define MESOPHYLL_SKY_TERMS {}\n\n", e.bands, e.terms));
     let places: Vec<String> = e.groups.iter().flat_map(|g| &g.places).map(|p| p.to_string()).collect();
-    out.push_str(&format!("/* l(l+1)+m of every function; the first {} take the first factors, the others the second. */\n", e.first()));
-    out.push_str(&format!("static const unsigned char mesophyll_sky_place[{functions}] = {{{}}};\n", places.join(", ")));
+    out.push_str(&format!(
+        "/* l(l+1)+m of every function; the first {} take the first factors, the others the second. */\n",
+        e.first()
+    ));
+    out.push_str(&format!(
+        "static const unsigned char mesophyll_sky_place[{functions}] = {{{}}};\n",
+        places.join(", ")
+    ));
     out.push_str("/* Function by function, term by term, three values. */\n");
     out.push_str(&format!(
         "static const float mesophyll_sky_values[{}] = {{\n{}}};\n\n",
         functions * e.terms * 3,
         listed(e.values(), 8, "f")
     ));
-    out.push_str("/* The coefficients for a sun zenith angle (rad) and turbidity; 0 where these are outside the domain (out is left as it is), else 1. */\n");
-    out.push_str(&format!("static int mesophyll_sky(double sun_zenith, double turbidity, MESOPHYLL_SKY_REAL out[{n}][3])\n{{\n"));
+    out.push_str(
+        "/* The coefficients for a sun zenith angle (rad) and turbidity; 0 where these are outside the domain \
+     (out is left as it is), else 1. */\n",
+    );
+    out.push_str(&format!(
+        "static int mesophyll_sky(double sun_zenith, double turbidity, MESOPHYLL_SKY_REAL out[{n}][3])\n{{\n"
+    ));
     let [low, high] = e.turbidities;
     out.push_str(&format!("    double first[{0}], second[{0}], m[3][3];\n    int i, j, k, t = 0, f;\n", e.terms));
     out.push_str(&format!(
-        "    if (!(sun_zenith >= 0.0 && sun_zenith <= 1.5708 && turbidity >= {low:?} && turbidity <= {high:?})) return 0;\n"
+        "    if (!(sun_zenith >= 0.0 && sun_zenith <= 1.5708 && turbidity >= {low:?} && turbidity <= {high:?})) return \
+         0;\n"
     ));
     out.push_str("    if (sun_zenith > 1.5707963267948966) sun_zenith = 1.5707963267948966;\n");
     match &e.kind {
@@ -63,7 +76,8 @@ pub fn polynomials(e: &Evaluator, about: &[String], ground: f64) -> String {
             for (k = 0; k < 3; k++) u[k] += (MESOPHYLL_SKY_REAL)factor[t] * a[3 * t + k];
         for (k = 0; k < 3; k++)
             out[mesophyll_sky_place[f]][k] =
-                (MESOPHYLL_SKY_REAL)m[k][0] * u[0] + (MESOPHYLL_SKY_REAL)m[k][1] * u[1] + (MESOPHYLL_SKY_REAL)m[k][2] * u[2];
+                (MESOPHYLL_SKY_REAL)m[k][0] * u[0] + (MESOPHYLL_SKY_REAL)m[k][1] * u[1] + (MESOPHYLL_SKY_REAL)m[k][2] \
+                * u[2];
     }}\n",
         first = e.first()
     ));
@@ -88,8 +102,10 @@ pub fn polynomials(e: &Evaluator, about: &[String], ground: f64) -> String {
 }
 
 fn matrix<const R: usize, const C: usize>(m: &[[f64; C]; R]) -> String {
-    let rows: Vec<String> =
-        m.iter().map(|r| format!("{{{}}}", r.iter().map(|v| format!("{v:?}")).collect::<Vec<_>>().join(", "))).collect();
+    let rows: Vec<String> = m
+        .iter()
+        .map(|r| format!("{{{}}}", r.iter().map(|v| format!("{v:?}")).collect::<Vec<_>>().join(", ")))
+        .collect();
     format!("{{{}}}", rows.join(", "))
 }
 
@@ -103,7 +119,8 @@ fn folded(out: &mut String, e: &Evaluator, rows: &[usize], back: &[[f64; 3]; 3])
     let offsets: [[f64; 5]; 3] = perez.map(|r| r.map(|p| p[1]));
     out.push_str(&format!(
         "    {{
-        /* Chebyshev polynomials of ln(turbidity - {TURBIDITY_ZERO}), and those of even and odd degree of the sun's angle */
+        /* Chebyshev polynomials of ln(turbidity - {TURBIDITY_ZERO}), and those of even and odd degree of the sun's \
+        angle */
         static const int rows[{count}] = {{{list}}};
         const double v = log((turbidity - {TURBIDITY_ZERO}) / {mean:?}) / {half:?};
         const double x = sun_zenith / 1.5707963267948966, twice = 4.0 * x * x - 2.0;
@@ -120,14 +137,16 @@ fn folded(out: &mut String, e: &Evaluator, rows: &[usize], back: &[[f64; 3]; 3])
         }}
     }}
     {{
-        /* zenith luminance and chromaticity over the sky's shape towards the zenith (Preetham et al. 1999, appendix A.2) */
+        /* zenith luminance and chromaticity over the sky's shape towards the zenith (Preetham et al. 1999, appendix \
+        A.2) */
         static const double slope[3][5] = {slopes};
         static const double offset[3][5] = {offsets};
         static const double zenith_x[3][4] = {zx};
         static const double zenith_y[3][4] = {zy};
         static const double colours[3][3] = {colours};
         static const double back[3][3] = {back};
-        const double c = cos(sun_zenith), chi = (4.0 / 9.0 - turbidity / 120.0) * (3.141592653589793 - 2.0 * sun_zenith);
+        const double c = cos(sun_zenith), chi = (4.0 / 9.0 - turbidity / 120.0) * (3.141592653589793 - 2.0 * \
+        sun_zenith);
         double s[3] = {{(4.0453 * turbidity - 4.9710) * tan(chi) - 0.2155 * turbidity + 2.4192, 0.0, 0.0}}, p[3];
         for (j = 0; j < 4; j++) {{
             s[1] = s[1] * sun_zenith + (zenith_x[0][j] * turbidity + zenith_x[1][j]) * turbidity + zenith_x[2][j];
@@ -141,7 +160,8 @@ fn folded(out: &mut String, e: &Evaluator, rows: &[usize], back: &[[f64; 3]; 3])
         p[0] = s[0]; p[1] = s[0] / s[2]; p[2] = s[0] * s[1] / s[2];
         for (i = 0; i < 3; i++)
             for (j = 0; j < 3; j++)
-                m[i][j] = colours[i][0] * p[0] * back[0][j] + colours[i][1] * p[1] * back[1][j] + colours[i][2] * p[2] * back[2][j];
+                m[i][j] = colours[i][0] * p[0] * back[0][j] + colours[i][1] * p[1] * back[1][j] + colours[i][2] * p[2] \
+                * back[2][j];
     }}\n",
         count = rows.len(),
         list = list.join(", "),

@@ -11,7 +11,8 @@ use std::path::Path;
 
 fn conventions() -> Value {
     json!({
-        "harmonics": "real, orthonormal, no Condon-Shortley phase, index l(l+1)+m; cos(m phi) for m > 0, sin(|m| phi) for m < 0",
+        "harmonics": "real, orthonormal, no Condon-Shortley phase, index l(l+1)+m; cos(m phi) for m > 0, sin(|m| phi) \
+         for m < 0",
         "axes": "z up, sun at azimuth 0 = +x",
         "hemisphere": "upper; zero below the horizon, but for ground light",
         "unit": "kcd/m2",
@@ -85,11 +86,14 @@ pub fn polynomials(e: &Evaluator, record: &FitRecord, folder: &Path, ground: f64
                 "zenith_x": constants.zenith[0],
                 "zenith_y": constants.zenith[1],
                 "evaluation": [
-                    "v = ln(turbidity - turbidity_zero) scaled linearly to -1 at the lower and 1 at the upper turbidity; x = sun_zenith/(pi/2)",
-                    "term (i, j), j < rows[i], i rising, j fastest: factors 0: T_2i(x) T_j(v), factors 1: T_2i+1(x) T_j(v), T Chebyshev",
+                    "v = ln(turbidity - turbidity_zero) scaled linearly to -1 at the lower and 1 at the upper \
+                     turbidity; x = sun_zenith/(pi/2)",
+                    "term (i, j), j < rows[i], i rising, j fastest: factors 0: T_2i(x) T_j(v), factors 1: T_2i+1(x) \
+                     T_j(v), T Chebyshev",
                     "u = sum over terms of factor times values (three a term)",
                     "A..E = slope turbidity + offset of perez[Y, x, y]; chi = (4/9 - turbidity/120)(pi - 2 sun_zenith)",
-                    "Y = (4.0453 turbidity - 4.9710) tan chi - .2155 turbidity + 2.4192; x, y = [t^2 t 1] zenith [s^3 s^2 s 1], t turbidity, s sun_zenith",
+                    "Y = (4.0453 turbidity - 4.9710) tan chi - .2155 turbidity + 2.4192; x, y = [t^2 t 1] zenith [s^3 \
+                     s^2 s 1], t turbidity, s sun_zenith",
                     "Y, x, y each over (1 + A e^B)(1 + C e^(D s) + E cos^2 s); p = (Y, Y/y, Y x/y)",
                     "rgb = colours diag(p) back u",
                 ],

@@ -1,5 +1,5 @@
-//! A fitted sky as text that other programs compile or read: WGSL, a C header, JSON. Either the polynomials with their evaluator, or the N²×3 numbers
-//! of one sun and turbidity.
+//! A fitted sky as text that other programs compile or read: WGSL, a C header, JSON. Either the polynomials with their
+//! evaluator, or the N²×3 numbers of one sun and turbidity.
 
 mod c;
 mod json;
@@ -65,18 +65,33 @@ impl Evaluator {
         let group = |places: &[usize], from: &[f32]| {
             let each = places.len();
             let value = |e: usize, t: usize| std::array::from_fn(|u| from[t * 3 * each + u * each + e]);
-            Group { places: places.to_vec(), values: (0..each).flat_map(|e| (0..terms).map(move |t| value(e, t))).collect() }
+            Group {
+                places: places.to_vec(),
+                values: (0..each).flat_map(|e| (0..terms).map(move |t| value(e, t))).collect(),
+            }
         };
         match form {
             Form::Folded(f) => {
                 let (even, odd) = f.arrays();
                 let groups = vec![group(&f.orders().even, even), group(&f.orders().odd, odd)];
-                Evaluator { bands, turbidities, terms, kind: Kind::Folded { rows: f.rows().to_vec(), back: f.mix().back }, groups }
+                Evaluator {
+                    bands,
+                    turbidities,
+                    terms,
+                    kind: Kind::Folded { rows: f.rows().to_vec(), back: f.mix().back },
+                    groups,
+                }
             }
             Form::Tensor(f) => {
                 let places: Vec<usize> = (0..bands).flat_map(|l| (0..=l).map(move |m| l * (l + 1) + m)).collect();
                 let groups = vec![group(&places, f.values())];
-                Evaluator { bands, turbidities, terms, kind: Kind::Tensor { basis: f.basis, powers: f.powers() }, groups }
+                Evaluator {
+                    bands,
+                    turbidities,
+                    terms,
+                    kind: Kind::Tensor { basis: f.basis, powers: f.powers() },
+                    groups,
+                }
             }
         }
     }
@@ -114,14 +129,17 @@ impl Evaluator {
 /// Writes the sky in `folder`.
 ///
 /// # Errors
-/// As [`folder::read`]; [`Error::Usage`] for formats that a sky has none of, a sun or turbidity outside the fit, an albedo outside 0 to 1.
+/// As [`folder::read`]; [`Error::Usage`] for formats that a sky has none of, a sun or turbidity outside the fit, an
+/// albedo outside 0 to 1.
 pub fn text(folder: &Path, format: Format, options: &SkyOptions) -> Result<String> {
     let (record, form) = folder::read(folder)?;
     if !(0.0..=1.0).contains(&options.ground) {
         return Err(Error::Usage(format!("--ground is {}; expected an albedo of 0 to 1", options.ground)));
     }
     if options.ground > 0.0 && form.bands() < 2 {
-        return Err(Error::Usage("--ground needs a fit of two bands or more: the ground's light is the irradiance of two".into()));
+        return Err(Error::Usage(
+            "--ground needs a fit of two bands or more: the ground's light is the irradiance of two".into(),
+        ));
     }
     if let Some((sun, turbidity)) = options.fixed {
         let c = coefficients(&form, sun, turbidity).map_err(|e| Error::Usage(e.to_string()))?;
@@ -142,7 +160,11 @@ pub fn text(folder: &Path, format: Format, options: &SkyOptions) -> Result<Strin
 }
 
 /// In f64 from the arrays as stored.
-fn coefficients(form: &Form<f32>, sun: f64, turbidity: f64) -> std::result::Result<Coefficients, mesophyll_sky::Refused> {
+fn coefficients(
+    form: &Form<f32>,
+    sun: f64,
+    turbidity: f64,
+) -> std::result::Result<Coefficients, mesophyll_sky::Refused> {
     match form {
         Form::Folded(f) => Folded::to::<f64>(f).coefficients(sun, turbidity),
         Form::Tensor(f) => f.to::<f64>().coefficients(sun, turbidity),
@@ -155,27 +177,42 @@ fn about(record: &FitRecord, form: &Form<f32>, options: &SkyOptions) -> Vec<Stri
     let mut lines = vec![
         format!("Spherical harmonics of the sky: {} ({}), {} bands.", record.name, record.program, form.bands()),
         String::new(),
-        "Coefficients of the upper hemisphere (below the horizon zero, but for ground light), linear sRGB, not clamped, kcd/m2; the".into(),
-        "sun's disk is not part of the sky. Real orthonormal harmonics without the Condon-Shortley phase at index l(l+1)+m: cos(m phi)"
+        "Coefficients of the upper hemisphere (below the horizon zero, but for ground light), linear sRGB, not \
+         clamped, kcd/m2; the".into(),
+        "sun's disk is not part of the sky. Real orthonormal harmonics without the Condon-Shortley phase at index \
+         l(l+1)+m: cos(m phi)"
             .into(),
-        "for m > 0, sin(|m| phi) for m < 0. z is up, the sun stands at azimuth 0 = +x, so that m < 0 are zero; turn by rotating about z."
+        "for m > 0, sin(|m| phi) for m < 0. z is up, the sun stands at azimuth 0 = +x, so that m < 0 are zero; turn by \
+         rotating about z."
             .into(),
     ];
     match options.fixed {
-        Some((sun, turbidity)) => lines.push(format!("Sun {:.6} degrees from the zenith, turbidity {turbidity}.", sun.to_degrees())),
+        Some((sun, turbidity)) => {
+            lines.push(format!("Sun {:.6} degrees from the zenith, turbidity {turbidity}.", sun.to_degrees()))
+        }
         None => {
             let [low, high] = form.turbidities();
-            lines.push(format!("Domain: sun zenith angle 0 to pi/2 (rad), turbidity {low} to {high}. Outside, the result means nothing."));
+            lines.push(format!(
+                "Domain: sun zenith angle 0 to pi/2 (rad), turbidity {low} to {high}. Outside, the \
+             result means nothing."
+            ));
         }
     }
     lines.push(format!(
-        "Error of the fit against direct integration: at most {:.1e}, median {:.1e} (root of the sum of squared coefficient errors over",
+        "Error of the fit against direct integration: at most {:.1e}, median {:.1e} (root of the sum of squared \
+         coefficient errors over",
         figure("error_worst"),
         figure("error_median")
     ));
-    lines.push(format!("the smallest c00 of the domain, {:.4} kcd/m2; worst channel, worst sky).", figure("smallest_c00")));
+    lines.push(format!(
+        "the smallest c00 of the domain, {:.4} kcd/m2; worst channel, worst sky).",
+        figure("smallest_c00")
+    ));
     if options.ground > 0.0 {
-        lines.push(format!("Below the horizon: level matte ground of albedo {}, lit by this sky (not by the sun).", options.ground));
+        lines.push(format!(
+            "Below the horizon: level matte ground of albedo {}, lit by this sky (not by the sun).",
+            options.ground
+        ));
     }
     lines
 }
@@ -194,5 +231,9 @@ struct Constants {
 }
 
 fn constants() -> Constants {
-    Constants { perez: preetham::PEREZ, zenith: [preetham::ZENITH_X, preetham::ZENITH_Y], colours: rgb_from_separable() }
+    Constants {
+        perez: preetham::PEREZ,
+        zenith: [preetham::ZENITH_X, preetham::ZENITH_Y],
+        colours: rgb_from_separable(),
+    }
 }

@@ -1,5 +1,5 @@
-//! The sky as WGSL, in f32 throughout. Sines and tangents of shaders may be wrong in the fourth digit (the language allows 2⁻¹¹), so tangent,
-//! cosine and logarithm are spelled out as short series; `exp` is the only function called.
+//! The sky as WGSL, in f32 throughout. Sines and tangents of shaders may be wrong in the fourth digit (the language
+//! allows 2⁻¹¹), so tangent, cosine and logarithm are spelled out as short series; `exp` is the only function called.
 
 use super::{Constants, Evaluator, Kind, constants, listed};
 use mesophyll_sky::Coefficients;
@@ -39,14 +39,18 @@ pub fn polynomials(e: &Evaluator, about: &[String], ground: f64) -> String {
     let n = e.bands * e.bands;
     let mut out = head(about);
     out.push_str(
-        "// var terms = sky_terms(sun_zenith, turbidity); then sky_coefficient(&terms, k) for k = 0 .. SKY_COEFFICIENTS - 1, or all at\n",
+        "// var terms = sky_terms(sun_zenith, turbidity); then sky_coefficient(&terms, k) for k = 0 .. \
+         SKY_COEFFICIENTS - 1, or all at\n",
     );
     out.push_str("// once by sky_coefficients(sun_zenith, turbidity).\n\n");
     out.push_str(&format!(
         "const SKY_BANDS: u32 = {}u;\nconst SKY_COEFFICIENTS: u32 = {n}u;\nconst SKY_TERMS: u32 = {}u;\n",
         e.bands, e.terms
     ));
-    out.push_str(&format!("// Functions of even order; the others are of odd order.\nconst SKY_EVEN: i32 = {};\n", e.first()));
+    out.push_str(&format!(
+        "// Functions of even order; the others are of odd order.\nconst SKY_EVEN: i32 = {};\n",
+        e.first()
+    ));
     out.push_str("// Albedo of level ground that lights the lower hemisphere; 0 leaves it dark.\n");
     out.push_str(&format!("const SKY_GROUND: f32 = {};\n", number(ground)));
     let functions: Vec<String> = e.functions().iter().map(|f| f.to_string()).collect();
@@ -57,10 +61,16 @@ pub fn polynomials(e: &Evaluator, about: &[String], ground: f64) -> String {
     out.push_str(&format!("const SKY_BELOW: array<f32, {0}> = array<f32, {0}>({1});\n", e.bands, shares.join(", ")));
     let size = e.values().count();
     out.push_str(
-        "// Function by function, term by term, three values. Software adapters copy large constants at every access: for them put the\n",
+        "// Function by function, term by term, three values. Software adapters copy large constants at every access: \
+         for them put the\n",
     );
-    out.push_str("// numbers into a storage buffer and declare that by this name: var<storage, read> SKY_VALUES: array<f32>;\n");
-    out.push_str(&format!("const SKY_VALUES: array<f32, {size}> = array<f32, {size}>(\n{});\n\n", listed(e.values(), 8, "")));
+    out.push_str(
+        "// numbers into a storage buffer and declare that by this name: var<storage, read> SKY_VALUES: array<f32>;\n",
+    );
+    out.push_str(&format!(
+        "const SKY_VALUES: array<f32, {size}> = array<f32, {size}>(\n{});\n\n",
+        listed(e.values(), 8, "")
+    ));
     out.push_str(&format!(
         "struct SkyTerms {{
     // of even and of odd orders
@@ -141,11 +151,13 @@ fn folded(out: &mut String, e: &Evaluator, rows: &[usize], back: &[[f64; 3]; 3])
     });
     // cos θ by its series, to 1e-10 over 0 … π/2
     let cosine = (0..9).rev().fold(String::new(), |inner, k: i32| {
-        let share = number((1..=2 * k).map(|n| -f64::from(n).recip()).product::<f64>() * if k % 2 == 0 { 1.0 } else { -1.0 });
+        let share =
+            number((1..=2 * k).map(|n| -f64::from(n).recip()).product::<f64>() * if k % 2 == 0 { 1.0 } else { -1.0 });
         if inner.is_empty() { share } else { format!("({share} + z2 * {inner})") }
     });
     out.push_str(&format!(
-        "    // Chebyshev polynomials of ln(turbidity - {TURBIDITY_ZERO}), scaled, and of even and odd degree of the sun's angle
+        "    // Chebyshev polynomials of ln(turbidity - {TURBIDITY_ZERO}), scaled, and of even and odd degree of the \
+         sun's angle
     let ratio = (turbidity - {zero}) * {mean};
     let s = (ratio - 1.0) / (ratio + 1.0);
     let s2 = s * s;
@@ -192,7 +204,8 @@ fn folded(out: &mut String, e: &Evaluator, rows: &[usize], back: &[[f64; 3]; 3])
         format!("(({} * sun_zenith + {}) * sun_zenith + {}) * sun_zenith + {}", power(0), power(1), power(2), power(3))
     };
     out.push_str(&format!(
-        "    // zenith luminance and chromaticity over the sky's shape towards the zenith (Preetham et al. 1999, appendix A.2)
+        "    // zenith luminance and chromaticity over the sky's shape towards the zenith (Preetham et al. 1999, \
+         appendix A.2)
     let z2 = sun_zenith * sun_zenith;
     let c = {cosine};
     let half_chi = (0.22222222 - turbidity * 0.004166667) * (3.1415927 - 2.0 * sun_zenith);

@@ -1,4 +1,5 @@
-//! Reads a leaf's mesh from glTF: buffers, node transforms, primitives, and refusal of what leads out of the file's folder.
+//! Reads a leaf's mesh from glTF: buffers, node transforms, primitives, and refusal of what leads out of the file's
+//! folder.
 
 use super::{LeafMesh, Unit, vertex_normals, vertex_tangents};
 use crate::atomic::explain;
@@ -9,8 +10,8 @@ use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Component, Path};
 
-/// Reads a glTF file whose lengths are in `unit`; where none is given, in the file's own, which is the metre unless its `asset.extras.unit`
-/// says "mm", "cm" or "m".
+/// Reads a glTF file whose lengths are in `unit`; where none is given, in the file's own, which is the metre unless its
+/// `asset.extras.unit` says "mm", "cm" or "m".
 ///
 /// # Errors
 /// [`Error::Input`] naming the file: missing, damaged, a path outside its folder, no triangles, no texture coordinates.
@@ -22,7 +23,8 @@ pub fn read(path: &Path, unit: Option<Unit>) -> Result<LeafMesh> {
 }
 
 fn parse(path: &Path, bytes: &[u8], unit: Option<Unit>) -> Result<LeafMesh> {
-    let gltf::Gltf { document, mut blob } = gltf::Gltf::from_slice(bytes).map_err(|e| Error::input(path, sentence(&e)))?;
+    let gltf::Gltf { document, mut blob } =
+        gltf::Gltf::from_slice(bytes).map_err(|e| Error::input(path, sentence(&e)))?;
     let unit = match unit {
         Some(unit) => unit,
         None => own_unit(path, &document)?,
@@ -43,7 +45,11 @@ fn parse(path: &Path, bytes: &[u8], unit: Option<Unit>) -> Result<LeafMesh> {
         let data = gltf::buffer::Data::from_source_and_blob(buffer.source(), Some(folder), &mut blob)
             .map_err(|e| Error::field(path, &field, sentence(&e)))?;
         if data.len() < buffer.length() {
-            return Err(Error::field(path, &field, format!("found {} bytes, expected {} (truncated?)", data.len(), buffer.length())));
+            return Err(Error::field(
+                path,
+                &field,
+                format!("found {} bytes, expected {} (truncated?)", data.len(), buffer.length()),
+            ));
         }
         buffers.push(data);
     }
@@ -76,11 +82,14 @@ fn parse(path: &Path, bytes: &[u8], unit: Option<Unit>) -> Result<LeafMesh> {
 /// What the file says about its lengths.
 fn own_unit(path: &Path, document: &gltf::Document) -> Result<Unit> {
     let extras = document.as_json().asset.extras.as_ref();
-    let said = extras.and_then(|raw| serde_json::from_str::<serde_json::Value>(raw.get()).ok()).and_then(|v| v.get("unit").cloned());
+    let said = extras
+        .and_then(|raw| serde_json::from_str::<serde_json::Value>(raw.get()).ok())
+        .and_then(|v| v.get("unit").cloned());
     match said {
         None => Ok(Unit::Metre),
-        Some(unit) => serde_json::from_value(unit.clone())
-            .map_err(|_| Error::field(path, "asset.extras.unit", format!("found {unit}, expected \"mm\", \"cm\" or \"m\""))),
+        Some(unit) => serde_json::from_value(unit.clone()).map_err(|_| {
+            Error::field(path, "asset.extras.unit", format!("found {unit}, expected \"mm\", \"cm\" or \"m\""))
+        }),
     }
 }
 
@@ -97,7 +106,9 @@ fn inside(path: &Path, folder: &Path, uri: &str, field: &str) -> Result<()> {
     if uri.starts_with("data:") {
         return Ok(());
     }
-    let outside = || Err(Error::field(path, field, format!("\"{uri}\" leads outside the file's folder; expected a file beside it")));
+    let outside = || {
+        Err(Error::field(path, field, format!("\"{uri}\" leads outside the file's folder; expected a file beside it")))
+    };
     if uri.contains(':') {
         return outside();
     }
@@ -119,7 +130,10 @@ fn percent_decode(uri: &str) -> String {
     let mut out = Vec::with_capacity(bytes.len());
     let mut i = 0;
     while i < bytes.len() {
-        let hex = bytes.get(i + 1..i + 3).and_then(|h| std::str::from_utf8(h).ok()).and_then(|h| u8::from_str_radix(h, 16).ok());
+        let hex = bytes
+            .get(i + 1..i + 3)
+            .and_then(|h| std::str::from_utf8(h).ok())
+            .and_then(|h| u8::from_str_radix(h, 16).ok());
         match (bytes[i], hex) {
             (b'%', Some(value)) => {
                 out.push(value);
@@ -159,7 +173,15 @@ fn add_node(
         return Err(Error::field(path, "nodes", format!("nested more than {DEEPEST} deep")));
     }
     let local = DMat4::from_cols_array(
-        &node.transform().matrix().as_flattened().iter().map(|v| f64::from(*v)).collect::<Vec<_>>().try_into().unwrap_or([0.0; 16]),
+        &node
+            .transform()
+            .matrix()
+            .as_flattened()
+            .iter()
+            .map(|v| f64::from(*v))
+            .collect::<Vec<_>>()
+            .try_into()
+            .unwrap_or([0.0; 16]),
     );
     let world = parent * local;
     if let Some(mesh) = node.mesh() {
@@ -185,7 +207,8 @@ fn add_mesh(
             return Err(Error::field(path, &field, format!("found {:?}, expected triangles", primitive.mode())));
         }
         let reader = primitive.reader(|b| buffers.get(b.index()).map(|d| d.0.as_slice()));
-        let missing = |what: &str| Error::field(path, &format!("{field}.{what}"), "missing or out of the buffer's range");
+        let missing =
+            |what: &str| Error::field(path, &format!("{field}.{what}"), "missing or out of the buffer's range");
         let positions: Vec<DVec3> = reader.read_positions().ok_or_else(|| missing("POSITION"))?.map(to_f64).collect();
         let uvs: Vec<DVec2> = match reader.read_tex_coords(0) {
             Some(list) => list.into_f32().map(|[u, v]| DVec2::new(f64::from(u), f64::from(v))).collect(),
@@ -221,11 +244,19 @@ fn add_mesh(
         };
         for (what, len) in [("TEXCOORD_0", uvs.len()), ("NORMAL", normals.len()), ("TANGENT", tangents.len())] {
             if len != n {
-                return Err(Error::field(path, &format!("{field}.{what}"), format!("found {len} entries, expected {n} as of POSITION")));
+                return Err(Error::field(
+                    path,
+                    &format!("{field}.{what}"),
+                    format!("found {len} entries, expected {n} as of POSITION"),
+                ));
             }
         }
         if let Some(bad) = indices.iter().find(|&&i| i as usize >= n) {
-            return Err(Error::field(path, &format!("{field}.indices"), format!("found {bad}, expected less than the {n} vertices")));
+            return Err(Error::field(
+                path,
+                &format!("{field}.indices"),
+                format!("found {bad}, expected less than the {n} vertices"),
+            ));
         }
         if !indices.len().is_multiple_of(3) {
             return Err(Error::field(
@@ -234,13 +265,17 @@ fn add_mesh(
                 format!("found {} entries, expected whole triangles", indices.len()),
             ));
         }
-        if positions.iter().any(|p| !p.is_finite()) || uvs.iter().any(|t| !t.is_finite()) || normals.iter().any(|v| !v.is_finite()) {
+        if positions.iter().any(|p| !p.is_finite())
+            || uvs.iter().any(|t| !t.is_finite())
+            || normals.iter().any(|v| !v.is_finite())
+        {
             return Err(Error::field(path, &field, "found a vertex that is not finite"));
         }
         let placed: Vec<DVec3> = positions.iter().map(|p| world.transform_point3(*p)).collect();
         let order = |t: &[u32]| if mirrored { [t[0], t[2], t[1]] } else { [t[0], t[1], t[2]] };
         let triangles: Vec<[u32; 3]> = indices.chunks_exact(3).map(order).collect();
-        // A triangle by its corners' places, from the least of them on: the same one wound the other way differs in the order of the rest.
+        // A triangle by its corners' places, from the least of them on: the same one wound the other way differs in the
+        // order of the rest.
         let key = |corners: [DVec3; 3]| {
             let bits = corners.map(|p| p.to_array().map(f64::to_bits));
             let first = (0..3).min_by_key(|k| bits[*k]).unwrap_or(0);

@@ -42,7 +42,11 @@ fn dome_json(keep: &[&str], uri: Option<&str>) -> (String, Vec<u8>, LeafMesh) {
     add("NORMAL", flat3(&mesh.normals), "VEC3", 3);
     add("TEXCOORD_0", mesh.uvs.iter().flat_map(|t| [t.x as f32, t.y as f32]).collect(), "VEC2", 2);
     views.push(format!(r#"{{"buffer":0,"byteOffset":{},"byteLength":{}}}"#, bytes.len(), mesh.indices.len() * 4));
-    accessors.push(format!(r#"{{"bufferView":{},"componentType":5125,"count":{},"type":"SCALAR"}}"#, views.len() - 1, mesh.indices.len()));
+    accessors.push(format!(
+        r#"{{"bufferView":{},"componentType":5125,"count":{},"type":"SCALAR"}}"#,
+        views.len() - 1,
+        mesh.indices.len()
+    ));
     bytes.extend(mesh.indices.iter().flat_map(|v| v.to_le_bytes()));
     let uri = uri.map_or(String::new(), |u| format!(r#""uri":"{u}","#));
     let json = format!(
@@ -84,7 +88,14 @@ fn a_path_outside_the_folder_is_refused() {
     let dir = tempfile::tempdir().unwrap();
     let home = dir.path().join("home");
     std::fs::create_dir(&home).unwrap();
-    for uri in ["../secret.bin", "/etc/passwd", "file:///etc/passwd", "%2e%2e/secret.bin", "a/../../secret.bin", "..\\\\secret.bin"] {
+    for uri in [
+        "../secret.bin",
+        "/etc/passwd",
+        "file:///etc/passwd",
+        "%2e%2e/secret.bin",
+        "a/../../secret.bin",
+        "..\\\\secret.bin",
+    ] {
         let (json, bytes, _) = dome_json(&["POSITION", "NORMAL", "TEXCOORD_0"], Some(uri));
         std::fs::write(dir.path().join("secret.bin"), &bytes).unwrap();
         let e = read(&write(&home, &json, &bytes), Some(Unit::Millimetre)).unwrap_err();
@@ -95,7 +106,9 @@ fn a_path_outside_the_folder_is_refused() {
     {
         let (json, bytes, _) = dome_json(&["POSITION", "NORMAL", "TEXCOORD_0"], Some("link.bin"));
         std::os::unix::fs::symlink(dir.path().join("secret.bin"), home.join("link.bin")).unwrap();
-        assert!(read(&write(&home, &json, &bytes), Some(Unit::Millimetre)).unwrap_err().to_string().contains("outside"));
+        assert!(
+            read(&write(&home, &json, &bytes), Some(Unit::Millimetre)).unwrap_err().to_string().contains("outside")
+        );
     }
 }
 
@@ -118,16 +131,21 @@ fn damage_is_a_sentence() {
     let (json, mut bytes, _) = dome_json(&["POSITION", "NORMAL", "TEXCOORD_0"], Some("leaf.bin"));
     let end = bytes.len();
     bytes[end - 4..].copy_from_slice(&4000u32.to_le_bytes());
-    assert!(read(&write(dir.path(), &json, &bytes), Some(Unit::Millimetre)).unwrap_err().to_string().contains("found 4000"));
+    assert!(
+        read(&write(dir.path(), &json, &bytes), Some(Unit::Millimetre)).unwrap_err().to_string().contains("found 4000")
+    );
 }
 
-/// The dome once more as another program may write it: in metres, under nodes that move, turn and scale it, and its back beside it.
+/// The dome once more as another program may write it: in metres, under nodes that move, turn and scale it, and its
+/// back beside it.
 #[test]
 fn lengths_are_metres_and_all_nodes_are_applied() {
     let dir = tempfile::tempdir().unwrap();
     let (json, bytes, truth) = dome_json(&["POSITION", "NORMAL", "TEXCOORD_0"], Some("leaf.bin"));
     let with = |nodes: &str, asset: &str| {
-        let json = json.replace(r#""nodes":[{"mesh":0}],"#, &format!("{nodes},")).replace(r#""asset":{"version":"2.0"}"#, asset);
+        let json = json
+            .replace(r#""nodes":[{"mesh":0}],"#, &format!("{nodes},"))
+            .replace(r#""asset":{"version":"2.0"}"#, asset);
         read(&write(dir.path(), &json, &bytes), None).unwrap()
     };
     let near = |a: DVec3, b: DVec3| assert!(a.distance(b) < 1e-5, "{a} {b}");
@@ -137,16 +155,23 @@ fn lengths_are_metres_and_all_nodes_are_applied() {
     for (a, b) in exported.positions.iter().zip(&truth.positions) {
         near(*a, *b);
     }
-    // A quarter turn about z, then 20 mm along x, then everything half as large: by hand, (x, y, z) → ((20 − y)/2, x/2, z/2).
+    // A quarter turn about z, then 20 mm along x, then everything half as large: by hand, (x, y, z) → ((20 − y)/2, x/2,
+    // z/2).
     let nest = r#""nodes":[{"children":[1],"scale":[0.5,0.5,0.5]},{"children":[2],"translation":[0.02,0,0]},{"mesh":0,"rotation":[0,0,0.70710678,0.70710678],"scale":[0.001,0.001,0.001]}]"#;
-    for ((a, n), (b, m)) in
-        (with(nest, plain)).positions.iter().zip(&with(nest, plain).normals).zip(truth.positions.iter().zip(&truth.normals))
+    for ((a, n), (b, m)) in (with(nest, plain))
+        .positions
+        .iter()
+        .zip(&with(nest, plain).normals)
+        .zip(truth.positions.iter().zip(&truth.normals))
     {
         near(*a, DVec3::new((20.0 - b.y) / 2.0, b.x / 2.0, b.z / 2.0));
         near(*n, DVec3::new(-m.y, m.x, m.z));
     }
     // The file's own word, and the caller's.
-    near(with(r#""nodes":[{"mesh":0}]"#, r#""asset":{"version":"2.0","extras":{"unit":"cm"}}"#).positions[0], 10.0 * truth.positions[0]);
+    near(
+        with(r#""nodes":[{"mesh":0}]"#, r#""asset":{"version":"2.0","extras":{"unit":"cm"}}"#).positions[0],
+        10.0 * truth.positions[0],
+    );
     near(read(&write(dir.path(), &json, &bytes), Some(Unit::Millimetre)).unwrap().positions[0], truth.positions[0]);
     let odd = json.replace(plain, r#""asset":{"version":"2.0","extras":{"unit":"inch"}}"#);
     let e = read(&write(dir.path(), &odd, &bytes), None).unwrap_err().to_string();

@@ -1,7 +1,7 @@
 //! CSV batches: columns by name in any order, extra columns carried through, a bad row named in its own row.
 //!
-//! Every batch form of the command line goes through [`run`]: rows are read in blocks, computed in parallel, and written
-//! in input order, so ten million rows need no more memory than ten thousand.
+//! Every batch form of the command line goes through [`run`]: rows are read in blocks, computed in parallel, and
+//! written in input order, so ten million rows need no more memory than ten thousand.
 
 mod json;
 mod quotes;
@@ -43,7 +43,8 @@ impl BatchIo {
 /// A row's verdict, as printed in the last column.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Status {
-    /// Right within the printed errors, each relative 1σ ≤ 10 %. Where a form prints empty errors nothing is said of them.
+    /// Right within the printed errors, each relative 1σ ≤ 10 %. Where a form prints empty errors nothing is said of
+    /// them.
     Ok,
     /// The best estimate is printed; the named parameters are not determined.
     Undetermined(String),
@@ -52,8 +53,8 @@ pub enum Status {
 }
 
 impl Status {
-    /// Whether this status names the output column `name` as not determined. The names stand before any explanation, which begins with a
-    /// bracket or a colon.
+    /// Whether this status names the output column `name` as not determined. The names stand before any explanation,
+    /// which begins with a bracket or a colon.
     pub fn leaves_open(&self, name: &str) -> bool {
         let Status::Undetermined(what) = self else { return false };
         let names = what.split(['(', ':']).next().unwrap_or_default();
@@ -111,7 +112,8 @@ pub struct Row<'a> {
 }
 
 impl Row<'_> {
-    /// Value of input column `k` (required ones first, then optional ones); NaN where an optional column or cell is absent.
+    /// Value of input column `k` (required ones first, then optional ones); NaN where an optional column or cell is
+    /// absent.
     pub fn get(&self, k: usize) -> f64 {
         self.values[k]
     }
@@ -120,7 +122,8 @@ impl Row<'_> {
     }
 }
 
-/// Streams `table` through `f` into `output`; `f` sees the numbers of one row and pushes one answer for each output row.
+/// Streams `table` through `f` into `output`; `f` sees the numbers of one row and pushes one answer for each output
+/// row.
 ///
 /// # Errors
 /// A missing required column, an output name that the input already has, an unreadable input or an unwritable output.
@@ -170,7 +173,10 @@ where
             bar.advance(part.rows as u64);
         }
         if crate::progress::stop_requested() {
-            return Err(Error::Interrupted(format!("interrupted after {} rows; no output file was written", tally.rows)));
+            return Err(Error::Interrupted(format!(
+                "interrupted after {} rows; no output file was written",
+                tally.rows
+            )));
         }
     }
     sink.finish()?;
@@ -197,7 +203,11 @@ impl Plan {
         let carried: Vec<usize> = (0..table.header.len()).filter(|&k| !dropped.contains(&table.header[k])).collect();
         for name in spec.outputs.iter().map(String::as_str).chain(["status"]) {
             if carried.iter().any(|&k| table.header[k] == name) {
-                return Err(Error::field(table.name(), name, "the input already has this output column; rename or remove it"));
+                return Err(Error::field(
+                    table.name(),
+                    name,
+                    "the input already has this output column; rename or remove it",
+                ));
             }
         }
         Ok(Plan { width: table.header.len(), numbers, carried })
@@ -260,7 +270,9 @@ impl Plan {
         }
         for k in 0..spec.outputs.len() {
             match answer.values.get(k) {
-                Some(v) if spec.whole.contains(&spec.outputs[k]) && v.fract() == 0.0 => push_text(bytes, &format!("{v:.0}")),
+                Some(v) if spec.whole.contains(&spec.outputs[k]) && v.fract() == 0.0 => {
+                    push_text(bytes, &format!("{v:.0}"))
+                }
                 Some(v) => push_number(bytes, *v),
                 None => {}
             }
@@ -282,7 +294,12 @@ mod tests {
     fn through_bytes(text: &'static [u8]) -> Result<String> {
         let dir = tempfile::tempdir().unwrap();
         let out = dir.path().join("out.csv");
-        let spec = Spec { required: vec!["x".into()], optional: vec!["k".into()], outputs: vec!["y".into()], ..Spec::default() };
+        let spec = Spec {
+            required: vec!["x".into()],
+            optional: vec!["k".into()],
+            outputs: vec!["y".into()],
+            ..Spec::default()
+        };
         let table = Table::from_reader(Box::new(text), "in.csv".into())?;
         run(table, &Output::csv(&out), &spec, |row, out| {
             let k = if row.get(1).is_nan() { 1.0 } else { row.get(1) };
@@ -304,28 +321,47 @@ mod tests {
         let got = through_bytes(b"\xef\xbb\xbfnote,x\r\na,1\r\n\xe4,2\r\nb,\xff\r\n").unwrap();
         assert_eq!(
             got,
-            "note,x,y,status\na,1,1.0,ok\n\u{fffd},2,2.0,ok\nb,\u{fffd},,refused: x is not valid UTF-8 text; expected a number\n"
+            "note,x,y,status\na,1,1.0,ok\n\u{fffd},2,2.0,ok\nb,\u{fffd},,refused: x is not valid UTF-8 text; expected \
+             a number\n"
         );
-        assert_eq!(through_bytes(b"\xff\xfe,x\n1,2\n").unwrap_err().to_string(), "in.csv: line 1: not valid UTF-8 text");
+        assert_eq!(
+            through_bytes(b"\xff\xfe,x\n1,2\n").unwrap_err().to_string(),
+            "in.csv: line 1: not valid UTF-8 text"
+        );
     }
 
     /// What RFC 4180 says of quotes is kept; a quote that it does not allow spoils its own row.
     #[test]
     fn a_quote_that_is_not_closed_costs_its_own_row_and_no_other() {
-        let rows = |text: &'static str| -> Vec<String> { through(text).unwrap().lines().skip(1).map(String::from).collect() };
+        let rows =
+            |text: &'static str| -> Vec<String> { through(text).unwrap().lines().skip(1).map(String::from).collect() };
         let never = "refused: the quote that opens on line 3 is never closed";
-        assert_eq!(rows("note,x\na,1\n\"b,2\nc,3\nd,4\n"), ["a,1,1.0,ok", &format!("\"\"\"b,2\",,,{never}"), "c,3,3.0,ok", "d,4,4.0,ok"]);
+        assert_eq!(
+            rows("note,x\na,1\n\"b,2\nc,3\nd,4\n"),
+            ["a,1,1.0,ok", &format!("\"\"\"b,2\",,,{never}"), "c,3,3.0,ok", "d,4,4.0,ok"]
+        );
         // The quotes of a later row do not close it.
         let wrong = "refused: the quote that opens on line 2 is closed in the middle of a cell";
-        assert_eq!(rows("note,x\r\n\"b,2\r\n\"c\",3\r\n\r\nd,4"), [&format!("\"\"\"b,2\",,,{wrong}"), "c,3,3.0,ok", "d,4,4.0,ok"]);
+        assert_eq!(
+            rows("note,x\r\n\"b,2\r\n\"c\",3\r\n\r\nd,4"),
+            [&format!("\"\"\"b,2\",,,{wrong}"), "c,3,3.0,ok", "d,4,4.0,ok"]
+        );
         // Neither do a thousand rows without one.
         let long: &'static str = format!("note,x\n\"b,2\n{}", "c,3\n".repeat(1000)).leak();
         assert_eq!(rows(long).iter().filter(|r| *r == "c,3,3.0,ok").count(), 1000);
         // The last row, without an end.
         assert_eq!(rows("note,x\na,1\n\"b,2").len(), 2);
         // Line breaks, doubled quotes and commas in a quoted cell are its text.
-        assert_eq!(through("note,x\n\"a\n\"\"b,\",1\nc,2\n").unwrap(), "note,x,y,status\n\"a\n\"\"b,\",1,1.0,ok\nc,2,2.0,ok\n");
-        assert!(through("note,\"x\n1,2\n").unwrap_err().to_string().contains("the header cannot be read: the quote that opens on line 1"));
+        assert_eq!(
+            through("note,x\n\"a\n\"\"b,\",1\nc,2\n").unwrap(),
+            "note,x,y,status\n\"a\n\"\"b,\",1,1.0,ok\nc,2,2.0,ok\n"
+        );
+        assert!(
+            through("note,\"x\n1,2\n")
+                .unwrap_err()
+                .to_string()
+                .contains("the header cannot be read: the quote that opens on line 1")
+        );
     }
 
     #[test]

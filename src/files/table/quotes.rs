@@ -1,6 +1,7 @@
-//! Quotes that are opened and never closed. A CSV reader takes everything up to the next quote for one cell, so that one stray quote
-//! swallows the rows after it. [`Quotes`] stands between a file and its reader: it passes well-formed text through as it is, and mends a
-//! row whose quote is not closed, so that the row stays one row and the rows after it are rows again.
+//! Quotes that are opened and never closed. A CSV reader takes everything up to the next quote for one cell, so that
+//! one stray quote swallows the rows after it. [`Quotes`] stands between a file and its reader: it passes well-formed
+//! text through as it is, and mends a row whose quote is not closed, so that the row stays one row and the rows after
+//! it are rows again.
 
 use std::collections::BTreeMap;
 use std::io::{self, BufRead, BufReader, Read};
@@ -116,7 +117,9 @@ impl<R: Read> Quotes<R> {
                     return Ok(());
                 }
                 End::Wrong(_) => break "is closed in the middle of a cell",
-                End::Open(_) if lines == MOST_LINES || row.len() > MOST_BYTES => break "is not closed on the lines that follow",
+                End::Open(_) if lines == MOST_LINES || row.len() > MOST_BYTES => {
+                    break "is not closed on the lines that follow";
+                }
                 End::Open(_) => {
                     let next = self.next_line()?;
                     if next.is_empty() {

@@ -98,7 +98,11 @@ impl Sink {
 
 /// A closed pipe is the reader's choice, anything else a failed write.
 pub fn stdout_error(e: io::Error) -> Error {
-    if e.kind() == io::ErrorKind::BrokenPipe { Error::BrokenPipe } else { Error::write(Path::new("standard output"), atomic::explain(&e)) }
+    if e.kind() == io::ErrorKind::BrokenPipe {
+        Error::BrokenPipe
+    } else {
+        Error::write(Path::new("standard output"), atomic::explain(&e))
+    }
 }
 
 /// A number with as many digits as reading it back exactly needs; NaN is an empty cell.

@@ -41,7 +41,8 @@ impl Table {
     pub fn from_reader(source: Box<dyn Read + Send>, name: PathBuf) -> Result<Table> {
         let faults = Faults::default();
         let source = Quotes::new(source, faults.clone());
-        let mut reader = csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).buffer_capacity(1 << 18).from_reader(source);
+        let mut reader =
+            csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).buffer_capacity(1 << 18).from_reader(source);
         let header: Vec<String> = reader
             .headers()
             .map_err(|e| Error::input(&name, format!("line 1: {}", plain_csv_error(&e))))?
@@ -55,7 +56,10 @@ impl Table {
             return Err(Error::input(&name, "no header line; the first line must name the columns"));
         }
         if header.len() > MOST_COLUMNS {
-            return Err(Error::input(&name, format!("found {} columns, expected at most {MOST_COLUMNS}", header.len())));
+            return Err(Error::input(
+                &name,
+                format!("found {} columns, expected at most {MOST_COLUMNS}", header.len()),
+            ));
         }
         let mut places = HashMap::new();
         for (k, h) in header.iter().enumerate() {
@@ -82,7 +86,9 @@ impl Table {
 
     /// Position of a column that must be there.
     pub fn require(&self, name: &str) -> Result<usize> {
-        self.column(name).ok_or_else(|| Error::field(&self.name, name, format!("no such column; the header has {}", self.shown_header())))
+        self.column(name).ok_or_else(|| {
+            Error::field(&self.name, name, format!("no such column; the header has {}", self.shown_header()))
+        })
     }
 
     /// The header for a message, cut where it is long.
@@ -91,14 +97,17 @@ impl Table {
         if self.header.len() > 40 { format!("{shown} and {} more", self.header.len() - 40) } else { shown }
     }
 
-    /// The column of an angle, which is `name` (radians) or `name_deg` (degrees), and the factor that makes radians of its numbers.
+    /// The column of an angle, which is `name` (radians) or `name_deg` (degrees), and the factor that makes radians of
+    /// its numbers.
     ///
     /// # Errors
     /// [`Error::Input`] where the header has both.
     pub fn angle(&self, name: &str) -> Result<(String, f64)> {
         let degrees = format!("{name}_deg");
         match (self.column(name), self.column(&degrees)) {
-            (Some(_), Some(_)) => Err(Error::field(&self.name, name, format!("the header has {degrees} too; expected one of the two"))),
+            (Some(_), Some(_)) => {
+                Err(Error::field(&self.name, name, format!("the header has {degrees} too; expected one of the two")))
+            }
             (None, Some(_)) => Ok((degrees, 1f64.to_radians())),
             _ => Ok((name.to_string(), 1.0)),
         }
@@ -136,9 +145,11 @@ pub struct Record {
 }
 
 impl Record {
-    /// Why a row of a table of `width` columns cannot be read, if it cannot. A cell in another encoding spoils only itself.
+    /// Why a row of a table of `width` columns cannot be read, if it cannot. A cell in another encoding spoils only
+    /// itself.
     pub fn fault(&self, width: usize) -> Option<String> {
-        let ragged = || (self.cells.len() != width).then(|| format!("{} fields where the header has {width}", self.cells.len()));
+        let ragged =
+            || (self.cells.len() != width).then(|| format!("{} fields where the header has {width}", self.cells.len()));
         self.unclosed.clone().or_else(ragged)
     }
 

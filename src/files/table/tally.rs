@@ -24,8 +24,8 @@ struct Value {
 }
 
 impl Tally {
-    /// No rows yet. `outputs` are the output columns before `status`; the values among them are those that have a column of errors
-    /// (`x` with `x_err`), or all of them where none has.
+    /// No rows yet. `outputs` are the output columns before `status`; the values among them are those that have a
+    /// column of errors (`x` with `x_err`), or all of them where none has.
     pub fn new<S: AsRef<str>>(outputs: &[S]) -> Tally {
         let has_error = |name: &str| outputs.iter().any(|o| o.as_ref().strip_suffix("_err") == Some(name));
         let any = outputs.iter().any(|o| has_error(o.as_ref()));
@@ -68,13 +68,20 @@ impl Tally {
 
     /// The numbers as a sentence; `row` says what a row is: `row`, `leaf`, `branch`.
     pub fn words(&self, row: &str) -> String {
-        let mut text = format!("{}: {} ok, {} undetermined, {} refused", counted(self.rows, row), self.ok, self.undetermined, self.refused);
+        let mut text = format!(
+            "{}: {} ok, {} undetermined, {} refused",
+            counted(self.rows, row),
+            self.ok,
+            self.undetermined,
+            self.refused
+        );
         if self.undetermined == 0 || self.values.len() < 2 {
             return text;
         }
         // Writing to a string cannot fail.
         let _ = if self.undetermined == 1 {
-            let list = |found: bool| joined(self.values.iter().filter(|v| (v.found > 0) == found).map(|v| v.name.clone()));
+            let list =
+                |found: bool| joined(self.values.iter().filter(|v| (v.found > 0) == found).map(|v| v.name.clone()));
             let (found, open) = (list(true), list(false));
             if found.is_empty() {
                 write!(text, "; the undetermined {row} has none of {open}")
@@ -126,11 +133,17 @@ mod tests {
     fn one_row_says_what_was_found() {
         let mut t = Tally::new(&OUTPUTS);
         t.count(&open("radius (alpha and load give no radius)"), &[0.3, f64::NAN, 0.01, f64::NAN, 1.0]);
-        assert_eq!(t.words("row"), "1 row: 0 ok, 1 undetermined, 0 refused; the undetermined row has alpha, but not radius");
+        assert_eq!(
+            t.words("row"),
+            "1 row: 0 ok, 1 undetermined, 0 refused; the undetermined row has alpha, but not radius"
+        );
         assert_eq!(t.found().collect::<Vec<_>>(), [("alpha", 1), ("radius", 0)]);
         let mut none = Tally::new(&OUTPUTS);
         none.count(&open("alpha radius (residuals exceed the noise)"), &[0.3, 2.0, 0.01, 0.1, 90.0]);
-        assert_eq!(none.words("leaf"), "1 leaf: 0 ok, 1 undetermined, 0 refused; the undetermined leaf has none of alpha and radius");
+        assert_eq!(
+            none.words("leaf"),
+            "1 leaf: 0 ok, 1 undetermined, 0 refused; the undetermined leaf has none of alpha and radius"
+        );
     }
 
     #[test]
@@ -143,7 +156,8 @@ mod tests {
         t.add(&part);
         assert_eq!(
             t.words("branch"),
-            "4 branches: 1 ok, 2 undetermined, 1 refused; of the undetermined ones, these values were found: alpha in none and radius in 1"
+            "4 branches: 1 ok, 2 undetermined, 1 refused; of the undetermined ones, these values were found: alpha in \
+             none and radius in 1"
         );
         assert_eq!(t.found().collect::<Vec<_>>(), [("alpha", 1), ("radius", 2)]);
     }

@@ -1,5 +1,5 @@
-//! Few coefficients for a branch's deflection: the dissertation's pair by its own sampling, and four in a coordinate that follows the taper,
-//! as smooth functions of it, so that a tree needs no fit a branch.
+//! Few coefficients for a branch's deflection: the dissertation's pair by its own sampling, and four in a coordinate
+//! that follows the taper, as smooth functions of it, so that a tree needs no fit a branch.
 
 use mesophyll_plant::beam;
 use mesophyll_plant::taper::{self, Shape, Smooth, TERMS, chebyshev, coordinate, position, scaled, unscaled};
@@ -17,8 +17,9 @@ pub struct Pair {
     pub fit: Fit,
 }
 
-/// Least squares over `samples` even places from 0 to 1, both included: 101 is the sampling of Table 4.1. It reproduces the table's
-/// coefficients to every digit; two of its Δmax are misprinted (α = 0.1: .0024 for .00268, α = 0.2: .0081 for .00855).
+/// Least squares over `samples` even places from 0 to 1, both included: 101 is the sampling of Table 4.1. It reproduces
+/// the table's coefficients to every digit; two of its Δmax are misprinted (α = 0.1: .0024 for .00268, α = 0.2: .0081
+/// for .00855).
 pub fn pair(alpha: f64, samples: usize) -> Pair {
     let x: Vec<f64> = (0..samples).map(|k| k as f64 / (samples - 1).max(1) as f64).collect();
     let a = DMatrix::from_fn(samples, 2, |i, j| if j == 0 { x[i].powi(2) } else { x[i].powi(4) });
@@ -29,7 +30,8 @@ pub fn pair(alpha: f64, samples: usize) -> Pair {
     Pair { c2, c4, max_error, fit }
 }
 
-/// Largest |u − approximation| over x, on 1,600 places: half of them even in x, half even in the taper's own coordinate.
+/// Largest |u − approximation| over x, on 1,600 places: half of them even in x, half even in the taper's own
+/// coordinate.
 pub fn worst(alpha: f64, approximation: impl Fn(f64) -> f64) -> f64 {
     let shape = Shape::new(alpha, [0.0; TERMS]);
     (0..=800)
@@ -50,8 +52,8 @@ pub enum Variable {
     Taper,
 }
 
-/// Worst error over the taper range, in units of the tip's deflection, of the best `terms` coefficients a branch (fitted to each branch on
-/// its own): what a basis can do.
+/// Worst error over the taper range, in units of the tip's deflection, of the best `terms` coefficients a branch
+/// (fitted to each branch on its own): what a basis can do.
 pub fn of_branches(variable: Variable, terms: usize) -> f64 {
     (0..=24)
         .map(|k| {
@@ -61,7 +63,8 @@ pub fn of_branches(variable: Variable, terms: usize) -> f64 {
                 let v = if variable == Variable::Place { x } else { coordinate(&shape, x) };
                 chebyshev(2.0 * v - 1.0, terms).iter().map(|t| v * v * t).collect()
             };
-            let places: Vec<f64> = nodes(64).map(|t| if variable == Variable::Place { t } else { position(&shape, t).min(1.0) }).collect();
+            let places: Vec<f64> =
+                nodes(64).map(|t| if variable == Variable::Place { t } else { position(&shape, t).min(1.0) }).collect();
             let rows: Vec<Vec<f64>> = places.iter().map(|x| functions(*x)).collect();
             let a = DMatrix::from_fn(places.len(), terms, |i, j| rows[i][j]);
             let b: Vec<f64> = places.iter().map(|x| beam::deflection(alpha, *x)).collect();
@@ -115,7 +118,8 @@ impl SmoothFit {
 /// Tapers and places a fit is made on, each at Chebyshev nodes.
 const GRID: usize = 32;
 
-/// One least-squares fit of `terms` series of `degree`: the residual is relative to each taper's tip, so that all tapers count alike.
+/// One least-squares fit of `terms` series of `degree`: the residual is relative to each taper's tip, so that all
+/// tapers count alike.
 pub fn smooth_fit(terms: usize, degree: usize) -> SmoothFit {
     let width = degree + 1;
     let mut rows: Vec<(Vec<f64>, f64)> = Vec::with_capacity(GRID * GRID);
@@ -194,7 +198,10 @@ mod tests {
         for alpha in [1e-4, 0.03, 1.0 - 1e-5, 1.0, 1.0 + 1e-5, 1.25] {
             let shape = smooth.shape(alpha);
             let got = super::worst(alpha, |x| shape.at(x).0);
-            assert!((got - fit.error(alpha)).abs() < 1e-12 && got < 0.0037 * beam::deflection(alpha, 1.0), "α {alpha}: {got}");
+            assert!(
+                (got - fit.error(alpha)).abs() < 1e-12 && got < 0.0037 * beam::deflection(alpha, 1.0),
+                "α {alpha}: {got}"
+            );
         }
     }
 
@@ -246,7 +253,8 @@ mod tests {
         assert!(worst[0] < 0.01 && worst[1] < 2.4, "{worst:?}");
     }
 
-    /// In single precision a place near a thin tip is known to 6e-8 L, times the slope there: 2,000 for a taper of 1e-4 at a tip of .75 L.
+    /// In single precision a place near a thin tip is known to 6e-8 L, times the slope there: 2,000 for a taper of 1e-4
+    /// at a tip of .75 L.
     #[test]
     fn thin_tips_in_single_precision() {
         for (alpha, limit) in [(1e-4, 1e-4), (1e-3, 2e-5), (0.01, 5e-6), (0.1, 3e-6)] {
@@ -268,10 +276,18 @@ mod tests {
     #[test]
     fn a_branch_without_taper_bends_in_single_precision_as_in_double() {
         for alpha in [1.0 - 1e-5, 1.0, 1.0 + 1e-5, 0.05] {
-            let b = Branch { root: [0.0; 3], t: [0.0, 0.0, 1.0], r: [1.0, 0.0, 0.0], s: [0.0, 1.0, 0.0], length: 1.0, shape: shape(alpha) };
+            let b = Branch {
+                root: [0.0; 3],
+                t: [0.0, 0.0, 1.0],
+                r: [1.0, 0.0, 0.0],
+                s: [0.0, 1.0, 0.0],
+                length: 1.0,
+                shape: shape(alpha),
+            };
             let amplitude = b.amplitude_of_tip([0.5, 0.2]);
             let wide = b.deform(amplitude, [0.01, 0.0, 0.9], b.t, b.r);
-            let narrow = b.single().deform(amplitude.map(|a| a as f32), [0.01, 0.0, 0.9], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]);
+            let narrow =
+                b.single().deform(amplitude.map(|a| a as f32), [0.01, 0.0, 0.9], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]);
             for k in 0..3 {
                 assert!((wide.position[k] - f64::from(narrow.position[k])).abs() < 3e-6, "α {alpha}");
                 assert!((wide.normal[k] - f64::from(narrow.normal[k])).abs() < 1e-5, "α {alpha}");

@@ -41,7 +41,8 @@ const OPTIONAL: [&str; 5] = ["deflection_err_mm", "load_n", "load_err_n", "modul
 /// A branch as it was read: good, or why not.
 pub type Named = (String, std::result::Result<Branch, String>);
 
-/// Reads all rows, grouped by branch in order of first appearance. `noise`: standard error (mm) where the file states none.
+/// Reads all rows, grouped by branch in order of first appearance. `noise`: standard error (mm) where the file states
+/// none.
 ///
 /// # Errors
 /// A missing column or an unreadable file. A bad row refuses its branch, by line.
@@ -85,7 +86,9 @@ pub fn read(mut table: Table, noise: Option<f64>) -> Result<Vec<Named>> {
         });
         let slot = &mut branches[at].1;
         let Ok(branch) = slot else { continue };
-        if let Err(why) = row().and_then(|(length, reading, load, modulus)| add(branch, line, length, reading, load, modulus)) {
+        if let Err(why) =
+            row().and_then(|(length, reading, load, modulus)| add(branch, line, length, reading, load, modulus))
+        {
             *slot = Err(why);
         }
     }
@@ -127,7 +130,12 @@ pub fn fit_all(branches: &[Named], along: Along) -> Vec<std::result::Result<Meas
 ///
 /// # Errors
 /// [`Error::Write`] where the output cannot be written, [`Error::Usage`] where it is the input.
-pub fn write(branches: &[Named], fits: &[std::result::Result<Measured, String>], input: &Path, output: &Output) -> Result<Tally> {
+pub fn write(
+    branches: &[Named],
+    fits: &[std::result::Result<Measured, String>],
+    input: &Path,
+    output: &Output,
+) -> Result<Tally> {
     let mut bytes = format!("branch,{},status\n", OUTPUTS.join(",")).into_bytes();
     let mut tally = Tally::new(&OUTPUTS);
     for ((name, _), result) in branches.iter().zip(fits) {

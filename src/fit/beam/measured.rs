@@ -1,15 +1,17 @@
 //! Taper, load over stiffness and root radius of a branch from measured deflections.
 //!
-//! Model: a clamped, linearly tapered circular branch under a load spread evenly along it. A mark at arc length s (mm) from the root moves across by
-//! A u(x*), where x* is the place on the axis whose arc length in the bent branch is s and A = F/(E′r₁⁴) = F L³/(E s₁⁴) (mm): the load F (N), the
-//! modulus E (N/mm²), the root radius s₁ (mm). Where positions were read off along the straight axis instead, x* = s.
+//! Model: a clamped, linearly tapered circular branch under a load spread evenly along it. A mark at arc length s (mm)
+//! from the root moves across by A u(x*), where x* is the place on the axis whose arc length in the bent branch is s
+//! and A = F/(E′r₁⁴) = F L³/(E s₁⁴) (mm): the load F (N), the modulus E (N/mm²), the root radius s₁ (mm). Where
+//! positions were read off along the straight axis instead, x* = s.
 //!
-//! Unknowns: ln α and A. **Load, modulus and root radius cannot be told apart**: deflections depend on F/(E s₁⁴) alone. With load and modulus given, the root
-//! radius is (F L³/(E A))^¼, with their errors carried along.
+//! Unknowns: ln α and A. **Load, modulus and root radius cannot be told apart**: deflections depend on F/(E s₁⁴) alone.
+//! With load and modulus given, the root radius is (F L³/(E A))^¼, with their errors carried along.
 //!
 //! Limits: the linear beam's shape, laid out at its true length. A load that keeps its direction bends a branch less
-//! than that once the tip moves by more than a quarter of the length; a root that gives way, a crooked branch at rest and a weight hung at one place are not in the model. A weight at the tip of an untapered
-//! branch passes for a spread load on a taper of .65 to .2 % of the tip's deflection: the kind of load has to be known.
+//! than that once the tip moves by more than a quarter of the length; a root that gives way, a crooked branch at rest
+//! and a weight hung at one place are not in the model. A weight at the tip of an untapered branch passes for a spread
+//! load on a taper of .65 to .2 % of the tip's deflection: the kind of load has to be known.
 
 use mesophyll_files::table::Status;
 use mesophyll_plant::beam::{self, TAPER_MAX, TAPER_MIN};
@@ -87,12 +89,14 @@ pub struct Measured {
 const STARTS: usize = 24;
 /// Residuals beyond the stated noise: reduced χ² above 1 by this many of its standard deviations.
 const EXCESS: f64 = 5.0;
-const TIED: &str = "root_radius_mm (load, modulus and root radius enter only as F/(E' r1^4); give load_n and modulus_gpa)";
+const TIED: &str =
+    "root_radius_mm (load, modulus and root radius enter only as F/(E' r1^4); give load_n and modulus_gpa)";
 
 /// Fits one branch.
 ///
 /// # Errors
-/// Why nothing can be fitted, in words: a length that is not positive, marks beyond the ends, too few readings, no deflection, or a solver that stopped.
+/// Why nothing can be fitted, in words: a length that is not positive, marks beyond the ends, too few readings, no
+/// deflection, or a solver that stopped.
 pub fn fit(branch: &Branch, along: Along) -> Result<Measured, String> {
     let length = branch.length;
     if !(length > 0.0 && length.is_finite()) {
@@ -127,7 +131,10 @@ pub fn fit(branch: &Branch, along: Along) -> Result<Measured, String> {
     let needed = if stated { 2 } else { 3 };
     if readings.len() < needed {
         let what = if stated { "two unknowns" } else { "two unknowns and the noise" };
-        return Err(format!("too few readings: {} beyond the root; expected at least {needed} ({what})", readings.len()));
+        return Err(format!(
+            "too few readings: {} beyond the root; expected at least {needed} ({what})",
+            readings.len()
+        ));
     }
     if readings.iter().all(|r| r.deflection == 0.0) {
         return Err("no deflection: an unloaded branch shows neither taper nor stiffness".into());
@@ -170,7 +177,8 @@ fn start(readings: &[Reading], length: f64) -> Vec<f64> {
     for k in 0..STARTS {
         // Not on the bounds themselves.
         let ln_alpha = 0.95 * TAPER_MIN.ln() * (k as f64 + 0.5) / STARTS as f64;
-        let u: Vec<f64> = readings.iter().map(|r| beam::deflection(ln_alpha.exp(), (r.position / length).min(1.0))).collect();
+        let u: Vec<f64> =
+            readings.iter().map(|r| beam::deflection(ln_alpha.exp(), (r.position / length).min(1.0))).collect();
         let dot = |a: &dyn Fn(usize) -> f64, b: &dyn Fn(usize) -> f64| -> f64 {
             readings.iter().enumerate().map(|(i, r)| weight(r).powi(2) * a(i) * b(i)).sum()
         };
@@ -211,13 +219,17 @@ fn measured(branch: &Branch, fit: Fit, readings: &[Reading], along: Along, state
         let radius = (branch.load[0] * length.powi(3) / (stiffness * load_over_stiffness.value.abs())).powf(0.25);
         let share = |[v, e]: [f64; 2]| if e.is_nan() { 0.0 } else { e / v };
         let a = load_over_stiffness.error / load_over_stiffness.value.abs();
-        Known { value: radius, error: 0.25 * radius * (a * a + share(branch.load).powi(2) + share(branch.modulus).powi(2)).sqrt() }
+        Known {
+            value: radius,
+            error: 0.25 * radius * (a * a + share(branch.load).powi(2) + share(branch.modulus).powi(2)).sqrt(),
+        }
     } else {
         Known::NOTHING
     };
     let rms = {
         let scale = |r: &Reading| if stated { r.error } else { 1.0 };
-        (fit.residuals.iter().zip(readings).map(|(v, r)| (v * scale(r)).powi(2)).sum::<f64>() / readings.len() as f64).sqrt()
+        (fit.residuals.iter().zip(readings).map(|(v, r)| (v * scale(r)).powi(2)).sum::<f64>() / readings.len() as f64)
+            .sqrt()
     };
     let status = status(&fit, [taper, load_over_stiffness, root_radius, tip], given, stated);
     Measured { taper, load_over_stiffness, root_radius, tip, correlation, rms, stated, fit, status }
@@ -300,7 +312,8 @@ mod tests {
                     fit(&b, along).unwrap()
                 })
                 .collect();
-            // Normal; Student's with the 14 degrees of freedom that 16 marks leave where the noise comes from the residuals.
+            // Normal; Student's with the 14 degrees of freedom that 16 marks leave where the noise comes from the
+            // residuals.
             let quantile = if stated { 1.96 } else { 2.145 };
             let tip = truth.tip_mm(along);
             for (name, want, get) in [
@@ -310,7 +323,11 @@ mod tests {
             ] {
                 let inside = draws.iter().filter(|m| (get(m).value - want).abs() <= quantile * get(m).error).count();
                 let share = inside as f64 / draws.len() as f64;
-                println!("{name}, noise {}: {:.1} % inside 95 %", if stated { "stated" } else { "estimated" }, 100.0 * share);
+                println!(
+                    "{name}, noise {}: {:.1} % inside 95 %",
+                    if stated { "stated" } else { "estimated" },
+                    100.0 * share
+                );
                 assert!((0.91..=0.99).contains(&share), "{name}: {share}");
             }
         }
@@ -329,7 +346,11 @@ mod tests {
         b.modulus = [f64::NAN; 2];
         let m = fit(&b, Along::Branch).unwrap();
         assert!(m.root_radius.value.is_nan() && m.root_radius.error.is_infinite());
-        assert!(m.status.to_string().starts_with("undetermined: root_radius_mm (load, modulus and root radius"), "{}", m.status);
+        assert!(
+            m.status.to_string().starts_with("undetermined: root_radius_mm (load, modulus and root radius"),
+            "{}",
+            m.status
+        );
         assert!((m.taper.value - known.taper.value).abs() < 1e-12, "the rest does not depend on it");
     }
 
@@ -350,7 +371,8 @@ mod tests {
         assert!(why(&|b| b.load[0] = -1.0).contains("load_n"));
     }
 
-    /// A weight at the tip of an untapered branch looks much like a spread load on a tapered one; precise readings tell.
+    /// A weight at the tip of an untapered branch looks much like a spread load on a tapered one; precise readings
+    /// tell.
     #[test]
     fn a_load_of_another_kind_is_noticed() {
         let mut b = branch(&Truth { alpha: 1.0, ..Truth::default() }, 24, 1e-4, 6, Along::Axis);

@@ -12,14 +12,18 @@ use mesophyll_plant::beam::{self, TAPER_MAX, TAPER_MIN};
 /// `eval beam`: `alpha,x` → `u,du`, for F/(E′r₁⁴) = 1 and unit length.
 pub fn evaluate(alpha: f64, x: f64) -> Answer {
     if !(alpha > 0.0 && alpha <= TAPER_MAX) {
-        return Answer::refused(format!("alpha is {alpha}; expected more than 0 and at most {TAPER_MAX} (tip radius over root radius)"));
+        return Answer::refused(format!(
+            "alpha is {alpha}; expected more than 0 and at most {TAPER_MAX} (tip radius over root radius)"
+        ));
     }
     if !(0.0..=1.0).contains(&x) {
         return Answer::refused(format!("x is {x}; expected 0 (root) to 1 (tip)"));
     }
     let (u, du) = (beam::deflection(alpha, x), beam::slope(alpha, x));
     if !(u.is_finite() && du.is_finite()) {
-        return Answer::refused(format!("alpha is {alpha}: the deflection of so thin a tip is beyond double precision"));
+        return Answer::refused(format!(
+            "alpha is {alpha}: the deflection of so thin a tip is beyond double precision"
+        ));
     }
     Answer::ok(vec![u, du])
 }
@@ -30,7 +34,9 @@ pub const OUTPUTS: [&str; 8] = ["c2", "c4", "max_error", "a2", "a3", "a4", "a5",
 /// `fit beam`: `alpha` → H9's pair and its largest error, then four coefficients of the taper coordinate and theirs.
 pub fn coefficients(alpha: f64, samples: usize) -> Answer {
     if !(TAPER_MIN..=TAPER_MAX).contains(&alpha) {
-        return Answer::refused(format!("alpha is {alpha}; expected {TAPER_MIN} to {TAPER_MAX} (tip radius over root radius)"));
+        return Answer::refused(format!(
+            "alpha is {alpha}; expected {TAPER_MIN} to {TAPER_MAX} (tip radius over root radius)"
+        ));
     }
     let pair = basis::pair(alpha, samples);
     if !pair.fit.converged() || !pair.c2.is_finite() {
@@ -49,9 +55,15 @@ mod tests {
     #[test]
     fn rows_are_answered_or_refused_by_name() {
         assert!(evaluate(0.3, 1.0).status.to_string() == "ok");
-        for (alpha, x, name) in [(0.0, 0.5, "alpha"), (-1.0, 0.5, "alpha"), (1.5, 0.5, "alpha"), (0.5, 1.1, "x is"), (0.5, -0.1, "x is")] {
+        for (alpha, x, name) in
+            [(0.0, 0.5, "alpha"), (-1.0, 0.5, "alpha"), (1.5, 0.5, "alpha"), (0.5, 1.1, "x is"), (0.5, -0.1, "x is")]
+        {
             let a = evaluate(alpha, x);
-            assert!(a.values.is_empty() && a.status.to_string().starts_with("refused: ") && a.status.to_string().contains(name));
+            assert!(
+                a.values.is_empty()
+                    && a.status.to_string().starts_with("refused: ")
+                    && a.status.to_string().contains(name)
+            );
         }
         assert!(evaluate(f64::INFINITY, 0.5).values.is_empty());
         assert!(coefficients(1e-5, 101).values.is_empty() && coefficients(0.5, 1).values.is_empty());

@@ -20,13 +20,16 @@ fn empty(name: &str, input_hash: String) -> FitRecord {
     }
 }
 
-/// The coefficients of all tapers, as a section `all`: a₂ … a₅, each a Chebyshev series in ln α scaled to [−1, 1] over the taper range.
+/// The coefficients of all tapers, as a section `all`: a₂ … a₅, each a Chebyshev series in ln α scaled to [−1, 1] over
+/// the taper range.
 pub fn of_basis() -> FitRecord {
     let (series, fit) = smooth();
     let f = &fit.fit;
-    let mut section = Section { condition: Some(f.uncertainty.condition), rank: Some(f.uncertainty.rank), ..Section::default() };
+    let mut section =
+        Section { condition: Some(f.uncertainty.condition), rank: Some(f.uncertainty.rank), ..Section::default() };
     for (k, row) in series.series.iter().enumerate() {
-        // Nothing was measured: a standard error of these numbers has no meaning. What they are good for are the figures below.
+        // Nothing was measured: a standard error of these numbers has no meaning. What they are good for are the
+        // figures below.
         let param = Param { value: row.clone(), stderr: vec![f64::NAN; row.len()], ..Param::default() };
         section.params.insert(format!("a{}", k + 2), param);
     }
@@ -36,24 +39,37 @@ pub fn of_basis() -> FitRecord {
     section.figures.insert("rms_error_of_tip".into(), (f.uncertainty.chi2 / n as f64).sqrt());
     section.figures.insert("worst_error_of_tip".into(), worst);
     section.figures.insert("worst_error_at_alpha".into(), at);
-    let mut record =
-        empty("branch basis", mesophyll_files::hash::combine([("basis", format!("{TAPER_MIN} {TAPER_MAX} {DEGREE}").as_str())]));
+    let mut record = empty(
+        "branch basis",
+        mesophyll_files::hash::combine([("basis", format!("{TAPER_MIN} {TAPER_MAX} {DEGREE}").as_str())]),
+    );
     record.termination = Some(f.termination);
     record.options.insert("alpha".into(), format!("{TAPER_MIN} to {TAPER_MAX}"));
+    record.options.insert(
+        "deflection".into(),
+        "u = a2 y^2 + a3 y^3 + a4 y^4 + a5 y^5, y = ln(1 + (alpha - 1) x)/ln(alpha), F/(E' r1^4) = 1".into(),
+    );
     record
         .options
-        .insert("deflection".into(), "u = a2 y^2 + a3 y^3 + a4 y^4 + a5 y^5, y = ln(1 + (alpha - 1) x)/ln(alpha), F/(E' r1^4) = 1".into());
-    record.options.insert("coefficients".into(), "Chebyshev series in 2 ln(alpha/alpha_max)/ln(alpha_min/alpha_max) - 1".into());
+        .insert("coefficients".into(), "Chebyshev series in 2 ln(alpha/alpha_max)/ln(alpha_min/alpha_max) - 1".into());
     record.sections.insert("all".into(), section);
     record
 }
 
 /// Measured branches, a section each.
-pub fn of_branches(branches: &[Named], fits: &[std::result::Result<Measured, String>], along: Along, input_hash: String) -> FitRecord {
+pub fn of_branches(
+    branches: &[Named],
+    fits: &[std::result::Result<Measured, String>],
+    along: Along,
+    input_hash: String,
+) -> FitRecord {
     let mut record = empty("branches", input_hash);
     let converged = fits.iter().filter(|f| termination(f).converged()).count();
     record.termination = fits.iter().map(termination).find(|t| t.converged()).or(Some(Termination::Refused));
-    record.options.insert("positions".into(), if along == Along::Branch { "along the branch" } else { "along the straight axis" }.into());
+    record.options.insert(
+        "positions".into(),
+        if along == Along::Branch { "along the branch" } else { "along the straight axis" }.into(),
+    );
     record.options.insert("fitted".into(), format!("{converged} of {}", branches.len()));
     record.options.insert(
         "not told apart".into(),
@@ -109,7 +125,12 @@ fn describe(section: &mut Section, m: &Measured) {
 ///
 /// # Errors
 /// [`crate::Error::Write`] where the folder cannot be written.
-pub fn write(folder: &Path, record: &FitRecord, seconds: f64, traces: Vec<(String, mesophyll_solve::Trace)>) -> Result<()> {
+pub fn write(
+    folder: &Path,
+    record: &FitRecord,
+    seconds: f64,
+    traces: Vec<(String, mesophyll_solve::Trace)>,
+) -> Result<()> {
     crate::record::begin(folder, "beam")?;
     let times = Times {
         capture: None,

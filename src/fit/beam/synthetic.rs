@@ -50,7 +50,8 @@ impl Truth {
     }
 }
 
-/// `marks` even places from the root to the tip (the root itself left out); Gaussian noise of `noise` times the tip's deflection, stated as such.
+/// `marks` even places from the root to the tip (the root itself left out); Gaussian noise of `noise` times the tip's
+/// deflection, stated as such.
 pub fn branch(truth: &Truth, marks: usize, noise: f64, seed: u64, along: Along) -> Branch {
     let mut rng = Pcg64::seed_from_u64(seed);
     let error = (noise * truth.tip_mm(along).abs()).max(1e-12 * truth.length);

@@ -1,5 +1,6 @@
-//! The leaf fit of a capture under a dome (H9 §3.3.2): maps of albedo, transmittance, thickness and normals → σa, σs and γ → the same folder that a scan under a tube
-//! gives, so that everything after it (report, translucency, scenes, export) is the same.
+//! The leaf fit of a capture under a dome (H9 §3.3.2): maps of albedo, transmittance, thickness and normals → σa, σs
+//! and γ → the same folder that a scan under a tube gives, so that everything after it (report, translucency, scenes,
+//! export) is the same.
 //!
 //! What a dome does not show is said: gloss is taken from a stated index and slope, or left out.
 
@@ -25,7 +26,8 @@ use std::time::Instant;
 /// What the fit is told beside the capture.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Options {
-    /// Effective refractive index and slope m of both sides' gloss (Bousquet et al. 2005: 1.2 to 1.7 and .078 to .5); `None`: matte.
+    /// Effective refractive index and slope m of both sides' gloss (Bousquet et al. 2005: 1.2 to 1.7 and .078 to .5);
+    /// `None`: matte.
     pub gloss: Option<[f64; 2]>,
     pub force: bool,
 }
@@ -53,7 +55,11 @@ pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     let capture = Capture::open(folder)?;
     record::claim(out, "leaf", &[folder])?;
     let told = format!("{:?}", Options { force: false, ..*options });
-    let input = hash::combine([("capture", capture.hash()?.as_str()), ("options", &told), ("program", env!("CARGO_PKG_VERSION"))]);
+    let input = hash::combine([
+        ("capture", capture.hash()?.as_str()),
+        ("options", &told),
+        ("program", env!("CARGO_PKG_VERSION")),
+    ]);
     if !options.force
         && let Ok(record) = FitRecord::read(out)
         && record.input_hash == input
@@ -62,7 +68,8 @@ pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
         return Ok(Outcome::UpToDate(Box::new(record)));
     }
     let mut phases = vec![Phase { name: "open and hash the capture".into(), seconds: clock.elapsed().as_secs_f64() }];
-    let mut phase = |name: &str, since: Instant| phases.push(Phase { name: name.into(), seconds: since.elapsed().as_secs_f64() });
+    let mut phase =
+        |name: &str, since: Instant| phases.push(Phase { name: name.into(), seconds: since.elapsed().as_secs_f64() });
     let step = Instant::now();
     let reduced = reduce(&capture, &Reduction::default())?;
     phase("reduce to maps", step);
@@ -98,7 +105,10 @@ fn interior(capture: &Capture, reduced: &Reduced, name: SideName) -> Result<Fitt
     let good: Vec<usize> = (0..side.status.len()).filter(|&k| side.status[k] == 1).collect();
     if good.is_empty() {
         let found: Vec<String> = reduced.defects(name).iter().map(|(n, c)| format!("{c} {n}")).collect();
-        return Err(Error::input(&capture.folder, format!("no texel of the {} is good: {}", name.name(), found.join(", "))));
+        return Err(Error::input(
+            &capture.folder,
+            format!("no texel of the {} is good: {}", name.name(), found.join(", ")),
+        ));
     }
     let mean = good.iter().map(|&k| thickness[k]).sum::<f64>() / good.len() as f64;
     let shared = Shared { rho_d: side.highlight.stderr, thickness: reduced.alignment.offset_err_mm / mean };
@@ -109,7 +119,8 @@ fn interior(capture: &Capture, reduced: &Reduced, name: SideName) -> Result<Fitt
         rho_d_err: side.albedo_err[k][c],
         rho_t_err: side.transmittance_err[k][c],
     };
-    let slab = [0, 1, 2].map(|c| slab::fit(&good.iter().map(|&k| texel(k, c)).collect::<Vec<_>>(), shared, ["R", "G", "B"][c]));
+    let slab = [0, 1, 2]
+        .map(|c| slab::fit(&good.iter().map(|&k| texel(k, c)).collect::<Vec<_>>(), shared, ["R", "G", "B"][c]));
     let inverter = Inverter::new(Incidence(1.0));
     let unknown = Sigma { value: [f64::NAN; 2], error: [f64::NAN; 2] };
     let (sigma, gamma) = (0..side.status.len())

@@ -1,4 +1,5 @@
-//! The folder of a leaf fit, from a capture under a dome: the same files, channels and sections as from a scan under a tube.
+//! The folder of a leaf fit, from a capture under a dome: the same files, channels and sections as from a scan under a
+//! tube.
 
 use super::{Fitted, Options};
 use crate::Result;
@@ -45,8 +46,14 @@ pub fn write(
     say("size", format!("{}x{}", m.width, m.height));
     say("texel_mm", format!("{:?}", m.texel_mm));
     say("gauge", "thickness as measured, its highest place the caliper's; mean gamma = 1 a channel".into());
-    say("gloss", options.gloss.map_or("none: a dome shows none".into(), |[n, s]| format!("stated: index {n}, slope {s}")));
-    say("noise_relative", format!("{:?}{}", reduced.noise.relative, if reduced.noise.stated { "" } else { " (estimated)" }));
+    say(
+        "gloss",
+        options.gloss.map_or("none: a dome shows none".into(), |[n, s]| format!("stated: index {n}, slope {s}")),
+    );
+    say(
+        "noise_relative",
+        format!("{:?}{}", reduced.noise.relative, if reduced.noise.stated { "" } else { " (estimated)" }),
+    );
     say("noise_floor", format!("{:?}{}", reduced.noise.floor, if reduced.noise.stated { "" } else { " (estimated)" }));
     say("smooth_thickness_mm", format!("{:?}", reduced.alignment.smooth_thickness_mm));
     say("smooth_height_mm", format!("{:?}", reduced.alignment.smooth_height_mm));
@@ -63,7 +70,9 @@ pub fn write(
         let mut section = section(reduced, fitted);
         section.truth = truth(capture, fitted, &values, &errors)?;
         record.sections.insert(fitted.side.name().into(), section);
-        names.extend(["", "err", "gamma_delta", "rho_s_m", "normal"].map(|what| map_path(Path::new(""), fitted.side, what)));
+        names.extend(
+            ["", "err", "gamma_delta", "rho_s_m", "normal"].map(|what| map_path(Path::new(""), fitted.side, what)),
+        );
     }
     if let Some(blade) = &blade {
         glb::write(&out.join("blade.glb"), &m.name, blade)?;
@@ -85,8 +94,12 @@ pub fn write(
 
 /// Mean thickness of the good texels (mm).
 fn mean(fitted: &Fitted) -> f64 {
-    let (sum, count) =
-        fitted.status.iter().zip(&fitted.thickness).filter(|(s, _)| **s == 1).fold((0.0, 0usize), |(s, n), (_, d)| (s + d, n + 1));
+    let (sum, count) = fitted
+        .status
+        .iter()
+        .zip(&fitted.thickness)
+        .filter(|(s, _)| **s == 1)
+        .fold((0.0, 0usize), |(s, n), (_, d)| (s + d, n + 1));
     sum / count.max(1) as f64
 }
 
@@ -99,7 +112,8 @@ fn blade(grid: &Grid, reduced: &Reduced) -> Option<Blade> {
         .zip(&side.status)
         .map(|(n, status)| (*status == 1 && n[2] > 0.2).then(|| [-n[0] / n[2], -n[1] / n[2]]))
         .collect();
-    let through: Vec<[f32; 3]> = side.transmittance.iter().map(|t| t.map(|v| if v.is_finite() { v as f32 } else { 1.0 })).collect();
+    let through: Vec<[f32; 3]> =
+        side.transmittance.iter().map(|t| t.map(|v| if v.is_finite() { v as f32 } else { 1.0 })).collect();
     mesh::build(grid, &reduced.mask, Some(&through), &slopes)
 }
 
@@ -158,13 +172,23 @@ fn section(reduced: &Reduced, fitted: &Fitted) -> Section {
         value: (0..3).map(|c| of(c)[0]).collect(),
         stderr: (0..3).map(|c| of(c)[1]).collect(),
         unit: "1/mm".into(),
-        undetermined: fitted.slab.iter().flat_map(|s| s.undetermined.iter()).filter(|u| u.starts_with(name)).cloned().collect(),
+        undetermined: fitted
+            .slab
+            .iter()
+            .flat_map(|s| s.undetermined.iter())
+            .filter(|u| u.starts_with(name))
+            .cloned()
+            .collect(),
         ..Param::default()
     };
     s.params.insert("sigma_a".into(), parameter(&|c| fitted.slab[c].sigma_a, "sigma_a"));
     s.params.insert("sigma_s".into(), parameter(&|c| fitted.slab[c].sigma_s, "sigma_s"));
-    let thickness =
-        Param { value: vec![mean(fitted)], stderr: vec![reduced.alignment.offset_err_mm], unit: "mm".into(), ..Param::default() };
+    let thickness = Param {
+        value: vec![mean(fitted)],
+        stderr: vec![reduced.alignment.offset_err_mm],
+        unit: "mm".into(),
+        ..Param::default()
+    };
     s.params.insert("thickness".into(), thickness);
     let side = reduced.side(fitted.side);
     let a = &reduced.alignment;
@@ -188,15 +212,18 @@ fn section(reduced: &Reduced, fitted: &Fitted) -> Section {
 fn truth(capture: &Capture, fitted: &Fitted, values: &Maps, errors: &Maps) -> Result<BTreeMap<String, TruthError>> {
     let mut out = BTreeMap::new();
     let Some(truth) = capture.truth(fitted.side)? else { return Ok(out) };
-    // What the camera saw comes through with light scattered sideways: that is what was measured, not each texel's own slab.
+    // What the camera saw comes through with light scattered sideways: that is what was measured, not each texel's own
+    // slab.
     let pairs: [(&str, &str, &[&str]); 3] =
         [("rho_d", "rho_d", &RGB), ("rho_t", "transmittance", &RGB), ("thickness", "thickness", &["Y"])];
     for (name, of, channels) in pairs {
         let (mut relative, mut inside, mut judged) = (Vec::new(), 0usize, 0usize);
         for c in channels {
-            let (Some(t), Some(v), Some(e)) =
-                (truth.get(&format!("{of}.{c}")), values.get(&format!("{name}.{c}")), errors.get(&format!("{name}.{c}")))
-            else {
+            let (Some(t), Some(v), Some(e)) = (
+                truth.get(&format!("{of}.{c}")),
+                values.get(&format!("{name}.{c}")),
+                errors.get(&format!("{name}.{c}")),
+            ) else {
                 continue;
             };
             for k in (0..t.len()).filter(|&k| fitted.status[k] == 1 && t[k] != 0.0) {
@@ -209,7 +236,10 @@ fn truth(capture: &Capture, fitted: &Fitted, values: &Maps, errors: &Maps) -> Re
         relative.sort_unstable_by(f64::total_cmp);
         if let (Some(median), Some(p99)) = (relative.get(relative.len() / 2), relative.get(relative.len() * 99 / 100)) {
             let coverage95 = Some(inside as f64 / judged as f64);
-            out.insert(name.into(), TruthError { median_relative: *median, p99_relative: *p99, coverage95, judged: Some(judged) });
+            out.insert(
+                name.into(),
+                TruthError { median_relative: *median, p99_relative: *p99, coverage95, judged: Some(judged) },
+            );
         }
     }
     Ok(out)

@@ -1,7 +1,9 @@
-//! σa and σs of a leaf whose thickness was measured: one slab a channel that gives the leaf's mean albedo and transmittance at its own thicknesses.
+//! σa and σs of a leaf whose thickness was measured: one slab a channel that gives the leaf's mean albedo and
+//! transmittance at its own thicknesses.
 //!
-//! Two equations for two unknowns a channel, over the good texels: mean ρd/ρd(σ, h(x)) = 1 (so that the mean of γ is 1) and mean ρt/ρt(σ, h(x)) = 1. Texels of like
-//! thickness are put together first. Errors: those of the means, of what all texels share (the highlight taken off), and of the caliper, to which σ is inverse.
+//! Two equations for two unknowns a channel, over the good texels: mean ρd/ρd(σ, h(x)) = 1 (so that the mean of γ is 1)
+//! and mean ρt/ρt(σ, h(x)) = 1. Texels of like thickness are put together first. Errors: those of the means, of what
+//! all texels share (the highlight taken off), and of the caliper, to which σ is inverse.
 
 use mesophyll_optics::slab::inverse;
 use mesophyll_optics::slab::response_with_partials;
@@ -48,7 +50,8 @@ pub fn fit(texels: &[Texel], shared: Shared, letter: &str) -> Slab {
     let mut x = [start.sigma_a, start.sigma_s];
     if !x.iter().all(|v| *v > 0.0 && v.is_finite()) {
         for name in ["sigma_a", "sigma_s"] {
-            undetermined.push(format!("{name}.{letter}: no slab has this albedo ({rho_d:.4}) and transmittance ({rho_t:.4})"));
+            undetermined
+                .push(format!("{name}.{letter}: no slab has this albedo ({rho_d:.4}) and transmittance ({rho_t:.4})"));
         }
         return Slab { sigma_a: [x[0], f64::INFINITY], sigma_s: [x[1], f64::INFINITY], undetermined };
     }
@@ -57,7 +60,8 @@ pub fn fit(texels: &[Texel], shared: Shared, letter: &str) -> Slab {
         let (f, j) = misses(&groups, x);
         let det = j[0][0] * j[1][1] - j[0][1] * j[1][0];
         // Newton in the logarithms, no step longer than a factor of e.
-        let step = [(j[1][1] * f[0] - j[0][1] * f[1]) / det, (j[0][0] * f[1] - j[1][0] * f[0]) / det].map(|s| s.clamp(-1.0, 1.0));
+        let step = [(j[1][1] * f[0] - j[0][1] * f[1]) / det, (j[0][0] * f[1] - j[1][0] * f[0]) / det]
+            .map(|s| s.clamp(-1.0, 1.0));
         if !step.iter().all(|s| s.is_finite()) {
             break;
         }
@@ -71,7 +75,9 @@ pub fn fit(texels: &[Texel], shared: Shared, letter: &str) -> Slab {
     let (a, s) = (error(x[0], start.sigma_a_err, start.sigma_a), error(x[1], start.sigma_s_err, start.sigma_s));
     for (name, value, err) in [("sigma_a", x[0], a), ("sigma_s", x[1], s)] {
         if !settled {
-            undetermined.push(format!("{name}.{letter}: the slab of the mean texel does not settle over the leaf's thicknesses"));
+            undetermined.push(format!(
+                "{name}.{letter}: the slab of the mean texel does not settle over the leaf's thicknesses"
+            ));
         } else if !(err <= 0.1 * value) {
             undetermined.push(format!("{name}.{letter}: relative standard error {:.2}", err / value));
         }
@@ -129,7 +135,9 @@ mod tests {
         assert!(slab.undetermined.is_empty(), "{slab:?}");
         assert!((slab.sigma_a[0] / 4.0 - 1.0).abs() < 3e-3 && (slab.sigma_s[0] / 12.0 - 1.0).abs() < 3e-3, "{slab:?}");
         // The mean of γ is 1 whatever else.
-        let gamma = texels.iter().map(|t| t.rho_d / response(slab.sigma_a[0], slab.sigma_s[0], t.thickness).rho_d).sum::<f64>() / 2000.0;
+        let gamma =
+            texels.iter().map(|t| t.rho_d / response(slab.sigma_a[0], slab.sigma_s[0], t.thickness).rho_d).sum::<f64>()
+                / 2000.0;
         assert!((gamma - 1.0).abs() < 1e-3, "{gamma}");
         // A caliper that is 3 % off shows in both.
         let slab = fit(&texels, Shared { rho_d: 0.0, thickness: 0.03 }, "G");

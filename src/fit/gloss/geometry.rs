@@ -65,7 +65,11 @@ impl Geometry {
             }
         }
         if self.noise_relative == 0.0 && self.noise_floor == 0.0 {
-            return bad("noise_floor", &0, "some noise: noise_relative and noise_floor are both zero, so no error could be told");
+            return bad(
+                "noise_floor",
+                &0,
+                "some noise: noise_relative and noise_floor are both zero, so no error could be told",
+            );
         }
         match (&self.u, self.u_start, self.u_end, self.frames) {
             (Some(_), None, None, None) | (None, Some(_), Some(_), Some(_)) => {}
@@ -76,7 +80,11 @@ impl Geometry {
             return bad(if self.u.is_some() { "u" } else { "frames" }, &u.len(), "1 to 10000 frames");
         }
         if let Some(wrong) = u.iter().find(|u| !u.is_finite() || u.abs() > 1e4) {
-            return bad(if self.u.is_some() { "u" } else { "u_start" }, wrong, "finite positions within ±10000 heights");
+            return bad(
+                if self.u.is_some() { "u" } else { "u_start" },
+                wrong,
+                "finite positions within ±10000 heights",
+            );
         }
         Ok(())
     }
@@ -118,7 +126,9 @@ impl Geometry {
 /// [`Error::Input`] where a channel has not one column a frame.
 pub fn trace_columns(table: &Table, frames: usize) -> Result<Vec<Vec<String>>> {
     let count = |channel: char| {
-        let numbered = |h: &String| h.strip_prefix(channel).is_some_and(|k| !k.is_empty() && k.bytes().all(|b| b.is_ascii_digit()));
+        let numbered = |h: &String| {
+            h.strip_prefix(channel).is_some_and(|k| !k.is_empty() && k.bytes().all(|b| b.is_ascii_digit()))
+        };
         table.header.iter().filter(|h| numbered(h)).count()
     };
     let channels: &[char] = if count('g') + count('b') > 0 { &['r', 'g', 'b'] } else { &['r'] };

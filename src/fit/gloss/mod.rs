@@ -1,8 +1,9 @@
-//! Gloss of one texel from its linear-light-source traces: ρd and ρs a channel (linear, eliminated by variable projection),
-//! slope m and normal shared by the channels (W §3 "Fitting BRDF and BTDF"; G3).
+//! Gloss of one texel from its linear-light-source traces: ρd and ρs a channel (linear, eliminated by variable
+//! projection), slope m and normal shared by the channels (W §3 "Fitting BRDF and BTDF"; G3).
 //!
-//! A single pass sees the tilt in its plane of travel only; with a second pass the full normal is known. Noise: standard
-//! deviation √((relative·value)² + floor²), evaluated at the model, not at the noisy sample, so that weights do not bias.
+//! A single pass sees the tilt in its plane of travel only; with a second pass the full normal is known. Noise:
+//! standard deviation √((relative·value)² + floor²), evaluated at the model, not at the noisy sample, so that weights
+//! do not bias.
 
 pub mod geometry;
 mod outliers;
@@ -44,7 +45,12 @@ impl Device {
 
     /// The noise of readings that were divided by no white sheet and had no dark frame taken off.
     pub fn noise(&self) -> ReadingNoise {
-        ReadingNoise { relative: self.noise_relative, floor: [self.noise_floor; 3], dark: [0.0; 3], dark_error: [0.0; 3] }
+        ReadingNoise {
+            relative: self.noise_relative,
+            floor: [self.noise_floor; 3],
+            dark: [0.0; 3],
+            dark_error: [0.0; 3],
+        }
     }
 }
 
@@ -61,7 +67,8 @@ pub struct ReadingNoise {
 }
 
 impl ReadingNoise {
-    /// What evaluates the variance of channel `c`: relative, dark, floor. A floor of zero would give an exact zero infinite weight.
+    /// What evaluates the variance of channel `c`: relative, dark, floor. A floor of zero would give an exact zero
+    /// infinite weight.
     pub fn terms(&self, c: usize) -> [f64; 3] {
         [self.relative, self.dark[c], self.floor[c].max(1e-6)]
     }
@@ -112,7 +119,8 @@ impl Undetermined {
 
     /// Names as in the output columns; `channels` is 1 or 3.
     pub fn names(self, channels: usize) -> Vec<&'static str> {
-        const NAMES: [&str; 9] = ["rho_d_r", "rho_d_g", "rho_d_b", "rho_s_r", "rho_s_g", "rho_s_b", "m", "tilt", "tilt_y"];
+        const NAMES: [&str; 9] =
+            ["rho_d_r", "rho_d_g", "rho_d_b", "rho_s_r", "rho_s_g", "rho_s_b", "m", "tilt", "tilt_y"];
         let name = |k: usize| match (channels, k) {
             (1, 0) => "rho_d",
             (1, 3) => "rho_s",

@@ -1,4 +1,5 @@
-//! Outliers of a texel: Huber steps, then hard rejection and a plain fit of the rest, so that clean data keep full efficiency.
+//! Outliers of a texel: Huber steps, then hard rejection and a plain fit of the rest, so that clean data keep full
+//! efficiency.
 
 use super::Robust;
 use super::texel::{CONVERGED, Job, State};
@@ -10,13 +11,16 @@ const OUTLIER: f64 = 4.5;
 const HUBER: f64 = 1.345;
 
 impl Job<'_> {
-    /// `worst`: the largest squared standardised residual of `state`. Returns the fit without outliers and their number.
+    /// `worst`: the largest squared standardised residual of `state`. Returns the fit without outliers and their
+    /// number.
     pub(super) fn reject(&mut self, state: State, termination: Termination, worst: f64) -> (State, Termination, usize) {
         if worst <= OUTLIER * OUTLIER && self.fitter.robust == Robust::Auto {
             return (state, termination, 0);
         }
-        let readings: Vec<(usize, usize)> =
-            (0..3).flat_map(|c| (0..self.ws.y[c].len()).map(move |k| (c, k))).filter(|&(c, k)| self.ws.used[c][k] > 0.0).collect();
+        let readings: Vec<(usize, usize)> = (0..3)
+            .flat_map(|c| (0..self.ws.y[c].len()).map(move |k| (c, k)))
+            .filter(|&(c, k)| self.ws.used[c][k] > 0.0)
+            .collect();
         let (plain, reason) = (state, termination);
         let mut state = self.evaluate(state.p);
         for _ in 0..8 {
@@ -34,7 +38,8 @@ impl Job<'_> {
         let mut outliers = 0;
         for _ in 0..4 {
             let scale = self.scale(&state, &readings);
-            let gone: Vec<bool> = readings.iter().map(|&(c, k)| self.residual(&state, c, k).abs() > OUTLIER * scale).collect();
+            let gone: Vec<bool> =
+                readings.iter().map(|&(c, k)| self.residual(&state, c, k).abs() > OUTLIER * scale).collect();
             let changed = readings.iter().zip(&gone).any(|(&(c, k), &g)| (self.ws.used[c][k] == 0.0) != g);
             outliers = gone.iter().filter(|g| **g).count();
             if outliers * 4 > readings.len() {

@@ -1,5 +1,6 @@
-//! Variable projection on inner products (Golub & Pereyra 1973, in Kaufman's approximation): per channel ρd, ρs ≥ 0 are solved
-//! for exactly, and m and the tilts see residuals from which every change that ρd and ρs could make is projected out.
+//! Variable projection on inner products (Golub & Pereyra 1973, in Kaufman's approximation): per channel ρd, ρs ≥ 0 are
+//! solved for exactly, and m and the tilts see residuals from which every change that ρd and ρs could make is projected
+//! out.
 //!
 //! Loops by index and without closures: `#[inline(always)]` alone carries the vector intrinsics into their caller.
 //!
@@ -44,7 +45,15 @@ impl Channel {
     pub fn solve(level: Level, columns: &[Vec<f64>; COLUMNS], y: &[f64], w: &[f64], matte: bool) -> Channel {
         let (d, s) = (&columns[D][..], &columns[S][..]);
         let sums = dispatch_lanes!(level, linear_sums(d: &[f64], s: &[f64], y: &[f64], w: &[f64]) -> [f64; 6]);
-        let mut c = Channel { dd: sums[0], ds: sums[1], ss: sums[2], dy: sums[3], sy: sums[4], yy: sums[5], ..Channel::default() };
+        let mut c = Channel {
+            dd: sums[0],
+            ds: sums[1],
+            ss: sums[2],
+            dy: sums[3],
+            sy: sums[4],
+            yy: sums[5],
+            ..Channel::default()
+        };
         let det = c.dd * c.ss - c.ds * c.ds;
         let both = !matte && det > 1e-12 * c.dd * c.ss;
         if both {
@@ -85,7 +94,12 @@ impl Channel {
     }
 
     /// Adds this channel to the projected normal matrix and gradient; `inverse` as in [`Channel::inverse`].
-    pub fn accumulate(&self, inverse: &[[f64; 2]; 2], normal: &mut [[f64; NONLINEAR]; NONLINEAR], gradient: &mut [f64; NONLINEAR]) {
+    pub fn accumulate(
+        &self,
+        inverse: &[[f64; 2]; 2],
+        normal: &mut [[f64; NONLINEAR]; NONLINEAR],
+        gradient: &mut [f64; NONLINEAR],
+    ) {
         for k in 0..NONLINEAR {
             let [zd, zs] = self.zphi[k];
             gradient[k] += self.zy[k] - self.rho_d * zd - self.rho_s * zs;
@@ -119,7 +133,13 @@ fn linear_sums<L: Lanes>(d: &[f64], s: &[f64], y: &[f64], w: &[f64]) -> [f64; 6]
 
 /// Row k: ⟨z_k, z_0…z_2⟩ (lower triangle), ⟨z_k, D⟩, ⟨z_k, S⟩, ⟨z_k, y⟩.
 #[inline(always)]
-fn slope_sums<L: Lanes>(columns: &[Vec<f64>; COLUMNS], y: &[f64], w: &[f64], factors: [f64; 3], tilts: usize) -> [[f64; 6]; NONLINEAR] {
+fn slope_sums<L: Lanes>(
+    columns: &[Vec<f64>; COLUMNS],
+    y: &[f64],
+    w: &[f64],
+    factors: [f64; 3],
+    tilts: usize,
+) -> [[f64; 6]; NONLINEAR] {
     let (by_m, rho_d, rho_s) = (L::splat(factors[0]), L::splat(factors[1]), L::splat(factors[2]));
     let mut g = [[L::splat(0.0); 6]; NONLINEAR];
     for k in (0..y.len()).step_by(L::N) {
@@ -150,13 +170,29 @@ fn slope_sums<L: Lanes>(columns: &[Vec<f64>; COLUMNS], y: &[f64], w: &[f64], fac
 
 /// Weights 1/sd² from the model ρd D + ρs S, sd² = (relative·model)² + floor²; returns the largest squared residual/sd.
 #[allow(clippy::too_many_arguments)]
-pub fn weigh(level: Level, columns: &[Vec<f64>; COLUMNS], rho: [f64; 2], noise: [f64; 3], y: &[f64], used: &[f64], w: &mut [f64]) -> f64 {
+pub fn weigh(
+    level: Level,
+    columns: &[Vec<f64>; COLUMNS],
+    rho: [f64; 2],
+    noise: [f64; 3],
+    y: &[f64],
+    used: &[f64],
+    w: &mut [f64],
+) -> f64 {
     let (d, s) = (&columns[D][..], &columns[S][..]);
     dispatch_lanes!(level, weigh_lanes(d: &[f64], s: &[f64], rho: [f64; 2], noise: [f64; 3], y: &[f64], used: &[f64], w: &mut [f64]) -> f64)
 }
 
 #[inline(always)]
-fn weigh_lanes<L: Lanes>(d: &[f64], s: &[f64], rho: [f64; 2], noise: [f64; 3], y: &[f64], used: &[f64], w: &mut [f64]) -> f64 {
+fn weigh_lanes<L: Lanes>(
+    d: &[f64],
+    s: &[f64],
+    rho: [f64; 2],
+    noise: [f64; 3],
+    y: &[f64],
+    used: &[f64],
+    w: &mut [f64],
+) -> f64 {
     let (rho_d, rho_s) = (L::splat(rho[0]), L::splat(rho[1]));
     let (relative2, dark, floor2) = (L::splat(noise[0] * noise[0]), L::splat(noise[1]), L::splat(noise[2] * noise[2]));
     let mut worst = [0.0; 8];
@@ -173,7 +209,8 @@ fn weigh_lanes<L: Lanes>(d: &[f64], s: &[f64], rho: [f64; 2], noise: [f64; 3], y
     worst.into_iter().fold(0.0, f64::max)
 }
 
-/// Weights from the samples themselves, `noise` a channel as [`super::ReadingNoise::terms`] gives it; sum of the channels and its variance (infinite where a channel's reading is missing).
+/// Weights from the samples themselves, `noise` a channel as [`super::ReadingNoise::terms`] gives it; sum of the
+/// channels and its variance (infinite where a channel's reading is missing).
 pub fn weigh_by_samples(
     level: Level,
     noise: [[f64; 3]; 3],
@@ -189,8 +226,15 @@ pub fn weigh_by_samples(
 }
 
 #[inline(always)]
-fn sample_lanes<L: Lanes>(noise: [[f64; 3]; 3], y: &[Vec<f64>; 3], used: &[Vec<f64>; 3], w: &mut [Vec<f64>; 3], sum: &mut [Vec<f64>; 2]) {
-    let terms = noise.map(|[relative, dark, floor]| [L::splat(relative * relative), L::splat(dark), L::splat(floor * floor)]);
+fn sample_lanes<L: Lanes>(
+    noise: [[f64; 3]; 3],
+    y: &[Vec<f64>; 3],
+    used: &[Vec<f64>; 3],
+    w: &mut [Vec<f64>; 3],
+    sum: &mut [Vec<f64>; 2],
+) {
+    let terms =
+        noise.map(|[relative, dark, floor]| [L::splat(relative * relative), L::splat(dark), L::splat(floor * floor)]);
     let absent: [bool; 3] = std::array::from_fn(|c| used[c].iter().all(|u| *u == 0.0));
     for k in (0..y[0].len()).step_by(L::N) {
         let (mut total, mut variance, mut whole) = (L::splat(0.0), L::splat(0.0), L::splat(1.0));

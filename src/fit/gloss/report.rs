@@ -2,7 +2,10 @@
 
 use super::project::{Channel, NONLINEAR, S};
 use super::texel::{Job, State, bounded};
-use super::{AMBIGUOUS, M_RANGE, NARROW, NOT_CONVERGED, NOT_EXPLAINED, TILT_LIMIT, TexelFit, Undetermined, normal_of, normal_slopes};
+use super::{
+    AMBIGUOUS, M_RANGE, NARROW, NOT_CONVERGED, NOT_EXPLAINED, TILT_LIMIT, TexelFit, Undetermined, normal_of,
+    normal_slopes,
+};
 use mesophyll_solve::Termination;
 
 type Matrix = [[f64; NONLINEAR]; NONLINEAR];
@@ -11,8 +14,8 @@ type Matrix = [[f64; NONLINEAR]; NONLINEAR];
 const RIVAL: f64 = 9.0;
 
 impl Job<'_> {
-    /// A texel without gloss: ρd and the tilts (which the diffuse light shows) from the fit without it. What faint gloss could
-    /// have done to them, the difference to the fit with it, widens their errors.
+    /// A texel without gloss: ρd and the tilts (which the diffuse light shows) from the fit without it. What faint
+    /// gloss could have done to them, the difference to the fit with it, widens their errors.
     pub(super) fn report_matte(
         &mut self,
         full: State,
@@ -38,8 +41,8 @@ impl Job<'_> {
         fit
     }
 
-    /// Widens every error by what a tilt out of the plane of travel would do to it. The effect grows with the tilt's square: twice that
-    /// of one standard deviation makes an interval of two hold 95 % of them.
+    /// Widens every error by what a tilt out of the plane of travel would do to it. The effect grows with the tilt's
+    /// square: twice that of one standard deviation makes an interval of two hold 95 % of them.
     pub(super) fn unseen(&mut self, fit: &mut TexelFit, best: &State, counts: [usize; 3]) {
         let tilt = self.fitter.unseen;
         if self.tilts != 1 || tilt <= 0.0 {
@@ -120,7 +123,11 @@ impl Job<'_> {
         for (c, inverse) in state.channels.iter().zip(&mut inverses) {
             // Errors are those of the unconstrained problem: a ρ at its bound still has one.
             let det = c.dd * c.ss - c.ds * c.ds;
-            *inverse = if det > 1e-12 * c.dd * c.ss { [[c.ss / det, -c.ds / det], [-c.ds / det, c.dd / det]] } else { c.inverse };
+            *inverse = if det > 1e-12 * c.dd * c.ss {
+                [[c.ss / det, -c.ds / det], [-c.ds / det, c.dd / det]]
+            } else {
+                c.inverse
+            };
             c.accumulate(inverse, &mut normal, &mut gradient);
         }
         let (cov, condition) = covariance(&normal, count, matte);
@@ -190,11 +197,13 @@ impl Job<'_> {
         let ws = &*self.ws;
         let ones = vec![1.0; ws.y[0].len()];
         let known = self.noise.dark_error.iter().all(|e| *e <= 0.0);
-        (!known).then(|| std::array::from_fn(|c| Channel::solve(self.fitter.level, &ws.columns, &ones, &ws.w[c], false)))
+        (!known)
+            .then(|| std::array::from_fn(|c| Channel::solve(self.fitter.level, &ws.columns, &ones, &ws.w[c], false)))
     }
 
-    /// What of χ² an error of each channel's dark level explains, that error being no larger than it is known to be: the largest decrease of
-    /// χ² + (level/σ)² over the level. Without it every texel's χ² would hold the noise of its own dark frame.
+    /// What of χ² an error of each channel's dark level explains, that error being no larger than it is known to be:
+    /// the largest decrease of χ² + (level/σ)² over the level. Without it every texel's χ² would hold the noise of its
+    /// own dark frame.
     fn explained_by_dark(&self, state: &State, levels: &[Channel; 3]) -> f64 {
         let ws = &*self.ws;
         let of_channel = |c: usize| {
@@ -206,8 +215,16 @@ impl Job<'_> {
         (0..3).map(of_channel).sum()
     }
 
-    /// Adds what an error of each channel's dark level does to every parameter: the fit's response to adding one to all samples.
-    fn add_dark_error(&self, fit: &mut TexelFit, state: &State, cov: &Matrix, inverses: &[[[f64; 2]; 2]; 3], levels: [Channel; 3]) {
+    /// Adds what an error of each channel's dark level does to every parameter: the fit's response to adding one to all
+    /// samples.
+    fn add_dark_error(
+        &self,
+        fit: &mut TexelFit,
+        state: &State,
+        cov: &Matrix,
+        inverses: &[[[f64; 2]; 2]; 3],
+        levels: [Channel; 3],
+    ) {
         let (ws, level, count) = (&*self.ws, self.fitter.level, 1 + self.tilts);
         let ones = vec![1.0; ws.y[0].len()];
         let mut variance = [0.0; NONLINEAR];
@@ -217,10 +234,15 @@ impl Job<'_> {
             let direct = inverses[c].map(|row| row[0] * level_sums.dy + row[1] * level_sums.sy);
             (level_sums.rho_d, level_sums.rho_s) = (channel.rho_d, channel.rho_s);
             level_sums.slopes(level, &ws.columns, &ones, &ws.w[c], state.p[0].exp(), self.tilts);
-            let pull: [f64; NONLINEAR] =
-                std::array::from_fn(|k| level_sums.zy[k] - direct[0] * channel.zphi[k][0] - direct[1] * channel.zphi[k][1]);
+            let pull: [f64; NONLINEAR] = std::array::from_fn(|k| {
+                level_sums.zy[k] - direct[0] * channel.zphi[k][0] - direct[1] * channel.zphi[k][1]
+            });
             let moved: [f64; NONLINEAR] = std::array::from_fn(|k| {
-                if k < count { (0..count).filter(|&j| cov[k][j].is_finite()).map(|j| cov[k][j] * pull[j]).sum() } else { 0.0 }
+                if k < count {
+                    (0..count).filter(|&j| cov[k][j].is_finite()).map(|j| cov[k][j] * pull[j]).sum()
+                } else {
+                    0.0
+                }
             });
             for k in 0..count {
                 variance[k] += (sigma * moved[k]).powi(2);
@@ -244,8 +266,8 @@ impl Job<'_> {
         }
     }
 
-    /// In a valley the curvature at its floor flatters: the tilt is moved away, the rest follows, and where χ² rises less than a
-    /// parabola would, every error grows by that much.
+    /// In a valley the curvature at its floor flatters: the tilt is moved away, the rest follows, and where χ² rises
+    /// less than a parabola would, every error grows by that much.
     pub(super) fn profile(&mut self, fit: &mut TexelFit, best: &State, counts: [usize; 3]) {
         let err = fit.tilt_err[0];
         if !(err > 0.0 && err < 0.5) {
@@ -269,7 +291,9 @@ impl Job<'_> {
         }
         if stretch > 1.1 {
             fit.m_err *= stretch;
-            for e in fit.tilt_err.iter_mut().chain(&mut fit.rho_d_err).chain(&mut fit.rho_s_err).chain(&mut fit.normal_err) {
+            for e in
+                fit.tilt_err.iter_mut().chain(&mut fit.rho_d_err).chain(&mut fit.rho_s_err).chain(&mut fit.normal_err)
+            {
                 *e *= stretch;
             }
             self.evaluate(best.p);
@@ -340,10 +364,9 @@ fn covariance(normal: &Matrix, count: usize, matte: bool) -> (Matrix, f64) {
     let live: [bool; NONLINEAR] = std::array::from_fn(|k| k < count && normal[k][k] > 0.0 && !(matte && k == 0));
     let scale: [f64; NONLINEAR] = std::array::from_fn(|k| if live[k] { 1.0 / normal[k][k].sqrt() } else { 0.0 });
     // Parameters that are not live stand as unit rows, which leave the others alone.
-    let scaled =
-        nalgebra::Matrix3::from_fn(
-            |i, j| if live[i] && live[j] { normal[i][j] * scale[i] * scale[j] } else { f64::from(u8::from(i == j)) },
-        );
+    let scaled = nalgebra::Matrix3::from_fn(|i, j| {
+        if live[i] && live[j] { normal[i][j] * scale[i] * scale[j] } else { f64::from(u8::from(i == j)) }
+    });
     let (least, most) = extremes(&scaled, &live);
     let mut cov = Matrix::default();
     let inverse = if least > 1e-13 { scaled.try_inverse() } else { None };
@@ -371,7 +394,8 @@ fn extremes(a: &nalgebra::Matrix3<f64>, live: &[bool; NONLINEAR]) -> (f64, f64) 
     let angle = half.clamp(-1.0, 1.0).acos() / 3.0;
     let at = |k: f64| 1.0 + 2.0 * p * (angle + k * std::f64::consts::TAU / 3.0).cos();
     let all = [at(0.0), at(1.0), at(2.0)];
-    let (mut least, most) = (all.iter().copied().fold(f64::INFINITY, f64::min), all.iter().copied().fold(0.0, f64::max));
+    let (mut least, most) =
+        (all.iter().copied().fold(f64::INFINITY, f64::min), all.iter().copied().fold(0.0, f64::max));
     if live.iter().filter(|l| **l).count() == 2 {
         // The unit row adds the eigenvalue 1 in the middle.
         least = 2.0 - most;

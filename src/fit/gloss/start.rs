@@ -1,6 +1,8 @@
-//! Starting points: a bank of templates (D, S) over (m, tilt), matched to the sum of the channels by two-column least squares.
+//! Starting points: a bank of templates (D, S) over (m, tilt), matched to the sum of the channels by two-column least
+//! squares.
 //!
-//! Templates depend on where the texel lies along the travel, so there is a bank for every few millimetres, built when first used.
+//! Templates depend on where the texel lies along the travel, so there is a bank for every few millimetres, built when
+//! first used.
 
 use crate::gloss::{Device, normal_of};
 use mesophyll_optics::dispatch_lanes;
@@ -52,8 +54,8 @@ pub struct Bank {
 }
 
 impl Bank {
-    /// `range`: tilts in the plane of travel that templates cover (rad). `fineness`: templates along either parameter over the usual
-    /// number, which 1 gives.
+    /// `range`: tilts in the plane of travel that templates cover (rad). `fineness`: templates along either parameter
+    /// over the usual number, which 1 gives.
     pub fn new(device: &Device, travel: Travel, positions: &[f64], range: [f64; 2], fineness: f64) -> Bank {
         // A thin tube will do to start from.
         let tube = mesophyll_optics::tube::Tube { radius_mm: 0.0, ..device.tube() };
@@ -85,7 +87,8 @@ impl Bank {
         let at = self.travel.local([along, 0.0, 0.0]);
         let mut out = Vec::new();
         for m in slopes(self.fineness) {
-            let count = ((self.range[1] - self.range[0]) / (0.9 * m).min(0.08) * self.fineness).ceil().max(1.0) as usize;
+            let count =
+                ((self.range[1] - self.range[0]) / (0.9 * m).min(0.08) * self.fineness).ceil().max(1.0) as usize;
             for k in 0..=count {
                 let tilt = self.range[0] + (self.range[1] - self.range[0]) * k as f64 / count as f64;
                 let n = normal_of(if self.travel == Travel::X { [tilt, 0.0] } else { [0.0, tilt] });
@@ -111,9 +114,17 @@ impl Bank {
         out
     }
 
-    /// The best templates, best first, at most `most`, no two of them neighbours. `variances` of the samples; infinite leaves
-    /// one out, and its neighbours in the group.
-    pub fn best(&self, texel: [f64; 2], samples: &[f64], variances: &[f64], most: usize, scratch: &mut Scratch, found: &mut Vec<Start>) {
+    /// The best templates, best first, at most `most`, no two of them neighbours. `variances` of the samples; infinite
+    /// leaves one out, and its neighbours in the group.
+    pub fn best(
+        &self,
+        texel: [f64; 2],
+        samples: &[f64],
+        variances: &[f64],
+        most: usize,
+        scratch: &mut Scratch,
+        found: &mut Vec<Start>,
+    ) {
         found.clear();
         let Scratch { samples: y, weights: w, gains } = scratch;
         for list in [&mut *y, &mut *w] {

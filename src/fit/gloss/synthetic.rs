@@ -1,5 +1,5 @@
-//! Traces of known texels with seeded noise, for stress cases, benchmarks and tests: made by the plain model with many nodes,
-//! not by the fit's own fast one.
+//! Traces of known texels with seeded noise, for stress cases, benchmarks and tests: made by the plain model with many
+//! nodes, not by the fit's own fast one.
 
 use super::{Device, normal_of};
 use mesophyll_optics::gloss::Lobe;

@@ -1,8 +1,9 @@
-//! The slab's ρd and ρt against thickness for given σa, σs: solved on a grid of ln t, interpolated by cubic Hermite polynomials.
+//! The slab's ρd and ρt against thickness for given σa, σs: solved on a grid of ln t, interpolated by cubic Hermite
+//! polynomials.
 //!
-//! A leaf-wide fit asks for the response of the same material at 10⁵ thicknesses; 200 slab solves answer them all. Everything is
-//! kept in logarithms, so a transmittance of 1e-20 has as many digits as one of 0.1. Interpolation error is below 1e-7 relative
-//! for Δ ≤ 40 over the default range (tested).
+//! A leaf-wide fit asks for the response of the same material at 10⁵ thicknesses; 200 slab solves answer them all.
+//! Everything is kept in logarithms, so a transmittance of 1e-20 has as many digits as one of 0.1. Interpolation error
+//! is below 1e-7 relative for Δ ≤ 40 over the default range (tested).
 
 use mesophyll_optics::slab;
 
@@ -62,7 +63,15 @@ impl Curve {
         let (ln_rho_d, d_rho_d, _) = hermite(f, s, a.ln_rho_d, b.ln_rho_d, a.d_rho_d, b.d_rho_d);
         let (ln_rho_t, d_rho_t, dd_rho_t) = hermite(f, s, a.ln_rho_t, b.ln_rho_t, a.d_rho_t, b.d_rho_t);
         let mix = |p: [f64; 2], q: [f64; 2]| [p[0] + f * (q[0] - p[0]), p[1] + f * (q[1] - p[1])];
-        Point { ln_rho_d, ln_rho_t, d_rho_d, d_rho_t, dd_rho_t, p_rho_d: mix(a.p_rho_d, b.p_rho_d), p_rho_t: mix(a.p_rho_t, b.p_rho_t) }
+        Point {
+            ln_rho_d,
+            ln_rho_t,
+            d_rho_d,
+            d_rho_t,
+            dd_rho_t,
+            p_rho_d: mix(a.p_rho_d, b.p_rho_d),
+            p_rho_t: mix(a.p_rho_t, b.p_rho_t),
+        }
     }
 }
 
@@ -119,7 +128,12 @@ mod tests {
             for t in [0.0213, 0.101, 0.19937, 0.477] {
                 let p = curve.at(f64::ln(t));
                 let exact = slab::exact::response(sa, ss, t);
-                assert!((p.ln_rho_t - exact.rho_t.ln()).abs() < 3e-6, "{sa} {ss} {t}: {} {}", p.ln_rho_t.exp(), exact.rho_t);
+                assert!(
+                    (p.ln_rho_t - exact.rho_t.ln()).abs() < 3e-6,
+                    "{sa} {ss} {t}: {} {}",
+                    p.ln_rho_t.exp(),
+                    exact.rho_t
+                );
                 assert!((p.ln_rho_d - exact.rho_d.ln()).abs() < 3e-6);
                 let e = 1e-4;
                 let slope = (curve.at(t.ln() + e).ln_rho_t - curve.at(t.ln() - e).ln_rho_t) / (2.0 * e);

@@ -1,4 +1,5 @@
-//! What can be wrong with a texel, by name. `mask.Y` holds 1 for a good texel, 0 outside the leaf, and these codes otherwise.
+//! What can be wrong with a texel, by name. `mask.Y` holds 1 for a good texel, 0 outside the leaf, and these codes
+//! otherwise.
 
 use crate::gloss::{NO_LIGHT, TexelFit};
 
@@ -19,11 +20,13 @@ pub enum Defect {
     ThicknessUndetermined,
     /// No thickness within a factor of twelve of h gives this transmittance.
     ThicknessRange,
-    /// The traces do not tell ρd from gloss: a texel that faces away from the camera or the tube, or one that two lobes fit equally well.
+    /// The traces do not tell ρd from gloss: a texel that faces away from the camera or the tube, or one that two lobes
+    /// fit equally well.
     Ambiguous,
     /// Dark within the noise in every channel and frame: it faces away from the camera, or lies in a shadow.
     NoLight,
-    /// The traces differ from every texel's by more than noise can (χ²): a hot pixel, dust on the leaf, something in the light's way.
+    /// The traces differ from every texel's by more than noise can (χ²): a hot pixel, dust on the leaf, something in
+    /// the light's way.
     Unexplained,
     /// Far brighter or darker than this leaf is anywhere else, in a way that no vein is: something lies on it.
     Foreign,
@@ -73,7 +76,8 @@ impl Defect {
         }
     }
 
-    /// Whether the reading failed and not the leaf: then its neighbours' values are the best guess of what would have been read.
+    /// Whether the reading failed and not the leaf: then its neighbours' values are the best guess of what would have
+    /// been read.
     pub fn failed_reading(self) -> bool {
         use Defect::{Energy, Foreign, NoReading, NotConverged, ThicknessRange, Transmission, Unexplained};
         matches!(self, NoReading | NotConverged | Energy | Transmission | ThicknessRange | Unexplained | Foreign)

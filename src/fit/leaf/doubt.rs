@@ -1,18 +1,19 @@
-//! What a leaf's measurements leave open beyond their stated noise: a tilt that no pass sees, reflectances at their bound, traces that no
-//! texel model explains, and the bounds of channels whose σa or σs is not determined.
+//! What a leaf's measurements leave open beyond their stated noise: a tilt that no pass sees, reflectances at their
+//! bound, traces that no texel model explains, and the bounds of channels whose σa or σs is not determined.
 
 use super::wide::{Common, Texel};
 use crate::leaf::noise::Level;
 use mesophyll_files::image::Maps;
 use mesophyll_optics::slab::inverse::{self, Estimate};
 
-/// Tilt out of the plane of travel (rad, standard deviation) that a single pass must be taken to miss, beside what it sees in its own plane.
+/// Tilt out of the plane of travel (rad, standard deviation) that a single pass must be taken to miss, beside what it
+/// sees in its own plane.
 pub const UNSEEN: f64 = 0.1;
 /// A misfit of this share of the value leaves no parameter within the 10 % that are promised.
 const MISFIT: f64 = 0.1;
 
-/// Relative error of all ρd together by the unseen tilts of a one-pass scan: a tube shows a texel tilted by t as darker by cos t, about t²/2,
-/// and the mean of that over the leaf is no noise.
+/// Relative error of all ρd together by the unseen tilts of a one-pass scan: a tube shows a texel tilted by t as darker
+/// by cos t, about t²/2, and the mean of that over the leaf is no noise.
 pub fn unseen_tilt(maps: &Maps, good: &[u32]) -> f64 {
     let x = maps.get("normal.X").unwrap_or(&[]);
     let seen = good.iter().map(|&k| f64::from(x[k as usize]).powi(2)).sum::<f64>() / good.len().max(1) as f64;
@@ -21,19 +22,24 @@ pub fn unseen_tilt(maps: &Maps, good: &[u32]) -> f64 {
 
 /// Errors that all ρd share. `unseen`: of [`unseen_tilt`], zero with two passes.
 pub fn common(texels: &[Texel], unseen: f64) -> Common {
-    // A ρd is never negative: near zero that lifts its mean, at zero by 0.4 of its error. E[max(0, x)] − μ = φ(z) − z Q(z) errors at
-    // z = μ/error, here by its rational approximation (exact at 0 in value and slope, and for large z).
+    // A ρd is never negative: near zero that lifts its mean, at zero by 0.4 of its error. E[max(0, x)] − μ = φ(z) − z
+    // Q(z) errors at z = μ/error, here by its rational approximation (exact at 0 in value and slope, and for large z).
     let lift = |z: f64| 0.398_942_28 * (-0.5 * z * z).exp() / (1.0 + 1.253_314_1 * z + z * z);
     let own = [0, 1, 2].map(|c: usize| {
         let sum: f64 = texels.iter().map(|x| x.rho_d[c]).sum();
-        let lifted: f64 = texels.iter().filter(|x| x.rho_d_err[c] > 0.0).map(|x| x.rho_d_err[c] * lift(x.rho_d[c] / x.rho_d_err[c])).sum();
+        let lifted: f64 = texels
+            .iter()
+            .filter(|x| x.rho_d_err[c] > 0.0)
+            .map(|x| x.rho_d_err[c] * lift(x.rho_d[c] / x.rho_d_err[c]))
+            .sum();
         if sum > 0.0 { lifted / sum } else { f64::INFINITY }
     });
     // Infinity stands for no reflectance at all; the covariance needs a number.
     Common { shared: unseen, own: own.map(|o| o.min(1e3)) }
 }
 
-/// Reduced χ² of the median texel, where the traces miss their model by more than noise can and by more than a tenth of the value.
+/// Reduced χ² of the median texel, where the traces miss their model by more than noise can and by more than a tenth of
+/// the value.
 pub fn unexplained(maps: &Maps, good: &[u32], level: &Level) -> Option<f64> {
     let (chi2, freedom) = (maps.get("chi2.Y").unwrap_or(&[]), maps.get("freedom.Y").unwrap_or(&[]));
     let mut reduced: Vec<(f64, f64)> = good
@@ -48,7 +54,13 @@ pub fn unexplained(maps: &Maps, good: &[u32], level: &Level) -> Option<f64> {
 }
 
 /// The slab that the mean texel of channel `c` says, its errors those of the mean.
-pub fn mean_texel(texels: &[Texel], c: usize, h: f64, rho_t_err: impl Fn(&Texel, usize) -> f64, common: &Common) -> Estimate {
+pub fn mean_texel(
+    texels: &[Texel],
+    c: usize,
+    h: f64,
+    rho_t_err: impl Fn(&Texel, usize) -> f64,
+    common: &Common,
+) -> Estimate {
     let n = texels.len().max(1) as f64;
     let mean = |f: &dyn Fn(&Texel) -> f64| texels.iter().map(f).sum::<f64>() / n;
     let (d, t) = (mean(&|x| x.rho_d[c]), mean(&|x| x.rho_t[c]));
@@ -56,10 +68,17 @@ pub fn mean_texel(texels: &[Texel], c: usize, h: f64, rho_t_err: impl Fn(&Texel,
     let t_err = mean(&|x| rho_t_err(x, c).powi(2)) / n;
     // Thickness that varies over the leaf makes the mean another slab's: its scatter counts in full.
     let scatter = mean(&|x| (x.rho_t[c] - t).powi(2)) / n;
-    inverse::invert(d, t, h, (d_err + (d * common.shared.hypot(common.own[c])).powi(2)).sqrt().min(1.0), (t_err + scatter).sqrt())
+    inverse::invert(
+        d,
+        t,
+        h,
+        (d_err + (d * common.shared.hypot(common.own[c])).powi(2)).sqrt().min(1.0),
+        (t_err + scatter).sqrt(),
+    )
 }
 
-/// Whether all that came through channel `c`, over the whole leaf, may be noise: its mean is less than 5.5 of its standard errors.
+/// Whether all that came through channel `c`, over the whole leaf, may be noise: its mean is less than 5.5 of its
+/// standard errors.
 pub fn opaque(texels: &[Texel], c: usize, rho_t_err: impl Fn(&Texel, usize) -> f64) -> bool {
     let sum: f64 = texels.iter().map(|x| x.rho_t[c]).sum();
     let variance: f64 = texels.iter().map(|x| rho_t_err(x, c).powi(2)).sum();
@@ -78,7 +97,8 @@ mod tests {
             let (a, b): (f64, f64) = (rng.random(), rng.random());
             (-2.0 * (1.0 - a).ln()).sqrt() * (std::f64::consts::TAU * b).cos()
         };
-        // Truly black: the mean of what is left above zero is all lift, and the stated common error must be about that large.
+        // Truly black: the mean of what is left above zero is all lift, and the stated common error must be about that
+        // large.
         let texels: Vec<Texel> = (0..20_000)
             .map(|_| Texel {
                 rho_d: [normal().max(0.0) * 1e-3; 3],

@@ -1,5 +1,5 @@
-//! Texels without a measurement take the value of the nearest good one, so that interpolation at the leaf's edge and around
-//! defects stays on the leaf. Filled values are not measurements: the mask says so.
+//! Texels without a measurement take the value of the nearest good one, so that interpolation at the leaf's edge and
+//! around defects stays on the leaf. Filled values are not measurements: the mask says so.
 
 use mesophyll_capture::grid::neighbours;
 use std::collections::VecDeque;

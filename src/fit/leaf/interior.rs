@@ -1,4 +1,5 @@
-//! From (ρd, ρt) a texel to the leaf's σa, σs, thickness h + δ and γ, by the exact or the paper's reduction, with what each leaves unexplained.
+//! From (ρd, ρt) a texel to the leaf's σa, σs, thickness h + δ and γ, by the exact or the paper's reduction, with what
+//! each leaves unexplained.
 
 use crate::Result;
 use crate::leaf::curve::{Curve, Incidence};
@@ -52,8 +53,8 @@ pub struct Fitted {
 }
 
 impl Fitted {
-    /// ρt and its standard error for a beam along the normal, whole images of one channel. Seen at an angle it is converted by the leaf's
-    /// slab at each texel's thickness, and is NaN off the good texels.
+    /// ρt and its standard error for a beam along the normal, whole images of one channel. Seen at an angle it is
+    /// converted by the leaf's slab at each texel's thickness, and is NaN off the good texels.
     pub fn rho_t(&self, c: usize) -> [Vec<f32>; 2] {
         [&self.measured.rho_t, &self.measured.rho_t_err].map(|plane| match &self.to_normal {
             None => plane.iter().map(|t| t[c]).collect(),
@@ -74,7 +75,14 @@ impl Fitted {
 }
 
 /// Reduces one side.
-pub fn fit(capture: &Capture, measured: Measured, maps: Maps, options: &Options, level: &Level, times: &mut Times) -> Result<Fitted> {
+pub fn fit(
+    capture: &Capture,
+    measured: Measured,
+    maps: Maps,
+    options: &Options,
+    level: &Level,
+    times: &mut Times,
+) -> Result<Fitted> {
     let manifest = &capture.manifest;
     let h = manifest.thickness_mm;
     let incidence = Incidence(manifest.lightbox.camera_deg.to_radians().cos());
@@ -94,7 +102,8 @@ pub fn fit(capture: &Capture, measured: Measured, maps: Maps, options: &Options,
         Settings { h, incidence, relative, robust: options.robust, iterations: 80, common }
     };
     let mut wide = wide::fit(&good.texels, &good.missing, start(&good.texels, h), &settings(&good.texels));
-    // What stands out of the fitted leaf is named, and the rest say what the leaf is. Outliers may hide others: three rounds.
+    // What stands out of the fitted leaf is named, and the rest say what the leaf is. Outliers may hide others: three
+    // rounds.
     for _ in 0..3 {
         let found = outliers::of_leaf(&good.texels, &wide, h);
         if found.is_empty() {
@@ -121,8 +130,10 @@ pub fn fit(capture: &Capture, measured: Measured, maps: Maps, options: &Options,
     let inverter = Inverter::new(incidence);
     let rho_t_err = |x: &Texel, c: usize| x.variance(c, x.rho_t[c], relative).sqrt();
     let error = |x: &Texel, c: usize| [x.rho_d_err[c], rho_t_err(x, c)];
-    let at_h: Vec<[Sigma; 3]> =
-        texels.par_iter().map(|x| [0, 1, 2].map(|c: usize| inverter.invert(x.rho_d[c], x.rho_t[c], h, error(x, c)))).collect();
+    let at_h: Vec<[Sigma; 3]> = texels
+        .par_iter()
+        .map(|x| [0, 1, 2].map(|c: usize| inverter.invert(x.rho_d[c], x.rho_t[c], h, error(x, c))))
+        .collect();
     let paper = paper::reduce(&texels, &at_h.iter().map(|s| s.map(|c| c.value)).collect::<Vec<_>>(), h);
     let mut figures = compare(&texels, &wide, &paper, h);
     figures.insert("stand_ins".into(), missing.len() as f64);
@@ -146,12 +157,20 @@ pub fn fit(capture: &Capture, measured: Measured, maps: Maps, options: &Options,
             (sigma_a, sigma_s) = (paper.sigma_a, paper.sigma_s);
             rel_a = [0, 1, 2].map(|c: usize| (paper.sigma_a_err[c] / paper.sigma_a[c]).hypot(gauge));
             rel_s = [0, 1, 2].map(|c: usize| (paper.sigma_s_err[c] / paper.sigma_s[c]).hypot(gauge));
-            termination = if sigma_a.iter().chain(&sigma_s).all(|v| v.is_finite()) { Termination::Direct } else { Termination::NotFinite };
+            termination = if sigma_a.iter().chain(&sigma_s).all(|v| v.is_finite()) {
+                Termination::Direct
+            } else {
+                Termination::NotFinite
+            };
             // Eq. 5 has no solution on dark veins: thickness stays unknown there (NaN), it is not invented.
             thickness = paper.thickness.clone();
             thickness_err = wide.locals.iter().map(|l| l.thickness_err).collect();
             gamma = paper.gamma.clone();
-            gamma_err = texels.iter().zip(&gamma).map(|(x, g)| [0, 1, 2].map(|c: usize| x.rho_d_err[c] * g[c] / x.rho_d[c])).collect();
+            gamma_err = texels
+                .iter()
+                .zip(&gamma)
+                .map(|(x, g)| [0, 1, 2].map(|c: usize| x.rho_d_err[c] * g[c] / x.rho_d[c]))
+                .collect();
             for (t, &k) in thickness.iter().zip(&at) {
                 if t.is_nan() {
                     mask[k as usize] = Defect::Transmission.code();
@@ -160,7 +179,8 @@ pub fn fit(capture: &Capture, measured: Measured, maps: Maps, options: &Options,
         }
     }
     for c in (0..3).filter(|&c| doubt::opaque(&texels, c, rho_t_err)) {
-        // Nothing comes through that noise could not be: the curvature where the fit stopped says nothing of thicker slabs.
+        // Nothing comes through that noise could not be: the curvature where the fit stopped says nothing of thicker
+        // slabs.
         (rel_a[c], rel_s[c]) = (f64::INFINITY, f64::INFINITY);
     }
     let bounds = [0, 1, 2].map(|c: usize| {
@@ -169,8 +189,11 @@ pub fn fit(capture: &Capture, measured: Measured, maps: Maps, options: &Options,
         }
         let mean = doubt::mean_texel(&texels, c, h, rho_t_err, &common);
         if options.method == Method::Exact {
-            // A direction that the joint problem has lost ends wherever it began: the mean texel's estimate stands instead.
-            for (value, relative, estimate) in [(&mut sigma_a[c], rel_a[c], mean.sigma_a), (&mut sigma_s[c], rel_s[c], mean.sigma_s)] {
+            // A direction that the joint problem has lost ends wherever it began: the mean texel's estimate stands
+            // instead.
+            for (value, relative, estimate) in
+                [(&mut sigma_a[c], rel_a[c], mean.sigma_a), (&mut sigma_s[c], rel_s[c], mean.sigma_s)]
+            {
                 if !relative.is_finite() && estimate.is_finite() {
                     *value = estimate;
                 }
@@ -183,7 +206,8 @@ pub fn fit(capture: &Capture, measured: Measured, maps: Maps, options: &Options,
     });
     let own = |k: usize| if thickness[k].is_finite() && thickness[k] > 0.0 { thickness[k] } else { h };
     let pigment = |(k, x): (usize, &Texel)| {
-        [0, 1, 2].map(|c: usize| inverter.invert_fitted(x.rho_d[c], x.rho_t[c], own(k), error(x, c), &wide.locals[k], c))
+        [0, 1, 2]
+            .map(|c: usize| inverter.invert_fitted(x.rho_d[c], x.rho_t[c], own(k), error(x, c), &wide.locals[k], c))
     };
     let sigma: Vec<[Sigma; 3]> = texels.par_iter().enumerate().map(pigment).collect();
     Ok(Fitted {
@@ -259,7 +283,9 @@ impl Good {
         let rho_d_err = ["err.rho_d.R", "err.rho_d.G", "err.rho_d.B"].map(channel);
         let texel = |k: usize| {
             let rho_t = measured.rho_t[k].map(f64::from);
-            let floor = |c: usize| (f64::from(measured.rho_t_err[k][c]).powi(2) - (relative * rho_t[c]).powi(2)).max(1e-18).sqrt();
+            let floor = |c: usize| {
+                (f64::from(measured.rho_t_err[k][c]).powi(2) - (relative * rho_t[c]).powi(2)).max(1e-18).sqrt()
+            };
             Texel {
                 rho_d: [0, 1, 2].map(|c: usize| f64::from(rho_d[c][k])),
                 rho_d_err: [0, 1, 2].map(|c: usize| f64::from(rho_d_err[c][k])),
@@ -288,7 +314,8 @@ fn start(texels: &[Texel], h: f64) -> [[f64; 2]; 3] {
     })
 }
 
-/// How much of the measured transmittance each reduction gives back: over the whole leaf and over its darkest tenth (the veins).
+/// How much of the measured transmittance each reduction gives back: over the whole leaf and over its darkest tenth
+/// (the veins).
 fn compare(texels: &[Texel], wide: &Wide, paper: &Paper, h: f64) -> BTreeMap<String, f64> {
     let mut order: Vec<usize> = (0..texels.len()).collect();
     order.sort_unstable_by(|&a, &b| texels[a].rho_t[1].total_cmp(&texels[b].rho_t[1]));
@@ -303,7 +330,8 @@ fn compare(texels: &[Texel], wide: &Wide, paper: &Paper, h: f64) -> BTreeMap<Str
         paper::transmittance(paper, if t.is_nan() { f64::INFINITY } else { t })
     };
     let rms = |list: &[usize], model: &dyn Fn(usize) -> [f64; 3]| {
-        let sum: f64 = list.iter().map(|&k| (0..3).map(|c| (model(k)[c] - texels[k].rho_t[c]).powi(2)).sum::<f64>()).sum();
+        let sum: f64 =
+            list.iter().map(|&k| (0..3).map(|c| (model(k)[c] - texels[k].rho_t[c]).powi(2)).sum::<f64>()).sum();
         (sum / (3 * list.len()) as f64).sqrt()
     };
     let chi2: f64 = wide.locals.iter().map(|l| l.chi2).sum();

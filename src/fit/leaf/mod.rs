@@ -1,7 +1,8 @@
-//! The leaf fit: calibrated frames → ρd, ρs, m and normal a texel → transmittance → σa, σs, h + δ, γ → blade and maps on disk.
+//! The leaf fit: calibrated frames → ρd, ρs, m and normal a texel → transmittance → σa, σs, h + δ, γ → blade and maps
+//! on disk.
 //!
-//! The main path is [`run`]: open, texels (resumable, shardable), then side by side interior, comparison with the truth where it
-//! is known, blade, and the fit folder that `data/README.md` and the crate's README describe.
+//! The main path is [`run`]: open, texels (resumable, shardable), then side by side interior, comparison with the truth
+//! where it is known, blade, and the fit folder that `data/README.md` and the crate's README describe.
 
 pub mod blade;
 pub mod curve;
@@ -105,7 +106,11 @@ pub enum Outcome {
 /// Hash of everything that decides the result: the capture's content, the options, the program version.
 pub fn input_hash(capture: &Capture, options: &Options) -> Result<String> {
     let content = capture.hash()?;
-    Ok(hash::combine([("capture", content.as_str()), ("options", &options.describe()), ("program", env!("CARGO_PKG_VERSION"))]))
+    Ok(hash::combine([
+        ("capture", content.as_str()),
+        ("options", &options.describe()),
+        ("program", env!("CARGO_PKG_VERSION")),
+    ]))
 }
 
 /// Fits `capture` into the folder `out`.
@@ -134,10 +139,13 @@ pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     let parts = out.join(format!("parts-{}", &input[..12]));
     let manifest = &capture.manifest;
     let step = Instant::now();
-    let split = |travel| manifest.pass(travel).map_or_else(Default::default, |p| options.hold_out.split(travel, p.positions().len()));
+    let split = |travel| {
+        manifest.pass(travel).map_or_else(Default::default, |p| options.hold_out.split(travel, p.positions().len()))
+    };
     let splits = Splits { x: split(Travel::X), y: split(Travel::Y) };
     let level = noise::level(&capture, &splits)?;
-    let sides = manifest.sides.iter().map(|&s| side::Measured::read(&capture, s, &level)).collect::<Result<Vec<_>>>()?;
+    let sides =
+        manifest.sides.iter().map(|&s| side::Measured::read(&capture, s, &level)).collect::<Result<Vec<_>>>()?;
     phases.add("light box and mask", step);
 
     let camera = manifest.camera_deg.to_radians();
@@ -160,7 +168,15 @@ pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     fitter.unseen = if y.is_none() { doubt::UNSEEN } else { 0.0 };
     let jobs: Vec<Job> = sides
         .iter()
-        .map(|s| Job { capture: &capture, side: s.side, mask: &s.mask, fitter: &fitter, level: &level, splits: &splits, parts: &parts })
+        .map(|s| Job {
+            capture: &capture,
+            side: s.side,
+            mask: &s.mask,
+            fitter: &fitter,
+            level: &level,
+            splits: &splits,
+            parts: &parts,
+        })
         .collect();
     if !options.merge {
         let bar = Bar::new("fitting texels", sides.iter().map(|s| s.count() as u64).sum());
@@ -181,7 +197,10 @@ pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
             None => {
                 let missing = jobs.iter().map(|j| (0..j.count()).filter(|&p| !j.path(p).exists()).count()).sum();
                 if options.merge {
-                    return Err(Error::Missed(format!("{}: {missing} parts are missing; run every shard before --merge", parts.display())));
+                    return Err(Error::Missed(format!(
+                        "{}: {missing} parts are missing; run every shard before --merge",
+                        parts.display()
+                    )));
                 }
                 return Ok(Outcome::ShardDone { missing });
             }
@@ -198,8 +217,11 @@ pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
         ..FitRecord::default()
     };
     output::describe(&mut record, &capture, options, &level, &splits);
-    let mut times =
-        Times { capture: Some(capture.folder.display().to_string()), threads: rayon::current_num_threads(), ..Times::default() };
+    let mut times = Times {
+        capture: Some(capture.folder.display().to_string()),
+        threads: rayon::current_num_threads(),
+        ..Times::default()
+    };
     let mut done = Vec::new();
     for (measured, maps) in sides.into_iter().zip(merged) {
         let step = Instant::now();

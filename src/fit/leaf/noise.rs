@@ -6,8 +6,8 @@ use crate::leaf::held_out::Splits;
 use mesophyll_capture::manifest::{SideName, Travel};
 use mesophyll_capture::reader::Capture;
 
-/// Standard deviation √((relative·value)² + floor²) of a value as the camera recorded it, before the dark frame is taken off and before
-/// division by the white sheet.
+/// Standard deviation √((relative·value)² + floor²) of a value as the camera recorded it, before the dark frame is
+/// taken off and before division by the white sheet.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Level {
     pub relative: f64,
@@ -21,8 +21,8 @@ pub struct Level {
     pub dark: f64,
     /// Estimated, not stated.
     pub estimated: bool,
-    /// How rough the traces are over how rough the noise would make them, whatever their model: 1 where the noise is as stated. `None` where
-    /// the noise is not stated, or there are too few frames to tell.
+    /// How rough the traces are over how rough the noise would make them, whatever their model: 1 where the noise is as
+    /// stated. `None` where the noise is not stated, or there are too few frames to tell.
     pub seen: Option<f64>,
 }
 
@@ -38,7 +38,9 @@ impl Level {
         let of = |(t, gain): (&[u32; 2], [f64; 3])| {
             let dark = match capture.dark() {
                 // Noise that was estimated from calibrated traces already holds the dark level's part.
-                Some(dark) if !self.estimated => dark[t[1] as usize * width + t[0] as usize].map(|d| f64::from(d).max(0.0)),
+                Some(dark) if !self.estimated => {
+                    dark[t[1] as usize * width + t[0] as usize].map(|d| f64::from(d).max(0.0))
+                }
                 _ => [0.0; 3],
             };
             ReadingNoise {
@@ -52,7 +54,8 @@ impl Level {
     }
 }
 
-/// The texel model is integrated to about 1e-5 (`optics/tube`): claiming less noise would weigh its own error as signal.
+/// The texel model is integrated to about 1e-5 (`optics/tube`): claiming less noise would weigh its own error as
+/// signal.
 pub const LEAST_RELATIVE: f64 = 2e-5;
 const LEAST_FLOOR: f64 = 1e-7;
 
@@ -70,7 +73,8 @@ pub fn level(capture: &Capture, splits: &Splits) -> Result<Level> {
     };
     let (relative, floor) = (relative.max(LEAST_RELATIVE), floor.max(LEAST_FLOOR));
     let empty = capture.lightbox_empty()?;
-    let lightbox = roughness(&empty, m.width).map_or(1.0, |(sd, value)| (sd / (relative * value).hypot(floor)).clamp(1e-3, 1.0));
+    let lightbox =
+        roughness(&empty, m.width).map_or(1.0, |(sd, value)| (sd / (relative * value).hypot(floor)).clamp(1e-3, 1.0));
     let dark = capture.dark().and_then(|d| roughness(d, m.width)).map_or(0.0, |(sd, _)| sd);
     let mut level = Level { relative, floor, median_gain, lightbox, dark, estimated: stated.is_none(), seen: None };
     if !level.estimated {
@@ -80,7 +84,8 @@ pub fn level(capture: &Capture, splits: &Splits) -> Result<Level> {
     Ok(level)
 }
 
-/// Noise of the empty light box, which is smooth: median third difference along rows (20 times a sample's variance), and its median value.
+/// Noise of the empty light box, which is smooth: median third difference along rows (20 times a sample's variance),
+/// and its median value.
 fn roughness(image: &[[f32; 3]], width: usize) -> Option<(f64, f64)> {
     let (mut differences, mut values) = (Vec::new(), Vec::new());
     for row in image.chunks(width) {
@@ -105,8 +110,8 @@ fn roughness(image: &[[f32; 3]], width: usize) -> Option<(f64, f64)> {
     Some((median(&mut differences) / 0.6745, median(&mut values)))
 }
 
-/// Fourth differences of the traces (three channels a texel, in turn) in units of what the noise makes of them: their robust standard
-/// deviation. They cancel what is as smooth as the tube's fall-off.
+/// Fourth differences of the traces (three channels a texel, in turn) in units of what the noise makes of them: their
+/// robust standard deviation. They cancel what is as smooth as the tube's fall-off.
 fn roughness_of_traces(traces: &[Vec<f64>], noise: &[ReadingNoise]) -> Option<f64> {
     const WEIGHTS: [f64; 5] = [1.0, -4.0, 6.0, -4.0, 1.0];
     let mut all: Vec<f64> = Vec::new();
@@ -129,7 +134,8 @@ fn roughness_of_traces(traces: &[Vec<f64>], noise: &[ReadingNoise]) -> Option<f6
     Some(*all.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.674_489_75)
 }
 
-/// Traces of texels across the middle rows, NaN in the frames that the fit leaves out: the texels, and three channels of each in turn.
+/// Traces of texels across the middle rows, NaN in the frames that the fit leaves out: the texels, and three channels
+/// of each in turn.
 fn sample(capture: &Capture, splits: &Splits) -> Result<(Vec<[u32; 2]>, Vec<Vec<f64>>)> {
     let m = &capture.manifest;
     let rows = m.height / 2..(m.height / 2 + 2).min(m.height);
@@ -146,8 +152,9 @@ fn sample(capture: &Capture, splits: &Splits) -> Result<(Vec<[u32; 2]>, Vec<Vec<
     Ok((texels, traces))
 }
 
-/// Fits variance = (r·value)² + f² to third differences, whose expectation over a smooth trace is only noise: a third difference of
-/// independent samples has 20 times their variance. Medians keep the glossy peak, where third differences are signal, from counting.
+/// Fits variance = (r·value)² + f² to third differences, whose expectation over a smooth trace is only noise: a third
+/// difference of independent samples has 20 times their variance. Medians keep the glossy peak, where third differences
+/// are signal, from counting.
 fn estimate(traces: &[Vec<f64>]) -> (f64, f64) {
     let mut points: Vec<(f64, f64)> = Vec::new();
     for trace in traces {

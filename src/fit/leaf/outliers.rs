@@ -1,8 +1,10 @@
-//! Texels that are not what the rest of the leaf is, by name, and the neighbours that stand for them in the leaf's means.
+//! Texels that are not what the rest of the leaf is, by name, and the neighbours that stand for them in the leaf's
+//! means.
 //!
-//! One hot pixel among thousands of texels must not move σa: the gauges (mean thickness h, mean γ 1) are plain means, so a texel that is
-//! wild is taken out of them by name. All limits are set against the leaf's own scatter (median and median absolute deviation, which hold
-//! until half of the texels are wild), and wide enough that neither noise nor a vein reaches them.
+//! One hot pixel among thousands of texels must not move σa: the gauges (mean thickness h, mean γ 1) are plain means,
+//! so a texel that is wild is taken out of them by name. All limits are set against the leaf's own scatter (median and
+//! median absolute deviation, which hold until half of the texels are wild), and wide enough that neither noise nor a
+//! vein reaches them.
 
 use super::curve::RANGE;
 use super::defect::Defect;
@@ -19,7 +21,8 @@ const BRIGHTNESS: f64 = 8.0;
 const TRANSMITTANCE_CHI2: f64 = 80.0;
 /// Together with that χ²: a thickness this many times the leaf's median, or a part of it.
 const THICKNESS: f64 = 3.0;
-/// Neighbours within this many texels may stand for a missing one, from the smallest square that holds [`CANDIDATES`] good texels (or any).
+/// Neighbours within this many texels may stand for a missing one, from the smallest square that holds [`CANDIDATES`]
+/// good texels (or any).
 const REACH: usize = 6;
 const CANDIDATES: usize = 40;
 /// Of these, as many stand for it as are most like it in what comes through: a vein for a vein, lamina for lamina.
@@ -40,8 +43,8 @@ fn spread(values: &[f64]) -> (f64, f64) {
     (centre, 1.4826 * median(values.iter().map(|v| (v - centre).abs()).collect()))
 }
 
-/// Texels of `mask` whose traces' χ² no noise explains: far above 1, and far above what this leaf's texels have. Where the stated noise or
-/// the model is off, all texels' χ² is high alike, and none stands out.
+/// Texels of `mask` whose traces' χ² no noise explains: far above 1, and far above what this leaf's texels have. Where
+/// the stated noise or the model is off, all texels' χ² is high alike, and none stands out.
 pub fn unexplained(maps: &Maps, mask: &[bool]) -> Vec<bool> {
     let (chi2, freedom) = (maps.get("chi2.Y").unwrap_or(&[]), maps.get("freedom.Y").unwrap_or(&[]));
     let code = maps.get("mask.Y").unwrap_or(&[]);
@@ -53,7 +56,8 @@ pub fn unexplained(maps: &Maps, mask: &[bool]) -> Vec<bool> {
         }
         _ => None,
     };
-    let all: Vec<f64> = (0..mask.len()).filter(|&k| code[k] == 1.0).filter_map(reduced).map(|(r, _)| r.max(1e-9).ln()).collect();
+    let all: Vec<f64> =
+        (0..mask.len()).filter(|&k| code[k] == 1.0).filter_map(reduced).map(|(r, _)| r.max(1e-9).ln()).collect();
     let (centre, scatter) = spread(&all);
     (0..mask.len())
         .map(|k| {
@@ -80,7 +84,10 @@ pub fn of_leaf(texels: &[Texel], wide: &Wide, h: f64) -> Vec<(usize, Defect)> {
             let (centre, scatter) = gamma[c];
             let far = (SCATTERS * scatter).max(BRIGHTNESS.ln());
             // Four standard errors of ρd are given to it.
-            let (l, error) = (&wide.locals[k], 4.0 * texels[k].rho_d_err[c] / texels[k].rho_d[c].max(1e-9) * wide.locals[k].gamma[c]);
+            let (l, error) = (
+                &wide.locals[k],
+                4.0 * texels[k].rho_d_err[c] / texels[k].rho_d[c].max(1e-9) * wide.locals[k].gamma[c],
+            );
             l.gamma[c] - error > (centre + far).exp() || l.gamma[c] + error < (centre - far).exp()
         })
     };
@@ -100,8 +107,9 @@ pub fn of_leaf(texels: &[Texel], wide: &Wide, h: f64) -> Vec<(usize, Defect)> {
         .collect()
 }
 
-/// For every texel whose reading failed ([`Defect::failed_reading`]), the good texels around it that let through what it lets through: lists
-/// of places in `at`. `rho_t` is what was measured of every texel. A failed texel without good ones near has none.
+/// For every texel whose reading failed ([`Defect::failed_reading`]), the good texels around it that let through what
+/// it lets through: lists of places in `at`. `rho_t` is what was measured of every texel. A failed texel without good
+/// ones near has none.
 pub fn stand_ins(mask: &[i16], at: &[u32], rho_t: &[[f32; 3]], width: usize) -> Vec<StandIns> {
     let mut place = vec![u32::MAX; mask.len()];
     for (n, &k) in at.iter().enumerate() {
@@ -111,16 +119,19 @@ pub fn stand_ins(mask: &[i16], at: &[u32], rho_t: &[[f32; 3]], width: usize) -> 
     let near = |k: usize, r: usize| -> StandIns {
         let (i, j) = (k % width, k / width);
         let rows = j.saturating_sub(r)..(j + r + 1).min(height);
-        let all = rows.flat_map(|row| (i.saturating_sub(r)..(i + r + 1).min(width)).map(move |column| row * width + column));
+        let all =
+            rows.flat_map(|row| (i.saturating_sub(r)..(i + r + 1).min(width)).map(move |column| row * width + column));
         all.map(|k| place[k]).filter(|n| *n != u32::MAX).collect()
     };
     let around = |k: usize| {
-        let mut list = (1..=REACH).map(|r| near(k, r)).find(|list| list.len() >= CANDIDATES).unwrap_or_else(|| near(k, REACH));
+        let mut list =
+            (1..=REACH).map(|r| near(k, r)).find(|list| list.len() >= CANDIDATES).unwrap_or_else(|| near(k, REACH));
         let away = |n: u32| -> f32 {
             let (a, b) = (&rho_t[k], &rho_t[at[n as usize] as usize]);
             a.iter().zip(b).map(|(a, b)| (a.max(1e-4) / b.max(1e-4)).ln().powi(2)).sum()
         };
-        let seen = rho_t[k].iter().all(|t| *t > 0.0 && *t < 1.0) && !Defect::from_code(mask[k]).is_some_and(Defect::of_light_box);
+        let seen = rho_t[k].iter().all(|t| *t > 0.0 && *t < 1.0)
+            && !Defect::from_code(mask[k]).is_some_and(Defect::of_light_box);
         if seen {
             // Equally like ones in their order, so that the list is the same on every run.
             list.sort_by(|a, b| away(*a).total_cmp(&away(*b)));

@@ -52,12 +52,18 @@ pub fn describe(record: &mut FitRecord, capture: &Capture, options: &Options, le
     say("lightbox_camera_deg", format!("{:?}", m.lightbox.camera_deg));
     say(
         "filled",
-        "where mask.Y is not 1, maps hold the nearest good texel's value so that interpolation at edges stays on the leaf".into(),
+        "where mask.Y is not 1, maps hold the nearest good texel's value so that interpolation at edges stays on the \
+         leaf"
+            .into(),
     );
     // What the mirror strip says of the tube's place and the camera's angle: without one nothing in the capture can.
     let mut looked = Inspection::default();
     mirror::look(&capture.folder, m, &mut looked);
-    let mirror = if looked.warnings.is_empty() { looked.notes.join("; ") } else { format!("warning: {}", looked.warnings.join("; ")) };
+    let mirror = if looked.warnings.is_empty() {
+        looked.notes.join("; ")
+    } else {
+        format!("warning: {}", looked.warnings.join("; "))
+    };
     // A fit does not say where its capture lay.
     say(MIRROR, mirror.replace(&format!("{}/", capture.folder.display()), ""));
     record.defects = Defect::ALL.iter().map(|d| (d.code().to_string(), d.name().to_string())).collect();
@@ -70,7 +76,9 @@ pub fn blade(capture: &Capture, sides: &[Fitted]) -> Option<Blade> {
     let front = sides.iter().find(|s| s.side == SideName::Front)?;
     let mut slopes: Vec<Option<[f64; 2]>> = vec![None; grid.width * grid.height];
     for fitted in sides {
-        let (Some(x), Some(y), Some(z)) = (fitted.maps.get("normal.X"), fitted.maps.get("normal.Y"), fitted.maps.get("normal.Z")) else {
+        let (Some(x), Some(y), Some(z)) =
+            (fitted.maps.get("normal.X"), fitted.maps.get("normal.Y"), fitted.maps.get("normal.Z"))
+        else {
             continue;
         };
         for &k in &fitted.at {
@@ -82,7 +90,9 @@ pub fn blade(capture: &Capture, sides: &[Fitted]) -> Option<Blade> {
             // z′ = −z and x′ = −x behind the leaf: dz/dx keeps its sign, dz/dy changes it.
             let (at, slope) = match fitted.side {
                 SideName::Front => (k, [-n[0] / n[2], -n[1] / n[2]]),
-                SideName::Back => (k / grid.width * grid.width + grid.width - 1 - k % grid.width, [-n[0] / n[2], n[1] / n[2]]),
+                SideName::Back => {
+                    (k / grid.width * grid.width + grid.width - 1 - k % grid.width, [-n[0] / n[2], n[1] / n[2]])
+                }
             };
             slopes[at] = Some(match slopes[at] {
                 Some(other) => [0.5 * (other[0] + slope[0]), 0.5 * (other[1] + slope[1])],
@@ -109,7 +119,8 @@ pub fn side(
     write_exr(&map_path(out, fitted.side, "err"), &errors, Packing::Zip)?;
     let m = &capture.manifest;
     let grid = Grid { width: m.width, height: m.height, texel: m.texel_mm };
-    // What the report sets the σ maps against: no part of the fit, so it is not hashed. An earlier fit's truth is not this one's.
+    // What the report sets the σ maps against: no part of the fit, so it is not hashed. An earlier fit's truth is not
+    // this one's.
     match &truth.pigment {
         Some(pigment) => write_exr(&map_path(out, fitted.side, "truth"), pigment, Packing::Zip)?,
         None => drop(std::fs::remove_file(map_path(out, fitted.side, "truth"))),
@@ -119,7 +130,8 @@ pub fn side(
     if let Some(frames) = &judged.stored {
         write_exr(&map_path(out, fitted.side, "held_out"), frames, Packing::Zip)?;
     }
-    let section = Section { held_out: judged.passes, light_box: judged.light_box, ..section(capture, fitted, level, truth) };
+    let section =
+        Section { held_out: judged.passes, light_box: judged.light_box, ..section(capture, fitted, level, truth) };
     record.sections.insert(fitted.side.name().into(), section);
     Ok(())
 }
@@ -168,7 +180,9 @@ fn maps(fitted: &Fitted, capture: &Capture) -> (Maps, Maps) {
         plane
     };
     // Errors are measurements' own: NaN where there is none.
-    let bare = |plane: Vec<f32>| -> Vec<f32> { plane.iter().zip(&good).map(|(v, g)| if *g { *v } else { f32::NAN }).collect() };
+    let bare = |plane: Vec<f32>| -> Vec<f32> {
+        plane.iter().zip(&good).map(|(v, g)| if *g { *v } else { f32::NAN }).collect()
+    };
     let scatter = |value: &dyn Fn(usize) -> f64| {
         let mut plane = vec![f32::NAN; n];
         for (k, &at) in fitted.at.iter().enumerate() {
@@ -176,7 +190,8 @@ fn maps(fitted: &Fitted, capture: &Capture) -> (Maps, Maps) {
         }
         plane
     };
-    let copied = ["rho_d.R", "rho_d.G", "rho_d.B", "rho_s.R", "rho_s.G", "rho_s.B", "m.Y", "normal.X", "normal.Y", "normal.Z"];
+    let copied =
+        ["rho_d.R", "rho_d.G", "rho_d.B", "rho_s.R", "rho_s.G", "rho_s.B", "m.Y", "normal.X", "normal.Y", "normal.Z"];
     for name in copied {
         if name == "m.Y" {
             values.push(name, slope(fitted, &good, width, height));
@@ -205,13 +220,14 @@ fn maps(fitted: &Fitted, capture: &Capture) -> (Maps, Maps) {
     }
     values.push("mask.Y", fitted.mask.iter().map(|m| f32::from(*m)).collect());
     let (chi2, freedom) = (fitted.maps.get("chi2.Y").unwrap_or(&[]), fitted.maps.get("freedom.Y").unwrap_or(&[]));
-    let reduced = chi2.iter().zip(freedom).zip(&good).map(|((c, f), g)| if *g && *f > 0.0 { c / f } else { f32::NAN }).collect();
+    let reduced =
+        chi2.iter().zip(freedom).zip(&good).map(|((c, f), g)| if *g && *f > 0.0 { c / f } else { f32::NAN }).collect();
     values.push("reduced_chi2.Y", reduced);
     (values, errors)
 }
 
-/// Slope m with matte texels (ρs = 0, m undetermined: its error is infinite) given the nearest glossy one's, so that no renderer meets a
-/// hole; a leaf without any gloss gets a broad lobe of no weight.
+/// Slope m with matte texels (ρs = 0, m undetermined: its error is infinite) given the nearest glossy one's, so that no
+/// renderer meets a hole; a leaf without any gloss gets a broad lobe of no weight.
 fn slope(fitted: &Fitted, good: &[bool], width: usize, height: usize) -> Vec<f32> {
     let mut plane = fitted.maps.get("m.Y").map(<[f32]>::to_vec).unwrap_or_default();
     let known: Vec<bool> = good.iter().zip(&plane).map(|(g, m)| *g && m.is_finite()).collect();
@@ -241,7 +257,8 @@ fn section(capture: &Capture, fitted: &Fitted, level: &Level, truth: Comparison)
     s.terminations.insert(format!("leaf_wide:{}", fitted.termination.name()), 1);
     s.residuals.insert("gloss".into(), gloss_residuals(fitted, m.width));
     let chi2: f64 = fitted.wide.locals.iter().map(|l| l.chi2).sum();
-    let worst = fitted.wide.locals.iter().enumerate().fold((0, 0.0), |a, (k, l)| if l.chi2 > a.1 { (k, l.chi2) } else { a });
+    let worst =
+        fitted.wide.locals.iter().enumerate().fold((0, 0.0), |a, (k, l)| if l.chi2 > a.1 { (k, l.chi2) } else { a });
     let at = fitted.at.get(worst.0).map_or(0, |k| *k as usize);
     s.residuals.insert(
         "transmittance".into(),
@@ -276,7 +293,8 @@ fn section(capture: &Capture, fitted: &Fitted, level: &Level, truth: Comparison)
                 Some(format!("{name}: relative standard error {:.2}{bounds}", relative[c]))
             })
             .collect();
-        let stderr = [0, 1, 2].map(|c: usize| if relative[c].is_finite() { value[c] * relative[c] } else { f64::INFINITY });
+        let stderr =
+            [0, 1, 2].map(|c: usize| if relative[c].is_finite() { value[c] * relative[c] } else { f64::INFINITY });
         let stderr_caliper = if caliper > 0.0 { value.iter().map(|v| v * caliper).collect() } else { Vec::new() };
         Param { value: value.to_vec(), stderr: stderr.to_vec(), stderr_caliper, unit: "1/mm".into(), undetermined }
     };

@@ -1,8 +1,8 @@
-//! The paper's reduction (W §3, "Fitting BRDF and BTDF"): solve σa and σs at every texel with thickness h, average over the leaf,
-//! then γ and δ from Eq. 5 with A and B frozen at the averages.
+//! The paper's reduction (W §3, "Fitting BRDF and BTDF"): solve σa and σs at every texel with thickness h, average over
+//! the leaf, then γ and δ from Eq. 5 with A and B frozen at the averages.
 //!
-//! Kept by name (`--method paper`) so that both can be reported. Freezing B makes Eq. 5 take the logarithm of a negative number
-//! wherever ρt falls below B ω/2: such texels get no δ and are counted.
+//! Kept by name (`--method paper`) so that both can be reported. Freezing B makes Eq. 5 take the logarithm of a
+//! negative number wherever ρt falls below B ω/2: such texels get no δ and are counted.
 
 use crate::leaf::wide::Texel;
 use mesophyll_optics::slab;

@@ -20,7 +20,8 @@ impl Measured {
         let (leaf, empty) = capture.lightbox(side)?;
         // The floor is of calibrated values; photographs of the box are in the camera's.
         let floor = level.camera_floor() * level.lightbox;
-        let (rho_t, rho_t_err) = transmittance(&leaf, &empty, level.relative * level.lightbox, floor, level.dark, capture.dark());
+        let (rho_t, rho_t_err) =
+            transmittance(&leaf, &empty, level.relative * level.lightbox, floor, level.dark, capture.dark());
         let (width, height) = (capture.manifest.width, capture.manifest.height);
         let mask = match capture.mask()? {
             Some(front) if side == SideName::Front => front,
@@ -29,7 +30,11 @@ impl Measured {
             None => mask_from_transmission(&rho_t, width, height),
         };
         if !mask.contains(&true) {
-            let path = capture.folder.join(if capture.folder.join("mask.exr").exists() { "mask.exr" } else { "front/lightbox.exr" });
+            let path = capture.folder.join(if capture.folder.join("mask.exr").exists() {
+                "mask.exr"
+            } else {
+                "front/lightbox.exr"
+            });
             return Err(Error::input(
                 &path,
                 "no texel is on the leaf; expected a leaf darker than the bare light box, or a mask with ones",

@@ -1,7 +1,8 @@
 //! σa and σs a texel and channel: the slab inverted with the texel's own thickness (the pigment representation).
 //!
-//! Their errors hold the noise of the texel's ρd and ρt and that of its thickness, which is found from the same ρt of all three channels. They do
-//! not hold what all texels share: the caliper's reading, and the errors of the leaf's own σa and σs.
+//! Their errors hold the noise of the texel's ρd and ρt and that of its thickness, which is found from the same ρt of
+//! all three channels. They do not hold what all texels share: the caliper's reading, and the errors of the leaf's own
+//! σa and σs.
 
 use crate::leaf::curve::Incidence;
 use crate::leaf::wide::Local;
@@ -29,12 +30,21 @@ impl Inverter {
         Inverter { oblique: (incidence.0 != 1.0).then(|| Oblique::new(incidence.0)) }
     }
 
-    /// σ of one texel and channel `c`, its thickness found from its own ρt; `error` are the standard errors of (ρd, ρt).
+    /// σ of one texel and channel `c`, its thickness found from its own ρt; `error` are the standard errors of (ρd,
+    /// ρt).
     ///
-    /// The thickness moves with the ρt of all three channels: d ln t = Σ pull · dρt. At fixed ρd and ρt the optical depths σa·t and σs·t stay,
-    /// so that dσ = ∂σ/∂ρd · dρd + ∂σ/∂ρt · dρt − σ · d ln t. The two parts of this channel's ρt nearly cancel in σa and are added before they
-    /// are squared.
-    pub fn invert_fitted(&self, rho_d: f64, rho_t: f64, thickness: f64, error: [f64; 2], local: &Local, c: usize) -> Sigma {
+    /// The thickness moves with the ρt of all three channels: d ln t = Σ pull · dρt. At fixed ρd and ρt the optical
+    /// depths σa·t and σs·t stay, so that dσ = ∂σ/∂ρd · dρd + ∂σ/∂ρt · dρt − σ · d ln t. The two parts of this
+    /// channel's ρt nearly cancel in σa and are added before they are squared.
+    pub fn invert_fitted(
+        &self,
+        rho_d: f64,
+        rho_t: f64,
+        thickness: f64,
+        error: [f64; 2],
+        local: &Local,
+        c: usize,
+    ) -> Sigma {
         let found = self.invert(rho_d, rho_t, thickness, error);
         let inverse = self.jacobian(found.value, thickness).try_inverse();
         // Where ρd and ρt alone bound nothing, a thickness adds nothing.
@@ -100,7 +110,8 @@ impl Inverter {
     }
 }
 
-/// q = ln ρt(μ₀) − ln ρt(1) on a grid over (logit ω, ln Δ), interpolated by cubics through the four nearest nodes each way.
+/// q = ln ρt(μ₀) − ln ρt(1) on a grid over (logit ω, ln Δ), interpolated by cubics through the four nearest nodes each
+/// way.
 #[derive(Debug)]
 struct Oblique {
     q: Vec<f64>,
@@ -132,8 +143,9 @@ impl Oblique {
     }
 
     fn ratio(&self, sigma_a: f64, sigma_s: f64, thickness: f64) -> f64 {
-        let place =
-            |v: f64, range: [f64; 2], n: usize| ((v - range[0]) / (range[1] - range[0]) * (n - 1) as f64).clamp(0.0, (n - 1) as f64);
+        let place = |v: f64, range: [f64; 2], n: usize| {
+            ((v - range[0]) / (range[1] - range[0]) * (n - 1) as f64).clamp(0.0, (n - 1) as f64)
+        };
         let x = place((sigma_s / sigma_a.max(1e-300)).ln(), OMEGA, SIZE[0]);
         let y = place(((sigma_a + sigma_s) * thickness).ln(), DELTA, SIZE[1]);
         let (i, u) = cubic(x, SIZE[0]);
@@ -173,7 +185,9 @@ mod tests {
         for mu0 in [1.0, 55f64.to_radians().cos()] {
             let inverter = Inverter::new(Incidence(mu0));
             for (a, s) in [(2.6, 16.0), (9.0, 18.0), (0.4, 25.0)] {
-                let measured = |a: f64, s: f64| [slab::exact::response(a, s, h).rho_d, slab::exact::response_at(mu0, a, s, h).rho_t];
+                let measured = |a: f64, s: f64| {
+                    [slab::exact::response(a, s, h).rho_d, slab::exact::response_at(mu0, a, s, h).rho_t]
+                };
                 let found = inverter.jacobian([a, s], h);
                 for (column, da, ds) in [(0, 1e-3 * a, 0.0), (1, 0.0, 1e-3 * s)] {
                     let [up, down] = [measured(a + da, s + ds), measured(a - da, s - ds)];

@@ -1,7 +1,8 @@
-//! The texel phase: bands of rows are read from all frames, every texel is fitted, and each band is kept as a part file.
+//! The texel phase: bands of rows are read from all frames, every texel is fitted, and each band is kept as a part
+//! file.
 //!
-//! A part is the unit of resuming and of sharding: it is written whole under `parts/`, named by side and first row, and does not
-//! depend on which process or how many threads made it.
+//! A part is the unit of resuming and of sharding: it is written whole under `parts/`, named by side and first row, and
+//! does not depend on which process or how many threads made it.
 
 use crate::gloss::{TexelFit, TexelFitter};
 use crate::leaf::defect::Defect;
@@ -81,8 +82,8 @@ impl Job<'_> {
         self.parts.join(format!("{}-{:05}.exr", self.side.name(), part * ROWS))
     }
 
-    /// Fits every part of the shard that is not there yet. `first` is the number of parts of the sides before this one, so that
-    /// shards balance over both sides.
+    /// Fits every part of the shard that is not there yet. `first` is the number of parts of the sides before this one,
+    /// so that shards balance over both sides.
     ///
     /// # Errors
     /// [`Error::Interrupted`] after a stop was asked for, with every finished part on disk.
@@ -109,7 +110,9 @@ impl Job<'_> {
     /// Texels on the leaf in one part.
     fn texels(&self, part: usize) -> Vec<[u32; 2]> {
         let width = self.capture.manifest.width;
-        self.rows(part).flat_map(|j| (0..width).filter(move |i| self.mask[j * width + i]).map(move |i| [i as u32, j as u32])).collect()
+        self.rows(part)
+            .flat_map(|j| (0..width).filter(move |i| self.mask[j * width + i]).map(move |i| [i as u32, j as u32]))
+            .collect()
     }
 
     fn fit_part(&self, part: usize, texels: &[[u32; 2]], spent: &mut Seconds) -> Result<()> {
@@ -119,7 +122,8 @@ impl Job<'_> {
         let (x, y) = if texels.is_empty() {
             (Vec::new(), Vec::new())
         } else {
-            let read = |travel| self.capture.band(self.side, travel, rows.clone(), texels, &self.splits.of(travel).kept);
+            let read =
+                |travel| self.capture.band(self.side, travel, rows.clone(), texels, &self.splits.of(travel).kept);
             (read(Travel::X)?, read(Travel::Y)?)
         };
         spent.reading += clock.elapsed().as_secs_f64();
@@ -159,7 +163,10 @@ impl Job<'_> {
             let path = self.path(part);
             let maps = read_exr(&path)?;
             if (maps.width, maps.height) != (manifest.width, self.rows(part).len()) {
-                return Err(Error::input(&path, "not a part of this fit (wrong size); remove the folder and fit again"));
+                return Err(Error::input(
+                    &path,
+                    "not a part of this fit (wrong size); remove the folder and fit again",
+                ));
             }
             for (name, plane) in CHANNELS.iter().zip(&mut planes) {
                 plane.extend_from_slice(maps.require(&path, name)?);
@@ -205,7 +212,17 @@ fn to_maps(width: usize, rows: Range<usize>, texels: &[[u32; 2]], fits: &[TexelF
 /// Terminations as numbers in part files.
 const TERMINATIONS: [mesophyll_solve::Termination; 9] = {
     use mesophyll_solve::Termination as T;
-    [T::GradientSmall, T::CostConverged, T::StepSmall, T::Direct, T::IterationLimit, T::NoProgress, T::NotFinite, T::Refused, T::Flat]
+    [
+        T::GradientSmall,
+        T::CostConverged,
+        T::StepSmall,
+        T::Direct,
+        T::IterationLimit,
+        T::NoProgress,
+        T::NotFinite,
+        T::Refused,
+        T::Flat,
+    ]
 };
 
 fn termination_code(t: mesophyll_solve::Termination) -> f64 {

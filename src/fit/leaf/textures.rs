@@ -1,4 +1,5 @@
-//! What the renderer and people look at: W's packed textures, normals in the blade mesh's tangent frame, and 8-bit previews.
+//! What the renderer and people look at: W's packed textures, normals in the blade mesh's tangent frame, and 8-bit
+//! previews.
 
 use crate::Result;
 use crate::leaf::blade::{Blade, Grid};
@@ -10,7 +11,14 @@ use std::path::Path;
 const RGB: [&str; 3] = ["R", "G", "B"];
 
 /// W's two RGBA textures a side, and normals in the blade mesh's tangent frame.
-pub fn packed(out: &Path, grid: &Grid, thickness_mm: f64, side: SideName, values: &Maps, blade: Option<&Blade>) -> Result<()> {
+pub fn packed(
+    out: &Path,
+    grid: &Grid,
+    thickness_mm: f64,
+    side: SideName,
+    values: &Maps,
+    blade: Option<&Blade>,
+) -> Result<()> {
     let plane = |name: &str| values.get(name).map(<[f32]>::to_vec).unwrap_or_default();
     let mut first = Maps::new(grid.width, grid.height);
     let mut second = Maps::new(grid.width, grid.height);
@@ -69,7 +77,8 @@ pub fn previews(out: &Path, side: SideName, values: &Maps) -> Result<()> {
     }
     for name in ["m", "thickness"] {
         let plane = values.get(&format!("{name}.Y")).unwrap_or(&[]);
-        let mut sorted: Vec<f32> = plane.iter().zip(mask).filter(|(v, m)| **m == 1.0 && v.is_finite()).map(|(v, _)| *v).collect();
+        let mut sorted: Vec<f32> =
+            plane.iter().zip(mask).filter(|(v, m)| **m == 1.0 && v.is_finite()).map(|(v, _)| *v).collect();
         sorted.sort_unstable_by(f32::total_cmp);
         let at = |q: f64| sorted.get(((sorted.len() as f64 - 1.0) * q) as usize).copied().unwrap_or(0.0);
         let (lo, hi) = (at(0.01), at(0.99));

@@ -1,8 +1,10 @@
-//! Fit against truth, where a synthetic scan brings its truth along: median and 99th percentile errors, and whether the errors cover.
+//! Fit against truth, where a synthetic scan brings its truth along: median and 99th percentile errors, and whether the
+//! errors cover.
 //!
-//! σa, σs, h + δ and γ are known up to the gauge (mean thickness = h, mean γ = 1) over the texels that could be measured. Where the truth itself
-//! keeps another mean there, since texels that are missing are thicker than the rest, say, the gap between fit and truth is the gauge's and
-//! not the noise's: it is printed, and the standard errors, which do not claim to hold it, are not judged by it.
+//! σa, σs, h + δ and γ are known up to the gauge (mean thickness = h, mean γ = 1) over the texels that could be
+//! measured. Where the truth itself keeps another mean there, since texels that are missing are thicker than the rest,
+//! say, the gap between fit and truth is the gauge's and not the noise's: it is printed, and the standard errors, which
+//! do not claim to hold it, are not judged by it.
 
 use crate::Result;
 use crate::leaf::curve::Incidence;
@@ -69,8 +71,11 @@ pub fn compare(capture: &Capture, fitted: &Fitted) -> Result<Comparison> {
                 }
             }
             let mean = good.iter().map(|&k| f64::from(t[k])).sum::<f64>() / good.len().max(1) as f64;
-            let (value, relative) =
-                if q == 0 { (fitted.sigma_a[c], fitted.sigma_a_rel[c]) } else { (fitted.sigma_s[c], fitted.sigma_s_rel[c]) };
+            let (value, relative) = if q == 0 {
+                (fitted.sigma_a[c], fitted.sigma_a_rel[c])
+            } else {
+                (fitted.sigma_s[c], fitted.sigma_s_rel[c])
+            };
             shared[q].push(mean as f32, value, value * relative);
             figures.insert(format!("{name}.{letter}_relative_error"), value / mean - 1.0);
         }
@@ -146,15 +151,19 @@ impl Gauge {
     }
 }
 
-/// The true leaf as the fit's σ maps describe it: σa and σs of every good texel from its own ρd, ρt and thickness, so that pigment explains what
-/// the truth may keep as an albedo factor γ beside a σa and σs of the whole leaf. NaN elsewhere, and where the truth lacks a channel there is no map.
+/// The true leaf as the fit's σ maps describe it: σa and σs of every good texel from its own ρd, ρt and thickness, so
+/// that pigment explains what the truth may keep as an albedo factor γ beside a σa and σs of the whole leaf. NaN
+/// elsewhere, and where the truth lacks a channel there is no map.
 pub fn pigment(truth: &Maps, good: &[usize]) -> Maps {
     let mut out = Maps::new(truth.width, truth.height);
     let Some(thickness) = truth.get("thickness.Y") else { return out };
     let exact = Inverter::new(Incidence(1.0));
     for letter in ["R", "G", "B"] {
-        let (Some(d), Some(t)) = (truth.get(&format!("rho_d.{letter}")), truth.get(&format!("rho_t.{letter}"))) else { continue };
-        let solve = |k: &usize| exact.invert(f64::from(d[*k]), f64::from(t[*k]), f64::from(thickness[*k]), [1e-9; 2]).value;
+        let (Some(d), Some(t)) = (truth.get(&format!("rho_d.{letter}")), truth.get(&format!("rho_t.{letter}"))) else {
+            continue;
+        };
+        let solve =
+            |k: &usize| exact.invert(f64::from(d[*k]), f64::from(t[*k]), f64::from(thickness[*k]), [1e-9; 2]).value;
         let found: Vec<[f64; 2]> = good.par_iter().map(solve).collect();
         for (q, name) in ["sigma_a", "sigma_s"].iter().enumerate() {
             let mut plane = vec![f32::NAN; d.len()];

@@ -1,5 +1,6 @@
-//! The record hash: the content hash of `fit.toml` itself, kept in its second line. As the record lists the content hash of every map, this one
-//! number stands for the whole folder, and a parameter that was changed by hand is noticed like a changed map.
+//! The record hash: the content hash of `fit.toml` itself, kept in its second line. As the record lists the content
+//! hash of every map, this one number stands for the whole folder, and a parameter that was changed by hand is noticed
+//! like a changed map.
 
 use crate::{Error, Result};
 use mesophyll_files::{atomic, hash};
@@ -13,7 +14,8 @@ fn of(text: &str) -> String {
     hash::bytes(lines.join("\n").as_bytes())
 }
 
-/// The text of a record with its hash in the second line. The first line is `schema = …`, so the hash stands before every table.
+/// The text of a record with its hash in the second line. The first line is `schema = …`, so the hash stands before
+/// every table.
 pub fn sealed(text: &str) -> String {
     let (first, rest) = text.split_once('\n').unwrap_or((text, ""));
     format!("{first}\n{KEY}\"{}\"\n{rest}", of(text))
@@ -66,7 +68,10 @@ mod tests {
         };
         assert_eq!(said(&text.replace('\n', "\r\n")), None, "line ends count");
         let forged = said(&text.replace("59.567070350437795", "150.0")).unwrap();
-        assert!(forged.contains("fit.toml: changed since it was written") && forged.contains("mesophyll view"), "{forged}");
+        assert!(
+            forged.contains("fit.toml: changed since it was written") && forged.contains("mesophyll view"),
+            "{forged}"
+        );
         let none = said(&without).unwrap();
         assert!(none.contains("holds no record_hash"), "{none}");
         // An edit that goes through the program is accepted: it is written with a hash of its own.

@@ -1,7 +1,8 @@
-//! The best fit: staircases of Chebyshev products for what is left of Preetham's integrals once the prefactors are folded out.
+//! The best fit: staircases of Chebyshev products for what is left of Preetham's integrals once the prefactors are
+//! folded out.
 //!
-//! Weighted least squares by QR at 24 × 12 Chebyshev nodes; the weight is the root of the luminance's prefactor, halfway between equal errors
-//! and errors as a renderer sees them.
+//! Weighted least squares by QR at 24 × 12 Chebyshev nodes; the weight is the root of the luminance's prefactor,
+//! halfway between equal errors and errors as a renderer sees them.
 
 use super::nodes::{self, lower};
 use super::{Fitted, Form, Options};
@@ -24,7 +25,12 @@ pub fn fit(options: &Options, rows: &[usize]) -> Fitted {
     let clock = Instant::now();
     let (tall, wide) = (rows.len(), rows.iter().copied().max().unwrap_or(1));
     let (n_suns, n_turbid) = (24.max(tall + tall / 3), 12.max(wide + 2));
-    let samples = nodes::sample(nodes::half(n_suns), nodes::turbidities(n_turbid, options.turbidities), options.bands, Quality::Fit);
+    let samples = nodes::sample(
+        nodes::half(n_suns),
+        nodes::turbidities(n_turbid, options.turbidities),
+        options.bands,
+        Quality::Fit,
+    );
     let sampled = clock.elapsed().as_secs_f64();
 
     let orders = Orders::new(options.bands);
@@ -47,7 +53,9 @@ pub fn fit(options: &Options, rows: &[usize]) -> Fitted {
             for place in functions {
                 let k = lower(*place);
                 for (a, by_turbidity) in samples.values.iter().enumerate() {
-                    right.extend(by_turbidity.iter().enumerate().map(|(b, q)| weights[a * n_turbid + b] * mix.mixed(q[k])[c]));
+                    right.extend(
+                        by_turbidity.iter().enumerate().map(|(b, q)| weights[a * n_turbid + b] * mix.mixed(q[k])[c]),
+                    );
                 }
             }
         }
@@ -93,12 +101,22 @@ pub fn fit(options: &Options, rows: &[usize]) -> Fitted {
         rms: (parts.iter().map(|s| s.squares).sum::<f64>() / count as f64).sqrt(),
         worst: even.worst.max(odd.worst),
         trace,
-        phases: vec![Phase { name: "integrate".into(), seconds: sampled }, Phase { name: "solve".into(), seconds: total - sampled }],
+        phases: vec![
+            Phase { name: "integrate".into(), seconds: sampled },
+            Phase { name: "solve".into(), seconds: total - sampled },
+        ],
     }
 }
 
 /// Columns of the design matrix one after another, each over suns and, within, turbidities.
-fn design(rows: &[usize], at_suns: &[f64], at_turbid: &[f64], range: [f64; 2], parity: usize, weights: &[f64]) -> Vec<f64> {
+fn design(
+    rows: &[usize],
+    at_suns: &[f64],
+    at_turbid: &[f64],
+    range: [f64; 2],
+    parity: usize,
+    weights: &[f64],
+) -> Vec<f64> {
     let columns: Vec<[f64; MOST_COLUMNS]> = at_turbid
         .iter()
         .map(|t| {

@@ -26,7 +26,8 @@ pub struct Arrays {
     pub even: Vec<f32>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub odd: Vec<f32>,
-    /// Tensor: `monomials` or `chebyshev`, the numbers of powers of θs and τ, and R, G, B of all functions, term by term.
+    /// Tensor: `monomials` or `chebyshev`, the numbers of powers of θs and τ, and R, G, B of all functions, term by
+    /// term.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub basis: String,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -53,7 +54,8 @@ impl Arrays {
         match form {
             Form::Folded(f) => {
                 let (even, odd) = f.arrays();
-                (out.form, out.rows, out.even, out.odd) = ("folded".into(), f.rows().to_vec(), even.to_vec(), odd.to_vec());
+                (out.form, out.rows, out.even, out.odd) =
+                    ("folded".into(), f.rows().to_vec(), even.to_vec(), odd.to_vec());
             }
             Form::Tensor(f) => {
                 out.form = "tensor".into();
@@ -77,7 +79,9 @@ impl Arrays {
                     "chebyshev" => Basis::Chebyshev,
                     other => return Err(format!("basis: found {other:?}, expected monomials or chebyshev")),
                 };
-                let [a, b] = self.powers[..] else { return Err(format!("powers: found {}, expected two", self.powers.len())) };
+                let [a, b] = self.powers[..] else {
+                    return Err(format!("powers: found {}, expected two", self.powers.len()));
+                };
                 Tensor::new(basis, self.bands, self.turbidities, [a, b], self.values).map(Form::Tensor)
             }
             other => Err(format!("form: found {other:?}, expected folded or tensor")),
@@ -91,11 +95,17 @@ impl Arrays {
 /// [`Error::Missed`] where the fit failed (nothing is written then); a folder that cannot be written.
 pub fn write(folder: &Path, fit: &Fitted, reference: &Reference) -> Result<(Judged, Judged)> {
     let Some(form) = &fit.form else {
-        return Err(Error::Missed(format!("fit sky: {} ended as {}: {}", fit.options.method.name(), fit.termination.name(), fit.remark)));
+        return Err(Error::Missed(format!(
+            "fit sky: {} ended as {}: {}",
+            fit.options.method.name(),
+            fit.termination.name(),
+            fit.remark
+        )));
     };
     let narrow = form.narrow();
     let (wide_error, error) = (judge(form, reference), judge(&narrow, reference));
-    let arrays = serde_json::to_string(&Arrays::new(&narrow, &fit.model)).map_err(|e| Error::Missed(format!("cannot write JSON: {e}")))?;
+    let arrays = serde_json::to_string(&Arrays::new(&narrow, &fit.model))
+        .map_err(|e| Error::Missed(format!("cannot write JSON: {e}")))?;
     let path = folder.join("coefficients.json");
     crate::record::begin(folder, "sky")?;
     atomic::write_bytes(&path, format!("{arrays}\n").as_bytes())?;
@@ -116,10 +126,15 @@ pub fn write(folder: &Path, fit: &Fitted, reference: &Reference) -> Result<(Judg
     say("bands", options.bands.to_string());
     say("turbidities", format!("{} to {}", options.turbidities[0], options.turbidities[1]));
     say("sun_zenith", "0 to pi/2".into());
-    say("unit", "kcd/m2, linear sRGB; real orthonormal harmonics, no Condon-Shortley phase, index l(l+1)+m, sun at azimuth 0".into());
+    say(
+        "unit",
+        "kcd/m2, linear sRGB; real orthonormal harmonics, no Condon-Shortley phase, index l(l+1)+m, sun at azimuth 0"
+            .into(),
+    );
     say(
         "error",
-        "root of the sum of squared coefficient errors over the smallest c00 of the domain: worst channel, worst sky, against direct integration"
+        "root of the sum of squared coefficient errors over the smallest c00 of the domain: worst channel, worst sky, \
+         against direct integration"
             .into(),
     );
     if !fit.remark.is_empty() {
@@ -166,7 +181,11 @@ pub fn write(folder: &Path, fit: &Fitted, reference: &Reference) -> Result<(Judg
 pub fn read(folder: &Path) -> Result<(FitRecord, Form<f32>)> {
     let record = FitRecord::read(folder)?;
     if record.kind != "sky" {
-        return Err(Error::field(&folder.join("fit.toml"), "kind", format!("found {:?}, expected \"sky\"", record.kind)));
+        return Err(Error::field(
+            &folder.join("fit.toml"),
+            "kind",
+            format!("found {:?}, expected \"sky\"", record.kind),
+        ));
     }
     record.verify(folder)?;
     let path = folder.join("coefficients.json");
@@ -205,7 +224,8 @@ mod tests {
     #[test]
     fn a_failed_fit_writes_nothing() {
         let folder = tempfile::tempdir().unwrap();
-        let failed = fit(&Options { method: Method::MonomialsNormal, bands: 2, grid: 40, ..Options::default() }).unwrap();
+        let failed =
+            fit(&Options { method: Method::MonomialsNormal, bands: 2, grid: 40, ..Options::default() }).unwrap();
         let reference = Reference::new(&Preetham, 2, preetham::TRUSTED, 3, 2).unwrap();
         assert!(write(folder.path(), &failed, &reference).unwrap_err().to_string().contains("not positive definite"));
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);

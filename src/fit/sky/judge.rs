@@ -1,4 +1,5 @@
-//! What a fit is worth: its error at skies between the nodes and on every edge of the domain, against direct integration.
+//! What a fit is worth: its error at skies between the nodes and on every edge of the domain, against direct
+//! integration.
 
 use super::Form;
 use mesophyll_sky::fitted::Scalar;
@@ -21,7 +22,8 @@ pub struct Reference {
 /// Errors over all skies of a [`Reference`], each over its smallest c00.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Judged {
-    /// Root of the sum of squared coefficient errors: worst channel, worst sky. The house's measure (and Habel 2009 Eq. 5.4).
+    /// Root of the sum of squared coefficient errors: worst channel, worst sky. The house's measure (and Habel 2009 Eq.
+    /// 5.4).
     pub worst: f64,
     /// Sun zenith angle, turbidity and channel of the worst.
     pub worst_at: (f64, f64, usize),
@@ -36,12 +38,20 @@ pub struct Judged {
 }
 
 impl Reference {
-    /// `suns` × `turbid` skies: sun angles evenly spread and closer at the horizon, turbidities evenly spread, all ends included.
+    /// `suns` × `turbid` skies: sun angles evenly spread and closer at the horizon, turbidities evenly spread, all ends
+    /// included.
     ///
     /// # Errors
     /// What the model refuses.
-    pub fn new(model: &dyn Model, bands: usize, turbidities: [f64; 2], suns: usize, turbid: usize) -> Result<Reference, String> {
-        let mut angles: Vec<f64> = (0..suns).map(|k| (FRAC_PI_2 * k as f64 / (suns - 1) as f64).min(FRAC_PI_2)).collect();
+    pub fn new(
+        model: &dyn Model,
+        bands: usize,
+        turbidities: [f64; 2],
+        suns: usize,
+        turbid: usize,
+    ) -> Result<Reference, String> {
+        let mut angles: Vec<f64> =
+            (0..suns).map(|k| (FRAC_PI_2 * k as f64 / (suns - 1) as f64).min(FRAC_PI_2)).collect();
         angles.extend([1e-3, 4e-3, 0.012, 0.03].map(|e| FRAC_PI_2 - e));
         let [low, high] = turbidities;
         let rows: Result<Vec<Vec<_>>, String> = angles

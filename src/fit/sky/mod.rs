@@ -1,7 +1,9 @@
-//! Fits of a sky's harmonics over sun zenith angle and turbidity: linear least squares, by several bases, judged by one measure.
+//! Fits of a sky's harmonics over sun zenith angle and turbidity: linear least squares, by several bases, judged by one
+//! measure.
 //!
-//! Error measure, everywhere: at one sky, the root of the sum of squared coefficient errors of a channel; over the smallest c00 of the domain
-//! (of all channels); the worst channel of the worst sky. Domain: sun zenith 0 … π/2, turbidity 2.5 … 6 (the dissertation's) unless stated.
+//! Error measure, everywhere: at one sky, the root of the sum of squared coefficient errors of a channel; over the
+//! smallest c00 of the domain (of all channels); the worst channel of the worst sky. Domain: sun zenith 0 … π/2,
+//! turbidity 2.5 … 6 (the dissertation's) unless stated.
 //!
 //! | to … | call |
 //! |---|---|
@@ -45,8 +47,14 @@ pub enum Method {
 }
 
 impl Method {
-    pub const ALL: [Method; 6] =
-        [Method::Fine, Method::Compact, Method::Chebyshev, Method::ChebyshevGrid, Method::MonomialsQr, Method::MonomialsNormal];
+    pub const ALL: [Method; 6] = [
+        Method::Fine,
+        Method::Compact,
+        Method::Chebyshev,
+        Method::ChebyshevGrid,
+        Method::MonomialsQr,
+        Method::MonomialsNormal,
+    ];
 
     /// Name in files and on the command line.
     pub fn name(self) -> &'static str {
@@ -83,7 +91,8 @@ impl Default for Options {
 /// Most bands of a fit; beyond, integrate directly.
 pub const MOST_BANDS: usize = 12;
 
-/// Fitted polynomials of either form. There are a handful of them at most, so that their size on the stack does not matter.
+/// Fitted polynomials of either form. There are a handful of them at most, so that their size on the stack does not
+/// matter.
 #[allow(clippy::large_enum_variant)]
 #[derive(Debug, Clone, PartialEq)]
 pub enum Form<T = f64> {
@@ -187,7 +196,10 @@ pub fn fit_model(options: &Options, model: &dyn Model) -> Result<Fitted> {
     check(options)?;
     if options.method != Method::Chebyshev {
         let found = options.method.name();
-        return Err(Error::Usage(format!("method {found} is made for preetham; {} is fitted by chebyshev", model.name())));
+        return Err(Error::Usage(format!(
+            "method {found} is made for preetham; {} is fitted by chebyshev",
+            model.name()
+        )));
     }
     Ok(tensor::fit(options, model))
 }
@@ -198,7 +210,9 @@ fn check(options: &Options) -> Result<()> {
     }
     let ([low, high], [least, most]) = (options.turbidities, preetham::TURBIDITIES);
     if !(least <= low && low + 0.1 <= high && high <= most) {
-        return Err(Error::Usage(format!("turbidities {low} to {high}; expected {least} to {most}, at least 0.1 apart")));
+        return Err(Error::Usage(format!(
+            "turbidities {low} to {high}; expected {least} to {most}, at least 0.1 apart"
+        )));
     }
     let [a, b] = options.degrees;
     if !(2..=2000).contains(&options.grid) || a >= options.grid || b >= options.grid || a > 23 || b > 11 {
@@ -210,7 +224,8 @@ fn check(options: &Options) -> Result<()> {
     Ok(())
 }
 
-/// The fit that the program uses by itself ([`Method::Fine`], 7 bands, turbidity 2.5 to 6), in f32: made at the first call.
+/// The fit that the program uses by itself ([`Method::Fine`], 7 bands, turbidity 2.5 to 6), in f32: made at the first
+/// call.
 ///
 /// # Errors
 /// As [`fit`].

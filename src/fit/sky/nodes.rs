@@ -1,4 +1,5 @@
-//! Where skies are sampled for a fit: Chebyshev nodes in (θs, ln(τ − τ₀)), and the integrals there without their prefactors.
+//! Where skies are sampled for a fit: Chebyshev nodes in (θs, ln(τ − τ₀)), and the integrals there without their
+//! prefactors.
 
 use mesophyll_sky::fitted::Folded;
 use mesophyll_sky::fitted::folded::{Mix, Orders, TURBIDITY_ZERO, scaled_turbidity, suns};
@@ -7,7 +8,8 @@ use mesophyll_sky::project::{Quality, Rule};
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Sun angles at the positive half of 2n Chebyshev nodes on (−π/2, π/2): functions of one parity need no more. From the horizon upwards.
+/// Sun angles at the positive half of 2n Chebyshev nodes on (−π/2, π/2): functions of one parity need no more. From the
+/// horizon upwards.
 pub fn half(n: usize) -> Vec<f64> {
     (0..n).map(|k| FRAC_PI_2 * (PI * (k as f64 + 0.5) / (2 * n) as f64).cos()).collect()
 }
@@ -50,8 +52,9 @@ pub fn sample(suns: Vec<f64>, turbidities: Vec<f64>, bands: usize, quality: Qual
     Samples { suns, turbidities, bands, values: done.into_iter().map(|d| d.1).collect(), evaluations }
 }
 
-/// The interpolant through so many nodes that nothing of the sky is lost (1e-7 of the smallest c00, tested): what fills a dense grid in
-/// place of an integration at each of its points. All its terms come from the discrete orthogonality of Chebyshev polynomials at their nodes.
+/// The interpolant through so many nodes that nothing of the sky is lost (1e-7 of the smallest c00, tested): what fills
+/// a dense grid in place of an integration at each of its points. All its terms come from the discrete orthogonality of
+/// Chebyshev polynomials at their nodes.
 pub fn dense(bands: usize, range: [f64; 2]) -> Result<Folded<f64>, String> {
     const SUNS: usize = 32;
     const TURBID: usize = 20;

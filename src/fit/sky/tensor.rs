@@ -1,7 +1,9 @@
-//! Fits without knowledge of the sky: products of two polynomial bases, the dissertation's monomials (Habel 2009 Eq. 5.1) and Chebyshev polynomials.
+//! Fits without knowledge of the sky: products of two polynomial bases, the dissertation's monomials (Habel 2009 Eq.
+//! 5.1) and Chebyshev polynomials.
 //!
-//! On a product grid the design matrix is a Kronecker product Θ ⊗ T, and so are its QR factors: 250,000 × 112 is never formed. What the
-//! dissertation's choice costs is seen all the same: the condition number of the product is the product of the two, and the normal equations square it.
+//! On a product grid the design matrix is a Kronecker product Θ ⊗ T, and so are its QR factors: 250,000 × 112 is never
+//! formed. What the dissertation's choice costs is seen all the same: the condition number of the product is the
+//! product of the two, and the normal equations square it.
 
 use super::nodes;
 use super::{Fitted, Form, Method, Options};
@@ -35,9 +37,11 @@ pub fn fit(options: &Options, model: &dyn Model) -> Fitted {
         let (columns, evaluations) = by_integration(model, &suns, &turbidities, options.bands);
         (suns, turbidities, columns, evaluations)
     } else {
-        let even = |low: f64, high: f64, k: usize| (low + (high - low) * k as f64 / (options.grid - 1) as f64).min(high);
+        let even =
+            |low: f64, high: f64, k: usize| (low + (high - low) * k as f64 / (options.grid - 1) as f64).min(high);
         let suns: Vec<f64> = (0..options.grid).map(|k| even(0.0, FRAC_PI_2, k)).collect();
-        let turbidities: Vec<f64> = (0..options.grid).map(|k| even(options.turbidities[0], options.turbidities[1], k)).collect();
+        let turbidities: Vec<f64> =
+            (0..options.grid).map(|k| even(options.turbidities[0], options.turbidities[1], k)).collect();
         match by_interpolation(&suns, &turbidities, options) {
             Ok(columns) => (suns, turbidities, Ok(columns), 0),
             Err(why) => (suns, turbidities, Err(why), 0),
@@ -125,7 +129,12 @@ pub fn fit(options: &Options, model: &dyn Model) -> Fitted {
 }
 
 /// Integrates at every node; a black box.
-fn by_integration(model: &dyn Model, suns: &[f64], turbidities: &[f64], bands: usize) -> (Result<Vec<Column>, String>, usize) {
+fn by_integration(
+    model: &dyn Model,
+    suns: &[f64],
+    turbidities: &[f64],
+    bands: usize,
+) -> (Result<Vec<Column>, String>, usize) {
     let size = bands * (bands + 1) / 2;
     let rows: Vec<Result<(usize, Vec<Vec<f64>>), String>> = suns
         .par_iter()
@@ -227,7 +236,10 @@ fn project(left: &DMatrix<f64>, right: &DMatrix<f64>, columns: &[Column]) -> Vec
         for i in 0..n {
             for j in 0..right.ncols() {
                 let w = right[(b, j)];
-                out[i * right.ncols() + j].iter_mut().zip(&part[i * width..(i + 1) * width]).for_each(|(t, v)| *t += w * v);
+                out[i * right.ncols() + j]
+                    .iter_mut()
+                    .zip(&part[i * width..(i + 1) * width])
+                    .for_each(|(t, v)| *t += w * v);
             }
         }
     }
@@ -259,7 +271,10 @@ fn normal_equations(theta: &DMatrix<f64>, tau: &DMatrix<f64>, columns: &[Column]
     let gram = (theta.transpose() * theta).kronecker(&(tau.transpose() * tau));
     let right = project(theta, tau, columns);
     let Some(factor) = gram.cholesky() else {
-        return Err("the Gram matrix is not positive definite in f64: the square of the condition number is beyond its digits".into());
+        return Err(
+            "the Gram matrix is not positive definite in f64: the square of the condition number is beyond its digits"
+                .into(),
+        );
     };
     let width = right.first().map_or(0, Vec::len);
     let mut out = vec![vec![0.0; width]; right.len()];

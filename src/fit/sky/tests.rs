@@ -72,7 +72,8 @@ fn small(method: Method) -> (Fitted, Reference) {
     (fit(&Options { method, bands: 3, grid: 60, ..Options::default() }).unwrap(), reference)
 }
 
-/// Raw monomials: condition beyond 1e19 and a Gram matrix beyond f64; Chebyshev polynomials span the same space with a condition of a few.
+/// Raw monomials: condition beyond 1e19 and a Gram matrix beyond f64; Chebyshev polynomials span the same space with a
+/// condition of a few.
 #[test]
 fn monomials_fail_where_chebyshev_does_not() {
     let ((normal, reference), (qr, _), (chebyshev, _)) =
@@ -88,8 +89,17 @@ fn monomials_fail_where_chebyshev_does_not() {
             f.remark
         );
     }
-    assert!(qr.condition > 1e17 && qr.rank < qr.columns && chebyshev.condition < 20.0 && chebyshev.rank == chebyshev.columns);
-    assert!(normal.form.is_none() && normal.termination == Termination::Refused && normal.remark.contains("not positive definite"));
+    assert!(
+        qr.condition > 1e17
+            && qr.rank < qr.columns
+            && chebyshev.condition < 20.0
+            && chebyshev.rank == chebyshev.columns
+    );
+    assert!(
+        normal.form.is_none()
+            && normal.termination == Termination::Refused
+            && normal.remark.contains("not positive definite")
+    );
     let error = |f: &Fitted| judge(f.form.as_ref().unwrap(), &reference).worst;
     let narrow = |f: &Fitted| judge(&f.form.as_ref().unwrap().narrow(), &reference).worst;
     // in single precision the monomials are useless, Chebyshev polynomials are what they were

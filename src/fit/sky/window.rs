@@ -1,9 +1,11 @@
 //! A window fitted to skies: as little ringing below the horizon as possible for as little loss of irradiance.
 //!
-//! Unknown are the factors w_1 … w_{N−1} (w_0 = 1). Residuals: for many directions below the horizon the square of how far the windowed luminance dips
-//! below zero, over the sky's mean; and, times a weight, the square of the relative change of the irradiance upwards and, at half the weight, on four tilted
-//! normals. (Squared once more by the least squares, so that the deepest dip and the largest loss count most.) The weight moves along the front between the two; [`matched`] stops where the dip equals that of the sin x/x
-//! window on all orders, so that the two can be compared by their loss alone.
+//! Unknown are the factors w_1 … w_{N−1} (w_0 = 1). Residuals: for many directions below the horizon the square of how
+//! far the windowed luminance dips below zero, over the sky's mean; and, times a weight, the square of the relative
+//! change of the irradiance upwards and, at half the weight, on four tilted normals. (Squared once more by the least
+//! squares, so that the deepest dip and the largest loss count most.) The weight moves along the front between the two;
+//! [`matched`] stops where the dip equals that of the sin x/x window on all orders, so that the two can be compared by
+//! their loss alone.
 
 use crate::{Error, Result};
 use mesophyll_sky::harmonics::Basis;
@@ -46,7 +48,8 @@ fn by_band(c: &Coefficients, d: [f64; 3], y: &mut [f64], basis: &Basis) -> Vec<f
     basis.fill(d, y);
     (0..c.bands())
         .map(|l| {
-            let sum = (l * l..(l + 1) * (l + 1)).fold([0.0; 3], |s, k| std::array::from_fn(|i| s[i] + y[k] * c.values()[k][i]));
+            let sum = (l * l..(l + 1) * (l + 1))
+                .fold([0.0; 3], |s, k| std::array::from_fn(|i| s[i] + y[k] * c.values()[k][i]));
             colour::xyz_from_rgb(sum)[1]
         })
         .collect()
@@ -75,8 +78,10 @@ pub fn fit(bands: usize, weight: f64) -> Result<(Window, Fit)> {
             }
         }
         for n in NORMALS {
-            let bands: Vec<f64> = by_band(&c, n, &mut y, &basis).iter().enumerate().map(|(l, v)| cosine_lobe(l) * v).collect();
-            let whole: f64 = if n[2] == 1.0 { colour::xyz_from_rgb(on_level_ground(&c))[1] } else { bands.iter().sum() };
+            let bands: Vec<f64> =
+                by_band(&c, n, &mut y, &basis).iter().enumerate().map(|(l, v)| cosine_lobe(l) * v).collect();
+            let whole: f64 =
+                if n[2] == 1.0 { colour::xyz_from_rgb(on_level_ground(&c))[1] } else { bands.iter().sum() };
             lit.push((if n[2] == 1.0 { 1.0 } else { 0.5 }, bands.iter().map(|v| v / whole).collect::<Vec<_>>()));
         }
     }
@@ -113,14 +118,16 @@ pub fn fit(bands: usize, weight: f64) -> Result<(Window, Fit)> {
     Ok((Window { name: "fitted".into(), orders: Orders::All, factors }, fit))
 }
 
-/// The window that loses the least irradiance of all that dip no deeper than the sin x/x window on all orders (over the skies fitted on).
+/// The window that loses the least irradiance of all that dip no deeper than the sin x/x window on all orders (over the
+/// skies fitted on).
 ///
 /// # Errors
 /// As [`fit`].
 pub fn matched(bands: usize) -> Result<Window> {
     let seen = skies(FITTED_ON, bands)?;
     let basis = Basis::new(bands);
-    let dip = |w: &Window| seen.par_iter().map(|c| lowest_below(&w.apply(c), &basis).luminance).reduce(|| 0.0, f64::min);
+    let dip =
+        |w: &Window| seen.par_iter().map(|c| lowest_below(&w.apply(c), &basis).luminance).reduce(|| 0.0, f64::min);
     let limit = dip(&Window::lanczos(bands));
     let (mut low, mut high) = (1e-3f64, 1e3f64);
     let mut best = fit(bands, low)?.0;
@@ -214,7 +221,8 @@ mod tests {
         let basis = Basis::new(5);
         let at = |weight: f64| {
             let (w, f) = fit(5, weight).unwrap();
-            let change = seen.iter().map(|c| irradiance_change(&w.apply(c), on_level_ground(c)).abs()).fold(0.0, f64::max);
+            let change =
+                seen.iter().map(|c| irradiance_change(&w.apply(c), on_level_ground(c)).abs()).fold(0.0, f64::max);
             (seen.iter().map(|c| lowest_below(&w.apply(c), &basis).luminance).fold(0.0, f64::min), change, f)
         };
         let (careful, loose) = (at(0.1), at(10.0));

@@ -1,7 +1,9 @@
-//! Translucency maps on disk: `front.exr`, `back.exr` (light that enters that side, columns of its camera), previews, `fit.toml`, `times.toml`.
+//! Translucency maps on disk: `front.exr`, `back.exr` (light that enters that side, columns of its camera), previews,
+//! `fit.toml`, `times.toml`.
 //!
-//! Channels: `translucency.1`, `.2` … (coefficients of f on the basis), `translucency.R1` … `.B3` (of M, three wavelengths), `translucency.Y` or `.R .G .B` (one light),
-//! `thickness.Y` (mm), `entering.Y` (an even sky's light that enters, over a flat open texel's) and `mask.Y` (1 on the leaf).
+//! Channels: `translucency.1`, `.2` … (coefficients of f on the basis), `translucency.R1` … `.B3` (of M, three
+//! wavelengths), `translucency.Y` or `.R .G .B` (one light), `thickness.Y` (mm), `entering.Y` (an even sky's light that
+//! enters, over a flat open texel's) and `mask.Y` (1 on the leaf).
 
 use super::side::Made;
 use super::source::{Side, Source};
@@ -34,7 +36,10 @@ pub fn write(out: &Path, source: &Source, made: &[Made], options: &Options, inpu
     let mut say = |name: &str, text: String| record.options.insert(name.into(), text);
     say("leaf", source.hash.clone());
     say("colour", options.colour.name().into());
-    say("channel", made.first().map(|m| m.channels.iter().map(|c| RGB[*c]).collect::<Vec<_>>().join(" ")).unwrap_or_default());
+    say(
+        "channel",
+        made.first().map(|m| m.channels.iter().map(|c| RGB[*c]).collect::<Vec<_>>().join(" ")).unwrap_or_default(),
+    );
     say("basis", options.sun.map_or(options.basis.name(), |_| "none: one light".into()));
     if let Some([elevation, azimuth]) = options.sun {
         say("sun_elevation_deg", format!("{:?}", elevation.to_degrees()));
@@ -97,10 +102,12 @@ fn maps(source: &Source, side: &Made, options: &Options) -> Maps {
     maps
 }
 
-/// The first three images as a colour picture, 0 dark and the 99th percentile bright: flat places are grey, flanks coloured (as H9 Fig. 3.16).
+/// The first three images as a colour picture, 0 dark and the 99th percentile bright: flat places are grey, flanks
+/// coloured (as H9 Fig. 3.16).
 fn preview(out: &Path, source: &Source, side: &Made) -> Result<()> {
     let Some(images) = side.coefficients.first() else { return Ok(()) };
-    let mut all: Vec<f64> = images.iter().flat_map(|i| i.iter().zip(&side.mask).filter(|(_, m)| **m).map(|(v, _)| *v)).collect();
+    let mut all: Vec<f64> =
+        images.iter().flat_map(|i| i.iter().zip(&side.mask).filter(|(_, m)| **m).map(|(v, _)| *v)).collect();
     all.sort_unstable_by(f64::total_cmp);
     let top = all.get(all.len() * 99 / 100).copied().unwrap_or(1.0).max(1e-12);
     let bytes: Vec<u8> = (0..side.mask.len())
@@ -121,7 +128,10 @@ fn section(source: &Source, of: &Side, side: &Made, options: &Options) -> Sectio
     s.counts.insert("no_light".into(), side.dark);
     let mut say = |name: &str, unit: &str, value: &dyn Fn(usize) -> f64, stderr: &dyn Fn(usize) -> f64| {
         let each = |f: &dyn Fn(usize) -> f64| (0..side.tissue.len()).map(f).collect();
-        s.params.insert(name.into(), Param { value: each(value), stderr: each(stderr), unit: unit.into(), ..Param::default() });
+        s.params.insert(
+            name.into(),
+            Param { value: each(value), stderr: each(stderr), unit: unit.into(), ..Param::default() },
+        );
     };
     // The leaf fit's errors where the tissue is the leaf fit's; what was stated has none.
     let fitted = options.tissue == TissueFrom::Fit;

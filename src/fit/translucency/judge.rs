@@ -1,4 +1,5 @@
-//! How far the stored directions are from the full convolution: light from three elevations (H9 Fig. 3.19: π/2, π/4, π/8), four azimuths each.
+//! How far the stored directions are from the full convolution: light from three elevations (H9 Fig. 3.19: π/2, π/4,
+//! π/8), four azimuths each.
 
 use super::spread::{ELEVATIONS, STEPS, Spread};
 use super::{Colour, colour};
@@ -25,8 +26,8 @@ pub struct Scale<'a> {
     pub mask: &'a [bool],
 }
 
-/// Of |rec/full − 1| the mean, median and 95th percentile over texels that are not too faint, and the share of those that are
-/// ([`super::spread::FAINT`]); the RMS of rec − full over that of full, all texels. An elevation each.
+/// Of |rec/full − 1| the mean, median and 95th percentile over texels that are not too faint, and the share of those
+/// that are ([`super::spread::FAINT`]); the RMS of rec − full over that of full, all texels. An elevation each.
 pub fn against_full(
     lit: &LitSide,
     horizon: &Horizon,
@@ -38,8 +39,10 @@ pub fn against_full(
     let mut out = Vec::new();
     for ((name, elevation), step) in NAMES.into_iter().zip(ELEVATIONS).zip(STEPS) {
         let azimuths = if elevation > FRAC_PI_2 - 1e-9 { 1 } else { 4 };
-        let directions: Vec<[f64; 3]> = (0..azimuths).map(|k| direction(elevation, FRAC_PI_2 * (f64::from(k) + 0.5))).collect();
-        let sources: Vec<Vec<f64>> = directions.iter().map(|d| irradiance(lit, horizon, *d, Visibility::Hard)).collect();
+        let directions: Vec<[f64; 3]> =
+            (0..azimuths).map(|k| direction(elevation, FRAC_PI_2 * (f64::from(k) + 0.5))).collect();
+        let sources: Vec<Vec<f64>> =
+            directions.iter().map(|d| irradiance(lit, horizon, *d, Visibility::Hard)).collect();
         let mut full = convolver.run(&lit.thickness, &sources);
         match scale.colour {
             Colour::Substituted => {
@@ -50,13 +53,13 @@ pub fn against_full(
             }
             Colour::ThreeWavelengths => {}
         }
-        let weights: Vec<Vec<f64>> = directions.iter().map(|d| (0..stored.len()).map(|i| basis.value(i, *d)).collect()).collect();
+        let weights: Vec<Vec<f64>> =
+            directions.iter().map(|d| (0..stored.len()).map(|i| basis.value(i, *d)).collect()).collect();
         let (weights, mask) = (&weights, scale.mask);
         let rec = move |m: usize, k: usize| weights[m].iter().zip(stored).map(|(w, s)| w * s[k]).sum::<f64>();
-        let pairs = full
-            .iter()
-            .enumerate()
-            .flat_map(move |(m, full)| full.iter().enumerate().filter(|(k, _)| mask[*k]).map(move |(k, f)| [rec(m, k), *f]));
+        let pairs = full.iter().enumerate().flat_map(move |(m, full)| {
+            full.iter().enumerate().filter(|(k, _)| mask[*k]).map(move |(k, f)| [rec(m, k), *f])
+        });
         let (square, level) = pairs.clone().fold((0.0, 0.0), |(s, l), [rec, f]| (s + (rec - f).powi(2), l + f * f));
         let spread = Spread::of(elevation, step, pairs);
         let mut say = |what: &str, value: f64| out.push((format!("basis_{what}_{name}"), value));

@@ -1,4 +1,5 @@
-//! Translucency maps (H7, H9 §3.3.4–9, corrected): how the light that comes through a leaf depends on where it comes from, texel by texel.
+//! Translucency maps (H7, H9 §3.3.4–9, corrected): how the light that comes through a leaf depends on where it comes
+//! from, texel by texel.
 //!
 //! For light from ω that enters side S, the exit radiance of the other side over the irradiance at normal incidence is
 //!
@@ -8,10 +9,12 @@
 //! M(x, ω) = A_p Σ_i T(|x − x_i|, d_i) E(x_i, ω),  E = entry · V(x_i, ω) · max(0, n(x_i)·ω)/n_z(x_i)
 //! ```
 //!
-//! with ω in the tangent frame of S (x right, y up in its image, z out of it). What is stored are the coefficients of f, or of M, on a directional basis;
-//! maps lie in the columns of S's camera. Lengths in mm. The sources leave 1/n_z out ([`Area`]).
+//! with ω in the tangent frame of S (x right, y up in its image, z out of it). What is stored are the coefficients of
+//! f, or of M, on a directional basis; maps lie in the columns of S's camera. Lengths in mm. The sources leave 1/n_z
+//! out ([`Area`]).
 //!
-//! The main path is [`run`]: read the leaf, choose the tissue, then side by side project the irradiance, convolve, normalise, judge, write.
+//! The main path is [`run`]: read the leaf, choose the tissue, then side by side project the irradiance, convolve,
+//! normalise, judge, write.
 
 pub mod colour;
 mod folder;
@@ -37,7 +40,8 @@ use tissue::Entry;
 /// What the colour of the light that comes through is taken from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Colour {
-    /// Directions at one wavelength, colour as measured: under the diffuse light that measured ρt, the picture is the measured one exactly.
+    /// Directions at one wavelength, colour as measured: under the diffuse light that measured ρt, the picture is the
+    /// measured one exactly.
     #[default]
     Substituted,
     /// The sources' product ρt(x)·M(x, ω) (H9 Eq. 3.23), scaled to the leaf's mean: dark veins count twice.
@@ -84,7 +88,8 @@ pub enum Area {
     /// The facet's own, 1/n_z of the texel's: a slope catches n·ω/n_z a texel, all of the light that falls on it.
     #[default]
     Facet,
-    /// The texel's, as H9 Eq. 3.13–3.14 have it: light on slopes is lost (a steep vein under normal light transmits 5 % too little).
+    /// The texel's, as H9 Eq. 3.13–3.14 have it: light on slopes is lost (a steep vein under normal light transmits 5 %
+    /// too little).
     Texel,
 }
 
@@ -112,7 +117,8 @@ pub struct Options {
     pub form: Form,
     /// Thickness levels K.
     pub levels: usize,
-    /// Light directions over the hemisphere: 128 on a spiral are 2.4 to 3.7 times as good as the sources' 128 random ones (`bench translucency`).
+    /// Light directions over the hemisphere: 128 on a spiral are 2.4 to 3.7 times as good as the sources' 128 random
+    /// ones (`bench translucency`).
     pub lights: Rule,
     pub basis: Basis,
     /// One light instead of a basis: elevation over the blade and azimuth (rad) in the lit side's frame.
@@ -156,18 +162,24 @@ pub enum Outcome {
 
 /// Hash of everything that decides the result.
 pub fn input_hash(source: &Source, options: &Options) -> String {
-    hash::combine([("leaf", source.hash.as_str()), ("options", &options.describe()), ("program", env!("CARGO_PKG_VERSION"))])
+    hash::combine([
+        ("leaf", source.hash.as_str()),
+        ("options", &options.describe()),
+        ("program", env!("CARGO_PKG_VERSION")),
+    ])
 }
 
 /// Computes the translucency maps of the leaf fit in `input` into the folder `out`.
 ///
 /// # Errors
-/// An input that is no leaf fit or is damaged (exit code 2), a slab that the leaf fit did not determine (1), a folder that cannot be written (2).
+/// An input that is no leaf fit or is damaged (exit code 2), a slab that the leaf fit did not determine (1), a folder
+/// that cannot be written (2).
 pub fn run(input: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     let clock = Instant::now();
     let source = Source::read(input, Frame::Mesh)?;
     record::claim(out, "translucency", &[input])?;
-    let mut phases = vec![Phase { name: "read the leaf and integrate its heights".into(), seconds: clock.elapsed().as_secs_f64() }];
+    let mut phases =
+        vec![Phase { name: "read the leaf and integrate its heights".into(), seconds: clock.elapsed().as_secs_f64() }];
     let wanted = input_hash(&source, options);
     if !options.force
         && let Ok(record) = FitRecord::read(out)
@@ -181,7 +193,12 @@ pub fn run(input: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     let step = Instant::now();
     let record = folder::write(out, &source, &made, options, wanted)?;
     phases.push(Phase { name: "write maps".into(), seconds: step.elapsed().as_secs_f64() });
-    let times = Times { total_s: clock.elapsed().as_secs_f64(), phases, threads: rayon::current_num_threads(), ..Times::default() };
+    let times = Times {
+        total_s: clock.elapsed().as_secs_f64(),
+        phases,
+        threads: rayon::current_num_threads(),
+        ..Times::default()
+    };
     times.write(out)?;
     record.write(out)?;
     Ok(Outcome::Done(Box::new(record)))

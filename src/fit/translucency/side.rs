@@ -29,11 +29,13 @@ pub struct Made {
     /// Channels computed (0 red, 1 green, 2 blue) and the tissue of each.
     pub channels: Vec<usize>,
     pub tissue: Vec<Tissue>,
-    /// A channel, a basis function: coefficients of f, or of M with three wavelengths. With a fixed sun one image a channel, the value itself.
+    /// A channel, a basis function: coefficients of f, or of M with three wavelengths. With a fixed sun one image a
+    /// channel, the value itself.
     pub coefficients: Vec<Vec<Vec<f64>>>,
     /// Thickness (mm), 0 off the leaf.
     pub thickness: Vec<f64>,
-    /// What enters under an even sky over what enters a flat open texel, in the first channel: entry, relief and its shadows. 0 off the leaf.
+    /// What enters under an even sky over what enters a flat open texel, in the first channel: entry, relief and its
+    /// shadows. 0 off the leaf.
     pub entering: Vec<f64>,
     /// Texels on the leaf that no light comes through.
     pub dark: usize,
@@ -43,7 +45,8 @@ pub struct Made {
 /// No facet counts for more than this many texels' area: beyond, a normal says more of noise than of slope.
 const STEEPEST: f64 = 5.0;
 
-/// The lit side as the light transport takes it, in channel `c`: what enters a texel for each unit of n·ω. `fit.toml` says `entry` and `area`.
+/// The lit side as the light transport takes it, in channel `c`: what enters a texel for each unit of n·ω. `fit.toml`
+/// says `entry` and `area`.
 pub fn surface(side: &Side, c: usize, entry: Entry, area: Area) -> Surface {
     let entry = |k: usize| match entry {
         Entry::Matched => 1.0,
@@ -53,7 +56,11 @@ pub fn surface(side: &Side, c: usize, entry: Entry, area: Area) -> Surface {
         Area::Facet => (1.0 / side.normal[k][2]).min(STEEPEST),
         Area::Texel => 1.0,
     };
-    Surface { height: side.height.clone(), normal: side.normal.clone(), entry: (0..side.mask.len()).map(|k| entry(k) * area(k)).collect() }
+    Surface {
+        height: side.height.clone(),
+        normal: side.normal.clone(),
+        entry: (0..side.mask.len()).map(|k| entry(k) * area(k)).collect(),
+    }
 }
 
 /// The side lit, over its surface.
@@ -83,7 +90,8 @@ pub fn convolver(source: &Source, side: &Side, tissue: &Tissue, options: &Option
     let settings = Settings {
         form: options.form,
         levels: Levels { count: options.levels, ..Levels::default() },
-        // LEAFMOD's coefficients belong to the transport equation: a flat uniform leaf then lets through what the slab says.
+        // LEAFMOD's coefficients belong to the transport equation: a flat uniform leaf then lets through what the slab
+        // says.
         totals: if options.tissue == TissueFrom::Fit { Totals::Transport } else { Totals::Form },
         ..Settings::new(*tissue, source.texel_mm)
     };
@@ -94,12 +102,20 @@ pub fn convolver(source: &Source, side: &Side, tissue: &Tissue, options: &Option
 /// Computes one side's maps.
 ///
 /// # Errors
-/// [`Error::Missed`] for a slab that the leaf fit did not determine, or that no kernel can be made of; [`Error::Usage`] for lights that do not determine the basis.
-pub fn make(source: &Source, side: &Side, channels: &[usize], options: &Options, phases: &mut Vec<Phase>) -> Result<Made> {
+/// [`Error::Missed`] for a slab that the leaf fit did not determine, or that no kernel can be made of; [`Error::Usage`]
+/// for lights that do not determine the basis.
+pub fn make(
+    source: &Source,
+    side: &Side,
+    channels: &[usize],
+    options: &Options,
+    phases: &mut Vec<Phase>,
+) -> Result<Made> {
     let name = side.name.name();
     let _bar = Bar::of(format!("light through the {name}"));
-    let mut phase =
-        |what: &str, since: Instant| phases.push(Phase { name: format!("{name}: {what}"), seconds: since.elapsed().as_secs_f64() });
+    let mut phase = |what: &str, since: Instant| {
+        phases.push(Phase { name: format!("{name}: {what}"), seconds: since.elapsed().as_secs_f64() })
+    };
     let step = Instant::now();
     let first = surface(side, channels[0], tissue::entry(options), options.area);
     let horizon = Horizon::new(&lit(source, side, &first));
@@ -107,8 +123,8 @@ pub fn make(source: &Source, side: &Side, channels: &[usize], options: &Options,
 
     let lights = Lights::new(options.lights);
     let mut projector = Projector::new(options.basis, &lights, Weights::Gram).map_err(Error::Usage)?;
-    // The last image is the light from everywhere, which the measured colour is divided by; its weights are scaled so that these very directions
-    // give a flat leaf its π.
+    // The last image is the light from everywhere, which the measured colour is divided by; its weights are scaled so
+    // that these very directions give a flat leaf its π.
     let cosines: f64 = lights.directions.iter().zip(&lights.weights).map(|(d, w)| w * d[2]).sum();
     projector.matrix.push(lights.weights.iter().map(|w| w * PI / cosines).collect());
     let mut made = Made {
@@ -133,7 +149,10 @@ pub fn make(source: &Source, side: &Side, channels: &[usize], options: &Options,
         }
         if let Some([elevation, azimuth]) = options.sun {
             let total = sources.pop().unwrap_or_default();
-            sources = vec![irradiance::irradiance(&lit, &horizon, judge::direction(elevation, azimuth), Visibility::Hard), total];
+            sources = vec![
+                irradiance::irradiance(&lit, &horizon, judge::direction(elevation, azimuth), Visibility::Hard),
+                total,
+            ];
         }
         phase("irradiance and projection", step);
         let step = Instant::now();

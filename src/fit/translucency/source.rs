@@ -1,7 +1,7 @@
 //! Where a leaf's inside comes from: the maps of a leaf fit, brought into the form that the light transport takes.
 //!
-//! Lengths in mm, σ in 1/mm. Texels without a measurement take their nearest good neighbour's values, so that no light is lost at a hole in
-//! the data; texels beside the leaf hold nothing.
+//! Lengths in mm, σ in 1/mm. Texels without a measurement take their nearest good neighbour's values, so that no light
+//! is lost at a hole in the data; texels beside the leaf hold nothing.
 
 use crate::leaf::{fill, map_path};
 use crate::record::{FitRecord, Section};
@@ -27,15 +27,16 @@ pub struct Side {
     pub slope_residual: f64,
     pub thickness: Vec<f64>,
     pub mask: Vec<bool>,
-    /// The slab's coefficients a channel (1/mm), their standard errors (infinite: nothing is known of them), and what the leaf fit says of those that
-    /// it did not determine.
+    /// The slab's coefficients a channel (1/mm), their standard errors (infinite: nothing is known of them), and what
+    /// the leaf fit says of those that it did not determine.
     pub sigma_a: [f64; 3],
     pub sigma_s: [f64; 3],
     pub sigma_err: [[f64; 3]; 2],
     pub undetermined: Vec<String>,
 }
 
-/// Blades are some tenths of a millimetre thick; far beyond these limits a map is in other units, or no map of thickness.
+/// Blades are some tenths of a millimetre thick; far beyond these limits a map is in other units, or no map of
+/// thickness.
 const THICKNESS_MM: std::ops::RangeInclusive<f64> = 1e-6..=1e3;
 
 /// What directions are told against.
@@ -65,7 +66,8 @@ impl Source {
     /// Reads a folder of `fit leaf`.
     ///
     /// # Errors
-    /// [`Error::Input`] for a folder that holds no leaf fit, a map that is missing, damaged or of another size, or a field that is missing.
+    /// [`Error::Input`] for a folder that holds no leaf fit, a map that is missing, damaged or of another size, or a
+    /// field that is missing.
     pub fn read(folder: &Path, frame: Frame) -> Result<Source> {
         let file = folder.join("fit.toml");
         if !file.is_file() {
@@ -103,16 +105,22 @@ fn number(file: &Path, record: &FitRecord, field: &str) -> Result<f64> {
     let found = record.options.get(field).map_or("nothing", String::as_str);
     match found.parse::<f64>() {
         Ok(v) if v > 0.0 && v.is_finite() => Ok(v),
-        _ => Err(Error::field(file, &format!("options.{field}"), format!("found {found}, expected a positive length in mm"))),
+        _ => Err(Error::field(
+            file,
+            &format!("options.{field}"),
+            format!("found {found}, expected a positive length in mm"),
+        )),
     }
 }
 
 fn parameter(file: &Path, record: &FitRecord, side: SideName, name: &str, count: usize) -> Result<Vec<f64>> {
-    let values = record.sections.get(side.name()).and_then(|s| s.params.get(name)).map(|p| p.value.clone()).unwrap_or_default();
+    let values =
+        record.sections.get(side.name()).and_then(|s| s.params.get(name)).map(|p| p.value.clone()).unwrap_or_default();
     if values.len() == count && values.iter().all(|v| v.is_finite() && *v >= 0.0) {
         return Ok(values);
     }
-    let expected = if count == 1 { "one number of at least 0".into() } else { format!("{count} numbers of at least 0") };
+    let expected =
+        if count == 1 { "one number of at least 0".into() } else { format!("{count} numbers of at least 0") };
     Err(Error::field(file, &format!("{}.{name}", side.name()), format!("found {values:?}, expected {expected}")))
 }
 
@@ -155,18 +163,26 @@ fn side(
         fill::nearest(&mut v, &good, width, height);
         Ok(v)
     };
-    let rgb =
-        |q: &str| -> Result<[Vec<f32>; 3]> { Ok([filled(&format!("{q}.R"))?, filled(&format!("{q}.G"))?, filled(&format!("{q}.B"))?]) };
-    let [x, y, z] =
-        [plane(&normals, &normal_path, axes[0])?, plane(&normals, &normal_path, axes[1])?, plane(&normals, &normal_path, axes[2])?];
+    let rgb = |q: &str| -> Result<[Vec<f32>; 3]> {
+        Ok([filled(&format!("{q}.R"))?, filled(&format!("{q}.G"))?, filled(&format!("{q}.B"))?])
+    };
+    let [x, y, z] = [
+        plane(&normals, &normal_path, axes[0])?,
+        plane(&normals, &normal_path, axes[1])?,
+        plane(&normals, &normal_path, axes[2])?,
+    ];
     let mut normal: Vec<[f64; 3]> = (0..x.len()).map(|k| unit([x[k], y[k], z[k]].map(f64::from))).collect();
     fill::nearest(&mut normal, &good, width, height);
-    let thickness: Vec<f64> = filled("thickness.Y")?.iter().zip(&mask).map(|(v, m)| if *m { f64::from(*v) } else { 0.0 }).collect();
+    let thickness: Vec<f64> =
+        filled("thickness.Y")?.iter().zip(&mask).map(|(v, m)| if *m { f64::from(*v) } else { 0.0 }).collect();
     if let Some(k) = (0..thickness.len()).find(|&k| mask[k] && !(THICKNESS_MM.contains(&thickness[k]))) {
         let (i, j) = (k % width, k / width);
         let found = thickness[k];
         let (low, high) = (THICKNESS_MM.start(), THICKNESS_MM.end());
-        return Err(Error::input(&path, format!("thickness.Y at column {i}, row {j}: found {found}, expected {low} to {high} mm")));
+        return Err(Error::input(
+            &path,
+            format!("thickness.Y at column {i}, row {j}: found {found}, expected {low} to {high} mm"),
+        ));
     }
     let sigma = |q: &str| parameter(file, record, name, q, 3).map(|v| [v[0], v[1], v[2]]);
     let section = &record.sections[name.name()];
@@ -197,7 +213,10 @@ fn read(path: &Path, names: &[String], size: &mut Option<(usize, usize)>) -> Res
     let maps = read_exr_rows(path, Some(&names), None)?;
     let (w, h) = *size.get_or_insert((maps.width, maps.height));
     if (maps.width, maps.height) != (w, h) {
-        return Err(Error::input(path, format!("found {}x{} texels, expected {w}x{h} as the fit's other maps", maps.width, maps.height)));
+        return Err(Error::input(
+            path,
+            format!("found {}x{} texels, expected {w}x{h} as the fit's other maps", maps.width, maps.height),
+        ));
     }
     Ok(maps)
 }

@@ -1,4 +1,5 @@
-//! How the errors of a reconstruction are spread over a leaf's texels (H7 Fig. 12): means, percentiles, a histogram. Errors are relative, f_rec/f − 1.
+//! How the errors of a reconstruction are spread over a leaf's texels (H7 Fig. 12): means, percentiles, a histogram.
+//! Errors are relative, f_rec/f − 1.
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
@@ -11,7 +12,8 @@ pub const STEPS: [f64; 3] = [0.0025, 0.01, 0.02];
 /// Steps of a histogram; the middle one holds no error.
 pub const BINS: usize = 41;
 
-/// Texels that get less than this share of the elevation's mean have no relative error worth the name (deep shadow over absorbing tissue: f goes to 0, its error does not).
+/// Texels that get less than this share of the elevation's mean have no relative error worth the name (deep shadow over
+/// absorbing tissue: f goes to 0, its error does not).
 pub const FAINT: f64 = 0.01;
 
 /// Errors at one elevation, of texels that get at least [`FAINT`] of the mean at that elevation.
@@ -44,7 +46,8 @@ impl Spread {
         let (all, sum) = pairs.clone().fold((0.0, 0.0), |(n, sum), [_, f]| (n + 1.0, sum + f));
         let level = sum / all;
         let visible = (pairs.clone().map(|[rec, f]| (rec - f).powi(2)).sum::<f64>() / all).sqrt() / level;
-        let mut errors: Vec<f64> = pairs.filter(|p| p[1] > 0.0 && p[1] >= FAINT * level).map(|[rec, f]| rec / f - 1.0).collect();
+        let mut errors: Vec<f64> =
+            pairs.filter(|p| p[1] > 0.0 && p[1] >= FAINT * level).map(|[rec, f]| rec / f - 1.0).collect();
         let n = errors.len() as f64;
         let mut counts = [0usize; BINS];
         let mut outside = [0usize; 2];
@@ -62,7 +65,10 @@ impl Spread {
         errors.iter_mut().for_each(|e| *e = e.abs());
         errors.sort_unstable_by(f64::total_cmp);
         let at = |share: f64| {
-            errors.get(((errors.len() as f64 * share) as usize).min(errors.len().saturating_sub(1))).copied().unwrap_or(f64::NAN)
+            errors
+                .get(((errors.len() as f64 * share) as usize).min(errors.len().saturating_sub(1)))
+                .copied()
+                .unwrap_or(f64::NAN)
         };
         Spread {
             elevation,

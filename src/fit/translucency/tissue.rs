@@ -1,8 +1,10 @@
-//! Which tissue light is sent through: the slab that the leaf fit found, the sources' table, or numbers from the user; and how light gets in.
+//! Which tissue light is sent through: the slab that the leaf fit found, the sources' table, or numbers from the user;
+//! and how light gets in.
 //!
-//! Two consistent pictures of a leaf's surface exist. LEAFMOD's (`fit`): index-matched, all light enters, what is reflected diffusely comes back out of the
-//! tissue, A = 1. H7's (`table`, numbers): the diffuse reflectance is the surface's, 1 − ρd enters (H9 Eq. 3.9, 3.13), and A = (1 + ρd)/(1 − ρd) of its mean
-//! (H9 Eq. 3.4) says what is reflected back inside.
+//! Two consistent pictures of a leaf's surface exist. LEAFMOD's (`fit`): index-matched, all light enters, what is
+//! reflected diffusely comes back out of the tissue, A = 1. H7's (`table`, numbers): the diffuse reflectance is the
+//! surface's, 1 − ρd enters (H9 Eq. 3.9, 3.13), and A = (1 + ρd)/(1 − ρd) of its mean (H9 Eq. 3.4) says what is
+//! reflected back inside.
 
 use super::source::Side;
 use super::{Options, TissueFrom};
@@ -49,9 +51,11 @@ pub fn of(side: &Side, c: usize, options: &Options) -> Result<Tissue> {
             for (name, err) in [("sigma_a", side.sigma_err[0][c]), ("sigma_s", side.sigma_err[1][c])] {
                 if err.is_infinite() {
                     let own = format!("{name}.{letter}");
-                    let why = side.undetermined.iter().find(|u| u.starts_with(&own)).map_or(own.as_str(), String::as_str);
+                    let why =
+                        side.undetermined.iter().find(|u| u.starts_with(&own)).map_or(own.as_str(), String::as_str);
                     return Err(Error::Missed(format!(
-                        "the leaf fit leaves this undetermined on its {}: {why}; choose --channel, --tissue table or --sigma-a and --sigma-s",
+                        "the leaf fit leaves this undetermined on its {}: {why}; choose --channel, --tissue table or \
+                         --sigma-a and --sigma-s",
                         side.name.name()
                     )));
                 }
@@ -71,7 +75,8 @@ pub fn of(side: &Side, c: usize, options: &Options) -> Result<Tissue> {
     Ok(Tissue { sigma_a, sigma_s, g, a })
 }
 
-/// The channel that lets most light through: green for green leaves, red for red ones (H9 p. 50: one dominant wavelength).
+/// The channel that lets most light through: green for green leaves, red for red ones (H9 p. 50: one dominant
+/// wavelength).
 pub fn dominant(sides: &[Side]) -> usize {
     let level = |c: usize| sides.iter().map(|s| mean(&s.rho_t[c], &s.mask)).sum::<f64>();
     (0..3).fold(0, |best, c| if level(c) > level(best) { c } else { best })
@@ -79,7 +84,10 @@ pub fn dominant(sides: &[Side]) -> usize {
 
 /// Mean over the leaf.
 pub fn mean(plane: &[f32], mask: &[bool]) -> f64 {
-    let (sum, count) =
-        plane.iter().zip(mask).filter(|(v, m)| **m && v.is_finite()).fold((0.0, 0usize), |(s, n), (v, _)| (s + f64::from(*v), n + 1));
+    let (sum, count) = plane
+        .iter()
+        .zip(mask)
+        .filter(|(v, m)| **m && v.is_finite())
+        .fold((0.0, 0usize), |(s, n), (v, _)| (s + f64::from(*v), n + 1));
     sum / count.max(1) as f64
 }

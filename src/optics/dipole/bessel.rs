@@ -1,5 +1,6 @@
-//! The modified Bessel functions K₀ and K₁ for |arg w| ≤ π/4: power series near 0 (Abramowitz & Stegun 9.6.11, 9.6.13), the integral
-//! K_ν(w) = ∫₀^∞ e^(−w cosh t) cosh νt dt (9.6.24) by the trapezoid rule elsewhere. Relative error about 1e-14.
+//! The modified Bessel functions K₀ and K₁ for |arg w| ≤ π/4: power series near 0 (Abramowitz & Stegun 9.6.11, 9.6.13),
+//! the integral K_ν(w) = ∫₀^∞ e^(−w cosh t) cosh νt dt (9.6.24) by the trapezoid rule elsewhere. Relative error about
+//! 1e-14.
 
 use mesophyll_fourier::Complex;
 

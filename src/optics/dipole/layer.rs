@@ -1,7 +1,8 @@
-//! A layer between two extrapolated boundaries, exactly: spectra in closed form, and the modes that dominate far from the source.
+//! A layer between two extrapolated boundaries, exactly: spectra in closed form, and the modes that dominate far from
+//! the source.
 //!
-//! Both forms solve D φ″ − (σa + D k²) φ = −Q with φ = 0 at z = −z_b and z = d + z_b, so their spectra are even, meromorphic functions of
-//! K = √(σtr² + k²) with poles only at K = ±iβ_m, β_m = mπ/H, H = d + 2 z_b.
+//! Both forms solve D φ″ − (σa + D k²) φ = −Q with φ = 0 at z = −z_b and z = d + z_b, so their spectra are even,
+//! meromorphic functions of K = √(σtr² + k²) with poles only at K = ±iβ_m, β_m = mπ/H, H = d + 2 z_b.
 //! *Images*: a point source α′ at z = l, exit −D φ′(d): the sum of infinitely many dipoles.
 //! *Thin*: the beam's own first scatterings Q = σs′ e^(−σt′ z), exit φ(d)/(2A); what was not scattered passes apart.
 
@@ -18,13 +19,18 @@ pub fn images<T: Scalar>(c: &Coefficients<T>, k_squared: T, d: T) -> T {
     let k2 = c.transport2 + k_squared;
     if (k2 * height * height).size() < 0.25 {
         // α′ sinh(K(l+z_b)) cosh(K z_b)/sinh(KH) as functions of K²
-        let cosh = T::of(1.0) + k2 * (zb * rising((k2 * zb * zb).times(0.25))) * (zb * rising((k2 * zb * zb).times(0.25))).times(0.5);
+        let cosh = T::of(1.0)
+            + k2 * (zb * rising((k2 * zb * zb).times(0.25))) * (zb * rising((k2 * zb * zb).times(0.25))).times(0.5);
         let near = l + zb;
         return c.albedo * near * rising(k2 * near * near) * cosh / (height * rising(k2 * height * height));
     }
     let k = k2.sqrt();
     let near = l + zb;
-    c.albedo * near * falling((k * near).times(2.0)) * (-(k * (d - l))).exp() * (T::of(1.0) + (-(k * zb).times(2.0)).exp()).times(0.5)
+    c.albedo
+        * near
+        * falling((k * near).times(2.0))
+        * (-(k * (d - l))).exp()
+        * (T::of(1.0) + (-(k * zb).times(2.0)).exp()).times(0.5)
         / (height * falling((k * height).times(2.0)))
 }
 
@@ -39,7 +45,8 @@ pub fn thin<T: Scalar>(c: &Coefficients<T>, k_squared: T, d: T) -> T {
             let z = z + zb;
             z * rising(k2 * z * z)
         };
-        return c.scattering * rising(k2 * zb * zb) * weighted(sigma, d, lifted) / (height * rising(k2 * height * height));
+        return c.scattering * rising(k2 * zb * zb) * weighted(sigma, d, lifted)
+            / (height * rising(k2 * height * height));
     }
     let k = k2.sqrt();
     // I₁ = ∫₀^d e^(−σz − K(d−z)) dz, I₂ = ∫₀^d e^(−σz − K(d+z)) dz
@@ -97,8 +104,8 @@ impl Modal for Dual<f64> {
     }
 }
 
-/// T(r) and 2π ∫_r^∞ T s ds from the modes: Σ R_m K₀(κ_m r)/(2π) and Σ R_m r K₁(κ_m r)/κ_m, κ_m = √(σtr² + β_m²). For r > 0; the number of
-/// modes grows as H/r.
+/// T(r) and 2π ∫_r^∞ T s ds from the modes: Σ R_m K₀(κ_m r)/(2π) and Σ R_m r K₁(κ_m r)/κ_m, κ_m = √(σtr² + β_m²). For r
+/// > 0; the number of modes grows as H/r.
 pub fn modes<T: Modal>(c: &Coefficients<T>, layer: Layer, r: f64, d: T) -> [T; 2] {
     let zb = c.extrapolation;
     let height = d + zb.times(2.0);
@@ -115,7 +122,9 @@ pub fn modes<T: Modal>(c: &Coefficients<T>, layer: Layer, r: f64, d: T) -> [T; 2
         let sign = if m % 2 == 0 { 1.0 } else { -1.0 };
         let at = beta * zb;
         let residue = match layer {
-            Layer::Images => -(c.albedo * beta * at.cos() * (beta * (c.free_path + zb)).sin()).times(2.0 * sign) / height,
+            Layer::Images => {
+                -(c.albedo * beta * at.cos() * (beta * (c.free_path + zb)).sin()).times(2.0 * sign) / height
+            }
             Layer::Thin => {
                 let s = c.extinction;
                 let (far, near) = ((beta * at.cos() - s * at.sin()).times(sign), beta * at.cos() + s * at.sin());

@@ -1,15 +1,20 @@
-//! Light diffusing through a leaf: where it leaves, for light that entered at one point (H9 §3.3.5; Donner & Jensen 2005).
+//! Light diffusing through a leaf: where it leaves, for light that entered at one point (H9 §3.3.5; Donner & Jensen
+//! 2005).
 //!
-//! T(r, d): exitance of the far side at distance r from the point of entry per entering flux, 1/mm², of a flat homogeneous slab of thickness d.
-//! σt′ = σa + (1−g)σs, α′ = σs′/σt′, l = 1/σt′, D = l/3, σtr = √(3 σa σt′) (the 2007 print has σt for σt′), z_b = 2AD. Units: mm and 1/mm.
+//! T(r, d): exitance of the far side at distance r from the point of entry per entering flux, 1/mm², of a flat
+//! homogeneous slab of thickness d. σt′ = σa + (1−g)σs, α′ = σs′/σt′, l = 1/σt′, D = l/3, σtr = √(3 σa σt′) (the 2007
+//! print has σt for σt′), z_b = 2AD. Units: mm and 1/mm.
 //!
 //! Three forms, by name:
-//! - [`Form::Dipoles`]`(n)`: the paper's sum over j = −n … n, with (1 + σtr ρ) e^(−σtr ρ) where it prints (1 + σtr ρ e^(−σtr ρ)). For d > l. What n
-//!   leaves out is 4e-4 of the total at d = .2 mm of the paper's tissue, but 28 % at σa = .01/mm and 67 % at .001/mm.
+//! - [`Form::Dipoles`]`(n)`: the paper's sum over j = −n … n, with (1 + σtr ρ) e^(−σtr ρ) where it prints (1 + σtr ρ
+//!   e^(−σtr ρ)). For d > l. What n leaves out is 4e-4 of the total at d = .2 mm of the paper's tissue, but 28 % at σa
+//!   = .01/mm and 67 % at .001/mm.
 //! - [`Form::Images`]: n = ∞, exact by its Fourier transform. For d > l (NaN otherwise).
-//! - [`Form::Thin`]: the beam's own exponential source, exit φ/(2A), and apart from it e^(−σt′ d) of light that was never scattered. For every d > 0.
+//! - [`Form::Thin`]: the beam's own exponential source, exit φ/(2A), and apart from it e^(−σt′ d) of light that was
+//!   never scattered. For every d > 0.
 //!
-//! Totals against the transport equation (isotropic scattering with σs′, A = 1; σs′ = 9.486/mm, so l is about .1 mm), relative error in %:
+//! Totals against the transport equation (isotropic scattering with σs′, A = 1; σs′ = 9.486/mm, so l is about .1 mm),
+//! relative error in %:
 //!
 //! | σa 1/mm | form | d = .02 | .05 | .1 | .15 | .2 | .3 | .5 | 1 mm |
 //! |---|---|---|---|---|---|---|---|---|---|
@@ -22,11 +27,13 @@
 //! | 10 | thin | −.6 | −.5 | −1.1 | −2.9 | −5.7 | −13 | −28 | −56 |
 //! | | images | – | – | −55 | −68 | −77 | −88 | −96 | −100 |
 //!
-//! Diffusion needs σa well below σs′ and, where it absorbs, a blade of few mean free paths; the deep errors belong to transmittances below .03.
+//! Diffusion needs σa well below σs′ and, where it absorbs, a blade of few mean free paths; the deep errors belong to
+//! transmittances below .03.
 //!
-//! **The unscattered light** of the thin form leaves where it entered: a delta function at r = 0 that no value of T(r) can show. [`Tissue::transmittance`]
-//! and [`Tissue::beyond`] hold the scattered part, [`Tissue::ballistic`] the weight of the delta; [`Tissue::spectrum`] and [`Tissue::total`] hold both.
-//! Near r = 0 the thin form's T grows as −ln r (its source reaches the exit), so T(0) is infinite; integrals over texels are finite.
+//! **The unscattered light** of the thin form leaves where it entered: a delta function at r = 0 that no value of T(r)
+//! can show. [`Tissue::transmittance`] and [`Tissue::beyond`] hold the scattered part, [`Tissue::ballistic`] the weight
+//! of the delta; [`Tissue::spectrum`] and [`Tissue::total`] hold both. Near r = 0 the thin form's T grows as −ln r (its
+//! source reaches the exit), so T(0) is infinite; integrals over texels are finite.
 
 pub mod bessel;
 mod hankel;
@@ -164,7 +171,8 @@ pub(crate) fn in_space<T: Lift>(c: &Coefficients<T>, r: f64, d: T, form: Form) -
     if r > 3.0 * height {
         return layer::modes(c, layer, r, d);
     }
-    let falls = if form == Form::Thin { c.transport2.re().sqrt().min(c.extinction.re()) } else { c.transport2.re().sqrt() };
+    let falls =
+        if form == Form::Thin { c.transport2.re().sqrt().min(c.extinction.re()) } else { c.transport2.re().sqrt() };
     if falls * (d.re() - c.free_path.re()) > 800.0 {
         return [T::of(0.0); 2];
     }
@@ -204,11 +212,12 @@ impl Tissue {
         None
     }
 
-    /// Why no form describes this tissue, however thick: scattering that is mostly backward is not what its reduced coefficients say. Against random
-    /// walks of ten mean free paths (σa .4, σs′ 9.5) they transmit 6 % too little at g = −.3, 12 % at −.5, 44 % at −.9 (forward scattering: 7 % too
-    /// much at .9).
+    /// Why no form describes this tissue, however thick: scattering that is mostly backward is not what its reduced
+    /// coefficients say. Against random walks of ten mean free paths (σa .4, σs′ 9.5) they transmit 6 % too little at g
+    /// = −.3, 12 % at −.5, 44 % at −.9 (forward scattering: 7 % too much at .9).
     pub fn doubt(&self) -> Option<String> {
-        let backward = || format!("scattering as backward as g = {} is not described by its reduced coefficients", self.g);
+        let backward =
+            || format!("scattering as backward as g = {} is not described by its reduced coefficients", self.g);
         (self.g < MOST_BACKWARD).then(backward)
     }
 
@@ -242,8 +251,9 @@ impl Tissue {
         d_mm >= 0.0 && (form != Form::Images || d_mm > self.mean_free_path())
     }
 
-    /// T(r, d), 1/mm²: exitance at distance `r_mm` ≥ 0 per entering flux, scattered light only. Relative error about 1e-12 for the two exact forms
-    /// while σtr d < 50; infinite at r = 0 for [`Form::Thin`]; NaN where the form is not defined. Underflows to 0.
+    /// T(r, d), 1/mm²: exitance at distance `r_mm` ≥ 0 per entering flux, scattered light only. Relative error about
+    /// 1e-12 for the two exact forms while σtr d < 50; infinite at r = 0 for [`Form::Thin`]; NaN where the form is not
+    /// defined. Underflows to 0.
     pub fn transmittance(&self, r_mm: f64, d_mm: f64, form: Form) -> f64 {
         if !(self.defined(d_mm, form) && r_mm >= 0.0) {
             return f64::NAN;
@@ -257,7 +267,8 @@ impl Tissue {
         in_space(&self.coefficients(), r_mm, d_mm, form)[0]
     }
 
-    /// 2π ∫_r^∞ T(s, d) s ds: share of the entering flux that leaves farther than `r_mm` ≥ 0 away. Errors as [`Tissue::transmittance`].
+    /// 2π ∫_r^∞ T(s, d) s ds: share of the entering flux that leaves farther than `r_mm` ≥ 0 away. Errors as
+    /// [`Tissue::transmittance`].
     pub fn beyond(&self, r_mm: f64, d_mm: f64, form: Form) -> f64 {
         if !(self.defined(d_mm, form) && r_mm >= 0.0) {
             return f64::NAN;
@@ -271,8 +282,9 @@ impl Tissue {
         in_space(&self.coefficients(), r_mm, d_mm, form)[1]
     }
 
-    /// [`Tissue::beyond`] and its derivatives by σa, σs, g and a factor on the thickness (∂/∂ ln d). The derivatives of [`Form::Dipoles`] by σa are
-    /// infinite at σa = 0, where a truncated sum has a root; those of the other forms are ordinary there.
+    /// [`Tissue::beyond`] and its derivatives by σa, σs, g and a factor on the thickness (∂/∂ ln d). The derivatives of
+    /// [`Form::Dipoles`] by σa are infinite at σa = 0, where a truncated sum has a root; those of the other forms are
+    /// ordinary there.
     pub fn beyond_with_partials(&self, r_mm: f64, d_mm: f64, form: Form) -> Dual<f64> {
         let d = Dual { value: d_mm, by: [0.0, 0.0, 0.0, d_mm] };
         if !(self.defined(d_mm, form) && r_mm >= 0.0) {
@@ -285,12 +297,14 @@ impl Tissue {
         if r_mm == 0.0 { scattered(&c, Dual::of(0.0), d, form) } else { in_space(&c, r_mm, d, form)[1] }
     }
 
-    /// Flux that passes unscattered and leaves at r = 0: e^(−σt′ d) for [`Form::Thin`], 0 for the others (they have no such part).
+    /// Flux that passes unscattered and leaves at r = 0: e^(−σt′ d) for [`Form::Thin`], 0 for the others (they have no
+    /// such part).
     pub fn ballistic(&self, d_mm: f64, form: Form) -> f64 {
         if form == Form::Thin { (-self.reduced_extinction() * d_mm).exp() } else { 0.0 }
     }
 
-    /// Hankel transform ∫ T e^(−ik·x) d²x at wave number `k_per_mm` ≥ 0, the unscattered light included. NaN where the form is not defined.
+    /// Hankel transform ∫ T e^(−ik·x) d²x at wave number `k_per_mm` ≥ 0, the unscattered light included. NaN where the
+    /// form is not defined.
     pub fn spectrum(&self, k_per_mm: f64, d_mm: f64, form: Form) -> f64 {
         if !self.defined(d_mm, form) {
             return f64::NAN;

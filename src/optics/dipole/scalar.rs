@@ -1,4 +1,5 @@
-//! The numbers that a kernel is evaluated with: f64, complex (contours of the Hankel integral), and either of them with derivatives.
+//! The numbers that a kernel is evaluated with: f64, complex (contours of the Hankel integral), and either of them with
+//! derivatives.
 //!
 //! One formula then serves the value, its inversion and its exact derivatives.
 
@@ -10,7 +11,15 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// What the formulas need of a number.
 pub trait Scalar:
-    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self> + Send + Sync + 'static
+    Copy
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+    + Send
+    + Sync
+    + 'static
 {
     fn of(x: f64) -> Self;
     fn exp(self) -> Self;

@@ -41,7 +41,10 @@ fn images_in_space_are_the_sum_run_to_convergence() {
                 for k in 0..2 {
                     // The sum itself cancels far out, where the layer's decay is faster than its terms'.
                     let lost = 1e-15 * image_sum(&t, 1e-5, d)[k];
-                    assert!((got[k] - want[k]).abs() < 1e-10 * want[k].abs() + lost, "σa {sigma_a} d {d} r {r}: {got:?} {want:?}");
+                    assert!(
+                        (got[k] - want[k]).abs() < 1e-10 * want[k].abs() + lost,
+                        "σa {sigma_a} d {d} r {r}: {got:?} {want:?}"
+                    );
                 }
             }
         }
@@ -73,7 +76,10 @@ fn thin_in_space_is_the_image_sum_of_every_depth() {
                 })
                 .sum();
             let got = t.transmittance(r, d, Form::Thin);
-            assert!((got / want - 1.0).abs() < 1e-9 + 1e-7 * (r / d).min(1.0) * f64::from(r > 5.0 * d), "d {d} r {r}: {got} {want}");
+            assert!(
+                (got / want - 1.0).abs() < 1e-9 + 1e-7 * (r / d).min(1.0) * f64::from(r > 5.0 * d),
+                "d {d} r {r}: {got} {want}"
+            );
         }
     }
 }
@@ -94,7 +100,10 @@ fn contour_and_modes_agree_where_they_meet() {
                     // Modes cancel by e^(σtr (√(r²+d²) − r)).
                     let digits = 1e-12 * (c.transport2.sqrt() * (r.hypot(d) - r)).exp();
                     for k in 0..2 {
-                        assert!((near[k] - far[k]).abs() < digits * far[k].abs(), "{form:?} σa {sigma_a} d {d} r {r}: {near:?} {far:?}");
+                        assert!(
+                            (near[k] - far[k]).abs() < digits * far[k].abs(),
+                            "{form:?} σa {sigma_a} d {d} r {r}: {near:?} {far:?}"
+                        );
                     }
                 }
             }
@@ -111,7 +120,9 @@ fn space_and_spectrum_are_one_another_s_transform() {
             let t = tissue(0.4);
             for k in [0.5, 3.0, 9.0] {
                 let integral: f64 = (0..12)
-                    .flat_map(|panel| gauss(16).into_iter().map(move |q| (f64::from(panel) * 0.25 + 0.25 * q.x, 0.25 * q.w)))
+                    .flat_map(|panel| {
+                        gauss(16).into_iter().map(move |q| (f64::from(panel) * 0.25 + 0.25 * q.x, 0.25 * q.w))
+                    })
                     .map(|(r, w)| w * t.beyond(r, d, form) * j1(k * r))
                     .sum();
                 let want = t.spectrum(k, d, form);
@@ -145,7 +156,9 @@ fn images_are_the_limit_of_dipoles() {
 #[test]
 fn three_dipoles_leave_out_what_is_known() {
     // Relative error of the total of n = 3 against n = ∞ of the same sum.
-    let error = |sigma_a: f64, d: f64| tissue(sigma_a).total(d, Form::Dipoles(3)) / tissue(sigma_a).total(d, Form::Dipoles(200_000)) - 1.0;
+    let error = |sigma_a: f64, d: f64| {
+        tissue(sigma_a).total(d, Form::Dipoles(3)) / tissue(sigma_a).total(d, Form::Dipoles(200_000)) - 1.0
+    };
     for (sigma_a, d, want, within) in
         [(0.4, 0.1, 0.009, 0.0005), (0.4, 0.5, 8e-7, 0.5e-7), (0.01, 0.2, 0.28, 0.005), (0.001, 0.2, 0.67, 0.005)]
     {
@@ -212,9 +225,15 @@ fn nothing_is_nan_however_deep_or_far() {
                 for d in [1.01 * t.mean_free_path(), 1.0, 30.0, 1e4] {
                     for r in [1e-6, 0.1, 10.0, 1e4] {
                         let (value, beyond) = (t.transmittance(r, d, form), t.beyond(r, d, form));
-                        assert!(value.is_finite() && beyond.is_finite(), "{form:?} σa {sigma_a} g {g} d {d} r {r}: {value} {beyond}");
+                        assert!(
+                            value.is_finite() && beyond.is_finite(),
+                            "{form:?} σa {sigma_a} g {g} d {d} r {r}: {value} {beyond}"
+                        );
                         if form != Form::Dipoles(3) {
-                            assert!(value >= 0.0 && beyond >= 0.0, "{form:?} σa {sigma_a} g {g} d {d} r {r}: {value} {beyond}");
+                            assert!(
+                                value >= 0.0 && beyond >= 0.0,
+                                "{form:?} σa {sigma_a} g {g} d {d} r {r}: {value} {beyond}"
+                            );
                         }
                     }
                     assert!(t.total(d, form).is_finite() && t.spectrum(1e3, d, form).is_finite());
@@ -249,7 +268,10 @@ fn derivatives_agree_with_differences() {
                     let e = 1e-4;
                     let want = (at(k, e)[which] - at(k, -e)[which]) / (2.0 * e);
                     let got = dual[which].by[k];
-                    assert!((got - want).abs() < 1e-5 * want.abs() + 1e-7 * dual[which].value, "{form:?} r {r} {k} {which}: {got} {want}");
+                    assert!(
+                        (got - want).abs() < 1e-5 * want.abs() + 1e-7 * dual[which].value,
+                        "{form:?} r {r} {k} {which}: {got} {want}"
+                    );
                 }
             }
         }

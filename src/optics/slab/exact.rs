@@ -1,6 +1,8 @@
-//! The slab to nine digits and more: an integral equation where it is thin, discrete ordinates in closed form elsewhere.
+//! The slab to nine digits and more: an integral equation where it is thin, discrete ordinates in closed form
+//! elsewhere.
 //!
-//! The two derivations share no formula; they overlap over Δ = 1e-3 … 0.2 to better than 1e-9, and the tests hold them to it.
+//! The two derivations share no formula; they overlap over Δ = 1e-3 … 0.2 to better than 1e-9, and the tests hold them
+//! to it.
 
 use super::{Response, ordinates, thin};
 use std::sync::OnceLock;
@@ -22,7 +24,8 @@ pub fn response_at(mu0: f64, sigma_a: f64, sigma_s: f64, thickness_mm: f64) -> R
     solve_at(mu0, sigma_s / sigma_t, sigma_a / sigma_t, sigma_t * thickness_mm)
 }
 
-/// ρd and ρt at single-scattering albedo ω and optical thickness Δ, normal incidence. 1 − ω is given apart, so that it keeps its digits near 1.
+/// ρd and ρt at single-scattering albedo ω and optical thickness Δ, normal incidence. 1 − ω is given apart, so that it
+/// keeps its digits near 1.
 pub fn solve(omega: f64, one_minus_omega: f64, delta: f64) -> Response {
     solve_at(1.0, omega, one_minus_omega, delta)
 }
@@ -42,7 +45,8 @@ pub fn solve_log(mu0: f64, omega: f64, one_minus_omega: f64, delta: f64) -> (f64
     Medium::new(omega, one_minus_omega).solve_log(mu0, delta)
 }
 
-/// One single-scattering albedo, for slabs of many thicknesses: the modes, most of the work, do not depend on the thickness and are found once.
+/// One single-scattering albedo, for slabs of many thicknesses: the modes, most of the work, do not depend on the
+/// thickness and are found once.
 pub struct Medium {
     omega: f64,
     one_minus_omega: f64,

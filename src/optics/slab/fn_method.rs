@@ -1,9 +1,10 @@
-//! The paper's method: Siewert's F_N with shifted Legendre polynomials, as in LEAFMOD (Siewert 1978; Siewert & Benoist 1979;
-//! Ganapol et al. 1998), the order raised until two answers agree.
+//! The paper's method: Siewert's F_N with shifted Legendre polynomials, as in LEAFMOD (Siewert 1978; Siewert & Benoist
+//! 1979; Ganapol et al. 1998), the order raised until two answers agree.
 //!
-//! The radiances that leave, A(μ) at the top and B(μ) at the bottom, are expanded as (ω/2) Σ a_α P_α(2μ−1). Case's orthogonality
-//! relations couple them at every ξ of the spectrum, ν₀ and (0, 1); collocation at ν₀ and the N Gauss points gives 2(N+1) equations.
-//! Limits: the expansion converges algebraically (the radiance is like μ ln μ at μ = 0), so six digits are what it is asked for.
+//! The radiances that leave, A(μ) at the top and B(μ) at the bottom, are expanded as (ω/2) Σ a_α P_α(2μ−1). Case's
+//! orthogonality relations couple them at every ξ of the spectrum, ν₀ and (0, 1); collocation at ν₀ and the N Gauss
+//! points gives 2(N+1) equations. Limits: the expansion converges algebraically (the radiance is like μ ln μ at μ = 0),
+//! so six digits are what it is asked for.
 
 use super::Response;
 use super::quadrature::{gauss, shifted_legendre};
@@ -23,7 +24,8 @@ pub struct Answer {
     pub change: f64,
 }
 
-/// Raises the order by two until ρd and ρt change by less than `tolerance`; the change of the best pair is returned either way.
+/// Raises the order by two until ρd and ρt change by less than `tolerance`; the change of the best pair is returned
+/// either way.
 pub fn solve(omega: f64, one_minus_omega: f64, delta: f64, tolerance: f64) -> Answer {
     let mut best = Answer { response: at_order(omega, one_minus_omega, delta, 2), order: 2, change: f64::INFINITY };
     let mut before = best.response;
@@ -125,7 +127,8 @@ fn near_side(xi: f64, omega: f64, out: &mut [f64]) {
     }
 }
 
-/// (1/ξ) ∫₀¹ μ φ(−ξ, μ) P_α(2μ−1) dμ: the decreasing solution of its recurrence, downwards from the two moments that start it.
+/// (1/ξ) ∫₀¹ μ φ(−ξ, μ) P_α(2μ−1) dμ: the decreasing solution of its recurrence, downwards from the two moments that
+/// start it.
 fn far_side(xi: f64, omega: f64, out: &mut [f64]) {
     if xi > 0.5 {
         return quadrature_side(|mu| 0.5 * omega / (xi + mu), out);

@@ -1,9 +1,9 @@
 //! The leaf's interior: LEAFMOD's slab (Ganapol et al. 1998; Wang et al. 2005 §3).
 //!
-//! A plane-parallel homogeneous slab, isotropic scattering, index-matched, lit by a collimated normal beam, black below:
-//! `[μ ∂/∂τ + 1] I = (ω/2) ∫ I dμ′`, I(0, μ) = δ(μ−1), I(Δ, −μ) = 0, with σt = σa + σs, ω = σs/σt, Δ = σt h.
-//! ρd and ρt are the reflected and transmitted fractions of the flux (ρt with the unscattered e^(−Δ)).
-//! Units: σ in 1/mm, thickness in mm. Any ω in [0, 1], any Δ ≥ 0.
+//! A plane-parallel homogeneous slab, isotropic scattering, index-matched, lit by a collimated normal beam, black
+//! below: `[μ ∂/∂τ + 1] I = (ω/2) ∫ I dμ′`, I(0, μ) = δ(μ−1), I(Δ, −μ) = 0, with σt = σa + σs, ω = σs/σt, Δ = σt h. ρd
+//! and ρt are the reflected and transmitted fractions of the flux (ρt with the unscattered e^(−Δ)). Units: σ in 1/mm,
+//! thickness in mm. Any ω in [0, 1], any Δ ≥ 0.
 //!
 //! [`response`] is fast, [`exact`] the nine-digit one, [`fn_method`] the paper's; [`inverse`] goes back.
 
@@ -40,7 +40,8 @@ impl Response {
 
 /// ρd and ρt; σ in 1/mm, thickness in mm, all ≥ 0 and finite (NaN otherwise).
 ///
-/// Relative error of both below 1e-8 (2e-10 for Δ < 4, and for ρt down to 1e-30); a beam that meets nothing passes unchanged.
+/// Relative error of both below 1e-8 (2e-10 for Δ < 4, and for ρt down to 1e-30); a beam that meets nothing passes
+/// unchanged.
 pub fn response(sigma_a: f64, sigma_s: f64, thickness_mm: f64) -> Response {
     let mut r = response_with_partials(sigma_a, sigma_s, thickness_mm).0;
     let depth = (sigma_a + sigma_s) * thickness_mm;
@@ -55,7 +56,10 @@ pub fn response(sigma_a: f64, sigma_s: f64, thickness_mm: f64) -> Response {
 pub fn response_with_partials(sigma_a: f64, sigma_s: f64, thickness_mm: f64) -> (Response, Partials) {
     let sigma_t = sigma_a + sigma_s;
     if !(sigma_a >= 0.0 && sigma_s >= 0.0 && thickness_mm >= 0.0 && (sigma_t * thickness_mm).is_finite()) {
-        return (Response::UNKNOWN, Partials { sigma_a: Response::UNKNOWN, sigma_s: Response::UNKNOWN, thickness: Response::UNKNOWN });
+        return (
+            Response::UNKNOWN,
+            Partials { sigma_a: Response::UNKNOWN, sigma_s: Response::UNKNOWN, thickness: Response::UNKNOWN },
+        );
     }
     if sigma_t == 0.0 {
         let partials = Partials {
@@ -80,7 +84,8 @@ pub fn response_with_partials(sigma_a: f64, sigma_s: f64, thickness_mm: f64) -> 
     (at, partials)
 }
 
-/// ρd and ρt at single-scattering albedo ω (1 − ω given apart) and optical thickness Δ > 0, with the derivatives by 1−ω and by Δ.
+/// ρd and ρt at single-scattering albedo ω (1 − ω given apart) and optical thickness Δ > 0, with the derivatives by 1−ω
+/// and by Δ.
 pub fn reduced(omega: f64, one_minus_omega: f64, delta: f64) -> (Response, [Response; 2]) {
     if !(table::DELTA_MIN..=table::DELTA_MAX).contains(&delta) {
         return beyond_table(omega, one_minus_omega, delta);
@@ -90,8 +95,12 @@ pub fn reduced(omega: f64, one_minus_omega: f64, delta: f64) -> (Response, [Resp
     let h = delta / (1.0 + delta);
     let h_by = h / (delta * (1.0 + delta));
     let mut at = Response { rho_d: omega * h * s.g[0], rho_t: (-delta * s.g[1]).exp() };
-    let by_absorbed = Response { rho_d: h * (omega * s.by_absorbed[0] - s.g[0]), rho_t: -at.rho_t * delta * s.by_absorbed[1] };
-    let by_delta = Response { rho_d: omega * (h_by * s.g[0] + h * s.by_delta[0]), rho_t: -at.rho_t * (s.g[1] + delta * s.by_delta[1]) };
+    let by_absorbed =
+        Response { rho_d: h * (omega * s.by_absorbed[0] - s.g[0]), rho_t: -at.rho_t * delta * s.by_absorbed[1] };
+    let by_delta = Response {
+        rho_d: omega * (h_by * s.g[0] + h * s.by_delta[0]),
+        rho_t: -at.rho_t * (s.g[1] + delta * s.by_delta[1]),
+    };
     if one_minus_omega == 0.0 {
         at.conserve();
     }
@@ -105,7 +114,8 @@ impl Response {
     }
 }
 
-/// Thinner than the table its series, thicker the exact solution with central differences (smooth there, and rarely needed).
+/// Thinner than the table its series, thicker the exact solution with central differences (smooth there, and rarely
+/// needed).
 fn beyond_table(omega: f64, absorbed: f64, delta: f64) -> (Response, [Response; 2]) {
     if delta < table::DELTA_MIN {
         return table::thin_series(omega, absorbed, delta);

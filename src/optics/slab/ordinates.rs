@@ -1,12 +1,12 @@
 //! The slab by discrete ordinates, solved in closed form mode by mode.
 //!
-//! The isotropic kernel makes the eigenproblem a rank-one change of a diagonal (one secular equation), and the matrix of a
-//! single boundary a Cauchy matrix, whose inverse is known as products. What is left is a small system that couples the two
-//! boundaries through the modes that survive the crossing. No growing exponential is ever formed, ω = 1 (two modes merge)
-//! is an ordinary point, and a deep transmittance keeps its relative accuracy.
+//! The isotropic kernel makes the eigenproblem a rank-one change of a diagonal (one secular equation), and the matrix
+//! of a single boundary a Cauchy matrix, whose inverse is known as products. What is left is a small system that
+//! couples the two boundaries through the modes that survive the crossing. No growing exponential is ever formed, ω = 1
+//! (two modes merge) is an ordinary point, and a deep transmittance keeps its relative accuracy.
 //!
-//! Ordinates: Gauss–Legendre in s, μ = 1 − (1 − s³)², which crowds nodes at μ = 0 (the radiance is like μ ln μ there) and
-//! at μ = 1 (the Case pole 1/ν₀ comes close when ω is small).
+//! Ordinates: Gauss–Legendre in s, μ = 1 − (1 − s³)², which crowds nodes at μ = 0 (the radiance is like μ ln μ there)
+//! and at μ = 1 (the Case pole 1/ν₀ comes close when ω is small).
 
 use super::quadrature::gauss;
 use std::sync::OnceLock;
@@ -104,7 +104,8 @@ impl<const N: usize> Modes<N> {
                 up *= d[j][i] / ((d[j][i] - d[i][i]) * inverse_pole[i]);
             }
             b[j] = sums / cosines;
-            // 1 − k_jμ_i = (1 − k_j²μ_i²)/(1 + k_jμ_i), and likewise 1 − k_j/k_i; i = j and i = 0 have no partner in the product above
+            // 1 − k_jμ_i = (1 − k_j²μ_i²)/(1 + k_jμ_i), and likewise 1 − k_j/k_i; i = j and i = 0 have no partner in
+            // the product above
             a[j] = up * d[j][j] * b[j] * if j == 0 { 1.0 } else { 0.5 * d[j][0] };
         }
         // Σ 2 atanh(k₀μ_i) − Σ 2 atanh(k₀/k_γ), over k₀
@@ -135,7 +136,11 @@ impl<const N: usize> Modes<N> {
 
     /// ρd and ln ρt of the slab of optical thickness `delta` for a beam at cosine `mu0`.
     pub fn response(&self, delta: f64, mu0: f64) -> (f64, f64) {
-        if self.k[0] * delta > 4.0 { self.far_boundaries(delta, 1.0 / mu0) } else { self.near_boundaries(delta, 1.0 / mu0) }
+        if self.k[0] * delta > 4.0 {
+            self.far_boundaries(delta, 1.0 / mu0)
+        } else {
+            self.near_boundaries(delta, 1.0 / mu0)
+        }
     }
 
     /// Modes that couple the boundaries: what they carry across is not negligible beside e^(−slow Δ).
@@ -143,8 +148,8 @@ impl<const N: usize> Modes<N> {
         (0..N).take_while(|&i| i == 0 || (self.k[i] - slow) * delta < CUT).count()
     }
 
-    /// The far boundary is a small correction: A = A₀ − M B, B = −M A, by iteration. What crosses the slab carries the factor e^(−slow Δ),
-    /// which is kept apart, so that the transmittance may underflow and its logarithm does not.
+    /// The far boundary is a small correction: A = A₀ − M B, B = −M A, by iteration. What crosses the slab carries the
+    /// factor e^(−slow Δ), which is kept apart, so that the transmittance may underflow and its logarithm does not.
     fn far_boundaries(&self, delta: f64, c: f64) -> (f64, f64) {
         let slow = self.k[0].min(c);
         let active = self.active(delta, slow);
@@ -169,7 +174,11 @@ impl<const N: usize> Modes<N> {
         let (mut rho_d, mut crossed) = (0.0, (-(c - slow) * delta).exp());
         for i in 0..N {
             let k = self.k[i];
-            let (ai, bi) = if i < active { (a[i], b[i]) } else { (self.half_space(i) - scale * scale * apply(&b, i), -apply(&a, i)) };
+            let (ai, bi) = if i < active {
+                (a[i], b[i])
+            } else {
+                (self.half_space(i) - scale * scale * apply(&b, i), -apply(&a, i))
+            };
             let (near, far) = (near_exit(k, delta, c), far_exit(k, delta, c, slow));
             rho_d += ai * near + scale * scale * bi * far;
             crossed += ai * far + bi * near;
@@ -177,7 +186,8 @@ impl<const N: usize> Modes<N> {
         (rho_d, crossed.ln() - slow * delta)
     }
 
-    /// Even and odd parts, (1+M)(A+B) = A₀ and (1−M)(A−B) = A₀; the odd amplitude of mode 0 is x/k₀, so that k₀ = 0 is an ordinary point.
+    /// Even and odd parts, (1+M)(A+B) = A₀ and (1−M)(A−B) = A₀; the odd amplitude of mode 0 is x/k₀, so that k₀ = 0 is
+    /// an ordinary point.
     fn near_boundaries(&self, delta: f64, c: f64) -> (f64, f64) {
         let active = self.active(delta, 0.0);
         let k0 = self.k[0];
@@ -190,7 +200,10 @@ impl<const N: usize> Modes<N> {
         for i in 0..active {
             for j in 0..active {
                 let (e, o) = match (i, j) {
-                    (0, 0) => (1.0 + log_m00.exp(), if k0 > 0.0 { -log_m00.exp_m1() / k0 } else { delta + self.extrapolation }),
+                    (0, 0) => (
+                        1.0 + log_m00.exp(),
+                        if k0 > 0.0 { -log_m00.exp_m1() / k0 } else { delta + self.extrapolation },
+                    ),
                     (_, 0) => (m(i, 0) * k0, -m(i, 0)),
                     _ => {
                         let unit = if i == j { 1.0 } else { 0.0 };
@@ -238,8 +251,10 @@ fn odd_exit(k: f64, delta: f64, c: f64) -> f64 {
     if k > 0.5 * c.min(1.0) {
         return (near_exit(k, delta, c) - far_exit(k, delta, c, 0.0)) / k;
     }
-    let ratio = if k * delta < 1e-5 { 0.5 * delta * (1.0 - (k * delta).powi(2) / 12.0) } else { (0.5 * k * delta).tanh() / k };
-    c * (1.0 + (-k * delta).exp()) * (1.0 + (-c * delta).exp()) / ((c - k) * (c + k)) * (c * ratio - (0.5 * c * delta).tanh())
+    let ratio =
+        if k * delta < 1e-5 { 0.5 * delta * (1.0 - (k * delta).powi(2) / 12.0) } else { (0.5 * k * delta).tanh() / k };
+    c * (1.0 + (-k * delta).exp()) * (1.0 + (-c * delta).exp()) / ((c - k) * (c + k))
+        * (c * ratio - (0.5 * c * delta).tanh())
 }
 
 /// atanh(k m)/k with 1 − k²m² given.

@@ -1,9 +1,10 @@
-//! The fast slab: piecewise polynomials made from [`super::exact`], read from a committed table of some tens of kilobytes.
+//! The fast slab: piecewise polynomials made from [`super::exact`], read from a committed table of some tens of
+//! kilobytes.
 //!
 //! Coordinates that carry the physics' own scales, so that few patches suffice: q = ln Δ, and ξ in [0, 1],
-//! ξ = ln(1 + (1−ω) D²/…) / ln(1 + D²/…) with D = Δ + 1.42 (the slab with its two extrapolated distances): in ω the slab's only
-//! singularities are poles on ω ≥ 1 + (π/D)²/3, which the logarithm sends away. Stored are G₁ = ρd / (ω h(Δ)), h = Δ/(1+Δ), and G₂ = −ln ρt / Δ.
-//! Thinner than the table a series in Δ ln Δ answers, thicker than it `exact`.
+//! ξ = ln(1 + (1−ω) D²/…) / ln(1 + D²/…) with D = Δ + 1.42 (the slab with its two extrapolated distances): in ω the
+//! slab's only singularities are poles on ω ≥ 1 + (π/D)²/3, which the logarithm sends away. Stored are G₁ = ρd / (ω
+//! h(Δ)), h = Δ/(1+Δ), and G₂ = −ln ρt / Δ. Thinner than the table a series in Δ ln Δ answers, thicker than it `exact`.
 
 use super::Response;
 use std::sync::OnceLock;
@@ -105,7 +106,8 @@ impl Table {
         }
     }
 
-    /// A table of its own over Δ from `delta[0]` to `delta[1]`, its largest error about `tolerance`: for the sweep of table sizes.
+    /// A table of its own over Δ from `delta[0]` to `delta[1]`, its largest error about `tolerance`: for the sweep of
+    /// table sizes.
     pub fn made(delta: [f64; 2], tolerance: f64) -> Table {
         Table::read(&build::bytes_over(delta, tolerance, |_| {}))
     }
@@ -124,7 +126,8 @@ impl Table {
 
     /// Reads a table written by [`build::bytes`].
     fn read(bytes: &[u8]) -> Table {
-        let mut numbers = bytes.chunks_exact(8).map(|b| f64::from_le_bytes([b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7]]));
+        let mut numbers =
+            bytes.chunks_exact(8).map(|b| f64::from_le_bytes([b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7]]));
         let mut next = || numbers.next().unwrap_or(f64::NAN);
         let mut table = Table { rows: Vec::new(), lowest: 0.0, density: 0.0, row_of_cell: Vec::new() };
         let mut spans = Vec::new();
@@ -176,7 +179,8 @@ impl Patch {
         self.horner::<true>(x, y)
     }
 
-    /// Horner in x over vectors of y powers, then in y. `FUSED` asks for fused multiply-adds, which only some processors have.
+    /// Horner in x over vectors of y powers, then in y. `FUSED` asks for fused multiply-adds, which only some
+    /// processors have.
     #[inline(always)]
     fn horner<const FUSED: bool>(&self, x: f64, y: f64) -> Local {
         let fma = |a: f64, b: f64, c: f64| if FUSED { a.mul_add(b, c) } else { a * b + c };
@@ -219,7 +223,13 @@ pub fn thin_series(omega: f64, absorbed: f64, delta: f64) -> (Response, [Respons
     if absorbed == 0.0 {
         at.conserve();
     }
-    (at, [Response { rho_d: -by_omega, rho_t: -by_omega }, Response { rho_d: by_delta, rho_t: by_delta - (-delta).exp() }])
+    (
+        at,
+        [
+            Response { rho_d: -by_omega, rho_t: -by_omega },
+            Response { rho_d: by_delta, rho_t: by_delta - (-delta).exp() },
+        ],
+    )
 }
 
 pub mod build {
@@ -233,7 +243,8 @@ pub mod build {
     const ROWS: usize = 19;
     /// Check points a direction: the nodes of the interpolation, and as many between them.
     const CHECKS: usize = ORDER;
-    /// A patch is split in ξ until its largest error in ρd (relative) and ln ρt (absolute) at check points is below this.
+    /// A patch is split in ξ until its largest error in ρd (relative) and ln ρt (absolute) at check points is below
+    /// this.
     const TOLERANCE: f64 = 2e-10;
 
     /// G₁ and G₂ from the exact solution.
@@ -289,7 +300,8 @@ pub mod build {
         let mut worst = [0.0; 2];
         for i in 0..CHECKS {
             for j in 0..CHECKS {
-                let (node, between) = (-(PI * (i as f64 + 0.5) / CHECKS as f64).cos(), -1.0 + 2.0 * j as f64 / (CHECKS - 1) as f64);
+                let (node, between) =
+                    (-(PI * (i as f64 + 0.5) / CHECKS as f64).cos(), -1.0 + 2.0 * j as f64 / (CHECKS - 1) as f64);
                 for direction in 0..2 {
                     let (x, y) = if direction == 0 { (node, between) } else { (between, node) };
                     let q = 0.5 * (low[0] + high[0]) + 0.5 * (high[0] - low[0]) * y;
@@ -342,13 +354,23 @@ pub mod build {
         let count = ((top - bottom) / widest).round().max(1.0) as usize;
         let mut todo: Vec<(f64, f64)> = (0..count)
             .rev()
-            .map(|r| (bottom + (top - bottom) * r as f64 / count as f64, bottom + (top - bottom) * (r + 1) as f64 / count as f64))
+            .map(|r| {
+                (
+                    bottom + (top - bottom) * r as f64 / count as f64,
+                    bottom + (top - bottom) * (r + 1) as f64 / count as f64,
+                )
+            })
             .collect();
         let mut rows = Vec::new();
         while let Some((q0, q1)) = todo.pop() {
             match row(q0, q1, tolerance) {
                 Some((patches, largest)) => {
-                    say(format!("Δ {:9.2e} … {:9.2e}: {} patches, largest error {largest:.1e}", q0.exp(), q1.exp(), patches.len()));
+                    say(format!(
+                        "Δ {:9.2e} … {:9.2e}: {} patches, largest error {largest:.1e}",
+                        q0.exp(),
+                        q1.exp(),
+                        patches.len()
+                    ));
                     rows.push((q0, q1, patches));
                 }
                 None => todo.extend([(0.5 * (q0 + q1), q1), (q0, 0.5 * (q0 + q1))]),

@@ -29,7 +29,8 @@ fn integral_equation_and_ordinates_agree_where_both_are_good() {
     }
 }
 
-/// Chandrasekhar's H function of isotropic scattering, ln H(μ) = −(μ/π) ∫₀^{π/2} ln(1 − ω θ cot θ) / (cos²θ + μ² sin²θ) dθ (Stibbs & Weir 1959).
+/// Chandrasekhar's H function of isotropic scattering, ln H(μ) = −(μ/π) ∫₀^{π/2} ln(1 − ω θ cot θ) / (cos²θ + μ² sin²θ)
+/// dθ (Stibbs & Weir 1959).
 fn chandrasekhar_h(omega: f64, mu: f64) -> f64 {
     let rule = quadrature::gauss(200);
     let sum: f64 = rule
@@ -40,7 +41,11 @@ fn chandrasekhar_h(omega: f64, mu: f64) -> f64 {
             let (s, c) = theta.sin_cos();
             // 1 − θ cot θ by its series where it cancels
             let t = theta * theta;
-            let dip = if theta < 0.1 { t * (1.0 / 3.0 + t * (1.0 / 45.0 + t * (2.0 / 945.0 + t / 4725.0))) } else { 1.0 - theta * c / s };
+            let dip = if theta < 0.1 {
+                t * (1.0 / 3.0 + t * (1.0 / 45.0 + t * (2.0 / 945.0 + t / 4725.0)))
+            } else {
+                1.0 - theta * c / s
+            };
             q.w * jacobian * (1.0 - omega + omega * dip).ln() / (c * c + mu * mu * s * s)
         })
         .sum();
@@ -116,9 +121,12 @@ fn exact_limits() {
     let r = exact::solve(1e-12, 1.0 - 1e-12, 60.0);
     assert!((r.rho_t / (-60.0_f64).exp() - 1.0).abs() < 1e-9);
     assert!((r.rho_d / (0.5e-12 * (1.0 - 2.0_f64.ln())) - 1.0).abs() < 1e-9, "{}", r.rho_d);
-    for bad in
-        [exact::solve(1.2, -0.2, 1.0), exact::solve(f64::NAN, 0.0, 1.0), exact::solve(0.5, 0.5, -1.0), exact::solve_at(0.0, 0.5, 0.5, 1.0)]
-    {
+    for bad in [
+        exact::solve(1.2, -0.2, 1.0),
+        exact::solve(f64::NAN, 0.0, 1.0),
+        exact::solve(0.5, 0.5, -1.0),
+        exact::solve_at(0.0, 0.5, 0.5, 1.0),
+    ] {
         assert!(bad.rho_d.is_nan() && bad.rho_t.is_nan());
     }
 }
@@ -142,9 +150,19 @@ fn fast_agrees_with_exact_everywhere() {
         let (omega, absorbed) = albedo(&mut rng);
         let delta = log_uniform(&mut rng, 1e-8, 5e3);
         let (fast, want) = (reduced(omega, absorbed, delta).0, exact::solve(omega, absorbed, delta));
-        assert!((fast.rho_d / want.rho_d - 1.0).abs() < 2e-8, "ω {omega} 1−ω {absorbed} Δ {delta}: ρd {} {}", fast.rho_d, want.rho_d);
+        assert!(
+            (fast.rho_d / want.rho_d - 1.0).abs() < 2e-8,
+            "ω {omega} 1−ω {absorbed} Δ {delta}: ρd {} {}",
+            fast.rho_d,
+            want.rho_d
+        );
         if want.rho_t > 1e-30 {
-            assert!((fast.rho_t / want.rho_t - 1.0).abs() < 2e-8, "ω {omega} 1−ω {absorbed} Δ {delta}: ρt {} {}", fast.rho_t, want.rho_t);
+            assert!(
+                (fast.rho_t / want.rho_t - 1.0).abs() < 2e-8,
+                "ω {omega} 1−ω {absorbed} Δ {delta}: ρt {} {}",
+                fast.rho_t,
+                want.rho_t
+            );
         } else {
             assert!(fast.rho_t < 1e-29);
         }
@@ -164,10 +182,16 @@ fn partials_agree_with_differences_of_the_exact_solution() {
             let e = 1e-4 / delta.max(1.0);
             let (lo, hi) = (f(x * (1.0 - e)), f(x * (1.0 + e)));
             // as change per relative change of the parameter, beside the size of the response
-            for (got, lo, hi, size) in [(got.rho_d, lo.rho_d, hi.rho_d, r.rho_d), (got.rho_t, lo.rho_t, hi.rho_t, r.rho_t)] {
+            for (got, lo, hi, size) in
+                [(got.rho_d, lo.rho_d, hi.rho_d, r.rho_d), (got.rho_t, lo.rho_t, hi.rho_t, r.rho_t)]
+            {
                 let want = (hi - lo) / (2.0 * e);
                 let size = if size < 1e-30 { continue } else { size };
-                assert!((got * x - want).abs() < 1e-6 * size.max(want.abs()), "ω {omega} Δ {delta}: {} {want} of {size}", got * x);
+                assert!(
+                    (got * x - want).abs() < 1e-6 * size.max(want.abs()),
+                    "ω {omega} Δ {delta}: {} {want} of {size}",
+                    got * x
+                );
             }
         };
         relative(a, &|x| exact::response(x, s, h), p.sigma_a);

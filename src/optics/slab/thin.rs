@@ -1,8 +1,9 @@
 //! The slab as an integral equation, for thin slabs (Δ ≤ about 1).
 //!
-//! With the isotropic unit radiance on the top side (reciprocity turns the beam's hemispherical fluxes into the radiance
-//! that leaves along the beam) the source function obeys S(τ) = (ω/2) E₂(τ) + (ω/2) ∫₀^Δ E₁(|τ−t|) S(t) dt. A Galerkin
-//! projection on shifted Legendre polynomials is quadratically convergent in ρd and ρt, and loses no digits as Δ → 0.
+//! With the isotropic unit radiance on the top side (reciprocity turns the beam's hemispherical fluxes into the
+//! radiance that leaves along the beam) the source function obeys S(τ) = (ω/2) E₂(τ) + (ω/2) ∫₀^Δ E₁(|τ−t|) S(t) dt. A
+//! Galerkin projection on shifted Legendre polynomials is quadratically convergent in ρd and ρt, and loses no digits as
+//! Δ → 0.
 
 use super::Response;
 use super::expint::{e1, e2};

@@ -1,12 +1,14 @@
 //! Functions of direction over the hemisphere, and the projection of samples onto them.
 //!
-//! The Half-Life 2 basis (McTaggart 2004; H9 Eq. 3.17) has three functions ℋ_i(ω) = √(3/2π) H_i·ω, orthonormal over the hemisphere although not clamped. They span the
-//! linear functions v·ω and nothing else: a texel's three coefficients say the same as the vector v = √(3/2π) Σ h_i H_i ([`vector`]), whose evaluation
-//! is one dot product. The coefficients stay the stored form, as the sources have it.
+//! The Half-Life 2 basis (McTaggart 2004; H9 Eq. 3.17) has three functions ℋ_i(ω) = √(3/2π) H_i·ω, orthonormal over the
+//! hemisphere although not clamped. They span the linear functions v·ω and nothing else: a texel's three coefficients
+//! say the same as the vector v = √(3/2π) Σ h_i H_i ([`vector`]), whose evaluation is one dot product. The coefficients
+//! stay the stored form, as the sources have it.
 //!
-//! **Projection.** Samples f(ω_m) with solid angles w_m are fitted by least squares: c = G⁻¹ Σ w_m φ(ω_m) f(ω_m) with the Gram matrix of the sample set,
-//! G = Σ w_m φ φᵀ. What lies in the span comes back exactly, whatever the samples. The paper's Eq. 3.21 puts the identity in G's place
-//! ([`Weights::Plain`]): on a flat leaf that alone costs some per cent with random directions.
+//! **Projection.** Samples f(ω_m) with solid angles w_m are fitted by least squares: c = G⁻¹ Σ w_m φ(ω_m) f(ω_m) with
+//! the Gram matrix of the sample set, G = Σ w_m φ φᵀ. What lies in the span comes back exactly, whatever the samples.
+//! The paper's Eq. 3.21 puts the identity in G's place ([`Weights::Plain`]): on a flat leaf that alone costs some per
+//! cent with random directions.
 
 use super::lights::{Lights, Rule};
 use nalgebra::DMatrix;
@@ -27,17 +29,20 @@ pub const FLAT: f64 = 0.835_542_758_210_333_9;
 pub enum Basis {
     /// Three linear functions.
     HalfLife2,
-    /// The Half-Life 2 functions of a light whose part along the blade is first multiplied by (2z/(1+z))^¼ ([`bent`]): the same three coefficients, the
-    /// same ones for a flat leaf, and a difference between the light's sides that ends at the horizon, as relief's does. With `count` 6 also z² and the two of second order in
-    /// azimuth.
+    /// The Half-Life 2 functions of a light whose part along the blade is first multiplied by (2z/(1+z))^¼ ([`bent`]):
+    /// the same three coefficients, the same ones for a flat leaf, and a difference between the light's sides that ends
+    /// at the horizon, as relief's does. With `count` 6 also z² and the two of second order in azimuth.
     Bent { count: usize },
-    /// The first 4 or 6 functions of the H-basis (Habel & Wimmer 2010): constant, linear, and two of second order in the tangent plane.
+    /// The first 4 or 6 functions of the H-basis (Habel & Wimmer 2010): constant, linear, and two of second order in
+    /// the tangent plane.
     HBasis { count: usize },
     /// Real spherical harmonics of bands below `bands` (at most 6), restricted to the hemisphere; not orthogonal there.
     Spherical { bands: usize },
-    /// Hemispherical harmonics (Gautron et al. 2004), Legendre functions shifted to 2z − 1, of bands below `bands` (at most 6).
+    /// Hemispherical harmonics (Gautron et al. 2004), Legendre functions shifted to 2z − 1, of bands below `bands` (at
+    /// most 6).
     Hemispherical { bands: usize },
-    /// z times polynomials of x and y of degree below `degree` (at most 3: 1, 3 or 6 functions): all vanish at the horizon, as light on a flat leaf does.
+    /// z times polynomials of x and y of degree below `degree` (at most 3: 1, 3 or 6 functions): all vanish at the
+    /// horizon, as light on a flat leaf does.
     Cosine { degree: usize },
 }
 
@@ -91,7 +96,9 @@ impl Basis {
             ("h-basis", count) => Basis::HBasis { count },
             ("spherical harmonics", bands) => Basis::Spherical { bands },
             ("hemispherical harmonics", bands) => Basis::Hemispherical { bands },
-            ("cosine", count) => Basis::Cosine { degree: (0..=3).find(|d| Basis::Cosine { degree: *d }.count() == count)? },
+            ("cosine", count) => {
+                Basis::Cosine { degree: (0..=3).find(|d| Basis::Cosine { degree: *d }.count() == count)? }
+            }
             _ => return None,
         };
         (basis.name() == name).then_some(basis)
@@ -102,7 +109,8 @@ impl Basis {
         2 * self.count()
     }
 
-    /// Multiply-adds of a reconstruction from a direction, functions and all, and square roots: what a shader spends a texel.
+    /// Multiply-adds of a reconstruction from a direction, functions and all, and square roots: what a shader spends a
+    /// texel.
     pub fn operations(self) -> [usize; 2] {
         match self {
             // As stored: three dot products, weighted. As a vector ([`vector`]) it is 3.
@@ -155,7 +163,8 @@ impl Basis {
         }
     }
 
-    /// Where the three linear functions are looked up: the light's direction, or the bent one. With [`vector`] it reconstructs by one dot product.
+    /// Where the three linear functions are looked up: the light's direction, or the bent one. With [`vector`] it
+    /// reconstructs by one dot product.
     pub fn argument(self, direction: [f64; 3]) -> [f64; 3] {
         if let Basis::Bent { .. } = self { bent(direction) } else { direction }
     }
@@ -174,15 +183,17 @@ impl Basis {
     }
 }
 
-/// A direction whose part along the blade is multiplied by (2z/(1+z))^¼, which is 1 straight above and 0 at the horizon; not unit. For [`Basis::Bent`]: the Half-Life
-/// 2 functions are evaluated there. The exponent is the best simple one on grown leaves of two species, with 0 (no bending) and ½ behind it.
+/// A direction whose part along the blade is multiplied by (2z/(1+z))^¼, which is 1 straight above and 0 at the
+/// horizon; not unit. For [`Basis::Bent`]: the Half-Life 2 functions are evaluated there. The exponent is the best
+/// simple one on grown leaves of two species, with 0 (no bending) and ½ behind it.
 pub fn bent(direction: [f64; 3]) -> [f64; 3] {
     let [x, y, z] = direction;
     let share = (2.0 * z / (1.0 + z)).max(0.0).sqrt().sqrt();
     [share * x, share * y, z]
 }
 
-/// Real harmonic number l(l+1)+m of the tangent-plane azimuth of (x, y), with Legendre functions of t, orthonormal for the measure dt/2·dφ.
+/// Real harmonic number l(l+1)+m of the tangent-plane azimuth of (x, y), with Legendre functions of t, orthonormal for
+/// the measure dt/2·dφ.
 fn harmonic(index: usize, t: f64, x: f64, y: f64) -> f64 {
     let l = (index as f64).sqrt().floor() as usize;
     let order = index as i64 - (l * (l + 1)) as i64;
@@ -203,7 +214,8 @@ fn harmonic(index: usize, t: f64, x: f64, y: f64) -> f64 {
     ((2 * l + 1) as f64 / TAU * ratio).sqrt() * p * turn
 }
 
-/// The vector v whose v·ω the Half-Life 2 coefficients reconstruct; bent ones are reconstructed by its product with [`Basis::argument`].
+/// The vector v whose v·ω the Half-Life 2 coefficients reconstruct; bent ones are reconstructed by its product with
+/// [`Basis::argument`].
 pub fn vector(coefficients: [f64; 3]) -> [f64; 3] {
     [0, 1, 2].map(|c| (3.0 / TAU).sqrt() * (0..3).map(|i| coefficients[i] * HALF_LIFE_2[i][c]).sum::<f64>())
 }
@@ -222,7 +234,8 @@ pub struct Projector {
 
 impl Projector {
     /// # Errors
-    /// A sentence when the lights do not determine the coefficients (fewer than functions, or badly placed), or plain sums are wanted of a basis that is not orthonormal.
+    /// A sentence when the lights do not determine the coefficients (fewer than functions, or badly placed), or plain
+    /// sums are wanted of a basis that is not orthonormal.
     pub fn new(basis: Basis, lights: &Lights, weights: Weights) -> Result<Projector, String> {
         let (n, count) = (lights.len(), basis.count());
         let values = DMatrix::from_fn(count, n, |i, m| basis.value(i, lights.directions[m]));
@@ -243,7 +256,10 @@ impl Projector {
             }
             factor.solve(&weighted)
         };
-        Ok(Projector { directions: lights.directions.clone(), matrix: matrix.row_iter().map(|r| r.iter().copied().collect()).collect() })
+        Ok(Projector {
+            directions: lights.directions.clone(),
+            matrix: matrix.row_iter().map(|r| r.iter().copied().collect()).collect(),
+        })
     }
 
     /// One image, ∫ f dω: what a light from everywhere brings.
@@ -329,7 +345,8 @@ mod tests {
         assert!((total - FLAT_INTEGRAL).abs() < 1e-13, "{total}");
     }
 
-    /// With the Gram matrix of the samples what lies in the span comes back exactly; the plain sum misses it by per cents.
+    /// With the Gram matrix of the samples what lies in the span comes back exactly; the plain sum misses it by per
+    /// cents.
     #[test]
     fn the_gram_matrix_undoes_the_samples_chance() {
         let mut plain_error = 0.0;
@@ -360,10 +377,16 @@ mod tests {
     #[test]
     fn too_few_lights_are_a_sentence() {
         let lights = Lights::new(Rule::Stratified { count: 5, seed: 1 });
-        assert!(Projector::new(Basis::Spherical { bands: 3 }, &lights, Weights::Gram).unwrap_err().contains("5 light directions"));
+        assert!(
+            Projector::new(Basis::Spherical { bands: 3 }, &lights, Weights::Gram)
+                .unwrap_err()
+                .contains("5 light directions")
+        );
         // Two rings of one height: constant and z cannot be told apart.
         let ring = Lights::new(Rule::Product { levels: 1, azimuths: 8 });
         assert!(Projector::new(Basis::HBasis { count: 4 }, &ring, Weights::Gram).is_err());
-        assert!(Projector::new(Basis::Spherical { bands: 2 }, &ring, Weights::Plain).unwrap_err().contains("orthonormal"));
+        assert!(
+            Projector::new(Basis::Spherical { bands: 2 }, &ring, Weights::Plain).unwrap_err().contains("orthonormal")
+        );
     }
 }

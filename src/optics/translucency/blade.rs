@@ -1,7 +1,7 @@
 //! A blade as maps: outline, thickness, and of each side heights, normals and the share of the light that enters.
 //!
-//! Row-major, row 0 on top. Everything the sides share is in the front's columns; a side's own maps are as its camera saw them: column i of the
-//! back is column W−1−i of the front. Lengths in mm.
+//! Row-major, row 0 on top. Everything the sides share is in the front's columns; a side's own maps are as its camera
+//! saw them: column i of the back is column W−1−i of the front. Lengths in mm.
 
 use std::borrow::Cow;
 
@@ -73,12 +73,21 @@ impl Blade {
     /// A flat blade of one thickness that covers the whole map.
     pub fn flat(width: usize, height: usize, texel_mm: f64, thickness_mm: f64, entry: f64) -> Blade {
         let n = width * height;
-        let side = Surface { height: vec![0.5 * thickness_mm; n], normal: vec![[0.0, 0.0, 1.0]; n], entry: vec![entry; n] };
-        Blade { width, height, texel_mm, mask: vec![true; n], thickness: vec![thickness_mm; n], front: side.clone(), back: side }
+        let side =
+            Surface { height: vec![0.5 * thickness_mm; n], normal: vec![[0.0, 0.0, 1.0]; n], entry: vec![entry; n] };
+        Blade {
+            width,
+            height,
+            texel_mm,
+            mask: vec![true; n],
+            thickness: vec![thickness_mm; n],
+            front: side.clone(),
+            back: side,
+        }
     }
 
-    /// A blade from the heights of its two sides, each outward over one mid plane and in its own columns: thickness is the heights' sum (the
-    /// distance of the surfaces), normals are the heights' slopes. `entry`: front, back.
+    /// A blade from the heights of its two sides, each outward over one mid plane and in its own columns: thickness is
+    /// the heights' sum (the distance of the surfaces), normals are the heights' slopes. `entry`: front, back.
     pub fn from_heights(
         width: usize,
         height: usize,
@@ -110,10 +119,19 @@ impl Blade {
             Side::Front => (Cow::from(&self.mask), Cow::from(&self.thickness)),
             Side::Back => (Cow::from(mirror(&self.mask, self.width)), Cow::from(mirror(&self.thickness, self.width))),
         };
-        LitSide { side, width: self.width, height: self.height, texel_mm: self.texel_mm, mask, thickness, surface: self.surface(side) }
+        LitSide {
+            side,
+            width: self.width,
+            height: self.height,
+            texel_mm: self.texel_mm,
+            mask,
+            thickness,
+            surface: self.surface(side),
+        }
     }
 
-    /// Share of the inner light that leaves through the side opposite to the lit one (its 1 − ρ), in the lit side's columns.
+    /// Share of the inner light that leaves through the side opposite to the lit one (its 1 − ρ), in the lit side's
+    /// columns.
     pub fn exit(&self, lit: Side) -> Vec<f64> {
         mirror(&self.surface(lit.other()).entry, self.width)
     }
@@ -136,7 +154,9 @@ impl Blade {
         if !(self.texel_mm > 0.0 && self.texel_mm.is_finite()) {
             return Err(format!("texel_mm: {} found, expected a positive length", self.texel_mm));
         }
-        let sized = |name: &str, found: usize| if found == n { Ok(()) } else { Err(format!("{name}: {found} values found, expected {n}")) };
+        let sized = |name: &str, found: usize| {
+            if found == n { Ok(()) } else { Err(format!("{name}: {found} values found, expected {n}")) }
+        };
         sized("mask", self.mask.len())?;
         sized("thickness", self.thickness.len())?;
         if !self.mask.contains(&true) {
@@ -159,14 +179,25 @@ impl Blade {
             sized(&format!("{name} entry"), s.entry.len())?;
             for k in (0..n).filter(|&k| lit.mask[k]) {
                 if !s.height[k].is_finite() {
-                    return Err(format!("{name} height at {}: {} found, expected a finite height", place(k), s.height[k]));
+                    return Err(format!(
+                        "{name} height at {}: {} found, expected a finite height",
+                        place(k),
+                        s.height[k]
+                    ));
                 }
                 let [x, y, z] = s.normal[k];
                 if !((x * x + y * y + z * z - 1.0).abs() < 1e-3 && z > 0.0) {
-                    return Err(format!("{name} normal at {}: ({x}, {y}, {z}) found, expected a unit vector with z > 0", place(k)));
+                    return Err(format!(
+                        "{name} normal at {}: ({x}, {y}, {z}) found, expected a unit vector with z > 0",
+                        place(k)
+                    ));
                 }
                 if !(0.0..=1.0).contains(&s.entry[k]) {
-                    return Err(format!("{name} entry at {}: {} found, expected a share in [0, 1]", place(k), s.entry[k]));
+                    return Err(format!(
+                        "{name} entry at {}: {} found, expected a share in [0, 1]",
+                        place(k),
+                        s.entry[k]
+                    ));
                 }
             }
         }
@@ -174,8 +205,8 @@ impl Blade {
     }
 }
 
-/// Thickness (mm, front's columns) from the heights of both sides, each outward over one mid plane and in its own columns (H9 §3.3.2: the
-/// difference of the displacement maps); 0 off the leaf.
+/// Thickness (mm, front's columns) from the heights of both sides, each outward over one mid plane and in its own
+/// columns (H9 §3.3.2: the difference of the displacement maps); 0 off the leaf.
 pub fn thickness(mask: &[bool], front: &[f64], back: &[f64], width: usize) -> Vec<f64> {
     let back = mirror(back, width);
     mask.iter().zip(front.iter().zip(&back)).map(|(&on, (f, b))| if on { f + b } else { 0.0 }).collect()

@@ -1,8 +1,10 @@
-//! The light that a leaf lets through: out(x_o) = A_p Σ_i T(|x_o − x_i|, d_i) s_i (H9 Eq. 3.14 without the albedos), for many images s at once.
+//! The light that a leaf lets through: out(x_o) = A_p Σ_i T(|x_o − x_i|, d_i) s_i (H9 Eq. 3.14 without the albedos),
+//! for many images s at once.
 //!
-//! The kernel belongs to the thickness of the texel where the light enters. Shapes of a few [`Levels`] of thickness are convolved by FFT; the total of
-//! each texel is that of its own thickness, exactly. The thin form's unscattered light stays in its texel. Thickness in mm; 0, negative
-//! or NaN lets nothing in (off the leaf, or a hole, which is open sky and not tissue).
+//! The kernel belongs to the thickness of the texel where the light enters. Shapes of a few [`Levels`] of thickness are
+//! convolved by FFT; the total of each texel is that of its own thickness, exactly. The thin form's unscattered light
+//! stays in its texel. Thickness in mm; 0, negative or NaN lets nothing in (off the leaf, or a hole, which is open sky
+//! and not tissue).
 
 use super::fourier::{Grid, Spectrum};
 use super::kernel::Kernel;
@@ -10,8 +12,8 @@ use super::levels::{Curves, LevelKind, Levels, Nodes};
 use crate::dipole::{Form, Tissue};
 use crate::slab;
 use crate::{Error, Result};
-use rayon::prelude::*;
 use mesophyll_fourier::Complex;
+use rayon::prelude::*;
 
 /// What the total of a thickness is taken from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -19,7 +21,8 @@ pub enum Totals {
     /// The form's own.
     #[default]
     Form,
-    /// The transport equation's ρt (isotropic scattering with σs′): the kernel is rescaled, so that a flat uniform leaf transmits what the slab says.
+    /// The transport equation's ρt (isotropic scattering with σs′): the kernel is rescaled, so that a flat uniform leaf
+    /// transmits what the slab says.
     Transport,
 }
 
@@ -55,14 +58,17 @@ pub struct Convolver {
     totals: [Option<Curves<1>>; 2],
 }
 
-/// Convolves each image with the kernels of `thickness` (`width` × n, row by row). Where the map holds no more than `levels.count` different
-/// thicknesses, each has a kernel of its own.
+/// Convolves each image with the kernels of `thickness` (`width` × n, row by row). Where the map holds no more than
+/// `levels.count` different thicknesses, each has a kernel of its own.
 ///
 /// # Errors
 /// As [`Convolver::with`]; maps of unequal size.
 pub fn convolve(images: &[Vec<f64>], thickness: &[f64], width: usize, settings: &Settings) -> Result<Vec<Vec<f64>>> {
     if width == 0 || !thickness.len().is_multiple_of(width) || images.iter().any(|m| m.len() != thickness.len()) {
-        return Err(Error::Usage(format!("maps of unequal size: thickness has {} texels in rows of {width}", thickness.len())));
+        return Err(Error::Usage(format!(
+            "maps of unequal size: thickness has {} texels in rows of {width}",
+            thickness.len()
+        )));
     }
     let Some(convolver) = Convolver::for_map(settings, width, thickness)? else {
         return Ok(vec![vec![0.0; thickness.len()]; images.len()]);
@@ -90,13 +96,22 @@ impl Convolver {
     }
 
     /// # Errors
-    /// A tissue, texel, level count or thickness out of range; a form that diffusion does not carry at `thinnest_mm` ([`Form::Thin`] is for every thickness).
-    pub fn with(settings: &Settings, width: usize, height: usize, thinnest_mm: f64, thickest_mm: f64) -> Result<Convolver> {
+    /// A tissue, texel, level count or thickness out of range; a form that diffusion does not carry at `thinnest_mm`
+    /// ([`Form::Thin`] is for every thickness).
+    pub fn with(
+        settings: &Settings,
+        width: usize,
+        height: usize,
+        thinnest_mm: f64,
+        thickest_mm: f64,
+    ) -> Result<Convolver> {
         if settings.levels.count == 0 {
             return Err(Error::Usage("thickness levels: found 0; expected 1 or more".into()));
         }
         if !(thinnest_mm > 0.0 && thickest_mm >= thinnest_mm && thickest_mm.is_finite()) {
-            return Err(Error::Usage(format!("thickness from {thinnest_mm} to {thickest_mm} mm; expected above 0 and ascending")));
+            return Err(Error::Usage(format!(
+                "thickness from {thinnest_mm} to {thickest_mm} mm; expected above 0 and ascending"
+            )));
         }
         let nodes = Nodes::new(settings.levels.kind, settings.levels.count, thinnest_mm, thickest_mm);
         Convolver::build(settings, width, height, nodes, [thinnest_mm, thickest_mm])
@@ -132,14 +147,19 @@ impl Convolver {
             return Err(Error::Usage(fault));
         }
         if width == 0 || height == 0 || !(texel_mm > 0.0 && texel_mm.is_finite()) {
-            return Err(Error::Usage(format!("{width} x {height} texels of {texel_mm} mm; expected a map of texels above 0 mm")));
+            return Err(Error::Usage(format!(
+                "{width} x {height} texels of {texel_mm} mm; expected a map of texels above 0 mm"
+            )));
         }
         if !(settings.tail > 0.0 && settings.tail < 0.1) {
             return Err(Error::Usage(format!("kernel tail is {}; expected above 0 and below 0.1", settings.tail)));
         }
         if form != Form::Thin && !(range[0] > tissue.mean_free_path()) {
             let l = tissue.mean_free_path();
-            return Err(Error::Usage(format!("thickness {} mm is at most one mean free path, {l:.4} mm; use the thin form", range[0])));
+            return Err(Error::Usage(format!(
+                "thickness {} mm is at most one mean free path, {l:.4} mm; use the thin form",
+                range[0]
+            )));
         }
         let widest = nodes.thickness.iter().map(|&d| support(&tissue, form, d, settings.tail)).fold(0.0, f64::max);
         let wanted = (widest / texel_mm).ceil().max(1.0);
@@ -160,8 +180,13 @@ impl Convolver {
         }
         let grid = Grid::new(width, height, reach);
         let spectra = kernels.iter().map(|k| grid.spectrum(k)).collect();
-        let fit =
-            |which: usize| if range[1] > range[0] { Curves::fit(|d| [total_parts(settings, d)[which]], range[0], range[1]) } else { None };
+        let fit = |which: usize| {
+            if range[1] > range[0] {
+                Curves::fit(|d| [total_parts(settings, d)[which]], range[0], range[1])
+            } else {
+                None
+            }
+        };
         let totals = [fit(0), fit(1)];
         Ok(Convolver { settings: *settings, grid, nodes, kernels, spectra, totals })
     }
@@ -198,10 +223,14 @@ impl Convolver {
 
     pub(super) fn check(&self, maps: &[&[f64]]) {
         let texels = self.grid.width * self.grid.height;
-        assert!(maps.iter().all(|m| m.len() == texels), "maps have to hold {texels} texels, as the convolver was made for");
+        assert!(
+            maps.iter().all(|m| m.len() == texels),
+            "maps have to hold {texels} texels, as the convolver was made for"
+        );
     }
 
-    /// The light that leaves, one map an image: `images` is what enters (per area), `thickness` mm; all row by row, of the size given at the start.
+    /// The light that leaves, one map an image: `images` is what enters (per area), `thickness` mm; all row by row, of
+    /// the size given at the start.
     ///
     /// # Panics
     /// Where a map has another size.
@@ -210,7 +239,8 @@ impl Convolver {
         self.run_each(&sources)
     }
 
-    /// [`Convolver::run`] for images that have a thickness map each (`(thickness, image)`: both sides of a leaf): two images share a transform.
+    /// [`Convolver::run`] for images that have a thickness map each (`(thickness, image)`: both sides of a leaf): two
+    /// images share a transform.
     ///
     /// # Panics
     /// Where a map has another size.
@@ -242,7 +272,12 @@ impl Convolver {
             });
             for (which, source) in pair.iter().enumerate() {
                 let part = |v: &Complex<f64>| if which == 0 { v.re } else { v.im };
-                out.push(sum.iter().enumerate().map(|(at, v)| part(v) + weights[which][at * n + n - 1] * source.1[at]).collect());
+                out.push(
+                    sum.iter()
+                        .enumerate()
+                        .map(|(at, v)| part(v) + weights[which][at * n + n - 1] * source.1[at])
+                        .collect(),
+                );
             }
         }
         out

@@ -1,4 +1,5 @@
-//! The FFT convolution against direct sums, the kernel against brute integration, the levels against a kernel for every thickness.
+//! The FFT convolution against direct sums, the kernel against brute integration, the levels against a kernel for every
+//! thickness.
 
 use super::super::levels::LevelKind;
 use super::*;
@@ -48,7 +49,8 @@ fn the_adjoint_is_the_transpose() {
     let n = width * height;
     let thickness = noise(1, n, 0.02, 0.5);
     let convolver = Convolver::with(&settings(Form::Thin, 0.07), width, height, 0.02, 0.5).unwrap();
-    let (sources, views) = ([noise(2, n, 0.0, 1.0), noise(3, n, 0.0, 1.0)], [noise(4, n, -1.0, 1.0), noise(5, n, -1.0, 1.0)]);
+    let (sources, views) =
+        ([noise(2, n, 0.0, 1.0), noise(3, n, 0.0, 1.0)], [noise(4, n, -1.0, 1.0), noise(5, n, -1.0, 1.0)]);
     let (out, back) = (convolver.run(&thickness, &sources), convolver.adjoint(&thickness, &views));
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     for k in 0..2 {
@@ -152,7 +154,8 @@ fn nothing_wraps_around() {
 fn a_flat_uniform_leaf_transmits_the_slab() {
     let n = 64 * 48;
     for kind in [LevelKind::Linear, LevelKind::Cubic, LevelKind::Chebyshev, LevelKind::Svd] {
-        let settings = Settings { totals: Totals::Transport, levels: Levels { count: 6, kind }, ..settings(Form::Thin, 0.1) };
+        let settings =
+            Settings { totals: Totals::Transport, levels: Levels { count: 6, kind }, ..settings(Form::Thin, 0.1) };
         let convolver = Convolver::with(&settings, 64, 48, 0.1, 0.6).unwrap();
         let out = convolver.run(&vec![0.234; n], &[vec![1.0; n]]).remove(0);
         let want = slab::response(0.4, Tissue::TABLE.reduced_scattering(), 0.234).rho_t;
@@ -171,8 +174,12 @@ fn eight_levels_are_enough() {
     let one_each = Settings { levels: Levels { count: n, kind: LevelKind::Chebyshev }, ..settings(Form::Thin, 0.1) };
     let exact = convolve(std::slice::from_ref(&image), &thickness, width, &one_each).unwrap().remove(0);
     let mean = exact.iter().sum::<f64>() / n as f64;
-    for (kind, most) in [(LevelKind::Linear, 0.01), (LevelKind::Cubic, 1e-3), (LevelKind::Chebyshev, 1e-4), (LevelKind::Svd, 1e-4)] {
-        let convolver = Convolver::with(&Settings { levels: Levels { count: 8, kind }, ..one_each }, width, height, 0.15, 0.5).unwrap();
+    for (kind, most) in
+        [(LevelKind::Linear, 0.01), (LevelKind::Cubic, 1e-3), (LevelKind::Chebyshev, 1e-4), (LevelKind::Svd, 1e-4)]
+    {
+        let convolver =
+            Convolver::with(&Settings { levels: Levels { count: 8, kind }, ..one_each }, width, height, 0.15, 0.5)
+                .unwrap();
         let got = convolver.run(&thickness, std::slice::from_ref(&image)).remove(0);
         let rms = (got.iter().zip(&exact).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / n as f64).sqrt() / mean;
         assert!(rms < most, "{kind:?}: {rms:e}");

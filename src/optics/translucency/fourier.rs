@@ -1,11 +1,12 @@
 //! Real maps convolved with real, even kernels: padded two-dimensional FFTs, two maps a complex transform.
 //!
-//! Rows first, then columns in blocks that stay in the cache; a map's transform is multiplied and summed while its column is at hand. The spectrum of
-//! a kernel that is even along both axes is real and even: a quarter of it is stored, and the two maps of a transform never have to be told apart.
+//! Rows first, then columns in blocks that stay in the cache; a map's transform is multiplied and summed while its
+//! column is at hand. The spectrum of a kernel that is even along both axes is real and even: a quarter of it is
+//! stored, and the two maps of a transform never have to be told apart.
 
 use super::kernel::Kernel;
-use rayon::prelude::*;
 use mesophyll_fourier::{Complex, Transform, forward, inverse};
+use rayon::prelude::*;
 
 /// Columns taken at a time.
 const BLOCK: usize = 8;
@@ -107,14 +108,16 @@ impl Grid {
         Spectrum { values }
     }
 
-    /// Σ_k kernel_k ∗ source_k for the two maps that `fill(y, k, row)` writes as real and imaginary part of row y (`width` values, zero before).
+    /// Σ_k kernel_k ∗ source_k for the two maps that `fill(y, k, row)` writes as real and imaginary part of row y
+    /// (`width` values, zero before).
     pub fn forward(&self, kernels: &[&Spectrum], fill: impl Fn(usize, &mut [&mut [C]]) + Sync) -> Vec<C> {
         let (count, tall) = (kernels.len(), self.rows / 2 + 1);
         let mut lines = vec![ZERO; self.height * count * self.columns];
         lines.par_chunks_mut(count * self.columns).enumerate().for_each_init(
             || vec![ZERO; self.along[0].get_inplace_scratch_len()],
             |scratch, (y, line)| {
-                let mut parts: Vec<&mut [C]> = line.chunks_mut(self.columns).map(|row| &mut row[..self.width]).collect();
+                let mut parts: Vec<&mut [C]> =
+                    line.chunks_mut(self.columns).map(|row| &mut row[..self.width]).collect();
                 fill(y, &mut parts);
                 for row in line.chunks_mut(self.columns) {
                     if row[..self.width].iter().any(|v| *v != ZERO) {
@@ -125,7 +128,13 @@ impl Grid {
         );
         let mut turned = vec![ZERO; self.columns * self.height];
         turned.par_chunks_mut(BLOCK * self.height).enumerate().for_each_init(
-            || (vec![ZERO; BLOCK * self.rows], vec![ZERO; BLOCK * self.rows], vec![ZERO; self.down[0].get_inplace_scratch_len()]),
+            || {
+                (
+                    vec![ZERO; BLOCK * self.rows],
+                    vec![ZERO; BLOCK * self.rows],
+                    vec![ZERO; self.down[0].get_inplace_scratch_len()],
+                )
+            },
             |(sum, part, scratch), (block, out)| {
                 let (first, wide) = (block * BLOCK, out.len() / self.height);
                 sum.fill(ZERO);
@@ -160,7 +169,8 @@ impl Grid {
         self.rows_back(&turned, 1, |_, parts| parts[0].clone()).concat()
     }
 
-    /// The transpose: two maps (`fill(y, row)`) convolved with every kernel; `gather(y, parts)` makes of row y (`width` values a kernel) what is wanted.
+    /// The transpose: two maps (`fill(y, row)`) convolved with every kernel; `gather(y, parts)` makes of row y (`width`
+    /// values a kernel) what is wanted.
     pub fn backward<R: Send>(
         &self,
         kernels: &[&Spectrum],
@@ -178,7 +188,13 @@ impl Grid {
         );
         let mut turned = vec![ZERO; self.columns * count * self.height];
         turned.par_chunks_mut(BLOCK * count * self.height).enumerate().for_each_init(
-            || (vec![ZERO; BLOCK * self.rows], vec![ZERO; self.rows], vec![ZERO; self.down[0].get_inplace_scratch_len()]),
+            || {
+                (
+                    vec![ZERO; BLOCK * self.rows],
+                    vec![ZERO; self.rows],
+                    vec![ZERO; self.down[0].get_inplace_scratch_len()],
+                )
+            },
             |(part, work, scratch), (block, out)| {
                 let (first, wide) = (block * BLOCK, out.len() / (count * self.height));
                 part.fill(ZERO);
@@ -205,8 +221,9 @@ impl Grid {
         self.rows_back(&turned, count, gather)
     }
 
-    /// How much each stored value of a kernel's spectrum counts in ⟨view, kernel ∗ part k⟩, for every part that `fill` writes (as [`Grid::forward`])
-    /// and the map that `view` writes (as [`Grid::backward`]); the two maps of a transform are added up. The derivative by a kernel, whatever the kernel is.
+    /// How much each stored value of a kernel's spectrum counts in ⟨view, kernel ∗ part k⟩, for every part that `fill`
+    /// writes (as [`Grid::forward`]) and the map that `view` writes (as [`Grid::backward`]); the two maps of a
+    /// transform are added up. The derivative by a kernel, whatever the kernel is.
     pub fn correlate(
         &self,
         count: usize,
@@ -219,7 +236,8 @@ impl Grid {
             || vec![ZERO; self.along[0].get_inplace_scratch_len()],
             |scratch, (y, line)| {
                 let (sources, last) = line.split_at_mut(count * self.columns);
-                let mut each: Vec<&mut [C]> = sources.chunks_mut(self.columns).map(|row| &mut row[..self.width]).collect();
+                let mut each: Vec<&mut [C]> =
+                    sources.chunks_mut(self.columns).map(|row| &mut row[..self.width]).collect();
                 fill(y, &mut each);
                 view(y, &mut last[..self.width]);
                 line.chunks_mut(self.columns).for_each(|row| self.along[0].process_with_scratch(row, scratch));
@@ -247,7 +265,8 @@ impl Grid {
                     for (k, column) in sources.chunks(self.rows).enumerate() {
                         let out = &mut out[(c * count + k) * tall..][..tall];
                         for q in 0..self.rows {
-                            out[q.min(self.rows - q)] += scale * (column[q].re * seen[q].re + column[q].im * seen[q].im);
+                            out[q.min(self.rows - q)] +=
+                                scale * (column[q].re * seen[q].re + column[q].im * seen[q].im);
                         }
                     }
                 }

@@ -1,13 +1,16 @@
-//! Horizon maps (Max 1988; H9 §3.3.9): how high the surrounding relief stands around every texel, in 16 slices of azimuth.
+//! Horizon maps (Max 1988; H9 §3.3.9): how high the surrounding relief stands around every texel, in 16 slices of
+//! azimuth.
 //!
-//! A slice holds the mean sine of the horizon's elevation over its azimuths (the sine, because 1 − sin is the solid angle that stays open, so the
-//! mean keeps the slice's share of the sky); between the slices' centres it is interpolated linearly. Slice k is centred on azimuth 2πk/16
-//! from x towards y. Never below 0, the tangent plane: what tilts away from the light is the normal's business.
-//! Outside the leaf is nothing, so its edge casts no horizon. Heights count in units of the texel's physical size; the reach is unlimited.
+//! A slice holds the mean sine of the horizon's elevation over its azimuths (the sine, because 1 − sin is the solid
+//! angle that stays open, so the mean keeps the slice's share of the sky); between the slices' centres it is
+//! interpolated linearly. Slice k is centred on azimuth 2πk/16 from x towards y. Never below 0, the tangent plane: what
+//! tilts away from the light is the normal's business. Outside the leaf is nothing, so its edge casts no horizon.
+//! Heights count in units of the texel's physical size; the reach is unlimited.
 //!
-//! **Method.** Along each of the azimuths sampled in a slice the heights are read on parallel lines one texel apart (linear between rows, or
-//! between columns for steep lines), and each line is swept once with the upper convex hull of what was passed (Timonen & Westerholm 2010): every texel costs
-//! the same whatever the reach. Profiles between samples are straight.
+//! **Method.** Along each of the azimuths sampled in a slice the heights are read on parallel lines one texel apart
+//! (linear between rows, or between columns for steep lines), and each line is swept once with the upper convex hull of
+//! what was passed (Timonen & Westerholm 2010): every texel costs the same whatever the reach. Profiles between samples
+//! are straight.
 
 use super::blade::LitSide;
 use rayon::prelude::*;
@@ -109,7 +112,8 @@ pub fn towards(lit: &LitSide, azimuth: f64) -> Vec<f32> {
     found.to_vec()
 }
 
-/// Heights in texels (so that slopes come out right; NaN is nothing), upright and transposed, and the buffers of sweeps over them.
+/// Heights in texels (so that slopes come out right; NaN is nothing), upright and transposed, and the buffers of sweeps
+/// over them.
 struct Relief {
     width: usize,
     height: usize,
@@ -129,7 +133,16 @@ impl Relief {
         let mut lying = vec![0f32; n];
         transpose(&upright, width, height, &mut lying);
         let empty = || vec![0f32; n];
-        Relief { width, height, upright, lying, sweep: Sweep::default(), ahead: empty(), behind: empty(), turned: [empty(), empty()] }
+        Relief {
+            width,
+            height,
+            upright,
+            lying,
+            sweep: Sweep::default(),
+            ahead: empty(),
+            behind: empty(),
+            turned: [empty(), empty()],
+        }
     }
 
     /// Sines of the horizons in an azimuth and in the opposite one.
@@ -137,8 +150,11 @@ impl Relief {
         // Rows run downwards.
         let (dx, dy) = (azimuth.cos(), -azimuth.sin());
         let steep = dy.abs() > dx.abs();
-        let (map, w, h, slope, along) =
-            if steep { (&self.lying, self.height, self.width, dx / dy, dy) } else { (&self.upright, self.width, self.height, dy / dx, dx) };
+        let (map, w, h, slope, along) = if steep {
+            (&self.lying, self.height, self.width, dx / dy, dy)
+        } else {
+            (&self.upright, self.width, self.height, dy / dx, dx)
+        };
         self.sweep.run(map, w, h, slope, &mut self.ahead, &mut self.behind);
         if steep {
             transpose(&self.ahead, w, h, &mut self.turned[0]);
@@ -161,10 +177,11 @@ struct Sweep {
 const NOTHING: f32 = -1.0;
 
 impl Sweep {
-    /// Sines of the horizons of a map's texels (NaN: nothing there) along lines that fall by `slope` rows a column, |slope| ≤ 1: towards growing
-    /// columns and towards falling ones; 0 where there is nothing.
+    /// Sines of the horizons of a map's texels (NaN: nothing there) along lines that fall by `slope` rows a column,
+    /// |slope| ≤ 1: towards growing columns and towards falling ones; 0 where there is nothing.
     fn run(&mut self, map: &[f32], w: usize, h: usize, slope: f64, ahead: &mut [f32], behind: &mut [f32]) {
-        // Line ℓ is at row ℓ + slope·(column − middle), so that a mirrored map is read alike; the first and the last that come within a row of the map.
+        // Line ℓ is at row ℓ + slope·(column − middle), so that a mirrored map is read alike; the first and the last
+        // that come within a row of the map.
         let middle = 0.5 * (w - 1) as f64;
         let drift = (slope * middle).abs();
         let first = (-drift).floor() as i64 - 1;
@@ -174,12 +191,15 @@ impl Sweep {
         self.behind.resize(size.max(self.behind.len()), NOTHING);
         let stride = (1.0 + slope * slope).sqrt() as f32;
         let (forth, back) = (&mut self.ahead[..size], &mut self.behind[..size]);
-        forth.par_chunks_mut(w).zip(back.par_chunks_mut(w)).enumerate().for_each_init(Line::default, |line, (index, (forth, back))| {
-            line.read(map, w, h, (first + index as i64) as f64 - slope * middle, slope);
-            back.fill(NOTHING);
-            forth.fill(NOTHING);
-            line.horizons(stride, forth, back);
-        });
+        forth.par_chunks_mut(w).zip(back.par_chunks_mut(w)).enumerate().for_each_init(
+            Line::default,
+            |line, (index, (forth, back))| {
+                line.read(map, w, h, (first + index as i64) as f64 - slope * middle, slope);
+                back.fill(NOTHING);
+                forth.fill(NOTHING);
+                line.horizons(stride, forth, back);
+            },
+        );
         // Back to the texels: each lies between two lines.
         ahead.par_chunks_mut(w).zip(behind.par_chunks_mut(w)).enumerate().for_each(|(row, (ahead, behind))| {
             for c in 0..w {
@@ -241,7 +261,8 @@ impl Line {
         }
     }
 
-    /// Tangents of the horizon towards growing columns and towards falling ones, at the samples' columns. `stride`: texels from one column to the next.
+    /// Tangents of the horizon towards growing columns and towards falling ones, at the samples' columns. `stride`:
+    /// texels from one column to the next.
     fn horizons(&mut self, stride: f32, forth: &mut [f32], back: &mut [f32]) {
         self.hull.clear();
         for &p in self.samples.iter().rev() {
@@ -254,7 +275,8 @@ impl Line {
     }
 }
 
-/// Slope from p to the highest-standing of the samples passed (0 at least), which all have larger first coordinates; p joins their upper hull, nearest last.
+/// Slope from p to the highest-standing of the samples passed (0 at least), which all have larger first coordinates; p
+/// joins their upper hull, nearest last.
 #[inline]
 fn rise(hull: &mut Vec<(f32, f32)>, p: (f32, f32)) -> f32 {
     while let [.., b, a] = hull[..] {

@@ -1,8 +1,8 @@
-//! What enters a lit side: E(x, ω) = entry(x) · V(x, ω) · max(0, n(x)·ω), in units of the light's irradiance at normal incidence (H9 Eq. 3.13, whose cosine
-//! wants the clamp), and its projection onto functions of direction.
+//! What enters a lit side: E(x, ω) = entry(x) · V(x, ω) · max(0, n(x)·ω), in units of the light's irradiance at normal
+//! incidence (H9 Eq. 3.13, whose cosine wants the clamp), and its projection onto functions of direction.
 //!
-//! Projection and the convolution that follows are both linear, so the coefficients' images are summed here, light by light, and convolved once each: the images
-//! of the lights never exist. 0 off the leaf.
+//! Projection and the convolution that follows are both linear, so the coefficients' images are summed here, light by
+//! light, and convolved once each: the images of the lights never exist. 0 off the leaf.
 
 use super::basis::Projector;
 use super::blade::LitSide;
@@ -15,7 +15,8 @@ pub enum Visibility {
     /// Above or below (H9 §3.3.9).
     #[default]
     Hard,
-    /// A linear ramp about the horizon, `width` wide in the sine of elevation: the share of an extended light (the sun: .0093) or of a light's cell that is above it.
+    /// A linear ramp about the horizon, `width` wide in the sine of elevation: the share of an extended light (the sun:
+    /// .0093) or of a light's cell that is above it.
     Soft { width: f64 },
     /// Nothing is shadowed.
     Off,
@@ -59,9 +60,14 @@ impl Light {
     }
 }
 
-/// E for a direction per texel: `direction(texel)` is the light in that texel's frame of the lit side (curved blades), z > 0 where it comes from above.
-/// From below nothing enters.
-pub fn irradiance_with(lit: &LitSide, horizon: &Horizon, visibility: Visibility, direction: impl Fn(usize) -> [f64; 3] + Sync) -> Vec<f64> {
+/// E for a direction per texel: `direction(texel)` is the light in that texel's frame of the lit side (curved blades),
+/// z > 0 where it comes from above. From below nothing enters.
+pub fn irradiance_with(
+    lit: &LitSide,
+    horizon: &Horizon,
+    visibility: Visibility,
+    direction: impl Fn(usize) -> [f64; 3] + Sync,
+) -> Vec<f64> {
     let texel = |k: usize| {
         if !lit.mask[k] {
             return 0.0;
@@ -116,7 +122,11 @@ struct Scratch {
 
 impl Scratch {
     fn new(w: usize) -> Scratch {
-        Scratch { normal: [vec![0.0; w], vec![0.0; w], vec![0.0; w]], sines: vec![0.0; SLICES * w], falls: vec![0.0; w] }
+        Scratch {
+            normal: [vec![0.0; w], vec![0.0; w], vec![0.0; w]],
+            sines: vec![0.0; SLICES * w],
+            falls: vec![0.0; w],
+        }
     }
 
     fn read(&mut self, lit: &LitSide, horizon: &Horizon, row: usize) {
@@ -125,7 +135,10 @@ impl Scratch {
             (0..3).for_each(|c| self.normal[c][x] = n[c]);
         }
         for s in 0..SLICES {
-            self.sines[s * w..(s + 1) * w].iter_mut().zip(horizon.row(s, row)).for_each(|(to, from)| *to = f64::from(*from));
+            self.sines[s * w..(s + 1) * w]
+                .iter_mut()
+                .zip(horizon.row(s, row))
+                .for_each(|(to, from)| *to = f64::from(*from));
         }
     }
 }

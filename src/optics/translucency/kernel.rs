@@ -1,14 +1,17 @@
-//! The kernel of one thickness on a texel grid: the light that enters at a texel's centre, integrated over every texel it leaves from.
+//! The kernel of one thickness on a texel grid: the light that enters at a texel's centre, integrated over every texel
+//! it leaves from.
 //!
-//! The radial flow j(r) = G(r)/(2πr), G(r) = 2π ∫_r^∞ T s ds, has the divergence −T away from the source. What a texel receives is therefore what flows in
-//! over its edges less what flows out: one smooth integral an edge, however thin the blade and even where T itself is infinite, and the sum over
-//! all texels is the total, exactly, because every inner edge counts once with each sign. No aliasing, no sampling of the peak.
+//! The radial flow j(r) = G(r)/(2πr), G(r) = 2π ∫_r^∞ T s ds, has the divergence −T away from the source. What a texel
+//! receives is therefore what flows in over its edges less what flows out: one smooth integral an edge, however thin
+//! the blade and even where T itself is infinite, and the sum over all texels is the total, exactly, because every
+//! inner edge counts once with each sign. No aliasing, no sampling of the peak.
 
 use super::levels::Curves;
 use crate::slab::quadrature::gauss;
 use rayon::prelude::*;
 
-/// Weights of one quadrant, (i, j) ≥ 0 texels away, row j: `weights[j * (reach + 1) + i]`; symmetric in i and j and under both reflections.
+/// Weights of one quadrant, (i, j) ≥ 0 texels away, row j: `weights[j * (reach + 1) + i]`; symmetric in i and j and
+/// under both reflections.
 #[derive(Debug, Clone)]
 pub(crate) struct Kernel {
     /// Farthest texel on either side.
@@ -49,15 +52,22 @@ impl Kernel {
         (0..n * n).rev().map(|k| self.weights[k] * other.weights[k] * times(k % n) * times(k / n)).sum()
     }
 
-    /// From the share `beyond` of the light that leaves farther than r (mm) away (1 at r = 0), on texels of `texel` mm. `closed`: what lies beyond
-    /// the reach is given to the outermost texels, so that the sum is 1; otherwise it is left out. Further components are derivatives of the first
-    /// (0 at r = 0) and become derivatives of the kernel.
-    pub fn build<const M: usize>(beyond: impl Fn(f64) -> [f64; M] + Sync, texel: f64, reach: usize, closed: bool) -> [Kernel; M] {
+    /// From the share `beyond` of the light that leaves farther than r (mm) away (1 at r = 0), on texels of `texel` mm.
+    /// `closed`: what lies beyond the reach is given to the outermost texels, so that the sum is 1; otherwise it is
+    /// left out. Further components are derivatives of the first (0 at r = 0) and become derivatives of the kernel.
+    pub fn build<const M: usize>(
+        beyond: impl Fn(f64) -> [f64; M] + Sync,
+        texel: f64,
+        reach: usize,
+        closed: bool,
+    ) -> [Kernel; M] {
         let edges = edges(beyond, texel, reach, closed);
         let n = reach + 1;
         std::array::from_fn(|m| {
             // Flow over the edges at a ± 1/2, b across.
-            let across = |a: usize, b: usize| if a == 0 { -2.0 * edges[b][m] } else { edges[(a - 1) * n + b][m] - edges[a * n + b][m] };
+            let across = |a: usize, b: usize| {
+                if a == 0 { -2.0 * edges[b][m] } else { edges[(a - 1) * n + b][m] - edges[a * n + b][m] }
+            };
             let mut weights = vec![0.0; n * n];
             for j in 0..n {
                 for i in 0..=j {
@@ -79,7 +89,12 @@ impl Kernel {
 }
 
 /// Flow over the edge x = (i + ½) texels, y from (j − ½) to (j + ½): `[i * (reach + 1) + j]`.
-fn edges<const M: usize>(beyond: impl Fn(f64) -> [f64; M] + Sync, texel: f64, reach: usize, closed: bool) -> Vec<[f64; M]> {
+fn edges<const M: usize>(
+    beyond: impl Fn(f64) -> [f64; M] + Sync,
+    texel: f64,
+    reach: usize,
+    closed: bool,
+) -> Vec<[f64; M]> {
     let (near, middle, far) = (gauss(24), gauss(10), gauss(4));
     let n = reach + 1;
     let mut edges = vec![[0.0; M]; n * n];

@@ -1,7 +1,9 @@
-//! Thickness levels: the kernel of any thickness as a sum of a few, weighted by the thickness of the texel that the light enters.
+//! Thickness levels: the kernel of any thickness as a sum of a few, weighted by the thickness of the texel that the
+//! light enters.
 //!
-//! Kernels are interpolated as *shapes* (sum 1); the transmitted total of each texel's own thickness multiplies the weights, so that the
-//! energy is exact with any number of levels and only the shape is approximated. Weights of every kind add up to 1.
+//! Kernels are interpolated as *shapes* (sum 1); the transmitted total of each texel's own thickness multiplies the
+//! weights, so that the energy is exact with any number of levels and only the shape is approximated. Weights of every
+//! kind add up to 1.
 
 use super::kernel::Kernel;
 use rayon::prelude::*;
@@ -83,12 +85,13 @@ impl Nodes {
         Nodes { thickness, kind: Kind::Exact }
     }
 
-    /// The mean shape and the `count` − 1 principal deviations of the shapes at the nodes; weights are those of the new shapes from here on. Deviations
-    /// sum to 0, so any number of them keeps the sum.
+    /// The mean shape and the `count` − 1 principal deviations of the shapes at the nodes; weights are those of the new
+    /// shapes from here on. Deviations sum to 0, so any number of them keeps the sum.
     pub fn principal(&mut self, shapes: &[Kernel], count: usize) -> Vec<Kernel> {
         let (n, count) = (shapes.len(), count.min(shapes.len()));
         let mean = Kernel::combine(shapes, &vec![1.0 / n as f64; n]);
-        let apart: Vec<Kernel> = shapes.iter().map(|s| Kernel::combine(&[s.clone(), mean.clone()], &[1.0, -1.0])).collect();
+        let apart: Vec<Kernel> =
+            shapes.iter().map(|s| Kernel::combine(&[s.clone(), mean.clone()], &[1.0, -1.0])).collect();
         let gram = nalgebra::DMatrix::from_fn(n, n, |a, b| apart[a].dot(&apart[b]));
         let eigen = gram.symmetric_eigen();
         let mut order: Vec<usize> = (0..n).collect();
@@ -176,7 +179,8 @@ impl Nodes {
     }
 }
 
-/// Smooth functions of x over ln x as Chebyshev series: the logarithm of the first, which is positive, and the others over the first.
+/// Smooth functions of x over ln x as Chebyshev series: the logarithm of the first, which is positive, and the others
+/// over the first.
 #[derive(Debug, Clone)]
 pub(crate) struct Curves<const M: usize> {
     low: f64,
@@ -185,8 +189,8 @@ pub(crate) struct Curves<const M: usize> {
 }
 
 impl<const M: usize> Curves<M> {
-    /// Relative error about 1e-12, of the others 1e-9. `None` where the first function is not positive or one not finite somewhere in [low, high], or
-    /// too rough for 512 terms.
+    /// Relative error about 1e-12, of the others 1e-9. `None` where the first function is not positive or one not
+    /// finite somewhere in [low, high], or too rough for 512 terms.
     pub fn fit(f: impl Fn(f64) -> [f64; M] + Sync, low: f64, high: f64) -> Option<Curves<M>> {
         let (low, high) = (low.ln(), high.ln());
         for n in [32usize, 64, 128, 256, 512] {
@@ -203,7 +207,11 @@ impl<const M: usize> Curves<M> {
             }
             let series: [Vec<f64>; M] = std::array::from_fn(|m| {
                 let term = |j: usize| {
-                    let sum: f64 = values.iter().enumerate().map(|(k, v)| v[m] * (PI * j as f64 * (k as f64 + 0.5) / n as f64).cos()).sum();
+                    let sum: f64 = values
+                        .iter()
+                        .enumerate()
+                        .map(|(k, v)| v[m] * (PI * j as f64 * (k as f64 + 0.5) / n as f64).cos())
+                        .sum();
                     sum * if j == 0 { 1.0 } else { 2.0 } / n as f64
                 };
                 let all: Vec<f64> = (0..n).map(term).collect();

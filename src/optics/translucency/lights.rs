@@ -1,4 +1,5 @@
-//! Directions of light over the hemisphere with their solid angles: stratified random ones (the paper's) and quadrature rules.
+//! Directions of light over the hemisphere with their solid angles: stratified random ones (the paper's) and quadrature
+//! rules.
 //!
 //! z = 0 is the tangent plane, z = 1 straight above; weights are steradians and sum to 2π.
 
@@ -13,10 +14,11 @@ pub const PAPER: usize = 128;
 /// How directions are chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Rule {
-    /// One random direction in each of N cells of equal solid angle (H9 §3.3.9, "Shirley's square to hemisphere mapping"). Same seed, same directions.
+    /// One random direction in each of N cells of equal solid angle (H9 §3.3.9, "Shirley's square to hemisphere
+    /// mapping"). Same seed, same directions.
     Stratified { count: usize, seed: u64 },
-    /// Gauss–Legendre in z, equispaced azimuths, the first half a step from x. Exact for polynomials of degree below 2·`levels` in z and below `azimuths` in
-    /// azimuth; the horizon's steps it only samples.
+    /// Gauss–Legendre in z, equispaced azimuths, the first half a step from x. Exact for polynomials of degree below
+    /// 2·`levels` in z and below `azimuths` in azimuth; the horizon's steps it only samples.
     Product { levels: usize, azimuths: usize },
     /// Points on a spiral that turns by the golden angle, at equal steps of z.
     Spiral { count: usize },
@@ -45,7 +47,9 @@ impl Rule {
 
     pub fn name(self) -> String {
         match self {
-            Rule::Stratified { count, seed } => format!("{count}, one at random in each of as many cells (seed {seed})"),
+            Rule::Stratified { count, seed } => {
+                format!("{count}, one at random in each of as many cells (seed {seed})")
+            }
             Rule::Product { levels, azimuths } => format!("{levels} heights by {azimuths} azimuths"),
             Rule::Spiral { count } => format!("{count} on a spiral"),
         }
@@ -59,7 +63,8 @@ impl Lights {
             Rule::Product { levels, azimuths } => product(levels, azimuths),
             Rule::Spiral { count } => {
                 let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
-                let directions = (0..count).map(|k| raised((k as f64 + 0.5) / count as f64, golden * k as f64)).collect();
+                let directions =
+                    (0..count).map(|k| raised((k as f64 + 0.5) / count as f64, golden * k as f64)).collect();
                 Lights { directions, weights: vec![TAU / count as f64; count] }
             }
         }
@@ -82,14 +87,18 @@ pub fn raised(z: f64, phi: f64) -> [f64; 3] {
 
 fn product(levels: usize, azimuths: usize) -> Lights {
     let step = TAU / azimuths as f64;
-    let places: Vec<_> = gauss(levels).into_iter().flat_map(|node| (0..azimuths).map(move |k| (node, (k as f64 + 0.5) * step))).collect();
+    let places: Vec<_> = gauss(levels)
+        .into_iter()
+        .flat_map(|node| (0..azimuths).map(move |k| (node, (k as f64 + 0.5) * step)))
+        .collect();
     Lights {
         directions: places.iter().map(|(node, phi)| raised(node.x, *phi)).collect(),
         weights: places.iter().map(|(node, _)| node.w * step).collect(),
     }
 }
 
-/// The unit square is cut into about √N rows whose heights are in proportion to their numbers of cells: N nearly square cells of equal area, whatever N.
+/// The unit square is cut into about √N rows whose heights are in proportion to their numbers of cells: N nearly square
+/// cells of equal area, whatever N.
 fn stratified(count: usize, seed: u64) -> Lights {
     let mut rng = Pcg64::seed_from_u64(seed);
     let rows = ((count as f64).sqrt().round() as usize).max(1);
@@ -105,7 +114,8 @@ fn stratified(count: usize, seed: u64) -> Lights {
     Lights { weights: vec![TAU / count as f64; count], directions }
 }
 
-/// The unit square on the hemisphere, equal areas to equal solid angles: Shirley & Chiu's (1997) concentric map to the disk, radius r to height z = 1 − r².
+/// The unit square on the hemisphere, equal areas to equal solid angles: Shirley & Chiu's (1997) concentric map to the
+/// disk, radius r to height z = 1 − r².
 pub fn hemisphere(u: f64, v: f64) -> [f64; 3] {
     let (a, b) = (2.0 * u - 1.0, 2.0 * v - 1.0);
     if a == 0.0 && b == 0.0 {
@@ -166,7 +176,8 @@ mod tests {
     /// Each of the cells holds one direction: sorted by the inverse map they fill all rows and columns.
     #[test]
     fn strata_hold_one_direction_each() {
-        // Over many seeds the mean of z over a set scatters far less than 128 independent draws would (.29/√128 = .0255).
+        // Over many seeds the mean of z over a set scatters far less than 128 independent draws would (.29/√128 =
+        // .0255).
         let means: Vec<f64> = (0..200)
             .map(|seed| {
                 let lights = Lights::new(Rule::Stratified { count: 128, seed });
@@ -181,7 +192,9 @@ mod tests {
     #[test]
     fn the_product_rule_is_exact_for_polynomials() {
         let lights = Lights::new(Rule::Product { levels: 4, azimuths: 8 });
-        let integral = |f: &dyn Fn(&[f64; 3]) -> f64| lights.directions.iter().zip(&lights.weights).map(|(d, w)| w * f(d)).sum::<f64>();
+        let integral = |f: &dyn Fn(&[f64; 3]) -> f64| {
+            lights.directions.iter().zip(&lights.weights).map(|(d, w)| w * f(d)).sum::<f64>()
+        };
         // ∫ x² dω = 2π/3, ∫ z⁴ = 2π/5, ∫ x⁴ = 2π/5, ∫ x²y² = 2π/15 over the upper hemisphere.
         assert!((integral(&|d| d[0] * d[0]) - TAU / 3.0).abs() < 1e-13);
         assert!((integral(&|d| d[2].powi(4)) - TAU / 5.0).abs() < 1e-13);

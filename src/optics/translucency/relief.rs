@@ -1,11 +1,14 @@
 //! Relief: heights from a map of normals, and normals from heights.
 //!
-//! Heights in mm over one plane, outward; normals are unit vectors in the image frame: x right, y up (towards row 0), z outward.
+//! Heights in mm over one plane, outward; normals are unit vectors in the image frame: x right, y up (towards row 0), z
+//! outward.
 //!
-//! **Integration.** Heights whose differences between neighbouring texels of the leaf agree best, in the least-squares sense, with the mean slopes of the two (Frankot
-//! & Chellappa 1988 without their periodic border): Poisson's equation on the leaf with free edges. On a rectangle cosine transforms solve it at
-//! once ([`cosine`]). On an outline that solution is the preconditioner of conjugate gradients, whose number of steps then depends on the outline's shape and not on the
-//! resolution. Filling the outside with zero slope and transforming once is not enough: the edges bend the whole leaf.
+//! **Integration.** Heights whose differences between neighbouring texels of the leaf agree best, in the least-squares
+//! sense, with the mean slopes of the two (Frankot & Chellappa 1988 without their periodic border): Poisson's equation
+//! on the leaf with free edges. On a rectangle cosine transforms solve it at once ([`cosine`]). On an outline that
+//! solution is the preconditioner of conjugate gradients, whose number of steps then depends on the outline's shape and
+//! not on the resolution. Filling the outside with zero slope and transforming once is not enough: the edges bend the
+//! whole leaf.
 
 pub mod cosine;
 
@@ -31,7 +34,8 @@ const MOST: usize = 400;
 pub fn integrate(normal: &[[f64; 3]], mask: &[bool], width: usize, height: usize, texel_mm: f64) -> Relief {
     let n = width * height;
     let edges = Edges { mask, width, height };
-    let slope: Vec<[f64; 2]> = normal.iter().zip(mask).map(|(v, on)| if *on { [-v[0] / v[2], -v[1] / v[2]] } else { [0.0; 2] }).collect();
+    let slope: Vec<[f64; 2]> =
+        normal.iter().zip(mask).map(|(v, on)| if *on { [-v[0] / v[2], -v[1] / v[2]] } else { [0.0; 2] }).collect();
     // Rise from a texel to its right and lower neighbour.
     let right = |k: usize| 0.5 * texel_mm * (slope[k][0] + slope[k + 1][0]);
     let down = |k: usize| -0.5 * texel_mm * (slope[k][1] + slope[k + width][1]);
@@ -155,7 +159,8 @@ impl Edges<'_> {
     }
 }
 
-/// Unit normals of a height map inside a mask: central differences, one-sided at the leaf's edge, straight up off the leaf and where a texel has no neighbour.
+/// Unit normals of a height map inside a mask: central differences, one-sided at the leaf's edge, straight up off the
+/// leaf and where a texel has no neighbour.
 pub fn normals(z: &[f64], mask: &[bool], width: usize, height: usize, texel_mm: f64) -> Vec<[f64; 3]> {
     let slope = |k: usize, before: Option<usize>, after: Option<usize>| {
         let on = |k: Option<usize>| k.filter(|&k| mask[k]);
@@ -225,7 +230,8 @@ mod tests {
         (on().map(|k| (relief.height[k] + mean - z(place(k).0, place(k).1)).abs()).fold(0.0, f64::max), relief.steps)
     }
 
-    /// Heights of ±1 mm come back from exact normals within the trapezoid's error, which falls with the square of the texel, in about as many steps.
+    /// Heights of ±1 mm come back from exact normals within the trapezoid's error, which falls with the square of the
+    /// texel, in about as many steps.
     #[test]
     fn heights_come_back_from_normals() {
         let (coarse, few) = recovered(101);

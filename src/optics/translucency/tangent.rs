@@ -1,12 +1,15 @@
-//! [`super::convolve`] with derivatives: the light that a leaf lets through, and how it changes with ln σa, ln σs′ and ln of a factor on the thickness.
+//! [`super::convolve`] with derivatives: the light that a leaf lets through, and how it changes with ln σa, ln σs′ and
+//! ln of a factor on the thickness.
 //!
-//! What does not change with the tissue (levels, weights, transforms) is a [`Stage`], made once; [`Stage::at`] gives the transport of one tissue. A factor on the
-//! thickness moves the levels with it, so that their weights stay. The kernels' reach is the stage's, whatever the tissue: cost and gradient are
-//! smooth functions of it. Derivatives are exact ones of the discretised model: shares of the flow and totals are Chebyshev series in ln r and ln d,
-//! and a series is linear in its values.
+//! What does not change with the tissue (levels, weights, transforms) is a [`Stage`], made once; [`Stage::at`] gives
+//! the transport of one tissue. A factor on the thickness moves the levels with it, so that their weights stay. The
+//! kernels' reach is the stage's, whatever the tissue: cost and gradient are smooth functions of it. Derivatives are
+//! exact ones of the discretised model: shares of the flow and totals are Chebyshev series in ln r and ln d, and a
+//! series is linear in its values.
 //!
-//! Two ways to the same numbers: [`Tangent::derivative`] is the change of every image along one parameter, [`Tangent::gradient`] the change of a
-//! weighted sum of all of them along every parameter. The latter takes two transforms a level and image, the former six for three parameters.
+//! Two ways to the same numbers: [`Tangent::derivative`] is the change of every image along one parameter,
+//! [`Tangent::gradient`] the change of a weighted sum of all of them along every parameter. The latter takes two
+//! transforms a level and image, the former six for three parameters.
 
 mod series;
 #[cfg(test)]
@@ -19,8 +22,8 @@ use super::kernel::Kernel;
 use super::levels::{Levels, Nodes};
 use crate::dipole::{Form, Tissue};
 use crate::{Error, Result};
-use rayon::prelude::*;
 use mesophyll_fourier::Complex;
+use rayon::prelude::*;
 use series::Series;
 use std::f64::consts::PI;
 use totals::{Slant, logarithms};
@@ -28,7 +31,8 @@ use totals::{Slant, logarithms};
 /// ln σa, ln σs′, ln of the factor on the thickness.
 pub const PARTIALS: usize = 3;
 
-/// One image's light that enters (per area), which of the stage's thickness maps it enters, and which of its incidences it has.
+/// One image's light that enters (per area), which of the stage's thickness maps it enters, and which of its incidences
+/// it has.
 #[derive(Debug, Clone, Copy)]
 pub struct Source<'a> {
     pub map: usize,
@@ -60,28 +64,43 @@ pub struct Tangent<'a> {
     spectra: Vec<Spectrum>,
     /// A level: derivatives of its kernel.
     partials: Vec<[Spectrum; PARTIALS]>,
-    /// A thickness map and in it an incidence, a texel: scattered total and unscattered share, then the derivatives of both, parameter by parameter.
+    /// A thickness map and in it an incidence, a texel: scattered total and unscattered share, then the derivatives of
+    /// both, parameter by parameter.
     parts: Vec<Vec<[f64; 2 * (PARTIALS + 1)]>>,
 }
 
 impl Stage {
-    /// For maps of `width` × n texels of `texel_mm`; `thickness` (mm) of each lit side in its own columns, 0 or NaN where there is no tissue. Kernels
-    /// end at `reach_mm` (at least one texel, at most the map), where the outermost texels take what is left. `incidences`: cosines (0 to 1) to the blade's
-    /// normal of the lights; with [`Totals::Transport`] as much comes through as of a beam of that incidence, spread as one along the normal.
+    /// For maps of `width` × n texels of `texel_mm`; `thickness` (mm) of each lit side in its own columns, 0 or NaN
+    /// where there is no tissue. Kernels end at `reach_mm` (at least one texel, at most the map), where the outermost
+    /// texels take what is left. `incidences`: cosines (0 to 1) to the blade's normal of the lights; with
+    /// [`Totals::Transport`] as much comes through as of a beam of that incidence, spread as one along the normal.
     ///
     /// # Errors
     /// Maps of unequal size, no texel with a thickness, no level, a texel that is not positive, a cosine out of range.
-    pub fn new(width: usize, texel_mm: f64, thickness: Vec<Vec<f64>>, incidences: &[f64], levels: Levels, reach_mm: f64) -> Result<Stage> {
+    pub fn new(
+        width: usize,
+        texel_mm: f64,
+        thickness: Vec<Vec<f64>>,
+        incidences: &[f64],
+        levels: Levels,
+        reach_mm: f64,
+    ) -> Result<Stage> {
         if incidences.is_empty() || !incidences.iter().all(|mu| *mu > 0.0 && *mu <= 1.0) {
-            return Err(Error::Usage(format!("cosines of incidence {incidences:?}; expected some above 0 and at most 1")));
+            return Err(Error::Usage(format!(
+                "cosines of incidence {incidences:?}; expected some above 0 and at most 1"
+            )));
         }
         let texels = thickness.first().map_or(0, Vec::len);
         if width == 0 || texels == 0 || !texels.is_multiple_of(width) || thickness.iter().any(|t| t.len() != texels) {
-            return Err(Error::Usage(format!("thickness maps of {texels} texels in rows of {width}; expected maps of one size")));
+            return Err(Error::Usage(format!(
+                "thickness maps of {texels} texels in rows of {width}; expected maps of one size"
+            )));
         }
         if !(texel_mm > 0.0 && texel_mm.is_finite() && reach_mm > 0.0) || levels.count == 0 {
             let count = levels.count;
-            return Err(Error::Usage(format!("texels of {texel_mm} mm, reach {reach_mm} mm, {count} levels; expected numbers above 0")));
+            return Err(Error::Usage(format!(
+                "texels of {texel_mm} mm, reach {reach_mm} mm, {count} levels; expected numbers above 0"
+            )));
         }
         let mut distinct: Vec<f64> = Vec::new();
         let mut range = [f64::INFINITY, 0.0f64];
@@ -106,7 +125,11 @@ impl Stage {
         let count = nodes.thickness.len();
         let weights = thickness.iter().map(|map| {
             let mut weights = vec![0.0; texels * count];
-            weights.par_chunks_mut(count).zip(map.par_iter()).filter(|(_, d)| **d > 0.0).for_each(|(w, d)| nodes.weights(*d, w));
+            weights
+                .par_chunks_mut(count)
+                .zip(map.par_iter())
+                .filter(|(_, d)| **d > 0.0)
+                .for_each(|(w, d)| nodes.weights(*d, w));
             weights
         });
         Ok(Stage {
@@ -142,7 +165,8 @@ impl Stage {
             )));
         }
         let opaque = || Error::Usage(format!("{tissue:?} lets no light through {} mm", factor * self.range[1]));
-        let made: Option<Vec<[Kernel; PARTIALS + 1]>> = self.nodes.thickness.par_iter().map(|d| self.kernel(tissue, factor * d)).collect();
+        let made: Option<Vec<[Kernel; PARTIALS + 1]>> =
+            self.nodes.thickness.par_iter().map(|d| self.kernel(tissue, factor * d)).collect();
         let mut spectra = Vec::new();
         let mut partials = Vec::new();
         for kernels in &made.ok_or_else(opaque)? {
@@ -153,7 +177,12 @@ impl Stage {
         let mut curves = Vec::new();
         for mu in &self.incidences {
             let slant = (totals == Totals::Transport && *mu != 1.0).then(|| Slant::new(tissue, *mu));
-            let curve = Series::fit(|d| logarithms(tissue, totals, slant.as_ref(), factor * d), self.range[0], self.range[1], 24);
+            let curve = Series::fit(
+                |d| logarithms(tissue, totals, slant.as_ref(), factor * d),
+                self.range[0],
+                self.range[1],
+                24,
+            );
             if !curve.coefficients.iter().flatten().all(|v| v.is_finite()) {
                 return Err(opaque());
             }
@@ -279,7 +308,9 @@ impl Tangent<'_> {
             }
             // What a texel's whole light would add, if its total alone changed.
             let worth = stage.grid.backward(&kernels, view, |y, parts| -> Vec<Complex<f64>> {
-                let weight = |which: usize, at: usize, k: usize| pair.get(which).map_or(0.0, |s| stage.weights[s.map][at * n + k]);
+                let weight = |which: usize, at: usize, k: usize| {
+                    pair.get(which).map_or(0.0, |s| stage.weights[s.map][at * n + k])
+                };
                 let texel = |x: usize| {
                     let at = y * width + x;
                     let re = (0..n).map(|k| weight(0, at, k) * parts[k][x].re).sum();
@@ -304,7 +335,8 @@ impl Tangent<'_> {
         gradient
     }
 
-    /// Σ_k kernel_k ∗ row_k plus what stays in its texel: `texel(weights, parts, light, rows)` writes the rows' values and returns what stays.
+    /// Σ_k kernel_k ∗ row_k plus what stays in its texel: `texel(weights, parts, light, rows)` writes the rows' values
+    /// and returns what stays.
     fn sum(
         &self,
         sources: &[Source],
@@ -314,9 +346,17 @@ impl Tangent<'_> {
         let stage = self.stage;
         let (n, width) = (self.spectra.len(), stage.grid.width);
         let texels = width * stage.grid.height;
-        assert!(sources.iter().all(|s| s.light.len() == texels), "sources have to hold {texels} texels, as the stage was made for");
+        assert!(
+            sources.iter().all(|s| s.light.len() == texels),
+            "sources have to hold {texels} texels, as the stage was made for"
+        );
         let one = |source: &Source, at: usize, rows: &mut [f64]| {
-            texel(&stage.weights[source.map][at * n..][..n], &self.parts[self.parts_of(source)][at], source.light[at], rows)
+            texel(
+                &stage.weights[source.map][at * n..][..n],
+                &self.parts[self.parts_of(source)][at],
+                source.light[at],
+                rows,
+            )
         };
         let mut out = Vec::with_capacity(sources.len());
         for pair in sources.chunks(2) {
@@ -333,7 +373,10 @@ impl Tangent<'_> {
             });
             for (which, source) in pair.iter().enumerate() {
                 let mut values = vec![0.0; kernels.len()];
-                let image = sum.iter().enumerate().map(|(at, v)| if which == 0 { v.re } else { v.im } + one(source, at, &mut values));
+                let image = sum
+                    .iter()
+                    .enumerate()
+                    .map(|(at, v)| if which == 0 { v.re } else { v.im } + one(source, at, &mut values));
                 out.push(image.collect());
             }
         }

@@ -1,8 +1,8 @@
-//! One thin tube seen from a texel: an arc of a great circle, parametrised by the tangent of half the angle from the point
-//! where the lobe peaks.
+//! One thin tube seen from a texel: an arc of a great circle, parametrised by the tangent of half the angle from the
+//! point where the lobe peaks.
 //!
-//! With t = tan(ψ/2), half vectors turn by ψ/2, so tan²α is (nearly) a parabola in t and a Beckmann lobe a bell in t, however
-//! wide; and E = 1 + l·c, M = n·l + n·c, q = cosφ become quadratic polynomials over (1 + t²), which cancels:
+//! With t = tan(ψ/2), half vectors turn by ψ/2, so tan²α is (nearly) a parabola in t and a Beckmann lobe a bell in t,
+//! however wide; and E = 1 + l·c, M = n·l + n·c, q = cosφ become quadratic polynomials over (1 + t²), which cancels:
 //!
 //! ```text
 //! S = scale/(2B) ∫ D dsinφ = scale/(2B) · 1/(π m²) ∫ 8 E² q/M⁴ · K(τ) dt,   τ = tan²α = 2 (1 + t²) E/M² − 1

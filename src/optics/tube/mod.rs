@@ -1,13 +1,14 @@
 //! A texel under a linear light source (G3; W §3): a tube of uniform radiance moving over the blade, seen by a fixed
 //! orthographic camera.
 //!
-//! Lengths in mm, angles in radians, z out of the blade. Pass x has the tube parallel to y moving along x, pass y the other way
-//! round; the camera stays. A value of 1 is a white texel facing up under an infinite tube at u = 0, so a trace is
-//! `ρd·D + ρs·S` with both D and S known from the geometry, the normal and the slope m.
+//! Lengths in mm, angles in radians, z out of the blade. Pass x has the tube parallel to y moving along x, pass y the
+//! other way round; the camera stays. A value of 1 is a white texel facing up under an infinite tube at u = 0, so a
+//! trace is `ρd·D + ρs·S` with both D and S known from the geometry, the normal and the slope m.
 //!
-//! **The tube's radius.** Seen from a texel, a cylinder of uniform radiance fills the angles θ ± asin(a/R) of the plane of travel
-//! evenly, and the flux of an infinite one is exactly that of a thin one. So the thin tube's integrand is averaged over that
-//! range of angles (few Gauss nodes). By the capture's convention the lit length ends under the angles of the axis' ends. Its caps are not seen.
+//! **The tube's radius.** Seen from a texel, a cylinder of uniform radiance fills the angles θ ± asin(a/R) of the plane
+//! of travel evenly, and the flux of an infinite one is exactly that of a thin one. So the thin tube's integrand is
+//! averaged over that range of angles (few Gauss nodes). By the capture's convention the lit length ends under the
+//! angles of the axis' ends. Its caps are not seen.
 //!
 //! **Limits.** The texel is a point, nothing shadows it, interreflection and the camera's footprint are left out.
 
@@ -44,8 +45,8 @@ impl Travel {
     }
 }
 
-/// Accuracy: nodes along half the tube and across its radius. `Precision::default()` stays within 1e-5 of the peak for m .02–.9,
-/// Cook–Torrance within 2e-4 where masking sets in.
+/// Accuracy: nodes along half the tube and across its radius. `Precision::default()` stays within 1e-5 of the peak for
+/// m .02–.9, Cook–Torrance within 2e-4 where masking sets in.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Precision {
     /// Gauss–Legendre nodes on the part of the tube that lights the lobe; twice as many without symmetry.
@@ -95,7 +96,8 @@ impl Model {
         Model { tube, camera, lobe, rule: arc::Rule::new(precision.along), across }
     }
 
-    /// The arcs that stand for the tube at `light_mm` (along the travel) over the texel at `texel_mm`, in the pass's own frame.
+    /// The arcs that stand for the tube at `light_mm` (along the travel) over the texel at `texel_mm`, in the pass's
+    /// own frame.
     pub fn arcs(&self, travel: Travel, light_mm: f64, texel_mm: [f64; 2]) -> impl Iterator<Item = Arc> + '_ {
         let texel = travel.local([texel_mm[0], texel_mm[1], 0.0]);
         let x = light_mm - texel[0];

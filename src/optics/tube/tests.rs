@@ -25,8 +25,8 @@ fn slopes(b: f64, ty: f64) -> [[f64; 3]; 2] {
 const PLACES: [([f64; 2], [f64; 2]); 4] =
     [([0.0, 0.0], [0.0, 0.0]), ([0.0, 12.0], [0.1, 0.0]), ([30.0, -25.0], [0.12, 0.1]), ([-30.0, 20.0], [-0.05, 0.12])];
 
-/// The cylinder's integral written down afresh from the definition: directions of the plane of travel across the tube and angles
-/// along it by Simpson's rule, f_s from its own formula.
+/// The cylinder's integral written down afresh from the definition: directions of the plane of travel across the tube
+/// and angles along it by Simpson's rule, f_s from its own formula.
 fn brute(lobe: Lobe, travel: Travel, light: f64, texel: [f64; 2], n: [f64; 3], m: f64) -> [f64; 2] {
     const ACROSS: usize = 32;
     const ALONG: usize = 800;
@@ -56,7 +56,12 @@ fn brute(lobe: Lobe, travel: Travel, light: f64, texel: [f64; 2], n: [f64; 3], m
                 continue;
             }
             // radiance · dω over white's E/π: E0 = π a L0/H, dω = cosφ dφ dθ
-            let w = TUBE.height_mm * 2.0 * beta / TUBE.radius_mm * simpson(i, ACROSS) * phi.cos() * (hi - lo) * simpson(k, ALONG) * cos;
+            let w = TUBE.height_mm * 2.0 * beta / TUBE.radius_mm
+                * simpson(i, ACROSS)
+                * phi.cos()
+                * (hi - lo)
+                * simpson(k, ALONG)
+                * cos;
             d += w / PI;
             s += w * lobe.value(n, l, camera(), m);
         }
@@ -68,21 +73,29 @@ fn brute(lobe: Lobe, travel: Travel, light: f64, texel: [f64; 2], n: [f64; 3], m
 fn agrees_with_brute_force() {
     for lobe in LOBES {
         // Cook–Torrance has kinks that the brute force does not split at.
-        let (model, bound) =
-            (Model::new(TUBE, camera(), lobe, &Precision::fine()), if matches!(lobe, Lobe::CookTorrance { .. }) { 1e-4 } else { 2e-6 });
+        let (model, bound) = (
+            Model::new(TUBE, camera(), lobe, &Precision::fine()),
+            if matches!(lobe, Lobe::CookTorrance { .. }) { 1e-4 } else { 2e-6 },
+        );
         for m in [0.03, 0.2, 0.9] {
             for (texel, [b, ty]) in PLACES {
                 for travel in [Travel::X, Travel::Y] {
                     let (n, mut err, mut peak) = (normal(b, ty), [0.0f64; 2], [0.0f64; 2]);
                     for light in [-290.0, -160.0, -140.0, -120.0, -60.0, 0.0, 70.0, 150.0] {
                         let r = model.response(travel, light, texel, n, m);
-                        for (j, (got, want)) in [r.d, r.s].into_iter().zip(brute(lobe, travel, light, texel, n, m)).enumerate() {
+                        for (j, (got, want)) in
+                            [r.d, r.s].into_iter().zip(brute(lobe, travel, light, texel, n, m)).enumerate()
+                        {
                             err[j] = err[j].max((got - want).abs());
                             peak[j] = peak[j].max(want);
                         }
                     }
                     assert!(err[0] < 1e-9 * peak[0], "{lobe:?} m {m} {travel:?} D: {:.1e}", err[0] / peak[0]);
-                    assert!(err[1] < bound * peak[1], "{lobe:?} m {m} {travel:?} {texel:?} {b} {ty} S: {:.1e}", err[1] / peak[1]);
+                    assert!(
+                        err[1] < bound * peak[1],
+                        "{lobe:?} m {m} {travel:?} {texel:?} {b} {ty} S: {:.1e}",
+                        err[1] / peak[1]
+                    );
                 }
             }
         }
@@ -103,7 +116,8 @@ fn thin_tube_closed_forms() {
     }
     for radius_mm in [0.0, 2.5] {
         for (length_mm, want, within) in [(500.0, 0.977, 5e-4), (1e9, 1.0, 1e-6)] {
-            let model = Model::new(Tube { length_mm, radius_mm, ..TUBE }, camera(), Lobe::Beckmann, &Precision::default());
+            let model =
+                Model::new(Tube { length_mm, radius_mm, ..TUBE }, camera(), Lobe::Beckmann, &Precision::default());
             let d = model.response(Travel::X, 0.0, [0.0; 2], normal(0.0, 0.0), 0.2).d;
             assert!((d - want).abs() < within, "radius {radius_mm}, length {length_mm}: {d}");
         }
@@ -152,7 +166,8 @@ fn derivatives_against_differences() {
                             (dot(r.d_n, ny), by_y[0]),
                             (dot(r.s_n, ny), by_y[1]),
                         ];
-                        // Scale: the response itself over the width of the lobe. G's kinks move with the normal in Cook–Torrance.
+                        // Scale: the response itself over the width of the lobe. G's kinks move with the normal in
+                        // Cook–Torrance.
                         let loose = if matches!(lobe, Lobe::CookTorrance { .. }) { 2e-3 } else { 1e-5 };
                         for (k, (got, want)) in pairs.into_iter().enumerate() {
                             assert!(
@@ -167,9 +182,9 @@ fn derivatives_against_differences() {
     }
 }
 
-/// The vectorised pass at default precision against the plain evaluation with many nodes, on every instruction set there is. Cook–Torrance
-/// has a kink where G's branches meet, and its changes by tilt jump there: the few nodes across a thick tube's radius sample that coarsely,
-/// a thin tube has none.
+/// The vectorised pass at default precision against the plain evaluation with many nodes, on every instruction set
+/// there is. Cook–Torrance has a kink where G's branches meet, and its changes by tilt jump there: the few nodes across
+/// a thick tube's radius sample that coarsely, a thin tube has none.
 #[test]
 fn fast_agrees_with_the_reference() {
     let positions: Vec<f64> = (0..100).map(|k| -400.0 + 650.0 * f64::from(k) / 99.0).collect();
@@ -199,7 +214,8 @@ fn fast_agrees_with_the_reference() {
                         .collect();
                     let most = |c: usize| want.iter().map(|w| w[c].abs()).fold(1e-9, f64::max);
                     // A change by tilt counts beside the trace itself.
-                    let peak: [f64; COLUMNS] = std::array::from_fn(|c| if c < 3 { most(c) } else { most(c).max(most((c + 1) % 2)) });
+                    let peak: [f64; COLUMNS] =
+                        std::array::from_fn(|c| if c < 3 { most(c) } else { most(c).max(most((c + 1) % 2)) });
                     for level in Level::available() {
                         let pass = Pass::new(&model, travel, &positions, Precision::default().along, level);
                         let mut lit = Lit::default();
@@ -211,8 +227,12 @@ fn fast_agrees_with_the_reference() {
                         pass.respond(&mut lit, n, changes, m, &mut slices);
                         for c in 0..3 + 2 * changes.len() {
                             let bound = if c < 2 { value } else { slope };
-                            let worst = (0..100).map(|k| (columns[c][k] - want[k][c]).abs()).fold(0.0, f64::max) / peak[c];
-                            assert!(worst < bound, "{lobe:?} {level:?} m {m} {travel:?} b {b} ty {ty} column {c}: {worst:.1e}");
+                            let worst =
+                                (0..100).map(|k| (columns[c][k] - want[k][c]).abs()).fold(0.0, f64::max) / peak[c];
+                            assert!(
+                                worst < bound,
+                                "{lobe:?} {level:?} m {m} {travel:?} b {b} ty {ty} column {c}: {worst:.1e}"
+                            );
                         }
                     }
                 }
@@ -235,14 +255,17 @@ fn frames_cut_by_the_horizon() {
             let (mut lit, mut columns) = (Lit::default(), vec![vec![0.0; pass.padded()]; COLUMNS]);
             for (m, texel) in [(0.5, [5.0, 9.0]), (0.15, [-30.0, 20.0])] {
                 pass.light(texel, &mut lit);
-                let mut slices: [&mut [f64]; COLUMNS] = columns.iter_mut().map(|c| &mut c[..]).collect::<Vec<_>>().try_into().unwrap();
+                let mut slices: [&mut [f64]; COLUMNS] =
+                    columns.iter_mut().map(|c| &mut c[..]).collect::<Vec<_>>().try_into().unwrap();
                 pass.respond(&mut lit, n, &changes, m, &mut slices);
-                let responses: Vec<Response> = positions.iter().map(|&x| model.response(travel, x, texel, n, m)).collect();
+                let responses: Vec<Response> =
+                    positions.iter().map(|&x| model.response(travel, x, texel, n, m)).collect();
                 let wanted = |r: &Response| {
                     let along = |v: [f64; 3], k: usize| dot(v, changes[k]);
                     [r.d, r.s, r.s_m, along(r.d_n, 0), along(r.s_n, 0), along(r.d_n, 1), along(r.s_n, 1)]
                 };
-                let peaks: [f64; COLUMNS] = std::array::from_fn(|c| responses.iter().map(|r| wanted(r)[c].abs()).fold(1e-3, f64::max));
+                let peaks: [f64; COLUMNS] =
+                    std::array::from_fn(|c| responses.iter().map(|r| wanted(r)[c].abs()).fold(1e-3, f64::max));
                 for ((k, &x), r) in positions.iter().enumerate().zip(&responses) {
                     let t = travel.local([texel[0], texel[1], 0.0]);
                     let ends = [-250.0 - t[1], 250.0 - t[1]].map(|y| dot(travel.local(n), [x - t[0], y, 100.0]) > 0.0);
@@ -251,7 +274,10 @@ fn frames_cut_by_the_horizon() {
                         let got = columns[c][k];
                         // Derivatives steer the solver, a digit less of them does.
                         let bound = if c < 2 { 2e-5 } else { 2e-4 } * peaks[c];
-                        assert!((got - want).abs() < bound, "{lobe:?} {travel:?} tilt {b} {ty} m {m} at {x}, column {c}: {got} for {want}");
+                        assert!(
+                            (got - want).abs() < bound,
+                            "{lobe:?} {travel:?} tilt {b} {ty} m {m} at {x}, column {c}: {got} for {want}"
+                        );
                     }
                 }
             }

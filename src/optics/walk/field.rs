@@ -1,8 +1,8 @@
 //! A leaf between two height fields, and rays marched through it cell by cell.
 //!
-//! Heights stand at the texels' centres and are bilinear between them, so that the height over a ray is quadratic along it and every
-//! crossing is a root in closed form: no step length, no bias. Where the front lies at or below the back there is no tissue (a hole).
-//! Grid frame: x to the right, y down the rows, z towards the light.
+//! Heights stand at the texels' centres and are bilinear between them, so that the height over a ray is quadratic along
+//! it and every crossing is a root in closed form: no step length, no bias. Where the front lies at or below the back
+//! there is no tissue (a hole). Grid frame: x to the right, y down the rows, z towards the light.
 
 use super::phase::Direction;
 use crate::{Error, Result};
@@ -12,11 +12,13 @@ use crate::{Error, Result};
 pub enum Rim {
     /// The map again.
     Periodic,
-    /// The rim's heights, outwards without end; light starts over the map and this margin (mm) around it, and upstream of both.
+    /// The rim's heights, outwards without end; light starts over the map and this margin (mm) around it, and upstream
+    /// of both.
     Clamped { margin_mm: f64 },
 }
 
-/// Both faces of a leaf as the lit side's camera sees it: row-major, row 0 on top, `width · height` values each; heights in mm towards the light.
+/// Both faces of a leaf as the lit side's camera sees it: row-major, row 0 on top, `width · height` values each;
+/// heights in mm towards the light.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Field {
     width: usize,
@@ -34,7 +36,8 @@ const SHEET: f64 = 1e-12;
 /// Steps from cell to cell before a flight is given up.
 const CELLS: u32 = 10_000_000;
 
-/// A ray: the cell between the centres of texels (i, j) and (i+1, j+1), the place in it, and the side of each face it is on.
+/// A ray: the cell between the centres of texels (i, j) and (i+1, j+1), the place in it, and the side of each face it
+/// is on.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Ray {
     pub i: i64,
@@ -95,7 +98,8 @@ impl Field {
             return Err(Error::Usage(format!("random walk: a margin of {margin_mm} mm, expected a number ≥ 0")));
         }
         let all = || front.iter().chain(&back);
-        let (top, bottom) = (all().copied().fold(f64::NEG_INFINITY, f64::max), all().copied().fold(f64::INFINITY, f64::min));
+        let (top, bottom) =
+            (all().copied().fold(f64::NEG_INFINITY, f64::max), all().copied().fold(f64::INFINITY, f64::min));
         Ok(Field { width, height, texel_mm, front, back, rim, top, bottom })
     }
 
@@ -111,8 +115,8 @@ impl Field {
         self.texel_mm
     }
 
-    /// Where light along `d` (z < 0) starts: corner and size of a rectangle at the leaf's highest level, mm from the map's upper left corner.
-    /// For diffuse light (None) the upstream part is that of light 80° from the vertical.
+    /// Where light along `d` (z < 0) starts: corner and size of a rectangle at the leaf's highest level, mm from the
+    /// map's upper left corner. For diffuse light (None) the upstream part is that of light 80° from the vertical.
     pub(super) fn start(&self, d: Option<Direction>) -> ([f64; 2], [f64; 2]) {
         let size = [self.width as f64 * self.texel_mm, self.height as f64 * self.texel_mm];
         let Rim::Clamped { margin_mm } = self.rim else { return ([0.0; 2], size) };
@@ -252,10 +256,11 @@ impl Field {
     }
 }
 
-/// First distance within `reach` at which the ray changes sides of the patch: from below it to above it (`rising`), or the other way.
+/// First distance within `reach` at which the ray changes sides of the patch: from below it to above it (`rising`), or
+/// the other way.
 ///
-/// f(t) = z(t) − h(t) = a t² + b t + c has one root where it rises (and one where it falls). A ray that rounding has left beyond the face
-/// and that moves further away has crossed already.
+/// f(t) = z(t) − h(t) = a t² + b t + c has one root where it rises (and one where it falls). A ray that rounding has
+/// left beyond the face and that moves further away has crossed already.
 fn crossing(ray: &Ray, p: &Patch, du: f64, dv: f64, rising: bool, reach: f64) -> Option<f64> {
     let sign = if rising { 1.0 } else { -1.0 };
     let c = sign * (ray.z - p.h);

@@ -1,12 +1,15 @@
-//! Light in a leaf by random walk: the transport equation solved without a diffusion approximation, to judge those that make one.
+//! Light in a leaf by random walk: the transport equation solved without a diffusion approximation, to judge those that
+//! make one.
 //!
-//! A homogeneous [`Medium`] between two faces: plane ([`slab`]), or two height fields on a grid of texels ([`relief`]). Collisions are
-//! weighted by the albedo (survival weights) and weak histories end by Russian roulette, so every mean is unbiased; every result is an
-//! [`Estimate`] with its standard error. A run is a function of its input and seed alone: each batch of histories has its own random
-//! stream, and batches are added in order, whatever the number of threads. Units: mm, 1/mm; fluxes per flux that enters or arrives.
+//! A homogeneous [`Medium`] between two faces: plane ([`slab`]), or two height fields on a grid of texels ([`relief`]).
+//! Collisions are weighted by the albedo (survival weights) and weak histories end by Russian roulette, so every mean
+//! is unbiased; every result is an [`Estimate`] with its standard error. A run is a function of its input and seed
+//! alone: each batch of histories has its own random stream, and batches are added in order, whatever the number of
+//! threads. Units: mm, 1/mm; fluxes per flux that enters or arrives.
 //!
-//! Limits: one homogeneous medium, unpolarised, Henyey–Greenstein scattering. A transmittance far below 1/√(histories) is found by few
-//! or no histories: its standard error then says so, but is itself uncertain. Histories beyond [`EVENTS`] events are counted as lost.
+//! Limits: one homogeneous medium, unpolarised, Henyey–Greenstein scattering. A transmittance far below 1/√(histories)
+//! is found by few or no histories: its standard error then says so, but is itself uncertain. Histories beyond
+//! [`EVENTS`] events are counted as lost.
 
 pub mod field;
 pub mod phase;
@@ -30,7 +33,8 @@ const WEAK: f64 = 0.02;
 /// … and survives with this probability, its weight divided by it.
 const SURVIVES: f64 = 0.25;
 
-/// What light travels in: absorption and scattering coefficients (1/mm, ≥ 0) and the mean cosine of scattering (−1 < g < 1).
+/// What light travels in: absorption and scattering coefficients (1/mm, ≥ 0) and the mean cosine of scattering (−1 < g
+/// < 1).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Medium {
     pub sigma_a: f64,
@@ -60,7 +64,11 @@ impl Medium {
         };
         coefficient("sigma_a", self.sigma_a)?;
         coefficient("sigma_s", self.sigma_s)?;
-        if self.g.abs() < 1.0 { Ok(()) } else { Err(Error::Usage(format!("random walk: g is {}, expected −1 < g < 1", self.g))) }
+        if self.g.abs() < 1.0 {
+            Ok(())
+        } else {
+            Err(Error::Usage(format!("random walk: g is {}, expected −1 < g < 1", self.g)))
+        }
     }
 }
 
@@ -69,7 +77,8 @@ impl Medium {
 pub enum Boundary {
     /// Nothing: the same refractive index on both sides.
     Matched,
-    /// Inside, this share of what arrives goes back, Lambertian; that is diffusion theory's A = (1 + ρ)/(1 − ρ). 0 ≤ ρ < 1.
+    /// Inside, this share of what arrives goes back, Lambertian; that is diffusion theory's A = (1 + ρ)/(1 − ρ). 0 ≤ ρ
+    /// < 1.
     Diffuse { reflectance: f64 },
     /// A rough dielectric: refraction, reflection and total reflection at microfacets, both ways.
     Rough(Rough),

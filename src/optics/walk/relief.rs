@@ -1,7 +1,8 @@
 //! A leaf of varying thickness: light from one direction or from everywhere walks between two height fields.
 //!
-//! The lit face shadows itself, and light that leaves travels on and may enter again elsewhere. Exitance is booked where light last left
-//! the unlit face, once it is gone for good. Per texel of the map (its area in the leaf's plane, not that of its facet).
+//! The lit face shadows itself, and light that leaves travels on and may enter again elsewhere. Exitance is booked
+//! where light last left the unlit face, once it is gone for good. Per texel of the map (its area in the leaf's plane,
+//! not that of its facet).
 
 use super::field::{Event, Field, Ray};
 use super::phase::{self, Direction};
@@ -24,7 +25,8 @@ pub enum Light {
 pub struct Leaf {
     pub medium: Medium,
     pub boundary: Boundary,
-    /// Light that crosses a matched or diffuse face goes on Lambertian about the face's normal (a rough face), not straight.
+    /// Light that crosses a matched or diffuse face goes on Lambertian about the face's normal (a rough face), not
+    /// straight.
     pub spread: bool,
 }
 
@@ -48,8 +50,8 @@ pub struct ReliefWalk {
     pub entered_again: Estimate,
     /// What leaves the unlit face, per texel.
     pub exitance: Vec<Estimate>,
-    /// π times the mean radiance of each texel from straight before the unlit face, within 37° (cosine [`SEEN`]): the exitance where that is Lambertian
-    /// about the leaf's normal, less where the face is tilted.
+    /// π times the mean radiance of each texel from straight before the unlit face, within 37° (cosine [`SEEN`]): the
+    /// exitance where that is Lambertian about the leaf's normal, less where the face is tilted.
     pub seen: Vec<Estimate>,
     /// What enters through the lit face for the first time, per texel.
     pub entering: Vec<Estimate>,
@@ -99,7 +101,9 @@ impl Leaf {
             Light::Direction(w) => {
                 let length = phase::dot(w, w).sqrt();
                 if !(w[2] > 0.0 && length.is_finite()) {
-                    return Err(Error::Usage(format!("random walk: the light's direction is {w:?}, expected its third part above 0")));
+                    return Err(Error::Usage(format!(
+                        "random walk: the light's direction is {w:?}, expected its third part above 0"
+                    )));
                 }
                 Some([-w[0] / length, w[1] / length, -w[2] / length])
             }

@@ -1,4 +1,5 @@
-//! The walk between height fields against the plane slab, ray tracing by brute force, and a delta-tracking walk with inside tests.
+//! The walk between height fields against the plane slab, ray tracing by brute force, and a delta-tracking walk with
+//! inside tests.
 
 use super::phase::{henyey_greenstein, scattered};
 use super::rough::Rough;
@@ -41,7 +42,8 @@ fn height(map: &[f64], w: usize, h: usize, texel: f64, x: f64, y: f64) -> f64 {
     let (i, j) = (gx.floor(), gy.floor());
     let at = |i: f64, j: f64| map[(j.rem_euclid(h as f64)) as usize * w + i.rem_euclid(w as f64) as usize];
     let (u, v) = (gx - i, gy - j);
-    (1.0 - v) * ((1.0 - u) * at(i, j) + u * at(i + 1.0, j)) + v * ((1.0 - u) * at(i, j + 1.0) + u * at(i + 1.0, j + 1.0))
+    (1.0 - v) * ((1.0 - u) * at(i, j) + u * at(i + 1.0, j))
+        + v * ((1.0 - u) * at(i, j + 1.0) + u * at(i + 1.0, j + 1.0))
 }
 
 #[test]
@@ -49,9 +51,11 @@ fn a_flat_field_is_the_plane_slab() {
     let medium = Medium { sigma_a: 0.5, sigma_s: 8.0, g: 0.3 };
     let d = 0.2;
     let direction = [0.36, -0.48, 0.8];
-    for (boundary, spread) in
-        [(MATCHED, false), (Boundary::Diffuse { reflectance: 0.4 }, true), (Boundary::Rough(Rough { index: 1.4, slope: 0.3 }), false)]
-    {
+    for (boundary, spread) in [
+        (MATCHED, false),
+        (Boundary::Diffuse { reflectance: 0.4 }, true),
+        (Boundary::Rough(Rough { index: 1.4, slope: 0.3 }), false),
+    ] {
         let entry = if spread { Entry::Diffuse } else { Entry::Beam([0.36, 0.48, 0.8]) };
         let slab = Slab { medium, thickness_mm: d, boundary }.walk(entry, histories(30_000), &[]).unwrap();
         for rim in [Rim::Periodic, Rim::Clamped { margin_mm: 1.0 }] {
@@ -61,7 +65,11 @@ fn a_flat_field_is_the_plane_slab() {
             agree(&what, got.transmitted, slab.transmitted);
             agree(&what, got.reflected, slab.reflected);
             agree(&what, got.glossy, slab.glossy);
-            assert!((got.balance.value - 1.0).abs() <= 4.0 * got.balance.error && got.lost.value == 0.0 && got.passed.value == 0.0);
+            assert!(
+                (got.balance.value - 1.0).abs() <= 4.0 * got.balance.error
+                    && got.lost.value == 0.0
+                    && got.passed.value == 0.0
+            );
             // the maps: cosθ T everywhere, cosθ enters
             let chi2: f64 = got.exitance.iter().map(|e| e.deviation(0.8 * slab.transmitted.value).powi(2)).sum();
             assert!((4.0..36.0).contains(&chi2), "{what}: χ² {chi2} over 16");
@@ -76,7 +84,8 @@ fn a_flat_field_is_the_plane_slab() {
             assert!((4.0..36.0).contains(&chi2), "{what}: χ² {chi2} over 16");
         }
     }
-    let slab = Slab { medium, thickness_mm: d, boundary: MATCHED }.walk(Entry::Diffuse, histories(30_000), &[]).unwrap();
+    let slab =
+        Slab { medium, thickness_mm: d, boundary: MATCHED }.walk(Entry::Diffuse, histories(30_000), &[]).unwrap();
     let leaf = Leaf { medium, boundary: MATCHED, spread: false };
     let got = leaf.walk(&flat(1, 0.25, d, Rim::Periodic), Light::Diffuse, histories(30_000)).unwrap();
     agree("diffuse", got.transmitted, slab.transmitted);
@@ -107,7 +116,11 @@ fn rays_through_a_bumpy_absorber_are_as_long_as_brute_force_says() {
             sum += (-6.0 * inside as f64 / steps as f64 * (high - low) * length / w[2]).exp();
         }
         let want = sum / (n * n) as f64;
-        assert!((got.transmitted.value - want).abs() < 4.0 * got.transmitted.error + 1e-3 * want, "{w:?}: {:?} {want}", got.transmitted);
+        assert!(
+            (got.transmitted.value - want).abs() < 4.0 * got.transmitted.error + 1e-3 * want,
+            "{w:?}: {:?} {want}",
+            got.transmitted
+        );
         assert!((got.absorbed.value + got.transmitted.value - 1.0).abs() < 1e-9);
     }
 }
@@ -153,8 +166,9 @@ fn a_bumpy_leaf_agrees_with_delta_tracking() {
     let medium = Medium { sigma_a: 1.0, sigma_s: 9.0, g: 0.2 };
     for toward in [[0.0, 0.0, 1.0], [0.8, 0.0, 0.6]] {
         let (up, down) = delta_tracking(medium, toward, 100_000);
-        let got =
-            Leaf { medium, boundary: MATCHED, spread: false }.walk(&bumpy_field(), Light::Direction(toward), histories(100_000)).unwrap();
+        let got = Leaf { medium, boundary: MATCHED, spread: false }
+            .walk(&bumpy_field(), Light::Direction(toward), histories(100_000))
+            .unwrap();
         agree("reflected", got.reflected, up);
         agree("transmitted and passed", got.transmitted, down);
         let whole: f64 = got.exitance.iter().map(|e| e.value).sum::<f64>() / 35.0;
@@ -207,8 +221,11 @@ fn a_hole_passes_light_and_an_inverted_leaf_is_no_leaf() {
             (front[j * n + i], back[j * n + i]) = (0.0, 0.0);
         }
     }
-    let leaf =
-        Leaf { medium: Medium { sigma_a: 1e4, sigma_s: 0.0, g: 0.0 }, boundary: Boundary::Diffuse { reflectance: 0.2 }, spread: true };
+    let leaf = Leaf {
+        medium: Medium { sigma_a: 1e4, sigma_s: 0.0, g: 0.0 },
+        boundary: Boundary::Diffuse { reflectance: 0.2 },
+        spread: true,
+    };
     let field = Field::new(n, n, texel, front.clone(), back.clone(), Rim::Periodic).unwrap();
     let got = leaf.walk(&field, Light::Direction([0.0, 0.0, 1.0]), histories(20_000)).unwrap();
     // four of ten columns have no tissue at all; wedges of tissue lead to the others
@@ -225,9 +242,11 @@ fn diffuse_light_passes_alike_both_ways() {
     let negated = |map: &[f64]| map.iter().map(|h| -h).collect::<Vec<_>>();
     let turned = Field::new(7, 5, 0.1, negated(&back), negated(&front), Rim::Periodic).unwrap();
     let medium = Medium { sigma_a: 1.0, sigma_s: 9.0, g: 0.5 };
-    for (boundary, spread) in
-        [(MATCHED, false), (Boundary::Rough(Rough { index: 1.4, slope: 0.4 }), false), (Boundary::Diffuse { reflectance: 0.5 }, true)]
-    {
+    for (boundary, spread) in [
+        (MATCHED, false),
+        (Boundary::Rough(Rough { index: 1.4, slope: 0.4 }), false),
+        (Boundary::Diffuse { reflectance: 0.5 }, true),
+    ] {
         let leaf = Leaf { medium, boundary, spread };
         let there = leaf.walk(&bumpy_field(), Light::Diffuse, histories(20_000)).unwrap();
         let again = leaf.walk(&turned, Light::Diffuse, Histories { count: 20_000, seed: 12 }).unwrap();

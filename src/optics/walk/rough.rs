@@ -1,8 +1,10 @@
-//! A rough dielectric face: Beckmann slopes, Fresnel's reflectance, light followed from facet to facet until it leaves the surface.
+//! A rough dielectric face: Beckmann slopes, Fresnel's reflectance, light followed from facet to facet until it leaves
+//! the surface.
 //!
-//! Smith's uncorrelated microsurface as a random walk (Heitz et al. 2016, *Multiple-scattering microfacet BSDFs with the Smith model*),
-//! heights uniform: every ray leaves somewhere with weight 1, so the face neither loses nor makes energy, and both ways agree.
-//! Facets are drawn as seen from the ray. Slope 0 is a smooth pane. Directions: +z out of the medium, along the light's travel.
+//! Smith's uncorrelated microsurface as a random walk (Heitz et al. 2016, *Multiple-scattering microfacet BSDFs with
+//! the Smith model*), heights uniform: every ray leaves somewhere with weight 1, so the face neither loses nor makes
+//! energy, and both ways agree. Facets are drawn as seen from the ray. Slope 0 is a smooth pane. Directions: +z out of
+//! the medium, along the light's travel.
 
 use super::phase::{Direction, dot};
 use super::tally::uniform;
@@ -11,7 +13,8 @@ use crate::{Error, Result};
 use rand_pcg::Pcg64;
 use std::f64::consts::PI;
 
-/// Refractive index of the medium over that outside, and root of twice the mean square slope along one axis (`m` of [`crate::gloss`]).
+/// Refractive index of the medium over that outside, and root of twice the mean square slope along one axis (`m` of
+/// [`crate::gloss`]).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rough {
     pub index: f64,
@@ -32,8 +35,8 @@ impl Rough {
         Ok(())
     }
 
-    /// Where a ray that arrives along `d` (z < 0: from outside, z > 0: from within) leaves to: z > 0 outside, z < 0 inside.
-    /// None where it is given up.
+    /// Where a ray that arrives along `d` (z < 0: from outside, z > 0: from within) leaves to: z > 0 outside, z < 0
+    /// inside. None where it is given up.
     pub fn scatter(&self, d: Direction, rng: &mut Pcg64) -> Option<Direction> {
         // Rays inside are seen in coordinates mirrored at the origin, where the surface looks as it does from outside.
         let mut outside = d[2] < 0.0;
@@ -86,7 +89,8 @@ impl Rough {
         if w[2] > 0.0 { upward } else { -1.0 - upward }
     }
 
-    /// Normal of a facet that the direction `v` (from the facet to where the ray comes from) sees, with density ∝ D cosα max(0, v·h)/cosα.
+    /// Normal of a facet that the direction `v` (from the facet to where the ray comes from) sees, with density ∝ D
+    /// cosα max(0, v·h)/cosα.
     ///
     /// With slope t towards the azimuth of v: v·h/cosα = v_z + sinθ t, t Gaussian; drawn by rejection, exactly.
     fn facet(&self, v: Direction, rng: &mut Pcg64) -> Direction {
@@ -142,7 +146,12 @@ mod tests {
 
     #[test]
     fn erfc_known_values() {
-        for (x, want) in [(0.5, 0.4795001221869535), (1.0, 0.15729920705028513), (2.0, 0.004677734981047266), (4.0, 1.541725790028002e-8)] {
+        for (x, want) in [
+            (0.5, 0.4795001221869535),
+            (1.0, 0.15729920705028513),
+            (2.0, 0.004677734981047266),
+            (4.0, 1.541725790028002e-8),
+        ] {
             assert!((erfc(x) / want - 1.0).abs() < 1e-12, "{x}: {}", erfc(x));
         }
     }
@@ -202,12 +211,14 @@ mod tests {
             assert!((s / n - mean).abs() < 4.0 * sigma, "m {m} cos {cos}: {} {mean} ± {sigma}", s / n);
             // the squares' own spread is about √2 of their mean
             assert!(
-                (s2 / n / square - 1.0).abs() < 4.0 * 1.5 / n.sqrt() && (across / n / (0.5 * m * m) - 1.0).abs() < 4.0 * 1.5 / n.sqrt()
+                (s2 / n / square - 1.0).abs() < 4.0 * 1.5 / n.sqrt()
+                    && (across / n / (0.5 * m * m) - 1.0).abs() < 4.0 * 1.5 / n.sqrt()
             );
         }
     }
 
-    /// Light in thermal balance: a Lambertian flux from both sides, n² as strong inside, leaves as it came (reciprocity and energy).
+    /// Light in thermal balance: a Lambertian flux from both sides, n² as strong inside, leaves as it came (reciprocity
+    /// and energy).
     #[test]
     fn a_rough_face_passes_the_same_flux_both_ways() {
         let mut rng = Pcg64::seed_from_u64(3);
@@ -222,7 +233,11 @@ mod tests {
             }
             let (into, out) = (through[0] / n as f64, through[1] / n as f64);
             let sigma = ((into * (1.0 - into) + out * (1.0 - out) * 1.33f64.powi(4)) / n as f64).sqrt();
-            assert!((into - 1.33 * 1.33 * out).abs() < 4.0 * sigma, "slope {slope}: {into} {} ± {sigma}", 1.33 * 1.33 * out);
+            assert!(
+                (into - 1.33 * 1.33 * out).abs() < 4.0 * sigma,
+                "slope {slope}: {into} {} ± {sigma}",
+                1.33 * 1.33 * out
+            );
             if slope == 0.0 {
                 let want: f64 = gauss(64).iter().map(|q| 2.0 * q.x * q.w * fresnel(q.x, 1.33)).sum();
                 assert!((1.0 - into - want).abs() < 4.0 * (want / n as f64).sqrt(), "{} {want}", 1.0 - into);

@@ -1,9 +1,10 @@
 //! A plane slab lit at one point: totals, the transmitted spot T(r), its width and the angles it leaves at.
 //!
-//! The lit face is at depth 0, z and directions count downwards. With matched or diffuse faces one unit of flux starts just inside the
-//! lit face along the given direction, and the part that crosses unscattered is added as its expectation (a spot of no width, apart
-//! from everything else); the history follows the rest, so a slab far thinner than a mean free path costs no more than a thick one.
-//! With rough dielectric faces the flux arrives from outside, and nothing is forced.
+//! The lit face is at depth 0, z and directions count downwards. With matched or diffuse faces one unit of flux starts
+//! just inside the lit face along the given direction, and the part that crosses unscattered is added as its
+//! expectation (a spot of no width, apart from everything else); the history follows the rest, so a slab far thinner
+//! than a mean free path costs no more than a thick one. With rough dielectric faces the flux arrives from outside, and
+//! nothing is forced.
 
 use super::phase::{self, Direction};
 use super::tally::{self, Estimate, Fates, Histories, Ratio, Sum, Tally, uniform};
@@ -36,7 +37,8 @@ impl Entry {
     pub const NORMAL: Entry = Entry::Beam([0.0, 0.0, 1.0]);
 }
 
-/// All fluxes per flux that starts. `balance` = reflected + glossy + transmitted + absorbed + lost is 1 but for the roulette.
+/// All fluxes per flux that starts. `balance` = reflected + glossy + transmitted + absorbed + lost is 1 but for the
+/// roulette.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SlabWalk {
     pub histories: u64,
@@ -109,7 +111,10 @@ impl Slab {
         self.medium.check()?;
         self.boundary.check()?;
         if !(self.thickness_mm >= 0.0 && self.thickness_mm.is_finite()) {
-            return Err(Error::Usage(format!("random walk: the thickness is {} mm, expected a number ≥ 0", self.thickness_mm)));
+            return Err(Error::Usage(format!(
+                "random walk: the thickness is {} mm, expected a number ≥ 0",
+                self.thickness_mm
+            )));
         }
         if edges.first().is_some_and(|r| !(*r >= 0.0)) || edges.windows(2).any(|w| !(w[1] > w[0])) {
             return Err(Error::Usage("random walk: the rings' radii do not ascend from 0 or more".into()));
@@ -118,7 +123,9 @@ impl Slab {
             Entry::Beam(d) => {
                 let length = phase::dot(d, d).sqrt();
                 if !(d[2] > 0.0 && length.is_finite()) {
-                    return Err(Error::Usage(format!("random walk: the beam's direction is {d:?}, expected its third part above 0")));
+                    return Err(Error::Usage(format!(
+                        "random walk: the beam's direction is {d:?}, expected its third part above 0"
+                    )));
                 }
                 Entry::Beam(d.map(|x| x / length))
             }
@@ -210,7 +217,8 @@ impl Slab {
         sums.fates.balance.add(balance);
     }
 
-    /// Splits off what crosses unscattered and leaves (returned); the particle carries the rest, at its first collision or reflection.
+    /// Splits off what crosses unscattered and leaves (returned); the particle carries the rest, at its first collision
+    /// or reflection.
     fn force(&self, particle: &mut Particle, reflectance: f64, rng: &mut Pcg64) -> f64 {
         let depth = self.medium.extinction() * self.thickness_mm / particle.d[2];
         // a slab of no thickness is crossed whatever it holds
@@ -245,7 +253,8 @@ impl Slab {
 
     /// Follows the particle until it leaves or ends.
     fn follow(&self, particle: &mut Particle, rng: &mut Pcg64) -> End {
-        let (extinction, thickness, start) = (self.medium.extinction(), self.thickness_mm, particle.weight + particle.absorbed);
+        let (extinction, thickness, start) =
+            (self.medium.extinction(), self.thickness_mm, particle.weight + particle.absorbed);
         for _ in 0..EVENTS {
             if !survives(&mut particle.weight, start, rng) {
                 return End::Inside;
@@ -280,7 +289,9 @@ impl Slab {
                 Boundary::Rough(rough) => {
                     // out of the medium is +z for the face
                     let flip = if down { 1.0 } else { -1.0 };
-                    let Some(o) = rough.scatter([particle.d[0], particle.d[1], flip * z], rng) else { return End::Lost };
+                    let Some(o) = rough.scatter([particle.d[0], particle.d[1], flip * z], rng) else {
+                        return End::Lost;
+                    };
                     particle.d = [o[0], o[1], flip * o[2]];
                     if o[2] > 0.0 {
                         return end;

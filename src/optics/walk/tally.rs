@@ -148,7 +148,11 @@ pub trait Tally: Send {
 }
 
 /// Runs `one` for each history: batches in parallel, added up in their order.
-pub fn run<T: Tally>(histories: Histories, empty: impl Fn() -> T + Sync, one: impl Fn(&mut Pcg64, &mut T) + Sync) -> Result<T> {
+pub fn run<T: Tally>(
+    histories: Histories,
+    empty: impl Fn() -> T + Sync,
+    one: impl Fn(&mut Pcg64, &mut T) + Sync,
+) -> Result<T> {
     if histories.count < 2 {
         return Err(Error::Usage(format!("random walk: {} histories, expected at least 2", histories.count)));
     }

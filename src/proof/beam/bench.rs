@@ -1,11 +1,12 @@
-//! Sweeps of the branches' accuracy knobs: coefficients, degree in the taper, arc length steps, precision, size of a motion texture.
+//! Sweeps of the branches' accuracy knobs: coefficients, degree in the taper, arc length steps, precision, size of a
+//! motion texture.
 
-use mesophyll_fit::beam::basis::{DEGREE, Variable, of_branches, pair, shape, smooth_fit, worst};
 use super::figures::{example, printed_length_error};
-use mesophyll_fit::beam::measured::{Along, fit};
 use super::reference;
-use mesophyll_fit::beam::synthetic::{Truth, branch};
 use crate::bench::{BenchRow, median_us};
+use mesophyll_fit::beam::basis::{DEGREE, Variable, of_branches, pair, shape, smooth_fit, worst};
+use mesophyll_fit::beam::measured::{Along, fit};
+use mesophyll_fit::beam::synthetic::{Truth, branch};
 use mesophyll_plant::length::{bend_with, kept, printed};
 use mesophyll_plant::motion::{Motion, deviation};
 use mesophyll_plant::motion_spectrum::Method;
@@ -55,30 +56,56 @@ pub fn bench_rows() -> crate::Result<Vec<BenchRow>> {
     let of_tip = |alpha: f64, error: f64| error / beam::deflection(alpha, 1.0);
     let two = TAPERS.iter().map(|a| of_tip(*a, pair(*a, 101).max_error)).fold(0.0, f64::max);
     let p = pair(0.1, 101);
-    rows.push(row("printed pair", "2", two, each(|x| black_box(p.c2) * x * x + p.c4 * x.powi(4)), "of the tip, worst over tapers"));
+    rows.push(row(
+        "printed pair",
+        "2",
+        two,
+        each(|x| black_box(p.c2) * x * x + p.c4 * x.powi(4)),
+        "of the tip, worst over tapers",
+    ));
     let coefficients = |n: usize| vec![0.1; n];
     for n in 1..=8 {
         let c = coefficients(n);
         let time = each(|x| black_box(&c).iter().rev().fold(0.0, |s, a| s * x + a) * x * x);
-        rows.push(row("coefficients, powers of x", n.to_string(), of_branches(Variable::Place, n), time, "of the tip, worst over tapers"));
+        rows.push(row(
+            "coefficients, powers of x",
+            n.to_string(),
+            of_branches(Variable::Place, n),
+            time,
+            "of the tip, worst over tapers",
+        ));
         let s = shape(0.1);
         let time = each(|x| {
             let y = taper::coordinate(black_box(&s), x);
             c.iter().rev().fold(0.0, |s, a| s * y + a) * y * y
         });
-        rows.push(row("coefficients, powers of y", n.to_string(), of_branches(Variable::Taper, n), time, "of the tip, worst over tapers"));
+        rows.push(row(
+            "coefficients, powers of y",
+            n.to_string(),
+            of_branches(Variable::Taper, n),
+            time,
+            "of the tip, worst over tapers",
+        ));
     }
     for degree in 2..=8 {
         let time = median_us(30.0, || smooth_fit(TERMS, degree));
         let note = format!("of the tip; {} numbers for all tapers; the time is that of the fit", TERMS * (degree + 1));
-        rows.push(row("smooth in the taper, degree", degree.to_string(), smooth_fit(TERMS, degree).worst().0, time, &note));
+        rows.push(row(
+            "smooth in the taper, degree",
+            degree.to_string(),
+            smooth_fit(TERMS, degree).worst().0,
+            time,
+            &note,
+        ));
     }
     debug_assert!(worst(1.0, |x| shape(1.0).at(x).0) < 0.01 && DEGREE > 0);
     lengths(&mut rows);
     measured(&mut rows);
     for size in [64, 128, 256] {
         let s = example(0.25);
-        for (name, method) in [("printed", Method::Plain), ("inverse Abel", Method::InverseAbel), ("directed", Method::Directed)] {
+        for (name, method) in
+            [("printed", Method::Plain), ("inverse Abel", Method::InverseAbel), ("directed", Method::Directed)]
+        {
             let make = || Motion::new(|f| s.spectrum(f), s.highest(), size, 5, method);
             let Some(motion) = make() else { continue };
             let error = deviation(&motion, |f| s.spectrum(f), 2, 16).0;

@@ -10,7 +10,8 @@ use mesophyll_plant::wind::{Oscillator, Sway, Wind};
 /// A named curve.
 pub type Curve = (String, Vec<(f64, f64)>);
 
-/// Worst error over all tapers (of the tip's deflection) against coefficients a branch, and against the numbers that stand for all tapers.
+/// Worst error over all tapers (of the tip's deflection) against coefficients a branch, and against the numbers that
+/// stand for all tapers.
 pub fn error_against_coefficients() -> Vec<Curve> {
     let sweep = |variable| (1..=8).map(|n| (n as f64, of_branches(variable, n))).collect::<Vec<_>>();
     let smooth = |degree| (2..=6).map(|n| (n as f64, smooth_fit(n, degree).worst().0)).collect::<Vec<_>>();
@@ -40,7 +41,10 @@ pub fn length_errors() -> Vec<Curve> {
     let tips: Vec<f64> = (1..=20).map(|k| f64::from(k) * 0.05).collect();
     let mut curves = Vec::new();
     for alpha in [1.0, 0.3, 0.1] {
-        curves.push((format!("printed, taper {alpha}"), tips.iter().map(|t| (*t, printed_length_error(alpha, *t).abs())).collect()));
+        curves.push((
+            format!("printed, taper {alpha}"),
+            tips.iter().map(|t| (*t, printed_length_error(alpha, *t).abs())).collect(),
+        ));
     }
     for alpha in [1.0, 0.3, 0.1] {
         let s = shape(alpha);
@@ -56,7 +60,8 @@ pub fn length_errors() -> Vec<Curve> {
 /// Directions of a bent axis against those of the curve it follows, worst over x (degrees).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Directions {
-    /// H9 Eq. 4.14: u′ at the corrected place x − d/s, against the tangent of the printed curve itself (differences of its points).
+    /// H9 Eq. 4.14: u′ at the corrected place x − d/s, against the tangent of the printed curve itself (differences of
+    /// its points).
     pub printed: f64,
     /// The same against the branch of true length.
     pub printed_true: f64,
@@ -96,7 +101,8 @@ pub fn example(ratio: f64) -> Sway {
     Sway { wind: Wind { speed: 3.0, turbulence: 0.3 }, oscillator: Oscillator::of_branch(1.2, false, ratio), lean: 0.1 }
 }
 
-/// Spectra of lines through a texture: wanted, printed form, inverse Abel, directed; and the RMS log₁₀ deviations of the last three.
+/// Spectra of lines through a texture: wanted, printed form, inverse Abel, directed; and the RMS log₁₀ deviations of
+/// the last three.
 pub fn spectra(ratio: f64, size: usize) -> (Vec<Curve>, [f64; 3]) {
     let s = example(ratio);
     let mut curves: Vec<Curve> = Vec::new();
@@ -120,12 +126,15 @@ pub fn spectra(ratio: f64, size: usize) -> (Vec<Curve>, [f64; 3]) {
     (curves, off)
 }
 
-/// Deflection over the tip's for six tapers; for one of them also what the printed pair and four coefficients make of it.
+/// Deflection over the tip's for six tapers; for one of them also what the printed pair and four coefficients make of
+/// it.
 fn shapes() -> Vec<Curve> {
     let mut curves = Vec::new();
     for alpha in [1.0, 0.3, 0.1, 0.05, 0.01, 1e-4] {
         let tip = beam::deflection(alpha, 1.0);
-        let points = |f: &dyn Fn(f64) -> f64| (0..=100).map(|k| (f64::from(k) / 100.0, f(f64::from(k) / 100.0) / tip)).collect::<Vec<_>>();
+        let points = |f: &dyn Fn(f64) -> f64| {
+            (0..=100).map(|k| (f64::from(k) / 100.0, f(f64::from(k) / 100.0) / tip)).collect::<Vec<_>>()
+        };
         curves.push((format!("taper {alpha}"), points(&|x| beam::deflection(alpha, x))));
         if alpha == 0.01 {
             let (pair, shape) = (pair(alpha, 101), shape(alpha));
@@ -147,7 +156,8 @@ pub struct Figures {
     pub lengths: Vec<Curve>,
     /// Spectra along lines through motion textures, at a tenth and at half of critical damping.
     pub spectra: Vec<Curve>,
-    /// How far the lines of three methods are from the wanted spectrum (RMS of log10), at either damping: see [`spectra`].
+    /// How far the lines of three methods are from the wanted spectrum (RMS of log10), at either damping: see
+    /// [`spectra`].
     pub spectrum_errors: [[f64; 3]; 2],
 }
 

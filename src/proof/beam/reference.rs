@@ -12,8 +12,8 @@ fn printed<T: Real>(alpha: T, x: T) -> T {
     top / (c(3.0) * T::pi() * w * w * b.square().square())
 }
 
-/// u and u′ to at least 18 digits: Eq. 4.7 where |(1−α)x| > 0.3 (its slope by differentiation of the formula), elsewhere the double integral of
-/// u″ = (2/π)(1−x)² Σ (k+3 over 3)(1−α)^k x^k, term by term.
+/// u and u′ to at least 18 digits: Eq. 4.7 where |(1−α)x| > 0.3 (its slope by differentiation of the formula),
+/// elsewhere the double integral of u″ = (2/π)(1−x)² Σ (k+3 over 3)(1−α)^k x^k, term by term.
 pub fn exact(alpha: f64, x: f64) -> (Dd, Dd) {
     let beta = Dd::constant(alpha) - Dd::one();
     let at = Dd::constant(x);

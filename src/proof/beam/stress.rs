@@ -1,15 +1,22 @@
 //! Stiff and extreme branches with the verdict that each must get.
 
-use mesophyll_fit::beam::measured::{Along, Branch, fit};
 use super::reference;
+use crate::stress::StressRow;
+use mesophyll_fit::beam::measured::{Along, Branch, fit};
 use mesophyll_fit::beam::synthetic::{Truth, branch};
 use mesophyll_fit::beam::{basis, evaluate};
-use crate::stress::StressRow;
 use mesophyll_plant::beam;
 use mesophyll_plant::length::{bend, kept};
 use std::time::Instant;
 
-fn row(case: &str, expected: &str, verdict: String, digits: Option<f64>, condition: Option<f64>, since: Instant) -> StressRow {
+fn row(
+    case: &str,
+    expected: &str,
+    verdict: String,
+    digits: Option<f64>,
+    condition: Option<f64>,
+    since: Instant,
+) -> StressRow {
     StressRow {
         model: "beam".into(),
         case: case.into(),
@@ -31,7 +38,8 @@ fn forward(case: &str, alpha: f64, promised: f64, at: impl Fn(f64) -> (f64, f64,
             fewest = fewest.min(reference::digits(alpha, x, (u, du)));
         }
     }
-    let verdict = if fewest >= promised { "ok".to_string() } else { format!("wrong: {fewest:.1} digits at alpha {alpha}") };
+    let verdict =
+        if fewest >= promised { "ok".to_string() } else { format!("wrong: {fewest:.1} digits at alpha {alpha}") };
     row(case, "ok", verdict, Some(fewest), None, clock)
 }
 
@@ -55,8 +63,9 @@ fn measured(case: &str, expected: &str, truth: Truth, noise: f64, spoil: impl Fn
     let clock = Instant::now();
     match fit(&b, Along::Branch) {
         Ok(m) => {
-            let off =
-                (m.taper.value / truth.alpha - 1.0).abs().max((m.load_over_stiffness.value / truth.load_over_stiffness() - 1.0).abs());
+            let off = (m.taper.value / truth.alpha - 1.0)
+                .abs()
+                .max((m.load_over_stiffness.value / truth.load_over_stiffness() - 1.0).abs());
             let digits = (m.status == mesophyll_files::table::Status::Ok).then(|| (-off.log10()).clamp(0.0, 16.0));
             row(case, expected, m.status.to_string(), digits, Some(m.fit.uncertainty.condition), clock)
         }
@@ -77,8 +86,9 @@ fn kept_length(case: &str, alpha: f64, tip: f64) -> StressRow {
 /// Runs the table.
 pub fn rows() -> Vec<StressRow> {
     let clock = Instant::now();
-    let refused =
-        |case: &str, expected: &str, alpha: f64, x: f64| row(case, expected, evaluate(alpha, x).status.to_string(), None, None, clock);
+    let refused = |case: &str, expected: &str, alpha: f64, x: f64| {
+        row(case, expected, evaluate(alpha, x).status.to_string(), None, None, clock)
+    };
     let t = Truth::default();
     let mut rows = vec![
         exact("taper 1e-4", 1e-4),
@@ -113,9 +123,13 @@ pub fn rows() -> Vec<StressRow> {
             b.readings.iter_mut().for_each(|r| r.deflection = 0.0)
         }),
         measured("measured, a single mark", "refused: too few readings", t, 0.01, |b| b.readings.truncate(1)),
-        measured("measured, load unknown", "undetermined: root_radius_mm (load, modulus and root radius", t, 0.01, |b| {
-            b.load = [f64::NAN; 2]
-        }),
+        measured(
+            "measured, load unknown",
+            "undetermined: root_radius_mm (load, modulus and root radius",
+            t,
+            0.01,
+            |b| b.load = [f64::NAN; 2],
+        ),
         measured(
             "measured, an outlier of 50 %",
             "undetermined: alpha load_over_stiffness_mm root_radius_mm tip_mm (residuals exceed the noise",

@@ -1,9 +1,9 @@
 //! Error against run time of the gloss fit: quadrature nodes, frames used, lobe, template bank.
 
-use mesophyll_fit::gloss::synthetic::{Noise, Truth, device, pass_x, trace};
-use mesophyll_fit::gloss::{Device, TexelFitter, normal_of, normal_slopes};
 use crate::Result;
 use crate::bench::{BenchRow, median_us};
+use mesophyll_fit::gloss::synthetic::{Noise, Truth, device, pass_x, trace};
+use mesophyll_fit::gloss::{Device, TexelFitter, normal_of, normal_slopes};
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::tube::fast::{COLUMNS, Lit, Pass};
 use mesophyll_optics::tube::lanes::Level;
@@ -36,7 +36,8 @@ impl Set {
     fn new(lobe: Lobe, noise: f64, frames: usize, truths: Vec<Truth>) -> Set {
         let (device, positions) = (device(lobe, noise), pass_x(frames));
         let mut noise = Noise::new(4);
-        let traces = truths.iter().map(|t| trace(&device, Travel::X, &positions, [0.0; 2], t, Some(&mut noise))).collect();
+        let traces =
+            truths.iter().map(|t| trace(&device, Travel::X, &positions, [0.0; 2], t, Some(&mut noise))).collect();
         Set { device, positions, truths, traces }
     }
 
@@ -65,8 +66,8 @@ fn row(knob: &str, setting: String, error: f64, us: f64, note: String) -> BenchR
     BenchRow { model: "gloss".into(), knob: knob.into(), setting, error, us, note }
 }
 
-/// The sweeps: µs a texel (RGB, one pass, one thread) against nodes, frames, the template bank and the lobe, and the error of traces and
-/// of the fit.
+/// The sweeps: µs a texel (RGB, one pass, one thread) against nodes, frames, the template bank and the lobe, and the
+/// error of traces and of the fit.
 ///
 /// # Errors
 /// None today; the signature is that of every sweep.
@@ -76,7 +77,12 @@ pub fn bench_rows() -> Result<Vec<BenchRow>> {
     let truths = texels(200, 3, [0.05, 0.5], 0.1);
     let set = Set::new(Lobe::Beckmann, 0.01, 100, truths.clone());
     for along in [2, 3, 4, 6, 8, 12, 16, 24] {
-        let fitter = TexelFitter::with_precision(&set.device, &set.positions, None, &Precision { along, ..Precision::default() });
+        let fitter = TexelFitter::with_precision(
+            &set.device,
+            &set.positions,
+            None,
+            &Precision { along, ..Precision::default() },
+        );
         let note = "fit of an RGB texel, 100 frames; error: worst gloss trace of m .03-.7 over its peak";
         rows.push(row("quadrature nodes", along.to_string(), trace_error(along), set.time(&fitter), note.into()));
     }
@@ -94,7 +100,10 @@ pub fn bench_rows() -> Result<Vec<BenchRow>> {
         let set = Set::new(lobe, 0.01, 100, truths);
         let fitter = TexelFitter::new(&set.device, &set.positions, None);
         let (errors, failed) = set.errors(&fitter);
-        let note = format!("fit of an RGB texel, 100 frames; error: median of m, noise 1 %, {failed} of {} failed", errors.len());
+        let note = format!(
+            "fit of an RGB texel, 100 frames; error: median of m, noise 1 %, {failed} of {} failed",
+            errors.len()
+        );
         rows.push(row("lobe", lobe.name().into(), errors[errors.len() / 2], set.time(&fitter), note));
     }
     // The hard set: here a poor start is not made good by the descent.
@@ -102,9 +111,17 @@ pub fn bench_rows() -> Result<Vec<BenchRow>> {
     for fineness in [0.15, 0.25, 0.4, 0.6, 1.0, 1.6, 2.5] {
         let fitter = TexelFitter::with_bank(&hard.device, &hard.positions, None, &Precision::default(), fineness);
         let (errors, failed) = hard.errors(&fitter);
-        let note =
-            format!("templates; error: 90th percentile of m, noise 2 %, m .03-.9, tilt 10 degrees, {failed} of {} failed", errors.len());
-        rows.push(row("template bank", fitter.bank_size().to_string(), errors[errors.len() * 9 / 10], hard.time(&fitter), note));
+        let note = format!(
+            "templates; error: 90th percentile of m, noise 2 %, m .03-.9, tilt 10 degrees, {failed} of {} failed",
+            errors.len()
+        );
+        rows.push(row(
+            "template bank",
+            fitter.bank_size().to_string(),
+            errors[errors.len() * 9 / 10],
+            hard.time(&fitter),
+            note,
+        ));
     }
     Ok(rows)
 }
@@ -119,7 +136,8 @@ fn trace_error(along: usize) -> f64 {
     for (m, tilt) in [(0.03, 0.0), (0.07, 0.1), (0.15, -0.1), (0.3, 0.05), (0.5, -0.05), (0.7, 0.0)] {
         pass.light([0.0; 2], &mut lit);
         let mut lists = columns.iter_mut();
-        let mut slices: [&mut [f64]; COLUMNS] = std::array::from_fn(|_| lists.next().map_or(&mut [][..], |c| &mut c[..]));
+        let mut slices: [&mut [f64]; COLUMNS] =
+            std::array::from_fn(|_| lists.next().map_or(&mut [][..], |c| &mut c[..]));
         let normal = normal_of([tilt, 0.0]);
         pass.respond(&mut lit, normal, &normal_slopes([tilt, 0.0])[..1], m, &mut slices);
         let truth: Vec<f64> = positions.iter().map(|&x| fine.response(Travel::X, x, [0.0; 2], normal, m).s).collect();

@@ -1,8 +1,8 @@
 //! Stiff and extreme gloss traces with the verdict each must get.
 
+use crate::stress::StressRow;
 use mesophyll_fit::gloss::synthetic::{Noise, Truth, device, pass_x, trace};
 use mesophyll_fit::gloss::{Device, TexelFit, TexelFitter};
-use crate::stress::StressRow;
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::tube::Travel;
 
@@ -62,7 +62,11 @@ fn cases() -> Vec<Case> {
             expected: "undetermined: rho_s_r rho_s_g rho_s_b m".into(),
             ..Case::default()
         },
-        Case { name: "tube at grazing: mirror peak beyond its travel", truth: Truth { tilt: [-0.2, 0.0], ..COMMON }, ..Case::default() },
+        Case {
+            name: "tube at grazing: mirror peak beyond its travel",
+            truth: Truth { tilt: [-0.2, 0.0], ..COMMON },
+            ..Case::default()
+        },
         Case {
             name: "lobe narrower than a frame",
             truth: Truth { m: 0.006, ..COMMON },
@@ -112,7 +116,12 @@ fn cases() -> Vec<Case> {
             lobe: COOK_TORRANCE,
             ..Case::default()
         },
-        Case { name: "m = 0.4, cook-torrance", truth: Truth { m: 0.4, rho_s: [1.0; 3], ..COMMON }, lobe: COOK_TORRANCE, ..Case::default() },
+        Case {
+            name: "m = 0.4, cook-torrance",
+            truth: Truth { m: 0.4, rho_s: [1.0; 3], ..COMMON },
+            lobe: COOK_TORRANCE,
+            ..Case::default()
+        },
         Case { name: "camera at grazing, 80 degrees", camera_deg: 80.0, ..Case::default() },
         Case {
             name: "camera straight above, broad lobe",
@@ -122,15 +131,29 @@ fn cases() -> Vec<Case> {
             ..Case::default()
         },
         Case { name: "noise 20 %", noise: 0.2, expected: "ok".into(), ..Case::default() },
-        Case { name: "three outliers", spoil: |t| [7, 30, 88].into_iter().for_each(|k| t[k] = [2.0, 0.0, 1.5]), ..Case::default() },
-        Case { name: "all NaN", spoil: |t| t.fill([f32::NAN; 3]), expected: "refused: no readings".into(), ..Case::default() },
+        Case {
+            name: "three outliers",
+            spoil: |t| [7, 30, 88].into_iter().for_each(|k| t[k] = [2.0, 0.0, 1.5]),
+            ..Case::default()
+        },
+        Case {
+            name: "all NaN",
+            spoil: |t| t.fill([f32::NAN; 3]),
+            expected: "refused: no readings".into(),
+            ..Case::default()
+        },
         Case {
             name: "a single sample",
             spoil: |t| t.iter_mut().skip(1).for_each(|v| *v = [f32::NAN; 3]),
             expected: "refused: too few readings".into(),
             ..Case::default()
         },
-        Case { name: "dark texel", spoil: |t| t.fill([0.0; 3]), expected: "refused: no light above the noise".into(), ..Case::default() },
+        Case {
+            name: "dark texel",
+            spoil: |t| t.fill([0.0; 3]),
+            expected: "refused: no light above the noise".into(),
+            ..Case::default()
+        },
     ]
 }
 
@@ -150,7 +173,8 @@ fn run(case: &Case) -> StressRow {
         device.radius_mm = 0.0;
     }
     let positions = pass_x(100);
-    let mut samples = trace(&device, Travel::X, &positions, [0.0; 2], &case.truth, (!case.exact).then_some(&mut Noise::new(11)));
+    let mut samples =
+        trace(&device, Travel::X, &positions, [0.0; 2], &case.truth, (!case.exact).then_some(&mut Noise::new(11)));
     (case.spoil)(&mut samples);
     let fitter = TexelFitter::new(&device, &positions, None);
     let mut ws = fitter.workspace();

@@ -1,11 +1,10 @@
-//! Stiff and extreme leaves with the verdict each must get: small synthetic scans, spoilt where a case says so, through the whole of
-//! `fit leaf` in a temporary folder.
+//! Stiff and extreme leaves with the verdict each must get: small synthetic scans, spoilt where a case says so, through
+//! the whole of `fit leaf` in a temporary folder.
 //!
-//! A verdict is `ok` (σa and σs of every channel within 10 %, and the truth within four printed errors, on both sides), `undetermined: `
-//! with the shared parameters that `fit.toml` names (`gloss` where most texels' gloss is not determined), or `refused: ` with the reason.
+//! A verdict is `ok` (σa and σs of every channel within 10 %, and the truth within four printed errors, on both sides),
+//! `undetermined: ` with the shared parameters that `fit.toml` names (`gloss` where most texels' gloss is not
+//! determined), or `refused: ` with the reason.
 
-use mesophyll_fit::leaf::{self, Options, Outcome};
-use mesophyll_fit::record::FitRecord;
 use crate::stress::StressRow;
 use crate::{Error, Result};
 use mesophyll_capture::manifest::{SideName, Travel};
@@ -13,6 +12,8 @@ use mesophyll_capture::synth::leaf::Leaf;
 use mesophyll_capture::synth::scan;
 use mesophyll_capture::synth::spec::{Interior, Model, Spec, Surface};
 use mesophyll_files::image::{Packing, read_exr, write_exr};
+use mesophyll_fit::leaf::{self, Options, Outcome};
+use mesophyll_fit::record::FitRecord;
 use std::path::Path;
 use std::time::Instant;
 
@@ -75,7 +76,12 @@ fn cases() -> Vec<Case> {
             expected: "refused: front: no texel could be fitted",
             ..Case::default()
         },
-        Case { name: "black images", spoil: |c| each_frame(c, |v| v.fill(0.002)), expected: "refused: front: no texel", ..Case::default() },
+        Case {
+            name: "black images",
+            spoil: |c| each_frame(c, |v| v.fill(0.002)),
+            expected: "refused: front: no texel",
+            ..Case::default()
+        },
         Case {
             name: "every reading saturated",
             spoil: |c| each_frame(c, |v| v.fill(f32::NAN)),
@@ -111,7 +117,12 @@ fn cases() -> Vec<Case> {
             expected: "undetermined: sigma_s.R sigma_s.G sigma_s.B",
             ..Case::default()
         },
-        Case { name: "rho_s = 0", leaf: |s| both_sides(s, |f| f.rho_s = 0.0), expected: "undetermined: gloss", ..Case::default() },
+        Case {
+            name: "rho_s = 0",
+            leaf: |s| both_sides(s, |f| f.rho_s = 0.0),
+            expected: "undetermined: gloss",
+            ..Case::default()
+        },
         Case {
             name: "lobe narrower than a frame",
             leaf: |s| both_sides(s, |f| (f.m, f.gloss_veins, f.gloss_lamina) = (0.03, [0.0; 2], [0.0; 2])),
@@ -144,13 +155,14 @@ pub fn rows() -> Result<Vec<StressRow>> {
 fn run(case: &Case) -> Result<StressRow> {
     let folder = tempfile::tempdir().map_err(|e| Error::write(&std::env::temp_dir(), e))?;
     let capture = folder.path().join("scan");
-    let mut spec: Spec = toml::from_str(LEAF).map_err(|e| Error::Missed(format!("the stress leaf cannot be read: {e}")))?;
+    let mut spec: Spec =
+        toml::from_str(LEAF).map_err(|e| Error::Missed(format!("the stress leaf cannot be read: {e}")))?;
     // Texels of three millimetres show no fine veins: growing them would take longer than everything else.
     (spec.veins.tertiary_mm, spec.veins.areole_mm) = (0.0, 0.0);
     (case.leaf)(&mut spec);
     let [width, height] = case.size;
-    let leaf =
-        Leaf::grow(&spec, Model::Exact, width, height).ok_or_else(|| Error::Missed(format!("{}: no texel on the leaf", case.name)))?;
+    let leaf = Leaf::grow(&spec, Model::Exact, width, height)
+        .ok_or_else(|| Error::Missed(format!("{}: no texel on the leaf", case.name)))?;
     let options = scan::Options {
         width,
         height,
@@ -173,7 +185,15 @@ fn run(case: &Case) -> Result<StressRow> {
         // The place is a temporary folder: only its last part is the case's own.
         Err(e) => (format!("refused: {}", name_of(&e.to_string())), None, None),
     };
-    Ok(StressRow { model: "leaf".into(), case: case.name.into(), expected: case.expected.into(), verdict, digits, condition, ms })
+    Ok(StressRow {
+        model: "leaf".into(),
+        case: case.name.into(),
+        expected: case.expected.into(),
+        verdict,
+        digits,
+        condition,
+        ms,
+    })
 }
 
 /// A message without the folders before its first name.
@@ -209,10 +229,14 @@ fn judge(record: &FitRecord, case: &Case, spec: &Spec) -> (String, Option<f64>, 
                 let off = (value - truth[c]).abs();
                 let digits = -(off / truth[c]).clamp(1e-16, 1.0).log10();
                 worst = Some(worst.map_or(digits, |w| w.min(digits)));
-                // The gauge is the good texels' mean thickness: without the others it is another mean, by their share of its scatter.
-                // Maps are single precision.
+                // The gauge is the good texels' mean thickness: without the others it is another mean, by their share
+                // of its scatter. Maps are single precision.
                 if !(off <= 4.0 * error + (0.2 * left_out + 1e-5) * truth[c]) {
-                    wrong = Some(format!("wrong: {} {full} is {value:.4} ± {error:.1e}, the truth {:.4}", side.name(), truth[c]));
+                    wrong = Some(format!(
+                        "wrong: {} {full} is {value:.4} ± {error:.1e}, the truth {:.4}",
+                        side.name(),
+                        truth[c]
+                    ));
                 }
             }
         }
@@ -224,10 +248,15 @@ fn judge(record: &FitRecord, case: &Case, spec: &Spec) -> (String, Option<f64>, 
             let gloss = ["rho_s", "m"].contains(&name.as_str());
             // Thickness and γ move with the gauge where texels were left out.
             let gauged = ["thickness", "gamma"].contains(&name.as_str());
-            let map =
-                ["rho_d", "rho_t"].contains(&name.as_str()) || (gloss && !open.iter().any(|o| o == "gloss")) || (gauged && left_out == 0.0);
+            let map = ["rho_d", "rho_t"].contains(&name.as_str())
+                || (gloss && !open.iter().any(|o| o == "gloss"))
+                || (gauged && left_out == 0.0);
             if let Some(share) = t.coverage95.filter(|share| map && *share < 0.85 && count("good") >= 40) {
-                wrong = wrong.or(Some(format!("wrong: {} {name}: {:.0} % inside 95 % intervals", side.name(), 100.0 * share)));
+                wrong = wrong.or(Some(format!(
+                    "wrong: {} {name}: {:.0} % inside 95 % intervals",
+                    side.name(),
+                    100.0 * share
+                )));
             }
         }
     }

@@ -6,8 +6,8 @@ use crate::Result;
 use crate::bench::BenchRow;
 use mesophyll_solve::{Dd, Options, Problem, global, lm};
 
-/// Rows for every knob of the solver: iterations, cost tolerance, first trust radius, derivatives, refinement. The error of a setting is
-/// 10^−(mean correct digits over the 54 runs); its time is the median run's.
+/// Rows for every knob of the solver: iterations, cost tolerance, first trust radius, derivatives, refinement. The
+/// error of a setting is 10^−(mean correct digits over the 54 runs); its time is the median run's.
 ///
 /// # Errors
 /// As [`datasets`].

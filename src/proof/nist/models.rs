@@ -1,4 +1,5 @@
-//! The models of the 27 problems, as each file prints them, written once for every precision (derivatives come by forward mode).
+//! The models of the 27 problems, as each file prints them, written once for every precision (derivatives come by
+//! forward mode).
 
 use super::parse::Dataset;
 use mesophyll_solve::{Auto, Dd, Model, Problem, Real};

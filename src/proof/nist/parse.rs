@@ -31,13 +31,17 @@ pub fn parse(text: &str, place: &str) -> Result<Dataset> {
     let lines: Vec<&str> = text.lines().collect();
     let wrong = |line: usize, what: String| Error::Input { place: format!("{place}: line {line}"), what };
     let number = |line: usize, text: &str| -> Result<f64> {
-        text.parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(|| wrong(line, format!("{text:?} is not a number")))
+        text.parse::<f64>()
+            .ok()
+            .filter(|v| v.is_finite())
+            .ok_or_else(|| wrong(line, format!("{text:?} is not a number")))
     };
     let name = field(&lines, "Dataset Name:")
         .and_then(|rest| rest.split_whitespace().next())
         .ok_or_else(|| wrong(2, "no dataset name".into()))?
         .to_string();
-    let level = lines.iter().find_map(|l| l.trim().strip_suffix("Level of Difficulty")).unwrap_or("").trim().to_string();
+    let level =
+        lines.iter().find_map(|l| l.trim().strip_suffix("Level of Difficulty")).unwrap_or("").trim().to_string();
 
     let mut starts = [Vec::new(), Vec::new()];
     let (mut values, mut deviations) = (Vec::new(), Vec::new());
@@ -48,7 +52,10 @@ pub fn parse(text: &str, place: &str) -> Result<Dataset> {
         }
         let cells: Vec<&str> = rest.split_whitespace().collect();
         let [first, second, value, deviation] = cells[..] else {
-            return Err(wrong(line, format!("two starts, a value and a deviation expected, found {} numbers", cells.len())));
+            return Err(wrong(
+                line,
+                format!("two starts, a value and a deviation expected, found {} numbers", cells.len()),
+            ));
         };
         starts[0].push(number(line, first)?);
         starts[1].push(number(line, second)?);
@@ -60,7 +67,8 @@ pub fn parse(text: &str, place: &str) -> Result<Dataset> {
         return Err(wrong(41, "no parameters".into()));
     }
     let labelled = |label: &str| -> Result<f64> {
-        let text = field(&lines, label).ok_or_else(|| Error::Input { place: place.into(), what: format!("no line {label:?}") })?;
+        let text = field(&lines, label)
+            .ok_or_else(|| Error::Input { place: place.into(), what: format!("no line {label:?}") })?;
         number(line, text.trim())
     };
     let sum_of_squares = labelled("Residual Sum of Squares:")?;

@@ -13,9 +13,9 @@ macro_rules! files {
 
 /// The 27 files, carried in the program: from NIST's lower to its higher level of difficulty.
 pub const FILES: [(&str, &str); 27] = files![
-    "Misra1a", "Chwirut2", "Chwirut1", "Lanczos3", "Gauss1", "Gauss2", "DanWood", "Misra1b", "Kirby2", "Hahn1", "Nelson", "MGH17",
-    "Lanczos1", "Lanczos2", "Gauss3", "Misra1c", "Misra1d", "Roszman1", "ENSO", "MGH09", "Thurber", "BoxBOD", "Rat42", "MGH10", "Eckerle4",
-    "Rat43", "Bennett5",
+    "Misra1a", "Chwirut2", "Chwirut1", "Lanczos3", "Gauss1", "Gauss2", "DanWood", "Misra1b", "Kirby2", "Hahn1",
+    "Nelson", "MGH17", "Lanczos1", "Lanczos2", "Gauss3", "Misra1c", "Misra1d", "Roszman1", "ENSO", "MGH09", "Thurber",
+    "BoxBOD", "Rat42", "MGH10", "Eckerle4", "Rat43", "Bennett5",
 ];
 
 /// Solved: more than this many digits in every parameter, as is usual for these problems.
@@ -130,14 +130,20 @@ mod tests {
     use super::*;
     use mesophyll_solve::jacobian;
 
-    /// The goal set for the solver: all 54 runs solved, at least 10 digits on average, and the certified standard deviations with them.
+    /// The goal set for the solver: all 54 runs solved, at least 10 digits on average, and the certified standard
+    /// deviations with them.
     #[test]
     fn all_27_problems_from_both_starts() {
         let all = solve_all(&Options::default()).unwrap();
         assert_eq!(all.len(), 54);
         for o in &all {
             let run = format!("{} from start {}", o.name, o.start);
-            assert!(o.solved() && o.fit.uncertainty.rank == o.fit.params.len(), "{run}: {} digits, {:?}", o.digits, o.fit.termination);
+            assert!(
+                o.solved() && o.fit.uncertainty.rank == o.fit.params.len(),
+                "{run}: {} digits, {:?}",
+                o.digits,
+                o.fit.termination
+            );
             assert!(o.deviation_digits > 9.0, "{run}: {} digits of the standard deviations", o.deviation_digits);
             assert!(o.residual_digits > 9.0, "{run}: {} digits of the residual standard deviation", o.residual_digits);
         }
@@ -145,12 +151,14 @@ mod tests {
         assert!(mean >= 10.0, "{mean} digits on average");
     }
 
-    /// The digits do not hang on one lucky trust radius: any first radius leads there, by the retries of the same strategy.
+    /// The digits do not hang on one lucky trust radius: any first radius leads there, by the retries of the same
+    /// strategy.
     #[test]
     fn other_first_radii_solve_all_but_a_few() {
         for initial_radius in [0.1, 100.0] {
             let all = solve_all(&Options { initial_radius, refine: false, ..Options::default() }).unwrap();
-            let missed: Vec<String> = all.iter().filter(|o| !o.solved()).map(|o| format!("{} {}", o.name, o.start)).collect();
+            let missed: Vec<String> =
+                all.iter().filter(|o| !o.solved()).map(|o| format!("{} {}", o.name, o.start)).collect();
             assert!(missed.is_empty(), "radius {initial_radius}: {missed:?}");
         }
     }
@@ -174,7 +182,12 @@ mod tests {
             let sum: f64 = r.iter().map(|v| v * v).sum();
             // Lanczos1 fits to 1e-13: the eleven printed digits of its parameters do not hold its residuals.
             if set.name != "Lanczos1" {
-                assert!((sum / set.sum_of_squares - 1.0).abs() < 1e-8, "{}: {sum} against {}", set.name, set.sum_of_squares);
+                assert!(
+                    (sum / set.sum_of_squares - 1.0).abs() < 1e-8,
+                    "{}: {sum} against {}",
+                    set.name,
+                    set.sum_of_squares
+                );
             }
         }
     }

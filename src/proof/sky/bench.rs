@@ -1,9 +1,10 @@
-//! `bench sky`: error against terms, bytes, fit time and evaluation time, with the dissertation's point beside; integration and windows.
+//! `bench sky`: error against terms, bytes, fit time and evaluation time, with the dissertation's point beside;
+//! integration and windows.
 
 use super::figures::{self, DISSERTATION_BYTES, DISSERTATION_ERROR, DISSERTATION_FIT_S, DISSERTATION_US, Point};
-use mesophyll_fit::sky::{standard, window};
 use crate::Result;
 use crate::bench::{BenchRow, median_us};
+use mesophyll_fit::sky::{standard, window};
 use mesophyll_sky::Preetham;
 use mesophyll_sky::project::{Quality, Rule};
 
@@ -11,7 +12,8 @@ fn row(knob: &str, setting: String, error: f64, us: f64, note: String) -> BenchR
     BenchRow { model: "sky".into(), knob: knob.into(), setting, error, us, note }
 }
 
-/// The sweeps. A fit stands in two rows: its evaluation's time and its own. Errors are the worst sky's over the smallest c00.
+/// The sweeps. A fit stands in two rows: its evaluation's time and its own. Errors are the worst sky's over the
+/// smallest c00.
 ///
 /// # Errors
 /// As the fits.
@@ -24,7 +26,9 @@ pub fn bench_rows() -> Result<Vec<BenchRow>> {
         "dissertation 2009, evaluation".into(),
         DISSERTATION_ERROR,
         DISSERTATION_US,
-        format!("{DISSERTATION_BYTES} bytes as f64; Pentium 4, 3.2 GHz; its error measured by us in f64, it claims .015"),
+        format!(
+            "{DISSERTATION_BYTES} bytes as f64; Pentium 4, 3.2 GHz; its error measured by us in f64, it claims .015"
+        ),
     ));
     rows.push(row(
         "peer",
@@ -51,11 +55,18 @@ pub fn bench_rows() -> Result<Vec<BenchRow>> {
             us += median_us(20.0, || Rule::new(s, 7, quality).project(&sky)) / skies.len() as f64;
             nodes += Rule::new(s, 7, quality).evaluations() / skies.len();
         }
-        rows.push(row("integration", name.into(), error, us, format!("{nodes} directions on average; error over the sky's own c00")));
+        rows.push(row(
+            "integration",
+            name.into(),
+            error,
+            us,
+            format!("{nodes} directions on average; error over the sky's own c00"),
+        ));
     }
     for r in window::table(window::all(7)?, 7)? {
         let note = format!(
-            "dips to {:.3} of the mean below the horizon (worst channel {:.3}); irradiance upwards {:+.1} % at most, {:.1} % rms",
+            "dips to {:.3} of the mean below the horizon (worst channel {:.3}); irradiance upwards {:+.1} % at most, \
+             {:.1} % rms",
             r.dip.luminance,
             r.dip.channel,
             1e2 * r.change,

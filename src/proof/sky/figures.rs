@@ -1,9 +1,10 @@
-//! What the documentation draws of the sky fits, as numbers: the frontier of error against size and time, errors by band, the worst case, the ringing.
+//! What the documentation draws of the sky fits, as numbers: the frontier of error against size and time, errors by
+//! band, the worst case, the ringing.
 
-use mesophyll_fit::sky::judge::{Judged, Reference, judge};
-use mesophyll_fit::sky::{Fitted, Form, Method, Options, folded, window};
 use crate::bench::median_us;
 use crate::{Error, Result};
+use mesophyll_fit::sky::judge::{Judged, Reference, judge};
+use mesophyll_fit::sky::{Fitted, Form, Method, Options, folded, window};
 use mesophyll_sky::harmonics::Basis;
 use mesophyll_sky::window::Window;
 use mesophyll_sky::{Coefficients, Preetham, Sky, colour, preetham, project};
@@ -34,10 +35,12 @@ pub struct Point {
 /// Staircases of rising size; [`folded::COMPACT`] and [`folded::FINE`] among them.
 fn staircases() -> Vec<Vec<usize>> {
     let round = |tall: usize, wide: usize| -> Vec<usize> {
-        let rows = (0..tall).map(|i| (wide as f64 * (1.0 - (i as f64 / tall as f64).powf(1.2)).powf(1.0 / 1.2)).round() as usize);
+        let rows = (0..tall)
+            .map(|i| (wide as f64 * (1.0 - (i as f64 / tall as f64).powf(1.2)).powf(1.0 / 1.2)).round() as usize);
         rows.filter(|r| *r > 0).collect()
     };
-    let mut all: Vec<Vec<usize>> = [(5, 4), (7, 5), (9, 6), (11, 8), (13, 9), (21, 12), (24, 14)].map(|(a, b)| round(a, b)).to_vec();
+    let mut all: Vec<Vec<usize>> =
+        [(5, 4), (7, 5), (9, 6), (11, 8), (13, 9), (21, 12), (24, 14)].map(|(a, b)| round(a, b)).to_vec();
     all.insert(5, folded::COMPACT.to_vec());
     all.insert(6, folded::FINE.to_vec());
     all
@@ -52,9 +55,15 @@ fn point(family: &'static str, setting: String, fitted: &Fitted, fit_us: f64, re
         (true, _) => (wide.clone(), form.bytes(), median_us(30.0, || form.coefficients(1.1, 3.3))),
         (false, Form::Folded(f)) => {
             let mut out = vec![[0.0f32; 3]; f.bands() * f.bands()];
-            (judge(&narrow, reference), narrow.bytes(), thousand_us(|k| f.fill(1.1 + 1e-4 * k, 3.3 + 1e-4 * k, &mut out)))
+            (
+                judge(&narrow, reference),
+                narrow.bytes(),
+                thousand_us(|k| f.fill(1.1 + 1e-4 * k, 3.3 + 1e-4 * k, &mut out)),
+            )
         }
-        (false, Form::Tensor(_)) => (judge(&narrow, reference), narrow.bytes(), median_us(30.0, || narrow.coefficients(1.1, 3.3))),
+        (false, Form::Tensor(_)) => {
+            (judge(&narrow, reference), narrow.bytes(), median_us(30.0, || narrow.coefficients(1.1, 3.3)))
+        }
     };
     Some(Point { family, setting, terms: form.terms(), bytes, fit_us, evaluate_us, judged, wide: wide.worst })
 }
@@ -87,7 +96,13 @@ pub fn frontier(reference: &Reference, grid: usize) -> Result<Vec<Point>> {
     }
     for degrees in [[5, 3], [7, 4], [9, 5], [11, 6], [13, 7], [17, 9], [21, 11]] {
         let fitted = mesophyll_fit::sky::fit(&Options { method: Method::Chebyshev, degrees, ..options.clone() })?;
-        out.extend(point("chebyshev", format!("({}, {})", degrees[0], degrees[1]), &fitted, fitted.seconds() * 1e6, reference));
+        out.extend(point(
+            "chebyshev",
+            format!("({}, {})", degrees[0], degrees[1]),
+            &fitted,
+            fitted.seconds() * 1e6,
+            reference,
+        ));
     }
     let fitted = mesophyll_fit::sky::fit(&Options { method: Method::MonomialsQr, ..options })?;
     out.extend(point("monomials f64", "(13, 7)".into(), &fitted, fitted.seconds() * 1e6, reference));
@@ -101,10 +116,13 @@ pub struct Curve {
     pub points: Vec<(f64, f64)>,
 }
 
-/// Errors by the number of bands used (Habel 2009, Fig. 5.4): largest sum of errors (E_max) and largest root of squares (E_mean) of any sky.
+/// Errors by the number of bands used (Habel 2009, Fig. 5.4): largest sum of errors (E_max) and largest root of squares
+/// (E_mean) of any sky.
 pub fn by_band(points: &[Point]) -> Vec<Curve> {
     let mut out = Vec::new();
-    let shown = points.iter().filter(|p| p.family == "monomials f64" || p.setting.contains("compact") || p.setting.contains("fine"));
+    let shown = points
+        .iter()
+        .filter(|p| p.family == "monomials f64" || p.setting.contains("compact") || p.setting.contains("fine"));
     for p in shown {
         for (k, what) in [(1, "E_max"), (0, "E_mean")] {
             let points = p.judged.by_bands.iter().enumerate().map(|(n, e)| ((n + 1) as f64, e[k])).collect();
@@ -115,7 +133,8 @@ pub fn by_band(points: &[Point]) -> Vec<Curve> {
     out
 }
 
-/// Angles along the great circle through sun, zenith and antisun, from the zenith, the sun's side positive: −180° … 180°.
+/// Angles along the great circle through sun, zenith and antisun, from the zenith, the sun's side positive: −180° …
+/// 180°.
 fn meridian() -> impl Iterator<Item = (f64, [f64; 3])> {
     (-180..=180).map(|k| {
         let a = PI * f64::from(k) / 180.0;
@@ -127,8 +146,8 @@ fn luminance(c: &Coefficients, basis: &Basis) -> Vec<(f64, f64)> {
     meridian().map(|(a, d)| (a, colour::xyz_from_rgb(basis.sum(c, d))[1])).collect()
 }
 
-/// The worst sky of the dissertation's fit, along the meridian: seven bands integrated, seven bands reconstructed by the dissertation's
-/// polynomials, and the differences of those and of the fine fit (luminance, kcd/m²).
+/// The worst sky of the dissertation's fit, along the meridian: seven bands integrated, seven bands reconstructed by
+/// the dissertation's polynomials, and the differences of those and of the fine fit (luminance, kcd/m²).
 #[derive(Debug, Clone)]
 pub struct Worst {
     pub sun_zenith: f64,
@@ -150,7 +169,8 @@ pub fn worst(reference: &Reference, grid: usize) -> Result<Worst> {
     let basis = Basis::new(7);
     let correct = luminance(&want, &basis);
     let got = luminance(&form.coefficients(sun_zenith, turbidity).map_err(refused)?, &basis);
-    let fine = luminance(&mesophyll_fit::sky::standard()?.coefficients(sun_zenith, turbidity).map_err(refused)?, &basis);
+    let fine =
+        luminance(&mesophyll_fit::sky::standard()?.coefficients(sun_zenith, turbidity).map_err(refused)?, &basis);
     let less = |a: &[(f64, f64)]| a.iter().zip(&correct).map(|(a, b)| (a.0, a.1 - b.1)).collect();
     Ok(Worst {
         sun_zenith,
@@ -162,8 +182,8 @@ pub fn worst(reference: &Reference, grid: usize) -> Result<Worst> {
     })
 }
 
-/// The ringing of seven bands along the meridian and what windows leave of it (Habel 2009, Fig. 5.5): sun at 1.3, turbidity 3, luminance over
-/// the mean of the upper hemisphere.
+/// The ringing of seven bands along the meridian and what windows leave of it (Habel 2009, Fig. 5.5): sun at 1.3,
+/// turbidity 3, luminance over the mean of the upper hemisphere.
 ///
 /// # Errors
 /// As [`window::matched`].
@@ -212,4 +232,3 @@ pub fn all(grid: usize) -> Result<Figures> {
     let points = frontier(&reference, grid)?;
     Ok(Figures { bands: by_band(&points), worst: worst(&reference, grid)?, ringing: ringing()?, points })
 }
-

@@ -1,8 +1,9 @@
-//! The sky's stress table: suns on the horizon and overhead, turbidity at both ends and near the pole, single precision, and the fits that must fail.
+//! The sky's stress table: suns on the horizon and overhead, turbidity at both ends and near the pole, single
+//! precision, and the fits that must fail.
 
+use crate::stress::StressRow;
 use mesophyll_fit::sky::judge::{Reference, judge};
 use mesophyll_fit::sky::{Fitted, Method, Options, fit, standard};
-use crate::stress::StressRow;
 use mesophyll_sky::project::{Quality, Rule, direct};
 use mesophyll_sky::{Coefficients, HosekWilkie, Model, Preetham, Sky, preetham};
 use std::f64::consts::FRAC_PI_2;
@@ -61,7 +62,8 @@ pub fn rows() -> crate::Result<Vec<StressRow>> {
         let verdict = Preetham.sky(sun, turbidity).map_or_else(|e| format!("refused: {e}"), |_| "ok".into());
         rows.push(row(case, expected, verdict, None, None, 0.0));
     }
-    let dark = HosekWilkie { albedo: [1.2, 0.0, 0.0] }.sky(0.5, 3.0).map_or_else(|e| format!("refused: {e}"), |_| "ok".into());
+    let dark =
+        HosekWilkie { albedo: [1.2, 0.0, 0.0] }.sky(0.5, 3.0).map_or_else(|e| format!("refused: {e}"), |_| "ok".into());
     rows.push(row("hosek-wilkie: albedo 1.2", "refused: albedo", dark, None, None, 0.0));
 
     // The fit in single precision at the corners of its domain, and just outside.
@@ -84,7 +86,14 @@ pub fn rows() -> crate::Result<Vec<StressRow>> {
         [(0.5, 2.49, "refused: turbidity"), (0.5, 6.01, "refused: turbidity"), (1.58, 3.0, "refused: sun_zenith")]
     {
         let verdict = standard.coefficients(sun, turbidity).map_or_else(|e| format!("refused: {e}"), |_| "ok".into());
-        rows.push(row(&format!("fit f32: outside, sun {sun}, turbidity {turbidity}"), expected, verdict, None, None, 0.0));
+        rows.push(row(
+            &format!("fit f32: outside, sun {sun}, turbidity {turbidity}"),
+            expected,
+            verdict,
+            None,
+            None,
+            0.0,
+        ));
     }
 
     // The dissertation's basis, and the same space in a basis that f64 can hold.
@@ -113,7 +122,15 @@ pub fn rows() -> crate::Result<Vec<StressRow>> {
 }
 
 /// A fit's verdict: `ok` within `limit` of the smallest c00.
-fn of_fit(case: &str, expected: &str, fitted: &Fitted, single: bool, reference: &Reference, limit: f64, ms: f64) -> StressRow {
+fn of_fit(
+    case: &str,
+    expected: &str,
+    fitted: &Fitted,
+    single: bool,
+    reference: &Reference,
+    limit: f64,
+    ms: f64,
+) -> StressRow {
     let (mut verdict, mut digits) = (format!("refused: {}", fitted.remark), None);
     if let Some(form) = &fitted.form {
         let error = if single { judge(&form.narrow(), reference) } else { judge(form, reference) }.worst;
@@ -128,7 +145,11 @@ fn of_fit(case: &str, expected: &str, fitted: &Fitted, single: bool, reference: 
 
 fn off(a: &Coefficients, b: &Coefficients) -> f64 {
     let c00 = b.get(0, 0).into_iter().fold(f64::INFINITY, f64::min);
-    a.values().iter().zip(b.values()).flat_map(|(a, b)| (0..3).map(move |c| (a[c] - b[c]).abs())).fold(0.0, mesophyll_solve::qr::nan_max)
+    a.values()
+        .iter()
+        .zip(b.values())
+        .flat_map(|(a, b)| (0..3).map(move |c| (a[c] - b[c]).abs()))
+        .fold(0.0, mesophyll_solve::qr::nan_max)
         / c00
 }
 

@@ -1,5 +1,5 @@
-//! Sweeps of the slab: its forward methods, the order of F_N, ordinates, table sizes, Newton's steps and the way back, on 64 slabs 1 mm thick (single-scattering albedo .05–.995,
-//! optical thickness .05–20), each against the exact method.
+//! Sweeps of the slab: its forward methods, the order of F_N, ordinates, table sizes, Newton's steps and the way back,
+//! on 64 slabs 1 mm thick (single-scattering albedo .05–.995, optical thickness .05–20), each against the exact method.
 
 use crate::bench::{BenchRow, median_us};
 use mesophyll_optics::slab::inverse::{self, Precision};
@@ -75,14 +75,20 @@ pub fn bench_rows() -> crate::Result<Vec<BenchRow>> {
             setting,
             error: if reference { f64::NAN } else { error },
             us: median_us(40.0, || slabs.iter().map(|s| method(s).rho_d).sum::<f64>()) / slabs.len() as f64,
-            note: if reference { "the reference of the others" } else { "rho_d and rho_t, worst of 64, against exact" }.into(),
+            note: if reference { "the reference of the others" } else { "rho_d and rho_t, worst of 64, against exact" }
+                .into(),
         });
     };
     forward("method", "fast".into(), &|s| slab::response(s.sigma_a, s.sigma_s, 1.0), false);
     forward("method", "fn".into(), &|s| fn_method::solve(s.omega, s.one_minus_omega, s.delta, 1e-3).response, false);
     forward("method", "exact".into(), &|s| exact::response(s.sigma_a, s.sigma_s, 1.0), true);
     for order in [3, 5, 7, 9, 13, 17, 25, 33] {
-        forward("F_N order", order.to_string(), &|s| fn_method::at_order(s.omega, s.one_minus_omega, s.delta, order), false);
+        forward(
+            "F_N order",
+            order.to_string(),
+            &|s| fn_method::at_order(s.omega, s.one_minus_omega, s.delta, order),
+            false,
+        );
     }
     ordinates(&mut forward);
     for tolerance in [1e-3, 1e-5, 1e-7, 1e-9] {
@@ -92,7 +98,8 @@ pub fn bench_rows() -> crate::Result<Vec<BenchRow>> {
         forward("table size", setting, &|s| table.response(s.omega, s.one_minus_omega, s.delta), false);
     }
     for steps in 0..=4 {
-        let found = |s: &Slab| inverse::after_steps(s.exact.rho_d, s.exact.rho_t, 1.0 - s.exact.rho_d - s.exact.rho_t, steps);
+        let found =
+            |s: &Slab| inverse::after_steps(s.exact.rho_d, s.exact.rho_t, 1.0 - s.exact.rho_d - s.exact.rho_t, steps);
         let error = |s: &Slab| {
             let [absorbed, omega, delta] = found(s);
             larger((absorbed * delta / s.sigma_a - 1.0).abs(), (omega * delta / s.sigma_s - 1.0).abs())
@@ -110,14 +117,18 @@ pub fn bench_rows() -> crate::Result<Vec<BenchRow>> {
     for (setting, precision, noise) in [("fast", Precision::Fast, 1e-6), ("exact", Precision::Exact, 1e-9)] {
         let invert = |s: &Slab| inverse::invert_with(precision, s.exact.rho_d, s.exact.rho_t, 1.0, noise, noise);
         let found: Vec<_> = slabs.iter().map(|s| (s, invert(s))).filter(|(_, e)| e.status.is_ok()).collect();
-        let error = found.iter().map(|(s, e)| larger((e.sigma_a / s.sigma_a - 1.0).abs(), (e.sigma_s / s.sigma_s - 1.0).abs()));
+        let error =
+            found.iter().map(|(s, e)| larger((e.sigma_a / s.sigma_a - 1.0).abs(), (e.sigma_s / s.sigma_s - 1.0).abs()));
         rows.push(BenchRow {
             model: "slab".into(),
             knob: "inversion".into(),
             setting: setting.into(),
             error: error.fold(0.0, larger),
             us: median_us(80.0, || slabs.iter().map(|s| invert(s).sigma_a).sum::<f64>()) / slabs.len() as f64,
-            note: format!("sigma_a and sigma_s, worst of the {} of 64 that are ok at a noise of {noise:.0e}", found.len()),
+            note: format!(
+                "sigma_a and sigma_s, worst of the {} of 64 that are ok at a noise of {noise:.0e}",
+                found.len()
+            ),
         });
     }
     Ok(rows)

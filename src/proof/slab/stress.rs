@@ -5,7 +5,8 @@ use mesophyll_optics::slab::inverse::{self, Verdict};
 use mesophyll_optics::slab::{self, exact};
 use std::time::Instant;
 
-/// Inverse cases, committed: a slab (ω, 1−ω, Δ, h) or a measurement (ρd, ρt, h), the stated noise, and the verdict it must get.
+/// Inverse cases, committed: a slab (ω, 1−ω, Δ, h) or a measurement (ρd, ρt, h), the stated noise, and the verdict it
+/// must get.
 const CASES: &str = include_str!("../../../data/stress/slab.csv");
 
 /// Forward cases: name, ω, 1−ω, Δ.
@@ -28,7 +29,8 @@ const FORWARD: [(&str, f64, f64, f64); 14] = [
 
 /// Runs every case.
 pub fn stress_cases() -> Vec<StressRow> {
-    let mut rows: Vec<StressRow> = FORWARD.iter().map(|&(case, omega, absorbed, delta)| forward(case, omega, absorbed, delta)).collect();
+    let mut rows: Vec<StressRow> =
+        FORWARD.iter().map(|&(case, omega, absorbed, delta)| forward(case, omega, absorbed, delta)).collect();
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(CASES.as_bytes());
     for (line, record) in reader.records().enumerate() {
         rows.push(match record {
@@ -39,7 +41,8 @@ pub fn stress_cases() -> Vec<StressRow> {
     rows
 }
 
-/// The fast model beside the exact one: `ok` means six digits in both, ρt down to 1e-30, and conservation where nothing absorbs.
+/// The fast model beside the exact one: `ok` means six digits in both, ρt down to 1e-30, and conservation where nothing
+/// absorbs.
 fn forward(case: &str, omega: f64, absorbed: f64, delta: f64) -> StressRow {
     let want = exact::solve(omega, absorbed, delta);
     let clock = Instant::now();

@@ -1,9 +1,9 @@
 //! Stiff and extreme photographs with the verdict that each must get.
 
-use mesophyll_fit::translucency::inverse::synthetic::Scene;
-use mesophyll_fit::translucency::inverse::{Fitted, Options, Tissues, fit, logarithms};
 use crate::Result;
 use crate::stress::StressRow;
+use mesophyll_fit::translucency::inverse::synthetic::Scene;
+use mesophyll_fit::translucency::inverse::{Fitted, Options, Tissues, fit, logarithms};
 use mesophyll_optics::translucency::blade::Side;
 use std::time::Instant;
 
@@ -13,7 +13,8 @@ fn verdict(scene: &Scene, start: &Tissues, options: &Options) -> (String, Option
         Err(e) => (format!("refused: {e}"), None, None),
         Ok(f) => {
             let values = values(&f.tissues, options);
-            let named: Vec<String> = values.iter().enumerate().filter_map(|(k, v)| f.certainty.undetermined(k, *v)).collect();
+            let named: Vec<String> =
+                values.iter().enumerate().filter_map(|(k, v)| f.certainty.undetermined(k, *v)).collect();
             let digits = digits(&f, &scene.truth, options);
             let text = match named.first() {
                 Some(first) => format!("undetermined: {first}"),
@@ -46,7 +47,8 @@ fn digits(f: &Fitted, truth: &Tissues, options: &Options) -> f64 {
 /// # Errors
 /// None that a correct program meets.
 pub fn rows() -> Result<Vec<StressRow>> {
-    let one = |sigma_a: f64, reduced: f64, scale: f64| Tissues { sigma_a: vec![sigma_a], reduced: vec![reduced], scale };
+    let one =
+        |sigma_a: f64, reduced: f64, scale: f64| Tissues { sigma_a: vec![sigma_a], reduced: vec![reduced], scale };
     let free = Options { levels: 6, ..Options::default() };
     let fixed = Options { fix_scale: true, ..free };
     let near = one(0.5, 8.0, 1.0);
@@ -67,7 +69,13 @@ pub fn rows() -> Result<Vec<StressRow>> {
         ("sigma_a = 1e-4", only_thickness, clear, near.clone(), fixed),
         ("texels 20 times the thickness", only_thickness, coarse.clone(), near.clone(), free),
         // A second incidence would tell two coefficients even here.
-        ("the same, flat, one beam", only_thickness, Scene { relief: 0.0, beams: one_beam, ..coarse.clone() }, near.clone(), fixed),
+        (
+            "the same, flat, one beam",
+            only_thickness,
+            Scene { relief: 0.0, beams: one_beam, ..coarse.clone() },
+            near.clone(),
+            fixed,
+        ),
         ("no light", "refused: ", Scene { beams: vec![(Side::Front, -0.1, 0.0)], ..fine }, near, free),
     ];
     let rows = cases.into_iter().map(|(case, expected, scene, start, options)| {

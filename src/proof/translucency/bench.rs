@@ -79,9 +79,12 @@ fn levels() -> Result<Vec<BenchRow>> {
     let many = convolver(n, 0.1, Levels { count: 64, kind: LevelKind::Chebyshev })?.run(&d, &light).swap_remove(0);
     let size: f64 = many.iter().map(|v| v * v).sum();
     let mut rows = Vec::new();
-    for (name, kind) in
-        [("linear", LevelKind::Linear), ("cubic", LevelKind::Cubic), ("chebyshev", LevelKind::Chebyshev), ("svd", LevelKind::Svd)]
-    {
+    for (name, kind) in [
+        ("linear", LevelKind::Linear),
+        ("cubic", LevelKind::Cubic),
+        ("chebyshev", LevelKind::Chebyshev),
+        ("svd", LevelKind::Svd),
+    ] {
         progress::go_on()?;
         for count in [4, 6, 8, 12, 16] {
             let made = convolver(n, 0.1, Levels { count, kind })?;

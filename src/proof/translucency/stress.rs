@@ -1,11 +1,11 @@
-//! Stiff and extreme leaves with the verdict that each must get: blades thinner than a mean free path, no absorption, hardly any scattering,
-//! veins of one texel, holes, no relief, scattering that is all but forward or backward.
+//! Stiff and extreme leaves with the verdict that each must get: blades thinner than a mean free path, no absorption,
+//! hardly any scattering, veins of one texel, holes, no relief, scattering that is all but forward or backward.
 
-use mesophyll_fit::translucency::source::{Side, Source};
-use mesophyll_fit::translucency::{Options, TissueFrom, side};
 use crate::stress::StressRow;
 use crate::{Error, Result};
 use mesophyll_capture::manifest::SideName;
+use mesophyll_fit::translucency::source::{Side, Source};
+use mesophyll_fit::translucency::{Options, TissueFrom, side};
 use mesophyll_optics::dipole::{Form, Tissue};
 use mesophyll_optics::slab;
 use mesophyll_optics::translucency::basis;
@@ -15,7 +15,8 @@ use mesophyll_optics::walk::slab::Entry;
 use mesophyll_optics::walk::{Boundary, Histories, Medium, Slab};
 use std::time::Instant;
 
-/// What a form may be wrong by, and still be called right: diffusion is no better anywhere (`bench translucency` has the errors).
+/// What a form may be wrong by, and still be called right: diffusion is no better anywhere (`bench translucency` has
+/// the errors).
 const RIGHT: f64 = 0.05;
 
 fn row(case: &str, expected: &str, verdict: String, digits: Option<f64>, since: Instant) -> StressRow {
@@ -49,7 +50,8 @@ fn refused(e: &Error) -> String {
 fn against_transport(case: &str, sigma_a: f64, sigma_s: f64, d: f64) -> StressRow {
     let clock = Instant::now();
     let tissue = Tissue { sigma_a, sigma_s, g: 0.0, a: 1.0 };
-    let (verdict, digits) = judged(tissue.total(d, Form::Thin), slab::exact::response(sigma_a, sigma_s, d).rho_t, RIGHT);
+    let (verdict, digits) =
+        judged(tissue.total(d, Form::Thin), slab::exact::response(sigma_a, sigma_s, d).rho_t, RIGHT);
     row(case, "ok", verdict, digits, clock)
 }
 
@@ -58,7 +60,8 @@ fn against_walk(case: &str, expected: &str, g: f64, d: f64) -> Result<StressRow>
     let clock = Instant::now();
     let (sigma_a, reduced) = (0.4, 9.5);
     let tissue = Tissue { sigma_a, sigma_s: reduced / (1.0 - g), g, a: 1.0 };
-    let slab = Slab { medium: Medium { sigma_a, sigma_s: tissue.sigma_s, g }, thickness_mm: d, boundary: Boundary::Matched };
+    let slab =
+        Slab { medium: Medium { sigma_a, sigma_s: tissue.sigma_s, g }, thickness_mm: d, boundary: Boundary::Matched };
     let walk = slab.walk(Entry::NORMAL, Histories { count: 100_000, seed: 1 }, &[])?;
     let (found, truth) = (tissue.total(d, Form::Thin), walk.transmitted);
     let (mut verdict, digits) = judged(found, truth.value, RIGHT + 3.0 * truth.error / truth.value);
@@ -99,7 +102,8 @@ fn vein() -> Result<StressRow> {
         Ok(made.run(&thickness, &light).swap_remove(0))
     };
     let (few, many) = (run(8)?, run(64)?);
-    let off = few.iter().zip(&many).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / many.iter().map(|v| v * v).sum::<f64>();
+    let off =
+        few.iter().zip(&many).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / many.iter().map(|v| v * v).sum::<f64>();
     let rms = off.sqrt();
     let verdict = if rms <= 0.01 { "ok".into() } else { format!("wrong: {rms:.1e} RMS from the thickness levels") };
     Ok(row("a vein one texel wide, 8 thickness levels", "ok", verdict, Some(-rms.log10()), clock))
@@ -118,10 +122,17 @@ fn hole() -> Result<StressRow> {
     let settings = settings(8);
     let made = Convolver::with(&settings, 64, 64, 0.16, 0.5)?;
     let out = made.run(&thickness, &[light.clone()]).swap_remove(0);
-    let wanted: f64 =
-        thickness.iter().zip(&light).filter(|(d, _)| **d > 0.0).map(|(d, l)| l * settings.tissue.total(*d, settings.form)).sum();
-    let (verdict, digits) =
-        if out.iter().all(|v| v.is_finite()) { judged(out.iter().sum(), wanted, 1e-5) } else { ("wrong: not a number".into(), None) };
+    let wanted: f64 = thickness
+        .iter()
+        .zip(&light)
+        .filter(|(d, _)| **d > 0.0)
+        .map(|(d, l)| l * settings.tissue.total(*d, settings.form))
+        .sum();
+    let (verdict, digits) = if out.iter().all(|v| v.is_finite()) {
+        judged(out.iter().sum(), wanted, 1e-5)
+    } else {
+        ("wrong: not a number".into(), None)
+    };
     Ok(row("a hole in the leaf", "ok", verdict, digits, clock))
 }
 
@@ -141,7 +152,15 @@ fn flat(n: usize, thickness: f64) -> Source {
         sigma_err: [[0.1; 3]; 2],
         undetermined: Vec::new(),
     };
-    Source { name: "flat".into(), width: n, height: n, texel_mm: 0.1, thickness_mm: thickness, sides: vec![side], hash: String::new() }
+    Source {
+        name: "flat".into(),
+        width: n,
+        height: n,
+        texel_mm: 0.1,
+        thickness_mm: thickness,
+        sides: vec![side],
+        hash: String::new(),
+    }
 }
 
 /// Without relief a uniform leaf answers n·ω everywhere: each Half-Life 2 coefficient is √(2π)/3.
@@ -196,7 +215,8 @@ pub fn rows() -> Result<Vec<StressRow>> {
     ];
     let clock = Instant::now();
     let bad = Tissue { sigma_a: f64::NAN, ..paper };
-    let verdict = Convolver::with(&Settings::new(bad, 0.1), 16, 16, 0.1, 0.2).map_or_else(|e| refused(&e), |_| "ok".into());
+    let verdict =
+        Convolver::with(&Settings::new(bad, 0.1), 16, 16, 0.1, 0.2).map_or_else(|e| refused(&e), |_| "ok".into());
     rows.push(row("sigma_a not a number", "refused: ", verdict, None, clock));
     rows.extend(crate::tissue::stress::rows()?);
     Ok(rows)

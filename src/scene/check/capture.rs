@@ -1,14 +1,14 @@
-//! Views of kind `capture`: renderer and reference draw a leaf as its scan saw it, and both are held against frames that the fit did not
-//! see.
+//! Views of kind `capture`: renderer and reference draw a leaf as its scan saw it, and both are held against frames
+//! that the fit did not see.
 //!
-//! The gloss is drawn as it was fitted (Wang et al. 2005, Eq. 7). In scenes both renderers bound it by a V-cavity factor that the fit does
-//! not have; what that costs is measured with the same frame and printed beside.
+//! The gloss is drawn as it was fitted (Wang et al. 2005, Eq. 7). In scenes both renderers bound it by a V-cavity
+//! factor that the fit does not have; what that costs is measured with the same frame and printed beside.
 //!
-//! **The rule.** Residuals are in units of the measurement's noise, and of half a percent of the value where the noise is smaller: no
-//! picture is asked for more. A picture that is off by e of these units raises the mean square of its residuals by e². Half a unit is
-//! allowed (a view's `max_error` says otherwise), beyond two standard errors of chance and what a right fit leaves. The tube model's own
-//! prediction from the folder's maps must stay within one unit, and so must the light box's transmittance from the slab of σa, σs and h +
-//! δ.
+//! **The rule.** Residuals are in units of the measurement's noise, and of half a percent of the value where the noise
+//! is smaller: no picture is asked for more. A picture that is off by e of these units raises the mean square of its
+//! residuals by e². Half a unit is allowed (a view's `max_error` says otherwise), beyond two standard errors of chance
+//! and what a right fit leaves. The tube model's own prediction from the folder's maps must stay within one unit, and
+//! so must the light box's transmittance from the slab of σa, σs and h + δ.
 
 use super::report::exceeds;
 use super::{Options, told};
@@ -45,7 +45,8 @@ pub struct CaptureReport {
     pub allowed: f64,
     pub renderer: Drawn,
     pub reference: Drawn,
-    /// The renderer with the V-cavity factor that bounds gloss in scenes, and that the fit's lobe does not have: printed, not judged.
+    /// The renderer with the V-cavity factor that bounds gloss in scenes, and that the fit's lobe does not have:
+    /// printed, not judged.
     pub bounded: Drawn,
     /// How far the tube model's prediction and the light box are off, each in units of its own noise.
     pub model_off: f64,
@@ -67,25 +68,33 @@ pub struct Drawn {
     pub off: f64,
     pub share_beyond_3: f64,
     pub bias: f64,
-    /// Distance from the exact tube integral, which shares the measurement's noise with nothing: root mean square and largest.
+    /// Distance from the exact tube integral, which shares the measurement's noise with nothing: root mean square and
+    /// largest.
     pub from_model: f64,
     pub from_model_most: f64,
 }
 
-/// Draws and judges every capture view that the scene names, and one frame a side of every other fit that keeps some. Sentences say what
-/// was skipped.
-pub fn all(manifest: &Manifest, plan: &Plan, renderer: &mut gpu::Renderer, options: &Options) -> Result<(Vec<CaptureReport>, Vec<String>)> {
+/// Draws and judges every capture view that the scene names, and one frame a side of every other fit that keeps some.
+/// Sentences say what was skipped.
+pub fn all(
+    manifest: &Manifest,
+    plan: &Plan,
+    renderer: &mut gpu::Renderer,
+    options: &Options,
+) -> Result<(Vec<CaptureReport>, Vec<String>)> {
     let (mut out, mut skipped) = (Vec::new(), Vec::new());
     for leaf in &plan.leaves {
         let name = &manifest.leaves[leaf.index].name;
-        let views: Vec<&View> = manifest.views.iter().filter(|v| v.kind == ViewKind::Capture && v.leaf.as_ref() == Some(name)).collect();
+        let views: Vec<&View> =
+            manifest.views.iter().filter(|v| v.kind == ViewKind::Capture && v.leaf.as_ref() == Some(name)).collect();
         let Some(fitted) = &leaf.fitted else { continue };
         for side in SIDES {
             let own: Vec<&View> = views.iter().filter(|v| v.side.unwrap_or(SideName::Front) == side).copied().collect();
             let Some(kept) = held_out::kept(&fitted.folder, &fitted.record, side)? else {
                 skipped.extend(own.iter().map(|v| {
                     format!(
-                        "view {} was skipped: the capture of {name} is not there, its fit keeps no held-out frame of the {}",
+                        "view {} was skipped: the capture of {name} is not there, its fit keeps no held-out frame of \
+                         the {}",
                         v.name,
                         side.name()
                     )
@@ -159,7 +168,8 @@ fn one(
     let exact = |k: usize| truth[texels[k]];
     let (by_renderer, expected, z) = compare(scanned.scan, frame, drawn);
     let (by_reference, _, _) = compare(scanned.scan, frame, exact);
-    let (bounded, _, _) = compare(scanned.scan, frame, |k| [0, 1, 2].map(|c: usize| f64::from(with_cavity.hdr[texels[k]][c])));
+    let (bounded, _, _) =
+        compare(scanned.scan, frame, |k| [0, 1, 2].map(|c: usize| f64::from(with_cavity.hdr[texels[k]][c])));
     let mut out = CaptureReport {
         name,
         leaf: scanned.fitted.name.clone(),
@@ -223,16 +233,22 @@ impl CaptureReport {
         for (who, drawn) in [("the renderer's picture", self.renderer), ("the reference's picture", self.reference)] {
             if exceeds(drawn.off, self.allowed) {
                 self.why.push(format!(
-                    "{who} is off by {:.2} of the measurement's noise, at most {:.2} allowed (reduced χ² {:.3}, {:.3} expected)",
+                    "{who} is off by {:.2} of the measurement's noise, at most {:.2} allowed (reduced χ² {:.3}, {:.3} \
+                     expected)",
                     drawn.off, self.allowed, drawn.reduced_chi2, self.expected
                 ));
             }
         }
         if exceeds(self.model_off, BAD) {
-            self.why.push(format!("the fit's maps predict this frame off by {:.2} of its noise, at most {BAD:.2} allowed", self.model_off));
+            self.why.push(format!(
+                "the fit's maps predict this frame off by {:.2} of its noise, at most {BAD:.2} allowed",
+                self.model_off
+            ));
         }
         if let Some(off) = self.light_box_off.filter(|o| exceeds(*o, BAD)) {
-            self.why.push(format!("σa, σs and h + δ miss the light box by {off:.2} of its noise, at most {BAD:.2} allowed"));
+            self.why.push(format!(
+                "σa, σs and h + δ miss the light box by {off:.2} of its noise, at most {BAD:.2} allowed"
+            ));
         }
         if self.readings == 0 {
             self.why.push("nothing was compared: no texel of the frame is good".into());
@@ -248,7 +264,8 @@ impl CaptureReport {
         exact: &dyn Fn(usize) -> [f64; 3],
         z: &[f32],
     ) -> Result<()> {
-        let brightest = frame.measured.iter().flatten().copied().filter(|v| v.is_finite()).fold(0f32, f32::max).max(1e-6);
+        let brightest =
+            frame.measured.iter().flatten().copied().filter(|v| v.is_finite()).fold(0f32, f32::max).max(1e-6);
         let gain = 0.9 / brightest;
         let save = |what: &str, pixel: &dyn Fn(usize) -> [u8; 3]| -> Result<Option<String>> {
             let shown = |k: usize| {
@@ -273,15 +290,18 @@ impl CaptureReport {
             let fade = (255.0 * (1.0 - t.abs())) as u8;
             if t > 0.0 { [255, fade, fade] } else { [fade, fade, 255] }
         })?;
-        (self.measured_image, self.image, self.reference_image, self.residual_image) = (measured, image, reference, residual);
+        (self.measured_image, self.image, self.reference_image, self.residual_image) =
+            (measured, image, reference, residual);
         Ok(())
     }
 
     /// One line in words.
     pub fn line(&self) -> String {
         let mut line = format!(
-            "{}  {}: {} {}, held-out frame {} {}: the picture is off by {:.2} of the measurement's noise, the reference by {:.2} (allowed {:.2}); \
-             reduced χ² {:.3} and {:.3}, {:.3} expected, {} readings; with the V-cavity factor of scenes it is off by {:.2}",
+            "{}  {}: {} {}, held-out frame {} {}: the picture is off by {:.2} of the measurement's noise, the \
+             reference by {:.2} (allowed {:.2}); \
+             reduced χ² {:.3} and {:.3}, {:.3} expected, {} readings; with the V-cavity factor of scenes it is off by \
+             {:.2}",
             if self.passed { "passed" } else { "MISSED" },
             self.name,
             self.leaf,

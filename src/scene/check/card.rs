@@ -1,4 +1,5 @@
-//! A card view: one leaf's mean parameters on a flat patch, whose radiance has a closed form. Renderer and reference are both held against it.
+//! A card view: one leaf's mean parameters on a flat patch, whose radiance has a closed form. Renderer and reference
+//! are both held against it.
 
 use super::cost::timed;
 use super::pictures::save;
@@ -36,12 +37,19 @@ pub fn one_card(
     proof::judge_view(manifest, view, renderer, options, &mut out)?;
     let start = Instant::now();
     let world = card::world(manifest, &card)?;
-    let sampling = transport::Options { samples_per_pixel: 16, sun_samples: 1, seed: manifest.check.seed, ..transport::Options::default() };
+    let sampling = transport::Options {
+        samples_per_pixel: 16,
+        sun_samples: 1,
+        seed: manifest.check.seed,
+        ..transport::Options::default()
+    };
     let truth = transport::render(&world, &reference::camera(view), w, h, &sampling)?;
     out.reference_s = start.elapsed().as_secs_f64();
-    // The lobe's albedo under a sky is integrated for every pixel that is asked for: a few hundred over the picture tell.
-    let pixels: Vec<(usize, usize)> =
-        (0..ROWS * COLUMNS).map(|k| ((2 * (k % COLUMNS) + 1) * w / (2 * COLUMNS), (2 * (k / COLUMNS) + 1) * h / (2 * ROWS))).collect();
+    // The lobe's albedo under a sky is integrated for every pixel that is asked for: a few hundred over the picture
+    // tell.
+    let pixels: Vec<(usize, usize)> = (0..ROWS * COLUMNS)
+        .map(|k| ((2 * (k % COLUMNS) + 1) * w / (2 * COLUMNS), (2 * (k / COLUMNS) + 1) * h / (2 * ROWS)))
+        .collect();
     let exact = card.closed_form(manifest, view, (w, h), &pixels)?;
     let seen = compare::compare(&truth, &picture.ldr)?;
     (out.flip_mean, out.flip_p99, out.interior_share) = (seen.flip_mean, seen.flip_p99, seen.interior_share);
@@ -69,7 +77,8 @@ pub fn one_card(
     Ok(out)
 }
 
-/// Largest relative difference of the radiance from the closed form, and the pixel; a tenth of a thousandth of the brightest is the floor.
+/// Largest relative difference of the radiance from the closed form, and the pixel; a tenth of a thousandth of the
+/// brightest is the floor.
 fn relative(found: &[[f32; 4]], width: usize, pixels: &[(usize, usize)], exact: &[[f64; 3]]) -> (f64, (usize, usize)) {
     let floor = 1e-4 * exact.iter().flatten().fold(0.0, |a: f64, b| a.max(*b));
     let mut worst = (0.0, (0, 0));

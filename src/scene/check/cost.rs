@@ -1,4 +1,5 @@
-//! What a frame costs: a view's times, and the share of the translucency maps, measured by drawing with and without them by turns.
+//! What a frame costs: a view's times, and the share of the translucency maps, measured by drawing with and without
+//! them by turns.
 
 use super::report::{Term, ViewReport};
 use super::told;
@@ -32,7 +33,12 @@ pub fn timed(manifest: &Manifest, view: &View, renderer: &mut gpu::Renderer) -> 
 }
 
 /// Draws the first view with and without the translucency maps, by turns, and gives the maps back.
-pub fn term(manifest: &Manifest, scene: &gpu::scene::Scene, renderer: &mut gpu::Renderer, timed: bool) -> Result<Option<Term>> {
+pub fn term(
+    manifest: &Manifest,
+    scene: &gpu::scene::Scene,
+    renderer: &mut gpu::Renderer,
+    timed: bool,
+) -> Result<Option<Term>> {
     let has = |l: &gpu::scene::Leaf| l.front.translucency.is_some() || l.back.translucency.is_some();
     let own: Vec<usize> = (0..scene.leaves.len()).filter(|&k| has(&scene.leaves[k])).collect();
     let view = manifest.views.iter().find(|v| v.kind == ViewKind::Perspective);
@@ -56,7 +62,8 @@ pub fn term(manifest: &Manifest, scene: &gpu::scene::Scene, renderer: &mut gpu::
             renderer.set_leaf(drawn, k).map_err(told)?;
         }
         let (w, h) = (manifest.check.width, manifest.check.height);
-        let timing = renderer.time(&handover::camera(view), w, h, (manifest.check.frames as usize).min(10)).map_err(told)?;
+        let timing =
+            renderer.time(&handover::camera(view), w, h, (manifest.check.frames as usize).min(10)).map_err(told)?;
         let main = timing.passes.iter().find(|(n, _)| n == "main").map_or(&timing.frame_ms, |(_, t)| t);
         times[which].extend(main);
     }

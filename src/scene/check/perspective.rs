@@ -1,5 +1,5 @@
-//! A view of the scene: the renderer's picture against the reference's, with translucency by the convolution or as the maps store it, and against
-//! the golden picture where there is one.
+//! A view of the scene: the renderer's picture against the reference's, with translucency by the convolution or as the
+//! maps store it, and against the golden picture where there is one.
 
 use super::cost::timed;
 use super::pictures::save;
@@ -72,7 +72,12 @@ pub fn one_view(
         let apart = compare::compare(&grown, &picture.ldr)?;
         let file = format!("{}-true-leaf.png", view.name);
         write_png(&options.out.join(&file), w, h, grown.ldr.as_flattened())?;
-        out.true_leaf = Some(TrueLeaf { flip_mean: apart.flip_mean, flip_p99: apart.flip_p99, max_error: apart.max_error, picture: file });
+        out.true_leaf = Some(TrueLeaf {
+            flip_mean: apart.flip_mean,
+            flip_p99: apart.flip_p99,
+            max_error: apart.max_error,
+            picture: file,
+        });
     }
     proof::judge_view(manifest, view, renderer, options, &mut out)?;
     save(&mut out, options, &truth, &picture, &seen)?;

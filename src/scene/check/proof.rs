@@ -48,14 +48,25 @@ pub fn all(
 }
 
 fn alone(manifest: &Manifest, view: &View, renderer: &mut gpu::Renderer, options: &Options) -> Result<ViewReport> {
-    let mut out = ViewReport { name: view.name.clone(), card: view.kind == ViewKind::Card, golden_only: true, ..ViewReport::default() };
+    let mut out = ViewReport {
+        name: view.name.clone(),
+        card: view.kind == ViewKind::Card,
+        golden_only: true,
+        ..ViewReport::default()
+    };
     judge_view(manifest, view, renderer, options, &mut out)?;
     out.passed = out.why.is_empty();
     Ok(out)
 }
 
 /// Draws a view of the scene that the renderer holds small, and judges it by its golden where that applies.
-pub fn judge_view(manifest: &Manifest, view: &View, renderer: &mut gpu::Renderer, options: &Options, out: &mut ViewReport) -> Result<()> {
+pub fn judge_view(
+    manifest: &Manifest,
+    view: &View,
+    renderer: &mut gpu::Renderer,
+    options: &Options,
+    out: &mut ViewReport,
+) -> Result<()> {
     if !options.goldens_only && !golden::applies(manifest) {
         return Ok(());
     }
@@ -88,8 +99,15 @@ pub fn hours(
     Ok(())
 }
 
-/// Writes the picture as the golden of `out.name`, or compares the two. Only a check of the goldens alone asks for one that is not there.
-fn judge(manifest: &Manifest, (w, h): (usize, usize), pixels: &[[u8; 4]], options: &Options, out: &mut ViewReport) -> Result<()> {
+/// Writes the picture as the golden of `out.name`, or compares the two. Only a check of the goldens alone asks for one
+/// that is not there.
+fn judge(
+    manifest: &Manifest,
+    (w, h): (usize, usize),
+    pixels: &[[u8; 4]],
+    options: &Options,
+    out: &mut ViewReport,
+) -> Result<()> {
     let path = golden::path(manifest, &out.name);
     image::write_png(&options.out.join(format!("{}-small.png", out.name)), w, h, pixels.as_flattened())?;
     if options.update_golden {
@@ -101,7 +119,11 @@ fn judge(manifest: &Manifest, (w, h): (usize, usize), pixels: &[[u8; 4]], option
         if let Some(why) = seen.figures.missed(out.card) {
             let difference = options.out.join(format!("{}-small-difference.png", out.name));
             image::write_png(&difference, w, h, &seen.difference)?;
-            out.why.push(format!("{why} from the golden {} (eightfold difference: {})", path.display(), difference.display()));
+            out.why.push(format!(
+                "{why} from the golden {} (eightfold difference: {})",
+                path.display(),
+                difference.display()
+            ));
         }
     } else if options.goldens_only {
         let scene = manifest.path.display();

@@ -34,8 +34,8 @@ pub struct Report {
 /// The translucency maps' term against the whole shader, in one run on one adapter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Term {
-    /// Median time of the main pass (of a frame where the adapter has no clock) of the first perspective view, ms, with the term and with the
-    /// cosine of the mesh's normal in its place; `None` where a frame takes seconds.
+    /// Median time of the main pass (of a frame where the adapter has no clock) of the first perspective view, ms, with
+    /// the term and with the cosine of the mesh's normal in its place; `None` where a frame takes seconds.
     pub ms: Option<[f64; 2]>,
     /// Operations of the dearest leaf's shader, both arms of every branch and loops once, with the term and without.
     pub operations: [usize; 2],
@@ -53,9 +53,11 @@ pub struct ViewReport {
     pub max_at: Option<(usize, usize)>,
     /// Share of the leaf's pixels that the largest error looks at.
     pub interior_share: f64,
-    /// The reference's own noise: the same two measures between two seeds; for a card, its error against the closed form.
+    /// The reference's own noise: the same two measures between two seeds; for a card, its error against the closed
+    /// form.
     pub noise_flip_p99: Option<f64>,
-    /// What the translucency maps' directional basis costs: the reference by the stored coefficients against the reference by the convolution.
+    /// What the translucency maps' directional basis costs: the reference by the stored coefficients against the
+    /// reference by the convolution.
     pub basis: Option<(f64, f64)>,
     /// Judged against the reference by the stored coefficients.
     pub by_maps: bool,
@@ -86,7 +88,8 @@ pub struct ViewReport {
     pub why: Vec<String>,
 }
 
-/// What the fit costs where the true leaves are known: the picture from the fit against the reference's picture of the truth.
+/// What the fit costs where the true leaves are known: the picture from the fit against the reference's picture of the
+/// truth.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrueLeaf {
     pub flip_mean: f64,
@@ -146,10 +149,21 @@ impl ViewReport {
         let verdict = if self.passed { "passed" } else { "MISSED" };
         let error = self.max_error.map_or("-".to_string(), |e| format!("{e:.4}"));
         let noise = |v: Option<f64>| v.map_or("-".to_string(), |e| format!("{e:.4}"));
-        let times = format!("{:.1} ms a frame (95 %: {:.1}), {} triangles", self.frame_ms_median, self.frame_ms_p95, self.triangles);
+        let times = format!(
+            "{:.1} ms a frame (95 %: {:.1}), {} triangles",
+            self.frame_ms_median, self.frame_ms_p95, self.triangles
+        );
         let golden = self.golden.map(|g| {
-            let allowed = format!("allowed {:.0e} and {:.1} %", golden::FLIP_MEAN[usize::from(self.card)], 100.0 * golden::CHANGED);
-            format!("mean FLIP {:.1e} and {:.2} % of the pixels from the golden ({allowed})", g.flip_mean, 100.0 * g.changed)
+            let allowed = format!(
+                "allowed {:.0e} and {:.1} %",
+                golden::FLIP_MEAN[usize::from(self.card)],
+                100.0 * golden::CHANGED
+            );
+            format!(
+                "mean FLIP {:.1e} and {:.2} % of the pixels from the golden ({allowed})",
+                g.flip_mean,
+                100.0 * g.changed
+            )
         });
         let mut line = if self.golden_only {
             format!("{verdict}  {}: {}", self.name, golden.clone().unwrap_or_else(|| "drawn small".into()))
@@ -163,7 +177,8 @@ impl ViewReport {
             )
         } else {
             format!(
-                "{verdict}  {}: FLIP 99 % {:.4} (allowed {:.4}, noise {}), largest error {error} (allowed {:.4}, noise {}), {times}",
+                "{verdict}  {}: FLIP 99 % {:.4} (allowed {:.4}, noise {}), largest error {error} (allowed {:.4}, noise \
+                 {}), {times}",
                 self.name,
                 self.flip_p99,
                 self.threshold_flip_p99.unwrap_or(f64::NAN),
@@ -182,7 +197,10 @@ impl ViewReport {
         }
         if let Some(t) = &self.true_leaf {
             let error = t.max_error.map_or("-".to_string(), |e| format!("{e:.4}"));
-            line += &format!("\n        from the true leaf: FLIP mean {:.4}, 99 % {:.4}, largest error {error}", t.flip_mean, t.flip_p99);
+            line += &format!(
+                "\n        from the true leaf: FLIP mean {:.4}, 99 % {:.4}, largest error {error}",
+                t.flip_mean, t.flip_p99
+            );
         }
         if let Some(golden) = golden.filter(|_| !self.golden_only) {
             line += &format!("\n        {golden}");
@@ -227,7 +245,11 @@ impl Report {
 
     /// The report in words.
     pub fn text(&self) -> String {
-        let mut out = format!("adapter: {}{}\n", self.adapter, if self.software { ", software: frame times are not judged" } else { "" });
+        let mut out = format!(
+            "adapter: {}{}\n",
+            self.adapter,
+            if self.software { ", software: frame times are not judged" } else { "" }
+        );
         for warning in &self.warnings {
             out += &format!("warning: {warning}\n");
         }
@@ -244,13 +266,19 @@ impl Report {
             let [with, without] = term.operations;
             out += &format!("translucency maps: {with} operations a fragment, {without} without");
             if let Some([with, without]) = term.ms {
-                out += &format!("; {:.2} times the main pass without ({with:.2} and {without:.2} ms)", with / without.max(1e-9));
+                out += &format!(
+                    "; {:.2} times the main pass without ({with:.2} and {without:.2} ms)",
+                    with / without.max(1e-9)
+                );
             }
             out += "\n";
         }
         if !self.day.is_empty() {
             let worst = self.day.iter().map(|h| h.fit_error).fold(0.0, f64::max);
-            out += &format!("day.png: {} hours; the fitted sky is within {worst:.1e} of an integrated one\n", self.day.len());
+            out += &format!(
+                "day.png: {} hours; the fitted sky is within {worst:.1e} of an integrated one\n",
+                self.day.len()
+            );
         }
         out
     }

@@ -1,5 +1,5 @@
-//! Whether the fits that a scene uses are still what was fitted: their content hashes, the record hash of their numbers, and whether their maps
-//! agree with each other.
+//! Whether the fits that a scene uses are still what was fitted: their content hashes, the record hash of their
+//! numbers, and whether their maps agree with each other.
 
 use crate::Result;
 use crate::fitted::Fitted;
@@ -16,11 +16,16 @@ use std::path::PathBuf;
 /// # Errors
 /// [`crate::Error::Input`] for a file that cannot be read.
 pub fn verify(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<Vec<String>> {
-    let fits: Vec<&Fitted> =
-        plan.leaves.iter().flat_map(|l| [l.fitted.as_ref(), l.translucency.as_ref().and_then(|t| t.fitted.as_ref())]).flatten().collect();
+    let fits: Vec<&Fitted> = plan
+        .leaves
+        .iter()
+        .flat_map(|l| [l.fitted.as_ref(), l.translucency.as_ref().and_then(|t| t.fitted.as_ref())])
+        .flatten()
+        .collect();
     let branches = manifest.branches.iter().filter_map(|b| b.fit.as_ref()).map(|folder| manifest.resolve(folder));
     let folders: BTreeSet<PathBuf> = fits.iter().map(|f| f.folder.clone()).chain(branches).collect();
-    let mut out: Vec<String> = folders.iter().filter_map(|f| FitRecord::verify_numbers(f).err()).map(|e| e.to_string()).collect();
+    let mut out: Vec<String> =
+        folders.iter().filter_map(|f| FitRecord::verify_numbers(f).err()).map(|e| e.to_string()).collect();
     for fitted in fits {
         let prefix = format!("{}/", fitted.name);
         for need in &plan.needed {

@@ -47,7 +47,8 @@ pub struct Translucency {
     pub tissue: Tissue,
     #[serde(default)]
     pub colour: Colour,
-    /// What they are made with, and what a folder that is named must hold; when absent, the default and either of the two.
+    /// What they are made with, and what a folder that is named must hold; when absent, the default and either of the
+    /// two.
     pub basis: Option<Basis>,
 }
 

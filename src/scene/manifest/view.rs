@@ -21,7 +21,8 @@ pub enum JudgedBy {
     /// The full convolution for this very sun.
     #[default]
     Convolution,
-    /// The reference by the stored coefficients: the renderer alone is judged, and what the basis costs is reported beside it.
+    /// The reference by the stored coefficients: the renderer alone is judged, and what the basis costs is reported
+    /// beside it.
     Maps,
 }
 
@@ -37,8 +38,8 @@ pub struct View {
     /// The card's or the scan's leaf, and how the card is turned.
     pub leaf: Option<String>,
     pub rotation_deg: Option<[f64; 3]>,
-    /// Which held-out frame of the scan: side (front where it is not said), pass and number. Where something is open it is the brightest one that
-    /// the fit keeps.
+    /// Which held-out frame of the scan: side (front where it is not said), pass and number. Where something is open it
+    /// is the brightest one that the fit keeps.
     pub side: Option<SideName>,
     pub pass: Option<Travel>,
     pub frame: Option<usize>,
@@ -46,8 +47,8 @@ pub struct View {
     pub time_s: Option<f64>,
     /// Largest 99th percentile of FLIP against the reference.
     pub flip_p99: Option<f64>,
-    /// Largest difference of a displayed value (0 to 1) over interior pixels; for a card, of the radiance relative to the closed form; for a
-    /// scan, how far the picture may be off in units of the measurement's noise.
+    /// Largest difference of a displayed value (0 to 1) over interior pixels; for a card, of the radiance relative to
+    /// the closed form; for a scan, how far the picture may be off in units of the measurement's noise.
     pub max_error: Option<f64>,
     /// Largest median frame time (ms); judged on real GPUs only.
     pub frame_ms: Option<f64>,

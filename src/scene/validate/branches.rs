@@ -21,7 +21,9 @@ pub fn branches(p: &Place) -> Result<()> {
         if let Some(load) = b.load_over_stiffness_mm {
             p.range(HEADER, i, "load_over_stiffness_mm", load, [0.0, 1e6], "mm")?;
         }
-        for (key, given) in [("taper", b.taper.is_some()), ("load_over_stiffness_mm", b.load_over_stiffness_mm.is_some())] {
+        for (key, given) in
+            [("taper", b.taper.is_some()), ("load_over_stiffness_mm", b.load_over_stiffness_mm.is_some())]
+        {
             if given && b.fit.is_some() {
                 return Err(p.error(HEADER, i, key, "given beside a fit, which says it; expected one of the two"));
             }
@@ -43,7 +45,12 @@ pub fn branches(p: &Place) -> Result<()> {
     }
     if p.manifest.branches.len() > MOST_BRANCHES {
         let found = p.manifest.branches.len();
-        return Err(p.error(HEADER, MOST_BRANCHES, "name", format!("found {found} branches, expected at most {MOST_BRANCHES}")));
+        return Err(p.error(
+            HEADER,
+            MOST_BRANCHES,
+            "name",
+            format!("found {found} branches, expected at most {MOST_BRANCHES}"),
+        ));
     }
     let Some(wind) = &p.manifest.wind else { return Ok(()) };
     p.range("[wind]", 0, "speed_m_s", wind.speed_m_s, [0.0, 100.0], "m/s")?;

@@ -14,7 +14,12 @@ pub fn leaves(p: &Place) -> Result<()> {
         if let Some(like) = &leaf.like {
             p.leaf(HEADER, i, "like", like)?;
             if own {
-                return Err(p.error(HEADER, i, "like", "given beside a fit, capture or scan of its own; expected one of the two"));
+                return Err(p.error(
+                    HEADER,
+                    i,
+                    "like",
+                    "given beside a fit, capture or scan of its own; expected one of the two",
+                ));
             }
             if p.manifest.leaf_index(like).is_some_and(|k| p.manifest.leaves[k].like.is_some()) {
                 return Err(p.error(
@@ -28,7 +33,12 @@ pub fn leaves(p: &Place) -> Result<()> {
             return Err(p.error(HEADER, i, "fit", "missing; expected a fit folder, a capture or a scan"));
         }
         if leaf.mesh_unit.is_some() && leaf.mesh.is_none() {
-            return Err(p.error(HEADER, i, "mesh_unit", "given without a mesh; a fit's own blade says its unit itself"));
+            return Err(p.error(
+                HEADER,
+                i,
+                "mesh_unit",
+                "given without a mesh; a fit's own blade says its unit itself",
+            ));
         }
         if leaf.capture.is_some() && leaf.scan.is_some() {
             return Err(p.error(HEADER, i, "scan", "given beside a capture; expected one of the two"));
@@ -36,7 +46,12 @@ pub fn leaves(p: &Place) -> Result<()> {
         if let Some(scan) = &leaf.scan {
             if scan.size.is_some() && size(scan).is_none() {
                 let found = scan.size.as_deref().unwrap_or_default();
-                return Err(p.error(HEADER, i, "scan", format!("size: found \"{found}\", expected WIDTHxHEIGHT such as 240x180")));
+                return Err(p.error(
+                    HEADER,
+                    i,
+                    "scan",
+                    format!("size: found \"{found}\", expected WIDTHxHEIGHT such as 240x180"),
+                ));
             }
             for side in scan.field_mm.iter().flatten() {
                 p.range(HEADER, i, "scan", *side, [0.1, 1e4], "mm of field")?;
@@ -46,7 +61,9 @@ pub fn leaves(p: &Place) -> Result<()> {
         }
         match (leaf.lobe, leaf.index) {
             (Lobe::CookTorrance, Some(n)) => p.range(HEADER, i, "index", n, [1.0, 4.0], "")?,
-            (Lobe::CookTorrance, None) => return Err(p.error(HEADER, i, "index", "missing; the cook-torrance lobe needs one")),
+            (Lobe::CookTorrance, None) => {
+                return Err(p.error(HEADER, i, "index", "missing; the cook-torrance lobe needs one"));
+            }
             (_, Some(_)) => return Err(p.error(HEADER, i, "index", "given, but only the cook-torrance lobe has one")),
             (_, None) => {}
         }

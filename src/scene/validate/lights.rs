@@ -13,7 +13,14 @@ pub fn lights(p: &Place) -> Result<()> {
         match &sun.irradiance {
             Some(irradiance) => p.colour("[sun]", "irradiance", irradiance)?,
             None if p.manifest.physical_sky() => {}
-            None => return Err(p.error("[sun]", 0, "irradiance", "missing; only a sun under a physical sky has its light from the model")),
+            None => {
+                return Err(p.error(
+                    "[sun]",
+                    0,
+                    "irradiance",
+                    "missing; only a sun under a physical sky has its light from the model",
+                ));
+            }
         }
         p.range("[sun]", 0, "radius_deg", sun.radius_deg, [0.0, 45.0], "degrees")?;
     }
@@ -22,7 +29,12 @@ pub fn lights(p: &Place) -> Result<()> {
     }
     if p.manifest.sun_moves() && !p.manifest.physical_sky() {
         let (header, key) = if p.manifest.day.is_some() { ("[day]", "") } else { ("[sun]", "moves") };
-        return Err(p.error(header, 0, key, "given, but only a scene with a physical sky (sky.model) has a sun that moves"));
+        return Err(p.error(
+            header,
+            0,
+            key,
+            "given, but only a scene with a physical sky (sky.model) has a sun that moves",
+        ));
     }
     if let Some(day) = &p.manifest.day {
         one_day(p, day)?;
@@ -43,23 +55,47 @@ fn one_sky(p: &Place, sky: &Sky) -> Result<()> {
             ("scale", sky.scale.is_some()),
         ] {
             if given {
-                return Err(p.error(HEADER, 0, key, "given beside radiance; a constant sky has none, a physical one no radiance"));
+                return Err(p.error(
+                    HEADER,
+                    0,
+                    key,
+                    "given beside radiance; a constant sky has none, a physical one no radiance",
+                ));
             }
         }
         return p.colour(HEADER, "radiance", radiance);
     }
     if sky.model.is_none() {
-        return Err(p.error(HEADER, 0, "radiance", "missing, and no model either; expected a constant radiance or model = \"preetham\""));
+        return Err(p.error(
+            HEADER,
+            0,
+            "radiance",
+            "missing, and no model either; expected a constant radiance or model = \"preetham\"",
+        ));
     }
     let Some(sun) = &p.manifest.sun else {
         return Err(p.error(HEADER, 0, "model", "given without a [sun]; a physical sky needs one"));
     };
-    p.range("[sun]", 0, "zenith_deg", sun.zenith_deg, [0.0, 90.0], "degrees (the sun of a physical sky stands above the horizon)")?;
+    p.range(
+        "[sun]",
+        0,
+        "zenith_deg",
+        sun.zenith_deg,
+        [0.0, 90.0],
+        "degrees (the sun of a physical sky stands above the horizon)",
+    )?;
     let Some(turbidity) = sky.turbidity else {
         return Err(p.error(HEADER, 0, "turbidity", "missing; a physical sky needs one"));
     };
     if p.manifest.sun_moves() {
-        p.range(HEADER, 0, "turbidity", turbidity, preetham::TRUSTED, "where the sun moves (what the polynomials were fitted to)")?;
+        p.range(
+            HEADER,
+            0,
+            "turbidity",
+            turbidity,
+            preetham::TRUSTED,
+            "where the sun moves (what the polynomials were fitted to)",
+        )?;
     }
     p.range(HEADER, 0, "turbidity", turbidity, preetham::TURBIDITIES, "")?;
     for albedo in sky.ground_albedo.iter().flatten() {
@@ -78,7 +114,12 @@ fn one_day(p: &Place, day: &Day) -> Result<()> {
     for hour in &day.hours {
         p.range(HEADER, 0, "hours", *hour, [0.0, 24.0], "hours")?;
         if sun_of(day, *hour).0 > std::f64::consts::FRAC_PI_2 + 1e-9 {
-            return Err(p.error(HEADER, 0, "hours", format!("the sun is below the horizon at {hour}, expected hours of daylight")));
+            return Err(p.error(
+                HEADER,
+                0,
+                "hours",
+                format!("the sun is below the horizon at {hour}, expected hours of daylight"),
+            ));
         }
     }
     Ok(())

@@ -32,7 +32,8 @@ impl<'a> Place<'a> {
         if value >= low && value <= high {
             return Ok(());
         }
-        let limits = if high.is_finite() { format!("{low} to {high} {unit}") } else { format!("at least {low} {unit}") };
+        let limits =
+            if high.is_finite() { format!("{low} to {high} {unit}") } else { format!("at least {low} {unit}") };
         Err(self.error(header, index, key, format!("found {value}, expected {}", limits.trim_end())))
     }
 
@@ -69,7 +70,12 @@ impl<'a> Place<'a> {
             return Ok(());
         }
         let known: Vec<&str> = self.manifest.leaves.iter().map(|l| l.name.as_str()).collect();
-        Err(self.error(header, index, key, format!("found \"{name}\", expected one of the scene's leaves ({})", known.join(", "))))
+        Err(self.error(
+            header,
+            index,
+            key,
+            format!("found \"{name}\", expected one of the scene's leaves ({})", known.join(", ")),
+        ))
     }
 
     /// Nothing seen yet of the names in tables with this header; `what` is what one of them is called.
@@ -93,11 +99,21 @@ impl<'a> Names<'a, '_> {
     /// [`Error::Input`] for other characters than letters, digits, - and _, and for a name that another table has.
     pub fn take(&mut self, index: usize, name: &'a str) -> Result<()> {
         if !plain(name) {
-            return Err(self.place.error(self.header, index, "name", format!("found \"{name}\", expected letters, digits, - and _")));
+            return Err(self.place.error(
+                self.header,
+                index,
+                "name",
+                format!("found \"{name}\", expected letters, digits, - and _"),
+            ));
         }
         if !self.seen.insert(name) {
             let what = self.what;
-            return Err(self.place.error(self.header, index, "name", format!("\"{name}\" is used twice, expected one {what} a name")));
+            return Err(self.place.error(
+                self.header,
+                index,
+                "name",
+                format!("\"{name}\" is used twice, expected one {what} a name"),
+            ));
         }
         Ok(())
     }

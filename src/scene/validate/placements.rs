@@ -21,7 +21,8 @@ pub fn placements(p: &Place) -> Result<()> {
                 return Err(p.error(HEADER, i, "branch", what));
             }
             Some(_) => {
-                let at = instance.at.ok_or_else(|| p.error(HEADER, i, "at", "missing; an instance on a branch needs it"))?;
+                let at =
+                    instance.at.ok_or_else(|| p.error(HEADER, i, "at", "missing; an instance on a branch needs it"))?;
                 p.range(HEADER, i, "at", at, [0.0, 1.0], "(root to tip)")?;
                 p.finite(HEADER, i, "offset_mm", &[instance.offset_mm.unwrap_or(0.0)])?;
             }

@@ -24,7 +24,8 @@ fn one_view(p: &Place, i: usize, view: &View) -> Result<()> {
     if view.kind == ViewKind::Capture {
         return capture(p, i, view);
     }
-    for (key, given) in [("side", view.side.is_some()), ("pass", view.pass.is_some()), ("frame", view.frame.is_some())] {
+    for (key, given) in [("side", view.side.is_some()), ("pass", view.pass.is_some()), ("frame", view.frame.is_some())]
+    {
         if given {
             return Err(p.error(HEADER, i, key, "given, but only capture views have one"));
         }
@@ -87,7 +88,9 @@ fn capture(p: &Place, i: usize, view: &View) -> Result<()> {
         HEADER,
         i,
         "leaf",
-        view.leaf.as_deref().ok_or_else(|| p.error(HEADER, i, "leaf", format!("missing; view \"{}\" needs it", view.name)))?,
+        view.leaf
+            .as_deref()
+            .ok_or_else(|| p.error(HEADER, i, "leaf", format!("missing; view \"{}\" needs it", view.name)))?,
     )?;
     let given = [
         ("eye_mm", view.eye_mm.is_some()),

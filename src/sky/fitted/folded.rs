@@ -1,15 +1,18 @@
 //! Preetham's coefficients as few polynomials: everything that has a closed form is folded out of the fit.
 //!
-//! Each of Y, Y/y and Y·x/y is (function of θ)·(function of γ) times a prefactor of (θs, τ) alone, which is kept in closed form
-//! ([`Turbid::prefactors`]); XYZ and RGB are linear in the three. What is left, q_lm(θs, τ), is even in θs for even m and odd for odd m (a sun at −θs is a sun
-//! at azimuth π), and nearly polynomial in ln(τ − 1.2029), where B of the luminance vanishes. So
+//! Each of Y, Y/y and Y·x/y is (function of θ)·(function of γ) times a prefactor of (θs, τ) alone, which is kept in
+//! closed form ([`Turbid::prefactors`]); XYZ and RGB are linear in the three. What is left, q_lm(θs, τ), is even in θs
+//! for even m and odd for odd m (a sun at −θs is a sun at azimuth π), and nearly polynomial in ln(τ − 1.2029), where B
+//! of the luminance vanishes. So
 //!
 //! q_lm = Σ_i Σ_{j < J_i} a_ij T_{2i + (m odd)}(2θs/π) T_j(v),   v = ln(τ − 1.2029) scaled to −1 … 1,
 //!
-//! with a staircase J_0 ≥ J_1 ≥ … common to all functions: high powers of one variable meet only low powers of the other.
+//! with a staircase J_0 ≥ J_1 ≥ … common to all functions: high powers of one variable meet only low powers of the
+//! other.
 //!
-//! The three functions are stored mixed, u = K P̄ q with K the colour matrix and P̄ the prefactors at the middle of the domain ([`Mix`]), so that u is nearly
-//! RGB already and rgb = (K P P̄⁻¹ K⁻¹) u is nearly u: without that, red is a small difference of large numbers, and single precision loses a digit.
+//! The three functions are stored mixed, u = K P̄ q with K the colour matrix and P̄ the prefactors at the middle of the
+//! domain ([`Mix`]), so that u is nearly RGB already and rgb = (K P P̄⁻¹ K⁻¹) u is nearly u: without that, red is a
+//! small difference of large numbers, and single precision loses a digit.
 
 use super::{Scalar, chebyshev};
 use crate::harmonics::Coefficients;
@@ -71,7 +74,9 @@ impl Mix {
     #[inline(always)]
     pub fn matrix(&self, turbid: &Turbid, sun_zenith: f64) -> [[f64; 3]; 3] {
         let p = turbid.prefactors(sun_zenith);
-        std::array::from_fn(|r| std::array::from_fn(|c| (0..3).map(|q| self.colours[r][q] * p[q] * self.back[q][c]).sum()))
+        std::array::from_fn(|r| {
+            std::array::from_fn(|c| (0..3).map(|q| self.colours[r][q] * p[q] * self.back[q][c]).sum())
+        })
     }
 }
 
@@ -84,14 +89,17 @@ pub struct Orders {
 
 impl Orders {
     pub fn new(bands: usize) -> Orders {
-        let of = |parity: usize| (0..bands).flat_map(|l| (0..=l).filter(move |m| m % 2 == parity).map(move |m| l * (l + 1) + m)).collect();
+        let of = |parity: usize| {
+            (0..bands).flat_map(|l| (0..=l).filter(move |m| m % 2 == parity).map(move |m| l * (l + 1) + m)).collect()
+        };
         Orders { even: of(0), odd: of(1) }
     }
 }
 
 /// Linear sRGB from (Y, Y/y, Y·x/y), rows R, G, B.
 pub fn rgb_from_separable() -> [[f64; 3]; 3] {
-    let columns = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|s| colour::rgb_from_xyz(preetham::xyz_from_separable(s)));
+    let columns = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+        .map(|s| colour::rgb_from_xyz(preetham::xyz_from_separable(s)));
     std::array::from_fn(|c| std::array::from_fn(|q| columns[q][c]))
 }
 
@@ -103,17 +111,25 @@ pub fn scaled_turbidity(turbidity: f64, [low, high]: [f64; 2]) -> f64 {
 }
 
 impl<T: Scalar> Folded<T> {
-    /// From arrays: for each row i, for each j < `rows[i]`: u_0 of the functions of `even` orders, then u_1, then u_2 (and `odd` alike).
+    /// From arrays: for each row i, for each j < `rows[i]`: u_0 of the functions of `even` orders, then u_1, then u_2
+    /// (and `odd` alike).
     ///
     /// # Errors
     /// A sentence where lengths, bands or turbidities make no sense.
-    pub fn new(bands: usize, turbidities: [f64; 2], rows: Vec<usize>, even: Vec<T>, odd: Vec<T>) -> Result<Self, String> {
+    pub fn new(
+        bands: usize,
+        turbidities: [f64; 2],
+        rows: Vec<usize>,
+        even: Vec<T>,
+        odd: Vec<T>,
+    ) -> Result<Self, String> {
         let orders = Orders::new(bands);
         let terms: usize = rows.iter().sum();
         let finite = even.iter().chain(&odd).all(|v| v.wide().is_finite());
         if bands == 0 || rows.is_empty() || rows.len() > MOST_ROWS || rows.iter().any(|r| *r > MOST_COLUMNS) {
             return Err(format!(
-                "{bands} bands and rows {rows:?}; expected 1 band or more and 1 to {MOST_ROWS} rows of at most {MOST_COLUMNS} terms"
+                "{bands} bands and rows {rows:?}; expected 1 band or more and 1 to {MOST_ROWS} rows of at most \
+                 {MOST_COLUMNS} terms"
             ));
         }
         if even.len() != terms * 3 * orders.even.len() || odd.len() != terms * 3 * orders.odd.len() || !finite {
@@ -202,7 +218,8 @@ impl<T: Scalar> Folded<T> {
         Ok(widened(&out))
     }
 
-    /// Writes N² triples at l(l+1)+m; places of m < 0 are left as they are. Parameters are not checked ([`Folded::accepts`]).
+    /// Writes N² triples at l(l+1)+m; places of m < 0 are left as they are. Parameters are not checked
+    /// ([`Folded::accepts`]).
     pub fn fill(&self, sun_zenith: f64, turbidity: f64, out: &mut [[T; 3]]) {
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {

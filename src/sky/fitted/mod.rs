@@ -1,8 +1,11 @@
-//! Fitted polynomials of sky coefficients over (θs, τ), and how they are evaluated; how they are fitted is another room's business.
+//! Fitted polynomials of sky coefficients over (θs, τ), and how they are evaluated; how they are fitted is another
+//! room's business.
 //!
 //! Two forms, both for the m ≥ 0 coefficients (the sun's azimuth is 0, so m < 0 are zero) in f32 or f64:
-//! - [`Folded`]: Preetham alone. Prefactors in closed form, Chebyshev polynomials of the right parity in θs and of ln(τ − 1.2029).
-//! - [`Tensor`]: any model, a plain product of two polynomial bases in θs and τ: the dissertation's monomials, or Chebyshev.
+//! - [`Folded`]: Preetham alone. Prefactors in closed form, Chebyshev polynomials of the right parity in θs and of ln(τ
+//!   − 1.2029).
+//! - [`Tensor`]: any model, a plain product of two polynomial bases in θs and τ: the dissertation's monomials, or
+//!   Chebyshev.
 
 pub mod folded;
 pub mod tensor;

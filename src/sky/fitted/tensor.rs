@@ -1,4 +1,5 @@
-//! Coefficients as a product of two polynomial bases in θs and τ, a polynomial a coefficient and channel (Habel 2009 Eq. 5.1).
+//! Coefficients as a product of two polynomial bases in θs and τ, a polynomial a coefficient and channel (Habel 2009
+//! Eq. 5.1).
 
 use super::{Scalar, chebyshev};
 use crate::harmonics::Coefficients;
@@ -32,7 +33,13 @@ pub struct Tensor<T = f32> {
 impl<T: Scalar> Tensor<T> {
     /// # Errors
     /// A sentence where lengths make no sense.
-    pub fn new(basis: Basis, bands: usize, turbidities: [f64; 2], powers: [usize; 2], values: Vec<T>) -> Result<Self, String> {
+    pub fn new(
+        basis: Basis,
+        bands: usize,
+        turbidities: [f64; 2],
+        powers: [usize; 2],
+        values: Vec<T>,
+    ) -> Result<Self, String> {
         let expected = powers[0] * powers[1] * 3 * bands * (bands + 1) / 2;
         if values.len() != expected || powers.iter().any(|p| !(1..=MOST).contains(p)) || bands == 0 {
             return Err(format!(

@@ -1,4 +1,5 @@
-//! The sun-centred rule against an adaptive integration in zenith angle and azimuth, against more nodes, and against closed forms.
+//! The sun-centred rule against an adaptive integration in zenith angle and azimuth, against more nodes, and against
+//! closed forms.
 
 use super::*;
 use crate::quadrature::gauss;
@@ -62,7 +63,8 @@ fn brute(sky: &dyn Sky, bands: usize, tolerance: f64) -> Coefficients {
 /// Largest difference of two projections over the smallest c00 channel of the second.
 fn off(a: &Coefficients, b: &Coefficients) -> f64 {
     let c00 = b.get(0, 0).into_iter().fold(f64::INFINITY, f64::min);
-    a.values().iter().zip(b.values()).flat_map(|(a, b)| (0..3).map(move |c| (a[c] - b[c]).abs())).fold(0.0, f64::max) / c00
+    a.values().iter().zip(b.values()).flat_map(|(a, b)| (0..3).map(move |c| (a[c] - b[c]).abs())).fold(0.0, f64::max)
+        / c00
 }
 
 #[test]
@@ -86,7 +88,8 @@ fn more_nodes_change_nothing() {
                     continue;
                 }
                 let e = off(&direct(&sky, bands), &Rule::new(s, bands, Quality::Checked).project(&sky));
-                // README.md says 2e-11 of the mean for the seven bands of the fits; it is reached where the low sun's rule begins.
+                // README.md says 2e-11 of the mean for the seven bands of the fits; it is reached where the low sun's
+                // rule begins.
                 assert!(e < if bands == 7 { 2e-11 } else { 1e-10 }, "θs {s} τ {t} N {bands}: {e:.1e}");
             }
         }

@@ -26,7 +26,8 @@ impl Factor {
         let mut b: Vec<f64> = run.r.iter().map(|r| -r).collect();
         qr::reduce(&mut j, m, n, &mut b);
         // Fewer residuals than parameters: the missing rows are zero.
-        let r: Vec<f64> = (0..n * n).map(|k| if k % n <= k / n && k % n < m { j[k / n * m + k % n] } else { 0.0 }).collect();
+        let r: Vec<f64> =
+            (0..n * n).map(|k| if k % n <= k / n && k % n < m { j[k / n * m + k % n] } else { 0.0 }).collect();
         b.resize(n, 0.0);
         let weight: Vec<f64> = free.iter().map(|&k| run.weight(k)).collect();
         let diagonal = |k: usize| (r[k * n + k] / weight[k]).abs();
@@ -77,8 +78,9 @@ impl Factor {
         (false, p)
     }
 
-    /// Length of the residuals' projection on the model's tangent: over |r|, the cosine of Bates and Watts; its square is the share of the
-    /// cost that a linear model could still take away. Directions without rank do not count: there the tangent is rounding.
+    /// Length of the residuals' projection on the model's tangent: over |r|, the cosine of Bates and Watts; its square
+    /// is the share of the cost that a linear model could still take away. Directions without rank do not count: there
+    /// the tangent is rounding.
     pub(super) fn offset(&self, tolerance: f64) -> f64 {
         let n = self.n;
         let scale: Vec<f64> = (0..n).map(|k| qr::length(&self.r[k * n..(k + 1) * n])).collect();

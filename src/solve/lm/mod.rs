@@ -1,14 +1,16 @@
 //! Dense Levenberg–Marquardt with a trust region in scaled parameters, for problems of up to a few dozen parameters.
 //!
-//! The step solves min |J p + r|² with |D p| ≤ Δ; D holds the largest column norms met so far, so the units of the parameters do not
-//! matter. Every linear system goes through QR of the Jacobian and of [R; √λ D], never through the normal equations, which would square
-//! the condition number. Bounds are kept by an active set and by projecting the trial point.
+//! The step solves min |J p + r|² with |D p| ≤ Δ; D holds the largest column norms met so far, so the units of the
+//! parameters do not matter. Every linear system goes through QR of the Jacobian and of [R; √λ D], never through the
+//! normal equations, which would square the condition number. Bounds are kept by an active set and by projecting the
+//! trial point.
 //!
-//! J. J. Moré, "The Levenberg–Marquardt algorithm: implementation and theory", Lecture Notes in Mathematics 630 (1978), 105–116: the trust
-//! region, its scaling, Hebden's iteration for λ and the convergence tests. D. M. Bates and D. G. Watts, "A relative
-//! offset orthogonality convergence criterion for nonlinear least squares", Technometrics 23 (1981), 179–183: the test that keeps a short
-//! step on a plateau from passing for convergence. Geodesic acceleration (Transtrum and Sethna, arXiv:1201.5885) was tried and left out:
-//! with this trust region it took more than twice the evaluations on the 54 NIST runs and lost three of them.
+//! J. J. Moré, "The Levenberg–Marquardt algorithm: implementation and theory", Lecture Notes in Mathematics 630 (1978),
+//! 105–116: the trust region, its scaling, Hebden's iteration for λ and the convergence tests. D. M. Bates and D. G.
+//! Watts, "A relative offset orthogonality convergence criterion for nonlinear least squares", Technometrics 23 (1981),
+//! 179–183: the test that keeps a short step on a plateau from passing for convergence. Geodesic acceleration
+//! (Transtrum and Sethna, arXiv:1201.5885) was tried and left out: with this trust region it took more than twice the
+//! evaluations on the 54 NIST runs and lost three of them.
 
 mod factor;
 mod run;
@@ -38,7 +40,8 @@ pub struct Options {
     /// Upper bounds, one a parameter, or empty.
     pub upper: Vec<f64>,
     pub noise: Noise,
-    /// Singular values below this share of the largest are zero. `None`: n·ε with derivatives, 1e-10 with numeric differences.
+    /// Singular values below this share of the largest are zero. `None`: n·ε with derivatives, 1e-10 with numeric
+    /// differences.
     pub rank_tolerance: Option<f64>,
     /// Finish in double-double where the problem can ([`Problem::refined`]) and no bound is active.
     pub refine: bool,
@@ -67,8 +70,8 @@ impl Default for Options {
 /// What came out of a fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fit {
-    /// Fitted parameters. NaN where nothing was fitted ([`Termination::Refused`], [`Termination::Flat`], or not one step accepted before
-    /// the solver had to stop): a start is never handed back as a result.
+    /// Fitted parameters. NaN where nothing was fitted ([`Termination::Refused`], [`Termination::Flat`], or not one
+    /// step accepted before the solver had to stop): a start is never handed back as a result.
     pub params: Vec<f64>,
     /// Standard errors, covariance, rank, condition; all undetermined unless the fit converged.
     pub uncertainty: Uncertainty,
@@ -109,17 +112,25 @@ impl Fit {
 
 /// Minimises ½ Σ r² from `start`.
 ///
-/// Convergence: see the tolerances in [`Options`]. A stalled cost or a collapsed radius counts only where at most 1e-8 of the cost is left
-/// to gain by the linear model (or the residuals are down to their rounding); else the run goes on, or ends as [`Termination::NoProgress`].
+/// Convergence: see the tolerances in [`Options`]. A stalled cost or a collapsed radius counts only where at most 1e-8
+/// of the cost is left to gain by the linear model (or the residuals are down to their rounding); else the run goes on,
+/// or ends as [`Termination::NoProgress`].
 ///
-/// `start` has one value a parameter; outside its bounds it is moved onto them. Never panics on what a model returns: NaN or infinite
-/// residuals at a trial point shorten the step, at the start they end the run as [`Termination::NotFinite`]. Lengths that do not fit the
-/// problem, empty problems, crossed bounds and a start that is not finite end as [`Termination::Refused`].
+/// `start` has one value a parameter; outside its bounds it is moved onto them. Never panics on what a model returns:
+/// NaN or infinite residuals at a trial point shorten the step, at the start they end the run as
+/// [`Termination::NotFinite`]. Lengths that do not fit the problem, empty problems, crossed bounds and a start that is
+/// not finite end as [`Termination::Refused`].
 pub fn minimize(problem: &dyn Problem, start: &[f64], options: &Options) -> Fit {
     let (n, m) = (problem.parameters(), problem.residuals());
     let bound_lengths_fit = [&options.lower, &options.upper].iter().all(|b| b.is_empty() || b.len() == n);
     let bounds_make_sense = options.lower.iter().zip(&options.upper).all(|(l, u)| l <= u);
-    if n == 0 || m == 0 || start.len() != n || !bound_lengths_fit || !bounds_make_sense || start.iter().any(|x| !x.is_finite()) {
+    if n == 0
+        || m == 0
+        || start.len() != n
+        || !bound_lengths_fit
+        || !bounds_make_sense
+        || start.iter().any(|x| !x.is_finite())
+    {
         return Fit::failed(n, m, Termination::Refused);
     }
     let mut run = Run::new(problem, options, start);

@@ -11,7 +11,8 @@ use crate::uncertainty::Uncertainty;
 use crate::{jacobian, qr, refine};
 use std::time::Instant;
 
-/// A relative offset (see [`minimize`]) at which a stalled cost or radius counts as convergence: 1e-8 of the cost is left to gain.
+/// A relative offset (see [`minimize`]) at which a stalled cost or radius counts as convergence: 1e-8 of the cost is
+/// left to gain.
 const SETTLED: f64 = 1e-4;
 
 /// One run's working state.
@@ -69,8 +70,11 @@ impl<'a> Run<'a> {
     /// Jacobian at `x` into `out`; whether all of it is finite.
     fn differentiate(&mut self, x: &[f64], out: &mut [f64]) -> bool {
         self.analytic = self.problem.jacobian(x, out);
-        self.evaluations +=
-            if self.analytic { 1 } else { jacobian::numeric(self.problem, x, &self.options.lower, &self.options.upper, out) };
+        self.evaluations += if self.analytic {
+            1
+        } else {
+            jacobian::numeric(self.problem, x, &self.options.lower, &self.options.upper, out)
+        };
         out.iter().all(|v| v.is_finite())
     }
 
@@ -82,7 +86,8 @@ impl<'a> Run<'a> {
         &self.j[k * self.m..(k + 1) * self.m]
     }
 
-    /// Cosine between a column of the Jacobian and the residuals: the gradient without its scale. 0 for a column of zeros.
+    /// Cosine between a column of the Jacobian and the residuals: the gradient without its scale. 0 for a column of
+    /// zeros.
     fn cosine(&self, k: usize) -> f64 {
         let (column, length) = (self.column(k), qr::length(self.column(k)));
         if length == 0.0 || self.norm == 0.0 {
@@ -94,7 +99,10 @@ impl<'a> Run<'a> {
     /// Parameters that may move: not resting on a bound that the descent direction points out of.
     fn free(&self) -> Vec<usize> {
         (0..self.n)
-            .filter(|&k| !(self.x[k] <= self.low(k) && self.cosine(k) >= 0.0 || self.x[k] >= self.high(k) && self.cosine(k) <= 0.0))
+            .filter(|&k| {
+                !(self.x[k] <= self.low(k) && self.cosine(k) >= 0.0
+                    || self.x[k] >= self.high(k) && self.cosine(k) <= 0.0)
+            })
             .filter(|&k| self.low(k) < self.high(k))
             .collect()
     }
@@ -119,7 +127,11 @@ impl<'a> Run<'a> {
     fn record(&mut self, iteration: usize, step: f64) {
         let gradient = (0..self.n).map(|k| dot(self.column(k), &self.r).abs()).fold(0.0, qr::nan_max);
         let truth_error = self.options.truth.as_ref().map(|truth| {
-            self.x.iter().zip(truth).map(|(x, t)| if *t == 0.0 { x.abs() } else { (x / t - 1.0).abs() }).fold(0.0, qr::nan_max)
+            self.x
+                .iter()
+                .zip(truth)
+                .map(|(x, t)| if *t == 0.0 { x.abs() } else { (x / t - 1.0).abs() })
+                .fold(0.0, qr::nan_max)
         });
         self.trace.push(TraceRow {
             iteration,
@@ -162,7 +174,8 @@ impl<'a> Run<'a> {
             }
             let factor = Factor::new(self, &free);
             let norm = self.norm;
-            // Rounding of the residuals' own terms, relative to the residuals: below it an offset is noise (zero-residual problems).
+            // Rounding of the residuals' own terms, relative to the residuals: below it an offset is noise
+            // (zero-residual problems).
             let terms: f64 = (0..self.n).map(|k| qr::length(self.column(k)) * self.x[k].abs()).sum();
             let rounding = 4.0 * f64::EPSILON * (first_norm + terms) / norm;
             let tolerance = self.rank_tolerance();
@@ -176,18 +189,21 @@ impl<'a> Run<'a> {
                     radius = radius.min(trial.length);
                 }
                 // Gain ratio: what the cost did over what the linear model promised.
-                let actual = if trial.norm < 3.0 * norm { 1.0 - (trial.norm / norm) * (trial.norm / norm) } else { -1.0 };
+                let actual =
+                    if trial.norm < 3.0 * norm { 1.0 - (trial.norm / norm) * (trial.norm / norm) } else { -1.0 };
                 let predicted = trial.predicted;
                 let ratio = if predicted > 0.0 { actual / predicted } else { -1.0 };
                 if !(ratio > 0.25) {
                     // The parabola through the cost, its slope and the trial cost has its minimum here.
                     let slope = trial.slope.min(0.0);
                     let shrink = if actual >= 0.0 { 0.5 } else { 0.5 * slope / (slope + actual) };
-                    radius = trial.length.min(radius) * if trial.norm.is_finite() && shrink > 0.1 { shrink.min(0.5) } else { 0.1 };
+                    radius = trial.length.min(radius)
+                        * if trial.norm.is_finite() && shrink > 0.1 { shrink.min(0.5) } else { 0.1 };
                 } else if trial.full || ratio >= 0.75 {
                     radius = radius.max(2.0 * trial.length);
                 }
-                let cost_small = actual.abs() <= options.cost_tolerance && predicted <= options.cost_tolerance && 0.5 * ratio <= 1.0;
+                let cost_small =
+                    actual.abs() <= options.cost_tolerance && predicted <= options.cost_tolerance && 0.5 * ratio <= 1.0;
                 let step_small = trial.length <= options.step_tolerance * x_length;
                 let mut accepted = false;
                 if ratio > 1e-4 {
@@ -259,9 +275,13 @@ impl<'a> Run<'a> {
             Termination::Refused | Termination::Flat => true,
             t => !t.converged() && !moved,
         };
-        let at_bound: Vec<usize> = (0..self.n).filter(|&k| self.x[k] <= self.low(k) || self.x[k] >= self.high(k)).collect();
-        let mut fit =
-            Fit { trace: std::mem::take(&mut self.trace), evaluations: self.evaluations, ..Fit::failed(self.n, self.m, termination) };
+        let at_bound: Vec<usize> =
+            (0..self.n).filter(|&k| self.x[k] <= self.low(k) || self.x[k] >= self.high(k)).collect();
+        let mut fit = Fit {
+            trace: std::mem::take(&mut self.trace),
+            evaluations: self.evaluations,
+            ..Fit::failed(self.n, self.m, termination)
+        };
         if useless {
             return fit;
         }
@@ -284,7 +304,15 @@ impl<'a> Run<'a> {
             }
             let (mut j, mut r) = (self.j.clone(), self.r.clone());
             qr::reduce(&mut j, self.m, self.n, &mut r);
-            fit.uncertainty = Uncertainty::from_triangle(&j, self.m, self.m, self.n, self.norm * self.norm, self.options.noise, tolerance);
+            fit.uncertainty = Uncertainty::from_triangle(
+                &j,
+                self.m,
+                self.m,
+                self.n,
+                self.norm * self.norm,
+                self.options.noise,
+                tolerance,
+            );
         }
         fit.params = self.x;
         fit.residuals = self.r;

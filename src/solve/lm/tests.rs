@@ -21,7 +21,11 @@ fn rosenbrock_is_solved_from_afar() {
     for start in [[-1.2, 1.0], [30.0, -700.0], [-50.0, 1e-4]] {
         let fit = minimize(&problem, &start, &Options { truth: Some(vec![1.0, 1.0]), ..Options::default() });
         assert!(fit.converged(), "{start:?}: {:?}", fit.termination);
-        assert!((fit.params[0] - 1.0).abs() < 1e-9 && (fit.params[1] - 1.0).abs() < 1e-9, "{start:?}: {:?}", fit.params);
+        assert!(
+            (fit.params[0] - 1.0).abs() < 1e-9 && (fit.params[1] - 1.0).abs() < 1e-9,
+            "{start:?}: {:?}",
+            fit.params
+        );
         let last = fit.trace.last().unwrap();
         assert!(last.truth_error.unwrap() < 1e-9);
         assert!(fit.trace.windows(2).all(|w| w[1].cost <= w[0].cost && w[1].evaluations > w[0].evaluations));
@@ -60,7 +64,11 @@ fn standard_errors_agree_with_the_scatter_of_repeated_fits() {
     for k in 0..2 {
         let scatter = (squares[k] / f64::from(runs)).sqrt();
         // The scatter of 1500 runs is itself known to 1/√3000 = 1.8 %: four of those.
-        assert!((scatter / predicted[k] - 1.0).abs() < 0.073, "parameter {k}: scatter {scatter}, predicted {}", predicted[k]);
+        assert!(
+            (scatter / predicted[k] - 1.0).abs() < 0.073,
+            "parameter {k}: scatter {scatter}, predicted {}",
+            predicted[k]
+        );
         assert!(sum[k].abs() / f64::from(runs) < 0.15 * scatter);
     }
 }
@@ -85,8 +93,8 @@ fn models_without_values_or_slopes_fail_by_name_and_return_nothing() {
     let flat = Closure::new(2, 3, |_: &[f64], r: &mut [f64]| r.fill(1.0));
     let empty = Closure::new(1, 0, |_: &[f64], _: &mut [f64]| {});
     let kink = Closure::new(1, 1, |p: &[f64], r: &mut [f64]| r[0] = 1.0 + p[0].abs().sqrt());
-    let wrong_sign =
-        Closure::new(1, 2, |p: &[f64], r: &mut [f64]| r.fill(p[0].exp())).with_jacobian(|p: &[f64], j: &mut [f64]| j.fill(-p[0].exp()));
+    let wrong_sign = Closure::new(1, 2, |p: &[f64], r: &mut [f64]| r.fill(p[0].exp()))
+        .with_jacobian(|p: &[f64], j: &mut [f64]| j.fill(-p[0].exp()));
     for (name, fit, expected) in [
         ("nan", minimize(&nan, &[1.0], &Options::default()), Termination::NotFinite),
         ("flat", minimize(&flat, &[1.0, 2.0], &Options::default()), Termination::Flat),
@@ -119,7 +127,12 @@ fn bounds_hold_and_the_rest_is_still_optimal() {
         assert_eq!(fit.at_bound, [0]);
         let alone = Closure::new(1, 12, |p: &[f64], r: &mut [f64]| decay(&[2.5, p[0]], r));
         let reference = minimize(&alone, &[1.0], &Options::default());
-        assert!((fit.params[1] - reference.params[0]).abs() < 1e-8, "{start:?}: {:?} against {:?}", fit.params, reference.params);
+        assert!(
+            (fit.params[1] - reference.params[0]).abs() < 1e-8,
+            "{start:?}: {:?} against {:?}",
+            fit.params,
+            reference.params
+        );
     }
     let crossed = Options { lower: vec![3.0, 0.0], upper: vec![2.0, 1.0], ..Options::default() };
     assert_eq!(minimize(&problem, &[1.0, 1.0], &crossed).termination, Termination::Refused);
@@ -152,7 +165,8 @@ fn the_size_of_the_residuals_does_not_matter() {
 
 #[test]
 fn the_iteration_limit_is_told_and_gives_no_errors() {
-    let fit = minimize(&Closure::new(2, 2, rosenbrock), &[-1.2, 1.0], &Options { max_iterations: 3, ..Options::default() });
+    let fit =
+        minimize(&Closure::new(2, 2, rosenbrock), &[-1.2, 1.0], &Options { max_iterations: 3, ..Options::default() });
     assert_eq!(fit.termination, Termination::IterationLimit);
     assert!(fit.uncertainty.stderr.iter().all(|s| s.is_infinite()));
 }

@@ -120,7 +120,8 @@ impl BHShape<f64, 3> for Item {
 
 impl Tree {
     pub(super) fn build(bounds: Vec<Bounds>) -> Tree {
-        let all = bounds.iter().fold(Bounds::empty(), |a, b| Bounds { low: a.low.min(b.low), high: a.high.max(b.high) });
+        let all =
+            bounds.iter().fold(Bounds::empty(), |a, b| Bounds { low: a.low.min(b.low), high: a.high.max(b.high) });
         let mut items: Vec<Item> = bounds.into_iter().map(|bounds| Item { bounds, node: 0 }).collect();
         let built = Bvh::build(&mut items);
         // inner nodes get numbers of their own, leaves carry their shape's
@@ -135,8 +136,9 @@ impl Tree {
                 }
             });
         }
-        let convert =
-            |b: &Aabb<f64, 3>| Bounds { low: DVec3::new(b.min.x, b.min.y, b.min.z), high: DVec3::new(b.max.x, b.max.y, b.max.z) }.padded();
+        let convert = |b: &Aabb<f64, 3>| {
+            Bounds { low: DVec3::new(b.min.x, b.min.y, b.min.z), high: DVec3::new(b.max.x, b.max.y, b.max.z) }.padded()
+        };
         let nodes = built
             .nodes
             .iter()
@@ -151,8 +153,8 @@ impl Tree {
         Tree { nodes, root: number.first().copied().unwrap_or(NOTHING), bounds: all.padded() }
     }
 
-    /// Calls `visit(thing, limit)` for each thing whose box the ray meets before `limit`, near ones first; `visit` may lower the
-    /// limit, and stops the walk by returning true.
+    /// Calls `visit(thing, limit)` for each thing whose box the ray meets before `limit`, near ones first; `visit` may
+    /// lower the limit, and stops the walk by returning true.
     #[inline]
     pub(super) fn walk(&self, ray: &Ray, limit: &mut f64, mut visit: impl FnMut(u32, &mut f64) -> bool) -> bool {
         if self.root == NOTHING || self.bounds.enter(ray, *limit) == f64::INFINITY {

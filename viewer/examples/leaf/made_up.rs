@@ -47,8 +47,8 @@ pub fn start(front: bool) -> SideEdit {
     SideEdit { sigma_a, sigma_s: [14.0, 15.0, 12.0], rho_s_scale: 1.0, m_scale: 1.0 }
 }
 
-/// A stand-in for the slab: two-stream (Kubelka & Munk) reflectance and transmittance over black with K = 2σa, S = ¾σs. Good enough to
-/// move in the right direction; the real program solves the transport equation.
+/// A stand-in for the slab: two-stream (Kubelka & Munk) reflectance and transmittance over black with K = 2σa, S = ¾σs.
+/// Good enough to move in the right direction; the real program solves the transport equation.
 pub fn curve(side: &SideEdit) -> SlabCurve {
     let n = 49;
     let (min_mm, max_mm) = (0.005, 1.2);
@@ -61,7 +61,9 @@ pub fn curve(side: &SideEdit) -> SlabCurve {
         let below = a * sinh + b * cosh;
         (sinh / below, b / below)
     };
-    let all = |pick: fn((f32, f32)) -> f32| (0..n).map(|k| std::array::from_fn(|c| pick(two_stream(c, thickness(k))))).collect();
+    let all = |pick: fn((f32, f32)) -> f32| {
+        (0..n).map(|k| std::array::from_fn(|c| pick(two_stream(c, thickness(k))))).collect()
+    };
     SlabCurve { min_mm, max_mm, rho_d: all(|p| p.0), rho_t: all(|p| p.1) }
 }
 
@@ -121,7 +123,11 @@ pub fn scene(cluster: bool) -> Scene {
     Scene {
         leaves: vec![leaf],
         instances,
-        sun: Some(Sun { direction: Vec3::new(-0.4, 0.5, 0.9).normalize(), irradiance: [3.0, 2.9, 2.6], radius: 0.00465 }),
+        sun: Some(Sun {
+            direction: Vec3::new(-0.4, 0.5, 0.9).normalize(),
+            irradiance: [3.0, 2.9, 2.6],
+            radius: 0.00465,
+        }),
         sky: Some([0.25, 0.32, 0.42]),
         dome: None,
         background: [0.35, 0.4, 0.45],

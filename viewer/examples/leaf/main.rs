@@ -12,7 +12,8 @@ use mesophyll_viewer::editor::{Editor, LeafEdit, LeafUpdate, Measure, ReferenceP
 use mesophyll_viewer::scene::{Camera, Interior, Scene};
 use mesophyll_viewer::{Options, Picture, Renderer, WindowOptions, WindowScene, WindowView, open_window};
 
-/// Stands in for the program around the window: its slab is a two-stream one, its reference the renderer itself without shadows.
+/// Stands in for the program around the window: its slab is a two-stream one, its reference the renderer itself without
+/// shadows.
 struct StandIn;
 
 impl Editor for StandIn {
@@ -29,7 +30,13 @@ impl Editor for StandIn {
         Err("a made-up leaf has no fit to save".into())
     }
 
-    fn reference(&mut self, scene: &Scene, camera: &Camera, width: u32, height: u32) -> Result<ReferencePicture, String> {
+    fn reference(
+        &mut self,
+        scene: &Scene,
+        camera: &Camera,
+        width: u32,
+        height: u32,
+    ) -> Result<ReferencePicture, String> {
         let mut renderer = Renderer::headless(&Options::default()).map_err(|e| e.to_string())?;
         let bare = Scene { shadow_samples: 0, ..scene.clone() };
         renderer.set_scene(&bare).map_err(|e| e.to_string())?;

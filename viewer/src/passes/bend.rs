@@ -1,5 +1,5 @@
-//! What the vertex stage needs to bend branches and what rides on them: their numbers, and one motion texture where there is wind. Bound as
-//! group 2 of the main and the shadow pass; a scene without branches has neither.
+//! What the vertex stage needs to bend branches and what rides on them: their numbers, and one motion texture where
+//! there is wind. Bound as group 2 of the main and the shadow pass; a scene without branches has neither.
 
 use crate::error::Result;
 use crate::gpu::Gpu;
@@ -39,7 +39,8 @@ pub(crate) fn defines(defines: Defines, branches: u32, motion: bool) -> Defines 
     defines.constant("BRANCHES", branches.max(1)).set("BEND", branches > 0).set("MOTION", branches > 0 && motion)
 }
 
-/// Whether leaf `index` rides on a branch anywhere, and so needs the bend in its shaders: the number of branches, and whether they sway.
+/// Whether leaf `index` rides on a branch anywhere, and so needs the bend in its shaders: the number of branches, and
+/// whether they sway.
 pub(crate) fn needs(scene: &Scene, index: usize) -> (u32, bool) {
     let rides = scene.instances.iter().any(|i| i.leaf == index && i.ride.is_some());
     if rides { (scene.branches.len() as u32, scene.wind.is_some()) } else { (0, false) }
@@ -53,7 +54,11 @@ pub(crate) fn layout_of(gpu: &Gpu, variant: &Variant) -> Option<wgpu::BindGroupL
 fn layout(gpu: &Gpu, motion: bool) -> wgpu::BindGroupLayout {
     let visibility = wgpu::ShaderStages::VERTEX | wgpu::ShaderStages::COMPUTE;
     let entry = |binding, ty| wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None };
-    let uniform = wgpu::BindingType::Buffer { ty: wgpu::BufferBindingType::Uniform, has_dynamic_offset: false, min_binding_size: None };
+    let uniform = wgpu::BindingType::Buffer {
+        ty: wgpu::BufferBindingType::Uniform,
+        has_dynamic_offset: false,
+        min_binding_size: None,
+    };
     let mut entries = vec![entry(0, uniform)];
     if motion {
         let texture = wgpu::BindingType::Texture {
@@ -108,7 +113,11 @@ impl BendPass {
         if let Some(view) = &view {
             entries.push(wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::TextureView(view) });
         }
-        let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some("bend"), layout: &layout, entries: &entries });
+        let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("bend"),
+            layout: &layout,
+            entries: &entries,
+        });
         Some(BendPass { buffer, group, layout, count: scene.branches.len() as u32, motion: scene.wind.is_some() })
     }
 
@@ -119,10 +128,14 @@ impl BendPass {
 
     /// Runs the vertex stage's function over vertices in world space: position, normal and tangent each.
     pub(crate) fn probe(&self, gpu: &Gpu, on: Option<Ride>, vertices: &[[Vec3; 3]]) -> Result<Vec<[Vec3; 3]>> {
-        let source = assemble(&format!("{SOURCE}{}", include_str!("probe.wgsl")), &defines(Defines::default(), self.count, self.motion));
-        let module = gpu
-            .device
-            .create_shader_module(wgpu::ShaderModuleDescriptor { label: Some("probe"), source: wgpu::ShaderSource::Wgsl(source.into()) });
+        let source = assemble(
+            &format!("{SOURCE}{}", include_str!("probe.wgsl")),
+            &defines(Defines::default(), self.count, self.motion),
+        );
+        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some("probe"),
+            source: wgpu::ShaderSource::Wgsl(source.into()),
+        });
         let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
             binding,
             visibility: wgpu::ShaderStages::COMPUTE,
@@ -131,7 +144,10 @@ impl BendPass {
         };
         let own = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("probe"),
-            entries: &[entry(0, wgpu::BufferBindingType::Uniform), entry(1, wgpu::BufferBindingType::Storage { read_only: false })],
+            entries: &[
+                entry(0, wgpu::BufferBindingType::Uniform),
+                entry(1, wgpu::BufferBindingType::Storage { read_only: false }),
+            ],
         });
         let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some("probe"),
@@ -193,7 +209,12 @@ fn motion_texture(gpu: &Gpu, wind: &Wind) -> wgpu::TextureView {
         view_formats: &[],
     });
     gpu.queue.write_texture(
-        wgpu::TexelCopyTextureInfo { texture: &texture, mip_level: 0, origin: wgpu::Origin3d::ZERO, aspect: wgpu::TextureAspect::All },
+        wgpu::TexelCopyTextureInfo {
+            texture: &texture,
+            mip_level: 0,
+            origin: wgpu::Origin3d::ZERO,
+            aspect: wgpu::TextureAspect::All,
+        },
         bytemuck::cast_slice(&wind.motion),
         wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(8 * wind.size), rows_per_image: Some(wind.size) },
         size,

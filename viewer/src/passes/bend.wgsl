@@ -1,6 +1,6 @@
 //#if BEND
-// Bends what a branch carries: the branch's own mesh vertex by vertex, what hangs on it rigidly (H9 = Habel 2009, ch. 4, with the arc length
-// solved and the Jacobian of the whole map; `bend.rs` is the same on the CPU).
+// Bends what a branch carries: the branch's own mesh vertex by vertex, what hangs on it rigidly (H9 = Habel 2009, ch.
+// 4, with the arc length solved and the Jacobian of the whole map; `bend.rs` is the same on the CPU).
 
 struct Branch {
     // Root, and the length.
@@ -126,8 +126,8 @@ fn bend_unit(v: vec3f) -> vec3f {
     return v / max(length(v), 1e-30);
 }
 
-// A vertex in world space. `ride`: the branch (below 0: none), and the place (0 to 1) where the vertex's mesh hangs rigidly (below 0: the
-// mesh is the branch's own and bends at every vertex).
+// A vertex in world space. `ride`: the branch (below 0: none), and the place (0 to 1) where the vertex's mesh hangs
+// rigidly (below 0: the mesh is the branch's own and bends at every vertex).
 fn bent(ride: vec2f, position: vec3f, normal: vec3f, tangent: vec3f) -> Bent {
     if (ride.x < 0.0) {
         return Bent(position, normal, tangent);

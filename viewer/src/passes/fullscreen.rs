@@ -2,7 +2,8 @@
 
 use crate::gpu::Gpu;
 
-/// A pipeline of `source`'s `vertex` and `fragment` into one target; `depth` and `multisample` as the pass it is drawn in has them.
+/// A pipeline of `source`'s `vertex` and `fragment` into one target; `depth` and `multisample` as the pass it is drawn
+/// in has them.
 pub(crate) fn pipeline(
     gpu: &Gpu,
     name: &str,
@@ -12,9 +13,10 @@ pub(crate) fn pipeline(
     depth: Option<wgpu::DepthStencilState>,
     multisample: wgpu::MultisampleState,
 ) -> wgpu::RenderPipeline {
-    let module = gpu
-        .device
-        .create_shader_module(wgpu::ShaderModuleDescriptor { label: Some(name), source: wgpu::ShaderSource::Wgsl(source.into()) });
+    let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some(name),
+        source: wgpu::ShaderSource::Wgsl(source.into()),
+    });
     let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some(name),
         bind_group_layouts: &[Some(bindings)],
@@ -23,7 +25,12 @@ pub(crate) fn pipeline(
     gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some(name),
         layout: Some(&layout),
-        vertex: wgpu::VertexState { module: &module, entry_point: Some("vertex"), compilation_options: Default::default(), buffers: &[] },
+        vertex: wgpu::VertexState {
+            module: &module,
+            entry_point: Some("vertex"),
+            compilation_options: Default::default(),
+            buffers: &[],
+        },
         primitive: wgpu::PrimitiveState::default(),
         depth_stencil: depth,
         multisample,

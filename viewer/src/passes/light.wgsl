@@ -1,4 +1,5 @@
-// How light meets a surface: the lobe, the sun's visible share, the lobe's albedo and what it collects of the sky's harmonics. Part of the main pass.
+// How light meets a surface: the lobe, the sun's visible share, the lobe's albedo and what it collects of the sky's
+// harmonics. Part of the main pass.
 
 //#if SUN || SCANNER
 //#if GLOSS
@@ -40,8 +41,9 @@ fn lobe(normal: vec3f, light: vec3f, view: vec3f, roughness: f32) -> f32 {
 //#endif
 
 //#if SHADOW
-// Share of the sun's disk that is seen from a point: the mean over the shadow maps, each a 2×2 comparison. The point is lifted off its
-// surface by as much as the depth can change within the filter's reach, so that a leaf does not shadow itself.
+// Share of the sun's disk that is seen from a point: the mean over the shadow maps, each a 2×2 comparison. The point is
+// lifted off its surface by as much as the depth can change within the filter's reach, so that a leaf does not shadow
+// itself.
 fn visibility(world: vec3f, normal_to_sun: vec3f, cosine: f32) -> f32 {
     let sine = sqrt(max(0.0, 1.0 - cosine * cosine));
     //#if LEVELS
@@ -77,7 +79,8 @@ fn albedo(nv: f32, roughness: f32) -> f32 {
 //#endif
 
 //#if DOME
-// Σ w_l c_lm Y_lm(d), not below 0: p_mm = 1, (l−m) p_l = (2l−1) z p_{l−1} − (l+m−1) p_{l−2}, times the parts of (x + iy)^m.
+// Σ w_l c_lm Y_lm(d), not below 0: p_mm = 1, (l−m) p_l = (2l−1) z p_{l−1} − (l+m−1) p_{l−2}, times the parts of (x +
+// iy)^m.
 fn gathered(d: vec3f, weight: array<f32, 7>) -> vec3f {
     var w = weight;
     var sum = vec3f(0.0);

@@ -53,7 +53,11 @@ pub(crate) struct Targets<'a> {
 }
 
 fn frame_layout(gpu: &Gpu, shadow: bool, dome: bool) -> wgpu::BindGroupLayout {
-    let uniform = wgpu::BindingType::Buffer { ty: wgpu::BufferBindingType::Uniform, has_dynamic_offset: false, min_binding_size: None };
+    let uniform = wgpu::BindingType::Buffer {
+        ty: wgpu::BufferBindingType::Uniform,
+        has_dynamic_offset: false,
+        min_binding_size: None,
+    };
     let fragment = wgpu::ShaderStages::FRAGMENT;
     let entry = |binding, visibility, ty| wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None };
     let mut entries = vec![entry(0, fragment | wgpu::ShaderStages::VERTEX, uniform)];
@@ -90,12 +94,17 @@ pub(crate) fn source(variant: &Variant) -> String {
 fn pipeline(gpu: &Gpu, variant: &Variant) -> wgpu::RenderPipeline {
     let source = source(variant);
     let bend = bend::layout_of(gpu, variant);
-    let module = gpu
-        .device
-        .create_shader_module(wgpu::ShaderModuleDescriptor { label: Some("main"), source: wgpu::ShaderSource::Wgsl(source.into()) });
+    let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some("main"),
+        source: wgpu::ShaderSource::Wgsl(source.into()),
+    });
     let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some("main"),
-        bind_group_layouts: &[Some(&frame_layout(gpu, variant.shadow > 0, variant.dome)), Some(&leaf::layout(gpu, variant)), bend.as_ref()],
+        bind_group_layouts: &[
+            Some(&frame_layout(gpu, variant.shadow > 0, variant.dome)),
+            Some(&leaf::layout(gpu, variant)),
+            bend.as_ref(),
+        ],
         immediate_size: 0,
     });
     gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
@@ -132,8 +141,10 @@ impl MainPass {
         let frame = gpu.uniform("frame", &[Frame::default()]);
         let mut entries = vec![wgpu::BindGroupEntry { binding: 0, resource: frame.as_entire_binding() }];
         if let Some(shadow) = shadow {
-            entries.push(wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::TextureView(&shadow.map) });
-            entries.push(wgpu::BindGroupEntry { binding: 2, resource: wgpu::BindingResource::Sampler(&shadow.sampler) });
+            entries
+                .push(wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::TextureView(&shadow.map) });
+            entries
+                .push(wgpu::BindGroupEntry { binding: 2, resource: wgpu::BindingResource::Sampler(&shadow.sampler) });
             entries.push(wgpu::BindGroupEntry { binding: 3, resource: shadow.matrices.as_entire_binding() });
         }
         let dome = dome.map(|dome| {
@@ -200,7 +211,14 @@ impl MainPass {
             pass.set_pipeline(pipeline);
             pass.set_bind_group(1, &leaf.group, &[]);
             let g = &leaf.geometry;
-            let buffers = [Some(&g.positions), g.normals.as_ref(), g.tangents.as_ref(), Some(&g.uvs), Some(&g.instances), g.rides.as_ref()];
+            let buffers = [
+                Some(&g.positions),
+                g.normals.as_ref(),
+                g.tangents.as_ref(),
+                Some(&g.uvs),
+                Some(&g.instances),
+                g.rides.as_ref(),
+            ];
             for (slot, buffer) in buffers.into_iter().flatten().enumerate() {
                 pass.set_vertex_buffer(slot as u32, buffer.slice(..));
             }

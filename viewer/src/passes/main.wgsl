@@ -1,5 +1,6 @@
-// Radiance of the leaves towards the camera: the formulas of `scene.rs` (Wang et al. 2005, Eq. 1, with a bounded gloss).
-// Only what the scene needs is assembled: see `shader.rs`. Textures are looked up in `maps.wgsl`, light is taken in `light.wgsl`.
+// Radiance of the leaves towards the camera: the formulas of `scene.rs` (Wang et al. 2005, Eq. 1, with a bounded
+// gloss). Only what the scene needs is assembled: see `shader.rs`. Textures are looked up in `maps.wgsl`, light is
+// taken in `light.wgsl`.
 
 struct Frame {
     view_projection: mat4x4f,
@@ -79,8 +80,8 @@ struct LeafConstants {
 @group(1) @binding(16) var lobe_means: texture_2d<f32>;
 //#endif
 //#endif
-// Light that enters a side and comes out of the other, as vectors whose product with the light's direction (or the bent one) in the lit side's
-// frame is f (or, a layer a channel, ρt·f).
+// Light that enters a side and comes out of the other, as vectors whose product with the light's direction (or the bent
+// one) in the lit side's frame is f (or, a layer a channel, ρt·f).
 //#if FRONT_COLOUR
 @group(1) @binding(17) var front_translucency: texture_2d_array<f32>;
 //#else
@@ -178,8 +179,8 @@ struct Shade {
 }
 
 //#if SUN
-// What comes through of the sun on the far side, times π and per irradiance: max(0, F·l)·ρt, or the translucency maps' in place of the
-// cosine (or of both).
+// What comes through of the sun on the far side, times π and per irradiance: max(0, F·l)·ρt, or the translucency maps'
+// in place of the cosine (or of both).
 fn through(place: Place, facing: Facing, light: vec3f, transmittance: vec3f) -> vec3f {
     //#if FRONT_TRANSLUCENCY || BACK_TRANSLUCENCY
     let axes = facing.axes;
@@ -358,8 +359,8 @@ fn moved(place: Place, by: vec2f) -> Place {
     return Place(place.front + shift, place.back + vec2f(-shift.x, shift.y), place.dx * 0.35, place.dy * 0.35);
 }
 
-// Whether the normal turns by more than a fifth of the lobe's slope across the pixel: there the mean normal's highlight is not the
-// highlights' mean (its error grows with the square: a fifth leaves 0.3 %).
+// Whether the normal turns by more than a fifth of the lobe's slope across the pixel: there the mean normal's highlight
+// is not the highlights' mean (its error grows with the square: a fifth leaves 0.3 %).
 fn uneven(place: Place, facing: Facing) -> bool {
     let here = mapped(facing.front, place, facing.axes);
     let slope = max(viewed_gloss(facing.front, place).a, 1e-3);

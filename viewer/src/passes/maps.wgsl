@@ -1,5 +1,5 @@
-// What a place of the maps says: reflectance, transmittance, mapped normal and gloss of either side, filtered over the pixel. Part of the main pass; the
-// textures are declared in `main.wgsl`.
+// What a place of the maps says: reflectance, transmittance, mapped normal and gloss of either side, filtered over the
+// pixel. Part of the main pass; the textures are declared in `main.wgsl`.
 
 //#if LIT
 // Where a fragment lies on both sides' maps, with screen derivatives for the choice of mip.
@@ -10,9 +10,10 @@ struct Place {
     dy: vec2f,
 }
 
-// The map's mean over the pixel: up to 16 trilinear samples along the longer axis of the pixel's footprint, each as wide as the shorter
-// one, so that a blade seen at a slant is not blurred along its veins. Samplers' own anisotropic filters blur magnified maps too on some
-// adapters (Mesa's software one); here a footprint of less than a texel is one plain bilinear sample everywhere.
+// The map's mean over the pixel: up to 16 trilinear samples along the longer axis of the pixel's footprint, each as
+// wide as the shorter one, so that a blade seen at a slant is not blurred along its veins. Samplers' own anisotropic
+// filters blur magnified maps too on some adapters (Mesa's software one); here a footprint of less than a texel is one
+// plain bilinear sample everywhere.
 fn at(map: texture_2d<f32>, uv: vec2f, place: Place) -> vec4f {
     let print = footprint(vec2f(textureDimensions(map)), place);
     var sum = vec4f(0.0);
@@ -156,7 +157,8 @@ fn mapped(front: bool, place: Place, axes: Basis) -> vec3f {
         //#endif
     }
     //#if BACK_NORMAL
-    // The back's camera looks from behind: its right is against the tangent, its up along the bitangent, its z against the normal.
+    // The back's camera looks from behind: its right is against the tangent, its up along the bitangent, its z against
+    // the normal.
     let n = at(back_normal, place.back, place).xyz;
     return normalize(-n.x * axes.tangent + n.y * axes.bitangent - n.z * axes.normal);
     //#else

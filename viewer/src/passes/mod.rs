@@ -1,5 +1,5 @@
-//! The render passes, a file each with its WGSL beside it: shadow (only with a sun that casts), sky (only with a dome), main, tonemap; and
-//! what shadow and main share where branches bend.
+//! The render passes, a file each with its WGSL beside it: shadow (only with a sun that casts), sky (only with a dome),
+//! main, tonemap; and what shadow and main share where branches bend.
 
 pub(crate) mod bend;
 pub(crate) mod fullscreen;

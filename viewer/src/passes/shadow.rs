@@ -1,6 +1,7 @@
-//! Shadows of the sun's disk: N orthographic depth maps for N directions spread evenly over the disk (Vogel's spiral); the main pass
-//! averages N comparisons, which converges to the visible share of the disk: a true soft shadow, with the penumbra's width following
-//! from the disk's radius. The maps are drawn once and kept until the sun or the geometry changes.
+//! Shadows of the sun's disk: N orthographic depth maps for N directions spread evenly over the disk (Vogel's spiral);
+//! the main pass averages N comparisons, which converges to the visible share of the disk: a true soft shadow, with the
+//! penumbra's width following from the disk's radius. The maps are drawn once and kept until the sun or the geometry
+//! changes.
 
 use crate::geometry::vertex_layouts;
 use crate::gpu::Gpu;
@@ -51,7 +52,8 @@ pub(crate) fn disk_directions(sun: &Sun, n: u32) -> Vec<Vec3> {
         .collect()
 }
 
-/// The tightest orthographic matrix around `corners` as seen along `direction`, and the longer side of one of its texels.
+/// The tightest orthographic matrix around `corners` as seen along `direction`, and the longer side of one of its
+/// texels.
 fn light_matrix(direction: Vec3, corners: &[Vec3], resolution: u32) -> (Mat4, f32) {
     let (x, y) = direction.any_orthonormal_pair();
     let place = |p: Vec3| Vec3::new(p.dot(x), p.dot(y), -p.dot(direction));
@@ -59,7 +61,8 @@ fn light_matrix(direction: Vec3, corners: &[Vec3], resolution: u32) -> (Mat4, f3
     let (low, high) = corners.iter().map(|p| place(*p)).fold((first, first), |(l, h), p| (l.min(p), h.max(p)));
     // A rim of two texels keeps the filter inside, and a little depth keeps flat scenes from a range of zero.
     let size = (high - low).max(Vec3::splat(1e-3));
-    let margin = Vec3::new(size.x * 2.0 / resolution as f32, size.y * 2.0 / resolution as f32, 0.02 * size.max_element());
+    let margin =
+        Vec3::new(size.x * 2.0 / resolution as f32, size.y * 2.0 / resolution as f32, 0.02 * size.max_element());
     let (low, high) = (low - margin, high + margin);
     let size = high - low;
     let row = |axis: Vec3, l: f32, s: f32| (axis * (2.0 / s)).extend(-2.0 * l / s - 1.0);
@@ -70,7 +73,8 @@ fn light_matrix(direction: Vec3, corners: &[Vec3], resolution: u32) -> (Mat4, f3
 
 /// Matrices of all layers and the largest texel's side (mm).
 fn light_matrices(sun: &Sun, corners: &[Vec3], layers: u32, resolution: u32) -> (Vec<Mat4>, f32) {
-    let all: Vec<(Mat4, f32)> = disk_directions(sun, layers).into_iter().map(|d| light_matrix(d, corners, resolution)).collect();
+    let all: Vec<(Mat4, f32)> =
+        disk_directions(sun, layers).into_iter().map(|d| light_matrix(d, corners, resolution)).collect();
     let texel = all.iter().map(|(_, t)| *t).fold(0.0, f32::max);
     (all.into_iter().map(|(m, _)| m).collect(), texel)
 }
@@ -96,7 +100,8 @@ impl ShadowPass {
     ) -> (ShadowPass, f32) {
         let device = &gpu.device;
         let (layers, resolution) = (scene.shadow_samples, scene.shadow_resolution);
-        // wgpu's GL backend takes one square layer for a plain texture and multiples of six for cubes: a spare layer avoids both.
+        // wgpu's GL backend takes one square layer for a plain texture and multiples of six for cubes: a spare layer
+        // avoids both.
         let spare = u32::from(gpu.is_gl() && (layers == 1 || layers.is_multiple_of(6)));
         let texture = device.create_texture(&wgpu::TextureDescriptor {
             label: Some("shadow maps"),
@@ -208,7 +213,8 @@ impl ShadowPass {
         self.drawn = false;
     }
 
-    /// Draws the maps, whose texels have the side `texel` (mm), unless they are still true. `times` brackets the layers with two timestamps.
+    /// Draws the maps, whose texels have the side `texel` (mm), unless they are still true. `times` brackets the layers
+    /// with two timestamps.
     pub(crate) fn draw(
         &mut self,
         texel: f32,
@@ -227,8 +233,8 @@ impl ShadowPass {
                 beginning_of_pass_write_index: (i == 0).then_some(base),
                 end_of_pass_write_index: (i + 1 == self.layers.len()).then_some(base + 1),
             });
-            let timestamp_writes =
-                timestamp_writes.filter(|t| t.beginning_of_pass_write_index.is_some() || t.end_of_pass_write_index.is_some());
+            let timestamp_writes = timestamp_writes
+                .filter(|t| t.beginning_of_pass_write_index.is_some() || t.end_of_pass_write_index.is_some());
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("shadow"),
                 color_attachments: &[],
@@ -272,7 +278,8 @@ impl ShadowPass {
 }
 
 fn mask_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
-    let entry = |binding, ty| wgpu::BindGroupLayoutEntry { binding, visibility: wgpu::ShaderStages::FRAGMENT, ty, count: None };
+    let entry =
+        |binding, ty| wgpu::BindGroupLayoutEntry { binding, visibility: wgpu::ShaderStages::FRAGMENT, ty, count: None };
     gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
         label: Some("shadow mask"),
         entries: &[
@@ -289,13 +296,19 @@ fn mask_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
     })
 }
 
-fn pipeline(gpu: &Gpu, light: &wgpu::BindGroupLayout, mask: Option<&wgpu::BindGroupLayout>, variant: &Variant) -> wgpu::RenderPipeline {
+fn pipeline(
+    gpu: &Gpu,
+    light: &wgpu::BindGroupLayout,
+    mask: Option<&wgpu::BindGroupLayout>,
+    variant: &Variant,
+) -> wgpu::RenderPipeline {
     let defines = bend::defines(Defines::default(), variant.branches, variant.motion).set("MASK", mask.is_some());
     let source = assemble(&format!("{}{}", bend::SOURCE, include_str!("shadow.wgsl")), &defines);
     let bend = bend::layout_of(gpu, variant);
-    let module = gpu
-        .device
-        .create_shader_module(wgpu::ShaderModuleDescriptor { label: Some("shadow"), source: wgpu::ShaderSource::Wgsl(source.into()) });
+    let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some("shadow"),
+        source: wgpu::ShaderSource::Wgsl(source.into()),
+    });
     let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some("shadow"),
         bind_group_layouts: &[Some(light), mask, bend.as_ref()],

@@ -1,4 +1,5 @@
-//! The sky seen behind the leaves: drawn first in the main pass, by a pipeline of its own, and only where the scene has a dome.
+//! The sky seen behind the leaves: drawn first in the main pass, by a pipeline of its own, and only where the scene has
+//! a dome.
 
 use crate::gpu::Gpu;
 use crate::passes::fullscreen;
@@ -33,7 +34,11 @@ impl SkyPass {
             entries: &[wgpu::BindGroupLayoutEntry {
                 binding: 0,
                 visibility: wgpu::ShaderStages::FRAGMENT,
-                ty: wgpu::BindingType::Buffer { ty: wgpu::BufferBindingType::Uniform, has_dynamic_offset: false, min_binding_size: None },
+                ty: wgpu::BindingType::Buffer {
+                    ty: wgpu::BufferBindingType::Uniform,
+                    has_dynamic_offset: false,
+                    min_binding_size: None,
+                },
                 count: None,
             }],
         });
@@ -46,7 +51,15 @@ impl SkyPass {
             bias: Default::default(),
         };
         let samples = wgpu::MultisampleState { count: msaa, mask: !0, alpha_to_coverage_enabled: false };
-        let pipeline = fullscreen::pipeline(gpu, "sky", include_str!("sky.wgsl"), &layout, gpu.hdr_format(msaa), Some(depth), samples);
+        let pipeline = fullscreen::pipeline(
+            gpu,
+            "sky",
+            include_str!("sky.wgsl"),
+            &layout,
+            gpu.hdr_format(msaa),
+            Some(depth),
+            samples,
+        );
         stats.pipeline("sky");
         let uniform = gpu.uniform("sky", &[Uniform::default()]);
         stats.upload("sky", size_of::<Uniform>() as u64);
@@ -59,7 +72,15 @@ impl SkyPass {
     }
 
     /// What this frame sees of it.
-    pub(crate) fn aim(&self, gpu: &Gpu, dome: &Dome, sun: Option<&Sun>, background: [f32; 3], camera: &Camera, size: [u32; 2]) {
+    pub(crate) fn aim(
+        &self,
+        gpu: &Gpu,
+        dome: &Dome,
+        sun: Option<&Sun>,
+        background: [f32; 3],
+        camera: &Camera,
+        size: [u32; 2],
+    ) {
         let four = |v: Vec3, w: f32| [v.x, v.y, v.z, w];
         let forward = (camera.target - camera.eye).normalize();
         let pixel = 2.0 * (0.5 * camera.fov_y_deg.to_radians()).tan() / size[1] as f32;

@@ -1,5 +1,5 @@
-// The sky behind the leaves: Perez's all-weather formula (Perez et al. 1993) for luminance and chromaticity as Preetham, Shirley and Smits 1999
-// combine them, with the sun's disk; below the horizon one colour.
+// The sky behind the leaves: Perez's all-weather formula (Perez et al. 1993) for luminance and chromaticity as
+// Preetham, Shirley and Smits 1999 combine them, with the sun's disk; below the horizon one colour.
 
 struct Sky {
     // The ray of a pixel is corner + x·right + y·down.

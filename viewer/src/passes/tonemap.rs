@@ -15,7 +15,12 @@ pub(crate) struct TonemapPass {
 
 impl TonemapPass {
     pub(crate) fn new(gpu: &Gpu) -> TonemapPass {
-        let entry = |binding, ty| wgpu::BindGroupLayoutEntry { binding, visibility: wgpu::ShaderStages::FRAGMENT, ty, count: None };
+        let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
+            binding,
+            visibility: wgpu::ShaderStages::FRAGMENT,
+            ty,
+            count: None,
+        };
         let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("tonemap"),
             entries: &[
@@ -29,11 +34,23 @@ impl TonemapPass {
                 ),
                 entry(
                     1,
-                    wgpu::BindingType::Buffer { ty: wgpu::BufferBindingType::Uniform, has_dynamic_offset: false, min_binding_size: None },
+                    wgpu::BindingType::Buffer {
+                        ty: wgpu::BufferBindingType::Uniform,
+                        has_dynamic_offset: false,
+                        min_binding_size: None,
+                    },
                 ),
             ],
         });
-        let pipeline = fullscreen::pipeline(gpu, "tonemap", include_str!("tonemap.wgsl"), &layout, FORMAT, None, Default::default());
+        let pipeline = fullscreen::pipeline(
+            gpu,
+            "tonemap",
+            include_str!("tonemap.wgsl"),
+            &layout,
+            FORMAT,
+            None,
+            Default::default(),
+        );
         TonemapPass { pipeline, layout, exposure: gpu.uniform("exposure", &[[1.0f32; 4]]) }
     }
 

@@ -1,5 +1,5 @@
-//! The appearance panel: which leaf and side, its maps, and the sliders of Wang et al. 2005, Fig. 6: thickness, σa and σs a channel,
-//! gloss. A change goes to `Editor::recompute`, and what comes back is drawn with the next picture.
+//! The appearance panel: which leaf and side, its maps, and the sliders of Wang et al. 2005, Fig. 6: thickness, σa and
+//! σs a channel, gloss. A change goes to `Editor::recompute`, and what comes back is drawn with the next picture.
 
 use super::ViewerUi;
 use super::thumbnails::{MapKind, thumbnail};
@@ -22,8 +22,11 @@ impl Thumbnails {
     }
 }
 
-const CHANNELS: [(&str, Color32); 3] =
-    [("R", Color32::from_rgb(230, 90, 80)), ("G", Color32::from_rgb(90, 190, 90)), ("B", Color32::from_rgb(100, 140, 240))];
+const CHANNELS: [(&str, Color32); 3] = [
+    ("R", Color32::from_rgb(230, 90, 80)),
+    ("G", Color32::from_rgb(90, 190, 90)),
+    ("B", Color32::from_rgb(100, 140, 240)),
+];
 
 /// Two significant digits.
 fn short(value: f32) -> String {
@@ -102,7 +105,11 @@ impl ViewerUi {
                 ui.vertical(|ui| {
                     ui.set_width(84.0);
                     ui.image((id, egui::vec2(wide, tall)));
-                    let text = if kind == MapKind::Normal { String::new() } else { format!(" {}…{}", short(low), short(high)) };
+                    let text = if kind == MapKind::Normal {
+                        String::new()
+                    } else {
+                        format!(" {}…{}", short(low), short(high))
+                    };
                     let text = RichText::new(format!("{}{text}", kind.label())).small();
                     ui.add(egui::Label::new(text).extend());
                 });
@@ -113,7 +120,8 @@ impl ViewerUi {
         });
     }
 
-    /// Light from behind by the leaf's translucency maps, or by ρt and the mapped normal; nothing where the leaf has no such maps.
+    /// Light from behind by the leaf's translucency maps, or by ρt and the mapped normal; nothing where the leaf has no
+    /// such maps.
     fn translucency(&mut self, ui: &mut egui::Ui) {
         let leaf = &self.scene.leaves[self.leaf];
         let laid_by = self.laid_by.contains_key(&self.leaf);
@@ -145,7 +153,8 @@ impl ViewerUi {
 
     fn sliders(&mut self, ui: &mut egui::Ui, edit: &mut LeafEdit) {
         ui.spacing_mut().slider_width = 110.0;
-        let thickness = ui.add(Slider::new(&mut edit.thickness_mm, 0.02..=1.0).logarithmic(true).suffix(" mm").text("h"));
+        let thickness =
+            ui.add(Slider::new(&mut edit.thickness_mm, 0.02..=1.0).logarithmic(true).suffix(" mm").text("h"));
         self.landmark("thickness", &thickness);
         let shining = match self.scene.leaves[self.leaf] {
             Leaf { front: Side { gloss: Some(_), .. }, .. } if self.side_front => true,
@@ -153,7 +162,8 @@ impl ViewerUi {
             _ => false,
         };
         let side = edit.side_mut(self.side_front);
-        for (name, range, values) in [("σa", 1e-3..=100.0, &mut side.sigma_a), ("σs", 1e-2..=300.0, &mut side.sigma_s)] {
+        for (name, range, values) in [("σa", 1e-3..=100.0, &mut side.sigma_a), ("σs", 1e-2..=300.0, &mut side.sigma_s)]
+        {
             for (value, (channel, colour)) in values.iter_mut().zip(CHANNELS) {
                 let text = RichText::new(format!("{name} {channel}")).color(colour);
                 let response = ui.add(Slider::new(value, range.clone()).logarithmic(true).suffix("/mm").text(text));

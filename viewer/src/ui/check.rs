@@ -1,4 +1,5 @@
-//! The check view: picture, reference and their difference, side by side or flipped, with the verdict and its thresholds.
+//! The check view: picture, reference and their difference, side by side or flipped, with the verdict and its
+//! thresholds.
 
 use super::ViewerUi;
 use crate::editor::{ReferencePicture, Verdict};
@@ -34,7 +35,8 @@ pub(crate) fn difference(a: &[[u8; 4]], b: &[[u8; 4]]) -> Vec<[u8; 4]> {
     a.iter().zip(b).map(|(p, q)| [channel(p[0], q[0]), channel(p[1], q[1]), channel(p[2], q[2]), 255]).collect()
 }
 
-/// Where picture, reference and difference go: the first two always side by side, the third beside them or below, whichever shows them larger.
+/// Where picture, reference and difference go: the first two always side by side, the third beside them or below,
+/// whichever shows them larger.
 pub(crate) fn cells(area: Rect, aspect: f32, caption: f32) -> [Rect; 3] {
     let cell = |x: f32, y: f32, size: egui::Vec2| Rect::from_min_size(area.min + vec2(x * size.x, y * size.y), size);
     let (row, square) = (vec2(area.width() / 3.0, area.height()), 0.5 * area.size());
@@ -47,14 +49,22 @@ pub(crate) fn cells(area: Rect, aspect: f32, caption: f32) -> [Rect; 3] {
 }
 
 impl Check {
-    pub(crate) fn new(context: &egui::Context, picture: &Picture, reference: &ReferencePicture, verdict: Verdict) -> Check {
+    pub(crate) fn new(
+        context: &egui::Context,
+        picture: &Picture,
+        reference: &ReferencePicture,
+        verdict: Verdict,
+    ) -> Check {
         let size = [picture.width as usize, picture.height as usize];
         let load = |name: &str, pixels: &[[u8; 4]]| {
             let image = ColorImage::from_rgba_unmultiplied(size, pixels.as_flattened());
             context.load_texture(name, image, TextureOptions::LINEAR)
         };
-        let textures =
-            [load(NAMES[0], &picture.ldr), load(NAMES[1], &reference.ldr), load(NAMES[2], &difference(&picture.ldr, &reference.ldr))];
+        let textures = [
+            load(NAMES[0], &picture.ldr),
+            load(NAMES[1], &reference.ldr),
+            load(NAMES[2], &difference(&picture.ldr, &reference.ldr)),
+        ];
         Check { verdict, textures, size: [picture.width, picture.height], stale: false }
     }
 }
@@ -74,8 +84,11 @@ impl ViewerUi {
             ui.label(RichText::new("Not checked yet.").weak());
             return;
         };
-        let (word, colour) =
-            if check.verdict.passed { ("passed", Color32::from_rgb(90, 190, 90)) } else { ("failed", Color32::from_rgb(230, 90, 80)) };
+        let (word, colour) = if check.verdict.passed {
+            ("passed", Color32::from_rgb(90, 190, 90))
+        } else {
+            ("failed", Color32::from_rgb(230, 90, 80))
+        };
         ui.label(RichText::new(word).strong().size(18.0).color(colour));
         if check.stale {
             ui.label(RichText::new("The scene or the view has changed since.").color(Color32::from_rgb(220, 170, 60)));
@@ -83,7 +96,8 @@ impl ViewerUi {
         // A name may be longer than the panel is wide: the numbers stand below it.
         for m in &check.verdict.measures {
             ui.label(&m.name);
-            let colour = if m.value <= m.threshold { ui.visuals().text_color() } else { Color32::from_rgb(230, 90, 80) };
+            let colour =
+                if m.value <= m.threshold { ui.visuals().text_color() } else { Color32::from_rgb(230, 90, 80) };
             ui.horizontal(|ui| {
                 ui.label(RichText::new(format!("{:.4}", m.value)).monospace().color(colour));
                 ui.monospace(format!("≤ {:.4}", m.threshold));
@@ -94,8 +108,11 @@ impl ViewerUi {
         }
         let mut show = self.show_check;
         ui.horizontal_wrapped(|ui| {
-            for (choice, name) in [(None, "live"), (Some(CheckLayout::SideBySide), "side by side"), (Some(CheckLayout::Flipped), "flipped")]
-            {
+            for (choice, name) in [
+                (None, "live"),
+                (Some(CheckLayout::SideBySide), "side by side"),
+                (Some(CheckLayout::Flipped), "flipped"),
+            ] {
                 let response = ui.selectable_value(&mut show, choice, name);
                 self.landmark(name, &response);
             }
@@ -111,13 +128,20 @@ impl ViewerUi {
         let caption = 20.0;
         let show = |which: usize, cell: Rect| {
             let room = vec2(cell.width(), cell.height() - caption);
-            let size = if room.x / room.y > aspect { vec2(room.y * aspect, room.y) } else { vec2(room.x, room.x / aspect) };
+            let size =
+                if room.x / room.y > aspect { vec2(room.y * aspect, room.y) } else { vec2(room.x, room.x / aspect) };
             let rect = Rect::from_center_size(cell.center() + vec2(0.0, 0.5 * caption), size);
             let painter = ui.painter();
             let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
             painter.image(check.textures[which].id(), rect, whole, Color32::WHITE);
             let font = egui::FontId::proportional(14.0);
-            painter.text(rect.center_top() - vec2(0.0, 3.0), egui::Align2::CENTER_BOTTOM, NAMES[which], font, ui.visuals().text_color());
+            painter.text(
+                rect.center_top() - vec2(0.0, 3.0),
+                egui::Align2::CENTER_BOTTOM,
+                NAMES[which],
+                font,
+                ui.visuals().text_color(),
+            );
         };
         match layout {
             CheckLayout::SideBySide => {
@@ -146,7 +170,10 @@ mod tests {
             let [picture, reference, difference] = cells(area, 4.0 / 3.0, 20.0);
             assert!(picture.top() == reference.top() && (picture.right() - reference.left()).abs() < 0.01);
             assert!([picture, reference, difference].iter().all(|r| area.expand(0.01).contains_rect(*r)));
-            assert!(picture.width().min((picture.height() - 20.0) * 4.0 / 3.0) >= least, "{width} {height}: {picture:?}");
+            assert!(
+                picture.width().min((picture.height() - 20.0) * 4.0 / 3.0) >= least,
+                "{width} {height}: {picture:?}"
+            );
             assert!(difference.intersect(picture).area() < 0.01 || !difference.intersects(picture.shrink(0.01)));
         }
     }

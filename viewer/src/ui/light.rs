@@ -24,16 +24,32 @@ impl ViewerUi {
     pub(super) fn lights(&mut self, ui: &mut egui::Ui) {
         ui.heading("Light");
         ui.spacing_mut().slider_width = 110.0;
-        let before = (self.scene.sun.map(|s| s.direction), self.sun_factor, self.sky_factor, self.scene.exposure, self.turbidity);
+        let before = (
+            self.scene.sun.map(|s| s.direction),
+            self.sun_factor,
+            self.sky_factor,
+            self.scene.exposure,
+            self.turbidity,
+        );
         if let Some(sun) = self.scene.sun {
             // Kept apart from the direction, which knows no azimuth at the zenith.
-            let azimuth =
-                ui.add(Slider::new(&mut self.sun_angles.0, -180.0..=180.0).suffix("°").max_decimals(1).clamping(EDITS).text("azimuth"));
+            let azimuth = ui.add(
+                Slider::new(&mut self.sun_angles.0, -180.0..=180.0)
+                    .suffix("°")
+                    .max_decimals(1)
+                    .clamping(EDITS)
+                    .text("azimuth"),
+            );
             self.landmark("azimuth", &azimuth);
             // A dome has no sun below its horizon.
             let lowest = if self.scene.dome.is_some() { 0.0 } else { -90.0 };
-            let elevation =
-                ui.add(Slider::new(&mut self.sun_angles.1, lowest..=90.0).suffix("°").max_decimals(1).clamping(EDITS).text("elevation"));
+            let elevation = ui.add(
+                Slider::new(&mut self.sun_angles.1, lowest..=90.0)
+                    .suffix("°")
+                    .max_decimals(1)
+                    .clamping(EDITS)
+                    .text("elevation"),
+            );
             self.landmark("elevation", &elevation);
             ui.add(Slider::new(&mut self.sun_factor, 0.0..=4.0).text("sun ×"));
             if azimuth.changed() || elevation.changed() {
@@ -43,7 +59,8 @@ impl ViewerUi {
             ui.label(RichText::new("This scene has no sun.").weak());
         }
         if self.scene.dome.is_some() {
-            let turbidity = ui.add(Slider::new(&mut self.turbidity, 1.7..=10.0).max_decimals(2).clamping(EDITS).text("turbidity"));
+            let turbidity =
+                ui.add(Slider::new(&mut self.turbidity, 1.7..=10.0).max_decimals(2).clamping(EDITS).text("turbidity"));
             self.landmark("turbidity", &turbidity);
         }
         if self.scene.sky.is_some() || self.scene.dome.is_some() {
@@ -53,7 +70,15 @@ impl ViewerUi {
         }
         let exposure = ui.add(Slider::new(&mut self.scene.exposure, 1e-3..=1e3).logarithmic(true).text("exposure"));
         self.landmark("exposure", &exposure);
-        if before != (self.scene.sun.map(|s| s.direction), self.sun_factor, self.sky_factor, self.scene.exposure, self.turbidity) {
+        if before
+            != (
+                self.scene.sun.map(|s| s.direction),
+                self.sun_factor,
+                self.sky_factor,
+                self.scene.exposure,
+                self.turbidity,
+            )
+        {
             if before.0 != self.scene.sun.map(|s| s.direction) || before.4 != self.turbidity {
                 self.renew_sky();
             }
@@ -85,7 +110,8 @@ impl ViewerUi {
         }
     }
 
-    /// Asks for the sky that goes with the sun and turbidity as they stand; a refusal is shown and the sky stays as it was.
+    /// Asks for the sky that goes with the sun and turbidity as they stand; a refusal is shown and the sky stays as it
+    /// was.
     fn renew_sky(&mut self) {
         let (Some(_), Some(sun)) = (&self.scene.dome, self.scene.sun) else { return };
         match self.editor.sky(sun.direction, self.turbidity) {

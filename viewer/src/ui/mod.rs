@@ -1,7 +1,8 @@
-//! The window's state and layout, free of any window: the same is drawn offscreen in tests and on screen by `open_window`.
+//! The window's state and layout, free of any window: the same is drawn offscreen in tests and on screen by
+//! `open_window`.
 //!
-//! Left: the leaf's appearance (Wang et al. 2005, Fig. 6). Right: lights, check, texel read-out, frame times. Middle: the picture:
-//! drag turns, right or shift drag pans, the wheel zooms, a click chooses the leaf.
+//! Left: the leaf's appearance (Wang et al. 2005, Fig. 6). Right: lights, check, texel read-out, frame times. Middle:
+//! the picture: drag turns, right or shift drag pans, the wheel zooms, a click chooses the leaf.
 
 mod appearance;
 mod check;
@@ -171,7 +172,8 @@ impl ViewerUi {
         self.orbit.camera
     }
 
-    /// The camera of the live picture: the one that a check has, opened so far that all of a check's picture is seen in the window's shape.
+    /// The camera of the live picture: the one that a check has, opened so far that all of a check's picture is seen in
+    /// the window's shape.
     pub fn live_camera(&self) -> Camera {
         let Camera { fov_y_deg, .. } = self.orbit.camera;
         let wider = (aspect(self.check_size) / aspect(self.picture_size)).max(1.0);
@@ -213,7 +215,8 @@ impl ViewerUi {
         self.landmarks.insert(name.to_string(), response.rect);
     }
 
-    /// Applies an edit: the editor solves the slab anew and the picture follows. A refusal is shown and the leaf stays as it was.
+    /// Applies an edit: the editor solves the slab anew and the picture follows. A refusal is shown and the leaf stays
+    /// as it was.
     pub fn set_edit(&mut self, leaf: usize, edit: LeafEdit) {
         let update = match self.editor.recompute(leaf, &edit) {
             Ok(update) => update,
@@ -342,7 +345,11 @@ impl ViewerUi {
 
     /// Size of the next live picture: half as wide and high while the camera moves on a software adapter.
     pub(crate) fn live_size(&self) -> [u32; 2] {
-        if self.moving && self.adapter.is_software { self.picture_size.map(|s| s.div_ceil(2)) } else { self.picture_size }
+        if self.moving && self.adapter.is_software {
+            self.picture_size.map(|s| s.div_ceil(2))
+        } else {
+            self.picture_size
+        }
     }
 
     /// Takes the time of a drawn picture (ms); drafts are not counted.
@@ -381,9 +388,12 @@ impl ViewerUi {
                 ui.separator();
                 self.frame_times(ui);
             });
+            self.landmarks.insert(
+                "right panel".into(),
+                Rect::from_min_size(shown.inner_rect.min, egui::vec2(room, shown.inner_rect.height())),
+            );
             self.landmarks
-                .insert("right panel".into(), Rect::from_min_size(shown.inner_rect.min, egui::vec2(room, shown.inner_rect.height())));
-            self.landmarks.insert("right panel's content".into(), Rect::from_min_size(shown.inner_rect.min, shown.content_size));
+                .insert("right panel's content".into(), Rect::from_min_size(shown.inner_rect.min, shown.content_size));
         });
         egui::Panel::bottom("words").show(ui, |ui| {
             ui.horizontal(|ui| {

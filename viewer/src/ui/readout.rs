@@ -34,7 +34,8 @@ impl ViewerUi {
             (Some(median), Some(p95)) => ui.label(format!("median {median:.1} ms, 95 % below {p95:.1} ms")),
             _ => ui.label("none yet"),
         };
-        let (response, painter) = ui.allocate_painter(egui::vec2(ui.available_width().min(250.0), 56.0), Sense::hover());
+        let (response, painter) =
+            ui.allocate_painter(egui::vec2(ui.available_width().min(250.0), 56.0), Sense::hover());
         let rect = response.rect.shrink(1.0);
         let visuals = ui.visuals();
         painter.rect(
@@ -55,7 +56,13 @@ impl ViewerUi {
         }
         let font = egui::FontId::proportional(10.0);
         let top = format!("{highest:.0} ms");
-        painter.text(rect.left_top() + egui::vec2(3.0, 1.0), egui::Align2::LEFT_TOP, top, font, visuals.weak_text_color());
+        painter.text(
+            rect.left_top() + egui::vec2(3.0, 1.0),
+            egui::Align2::LEFT_TOP,
+            top,
+            font,
+            visuals.weak_text_color(),
+        );
         ui.checkbox(&mut self.continuous, "draw all the time");
         let kind = if self.adapter.is_software { "software" } else { "GPU" };
         ui.label(RichText::new(format!("{} ({}, {kind})", self.adapter.name, self.adapter.backend)).small().weak());

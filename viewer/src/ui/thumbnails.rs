@@ -20,8 +20,15 @@ pub(crate) enum MapKind {
 }
 
 impl MapKind {
-    pub(crate) const ALL: [MapKind; 7] =
-        [MapKind::Gamma, MapKind::Delta, MapKind::RhoD, MapKind::RhoT, MapKind::RhoS, MapKind::Roughness, MapKind::Normal];
+    pub(crate) const ALL: [MapKind; 7] = [
+        MapKind::Gamma,
+        MapKind::Delta,
+        MapKind::RhoD,
+        MapKind::RhoT,
+        MapKind::RhoS,
+        MapKind::Roughness,
+        MapKind::Normal,
+    ];
 
     pub(crate) fn label(self) -> &'static str {
         match self {
@@ -51,7 +58,8 @@ impl MapKind {
     }
 }
 
-/// Texels of the front's maps whose centres lie on the mesh: beyond the outline maps hold a fill for the renderer's filters, no data.
+/// Texels of the front's maps whose centres lie on the mesh: beyond the outline maps hold a fill for the renderer's
+/// filters, no data.
 fn covered(leaf: &Leaf) -> Vec<bool> {
     let (width, height) = (leaf.width as usize, leaf.height as usize);
     let mut out = vec![false; width * height];
@@ -71,8 +79,8 @@ fn covered(leaf: &Leaf) -> Vec<bool> {
     out
 }
 
-/// A thumbnail with the range it spreads from black to white over the blade, or `None` where the side has no such map. What lies beside the
-/// blade is transparent.
+/// A thumbnail with the range it spreads from black to white over the blade, or `None` where the side has no such map.
+/// What lies beside the blade is transparent.
 pub(crate) fn thumbnail(leaf: &Leaf, front: bool, kind: MapKind) -> Option<(ColorImage, [f32; 2])> {
     let side = if front { &leaf.front } else { &leaf.back };
     kind.value(side, 0)?;
@@ -100,7 +108,9 @@ pub(crate) fn thumbnail(leaf: &Leaf, front: bool, kind: MapKind) -> Option<(Colo
         }
     };
     let shade = |v: f32| (255.0 * ((v - range[0]) / (range[1] - range[0])).clamp(0.0, 1.0)).round() as u8;
-    let pixels = values.iter().map(|t| t.map_or(Color32::TRANSPARENT, |[r, g, b]| Color32::from_rgb(shade(r), shade(g), shade(b))));
+    let pixels = values
+        .iter()
+        .map(|t| t.map_or(Color32::TRANSPARENT, |[r, g, b]| Color32::from_rgb(shade(r), shade(g), shade(b))));
     Some((ColorImage::new([w as usize, h as usize], pixels.collect()), range))
 }
 
@@ -110,7 +120,8 @@ mod tests {
     use crate::scene::{Lobe, Mesh};
     use glam::{Vec3, Vec4};
 
-    /// A blade over the left half of its maps, with a fill of 9 beyond it: neither the picture nor its range may show that.
+    /// A blade over the left half of its maps, with a fill of 9 beyond it: neither the picture nor its range may show
+    /// that.
     #[test]
     fn the_fill_beyond_the_outline_is_no_data() {
         let corners = [(0.0, 0.0), (0.5, 0.0), (0.5, 1.0), (0.0, 1.0)];

@@ -61,7 +61,8 @@ fn event_loop() -> Result<EventLoop<()>> {
 
 /// The reason in what winit says, which puts a place in its own source before it (`os error at PATH:LINE: REASON`).
 fn reason(told: &str) -> &str {
-    let reason = told.strip_prefix("os error at ").and_then(|rest| rest.split_once(": ")).map_or(told, |(_, reason)| reason);
+    let reason =
+        told.strip_prefix("os error at ").and_then(|rest| rest.split_once(": ")).map_or(told, |(_, reason)| reason);
     reason.trim_end_matches('.')
 }
 

@@ -1,4 +1,5 @@
-//! The window: `Stage` draws the user interface into a texture, with or without a display; `app` shows that texture on screen.
+//! The window: `Stage` draws the user interface into a texture, with or without a display; `app` shows that texture on
+//! screen.
 
 mod app;
 mod stage;

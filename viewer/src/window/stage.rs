@@ -1,5 +1,5 @@
-//! Draws the user interface and the picture inside it into a texture. No display is needed: tests use it as it is, the window copies
-//! the texture to the screen.
+//! Draws the user interface and the picture inside it into a texture. No display is needed: tests use it as it is, the
+//! window copies the texture to the screen.
 
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, Options, instance_descriptor};

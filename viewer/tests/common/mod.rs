@@ -147,7 +147,10 @@ pub fn wide(a: Vec3) -> [f64; 3] {
 pub fn agree(what: &str, got: [f32; 4], want: [f64; 3], relative: f64) {
     for c in 0..3 {
         let (g, w) = (f64::from(got[c]), want[c]);
-        assert!((g - w).abs() <= relative * g.abs().max(w.abs()) + 1e-6, "{what}, channel {c}: drawn {g}, expected {w}");
+        assert!(
+            (g - w).abs() <= relative * g.abs().max(w.abs()) + 1e-6,
+            "{what}, channel {c}: drawn {g}, expected {w}"
+        );
     }
 }
 

@@ -1,5 +1,6 @@
-//! Whether the photographs show one leaf the same way round: outline and veins of each, brought to the front's columns, against the first one's.
-//! A photograph taken from the lit side, or whose `lit` is the other side, agrees better when it is mirrored.
+//! Whether the photographs show one leaf the same way round: outline and veins of each, brought to the front's columns,
+//! against the first one's. A photograph taken from the lit side, or whose `lit` is the other side, agrees better when
+//! it is mirrored.
 
 use crate::beams::manifest::Beam;
 use crate::manifest::SideName;
@@ -40,7 +41,8 @@ impl Views {
         let (straight, turned) = (correlation(first, &seen), correlation(first, &mirror(&seen, self.width)));
         if turned > straight + BETTER && turned > WELL {
             self.mirrored.push(format!(
-                "{}: agrees with {} better when mirrored (correlation {turned:.2} against {straight:.2}): is it what the camera of the unlit side sees, and is \
+                "{}: agrees with {} better when mirrored (correlation {turned:.2} against {straight:.2}): is it what \
+                 the camera of the unlit side sees, and is \
                 beam {}'s lit = \"{}\" right?",
                 beam.file,
                 if *other == 0 { "the first photograph".to_string() } else { format!("that of beam {}", other + 1) },

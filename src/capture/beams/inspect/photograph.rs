@@ -19,7 +19,8 @@ pub struct Photograph {
     pub high: f64,
     /// Median, a channel (R G B).
     pub colour: [f64; 3],
-    /// Standard deviation of the noise seen, a channel; an upper bound, for fine texture counts. `None` where too little of the leaf is seen.
+    /// Standard deviation of the noise seen, a channel; an upper bound, for fine texture counts. `None` where too
+    /// little of the leaf is seen.
     pub noise: [Option<f64>; 3],
     /// Texels with a number in every channel.
     pub read: usize,
@@ -47,11 +48,13 @@ impl Photograph {
         let read: Vec<bool> = (0..channels[0].len()).map(|at| channels.iter().all(|c| c[at].is_finite())).collect();
         let mut all: Vec<f64> = channels.iter().flatten().copied().filter(|v| v.is_finite()).collect();
         let highest = all.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let share = |test: &dyn Fn(f64) -> bool| all.iter().filter(|v| test(**v)).count() as f64 / all.len().max(1) as f64;
+        let share =
+            |test: &dyn Fn(f64) -> bool| all.iter().filter(|v| test(**v)).count() as f64 / all.len().max(1) as f64;
         let (negative_share, above_white_share) = (share(&|v| v < 0.0), share(&|v| v > 1.0));
         let at_the_top = all.iter().filter(|v| **v == highest).count();
         let [low, median, high] = [0.001, 0.5, 0.999].map(|q| quantile(&mut all, q));
-        let each = |c: usize| quantile(&mut channels[c].iter().copied().filter(|v| v.is_finite()).collect::<Vec<_>>(), 0.5);
+        let each =
+            |c: usize| quantile(&mut channels[c].iter().copied().filter(|v| v.is_finite()).collect::<Vec<_>>(), 0.5);
         Photograph {
             beam: k + 1,
             file: beam.file.clone(),
@@ -76,11 +79,15 @@ impl Photograph {
         let mut warn = |text: String| warnings.push(format!("{}: {text}", self.file));
         let readings = 3 * self.read;
         if self.at_the_top > CLIPPED.0 && self.at_the_top as f64 > CLIPPED.1 * readings as f64 {
-            warn(format!("{} readings share the highest value, {:.4}: clipped? Write NaN where saturated", self.at_the_top, self.high));
+            warn(format!(
+                "{} readings share the highest value, {:.4}: clipped? Write NaN where saturated",
+                self.at_the_top, self.high
+            ));
         }
         if self.above_white_share > FEW {
             warn(format!(
-                "{:.1} % of the readings are brighter than a white sheet that faces the beam: divided by the sheet's photograph? Stray light beside the leaf?",
+                "{:.1} % of the readings are brighter than a white sheet that faces the beam: divided by the sheet's \
+                 photograph? Stray light beside the leaf?",
                 100.0 * self.above_white_share
             ));
         }
@@ -95,14 +102,20 @@ impl Photograph {
         };
         for (c, name) in ["R", "G", "B"].into_iter().enumerate() {
             if let Some(sd) = sd(c).filter(|sd| *sd > NOISY * self.colour[c]) {
-                warn(format!("{name}: a reading's noise is about {sd:.1e}, the median reading {:.1e}: under-exposed?", self.colour[c]));
+                warn(format!(
+                    "{name}: a reading's noise is about {sd:.1e}, the median reading {:.1e}: under-exposed?",
+                    self.colour[c]
+                ));
             }
         }
         // Where the noise is not stated, the darkest channel's tells what chance does.
         let floor = stated.map(|s| s[1]).or(self.noise.iter().flatten().copied().reduce(f64::min)).unwrap_or(0.0);
         if self.negative_share > FEW && self.low < -BELOW * floor {
             let share = 100.0 * self.negative_share;
-            warn(format!("{share:.1} % of the readings are negative, down to {:.1e}: is the dark level too high?", self.low));
+            warn(format!(
+                "{share:.1} % of the readings are negative, down to {:.1e}: is the dark level too high?",
+                self.low
+            ));
         }
     }
 

@@ -11,16 +11,23 @@ use mesophyll_optics::gloss::Lobe;
 /// # Errors
 /// A missing column, an unreadable input, an unwritable output. A bad row refuses its leaf, by line.
 pub fn run(mut table: Table, output: &Output, values: &[String], lobe: Lobe) -> Result<Tally> {
-    let values: Vec<String> =
-        if values.is_empty() { table.header.iter().filter(|h| h.starts_with("brf")).cloned().collect() } else { values.to_vec() };
+    let values: Vec<String> = if values.is_empty() {
+        table.header.iter().filter(|h| h.starts_with("brf")).cloned().collect()
+    } else {
+        values.to_vec()
+    };
     if values.is_empty() {
-        return Err(Error::input(table.name(), "no value columns: name them with --values, or begin their names with brf"));
+        return Err(Error::input(
+            table.name(),
+            "no value columns: name them with --values, or begin their names with brf",
+        ));
     }
     if let Some(twice) = values.iter().enumerate().find(|(k, v)| values[..*k].contains(v)) {
         return Err(Error::Usage(format!("--values names {} twice", twice.1)));
     }
     let leaf_at = table.require("leaf")?;
-    let angles_at = [table.require("source_zenith_deg")?, table.require("view_zenith_deg")?, table.require("view_azimuth_deg")?];
+    let angles_at =
+        [table.require("source_zenith_deg")?, table.require("view_zenith_deg")?, table.require("view_azimuth_deg")?];
     let values_at: Vec<usize> = values.iter().map(|v| table.require(v)).collect::<Result<_>>()?;
     let mut leaves: Vec<(String, std::result::Result<Vec<Sample>, String>)> = Vec::new();
     let mut places = std::collections::HashMap::new();
@@ -60,7 +67,10 @@ pub fn run(mut table: Table, output: &Output, values: &[String], lobe: Lobe) -> 
     bytes.push(b'\n');
     let mut tally = Tally::new(&header[1..header.len() - 1]);
     use rayon::prelude::*;
-    let fits: Vec<_> = leaves.par_iter().map(|(_, samples)| samples.as_ref().map_err(String::clone).and_then(|s| fit(s, lobe))).collect();
+    let fits: Vec<_> = leaves
+        .par_iter()
+        .map(|(_, samples)| samples.as_ref().map_err(String::clone).and_then(|s| fit(s, lobe)))
+        .collect();
     for ((name, _), fitted) in leaves.iter().zip(fits) {
         push_text(&mut bytes, name);
         let status = match fitted {
@@ -97,7 +107,12 @@ fn text(record: &Record, k: usize) -> &str {
     record.cells.get(k).unwrap_or("")
 }
 
-fn read_sample(header: &[String], record: &Record, angles_at: [usize; 3], values_at: &[usize]) -> std::result::Result<Sample, String> {
+fn read_sample(
+    header: &[String],
+    record: &Record,
+    angles_at: [usize; 3],
+    values_at: &[usize],
+) -> std::result::Result<Sample, String> {
     let number = |k: usize| text(record, k).parse::<f64>().ok().filter(|v| v.is_finite());
     let mut angles = [0.0; 3];
     for (angle, &k) in angles.iter_mut().zip(&angles_at) {

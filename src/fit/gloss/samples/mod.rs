@@ -1,10 +1,12 @@
 //! Gloss from goniometer samples of a leaf: reflectance factors at many directions for one or few sources.
 //!
-//! Model: value_k = ρd_k + π ρs f_s(n, l, v; m) for every value column k (BRF = π f_r); ρs is grey, m and the normal shared.
-//! ρd_k and ρs ≥ 0 are linear and eliminated; m, tilt and tilt_y are found globally: a grid over all three, argmin's
-//! Nelder–Mead from its best distinct points, Levenberg–Marquardt from the winner for the last digits and the errors.
+//! Model: value_k = ρd_k + π ρs f_s(n, l, v; m) for every value column k (BRF = π f_r); ρs is grey, m and the normal
+//! shared. ρd_k and ρs ≥ 0 are linear and eliminated; m, tilt and tilt_y are found globally: a grid over all three,
+//! argmin's Nelder–Mead from its best distinct points, Levenberg–Marquardt from the winner for the last digits and the
+//! errors.
 //!
-//! Errors come from the scatter of the residuals, which for a real leaf is misfit more than noise: they are lower bounds.
+//! Errors come from the scatter of the residuals, which for a real leaf is misfit more than noise: they are lower
+//! bounds.
 
 mod batch;
 
@@ -127,8 +129,13 @@ impl Problem<'_> {
 
     fn solve(&self, column: &[f64]) -> Solved {
         // Per band: centre, then one common slope; a ρ below zero goes to its bound.
-        let each =
-            |k: usize| self.samples.iter().zip(column).filter(move |(s, _)| s.values[k].is_finite()).map(move |(s, c)| (s.values[k], *c));
+        let each = |k: usize| {
+            self.samples
+                .iter()
+                .zip(column)
+                .filter(move |(s, _)| s.values[k].is_finite())
+                .map(move |(s, c)| (s.values[k], *c))
+        };
         let (mut top, mut bottom) = (0.0, 0.0);
         let mut means = Vec::with_capacity(self.bands);
         for k in 0..self.bands {
@@ -158,7 +165,8 @@ impl Problem<'_> {
                 rho_s = if bottom > 0.0 { (top / bottom).max(0.0) } else { 0.0 };
             }
         }
-        let sum = rho_d.iter().enumerate().map(|(k, r)| each(k).map(|(v, x)| (v - r - rho_s * x).powi(2)).sum::<f64>()).sum();
+        let sum =
+            rho_d.iter().enumerate().map(|(k, r)| each(k).map(|(v, x)| (v - r - rho_s * x).powi(2)).sum::<f64>()).sum();
         Solved { rho_d, rho_s, sum }
     }
 
@@ -189,8 +197,11 @@ impl Problem<'_> {
         let column = self.column(p);
         let s = self.solve(&column);
         let rho = &s.rho_d;
-        let readings =
-            self.samples.iter().zip(&column).flat_map(|(sample, x)| sample.values.iter().zip(rho).map(move |(v, r)| v - r - s.rho_s * x));
+        let readings = self
+            .samples
+            .iter()
+            .zip(&column)
+            .flat_map(|(sample, x)| sample.values.iter().zip(rho).map(move |(v, r)| v - r - s.rho_s * x));
         readings.filter(|r| r.is_finite()).collect()
     }
 
@@ -202,8 +213,9 @@ impl Problem<'_> {
             let r = self.residuals(&p);
             let jacobian = self.slopes(&p);
             let (a, g) = normal_equations(&jacobian, &r);
-            let damped =
-                nalgebra::Matrix3::from_fn(|i, j| a[(i, j)] * if i == j { 1.0 + lambda } else { 1.0 } + if i == j { 1e-300 } else { 0.0 });
+            let damped = nalgebra::Matrix3::from_fn(|i, j| {
+                a[(i, j)] * if i == j { 1.0 + lambda } else { 1.0 } + if i == j { 1e-300 } else { 0.0 }
+            });
             let Some(step) = damped.cholesky().map(|c| c.solve(&g)) else { break };
             let next = clamp(&[p[0] + step[0], p[1] + step[1], p[2] + step[2]]);
             let value = self.solve(&self.column(&next)).sum;
@@ -265,8 +277,9 @@ impl Problem<'_> {
         }
         let scale: Vec<f64> = (0..n).map(|k| normal[(k, k)].sqrt()).collect();
         let live: Vec<usize> = (0..n).filter(|&k| scale[k] > 0.0).collect();
-        let scaled =
-            nalgebra::DMatrix::from_fn(live.len(), live.len(), |i, j| normal[(live[i], live[j])] / (scale[live[i]] * scale[live[j]]));
+        let scaled = nalgebra::DMatrix::from_fn(live.len(), live.len(), |i, j| {
+            normal[(live[i], live[j])] / (scale[live[i]] * scale[live[j]])
+        });
         let mut err = vec![f64::INFINITY; n];
         if let Some(inverse) = scaled.cholesky().map(|c| c.inverse()) {
             for (i, &k) in live.iter().enumerate() {
@@ -305,5 +318,8 @@ fn clamp(p: &[f64; 3]) -> [f64; 3] {
 
 fn normal_equations(jacobian: &[Vec<f64>; 3], r: &[f64]) -> (nalgebra::Matrix3<f64>, nalgebra::Vector3<f64>) {
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
-    (nalgebra::Matrix3::from_fn(|i, j| dot(&jacobian[i], &jacobian[j])), nalgebra::Vector3::from_fn(|i, _| dot(&jacobian[i], r)))
+    (
+        nalgebra::Matrix3::from_fn(|i, j| dot(&jacobian[i], &jacobian[j])),
+        nalgebra::Vector3::from_fn(|i, _| dot(&jacobian[i], r)),
+    )
 }

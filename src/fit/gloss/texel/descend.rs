@@ -1,4 +1,5 @@
-//! The descent of one texel: Levenberg–Marquardt on the projected problem, with weights that turn from the samples' to the model's.
+//! The descent of one texel: Levenberg–Marquardt on the projected problem, with weights that turn from the samples' to
+//! the model's.
 
 use super::{ITERATIONS, Job, NEAR, State};
 use crate::gloss::project::NONLINEAR;
@@ -6,8 +7,9 @@ use crate::gloss::{M_RANGE, TILT_LIMIT};
 use mesophyll_solve::Termination;
 
 impl Job<'_> {
-    /// Levenberg–Marquardt with Marquardt's scaling until the predicted decrease of χ² is below `tolerance`; `reweigh`: weights
-    /// from the model once it is near. The columns are left at the state returned, or within the last linear step of it.
+    /// Levenberg–Marquardt with Marquardt's scaling until the predicted decrease of χ² is below `tolerance`; `reweigh`:
+    /// weights from the model once it is near. The columns are left at the state returned, or within the last linear
+    /// step of it.
     pub fn descend(&mut self, mut state: State, tolerance: f64, mut reweigh: bool) -> (State, Termination) {
         let count = 1 + self.tilts;
         let mut lambda = 1e-4;
@@ -21,10 +23,14 @@ impl Job<'_> {
             for channel in &state.channels {
                 channel.accumulate(&channel.inverse, &mut normal, &mut gradient);
             }
-            // A parameter at its bound that wants beyond it rests there: cut steps of the others would crawl along the bound.
-            let hits =
-                |k: usize| bounded(&state.p, &std::array::from_fn(|j| if j == k { gradient[k].signum() * 1e-3 } else { 0.0 })) == state.p;
-            let rest: [bool; NONLINEAR] = std::array::from_fn(|k| (self.held && k == 1) || (gradient[k] != 0.0 && hits(k)));
+            // A parameter at its bound that wants beyond it rests there: cut steps of the others would crawl along the
+            // bound.
+            let hits = |k: usize| {
+                bounded(&state.p, &std::array::from_fn(|j| if j == k { gradient[k].signum() * 1e-3 } else { 0.0 }))
+                    == state.p
+            };
+            let rest: [bool; NONLINEAR] =
+                std::array::from_fn(|k| (self.held && k == 1) || (gradient[k] != 0.0 && hits(k)));
             for k in (0..NONLINEAR).filter(|&k| rest[k]) {
                 normal[k] = [0.0; NONLINEAR];
                 for row in &mut normal {
@@ -93,7 +99,9 @@ impl Job<'_> {
 
 /// Applies a step, kept short and within the bounds.
 pub(in crate::gloss) fn bounded(p: &[f64; NONLINEAR], step: &[f64; NONLINEAR]) -> [f64; NONLINEAR] {
-    let shrink = [1.0 / step[0].abs().max(1.0), 0.3 / step[1].abs().max(0.3), 0.3 / step[2].abs().max(0.3)].into_iter().fold(1.0, f64::min);
+    let shrink = [1.0 / step[0].abs().max(1.0), 0.3 / step[1].abs().max(0.3), 0.3 / step[2].abs().max(0.3)]
+        .into_iter()
+        .fold(1.0, f64::min);
     [
         (p[0] + shrink * step[0]).clamp(M_RANGE[0].ln(), M_RANGE[1].ln()),
         (p[1] + shrink * step[1]).clamp(-TILT_LIMIT, TILT_LIMIT),
@@ -101,8 +109,8 @@ pub(in crate::gloss) fn bounded(p: &[f64; NONLINEAR], step: &[f64; NONLINEAR]) -
     ]
 }
 
-/// Solves (N + λ diag N) δ = g over the first `count` parameters by Cholesky; also the decrease of χ² that the linear model
-/// predicts. A parameter without influence keeps its place; `None` where something is not finite.
+/// Solves (N + λ diag N) δ = g over the first `count` parameters by Cholesky; also the decrease of χ² that the linear
+/// model predicts. A parameter without influence keeps its place; `None` where something is not finite.
 fn damped_step(
     normal: &[[f64; NONLINEAR]; NONLINEAR],
     gradient: &[f64; NONLINEAR],

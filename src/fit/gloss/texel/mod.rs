@@ -1,5 +1,5 @@
-//! The fit of one texel: start from the bank, Levenberg–Marquardt on the projected problem, weights from the model; then
-//! outliers (`outliers.rs`), the question whether there is a lobe at all, errors and verdict (`report.rs`).
+//! The fit of one texel: start from the bank, Levenberg–Marquardt on the projected problem, weights from the model;
+//! then outliers (`outliers.rs`), the question whether there is a lobe at all, errors and verdict (`report.rs`).
 
 mod descend;
 
@@ -15,8 +15,8 @@ use mesophyll_solve::Termination;
 
 /// Steps at most; a texel needs three to six.
 const ITERATIONS: usize = 60;
-/// A predicted decrease of χ² below this ends the fit with that step taken linearly: it is then below a twentieth of a standard
-/// error, and what the linear step leaves is its square.
+/// A predicted decrease of χ² below this ends the fit with that step taken linearly: it is then below a twentieth of a
+/// standard error, and what the linear step leaves is its square.
 pub(super) const CONVERGED: f64 = 3e-3;
 /// Weights may change from here on: the fit is within about two standard errors.
 const NEAR: f64 = 4.0;
@@ -28,8 +28,8 @@ const WIDE: f64 = 0.9;
 const STARTS: usize = 4;
 /// ρs is taken for zero where leaving it out costs less χ² than this (four parameters, and the search over lobes).
 const MATTE: f64 = 12.0;
-/// Gloss that explains less χ² than this is faint: other minima are looked for, and m is doubted. One pass, two passes: a second pass
-/// sees the lobe from another side, and the search would cost ten times the fit.
+/// Gloss that explains less χ² than this is faint: other minima are looked for, and m is doubted. One pass, two passes:
+/// a second pass sees the lobe from another side, and the search would cost ten times the fit.
 pub(super) const FAINT: [f64; 2] = [400.0, 60.0];
 /// Correlation of ρd and ρs beyond which other minima are looked for; one pass, two passes.
 const ALIKE: [f64; 2] = [-0.98, -0.995];
@@ -40,7 +40,8 @@ pub struct TexelFitter {
     passes: Vec<Pass>,
     pub(super) level: Level,
     pub robust: Robust,
-    /// Standard deviation (rad) of the tilt that a one-pass fit cannot see; what such a tilt does to the rest widens the errors.
+    /// Standard deviation (rad) of the tilt that a one-pass fit cannot see; what such a tilt does to the rest widens
+    /// the errors.
     pub unseen: f64,
 }
 
@@ -85,7 +86,13 @@ impl TexelFitter {
     }
 
     /// The same with a template bank `fineness` times as fine in either parameter.
-    pub fn with_bank(device: &Device, x_mm: &[f64], y_mm: Option<&[f64]>, precision: &Precision, fineness: f64) -> Self {
+    pub fn with_bank(
+        device: &Device,
+        x_mm: &[f64],
+        y_mm: Option<&[f64]>,
+        precision: &Precision,
+        fineness: f64,
+    ) -> Self {
         let level = Level::detect();
         let model = Model::new(device.tube(), device.camera, device.lobe, precision);
         let pass = |travel: Travel, positions: &[f64], range: [f64; 2]| Pass {
@@ -106,9 +113,15 @@ impl TexelFitter {
         Workspace::default()
     }
 
-    /// Fits one texel at `texel_mm` on the blade; samples in frame order, NaN (or infinite) = no reading. A channel without a
-    /// single reading stays out of the fit and is returned as NaN.
-    pub fn fit(&self, ws: &mut Workspace, texel_mm: [f64; 2], trace_x: &[[f32; 3]], trace_y: Option<&[[f32; 3]]>) -> TexelFit {
+    /// Fits one texel at `texel_mm` on the blade; samples in frame order, NaN (or infinite) = no reading. A channel
+    /// without a single reading stays out of the fit and is returned as NaN.
+    pub fn fit(
+        &self,
+        ws: &mut Workspace,
+        texel_mm: [f64; 2],
+        trace_x: &[[f32; 3]],
+        trace_y: Option<&[[f32; 3]]>,
+    ) -> TexelFit {
         self.fit_under(&self.device.noise(), ws, texel_mm, trace_x, trace_y)
     }
 
@@ -123,13 +136,22 @@ impl TexelFitter {
     ) -> TexelFit {
         let given = [Some(trace_x), trace_y];
         let tilts = given.iter().flatten().count();
-        let matches =
-            tilts <= self.passes.len() && self.passes.iter().zip(given).all(|(p, t)| t.is_none_or(|t| t.len() == p.light.frames()));
+        let matches = tilts <= self.passes.len()
+            && self.passes.iter().zip(given).all(|(p, t)| t.is_none_or(|t| t.len() == p.light.frames()));
         if !matches {
             return TexelFit::refused("the traces and the tube positions differ in length");
         }
-        let mut job =
-            Job { fitter: self, noise: *noise, ws, texel: texel_mm, tilts, evaluations: 0, iterations: 0, matte: false, held: false };
+        let mut job = Job {
+            fitter: self,
+            noise: *noise,
+            ws,
+            texel: texel_mm,
+            tilts,
+            evaluations: 0,
+            iterations: 0,
+            matte: false,
+            held: false,
+        };
         job.load(given);
         job.run()
     }
@@ -218,8 +240,8 @@ impl Job<'_> {
         if self.fitter.robust != Robust::Off {
             (best.0, best.1, outliers) = self.reject(best.0, best.1, worst);
         }
-        // Faint gloss, gloss that looks like more diffuse light, or in one pass a lobe so wide that a tilted narrow one may hide in it,
-        // may have several minima: look at them all.
+        // Faint gloss, gloss that looks like more diffuse light, or in one pass a lobe so wide that a tilted narrow one
+        // may hide in it, may have several minima: look at them all.
         let mut rivals = Vec::new();
         let wide = self.tilts == 1 && best.0.p[0] > BROAD.ln();
         let mut searched = wide || best.0.gloss_chi2() < FAINT[self.tilts - 1];
@@ -246,8 +268,8 @@ impl Job<'_> {
         fit
     }
 
-    /// Whether darkness explains every reading (χ² of zero light under the noise of darkness, 4 σ). A texel that faces away from the
-    /// camera is such: its parameters would be fitted to noise, slowly.
+    /// Whether darkness explains every reading (χ² of zero light under the noise of darkness, 4 σ). A texel that faces
+    /// away from the camera is such: its parameters would be fitted to noise, slowly.
     fn dark(&self, used: usize) -> bool {
         let of_channel = |(c, y): (usize, &Vec<f64>)| {
             // What may be left of the dark frame is common to all readings of a texel.
@@ -259,7 +281,8 @@ impl Job<'_> {
         self.ws.y.iter().flatten().all(|y| *y <= 0.0) || chi2 < n + 4.0 * (2.0 * n).sqrt()
     }
 
-    /// The widest template is also what a steep tilt out of a pass's plane looks like to its bank: smaller slopes are tried beside it.
+    /// The widest template is also what a steep tilt out of a pass's plane looks like to its bank: smaller slopes are
+    /// tried beside it.
     fn doubt(&mut self, start: [f64; NONLINEAR]) -> [f64; NONLINEAR] {
         if self.tilts < 2 || start[0] < WIDE.ln() {
             return start;
@@ -309,19 +332,21 @@ impl Job<'_> {
         None
     }
 
-    /// Weights from the fitted model: independent of the samples' own noise, so they do not bias. Returns the largest squared
-    /// standardised residual.
+    /// Weights from the fitted model: independent of the samples' own noise, so they do not bias. Returns the largest
+    /// squared standardised residual.
     pub fn weigh(&mut self, state: &State) -> f64 {
         let (noise, level, ws) = (self.noise, self.fitter.level, &mut *self.ws);
         let mut worst = 0.0f64;
         for c in 0..3 {
             let rho = [state.channels[c].rho_d, state.channels[c].rho_s];
-            worst = worst.max(project::weigh(level, &ws.columns, rho, noise.terms(c), &ws.y[c], &ws.used[c], &mut ws.w[c]));
+            worst =
+                worst.max(project::weigh(level, &ws.columns, rho, noise.terms(c), &ws.y[c], &ws.used[c], &mut ws.w[c]));
         }
         worst
     }
 
-    /// The start that the templates of the first pass rank `rank`th; leaves weights from the samples, good enough to start with.
+    /// The start that the templates of the first pass rank `rank`th; leaves weights from the samples, good enough to
+    /// start with.
     pub fn start(&mut self, rank: usize) -> Option<[f64; NONLINEAR]> {
         let noise = [0, 1, 2].map(|c| self.noise.terms(c));
         let mut p = [0.3f64.ln(), 0.0, 0.0];
@@ -331,7 +356,14 @@ impl Job<'_> {
         for (k, pass) in self.fitter.passes[..self.tilts].iter().enumerate() {
             let range = from..from + pass.light.frames();
             from += pass.light.padded();
-            pass.bank.best(self.texel, &ws.sum[0][range.clone()], &ws.sum[1][range], STARTS, &mut ws.match_scratch, &mut ws.starts);
+            pass.bank.best(
+                self.texel,
+                &ws.sum[0][range.clone()],
+                &ws.sum[1][range],
+                STARTS,
+                &mut ws.match_scratch,
+                &mut ws.starts,
+            );
             let best = ws.starts.get(if k == 0 { rank } else { 0 })?;
             if k == 0 {
                 p[0] = best.m.ln();

@@ -8,7 +8,9 @@ fn exact_traces_give_back_the_truth() {
         let d = device(lobe, 0.01);
         let (xs, ys) = (pass_x(100), ramp(-325.0, 325.0, 100));
         let (one, two) = (TexelFitter::new(&d, &xs, None), TexelFitter::new(&d, &xs, Some(&ys)));
-        for (m, tilt, texel) in [(0.1, [0.05, 0.0], [0.0, 0.0]), (0.3, [-0.1, 0.12], [20.0, -15.0]), (0.05, [0.12, -0.2], [-30.0, 22.0])] {
+        for (m, tilt, texel) in
+            [(0.1, [0.05, 0.0], [0.0, 0.0]), (0.3, [-0.1, 0.12], [20.0, -15.0]), (0.05, [0.12, -0.2], [-30.0, 22.0])]
+        {
             let t = Truth { rho_d: [0.06, 0.14, 0.03], rho_s: [0.05, 0.05, 0.06], m, tilt };
             let tx = trace(&d, Travel::X, &xs, texel, &t, None);
             let ty = trace(&d, Travel::Y, &ys, texel, &t, None);
@@ -17,7 +19,10 @@ fn exact_traces_give_back_the_truth() {
             assert!((f.m - m).abs() < 2e-3 * m, "{f:?}");
             assert!((f.tilt[0] - tilt[0]).abs() < 1e-4 && (f.tilt[1] - tilt[1]).abs() < 1e-4, "{f:?}");
             for c in 0..3 {
-                assert!((f.rho_d[c] / t.rho_d[c] - 1.0).abs() < 1e-3 && (f.rho_s[c] / t.rho_s[c] - 1.0).abs() < 2e-3, "{f:?}");
+                assert!(
+                    (f.rho_d[c] / t.rho_d[c] - 1.0).abs() < 1e-3 && (f.rho_s[c] / t.rho_s[c] - 1.0).abs() < 2e-3,
+                    "{f:?}"
+                );
             }
             if tilt[1] == 0.0 {
                 let f = one.fit(&mut one.workspace(), texel, &tx, None);
@@ -28,8 +33,9 @@ fn exact_traces_give_back_the_truth() {
     }
 }
 
-/// Fits of traces that the scan's own integral made (`capture::synth`): failures, and the median error over what the stated errors
-/// allow. A failure did not converge without saying so, or promises a value that lies six of its errors off.
+/// Fits of traces that the scan's own integral made (`capture::synth`): failures, and the median error over what the
+/// stated errors allow. A failure did not converge without saying so, or promises a value that lies six of its errors
+/// off.
 fn judged(lobe: Lobe, noise: f64, ms: [f64; 2], tilt: f64, count: usize, seed: u64) -> (usize, f64, f64) {
     use mesophyll_capture::manifest;
     use mesophyll_capture::synth::illumination::{Device as Scanner, Lobe as Scanned};
@@ -39,7 +45,8 @@ fn judged(lobe: Lobe, noise: f64, ms: [f64; 2], tilt: f64, count: usize, seed: u
         Lobe::Ggx => Scanned::Ggx,
         Lobe::CookTorrance { index } => Scanned::CookTorrance { index },
     };
-    let scanner = Scanner::new(manifest::Tube { height_mm: 100.0, length_mm: 500.0, radius_mm: 2.5 }, manifest::Travel::X, 55.0);
+    let scanner =
+        Scanner::new(manifest::Tube { height_mm: 100.0, length_mm: 500.0, radius_mm: 2.5 }, manifest::Travel::X, 55.0);
     let xs = pass_x(100);
     let fitter = TexelFitter::new(&d, &xs, None);
     let (mut ws, mut rng) = (fitter.workspace(), Noise::new(seed));
@@ -96,11 +103,14 @@ fn judged(lobe: Lobe, noise: f64, ms: [f64; 2], tilt: f64, count: usize, seed: u
     }
     ratios.sort_by(f64::total_cmp);
     let (ratio, us) = (ratios[ratios.len() / 2], time.as_secs_f64() * 1e6 / count as f64);
-    println!("{lobe:?}, noise {noise}: {failed} failures of {count}, median error {ratio:.3} of the bound's, {us:.1} us");
+    println!(
+        "{lobe:?}, noise {noise}: {failed} failures of {count}, median error {ratio:.3} of the bound's, {us:.1} us"
+    );
     (failed, ratio, us)
 }
 
-/// The goals, a lobe at a time: no failure at 1 %, three of 500 at 2 % with m .03–.9 and tilts of 10°, errors at the Cramér–Rao bound.
+/// The goals, a lobe at a time: no failure at 1 %, three of 500 at 2 % with m .03–.9 and tilts of 10°, errors at the
+/// Cramér–Rao bound.
 #[test]
 fn fits_of_traces_made_by_other_code() {
     for lobe in [Lobe::Beckmann, Lobe::Ggx, Lobe::CookTorrance { index: 1.45 }] {
@@ -137,8 +147,13 @@ fn a_common_level_widens_errors_by_what_it_does() {
                 .collect()
         };
         let f = fitter.fit_under(&noise, &mut fitter.workspace(), texel, &raise(&tx), Some(&raise(&ty)));
-        let now =
-            [f.rho_d[0] - plain.rho_d[0], f.rho_s[0] - plain.rho_s[0], f.m - plain.m, f.tilt[0] - plain.tilt[0], f.tilt[1] - plain.tilt[1]];
+        let now = [
+            f.rho_d[0] - plain.rho_d[0],
+            f.rho_s[0] - plain.rho_s[0],
+            f.m - plain.m,
+            f.tilt[0] - plain.tilt[0],
+            f.tilt[1] - plain.tilt[1],
+        ];
         for (sum, d) in moved.iter_mut().zip(now) {
             *sum += d * d;
         }

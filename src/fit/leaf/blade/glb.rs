@@ -1,5 +1,5 @@
-//! `blade.glb`: the blade as binary glTF 2.0, one double-sided mesh with normals, tangents and texture coordinates. The buffer is in mm, under a
-//! node that scales it to glTF's metres.
+//! `blade.glb`: the blade as binary glTF 2.0, one double-sided mesh with normals, tangents and texture coordinates. The
+//! buffer is in mm, under a node that scales it to glTF's metres.
 
 use super::Blade;
 use crate::{Error, Result};
@@ -27,7 +27,9 @@ pub fn write(path: &Path, name: &str, blade: &Blade) -> Result<()> {
     add(&mut blade.uvs.iter().flatten().copied(), ARRAY_BUFFER);
     let start = bin.len();
     blade.indices.iter().for_each(|i| bin.extend(i.to_le_bytes()));
-    views.push(json!({"buffer": 0, "byteOffset": start, "byteLength": bin.len() - start, "target": ELEMENT_ARRAY_BUFFER}));
+    views.push(
+        json!({"buffer": 0, "byteOffset": start, "byteLength": bin.len() - start, "target": ELEMENT_ARRAY_BUFFER}),
+    );
     let bound = |least: bool| {
         [0, 1, 2].map(|k: usize| {
             let values = blade.positions.iter().map(|p| p[k]);
@@ -35,7 +37,8 @@ pub fn write(path: &Path, name: &str, blade: &Blade) -> Result<()> {
         })
     };
     let count = blade.positions.len();
-    let vectors = |view: usize, kind: &str| json!({"bufferView": view, "componentType": FLOAT, "count": count, "type": kind});
+    let vectors =
+        |view: usize, kind: &str| json!({"bufferView": view, "componentType": FLOAT, "count": count, "type": kind});
     let mut positions = vectors(0, "VEC3");
     positions["min"] = json!(bound(true));
     positions["max"] = json!(bound(false));

@@ -1,4 +1,5 @@
-//! The trimmed mesh: a constrained Delaunay triangulation of the outline and a grid of inner points, lifted to the relief.
+//! The trimmed mesh: a constrained Delaunay triangulation of the outline and a grid of inner points, lifted to the
+//! relief.
 
 use super::outline::{contours, coverage, simplify};
 use super::relief::{Relief, integrate};
@@ -35,12 +36,15 @@ impl HasPosition for Vertex {
     }
 }
 
-/// Reconstructs the blade. `slopes` are [dz/dx, dz/dy] a texel, `None` where unknown; `ratio` is the light box's leaf/box ratio.
-/// `None` when the mask holds no piece large enough to outline.
+/// Reconstructs the blade. `slopes` are [dz/dx, dz/dy] a texel, `None` where unknown; `ratio` is the light box's
+/// leaf/box ratio. `None` when the mask holds no piece large enough to outline.
 pub fn build(grid: &Grid, mask: &[bool], ratio: Option<&[[f32; 3]]>, slopes: &[Option<[f64; 2]>]) -> Option<Blade> {
     let field = coverage(mask, ratio, grid.width, grid.height);
-    let mut rings: Vec<Vec<[f64; 2]>> =
-        contours(&field, grid.width, grid.height, 0.5).iter().map(|r| simplify(r, TOLERANCE)).filter(|r| r.len() >= 3).collect();
+    let mut rings: Vec<Vec<[f64; 2]>> = contours(&field, grid.width, grid.height, 0.5)
+        .iter()
+        .map(|r| simplify(r, TOLERANCE))
+        .filter(|r| r.len() >= 3)
+        .collect();
     // A piece or hole of less than four texels is noise of the mask, not a shape.
     rings.retain(|r| super::outline::area(r).abs() >= 4.0);
     if rings.is_empty() {
@@ -57,7 +61,8 @@ pub fn build(grid: &Grid, mask: &[bool], ratio: Option<&[[f32; 3]]>, slopes: &[O
         for k in 0..handles.len() {
             let (a, b) = (handles[k], handles[(k + 1) % handles.len()]);
             if a != b {
-                // Thinning may make two edges cross by a fraction of a texel; that edge is then left to the triangulation.
+                // Thinning may make two edges cross by a fraction of a texel; that edge is then left to the
+                // triangulation.
                 cdt.try_add_constraint(a, b);
             }
         }
@@ -73,7 +78,10 @@ pub fn build(grid: &Grid, mask: &[bool], ratio: Option<&[[f32; 3]]>, slopes: &[O
                 .map(|d| [p[0] + d[0], p[1] + d[1]])
                 .iter()
                 .all(|q| {
-                    let within = q[0] >= -0.5 && q[1] >= -0.5 && q[0] <= grid.width as f64 - 0.5 && q[1] <= grid.height as f64 - 0.5;
+                    let within = q[0] >= -0.5
+                        && q[1] >= -0.5
+                        && q[0] <= grid.width as f64 - 0.5
+                        && q[1] <= grid.height as f64 - 0.5;
                     within && bilinear(&field, grid.width, grid.height, q[0], q[1]) > 0.5
                 });
             if clear {
@@ -104,8 +112,9 @@ pub fn build(grid: &Grid, mask: &[bool], ratio: Option<&[[f32; 3]]>, slopes: &[O
     Some(blade)
 }
 
-/// The ring (texels) with every edge cut into as few equal parts as keep each within `gap` (mm) of the relief's `height` (mm). Parts need not be
-/// shorter than the `spacing` of the points inside, whose triangles are no closer to the relief.
+/// The ring (texels) with every edge cut into as few equal parts as keep each within `gap` (mm) of the relief's
+/// `height` (mm). Parts need not be shorter than the `spacing` of the points inside, whose triangles are no closer to
+/// the relief.
 fn divided(ring: &[[f64; 2]], spacing: f64, gap: f64, height: impl Fn([f64; 2]) -> f64) -> Vec<[f64; 2]> {
     let mut out = Vec::with_capacity(ring.len());
     for (k, a) in ring.iter().enumerate() {
@@ -161,8 +170,8 @@ fn inside(rings: &[Vec<[f64; 2]>], p: [f64; 2]) -> bool {
 }
 
 impl Blade {
-    /// The mesh's interpolated frame [tangent, bitangent, normal] at every texel, as a renderer interpolates it; texels that no
-    /// triangle covers take the nearest covered one's.
+    /// The mesh's interpolated frame [tangent, bitangent, normal] at every texel, as a renderer interpolates it; texels
+    /// that no triangle covers take the nearest covered one's.
     pub fn frames(&self, grid: &Grid) -> Vec<[[f32; 3]; 3]> {
         let flat = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         let mut frames = vec![flat; grid.width * grid.height];
@@ -176,7 +185,9 @@ impl Blade {
             }
             let bound = |axis: usize, most: usize| {
                 let lo = p.iter().map(|q| q[axis]).fold(f64::INFINITY, f64::min).floor().max(0.0) as usize;
-                let hi = p.iter().map(|q| q[axis]).fold(f64::NEG_INFINITY, f64::max).ceil().clamp(0.0, (most - 1) as f64) as usize;
+                let hi =
+                    p.iter().map(|q| q[axis]).fold(f64::NEG_INFINITY, f64::max).ceil().clamp(0.0, (most - 1) as f64)
+                        as usize;
                 lo..=hi
             };
             for j in bound(1, grid.height) {
@@ -189,7 +200,8 @@ impl Blade {
                     }
                     let mix = |get: &dyn Fn(usize) -> [f32; 3]| -> [f64; 3] {
                         let (e, f, g) = (get(v[0]), get(v[1]), get(v[2]));
-                        [0, 1, 2].map(|k: usize| f64::from(e[k]) * (1.0 - b - c) + f64::from(f[k]) * b + f64::from(g[k]) * c)
+                        [0, 1, 2]
+                            .map(|k: usize| f64::from(e[k]) * (1.0 - b - c) + f64::from(f[k]) * b + f64::from(g[k]) * c)
                     };
                     let normal = unit(mix(&|k| self.normals[k]));
                     let raw = mix(&|k| [self.tangents[k][0], self.tangents[k][1], self.tangents[k][2]]);
@@ -238,7 +250,8 @@ mod tests {
         let mut steepest = 0.0f64;
         for t in blade.indices.chunks_exact(3) {
             let p = [0, 1, 2].map(|k: usize| blade.positions[t[k] as usize].map(f64::from));
-            let n = unit(cross([0, 1, 2].map(|k: usize| p[1][k] - p[0][k]), [0, 1, 2].map(|k: usize| p[2][k] - p[0][k])));
+            let n =
+                unit(cross([0, 1, 2].map(|k: usize| p[1][k] - p[0][k]), [0, 1, 2].map(|k: usize| p[2][k] - p[0][k])));
             steepest = steepest.max(n[2].acos().to_degrees());
         }
         assert!(steepest < 35.0, "{steepest}");

@@ -1,4 +1,5 @@
-//! The blade: outline from the transmission, relief from the normals, a trimmed two-sided mesh — what is rendered is what was scanned.
+//! The blade: outline from the transmission, relief from the normals, a trimmed two-sided mesh — what is rendered is
+//! what was scanned.
 
 pub mod glb;
 pub mod mesh;

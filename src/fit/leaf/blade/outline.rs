@@ -1,11 +1,13 @@
-//! The outline: the half-coverage contour of the leaf, traced between texels (marching squares) and thinned (Douglas–Peucker).
+//! The outline: the half-coverage contour of the leaf, traced between texels (marching squares) and thinned
+//! (Douglas–Peucker).
 
-/// Share of each texel that the leaf covers, from the light box where it shows partial texels, else from the mask, lightly
-/// smoothed so that the half level runs between texels instead of along their edges.
+/// Share of each texel that the leaf covers, from the light box where it shows partial texels, else from the mask,
+/// lightly smoothed so that the half level runs between texels instead of along their edges.
 pub fn coverage(mask: &[bool], ratio: Option<&[[f32; 3]]>, width: usize, height: usize) -> Vec<f64> {
     let mean = |t: &[f32; 3]| f64::from(t[0] + t[1] + t[2]) / 3.0;
     let leaf_level = ratio.map_or(0.0, |r| {
-        let mut inside: Vec<f64> = r.iter().zip(mask).filter(|(_, m)| **m).map(|(t, _)| mean(t)).filter(|v| v.is_finite()).collect();
+        let mut inside: Vec<f64> =
+            r.iter().zip(mask).filter(|(_, m)| **m).map(|(t, _)| mean(t)).filter(|v| v.is_finite()).collect();
         inside.sort_unstable_by(f64::total_cmp);
         inside.get(inside.len() / 2).copied().unwrap_or(0.0)
     });
@@ -21,7 +23,11 @@ pub fn coverage(mask: &[bool], ratio: Option<&[[f32; 3]]>, width: usize, height:
         .collect();
     // 3×3 binomial, the border counting as outside
     let at = |i: isize, j: isize| {
-        if i < 0 || j < 0 || i >= width as isize || j >= height as isize { 0.0 } else { raw[j as usize * width + i as usize] }
+        if i < 0 || j < 0 || i >= width as isize || j >= height as isize {
+            0.0
+        } else {
+            raw[j as usize * width + i as usize]
+        }
     };
     let mut smooth = vec![0.0; raw.len()];
     for j in 0..height as isize {
@@ -38,7 +44,8 @@ pub fn coverage(mask: &[bool], ratio: Option<&[[f32; 3]]>, width: usize, height:
     smooth
 }
 
-/// Closed contours of `field` at `level` in texel coordinates; anything beyond the image is outside. Points are not repeated.
+/// Closed contours of `field` at `level` in texel coordinates; anything beyond the image is outside. Points are not
+/// repeated.
 pub fn contours(field: &[f64], width: usize, height: usize, level: f64) -> Vec<Vec<[f64; 2]>> {
     use std::collections::BTreeMap;
     // One ring of outside texels closes every contour.
@@ -54,7 +61,8 @@ pub fn contours(field: &[f64], width: usize, height: usize, level: f64) -> Vec<V
         for i in 0..w - 1 {
             let c = [inside(i, j), inside(i + 1, j), inside(i + 1, j + 1), inside(i, j + 1)];
             let edges: [Edge; 4] = [(i, j, 0), (i + 1, j, 1), (i, j + 1, 0), (i, j, 1)];
-            // Walk with the inside on the left: from the edge where we enter the inside (going round) to the one where we leave.
+            // Walk with the inside on the left: from the edge where we enter the inside (going round) to the one where
+            // we leave.
             let mut link = |from: usize, to: usize| next.entry(edges[from]).or_default().push(edges[to]);
             let crossing: Vec<usize> = (0..4).filter(|&k| c[k] != c[(k + 1) % 4]).collect();
             match crossing.len() {
@@ -110,14 +118,17 @@ pub fn simplify(ring: &[[f64; 2]], tolerance: f64) -> Vec<[f64; 2]> {
         return ring.to_vec();
     }
     // Split at the point farthest from the first.
-    let far = (0..ring.len()).max_by(|&a, &b| distance2(ring[a], ring[0]).total_cmp(&distance2(ring[b], ring[0]))).unwrap_or(0);
+    let far = (0..ring.len())
+        .max_by(|&a, &b| distance2(ring[a], ring[0]).total_cmp(&distance2(ring[b], ring[0])))
+        .unwrap_or(0);
     let mut keep = vec![false; ring.len() + 1];
     keep[0] = true;
     keep[far] = true;
     let closed: Vec<[f64; 2]> = ring.iter().copied().chain([ring[0]]).collect();
     let mut stack = vec![(0, far), (far, ring.len())];
     while let Some((a, b)) = stack.pop() {
-        let worst = (a + 1..b).map(|k| (k, to_segment(closed[k], closed[a], closed[b]))).max_by(|p, q| p.1.total_cmp(&q.1));
+        let worst =
+            (a + 1..b).map(|k| (k, to_segment(closed[k], closed[a], closed[b]))).max_by(|p, q| p.1.total_cmp(&q.1));
         if let Some((k, d)) = worst
             && d > tolerance
         {
@@ -135,7 +146,11 @@ fn distance2(a: [f64; 2], b: [f64; 2]) -> f64 {
 
 fn to_segment(p: [f64; 2], a: [f64; 2], b: [f64; 2]) -> f64 {
     let length2 = distance2(a, b);
-    let t = if length2 > 0.0 { (((p[0] - a[0]) * (b[0] - a[0]) + (p[1] - a[1]) * (b[1] - a[1])) / length2).clamp(0.0, 1.0) } else { 0.0 };
+    let t = if length2 > 0.0 {
+        (((p[0] - a[0]) * (b[0] - a[0]) + (p[1] - a[1]) * (b[1] - a[1])) / length2).clamp(0.0, 1.0)
+    } else {
+        0.0
+    };
     distance2(p, [a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])]).sqrt()
 }
 
@@ -180,7 +195,9 @@ mod tests {
     #[test]
     fn leaves_that_touch_the_border_close_and_holes_are_traced() {
         let (w, h) = (30, 20);
-        let field: Vec<f64> = (0..w * h).map(|k| if (k % w > 12 && k % w < 17) && (k / w > 7 && k / w < 12) { 0.0 } else { 1.0 }).collect();
+        let field: Vec<f64> = (0..w * h)
+            .map(|k| if (k % w > 12 && k % w < 17) && (k / w > 7 && k / w < 12) { 0.0 } else { 1.0 })
+            .collect();
         let loops = contours(&field, w, h, 0.5);
         assert_eq!(loops.len(), 2);
         let areas: Vec<f64> = loops.iter().map(|l| area(l)).collect();

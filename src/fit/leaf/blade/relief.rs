@@ -1,4 +1,5 @@
-//! Relief: heights whose slopes agree best with the measured normals (least squares over neighbouring cells, conjugate gradients).
+//! Relief: heights whose slopes agree best with the measured normals (least squares over neighbouring cells, conjugate
+//! gradients).
 
 use super::Grid;
 
@@ -34,9 +35,11 @@ pub fn integrate(grid: &Grid, slopes: &[Option<[f64; 2]>]) -> Relief {
         }
     }
     let on: Vec<bool> = sum.iter().map(|s| s[2] > 0.0).collect();
-    let slope: Vec<[f64; 2]> = sum.iter().map(|s| if s[2] > 0.0 { [s[0] / s[2], s[1] / s[2]] } else { [0.0; 2] }).collect();
+    let slope: Vec<[f64; 2]> =
+        sum.iter().map(|s| if s[2] > 0.0 { [s[0] / s[2], s[1] / s[2]] } else { [0.0; 2] }).collect();
     let size = grid.texel * block as f64;
-    // Each pair of neighbouring cells on the leaf: z_b − z_a = size · mean slope (rows run downwards, so dz/dy changes sign).
+    // Each pair of neighbouring cells on the leaf: z_b − z_a = size · mean slope (rows run downwards, so dz/dy changes
+    // sign).
     let mut pairs = Vec::new();
     for j in 0..h {
         for i in 0..w {
@@ -62,8 +65,8 @@ pub fn integrate(grid: &Grid, slopes: &[Option<[f64; 2]>]) -> Relief {
     }
     let rest: f64 = pairs.iter().map(|&(a, b, d)| ((z[b] - z[a] - d) / size).powi(2)).sum();
     let residual = (rest / pairs.len().max(1) as f64).sqrt();
-    // The mesh carries the blade's shape; what is finer than about a thirtieth of it (veins, bulges, a round petiole) stays in the normal
-    // maps, whose frame then turns slowly and is interpolated the same way by every renderer.
+    // The mesh carries the blade's shape; what is finer than about a thirtieth of it (veins, bulges, a round petiole)
+    // stays in the normal maps, whose frame then turns slowly and is interpolated the same way by every renderer.
     let sigma = w.max(h) as f64 / 32.0;
     let weight = blur(&on.iter().map(|&o| f64::from(u8::from(o))).collect::<Vec<f64>>(), w, h, sigma);
     let mut slope = [0, 1].map(|axis: usize| {
@@ -119,7 +122,8 @@ fn conjugate_gradients(n: usize, pairs: &[(usize, usize, f64)]) -> Vec<f64> {
         degree[a] += 1.0;
         degree[b] += 1.0;
     }
-    let precondition = |r: &[f64]| -> Vec<f64> { r.iter().zip(&degree).map(|(r, d)| if *d > 0.0 { r / d } else { 0.0 }).collect() };
+    let precondition =
+        |r: &[f64]| -> Vec<f64> { r.iter().zip(&degree).map(|(r, d)| if *d > 0.0 { r / d } else { 0.0 }).collect() };
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
     let mut s = precondition(&r);
     let mut p = s.clone();
@@ -182,7 +186,8 @@ mod tests {
     #[test]
     fn a_plane_stays_a_plane_to_its_edge() {
         let grid = Grid { width: 64, height: 48, texel: 0.5 };
-        let slopes: Vec<Option<[f64; 2]>> = (0..64 * 48).map(|k| (k % 64 > 8 && k % 64 < 50).then_some([0.1, -0.2])).collect();
+        let slopes: Vec<Option<[f64; 2]>> =
+            (0..64 * 48).map(|k| (k % 64 > 8 && k % 64 < 50).then_some([0.1, -0.2])).collect();
         let relief = integrate(&grid, &slopes);
         let difference = relief.at(40.0, 10.0) - relief.at(12.0, 30.0);
         assert!((difference - (0.1 * 14.0 - 0.2 * 10.0)).abs() < 1e-6, "{difference}");

@@ -17,8 +17,8 @@ use std::collections::BTreeMap;
 const ROWS: usize = 32;
 /// Held-out frames of a pass that are stored: those nearest to where the lobe peaks.
 const STORED: usize = 2;
-/// A file of held-out frames holds at most this many bytes before packing; of larger scans every second (third, …) row and column is
-/// stored.
+/// A file of held-out frames holds at most this many bytes before packing; of larger scans every second (third, …) row
+/// and column is stored.
 const STORED_BYTES: usize = 8 << 20;
 
 /// A judged side.
@@ -71,7 +71,8 @@ impl Tally {
     /// Standard error of the mean square: texels are independent, the readings of one texel share its fit.
     pub fn stderr(&self) -> f64 {
         let mean = self.reduced_chi2();
-        (self.spread[0] - 2.0 * mean * self.spread[1] + mean * mean * self.spread[2]).max(0.0).sqrt() / self.readings as f64
+        (self.spread[0] - 2.0 * mean * self.spread[1] + mean * mean * self.spread[2]).max(0.0).sqrt()
+            / self.readings as f64
     }
 
     pub fn share_beyond_3(&self) -> f64 {
@@ -184,11 +185,13 @@ pub fn judge(capture: &Capture, scan: &Scan, splits: &Splits, fitted: &Fitted, l
 
 /// Every how many rows and columns of a scan are stored.
 pub fn stored_step(width: usize, height: usize, passes: usize) -> usize {
-    let bytes = |step: usize| width.div_ceil(step) * height.div_ceil(step) * 3 * (STORED * passes + 1) * size_of::<f32>();
+    let bytes =
+        |step: usize| width.div_ceil(step) * height.div_ceil(step) * 3 * (STORED * passes + 1) * size_of::<f32>();
     (1..).find(|step| bytes(*step) <= STORED_BYTES).unwrap_or(1)
 }
 
-/// Indices of the positions nearest to where a level texel in the middle mirrors the tube into the camera, in the order of the frames.
+/// Indices of the positions nearest to where a level texel in the middle mirrors the tube into the camera, in the order
+/// of the frames.
 fn nearest_the_peak(scan: &Scan, travel: Travel, positions: &[f64]) -> Vec<usize> {
     let peak = match travel {
         Travel::X => -scan.tube_height_mm * scan.camera_deg.to_radians().tan(),
@@ -206,10 +209,18 @@ fn light_box(capture: &Capture, fitted: &Fitted, relative: f64) -> Option<LightB
     let m = &capture.manifest;
     let floor = [0, 1, 2].map(|c: usize| outliers::median(fitted.texels.iter().map(|x| x.rho_t_floor[c]).collect()));
     let incidence = m.lightbox.camera_deg.to_radians().cos();
-    let thickness: BTreeMap<usize, f64> = fitted.at.iter().zip(&fitted.thickness).map(|(k, t)| (*k as usize, *t)).collect();
-    through(fitted.sigma_a, fitted.sigma_s, m.thickness_mm, incidence, relative, floor, fitted.at.iter().map(|k| *k as usize), |k| {
-        (thickness.get(&k).copied().unwrap_or(f64::NAN), fitted.measured.rho_t[k].map(f64::from))
-    })
+    let thickness: BTreeMap<usize, f64> =
+        fitted.at.iter().zip(&fitted.thickness).map(|(k, t)| (*k as usize, *t)).collect();
+    through(
+        fitted.sigma_a,
+        fitted.sigma_s,
+        m.thickness_mm,
+        incidence,
+        relative,
+        floor,
+        fitted.at.iter().map(|k| *k as usize),
+        |k| (thickness.get(&k).copied().unwrap_or(f64::NAN), fitted.measured.rho_t[k].map(f64::from)),
+    )
 }
 
 /// Measured transmittances against the slab's. `texel` gives a texel's thickness (mm) and what was measured of it.

@@ -1,4 +1,5 @@
-//! How far predictions of held-out readings are off because the fit's parameters are: the mean of j (JᵀJ)⁻¹ jᵀ over held-out readings.
+//! How far predictions of held-out readings are off because the fit's parameters are: the mean of j (JᵀJ)⁻¹ jᵀ over
+//! held-out readings.
 
 use super::{Predictor, Scan, Scratch, Splits, Texel};
 use crate::gloss::normal_slopes;
@@ -12,8 +13,8 @@ type Slope = SVector<f64, PARAMETERS>;
 /// Texels that the mean is taken over: the figure is the same to a few percent of itself on every texel.
 const SAMPLE: usize = 400;
 
-/// Expected mean square of held-out residuals in units of the noise: by pass, a figure each held-out frame. Texels: their place (mm) and
-/// fit.
+/// Expected mean square of held-out residuals in units of the noise: by pass, a figure each held-out frame. Texels:
+/// their place (mm) and fit.
 pub fn expected(scan: &Scan, manifest: &Manifest, splits: &Splits, texels: &[([f64; 2], Texel)]) -> [Vec<f64>; 2] {
     let passes: Vec<(Travel, [Predictor; 2])> = manifest
         .passes
@@ -47,7 +48,14 @@ pub fn expected(scan: &Scan, manifest: &Manifest, splits: &Splits, texels: &[([f
 }
 
 /// Slopes of every reading (frame by channel) to the parameters, over the reading's noise.
-fn slopes(scan: &Scan, pass: &Predictor, scratch: &mut Scratch, texel: &Texel, at: [f64; 2], tilts: usize) -> Vec<[Slope; 3]> {
+fn slopes(
+    scan: &Scan,
+    pass: &Predictor,
+    scratch: &mut Scratch,
+    texel: &Texel,
+    at: [f64; 2],
+    tilts: usize,
+) -> Vec<[Slope; 3]> {
     let n = texel.normal;
     let turns = normal_slopes([n[0].atan2(n[2]), n[1].clamp(-1.0, 1.0).asin()]);
     let columns = pass.columns(scratch, texel, at, &turns[..tilts.min(2)]);
@@ -89,7 +97,8 @@ fn pseudo_inverse(normal: &SMatrix<f64, PARAMETERS, PARAMETERS>) -> Option<SMatr
 mod tests {
     use super::*;
 
-    /// The mean over the readings that were fitted is parameters / readings, whatever the design: the trace of a projection.
+    /// The mean over the readings that were fitted is parameters / readings, whatever the design: the trace of a
+    /// projection.
     #[test]
     fn over_fitted_readings_the_mean_is_parameters_over_readings() {
         let scan = Scan {
@@ -104,7 +113,8 @@ mod tests {
         let positions: Vec<f64> = (0..60).map(|k| -400.0 + 650.0 * f64::from(k) / 59.0).collect();
         let texel = Texel { rho_d: [0.05, 0.1, 0.03], rho_s: [0.04; 3], m: 0.3, normal: [0.1, 0.0, 0.99f64.sqrt()] };
         let pass = Predictor::new(&scan, Travel::X, &positions);
-        let rows: Vec<Slope> = slopes(&scan, &pass, &mut Scratch::default(), &texel, [3.0, -2.0], 1).into_iter().flatten().collect();
+        let rows: Vec<Slope> =
+            slopes(&scan, &pass, &mut Scratch::default(), &texel, [3.0, -2.0], 1).into_iter().flatten().collect();
         let mut normal = SMatrix::<f64, PARAMETERS, PARAMETERS>::zeros();
         rows.iter().for_each(|j| normal.ger(1.0, j, j, 1.0));
         let inverse = pseudo_inverse(&normal).unwrap();

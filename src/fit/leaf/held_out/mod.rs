@@ -1,11 +1,12 @@
-//! Frames that no fit sees. `fit leaf` leaves out one frame of every N, predicts it from the fitted ρd, ρs, m and normals with the tube
-//! model, and compares the prediction with what was measured, in units of the measurement's noise. Some of these frames are kept in the
-//! fit's folder, so that the fit can be judged by a measurement for as long as it exists.
+//! Frames that no fit sees. `fit leaf` leaves out one frame of every N, predicts it from the fitted ρd, ρs, m and
+//! normals with the tube model, and compares the prediction with what was measured, in units of the measurement's
+//! noise. Some of these frames are kept in the fit's folder, so that the fit can be judged by a measurement for as long
+//! as it exists.
 //!
-//! **What to expect.** A reading that the fit did not see differs from its prediction by its own noise and by what the fit's parameters are
-//! off. With the weighted slopes J of a texel's readings to its parameters, the expected square is 1 + j (JᵀJ)⁻¹ jᵀ for a reading of slope
-//! j, in units of the noise: a little above 1 (the mean of the second term is about parameters / readings). It is computed, not assumed:
-//! [`leverage`].
+//! **What to expect.** A reading that the fit did not see differs from its prediction by its own noise and by what the
+//! fit's parameters are off. With the weighted slopes J of a texel's readings to its parameters, the expected square is
+//! 1 + j (JᵀJ)⁻¹ jᵀ for a reading of slope j, in units of the noise: a little above 1 (the mean of the second term is
+//! about parameters / readings). It is computed, not assumed: [`leverage`].
 
 mod judge;
 mod leverage;
@@ -24,8 +25,8 @@ use serde::{Deserialize, Serialize};
 
 /// A pass of fewer frames keeps all of them for the fit: a texel has nine parameters, and every frame counts.
 pub const FEWEST_FRAMES: usize = 20;
-/// A reading farther from its prediction counts as this many standard deviations, so that a spark in one frame does not hide all other
-/// readings.
+/// A reading farther from its prediction counts as this many standard deviations, so that a spark in one frame does not
+/// hide all other readings.
 pub const FARTHEST: f64 = 5.0;
 /// A prediction that is off by less than this share of the noise is good …
 pub const GOOD: f64 = 1.0 / 3.0;
@@ -53,15 +54,16 @@ pub struct Split {
 }
 
 impl HoldOut {
-    /// Divides the frames of a pass. Each whole group of `every` frames loses the one that the seed names; both sides of a leaf lose the
-    /// same ones.
+    /// Divides the frames of a pass. Each whole group of `every` frames loses the one that the seed names; both sides
+    /// of a leaf lose the same ones.
     pub fn split(&self, travel: Travel, frames: usize) -> Split {
         if self.every == 0 || frames < FEWEST_FRAMES {
             return Split { kept: (0..frames).collect(), held: Vec::new() };
         }
         let mut draw = Stream::new(self.seed, &[0x401d, travel as u64]);
-        let held: Vec<usize> =
-            (0..frames / self.every).map(|group| group * self.every + (draw.uniform() * self.every as f64) as usize).collect();
+        let held: Vec<usize> = (0..frames / self.every)
+            .map(|group| group * self.every + (draw.uniform() * self.every as f64) as usize)
+            .collect();
         Split { kept: (0..frames).filter(|k| !held.contains(k)).collect(), held }
     }
 }
@@ -86,7 +88,8 @@ impl Splits {
     }
 }
 
-/// What was left out, for people: `every 20th frame, seed 1; pass x: 5 of 100 (12 33 51 70 99); pass y: none of 16, fewer than 20`.
+/// What was left out, for people: `every 20th frame, seed 1; pass x: 5 of 100 (12 33 51 70 99); pass y: none of 16,
+/// fewer than 20`.
 pub fn in_words(manifest: &Manifest, told: HoldOut, splits: &Splits) -> String {
     if told.every == 0 {
         return "no frame".into();
@@ -97,7 +100,9 @@ pub fn in_words(manifest: &Manifest, told: HoldOut, splits: &Splits) -> String {
         let all = kept.len() + held.len();
         let list: Vec<String> = held.iter().map(usize::to_string).collect();
         text += &match held.len() {
-            0 if all < FEWEST_FRAMES => format!("; pass {}: none of {all}, fewer than {FEWEST_FRAMES} stay whole", pass.name.name()),
+            0 if all < FEWEST_FRAMES => {
+                format!("; pass {}: none of {all}, fewer than {FEWEST_FRAMES} stay whole", pass.name.name())
+            }
             0 => format!("; pass {}: none of {all}", pass.name.name()),
             n => format!("; pass {}: {n} of {all} ({})", pass.name.name(), list.join(" ")),
         };
@@ -163,8 +168,8 @@ impl Scan {
     }
 }
 
-/// How well one pass's held-out frames are predicted. `[front.held_out.x]` in `fit.toml`; residuals are in standard deviations of the
-/// noise.
+/// How well one pass's held-out frames are predicted. `[front.held_out.x]` in `fit.toml`; residuals are in standard
+/// deviations of the noise.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct HeldOut {
     /// Frames that the fit did not see, and where the tube stood (mm).
@@ -200,7 +205,8 @@ impl HeldOut {
     }
 }
 
-/// How far a model is off in units of the noise: an error of e times the noise raises the mean square from its expectation by the factor 1
+/// How far a model is off in units of the noise: an error of e times the noise raises the mean square from its
+/// expectation by the factor 1
 /// + e². Two standard errors are chance.
 pub fn off(reduced_chi2: f64, expected: f64, stderr: f64) -> f64 {
     let excess = (reduced_chi2 - 2.0 * stderr) / expected - 1.0;

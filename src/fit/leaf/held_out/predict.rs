@@ -16,9 +16,12 @@ pub struct Texel {
     pub normal: [f64; 3],
 }
 
-/// Reads one texel of maps with the channels `rho_d.R` … `normal.Z`; `None` where a channel is missing or a reflectance is no number.
+/// Reads one texel of maps with the channels `rho_d.R` … `normal.Z`; `None` where a channel is missing or a reflectance
+/// is no number.
 pub fn texel_of(maps: &Maps) -> Option<impl Fn(usize) -> Option<Texel> + Sync + '_> {
-    let planes = |names: [&str; 3]| -> Option<[&[f32]; 3]> { Some([maps.get(names[0])?, maps.get(names[1])?, maps.get(names[2])?]) };
+    let planes = |names: [&str; 3]| -> Option<[&[f32]; 3]> {
+        Some([maps.get(names[0])?, maps.get(names[1])?, maps.get(names[2])?])
+    };
     let rho_d = planes(["rho_d.R", "rho_d.G", "rho_d.B"])?;
     let rho_s = planes(["rho_s.R", "rho_s.G", "rho_s.B"])?;
     let normal = planes(["normal.X", "normal.Y", "normal.Z"])?;
@@ -63,7 +66,13 @@ impl Predictor {
     }
 
     /// Columns D, S, ∂S/∂m, and ∂D and ∂S along the given changes of the normal, a frame each, of a texel at `at` (mm).
-    pub fn columns<'a>(&self, scratch: &'a mut Scratch, texel: &Texel, at: [f64; 2], changes: &[[f64; 3]]) -> &'a [Vec<f64>; COLUMNS] {
+    pub fn columns<'a>(
+        &self,
+        scratch: &'a mut Scratch,
+        texel: &Texel,
+        at: [f64; 2],
+        changes: &[[f64; 3]],
+    ) -> &'a [Vec<f64>; COLUMNS] {
         self.pass.light(at, &mut scratch.lit);
         for column in &mut scratch.columns {
             column.resize(self.pass.padded(), 0.0);
@@ -76,6 +85,8 @@ impl Predictor {
     /// Predicted value a frame and channel.
     pub fn values(&self, scratch: &mut Scratch, texel: &Texel, at: [f64; 2]) -> Vec<[f64; 3]> {
         let columns = self.columns(scratch, texel, at, &[]);
-        (0..self.frames()).map(|k| [0, 1, 2].map(|c: usize| texel.rho_d[c] * columns[0][k] + texel.rho_s[c] * columns[1][k])).collect()
+        (0..self.frames())
+            .map(|k| [0, 1, 2].map(|c: usize| texel.rho_d[c] * columns[0][k] + texel.rho_s[c] * columns[1][k]))
+            .collect()
     }
 }

@@ -1,4 +1,5 @@
-//! Held-out frames as a fit's folder keeps them: the maps in the folder are judged by them again, whatever happened to the maps since.
+//! Held-out frames as a fit's folder keeps them: the maps in the folder are judged by them again, whatever happened to
+//! the maps since.
 
 use super::judge::{Tally, through};
 use super::{HeldOut, LightBox, Predictor, Scan, Scratch, texel_of};
@@ -18,7 +19,8 @@ pub(super) fn plane_name(pass: &str, frame: usize, channel: usize) -> String {
     format!("{pass}{frame:04}.{}", ["R", "G", "B"][channel])
 }
 
-/// A reading with as many binary digits as tell it within a 64th of its relative noise: the rest is random and would not pack.
+/// A reading with as many binary digits as tell it within a 64th of its relative noise: the rest is random and would
+/// not pack.
 pub(super) fn rounded(value: f32, relative: f64) -> f32 {
     let digits = (32.0 / relative.max(1e-7)).log2().ceil().clamp(8.0, 23.0) as u32;
     if digits == 23 || !value.is_finite() {
@@ -92,9 +94,13 @@ pub fn kept(folder: &Path, record: &FitRecord, side: SideName) -> Result<Option<
     let step = scan.stored_step.max(1);
     let (width, height) = (maps.width.div_ceil(step), maps.height.div_ceil(step));
     if (stored.width, stored.height) != (width, height) {
-        return Err(Error::input(&path, format!("found {}x{} texels, expected {width}x{height}", stored.width, stored.height)));
+        return Err(Error::input(
+            &path,
+            format!("found {}x{} texels, expected {width}x{height}", stored.width, stored.height),
+        ));
     }
-    let texel = texel_of(&maps).ok_or_else(|| Error::input(&maps_path, "channels are missing, expected rho_d, rho_s, m and normal"))?;
+    let texel = texel_of(&maps)
+        .ok_or_else(|| Error::input(&maps_path, "channels are missing, expected rho_d, rho_s, m and normal"))?;
     let mask = maps.require(&maps_path, "mask.Y")?;
     let mut out = Kept { side, width, height, step, frames: Vec::new(), light_box: None };
     for travel in [Travel::X, Travel::Y] {
@@ -103,7 +109,11 @@ pub fn kept(folder: &Path, record: &FitRecord, side: SideName) -> Result<Option<
             let planes = |c: usize| stored.require(&path, &plane_name(travel.name(), frame, c)).map(<[f32]>::to_vec);
             let measured = [planes(0)?, planes(1)?, planes(2)?];
             let position = position(held, frame).ok_or_else(|| {
-                Error::field(&folder.join("fit.toml"), &format!("{}.held_out", side.name()), format!("frame {frame} has no position"))
+                Error::field(
+                    &folder.join("fit.toml"),
+                    &format!("{}.held_out", side.name()),
+                    format!("frame {frame} has no position"),
+                )
             })?;
             let predictor = Predictor::new(scan, travel, &[position]);
             let at = |k: usize| {
@@ -160,7 +170,13 @@ fn frame_of(
         residual: [zr, zg, zb],
         readings: tally.readings,
         reduced_chi2: tally.reduced_chi2(),
-        expected: held.frames.iter().position(|f| *f == frame).and_then(|k| held.frame_expected.get(k)).copied().unwrap_or(held.expected),
+        expected: held
+            .frames
+            .iter()
+            .position(|f| *f == frame)
+            .and_then(|k| held.frame_expected.get(k))
+            .copied()
+            .unwrap_or(held.expected),
         stderr: tally.stderr(),
         share_beyond_3: tally.share_beyond_3(),
         bias: tally.bias(),
@@ -179,7 +195,8 @@ fn light_box(
     let (scan, told) = (record.scan.as_ref()?, section.light_box.as_ref()?);
     let rgb = |name: &str| <[f64; 3]>::try_from(section.params.get(name)?.value.as_slice()).ok();
     let h = *section.params.get("thickness")?.value.first()?;
-    let measured: Vec<&[f32]> = ["R", "G", "B"].iter().map(|c| stored.get(&format!("{LIGHT_BOX}.{c}"))).collect::<Option<_>>()?;
+    let measured: Vec<&[f32]> =
+        ["R", "G", "B"].iter().map(|c| stored.get(&format!("{LIGHT_BOX}.{c}"))).collect::<Option<_>>()?;
     let thickness = maps.get("thickness.Y")?;
     let incidence = scan.lightbox_camera_deg.to_radians().cos();
     let good = (0..kept.width * kept.height).filter(|k| mask[kept.texel(*k, maps.width)] == 1.0);
@@ -196,7 +213,10 @@ mod tests {
     fn rounding_stays_within_a_64th_of_the_noise() {
         for v in [1e-6f32, 0.0123456, 0.337, 1.0, -0.02, 7.77] {
             for relative in [0.1, 0.01, 1e-3] {
-                assert!(f64::from((rounded(v, relative) - v).abs()) <= f64::from(v.abs()) * relative / 64.0, "{v} {relative}");
+                assert!(
+                    f64::from((rounded(v, relative) - v).abs()) <= f64::from(v.abs()) * relative / 64.0,
+                    "{v} {relative}"
+                );
             }
         }
         assert!(rounded(f32::NAN, 0.01).is_nan());

@@ -1,4 +1,5 @@
-//! One texel's part of the leaf-wide problem: its thickness and γ eliminated, what is left of them in the sums for the shared σ.
+//! One texel's part of the leaf-wide problem: its thickness and γ eliminated, what is left of them in the sums for the
+//! shared σ.
 
 use super::{Local, Settings, Sums, Texel, V6};
 use crate::leaf::curve::Curve;
@@ -42,8 +43,16 @@ fn solve_thickness(x: &Texel, start: f64, curves: &[Curve; 3], settings: &Settin
     t
 }
 
-/// Solves one texel at the curves of the shared σ and adds its share to `sums`; `in_gauge` is its weight in the gauges' means.
-pub(super) fn eliminate(x: &Texel, in_gauge: f64, ln_t: &mut f64, curves: &[Curve; 3], settings: &Settings, sums: &mut Sums) -> Local {
+/// Solves one texel at the curves of the shared σ and adds its share to `sums`; `in_gauge` is its weight in the gauges'
+/// means.
+pub(super) fn eliminate(
+    x: &Texel,
+    in_gauge: f64,
+    ln_t: &mut f64,
+    curves: &[Curve; 3],
+    settings: &Settings,
+    sums: &mut Sums,
+) -> Local {
     *ln_t = solve_thickness(x, *ln_t, curves, settings);
     let points = [0, 1, 2].map(|c: usize| curves[c].at(*ln_t));
     let (mut residual, mut slope, mut weight) = ([0.0; 3], [0.0; 3], [0.0; 3]);
@@ -59,7 +68,8 @@ pub(super) fn eliminate(x: &Texel, in_gauge: f64, ln_t: &mut f64, curves: &[Curv
     }
     let information = information.max(f64::MIN_POSITIVE);
     let variance = 1.0 / information;
-    // Two degrees of freedom: three transmittances less one thickness. Huber's weight beyond about 3.5 standard deviations.
+    // Two degrees of freedom: three transmittances less one thickness. Huber's weight beyond about 3.5 standard
+    // deviations.
     let trust = if settings.robust && chi2 > 12.0 { (12.0 / chi2).sqrt() } else { 1.0 };
     // d ln t / d p with the thickness re-solved
     let mut dt = V6::zeros();
@@ -80,11 +90,13 @@ pub(super) fn eliminate(x: &Texel, in_gauge: f64, ln_t: &mut f64, curves: &[Curv
         sums.gradient += row * (weight[c] * trust * residual[c]);
     }
     sums.cost += 0.5 * chi2 * trust.max(1e-12);
-    // Second-order bias of the least-squares thickness (Box 1971): noise would otherwise shift the mean of 10⁵ texels visibly.
+    // Second-order bias of the least-squares thickness (Box 1971): noise would otherwise shift the mean of 10⁵ texels
+    // visibly.
     let bias = -0.5 * variance * variance * bend;
     let usable = if variance.is_finite() && variance < 0.25 { 1.0 } else { 0.0 };
     let t = ln_t.exp();
-    let mut local = Local { thickness: t, thickness_err: t * variance.sqrt(), chi2, weight: trust * usable, ..Local::default() };
+    let mut local =
+        Local { thickness: t, thickness_err: t * variance.sqrt(), chi2, weight: trust * usable, ..Local::default() };
     local.pull = [0, 1, 2].map(|c: usize| weight[c] * slope[c] * variance);
     sums.weight += in_gauge;
     sums.gauge[0] += in_gauge * t * (1.0 - usable * (bias + 0.5 * variance));
@@ -107,7 +119,8 @@ pub(super) fn eliminate(x: &Texel, in_gauge: f64, ln_t: &mut f64, curves: &[Curv
         noise_row[(1 + c, c)] = x.rho_d_err[c] / r;
     }
     // Noise of the gauges: three independent ρd and the thickness (from ρt) they share.
-    let shared = SVector::<f64, 4>::from_fn(|k, _| if k == 0 { t } else { -local.gamma[k - 1] * points[k - 1].d_rho_d });
+    let shared =
+        SVector::<f64, 4>::from_fn(|k, _| if k == 0 { t } else { -local.gamma[k - 1] * points[k - 1].d_rho_d });
     sums.gauge_noise += shared * shared.transpose() * (in_gauge * in_gauge * variance);
     for c in 0..3 {
         sums.gauge_noise[(1 + c, 1 + c)] += (in_gauge * noise_row[(1 + c, c)]).powi(2);

@@ -1,5 +1,5 @@
-//! The shared step and the covariance of σ under the gauges: mean thickness h and mean γ 1 fix as many directions as they can, the
-//! transmittances the rest.
+//! The shared step and the covariance of σ under the gauges: mean thickness h and mean γ 1 fix as many directions as
+//! they can, the transmittances the rest.
 
 use super::{Common, M6, Sums, V6};
 use mesophyll_solve::decompose;
@@ -45,9 +45,9 @@ fn split(c: &SMatrix<f64, 4, 6>, gauge: &[f64; 4]) -> Option<(V6, DMatrix<f64>)>
 /// An eigenvalue of the reduced problem below this share of the largest is no information: the direction is lost.
 const LOST: f64 = 1e-12;
 
-/// Covariance of p: noise of the gauges carried through the constraints, plus noise of the shape in the free directions. A parameter
-/// that takes part in a lost direction has an infinite variance.
-/// Where a sum is not finite nothing is known: every variance is infinite and the rank is 0.
+/// Covariance of p: noise of the gauges carried through the constraints, plus noise of the shape in the free
+/// directions. A parameter that takes part in a lost direction has an infinite variance. Where a sum is not finite
+/// nothing is known: every variance is infinite and the rank is 0.
 pub(super) fn covariance(sums: &Sums, common: &Common) -> (M6, f64, usize) {
     let unknown = (M6::from_diagonal_element(f64::INFINITY), f64::INFINITY, 0);
     let (n, c) = (sums.weight, sums.jacobian / sums.weight);
@@ -86,7 +86,8 @@ pub(super) fn covariance(sums: &Sums, common: &Common) -> (M6, f64, usize) {
     let mut noise = sums.gauge_noise / (n * n);
     for i in 0..3 {
         for j in 0..3 {
-            noise[(1 + i, 1 + j)] += common.shared * common.shared + if i == j { common.own[i] * common.own[i] } else { 0.0 };
+            noise[(1 + i, 1 + j)] +=
+                common.shared * common.shared + if i == j { common.own[i] * common.own[i] } else { 0.0 };
         }
     }
     let mut total = carry * noise * carry.transpose();

@@ -1,9 +1,9 @@
 //! The leaf-wide problem: one σa and σs a channel for the whole leaf, a thickness h + δ and albedo factors γ a texel.
 //!
-//! Minimise Σ over texels and channels of (ρt − T(σ, h + δ))²/variance with the gauges mean(h + δ) = h and mean γ = 1 a channel,
-//! where γ = ρd / R(σ, h + δ) exactly. δ is eliminated texel by texel (the Schur complement of an arrow-shaped normal matrix is
-//! what remains for ln σ), γ in closed form, so each iteration solves six unknowns under four constraints, however many texels
-//! there are. Wang et al. 2005 solve every texel and average instead (`paper.rs`).
+//! Minimise Σ over texels and channels of (ρt − T(σ, h + δ))²/variance with the gauges mean(h + δ) = h and mean γ = 1 a
+//! channel, where γ = ρd / R(σ, h + δ) exactly. δ is eliminated texel by texel (the Schur complement of an arrow-shaped
+//! normal matrix is what remains for ln σ), γ in closed form, so each iteration solves six unknowns under four
+//! constraints, however many texels there are. Wang et al. 2005 solve every texel and average instead (`paper.rs`).
 
 mod eliminate;
 mod gauge;
@@ -28,7 +28,8 @@ pub struct Texel {
     pub rho_d: [f64; 3],
     pub rho_d_err: [f64; 3],
     pub rho_t: [f64; 3],
-    /// Noise of ρt without light; a transmittance T has the variance (relative·T)² + floor², the relative part being [`Settings::relative`].
+    /// Noise of ρt without light; a transmittance T has the variance (relative·T)² + floor², the relative part being
+    /// [`Settings::relative`].
     pub rho_t_floor: [f64; 3],
 }
 
@@ -39,7 +40,8 @@ impl Texel {
     }
 }
 
-/// The good texels (by their place in the list) whose mean stands in the gauges for one texel of the leaf that could not be measured.
+/// The good texels (by their place in the list) whose mean stands in the gauges for one texel of the leaf that could
+/// not be measured.
 pub type StandIns = Vec<u32>;
 
 /// Thickness and albedo factors of one texel.
@@ -143,9 +145,9 @@ impl Sums {
     }
 }
 
-/// Fits the leaf-wide problem from `start` = (σa, σs) a channel. `texels` must not be empty. Each list of `missing` stands for one texel
-/// of the leaf that could not be measured: its neighbours' mean takes its place in the gauges, so that losing a few texels does not move
-/// the leaf's means.
+/// Fits the leaf-wide problem from `start` = (σa, σs) a channel. `texels` must not be empty. Each list of `missing`
+/// stands for one texel of the leaf that could not be measured: its neighbours' mean takes its place in the gauges, so
+/// that losing a few texels does not move the leaf's means.
 pub fn fit(texels: &[Texel], missing: &[StandIns], start: [[f64; 2]; 3], settings: &Settings) -> Wide {
     let clock = Instant::now();
     let mut p = V6::from_fn(|k, _| start[k / 2][k % 2].max(1e-6).ln());
@@ -236,9 +238,17 @@ pub fn fit(texels: &[Texel], missing: &[StandIns], start: [[f64; 2]; 3], setting
 }
 
 /// Eliminates thickness and γ of every texel at σ = exp(p) and sums what the step needs.
-fn evaluate(texels: &[Texel], weights: &[f64], p: &V6, ln_t: &mut [f64], settings: &Settings) -> ([Curve; 3], Sums, Vec<Local>) {
-    let curves: Vec<Curve> =
-        (0..3usize).into_par_iter().map(|c| Curve::new(p[2 * c].exp(), p[2 * c + 1].exp(), settings.h, settings.incidence)).collect();
+fn evaluate(
+    texels: &[Texel],
+    weights: &[f64],
+    p: &V6,
+    ln_t: &mut [f64],
+    settings: &Settings,
+) -> ([Curve; 3], Sums, Vec<Local>) {
+    let curves: Vec<Curve> = (0..3usize)
+        .into_par_iter()
+        .map(|c| Curve::new(p[2 * c].exp(), p[2 * c + 1].exp(), settings.h, settings.incidence))
+        .collect();
     let curves: [Curve; 3] = [curves[0].clone(), curves[1].clone(), curves[2].clone()];
     let parts: Vec<(Sums, Vec<Local>)> = texels
         .par_chunks(UNIT)
@@ -260,7 +270,8 @@ fn evaluate(texels: &[Texel], weights: &[f64], p: &V6, ln_t: &mut [f64], setting
     (curves, total, locals)
 }
 
-/// Covariance of what the stand-ins get wrong in the gauges' sums: each missing value scatters about its neighbours' mean as they do.
+/// Covariance of what the stand-ins get wrong in the gauges' sums: each missing value scatters about its neighbours'
+/// mean as they do.
 fn stand_in_noise(locals: &[Local], missing: &[StandIns]) -> SMatrix<f64, 4, 4> {
     let mut total = SMatrix::<f64, 4, 4>::zeros();
     for stand_ins in missing.iter().filter(|s| s.len() > 1) {

@@ -8,7 +8,8 @@ pub fn leaf(n: usize, noise: f64, seed: u64) -> (Vec<Texel>, [[f64; 2]; 3], Vec<
     let sigma = [[9.0, 18.0], [2.6, 16.0], [22.0, 21.0]];
     let t: Vec<f64> = (0..n).map(|k| 0.2 * (1.0 + 0.35 * (k as f64 * 0.7).sin())).collect();
     let h = t.iter().sum::<f64>() / n as f64;
-    let mut gamma: Vec<[f64; 3]> = (0..n).map(|k| [0, 1, 2].map(|c| 1.0 + 0.2 * (k as f64 * (0.3 + f64::from(c))).cos())).collect();
+    let mut gamma: Vec<[f64; 3]> =
+        (0..n).map(|k| [0, 1, 2].map(|c| 1.0 + 0.2 * (k as f64 * (0.3 + f64::from(c))).cos())).collect();
     for c in 0..3 {
         let mean = gamma.iter().map(|g| g[c]).sum::<f64>() / n as f64;
         gamma.iter_mut().for_each(|g| g[c] /= mean);
@@ -34,7 +35,14 @@ pub fn leaf(n: usize, noise: f64, seed: u64) -> (Vec<Texel>, [[f64; 2]; 3], Vec<
 }
 
 fn settings(h: f64, noise: f64) -> Settings {
-    Settings { h, incidence: Incidence(1.0), relative: noise.max(1e-6), robust: true, iterations: 60, common: Common::default() }
+    Settings {
+        h,
+        incidence: Incidence(1.0),
+        relative: noise.max(1e-6),
+        robust: true,
+        iterations: 60,
+        common: Common::default(),
+    }
 }
 
 #[test]
@@ -76,7 +84,8 @@ fn errors_cover_the_truth() {
     assert!((0.93..=0.97).contains(&share), "{delta_inside} of {delta_total}");
 }
 
-/// A channel that lets nothing through says how σa and σs are to each other and no more: both are infinitely uncertain, the others not.
+/// A channel that lets nothing through says how σa and σs are to each other and no more: both are infinitely uncertain,
+/// the others not.
 #[test]
 fn a_lost_direction_is_not_a_certain_one() {
     let (mut texels, sigma, _, h) = leaf(400, 0.01, 5);

@@ -7,7 +7,8 @@ use mesophyll_sky::{colour, sun_direction};
 use mesophyll_solve::{Closure, Fit, Noise, Options, lm};
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// How the sun's direction is written in parameters: angles, or near the zenith (where azimuth loses its meaning) a plane.
+/// How the sun's direction is written in parameters: angles, or near the zenith (where azimuth loses its meaning) a
+/// plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Chart {
     /// Zenith angle, azimuth about this one.
@@ -43,7 +44,9 @@ impl Chart {
     pub fn bounds(self) -> (Vec<f64>, Vec<f64>) {
         let [low, high] = preetham::TURBIDITIES;
         match self {
-            Chart::Polar(middle) => (vec![0.02, middle - PI, low, f64::NEG_INFINITY], vec![FRAC_PI_2, middle + PI, high, f64::INFINITY]),
+            Chart::Polar(middle) => {
+                (vec![0.02, middle - PI, low, f64::NEG_INFINITY], vec![FRAC_PI_2, middle + PI, high, f64::INFINITY])
+            }
             Chart::Plane => (vec![-0.8, -0.8, low, f64::NEG_INFINITY], vec![0.8, 0.8, high, f64::INFINITY]),
         }
     }
@@ -72,7 +75,15 @@ pub struct Round {
     pub fit: Fit,
 }
 
-pub fn descend(pixels: &[Pixel], kept: &[bool], channels: usize, guess: &Guess, noise: f64, floor: f64, known: Noise) -> Round {
+pub fn descend(
+    pixels: &[Pixel],
+    kept: &[bool],
+    channels: usize,
+    guess: &Guess,
+    noise: f64,
+    floor: f64,
+    known: Noise,
+) -> Round {
     let chart = Chart::at(guess.zenith, guess.azimuth);
     let start = chart.start(guess);
     let used: Vec<Pixel> = pixels.iter().zip(kept).filter(|(_, k)| **k).map(|(p, _)| *p).collect();
@@ -86,7 +97,14 @@ pub fn descend(pixels: &[Pixel], kept: &[bool], channels: usize, guess: &Guess, 
         }
     });
     let (lower, upper) = chart.bounds();
-    let options =
-        Options { lower, upper, noise: known, max_iterations: 200, step_tolerance: 1e-8, cost_tolerance: 1e-10, ..Options::default() };
+    let options = Options {
+        lower,
+        upper,
+        noise: known,
+        max_iterations: 200,
+        step_tolerance: 1e-8,
+        cost_tolerance: 1e-10,
+        ..Options::default()
+    };
     Round { chart, fit: lm::minimize(&problem, &start, &options) }
 }

@@ -1,12 +1,13 @@
 //! Sun, turbidity and scale from a panorama of the sky: the sky's share of reconstructing a scene.
 //!
-//! Model: a reading of channel c in direction d is s L_c(d; θs, φs, τ), Preetham's radiance in linear sRGB (kcd/m²) times one scale for all channels:
-//! the panorama has to be white-balanced. Its noise is relative: σ = n √(L² + (L₀/50)²) with L₀ the median reading.
-//! Unknowns: the sun's zenith angle and azimuth, τ, ln s. Pixels that miss the model by more than [`CUT`] times the scatter are clouds, trees or the
-//! sun's disk and are left out, over and over until their set stands still.
+//! Model: a reading of channel c in direction d is s L_c(d; θs, φs, τ), Preetham's radiance in linear sRGB (kcd/m²)
+//! times one scale for all channels: the panorama has to be white-balanced. Its noise is relative: σ = n √(L² +
+//! (L₀/50)²) with L₀ the median reading. Unknowns: the sun's zenith angle and azimuth, τ, ln s. Pixels that miss the
+//! model by more than [`CUT`] times the scatter are clouds, trees or the sun's disk and are left out, over and over
+//! until their set stands still.
 //!
-//! Limits: one clear sky (no cloud cover), turbidity 1.7 to 10, the sun above the horizon. A sky that Preetham's model does not describe to within the noise
-//! leaves nothing determined: the best values are printed, with the misfit.
+//! Limits: one clear sky (no cloud cover), turbidity 1.7 to 10, the sun above the horizon. A sky that Preetham's model
+//! does not describe to within the noise leaves nothing determined: the best values are printed, with the misfit.
 
 mod descent;
 mod outcome;
@@ -129,7 +130,9 @@ pub fn fit(picture: &Picture, noise: Option<f64>) -> Result<Found, String> {
         pixels
             .iter()
             .zip(values.chunks_exact(channels))
-            .map(|(pixel, m)| (0..channels).map(|k| ((m[k] - pixel.value[k]) / (level * m[k].hypot(floor))).abs()).fold(0.0, f64::max))
+            .map(|(pixel, m)| {
+                (0..channels).map(|k| ((m[k] - pixel.value[k]) / (level * m[k].hypot(floor))).abs()).fold(0.0, f64::max)
+            })
             .collect()
     };
     // the median of the largest of so many absolute normal deviates
@@ -155,8 +158,10 @@ pub fn fit(picture: &Picture, noise: Option<f64>) -> Result<Found, String> {
         let now = choose(&misses(round.chart, p, &mut values));
         let still = now == kept;
         // weights are the start's: once more where they moved
-        let moved =
-            (next.scale / guess.scale - 1.0).abs().max((next.turbidity - guess.turbidity).abs()).max((next.zenith - guess.zenith).abs());
+        let moved = (next.scale / guess.scale - 1.0)
+            .abs()
+            .max((next.turbidity - guess.turbidity).abs())
+            .max((next.zenith - guess.zenith).abs());
         (guess, kept, last) = (next, now, Some(round));
         if still && moved < 1e-4 {
             break;

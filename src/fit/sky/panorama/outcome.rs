@@ -1,5 +1,5 @@
-//! What a finished fit may say: the four results with their errors, the fate of every pixel, and which of the results are not determined
-//! (a misfit beyond the noise, another sun that fits as well, a bound, too large an error).
+//! What a finished fit may say: the four results with their errors, the fate of every pixel, and which of the results
+//! are not determined (a misfit beyond the noise, another sun that fits as well, a bound, too large an error).
 
 use super::descent::{Chart, OVERHEAD, Round};
 use super::picture::{self, OUTLIER, Picture, Pixel, median};
@@ -9,11 +9,13 @@ use mesophyll_sky::preetham;
 use mesophyll_solve::Fit;
 use std::f64::consts::PI;
 
-/// Residuals beyond the noise: reduced χ² above 1 by this many of its standard deviations, or by this share where the noise was itself measured.
+/// Residuals beyond the noise: reduced χ² above 1 by this many of its standard deviations, or by this share where the
+/// noise was itself measured.
 const EXCESS: f64 = 5.0;
 const EXCESS_MEASURED: f64 = 0.4;
 
-/// The result of `round` on the pixels `kept`; `values` are the model's readings there, `rival` the zenith and azimuth of a sun as good.
+/// The result of `round` on the pixels `kept`; `values` are the model's readings there, `rival` the zenith and azimuth
+/// of a sun as good.
 pub fn finished(
     picture: &Picture,
     pixels: &[Pixel],
@@ -56,7 +58,8 @@ pub fn finished(
     let wide = if from == NoiseFrom::Residuals { 1.0 } else { u.reduced_chi2.max(1.0).sqrt() };
     let misfit = from != NoiseFrom::Residuals && u.freedom > 0 && {
         let statistical = EXCESS * (2.0 / u.freedom as f64).sqrt();
-        u.reduced_chi2 > 1.0 + if from == NoiseFrom::Neighbours { statistical.max(EXCESS_MEASURED) } else { statistical }
+        u.reduced_chi2
+            > 1.0 + if from == NoiseFrom::Neighbours { statistical.max(EXCESS_MEASURED) } else { statistical }
     };
     let widen = if misfit { wide } else { 1.0 };
     let error = |k: usize| {
@@ -68,7 +71,9 @@ pub fn finished(
     let sun_azimuth = Known { value: turn, error: error(1) };
     let turbidity = Known { value: fit.params[2], error: error(2) };
     let scale = Known { value: fit.params[3].exp(), error: error(3) };
-    let correlation = (0..4).map(|i| (0..4).map(|j| covariance(i, j) / (covariance(i, i) * covariance(j, j)).sqrt()).collect()).collect();
+    let correlation = (0..4)
+        .map(|i| (0..4).map(|j| covariance(i, j) / (covariance(i, i) * covariance(j, j)).sqrt()).collect())
+        .collect();
 
     let mut fate = picture.fate.clone();
     let mut pixel_chi2 = vec![f32::NAN; fate.len()];
@@ -97,7 +102,8 @@ pub fn finished(
         pixel_chi2[*at] = chi2 as f32;
     }
     let outliers = kept.iter().filter(|k| !**k).count();
-    let status = status(&fit, chart, [sun_zenith, sun_azimuth, turbidity, scale], misfit.then_some(u.reduced_chi2), rival);
+    let status =
+        status(&fit, chart, [sun_zenith, sun_azimuth, turbidity, scale], misfit.then_some(u.reduced_chi2), rival);
     Found {
         sun_zenith,
         sun_azimuth,
@@ -123,11 +129,18 @@ pub fn finished(
 
 fn status(fit: &Fit, chart: Chart, known: [Known; 4], misfit: Option<f64>, rival: Option<(f64, f64)>) -> Status {
     if let Some(chi2) = misfit {
-        return Status::Undetermined(format!("{} (residuals exceed the noise: reduced chi2 {chi2:.3e})", NAMES.join(" ")));
+        return Status::Undetermined(format!(
+            "{} (residuals exceed the noise: reduced chi2 {chi2:.3e})",
+            NAMES.join(" ")
+        ));
     }
     let mut unknown: Vec<String> = Vec::new();
     if let Some((z, a)) = rival {
-        unknown.push(format!("sun_zenith_deg sun_azimuth_deg (a sun at {:.1}, {:.1} fits as well)", z.to_degrees(), a.to_degrees()));
+        unknown.push(format!(
+            "sun_zenith_deg sun_azimuth_deg (a sun at {:.1}, {:.1} fits as well)",
+            z.to_degrees(),
+            a.to_degrees()
+        ));
     }
     let [zenith, azimuth, turbidity, scale] = known;
     if rival.is_none() {

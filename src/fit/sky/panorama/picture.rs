@@ -52,7 +52,8 @@ pub struct Picture {
     pub clipped: usize,
     /// A value a pixel: [`USED`], [`HIDDEN`] (also below the horizon), [`CLIPPED`].
     pub fate: Vec<f32>,
-    /// Relative noise of a reading, from how neighbours in a row scatter about a straight line; `None` for too few of them.
+    /// Relative noise of a reading, from how neighbours in a row scatter about a straight line; `None` for too few of
+    /// them.
     pub scatter: Option<f64>,
 }
 
@@ -66,13 +67,16 @@ const LOWEST: f64 = 0.01;
 /// Reads and checks.
 ///
 /// # Errors
-/// [`Error::Input`] that names the file and the channel: no such channel, a size that the projection does not have, negative readings, nothing left.
+/// [`Error::Input`] that names the file and the channel: no such channel, a size that the projection does not have,
+/// negative readings, nothing left.
 pub fn read(path: &Path, maps: &Maps, projection: Projection, channels: &Channels) -> Result<Picture> {
     let (w, h) = (maps.width, maps.height);
     projection.check(w, h).map_err(|why| Error::field(path, "size", why))?;
     if !matches!(channels.radiance.len(), 1 | 3) {
         let found = channels.radiance.len();
-        return Err(Error::Usage(format!("--channels has {found} names; expected three (red, green, blue) or one (luminance)")));
+        return Err(Error::Usage(format!(
+            "--channels has {found} names; expected three (red, green, blue) or one (luminance)"
+        )));
     }
     let planes: Vec<&[f32]> = channels.radiance.iter().map(|n| maps.require(path, n)).collect::<Result<_>>()?;
     let mask = channels.mask.as_ref().map(|n| maps.require(path, n)).transpose()?;
@@ -95,7 +99,8 @@ pub fn read(path: &Path, maps: &Maps, projection: Projection, channels: &Channel
             if plane[at] < 0.0 {
                 let (column, row) = (at % w, at / w);
                 let what = format!(
-                    "found {} at column {column}, row {row}; expected radiance of 0 or more (hide a pixel by NaN or a mask)",
+                    "found {} at column {column}, row {row}; expected radiance of 0 or more (hide a pixel by NaN or a \
+                     mask)",
                     plane[at]
                 );
                 return Err(Error::field(path, name, what));
@@ -133,14 +138,27 @@ pub fn read(path: &Path, maps: &Maps, projection: Projection, channels: &Channel
         all[at] = CLIPPED;
     }
     if seen.len() < LEAST {
-        let what = format!("{} usable pixels above the horizon ({hidden} hidden, {clipped} clipped); expected {LEAST} or more", seen.len());
+        let what = format!(
+            "{} usable pixels above the horizon ({hidden} hidden, {clipped} clipped); expected {LEAST} or more",
+            seen.len()
+        );
         return Err(Error::input(path, what));
     }
     if seen.iter().all(|p| p.value == [0.0; 3]) {
         return Err(Error::input(path, "the sky is black: every visible reading is 0"));
     }
     let scatter = scatter(&seen, w, planes.len());
-    Ok(Picture { width: w, height: h, channels: planes.len(), pixels: seen, above, hidden, clipped, fate: all, scatter })
+    Ok(Picture {
+        width: w,
+        height: h,
+        channels: planes.len(),
+        pixels: seen,
+        above,
+        hidden,
+        clipped,
+        fate: all,
+        scatter,
+    })
 }
 
 /// The highest reading where at least three pixels have it (a sensor's end), else infinity.
@@ -150,7 +168,8 @@ fn shared_peak(pixels: &[Pixel]) -> f64 {
     if top.is_infinite() || sharing >= 3 { top * (1.0 - 1e-6) } else { f64::INFINITY }
 }
 
-/// (a − 2b + c)/(√6 b) of neighbours in a row has the noise's standard deviation where the sky is smooth: its median, scaled to a Gaussian's.
+/// (a − 2b + c)/(√6 b) of neighbours in a row has the noise's standard deviation where the sky is smooth: its median,
+/// scaled to a Gaussian's.
 fn scatter(pixels: &[Pixel], width: usize, channels: usize) -> Option<f64> {
     let mut all: Vec<f64> = Vec::new();
     for triple in pixels.windows(3) {

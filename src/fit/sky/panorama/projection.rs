@@ -1,9 +1,12 @@
-//! Where the pixels of a panorama look. Azimuth grows from +x to +y, which is counter-clockwise seen from above; z is up.
+//! Where the pixels of a panorama look. Azimuth grows from +x to +y, which is counter-clockwise seen from above; z is
+//! up.
 //!
-//! - Equirectangular, 2:1 (whole sphere) or 4:1 (upper hemisphere), zenith in the top row: the middle column looks to +x and, as for a camera that
-//!   turns to its right, the columns right of it towards −y: azimuth 2π(½ − u), zenith angle πv (or πv/2).
-//! - Fisheye, square, equidistant about the zenith (an angular map that looks up): the top of the picture is +x, its right +y; the zenith angle is
-//!   the distance from the middle over half the width, times half the field. Beyond that circle there is nothing.
+//! - Equirectangular, 2:1 (whole sphere) or 4:1 (upper hemisphere), zenith in the top row: the middle column looks to
+//!   +x and, as for a camera that turns to its right, the columns right of it towards −y: azimuth 2π(½ − u), zenith
+//!   angle πv (or πv/2).
+//! - Fisheye, square, equidistant about the zenith (an angular map that looks up): the top of the picture is +x, its
+//!   right +y; the zenith angle is the distance from the middle over half the width, times half the field. Beyond that
+//!   circle there is nothing.
 //!
 //! Pixel centres are looked at: u = (column + ½)/width.
 
@@ -34,7 +37,8 @@ impl Projection {
     pub fn check(self, width: usize, height: usize) -> Result<(), String> {
         match self {
             Projection::Equirectangular if width != 2 * height && width != 4 * height => Err(format!(
-                "found {width} x {height}; an equirectangular panorama is 2:1 (whole sphere) or 4:1 (upper hemisphere); see --projection"
+                "found {width} x {height}; an equirectangular panorama is 2:1 (whole sphere) or 4:1 (upper \
+                 hemisphere); see --projection"
             )),
             Projection::Fisheye { .. } if width != height => {
                 Err(format!("found {width} x {height}; a fisheye picture is square; see --projection"))
@@ -87,6 +91,8 @@ mod tests {
         near(f.direction(1001, 1001, 500, 0), [1.0, 0.0, 0.0]);
         near(f.direction(1001, 1001, 1000, 500), [0.0, 1.0, 0.0]);
         assert!(f.direction(1001, 1001, 0, 0).is_none());
-        assert!(e.check(300, 100).is_err() && e.check(400, 100).is_ok() && f.check(2, 1).is_err() && f.check(7, 7).is_ok());
+        assert!(
+            e.check(300, 100).is_err() && e.check(400, 100).is_ok() && f.check(2, 1).is_err() && f.check(7, 7).is_ok()
+        );
     }
 }

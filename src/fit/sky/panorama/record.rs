@@ -1,4 +1,5 @@
-//! What a panorama's fit leaves on disk: `fit.toml`, `times.toml`, and `all.exr` (fate, reduced χ² and relative residuals of every pixel).
+//! What a panorama's fit leaves on disk: `fit.toml`, `times.toml`, and `all.exr` (fate, reduced χ² and relative
+//! residuals of every pixel).
 
 use super::picture::Picture;
 use super::{Found, NAMES, clipped};
@@ -40,7 +41,9 @@ pub fn write(
     record.options.insert("status".into(), found.status.to_string());
     let [low, high] = preetham::TRUSTED;
     if !(low..=high).contains(&found.turbidity.value) {
-        record.options.insert("remark".into(), format!("turbidity is outside the {low} to {high} for which preetham is trusted"));
+        record
+            .options
+            .insert("remark".into(), format!("turbidity is outside the {low} to {high} for which preetham is trusted"));
     }
     record.defects = [("-1".to_string(), "clipped".to_string()), ("-2".into(), "outlier".into())].into();
     record.files.insert("all.exr".into(), hash::file(&map)?);
@@ -64,13 +67,24 @@ fn section(picture: &Picture, found: &Found) -> Section {
         _ => String::new(),
     };
     let degrees = 180.0 / std::f64::consts::PI;
-    let values =
-        [(found.sun_zenith, degrees, "deg"), (found.sun_azimuth, degrees, "deg"), (found.turbidity, 1.0, ""), (found.scale, 1.0, "m2/kcd")];
+    let values = [
+        (found.sun_zenith, degrees, "deg"),
+        (found.sun_azimuth, degrees, "deg"),
+        (found.turbidity, 1.0, ""),
+        (found.scale, 1.0, "m2/kcd"),
+    ];
     for (name, (k, unit, word)) in NAMES.iter().zip(values) {
-        let undetermined = if why.split([' ', '(']).any(|w| w == *name) { vec![format!("{name}: {why}")] } else { Vec::new() };
+        let undetermined =
+            if why.split([' ', '(']).any(|w| w == *name) { vec![format!("{name}: {why}")] } else { Vec::new() };
         all.params.insert(
             (*name).into(),
-            Param { value: vec![k.value * unit], stderr: vec![k.error * unit], unit: word.into(), undetermined, ..Param::default() },
+            Param {
+                value: vec![k.value * unit],
+                stderr: vec![k.error * unit],
+                unit: word.into(),
+                undetermined,
+                ..Param::default()
+            },
         );
     }
     all.correlation_names = NAMES.map(String::from).to_vec();
@@ -115,7 +129,8 @@ fn maps(picture: &Picture, found: &Found) -> Maps {
     let mut maps = Maps::new(picture.width, picture.height);
     maps.push("mask.Y", found.fate.clone());
     maps.push("reduced_chi2.Y", found.pixel_chi2.clone());
-    let names: &[&str] = if picture.channels == 3 { &["residual.R", "residual.G", "residual.B"] } else { &["residual.Y"] };
+    let names: &[&str] =
+        if picture.channels == 3 { &["residual.R", "residual.G", "residual.B"] } else { &["residual.Y"] };
     for (name, plane) in names.iter().zip(&found.residuals) {
         maps.push(*name, plane.clone());
     }

@@ -1,5 +1,5 @@
-//! Panoramas with a known answer: any [`Sky`] by its own evaluation (not the fit's), turned, scaled, with seeded noise, the sun's disk, and a sensor
-//! that clips.
+//! Panoramas with a known answer: any [`Sky`] by its own evaluation (not the fit's), turned, scaled, with seeded noise,
+//! the sun's disk, and a sensor that clips.
 
 use super::projection::Projection;
 use mesophyll_capture::synth::random::Stream;
@@ -54,8 +54,11 @@ pub fn render(sky: &dyn Sky, shot: &Shot) -> Maps {
     let (w, h) = (shot.width, shot.height);
     let (sin, cos) = shot.azimuth.sin_cos();
     let sun = sky.sun_zenith();
-    let ground: [f64; 3] =
-        if shot.ground > 0.0 { irradiance::on_level_ground(&project::direct(sky, 2)).map(|e| shot.ground * e / PI) } else { [0.0; 3] };
+    let ground: [f64; 3] = if shot.ground > 0.0 {
+        irradiance::on_level_ground(&project::direct(sky, 2)).map(|e| shot.ground * e / PI)
+    } else {
+        [0.0; 3]
+    };
     // a pixel's width at the middle; the disk lights what it covers of the pixels that it touches
     let pixel = match shot.projection {
         Projection::Equirectangular => 2.0 * PI / w as f64,

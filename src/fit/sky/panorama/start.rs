@@ -1,5 +1,5 @@
-//! Where the descents begin: a coarse search over suns and turbidities, judged by the median of absolute log ratios (clouds and trees do not move
-//! it), then robust descents from the best few.
+//! Where the descents begin: a coarse search over suns and turbidities, judged by the median of absolute log ratios
+//! (clouds and trees do not move it), then robust descents from the best few.
 
 use super::descent::{Chart, modelled};
 use super::picture::{Picture, Pixel, median};
@@ -30,7 +30,8 @@ const MORE: usize = 200;
 const TRIES: usize = 4;
 /// Starts nearer to each other than this (rad) are one.
 const APART: f64 = 0.3;
-/// Where the robust loss turns from square to logarithm, in standard errors of a reading; and the least such error (relative): models are off too.
+/// Where the robust loss turns from square to logarithm, in standard errors of a reading; and the least such error
+/// (relative): models are off too.
 const TURN: f64 = 2.0;
 const LEAST_NOISE: f64 = 0.03;
 
@@ -97,7 +98,9 @@ fn coarse(picture: &Picture) -> Vec<Guess> {
     all.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let mut kept: Vec<Guess> = Vec::new();
     for g in all {
-        let near = |k: &Guess| angle(turned(sun_direction(k.zenith), k.azimuth), turned(sun_direction(g.zenith), g.azimuth)) < APART;
+        let near = |k: &Guess| {
+            angle(turned(sun_direction(k.zenith), k.azimuth), turned(sun_direction(g.zenith), g.azimuth)) < APART
+        };
         if kept.len() < TRIES && !kept.iter().any(near) {
             kept.push(g);
         }
@@ -111,7 +114,8 @@ pub fn find(picture: &Picture, noise: f64) -> Starts {
     let channels = picture.channels;
     let level = noise.max(LEAST_NOISE);
     let mean = pixels.iter().map(|p| p.value[0]).sum::<f64>() / pixels.len() as f64;
-    let sigma: Vec<f64> = pixels.iter().flat_map(|p| (0..channels).map(move |k| level * (p.value[k].abs() + 0.1 * mean))).collect();
+    let sigma: Vec<f64> =
+        pixels.iter().flat_map(|p| (0..channels).map(move |k| level * (p.value[k].abs() + 0.1 * mean))).collect();
     let mut out = Starts { guesses: Vec::new(), failed: 0, trace: Trace::new(), evaluations: 0 };
     let mut best = f64::INFINITY;
     for guess in coarse(picture) {
@@ -125,11 +129,19 @@ pub fn find(picture: &Picture, noise: f64) -> Starts {
             }
         });
         let (lower, upper) = chart.bounds();
-        let options = Options { lower, upper, max_iterations: 60, step_tolerance: 1e-5, cost_tolerance: 1e-7, ..Options::default() };
+        let options = Options {
+            lower,
+            upper,
+            max_iterations: 60,
+            step_tolerance: 1e-5,
+            cost_tolerance: 1e-7,
+            ..Options::default()
+        };
         let fit = lm::minimize(&problem, &chart.start(&guess), &options);
         out.evaluations += fit.evaluations;
         // a limit of iterations is no matter here: it is a start
-        let usable = fit.converged() || matches!(fit.termination, Termination::IterationLimit | Termination::NoProgress);
+        let usable =
+            fit.converged() || matches!(fit.termination, Termination::IterationLimit | Termination::NoProgress);
         if !usable || fit.params.iter().any(|v| !v.is_finite()) {
             out.failed += 1;
             continue;
@@ -144,7 +156,9 @@ pub fn find(picture: &Picture, noise: f64) -> Starts {
     out.guesses.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let mut distinct: Vec<Guess> = Vec::new();
     for g in &out.guesses {
-        let same = |k: &Guess| angle(turned(sun_direction(k.zenith), k.azimuth), turned(sun_direction(g.zenith), g.azimuth)) < 0.05;
+        let same = |k: &Guess| {
+            angle(turned(sun_direction(k.zenith), k.azimuth), turned(sun_direction(g.zenith), g.azimuth)) < 0.05
+        };
         if !distinct.iter().any(same) {
             distinct.push(*g);
         }
@@ -162,5 +176,7 @@ pub fn turned(d: [f64; 3], azimuth: f64) -> [f64; 3] {
 /// Angle between unit vectors, to full precision at both ends.
 pub fn angle(a: [f64; 3], b: [f64; 3]) -> f64 {
     let cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-    (cross[0] * cross[0] + cross[1] * cross[1] + cross[2] * cross[2]).sqrt().atan2(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+    (cross[0] * cross[0] + cross[1] * cross[1] + cross[2] * cross[2])
+        .sqrt()
+        .atan2(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 }

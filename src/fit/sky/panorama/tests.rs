@@ -34,13 +34,17 @@ fn an_exact_panorama_gives_its_sky_back() {
             let f = found(&Preetham.at(zenith, turbidity).unwrap(), &shot, Some(0.01));
             let e = off(&f, [zenith, azimuth, turbidity, 0.8]);
             println!("{zenith} {}: {e:?} {}", projection.name(), f.status);
-            assert!(e[0].abs() < 1e-5 && e[1].abs() * zenith.sin() < 1e-5 && e[2].abs() < 1e-4 && e[3].abs() < 1e-4, "{zenith}: {e:?}");
+            assert!(
+                e[0].abs() < 1e-5 && e[1].abs() * zenith.sin() < 1e-5 && e[2].abs() < 1e-4 && e[3].abs() < 1e-4,
+                "{zenith}: {e:?}"
+            );
         }
     }
 }
 
 /// 95 % intervals hold 93 to 97 % of the truths, result by result, over 1000 seeded panoramas. Over the seeds 0 to 3999
-/// they hold 94.9, 94.9, 94.6 and 94.6 %; blocks of a thousand scatter more than independent ones would (0 to 999: turbidity 92.6 %).
+/// they hold 94.9, 94.9, 94.6 and 94.6 %; blocks of a thousand scatter more than independent ones would (0 to 999:
+/// turbidity 92.6 %).
 #[test]
 fn stated_errors_cover() {
     let runs: Vec<[bool; 4]> = (1000..2000u64)
@@ -83,7 +87,9 @@ fn hidden_halves_and_clouds_do_not_move_the_sun() {
     assert_eq!(f.status, Status::Ok);
     assert!(f.outliers > 60, "{}", f.outliers);
     assert!(
-        e[0].abs() < 5.0 * f.sun_zenith.error && e[1].abs() < 5.0 * f.sun_azimuth.error && e[2].abs() < 5.0 * f.turbidity.error,
+        e[0].abs() < 5.0 * f.sun_zenith.error
+            && e[1].abs() < 5.0 * f.sun_azimuth.error
+            && e[2].abs() < 5.0 * f.turbidity.error,
         "{e:?}"
     );
 }
@@ -96,7 +102,13 @@ fn the_sun_itself_does_no_harm_clipped_or_not() {
         let shot = Shot { width: 128, height: 64, disk: true, clip, ..shot(3) };
         let f = found(&sky, &shot, None);
         let e = off(&f, [0.7, 0.7, 3.0, 0.8]);
-        println!("clip {clip}: {e:?} clipped {} outliers {} noise {:.4} {}", clipped(&f), f.outliers, f.noise, f.status);
+        println!(
+            "clip {clip}: {e:?} clipped {} outliers {} noise {:.4} {}",
+            clipped(&f),
+            f.outliers,
+            f.noise,
+            f.status
+        );
         assert_eq!(f.status, Status::Ok);
         assert!((clipped(&f) > 0) == clip.is_finite() && (clip.is_finite() || f.outliers > 0));
         assert!(e[0].abs() < 5.0 * f.sun_zenith.error && e[2].abs() < 5.0 * f.turbidity.error, "{e:?}");
@@ -131,7 +143,9 @@ fn a_patch_determines_less_and_says_so() {
     let shot = Shot { width: 64, height: 32, noise: 0.05, ..shot(2) };
     let mut maps = render(&sky, &shot);
     for (_, plane) in &mut maps.channels {
-        (0..64 * 32).filter(|at| !((50..55).contains(&(at % 64)) && (6..10).contains(&(at / 64)))).for_each(|at| plane[at] = f32::NAN);
+        (0..64 * 32)
+            .filter(|at| !((50..55).contains(&(at % 64)) && (6..10).contains(&(at / 64))))
+            .for_each(|at| plane[at] = f32::NAN);
     }
     let f = fit(&seen(&maps, shot.projection), Some(0.05)).unwrap();
     println!("{} {:?} {:?} {:?}", f.status, f.sun_zenith, f.sun_azimuth, f.turbidity);
@@ -142,7 +156,9 @@ fn a_patch_determines_less_and_says_so() {
 fn bad_pictures_are_sentences() {
     let shot = shot(1);
     let good = render(&Preetham.at(0.9, 3.0).unwrap(), &shot);
-    let say = |maps: &Maps, channels: &Channels| read(Path::new("p.exr"), maps, shot.projection, channels).unwrap_err().to_string();
+    let say = |maps: &Maps, channels: &Channels| {
+        read(Path::new("p.exr"), maps, shot.projection, channels).unwrap_err().to_string()
+    };
     let named = Channels { radiance: vec!["R".into(), "G".into(), "X".into()], ..Channels::default() };
     assert!(say(&good, &named).contains("X: no such channel"));
     let masked = Channels { mask: Some("sky".into()), ..Channels::default() };

@@ -58,7 +58,8 @@ pub fn judge(matrix: &DMatrix<f64>, misfit: f64, names: &[String], at_limit: &[b
     // A parameter with a share in a direction that changes nothing is not known at all.
     let lost: Vec<bool> = (0..n).map(|i| (0..n).any(|k| !kept[k] && vectors[(i, k)].abs() > 1e-6)).collect();
     let covariance = DMatrix::from_fn(n, n, |i, j| {
-        let sum: f64 = (0..n).filter(|k| kept[*k]).map(|k| vectors[(i, k)] * vectors[(j, k)] / scaled.eigenvalues[k]).sum();
+        let sum: f64 =
+            (0..n).filter(|k| kept[*k]).map(|k| vectors[(i, k)] * vectors[(j, k)] / scaled.eigenvalues[k]).sum();
         misfit * misfit * sum / (root[i] * root[j])
     });
     let stderr: Vec<f64> = (0..n).map(|i| if lost[i] { f64::INFINITY } else { covariance[(i, i)].sqrt() }).collect();
@@ -97,7 +98,8 @@ fn describe(vector: &[f64], names: &[String]) -> String {
     let n = vector.len() as f64;
     if let Some(last) = scale {
         // All coefficients up, the thickness down: optical thicknesses stay.
-        let along: f64 = vector.iter().enumerate().map(|(k, v)| if k == last { -v } else { *v }).sum::<f64>() / n.sqrt();
+        let along: f64 =
+            vector.iter().enumerate().map(|(k, v)| if k == last { -v } else { *v }).sum::<f64>() / n.sqrt();
         if along.abs() > 0.95 {
             return "only sigma_a and sigma_s times thickness_scale: nothing tells a length".into();
         }
@@ -128,8 +130,13 @@ impl Certainty {
         if self.at_limit[k] && !(stderr > 1.0 && stderr.is_finite()) {
             return Some(format!("{name}: the search ended at its limit, {value:.3e}"));
         }
-        let because = self.weak.iter().filter(|w| w.exponents[k].abs() > 0.2).map(|w| w.text.as_str()).find(|t| t != name);
-        let bound = if stderr.is_finite() { format!("at most {:.3e}", value * (1.0 + 1.645 * stderr)) } else { "no bound".into() };
+        let because =
+            self.weak.iter().filter(|w| w.exponents[k].abs() > 0.2).map(|w| w.text.as_str()).find(|t| t != name);
+        let bound = if stderr.is_finite() {
+            format!("at most {:.3e}", value * (1.0 + 1.645 * stderr))
+        } else {
+            "no bound".into()
+        };
         Some(because.map_or_else(|| format!("{name}: {bound}"), |b| format!("{name}: {bound} ({b})")))
     }
 }

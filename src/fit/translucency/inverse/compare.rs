@@ -1,7 +1,8 @@
 //! The photographs' answer beside the slab fit's, and in words why the two differ where they do.
 //!
-//! The slab fit knows reflectance and transmittance of each texel and the caliper's mean thickness; the photographs know transmittance, too, and how far light
-//! spreads in texels of known size. Where both hold, they agree; each disagreement has an assumption of its own behind it.
+//! The slab fit knows reflectance and transmittance of each texel and the caliper's mean thickness; the photographs
+//! know transmittance, too, and how far light spreads in texels of known size. Where both hold, they agree; each
+//! disagreement has an assumption of its own behind it.
 
 use super::Tissues;
 use mesophyll_optics::slab;
@@ -65,35 +66,56 @@ pub fn explain(names: &[&str], d: &[Difference], found: &Tissues, scale_err: f64
     let scale = found.scale.ln();
     let scaled = matters([scale, scale_err]);
     // An error that cannot be told from nothing known agrees with everything, and says nothing.
-    let loose: Vec<&str> =
-        (0..d.len()).filter(|&c| [d[c].sigma_a, d[c].sigma_s].iter().any(|v| !(v[1] <= TELLS))).map(|c| names[c]).collect();
+    let loose: Vec<&str> = (0..d.len())
+        .filter(|&c| [d[c].sigma_a, d[c].sigma_s].iter().any(|v| !(v[1] <= TELLS)))
+        .map(|c| names[c])
+        .collect();
     if differ.is_empty() && !scaled && !loose.is_empty() {
-        return format!("cannot be compared with the slab fit in {}: the photographs leave sigma there too uncertain", loose.join(", "));
+        return format!(
+            "cannot be compared with the slab fit in {}: the photographs leave sigma there too uncertain",
+            loose.join(", ")
+        );
     }
     if differ.is_empty() && !scaled {
         return "agrees with the slab fit within three standard errors or 3 % in every channel".into();
     }
     let each: Vec<String> = differ
         .iter()
-        .map(|&c| format!("{}: sigma_a {}, sigma_s {}", names[c], percent(d[c].sigma_a[0].exp_m1()), percent(d[c].sigma_s[0].exp_m1())))
+        .map(|&c| {
+            format!(
+                "{}: sigma_a {}, sigma_s {}",
+                names[c],
+                percent(d[c].sigma_a[0].exp_m1()),
+                percent(d[c].sigma_s[0].exp_m1())
+            )
+        })
         .collect();
     // Once the thickness is taken out, is what is left small?
-    let products = (0..d.len()).all(|c| [d[c].sigma_a, d[c].sigma_s].iter().all(|[v, e]| !matters([v + scale, e.hypot(scale_err)])));
-    let light = d.iter().map(|d| d.rho_t[1] / d.rho_t[0] - 1.0).fold(0.0, |m: f64, v| if v.abs() > m.abs() { v } else { m });
+    let products = (0..d.len())
+        .all(|c| [d[c].sigma_a, d[c].sigma_s].iter().all(|[v, e]| !matters([v + scale, e.hypot(scale_err)])));
+    let light =
+        d.iter().map(|d| d.rho_t[1] / d.rho_t[0] - 1.0).fold(0.0, |m: f64, v| if v.abs() > m.abs() { v } else { m });
     let why = if scaled && products {
         format!(
-            "sigma times thickness agrees; the photographs ask for a thickness {} off the map's: they measure lengths by how far light spreads, the slab fit takes the caliper's mean thickness as right",
+            "sigma times thickness agrees; the photographs ask for a thickness {} off the map's: they measure lengths \
+             by how far light spreads, the slab fit takes the caliper's mean thickness as right",
             percent(scale.exp_m1())
         )
     } else if light.abs() > MATTERS {
         format!(
-            "up to {} of the light at the mean thickness is not the slab's: the slab fit uses a diffuse light box from behind, the photographs narrow beams whose shadows, slant (the kernel is that of a beam along the normal) and exposure enter",
+            "up to {} of the light at the mean thickness is not the slab's: the slab fit uses a diffuse light box from \
+             behind, the photographs narrow beams whose shadows, slant (the kernel is that of a beam along the normal) \
+             and exposure enter",
             percent(light)
         )
     } else {
-        "both let the same light through; they part it differently: the slab fit tells absorption from scattering by the reflectance (its gauge of gamma, the surface's own share), the photographs by how far light spreads (diffusion, the texel's size)".into()
+        "both let the same light through; they part it differently: the slab fit tells absorption from scattering by \
+         the reflectance (its gauge of gamma, the surface's own share), the photographs by how far light spreads \
+         (diffusion, the texel's size)"
+            .into()
     };
-    let list = if each.is_empty() { String::new() } else { format!("differs from the slab fit in {}; ", each.join("; ")) };
+    let list =
+        if each.is_empty() { String::new() } else { format!("differs from the slab fit in {}; ", each.join("; ")) };
     let undetermined = if scale_err > super::certainty::DETERMINED {
         "; the thickness scale is not determined here, --fix-scale takes the map's"
     } else {

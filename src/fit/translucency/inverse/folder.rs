@@ -12,7 +12,8 @@ const EXPLAINED: f64 = 2.0;
 /// Says of each parameter that its error does not hold what the photographs show beside their noise.
 fn unexplained(all: &mut Section, channels: &[&str], chi2: f64, fixed: bool) {
     let why = format!(
-        "the photographs are not explained (reduced chi2 {chi2:.3}): the blade's thickness or normals, or the exposure, are off by more than the noise, and the \
+        "the photographs are not explained (reduced chi2 {chi2:.3}): the blade's thickness or normals, or the \
+         exposure, are off by more than the noise, and the \
          printed error does not hold that"
     );
     for name in ["sigma_a", "sigma_s_reduced", "sigma_s"] {
@@ -59,14 +60,17 @@ pub fn record(
     let scale_err = if options.fit.fix_scale { 0.0 } else { fitted.certainty.stderr.last().copied().unwrap_or(0.0) };
     say("comparison", explain(&names, differences, &fitted.tissues, scale_err));
     for (k, weak) in fitted.certainty.weak.iter().enumerate() {
-        let freely = if weak.stderr.is_finite() { format!("to {:.0} %", 100.0 * weak.stderr) } else { "not at all".into() };
+        let freely =
+            if weak.stderr.is_finite() { format!("to {:.0} %", 100.0 * weak.stderr) } else { "not at all".into() };
         say(&format!("weak_{}", k + 1), format!("determined {freely}: {}", weak.text));
     }
     let mut all = section(measured, fitted, options, slab, differences, truth);
     if measured.noise.known && fitted.reduced_chi2 > EXPLAINED {
         unexplained(&mut all, &names, fitted.reduced_chi2, options.fit.fix_scale);
-        let text =
-            format!("cannot be compared with the slab fit: the photographs are not explained (reduced chi2 {:.3})", fitted.reduced_chi2);
+        let text = format!(
+            "cannot be compared with the slab fit: the photographs are not explained (reduced chi2 {:.3})",
+            fitted.reduced_chi2
+        );
         record.options.insert("comparison".into(), text);
     }
     record.sections.insert("all".into(), all);
@@ -82,13 +86,18 @@ fn section(
     truth: Option<&Truth>,
 ) -> Section {
     let (t, certainty) = (&fitted.tissues, &fitted.certainty);
-    let mut s =
-        Section { condition: Some(certainty.condition).filter(|c| c.is_finite()), rank: Some(certainty.rank), ..Section::default() };
+    let mut s = Section {
+        condition: Some(certainty.condition).filter(|c| c.is_finite()),
+        rank: Some(certainty.rank),
+        ..Section::default()
+    };
     let channels = t.sigma_a.len();
     let place = |c: usize, q: usize| 2 * c + q;
     let mut put = |name: &str, unit: &str, q: usize, value: Vec<f64>, factor: f64, shown: &str| {
         let undetermined = (0..channels).filter_map(|c| {
-            certainty.undetermined(place(c, q), value[c]).map(|why| why.replacen("sigma_s.", &format!("{shown}."), usize::from(q == 1)))
+            certainty
+                .undetermined(place(c, q), value[c])
+                .map(|why| why.replacen("sigma_s.", &format!("{shown}."), usize::from(q == 1)))
         });
         let param = Param {
             stderr: (0..channels).map(|c| value[c] * certainty.stderr[place(c, q)]).collect(),
@@ -155,16 +164,25 @@ fn section(
     if let Some(truth) = truth {
         let error = |found: &[f64], want: &[f64], stderr: &[f64]| {
             let mut off: Vec<f64> = found.iter().zip(want).map(|(a, b)| (a / b - 1.0).abs()).collect();
-            let inside = found.iter().zip(want).zip(stderr).filter(|((a, b), e)| (*a / *b).ln().abs() <= 1.96 * **e).count();
+            let inside =
+                found.iter().zip(want).zip(stderr).filter(|((a, b), e)| (*a / *b).ln().abs() <= 1.96 * **e).count();
             off.sort_unstable_by(f64::total_cmp);
             let coverage95 = Some(inside as f64 / found.len() as f64);
-            TruthError { median_relative: off[off.len() / 2], p99_relative: off[off.len() - 1], coverage95, judged: Some(found.len()) }
+            TruthError {
+                median_relative: off[off.len() / 2],
+                p99_relative: off[off.len() - 1],
+                coverage95,
+                judged: Some(found.len()),
+            }
         };
         let errors = |q: usize| (0..channels).map(|c| certainty.stderr[place(c, q)]).collect::<Vec<_>>();
         s.truth.insert("sigma_a".into(), error(&t.sigma_a, &truth.0.sigma_a, &errors(0)));
         s.truth.insert("sigma_s_reduced".into(), error(&t.reduced, &truth.0.reduced, &errors(1)));
         if !options.fit.fix_scale {
-            s.truth.insert("thickness_scale".into(), error(&[t.scale], &[truth.0.scale], &certainty.stderr[2 * channels..]));
+            s.truth.insert(
+                "thickness_scale".into(),
+                error(&[t.scale], &[truth.0.scale], &certainty.stderr[2 * channels..]),
+            );
         }
     }
     s

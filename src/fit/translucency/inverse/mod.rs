@@ -1,15 +1,20 @@
-//! What a leaf is made of, from photographs of the light that comes through it: σa and σs′ = (1 − g)σs a channel, and one factor on its thickness.
+//! What a leaf is made of, from photographs of the light that comes through it: σa and σs′ = (1 − g)σs a channel, and
+//! one factor on its thickness.
 //!
-//! Photographs of the unlit side under a few lights of known direction are compared with the very model that renders (H9 Eq. 3.14, the thin form):
-//! seen = exit · A_p Σ_i T(|x_o − x_i|, f·d_i) E(x_i, ω). How much comes through tells one number a channel and thickness; how far it spreads, in texels of known
-//! size, tells a length; together they separate absorption from scattering and both from the thickness. The cost is ½ Σ ((model − seen)/sd)², its gradient that of
-//! the discretised model, by correlation ([`mesophyll_optics::translucency::tangent`]); argmin's L-BFGS minimises it in the logarithms, in coordinates that the
-//! Gauss–Newton matrix at each round's start makes round. sd is that of the *modelled* value (a reading's own would pull the fit low), renewed every round.
+//! Photographs of the unlit side under a few lights of known direction are compared with the very model that renders
+//! (H9 Eq. 3.14, the thin form): seen = exit · A_p Σ_i T(|x_o − x_i|, f·d_i) E(x_i, ω). How much comes through tells
+//! one number a channel and thickness; how far it spreads, in texels of known size, tells a length; together they
+//! separate absorption from scattering and both from the thickness. The cost is ½ Σ ((model − seen)/sd)², its gradient
+//! that of the discretised model, by correlation ([`mesophyll_optics::translucency::tangent`]); argmin's L-BFGS
+//! minimises it in the logarithms, in coordinates that the Gauss–Newton matrix at each round's start makes round. sd is
+//! that of the *modelled* value (a reading's own would pull the fit low), renewed every round.
 //!
-//! **g is not among the unknowns**: the model holds scattering only as σs′, in its kernel, its unscattered light and its totals alike. Units: mm, 1/mm.
+//! **g is not among the unknowns**: the model holds scattering only as σs′, in its kernel, its unscattered light and
+//! its totals alike. Units: mm, 1/mm.
 //!
-//! Limits: what diffusion and the normal-incidence kernel leave out is not in the standard errors; where the residuals exceed the noise, errors are
-//! scaled by them. Texels near a border that the leaf goes on beyond have to be left out by the caller.
+//! Limits: what diffusion and the normal-incidence kernel leave out is not in the standard errors; where the residuals
+//! exceed the noise, errors are scaled by them. Texels near a border that the leaf goes on beyond have to be left out
+//! by the caller.
 
 pub mod certainty;
 pub mod compare;
@@ -95,7 +100,8 @@ pub struct Options {
     /// Thickness levels.
     pub levels: usize,
     pub totals: Totals,
-    /// With the transport equation's totals: of a beam at each light's own incidence, else of one along the normal (as renderers have it).
+    /// With the transport equation's totals: of a beam at each light's own incidence, else of one along the normal (as
+    /// renderers have it).
     pub slant: bool,
     /// The thickness map is right as it is.
     pub fix_scale: bool,

@@ -1,4 +1,5 @@
-//! Cost, gradient and Gauss–Newton matrix of photographs against the convolution, in ln σa, ln σs′ (a channel each) and the ln of the scale.
+//! Cost, gradient and Gauss–Newton matrix of photographs against the convolution, in ln σa, ln σs′ (a channel each) and
+//! the ln of the scale.
 
 use super::{Image, Measured, Options, Tissues};
 use crate::Result;
@@ -68,15 +69,22 @@ impl<'a> Model<'a> {
         let levels = Levels { count: options.levels, ..Levels::default() };
         let reach = (1.3 * reach_mm(measured, at, 0.1 * TAIL)).max(4.0 * measured.texel_mm);
         let mut incidences = Vec::new();
-        for cosine in measured.channels.iter().flat_map(|c| &c.images).map(|i| if options.slant { i.cosine } else { 1.0 }) {
+        for cosine in
+            measured.channels.iter().flat_map(|c| &c.images).map(|i| if options.slant { i.cosine } else { 1.0 })
+        {
             if !incidences.contains(&cosine) {
                 incidences.push(cosine);
             }
         }
-        let stage = Stage::new(measured.width, measured.texel_mm, measured.thickness.clone(), &incidences, levels, reach)?;
-        let count = measured.channels.iter().flat_map(|c| &c.images).map(|i| i.used.iter().filter(|u| **u).count()).sum();
-        let mut model = Model { measured, options: *options, stage, scale: at.scale, incidences, inverse: Vec::new(), count };
-        model.weigh(&measured.channels.iter().map(|c| c.images.iter().map(|i| i.seen.clone()).collect()).collect::<Vec<_>>());
+        let stage =
+            Stage::new(measured.width, measured.texel_mm, measured.thickness.clone(), &incidences, levels, reach)?;
+        let count =
+            measured.channels.iter().flat_map(|c| &c.images).map(|i| i.used.iter().filter(|u| **u).count()).sum();
+        let mut model =
+            Model { measured, options: *options, stage, scale: at.scale, incidences, inverse: Vec::new(), count };
+        model.weigh(
+            &measured.channels.iter().map(|c| c.images.iter().map(|i| i.seen.clone()).collect()).collect::<Vec<_>>(),
+        );
         Ok(model)
     }
 
@@ -123,7 +131,11 @@ impl<'a> Model<'a> {
 
     fn sources(&self, c: usize) -> Vec<Source<'_>> {
         let place = |i: &Image| self.incidences.iter().position(|mu| *mu == i.cosine).unwrap_or(0);
-        self.measured.channels[c].images.iter().map(|i| Source { map: i.map, incidence: place(i), light: &i.light }).collect()
+        self.measured.channels[c]
+            .images
+            .iter()
+            .map(|i| Source { map: i.map, incidence: place(i), light: &i.light })
+            .collect()
     }
 
     /// What the photographs should show at `p`: a channel, an image.
@@ -253,7 +265,9 @@ impl Smooth for Model<'_> {
             let (residuals, views) = self.weighted(c, &tangent.run(&sources));
             Ok((0.5 * residuals.iter().flatten().map(|r| r * r).sum::<f64>(), tangent.gradient(&sources, &views)))
         };
-        let Ok(parts) = (0..self.measured.channels.len()).into_par_iter().map(one).collect::<Result<Vec<_>>>() else { return f64::NAN };
+        let Ok(parts) = (0..self.measured.channels.len()).into_par_iter().map(one).collect::<Result<Vec<_>>>() else {
+            return f64::NAN;
+        };
         gradient.fill(0.0);
         let mut cost = 0.0;
         for (c, (part, by)) in parts.into_iter().enumerate() {

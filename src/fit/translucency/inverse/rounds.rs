@@ -1,4 +1,5 @@
-//! Rounds of L-BFGS: each begins with the Gauss–Newton matrix where the last one ended, which gives the coordinates, and with the sds that the model has there.
+//! Rounds of L-BFGS: each begins with the Gauss–Newton matrix where the last one ended, which gives the coordinates,
+//! and with the sds that the model has there.
 
 use super::certainty::{self, Certainty};
 use super::model::{Model, Normal, logarithms};
@@ -21,12 +22,15 @@ const FLAT: f64 = 1e-13;
 /// Fits σa and σs′ of every channel and the thickness scale (unless fixed) from `start`.
 ///
 /// # Errors
-/// [`Error::Missed`] where no reading counts, the photographs do not depend on the tissue, the model has no value at the start, or the search
-/// does not converge: its end is named, and no numbers are given.
+/// [`Error::Missed`] where no reading counts, the photographs do not depend on the tissue, the model has no value at
+/// the start, or the search does not converge: its end is named, and no numbers are given.
 pub fn fit(measured: &Measured, start: &Tissues, options: &Options) -> Result<Fitted> {
     let channels = measured.channels.len();
     if channels == 0 || start.sigma_a.len() != channels || start.reduced.len() != channels {
-        return Err(Error::Usage(format!("a start for {} channels; expected {channels}, one or more", start.sigma_a.len())));
+        return Err(Error::Usage(format!(
+            "a start for {} channels; expected {channels}, one or more",
+            start.sigma_a.len()
+        )));
     }
     let mut p = logarithms(start, options);
     if !p.iter().all(|v| v.is_finite()) {
@@ -58,17 +62,23 @@ pub fn fit(measured: &Measured, start: &Tissues, options: &Options) -> Result<Fi
             }
             model.reweigh(&p)?;
         }
-        let normal = model.normal(&p).map_err(|e| Error::Missed(format!("no model of the photographs where the search is: {e}")))?;
+        let normal = model
+            .normal(&p)
+            .map_err(|e| Error::Missed(format!("no model of the photographs where the search is: {e}")))?;
         out.evaluations += 1;
         let size = normal.matrix.diagonal().max();
         if !(normal.cost.is_finite() && size.is_finite()) {
-            return Err(Error::Missed("the model has no value where the search is (not_finite); nothing was fitted".into()));
+            return Err(Error::Missed(
+                "the model has no value where the search is (not_finite); nothing was fitted".into(),
+            ));
         }
         if size == 0.0 {
             return Err(Error::Missed("the photographs do not depend on the tissue (flat); nothing was fitted".into()));
         }
         let Some(eigen) = decompose::symmetric_eigen(normal.matrix.clone()) else {
-            return Err(Error::Missed("the model's slopes are not finite where the search is (not_finite); nothing was fitted".into()));
+            return Err(Error::Missed(
+                "the model's slopes are not finite where the search is (not_finite); nothing was fitted".into(),
+            ));
         };
         let away = distance(&eigen, &normal.gradient, FLAT);
         // A misfit beyond the noise makes the standard errors as much wider.
@@ -115,10 +125,14 @@ pub fn fit(measured: &Measured, start: &Tissues, options: &Options) -> Result<Fi
     if out.termination != Termination::GradientSmall {
         let names: Vec<&str> = measured.channels.iter().map(|c| c.name.as_str()).collect();
         let names = certainty::names(&names, options.fix_scale);
-        let stuck: Vec<String> = names.into_iter().zip(model.at_limit(&p)).filter(|(_, at)| *at).map(|(n, _)| n).collect();
-        let limits = if stuck.is_empty() { String::new() } else { format!(", at the limits of {}", stuck.join(" and ")) };
+        let stuck: Vec<String> =
+            names.into_iter().zip(model.at_limit(&p)).filter(|(_, at)| *at).map(|(n, _)| n).collect();
+        let limits =
+            if stuck.is_empty() { String::new() } else { format!(", at the limits of {}", stuck.join(" and ")) };
         let (name, count) = (out.termination.name(), out.evaluations);
-        return Err(Error::Missed(format!("the search ended as {name} after {count} evaluations{limits}; nothing was fitted")));
+        return Err(Error::Missed(format!(
+            "the search ended as {name} after {count} evaluations{limits}; nothing was fitted"
+        )));
     }
     let Some(normal) = last else { return Err(Error::Missed("no round was allowed; nothing was fitted".into())) };
     finish(&mut out, &model, &p, &normal, options)?;
@@ -180,6 +194,7 @@ fn finish(out: &mut Fitted, model: &Model, p: &[f64], normal: &Normal, options: 
         out.residuals.push(r);
     }
     let names: Vec<&str> = measured.channels.iter().map(|c| c.name.as_str()).collect();
-    out.certainty = certainty::judge(&normal.matrix, misfit, &certainty::names(&names, options.fix_scale), &model.at_limit(p));
+    out.certainty =
+        certainty::judge(&normal.matrix, misfit, &certainty::names(&names, options.fix_scale), &model.at_limit(p));
     Ok(())
 }

@@ -37,7 +37,8 @@ pub struct Options {
     pub g: f64,
     pub entry: Entry,
     pub start: Start,
-    /// Readings nearer to a picture border that the leaf goes on beyond are left out (mm); `None`: six mean thicknesses.
+    /// Readings nearer to a picture border that the leaf goes on beyond are left out (mm); `None`: six mean
+    /// thicknesses.
     pub margin_mm: Option<f64>,
     /// Fit again although the folder holds this very fit.
     pub force: bool,
@@ -45,7 +46,14 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Options { fit: super::Options::default(), g: 0.0, entry: Entry::Matched, start: Start::Slab, margin_mm: None, force: false }
+        Options {
+            fit: super::Options::default(),
+            g: 0.0,
+            entry: Entry::Matched,
+            start: Start::Slab,
+            margin_mm: None,
+            force: false,
+        }
     }
 }
 
@@ -66,8 +74,8 @@ const RGB: [&str; 3] = ["R", "G", "B"];
 /// Fits the tissue of the photographs in `beams` on the blade of the leaf fit `blade` into the folder `out`.
 ///
 /// # Errors
-/// Inputs that cannot be read or do not belong together (exit code 2), a search that does not converge or has nothing to go by (1), a folder that cannot be
-/// written (2).
+/// Inputs that cannot be read or do not belong together (exit code 2), a search that does not converge or has nothing
+/// to go by (1), a folder that cannot be written (2).
 pub fn run(beams: &Path, blade: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     let clock = Instant::now();
     let capture = Capture::open(beams)?;
@@ -90,7 +98,8 @@ pub fn run(beams: &Path, blade: &Path, out: &Path, options: &Options) -> Result<
     let measured = measured(&capture, &source, options)?;
     let slab = slab(blade, &source)?;
     let start = start(&slab, options);
-    let mut phases = vec![Phase { name: "read, horizon maps, irradiance".into(), seconds: clock.elapsed().as_secs_f64() }];
+    let mut phases =
+        vec![Phase { name: "read, horizon maps, irradiance".into(), seconds: clock.elapsed().as_secs_f64() }];
     let step = Instant::now();
     let fitted = super::fit(&measured, &start, &super::Options { told: true, ..options.fit })?;
     phases.push(Phase { name: "fit".into(), seconds: step.elapsed().as_secs_f64() });
@@ -100,7 +109,16 @@ pub fn run(beams: &Path, blade: &Path, out: &Path, options: &Options) -> Result<
         stderr.push(0.0);
     }
     let differences = differences(&fitted.tissues, &stderr, &slab, source.thickness_mm);
-    let record = folder::record(&capture.manifest.name, input_hash, &measured, &fitted, options, &slab, &differences, truth.as_ref());
+    let record = folder::record(
+        &capture.manifest.name,
+        input_hash,
+        &measured,
+        &fitted,
+        options,
+        &slab,
+        &differences,
+        truth.as_ref(),
+    );
     let mut times = Times {
         capture: Some(beams.display().to_string()),
         phases,
@@ -118,7 +136,8 @@ pub fn run(beams: &Path, blade: &Path, out: &Path, options: &Options) -> Result<
 /// The photographs on the blade: light, geometry, readings that count.
 ///
 /// # Errors
-/// [`Error::Input`] for a blade of another size, a lit side that the leaf fit does not hold, or photographs without a reading that counts.
+/// [`Error::Input`] for a blade of another size, a lit side that the leaf fit does not hold, or photographs without a
+/// reading that counts.
 pub fn measured(capture: &Capture, source: &Source, options: &Options) -> Result<Measured> {
     let m = &capture.manifest;
     let file = capture.folder.join("capture.toml");
@@ -131,10 +150,15 @@ pub fn measured(capture: &Capture, source: &Source, options: &Options) -> Result
         ));
     }
     if (m.texel_mm / source.texel_mm - 1.0).abs() > 1e-3 {
-        return Err(Error::field(&file, "texel_mm", format!("found {}, expected {} as the leaf fit's", m.texel_mm, source.texel_mm)));
+        return Err(Error::field(
+            &file,
+            "texel_mm",
+            format!("found {}, expected {} as the leaf fit's", m.texel_mm, source.texel_mm),
+        ));
     }
     let side = |k: usize, name: SideName| -> Result<&Side> {
-        let missing = || Error::field(&file, &format!("beam {}: lit", k + 1), format!("the leaf fit holds no {}", name.name()));
+        let missing =
+            || Error::field(&file, &format!("beam {}: lit", k + 1), format!("the leaf fit holds no {}", name.name()));
         source.side(name).ok_or_else(missing)
     };
     let mut lit_sides: Vec<&Side> = Vec::new();
@@ -154,13 +178,15 @@ pub fn measured(capture: &Capture, source: &Source, options: &Options) -> Result
         for (k, beam) in m.beams.iter().enumerate() {
             let map = lit_sides.iter().position(|s| s.name == beam.lit).unwrap_or(0);
             let entering = surface(lit_sides[map], c, options.entry, Area::Facet);
-            let light = irradiance(&lit(source, lit_sides[map], &entering), &horizons[map], beam.direction(), Visibility::Hard);
+            let light =
+                irradiance(&lit(source, lit_sides[map], &entering), &horizons[map], beam.direction(), Visibility::Hard);
             let exit = match options.entry {
                 Entry::Matched => vec![1.0; source.width * source.height],
                 Entry::Albedo => {
                     let other = if beam.lit == SideName::Front { SideName::Back } else { SideName::Front };
                     let seen = source.side(other).ok_or_else(|| {
-                        let need = format!("--entry albedo needs the {}'s reflectance; the leaf fit holds none", other.name());
+                        let need =
+                            format!("--entry albedo needs the {}'s reflectance; the leaf fit holds none", other.name());
                         Error::field(&file, &format!("beam {}: lit", k + 1), need)
                     })?;
                     mirror(&surface(seen, c, Entry::Albedo, Area::Texel).entry, source.width)
@@ -203,7 +229,8 @@ fn noise_of(relative: Option<f64>, floor: Option<f64>, channels: &[Channel], wid
     }
 }
 
-/// Texels of a lit side that count: on the leaf with all their neighbours, and away from borders of the picture that the leaf goes on beyond.
+/// Texels of a lit side that count: on the leaf with all their neighbours, and away from borders of the picture that
+/// the leaf goes on beyond.
 fn counted(side: &Side, source: &Source, options: &Options) -> Vec<bool> {
     let (w, h) = (source.width, source.height);
     let margin = options.margin_mm.unwrap_or(6.0 * source.thickness_mm) / source.texel_mm;
@@ -214,7 +241,9 @@ fn counted(side: &Side, source: &Source, options: &Options) -> Vec<bool> {
     let right = cut((0..h).any(|j| on(w - 1, j)), w);
     let top = cut((0..w).any(|i| on(i, 0)), h);
     let bottom = cut((0..w).any(|i| on(i, h - 1)), h);
-    let whole = |i: usize, j: usize| (j.saturating_sub(1)..(j + 2).min(h)).all(|b| (i.saturating_sub(1)..(i + 2).min(w)).all(|a| on(a, b)));
+    let whole = |i: usize, j: usize| {
+        (j.saturating_sub(1)..(j + 2).min(h)).all(|b| (i.saturating_sub(1)..(i + 2).min(w)).all(|a| on(a, b)))
+    };
     (0..w * h)
         .map(|k| {
             let (i, j) = (k % w, k / w);
@@ -228,7 +257,12 @@ fn slab(blade: &Path, source: &Source) -> Result<Slab> {
     let side = &source.sides[0];
     let record = FitRecord::read(blade)?;
     let errors = |name: &str| {
-        let found = record.sections.get(side.name.name()).and_then(|s| s.params.get(name)).map(|p| p.stderr.clone()).unwrap_or_default();
+        let found = record
+            .sections
+            .get(side.name.name())
+            .and_then(|s| s.params.get(name))
+            .map(|p| p.stderr.clone())
+            .unwrap_or_default();
         if found.len() == 3 { found } else { vec![f64::NAN; 3] }
     };
     Ok(Slab {
@@ -256,7 +290,8 @@ fn truth(capture: &Capture, source: &Source) -> Option<Truth> {
     let maps = read_exr(&capture.folder.join("truth").join(format!("{}.exr", side.name.name()))).ok()?;
     let mask: Vec<bool> = maps.get("mask.Y")?.iter().zip(&side.mask).map(|(v, m)| *v > 0.0 && *m).collect();
     let uniform = |name: String| {
-        let values: Vec<f64> = maps.get(&name)?.iter().zip(&mask).filter(|(_, m)| **m).map(|(v, _)| f64::from(*v)).collect();
+        let values: Vec<f64> =
+            maps.get(&name)?.iter().zip(&mask).filter(|(_, m)| **m).map(|(v, _)| f64::from(*v)).collect();
         let first = *values.first()?;
         values.iter().all(|v| (v / first - 1.0).abs() < 1e-5).then_some(first)
     };

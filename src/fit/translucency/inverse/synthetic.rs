@@ -1,5 +1,6 @@
-//! Photographs of known tissues, for tests and the stress table: a blade with relief and a vein, lit from a few directions, through the convolver that
-//! renders with more thickness levels and longer kernels than a fit uses; seeded Gaussian noise.
+//! Photographs of known tissues, for tests and the stress table: a blade with relief and a vein, lit from a few
+//! directions, through the convolver that renders with more thickness levels and longer kernels than a fit uses; seeded
+//! Gaussian noise.
 
 use super::{Channel, Image, Measured, Noise, Tissues};
 use crate::Result;
@@ -23,7 +24,8 @@ fn cosine(elevation: f64) -> f64 {
 pub struct Scene {
     pub size: usize,
     pub texel_mm: f64,
-    /// Of the lamina; a vein is half as thick again, waves are a tenth of it. 0 relief is a flat blade of this thickness.
+    /// Of the lamina; a vein is half as thick again, waves are a tenth of it. 0 relief is a flat blade of this
+    /// thickness.
     pub thickness_mm: f64,
     pub relief: f64,
     /// Lit side, elevation and azimuth (rad).
@@ -34,7 +36,8 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// A fine patch of the paper's leaf in one channel: texels of .08 mm, a beam from straight above and a slanting one.
+    /// A fine patch of the paper's leaf in one channel: texels of .08 mm, a beam from straight above and a slanting
+    /// one.
     pub fn fine(sigma_a: f64, reduced: f64) -> Scene {
         Scene {
             size: 24,
@@ -64,7 +67,14 @@ impl Scene {
         let n = self.size * self.size;
         let [front, back] = self.heights();
         let back = mirror(&back, self.size);
-        Blade::from_heights(self.size, self.size, self.texel_mm, vec![true; n], [front, back], [vec![1.0; n], vec![1.0; n]])
+        Blade::from_heights(
+            self.size,
+            self.size,
+            self.texel_mm,
+            vec![true; n],
+            [front, back],
+            [vec![1.0; n], vec![1.0; n]],
+        )
     }
 
     /// The photographs without values: light, geometry, no texel counted within `border` of the map's edge.
@@ -79,7 +89,8 @@ impl Scene {
         let used = |k: usize| (border..n - border).contains(&(k % n)) && (border..n - border).contains(&(k / n));
         let image = |&(side, elevation, azimuth): &(Side, f64, f64)| {
             let map = usize::from(side == Side::Back);
-            let light = irradiance(&blade.lit(side), &horizons[map], raised(elevation.sin(), azimuth), Visibility::Hard);
+            let light =
+                irradiance(&blade.lit(side), &horizons[map], raised(elevation.sin(), azimuth), Visibility::Hard);
             Image {
                 map,
                 light,
@@ -91,13 +102,18 @@ impl Scene {
         };
         let images: Vec<Image> = self.beams.iter().map(image).collect();
         let letters = ["R", "G", "B"];
-        let channels = (0..self.truth.sigma_a.len()).map(|c| Channel { name: letters[c].into(), a: 1.0, images: images.clone() });
+        let channels =
+            (0..self.truth.sigma_a.len()).map(|c| Channel { name: letters[c].into(), a: 1.0, images: images.clone() });
         Measured {
             width: n,
             texel_mm: self.texel_mm,
             thickness: [Side::Front, Side::Back].map(|s| blade.lit(s).thickness.into_owned()).to_vec(),
             channels: channels.collect(),
-            noise: if self.noise > 0.0 { Noise { relative: self.noise, floor: 0.1 * self.noise, known: true } } else { Noise::EXACT },
+            noise: if self.noise > 0.0 {
+                Noise { relative: self.noise, floor: 0.1 * self.noise, known: true }
+            } else {
+                Noise::EXACT
+            },
         }
     }
 
@@ -110,12 +126,18 @@ impl Scene {
         for c in 0..measured.channels.len() {
             let tissue = Tissue { sigma_a: self.truth.sigma_a[c], sigma_s: self.truth.reduced[c], g: 0.0, a: 1.0 };
             let levels = Levels { count: 14, ..Levels::default() };
-            let settings = Settings { levels, totals: Totals::Transport, tail: 1e-9, ..Settings::new(tissue, self.texel_mm) };
-            let maps: Vec<Vec<f64>> = measured.thickness.iter().map(|m| m.iter().map(|d| d * self.truth.scale).collect()).collect();
+            let settings =
+                Settings { levels, totals: Totals::Transport, tail: 1e-9, ..Settings::new(tissue, self.texel_mm) };
+            let maps: Vec<Vec<f64>> =
+                measured.thickness.iter().map(|m| m.iter().map(|d| d * self.truth.scale).collect()).collect();
             let Some(convolver) = Convolver::for_map(&settings, self.size, &maps[0])? else { continue };
             for image in &mut measured.channels[c].images {
-                let light: Vec<f64> =
-                    image.light.iter().zip(&maps[image.map]).map(|(l, d)| l * slanting(&tissue, *d, image.cosine)).collect();
+                let light: Vec<f64> = image
+                    .light
+                    .iter()
+                    .zip(&maps[image.map])
+                    .map(|(l, d)| l * slanting(&tissue, *d, image.cosine))
+                    .collect();
                 image.seen = convolver.run(&maps[image.map], &[light]).swap_remove(0);
             }
         }

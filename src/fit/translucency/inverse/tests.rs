@@ -1,11 +1,13 @@
-//! The fit against photographs that the convolver made (other code, more levels), against random walks, and against what cannot be known.
+//! The fit against photographs that the convolver made (other code, more levels), against random walks, and against
+//! what cannot be known.
 
 use super::synthetic::Scene;
 use super::*;
 use mesophyll_optics::translucency::blade::Side;
 use mesophyll_optics::walk::{Boundary, Field, Histories, Leaf, Light, Medium, Rim};
 
-const QUICK: Options = Options { levels: 4, totals: Totals::Transport, slant: true, fix_scale: false, rounds: 12, told: false };
+const QUICK: Options =
+    Options { levels: 4, totals: Totals::Transport, slant: true, fix_scale: false, rounds: 12, told: false };
 
 fn start(sigma_a: f64, reduced: f64, scale: f64) -> Tissues {
     Tissues { sigma_a: vec![sigma_a], reduced: vec![reduced], scale }
@@ -18,9 +20,11 @@ fn worst(found: &Tissues, truth: &Tissues) -> f64 {
 
 #[test]
 fn several_tissues_are_recovered_from_near_and_far() {
-    for (sigma_a, reduced, scale, from) in
-        [(0.4, 9.5, 1.0, start(0.5, 8.0, 1.0)), (3.0, 12.0, 1.08, start(0.3, 30.0, 1.0)), (0.05, 5.0, 0.95, start(2.0, 2.0, 1.0))]
-    {
+    for (sigma_a, reduced, scale, from) in [
+        (0.4, 9.5, 1.0, start(0.5, 8.0, 1.0)),
+        (3.0, 12.0, 1.08, start(0.3, 30.0, 1.0)),
+        (0.05, 5.0, 0.95, start(2.0, 2.0, 1.0)),
+    ] {
         let scene = Scene { truth: start(sigma_a, reduced, scale), ..Scene::fine(sigma_a, reduced) };
         let fitted = fit(&scene.photograph().unwrap(), &from, &Options { levels: 6, ..QUICK }).unwrap();
         assert!(worst(&fitted.tissues, &scene.truth) < 1e-3, "{:?} for {:?}", fitted.tissues, scene.truth);
@@ -63,12 +67,14 @@ fn the_gradient_is_that_of_the_cost() {
     }
 }
 
-/// A random walk through the very relief: no diffusion, no kernel, light that leaves and enters again. What is left is the model's own error, two mean free
-/// paths thick: the light that comes through is right, its parting into absorption and scattering is not to the noise (scattering 8 % low, absorption .1 to .2/mm
-/// high over many histories), and the residuals say so.
+/// A random walk through the very relief: no diffusion, no kernel, light that leaves and enters again. What is left is
+/// the model's own error, two mean free paths thick: the light that comes through is right, its parting into absorption
+/// and scattering is not to the noise (scattering 8 % low, absorption .1 to .2/mm high over many histories), and the
+/// residuals say so.
 #[test]
 fn a_random_walk_is_fitted_within_what_diffusion_leaves_out() {
-    let scene = Scene { size: 16, beams: vec![(Side::Front, std::f64::consts::FRAC_PI_2, 0.0)], ..Scene::fine(0.4, 9.5) };
+    let scene =
+        Scene { size: 16, beams: vec![(Side::Front, std::f64::consts::FRAC_PI_2, 0.0)], ..Scene::fine(0.4, 9.5) };
     let mut measured = scene.frame(0);
     let [front, back] = scene.heights();
     let below = back.iter().map(|v| -v).collect();
@@ -102,7 +108,8 @@ fn intervals_hold_the_truth() {
             beams: vec![(Side::Front, 1.571, 0.0)],
             ..Scene::fine(0.8, 8.0)
         };
-        let fitted = fit(&scene.photograph().unwrap(), &start(0.75, 8.5, 1.0), &Options { fix_scale: true, ..QUICK }).unwrap();
+        let fitted =
+            fit(&scene.photograph().unwrap(), &start(0.75, 8.5, 1.0), &Options { fix_scale: true, ..QUICK }).unwrap();
         let t = &fitted.tissues;
         [(t.sigma_a[0] / 0.8).ln() / fitted.certainty.stderr[0], (t.reduced[0] / 8.0).ln() / fitted.certainty.stderr[1]]
     };
@@ -122,7 +129,8 @@ fn what_cannot_be_known_is_named() {
     assert!(why.contains("times thickness_scale"), "{why}");
     // A flat blade in coarse texels under one beam: how much comes through is one number.
     let flat = Scene { relief: 0.0, beams: vec![(Side::Front, std::f64::consts::FRAC_PI_2, 0.0)], ..coarse };
-    let fitted = fit(&flat.photograph().unwrap(), &start(1.0, 7.0, 1.0), &Options { fix_scale: true, ..QUICK }).unwrap();
+    let fitted =
+        fit(&flat.photograph().unwrap(), &start(1.0, 7.0, 1.0), &Options { fix_scale: true, ..QUICK }).unwrap();
     let why = fitted.certainty.undetermined(0, fitted.tissues.sigma_a[0]).unwrap();
     assert!(why.contains("only how much light"), "{why}");
     // Nothing to fit.

@@ -1,4 +1,5 @@
-//! What noise leaves open: the ellipse of two standard errors, cut to what a slab can do, carried through the inversion.
+//! What noise leaves open: the ellipse of two standard errors, cut to what a slab can do, carried through the
+//! inversion.
 
 use super::newton::{self, Point};
 use super::{Estimate, Measured, Precision, Spread, Verdict};
@@ -22,7 +23,8 @@ impl Range {
     }
 }
 
-/// A point of the (ρd, ρt) plane moved to the nearest that some slab has: edges belong to black, clear, opaque and conservative slabs.
+/// A point of the (ρd, ρt) plane moved to the nearest that some slab has: edges belong to black, clear, opaque and
+/// conservative slabs.
 struct Feasible {
     r: f64,
     t: f64,
@@ -58,7 +60,8 @@ fn feasible(r: f64, t: f64, m: &Measured) -> Feasible {
     Feasible { r, t, lost: if edge[2] { 0.0 } else { 1.0 - r - t }, edge }
 }
 
-/// σa h and σs h of a feasible point, with the edges' exact zeros and infinities; the point itself where both are numbers.
+/// σa h and σs h of a feasible point, with the edges' exact zeros and infinities; the point itself where both are
+/// numbers.
 fn place(p: &Feasible, precision: Precision) -> Option<([f64; 2], Option<Point>)> {
     let [clear, opaque, conservative] = p.edge;
     if p.t >= 1.0 || (clear && conservative) {
@@ -80,8 +83,8 @@ fn place(p: &Feasible, precision: Precision) -> Option<([f64; 2], Option<Point>)
     Some(([point.absorbed * point.delta, point.omega * point.delta], Some(point)))
 }
 
-/// The range over the ellipse of `width` standard errors around the nearest measurement that some slab has: a transmittance
-/// measured three errors below zero bounds no less than one measured at zero.
+/// The range over the ellipse of `width` standard errors around the nearest measurement that some slab has: a
+/// transmittance measured three errors below zero bounds no less than one measured at zero.
 fn range(m: &Measured, width: f64, precision: Precision) -> Option<Range> {
     let mut range = Range { low: [f64::INFINITY; 2], high: [0.0; 2] };
     let mut any = false;
@@ -141,8 +144,8 @@ pub(super) fn undetermined(m: &Measured, h: f64) -> Estimate {
         let slope = linear.as_ref().map_or(0.0, |l| l.relative[k] * value[k]);
         err[k] = if slope.is_finite() { half.max(slope) } else { half };
         let edge = value[k] == 0.0 || !(err[k] <= super::DETERMINED * value[k]);
-        let runaway =
-            high - value[k] > 2.0 * WIDTH * super::DETERMINED * value[k] || low < (1.0 - 2.0 * WIDTH * super::DETERMINED) * value[k];
+        let runaway = high - value[k] > 2.0 * WIDTH * super::DETERMINED * value[k]
+            || low < (1.0 - 2.0 * WIDTH * super::DETERMINED) * value[k];
         if !edge && !runaway {
             continue;
         }

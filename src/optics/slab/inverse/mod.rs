@@ -1,8 +1,9 @@
 //! From (ρd, ρt, thickness) back to (σa, σs), with errors that can be trusted.
 //!
-//! Every ρd > 0, ρt > 0 with ρd + ρt < 1 belongs to exactly one slab. In F₁ = ln(ρd/α), α = 1 − ρd − ρt, and F₂ = ln(−ln ρt) against
-//! L = ln(σs/σa) and M = ln Δ the map is close to linear from the thinnest to the thickest slab, so Newton's method from a tabulated
-//! start ends in two or three steps ([`newton`]). What noise leaves open is found by carrying its ellipse through the model ([`bounds`]).
+//! Every ρd > 0, ρt > 0 with ρd + ρt < 1 belongs to exactly one slab. In F₁ = ln(ρd/α), α = 1 − ρd − ρt, and F₂ =
+//! ln(−ln ρt) against L = ln(σs/σa) and M = ln Δ the map is close to linear from the thinnest to the thickest slab, so
+//! Newton's method from a tabulated start ends in two or three steps ([`newton`]). What noise leaves open is found by
+//! carrying its ellipse through the model ([`bounds`]).
 
 mod bounds;
 mod newton;
@@ -24,7 +25,8 @@ pub enum Precision {
 pub enum Verdict {
     /// Right within the printed errors, each relative 1σ ≤ 10 %.
     Ok,
-    /// The best estimate stands, but the named parameters are not determined (bounds where one side is, at two standard errors).
+    /// The best estimate stands, but the named parameters are not determined (bounds where one side is, at two standard
+    /// errors).
     Undetermined(String),
     /// No numbers; why.
     Refused(String),
@@ -46,8 +48,8 @@ impl std::fmt::Display for Verdict {
     }
 }
 
-/// σa and σs (1/mm), their standard errors and covariance (1/mm²). Numbers are NaN where refused; an error is infinite where nothing
-/// limits the parameter from above.
+/// σa and σs (1/mm), their standard errors and covariance (1/mm²). Numbers are NaN where refused; an error is infinite
+/// where nothing limits the parameter from above.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Estimate {
     pub sigma_a: f64,
@@ -55,7 +57,8 @@ pub struct Estimate {
     pub sigma_a_err: f64,
     pub sigma_s_err: f64,
     pub covariance: [[f64; 2]; 2],
-    /// Condition number of the map from relative changes of (ρd, ρt) to relative changes of (σa, σs); NaN where refused.
+    /// Condition number of the map from relative changes of (ρd, ρt) to relative changes of (σa, σs); NaN where
+    /// refused.
     pub condition: f64,
     pub status: Verdict,
 }
@@ -71,7 +74,8 @@ pub(crate) struct Measured {
 
 /// Relative 1σ above which a parameter is not called determined.
 pub const DETERMINED: f64 = 0.1;
-/// A transmittance within this many standard errors of zero may belong to an opaque slab: noise of this size must not happen in millions of rows.
+/// A transmittance within this many standard errors of zero may belong to an opaque slab: noise of this size must not
+/// happen in millions of rows.
 const OPAQUE: f64 = 5.5;
 /// Beyond this many standard errors outside the possible, a measurement is refused.
 const IMPOSSIBLE: f64 = 4.0;
@@ -81,7 +85,8 @@ const ROUNDING: f64 = 2e-16;
 const SMALLEST: f64 = 1e-300;
 /// A transmittance below this goes to the exact model.
 const DEEP: f64 = 1e-30;
-/// Thicknesses that a slab of matter can have (mm): from the size of an atom to a kilometre. At far smaller ones σ is beyond all numbers.
+/// Thicknesses that a slab of matter can have (mm): from the size of an atom to a kilometre. At far smaller ones σ is
+/// beyond all numbers.
 const THICKNESS_MM: [f64; 2] = [1e-7, 1e6];
 /// Relative error of the forward models in ρd and in −ln ρt.
 const FAST_MODEL: f64 = 4e-9;
@@ -95,7 +100,14 @@ pub fn invert(rho_d: f64, rho_t: f64, thickness_mm: f64, rho_d_err: f64, rho_t_e
 }
 
 /// [`invert`] with a stated precision.
-pub fn invert_with(precision: Precision, rho_d: f64, rho_t: f64, thickness_mm: f64, rho_d_err: f64, rho_t_err: f64) -> Estimate {
+pub fn invert_with(
+    precision: Precision,
+    rho_d: f64,
+    rho_t: f64,
+    thickness_mm: f64,
+    rho_d_err: f64,
+    rho_t_err: f64,
+) -> Estimate {
     let mut measured = Measured { r: rho_d, t: rho_t, r_err: rho_d_err, t_err: rho_t_err };
     if let Some(why) = impossible(&measured, thickness_mm) {
         return Estimate::refused(why);
@@ -108,14 +120,19 @@ pub fn invert_with(precision: Precision, rho_d: f64, rho_t: f64, thickness_mm: f
     let coarse = with_model_error(&measured, FAST_MODEL);
     // the table keeps its digits in ρt down to 1e-30
     let deep = rho_t > 0.0 && rho_t < DEEP;
-    let found =
-        if precision == Precision::Fast && !deep { determined(&coarse, thickness_mm, Precision::Fast, Precision::Fast) } else { None };
+    let found = if precision == Precision::Fast && !deep {
+        determined(&coarse, thickness_mm, Precision::Fast, Precision::Fast)
+    } else {
+        None
+    };
     if let Some(found) = found {
         return found;
     }
     if precision == Precision::Exact || !stated_matters {
         let check = if stated_matters { Precision::Fast } else { Precision::Exact };
-        if let Some(found) = determined(&with_model_error(&measured, EXACT_MODEL), thickness_mm, Precision::Exact, check) {
+        if let Some(found) =
+            determined(&with_model_error(&measured, EXACT_MODEL), thickness_mm, Precision::Exact, check)
+        {
             return found;
         }
     }
@@ -162,7 +179,8 @@ fn impossible(m: &Measured, h: f64) -> Option<String> {
     None
 }
 
-/// The answer where both parameters are determined, by the linear error propagation and, where that is in doubt, by the model itself.
+/// The answer where both parameters are determined, by the linear error propagation and, where that is in doubt, by the
+/// model itself.
 ///
 /// `check` is the model that judges the doubt: the fast one, except where noise is below its own error.
 fn determined(m: &Measured, h: f64, precision: Precision, check: Precision) -> Option<Estimate> {

@@ -38,7 +38,8 @@ impl Point {
     }
 }
 
-/// The slab with reflectance `r`, transmittance `t` and `lost` = 1 − r − t, all > 0. Nothing only where numbers run out.
+/// The slab with reflectance `r`, transmittance `t` and `lost` = 1 − r − t, all > 0. Nothing only where numbers run
+/// out.
 pub fn solve(r: f64, t: f64, lost: f64, precision: Precision) -> Option<Point> {
     let target = [(r / lost).ln(), (-t.ln()).ln()];
     if !(target[0].is_finite() && target[1].is_finite()) {
@@ -76,7 +77,8 @@ fn model(l: f64, m: f64) -> ([f64; 2], Point) {
         let (r, depth, r_by, depth_by) = fluxes(&table.at_log(absorbed, delta, m), omega, absorbed, delta);
         let blocked = -(-depth).exp_m1();
         let t = 1.0 - blocked;
-        let lost_by = |t: f64, depth_by: [f64; 2], r_by: [f64; 2]| [t * depth_by[0] - r_by[0], t * depth_by[1] - r_by[1]];
+        let lost_by =
+            |t: f64, depth_by: [f64; 2], r_by: [f64; 2]| [t * depth_by[0] - r_by[0], t * depth_by[1] - r_by[1]];
         let mut lost = blocked - r;
         let mut change = lost_by(t, depth_by, r_by);
         if absorbed < NEARLY_CONSERVATIVE {
@@ -110,7 +112,10 @@ fn fluxes(s: &Scaled, omega: f64, absorbed: f64, delta: f64) -> (f64, f64, [f64;
     let h = delta / (1.0 + delta);
     // by L: d(1−ω) = −ω(1−ω) dL; by M: dΔ = Δ dM
     let turn = -omega * absorbed;
-    let r_by = [h * omega * (absorbed * s.g[0] + s.by_absorbed[0] * turn), omega * h * (s.g[0] / (1.0 + delta) + delta * s.by_delta[0])];
+    let r_by = [
+        h * omega * (absorbed * s.g[0] + s.by_absorbed[0] * turn),
+        omega * h * (s.g[0] / (1.0 + delta) + delta * s.by_delta[0]),
+    ];
     let depth_by = [delta * s.by_absorbed[1] * turn, delta * (s.g[1] + delta * s.by_delta[1])];
     (omega * h * s.g[0], delta * s.g[1], r_by, depth_by)
 }

@@ -35,7 +35,8 @@ fn returns_to_the_slab_it_came_from() {
     assert!(determined > 1100, "{determined}");
 }
 
-/// Rows said `ok` over random slabs and noise: how often 95 % intervals contain σa and σs, how many are off by more than 4 errors, and how many there are.
+/// Rows said `ok` over random slabs and noise: how often 95 % intervals contain σa and σs, how many are off by more
+/// than 4 errors, and how many there are.
 fn coverage(rows: usize, seed: u64, noise: f64) -> ([f64; 2], usize, usize) {
     let mut rng = Pcg64Mcg::seed_from_u64(seed);
     let (mut inside, mut wrong, mut ok) = ([0usize; 2], 0, 0);
@@ -89,7 +90,8 @@ fn bounds_by_name() {
     starts(name(0.2, 0.0, 0.0), "undetermined: sigma_a >= ");
     starts(name(0.0, 0.5, 1e-4), "undetermined: sigma_s <= ");
     starts(name(0.0, 1.0, 1e-4), "undetermined: sigma_a <= ");
-    for (r, t) in [(f64::NAN, 0.2), (0.2, f64::INFINITY), (-0.1, 0.2), (0.2, -0.1), (0.7, 0.4), (1.0, 1.0), (0.0, 1.2)] {
+    for (r, t) in [(f64::NAN, 0.2), (0.2, f64::INFINITY), (-0.1, 0.2), (0.2, -0.1), (0.7, 0.4), (1.0, 1.0), (0.0, 1.2)]
+    {
         starts(name(r, t, 1e-3), "refused: ");
     }
     for h in [0.0, -1.0, f64::NAN, f64::INFINITY] {
@@ -146,12 +148,18 @@ fn inversions_a_second() {
                 let e = invert_with(precision, r.rho_d, r.rho_t, 1.0, 1e-6, 1e-6);
                 if e.status.is_ok() {
                     ok += 1;
-                    worst = [worst[0].max((e.sigma_a / truth[0] - 1.0).abs()), worst[1].max((e.sigma_s / truth[1] - 1.0).abs())];
+                    worst = [
+                        worst[0].max((e.sigma_a / truth[0] - 1.0).abs()),
+                        worst[1].max((e.sigma_s / truth[1] - 1.0).abs()),
+                    ];
                 }
             }
         }
         let rate = (passes * rows.len()) as f64 / clock.elapsed().as_secs_f64();
-        println!("{precision:?}: {rate:.0} inversions/s, ok {ok} of {}, largest relative errors {worst:?}", passes * rows.len());
+        println!(
+            "{precision:?}: {rate:.0} inversions/s, ok {ok} of {}, largest relative errors {worst:?}",
+            passes * rows.len()
+        );
     }
 }
 
@@ -178,7 +186,9 @@ fn no_noise_from_clear_to_opaque_to_the_edge_of_numbers() {
         assert!(!matches!(e.status, Verdict::Refused(_)), "ω {omega} Δ {delta}: {e:?}");
         if e.status.is_ok() {
             ok += 1;
-            let off = ((e.sigma_a - absorbed * delta) / e.sigma_a_err).abs().max(((e.sigma_s - omega * delta) / e.sigma_s_err).abs());
+            let off = ((e.sigma_a - absorbed * delta) / e.sigma_a_err)
+                .abs()
+                .max(((e.sigma_s - omega * delta) / e.sigma_s_err).abs());
             assert!(off < 4.0, "ω {omega} 1−ω {absorbed} Δ {delta}: {off} errors off, {e:?}");
         }
     }

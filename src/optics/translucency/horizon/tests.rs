@@ -41,7 +41,8 @@ fn walked(lit: &LitSide, texel: usize, azimuth: f64) -> f64 {
 fn the_hull_finds_the_highest_sample() {
     // Against all pairs, with equal heights and gaps.
     let heights = [0.0, 3.0, 1.0, 1.0, 5.0, -2.0, 0.5, 0.5, 0.5, 4.0, 2.0f32];
-    let samples: Vec<(f32, f32)> = heights.iter().enumerate().filter(|(k, _)| *k != 2 && *k != 7).map(|(k, z)| (k as f32, *z)).collect();
+    let samples: Vec<(f32, f32)> =
+        heights.iter().enumerate().filter(|(k, _)| *k != 2 && *k != 7).map(|(k, z)| (k as f32, *z)).collect();
     let mut line = Line { samples: samples.clone(), hull: Vec::new() };
     let (mut forth, mut back) = (vec![NOTHING; 11], vec![NOTHING; 11]);
     line.horizons(1.0, &mut forth, &mut back);
@@ -80,7 +81,8 @@ fn a_wall_stands_where_it_should() {
     assert!((0..SLICES).all(|k| back.slice(k).iter().all(|s| *s == 0.0)));
 }
 
-/// Rows run downwards and y up: a ridge above a texel in the image is seen in slice 4 (+y), and slices turn from x to y.
+/// Rows run downwards and y up: a ridge above a texel in the image is seen in slice 4 (+y), and slices turn from x to
+/// y.
 #[test]
 fn slices_turn_from_x_to_y() {
     let blade = relief(21, 31, 1.0, |_, _| true, |_, y| if y == -5.0 { 3.0 } else { 0.0 });
@@ -99,7 +101,11 @@ fn against_rays(blade: &Blade) -> (f64, f64) {
     // A texel of the edge reaches half a texel out and sees along the edge; rays from its centre do not.
     let deep = |k: usize| {
         let (i, j) = (k % lit.width, k / lit.width);
-        i > 1 && j > 1 && i + 2 < lit.width && j + 2 < lit.height && (0..25).all(|n| lit.mask[(j + n / 5 - 2) * lit.width + i + n % 5 - 2])
+        i > 1
+            && j > 1
+            && i + 2 < lit.width
+            && j + 2 < lit.height
+            && (0..25).all(|n| lit.mask[(j + n / 5 - 2) * lit.width + i + n % 5 - 2])
     };
     for texel in (0..lit.mask.len()).filter(|k| deep(*k)).step_by(31) {
         for k in 0..SLICES {
@@ -115,7 +121,8 @@ fn against_rays(blade: &Blade) -> (f64, f64) {
 /// Smooth relief: slices against rays walked in the same azimuths, and twice as close on texels half as large.
 #[test]
 fn horizons_agree_with_walked_rays() {
-    let z = |x: f64, y: f64| 0.12 * (2.1 * x + 0.4).sin() * (1.7 * y).cos() + 0.05 * (4.4 * (x + y)).sin() - 0.03 * x * x;
+    let z =
+        |x: f64, y: f64| 0.12 * (2.1 * x + 0.4).sin() * (1.7 * y).cos() + 0.05 * (4.4 * (x + y)).sin() - 0.03 * x * x;
     let (coarse, _) = against_rays(&relief(63, 59, 0.1, |_, _| true, z));
     let (fine, worst) = against_rays(&relief(125, 117, 0.05, |_, _| true, z));
     assert!(fine < 0.6 * coarse && fine < 5e-3 && worst < 0.1, "{coarse} {fine} {worst}");

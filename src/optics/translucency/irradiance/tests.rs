@@ -6,12 +6,16 @@ use crate::translucency::lights::{Lights, Rule, raised};
 /// A blade with ridges, an uneven outline and entries that vary.
 fn ridged(w: usize, h: usize) -> Blade {
     let n = w * h;
-    let mask: Vec<bool> =
-        (0..n).map(|k| ((k % w) as f64 - 0.52 * w as f64).hypot((k / w) as f64 - 0.47 * h as f64) < 0.48 * h as f64).collect();
+    let mask: Vec<bool> = (0..n)
+        .map(|k| ((k % w) as f64 - 0.52 * w as f64).hypot((k / w) as f64 - 0.47 * h as f64) < 0.48 * h as f64)
+        .collect();
     let z = |k: usize| 0.15 * ((k % w) as f64 * 0.7).sin() + 0.1 * ((k / w) as f64 * 0.45 + (k % w) as f64 * 0.2).cos();
     let front = (0..n).map(|k| 0.4 + z(k)).collect();
     let back = (0..n).map(|k| 0.4 - 0.5 * z(n - 1 - k)).collect();
-    let entry = [(0..n).map(|k| 0.8 + 0.1 * (k as f64).sin()).collect(), (0..n).map(|k| 0.7 + 0.1 * (k as f64).cos()).collect()];
+    let entry = [
+        (0..n).map(|k| 0.8 + 0.1 * (k as f64).sin()).collect(),
+        (0..n).map(|k| 0.7 + 0.1 * (k as f64).cos()).collect(),
+    ];
     Blade::from_heights(w, h, 0.1, mask, [front, back], entry)
 }
 
@@ -32,18 +36,22 @@ fn a_flat_leaf_takes_the_cosine() {
     }
 }
 
-/// A tilted plane shadows itself exactly where its normal turns away: V must not cut what n·ω leaves, nor n·ω be unclamped.
+/// A tilted plane shadows itself exactly where its normal turns away: V must not cut what n·ω leaves, nor n·ω be
+/// unclamped.
 #[test]
 fn a_tilted_plane_shadows_itself_by_its_normal() {
     let (w, h) = (24, 20);
     let z: Vec<f64> = (0..w * h).map(|k| 0.05 * (k % w) as f64).collect();
-    let blade = Blade::from_heights(w, h, 0.1, vec![true; w * h], [z, vec![0.2; w * h]], [vec![1.0; w * h], vec![1.0; w * h]]);
+    let blade =
+        Blade::from_heights(w, h, 0.1, vec![true; w * h], [z, vec![0.2; w * h]], [vec![1.0; w * h], vec![1.0; w * h]]);
     let lit = blade.lit(Side::Front);
     let horizon = Horizon::new(&lit);
     let normal = [-0.5 / 1.25f64.sqrt(), 0.0, 1.0 / 1.25f64.sqrt()];
     let middle = 10 * w + 10;
     // From the rising side the plane's own slope (.5, an elevation of .4636) is the horizon; from the other nothing is.
-    for (elevation, azimuth) in [(0.5f64, 0.0f64), (0.3, 0.0), (0.3, std::f64::consts::PI), (0.05, std::f64::consts::PI), (1.2, 2.0)] {
+    for (elevation, azimuth) in
+        [(0.5f64, 0.0f64), (0.3, 0.0), (0.3, std::f64::consts::PI), (0.05, std::f64::consts::PI), (1.2, 2.0)]
+    {
         let d = raised(elevation.sin(), azimuth);
         let want = (normal[0] * d[0] + normal[1] * d[1] + normal[2] * d[2]).max(0.0);
         let found = irradiance(&lit, &horizon, d, Visibility::Hard)[middle];
@@ -94,9 +102,12 @@ fn projection_and_convolution_commute() {
             })
             .collect()
     };
-    for (basis, visibility) in [(Basis::HalfLife2, Visibility::Hard), (Basis::Cosine { degree: 3 }, Visibility::Soft { width: 0.1 })] {
+    for (basis, visibility) in
+        [(Basis::HalfLife2, Visibility::Hard), (Basis::Cosine { degree: 3 }, Visibility::Soft { width: 0.1 })]
+    {
         let projector = Projector::new(basis, &lights, Weights::Gram).unwrap();
-        let first: Vec<Vec<f64>> = project(&lit, &horizon, &projector, visibility).iter().map(|i| convolve(i)).collect();
+        let first: Vec<Vec<f64>> =
+            project(&lit, &horizon, &projector, visibility).iter().map(|i| convolve(i)).collect();
         let mut after = vec![vec![0.0; w * h]; basis.count()];
         for (m, d) in lights.directions.iter().enumerate() {
             let image = convolve(&irradiance(&lit, &horizon, *d, visibility));

@@ -1,8 +1,9 @@
-//! Poisson's equation on a rectangle with insulated sides (Neumann), by cosine transforms: the five-point Laplacian's eigenvectors are the
-//! DCT-II's. Transforms go through complex FFTs of the same length (Makhoul 1980), two real lines at a time; any size.
+//! Poisson's equation on a rectangle with insulated sides (Neumann), by cosine transforms: the five-point Laplacian's
+//! eigenvectors are the DCT-II's. Transforms go through complex FFTs of the same length (Makhoul 1980), two real lines
+//! at a time; any size.
 
-use rayon::prelude::*;
 use mesophyll_fourier::{self as fourier, Complex, Transform};
+use rayon::prelude::*;
 use std::f64::consts::PI;
 
 /// Solver for maps of one size.
@@ -18,7 +19,8 @@ impl Poisson {
         Poisson { width, height, rows: Cosine::new(width), columns: Cosine::new(height) }
     }
 
-    /// z with Σ over neighbours (z_k − z_n) = r_k, row-major; the mean of r, which has no such z, counts as the slowest wave does.
+    /// z with Σ over neighbours (z_k − z_n) = r_k, row-major; the mean of r, which has no such z, counts as the slowest
+    /// wave does.
     pub fn solve(&self, r: &[f64]) -> Vec<f64> {
         let (w, h) = (self.width, self.height);
         let mut rows = r.to_vec();
@@ -137,7 +139,8 @@ mod tests {
             cosine.forward(&mut lines);
             for (line, from) in lines.chunks(n).zip(x.chunks(n)) {
                 for (k, found) in line.iter().enumerate() {
-                    let term = |(m, v): (usize, &f64)| 2.0 * v * (PI * k as f64 * (2 * m + 1) as f64 / (2 * n) as f64).cos();
+                    let term =
+                        |(m, v): (usize, &f64)| 2.0 * v * (PI * k as f64 * (2 * m + 1) as f64 / (2 * n) as f64).cos();
                     let want: f64 = from.iter().enumerate().map(term).sum();
                     assert!((found - want).abs() < 1e-12, "{n} {k}: {found} {want}");
                 }

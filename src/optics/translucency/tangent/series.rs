@@ -1,4 +1,5 @@
-//! Chebyshev series of several functions at once. Linear in the values it is fitted to: a derivative of the values is one of the series.
+//! Chebyshev series of several functions at once. Linear in the values it is fitted to: a derivative of the values is
+//! one of the series.
 
 use rayon::prelude::*;
 use std::f64::consts::PI;
@@ -17,7 +18,8 @@ impl<const N: usize> Series<N> {
         let (middle, half) = (0.5 * (high.ln() + low.ln()), 0.5 * (high.ln() - low.ln()));
         let count = if half > 1e-12 { count } else { 1 };
         let angle = |k: usize| PI * (k as f64 + 0.5) / count as f64;
-        let values: Vec<[f64; N]> = (0..count).into_par_iter().map(|k| f((middle + half * angle(k).cos()).exp())).collect();
+        let values: Vec<[f64; N]> =
+            (0..count).into_par_iter().map(|k| f((middle + half * angle(k).cos()).exp())).collect();
         let coefficients = (0..count).map(|j| {
             let mut sum = [0.0; N];
             for (k, v) in values.iter().enumerate() {

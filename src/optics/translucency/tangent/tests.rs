@@ -1,4 +1,5 @@
-//! The derivatives against central differences, the gradient against the derivatives, the images against the convolver that renders.
+//! The derivatives against central differences, the gradient against the derivatives, the images against the convolver
+//! that renders.
 
 use super::super::convolve::{Convolver, Settings};
 use super::*;
@@ -39,7 +40,11 @@ fn lights() -> Vec<Vec<f64>> {
 
 /// The last at incidence `last`.
 fn sources(lights: &[Vec<f64>], last: usize) -> Vec<Source<'_>> {
-    lights.iter().zip([(0, 0), (1, 0), (1, last)]).map(|(light, (map, incidence))| Source { map, incidence, light }).collect()
+    lights
+        .iter()
+        .zip([(0, 0), (1, 0), (1, last)])
+        .map(|(light, (map, incidence))| Source { map, incidence, light })
+        .collect()
 }
 
 #[test]
@@ -84,7 +89,11 @@ fn derivatives_agree_with_differences_and_the_gradient_with_them() {
                 for i in 0..3 {
                     for k in 0..TEXELS {
                         let want = (8.0 * (a[i][k] - b[i][k]) - (c[i][k] - d[i][k])) / (12.0 * step);
-                        assert!((derivative[i][k] - want).abs() < 1e-7 * size, "{totals:?} {p}: {} {want}", derivative[i][k]);
+                        assert!(
+                            (derivative[i][k] - want).abs() < 1e-7 * size,
+                            "{totals:?} {p}: {} {want}",
+                            derivative[i][k]
+                        );
                         sum += views[i][k] * derivative[i][k];
                     }
                 }

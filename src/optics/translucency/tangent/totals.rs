@@ -1,19 +1,22 @@
-//! How much light comes through one thickness, scattered and unscattered, and how both change with the tissue: in logarithms.
+//! How much light comes through one thickness, scattered and unscattered, and how both change with the tissue: in
+//! logarithms.
 
 use super::PARTIALS;
 use crate::dipole::{Form, Tissue};
 use crate::slab::{self, exact::Medium};
 use crate::translucency::convolve::Totals;
 
-/// ln of the scattered total and of the unscattered share at thickness d, then their derivatives, parameter by parameter. `slant`: of the beam,
-/// unless it is along the normal.
+/// ln of the scattered total and of the unscattered share at thickness d, then their derivatives, parameter by
+/// parameter. `slant`: of the beam, unless it is along the normal.
 pub fn logarithms(tissue: &Tissue, totals: Totals, slant: Option<&Slant>, d: f64) -> [f64; 2 * (PARTIALS + 1)] {
     let scattered = tissue.beyond_with_partials(0.0, d, Form::Thin);
     let (a, s) = (tissue.sigma_a, tissue.reduced_scattering());
     let mut log = [0.0; 2 * (PARTIALS + 1)];
     log[0] = scattered.value.ln();
     log[1] = -(a + s) * d;
-    for (p, by) in [tissue.sigma_a * scattered.by[0], tissue.sigma_s * scattered.by[1], scattered.by[3]].into_iter().enumerate() {
+    for (p, by) in
+        [tissue.sigma_a * scattered.by[0], tissue.sigma_s * scattered.by[1], scattered.by[3]].into_iter().enumerate()
+    {
         log[2 * (p + 1)] = by / scattered.value;
     }
     (log[3], log[5], log[7]) = (-a * d, -s * d, -(a + s) * d);
@@ -39,8 +42,8 @@ fn along_normal(a: f64, s: f64, d: f64) -> [f64; PARTIALS + 1] {
     [r.rho_t.ln(), a * by.sigma_a.rho_t / r.rho_t, s * by.sigma_s.rho_t / r.rho_t, d * by.thickness.rho_t / r.rho_t]
 }
 
-/// The same for a beam at cosine `mu` (per flux through the horizontal), for many thicknesses of one tissue: derivatives by differences of the exact
-/// solution, of order h⁴.
+/// The same for a beam at cosine `mu` (per flux through the horizontal), for many thicknesses of one tissue:
+/// derivatives by differences of the exact solution, of order h⁴.
 pub struct Slant {
     mu: f64,
     /// Extinction and its medium: of the tissue itself, and with ln σa, then ln σs′ at h, −h, 2h, −2h.
@@ -64,7 +67,8 @@ impl Slant {
 
     fn at(&self, d: f64) -> [f64; PARTIALS + 1] {
         let ln = |(extinction, medium): &(f64, Medium)| medium.solve_log(self.mu, extinction * d).1;
-        let slope = |at: &[(f64, Medium); 4]| (8.0 * (ln(&at[0]) - ln(&at[1])) - (ln(&at[2]) - ln(&at[3]))) / (12.0 * Slant::H);
+        let slope =
+            |at: &[(f64, Medium); 4]| (8.0 * (ln(&at[0]) - ln(&at[1])) - (ln(&at[2]) - ln(&at[3]))) / (12.0 * Slant::H);
         let [by_a, by_s] = [0, 1].map(|k: usize| slope(&self.beside[k]));
         // Only products with d enter.
         [ln(&self.middle), by_a, by_s, by_a + by_s]

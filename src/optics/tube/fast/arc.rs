@@ -1,6 +1,7 @@
 //! One thin tube's integrand at a node, several frames at a time.
 //!
-//! Free functions instead of closures: only `#[inline(always)]` takes the intrinsics along into the caller that was compiled for them.
+//! Free functions instead of closures: only `#[inline(always)]` takes the intrinsics along into the caller that was
+//! compiled for them.
 
 use crate::tube::lanes::Lanes;
 
@@ -111,8 +112,8 @@ impl<L: Lanes> Arc<L> {
         L::splat(0.5).mul(r).mul(r).mul(t.fma(t, one))
     }
 
-    /// What masking takes away at `t` of a symmetric arc: the integrand times G − 1, where the smallest of G's branches is the light's
-    /// (`light`: 2 (n·l) M/E) or the viewer's (2 (n·c) M/E). `a` = n·l at t = 0, `b` = n·c.
+    /// What masking takes away at `t` of a symmetric arc: the integrand times G − 1, where the smallest of G's branches
+    /// is the light's (`light`: 2 (n·l) M/E) or the viewer's (2 (n·c) M/E). `a` = n·l at t = 0, `b` = n·c.
     #[inline(always)]
     pub fn shadow(&self, light: bool, a: L, b: L, t: L, weight: L, sums: &mut Sums<L>) {
         let (zero, one, two) = (L::splat(0.0), L::splat(1.0), L::splat(2.0));

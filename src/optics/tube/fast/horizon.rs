@@ -6,7 +6,8 @@ use super::light::atan;
 use crate::tube::lanes::Lanes;
 use std::f64::consts::PI;
 
-/// Moves the end that the horizon hides to where it cuts the arc, in the lanes of `cut`; the lanes of these that see anything.
+/// Moves the end that the horizon hides to where it cuts the arc, in the lanes of `cut`; the lanes of these that see
+/// anything.
 #[inline(always)]
 pub(super) fn above<L: Lanes>(
     point: &Point,

@@ -48,7 +48,8 @@ pub(super) fn light<L: Lanes>(pass: &Pass, texel_mm: [f64; 2], lit: &mut Lit) {
                 (along, skew) = (along.add(part), skew.add(s.mul(s)));
             }
         }
-        // (2/π) · ½ · height/distance; across the radius the mean of the direction is sin β/β long, which `scale` holds inverted
+        // (2/π) · ½ · height/distance; across the radius the mean of the direction is sin β/β long, which `scale` holds
+        // inverted
         let factor = cos.mul(L::splat(1.0 / PI));
         factor.mul(along).store(&mut lit.along[k..]);
         factor.mul(asin).mul(skew).store(&mut lit.skew[k..]);

@@ -1,7 +1,7 @@
-//! The tube integral for all frames of a pass at once, vectorised over frames: the same formulas as [`super::arc`], the same
-//! node sets, without its trigonometry. [`super::Model`] is the reference it is tested against. Frames that the texel's horizon cuts
-//! get ends of their own for every node across the radius. A Cook–Torrance lobe whose normal leans along the tube is left to the
-//! reference: its G has up to four kinks at places that only a quartic knows.
+//! The tube integral for all frames of a pass at once, vectorised over frames: the same formulas as [`super::arc`], the
+//! same node sets, without its trigonometry. [`super::Model`] is the reference it is tested against. Frames that the
+//! texel's horizon cuts get ends of their own for every node across the radius. A Cook–Torrance lobe whose normal leans
+//! along the tube is left to the reference: its G has up to four kinks at places that only a quartic knows.
 
 mod arc;
 mod horizon;
@@ -17,8 +17,8 @@ use light::light;
 use mesophyll_quadrature::symmetric;
 use respond::respond;
 
-/// What a pass shows of one texel for one normal and slope: columns of D, S, ∂S/∂m, then ∂D and ∂S along one or two changes of
-/// the normal. Padded with zeros to whole vectors.
+/// What a pass shows of one texel for one normal and slope: columns of D, S, ∂S/∂m, then ∂D and ∂S along one or two
+/// changes of the normal. Padded with zeros to whole vectors.
 pub const COLUMNS: usize = 7;
 
 /// Positions of the tube over one texel, a column each, padded.
@@ -168,8 +168,16 @@ impl Pass {
         &self.across[count]
     }
 
-    /// Fills `columns` (each at least [`Pass::padded`] long) for a unit normal `n`, its changes (none to two) and slope `m`.
-    pub fn respond(&self, lit: &mut Lit, n: [f64; 3], changes: &[[f64; 3]], m: f64, columns: &mut [&mut [f64]; COLUMNS]) {
+    /// Fills `columns` (each at least [`Pass::padded`] long) for a unit normal `n`, its changes (none to two) and slope
+    /// `m`.
+    pub fn respond(
+        &self,
+        lit: &mut Lit,
+        n: [f64; 3],
+        changes: &[[f64; 3]],
+        m: f64,
+        columns: &mut [&mut [f64]; COLUMNS],
+    ) {
         let local = |v: &[f64; 3]| self.travel.local(*v);
         let point = Point {
             n: local(&n),
@@ -193,7 +201,8 @@ impl Pass {
             // As many nodes across the radius as the lobe's width asks for.
             let across = self.across(m);
             let more = across.len() > self.model.across.len();
-            let model = Model { across: if more { across.to_vec() } else { self.model.across.clone() }, ..self.model.clone() };
+            let model =
+                Model { across: if more { across.to_vec() } else { self.model.across.clone() }, ..self.model.clone() };
             for (k, &light) in self.positions.iter().enumerate() {
                 let r = model.response(self.travel, light, lit.texel, n, m);
                 (columns[0][k], columns[1][k], columns[2][k]) = (r.d, r.s, r.s_m);

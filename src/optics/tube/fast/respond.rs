@@ -67,7 +67,9 @@ pub(super) fn respond<L: Lanes>(
                     let share = L::load(&lit.scale[k..]).mul(s(0.5 * weight));
                     let part = above(point, a1, &mut ends, &mut end_cos, &mut end_sin, cut);
                     let sums = diffuse(&end_cos, &end_sin, &ends);
-                    for (column, v) in [(0, n), (3, point.change[0]), (5, point.change[1])].into_iter().take(1 + point.changes) {
+                    for (column, v) in
+                        [(0, n), (3, point.change[0]), (5, point.change[1])].into_iter().take(1 + point.changes)
+                    {
                         let d = share.mul(s(2.0 / PI)).mul(sums[0].mul(flat(v, sj, cj)).add(sums[1].mul(s(v[1]))));
                         L::load(&columns[column][k..]).add(d.or(part, zero)).store(&mut columns[column][k..]);
                     }
@@ -87,7 +89,8 @@ pub(super) fn respond<L: Lanes>(
                 let (mut tau, mut slope, mut bend) = (zero, zero, one);
                 let mut falling = seen;
                 for step in 0..3 {
-                    let (e, m) = (one.add(c1.mul(cp)).add(s(c[1]).mul(sp)), s(point.b).add(a1.mul(cp)).add(s(n[1]).mul(sp)));
+                    let (e, m) =
+                        (one.add(c1.mul(cp)).add(s(c[1]).mul(sp)), s(point.b).add(a1.mul(cp)).add(s(n[1]).mul(sp)));
                     let (e1, m1) = (s(c[1]).mul(cp).sub(c1.mul(sp)), s(n[1]).mul(cp).sub(a1.mul(sp)));
                     let f = e1.mul(m).sub(s(2.0).mul(e).mul(m1));
                     let f1 = s(2.0).mul(e).mul(m.sub(s(point.b))).sub(e1.mul(m1)).sub(e.sub(one).mul(m));
@@ -112,7 +115,8 @@ pub(super) fn respond<L: Lanes>(
                         let h2 = h.mul(h);
                         let k1 = h2.add(one).recip();
                         let (ch, sh) = (one.sub(h2).mul(k1), h.add(h).mul(k1));
-                        (cp, sp) = clamp(cp.mul(ch).sub(sp.mul(sh)), sp.mul(ch).add(cp.mul(sh)), &ends, &end_cos, &end_sin);
+                        (cp, sp) =
+                            clamp(cp.mul(ch).sub(sp.mul(sh)), sp.mul(ch).add(cp.mul(sh)), &ends, &end_cos, &end_sin);
                     }
                 }
                 let worth = L::both(seen, if ggx { seen } else { tau.less(s(20.0 * m2)) });
@@ -150,7 +154,8 @@ pub(super) fn respond<L: Lanes>(
                     let v = point.change[j];
                     let (v1, vc) = (flat(v, sj, cj), s(dot(v, c)));
                     let (p1v, p2v) = (v1.mul(cp).add(s(v[1]).mul(sp)), s(v[1]).mul(cp).sub(v1.mul(sp)));
-                    let turned = p1v.mul(sums.x[0].sub(sums.x[2]).add(sums.masked)).add(p2v.mul(sums.x[1].add(sums.x[1])));
+                    let turned =
+                        p1v.mul(sums.x[0].sub(sums.x[2]).add(sums.masked)).add(p2v.mul(sums.x[1].add(sums.x[1])));
                     let camera = vc.mul(sums.x[0].add(sums.x[2]).add(sums.facing.sub(value).mul(s(1.0 / point.b))));
                     total_n[j] = factor.mul(turned.add(camera)).or(worth, zero).add(total_n[j]);
                 }

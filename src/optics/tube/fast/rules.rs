@@ -1,5 +1,5 @@
-//! Which nodes along the tube: the trapezoid for a bell between its ends, Gauss nodes for what the ends cut, a map for a long tail, and
-//! the stretches that masking darkens.
+//! Which nodes along the tube: the trapezoid for a bell between its ends, Gauss nodes for what the ends cut, a map for
+//! a long tail, and the stretches that masking darkens.
 
 #![allow(clippy::needless_range_loop)] // Loops by index: closures would not take the intrinsics along.
 
@@ -78,8 +78,8 @@ pub(super) fn bell<L: Lanes>(nodes: &Nodes, arc: &Arc<L>, frame: &Frame<L>, sums
     }
 }
 
-/// GGX: t = w·2y/(1 − y²) takes the Lorentzian's tail, Gauss nodes in y; the poles of the integrand are at ±i. `even`: only the
-/// half [0, y] of a symmetric range, twice.
+/// GGX: t = w·2y/(1 − y²) takes the Lorentzian's tail, Gauss nodes in y; the poles of the integrand are at ±i. `even`:
+/// only the half [0, y] of a symmetric range, twice.
 #[inline(always)]
 pub(super) fn long_tail<L: Lanes>(nodes: &Nodes, arc: &Arc<L>, w: L, from: L, to: L, even: bool, sums: &mut Sums<L>) {
     let s = L::splat;
@@ -99,9 +99,10 @@ pub(super) fn long_tail<L: Lanes>(nodes: &Nodes, arc: &Arc<L>, w: L, from: L, to
     }
 }
 
-/// What the V-cavity's masking takes from a Cook–Torrance lobe over a symmetric arc. With x = cos ψ along the tube, a x = n·l,
-/// M = b + a x and E = 1 + c x, the branches of G = min(1, 2 (n·l) M/E, 2 (n·c) M/E) meet where a x = b, where 2 a x M = E (a quadratic
-/// in x) and where 2 b M = E (linear): between them everything is smooth, and G − 1 vanishes where it should. `abc`: a, b, c.
+/// What the V-cavity's masking takes from a Cook–Torrance lobe over a symmetric arc. With x = cos ψ along the tube, a x
+/// = n·l, M = b + a x and E = 1 + c x, the branches of G = min(1, 2 (n·l) M/E, 2 (n·c) M/E) meet where a x = b, where 2
+/// a x M = E (a quadratic in x) and where 2 b M = E (linear): between them everything is smooth, and G − 1 vanishes
+/// where it should. `abc`: a, b, c.
 #[inline(always)]
 pub(super) fn shadows<L: Lanes>(nodes: &Nodes, arc: &Arc<L>, frame: &Frame<L>, abc: [L; 3], sums: &mut Sums<L>) {
     let s = L::splat;
@@ -131,7 +132,8 @@ pub(super) fn shadows<L: Lanes>(nodes: &Nodes, arc: &Arc<L>, frame: &Frame<L>, a
         let end = sides[side].max(zero);
         for (by_light, high, low) in spans {
             // The light's side masks from its edge outwards, the viewer's between two.
-            let (from, to) = if by_light { (tangent(low).min(end), end) } else { (tangent(high).min(end), tangent(low).min(end)) };
+            let (from, to) =
+                if by_light { (tangent(low).min(end), end) } else { (tangent(high).min(end), tangent(low).min(end)) };
             let (mid, half) = (to.add(from).mul(s(0.5)), to.sub(from).mul(s(0.5)).max(zero));
             let widths = half.add(half).div(width).most();
             if !(widths > 0.0) {

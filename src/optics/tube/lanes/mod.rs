@@ -1,7 +1,8 @@
 //! Several f64 at a time: AVX-512, AVX2 with FMA, or plain arrays, chosen when the program runs.
 //!
-//! Only what the tube integral and its fit need. The intrinsics sit behind `#[inline(always)]` methods, which are sound only where
-//! the caller was compiled for the instruction set; [`dispatch!`](crate::dispatch_lanes) makes such callers and checks the processor.
+//! Only what the tube integral and its fit need. The intrinsics sit behind `#[inline(always)]` methods, which are sound
+//! only where the caller was compiled for the instruction set; [`dispatch!`](crate::dispatch_lanes) makes such callers
+//! and checks the processor.
 
 /// A few f64.
 pub trait Lanes: Copy {

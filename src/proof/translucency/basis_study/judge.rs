@@ -1,8 +1,8 @@
 //! One lit side of a piece of leaf under the full convolution, and what a basis makes of it.
 
 use super::{Candidate, Case};
-use mesophyll_fit::translucency::spread::{ELEVATIONS, STEPS, Spread};
 use crate::{Error, Result};
+use mesophyll_fit::translucency::spread::{ELEVATIONS, STEPS, Spread};
 use mesophyll_optics::translucency::basis::Projector;
 use mesophyll_optics::translucency::blade::LitSide;
 use mesophyll_optics::translucency::convolve::{Convolver, Settings};
@@ -49,7 +49,10 @@ impl<'a> Judge<'a> {
     pub fn new(case: &'a Case) -> Result<Judge<'a>> {
         let lit = case.blade.lit(case.side);
         let horizon = Horizon::new(&lit);
-        let [thin, thick] = case.blade.thickness_range().ok_or_else(|| Error::Missed(format!("{}: no texel on the leaf", case.name)))?;
+        let [thin, thick] = case
+            .blade
+            .thickness_range()
+            .ok_or_else(|| Error::Missed(format!("{}: no texel on the leaf", case.name)))?;
         let convolver = Convolver::with(&Settings::new(case.tissue, lit.texel_mm), lit.width, lit.height, thin, thick)?;
         let margin = (MARGIN_MM / lit.texel_mm).ceil() as usize;
         let inner = |k: usize| {
@@ -64,8 +67,10 @@ impl<'a> Judge<'a> {
         for elevation in ELEVATIONS {
             let count = if elevation < FRAC_PI_2 { AZIMUTHS } else { 1 };
             // Off the slices' centres.
-            let directions: Vec<[f64; 3]> = (0..count).map(|k| raised(elevation.sin(), TAU * (k as f64 + 0.3) / count as f64)).collect();
-            let entered: Vec<Vec<f64>> = directions.iter().map(|d| irradiance(&judge.lit, &judge.horizon, *d, Visibility::Hard)).collect();
+            let directions: Vec<[f64; 3]> =
+                (0..count).map(|k| raised(elevation.sin(), TAU * (k as f64 + 0.3) / count as f64)).collect();
+            let entered: Vec<Vec<f64>> =
+                directions.iter().map(|d| irradiance(&judge.lit, &judge.horizon, *d, Visibility::Hard)).collect();
             let through = judge.through(&entered);
             judge.truth.push(directions.into_iter().zip(through).collect());
         }
@@ -83,7 +88,8 @@ impl<'a> Judge<'a> {
     /// # Errors
     /// [`Error::Usage`] when the lights do not determine the basis.
     pub fn coefficients(&self, candidate: Candidate) -> Result<Vec<Vec<f64>>> {
-        let projector = Projector::new(candidate.basis, &Lights::new(candidate.lights), candidate.weights).map_err(Error::Usage)?;
+        let projector =
+            Projector::new(candidate.basis, &Lights::new(candidate.lights), candidate.weights).map_err(Error::Usage)?;
         Ok(self.through(&project(&self.lit, &self.horizon, &projector, Visibility::Hard)))
     }
 
@@ -92,10 +98,13 @@ impl<'a> Judge<'a> {
     pub fn judge(&self, candidate: Candidate) -> Result<Outcome> {
         let images = self.coefficients(candidate)?;
         let spread = |which: usize| {
-            let weights: Vec<Vec<f64>> =
-                self.truth[which].iter().map(|(d, _)| (0..images.len()).map(|i| candidate.basis.value(i, *d)).collect()).collect();
+            let weights: Vec<Vec<f64>> = self.truth[which]
+                .iter()
+                .map(|(d, _)| (0..images.len()).map(|i| candidate.basis.value(i, *d)).collect())
+                .collect();
             let (weights, images) = (&weights, &images);
-            let rec = move |m: usize, k: usize| weights[m].iter().zip(images).map(|(w, image)| w * image[k]).sum::<f64>();
+            let rec =
+                move |m: usize, k: usize| weights[m].iter().zip(images).map(|(w, image)| w * image[k]).sum::<f64>();
             let pairs = self.truth[which]
                 .iter()
                 .enumerate()
@@ -111,8 +120,8 @@ mod tests {
     use super::super::rows::apart;
     use super::super::{FINE, PAPER_TISSUE, candidates, piece};
     use super::*;
-    use mesophyll_fit::translucency::spread::BINS;
     use mesophyll_capture::synth::spec::Spec;
+    use mesophyll_fit::translucency::spread::BINS;
     use mesophyll_optics::translucency::basis::{Basis, Weights};
     use mesophyll_optics::translucency::blade::{Blade, Side};
     use mesophyll_optics::translucency::lights::Rule;
@@ -124,7 +133,12 @@ mod tests {
     /// A flat uniform leaf is held exactly by every basis that holds the cosine, whatever the tissue.
     #[test]
     fn a_flat_leaf_has_no_error() {
-        let case = Case { name: "flat".into(), blade: Blade::flat(40, 36, 0.1, 0.2, 0.9), side: Side::Back, tissue: PAPER_TISSUE };
+        let case = Case {
+            name: "flat".into(),
+            blade: Blade::flat(40, 36, 0.1, 0.2, 0.9),
+            side: Side::Back,
+            tissue: PAPER_TISSUE,
+        };
         let judge = Judge::new(&case).unwrap();
         for candidate in candidates().into_iter().filter(|c| c.weights == Weights::Gram) {
             for s in judge.judge(candidate).unwrap().spreads {
@@ -134,7 +148,8 @@ mod tests {
         }
     }
 
-    /// On veins: more functions hold more, the bent light's three more than the straight one's, and the paper's plain sums less than the Gram matrix.
+    /// On veins: more functions hold more, the bent light's three more than the straight one's, and the paper's plain
+    /// sums less than the Gram matrix.
     #[test]
     fn veins_need_more_than_a_vector() {
         let blade = piece(&elm(), 0.2, [2.0, 2.0], [9.0, 8.0]).unwrap();
@@ -151,8 +166,11 @@ mod tests {
         assert!(visible(Basis::Hemispherical { bands: 3 }, Weights::Gram, FINE) < 0.8 * straight);
         // The same 128 directions, with and without their Gram matrix: the mean level.
         let mean = |weights: Weights| {
-            let images = judge.coefficients(Candidate { basis: Basis::HalfLife2, weights, lights: Rule::default() }).unwrap();
-            let fine = judge.coefficients(Candidate { basis: Basis::HalfLife2, weights: Weights::Gram, lights: FINE }).unwrap();
+            let images =
+                judge.coefficients(Candidate { basis: Basis::HalfLife2, weights, lights: Rule::default() }).unwrap();
+            let fine = judge
+                .coefficients(Candidate { basis: Basis::HalfLife2, weights: Weights::Gram, lights: FINE })
+                .unwrap();
             apart(&images, &fine)
         };
         assert!(mean(Weights::Gram) < mean(Weights::Plain), "{} {}", mean(Weights::Gram), mean(Weights::Plain));

@@ -1,9 +1,11 @@
-//! How well a few functions of direction hold what a leaf lets through (H7 Fig. 12, H9 Fig. 3.19): the reconstruction against the full convolution for
-//! each of a set of light directions, on leaves with veins; bases against bytes and multiply-adds, light directions and horizon maps against time.
+//! How well a few functions of direction hold what a leaf lets through (H7 Fig. 12, H9 Fig. 3.19): the reconstruction
+//! against the full convolution for each of a set of light directions, on leaves with veins; bases against bytes and
+//! multiply-adds, light directions and horizon maps against time.
 //!
-//! The error is the paper's, f_rec/f − 1 over all texels, at elevations of π/2, π/4 and π/8 over the tangent plane, eight azimuths each. Bases are projected
-//! from many directions, so that what is seen is theirs and not the directions' chance. Leaves are grown flat (no fold, droop or waves: those belong to the
-//! mesh), cut to a piece of the lamina with its midrib, and go through heights integrated from their normals as fits do.
+//! The error is the paper's, f_rec/f − 1 over all texels, at elevations of π/2, π/4 and π/8 over the tangent plane,
+//! eight azimuths each. Bases are projected from many directions, so that what is seen is theirs and not the
+//! directions' chance. Leaves are grown flat (no fold, droop or waves: those belong to the mesh), cut to a piece of the
+//! lamina with its midrib, and go through heights integrated from their normals as fits do.
 
 mod judge;
 mod rows;
@@ -60,7 +62,8 @@ impl Candidate {
     }
 }
 
-/// A piece of a leaf, `size_mm` around `centre_mm` of its field (x right, y up from the middle), on texels of `texel_mm`.
+/// A piece of a leaf, `size_mm` around `centre_mm` of its field (x right, y up from the middle), on texels of
+/// `texel_mm`.
 ///
 /// # Errors
 /// [`Error::Missed`] when nothing of the leaf lies there.
@@ -87,7 +90,8 @@ pub fn piece(spec: &Spec, texel_mm: f64, centre_mm: [f64; 2], size_mm: [f64; 2])
     }
     let thickness: Vec<f64> = (0..n).map(|k| f64::from(leaf.front.thickness[cut(k)])).collect();
     let front = (0..n).map(|k| (leaf.front.normal[cut(k)], leaf.front.rho_d[cut(k)][1])).collect::<Vec<_>>();
-    let back = mirror(&(0..n).map(|k| (leaf.back.normal[of(cut(k))], leaf.back.rho_d[of(cut(k))][1])).collect::<Vec<_>>(), cw);
+    let back =
+        mirror(&(0..n).map(|k| (leaf.back.normal[of(cut(k))], leaf.back.rho_d[of(cut(k))][1])).collect::<Vec<_>>(), cw);
     let surface = |maps: &[([f32; 3], f32)], mask: &[bool]| {
         let normal: Vec<[f64; 3]> =
             maps.iter().zip(mask).map(|((n, _), on)| if *on { n.map(f64::from) } else { [0.0, 0.0, 1.0] }).collect();
@@ -141,8 +145,8 @@ pub fn cases(texel_mm: f64) -> Result<Vec<Case>> {
     Ok(list)
 }
 
-/// The bases that are drawn side by side: the sources' own sums over 128 random directions, the same functions with their Gram matrix, the bent light's three,
-/// nine hemispherical harmonics.
+/// The bases that are drawn side by side: the sources' own sums over 128 random directions, the same functions with
+/// their Gram matrix, the bent light's three, nine hemispherical harmonics.
 pub fn drawn() -> [Candidate; 4] {
     let fine = |basis| Candidate { basis, weights: Weights::Gram, lights: FINE };
     [
@@ -182,8 +186,15 @@ mod tests {
     #[test]
     fn heights_and_normals_agree() {
         let blade = piece(&elm(), 0.2, [2.0, 2.0], [9.0, 8.0]).unwrap();
-        let again = relief::normals(&blade.back.height, &mirror(&blade.mask, blade.width), blade.width, blade.height, blade.texel_mm);
-        let off: f64 = again.iter().zip(&blade.back.normal).map(|(a, b)| (0..2).map(|c| (a[c] - b[c]).powi(2)).sum::<f64>()).sum();
+        let again = relief::normals(
+            &blade.back.height,
+            &mirror(&blade.mask, blade.width),
+            blade.width,
+            blade.height,
+            blade.texel_mm,
+        );
+        let off: f64 =
+            again.iter().zip(&blade.back.normal).map(|(a, b)| (0..2).map(|c| (a[c] - b[c]).powi(2)).sum::<f64>()).sum();
         let size: f64 = blade.back.normal.iter().map(|n| n[0] * n[0] + n[1] * n[1]).sum();
         // Two central differences in a row soften veins of a few texels.
         assert!(off < 0.25 * size, "{off} of {size}");

@@ -2,9 +2,9 @@
 
 use super::{Candidate, Judge, PAPER_TISSUE, TEXEL_MM, candidates, cases};
 use crate::bench::{BenchRow, median_us};
-use mesophyll_fit::translucency::spread::Spread;
 use crate::{Error, Result};
 use mesophyll_files::progress::{self, Bar};
+use mesophyll_fit::translucency::spread::Spread;
 use mesophyll_optics::translucency::basis::{Basis, Projector, Weights};
 use mesophyll_optics::translucency::blade::Side;
 use mesophyll_optics::translucency::horizon::{self, Horizon};
@@ -29,10 +29,14 @@ pub fn rows(bar: &Bar) -> Result<Vec<BenchRow>> {
         for candidate in candidates() {
             progress::go_on()?;
             let outcome = judge.judge(candidate)?;
-            let each = |f: &dyn Fn(&Spread) -> f64| outcome.spreads.iter().map(|s| format!("{:.4}", f(s))).collect::<Vec<_>>().join(" ");
+            let each = |f: &dyn Fn(&Spread) -> f64| {
+                outcome.spreads.iter().map(|s| format!("{:.4}", f(s))).collect::<Vec<_>>().join(" ")
+            };
             let [operations, roots] = candidate.basis.operations();
             let note = format!(
-                "mean |rec/full - 1|, time of projecting all directions of light and convolving; {} bytes, {operations} multiply-adds, {roots} roots; at pi/2, pi/4, pi/8: mean {}; median {}; 95 % {}; RMS over mean {}; left out as faint {}",
+                "mean |rec/full - 1|, time of projecting all directions of light and convolving; {} bytes, \
+                 {operations} multiply-adds, {roots} roots; at pi/2, pi/4, pi/8: mean {}; median {}; 95 % {}; RMS over \
+                 mean {}; left out as faint {}",
                 candidate.basis.bytes(),
                 each(&|s| s.mean),
                 each(&|s| s.median),
@@ -72,7 +76,10 @@ fn light_rows(judge: &Judge) -> Result<Vec<BenchRow>> {
         }
         let projector = Projector::new(Basis::HalfLife2, &Lights::new(rules[0]), weights).map_err(Error::Usage)?;
         let us = median_us(5.0, || project(&judge.lit, &judge.horizon, &projector, Visibility::Hard));
-        let note = format!("RMS of the coefficients over their mean, against 2048 directions; {}; time of the projection", judge.case.name);
+        let note = format!(
+            "RMS of the coefficients over their mean, against 2048 directions; {}; time of the projection",
+            judge.case.name
+        );
         rows.push(row(format!("light directions: {placed}, {leaf}"), setting, square.sqrt(), us, note));
         Ok(())
     };
@@ -113,10 +120,17 @@ fn horizon_rows(judge: &Judge) -> Result<Vec<BenchRow>> {
             let entered: Vec<Vec<f64>> = directions.iter().map(|d| irradiance(lit, &horizon, *d, visibility)).collect();
             let error = apart(&judge.through(&entered), &truth);
             let note = format!(
-                "RMS of what comes through at pi/8 over its mean, against the horizon in the light's azimuth; {}; time of the horizon map",
+                "RMS of what comes through at pi/8 over its mean, against the horizon in the light's azimuth; {}; time \
+                 of the horizon map",
                 judge.case.name
             );
-            rows.push(row(format!("horizon, azimuths a slice: {name}, {}", judge.case.leaf()), lines.to_string(), error, us, note));
+            rows.push(row(
+                format!("horizon, azimuths a slice: {name}, {}", judge.case.leaf()),
+                lines.to_string(),
+                error,
+                us,
+                note,
+            ));
         }
     }
     Ok(rows)

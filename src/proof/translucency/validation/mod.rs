@@ -1,7 +1,8 @@
 //! Diffusion against the random walk: where the forms of T(r, d) hold, and what a vein's shadow looks like.
 //!
-//! The oracle is [`mesophyll_optics::walk`], every figure of which has a standard error; rows carry signed errors (form less oracle), relative
-//! unless the note says otherwise, NaN where the form is not defined or the oracle knows its result to worse than a tenth.
+//! The oracle is [`mesophyll_optics::walk`], every figure of which has a standard error; rows carry signed errors (form
+//! less oracle), relative unless the note says otherwise, NaN where the form is not defined or the oracle knows its
+//! result to worse than a tenth.
 
 pub mod plane;
 pub mod vein;

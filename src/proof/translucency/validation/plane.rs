@@ -45,7 +45,11 @@ fn digits(x: f64) -> String {
 }
 
 fn stated(e: Estimate) -> String {
-    if e.value < 0.01 { format!("{:.3e} ± {:.1e}", e.value, e.error) } else { format!("{:.5} ± {:.5}", e.value, e.error) }
+    if e.value < 0.01 {
+        format!("{:.3e} ± {:.1e}", e.value, e.error)
+    } else {
+        format!("{:.5} ± {:.5}", e.value, e.error)
+    }
 }
 
 /// One row a form: the relative error of its total.
@@ -57,7 +61,13 @@ fn totals(rows: &mut Vec<BenchRow>, knob: &str, tissue: &Tissue, d: f64, setting
         // Where the form is not defined there is nothing to time.
         let us = if total.is_nan() { f64::NAN } else { median_us(1.0, || tissue.total(d, form)) };
         let found = if total.is_nan() { UNDEFINED.into() } else { format!("total {}", digits(total)) };
-        rows.push(row(&format!("{knob}, {name}"), setting, of(total), us, format!("{found}, oracle {}", stated(oracle))));
+        rows.push(row(
+            &format!("{knob}, {name}"),
+            setting,
+            of(total),
+            us,
+            format!("{found}, oracle {}", stated(oracle)),
+        ));
     }
 }
 
@@ -66,7 +76,13 @@ fn similar(rows: &mut Vec<BenchRow>, knob: &str, tissue: &Tissue, d: f64, oracle
     let total = slab::response(tissue.sigma_a, tissue.reduced_scattering(), d).rho_t;
     let us = median_us(1.0, || slab::response(tissue.sigma_a, tissue.reduced_scattering(), d));
     let error = if oracle.error < KNOWN * oracle.value { total / oracle.value - 1.0 } else { f64::NAN };
-    rows.push(row(&format!("{knob}, slab"), &named(tissue, d), error, us, format!("total {}, oracle {}", digits(total), stated(oracle))));
+    rows.push(row(
+        &format!("{knob}, slab"),
+        &named(tissue, d),
+        error,
+        us,
+        format!("total {}, oracle {}", digits(total), stated(oracle)),
+    ));
 }
 
 /// Totals over thickness, absorption, scattering, anisotropy and inner reflectance.
@@ -74,15 +90,20 @@ pub fn total_rows(effort: Effort) -> Result<Vec<BenchRow>> {
     let mut rows = Vec::new();
     let table = Tissue::TABLE;
     let reduced = table.reduced_scattering();
-    let mut cases: Vec<(&str, Tissue, f64)> = [0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5, 1.0].map(|d| ("oracle: thickness", table, d)).into();
+    let mut cases: Vec<(&str, Tissue, f64)> =
+        [0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5, 1.0].map(|d| ("oracle: thickness", table, d)).into();
     for d in [0.05, 0.2, 0.5] {
-        cases.extend([0.001, 0.01, 0.1, 1.0, 3.0, 10.0].map(|sigma_a| ("oracle: absorption", Tissue { sigma_a, ..table }, d)));
-        cases.extend([1.0, 3.0, 30.0].map(|sigma_s| ("oracle: scattering", Tissue { sigma_s, ..table }, d)));
         cases.extend(
-            [-0.9, -0.5, 0.5, 0.9]
-                .map(|g| ("oracle: anisotropy at one sigma_s (1-g)", Tissue { sigma_s: reduced / (1.0 - g), g, ..table }, d)),
+            [0.001, 0.01, 0.1, 1.0, 3.0, 10.0].map(|sigma_a| ("oracle: absorption", Tissue { sigma_a, ..table }, d)),
         );
-        cases.extend([0.2f64, 0.5, 0.7].map(|rho| ("oracle: inner reflectance", Tissue { a: (1.0 + rho) / (1.0 - rho), ..table }, d)));
+        cases.extend([1.0, 3.0, 30.0].map(|sigma_s| ("oracle: scattering", Tissue { sigma_s, ..table }, d)));
+        cases.extend([-0.9, -0.5, 0.5, 0.9].map(|g| {
+            ("oracle: anisotropy at one sigma_s (1-g)", Tissue { sigma_s: reduced / (1.0 - g), g, ..table }, d)
+        }));
+        cases.extend(
+            [0.2f64, 0.5, 0.7]
+                .map(|rho| ("oracle: inner reflectance", Tissue { a: (1.0 + rho) / (1.0 - rho), ..table }, d)),
+        );
     }
     for (knob, tissue, d) in cases {
         progress::go_on()?;
@@ -111,13 +132,21 @@ pub fn total_rows(effort: Effort) -> Result<Vec<BenchRow>> {
             &setting,
             got.transmitted.scaled(1.0 / entered),
         );
-        totals(&mut rows, "oracle: rough dielectric, A = 1", &table, d, &setting, got.transmitted.scaled(1.0 / entered));
+        totals(
+            &mut rows,
+            "oracle: rough dielectric, A = 1",
+            &table,
+            d,
+            &setting,
+            got.transmitted.scaled(1.0 / entered),
+        );
     }
     Ok(rows)
 }
 
-/// Light at an angle: what a beam sends through, an incident flux, over what light from everywhere does (which ρt was measured with). The maps say 1 for
-/// every angle on a flat blade, so a row's error is that of the picture. The exact slab at that incidence stands beside it where faces are matched.
+/// Light at an angle: what a beam sends through, an incident flux, over what light from everywhere does (which ρt was
+/// measured with). The maps say 1 for every angle on a flat blade, so a row's error is that of the picture. The exact
+/// slab at that incidence stands beside it where faces are matched.
 pub fn incidence_rows(effort: Effort) -> Result<Vec<BenchRow>> {
     let table = Tissue::TABLE;
     let face = Rough { index: 1.4, slope: 0.35 };
@@ -131,7 +160,9 @@ pub fn incidence_rows(effort: Effort) -> Result<Vec<BenchRow>> {
                 let ratio = beam_over_even(&slab, degrees, effort)?;
                 let us = start.elapsed().as_secs_f64() * 1e6;
                 let exact = match boundary {
-                    Boundary::Matched => format!("; the slab at that incidence {:.4}", slant(&table, d, degrees.to_radians().cos())),
+                    Boundary::Matched => {
+                        format!("; the slab at that incidence {:.4}", slant(&table, d, degrees.to_radians().cos()))
+                    }
                     _ => String::new(),
                 };
                 let note = format!("beam over even light {}{exact}", stated(ratio));
@@ -192,7 +223,8 @@ pub fn radius_of(tissue: &Tissue, d: f64, form: Form, share: f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// The same of the walk, with the standard error that the ring's own uncertainty leaves: linear between the rings' edges.
+/// The same of the walk, with the standard error that the ring's own uncertainty leaves: linear between the rings'
+/// edges.
 fn radius_in(walk: &SlabWalk, share: f64) -> Estimate {
     let parts: Vec<f64> = rings(walk);
     let scattered = walk.transmitted.value - walk.unscattered.value;
@@ -227,7 +259,8 @@ fn edges(d: f64) -> Vec<f64> {
     edges
 }
 
-/// Half-light radius, root mean square radius and the largest difference of the enclosed share, for tissues over thickness.
+/// Half-light radius, root mean square radius and the largest difference of the enclosed share, for tissues over
+/// thickness.
 pub fn spot_rows(effort: Effort) -> Result<Vec<BenchRow>> {
     let mut rows = Vec::new();
     let table = Tissue::TABLE;
@@ -279,7 +312,9 @@ pub fn angle_rows(effort: Effort) -> Result<Vec<BenchRow>> {
     let table = Tissue::TABLE;
     let forward = Tissue { sigma_s: table.reduced_scattering() / 0.1, g: 0.9, ..table };
     let mut rows = Vec::new();
-    for (tissue, d) in [0.02, 0.05, 0.1, 0.2, 0.5].map(|d| (table, d)).into_iter().chain([0.05, 0.2].map(|d| (forward, d))) {
+    for (tissue, d) in
+        [0.02, 0.05, 0.1, 0.2, 0.5].map(|d| (table, d)).into_iter().chain([0.05, 0.2].map(|d| (forward, d)))
+    {
         let start = std::time::Instant::now();
         let oracle = walk(&tissue, d, Entry::NORMAL, effort, &[])?;
         let us = start.elapsed().as_secs_f64() * 1e6;

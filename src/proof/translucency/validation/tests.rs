@@ -25,7 +25,8 @@ fn rms_and_half_light_radius_are_those_of_the_kernel() {
 
 #[test]
 fn inner_reflectance_follows_the_etendue() {
-    // inside and outside of one face pass the same flux: 1 − ρ_out = n² (1 − ρ_in); ρ_out = 0.0918 at n = 1.5 (Walsh 1926)
+    // inside and outside of one face pass the same flux: 1 − ρ_out = n² (1 − ρ_in); ρ_out = 0.0918 at n = 1.5 (Walsh
+    // 1926)
     let inner = inner_reflectance(1.5);
     assert!((1.0 - 2.25 * (1.0 - inner) - 0.0918).abs() < 1e-4, "{inner}");
     assert!(inner_reflectance(1.0).abs() < 1e-9);
@@ -56,7 +57,11 @@ fn the_oracle_in_a_vein_has_the_lamina_of_the_plane_slab() {
     let runs = oracle(&VEINS[1], Ridge::Lit, Faces::Clear, 0.0, Effort { plane: 2, vein: 80_000 }).unwrap().exitance;
     let lamina = runs.iter().map(|r| read(r).lamina).sum::<f64>() / runs.len() as f64;
     let t = Tissue::TABLE;
-    let slab = Slab { medium: Medium { sigma_a: t.sigma_a, sigma_s: t.sigma_s, g: t.g }, thickness_mm: 0.2, boundary: Boundary::Matched };
+    let slab = Slab {
+        medium: Medium { sigma_a: t.sigma_a, sigma_s: t.sigma_s, g: t.g },
+        thickness_mm: 0.2,
+        boundary: Boundary::Matched,
+    };
     let flat = slab.walk(Entry::NORMAL, Histories { count: 80_000, seed: 1 }, &[]).unwrap().transmitted;
     // ten texels of a hundred carry a tenth of the histories
     assert!((lamina - flat.value).abs() < 4.0 * 4.0 * flat.error, "{lamina} {flat:?}");

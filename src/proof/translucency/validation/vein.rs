@@ -1,7 +1,8 @@
 //! A vein's shadow: the convolution against the walk through the relief.
 //!
-//! A straight ridge, raised cosine, on one face of a flat lamina of the paper's tissue; light falls across it. Profiles are relative to the
-//! lamina beside, so that what a form's total is wrong by does not count twice; a row's error is the root mean square of their difference. Standard errors by a jackknife over independent runs.
+//! A straight ridge, raised cosine, on one face of a flat lamina of the paper's tissue; light falls across it. Profiles
+//! are relative to the lamina beside, so that what a form's total is wrong by does not count twice; a row's error is
+//! the root mean square of their difference. Standard errors by a jackknife over independent runs.
 
 use super::plane::{inner_reflectance, medium};
 use super::{Effort, row};
@@ -39,7 +40,8 @@ pub struct Vein {
 }
 
 /// Slopes up to 50° and 15°.
-pub const VEINS: [Vein; 2] = [Vein { name: "steep", rise: 0.3, width: 0.4 }, Vein { name: "gentle", rise: 0.1, width: 0.6 }];
+pub const VEINS: [Vein; 2] =
+    [Vein { name: "steep", rise: 0.3, width: 0.4 }, Vein { name: "gentle", rise: 0.1, width: 0.6 }];
 
 impl Vein {
     /// Height over texel centres; the middle of `n` texels is the crest.
@@ -47,7 +49,11 @@ impl Vein {
         (0..n)
             .map(|k| {
                 let x = (k as f64 + 0.5 - 0.5 * n as f64) * TEXEL;
-                if x.abs() < self.width { self.rise * (0.5 * std::f64::consts::PI * x / self.width).cos().powi(2) } else { 0.0 }
+                if x.abs() < self.width {
+                    self.rise * (0.5 * std::f64::consts::PI * x / self.width).cos().powi(2)
+                } else {
+                    0.0
+                }
             })
             .collect()
     }
@@ -86,7 +92,11 @@ impl Faces {
     }
 
     fn leaf(self, tissue: &Tissue) -> Leaf {
-        let boundary = if self == Faces::Dielectric { Boundary::Rough(Rough { index: INDEX, slope: SLOPE }) } else { Boundary::Matched };
+        let boundary = if self == Faces::Dielectric {
+            Boundary::Rough(Rough { index: INDEX, slope: SLOPE })
+        } else {
+            Boundary::Matched
+        };
         Leaf { medium: medium(tissue), boundary, spread: self == Faces::Spread }
     }
 }
@@ -114,7 +124,11 @@ pub fn oracle(vein: &Vein, ridge: Ridge, faces: Faces, degrees: f64, effort: Eff
     let Histories { count, seed } = effort.vein();
     let mut runs = Runs::default();
     for run in 0..RUNS as u64 {
-        let got = leaf.walk(&field, Light::Direction(toward(degrees)), Histories { count: count / RUNS as u64, seed: seed + run })?;
+        let got = leaf.walk(
+            &field,
+            Light::Direction(toward(degrees)),
+            Histories { count: count / RUNS as u64, seed: seed + run },
+        )?;
         if got.lost.value > 0.0 {
             return Err(Error::Missed(format!("random walk: {} of the light was lost", got.lost.value)));
         }
@@ -168,7 +182,11 @@ impl Model {
         }
         let light = std::slice::from_ref(&light);
         // the adjoint gives the kernel of a thickness to where its sum is taken
-        let image = if take == Take::Exit { kernels.adjoint(&lit.thickness, light) } else { kernels.run(&lit.thickness, light) };
+        let image = if take == Take::Exit {
+            kernels.adjoint(&lit.thickness, light)
+        } else {
+            kernels.run(&lit.thickness, light)
+        };
         image.first().map_or_else(Vec::new, |m| m[(LONG / 2) * WIDE + N / 2..][..N].to_vec())
     }
 }
@@ -181,7 +199,8 @@ pub struct Reading {
     /// 0.3 mm from the crest, towards the light and away from it.
     pub near: f64,
     pub far: f64,
-    /// Distance over which the profile rises from 10 to 90 % of the way from crest to lamina, both sides' mean; NaN where it does not.
+    /// Distance over which the profile rises from 10 to 90 % of the way from crest to lamina, both sides' mean; NaN
+    /// where it does not.
     pub edge: f64,
 }
 
@@ -193,7 +212,8 @@ pub fn read(profile: &[f64]) -> Reading {
     let lamina = mean(1.2, 1.6);
     // both halves, three texels each: what the noise of one texel leaves of an edge
     let half: Vec<f64> = (0..N / 2).map(|k| 0.5 * (profile[N / 2 + k] + profile[N / 2 - 1 - k])).collect();
-    let smooth: Vec<f64> = (0..N / 2).map(|k| (half[k.saturating_sub(1)] + half[k] + half[(k + 1).min(N / 2 - 1)]) / 3.0).collect();
+    let smooth: Vec<f64> =
+        (0..N / 2).map(|k| (half[k.saturating_sub(1)] + half[k] + half[(k + 1).min(N / 2 - 1)]) / 3.0).collect();
     let flat = 0.5 * (lamina + mean(-1.6, -1.2));
     let crossing = |share: f64| {
         let level = smooth[0] + share * (flat - smooth[0]);
@@ -204,7 +224,13 @@ pub fn read(profile: &[f64]) -> Reading {
         (Some(a), Some(b)) if smooth[0] < flat => b - a,
         _ => f64::NAN,
     };
-    Reading { lamina, crest: mean(-0.07, 0.07) / lamina, near: mean(0.24, 0.36) / lamina, far: mean(-0.36, -0.24) / lamina, edge }
+    Reading {
+        lamina,
+        crest: mean(-0.07, 0.07) / lamina,
+        near: mean(0.24, 0.36) / lamina,
+        far: mean(-0.36, -0.24) / lamina,
+        edge,
+    }
 }
 
 fn x_of(k: usize) -> f64 {
@@ -216,13 +242,15 @@ fn jackknife(runs: &[Vec<f64>], pick: impl Fn(&[f64]) -> f64) -> Estimate {
     let n = runs.len() as f64;
     let total: Vec<f64> = (0..N).map(|k| runs.iter().map(|r| r[k]).sum()).collect();
     let value = pick(&total.iter().map(|t| t / n).collect::<Vec<_>>());
-    let left: Vec<f64> = runs.iter().map(|r| pick(&total.iter().zip(r).map(|(t, x)| (t - x) / (n - 1.0)).collect::<Vec<_>>())).collect();
+    let left: Vec<f64> =
+        runs.iter().map(|r| pick(&total.iter().zip(r).map(|(t, x)| (t - x) / (n - 1.0)).collect::<Vec<_>>())).collect();
     let mean = left.iter().sum::<f64>() / n;
     let error = ((n - 1.0) / n * left.iter().map(|x| (x - mean).powi(2)).sum::<f64>()).sqrt();
     Estimate { value, error }
 }
 
-/// Root mean square of model less oracle, both relative to their lamina, over |x| ≤ 1.6 mm; the oracle's noise taken out.
+/// Root mean square of model less oracle, both relative to their lamina, over |x| ≤ 1.6 mm; the oracle's noise taken
+/// out.
 fn difference(model: &[f64], runs: &[Vec<f64>]) -> f64 {
     let (a, b) = (read(model).lamina, jackknife(runs, |p| read(p).lamina).value);
     let inside: Vec<usize> = (0..N).filter(|&k| x_of(k).abs() <= 1.6).collect();
@@ -253,17 +281,22 @@ pub fn rows(effort: Effort) -> Result<Vec<BenchRow>> {
         for (ridge, side) in [(Ridge::Unlit, "unlit"), (Ridge::Lit, "lit")] {
             let model = Model::new(vein, ridge);
             for tissue in [Tissue::TABLE, closed] {
-                let kernels = [(Form::Images, model.kernels(&tissue, Form::Images)?), (Form::Thin, model.kernels(&tissue, Form::Thin)?)];
+                let kernels = [
+                    (Form::Images, model.kernels(&tissue, Form::Images)?),
+                    (Form::Thin, model.kernels(&tissue, Form::Thin)?),
+                ];
                 let cases: &[(Faces, f64)] = if tissue.a == 1.0 {
                     // a flat lit face that spreads light forgets where it came from
-                    &[(Faces::Clear, 0.0), (Faces::Spread, 0.0), (Faces::Spread, 75.0)][..if ridge == Ridge::Lit { 3 } else { 2 }]
+                    &[(Faces::Clear, 0.0), (Faces::Spread, 0.0), (Faces::Spread, 75.0)]
+                        [..if ridge == Ridge::Lit { 3 } else { 2 }]
                 } else {
                     &[(Faces::Dielectric, 0.0), (Faces::Dielectric, 75.0)]
                 };
                 for &(faces, degrees) in cases {
                     mesophyll_files::progress::go_on()?;
                     let runs = oracle(vein, ridge, faces, degrees, effort)?;
-                    let setting = format!("{} vein on the {side} face, light at {degrees} deg, {}", vein.name, faces.name());
+                    let setting =
+                        format!("{} vein on the {side} face, light at {degrees} deg, {}", vein.name, faces.name());
                     for (name, form, take) in MODELS {
                         if take == Take::Facets && ridge == Ridge::Unlit {
                             continue; // a flat lit face: as printed
@@ -274,10 +307,17 @@ pub fn rows(effort: Effort) -> Result<Vec<BenchRow>> {
                         let us = start.elapsed().as_secs_f64() * 1e6;
                         let mut compare = |what: &str, runs: &[Vec<f64>]| {
                             let note = readings(&profile, runs, degrees);
-                            rows.push(row(&format!("oracle: vein's {what}, {name}"), &setting, difference(&profile, runs), us, note));
+                            rows.push(row(
+                                &format!("oracle: vein's {what}, {name}"),
+                                &setting,
+                                difference(&profile, runs),
+                                us,
+                                note,
+                            ));
                         };
                         compare("exitance", &runs.exitance);
-                        // of a flat face the two differ by the exit angles alone, which the lamina shares; faces that do not spread show the beam itself
+                        // of a flat face the two differ by the exit angles alone, which the lamina shares; faces that
+                        // do not spread show the beam itself
                         if ridge == Ridge::Unlit && faces == Faces::Spread {
                             compare("radiance", &runs.seen);
                         }
