@@ -5,9 +5,18 @@
 
 use super::grid::neighbours;
 
-/// Ratio leaf/box and its standard error, a texel and channel. NaN where the box reads nothing. `dark` is the standard
-/// deviation of the dark frame taken off both photographs: it shifts the ratio by (1 − ratio)/box. `level`: that dark
-/// frame, where there is one; what it took off has noise, too.
+/// Ratio leaf/box with its standard error, a texel and channel. NaN where the box reads nothing.
+#[derive(Debug, Clone, Default)]
+pub struct Transmittance {
+    pub value: Vec<[f32; 3]>,
+    pub error: Vec<[f32; 3]>,
+    /// The part of the error that the dark frame makes, with its sign: the ratio changes by this where both photographs
+    /// are one standard deviation of the dark frame too high. The texel's frames under the tube share that error.
+    pub by_dark: Vec<[f32; 3]>,
+}
+
+/// Transmittance from two photographs. `dark` is the standard deviation of the dark frame taken off both: it shifts the
+/// ratio by (1 − ratio)/box. `level`: that dark frame, where there is one; what it took off has noise, too.
 pub fn transmittance(
     leaf: &[[f32; 3]],
     empty: &[[f32; 3]],
@@ -15,26 +24,24 @@ pub fn transmittance(
     floor: f64,
     dark: f64,
     level: Option<&[[f32; 3]]>,
-) -> (Vec<[f32; 3]>, Vec<[f32; 3]>) {
-    leaf.iter()
-        .zip(empty)
-        .enumerate()
-        .map(|(k, (l, e))| {
-            let level = level.map_or([0.0; 3], |d| d[k].map(|v| if v > 0.0 { f64::from(v) } else { 0.0 }));
-            let mut value = [f32::NAN; 3];
-            let mut error = [f32::NAN; 3];
-            for c in 0..3 {
-                let (l, e) = (f64::from(l[c]), f64::from(e[c]));
-                if e > 0.0 && l.is_finite() {
-                    let t = l / e;
-                    let variance = |v: f64| (relative * (v + level[c])).powi(2) + floor * floor;
-                    value[c] = t as f32;
-                    error[c] = ((variance(l) + t * t * variance(e) + (dark * (1.0 - t)).powi(2)).sqrt() / e) as f32;
-                }
+) -> Transmittance {
+    let unknown = || vec![[f32::NAN; 3]; leaf.len()];
+    let mut found = Transmittance { value: unknown(), error: unknown(), by_dark: unknown() };
+    for (k, (l, e)) in leaf.iter().zip(empty).enumerate() {
+        let level = level.map_or([0.0; 3], |d| d[k].map(|v| if v > 0.0 { f64::from(v) } else { 0.0 }));
+        for c in 0..3 {
+            let (l, e) = (f64::from(l[c]), f64::from(e[c]));
+            if e > 0.0 && l.is_finite() {
+                let t = l / e;
+                let variance = |v: f64| (relative * (v + level[c])).powi(2) + floor * floor;
+                let by_dark = dark * (1.0 - t);
+                found.value[k][c] = t as f32;
+                found.error[k][c] = ((variance(l) + t * t * variance(e) + by_dark.powi(2)).sqrt() / e) as f32;
+                found.by_dark[k][c] = (by_dark / e) as f32;
             }
-            (value, error)
-        })
-        .unzip()
+        }
+    }
+    found
 }
 
 /// Where the leaf is, from its transmission: texels darker than halfway between the leaf's median and the bare box, in
@@ -95,7 +102,11 @@ mod tests {
 
     #[test]
     fn the_error_of_a_ratio_is_propagated() {
-        let (t, e) = transmittance(&[[0.2; 3]], &[[0.8; 3]], 0.01, 0.0, 0.0, None);
-        assert!((t[0][0] - 0.25).abs() < 1e-7 && (e[0][0] - 0.25 * 0.01 * 2f32.sqrt()).abs() < 1e-7);
+        let found = transmittance(&[[0.2; 3]], &[[0.8; 3]], 0.01, 0.0, 0.0, None);
+        let (t, e) = (found.value[0][0], found.error[0][0]);
+        assert!((t - 0.25).abs() < 1e-7 && (e - 0.25 * 0.01 * 2f32.sqrt()).abs() < 1e-7);
+        let shifted = transmittance(&[[0.201; 3]], &[[0.801; 3]], 0.01, 0.0, 0.0, None).value[0][0] - t;
+        let stated = transmittance(&[[0.2; 3]], &[[0.8; 3]], 0.01, 0.0, 0.001, None).by_dark[0][0];
+        assert!((shifted / stated - 1.0).abs() < 3e-3, "{shifted} {stated}");
     }
 }

@@ -146,7 +146,13 @@ pub fn leaves(leaves: usize, texels: usize, seed: u64) -> Counts<4> {
             .iter()
             .zip(&gamma)
             .map(|(&t, g)| {
-                let mut x = Texel { rho_d: [0.0; 3], rho_d_err: [0.0; 3], rho_t: [0.0; 3], rho_t_floor: [5e-4; 3] };
+                let mut x = Texel {
+                    rho_d: [0.0; 3],
+                    rho_d_err: [0.0; 3],
+                    rho_t: [0.0; 3],
+                    rho_t_floor: [5e-4; 3],
+                    covariance: [0.0; 3],
+                };
                 for c in 0..3 {
                     let r = exact::response(sigma[c][0], sigma[c][1], t);
                     x.rho_d_err[c] = 0.01 * g[c] * r.rho_d;

@@ -142,6 +142,9 @@ pub struct TexelFit {
     /// Tilt in the plane x–z and out of it (rad).
     pub tilt: [f64; 2],
     pub rho_d_err: [f64; 3],
+    /// The part of `rho_d_err` that an error of the channel's own dark level makes, with its sign: ρd changes by this
+    /// where every reading of the channel is one standard deviation of the dark level too high.
+    pub rho_d_by_dark: [f64; 3],
     pub rho_s_err: [f64; 3],
     pub m_err: f64,
     pub normal_err: [f64; 3],
@@ -187,6 +190,7 @@ impl TexelFit {
             normal: [f64::NAN; 3],
             tilt: [f64::NAN; 2],
             rho_d_err: [f64::INFINITY; 3],
+            rho_d_by_dark: [0.0; 3],
             rho_s_err: [f64::INFINITY; 3],
             m_err: f64::INFINITY,
             normal_err: [f64::INFINITY; 3],

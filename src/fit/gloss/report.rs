@@ -253,6 +253,9 @@ impl Job<'_> {
                     let follow: f64 = (0..count).map(|k| (row[0] * zphi[k][0] + row[1] * zphi[k][1]) * moved[k]).sum();
                     let shift = if other == c { direct[a] } else { 0.0 } - follow;
                     to[a] += (sigma * shift).powi(2);
+                    if other == c && a == 0 {
+                        fit.rho_d_by_dark[c] = sigma * shift;
+                    }
                 }
             }
         }

@@ -105,6 +105,7 @@ mod tests {
                 rho_d_err: [1e-3; 3],
                 rho_t: [0.2 + 1e-3 * normal(), 1e-4 * normal(), 1.0],
                 rho_t_floor: [1e-4; 3],
+                covariance: [0.0; 3],
             })
             .collect();
         let own = common(&texels, 0.0).own[0];

@@ -206,8 +206,9 @@ pub fn fit(
     });
     let own = |k: usize| if thickness[k].is_finite() && thickness[k] > 0.0 { thickness[k] } else { h };
     let pigment = |(k, x): (usize, &Texel)| {
-        [0, 1, 2]
-            .map(|c: usize| inverter.invert_fitted(x.rho_d[c], x.rho_t[c], own(k), error(x, c), &wide.locals[k], c))
+        [0, 1, 2].map(|c: usize| {
+            inverter.invert_fitted(x.rho_d[c], x.rho_t[c], own(k), error(x, c), x.covariance[c], &wide.locals[k], c)
+        })
     };
     let sigma: Vec<[Sigma; 3]> = texels.par_iter().enumerate().map(pigment).collect();
     Ok(Fitted {
@@ -281,6 +282,7 @@ impl Good {
         let channel = |name: &str| maps.get(name).unwrap_or(&[]);
         let rho_d = ["rho_d.R", "rho_d.G", "rho_d.B"].map(channel);
         let rho_d_err = ["err.rho_d.R", "err.rho_d.G", "err.rho_d.B"].map(channel);
+        let by_dark = ["dark.rho_d.R", "dark.rho_d.G", "dark.rho_d.B"].map(channel);
         let texel = |k: usize| {
             let rho_t = measured.rho_t[k].map(f64::from);
             let floor = |c: usize| {
@@ -291,6 +293,8 @@ impl Good {
                 rho_d_err: [0, 1, 2].map(|c: usize| f64::from(rho_d_err[c][k])),
                 rho_t,
                 rho_t_floor: [0, 1, 2].map(floor),
+                covariance: [0, 1, 2]
+                    .map(|c: usize| f64::from(by_dark[c].get(k).unwrap_or(&0.0) * measured.rho_t_by_dark[k][c])),
             }
         };
         let at: Vec<u32> = (0..mask.len() as u32).filter(|&k| mask[k as usize] == 1).collect();

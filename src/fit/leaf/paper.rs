@@ -89,7 +89,13 @@ mod tests {
         let (sa, ss, h) = ([9.0, 2.6, 22.0], [18.0, 16.0, 21.0], 0.2);
         let texel = |t: f64| {
             let r = [0, 1, 2].map(|c: usize| slab::response(sa[c], ss[c], t));
-            Texel { rho_d: r.map(|r| r.rho_d), rho_d_err: [1e-4; 3], rho_t: r.map(|r| r.rho_t), rho_t_floor: [1e-9; 3] }
+            Texel {
+                rho_d: r.map(|r| r.rho_d),
+                rho_d_err: [1e-4; 3],
+                rho_t: r.map(|r| r.rho_t),
+                rho_t_floor: [1e-9; 3],
+                covariance: [0.0; 3],
+            }
         };
         let sigma = [0, 1, 2].map(|c: usize| [sa[c], ss[c]]);
         let paper = reduce(&[texel(h), texel(h), texel(2.5 * h)], &[sigma, sigma, sigma], h);

@@ -13,6 +13,8 @@ pub struct Measured {
     pub mask: Vec<bool>,
     pub rho_t: Vec<[f32; 3]>,
     pub rho_t_err: Vec<[f32; 3]>,
+    /// What one standard deviation of the dark frame does to ρt.
+    pub rho_t_by_dark: Vec<[f32; 3]>,
 }
 
 impl Measured {
@@ -20,14 +22,13 @@ impl Measured {
         let (leaf, empty) = capture.lightbox(side)?;
         // The floor is of calibrated values; photographs of the box are in the camera's.
         let floor = level.camera_floor() * level.lightbox;
-        let (rho_t, rho_t_err) =
-            transmittance(&leaf, &empty, level.relative * level.lightbox, floor, level.dark, capture.dark());
+        let found = transmittance(&leaf, &empty, level.relative * level.lightbox, floor, level.dark, capture.dark());
         let (width, height) = (capture.manifest.width, capture.manifest.height);
         let mask = match capture.mask()? {
             Some(front) if side == SideName::Front => front,
             // The back is seen mirrored.
             Some(front) => (0..front.len()).map(|k| front[k / width * width + width - 1 - k % width]).collect(),
-            None => mask_from_transmission(&rho_t, width, height),
+            None => mask_from_transmission(&found.value, width, height),
         };
         if !mask.contains(&true) {
             let path = capture.folder.join(if capture.folder.join("mask.exr").exists() {
@@ -40,7 +41,7 @@ impl Measured {
                 "no texel is on the leaf; expected a leaf darker than the bare light box, or a mask with ones",
             ));
         }
-        Ok(Measured { side, mask, rho_t, rho_t_err })
+        Ok(Measured { side, mask, rho_t: found.value, rho_t_err: found.error, rho_t_by_dark: found.by_dark })
     }
 
     /// Texels on the leaf.

@@ -31,7 +31,7 @@ impl Inverter {
     }
 
     /// σ of one texel and channel `c`, its thickness found from its own ρt; `error` are the standard errors of (ρd,
-    /// ρt).
+    /// ρt), `covariance` is theirs.
     ///
     /// The thickness moves with the ρt of all three channels: d ln t = Σ pull · dρt. At fixed ρd and ρt the optical
     /// depths σa·t and σs·t stay, so that dσ = ∂σ/∂ρd · dρd + ∂σ/∂ρt · dρt − σ · d ln t. The two parts of this
@@ -42,6 +42,7 @@ impl Inverter {
         rho_t: f64,
         thickness: f64,
         error: [f64; 2],
+        covariance: f64,
         local: &Local,
         c: usize,
     ) -> Sigma {
@@ -54,7 +55,13 @@ impl Inverter {
         let others = ((local.thickness_err / local.thickness).powi(2) - own * own).max(0.0).sqrt();
         let error = [0, 1].map(|q: usize| {
             let value = found.value[q];
-            (by[(q, 0)] * rho_d_err).hypot(by[(q, 1)] * rho_t_err - value * own).hypot(value * others)
+            // By this channel's ρt: at the thickness found, and by moving it.
+            let by_rho_t = by[(q, 1)] - value * local.pull[c];
+            let variance = (by[(q, 0)] * rho_d_err).powi(2)
+                + (by_rho_t * rho_t_err).powi(2)
+                + 2.0 * by[(q, 0)] * by_rho_t * covariance
+                + (value * others).powi(2);
+            variance.max(0.0).sqrt()
         });
         Sigma { value: found.value, error }
     }

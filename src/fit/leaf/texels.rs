@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 const ROWS: usize = 32;
 
 /// Channels of a part file, in order.
-const CHANNELS: [&str; 25] = [
+const CHANNELS: [&str; 28] = [
     "rho_d.R",
     "rho_d.G",
     "rho_d.B",
@@ -35,6 +35,9 @@ const CHANNELS: [&str; 25] = [
     "err.rho_d.R",
     "err.rho_d.G",
     "err.rho_d.B",
+    "dark.rho_d.R",
+    "dark.rho_d.G",
+    "dark.rho_d.B",
     "err.rho_s.R",
     "err.rho_s.G",
     "err.rho_s.B",
@@ -194,6 +197,7 @@ fn to_maps(width: usize, rows: Range<usize>, texels: &[[u32; 2]], fits: &[TexelF
         values.push(fit.m);
         values.extend(fit.normal);
         values.extend(fit.rho_d_err);
+        values.extend(fit.rho_d_by_dark);
         values.extend(fit.rho_s_err);
         values.push(fit.m_err);
         values.extend(fit.normal_err);

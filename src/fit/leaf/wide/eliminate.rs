@@ -3,7 +3,7 @@
 
 use super::{Local, Settings, Sums, Texel, V6};
 use crate::leaf::curve::Curve;
-use nalgebra::{SMatrix, SVector};
+use nalgebra::SVector;
 
 /// Thickness that explains three transmittances best, by Gauss–Newton in ln t from the last one (or a scan).
 fn solve_thickness(x: &Texel, start: f64, curves: &[Curve; 3], settings: &Settings) -> f64 {
@@ -100,7 +100,9 @@ pub(super) fn eliminate(
     local.pull = [0, 1, 2].map(|c: usize| weight[c] * slope[c] * variance);
     sums.weight += in_gauge;
     sums.gauge[0] += in_gauge * t * (1.0 - usable * (bias + 0.5 * variance));
-    let mut noise_row = SMatrix::<f64, 4, 6>::zeros();
+    // What the gauges' values follow the thickness by, and the covariance of γ's own part with it.
+    let mut shared = SVector::<f64, 4>::from([t, 0.0, 0.0, 0.0]);
+    let mut with_thickness = SVector::<f64, 4>::zeros();
     for k in 0..6 {
         sums.jacobian[(0, k)] += in_gauge * t * dt[k];
     }
@@ -115,15 +117,17 @@ pub(super) fn eliminate(
             sums.jacobian[(1 + c, k)] -= in_gauge * gamma * (own + q.d_rho_d * dt[k]);
         }
         local.gamma[c] = gamma;
-        local.gamma_err[c] = ((x.rho_d_err[c] / r).powi(2) + (gamma * q.d_rho_d).powi(2) * variance).sqrt();
-        noise_row[(1 + c, c)] = x.rho_d_err[c] / r;
+        // dγ = dρd/R − γ R′ d ln t, and ρd goes a little with the ρt that moves the thickness.
+        let by_thickness = -gamma * q.d_rho_d;
+        with_thickness[1 + c] = local.pull[c] * x.covariance[c] / r;
+        let own = (x.rho_d_err[c] / r).powi(2);
+        let both = own + by_thickness.powi(2) * variance + 2.0 * by_thickness * with_thickness[1 + c];
+        local.gamma_err[c] = both.max(0.0).sqrt();
+        shared[1 + c] = by_thickness;
+        sums.gauge_noise[(1 + c, 1 + c)] += in_gauge * in_gauge * own;
     }
-    // Noise of the gauges: three independent ρd and the thickness (from ρt) they share.
-    let shared =
-        SVector::<f64, 4>::from_fn(|k, _| if k == 0 { t } else { -local.gamma[k - 1] * points[k - 1].d_rho_d });
-    sums.gauge_noise += shared * shared.transpose() * (in_gauge * in_gauge * variance);
-    for c in 0..3 {
-        sums.gauge_noise[(1 + c, 1 + c)] += (in_gauge * noise_row[(1 + c, c)]).powi(2);
-    }
+    // Noise of the gauges: the thickness (from ρt) they share, three ρd, and what the two have in common.
+    let cross = shared * with_thickness.transpose();
+    sums.gauge_noise += (shared * shared.transpose() * variance + cross + cross.transpose()) * (in_gauge * in_gauge);
     local
 }

@@ -31,6 +31,8 @@ pub struct Texel {
     /// Noise of ρt without light; a transmittance T has the variance (relative·T)² + floor², the relative part being
     /// [`Settings::relative`].
     pub rho_t_floor: [f64; 3],
+    /// Covariance of ρd and ρt, a channel: the frame taken in the dark was taken off both.
+    pub covariance: [f64; 3],
 }
 
 impl Texel {

@@ -20,7 +20,13 @@ pub fn leaf(n: usize, noise: f64, seed: u64) -> (Vec<Texel>, [[f64; 2]; 3], Vec<
     };
     let texels = (0..n)
         .map(|k| {
-            let mut x = Texel { rho_d: [0.0; 3], rho_d_err: [0.0; 3], rho_t: [0.0; 3], rho_t_floor: [1e-9; 3] };
+            let mut x = Texel {
+                rho_d: [0.0; 3],
+                rho_d_err: [0.0; 3],
+                rho_t: [0.0; 3],
+                rho_t_floor: [1e-9; 3],
+                covariance: [0.0; 3],
+            };
             for c in 0..3 {
                 let r = slab::exact::response(sigma[c][0], sigma[c][1], t[k]);
                 let d = gamma[k][c] * r.rho_d;
