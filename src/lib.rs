@@ -1,15 +1,17 @@
 //! Mesophyll: measurements of plants and skies → fitted parameters → pictures that prove the fit.
 //!
-//! Rooms, from the ground up; a room uses only rooms on floors below its own:
+//! Rooms, from the ground up. Each is a package in a folder of its own; it names the rooms it uses in its `Cargo.toml`,
+//! and the compiler refuses any other. All of them stand on floors below its own:
 //!
 //! ```text
-//! 6  main
-//! 5  cli
-//! 4  scene            report            export
-//! 3  fit              transport
-//! 2  capture
-//! 1  viewer      optics      sky      plant      solve
-//! 0  error       files       quadrature
+//! 7  main
+//! 6  cli
+//! 5  report
+//! 4  proof       scene       export
+//! 3  fit
+//! 2  capture     transport
+//! 1  viewer      optics      sky      plant      solve      files
+//! 0  error       quadrature  fourier
 //! ```
 
 pub use mesophyll_capture as capture;

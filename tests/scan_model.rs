@@ -1,7 +1,7 @@
 //! The scan as it is synthesised and as it is fitted are different code; here they meet.
 
 use mesophyll::capture::manifest::{Travel, Tube as SynthTube};
-use mesophyll::capture::synth::illumination::{Device, Lobe as SynthLobe};
+use mesophyll::capture::synth::illumination::Device;
 use mesophyll::optics::gloss::Lobe;
 use mesophyll::optics::tube::{Model, Precision, Travel as FitTravel, Tube};
 
@@ -36,7 +36,7 @@ fn worst(length_mm: f64) -> [f64; 2] {
             let (mut peak, mut worst) = ([0.0f64; 2], [0.0f64; 2]);
             for k in 0..40 {
                 let position = -400.0 + 650.0 * f64::from(k) / 39.0;
-                let shown = synth.shown(&synth.seen(position, across), along, normal, Some(m), SynthLobe::Beckmann);
+                let shown = synth.shown(&synth.seen(position, across), along, normal, Some(m), Lobe::Beckmann);
                 let response = fit.response(other, position, at, normal, m);
                 for (c, (a, b)) in [(shown.diffuse, response.d), (shown.gloss, response.s)].into_iter().enumerate() {
                     peak[c] = peak[c].max(a);

@@ -12,6 +12,7 @@ pub mod eval;
 pub mod export;
 pub mod fit;
 pub mod inspect;
+mod named;
 mod peers;
 mod place;
 pub mod plan;

@@ -6,10 +6,19 @@
 //! at grazing angles (its directional albedo reaches 8.6 at 89°, m = .5); [`Lobe::bounded`] multiplies the V-cavity G
 //! and stays at or below 1.
 
+use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
 /// Which surface the slopes follow, and what multiplies them.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, strum::EnumDiscriminants)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields, tag = "kind")]
+#[strum_discriminants(
+    name(LobeKind),
+    doc = "The name of a [`Lobe`], as scenes, files and the command line write it.",
+    derive(Deserialize, strum::Display, strum::EnumString, strum::EnumIter, strum::IntoStaticStr, strum::EnumMessage),
+    serde(rename_all = "kebab-case"),
+    strum(serialize_all = "kebab-case")
+)]
 pub enum Lobe {
     /// W Eq. 7: Gaussian slopes; F and G are part of ρs.
     #[default]
@@ -23,10 +32,15 @@ pub enum Lobe {
 impl Lobe {
     /// Name as on the command line.
     pub fn name(self) -> &'static str {
-        match self {
-            Lobe::Beckmann => "beckmann",
-            Lobe::Ggx => "ggx",
-            Lobe::CookTorrance { .. } => "cook-torrance",
+        LobeKind::from(self).into()
+    }
+
+    /// The lobe of this name; `index` is read by Cook–Torrance only.
+    pub fn of(kind: LobeKind, index: f64) -> Lobe {
+        match kind {
+            LobeKind::Beckmann => Lobe::Beckmann,
+            LobeKind::Ggx => Lobe::Ggx,
+            LobeKind::CookTorrance => Lobe::CookTorrance { index },
         }
     }
 

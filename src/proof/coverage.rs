@@ -7,7 +7,7 @@
 
 use crate::stress::StressRow;
 use mesophyll_capture::manifest;
-use mesophyll_capture::synth::illumination::{Device as Scanner, Lobe as ScannedLobe};
+use mesophyll_capture::synth::illumination::Device as Scanner;
 use mesophyll_fit::gloss::synthetic::{Noise, device, ramp};
 use mesophyll_fit::gloss::{TexelFitter, Undetermined, normal_of};
 use mesophyll_fit::leaf::curve::Incidence;
@@ -86,8 +86,7 @@ pub fn gloss(texels: usize, seed: u64) -> Counts<5> {
         let mut trace = |pass: usize, positions: &[f64]| -> Vec<[f32; 3]> {
             let (at, along) = (texel[pass], texel[1 - pass]);
             let shown = positions.iter().map(|&p| {
-                let s =
-                    scanners[pass].shown(&scanners[pass].seen(p, at), along, normal, Some(m), ScannedLobe::Beckmann);
+                let s = scanners[pass].shown(&scanners[pass].seen(p, at), along, normal, Some(m), Lobe::Beckmann);
                 std::array::from_fn(|c| {
                     let value = rho_d[c] * s.diffuse + rho_s * s.gloss;
                     (value + noise.normal() * (known.noise_relative * value).hypot(known.noise_floor)) as f32

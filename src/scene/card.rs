@@ -106,7 +106,7 @@ impl Card {
             rho_d: side.rho_d,
             rho_s: side.rho_s,
             m: side.m,
-            lobe: reference::lobe(config),
+            lobe: config.lobe(),
             rho_t_far: self.sides[far].as_ref().map_or([0.0; 3], |p| p.rho_t),
             normal: if front { normal } else { -normal },
         };
@@ -196,7 +196,7 @@ pub fn world(manifest: &Manifest, card: &Card) -> Result<transport::World> {
         front: side(&card.sides[0]),
         back: side(&card.sides[1]),
         mask: None,
-        lobe: reference::lobe(&manifest.leaves[card.leaf]),
+        lobe: manifest.leaves[card.leaf].lobe(),
     };
     let mut world = reference::lights(manifest)?;
     world.leaves = vec![leaf];

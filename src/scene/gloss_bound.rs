@@ -10,7 +10,7 @@
 use super::display::displayed;
 use glam::{DMat3, DMat4, DVec3};
 use mesophyll_files::mesh::LeafMesh;
-use mesophyll_transport::lobe::{COS_VIEW_FLOOR, Lobe, M_FLOOR};
+use mesophyll_transport::lobe::{COS_VIEW_FLOOR, Lobe, M_FLOOR, Reflect};
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -60,7 +60,7 @@ fn largest_density(lobe: Lobe, tan2: f64, m: [f64; 2]) -> f64 {
     // At a fixed angle D is largest at m² = tan²α for both densities; along that curve and at either end of the range
     // of m, the largest value over the angle lies at one of these.
     let candidates = [tan2, low, high, 2.0 * low - 1.0, 2.0 * high - 1.0];
-    let at = |t: f64| lobe.distribution((1.0 / (1.0 + t)).sqrt(), t.clamp(low, high).sqrt());
+    let at = |t: f64| lobe.density((1.0 / (1.0 + t)).sqrt(), t.clamp(low, high).sqrt());
     let most = candidates.into_iter().filter(|t| *t >= tan2).map(at).fold(0.0, f64::max);
     // GGX with slopes above 1 grows towards facets on edge.
     if lobe == Lobe::Ggx { most.max(if high > 1.0 { high / PI } else { 0.0 }) } else { most }

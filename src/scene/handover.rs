@@ -10,7 +10,7 @@ use super::daylight::{self, Daylight};
 use super::detail;
 use super::fitted::fill;
 use super::ledger::Ledger;
-use super::manifest::{Basis, Interior, Lobe, Manifest, View};
+use super::manifest::{Basis, Interior, Manifest, View};
 use super::plan::{LeafPlan, Plan, sun_direction};
 use super::plan_leaf::SIDES;
 use super::translucency::Of;
@@ -18,6 +18,7 @@ use crate::{Error, Result};
 use glam::{Vec2, Vec3, Vec4};
 use mesophyll_capture::manifest::SideName;
 use mesophyll_files::mesh::LeafMesh;
+use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::slab;
 use mesophyll_sky::fitted::Folded;
 use mesophyll_viewer::scene as viewer;
@@ -179,11 +180,11 @@ pub fn camera(view: &View) -> viewer::Camera {
 }
 
 /// The scene's lobe as the renderer knows it.
-fn lobe(config: &super::manifest::Leaf) -> viewer::Lobe {
-    match config.lobe {
+pub fn lobe(lobe: Lobe) -> viewer::Lobe {
+    match lobe {
         Lobe::Beckmann => viewer::Lobe::Beckmann,
         Lobe::Ggx => viewer::Lobe::Ggx,
-        Lobe::CookTorrance => viewer::Lobe::CookTorrance { index: config.index.unwrap_or(1.5) as f32 },
+        Lobe::CookTorrance { index } => viewer::Lobe::CookTorrance { index: index as f32 },
     }
 }
 
@@ -248,7 +249,7 @@ fn one_leaf(manifest: &Manifest, leaf: &LeafPlan, ledger: &Ledger) -> Result<vie
         width: size[0].div_ceil(leaf.block) as u32,
         height: size[1].div_ceil(leaf.block) as u32,
         thickness_mm: h as f32,
-        lobe: lobe(config),
+        lobe: lobe(config.lobe()),
         front,
         back,
         mask: if config.mesh.is_some() { Some(mask(leaf, ledger)?) } else { None },
@@ -415,7 +416,7 @@ pub fn card(manifest: &Manifest, plan: &Plan, card: &Card, ledger: &Ledger) -> R
         width: 1,
         height: 1,
         thickness_mm: thickness as f32,
-        lobe: lobe(&manifest.leaves[card.leaf]),
+        lobe: lobe(manifest.leaves[card.leaf].lobe()),
         front: side(0),
         back: side(1),
         mask: None,

@@ -4,7 +4,7 @@
 //! where it was.
 
 use super::ledger::Ledger;
-use super::manifest::{Colour, Leaf, Lobe, Manifest, Scan, Tissue, Translucency};
+use super::manifest::{Leaf, Manifest, Scan, Tissue, Translucency};
 use super::plan::Plan;
 use super::source;
 use super::translucency;
@@ -17,17 +17,11 @@ use mesophyll_capture::synth::{scan, spec::Spec};
 use mesophyll_files::{atomic, claim, progress};
 use mesophyll_fit::leaf as fit;
 use mesophyll_fit::translucency as through;
-use mesophyll_optics::gloss;
 use std::path::{Path, PathBuf};
 
 /// What the fit of a scene's leaf is told: the lobe that it will be drawn with.
 pub fn fit_options(leaf: &Leaf) -> fit::Options {
-    let lobe = match leaf.lobe {
-        Lobe::Beckmann => gloss::Lobe::Beckmann,
-        Lobe::Ggx => gloss::Lobe::Ggx,
-        Lobe::CookTorrance => gloss::Lobe::CookTorrance { index: leaf.index.unwrap_or(1.5) },
-    };
-    fit::Options { lobe, ..fit::Options::default() }
+    fit::Options { lobe: leaf.lobe(), ..fit::Options::default() }
 }
 
 /// What `fit.toml` would record as its input if `capture` were fitted now.
@@ -97,12 +91,8 @@ fn translucency(leaf: &Path, folder: &Path, asked: &Translucency, ledger: &Ledge
         Tissue::Fit => through::TissueFrom::Fit,
         Tissue::Table => through::TissueFrom::Table,
     };
-    let colour = match asked.colour {
-        Colour::Substituted => through::Colour::Substituted,
-        Colour::ThreeWavelengths => through::Colour::ThreeWavelengths,
-    };
     let basis = asked.basis.unwrap_or_default().functions();
-    let options = through::Options { tissue, colour, basis, ..through::Options::default() };
+    let options = through::Options { tissue, colour: asked.colour, basis, ..through::Options::default() };
     ledger
         .note("fit", format!("{} translucency", leaf.display()), 0, || through::run(leaf, folder, &options))
         .map(|_| ())

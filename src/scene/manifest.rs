@@ -9,7 +9,7 @@ mod light;
 mod plant;
 mod view;
 
-pub use leaf::{Basis, Colour, Interior, Leaf, Lobe, Scan, Tissue, Translucency};
+pub use leaf::{Basis, Interior, Leaf, Scan, Tissue, Translucency};
 pub use light::{Day, Sky, SkyModel, Sun};
 pub use plant::{Branch, Cluster, Instance, Tree, Wind};
 pub use view::{Check, JudgedBy, View, ViewKind};

@@ -8,7 +8,7 @@ use super::ledger::Ledger;
 use super::manifest::{Manifest, ViewKind};
 use super::plan::{LeafPlan, LeftOut, Plan, sun_direction};
 use super::plan_leaf::{Rgba, SIDES, rgba, same_size, texture_bytes};
-use super::{branch, plan_light, reference};
+use super::{branch, plan_light};
 use crate::Result;
 use glam::{DMat4, DVec3};
 use std::f64::consts::TAU;
@@ -96,7 +96,7 @@ fn largest(
             };
             texels.iter().map(of).collect()
         });
-    let lobe = reference::lobe(&manifest.leaves[leaf.index]);
+    let lobe = manifest.leaves[leaf.index].lobe();
     let most = |normals: Option<&[[f32; 3]]>| {
         let maps = Maps { size: leaf.size, back: s == 1, gloss: texels, normals, rho_d: rho_d.as_deref() };
         gloss_bound::most(lobe, mesh, s == 1, &maps.patches(mesh), &places, &lights, manifest.tolerance)

@@ -7,7 +7,7 @@ use super::branch::Bends;
 use super::daylight::Daylight;
 use super::fitted::{Fitted, fill};
 use super::ledger::Ledger;
-use super::manifest::{Interior, Leaf, Lobe, Manifest, View};
+use super::manifest::{Interior, Leaf, Manifest, View};
 use super::plan::{LeafPlan, Plan, sun_direction};
 use super::plan_leaf::{SIDES, same_size};
 use super::texel_frame;
@@ -138,14 +138,6 @@ pub fn camera(view: &View) -> transport::Camera {
     }
 }
 
-pub fn lobe(config: &Leaf) -> lobe::Lobe {
-    match config.lobe {
-        Lobe::Beckmann => lobe::Lobe::Beckmann,
-        Lobe::Ggx => lobe::Lobe::Ggx,
-        Lobe::CookTorrance => lobe::Lobe::CookTorrance { index: config.index.unwrap_or(1.5) },
-    }
-}
-
 pub fn mesh(mesh: &LeafMesh) -> transport::ReferenceMesh {
     transport::ReferenceMesh {
         positions: mesh.positions.clone(),
@@ -202,7 +194,7 @@ fn one_leaf(manifest: &Manifest, leaf: &LeafPlan, ledger: &Ledger) -> Result<tra
         front,
         back,
         mask,
-        lobe: lobe(config),
+        lobe: config.lobe(),
     })
 }
 

@@ -16,7 +16,7 @@ use mesophyll_files::image::Maps;
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_fit::leaf::held_out::{KeptFrame, Scan};
 use mesophyll_optics::gloss::Lobe;
-use mesophyll_transport::{self as transport, lobe};
+use mesophyll_transport as transport;
 use mesophyll_viewer::scene as viewer;
 use std::sync::Arc;
 
@@ -101,11 +101,7 @@ impl<'a> Scanned<'a> {
             width: self.width as u32,
             height: self.height as u32,
             thickness_mm: h as f32,
-            lobe: match self.scan.lobe() {
-                Lobe::Beckmann => viewer::Lobe::Beckmann,
-                Lobe::Ggx => viewer::Lobe::Ggx,
-                Lobe::CookTorrance { index } => viewer::Lobe::CookTorrance { index: index as f32 },
-            },
+            lobe: handover::lobe(self.scan.lobe()),
             front,
             back: viewer::Side::black(),
             mask: None,
@@ -174,11 +170,7 @@ impl<'a> Scanned<'a> {
             front,
             back: reference::black(n),
             mask: None,
-            lobe: match self.scan.lobe() {
-                Lobe::Beckmann => lobe::Lobe::Beckmann,
-                Lobe::Ggx => lobe::Lobe::Ggx,
-                Lobe::CookTorrance { index } => lobe::Lobe::CookTorrance { index },
-            },
+            lobe: self.scan.lobe(),
         };
         let s = self.scan;
         Ok(transport::World {

@@ -14,7 +14,7 @@ use glam::{DMat3, DVec3};
 use mesophyll_fit::record::{FitRecord, Section};
 use mesophyll_fit::translucency::source::{Frame, Source};
 use mesophyll_fit::translucency::tissue::Entry;
-use mesophyll_fit::translucency::{Area, colour, side};
+use mesophyll_fit::translucency::{Area, Colour, colour, side};
 use mesophyll_optics::dipole::{Form, Tissue};
 use mesophyll_optics::translucency::basis::{Basis, Projector, Weights};
 use mesophyll_optics::translucency::blade::Surface;
@@ -61,13 +61,6 @@ struct Convolved {
     colour: Colour,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Colour {
-    Substituted,
-    Product,
-    ThreeWavelengths,
-}
-
 #[derive(Debug)]
 struct Channel {
     surface: Surface,
@@ -87,22 +80,11 @@ impl Convolved {
             Error::field(&file, &format!("options.{name}"), format!("found {found}, expected {expected}"))
         };
         let Some(colour) = said("colour") else { return Ok(None) };
-        let colour = match colour {
-            "substituted" => Colour::Substituted,
-            "product" => Colour::Product,
-            "three-wavelengths" => Colour::ThreeWavelengths,
-            _ => return Err(bad("colour", "substituted, product or three-wavelengths")),
-        };
-        let entry = match said("entry") {
-            Some("matched") => Entry::Matched,
-            Some("albedo") => Entry::Albedo,
-            _ => return Err(bad("entry", "matched or albedo")),
-        };
-        let area = match said("area") {
-            Some("facet") => Area::Facet,
-            Some("texel") => Area::Texel,
-            _ => return Err(bad("area", "facet or texel")),
-        };
+        let colour = colour.parse().map_err(|_| bad("colour", "substituted, product or three-wavelengths"))?;
+        let entry: Option<Entry> = said("entry").and_then(|s| s.parse().ok());
+        let entry = entry.ok_or_else(|| bad("entry", "matched or albedo"))?;
+        let area: Option<Area> = said("area").and_then(|s| s.parse().ok());
+        let area = area.ok_or_else(|| bad("area", "facet or texel"))?;
         let form = said("form").and_then(form).ok_or_else(|| bad("form", "thin, images or dipoles N"))?;
         let source = Source::read(leaf, Frame::Mesh)?;
         let name = SIDES[s];

@@ -10,7 +10,7 @@ use super::branch;
 use super::display::displayed;
 use super::fitted::{Fitted, fill};
 use super::ledger::Ledger;
-use super::manifest::{Basis, Colour, Manifest, Tissue, Translucency as Asked, ViewKind};
+use super::manifest::{Basis, Manifest, Tissue, Translucency as Asked, ViewKind};
 use super::plan::{LeafPlan, LeftOut, Need, Plan, sun_direction};
 use super::plan_leaf::SIDES;
 use super::source::{Source, Status};
@@ -152,10 +152,6 @@ pub fn find(
 /// Whether maps that say how they were made were made as the scene asks. Of a basis that it does not ask for, what it
 /// names may have any.
 fn as_asked(asked: &Asked, said: &BTreeMap<String, String>, named: bool) -> bool {
-    let colour = match asked.colour {
-        Colour::Substituted => "substituted",
-        Colour::ThreeWavelengths => "three-wavelengths",
-    };
     // The slab of a fit lets all light in, the table's tissue what is not reflected.
     let entry = match asked.tissue {
         Tissue::Fit => "matched",
@@ -163,7 +159,7 @@ fn as_asked(asked: &Asked, said: &BTreeMap<String, String>, named: bool) -> bool
     };
     let wanted = asked.basis.or_else(|| (!named).then(Basis::default));
     let of = |b: Basis| said.get("basis").map_or(b == Basis::default(), |s| *s == b.functions().name());
-    said.get("colour").is_none_or(|c| c == colour)
+    said.get("colour").is_none_or(|c| c == asked.colour.name())
         && said.get("entry").is_none_or(|e| e == entry)
         && wanted.is_none_or(of)
 }

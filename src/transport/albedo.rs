@@ -5,7 +5,7 @@
 //! where a changes fastest. It is refined until the error found between its points is small; what was found is kept in
 //! `error`.
 
-use super::lobe::{COS_VIEW_FLOOR, Lobe, M_FLOOR};
+use super::lobe::{COS_VIEW_FLOOR, Lobe, M_FLOOR, Reflect};
 use rayon::prelude::*;
 
 /// a(N·v, m) for one lobe over a range of slopes.

@@ -4,7 +4,7 @@
 //! vectors, so that it shares no algebra with the renderers. Limits: the sun is taken at its centre (an error of the
 //! order of its radius squared over m², 2e-5/m² for the real one).
 
-use super::lobe::{COS_VIEW_FLOOR, Lobe};
+use super::lobe::{COS_VIEW_FLOOR, Lobe, Reflect};
 use super::render::Lens;
 use super::world::{Camera, ReferenceSun};
 use crate::Result;

@@ -5,7 +5,7 @@
 //! density. What lies on the horizon or on the sun's disk counts as a surface of its own, so that no pixel across their
 //! edges is called even.
 
-use super::lobe::{COS_VIEW_FLOOR, Lobe, M_FLOOR};
+use super::lobe::{COS_VIEW_FLOOR, Lobe, M_FLOOR, Reflect};
 use super::world::ReferenceSun;
 use glam::DVec3;
 use rayon::prelude::*;

@@ -6,6 +6,7 @@
 
 use super::quadrature::{adaptive, sixteen};
 use glam::DVec3;
+pub use mesophyll_optics::gloss::Lobe;
 use std::f64::consts::PI;
 
 /// Below this cosine the view is taken to graze no further.
@@ -13,17 +14,32 @@ pub const COS_VIEW_FLOOR: f64 = 1e-3;
 /// The smallest slope; a smoother surface is drawn with this one.
 pub const M_FLOOR: f64 = 1e-3;
 
-/// Which surface model.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Lobe {
-    Beckmann,
-    Ggx,
-    CookTorrance { index: f64 },
+/// The lobe as scenes are lit with it. Of `mesophyll_optics`, by which leaves are fitted, only the lobe's name is used:
+/// either computation is what the other is tested against.
+pub trait Reflect: Copy {
+    /// D (1/sr): the facets' slope density with ∫ D cosα dω = 1; `cos` is cosα = N·h > 0.
+    fn density(self, cos: f64, m: f64) -> f64;
+
+    /// F: 1 except for Cook–Torrance; `cos` is v·h.
+    fn fresnel(self, cos: f64) -> f64;
+
+    /// f_s/ρs times N·l (1/sr) for unit vectors: the product stays finite where N·l → 0. Zero where N·l ≤ 0.
+    fn times_cosine(self, n: DVec3, v: DVec3, l: DVec3, m: f64) -> f64;
+
+    /// The same, without G where it is not `bounded`: Wang et al. 2005, Eq. 7, as leaves are fitted.
+    fn with_cosine(self, n: DVec3, v: DVec3, l: DVec3, m: f64, bounded: bool) -> f64;
+
+    /// a(N·v, m) = ∫ f_s/ρs (N·l) dω_l to about 1e-8, over the half-vector.
+    ///
+    /// With dω_l = 4 (v·h) dω_h it is ∫ D cosα dω_h · G F (v·h)/(cosα N·v). The integrand over α has kinks only where,
+    /// in the plane of incidence (view at θ, so l at 2α−θ or −(2α+θ)), G changes its branch or l sinks below the
+    /// horizon: α = θ, π/2−θ, π/4±θ/2, (π/2±θ)/3. Between them it is smooth but for 3/2-powers at the ends, which α = a
+    /// + (b−a) u²(3−2u) takes away.
+    fn directional_albedo(self, cos_view: f64, m: f64) -> f64;
 }
 
-impl Lobe {
-    /// D (1/sr): the facets' slope density with ∫ D cosα dω = 1; `cos` is cosα = N·h > 0.
-    pub fn distribution(self, cos: f64, m: f64) -> f64 {
+impl Reflect for Lobe {
+    fn density(self, cos: f64, m: f64) -> f64 {
         let cos2 = cos * cos;
         let tan2 = (1.0 - cos2).max(0.0) / cos2;
         let m2 = m * m;
@@ -33,21 +49,18 @@ impl Lobe {
         }
     }
 
-    /// F: 1 except for Cook–Torrance; `cos` is v·h.
-    pub fn fresnel(self, cos: f64) -> f64 {
+    fn fresnel(self, cos: f64) -> f64 {
         match self {
             Lobe::CookTorrance { index } => fresnel_dielectric(cos, index),
             _ => 1.0,
         }
     }
 
-    /// f_s/ρs times N·l (1/sr) for unit vectors: the product stays finite where N·l → 0. Zero where N·l ≤ 0.
-    pub fn times_cosine(self, n: DVec3, v: DVec3, l: DVec3, m: f64) -> f64 {
+    fn times_cosine(self, n: DVec3, v: DVec3, l: DVec3, m: f64) -> f64 {
         self.with_cosine(n, v, l, m, true)
     }
 
-    /// The same, without G where it is not `bounded`: Wang et al. 2005, Eq. 7, as leaves are fitted.
-    pub fn with_cosine(self, n: DVec3, v: DVec3, l: DVec3, m: f64, bounded: bool) -> f64 {
+    fn with_cosine(self, n: DVec3, v: DVec3, l: DVec3, m: f64, bounded: bool) -> f64 {
         let cos_l = n.dot(l);
         if cos_l <= 0.0 {
             return 0.0;
@@ -64,16 +77,10 @@ impl Lobe {
             return 0.0;
         }
         let cavity = if bounded { 1f64.min(2.0 * cos_h * cos_v / v_h).min(2.0 * cos_h * cos_l / v_h) } else { 1.0 };
-        self.distribution(cos_h, m.max(M_FLOOR)) * cavity * self.fresnel(v_h) / (4.0 * cos_v)
+        self.density(cos_h, m.max(M_FLOOR)) * cavity * self.fresnel(v_h) / (4.0 * cos_v)
     }
 
-    /// a(N·v, m) = ∫ f_s/ρs (N·l) dω_l to about 1e-8, over the half-vector.
-    ///
-    /// With dω_l = 4 (v·h) dω_h it is ∫ D cosα dω_h · G F (v·h)/(cosα N·v). The integrand over α has kinks only where,
-    /// in the plane of incidence (view at θ, so l at 2α−θ or −(2α+θ)), G changes its branch or l sinks below the
-    /// horizon: α = θ, π/2−θ, π/4±θ/2, (π/2±θ)/3. Between them it is smooth but for 3/2-powers at the ends, which α = a
-    /// + (b−a) u²(3−2u) takes away.
-    pub fn directional_albedo(self, cos_view: f64, m: f64) -> f64 {
+    fn directional_albedo(self, cos_view: f64, m: f64) -> f64 {
         let mu = cos_view.clamp(COS_VIEW_FLOOR, 1.0);
         let m = m.max(M_FLOOR);
         let theta = mu.acos();
@@ -99,52 +106,52 @@ impl Lobe {
             sum += adaptive(0.0, 1.0, 2e-9, &mut |u: f64| {
                 let alpha = pair[0] + length * u * u * (3.0 - 2.0 * u);
                 let (sin, cos) = alpha.sin_cos();
-                let density = 2.0 * PI * self.distribution(cos, m) * sin * cos;
-                if density < 1e-30 { 0.0 } else { density * length * 6.0 * u * (1.0 - u) * self.over_azimuth(mu, cos) }
+                let density = 2.0 * PI * self.density(cos, m) * sin * cos;
+                if density < 1e-30 { 0.0 } else { density * length * 6.0 * u * (1.0 - u) * over_azimuth(self, mu, cos) }
             });
         }
         sum
     }
+}
 
-    /// The mean over azimuth of G F (v·h)/(cosα N·v) at fixed α. With x = v·h = centre + reach·cosφ each branch of G
-    /// (v·h)/(cosα N·v) is a + b·x, so only Fresnel's factor needs nodes.
-    fn over_azimuth(self, mu: f64, c: f64) -> f64 {
-        let (centre, reach) = (c * mu, (1.0 - c * c).max(0.0).sqrt() * (1.0 - mu * mu).max(0.0).sqrt());
-        // the facet fully seen and lit; hidden from the view; hidden from the light
-        let branches = [(0.0, 1.0 / (mu * c)), (2.0, 0.0), (-2.0, 4.0 * c / mu)];
-        let least = |x: f64| {
-            let value = |(a, b): (f64, f64)| a + b * x;
-            branches
-                .into_iter()
-                .fold((f64::INFINITY, 0.0), |best, next| if value(next) < value(best) { next } else { best })
-        };
-        let lowest = mu / (2.0 * c);
-        if reach < 1e-14 {
-            let (a, b) = least(centre);
-            return if centre > lowest { (a + b * centre) * self.fresnel(centre) } else { 0.0 };
-        }
-        let azimuth = |x: f64| ((x - centre) / reach).clamp(-1.0, 1.0).acos();
-        // x falls with φ: the azimuths where l is above the horizon run from 0 to `last`
-        let last = azimuth(lowest);
-        let lit_from = if 4.0 * c * c > 1.0 { 2.0 * c * mu / (4.0 * c * c - 1.0) } else { f64::INFINITY };
-        let mut cuts = [last, azimuth(mu / c).min(last), azimuth(2.0 * c * mu).min(last), azimuth(lit_from).min(last)];
-        cuts.sort_by(f64::total_cmp);
-        let (mut sum, mut from) = (0.0, 0.0);
-        for to in cuts {
-            if to > from {
-                let (a, b) = least(centre + reach * (0.5 * (from + to)).cos());
-                sum += match self {
-                    Lobe::CookTorrance { .. } => sixteen().integrate(from, to, |phi| {
-                        let x = centre + reach * phi.cos();
-                        (a + b * x) * self.fresnel(x)
-                    }),
-                    _ => (a + b * centre) * (to - from) + b * reach * (to.sin() - from.sin()),
-                };
-                from = to;
-            }
-        }
-        sum / PI
+/// The mean over azimuth of G F (v·h)/(cosα N·v) at fixed α. With x = v·h = centre + reach·cosφ each branch of G
+/// (v·h)/(cosα N·v) is a + b·x, so only Fresnel's factor needs nodes.
+fn over_azimuth(lobe: Lobe, mu: f64, c: f64) -> f64 {
+    let (centre, reach) = (c * mu, (1.0 - c * c).max(0.0).sqrt() * (1.0 - mu * mu).max(0.0).sqrt());
+    // the facet fully seen and lit; hidden from the view; hidden from the light
+    let branches = [(0.0, 1.0 / (mu * c)), (2.0, 0.0), (-2.0, 4.0 * c / mu)];
+    let least = |x: f64| {
+        let value = |(a, b): (f64, f64)| a + b * x;
+        branches
+            .into_iter()
+            .fold((f64::INFINITY, 0.0), |best, next| if value(next) < value(best) { next } else { best })
+    };
+    let lowest = mu / (2.0 * c);
+    if reach < 1e-14 {
+        let (a, b) = least(centre);
+        return if centre > lowest { (a + b * centre) * lobe.fresnel(centre) } else { 0.0 };
     }
+    let azimuth = |x: f64| ((x - centre) / reach).clamp(-1.0, 1.0).acos();
+    // x falls with φ: the azimuths where l is above the horizon run from 0 to `last`
+    let last = azimuth(lowest);
+    let lit_from = if 4.0 * c * c > 1.0 { 2.0 * c * mu / (4.0 * c * c - 1.0) } else { f64::INFINITY };
+    let mut cuts = [last, azimuth(mu / c).min(last), azimuth(2.0 * c * mu).min(last), azimuth(lit_from).min(last)];
+    cuts.sort_by(f64::total_cmp);
+    let (mut sum, mut from) = (0.0, 0.0);
+    for to in cuts {
+        if to > from {
+            let (a, b) = least(centre + reach * (0.5 * (from + to)).cos());
+            sum += match lobe {
+                Lobe::CookTorrance { .. } => sixteen().integrate(from, to, |phi| {
+                    let x = centre + reach * phi.cos();
+                    (a + b * x) * lobe.fresnel(x)
+                }),
+                _ => (a + b * centre) * (to - from) + b * reach * (to.sin() - from.sin()),
+            };
+            from = to;
+        }
+    }
+    sum / PI
 }
 
 /// Reflectance of an unpolarised ray at a dielectric of relative index n (Born & Wolf §1.5.2); `cos` is the angle to
@@ -177,7 +184,7 @@ mod tests {
         for lobe in LOBES {
             for m in [0.05, 0.3, 0.8] {
                 let sum = adaptive(0.0, PI / 2.0, 1e-10, &mut |a: f64| {
-                    2.0 * PI * a.sin() * a.cos() * lobe.distribution(a.cos(), m)
+                    2.0 * PI * a.sin() * a.cos() * lobe.density(a.cos(), m)
                 });
                 assert!((sum - 1.0).abs() < 1e-8, "{lobe:?} {m}: {sum}");
             }

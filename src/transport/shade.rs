@@ -11,6 +11,7 @@
 use super::accelerate::{Forest, Hit, Ray, Shape};
 use super::albedo::AlbedoTable;
 use super::dome::{self, IrradianceMap};
+use super::lobe::Reflect;
 use super::lookup::Taps;
 use super::world::{Interior, NormalFrame, Placement, ReferenceLeaf, ReferenceSide, ReferenceSun, Sunlit, World};
 use glam::{DMat3, DVec2, DVec3};

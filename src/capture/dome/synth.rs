@@ -15,7 +15,6 @@ use super::through::{REACH_MM, through};
 use super::veil::Veil;
 use super::visible::visible;
 use crate::manifest::{SideName, texel_position};
-use crate::synth::illumination::Lobe;
 use crate::synth::leaf::{Leaf, Side, Window, crop, texel_size};
 use crate::synth::preview;
 use crate::synth::random::Stream;
@@ -26,6 +25,7 @@ use crate::{Error, Result};
 use mesophyll_files::atomic;
 use mesophyll_files::image::{Maps, Packing, write_exr};
 use mesophyll_files::progress::Bar;
+use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::translucency::blade as optics;
 use std::path::{Path, PathBuf};
 

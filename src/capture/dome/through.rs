@@ -67,8 +67,8 @@ fn tissue(side: &Side, c: usize) -> Tissue {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::synth::illumination::Lobe;
     use crate::synth::slab_truth::response;
+    use mesophyll_optics::gloss::Lobe;
 
     const W: usize = 96;
     const H: usize = 80;

@@ -2,8 +2,8 @@
 //! colour as a veil. Per unit ρs; the view is along the blade's normal, the surface leans by the cosine `lean` and has
 //! the roughness `m`. For synthesis only: the reduction knows no lobe.
 
-use crate::synth::illumination::Lobe;
 use crate::synth::slab_truth::gauss_legendre;
+use mesophyll_optics::gloss::Lobe;
 use std::f64::consts::PI;
 
 /// Nodes of the table in the cosine of the lean and in roughness.

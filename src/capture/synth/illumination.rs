@@ -11,26 +11,13 @@
 //! Gauss–Legendre in τ converges fast. Along ψ the diffuse part is integrated in closed form; the lobe by
 //! Gauss–Legendre panels graded around its peak, or, where the lobe lies well inside the tube, by the trapezoidal rule
 //! (exponentially convergent for such bells). Relative accuracy 1e-6 for m ≥ 0.03 (tested against area elements of the
-//! cylinder). Nothing here is shared with the fit.
+//! cylinder). Only the name of a
+//! lobe is shared with the fit.
 
 use super::slab_truth::gauss_legendre;
 use crate::manifest::{Travel, Tube};
-use serde::{Deserialize, Serialize};
+use mesophyll_optics::gloss::Lobe;
 use std::f64::consts::PI;
-
-/// Distribution of the surface's facets and what else the lobe holds (Wang et al. 2005 Eq. 7 and its relatives).
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields, tag = "kind")]
-pub enum Lobe {
-    /// f = ρs D/(4 cosθi cosθr), D = exp(−tan²α/m²)/(π m² cos⁴α): no Fresnel term, no masking.
-    #[default]
-    Beckmann,
-    /// The same with D = m²/(π cos⁴α (m² + tan²α)²).
-    Ggx,
-    /// Beckmann's D with the dielectric Fresnel factor of unpolarised light and V-cavity masking (Cook & Torrance
-    /// 1982).
-    CookTorrance { index: f64 },
-}
 
 /// Diffuse and glossy part of a texel's value: value = ρd · diffuse + ρs · gloss.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

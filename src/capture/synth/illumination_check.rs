@@ -1,8 +1,9 @@
 //! The scan's integral against area elements of the cylinder (vectors only) and closed forms.
 
-use super::illumination::{Device, Lobe, Shown};
+use super::illumination::{Device, Shown};
 use super::slab_truth::gauss_legendre;
 use crate::manifest::{Travel, Tube};
+use mesophyll_optics::gloss::Lobe;
 use std::f64::consts::PI;
 
 const TUBE: Tube = Tube { height_mm: 100.0, length_mm: 500.0, radius_mm: 2.5 };

@@ -3,7 +3,6 @@
 //! (column i of the back is column W−1−i of the front, x and z change sign). Lengths in mm, coefficients in 1/mm,
 //! albedos in [0, 1].
 
-use super::illumination::Lobe;
 use super::outline::Blade;
 use super::random::{mesh, noise};
 use super::slab_truth::Table;
@@ -11,6 +10,7 @@ use super::spec::{Model, Spec, Surface};
 use super::veins::Network;
 use crate::manifest::texel_position;
 use mesophyll_files::image::Maps;
+use mesophyll_optics::gloss::Lobe;
 use rayon::prelude::*;
 
 /// One side, row-major as its camera saw it; every map has `width · height` entries, zero off the blade.

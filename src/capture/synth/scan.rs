@@ -2,7 +2,7 @@
 //! written frame by frame so that a full-size capture is never held in memory. `capture.toml` comes last: a folder
 //! without it is no capture yet.
 
-use super::illumination::{Device, Lobe};
+use super::illumination::Device;
 use super::leaf::{Leaf, Side};
 use super::preview;
 use super::random::Stream;
@@ -13,6 +13,7 @@ use crate::{Error, Result};
 use mesophyll_files::atomic;
 use mesophyll_files::image::{Maps, Packing, write_exr};
 use mesophyll_files::progress::{Bar, stop_requested};
+use mesophyll_optics::gloss::Lobe;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 

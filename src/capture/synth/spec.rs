@@ -1,10 +1,10 @@
 //! Leaf specifications (`data/leaves/*.toml`, format in `data/README.md`): what a synthetic leaf looks like and how it
 //! is scanned. Lengths in mm, angles in degrees, coefficients in 1/mm. Unknown fields are errors.
 
-use super::illumination::Lobe;
 use crate::manifest::Tube;
 use crate::{Error, Result};
 use mesophyll_files::atomic::explain;
+use mesophyll_optics::gloss::Lobe;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 

@@ -1,9 +1,10 @@
 //! `mesophyll eval dipole`: thickness and radius in, a leaf's transmittance T(r, d) out.
 
+use crate::named::named;
 use crate::{Common, batch, tables};
 use crate::{Error, Result};
 use mesophyll_files::table::{self, Answer, BatchIo, Spec, Status, Table};
-use mesophyll_optics::dipole::{Form, Tissue};
+use mesophyll_optics::dipole::{Form, FormKind, Tissue};
 use mesophyll_optics::slab;
 
 /// CSV columns `thickness,radius` (mm) → `t,status`: exitance of the far side, 1/mm², per flux that entered `radius`
@@ -32,15 +33,8 @@ pub struct Args {
     dipoles: u32,
     /// dipoles: the paper's sum; images: n = ∞, exact; thin: also for blades thinner than a mean free path (scattered
     /// light only)
-    #[arg(long, value_enum, default_value_t = Method::Dipoles)]
-    method: Method,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum Method {
-    Dipoles,
-    Images,
-    Thin,
+    #[arg(long, value_parser = named::<FormKind>(), default_value_t = FormKind::Dipoles)]
+    method: FormKind,
 }
 
 /// More than anyone needs: at σa = 1e-6/mm the sum has long converged.
@@ -56,11 +50,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if args.dipoles > MOST_DIPOLES {
         return Err(Error::Usage(format!("--dipoles is {}; expected 0 to {MOST_DIPOLES}", args.dipoles)));
     }
-    let form = match args.method {
-        Method::Dipoles => Form::Dipoles(args.dipoles),
-        Method::Images => Form::Images,
-        Method::Thin => Form::Thin,
-    };
+    let form = Form::of(args.method, args.dipoles);
     let spec =
         Spec { required: vec!["thickness".into(), "radius".into()], outputs: vec!["t".into()], ..Spec::default() };
     let tally = table::run(Table::open(&args.io.input)?, &args.io.rows(common.json), &spec, |row, out| {

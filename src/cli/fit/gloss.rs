@@ -1,11 +1,12 @@
 //! `mesophyll fit gloss`: traces of a linear light source, or goniometer samples, from CSV.
 
+use crate::named::named;
 use crate::{Common, batch, tables};
 use crate::{Error, Result};
 use mesophyll_files::table::{self, Answer, BatchIo, Table, Tally};
 use mesophyll_fit::gloss::geometry::{Geometry, trace_columns};
 use mesophyll_fit::gloss::{Robust, TexelFit, TexelFitter, samples};
-use mesophyll_optics::gloss::Lobe;
+use mesophyll_optics::gloss::{Lobe, LobeKind};
 use mesophyll_optics::tube::Precision;
 use std::path::PathBuf;
 
@@ -39,18 +40,11 @@ pub struct Args {
 #[derive(Debug, Clone, clap::Args)]
 pub struct LobeArgs {
     /// Surface: W's Beckmann form, the long-tailed one, or Cook-Torrance with Fresnel and masking
-    #[arg(long, value_enum, default_value_t = LobeName::Beckmann)]
-    lobe: LobeName,
+    #[arg(long, value_parser = named::<LobeKind>(), default_value_t = LobeKind::Beckmann)]
+    lobe: LobeKind,
     /// Refractive index of the surface, with --lobe cook-torrance
     #[arg(long, value_name = "N", default_value_t = 1.45)]
     index: f64,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum LobeName {
-    Beckmann,
-    Ggx,
-    CookTorrance,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -62,17 +56,10 @@ enum RobustArg {
 
 impl LobeArgs {
     pub fn lobe(&self) -> Result<Lobe> {
-        Ok(match self.lobe {
-            LobeName::Beckmann => Lobe::Beckmann,
-            LobeName::Ggx => Lobe::Ggx,
-            LobeName::CookTorrance if self.index > 1.0 && self.index < 4.0 => Lobe::CookTorrance { index: self.index },
-            LobeName::CookTorrance => {
-                return Err(Error::Usage(format!(
-                    "--index: found {}, expected more than 1 and less than 4",
-                    self.index
-                )));
-            }
-        })
+        if self.lobe == LobeKind::CookTorrance && !(self.index > 1.0 && self.index < 4.0) {
+            return Err(Error::Usage(format!("--index: found {}, expected more than 1 and less than 4", self.index)));
+        }
+        Ok(Lobe::of(self.lobe, self.index))
     }
 }
 

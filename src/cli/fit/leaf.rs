@@ -1,6 +1,7 @@
 //! `mesophyll fit leaf CAPTURE -o DIR`, for scans under a tube and captures under a dome.
 
 use super::gloss::LobeArgs;
+use crate::named::named;
 use crate::{Common, place, print, print_json};
 use crate::{Error, Result};
 use mesophyll_files::progress::say;
@@ -26,8 +27,8 @@ pub struct Args {
     #[arg(short, long = "out", alias = "output", value_name = "DIR", value_parser = place::folder())]
     output: PathBuf,
     /// How ρd and ρt become σa, σs, δ and γ
-    #[arg(long, value_enum, default_value = "exact")]
-    method: MethodName,
+    #[arg(long, value_parser = named::<Method>(), default_value_t = Method::Exact)]
+    method: Method,
     #[command(flatten)]
     lobe: LobeArgs,
     /// Weigh no texel down, however badly it fits
@@ -57,12 +58,6 @@ pub struct Args {
     force: bool,
 }
 
-#[derive(Debug, Clone, Copy, clap::ValueEnum)]
-enum MethodName {
-    Exact,
-    Paper,
-}
-
 fn parse_shard(text: &str) -> std::result::Result<Shard, String> {
     let parsed = text.split_once('/').and_then(|(i, n)| Some((i.parse::<usize>().ok()?, n.parse::<usize>().ok()?)));
     match parsed {
@@ -89,7 +84,7 @@ pub fn is_dome(capture: &std::path::Path) -> bool {
 /// A capture under a dome: no tube, so nothing of shards, lobes and the paper's reduction.
 fn from_dome(args: &Args) -> Result<Outcome> {
     let held_out = args.hold_out.is_some() || args.hold_out_seed.is_some();
-    if args.shard.is_some() || args.merge || args.no_robust || held_out || matches!(args.method, MethodName::Paper) {
+    if args.shard.is_some() || args.merge || args.no_robust || held_out || matches!(args.method, Method::Paper) {
         return Err(Error::Usage(format!(
             "{}: a capture under a dome has no traces to fit and no frames to leave out; --shard, --merge, \
              --no-robust, --hold-out and --method \
@@ -114,10 +109,7 @@ fn from_tube(args: &Args) -> Result<Outcome> {
         return Err(Error::Usage("--gloss is for captures under a dome; a scan under a tube shows its gloss".into()));
     }
     let options = Options {
-        method: match args.method {
-            MethodName::Exact => Method::Exact,
-            MethodName::Paper => Method::Paper,
-        },
+        method: args.method,
         lobe: args.lobe.lobe()?,
         robust: !args.no_robust,
         hold_out: HoldOut {

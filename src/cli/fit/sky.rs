@@ -2,6 +2,7 @@
 //! a panorama, as a fit folder.
 
 use crate::eval::sky::ModelName;
+use crate::named::named;
 use crate::{Common, place, tables};
 use crate::{Error, Result};
 use mesophyll_files::progress;
@@ -36,8 +37,8 @@ pub struct Args {
     #[arg(short, long = "out", alias = "output", value_name = "DIR", value_parser = place::folder())]
     output: PathBuf,
     /// Polynomials and how they are found; fine: 1e-5 in 42 kB at 7 bands, compact: 1e-4 in 27 kB
-    #[arg(long, value_enum, default_value_t = MethodName::Fine)]
-    method: MethodName,
+    #[arg(long, value_parser = named::<Method>(), default_value_t = Method::Fine)]
+    method: Method,
     /// Bands N: l < N
     #[arg(long, value_name = "N", default_value_t = 7, value_parser = clap::value_parser!(u16).range(1..=fits::MOST_BANDS as i64))]
     bands: u16,
@@ -94,28 +95,11 @@ impl ProjectionName {
     }
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum MethodName {
-    Fine,
-    Compact,
-    Chebyshev,
-    ChebyshevGrid,
-    MonomialsQr,
-    MonomialsNormal,
-}
-
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if let Some(path) = &args.panorama {
         return from_panorama(args, path, common);
     }
-    let method = match args.method {
-        MethodName::Fine => Method::Fine,
-        MethodName::Compact => Method::Compact,
-        MethodName::Chebyshev => Method::Chebyshev,
-        MethodName::ChebyshevGrid => Method::ChebyshevGrid,
-        MethodName::MonomialsQr => Method::MonomialsQr,
-        MethodName::MonomialsNormal => Method::MonomialsNormal,
-    };
+    let method = args.method;
     let [low, high] = args.turbidity[..] else {
         return Err(Error::Usage(format!("--turbidity has {} values; expected two", args.turbidity.len())));
     };

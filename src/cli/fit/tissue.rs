@@ -1,5 +1,6 @@
 //! `mesophyll fit tissue BEAMS --blade FIT -o DIR`.
 
+use crate::named::named;
 use crate::{Common, place, print, print_json};
 use crate::{Error, Result};
 use mesophyll_files::progress::say;
@@ -38,18 +39,18 @@ pub struct Args {
     #[arg(long, value_name = "V", default_value_t = 0.0, allow_negative_numbers = true)]
     g: f64,
     /// Light that enters and leaves: all of it, or 1 - rho_d of the texel
-    #[arg(long, value_enum, default_value_t = EntryName::Matched)]
-    entry: EntryName,
+    #[arg(long, value_parser = named::<Entry>(), default_value_t = Entry::Matched)]
+    entry: Entry,
     /// How much comes through: the transport equation's, or diffusion's own
-    #[arg(long, value_enum, default_value_t = TotalsName::Transport)]
-    totals: TotalsName,
+    #[arg(long, value_parser = named::<Totals>(), default_value_t = Totals::Transport)]
+    totals: Totals,
     /// How much of a slanting beam comes through: as the transport equation has it, or as of one along the normal (as
     /// the renderers take it)
     #[arg(long, value_enum, default_value_t = IncidenceName::Slant)]
     incidence: IncidenceName,
     /// Where the search begins: the leaf fit's slab, or the sources' table
-    #[arg(long, value_enum, default_value_t = StartName::Slab)]
-    start: StartName,
+    #[arg(long, value_parser = named::<Start>(), default_value_t = Start::Slab)]
+    start: Start,
     /// Thickness levels K
     #[arg(long, value_name = "K", default_value_t = 8, value_parser = clap::value_parser!(u16).range(2..=64))]
     levels: u16,
@@ -62,27 +63,9 @@ pub struct Args {
 }
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
-enum EntryName {
-    Matched,
-    Albedo,
-}
-
-#[derive(Debug, Clone, Copy, clap::ValueEnum)]
-enum TotalsName {
-    Transport,
-    Form,
-}
-
-#[derive(Debug, Clone, Copy, clap::ValueEnum)]
 enum IncidenceName {
     Slant,
     Normal,
-}
-
-#[derive(Debug, Clone, Copy, clap::ValueEnum)]
-enum StartName {
-    Slab,
-    Table,
 }
 
 fn options(args: &Args) -> Result<Options> {
@@ -94,23 +77,14 @@ fn options(args: &Args) -> Result<Options> {
     {
         return Err(Error::Usage(format!("--margin-mm: found {margin}, expected 0 or more")));
     }
-    let totals = match args.totals {
-        TotalsName::Transport => Totals::Transport,
-        TotalsName::Form => Totals::Form,
-    };
+    let totals = args.totals;
     let slant = matches!(args.incidence, IncidenceName::Slant);
     let levels = usize::from(args.levels);
     Ok(Options {
         fit: inverse::Options { levels, totals, slant, fix_scale: args.fix_scale, ..inverse::Options::default() },
         g: args.g,
-        entry: match args.entry {
-            EntryName::Matched => Entry::Matched,
-            EntryName::Albedo => Entry::Albedo,
-        },
-        start: match args.start {
-            StartName::Slab => Start::Slab,
-            StartName::Table => Start::Table,
-        },
+        entry: args.entry,
+        start: args.start,
         margin_mm: args.margin_mm,
         force: args.force,
     })

@@ -1,5 +1,6 @@
 //! `mesophyll fit translucency FIT -o DIR`.
 
+use crate::named::named;
 use crate::{Common, place, print, print_json};
 use crate::{Error, Result};
 use mesophyll_files::progress::say;
@@ -7,7 +8,7 @@ use mesophyll_fit::dome;
 use mesophyll_fit::record::FitRecord;
 use mesophyll_fit::translucency::tissue::Entry;
 use mesophyll_fit::translucency::{Area, Colour, Options, Outcome, TissueFrom, run as fit};
-use mesophyll_optics::dipole::Form;
+use mesophyll_optics::dipole::{Form, FormKind};
 use mesophyll_optics::translucency::basis::Basis;
 use mesophyll_optics::translucency::lights::Rule;
 use std::path::PathBuf;
@@ -31,8 +32,8 @@ pub struct Args {
     #[arg(short, long = "out", alias = "output", value_name = "DIR", value_parser = place::folder())]
     output: PathBuf,
     /// Where the colour of the light that comes through is from
-    #[arg(long, value_enum, default_value_t = ColourName::Substituted)]
-    colour: ColourName,
+    #[arg(long, value_parser = named::<Colour>(), default_value_t = Colour::Substituted)]
+    colour: Colour,
     /// The one wavelength; the channel that lets most light through when absent
     #[arg(long, value_enum)]
     channel: Option<Channel>,
@@ -49,17 +50,17 @@ pub struct Args {
     #[arg(long, value_name = "V", requires = "sigma_a", allow_negative_numbers = true)]
     g: Option<f64>,
     /// Light that enters: all of it, or 1 - rho_d of the texel (default: all with the fit's slab, else 1 - rho_d)
-    #[arg(long, value_enum)]
-    entry: Option<EntryName>,
+    #[arg(long, value_parser = named::<Entry>())]
+    entry: Option<Entry>,
     /// Area that a texel's light is counted over: its facet's own, or the texel's, as the sources have it
-    #[arg(long, value_enum, default_value_t = AreaName::Facet)]
-    area: AreaName,
+    #[arg(long, value_parser = named::<Area>(), default_value_t = Area::Facet)]
+    area: Area,
     /// Boundary term A = (1 + rho)/(1 - rho), at least 1 (default: 1 where all light enters, else from the mean rho_d)
     #[arg(long, value_name = "A", allow_negative_numbers = true)]
     a: Option<f64>,
     /// Kernel: thin is right for every thickness, images and dipoles for blades thicker than a mean free path
-    #[arg(long, value_enum, default_value_t = FormName::Thin)]
-    form: FormName,
+    #[arg(long, value_parser = named::<FormKind>(), default_value_t = FormKind::Thin)]
+    form: FormKind,
     /// With --form dipoles: pairs j = -N to N [default: 3]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=1000))]
     dipoles: Option<u32>,
@@ -94,16 +95,6 @@ pub struct Args {
 }
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
-enum ColourName {
-    /// Directions at one wavelength, colour as the light box measured it
-    Substituted,
-    /// Measured colour times transmitted light, as the sources print it (dark veins count twice)
-    Product,
-    /// Red, green and blue each through the tissue
-    ThreeWavelengths,
-}
-
-#[derive(Debug, Clone, Copy, clap::ValueEnum)]
 enum Channel {
     R,
     G,
@@ -114,25 +105,6 @@ enum Channel {
 enum TissueName {
     Fit,
     Table,
-}
-
-#[derive(Debug, Clone, Copy, clap::ValueEnum)]
-enum EntryName {
-    Matched,
-    Albedo,
-}
-
-#[derive(Debug, Clone, Copy, clap::ValueEnum)]
-enum AreaName {
-    Facet,
-    Texel,
-}
-
-#[derive(Debug, Clone, Copy, clap::ValueEnum)]
-enum FormName {
-    Thin,
-    Images,
-    Dipoles,
 }
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
@@ -181,31 +153,17 @@ fn options(args: &Args) -> Result<Options> {
         ]),
         _ => None,
     };
-    if args.dipoles.is_some() && !matches!(args.form, FormName::Dipoles) {
+    if args.dipoles.is_some() && !matches!(args.form, FormKind::Dipoles) {
         return Err(Error::Usage("--dipoles: found without --form dipoles, expected both or neither".into()));
     }
     Ok(Options {
-        colour: match args.colour {
-            ColourName::Substituted => Colour::Substituted,
-            ColourName::Product => Colour::Product,
-            ColourName::ThreeWavelengths => Colour::ThreeWavelengths,
-        },
+        colour: args.colour,
         channel: args.channel.map(|c| c as usize),
         tissue,
-        entry: args.entry.map(|e| match e {
-            EntryName::Matched => Entry::Matched,
-            EntryName::Albedo => Entry::Albedo,
-        }),
-        area: match args.area {
-            AreaName::Facet => Area::Facet,
-            AreaName::Texel => Area::Texel,
-        },
+        entry: args.entry,
+        area: args.area,
         a: args.a.map(|a| within("a", a, 1.0, f64::INFINITY)).transpose()?,
-        form: match args.form {
-            FormName::Thin => Form::Thin,
-            FormName::Images => Form::Images,
-            FormName::Dipoles => Form::Dipoles(args.dipoles.unwrap_or(3)),
-        },
+        form: Form::of(args.form, args.dipoles.unwrap_or(3)),
         levels: usize::from(args.levels),
         lights: match args.placed {
             PlacedName::Spiral => Rule::Spiral { count: args.lights as usize },

@@ -37,21 +37,31 @@ use std::time::Instant;
 use texels::{Job, Shard};
 
 /// How per-texel reflectance and transmittance are reduced to the leaf's σa, σs, δ and γ.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Default,
+    strum::Display,
+    strum::EnumString,
+    strum::EnumIter,
+    strum::IntoStaticStr,
+    strum::EnumMessage,
+)]
+#[strum(serialize_all = "kebab-case")]
 pub enum Method {
-    /// One joint least-squares problem over the whole leaf, with ρd and ρt as full functions of thickness (`wide.rs`).
+    /// One joint least-squares problem over the whole leaf, with ρd and ρt as full functions of thickness.
     #[default]
     Exact,
-    /// Solve every texel, average, then Eq. 5 with A and B frozen (`paper.rs`).
+    /// Solve every texel, average, then Eq. 5 with A and B frozen.
     Paper,
 }
 
 impl Method {
     pub fn name(self) -> &'static str {
-        match self {
-            Method::Exact => "exact",
-            Method::Paper => "paper",
-        }
+        self.into()
     }
 }
 

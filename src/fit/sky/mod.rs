@@ -29,7 +29,20 @@ use mesophyll_solve::{Termination, Trace};
 use std::sync::OnceLock;
 
 /// Which polynomials, and how they are found.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Default,
+    strum::Display,
+    strum::EnumString,
+    strum::EnumIter,
+    strum::IntoStaticStr,
+    strum::EnumMessage,
+)]
+#[strum(serialize_all = "kebab-case")]
 pub enum Method {
     /// Everything with a closed form folded out, a staircase of 124 terms: the 1e-5 tier.
     #[default]
@@ -47,25 +60,9 @@ pub enum Method {
 }
 
 impl Method {
-    pub const ALL: [Method; 6] = [
-        Method::Fine,
-        Method::Compact,
-        Method::Chebyshev,
-        Method::ChebyshevGrid,
-        Method::MonomialsQr,
-        Method::MonomialsNormal,
-    ];
-
     /// Name in files and on the command line.
     pub fn name(self) -> &'static str {
-        match self {
-            Method::Fine => "fine",
-            Method::Compact => "compact",
-            Method::Chebyshev => "chebyshev",
-            Method::ChebyshevGrid => "chebyshev-grid",
-            Method::MonomialsQr => "monomials-qr",
-            Method::MonomialsNormal => "monomials-normal",
-        }
+        self.into()
     }
 }
 

@@ -38,7 +38,22 @@ use std::time::Instant;
 use tissue::Entry;
 
 /// What the colour of the light that comes through is taken from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Default,
+    strum::Display,
+    strum::EnumString,
+    strum::EnumIter,
+    strum::IntoStaticStr,
+    strum::EnumMessage,
+    serde::Deserialize,
+)]
+#[serde(rename_all = "kebab-case")]
+#[strum(serialize_all = "kebab-case")]
 pub enum Colour {
     /// Directions at one wavelength, colour as measured: under the diffuse light that measured ρt, the picture is the
     /// measured one exactly.
@@ -52,11 +67,7 @@ pub enum Colour {
 
 impl Colour {
     pub fn name(self) -> &'static str {
-        match self {
-            Colour::Substituted => "substituted",
-            Colour::Product => "product",
-            Colour::ThreeWavelengths => "three-wavelengths",
-        }
+        self.into()
     }
 }
 
@@ -83,7 +94,20 @@ impl TissueFrom {
 }
 
 /// Over which area a texel's light is counted.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Default,
+    strum::Display,
+    strum::EnumString,
+    strum::EnumIter,
+    strum::IntoStaticStr,
+    strum::EnumMessage,
+)]
+#[strum(serialize_all = "kebab-case")]
 pub enum Area {
     /// The facet's own, 1/n_z of the texel's: a slope catches n·ω/n_z a texel, all of the light that falls on it.
     #[default]
@@ -95,10 +119,7 @@ pub enum Area {
 
 impl Area {
     pub fn name(self) -> &'static str {
-        match self {
-            Area::Facet => "facet",
-            Area::Texel => "texel",
-        }
+        self.into()
     }
 }
 

@@ -15,7 +15,19 @@ use mesophyll_optics::dipole::Tissue;
 pub const TABLE: [f64; 3] = [0.4, 10.2, 0.07];
 
 /// How much light enters a texel.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    strum::Display,
+    strum::EnumString,
+    strum::EnumIter,
+    strum::IntoStaticStr,
+    strum::EnumMessage,
+)]
+#[strum(serialize_all = "kebab-case")]
 pub enum Entry {
     /// All of it.
     Matched,
@@ -25,10 +37,7 @@ pub enum Entry {
 
 impl Entry {
     pub fn name(self) -> &'static str {
-        match self {
-            Entry::Matched => "matched",
-            Entry::Albedo => "albedo",
-        }
+        self.into()
     }
 }
 

@@ -59,7 +59,13 @@ pub struct Tissue {
 }
 
 /// How T is computed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, strum::EnumDiscriminants)]
+#[strum_discriminants(
+    name(FormKind),
+    doc = "The name of a [`Form`].",
+    derive(strum::Display, strum::EnumString, strum::EnumIter, strum::IntoStaticStr, strum::EnumMessage),
+    strum(serialize_all = "kebab-case")
+)]
 pub enum Form {
     /// 2n + 1 dipoles, j = −n … n.
     Dipoles(u32),
@@ -67,6 +73,17 @@ pub enum Form {
     Images,
     /// Exponential source, exit φ/(2A), unscattered light apart.
     Thin,
+}
+
+impl Form {
+    /// The form of this name; `dipoles` is n of the paper's sum, read by [`Form::Dipoles`] only.
+    pub fn of(kind: FormKind, dipoles: u32) -> Form {
+        match kind {
+            FormKind::Dipoles => Form::Dipoles(dipoles),
+            FormKind::Images => Form::Images,
+            FormKind::Thin => Form::Thin,
+        }
+    }
 }
 
 /// The quantities that the formulas are written in.

@@ -16,7 +16,20 @@ use mesophyll_fourier::Complex;
 use rayon::prelude::*;
 
 /// What the total of a thickness is taken from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Default,
+    strum::Display,
+    strum::EnumString,
+    strum::EnumIter,
+    strum::IntoStaticStr,
+    strum::EnumMessage,
+)]
+#[strum(serialize_all = "kebab-case")]
 pub enum Totals {
     /// The form's own.
     #[default]

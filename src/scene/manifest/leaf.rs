@@ -1,6 +1,8 @@
 //! Leaves that a scene may show: where their data come from, and what is drawn of them.
 
 use mesophyll_files::mesh::Unit;
+use mesophyll_fit::translucency::Colour;
+use mesophyll_optics::gloss::{Lobe, LobeKind};
 use mesophyll_optics::translucency::basis as directions;
 use serde::Deserialize;
 use std::path::PathBuf;
@@ -22,11 +24,18 @@ pub struct Leaf {
     #[serde(default)]
     pub interior: Interior,
     #[serde(default)]
-    pub lobe: Lobe,
+    pub lobe: LobeKind,
     /// Index of refraction of the `cook-torrance` lobe.
     pub index: Option<f64>,
     /// How the sun comes through as it turns; by ρt and the mapped normal alone when absent.
     pub translucency: Option<Translucency>,
+}
+
+impl Leaf {
+    /// The lobe that the leaf is fitted and drawn with.
+    pub fn lobe(&self) -> Lobe {
+        Lobe::of(self.lobe, self.index.unwrap_or(1.5))
+    }
 }
 
 impl Leaf {
@@ -84,15 +93,6 @@ pub enum Tissue {
     Table,
 }
 
-/// One wavelength with the measured colour, or each channel through the tissue.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Colour {
-    #[default]
-    Substituted,
-    ThreeWavelengths,
-}
-
 /// A synthetic scan to make when there is no capture: what `mesophyll synth` is told.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -113,13 +113,4 @@ pub enum Interior {
     #[default]
     Scalars,
     Maps,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Lobe {
-    #[default]
-    Beckmann,
-    Ggx,
-    CookTorrance,
 }

@@ -3,7 +3,7 @@
 use super::place::Place;
 use crate::Result;
 use crate::make::size;
-use crate::manifest::Lobe;
+use mesophyll_optics::gloss::LobeKind;
 
 pub fn leaves(p: &Place) -> Result<()> {
     const HEADER: &str = "[[leaf]]";
@@ -60,8 +60,8 @@ pub fn leaves(p: &Place) -> Result<()> {
             p.range(HEADER, i, "scan", scan.noise.unwrap_or(0.0), [0.0, 1.0], "relative noise")?;
         }
         match (leaf.lobe, leaf.index) {
-            (Lobe::CookTorrance, Some(n)) => p.range(HEADER, i, "index", n, [1.0, 4.0], "")?,
-            (Lobe::CookTorrance, None) => {
+            (LobeKind::CookTorrance, Some(n)) => p.range(HEADER, i, "index", n, [1.0, 4.0], "")?,
+            (LobeKind::CookTorrance, None) => {
                 return Err(p.error(HEADER, i, "index", "missing; the cook-torrance lobe needs one"));
             }
             (_, Some(_)) => return Err(p.error(HEADER, i, "index", "given, but only the cook-torrance lobe has one")),

@@ -38,13 +38,8 @@ fn exact_traces_give_back_the_truth() {
 /// off.
 fn judged(lobe: Lobe, noise: f64, ms: [f64; 2], tilt: f64, count: usize, seed: u64) -> (usize, f64, f64) {
     use mesophyll_capture::manifest;
-    use mesophyll_capture::synth::illumination::{Device as Scanner, Lobe as Scanned};
+    use mesophyll_capture::synth::illumination::Device as Scanner;
     let d = device(lobe, noise);
-    let scanned = match lobe {
-        Lobe::Beckmann => Scanned::Beckmann,
-        Lobe::Ggx => Scanned::Ggx,
-        Lobe::CookTorrance { index } => Scanned::CookTorrance { index },
-    };
     let scanner =
         Scanner::new(manifest::Tube { height_mm: 100.0, length_mm: 500.0, radius_mm: 2.5 }, manifest::Travel::X, 55.0);
     let xs = pass_x(100);
@@ -64,7 +59,7 @@ fn judged(lobe: Lobe, noise: f64, ms: [f64; 2], tilt: f64, count: usize, seed: u
         let trace: Vec<[f32; 3]> = xs
             .iter()
             .map(|&x| {
-                let shown = scanner.shown(&scanner.seen(x, 0.0), 0.0, normal_of(t.tilt), Some(t.m), scanned);
+                let shown = scanner.shown(&scanner.seen(x, 0.0), 0.0, normal_of(t.tilt), Some(t.m), lobe);
                 std::array::from_fn(|c| {
                     let value = t.rho_d[c] * shown.diffuse + t.rho_s[c] * shown.gloss;
                     (value + rng.normal() * (noise * value).hypot(5e-4)) as f32

@@ -20,7 +20,20 @@ use std::path::Path;
 use std::time::Instant;
 
 /// Where the search begins.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Default,
+    strum::Display,
+    strum::EnumString,
+    strum::EnumIter,
+    strum::IntoStaticStr,
+    strum::EnumMessage,
+)]
+#[strum(serialize_all = "kebab-case")]
 pub enum Start {
     /// The leaf fit's slab; the table's tissue where the slab is not determined.
     #[default]

@@ -1,0 +1,20 @@
+//! Values that are named alike in files and on the command line: a library's enum is the list of names, and its
+//! documentation their help.
+
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use std::str::FromStr;
+use strum::{EnumMessage, IntoEnumIterator};
+
+/// Reads one of the names of `T`.
+pub fn named<T>() -> impl TypedValueParser<Value = T>
+where
+    T: IntoEnumIterator + EnumMessage + Into<&'static str> + Copy + FromStr<Err = strum::ParseError>,
+    T: Send + Sync + 'static,
+{
+    let values = T::iter().map(|value| {
+        let help = value.get_documentation().unwrap_or_default().lines().map(str::trim).collect::<Vec<_>>().join(" ");
+        let name: &'static str = value.into();
+        if help.is_empty() { PossibleValue::new(name) } else { PossibleValue::new(name).help(help) }
+    });
+    PossibleValuesParser::new(values.collect::<Vec<_>>()).try_map(|name| T::from_str(&name))
+}
