@@ -72,10 +72,16 @@ pub fn level(capture: &Capture, splits: &Splits) -> Result<Level> {
         }
     };
     let (relative, floor) = (relative.max(LEAST_RELATIVE), floor.max(LEAST_FLOOR));
+    let dark = capture.dark().and_then(|d| roughness(d, m.width, |_, _| [1.0; 3])).map_or(0.0, |r| r.0);
     let empty = capture.lightbox_empty()?;
-    let lightbox =
-        roughness(&empty, m.width).map_or(1.0, |(sd, value)| (sd / (relative * value).hypot(floor)).clamp(1e-3, 1.0));
-    let dark = capture.dark().and_then(|d| roughness(d, m.width)).map_or(0.0, |(sd, _)| sd);
+    let taken_off = |k: usize| capture.dark().map_or([0.0; 3], |d| d[k].map(|v| f64::from(v).max(0.0)));
+    let of_a_frame = |k: usize, value: [f64; 3]| {
+        let below = taken_off(k);
+        [0, 1, 2].map(|c: usize| (relative * (value[c] + below[c])).hypot(floor * median_gain))
+    };
+    // The photograph's own noise beside the dark frame's, which was taken off.
+    let lightbox = roughness(&empty, m.width, of_a_frame)
+        .map_or(1.0, |(ratio, frame)| (ratio.powi(2) - (dark / frame).powi(2)).max(0.0).sqrt().clamp(1e-3, 1.0));
     let mut level = Level { relative, floor, median_gain, lightbox, dark, estimated: stated.is_none(), seen: None };
     if !level.estimated {
         let (texels, traces) = sample(capture, splits)?;
@@ -84,18 +90,22 @@ pub fn level(capture: &Capture, splits: &Splits) -> Result<Level> {
     Ok(level)
 }
 
-/// Noise of the empty light box, which is smooth: median third difference along rows (20 times a sample's variance),
-/// and its median value.
-fn roughness(image: &[[f32; 3]], width: usize) -> Option<(f64, f64)> {
-    let (mut differences, mut values) = (Vec::new(), Vec::new());
-    for row in image.chunks(width) {
-        for w in row.windows(4) {
+/// Noise of a smooth image in units of `unit`, which is the standard deviation that a texel of this place and value
+/// would have, and the median unit. From third differences along rows (20 times a sample's variance). Each difference
+/// is divided by its own unit: one median over unlike ones would come out too small.
+fn roughness(image: &[[f32; 3]], width: usize, unit: impl Fn(usize, [f64; 3]) -> [f64; 3]) -> Option<(f64, f64)> {
+    let (mut differences, mut units) = (Vec::new(), Vec::new());
+    for (row, values) in image.chunks(width).enumerate() {
+        for (i, w) in values.windows(4).enumerate() {
+            // The smooth value between the middle two.
+            let middle = std::array::from_fn(|c| 0.5 * (f64::from(w[1][c]) + f64::from(w[2][c])));
+            let units_here = unit(row * width + i + 1, middle);
             for c in 0..3 {
                 let [p, q, r, s] = [0, 1, 2, 3].map(|k: usize| f64::from(w[k][c]));
-                let d = (s - 3.0 * r + 3.0 * q - p).abs() / 20f64.sqrt();
+                let d = (s - 3.0 * r + 3.0 * q - p).abs() / 20f64.sqrt() / units_here[c];
                 if d.is_finite() {
                     differences.push(d);
-                    values.push(p);
+                    units.push(units_here[c]);
                 }
             }
         }
@@ -107,7 +117,12 @@ fn roughness(image: &[[f32; 3]], width: usize) -> Option<(f64, f64)> {
         let middle = list.len() / 2;
         *list.select_nth_unstable_by(middle, f64::total_cmp).1
     };
-    Some((median(&mut differences) / 0.6745, median(&mut values)))
+    let first = median(&mut differences) / 0.6745;
+    // Then the root mean square within three standard deviations, which knows twice as much as the median; the mean
+    // square of what is left of a normal distribution there is 0.97334.
+    let (count, sum) = differences.iter().filter(|d| **d <= 3.0 * first).fold((0, 0.0), |(n, s), d| (n + 1, s + d * d));
+    let seen = if first > 0.0 { (sum / f64::from(count) / 0.97334).sqrt() } else { 0.0 };
+    Some((seen, median(&mut units)))
 }
 
 /// Fourth differences of the traces (three channels a texel, in turn) in units of what the noise makes of them: their
@@ -220,5 +235,28 @@ mod tests {
         let (relative, floor) = estimate(&traces);
         assert!((relative / 0.01 - 1.0).abs() < 0.15, "{relative}");
         assert!((floor / 5e-4 - 1.0).abs() < 0.15, "{floor}");
+    }
+
+    /// A lit box is darker towards its border and its channels are unlike: one median over all differences is too small.
+    #[test]
+    fn noise_is_read_off_a_smooth_picture_of_unlike_channels() {
+        use rand::{RngExt, SeedableRng};
+        let mut rng = rand_pcg::Pcg64::seed_from_u64(5);
+        let (width, height) = (240, 180);
+        let level = |k: usize| {
+            let (u, v) = ((k % width) as f64 / width as f64 - 0.5, (k / width) as f64 / height as f64 - 0.5);
+            1.0 - 1.2 * (u * u + v * v)
+        };
+        let image: Vec<[f32; 3]> = (0..width * height)
+            .map(|k| {
+                [1.0, 0.75, 0.5].map(|c| {
+                    let (a, b): (f64, f64) = (rng.random(), rng.random());
+                    let z = (-2.0 * a.max(1e-300).ln()).sqrt() * (std::f64::consts::TAU * b).cos();
+                    (c * level(k) * (1.0 + 0.004 * z)) as f32
+                })
+            })
+            .collect();
+        let (ratio, _) = roughness(&image, width, |_, v| v.map(|v| 0.01 * v)).unwrap();
+        assert!((ratio / 0.4 - 1.0).abs() < 0.01, "{ratio}");
     }
 }
