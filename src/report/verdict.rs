@@ -210,7 +210,8 @@ fn truth(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, String)) {
         let few =
             t.judged.or_else(|| matches!(name.as_str(), "sigma_a" | "sigma_s").then_some(3)).filter(|n| *n < MANY);
         if let Some(values) = few {
-            // One of three misses by chance in one fit of seven, two of three in one of 140.
+            // One of three misses by chance in one fit of seven, which is no evidence where eight such triples are
+            // judged; two of three in one of 140.
             let hit = (c * values as f64).round() as usize;
             match (values, hit) {
                 (1, 1) => say(
@@ -225,6 +226,7 @@ fn truth(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, String)) {
                     format!("{side}the known truth of {q} lies outside its 95 % interval (by chance in one fit of 20)"),
                 ),
                 _ if hit == values => right.push(format!("{q} in {hit} of {values} channels")),
+                (3, 2) => right.push(format!("{q} in 2 of 3 channels (by chance in one fit of seven)")),
                 _ => narrow.push(format!("{q} in {hit} of {values} channels")),
             }
             if hit + 1 < values && !close {
