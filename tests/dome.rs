@@ -2,13 +2,13 @@
 
 use mesophyll::capture::dome::synth::{self, Blade, Options};
 use mesophyll::capture::dome::{Capture, Reduced, reduce};
-use mesophyll::capture::manifest::SideName;
 use mesophyll::capture::synth::spec::{Model, Spec};
 use mesophyll::files::image::{self, Maps, Packing};
+use mesophyll::optics::side::Side;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-const SIDES: [SideName; 2] = [SideName::Front, SideName::Back];
+const SIDES: [Side; 2] = [Side::Front, Side::Back];
 /// A patch of 10 mm in texels of 0.1 mm.
 const SIZE: usize = 100;
 
@@ -71,7 +71,7 @@ fn without(folder: &Path, fields: &[&str]) {
     std::fs::write(path, kept.join("\n")).unwrap();
 }
 
-fn truth(capture: &Capture, side: SideName) -> Maps {
+fn truth(capture: &Capture, side: Side) -> Maps {
     capture.truth(side).unwrap().unwrap()
 }
 
@@ -93,7 +93,7 @@ fn moments(values: impl Iterator<Item = f64>) -> (f64, f64) {
 }
 
 /// Angle between a side's normals and the true ones (degrees).
-fn angle(maps: &Maps, r: &Reduced, side: SideName, k: usize) -> f64 {
+fn angle(maps: &Maps, r: &Reduced, side: Side, k: usize) -> f64 {
     let cos: f64 = ["X", "Y", "Z"]
         .iter()
         .enumerate()
@@ -109,7 +109,7 @@ fn an_exact_capture_gives_back_its_truth() {
     let dir = tempfile::tempdir().unwrap();
     let capture = Capture::open(&captured(dir.path(), 0.0, 0.01)).unwrap();
     let r = reduce(&capture, &Default::default()).unwrap();
-    let front = truth(&capture, SideName::Front);
+    let front = truth(&capture, Side::Front);
     let d = map(&front, "thickness.Y");
     let (mean, sd) = moments(inner(0).map(|k| r.thickness[k] - f64::from(d[k])));
     assert!(sd < 0.02 * 0.15 && mean.abs() < 3.0 * r.alignment.offset_err_mm, "{mean} {sd} {:?}", r.alignment);
@@ -120,7 +120,7 @@ fn an_exact_capture_gives_back_its_truth() {
         // true share of the dome that a texel sees. The truth holds both: the albedo that the camera sees is the leaf's
         // times that share.
         let (veil, seen, leaf) = (map(&maps, "highlight.Y"), map(&maps, "albedo.G"), map(&maps, "rho_d.G"));
-        let index = capture.manifest.highlight_index.unwrap()[usize::from(s == SideName::Back)];
+        let index = capture.manifest.highlight_index.unwrap()[usize::from(s == Side::Back)];
         let share = ((index - 1.0) / (index + 1.0)).powi(2);
         let veils = moments(inner(2).map(|k| (f64::from(veil[k]) - share) * f64::from(leaf[k]) / f64::from(seen[k])));
         for (c, end) in ["R", "G", "B"].iter().enumerate() {
@@ -157,10 +157,10 @@ fn the_stated_errors_are_those_met() {
         }
         // What the scanner's own filter blunted (0.05 mm; veins are 0.2 to 0.5 mm wide) is not in the stated error.
         let met = moments(inner(2).map(|k| angle(&maps, r, s, k).to_radians().tan().powi(2))).0.sqrt();
-        let stated = 2f64.sqrt() * r.alignment.slope_error[usize::from(s == SideName::Back)];
+        let stated = 2f64.sqrt() * r.alignment.slope_error[usize::from(s == Side::Back)];
         assert!((0.6..1.7).contains(&(met / stated)), "{} slopes: {met} met, {stated} stated", s.name());
     }
-    let front = truth(capture, SideName::Front);
+    let front = truth(capture, Side::Front);
     let d = map(&front, "thickness.Y");
     let (mean, sd) = moments(inner(0).map(|k| r.thickness[k] - f64::from(d[k])));
     assert!(mean.abs() < 3.0 * r.alignment.offset_err_mm, "{mean} {:?}", r.alignment);
@@ -235,17 +235,17 @@ fn defects_have_names_and_leave_no_hole_in_the_blade() {
             }
         });
     });
-    let front = r.defects(SideName::Front);
+    let front = r.defects(Side::Front);
     assert_eq!(front.get("no_reading"), Some(&1));
     assert_eq!(front.get("hole"), Some(&4));
     assert_eq!(front.get("energy"), Some(&1));
-    assert_eq!(r.defects(SideName::Back).get("dark"), Some(&1));
-    assert_eq!(r.defects(SideName::Back).get("hole"), Some(&4));
+    assert_eq!(r.defects(Side::Back).get("dark"), Some(&1));
+    assert_eq!(r.defects(Side::Back).get("hole"), Some(&4));
     let blade = r.blade(1);
     blade.validate().unwrap();
     // Filled from beside.
     assert!((blade.front.entry[at(20, 20)] - blade.front.entry[at(21, 20)]).abs() < 0.05);
-    let through = r.transmittance(SideName::Front, 1);
+    let through = r.transmittance(Side::Front, 1);
     assert!((through[at(60, 60)] - through[at(61, 60)]).abs() < 0.05);
     // A full scale that some readings reach.
     let (_, r) = changed(|folder| {
@@ -253,7 +253,7 @@ fn defects_have_names_and_leave_no_hole_in_the_blade() {
         let text = std::fs::read_to_string(&path).unwrap();
         std::fs::write(&path, text + "\nfull_scale = 0.1\n").unwrap();
     });
-    assert!(r.defects(SideName::Front)["saturated"] > 100);
+    assert!(r.defects(Side::Front)["saturated"] > 100);
     assert!(
         changed(|folder| std::fs::remove_file(folder.join("mask.exr")).unwrap()).1.mask.iter().all(|m| *m),
         "the leaf fills the patch"

@@ -2,8 +2,9 @@
 //! requests.
 
 use assert_cmd::Command;
-use mesophyll::capture::manifest::{Manifest, SideName, Travel, frame_path, mirror_path, texel_position, white_path};
+use mesophyll::capture::manifest::{Manifest, Travel, frame_path, mirror_path, texel_position, white_path};
 use mesophyll::files::image::{exr_info, read_exr};
+use mesophyll::optics::side::Side;
 use std::path::{Path, PathBuf};
 
 fn spec(name: &str) -> PathBuf {
@@ -44,7 +45,7 @@ fn a_capture_is_complete_and_calibrates_to_its_truth() {
     for travel in [Travel::X, Travel::Y] {
         assert_eq!(manifest.pass(travel).unwrap().positions().len(), 8);
         for k in 0..8 {
-            for side in [SideName::Front, SideName::Back] {
+            for side in [Side::Front, Side::Back] {
                 let info = exr_info(&frame_path(&out, side, travel, k)).unwrap();
                 assert!(info.width == 32 && info.height == 24 && !info.half);
             }

@@ -8,7 +8,8 @@ mod noise;
 mod references;
 
 use crate::Result;
-use crate::manifest::{Manifest, SideName};
+use crate::manifest::Manifest;
+use mesophyll_optics::side::Side;
 use serde::Serialize;
 use std::path::Path;
 
@@ -85,7 +86,7 @@ fn consequences(m: &Manifest, found: &mut Inspection) {
     if m.passes.len() == 1 {
         note("pass \"y\" is absent: only the tilt in x can be fitted, the normals' y is unknown".into());
     }
-    if !m.sides.contains(&SideName::Back) {
+    if !m.sides.contains(&Side::Back) {
         note("the back is absent: a one-sided fit; the back of the rendered leaf is not measured".into());
     }
     if m.thickness_err_mm.is_none() {

@@ -3,6 +3,7 @@
 use crate::field::Fields;
 use crate::{Error, Result};
 use mesophyll_files::atomic::explain;
+use mesophyll_optics::side::Side;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -28,28 +29,12 @@ pub struct Manifest {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise_floor: Option<f64>,
     /// `front`, or `front` and `back`.
-    pub sides: Vec<SideName>,
+    pub sides: Vec<Side>,
     pub tube: Tube,
     #[serde(default)]
     pub lightbox: LightBox,
     #[serde(rename = "pass")]
     pub passes: Vec<Pass>,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum SideName {
-    Front,
-    Back,
-}
-
-impl SideName {
-    pub fn name(self) -> &'static str {
-        match self {
-            SideName::Front => "front",
-            SideName::Back => "back",
-        }
-    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -163,10 +148,7 @@ impl Manifest {
                 return bad(field, &value, "-85 to 85 degrees");
             }
         }
-        if self.sides.first() != Some(&SideName::Front)
-            || self.sides.len() > 2
-            || self.sides[1..].contains(&SideName::Front)
-        {
+        if self.sides.first() != Some(&Side::Front) || self.sides.len() > 2 || self.sides[1..].contains(&Side::Front) {
             return bad(
                 "sides",
                 &format!("{:?}", self.sides.iter().map(|s| s.name()).collect::<Vec<_>>()),
@@ -259,7 +241,7 @@ pub fn texel_position(width: usize, height: usize, p: f64, i: usize, j: usize) -
 }
 
 /// `CAPTURE/front/x/0007.exr`.
-pub fn frame_path(folder: &Path, side: SideName, travel: Travel, frame: usize) -> PathBuf {
+pub fn frame_path(folder: &Path, side: Side, travel: Travel, frame: usize) -> PathBuf {
     folder.join(side.name()).join(travel.name()).join(format!("{frame:04}.exr"))
 }
 

@@ -1,10 +1,11 @@
 //! A capture opened for fitting: every file it needs is there and of the right size before anything long starts.
 
 use crate::calibrate::Gain;
-use crate::manifest::{Manifest, SideName, Travel, frame_path, mirror_path, white_path};
+use crate::manifest::{Manifest, Travel, frame_path, mirror_path, white_path};
 use crate::{Error, Result};
 use mesophyll_files::hash;
 use mesophyll_files::image::{ExrInfo, Maps, exr_info, read_exr, read_exr_rows};
+use mesophyll_optics::side::Side;
 use rayon::prelude::*;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -105,7 +106,7 @@ impl Capture {
     /// `rows`). Values are 1 for a white texel under an infinite tube straight above; NaN where there is no reading.
     pub fn band(
         &self,
-        side: SideName,
+        side: Side,
         travel: Travel,
         rows: Range<usize>,
         texels: &[[u32; 2]],
@@ -143,7 +144,7 @@ impl Capture {
     }
 
     /// Light-box photographs of one side, dark-corrected: (leaf, empty box), interleaved RGB of the whole image.
-    pub fn lightbox(&self, side: SideName) -> Result<(Pixels, Pixels)> {
+    pub fn lightbox(&self, side: Side) -> Result<(Pixels, Pixels)> {
         Ok((self.dark_corrected(&self.folder.join(side.name()).join("lightbox.exr"))?, self.lightbox_empty()?))
     }
 
@@ -201,7 +202,7 @@ impl Capture {
     }
 
     /// `truth/front.exr` of a synthetic scan.
-    pub fn truth(&self, side: SideName) -> Result<Option<Maps>> {
+    pub fn truth(&self, side: Side) -> Result<Option<Maps>> {
         let path = self.folder.join("truth").join(format!("{}.exr", side.name()));
         if !path.exists() {
             return Ok(None);

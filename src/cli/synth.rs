@@ -6,11 +6,12 @@ use crate::{Error, Result};
 use mesophyll_capture::beams::manifest::Beam;
 use mesophyll_capture::beams::synth as beams;
 use mesophyll_capture::dome::synth as dome;
-use mesophyll_capture::manifest::{SideName, Travel};
+use mesophyll_capture::manifest::Travel;
 use mesophyll_capture::synth::leaf::Leaf;
 use mesophyll_capture::synth::scan::{self, Options};
 use mesophyll_capture::synth::spec::{Model, Spec};
 use mesophyll_files::{claim, progress};
+use mesophyll_optics::side::Side;
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
@@ -185,8 +186,8 @@ fn beam(text: &str) -> Result<Beam> {
     let parts: Vec<&str> = text.split(',').map(str::trim).collect();
     let [side, elevation, azimuth] = parts[..] else { return Err(fail()) };
     let lit = match side {
-        "front" => SideName::Front,
-        "back" => SideName::Back,
+        "front" => Side::Front,
+        "back" => Side::Back,
         _ => return Err(fail()),
     };
     match (elevation.parse::<f64>(), azimuth.parse::<f64>()) {

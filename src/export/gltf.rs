@@ -6,7 +6,7 @@
 //! transmission has it: with t the share of ρt in ρd + ρt, base colour = ρd/(1 − t) and transmission colour = ρt/t.
 
 use super::blade::Mesh;
-use super::side::Side;
+use super::side::SideMaps;
 use super::texture::{Turn, data_byte, encode, normal_pixel, pixels};
 use crate::{Error, Result};
 use mesophyll_files::atomic;
@@ -70,7 +70,7 @@ impl File {
 }
 
 /// Writes `path` (.glb).
-pub fn write(sides: &[Side], folder: &Path, path: &Path, translucent: bool) -> Result<()> {
+pub fn write(sides: &[SideMaps], folder: &Path, path: &Path, translucent: bool) -> Result<()> {
     let mesh = Mesh::read(folder)?;
     let mut file = File::default();
     let (mut primitives, mut materials) = (Vec::new(), Vec::new());
@@ -117,7 +117,7 @@ pub fn write(sides: &[Side], folder: &Path, path: &Path, translucent: bool) -> R
 
 fn material(
     file: &mut File,
-    side: &Side,
+    side: &SideMaps,
     folder: &Path,
     path: &Path,
     turn: Turn,

@@ -12,7 +12,7 @@ use mesophyll_files::atomic;
 use mesophyll_files::image::{Maps, Packing, write_exr};
 use mesophyll_fit::record::{FitRecord, Times};
 use serde_json::json;
-use side::Side;
+use side::SideMaps;
 use sky::SkyOptions;
 use std::path::{Path, PathBuf};
 
@@ -108,10 +108,10 @@ pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> R
         atomic::write_bytes(path, &as_json(&record, folder)?)?;
         return Ok(vec![path.to_path_buf()]);
     }
-    let sides: Vec<Side> = ["front", "back"]
+    let sides: Vec<SideMaps> = ["front", "back"]
         .iter()
         .filter(|s| record.sections.contains_key(**s))
-        .map(|s| Side::read(folder, s))
+        .map(|s| SideMaps::read(folder, s))
         .collect::<Result<_>>()?;
     if sides.is_empty() {
         let what =
@@ -140,7 +140,7 @@ fn as_json(record: &FitRecord, folder: &Path) -> Result<Vec<u8>> {
 }
 
 /// `front.rho_d.R` and, for its standard error, `front.err.rho_d.R`.
-fn one_exr(sides: &[Side], folder: &Path, path: &Path) -> Result<()> {
+fn one_exr(sides: &[SideMaps], folder: &Path, path: &Path) -> Result<()> {
     let (width, height) = (sides[0].maps.width, sides[0].maps.height);
     let mut all = Maps::new(width, height);
     for side in sides {

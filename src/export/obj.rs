@@ -5,7 +5,7 @@
 //! place in the format.
 
 use super::blade::Mesh;
-use super::side::Side;
+use super::side::SideMaps;
 use super::texture::{Turn, data_byte, encode, normal_pixel, pixels};
 use crate::{Error, Result};
 use mesophyll_files::image::to_srgb8;
@@ -15,7 +15,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 /// Writes `PATH`, and beside it `STEM.mtl` and `STEM_front_rho_d.png` ….
-pub fn write(sides: &[Side], record: &FitRecord, folder: &Path, path: &Path) -> Result<Vec<PathBuf>> {
+pub fn write(sides: &[SideMaps], record: &FitRecord, folder: &Path, path: &Path) -> Result<Vec<PathBuf>> {
     let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
     // A blank in a file name ends it for most readers of these formats.
     if stem.is_empty() || stem.contains(char::is_whitespace) {

@@ -8,7 +8,7 @@ pub const RGB: [&str; 3] = ["R", "G", "B"];
 
 /// Maps, errors (where there are any) and the mask of `front` or `back`.
 #[derive(Debug)]
-pub struct Side {
+pub struct SideMaps {
     pub name: String,
     pub maps: Maps,
     pub errors: Option<Maps>,
@@ -18,8 +18,8 @@ pub struct Side {
     pub mask: Vec<f32>,
 }
 
-impl Side {
-    pub fn read(folder: &Path, name: &str) -> Result<Side> {
+impl SideMaps {
+    pub fn read(folder: &Path, name: &str) -> Result<SideMaps> {
         let maps = image::read_exr(&folder.join(format!("{name}.exr")))?;
         let same_size = |path: &Path, other: Maps| {
             if (other.width, other.height) == (maps.width, maps.height) {
@@ -34,7 +34,7 @@ impl Side {
         };
         let (errors, blade_normals) = (optional("err")?, optional("normal")?);
         let mask = maps.get("mask.Y").map_or_else(|| vec![1.0; maps.width * maps.height], <[f32]>::to_vec);
-        Ok(Side { name: name.into(), maps, errors, blade_normals, mask })
+        Ok(SideMaps { name: name.into(), maps, errors, blade_normals, mask })
     }
 
     /// Three channels of a quantity.

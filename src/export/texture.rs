@@ -1,6 +1,6 @@
 //! Maps as 8-bit pictures. Colours (ρd, ρt, ρs) are sRGB-encoded; everything else is data, linear in the byte.
 
-use super::side::{RGB, Side};
+use super::side::{RGB, SideMaps};
 use crate::Error;
 use crate::Result;
 use mesophyll_files::claim::{self, Kind};
@@ -17,9 +17,9 @@ pub enum Turn {
 }
 
 /// RGB bytes of a side, texel by texel.
-pub fn pixels(side: &Side, turn: Turn, pixel: impl Fn(usize) -> [u8; 3]) -> Vec<u8> {
+pub fn pixels(side: &SideMaps, turn: Turn, pixel: impl Fn(usize) -> [u8; 3]) -> Vec<u8> {
     let width = side.maps.width;
-    let source = |k: usize| if turn == Turn::AsSeen { k } else { k / width * width + width - 1 - k % width };
+    let source = |k: usize| if turn == Turn::AsSeen { k } else { mesophyll_optics::side::behind(k, width) };
     (0..width * side.maps.height).flat_map(|k| pixel(source(k))).collect()
 }
 
@@ -50,7 +50,7 @@ pub fn normal_pixel(n: [f32; 3], turn: Turn) -> [u8; 3] {
 /// # Errors
 /// A folder that holds something else (see [`claim::folder`]), among it the fit itself (`from`), or that cannot be
 /// written.
-pub fn folder(sides: &[Side], from: &Path, path: &Path) -> Result<Vec<PathBuf>> {
+pub fn folder(sides: &[SideMaps], from: &Path, path: &Path) -> Result<Vec<PathBuf>> {
     claim::folder(path, Kind::Maps, &[from])?;
     claim::begin(path, Kind::Maps)?;
     let mut written = Vec::new();

@@ -2,6 +2,7 @@
 
 pub mod dipole;
 pub mod gloss;
+pub mod side;
 pub mod slab;
 pub mod translucency;
 pub mod tube;

@@ -7,9 +7,9 @@ use crate::maps::{WIDE, colour_bar_of};
 use crate::model::{Captioned, Level};
 use crate::number::{count, percent, significant};
 use crate::stats::{quantile, sorted};
-use mesophyll_capture::manifest::SideName;
 use mesophyll_fit::leaf::held_out::{self, BAD, GOOD, KeptFrame};
 use mesophyll_fit::record::FitRecord;
+use mesophyll_optics::side::Side;
 use serde::Serialize;
 use std::path::Path;
 
@@ -58,7 +58,7 @@ pub enum Kind {
 /// Reads what a leaf fit's folder says; empty for other fits.
 pub fn read(folder: &Path, record: &FitRecord, pictures: bool) -> HeldOutReport {
     let mut out = HeldOutReport { applies: record.scan.is_some(), ..HeldOutReport::default() };
-    for side in [SideName::Front, SideName::Back] {
+    for side in [Side::Front, Side::Back] {
         let Some(section) = record.sections.get(side.name()) else { continue };
         for (pass, held) in &section.held_out {
             let frames = held.frames.len();
@@ -118,7 +118,7 @@ pub fn read(folder: &Path, record: &FitRecord, pictures: bool) -> HeldOutReport 
 }
 
 /// A frame as it was measured, as it is predicted, and the difference in units of the noise.
-fn drawn(side: SideName, frame: &KeptFrame, size: Frame) -> Vec<Captioned> {
+fn drawn(side: Side, frame: &KeptFrame, size: Frame) -> Vec<Captioned> {
     let place = format!("{}, frame {}, tube at {} mm", side.name(), frame.name(), significant(frame.position_mm, 4));
     let shown = |i: usize| frame.predicted[1][i].is_finite();
     let all = frame.measured.iter().flatten().copied();

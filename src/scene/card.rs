@@ -6,12 +6,11 @@ use super::ledger::Ledger;
 use super::manifest::{Manifest, View};
 use super::placement;
 use super::plan::Plan;
-use super::plan_leaf::SIDES;
 use super::reference;
 use crate::{Error, Result};
 use glam::{DMat4, DVec3};
-use mesophyll_capture::manifest::SideName;
 use mesophyll_files::mesh::LeafMesh;
+use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
 use mesophyll_transport::{self as transport, closed_form};
 use rayon::prelude::*;
@@ -61,7 +60,7 @@ impl Card {
             ));
         };
         let mut sides = [None, None];
-        for (s, side) in SIDES.into_iter().enumerate().filter(|(_, side)| fitted.has(*side)) {
+        for (s, side) in Side::ALL.into_iter().enumerate().filter(|(_, side)| fitted.has(*side)) {
             sides[s] = Some(patch(fitted, side, ledger)?);
         }
         let (eye, target) =
@@ -132,7 +131,7 @@ impl Card {
 }
 
 /// Means over the good texels of `{side}.exr`.
-fn patch(fitted: &Fitted, side: SideName, ledger: &Ledger) -> Result<Patch> {
+fn patch(fitted: &Fitted, side: Side, ledger: &Ledger) -> Result<Patch> {
     let file = format!("{}.exr", side.name());
     const CHANNELS: [&str; 9] =
         ["mask.Y", "gamma.R", "gamma.G", "gamma.B", "thickness.Y", "rho_s.R", "rho_s.G", "rho_s.B", "m.Y"];

@@ -10,13 +10,12 @@ use super::ledger::Ledger;
 use super::manifest::{Interior, Manifest, ViewKind};
 use super::placement::Ride;
 use super::plan::{LeafPlan, Plan};
-use super::plan_leaf::SIDES;
 use super::reference::{self, Chebyshev};
 use super::save;
 use crate::Result;
 use glam::DVec3;
-use mesophyll_capture::manifest::SideName;
 use mesophyll_files::image::Maps;
+use mesophyll_optics::side::Side;
 use mesophyll_transport::{self as transport, compare};
 use mesophyll_viewer as gpu;
 use mesophyll_viewer::editor::{Editor, LeafEdit, LeafUpdate, Measure, ReferencePicture, SideEdit, SkyUpdate, Verdict};
@@ -53,7 +52,7 @@ impl SceneEditor {
             let mut sides = [None, None];
             let mut start = LeafEdit { thickness_mm: 0.0, front: unedited(), back: unedited() };
             if let Some(fitted) = &plan.leaves[index].fitted {
-                for (s, side) in SIDES.into_iter().enumerate().filter(|(_, side)| fitted.has(*side)) {
+                for (s, side) in Side::ALL.into_iter().enumerate().filter(|(_, side)| fitted.has(*side)) {
                     let path = fitted.folder.join(format!("{}.exr", side.name()));
                     sides[s] = Some(ledger.note("read", fitted.entry(&format!("{}.exr", side.name())), 0, || {
                         mesophyll_files::image::read_exr(&path)
@@ -84,7 +83,7 @@ impl SceneEditor {
     fn side(&self, leaf: usize, s: usize, edit: &LeafEdit) -> Result<viewer::Interior> {
         let plan = self.leaf(leaf);
         let black = viewer::Interior::Scalars(viewer::SlabCurve::default());
-        let Some(fitted) = plan.fitted.as_ref().filter(|f| f.has(SIDES[s]) && plan.sides[s].interior()) else {
+        let Some(fitted) = plan.fitted.as_ref().filter(|f| f.has(Side::ALL[s]) && plan.sides[s].interior()) else {
             return Ok(black);
         };
         let of_side = edit.side(s == 0);
@@ -92,7 +91,7 @@ impl SceneEditor {
             Interior::Scalars => {
                 let (low, high) = self.range(leaf, s, edit);
                 let (sigma_a, sigma_s) = (of_side.sigma_a.map(f64::from), of_side.sigma_s.map(f64::from));
-                let what = format!("{}/{} slab curve", fitted.name, SIDES[s].name());
+                let what = format!("{}/{} slab curve", fitted.name, Side::ALL[s].name());
                 Ok(viewer::Interior::Scalars(handover::slab_curve(&amount::curve(
                     sigma_a,
                     sigma_s,
@@ -104,7 +103,7 @@ impl SceneEditor {
                 ))))
             }
             Interior::Maps => {
-                let [rho_d, rho_t] = handover::pigment(plan, SIDES[s], &self.scaling(leaf, s, edit), &self.ledger)?;
+                let [rho_d, rho_t] = handover::pigment(plan, Side::ALL[s], &self.scaling(leaf, s, edit), &self.ledger)?;
                 Ok(viewer::Interior::Maps { rho_d, rho_t })
             }
         }
@@ -156,8 +155,12 @@ impl SceneEditor {
                         *curve = Arc::new(move |h| slab.at(h));
                     }
                     transport::Interior::Maps { rho_d, rho_t } if self.leaf(leaf).sides[s].interior() => {
-                        let [d, t] =
-                            handover::pigment(self.leaf(leaf), SIDES[s], &self.scaling(leaf, s, edit), &self.ledger)?;
+                        let [d, t] = handover::pigment(
+                            self.leaf(leaf),
+                            Side::ALL[s],
+                            &self.scaling(leaf, s, edit),
+                            &self.ledger,
+                        )?;
                         *rho_d = [0, 1, 2].map(|c| d.iter().map(|v| v[c]).collect());
                         *rho_t = [0, 1, 2].map(|c| t.iter().map(|v| v[c]).collect());
                     }
@@ -213,8 +216,8 @@ fn unedited() -> SideEdit {
 }
 
 /// The side whose h a leaf is drawn with.
-fn lead(fitted: &Fitted) -> SideName {
-    if fitted.has(SideName::Front) { SideName::Front } else { SideName::Back }
+fn lead(fitted: &Fitted) -> Side {
+    if fitted.has(Side::Front) { Side::Front } else { Side::Back }
 }
 
 /// Means of three channels over the good texels.

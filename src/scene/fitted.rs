@@ -6,10 +6,10 @@
 
 use super::ledger::Ledger;
 use crate::{Error, Result};
-use mesophyll_capture::manifest::SideName;
 use mesophyll_files::hash;
 use mesophyll_files::image::{self, ExrInfo, Maps};
 use mesophyll_fit::record::{FitRecord, Section};
+use mesophyll_optics::side::Side;
 use std::path::{Path, PathBuf};
 
 /// An opened fit folder; maps are read only when asked for.
@@ -46,18 +46,18 @@ impl Fitted {
         Ok(Fitted { name: name.into(), folder: folder.into(), record })
     }
 
-    pub fn has(&self, side: SideName) -> bool {
+    pub fn has(&self, side: Side) -> bool {
         self.record.sections.contains_key(side.name())
     }
 
-    pub fn section(&self, side: SideName) -> Result<&Section> {
+    pub fn section(&self, side: Side) -> Result<&Section> {
         self.record.sections.get(side.name()).ok_or_else(|| {
             Error::field(&self.folder.join("fit.toml"), side.name(), "missing; the scene needs this side of the leaf")
         })
     }
 
     /// A shared parameter, one number a channel.
-    pub fn rgb(&self, side: SideName, name: &str) -> Result<[f64; 3]> {
+    pub fn rgb(&self, side: Side, name: &str) -> Result<[f64; 3]> {
         let values = self.param(side, name)?;
         match values {
             [r, g, b] if values.iter().all(|v| v.is_finite() && *v >= 0.0) => Ok([*r, *g, *b]),
@@ -66,18 +66,18 @@ impl Fitted {
     }
 
     /// Mean thickness h (mm).
-    pub fn thickness(&self, side: SideName) -> Result<f64> {
+    pub fn thickness(&self, side: Side) -> Result<f64> {
         match self.param(side, "thickness")? {
             [h] if *h > 0.0 && h.is_finite() => Ok(*h),
             other => Err(self.bad(side, "thickness", &format!("found {other:?}, expected one positive length in mm"))),
         }
     }
 
-    fn param(&self, side: SideName, name: &str) -> Result<&[f64]> {
+    fn param(&self, side: Side, name: &str) -> Result<&[f64]> {
         self.section(side)?.params.get(name).map(|p| p.value.as_slice()).ok_or_else(|| self.bad(side, name, "missing"))
     }
 
-    fn bad(&self, side: SideName, name: &str, what: &str) -> Error {
+    fn bad(&self, side: Side, name: &str, what: &str) -> Error {
         Error::field(&self.folder.join("fit.toml"), &format!("{}.{name}", side.name()), what)
     }
 

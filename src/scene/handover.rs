@@ -12,13 +12,12 @@ use super::fitted::fill;
 use super::ledger::Ledger;
 use super::manifest::{Basis, Interior, Manifest, View};
 use super::plan::{LeafPlan, Plan, sun_direction};
-use super::plan_leaf::SIDES;
 use super::translucency::Of;
 use crate::{Error, Result};
 use glam::{Vec2, Vec3, Vec4};
-use mesophyll_capture::manifest::SideName;
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_optics::gloss::Lobe;
+use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
 use mesophyll_sky::fitted::Folded;
 use mesophyll_viewer::scene as viewer;
@@ -210,10 +209,10 @@ fn one_leaf(manifest: &Manifest, leaf: &LeafPlan, ledger: &Ledger) -> Result<vie
         ));
     };
     // One thickness a leaf: a side fitted with another h has the difference moved into its δ.
-    let lead = if fitted.has(SideName::Front) { SideName::Front } else { SideName::Back };
+    let lead = if fitted.has(Side::Front) { Side::Front } else { Side::Back };
     let h = fitted.thickness(lead)?;
     let mut sides = [viewer::Side::black(), viewer::Side::black()];
-    for (s, side) in SIDES.into_iter().enumerate() {
+    for (s, side) in Side::ALL.into_iter().enumerate() {
         let needs = leaf.sides[s];
         if needs.interior() {
             let shift = (fitted.thickness(side)? - h) as f32;
@@ -260,7 +259,7 @@ fn interior(
     kind: Interior,
     leaf: &LeafPlan,
     s: usize,
-    side: SideName,
+    side: Side,
     shift: f32,
     ledger: &Ledger,
 ) -> Result<viewer::Side> {
@@ -296,7 +295,7 @@ impl Default for Scaling {
 }
 
 /// ρd and ρt of every texel, solved from σa(x), σs(x) and the thickness.
-pub fn pigment(leaf: &LeafPlan, side: SideName, edit: &Scaling, ledger: &Ledger) -> Result<[Vec<[f32; 3]>; 2]> {
+pub fn pigment(leaf: &LeafPlan, side: Side, edit: &Scaling, ledger: &Ledger) -> Result<[Vec<[f32; 3]>; 2]> {
     let Some(fitted) = &leaf.fitted else { return Ok(Default::default()) };
     let file = format!("{}.exr", side.name());
     const CHANNELS: [&str; 7] =
@@ -333,7 +332,7 @@ pub fn pigment(leaf: &LeafPlan, side: SideName, edit: &Scaling, ledger: &Ledger)
     Ok([rgb(0), rgb(3)])
 }
 
-fn normals(leaf: &LeafPlan, side: SideName, ledger: &Ledger) -> Result<Vec<[f32; 3]>> {
+fn normals(leaf: &LeafPlan, side: Side, ledger: &Ledger) -> Result<Vec<[f32; 3]>> {
     let Some(fitted) = &leaf.fitted else { return Ok(Vec::new()) };
     let file = format!("{}_normal.exr", side.name());
     let maps = fitted.maps(&file, &["X", "Y", "Z"], ledger)?;

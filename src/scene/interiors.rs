@@ -6,9 +6,9 @@ use super::handover;
 use super::ledger::Ledger;
 use super::manifest::{Interior, Manifest, ViewKind};
 use super::plan::{self, Plan};
-use super::plan_leaf::SIDES;
 use super::reference;
 use crate::Result;
+use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
 use mesophyll_transport::{self as transport, compare as measure};
 use std::path::Path;
@@ -79,7 +79,7 @@ fn measured_world(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<t
     let mut world = reference::world(manifest, plan, ledger)?;
     for (leaf, drawn) in plan.leaves.iter().filter(|l| l.mesh.is_some()).zip(&mut world.leaves) {
         let Some(fitted) = &leaf.fitted else { continue };
-        for (s, side) in SIDES.into_iter().enumerate() {
+        for (s, side) in Side::ALL.into_iter().enumerate() {
             if !leaf.sides[s].interior() {
                 continue;
             }
@@ -108,7 +108,7 @@ fn fit_error(plan: &Plan, index: usize, kind: Interior, ledger: &Ledger) -> Resu
     let leaf = &plan.leaves[index];
     let Some(fitted) = &leaf.fitted else { return Ok(f64::NAN) };
     let (mut sum, mut count) = (0.0, 0u64);
-    for (s, side) in SIDES.into_iter().enumerate() {
+    for (s, side) in Side::ALL.into_iter().enumerate() {
         if !leaf.sides[s].interior() {
             continue;
         }

@@ -18,6 +18,7 @@ use crate::Result;
 use glam::DVec3;
 use mesophyll_files::mesh::{self, LeafMesh};
 use mesophyll_files::progress::Bar;
+use mesophyll_optics::side::Side;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -247,7 +248,7 @@ fn make_for(
     for index in 0..manifest.leaves.len() {
         let mut leaf = leaf_plan(manifest, &plan, index, out, input_hash, ledger)?;
         if free && leaf.mesh.is_some() {
-            let sides = leaf.fitted.as_ref().map_or([false; 2], |f| super::plan_leaf::SIDES.map(|s| f.has(s)));
+            let sides = leaf.fitted.as_ref().map_or([false; 2], |f| Side::ALL.map(|s| f.has(s)));
             leaf.facing = Facing::ALL;
             let shines = |has: bool| has && leaf.translucency.is_some() && manifest.sun.is_some();
             leaf.sides = sides.map(|has| SideNeeds {

@@ -7,10 +7,11 @@ use super::gloss_bound::{self, Lights, Maps};
 use super::ledger::Ledger;
 use super::manifest::{Manifest, ViewKind};
 use super::plan::{LeafPlan, LeftOut, Plan, sun_direction};
-use super::plan_leaf::{Rgba, SIDES, rgba, same_size, texture_bytes};
+use super::plan_leaf::{Rgba, rgba, same_size, texture_bytes};
 use super::{branch, plan_light};
 use crate::Result;
 use glam::{DMat4, DVec3};
+use mesophyll_optics::side::Side;
 use std::f64::consts::TAU;
 
 /// Decides about the gloss of side `s`, and reads its texture where it is needed.
@@ -19,7 +20,7 @@ use std::f64::consts::TAU;
 /// [`crate::Error::Input`] for a map that is missing, damaged or of another size.
 pub fn side(manifest: &Manifest, leaf: &mut LeafPlan, s: usize, plan: &mut Plan, ledger: &Ledger) -> Result<()> {
     let Some(fitted) = leaf.fitted.clone() else { return Ok(()) };
-    let side = SIDES[s];
+    let side = Side::ALL[s];
     let file = format!("{}_rho_s_m.exr", side.name());
     let name = fitted.entry(&file);
     if !leaf.sides[s].gloss {
@@ -87,7 +88,7 @@ fn largest(
             }
         })
         .collect();
-    let h = fitted.thickness(SIDES[s])?;
+    let h = fitted.thickness(Side::ALL[s])?;
     let rho_d: Option<Vec<[f32; 3]>> =
         leaf.textures[s].gamma_delta.as_ref().zip(leaf.curves[s].as_ref()).map(|(texels, curve)| {
             let of = |t: &[f32; 4]| {
@@ -107,7 +108,7 @@ fn largest(
     if by_mesh > manifest.tolerance || lights.suns.is_empty() {
         return Ok(by_mesh);
     }
-    let file = format!("{}_normal.exr", SIDES[s].name());
+    let file = format!("{}_normal.exr", Side::ALL[s].name());
     let maps = fitted.maps(&file, &["X", "Y", "Z"], ledger)?;
     same_size(leaf.size, [maps.width, maps.height], fitted, &file)?;
     let plane: Vec<&[f32]> = maps.channels.iter().map(|(_, p)| p.as_slice()).collect();

@@ -9,11 +9,10 @@ use super::manifest::{Interior, Manifest, ViewKind};
 use super::plan::{LeafPlan, LeftOut, Need, Plan, Textures};
 use crate::Result;
 use glam::DVec3;
-use mesophyll_capture::manifest::SideName;
 use mesophyll_fit::record::Times;
+use mesophyll_optics::side::Side;
 
 /// Sides by index.
-pub const SIDES: [SideName; 2] = [SideName::Front, SideName::Back];
 /// Bytes of a texel on the adapter: four floats, and a third more for its mips.
 const TEXEL_BYTES: u64 = 16;
 
@@ -44,7 +43,7 @@ pub fn list(manifest: &Manifest, leaf: &LeafPlan, plan: &mut Plan) {
 pub fn detail(manifest: &Manifest, leaf: &mut LeafPlan, plan: &mut Plan, ledger: &Ledger) -> Result<()> {
     let Some(fitted) = leaf.fitted.clone() else { return Ok(()) };
     let config = &manifest.leaves[leaf.index];
-    for (s, side) in SIDES.into_iter().enumerate() {
+    for (s, side) in Side::ALL.into_iter().enumerate() {
         if leaf.sides[s].any() || leaf.sides[s].mean {
             fitted.section(side)?;
         }
@@ -56,7 +55,7 @@ pub fn detail(manifest: &Manifest, leaf: &mut LeafPlan, plan: &mut Plan, ledger:
         let bytes = fitted.file_bytes("blade.glb");
         plan.leave_out(LeftOut::new(format!("{}/blade.glb", config.name), "only a card shows this leaf", bytes, None));
     }
-    for (s, side) in SIDES.into_iter().enumerate() {
+    for (s, side) in Side::ALL.into_iter().enumerate() {
         let task = OneSide { manifest, s, side, fitted: &fitted, ledger };
         if config.interior == Interior::Scalars && leaf.sides[s].interior() {
             task.read_gamma_delta(leaf)?;
@@ -136,7 +135,7 @@ fn light(manifest: &Manifest) -> (f64, f64) {
 struct OneSide<'a> {
     manifest: &'a Manifest,
     s: usize,
-    side: SideName,
+    side: Side,
     fitted: &'a Fitted,
     ledger: &'a Ledger,
 }
@@ -310,7 +309,7 @@ fn resolution(manifest: &Manifest, leaf: &mut LeafPlan, plan: &mut Plan) {
         else {
             continue;
         };
-        let Ok(h) = fitted.thickness(SIDES[s]) else { continue };
+        let Ok(h) = fitted.thickness(Side::ALL[s]) else { continue };
         let value: Vec<f32> = texels
             .iter()
             .map(|t| {
@@ -323,7 +322,7 @@ fn resolution(manifest: &Manifest, leaf: &mut LeafPlan, plan: &mut Plan) {
         let rows = amount::map_levels(&value, leaf.size[0], leaf.size[1], |k| good[k], footprint, TEXEL_BYTES);
         // Sampling a pixel's centre has an error of its own; a coarser map may not add the scene's tolerance to it.
         let allowed = rows.first().map_or(0.0, |r| r.error) + manifest.tolerance / 4.0;
-        let what = format!("{name}/{} map resolution", SIDES[s].name());
+        let what = format!("{name}/{} map resolution", Side::ALL[s].name());
         if let Some(row) = plan.choose(&what, rows, allowed) {
             leaf.block = if s == 0 || leaf.textures[0].gamma_delta.is_none() {
                 row.setting

@@ -9,12 +9,12 @@ use super::fitted::{Fitted, fill};
 use super::ledger::Ledger;
 use super::manifest::{Interior, Leaf, Manifest, View};
 use super::plan::{LeafPlan, Plan, sun_direction};
-use super::plan_leaf::{SIDES, same_size};
+use super::plan_leaf::same_size;
 use super::texel_frame;
 use crate::{Error, Result};
 use glam::{DMat4, DVec3, DVec4};
-use mesophyll_capture::manifest::SideName;
 use mesophyll_files::mesh::LeafMesh;
+use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
 use mesophyll_transport::{self as transport, lobe, world};
 use rayon::prelude::*;
@@ -178,7 +178,7 @@ fn one_leaf(manifest: &Manifest, leaf: &LeafPlan, ledger: &Ledger) -> Result<tra
     };
     let mut size = leaf.size;
     let (mut sides, mut mask) = ([None, None], None);
-    for (s, side) in SIDES.into_iter().enumerate().filter(|(_, side)| fitted.has(*side)) {
+    for (s, side) in Side::ALL.into_iter().enumerate().filter(|(_, side)| fitted.has(*side)) {
         let read = one_side(config, fitted, s, side, scanned.as_ref().unwrap_or(blade), ledger)?;
         size = same_size(size, read.size, fitted, &format!("{}.exr", side.name()))?;
         if config.mesh.is_some() && s == 0 {
@@ -209,7 +209,7 @@ fn one_side(
     config: &Leaf,
     fitted: &Fitted,
     s: usize,
-    side: SideName,
+    side: Side,
     scanned: &LeafMesh,
     ledger: &Ledger,
 ) -> Result<ReadSide> {

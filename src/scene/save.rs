@@ -2,11 +2,11 @@
 
 use super::fitted::Fitted;
 use super::handover::Scaling;
-use super::plan_leaf::SIDES;
 use crate::{Error, Result};
 use mesophyll_files::atomic::{self, explain};
 use mesophyll_files::hash;
 use mesophyll_files::image::{self, Maps, Packing};
+use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
@@ -41,7 +41,7 @@ pub fn edited(fitted: &Fitted, changes: &[Change; 2], folder: &Path) -> Result<P
     record.name = target.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     record.options.insert("edited_from".into(), format!("{} ({})", fitted.record.name, fitted.record.input_hash));
     record.termination = None;
-    for (s, side) in SIDES.into_iter().enumerate() {
+    for (s, side) in Side::ALL.into_iter().enumerate() {
         let Some(section) = record.sections.get_mut(side.name()) else { continue };
         let change = &changes[s];
         for (name, factor) in

@@ -11,11 +11,12 @@ use super::ledger::Ledger;
 use super::{handover, reference};
 use crate::{Error, Result};
 use glam::{DMat4, DVec3, Mat4, Vec3};
-use mesophyll_capture::manifest::{SideName, Travel};
+use mesophyll_capture::manifest::Travel;
 use mesophyll_files::image::Maps;
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_fit::leaf::held_out::{KeptFrame, Scan};
 use mesophyll_optics::gloss::Lobe;
+use mesophyll_optics::side::Side;
 use mesophyll_transport as transport;
 use mesophyll_viewer::scene as viewer;
 use std::sync::Arc;
@@ -27,7 +28,7 @@ const CURVE: f64 = 1e-4;
 pub struct Scanned<'a> {
     pub fitted: &'a Fitted,
     pub scan: &'a Scan,
-    pub side: SideName,
+    pub side: Side,
     pub width: usize,
     pub height: usize,
 }
@@ -35,7 +36,7 @@ pub struct Scanned<'a> {
 impl<'a> Scanned<'a> {
     /// # Errors
     /// [`Error::Input`] for a fit that does not say how its leaf was scanned, or whose maps cannot be read.
-    pub fn new(fitted: &'a Fitted, side: SideName) -> Result<Scanned<'a>> {
+    pub fn new(fitted: &'a Fitted, side: Side) -> Result<Scanned<'a>> {
         let scan = fitted.record.scan.as_ref().ok_or_else(|| {
             Error::field(
                 &fitted.folder.join("fit.toml"),

@@ -8,12 +8,11 @@
 use super::fitted::Fitted;
 use super::ledger::Ledger;
 use super::plan::LeafPlan;
-use super::plan_leaf::SIDES;
 use super::texel_frame;
 use crate::Result;
-use mesophyll_capture::manifest::SideName;
 use mesophyll_files::image::Maps;
 use mesophyll_files::mesh::LeafMesh;
+use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
 use rayon::prelude::*;
 
@@ -35,7 +34,7 @@ const OUTLINE: f64 = 0.9;
 pub fn contradictions(leaf: &LeafPlan, ledger: &Ledger) -> Result<Vec<String>> {
     let mut out = Vec::new();
     let Some(fitted) = &leaf.fitted else { return Ok(out) };
-    for (s, side) in SIDES.into_iter().enumerate() {
+    for (s, side) in Side::ALL.into_iter().enumerate() {
         if !(leaf.sides[s].any() || leaf.sides[s].mean) {
             continue;
         }
@@ -81,7 +80,7 @@ fn off(value: f64, expected: f64, by: f64) -> bool {
     value.is_nan() || (value - expected).abs() > by
 }
 
-fn interior(fitted: &Fitted, side: SideName, maps: &Maps, good: &[usize]) -> Result<Vec<String>> {
+fn interior(fitted: &Fitted, side: Side, maps: &Maps, good: &[usize]) -> Result<Vec<String>> {
     let (sigma_a, sigma_s) = (fitted.rgb(side, "sigma_a")?, fitted.rgb(side, "sigma_s")?);
     let plane = |name: String| maps.get(&name).unwrap_or_default();
     let thickness = maps.get("thickness.Y").unwrap_or_default();
@@ -128,7 +127,7 @@ fn packed(leaf: &LeafPlan, s: usize, maps: &Maps, good: &[usize], h: f64) -> Vec
             out.push(format!("{what} disagrees with it at {:.1} % of the texels", 100.0 * stray));
         }
     };
-    let name = SIDES[s].name();
+    let name = Side::ALL[s].name();
     if let Some(t) = &leaf.textures[s].gamma_delta {
         compare(&format!("{name}_gamma_delta.exr"), t, ["gamma.R", "gamma.G", "gamma.B", "thickness.Y"], h);
     }
@@ -186,7 +185,7 @@ fn shape(
             out.push(format!("normal.{name} leans against the blade: is it mirrored?"));
         }
     }
-    let file = format!("{}_normal.exr", SIDES[s].name());
+    let file = format!("{}_normal.exr", Side::ALL[s].name());
     let packed = fitted.maps(&file, &["X", "Y", "Z"], ledger)?;
     let expected = texel_frame::tangent_space(&normals, &frames, w, s == 1);
     let found: Vec<&[f32]> = packed.channels.iter().map(|(_, p)| p.as_slice()).collect();

@@ -6,7 +6,6 @@
 use super::facing::Facing;
 use super::placement::Placement;
 use super::plan::{LeafPlan, Plan};
-use super::plan_leaf::SIDES;
 use super::texel_frame;
 use super::translucency::{Of, front_texel};
 use crate::{Error, Result};
@@ -16,6 +15,7 @@ use mesophyll_fit::translucency::source::{Frame, Source};
 use mesophyll_fit::translucency::tissue::Entry;
 use mesophyll_fit::translucency::{Area, Colour, colour, side};
 use mesophyll_optics::dipole::{Form, Tissue};
+use mesophyll_optics::side::Side;
 use mesophyll_optics::translucency::basis::{Basis, Projector, Weights};
 use mesophyll_optics::translucency::blade::Surface;
 use mesophyll_optics::translucency::convolve::{Convolver, Settings, Totals};
@@ -87,7 +87,7 @@ impl Convolved {
         let area = area.ok_or_else(|| bad("area", "facet or texel"))?;
         let form = said("form").and_then(form).ok_or_else(|| bad("form", "thin, images or dipoles N"))?;
         let source = Source::read(leaf, Frame::Mesh)?;
-        let name = SIDES[s];
+        let name = Side::ALL[s];
         let Some(at) = source.sides.iter().position(|x| x.name == name) else { return Ok(None) };
         let section = record.sections.get(name.name()).ok_or_else(|| Error::field(&file, name.name(), "missing"))?;
         let letters: Vec<&str> = said("channel").unwrap_or_default().split_whitespace().collect();
@@ -344,7 +344,7 @@ fn light(
             .filter(|&i| instances[i].leaf == index)
             .map(|i| (i, facing(i)))
             .collect();
-        for s in (0..2).filter(|s| fitted.has(SIDES[*s]) && has(index, *s)) {
+        for s in (0..2).filter(|s| fitted.has(Side::ALL[*s]) && has(index, *s)) {
             let shown: Vec<usize> = own.iter().filter(|(_, f)| f.through[1 - s]).map(|(i, _)| *i).collect();
             if shown.is_empty() {
                 continue;

@@ -87,7 +87,7 @@ pub fn tangent_space(normals: &[[f32; 3]], frames: &[[DVec3; 3]], width: usize, 
         .map(|(k, n)| {
             // The blade was turned about y: x and z change sign, and column i of the back is column width − 1 − i of
             // the front.
-            let [tangent, up, out] = frames[if back { k / width * width + width - 1 - k % width } else { k }];
+            let [tangent, up, out] = frames[if back { mesophyll_optics::side::behind(k, width) } else { k }];
             let blade = DVec3::new(sign * f64::from(n[0]), f64::from(n[1]), sign * f64::from(n[2]));
             [sign * blade.dot(tangent), blade.dot(up), sign * blade.dot(out)].map(|v| v as f32)
         })

@@ -12,15 +12,14 @@ use super::fitted::{Fitted, fill};
 use super::ledger::Ledger;
 use super::manifest::{Basis, Manifest, Tissue, Translucency as Asked, ViewKind};
 use super::plan::{LeafPlan, LeftOut, Need, Plan, sun_direction};
-use super::plan_leaf::SIDES;
 use super::source::{Source, Status};
 use super::sunlit::Inside;
 use super::texel_frame;
 use crate::{Error, Result};
 use glam::{DMat3, DVec3};
-use mesophyll_capture::manifest::SideName;
 use mesophyll_files::hash;
 use mesophyll_fit::record::FitRecord;
+use mesophyll_optics::side::{Side, behind};
 use mesophyll_optics::translucency::basis;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -183,7 +182,7 @@ pub fn list(manifest: &Manifest, leaf: &LeafPlan, plan: &mut Plan) {
 /// [`Error::Input`] for a map that is missing, damaged or of another size.
 pub fn side(manifest: &Manifest, leaf: &mut LeafPlan, s: usize, plan: &mut Plan, ledger: &Ledger) -> Result<()> {
     let (Some(translucent), Some(fitted)) = (&leaf.translucency, &leaf.fitted) else { return Ok(()) };
-    let (side, name) = (SIDES[s], &manifest.leaves[leaf.index].name);
+    let (side, name) = (Side::ALL[s], &manifest.leaves[leaf.index].name);
     if !fitted.has(side) {
         return Ok(());
     }
@@ -292,7 +291,7 @@ fn on_leaf(leaf: &LeafPlan, s: usize) -> Vec<bool> {
 
 /// The front's texel behind texel `k` of a side's maps.
 pub fn front_texel(k: usize, s: usize, width: usize) -> usize {
-    if s == 0 { k } else { k / width * width + width - 1 - k % width }
+    if s == 0 { k } else { behind(k, width) }
 }
 
 /// Displayed error of doing without.
@@ -314,9 +313,9 @@ fn cost(
     let none = Cost { p99: 0.0, largest: 0.0 };
     let (Some(mesh), Some(fitted)) = (&leaf.mesh, &leaf.fitted) else { return Ok(none) };
     let [w, h] = leaf.size;
-    let file = format!("{}_normal.exr", SIDES[s].name());
+    let file = format!("{}_normal.exr", Side::ALL[s].name());
     let normals = fitted.maps(&file, &["X", "Y", "Z"], ledger)?;
-    let rho_t = transmittance(leaf, s, SIDES[s], fitted, ledger)?;
+    let rho_t = transmittance(leaf, s, Side::ALL[s], fitted, ledger)?;
     let frames = texel_frame::frames(&leaf.mesh_path, mesh, w, h)?;
     let on_leaf = on_leaf(leaf, s);
     let suns = suns(manifest, leaf, plan);
@@ -384,7 +383,7 @@ fn suns(manifest: &Manifest, leaf: &LeafPlan, plan: &Plan) -> Vec<(DVec3, [f64; 
 }
 
 /// ρt of every texel.
-fn transmittance(leaf: &LeafPlan, s: usize, side: SideName, fitted: &Fitted, ledger: &Ledger) -> Result<Vec<[f32; 3]>> {
+fn transmittance(leaf: &LeafPlan, s: usize, side: Side, fitted: &Fitted, ledger: &Ledger) -> Result<Vec<[f32; 3]>> {
     if let (Some(texels), Some(curve)) = (&leaf.textures[s].gamma_delta, &leaf.curves[s]) {
         let h = fitted.thickness(side)?;
         return Ok(texels.iter().map(|t| curve.at(h + f64::from(t[3])).1.map(|v| v as f32)).collect());
@@ -413,7 +412,7 @@ pub fn resolution(manifest: &Manifest, leaf: &mut LeafPlan, plan: &mut Plan, foo
         let good = on_leaf(leaf, s);
         let rows = super::amount::map_levels(&values, w, h, |k| good[k], footprint, TEXEL_BYTES);
         let allowed = rows.first().map_or(0.0, |r| r.error) + manifest.tolerance / 4.0;
-        let what = format!("{}/translucency {} resolution", manifest.leaves[leaf.index].name, SIDES[s].name());
+        let what = format!("{}/translucency {} resolution", manifest.leaves[leaf.index].name, Side::ALL[s].name());
         if let Some(row) = plan.choose(&what, rows, allowed) {
             leaf.block = leaf.block.min(row.setting);
         }

@@ -5,10 +5,10 @@
 use super::fitted::fill;
 use super::manifest::Manifest;
 use super::plan::Plan;
-use super::plan_leaf::SIDES;
 use super::texel_frame;
 use crate::{Error, Result};
 use mesophyll_files::image::{Maps, read_exr};
+use mesophyll_optics::side::Side;
 use mesophyll_transport::{self as transport, NormalFrame};
 use std::path::Path;
 
@@ -28,7 +28,7 @@ pub fn replace(world: &mut transport::World, manifest: &Manifest, plan: &Plan, o
         };
         let (Some(mesh), Some(drawn)) = (&leaf.mesh, world.leaves.get_mut(k)) else { continue };
         let mut replaced = false;
-        for (s, side) in SIDES.into_iter().enumerate().filter(|(s, _)| leaf.sides[*s].any()) {
+        for (s, side) in Side::ALL.into_iter().enumerate().filter(|(s, _)| leaf.sides[*s].any()) {
             let path = capture.join("truth").join(format!("{}.exr", side.name()));
             let Some(truth) = open(&path, drawn)? else { continue };
             let place = if s == 0 { &mut drawn.front } else { &mut drawn.back };

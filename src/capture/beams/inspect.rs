@@ -8,7 +8,7 @@ mod photograph;
 use super::manifest::{Beam, KIND, Manifest};
 use super::reader;
 use crate::dome::noise::median;
-use crate::manifest::SideName;
+use mesophyll_optics::side::Side;
 use serde::Serialize;
 use std::path::Path;
 
@@ -111,7 +111,7 @@ fn lights(beams: &[Beam], found: &mut Inspection) {
     }
     // Of the light that falls in, less comes through of a slanting beam than of a steep one.
     let share = |p: &Photograph| p.median / p.elevation_deg.to_radians().sin();
-    for side in [SideName::Front, SideName::Back] {
+    for side in [Side::Front, Side::Back] {
         let mut lit: Vec<&Photograph> =
             found.photographs.iter().filter(|p| p.lit == side.name() && p.median > 0.0).collect();
         lit.sort_by(|a, b| b.elevation_deg.total_cmp(&a.elevation_deg));

@@ -1,9 +1,9 @@
 //! `capture.toml` of photographs under beams. Lengths in mm, angles in degrees; unknown fields are errors.
 
 use crate::field::Fields;
-use crate::manifest::SideName;
 use crate::{Error, Result};
 use mesophyll_files::atomic::explain;
+use mesophyll_optics::side::Side;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -37,7 +37,7 @@ pub struct Beam {
     /// Photograph of the unlit side, R G B, relative to the folder.
     pub file: String,
     /// The side that the light falls on.
-    pub lit: SideName,
+    pub lit: Side,
     /// Over the blade's plane: 90 is along the normal.
     pub elevation_deg: f64,
     /// In the lit side's image, from right to up, where the light comes from.

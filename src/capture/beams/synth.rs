@@ -7,7 +7,6 @@
 //! the leaf is grown wider than the picture, so that light comes in over its border.
 
 use super::manifest::{Beam, KIND, Manifest};
-use crate::manifest::SideName;
 use crate::synth::leaf::{Leaf, Window, texel_size};
 use crate::synth::preview;
 use crate::synth::random::Stream;
@@ -18,8 +17,9 @@ use mesophyll_files::atomic;
 use mesophyll_files::image::{Maps, Packing, write_exr};
 use mesophyll_files::progress::Bar;
 use mesophyll_optics::dipole::Tissue;
+use mesophyll_optics::side::{Side, mirror};
 use mesophyll_optics::slab::exact::Medium;
-use mesophyll_optics::translucency::blade::{self, LitSide, Surface};
+use mesophyll_optics::translucency::blade::{LitSide, Surface};
 use mesophyll_optics::translucency::convolve::{Convolver, Settings, Totals};
 use mesophyll_optics::translucency::horizon::Horizon;
 use mesophyll_optics::translucency::irradiance::{Visibility, irradiance};
@@ -54,11 +54,11 @@ const STEEPEST: f64 = 5.0;
 /// One beam along each side's normal, and three slanting ones on the front.
 pub fn usual_beams() -> Vec<Beam> {
     let beams = [
-        (SideName::Front, 90.0, 0.0),
-        (SideName::Front, 50.0, 20.0),
-        (SideName::Front, 50.0, 140.0),
-        (SideName::Front, 50.0, 260.0),
-        (SideName::Back, 90.0, 0.0),
+        (Side::Front, 90.0, 0.0),
+        (Side::Front, 50.0, 20.0),
+        (Side::Front, 50.0, 140.0),
+        (Side::Front, 50.0, 260.0),
+        (Side::Back, 90.0, 0.0),
     ];
     named(
         beams
@@ -114,7 +114,7 @@ impl Grown {
     /// A tissue that no kernel can be made of.
     pub fn shown(&self, beam: &Beam) -> Result<[Vec<f64>; 3]> {
         let leaf = &self.leaf;
-        let back = beam.lit == SideName::Back;
+        let back = beam.lit == Side::Back;
         let (side, mask) = (if back { &leaf.back } else { &leaf.front }, leaf.mask_of(back));
         let (w, h) = (leaf.width, leaf.height);
         let normal: Vec<[f64; 3]> =
@@ -126,7 +126,7 @@ impl Grown {
         let entry = normal.iter().map(|n| (1.0 / n[2]).min(STEEPEST)).collect();
         let surface = Surface { height, normal, entry };
         let lit = LitSide {
-            side: if back { blade::Side::Back } else { blade::Side::Front },
+            side: if back { Side::Back } else { Side::Front },
             width: w,
             height: h,
             texel_mm: leaf.texel_mm,
@@ -254,12 +254,12 @@ pub fn capture(spec: &Spec, grown: &Grown, options: &Options, folder: &Path) -> 
             }
         }
         // As the unlit side's camera sees it; off the leaf there is nothing to read.
-        let mask = grown.crop(&grown.leaf.mask_of(beam.lit == SideName::Back));
+        let mask = grown.crop(&grown.leaf.mask_of(beam.lit == Side::Back));
         let mut maps = Maps::new(w, h);
         for (channel, name) in shown.iter().zip(crate::reader::RGB) {
             let seen: Vec<f32> =
                 channel.iter().zip(&mask).map(|(v, m)| if *m { *v as f32 } else { f32::NAN }).collect();
-            maps.push(name, blade::mirror(&seen, w));
+            maps.push(name, mirror(&seen, w));
         }
         write_exr(&folder.join(&beam.file), &maps, Packing::Raw)?;
         bar.advance(1);

@@ -5,7 +5,7 @@ use super::manifest::{Manifest, Picture};
 use super::noise::quantile;
 use super::reader::{Capture, check_files};
 use super::reduce::{Options, Reduced, reduce};
-use crate::manifest::SideName;
+use mesophyll_optics::side::Side;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -92,7 +92,7 @@ fn look(capture: &Capture, r: &Reduced, found: &mut Inspection) {
     let m = &capture.manifest;
     let leaf = r.mask.iter().filter(|m| **m).count();
     found.leaf_texels = Some(leaf);
-    for name in [SideName::Front, SideName::Back] {
+    for name in [Side::Front, Side::Back] {
         let (side, pictures) = (r.side(name), capture.pictures(name));
         let mask: Vec<bool> = side.status.iter().map(|s| *s != super::defect::OUTSIDE).collect();
         for (picture, image, reference) in [
@@ -160,7 +160,7 @@ fn look(capture: &Capture, r: &Reduced, found: &mut Inspection) {
     }
     let mut d: Vec<f64> = r.thickness.iter().copied().filter(|v| v.is_finite()).collect();
     let thickness_mm = [0.01, 0.5, 0.99].map(|q| quantile(&mut d, q));
-    let back = super::smooth::mirrored(&capture.back.height, m.width);
+    let back = mesophyll_optics::side::mirror(&capture.back.height, m.width);
     let holes =
         (0..m.texels()).filter(|&k| r.mask[k] && !(capture.front.height[k].is_finite() && back[k].is_finite())).count();
     let shape = Shape { alignment: r.alignment, thickness_mm, hole_share: holes as f64 / leaf.max(1) as f64 };

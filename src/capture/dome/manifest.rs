@@ -1,9 +1,9 @@
 //! `capture.toml` of a capture under a dome. Lengths in mm; unknown fields are errors.
 
 use crate::field::Fields;
-use crate::manifest::SideName;
 use crate::{Error, Result};
 use mesophyll_files::atomic::explain;
+use mesophyll_optics::side::Side;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -52,7 +52,7 @@ pub struct Manifest {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub highlight_index: Option<[f64; 2]>,
     /// `front` and `back`.
-    pub sides: Vec<SideName>,
+    pub sides: Vec<Side>,
 }
 
 fn contact() -> f64 {
@@ -129,7 +129,7 @@ impl Manifest {
         {
             return bad("highlight_index", &format!("{index:?}"), "[front, back], refractive indices of 1 to 2.5");
         }
-        if self.sides != [SideName::Front, SideName::Back] {
+        if self.sides != [Side::Front, Side::Back] {
             let found = format!("{:?}", self.sides.iter().map(|s| s.name()).collect::<Vec<_>>());
             return bad("sides", &found, "[\"front\", \"back\"]: thickness is the difference of both sides' heights");
         }
@@ -177,7 +177,7 @@ impl Picture {
     }
 
     /// `CAPTURE/front/albedo.exr`.
-    pub fn path(self, folder: &Path, side: SideName) -> PathBuf {
+    pub fn path(self, folder: &Path, side: Side) -> PathBuf {
         folder.join(side.name()).join(format!("{}.exr", self.name()))
     }
 }

@@ -23,4 +23,4 @@ pub mod visible;
 
 pub use manifest::Manifest;
 pub use reader::Capture;
-pub use reduce::{Reduced, Side, reduce};
+pub use reduce::{Reduced, ReducedSide, reduce};

@@ -2,10 +2,10 @@
 //! dark level taken off.
 
 use super::manifest::{Manifest, Picture, empty_path, white_path};
-use crate::manifest::SideName;
 use crate::{Error, Result};
 use mesophyll_files::hash;
 use mesophyll_files::image::{ExrInfo, Maps, exr_info, read_exr, read_exr_rows};
+use mesophyll_optics::side::Side;
 use std::path::{Path, PathBuf};
 
 /// One RGB triple a texel, row-major.
@@ -69,7 +69,7 @@ impl Capture {
             }
             Ok((image, saturated, clipped))
         };
-        let side = |side: SideName| -> Result<Pictures> {
+        let side = |side: Side| -> Result<Pictures> {
             let path = |p: Picture| p.path(folder, side);
             let (albedo, a, clipped) = photograph(&path(Picture::Albedo))?;
             let (translucency, t, _) = photograph(&path(Picture::Translucency))?;
@@ -85,7 +85,7 @@ impl Capture {
                 saturated: a.into_iter().zip(t).map(|(a, t)| a || t).collect(),
             })
         };
-        let (front, back) = (side(SideName::Front)?, side(SideName::Back)?);
+        let (front, back) = (side(Side::Front)?, side(Side::Back)?);
         let (white, empty) = (photograph(&white_path(folder))?.0, photograph(&empty_path(folder))?.0);
         for (path, image) in [(white_path(folder), &white), (empty_path(folder), &empty)] {
             let unlit = image.iter().filter(|v| v.iter().any(|c| *c <= 0.0)).count();
@@ -122,10 +122,10 @@ impl Capture {
         })
     }
 
-    pub fn pictures(&self, side: SideName) -> &Pictures {
+    pub fn pictures(&self, side: Side) -> &Pictures {
         match side {
-            SideName::Front => &self.front,
-            SideName::Back => &self.back,
+            Side::Front => &self.front,
+            Side::Back => &self.back,
         }
     }
 
@@ -147,7 +147,7 @@ impl Capture {
     }
 
     /// `truth/front.exr` of a synthetic capture.
-    pub fn truth(&self, side: SideName) -> Result<Option<Maps>> {
+    pub fn truth(&self, side: Side) -> Result<Option<Maps>> {
         let path = self.folder.join("truth").join(format!("{}.exr", side.name()));
         if !path.exists() {
             return Ok(None);
@@ -159,7 +159,7 @@ impl Capture {
 
 /// The pictures a capture cannot do without, and their channels.
 fn required(folder: &Path) -> Vec<(PathBuf, &'static [&'static str])> {
-    let sides = [SideName::Front, SideName::Back];
+    let sides = [Side::Front, Side::Back];
     let pictures = sides.iter().flat_map(|&s| Picture::ALL.map(|p| (p.path(folder, s), p.channels())));
     pictures.chain([white_path(folder), empty_path(folder)].map(|p| (p, Picture::Albedo.channels()))).collect()
 }

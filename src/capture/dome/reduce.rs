@@ -14,12 +14,11 @@ use super::manifest::{Manifest, Picture};
 use super::noise::deviation;
 use super::reader::{Capture, Pictures, Pixels};
 use super::shape::{filled, shape};
-use super::smooth::mirrored;
 use super::visible::visible;
 use crate::lightbox::mask_from_transmission;
-use crate::manifest::SideName;
 use crate::{Error, Result};
-use mesophyll_optics::translucency::blade::{self, Blade, Surface};
+use mesophyll_optics::side::{Side, mirror};
+use mesophyll_optics::translucency::blade::{Blade, Surface};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -32,7 +31,7 @@ pub struct Options {
 
 /// One side, row-major as its camera saw it; NaN off the leaf (normals: straight up).
 #[derive(Debug, Clone)]
-pub struct Side {
+pub struct ReducedSide {
     /// Diffuse reflectance without the highlight, a channel.
     pub albedo: Vec<[f64; 3]>,
     /// Its standard error from the photographs' noise; that of the highlight is common to all texels
@@ -66,8 +65,8 @@ pub struct Reduced {
     pub thickness_err: Vec<f64>,
     pub alignment: Alignment,
     pub noise: PhotoNoise,
-    pub front: Side,
-    pub back: Side,
+    pub front: ReducedSide,
+    pub back: ReducedSide,
 }
 
 /// Noise of a photograph's reading: √((relative·value)² + floor²).
@@ -79,15 +78,15 @@ pub struct PhotoNoise {
 }
 
 impl Reduced {
-    pub fn side(&self, side: SideName) -> &Side {
+    pub fn side(&self, side: Side) -> &ReducedSide {
         match side {
-            SideName::Front => &self.front,
-            SideName::Back => &self.back,
+            Side::Front => &self.front,
+            Side::Back => &self.back,
         }
     }
 
     /// Texels of a side with each defect, by name; those without any are left out.
-    pub fn defects(&self, side: SideName) -> BTreeMap<&'static str, usize> {
+    pub fn defects(&self, side: Side) -> BTreeMap<&'static str, usize> {
         let status = &self.side(side).status;
         let count = |d: Defect| (d.name(), status.iter().filter(|s| **s == d.code()).count());
         Defect::ALL.map(count).into_iter().filter(|(_, n)| *n > 0).collect()
@@ -97,7 +96,7 @@ impl Reduced {
 impl Reduced {
     /// A channel of a map of a side, row-major as its camera saw it: where the texel has no reading, is dark or breaks
     /// energy, what its neighbours say; 0 off the leaf.
-    fn whole(&self, side: SideName, map: &[[f64; 3]], channel: usize) -> Vec<f64> {
+    fn whole(&self, side: Side, map: &[[f64; 3]], channel: usize) -> Vec<f64> {
         let side = self.side(side);
         let broken = [Defect::NoReading, Defect::Saturated, Defect::Energy, Defect::Dark].map(Defect::code);
         let on: Vec<bool> = side.status.iter().map(|s| *s != OUTSIDE).collect();
@@ -110,12 +109,12 @@ impl Reduced {
     }
 
     /// Albedo of a side in a channel (0 red … 2 blue), 0 … 1; without holes, 0 off the leaf.
-    pub fn albedo(&self, side: SideName, channel: usize) -> Vec<f64> {
+    pub fn albedo(&self, side: Side, channel: usize) -> Vec<f64> {
         self.whole(side, &self.side(side).albedo, channel)
     }
 
     /// What comes through towards the camera of a side (the light fell on the other one), in the same manner.
-    pub fn transmittance(&self, side: SideName, channel: usize) -> Vec<f64> {
+    pub fn transmittance(&self, side: Side, channel: usize) -> Vec<f64> {
         self.whole(side, &self.side(side).transmittance, channel)
     }
 
@@ -124,7 +123,7 @@ impl Reduced {
     pub fn blade(&self, channel: usize) -> Blade {
         let positive: Vec<f64> = self.thickness.iter().map(|d| if *d > 0.0 { *d } else { f64::NAN }).collect();
         let thickness = filled(&positive, &self.mask, self.width, 0.0);
-        let surface = |s: SideName| {
+        let surface = |s: Side| {
             let side = self.side(s);
             let height = side.height.iter().map(|h| if h.is_finite() { *h } else { 0.0 }).collect();
             Surface {
@@ -139,8 +138,8 @@ impl Reduced {
             texel_mm: self.texel_mm,
             mask: self.mask.clone(),
             thickness: thickness.into_iter().map(|d| if d.is_finite() { d } else { 0.0 }).collect(),
-            front: surface(SideName::Front),
-            back: surface(SideName::Back),
+            front: surface(Side::Front),
+            back: surface(Side::Back),
         }
     }
 }
@@ -155,56 +154,55 @@ pub fn reduce(capture: &Capture, options: &Options) -> Result<Reduced> {
     let (w, h) = (m.width, m.height);
     let noise = photo_noise(capture);
     let ratio = |leaf: &Pixels, reference: &Pixels| quotient(leaf, reference, noise, m, capture.has_dark);
-    let through = [SideName::Front, SideName::Back].map(|s| ratio(&capture.pictures(s).translucency, &capture.empty));
+    let through = [Side::Front, Side::Back].map(|s| ratio(&capture.pictures(s).translucency, &capture.empty));
     let mask = outline(capture, &through)?;
-    let masks = [mask.clone(), mirrored(&mask, w)];
+    let masks = [mask.clone(), mirror(&mask, w)];
 
     let shape = shape(capture, &mask, options)?;
     let [front_height, back_height] = &shape.height;
     let heights = [front_height, back_height];
     let bare = Blade::from_heights(w, h, m.texel_mm, mask.clone(), heights.map(Clone::clone), [Vec::new(), Vec::new()]);
-    let mut sides =
-        [SideName::Front, SideName::Back].into_iter().enumerate().zip(through).map(|((s, name), (t, t_err))| {
-            let pictures = capture.pictures(name);
-            let lit = bare.lit(if s == 0 { blade::Side::Front } else { blade::Side::Back });
-            let (seen, normal) = (visible(&lit), lit.surface.normal.clone());
-            let (mut albedo, mut albedo_err) = ratio(&pictures.albedo, &capture.white);
-            albedo.iter_mut().chain(&mut albedo_err).for_each(|v| v.iter_mut().for_each(|v| *v *= m.white_reflectance));
-            let highlight = highlight::estimate(&albedo, &masks[s], m.highlight_index.map(|n| n[s]));
-            for (k, (a, e)) in albedo.iter_mut().zip(&mut albedo_err).enumerate() {
-                for c in 0..3 {
-                    (a[c], e[c]) = if masks[s][k] {
-                        ((a[c] - highlight.share) / seen[k], e[c] / seen[k])
-                    } else {
-                        (f64::NAN, f64::NAN)
-                    };
-                }
+    let mut sides = [Side::Front, Side::Back].into_iter().enumerate().zip(through).map(|((s, name), (t, t_err))| {
+        let pictures = capture.pictures(name);
+        let lit = bare.lit(if s == 0 { Side::Front } else { Side::Back });
+        let (seen, normal) = (visible(&lit), lit.surface.normal.clone());
+        let (mut albedo, mut albedo_err) = ratio(&pictures.albedo, &capture.white);
+        albedo.iter_mut().chain(&mut albedo_err).for_each(|v| v.iter_mut().for_each(|v| *v *= m.white_reflectance));
+        let highlight = highlight::estimate(&albedo, &masks[s], m.highlight_index.map(|n| n[s]));
+        for (k, (a, e)) in albedo.iter_mut().zip(&mut albedo_err).enumerate() {
+            for c in 0..3 {
+                (a[c], e[c]) = if masks[s][k] {
+                    ((a[c] - highlight.share) / seen[k], e[c] / seen[k])
+                } else {
+                    (f64::NAN, f64::NAN)
+                };
             }
-            let off = |map: Vec<[f64; 3]>| {
-                map.into_iter().zip(&masks[s]).map(|(v, m)| if *m { v } else { [f64::NAN; 3] }).collect::<Vec<_>>()
-            };
-            Side {
-                albedo,
-                albedo_err,
-                transmittance: off(t),
-                transmittance_err: off(t_err),
-                height: heights[s].clone(),
-                normal,
-                visible: seen,
-                highlight,
-                status: Vec::new(),
-            }
-        });
+        }
+        let off = |map: Vec<[f64; 3]>| {
+            map.into_iter().zip(&masks[s]).map(|(v, m)| if *m { v } else { [f64::NAN; 3] }).collect::<Vec<_>>()
+        };
+        ReducedSide {
+            albedo,
+            albedo_err,
+            transmittance: off(t),
+            transmittance_err: off(t_err),
+            height: heights[s].clone(),
+            normal,
+            visible: seen,
+            highlight,
+            status: Vec::new(),
+        }
+    });
     let (Some(mut front), Some(mut back)) = (sides.next(), sides.next()) else {
         return Err(Error::input(&capture.folder, "found less than two sides"));
     };
     let holes: Vec<bool> = {
-        let back = mirrored(&capture.back.height, w);
+        let back = mirror(&capture.back.height, w);
         (0..w * h).map(|k| !(capture.front.height[k].is_finite() && back[k].is_finite())).collect()
     };
     let thin: Vec<bool> = shape.thickness.iter().map(|d| *d <= 0.0).collect();
     front.status = status(&front, &back, &capture.front, &masks[0], &holes, &thin, w);
-    back.status = status(&back, &front, &capture.back, &masks[1], &mirrored(&holes, w), &mirrored(&thin, w), w);
+    back.status = status(&back, &front, &capture.back, &masks[1], &mirror(&holes, w), &mirror(&thin, w), w);
     Ok(Reduced {
         width: w,
         height: h,
@@ -271,7 +269,7 @@ fn outline(capture: &Capture, through: &[(Vec<[f64; 3]>, Vec<[f64; 3]>); 2]) -> 
         mask_from_transmission(&ratio, w, h)
     });
     let path = |side| Picture::Translucency.path(&capture.folder, side);
-    for (side, seen) in [SideName::Front, SideName::Back].into_iter().zip(&seen) {
+    for (side, seen) in [Side::Front, Side::Back].into_iter().zip(&seen) {
         if !seen.contains(&true) {
             return Err(Error::input(
                 &path(side),
@@ -280,9 +278,9 @@ fn outline(capture: &Capture, through: &[(Vec<[f64; 3]>, Vec<[f64; 3]>); 2]) -> 
         }
     }
     let [front, back] = &seen;
-    let back = mirrored(back, w);
+    let back = mirror(back, w);
     let compare = |side, seen: &[bool], mask: &[bool], what: &str| {
-        let (fits, turned) = (overlap(seen, mask), overlap(&mirrored(seen, w), mask));
+        let (fits, turned) = (overlap(seen, mask), overlap(&mirror(seen, w), mask));
         if turned > fits + 0.1 {
             return Err(Error::input(
                 &path(side),
@@ -307,12 +305,12 @@ fn outline(capture: &Capture, through: &[(Vec<[f64; 3]>, Vec<[f64; 3]>); 2]) -> 
     };
     match &capture.mask {
         Some(mask) => {
-            compare(SideName::Front, front, mask, "mask.exr")?;
-            compare(SideName::Back, &back, mask, "mask.exr")?;
+            compare(Side::Front, front, mask, "mask.exr")?;
+            compare(Side::Back, &back, mask, "mask.exr")?;
             Ok(mask.clone())
         }
         None => {
-            compare(SideName::Back, &back, front, "the front's")?;
+            compare(Side::Back, &back, front, "the front's")?;
             Ok(front.iter().zip(&back).map(|(f, b)| *f && *b).collect())
         }
     }
@@ -328,16 +326,16 @@ fn overlap(a: &[bool], b: &[bool]) -> f64 {
 /// The first defect that applies. Light that comes through towards this camera fell on the other side: its albedo
 /// counts for energy.
 fn status(
-    side: &Side,
-    other: &Side,
+    side: &ReducedSide,
+    other: &ReducedSide,
     pictures: &Pictures,
     mask: &[bool],
     holes: &[bool],
     thin: &[bool],
     width: usize,
 ) -> Vec<i16> {
-    let entered = mirrored(&other.albedo, width);
-    let entered_err = mirrored(&other.albedo_err, width);
+    let entered = mirror(&other.albedo, width);
+    let entered_err = mirror(&other.albedo_err, width);
     let common = other.highlight.stderr;
     (0..mask.len())
         .map(|k| {

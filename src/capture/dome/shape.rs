@@ -6,9 +6,9 @@ use super::manifest::{Manifest, Picture};
 use super::noise::quantile;
 use super::reader::Capture;
 use super::reduce::Options;
-use super::smooth::{Kernel, mirrored, smooth};
-use crate::manifest::SideName;
+use super::smooth::{Kernel, smooth};
 use crate::{Error, Result};
+use mesophyll_optics::side::{Side, mirror};
 use std::path::Path;
 
 /// Thickness (front's columns) and both sides' smoothed heights over the middle plane.
@@ -25,8 +25,8 @@ pub struct Shape {
 pub fn shape(capture: &Capture, mask: &[bool], options: &Options) -> Result<Shape> {
     let m = &capture.manifest;
     let (w, h) = (m.width, m.height);
-    let path = Picture::Height.path(&capture.folder, SideName::Back);
-    let mut scans = [capture.front.height.clone(), mirrored(&capture.back.height, w)]
+    let path = Picture::Height.path(&capture.folder, Side::Back);
+    let mut scans = [capture.front.height.clone(), mirror(&capture.back.height, w)]
         .map(|s| s.into_iter().map(f64::from).collect::<Vec<_>>());
     let sum: Vec<f64> = (0..w * h).map(|k| if mask[k] { scans[0][k] + scans[1][k] } else { f64::NAN }).collect();
     let lean = align::plane(&sum, mask, w).ok_or_else(|| {
@@ -68,7 +68,7 @@ pub fn shape(capture: &Capture, mask: &[bool], options: &Options) -> Result<Shap
     scans[0].iter_mut().for_each(|v| *v -= zero);
     scans[1].iter_mut().enumerate().for_each(|(k, v)| *v += zero + offset - lean.at(k, w, h));
     let [front, back] = scans;
-    let height = [filled(&front, flat[0].texels), mirrored(&filled(&back, flat[1].texels), w)];
+    let height = [filled(&front, flat[0].texels), mirror(&filled(&back, flat[1].texels), w)];
     let [x, y] = lean.lean();
     let alignment = Alignment {
         tilt: [x / m.texel_mm, y / m.texel_mm],

@@ -118,11 +118,6 @@ pub fn pass(values: &[f64], width: usize, kernel: &Kernel) -> Vec<f64> {
     out
 }
 
-/// A map as the other side's camera has it: every row turned round.
-pub fn mirrored<T: Copy>(map: &[T], width: usize) -> Vec<T> {
-    map.chunks(width).flat_map(|row| row.iter().rev().copied()).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -10,12 +10,12 @@
 //! has a zero and a tilt of its own.
 
 use super::manifest::{KIND, Manifest, Picture, empty_path, white_path};
-use super::smooth::{Kernel, mirrored, pass, smooth};
+use super::smooth::{Kernel, pass, smooth};
 use super::through::{REACH_MM, through};
 use super::veil::Veil;
 use super::visible::visible;
-use crate::manifest::{SideName, texel_position};
-use crate::synth::leaf::{Leaf, Side, Window, crop, texel_size};
+use crate::manifest::texel_position;
+use crate::synth::leaf::{GrownSide, Leaf, Window, crop, texel_size};
 use crate::synth::preview;
 use crate::synth::random::Stream;
 use crate::synth::scan::{SHOTS, gain, stop_if_asked, write_frame};
@@ -26,6 +26,7 @@ use mesophyll_files::atomic;
 use mesophyll_files::image::{Maps, Packing, write_exr};
 use mesophyll_files::progress::Bar;
 use mesophyll_optics::gloss::Lobe;
+use mesophyll_optics::side::{Side, mirror};
 use mesophyll_optics::translucency::blade as optics;
 use std::path::{Path, PathBuf};
 
@@ -95,7 +96,7 @@ impl Blade {
             return Ok(None);
         };
         let under: Vec<f64> = leaf.relief.iter().zip(&leaf.front.thickness).map(|(z, d)| f64::from(*d) - z).collect();
-        let height = [leaf.relief.clone(), mirrored(&under, wide)];
+        let height = [leaf.relief.clone(), mirror(&under, wide)];
         let shape = optics::Blade::from_heights(
             wide,
             leaf.height,
@@ -132,9 +133,9 @@ impl Blade {
 fn shine(leaf: &Leaf, shape: &optics::Blade) -> Result<[Shown; 2]> {
     let veil = Veil::new(leaf.lobe);
     let [front, back] = through(leaf, shape)?;
-    let side = |side: &Side, lit: optics::Side, transmittance: Vec<[f32; 3]>| {
+    let side = |side: &GrownSide, lit: Side, transmittance: Vec<[f32; 3]>| {
         let seen = visible(&shape.lit(lit));
-        let mask = leaf.mask_of(lit == optics::Side::Back);
+        let mask = leaf.mask_of(lit == Side::Back);
         let mirrored =
             |k: usize| f64::from(side.rho_s[k][0]) * veil.at(f64::from(side.normal[k][2]), f64::from(side.m[k]));
         Shown {
@@ -143,7 +144,7 @@ fn shine(leaf: &Leaf, shape: &optics::Blade) -> Result<[Shown; 2]> {
             transmittance,
         }
     };
-    Ok([side(&leaf.front, optics::Side::Front, front), side(&leaf.back, optics::Side::Back, back)])
+    Ok([side(&leaf.front, Side::Front, front), side(&leaf.back, Side::Back, back)])
 }
 
 /// Photographs and scans `spec` into `folder`; `capture.toml` comes last.
@@ -155,7 +156,7 @@ pub fn capture(spec: &Spec, blade: &Blade, options: &Options, folder: &Path) -> 
     let (device, size) = (&spec.device, (leaf.width, leaf.height));
     let sensor = Sensor { relative: options.noise, floor: device.noise_floor, full_scale: device.full_scale };
     let manifest = manifest_of(spec, blade, options);
-    let sides = [SideName::Front, SideName::Back];
+    let sides = [Side::Front, Side::Back];
     let bar = Bar::new("photographing sides", 2);
     let put = |path: PathBuf, light: &dyn Fn(usize) -> [f64; 3], sensor: Sensor, place: u64| {
         stop_if_asked(folder)?;
@@ -174,7 +175,7 @@ pub fn capture(spec: &Spec, blade: &Blade, options: &Options, folder: &Path) -> 
         BOX_LEVEL * (1.0 + 0.04 * x / spec.field_mm[0] - 0.03 * (y / spec.field_mm[1]).powi(2))
     };
     for (s, (name, shown)) in sides.into_iter().zip(&blade.shown).enumerate() {
-        let mask = leaf.mask_of(name == SideName::Back);
+        let mask = leaf.mask_of(name == Side::Back);
         // Beside the leaf the back light shows past it; the dome shines on black cloth.
         let albedo = |k: usize| shown.albedo[k].map(|d| dome(k) * f64::from(d + shown.highlight[k]));
         let through = |k: usize| shown.transmittance[k].map(|t| lamp(k) * if mask[k] { f64::from(t) } else { 1.0 });
@@ -185,7 +186,7 @@ pub fn capture(spec: &Spec, blade: &Blade, options: &Options, folder: &Path) -> 
         write_exr(&Picture::Height.path(folder, name), &scan, Packing::Raw)?;
         let truth = truth(blade, name, shown, s);
         write_exr(&folder.join("truth").join(format!("{}.exr", name.name())), &truth, Packing::Zip)?;
-        preview::write(&folder.join("truth").join(format!("{}.png", name.name())), leaf, name == SideName::Back)?;
+        preview::write(&folder.join("truth").join(format!("{}.png", name.name())), leaf, name == Side::Back)?;
         bar.advance(1);
     }
     let mean = sensor.averaging(SHOTS);
@@ -200,9 +201,9 @@ pub fn capture(spec: &Spec, blade: &Blade, options: &Options, folder: &Path) -> 
     Ok(manifest)
 }
 
-fn truth(blade: &Blade, name: SideName, shown: &Shown, s: usize) -> Maps {
-    let mask = blade.leaf.mask_of(name == SideName::Back);
-    let mut maps = blade.leaf.truth(name == SideName::Back);
+fn truth(blade: &Blade, name: Side, shown: &Shown, s: usize) -> Maps {
+    let mask = blade.leaf.mask_of(name == Side::Back);
+    let mut maps = blade.leaf.truth(name == Side::Back);
     for (c, end) in ["R", "G", "B"].iter().enumerate() {
         maps.push(format!("albedo.{end}"), shown.albedo.iter().map(|v| v[c]).collect());
         maps.push(format!("transmittance.{end}"), shown.transmittance.iter().map(|v| v[c]).collect());
@@ -274,6 +275,6 @@ fn manifest_of(spec: &Spec, blade: &Blade, options: &Options) -> Manifest {
         full_scale: None,
         white_reflectance: 1.0,
         highlight_index: Some(index),
-        sides: vec![SideName::Front, SideName::Back],
+        sides: vec![Side::Front, Side::Back],
     }
 }

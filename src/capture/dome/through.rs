@@ -9,10 +9,12 @@
 
 use super::visible::visible;
 use crate::Result;
-use crate::synth::leaf::{Leaf, Side};
+use crate::synth::leaf::{GrownSide, Leaf};
 use crate::synth::slab_truth::Table;
 use mesophyll_optics::dipole::Tissue;
-use mesophyll_optics::translucency::blade::{self, Blade, mirror};
+use mesophyll_optics::side::Side;
+use mesophyll_optics::side::mirror;
+use mesophyll_optics::translucency::blade::Blade;
 use mesophyll_optics::translucency::convolve::{Convolver, Settings, Totals};
 
 /// How far sideways light is followed where a part of a leaf is captured (mm).
@@ -24,7 +26,7 @@ pub const REACH_MM: f64 = 2.0;
 /// Only what the convolution refuses: a tissue that neither absorbs nor scatters.
 pub fn through(leaf: &Leaf, shape: &Blade) -> Result<[Vec<[f32; 3]>; 2]> {
     let width = leaf.width;
-    let (front, back) = (shape.lit(blade::Side::Front), shape.lit(blade::Side::Back));
+    let (front, back) = (shape.lit(Side::Front), shape.lit(Side::Back));
     // A facet of the slope 1/n_z catches that much more than its texel's area would.
     let falls = [&front, &back]
         .map(|lit| -> Vec<f64> { visible(lit).into_iter().zip(&lit.surface.normal).map(|(v, n)| v / n[2]).collect() });
@@ -51,14 +53,14 @@ pub fn through(leaf: &Leaf, shape: &Blade) -> Result<[Vec<[f32; 3]>; 2]> {
     Ok(shown)
 }
 
-fn range(side: &Side) -> [f64; 2] {
+fn range(side: &GrownSide) -> [f64; 2] {
     let on = side.thickness.iter().filter(|d| **d > 0.0).map(|d| f64::from(*d));
     on.fold([f64::MAX, 0.0], |[a, b], d| [a.min(d), b.max(d)])
 }
 
 /// The mean inside of a leaf in a channel; scattering is isotropic, and all light leaves that reaches a surface, as in
 /// the slab.
-fn tissue(side: &Side, c: usize) -> Tissue {
+fn tissue(side: &GrownSide, c: usize) -> Tissue {
     let on: Vec<usize> = (0..side.thickness.len()).filter(|&k| side.thickness[k] > 0.0).collect();
     let mean = |map: &[[f32; 3]]| on.iter().map(|&k| f64::from(map[k][c])).sum::<f64>() / on.len().max(1) as f64;
     Tissue { sigma_a: mean(&side.sigma_a), sigma_s: mean(&side.sigma_s), g: 0.0, a: 1.0 }
@@ -86,12 +88,12 @@ mod tests {
                 solved.push((d, [0, 1, 2].map(alone)));
             }
         }
-        let side = |d: Vec<f32>| Side {
+        let side = |d: Vec<f32>| GrownSide {
             rho_t: d.iter().map(|d| solved.iter().find(|s| s.0 == *d).unwrap().1).collect(),
             sigma_a: vec![sigma_a; W * H],
             sigma_s: vec![sigma_s; W * H],
             thickness: d,
-            ..Side::default()
+            ..GrownSide::default()
         };
         let (mask, relief, heights) = (vec![true; W * H], vec![0.0; W * H], [vec![0.1; W * H], vec![0.1; W * H]]);
         let mut shape = Blade::from_heights(W, H, 0.1, mask.clone(), heights, [Vec::new(), Vec::new()]);

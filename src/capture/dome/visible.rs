@@ -48,7 +48,8 @@ pub fn visible(lit: &LitSide) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use mesophyll_optics::translucency::blade::{Blade, Side};
+    use mesophyll_optics::side::Side;
+    use mesophyll_optics::translucency::blade::Blade;
 
     fn of(heights: Vec<f64>, w: usize, h: usize) -> (Vec<f64>, Vec<[f64; 3]>) {
         let n = w * h;

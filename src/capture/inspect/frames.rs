@@ -2,10 +2,11 @@
 
 use super::noise::{NoiseMeter, WINDOW};
 use super::{Inspection, list_numbers};
-use crate::manifest::{Manifest, Pass, SideName, frame_path};
+use crate::manifest::{Manifest, Pass, frame_path};
 use crate::{Error, Result};
 use mesophyll_files::image::{self, Maps};
 use mesophyll_files::progress::{self, Bar};
+use mesophyll_optics::side::Side;
 use rayon::prelude::*;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -68,7 +69,7 @@ struct Task<'a> {
 
 fn one_pass(
     task: &Task,
-    side: SideName,
+    side: Side,
     pass: &Pass,
     found: &mut Inspection,
     meter: &mut NoiseMeter,
@@ -173,7 +174,7 @@ fn header(path: &Path, m: &Manifest) -> Header {
 }
 
 /// EXR files in the pass's folder beyond the frames of the manifest.
-fn surplus(folder: &Path, side: SideName, pass: &Pass, expected: usize) -> usize {
+fn surplus(folder: &Path, side: Side, pass: &Pass, expected: usize) -> usize {
     let names: Vec<std::path::PathBuf> = (0..expected).map(|k| frame_path(folder, side, pass.name, k)).collect();
     let place = folder.join(side.name()).join(pass.name.name());
     let Ok(entries) = std::fs::read_dir(place) else { return 0 };

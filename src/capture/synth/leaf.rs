@@ -15,7 +15,7 @@ use rayon::prelude::*;
 
 /// One side, row-major as its camera saw it; every map has `width · height` entries, zero off the blade.
 #[derive(Debug, Clone, Default)]
-pub struct Side {
+pub struct GrownSide {
     pub rho_d: Vec<[f32; 3]>,
     pub rho_t: Vec<[f32; 3]>,
     /// Transmittance for a beam at the light box's camera angle; ρt where the camera looks along the normal.
@@ -39,8 +39,8 @@ pub struct Leaf {
     pub mask: Vec<bool>,
     /// Height of the front over the plane z = 0 (mm), in the front's columns; set on the blade and one texel around it.
     pub relief: Vec<f64>,
-    pub front: Side,
-    pub back: Side,
+    pub front: GrownSide,
+    pub back: GrownSide,
 }
 
 /// Which part of the field is evaluated: its centre (mm, from the field's centre) and the size of a texel (mm).
@@ -125,7 +125,7 @@ impl Leaf {
 
     /// The leaf without `margin` texels along each edge of its maps; `margin` is less than half of width and height.
     pub fn cropped(&self, margin: usize) -> Leaf {
-        let side = |s: &Side| Side {
+        let side = |s: &GrownSide| GrownSide {
             rho_d: crop(&s.rho_d, self.width, margin),
             rho_t: crop(&s.rho_t, self.width, margin),
             through: crop(&s.through, self.width, margin),
@@ -306,7 +306,7 @@ fn side(
     interior: &Interior,
     (width, height, texel): (usize, usize, f64),
     back: bool,
-) -> Side {
+) -> GrownSide {
     let surface: &Surface = if back { &spec.back } else { &spec.front };
     // Index into the front's maps of what this side's camera sees at (i, j).
     let place_of = |i: usize, j: usize| j * width + if back { width - 1 - i } else { i };
@@ -357,7 +357,7 @@ fn side(
         let s = (1.0 + dx * dx + dy * dy).sqrt();
         [-dx / s, -dy / s, 1.0 / s]
     };
-    Side {
+    GrownSide {
         rho_d: on_blade(&|k| [0, 1, 2].map(|c| f64::from(gamma[k][c]) * interior.reflected[seen[k]][c])),
         rho_t: seen.iter().map(|&p| interior.rho_t[p]).collect(),
         through: seen.iter().map(|&p| interior.through[p]).collect(),

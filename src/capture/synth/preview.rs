@@ -1,7 +1,7 @@
 //! One picture a side to look at what was grown: lit leaf, diffuse reflectance, transmittance; normals, thickness,
 //! roughness. For eyes only; the truth is in the EXR files beside it.
 
-use super::leaf::{Leaf, Side};
+use super::leaf::{GrownSide, Leaf};
 use crate::Result;
 use mesophyll_files::image::{to_srgb8, write_png};
 use std::path::Path;
@@ -60,7 +60,7 @@ fn linear(v: f32) -> f32 {
 }
 
 /// A lamp from the upper left and a soft sky; Beckmann gloss (Wang et al. 2005 Eq. 7) towards a camera straight above.
-fn lit(side: &Side, k: usize) -> [f32; 3] {
+fn lit(side: &GrownSide, k: usize) -> [f32; 3] {
     let n = side.normal[k];
     let lamps: [([f32; 3], f32); 2] = [([-0.42, 0.5, 0.757], 0.9), ([0.12, 0.16, 0.98], 0.12)];
     let mut sum = side.rho_d[k].map(|d| 0.3 * d);

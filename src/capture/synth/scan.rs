@@ -3,17 +3,18 @@
 //! without it is no capture yet.
 
 use super::illumination::Device;
-use super::leaf::{Leaf, Side};
+use super::leaf::{GrownSide, Leaf};
 use super::preview;
 use super::random::Stream;
 use super::sensor::{EXPOSURES, Sensor};
 use super::spec::{Model, Spec};
-use crate::manifest::{self, LightBox, Manifest, Pass, SideName, Travel, texel_position};
+use crate::manifest::{self, LightBox, Manifest, Pass, Travel, texel_position};
 use crate::{Error, Result};
 use mesophyll_files::atomic;
 use mesophyll_files::image::{Maps, Packing, write_exr};
 use mesophyll_files::progress::{Bar, stop_requested};
 use mesophyll_optics::gloss::Lobe;
+use mesophyll_optics::side::Side;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
@@ -51,7 +52,7 @@ pub fn scan(spec: &Spec, leaf: &Leaf, options: &Options, folder: &Path) -> Resul
     let frames: usize = manifest.passes.iter().map(|p| p.positions().len()).sum();
     let bar = Bar::new("scanning", (2 * frames) as u64);
 
-    for (back, name) in [(false, SideName::Front), (true, SideName::Back)] {
+    for (back, name) in [(false, Side::Front), (true, Side::Back)] {
         let view = View::new(leaf, back);
         for (p, pass) in manifest.passes.iter().enumerate() {
             let tube = Device::new(device.tube, pass.name, device.camera_deg);
@@ -107,7 +108,7 @@ fn manifest_of(spec: &Spec, leaf: &Leaf, options: &Options) -> Manifest {
         camera_deg: device.camera_deg,
         noise_relative: Some(options.noise),
         noise_floor: Some(if options.noise > 0.0 { device.noise_floor } else { 0.0 }),
-        sides: vec![SideName::Front, SideName::Back],
+        sides: vec![Side::Front, Side::Back],
         tube: device.tube,
         lightbox: LightBox { camera_deg: device.lightbox_camera_deg },
         passes: passes.collect(),
@@ -122,7 +123,7 @@ fn white_size(width: usize, height: usize) -> (usize, usize) {
 /// One side as the scan needs it.
 struct View<'a> {
     leaf: &'a Leaf,
-    side: &'a Side,
+    side: &'a GrownSide,
     mask: Vec<bool>,
 }
 

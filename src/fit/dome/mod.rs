@@ -16,8 +16,8 @@ use crate::record::{self, FitRecord, Phase, Times};
 use crate::{Error, Result};
 use mesophyll_capture::dome::Capture;
 use mesophyll_capture::dome::reduce::{Options as Reduction, Reduced, reduce};
-use mesophyll_capture::manifest::SideName;
 use mesophyll_files::hash;
+use mesophyll_optics::side::Side;
 use rayon::prelude::*;
 use slab::{Shared, Slab, Texel};
 use std::path::Path;
@@ -34,7 +34,7 @@ pub struct Options {
 
 /// One side, fitted; maps as its camera saw it.
 pub struct Fitted {
-    pub side: SideName,
+    pub side: Side,
     /// 1 good, 0 off the leaf, negative a defect.
     pub status: Vec<i16>,
     pub thickness: Vec<f64>,
@@ -74,7 +74,7 @@ pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     let reduced = reduce(&capture, &Reduction::default())?;
     phase("reduce to maps", step);
     let step = Instant::now();
-    let sides = [SideName::Front, SideName::Back].map(|side| interior(&capture, &reduced, side));
+    let sides = [Side::Front, Side::Back].map(|side| interior(&capture, &reduced, side));
     let [front, back] = sides;
     let sides = [front?, back?];
     phase("slab of every texel and of the leaf", step);
@@ -95,11 +95,11 @@ pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
 }
 
 /// σ of the leaf and of every texel, and γ, of one side.
-fn interior(capture: &Capture, reduced: &Reduced, name: SideName) -> Result<Fitted> {
+fn interior(capture: &Capture, reduced: &Reduced, name: Side) -> Result<Fitted> {
     let (side, width) = (reduced.side(name), reduced.width);
     let own = |map: &[f64]| match name {
-        SideName::Front => map.to_vec(),
-        SideName::Back => mesophyll_capture::dome::smooth::mirrored(map, width),
+        Side::Front => map.to_vec(),
+        Side::Back => mesophyll_optics::side::mirror(map, width),
     };
     let (thickness, thickness_err) = (own(&reduced.thickness), own(&reduced.thickness_err));
     let good: Vec<usize> = (0..side.status.len()).filter(|&k| side.status[k] == 1).collect();

@@ -10,9 +10,9 @@ use mesophyll_capture::dome::Capture;
 use mesophyll_capture::dome::defect::Defect;
 use mesophyll_capture::dome::highlight::fresnel_normal;
 use mesophyll_capture::dome::reduce::Reduced;
-use mesophyll_capture::manifest::SideName;
 use mesophyll_files::hash;
 use mesophyll_files::image::{Maps, Packing, write_exr};
+use mesophyll_optics::side::Side;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -120,7 +120,7 @@ fn blade(grid: &Grid, reduced: &Reduced) -> Option<Blade> {
 fn maps(grid: &Grid, reduced: &Reduced, fitted: &Fitted, options: &Options) -> (Maps, Maps) {
     let (width, height) = (grid.width, grid.height);
     let side = reduced.side(fitted.side);
-    let which = usize::from(fitted.side == SideName::Back);
+    let which = usize::from(fitted.side == Side::Back);
     let slope_err = reduced.alignment.slope_error[which];
     let good: Vec<bool> = fitted.status.iter().map(|s| *s == 1).collect();
     let source = fill::sources(&good, width, height);
@@ -192,7 +192,7 @@ fn section(reduced: &Reduced, fitted: &Fitted) -> Section {
     s.params.insert("thickness".into(), thickness);
     let side = reduced.side(fitted.side);
     let a = &reduced.alignment;
-    let which = usize::from(fitted.side == SideName::Back);
+    let which = usize::from(fitted.side == Side::Back);
     let figures = [
         ("highlight_share", side.highlight.share),
         ("highlight_stderr", side.highlight.stderr),

@@ -13,9 +13,10 @@ use crate::leaf::slabmaps::{Inverter, Sigma};
 use crate::leaf::wide::{self, Settings, StandIns, Texel, Wide};
 use crate::leaf::{Method, Options};
 use crate::record::Times;
-use mesophyll_capture::manifest::{SideName, Travel};
+use mesophyll_capture::manifest::Travel;
 use mesophyll_capture::reader::Capture;
 use mesophyll_files::image::Maps;
+use mesophyll_optics::side::Side;
 use mesophyll_optics::slab::{self, inverse};
 use mesophyll_solve::Termination;
 use rayon::prelude::*;
@@ -23,7 +24,7 @@ use std::collections::BTreeMap;
 
 /// One side, fitted. Per-texel vectors run over `at`, the good texels' indices.
 pub struct Fitted {
-    pub side: SideName,
+    pub side: Side,
     pub measured: Measured,
     /// Merged part maps of the texel phase (whole image).
     pub maps: Maps,

@@ -27,11 +27,12 @@ use crate::gloss::{Device, TexelFitter};
 use crate::record::{self, FitRecord, Phase, SCHEMA, Times};
 use crate::{Error, Result};
 use held_out::{HoldOut, Splits};
-use mesophyll_capture::manifest::{Pass, SideName, Travel};
+use mesophyll_capture::manifest::{Pass, Travel};
 use mesophyll_capture::reader::Capture;
 use mesophyll_files::hash;
 use mesophyll_files::progress::Bar;
 use mesophyll_optics::gloss::Lobe;
+use mesophyll_optics::side::Side;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use texels::{Job, Shard};
@@ -276,7 +277,7 @@ pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
 }
 
 /// Names of the files of one side in a fit folder.
-pub fn map_path(folder: &Path, side: SideName, what: &str) -> PathBuf {
+pub fn map_path(folder: &Path, side: Side, what: &str) -> PathBuf {
     folder.join(if what.is_empty() { format!("{}.exr", side.name()) } else { format!("{}_{what}.exr", side.name()) })
 }
 

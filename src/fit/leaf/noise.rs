@@ -3,8 +3,9 @@
 use crate::Result;
 use crate::gloss::ReadingNoise;
 use crate::leaf::held_out::Splits;
-use mesophyll_capture::manifest::{SideName, Travel};
+use mesophyll_capture::manifest::Travel;
 use mesophyll_capture::reader::Capture;
+use mesophyll_optics::side::Side;
 
 /// Standard deviation √((relative·value)² + floor²) of a value as the camera recorded it, before the dark frame is
 /// taken off and before division by the white sheet.
@@ -156,7 +157,7 @@ fn sample(capture: &Capture, splits: &Splits) -> Result<(Vec<[u32; 2]>, Vec<Vec<
     let rows = m.height / 2..(m.height / 2 + 2).min(m.height);
     let step = (m.width / 200).max(1);
     let texels: Vec<[u32; 2]> = (0..m.width).step_by(step).map(|i| [i as u32, rows.start as u32]).collect();
-    let band = capture.band(SideName::Front, Travel::X, rows, &texels, &splits.x.kept)?;
+    let band = capture.band(Side::Front, Travel::X, rows, &texels, &splits.x.kept)?;
     let frames = m.pass(Travel::X).map_or(0, |p| p.positions().len());
     let trace = |n: usize, c: usize| {
         let mut all = vec![f64::NAN; frames];

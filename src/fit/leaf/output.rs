@@ -10,10 +10,10 @@ use crate::leaf::truth::Comparison;
 use crate::leaf::{Options, fill, map_path, texels, textures};
 use crate::record::{FitRecord, MIRROR, NOISE_SEEN, Param, Residuals, Section};
 use mesophyll_capture::inspect::{Inspection, mirror};
-use mesophyll_capture::manifest::SideName;
 use mesophyll_capture::reader::Capture;
 use mesophyll_files::hash;
 use mesophyll_files::image::{Maps, Packing, write_exr};
+use mesophyll_optics::side::{Side, behind};
 use std::path::Path;
 
 const RGB: [&str; 3] = ["R", "G", "B"];
@@ -73,7 +73,7 @@ pub fn describe(record: &mut FitRecord, capture: &Capture, options: &Options, le
 pub fn blade(capture: &Capture, sides: &[Fitted]) -> Option<Blade> {
     let m = &capture.manifest;
     let grid = Grid { width: m.width, height: m.height, texel: m.texel_mm };
-    let front = sides.iter().find(|s| s.side == SideName::Front)?;
+    let front = sides.iter().find(|s| s.side == Side::Front)?;
     let mut slopes: Vec<Option<[f64; 2]>> = vec![None; grid.width * grid.height];
     for fitted in sides {
         let (Some(x), Some(y), Some(z)) =
@@ -89,10 +89,8 @@ pub fn blade(capture: &Capture, sides: &[Fitted]) -> Option<Blade> {
             }
             // z′ = −z and x′ = −x behind the leaf: dz/dx keeps its sign, dz/dy changes it.
             let (at, slope) = match fitted.side {
-                SideName::Front => (k, [-n[0] / n[2], -n[1] / n[2]]),
-                SideName::Back => {
-                    (k / grid.width * grid.width + grid.width - 1 - k % grid.width, [-n[0] / n[2], n[1] / n[2]])
-                }
+                Side::Front => (k, [-n[0] / n[2], -n[1] / n[2]]),
+                Side::Back => (behind(k, grid.width), [-n[0] / n[2], n[1] / n[2]]),
             };
             slopes[at] = Some(match slopes[at] {
                 Some(other) => [0.5 * (other[0] + slope[0]), 0.5 * (other[1] + slope[1])],

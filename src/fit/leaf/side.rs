@@ -3,13 +3,13 @@
 use crate::leaf::noise::Level;
 use crate::{Error, Result};
 use mesophyll_capture::lightbox::{mask_from_transmission, transmittance};
-use mesophyll_capture::manifest::SideName;
 use mesophyll_capture::reader::Capture;
+use mesophyll_optics::side::{Side, mirror};
 
 /// Mask and transmittance of one side, in that side's image.
 #[derive(Debug)]
 pub struct Measured {
-    pub side: SideName,
+    pub side: Side,
     pub mask: Vec<bool>,
     pub rho_t: Vec<[f32; 3]>,
     pub rho_t_err: Vec<[f32; 3]>,
@@ -18,16 +18,16 @@ pub struct Measured {
 }
 
 impl Measured {
-    pub fn read(capture: &Capture, side: SideName, level: &Level) -> Result<Measured> {
+    pub fn read(capture: &Capture, side: Side, level: &Level) -> Result<Measured> {
         let (leaf, empty) = capture.lightbox(side)?;
         // The floor is of calibrated values; photographs of the box are in the camera's.
         let floor = level.camera_floor() * level.lightbox;
         let found = transmittance(&leaf, &empty, level.relative * level.lightbox, floor, level.dark, capture.dark());
         let (width, height) = (capture.manifest.width, capture.manifest.height);
         let mask = match capture.mask()? {
-            Some(front) if side == SideName::Front => front,
+            Some(front) if side == Side::Front => front,
             // The back is seen mirrored.
-            Some(front) => (0..front.len()).map(|k| front[k / width * width + width - 1 - k % width]).collect(),
+            Some(front) => mirror(&front, width),
             None => mask_from_transmission(&found.value, width, height),
         };
         if !mask.contains(&true) {

@@ -9,10 +9,11 @@ use crate::leaf::defect::Defect;
 use crate::leaf::held_out::Splits;
 use crate::leaf::noise::Level;
 use crate::{Error, Result};
-use mesophyll_capture::manifest::{SideName, Travel};
+use mesophyll_capture::manifest::Travel;
 use mesophyll_capture::reader::Capture;
 use mesophyll_files::image::{Maps, Packing, read_exr, write_exr};
 use mesophyll_files::progress::{Bar, stop_requested};
+use mesophyll_optics::side::Side;
 use rayon::prelude::*;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -62,7 +63,7 @@ pub struct Shard {
 /// The parts of one side.
 pub struct Job<'a> {
     pub capture: &'a Capture,
-    pub side: SideName,
+    pub side: Side,
     pub mask: &'a [bool],
     pub fitter: &'a TexelFitter,
     pub level: &'a Level,

@@ -4,8 +4,8 @@
 use crate::Result;
 use crate::leaf::blade::{Blade, Grid};
 use crate::leaf::map_path;
-use mesophyll_capture::manifest::SideName;
 use mesophyll_files::image::{Maps, Packing, to_srgb8, write_exr, write_png};
+use mesophyll_optics::side::{Side, behind};
 use std::path::Path;
 
 const RGB: [&str; 3] = ["R", "G", "B"];
@@ -15,7 +15,7 @@ pub fn packed(
     out: &Path,
     grid: &Grid,
     thickness_mm: f64,
-    side: SideName,
+    side: Side,
     values: &Maps,
     blade: Option<&Blade>,
 ) -> Result<()> {
@@ -38,12 +38,11 @@ pub fn packed(
         let n = [x[k], y[k], z[k]];
         let local = match (&frames, side) {
             (None, _) => n,
-            (Some(f), SideName::Front) => f[k].map(|axis| axis[0] * n[0] + axis[1] * n[1] + axis[2] * n[2]),
-            (Some(f), SideName::Back) => {
+            (Some(f), Side::Front) => f[k].map(|axis| axis[0] * n[0] + axis[1] * n[1] + axis[2] * n[2]),
+            (Some(f), Side::Back) => {
                 // Into the front's frame, into the mesh's, and back behind the leaf again.
                 let seen = [-n[0], n[1], -n[2]];
-                let mirrored = k / grid.width * grid.width + grid.width - 1 - k % grid.width;
-                let l = f[mirrored].map(|axis| axis[0] * seen[0] + axis[1] * seen[1] + axis[2] * seen[2]);
+                let l = f[behind(k, grid.width)].map(|axis| axis[0] * seen[0] + axis[1] * seen[1] + axis[2] * seen[2]);
                 [-l[0], l[1], -l[2]]
             }
         };
@@ -59,7 +58,7 @@ pub fn packed(
 }
 
 /// 8-bit previews: colours as sRGB on transparent ground, scalars as grey between their 1st and 99th percentile.
-pub fn previews(out: &Path, side: SideName, values: &Maps) -> Result<()> {
+pub fn previews(out: &Path, side: Side, values: &Maps) -> Result<()> {
     let mask = values.get("mask.Y").unwrap_or(&[]);
     let alpha = |k: usize| if mask[k] == 0.0 { 0 } else { 255 };
     let save = |what: &str, pixel: &dyn Fn(usize) -> [u8; 3]| {

@@ -6,7 +6,7 @@
 //! enters, over a flat open texel's) and `mask.Y` (1 on the leaf).
 
 use super::side::Made;
-use super::source::{Side, Source};
+use super::source::{SideMaps, Source};
 use super::tissue;
 use super::{Colour, Options, TissueFrom};
 use crate::Result;
@@ -119,7 +119,7 @@ fn preview(out: &Path, source: &Source, side: &Made) -> Result<()> {
     write_png(&out.join(format!("{}_translucency.png", side.side.name())), source.width, source.height, &bytes)
 }
 
-fn section(source: &Source, of: &Side, side: &Made, options: &Options) -> Section {
+fn section(source: &Source, of: &SideMaps, side: &Made, options: &Options) -> Section {
     let mut s = Section { figures: side.figures.clone(), ..Section::default() };
     let on = side.mask.iter().filter(|m| **m).count();
     s.counts.insert("texels".into(), side.mask.len());

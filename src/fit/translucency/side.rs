@@ -1,15 +1,15 @@
 //! One lit side: irradiance projected onto the basis, sent through the tissue, normalised, judged.
 
-use super::source::{Side, Source};
+use super::source::{SideMaps, Source};
 use super::tissue::{self, Entry};
 use super::{Area, Colour, Options, TissueFrom, colour, judge};
 use crate::record::Phase;
 use crate::{Error, Result};
-use mesophyll_capture::manifest::SideName;
 use mesophyll_files::progress::Bar;
 use mesophyll_optics::dipole::Tissue;
+use mesophyll_optics::side::Side;
 use mesophyll_optics::translucency::basis::{Projector, Weights};
-use mesophyll_optics::translucency::blade::{self, LitSide, Surface};
+use mesophyll_optics::translucency::blade::{LitSide, Surface};
 use mesophyll_optics::translucency::convolve::{Convolver, Settings, Totals};
 use mesophyll_optics::translucency::horizon::Horizon;
 use mesophyll_optics::translucency::irradiance::{self, Visibility};
@@ -24,7 +24,7 @@ use std::time::Instant;
 /// What one lit side came to; images in the columns of its camera.
 #[derive(Debug, Clone)]
 pub struct Made {
-    pub side: SideName,
+    pub side: Side,
     pub mask: Vec<bool>,
     /// Channels computed (0 red, 1 green, 2 blue) and the tissue of each.
     pub channels: Vec<usize>,
@@ -47,7 +47,7 @@ const STEEPEST: f64 = 5.0;
 
 /// The lit side as the light transport takes it, in channel `c`: what enters a texel for each unit of n·ω. `fit.toml`
 /// says `entry` and `area`.
-pub fn surface(side: &Side, c: usize, entry: Entry, area: Area) -> Surface {
+pub fn surface(side: &SideMaps, c: usize, entry: Entry, area: Area) -> Surface {
     let entry = |k: usize| match entry {
         Entry::Matched => 1.0,
         Entry::Albedo => (1.0 - f64::from(side.rho_d[c][k])).clamp(0.0, 1.0),
@@ -64,9 +64,9 @@ pub fn surface(side: &Side, c: usize, entry: Entry, area: Area) -> Surface {
 }
 
 /// The side lit, over its surface.
-pub fn lit<'a>(source: &Source, side: &'a Side, surface: &'a Surface) -> LitSide<'a> {
+pub fn lit<'a>(source: &Source, side: &'a SideMaps, surface: &'a Surface) -> LitSide<'a> {
     LitSide {
-        side: if side.name == SideName::Front { blade::Side::Front } else { blade::Side::Back },
+        side: if side.name == Side::Front { Side::Front } else { Side::Back },
         width: source.width,
         height: source.height,
         texel_mm: source.texel_mm,
@@ -80,7 +80,7 @@ pub fn lit<'a>(source: &Source, side: &'a Side, surface: &'a Surface) -> LitSide
 ///
 /// # Errors
 /// [`Error::Missed`] for a tissue or a thickness that no kernel can be made of.
-pub fn convolver(source: &Source, side: &Side, tissue: &Tissue, options: &Options) -> Result<Convolver> {
+pub fn convolver(source: &Source, side: &SideMaps, tissue: &Tissue, options: &Options) -> Result<Convolver> {
     let range = side
         .thickness
         .iter()
@@ -106,7 +106,7 @@ pub fn convolver(source: &Source, side: &Side, tissue: &Tissue, options: &Option
 /// for lights that do not determine the basis.
 pub fn make(
     source: &Source,
-    side: &Side,
+    side: &SideMaps,
     channels: &[usize],
     options: &Options,
     phases: &mut Vec<Phase>,

@@ -6,16 +6,16 @@
 use crate::leaf::{fill, map_path};
 use crate::record::{FitRecord, Section};
 use crate::{Error, Result};
-use mesophyll_capture::manifest::SideName;
 use mesophyll_files::hash;
 use mesophyll_files::image::{Maps, read_exr_rows};
+use mesophyll_optics::side::Side;
 use mesophyll_optics::translucency::relief;
 use std::path::{Path, PathBuf};
 
 /// One side's maps, as its own camera saw it, row-major.
 #[derive(Debug, Clone)]
-pub struct Side {
-    pub name: SideName,
+pub struct SideMaps {
+    pub name: Side,
     /// Diffuse reflectance and transmittance a channel.
     pub rho_d: [Vec<f32>; 3],
     pub rho_t: [Vec<f32>; 3],
@@ -57,7 +57,7 @@ pub struct Source {
     pub texel_mm: f64,
     /// Mean thickness h (mm).
     pub thickness_mm: f64,
-    pub sides: Vec<Side>,
+    pub sides: Vec<SideMaps>,
     /// Content hash of what was read.
     pub hash: String,
 }
@@ -81,7 +81,7 @@ impl Source {
         let mut size = None;
         let mut sides = Vec::new();
         let mut thickness_mm = f64::NAN;
-        for name in [SideName::Front, SideName::Back] {
+        for name in [Side::Front, Side::Back] {
             if !record.sections.contains_key(name.name()) {
                 continue;
             }
@@ -96,7 +96,7 @@ impl Source {
         Ok(Source { name: record.name, width, height, texel_mm, thickness_mm, sides, hash })
     }
 
-    pub fn side(&self, name: SideName) -> Option<&Side> {
+    pub fn side(&self, name: Side) -> Option<&SideMaps> {
         self.sides.iter().find(|s| s.name == name)
     }
 }
@@ -113,7 +113,7 @@ fn number(file: &Path, record: &FitRecord, field: &str) -> Result<f64> {
     }
 }
 
-fn parameter(file: &Path, record: &FitRecord, side: SideName, name: &str, count: usize) -> Result<Vec<f64>> {
+fn parameter(file: &Path, record: &FitRecord, side: Side, name: &str, count: usize) -> Result<Vec<f64>> {
     let values =
         record.sections.get(side.name()).and_then(|s| s.params.get(name)).map(|p| p.value.clone()).unwrap_or_default();
     if values.len() == count && values.iter().all(|v| v.is_finite() && *v >= 0.0) {
@@ -133,11 +133,11 @@ fn side(
     folder: &Path,
     file: &Path,
     record: &FitRecord,
-    name: SideName,
+    name: Side,
     frame: Frame,
     texel_mm: f64,
     size: &mut Option<(usize, usize)>,
-) -> Result<Side> {
+) -> Result<SideMaps> {
     let path = map_path(folder, name, "");
     let names: Vec<String> = ["rho_d", "rho_t"]
         .iter()
@@ -187,7 +187,7 @@ fn side(
     let sigma = |q: &str| parameter(file, record, name, q, 3).map(|v| [v[0], v[1], v[2]]);
     let section = &record.sections[name.name()];
     let relief = relief::integrate(&normal, &mask, width, height, texel_mm);
-    Ok(Side {
+    Ok(SideMaps {
         name,
         rho_d: rgb("rho_d")?,
         rho_t: rgb("rho_t")?,

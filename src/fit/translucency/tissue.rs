@@ -6,7 +6,7 @@
 //! surface's, 1 − ρd enters (H9 Eq. 3.9, 3.13), and A = (1 + ρd)/(1 − ρd) of its mean (H9 Eq. 3.4) says what is
 //! reflected back inside.
 
-use super::source::Side;
+use super::source::SideMaps;
 use super::{Options, TissueFrom};
 use crate::{Error, Result};
 use mesophyll_optics::dipole::Tissue;
@@ -53,7 +53,7 @@ pub fn entry(options: &Options) -> Entry {
 ///
 /// # Errors
 /// [`Error::Missed`] when the leaf fit knows nothing of the slab in this channel and no other tissue was asked for.
-pub fn of(side: &Side, c: usize, options: &Options) -> Result<Tissue> {
+pub fn of(side: &SideMaps, c: usize, options: &Options) -> Result<Tissue> {
     let [sigma_a, sigma_s, g] = match options.tissue {
         TissueFrom::Fit => {
             let letter = ["R", "G", "B"][c];
@@ -86,7 +86,7 @@ pub fn of(side: &Side, c: usize, options: &Options) -> Result<Tissue> {
 
 /// The channel that lets most light through: green for green leaves, red for red ones (H9 p. 50: one dominant
 /// wavelength).
-pub fn dominant(sides: &[Side]) -> usize {
+pub fn dominant(sides: &[SideMaps]) -> usize {
     let level = |c: usize| sides.iter().map(|s| mean(&s.rho_t[c], &s.mask)).sum::<f64>();
     (0..3).fold(0, |best, c| if level(c) > level(best) { c } else { best })
 }

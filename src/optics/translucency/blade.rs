@@ -3,29 +3,8 @@
 //! Row-major, row 0 on top. Everything the sides share is in the front's columns; a side's own maps are as its camera
 //! saw them: column i of the back is column W−1−i of the front. Lengths in mm.
 
+use crate::side::{Side, mirror};
 use std::borrow::Cow;
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Side {
-    Front,
-    Back,
-}
-
-impl Side {
-    pub fn name(self) -> &'static str {
-        match self {
-            Side::Front => "front",
-            Side::Back => "back",
-        }
-    }
-
-    pub fn other(self) -> Side {
-        match self {
-            Side::Front => Side::Back,
-            Side::Back => Side::Front,
-        }
-    }
-}
 
 /// One leaf as maps of `width · height` texels.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -62,11 +41,6 @@ pub struct LitSide<'a> {
     pub mask: Cow<'a, [bool]>,
     pub thickness: Cow<'a, [f64]>,
     pub surface: &'a Surface,
-}
-
-/// A map with its columns reversed: the front's as the back's camera sees it, and the other way round.
-pub fn mirror<T: Clone>(map: &[T], width: usize) -> Vec<T> {
-    map.chunks(width.max(1)).flat_map(|row| row.iter().rev().cloned()).collect()
 }
 
 impl Blade {

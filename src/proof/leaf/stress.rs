@@ -7,13 +7,14 @@
 
 use crate::stress::StressRow;
 use crate::{Error, Result};
-use mesophyll_capture::manifest::{SideName, Travel};
+use mesophyll_capture::manifest::Travel;
 use mesophyll_capture::synth::leaf::Leaf;
 use mesophyll_capture::synth::scan;
 use mesophyll_capture::synth::spec::{Interior, Model, Spec, Surface};
 use mesophyll_files::image::{Packing, read_exr, write_exr};
 use mesophyll_fit::leaf::{self, Options, Outcome};
 use mesophyll_fit::record::FitRecord;
+use mesophyll_optics::side::Side;
 use std::path::Path;
 use std::time::Instant;
 
@@ -207,7 +208,7 @@ fn name_of(message: &str) -> String {
 fn judge(record: &FitRecord, case: &Case, spec: &Spec) -> (String, Option<f64>, Option<f64>) {
     let mut open: Vec<String> = Vec::new();
     let (mut worst, mut condition, mut wrong) = (None::<f64>, None::<f64>, None);
-    for side in [SideName::Front, SideName::Back] {
+    for side in [Side::Front, Side::Back] {
         let Some(section) = record.sections.get(side.name()) else { continue };
         let count = |name: &str| section.counts.get(name).copied().unwrap_or(0);
         let left_out = 1.0 - count("good") as f64 / (count("texels") - count("outside")).max(1) as f64;

@@ -4,7 +4,7 @@ use crate::Result;
 use crate::stress::StressRow;
 use mesophyll_fit::translucency::inverse::synthetic::Scene;
 use mesophyll_fit::translucency::inverse::{Fitted, Options, Tissues, fit, logarithms};
-use mesophyll_optics::translucency::blade::Side;
+use mesophyll_optics::side::Side;
 use std::time::Instant;
 
 fn verdict(scene: &Scene, start: &Tissues, options: &Options) -> (String, Option<f64>, Option<f64>) {

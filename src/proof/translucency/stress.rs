@@ -3,10 +3,10 @@
 
 use crate::stress::StressRow;
 use crate::{Error, Result};
-use mesophyll_capture::manifest::SideName;
-use mesophyll_fit::translucency::source::{Side, Source};
+use mesophyll_fit::translucency::source::{SideMaps, Source};
 use mesophyll_fit::translucency::{Options, TissueFrom, side};
 use mesophyll_optics::dipole::{Form, Tissue};
+use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
 use mesophyll_optics::translucency::basis;
 use mesophyll_optics::translucency::convolve::{Convolver, Settings};
@@ -138,8 +138,8 @@ fn hole() -> Result<StressRow> {
 
 /// A leaf in memory: `n` × `n` texels without relief.
 fn flat(n: usize, thickness: f64) -> Source {
-    let side = Side {
-        name: SideName::Front,
+    let side = SideMaps {
+        name: Side::Front,
         rho_d: [0.1, 0.2, 0.05].map(|v| vec![v; n * n]),
         rho_t: [0.1, 0.2, 0.05].map(|v| vec![v; n * n]),
         normal: vec![[0.0, 0.0, 1.0]; n * n],

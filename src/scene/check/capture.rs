@@ -15,12 +15,11 @@ use super::{Options, told};
 use crate::ledger::Ledger;
 use crate::manifest::{Manifest, View, ViewKind};
 use crate::plan::Plan;
-use crate::plan_leaf::SIDES;
 use crate::scanned::Scanned;
 use crate::{Error, Result};
-use mesophyll_capture::manifest::SideName;
 use mesophyll_files::image::{to_srgb8, write_png};
 use mesophyll_fit::leaf::held_out::{self, BAD, Kept, KeptFrame, Scan, Tally};
+use mesophyll_optics::side::Side;
 use mesophyll_transport as transport;
 use mesophyll_viewer as gpu;
 use serde::Serialize;
@@ -88,8 +87,8 @@ pub fn all(
         let views: Vec<&View> =
             manifest.views.iter().filter(|v| v.kind == ViewKind::Capture && v.leaf.as_ref() == Some(name)).collect();
         let Some(fitted) = &leaf.fitted else { continue };
-        for side in SIDES {
-            let own: Vec<&View> = views.iter().filter(|v| v.side.unwrap_or(SideName::Front) == side).copied().collect();
+        for side in Side::ALL {
+            let own: Vec<&View> = views.iter().filter(|v| v.side.unwrap_or(Side::Front) == side).copied().collect();
             let Some(kept) = held_out::kept(&fitted.folder, &fitted.record, side)? else {
                 skipped.extend(own.iter().map(|v| {
                     format!(

@@ -1,6 +1,7 @@
 //! Who looks, and how a picture is checked against its reference.
 
-use mesophyll_capture::manifest::{SideName, Travel};
+use mesophyll_capture::manifest::Travel;
+use mesophyll_optics::side::Side;
 use serde::Deserialize;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
@@ -40,7 +41,7 @@ pub struct View {
     pub rotation_deg: Option<[f64; 3]>,
     /// Which held-out frame of the scan: side (front where it is not said), pass and number. Where something is open it
     /// is the brightest one that the fit keeps.
-    pub side: Option<SideName>,
+    pub side: Option<Side>,
     pub pass: Option<Travel>,
     pub frame: Option<usize>,
     /// When the scene is seen, instead of the wind's own time.

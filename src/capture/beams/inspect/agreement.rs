@@ -3,8 +3,8 @@
 //! it is mirrored.
 
 use crate::beams::manifest::Beam;
-use crate::manifest::SideName;
-use mesophyll_optics::translucency::blade::mirror;
+use mesophyll_optics::side::Side;
+use mesophyll_optics::side::mirror;
 
 /// How much better (of a correlation) the mirror image has to agree, and how well at least.
 const BETTER: f64 = 0.1;
@@ -27,7 +27,7 @@ impl Views {
     pub fn add(&mut self, k: usize, beam: &Beam, channels: &[Vec<f64>; 3], median: f64) {
         let texel = |at: usize| channels.iter().map(|c| c[at]).sum::<f64>() / 3.0;
         let mut seen: Vec<f64> = (0..self.leaf.len()).map(texel).collect();
-        if beam.lit == SideName::Back {
+        if beam.lit == Side::Back {
             seen = mirror(&seen, self.width);
         }
         self.leaf.iter_mut().zip(&seen).for_each(|(on, v)| *on |= v.is_finite());

@@ -6,8 +6,9 @@ use super::{HeldOut, LightBox, Predictor, Scan, Scratch, texel_of};
 use crate::leaf::map_path;
 use crate::record::FitRecord;
 use crate::{Error, Result};
-use mesophyll_capture::manifest::{SideName, Travel};
+use mesophyll_capture::manifest::Travel;
 use mesophyll_files::image::read_exr;
+use mesophyll_optics::side::Side;
 use rayon::prelude::*;
 use std::path::Path;
 
@@ -33,7 +34,7 @@ pub(super) fn rounded(value: f32, relative: f64) -> f32 {
 /// One side's stored frames against what the folder's maps say now.
 #[derive(Debug, Clone)]
 pub struct Kept {
-    pub side: SideName,
+    pub side: Side,
     /// Size of the stored images, and every how many rows and columns of the maps they hold.
     pub width: usize,
     pub height: usize,
@@ -82,7 +83,7 @@ impl Kept {
 ///
 /// # Errors
 /// A map or file of held-out frames that is missing, damaged or of another size.
-pub fn kept(folder: &Path, record: &FitRecord, side: SideName) -> Result<Option<Kept>> {
+pub fn kept(folder: &Path, record: &FitRecord, side: Side) -> Result<Option<Kept>> {
     let (Some(scan), Some(section)) = (&record.scan, record.sections.get(side.name())) else { return Ok(None) };
     if section.held_out.is_empty() {
         return Ok(None);

@@ -5,15 +5,15 @@ use super::{Channel, Image, Measured, Noise, Tissues, folder};
 use crate::record::{self, FitRecord, Phase, Times};
 use crate::translucency::Area;
 use crate::translucency::side::{lit, surface};
-use crate::translucency::source::{Frame, Side, Source};
+use crate::translucency::source::{Frame, SideMaps, Source};
 use crate::translucency::tissue::{Entry, TABLE, mean};
 use crate::{Error, Result};
 use mesophyll_capture::beams::Capture;
 use mesophyll_capture::dome::noise;
-use mesophyll_capture::manifest::SideName;
 use mesophyll_files::hash;
 use mesophyll_files::image::read_exr;
-use mesophyll_optics::translucency::blade::mirror;
+use mesophyll_optics::side::Side;
+use mesophyll_optics::side::mirror;
 use mesophyll_optics::translucency::horizon::Horizon;
 use mesophyll_optics::translucency::irradiance::{Visibility, irradiance};
 use std::path::Path;
@@ -169,12 +169,12 @@ pub fn measured(capture: &Capture, source: &Source, options: &Options) -> Result
             format!("found {}, expected {} as the leaf fit's", m.texel_mm, source.texel_mm),
         ));
     }
-    let side = |k: usize, name: SideName| -> Result<&Side> {
+    let side = |k: usize, name: Side| -> Result<&SideMaps> {
         let missing =
             || Error::field(&file, &format!("beam {}: lit", k + 1), format!("the leaf fit holds no {}", name.name()));
         source.side(name).ok_or_else(missing)
     };
-    let mut lit_sides: Vec<&Side> = Vec::new();
+    let mut lit_sides: Vec<&SideMaps> = Vec::new();
     for (k, beam) in m.beams.iter().enumerate() {
         let side = side(k, beam.lit)?;
         if !lit_sides.iter().any(|s| s.name == side.name) {
@@ -196,7 +196,7 @@ pub fn measured(capture: &Capture, source: &Source, options: &Options) -> Result
             let exit = match options.entry {
                 Entry::Matched => vec![1.0; source.width * source.height],
                 Entry::Albedo => {
-                    let other = if beam.lit == SideName::Front { SideName::Back } else { SideName::Front };
+                    let other = if beam.lit == Side::Front { Side::Back } else { Side::Front };
                     let seen = source.side(other).ok_or_else(|| {
                         let need =
                             format!("--entry albedo needs the {}'s reflectance; the leaf fit holds none", other.name());
@@ -244,7 +244,7 @@ fn noise_of(relative: Option<f64>, floor: Option<f64>, channels: &[Channel], wid
 
 /// Texels of a lit side that count: on the leaf with all their neighbours, and away from borders of the picture that
 /// the leaf goes on beyond.
-fn counted(side: &Side, source: &Source, options: &Options) -> Vec<bool> {
+fn counted(side: &SideMaps, source: &Source, options: &Options) -> Vec<bool> {
     let (w, h) = (source.width, source.height);
     let margin = options.margin_mm.unwrap_or(6.0 * source.thickness_mm) / source.texel_mm;
     let margin = margin.ceil() as usize;

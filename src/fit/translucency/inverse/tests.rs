@@ -3,7 +3,7 @@
 
 use super::synthetic::Scene;
 use super::*;
-use mesophyll_optics::translucency::blade::Side;
+use mesophyll_optics::side::Side;
 use mesophyll_optics::walk::{Boundary, Field, Histories, Leaf, Light, Medium, Rim};
 
 const QUICK: Options =

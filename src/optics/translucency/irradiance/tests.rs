@@ -1,6 +1,7 @@
 use super::*;
+use crate::side::{Side, mirror};
 use crate::translucency::basis::{Basis, FLAT, Weights};
-use crate::translucency::blade::{Blade, Side, mirror};
+use crate::translucency::blade::Blade;
 use crate::translucency::lights::{Lights, Rule, raised};
 
 /// A blade with ridges, an uneven outline and entries that vary.

@@ -122,8 +122,9 @@ mod tests {
     use super::*;
     use mesophyll_capture::synth::spec::Spec;
     use mesophyll_fit::translucency::spread::BINS;
+    use mesophyll_optics::side::Side;
     use mesophyll_optics::translucency::basis::{Basis, Weights};
-    use mesophyll_optics::translucency::blade::{Blade, Side};
+    use mesophyll_optics::translucency::blade::Blade;
     use mesophyll_optics::translucency::lights::Rule;
 
     fn elm() -> Spec {

@@ -18,8 +18,9 @@ use mesophyll_capture::synth::leaf::Leaf;
 use mesophyll_capture::synth::spec::{Model, Spec};
 use mesophyll_files::progress;
 use mesophyll_optics::dipole::Tissue;
+use mesophyll_optics::side::{Side, mirror};
 use mesophyll_optics::translucency::basis::{Basis, Weights};
-use mesophyll_optics::translucency::blade::{Blade, Side, Surface, mirror};
+use mesophyll_optics::translucency::blade::{Blade, Surface};
 use mesophyll_optics::translucency::lights::Rule;
 use mesophyll_optics::translucency::relief;
 
