@@ -66,3 +66,39 @@ impl Error {
         }
     }
 }
+
+/// How a value, a row of a table or a fit ended.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Status {
+    /// Right within the stated errors, each relative 1σ ≤ 10 %. Where a form prints empty errors nothing is said of
+    /// them.
+    Ok,
+    /// The best estimate stands; the named parameters are not determined.
+    Undetermined(String),
+    /// No numbers; the reason names the field.
+    Refused(String),
+}
+
+impl Status {
+    pub fn is_ok(&self) -> bool {
+        *self == Status::Ok
+    }
+
+    /// Whether this status names the output column `name` as not determined. The names stand before any explanation,
+    /// which begins with a bracket or a colon.
+    pub fn leaves_open(&self, name: &str) -> bool {
+        let Status::Undetermined(what) = self else { return false };
+        let names = what.split(['(', ':']).next().unwrap_or_default();
+        names.split([' ', ',', ';']).any(|word| word == name)
+    }
+}
+
+impl std::fmt::Display for Status {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Status::Ok => f.write_str("ok"),
+            Status::Undetermined(what) => write!(f, "undetermined: {what}"),
+            Status::Refused(why) => write!(f, "refused: {why}"),
+        }
+    }
+}

@@ -4,7 +4,7 @@
 //! Units: thickness in mm, σ in 1/mm, errors absolute standard errors.
 
 use mesophyll_files::table::{Answer, Status};
-use mesophyll_optics::slab::inverse::{self, Precision, Verdict};
+use mesophyll_optics::slab::inverse::{self, Precision};
 
 /// How rows are read.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -52,13 +52,12 @@ pub fn answer(options: &Options, m: &Measured) -> Answer {
     let errors = if stated { [e.sigma_a_err, e.sigma_s_err] } else { [f64::NAN; 2] };
     let values = vec![e.sigma_a, e.sigma_s, errors[0], errors[1]];
     match e.status {
-        Verdict::Ok => Answer::ok(values),
-        Verdict::Undetermined(what) if stated => Answer { values, status: Status::Undetermined(what) },
-        Verdict::Undetermined(what) => {
+        Status::Refused(why) => Answer::refused(why),
+        Status::Undetermined(what) if !stated => {
             let what = format!("{what} (judged at a noise of {ASSUMED_NOISE:e}; none was stated)");
             Answer { values, status: Status::Undetermined(what) }
         }
-        Verdict::Refused(why) => Answer::refused(why),
+        status => Answer { values, status },
     }
 }
 

@@ -9,6 +9,7 @@ mod sink;
 mod source;
 mod tally;
 
+pub use mesophyll_error::Status;
 pub use sink::{Output, Sink, push_cell, push_number, push_text, stdout_error};
 pub use source::{Record, Table};
 pub use tally::{Tally, counted};
@@ -37,38 +38,6 @@ impl BatchIo {
     /// Where the rows go. `json` asks for JSON; only standard output gets it, a file is always CSV.
     pub fn rows(&self, json: bool) -> Output {
         Output { json: json && self.output == Path::new("-"), path: self.output.clone() }
-    }
-}
-
-/// A row's verdict, as printed in the last column.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Status {
-    /// Right within the printed errors, each relative 1σ ≤ 10 %. Where a form prints empty errors nothing is said of
-    /// them.
-    Ok,
-    /// The best estimate is printed; the named parameters are not determined.
-    Undetermined(String),
-    /// No numbers; the reason names the field.
-    Refused(String),
-}
-
-impl Status {
-    /// Whether this status names the output column `name` as not determined. The names stand before any explanation,
-    /// which begins with a bracket or a colon.
-    pub fn leaves_open(&self, name: &str) -> bool {
-        let Status::Undetermined(what) = self else { return false };
-        let names = what.split(['(', ':']).next().unwrap_or_default();
-        names.split([' ', ',', ';']).any(|word| word == name)
-    }
-}
-
-impl std::fmt::Display for Status {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Status::Ok => f.write_str("ok"),
-            Status::Undetermined(what) => write!(f, "undetermined: {what}"),
-            Status::Refused(why) => write!(f, "refused: {why}"),
-        }
     }
 }
 

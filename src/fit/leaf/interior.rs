@@ -201,7 +201,7 @@ pub fn fit(
             }
         }
         match mean.status {
-            inverse::Verdict::Undetermined(what) => Some(what),
+            inverse::Status::Undetermined(what) => Some(what),
             _ => None,
         }
     });

@@ -1,7 +1,7 @@
 //! The slab's stress table: forward against the exact solution, and inversions with the verdict physics asks for.
 
 use crate::stress::StressRow;
-use mesophyll_optics::slab::inverse::{self, Verdict};
+use mesophyll_optics::slab::inverse::{self, Status};
 use mesophyll_optics::slab::{self, exact};
 use std::time::Instant;
 
@@ -103,7 +103,7 @@ fn inverse_case(record: &csv::StringRecord) -> StressRow {
     let ms = clock.elapsed().as_secs_f64() * 1e3;
     let mut verdict = e.status.to_string();
     let mut correct = None;
-    if let (Verdict::Ok, Some([a, s])) = (&e.status, truth) {
+    if let (Status::Ok, Some([a, s])) = (&e.status, truth) {
         correct = Some(digits((e.sigma_a / a - 1.0).abs().max((e.sigma_s / s - 1.0).abs())));
         let off = ((e.sigma_a - a) / e.sigma_a_err).abs().max(((e.sigma_s - s) / e.sigma_s_err).abs());
         if off.is_nan() || off > 4.0 {

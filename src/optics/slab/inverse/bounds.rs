@@ -2,7 +2,7 @@
 //! inversion.
 
 use super::newton::{self, Point};
-use super::{Estimate, Measured, Precision, Spread, Verdict};
+use super::{Estimate, Measured, Precision, Spread, Status};
 
 /// Standard errors at which bounds are stated.
 const WIDTH: f64 = 2.0;
@@ -174,7 +174,7 @@ pub(super) fn undetermined(m: &Measured, h: f64) -> Estimate {
         sigma_s_err: es,
         covariance: [[ea * ea, cross], [cross, es * es]],
         condition: linear.map_or(f64::INFINITY, |l| l.condition),
-        status: Verdict::Undetermined(open.join("; ")),
+        status: Status::Undetermined(open.join("; ")),
     }
 }
 

@@ -8,6 +8,7 @@
 mod bounds;
 mod newton;
 
+pub use mesophyll_error::Status;
 pub use newton::{Point, after_steps, solve};
 
 /// Which forward model the answer is held to.
@@ -18,34 +19,6 @@ pub enum Precision {
     Fast,
     /// Refined against [`super::exact`]: nine digits.
     Exact,
-}
-
-/// How an inversion ended.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Verdict {
-    /// Right within the printed errors, each relative 1σ ≤ 10 %.
-    Ok,
-    /// The best estimate stands, but the named parameters are not determined (bounds where one side is, at two standard
-    /// errors).
-    Undetermined(String),
-    /// No numbers; why.
-    Refused(String),
-}
-
-impl Verdict {
-    pub fn is_ok(&self) -> bool {
-        matches!(self, Verdict::Ok)
-    }
-}
-
-impl std::fmt::Display for Verdict {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Verdict::Ok => f.write_str("ok"),
-            Verdict::Undetermined(what) => write!(f, "undetermined: {what}"),
-            Verdict::Refused(why) => write!(f, "refused: {why}"),
-        }
-    }
 }
 
 /// σa and σs (1/mm), their standard errors and covariance (1/mm²). Numbers are NaN where refused; an error is infinite
@@ -60,7 +33,7 @@ pub struct Estimate {
     /// Condition number of the map from relative changes of (ρd, ρt) to relative changes of (σa, σs); NaN where
     /// refused.
     pub condition: f64,
-    pub status: Verdict,
+    pub status: Status,
 }
 
 /// What was measured, and its standard errors.
@@ -198,7 +171,7 @@ fn determined(m: &Measured, h: f64, precision: Precision, check: Precision) -> O
     if (near_edge || ra > 0.02 || rs > 0.02) && !bounds::nearly_linear(m, &point, &spread, check) {
         return None;
     }
-    Some(spread.estimate(&point, h, Verdict::Ok))
+    Some(spread.estimate(&point, h, Status::Ok))
 }
 
 /// Standard errors by linear propagation.
@@ -224,7 +197,7 @@ impl Spread {
         Spread { relative, correlation: c(0, 1) / (relative[0] * relative[1]), condition: 0.5 * (norm + root) / det }
     }
 
-    fn estimate(&self, point: &Point, h: f64, status: Verdict) -> Estimate {
+    fn estimate(&self, point: &Point, h: f64, status: Status) -> Estimate {
         let (a, s) = (point.absorbed * point.delta / h, point.omega * point.delta / h);
         let (ea, es) = (a * self.relative[0], s * self.relative[1]);
         let cross = self.correlation * ea * es;
@@ -250,7 +223,7 @@ impl Estimate {
             sigma_s_err: nan,
             covariance: [[nan; 2]; 2],
             condition: nan,
-            status: Verdict::Refused(why),
+            status: Status::Refused(why),
         }
     }
 }

@@ -112,7 +112,7 @@ fn stated_bounds_hold() {
         let truth = [absorbed * delta, (1.0 - absorbed) * delta];
         let r = response(truth[0], truth[1], 1.0);
         let e = invert(r.rho_d + noise * gaussian(&mut rng), r.rho_t + noise * gaussian(&mut rng), 1.0, noise, noise);
-        if let Verdict::Undetermined(text) = &e.status {
+        if let Status::Undetermined(text) = &e.status {
             for part in text.split("; ") {
                 let words: Vec<&str> = part.split(' ').collect();
                 let &[name, sign, bound] = &words[..] else { continue };
@@ -183,7 +183,7 @@ fn no_noise_from_clear_to_opaque_to_the_edge_of_numbers() {
         let delta = log_uniform(&mut rng, 1e-6, 600.0);
         let r = exact::solve(omega, absorbed, delta);
         let e = invert(r.rho_d, r.rho_t, 1.0, 0.0, 0.0);
-        assert!(!matches!(e.status, Verdict::Refused(_)), "ω {omega} Δ {delta}: {e:?}");
+        assert!(!matches!(e.status, Status::Refused(_)), "ω {omega} Δ {delta}: {e:?}");
         if e.status.is_ok() {
             ok += 1;
             let off = ((e.sigma_a - absorbed * delta) / e.sigma_a_err)
