@@ -33,8 +33,8 @@ pub trait Reflect: Copy {
     ///
     /// With dω_l = 4 (v·h) dω_h it is ∫ D cosα dω_h · G F (v·h)/(cosα N·v). The integrand over α has kinks only where,
     /// in the plane of incidence (view at θ, so l at 2α−θ or −(2α+θ)), G changes its branch or l sinks below the
-    /// horizon: α = θ, π/2−θ, π/4±θ/2, (π/2±θ)/3. Between them it is smooth but for 3/2-powers at the ends, which α = a
-    /// + (b−a) u²(3−2u) takes away.
+    /// horizon: α = θ, π/2−θ, π/4±θ/2, (π/2±θ)/3. Between them it is smooth but for 3/2-powers at the ends, which
+    /// α = a + (b−a) u²(3−2u) takes away.
     fn directional_albedo(self, cos_view: f64, m: f64) -> f64;
 }
 

@@ -27,8 +27,8 @@
 //! under the blade, as under a constant sky.
 //!
 //! E is the irradiance at normal incidence, V the visible share of the sun's disk, ρt_far the transmittance of a beam
-//! that enters the far side. f_s = ρs·D·G/(4 (N·l)(N·v)), D = exp(−tan²α/m²)/(π m² cos⁴α) (Beckmann) or m²/(π cos⁴α (m²
-//! + tan²α)²) (GGX), G = min(1, 2(N·h)(N·v)/(v·h), 2(N·h)(N·l)/(v·h)) (V-cavity); with `CookTorrance { index }` times
+//! that enters the far side. f_s = ρs·D·G/(4 (N·l)(N·v)), D = exp(−tan²α/m²)/(π m² cos⁴α) (Beckmann) or m²/(π cos⁴α
+//! (m² + tan²α)²) (GGX), G = min(1, 2(N·h)(N·v)/(v·h), 2(N·h)(N·l)/(v·h)) (V-cavity); with `CookTorrance { index }` times
 //! the dielectric Fresnel F(v·h) for unpolarised light. N·v is floored at 1e-3. a(N·v, m) is the directional albedo of
 //! f_s per unit ρs: ∫ f_s/ρs cosθ dω. f_s = 0 where N·h ≤ 0; m is floored at 1e-3. The sun's centre lights the surface,
 //! its disk only decides V. Maps are sampled bilinearly with texel centres at (i + ½)/W, clamped at the rim; δ is

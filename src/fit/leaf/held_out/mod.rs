@@ -206,8 +206,8 @@ impl HeldOut {
 }
 
 /// How far a model is off in units of the noise: an error of e times the noise raises the mean square from its
-/// expectation by the factor 1
-/// + e². Two standard errors are chance.
+/// expectation by the factor
+/// 1 + e². Two standard errors are chance.
 pub fn off(reduced_chi2: f64, expected: f64, stderr: f64) -> f64 {
     let excess = (reduced_chi2 - 2.0 * stderr) / expected - 1.0;
     // A figure that is no number is no agreement.
