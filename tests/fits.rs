@@ -7,7 +7,7 @@
 
 use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
 use mesophyll::fit::record::FitRecord;
-use mesophyll::scene::{ledger::Ledger, make, manifest::Manifest};
+use mesophyll::scene::{ledger::Ledger, manifest::Manifest, missing_fits};
 use std::path::Path;
 
 /// Share of a standard error that a value may differ by.
@@ -21,7 +21,7 @@ fn made_anew(name: &str) {
     FitRecord::read(&committed).unwrap().verify(&committed).unwrap();
     let dir = tempfile::tempdir().unwrap();
     let fresh = dir.path().join("fit");
-    make::fit(&manifest, index, dir.path(), &fresh, false, &Ledger::new()).unwrap();
+    missing_fits::fit(&manifest, index, dir.path(), &fresh, false, &Ledger::new()).unwrap();
     let differing = compare(&committed, &fresh);
     println!(
         "{name}: {}",

@@ -329,7 +329,7 @@ fn the_reference_convolves_and_a_flat_leafs_light_is_its_cosine() {
     let before = plan::make(&manifest, Some(&out), None, &ledger).unwrap();
     assert_eq!(before.untranslucent(), [0]);
     assert!(before.needed.iter().any(|n| n.name == "fit elm translucency" && n.status == Some(Status::Missing)));
-    assert!(mesophyll::scene::make::translucencies(&manifest, &before, &out, &ledger).unwrap());
+    assert!(mesophyll::scene::missing_fits::translucencies(&manifest, &before, &out, &ledger).unwrap());
     let mut plan = plan::make(&manifest, Some(&out), None, &ledger).unwrap();
     assert!(plan.untranslucent().is_empty());
     // The plan leaves out what is the cosine's; here it is looked at.
@@ -409,7 +409,7 @@ fn a_scene_asks_for_a_basis_and_what_no_renderer_evaluates_is_refused() {
 
 #[test]
 fn maps_are_made_in_the_basis_that_the_scene_asks_for() {
-    use mesophyll::scene::{make, manifest::Basis, source::Status};
+    use mesophyll::scene::{manifest::Basis, missing_fits, source::Status};
 
     let flat = Blade { width: 48, height: 36, texel_mm: 1.0, ..Blade::default() };
     let dir = tempfile::tempdir().unwrap();
@@ -421,7 +421,7 @@ fn maps_are_made_in_the_basis_that_the_scene_asks_for() {
     let (ledger, out) = (Ledger::new(), dir.path().join("out"));
     let manifest = Manifest::read(&path).unwrap();
     let before = plan::make(&manifest, Some(&out), None, &ledger).unwrap();
-    assert!(make::translucencies(&manifest, &before, &out, &ledger).unwrap());
+    assert!(missing_fits::translucencies(&manifest, &before, &out, &ledger).unwrap());
     let plan = plan::make(&manifest, Some(&out), None, &ledger).unwrap();
     let translucent = plan.leaves[0].translucency.as_ref().unwrap();
     assert_eq!(translucent.source.status, Status::Reuse);

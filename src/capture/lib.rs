@@ -7,6 +7,7 @@ pub mod dome;
 pub mod field;
 pub mod grid;
 pub mod inspect;
+pub mod kind;
 pub mod lightbox;
 pub mod manifest;
 pub mod reader;

@@ -1,8 +1,8 @@
 //! `capture.toml`: what was scanned and how. Lengths in mm, angles in degrees where the name says so.
 
 use crate::field::Fields;
+use crate::kind::{self, Kind};
 use crate::{Error, Result};
-use mesophyll_files::atomic::explain;
 use mesophyll_optics::side::Side;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -107,18 +107,7 @@ impl Manifest {
     /// # Errors
     /// [`Error::Input`] naming the file, the field, what was found and what was expected.
     pub fn read(folder: &Path) -> Result<Manifest> {
-        let path = folder.join("capture.toml");
-        if folder.is_file() {
-            return Err(Error::input(folder, "found a file, expected the folder of a capture"));
-        }
-        if !path.exists() && folder.join("fit.toml").is_file() {
-            return Err(Error::input(folder, "found a fit (fit.toml), expected a capture (capture.toml)"));
-        }
-        let text = std::fs::read_to_string(&path).map_err(|e| Error::input(&path, explain(&e)))?;
-        if let Some(kind) = kind_in(&text) {
-            return Err(Error::field(&path, "kind", wrong_kind(&kind)));
-        }
-        let manifest: Manifest = toml::from_str(&text).map_err(|e| Error::toml(&path, &text, &e))?;
+        let (path, manifest) = kind::read::<Manifest>(folder, Kind::Tube)?;
         manifest.validate(&path)?;
         Ok(manifest)
     }
@@ -200,38 +189,6 @@ impl Manifest {
     /// Centre of texel (column i, row j) on the blade (mm): x to the right, y up, origin at the image centre.
     pub fn texel_position(&self, i: usize, j: usize) -> [f64; 2] {
         texel_position(self.width, self.height, self.texel_mm, i, j)
-    }
-}
-
-/// What the field `kind` of a `capture.toml` says: a scan under a linear light source has no such field.
-///
-/// # Errors
-/// [`Error::Input`] when there is no readable `capture.toml` in `folder`.
-pub fn kind_of(folder: &Path) -> Result<Option<String>> {
-    let path = folder.join("capture.toml");
-    std::fs::read_to_string(&path).map(|text| kind_in(&text)).map_err(|e| Error::input(&path, explain(&e)))
-}
-
-/// The top-level `kind` of a TOML text, whatever else it holds.
-fn kind_in(text: &str) -> Option<String> {
-    let table: toml::Table = text.parse().ok()?;
-    table.get("kind").map(|v| v.as_str().map_or_else(|| v.to_string(), str::to_string))
-}
-
-fn wrong_kind(kind: &str) -> String {
-    match kind {
-        "dome" => {
-            "found \"dome\" (photographs under a dome and height scans), expected a scan under a linear light source, \
-             which has no kind"
-                .into()
-        }
-        "beams" => {
-            "found \"beams\" (photographs of the light that comes through), expected a scan under a linear light \
-             source, which has no \
-            kind; its way on is `mesophyll fit tissue`"
-                .into()
-        }
-        _ => format!("found {kind:?}, expected \"dome\", \"beams\", or no kind for a scan under a linear light source"),
     }
 }
 

@@ -34,7 +34,7 @@ pub struct Args {
 #[cfg(feature = "render")]
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     use mesophyll_files::{atomic, claim};
-    use mesophyll_scene::{check::Options, golden, ledger::Ledger, make, manifest::Manifest, plan};
+    use mesophyll_scene::{check::Options, golden, ledger::Ledger, manifest::Manifest, missing_fits, plan};
 
     let mut manifest = Manifest::read(&args.scene)?;
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out/check").join(&manifest.name));
@@ -46,17 +46,17 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         golden::small_scans(&mut manifest);
     }
     let own = if args.goldens_only { Some(out.as_path()) } else { args.out.as_deref() };
-    let mut plan = plan::make(&manifest, own, Some(&make::input_hash), &ledger)?;
+    let mut plan = plan::make(&manifest, own, Some(&missing_fits::input_hash), &ledger)?;
     let missing = if args.goldens_only { plan.unfitted() } else { Vec::new() };
     for index in &missing {
-        make::fit(&manifest, *index, &out, &make::fit_folder(&manifest, *index, &out), false, &ledger)?;
+        missing_fits::fit(&manifest, *index, &out, &missing_fits::fit_folder(&manifest, *index, &out), false, &ledger)?;
     }
     if !missing.is_empty() {
-        plan = plan::make(&manifest, own, Some(&make::input_hash), &ledger)?;
+        plan = plan::make(&manifest, own, Some(&missing_fits::input_hash), &ledger)?;
     }
     // Seconds, not minutes: unlike a leaf's fit, translucency maps are made on the way.
-    if plan.unfitted().is_empty() && make::translucencies(&manifest, &plan, &out, &ledger)? {
-        plan = plan::make(&manifest, Some(&out), Some(&make::input_hash), &ledger)?;
+    if plan.unfitted().is_empty() && missing_fits::translucencies(&manifest, &plan, &out, &ledger)? {
+        plan = plan::make(&manifest, Some(&out), Some(&missing_fits::input_hash), &ledger)?;
     }
     let options = Options { out: out.clone(), update_golden: args.update_golden, goldens_only: args.goldens_only };
     let (passed, text, json) =

@@ -5,9 +5,8 @@ mod dome;
 
 use super::Common;
 use crate::{Error, Result};
-use mesophyll_capture as capture;
 use mesophyll_capture::inspect::{Inspection, ReferenceSummary, inspect};
-use mesophyll_capture::manifest::kind_of;
+use mesophyll_capture::kind::Kind;
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -28,9 +27,9 @@ pub struct Args {
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     // What cannot be read at all is said by the look at a scan, as ever.
-    match kind_of(&args.capture).ok().flatten().as_deref() {
-        Some(capture::dome::manifest::KIND) => return dome::run(args, common),
-        Some(capture::beams::manifest::KIND) => return beams::run(args, common),
+    match Kind::of(&args.capture).ok().flatten() {
+        Some(Kind::Dome) => return dome::run(args, common),
+        Some(Kind::Beams) => return beams::run(args, common),
         _ => {}
     }
     let found = inspect(&args.capture, args.deep)?;

@@ -2,7 +2,7 @@
 
 use super::Common;
 use crate::Result;
-use mesophyll_scene::{ledger::Ledger, make, manifest::Manifest, plan};
+use mesophyll_scene::{ledger::Ledger, manifest::Manifest, missing_fits, plan};
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -22,7 +22,7 @@ pub struct Args {
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let manifest = Manifest::read(&args.scene)?;
-    let plan = plan::make(&manifest, args.out.as_deref(), Some(&make::input_hash), &Ledger::new())?;
+    let plan = plan::make(&manifest, args.out.as_deref(), Some(&missing_fits::input_hash), &Ledger::new())?;
     if common.json {
         super::print_json(&plan)?;
     } else {

@@ -4,7 +4,7 @@ use super::Common;
 use crate::Result;
 use mesophyll_files::{atomic, claim, progress};
 use mesophyll_report::{self as report, ReportSource, model::Level};
-use mesophyll_scene::{ledger::Ledger, make, manifest::Manifest, plan};
+use mesophyll_scene::{ledger::Ledger, manifest::Manifest, missing_fits, plan};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -39,7 +39,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let mut stages = Stages::default();
     let ledger = Ledger::new();
 
-    let first = stages.time("plan", || plan::make(&manifest, Some(&out), Some(&make::input_hash), &ledger))?;
+    let first = stages.time("plan", || plan::make(&manifest, Some(&out), Some(&missing_fits::input_hash), &ledger))?;
     let wanted: Vec<usize> = if args.write_fits {
         first.leaves.iter().filter(|l| l.used).map(|l| l.index).collect()
     } else {
@@ -49,14 +49,16 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         let name = &manifest.leaves[index].name;
         let folder = match (&manifest.leaves[index].fit, args.write_fits) {
             (Some(named), true) => manifest.resolve(named),
-            _ => make::fit_folder(&manifest, index, &out),
+            _ => missing_fits::fit_folder(&manifest, index, &out),
         };
-        stages.time(&format!("fit {name}"), || make::fit(&manifest, index, &out, &folder, args.write_fits, &ledger))?;
+        stages.time(&format!("fit {name}"), || {
+            missing_fits::fit(&manifest, index, &out, &folder, args.write_fits, &ledger)
+        })?;
     }
-    let planned = || plan::make(&manifest, Some(&out), Some(&make::input_hash), &ledger);
+    let planned = || plan::make(&manifest, Some(&out), Some(&missing_fits::input_hash), &ledger);
     let mut plan = stages.time("plan with the fits", planned)?;
     if !plan.untranslucent().is_empty() {
-        stages.time("translucency", || make::translucencies(&manifest, &plan, &out, &ledger))?;
+        stages.time("translucency", || missing_fits::translucencies(&manifest, &plan, &out, &ledger))?;
         plan = stages.time("plan with the translucency maps", planned)?;
     }
     write_json(&out.join("plan.json"), &serde_json::to_value(&plan).unwrap_or_default())?;

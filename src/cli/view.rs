@@ -33,15 +33,14 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
         edit::SceneEditor,
         handover,
         ledger::Ledger,
-        make,
         manifest::{Manifest, ViewKind},
-        plan,
+        missing_fits, plan,
     };
     use mesophyll_viewer::{WindowOptions, WindowScene, WindowView, open_window};
 
     let manifest = Manifest::read(&args.scene)?;
     let ledger = Ledger::new();
-    let mut plan = plan::make_free(&manifest, args.out.as_deref(), Some(&make::input_hash), &ledger)?;
+    let mut plan = plan::make_free(&manifest, args.out.as_deref(), Some(&missing_fits::input_hash), &ledger)?;
     for warning in &plan.warnings {
         progress::say(format!("warning: {warning}"));
     }
@@ -58,8 +57,8 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
     if let Some(file) = &args.screenshot {
         claim::file(file, &["png"], &[&args.scene])?;
     }
-    if make::translucencies(&manifest, &plan, &out, &ledger)? {
-        plan = plan::make_free(&manifest, Some(&out), Some(&make::input_hash), &ledger)?;
+    if missing_fits::translucencies(&manifest, &plan, &out, &ledger)? {
+        plan = plan::make_free(&manifest, Some(&out), Some(&missing_fits::input_hash), &ledger)?;
     }
     for changed in check::verify(&manifest, &plan, &ledger)? {
         progress::say(format!("warning: {changed}"));

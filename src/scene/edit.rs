@@ -1,7 +1,7 @@
 //! What the window asks of the library: an edit of h, σa, σs or the gloss becomes a new slab (so that a thicker leaf
 //! really dims), a reference picture, a verdict, a saved fit, a texel's numbers.
 
-use super::amount;
+use super::accuracy;
 use super::branch;
 use super::daylight::{self, Daylight};
 use super::fitted::Fitted;
@@ -92,7 +92,7 @@ impl SceneEditor {
                 let (low, high) = self.range(leaf, s, edit);
                 let (sigma_a, sigma_s) = (of_side.sigma_a.map(f64::from), of_side.sigma_s.map(f64::from));
                 let what = format!("{}/{} slab curve", fitted.name, Side::ALL[s].name());
-                Ok(viewer::Interior::Scalars(handover::slab_curve(&amount::curve(
+                Ok(viewer::Interior::Scalars(handover::slab_curve(&accuracy::curve(
                     sigma_a,
                     sigma_s,
                     low,

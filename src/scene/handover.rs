@@ -4,7 +4,7 @@
 //! camera sees light from is handed over black, without maps. The reference renderer gets its own data another way
 //! (`super::reference`).
 
-use super::amount::{self, Curve};
+use super::accuracy::{self, Curve};
 use super::card::Card;
 use super::daylight::{self, Daylight};
 use super::detail;
@@ -364,7 +364,7 @@ fn mask(leaf: &LeafPlan, ledger: &Ledger) -> Result<Vec<u8>> {
 fn shrink<T: Copy>(texels: &[T], leaf: &LeafPlan, join: impl Fn(T, T, T, T) -> T + Copy) -> Vec<T> {
     let ([mut w, mut h], mut out, mut block) = (leaf.size, texels.to_vec(), leaf.block);
     while block > 1 {
-        (w, h, out) = super::amount::halve(&out, w, h, join);
+        (w, h, out) = super::accuracy::halve(&out, w, h, join);
         block /= 2;
     }
     out
@@ -390,7 +390,7 @@ pub fn card(manifest: &Manifest, plan: &Plan, card: &Card, ledger: &Ledger) -> R
         None => viewer::Side::black(),
         Some(p) => {
             let (low, high) = (0.95 * p.thickness.min(thickness), 1.05 * p.thickness.max(thickness));
-            let curve = amount::curve(p.sigma_a, p.sigma_s, low, high, 1e-5, "card slab curve", ledger);
+            let curve = accuracy::curve(p.sigma_a, p.sigma_s, low, high, 1e-5, "card slab curve", ledger);
             viewer::Side {
                 gamma_delta: vec![[
                     p.gamma[0] as f32,

@@ -1,10 +1,11 @@
 //! Scene manifests, the plan of what a scene needs, and the hand-over to the renderer.
 
-pub mod amount;
+pub mod accuracy;
 pub mod branch;
 pub mod card;
 #[cfg(feature = "render")]
 pub mod check;
+pub mod consistency;
 #[cfg(feature = "render")]
 pub mod day;
 pub mod daylight;
@@ -22,8 +23,8 @@ pub mod handover;
 #[cfg(feature = "render")]
 pub mod interiors;
 pub mod ledger;
-pub mod make;
 pub mod manifest;
+pub mod missing_fits;
 pub mod placement;
 pub mod plan;
 mod plan_branch;
@@ -36,7 +37,6 @@ pub mod reference;
 pub mod save;
 #[cfg(feature = "render")]
 mod scanned;
-pub mod sound;
 pub mod source;
 pub mod sunlit;
 mod texel_frame;

@@ -4,7 +4,7 @@
 //! alone (which sides the cameras see, what light falls on them) and from the fits' own figures; how much follows from
 //! the scene's tolerance and from rows of error against cost that are measured while planning.
 
-use super::amount::{self, Curve, Row};
+use super::accuracy::{self, Curve, Row};
 use super::branch::{self, Bends, Twig};
 use super::facing::{self, Facing};
 use super::fitted::Fitted;
@@ -434,7 +434,7 @@ impl Plan {
 
     /// Notes the rows behind a choice and returns the cheapest one within `allowed`.
     pub fn choose(&mut self, what: &str, rows: Vec<Row>, allowed: f64) -> Option<Row> {
-        let row = amount::cheapest(&rows, allowed);
+        let row = accuracy::cheapest(&rows, allowed);
         self.measured.insert(what.into(), rows);
         row
     }

@@ -1,7 +1,7 @@
 //! The plan of one leaf: which of its fit's files are read, which maps are uploaded, at what resolution, with how fine
 //! a slab curve.
 
-use super::amount;
+use super::accuracy;
 use super::display::displayed;
 use super::fitted::{Fitted, fill};
 use super::ledger::Ledger;
@@ -163,7 +163,7 @@ impl OneSide<'_> {
         // A tenth of a shortcut's share, and never more than a ten-thousandth.
         let allowed = (manifest.tolerance / 10.0).min(1e-4);
         let what = format!("{}/{} slab curve", fitted.name, side.name());
-        let curve = amount::curve(
+        let curve = accuracy::curve(
             fitted.rgb(side, "sigma_a")?,
             fitted.rgb(side, "sigma_s")?,
             low,
@@ -319,7 +319,7 @@ fn resolution(manifest: &Manifest, leaf: &mut LeafPlan, plan: &mut Plan) {
             })
             .collect();
         let good = &leaf.textures[s].good;
-        let rows = amount::map_levels(&value, leaf.size[0], leaf.size[1], |k| good[k], footprint, TEXEL_BYTES);
+        let rows = accuracy::map_levels(&value, leaf.size[0], leaf.size[1], |k| good[k], footprint, TEXEL_BYTES);
         // Sampling a pixel's centre has an error of its own; a coarser map may not add the scene's tolerance to it.
         let allowed = rows.first().map_or(0.0, |r| r.error) + manifest.tolerance / 4.0;
         let what = format!("{name}/{} map resolution", Side::ALL[s].name());

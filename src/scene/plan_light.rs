@@ -1,6 +1,6 @@
 //! The plan of the light: sun, shadow maps, sky; and the models this scene has no use for.
 
-use super::amount::{self, Row};
+use super::accuracy::{self, Row};
 use super::daylight::Daylight;
 use super::display::displayed;
 use super::manifest::{Manifest, ViewKind};
@@ -118,7 +118,7 @@ fn shadows(manifest: &Manifest, plan: &mut Plan, radius: f64, map_bytes: u64) {
     let (sun, sky) = (mean(&sun) / std::f64::consts::PI, mean(&sky));
     // A leaf reflects about a tenth of the light.
     let contrast = displayed(0.1 * (sun + sky), manifest.exposure) - displayed(0.1 * sky, manifest.exposure);
-    let row = plan.choose("shadow samples", amount::shadow_samples(contrast, share, map_bytes), manifest.tolerance);
+    let row = plan.choose("shadow samples", accuracy::shadow_samples(contrast, share, map_bytes), manifest.tolerance);
     let mut need = Need::new("shadow maps", "leaves can stand in each other's light");
     if let Some(row) = row {
         plan.shadow_samples = row.setting as u32;

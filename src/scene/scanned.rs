@@ -5,7 +5,7 @@
 //! The renderer takes W's packed textures and a slab curve, the reference takes the float maps and an interpolant of
 //! its own, as in every other view.
 
-use super::amount;
+use super::accuracy;
 use super::fitted::{Fitted, fill};
 use super::ledger::Ledger;
 use super::{handover, reference};
@@ -88,7 +88,7 @@ impl<'a> Scanned<'a> {
             .iter()
             .fold((f64::INFINITY, 0f64), |(a, b), d| (a.min(h + f64::from(*d)), b.max(h + f64::from(*d))));
         let curve =
-            amount::curve(sigma_a, sigma_s, low.max(1e-6), high.max(2e-6), CURVE, "scanned leaf", &Ledger::new());
+            accuracy::curve(sigma_a, sigma_s, low.max(1e-6), high.max(2e-6), CURVE, "scanned leaf", &Ledger::new());
         let front = viewer::Side {
             gamma_delta: (0..n).map(|k| texel(&first, k)).collect(),
             gloss: Some((0..n).map(|k| texel(&second, k)).collect()),

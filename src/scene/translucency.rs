@@ -410,7 +410,7 @@ pub fn resolution(manifest: &Manifest, leaf: &mut LeafPlan, plan: &mut Plan, foo
             .map(|k| displayed(level * maps.through(k, omega, mean_rho)[1], manifest.exposure) as f32)
             .collect();
         let good = on_leaf(leaf, s);
-        let rows = super::amount::map_levels(&values, w, h, |k| good[k], footprint, TEXEL_BYTES);
+        let rows = super::accuracy::map_levels(&values, w, h, |k| good[k], footprint, TEXEL_BYTES);
         let allowed = rows.first().map_or(0.0, |r| r.error) + manifest.tolerance / 4.0;
         let what = format!("{}/translucency {} resolution", manifest.leaves[leaf.index].name, Side::ALL[s].name());
         if let Some(row) = plan.choose(&what, rows, allowed) {

@@ -5,9 +5,10 @@
 mod agreement;
 mod photograph;
 
-use super::manifest::{Beam, KIND, Manifest};
+use super::manifest::{Beam, Manifest};
 use super::reader;
 use crate::dome::noise::median;
+use crate::kind::Kind;
 use mesophyll_optics::side::Side;
 use serde::Serialize;
 use std::path::Path;
@@ -51,7 +52,11 @@ const COARSE: f64 = 0.2;
 
 /// Looks at `CAPTURE`; whatever is wrong with it is in [`Inspection::problems`].
 pub fn inspect(folder: &Path) -> Inspection {
-    let mut found = Inspection { folder: folder.display().to_string(), kind: KIND, ..Inspection::default() };
+    let mut found = Inspection {
+        folder: folder.display().to_string(),
+        kind: Kind::Beams.field().unwrap_or_default(),
+        ..Inspection::default()
+    };
     let m = match Manifest::read(folder) {
         Ok(m) => m,
         Err(e) => {

@@ -1,15 +1,13 @@
 //! `capture.toml` of photographs under beams. Lengths in mm, angles in degrees; unknown fields are errors.
 
+use crate::Result;
 use crate::field::Fields;
-use crate::{Error, Result};
-use mesophyll_files::atomic::explain;
+use crate::kind::{self, Kind};
 use mesophyll_optics::side::Side;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 /// The value of the field `kind`.
-pub const KIND: &str = "beams";
-
 /// What was photographed, and how (format: `data/README.md`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -59,19 +57,7 @@ impl Manifest {
     /// [`Error::Input`] naming the file, the field, what was found and what was expected; also for a capture of another
     /// kind.
     pub fn read(folder: &Path) -> Result<Manifest> {
-        let path = folder.join("capture.toml");
-        let text = std::fs::read_to_string(&path).map_err(|e| Error::input(&path, explain(&e)))?;
-        if let Ok(table) = text.parse::<toml::Table>()
-            && table.get("kind").and_then(toml::Value::as_str) != Some(KIND)
-        {
-            let found = table.get("kind").map_or("missing".into(), |kind| format!("found {kind}"));
-            return Err(Error::field(
-                &path,
-                "kind",
-                format!("{found}, expected \"{KIND}\" (photographs of the light that comes through)"),
-            ));
-        }
-        let manifest: Manifest = toml::from_str(&text).map_err(|e| Error::toml(&path, &text, &e))?;
+        let (path, manifest) = kind::read::<Manifest>(folder, Kind::Beams)?;
         manifest.validate(&path)?;
         Ok(manifest)
     }

@@ -6,7 +6,8 @@
 //! leaves) by levels in ln σa, as thickness is. Index-matched: all light enters, what comes through leaves. For a patch
 //! the leaf is grown wider than the picture, so that light comes in over its border.
 
-use super::manifest::{Beam, KIND, Manifest};
+use super::manifest::{Beam, Manifest};
+use crate::kind::Kind;
 use crate::synth::leaf::{Leaf, Window, texel_size};
 use crate::synth::preview;
 use crate::synth::random::Stream;
@@ -275,7 +276,7 @@ pub fn capture(spec: &Spec, grown: &Grown, options: &Options, folder: &Path) -> 
     }
     let manifest = Manifest {
         schema: 1,
-        kind: KIND.into(),
+        kind: Kind::Beams.field().unwrap_or_default().into(),
         name: spec.name.clone(),
         width: w,
         height: h,

@@ -5,6 +5,7 @@ use super::manifest::{Manifest, Picture};
 use super::noise::quantile;
 use super::reader::{Capture, check_files};
 use super::reduce::{Options, Reduced, reduce};
+use crate::kind::Kind;
 use mesophyll_optics::side::Side;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -67,8 +68,11 @@ impl Inspection {
 
 /// Looks at `CAPTURE`; whatever is wrong with it is in [`Inspection::problems`].
 pub fn inspect(folder: &Path) -> Inspection {
-    let mut found =
-        Inspection { folder: folder.display().to_string(), kind: super::manifest::KIND, ..Inspection::default() };
+    let mut found = Inspection {
+        folder: folder.display().to_string(),
+        kind: Kind::Dome.field().unwrap_or_default(),
+        ..Inspection::default()
+    };
     let manifest = match Manifest::read(folder) {
         Ok(m) => m,
         Err(e) => {

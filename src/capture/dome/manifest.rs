@@ -1,15 +1,13 @@
 //! `capture.toml` of a capture under a dome. Lengths in mm; unknown fields are errors.
 
+use crate::Result;
 use crate::field::Fields;
-use crate::{Error, Result};
-use mesophyll_files::atomic::explain;
+use crate::kind::{self, Kind};
 use mesophyll_optics::side::Side;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
 /// The value of the field `kind`.
-pub const KIND: &str = "dome";
-
 /// What was photographed and scanned, and how (format: `data/README.md`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -74,22 +72,7 @@ impl Manifest {
     /// [`Error::Input`] naming the file, the field, what was found and what was expected; also for a capture of the
     /// other kind.
     pub fn read(folder: &Path) -> Result<Manifest> {
-        let path = folder.join("capture.toml");
-        let text = std::fs::read_to_string(&path).map_err(|e| Error::input(&path, explain(&e)))?;
-        let table: Option<toml::Table> = text.parse().ok();
-        if let Some(table) = &table
-            && table.get("kind").and_then(toml::Value::as_str) != Some(KIND)
-        {
-            let found = match table.get("kind") {
-                Some(kind) => format!("found {kind}"),
-                None if table.contains_key("tube") => {
-                    "found none: a scan under a linear light source, whose way on is `mesophyll fit leaf`".into()
-                }
-                None => "missing".into(),
-            };
-            return Err(Error::field(&path, "kind", format!("{found}; expected \"{KIND}\"")));
-        }
-        let manifest: Manifest = toml::from_str(&text).map_err(|e| Error::toml(&path, &text, &e))?;
+        let (path, manifest) = kind::read::<Manifest>(folder, Kind::Dome)?;
         manifest.validate(&path)?;
         Ok(manifest)
     }

@@ -9,11 +9,12 @@
 //! ([`through`]). Scans: heights towards each camera with white noise, both smoothed by the scanner's filter; each scan
 //! has a zero and a tilt of its own.
 
-use super::manifest::{KIND, Manifest, Picture, empty_path, white_path};
+use super::manifest::{Manifest, Picture, empty_path, white_path};
 use super::smooth::{Kernel, pass, smooth};
 use super::through::{REACH_MM, through};
 use super::veil::Veil;
 use super::visible::visible;
+use crate::kind::Kind;
 use crate::manifest::texel_position;
 use crate::synth::leaf::{GrownSide, Leaf, Window, crop, texel_size};
 use crate::synth::preview;
@@ -259,7 +260,7 @@ fn manifest_of(spec: &Spec, blade: &Blade, options: &Options) -> Manifest {
     });
     Manifest {
         schema: 1,
-        kind: KIND.into(),
+        kind: Kind::Dome.field().unwrap_or_default().into(),
         name: spec.name.clone(),
         width: leaf.width,
         height: leaf.height,

@@ -4,6 +4,7 @@ use super::gloss::LobeArgs;
 use crate::named::named;
 use crate::{Common, place, print, print_json};
 use crate::{Error, Result};
+use mesophyll_capture::kind::Kind;
 use mesophyll_files::progress::say;
 use mesophyll_fit::dome;
 use mesophyll_fit::leaf::held_out::HoldOut;
@@ -74,13 +75,6 @@ fn parse_hold_out(text: &str) -> std::result::Result<usize, String> {
         .ok_or_else(|| "expected 0 (none) or 2 to 10000".into())
 }
 
-/// What a capture's `kind` says; the kind of a scan under a tube is not written.
-pub fn is_dome(capture: &std::path::Path) -> bool {
-    let text = std::fs::read_to_string(capture.join("capture.toml")).unwrap_or_default();
-    text.parse::<toml::Table>()
-        .is_ok_and(|t| t.get("kind").and_then(toml::Value::as_str) == Some(mesophyll_capture::dome::manifest::KIND))
-}
-
 /// A capture under a dome: no tube, so nothing of shards, lobes and the paper's reduction.
 fn from_dome(args: &Args) -> Result<Outcome> {
     let held_out = args.hold_out.is_some() || args.hold_out_seed.is_some();
@@ -124,7 +118,8 @@ fn from_tube(args: &Args) -> Result<Outcome> {
 }
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
-    let outcome = if is_dome(&args.capture) { from_dome(args)? } else { from_tube(args)? };
+    let outcome =
+        if matches!(Kind::of(&args.capture), Ok(Some(Kind::Dome))) { from_dome(args)? } else { from_tube(args)? };
     let record = match outcome {
         Outcome::Done(record) => {
             say(format!("fit written to {}", args.output.display()));

@@ -3,6 +3,7 @@
 use crate::named::named;
 use crate::{Common, place, print, print_json};
 use crate::{Error, Result};
+use mesophyll_capture::kind::Kind;
 use mesophyll_files::progress::say;
 use mesophyll_fit::dome;
 use mesophyll_fit::record::FitRecord;
@@ -189,7 +190,7 @@ fn leaf(args: &Args) -> Result<PathBuf> {
     if args.input.join("fit.toml").is_file() || !args.input.join("capture.toml").is_file() {
         return Ok(args.input.clone());
     }
-    if !super::leaf::is_dome(&args.input) {
+    if !matches!(Kind::of(&args.input), Ok(Some(Kind::Dome))) {
         return Err(Error::input(
             &args.input,
             "a capture, not a fit of one; `mesophyll fit leaf` fits a scan under a tube, and the folder of that fit is \

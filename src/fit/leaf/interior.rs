@@ -4,12 +4,12 @@
 use crate::Result;
 use crate::leaf::curve::{Curve, Incidence};
 use crate::leaf::defect::Defect;
-use crate::leaf::doubt;
 use crate::leaf::noise::Level;
 use crate::leaf::outliers;
 use crate::leaf::paper::{self, Paper};
 use crate::leaf::side::Measured;
 use crate::leaf::slabmaps::{Inverter, Sigma};
+use crate::leaf::undetermined;
 use crate::leaf::wide::{self, Settings, StandIns, Texel, Wide};
 use crate::leaf::{Method, Options};
 use crate::record::Times;
@@ -97,9 +97,9 @@ pub fn fit(
     if good.texels.is_empty() {
         return Err(none(&mask));
     }
-    let unseen = if manifest.pass(Travel::Y).is_some() { 0.0 } else { doubt::unseen_tilt(&maps, &good.at) };
+    let unseen = if manifest.pass(Travel::Y).is_some() { 0.0 } else { undetermined::unseen_tilt(&maps, &good.at) };
     let settings = |texels: &[Texel]| {
-        let common = doubt::common(texels, unseen);
+        let common = undetermined::common(texels, unseen);
         Settings { h, incidence, relative, robust: options.robust, iterations: 80, common }
     };
     let mut wide = wide::fit(&good.texels, &good.missing, start(&good.texels, h), &settings(&good.texels));
@@ -139,7 +139,7 @@ pub fn fit(
     let mut figures = compare(&texels, &wide, &paper, h);
     figures.insert("stand_ins".into(), missing.len() as f64);
 
-    let unexplained = doubt::unexplained(&maps, &at, level);
+    let unexplained = undetermined::unexplained(&maps, &at, level);
     let gauge = manifest.thickness_err_mm.unwrap_or(0.0) / h;
     let (mut sigma_a, mut sigma_s, mut rel_a, mut rel_s, termination);
     let (thickness, thickness_err, gamma, gamma_err): (Vec<f64>, Vec<f64>, Vec<[f64; 3]>, Vec<[f64; 3]>);
@@ -179,7 +179,7 @@ pub fn fit(
             }
         }
     }
-    for c in (0..3).filter(|&c| doubt::opaque(&texels, c, rho_t_err)) {
+    for c in (0..3).filter(|&c| undetermined::opaque(&texels, c, rho_t_err)) {
         // Nothing comes through that noise could not be: the curvature where the fit stopped says nothing of thicker
         // slabs.
         (rel_a[c], rel_s[c]) = (f64::INFINITY, f64::INFINITY);
@@ -188,7 +188,7 @@ pub fn fit(
         if rel_a[c] <= inverse::DETERMINED && rel_s[c] <= inverse::DETERMINED {
             return None;
         }
-        let mean = doubt::mean_texel(&texels, c, h, rho_t_err, &common);
+        let mean = undetermined::mean_texel(&texels, c, h, rho_t_err, &common);
         if options.method == Method::Exact {
             // A direction that the joint problem has lost ends wherever it began: the mean texel's estimate stands
             // instead.

@@ -7,7 +7,6 @@
 pub mod blade;
 pub mod curve;
 pub mod defect;
-mod doubt;
 pub mod fill;
 pub mod held_out;
 mod interior;
@@ -21,6 +20,7 @@ pub mod slabmaps;
 pub mod texels;
 pub mod textures;
 mod truth;
+mod undetermined;
 pub mod wide;
 
 use crate::gloss::{Device, TexelFitter};
@@ -176,7 +176,7 @@ pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     let x = manifest.pass(Travel::X).map(seen).unwrap_or_default();
     let y = manifest.pass(Travel::Y).map(seen);
     let mut fitter = TexelFitter::new(&device, &x, y.as_deref());
-    fitter.unseen = if y.is_none() { doubt::UNSEEN } else { 0.0 };
+    fitter.unseen = if y.is_none() { undetermined::UNSEEN } else { 0.0 };
     let jobs: Vec<Job> = sides
         .iter()
         .map(|s| Job {

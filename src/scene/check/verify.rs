@@ -2,11 +2,11 @@
 //! numbers, and whether their maps agree with each other.
 
 use crate::Result;
+use crate::consistency;
 use crate::fitted::Fitted;
 use crate::ledger::Ledger;
 use crate::manifest::Manifest;
 use crate::plan::Plan;
-use crate::sound;
 use mesophyll_fit::record::FitRecord;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -39,7 +39,7 @@ pub fn verify(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<Vec<S
         }
     }
     for leaf in &plan.leaves {
-        out.extend(sound::contradictions(leaf, ledger)?);
+        out.extend(consistency::contradictions(leaf, ledger)?);
     }
     Ok(out)
 }

@@ -2,7 +2,7 @@
 
 use super::place::Place;
 use crate::Result;
-use crate::make::size;
+use crate::missing_fits::size;
 use mesophyll_optics::gloss::LobeKind;
 
 pub fn leaves(p: &Place) -> Result<()> {

@@ -1,4 +1,4 @@
-//! How much is enough: rows of error against cost, measured here and now, and the cheapest row that the scene's
+//! Settings of accuracy knobs: rows of error against cost, measured here and now, and the cheapest row that the scene's
 //! tolerance allows.
 
 use super::ledger::Ledger;

@@ -1,0 +1,159 @@
+//! The kinds of capture, and the one way to open a `capture.toml`.
+
+use crate::{Error, Result};
+use mesophyll_files::atomic::explain;
+use serde::de::DeserializeOwned;
+use std::path::{Path, PathBuf};
+
+/// How a leaf was measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// A lit tube that travels over the leaf, and a light box.
+    Tube,
+    /// Photographs under a dome and height scans.
+    Dome,
+    /// Photographs of one side while beams fall on the other.
+    Beams,
+}
+
+impl Kind {
+    pub const ALL: [Kind; 3] = [Kind::Tube, Kind::Dome, Kind::Beams];
+
+    /// What the field `kind` says. A scan under a tube has no such field.
+    pub fn field(self) -> Option<&'static str> {
+        match self {
+            Kind::Tube => None,
+            Kind::Dome => Some("dome"),
+            Kind::Beams => Some("beams"),
+        }
+    }
+
+    fn in_words(self) -> &'static str {
+        match self {
+            Kind::Tube => "a scan under a linear light source",
+            Kind::Dome => "photographs under a dome and height scans",
+            Kind::Beams => "photographs of the light that comes through",
+        }
+    }
+
+    /// The verb that fits it.
+    fn way_on(self) -> &'static str {
+        match self {
+            Kind::Tube | Kind::Dome => "mesophyll fit leaf",
+            Kind::Beams => "mesophyll fit tissue",
+        }
+    }
+
+    /// The kind of the capture in `folder`; `None` where its `capture.toml` names no known one.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when there is no readable `capture.toml`.
+    pub fn of(folder: &Path) -> Result<Option<Kind>> {
+        let (_, text) = text(folder)?;
+        Ok(text.parse::<toml::Table>().map_or(Some(Kind::Tube), |table| Kind::in_table(&table)))
+    }
+
+    fn in_table(table: &toml::Table) -> Option<Kind> {
+        let said = table.get("kind").map(|v| v.as_str().unwrap_or_default());
+        Kind::ALL.into_iter().find(|kind| kind.field() == said)
+    }
+}
+
+/// Reads the manifest of a capture of the kind `expected`; its path and what it says.
+///
+/// # Errors
+/// [`Error::Input`] that names the folder or the field: no capture, a fit, another kind of capture, a field that is
+/// missing, unknown or of another type.
+pub fn read<T: DeserializeOwned>(folder: &Path, expected: Kind) -> Result<(PathBuf, T)> {
+    let (path, text) = text(folder)?;
+    if let Ok(table) = text.parse::<toml::Table>()
+        && Kind::in_table(&table) != Some(expected)
+    {
+        return Err(Error::field(&path, "kind", other_kind(&table, expected)));
+    }
+    let manifest = toml::from_str(&text).map_err(|e| Error::toml(&path, &text, &e))?;
+    Ok((path, manifest))
+}
+
+/// The path and the text of the manifest in `folder`.
+fn text(folder: &Path) -> Result<(PathBuf, String)> {
+    let path = folder.join("capture.toml");
+    if folder.is_file() {
+        return Err(Error::input(folder, "found a file, expected the folder of a capture"));
+    }
+    if !path.exists() && folder.join("fit.toml").is_file() {
+        return Err(Error::input(folder, "found a fit (fit.toml), expected a capture (capture.toml)"));
+    }
+    let text = std::fs::read_to_string(&path).map_err(|e| Error::input(&path, explain(&e)))?;
+    Ok((path, text))
+}
+
+/// What was found and what was expected where they differ, and what can be done with what was found.
+fn other_kind(table: &toml::Table, expected: Kind) -> String {
+    let kind = Kind::in_table(table);
+    let found = match (table.get("kind"), kind) {
+        (Some(value), Some(kind)) => format!("found {value} ({})", kind.in_words()),
+        (Some(value), None) => format!("found {value}"),
+        (None, _) if table.contains_key("tube") => format!("found none: {}", Kind::Tube.in_words()),
+        (None, _) => "missing".into(),
+    };
+    let wanted = match (expected, kind) {
+        (Kind::Tube, None) => {
+            format!("\"dome\", \"beams\", or no kind for {}", expected.in_words())
+        }
+        (Kind::Tube, Some(_)) => format!("{}, which has no kind", expected.in_words()),
+        (other, _) => format!("\"{}\" ({})", other.field().unwrap_or_default(), other.in_words()),
+    };
+    let known = kind.filter(|kind| kind.field().is_some() || table.contains_key("tube"));
+    let way_on = known.map(|kind| format!("; the way on of what was found is `{}`", kind.way_on())).unwrap_or_default();
+    format!("{found}, expected {wanted}{way_on}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every kind read as every other one: what was found, what was expected, and the verb that takes it.
+    #[test]
+    fn another_kind_is_named_with_its_way_on() {
+        let dir = tempfile::tempdir().unwrap();
+        let texts = [
+            (Kind::Tube, "[tube]\nheight_mm = 1\n"),
+            (Kind::Dome, "kind = \"dome\"\n"),
+            (Kind::Beams, "kind = \"beams\"\n"),
+        ];
+        for (found, text) in texts {
+            std::fs::write(dir.path().join("capture.toml"), text).unwrap();
+            assert_eq!(Kind::of(dir.path()).unwrap(), Some(found));
+            for expected in Kind::ALL {
+                let outcome = read::<toml::Table>(dir.path(), expected);
+                if found == expected {
+                    outcome.unwrap();
+                    continue;
+                }
+                let said = outcome.unwrap_err().to_string();
+                let words = ["capture.toml: kind: found", found.in_words(), expected.in_words(), found.way_on()];
+                assert!(words.iter().all(|w| said.contains(w)), "{said}");
+            }
+        }
+        std::fs::write(dir.path().join("capture.toml"), "kind = \"dom\"\n").unwrap();
+        let said = read::<toml::Table>(dir.path(), Kind::Dome).unwrap_err().to_string();
+        assert!(said.contains("found \"dom\", expected \"dome\""), "{said}");
+    }
+
+    #[test]
+    fn a_fit_is_not_a_capture_of_any_kind() {
+        let dir = tempfile::tempdir().unwrap();
+        std::fs::write(dir.path().join("fit.toml"), "").unwrap();
+        for kind in Kind::ALL {
+            let said = read::<toml::Table>(dir.path(), kind).unwrap_err().to_string();
+            assert!(said.contains("found a fit (fit.toml), expected a capture"), "{said}");
+            assert!(
+                read::<toml::Table>(&dir.path().join("fit.toml"), kind)
+                    .unwrap_err()
+                    .to_string()
+                    .contains("found a file")
+            );
+        }
+    }
+}
