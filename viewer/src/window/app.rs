@@ -96,7 +96,11 @@ struct Running {
 impl Running {
     fn new(events: &ActiveEventLoop, start: Start, options: &WindowOptions) -> Result<Running> {
         let failed = |reason: String| Error::Window(reason);
-        let [width, height] = options.size;
+        // No larger than the screen, where there is nobody to make it fit: panels beyond its edge could not be reached.
+        let screen = events.primary_monitor().or_else(|| events.available_monitors().next()).map(|m| m.size());
+        let within = |wanted: u32, most: Option<u32>| most.filter(|m| *m > 0).map_or(wanted, |m| wanted.min(m));
+        let [width, height] =
+            [within(options.size[0], screen.map(|s| s.width)), within(options.size[1], screen.map(|s| s.height))];
         let attributes = Window::default_attributes()
             .with_title(format!("Mesophyll: {}", start.scene.title))
             .with_inner_size(PhysicalSize::new(width, height));
