@@ -41,7 +41,7 @@ fn every_table_of_stress_gets_the_verdicts_it_expects() {
     let mut tables: Vec<&str> = list.split(", ").collect();
     assert!(tables.len() >= 9, "{said}");
     // The 10,000 texels of `coverage` take half a minute in an optimised build, minutes here: a thousand of them are a
-    // test of `fit::coverage`.
+    // test of `proof::coverage`.
     tables.retain(|t| *t != "coverage");
     let rows = rows(&[&["stress"], &tables[..], &["--json"]].concat());
     for model in tables {

@@ -44,7 +44,8 @@ impl Kind {
         }
     }
 
-    /// The kind of the capture in `folder`; `None` where its `capture.toml` names no known one.
+    /// The kind of the capture in `folder`; `None` where its `capture.toml` names no known one. A text that is no TOML
+    /// passes for a scan under a tube, whose reader then says what is wrong with it.
     ///
     /// # Errors
     /// [`Error::Input`] when there is no readable `capture.toml`.

@@ -7,7 +7,7 @@
 pub mod colonise;
 pub mod illumination;
 #[cfg(test)]
-mod illumination_check;
+mod illumination_tests;
 pub mod leaf;
 pub mod outline;
 pub mod preview;

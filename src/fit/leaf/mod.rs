@@ -35,22 +35,11 @@ use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::side::Side;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
 use texels::{Job, Shard};
 
 /// How per-texel reflectance and transmittance are reduced to the leaf's σa, σs, δ and γ.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    Default,
-    strum::Display,
-    strum::EnumString,
-    strum::EnumIter,
-    strum::IntoStaticStr,
-    strum::EnumMessage,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage)]
 #[strum(serialize_all = "kebab-case")]
 pub enum Method {
     /// One joint least-squares problem over the whole leaf, with ρd and ρt as full functions of thickness.

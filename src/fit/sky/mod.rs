@@ -27,35 +27,24 @@ use mesophyll_sky::fitted::{Folded, Tensor};
 use mesophyll_sky::{Coefficients, Model, Preetham, Refused, preetham};
 use mesophyll_solve::{Termination, Trace};
 use std::sync::OnceLock;
+use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
 
 /// Which polynomials, and how they are found.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    Default,
-    strum::Display,
-    strum::EnumString,
-    strum::EnumIter,
-    strum::IntoStaticStr,
-    strum::EnumMessage,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage)]
 #[strum(serialize_all = "kebab-case")]
 pub enum Method {
     /// Everything with a closed form folded out, a staircase of 124 terms: the 1e-5 tier.
     #[default]
     Fine,
-    /// The same with 80 terms: the 1e-4 tier.
+    /// As `fine` with 80 terms: the 1e-4 tier.
     Compact,
     /// Degree (13, 7) in scaled Chebyshev polynomials at 24 × 12 Chebyshev nodes.
     Chebyshev,
-    /// The same on the dissertation's uniform grid.
+    /// The Chebyshev polynomials of that degree on the dissertation's uniform grid.
     ChebyshevGrid,
-    /// The dissertation's: degree (13, 7) monomials on the uniform grid, by QR.
+    /// The dissertation's monomials of degree (13, 7) on its uniform grid, by QR.
     MonomialsQr,
-    /// The dissertation's, by normal equations.
+    /// The same monomials by normal equations, as the dissertation fits them.
     MonomialsNormal,
 }
 

@@ -35,6 +35,7 @@ use side::Made;
 use source::{Frame, Source};
 use std::path::Path;
 use std::time::Instant;
+use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
 use tissue::Entry;
 
 /// What the colour of the light that comes through is taken from.
@@ -45,11 +46,11 @@ use tissue::Entry;
     PartialEq,
     Eq,
     Default,
-    strum::Display,
-    strum::EnumString,
-    strum::EnumIter,
-    strum::IntoStaticStr,
-    strum::EnumMessage,
+    Display,
+    EnumString,
+    EnumIter,
+    IntoStaticStr,
+    EnumMessage,
     serde::Deserialize,
 )]
 #[serde(rename_all = "kebab-case")]
@@ -94,19 +95,7 @@ impl TissueFrom {
 }
 
 /// Over which area a texel's light is counted.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    Default,
-    strum::Display,
-    strum::EnumString,
-    strum::EnumIter,
-    strum::IntoStaticStr,
-    strum::EnumMessage,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage)]
 #[strum(serialize_all = "kebab-case")]
 pub enum Area {
     /// The facet's own, 1/n_z of the texel's: a slope catches n·ω/n_z a texel, all of the light that falls on it.

@@ -10,23 +10,13 @@ use super::source::SideMaps;
 use super::{Options, TissueFrom};
 use crate::{Error, Result};
 use mesophyll_optics::dipole::Tissue;
+use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
 
 /// H9 Table 3.1, at 510 nm (1/mm).
 pub const TABLE: [f64; 3] = [0.4, 10.2, 0.07];
 
 /// How much light enters a texel.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    strum::Display,
-    strum::EnumString,
-    strum::EnumIter,
-    strum::IntoStaticStr,
-    strum::EnumMessage,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage)]
 #[strum(serialize_all = "kebab-case")]
 pub enum Entry {
     /// All of it.

@@ -67,11 +67,11 @@ pub struct Tissue {
     strum(serialize_all = "kebab-case")
 )]
 pub enum Form {
-    /// 2n + 1 dipoles, j = −n … n.
+    /// The paper's sum of 2n + 1 dipoles, j = −n … n.
     Dipoles(u32),
-    /// Infinitely many.
+    /// The same sum over infinitely many dipoles.
     Images,
-    /// Exponential source, exit φ/(2A), unscattered light apart.
+    /// For blades of any thickness: exponential source, exit φ/(2A), unscattered light apart.
     Thin,
 }
 

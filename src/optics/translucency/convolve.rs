@@ -14,21 +14,10 @@ use crate::slab;
 use crate::{Error, Result};
 use mesophyll_fourier::Complex;
 use rayon::prelude::*;
+use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
 
 /// What the total of a thickness is taken from.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    Default,
-    strum::Display,
-    strum::EnumString,
-    strum::EnumIter,
-    strum::IntoStaticStr,
-    strum::EnumMessage,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage)]
 #[strum(serialize_all = "kebab-case")]
 pub enum Totals {
     /// The form's own.

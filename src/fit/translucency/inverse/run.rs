@@ -18,21 +18,10 @@ use mesophyll_optics::translucency::horizon::Horizon;
 use mesophyll_optics::translucency::irradiance::{Visibility, irradiance};
 use std::path::Path;
 use std::time::Instant;
+use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
 
 /// Where the search begins.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    Default,
-    strum::Display,
-    strum::EnumString,
-    strum::EnumIter,
-    strum::IntoStaticStr,
-    strum::EnumMessage,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage)]
 #[strum(serialize_all = "kebab-case")]
 pub enum Start {
     /// The leaf fit's slab; the table's tissue where the slab is not determined.
