@@ -55,7 +55,7 @@
 //! 5  report
 //! 4  proof       scene       export
 //! 3  fit
-//! 2  capture     transport
+//! 2  capture     transport   record
 //! 1  viewer      optics      sky      plant      solve      files
 //! 0  error       quadrature  fourier
 //! ```
@@ -69,6 +69,7 @@ pub use mesophyll_optics as optics;
 pub use mesophyll_plant as plant;
 pub use mesophyll_proof as proof;
 pub use mesophyll_quadrature as quadrature;
+pub use mesophyll_record as record;
 pub use mesophyll_report as report;
 pub use mesophyll_scene as scene;
 pub use mesophyll_sky as sky;

@@ -270,8 +270,7 @@ fn a_branch_takes_its_taper_and_load_from_a_measured_one() {
     };
     run(&root.join("data/branches/elm-twig.csv"));
     // What is committed is what the program makes of the data.
-    let read =
-        |folder: &Path| mesophyll::fit::record::FitRecord::read(folder).unwrap().sections["branch elm-twig"].clone();
+    let read = |folder: &Path| mesophyll::record::FitRecord::read(folder).unwrap().sections["branch elm-twig"].clone();
     let (fresh, committed) = (read(&fit), read(&root.join("fits/elm-twig")));
     let fitted =
         SAGGING.replace("taper = 0.3\nload_over_stiffness_mm = 40\n", "fit = \"fits/bent\"\nmeasured = \"elm-twig\"\n");

@@ -6,7 +6,7 @@
 //! a seed makes.
 
 use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
-use mesophyll::fit::record::FitRecord;
+use mesophyll::record::FitRecord;
 use mesophyll::scene::{ledger::Ledger, manifest::Manifest, missing_fits};
 use std::path::Path;
 

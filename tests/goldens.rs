@@ -6,7 +6,7 @@
 mod skips;
 
 use mesophyll::files::image::{Packing, read_exr, write_exr};
-use mesophyll::fit::record::FitRecord;
+use mesophyll::record::FitRecord;
 use mesophyll::scene::fitted::Fitted;
 use mesophyll::scene::handover::Scaling;
 use mesophyll::scene::manifest::Manifest;

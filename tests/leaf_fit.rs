@@ -4,7 +4,7 @@ mod common;
 
 use common::{copy_tree, mesophyll, refused, run, scan, succeeded};
 use mesophyll::files::image::{Packing, read_exr, write_exr};
-use mesophyll::fit::record::FitRecord;
+use mesophyll::record::FitRecord;
 use std::path::Path;
 use std::sync::OnceLock;
 

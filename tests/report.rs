@@ -3,7 +3,7 @@
 mod samples;
 
 use mesophyll::files::{hash, image};
-use mesophyll::fit::record::{FitRecord, TruthError};
+use mesophyll::record::{FitRecord, TruthError};
 use samples::{Sample, write_fit, write_run};
 use serde_json::Value;
 use std::path::Path;

@@ -102,8 +102,8 @@ fn a_run_makes_what_is_missing_and_nothing_twice() {
 #[cfg(feature = "render")]
 #[test]
 fn a_thicker_leaf_dims_and_an_edit_becomes_a_fit() {
-    use mesophyll::fit::record::FitRecord;
     use mesophyll::optics::slab;
+    use mesophyll::record::FitRecord;
     use mesophyll::scene::{edit::SceneEditor, ledger::Ledger, plan};
     use mesophyll_viewer::editor::Editor;
     use mesophyll_viewer::scene::Interior;

@@ -5,7 +5,7 @@ mod common;
 
 use common::{copy_tree, refused, run, succeeded};
 use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
-use mesophyll::fit::record::{FitRecord, Param, SCHEMA, Section, Times};
+use mesophyll::record::{FitRecord, Param, SCHEMA, Section, Times};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 

@@ -7,7 +7,7 @@ mod skips;
 use blade::{Blade, hashes};
 use mesophyll::files::hash;
 use mesophyll::files::image::{Maps, Packing, write_exr};
-use mesophyll::fit::record::{FitRecord, Section};
+use mesophyll::record::{FitRecord, Section};
 use mesophyll::scene::ledger::Ledger;
 use mesophyll::scene::manifest::Manifest;
 use mesophyll::scene::plan::{self, Plan};

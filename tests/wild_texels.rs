@@ -5,7 +5,7 @@ mod common;
 
 use common::{copy_tree, refused, run, scan, succeeded};
 use mesophyll::files::image::{Packing, read_exr, write_exr};
-use mesophyll::fit::record::{FitRecord, NOISE_SEEN};
+use mesophyll::record::{FitRecord, NOISE_SEEN};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 

@@ -10,7 +10,7 @@ mod texture;
 
 use mesophyll_files::atomic;
 use mesophyll_files::image::{Maps, Packing, write_exr};
-use mesophyll_fit::record::{FitRecord, Times};
+use mesophyll_record::{FitRecord, Times};
 use serde_json::json;
 use side::SideMaps;
 use sky::SkyOptions;

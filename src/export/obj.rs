@@ -10,7 +10,7 @@ use super::texture::{Turn, data_byte, encode, normal_pixel, pixels};
 use crate::{Error, Result};
 use mesophyll_files::image::to_srgb8;
 use mesophyll_files::{atomic, claim};
-use mesophyll_fit::record::FitRecord;
+use mesophyll_record::FitRecord;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 

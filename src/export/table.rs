@@ -5,7 +5,7 @@ use super::side::SideMaps;
 use crate::Result;
 use mesophyll_capture::manifest::texel_position;
 use mesophyll_files::atomic;
-use mesophyll_fit::record::FitRecord;
+use mesophyll_record::FitRecord;
 use std::io::Write;
 use std::path::Path;
 

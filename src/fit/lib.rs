@@ -4,7 +4,6 @@ pub mod beam;
 pub mod dome;
 pub mod gloss;
 pub mod leaf;
-pub mod record;
 pub mod sky;
 pub mod slab;
 pub mod translucency;

@@ -4,7 +4,7 @@
 
 use crate::number::{count, percent, plain};
 use crate::quantity::channel_word;
-use mesophyll_fit::record::FitRecord;
+use mesophyll_record::FitRecord;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::sync::OnceLock;

@@ -8,8 +8,8 @@ use crate::model::{Captioned, Level};
 use crate::number::{count, percent, significant};
 use crate::stats::{quantile, sorted};
 use mesophyll_fit::leaf::held_out::{self, BAD, GOOD, KeptFrame};
-use mesophyll_fit::record::FitRecord;
 use mesophyll_optics::side::Side;
+use mesophyll_record::FitRecord;
 use serde::Serialize;
 use std::path::Path;
 

@@ -3,7 +3,7 @@
 use crate::captures::CaptureRow;
 use crate::held_out::HeldOutReport;
 use crate::stats::Summary;
-use mesophyll_fit::record::{Phase, Residuals, TruthError};
+use mesophyll_record::{Phase, Residuals, TruthError};
 use mesophyll_solve::TraceRow;
 use serde::Serialize;
 use std::collections::BTreeMap;

@@ -3,7 +3,7 @@
 
 use crate::maps::SideMaps;
 use crate::number::percent;
-use mesophyll_fit::record::{FitRecord, GAUGE_GAMMA, GAUGE_THICKNESS, Section};
+use mesophyll_record::{FitRecord, GAUGE_GAMMA, GAUGE_THICKNESS, Section};
 
 /// Adds the notes of a leaf scan's side; maps of other fits need none.
 pub fn add(side: &mut SideMaps, record: &FitRecord, section: &Section) {

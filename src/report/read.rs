@@ -5,7 +5,7 @@ use crate::maps::{self, SideMaps};
 use crate::model::{FitReport, Level, ParameterRow, Report, SectionReport, TimesReport, Verdict};
 use crate::{Error, Result};
 use crate::{Options, ReportSource, compare, held_out, notes, scene, translucency, verdict};
-use mesophyll_fit::record::{FitRecord, Section, Times};
+use mesophyll_record::{FitRecord, Section, Times};
 use std::path::{Path, PathBuf};
 
 /// Version of the JSON rows.

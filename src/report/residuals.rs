@@ -5,7 +5,7 @@ use crate::model::{Level, SectionReport};
 use crate::number::{percent, significant};
 use crate::quantity::symbol;
 use mesophyll_fit::leaf::sides;
-use mesophyll_fit::record::{FitRecord, MIRROR, NOISE_SEEN, Residuals};
+use mesophyll_record::{FitRecord, MIRROR, NOISE_SEEN, Residuals};
 
 /// Standard deviations of χ² that chance does not reach.
 const SPREADS: f64 = 5.0;

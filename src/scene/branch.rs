@@ -13,11 +13,11 @@ use crate::{Error, Result};
 use glam::{DMat4, DVec3, DVec4};
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_fit::beam::basis;
-use mesophyll_fit::record::FitRecord;
 use mesophyll_plant::branch::Branch;
 use mesophyll_plant::motion::{Motion, Trajectory};
 use mesophyll_plant::motion_spectrum::Method;
 use mesophyll_plant::wind::{Oscillator, Sway, Wind, resonance};
+use mesophyll_record::FitRecord;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// Texels a side of the motion texture: frequencies down to an eighth of the branch's resonance.

@@ -8,8 +8,8 @@ use super::ledger::Ledger;
 use crate::{Error, Result};
 use mesophyll_files::hash;
 use mesophyll_files::image::{self, ExrInfo, Maps};
-use mesophyll_fit::record::{FitRecord, Section};
 use mesophyll_optics::side::Side;
+use mesophyll_record::{FitRecord, Section};
 use std::path::{Path, PathBuf};
 
 /// An opened fit folder; maps are read only when asked for.

@@ -9,8 +9,8 @@ use super::manifest::{Interior, Manifest, ViewKind};
 use super::plan::{LeafPlan, LeftOut, Need, Plan, Textures};
 use crate::Result;
 use glam::DVec3;
-use mesophyll_fit::record::Times;
 use mesophyll_optics::side::Side;
+use mesophyll_record::Times;
 
 /// Sides by index.
 /// Bytes of a texel on the adapter: four floats, and a third more for its mips.

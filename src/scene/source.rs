@@ -3,7 +3,7 @@
 use super::manifest::{Leaf, Manifest, Scan};
 use crate::{Error, Result};
 use mesophyll_files::hash;
-use mesophyll_fit::record::FitRecord;
+use mesophyll_record::FitRecord;
 use std::path::{Path, PathBuf};
 
 /// What is to be done about a leaf's fit.

@@ -5,8 +5,8 @@
 use glam::{DVec2, DVec3};
 use mesophyll::files::hash;
 use mesophyll::files::image::{Maps, Packing, write_exr};
-use mesophyll::fit::record::{FitRecord, Param, Section};
 use mesophyll::optics::slab;
+use mesophyll::record::{FitRecord, Param, Section};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 

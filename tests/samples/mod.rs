@@ -3,7 +3,7 @@
 #![allow(dead_code)]
 
 use mesophyll::files::image::{self, Maps, Packing};
-use mesophyll::fit::record::{FitRecord, Param, Phase, Residuals, Section, Times, TruthError};
+use mesophyll::record::{FitRecord, Param, Phase, Residuals, Section, Times, TruthError};
 use mesophyll::solve::{Termination, TraceRow};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;

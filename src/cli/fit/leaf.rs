@@ -10,7 +10,7 @@ use mesophyll_fit::dome;
 use mesophyll_fit::leaf::held_out::HoldOut;
 use mesophyll_fit::leaf::texels::Shard;
 use mesophyll_fit::leaf::{Method, Options, Outcome, run as fit};
-use mesophyll_fit::record::FitRecord;
+use mesophyll_record::FitRecord;
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]

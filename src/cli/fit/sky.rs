@@ -6,10 +6,10 @@ use crate::named::named;
 use crate::{Common, place, tables};
 use crate::{Error, Result};
 use mesophyll_files::progress;
-use mesophyll_fit::record::claim;
 use mesophyll_fit::sky::judge::Reference;
 use mesophyll_fit::sky::panorama::{self, picture::Channels, projection::Projection};
 use mesophyll_fit::sky::{self as fits, Method, Options, folder};
+use mesophyll_record::claim;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 

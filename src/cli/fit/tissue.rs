@@ -4,11 +4,11 @@ use crate::named::named;
 use crate::{Common, place, print, print_json};
 use crate::{Error, Result};
 use mesophyll_files::progress::say;
-use mesophyll_fit::record::FitRecord;
 use mesophyll_fit::translucency::inverse::run::{Options, Outcome, Start, run as fit};
 use mesophyll_fit::translucency::inverse::{self};
 use mesophyll_fit::translucency::tissue::Entry;
 use mesophyll_optics::translucency::convolve::Totals;
+use mesophyll_record::FitRecord;
 use std::path::PathBuf;
 
 /// Absorption and scattering inside a leaf, and a factor on its thickness, from photographs of the light that comes

@@ -6,12 +6,12 @@ use crate::{Error, Result};
 use mesophyll_capture::kind::Kind;
 use mesophyll_files::progress::say;
 use mesophyll_fit::dome;
-use mesophyll_fit::record::FitRecord;
 use mesophyll_fit::translucency::tissue::Entry;
 use mesophyll_fit::translucency::{Area, Colour, Options, Outcome, TissueFrom, run as fit};
 use mesophyll_optics::dipole::{Form, FormKind};
 use mesophyll_optics::translucency::basis::Basis;
 use mesophyll_optics::translucency::lights::Rule;
+use mesophyll_record::FitRecord;
 use std::path::PathBuf;
 
 /// How the light that comes through a leaf depends on where it comes from, a texel at a time: scattering inside the

@@ -2,7 +2,7 @@
 
 use super::{Evaluator, Kind, SkyOptions, constants};
 use crate::{Error, Result};
-use mesophyll_fit::record::{FitRecord, Times};
+use mesophyll_record::{FitRecord, Times};
 use mesophyll_sky::Coefficients;
 use mesophyll_sky::fitted::Basis;
 use mesophyll_sky::fitted::folded::TURBIDITY_ZERO;

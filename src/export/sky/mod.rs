@@ -7,8 +7,8 @@ mod wgsl;
 
 use super::Format;
 use crate::{Error, Result};
-use mesophyll_fit::record::FitRecord;
 use mesophyll_fit::sky::{Form, folder};
+use mesophyll_record::FitRecord;
 use mesophyll_sky::fitted::folded::{TURBIDITY_ZERO, rgb_from_separable};
 use mesophyll_sky::fitted::{Basis, Folded};
 use mesophyll_sky::irradiance::{add_ground, below_horizon};

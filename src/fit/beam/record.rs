@@ -4,8 +4,8 @@ use super::basis::{DEGREE, smooth};
 use super::deflections::Named;
 use super::measured::{Along, Known, Measured, termination};
 use crate::Result;
-use crate::record::{FitRecord, Param, Phase, Residuals, SCHEMA, Section, Times};
 use mesophyll_plant::beam::{TAPER_MAX, TAPER_MIN};
+use mesophyll_record::{FitRecord, Param, Phase, Residuals, SCHEMA, Section, Times};
 use mesophyll_solve::Termination;
 use std::path::Path;
 
@@ -131,7 +131,7 @@ pub fn write(
     seconds: f64,
     traces: Vec<(String, mesophyll_solve::Trace)>,
 ) -> Result<()> {
-    crate::record::begin(folder, "beam")?;
+    mesophyll_record::begin(folder, "beam")?;
     let times = Times {
         capture: None,
         phases: vec![Phase { name: "fit".into(), seconds }],

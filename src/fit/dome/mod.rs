@@ -12,12 +12,12 @@ use crate::leaf::{
     curve::Incidence,
     slabmaps::{Inverter, Sigma},
 };
-use crate::record::{self, FitRecord, Phase, Times};
 use crate::{Error, Result};
 use mesophyll_capture::dome::Capture;
 use mesophyll_capture::dome::reduce::{Options as Reduction, Reduced, reduce};
 use mesophyll_files::hash;
 use mesophyll_optics::side::Side;
+use mesophyll_record::{self as record, FitRecord, Phase, Times};
 use rayon::prelude::*;
 use slab::{Shared, Slab, Texel};
 use std::path::Path;

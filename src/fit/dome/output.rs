@@ -5,7 +5,6 @@ use super::{Fitted, Options};
 use crate::Result;
 use crate::leaf::blade::{Blade, Grid, glb, mesh};
 use crate::leaf::{fill, map_path, textures};
-use crate::record::{FitRecord, Param, SCHEMA, Section, TruthError};
 use mesophyll_capture::dome::Capture;
 use mesophyll_capture::dome::defect::Defect;
 use mesophyll_capture::dome::highlight::fresnel_normal;
@@ -13,6 +12,7 @@ use mesophyll_capture::dome::reduce::Reduced;
 use mesophyll_files::hash;
 use mesophyll_files::image::{Maps, Packing, write_exr};
 use mesophyll_optics::side::Side;
+use mesophyll_record::{FitRecord, Param, SCHEMA, Section, TruthError};
 use std::collections::BTreeMap;
 use std::path::Path;
 

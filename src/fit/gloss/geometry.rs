@@ -1,10 +1,10 @@
 //! `GEOMETRY.toml` of `fit gloss` and `eval gloss`: the device over one texel in the middle of the blade.
 
 use super::Device;
-use crate::record::read_toml;
 use crate::{Error, Result};
 use mesophyll_files::table::Table;
 use mesophyll_optics::gloss::Lobe;
+use mesophyll_record::read_toml;
 use serde::Deserialize;
 use std::path::Path;
 

@@ -24,7 +24,6 @@ mod undetermined;
 pub mod wide;
 
 use crate::gloss::{Device, TexelFitter};
-use crate::record::{self, FitRecord, Phase, SCHEMA, Times};
 use crate::{Error, Result};
 use held_out::{HoldOut, Splits};
 use mesophyll_capture::manifest::{Pass, Travel};
@@ -33,6 +32,7 @@ use mesophyll_files::hash;
 use mesophyll_files::progress::Bar;
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::side::Side;
+use mesophyll_record::{self as record, FitRecord, Phase, SCHEMA, Times};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};

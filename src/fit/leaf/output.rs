@@ -3,17 +3,18 @@
 use crate::Result;
 use crate::leaf::blade::{self, Blade, Grid, glb};
 use crate::leaf::defect::Defect;
-use crate::leaf::held_out::{self, Judged, Scan, Splits};
+use crate::leaf::held_out::{self, Judged, Splits};
 use crate::leaf::interior::Fitted;
 use crate::leaf::noise::Level;
 use crate::leaf::truth::Comparison;
 use crate::leaf::{Options, fill, map_path, texels, textures};
-use crate::record::{FitRecord, MIRROR, NOISE_SEEN, Param, Residuals, Section};
 use mesophyll_capture::inspect::{Inspection, mirror};
 use mesophyll_capture::reader::Capture;
 use mesophyll_files::hash;
 use mesophyll_files::image::{Maps, Packing, write_exr};
 use mesophyll_optics::side::{Side, behind};
+use mesophyll_record::scan::Scan;
+use mesophyll_record::{FitRecord, MIRROR, NOISE_SEEN, Param, Residuals, Section};
 use std::path::Path;
 
 const RGB: [&str; 3] = ["R", "G", "B"];

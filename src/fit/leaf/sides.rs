@@ -7,7 +7,7 @@
 //! gauge (two measurements of one number: DerSimonian & Laird 1986).
 
 use super::interior::Fitted;
-use crate::record::{FitRecord, Section};
+use mesophyll_record::{FitRecord, Section};
 
 /// Section of `fit.toml` that holds the comparison.
 pub const SECTION: &str = "sides";

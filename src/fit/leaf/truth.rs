@@ -10,9 +10,9 @@ use crate::Result;
 use crate::leaf::curve::Incidence;
 use crate::leaf::interior::Fitted;
 use crate::leaf::slabmaps::Inverter;
-use crate::record::{GAUGE_GAMMA, GAUGE_THICKNESS, TruthError};
 use mesophyll_capture::reader::Capture;
 use mesophyll_files::image::Maps;
+use mesophyll_record::{GAUGE_GAMMA, GAUGE_THICKNESS, TruthError};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 

@@ -6,7 +6,7 @@
 
 use super::nodes::{self, lower};
 use super::{Fitted, Form, Options};
-use crate::record::Phase;
+use mesophyll_record::Phase;
 use mesophyll_sky::fitted::Folded;
 use mesophyll_sky::fitted::folded::{MOST_COLUMNS, MOST_ROWS, Mix, Orders, scaled_turbidity, suns};
 use mesophyll_sky::preetham::Turbid;

@@ -2,9 +2,9 @@
 
 use super::judge::{Judged, Reference, judge};
 use super::{Fitted, Form};
-use crate::record::{FitRecord, SCHEMA, Section, Times};
 use crate::{Error, Result};
 use mesophyll_files::{atomic, hash};
+use mesophyll_record::{FitRecord, SCHEMA, Section, Times};
 use mesophyll_sky::fitted::{Basis, Folded, Tensor};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -107,7 +107,7 @@ pub fn write(folder: &Path, fit: &Fitted, reference: &Reference) -> Result<(Judg
     let arrays = serde_json::to_string(&Arrays::new(&narrow, &fit.model))
         .map_err(|e| Error::Missed(format!("cannot write JSON: {e}")))?;
     let path = folder.join("coefficients.json");
-    crate::record::begin(folder, "sky")?;
+    mesophyll_record::begin(folder, "sky")?;
     atomic::write_bytes(&path, format!("{arrays}\n").as_bytes())?;
 
     let options = &fit.options;

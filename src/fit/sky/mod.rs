@@ -21,8 +21,8 @@ pub mod panorama;
 pub mod tensor;
 pub mod window;
 
-use crate::record::Phase;
 use crate::{Error, Result};
+use mesophyll_record::Phase;
 use mesophyll_sky::fitted::{Folded, Tensor};
 use mesophyll_sky::{Coefficients, Model, Preetham, Refused, preetham};
 use mesophyll_solve::{Termination, Trace};

@@ -7,7 +7,7 @@
 
 use super::nodes;
 use super::{Fitted, Form, Method, Options};
-use crate::record::Phase;
+use mesophyll_record::Phase;
 use mesophyll_sky::Model;
 use mesophyll_sky::fitted::tensor::{self, Basis, Tensor};
 use mesophyll_sky::project::{Quality, Rule};

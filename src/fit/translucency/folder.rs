@@ -11,10 +11,10 @@ use super::tissue;
 use super::{Colour, Options, TissueFrom};
 use crate::Result;
 use crate::leaf::map_path;
-use crate::record::{FitRecord, Param, SCHEMA, Section};
 use mesophyll_files::hash;
 use mesophyll_files::image::{Maps, Packing, to_srgb8, write_exr, write_png};
 use mesophyll_optics::dipole::Form;
+use mesophyll_record::{FitRecord, Param, SCHEMA, Section};
 use std::path::Path;
 
 const RGB: [&str; 3] = ["R", "G", "B"];
@@ -24,7 +24,7 @@ const RGB: [&str; 3] = ["R", "G", "B"];
 /// # Errors
 /// [`Error::Write`] for a folder or file that cannot be written.
 pub fn write(out: &Path, source: &Source, made: &[Made], options: &Options, input_hash: String) -> Result<FitRecord> {
-    crate::record::begin(out, "translucency")?;
+    mesophyll_record::begin(out, "translucency")?;
     let mut record = FitRecord {
         schema: SCHEMA,
         kind: "translucency".into(),

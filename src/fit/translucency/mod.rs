@@ -25,12 +25,12 @@ pub mod source;
 pub mod spread;
 pub mod tissue;
 
-use crate::record::{self, FitRecord, Phase, Times};
 use crate::{Error, Result};
 use mesophyll_files::{hash, progress};
 use mesophyll_optics::dipole::Form;
 use mesophyll_optics::translucency::basis::Basis;
 use mesophyll_optics::translucency::lights::{self, Rule};
+use mesophyll_record::{self as record, FitRecord, Phase, Times};
 use side::Made;
 use source::{Frame, Source};
 use std::path::Path;

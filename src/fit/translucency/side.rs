@@ -3,7 +3,6 @@
 use super::source::{SideMaps, Source};
 use super::tissue::{self, Entry};
 use super::{Area, Colour, Options, TissueFrom, colour, judge};
-use crate::record::Phase;
 use crate::{Error, Result};
 use mesophyll_files::progress::Bar;
 use mesophyll_optics::dipole::Tissue;
@@ -15,6 +14,7 @@ use mesophyll_optics::translucency::horizon::Horizon;
 use mesophyll_optics::translucency::irradiance::{self, Visibility};
 use mesophyll_optics::translucency::levels::Levels;
 use mesophyll_optics::translucency::lights::{Lights, Rule};
+use mesophyll_record::Phase;
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::collections::BTreeMap;

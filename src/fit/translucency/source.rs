@@ -4,12 +4,12 @@
 //! is lost at a hole in the data; texels beside the leaf hold nothing.
 
 use crate::leaf::{fill, map_path};
-use crate::record::{FitRecord, Section};
 use crate::{Error, Result};
 use mesophyll_files::hash;
 use mesophyll_files::image::{Maps, read_exr_rows};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::translucency::relief;
+use mesophyll_record::{FitRecord, Section};
 use std::path::{Path, PathBuf};
 
 /// One side's maps, as its own camera saw it, row-major.

@@ -13,8 +13,8 @@ use mesophyll_capture::synth::scan;
 use mesophyll_capture::synth::spec::{Interior, Model, Spec, Surface};
 use mesophyll_files::image::{Packing, read_exr, write_exr};
 use mesophyll_fit::leaf::{self, Options, Outcome};
-use mesophyll_fit::record::FitRecord;
 use mesophyll_optics::side::Side;
+use mesophyll_record::FitRecord;
 use std::path::Path;
 use std::time::Instant;
 

@@ -7,7 +7,7 @@ use crate::fitted::Fitted;
 use crate::ledger::Ledger;
 use crate::manifest::Manifest;
 use crate::plan::Plan;
-use mesophyll_fit::record::FitRecord;
+use mesophyll_record::FitRecord;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 

@@ -4,11 +4,11 @@
 use super::judge::{Tally, through};
 use super::{HeldOut, LightBox, Predictor, Scan, Scratch, texel_of};
 use crate::leaf::map_path;
-use crate::record::FitRecord;
 use crate::{Error, Result};
 use mesophyll_capture::manifest::Travel;
 use mesophyll_files::image::read_exr;
 use mesophyll_optics::side::Side;
+use mesophyll_record::FitRecord;
 use rayon::prelude::*;
 use std::path::Path;
 
@@ -188,7 +188,7 @@ fn frame_of(
 fn light_box(
     kept: &Kept,
     record: &FitRecord,
-    section: &crate::record::Section,
+    section: &mesophyll_record::Section,
     stored: &mesophyll_files::image::Maps,
     maps: &mesophyll_files::image::Maps,
     mask: &[f32],

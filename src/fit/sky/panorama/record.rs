@@ -4,10 +4,10 @@
 use super::picture::Picture;
 use super::{Found, NAMES, clipped};
 use crate::Result;
-use crate::record::{FitRecord, Param, Phase, Residuals, SCHEMA, Section, Times};
 use mesophyll_files::hash;
 use mesophyll_files::image::{Maps, Packing, write_exr};
 use mesophyll_files::table::Status;
+use mesophyll_record::{FitRecord, Param, Phase, Residuals, SCHEMA, Section, Times};
 use mesophyll_sky::preetham;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -24,7 +24,7 @@ pub fn write(
     input_hash: String,
     seconds: [f64; 2],
 ) -> Result<()> {
-    crate::record::begin(folder, "panorama")?;
+    mesophyll_record::begin(folder, "panorama")?;
     let map = folder.join("all.exr");
     write_exr(&map, &maps(picture, found), Packing::Zip)?;
     let mut record = FitRecord {

@@ -3,8 +3,8 @@
 use super::compare::{Difference, Slab, explain};
 use super::run::{Options, Truth};
 use super::{Fitted, Measured, Tissues};
-use crate::record::{FitRecord, Param, SCHEMA, Section, Times, TruthError};
 use mesophyll_optics::translucency::convolve::Totals;
+use mesophyll_record::{FitRecord, Param, SCHEMA, Section, Times, TruthError};
 
 /// Reduced χ² beyond which the scatter about the model is not the noise's.
 const EXPLAINED: f64 = 2.0;

@@ -28,8 +28,8 @@ pub use certainty::Certainty;
 pub use model::logarithms;
 pub use rounds::fit;
 
-use crate::record::Residuals;
 use mesophyll_optics::translucency::convolve::Totals;
+use mesophyll_record::Residuals;
 use mesophyll_solve::{Termination, Trace};
 
 /// One channel of one photograph, in the lit side's columns, row by row.

@@ -4,9 +4,9 @@
 use super::certainty::{self, Certainty};
 use super::model::{Model, Normal, logarithms};
 use super::{Fitted, Measured, Options, Tissues};
-use crate::record::Residuals;
 use crate::{Error, Result};
 use mesophyll_files::progress;
+use mesophyll_record::Residuals;
 use mesophyll_solve::descent::{Limits, lbfgs};
 use mesophyll_solve::{Termination, decompose};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};

@@ -2,7 +2,6 @@
 
 use super::compare::{Slab, differences};
 use super::{Channel, Image, Measured, Noise, Tissues, folder};
-use crate::record::{self, FitRecord, Phase, Times};
 use crate::translucency::Area;
 use crate::translucency::side::{lit, surface};
 use crate::translucency::source::{Frame, SideMaps, Source};
@@ -16,6 +15,7 @@ use mesophyll_optics::side::Side;
 use mesophyll_optics::side::mirror;
 use mesophyll_optics::translucency::horizon::Horizon;
 use mesophyll_optics::translucency::irradiance::{Visibility, irradiance};
+use mesophyll_record::{self as record, FitRecord, Phase, Times};
 use std::path::Path;
 use std::time::Instant;
 use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};

@@ -2,7 +2,7 @@
 //! hash of every map, this one number stands for the whole folder, and a parameter that was changed by hand is noticed
 //! like a changed map.
 
-use crate::{Error, Result};
+use mesophyll_error::{Error, Result};
 use mesophyll_files::{atomic, hash};
 use std::path::Path;
 
@@ -41,7 +41,7 @@ pub fn verify(folder: &Path) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::{FitRecord, Param, SCHEMA, Section};
+    use crate::{FitRecord, Param, SCHEMA, Section};
 
     fn record() -> FitRecord {
         let load = Param { value: vec![59.567070350437795], stderr: vec![0.64], unit: "mm".into(), ..Param::default() };

@@ -1,13 +1,14 @@
 //! `fit.toml`: what a fit folder says about itself. The same input and seed give the same bytes, so times live beside
 //! it in `times.toml`.
 
+pub mod scan;
 mod seal;
 
-use crate::leaf::held_out::{HeldOut, LightBox, Scan};
-use crate::{Error, Result};
+use mesophyll_error::{Error, Result};
 use mesophyll_files::claim::{self, Kind};
 use mesophyll_files::{atomic, hash};
 use mesophyll_solve::{Termination, TraceRow};
+use scan::{HeldOut, LightBox, Scan};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -1,0 +1,142 @@
+//! What a leaf fit records of a scan under a tube: the device, and how well the fit predicts frames it did not see.
+
+use mesophyll_optics::gloss::Lobe;
+use mesophyll_optics::tube::Tube;
+use serde::{Deserialize, Serialize};
+
+/// The device of a scan as the fit took it: what a frame is predicted with. `[scan]` in `fit.toml`.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Scan {
+    pub texel_mm: f64,
+    /// Orthographic camera in the direction (sin, 0, cos).
+    pub camera_deg: f64,
+    pub lightbox_camera_deg: f64,
+    pub tube_height_mm: f64,
+    pub tube_length_mm: f64,
+    pub tube_radius_mm: f64,
+    /// `beckmann`, `ggx` or `cook-torrance`, the latter with its index.
+    pub lobe: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lobe_index: Option<f64>,
+    /// Standard deviation of a reading: √((relative · value)² + floor²).
+    pub noise_relative: f64,
+    pub noise_floor: f64,
+    /// One frame of every so many was left out (0: none), as this seed drew it.
+    pub hold_out: usize,
+    pub hold_out_seed: u64,
+    /// Every so many rows and columns stand in the files of held-out frames, from the first on.
+    pub stored_step: usize,
+}
+
+impl Scan {
+    pub fn tube(&self) -> Tube {
+        Tube { height_mm: self.tube_height_mm, length_mm: self.tube_length_mm, radius_mm: self.tube_radius_mm }
+    }
+
+    /// Towards the camera.
+    pub fn camera(&self) -> [f64; 3] {
+        let (sin, cos) = self.camera_deg.to_radians().sin_cos();
+        [sin, 0.0, cos]
+    }
+
+    pub fn lobe(&self) -> Lobe {
+        match self.lobe.as_str() {
+            "ggx" => Lobe::Ggx,
+            "cook-torrance" => Lobe::CookTorrance { index: self.lobe_index.unwrap_or(1.5) },
+            _ => Lobe::Beckmann,
+        }
+    }
+
+    /// Name and index of a lobe.
+    pub fn name_lobe(lobe: Lobe) -> (String, Option<f64>) {
+        match lobe {
+            Lobe::Beckmann => ("beckmann".into(), None),
+            Lobe::Ggx => ("ggx".into(), None),
+            Lobe::CookTorrance { index } => ("cook-torrance".into(), Some(index)),
+        }
+    }
+
+    /// Standard deviation of a reading of this value.
+    pub fn noise(&self, value: f64) -> f64 {
+        (self.noise_relative * value).hypot(self.noise_floor.max(1e-6))
+    }
+}
+
+/// How well one pass's held-out frames are predicted. `[front.held_out.x]` in `fit.toml`; residuals are in standard
+/// deviations of the noise.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct HeldOut {
+    /// Frames that the fit did not see, and where the tube stood (mm).
+    pub frames: Vec<usize>,
+    pub positions_mm: Vec<f64>,
+    /// Those of them whose readings stand in `front_held_out.exr`.
+    pub stored: Vec<usize>,
+    pub readings: usize,
+    /// Mean square of the residuals, each counted as 5 at most.
+    pub reduced_chi2: f64,
+    /// What a right fit leaves: 1 and its parameters' own errors.
+    pub expected: f64,
+    /// Standard error of `reduced_chi2`, from the scatter over the texels.
+    pub stderr: f64,
+    /// Share of residuals beyond 3 (0.0027 of Gaussian noise).
+    pub share_beyond_3: f64,
+    /// Mean residual, measured less predicted.
+    pub bias: f64,
+    /// `reduced_chi2` and what is expected of it a frame, in the order of `frames`, and the frame where it is largest.
+    pub frame_chi2: Vec<f64>,
+    pub frame_expected: Vec<f64>,
+    pub worst_frame: usize,
+    pub worst_frame_chi2: f64,
+    /// Largest residual and its texel (column, row).
+    pub worst: f64,
+    pub worst_at: [usize; 2],
+}
+
+impl HeldOut {
+    /// How far predictions are off, beyond noise and chance, in units of the noise of one reading.
+    pub fn off(&self) -> f64 {
+        off(self.reduced_chi2, self.expected, self.stderr)
+    }
+}
+
+/// How far a model is off in units of the noise: an error of e times the noise raises the mean square from its
+/// expectation by the factor
+/// 1 + e². Two standard errors are chance.
+pub fn off(reduced_chi2: f64, expected: f64, stderr: f64) -> f64 {
+    let excess = (reduced_chi2 - 2.0 * stderr) / expected - 1.0;
+    // A figure that is no number is no agreement.
+    if excess.is_nan() { f64::INFINITY } else { excess.max(0.0).sqrt() }
+}
+
+/// What came through the light box against the slab of σa, σs and h + δ. `[front.light_box]` in `fit.toml`.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct LightBox {
+    /// Standard deviation of a transmittance: √((relative · value)² + floor²), the floor a channel.
+    pub noise_relative: f64,
+    pub noise_floor: [f64; 3],
+    pub readings: usize,
+    pub reduced_chi2: f64,
+    /// Each texel's thickness was fitted to its three transmittances: two of three are left.
+    pub expected: f64,
+    pub stderr: f64,
+    pub bias: f64,
+}
+
+impl LightBox {
+    pub fn off(&self) -> f64 {
+        off(self.reduced_chi2, self.expected, self.stderr)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_error_of_the_noise_s_size_is_off_by_one() {
+        assert!((off(2.0 * 1.05, 1.05, 0.0) - 1.0).abs() < 1e-12);
+        assert_eq!(off(1.0, 1.05, 0.0), 0.0);
+        assert_eq!(off(1.2, 1.0, 0.1), 0.0);
+        assert_eq!(off(f64::NAN, 1.0, 0.1), f64::INFINITY);
+    }
+}
