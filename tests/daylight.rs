@@ -8,11 +8,11 @@ mod skips;
 
 use blade::{Blade, scene};
 use glam::{DMat4, DVec3};
-use mesophyll::scene::daylight::Daylight;
+use mesophyll::scene::placed::daylight::Daylight;
 use mesophyll::scene::ledger::Ledger;
 use mesophyll::scene::manifest::Manifest;
 use mesophyll::scene::plan::{self, Plan};
-use mesophyll::scene::{handover, reference};
+use mesophyll::scene::draw::{handover, reference};
 use mesophyll::transport::closed_form;
 use mesophyll_viewer as viewer;
 use skips::Need;
@@ -244,7 +244,7 @@ fn the_cost_of_the_harmonics_falls_with_bands() {
 /// by integration beyond; the reference under it is another picture too.
 #[test]
 fn the_window_is_given_the_sky_it_asks_for() {
-    use mesophyll::scene::edit::SceneEditor;
+    use mesophyll::scene::window::edit::SceneEditor;
     use viewer::editor::Editor;
     let dir = tempfile::tempdir().unwrap();
     Blade { width: 24, height: 18, texel_mm: 2.0, ..Blade::default() }.write(&dir.path().join("fits/elm"), "elm");
@@ -260,7 +260,7 @@ fn the_window_is_given_the_sky_it_asks_for() {
     for (zenith, azimuth, turbidity) in
         [(0.2f64, 1.0, 3.5), (1.4, -2.0, 2.5), (1.0, 0.4, 8.0), (std::f64::consts::FRAC_PI_2, 0.0, 4.0)]
     {
-        let sun = mesophyll::scene::daylight::direction(zenith, azimuth).as_vec3();
+        let sun = mesophyll::scene::placed::daylight::direction(zenith, azimuth).as_vec3();
         let update = editor.sky(sun, turbidity as f32).unwrap();
         let want = Daylight::at(&manifest, zenith, azimuth, turbidity).unwrap();
         let exact = want.light(7, None).unwrap().harmonics;

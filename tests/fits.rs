@@ -7,7 +7,7 @@
 
 use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
 use mesophyll::record::FitRecord;
-use mesophyll::scene::{ledger::Ledger, manifest::Manifest, missing_fits};
+use mesophyll::scene::{fits::missing as missing_fits, ledger::Ledger, manifest::Manifest};
 use std::path::Path;
 
 /// Share of a standard error that a value may differ by.

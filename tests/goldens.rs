@@ -7,10 +7,10 @@ mod skips;
 
 use mesophyll::files::image::{Packing, read_exr, write_exr};
 use mesophyll::record::FitRecord;
-use mesophyll::scene::fitted::Fitted;
-use mesophyll::scene::handover::Scaling;
+use mesophyll::scene::fits::fitted::Fitted;
+use mesophyll::scene::draw::handover::Scaling;
 use mesophyll::scene::manifest::Manifest;
-use mesophyll::scene::save::{Change, edited};
+use mesophyll::scene::window::save::{Change, edited};
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};

@@ -118,7 +118,7 @@ fn faint_gloss(dir: &Path, zenith_deg: f64) -> std::path::PathBuf {
 /// vector is the normal.
 fn added(zenith_deg: f64) -> f64 {
     use mesophyll::optics::slab;
-    use mesophyll::scene::display::displayed;
+    use mesophyll::scene::plan::display::displayed;
     let cos = zenith_deg.to_radians().cos();
     let under = [45.0, 20.0, 90.0].into_iter().zip([11.0, 12.0, 10.0]).zip([3.0, 3.0, 2.8]);
     let one = |((sigma_a, sigma_s), irradiance): ((f64, f64), f64)| {

@@ -104,7 +104,7 @@ fn a_run_makes_what_is_missing_and_nothing_twice() {
 fn a_thicker_leaf_dims_and_an_edit_becomes_a_fit() {
     use mesophyll::optics::slab;
     use mesophyll::record::FitRecord;
-    use mesophyll::scene::{edit::SceneEditor, ledger::Ledger, plan};
+    use mesophyll::scene::{ledger::Ledger, plan, window::edit::SceneEditor};
     use mesophyll_viewer::editor::Editor;
     use mesophyll_viewer::scene::Interior;
 

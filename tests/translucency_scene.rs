@@ -170,7 +170,7 @@ fn what_is_wrong_is_named() {
 mod drawn {
     use super::*;
     use mesophyll::scene::manifest::Basis;
-    use mesophyll::scene::{handover, reference};
+    use mesophyll::scene::draw::{handover, reference};
     use mesophyll::transport::Sunlit;
     use mesophyll_viewer::scene::{Coefficients, Translucency};
 
@@ -247,7 +247,7 @@ mod drawn {
     /// What the window's box does to the reference: without its maps a leaf is the leaf that never had any.
     #[test]
     fn the_windows_reference_follows_the_maps_that_are_taken_off() {
-        use mesophyll::scene::edit::SceneEditor;
+        use mesophyll::scene::window::edit::SceneEditor;
         use mesophyll_viewer::editor::Editor;
 
         let dir = folder(&Blade::default());
@@ -313,7 +313,7 @@ fn with_texel(fit: &Path, texel_mm: f64) {
 #[cfg(feature = "render")]
 #[test]
 fn the_reference_convolves_and_a_flat_leafs_light_is_its_cosine() {
-    use mesophyll::scene::{manifest::Tissue, reference, source::Status};
+    use mesophyll::scene::{draw::reference, fits::source::Status, manifest::Tissue};
     use mesophyll::transport::Sunlit;
 
     let flat = Blade { width: 48, height: 36, texel_mm: 1.0, bump: 0.0, dome: 0.0, ..Blade::default() };
@@ -329,7 +329,7 @@ fn the_reference_convolves_and_a_flat_leafs_light_is_its_cosine() {
     let before = plan::make(&manifest, Some(&out), None, &ledger).unwrap();
     assert_eq!(before.untranslucent(), [0]);
     assert!(before.needed.iter().any(|n| n.name == "fit elm translucency" && n.status == Some(Status::Missing)));
-    assert!(mesophyll::scene::missing_fits::translucencies(&manifest, &before, &out, &ledger).unwrap());
+    assert!(mesophyll::scene::fits::missing::translucencies(&manifest, &before, &out, &ledger).unwrap());
     let mut plan = plan::make(&manifest, Some(&out), None, &ledger).unwrap();
     assert!(plan.untranslucent().is_empty());
     // The plan leaves out what is the cosine's; here it is looked at.
@@ -355,7 +355,7 @@ fn the_reference_convolves_and_a_flat_leafs_light_is_its_cosine() {
 
 #[test]
 fn a_scene_asks_for_a_basis_and_what_no_renderer_evaluates_is_refused() {
-    use mesophyll::scene::{manifest::Basis, source::Status};
+    use mesophyll::scene::{fits::source::Status, manifest::Basis};
 
     let dir = folder(&Blade::default());
     let maps = dir.path().join("fits/elm-translucency");
@@ -409,7 +409,7 @@ fn a_scene_asks_for_a_basis_and_what_no_renderer_evaluates_is_refused() {
 
 #[test]
 fn maps_are_made_in_the_basis_that_the_scene_asks_for() {
-    use mesophyll::scene::{manifest::Basis, missing_fits, source::Status};
+    use mesophyll::scene::{fits::missing as missing_fits, fits::source::Status, manifest::Basis};
 
     let flat = Blade { width: 48, height: 36, texel_mm: 1.0, ..Blade::default() };
     let dir = tempfile::tempdir().unwrap();

@@ -34,7 +34,8 @@ pub struct Args {
 #[cfg(feature = "render")]
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     use mesophyll_files::{atomic, claim};
-    use mesophyll_scene::{check::Options, golden, ledger::Ledger, manifest::Manifest, missing_fits, plan};
+    use mesophyll_scene::check::{Options, golden};
+    use mesophyll_scene::{fits::missing as missing_fits, ledger::Ledger, manifest::Manifest, plan};
 
     let mut manifest = Manifest::read(&args.scene)?;
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out/check").join(&manifest.name));
@@ -80,7 +81,7 @@ pub(super) fn judged(
     compare: Option<Option<&std::path::Path>>,
     ledger: &mesophyll_scene::ledger::Ledger,
 ) -> Result<(bool, String, serde_json::Value)> {
-    use mesophyll_scene::{check, interiors};
+    use mesophyll_scene::check::{self, interiors};
 
     let report = check::check(manifest, plan, options, ledger)?;
     let (mut json, mut text) = (report.json(manifest), report.text());

@@ -2,7 +2,7 @@
 
 use super::Common;
 use crate::Result;
-use mesophyll_scene::{ledger::Ledger, manifest::Manifest, missing_fits, plan};
+use mesophyll_scene::{fits::missing as missing_fits, ledger::Ledger, manifest::Manifest, plan};
 use std::fmt::Write;
 use std::path::PathBuf;
 

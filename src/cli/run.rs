@@ -4,7 +4,7 @@ use super::Common;
 use crate::Result;
 use mesophyll_files::{atomic, claim, progress};
 use mesophyll_report::{self as report, ReportSource, model::Level};
-use mesophyll_scene::{ledger::Ledger, manifest::Manifest, missing_fits, plan};
+use mesophyll_scene::{fits::missing as missing_fits, ledger::Ledger, manifest::Manifest, plan};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;

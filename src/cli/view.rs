@@ -29,12 +29,14 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
     use crate::Error;
     use mesophyll_files::{claim, progress};
     use mesophyll_scene::{
-        branch, check,
-        edit::SceneEditor,
-        handover,
+        check,
+        draw::handover,
+        fits::missing as missing_fits,
         ledger::Ledger,
         manifest::{Manifest, ViewKind},
-        missing_fits, plan,
+        placed::branch,
+        plan,
+        window::edit::SceneEditor,
     };
     use mesophyll_viewer::{WindowOptions, WindowScene, WindowView, open_window};
 

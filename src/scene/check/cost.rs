@@ -4,7 +4,7 @@
 use super::report::{Term, ViewReport};
 use super::told;
 use crate::Result;
-use crate::handover;
+use crate::draw::handover;
 use crate::manifest::{Manifest, View, ViewKind};
 use mesophyll_viewer as gpu;
 

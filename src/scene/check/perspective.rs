@@ -8,7 +8,7 @@ use super::{Options, proof, told};
 use crate::Result;
 use crate::manifest::{JudgedBy, Manifest, View};
 use crate::plan::Plan;
-use crate::{handover, reference};
+use crate::draw::{handover, reference};
 use mesophyll_files::image::write_png;
 use mesophyll_transport::{self as transport, compare};
 use mesophyll_viewer as gpu;

@@ -3,11 +3,13 @@
 use super::report::ViewReport;
 use super::{Options, Report, told};
 use crate::Result;
-use crate::card::Card;
+use crate::draw::card::Card;
 use crate::ledger::Ledger;
 use crate::manifest::{Manifest, View, ViewKind};
 use crate::plan::Plan;
-use crate::{branch, day, golden, handover};
+use super::{day, golden};
+use crate::draw::handover;
+use crate::placed::branch;
 use mesophyll_files::{image, progress};
 use mesophyll_viewer as gpu;
 

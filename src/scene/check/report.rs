@@ -1,8 +1,8 @@
 //! The verdict of a check: a view's figures, what the translucency maps cost, and all of it as JSON and in words.
 
 use super::CaptureReport;
-use crate::day::Hour;
-use crate::golden;
+use super::day::Hour;
+use super::golden;
 use crate::manifest::Manifest;
 use serde_json::{Value, json};
 

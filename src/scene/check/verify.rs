@@ -2,8 +2,8 @@
 //! numbers, and whether their maps agree with each other.
 
 use crate::Result;
-use crate::consistency;
-use crate::fitted::Fitted;
+use super::consistency;
+use crate::fits::fitted::Fitted;
 use crate::ledger::Ledger;
 use crate::manifest::Manifest;
 use crate::plan::Plan;

@@ -1,0 +1,96 @@
+//! The hours of a scene's day: the first perspective view under each of them, as one picture, from the fitted
+//! polynomials.
+//!
+//! The mosaic has four columns, in the order of the hours. With every hour goes how far its coefficients are from
+//! integrated ones.
+
+use super::told;
+use crate::placed::daylight::{self, Daylight};
+use crate::draw::handover;
+use crate::ledger::Ledger;
+use crate::manifest::{Manifest, ViewKind};
+use crate::plan::Plan;
+use crate::Result;
+use mesophyll_files::image;
+use mesophyll_viewer as gpu;
+use mesophyll_viewer::scene as viewer;
+use std::path::Path;
+
+/// One hour.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Hour {
+    pub hour: f64,
+    pub zenith_deg: f64,
+    pub azimuth_deg: f64,
+    /// The sun's, on a surface that faces it.
+    pub sun: [f64; 3],
+    /// Root of the sum of squared differences from integrated coefficients over c00, worst channel.
+    pub fit_error: f64,
+}
+
+/// Columns of the mosaic.
+const COLUMNS: usize = 4;
+
+/// The hours as one picture.
+pub struct Strip {
+    pub hours: Vec<Hour>,
+    /// Columns and rows of pixels.
+    pub size: (usize, usize),
+    pub pixels: Vec<[u8; 4]>,
+}
+
+impl Strip {
+    /// Writes the picture as PNG.
+    ///
+    /// # Errors
+    /// [`crate::Error::Write`] where it cannot be written.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        image::write_png(path, self.size.0, self.size.1, self.pixels.as_flattened())
+    }
+}
+
+/// Draws the hours, `w` × `h` pixels each; nothing without a `[day]` or a perspective view.
+///
+/// # Errors
+/// [`crate::Error::Missed`] where the renderer or the fit fails.
+pub fn draw(
+    manifest: &Manifest,
+    plan: &Plan,
+    scene: &viewer::Scene,
+    renderer: &mut gpu::Renderer,
+    (w, h): (u32, u32),
+    ledger: &Ledger,
+) -> Result<Option<Strip>> {
+    let (Some(day), Some(sky)) = (&manifest.day, &manifest.sky) else { return Ok(None) };
+    let Some(view) = manifest.views.iter().find(|v| v.kind == ViewKind::Perspective) else { return Ok(None) };
+    let (tile_w, tile_h) = (w as usize, h as usize);
+    let (columns, rows) = (day.hours.len().min(COLUMNS), day.hours.len().div_ceil(COLUMNS));
+    let mut mosaic = vec![[0u8, 0, 0, 255]; columns * tile_w * rows * tile_h];
+    let polynomials = daylight::polynomials(plan, ledger)?;
+    let mut hours = Vec::new();
+    let mut lit = scene.clone();
+    for (k, &hour) in day.hours.iter().enumerate() {
+        let (zenith, azimuth) = daylight::sun_of(day, hour);
+        let daylight = Daylight::at(manifest, zenith, azimuth, sky.turbidity.unwrap_or_default())?;
+        lit.dome = Some(handover::dome(&daylight, plan.sky_bands, polynomials)?);
+        if let Some(sun) = &mut lit.sun {
+            sun.direction = daylight::direction(daylight.zenith, azimuth).as_vec3();
+            sun.irradiance = daylight.sun.map(|v| v as f32);
+        }
+        renderer.set_lights(&lit).map_err(told)?;
+        let picture = renderer.render(&handover::camera(view), w, h).map_err(told)?;
+        let (left, top) = ((k % COLUMNS) * tile_w, (k / COLUMNS) * tile_h);
+        for (y, row) in picture.ldr.chunks_exact(tile_w).enumerate() {
+            let at = (top + y) * columns * tile_w + left;
+            mosaic[at..at + tile_w].copy_from_slice(row);
+        }
+        let (made, exact) =
+            (daylight.light(plan.sky_bands, polynomials)?.harmonics, daylight.light(plan.sky_bands, None)?.harmonics);
+        let c00 = exact.get(0, 0);
+        let error =
+            made.distance(&exact).iter().zip(c00).map(|(d, c)| d / c.abs().max(f64::MIN_POSITIVE)).fold(0.0, f64::max);
+        let (zenith_deg, azimuth_deg) = (zenith.to_degrees(), azimuth.to_degrees());
+        hours.push(Hour { hour, zenith_deg, azimuth_deg, sun: daylight.sun, fit_error: error });
+    }
+    Ok(Some(Strip { hours, size: (columns * tile_w, rows * tile_h), pixels: mosaic }))
+}

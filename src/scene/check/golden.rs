@@ -1,0 +1,177 @@
+//! Golden pictures: what the renderer drew of every view of a scene, small, committed beside the scene files. A check
+//! takes its truth from the fit, so that a fit which is wrong but consistent, and hashed anew, passes it; against its
+//! golden it draws another picture.
+//!
+//! The limits come from what two adapters may differ by, not from what a change of a fit does. On Mesa's software
+//! adapter Vulkan holds maps in 32 bits and OpenGL in 16, as many GPUs do; between the two the committed scenes differ
+//! by a mean FLIP of at most 4.0e-4, cards (one colour, which rounding may move by one step of 8 bits as a whole) by at
+//! most 3.4e-3; 1.3e-4 of the pixels (leaves of the tree) are more than [`STEPS`] off. The limits lie about twice as
+//! high. Eight bits are enough: a mean over thousands of pixels resolves far less than one step of one pixel.
+
+use crate::manifest::Manifest;
+use crate::fits::missing as missing_fits;
+use crate::{Error, Result};
+use mesophyll_files::atomic::explain;
+use mesophyll_files::image;
+use mesophyll_transport::compare;
+use std::path::{Path, PathBuf};
+
+/// Longer side of a golden picture in pixels. The software adapter draws one in a fraction of a second.
+const LONGEST: u32 = 200;
+
+/// Largest mean FLIP error over all pixels of a view, and of a card.
+pub const FLIP_MEAN: [f64; 2] = [1e-3, 6e-3];
+
+/// A pixel has changed where a displayed value differs by more than this many of 255 steps: more than rounding and
+/// 16-bit maps make it.
+const STEPS: u8 = 4;
+
+/// Largest share of changed pixels: the edge of a leaf may fall on either side of a pixel's centre. At 800 × 600 pixels
+/// 2.4e-4 of them did; edges take a four times larger share of a golden's pixels.
+pub const CHANGED: f64 = 2e-3;
+
+/// How far a picture is from its golden.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Figures {
+    /// Mean FLIP error over all pixels, 0 to 1.
+    pub flip_mean: f64,
+    /// Share of pixels with a displayed value more than [`STEPS`] of 255 off.
+    pub changed: f64,
+}
+
+/// A comparison with a golden.
+pub struct Comparison {
+    pub figures: Figures,
+    /// Eightfold difference about grey, RGB.
+    pub difference: Vec<u8>,
+}
+
+impl Figures {
+    /// What is too large, in words; `None` where both figures keep their limits. A NaN does not.
+    pub fn missed(&self, card: bool) -> Option<String> {
+        let (mut out, limit) = (Vec::new(), FLIP_MEAN[usize::from(card)]);
+        if !(self.flip_mean <= limit) {
+            out.push(format!("mean FLIP is {:.1e}, at most {limit:.0e} allowed", self.flip_mean));
+        }
+        if !(self.changed <= CHANGED) {
+            out.push(format!(
+                "{:.2} % of the pixels changed, at most {:.2} % allowed,",
+                100.0 * self.changed,
+                100.0 * CHANGED
+            ));
+        }
+        (!out.is_empty()).then(|| out.join("; "))
+    }
+}
+
+/// Frames, and texels of the longer side, of a scan that is made for golden pictures alone.
+const SMALL_SCAN: (usize, usize) = (24, 96);
+
+/// Makes the scans of leaves that have no fit of their own small, so that scanning and fitting them takes seconds.
+pub fn small_scans(manifest: &mut Manifest) {
+    for scan in manifest.leaves.iter_mut().filter(|l| l.fit.is_none()).filter_map(|l| l.scan.as_mut()) {
+        let (w, h) = missing_fits::size(scan).unwrap_or((720, 540));
+        let longest = w.max(h);
+        let scaled = |n: usize| (n * SMALL_SCAN.1).div_ceil(longest);
+        if longest > SMALL_SCAN.1 {
+            scan.size = Some(format!("{}x{}", scaled(w), scaled(h)));
+        }
+        scan.frames = Some(scan.frames.unwrap_or(100).min(SMALL_SCAN.0));
+    }
+}
+
+/// Whether the scene as it stands draws its goldens: where leaves are scanned first, only a scene with [`small_scans`]
+/// does.
+pub fn applies(manifest: &Manifest) -> bool {
+    !manifest.leaves.iter().any(|l| l.fit.is_none() && l.scan.is_some())
+}
+
+/// Columns and rows of a scene's golden pictures: the shape of its check's pictures.
+pub fn size(manifest: &Manifest) -> (u32, u32) {
+    let (w, h) = (manifest.check.width, manifest.check.height);
+    let longest = w.max(h).max(1);
+    let scaled = |n: u32| ((n * LONGEST + longest / 2) / longest).max(2);
+    (scaled(w), scaled(h))
+}
+
+/// `golden/SCENE-VIEW.png` beside the scene file.
+pub fn path(manifest: &Manifest, view: &str) -> PathBuf {
+    manifest.resolve(Path::new("golden")).join(format!("{}-{view}.png", manifest.name))
+}
+
+/// Writes a golden.
+///
+/// # Errors
+/// [`Error::Write`] where it cannot be written.
+pub fn write(path: &Path, width: usize, height: usize, pixels: &[[u8; 4]]) -> Result<()> {
+    let rgb: Vec<u8> = pixels.iter().flat_map(|p| [p[0], p[1], p[2]]).collect();
+    image::write_png(path, width, height, &rgb)
+}
+
+/// Compares a picture with the golden.
+///
+/// # Errors
+/// [`Error::Input`] when the golden cannot be read or has another size.
+pub fn compare(path: &Path, width: usize, height: usize, pixels: &[[u8; 4]]) -> Result<Comparison> {
+    let (w, h, golden) = read(path)?;
+    if (w, h) != (width, height) {
+        let what = format!(
+            "found {w}x{h} pixels, expected {width}x{height}; `mesophyll check --goldens-only --update-golden` writes \
+             it anew"
+        );
+        return Err(Error::input(path, what));
+    }
+    let flip = compare::flip_map(&golden, pixels, w, h);
+    let count = (w * h) as f64;
+    let changed = golden.iter().zip(pixels).filter(|(a, b)| (0..3).any(|c| a[c].abs_diff(b[c]) > STEPS)).count();
+    let figures =
+        Figures { flip_mean: flip.iter().map(|&x| f64::from(x)).sum::<f64>() / count, changed: changed as f64 / count };
+    Ok(Comparison { figures, difference: compare::difference_picture(&golden, pixels, 8.0) })
+}
+
+fn read(path: &Path) -> Result<(usize, usize, Vec<[u8; 4]>)> {
+    let bytes = std::fs::read(path).map_err(|e| Error::input(path, explain(&e)))?;
+    let decoded = ::image::load_from_memory_with_format(&bytes, ::image::ImageFormat::Png)
+        .map_err(|e| Error::input(path, format!("not a readable PNG ({e})")))?
+        .to_rgba8();
+    let (w, h) = decoded.dimensions();
+    Ok((w as usize, h as usize, decoded.pixels().map(|p| p.0).collect()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_adapters_differ_by_passes_and_a_change_does_not() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("golden.png");
+        let (w, h) = (200usize, 150usize);
+        let drawn: Vec<[u8; 4]> = (0..w * h).map(|k| [(k % w) as u8, (k / w) as u8, 60, 255]).collect();
+        write(&path, w, h, &drawn).unwrap();
+        let figures = |pixels: &[[u8; 4]]| compare(&path, w, h, pixels).unwrap().figures;
+        assert_eq!(figures(&drawn), Figures { flip_mean: 0.0, changed: 0.0 });
+        // 116 pixels of 800 × 600 lie on the other side of an edge; at this size edges are as long and pixels four
+        // times as large a side.
+        let edges: Vec<[u8; 4]> =
+            drawn.iter().enumerate().map(|(k, p)| if k % 1000 == 0 { [255, 255, 255, 255] } else { *p }).collect();
+        assert!(figures(&edges).changed == 1e-3, "{:?}", figures(&edges));
+        // Everything a little brighter is no pixel's change and yet another picture.
+        let brighter: Vec<[u8; 4]> = drawn.iter().map(|p| p.map(|v| v.saturating_add(3))).collect();
+        let seen = figures(&brighter);
+        assert!(seen.changed == 0.0 && seen.missed(false).is_some_and(|why| why.contains("mean FLIP")), "{seen:?}");
+        let moved: Vec<[u8; 4]> = drawn
+            .iter()
+            .enumerate()
+            .map(|(k, p)| if k % 50 == 0 { [p[0] ^ 64, p[1], p[2], 255] } else { *p })
+            .collect();
+        assert!(
+            figures(&moved).missed(false).is_some_and(|why| why.contains("2.00 % of the pixels changed")),
+            "{:?}",
+            figures(&moved)
+        );
+        assert!(Figures { flip_mean: f64::NAN, changed: 0.0 }.missed(false).is_some());
+        let error = compare(&path, h, w, &drawn).err().map(|e| e.to_string()).unwrap_or_default();
+        assert!(error.contains("found 200x150 pixels, expected 150x200"), "{error}");
+    }
+}

@@ -1,0 +1,161 @@
+//! W's scalars against pigment maps: what each costs in bytes, how far each is from the fit's own ρd and ρt maps, and
+//! how far its picture is from the picture that those maps give.
+
+use super::{open, told};
+use crate::draw::handover;
+use crate::ledger::Ledger;
+use crate::manifest::{Interior, Manifest, ViewKind};
+use crate::plan::{self, Plan};
+use crate::draw::reference;
+use crate::Result;
+use mesophyll_optics::side::Side;
+use mesophyll_optics::slab;
+use mesophyll_transport::{self as transport, compare as measure};
+use std::path::Path;
+
+/// One leaf with one kind of interior.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Row {
+    pub leaf: String,
+    /// `scalars` or `maps`.
+    pub interior: &'static str,
+    /// Uploaded for the interior: γ, δ and curve, or two maps a side.
+    pub bytes: u64,
+    /// Root mean square of ρ/ρ_fit − 1 over the good texels of the sides in use, ρd and ρt together.
+    pub fit_error: f64,
+    /// 99th percentile of FLIP and largest interior error against the picture of the fit's own maps, worst view.
+    pub picture_flip_p99: f64,
+    pub picture_max_error: f64,
+}
+
+/// Compares both interiors for every leaf that the perspective views show.
+///
+/// # Errors
+/// As [`super::check`].
+pub fn compare(manifest: &Manifest, out: Option<&Path>, ledger: &Ledger) -> Result<Vec<Row>> {
+    let mut renderer = open()?;
+    let mut rows = Vec::new();
+    for index in 0..manifest.leaves.len() {
+        for (name, interior) in [("scalars", Interior::Scalars), ("maps", Interior::Maps)] {
+            let mut variant = manifest.clone();
+            variant.leaves[index].interior = interior;
+            let plan = plan::make(&variant, out, None, ledger)?;
+            if plan.leaves[index].mesh.is_none() || !plan.leaves[index].sides.iter().any(|s| s.interior()) {
+                continue;
+            }
+            renderer.set_scene(&handover::scene(&variant, &plan, ledger)?).map_err(told)?;
+            let parts = ["gamma_delta", "slab curve", "rho_d", "rho_t"];
+            let shown = plan.leaves[..index].iter().filter(|l| l.mesh.is_some()).count();
+            let prefix = format!("leaf {shown} ");
+            let of_interior = |n: &str| n.starts_with(&prefix) && parts.iter().any(|p| n.ends_with(p));
+            let bytes = renderer.stats().uploads.iter().filter(|u| of_interior(&u.name)).map(|u| u.bytes).sum();
+            let truth = measured_world(&variant, &plan, ledger)?;
+            let stage = transport::Renderer::new(&truth)?;
+            let (mut flip, mut error): (f64, f64) = (0.0, 0.0);
+            for view in manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective) {
+                let (w, h) = (manifest.check.width, manifest.check.height);
+                let picture = renderer.render(&handover::camera(view), w, h).map_err(told)?;
+                let options =
+                    transport::Options { samples_per_pixel: manifest.check.samples, ..transport::Options::default() };
+                let reference = stage.render(&reference::camera(view), w as usize, h as usize, &options)?;
+                let seen = measure::compare(&reference, &picture.ldr)?;
+                (flip, error) = (flip.max(seen.flip_p99), error.max(seen.max_error.unwrap_or(0.0)));
+            }
+            rows.push(Row {
+                leaf: manifest.leaves[index].name.clone(),
+                interior: name,
+                bytes,
+                fit_error: fit_error(&plan, index, interior, ledger)?,
+                picture_flip_p99: flip,
+                picture_max_error: error,
+            });
+        }
+    }
+    Ok(rows)
+}
+
+/// The reference world with the fit's own ρd and ρt maps, which both interiors are models of.
+fn measured_world(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<transport::World> {
+    let mut world = reference::world(manifest, plan, ledger)?;
+    for (leaf, drawn) in plan.leaves.iter().filter(|l| l.mesh.is_some()).zip(&mut world.leaves) {
+        let Some(fitted) = &leaf.fitted else { continue };
+        for (s, side) in Side::ALL.into_iter().enumerate() {
+            if !leaf.sides[s].interior() {
+                continue;
+            }
+            let file = format!("{}.exr", side.name());
+            let maps = fitted.maps(
+                &file,
+                &["rho_d.R", "rho_d.G", "rho_d.B", "rho_t.R", "rho_t.G", "rho_t.B", "mask.Y"],
+                ledger,
+            )?;
+            let mut planes: Vec<Vec<f32>> = maps.channels.into_iter().map(|(_, p)| p).collect();
+            let good: Vec<bool> = (0..maps.width * maps.height)
+                .map(|k| planes[6][k] > 0.0 && planes.iter().all(|p| p[k].is_finite()))
+                .collect();
+            crate::fits::fitted::fill(&fitted.folder.join(&file), maps.width, maps.height, &mut planes, |k| good[k])?;
+            let mut take = |c: usize| std::mem::take(&mut planes[c]);
+            let interior =
+                transport::Interior::Maps { rho_d: [take(0), take(1), take(2)], rho_t: [take(3), take(4), take(5)] };
+            if s == 0 { drawn.front.interior = interior } else { drawn.back.interior = interior }
+        }
+    }
+    Ok(world)
+}
+
+/// Root mean square of the model's ρd and ρt over the fit's own, less one.
+fn fit_error(plan: &Plan, index: usize, kind: Interior, ledger: &Ledger) -> Result<f64> {
+    let leaf = &plan.leaves[index];
+    let Some(fitted) = &leaf.fitted else { return Ok(f64::NAN) };
+    let (mut sum, mut count) = (0.0, 0u64);
+    for (s, side) in Side::ALL.into_iter().enumerate() {
+        if !leaf.sides[s].interior() {
+            continue;
+        }
+        let mut names = vec!["mask.Y".to_string(), "thickness.Y".to_string()];
+        for what in ["gamma", "sigma_a", "sigma_s", "rho_d", "rho_t"] {
+            names.extend(["R", "G", "B"].map(|c| format!("{what}.{c}")));
+        }
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        let maps = fitted.maps(&format!("{}.exr", side.name()), &names, ledger)?;
+        let p: Vec<&[f32]> = maps.channels.iter().map(|(_, p)| p.as_slice()).collect();
+        let (sigma_a, sigma_s) = (fitted.rgb(side, "sigma_a")?, fitted.rgb(side, "sigma_s")?);
+        let n = maps.width * maps.height;
+        // Tens of thousands of texels tell a root mean square.
+        for k in (0..n).step_by((n / 20_000).max(1)).filter(|&k| p[0][k] > 0.0 && p.iter().all(|q| q[k].is_finite())) {
+            let h = f64::from(p[1][k]);
+            for c in 0..3 {
+                let f = |at: usize| f64::from(p[at + c][k]);
+                let (rho_d, rho_t) = match kind {
+                    Interior::Scalars => {
+                        let r = slab::response(sigma_a[c], sigma_s[c], h);
+                        (f(2) * r.rho_d, r.rho_t)
+                    }
+                    Interior::Maps => {
+                        let r = slab::response(f(5), f(8), h);
+                        (r.rho_d, r.rho_t)
+                    }
+                };
+                for (model, fit) in [(rho_d, f(11)), (rho_t, f(14))] {
+                    if fit > 0.0 {
+                        sum += (model / fit - 1.0).powi(2);
+                        count += 1;
+                    }
+                }
+            }
+        }
+    }
+    Ok((sum / count.max(1) as f64).sqrt())
+}
+
+/// The rows in words.
+pub fn text(rows: &[Row]) -> String {
+    rows.iter()
+        .map(|r| {
+            format!(
+                "{} as {}: {} bytes, fit error {:.2e} (rms, relative), picture FLIP 99 % {:.4}, largest error {:.4}\n",
+                r.leaf, r.interior, r.bytes, r.fit_error, r.picture_flip_p99, r.picture_max_error
+            )
+        })
+        .collect()
+}

@@ -1,0 +1,161 @@
+//! The check: every view of a scene drawn by the GPU renderer, judged against the CPU reference (a card: against its
+//! closed form), against golden pictures where the scene has them, and against the thresholds that the scene states. A
+//! check of the goldens alone needs no reference and takes seconds.
+//!
+//! Errors are of displayed values, 0 to 1. The noise of the reference is measured against a second seed and printed
+//! beside each threshold. Frame times are judged on real GPUs only.
+
+mod capture;
+mod card;
+pub mod consistency;
+mod cost;
+pub mod day;
+pub mod golden;
+pub mod interiors;
+mod perspective;
+mod pictures;
+mod proof;
+mod report;
+mod verify;
+
+pub use capture::CaptureReport;
+pub use report::{Report, Term, ViewReport};
+pub use verify::verify;
+
+use crate::ledger::Ledger;
+use crate::manifest::{Manifest, View, ViewKind};
+use crate::plan::Plan;
+use crate::draw::{handover, reference, sunlit, true_leaf};
+use crate::placed::branch;
+use crate::{Error, Result};
+use mesophyll_files::{atomic, progress};
+use mesophyll_transport as transport;
+use mesophyll_viewer as gpu;
+use std::path::PathBuf;
+
+/// What a check is told beside the scene.
+#[derive(Debug, Clone, Default)]
+pub struct Options {
+    /// Where pictures and `check.json` go.
+    pub out: PathBuf,
+    /// Write the scene's golden pictures anew instead of comparing with them.
+    pub update_golden: bool,
+    /// Only draw every view small, for its golden picture: no reference, no frame times.
+    pub goldens_only: bool,
+}
+
+/// Opens the adapter.
+///
+/// # Errors
+/// [`Error::Missed`] when there is none: a check never passes unlooked.
+pub fn open() -> Result<gpu::Renderer> {
+    gpu::Renderer::headless(&gpu::Options::default()).map_err(|e| Error::Missed(format!("nothing was checked: {e}")))
+}
+
+/// A renderer's complaint in our words.
+pub fn told(e: gpu::Error) -> Error {
+    Error::Missed(format!("the renderer failed: {e}"))
+}
+
+/// Checks every view.
+///
+/// # Errors
+/// [`Error::Missed`] without an adapter; [`Error::Input`] for a leaf that is not fitted or a damaged file. A missed
+/// threshold is no error here: see [`Report::passed`].
+pub fn check(manifest: &Manifest, plan: &Plan, options: &Options, ledger: &Ledger) -> Result<Report> {
+    if let Some(missing) = plan.unfitted().first() {
+        let name = &manifest.leaves[*missing].name;
+        return Err(Error::field(
+            &manifest.path,
+            &format!("leaf \"{name}\""),
+            "not fitted yet; `mesophyll run` fits what a scene needs",
+        ));
+    }
+    atomic::probe_folder(&options.out)?;
+    let mut renderer = open()?;
+    let adapter = renderer.adapter().clone();
+    let mut report = Report {
+        passed: true,
+        adapter: format!("{} ({}, {})", adapter.name, adapter.backend, adapter.driver),
+        software: adapter.is_software,
+        views: Vec::new(),
+        captures: Vec::new(),
+        skipped: Vec::new(),
+        failures: verify(manifest, plan, ledger)?,
+        warnings: plan.warnings.clone(),
+        uploads: Vec::new(),
+        pipelines: Vec::new(),
+        translucency: None,
+        day: Vec::new(),
+    };
+    progress::say(format!("drawn by {}", report.adapter));
+    if options.goldens_only {
+        proof::all(manifest, plan, &mut renderer, options, ledger, &mut report)?;
+    } else {
+        against_reference(manifest, plan, &mut renderer, options, ledger, &mut report)?;
+    }
+    report.passed =
+        report.failures.is_empty() && report.views.iter().all(|v| v.passed) && report.captures.iter().all(|c| c.passed);
+    let path = options.out.join("check.json");
+    atomic::write_bytes(&path, serde_json::to_string_pretty(&report.json(manifest)).unwrap_or_default().as_bytes())?;
+    Ok(report)
+}
+
+/// Every view against the reference or its closed form, and against its golden where there is one.
+fn against_reference(
+    manifest: &Manifest,
+    plan: &Plan,
+    renderer: &mut gpu::Renderer,
+    options: &Options,
+    ledger: &Ledger,
+    report: &mut Report,
+) -> Result<()> {
+    let perspective: Vec<&View> = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).collect();
+    if !perspective.is_empty() {
+        let mut scene = handover::scene(manifest, plan, ledger)?;
+        let mut world = reference::world(manifest, plan, ledger)?;
+        renderer.set_scene(&scene).map_err(told)?;
+        report.uploads = renderer.stats().uploads.iter().map(|u| (u.name.clone(), u.bytes)).collect();
+        report.pipelines = renderer.stats().pipelines.clone();
+        // Views of one time share the reference's trees.
+        let mut times: Vec<f64> = perspective.iter().map(|v| branch::time(manifest, v)).collect();
+        times.dedup();
+        if plan.bends.is_none() {
+            times.truncate(1);
+        }
+        let mut left = perspective.into_iter().peekable();
+        for time in times {
+            if let Some(wind) = &mut scene.wind {
+                wind.time_s = time;
+                renderer.set_time(wind);
+            }
+            reference::move_to(&mut world, plan, time)?;
+            let mut by_maps = world.clone();
+            let stored = sunlit::relight_as_stored(&mut by_maps, plan, &plan.eyes)?;
+            let mut as_grown = world.clone();
+            let known = !true_leaf::replace(&mut as_grown, manifest, plan, &options.out)?.is_empty();
+            let as_grown = if known { Some(transport::Renderer::new(&as_grown)?) } else { None };
+            let stage = transport::Renderer::new(&world)?;
+            let by_maps = if stored { Some(transport::Renderer::new(&by_maps)?) } else { None };
+            while let Some(view) = left.next_if(|v| plan.bends.is_none() || branch::time(manifest, v) == time) {
+                let _bar = progress::Bar::of(format!("view {}", view.name));
+                let stages =
+                    perspective::Stages { truth: &stage, by_maps: by_maps.as_ref(), true_leaf: as_grown.as_ref() };
+                report.views.push(perspective::one_view(manifest, plan, view, renderer, &stages, options)?);
+            }
+        }
+        let slow = report.views.first().is_some_and(|v| v.frame_ms_median > 2000.0);
+        report.translucency = cost::term(manifest, &scene, renderer, !slow)?;
+        let tile = (manifest.check.width.div_ceil(2), manifest.check.height.div_ceil(2));
+        if let Some(strip) = day::draw(manifest, plan, &scene, renderer, tile, ledger)? {
+            strip.write(&options.out.join("day.png"))?;
+            report.day = strip.hours;
+            proof::hours(manifest, plan, &scene, renderer, options, ledger, report)?;
+        }
+    }
+    for view in manifest.views.iter().filter(|v| v.kind == ViewKind::Card) {
+        report.views.push(card::one_card(manifest, plan, view, renderer, options, ledger)?);
+    }
+    (report.captures, report.skipped) = capture::all(manifest, plan, renderer, options)?;
+    Ok(())
+}

@@ -1,0 +1,436 @@
+//! The hand-over to the GPU renderer: what the plan lists of each fit folder, as plain scene data.
+//!
+//! W's packed textures, tangent-space normals and a slab curve a side (or pigment maps, solved a texel). A side that no
+//! camera sees light from is handed over black, without maps. The reference renderer gets its own data another way
+//! (`super::reference`).
+
+use crate::plan::accuracy::{self, Curve};
+use super::card::Card;
+use crate::placed::daylight::{self, Daylight};
+use super::detail;
+use crate::fits::fitted::fill;
+use crate::ledger::Ledger;
+use crate::manifest::{Basis, Interior, Manifest, View};
+use crate::plan::{LeafPlan, Plan, sun_direction};
+use crate::loaded::translucency::Of;
+use crate::{Error, Result};
+use glam::{Vec2, Vec3, Vec4};
+use mesophyll_files::mesh::LeafMesh;
+use mesophyll_optics::gloss::Lobe;
+use mesophyll_optics::side::Side;
+use mesophyll_optics::slab;
+use mesophyll_sky::fitted::Folded;
+use mesophyll_viewer::scene as viewer;
+use rayon::prelude::*;
+
+/// A leaf that is drawn with more triangles than this in all gets levels of detail: as many as there are pixels in a
+/// small picture.
+const MANY_TRIANGLES: usize = 200_000;
+
+/// Everything the perspective views show.
+///
+/// # Errors
+/// [`Error::Input`] for a map that is missing, damaged or of another size.
+pub fn scene(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<viewer::Scene> {
+    let mut out = lights(manifest, plan, ledger)?;
+    let mut index = vec![None; plan.leaves.len()];
+    for leaf in plan.leaves.iter().filter(|l| l.mesh.is_some()) {
+        index[leaf.index] = Some(out.leaves.len());
+        out.leaves.push(one_leaf(manifest, leaf, ledger)?);
+    }
+    for p in &plan.placements {
+        if let Some(leaf) = index[p.leaf] {
+            let ride = p
+                .ride
+                .filter(|_| plan.bends.is_some())
+                .map(|r| viewer::Ride { branch: r.branch, at: Some(r.at as f32) });
+            out.instances.push(viewer::Instance { leaf, transform: p.transform.as_mat4(), ride });
+        }
+    }
+    for leaf in plan.leaves.iter() {
+        let (Some(mesh), Some(at)) = (&leaf.mesh, index[leaf.index]) else { continue };
+        let drawn = mesh.triangles() * out.instances.iter().filter(|i| i.leaf == at).count();
+        if drawn > MANY_TRIANGLES {
+            let levels =
+                ledger.note("make", format!("{}: levels of detail", out.leaves[at].name), 0, || detail::levels(mesh));
+            out.leaves[at].mesh.details =
+                levels.into_iter().map(|l| viewer::Detail { indices: l.indices, error: l.error_mm as f32 }).collect();
+        }
+    }
+    if let Some((mesh, bark)) = &plan.wood {
+        out.instances.push(viewer::Instance { leaf: out.leaves.len(), transform: glam::Mat4::IDENTITY, ride: None });
+        out.leaves.push(barked("wood", mesh, *bark));
+    }
+    branches(manifest, plan, &mut out);
+    Ok(out)
+}
+
+/// Branches as meshes with bark, after the leaves; and what bends them and what rides on them, where anything does.
+fn branches(manifest: &Manifest, plan: &Plan, out: &mut viewer::Scene) {
+    for (k, (twig, mesh)) in plan.twigs.iter().enumerate() {
+        let ride = plan.bends.is_some().then_some(viewer::Ride { branch: k, at: None });
+        out.instances.push(viewer::Instance { leaf: out.leaves.len(), transform: glam::Mat4::IDENTITY, ride });
+        out.leaves.push(barked(&manifest.branches[k].name, mesh, twig.bark));
+    }
+    let Some(bends) = &plan.bends else { return };
+    let vec = |v: [f64; 3]| Vec3::from(v.map(|c| c as f32));
+    out.branches = bends
+        .branches
+        .iter()
+        .map(|b| {
+            let shape = b.rest.shape.single();
+            viewer::Branch {
+                root: vec(b.rest.root),
+                t: vec(b.rest.t),
+                r: vec(b.rest.r),
+                s: vec(b.rest.s),
+                length: b.rest.length as f32,
+                alpha: shape.alpha,
+                ln_alpha: shape.ln_alpha,
+                ell: shape.ell,
+                a: shape.a,
+                still: b.still.map(|v| v as f32),
+                gain: b.gain as f32,
+                start: b.line.map_or([0.0; 2], |l| l.start),
+                velocity: b.line.map_or([0.0; 2], |l| l.velocity),
+            }
+        })
+        .collect();
+    out.wind = bends.motion.as_ref().map(|m| viewer::Wind {
+        size: m.size as u32,
+        motion: m.values.clone(),
+        time_s: crate::placed::branch::rest_time(manifest),
+    });
+}
+
+/// Wood: diffuse bark, and nothing comes through.
+fn barked(name: &str, mesh: &LeafMesh, bark: [f64; 3]) -> viewer::Leaf {
+    let bark = viewer::Interior::Maps { rho_d: vec![bark.map(|v| v as f32)], rho_t: vec![[0.0; 3]] };
+    viewer::Leaf {
+        name: name.into(),
+        mesh: viewer_mesh(mesh),
+        width: 1,
+        height: 1,
+        thickness_mm: 1.0,
+        lobe: viewer::Lobe::Beckmann,
+        front: viewer::Side { interior: bark, ..viewer::Side::black() },
+        back: viewer::Side::black(),
+        mask: None,
+    }
+}
+
+/// Sun, sky, exposure and how shadows and edges are sampled.
+fn lights(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<viewer::Scene> {
+    let rgb = |c: &[f64; 3]| c.map(|v| v as f32);
+    let daylight = Daylight::of(manifest)?;
+    let own = daylight.as_ref().map(|d| d.sun);
+    let dome = match &daylight {
+        Some(d) => Some(dome(d, plan.sky_bands, daylight::polynomials(plan, ledger)?)?),
+        None => None,
+    };
+    Ok(viewer::Scene {
+        leaves: Vec::new(),
+        instances: Vec::new(),
+        sun: manifest.sun.as_ref().zip(sun_direction(manifest)).map(|(sun, direction)| viewer::Sun {
+            direction: direction.as_vec3(),
+            irradiance: rgb(&sun.irradiance.or(own).unwrap_or_default()),
+            radius: sun.radius_deg.to_radians() as f32,
+        }),
+        sky: manifest.sky.as_ref().and_then(|s| s.radiance).map(|c| rgb(&c)),
+        dome,
+        scanner: None,
+        background: rgb(&manifest.background),
+        exposure: manifest.exposure as f32,
+        shadow_samples: plan.shadow_samples,
+        shadow_resolution: plan.shadow_resolution,
+        msaa: plan.msaa,
+        branches: Vec::new(),
+        wind: None,
+    })
+}
+
+/// A sky as plain numbers.
+///
+/// # Errors
+/// [`Error::Usage`] for a sun or turbidity beyond the polynomials'.
+pub fn dome(daylight: &Daylight, bands: usize, polynomials: Option<&Folded<f32>>) -> Result<viewer::Dome> {
+    let light = daylight.light(bands, polynomials)?;
+    let (perez, scale) = daylight.perez();
+    Ok(viewer::Dome {
+        harmonics: light.harmonics.values().iter().map(|c| c.map(|v| v as f32)).collect(),
+        perez: perez.map(|row| row.map(|v| v as f32)),
+        scale: scale.map(|v| v as f32),
+        ground: light.ground.map(|c| c.map(|v| v as f32)),
+        sun: daylight::direction(daylight.zenith, daylight.azimuth).as_vec3(),
+        strength: 1.0,
+        turbidity: daylight.turbidity as f32,
+    })
+}
+
+/// The camera of a view.
+pub fn camera(view: &View) -> viewer::Camera {
+    let vec = |v: Option<[f64; 3]>, or: [f64; 3]| Vec3::from(v.unwrap_or(or).map(|x| x as f32));
+    viewer::Camera {
+        eye: vec(view.eye_mm, [0.0; 3]),
+        target: vec(view.target_mm, [0.0; 3]),
+        up: vec(view.up, [0.0, 0.0, 1.0]),
+        fov_y_deg: view.fov_deg.unwrap_or(30.0) as f32,
+    }
+}
+
+/// The scene's lobe as the renderer knows it.
+pub fn lobe(lobe: Lobe) -> viewer::Lobe {
+    match lobe {
+        Lobe::Beckmann => viewer::Lobe::Beckmann,
+        Lobe::Ggx => viewer::Lobe::Ggx,
+        Lobe::CookTorrance { index } => viewer::Lobe::CookTorrance { index: index as f32 },
+    }
+}
+
+/// A mesh in the renderer's precision.
+pub fn viewer_mesh(mesh: &LeafMesh) -> viewer::Mesh {
+    viewer::Mesh {
+        positions: mesh.positions.iter().map(|p| p.as_vec3()).collect(),
+        normals: mesh.normals.iter().map(|p| p.as_vec3()).collect(),
+        tangents: mesh.tangents.iter().map(|(t, w)| Vec4::from((t.as_vec3(), *w as f32))).collect(),
+        uvs: mesh.uvs.iter().map(|t| Vec2::new(t.x as f32, t.y as f32)).collect(),
+        indices: mesh.indices.clone(),
+        details: Vec::new(),
+    }
+}
+
+fn one_leaf(manifest: &Manifest, leaf: &LeafPlan, ledger: &Ledger) -> Result<viewer::Leaf> {
+    let config = &manifest.leaves[leaf.index];
+    let (Some(fitted), Some(mesh)) = (&leaf.fitted, &leaf.mesh) else {
+        return Err(Error::field(
+            &manifest.path,
+            &format!("leaf \"{}\"", config.name),
+            "not fitted yet; `mesophyll run` fits it",
+        ));
+    };
+    // One thickness a leaf: a side fitted with another h has the difference moved into its δ.
+    let lead = if fitted.has(Side::Front) { Side::Front } else { Side::Back };
+    let h = fitted.thickness(lead)?;
+    let mut sides = [viewer::Side::black(), viewer::Side::black()];
+    for (s, side) in Side::ALL.into_iter().enumerate() {
+        let needs = leaf.sides[s];
+        if needs.interior() {
+            let shift = (fitted.thickness(side)? - h) as f32;
+            sides[s] = interior(config.interior, leaf, s, side, shift, ledger)?;
+        }
+        if needs.gloss {
+            sides[s].gloss = leaf.textures[s].gloss.as_ref().map(|t| shrink(t, leaf, mean4));
+        }
+        if needs.normal {
+            sides[s].normal = Some(normals(leaf, side, ledger)?);
+        }
+        if needs.translucency {
+            let Some(maps) = leaf.translucency.as_ref().and_then(|t| t.maps[s].as_ref()) else {
+                let what = "the translucency maps are not made yet; `mesophyll run` and `check` make them";
+                return Err(Error::field(&manifest.path, &format!("leaf \"{}\"", config.name), what));
+            };
+            let basis = match maps.basis {
+                Basis::HalfLife2 => viewer::Basis::HalfLife2,
+                Basis::Bent => viewer::Basis::Bent,
+            };
+            let coefficients = match &maps.of {
+                Of::Factor(map) => viewer::Coefficients::Factor(shrink(map, leaf, mean3)),
+                Of::Colour(maps) => viewer::Coefficients::Colour([0, 1, 2].map(|c| shrink(&maps[c], leaf, mean3))),
+            };
+            sides[s].translucency = Some(viewer::Translucency { basis, coefficients });
+        }
+    }
+    let [front, back] = sides;
+    let size = [leaf.size[0].max(1), leaf.size[1].max(1)];
+    Ok(viewer::Leaf {
+        name: config.name.clone(),
+        mesh: viewer_mesh(mesh),
+        width: size[0].div_ceil(leaf.block) as u32,
+        height: size[1].div_ceil(leaf.block) as u32,
+        thickness_mm: h as f32,
+        lobe: lobe(config.lobe()),
+        front,
+        back,
+        mask: if config.mesh.is_some() { Some(mask(leaf, ledger)?) } else { None },
+    })
+}
+
+fn interior(
+    kind: Interior,
+    leaf: &LeafPlan,
+    s: usize,
+    side: Side,
+    shift: f32,
+    ledger: &Ledger,
+) -> Result<viewer::Side> {
+    let mut out = viewer::Side::black();
+    match kind {
+        Interior::Scalars => {
+            let (Some(texels), Some(curve)) = (&leaf.textures[s].gamma_delta, &leaf.curves[s]) else { return Ok(out) };
+            let shifted: Vec<[f32; 4]> = texels.iter().map(|t| [t[0], t[1], t[2], t[3] + shift]).collect();
+            out.gamma_delta = shrink(&shifted, leaf, mean4);
+            out.interior = viewer::Interior::Scalars(slab_curve(curve));
+        }
+        Interior::Maps => {
+            let [rho_d, rho_t] = pigment(leaf, side, &Scaling::default(), ledger)?;
+            out.interior =
+                viewer::Interior::Maps { rho_d: shrink(&rho_d, leaf, mean3), rho_t: shrink(&rho_t, leaf, mean3) };
+        }
+    }
+    Ok(out)
+}
+
+/// What an edit does to pigment maps: factors a channel, and what is added to the thickness (mm).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scaling {
+    pub sigma_a: [f64; 3],
+    pub sigma_s: [f64; 3],
+    pub thickness_mm: f64,
+}
+
+impl Default for Scaling {
+    fn default() -> Self {
+        Scaling { sigma_a: [1.0; 3], sigma_s: [1.0; 3], thickness_mm: 0.0 }
+    }
+}
+
+/// ρd and ρt of every texel, solved from σa(x), σs(x) and the thickness.
+pub fn pigment(leaf: &LeafPlan, side: Side, edit: &Scaling, ledger: &Ledger) -> Result<[Vec<[f32; 3]>; 2]> {
+    let Some(fitted) = &leaf.fitted else { return Ok(Default::default()) };
+    let file = format!("{}.exr", side.name());
+    const CHANNELS: [&str; 7] =
+        ["sigma_a.R", "sigma_a.G", "sigma_a.B", "sigma_s.R", "sigma_s.G", "sigma_s.B", "thickness.Y"];
+    let maps = fitted.maps(&file, &CHANNELS, ledger)?;
+    let planes: Vec<&[f32]> = maps.channels.iter().map(|(_, p)| p.as_slice()).collect();
+    let n = maps.width * maps.height;
+    let good: Vec<bool> =
+        (0..n).map(|k| planes.iter().all(|p| p[k].is_finite() && p[k] >= 0.0) && planes[6][k] > 0.0).collect();
+    let solved: Vec<[f32; 6]> = ledger.note("solve", fitted.entry(&file), 0, || {
+        (0..n)
+            .into_par_iter()
+            .map(|k| {
+                if !good[k] {
+                    return [f32::NAN; 6];
+                }
+                let h = (f64::from(planes[6][k]) + edit.thickness_mm).max(1e-6);
+                let r = [0, 1, 2].map(|c| {
+                    slab::response(
+                        f64::from(planes[c][k]) * edit.sigma_a[c],
+                        f64::from(planes[3 + c][k]) * edit.sigma_s[c],
+                        h,
+                    )
+                });
+                [r[0].rho_d, r[1].rho_d, r[2].rho_d, r[0].rho_t, r[1].rho_t, r[2].rho_t].map(|v| v as f32)
+            })
+            .collect()
+    });
+    let mut six: Vec<Vec<f32>> = (0..6).map(|c| solved.iter().map(|t| t[c]).collect()).collect();
+    fill(&fitted.folder.join(&file), maps.width, maps.height, &mut six, |k| {
+        good[k] && solved[k].iter().all(|v| v.is_finite())
+    })?;
+    let rgb = |first: usize| (0..n).map(|k| [six[first][k], six[first + 1][k], six[first + 2][k]]).collect();
+    Ok([rgb(0), rgb(3)])
+}
+
+fn normals(leaf: &LeafPlan, side: Side, ledger: &Ledger) -> Result<Vec<[f32; 3]>> {
+    let Some(fitted) = &leaf.fitted else { return Ok(Vec::new()) };
+    let file = format!("{}_normal.exr", side.name());
+    let maps = fitted.maps(&file, &["X", "Y", "Z"], ledger)?;
+    if [maps.width, maps.height] != leaf.size {
+        let what = format!(
+            "found {}x{} texels, expected {}x{} as of the leaf's other maps",
+            maps.width, maps.height, leaf.size[0], leaf.size[1]
+        );
+        return Err(Error::input(&fitted.folder.join(&file), what));
+    }
+    let mut planes: Vec<Vec<f32>> = maps.channels.into_iter().map(|(_, p)| p).collect();
+    let good: Vec<bool> = (0..planes[0].len())
+        .map(|k| planes.iter().all(|p| p[k].is_finite()) && planes.iter().map(|p| p[k] * p[k]).sum::<f32>() > 0.25)
+        .collect();
+    fill(&fitted.folder.join(&file), maps.width, maps.height, &mut planes, |k| good[k])?;
+    let texels: Vec<[f32; 3]> = (0..good.len()).map(|k| [planes[0][k], planes[1][k], planes[2][k]]).collect();
+    Ok(shrink(&texels, leaf, mean3))
+}
+
+/// 1 where the fit found leaf, in the front's columns; for meshes that are not trimmed to the outline.
+fn mask(leaf: &LeafPlan, ledger: &Ledger) -> Result<Vec<u8>> {
+    let Some(fitted) = &leaf.fitted else { return Ok(Vec::new()) };
+    let maps = fitted.maps("front.exr", &["mask.Y"], ledger)?;
+    let on: Vec<u8> = maps.channels[0].1.iter().map(|v| u8::from(*v != 0.0)).collect();
+    Ok(shrink(&on, leaf, |a, b, c, d| u8::from(a + b + c + d >= 2)))
+}
+
+/// Averages over blocks of `leaf.block` texels a side.
+fn shrink<T: Copy>(texels: &[T], leaf: &LeafPlan, join: impl Fn(T, T, T, T) -> T + Copy) -> Vec<T> {
+    let ([mut w, mut h], mut out, mut block) = (leaf.size, texels.to_vec(), leaf.block);
+    while block > 1 {
+        (w, h, out) = crate::plan::accuracy::halve(&out, w, h, join);
+        block /= 2;
+    }
+    out
+}
+
+fn mean4(a: [f32; 4], b: [f32; 4], c: [f32; 4], d: [f32; 4]) -> [f32; 4] {
+    [0, 1, 2, 3].map(|k| (a[k] + b[k] + c[k] + d[k]) / 4.0)
+}
+
+fn mean3(a: [f32; 3], b: [f32; 3], c: [f32; 3], d: [f32; 3]) -> [f32; 3] {
+    [0, 1, 2].map(|k| (a[k] + b[k] + c[k] + d[k]) / 4.0)
+}
+
+/// A card: one flat patch with a leaf's mean parameters and nothing else, through the same slab curve as any leaf.
+///
+/// # Errors
+/// [`Error::Input`] for a physical sky that the model refuses.
+pub fn card(manifest: &Manifest, plan: &Plan, card: &Card, ledger: &Ledger) -> Result<viewer::Scene> {
+    let mut out = lights(manifest, plan, ledger)?;
+    (out.shadow_samples, out.msaa) = (0, 1);
+    let thickness = card.sides.iter().flatten().map(|p| p.thickness).next().unwrap_or(1.0);
+    let side = |s: usize| match card.sides[s].as_ref().filter(|_| card.planned[s]) {
+        None => viewer::Side::black(),
+        Some(p) => {
+            let (low, high) = (0.95 * p.thickness.min(thickness), 1.05 * p.thickness.max(thickness));
+            let curve = accuracy::curve(p.sigma_a, p.sigma_s, low, high, 1e-5, "card slab curve", ledger);
+            viewer::Side {
+                gamma_delta: vec![[
+                    p.gamma[0] as f32,
+                    p.gamma[1] as f32,
+                    p.gamma[2] as f32,
+                    (p.thickness - thickness) as f32,
+                ]],
+                gloss: p
+                    .rho_s
+                    .iter()
+                    .any(|v| *v > 0.0)
+                    .then(|| vec![[p.rho_s[0] as f32, p.rho_s[1] as f32, p.rho_s[2] as f32, p.m as f32]]),
+                normal: None,
+                translucency: None,
+                interior: viewer::Interior::Scalars(slab_curve(&curve)),
+            }
+        }
+    };
+    out.leaves = vec![viewer::Leaf {
+        name: manifest.leaves[card.leaf].name.clone(),
+        mesh: viewer_mesh(&card.mesh),
+        width: 1,
+        height: 1,
+        thickness_mm: thickness as f32,
+        lobe: lobe(manifest.leaves[card.leaf].lobe()),
+        front: side(0),
+        back: side(1),
+        mask: None,
+    }];
+    out.instances = vec![viewer::Instance { leaf: 0, transform: card.transform.as_mat4(), ride: None }];
+    Ok(out)
+}
+
+/// A curve in the renderer's precision.
+pub fn slab_curve(curve: &Curve) -> viewer::SlabCurve {
+    let rgb = |list: &[[f64; 3]]| list.iter().map(|c| c.map(|v| v as f32)).collect();
+    viewer::SlabCurve {
+        min_mm: curve.min as f32,
+        max_mm: curve.max as f32,
+        rho_d: rgb(&curve.rho_d),
+        rho_t: rgb(&curve.rho_t),
+    }
+}

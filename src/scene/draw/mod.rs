@@ -1,0 +1,12 @@
+//! What both renderers draw of a planned scene.
+
+pub mod card;
+pub mod detail;
+#[cfg(feature = "render")]
+pub mod handover;
+pub mod reference;
+#[cfg(feature = "render")]
+pub mod scanned;
+pub mod sunlit;
+#[cfg(feature = "render")]
+pub mod true_leaf;

@@ -1,0 +1,340 @@
+//! The hand-over to the reference renderer, by a way of its own: from `front.exr` and `back.exr` (γ, thickness, ρs, m,
+//! normals a texel in the scan's frame), not from W's packed textures, and with a slab interpolant of its own
+//! (Chebyshev in the thickness). Nothing that the plan leaves out is left out here: gloss, normals, translucency and
+//! both sides are drawn wherever the fit has them.
+
+use crate::placed::branch::Bends;
+use crate::placed::daylight::Daylight;
+use crate::fits::fitted::{Fitted, fill};
+use crate::ledger::Ledger;
+use crate::manifest::{Interior, Leaf, Manifest, View};
+use crate::plan::{LeafPlan, Plan, sun_direction};
+use crate::plan::leaf::same_size;
+use crate::loaded::texel_frame;
+use crate::{Error, Result};
+use glam::{DMat4, DVec3, DVec4};
+use mesophyll_files::mesh::LeafMesh;
+use mesophyll_optics::side::Side;
+use mesophyll_optics::slab;
+use mesophyll_transport::{self as transport, lobe, world};
+use rayon::prelude::*;
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+/// Everything the perspective views show.
+///
+/// # Errors
+/// [`Error::Input`] for a map that is missing, damaged or of another size.
+pub fn world(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<transport::World> {
+    let mut out = lights(manifest)?;
+    let mut index = vec![None; plan.leaves.len()];
+    for leaf in plan.leaves.iter().filter(|l| l.mesh.is_some()) {
+        index[leaf.index] = Some(out.leaves.len());
+        out.leaves.push(one_leaf(manifest, leaf, ledger)?);
+    }
+    for p in &plan.placements {
+        if let Some(leaf) = index[p.leaf] {
+            out.instances.push(transport::Placement { leaf, transform: p.transform });
+        }
+    }
+    if let Some((wood, bark)) = &plan.wood {
+        out.instances.push(transport::Placement { leaf: out.leaves.len(), transform: DMat4::IDENTITY });
+        out.leaves.push(barked(*bark, wood));
+    }
+    for (twig, mesh) in &plan.twigs {
+        out.instances.push(transport::Placement { leaf: out.leaves.len(), transform: DMat4::IDENTITY });
+        out.leaves.push(barked(twig.bark, mesh));
+    }
+    move_to(&mut out, plan, crate::placed::branch::rest_time(manifest))?;
+    if plan.bends.is_none() {
+        super::sunlit::relight(&mut out, plan, &plan.eyes)?;
+    }
+    Ok(out)
+}
+
+/// Wood: diffuse bark, and nothing comes through.
+fn barked(bark: [f64; 3], rest: &LeafMesh) -> transport::ReferenceLeaf {
+    let mut front = black(1);
+    if let transport::Interior::Maps { rho_d, .. } = &mut front.interior {
+        *rho_d = bark.map(|v| vec![v as f32]);
+    }
+    transport::ReferenceLeaf {
+        mesh: mesh(rest),
+        width: 1,
+        height: 1,
+        front,
+        back: black(1),
+        mask: None,
+        lobe: lobe::Lobe::Beckmann,
+    }
+}
+
+/// Bends the branches of a world that [`world`] made, and what hangs on them, as they are at a time (s).
+///
+/// # Errors
+/// [`Error::Input`] for a leaf whose inside cannot be read.
+pub fn move_to(world: &mut transport::World, plan: &Plan, time: f64) -> Result<()> {
+    let Some(bends) = &plan.bends else { return Ok(()) };
+    let drawn = plan.placements.iter().filter(|p| plan.leaves[p.leaf].mesh.is_some());
+    for (placed, p) in world.instances.iter_mut().zip(drawn) {
+        placed.transform = plan.at_time(p, time).transform;
+    }
+    move_branches(world, plan, bends, time);
+    super::sunlit::relight(world, plan, &plan.eyes)
+}
+
+/// The branches alone.
+pub fn move_branches(world: &mut transport::World, plan: &Plan, bends: &Bends, time: f64) {
+    let first = world.leaves.len() - plan.twigs.len();
+    for (k, (_, rest)) in plan.twigs.iter().enumerate() {
+        world.leaves[first + k].mesh = mesh(&bends.mesh(k, time, rest));
+    }
+}
+
+/// A world without leaves.
+///
+/// # Errors
+/// [`Error::Input`] for a physical sky that the model refuses.
+pub fn lights(manifest: &Manifest) -> Result<transport::World> {
+    let daylight = Daylight::of(manifest)?;
+    Ok(transport::World {
+        sun: sun(manifest)?,
+        sky: manifest.sky.as_ref().and_then(|s| s.radiance),
+        dome: daylight.map(|d| dome(manifest, d, 1.0)),
+        background: manifest.background,
+        exposure: manifest.exposure,
+        ..transport::World::default()
+    })
+}
+
+/// The sky itself, `strength` times, with the background below its horizon where there is no ground. The ground is
+/// worked out anew from the sky, not from its harmonics.
+pub fn dome(manifest: &Manifest, daylight: Daylight, strength: f64) -> transport::Dome {
+    let above = |d: DVec3| if d.z > 0.0 { daylight.radiance(d) } else { [0.0; 3] };
+    let ground = manifest.sky.as_ref().and_then(|s| s.ground_albedo).map(|albedo| {
+        let sky = transport::closed_form::irradiance(&above, DVec3::Z);
+        [0, 1, 2].map(|c| strength * albedo[c] * (sky[c] + daylight.sun[c] * daylight.zenith.cos()) / PI)
+    });
+    let below = ground.unwrap_or([0.0; 3]);
+    transport::Dome {
+        radiance: Arc::new(move |d| if d.z > 0.0 { daylight.radiance(d).map(|v| strength * v) } else { below }),
+        seen_below: ground.unwrap_or(manifest.background),
+    }
+}
+
+pub fn sun(manifest: &Manifest) -> Result<Option<transport::ReferenceSun>> {
+    let (Some(direction), Some(sun)) = (sun_direction(manifest), &manifest.sun) else { return Ok(None) };
+    let own = Daylight::of(manifest)?.map(|d| d.sun);
+    let irradiance = sun.irradiance.or(own).unwrap_or_default();
+    Ok(Some(transport::ReferenceSun { direction, irradiance, radius: sun.radius_deg.to_radians() }))
+}
+
+pub fn camera(view: &View) -> transport::Camera {
+    transport::Camera {
+        eye: DVec3::from(view.eye_mm.unwrap_or_default()),
+        target: DVec3::from(view.target_mm.unwrap_or_default()),
+        up: DVec3::from(view.up.unwrap_or([0.0, 0.0, 1.0])),
+        fov_y_deg: view.fov_deg.unwrap_or(30.0),
+    }
+}
+
+pub fn mesh(mesh: &LeafMesh) -> transport::ReferenceMesh {
+    transport::ReferenceMesh {
+        positions: mesh.positions.clone(),
+        normals: mesh.normals.clone(),
+        tangents: mesh.tangents.iter().map(|(t, w)| DVec4::from((*t, *w))).collect(),
+        uvs: mesh.uvs.clone(),
+        indices: mesh.indices.clone(),
+    }
+}
+
+/// A side that the fit does not have, or wood's.
+pub fn black(texels: usize) -> transport::ReferenceSide {
+    let none = || [vec![0.0; texels], vec![0.0; texels], vec![0.0; texels]];
+    transport::ReferenceSide {
+        interior: transport::Interior::Maps { rho_d: none(), rho_t: none() },
+        gloss: None,
+        normal: None,
+    }
+}
+
+/// A leaf with everything that its fit has. What the plan leaves out of the picture is drawn here all the same, so that
+/// the picture is held against the leaf and not against the plan.
+fn one_leaf(manifest: &Manifest, leaf: &LeafPlan, ledger: &Ledger) -> Result<transport::ReferenceLeaf> {
+    let config = &manifest.leaves[leaf.index];
+    let (Some(blade), Some(fitted)) = (&leaf.mesh, &leaf.fitted) else {
+        return Err(Error::field(
+            &manifest.path,
+            &format!("leaf \"{}\"", config.name),
+            "not fitted yet; `mesophyll run` fits it",
+        ));
+    };
+    // Normals were seen on the blade that was scanned, whatever blade is drawn.
+    let scanned = match &config.mesh {
+        Some(_) if fitted.folder.join("blade.glb").is_file() => {
+            Some(mesophyll_files::mesh::read(&fitted.folder.join("blade.glb"), None)?)
+        }
+        _ => None,
+    };
+    let mut size = leaf.size;
+    let (mut sides, mut mask) = ([None, None], None);
+    for (s, side) in Side::ALL.into_iter().enumerate().filter(|(_, side)| fitted.has(*side)) {
+        let read = one_side(config, fitted, s, side, scanned.as_ref().unwrap_or(blade), ledger)?;
+        size = same_size(size, read.size, fitted, &format!("{}.exr", side.name()))?;
+        if config.mesh.is_some() && s == 0 {
+            mask = Some(read.on_leaf);
+        }
+        sides[s] = Some(read.side);
+    }
+    let [front, back] = sides.map(|s| s.unwrap_or_else(|| black(size[0] * size[1])));
+    Ok(transport::ReferenceLeaf {
+        mesh: mesh(blade),
+        width: size[0],
+        height: size[1],
+        front,
+        back,
+        mask,
+        lobe: config.lobe(),
+    })
+}
+
+/// One side as its maps have it.
+struct ReadSide {
+    side: transport::ReferenceSide,
+    size: [usize; 2],
+    on_leaf: Vec<u8>,
+}
+
+fn one_side(
+    config: &Leaf,
+    fitted: &Fitted,
+    s: usize,
+    side: Side,
+    scanned: &LeafMesh,
+    ledger: &Ledger,
+) -> Result<ReadSide> {
+    let file = format!("{}.exr", side.name());
+    let path = fitted.folder.join(&file);
+    const COMMON: [&str; 9] =
+        ["mask.Y", "thickness.Y", "rho_s.R", "rho_s.G", "rho_s.B", "m.Y", "normal.X", "normal.Y", "normal.Z"];
+    const INSIDE: usize = COMMON.len();
+    let pigment = config.interior == Interior::Maps;
+    let inside: &[&str] = if pigment {
+        &["sigma_a.R", "sigma_a.G", "sigma_a.B", "sigma_s.R", "sigma_s.G", "sigma_s.B"]
+    } else {
+        &["gamma.R", "gamma.G", "gamma.B"]
+    };
+    let maps = fitted.maps(&file, &[&COMMON, inside].concat(), ledger)?;
+    let (width, height) = (maps.width, maps.height);
+    let mut planes: Vec<Vec<f32>> = maps.channels.into_iter().map(|(_, p)| p).collect();
+    // A fit fills its maps beyond the good texels itself; what it left undetermined is filled here.
+    let good: Vec<bool> = (0..width * height).map(|k| planes.iter().all(|p| p[k].is_finite())).collect();
+    let on_leaf = planes[0].iter().map(|v| u8::from(*v != 0.0)).collect();
+    fill(&path, width, height, &mut planes, |k| good[k])?;
+    let three = |planes: &mut [Vec<f32>], at: usize| [0, 1, 2].map(|c| std::mem::take(&mut planes[at + c]));
+    let seen: Vec<[f32; 3]> = (0..width * height).map(|k| [6, 7, 8].map(|c: usize| planes[c][k])).collect();
+    let frames = texel_frame::frames(&path, scanned, width, height)?;
+    let values = texel_frame::tangent_space(&seen, &frames, width, s == 1);
+    let normal = Some(transport::NormalMap { frame: transport::NormalFrame::Tangent, values });
+    let interior = if pigment {
+        solved(&planes[1], &planes[INSIDE..])
+    } else {
+        let thickness = std::mem::take(&mut planes[1]);
+        let (low, high) =
+            thickness.iter().fold((f64::INFINITY, 0f64), |(a, b), h| (a.min(f64::from(*h)), b.max(f64::from(*h))));
+        let curve = Chebyshev::new(fitted.rgb(side, "sigma_a")?, fitted.rgb(side, "sigma_s")?, low, high);
+        transport::Interior::Scalars {
+            gamma: three(&mut planes, INSIDE),
+            thickness,
+            curve: Arc::new(move |h| curve.at(h)),
+        }
+    };
+    let rho_s = three(&mut planes, 2);
+    let glossy = rho_s.iter().flatten().any(|v| *v > 0.0);
+    let gloss = glossy.then(|| transport::Gloss { rho_s, m: std::mem::take(&mut planes[5]) });
+    Ok(ReadSide { side: transport::ReferenceSide { interior, gloss, normal }, size: [width, height], on_leaf })
+}
+
+/// ρd and ρt of every texel from its own σa, σs and thickness.
+fn solved(thickness: &[f32], sigma: &[Vec<f32>]) -> transport::Interior {
+    let texels: Vec<[f32; 6]> = (0..thickness.len())
+        .into_par_iter()
+        .map(|k| {
+            let h = f64::from(thickness[k]);
+            let r = [0, 1, 2].map(|c| slab::exact::response(f64::from(sigma[c][k]), f64::from(sigma[3 + c][k]), h));
+            [r[0].rho_d, r[1].rho_d, r[2].rho_d, r[0].rho_t, r[1].rho_t, r[2].rho_t].map(|v| v as f32)
+        })
+        .collect();
+    let plane = |c: usize| texels.iter().map(|t| t[c]).collect::<Vec<f32>>();
+    world::Interior::Maps { rho_d: [plane(0), plane(1), plane(2)], rho_t: [plane(3), plane(4), plane(5)] }
+}
+
+/// Barycentric interpolation of ln ρ in Chebyshev points of the second kind (Berrut & Trefethen 2004, Eq. 4.2): a
+/// slab's response is analytic in the thickness, so that a few dozen points reach rounding.
+pub struct Chebyshev {
+    nodes: Vec<f64>,
+    /// ln ρd and ln ρt, a channel each, a node each.
+    values: Vec<[f64; 6]>,
+}
+
+/// Points of the interpolant.
+const NODES: usize = 25;
+
+impl Chebyshev {
+    /// The slab with these coefficients (1/mm) between `low` and `high` mm.
+    pub fn new(sigma_a: [f64; 3], sigma_s: [f64; 3], low: f64, high: f64) -> Chebyshev {
+        let half = ((high - low) / 2.0).max(1e-9 * high);
+        let nodes: Vec<f64> =
+            (0..NODES).map(|k| (low + high) / 2.0 + half * (PI * k as f64 / (NODES - 1) as f64).cos()).collect();
+        let values = nodes
+            .iter()
+            .map(|&h| {
+                let r = [0, 1, 2].map(|c| slab::exact::response(sigma_a[c], sigma_s[c], h));
+                [r[0].rho_d, r[1].rho_d, r[2].rho_d, r[0].rho_t, r[1].rho_t, r[2].rho_t].map(|v| v.max(1e-300).ln())
+            })
+            .collect();
+        Chebyshev { nodes, values }
+    }
+
+    /// ρd and ρt; a thickness beyond the ends is taken for the end.
+    pub fn at(&self, h: f64) -> ([f64; 3], [f64; 3]) {
+        let h = h.clamp(self.nodes[NODES - 1], self.nodes[0]);
+        let (mut sum, mut weights) = ([0.0; 6], 0.0);
+        for (k, (node, value)) in self.nodes.iter().zip(&self.values).enumerate() {
+            if h == *node {
+                (sum, weights) = (*value, 1.0);
+                break;
+            }
+            let end = if k == 0 || k == NODES - 1 { 0.5 } else { 1.0 };
+            let w = end * if k % 2 == 0 { 1.0 } else { -1.0 } / (h - node);
+            weights += w;
+            for (s, v) in sum.iter_mut().zip(value) {
+                *s += w * v;
+            }
+        }
+        let rho = sum.map(|s| (s / weights).exp());
+        ([rho[0], rho[1], rho[2]], [rho[3], rho[4], rho[5]])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_interpolant_is_the_slab() {
+        let (sa, ss) = ([9.0, 4.2, 0.02], [6.0, 7.0, 5.0]);
+        let curve = Chebyshev::new(sa, ss, 0.08, 0.4);
+        for k in 0..=40 {
+            let h = 0.08 + 0.32 * f64::from(k) / 40.0;
+            let (rho_d, rho_t) = curve.at(h);
+            for c in 0..3 {
+                let exact = slab::exact::response(sa[c], ss[c], h);
+                assert!(
+                    (rho_d[c] / exact.rho_d - 1.0).abs() < 1e-7 && (rho_t[c] / exact.rho_t - 1.0).abs() < 1e-7,
+                    "{h} {c}"
+                );
+            }
+        }
+    }
+}

@@ -1,0 +1,85 @@
+//! The leaves of a scene as they truly are, where their scans are synthetic: the reference's world with ρd, ρt, ρs, m
+//! and normals of the scan's `truth/` in place of the fit's, everything else (mesh, placement, light) as it was. A
+//! picture of it against the picture from the fit shows what the fit costs.
+
+use crate::fits::fitted::fill;
+use crate::manifest::Manifest;
+use crate::plan::Plan;
+use crate::loaded::texel_frame;
+use crate::{Error, Result};
+use mesophyll_files::image::{Maps, read_exr};
+use mesophyll_optics::side::Side;
+use mesophyll_transport::{self as transport, NormalFrame};
+use std::path::Path;
+
+/// Puts the true maps of every leaf that has some into `world`, which [`super::reference::world`] made. The names of
+/// these leaves; light through translucency maps, which have no such truth, stays the fit's.
+///
+/// # Errors
+/// A truth that is there and cannot be read.
+pub fn replace(world: &mut transport::World, manifest: &Manifest, plan: &Plan, out: &Path) -> Result<Vec<String>> {
+    let mut names = Vec::new();
+    for (k, leaf) in plan.leaves.iter().filter(|l| l.mesh.is_some()).enumerate() {
+        let config = &manifest.leaves[leaf.index];
+        let capture = match (&config.capture, &config.scan) {
+            (Some(capture), _) => manifest.resolve(capture),
+            (None, Some(_)) => out.join("captures").join(config.data_name()),
+            (None, None) => continue,
+        };
+        let (Some(mesh), Some(drawn)) = (&leaf.mesh, world.leaves.get_mut(k)) else { continue };
+        let mut replaced = false;
+        for (s, side) in Side::ALL.into_iter().enumerate().filter(|(s, _)| leaf.sides[*s].any()) {
+            let path = capture.join("truth").join(format!("{}.exr", side.name()));
+            let Some(truth) = open(&path, drawn)? else { continue };
+            let place = if s == 0 { &mut drawn.front } else { &mut drawn.back };
+            if leaf.sides[s].interior() {
+                place.interior = transport::Interior::Maps {
+                    rho_d: rgb(&truth, &path, "rho_d")?,
+                    rho_t: rgb(&truth, &path, "rho_t")?,
+                };
+            }
+            if let Some(gloss) = &mut place.gloss {
+                *gloss = transport::Gloss {
+                    rho_s: rgb(&truth, &path, "rho_s")?,
+                    m: planes(&truth, &path, &["m.Y"])?.remove(0),
+                };
+            }
+            if let Some(normal) = place.normal.as_mut().filter(|n| n.frame == NormalFrame::Tangent) {
+                let n = planes(&truth, &path, &["normal.X", "normal.Y", "normal.Z"])?;
+                let seen: Vec<[f32; 3]> = (0..n[0].len()).map(|k| [n[0][k], n[1][k], n[2][k]]).collect();
+                let frames = texel_frame::frames(&path, mesh, truth.width, truth.height)?;
+                normal.values = texel_frame::tangent_space(&seen, &frames, truth.width, s == 1);
+            }
+            replaced = true;
+        }
+        if replaced {
+            names.push(config.name.clone());
+        }
+    }
+    Ok(names)
+}
+
+/// The truth of a side where there is one of the drawn maps' size.
+fn open(path: &Path, drawn: &transport::ReferenceLeaf) -> Result<Option<Maps>> {
+    if !path.is_file() {
+        return Ok(None);
+    }
+    Ok(Some(read_exr(path)?).filter(|t| (t.width, t.height) == (drawn.width, drawn.height)))
+}
+
+fn rgb(truth: &Maps, path: &Path, name: &str) -> Result<[Vec<f32>; 3]> {
+    let names = ["R", "G", "B"].map(|c| format!("{name}.{c}"));
+    let found = planes(truth, path, &names.each_ref().map(String::as_str))?;
+    found.try_into().map_err(|_| Error::input(path, "expected three channels"))
+}
+
+/// Channels, filled beyond the leaf as a fit's maps are.
+fn planes(truth: &Maps, path: &Path, names: &[&str]) -> Result<Vec<Vec<f32>>> {
+    let mut found = names.iter().map(|n| truth.require(path, n).map(<[f32]>::to_vec)).collect::<Result<Vec<_>>>()?;
+    let mask = truth.get("mask.Y").map(<[f32]>::to_vec);
+    let good: Vec<bool> = (0..found[0].len())
+        .map(|k| mask.as_ref().is_none_or(|m| m[k] != 0.0) && found.iter().all(|p| p[k].is_finite()))
+        .collect();
+    fill(path, truth.width, truth.height, &mut found, |k| good[k])?;
+    Ok(found)
+}

@@ -1,0 +1,5 @@
+//! The fit folders that a scene's leaves come from: found, opened, and made where they are missing.
+
+pub mod fitted;
+pub mod missing;
+pub mod source;

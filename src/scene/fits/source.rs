@@ -1,0 +1,110 @@
+//! Where a leaf's fit comes from: a folder that is up to date, or a capture or scan that has yet to be fitted.
+
+use crate::manifest::{Leaf, Manifest, Scan};
+use crate::{Error, Result};
+use mesophyll_files::hash;
+use mesophyll_record::FitRecord;
+use std::path::{Path, PathBuf};
+
+/// What is to be done about a leaf's fit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Status {
+    /// Its input is what it was fitted from (or is not given): used as it is.
+    Reuse,
+    /// There is none yet.
+    Missing,
+    /// Its input changed since.
+    Stale,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub struct Source {
+    pub status: Status,
+    /// The fit folder to read: where it is, or where it will be.
+    pub folder: Option<PathBuf>,
+    /// The fit is the one the scene file names (and not one made by a run).
+    pub named: bool,
+    pub why: String,
+}
+
+/// Hash of everything a fit of this capture would be made from, as `fit.toml` records it.
+pub type InputHash<'a> = &'a dyn Fn(&Leaf, &Path) -> Result<String>;
+
+/// Decides where leaf `index` comes from. `out` is a run's folder with fits of its own; `input_hash` says what a
+/// capture is worth now.
+///
+/// # Errors
+/// [`Error::Input`] when the scene names a fit that does not exist and nothing to make it from.
+pub fn source(manifest: &Manifest, index: usize, out: Option<&Path>, input_hash: Option<InputHash>) -> Result<Source> {
+    let leaf = &manifest.leaves[index];
+    let named = leaf.fit.as_ref().map(|f| manifest.resolve(f));
+    let made = out.map(|o| o.join("fits").join(leaf.data_name()));
+    let exists = |f: &Path| f.join("fit.toml").is_file();
+    let mut stale = None;
+    for (folder, is_named) in [(made.clone(), false), (named.clone(), true)] {
+        let Some(folder) = folder.filter(|f| exists(f)) else { continue };
+        let why = match (&leaf.capture, &leaf.scan, input_hash) {
+            (Some(capture), _, Some(hash)) => {
+                let capture = manifest.resolve(capture);
+                if FitRecord::read(&folder)?.input_hash != hash(leaf, &capture)? {
+                    stale =
+                        Some(format!("{} changed since {} was fitted from it", capture.display(), folder.display()));
+                    continue;
+                }
+                "its capture is what it was fitted from"
+            }
+            (_, Some(scan), _) if !is_named => {
+                let stamp = scan_stamp(out.unwrap_or(Path::new(".")), leaf.data_name());
+                if std::fs::read_to_string(&stamp).ok().as_deref() != Some(scan_hash(manifest, scan)?.as_str()) {
+                    stale = Some(format!("the scan's specification changed since {} was fitted", folder.display()));
+                    continue;
+                }
+                "its scan is what it was fitted from"
+            }
+            _ => "the scene names it",
+        };
+        return Ok(Source { status: Status::Reuse, folder: Some(folder), named: is_named, why: why.into() });
+    }
+    if leaf.capture.is_none() && leaf.scan.is_none() {
+        let folder = named.unwrap_or_default();
+        return Err(Error::field(
+            &manifest.path,
+            &format!("leaf \"{}\": fit", leaf.name),
+            format!(
+                "there is no fit at {} (no fit.toml there), and no capture or scan to make it from",
+                folder.display()
+            ),
+        ));
+    }
+    let from = if leaf.capture.is_some() { "capture" } else { "scan" };
+    Ok(match stale {
+        Some(why) => Source { status: Status::Stale, folder: made, named: false, why },
+        None => Source {
+            status: Status::Missing,
+            folder: made,
+            named: false,
+            why: format!("not fitted yet; the scene names a {from}"),
+        },
+    })
+}
+
+/// Hash of what a scan is made from: its specification and what `synth` is told.
+pub fn scan_hash(manifest: &Manifest, scan: &Scan) -> Result<String> {
+    let spec = hash::file(&manifest.resolve(&scan.spec))?;
+    let field = scan.field_mm.map(|f| format!("{f:?}")).unwrap_or_default();
+    let told = format!(
+        "{:?} {:?} {:?} {:?} {}{field}",
+        scan.size,
+        scan.frames,
+        scan.noise,
+        scan.seed,
+        env!("CARGO_PKG_VERSION")
+    );
+    Ok(hash::combine([("spec", spec.as_str()), ("told", told.as_str())]))
+}
+
+/// Where a run notes what its scan of a leaf was made from, once the scan is whole.
+pub fn scan_stamp(out: &Path, leaf: &str) -> PathBuf {
+    out.join("captures").join(format!("{leaf}.scan"))
+}

@@ -1,0 +1,131 @@
+//! Scene manifests: which leaves stand where, what lights them, who looks, and how close a picture must come to its
+//! reference.
+//!
+//! Lengths in mm, angles in degrees, world z up, radiance in units set by the light, colours linear sRGB. A path is
+//! relative to the scene file. Unknown fields are errors; an error names file, line and field.
+
+mod leaf;
+mod light;
+mod plant;
+mod validate;
+mod view;
+
+pub use leaf::{Basis, Interior, Leaf, Scan, Tissue, Translucency};
+pub use light::{Day, Sky, SkyModel, Sun};
+pub use plant::{Branch, Cluster, Instance, Tree, Wind};
+pub use view::{Check, JudgedBy, View, ViewKind};
+
+use crate::{Error, Result};
+use mesophyll_files::atomic::explain;
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+
+/// `data/scenes/*.toml` (format: `data/scenes/README.md`).
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Manifest {
+    pub schema: u32,
+    pub name: String,
+    #[serde(default)]
+    pub description: String,
+    /// Largest error of a displayed value (0 to 1, after tone mapping and sRGB encoding) that one shortcut of the plan
+    /// may cause.
+    pub tolerance: f64,
+    #[serde(default = "one")]
+    pub exposure: f64,
+    #[serde(default)]
+    pub background: [f64; 3],
+    #[serde(default, rename = "leaf")]
+    pub leaves: Vec<Leaf>,
+    #[serde(default, rename = "instance")]
+    pub instances: Vec<Instance>,
+    pub cluster: Option<Cluster>,
+    pub tree: Option<Tree>,
+    #[serde(default, rename = "branch")]
+    pub branches: Vec<Branch>,
+    pub wind: Option<Wind>,
+    pub sun: Option<Sun>,
+    pub sky: Option<Sky>,
+    pub day: Option<Day>,
+    #[serde(default, rename = "view")]
+    pub views: Vec<View>,
+    #[serde(default)]
+    pub check: Check,
+    /// The file this was read from.
+    #[serde(skip)]
+    pub path: PathBuf,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+impl Manifest {
+    /// Reads and validates a scene file.
+    ///
+    /// # Errors
+    /// [`Error::Input`] naming the file, the line and the field, what was found and what was expected.
+    pub fn read(path: &Path) -> Result<Manifest> {
+        let text = std::fs::read_to_string(path).map_err(|e| Error::input(path, explain(&e)))?;
+        let mut manifest: Manifest = toml::from_str(&text).map_err(|e| Error::toml(path, &text, &e))?;
+        manifest.path = path.to_path_buf();
+        validate::validate(&manifest, &text)?;
+        manifest.share();
+        Ok(manifest)
+    }
+
+    /// Gives leaves that are like another one its data.
+    fn share(&mut self) {
+        for k in 0..self.leaves.len() {
+            let Some(other) = self.leaves[k].like.as_ref().and_then(|n| self.leaf_index(n)) else { continue };
+            let Leaf { fit, capture, scan, mesh, mesh_unit, .. } = self.leaves[other].clone();
+            let leaf = &mut self.leaves[k];
+            (leaf.fit, leaf.capture, leaf.scan) = (fit, capture, scan);
+            if leaf.mesh.is_none() {
+                (leaf.mesh, leaf.mesh_unit) = (mesh, mesh_unit);
+            }
+        }
+    }
+
+    /// A path of the manifest, as seen from the working folder.
+    pub fn resolve(&self, relative: &Path) -> PathBuf {
+        match self.path.parent() {
+            Some(folder) if relative.is_relative() && !folder.as_os_str().is_empty() => tidy(&folder.join(relative)),
+            _ => relative.to_path_buf(),
+        }
+    }
+
+    /// Whether the sky is a model's.
+    pub fn physical_sky(&self) -> bool {
+        self.sky.as_ref().is_some_and(|s| s.model.is_some())
+    }
+
+    /// Whether the sun stands in more than one place.
+    pub fn sun_moves(&self) -> bool {
+        self.day.is_some() || self.sun.as_ref().is_some_and(|s| s.moves)
+    }
+
+    pub fn branch_index(&self, name: &str) -> Option<usize> {
+        self.branches.iter().position(|b| b.name == name)
+    }
+
+    pub fn leaf_index(&self, name: &str) -> Option<usize> {
+        self.leaves.iter().position(|l| l.name == name)
+    }
+}
+
+/// `a/b/../c` → `a/c`, as far as the text tells.
+fn tidy(path: &Path) -> PathBuf {
+    use std::path::Component;
+    let mut out: Vec<Component> = Vec::new();
+    for part in path.components() {
+        match (part, out.last()) {
+            (Component::ParentDir, Some(Component::Normal(_))) => {
+                out.pop();
+            }
+            (Component::CurDir, _) => {}
+            _ => out.push(part),
+        }
+    }
+    out.iter().collect()
+}

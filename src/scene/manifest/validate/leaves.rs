@@ -1,0 +1,72 @@
+//! Leaves: one source of data each, and the fields that go together.
+
+use super::place::Place;
+use crate::Result;
+use crate::fits::missing::size;
+use mesophyll_optics::gloss::LobeKind;
+
+pub fn leaves(p: &Place) -> Result<()> {
+    const HEADER: &str = "[[leaf]]";
+    let mut names = p.names(HEADER, "leaf");
+    for (i, leaf) in p.manifest.leaves.iter().enumerate() {
+        names.take(i, &leaf.name)?;
+        let own = leaf.fit.is_some() || leaf.capture.is_some() || leaf.scan.is_some();
+        if let Some(like) = &leaf.like {
+            p.leaf(HEADER, i, "like", like)?;
+            if own {
+                return Err(p.error(
+                    HEADER,
+                    i,
+                    "like",
+                    "given beside a fit, capture or scan of its own; expected one of the two",
+                ));
+            }
+            if p.manifest.leaf_index(like).is_some_and(|k| p.manifest.leaves[k].like.is_some()) {
+                return Err(p.error(
+                    HEADER,
+                    i,
+                    "like",
+                    format!("\"{like}\" is like another one itself; expected a leaf with data of its own"),
+                ));
+            }
+        } else if !own {
+            return Err(p.error(HEADER, i, "fit", "missing; expected a fit folder, a capture or a scan"));
+        }
+        if leaf.mesh_unit.is_some() && leaf.mesh.is_none() {
+            return Err(p.error(
+                HEADER,
+                i,
+                "mesh_unit",
+                "given without a mesh; a fit's own blade says its unit itself",
+            ));
+        }
+        if leaf.capture.is_some() && leaf.scan.is_some() {
+            return Err(p.error(HEADER, i, "scan", "given beside a capture; expected one of the two"));
+        }
+        if let Some(scan) = &leaf.scan {
+            if scan.size.is_some() && size(scan).is_none() {
+                let found = scan.size.as_deref().unwrap_or_default();
+                return Err(p.error(
+                    HEADER,
+                    i,
+                    "scan",
+                    format!("size: found \"{found}\", expected WIDTHxHEIGHT such as 240x180"),
+                ));
+            }
+            for side in scan.field_mm.iter().flatten() {
+                p.range(HEADER, i, "scan", *side, [0.1, 1e4], "mm of field")?;
+            }
+            p.range(HEADER, i, "scan", scan.frames.unwrap_or(100) as f64, [8.0, 10_000.0], "frames")?;
+            p.range(HEADER, i, "scan", scan.noise.unwrap_or(0.0), [0.0, 1.0], "relative noise")?;
+        }
+        match (leaf.lobe, leaf.index) {
+            (LobeKind::CookTorrance, Some(n)) => p.range(HEADER, i, "index", n, [1.0, 4.0], "")?,
+            (LobeKind::CookTorrance, None) => {
+                return Err(p.error(HEADER, i, "index", "missing; the cook-torrance lobe needs one"));
+            }
+            (_, Some(_)) => return Err(p.error(HEADER, i, "index", "given, but only the cook-torrance lobe has one")),
+            (_, None) => {}
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,126 @@
+//! Sun, sky and day: a physical sky needs a sun, and only one has a sun that moves.
+
+use super::place::Place;
+use crate::Result;
+use crate::placed::daylight::sun_of;
+use crate::manifest::{Day, Sky};
+use mesophyll_sky::preetham;
+
+pub fn lights(p: &Place) -> Result<()> {
+    if let Some(sun) = &p.manifest.sun {
+        p.range("[sun]", 0, "zenith_deg", sun.zenith_deg, [0.0, 180.0], "degrees")?;
+        p.finite("[sun]", 0, "azimuth_deg", &[sun.azimuth_deg])?;
+        match &sun.irradiance {
+            Some(irradiance) => p.colour("[sun]", "irradiance", irradiance)?,
+            None if p.manifest.physical_sky() => {}
+            None => {
+                return Err(p.error(
+                    "[sun]",
+                    0,
+                    "irradiance",
+                    "missing; only a sun under a physical sky has its light from the model",
+                ));
+            }
+        }
+        p.range("[sun]", 0, "radius_deg", sun.radius_deg, [0.0, 45.0], "degrees")?;
+    }
+    if let Some(sky) = &p.manifest.sky {
+        one_sky(p, sky)?;
+    }
+    if p.manifest.sun_moves() && !p.manifest.physical_sky() {
+        let (header, key) = if p.manifest.day.is_some() { ("[day]", "") } else { ("[sun]", "moves") };
+        return Err(p.error(
+            header,
+            0,
+            key,
+            "given, but only a scene with a physical sky (sky.model) has a sun that moves",
+        ));
+    }
+    if let Some(day) = &p.manifest.day {
+        one_day(p, day)?;
+    }
+    if p.manifest.sun.is_none() && p.manifest.sky.is_none() {
+        return Err(p.error("", 0, "sun", "missing, and no [sky] either; expected some light"));
+    }
+    Ok(())
+}
+
+fn one_sky(p: &Place, sky: &Sky) -> Result<()> {
+    const HEADER: &str = "[sky]";
+    if let Some(radiance) = &sky.radiance {
+        for (key, given) in [
+            ("model", sky.model.is_some()),
+            ("turbidity", sky.turbidity.is_some()),
+            ("ground_albedo", sky.ground_albedo.is_some()),
+            ("scale", sky.scale.is_some()),
+        ] {
+            if given {
+                return Err(p.error(
+                    HEADER,
+                    0,
+                    key,
+                    "given beside radiance; a constant sky has none, a physical one no radiance",
+                ));
+            }
+        }
+        return p.colour(HEADER, "radiance", radiance);
+    }
+    if sky.model.is_none() {
+        return Err(p.error(
+            HEADER,
+            0,
+            "radiance",
+            "missing, and no model either; expected a constant radiance or model = \"preetham\"",
+        ));
+    }
+    let Some(sun) = &p.manifest.sun else {
+        return Err(p.error(HEADER, 0, "model", "given without a [sun]; a physical sky needs one"));
+    };
+    p.range(
+        "[sun]",
+        0,
+        "zenith_deg",
+        sun.zenith_deg,
+        [0.0, 90.0],
+        "degrees (the sun of a physical sky stands above the horizon)",
+    )?;
+    let Some(turbidity) = sky.turbidity else {
+        return Err(p.error(HEADER, 0, "turbidity", "missing; a physical sky needs one"));
+    };
+    if p.manifest.sun_moves() {
+        p.range(
+            HEADER,
+            0,
+            "turbidity",
+            turbidity,
+            preetham::TRUSTED,
+            "where the sun moves (what the polynomials were fitted to)",
+        )?;
+    }
+    p.range(HEADER, 0, "turbidity", turbidity, preetham::TURBIDITIES, "")?;
+    for albedo in sky.ground_albedo.iter().flatten() {
+        p.range(HEADER, 0, "ground_albedo", *albedo, [0.0, 1.0], "a channel")?;
+    }
+    sky.scale.map_or(Ok(()), |scale| p.positive(HEADER, 0, "scale", scale, "number of scene units a kcd/m\u{b2}"))
+}
+
+fn one_day(p: &Place, day: &Day) -> Result<()> {
+    const HEADER: &str = "[day]";
+    p.range(HEADER, 0, "latitude_deg", day.latitude_deg, [-90.0, 90.0], "degrees")?;
+    p.range(HEADER, 0, "declination_deg", day.declination_deg, [-23.45, 23.45], "degrees")?;
+    if day.hours.is_empty() || day.hours.len() > 64 {
+        return Err(p.error(HEADER, 0, "hours", format!("found {} of them, expected 1 to 64", day.hours.len())));
+    }
+    for hour in &day.hours {
+        p.range(HEADER, 0, "hours", *hour, [0.0, 24.0], "hours")?;
+        if sun_of(day, *hour).0 > std::f64::consts::FRAC_PI_2 + 1e-9 {
+            return Err(p.error(
+                HEADER,
+                0,
+                "hours",
+                format!("the sun is below the horizon at {hour}, expected hours of daylight"),
+            ));
+        }
+    }
+    Ok(())
+}

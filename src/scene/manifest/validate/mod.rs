@@ -1,0 +1,149 @@
+//! What a scene manifest must say, beyond having the right fields. An error names file, line and field.
+
+mod branches;
+mod leaves;
+mod lights;
+mod place;
+mod placements;
+mod views;
+
+use super::Manifest;
+use crate::Result;
+use place::{Place, plain};
+
+/// Most pixels of a side, samples, and seconds of a wind: beyond these a typing error is likelier than a wish.
+const MOST_PIXELS: u32 = 8192;
+const MOST_SAMPLES: u32 = 1 << 16;
+const MOST_SECONDS: f64 = 1e6;
+
+/// Checks everything the types do not.
+///
+/// # Errors
+/// [`Error::Input`] for the first thing that is wrong.
+pub fn validate(m: &Manifest, text: &str) -> Result<()> {
+    let p = Place { manifest: m, text };
+    if m.schema != 1 {
+        return Err(p.error("", 0, "schema", format!("found {}, expected 1", m.schema)));
+    }
+    if !plain(&m.name) {
+        return Err(p.error(
+            "",
+            0,
+            "name",
+            format!("found \"{}\", expected letters, digits, - and _ (it names files)", m.name),
+        ));
+    }
+    p.range("", 0, "tolerance", m.tolerance, [1e-6, 0.5], "of the displayed range")?;
+    p.positive("", 0, "exposure", m.exposure, "number")?;
+    p.colour("", "background", &m.background)?;
+    leaves::leaves(&p)?;
+    branches::branches(&p)?;
+    placements::placements(&p)?;
+    lights::lights(&p)?;
+    views::views(&p)?;
+    for (key, value, most) in [
+        ("width", m.check.width, MOST_PIXELS),
+        ("height", m.check.height, MOST_PIXELS),
+        ("samples", m.check.samples, MOST_SAMPLES),
+        ("frames", m.check.frames, MOST_SAMPLES),
+    ] {
+        p.range("[check]", 0, key, f64::from(value), [1.0, f64::from(most)], "")?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::PathBuf;
+
+    const GOOD: &str = r#"
+schema = 1
+name = "s"
+tolerance = 0.004
+[[leaf]]
+name = "elm"
+fit = "fits/elm"
+[[instance]]
+leaf = "elm"
+[sun]
+zenith_deg = 30
+irradiance = [3, 3, 3]
+[[view]]
+name = "a"
+kind = "perspective"
+eye_mm = [0, -10, 100]
+target_mm = [0, 0, 0]
+fov_deg = 30
+flip_p99 = 0.1
+max_error = 0.1
+"#;
+
+    fn verdict(text: &str) -> String {
+        let dir = tempfile::tempdir().unwrap();
+        let path: PathBuf = dir.path().join("s.toml");
+        std::fs::write(&path, text).unwrap();
+        match Manifest::read(&path) {
+            Ok(_) => "ok".into(),
+            Err(e) => {
+                assert_eq!(e.exit_code(), 2);
+                e.to_string().replace(&format!("{}/", dir.path().display()), "")
+            }
+        }
+    }
+
+    #[test]
+    fn a_mistake_is_named_with_its_line_and_field() {
+        assert_eq!(verdict(GOOD), "ok");
+        for (from, to, expected) in [
+            ("zenith_deg = 30", "zenith_deg = 300", "s.toml:11: sun.zenith_deg: found 300, expected 0 to 180 degrees"),
+            ("zenith_deg = 30", "zenit_deg = 30", "s.toml:11: unknown field `zenit_deg`"),
+            (
+                "leaf = \"elm\"",
+                "leaf = \"oak\"",
+                "s.toml:9: instance.leaf: found \"oak\", expected one of the scene's leaves (elm)",
+            ),
+            ("fov_deg = 30", "", "s.toml:13: view.fov_deg: missing; view \"a\" needs it"),
+            ("target_mm = [0, 0, 0]", "target_mm = [0, -10, 100]", "s.toml:17: view.target_mm: is where the eye is"),
+            ("tolerance = 0.004", "tolerance = nan", "s.toml:4: tolerance: found NaN"),
+            ("schema = 1", "schema = 2", "s.toml:2: schema: found 2, expected 1"),
+            ("fit = \"fits/elm\"", "", "s.toml:5: leaf.fit: missing"),
+            (
+                "leaf = \"elm\"",
+                "leaf = \"elm\"\nbranch = \"twig\"\nat = 0.5",
+                "s.toml:10: instance.branch: found \"twig\", expected one of the scene's branches ()",
+            ),
+            (
+                "leaf = \"elm\"",
+                "leaf = \"elm\"\nat = 0.5",
+                "s.toml:10: instance.at: given, but only instances on a branch have one",
+            ),
+            (
+                "max_error = 0.1",
+                "max_error = 0.1\ntime_s = 2",
+                "s.toml:21: view.time_s: given, but the scene has no [wind]",
+            ),
+            (
+                "[sun]",
+                "[wind]\nspeed_m_s = -3\nseed = 1\n[sun]",
+                "s.toml:11: wind.speed_m_s: found -3, expected 0 to 100 m/s",
+            ),
+            (
+                "[sun]",
+                "[[branch]]\nname = \"b\"\nlength_mm = 100\nradius_mm = 1\ntaper = 2\ndirection = [1, 0, 0]\nbark = \
+                 [0.1, 0.1, 0.1]\n[sun]",
+                "s.toml:14: branch.taper: found 2, expected 0.0001 to 1.25 (tip radius over root radius)",
+            ),
+            (
+                "[sun]",
+                "[[branch]]\nname = \"b\"\nlength_mm = 100\nradius_mm = 1\ndirection = [0, 0, 0]\nbark = [0.1, 0.1, \
+                 0.1]\n[sun]",
+                "s.toml:14: branch.direction: found no length, expected the way from root to tip",
+            ),
+        ] {
+            assert!(GOOD.contains(from));
+            let found = verdict(&GOOD.replacen(from, to, 1));
+            assert!(found.starts_with(expected), "{found}\nexpected {expected}");
+        }
+    }
+}

@@ -1,0 +1,256 @@
+//! The physical sky of a scene: Preetham's at a turbidity, turned to the sun's azimuth, in the scene's unit, with the
+//! sun's own light and what the ground sends back; as harmonics for the renderer and as the function itself for the
+//! reference.
+//!
+//! Unit: `scale` scene units of radiance a kcd/m², which are as many scene units of irradiance a klx. A fixed sun's N²
+//! coefficients are integrated; a sun that moves takes them from the polynomial fit, which is made once and only then.
+
+use crate::plan::display::displayed;
+use crate::ledger::Ledger;
+use crate::manifest::{Day, Manifest};
+use crate::plan::Plan;
+use crate::{Error, Result};
+use glam::DVec3;
+use mesophyll_fit::sky as fit;
+use mesophyll_sky::fitted::Folded;
+use mesophyll_sky::preetham::PreethamSky;
+use mesophyll_sky::{Coefficients, Preetham, Sky, harmonics, irradiance, project, sun};
+use std::f64::consts::{PI, TAU};
+
+/// Radiance on the horizon's level and above of one sky, and what goes with it; everything in the scene's unit.
+#[derive(Debug, Clone)]
+pub struct Daylight {
+    sky: PreethamSky,
+    pub turbidity: f64,
+    /// Of the sun, radians.
+    pub zenith: f64,
+    pub azimuth: f64,
+    pub scale: f64,
+    /// The sun's, on a surface that faces it.
+    pub sun: [f64; 3],
+    albedo: Option<[f64; 3]>,
+    /// The sky's, on level ground.
+    pub level: [f64; 3],
+}
+
+/// What the renderer gets of a sky.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Light {
+    pub harmonics: Coefficients,
+    pub ground: Option<[f64; 3]>,
+}
+
+/// Zenith angle and azimuth (rad) of the sun at a solar hour of a [`Day`]; +x is east, +y north.
+pub fn sun_of(day: &Day, hour: f64) -> (f64, f64) {
+    let (sin_d, cos_d) = day.declination_deg.to_radians().sin_cos();
+    let (sin_l, cos_l) = day.latitude_deg.to_radians().sin_cos();
+    let (sin_h, cos_h) = ((hour - 12.0) * 15.0).to_radians().sin_cos();
+    let (east, north, up) =
+        (-cos_d * sin_h, cos_l * sin_d - sin_l * cos_d * cos_h, sin_l * sin_d + cos_l * cos_d * cos_h);
+    (up.clamp(-1.0, 1.0).acos(), north.atan2(east))
+}
+
+/// Towards a sun.
+pub fn direction(zenith: f64, azimuth: f64) -> DVec3 {
+    DVec3::new(zenith.sin() * azimuth.cos(), zenith.sin() * azimuth.sin(), zenith.cos())
+}
+
+impl Daylight {
+    /// The scene's own, where it has one.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a sun or turbidity that the model refuses.
+    pub fn of(manifest: &Manifest) -> Result<Option<Daylight>> {
+        let (Some(sky), Some(sun)) = (&manifest.sky, &manifest.sun) else { return Ok(None) };
+        let Some(turbidity) = sky.model.and(sky.turbidity) else { return Ok(None) };
+        Daylight::at(manifest, sun.zenith_deg.to_radians(), sun.azimuth_deg.to_radians(), turbidity).map(Some)
+    }
+
+    /// The scene's with another sun (rad) and turbidity. A sun's irradiance that the scene states is kept.
+    ///
+    /// # Errors
+    /// As [`Daylight::of`].
+    pub fn at(manifest: &Manifest, zenith: f64, azimuth: f64, turbidity: f64) -> Result<Daylight> {
+        let sky = Preetham.at(zenith, turbidity).map_err(|e| Error::field(&manifest.path, "sky", e.to_string()))?;
+        let told = manifest.sky.as_ref();
+        let scale = told.and_then(|s| s.scale).unwrap_or(1.0);
+        let stated = manifest.sun.as_ref().and_then(|s| s.irradiance);
+        let level = irradiance::on_level_ground(&project::direct(&sky, 2)).map(|v| v * scale);
+        let sun = stated.unwrap_or_else(|| sun::irradiance(zenith, turbidity).map(|v| v * scale));
+        Ok(Daylight {
+            sky,
+            turbidity,
+            zenith: sky.sun_zenith(),
+            azimuth,
+            scale,
+            sun,
+            albedo: told.and_then(|s| s.ground_albedo),
+            level,
+        })
+    }
+
+    /// The sun's on level ground.
+    fn sun_on_ground(&self) -> [f64; 3] {
+        self.sun.map(|e| e * self.zenith.cos().max(0.0))
+    }
+
+    /// A matte ground's radiance under this sky and sun.
+    pub fn ground(&self) -> Option<[f64; 3]> {
+        let sun = self.sun_on_ground();
+        self.albedo.map(|a| [0, 1, 2].map(|c| a[c] * (self.level[c] + sun[c]) / PI))
+    }
+
+    /// The sky itself, by direct evaluation: radiance from the unit direction `d`; below the horizon the ground's.
+    pub fn radiance(&self, d: DVec3) -> [f64; 3] {
+        if d.z <= 0.0 {
+            return self.ground().unwrap_or([0.0; 3]);
+        }
+        let (sin, cos) = self.azimuth.sin_cos();
+        self.sky.rgb([cos * d.x + sin * d.y, cos * d.y - sin * d.x, d.z]).map(|v| v * self.scale)
+    }
+
+    /// N² coefficients all around, in world directions: by integration, or from the polynomials where they reach.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for a sun or turbidity beyond the fit's.
+    pub fn light(&self, bands: usize, polynomials: Option<&Folded<f32>>) -> Result<Light> {
+        let sky = match polynomials {
+            Some(f) => f.coefficients(self.zenith, self.turbidity).map_err(|e| Error::Usage(e.to_string()))?,
+            None => project::direct(&self.sky, bands.max(2)),
+        };
+        let sun = self.sun_on_ground().map(|v| v / self.scale);
+        let level = irradiance::on_level_ground(&sky);
+        let ground = self.albedo.map(|a| [0, 1, 2].map(|c| self.scale * a[c] * (level[c] + sun[c]) / PI));
+        let mut whole =
+            self.albedo.map_or_else(|| sky.clone(), |a| irradiance::add_ground(&sky, a, sun)).truncated(bands);
+        whole.values_mut().iter_mut().for_each(|v| *v = v.map(|x| self.scale * x));
+        Ok(Light { harmonics: harmonics::rotate_z(&whole, self.azimuth), ground })
+    }
+
+    /// Perez coefficients and factors for whoever draws the sky.
+    pub fn perez(&self) -> ([[f64; 5]; 3], [f64; 3]) {
+        (self.sky.turbid().perez(), self.sky.prefactors().map(|v| v * self.scale))
+    }
+
+    /// What cutting off at each number of bands costs a matte leaf that reflects a tenth: the largest error of a
+    /// displayed value over normals all around, against an integration of the sky itself.
+    pub fn truncation(&self, bands: &[usize], exposure: f64) -> Result<Vec<f64>> {
+        let mut nodes: Vec<(DVec3, [f64; 3])> = Vec::new();
+        for (sign, rings, spokes) in [(1.0, 40, 96), (-1.0, 20, 48)] {
+            for i in 0..rings {
+                let t = (f64::from(i) + 0.5) / f64::from(rings);
+                let z = sign * t * t;
+                for k in 0..spokes {
+                    let (sin, cos) = (TAU * (f64::from(k) + 0.5) / f64::from(spokes)).sin_cos();
+                    let d = DVec3::new((1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z);
+                    let weight = 2.0 * t / f64::from(rings) * TAU / f64::from(spokes);
+                    nodes.push((d, self.radiance(d).map(|v| v * weight)));
+                }
+            }
+        }
+        let golden = PI * (3.0 - 5f64.sqrt());
+        let normals: Vec<DVec3> = (0..100)
+            .map(|k| (1.0 - (f64::from(k) + 0.5) / 50.0, golden * f64::from(k)))
+            .map(|(z, phi)| DVec3::new((1.0 - z * z).sqrt() * phi.cos(), (1.0 - z * z).sqrt() * phi.sin(), z))
+            .collect();
+        let truth: Vec<[f64; 3]> = normals
+            .iter()
+            .map(|n| {
+                nodes.iter().fold([0.0; 3], |sum, (d, l)| {
+                    let c = n.dot(*d).max(0.0);
+                    [0, 1, 2].map(|k| sum[k] + c * l[k])
+                })
+            })
+            .collect();
+        let shown = |e: f64| displayed(0.1 * e.max(0.0) / PI, exposure);
+        bands
+            .iter()
+            .map(|&n| {
+                let c = irradiance::convolved(&self.light(n, None)?.harmonics);
+                let basis = harmonics::Basis::new(n);
+                let errors = normals.iter().zip(&truth).flat_map(|(normal, e)| {
+                    let seen = basis.sum(&c, normal.to_array());
+                    [0, 1, 2].map(|k| (shown(seen[k]) - shown(e[k])).abs())
+                });
+                Ok(errors.fold(0.0, f64::max))
+            })
+            .collect()
+    }
+}
+
+/// The polynomials of a scene whose sun moves: fitted at the first call, noted once; `None` for every other scene,
+/// which runs no fit.
+///
+/// # Errors
+/// [`Error::Missed`] where the fit fails.
+pub fn polynomials(plan: &Plan, ledger: &Ledger) -> Result<Option<&'static Folded<f32>>> {
+    if !plan.sun_moves {
+        return Ok(None);
+    }
+    if plan.sky_fitted.set(()).is_ok() {
+        return ledger.note("fit", "sky", 0, fit::standard).map(Some);
+    }
+    fit::standard().map(Some)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn manifest(sky: &str) -> Manifest {
+        let text = format!(
+            "schema = 1\nname = \"s\"\ntolerance = 0.004\n[[leaf]]\nname = \"elm\"\nfit = \"f\"\n[[instance]]\nleaf \
+             = \"elm\"\n\
+             [sun]\nzenith_deg = 50\nazimuth_deg = 70\n[sky]\nmodel = \"preetham\"\nturbidity = 3\n{sky}\n\
+             [[view]]\nname = \"a\"\nkind = \"perspective\"\neye_mm = [0, -10, 100]\ntarget_mm = [0, 0, 0]\nfov_deg = \
+             30\nflip_p99 = 0.1\nmax_error = 0.1\n"
+        );
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("s.toml");
+        std::fs::write(&path, text).unwrap();
+        Manifest::read(&path).unwrap()
+    }
+
+    /// Equinox: up in the east at six, south at noon at the latitude's angle, and as long before noon as after.
+    #[test]
+    fn the_sun_goes_its_way() {
+        let day = Day { latitude_deg: 50.0, declination_deg: 0.0, hours: Vec::new() };
+        let (z, a) = sun_of(&day, 6.0);
+        assert!((z - PI / 2.0).abs() < 1e-12 && a.abs() < 1e-12, "{z} {a}");
+        let (z, a) = sun_of(&day, 12.0);
+        assert!((z.to_degrees() - 50.0).abs() < 1e-9 && (a + PI / 2.0).abs() < 1e-12);
+        let ((z1, a1), (z2, a2)) = (sun_of(&day, 9.0), sun_of(&day, 15.0));
+        assert!((z1 - z2).abs() < 1e-12 && (direction(z1, a1).x + direction(z2, a2).x).abs() < 1e-12);
+    }
+
+    /// Many bands give the sky back: its ground and sky where they are smooth, and level ground gets what it gets.
+    #[test]
+    fn harmonics_are_of_the_sky_that_is_looked_at() {
+        let d = Daylight::of(&manifest("ground_albedo = [0.2, 0.3, 0.1]\nscale = 0.5")).unwrap().unwrap();
+        let c = d.light(40, None).unwrap();
+        let basis = harmonics::Basis::new(40);
+        for (z, phi) in [(0.9f64, 0.3f64), (0.5, 2.0), (-0.6, 1.0), (-0.9, -2.0)] {
+            let n = DVec3::new((1.0 - z * z).sqrt() * phi.cos(), (1.0 - z * z).sqrt() * phi.sin(), z);
+            let (seen, true_sky) = (basis.sum(&c.harmonics, n.to_array()), d.radiance(n));
+            for k in 0..3 {
+                assert!((seen[k] - true_sky[k]).abs() < 0.05 * true_sky[1], "{n}: {seen:?} {true_sky:?}");
+            }
+        }
+        // Turned with the sun: brightest on its side.
+        let side = |turn: f64| d.radiance(direction(0.6, d.azimuth + turn))[1];
+        assert!(side(0.0) > side(1.5) && (side(0.7) / side(-0.7) - 1.0).abs() < 1e-12);
+        let plain = Daylight::of(&manifest("")).unwrap().unwrap();
+        assert!((plain.level[1] / d.level[1] - 2.0).abs() < 1e-12 && (plain.sun[0] / d.sun[0] - 2.0).abs() < 1e-12);
+    }
+
+    /// The fit stands in for the integration to 1e-5 of it; more bands cost less.
+    #[test]
+    fn polynomials_and_integration_agree() {
+        let d = Daylight::of(&manifest("ground_albedo = [0.2, 0.2, 0.2]")).unwrap().unwrap();
+        let (a, b) = (d.light(7, None).unwrap(), d.light(7, Some(fit::standard().unwrap())).unwrap());
+        let c00 = a.harmonics.get(0, 0)[1];
+        assert!(a.harmonics.distance(&b.harmonics).iter().all(|e| *e < 1e-4 * c00));
+        let cost = d.truncation(&[3, 5, 7], 0.05).unwrap();
+        assert!(cost[2] < cost[0] && cost[2] < 0.02, "{cost:?}");
+    }
+}

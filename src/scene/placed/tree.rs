@@ -1,0 +1,233 @@
+//! A crown of leaves: limbs off a trunk, boughs off limbs, twigs off boughs, leaves in two ranks along twigs. Rigid;
+//! one seed, one tree. Lengths in mm, z up, the trunk's foot at the origin.
+//!
+//! Limbs reach for the surface of an ellipsoid; each further order is shorter, leaves its parent at [`FORK`], a golden
+//! angle around the parent from the one before, and strays by a seeded amount. Leaves are spread evenly over the length
+//! of all twigs.
+
+use crate::manifest::Tree;
+use glam::{DMat3, DMat4, DQuat, DVec2, DVec3};
+use mesophyll_files::mesh::LeafMesh;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+use std::f64::consts::{PI, TAU};
+
+/// How many grow on one of the order before: limbs, boughs, twigs.
+const ORDERS: [usize; 3] = [16, 9, 7];
+/// Mean angle between a branch and what it grows from (rad).
+const FORK: f64 = 0.9;
+/// Sides of a drawn branch, by order from the trunk.
+const SIDES: [usize; 4] = [12, 8, 6, 4];
+
+/// One straight piece of wood.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stick {
+    pub from: DVec3,
+    pub to: DVec3,
+    /// At its two ends.
+    pub radius: [f64; 2],
+    /// 0 is the trunk.
+    pub order: usize,
+}
+
+impl Stick {
+    fn at(&self, x: f64) -> DVec3 {
+        self.from.lerp(self.to, x)
+    }
+
+    fn along(&self) -> DVec3 {
+        (self.to - self.from).normalize_or(DVec3::Z)
+    }
+}
+
+/// The wood and the leaves of a tree.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Grown {
+    pub wood: Vec<Stick>,
+    /// Object to world: blades with their tips along +x and their fronts up.
+    pub leaves: Vec<DMat4>,
+}
+
+/// Grows the tree.
+pub fn grow(tree: &Tree) -> Grown {
+    let mut rng = Pcg64::seed_from_u64(tree.seed);
+    let mut stray = move || rng.random::<f64>() * 2.0 - 1.0;
+    let golden = PI * (3.0 - 5f64.sqrt());
+    let (height, crown) = (tree.height_mm, tree.crown_mm);
+    let trunk = Stick {
+        from: DVec3::ZERO,
+        to: DVec3::new(0.02 * height * stray(), 0.02 * height * stray(), 0.9 * height),
+        radius: [0.018 * height, 0.004 * height],
+        order: 0,
+    };
+    // The crown: an ellipsoid that reaches from a fifth of the height to the top.
+    let middle = DVec3::new(0.0, 0.0, 0.6 * height);
+    let reach = DVec3::new(crown, crown, 0.4 * height);
+    let mut wood = vec![trunk];
+    let mut parents = vec![trunk];
+    for (order, count) in ORDERS.into_iter().enumerate() {
+        let mut children = Vec::new();
+        for (k, parent) in parents.iter().enumerate() {
+            let along = parent.along();
+            let (u, v) = along.any_orthonormal_pair();
+            for i in 0..count {
+                let share = (i as f64 + 0.5 + 0.4 * stray()) / count as f64;
+                // Bare at first: a third of the trunk, a fifth of a branch.
+                let bare = if order == 0 { 0.3 } else { 0.2 };
+                let x = bare + (1.0 - bare) * share;
+                let from = parent.at(x);
+                let (sin, cos) = (golden * (i + k) as f64 + 0.5 * stray()).sin_cos();
+                // Low limbs reach out, high ones up.
+                let fork = if order == 0 { 1.35 - 0.9 * share } else { FORK } + 0.2 * stray();
+                let mut toward = along * fork.cos() + (u * cos + v * sin) * fork.sin();
+                if order > 0 {
+                    // Towards the light a little.
+                    toward = (toward + 0.25 * DVec3::Z).normalize();
+                }
+                let length = if order == 0 {
+                    0.8 * to_surface(from - middle, toward, reach)
+                } else {
+                    // Shorter towards the parent's tip.
+                    let parent_length = parent.from.distance(parent.to);
+                    (0.62 - 0.25 * share) * parent_length
+                };
+                let length = length * (1.0 + 0.15 * stray());
+                let thick = 0.7 * (parent.radius[0] + (parent.radius[1] - parent.radius[0]) * x);
+                children.push(Stick {
+                    from,
+                    to: from + toward * length,
+                    radius: [thick, 0.3 * thick],
+                    order: order + 1,
+                });
+            }
+        }
+        wood.extend(&children);
+        parents = children;
+    }
+    let twigs = parents;
+    // Equally many leaves a length of twig: where each twig ends on a line of all of them.
+    let mut total = 0.0;
+    let ends: Vec<f64> = twigs
+        .iter()
+        .map(|t| {
+            total += t.from.distance(t.to);
+            total
+        })
+        .collect();
+    let leaves = (0..tree.count)
+        .map(|k| {
+            let along = total * (k as f64 + 0.5 + 0.3 * stray()) / tree.count as f64;
+            let twig = ends.partition_point(|e| *e < along).min(twigs.len() - 1);
+            let length = twigs[twig].from.distance(twigs[twig].to);
+            // Bare where it leaves its bough.
+            let x = 0.12 + 0.88 * (1.0 - (ends[twig] - along) / length);
+            leaf(tree, &twigs[twig], x.clamp(0.0, 1.0), k, &mut stray)
+        })
+        .collect();
+    Grown { wood, leaves }
+}
+
+/// A blade in one of two ranks beside its twig, spread as flat as the twig allows.
+fn leaf(tree: &Tree, twig: &Stick, x: f64, rank: usize, stray: &mut impl FnMut() -> f64) -> DMat4 {
+    let along = twig.along();
+    let beside = along.cross(DVec3::Z).normalize_or(along.any_orthonormal_vector())
+        * if rank.is_multiple_of(2) { 1.0 } else { -1.0 };
+    let spread = tree.spread_deg.to_radians();
+    let angle = 0.95 + 0.3 * stray();
+    let out = (along * angle.cos() + beside * angle.sin()).normalize();
+    let up = (DVec3::Z - out * out.z).normalize_or(out.any_orthonormal_vector());
+    let turn = DQuat::from_mat3(&DMat3::from_cols(out, up.cross(out), up))
+        * DQuat::from_rotation_y(tree.droop_deg.to_radians() + spread * stray())
+        * DQuat::from_rotation_x(spread * stray());
+    let scale = tree.scale * (1.0 + 0.15 * stray());
+    let centre = twig.at(x) + turn * DVec3::X * (tree.offset_mm * scale);
+    DMat4::from_scale_rotation_translation(DVec3::splat(scale), turn, centre)
+}
+
+/// From inside an ellipsoid around the origin to its surface; from outside, or past it, a tenth of its reach.
+fn to_surface(from: DVec3, toward: DVec3, reach: DVec3) -> f64 {
+    let (p, d) = (from / reach, toward / reach);
+    let (a, b, c) = (d.length_squared(), p.dot(d), p.length_squared() - 1.0);
+    let root = b * b - a * c;
+    let far = if root > 0.0 { (root.sqrt() - b) / a } else { 0.0 };
+    far.max(0.1 * reach.min_element())
+}
+
+/// All the wood as one mesh of cones: normals outward, v from foot to tip.
+pub fn wood(sticks: &[Stick]) -> LeafMesh {
+    let mut mesh = LeafMesh::default();
+    for stick in sticks {
+        let along = stick.along();
+        let (u, v) = along.any_orthonormal_pair();
+        let sides = SIDES[stick.order.min(SIDES.len() - 1)];
+        let slope = (stick.radius[0] - stick.radius[1]) / stick.from.distance(stick.to).max(1e-9);
+        let first = mesh.positions.len() as u32;
+        for end in [0, 1] {
+            for i in 0..=sides {
+                let (sin, cos) = (TAU * i as f64 / sides as f64).sin_cos();
+                let out = u * cos + v * sin;
+                mesh.positions.push(stick.at(end as f64) + out * stick.radius[end]);
+                mesh.normals.push((out + along * slope).normalize());
+                mesh.tangents.push((v * cos - u * sin, -1.0));
+                mesh.uvs.push(DVec2::new(i as f64 / sides as f64, end as f64));
+            }
+        }
+        let ring = sides as u32 + 1;
+        for i in 0..sides as u32 {
+            let a = first + i;
+            mesh.indices.extend([a, a + 1, a + ring, a + 1, a + ring + 1, a + ring]);
+        }
+    }
+    mesh
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tree() -> Tree {
+        Tree {
+            leaves: vec!["a".into()],
+            count: 500,
+            height_mm: 3000.0,
+            crown_mm: 1000.0,
+            offset_mm: 30.0,
+            droop_deg: 20.0,
+            spread_deg: 15.0,
+            scale: 1.0,
+            bark: [0.1; 3],
+            seed: 3,
+        }
+    }
+
+    #[test]
+    fn a_seed_is_a_tree_and_leaves_are_spread_evenly() {
+        let grown = grow(&tree());
+        assert_eq!(grown, grow(&tree()));
+        assert_ne!(grown, grow(&Tree { seed: 4, ..tree() }));
+        assert_eq!(grown.leaves.len(), 500);
+        assert_eq!(grown.wood.len(), 1 + 16 + 16 * 9 + 16 * 9 * 7);
+        for t in &grown.leaves {
+            // Rigid and right-handed, fronts up more or less.
+            assert!((t.determinant().cbrt() - t.x_axis.truncate().length()).abs() < 1e-9);
+            assert!(t.transform_vector3(DVec3::Z).z > 0.0);
+            let centre = t.transform_point3(DVec3::ZERO);
+            assert!(centre.z > 0.0 && centre.z < 1.3 * 3000.0 && centre.truncate().length() < 1.8 * 1000.0, "{centre}");
+        }
+        // Neighbours on a line of twigs are neighbours on the tree.
+        let many = grow(&Tree { count: 20_000, ..tree() });
+        let near = many.leaves.windows(2).filter(|w| w[0].w_axis.distance(w[1].w_axis) < 150.0).count();
+        assert!(near > 15_000, "{near}");
+    }
+
+    #[test]
+    fn wood_is_closed_around_and_its_normals_point_out() {
+        let grown = grow(&tree());
+        let mesh = wood(&grown.wood);
+        for t in 0..mesh.triangles() {
+            let [a, b, c] = mesh.triangle(t).map(|k| mesh.positions[k]);
+            let n = mesh.normals[mesh.triangle(t)[0]];
+            assert!((b - a).cross(c - a).dot(n) > 0.0, "facet {t}");
+        }
+    }
+}

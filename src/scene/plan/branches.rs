@@ -1,0 +1,66 @@
+//! The plan of branches and wind: beam fit, motion texture and the bend in the vertex stage, each only where something
+//! moves.
+
+use crate::placed::branch::{self, MOTION_SIDE};
+use crate::ledger::Ledger;
+use crate::manifest::Manifest;
+use super::{LeftOut, Need, Plan};
+use mesophyll_fit::beam::basis;
+use mesophyll_plant::taper::TERMS;
+
+/// Lists what branches and wind ask for, or why they ask for nothing.
+pub fn branches(manifest: &Manifest, plan: &mut Plan, ledger: &Ledger) {
+    for (b, (twig, mesh)) in manifest.branches.iter().zip(&plan.twigs) {
+        let bytes = (mesh.positions.len() * 32 + mesh.indices.len() * 4) as u64;
+        let why = if b.fit.is_some() { "a branch of the scene, as it was measured" } else { "a branch of the scene" };
+        let mut need = Need::new(format!("branch {}", b.name), why);
+        need.amount = Some(format!(
+            "{} mm, taper {:.4}, load {:.4} mm, {} triangles",
+            twig.length,
+            twig.taper,
+            twig.load,
+            mesh.triangles()
+        ));
+        need.bytes = Some(bytes);
+        plan.needed.push(need);
+    }
+    let coefficients = (TERMS * (basis::DEGREE + 1) * 8) as u64;
+    if let Some(bends) = &plan.bends {
+        let ms = ledger.entries().iter().find(|e| e.action == "fit" && e.what == "beam").map_or(0.0, |e| e.ms);
+        let mut need = Need::new(
+            "beam fit",
+            "branches bend: four coefficients each, from one fit of all tapers; bent in the vertex stage",
+        );
+        need.amount = Some(format!("{} of {TERMS} numbers, {ms:.1} ms (measured)", bends.branches.len()));
+        need.bytes = Some(coefficients);
+        plan.needed.push(need);
+    } else {
+        let why = match (manifest.branches.is_empty(), &manifest.wind) {
+            (true, None) => "nothing bends: the scene has no branches and no wind",
+            (true, Some(_)) => "nothing bends: the scene has wind and no branches",
+            (false, None) => "nothing bends: no branch carries a load, and there is no wind",
+            (false, Some(_)) => "nothing bends: no branch carries a load, and none leans in the wind",
+        };
+        plan.leave_out(LeftOut::new(
+            "beam fit",
+            format!("{why}; no deformation in the vertex shader"),
+            coefficients,
+            None,
+        ));
+    }
+    let texture = (MOTION_SIDE * MOTION_SIDE * 8) as u64;
+    if let Some(motion) = plan.bends.as_ref().and_then(|b| b.motion.as_ref()) {
+        let mut need = Need::new("motion texture", "branches sway: one texture for all, sampled in the vertex stage");
+        need.amount = Some(format!("{0}x{0} texels, {1:.2} to {2:.2} Hz", motion.size, motion.lowest, motion.highest));
+        need.bytes = Some(texture);
+        plan.needed.push(need);
+    } else {
+        let why = match &manifest.wind {
+            None => "the scene has no wind; no deformation by it in the vertex shader either",
+            Some(_) if manifest.branches.is_empty() => "the wind has no branch to sway",
+            Some(_) if branch::sways(manifest) => "nothing sways",
+            Some(_) => "no branch leans in the wind",
+        };
+        plan.leave_out(LeftOut::new("motion texture", why, texture, None));
+    }
+}

@@ -1,0 +1,102 @@
+//! What is strange about where and how large leaves stand: a mesh in another unit than its scene's, a leaf that no view
+//! shows.
+
+use crate::manifest::{Manifest, View, ViewKind};
+use super::{LeafPlan, Plan};
+use crate::placed::{branch, placement::Placement};
+use crate::Result;
+use glam::DVec3;
+use mesophyll_files::mesh;
+
+/// A mesh this many times larger or smaller than the blade that was scanned is taken for one in another unit.
+const STRANGE: f64 = 50.0;
+
+/// A sentence for everything strange, sizes in mm.
+///
+/// # Errors
+/// [`crate::Error::Input`] for a fit's blade that cannot be read.
+pub fn warnings(manifest: &Manifest, plan: &Plan) -> Result<Vec<String>> {
+    let mut out = Vec::new();
+    for leaf in &plan.leaves {
+        out.extend(another_unit(manifest, leaf)?);
+        out.extend(unseen(manifest, plan, leaf));
+    }
+    Ok(out)
+}
+
+fn another_unit(manifest: &Manifest, leaf: &LeafPlan) -> Result<Option<String>> {
+    let config = &manifest.leaves[leaf.index];
+    let (Some(_), Some(drawn), Some(fitted)) = (&config.mesh, &leaf.mesh, &leaf.fitted) else { return Ok(None) };
+    let own = fitted.folder.join("blade.glb");
+    if !own.is_file() {
+        return Ok(None);
+    }
+    let (drawn, scanned) = (2.0 * drawn.bounds().1, 2.0 * mesh::read(&own, None)?.bounds().1);
+    let ratio = drawn / scanned;
+    if (1.0 / STRANGE..=STRANGE).contains(&ratio) {
+        return Ok(None);
+    }
+    Ok(Some(format!(
+        "leaf \"{}\": mesh: {} is {} mm across, {ratio:.3e} times the {} mm of the blade that was scanned; \
+         if its lengths are not in metres, say mesh_unit = \"mm\" or \"cm\"",
+        config.name,
+        leaf.mesh_path.display(),
+        short(drawn),
+        short(scanned)
+    )))
+}
+
+/// A leaf that stands somewhere and that no view shows, or none as large as a pixel.
+fn unseen(manifest: &Manifest, plan: &Plan, leaf: &LeafPlan) -> Option<String> {
+    let (centre, radius) = leaf.mesh.as_ref()?.bounds();
+    let (mut largest, mut sizes, mut first) = (0.0f64, Vec::new(), None);
+    for p in plan.placements.iter().filter(|p| p.leaf == leaf.index) {
+        for view in manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective) {
+            let Placement { transform, .. } = plan.at_time(p, branch::time(manifest, view));
+            let (centre, radius) = (transform.transform_point3(centre), radius * transform.x_axis.truncate().length());
+            sizes.push(2.0 * radius);
+            first.get_or_insert(centre);
+            largest = largest.max(pixels(manifest, view, centre, radius));
+        }
+    }
+    let (Some(at), true) = (first, largest < 1.0) else { return None };
+    let size = sizes.into_iter().fold(0.0, f64::max);
+    let how = if largest > 0.0 {
+        format!("it covers {largest:.2} of a pixel at most")
+    } else {
+        "it lies outside every view".into()
+    };
+    Some(format!(
+        "leaf \"{}\": no view shows it: {how} ({} mm across, the first one around [{:.1}, {:.1}, {:.1}] mm)",
+        manifest.leaves[leaf.index].name,
+        short(size),
+        at.x,
+        at.y,
+        at.z
+    ))
+}
+
+/// Pixels across that a sphere covers in a view; 0 where it lies outside.
+fn pixels(manifest: &Manifest, view: &View, centre: DVec3, radius: f64) -> f64 {
+    let (Some(eye), Some(target), Some(fov)) = (view.eye_mm, view.target_mm, view.fov_deg) else { return 0.0 };
+    let (eye, height) = (DVec3::from(eye), f64::from(manifest.check.height));
+    let (tan, aspect) = ((0.5 * fov.to_radians()).tan(), f64::from(manifest.check.width) / height);
+    let (towards, away) = ((DVec3::from(target) - eye).normalize_or_zero(), centre - eye);
+    let distance = away.length();
+    if distance <= radius {
+        return f64::from(manifest.check.width);
+    }
+    // Within the cone through the picture's corners, widened by the sphere.
+    let corner = (tan * (1.0 + aspect * aspect).sqrt()).atan();
+    if towards.angle_between(away) > corner + (radius / distance).asin() {
+        0.0
+    } else {
+        radius / (distance * tan) * height
+    }
+}
+
+/// Three significant digits.
+fn short(mm: f64) -> String {
+    let digits = if mm > 0.0 { (2 - mm.log10().floor() as i32).clamp(0, 9) } else { 0 };
+    format!("{mm:.0$}", digits as usize)
+}
