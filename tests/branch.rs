@@ -8,10 +8,10 @@ mod skips;
 
 use blade::Blade;
 use glam::{DVec3, Vec3};
+use mesophyll::scene::draw::{handover, reference};
 use mesophyll::scene::ledger::Ledger;
 use mesophyll::scene::manifest::Manifest;
 use mesophyll::scene::plan::{self, Plan};
-use mesophyll::scene::draw::{handover, reference};
 use mesophyll_viewer::{Error, Options, Renderer};
 use std::path::Path;
 

@@ -8,11 +8,11 @@ mod skips;
 
 use blade::{Blade, scene};
 use glam::{DMat4, DVec3};
-use mesophyll::scene::placed::daylight::Daylight;
+use mesophyll::scene::draw::{handover, reference};
 use mesophyll::scene::ledger::Ledger;
 use mesophyll::scene::manifest::Manifest;
+use mesophyll::scene::placed::daylight::Daylight;
 use mesophyll::scene::plan::{self, Plan};
-use mesophyll::scene::draw::{handover, reference};
 use mesophyll::transport::closed_form;
 use mesophyll_viewer as viewer;
 use skips::Need;

@@ -7,8 +7,8 @@ mod skips;
 
 use mesophyll::files::image::{Packing, read_exr, write_exr};
 use mesophyll::record::FitRecord;
-use mesophyll::scene::fits::fitted::Fitted;
 use mesophyll::scene::draw::handover::Scaling;
+use mesophyll::scene::fits::fitted::Fitted;
 use mesophyll::scene::manifest::Manifest;
 use mesophyll::scene::window::save::{Change, edited};
 use serde_json::Value;

@@ -169,8 +169,8 @@ fn what_is_wrong_is_named() {
 #[cfg(feature = "render")]
 mod drawn {
     use super::*;
-    use mesophyll::scene::manifest::Basis;
     use mesophyll::scene::draw::{handover, reference};
+    use mesophyll::scene::manifest::Basis;
     use mesophyll::transport::Sunlit;
     use mesophyll_viewer::scene::{Coefficients, Translucency};
 

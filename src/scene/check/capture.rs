@@ -12,10 +12,10 @@
 
 use super::report::exceeds;
 use super::{Options, told};
+use crate::draw::scanned::Scanned;
 use crate::ledger::Ledger;
 use crate::manifest::{Manifest, View, ViewKind};
 use crate::plan::Plan;
-use crate::draw::scanned::Scanned;
 use crate::{Error, Result};
 use mesophyll_files::image::{to_srgb8, write_png};
 use mesophyll_fit::leaf::held_out::{self, BAD, Kept, KeptFrame, Tally};

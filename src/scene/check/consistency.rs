@@ -5,11 +5,11 @@
 //! packed textures = the named channels; packed normals = the scan's normals in the mesh's frame, leaning the way the
 //! blade leans; mask = the blade's outline.
 
+use crate::Result;
 use crate::fits::fitted::Fitted;
 use crate::ledger::Ledger;
-use crate::plan::LeafPlan;
 use crate::loaded::texel_frame;
-use crate::Result;
+use crate::plan::LeafPlan;
 use mesophyll_files::image::Maps;
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_optics::side::Side;

@@ -5,12 +5,12 @@
 //! integrated ones.
 
 use super::told;
-use crate::placed::daylight::{self, Daylight};
+use crate::Result;
 use crate::draw::handover;
 use crate::ledger::Ledger;
 use crate::manifest::{Manifest, ViewKind};
+use crate::placed::daylight::{self, Daylight};
 use crate::plan::Plan;
-use crate::Result;
 use mesophyll_files::image;
 use mesophyll_viewer as gpu;
 use mesophyll_viewer::scene as viewer;

@@ -2,12 +2,12 @@
 //! how far its picture is from the picture that those maps give.
 
 use super::{open, told};
+use crate::Result;
 use crate::draw::handover;
+use crate::draw::reference;
 use crate::ledger::Ledger;
 use crate::manifest::{Interior, Manifest, ViewKind};
 use crate::plan::{self, Plan};
-use crate::draw::reference;
-use crate::Result;
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
 use mesophyll_transport::{self as transport, compare as measure};

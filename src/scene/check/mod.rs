@@ -22,11 +22,11 @@ pub use capture::CaptureReport;
 pub use report::{Report, Term, ViewReport};
 pub use verify::verify;
 
+use crate::draw::{handover, reference, sunlit, true_leaf};
 use crate::ledger::Ledger;
 use crate::manifest::{Manifest, View, ViewKind};
-use crate::plan::Plan;
-use crate::draw::{handover, reference, sunlit, true_leaf};
 use crate::placed::branch;
+use crate::plan::Plan;
 use crate::{Error, Result};
 use mesophyll_files::{atomic, progress};
 use mesophyll_transport as transport;

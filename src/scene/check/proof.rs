@@ -2,14 +2,14 @@
 
 use super::report::ViewReport;
 use super::{Options, Report, told};
+use super::{day, golden};
 use crate::Result;
 use crate::draw::card::Card;
+use crate::draw::handover;
 use crate::ledger::Ledger;
 use crate::manifest::{Manifest, View, ViewKind};
-use crate::plan::Plan;
-use super::{day, golden};
-use crate::draw::handover;
 use crate::placed::branch;
+use crate::plan::Plan;
 use mesophyll_files::{image, progress};
 use mesophyll_viewer as gpu;
 

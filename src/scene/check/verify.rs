@@ -1,8 +1,8 @@
 //! Whether the fits that a scene uses are still what was fitted: their content hashes, the record hash of their
 //! numbers, and whether their maps agree with each other.
 
-use crate::Result;
 use super::consistency;
+use crate::Result;
 use crate::fits::fitted::Fitted;
 use crate::ledger::Ledger;
 use crate::manifest::Manifest;

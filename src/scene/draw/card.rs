@@ -1,12 +1,12 @@
 //! Cards: a flat patch with one leaf's mean parameters, lit as the scene is. Its radiance is known in closed form, so
 //! that both renderers can be judged by something that neither of them computed.
 
+use super::reference;
 use crate::fits::fitted::Fitted;
 use crate::ledger::Ledger;
 use crate::manifest::{Manifest, View};
 use crate::placed::placement;
 use crate::plan::Plan;
-use super::reference;
 use crate::{Error, Result};
 use glam::{DMat4, DVec3};
 use mesophyll_files::mesh::LeafMesh;

@@ -4,15 +4,15 @@
 //! camera sees light from is handed over black, without maps. The reference renderer gets its own data another way
 //! (`super::reference`).
 
-use crate::plan::accuracy::{self, Curve};
 use super::card::Card;
-use crate::placed::daylight::{self, Daylight};
 use super::detail;
 use crate::fits::fitted::fill;
 use crate::ledger::Ledger;
-use crate::manifest::{Basis, Interior, Manifest, View};
-use crate::plan::{LeafPlan, Plan, sun_direction};
 use crate::loaded::translucency::Of;
+use crate::manifest::{Basis, Interior, Manifest, View};
+use crate::placed::daylight::{self, Daylight};
+use crate::plan::accuracy::{self, Curve};
+use crate::plan::{LeafPlan, Plan, sun_direction};
 use crate::{Error, Result};
 use glam::{Vec2, Vec3, Vec4};
 use mesophyll_files::mesh::LeafMesh;

@@ -3,14 +3,14 @@
 //! (Chebyshev in the thickness). Nothing that the plan leaves out is left out here: gloss, normals, translucency and
 //! both sides are drawn wherever the fit has them.
 
-use crate::placed::branch::Bends;
-use crate::placed::daylight::Daylight;
 use crate::fits::fitted::{Fitted, fill};
 use crate::ledger::Ledger;
-use crate::manifest::{Interior, Leaf, Manifest, View};
-use crate::plan::{LeafPlan, Plan, sun_direction};
-use crate::plan::leaf::same_size;
 use crate::loaded::texel_frame;
+use crate::manifest::{Interior, Leaf, Manifest, View};
+use crate::placed::branch::Bends;
+use crate::placed::daylight::Daylight;
+use crate::plan::leaf::same_size;
+use crate::plan::{LeafPlan, Plan, sun_direction};
 use crate::{Error, Result};
 use glam::{DMat4, DVec3, DVec4};
 use mesophyll_files::mesh::LeafMesh;

@@ -5,10 +5,10 @@
 //! The renderer takes W's packed textures and a slab curve, the reference takes the float maps and an interpolant of
 //! its own, as in every other view.
 
-use crate::plan::accuracy;
+use super::{handover, reference};
 use crate::fits::fitted::{Fitted, fill};
 use crate::ledger::Ledger;
-use super::{handover, reference};
+use crate::plan::accuracy;
 use crate::{Error, Result};
 use glam::{DMat4, DVec3, Mat4, Vec3};
 use mesophyll_capture::manifest::Travel;

@@ -3,11 +3,11 @@
 //! tangent frame (blades are curved). No directional basis takes part, nor the maps themselves: what `fit.toml` says
 //! they were made from does.
 
+use crate::loaded::texel_frame;
+use crate::loaded::translucency::{Of, front_texel};
 use crate::placed::facing::Facing;
 use crate::placed::placement::Placement;
 use crate::plan::{LeafPlan, Plan};
-use crate::loaded::texel_frame;
-use crate::loaded::translucency::{Of, front_texel};
 use crate::{Error, Result};
 use glam::{DMat3, DVec3};
 use mesophyll_fit::translucency::source::{Frame, Source};
@@ -266,7 +266,9 @@ impl Inside {
 fn spread(map: &mut Sunlit, mask: &[bool], width: usize) {
     let fill = |planes: &mut [Vec<f32>]| {
         // A mask without a texel was refused when it was read.
-        let _ = crate::fits::fitted::fill(Path::new("light through a leaf"), width, mask.len() / width, planes, |k| mask[k]);
+        let _ = crate::fits::fitted::fill(Path::new("light through a leaf"), width, mask.len() / width, planes, |k| {
+            mask[k]
+        });
     };
     match map {
         Sunlit::Factor(map) => {

@@ -3,9 +3,9 @@
 //! picture of it against the picture from the fit shows what the fit costs.
 
 use crate::fits::fitted::fill;
+use crate::loaded::texel_frame;
 use crate::manifest::Manifest;
 use crate::plan::Plan;
-use crate::loaded::texel_frame;
 use crate::{Error, Result};
 use mesophyll_files::image::{Maps, read_exr};
 use mesophyll_optics::side::Side;

@@ -3,11 +3,11 @@
 //! Everything lands under the run's folder (`captures/LEAF`, `fits/LEAF`) and is kept: a run that was stopped goes on
 //! where it was.
 
+use super::source;
 use crate::ledger::Ledger;
+use crate::loaded::translucency;
 use crate::manifest::{Leaf, Manifest, Scan, Tissue, Translucency};
 use crate::plan::Plan;
-use super::source;
-use crate::loaded::translucency;
 use crate::{Error, Result};
 use mesophyll_capture::inspect::inspect;
 use mesophyll_capture::manifest::Travel;

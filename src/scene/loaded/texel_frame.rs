@@ -2,8 +2,8 @@
 //! interpolate mapped normals in that frame, and this way to it shares no code with the fit's packed
 //! `front_normal.exr`.
 
-use crate::fits::fitted::fill;
 use crate::Result;
+use crate::fits::fitted::fill;
 use glam::{DVec2, DVec3};
 use mesophyll_files::mesh::LeafMesh;
 use std::path::Path;

@@ -6,15 +6,15 @@
 //! the Half-Life 2 functions (straight or bent), or `translucency.R1` to `.B3`, those of M = ρt·f a colour. Directions
 //! are in the lit side's tangent frame.
 
-use crate::placed::branch;
-use crate::plan::display::displayed;
+use super::texel_frame;
+use crate::draw::sunlit::Inside;
 use crate::fits::fitted::{Fitted, fill};
+use crate::fits::source::{Source, Status};
 use crate::ledger::Ledger;
 use crate::manifest::{Basis, Manifest, Tissue, Translucency as Asked, ViewKind};
+use crate::placed::branch;
+use crate::plan::display::displayed;
 use crate::plan::{LeafPlan, LeftOut, Need, Plan, sun_direction};
-use crate::fits::source::{Source, Status};
-use crate::draw::sunlit::Inside;
-use super::texel_frame;
 use crate::{Error, Result};
 use glam::{DMat3, DVec3};
 use mesophyll_files::hash;

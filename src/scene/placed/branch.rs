@@ -6,9 +6,9 @@
 //! ground, its mean wind along the wind, and gusts from one motion texture for all branches, each on a line of its own.
 //! Lengths in mm, amplitudes in units of a branch's length.
 
+use super::placement::Ride;
 use crate::ledger::Ledger;
 use crate::manifest::{self, Manifest};
-use super::placement::Ride;
 use crate::{Error, Result};
 use glam::{DMat4, DVec3, DVec4};
 use mesophyll_files::mesh::LeafMesh;

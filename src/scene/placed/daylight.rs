@@ -5,10 +5,10 @@
 //! Unit: `scale` scene units of radiance a kcd/m², which are as many scene units of irradiance a klx. A fixed sun's N²
 //! coefficients are integrated; a sun that moves takes them from the polynomial fit, which is made once and only then.
 
-use crate::plan::display::displayed;
 use crate::ledger::Ledger;
 use crate::manifest::{Day, Manifest};
 use crate::plan::Plan;
+use crate::plan::display::displayed;
 use crate::{Error, Result};
 use glam::DVec3;
 use mesophyll_fit::sky as fit;

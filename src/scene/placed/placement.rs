@@ -5,8 +5,8 @@
 //! and drooping; droop, twist and height stray by a seeded amount.
 
 use super::branch;
-use crate::manifest::{Cluster, Instance, Manifest};
 use super::tree;
+use crate::manifest::{Cluster, Instance, Manifest};
 use glam::{DMat4, DQuat, DVec3, EulerRot};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;

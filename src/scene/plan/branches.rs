@@ -1,10 +1,10 @@
 //! The plan of branches and wind: beam fit, motion texture and the bend in the vertex stage, each only where something
 //! moves.
 
-use crate::placed::branch::{self, MOTION_SIDE};
+use super::{LeftOut, Need, Plan};
 use crate::ledger::Ledger;
 use crate::manifest::Manifest;
-use super::{LeftOut, Need, Plan};
+use crate::placed::branch::{self, MOTION_SIDE};
 use mesophyll_fit::beam::basis;
 use mesophyll_plant::taper::TERMS;
 

@@ -1,16 +1,16 @@
 //! The plan of one side's gloss: kept, unless what it adds to a displayed value stays below the scene's tolerance at
 //! every angle that the scene's views, placements and suns have ([`crate::loaded::gloss_bound`]).
 
-use crate::placed::daylight::{self, Daylight};
-use crate::fits::fitted::Fitted;
-use crate::loaded::gloss_bound::{self, Lights, Maps};
-use crate::ledger::Ledger;
-use crate::manifest::{Manifest, ViewKind};
-use super::{LeafPlan, LeftOut, Plan, sun_direction};
 use super::leaf::{Rgba, rgba, same_size, texture_bytes};
 use super::light;
-use crate::placed::branch;
+use super::{LeafPlan, LeftOut, Plan, sun_direction};
 use crate::Result;
+use crate::fits::fitted::Fitted;
+use crate::ledger::Ledger;
+use crate::loaded::gloss_bound::{self, Lights, Maps};
+use crate::manifest::{Manifest, ViewKind};
+use crate::placed::branch;
+use crate::placed::daylight::{self, Daylight};
 use glam::{DMat4, DVec3};
 use mesophyll_optics::side::Side;
 use std::f64::consts::TAU;

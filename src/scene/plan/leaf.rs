@@ -3,11 +3,11 @@
 
 use super::accuracy;
 use super::display::displayed;
+use super::{LeafPlan, LeftOut, Need, Plan, Textures};
+use crate::Result;
 use crate::fits::fitted::{Fitted, fill};
 use crate::ledger::Ledger;
 use crate::manifest::{Interior, Manifest, ViewKind};
-use super::{LeafPlan, LeftOut, Need, Plan, Textures};
-use crate::Result;
 use glam::DVec3;
 use mesophyll_optics::side::Side;
 use mesophyll_record::Times;

@@ -1,11 +1,11 @@
 //! The plan of the light: sun, shadow maps, sky; and the models this scene has no use for.
 
 use super::accuracy::{self, Row};
-use crate::placed::daylight::Daylight;
 use super::display::displayed;
-use crate::manifest::{Manifest, ViewKind};
 use super::{LeftOut, Need, Plan, sun_direction};
 use crate::Result;
+use crate::manifest::{Manifest, ViewKind};
+use crate::placed::daylight::Daylight;
 use std::time::Instant;
 
 /// Shadow maps are this many texels a side.

@@ -1,10 +1,10 @@
 //! What is strange about where and how large leaves stand: a mesh in another unit than its scene's, a leaf that no view
 //! shows.
 
-use crate::manifest::{Manifest, View, ViewKind};
 use super::{LeafPlan, Plan};
-use crate::placed::{branch, placement::Placement};
 use crate::Result;
+use crate::manifest::{Manifest, View, ViewKind};
+use crate::placed::{branch, placement::Placement};
 use glam::DVec3;
 use mesophyll_files::mesh;
 

@@ -1,18 +1,18 @@
 //! What the window asks of the library: an edit of h, σa, σs or the gloss becomes a new slab (so that a thicker leaf
 //! really dims), a reference picture, a verdict, a saved fit, a texel's numbers.
 
-use crate::plan::accuracy;
-use crate::placed::branch;
-use crate::placed::daylight::{self, Daylight};
-use crate::fits::fitted::Fitted;
-use crate::draw::handover;
-use crate::ledger::Ledger;
-use crate::manifest::{Interior, Manifest, ViewKind};
-use crate::placed::placement::Ride;
-use crate::plan::{LeafPlan, Plan};
-use crate::draw::reference::{self, Chebyshev};
 use super::save;
 use crate::Result;
+use crate::draw::handover;
+use crate::draw::reference::{self, Chebyshev};
+use crate::fits::fitted::Fitted;
+use crate::ledger::Ledger;
+use crate::manifest::{Interior, Manifest, ViewKind};
+use crate::placed::branch;
+use crate::placed::daylight::{self, Daylight};
+use crate::placed::placement::Ride;
+use crate::plan::accuracy;
+use crate::plan::{LeafPlan, Plan};
 use glam::DVec3;
 use mesophyll_files::image::Maps;
 use mesophyll_optics::side::Side;

@@ -1,7 +1,7 @@
 //! Saves an edit as a new fit folder: the maps that follow from the edit are computed anew, everything else is copied.
 
-use crate::fits::fitted::Fitted;
 use crate::draw::handover::Scaling;
+use crate::fits::fitted::Fitted;
 use crate::{Error, Result};
 use mesophyll_files::atomic::{self, explain};
 use mesophyll_files::hash;

@@ -2,8 +2,8 @@
 
 use super::place::Place;
 use crate::Result;
-use crate::placed::daylight::sun_of;
 use crate::manifest::{Day, Sky};
+use crate::placed::daylight::sun_of;
 use mesophyll_sky::preetham;
 
 pub fn lights(p: &Place) -> Result<()> {
