@@ -50,11 +50,12 @@
 //! and the compiler refuses any other. All of them stand on floors below its own:
 //!
 //! ```text
-//! 7  main
-//! 6  cli
-//! 5  report
-//! 4  proof       scene       export
-//! 3  fit
+//! 8  main
+//! 7  cli
+//! 6  report
+//! 5  proof       scene       export
+//! 4  fit
+//! 3  leaf
 //! 2  capture     transport   record
 //! 1  viewer      optics      sky      plant      solve      files
 //! 0  error       quadrature  fourier
@@ -65,6 +66,7 @@ pub use mesophyll_error as error;
 pub use mesophyll_export as export;
 pub use mesophyll_files as files;
 pub use mesophyll_fit as fit;
+pub use mesophyll_leaf as leaf;
 pub use mesophyll_optics as optics;
 pub use mesophyll_plant as plant;
 pub use mesophyll_proof as proof;

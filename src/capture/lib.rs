@@ -16,3 +16,8 @@ pub mod synth;
 pub use inspect::inspect;
 
 pub(crate) use mesophyll_error::{Error, Result};
+
+/// Where a synthetic capture keeps the true maps of a side.
+pub fn truth_path(capture: &std::path::Path, side: mesophyll_optics::side::Side) -> std::path::PathBuf {
+    capture.join("truth").join(format!("{}.exr", side.name()))
+}

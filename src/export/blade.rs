@@ -1,9 +1,7 @@
-//! The blade's mesh out of `blade.glb`: positions in mm, normals out of the front, (0, 0) the top left corner of the
+//! The blade's mesh as other programs take it: positions in mm, normals out of the front, (0, 0) the top left corner of the
 //! front's maps.
 
-use crate::Result;
-use mesophyll_files::mesh;
-use std::path::Path;
+use mesophyll_files::mesh::LeafMesh;
 
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Mesh {
@@ -16,19 +14,15 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// Reads `FOLDER/blade.glb`.
-    ///
-    /// # Errors
-    /// [`crate::Error::Input`] when the file is missing, is no glTF, or lacks texture coordinates.
-    pub fn read(folder: &Path) -> Result<Mesh> {
-        let read = mesh::read(&folder.join("blade.glb"), None)?;
-        Ok(Mesh {
+    /// The mesh in single precision.
+    pub fn of(read: &LeafMesh) -> Mesh {
+        Mesh {
             positions: read.positions.iter().map(|p| p.as_vec3().to_array()).collect(),
             normals: read.normals.iter().map(|n| n.as_vec3().to_array()).collect(),
             tangents: read.tangents.iter().map(|(t, w)| t.as_vec3().extend(*w as f32).to_array()).collect(),
             uvs: read.uvs.iter().map(|t| t.as_vec2().to_array()).collect(),
-            indices: read.indices,
-        })
+            indices: read.indices.clone(),
+        }
     }
 
     /// The same surface seen from behind: triangles wound the other way, normals turned, tangents still along +u.

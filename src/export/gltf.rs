@@ -11,6 +11,10 @@ use super::texture::{Turn, data_byte, encode, normal_pixel, pixels};
 use crate::{Error, Result};
 use mesophyll_files::atomic;
 use mesophyll_files::image::to_srgb8;
+use mesophyll_files::mesh::{self, LeafMesh};
+use mesophyll_files::quantity::Quantity;
+use mesophyll_leaf::BLADE;
+use mesophyll_optics::side::Side;
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -71,12 +75,15 @@ impl File {
 
 /// Writes `path` (.glb).
 pub fn write(sides: &[SideMaps], folder: &Path, path: &Path, translucent: bool) -> Result<()> {
-    let mesh = Mesh::read(folder)?;
+    let blade = mesh::read(&folder.join(BLADE), None)?;
+    let mesh = Mesh::of(&blade);
     let mut file = File::default();
     let (mut primitives, mut materials) = (Vec::new(), Vec::new());
     for side in sides {
-        let turn = if side.name == "back" { Turn::Mirrored } else { Turn::AsSeen };
-        let shape = if side.name == "back" { mesh.turned() } else { mesh.clone() };
+        let (shape, turn) = match side.side {
+            Side::Front => (mesh.clone(), Turn::AsSeen),
+            Side::Back => (mesh.turned(), Turn::Mirrored),
+        };
         let attributes = json!({
             "POSITION": file.floats("VEC3", &shape.positions),
             "NORMAL": file.floats("VEC3", &shape.normals),
@@ -86,7 +93,7 @@ pub fn write(sides: &[SideMaps], folder: &Path, path: &Path, translucent: bool) 
         let indices = file.indices(&shape.indices);
         primitives.push(json!({"attributes": attributes, "indices": indices, "material": materials.len(), "mode": 4}));
         // A one-sided fit shows its one side from behind as well.
-        materials.push(material(&mut file, side, folder, path, turn, translucent, sides.len() == 1)?);
+        materials.push(material(&mut file, side, &blade, folder, path, turn, translucent, sides.len() == 1)?);
     }
     let mut used = vec!["KHR_materials_specular"];
     if translucent {
@@ -118,6 +125,7 @@ pub fn write(sides: &[SideMaps], folder: &Path, path: &Path, translucent: bool) 
 fn material(
     file: &mut File,
     side: &SideMaps,
+    blade: &LeafMesh,
     folder: &Path,
     path: &Path,
     turn: Turn,
@@ -126,13 +134,13 @@ fn material(
 ) -> Result<Value> {
     let (width, height) = (side.maps.width, side.maps.height);
     let png = |pixel: &dyn Fn(usize) -> [u8; 3]| encode(path, width, height, &pixels(side, turn, pixel));
-    let name = |what: &str| format!("{} {what}", side.name);
-    let rho_d = side.rgb("rho_d", folder)?;
+    let name = |what: &str| format!("{} {what}", side.side.name());
+    let rho_d = side.rgb(Quantity::RhoD, folder)?;
     let at = |planes: [&[f32]; 3], k: usize| planes.map(|p| p[k].max(0.0));
 
     let mut extensions = json!({});
     let base = if translucent {
-        let rho_t = side.rgb("rho_t", folder)?;
+        let rho_t = side.rgb(Quantity::RhoT, folder)?;
         let share = |k: usize| {
             let (d, t): (f32, f32) = (at(rho_d, k).iter().sum(), at(rho_t, k).iter().sum());
             if d + t > 0.0 { (t / (d + t)).clamp(0.0, 1.0) } else { 0.0 }
@@ -153,7 +161,7 @@ fn material(
         png(&|k| at(rho_d, k).map(to_srgb8))?
     };
     let mut pbr = json!({"metallicFactor": 0.0, "baseColorTexture": file.texture(&name("base colour"), &base)});
-    match (side.rgb("rho_s", folder), side.one("m.Y", folder)) {
+    match (side.rgb(Quantity::RhoS, folder), side.one(Quantity::M, folder)) {
         (Ok(rho_s), Ok(m)) => {
             let roughness = png(&|k| [0, data_byte(m[k].max(0.0).sqrt(), 0.0, 1.0), 0])?;
             pbr["metallicRoughnessTexture"] = file.texture(&name("roughness"), &roughness);
@@ -167,10 +175,9 @@ fn material(
         _ => extensions["KHR_materials_specular"] = json!({"specularFactor": 0.0}),
     }
     let mut out =
-        json!({"name": side.name, "doubleSided": double, "pbrMetallicRoughness": pbr, "extensions": extensions});
-    let normals = side.blade_normals.as_ref().map(|m| ["X", "Y", "Z"].map(|c| m.get(c)));
-    if let Some([Some(x), Some(y), Some(z)]) = normals {
-        let picture = png(&|k| normal_pixel([x[k], y[k], z[k]], turn))?;
+        json!({"name": side.side.name(), "doubleSided": double, "pbrMetallicRoughness": pbr, "extensions": extensions});
+    if let Some(normals) = side.normals(blade, folder)? {
+        let picture = png(&|k| normal_pixel(normals[k], turn))?;
         out["normalTexture"] = file.texture(&name("normals"), &picture);
     }
     Ok(out)

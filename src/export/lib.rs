@@ -10,6 +10,8 @@ mod texture;
 
 use mesophyll_files::atomic;
 use mesophyll_files::image::{Maps, Packing, write_exr};
+use mesophyll_leaf::File;
+use mesophyll_optics::side::Side;
 use mesophyll_record::{FitRecord, Times};
 use serde_json::json;
 use side::SideMaps;
@@ -108,9 +110,9 @@ pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> R
         atomic::write_bytes(path, &as_json(&record, folder)?)?;
         return Ok(vec![path.to_path_buf()]);
     }
-    let sides: Vec<SideMaps> = ["front", "back"]
-        .iter()
-        .filter(|s| record.sections.contains_key(**s))
+    let sides: Vec<SideMaps> = Side::ALL
+        .into_iter()
+        .filter(|s| record.sections.contains_key(s.name()))
         .map(|s| SideMaps::read(folder, s))
         .collect::<Result<_>>()?;
     if sides.is_empty() {
@@ -144,19 +146,13 @@ fn one_exr(sides: &[SideMaps], folder: &Path, path: &Path) -> Result<()> {
     let (width, height) = (sides[0].maps.width, sides[0].maps.height);
     let mut all = Maps::new(width, height);
     for side in sides {
-        if (side.maps.width, side.maps.height) != (width, height) {
-            let file = folder.join(format!("{}.exr", side.name));
-            return Err(Error::field(
-                &file,
-                "size",
-                format!("found {} × {}, expected {width} × {height}", side.maps.width, side.maps.height),
-            ));
-        }
-        for (name, samples) in &side.maps.channels {
-            all.push(format!("{}.{name}", side.name), samples.clone());
+        let (own, maps) =
+            (side.side.name(), side.maps.clone().of_size(&File::Maps.path(folder, side.side), width, height)?);
+        for (name, samples) in maps.channels {
+            all.push(format!("{own}.{name}"), samples);
         }
         for (name, samples) in side.errors.iter().flat_map(|m| &m.channels) {
-            all.push(format!("{}.err.{name}", side.name), samples.clone());
+            all.push(format!("{own}.err.{name}"), samples.clone());
         }
     }
     write_exr(path, &all, Packing::Zip)

@@ -9,7 +9,10 @@ use super::side::SideMaps;
 use super::texture::{Turn, data_byte, encode, normal_pixel, pixels};
 use crate::{Error, Result};
 use mesophyll_files::image::to_srgb8;
+use mesophyll_files::quantity::Quantity;
 use mesophyll_files::{atomic, claim};
+use mesophyll_leaf::BLADE;
+use mesophyll_optics::side::Side;
 use mesophyll_record::FitRecord;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -24,29 +27,30 @@ pub fn write(sides: &[SideMaps], record: &FitRecord, folder: &Path, path: &Path)
             path.display()
         )));
     }
-    let front = Mesh::read(folder)?;
+    let blade = mesophyll_files::mesh::read(&folder.join(BLADE), None)?;
+    let front = Mesh::of(&blade);
     let mut written = vec![path.to_path_buf()];
     let name = |what: &str| path.with_file_name(format!("{stem}{what}"));
     let mut materials = format!("# {} by {}\n", one_line(&record.name), one_line(&record.program));
     let mut text =
         format!("# {}: lengths in mm, normals out of each side\nmtllib {stem}.mtl\n", one_line(&record.name));
     for side in sides {
-        let back = side.name == "back";
+        let (back, own) = (side.side == Side::Back, side.side.name());
         let (mesh, turn) = if back { (front.turned(), Turn::Mirrored) } else { (front.clone(), Turn::AsSeen) };
-        mesh_text(&mut text, &mesh, &side.name, if back && sides.len() > 1 { front.positions.len() } else { 0 });
+        mesh_text(&mut text, &mesh, own, if back && sides.len() > 1 { front.positions.len() } else { 0 });
         let (width, height) = (side.maps.width, side.maps.height);
         let mut save = |what: &str, pixel: &dyn Fn(usize) -> [u8; 3]| {
-            let file = name(&format!("_{}_{what}.png", side.name));
+            let file = name(&format!("_{own}_{what}.png"));
             claim::file(&file, &["png"], &[])?;
             atomic::write_bytes(&file, &encode(&file, width, height, &pixels(side, turn, pixel))?)?;
             let plain = file.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
             written.push(file);
             Ok::<String, Error>(plain)
         };
-        let _ = writeln!(materials, "newmtl {}\nillum 2\nKd 1 1 1", side.name);
-        let [r, g, b] = side.rgb("rho_d", folder)?;
+        let _ = writeln!(materials, "newmtl {own}\nillum 2\nKd 1 1 1");
+        let [r, g, b] = side.rgb(Quantity::RhoD, folder)?;
         let _ = writeln!(materials, "map_Kd {}", save("rho_d", &|k| [r[k], g[k], b[k]].map(to_srgb8))?);
-        if let (Ok(rho_s), Ok(m)) = (side.rgb("rho_s", folder), side.one("m.Y", folder)) {
+        if let (Ok(rho_s), Ok(m)) = (side.rgb(Quantity::RhoS, folder), side.one(Quantity::M, folder)) {
             let mean = |plane: &[f32]| {
                 let (sum, n) = plane
                     .iter()
@@ -64,9 +68,8 @@ pub fn write(sides: &[SideMaps], record: &FitRecord, folder: &Path, path: &Path)
                 save("roughness", &|k| [data_byte(m[k].max(0.0).sqrt(), 0.0, 1.0); 3])?
             );
         }
-        let normals = side.blade_normals.as_ref().map(|n| ["X", "Y", "Z"].map(|c| n.get(c)));
-        if let Some([Some(x), Some(y), Some(z)]) = normals {
-            let _ = writeln!(materials, "norm {}", save("normal", &|k| normal_pixel([x[k], y[k], z[k]], turn))?);
+        if let Some(normals) = side.normals(&blade, folder)? {
+            let _ = writeln!(materials, "norm {}", save("normal", &|k| normal_pixel(normals[k], turn))?);
         }
     }
     claim::file(&name(".mtl"), &["mtl"], &[])?;

@@ -1,54 +1,62 @@
 //! A side of a leaf fit as it lies on disk.
 
-use crate::{Error, Result};
+use crate::Result;
 use mesophyll_files::image::{self, Maps};
+use mesophyll_files::mesh::LeafMesh;
+use mesophyll_files::quantity::Quantity;
+use mesophyll_leaf::{File, pack};
+use mesophyll_optics::side::Side;
 use std::path::Path;
 
-pub const RGB: [&str; 3] = ["R", "G", "B"];
-
-/// Maps, errors (where there are any) and the mask of `front` or `back`.
+/// Maps, errors (where there are any) and the mask of a side.
 #[derive(Debug)]
 pub struct SideMaps {
-    pub name: String,
+    pub side: Side,
     pub maps: Maps,
     pub errors: Option<Maps>,
-    /// Normals in the blade's tangent frame (`X`, `Y`, `Z`).
-    pub blade_normals: Option<Maps>,
     /// 1 good, 0 outside, negative: a defect; all 1 where the fit holds no mask.
     pub mask: Vec<f32>,
 }
 
 impl SideMaps {
-    pub fn read(folder: &Path, name: &str) -> Result<SideMaps> {
-        let maps = image::read_exr(&folder.join(format!("{name}.exr")))?;
-        let same_size = |path: &Path, other: Maps| {
-            if (other.width, other.height) == (maps.width, maps.height) {
-                return Ok(other);
-            }
-            let what = format!("found {} × {}, expected {} × {}", other.width, other.height, maps.width, maps.height);
-            Err(Error::field(path, "size", what))
+    /// # Errors
+    /// [`crate::Error::Input`] for a map that cannot be read, or errors or a blade that do not fit to it.
+    pub fn read(folder: &Path, side: Side) -> Result<SideMaps> {
+        let path = File::Maps.path(folder, side);
+        let maps = image::read_exr(&path)?;
+        let errors = File::Errors.path(folder, side);
+        let errors = match errors.exists() {
+            true => Some(image::read_exr(&errors)?.of_size(&errors, maps.width, maps.height)?),
+            false => None,
         };
-        let optional = |what: &str| {
-            let path = folder.join(format!("{name}_{what}.exr"));
-            if path.exists() { image::read_exr(&path).and_then(|m| same_size(&path, m)).map(Some) } else { Ok(None) }
-        };
-        let (errors, blade_normals) = (optional("err")?, optional("normal")?);
-        let mask = maps.get("mask.Y").map_or_else(|| vec![1.0; maps.width * maps.height], <[f32]>::to_vec);
-        Ok(SideMaps { name: name.into(), maps, errors, blade_normals, mask })
+        let mask = maps.scalar(Quantity::Mask).map_or_else(|| vec![1.0; maps.width * maps.height], <[f32]>::to_vec);
+        Ok(SideMaps { side, maps, errors, mask })
     }
 
     /// Three channels of a quantity.
     ///
     /// # Errors
-    /// [`Error::Input`] naming the channel that is not there.
-    pub fn rgb(&self, quantity: &str, folder: &Path) -> Result<[&[f32]; 3]> {
-        let path = folder.join(format!("{}.exr", self.name));
-        let plane = |c: &str| self.maps.require(&path, &format!("{quantity}.{c}"));
-        Ok([plane("R")?, plane("G")?, plane("B")?])
+    /// [`crate::Error::Input`] naming the channel that is not there.
+    pub fn rgb(&self, quantity: Quantity, folder: &Path) -> Result<[&[f32]; 3]> {
+        self.maps.require_three(&File::Maps.path(folder, self.side), quantity)
     }
 
-    pub fn one(&self, channel: &str, folder: &Path) -> Result<&[f32]> {
-        self.maps.require(&folder.join(format!("{}.exr", self.name)), channel)
+    /// The only channel of a quantity.
+    ///
+    /// # Errors
+    /// As [`SideMaps::rgb`].
+    pub fn one(&self, quantity: Quantity, folder: &Path) -> Result<&[f32]> {
+        self.maps.require_scalar(&File::Maps.path(folder, self.side), quantity)
+    }
+
+    /// Normals in the blade's tangent frame; `None` where the fit holds none.
+    ///
+    /// # Errors
+    /// [`crate::Error::Input`] for a blade that covers no texel.
+    pub fn normals(&self, blade: &LeafMesh, folder: &Path) -> Result<Option<Vec<[f32; 3]>>> {
+        let found = self.maps.three(Quantity::Normal).is_some();
+        let path = File::Maps.path(folder, self.side);
+        found.then(|| pack::tangent_normals(&path, &self.maps, self.side, blade)).transpose()
     }
 
     /// The 1st and 99th percentile over the good texels.

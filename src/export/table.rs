@@ -5,6 +5,7 @@ use super::side::SideMaps;
 use crate::Result;
 use mesophyll_capture::manifest::texel_position;
 use mesophyll_files::atomic;
+use mesophyll_files::quantity::{self, Quantity};
 use mesophyll_record::FitRecord;
 use std::io::Write;
 use std::path::Path;
@@ -18,7 +19,7 @@ pub fn write(sides: &[SideMaps], record: &FitRecord, path: &Path) -> Result<()> 
     let texel: Option<f64> = record.options.get("texel_mm").and_then(|t| t.parse().ok());
     let mut channels: Vec<&str> = Vec::new();
     for (name, _) in sides.iter().flat_map(|s| &s.maps.channels) {
-        if name != "mask.Y" && !channels.contains(&name.as_str()) {
+        if *name != Quantity::Mask.channel(0) && !channels.contains(&name.as_str()) {
             channels.push(name);
         }
     }
@@ -39,7 +40,7 @@ pub fn write(sides: &[SideMaps], record: &FitRecord, path: &Path) -> Result<()> 
             let planes: Vec<(Plane, Plane)> =
                 channels.iter().map(|c| (side.maps.get(c), side.errors.as_ref().and_then(|e| e.get(c)))).collect();
             for k in (0..width * height).filter(|k| side.mask[*k] != 0.0) {
-                write!(out, "{},{},{}", side.name, k % width, k / width)?;
+                write!(out, "{},{},{}", side.side.name(), k % width, k / width)?;
                 match texel {
                     Some(p) => {
                         let [x, y] = texel_position(width, height, p, k % width, k / width);
@@ -71,9 +72,8 @@ fn cell(out: &mut dyn Write, value: Option<f32>) -> std::io::Result<()> {
 
 /// `sigma_a.R` → `sigma_a_r`, `thickness.Y` → `thickness`, `normal.Y` → `normal_y`.
 fn column(channel: &str) -> String {
-    match channel.rsplit_once('.') {
-        Some((q, "Y")) if q != "normal" => q.to_string(),
-        Some((q, c)) => format!("{q}_{}", c.to_lowercase()),
-        None => channel.to_string(),
+    match quantity::split(channel) {
+        (q, "") => q.to_string(),
+        (q, c) => format!("{q}_{}", c.to_lowercase()),
     }
 }

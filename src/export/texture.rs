@@ -1,10 +1,11 @@
 //! Maps as 8-bit pictures. Colours (ρd, ρt, ρs) are sRGB-encoded; everything else is data, linear in the byte.
 
-use super::side::{RGB, SideMaps};
+use super::side::SideMaps;
 use crate::Error;
 use crate::Result;
 use mesophyll_files::claim::{self, Kind};
 use mesophyll_files::image::to_srgb8;
+use mesophyll_files::quantity::{self, Quantity};
 use mesophyll_files::{atomic, image};
 use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
@@ -58,21 +59,20 @@ pub fn folder(sides: &[SideMaps], from: &Path, path: &Path) -> Result<Vec<PathBu
     for side in sides {
         let (width, height) = (side.maps.width, side.maps.height);
         let mut save = |what: &str, bytes: &[u8], meaning: Value| {
-            let name = format!("{}_{what}.png", side.name);
+            let name = format!("{}_{what}.png", side.side.name());
             image::write_png(&path.join(&name), width, height, bytes)?;
             written.push(path.join(&name));
             ranges.insert(name, meaning);
             Ok::<(), Error>(())
         };
-        let mut quantities: Vec<&str> =
-            side.maps.channels.iter().filter_map(|(n, _)| n.rsplit_once('.')).map(|(q, _)| q).collect();
-        quantities.sort_unstable();
-        quantities.dedup();
-        for quantity in quantities {
-            let planes: Vec<&[f32]> = RGB.iter().filter_map(|c| side.maps.get(&format!("{quantity}.{c}"))).collect();
-            let grey = side.maps.get(&format!("{quantity}.Y"));
-            match (quantity, planes.as_slice(), grey) {
-                ("mask", _, Some(mask)) => {
+        let mut names: Vec<&str> = side.maps.channels.iter().map(|(n, _)| quantity::split(n).0).collect();
+        names.sort_unstable();
+        names.dedup();
+        for name in names {
+            let planes: Vec<&[f32]> =
+                side.maps.channels.iter().filter(|(n, _)| quantity::split(n).0 == name).map(|(_, p)| &p[..]).collect();
+            match (name.parse(), planes.as_slice()) {
+                (Ok(Quantity::Mask), [mask]) => {
                     let bytes = pixels(side, Turn::AsSeen, |k| {
                         [if mask[k] > 0.5 {
                             255
@@ -82,38 +82,30 @@ pub fn folder(sides: &[SideMaps], from: &Path, path: &Path) -> Result<Vec<PathBu
                             0
                         }; 3]
                     });
-                    save("mask", &bytes, json!({"encoding": "255 good, 128 defective, 0 outside"}))?;
+                    save(name, &bytes, json!({"encoding": "255 good, 128 defective, 0 outside"}))?;
                 }
-                ("normal", _, _) => {
-                    let xyz: Vec<&[f32]> =
-                        ["X", "Y", "Z"].iter().filter_map(|c| side.maps.get(&format!("normal.{c}"))).collect();
-                    if let [x, y, z] = xyz[..] {
-                        let bytes = pixels(side, Turn::AsSeen, |k| normal_pixel([x[k], y[k], z[k]], Turn::AsSeen));
-                        save(
-                            "normal",
-                            &bytes,
-                            json!({"encoding": "linear", "low": -1.0, "high": 1.0, "axes": "x right, y up, z out of \
-                             this side"}),
-                        )?;
-                    }
+                (Ok(Quantity::Normal), [x, y, z]) => {
+                    let bytes = pixels(side, Turn::AsSeen, |k| normal_pixel([x[k], y[k], z[k]], Turn::AsSeen));
+                    let axes = "x right, y up, z out of this side";
+                    save(name, &bytes, json!({"encoding": "linear", "low": -1.0, "high": 1.0, "axes": axes}))?;
                 }
-                ("rho_d" | "rho_t" | "rho_s", [r, g, b], _) => {
+                (Ok(Quantity::RhoD | Quantity::RhoT | Quantity::RhoS), [r, g, b]) => {
                     let bytes = pixels(side, Turn::AsSeen, |k| [to_srgb8(r[k]), to_srgb8(g[k]), to_srgb8(b[k])]);
-                    save(quantity, &bytes, json!({"encoding": "sRGB (IEC 61966-2-1), 1 = 255"}))?;
+                    save(name, &bytes, json!({"encoding": "sRGB (IEC 61966-2-1), 1 = 255"}))?;
                 }
-                (_, [r, g, b], _) => {
+                (_, [r, g, b]) => {
                     let each = [r, g, b].map(|p| side.range(p));
                     let (low, high) = (
                         each.iter().map(|r| r.0).fold(f64::INFINITY, f64::min),
                         each.iter().map(|r| r.1).fold(f64::NEG_INFINITY, f64::max),
                     );
                     let bytes = pixels(side, Turn::AsSeen, |k| [r[k], g[k], b[k]].map(|v| data_byte(v, low, high)));
-                    save(quantity, &bytes, json!({"encoding": "linear", "low": low, "high": high}))?;
+                    save(name, &bytes, json!({"encoding": "linear", "low": low, "high": high}))?;
                 }
-                (_, _, Some(plane)) => {
+                (_, [plane]) => {
                     let (low, high) = side.range(plane);
                     let bytes = pixels(side, Turn::AsSeen, |k| [data_byte(plane[k], low, high); 3]);
-                    save(quantity, &bytes, json!({"encoding": "linear", "low": low, "high": high}))?;
+                    save(name, &bytes, json!({"encoding": "linear", "low": low, "high": high}))?;
                 }
                 _ => {}
             }

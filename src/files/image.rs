@@ -57,10 +57,8 @@ impl Maps {
 
     /// The channel `name`, or a sentence that names the file and what it does hold.
     pub fn require(&self, path: &Path, name: &str) -> Result<&[f32]> {
-        self.get(name).ok_or_else(|| {
-            let held: Vec<&str> = self.channels.iter().map(|(n, _)| n.as_str()).collect();
-            Error::field(path, name, format!("no such channel; the file holds {}", held.join(", ")))
-        })
+        self.get(name)
+            .ok_or_else(|| Error::field(path, name, format!("no such channel; the file holds {}", self.held())))
     }
 }
 

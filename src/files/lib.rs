@@ -6,6 +6,7 @@ pub mod hash;
 pub mod image;
 pub mod mesh;
 pub mod progress;
+pub mod quantity;
 pub mod table;
 
 pub(crate) use mesophyll_error::{Error, Result};

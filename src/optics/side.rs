@@ -34,10 +34,66 @@ impl Side {
         self.into()
     }
 
+    /// Index in the front's map of what this side's map holds at `k`; the maps are row-major with `width` columns.
+    pub fn in_front(self, k: usize, width: usize) -> usize {
+        match self {
+            Side::Front => k,
+            Side::Back => behind(k, width),
+        }
+    }
+
     pub fn other(self) -> Side {
         match self {
             Side::Front => Side::Back,
             Side::Back => Side::Front,
+        }
+    }
+}
+
+/// One thing for each side of a leaf.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Sides<T> {
+    pub front: T,
+    pub back: T,
+}
+
+impl<T> Sides<T> {
+    /// Makes both, the front's first.
+    pub fn of(mut make: impl FnMut(Side) -> T) -> Sides<T> {
+        Sides { front: make(Side::Front), back: make(Side::Back) }
+    }
+
+    /// As [`Sides::of`], where either may fail.
+    pub fn try_of<E>(mut make: impl FnMut(Side) -> Result<T, E>) -> Result<Sides<T>, E> {
+        Ok(Sides { front: make(Side::Front)?, back: make(Side::Back)? })
+    }
+
+    /// Both with their sides, the front first.
+    pub fn iter(&self) -> impl Iterator<Item = (Side, &T)> {
+        [(Side::Front, &self.front), (Side::Back, &self.back)].into_iter()
+    }
+
+    /// As [`Sides::iter`], to be changed.
+    pub fn iter_mut(&mut self) -> impl Iterator<Item = (Side, &mut T)> {
+        [(Side::Front, &mut self.front), (Side::Back, &mut self.back)].into_iter()
+    }
+}
+
+impl<T> std::ops::Index<Side> for Sides<T> {
+    type Output = T;
+    fn index(&self, side: Side) -> &T {
+        match side {
+            Side::Front => &self.front,
+            Side::Back => &self.back,
+        }
+    }
+}
+
+impl<T> std::ops::IndexMut<Side> for Sides<T> {
+    fn index_mut(&mut self, side: Side) -> &mut T {
+        match side {
+            Side::Front => &mut self.front,
+            Side::Back => &mut self.back,
         }
     }
 }

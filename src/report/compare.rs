@@ -6,9 +6,10 @@ use crate::model::{
     ChannelPictures, Comparison, FitReport, MapDifference, MapPictures, ParameterDifference, ParameterRow,
 };
 use crate::number::{percent, significant};
-use crate::quantity::{self, channel_word, known, split};
+use crate::quantity::{self, channel_word, known};
 use crate::stats::{quantile, sorted};
 use crate::view;
+use mesophyll_files::quantity::split;
 
 /// Differences of the second fit from the first, without maps.
 pub fn parameters(first: &FitReport, second: &FitReport) -> Comparison {

@@ -4,9 +4,11 @@ use crate::chart::{self, Titles};
 use crate::colour::{self, Frame};
 use crate::model::{Captioned, ChannelPictures, ChartTile, LegendItem, MapPictures, MapRow, MapTruth, SidePictures};
 use crate::number::{percent, plain};
-use crate::quantity::{self, channel_word, known, split};
+use crate::quantity::{self, channel_word, known};
 use crate::stats::{Histogram, Summary, quantile, sorted, widen};
 use mesophyll_files::image::{self, Maps};
+use mesophyll_files::quantity::{Quantity, split};
+use mesophyll_leaf::File;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -38,9 +40,9 @@ const PIGMENT: [&str; 2] = ["sigma_a", "sigma_s"];
 
 /// Reads what there is of a side; what is missing or unreadable is said in `missing`.
 pub fn read_side(folder: &Path, section: &str, capture: Option<&Path>, missing: &mut Vec<String>) -> Option<SideMaps> {
-    let main = folder.join(format!("{section}.exr"));
+    let main = folder.join(File::Maps.of(section));
     let fit = read_or_say(&main, "no maps of this side", missing)?;
-    let errors_path = folder.join(format!("{section}_err.exr"));
+    let errors_path = folder.join(File::Errors.of(section));
     let same_size = |maps: &Maps, path: &Path, missing: &mut Vec<String>| {
         let same = (maps.width, maps.height) == (fit.width, fit.height);
         if !same {
@@ -53,14 +55,14 @@ pub fn read_side(folder: &Path, section: &str, capture: Option<&Path>, missing: 
         .filter(|m| same_size(m, &errors_path, missing));
     let mut truth = truth_path(folder, section, capture)
         .and_then(|path| read_or_say(&path, "no truth", missing).filter(|m| same_size(m, &path, missing)));
-    let pigment_path = folder.join(format!("{section}_truth.exr"));
+    let pigment_path = folder.join(File::Truth.of(section));
     let pigment =
         pigment_path.exists().then(|| read_or_say(&pigment_path, "no truth of the σ maps", missing)).flatten();
     let pigment = pigment.filter(|m| same_size(m, &pigment_path, missing));
     if let Some(truth) = &mut truth {
         describe_by_pigment(truth, pigment, section, missing);
     }
-    let good = match fit.get("mask.Y") {
+    let good = match fit.scalar(Quantity::Mask) {
         Some(mask) => mask.iter().map(|m| *m > 0.5).collect(),
         None => {
             missing.push(format!("{section}.exr: no channel mask.Y; every texel with a value counts as good"));
@@ -259,9 +261,9 @@ impl SideMaps {
     /// ρd and ρt as colours, brightened to fill the range.
     fn looks(&self) -> Vec<Captioned> {
         let mut out = Vec::new();
-        for (name, words) in [("rho_d", "reflected light (ρd)"), ("rho_t", "transmitted light (ρt)")] {
-            let planes = ["R", "G", "B"].map(|c| self.fit.get(&format!("{name}.{c}")));
-            let [Some(r), Some(g), Some(b)] = planes else { continue };
+        let both = [(Quantity::RhoD, "reflected light (ρd)"), (Quantity::RhoT, "transmitted light (ρt)")];
+        for (quantity, words) in both {
+            let Some([r, g, b]) = self.fit.three(quantity) else { continue };
             let brightest = [r, g, b].iter().map(|p| quantile(&sorted(self.good_values(p)), 0.99)).fold(0.0, f64::max);
             if brightest <= 0.0 {
                 continue;
@@ -292,7 +294,7 @@ impl SideMaps {
             [0x8a, 0x6d, 0x3b],
             [0x1f, 0x9e, 0x98],
         ];
-        let Some(mask) = self.fit.get("mask.Y") else { return (None, Vec::new()) };
+        let Some(mask) = self.fit.scalar(Quantity::Mask) else { return (None, Vec::new()) };
         let mut codes: Vec<i32> = mask.iter().filter(|m| **m < -0.5).map(|m| m.round() as i32).collect();
         codes.sort_unstable_by(|a, b| b.cmp(a));
         codes.dedup();
@@ -325,7 +327,7 @@ impl SideMaps {
     }
 
     fn residual(&self) -> (Option<Captioned>, Option<String>) {
-        let Some(chi2) = self.fit.get("reduced_chi2.Y") else { return (None, None) };
+        let Some(chi2) = self.fit.scalar(Quantity::ReducedChi2) else { return (None, None) };
         let values = sorted(self.good_values(chi2));
         let Some(s) = Summary::of(&values) else { return (None, None) };
         let range = (0.0, s.p99.max(2.0));

@@ -1,5 +1,7 @@
 //! The quantities a fit writes as maps: what they are called in words, their units, and how they are drawn.
 
+use mesophyll_files::quantity::split;
+
 /// A known quantity.
 #[derive(Debug, Clone, Copy)]
 pub struct Quantity {
@@ -73,15 +75,6 @@ pub fn title(name: &str) -> String {
     known(name).map_or_else(|| name.to_string(), |q| q.title.to_string())
 }
 
-/// `sigma_a.G` → (`sigma_a`, `G`); a channel called `Y` is the only one and has no name.
-pub fn split(channel: &str) -> (&str, &str) {
-    match channel.rsplit_once('.') {
-        Some((q, "Y")) if q != "normal" => (q, ""),
-        Some((q, c)) => (q, c),
-        None => (channel, ""),
-    }
-}
-
 /// Rank in the report: catalogue order, then unknown ones; green before red and blue, because leaves tell most there.
 pub fn rank(channel: &str) -> (usize, String, usize) {
     let (quantity, letter) = split(channel);
@@ -108,9 +101,6 @@ mod tests {
 
     #[test]
     fn channels_take_their_names_apart() {
-        assert_eq!(split("sigma_a.G"), ("sigma_a", "G"));
-        assert_eq!(split("thickness.Y"), ("thickness", ""));
-        assert_eq!(split("normal.Y"), ("normal", "Y"));
         assert_eq!(symbol("sigma_a"), "σa");
         assert_eq!((symbol("odd"), symbol("sigma_a_map")), ("odd".into(), "σa maps".into()));
         let mut names = ["odd.Y", "sigma_a.R", "rho_d.B", "sigma_a.G"];

@@ -5,6 +5,7 @@ use crate::maps::{self, SideMaps};
 use crate::model::{FitReport, Level, ParameterRow, Report, SectionReport, TimesReport, Verdict};
 use crate::{Error, Result};
 use crate::{Options, ReportSource, compare, held_out, notes, scene, translucency, verdict};
+use mesophyll_leaf::File;
 use mesophyll_record::{FitRecord, Section, Times};
 use std::path::{Path, PathBuf};
 
@@ -175,11 +176,11 @@ fn side(
     capture: Option<&Path>,
     missing: &mut Vec<String>,
 ) -> Option<SideMaps> {
-    if record.kind != "leaf" && !folder.join(format!("{name}.exr")).exists() {
+    if record.kind != "leaf" && !folder.join(File::Maps.of(name)).exists() {
         return None;
     }
     // Only sides have maps; `all`, `blade` and the like are figures.
-    if !matches!(name, "front" | "back") && !folder.join(format!("{name}.exr")).exists() {
+    if !matches!(name, "front" | "back") && !folder.join(File::Maps.of(name)).exists() {
         return None;
     }
     if record.kind != "leaf" {
@@ -257,7 +258,7 @@ fn against_first(
     let mut out = compare::parameters(a, b);
     let mut said = Vec::new();
     for section in a.sections.iter().map(|s| s.name.as_str()).filter(|n| b.sections.iter().any(|s| s.name == *n)) {
-        let exists = |f: &Path| f.join(format!("{section}.exr")).exists();
+        let exists = |f: &Path| f.join(File::Maps.of(section)).exists();
         if !exists(folder_a) || !exists(folder_b) {
             continue;
         }

@@ -197,7 +197,7 @@ fn consequences(folder: &Path, m: &Manifest, leaf: &[bool], found: &mut Inspecti
         "a fit needs the blade (`--blade`) from a leaf fit of {w} × {h} texels of {} mm, rectified to the same place",
         m.texel_mm
     ));
-    if folder.join("truth").join("front.exr").exists() {
+    if crate::truth_path(folder, Side::Front).exists() {
         found.notes.push("truth/ is there: a synthetic capture; the fit reports its error to the truth".into());
     }
 }

@@ -115,8 +115,7 @@ impl Grown {
     /// A tissue that no kernel can be made of.
     pub fn shown(&self, beam: &Beam) -> Result<[Vec<f64>; 3]> {
         let leaf = &self.leaf;
-        let back = beam.lit == Side::Back;
-        let (side, mask) = (if back { &leaf.back } else { &leaf.front }, leaf.mask_of(back));
+        let (side, mask) = (leaf.side(beam.lit), leaf.mask_of(beam.lit));
         let (w, h) = (leaf.width, leaf.height);
         let normal: Vec<[f64; 3]> =
             side.normal.iter().zip(&mask).map(|(n, m)| if *m { n.map(f64::from) } else { [0.0, 0.0, 1.0] }).collect();
@@ -127,7 +126,7 @@ impl Grown {
         let entry = normal.iter().map(|n| (1.0 / n[2]).min(STEEPEST)).collect();
         let surface = Surface { height, normal, entry };
         let lit = LitSide {
-            side: if back { Side::Back } else { Side::Front },
+            side: beam.lit,
             width: w,
             height: h,
             texel_mm: leaf.texel_mm,
@@ -255,7 +254,7 @@ pub fn capture(spec: &Spec, grown: &Grown, options: &Options, folder: &Path) -> 
             }
         }
         // As the unlit side's camera sees it; off the leaf there is nothing to read.
-        let mask = grown.crop(&grown.leaf.mask_of(beam.lit == Side::Back));
+        let mask = grown.crop(&grown.leaf.mask_of(beam.lit));
         let mut maps = Maps::new(w, h);
         for (channel, name) in shown.iter().zip(crate::reader::RGB) {
             let seen: Vec<f32> =
@@ -265,14 +264,14 @@ pub fn capture(spec: &Spec, grown: &Grown, options: &Options, folder: &Path) -> 
         write_exr(&folder.join(&beam.file), &maps, Packing::Raw)?;
         bar.advance(1);
     }
-    for (back, name) in [(false, "front"), (true, "back")] {
-        let all = grown.leaf.truth(back);
+    for side in Side::ALL {
+        let all = grown.leaf.truth(side);
         let mut truth = Maps::new(w, h);
         for (channel, values) in &all.channels {
             truth.push(channel, grown.crop(values));
         }
-        write_exr(&folder.join("truth").join(format!("{name}.exr")), &truth, Packing::Zip)?;
-        preview::write(&folder.join("truth").join(format!("{name}.png")), &grown.leaf, back)?;
+        write_exr(&crate::truth_path(folder, side), &truth, Packing::Zip)?;
+        preview::write(folder, &grown.leaf, side)?;
     }
     let manifest = Manifest {
         schema: 1,

@@ -261,7 +261,7 @@ fn consequences(folder: &Path, m: &Manifest, found: &mut Inspection) {
      with it"
             .into(),
     );
-    if folder.join("truth").join("front.exr").exists() {
+    if crate::truth_path(folder, Side::Front).exists() {
         note("truth/ is there: a synthetic capture".into());
     }
 }

@@ -148,7 +148,7 @@ impl Capture {
 
     /// `truth/front.exr` of a synthetic capture.
     pub fn truth(&self, side: Side) -> Result<Option<Maps>> {
-        let path = self.folder.join("truth").join(format!("{}.exr", side.name()));
+        let path = crate::truth_path(&self.folder, side);
         if !path.exists() {
             return Ok(None);
         }

@@ -26,6 +26,7 @@ use crate::{Error, Result};
 use mesophyll_files::atomic;
 use mesophyll_files::image::{Maps, Packing, write_exr};
 use mesophyll_files::progress::Bar;
+use mesophyll_files::quantity::{Quantity, RGB};
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::side::{Side, mirror};
 use mesophyll_optics::translucency::blade as optics;
@@ -106,7 +107,7 @@ impl Blade {
             height.clone(),
             [Vec::new(), Vec::new()],
         );
-        let back = shape.back.normal.iter().zip(leaf.mask_of(true));
+        let back = shape.back.normal.iter().zip(leaf.mask_of(Side::Back));
         leaf.back.normal = back.map(|(n, m)| if m { n.map(|v| v as f32) } else { [0.0; 3] }).collect();
         let shown = shine(&leaf, &shape)?;
         let cut = |s: &Shown| Shown {
@@ -136,7 +137,7 @@ fn shine(leaf: &Leaf, shape: &optics::Blade) -> Result<[Shown; 2]> {
     let [front, back] = through(leaf, shape)?;
     let side = |side: &GrownSide, lit: Side, transmittance: Vec<[f32; 3]>| {
         let seen = visible(&shape.lit(lit));
-        let mask = leaf.mask_of(lit == Side::Back);
+        let mask = leaf.mask_of(lit);
         let mirrored =
             |k: usize| f64::from(side.rho_s[k][0]) * veil.at(f64::from(side.normal[k][2]), f64::from(side.m[k]));
         Shown {
@@ -176,7 +177,7 @@ pub fn capture(spec: &Spec, blade: &Blade, options: &Options, folder: &Path) -> 
         BOX_LEVEL * (1.0 + 0.04 * x / spec.field_mm[0] - 0.03 * (y / spec.field_mm[1]).powi(2))
     };
     for (s, (name, shown)) in sides.into_iter().zip(&blade.shown).enumerate() {
-        let mask = leaf.mask_of(name == Side::Back);
+        let mask = leaf.mask_of(name);
         // Beside the leaf the back light shows past it; the dome shines on black cloth.
         let albedo = |k: usize| shown.albedo[k].map(|d| dome(k) * f64::from(d + shown.highlight[k]));
         let through = |k: usize| shown.transmittance[k].map(|t| lamp(k) * if mask[k] { f64::from(t) } else { 1.0 });
@@ -186,8 +187,8 @@ pub fn capture(spec: &Spec, blade: &Blade, options: &Options, folder: &Path) -> 
         scan.push("Y", scanned(&blade.height[s], &mask, leaf, options, s as u64));
         write_exr(&Picture::Height.path(folder, name), &scan, Packing::Raw)?;
         let truth = truth(blade, name, shown, s);
-        write_exr(&folder.join("truth").join(format!("{}.exr", name.name())), &truth, Packing::Zip)?;
-        preview::write(&folder.join("truth").join(format!("{}.png", name.name())), leaf, name == Side::Back)?;
+        write_exr(&crate::truth_path(folder, name), &truth, Packing::Zip)?;
+        preview::write(folder, leaf, name)?;
         bar.advance(1);
     }
     let mean = sensor.averaging(SHOTS);
@@ -203,14 +204,18 @@ pub fn capture(spec: &Spec, blade: &Blade, options: &Options, folder: &Path) -> 
 }
 
 fn truth(blade: &Blade, name: Side, shown: &Shown, s: usize) -> Maps {
-    let mask = blade.leaf.mask_of(name == Side::Back);
-    let mut maps = blade.leaf.truth(name == Side::Back);
-    for (c, end) in ["R", "G", "B"].iter().enumerate() {
-        maps.push(format!("albedo.{end}"), shown.albedo.iter().map(|v| v[c]).collect());
-        maps.push(format!("transmittance.{end}"), shown.transmittance.iter().map(|v| v[c]).collect());
+    let mask = blade.leaf.mask_of(name);
+    let mut maps = blade.leaf.truth(name);
+    for c in 0..3 {
+        maps.push(format!("albedo.{}", RGB[c]), shown.albedo.iter().map(|v| v[c]).collect());
+        maps.add(Quantity::Transmittance, c, shown.transmittance.iter().map(|v| v[c]).collect());
     }
-    maps.push("highlight.Y", shown.highlight.clone());
-    maps.push("height.Y", blade.height[s].iter().zip(&mask).map(|(z, m)| if *m { *z as f32 } else { 0.0 }).collect());
+    maps.add(Quantity::Highlight, 0, shown.highlight.clone());
+    maps.add(
+        Quantity::Height,
+        0,
+        blade.height[s].iter().zip(&mask).map(|(z, m)| if *m { *z as f32 } else { 0.0 }).collect(),
+    );
     maps
 }
 

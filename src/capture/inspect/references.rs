@@ -62,7 +62,7 @@ pub fn look(folder: &Path, m: &Manifest, found: &mut Inspection) {
         }
     }
     mask(folder, m, leaf_share, found);
-    let truth = m.sides.iter().filter(|s| folder.join("truth").join(format!("{}.exr", s.name())).exists()).count();
+    let truth = m.sides.iter().filter(|s| crate::truth_path(folder, **s).exists()).count();
     if truth > 0 {
         found.notes.push("truth/ is there: a synthetic capture; the fit reports its error to the truth".into());
     }

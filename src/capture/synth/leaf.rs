@@ -10,7 +10,9 @@ use super::spec::{Model, Spec, Surface};
 use super::veins::Network;
 use crate::manifest::texel_position;
 use mesophyll_files::image::Maps;
+use mesophyll_files::quantity::Quantity;
 use mesophyll_optics::gloss::Lobe;
+use mesophyll_optics::side::{Side, mirror};
 use rayon::prelude::*;
 
 /// One side, row-major as its camera saw it; every map has `width · height` entries, zero off the blade.
@@ -149,34 +151,40 @@ impl Leaf {
         }
     }
 
-    /// The mask as that side's camera saw it.
-    pub fn mask_of(&self, back: bool) -> Vec<bool> {
-        if !back {
-            return self.mask.clone();
+    pub fn side(&self, side: Side) -> &GrownSide {
+        match side {
+            Side::Front => &self.front,
+            Side::Back => &self.back,
         }
-        self.mask.chunks(self.width).flat_map(|row| row.iter().rev().copied()).collect()
+    }
+
+    /// The mask as that side's camera saw it.
+    pub fn mask_of(&self, side: Side) -> Vec<bool> {
+        match side {
+            Side::Front => self.mask.clone(),
+            Side::Back => mirror(&self.mask, self.width),
+        }
     }
 
     /// The truth in the channels of `data/README.md`.
-    pub fn truth(&self, back: bool) -> Maps {
-        let side = if back { &self.back } else { &self.front };
+    pub fn truth(&self, side: Side) -> Maps {
+        let grown = self.side(side);
         let mut maps = Maps::new(self.width, self.height);
-        let mut colour = |name: &str, ends: [&str; 3], map: &[[f32; 3]]| {
-            for (c, end) in ends.iter().enumerate() {
-                maps.push(format!("{name}.{end}"), map.iter().map(|v| v[c]).collect());
+        let mut three = |quantity, map: &[[f32; 3]]| {
+            for c in 0..3 {
+                maps.add(quantity, c, map.iter().map(|v| v[c]).collect());
             }
         };
-        const RGB: [&str; 3] = ["R", "G", "B"];
-        colour("rho_d", RGB, &side.rho_d);
-        colour("rho_s", RGB, &side.rho_s);
-        colour("rho_t", RGB, &side.rho_t);
-        colour("sigma_a", RGB, &side.sigma_a);
-        colour("sigma_s", RGB, &side.sigma_s);
-        colour("gamma", RGB, &side.gamma);
-        colour("normal", ["X", "Y", "Z"], &side.normal);
-        maps.push("m.Y", side.m.clone());
-        maps.push("thickness.Y", side.thickness.clone());
-        maps.push("mask.Y", self.mask_of(back).into_iter().map(|m| f32::from(u8::from(m))).collect());
+        three(Quantity::RhoD, &grown.rho_d);
+        three(Quantity::RhoS, &grown.rho_s);
+        three(Quantity::RhoT, &grown.rho_t);
+        three(Quantity::SigmaA, &grown.sigma_a);
+        three(Quantity::SigmaS, &grown.sigma_s);
+        three(Quantity::Gamma, &grown.gamma);
+        three(Quantity::Normal, &grown.normal);
+        maps.add(Quantity::M, 0, grown.m.clone());
+        maps.add(Quantity::Thickness, 0, grown.thickness.clone());
+        maps.add(Quantity::Mask, 0, self.mask_of(side).into_iter().map(|m| f32::from(u8::from(m))).collect());
         maps
     }
 }
@@ -387,8 +395,8 @@ mod tests {
     fn gauges_energy_and_the_slab_hold() {
         for model in [Model::Exact, Model::Pigment] {
             let (spec, leaf) = elm(model);
-            for back in [false, true] {
-                let (side, mask) = (if back { &leaf.back } else { &leaf.front }, leaf.mask_of(back));
+            for side in Side::ALL {
+                let (side, mask) = (leaf.side(side), leaf.mask_of(side));
                 let good: Vec<usize> = (0..mask.len()).filter(|&k| mask[k]).collect();
                 let mean = |f: &dyn Fn(usize) -> f64| good.iter().map(|&k| f(k)).sum::<f64>() / good.len() as f64;
                 assert!((mean(&|k| f64::from(side.thickness[k])) / spec.thickness_mm - 1.0).abs() < 1e-6);
@@ -425,7 +433,7 @@ mod tests {
         for j in 0..leaf.height {
             for i in 0..w {
                 let (f, b) = (j * w + i, j * w + w - 1 - i);
-                assert_eq!(leaf.mask[f], leaf.mask_of(true)[b]);
+                assert_eq!(leaf.mask[f], leaf.mask_of(Side::Back)[b]);
                 assert_eq!(leaf.front.thickness[f], leaf.back.thickness[b]);
                 assert_eq!(leaf.front.sigma_a[f], leaf.back.sigma_a[b]);
                 assert_eq!(leaf.front.rho_t[f], leaf.back.rho_t[b]);

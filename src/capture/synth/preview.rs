@@ -4,15 +4,17 @@
 use super::leaf::{GrownSide, Leaf};
 use crate::Result;
 use mesophyll_files::image::{to_srgb8, write_png};
+use mesophyll_optics::side::Side;
 use std::path::Path;
 
 /// Widest tile (texels).
 const TILE: usize = 720;
 
-/// Writes the six maps of a side as tiles of one PNG.
-pub fn write(path: &Path, leaf: &Leaf, back: bool) -> Result<()> {
-    let side = if back { &leaf.back } else { &leaf.front };
-    let mask = leaf.mask_of(back);
+/// Writes the six maps of a side as tiles of one PNG, beside the truth in the folder of a capture.
+pub fn write(capture: &Path, leaf: &Leaf, side: Side) -> Result<()> {
+    let path = crate::truth_path(capture, side).with_extension("png");
+    let mask = leaf.mask_of(side);
+    let side = leaf.side(side);
     let by = leaf.width.div_ceil(TILE);
     let (w, h) = (leaf.width / by, leaf.height / by);
     if w == 0 || h == 0 {
@@ -51,7 +53,7 @@ pub fn write(path: &Path, leaf: &Leaf, back: bool) -> Result<()> {
             }
         }
     }
-    write_png(path, 3 * w, 2 * h, &pixels)
+    write_png(&path, 3 * w, 2 * h, &pixels)
 }
 
 /// Undoes the sRGB curve, roughly, for tiles that show numbers and not light.

@@ -52,15 +52,15 @@ pub fn scan(spec: &Spec, leaf: &Leaf, options: &Options, folder: &Path) -> Resul
     let frames: usize = manifest.passes.iter().map(|p| p.positions().len()).sum();
     let bar = Bar::new("scanning", (2 * frames) as u64);
 
-    for (back, name) in [(false, Side::Front), (true, Side::Back)] {
-        let view = View::new(leaf, back);
+    for side in Side::ALL {
+        let view = View::new(leaf, side);
         for (p, pass) in manifest.passes.iter().enumerate() {
             let tube = Device::new(device.tube, pass.name, device.camera_deg);
             for (k, &position) in pass.positions().iter().enumerate() {
                 stop_if_asked(folder)?;
                 let image = camera.frame(&view, &tube, pass.name, position);
-                let path = manifest::frame_path(folder, name, pass.name, k);
-                let place = [1 + u64::from(back), p as u64, k as u64];
+                let path = manifest::frame_path(folder, side, pass.name, k);
+                let place = [1 + side as u64, p as u64, k as u64];
                 let raw = options.raw_exposures.then(|| path.with_extension(""));
                 write_frame(&path, image, (leaf.width, leaf.height), sensor, options.seed, place, raw)?;
                 bar.advance(1);
@@ -71,9 +71,9 @@ pub fn scan(spec: &Spec, leaf: &Leaf, options: &Options, folder: &Path) -> Resul
     let mut mask = Maps::new(leaf.width, leaf.height);
     mask.push("Y", leaf.mask.iter().map(|&m| f32::from(u8::from(m))).collect());
     write_exr(&folder.join("mask.exr"), &mask, Packing::Zip)?;
-    for (back, name) in [(false, "front"), (true, "back")] {
-        write_exr(&folder.join("truth").join(format!("{name}.exr")), &leaf.truth(back), Packing::Zip)?;
-        preview::write(&folder.join("truth").join(format!("{name}.png")), leaf, back)?;
+    for side in Side::ALL {
+        write_exr(&crate::truth_path(folder, side), &leaf.truth(side), Packing::Zip)?;
+        preview::write(folder, leaf, side)?;
     }
     let text = toml::to_string(&manifest).map_err(|e| Error::write(&folder.join("capture.toml"), e))?;
     atomic::write_bytes(&folder.join("capture.toml"), text.as_bytes())?;
@@ -128,8 +128,8 @@ struct View<'a> {
 }
 
 impl<'a> View<'a> {
-    fn new(leaf: &'a Leaf, back: bool) -> Self {
-        View { leaf, side: if back { &leaf.back } else { &leaf.front }, mask: leaf.mask_of(back) }
+    fn new(leaf: &'a Leaf, side: Side) -> Self {
+        View { leaf, side: leaf.side(side), mask: leaf.mask_of(side) }
     }
 }
 
@@ -285,9 +285,9 @@ fn references(
     }
     put(folder.join("dark.exr"), vec![[camera.spec.device.dark; 3]; size.0 * size.1], size, [11, 0, 0])?;
     put(folder.join("lightbox_empty.exr"), camera.lightbox(leaf, None), size, [12, 0, 0])?;
-    for (back, name) in [(false, "front"), (true, "back")] {
-        let image = camera.lightbox(leaf, Some(&View::new(leaf, back)));
-        put(folder.join(name).join("lightbox.exr"), image, size, [13, u64::from(back), 0])?;
+    for side in Side::ALL {
+        let image = camera.lightbox(leaf, Some(&View::new(leaf, side)));
+        put(folder.join(side.name()).join("lightbox.exr"), image, size, [13, side as u64, 0])?;
     }
     Ok(())
 }

@@ -4,19 +4,19 @@
 use super::{Fitted, Options};
 use crate::Result;
 use crate::leaf::blade::{Blade, Grid, glb, mesh};
-use crate::leaf::{fill, map_path, textures};
+use crate::leaf::{map_path, textures};
 use mesophyll_capture::dome::Capture;
 use mesophyll_capture::dome::defect::Defect;
 use mesophyll_capture::dome::highlight::fresnel_normal;
 use mesophyll_capture::dome::reduce::Reduced;
 use mesophyll_files::hash;
 use mesophyll_files::image::{Maps, Packing, write_exr};
+use mesophyll_files::quantity::Quantity;
+use mesophyll_leaf::{BLADE, File, fill};
 use mesophyll_optics::side::Side;
 use mesophyll_record::{FitRecord, Param, SCHEMA, Section, TruthError};
 use std::collections::BTreeMap;
 use std::path::Path;
-
-const RGB: [&str; 3] = ["R", "G", "B"];
 
 /// Writes the maps and the blade; the caller writes `fit.toml` last.
 ///
@@ -63,19 +63,18 @@ pub fn write(
     let mut names = Vec::new();
     for fitted in sides {
         let (values, errors) = maps(&grid, reduced, fitted, options);
-        write_exr(&map_path(out, fitted.side, ""), &values, Packing::Zip)?;
-        write_exr(&map_path(out, fitted.side, "err"), &errors, Packing::Zip)?;
+        write_exr(&File::Maps.path(out, fitted.side), &values, Packing::Zip)?;
+        write_exr(&File::Errors.path(out, fitted.side), &errors, Packing::Zip)?;
         textures::packed(out, &grid, mean(fitted), fitted.side, &values, blade.as_ref())?;
         textures::previews(out, fitted.side, &values)?;
         let mut section = section(reduced, fitted);
         section.truth = truth(capture, fitted, &values, &errors)?;
         record.sections.insert(fitted.side.name().into(), section);
-        names.extend(
-            ["", "err", "gamma_delta", "rho_s_m", "normal"].map(|what| map_path(Path::new(""), fitted.side, what)),
-        );
+        names.extend([File::Maps, File::Errors].map(|f| f.path(Path::new(""), fitted.side)));
+        names.extend(["gamma_delta", "rho_s_m", "normal"].map(|what| map_path(Path::new(""), fitted.side, what)));
     }
     if let Some(blade) = &blade {
-        glb::write(&out.join("blade.glb"), &m.name, blade)?;
+        glb::write(&out.join(BLADE), &m.name, blade)?;
         let figures = [
             ("blade_area_mm2", blade.area),
             ("blade_vertices", blade.positions.len() as f64),
@@ -83,7 +82,7 @@ pub fn write(
         ];
         let figures = figures.map(|(n, v)| (n.to_string(), v)).into_iter().collect();
         record.sections.insert("blade".into(), Section { figures, ..Section::default() });
-        names.push("blade.glb".into());
+        names.push(BLADE.into());
     }
     for name in names {
         let path = out.join(&name);
@@ -125,38 +124,38 @@ fn maps(grid: &Grid, reduced: &Reduced, fitted: &Fitted, options: &Options) -> (
     let good: Vec<bool> = fitted.status.iter().map(|s| *s == 1).collect();
     let source = fill::sources(&good, width, height);
     let (mut values, mut errors) = (Maps::new(width, height), Maps::new(width, height));
-    let mut push = |name: String, value: &dyn Fn(usize) -> f64, error: &dyn Fn(usize) -> f64| {
+    let mut add = |quantity: Quantity, c: usize, value: &dyn Fn(usize) -> f64, error: &dyn Fn(usize) -> f64| {
         let from = |k: usize| source.as_ref().map_or(k, |s| s[k] as usize);
-        values.push(name.clone(), (0..good.len()).map(|k| value(from(k)) as f32).collect());
-        errors.push(name, (0..good.len()).map(|k| if good[k] { error(k) as f32 } else { f32::NAN }).collect());
+        values.add(quantity, c, (0..good.len()).map(|k| value(from(k)) as f32).collect());
+        errors.add(quantity, c, (0..good.len()).map(|k| if good[k] { error(k) as f32 } else { f32::NAN }).collect());
     };
     // What all texels share stands in every texel's error: the highlight taken off, and the caliper's zero.
     let common = side.highlight.stderr;
     let thickness_err = reduced.alignment.thickness_error_mm.hypot(reduced.alignment.offset_err_mm);
-    for (c, letter) in RGB.iter().enumerate() {
-        push(format!("rho_d.{letter}"), &|k| side.albedo[k][c].max(0.0), &|k| side.albedo_err[k][c].hypot(common));
+    for c in 0..3 {
+        add(Quantity::RhoD, c, &|k| side.albedo[k][c].max(0.0), &|k| side.albedo_err[k][c].hypot(common));
     }
     let [rho_s, slope] = options.gloss.map_or([0.0, 0.5], |[n, slope]| [fresnel_normal(n), slope]);
-    for letter in RGB {
-        push(format!("rho_s.{letter}"), &|_| rho_s, &|_| f64::INFINITY);
+    for c in 0..3 {
+        add(Quantity::RhoS, c, &|_| rho_s, &|_| f64::INFINITY);
     }
-    push("m.Y".into(), &|_| slope, &|_| f64::INFINITY);
-    for (i, axis) in ["X", "Y", "Z"].iter().enumerate() {
-        push(format!("normal.{axis}"), &|k| side.normal[k][i], &|_| slope_err);
+    add(Quantity::M, 0, &|_| slope, &|_| f64::INFINITY);
+    for i in 0..3 {
+        add(Quantity::Normal, i, &|k| side.normal[k][i], &|_| slope_err);
     }
-    for (c, letter) in RGB.iter().enumerate() {
-        push(format!("rho_t.{letter}"), &|k| side.transmittance[k][c], &|k| side.transmittance_err[k][c]);
+    for c in 0..3 {
+        add(Quantity::RhoT, c, &|k| side.transmittance[k][c], &|k| side.transmittance_err[k][c]);
     }
-    for (q, name) in ["sigma_a", "sigma_s"].iter().enumerate() {
-        for (c, letter) in RGB.iter().enumerate() {
-            push(format!("{name}.{letter}"), &|k| fitted.sigma[k][c].value[q], &|k| fitted.sigma[k][c].error[q]);
+    for (q, quantity) in [Quantity::SigmaA, Quantity::SigmaS].into_iter().enumerate() {
+        for c in 0..3 {
+            add(quantity, c, &|k| fitted.sigma[k][c].value[q], &|k| fitted.sigma[k][c].error[q]);
         }
     }
-    push("thickness.Y".into(), &|k| fitted.thickness[k], &|_| thickness_err);
-    for (c, letter) in RGB.iter().enumerate() {
-        push(format!("gamma.{letter}"), &|k| fitted.gamma[k][c][0], &|k| fitted.gamma[k][c][1]);
+    add(Quantity::Thickness, 0, &|k| fitted.thickness[k], &|_| thickness_err);
+    for c in 0..3 {
+        add(Quantity::Gamma, c, &|k| fitted.gamma[k][c][0], &|k| fitted.gamma[k][c][1]);
     }
-    values.push("mask.Y", fitted.status.iter().map(|s| f32::from(*s)).collect());
+    values.add(Quantity::Mask, 0, fitted.status.iter().map(|s| f32::from(*s)).collect());
     (values, errors)
 }
 
@@ -214,16 +213,17 @@ fn truth(capture: &Capture, fitted: &Fitted, values: &Maps, errors: &Maps) -> Re
     let Some(truth) = capture.truth(fitted.side)? else { return Ok(out) };
     // What the camera saw comes through with light scattered sideways: that is what was measured, not each texel's own
     // slab.
-    let pairs: [(&str, &str, &[&str]); 3] =
-        [("rho_d", "rho_d", &RGB), ("rho_t", "transmittance", &RGB), ("thickness", "thickness", &["Y"])];
-    for (name, of, channels) in pairs {
+    let pairs = [
+        (Quantity::RhoD, Quantity::RhoD),
+        (Quantity::RhoT, Quantity::Transmittance),
+        (Quantity::Thickness, Quantity::Thickness),
+    ];
+    for (quantity, of) in pairs {
         let (mut relative, mut inside, mut judged) = (Vec::new(), 0usize, 0usize);
-        for c in channels {
-            let (Some(t), Some(v), Some(e)) = (
-                truth.get(&format!("{of}.{c}")),
-                values.get(&format!("{name}.{c}")),
-                errors.get(&format!("{name}.{c}")),
-            ) else {
+        for c in 0..quantity.letters().len() {
+            let (Some(t), Some(v), Some(e)) =
+                (truth.plane(of, c), values.plane(quantity, c), errors.plane(quantity, c))
+            else {
                 continue;
             };
             for k in (0..t.len()).filter(|&k| fitted.status[k] == 1 && t[k] != 0.0) {
@@ -237,7 +237,7 @@ fn truth(capture: &Capture, fitted: &Fitted, values: &Maps, errors: &Maps) -> Re
         if let (Some(median), Some(p99)) = (relative.get(relative.len() / 2), relative.get(relative.len() * 99 / 100)) {
             let coverage95 = Some(inside as f64 / judged as f64);
             out.insert(
-                name.into(),
+                quantity.name().into(),
                 TruthError { median_relative: *median, p99_relative: *p99, coverage95, judged: Some(judged) },
             );
         }

@@ -1,6 +1,7 @@
 //! From (ρd, ρt) a texel to the leaf's σa, σs, thickness h + δ and γ, by the exact or the paper's reduction, with what
 //! each leaves unexplained.
 
+use super::texels;
 use crate::Result;
 use crate::leaf::curve::{Curve, Incidence};
 use crate::leaf::defect::Defect;
@@ -15,6 +16,7 @@ use crate::leaf::{Method, Options};
 use mesophyll_capture::manifest::Travel;
 use mesophyll_capture::reader::Capture;
 use mesophyll_files::image::Maps;
+use mesophyll_files::quantity::Quantity;
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab::{self, inverse};
 use mesophyll_record::Times;
@@ -239,10 +241,9 @@ pub fn fit(
 
 /// Defects that the texel fit and the light box show together.
 fn classify(measured: &Measured, maps: &Maps) -> Vec<i16> {
-    let channel = |name: &str| maps.get(name).unwrap_or(&[]);
-    let code = channel("mask.Y");
-    let rho_d = ["rho_d.R", "rho_d.G", "rho_d.B"].map(channel);
-    let rho_d_err = ["err.rho_d.R", "err.rho_d.G", "err.rho_d.B"].map(channel);
+    let code = maps.scalar(Quantity::Mask).unwrap_or(&[]);
+    let rho_d = maps.three(Quantity::RhoD).unwrap_or_default();
+    let rho_d_err = [0, 1, 2].map(|c| texels::error(maps, Quantity::RhoD, c));
     let unexplained = outliers::unexplained(maps, &measured.mask);
     (0..code.len())
         .map(|k| {
@@ -280,10 +281,9 @@ struct Good {
 impl Good {
     /// `relative`: the noise of ρt, relative to it; what is left of its standard error is the floor.
     fn gather(measured: &Measured, maps: &Maps, mask: &[i16], relative: f64, width: usize) -> Good {
-        let channel = |name: &str| maps.get(name).unwrap_or(&[]);
-        let rho_d = ["rho_d.R", "rho_d.G", "rho_d.B"].map(channel);
-        let rho_d_err = ["err.rho_d.R", "err.rho_d.G", "err.rho_d.B"].map(channel);
-        let by_dark = ["dark.rho_d.R", "dark.rho_d.G", "dark.rho_d.B"].map(channel);
+        let rho_d = maps.three(Quantity::RhoD).unwrap_or_default();
+        let rho_d_err = [0, 1, 2].map(|c| texels::error(maps, Quantity::RhoD, c));
+        let by_dark = [0, 1, 2].map(|c| texels::by_dark(maps, c));
         let texel = |k: usize| {
             let rho_t = measured.rho_t[k].map(f64::from);
             let floor = |c: usize| {

@@ -7,7 +7,6 @@
 pub mod blade;
 pub mod curve;
 pub mod defect;
-pub mod fill;
 pub mod held_out;
 mod interior;
 mod noise;
@@ -265,9 +264,9 @@ pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     Ok(Outcome::Done(Box::new(record)))
 }
 
-/// Names of the files of one side in a fit folder.
+/// Names of the files of W's packed textures in a fit folder.
 pub fn map_path(folder: &Path, side: Side, what: &str) -> PathBuf {
-    folder.join(if what.is_empty() { format!("{}.exr", side.name()) } else { format!("{}_{what}.exr", side.name()) })
+    folder.join(format!("{}_{what}.exr", side.name()))
 }
 
 /// Wall times in order.

@@ -8,8 +8,10 @@
 
 use super::curve::RANGE;
 use super::defect::Defect;
+use super::texels;
 use super::wide::{StandIns, Texel, Wide};
 use mesophyll_files::image::Maps;
+use mesophyll_files::quantity::Quantity;
 
 /// Scatters of ln χ² above the leaf's median that no noise reaches: once in 10⁹ texels.
 const CHI2_SCATTERS: f64 = 6.0;
@@ -46,8 +48,8 @@ fn spread(values: &[f64]) -> (f64, f64) {
 /// Texels of `mask` whose traces' χ² no noise explains: far above 1, and far above what this leaf's texels have. Where
 /// the stated noise or the model is off, all texels' χ² is high alike, and none stands out.
 pub fn unexplained(maps: &Maps, mask: &[bool]) -> Vec<bool> {
-    let (chi2, freedom) = (maps.get("chi2.Y").unwrap_or(&[]), maps.get("freedom.Y").unwrap_or(&[]));
-    let code = maps.get("mask.Y").unwrap_or(&[]);
+    let (chi2, freedom) = texels::chi2(maps);
+    let code = maps.scalar(Quantity::Mask).unwrap_or(&[]);
     // Traces that are far off often leave a texel ambiguous, too; that they are off is the better name.
     let ambiguous = f32::from(Defect::Ambiguous.code());
     let reduced = |k: usize| match (chi2.get(k), freedom.get(k)) {

@@ -7,17 +7,17 @@ use crate::leaf::held_out::{self, Judged, Splits};
 use crate::leaf::interior::Fitted;
 use crate::leaf::noise::Level;
 use crate::leaf::truth::Comparison;
-use crate::leaf::{Options, fill, map_path, texels, textures};
+use crate::leaf::{Options, map_path, texels, textures};
 use mesophyll_capture::inspect::{Inspection, mirror};
 use mesophyll_capture::reader::Capture;
 use mesophyll_files::hash;
 use mesophyll_files::image::{Maps, Packing, write_exr};
-use mesophyll_optics::side::{Side, behind};
+use mesophyll_files::quantity::Quantity;
+use mesophyll_leaf::{BLADE, File, fill};
+use mesophyll_optics::side::Side;
 use mesophyll_record::scan::Scan;
 use mesophyll_record::{FitRecord, MIRROR, NOISE_SEEN, Param, Residuals, Section};
 use std::path::Path;
-
-const RGB: [&str; 3] = ["R", "G", "B"];
 
 /// Options, gauges and defect names: everything in `fit.toml` that no side owns.
 pub fn describe(record: &mut FitRecord, capture: &Capture, options: &Options, level: &Level, splits: &Splits) {
@@ -77,11 +77,7 @@ pub fn blade(capture: &Capture, sides: &[Fitted]) -> Option<Blade> {
     let front = sides.iter().find(|s| s.side == Side::Front)?;
     let mut slopes: Vec<Option<[f64; 2]>> = vec![None; grid.width * grid.height];
     for fitted in sides {
-        let (Some(x), Some(y), Some(z)) =
-            (fitted.maps.get("normal.X"), fitted.maps.get("normal.Y"), fitted.maps.get("normal.Z"))
-        else {
-            continue;
-        };
+        let Some([x, y, z]) = fitted.maps.three(Quantity::Normal) else { continue };
         for &k in &fitted.at {
             let k = k as usize;
             let n = [x[k], y[k], z[k]].map(f64::from);
@@ -89,10 +85,11 @@ pub fn blade(capture: &Capture, sides: &[Fitted]) -> Option<Blade> {
                 continue;
             }
             // z′ = −z and x′ = −x behind the leaf: dz/dx keeps its sign, dz/dy changes it.
-            let (at, slope) = match fitted.side {
-                Side::Front => (k, [-n[0] / n[2], -n[1] / n[2]]),
-                Side::Back => (behind(k, grid.width), [-n[0] / n[2], n[1] / n[2]]),
+            let slope = match fitted.side {
+                Side::Front => [-n[0] / n[2], -n[1] / n[2]],
+                Side::Back => [-n[0] / n[2], n[1] / n[2]],
             };
+            let at = fitted.side.in_front(k, grid.width);
             slopes[at] = Some(match slopes[at] {
                 Some(other) => [0.5 * (other[0] + slope[0]), 0.5 * (other[1] + slope[1])],
                 None => slope,
@@ -114,20 +111,20 @@ pub fn side(
     record: &mut FitRecord,
 ) -> Result<()> {
     let (values, errors) = maps(fitted, capture);
-    write_exr(&map_path(out, fitted.side, ""), &values, Packing::Zip)?;
-    write_exr(&map_path(out, fitted.side, "err"), &errors, Packing::Zip)?;
+    write_exr(&File::Maps.path(out, fitted.side), &values, Packing::Zip)?;
+    write_exr(&File::Errors.path(out, fitted.side), &errors, Packing::Zip)?;
     let m = &capture.manifest;
     let grid = Grid { width: m.width, height: m.height, texel: m.texel_mm };
     // What the report sets the σ maps against: no part of the fit, so it is not hashed. An earlier fit's truth is not
     // this one's.
     match &truth.pigment {
-        Some(pigment) => write_exr(&map_path(out, fitted.side, "truth"), pigment, Packing::Zip)?,
-        None => drop(std::fs::remove_file(map_path(out, fitted.side, "truth"))),
+        Some(pigment) => write_exr(&File::Truth.path(out, fitted.side), pigment, Packing::Zip)?,
+        None => drop(std::fs::remove_file(File::Truth.path(out, fitted.side))),
     }
     textures::packed(out, &grid, m.thickness_mm, fitted.side, &values, blade)?;
     textures::previews(out, fitted.side, &values)?;
     if let Some(frames) = &judged.stored {
-        write_exr(&map_path(out, fitted.side, "held_out"), frames, Packing::Zip)?;
+        write_exr(&File::HeldOut.path(out, fitted.side), frames, Packing::Zip)?;
     }
     let section =
         Section { held_out: judged.passes, light_box: judged.light_box, ..section(capture, fitted, level, truth) };
@@ -138,7 +135,7 @@ pub fn side(
 /// Writes the blade and the hashes of everything written.
 pub fn finish(out: &Path, capture: &Capture, blade: Option<&Blade>, record: &mut FitRecord) -> Result<()> {
     if let Some(blade) = blade {
-        glb::write(&out.join("blade.glb"), &capture.manifest.name, blade)?;
+        glb::write(&out.join(BLADE), &capture.manifest.name, blade)?;
         let mut all = Section::default();
         let mut figure = |name: &str, v: f64| all.figures.insert(name.into(), v);
         figure("blade_area_mm2", blade.area);
@@ -147,9 +144,10 @@ pub fn finish(out: &Path, capture: &Capture, blade: Option<&Blade>, record: &mut
         figure("blade_slope_residual", blade.slope_residual);
         record.sections.insert("blade".into(), all);
     }
-    let mut names = vec!["blade.glb".to_string()];
+    let mut names = vec![BLADE.to_string()];
     for side in &capture.manifest.sides {
-        for what in ["", "err", "gamma_delta", "rho_s_m", "normal", "held_out"] {
+        names.extend(File::ALL.map(|f| f.name(*side)));
+        for what in ["gamma_delta", "rho_s_m", "normal"] {
             names.push(map_path(Path::new(""), *side, what).to_string_lossy().into_owned());
         }
     }
@@ -189,49 +187,50 @@ fn maps(fitted: &Fitted, capture: &Capture) -> (Maps, Maps) {
         }
         plane
     };
-    let copied =
-        ["rho_d.R", "rho_d.G", "rho_d.B", "rho_s.R", "rho_s.G", "rho_s.B", "m.Y", "normal.X", "normal.Y", "normal.Z"];
-    for name in copied {
-        if name == "m.Y" {
-            values.push(name, slope(fitted, &good, width, height));
-            errors.push(name, bare(fitted.maps.get("err.m.Y").map(<[f32]>::to_vec).unwrap_or_default()));
-            continue;
+    let mut add = |quantity: Quantity, c: usize, value: Vec<f32>, error: Vec<f32>| {
+        values.add(quantity, c, value);
+        errors.add(quantity, c, bare(error));
+    };
+    for quantity in [Quantity::RhoD, Quantity::RhoS, Quantity::M, Quantity::Normal] {
+        for c in 0..quantity.letters().len() {
+            let value = match quantity {
+                Quantity::M => slope(fitted, &good, width, height),
+                _ => filled(fitted.maps.plane(quantity, c).unwrap_or_default().to_vec()),
+            };
+            add(quantity, c, value, texels::error(&fitted.maps, quantity, c).to_vec());
         }
-        values.push(name, filled(fitted.maps.get(name).map(<[f32]>::to_vec).unwrap_or_default()));
-        errors.push(name, bare(fitted.maps.get(&format!("err.{name}")).map(<[f32]>::to_vec).unwrap_or_default()));
     }
-    for (c, letter) in RGB.iter().enumerate() {
+    for c in 0..3 {
         let [rho_t, error] = fitted.rho_t(c);
-        values.push(format!("rho_t.{letter}"), filled(rho_t));
-        errors.push(format!("rho_t.{letter}"), bare(error));
+        add(Quantity::RhoT, c, filled(rho_t), error);
     }
-    for (q, name) in ["sigma_a", "sigma_s"].iter().enumerate() {
-        for (c, letter) in RGB.iter().enumerate() {
-            values.push(format!("{name}.{letter}"), filled(scatter(&|k| fitted.sigma[k][c].value[q])));
-            errors.push(format!("{name}.{letter}"), bare(scatter(&|k| fitted.sigma[k][c].error[q])));
+    for (q, quantity) in [Quantity::SigmaA, Quantity::SigmaS].into_iter().enumerate() {
+        for c in 0..3 {
+            let value = filled(scatter(&|k| fitted.sigma[k][c].value[q]));
+            add(quantity, c, value, scatter(&|k| fitted.sigma[k][c].error[q]));
         }
     }
-    values.push("thickness.Y", filled(scatter(&|k| fitted.thickness[k])));
-    errors.push("thickness.Y", bare(scatter(&|k| fitted.thickness_err[k])));
-    for (c, letter) in RGB.iter().enumerate() {
-        values.push(format!("gamma.{letter}"), filled(scatter(&|k| fitted.gamma[k][c])));
-        errors.push(format!("gamma.{letter}"), bare(scatter(&|k| fitted.gamma_err[k][c])));
+    let thickness = filled(scatter(&|k| fitted.thickness[k]));
+    add(Quantity::Thickness, 0, thickness, scatter(&|k| fitted.thickness_err[k]));
+    for c in 0..3 {
+        let gamma = filled(scatter(&|k| fitted.gamma[k][c]));
+        add(Quantity::Gamma, c, gamma, scatter(&|k| fitted.gamma_err[k][c]));
     }
-    values.push("mask.Y", fitted.mask.iter().map(|m| f32::from(*m)).collect());
-    let (chi2, freedom) = (fitted.maps.get("chi2.Y").unwrap_or(&[]), fitted.maps.get("freedom.Y").unwrap_or(&[]));
+    values.add(Quantity::Mask, 0, fitted.mask.iter().map(|m| f32::from(*m)).collect());
+    let (chi2, freedom) = texels::chi2(&fitted.maps);
     let reduced =
         chi2.iter().zip(freedom).zip(&good).map(|((c, f), g)| if *g && *f > 0.0 { c / f } else { f32::NAN }).collect();
-    values.push("reduced_chi2.Y", reduced);
+    values.add(Quantity::ReducedChi2, 0, reduced);
     (values, errors)
 }
 
 /// Slope m with matte texels (ρs = 0, m undetermined: its error is infinite) given the nearest glossy one's, so that no
 /// renderer meets a hole; a leaf without any gloss gets a broad lobe of no weight.
 fn slope(fitted: &Fitted, good: &[bool], width: usize, height: usize) -> Vec<f32> {
-    let mut plane = fitted.maps.get("m.Y").map(<[f32]>::to_vec).unwrap_or_default();
-    let known: Vec<bool> = good.iter().zip(&plane).map(|(g, m)| *g && m.is_finite()).collect();
+    let mut plane = [fitted.maps.scalar(Quantity::M).unwrap_or_default().to_vec()];
+    let known: Vec<bool> = good.iter().zip(&plane[0]).map(|(g, m)| *g && m.is_finite()).collect();
     fill::nearest(&mut plane, &known, width, height);
-    plane.iter().map(|m| if m.is_finite() && *m > 0.0 { *m } else { 0.5 }).collect()
+    plane[0].iter().map(|m| if m.is_finite() && *m > 0.0 { *m } else { 0.5 }).collect()
 }
 
 fn section(capture: &Capture, fitted: &Fitted, level: &Level, truth: Comparison) -> Section {
@@ -245,10 +244,11 @@ fn section(capture: &Capture, fitted: &Fitted, level: &Level, truth: Comparison)
     for d in Defect::ALL {
         s.counts.insert(d.name().into(), fitted.mask.iter().filter(|m| **m == d.code()).count());
     }
-    let plane = |name: &str| fitted.maps.get(name).unwrap_or(&[]);
-    let undetermined = fitted.at.iter().filter(|k| plane("undetermined.Y")[**k as usize] != 0.0).count();
+    let plane = |quantity| fitted.maps.scalar(quantity).unwrap_or_default();
+    let undetermined = plane(Quantity::Undetermined);
+    let undetermined = fitted.at.iter().filter(|k| undetermined[**k as usize] != 0.0).count();
     s.counts.insert("gloss_undetermined".into(), undetermined);
-    for (code, mask) in plane("termination.Y").iter().zip(&fitted.measured.mask) {
+    for (code, mask) in plane(Quantity::Termination).iter().zip(&fitted.measured.mask) {
         if *mask {
             *s.terminations.entry(texels::termination_name(*code).into()).or_default() += 1;
         }
@@ -270,18 +270,18 @@ fn section(capture: &Capture, fitted: &Fitted, level: &Level, truth: Comparison)
             worst_at: [at % m.width, at / m.width],
         },
     );
-    let names = ["sigma_a.R", "sigma_s.R", "sigma_a.G", "sigma_s.G", "sigma_a.B", "sigma_s.B"];
-    s.correlation_names = names.map(String::from).to_vec();
+    let both = |c: usize| [Quantity::SigmaA, Quantity::SigmaS].map(|q| q.channel(c));
+    s.correlation_names = (0..3).flat_map(both).collect();
     let c = &fitted.wide.covariance;
     s.correlation = (0..6).map(|i| (0..6).map(|j| c[(i, j)] / (c[(i, i)] * c[(j, j)]).sqrt()).collect()).collect();
     s.condition = Some(fitted.wide.condition);
     s.rank = Some(fitted.wide.rank);
     let err = m.thickness_err_mm;
     let caliper = err.unwrap_or(0.0) / m.thickness_mm;
-    let parameter = |name: &str, value: [f64; 3], relative: [f64; 3]| {
+    let parameter = |quantity: Quantity, value: [f64; 3], relative: [f64; 3]| {
         let undetermined = (0..3)
             .filter_map(|c| {
-                let name = format!("{name}.{}", RGB[c]);
+                let name = quantity.channel(c);
                 if let Some(chi2) = fitted.unexplained {
                     return Some(format!("{name}: the traces' residuals exceed the noise (reduced chi2 {chi2:.0})"));
                 }
@@ -297,10 +297,13 @@ fn section(capture: &Capture, fitted: &Fitted, level: &Level, truth: Comparison)
         let stderr_caliper = if caliper > 0.0 { value.iter().map(|v| v * caliper).collect() } else { Vec::new() };
         Param { value: value.to_vec(), stderr: stderr.to_vec(), stderr_caliper, unit: "1/mm".into(), undetermined }
     };
-    s.params.insert("sigma_a".into(), parameter("sigma_a", fitted.sigma_a, fitted.sigma_a_rel));
-    s.params.insert("sigma_s".into(), parameter("sigma_s", fitted.sigma_s, fitted.sigma_s_rel));
+    for (quantity, value, relative) in
+        [(Quantity::SigmaA, fitted.sigma_a, fitted.sigma_a_rel), (Quantity::SigmaS, fitted.sigma_s, fitted.sigma_s_rel)]
+    {
+        s.params.insert(quantity.name().into(), parameter(quantity, value, relative));
+    }
     s.params.insert(
-        "thickness".into(),
+        Quantity::Thickness.name().into(),
         Param {
             value: vec![m.thickness_mm],
             // Not stated is not undetermined: h is the gauge that σ and δ are measured in.
@@ -314,7 +317,7 @@ fn section(capture: &Capture, fitted: &Fitted, level: &Level, truth: Comparison)
 }
 
 fn gloss_residuals(fitted: &Fitted, width: usize) -> Residuals {
-    let (chi2, freedom) = (fitted.maps.get("chi2.Y").unwrap_or(&[]), fitted.maps.get("freedom.Y").unwrap_or(&[]));
+    let (chi2, freedom) = texels::chi2(&fitted.maps);
     let mut r = Residuals::default();
     let mut total = 0.0;
     for &k in &fitted.at {

@@ -7,6 +7,7 @@
 //! gauge (two measurements of one number: DerSimonian & Laird 1986).
 
 use super::interior::Fitted;
+use mesophyll_files::quantity::RGB;
 use mesophyll_record::{FitRecord, Section};
 
 /// Section of `fit.toml` that holds the comparison.
@@ -27,7 +28,7 @@ pub fn compare(done: &mut [Fitted], caliper: f64, record: &mut FitRecord) {
         ("sigma_s", front.sigma_s, back.sigma_s, &mut front.sigma_s_rel, &mut back.sigma_s_rel),
     ];
     for (name, a, b, a_rel, b_rel) in quantities {
-        for (c, letter) in ["R", "G", "B"].into_iter().enumerate() {
+        for (c, letter) in RGB.into_iter().enumerate() {
             let noise = |relative: f64| (relative * relative - caliper * caliper).max(0.0);
             let (apart, variance) = ((a[c] / b[c]).ln(), noise(a_rel[c]) + noise(b_rel[c]));
             if !(apart.is_finite() && variance.is_finite() && variance > 0.0) {

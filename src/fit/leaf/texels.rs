@@ -13,6 +13,7 @@ use mesophyll_capture::manifest::Travel;
 use mesophyll_capture::reader::Capture;
 use mesophyll_files::image::{Maps, Packing, read_exr, write_exr};
 use mesophyll_files::progress::{Bar, stop_requested};
+use mesophyll_files::quantity::{self, Quantity};
 use mesophyll_optics::side::Side;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -21,37 +22,41 @@ use std::path::{Path, PathBuf};
 /// Rows a part.
 const ROWS: usize = 32;
 
-/// Channels of a part file, in order.
-const CHANNELS: [&str; 28] = [
-    "rho_d.R",
-    "rho_d.G",
-    "rho_d.B",
-    "rho_s.R",
-    "rho_s.G",
-    "rho_s.B",
-    "m.Y",
-    "normal.X",
-    "normal.Y",
-    "normal.Z",
-    "err.rho_d.R",
-    "err.rho_d.G",
-    "err.rho_d.B",
-    "dark.rho_d.R",
-    "dark.rho_d.G",
-    "dark.rho_d.B",
-    "err.rho_s.R",
-    "err.rho_s.G",
-    "err.rho_s.B",
-    "err.m.Y",
-    "err.normal.X",
-    "err.normal.Y",
-    "err.normal.Z",
-    "chi2.Y",
-    "freedom.Y",
-    "termination.Y",
-    "undetermined.Y",
-    "mask.Y",
-];
+/// Channels of a part file, in the order of [`to_maps`]: what was fitted, the standard errors of it (`err.rho_d.R`), what
+/// one standard deviation of the dark frame does to ρd (`dark.rho_d.R`), and how the fit went.
+fn channels() -> Vec<String> {
+    use Quantity::{Chi2, Freedom, M, Mask, Normal, RhoD, RhoS, Termination, Undetermined};
+    let named = |prefix: &str, list: &[Quantity]| {
+        quantity::channels(list).into_iter().map(|name| format!("{prefix}{name}")).collect::<Vec<_>>()
+    };
+    [
+        named("", &[RhoD, RhoS, M, Normal]),
+        named(ERROR, &[RhoD]),
+        named(DARK, &[RhoD]),
+        named(ERROR, &[RhoS, M, Normal]),
+        named("", &[Chi2, Freedom, Termination, Undetermined, Mask]),
+    ]
+    .concat()
+}
+
+const ERROR: &str = "err.";
+const DARK: &str = "dark.";
+
+/// Standard errors of channel `c` of a quantity, of the merged parts.
+pub fn error(parts: &Maps, quantity: Quantity, c: usize) -> &[f32] {
+    parts.get(&format!("{ERROR}{}", quantity.channel(c))).unwrap_or_default()
+}
+
+/// What one standard deviation of the dark frame does to channel `c` of ρd, of the merged parts.
+pub fn by_dark(parts: &Maps, c: usize) -> &[f32] {
+    parts.get(&format!("{DARK}{}", Quantity::RhoD.channel(c))).unwrap_or_default()
+}
+
+/// χ² and degrees of freedom of every texel, of the merged parts.
+pub fn chi2(parts: &Maps) -> (&[f32], &[f32]) {
+    let plane = |q| parts.scalar(q).unwrap_or_default();
+    (plane(Quantity::Chi2), plane(Quantity::Freedom))
+}
 
 /// Which parts this process makes: every N-th from the I-th (0-based).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -162,7 +167,8 @@ impl Job<'_> {
             return Ok(None);
         }
         let manifest = &self.capture.manifest;
-        let mut planes: Vec<Vec<f32>> = vec![Vec::with_capacity(manifest.width * manifest.height); CHANNELS.len()];
+        let names = channels();
+        let mut planes: Vec<Vec<f32>> = vec![Vec::with_capacity(manifest.width * manifest.height); names.len()];
         for part in 0..self.count() {
             let path = self.path(part);
             let maps = read_exr(&path)?;
@@ -172,11 +178,11 @@ impl Job<'_> {
                     "not a part of this fit (wrong size); remove the folder and fit again",
                 ));
             }
-            for (name, plane) in CHANNELS.iter().zip(&mut planes) {
+            for (name, plane) in names.iter().zip(&mut planes) {
                 plane.extend_from_slice(maps.require(&path, name)?);
             }
         }
-        let channels = CHANNELS.iter().map(|n| n.to_string()).zip(planes).collect();
+        let channels = names.into_iter().zip(planes).collect();
         Ok(Some(Maps { width: manifest.width, height: manifest.height, channels }))
     }
 }
@@ -189,10 +195,11 @@ pub struct Seconds {
 }
 
 fn to_maps(width: usize, rows: Range<usize>, texels: &[[u32; 2]], fits: &[TexelFit]) -> Maps {
-    let mut planes = vec![vec![0f32; width * rows.len()]; CHANNELS.len()];
+    let names = channels();
+    let mut planes = vec![vec![0f32; width * rows.len()]; names.len()];
     for (t, fit) in texels.iter().zip(fits) {
         let at = (t[1] as usize - rows.start) * width + t[0] as usize;
-        let mut values = Vec::with_capacity(CHANNELS.len());
+        let mut values = Vec::with_capacity(names.len());
         values.extend(fit.rho_d);
         values.extend(fit.rho_s);
         values.push(fit.m);
@@ -211,7 +218,7 @@ fn to_maps(width: usize, rows: Range<usize>, texels: &[[u32; 2]], fits: &[TexelF
             plane[at] = v as f32;
         }
     }
-    Maps { width, height: rows.len(), channels: CHANNELS.iter().map(|n| n.to_string()).zip(planes).collect() }
+    Maps { width, height: rows.len(), channels: names.into_iter().zip(planes).collect() }
 }
 
 /// Terminations as numbers in part files.

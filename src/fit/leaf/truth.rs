@@ -6,15 +6,19 @@
 //! say, the gap between fit and truth is the gauge's and not the noise's: it is printed, and the standard errors, which
 //! do not claim to hold it, are not judged by it.
 
+use super::texels;
 use crate::Result;
 use crate::leaf::curve::Incidence;
 use crate::leaf::interior::Fitted;
 use crate::leaf::slabmaps::Inverter;
 use mesophyll_capture::reader::Capture;
 use mesophyll_files::image::Maps;
+use mesophyll_files::quantity::Quantity;
 use mesophyll_record::{GAUGE_GAMMA, GAUGE_THICKNESS, TruthError};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
+
+const SIGMA: [Quantity; 2] = [Quantity::SigmaA, Quantity::SigmaS];
 
 /// The fit against the truth.
 #[derive(Default)]
@@ -32,39 +36,34 @@ pub fn compare(capture: &Capture, fitted: &Fitted) -> Result<Comparison> {
     let (mut errors, mut figures) = (BTreeMap::new(), BTreeMap::new());
     let Some(truth) = capture.truth(fitted.side)? else { return Ok(Comparison::default()) };
     let good: Vec<usize> = fitted.at.iter().map(|&k| k as usize).collect();
-    let rgb = ["R", "G", "B"];
-    for name in ["rho_d", "rho_s"] {
+    for quantity in [Quantity::RhoD, Quantity::RhoS, Quantity::M] {
         let mut all = Samples::default();
-        for c in rgb {
-            let (channel, error) = (format!("{name}.{c}"), format!("err.{name}.{c}"));
-            all.maps(&truth, &fitted.maps, &channel, &error, &good);
+        for c in 0..quantity.letters().len() {
+            all.maps(&truth, &fitted.maps, quantity, c, &good);
         }
-        all.store(&mut errors, name);
+        all.store(&mut errors, quantity.name());
     }
-    let mut m = Samples::default();
-    m.maps(&truth, &fitted.maps, "m.Y", "err.m.Y", &good);
-    m.store(&mut errors, "m");
 
     let pigment = pigment(&truth, &good);
     let mut rho_t = Samples::default();
     let mut gamma = Samples::default();
     let mut sigma = [Samples::default(), Samples::default()];
     let mut shared = [Samples::default(), Samples::default()];
-    for (c, letter) in rgb.iter().enumerate() {
-        if let Some(t) = truth.get(&format!("rho_t.{letter}")) {
+    for c in 0..3 {
+        if let Some(t) = truth.plane(Quantity::RhoT, c) {
             let [value, error] = fitted.rho_t(c);
             for &k in &good {
                 rho_t.push(t[k], f64::from(value[k]), f64::from(error[k]));
             }
         }
-        if let Some(t) = truth.get(&format!("gamma.{letter}")) {
+        if let Some(t) = truth.plane(Quantity::Gamma, c) {
             for (n, &k) in good.iter().enumerate() {
                 gamma.push(t[k], fitted.gamma[n][c], fitted.gamma_err[n][c]);
             }
         }
-        for (q, name) in ["sigma_a", "sigma_s"].iter().enumerate() {
-            let Some(t) = truth.get(&format!("{name}.{letter}")) else { continue };
-            if let Some(own) = pigment.get(&format!("{name}.{letter}")) {
+        for (q, quantity) in SIGMA.into_iter().enumerate() {
+            let Some(t) = truth.plane(quantity, c) else { continue };
+            if let Some(own) = pigment.plane(quantity, c) {
                 for (n, &k) in good.iter().enumerate() {
                     let s = &fitted.sigma[n][c];
                     sigma[q].push(own[k], s.value[q], s.error[q]);
@@ -77,7 +76,7 @@ pub fn compare(capture: &Capture, fitted: &Fitted) -> Result<Comparison> {
                 (fitted.sigma_s[c], fitted.sigma_s_rel[c])
             };
             shared[q].push(mean as f32, value, value * relative);
-            figures.insert(format!("{name}.{letter}_relative_error"), value / mean - 1.0);
+            figures.insert(format!("{}_relative_error", quantity.channel(c)), value / mean - 1.0);
         }
     }
     rho_t.store(&mut errors, "rho_t");
@@ -86,7 +85,7 @@ pub fn compare(capture: &Capture, fitted: &Fitted) -> Result<Comparison> {
         map.store(&mut errors, &format!("{name}_map"));
         leaf.store(&mut errors, name);
     }
-    if let Some(t) = truth.get("thickness.Y") {
+    if let Some(t) = truth.scalar(Quantity::Thickness) {
         let mut thickness = Samples::default();
         for (n, &k) in good.iter().enumerate() {
             thickness.push(t[k], fitted.thickness[n], fitted.thickness_err[n]);
@@ -104,8 +103,8 @@ pub fn compare(capture: &Capture, fitted: &Fitted) -> Result<Comparison> {
         figures.insert(GAUGE_THICKNESS.into(), gauge.thickness);
         figures.insert(GAUGE_GAMMA.into(), gauge.gamma);
     }
-    let normals = ["X", "Y", "Z"].map(|c| (truth.get(&format!("normal.{c}")), fitted.maps.get(&format!("normal.{c}"))));
-    if let [(Some(tx), Some(x)), (Some(ty), Some(y)), (Some(tz), Some(z))] = normals {
+    let normals = (truth.three(Quantity::Normal), fitted.maps.three(Quantity::Normal));
+    if let (Some([tx, ty, tz]), Some([x, y, z])) = normals {
         let mut angles: Vec<f64> = good
             .iter()
             .map(|&k| {
@@ -136,13 +135,13 @@ struct Gauge {
 
 impl Gauge {
     fn of(truth: &Maps, fitted: &Fitted, good: &[usize]) -> Gauge {
-        let mean = |channel: &str| {
-            let map = truth.get(channel)?;
+        let mean = |quantity: Quantity, c: usize| {
+            let map = truth.plane(quantity, c)?;
             Some(good.iter().map(|&k| f64::from(map[k])).sum::<f64>() / good.len().max(1) as f64)
         };
         let own = fitted.thickness.iter().sum::<f64>() / fitted.thickness.len().max(1) as f64;
-        let thickness = mean("thickness.Y").map_or(0.0, |t| t / own - 1.0);
-        let gamma = ["R", "G", "B"].iter().filter_map(|c| mean(&format!("gamma.{c}"))).map(|g| g - 1.0);
+        let thickness = mean(Quantity::Thickness, 0).map_or(0.0, |t| t / own - 1.0);
+        let gamma = (0..3).filter_map(|c| mean(Quantity::Gamma, c)).map(|g| g - 1.0);
         Gauge { thickness, gamma: gamma.fold(0.0, |a, g| if g.abs() > f64::abs(a) { g } else { a }) }
     }
 
@@ -156,19 +155,19 @@ impl Gauge {
 /// elsewhere, and where the truth lacks a channel there is no map.
 pub fn pigment(truth: &Maps, good: &[usize]) -> Maps {
     let mut out = Maps::new(truth.width, truth.height);
-    let Some(thickness) = truth.get("thickness.Y") else { return out };
+    let Some(thickness) = truth.scalar(Quantity::Thickness) else { return out };
     let exact = Inverter::new(Incidence(1.0));
-    for letter in ["R", "G", "B"] {
-        let (Some(d), Some(t)) = (truth.get(&format!("rho_d.{letter}")), truth.get(&format!("rho_t.{letter}"))) else {
+    for c in 0..3 {
+        let (Some(d), Some(t)) = (truth.plane(Quantity::RhoD, c), truth.plane(Quantity::RhoT, c)) else {
             continue;
         };
         let solve =
             |k: &usize| exact.invert(f64::from(d[*k]), f64::from(t[*k]), f64::from(thickness[*k]), [1e-9; 2]).value;
         let found: Vec<[f64; 2]> = good.par_iter().map(solve).collect();
-        for (q, name) in ["sigma_a", "sigma_s"].iter().enumerate() {
+        for (q, quantity) in SIGMA.into_iter().enumerate() {
             let mut plane = vec![f32::NAN; d.len()];
             good.iter().zip(&found).for_each(|(k, s)| plane[*k] = s[q] as f32);
-            out.push(format!("{name}.{letter}"), plane);
+            out.add(quantity, c, plane);
         }
     }
     out
@@ -197,8 +196,9 @@ impl Samples {
         self.inside += usize::from((found - truth).abs() <= 1.96 * error + 2.4e-7 * truth.abs());
     }
 
-    fn maps(&mut self, truth: &Maps, fit: &Maps, channel: &str, error: &str, good: &[usize]) {
-        if let (Some(t), Some(v), Some(e)) = (truth.get(channel), fit.get(channel), fit.get(error)) {
+    fn maps(&mut self, truth: &Maps, fit: &Maps, quantity: Quantity, c: usize, good: &[usize]) {
+        if let (Some(t), Some(v)) = (truth.plane(quantity, c), fit.plane(quantity, c)) {
+            let e = texels::error(fit, quantity, c);
             for &k in good {
                 self.push(t[k], f64::from(v[k]), f64::from(e[k]));
             }

@@ -1,9 +1,11 @@
 //! What a leaf's measurements leave open beyond their stated noise: a tilt that no pass sees, reflectances at their
 //! bound, traces that no texel model explains, and the bounds of channels whose σa or σs is not determined.
 
+use super::texels;
 use super::wide::{Common, Texel};
 use crate::leaf::noise::Level;
 use mesophyll_files::image::Maps;
+use mesophyll_files::quantity::Quantity;
 use mesophyll_optics::slab::inverse::{self, Estimate};
 
 /// Tilt out of the plane of travel (rad, standard deviation) that a single pass must be taken to miss, beside what it
@@ -15,7 +17,7 @@ const MISFIT: f64 = 0.1;
 /// Relative error of all ρd together by the unseen tilts of a one-pass scan: a tube shows a texel tilted by t as darker
 /// by cos t, about t²/2, and the mean of that over the leaf is no noise.
 pub fn unseen_tilt(maps: &Maps, good: &[u32]) -> f64 {
-    let x = maps.get("normal.X").unwrap_or(&[]);
+    let x = maps.plane(Quantity::Normal, 0).unwrap_or(&[]);
     let seen = good.iter().map(|&k| f64::from(x[k as usize]).powi(2)).sum::<f64>() / good.len().max(1) as f64;
     0.5 * (seen + UNSEEN * UNSEEN)
 }
@@ -41,7 +43,7 @@ pub fn common(texels: &[Texel], unseen: f64) -> Common {
 /// Reduced χ² of the median texel, where the traces miss their model by more than noise can and by more than a tenth of
 /// the value.
 pub fn unexplained(maps: &Maps, good: &[u32], level: &Level) -> Option<f64> {
-    let (chi2, freedom) = (maps.get("chi2.Y").unwrap_or(&[]), maps.get("freedom.Y").unwrap_or(&[]));
+    let (chi2, freedom) = texels::chi2(maps);
     let mut reduced: Vec<(f64, f64)> = good
         .iter()
         .map(|&k| (f64::from(chi2[k as usize]), f64::from(freedom[k as usize])))

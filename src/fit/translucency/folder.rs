@@ -10,9 +10,10 @@ use super::source::{SideMaps, Source};
 use super::tissue;
 use super::{Colour, Options, TissueFrom};
 use crate::Result;
-use crate::leaf::map_path;
 use mesophyll_files::hash;
 use mesophyll_files::image::{Maps, Packing, to_srgb8, write_exr, write_png};
+use mesophyll_files::quantity::Quantity;
+use mesophyll_leaf::File;
 use mesophyll_optics::dipole::Form;
 use mesophyll_record::{FitRecord, Param, SCHEMA, Section};
 use std::path::Path;
@@ -59,11 +60,10 @@ pub fn write(out: &Path, source: &Source, made: &[Made], options: &Options, inpu
     }
     for (side, source_side) in made.iter().zip(&source.sides) {
         let maps = maps(source, side, options);
-        let path = map_path(out, side.side, "");
+        let path = File::Maps.path(out, side.side);
         write_exr(&path, &maps, Packing::Zip)?;
         preview(out, source, side)?;
-        let file = map_path(Path::new(""), side.side, "").to_string_lossy().into_owned();
-        record.files.insert(file, hash::file(&path)?);
+        record.files.insert(File::Maps.name(side.side), hash::file(&path)?);
         record.sections.insert(side.side.name().into(), section(source, source_side, side, options));
     }
     Ok(record)
@@ -95,10 +95,10 @@ fn maps(source: &Source, side: &Made, options: &Options) -> Maps {
             maps.push(channel(options, *c, i), image.iter().map(|v| *v as f32).collect());
         }
     }
-    for (name, image) in [("thickness.Y", &side.thickness), ("entering.Y", &side.entering)] {
+    for (name, image) in [(Quantity::Thickness.channel(0), &side.thickness), ("entering.Y".into(), &side.entering)] {
         maps.push(name, image.iter().map(|v| *v as f32).collect());
     }
-    maps.push("mask.Y", side.mask.iter().map(|m| f32::from(u8::from(*m))).collect());
+    maps.add(Quantity::Mask, 0, side.mask.iter().map(|m| f32::from(u8::from(*m))).collect());
     maps
 }
 

@@ -8,10 +8,10 @@
 use crate::Result;
 use crate::fits::fitted::Fitted;
 use crate::ledger::Ledger;
-use crate::loaded::texel_frame;
 use crate::plan::LeafPlan;
 use mesophyll_files::image::Maps;
 use mesophyll_files::mesh::LeafMesh;
+use mesophyll_leaf::frames;
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
 use rayon::prelude::*;
@@ -149,7 +149,7 @@ fn shape(
     let mut out = Vec::new();
     let (w, h) = (maps.width, maps.height);
     let path = fitted.folder.join("blade.glb");
-    let covered = texel_frame::covered(mesh, w, h);
+    let covered = frames::covered(mesh, w, h);
     let column = |k: usize| if s == 1 { k / w * w + w - 1 - k % w } else { k };
     let mask = maps.get("mask.Y").unwrap_or_default();
     let (mut both, mut either) = (0usize, 0usize);
@@ -166,7 +166,7 @@ fn shape(
     }
     let planes = ["normal.X", "normal.Y", "normal.Z"].map(|n| maps.get(n).unwrap_or_default());
     let normals: Vec<[f32; 3]> = (0..w * h).map(|k| [planes[0][k], planes[1][k], planes[2][k]]).collect();
-    let frames = texel_frame::frames(&path, mesh, w, h)?;
+    let frames = frames::frames(&path, mesh, w, h)?;
     let on: Vec<usize> = (0..w * h).filter(|&k| mask[k] > 0.0 && covered[column(k)]).collect();
     // The blade's relief comes from these normals: mirrored, they lean against it.
     let (mut with, mut against) = ([0.0; 2], [0.0; 2]);
@@ -187,7 +187,7 @@ fn shape(
     }
     let file = format!("{}_normal.exr", Side::ALL[s].name());
     let packed = fitted.maps(&file, &["X", "Y", "Z"], ledger)?;
-    let expected = texel_frame::tangent_space(&normals, &frames, w, s == 1);
+    let expected = frames::tangent_space(&normals, &frames, w, Side::ALL[s]);
     let found: Vec<&[f32]> = packed.channels.iter().map(|(_, p)| p.as_slice()).collect();
     if packed.width * packed.height == w * h {
         let differs = |k: usize| (0..3).any(|c| off(f64::from(found[c][k]), f64::from(expected[k][c]), NORMAL));

@@ -5,7 +5,6 @@
 
 use crate::fits::fitted::{Fitted, fill};
 use crate::ledger::Ledger;
-use crate::loaded::texel_frame;
 use crate::manifest::{Interior, Leaf, Manifest, View};
 use crate::placed::branch::Bends;
 use crate::placed::daylight::Daylight;
@@ -14,6 +13,7 @@ use crate::plan::{LeafPlan, Plan, sun_direction};
 use crate::{Error, Result};
 use glam::{DMat4, DVec3, DVec4};
 use mesophyll_files::mesh::LeafMesh;
+use mesophyll_leaf::frames;
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
 use mesophyll_transport::{self as transport, lobe, world};
@@ -233,8 +233,8 @@ fn one_side(
     fill(&path, width, height, &mut planes, |k| good[k])?;
     let three = |planes: &mut [Vec<f32>], at: usize| [0, 1, 2].map(|c| std::mem::take(&mut planes[at + c]));
     let seen: Vec<[f32; 3]> = (0..width * height).map(|k| [6, 7, 8].map(|c: usize| planes[c][k])).collect();
-    let frames = texel_frame::frames(&path, scanned, width, height)?;
-    let values = texel_frame::tangent_space(&seen, &frames, width, s == 1);
+    let frames = frames::frames(&path, scanned, width, height)?;
+    let values = frames::tangent_space(&seen, &frames, width, Side::ALL[s]);
     let normal = Some(transport::NormalMap { frame: transport::NormalFrame::Tangent, values });
     let interior = if pigment {
         solved(&planes[1], &planes[INSIDE..])

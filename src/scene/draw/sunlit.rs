@@ -3,7 +3,6 @@
 //! tangent frame (blades are curved). No directional basis takes part, nor the maps themselves: what `fit.toml` says
 //! they were made from does.
 
-use crate::loaded::texel_frame;
 use crate::loaded::translucency::{Of, front_texel};
 use crate::placed::facing::Facing;
 use crate::placed::placement::Placement;
@@ -13,6 +12,7 @@ use glam::{DMat3, DVec3};
 use mesophyll_fit::translucency::source::{Frame, Source};
 use mesophyll_fit::translucency::tissue::Entry;
 use mesophyll_fit::translucency::{Area, Colour, colour, side};
+use mesophyll_leaf::frames;
 use mesophyll_optics::dipole::{Form, Tissue};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::translucency::basis::{Basis, Projector, Weights};
@@ -201,7 +201,7 @@ impl Inside {
         };
         let [width, height] = leaf.size;
         Ok(Some(Inside {
-            frames: texel_frame::frames(&leaf.mesh_path, mesh, width, height)?,
+            frames: frames::frames(&leaf.mesh_path, mesh, width, height)?,
             width,
             ways: Default::default(),
         }))

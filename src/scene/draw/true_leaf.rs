@@ -3,11 +3,11 @@
 //! picture of it against the picture from the fit shows what the fit costs.
 
 use crate::fits::fitted::fill;
-use crate::loaded::texel_frame;
 use crate::manifest::Manifest;
 use crate::plan::Plan;
 use crate::{Error, Result};
 use mesophyll_files::image::{Maps, read_exr};
+use mesophyll_leaf::frames;
 use mesophyll_optics::side::Side;
 use mesophyll_transport::{self as transport, NormalFrame};
 use std::path::Path;
@@ -47,8 +47,8 @@ pub fn replace(world: &mut transport::World, manifest: &Manifest, plan: &Plan, o
             if let Some(normal) = place.normal.as_mut().filter(|n| n.frame == NormalFrame::Tangent) {
                 let n = planes(&truth, &path, &["normal.X", "normal.Y", "normal.Z"])?;
                 let seen: Vec<[f32; 3]> = (0..n[0].len()).map(|k| [n[0][k], n[1][k], n[2][k]]).collect();
-                let frames = texel_frame::frames(&path, mesh, truth.width, truth.height)?;
-                normal.values = texel_frame::tangent_space(&seen, &frames, truth.width, s == 1);
+                let frames = frames::frames(&path, mesh, truth.width, truth.height)?;
+                normal.values = frames::tangent_space(&seen, &frames, truth.width, Side::ALL[s]);
             }
             replaced = true;
         }

@@ -6,7 +6,6 @@
 //! the Half-Life 2 functions (straight or bent), or `translucency.R1` to `.B3`, those of M = ρt·f a colour. Directions
 //! are in the lit side's tangent frame.
 
-use super::texel_frame;
 use crate::draw::sunlit::Inside;
 use crate::fits::fitted::{Fitted, fill};
 use crate::fits::source::{Source, Status};
@@ -18,6 +17,7 @@ use crate::plan::{LeafPlan, LeftOut, Need, Plan, sun_direction};
 use crate::{Error, Result};
 use glam::{DMat3, DVec3};
 use mesophyll_files::hash;
+use mesophyll_leaf::frames;
 use mesophyll_optics::side::{Side, behind};
 use mesophyll_optics::translucency::basis;
 use mesophyll_record::FitRecord;
@@ -285,7 +285,7 @@ fn on_leaf(leaf: &LeafPlan, s: usize) -> Vec<bool> {
         return leaf.textures[s].good.clone();
     }
     let Some(mesh) = &leaf.mesh else { return vec![true; w * h] };
-    let front = texel_frame::covered(mesh, w, h);
+    let front = frames::covered(mesh, w, h);
     (0..w * h).map(|k| front[front_texel(k, s, w)]).collect()
 }
 
@@ -316,7 +316,7 @@ fn cost(
     let file = format!("{}_normal.exr", Side::ALL[s].name());
     let normals = fitted.maps(&file, &["X", "Y", "Z"], ledger)?;
     let rho_t = transmittance(leaf, s, Side::ALL[s], fitted, ledger)?;
-    let frames = texel_frame::frames(&leaf.mesh_path, mesh, w, h)?;
+    let frames = frames::frames(&leaf.mesh_path, mesh, w, h)?;
     let on_leaf = on_leaf(leaf, s);
     let suns = suns(manifest, leaf, plan);
     let out = if s == 0 { 1.0 } else { -1.0 };

@@ -213,7 +213,9 @@ impl Blade {
                 }
             }
         }
-        super::super::fill::nearest(&mut frames, &covered, grid.width, grid.height);
+        let mut planes = [frames];
+        mesophyll_leaf::fill::nearest(&mut planes, &covered, grid.width, grid.height);
+        let [frames] = planes;
         frames
     }
 }

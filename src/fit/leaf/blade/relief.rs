@@ -73,7 +73,7 @@ pub fn integrate(grid: &Grid, slopes: &[Option<[f64; 2]>]) -> Relief {
         let plane: Vec<f64> = slope.iter().map(|s| s[axis]).collect();
         blur(&plane, w, h, sigma).iter().zip(&weight).map(|(s, w)| s / w.max(1e-9)).collect::<Vec<f64>>()
     });
-    if let Some(source) = super::super::fill::sources(&on, w, h) {
+    if let Some(source) = mesophyll_leaf::fill::sources(&on, w, h) {
         for (k, &from) in source.iter().enumerate() {
             let from = from as usize;
             let (dx, dy) = ((k % w) as f64 - (from % w) as f64, (from / w) as f64 - (k / w) as f64);

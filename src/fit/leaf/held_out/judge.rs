@@ -10,6 +10,7 @@ use crate::leaf::outliers;
 use mesophyll_capture::manifest::Travel;
 use mesophyll_capture::reader::Capture;
 use mesophyll_files::image::Maps;
+use mesophyll_files::quantity::RGB;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -171,7 +172,7 @@ pub fn judge(capture: &Capture, scan: &Scan, splits: &Splits, fitted: &Fitted, l
             },
         );
     }
-    for (c, letter) in ["R", "G", "B"].iter().enumerate() {
+    for (c, letter) in RGB.iter().enumerate() {
         let value = |k: usize| {
             let at = k / stored.width * scan.stored_step * m.width + k % stored.width * scan.stored_step;
             if fitted.mask[at] == 1 { rounded(fitted.measured.rho_t[at][c], relative) } else { f32::NAN }

@@ -3,6 +3,7 @@
 use super::Scan;
 use mesophyll_capture::manifest::Travel;
 use mesophyll_files::image::Maps;
+use mesophyll_files::quantity::Quantity;
 use mesophyll_optics::tube::fast::{COLUMNS, Lit, Pass};
 use mesophyll_optics::tube::lanes::Level;
 use mesophyll_optics::tube::{self, Model, Precision};
@@ -19,13 +20,10 @@ pub struct Texel {
 /// Reads one texel of maps with the channels `rho_d.R` … `normal.Z`; `None` where a channel is missing or a reflectance
 /// is no number.
 pub fn texel_of(maps: &Maps) -> Option<impl Fn(usize) -> Option<Texel> + Sync + '_> {
-    let planes = |names: [&str; 3]| -> Option<[&[f32]; 3]> {
-        Some([maps.get(names[0])?, maps.get(names[1])?, maps.get(names[2])?])
-    };
-    let rho_d = planes(["rho_d.R", "rho_d.G", "rho_d.B"])?;
-    let rho_s = planes(["rho_s.R", "rho_s.G", "rho_s.B"])?;
-    let normal = planes(["normal.X", "normal.Y", "normal.Z"])?;
-    let m = maps.get("m.Y")?;
+    let rho_d = maps.three(Quantity::RhoD)?;
+    let rho_s = maps.three(Quantity::RhoS)?;
+    let normal = maps.three(Quantity::Normal)?;
+    let m = maps.scalar(Quantity::M)?;
     Some(move |k: usize| {
         let three = |p: &[&[f32]; 3]| p.map(|c| f64::from(c[k]));
         let (rho_d, rho_s, n) = (three(&rho_d), three(&rho_s), three(&normal));

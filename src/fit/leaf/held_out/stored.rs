@@ -3,10 +3,11 @@
 
 use super::judge::{Tally, through};
 use super::{HeldOut, LightBox, Predictor, Scan, Scratch, texel_of};
-use crate::leaf::map_path;
 use crate::{Error, Result};
 use mesophyll_capture::manifest::Travel;
 use mesophyll_files::image::read_exr;
+use mesophyll_files::quantity::{Quantity, RGB};
+use mesophyll_leaf::File;
 use mesophyll_optics::side::Side;
 use mesophyll_record::FitRecord;
 use rayon::prelude::*;
@@ -17,7 +18,7 @@ pub const LIGHT_BOX: &str = "light_box";
 
 /// Channel of a frame: `x0012.R`.
 pub(super) fn plane_name(pass: &str, frame: usize, channel: usize) -> String {
-    format!("{pass}{frame:04}.{}", ["R", "G", "B"][channel])
+    format!("{pass}{frame:04}.{}", RGB[channel])
 }
 
 /// A reading with as many binary digits as tell it within a 64th of its relative noise: the rest is random and would
@@ -88,9 +89,9 @@ pub fn kept(folder: &Path, record: &FitRecord, side: Side) -> Result<Option<Kept
     if section.held_out.is_empty() {
         return Ok(None);
     }
-    let path = map_path(folder, side, "held_out");
+    let path = File::HeldOut.path(folder, side);
     let stored = read_exr(&path)?;
-    let maps_path = map_path(folder, side, "");
+    let maps_path = File::Maps.path(folder, side);
     let maps = read_exr(&maps_path)?;
     let step = scan.stored_step.max(1);
     let (width, height) = (maps.width.div_ceil(step), maps.height.div_ceil(step));
@@ -102,7 +103,7 @@ pub fn kept(folder: &Path, record: &FitRecord, side: Side) -> Result<Option<Kept
     }
     let texel = texel_of(&maps)
         .ok_or_else(|| Error::input(&maps_path, "channels are missing, expected rho_d, rho_s, m and normal"))?;
-    let mask = maps.require(&maps_path, "mask.Y")?;
+    let mask = maps.require_scalar(&maps_path, Quantity::Mask)?;
     let mut out = Kept { side, width, height, step, frames: Vec::new(), light_box: None };
     for travel in [Travel::X, Travel::Y] {
         let Some(held) = section.held_out.get(travel.name()) else { continue };
@@ -196,9 +197,8 @@ fn light_box(
     let (scan, told) = (record.scan.as_ref()?, section.light_box.as_ref()?);
     let rgb = |name: &str| <[f64; 3]>::try_from(section.params.get(name)?.value.as_slice()).ok();
     let h = *section.params.get("thickness")?.value.first()?;
-    let measured: Vec<&[f32]> =
-        ["R", "G", "B"].iter().map(|c| stored.get(&format!("{LIGHT_BOX}.{c}"))).collect::<Option<_>>()?;
-    let thickness = maps.get("thickness.Y")?;
+    let measured: Vec<&[f32]> = RGB.iter().map(|c| stored.get(&format!("{LIGHT_BOX}.{c}"))).collect::<Option<_>>()?;
+    let thickness = maps.scalar(Quantity::Thickness)?;
     let incidence = scan.lightbox_camera_deg.to_radians().cos();
     let good = (0..kept.width * kept.height).filter(|k| mask[kept.texel(*k, maps.width)] == 1.0);
     through(rgb("sigma_a")?, rgb("sigma_s")?, h, incidence, told.noise_relative, told.noise_floor, good, |k| {

@@ -11,6 +11,7 @@ use mesophyll_capture::beams::Capture;
 use mesophyll_capture::dome::noise;
 use mesophyll_files::hash;
 use mesophyll_files::image::read_exr;
+use mesophyll_files::quantity::Quantity;
 use mesophyll_optics::side::Side;
 use mesophyll_optics::side::mirror;
 use mesophyll_optics::translucency::horizon::Horizon;
@@ -289,16 +290,16 @@ fn start(slab: &Slab, options: &Options) -> Tissues {
 /// σ and thickness that a synthetic capture was made from, where σ does not vary over the leaf.
 fn truth(capture: &Capture, source: &Source) -> Option<Truth> {
     let side = source.sides.first()?;
-    let maps = read_exr(&capture.folder.join("truth").join(format!("{}.exr", side.name.name()))).ok()?;
-    let mask: Vec<bool> = maps.get("mask.Y")?.iter().zip(&side.mask).map(|(v, m)| *v > 0.0 && *m).collect();
-    let uniform = |name: String| {
+    let maps = read_exr(&mesophyll_capture::truth_path(&capture.folder, side.name)).ok()?;
+    let mask: Vec<bool> = maps.scalar(Quantity::Mask)?.iter().zip(&side.mask).map(|(v, m)| *v > 0.0 && *m).collect();
+    let uniform = |quantity, c| {
         let values: Vec<f64> =
-            maps.get(&name)?.iter().zip(&mask).filter(|(_, m)| **m).map(|(v, _)| f64::from(*v)).collect();
+            maps.plane(quantity, c)?.iter().zip(&mask).filter(|(_, m)| **m).map(|(v, _)| f64::from(*v)).collect();
         let first = *values.first()?;
         values.iter().all(|v| (v / first - 1.0).abs() < 1e-5).then_some(first)
     };
-    let all = |q: &str| RGB.iter().map(|c| uniform(format!("{q}.{c}"))).collect::<Option<Vec<f64>>>();
-    let thickness = mean(maps.get("thickness.Y")?, &mask);
+    let all = |quantity| (0..3).map(|c| uniform(quantity, c)).collect::<Option<Vec<f64>>>();
+    let thickness = mean(maps.scalar(Quantity::Thickness)?, &mask);
     let map = mean(&side.thickness.iter().map(|d| *d as f32).collect::<Vec<_>>(), &mask);
-    Some(Truth(Tissues { sigma_a: all("sigma_a")?, reduced: all("sigma_s")?, scale: thickness / map }))
+    Some(Truth(Tissues { sigma_a: all(Quantity::SigmaA)?, reduced: all(Quantity::SigmaS)?, scale: thickness / map }))
 }

@@ -1,11 +1,10 @@
-//! Normals of the scan, turned into the mesh's tangent frame texel by texel, for the reference renderer: both renderers
-//! interpolate mapped normals in that frame, and this way to it shares no code with the fit's packed
-//! `front_normal.exr`.
+//! Normals of the scan, turned into the mesh's tangent frame texel by texel. Both renderers interpolate mapped normals in
+//! that frame, because a blade that bends takes it along.
 
-use crate::Result;
-use crate::fits::fitted::fill;
+use crate::{Result, fill};
 use glam::{DVec2, DVec3};
 use mesophyll_files::mesh::LeafMesh;
+use mesophyll_optics::side::Side;
 use std::path::Path;
 
 /// Tangent, image up and normal of the mesh at the centre of every texel of the front's maps; texels off the mesh take
@@ -29,7 +28,7 @@ pub fn frames(path: &Path, mesh: &LeafMesh, width: usize, height: usize) -> Resu
         });
     }
     let covered: Vec<bool> = planes[0].iter().map(|v| v.is_finite()).collect();
-    fill(path, width, height, &mut planes, |k| covered[k])?;
+    fill::require(path, &mut planes, &covered, width, height)?;
     // A leaf's chart is not mirrored in places: one handedness holds for all of it.
     let hand = mesh.tangents.first().map_or(1.0, |t| t.1);
     Ok((0..width * height)
@@ -79,15 +78,15 @@ fn each_texel([a, b, c]: [DVec2; 3], width: usize, height: usize, mut found: imp
 
 /// One side's normals (x right, y up, z out, as its camera saw the blade) in the mesh's tangent frame as that side sees
 /// it.
-pub fn tangent_space(normals: &[[f32; 3]], frames: &[[DVec3; 3]], width: usize, back: bool) -> Vec<[f32; 3]> {
-    let sign = if back { -1.0 } else { 1.0 };
+pub fn tangent_space(normals: &[[f32; 3]], frames: &[[DVec3; 3]], width: usize, side: Side) -> Vec<[f32; 3]> {
+    let sign = if side == Side::Back { -1.0 } else { 1.0 };
     normals
         .iter()
         .enumerate()
         .map(|(k, n)| {
             // The blade was turned about y: x and z change sign, and column i of the back is column width − 1 − i of
             // the front.
-            let [tangent, up, out] = frames[if back { mesophyll_optics::side::behind(k, width) } else { k }];
+            let [tangent, up, out] = frames[side.in_front(k, width)];
             let blade = DVec3::new(sign * f64::from(n[0]), f64::from(n[1]), sign * f64::from(n[2]));
             [sign * blade.dot(tangent), blade.dot(up), sign * blade.dot(out)].map(|v| v as f32)
         })
@@ -105,16 +104,16 @@ mod tests {
         let n = DVec3::new(-0.3, 0.2, 1.0).normalize();
         mesh.normals = vec![n; 4];
         let frames = frames(Path::new("m"), &mesh, 8, 6).unwrap();
-        let front = tangent_space(&vec![n.as_vec3().to_array(); 48], &frames, 8, false);
-        let back = tangent_space(&vec![[n.x as f32, -n.y as f32, n.z as f32]; 48], &frames, 8, true);
+        let front = tangent_space(&vec![n.as_vec3().to_array(); 48], &frames, 8, Side::Front);
+        let back = tangent_space(&vec![[n.x as f32, -n.y as f32, n.z as f32]; 48], &frames, 8, Side::Back);
         for v in front.iter().chain(&back) {
             assert!(v[0].abs() < 1e-6 && v[1].abs() < 1e-6 && (v[2] - 1.0).abs() < 1e-6, "{v:?}");
         }
         // A bump towards the image's right is one on both sides.
         let tangent = frames[0][0];
         let bumped = (n + 0.2 * tangent).normalize();
-        assert!(tangent_space(&[bumped.as_vec3().to_array()], &frames, 8, false)[0][0] > 0.15);
+        assert!(tangent_space(&[bumped.as_vec3().to_array()], &frames, 8, Side::Front)[0][0] > 0.15);
         let out = (-n + 0.2 * -tangent).normalize();
-        assert!(tangent_space(&[[-out.x as f32, out.y as f32, -out.z as f32]; 8], &frames, 8, true)[0][0] > 0.15);
+        assert!(tangent_space(&[[-out.x as f32, out.y as f32, -out.z as f32]; 8], &frames, 8, Side::Back)[0][0] > 0.15);
     }
 }

@@ -1,0 +1,223 @@
+//! The folder of a leaf fit: what its files are called, and the fit as it is read.
+
+use crate::{Error, Result};
+use mesophyll_files::hash;
+use mesophyll_files::image::{self, ExrInfo, Maps};
+use mesophyll_files::mesh::{self, LeafMesh};
+use mesophyll_files::quantity::{self, Quantity};
+use mesophyll_optics::side::Side;
+use mesophyll_record::{FitRecord, Section};
+use std::path::{Path, PathBuf};
+
+/// The blade as a mesh, where the fit made one.
+pub const BLADE: &str = "blade.glb";
+
+/// A file that the folder holds a side.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum File {
+    /// `front.exr`: the quantities, named as [`Quantity::channel`] says.
+    Maps,
+    /// `front_err.exr`: their standard errors under the same names.
+    Errors,
+    /// `front_truth.exr`: the true σa and σs of a synthetic capture. It is no part of the fit.
+    Truth,
+    /// `front_held_out.exr`: frames that the fit did not see.
+    HeldOut,
+}
+
+impl File {
+    /// Those that are part of the fit.
+    pub const ALL: [File; 3] = [File::Maps, File::Errors, File::HeldOut];
+
+    pub fn name(self, side: Side) -> String {
+        self.of(side.name())
+    }
+
+    /// As [`File::name`], for a section of a record that may be no side.
+    pub fn of(self, section: &str) -> String {
+        let what = match self {
+            File::Maps => "",
+            File::Errors => "_err",
+            File::Truth => "_truth",
+            File::HeldOut => "_held_out",
+        };
+        format!("{section}{what}.exr")
+    }
+
+    pub fn path(self, folder: &Path, side: Side) -> PathBuf {
+        folder.join(self.name(side))
+    }
+}
+
+/// A fitted leaf, opened. Its record is read; maps are read when they are asked for.
+#[derive(Debug, Clone)]
+pub struct LeafFit {
+    /// What its user calls it; the name in the record where nobody says otherwise.
+    pub name: String,
+    pub folder: PathBuf,
+    pub record: FitRecord,
+}
+
+impl LeafFit {
+    /// Opens the folder of a leaf fit.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where there is no fit, or one of something else.
+    pub fn open(folder: &Path) -> Result<LeafFit> {
+        let record = open_as(folder, "leaf")?;
+        Ok(LeafFit { name: record.name.clone(), folder: folder.into(), record })
+    }
+
+    /// The sides that were fitted, the front first.
+    pub fn sides(&self) -> impl Iterator<Item = Side> {
+        Side::ALL.into_iter().filter(|s| self.has(*s))
+    }
+
+    pub fn has(&self, side: Side) -> bool {
+        self.record.sections.contains_key(side.name())
+    }
+
+    /// What the record says of a side.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where the side was not fitted.
+    pub fn section(&self, side: Side) -> Result<&Section> {
+        self.record.sections.get(side.name()).ok_or_else(|| {
+            Error::field(&self.record_path(), side.name(), "missing; expected the section of this side of the leaf")
+        })
+    }
+
+    /// The leaf's σa or σs: a number a colour channel (1/mm).
+    ///
+    /// # Errors
+    /// [`Error::Input`] that names the field, for anything but three finite numbers of at least 0.
+    pub fn rgb(&self, side: Side, quantity: Quantity) -> Result<[f64; 3]> {
+        let values = self.param(side, quantity)?;
+        match values {
+            [r, g, b] if values.iter().all(|v| v.is_finite() && *v >= 0.0) => Ok([*r, *g, *b]),
+            _ => {
+                Err(self.bad(side, quantity, &format!("found {values:?}, expected three finite numbers of at least 0")))
+            }
+        }
+    }
+
+    /// Mean thickness h (mm).
+    ///
+    /// # Errors
+    /// [`Error::Input`] that names the field, for anything but one positive number.
+    pub fn thickness(&self, side: Side) -> Result<f64> {
+        match self.param(side, Quantity::Thickness)? {
+            [h] if *h > 0.0 && h.is_finite() => Ok(*h),
+            other => Err(self.bad(
+                side,
+                Quantity::Thickness,
+                &format!("found {other:?}, expected one positive length in mm"),
+            )),
+        }
+    }
+
+    /// Size of a texel (mm).
+    ///
+    /// # Errors
+    /// [`Error::Input`] that names the field, for anything but a positive number.
+    pub fn texel_mm(&self) -> Result<f64> {
+        const FIELD: &str = "texel_mm";
+        let found = self.record.options.get(FIELD).map_or("nothing", String::as_str);
+        match found.parse::<f64>() {
+            Ok(v) if v > 0.0 && v.is_finite() => Ok(v),
+            _ => Err(Error::field(
+                &self.record_path(),
+                &format!("options.{FIELD}"),
+                format!("found {found}, expected a positive length in mm"),
+            )),
+        }
+    }
+
+    fn param(&self, side: Side, quantity: Quantity) -> Result<&[f64]> {
+        let param = self.section(side)?.params.get(quantity.name());
+        param.map(|p| p.value.as_slice()).ok_or_else(|| self.bad(side, quantity, "missing"))
+    }
+
+    fn bad(&self, side: Side, quantity: Quantity, what: &str) -> Error {
+        Error::field(&self.record_path(), &format!("{}.{}", side.name(), quantity.name()), what)
+    }
+
+    pub fn record_path(&self) -> PathBuf {
+        self.folder.join("fit.toml")
+    }
+
+    /// Where a file of a side lies.
+    pub fn path(&self, file: File, side: Side) -> PathBuf {
+        file.path(&self.folder, side)
+    }
+
+    /// Some quantities of a side's maps, in the order asked.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a file that is missing or damaged, or lacks a channel.
+    pub fn maps(&self, side: Side, quantities: &[Quantity]) -> Result<Maps> {
+        let names = quantity::channels(quantities);
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        image::read_exr_rows(&self.path(File::Maps, side), Some(&names), None)
+    }
+
+    /// All maps of a side.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a file that is missing or damaged.
+    pub fn all_maps(&self, side: Side) -> Result<Maps> {
+        image::read_exr(&self.path(File::Maps, side))
+    }
+
+    /// Size and channels of a side's maps.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a file that is missing or damaged.
+    pub fn info(&self, side: Side) -> Result<ExrInfo> {
+        image::exr_info(&self.path(File::Maps, side))
+    }
+
+    /// The blade's mesh; `None` where the fit made none.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a mesh that cannot be read.
+    pub fn blade(&self) -> Result<Option<LeafMesh>> {
+        let path = self.folder.join(BLADE);
+        path.is_file().then(|| mesh::read(&path, None)).transpose()
+    }
+
+    /// Hashes one of the folder's files afresh and compares it with what the fit wrote down.
+    ///
+    /// # Errors
+    /// [`Error::Missed`] for a file that changed since, or that `fit.toml` does not list.
+    pub fn verify(&self, file: &str) -> Result<()> {
+        let path = self.folder.join(file);
+        match self.record.files.get(file) {
+            None => Err(Error::Missed(format!("{}: fit.toml lists no content hash for it", path.display()))),
+            Some(expected) if &hash::file(&path)? != expected => Err(Error::Missed(format!(
+                "{}: changed since it was fitted (its content hash is not the one in fit.toml)",
+                path.display()
+            ))),
+            Some(_) => Ok(()),
+        }
+    }
+}
+
+/// Reads the record in `folder`, which must hold a fit of the given kind.
+///
+/// # Errors
+/// [`Error::Input`] where there is no fit, or one of another kind.
+pub fn open_as(folder: &Path, kind: &str) -> Result<FitRecord> {
+    let file = folder.join("fit.toml");
+    if !file.is_file() {
+        return Err(Error::input(
+            folder,
+            format!("no {kind} fit here (no fit.toml); `mesophyll fit {kind}` writes one"),
+        ));
+    }
+    let record = FitRecord::read(folder)?;
+    if record.kind != kind {
+        return Err(Error::field(&file, "kind", format!("found \"{}\", expected \"{kind}\"", record.kind)));
+    }
+    Ok(record)
+}
