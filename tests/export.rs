@@ -3,7 +3,9 @@
 mod samples;
 
 use mesophyll::files::image;
+use mesophyll::files::quantity::Quantity;
 use mesophyll::fit::leaf::blade::{Blade, glb};
+use mesophyll::optics::side::Side;
 use samples::{Sample, write_fit};
 use std::path::Path;
 use std::process::Command;
@@ -71,7 +73,7 @@ fn the_table_has_a_row_a_texel_and_reads_back_exactly() {
     export(dir.path(), "csv", "t.csv");
     let front = image::read_exr(&dir.path().join("elm/front.exr")).unwrap();
     let errors = image::read_exr(&dir.path().join("elm/front_err.exr")).unwrap();
-    let on_leaf = front.get("mask.Y").unwrap().iter().filter(|m| **m != 0.0).count();
+    let on_leaf = front.scalar(Quantity::Mask).unwrap().iter().filter(|m| **m != 0.0).count();
     let mut table = csv::Reader::from_path(dir.path().join("t.csv")).unwrap();
     let head = table.headers().unwrap().clone();
     let at = |name: &str| head.iter().position(|h| h == name).unwrap_or_else(|| panic!("no column {name}"));
@@ -85,10 +87,39 @@ fn the_table_has_a_row_a_texel_and_reads_back_exactly() {
             let found = row[at(column)].parse::<f32>().ok();
             assert_eq!(found.map(f32::to_bits), expected.is_finite().then_some(expected.to_bits()), "{column} at {k}");
         }
-        let expected = errors.get("sigma_a.G").unwrap()[k];
+        let expected = errors.plane(Quantity::SigmaA, 1).unwrap()[k];
         assert_eq!(row[at("sigma_a_g_err")].parse::<f32>().ok(), expected.is_finite().then_some(expected));
     }
     assert_eq!(rows, on_leaf);
+}
+
+/// W's packing holds the named maps, and normals turned into the blade's frame as a reader of the mesh computes it.
+#[test]
+fn packed_textures_hold_the_named_maps() {
+    let dir = tempfile::tempdir().unwrap();
+    export(Path::new("fits/elm"), "packed", dir.path().join("packed").to_str().unwrap());
+    let thickness = mesophyll::leaf::LeafFit::open(Path::new("fits/elm")).unwrap();
+    for side in Side::ALL {
+        let read = |what: &str| {
+            image::read_exr(&dir.path().join("packed").join(format!("{}_{what}.exr", side.name()))).unwrap()
+        };
+        let maps = thickness.all_maps(side).unwrap();
+        let h = thickness.thickness(side).unwrap();
+        let (first, second, normal) = (read("gamma_delta"), read("rho_s_m"), read("normal"));
+        for (c, name) in ["R", "G", "B"].into_iter().enumerate() {
+            assert_eq!(first.get(name), maps.plane(Quantity::Gamma, c));
+            assert_eq!(second.get(name), maps.plane(Quantity::RhoS, c));
+        }
+        assert_eq!(second.get("A"), maps.scalar(Quantity::M));
+        let (delta, whole) = (first.get("A").unwrap(), maps.scalar(Quantity::Thickness).unwrap());
+        assert!(delta.iter().zip(whole).all(|(d, t)| (f64::from(*d) + h - f64::from(*t)).abs() < 1e-7));
+        // A rotation: lengths stay, and where the blade lies flat little changes.
+        let (seen, turned) = (maps.three(Quantity::Normal).unwrap(), ["X", "Y", "Z"].map(|c| normal.get(c).unwrap()));
+        for k in (0..whole.len()).step_by(101) {
+            let length = |n: [&[f32]; 3]| n.map(|p| p[k] * p[k]).iter().sum::<f32>();
+            assert!((length(seen) - length(turned)).abs() < 1e-5, "{k}");
+        }
+    }
 }
 
 #[test]
@@ -99,7 +130,7 @@ fn pictures_mean_what_their_ranges_say() {
     let ranges: serde_json::Value =
         serde_json::from_slice(&std::fs::read(dir.path().join("maps/ranges.json")).unwrap()).unwrap();
     let front = image::read_exr(&dir.path().join("elm/front.exr")).unwrap();
-    let mask = front.get("mask.Y").unwrap();
+    let mask = front.scalar(Quantity::Mask).unwrap();
     let open = |name: &str| ::image::open(dir.path().join("maps").join(name)).unwrap().to_rgb8();
     let (rho, thickness) = (open("front_rho_d.png"), open("front_thickness.png"));
     let range = &ranges["files"]["front_thickness.png"];
@@ -107,10 +138,10 @@ fn pictures_mean_what_their_ranges_say() {
     let step = (high - low) / 255.0;
     for k in (0..mask.len()).filter(|k| mask[*k] == 1.0) {
         let (x, y) = ((k % front.width) as u32, (k / front.width) as u32);
-        let green = front.get("rho_d.G").unwrap()[k];
+        let green = front.plane(Quantity::RhoD, 1).unwrap()[k];
         // a byte is at most 0.009 wide in linear light
         assert!((linear(rho.get_pixel(x, y)[1]) - green).abs() < 0.005, "{k}");
-        let value = front.get("thickness.Y").unwrap()[k];
+        let value = front.scalar(Quantity::Thickness).unwrap()[k];
         let read = low + step * f32::from(thickness.get_pixel(x, y)[0]);
         assert!((read - value.clamp(low, high)).abs() < 0.51 * step, "{k}: {read} against {value}");
     }
@@ -147,7 +178,7 @@ fn a_gltf_reader_sees_both_sides_in_metres_with_their_colours() {
         assert!(n.iter().zip(&t).all(|(n, t)| t[3] * (n[2] * t[0] - n[0] * t[2]) > 0.0));
         // look up a good texel of this side: its own camera's column i of the back lies at 1 − u
         let maps = source(&format!("{side}.exr"));
-        let mask = maps.get("mask.Y").unwrap();
+        let mask = maps.scalar(Quantity::Mask).unwrap();
         let k = (0..mask.len()).filter(|k| mask[*k] == 1.0).nth(500).unwrap();
         let (column, row) = (k % maps.width, k / maps.width);
         let u = (column as f32 + 0.5) / maps.width as f32;
@@ -168,7 +199,7 @@ fn a_gltf_reader_sees_both_sides_in_metres_with_their_colours() {
         let roughness = primitive.material().pbr_metallic_roughness().metallic_roughness_texture().unwrap().texture();
         let picture = &images[roughness.source().index()];
         let alpha = (f32::from(picture.pixels[3 * (row * picture.width as usize + x) + 1]) / 255.0).powi(2);
-        assert!((alpha - maps.get("m.Y").unwrap()[k]).abs() < 0.006);
+        assert!((alpha - maps.scalar(Quantity::M).unwrap()[k]).abs() < 0.006);
     }
 }
 
@@ -192,7 +223,7 @@ fn what_shines_through_adds_up_to_what_was_fitted() {
     let colour = picture(&through["diffuseTransmissionColorTexture"]);
     let base = picture(&material["pbrMetallicRoughness"]["baseColorTexture"]);
     let maps = image::read_exr(&dir.path().join("elm/front.exr")).unwrap();
-    let mask = maps.get("mask.Y").unwrap();
+    let mask = maps.scalar(Quantity::Mask).unwrap();
     for k in (0..mask.len()).filter(|k| mask[*k] == 1.0).step_by(7) {
         let t = f32::from(factor.pixels[4 * k + 3]) / 255.0;
         for (c, letter) in ["R", "G", "B"].iter().enumerate() {

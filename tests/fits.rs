@@ -6,6 +6,7 @@
 //! a seed makes.
 
 use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
+use mesophyll::files::quantity::Quantity;
 use mesophyll::record::FitRecord;
 use mesophyll::scene::{fits::missing as missing_fits, ledger::Ledger, manifest::Manifest};
 use std::path::Path;
@@ -76,7 +77,7 @@ fn close_maps(committed: &Path, fresh: &Path, name: &str) {
     let (side, what) = stem.split_once('_').unwrap_or((stem, ""));
     let errors = read_exr(&fresh.join(format!("{side}_err.exr"))).unwrap();
     let mask = read_exr(&fresh.join(format!("{side}.exr"))).unwrap();
-    let good: Vec<bool> = mask.get("mask.Y").unwrap().iter().map(|m| *m == 1.0).collect();
+    let good: Vec<bool> = mask.scalar(Quantity::Mask).unwrap().iter().map(|m| *m == 1.0).collect();
     let channels = |m: &Maps| m.channels.iter().map(|c| c.0.clone()).collect::<Vec<_>>();
     assert_eq!((old.width, old.height, channels(&old)), (new.width, new.height, channels(&new)), "{name}");
     for ((channel, a), (_, b)) in old.channels.iter().zip(&new.channels) {
@@ -176,8 +177,8 @@ fn a_change_of_a_tenth_of_a_standard_error_is_seen() {
             let errors = read_exr(&folder.join("front_err.exr")).unwrap();
             let mut maps = read_exr(&folder.join("front.exr")).unwrap();
             let at = maps.channels.iter().position(|c| c.0 == "rho_d.G").unwrap();
-            let k = maps.get("mask.Y").unwrap().iter().rposition(|m| *m == 1.0).unwrap();
-            maps.channels[at].1[k] += share * errors.get("rho_d.G").unwrap()[k];
+            let k = maps.scalar(Quantity::Mask).unwrap().iter().rposition(|m| *m == 1.0).unwrap();
+            maps.channels[at].1[k] += share * errors.plane(Quantity::RhoD, 1).unwrap()[k];
             write_exr(&folder.join("front.exr"), &maps, Packing::Zip).unwrap();
         }
     };

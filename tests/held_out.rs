@@ -6,6 +6,7 @@ mod common;
 use common::{copy_tree, run, scan, succeeded};
 use mesophyll::files::hash;
 use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
+use mesophyll::files::quantity::Quantity;
 use mesophyll::optics::slab;
 use mesophyll::record::FitRecord;
 use serde_json::Value;
@@ -152,7 +153,7 @@ fn tampered(dir: &Path, by: Tamper) -> PathBuf {
             scale(&mut maps, &format!("rho_s.{c}"), by.rho_s);
             scale(&mut maps, &format!("sigma_a.{c}"), by.sigma_a as f32);
         }
-        let thickness = maps.get("thickness.Y").unwrap().to_vec();
+        let thickness = maps.scalar(Quantity::Thickness).unwrap().to_vec();
         for (k, c) in ["R", "G", "B"].iter().enumerate() {
             let slab: Vec<_> =
                 thickness.iter().map(|t| slab::response(sigma_a[k], sigma_s[k], f64::from(*t))).collect();

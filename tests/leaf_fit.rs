@@ -4,6 +4,7 @@ mod common;
 
 use common::{copy_tree, mesophyll, refused, run, scan, succeeded};
 use mesophyll::files::image::{Packing, read_exr, write_exr};
+use mesophyll::files::quantity::Quantity;
 use mesophyll::record::FitRecord;
 use std::path::Path;
 use std::sync::OnceLock;
@@ -77,7 +78,11 @@ fn a_noise_free_scan_is_recovered_to_a_thousandth() {
     }
     // ρd + ρt + absorbed = 1 with something absorbed everywhere
     let maps = read_exr(&out.join("front.exr")).unwrap();
-    let (mask, d, t) = (maps.get("mask.Y").unwrap(), maps.get("rho_d.G").unwrap(), maps.get("rho_t.G").unwrap());
+    let (mask, d, t) = (
+        maps.scalar(Quantity::Mask).unwrap(),
+        maps.plane(Quantity::RhoD, 1).unwrap(),
+        maps.plane(Quantity::RhoT, 1).unwrap(),
+    );
     assert!((0..mask.len()).all(|k| mask[k] != 1.0 || d[k] + t[k] < 1.0));
 }
 
@@ -97,10 +102,10 @@ fn an_oblique_light_box_recovers_the_same_leaf() {
     let read = |name: &str| read_exr(&Path::new(&capture).join(name)).unwrap();
     let (truth, box_, leaf, dark) =
         (read("truth/front.exr"), read("lightbox_empty.exr"), read("front/lightbox.exr"), read("dark.exr"));
-    let k = (0..32 * 24).find(|&k| k > 12 * 32 + 10 && truth.get("mask.Y").unwrap()[k] == 1.0).unwrap();
+    let k = (0..32 * 24).find(|&k| k > 12 * 32 + 10 && truth.scalar(Quantity::Mask).unwrap()[k] == 1.0).unwrap();
     let at = |m: &mesophyll::files::image::Maps| m.get("G").unwrap()[k];
     let ratio = (at(&leaf) - at(&dark)) / (at(&box_) - at(&dark));
-    assert!(ratio < 0.97 * truth.get("rho_t.G").unwrap()[k]);
+    assert!(ratio < 0.97 * truth.plane(Quantity::RhoT, 1).unwrap()[k]);
     let manifest = Path::new(&capture).join("capture.toml");
     let text = std::fs::read_to_string(&manifest).unwrap();
     std::fs::write(&manifest, text.replace("sides = [\"front\", \"back\"]", "sides = [\"front\"]")).unwrap();
@@ -150,7 +155,11 @@ fn the_mirror_strip_foretells_the_lean_of_the_normals() {
         let out = capture.with_extension("fit");
         succeeded(&run(["fit", "leaf", capture.to_str().unwrap(), "-o", out.to_str().unwrap()]));
         let maps = read_exr(&out.join("front.exr")).unwrap();
-        let (mask, x, z) = (maps.get("mask.Y").unwrap(), maps.get("normal.X").unwrap(), maps.get("normal.Z").unwrap());
+        let (mask, x, z) = (
+            maps.scalar(Quantity::Mask).unwrap(),
+            maps.plane(Quantity::Normal, 0).unwrap(),
+            maps.plane(Quantity::Normal, 2).unwrap(),
+        );
         let tilts: Vec<f64> =
             (0..mask.len()).filter(|&k| mask[k] == 1.0).map(|k| f64::from(x[k] / z[k]).atan().to_degrees()).collect();
         tilts.iter().sum::<f64>() / tilts.len() as f64
@@ -288,7 +297,7 @@ fn dead_pixels_are_left_out_and_texels_without_readings_are_named() {
     let record = FitRecord::read(&dir.path().join("fit")).unwrap();
     assert!(record.sections["front"].counts["no_reading"] >= 1);
     let maps = read_exr(&dir.path().join("fit/front.exr")).unwrap();
-    let mask = maps.get("mask.Y").unwrap();
+    let mask = maps.scalar(Quantity::Mask).unwrap();
     assert_eq!((mask[at], mask[at + 1]), (-1.0, 1.0));
     assert_eq!(record.defects["-1"], "no_reading");
 }
@@ -378,7 +387,7 @@ fn intervals_of_the_pigment_maps_hold_the_true_leaf() {
         let (fit, err) = (read(&out.join(format!("{side}.exr"))), read(&out.join(format!("{side}_err.exr"))));
         let (own, truth) =
             (read(&out.join(format!("{side}_truth.exr"))), read(&capture.join(format!("truth/{side}.exr"))));
-        let mask = fit.get("mask.Y").unwrap();
+        let mask = fit.scalar(Quantity::Mask).unwrap();
         for name in ["sigma_a", "sigma_s"] {
             let (mut inside, mut all, mut apart) = (0, 0, 0);
             for c in ["R", "G", "B"] {
@@ -407,7 +416,7 @@ fn intervals_of_the_pigment_maps_hold_the_true_leaf() {
                 f64::from(maps.get(&format!("{name}.{c}")).unwrap()[k])
             };
             for k in (0..mask.len()).filter(|&k| mask[k] == 1.0 && at(&own, "sigma_a", k).is_finite()).step_by(37) {
-                let thickness = f64::from(truth.get("thickness.Y").unwrap()[k]);
+                let thickness = f64::from(truth.scalar(Quantity::Thickness).unwrap()[k]);
                 let slab =
                     mesophyll::optics::slab::exact::response(at(&own, "sigma_a", k), at(&own, "sigma_s", k), thickness);
                 let off =

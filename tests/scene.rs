@@ -6,6 +6,7 @@ mod blade;
 mod skips;
 
 use blade::{Blade, scene};
+use mesophyll::files::quantity::Quantity;
 use mesophyll::scene::manifest::Manifest;
 use std::path::Path;
 
@@ -139,10 +140,10 @@ fn a_thicker_leaf_dims_and_an_edit_becomes_a_fit() {
     assert!((h.value[0] - 2.0 * blade.h).abs() < 1e-6 && h.stderr[0].is_infinite());
     let maps = mesophyll::files::image::read_exr(&Path::new(&place).join("front.exr")).unwrap();
     let k = 18 * 48 + 24;
-    let thickness = f64::from(maps.get("thickness.Y").unwrap()[k]);
+    let thickness = f64::from(maps.scalar(Quantity::Thickness).unwrap()[k]);
     let exact = slab::exact::response(blade.sigma_a[0][1], blade.sigma_s[0][1], thickness).rho_t;
-    assert!((f64::from(maps.get("rho_t.G").unwrap()[k]) / exact - 1.0).abs() < 1e-5);
-    assert!((maps.get("rho_s.G").unwrap()[k] - 0.025).abs() < 1e-6);
+    assert!((f64::from(maps.plane(Quantity::RhoT, 1).unwrap()[k]) / exact - 1.0).abs() < 1e-5);
+    assert!((maps.plane(Quantity::RhoS, 1).unwrap()[k] - 0.025).abs() < 1e-6);
     // The texel under the pointer reads out what the fit says.
     let rows = editor.probe(0, true, [24, 18]);
     assert!(

@@ -4,6 +4,7 @@
 use assert_cmd::Command;
 use mesophyll::capture::manifest::{Manifest, Travel, frame_path, mirror_path, texel_position, white_path};
 use mesophyll::files::image::{exr_info, read_exr};
+use mesophyll::files::quantity::Quantity;
 use mesophyll::optics::side::Side;
 use std::path::{Path, PathBuf};
 
@@ -177,7 +178,7 @@ fn every_species_grows() {
         let manifest = Manifest::read(&out).unwrap();
         assert_eq!(manifest.name, name);
         let truth = read_exr(&out.join("truth/back.exr")).unwrap();
-        let inside = truth.get("mask.Y").unwrap().iter().filter(|m| **m == 1.0).count();
+        let inside = truth.scalar(Quantity::Mask).unwrap().iter().filter(|m| **m == 1.0).count();
         assert!(inside > 16 * 12 / 6, "{name} covers {inside} of 192 texels");
     }
 }

@@ -4,6 +4,7 @@ mod common;
 
 use common::{copy_tree, refused, run, scan, succeeded};
 use mesophyll::files::image::read_exr;
+use mesophyll::files::quantity::Quantity;
 use mesophyll::optics::translucency::basis::Basis;
 use std::path::Path;
 
@@ -24,12 +25,13 @@ fn a_leaf_fit_becomes_maps_and_one_light_is_what_the_basis_says_of_it() {
     for side in ["front.exr", "back.exr"] {
         let (maps, direct) = (read_exr(&all.join(side)).unwrap(), read_exr(&one.join(side)).unwrap());
         let plane = |k: usize| maps.get(&format!("translucency.{}", k + 1)).unwrap();
-        let (mask, full) = (maps.get("mask.Y").unwrap(), direct.get("translucency.Y").unwrap());
+        let (mask, full) = (maps.scalar(Quantity::Mask).unwrap(), direct.get("translucency.Y").unwrap());
         let leaf = read_exr(&Path::new("fits/elm").join(side)).unwrap();
-        let (thickness, measured) = (maps.get("thickness.Y").unwrap(), leaf.get("thickness.Y").unwrap());
+        let (thickness, measured) =
+            (maps.scalar(Quantity::Thickness).unwrap(), leaf.scalar(Quantity::Thickness).unwrap());
         let entering = maps.get("entering.Y").unwrap();
         for k in 0..mask.len() {
-            if leaf.get("mask.Y").unwrap()[k] == 1.0 {
+            if leaf.scalar(Quantity::Mask).unwrap()[k] == 1.0 {
                 assert_eq!(thickness[k], measured[k]);
                 // Something enters every texel, and no more than the largest facet area catches.
                 assert!(entering[k] > 0.0 && entering[k] < 5.0, "{side} {k}: {}", entering[k]);
@@ -114,7 +116,7 @@ fn three_wavelengths_let_through_what_the_light_box_measured() {
     let steep = ["--colour", "three-wavelengths", "--sun-elevation-deg", "90", "--sun-azimuth-deg", "0"];
     succeeded(&fit("fits/elm", &out, &steep));
     let (maps, leaf) = (read_exr(&out.join("front.exr")).unwrap(), read_exr(Path::new("fits/elm/front.exr")).unwrap());
-    let mask = maps.get("mask.Y").unwrap();
+    let mask = maps.scalar(Quantity::Mask).unwrap();
     for c in ["R", "G", "B"] {
         let mean = |plane: &[f32]| {
             let on: Vec<f64> = plane.iter().zip(mask).filter(|(_, m)| **m == 1.0).map(|(v, _)| f64::from(*v)).collect();

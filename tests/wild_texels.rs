@@ -5,6 +5,7 @@ mod common;
 
 use common::{copy_tree, refused, run, scan, succeeded};
 use mesophyll::files::image::{Packing, read_exr, write_exr};
+use mesophyll::files::quantity::Quantity;
 use mesophyll::record::{FitRecord, NOISE_SEEN};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -76,7 +77,7 @@ fn one_hot_texel_is_named_and_moves_nothing() {
         let front = &record.sections["front"];
         assert_eq!(front.counts["unexplained"], 1, "{level}: {:?}", front.counts);
         let mask = read_exr(&dir.path().join("fit/front.exr")).unwrap();
-        assert_eq!(mask.get("mask.Y").unwrap()[hot], -9.0);
+        assert_eq!(mask.scalar(Quantity::Mask).unwrap()[hot], -9.0);
         assert!(moved(&record).iter().all(|m| *m < 0.3), "{level}: {:?}", moved(&record));
         assert!((front.residuals["gloss"].reduced_chi2 - 1.0).abs() < 0.02, "{:?}", front.residuals);
     }

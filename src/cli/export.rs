@@ -21,7 +21,7 @@ pub struct Args {
     /// Format
     #[arg(long, value_enum, value_name = "FORMAT")]
     to: Format,
-    /// File to write, `-` for standard output; with png a folder
+    /// File to write, `-` for standard output; with png and packed a folder
     #[arg(short, long = "out", alias = "output", value_name = "PATH")]
     output: PathBuf,
     /// Sky: only the numbers of this sun (angle from the zenith), no polynomial
@@ -39,7 +39,7 @@ pub struct Args {
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let format = args.to;
     let stdout = place::is_stdout(&args.output);
-    if stdout && matches!(format, Format::Png | Format::Obj) {
+    if stdout && (format.is_folder() || format == Format::Obj) {
         return Err(Error::Usage(format!(
             "-o -: --to {} writes several files; expected a name, not standard output",
             format.name()
@@ -50,14 +50,14 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             "-o -: standard output holds the exported file itself; expected no --json beside it".into(),
         ));
     }
-    if format != Format::Png && args.output.is_dir() {
+    if !format.is_folder() && args.output.is_dir() {
         return Err(Error::Usage(format!(
             "{}: found a folder, expected the name of a file for {}",
             args.output.display(),
             format.name()
         )));
     }
-    if format != Format::Png {
+    if !format.is_folder() {
         claim::file(&args.output, format.endings(), &[&args.folder])?;
     }
     let fixed = args.sun_zenith_deg.zip(args.turbidity).map(|(sun, turbidity)| (sun.to_radians(), turbidity));

@@ -3,6 +3,7 @@
 mod blade;
 mod gltf;
 mod obj;
+mod packed;
 mod side;
 pub mod sky;
 mod table;
@@ -23,6 +24,9 @@ use std::path::{Path, PathBuf};
 pub enum Format {
     /// A folder of 8-bit maps: rho_d, rho_t and rho_s as sRGB, the rest linear; ranges.json says what a byte means
     Png,
+    /// A folder of float OpenEXR textures for a renderer, a side: gamma and delta, rho_s and m, normals in the blade's
+    /// tangent frame
+    Packed,
     /// One float OpenEXR with every map of both sides and its standard error
     Exr,
     /// A row a texel: place, mask, every map and its standard error
@@ -47,6 +51,7 @@ impl Format {
     pub fn name(self) -> &'static str {
         match self {
             Format::Png => "png",
+            Format::Packed => "packed",
             Format::Exr => "exr",
             Format::Csv => "csv",
             Format::Json => "json",
@@ -58,11 +63,16 @@ impl Format {
         }
     }
 
+    /// Whether it writes a folder.
+    pub fn is_folder(self) -> bool {
+        matches!(self, Format::Png | Format::Packed)
+    }
+
     /// Endings of the files that this format writes.
     pub fn endings(self) -> &'static [&'static str] {
         match self {
             Format::Png => &["png", "json"],
-            Format::Exr => &["exr"],
+            Format::Exr | Format::Packed => &["exr"],
             Format::Csv => &["csv"],
             Format::Json => &["json"],
             Format::Gltf | Format::GltfTranslucent => &["glb", "gltf"],
@@ -124,6 +134,7 @@ pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> R
     match format {
         Format::Json | Format::Wgsl | Format::C => Ok(Vec::new()),
         Format::Png => texture::folder(&sides, folder, path),
+        Format::Packed => packed::folder(&sides, folder, path),
         Format::Exr => one_exr(&sides, folder, path).map(|()| vec![path.to_path_buf()]),
         Format::Csv => table::write(&sides, &record, path).map(|()| vec![path.to_path_buf()]),
         Format::Gltf => gltf::write(&sides, folder, path, false).map(|()| vec![path.to_path_buf()]),

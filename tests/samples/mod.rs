@@ -3,6 +3,7 @@
 #![allow(dead_code)]
 
 use mesophyll::files::image::{self, Maps, Packing};
+use mesophyll::files::quantity::Quantity;
 use mesophyll::record::{FitRecord, Param, Phase, Residuals, Section, Times, TruthError};
 use mesophyll::solve::{Termination, TraceRow};
 use rand::{RngExt, SeedableRng};
@@ -149,7 +150,7 @@ fn write_side(folder: &Path, sample: &Sample, side: &str, tone: f32, rng: &mut P
         (1.0 - x * x - y * y).max(0.0).sqrt()
     });
     let z: Vec<f32> = z.collect();
-    fit.push("normal.Z", z);
+    fit.add(Quantity::Normal, 2, z);
     let chi2 = (0..w * h).map(|i| {
         if mask[i] == 1.0 { 1.0 + 0.1 * normal(rng) + 0.5 * place(i, side == "back").1 * 0.3 } else { f32::NAN }
     });
@@ -158,7 +159,7 @@ fn write_side(folder: &Path, sample: &Sample, side: &str, tone: f32, rng: &mut P
     let mean = f64::from(good.iter().sum::<f32>()) / good.len() as f64;
     let worst = (0..w * h).filter(|&i| chi2[i].is_finite()).max_by(|&a, &b| chi2[a].total_cmp(&chi2[b])).unwrap();
     let worst_value = f64::from(chi2[worst]);
-    fit.push("reduced_chi2.Y", chi2);
+    fit.add(Quantity::ReducedChi2, 0, chi2);
     let count = |code: f32| mask.iter().filter(|m| **m == code).count();
     let counts = BTreeMap::from([
         ("texels".to_string(), w * h),
@@ -168,7 +169,7 @@ fn write_side(folder: &Path, sample: &Sample, side: &str, tone: f32, rng: &mut P
         ("more_light_out_than_in".to_string(), count(-2.0)),
     ]);
     let texels = counts["good"];
-    fit.push("mask.Y", mask);
+    fit.add(Quantity::Mask, 0, mask);
     image::write_exr(&folder.join(format!("{side}.exr")), &fit, Packing::Zip).unwrap();
     image::write_exr(&folder.join(format!("{side}_err.exr")), &error, Packing::Zip).unwrap();
     if sample.truth {
