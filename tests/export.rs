@@ -5,6 +5,7 @@ mod samples;
 use mesophyll::files::image;
 use mesophyll::files::quantity::Quantity;
 use mesophyll::fit::leaf::blade::{Blade, glb};
+use mesophyll::leaf::LeafFit;
 use mesophyll::optics::side::Side;
 use samples::{Sample, write_fit};
 use std::path::Path;
@@ -97,14 +98,15 @@ fn the_table_has_a_row_a_texel_and_reads_back_exactly() {
 #[test]
 fn packed_textures_hold_the_named_maps() {
     let dir = tempfile::tempdir().unwrap();
-    export(Path::new("fits/elm"), "packed", dir.path().join("packed").to_str().unwrap());
-    let thickness = mesophyll::leaf::LeafFit::open(Path::new("fits/elm")).unwrap();
+    with_blade(dir.path());
+    export(dir.path(), "packed", "packed");
+    let leaf = LeafFit::open(&dir.path().join("elm")).unwrap();
     for side in Side::ALL {
         let read = |what: &str| {
             image::read_exr(&dir.path().join("packed").join(format!("{}_{what}.exr", side.name()))).unwrap()
         };
-        let maps = thickness.all_maps(side).unwrap();
-        let h = thickness.thickness(side).unwrap();
+        let maps = leaf.all_maps(side).unwrap();
+        let h = leaf.thickness(side).unwrap();
         let (first, second, normal) = (read("gamma_delta"), read("rho_s_m"), read("normal"));
         for (c, name) in ["R", "G", "B"].into_iter().enumerate() {
             assert_eq!(first.get(name), maps.plane(Quantity::Gamma, c));
