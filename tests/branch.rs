@@ -10,8 +10,10 @@ use blade::Blade;
 use glam::{DVec3, Vec3};
 use mesophyll::scene::draw::{handover, reference};
 use mesophyll::scene::ledger::Ledger;
+use mesophyll::scene::loaded::Scene;
 use mesophyll::scene::manifest::Manifest;
-use mesophyll::scene::plan::{self, Plan};
+use mesophyll::scene::placed::leaf::Search;
+use mesophyll::scene::plan::Plan;
 use mesophyll_viewer::{Error, Options, Renderer};
 use std::path::Path;
 
@@ -46,10 +48,9 @@ fn scene(dir: &Path, extra: &str) -> Manifest {
     Manifest::read(&path).unwrap()
 }
 
-fn planned(manifest: &Manifest) -> (Plan, Ledger) {
+fn planned(manifest: &Manifest) -> (Scene, Ledger) {
     let ledger = Ledger::new();
-    let plan = plan::make(manifest, None, None, &ledger).unwrap();
-    (plan, ledger)
+    (Scene::open(manifest.clone(), Search::default(), &ledger).unwrap(), ledger)
 }
 
 fn needs(plan: &Plan, name: &str) -> bool {
@@ -78,10 +79,10 @@ fn only_what_moves_is_fitted_and_made_and_then_once() {
         (&breeze, true, true),
         (&both, true, true),
     ] {
-        let (plan, ledger) = planned(&scene(dir.path(), extra));
-        assert_eq!((needs(&plan, "beam fit"), needs(&plan, "motion texture")), (beam, motion), "{extra}");
+        let (whole, ledger) = planned(&scene(dir.path(), extra));
+        assert_eq!((needs(&whole.plan, "beam fit"), needs(&whole.plan, "motion texture")), (beam, motion), "{extra}");
         assert_eq!(done(&ledger), (usize::from(beam), usize::from(motion)), "{extra}");
-        assert_eq!(plan.bends.is_some(), beam);
+        assert_eq!(whole.placed.bends.is_some(), beam);
     }
 }
 
@@ -98,9 +99,9 @@ fn renderer() -> Option<Renderer> {
 }
 
 fn drawn(manifest: &Manifest, renderer: &mut Renderer) -> (Vec<[f32; 4]>, Vec<String>) {
-    let (plan, ledger) = planned(manifest);
+    let (whole, ledger) = planned(manifest);
     let view = &manifest.views[0];
-    renderer.set_scene(&handover::scene(manifest, &plan, &ledger).unwrap()).unwrap();
+    renderer.set_scene(&handover::scene(&whole, &ledger).unwrap()).unwrap();
     let picture = renderer.render(&handover::camera(view), 96, 72).unwrap();
     (picture.hdr, renderer.stats().pipelines.clone())
 }
@@ -150,10 +151,10 @@ fn the_vertex_stage_puts_vertices_where_the_library_does() {
         let branch =
             SAGGING.replace("taper = 0.3", &format!("taper = {taper}")).replace("_mm = 40", &format!("_mm = {load}"));
         let manifest = scene(dir.path(), &format!("{branch}{WIND}"));
-        let (plan, ledger) = planned(&manifest);
-        let mut scene = handover::scene(&manifest, &plan, &ledger).unwrap();
+        let (whole, ledger) = planned(&manifest);
+        let mut scene = handover::scene(&whole, &ledger).unwrap();
         renderer.set_scene(&scene).unwrap();
-        let bends = plan.bends.as_ref().unwrap();
+        let bends = whole.placed.bends.as_ref().unwrap();
         for time in [0.0, 0.37, 12.9, 1234.5] {
             let wind = scene.wind.as_mut().unwrap();
             wind.time_s = time;
@@ -165,9 +166,9 @@ fn the_vertex_stage_puts_vertices_where_the_library_does() {
                     .into_iter()
                     .fold(0.0, f64::max),
             );
-            let bent = bends.mesh(0, time, &plan.twigs[0].1);
-            let leaf = plan.leaves[0].mesh.as_ref().unwrap();
-            let m = plan.at_time(&plan.placements[0], time).transform;
+            let bent = bends.mesh(0, time, &whole.placed.twigs[0].1);
+            let leaf = whole.placed.leaves[0].mesh.as_ref().unwrap();
+            let m = whole.placed.at_time(&whole.placed.placements[0], time).transform;
             let expected = [
                 (
                     1,
@@ -214,13 +215,14 @@ fn the_vertex_stage_puts_vertices_where_the_library_does() {
 fn the_pointer_meets_what_is_bent() {
     let dir = tempfile::tempdir().unwrap();
     let manifest = scene(dir.path(), SAGGING);
-    let (plan, ledger) = planned(&manifest);
-    let scene = handover::scene(&manifest, &plan, &ledger).unwrap();
-    let p = &plan.placements[0];
-    let centre = plan.leaves[0].mesh.as_ref().unwrap().positions[0];
-    let (rest, bent) = (p.transform.transform_point3(centre), plan.at_time(p, 0.0).transform.transform_point3(centre));
+    let (whole, ledger) = planned(&manifest);
+    let scene = handover::scene(&whole, &ledger).unwrap();
+    let p = &whole.placed.placements[0];
+    let centre = whole.placed.leaves[0].mesh.as_ref().unwrap().positions[0];
+    let (rest, bent) =
+        (p.transform.transform_point3(centre), whole.placed.at_time(p, 0.0).transform.transform_point3(centre));
     assert!(rest.distance(bent) > 2.0, "{rest} {bent}");
-    let up = plan.at_time(p, 0.0).transform.z_axis.truncate();
+    let up = whole.placed.at_time(p, 0.0).transform.z_axis.truncate();
     let camera = mesophyll_viewer::scene::Camera {
         eye: (bent + 50.0 * up).as_vec3(),
         target: bent.as_vec3(),
@@ -241,14 +243,14 @@ fn the_pointer_meets_what_is_bent() {
 fn the_reference_moves_with_the_time() {
     let dir = tempfile::tempdir().unwrap();
     let manifest = scene(dir.path(), &format!("{SAGGING}{WIND}"));
-    let (plan, ledger) = planned(&manifest);
-    let mut world = reference::world(&manifest, &plan, &ledger).unwrap();
+    let (whole, ledger) = planned(&manifest);
+    let mut world = reference::world(&whole, &ledger).unwrap();
     let look = |w: &mesophyll::transport::World| (w.instances[0].transform, w.leaves[1].mesh.positions.clone());
     let first = look(&world);
-    reference::move_to(&mut world, &plan, 2.0).unwrap();
+    reference::move_to(&mut world, &whole, 2.0).unwrap();
     let second = look(&world);
     assert!(first.0 != second.0 && first.1 != second.1);
-    reference::move_to(&mut world, &plan, 1.5).unwrap();
+    reference::move_to(&mut world, &whole, 1.5).unwrap();
     assert_eq!(first, look(&world));
 }
 
@@ -274,16 +276,19 @@ fn a_branch_takes_its_taper_and_load_from_a_measured_one() {
     let (fresh, committed) = (read(&fit), read(&root.join("fits/elm-twig")));
     let fitted =
         SAGGING.replace("taper = 0.3\nload_over_stiffness_mm = 40\n", "fit = \"fits/bent\"\nmeasured = \"elm-twig\"\n");
-    let (plan, _) = planned(&scene(dir.path(), &fitted));
-    for (name, found) in [("alpha", plan.twigs[0].0.taper), ("load_over_stiffness", plan.twigs[0].0.load)] {
+    let (whole, _) = planned(&scene(dir.path(), &fitted));
+    for (name, found) in
+        [("alpha", whole.placed.twigs[0].0.taper), ("load_over_stiffness", whole.placed.twigs[0].0.load)]
+    {
         let (a, b) = (&fresh.params[name], &committed.params[name]);
         assert!((a.value[0] - b.value[0]).abs() < 0.02 * b.stderr[0], "{name}: {a:?}, committed {b:?}");
         assert_eq!(found, a.value[0]);
     }
     // The data were made with a taper of 0.25 and 60 mm.
-    assert!((plan.twigs[0].0.taper - 0.25).abs() < 0.02 && (plan.twigs[0].0.load - 60.0).abs() < 2.0);
+    assert!((whole.placed.twigs[0].0.taper - 0.25).abs() < 0.02 && (whole.placed.twigs[0].0.load - 60.0).abs() < 2.0);
     // Names that are not there, and branches that could not be determined, are named.
-    let fails = |text: &str| plan::make(&scene(dir.path(), text), None, None, &Ledger::new()).unwrap_err().to_string();
+    let fails =
+        |text: &str| Scene::open(scene(dir.path(), text), Search::default(), &Ledger::new()).unwrap_err().to_string();
     assert!(
         fails(&fitted.replace("measured = \"elm-twig\"", "measured = \"oak\"")).contains("expected one of elm-twig")
     );

@@ -10,9 +10,10 @@ use blade::{Blade, scene};
 use glam::{DMat4, DVec3};
 use mesophyll::scene::draw::{handover, reference};
 use mesophyll::scene::ledger::Ledger;
+use mesophyll::scene::loaded::Scene;
 use mesophyll::scene::manifest::Manifest;
 use mesophyll::scene::placed::daylight::Daylight;
-use mesophyll::scene::plan::{self, Plan};
+use mesophyll::scene::placed::leaf::Search;
 use mesophyll::transport::closed_form;
 use mesophyll_viewer as viewer;
 use skips::Need;
@@ -30,11 +31,9 @@ fn lit(dir: &Path, light: &str, extra: &str) -> PathBuf {
     path
 }
 
-fn planned(path: &Path) -> (Manifest, Plan, Ledger) {
+fn planned(path: &Path) -> (Scene, Ledger) {
     let ledger = Ledger::new();
-    let manifest = Manifest::read(path).unwrap();
-    let plan = plan::make(&manifest, None, None, &ledger).unwrap();
-    (manifest, plan, ledger)
+    (Scene::open(Manifest::read(path).unwrap(), Search::default(), &ledger).unwrap(), ledger)
 }
 
 /// The polynomial fit runs for a sun that moves and for no other scene; what is not needed is listed as left out.
@@ -54,13 +53,14 @@ fn only_a_sun_that_moves_is_fitted() {
         ("constant", constant, 0, false),
         ("none", none, 0, false),
     ] {
-        let (manifest, plan, ledger) = planned(&lit(dir.path(), &light, ""));
-        let scene = handover::scene(&manifest, &plan, &ledger).unwrap();
-        handover::scene(&manifest, &plan, &ledger).unwrap();
+        let (whole, ledger) = planned(&lit(dir.path(), &light, ""));
+        let plan = &whole.plan;
+        let scene = handover::scene(&whole, &ledger).unwrap();
+        handover::scene(&whole, &ledger).unwrap();
         assert_eq!(ledger.count("fit", "sky"), fits, "{name}");
         assert_eq!(scene.dome.is_some(), dome, "{name}");
         if let Some(dome) = &scene.dome {
-            assert_eq!(dome.harmonics.len(), plan.sky_bands * plan.sky_bands);
+            assert_eq!(dome.harmonics.len(), plan.light.sky_bands * plan.light.sky_bands);
             assert!(plan.measured["sky bands"].len() == 3);
         }
         assert_eq!(plan.needed.iter().any(|n| n.name == POLYNOMIAL), fits == 1, "{name}");
@@ -76,11 +76,16 @@ fn a_loose_tolerance_takes_fewer_bands() {
     Blade { rho_s: [0.0, 0.0], width: 24, height: 18, texel_mm: 2.0, ..Blade::default() }
         .write(&dir.path().join("fits/elm"), "elm");
     let path = lit(dir.path(), PREETHAM, "");
-    let tight = planned(&path).1;
+    let tight = planned(&path).0.plan;
     let text = std::fs::read_to_string(&path).unwrap().replace("tolerance = 0.004", "tolerance = 0.4");
     std::fs::write(&path, text).unwrap();
-    let loose = planned(&path).1;
-    assert!(loose.sky_bands == 3 && tight.sky_bands > 3, "{} {}", loose.sky_bands, tight.sky_bands);
+    let loose = planned(&path).0.plan;
+    assert!(
+        loose.light.sky_bands == 3 && tight.light.sky_bands > 3,
+        "{} {}",
+        loose.light.sky_bands,
+        tight.light.sky_bands
+    );
     let errors: Vec<f64> = tight.measured["sky bands"].iter().map(|r| r.error).collect();
     assert!(errors[2] < errors[0], "{errors:?}");
 }
@@ -167,7 +172,7 @@ fn tilted_cards_meet_the_integral_in_both_renderers() {
         return;
     }
     let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    assert_eq!(planned(&path).1.sky_bands, 7);
+    assert_eq!(planned(&path).0.plan.light.sky_bands, 7);
     assert_eq!(output.status.code(), Some(0), "{report:#}");
     for card in &report["views"].as_array().unwrap()[1..] {
         assert!(card["noise_max_error"].as_f64().unwrap() < 1e-3, "{card:#}");
@@ -184,7 +189,7 @@ fn the_cost_of_the_harmonics_falls_with_bands() {
     let dir = tempfile::tempdir().unwrap();
     Blade { width: 24, height: 18, texel_mm: 2.0, ..Blade::default() }.write(&dir.path().join("fits/elm"), "elm");
     let light = format!("{PREETHAM}ground_albedo = [0.1, 0.1, 0.1]\n");
-    let (manifest, ..) = planned(&lit(dir.path(), &light, ""));
+    let manifest = Manifest::read(&lit(dir.path(), &light, "")).unwrap();
     let mut renderer = match viewer::Renderer::headless(&viewer::Options::default()) {
         Ok(renderer) => renderer,
         Err(viewer::Error::NoAdapter) => return skips::skip(Need::Adapter, "no graphics adapter"),
@@ -251,10 +256,10 @@ fn the_window_is_given_the_sky_it_asks_for() {
     let path = lit(dir.path(), PREETHAM, "");
     let ledger = Ledger::new();
     let manifest = Manifest::read(&path).unwrap();
-    let free = plan::make_free(&manifest, None, None, &ledger).unwrap();
-    let mut scene = handover::scene(&manifest, &free, &ledger).unwrap();
+    let free = Scene::open(manifest.clone(), Search { free: true, ..Search::default() }, &ledger).unwrap();
+    let mut scene = handover::scene(&free, &ledger).unwrap();
     assert_eq!(ledger.count("fit", "sky"), 1, "a window's sun moves");
-    let mut editor = SceneEditor::new(manifest.clone(), free, dir.path().join("out")).unwrap();
+    let mut editor = SceneEditor::new(free, dir.path().join("out")).unwrap();
     let camera = handover::camera(&manifest.views[0]);
     let before = editor.reference(&scene, &camera, 16, 12).unwrap();
     for (zenith, azimuth, turbidity) in

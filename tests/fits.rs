@@ -8,7 +8,7 @@
 use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
 use mesophyll::files::quantity::Quantity;
 use mesophyll::record::FitRecord;
-use mesophyll::scene::{fits::missing as missing_fits, ledger::Ledger, manifest::Manifest};
+use mesophyll::scene::{fits::missing, ledger::Ledger, manifest::Manifest};
 use std::path::Path;
 
 /// Share of a standard error that a value may differ by.
@@ -22,7 +22,7 @@ fn made_anew(name: &str) {
     FitRecord::read(&committed).unwrap().verify(&committed).unwrap();
     let dir = tempfile::tempdir().unwrap();
     let fresh = dir.path().join("fit");
-    missing_fits::fit(&manifest, index, dir.path(), &fresh, false, &Ledger::new()).unwrap();
+    missing::fit(&manifest, index, dir.path(), &fresh, false, &Ledger::new()).unwrap();
     let differing = compare(&committed, &fresh);
     println!(
         "{name}: {}",

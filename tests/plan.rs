@@ -4,14 +4,20 @@ mod blade;
 
 use blade::{Blade, scene};
 use mesophyll::scene::ledger::Ledger;
+use mesophyll::scene::loaded::Scene;
 use mesophyll::scene::manifest::Manifest;
-use mesophyll::scene::plan::{self, Plan};
+use mesophyll::scene::placed::leaf::Search;
+use mesophyll::scene::plan::Plan;
 use std::path::Path;
 
-fn planned(path: &Path) -> (Plan, Ledger) {
+fn opened(path: &Path) -> (Scene, Ledger) {
     let ledger = Ledger::new();
-    let plan = plan::make(&Manifest::read(path).unwrap(), None, None, &ledger).unwrap();
-    (plan, ledger)
+    (Scene::open(Manifest::read(path).unwrap(), Search::default(), &ledger).unwrap(), ledger)
+}
+
+fn planned(path: &Path) -> (Plan, Ledger) {
+    let (scene, ledger) = opened(path);
+    (scene.plan, ledger)
 }
 
 fn names(plan: &Plan) -> (Vec<&str>, Vec<&str>) {
@@ -118,13 +124,13 @@ fn faint_gloss(dir: &Path, zenith_deg: f64) -> std::path::PathBuf {
 /// vector is the normal.
 fn added(zenith_deg: f64) -> f64 {
     use mesophyll::optics::slab;
-    use mesophyll::scene::plan::display::displayed;
+    use mesophyll::transport::tone::display;
     let cos = zenith_deg.to_radians().cos();
     let under = [45.0, 20.0, 90.0].into_iter().zip([11.0, 12.0, 10.0]).zip([3.0, 3.0, 2.8]);
     let one = |((sigma_a, sigma_s), irradiance): ((f64, f64), f64)| {
         let below = slab::response(sigma_a, sigma_s, 0.2).rho_d * irradiance * cos / std::f64::consts::PI;
         let gloss = 2e-4 * irradiance / (std::f64::consts::PI * 0.16 * 4.0 * cos);
-        displayed(below + gloss, 4.0) - displayed(below, 4.0)
+        display(below + gloss, 4.0) - display(below, 4.0)
     };
     under.map(one).fold(0.0, f64::max)
 }
@@ -158,17 +164,15 @@ fn gloss_that_only_a_grazing_view_shows_is_planned_for_one() {
 fn the_check_sees_gloss_that_a_plan_left_out_by_mistake() {
     use mesophyll::scene::check;
     let dir = tempfile::tempdir().unwrap();
-    let manifest = Manifest::read(&faint_gloss(dir.path(), 75.0)).unwrap();
-    let ledger = Ledger::new();
-    let mut plan = plan::make(&manifest, None, None, &ledger).unwrap();
+    let (mut scene, ledger) = opened(&faint_gloss(dir.path(), 75.0));
     let options = check::Options { out: dir.path().join("out"), update_golden: false, goldens_only: false };
-    let whole = match check::check(&manifest, &plan, &options, &ledger) {
+    let whole = match check::check(&scene, &options, &ledger) {
         Err(e) if e.to_string().contains("no graphics adapter") => return println!("skipped: no graphics adapter"),
         other => other.unwrap(),
     };
     assert!(whole.passed, "{}", whole.text());
-    plan.leaves[0].sides[0].gloss = false;
-    let without = check::check(&manifest, &plan, &options, &ledger).unwrap();
+    scene.plan.leaves[0].sides[0].gloss = false;
+    let without = check::check(&scene, &options, &ledger).unwrap();
     let (error, before) = (without.views[0].max_error.unwrap(), whole.views[0].max_error.unwrap());
     println!("with gloss {before:.4}, without {error:.4}; by the formulas {:.4}", added(75.0));
     assert!(!without.passed && error > 0.7 * added(75.0), "{error} where {} is missing", added(75.0));
@@ -204,19 +208,19 @@ fn an_exported_leaf_is_the_blade_again_and_one_in_another_unit_is_named() {
     assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
     let path = scene(dir.path(), "front", "elm", Some(30.0), None, "");
     let text = std::fs::read_to_string(&path).unwrap();
-    let (own, _) = planned(&path);
+    let (own, _) = opened(&path);
     let with = |mesh: &str| {
         std::fs::write(&path, text.replace("fit = \"fits/elm\"", &format!("fit = \"fits/elm\"\n{mesh}"))).unwrap();
-        planned(&path).0
+        opened(&path).0
     };
     let again = with("mesh = \"leaf.glb\"");
-    let (a, b) = (own.leaves[0].mesh.as_ref().unwrap(), again.leaves[0].mesh.as_ref().unwrap());
+    let (a, b) = (own.placed.leaves[0].mesh.as_ref().unwrap(), again.placed.leaves[0].mesh.as_ref().unwrap());
     assert_eq!(a.indices, b.indices);
     assert!(a.positions.iter().zip(&b.positions).all(|(p, q)| p.distance(*q) < 1e-4));
-    assert!(own.warnings.is_empty() && again.warnings.is_empty(), "{:?}", again.warnings);
+    assert!(own.plan.warnings.is_empty() && again.plan.warnings.is_empty(), "{:?}", again.plan.warnings);
     // Metres taken for millimetres: the leaf is a thousandth of its size.
     let tiny = with("mesh = \"leaf.glb\"\nmesh_unit = \"mm\"");
-    let said = tiny.warnings.join("\n");
+    let said = tiny.plan.warnings.join("\n");
     assert!(said.contains("mm across") && said.contains("mesh_unit") && said.contains("no view shows it"), "{said}");
     let words = assert_cmd::Command::cargo_bin("mesophyll").unwrap().arg("plan").arg(&path).output().unwrap();
     assert!(String::from_utf8_lossy(&words.stdout).contains("warning: leaf \"elm\": mesh"));
@@ -250,7 +254,7 @@ fn two_leaves_one_above_the_other_need_shadow_maps() {
     let extra = "[[instance]]\nleaf = \"elm\"\nposition_mm = [5, 5, 30]\n";
     let (plan, _) = planned(&scene(dir.path(), "two", "elm", Some(30.0), None, extra));
     assert!(names(&plan).0.contains(&"shadow maps"));
-    assert!(plan.shadow_samples >= 1 && plan.shadow_resolution > 0);
+    assert!(plan.light.shadow_samples >= 1 && plan.light.shadow_resolution > 0);
 }
 
 #[test]
@@ -271,6 +275,27 @@ fn a_tighter_tolerance_takes_a_finer_curve_and_a_distant_view_coarser_maps() {
     let far = with("[10, -25, 90]", "[100, -250, 900]");
     assert!(blocks(&far) > blocks(&plain), "{} {}", blocks(&far), blocks(&plain));
     assert!(far.left_out.iter().any(|l| l.name.contains("map detail")));
+}
+
+/// A plan is plain data: two of one scene decide the same and have the same hash, and nothing of it is hidden from JSON.
+#[test]
+fn plans_can_be_compared() {
+    let dir = tempfile::tempdir().unwrap();
+    Blade::default().write(&dir.path().join("fits/elm"), "elm");
+    let path = scene(dir.path(), "front", "elm", Some(30.0), None, "");
+    let (one, other) = (planned(&path).0, planned(&path).0);
+    assert!(one.leaves == other.leaves && one.light == other.light && one.hash == other.hash);
+    assert_eq!(names(&one), names(&other));
+    let json = serde_json::to_value(&one).unwrap();
+    assert_eq!(json["leaves"][0]["sides"][0]["gloss"], one.leaves[0].sides[0].gloss);
+    assert_eq!(json["light"]["msaa"], one.light.msaa);
+    // Another decision is another plan.
+    let mut less = one.clone();
+    less.leaves[0].sides[0].normal = false;
+    assert_ne!(less, one);
+    let text = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(&path, text.replace("zenith_deg = 30", "zenith_deg = 160")).unwrap();
+    assert_ne!(planned(&path).0.hash, one.hash);
 }
 
 #[test]

@@ -105,7 +105,8 @@ fn a_run_makes_what_is_missing_and_nothing_twice() {
 fn a_thicker_leaf_dims_and_an_edit_becomes_a_fit() {
     use mesophyll::optics::slab;
     use mesophyll::record::FitRecord;
-    use mesophyll::scene::{ledger::Ledger, plan, window::edit::SceneEditor};
+    use mesophyll::scene::loaded::Scene;
+    use mesophyll::scene::{ledger::Ledger, placed::leaf::Search, window::edit::SceneEditor};
     use mesophyll_viewer::editor::Editor;
     use mesophyll_viewer::scene::Interior;
 
@@ -113,8 +114,8 @@ fn a_thicker_leaf_dims_and_an_edit_becomes_a_fit() {
     let blade = Blade { width: 48, height: 36, texel_mm: 1.0, ..Blade::default() };
     blade.write(&dir.path().join("fits/elm"), "elm");
     let manifest = Manifest::read(&scene(dir.path(), "front", "elm", Some(30.0), None, "")).unwrap();
-    let free = plan::make_free(&manifest, None, None, &Ledger::new()).unwrap();
-    let mut editor = SceneEditor::new(manifest, free, dir.path().join("out")).unwrap();
+    let free = Scene::open(manifest, Search { free: true, ..Search::default() }, &Ledger::new()).unwrap();
+    let mut editor = SceneEditor::new(free, dir.path().join("out")).unwrap();
     let start = editor.start(0);
     assert!((f64::from(start.thickness_mm) - blade.h).abs() < 1e-6);
     let mut edit = start;

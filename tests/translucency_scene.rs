@@ -9,8 +9,9 @@ use mesophyll::files::hash;
 use mesophyll::files::image::{Maps, Packing, write_exr};
 use mesophyll::record::{FitRecord, Section};
 use mesophyll::scene::ledger::Ledger;
+use mesophyll::scene::loaded::Scene;
 use mesophyll::scene::manifest::Manifest;
-use mesophyll::scene::plan::{self, Plan};
+use mesophyll::scene::placed::{Placed, leaf::Search};
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
@@ -72,17 +73,21 @@ fn folder(blade: &Blade) -> tempfile::TempDir {
     dir
 }
 
-fn planned(path: &Path) -> (Plan, Ledger) {
+fn planned(path: &Path) -> (Scene, Ledger) {
     let ledger = Ledger::new();
-    let plan = plan::make(&Manifest::read(path).unwrap(), None, None, &ledger).unwrap();
-    (plan, ledger)
+    (Scene::open(Manifest::read(path).unwrap(), Search::default(), &ledger).unwrap(), ledger)
+}
+
+fn open(path: &Path, out: Option<&Path>) -> mesophyll::error::Result<Scene> {
+    Scene::open(Manifest::read(path)?, Search { out, ..Search::default() }, &Ledger::new())
 }
 
 #[test]
 fn a_leaf_that_is_never_back_lit_loads_no_map_and_says_so() {
     let dir = folder(&Blade { rho_s: [0.0, 0.0], ..Blade::default() });
     for (zenith, sky, word) in [(Some(30.0), None, "never back-lit"), (None, Some(1.0), "no sun")] {
-        let (plan, ledger) = planned(&scene(dir.path(), "front", zenith, sky, ""));
+        let (whole, ledger) = planned(&scene(dir.path(), "front", zenith, sky, ""));
+        let plan = &whole.plan;
         for side in ["front", "back"] {
             let left =
                 plan.left_out.iter().find(|l| l.name == format!("elm/translucency/{side}.exr")).expect("left out");
@@ -92,14 +97,16 @@ fn a_leaf_that_is_never_back_lit_loads_no_map_and_says_so() {
         }
         assert!(plan.needed.iter().all(|n| !n.name.contains("translucency")), "{:?}", plan.needed);
         assert!(ledger.entries().iter().all(|e| !e.what.contains("translucency")), "{:?}", ledger.entries());
-        assert!(plan.leaves[0].translucency.as_ref().is_some_and(|t| t.maps.iter().all(Option::is_none)));
+        assert!(whole.placed.leaves[0].translucent.is_some());
+        assert!(whole.loaded[0].coefficients.iter().all(Option::is_none));
     }
 }
 
 #[test]
 fn light_from_behind_needs_the_lit_sides_map_and_says_what_it_adds() {
     let dir = folder(&Blade::default());
-    let (plan, ledger) = planned(&scene(dir.path(), "back", Some(140.0), None, ""));
+    let (whole, ledger) = planned(&scene(dir.path(), "back", Some(140.0), None, ""));
+    let plan = &whole.plan;
     let need = plan.needed.iter().find(|n| n.name == "elm/translucency/back.exr").expect("needed");
     assert!(need.reason.contains("enters the back"), "{}", need.reason);
     assert!(need.amount.as_ref().is_some_and(|a| a.contains("without it")), "{:?}", need.amount);
@@ -120,14 +127,16 @@ fn maps_that_say_what_the_mapped_normal_says_are_left_out() {
     let flat = Blade { bump: 0.0, dome: 0.0, ..Blade::default() };
     let dir = folder(&flat);
     write_maps(&dir.path().join("fits/elm-translucency"), flat.width, flat.height, |_, _, _| [FLAT * 1.001; 3]);
-    let (plan, _) = planned(&scene(dir.path(), "back", Some(140.0), None, ""));
+    let (whole, _) = planned(&scene(dir.path(), "back", Some(140.0), None, ""));
+    let plan = &whole.plan;
     let left = plan.left_out.iter().find(|l| l.name == "elm/translucency/back.exr").expect("left out");
     assert!(left.reason.contains("tolerates"), "{}", left.reason);
     assert!(!plan.leaves[0].sides[1].translucency && plan.leaves[0].sides[1].normal);
     assert!(plan.needed.iter().any(|n| n.name == "elm/back_normal.exr"));
     // Off by a tenth they are needed, and the figure is that tenth of what is displayed.
     write_maps(&dir.path().join("fits/elm-translucency"), flat.width, flat.height, |_, _, _| [FLAT * 1.1; 3]);
-    let (plan, _) = planned(&scene(dir.path(), "back", Some(140.0), None, ""));
+    let (whole, _) = planned(&scene(dir.path(), "back", Some(140.0), None, ""));
+    let plan = &whole.plan;
     assert!(plan.leaves[0].sides[1].translucency);
 }
 
@@ -153,7 +162,7 @@ fn what_is_wrong_is_named() {
     // Another kind of fit.
     let text = std::fs::read_to_string(&path).unwrap();
     std::fs::write(&path, text.replace("fits/elm-translucency", "fits/elm")).unwrap();
-    let told = plan::make(&Manifest::read(&path).unwrap(), None, None, &Ledger::new()).unwrap_err().to_string();
+    let told = open(&path, None).unwrap_err().to_string();
     assert!(told.contains("kind") && told.contains("translucency"), "{told}");
     // An unknown field.
     std::fs::write(&path, text.replace("{ fit = \"fits/elm-translucency\" }", "{ map = \"x\" }")).unwrap();
@@ -162,7 +171,7 @@ fn what_is_wrong_is_named() {
     // Maps of another size.
     std::fs::write(&path, &text).unwrap();
     write_maps(&dir.path().join("fits/elm-translucency"), 20, 10, leaning);
-    let told = plan::make(&Manifest::read(&path).unwrap(), None, None, &Ledger::new()).unwrap_err().to_string();
+    let told = open(&path, None).unwrap_err().to_string();
     assert!(told.contains("20x10") && told.contains("96x72"), "{told}");
 }
 
@@ -179,9 +188,9 @@ mod drawn {
         let flat = Blade { dome: 0.0, ..Blade::default() };
         let dir = folder(&flat);
         let path = scene(dir.path(), "back", Some(140.0), None, "");
-        let manifest = Manifest::read(&path).unwrap();
-        let (plan, ledger) = planned(&path);
-        let drawn = handover::scene(&manifest, &plan, &ledger).unwrap();
+        let (whole, ledger) = planned(&path);
+        let plan = &whole.plan;
+        let drawn = handover::scene(&whole, &ledger).unwrap();
         let leaf = &drawn.leaves[0];
         assert!(leaf.front.translucency.is_none() && leaf.back.normal.is_none());
         let Some(Translucency { coefficients: Coefficients::Factor(map), .. }) = &leaf.back.translucency else {
@@ -193,7 +202,7 @@ mod drawn {
         assert!((0..3).all(|i| (f64::from(map[k][i]) - want[i]).abs() < 1e-6), "{:?} {want:?}", map[k]);
 
         // A flat blade: the sun stands alike in every texel, at (−sx, sy, −sz) of the back's frame.
-        let world = reference::world(&manifest, &plan, &ledger).unwrap();
+        let world = reference::world(&whole, &ledger).unwrap();
         let (zenith, azimuth) = (140f64.to_radians(), 30f64.to_radians());
         let omega = [-zenith.sin() * azimuth.cos(), zenith.sin() * azimuth.sin(), -zenith.cos()];
         let (a, b, c) = ((1.0f64 / 6.0).sqrt(), 0.5f64.sqrt(), (1.0f64 / 3.0).sqrt());
@@ -228,15 +237,15 @@ mod drawn {
             with_basis(&maps, name);
             for zenith in [150.0, 120.0, 100.0, 91.0] {
                 let path = scene(dir.path(), "back", Some(zenith), None, "");
-                let (plan, ledger) = planned(&path);
-                let manifest = Manifest::read(&path).unwrap();
+                let (whole, ledger) = planned(&path);
+                let plan = &whole.plan;
                 let amount =
                     plan.needed.iter().find(|n| n.name == "elm/translucency/back.exr").and_then(|n| n.amount.clone());
                 assert!(amount.is_some_and(|a| a.starts_with(&format!("three coefficients a texel, {name};"))));
-                let drawn = handover::scene(&manifest, &plan, &ledger).unwrap();
+                let drawn = handover::scene(&whole, &ledger).unwrap();
                 let stored = drawn.leaves[0].back.translucency.as_ref().expect("maps");
                 assert_eq!(format!("{:?}", stored.basis), format!("{basis:?}"));
-                let world = reference::world(&manifest, &plan, &ledger).unwrap();
+                let world = reference::world(&whole, &ledger).unwrap();
                 let Some(Sunlit::Factor(map)) = &world.through[0].entering[1] else { panic!("no map") };
                 let want = by_angles(leaning(1, 40, 36), zenith, 30.0, basis == Basis::Bent);
                 assert!((f64::from(map[k]) - want).abs() < 1e-5, "{zenith}: {} {want}", map[k]);
@@ -255,10 +264,10 @@ mod drawn {
         let plain = blade::scene(dir.path(), "plain", "elm", Some(125.0), None, "");
         let open = |path: &Path| {
             let manifest = Manifest::read(path).unwrap();
-            let free = plan::make_free(&manifest, None, None, &Ledger::new()).unwrap();
-            let drawn = handover::scene(&manifest, &free, &Ledger::new()).unwrap();
             let camera = handover::camera(&manifest.views[0]);
-            (SceneEditor::new(manifest, free, dir.path().join("out")).unwrap(), drawn, camera)
+            let free = Scene::open(manifest, Search { free: true, ..Search::default() }, &Ledger::new()).unwrap();
+            let drawn = handover::scene(&free, &Ledger::new()).unwrap();
+            (SceneEditor::new(free, dir.path().join("out")).unwrap(), drawn, camera)
         };
         let (mut editor, mut drawn, camera) = open(&with);
         let (mut never, bare, _) = open(&plain);
@@ -326,18 +335,21 @@ fn the_reference_convolves_and_a_flat_leafs_light_is_its_cosine() {
     assert_eq!(manifest.leaves[0].translucency.as_ref().map(|t| t.tissue), Some(Tissue::Fit));
     let ledger = Ledger::new();
     let out = dir.path().join("out");
-    let before = plan::make(&manifest, Some(&out), None, &ledger).unwrap();
-    assert_eq!(before.untranslucent(), [0]);
+    let before = open(&path, Some(&out)).unwrap().plan;
     assert!(before.needed.iter().any(|n| n.name == "fit elm translucency" && n.status == Some(Status::Missing)));
-    assert!(mesophyll::scene::fits::missing::translucencies(&manifest, &before, &out, &ledger).unwrap());
-    let mut plan = plan::make(&manifest, Some(&out), None, &ledger).unwrap();
-    assert!(plan.untranslucent().is_empty());
+    let search = Search { out: Some(&out), ..Search::default() };
+    let mut placed = Placed::new(&manifest, search, &ledger).unwrap();
+    assert_eq!(placed.untranslucent(&manifest), [0]);
+    placed.make_translucency(&manifest, &out, search, &ledger).unwrap();
+    assert!(placed.untranslucent(&manifest).is_empty());
+    let mut whole = Scene::new(manifest, placed, &ledger).unwrap();
     // The plan leaves out what is the cosine's; here it is looked at.
+    let plan = &mut whole.plan;
     assert!(
         !plan.leaves[0].sides[1].translucency && plan.left_out.iter().any(|l| l.name == "elm/translucency/back.exr")
     );
     plan.leaves[0].sides[1].translucency = true;
-    let world = reference::world(&manifest, &plan, &ledger).unwrap();
+    let world = reference::world(&whole, &ledger).unwrap();
     let Some(Sunlit::Factor(map)) = &world.through[0].entering[1] else { panic!("no map") };
     let cosine = -(140f64.to_radians().cos());
     let off = map.iter().map(|f| (f64::from(*f) - cosine).abs()).fold(0.0, f64::max);
@@ -345,7 +357,7 @@ fn the_reference_convolves_and_a_flat_leafs_light_is_its_cosine() {
     // Another leaf than the maps were made from: they are to be made again.
     Blade { h: 0.25, ..flat }.write(&fit, "elm");
     with_texel(&fit, 1.0);
-    let after = plan::make(&manifest, Some(&out), None, &ledger).unwrap();
+    let after = open(&path, Some(&out)).unwrap().plan;
     assert!(
         after.needed.iter().any(|n| n.name == "fit elm translucency" && n.status == Some(Status::Stale)),
         "{:?}",
@@ -368,8 +380,7 @@ fn a_scene_asks_for_a_basis_and_what_no_renderer_evaluates_is_refused() {
         )
         .unwrap()
     };
-    let find = |out: Option<&Path>| plan::make(&Manifest::read(&path).unwrap(), out, None, &Ledger::new());
-    let status = |plan: &Plan| plan.leaves[0].translucency.as_ref().unwrap().source.status;
+    let status = |scene: &Scene| scene.placed.leaves[0].translucent.as_ref().unwrap().source.status;
     // What is named and says another basis is to be made anew; what says none is as published.
     for (said, asked, wanted) in [
         (None, "half-life 2", Status::Reuse),
@@ -383,18 +394,16 @@ fn a_scene_asks_for_a_basis_and_what_no_renderer_evaluates_is_refused() {
             with_basis(&maps, said);
         }
         asks(asked);
-        assert_eq!(status(&find(None).unwrap()), wanted, "{said:?} {asked}");
+        assert_eq!(status(&open(&path, None).unwrap()), wanted, "{said:?} {asked}");
     }
     // Nothing asked for: either is read, others are refused.
     std::fs::write(&path, &text).unwrap();
     with_basis(&maps, "bent half-life 2, 3");
-    assert_eq!(
-        find(None).unwrap().leaves[0].translucency.as_ref().unwrap().maps[1].as_ref().unwrap().basis,
-        Basis::Bent
-    );
+    let read = open(&path, None).unwrap();
+    assert_eq!(read.loaded[0].coefficients[1].as_ref().unwrap().basis, Basis::Bent);
     for other in ["h-basis 6", "bent half-life 2, 6", "none: one light"] {
         with_basis(&maps, other);
-        let told = find(None).unwrap_err().to_string();
+        let told = open(&path, None).unwrap_err().to_string();
         let expected = "expected \"half-life 2\" or \"bent half-life 2, 3\"";
         assert!(told.contains("options.basis") && told.contains(other) && told.contains(expected), "{told}");
     }
@@ -409,7 +418,7 @@ fn a_scene_asks_for_a_basis_and_what_no_renderer_evaluates_is_refused() {
 
 #[test]
 fn maps_are_made_in_the_basis_that_the_scene_asks_for() {
-    use mesophyll::scene::{fits::missing as missing_fits, fits::source::Status, manifest::Basis};
+    use mesophyll::scene::{fits::source::Status, manifest::Basis};
 
     let flat = Blade { width: 48, height: 36, texel_mm: 1.0, ..Blade::default() };
     let dir = tempfile::tempdir().unwrap();
@@ -420,17 +429,18 @@ fn maps_are_made_in_the_basis_that_the_scene_asks_for() {
     std::fs::write(&path, text.replace("{ fit = \"fits/elm-translucency\" }", "{ basis = \"bent\" }")).unwrap();
     let (ledger, out) = (Ledger::new(), dir.path().join("out"));
     let manifest = Manifest::read(&path).unwrap();
-    let before = plan::make(&manifest, Some(&out), None, &ledger).unwrap();
-    assert!(missing_fits::translucencies(&manifest, &before, &out, &ledger).unwrap());
-    let plan = plan::make(&manifest, Some(&out), None, &ledger).unwrap();
-    let translucent = plan.leaves[0].translucency.as_ref().unwrap();
+    let search = Search { out: Some(&out), ..Search::default() };
+    let mut placed = Placed::new(&manifest, search, &ledger).unwrap();
+    placed.make_translucency(&manifest, &out, search, &ledger).unwrap();
+    let whole = Scene::new(manifest, placed, &ledger).unwrap();
+    let translucent = whole.placed.leaves[0].translucent.as_ref().unwrap();
     assert_eq!(translucent.source.status, Status::Reuse);
     assert!(translucent.fitted.as_ref().unwrap().record.options["basis"] == "bent half-life 2, 3");
-    assert_eq!(translucent.maps[1].as_ref().map(|m| m.basis), Some(Basis::Bent));
+    assert_eq!(whole.loaded[0].coefficients[1].as_ref().map(|m| m.basis), Some(Basis::Bent));
     // No longer asked for: a run's own maps are made again, as published.
     std::fs::write(&path, text.replace("{ fit = \"fits/elm-translucency\" }", "{}")).unwrap();
-    let after = plan::make(&Manifest::read(&path).unwrap(), Some(&out), None, &ledger).unwrap();
-    assert_eq!(after.leaves[0].translucency.as_ref().unwrap().source.status, Status::Stale);
+    let after = open(&path, Some(&out)).unwrap().placed;
+    assert_eq!(after.leaves[0].translucent.as_ref().unwrap().source.status, Status::Stale);
 }
 
 #[test]
@@ -443,9 +453,11 @@ fn a_leaf_may_be_drawn_from_another_ones_data() {
         None,
         "[[leaf]]\nname = \"plain\"\nlike = \"elm\"\n[[instance]]\nleaf = \"plain\"\nposition_mm = [70, 0, 0]\n",
     );
-    let (plan, _) = planned(&path);
+    let (whole, _) = planned(&path);
+    let plan = &whole.plan;
     assert!(plan.leaves[0].sides[1].translucency && !plan.leaves[1].sides[1].translucency);
-    assert_eq!(plan.leaves[0].fitted.as_ref().map(|f| &f.folder), plan.leaves[1].fitted.as_ref().map(|f| &f.folder));
+    let folder = |k: usize| whole.placed.leaves[k].fitted.as_ref().map(|f| &f.folder);
+    assert_eq!(folder(0), folder(1));
     let text = std::fs::read_to_string(&path).unwrap();
     for (from, to, word) in [
         ("like = \"elm\"", "like = \"oak\"", "oak"),
@@ -463,9 +475,10 @@ fn a_tree_shares_one_data_set_among_its_leaves() {
     let dir = folder(&Blade { rho_s: [0.0, 0.0], ..Blade::default() });
     let tree = "[tree]\nleaves = [\"elm\"]\ncount = 300\nheight_mm = 1500\ncrown_mm = 500\noffset_mm = 25\nbark = \
      [0.1, 0.1, 0.1]\nseed = 2\n";
-    let (plan, _) = planned(&scene(dir.path(), "tree", Some(50.0), None, tree));
-    assert_eq!(plan.placements.len(), 301);
-    assert!(plan.wood.is_some() && plan.shadow_samples > 0);
+    let (whole, _) = planned(&scene(dir.path(), "tree", Some(50.0), None, tree));
+    let plan = &whole.plan;
+    assert_eq!(whole.placed.placements.len(), 301);
+    assert!(whole.placed.wood.is_some() && plan.light.shadow_samples > 0);
     assert_eq!(plan.needed.iter().filter(|n| n.name == "elm/blade.glb").count(), 1);
     let bad = scene(dir.path(), "bad", Some(50.0), None, &tree.replace("count = 300", "count = 0"));
     let told = Manifest::read(&bad).unwrap_err().to_string();

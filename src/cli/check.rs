@@ -35,7 +35,8 @@ pub struct Args {
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     use mesophyll_files::{atomic, claim};
     use mesophyll_scene::check::{Options, golden};
-    use mesophyll_scene::{fits::missing as missing_fits, ledger::Ledger, manifest::Manifest, plan};
+    use mesophyll_scene::placed::{Placed, leaf::Search};
+    use mesophyll_scene::{fits::missing, ledger::Ledger, loaded::Scene, manifest::Manifest};
 
     let mut manifest = Manifest::read(&args.scene)?;
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out/check").join(&manifest.name));
@@ -47,22 +48,27 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         golden::small_scans(&mut manifest);
     }
     let own = if args.goldens_only { Some(out.as_path()) } else { args.out.as_deref() };
-    let mut plan = plan::make(&manifest, own, Some(&missing_fits::input_hash), &ledger)?;
-    let missing = if args.goldens_only { plan.unfitted() } else { Vec::new() };
-    for index in &missing {
-        missing_fits::fit(&manifest, *index, &out, &missing_fits::fit_folder(&manifest, *index, &out), false, &ledger)?;
-    }
-    if !missing.is_empty() {
-        plan = plan::make(&manifest, own, Some(&missing_fits::input_hash), &ledger)?;
+    let search = Search { out: own, input_hash: Some(&missing::input_hash), free: false };
+    let mut placed = Placed::new(&manifest, search, &ledger)?;
+    if args.goldens_only {
+        for index in placed.unfitted() {
+            let folder = missing::fit_folder(&manifest, index, &out);
+            missing::fit(&manifest, index, &out, &folder, false, &ledger)?;
+            placed.find_again(&manifest, index, search, &ledger)?;
+        }
     }
     // Seconds, not minutes: unlike a leaf's fit, translucency maps are made on the way.
-    if plan.unfitted().is_empty() && missing_fits::translucencies(&manifest, &plan, &out, &ledger)? {
-        plan = plan::make(&manifest, Some(&out), Some(&missing_fits::input_hash), &ledger)?;
+    if placed.unfitted().is_empty() {
+        placed.make_translucency(&manifest, &out, search, &ledger)?;
     }
+    let scene = Scene::new(manifest, placed, &ledger)?;
     let options = Options { out: out.clone(), update_golden: args.update_golden, goldens_only: args.goldens_only };
     let (passed, text, json) =
-        judged(&manifest, &plan, &options, args.compare_interiors.then_some(args.out.as_deref()), &ledger)?;
-    atomic::write_bytes(&out.join("plan.json"), serde_json::to_string_pretty(&plan).unwrap_or_default().as_bytes())?;
+        judged(&scene, &options, args.compare_interiors.then_some(args.out.as_deref()), &ledger)?;
+    atomic::write_bytes(
+        &out.join("plan.json"),
+        serde_json::to_string_pretty(&scene.plan).unwrap_or_default().as_bytes(),
+    )?;
     if common.json {
         super::print_json(&json)?;
     } else {
@@ -75,18 +81,17 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
 /// weighed against each other too. Whether it passed, as text, and as JSON.
 #[cfg(feature = "render")]
 pub(super) fn judged(
-    manifest: &mesophyll_scene::manifest::Manifest,
-    plan: &mesophyll_scene::plan::Plan,
+    scene: &mesophyll_scene::loaded::Scene,
     options: &mesophyll_scene::check::Options,
     compare: Option<Option<&std::path::Path>>,
     ledger: &mesophyll_scene::ledger::Ledger,
 ) -> Result<(bool, String, serde_json::Value)> {
     use mesophyll_scene::check::{self, interiors};
 
-    let report = check::check(manifest, plan, options, ledger)?;
-    let (mut json, mut text) = (report.json(manifest), report.text());
+    let report = check::check(scene, options, ledger)?;
+    let (mut json, mut text) = (report.json(&scene.manifest), report.text());
     if let Some(out) = compare {
-        let rows = interiors::compare(manifest, out, ledger)?;
+        let rows = interiors::compare(&scene.manifest, out, ledger)?;
         text += &interiors::text(&rows);
         json["interiors"] = serde_json::to_value(&rows).unwrap_or_default();
     }

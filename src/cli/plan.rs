@@ -2,8 +2,8 @@
 
 use super::Common;
 use crate::Result;
-use mesophyll_scene::{fits::missing as missing_fits, ledger::Ledger, manifest::Manifest, plan};
-use std::fmt::Write;
+use mesophyll_scene::fits::missing::input_hash;
+use mesophyll_scene::{ledger::Ledger, loaded::Scene, manifest::Manifest, placed::leaf::Search};
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
@@ -22,28 +22,12 @@ pub struct Args {
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let manifest = Manifest::read(&args.scene)?;
-    let plan = plan::make(&manifest, args.out.as_deref(), Some(&missing_fits::input_hash), &Ledger::new())?;
+    let search = Search { out: args.out.as_deref(), input_hash: Some(&input_hash), free: false };
+    let plan = Scene::open(manifest, search, &Ledger::new())?.plan;
     if common.json {
         super::print_json(&plan)?;
     } else {
-        super::print(&text(&plan))?;
+        super::print(&plan.text())?;
     }
     Ok(0)
-}
-
-/// The plan in words.
-pub fn text(plan: &plan::Plan) -> String {
-    let mut out = format!("{} needs\n", plan.scene);
-    for need in &plan.needed {
-        let amount = need.amount.as_ref().map_or(String::new(), |a| format!(" [{a}]"));
-        let _ = writeln!(out, "  {}{amount}: {}", need.name, need.reason);
-    }
-    let _ = writeln!(out, "left out");
-    for left in &plan.left_out {
-        let _ = writeln!(out, "  {}: {}; saved {}", left.name, left.reason, left.saved);
-    }
-    for warning in &plan.warnings {
-        let _ = writeln!(out, "warning: {warning}");
-    }
-    out
 }

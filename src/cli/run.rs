@@ -4,7 +4,8 @@ use super::Common;
 use crate::Result;
 use mesophyll_files::{atomic, claim, progress};
 use mesophyll_report::{self as report, ReportSource, model::Level};
-use mesophyll_scene::{fits::missing as missing_fits, ledger::Ledger, manifest::Manifest, plan};
+use mesophyll_scene::placed::{Placed, leaf::Search};
+use mesophyll_scene::{fits::missing, ledger::Ledger, loaded::Scene, manifest::Manifest};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -39,49 +40,50 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let mut stages = Stages::default();
     let ledger = Ledger::new();
 
-    let first = stages.time("plan", || plan::make(&manifest, Some(&out), Some(&missing_fits::input_hash), &ledger))?;
+    // The plan is made once, when every fit that it rests on is there.
+    let search = Search { out: Some(&out), input_hash: Some(&missing::input_hash), free: false };
+    let mut placed = stages.time("look for fits", || Placed::new(&manifest, search, &ledger))?;
     let wanted: Vec<usize> = if args.write_fits {
-        first.leaves.iter().filter(|l| l.used).map(|l| l.index).collect()
+        placed.leaves.iter().filter(|l| l.used).map(|l| l.index).collect()
     } else {
-        first.unfitted()
+        placed.unfitted()
     };
     for index in wanted {
         let name = &manifest.leaves[index].name;
         let folder = match (&manifest.leaves[index].fit, args.write_fits) {
             (Some(named), true) => manifest.resolve(named),
-            _ => missing_fits::fit_folder(&manifest, index, &out),
+            _ => missing::fit_folder(&manifest, index, &out),
         };
         stages.time(&format!("fit {name}"), || {
-            missing_fits::fit(&manifest, index, &out, &folder, args.write_fits, &ledger)
+            missing::fit(&manifest, index, &out, &folder, args.write_fits, &ledger)?;
+            placed.find_again(&manifest, index, search, &ledger)
         })?;
     }
-    let planned = || plan::make(&manifest, Some(&out), Some(&missing_fits::input_hash), &ledger);
-    let mut plan = stages.time("plan with the fits", planned)?;
-    if !plan.untranslucent().is_empty() {
-        stages.time("translucency", || missing_fits::translucencies(&manifest, &plan, &out, &ledger))?;
-        plan = stages.time("plan with the translucency maps", planned)?;
+    if !placed.untranslucent(&manifest).is_empty() {
+        stages.time("translucency", || placed.make_translucency(&manifest, &out, search, &ledger))?;
     }
-    write_json(&out.join("plan.json"), &serde_json::to_value(&plan).unwrap_or_default())?;
+    let scene = stages.time("plan", || Scene::new(manifest, placed, &ledger))?;
+    write_json(&out.join("plan.json"), &serde_json::to_value(&scene.plan).unwrap_or_default())?;
 
     // The report is written whatever the check says: it is where one looks why.
-    let checked = stages.time("check", || check(&manifest, &plan, &out, &ledger));
+    let checked = stages.time("check", || check(&scene, &out, &ledger));
     let path = out.join("report.html");
-    let sources = sources(&plan, &out);
+    let sources = sources(&scene, &out);
     let written = stages.time("report", || report::write_html(&sources, &path));
     write_json(&out.join("ledger.json"), &json!({ "stages": stages.0, "entries": ledger.entries() }))?;
     let (passed, lines, checked) = checked?;
     let verdict = written?.verdict;
 
     let fits: Vec<String> =
-        plan.leaves.iter().filter_map(|l| l.fitted.as_ref()).map(|f| f.folder.display().to_string()).collect();
+        scene.placed.leaves.iter().filter_map(|l| l.fitted.as_ref()).map(|f| f.folder.display().to_string()).collect();
     if common.json {
         super::print_json(&json!({
-            "scene": manifest.name, "passed": passed, "verdict": verdict.sentence, "level": verdict.level, "fits": fits, "report": path, "check": checked,
+            "scene": scene.plan.scene, "passed": passed, "verdict": verdict.sentence, "level": verdict.level, "fits": fits, "report": path, "check": checked,
             "stages": stages.0, "seconds": clock.elapsed().as_secs_f64(),
         }))?;
     } else {
-        let left: Vec<&str> = plan.left_out.iter().map(|l| l.name.as_str()).collect();
-        let mut text = format!("{}\n{lines}", manifest.name);
+        let left: Vec<&str> = scene.plan.left_out.iter().map(|l| l.name.as_str()).collect();
+        let mut text = format!("{}\n{lines}", scene.plan.scene);
         text += &format!("left out: {}\n", left.join(", "));
         text += &format!("report: {}   {:.1} s in all\n", path.display(), clock.elapsed().as_secs_f64());
         for reason in verdict.reasons.iter().filter(|r| r.level != Level::Good) {
@@ -95,17 +97,18 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
 }
 
 /// The run's folder, and fits that lie elsewhere.
-fn sources(plan: &plan::Plan, out: &Path) -> Vec<ReportSource> {
-    let elsewhere = plan.leaves.iter().filter_map(|l| l.fitted.as_ref()).filter(|f| !f.folder.starts_with(out));
+fn sources(scene: &Scene, out: &Path) -> Vec<ReportSource> {
+    let fits = scene.placed.leaves.iter().filter_map(|l| l.fitted.as_ref());
+    let elsewhere = fits.filter(|f| !f.folder.starts_with(out));
     std::iter::once(ReportSource::folder(out)).chain(elsewhere.map(|f| ReportSource::folder(&f.folder))).collect()
 }
 
 #[cfg(feature = "render")]
-fn check(manifest: &Manifest, plan: &plan::Plan, out: &Path, ledger: &Ledger) -> Result<(bool, String, Value)> {
+fn check(scene: &Scene, out: &Path, ledger: &Ledger) -> Result<(bool, String, Value)> {
     use mesophyll_scene::{check::Options, manifest::Interior};
     let options = Options { out: out.to_path_buf(), ..Options::default() };
-    let compare = manifest.leaves.iter().any(|l| l.interior == Interior::Maps);
-    let (passed, text, json) = super::check::judged(manifest, plan, &options, compare.then_some(Some(out)), ledger)?;
+    let compare = scene.manifest.leaves.iter().any(|l| l.interior == Interior::Maps);
+    let (passed, text, json) = super::check::judged(scene, &options, compare.then_some(Some(out)), ledger)?;
     if compare {
         write_json(&out.join("check.json"), &json)?;
     }
@@ -113,7 +116,7 @@ fn check(manifest: &Manifest, plan: &plan::Plan, out: &Path, ledger: &Ledger) ->
 }
 
 #[cfg(not(feature = "render"))]
-fn check(_: &Manifest, _: &plan::Plan, _: &Path, _: &Ledger) -> Result<(bool, String, Value)> {
+fn check(_: &Scene, _: &Path, _: &Ledger) -> Result<(bool, String, Value)> {
     Ok((false, "nothing was checked: this build has no renderer (feature `render`)\n".into(), Value::Null))
 }
 

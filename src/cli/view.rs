@@ -31,22 +31,20 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
     use mesophyll_scene::{
         check,
         draw::handover,
-        fits::missing as missing_fits,
+        fits::missing,
         ledger::Ledger,
+        loaded::Scene,
         manifest::{Manifest, ViewKind},
-        placed::branch,
-        plan,
+        placed::{Placed, branch, leaf::Search},
         window::edit::SceneEditor,
     };
     use mesophyll_viewer::{WindowOptions, WindowScene, WindowView, open_window};
 
     let manifest = Manifest::read(&args.scene)?;
     let ledger = Ledger::new();
-    let mut plan = plan::make_free(&manifest, args.out.as_deref(), Some(&missing_fits::input_hash), &ledger)?;
-    for warning in &plan.warnings {
-        progress::say(format!("warning: {warning}"));
-    }
-    if let Some(missing) = plan.unfitted().first() {
+    let search = Search { out: args.out.as_deref(), input_hash: Some(&missing::input_hash), free: true };
+    let mut placed = Placed::new(&manifest, search, &ledger)?;
+    if let Some(missing) = placed.unfitted().first() {
         let name = &manifest.leaves[*missing].name;
         return Err(Error::field(
             &manifest.path,
@@ -59,10 +57,13 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
     if let Some(file) = &args.screenshot {
         claim::file(file, &["png"], &[&args.scene])?;
     }
-    if missing_fits::translucencies(&manifest, &plan, &out, &ledger)? {
-        plan = plan::make_free(&manifest, Some(&out), Some(&missing_fits::input_hash), &ledger)?;
+    placed.make_translucency(&manifest, &out, search, &ledger)?;
+    let planned = Scene::new(manifest, placed, &ledger)?;
+    let manifest = &planned.manifest;
+    for warning in &planned.plan.warnings {
+        progress::say(format!("warning: {warning}"));
     }
-    for changed in check::verify(&manifest, &plan, &ledger)? {
+    for changed in check::verify(&planned, &ledger)? {
         progress::say(format!("warning: {changed}"));
     }
     let views: Vec<WindowView> = manifest
@@ -72,13 +73,13 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
         .map(|v| WindowView {
             name: v.name.clone(),
             camera: handover::camera(v),
-            time_s: Some(branch::time(&manifest, v)),
+            time_s: Some(branch::time(manifest, v)),
         })
         .collect();
     let Some(first) = views.first().cloned() else {
         return Err(Error::field(&manifest.path, "view", "found only cards, expected a perspective view to open"));
     };
-    let mut scene = handover::scene(&manifest, &plan, &ledger)?;
+    let mut scene = handover::scene(&planned, &ledger)?;
     if let (Some(wind), Some(time_s)) = (&mut scene.wind, first.time_s) {
         wind.time_s = time_s;
     }
@@ -92,7 +93,7 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
     };
     let options =
         WindowOptions { frames: args.frames, screenshot: args.screenshot.clone(), ..WindowOptions::default() };
-    let editor = SceneEditor::new(manifest, plan, out)?;
+    let editor = SceneEditor::new(planned, out)?;
     progress::pause();
     open_window(window, Box::new(editor), &options).map_err(check::told)?;
     Ok(0)

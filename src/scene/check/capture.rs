@@ -14,8 +14,8 @@ use super::report::exceeds;
 use super::{Options, told};
 use crate::draw::scanned::Scanned;
 use crate::ledger::Ledger;
-use crate::manifest::{Manifest, View, ViewKind};
-use crate::plan::Plan;
+use crate::loaded::Scene;
+use crate::manifest::{View, ViewKind};
 use crate::{Error, Result};
 use mesophyll_files::image::{to_srgb8, write_png};
 use mesophyll_fit::leaf::held_out::{self, BAD, Kept, KeptFrame, Tally};
@@ -77,17 +77,17 @@ pub struct Drawn {
 /// Draws and judges every capture view that the scene names, and one frame a side of every other fit that keeps some.
 /// Sentences say what was skipped.
 pub fn all(
-    manifest: &Manifest,
-    plan: &Plan,
+    scene: &Scene,
     renderer: &mut gpu::Renderer,
     options: &Options,
 ) -> Result<(Vec<CaptureReport>, Vec<String>)> {
     let (mut out, mut skipped) = (Vec::new(), Vec::new());
-    for leaf in &plan.leaves {
-        let name = &manifest.leaves[leaf.index].name;
+    let manifest = &scene.manifest;
+    for leaf in scene.leaves() {
+        let name = &leaf.config.name;
         let views: Vec<&View> =
             manifest.views.iter().filter(|v| v.kind == ViewKind::Capture && v.leaf.as_ref() == Some(name)).collect();
-        let Some(fitted) = &leaf.fitted else { continue };
+        let Some(fitted) = &leaf.placed.fitted else { continue };
         for side in Side::ALL {
             let own: Vec<&View> = views.iter().filter(|v| v.side.unwrap_or(Side::Front) == side).copied().collect();
             let Some(kept) = held_out::kept(&fitted.folder, &fitted.record, side)? else {

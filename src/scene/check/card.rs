@@ -9,8 +9,9 @@ use crate::Result;
 use crate::draw::card::{self, Card};
 use crate::draw::{handover, reference};
 use crate::ledger::Ledger;
-use crate::manifest::{Manifest, View};
-use crate::plan::{Plan, sun_direction};
+use crate::loaded::Scene;
+use crate::manifest::View;
+use crate::placed::daylight::sun_direction;
 use mesophyll_transport::{self as transport, compare};
 use mesophyll_viewer as gpu;
 use std::time::Instant;
@@ -20,17 +21,17 @@ const COLUMNS: usize = 24;
 const ROWS: usize = 18;
 
 pub fn one_card(
-    manifest: &Manifest,
-    plan: &Plan,
+    scene: &Scene,
     view: &View,
     renderer: &mut gpu::Renderer,
     options: &Options,
     ledger: &Ledger,
 ) -> Result<ViewReport> {
+    let manifest = &scene.manifest;
     let size = (manifest.check.width, manifest.check.height);
     let (w, h) = (size.0 as usize, size.1 as usize);
-    let card = Card::new(manifest, plan, view, ledger)?;
-    renderer.set_scene(&handover::card(manifest, plan, &card, ledger)?).map_err(told)?;
+    let card = Card::new(scene, view, ledger)?;
+    renderer.set_scene(&handover::card(scene, &card, ledger)?).map_err(told)?;
     let picture = renderer.render(&handover::camera(view), size.0, size.1).map_err(told)?;
     let mut out = timed(manifest, view, renderer)?;
     out.card = true;

@@ -8,7 +8,7 @@
 use crate::Result;
 use crate::fits::fitted::Fitted;
 use crate::ledger::Ledger;
-use crate::plan::LeafPlan;
+use crate::loaded::Leaf;
 use mesophyll_files::image::Maps;
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_leaf::frames;
@@ -31,11 +31,11 @@ const OUTLINE: f64 = 0.9;
 ///
 /// # Errors
 /// [`crate::Error::Input`] for a map that cannot be read.
-pub fn contradictions(leaf: &LeafPlan, ledger: &Ledger) -> Result<Vec<String>> {
+pub fn contradictions(leaf: Leaf, ledger: &Ledger) -> Result<Vec<String>> {
     let mut out = Vec::new();
-    let Some(fitted) = &leaf.fitted else { return Ok(out) };
+    let Some(fitted) = &leaf.placed.fitted else { return Ok(out) };
     for (s, side) in Side::ALL.into_iter().enumerate() {
-        if !(leaf.sides[s].any() || leaf.sides[s].mean) {
+        if !(leaf.plan.sides[s].any() || leaf.plan.sides[s].mean) {
             continue;
         }
         let path = fitted.folder.join(format!("{}.exr", side.name()));
@@ -66,7 +66,7 @@ pub fn contradictions(leaf: &LeafPlan, ledger: &Ledger) -> Result<Vec<String>> {
         for what in packed(leaf, s, &maps, &good, h) {
             say(what);
         }
-        if let Some(mesh) = leaf.mesh.as_ref().filter(|_| leaf.mesh_path.starts_with(&fitted.folder)) {
+        if let Some(mesh) = leaf.placed.mesh.as_ref().filter(|_| leaf.placed.mesh_path.starts_with(&fitted.folder)) {
             for what in shape(fitted, leaf, s, &maps, mesh, ledger)? {
                 say(what);
             }
@@ -112,7 +112,7 @@ fn interior(fitted: &Fitted, side: Side, maps: &Maps, good: &[usize]) -> Result<
 }
 
 /// W's two textures against the named channels, as far as the plan read them.
-fn packed(leaf: &LeafPlan, s: usize, maps: &Maps, good: &[usize], h: f64) -> Vec<String> {
+fn packed(leaf: Leaf, s: usize, maps: &Maps, good: &[usize], h: f64) -> Vec<String> {
     let mut out = Vec::new();
     let mut compare = |what: &str, texels: &[[f32; 4]], names: [&str; 4], shift: f64| {
         let planes = names.map(|n| maps.get(n).unwrap_or_default());
@@ -128,24 +128,17 @@ fn packed(leaf: &LeafPlan, s: usize, maps: &Maps, good: &[usize], h: f64) -> Vec
         }
     };
     let name = Side::ALL[s].name();
-    if let Some(t) = &leaf.textures[s].gamma_delta {
+    if let Some(t) = &leaf.loaded.textures[s].gamma_delta {
         compare(&format!("{name}_gamma_delta.exr"), t, ["gamma.R", "gamma.G", "gamma.B", "thickness.Y"], h);
     }
-    if let Some(t) = &leaf.textures[s].gloss {
+    if let Some(t) = &leaf.loaded.textures[s].gloss {
         compare(&format!("{name}_rho_s_m.exr"), t, ["rho_s.R", "rho_s.G", "rho_s.B", "m.Y"], 0.0);
     }
     out
 }
 
 /// Normals and mask against the blade.
-fn shape(
-    fitted: &Fitted,
-    leaf: &LeafPlan,
-    s: usize,
-    maps: &Maps,
-    mesh: &LeafMesh,
-    ledger: &Ledger,
-) -> Result<Vec<String>> {
+fn shape(fitted: &Fitted, leaf: Leaf, s: usize, maps: &Maps, mesh: &LeafMesh, ledger: &Ledger) -> Result<Vec<String>> {
     let mut out = Vec::new();
     let (w, h) = (maps.width, maps.height);
     let path = fitted.folder.join("blade.glb");
@@ -161,7 +154,7 @@ fn shape(
     if common < OUTLINE {
         out.push(format!("its mask and the outline of blade.glb have {:.1} % in common", 100.0 * common));
     }
-    if !leaf.sides[s].normal {
+    if !leaf.plan.sides[s].normal {
         return Ok(out);
     }
     let planes = ["normal.X", "normal.Y", "normal.Z"].map(|n| maps.get(n).unwrap_or_default());

@@ -8,9 +8,9 @@ use super::told;
 use crate::Result;
 use crate::draw::handover;
 use crate::ledger::Ledger;
-use crate::manifest::{Manifest, ViewKind};
+use crate::loaded::Scene;
+use crate::manifest::ViewKind;
 use crate::placed::daylight::{self, Daylight};
-use crate::plan::Plan;
 use mesophyll_files::image;
 use mesophyll_viewer as gpu;
 use mesophyll_viewer::scene as viewer;
@@ -54,25 +54,25 @@ impl Strip {
 /// # Errors
 /// [`crate::Error::Missed`] where the renderer or the fit fails.
 pub fn draw(
-    manifest: &Manifest,
-    plan: &Plan,
-    scene: &viewer::Scene,
+    scene: &Scene,
+    drawn: &viewer::Scene,
     renderer: &mut gpu::Renderer,
     (w, h): (u32, u32),
     ledger: &Ledger,
 ) -> Result<Option<Strip>> {
+    let Scene { manifest, plan, .. } = scene;
     let (Some(day), Some(sky)) = (&manifest.day, &manifest.sky) else { return Ok(None) };
     let Some(view) = manifest.views.iter().find(|v| v.kind == ViewKind::Perspective) else { return Ok(None) };
     let (tile_w, tile_h) = (w as usize, h as usize);
     let (columns, rows) = (day.hours.len().min(COLUMNS), day.hours.len().div_ceil(COLUMNS));
     let mut mosaic = vec![[0u8, 0, 0, 255]; columns * tile_w * rows * tile_h];
-    let polynomials = daylight::polynomials(plan, ledger)?;
+    let polynomials = handover::polynomials(plan, ledger)?;
     let mut hours = Vec::new();
-    let mut lit = scene.clone();
+    let mut lit = drawn.clone();
     for (k, &hour) in day.hours.iter().enumerate() {
-        let (zenith, azimuth) = daylight::sun_of(day, hour);
+        let (zenith, azimuth) = day.sun(hour);
         let daylight = Daylight::at(manifest, zenith, azimuth, sky.turbidity.unwrap_or_default())?;
-        lit.dome = Some(handover::dome(&daylight, plan.sky_bands, polynomials)?);
+        lit.dome = Some(handover::dome(&daylight, plan.light.sky_bands, polynomials)?);
         if let Some(sun) = &mut lit.sun {
             sun.direction = daylight::direction(daylight.zenith, azimuth).as_vec3();
             sun.irradiance = daylight.sun.map(|v| v as f32);
@@ -84,8 +84,10 @@ pub fn draw(
             let at = (top + y) * columns * tile_w + left;
             mosaic[at..at + tile_w].copy_from_slice(row);
         }
-        let (made, exact) =
-            (daylight.light(plan.sky_bands, polynomials)?.harmonics, daylight.light(plan.sky_bands, None)?.harmonics);
+        let (made, exact) = (
+            daylight.light(plan.light.sky_bands, polynomials)?.harmonics,
+            daylight.light(plan.light.sky_bands, None)?.harmonics,
+        );
         let c00 = exact.get(0, 0);
         let error =
             made.distance(&exact).iter().zip(c00).map(|(d, c)| d / c.abs().max(f64::MIN_POSITIVE)).fold(0.0, f64::max);

@@ -8,7 +8,6 @@
 //! most 3.4e-3; 1.3e-4 of the pixels (leaves of the tree) are more than [`STEPS`] off. The limits lie about twice as
 //! high. Eight bits are enough: a mean over thousands of pixels resolves far less than one step of one pixel.
 
-use crate::fits::missing as missing_fits;
 use crate::manifest::Manifest;
 use crate::{Error, Result};
 use mesophyll_files::atomic::explain;
@@ -70,7 +69,7 @@ const SMALL_SCAN: (usize, usize) = (24, 96);
 /// Makes the scans of leaves that have no fit of their own small, so that scanning and fitting them takes seconds.
 pub fn small_scans(manifest: &mut Manifest) {
     for scan in manifest.leaves.iter_mut().filter(|l| l.fit.is_none()).filter_map(|l| l.scan.as_mut()) {
-        let (w, h) = missing_fits::size(scan).unwrap_or((720, 540));
+        let (w, h) = scan.texels().unwrap_or((720, 540));
         let longest = w.max(h);
         let scaled = |n: usize| (n * SMALL_SCAN.1).div_ceil(longest);
         if longest > SMALL_SCAN.1 {

@@ -6,8 +6,9 @@ use crate::Result;
 use crate::draw::handover;
 use crate::draw::reference;
 use crate::ledger::Ledger;
+use crate::loaded::{Leaf, Scene};
 use crate::manifest::{Interior, Manifest, ViewKind};
-use crate::plan::{self, Plan};
+use crate::placed::leaf::Search;
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
 use mesophyll_transport::{self as transport, compare as measure};
@@ -39,17 +40,19 @@ pub fn compare(manifest: &Manifest, out: Option<&Path>, ledger: &Ledger) -> Resu
         for (name, interior) in [("scalars", Interior::Scalars), ("maps", Interior::Maps)] {
             let mut variant = manifest.clone();
             variant.leaves[index].interior = interior;
-            let plan = plan::make(&variant, out, None, ledger)?;
-            if plan.leaves[index].mesh.is_none() || !plan.leaves[index].sides.iter().any(|s| s.interior()) {
+            let search = Search { out, ..Search::default() };
+            let scene = Scene::open(variant, search, ledger)?;
+            let leaf = scene.leaf(index);
+            if leaf.placed.mesh.is_none() || !leaf.plan.sides.iter().any(|s| s.interior()) {
                 continue;
             }
-            renderer.set_scene(&handover::scene(&variant, &plan, ledger)?).map_err(told)?;
+            renderer.set_scene(&handover::scene(&scene, ledger)?).map_err(told)?;
             let parts = ["gamma_delta", "slab curve", "rho_d", "rho_t"];
-            let shown = plan.leaves[..index].iter().filter(|l| l.mesh.is_some()).count();
+            let shown = scene.drawn().filter(|l| l.placed.index < index).count();
             let prefix = format!("leaf {shown} ");
             let of_interior = |n: &str| n.starts_with(&prefix) && parts.iter().any(|p| n.ends_with(p));
             let bytes = renderer.stats().uploads.iter().filter(|u| of_interior(&u.name)).map(|u| u.bytes).sum();
-            let truth = measured_world(&variant, &plan, ledger)?;
+            let truth = measured_world(&scene, ledger)?;
             let stage = transport::Renderer::new(&truth)?;
             let (mut flip, mut error): (f64, f64) = (0.0, 0.0);
             for view in manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective) {
@@ -65,7 +68,7 @@ pub fn compare(manifest: &Manifest, out: Option<&Path>, ledger: &Ledger) -> Resu
                 leaf: manifest.leaves[index].name.clone(),
                 interior: name,
                 bytes,
-                fit_error: fit_error(&plan, index, interior, ledger)?,
+                fit_error: fit_error(leaf, ledger)?,
                 picture_flip_p99: flip,
                 picture_max_error: error,
             });
@@ -75,12 +78,12 @@ pub fn compare(manifest: &Manifest, out: Option<&Path>, ledger: &Ledger) -> Resu
 }
 
 /// The reference world with the fit's own ρd and ρt maps, which both interiors are models of.
-fn measured_world(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<transport::World> {
-    let mut world = reference::world(manifest, plan, ledger)?;
-    for (leaf, drawn) in plan.leaves.iter().filter(|l| l.mesh.is_some()).zip(&mut world.leaves) {
-        let Some(fitted) = &leaf.fitted else { continue };
+fn measured_world(scene: &Scene, ledger: &Ledger) -> Result<transport::World> {
+    let mut world = reference::world(scene, ledger)?;
+    for (leaf, drawn) in scene.drawn().zip(&mut world.leaves) {
+        let Some(fitted) = &leaf.placed.fitted else { continue };
         for (s, side) in Side::ALL.into_iter().enumerate() {
-            if !leaf.sides[s].interior() {
+            if !leaf.plan.sides[s].interior() {
                 continue;
             }
             let file = format!("{}.exr", side.name());
@@ -104,12 +107,11 @@ fn measured_world(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<t
 }
 
 /// Root mean square of the model's ρd and ρt over the fit's own, less one.
-fn fit_error(plan: &Plan, index: usize, kind: Interior, ledger: &Ledger) -> Result<f64> {
-    let leaf = &plan.leaves[index];
-    let Some(fitted) = &leaf.fitted else { return Ok(f64::NAN) };
+fn fit_error(leaf: Leaf, ledger: &Ledger) -> Result<f64> {
+    let Some(fitted) = &leaf.placed.fitted else { return Ok(f64::NAN) };
     let (mut sum, mut count) = (0.0, 0u64);
     for (s, side) in Side::ALL.into_iter().enumerate() {
-        if !leaf.sides[s].interior() {
+        if !leaf.plan.sides[s].interior() {
             continue;
         }
         let mut names = vec!["mask.Y".to_string(), "thickness.Y".to_string()];
@@ -126,7 +128,7 @@ fn fit_error(plan: &Plan, index: usize, kind: Interior, ledger: &Ledger) -> Resu
             let h = f64::from(p[1][k]);
             for c in 0..3 {
                 let f = |at: usize| f64::from(p[at + c][k]);
-                let (rho_d, rho_t) = match kind {
+                let (rho_d, rho_t) = match leaf.config.interior {
                     Interior::Scalars => {
                         let r = slab::response(sigma_a[c], sigma_s[c], h);
                         (f(2) * r.rho_d, r.rho_t)

@@ -24,9 +24,9 @@ pub use verify::verify;
 
 use crate::draw::{handover, reference, sunlit, true_leaf};
 use crate::ledger::Ledger;
-use crate::manifest::{Manifest, View, ViewKind};
+use crate::loaded::Scene;
+use crate::manifest::{View, ViewKind};
 use crate::placed::branch;
-use crate::plan::Plan;
 use crate::{Error, Result};
 use mesophyll_files::{atomic, progress};
 use mesophyll_transport as transport;
@@ -62,8 +62,9 @@ pub fn told(e: gpu::Error) -> Error {
 /// # Errors
 /// [`Error::Missed`] without an adapter; [`Error::Input`] for a leaf that is not fitted or a damaged file. A missed
 /// threshold is no error here: see [`Report::passed`].
-pub fn check(manifest: &Manifest, plan: &Plan, options: &Options, ledger: &Ledger) -> Result<Report> {
-    if let Some(missing) = plan.unfitted().first() {
+pub fn check(scene: &Scene, options: &Options, ledger: &Ledger) -> Result<Report> {
+    let Scene { manifest, placed, plan, .. } = scene;
+    if let Some(missing) = placed.unfitted().first() {
         let name = &manifest.leaves[*missing].name;
         return Err(Error::field(
             &manifest.path,
@@ -81,7 +82,7 @@ pub fn check(manifest: &Manifest, plan: &Plan, options: &Options, ledger: &Ledge
         views: Vec::new(),
         captures: Vec::new(),
         skipped: Vec::new(),
-        failures: verify(manifest, plan, ledger)?,
+        failures: verify(scene, ledger)?,
         warnings: plan.warnings.clone(),
         uploads: Vec::new(),
         pipelines: Vec::new(),
@@ -90,9 +91,9 @@ pub fn check(manifest: &Manifest, plan: &Plan, options: &Options, ledger: &Ledge
     };
     progress::say(format!("drawn by {}", report.adapter));
     if options.goldens_only {
-        proof::all(manifest, plan, &mut renderer, options, ledger, &mut report)?;
+        proof::all(scene, &mut renderer, options, ledger, &mut report)?;
     } else {
-        against_reference(manifest, plan, &mut renderer, options, ledger, &mut report)?;
+        against_reference(scene, &mut renderer, options, ledger, &mut report)?;
     }
     report.passed =
         report.failures.is_empty() && report.views.iter().all(|v| v.passed) && report.captures.iter().all(|c| c.passed);
@@ -103,59 +104,59 @@ pub fn check(manifest: &Manifest, plan: &Plan, options: &Options, ledger: &Ledge
 
 /// Every view against the reference or its closed form, and against its golden where there is one.
 fn against_reference(
-    manifest: &Manifest,
-    plan: &Plan,
+    scene: &Scene,
     renderer: &mut gpu::Renderer,
     options: &Options,
     ledger: &Ledger,
     report: &mut Report,
 ) -> Result<()> {
+    let Scene { manifest, placed, .. } = scene;
     let perspective: Vec<&View> = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).collect();
     if !perspective.is_empty() {
-        let mut scene = handover::scene(manifest, plan, ledger)?;
-        let mut world = reference::world(manifest, plan, ledger)?;
-        renderer.set_scene(&scene).map_err(told)?;
+        let mut drawn = handover::scene(scene, ledger)?;
+        let mut world = reference::world(scene, ledger)?;
+        renderer.set_scene(&drawn).map_err(told)?;
         report.uploads = renderer.stats().uploads.iter().map(|u| (u.name.clone(), u.bytes)).collect();
         report.pipelines = renderer.stats().pipelines.clone();
         // Views of one time share the reference's trees.
         let mut times: Vec<f64> = perspective.iter().map(|v| branch::time(manifest, v)).collect();
         times.dedup();
-        if plan.bends.is_none() {
+        if placed.bends.is_none() {
             times.truncate(1);
         }
         let mut left = perspective.into_iter().peekable();
         for time in times {
-            if let Some(wind) = &mut scene.wind {
+            if let Some(wind) = &mut drawn.wind {
                 wind.time_s = time;
                 renderer.set_time(wind);
             }
-            reference::move_to(&mut world, plan, time)?;
+            reference::move_to(&mut world, scene, time)?;
             let mut by_maps = world.clone();
-            let stored = sunlit::relight_as_stored(&mut by_maps, plan, &plan.eyes)?;
+            let stored = sunlit::relight_as_stored(&mut by_maps, scene, &placed.eyes)?;
             let mut as_grown = world.clone();
-            let known = !true_leaf::replace(&mut as_grown, manifest, plan, &options.out)?.is_empty();
+            let known = !true_leaf::replace(&mut as_grown, scene, &options.out)?.is_empty();
             let as_grown = if known { Some(transport::Renderer::new(&as_grown)?) } else { None };
             let stage = transport::Renderer::new(&world)?;
             let by_maps = if stored { Some(transport::Renderer::new(&by_maps)?) } else { None };
-            while let Some(view) = left.next_if(|v| plan.bends.is_none() || branch::time(manifest, v) == time) {
+            while let Some(view) = left.next_if(|v| placed.bends.is_none() || branch::time(manifest, v) == time) {
                 let _bar = progress::Bar::of(format!("view {}", view.name));
                 let stages =
                     perspective::Stages { truth: &stage, by_maps: by_maps.as_ref(), true_leaf: as_grown.as_ref() };
-                report.views.push(perspective::one_view(manifest, plan, view, renderer, &stages, options)?);
+                report.views.push(perspective::one_view(scene, view, renderer, &stages, options)?);
             }
         }
         let slow = report.views.first().is_some_and(|v| v.frame_ms_median > 2000.0);
-        report.translucency = cost::term(manifest, &scene, renderer, !slow)?;
+        report.translucency = cost::term(manifest, &drawn, renderer, !slow)?;
         let tile = (manifest.check.width.div_ceil(2), manifest.check.height.div_ceil(2));
-        if let Some(strip) = day::draw(manifest, plan, &scene, renderer, tile, ledger)? {
+        if let Some(strip) = day::draw(scene, &drawn, renderer, tile, ledger)? {
             strip.write(&options.out.join("day.png"))?;
             report.day = strip.hours;
-            proof::hours(manifest, plan, &scene, renderer, options, ledger, report)?;
+            proof::hours(scene, &drawn, renderer, options, ledger, report)?;
         }
     }
     for view in manifest.views.iter().filter(|v| v.kind == ViewKind::Card) {
-        report.views.push(card::one_card(manifest, plan, view, renderer, options, ledger)?);
+        report.views.push(card::one_card(scene, view, renderer, options, ledger)?);
     }
-    (report.captures, report.skipped) = capture::all(manifest, plan, renderer, options)?;
+    (report.captures, report.skipped) = capture::all(scene, renderer, options)?;
     Ok(())
 }

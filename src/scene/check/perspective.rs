@@ -7,8 +7,8 @@ use super::report::{TrueLeaf, ViewReport, exceeds};
 use super::{Options, proof, told};
 use crate::Result;
 use crate::draw::{handover, reference};
-use crate::manifest::{JudgedBy, Manifest, View};
-use crate::plan::Plan;
+use crate::loaded::Scene;
+use crate::manifest::{JudgedBy, View};
 use mesophyll_files::image::write_png;
 use mesophyll_transport::{self as transport, compare};
 use mesophyll_viewer as gpu;
@@ -23,13 +23,13 @@ pub struct Stages<'a> {
 }
 
 pub fn one_view(
-    manifest: &Manifest,
-    plan: &Plan,
+    scene: &Scene,
     view: &View,
     renderer: &mut gpu::Renderer,
     stages: &Stages,
     options: &Options,
 ) -> Result<ViewReport> {
+    let manifest = &scene.manifest;
     let size = (manifest.check.width, manifest.check.height);
     let (w, h) = (size.0 as usize, size.1 as usize);
     let picture = renderer.render(&handover::camera(view), size.0, size.1).map_err(told)?;
@@ -37,7 +37,7 @@ pub fn one_view(
     let start = Instant::now();
     let sampling = |seed: u64| transport::Options {
         samples_per_pixel: manifest.check.samples,
-        sun_samples: if plan.shadow_samples > 0 { 4 } else { 1 },
+        sun_samples: if scene.plan.light.shadow_samples > 0 { 4 } else { 1 },
         seed,
         sky_samples: 4,
         // A grazing leaf's sliver can slip through the rays of one pixel, not through those of all around it.

@@ -7,9 +7,9 @@ use crate::Result;
 use crate::draw::card::Card;
 use crate::draw::handover;
 use crate::ledger::Ledger;
+use crate::loaded::Scene;
 use crate::manifest::{Manifest, View, ViewKind};
 use crate::placed::branch;
-use crate::plan::Plan;
 use mesophyll_files::{image, progress};
 use mesophyll_viewer as gpu;
 
@@ -21,29 +21,29 @@ const HOURS: &str = "hours";
 /// # Errors
 /// As [`super::check`].
 pub fn all(
-    manifest: &Manifest,
-    plan: &Plan,
+    scene: &Scene,
     renderer: &mut gpu::Renderer,
     options: &Options,
     ledger: &Ledger,
     report: &mut Report,
 ) -> Result<()> {
+    let manifest = &scene.manifest;
     let of_kind = |kind: ViewKind| manifest.views.iter().filter(move |v| v.kind == kind);
     if of_kind(ViewKind::Perspective).next().is_some() {
-        let mut scene = handover::scene(manifest, plan, ledger)?;
-        renderer.set_scene(&scene).map_err(told)?;
+        let mut drawn = handover::scene(scene, ledger)?;
+        renderer.set_scene(&drawn).map_err(told)?;
         for view in of_kind(ViewKind::Perspective) {
-            if let Some(wind) = &mut scene.wind {
+            if let Some(wind) = &mut drawn.wind {
                 wind.time_s = branch::time(manifest, view);
                 renderer.set_time(wind);
             }
             report.views.push(alone(manifest, view, renderer, options)?);
         }
-        hours(manifest, plan, &scene, renderer, options, ledger, report)?;
+        hours(scene, &drawn, renderer, options, ledger, report)?;
     }
     for view in of_kind(ViewKind::Card) {
-        let card = Card::new(manifest, plan, view, ledger)?;
-        renderer.set_scene(&handover::card(manifest, plan, &card, ledger)?).map_err(told)?;
+        let card = Card::new(scene, view, ledger)?;
+        renderer.set_scene(&handover::card(scene, &card, ledger)?).map_err(told)?;
         report.views.push(alone(manifest, view, renderer, options)?);
     }
     Ok(())
@@ -79,20 +79,20 @@ pub fn judge_view(
 
 /// The hours of the scene's day as one picture more, where it has a day and there is, or will be, a golden of it.
 pub fn hours(
-    manifest: &Manifest,
-    plan: &Plan,
-    scene: &gpu::scene::Scene,
+    scene: &Scene,
+    drawn: &gpu::scene::Scene,
     renderer: &mut gpu::Renderer,
     options: &Options,
     ledger: &Ledger,
     report: &mut Report,
 ) -> Result<()> {
+    let manifest = &scene.manifest;
     let wanted = options.update_golden || golden::path(manifest, HOURS).is_file();
     if !(options.goldens_only || wanted && golden::applies(manifest)) {
         return Ok(());
     }
     let (w, h) = golden::size(manifest);
-    if let Some(strip) = day::draw(manifest, plan, scene, renderer, (w / 2, h / 2), ledger)? {
+    if let Some(strip) = day::draw(scene, drawn, renderer, (w / 2, h / 2), ledger)? {
         let mut out = ViewReport { name: HOURS.into(), golden_only: true, ..ViewReport::default() };
         judge(manifest, strip.size, &strip.pixels, options, &mut out)?;
         out.passed = out.why.is_empty();

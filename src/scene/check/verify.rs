@@ -5,8 +5,7 @@ use super::consistency;
 use crate::Result;
 use crate::fits::fitted::Fitted;
 use crate::ledger::Ledger;
-use crate::manifest::Manifest;
-use crate::plan::Plan;
+use crate::loaded::Scene;
 use mesophyll_record::FitRecord;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -15,11 +14,12 @@ use std::path::PathBuf;
 ///
 /// # Errors
 /// [`crate::Error::Input`] for a file that cannot be read.
-pub fn verify(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<Vec<String>> {
-    let fits: Vec<&Fitted> = plan
+pub fn verify(scene: &Scene, ledger: &Ledger) -> Result<Vec<String>> {
+    let Scene { manifest, placed, plan, .. } = scene;
+    let fits: Vec<&Fitted> = placed
         .leaves
         .iter()
-        .flat_map(|l| [l.fitted.as_ref(), l.translucency.as_ref().and_then(|t| t.fitted.as_ref())])
+        .flat_map(|l| [l.fitted.as_ref(), l.translucent.as_ref().and_then(|t| t.fitted.as_ref())])
         .flatten()
         .collect();
     let branches = manifest.branches.iter().filter_map(|b| b.fit.as_ref()).map(|folder| manifest.resolve(folder));
@@ -38,7 +38,7 @@ pub fn verify(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<Vec<S
             }
         }
     }
-    for leaf in &plan.leaves {
+    for leaf in scene.leaves() {
         out.extend(consistency::contradictions(leaf, ledger)?);
     }
     Ok(out)

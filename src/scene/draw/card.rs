@@ -4,9 +4,9 @@
 use super::reference;
 use crate::fits::fitted::Fitted;
 use crate::ledger::Ledger;
+use crate::loaded::Scene;
 use crate::manifest::{Manifest, View};
 use crate::placed::placement;
-use crate::plan::Plan;
 use crate::{Error, Result};
 use glam::{DMat4, DVec3};
 use mesophyll_files::mesh::LeafMesh;
@@ -49,12 +49,12 @@ impl Card {
     ///
     /// # Errors
     /// [`Error::Input`] when the leaf is not fitted or a map cannot be read.
-    pub fn new(manifest: &Manifest, plan: &Plan, view: &View, ledger: &Ledger) -> Result<Card> {
+    pub fn new(scene: &Scene, view: &View, ledger: &Ledger) -> Result<Card> {
         let name = view.leaf.as_deref().unwrap_or_default();
-        let leaf = plan.leaves.iter().find(|l| manifest.leaves[l.index].name == name);
-        let Some((leaf, fitted)) = leaf.and_then(|l| l.fitted.as_ref().map(|f| (l, f))) else {
+        let leaf = scene.leaves().find(|l| l.config.name == name);
+        let Some((leaf, fitted)) = leaf.and_then(|l| l.placed.fitted.as_ref().map(|f| (l, f))) else {
             return Err(Error::field(
-                &manifest.path,
+                &scene.manifest.path,
                 &format!("leaf \"{name}\""),
                 "not fitted yet; `mesophyll run` fits it",
             ));
@@ -70,11 +70,11 @@ impl Card {
         let slant = (turn * DVec3::Z).dot((eye - target).normalize()).abs().max(0.05);
         let side = 4.0 * eye.distance(target) * (view.fov_deg.unwrap_or(30.0).to_radians() / 2.0).tan() / slant;
         Ok(Card {
-            leaf: leaf.index,
+            leaf: leaf.placed.index,
             mesh: LeafMesh::rectangle(side, side),
             transform: DMat4::from_rotation_translation(turn, target),
             sides,
-            planned: [0, 1].map(|s| leaf.sides[s].mean),
+            planned: [0, 1].map(|s| leaf.plan.sides[s].mean),
         })
     }
 

@@ -8,11 +8,14 @@ use super::card::Card;
 use super::detail;
 use crate::fits::fitted::fill;
 use crate::ledger::Ledger;
+use crate::loaded::curve::{Curve, curve};
+use crate::loaded::map_levels::halve;
 use crate::loaded::translucency::Of;
+use crate::loaded::{Leaf, Scene};
 use crate::manifest::{Basis, Interior, Manifest, View};
-use crate::placed::daylight::{self, Daylight};
-use crate::plan::accuracy::{self, Curve};
-use crate::plan::{LeafPlan, Plan, sun_direction};
+use crate::placed::Placed;
+use crate::placed::daylight::{self, Daylight, sun_direction};
+use crate::plan::Plan;
 use crate::{Error, Result};
 use glam::{Vec2, Vec3, Vec4};
 use mesophyll_files::mesh::LeafMesh;
@@ -31,23 +34,24 @@ const MANY_TRIANGLES: usize = 200_000;
 ///
 /// # Errors
 /// [`Error::Input`] for a map that is missing, damaged or of another size.
-pub fn scene(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<viewer::Scene> {
-    let mut out = lights(manifest, plan, ledger)?;
-    let mut index = vec![None; plan.leaves.len()];
-    for leaf in plan.leaves.iter().filter(|l| l.mesh.is_some()) {
-        index[leaf.index] = Some(out.leaves.len());
+pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
+    let Scene { manifest, placed, .. } = scene;
+    let mut out = lights(scene, ledger)?;
+    let mut index = vec![None; placed.leaves.len()];
+    for leaf in scene.drawn() {
+        index[leaf.placed.index] = Some(out.leaves.len());
         out.leaves.push(one_leaf(manifest, leaf, ledger)?);
     }
-    for p in &plan.placements {
+    for p in &placed.placements {
         if let Some(leaf) = index[p.leaf] {
             let ride = p
                 .ride
-                .filter(|_| plan.bends.is_some())
+                .filter(|_| placed.bends.is_some())
                 .map(|r| viewer::Ride { branch: r.branch, at: Some(r.at as f32) });
             out.instances.push(viewer::Instance { leaf, transform: p.transform.as_mat4(), ride });
         }
     }
-    for leaf in plan.leaves.iter() {
+    for leaf in &placed.leaves {
         let (Some(mesh), Some(at)) = (&leaf.mesh, index[leaf.index]) else { continue };
         let drawn = mesh.triangles() * out.instances.iter().filter(|i| i.leaf == at).count();
         if drawn > MANY_TRIANGLES {
@@ -57,22 +61,22 @@ pub fn scene(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<viewer
                 levels.into_iter().map(|l| viewer::Detail { indices: l.indices, error: l.error_mm as f32 }).collect();
         }
     }
-    if let Some((mesh, bark)) = &plan.wood {
+    if let Some((mesh, bark)) = &placed.wood {
         out.instances.push(viewer::Instance { leaf: out.leaves.len(), transform: glam::Mat4::IDENTITY, ride: None });
         out.leaves.push(barked("wood", mesh, *bark));
     }
-    branches(manifest, plan, &mut out);
+    branches(manifest, placed, &mut out);
     Ok(out)
 }
 
 /// Branches as meshes with bark, after the leaves; and what bends them and what rides on them, where anything does.
-fn branches(manifest: &Manifest, plan: &Plan, out: &mut viewer::Scene) {
-    for (k, (twig, mesh)) in plan.twigs.iter().enumerate() {
-        let ride = plan.bends.is_some().then_some(viewer::Ride { branch: k, at: None });
+fn branches(manifest: &Manifest, placed: &Placed, out: &mut viewer::Scene) {
+    for (k, (twig, mesh)) in placed.twigs.iter().enumerate() {
+        let ride = placed.bends.is_some().then_some(viewer::Ride { branch: k, at: None });
         out.instances.push(viewer::Instance { leaf: out.leaves.len(), transform: glam::Mat4::IDENTITY, ride });
         out.leaves.push(barked(&manifest.branches[k].name, mesh, twig.bark));
     }
-    let Some(bends) = &plan.bends else { return };
+    let Some(bends) = &placed.bends else { return };
     let vec = |v: [f64; 3]| Vec3::from(v.map(|c| c as f32));
     out.branches = bends
         .branches
@@ -120,12 +124,12 @@ fn barked(name: &str, mesh: &LeafMesh, bark: [f64; 3]) -> viewer::Leaf {
 }
 
 /// Sun, sky, exposure and how shadows and edges are sampled.
-fn lights(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<viewer::Scene> {
+fn lights(Scene { manifest, plan, .. }: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
     let rgb = |c: &[f64; 3]| c.map(|v| v as f32);
     let daylight = Daylight::of(manifest)?;
     let own = daylight.as_ref().map(|d| d.sun);
     let dome = match &daylight {
-        Some(d) => Some(dome(d, plan.sky_bands, daylight::polynomials(plan, ledger)?)?),
+        Some(d) => Some(dome(d, plan.light.sky_bands, polynomials(plan, ledger)?)?),
         None => None,
     };
     Ok(viewer::Scene {
@@ -141,12 +145,20 @@ fn lights(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<viewer::S
         scanner: None,
         background: rgb(&manifest.background),
         exposure: manifest.exposure as f32,
-        shadow_samples: plan.shadow_samples,
-        shadow_resolution: plan.shadow_resolution,
-        msaa: plan.msaa,
+        shadow_samples: plan.light.shadow_samples,
+        shadow_resolution: plan.light.shadow_resolution,
+        msaa: plan.light.msaa,
         branches: Vec::new(),
         wind: None,
     })
+}
+
+/// The sky's polynomials, where the scene's sun moves; every other scene runs no fit.
+///
+/// # Errors
+/// As [`daylight::polynomials`].
+pub fn polynomials(plan: &Plan, ledger: &Ledger) -> Result<Option<&'static Folded<f32>>> {
+    plan.light.sun_moves.then(|| daylight::polynomials(ledger)).transpose()
 }
 
 /// A sky as plain numbers.
@@ -199,9 +211,9 @@ pub fn viewer_mesh(mesh: &LeafMesh) -> viewer::Mesh {
     }
 }
 
-fn one_leaf(manifest: &Manifest, leaf: &LeafPlan, ledger: &Ledger) -> Result<viewer::Leaf> {
-    let config = &manifest.leaves[leaf.index];
-    let (Some(fitted), Some(mesh)) = (&leaf.fitted, &leaf.mesh) else {
+fn one_leaf(manifest: &Manifest, leaf: Leaf, ledger: &Ledger) -> Result<viewer::Leaf> {
+    let config = leaf.config;
+    let (Some(fitted), Some(mesh)) = (&leaf.placed.fitted, &leaf.placed.mesh) else {
         return Err(Error::field(
             &manifest.path,
             &format!("leaf \"{}\"", config.name),
@@ -213,19 +225,19 @@ fn one_leaf(manifest: &Manifest, leaf: &LeafPlan, ledger: &Ledger) -> Result<vie
     let h = fitted.thickness(lead)?;
     let mut sides = [viewer::Side::black(), viewer::Side::black()];
     for (s, side) in Side::ALL.into_iter().enumerate() {
-        let needs = leaf.sides[s];
+        let needs = leaf.plan.sides[s];
         if needs.interior() {
             let shift = (fitted.thickness(side)? - h) as f32;
             sides[s] = interior(config.interior, leaf, s, side, shift, ledger)?;
         }
         if needs.gloss {
-            sides[s].gloss = leaf.textures[s].gloss.as_ref().map(|t| shrink(t, leaf, mean4));
+            sides[s].gloss = leaf.loaded.textures[s].gloss.as_ref().map(|t| shrink(t, leaf, mean4));
         }
         if needs.normal {
             sides[s].normal = Some(normals(leaf, side, ledger)?);
         }
         if needs.translucency {
-            let Some(maps) = leaf.translucency.as_ref().and_then(|t| t.maps[s].as_ref()) else {
+            let Some(maps) = &leaf.loaded.coefficients[s] else {
                 let what = "the translucency maps are not made yet; `mesophyll run` and `check` make them";
                 return Err(Error::field(&manifest.path, &format!("leaf \"{}\"", config.name), what));
             };
@@ -241,12 +253,12 @@ fn one_leaf(manifest: &Manifest, leaf: &LeafPlan, ledger: &Ledger) -> Result<vie
         }
     }
     let [front, back] = sides;
-    let size = [leaf.size[0].max(1), leaf.size[1].max(1)];
+    let size = [leaf.plan.size[0].max(1), leaf.plan.size[1].max(1)];
     Ok(viewer::Leaf {
         name: config.name.clone(),
         mesh: viewer_mesh(mesh),
-        width: size[0].div_ceil(leaf.block) as u32,
-        height: size[1].div_ceil(leaf.block) as u32,
+        width: size[0].div_ceil(leaf.plan.block) as u32,
+        height: size[1].div_ceil(leaf.plan.block) as u32,
         thickness_mm: h as f32,
         lobe: lobe(config.lobe()),
         front,
@@ -255,18 +267,13 @@ fn one_leaf(manifest: &Manifest, leaf: &LeafPlan, ledger: &Ledger) -> Result<vie
     })
 }
 
-fn interior(
-    kind: Interior,
-    leaf: &LeafPlan,
-    s: usize,
-    side: Side,
-    shift: f32,
-    ledger: &Ledger,
-) -> Result<viewer::Side> {
+fn interior(kind: Interior, leaf: Leaf, s: usize, side: Side, shift: f32, ledger: &Ledger) -> Result<viewer::Side> {
     let mut out = viewer::Side::black();
     match kind {
         Interior::Scalars => {
-            let (Some(texels), Some(curve)) = (&leaf.textures[s].gamma_delta, &leaf.curves[s]) else { return Ok(out) };
+            let (Some(texels), Some(curve)) = (&leaf.loaded.textures[s].gamma_delta, &leaf.loaded.curves[s]) else {
+                return Ok(out);
+            };
             let shifted: Vec<[f32; 4]> = texels.iter().map(|t| [t[0], t[1], t[2], t[3] + shift]).collect();
             out.gamma_delta = shrink(&shifted, leaf, mean4);
             out.interior = viewer::Interior::Scalars(slab_curve(curve));
@@ -295,8 +302,8 @@ impl Default for Scaling {
 }
 
 /// ρd and ρt of every texel, solved from σa(x), σs(x) and the thickness.
-pub fn pigment(leaf: &LeafPlan, side: Side, edit: &Scaling, ledger: &Ledger) -> Result<[Vec<[f32; 3]>; 2]> {
-    let Some(fitted) = &leaf.fitted else { return Ok(Default::default()) };
+pub fn pigment(leaf: Leaf, side: Side, edit: &Scaling, ledger: &Ledger) -> Result<[Vec<[f32; 3]>; 2]> {
+    let Some(fitted) = &leaf.placed.fitted else { return Ok(Default::default()) };
     let file = format!("{}.exr", side.name());
     const CHANNELS: [&str; 7] =
         ["sigma_a.R", "sigma_a.G", "sigma_a.B", "sigma_s.R", "sigma_s.G", "sigma_s.B", "thickness.Y"];
@@ -332,17 +339,11 @@ pub fn pigment(leaf: &LeafPlan, side: Side, edit: &Scaling, ledger: &Ledger) -> 
     Ok([rgb(0), rgb(3)])
 }
 
-fn normals(leaf: &LeafPlan, side: Side, ledger: &Ledger) -> Result<Vec<[f32; 3]>> {
-    let Some(fitted) = &leaf.fitted else { return Ok(Vec::new()) };
+fn normals(leaf: Leaf, side: Side, ledger: &Ledger) -> Result<Vec<[f32; 3]>> {
+    let Some(fitted) = &leaf.placed.fitted else { return Ok(Vec::new()) };
     let file = format!("{}_normal.exr", side.name());
     let maps = fitted.maps(&file, &["X", "Y", "Z"], ledger)?;
-    if [maps.width, maps.height] != leaf.size {
-        let what = format!(
-            "found {}x{} texels, expected {}x{} as of the leaf's other maps",
-            maps.width, maps.height, leaf.size[0], leaf.size[1]
-        );
-        return Err(Error::input(&fitted.folder.join(&file), what));
-    }
+    fitted.same_size(leaf.plan.size, [maps.width, maps.height], &file)?;
     let mut planes: Vec<Vec<f32>> = maps.channels.into_iter().map(|(_, p)| p).collect();
     let good: Vec<bool> = (0..planes[0].len())
         .map(|k| planes.iter().all(|p| p[k].is_finite()) && planes.iter().map(|p| p[k] * p[k]).sum::<f32>() > 0.25)
@@ -353,18 +354,18 @@ fn normals(leaf: &LeafPlan, side: Side, ledger: &Ledger) -> Result<Vec<[f32; 3]>
 }
 
 /// 1 where the fit found leaf, in the front's columns; for meshes that are not trimmed to the outline.
-fn mask(leaf: &LeafPlan, ledger: &Ledger) -> Result<Vec<u8>> {
-    let Some(fitted) = &leaf.fitted else { return Ok(Vec::new()) };
+fn mask(leaf: Leaf, ledger: &Ledger) -> Result<Vec<u8>> {
+    let Some(fitted) = &leaf.placed.fitted else { return Ok(Vec::new()) };
     let maps = fitted.maps("front.exr", &["mask.Y"], ledger)?;
     let on: Vec<u8> = maps.channels[0].1.iter().map(|v| u8::from(*v != 0.0)).collect();
     Ok(shrink(&on, leaf, |a, b, c, d| u8::from(a + b + c + d >= 2)))
 }
 
-/// Averages over blocks of `leaf.block` texels a side.
-fn shrink<T: Copy>(texels: &[T], leaf: &LeafPlan, join: impl Fn(T, T, T, T) -> T + Copy) -> Vec<T> {
-    let ([mut w, mut h], mut out, mut block) = (leaf.size, texels.to_vec(), leaf.block);
+/// Averages over blocks of `leaf.plan.block` texels a side.
+fn shrink<T: Copy>(texels: &[T], leaf: Leaf, join: impl Fn(T, T, T, T) -> T + Copy) -> Vec<T> {
+    let ([mut w, mut h], mut out, mut block) = (leaf.plan.size, texels.to_vec(), leaf.plan.block);
     while block > 1 {
-        (w, h, out) = crate::plan::accuracy::halve(&out, w, h, join);
+        (w, h, out) = halve(&out, w, h, join);
         block /= 2;
     }
     out
@@ -382,15 +383,16 @@ fn mean3(a: [f32; 3], b: [f32; 3], c: [f32; 3], d: [f32; 3]) -> [f32; 3] {
 ///
 /// # Errors
 /// [`Error::Input`] for a physical sky that the model refuses.
-pub fn card(manifest: &Manifest, plan: &Plan, card: &Card, ledger: &Ledger) -> Result<viewer::Scene> {
-    let mut out = lights(manifest, plan, ledger)?;
+pub fn card(scene: &Scene, card: &Card, ledger: &Ledger) -> Result<viewer::Scene> {
+    let manifest = &scene.manifest;
+    let mut out = lights(scene, ledger)?;
     (out.shadow_samples, out.msaa) = (0, 1);
     let thickness = card.sides.iter().flatten().map(|p| p.thickness).next().unwrap_or(1.0);
     let side = |s: usize| match card.sides[s].as_ref().filter(|_| card.planned[s]) {
         None => viewer::Side::black(),
         Some(p) => {
             let (low, high) = (0.95 * p.thickness.min(thickness), 1.05 * p.thickness.max(thickness));
-            let curve = accuracy::curve(p.sigma_a, p.sigma_s, low, high, 1e-5, "card slab curve", ledger);
+            let curve = curve(p.sigma_a, p.sigma_s, low, high, 1e-5, "card slab curve", ledger);
             viewer::Side {
                 gamma_delta: vec![[
                     p.gamma[0] as f32,

@@ -3,13 +3,14 @@
 //! (Chebyshev in the thickness). Nothing that the plan leaves out is left out here: gloss, normals, translucency and
 //! both sides are drawn wherever the fit has them.
 
+use super::sunlit::relight;
 use crate::fits::fitted::{Fitted, fill};
 use crate::ledger::Ledger;
-use crate::manifest::{Interior, Leaf, Manifest, View};
+use crate::loaded::{Leaf, Scene};
+use crate::manifest::{self, Interior, Manifest, View};
+use crate::placed::Placed;
 use crate::placed::branch::Bends;
-use crate::placed::daylight::Daylight;
-use crate::plan::leaf::same_size;
-use crate::plan::{LeafPlan, Plan, sun_direction};
+use crate::placed::daylight::{Daylight, sun_direction};
 use crate::{Error, Result};
 use glam::{DMat4, DVec3, DVec4};
 use mesophyll_files::mesh::LeafMesh;
@@ -25,29 +26,30 @@ use std::sync::Arc;
 ///
 /// # Errors
 /// [`Error::Input`] for a map that is missing, damaged or of another size.
-pub fn world(manifest: &Manifest, plan: &Plan, ledger: &Ledger) -> Result<transport::World> {
+pub fn world(scene: &Scene, ledger: &Ledger) -> Result<transport::World> {
+    let Scene { manifest, placed, .. } = scene;
     let mut out = lights(manifest)?;
-    let mut index = vec![None; plan.leaves.len()];
-    for leaf in plan.leaves.iter().filter(|l| l.mesh.is_some()) {
-        index[leaf.index] = Some(out.leaves.len());
+    let mut index = vec![None; placed.leaves.len()];
+    for leaf in scene.drawn() {
+        index[leaf.placed.index] = Some(out.leaves.len());
         out.leaves.push(one_leaf(manifest, leaf, ledger)?);
     }
-    for p in &plan.placements {
+    for p in &placed.placements {
         if let Some(leaf) = index[p.leaf] {
             out.instances.push(transport::Placement { leaf, transform: p.transform });
         }
     }
-    if let Some((wood, bark)) = &plan.wood {
+    if let Some((wood, bark)) = &placed.wood {
         out.instances.push(transport::Placement { leaf: out.leaves.len(), transform: DMat4::IDENTITY });
         out.leaves.push(barked(*bark, wood));
     }
-    for (twig, mesh) in &plan.twigs {
+    for (twig, mesh) in &placed.twigs {
         out.instances.push(transport::Placement { leaf: out.leaves.len(), transform: DMat4::IDENTITY });
         out.leaves.push(barked(twig.bark, mesh));
     }
-    move_to(&mut out, plan, crate::placed::branch::rest_time(manifest))?;
-    if plan.bends.is_none() {
-        super::sunlit::relight(&mut out, plan, &plan.eyes)?;
+    move_to(&mut out, scene, crate::placed::branch::rest_time(manifest))?;
+    if placed.bends.is_none() {
+        relight(&mut out, scene, &placed.eyes)?;
     }
     Ok(out)
 }
@@ -73,20 +75,21 @@ fn barked(bark: [f64; 3], rest: &LeafMesh) -> transport::ReferenceLeaf {
 ///
 /// # Errors
 /// [`Error::Input`] for a leaf whose inside cannot be read.
-pub fn move_to(world: &mut transport::World, plan: &Plan, time: f64) -> Result<()> {
-    let Some(bends) = &plan.bends else { return Ok(()) };
-    let drawn = plan.placements.iter().filter(|p| plan.leaves[p.leaf].mesh.is_some());
-    for (placed, p) in world.instances.iter_mut().zip(drawn) {
-        placed.transform = plan.at_time(p, time).transform;
+pub fn move_to(world: &mut transport::World, scene: &Scene, time: f64) -> Result<()> {
+    let placed = &scene.placed;
+    let Some(bends) = &placed.bends else { return Ok(()) };
+    let drawn = placed.placements.iter().filter(|p| placed.leaves[p.leaf].mesh.is_some());
+    for (instance, p) in world.instances.iter_mut().zip(drawn) {
+        instance.transform = placed.at_time(p, time).transform;
     }
-    move_branches(world, plan, bends, time);
-    super::sunlit::relight(world, plan, &plan.eyes)
+    move_branches(world, placed, bends, time);
+    relight(world, scene, &placed.eyes)
 }
 
 /// The branches alone.
-pub fn move_branches(world: &mut transport::World, plan: &Plan, bends: &Bends, time: f64) {
-    let first = world.leaves.len() - plan.twigs.len();
-    for (k, (_, rest)) in plan.twigs.iter().enumerate() {
+pub fn move_branches(world: &mut transport::World, placed: &Placed, bends: &Bends, time: f64) {
+    let first = world.leaves.len() - placed.twigs.len();
+    for (k, (_, rest)) in placed.twigs.iter().enumerate() {
         world.leaves[first + k].mesh = mesh(&bends.mesh(k, time, rest));
     }
 }
@@ -160,9 +163,9 @@ pub fn black(texels: usize) -> transport::ReferenceSide {
 
 /// A leaf with everything that its fit has. What the plan leaves out of the picture is drawn here all the same, so that
 /// the picture is held against the leaf and not against the plan.
-fn one_leaf(manifest: &Manifest, leaf: &LeafPlan, ledger: &Ledger) -> Result<transport::ReferenceLeaf> {
-    let config = &manifest.leaves[leaf.index];
-    let (Some(blade), Some(fitted)) = (&leaf.mesh, &leaf.fitted) else {
+fn one_leaf(manifest: &Manifest, leaf: Leaf, ledger: &Ledger) -> Result<transport::ReferenceLeaf> {
+    let config = leaf.config;
+    let (Some(blade), Some(fitted)) = (&leaf.placed.mesh, &leaf.placed.fitted) else {
         return Err(Error::field(
             &manifest.path,
             &format!("leaf \"{}\"", config.name),
@@ -176,11 +179,11 @@ fn one_leaf(manifest: &Manifest, leaf: &LeafPlan, ledger: &Ledger) -> Result<tra
         }
         _ => None,
     };
-    let mut size = leaf.size;
+    let mut size = leaf.plan.size;
     let (mut sides, mut mask) = ([None, None], None);
     for (s, side) in Side::ALL.into_iter().enumerate().filter(|(_, side)| fitted.has(*side)) {
         let read = one_side(config, fitted, s, side, scanned.as_ref().unwrap_or(blade), ledger)?;
-        size = same_size(size, read.size, fitted, &format!("{}.exr", side.name()))?;
+        size = fitted.same_size(size, read.size, &format!("{}.exr", side.name()))?;
         if config.mesh.is_some() && s == 0 {
             mask = Some(read.on_leaf);
         }
@@ -206,7 +209,7 @@ struct ReadSide {
 }
 
 fn one_side(
-    config: &Leaf,
+    config: &manifest::Leaf,
     fitted: &Fitted,
     s: usize,
     side: Side,

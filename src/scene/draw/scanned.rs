@@ -8,7 +8,7 @@
 use super::{handover, reference};
 use crate::fits::fitted::{Fitted, fill};
 use crate::ledger::Ledger;
-use crate::plan::accuracy;
+use crate::loaded::curve::curve;
 use crate::{Error, Result};
 use glam::{DMat4, DVec3, Mat4, Vec3};
 use mesophyll_capture::manifest::Travel;
@@ -88,8 +88,7 @@ impl<'a> Scanned<'a> {
         let (low, high) = first[3]
             .iter()
             .fold((f64::INFINITY, 0f64), |(a, b), d| (a.min(h + f64::from(*d)), b.max(h + f64::from(*d))));
-        let curve =
-            accuracy::curve(sigma_a, sigma_s, low.max(1e-6), high.max(2e-6), CURVE, "scanned leaf", &Ledger::new());
+        let curve = curve(sigma_a, sigma_s, low.max(1e-6), high.max(2e-6), CURVE, "scanned leaf", &Ledger::new());
         let front = viewer::Side {
             gamma_delta: (0..n).map(|k| texel(&first, k)).collect(),
             gloss: Some((0..n).map(|k| texel(&second, k)).collect()),

@@ -3,8 +3,7 @@
 //! picture of it against the picture from the fit shows what the fit costs.
 
 use crate::fits::fitted::fill;
-use crate::manifest::Manifest;
-use crate::plan::Plan;
+use crate::loaded::Scene;
 use crate::{Error, Result};
 use mesophyll_files::image::{Maps, read_exr};
 use mesophyll_leaf::frames;
@@ -17,22 +16,23 @@ use std::path::Path;
 ///
 /// # Errors
 /// A truth that is there and cannot be read.
-pub fn replace(world: &mut transport::World, manifest: &Manifest, plan: &Plan, out: &Path) -> Result<Vec<String>> {
+pub fn replace(world: &mut transport::World, scene: &Scene, out: &Path) -> Result<Vec<String>> {
+    let manifest = &scene.manifest;
     let mut names = Vec::new();
-    for (k, leaf) in plan.leaves.iter().filter(|l| l.mesh.is_some()).enumerate() {
-        let config = &manifest.leaves[leaf.index];
+    for (k, leaf) in scene.drawn().enumerate() {
+        let config = leaf.config;
         let capture = match (&config.capture, &config.scan) {
             (Some(capture), _) => manifest.resolve(capture),
             (None, Some(_)) => out.join("captures").join(config.data_name()),
             (None, None) => continue,
         };
-        let (Some(mesh), Some(drawn)) = (&leaf.mesh, world.leaves.get_mut(k)) else { continue };
+        let (Some(mesh), Some(drawn)) = (&leaf.placed.mesh, world.leaves.get_mut(k)) else { continue };
         let mut replaced = false;
-        for (s, side) in Side::ALL.into_iter().enumerate().filter(|(s, _)| leaf.sides[*s].any()) {
+        for (s, side) in Side::ALL.into_iter().enumerate().filter(|(s, _)| leaf.plan.sides[*s].any()) {
             let path = capture.join("truth").join(format!("{}.exr", side.name()));
             let Some(truth) = open(&path, drawn)? else { continue };
             let place = if s == 0 { &mut drawn.front } else { &mut drawn.back };
-            if leaf.sides[s].interior() {
+            if leaf.plan.sides[s].interior() {
                 place.interior = transport::Interior::Maps {
                     rho_d: rgb(&truth, &path, "rho_d")?,
                     rho_t: rgb(&truth, &path, "rho_t")?,

@@ -97,6 +97,22 @@ impl Fitted {
         std::fs::metadata(self.folder.join(file)).map_or(0, |m| m.len())
     }
 
+    /// The size of a leaf's maps, where `size` is that of one of them and `leaf` is what is known so far (zeros where
+    /// nothing is).
+    ///
+    /// # Errors
+    /// [`Error::Input`] naming the file where they differ.
+    pub fn same_size(&self, leaf: [usize; 2], size: [usize; 2], file: &str) -> Result<[usize; 2]> {
+        if leaf != [0, 0] && leaf != size {
+            let what = format!(
+                "found {}x{} texels, expected {}x{} as of the leaf's other maps",
+                size[0], size[1], leaf[0], leaf[1]
+            );
+            return Err(Error::input(&self.folder.join(file), what));
+        }
+        Ok(size)
+    }
+
     pub fn entry(&self, file: &str) -> String {
         format!("{}/{file}", self.name)
     }

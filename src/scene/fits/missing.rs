@@ -5,9 +5,7 @@
 
 use super::source;
 use crate::ledger::Ledger;
-use crate::loaded::translucency;
-use crate::manifest::{Leaf, Manifest, Scan, Tissue, Translucency};
-use crate::plan::Plan;
+use crate::manifest::{Leaf, Manifest, Scan, Tissue};
 use crate::{Error, Result};
 use mesophyll_capture::inspect::inspect;
 use mesophyll_capture::manifest::Travel;
@@ -69,32 +67,22 @@ pub fn fit(manifest: &Manifest, index: usize, out: &Path, folder: &Path, afresh:
     Ok(())
 }
 
-/// Makes what translucency maps a plan still lacks, of leaves whose own fits are there, into a run's folder `out`.
-/// Whether any were made, so that the plan is to be made again.
+/// Makes the translucency maps of leaf `index`, whose own fit lies in `fitted`, into a run's folder `out`.
 ///
 /// # Errors
 /// As `fit translucency`.
-pub fn translucencies(manifest: &Manifest, plan: &Plan, out: &Path, ledger: &Ledger) -> Result<bool> {
-    let lacking = plan.untranslucent();
-    for &index in &lacking {
-        let Some(fitted) = &plan.leaves[index].fitted else { continue };
-        stop()?;
-        let asked = manifest.leaves[index].translucency.clone().unwrap_or_default();
-        translucency(&fitted.folder, &translucency::folder(manifest, index, out), &asked, ledger)?;
-    }
-    Ok(!lacking.is_empty())
-}
-
-/// Makes the translucency maps of the leaf fitted into `leaf`.
-fn translucency(leaf: &Path, folder: &Path, asked: &Translucency, ledger: &Ledger) -> Result<()> {
+pub fn translucency(manifest: &Manifest, index: usize, fitted: &Path, out: &Path, ledger: &Ledger) -> Result<()> {
+    stop()?;
+    let asked = manifest.leaves[index].translucency.clone().unwrap_or_default();
     let tissue = match asked.tissue {
         Tissue::Fit => through::TissueFrom::Fit,
         Tissue::Table => through::TissueFrom::Table,
     };
     let basis = asked.basis.unwrap_or_default().functions();
     let options = through::Options { tissue, colour: asked.colour, basis, ..through::Options::default() };
+    let folder = super::translucency::folder(manifest, index, out);
     ledger
-        .note("fit", format!("{} translucency", leaf.display()), 0, || through::run(leaf, folder, &options))
+        .note("fit", format!("{} translucency", fitted.display()), 0, || through::run(fitted, &folder, &options))
         .map(|_| ())
 }
 
@@ -122,7 +110,7 @@ fn scanned(
     claim::capture(&folder, &[], true)?;
     let mut spec = Spec::read(&manifest.resolve(&told.spec))?;
     spec.field_mm = told.field_mm.unwrap_or(spec.field_mm);
-    let (width, height) = size(told).unwrap_or((720, 540));
+    let (width, height) = told.texels().unwrap_or((720, 540));
     let options = scan::Options {
         width,
         height,
@@ -145,13 +133,6 @@ fn scanned(
     })?;
     atomic::write_bytes(&stamp, wanted.as_bytes())?;
     Ok(folder)
-}
-
-/// `240x180`, where it is one.
-pub fn size(scan: &Scan) -> Option<(usize, usize)> {
-    let (w, h) = scan.size.as_deref()?.split_once('x')?;
-    let one = |t: &str| t.trim().parse::<usize>().ok().filter(|v| (1..=16_384).contains(v));
-    Some((one(w)?, one(h)?))
 }
 
 fn stop() -> Result<()> {

@@ -3,3 +3,4 @@
 pub mod fitted;
 pub mod missing;
 pub mod source;
+pub mod translucency;

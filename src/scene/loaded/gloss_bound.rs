@@ -7,10 +7,10 @@
 //! views as the lobe itself does. Shadows are not looked at: a point in the shade shows less gloss than the bound says.
 //! Angles are in radians; radiance and irradiance are in the scene's unit.
 
-use crate::plan::display::displayed;
 use glam::{DMat3, DMat4, DVec3};
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_transport::lobe::{COS_VIEW_FLOOR, Lobe, M_FLOOR, Reflect};
+use mesophyll_transport::tone::display;
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -244,7 +244,7 @@ impl Lights {
             for part in 0..if sun > 0.0 { PARTS } else { 1 } {
                 let share = |k: u32| f64::from(k) / f64::from(PARTS);
                 let (under, gloss) = (under_sky + share(part) * under_sun, sky + share(part + 1) * sun);
-                most = most.max(displayed(under + gloss, self.exposure) - displayed(under, self.exposure));
+                most = most.max(display(under + gloss, self.exposure) - display(under, self.exposure));
             }
         }
         most
@@ -344,7 +344,7 @@ mod tests {
                 let n = DVec3::from(normals[k].map(f64::from)).normalize();
                 let shine = Lobe::Beckmann.times_cosine(n, (eye - p).normalize(), sun, f64::from(gloss[k][3]));
                 let under = 0.05 * 3.0 * n.dot(sun).max(0.0) / PI;
-                found = found.max(displayed(under + 3.0 * f64::from(gloss[k][0]) * shine, 2.0) - displayed(under, 2.0));
+                found = found.max(display(under + 3.0 * f64::from(gloss[k][0]) * shine, 2.0) - display(under, 2.0));
             }
             assert!(found <= bound, "{found} above the bound {bound}");
             tightest = tightest.min(bound / found);

@@ -36,9 +36,7 @@ impl Leaf {
     pub fn lobe(&self) -> Lobe {
         Lobe::of(self.lobe, self.index.unwrap_or(1.5))
     }
-}
 
-impl Leaf {
     /// The name that its data go by in a run's folder.
     pub fn data_name(&self) -> &str {
         self.like.as_deref().unwrap_or(&self.name)
@@ -104,6 +102,15 @@ pub struct Scan {
     pub frames: Option<usize>,
     pub noise: Option<f64>,
     pub seed: Option<u64>,
+}
+
+impl Scan {
+    /// Texels across and down, where `size` says them as in `240x180`.
+    pub fn texels(&self) -> Option<(usize, usize)> {
+        let (w, h) = self.size.as_deref()?.split_once('x')?;
+        let one = |t: &str| t.trim().parse::<usize>().ok().filter(|v| (1..=16_384).contains(v));
+        Some((one(w)?, one(h)?))
+    }
 }
 
 /// Where ρd and ρt come from: W's scalars σa and σs with γ and δ maps, or per-texel pigment maps.

@@ -53,6 +53,18 @@ pub struct Day {
     pub hours: Vec<f64>,
 }
 
+impl Day {
+    /// Zenith angle and azimuth (rad) of the sun at a solar hour; +x is east, +y north.
+    pub fn sun(&self, hour: f64) -> (f64, f64) {
+        let (sin_d, cos_d) = self.declination_deg.to_radians().sin_cos();
+        let (sin_l, cos_l) = self.latitude_deg.to_radians().sin_cos();
+        let (sin_h, cos_h) = ((hour - 12.0) * 15.0).to_radians().sin_cos();
+        let (east, north, up) =
+            (-cos_d * sin_h, cos_l * sin_d - sin_l * cos_d * cos_h, sin_l * sin_d + cos_l * cos_d * cos_h);
+        (up.clamp(-1.0, 1.0).acos(), north.atan2(east))
+    }
+}
+
 fn sun_radius() -> f64 {
     0.2666
 }

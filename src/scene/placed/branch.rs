@@ -6,7 +6,7 @@
 //! ground, its mean wind along the wind, and gusts from one motion texture for all branches, each on a line of its own.
 //! Lengths in mm, amplitudes in units of a branch's length.
 
-use super::placement::Ride;
+use super::placement::{Placement, Ride, frame};
 use crate::ledger::Ledger;
 use crate::manifest::{self, Manifest};
 use crate::{Error, Result};
@@ -36,14 +36,6 @@ pub struct Twig {
     /// F/(E′r₁⁴) (mm) of its own weight, were it horizontal.
     pub load: f64,
     pub bark: [f64; 3],
-}
-
-/// Root, t, r, s of a branch of the manifest.
-pub fn frame(b: &manifest::Branch) -> (DVec3, [DVec3; 3]) {
-    let t = DVec3::from(b.direction).normalize_or(DVec3::X);
-    let up = if t.z.abs() > 0.999 { DVec3::X } else { DVec3::Z };
-    let s = (up - t * t.dot(up)).normalize_or(DVec3::Y);
-    (DVec3::from(b.position_mm), [t, s.cross(t), s])
 }
 
 /// All branches at rest; taper and load from a fit where the manifest names one.
@@ -215,6 +207,14 @@ impl Bends {
         let turn = |v: DVec4| DVec3::from(branch.turn(&joint, v.truncate().to_array())).extend(0.0);
         let place = DVec3::from(branch.carry(&joint, ride.at, rest.w_axis.truncate().to_array())).extend(1.0);
         DMat4::from_cols(turn(rest.x_axis), turn(rest.y_axis), turn(rest.z_axis), place)
+    }
+
+    /// A placement as the branches have it at a time (s).
+    pub fn placement(&self, rest: &Placement, time: f64) -> Placement {
+        match rest.ride {
+            Some(ride) => Placement { transform: self.transform(ride, time, rest.transform), ..*rest },
+            None => *rest,
+        }
     }
 
     /// The mesh of branch `k`, bent.

@@ -6,15 +6,14 @@
 //! coefficients are integrated; a sun that moves takes them from the polynomial fit, which is made once and only then.
 
 use crate::ledger::Ledger;
-use crate::manifest::{Day, Manifest};
-use crate::plan::Plan;
-use crate::plan::display::displayed;
+use crate::manifest::Manifest;
 use crate::{Error, Result};
 use glam::DVec3;
 use mesophyll_fit::sky as fit;
 use mesophyll_sky::fitted::Folded;
 use mesophyll_sky::preetham::PreethamSky;
 use mesophyll_sky::{Coefficients, Preetham, Sky, harmonics, irradiance, project, sun};
+use mesophyll_transport::tone::display;
 use std::f64::consts::{PI, TAU};
 
 /// Radiance on the horizon's level and above of one sky, and what goes with it; everything in the scene's unit.
@@ -40,19 +39,23 @@ pub struct Light {
     pub ground: Option<[f64; 3]>,
 }
 
-/// Zenith angle and azimuth (rad) of the sun at a solar hour of a [`Day`]; +x is east, +y north.
-pub fn sun_of(day: &Day, hour: f64) -> (f64, f64) {
-    let (sin_d, cos_d) = day.declination_deg.to_radians().sin_cos();
-    let (sin_l, cos_l) = day.latitude_deg.to_radians().sin_cos();
-    let (sin_h, cos_h) = ((hour - 12.0) * 15.0).to_radians().sin_cos();
-    let (east, north, up) =
-        (-cos_d * sin_h, cos_l * sin_d - sin_l * cos_d * cos_h, sin_l * sin_d + cos_l * cos_d * cos_h);
-    (up.clamp(-1.0, 1.0).acos(), north.atan2(east))
-}
-
 /// Towards a sun.
 pub fn direction(zenith: f64, azimuth: f64) -> DVec3 {
     DVec3::new(zenith.sin() * azimuth.cos(), zenith.sin() * azimuth.sin(), zenith.cos())
+}
+
+/// Towards the scene's sun.
+pub fn sun_direction(manifest: &Manifest) -> Option<DVec3> {
+    manifest.sun.as_ref().map(|s| direction(s.zenith_deg.to_radians(), s.azimuth_deg.to_radians()))
+}
+
+/// Irradiance of the sun and mean radiance of the sky, in the scene's unit; none is 0.
+pub fn levels(manifest: &Manifest) -> ([f64; 3], [f64; 3]) {
+    if let Ok(Some(daylight)) = Daylight::of(manifest) {
+        return (daylight.sun, daylight.level.map(|e| e / PI));
+    }
+    let sun = manifest.sun.as_ref().and_then(|s| s.irradiance).unwrap_or_default();
+    (sun, manifest.sky.as_ref().and_then(|s| s.radiance).unwrap_or_default())
 }
 
 impl Daylight {
@@ -162,7 +165,7 @@ impl Daylight {
                 })
             })
             .collect();
-        let shown = |e: f64| displayed(0.1 * e.max(0.0) / PI, exposure);
+        let shown = |e: f64| display(0.1 * e.max(0.0) / PI, exposure);
         bands
             .iter()
             .map(|&n| {
@@ -178,24 +181,21 @@ impl Daylight {
     }
 }
 
-/// The polynomials of a scene whose sun moves: fitted at the first call, noted once; `None` for every other scene,
-/// which runs no fit.
+/// The sky's polynomials, of one fit a process; it is noted when it is first made.
 ///
 /// # Errors
 /// [`Error::Missed`] where the fit fails.
-pub fn polynomials(plan: &Plan, ledger: &Ledger) -> Result<Option<&'static Folded<f32>>> {
-    if !plan.sun_moves {
-        return Ok(None);
+pub fn polynomials(ledger: &Ledger) -> Result<&'static Folded<f32>> {
+    if ledger.count("fit", "sky") == 0 {
+        return ledger.note("fit", "sky", 0, fit::standard);
     }
-    if plan.sky_fitted.set(()).is_ok() {
-        return ledger.note("fit", "sky", 0, fit::standard).map(Some);
-    }
-    fit::standard().map(Some)
+    fit::standard()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::manifest::Day;
 
     fn manifest(sky: &str) -> Manifest {
         let text = format!(
@@ -215,11 +215,11 @@ mod tests {
     #[test]
     fn the_sun_goes_its_way() {
         let day = Day { latitude_deg: 50.0, declination_deg: 0.0, hours: Vec::new() };
-        let (z, a) = sun_of(&day, 6.0);
+        let (z, a) = day.sun(6.0);
         assert!((z - PI / 2.0).abs() < 1e-12 && a.abs() < 1e-12, "{z} {a}");
-        let (z, a) = sun_of(&day, 12.0);
+        let (z, a) = day.sun(12.0);
         assert!((z.to_degrees() - 50.0).abs() < 1e-9 && (a + PI / 2.0).abs() < 1e-12);
-        let ((z1, a1), (z2, a2)) = (sun_of(&day, 9.0), sun_of(&day, 15.0));
+        let ((z1, a1), (z2, a2)) = (day.sun(9.0), day.sun(15.0));
         assert!((z1 - z2).abs() < 1e-12 && (direction(z1, a1).x + direction(z2, a2).x).abs() < 1e-12);
     }
 

@@ -3,5 +3,108 @@
 pub mod branch;
 pub mod daylight;
 pub mod facing;
+pub mod leaf;
 pub mod placement;
 pub mod tree;
+
+use crate::Result;
+use crate::fits::missing;
+use crate::ledger::Ledger;
+use crate::manifest::{Manifest, ViewKind};
+use branch::{Bends, Twig};
+use glam::DVec3;
+use leaf::{Leaf, Search};
+use mesophyll_files::mesh::LeafMesh;
+use placement::Placement;
+use std::path::Path;
+
+/// A scene's leaves, branches and wood where they stand.
+#[derive(Debug)]
+pub struct Placed {
+    /// In the manifest's order.
+    pub leaves: Vec<Leaf>,
+    /// Where leaves stand at rest.
+    pub placements: Vec<Placement>,
+    /// Where perspective views look from.
+    pub eyes: Vec<DVec3>,
+    /// Branches at rest, with their meshes.
+    pub twigs: Vec<(Twig, LeafMesh)>,
+    /// A tree's wood, and its bark.
+    pub wood: Option<(LeafMesh, [f64; 3])>,
+    /// `None` where nothing bends.
+    pub bends: Option<Bends>,
+    /// For a window: camera, sun and sliders may go anywhere.
+    pub free: bool,
+}
+
+impl Placed {
+    /// Looks for everything that the scene shows.
+    ///
+    /// # Errors
+    /// [`crate::Error::Input`] for a fit that does not exist and cannot be made, a damaged mesh, or a branch that bends
+    /// too far.
+    pub fn new(manifest: &Manifest, search: Search, ledger: &Ledger) -> Result<Placed> {
+        let placements = placement::placements(manifest);
+        let twigs = branch::twigs(manifest, ledger)?;
+        let bends = if branch::moves(manifest, &twigs) { Some(Bends::new(manifest, &twigs, ledger)?) } else { None };
+        let perspective = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective);
+        let eyes = perspective.filter_map(|v| v.eye_mm.map(DVec3::from)).collect();
+        let leaves = (0..manifest.leaves.len())
+            .map(|k| Leaf::find(manifest, (&placements, bends.as_ref()), k, search, ledger))
+            .collect::<Result<_>>()?;
+        Ok(Placed {
+            leaves,
+            placements,
+            eyes,
+            wood: manifest.tree.as_ref().map(|t| (tree::wood(&tree::grow(t).wood), t.bark)),
+            twigs: twigs.into_iter().map(|t| (t.clone(), branch::tube(&t))).collect(),
+            bends,
+            free: search.free,
+        })
+    }
+
+    /// A placement as the branches have it at a time (s).
+    pub fn at_time(&self, placement: &Placement, time: f64) -> Placement {
+        self.bends.as_ref().map_or(*placement, |bends| bends.placement(placement, time))
+    }
+
+    /// Leaves that must be fitted before anything can be drawn.
+    pub fn unfitted(&self) -> Vec<usize> {
+        self.leaves.iter().filter(|l| l.used && l.fitted.is_none()).map(|l| l.index).collect()
+    }
+
+    /// Leaves whose translucency maps must be made before anything can be drawn; their own fits are there.
+    pub fn untranslucent(&self, manifest: &Manifest) -> Vec<usize> {
+        self.leaves.iter().filter(|l| l.lacks_translucency(manifest)).map(|l| l.index).collect()
+    }
+
+    /// Looks for one leaf again, after its fit was made.
+    ///
+    /// # Errors
+    /// As [`Placed::new`].
+    pub fn find_again(&mut self, manifest: &Manifest, index: usize, search: Search, ledger: &Ledger) -> Result<()> {
+        let world = (self.placements.as_slice(), self.bends.as_ref());
+        self.leaves[index] = Leaf::find(manifest, world, index, search, ledger)?;
+        Ok(())
+    }
+
+    /// Makes what translucency maps are lacking, of leaves whose own fits are there, into a run's folder `out`.
+    ///
+    /// # Errors
+    /// As `fit translucency`.
+    pub fn make_translucency(
+        &mut self,
+        manifest: &Manifest,
+        out: &Path,
+        search: Search,
+        ledger: &Ledger,
+    ) -> Result<()> {
+        for index in self.untranslucent(manifest) {
+            if let Some(fitted) = &self.leaves[index].fitted {
+                missing::translucency(manifest, index, &fitted.folder, out, ledger)?;
+            }
+            self.find_again(manifest, index, Search { out: Some(out), ..search }, ledger)?;
+        }
+        Ok(())
+    }
+}

@@ -4,9 +4,8 @@
 //! A cluster is a twig along z with leaves a golden angle apart, each blade's tip (its +x) pointing away from the twig
 //! and drooping; droop, twist and height stray by a seeded amount.
 
-use super::branch;
 use super::tree;
-use crate::manifest::{Cluster, Instance, Manifest};
+use crate::manifest::{self, Cluster, Instance, Manifest};
 use glam::{DMat4, DQuat, DVec3, EulerRot};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -55,6 +54,14 @@ pub fn rotation(deg: [f64; 3]) -> DQuat {
     DQuat::from_euler(EulerRot::ZYX, deg[2].to_radians(), deg[1].to_radians(), deg[0].to_radians())
 }
 
+/// Root, t, r, s of a branch of the manifest.
+pub fn frame(b: &manifest::Branch) -> (DVec3, [DVec3; 3]) {
+    let t = DVec3::from(b.direction).normalize_or(DVec3::X);
+    let up = if t.z.abs() > 0.999 { DVec3::X } else { DVec3::Z };
+    let s = (up - t * t.dot(up)).normalize_or(DVec3::Y);
+    (DVec3::from(b.position_mm), [t, s.cross(t), s])
+}
+
 fn placed(manifest: &Manifest, i: &Instance, leaf: usize) -> Placement {
     let own = instance_transform(i);
     let Some((ride, b)) = i.branch.as_ref().and_then(|name| {
@@ -63,7 +70,7 @@ fn placed(manifest: &Manifest, i: &Instance, leaf: usize) -> Placement {
     }) else {
         return Placement { leaf, transform: own, ride: None };
     };
-    let (root, [t, r, s]) = branch::frame(b);
+    let (root, [t, r, s]) = frame(b);
     let place = root + t * (ride.at * b.length_mm);
     let on_branch = DMat4::from_cols(t.extend(0.0), r.extend(0.0), s.extend(0.0), place.extend(1.0));
     let out = rotation(i.rotation_deg) * DVec3::X * i.offset_mm.unwrap_or(0.0);

@@ -4,13 +4,14 @@
 use super::{LeftOut, Need, Plan};
 use crate::ledger::Ledger;
 use crate::manifest::Manifest;
+use crate::placed::Placed;
 use crate::placed::branch::{self, MOTION_SIDE};
 use mesophyll_fit::beam::basis;
 use mesophyll_plant::taper::TERMS;
 
 /// Lists what branches and wind ask for, or why they ask for nothing.
-pub fn branches(manifest: &Manifest, plan: &mut Plan, ledger: &Ledger) {
-    for (b, (twig, mesh)) in manifest.branches.iter().zip(&plan.twigs) {
+pub fn branches(manifest: &Manifest, placed: &Placed, plan: &mut Plan, ledger: &Ledger) {
+    for (b, (twig, mesh)) in manifest.branches.iter().zip(&placed.twigs) {
         let bytes = (mesh.positions.len() * 32 + mesh.indices.len() * 4) as u64;
         let why = if b.fit.is_some() { "a branch of the scene, as it was measured" } else { "a branch of the scene" };
         let mut need = Need::new(format!("branch {}", b.name), why);
@@ -22,10 +23,10 @@ pub fn branches(manifest: &Manifest, plan: &mut Plan, ledger: &Ledger) {
             mesh.triangles()
         ));
         need.bytes = Some(bytes);
-        plan.needed.push(need);
+        plan.need(need);
     }
     let coefficients = (TERMS * (basis::DEGREE + 1) * 8) as u64;
-    if let Some(bends) = &plan.bends {
+    if let Some(bends) = &placed.bends {
         let ms = ledger.entries().iter().find(|e| e.action == "fit" && e.what == "beam").map_or(0.0, |e| e.ms);
         let mut need = Need::new(
             "beam fit",
@@ -33,7 +34,7 @@ pub fn branches(manifest: &Manifest, plan: &mut Plan, ledger: &Ledger) {
         );
         need.amount = Some(format!("{} of {TERMS} numbers, {ms:.1} ms (measured)", bends.branches.len()));
         need.bytes = Some(coefficients);
-        plan.needed.push(need);
+        plan.need(need);
     } else {
         let why = match (manifest.branches.is_empty(), &manifest.wind) {
             (true, None) => "nothing bends: the scene has no branches and no wind",
@@ -49,11 +50,11 @@ pub fn branches(manifest: &Manifest, plan: &mut Plan, ledger: &Ledger) {
         ));
     }
     let texture = (MOTION_SIDE * MOTION_SIDE * 8) as u64;
-    if let Some(motion) = plan.bends.as_ref().and_then(|b| b.motion.as_ref()) {
+    if let Some(motion) = placed.bends.as_ref().and_then(|b| b.motion.as_ref()) {
         let mut need = Need::new("motion texture", "branches sway: one texture for all, sampled in the vertex stage");
         need.amount = Some(format!("{0}x{0} texels, {1:.2} to {2:.2} Hz", motion.size, motion.lowest, motion.highest));
         need.bytes = Some(texture);
-        plan.needed.push(need);
+        plan.need(need);
     } else {
         let why = match &manifest.wind {
             None => "the scene has no wind; no deformation by it in the vertex shader either",

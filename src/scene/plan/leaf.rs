@@ -1,83 +1,75 @@
 //! The plan of one leaf: which of its fit's files are read, which maps are uploaded, at what resolution, with how fine
 //! a slab curve.
+//!
+//! The figures that some decisions rest on are measured by whoever reads the maps ([`crate::loaded`]) and handed in.
 
-use super::accuracy;
-use super::display::displayed;
-use super::{LeafPlan, LeftOut, Need, Plan, Textures};
+use super::accuracy::Row;
+use super::{LeafPlan, LeftOut, Need, Plan, SideNeeds};
 use crate::Result;
-use crate::fits::fitted::{Fitted, fill};
+use crate::fits::fitted::Fitted;
 use crate::ledger::Ledger;
-use crate::manifest::{Interior, Manifest, ViewKind};
-use glam::DVec3;
+use crate::manifest::{Interior, Manifest};
+use crate::placed::leaf::Leaf;
 use mesophyll_optics::side::Side;
 use mesophyll_record::Times;
 
-/// Sides by index.
-/// Bytes of a texel on the adapter: four floats, and a third more for its mips.
-const TEXEL_BYTES: u64 = 16;
+/// Bytes of a texel on the adapter: four floats.
+pub const TEXEL_BYTES: u64 = 16;
+/// Bytes of a texel of translucency maps on the adapter, a layer: four half floats.
+pub const TRANSLUCENCY_TEXEL_BYTES: u64 = 8;
 
-pub fn texture_bytes(size: [usize; 2]) -> u64 {
-    (size[0] * size[1]) as u64 * TEXEL_BYTES * 4 / 3
+/// Bytes of a texture with its mips, which are a third more.
+fn with_mips(size: [usize; 2], texel_bytes: u64) -> u64 {
+    (size[0] * size[1]) as u64 * texel_bytes * 4 / 3
 }
 
-/// Lists the leaf's fit itself as needed or left out.
-pub fn list(manifest: &Manifest, leaf: &LeafPlan, plan: &mut Plan) {
-    let name = &manifest.leaves[leaf.index].name;
-    if !leaf.used {
-        let folder = manifest.leaves[leaf.index].fit.as_ref().map(|f| manifest.resolve(f));
-        let bytes = folder.as_ref().and_then(|f| std::fs::read_dir(f).ok()).map_or(0, |entries| {
-            entries.flatten().filter_map(|e| e.metadata().ok()).filter(|m| m.is_file()).map(|m| m.len()).sum()
-        });
-        let ms = folder.as_ref().and_then(|f| Times::read(f).ok()).map(|t| t.total_s * 1e3);
-        plan.leave_out(LeftOut::new(format!("fit {name}"), "no instance and no card shows this leaf", bytes, ms));
-        return;
-    }
-    let Some(source) = &leaf.source else { return };
-    let mut need = Need::new(format!("fit {name}"), source.why.clone());
-    need.status = Some(source.status);
-    need.hash = leaf.fitted.as_ref().map(|f| f.record.input_hash.clone());
-    plan.need(need);
+fn texture_bytes(size: [usize; 2]) -> u64 {
+    with_mips(size, TEXEL_BYTES)
 }
 
-/// Decides everything about a leaf whose fit is there, and reads W's textures as far as they are needed.
-pub fn detail(manifest: &Manifest, leaf: &mut LeafPlan, plan: &mut Plan, ledger: &Ledger) -> Result<()> {
-    let Some(fitted) = leaf.fitted.clone() else { return Ok(()) };
-    let config = &manifest.leaves[leaf.index];
-    for (s, side) in Side::ALL.into_iter().enumerate() {
-        if leaf.sides[s].any() || leaf.sides[s].mean {
-            fitted.section(side)?;
+/// What a picture would lose without the translucency maps of one side, and what they are.
+#[derive(Debug, Clone, PartialEq)]
+pub struct WithoutMaps {
+    /// Error of a displayed value: 99th percentile over the texels, and the largest.
+    pub p99: f64,
+    pub largest: f64,
+    /// 1, or 3 where every channel has coefficients of its own.
+    pub layers: usize,
+    /// The name of the directional basis.
+    pub basis: String,
+}
+
+/// What of each side is needed, from where the leaf stands.
+pub fn sides(manifest: &Manifest, leaf: &Leaf, free: bool) -> [SideNeeds; 2] {
+    let (sun, sky) = (manifest.sun.is_some(), manifest.sky.is_some());
+    let asked = leaf.translucent.is_some() && sun;
+    let (f, cards) = (leaf.facing, leaf.on_cards);
+    [0, 1].map(|side| {
+        if free && leaf.mesh.is_some() {
+            let has = leaf.fitted.as_ref().is_some_and(|f| f.has(Side::ALL[side]));
+            return SideNeeds {
+                rho_d: has,
+                rho_t: has,
+                gloss: has,
+                normal: has,
+                translucency: has && asked,
+                mean: false,
+            };
         }
-    }
-    if leaf.mesh.is_some() {
-        let file = leaf.mesh_path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-        file_need(plan, &fitted, &file, "the shape that is drawn", config.mesh.is_none());
-    } else {
-        let bytes = fitted.file_bytes("blade.glb");
-        plan.leave_out(LeftOut::new(format!("{}/blade.glb", config.name), "only a card shows this leaf", bytes, None));
-    }
-    for (s, side) in Side::ALL.into_iter().enumerate() {
-        let task = OneSide { manifest, s, side, fitted: &fitted, ledger };
-        if config.interior == Interior::Scalars && leaf.sides[s].interior() {
-            task.read_gamma_delta(leaf)?;
+        let rho_d = f.lit[side] || (sky && f.seen[side]);
+        let translucency = asked && f.through[1 - side];
+        SideNeeds {
+            rho_d,
+            rho_t: f.through[1 - side] || (sky && f.seen[1 - side]),
+            gloss: rho_d,
+            translucency,
+            // Under a physical sky every side's light depends on where it turns, the far one's too.
+            normal: f.lit[side]
+                || (f.through[1 - side] && !translucency)
+                || (manifest.physical_sky() && (f.seen[side] || f.seen[1 - side])),
+            mean: cards.seen[side] || cards.through[1 - side] || (sky && cards.seen[1 - side]),
         }
-        if leaf.sides[s].any() && leaf.size == [0, 0] {
-            let info = fitted.info(&format!("{}.exr", side.name()))?;
-            leaf.size = [info.width, info.height];
-        }
-        task.slab_curve(leaf, plan)?;
-        super::gloss::side(manifest, leaf, s, plan, ledger)?;
-        crate::loaded::translucency::side(manifest, leaf, s, plan, ledger)?;
-        task.files(leaf, plan);
-    }
-    resolution(manifest, leaf, plan);
-    let keep: u64 = ["front_err.exr", "back_err.exr"].iter().map(|f| fitted.file_bytes(f)).sum();
-    plan.leave_out(LeftOut::new(
-        format!("{}: error maps and previews", config.name),
-        "a picture needs no standard errors",
-        keep,
-        None,
-    ));
-    Ok(())
+    })
 }
 
 fn file_need(plan: &mut Plan, fitted: &Fitted, file: &str, why: &str, of_fit: bool) {
@@ -89,111 +81,193 @@ fn file_need(plan: &mut Plan, fitted: &Fitted, file: &str, why: &str, of_fit: bo
     plan.need(need);
 }
 
-/// One of W's textures: its size, RGBA texels without holes, and which of them the fit knew.
-pub struct Rgba {
-    pub size: [usize; 2],
-    pub texels: Vec<[f32; 4]>,
-    pub good: Vec<bool>,
-}
-
-/// Interleaves four channels, filled wherever `good` does not hold.
-pub fn rgba(fitted: &Fitted, file: &str, ledger: &Ledger, good: impl Fn([f32; 4]) -> bool) -> Result<Rgba> {
-    let maps = fitted.maps(file, &["R", "G", "B", "A"], ledger)?;
-    let size = [maps.width, maps.height];
-    let mut planes: Vec<Vec<f32>> = maps.channels.into_iter().map(|(_, p)| p).collect();
-    let at = |planes: &[Vec<f32>], k: usize| [planes[0][k], planes[1][k], planes[2][k], planes[3][k]];
-    let mask: Vec<bool> =
-        (0..size[0] * size[1]).map(|k| at(&planes, k)).map(|t| t.iter().all(|v| v.is_finite()) && good(t)).collect();
-    fill(&fitted.folder.join(file), size[0], size[1], &mut planes, |k| mask[k])?;
-    let texels = (0..mask.len()).map(|k| at(&planes, k)).collect();
-    Ok(Rgba { size, texels, good: mask })
-}
-
-/// The size of a leaf's maps, where `size` is that of one of them and `leaf` what is known so far (zero: nothing).
-///
-/// # Errors
-/// [`crate::Error::Input`] naming the file where they differ.
-pub fn same_size(leaf: [usize; 2], size: [usize; 2], fitted: &Fitted, file: &str) -> Result<[usize; 2]> {
-    if leaf != [0, 0] && leaf != size {
-        let what = format!(
-            "found {}x{} texels, expected {}x{} as of the leaf's other maps",
-            size[0], size[1], leaf[0], leaf[1]
-        );
-        return Err(crate::Error::input(&fitted.folder.join(file), what));
-    }
-    Ok(size)
-}
-
-/// Light that reaches a surface, at most: E/π and the sky's radiance (the mean over the channels).
-fn light(manifest: &Manifest) -> (f64, f64) {
-    let mean = |c: &[f64; 3]| c.iter().sum::<f64>() / 3.0;
-    let (sun, sky) = super::light::levels(manifest);
-    (mean(&sun), mean(&sky))
-}
-
-/// One side of a leaf whose fit is there.
-struct OneSide<'a> {
-    manifest: &'a Manifest,
-    s: usize,
-    side: Side,
-    fitted: &'a Fitted,
-    ledger: &'a Ledger,
-}
-
-impl OneSide<'_> {
-    fn read_gamma_delta(&self, leaf: &mut LeafPlan) -> Result<()> {
-        let OneSide { s, side, fitted, ledger, .. } = *self;
-        let file = format!("{}_gamma_delta.exr", side.name());
-        let h = fitted.thickness(side)? as f32;
-        // γ of a leaf texel is positive, and so is its thickness.
-        let Rgba { size, texels, good } =
-            rgba(fitted, &file, ledger, |t| t[0] > 0.0 && t[1] > 0.0 && t[2] > 0.0 && h + t[3] > 0.0)?;
-        leaf.size = same_size(leaf.size, size, fitted, &file)?;
-        leaf.textures[s] = Textures { gamma_delta: Some(texels), gloss: None, good };
-        Ok(())
-    }
-
-    fn slab_curve(&self, leaf: &mut LeafPlan, plan: &mut Plan) -> Result<()> {
-        let OneSide { manifest, s, side, fitted, ledger } = *self;
-        let Some(texels) = &leaf.textures[s].gamma_delta else { return Ok(()) };
-        let h = fitted.thickness(side)?;
-        let (low, high) = texels
-            .iter()
-            .fold((f64::INFINITY, 0f64), |(a, b), t| (a.min(h + f64::from(t[3])), b.max(h + f64::from(t[3]))));
-        // A tenth of a shortcut's share, and never more than a ten-thousandth.
-        let allowed = (manifest.tolerance / 10.0).min(1e-4);
-        let what = format!("{}/{} slab curve", fitted.name, side.name());
-        let curve = accuracy::curve(
-            fitted.rgb(side, "sigma_a")?,
-            fitted.rgb(side, "sigma_s")?,
-            low,
-            high,
-            allowed,
-            &what,
-            ledger,
-        );
-        let last = curve.rows.last().copied();
-        plan.measured.insert(what.clone(), curve.rows.clone());
-        let mut need = Need::new(what, "rho_d and rho_t follow the thickness h + delta of each texel");
-        need.amount = last
-            .map(|r| format!("{} points, interpolation error {:.1e} (measured), {:.2} ms", r.setting, r.error, r.ms));
-        need.bytes = last.map(|r| r.bytes);
-        plan.need(need);
-        leaf.curves[s] = Some(curve);
-        Ok(())
-    }
-
-    /// Lists the files of one side.
-    fn files(&self, leaf: &LeafPlan, plan: &mut Plan) {
-        let OneSide { manifest, s, side, fitted, ledger } = *self;
-        if !fitted.has(side) {
+impl Plan {
+    /// Lists the leaf's fit and its translucency maps as needed or left out.
+    pub(super) fn list_fits(&mut self, manifest: &Manifest, leaf: &Leaf) {
+        let name = &manifest.leaves[leaf.index].name;
+        if !leaf.used {
+            let folder = manifest.leaves[leaf.index].fit.as_ref().map(|f| manifest.resolve(f));
+            let bytes = folder.as_ref().and_then(|f| std::fs::read_dir(f).ok()).map_or(0, |entries| {
+                entries.flatten().filter_map(|e| e.metadata().ok()).filter(|m| m.is_file()).map(|m| m.len()).sum()
+            });
+            let ms = folder.as_ref().and_then(|f| Times::read(f).ok()).map(|t| t.total_s * 1e3);
+            self.leave_out(LeftOut::new(format!("fit {name}"), "no instance and no card shows this leaf", bytes, ms));
             return;
         }
-        let needs = leaf.sides[s];
+        let fits = [
+            leaf.source.as_ref().map(|source| (format!("fit {name}"), source, leaf.fitted.as_ref())),
+            leaf.translucent
+                .as_ref()
+                .filter(|_| self.leaves[leaf.index].sides.iter().any(|s| s.translucency))
+                .map(|t| (format!("fit {name} translucency"), &t.source, t.fitted.as_ref())),
+        ];
+        for (name, source, fitted) in fits.into_iter().flatten() {
+            let mut need = Need::new(name, source.why.clone());
+            need.status = Some(source.status);
+            need.hash = fitted.map(|f| f.record.input_hash.clone());
+            self.need(need);
+        }
+    }
+
+    /// Lists the leaf's shape, where its fit is there, and what a picture never needs of it.
+    ///
+    /// # Errors
+    /// [`crate::Error::Input`] for a side that is needed and that the fit does not have.
+    pub fn shape(&mut self, manifest: &Manifest, leaf: &Leaf, fitted: &Fitted) -> Result<()> {
+        let config = &manifest.leaves[leaf.index];
+        for (side, needs) in Side::ALL.into_iter().zip(self.leaves[leaf.index].sides) {
+            if needs.any() || needs.mean {
+                fitted.section(side)?;
+            }
+        }
+        if leaf.mesh.is_some() {
+            file_need(self, fitted, &leaf.mesh_name(), "the shape that is drawn", config.mesh.is_none());
+        } else {
+            let name = format!("{}/blade.glb", config.name);
+            self.leave_out(LeftOut::new(name, "only a card shows this leaf", fitted.file_bytes("blade.glb"), None));
+        }
+        Ok(())
+    }
+
+    /// Lists what a picture never needs of a fit.
+    pub fn leave_out_errors(&mut self, fitted: &Fitted) {
+        let bytes: u64 = ["front_err.exr", "back_err.exr"].iter().map(|f| fitted.file_bytes(f)).sum();
+        let name = format!("{}: error maps and previews", fitted.name);
+        self.leave_out(LeftOut::new(name, "a picture needs no standard errors", bytes, None));
+    }
+
+    /// Lists a slab curve, by the rows that were measured while it was refined.
+    pub fn curve(&mut self, what: String, rows: Vec<Row>) {
+        let mut need = Need::new(what.clone(), "rho_d and rho_t follow the thickness h + delta of each texel");
+        if let Some(r) = rows.last() {
+            need.amount =
+                Some(format!("{} points, interpolation error {:.1e} (measured), {:.2} ms", r.setting, r.error, r.ms));
+            need.bytes = Some(r.bytes);
+        }
+        self.measured.insert(what, rows);
+        self.need(need);
+    }
+
+    /// Leaves out the gloss of a side that no light falls on.
+    pub fn leave_out_gloss(&mut self, leaf: &Leaf, fitted: &Fitted, s: usize) {
+        let (side, size) = (Side::ALL[s], self.leaves[leaf.index].size);
+        if fitted.has(side) {
+            let file = format!("{}_rho_s_m.exr", side.name());
+            let why = format!("no light falls on the {} where a camera sees it", side.name());
+            let bytes = texture_bytes(size) + fitted.file_bytes(&file);
+            self.leave_out(LeftOut::new(fitted.entry(&file), why, bytes, None));
+        }
+    }
+
+    /// Decides about the gloss of a side by the most that it adds to a displayed value; `None` where ρs is zero
+    /// everywhere. Whether it is kept.
+    pub fn gloss(&mut self, manifest: &Manifest, leaf: &Leaf, fitted: &Fitted, s: usize, most: Option<f64>) -> bool {
+        let tolerated = manifest.tolerance;
+        let why = match most {
+            None => "matte: rho_s is zero everywhere".to_string(),
+            Some(most) if most < tolerated => format!(
+                "matte: at the angles of this scene's views and lights a highlight adds at most {most:.1e} to a \
+                 displayed value, \
+                 the scene tolerates {tolerated:.1e}"
+            ),
+            Some(_) => {
+                // How much a lobe mirrors of a sky depends on the angle between normal and view, of a constant sky too.
+                self.leaves[leaf.index].sides[s].normal |= manifest.sky.is_some();
+                return true;
+            }
+        };
+        let LeafPlan { sides, size, .. } = &mut self.leaves[leaf.index];
+        sides[s].gloss = false;
+        let name = fitted.entry(&format!("{}_rho_s_m.exr", Side::ALL[s].name()));
+        let bytes = texture_bytes(*size);
+        self.leave_out(LeftOut::new(name, why, bytes, None));
+        false
+    }
+
+    /// Whether a side's translucency maps are to be read; lists why they are not.
+    pub fn wants_translucency(&mut self, manifest: &Manifest, leaf: &Leaf, s: usize) -> bool {
+        let (Some(translucent), Some(fitted)) = (&leaf.translucent, &leaf.fitted) else { return false };
+        let side = Side::ALL[s];
+        if !fitted.has(side) {
+            return false;
+        }
+        let file = format!("{}.exr", side.name());
+        let what = format!("{}/translucency/{file}", fitted.name);
+        let LeafPlan { sides, size, .. } = self.leaves[leaf.index];
+        if !sides[s].translucency {
+            let why = if manifest.sun.is_none() {
+                "there is no sun: a sky's light comes through by rho_t alone".to_string()
+            } else {
+                format!("never back-lit: no camera sees sunlight that entered the {}", side.name())
+            };
+            let on_disk = translucent.fitted.as_ref().map_or(0, |f| f.file_bytes(&file));
+            self.leave_out(LeftOut::new(what, why, with_mips(size, TRANSLUCENCY_TEXEL_BYTES) + on_disk, None));
+        } else if translucent.fitted.is_none() {
+            let mut need = Need::new(what, shows(side));
+            need.status = Some(translucent.source.status);
+            self.need(need);
+        }
+        sides[s].translucency && translucent.fitted.is_some()
+    }
+
+    /// Decides about translucency maps that were read, by what a picture would lose without them.
+    pub fn translucency(&mut self, manifest: &Manifest, leaf: &Leaf, maps: &Fitted, s: usize, cost: &WithoutMaps) {
+        let file = format!("{}.exr", Side::ALL[s].name());
+        let what = maps.entry(&file);
+        let on_disk = maps.file_bytes(&file);
+        let LeafPlan { sides, size, .. } = &mut self.leaves[leaf.index];
+        if cost.largest < manifest.tolerance && !self.free {
+            (sides[s].translucency, sides[s].normal) = (false, true);
+            let why = format!(
+                "by rho_t and the mapped normal a displayed value is off by {:.1e} at most (measured at every texel), \
+                 the scene tolerates {:.1e}",
+                cost.largest, manifest.tolerance
+            );
+            let bytes = cost.layers as u64 * with_mips(*size, TRANSLUCENCY_TEXEL_BYTES) + on_disk;
+            self.leave_out(LeftOut::new(what, why, bytes, None));
+            return;
+        }
+        let mut need = Need::new(what, shows(Side::ALL[s]));
+        need.amount = Some(format!(
+            "{}, {}; without it a displayed value is off by {:.3} (99 % of the texels), {:.3} at most (measured)",
+            if cost.layers == 1 { "three coefficients a texel" } else { "three coefficients a texel and channel" },
+            cost.basis,
+            cost.p99,
+            cost.largest
+        ));
+        need.hash = maps.record.files.get(&file).cloned();
+        need.bytes = Some(on_disk);
+        self.need(need);
+    }
+
+    /// Notes the resolution at which the leaf's maps are uploaded, for the nearest pixel's footprint in texels.
+    /// `textures` says how many of W's textures were read.
+    pub fn resolution(&mut self, name: &str, index: usize, footprint: f64, textures: u64) {
+        let LeafPlan { sides, size, block } = self.leaves[index];
+        let (w, h) = (size[0].div_ceil(block), size[1].div_ceil(block));
+        let why = format!("the nearest pixel covers {footprint:.2} texels a side");
+        let mut need = Need::new(format!("{name}: maps at {w}x{h}"), why);
+        need.amount = Some(format!("blocks of {block}x{block} texels"));
+        self.need(need);
+        if block > 1 {
+            let maps = textures + sides.iter().map(|s| u64::from(s.normal)).sum::<u64>();
+            let saved = maps * (texture_bytes(size) - texture_bytes([w, h]));
+            let name = format!("{name}: map detail finer than {block}x{block} texels");
+            self.leave_out(LeftOut::new(name, "no pixel is small enough to show it", saved, None));
+        }
+    }
+
+    /// Lists the files of one side; `maps_there` says that its translucency maps were read.
+    pub fn files(&mut self, manifest: &Manifest, leaf: &Leaf, s: usize, maps_there: bool, ledger: &Ledger) {
+        let side = Side::ALL[s];
+        let Some(fitted) = leaf.fitted.as_ref().filter(|f| f.has(side)) else { return };
+        let LeafPlan { sides, size, .. } = self.leaves[leaf.index];
+        let plan = self;
+        let needs = sides[s];
         let pigment = manifest.leaves[leaf.index].interior == Interior::Maps;
         let file = |what: &str| format!("{}{what}.exr", side.name());
         let entry = |what: &str| format!("{}/{}", fitted.name, file(what));
-        let texture = texture_bytes(leaf.size);
+        let texture = texture_bytes(size);
         // Measured on the maps of this leaf that were read.
         let rate = {
             let (bytes, ms) = ledger
@@ -243,7 +317,7 @@ impl OneSide<'_> {
             file_need(plan, fitted, &file("_normal"), why, true);
         } else if needs.translucency {
             // Measured against, where there are maps to measure.
-            if leaf.translucency.as_ref().is_some_and(|t| t.maps[s].is_some()) {
+            if maps_there {
                 file_need(
                     plan,
                     fitted,
@@ -273,83 +347,6 @@ impl OneSide<'_> {
     }
 }
 
-/// Picks the maps' resolution from the footprint of the nearest pixel.
-fn resolution(manifest: &Manifest, leaf: &mut LeafPlan, plan: &mut Plan) {
-    let Some(mesh) = &leaf.mesh else { return };
-    if leaf.size == [0, 0] {
-        return;
-    }
-    let (mut area, mut area_uv) = (0.0, 0.0);
-    for t in 0..mesh.triangles() {
-        let [a, b, c] = mesh.triangle(t);
-        area += (mesh.positions[b] - mesh.positions[a]).cross(mesh.positions[c] - mesh.positions[a]).length();
-        area_uv += (mesh.uvs[b] - mesh.uvs[a]).perp_dot(mesh.uvs[c] - mesh.uvs[a]).abs();
-    }
-    let texel_mm = (area / (area_uv * (leaf.size[0] * leaf.size[1]) as f64)).sqrt();
-    let (centre, radius) = mesh.bounds();
-    let mut footprint = f64::INFINITY;
-    for p in plan.placements.iter().filter(|p| p.leaf == leaf.index) {
-        for view in manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective) {
-            let (Some(eye), Some(fov)) = (view.eye_mm, view.fov_deg) else { continue };
-            let at = plan.at_time(p, crate::placed::branch::time(manifest, view)).transform;
-            let (scale, centre) = (at.x_axis.truncate().length(), at.transform_point3(centre));
-            let nearest = (DVec3::from(eye).distance(centre) - radius * scale).max(1e-3);
-            let pixel_mm = 2.0 * (fov.to_radians() / 2.0).tan() * nearest / f64::from(manifest.check.height);
-            footprint = footprint.min(pixel_mm / (texel_mm * scale));
-        }
-    }
-    if !footprint.is_finite() || footprint <= 0.0 {
-        return;
-    }
-    let name = &manifest.leaves[leaf.index].name;
-    let (sun, sky) = light(manifest);
-    let power = sun / std::f64::consts::PI + sky;
-    for s in [0, 1] {
-        let (Some(texels), Some(curve), Some(fitted)) = (&leaf.textures[s].gamma_delta, &leaf.curves[s], &leaf.fitted)
-        else {
-            continue;
-        };
-        let Ok(h) = fitted.thickness(Side::ALL[s]) else { continue };
-        let value: Vec<f32> = texels
-            .iter()
-            .map(|t| {
-                let (rho_d, rho_t) = curve.at(h + f64::from(t[3]));
-                let rho = if leaf.sides[s].rho_d { f64::from(t[1]) * rho_d[1] } else { rho_t[1] };
-                displayed(rho * power, manifest.exposure) as f32
-            })
-            .collect();
-        let good = &leaf.textures[s].good;
-        let rows = accuracy::map_levels(&value, leaf.size[0], leaf.size[1], |k| good[k], footprint, TEXEL_BYTES);
-        // Sampling a pixel's centre has an error of its own; a coarser map may not add the scene's tolerance to it.
-        let allowed = rows.first().map_or(0.0, |r| r.error) + manifest.tolerance / 4.0;
-        let what = format!("{name}/{} map resolution", Side::ALL[s].name());
-        if let Some(row) = plan.choose(&what, rows, allowed) {
-            leaf.block = if s == 0 || leaf.textures[0].gamma_delta.is_none() {
-                row.setting
-            } else {
-                leaf.block.min(row.setting)
-            };
-        }
-    }
-    crate::loaded::translucency::resolution(manifest, leaf, plan, footprint);
-    let (w, h) = (leaf.size[0].div_ceil(leaf.block), leaf.size[1].div_ceil(leaf.block));
-    let mut need =
-        Need::new(format!("{name}: maps at {w}x{h}"), format!("the nearest pixel covers {footprint:.2} texels a side"));
-    need.amount = Some(format!("blocks of {0}x{0} texels", leaf.block));
-    plan.need(need);
-    if leaf.block > 1 {
-        let maps = leaf
-            .textures
-            .iter()
-            .map(|t| u64::from(t.gamma_delta.is_some()) + u64::from(t.gloss.is_some()))
-            .sum::<u64>()
-            + leaf.sides.iter().map(|s| u64::from(s.normal)).sum::<u64>();
-        let saved = maps * (texture_bytes(leaf.size) - texture_bytes([w, h]));
-        plan.leave_out(LeftOut::new(
-            format!("{name}: map detail finer than {0}x{0} texels", leaf.block),
-            "no pixel is small enough to show it",
-            saved,
-            None,
-        ));
-    }
+fn shows(side: Side) -> String {
+    format!("sunlight that enters the {} shows on the other side", side.name())
 }

@@ -1,41 +1,35 @@
 //! The plan of the light: sun, shadow maps, sky; and the models this scene has no use for.
 
 use super::accuracy::{self, Row};
-use super::display::displayed;
-use super::{LeftOut, Need, Plan, sun_direction};
+use super::{LeftOut, Need, Plan};
 use crate::Result;
 use crate::manifest::{Manifest, ViewKind};
-use crate::placed::daylight::Daylight;
+use crate::placed::Placed;
+use crate::placed::daylight::{Daylight, levels, sun_direction};
+use crate::placed::facing;
+use mesophyll_files::mesh::LeafMesh;
+use mesophyll_transport::tone::display;
 use std::time::Instant;
 
 /// Shadow maps are this many texels a side.
 const SHADOW_SIDE: u64 = 2048;
 
-/// Irradiance of the sun and mean radiance of the sky, in the scene's unit; none is 0.
-pub fn levels(manifest: &Manifest) -> ([f64; 3], [f64; 3]) {
-    if let Ok(Some(daylight)) = Daylight::of(manifest) {
-        return (daylight.sun, daylight.level.map(|e| e / std::f64::consts::PI));
-    }
-    let sun = manifest.sun.as_ref().and_then(|s| s.irradiance).unwrap_or_default();
-    (sun, manifest.sky.as_ref().and_then(|s| s.radiance).unwrap_or_default())
-}
-
 /// Decides sun, shadows and sky; with a free camera and sun, shadows can always fall.
 ///
 /// # Errors
 /// [`crate::Error::Input`] for a physical sky that the model refuses.
-pub fn lights(manifest: &Manifest, plan: &mut Plan, free: bool) -> Result<()> {
-    let free = free || manifest.sun_moves();
+pub fn lights(manifest: &Manifest, placed: &Placed, plan: &mut Plan) -> Result<()> {
+    let free = placed.free || manifest.sun_moves();
     let shadow_bytes = SHADOW_SIDE * SHADOW_SIDE * 4;
     match (&manifest.sun, sun_direction(manifest)) {
         (Some(sun), Some(direction)) => {
             plan.need(Need::new("sun", "the scene has one: three numbers and a direction, its disk by its radius"));
-            match plan.shadows(direction, sun.radius_deg.to_radians()) {
-                _ if free || !plan.twigs.is_empty() || plan.wood.is_some() => {
-                    shadows(manifest, plan, sun.radius_deg.to_radians(), shadow_bytes)
-                }
-                Ok(()) => shadows(manifest, plan, sun.radius_deg.to_radians(), shadow_bytes),
-                Err(why) => plan.leave_out(LeftOut::new("shadow maps", why, shadow_bytes, None)),
+            let radius = sun.radius_deg.to_radians();
+            let meshes: Vec<Option<&LeafMesh>> = placed.leaves.iter().map(|l| l.mesh.as_ref()).collect();
+            let leaves_alone = !free && placed.twigs.is_empty() && placed.wood.is_none();
+            match leaves_alone.then(|| facing::shadows(&meshes, &placed.placements, direction, radius)) {
+                Some(Err(why)) => plan.leave_out(LeftOut::new("shadow maps", why, shadow_bytes, None)),
+                _ => shadows(manifest, placed, plan, radius, shadow_bytes),
             }
         }
         _ => {
@@ -52,7 +46,7 @@ pub fn lights(manifest: &Manifest, plan: &mut Plan, free: bool) -> Result<()> {
         None => plan.leave_out(LeftOut::new("sky", "the scene has none: its term is not in the shader", 0, None)),
     }
     let mut need = Need::new("multisampling", "edges show");
-    need.amount = Some(format!("{} samples a pixel", plan.msaa));
+    need.amount = Some(format!("{} samples a pixel", plan.light.msaa));
     plan.need(need);
     Ok(())
 }
@@ -74,21 +68,24 @@ fn physical_sky(manifest: &Manifest, plan: &mut Plan) -> Result<()> {
     let row = plan.choose("sky bands", rows, manifest.tolerance);
     let glossy = plan.leaves.iter().any(|l| l.sides.iter().any(|s| s.gloss));
     // A highlight is sharper than diffuse light.
-    plan.sky_bands = if glossy { 7 } else { row.map_or(7, |r| r.setting) };
-    let n = plan.sky_bands * plan.sky_bands;
-    let how = if plan.sun_moves { "from the polynomials" } else { "integrated for this sun and turbidity" };
+    plan.light.sky_bands = if glossy { 7 } else { row.map_or(7, |r| r.setting) };
+    let n = plan.light.sky_bands * plan.light.sky_bands;
+    let how = if plan.light.sun_moves { "from the polynomials" } else { "integrated for this sun and turbidity" };
     let mut need = Need::new(
         "sky",
         format!("preetham, turbidity {}: {n}x3 coefficients, {how}; drawn behind the leaves", daylight.turbidity),
     );
     if let Some(row) = row {
-        let cost =
-            plan.measured["sky bands"].iter().find(|r| r.setting == plan.sky_bands).map_or(row.error, |r| r.error);
-        need.amount = Some(format!("{} bands, displayed error of diffuse light {cost:.1e} (measured)", plan.sky_bands));
+        let cost = plan.measured["sky bands"]
+            .iter()
+            .find(|r| r.setting == plan.light.sky_bands)
+            .map_or(row.error, |r| r.error);
+        need.amount =
+            Some(format!("{} bands, displayed error of diffuse light {cost:.1e} (measured)", plan.light.sky_bands));
     }
     need.bytes = Some(16 * n as u64);
     plan.need(need);
-    if plan.sun_moves {
+    if plan.light.sun_moves {
         let mut need = Need::new(
             "sky polynomial (spherical harmonics)",
             "the sun moves: fit sky makes it, milliseconds, before the first picture",
@@ -99,12 +96,12 @@ fn physical_sky(manifest: &Manifest, plan: &mut Plan) -> Result<()> {
     Ok(())
 }
 
-fn shadows(manifest: &Manifest, plan: &mut Plan, radius: f64, map_bytes: u64) {
+fn shadows(manifest: &Manifest, placed: &Placed, plan: &mut Plan, radius: f64, map_bytes: u64) {
     // Spheres around the leaves tell how far a shadow falls at most, and how wide a leaf is beside its penumbra.
-    let spheres: Vec<(glam::DVec3, f64)> = plan
+    let spheres: Vec<(glam::DVec3, f64)> = placed
         .placements
         .iter()
-        .filter_map(|p| plan.leaves[p.leaf].mesh.as_ref().map(|m| (m.bounds(), p.transform)))
+        .filter_map(|p| placed.leaves[p.leaf].mesh.as_ref().map(|m| (m.bounds(), p.transform)))
         .map(|((c, r), t)| (t.transform_point3(c), r * t.x_axis.truncate().length()))
         .collect();
     let reach = spheres
@@ -117,12 +114,12 @@ fn shadows(manifest: &Manifest, plan: &mut Plan, radius: f64, map_bytes: u64) {
     let (sun, sky) = levels(manifest);
     let (sun, sky) = (mean(&sun) / std::f64::consts::PI, mean(&sky));
     // A leaf reflects about a tenth of the light.
-    let contrast = displayed(0.1 * (sun + sky), manifest.exposure) - displayed(0.1 * sky, manifest.exposure);
+    let contrast = display(0.1 * (sun + sky), manifest.exposure) - display(0.1 * sky, manifest.exposure);
     let row = plan.choose("shadow samples", accuracy::shadow_samples(contrast, share, map_bytes), manifest.tolerance);
     let mut need = Need::new("shadow maps", "leaves can stand in each other's light");
     if let Some(row) = row {
-        plan.shadow_samples = row.setting as u32;
-        plan.shadow_resolution = SHADOW_SIDE as u32;
+        plan.light.shadow_samples = row.setting as u32;
+        plan.light.shadow_resolution = SHADOW_SIDE as u32;
         need.amount = Some(format!(
             "{} over the sun's disk, {SHADOW_SIDE} texels a side, displayed error {:.1e} (measured)",
             row.setting, row.error
@@ -133,7 +130,7 @@ fn shadows(manifest: &Manifest, plan: &mut Plan, radius: f64, map_bytes: u64) {
 }
 
 /// What a plant scene may have and this one has not.
-pub fn absent_models(manifest: &Manifest, plan: &mut Plan) {
+pub fn absent_models(manifest: &Manifest, placed: &Placed, plan: &mut Plan) {
     // H9 ch. 5: (13+1)·(7+1) coefficients, 49 harmonics, three channels, doubles.
     let polynomial = 14 * 8 * 49 * 3 * 8;
     let fixed = "a fixed sun and turbidity are 49x3 numbers at most, integrated directly: no polynomial in sun height \
@@ -145,11 +142,11 @@ pub fn absent_models(manifest: &Manifest, plan: &mut Plan) {
         }
         _ => "the scene has no sky",
     };
-    if !plan.sun_moves {
+    if !plan.light.sun_moves {
         plan.leave_out(LeftOut::new("sky polynomial (spherical harmonics)", why, polynomial, None));
     }
-    let texels: u64 = plan.leaves.iter().filter(|l| l.used).map(|l| (l.size[0] * l.size[1]) as u64).sum();
-    if plan.leaves.iter().all(|l| l.translucency.is_none()) {
+    let texels: u64 = plan.leaves.iter().map(|l| (l.size[0] * l.size[1]) as u64).sum();
+    if placed.leaves.iter().all(|l| l.translucent.is_none()) {
         let why = "light through a leaf follows the slab's rho_t a texel; the scene asks for no scattering sideways";
         plan.leave_out(LeftOut::new("translucency maps", why, texels * 8 * 2, None));
     }

@@ -1,10 +1,9 @@
 //! What is strange about where and how large leaves stand: a mesh in another unit than its scene's, a leaf that no view
 //! shows.
 
-use super::{LeafPlan, Plan};
 use crate::Result;
 use crate::manifest::{Manifest, View, ViewKind};
-use crate::placed::{branch, placement::Placement};
+use crate::placed::{Placed, branch, leaf::Leaf, placement::Placement};
 use glam::DVec3;
 use mesophyll_files::mesh;
 
@@ -15,16 +14,16 @@ const STRANGE: f64 = 50.0;
 ///
 /// # Errors
 /// [`crate::Error::Input`] for a fit's blade that cannot be read.
-pub fn warnings(manifest: &Manifest, plan: &Plan) -> Result<Vec<String>> {
+pub fn warnings(manifest: &Manifest, placed: &Placed) -> Result<Vec<String>> {
     let mut out = Vec::new();
-    for leaf in &plan.leaves {
+    for leaf in &placed.leaves {
         out.extend(another_unit(manifest, leaf)?);
-        out.extend(unseen(manifest, plan, leaf));
+        out.extend(unseen(manifest, placed, leaf));
     }
     Ok(out)
 }
 
-fn another_unit(manifest: &Manifest, leaf: &LeafPlan) -> Result<Option<String>> {
+fn another_unit(manifest: &Manifest, leaf: &Leaf) -> Result<Option<String>> {
     let config = &manifest.leaves[leaf.index];
     let (Some(_), Some(drawn), Some(fitted)) = (&config.mesh, &leaf.mesh, &leaf.fitted) else { return Ok(None) };
     let own = fitted.folder.join("blade.glb");
@@ -47,12 +46,12 @@ fn another_unit(manifest: &Manifest, leaf: &LeafPlan) -> Result<Option<String>> 
 }
 
 /// A leaf that stands somewhere and that no view shows, or none as large as a pixel.
-fn unseen(manifest: &Manifest, plan: &Plan, leaf: &LeafPlan) -> Option<String> {
+fn unseen(manifest: &Manifest, placed: &Placed, leaf: &Leaf) -> Option<String> {
     let (centre, radius) = leaf.mesh.as_ref()?.bounds();
     let (mut largest, mut sizes, mut first) = (0.0f64, Vec::new(), None);
-    for p in plan.placements.iter().filter(|p| p.leaf == leaf.index) {
+    for p in placed.placements.iter().filter(|p| p.leaf == leaf.index) {
         for view in manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective) {
-            let Placement { transform, .. } = plan.at_time(p, branch::time(manifest, view));
+            let Placement { transform, .. } = placed.at_time(p, branch::time(manifest, view));
             let (centre, radius) = (transform.transform_point3(centre), radius * transform.x_axis.truncate().length());
             sizes.push(2.0 * radius);
             first.get_or_insert(centre);

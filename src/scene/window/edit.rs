@@ -5,14 +5,15 @@ use super::save;
 use crate::Result;
 use crate::draw::handover;
 use crate::draw::reference::{self, Chebyshev};
+use crate::draw::sunlit::relight_where;
 use crate::fits::fitted::Fitted;
 use crate::ledger::Ledger;
-use crate::manifest::{Interior, Manifest, ViewKind};
+use crate::loaded::curve::curve;
+use crate::loaded::{Leaf, Scene};
+use crate::manifest::{Interior, View, ViewKind};
 use crate::placed::branch;
-use crate::placed::daylight::{self, Daylight};
+use crate::placed::daylight::Daylight;
 use crate::placed::placement::Ride;
-use crate::plan::accuracy;
-use crate::plan::{LeafPlan, Plan};
 use glam::DVec3;
 use mesophyll_files::image::Maps;
 use mesophyll_optics::side::Side;
@@ -25,10 +26,9 @@ use std::sync::Arc;
 
 /// The editor behind a window on one scene.
 pub struct SceneEditor {
-    manifest: Manifest,
-    plan: Plan,
+    scene: Scene,
     ledger: Ledger,
-    /// Plan leaves by the renderer's index.
+    /// The scene's leaves by the renderer's index.
     shown: Vec<usize>,
     starts: Vec<LeafEdit>,
     edits: Vec<LeafEdit>,
@@ -40,18 +40,18 @@ pub struct SceneEditor {
 }
 
 impl SceneEditor {
-    /// `plan` must be one with a free camera ([`crate::plan::make_free`]) and every leaf fitted.
+    /// `scene` must be one for a window ([`crate::placed::leaf::Search::free`]), with every leaf fitted.
     ///
     /// # Errors
     /// [`crate::Error::Input`] for a map that cannot be read.
-    pub fn new(manifest: Manifest, plan: Plan, out: PathBuf) -> Result<SceneEditor> {
+    pub fn new(scene: Scene, out: PathBuf) -> Result<SceneEditor> {
         let ledger = Ledger::new();
-        let shown: Vec<usize> = plan.leaves.iter().filter(|l| l.mesh.is_some()).map(|l| l.index).collect();
+        let shown: Vec<usize> = scene.drawn().map(|l| l.placed.index).collect();
         let (mut starts, mut maps) = (Vec::new(), Vec::new());
         for &index in &shown {
             let mut sides = [None, None];
             let mut start = LeafEdit { thickness_mm: 0.0, front: unedited(), back: unedited() };
-            if let Some(fitted) = &plan.leaves[index].fitted {
+            if let Some(fitted) = &scene.placed.leaves[index].fitted {
                 for (s, side) in Side::ALL.into_iter().enumerate().filter(|(_, side)| fitted.has(*side)) {
                     let path = fitted.folder.join(format!("{}.exr", side.name()));
                     sides[s] = Some(ledger.note("read", fitted.entry(&format!("{}.exr", side.name())), 0, || {
@@ -62,7 +62,7 @@ impl SceneEditor {
                         fitted.rgb(side, "sigma_a")?.map(|v| v as f32),
                         fitted.rgb(side, "sigma_s")?.map(|v| v as f32),
                     );
-                    if manifest.leaves[index].interior == Interior::Maps
+                    if scene.manifest.leaves[index].interior == Interior::Maps
                         && let Some(maps) = &sides[s]
                     {
                         (edit.sigma_a, edit.sigma_s) = (mean(maps, "sigma_a"), mean(maps, "sigma_s"));
@@ -73,26 +73,27 @@ impl SceneEditor {
             starts.push(start);
             maps.push(sides);
         }
-        Ok(SceneEditor { manifest, plan, ledger, shown, edits: starts.clone(), starts, maps, out, judged: None })
+        Ok(SceneEditor { scene, ledger, shown, edits: starts.clone(), starts, maps, out, judged: None })
     }
 
-    fn leaf(&self, leaf: usize) -> &LeafPlan {
-        &self.plan.leaves[self.shown[leaf]]
+    fn leaf(&self, leaf: usize) -> Leaf<'_> {
+        self.scene.leaf(self.shown[leaf])
     }
 
     fn side(&self, leaf: usize, s: usize, edit: &LeafEdit) -> Result<viewer::Interior> {
-        let plan = self.leaf(leaf);
+        let of = self.leaf(leaf);
         let black = viewer::Interior::Scalars(viewer::SlabCurve::default());
-        let Some(fitted) = plan.fitted.as_ref().filter(|f| f.has(Side::ALL[s]) && plan.sides[s].interior()) else {
+        let Some(fitted) = of.placed.fitted.as_ref().filter(|f| f.has(Side::ALL[s]) && of.plan.sides[s].interior())
+        else {
             return Ok(black);
         };
         let of_side = edit.side(s == 0);
-        match self.manifest.leaves[plan.index].interior {
+        match of.config.interior {
             Interior::Scalars => {
                 let (low, high) = self.range(leaf, s, edit);
                 let (sigma_a, sigma_s) = (of_side.sigma_a.map(f64::from), of_side.sigma_s.map(f64::from));
                 let what = format!("{}/{} slab curve", fitted.name, Side::ALL[s].name());
-                Ok(viewer::Interior::Scalars(handover::slab_curve(&accuracy::curve(
+                Ok(viewer::Interior::Scalars(handover::slab_curve(&curve(
                     sigma_a,
                     sigma_s,
                     low,
@@ -103,7 +104,7 @@ impl SceneEditor {
                 ))))
             }
             Interior::Maps => {
-                let [rho_d, rho_t] = handover::pigment(plan, Side::ALL[s], &self.scaling(leaf, s, edit), &self.ledger)?;
+                let [rho_d, rho_t] = handover::pigment(of, Side::ALL[s], &self.scaling(leaf, s, edit), &self.ledger)?;
                 Ok(viewer::Interior::Maps { rho_d, rho_t })
             }
         }
@@ -113,7 +114,7 @@ impl SceneEditor {
     fn range(&self, leaf: usize, s: usize, edit: &LeafEdit) -> (f64, f64) {
         let h = f64::from(edit.thickness_mm);
         let none = Vec::new();
-        let texels = self.leaf(leaf).textures[s].gamma_delta.as_ref().unwrap_or(&none);
+        let texels = self.leaf(leaf).loaded.textures[s].gamma_delta.as_ref().unwrap_or(&none);
         let (low, high) =
             texels.iter().fold((h, h), |(a, b), t| (a.min(h + f64::from(t[3])), b.max(h + f64::from(t[3]))));
         // An edit may ask for less blade than a vein is thinner than the mean.
@@ -133,7 +134,7 @@ impl SceneEditor {
 
     /// The reference's world with the edits and the window's lights in it.
     fn world(&self, scene: &viewer::Scene, eye: DVec3) -> Result<transport::World> {
-        let mut world = reference::world(&self.manifest, &self.plan, &self.ledger)?;
+        let mut world = reference::world(&self.scene, &self.ledger)?;
         for (leaf, edit) in self.edits.iter().enumerate().take(self.shown.len()) {
             let drawn = &mut world.leaves[leaf];
             for (s, side) in [&mut drawn.front, &mut drawn.back].into_iter().enumerate() {
@@ -154,7 +155,7 @@ impl SceneEditor {
                             Chebyshev::new(of_side.sigma_a.map(f64::from), of_side.sigma_s.map(f64::from), low, high);
                         *curve = Arc::new(move |h| slab.at(h));
                     }
-                    transport::Interior::Maps { rho_d, rho_t } if self.leaf(leaf).sides[s].interior() => {
+                    transport::Interior::Maps { rho_d, rho_t } if self.leaf(leaf).plan.sides[s].interior() => {
                         let [d, t] = handover::pigment(
                             self.leaf(leaf),
                             Side::ALL[s],
@@ -168,19 +169,19 @@ impl SceneEditor {
                 }
             }
         }
-        let time = scene.wind.as_ref().map_or_else(|| branch::rest_time(&self.manifest), |w| w.time_s);
+        let time = scene.wind.as_ref().map_or_else(|| branch::rest_time(&self.scene.manifest), |w| w.time_s);
         let place = |i: &viewer::Instance| {
             let rest = i.transform.as_dmat4();
             let ride = i.ride.and_then(|r| Some(Ride { branch: r.branch, at: f64::from(r.at?) }));
-            let transform = match (&self.plan.bends, ride) {
+            let transform = match (&self.scene.placed.bends, ride) {
                 (Some(bends), Some(ride)) => bends.transform(ride, time, rest),
                 _ => rest,
             };
             transport::Placement { leaf: i.leaf, transform }
         };
         world.instances = scene.instances.iter().map(place).collect();
-        if let Some(bends) = &self.plan.bends {
-            reference::move_branches(&mut world, &self.plan, bends, time);
+        if let Some(bends) = &self.scene.placed.bends {
+            reference::move_branches(&mut world, &self.scene.placed, bends, time);
         }
         world.sun = scene.sun.map(|s| transport::ReferenceSun {
             direction: s.direction.as_dvec3(),
@@ -191,8 +192,8 @@ impl SceneEditor {
         world.dome = match &scene.dome {
             Some(dome) => {
                 let (zenith, azimuth) = angles(dome.sun);
-                let daylight = Daylight::at(&self.manifest, zenith, azimuth, f64::from(dome.turbidity))?;
-                Some(reference::dome(&self.manifest, daylight, f64::from(dome.strength)))
+                let daylight = Daylight::at(&self.scene.manifest, zenith, azimuth, f64::from(dome.turbidity))?;
+                Some(reference::dome(&self.scene.manifest, daylight, f64::from(dome.strength)))
             }
             None => None,
         };
@@ -200,7 +201,7 @@ impl SceneEditor {
         let has = |leaf: usize, s: usize| {
             scene.leaves.get(leaf).is_some_and(|l| [&l.front, &l.back][s].translucency.is_some())
         };
-        crate::draw::sunlit::relight_where(&mut world, &self.plan, &[eye], has)?;
+        relight_where(&mut world, &self.scene, &[eye], has)?;
         Ok(world)
     }
 }
@@ -253,13 +254,13 @@ impl Editor for SceneEditor {
     fn sky(&mut self, sun: glam::Vec3, turbidity: f32) -> std::result::Result<SkyUpdate, String> {
         let (zenith, azimuth) = angles(sun);
         let new = || -> Result<SkyUpdate> {
-            let daylight = Daylight::at(&self.manifest, zenith, azimuth, f64::from(turbidity))?;
+            let daylight = Daylight::at(&self.scene.manifest, zenith, azimuth, f64::from(turbidity))?;
             let [low, high] = mesophyll_sky::preetham::TRUSTED;
             let fitted = (low..=high)
                 .contains(&daylight.turbidity)
-                .then(|| daylight::polynomials(&self.plan, &self.ledger))
+                .then(|| handover::polynomials(&self.scene.plan, &self.ledger))
                 .transpose()?;
-            let dome = handover::dome(&daylight, self.plan.sky_bands, fitted.flatten())?;
+            let dome = handover::dome(&daylight, self.scene.plan.light.sky_bands, fitted.flatten())?;
             Ok(SkyUpdate { dome, sun_irradiance: daylight.sun.map(|v| v as f32) })
         };
         new().map_err(|e| e.to_string())
@@ -269,7 +270,7 @@ impl Editor for SceneEditor {
         if leaf >= self.shown.len() {
             return Err("a branch is no fit of a leaf".into());
         }
-        let Some(fitted) = &self.leaf(leaf).fitted else { return Err("this leaf has no fit".into()) };
+        let Some(fitted) = &self.leaf(leaf).placed.fitted else { return Err("this leaf has no fit".into()) };
         let scale = [0, 1].map(|s| save::Change {
             scaling: self.scaling(leaf, s, edit),
             rho_s: f64::from(edit.side(s == 0).rho_s_scale),
@@ -294,9 +295,9 @@ impl Editor for SceneEditor {
                 fov_y_deg: f64::from(camera.fov_y_deg),
             };
             let options = transport::Options {
-                samples_per_pixel: self.manifest.check.samples.min(16),
+                samples_per_pixel: self.scene.manifest.check.samples.min(16),
                 sun_samples: if scene.shadow_samples > 0 { 4 } else { 1 },
-                seed: self.manifest.check.seed,
+                seed: self.scene.manifest.check.seed,
                 ..transport::Options::default()
             };
             transport::render(&world, &camera, width as usize, height as usize, &options)
@@ -315,8 +316,8 @@ impl Editor for SceneEditor {
             Ok(seen) => seen,
             Err(e) => return Verdict { note: e.to_string(), ..Verdict::default() },
         };
-        let view = self.manifest.views.iter().find(|v| v.kind == ViewKind::Perspective);
-        let limit = |f: fn(&crate::manifest::View) -> Option<f64>| view.and_then(f).unwrap_or(0.0);
+        let view = self.scene.manifest.views.iter().find(|v| v.kind == ViewKind::Perspective);
+        let limit = |f: fn(&View) -> Option<f64>| view.and_then(f).unwrap_or(0.0);
         let mut measures =
             vec![Measure { name: "FLIP, 99 %".into(), value: seen.flip_p99, threshold: limit(|v| v.flip_p99) }];
         let mut note = String::new();
@@ -366,7 +367,7 @@ impl Editor for SceneEditor {
             }
         }
         if let Some(code) = one("mask.Y") {
-            let defects = self.leaf(leaf).fitted.as_ref().map(|f| &f.record.defects);
+            let defects = self.leaf(leaf).placed.fitted.as_ref().map(|f| &f.record.defects);
             let name = defects.and_then(|d| d.get(&format!("{code:.0}"))).cloned();
             let word = if code > 0.0 {
                 "good".into()

@@ -2,7 +2,6 @@
 
 use super::place::Place;
 use crate::Result;
-use crate::fits::missing::size;
 use mesophyll_optics::gloss::LobeKind;
 
 pub fn leaves(p: &Place) -> Result<()> {
@@ -44,7 +43,7 @@ pub fn leaves(p: &Place) -> Result<()> {
             return Err(p.error(HEADER, i, "scan", "given beside a capture; expected one of the two"));
         }
         if let Some(scan) = &leaf.scan {
-            if scan.size.is_some() && size(scan).is_none() {
+            if scan.size.is_some() && scan.texels().is_none() {
                 let found = scan.size.as_deref().unwrap_or_default();
                 return Err(p.error(
                     HEADER,

@@ -3,7 +3,6 @@
 use super::place::Place;
 use crate::Result;
 use crate::manifest::{Day, Sky};
-use crate::placed::daylight::sun_of;
 use mesophyll_sky::preetham;
 
 pub fn lights(p: &Place) -> Result<()> {
@@ -113,7 +112,7 @@ fn one_day(p: &Place, day: &Day) -> Result<()> {
     }
     for hour in &day.hours {
         p.range(HEADER, 0, "hours", *hour, [0.0, 24.0], "hours")?;
-        if sun_of(day, *hour).0 > std::f64::consts::FRAC_PI_2 + 1e-9 {
+        if day.sun(*hour).0 > std::f64::consts::FRAC_PI_2 + 1e-9 {
             return Err(p.error(
                 HEADER,
                 0,

@@ -1,0 +1,82 @@
+//! Where the translucency maps of a scene's leaf come from: a folder of `fit translucency` that the scene names, or one
+//! that a run made.
+
+use super::fitted::Fitted;
+use super::source::{Source, Status};
+use crate::Result;
+use crate::manifest::{Basis, Manifest, Tissue, Translucency as Asked};
+use mesophyll_files::hash;
+use mesophyll_record::FitRecord;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// The translucency maps that the scene asks for.
+#[derive(Debug, Clone)]
+pub struct Translucent {
+    pub source: Source,
+    /// Open where the maps are there and up to date. Its files are called `LEAF/translucency/…`.
+    pub fitted: Option<Fitted>,
+}
+
+/// Where a run's own translucency maps of a leaf go.
+pub fn folder(manifest: &Manifest, index: usize, out: &Path) -> PathBuf {
+    out.join("fits").join(format!("{}-translucency", manifest.leaves[index].data_name()))
+}
+
+/// Looks for a leaf's maps; `None` where the scene asks for none.
+///
+/// # Errors
+/// [`Error::Input`] for a folder of another kind of fit.
+pub fn find(
+    manifest: &Manifest,
+    index: usize,
+    out: Option<&Path>,
+    fitted_leaf: Option<&Fitted>,
+) -> Result<Option<Translucent>> {
+    let leaf = &manifest.leaves[index];
+    let Some(asked) = &leaf.translucency else { return Ok(None) };
+    let named = asked.fit.as_ref().map(|f| manifest.resolve(f));
+    let made = out.map(|o| folder(manifest, index, o));
+    let exists = |f: &Option<PathBuf>| f.clone().filter(|f| f.join("fit.toml").is_file());
+    // What the maps were made from, where they say it, must be the leaf's fit as it is now.
+    let now = fitted_leaf.map(|f| hash::file(&f.folder.join("fit.toml"))).transpose()?;
+    let mut stale = false;
+    let mut found = None;
+    for (place, is_named) in [(exists(&made), false), (exists(&named), true)] {
+        let Some(place) = place else { continue };
+        let said = FitRecord::read(&place)?.options;
+        let from = said.get("leaf");
+        if (from.is_some() && now.is_some() && from != now.as_ref()) || !as_asked(asked, &said, is_named) {
+            stale = true;
+        } else if found.is_none() {
+            found = Some((place, is_named));
+        }
+    }
+    let Some((place, is_named)) = found else {
+        let (status, why) = match stale {
+            true => (Status::Stale, "the leaf's fit, or what the scene asks of it, changed since the maps were made"),
+            false => (Status::Missing, "not made yet; `mesophyll run` and `check` make it from the leaf's fit"),
+        };
+        let source = Source { status, folder: made, named: false, why: why.into() };
+        return Ok(Some(Translucent { source, fitted: None }));
+    };
+    let fitted = Fitted::open_as(&format!("{}/translucency", leaf.name), &place, "translucency")?;
+    let source =
+        Source { status: Status::Reuse, folder: Some(place), named: is_named, why: "the scene asks for it".into() };
+    Ok(Some(Translucent { source, fitted: Some(fitted) }))
+}
+
+/// Whether maps that say how they were made were made as the scene asks. Of a basis that it does not ask for, what it
+/// names may have any.
+fn as_asked(asked: &Asked, said: &BTreeMap<String, String>, named: bool) -> bool {
+    // The slab of a fit lets all light in, the table's tissue what is not reflected.
+    let entry = match asked.tissue {
+        Tissue::Fit => "matched",
+        Tissue::Table => "albedo",
+    };
+    let wanted = asked.basis.or_else(|| (!named).then(Basis::default));
+    let of = |b: Basis| said.get("basis").map_or(b == Basis::default(), |s| *s == b.functions().name());
+    said.get("colour").is_none_or(|c| c == asked.colour.name())
+        && said.get("entry").is_none_or(|e| e == entry)
+        && wanted.is_none_or(of)
+}

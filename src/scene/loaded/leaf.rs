@@ -1,0 +1,219 @@
+//! The data of one leaf: W's textures, slab curves and translucency coefficients, read as far as the plan asks for them.
+
+use super::convolved::Inside;
+use super::curve::{Curve, curve};
+use super::map_levels::map_levels;
+use super::translucency::{self, Coefficients};
+use super::{Stand, gloss};
+use crate::Result;
+use crate::fits::fitted::{Fitted, fill};
+use crate::ledger::Ledger;
+use crate::manifest::{Interior, ViewKind};
+use crate::placed::{self, branch, daylight};
+use crate::plan::leaf::TEXEL_BYTES;
+use crate::plan::{LeafPlan, Plan};
+use glam::DVec3;
+use mesophyll_optics::side::Side;
+use mesophyll_transport::tone::display;
+use std::sync::OnceLock;
+
+/// W's textures of one side, filled beyond the outline; only what the plan needs is read.
+#[derive(Debug, Default)]
+pub struct Textures {
+    /// γ (RGB) and δ (mm).
+    pub gamma_delta: Option<Vec<[f32; 4]>>,
+    /// ρs (RGB) and m.
+    pub gloss: Option<Vec<[f32; 4]>>,
+    /// Where the fit knew γ.
+    pub good: Vec<bool>,
+}
+
+/// What was read of one leaf: front, back.
+#[derive(Debug, Default)]
+pub struct Loaded {
+    pub textures: [Textures; 2],
+    pub curves: [Option<Curve>; 2],
+    /// For light that enters each side, without holes; only of sides that are back-lit where a camera looks. The plan
+    /// says which of them the renderer gets; the reference draws them all.
+    pub coefficients: [Option<Coefficients>; 2],
+    /// For the reference renderer, made when it first asks.
+    pub(super) inside: OnceLock<Option<Inside>>,
+}
+
+/// Reads W's textures of a leaf whose fit is there as far as they are needed, and tells the plan what was measured.
+pub(super) fn load(at: Stand, leaf: &placed::leaf::Leaf, plan: &mut Plan) -> Result<Loaded> {
+    let mut out = Loaded::default();
+    let Some(fitted) = &leaf.fitted else { return Ok(out) };
+    let (manifest, config, index) = (at.manifest, &at.manifest.leaves[leaf.index], leaf.index);
+    plan.shape(manifest, leaf, fitted)?;
+    for (s, side) in Side::ALL.into_iter().enumerate() {
+        let needs = plan.leaves[index].sides[s];
+        if config.interior == Interior::Scalars && needs.interior() {
+            let size = read_gamma_delta(fitted, s, plan.leaves[index].size, &mut out, at.ledger)?;
+            plan.leaves[index].size = size;
+        }
+        if needs.any() && plan.leaves[index].size == [0, 0] {
+            let info = fitted.info(&format!("{}.exr", side.name()))?;
+            plan.leaves[index].size = [info.width, info.height];
+        }
+        if let Some(texels) = &out.textures[s].gamma_delta {
+            // A tenth of a shortcut's share, and never more than a ten-thousandth.
+            let allowed = (manifest.tolerance / 10.0).min(1e-4);
+            let what = format!("{}/{} slab curve", fitted.name, side.name());
+            let made = of_side(fitted, side, texels, allowed, &what, at.ledger)?;
+            plan.curve(what, made.rows.clone());
+            out.curves[s] = Some(made);
+        }
+        if needs.gloss {
+            read_gloss(at, leaf, fitted, s, &mut out, plan)?;
+        } else {
+            plan.leave_out_gloss(leaf, fitted, s);
+        }
+        if plan.wants_translucency(manifest, leaf, s) {
+            translucency::side(at, leaf, s, &mut out, plan)?;
+        }
+        plan.files(manifest, leaf, s, out.coefficients[s].is_some(), at.ledger);
+    }
+    resolution(at, leaf, &out, plan);
+    plan.leave_out_errors(fitted);
+    Ok(out)
+}
+
+fn read_gamma_delta(
+    fitted: &Fitted,
+    s: usize,
+    known: [usize; 2],
+    out: &mut Loaded,
+    ledger: &Ledger,
+) -> Result<[usize; 2]> {
+    let file = format!("{}_gamma_delta.exr", Side::ALL[s].name());
+    let h = fitted.thickness(Side::ALL[s])? as f32;
+    // γ of a leaf texel is positive, and so is its thickness.
+    let Rgba { size, texels, good } =
+        rgba(fitted, &file, ledger, |t| t[0] > 0.0 && t[1] > 0.0 && t[2] > 0.0 && h + t[3] > 0.0)?;
+    out.textures[s] = Textures { gamma_delta: Some(texels), gloss: None, good };
+    fitted.same_size(known, size, &file)
+}
+
+/// The slab curve over the thicknesses of a side's texels.
+fn of_side(
+    fitted: &Fitted,
+    side: Side,
+    texels: &[[f32; 4]],
+    allowed: f64,
+    what: &str,
+    ledger: &Ledger,
+) -> Result<Curve> {
+    let h = fitted.thickness(side)?;
+    let (low, high) =
+        texels.iter().fold((f64::INFINITY, 0f64), |(a, b), t| (a.min(h + f64::from(t[3])), b.max(h + f64::from(t[3]))));
+    Ok(curve(fitted.rgb(side, "sigma_a")?, fitted.rgb(side, "sigma_s")?, low, high, allowed, what, ledger))
+}
+
+/// Reads a side's gloss, and keeps it where it shows.
+fn read_gloss(
+    at: Stand,
+    leaf: &placed::leaf::Leaf,
+    fitted: &Fitted,
+    s: usize,
+    out: &mut Loaded,
+    plan: &mut Plan,
+) -> Result<()> {
+    let (manifest, index) = (at.manifest, leaf.index);
+    let file = format!("{}_rho_s_m.exr", Side::ALL[s].name());
+    let Rgba { size, texels, .. } = rgba(fitted, &file, at.ledger, |t| t[3] > 0.0)?;
+    plan.leaves[index].size = fitted.same_size(plan.leaves[index].size, size, &file)?;
+    let matte = texels.iter().all(|t| t[..3].iter().all(|v| *v <= 0.0));
+    let most = if matte { None } else { Some(gloss::most(at, at.leaf(leaf, out, plan), s, &texels, fitted)?) };
+    if plan.gloss(manifest, leaf, fitted, s, most) {
+        out.textures[s].gloss = Some(texels);
+    }
+    Ok(())
+}
+
+/// One of W's textures: its size, RGBA texels without holes, and which of them the fit knew.
+struct Rgba {
+    size: [usize; 2],
+    texels: Vec<[f32; 4]>,
+    good: Vec<bool>,
+}
+
+/// Interleaves four channels, filled wherever `good` does not hold.
+fn rgba(fitted: &Fitted, file: &str, ledger: &Ledger, good: impl Fn([f32; 4]) -> bool) -> Result<Rgba> {
+    let maps = fitted.maps(file, &["R", "G", "B", "A"], ledger)?;
+    let size = [maps.width, maps.height];
+    let mut planes: Vec<Vec<f32>> = maps.channels.into_iter().map(|(_, p)| p).collect();
+    let at = |planes: &[Vec<f32>], k: usize| [planes[0][k], planes[1][k], planes[2][k], planes[3][k]];
+    let mask: Vec<bool> =
+        (0..size[0] * size[1]).map(|k| at(&planes, k)).map(|t| t.iter().all(|v| v.is_finite()) && good(t)).collect();
+    fill(&fitted.folder.join(file), size[0], size[1], &mut planes, |k| mask[k])?;
+    let texels = (0..mask.len()).map(|k| at(&planes, k)).collect();
+    Ok(Rgba { size, texels, good: mask })
+}
+
+/// Light that reaches a surface, at most: E/π and the sky's radiance (the mean over the channels).
+fn light(manifest: &crate::manifest::Manifest) -> (f64, f64) {
+    let mean = |c: &[f64; 3]| c.iter().sum::<f64>() / 3.0;
+    let (sun, sky) = daylight::levels(manifest);
+    (mean(&sun), mean(&sky))
+}
+
+/// Picks the maps' resolution from the footprint of the nearest pixel.
+fn resolution(at: Stand, leaf: &placed::leaf::Leaf, loaded: &Loaded, plan: &mut Plan) {
+    let Stand { manifest, placed, .. } = at;
+    let (index, config) = (leaf.index, &manifest.leaves[leaf.index]);
+    let (Some(mesh), Some(fitted)) = (&leaf.mesh, &leaf.fitted) else { return };
+    let LeafPlan { size, sides, .. } = plan.leaves[index];
+    if size == [0, 0] {
+        return;
+    }
+    let (mut area, mut area_uv) = (0.0, 0.0);
+    for t in 0..mesh.triangles() {
+        let [a, b, c] = mesh.triangle(t);
+        area += (mesh.positions[b] - mesh.positions[a]).cross(mesh.positions[c] - mesh.positions[a]).length();
+        area_uv += (mesh.uvs[b] - mesh.uvs[a]).perp_dot(mesh.uvs[c] - mesh.uvs[a]).abs();
+    }
+    let texel_mm = (area / (area_uv * (size[0] * size[1]) as f64)).sqrt();
+    let (centre, radius) = mesh.bounds();
+    let mut footprint = f64::INFINITY;
+    for p in placed.placements.iter().filter(|p| p.leaf == index) {
+        for view in manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective) {
+            let (Some(eye), Some(fov)) = (view.eye_mm, view.fov_deg) else { continue };
+            let at = placed.at_time(p, branch::time(manifest, view)).transform;
+            let (scale, centre) = (at.x_axis.truncate().length(), at.transform_point3(centre));
+            let nearest = (DVec3::from(eye).distance(centre) - radius * scale).max(1e-3);
+            let pixel_mm = 2.0 * (fov.to_radians() / 2.0).tan() * nearest / f64::from(manifest.check.height);
+            footprint = footprint.min(pixel_mm / (texel_mm * scale));
+        }
+    }
+    if !footprint.is_finite() || footprint <= 0.0 {
+        return;
+    }
+    let (sun, sky) = light(manifest);
+    let power = sun / std::f64::consts::PI + sky;
+    for (s, side) in Side::ALL.into_iter().enumerate() {
+        let (Some(texels), Some(curve)) = (&loaded.textures[s].gamma_delta, &loaded.curves[s]) else { continue };
+        let Ok(h) = fitted.thickness(side) else { continue };
+        let value: Vec<f32> = texels
+            .iter()
+            .map(|t| {
+                let (rho_d, rho_t) = curve.at(h + f64::from(t[3]));
+                let rho = if sides[s].rho_d { f64::from(t[1]) * rho_d[1] } else { rho_t[1] };
+                display(rho * power, manifest.exposure) as f32
+            })
+            .collect();
+        let good = &loaded.textures[s].good;
+        let rows = map_levels(&value, size[0], size[1], |k| good[k], footprint, TEXEL_BYTES);
+        // Sampling a pixel's centre has an error of its own; a coarser map may not add the scene's tolerance to it.
+        let allowed = rows.first().map_or(0.0, |r| r.error) + manifest.tolerance / 4.0;
+        let what = format!("{}/{} map resolution", config.name, side.name());
+        if let Some(row) = plan.choose(&what, rows, allowed) {
+            let block = &mut plan.leaves[index].block;
+            *block =
+                if s == 0 || loaded.textures[0].gamma_delta.is_none() { row.setting } else { row.setting.min(*block) };
+        }
+    }
+    translucency::resolution(at, leaf, loaded, plan, footprint);
+    let read = |t: &Textures| u64::from(t.gamma_delta.is_some()) + u64::from(t.gloss.is_some());
+    plan.resolution(&config.name, index, footprint, loaded.textures.iter().map(read).sum());
+}

@@ -1,0 +1,176 @@
+//! One of the scene's leaves in the world: where its fit is, its blade, and which of its sides are seen and lit.
+
+use super::branch::{self, Bends};
+use super::daylight;
+use super::facing::Facing;
+use super::placement::{self, Placement};
+use crate::Result;
+use crate::fits::fitted::Fitted;
+use crate::fits::source::{self, InputHash, Source, Status};
+use crate::fits::translucency::{self, Translucent};
+use crate::ledger::Ledger;
+use crate::manifest::{Manifest, ViewKind};
+use glam::DVec3;
+use mesophyll_files::mesh::{self, LeafMesh};
+use mesophyll_files::progress::Bar;
+use std::path::{Path, PathBuf};
+
+/// How a scene's leaves are looked for.
+#[derive(Clone, Copy, Default)]
+pub struct Search<'a> {
+    /// A run's folder with fits of its own.
+    pub out: Option<&'a Path>,
+    /// Tells whether a capture is still what a fit was made from; when absent, every fit counts as up to date.
+    pub input_hash: Option<InputHash<'a>>,
+    /// For a window, where camera, sun and sliders may go anywhere: every side counts as seen and lit.
+    pub free: bool,
+}
+
+/// A leaf of the manifest and what is there of it.
+#[derive(Debug)]
+pub struct Leaf {
+    /// Index into the manifest's leaves.
+    pub index: usize,
+    /// A perspective view, a card or a view of its scan shows it.
+    pub used: bool,
+    /// Where its fit comes from; `None` for a leaf that nothing shows.
+    pub source: Option<Source>,
+    /// Open when the leaf is used and its fit is up to date.
+    pub fitted: Option<Fitted>,
+    pub mesh_path: PathBuf,
+    /// Read where the leaf is placed and its fit is there.
+    pub mesh: Option<LeafMesh>,
+    /// What perspective views see of it.
+    pub facing: Facing,
+    /// What card views see of it.
+    pub on_cards: Facing,
+    /// Where the scene asks for it.
+    pub translucent: Option<Translucent>,
+}
+
+impl Leaf {
+    /// Looks for leaf `index` of the manifest.
+    ///
+    /// # Errors
+    /// [`crate::Error::Input`] for a fit that does not exist and cannot be made, or a damaged mesh.
+    pub fn find(
+        manifest: &Manifest,
+        (placements, bends): (&[Placement], Option<&Bends>),
+        index: usize,
+        search: Search,
+        ledger: &Ledger,
+    ) -> Result<Leaf> {
+        let leaf = &manifest.leaves[index];
+        let shown_by = |kind: ViewKind| {
+            manifest.views.iter().filter(move |v| v.kind == kind && v.leaf.as_deref() == Some(leaf.name.as_str()))
+        };
+        let perspective = || manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective);
+        let placed = perspective().next().is_some() && placements.iter().any(|p| p.leaf == index);
+        let used = placed || shown_by(ViewKind::Capture).next().is_some() || shown_by(ViewKind::Card).next().is_some();
+        let mut out = Leaf {
+            index,
+            used,
+            source: None,
+            fitted: None,
+            mesh_path: PathBuf::new(),
+            mesh: None,
+            facing: Facing::default(),
+            on_cards: Facing::default(),
+            translucent: None,
+        };
+        if !used {
+            return Ok(out);
+        }
+        let source = source::source(manifest, index, search.out, search.input_hash)?;
+        let sun = daylight::sun_direction(manifest)
+            .zip(manifest.sun.as_ref())
+            .map(|(direction, sun)| (direction, sun.radius_deg.to_radians()));
+        if let (Status::Reuse, Some(folder)) = (source.status, &source.folder) {
+            out.fitted =
+                Some(ledger.note("read", format!("{}/fit.toml", leaf.name), 0, || Fitted::open(&leaf.name, folder))?);
+            out.mesh_path = leaf.mesh.as_ref().map_or_else(|| folder.join("blade.glb"), |m| manifest.resolve(m));
+            if placed {
+                let mesh = out.blade(manifest, ledger)?;
+                let mine: Vec<&Placement> = placements.iter().filter(|p| p.leaf == index).collect();
+                let views: Vec<(DVec3, f64)> =
+                    perspective().filter_map(|v| Some((v.eye_mm?.into(), branch::time(manifest, v)))).collect();
+                out.facing = if search.free {
+                    Facing::ALL
+                } else {
+                    seen(manifest, &leaf.name, &mesh, &mine, bends, &views, sun)?
+                };
+                out.mesh = Some(mesh);
+            }
+        } else if placed {
+            out.facing = Facing { seen: [true; 2], lit: [sun.is_some(); 2], through: [sun.is_some(); 2] };
+        }
+        out.source = Some(source);
+        if placed {
+            out.translucent = translucency::find(manifest, index, search.out, out.fitted.as_ref())?;
+        }
+        for card in shown_by(ViewKind::Card) {
+            let (turn, at) =
+                (placement::rotation(card.rotation_deg.unwrap_or_default()), card.target_mm.unwrap_or_default());
+            let p = Placement {
+                leaf: index,
+                transform: glam::DMat4::from_rotation_translation(turn, at.into()),
+                ride: None,
+            };
+            let eye = DVec3::from(card.eye_mm.unwrap_or_default());
+            out.on_cards.add(&LeafMesh::rectangle(1.0, 1.0), &p, &[eye], sun);
+        }
+        Ok(out)
+    }
+
+    fn blade(&self, manifest: &Manifest, ledger: &Ledger) -> Result<LeafMesh> {
+        let leaf = &manifest.leaves[self.index];
+        let bytes = std::fs::metadata(&self.mesh_path).map_or(0, |m| m.len());
+        ledger.note("read", format!("{}/{}", leaf.name, self.mesh_name()), bytes, || {
+            mesh::read(&self.mesh_path, leaf.mesh_unit)
+        })
+    }
+
+    /// The file name of its mesh.
+    pub fn mesh_name(&self) -> String {
+        self.mesh_path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
+    }
+
+    /// Whether its translucency maps must be made before anything can be drawn; its own fit is there.
+    pub fn lacks_translucency(&self, manifest: &Manifest) -> bool {
+        self.fitted.is_some()
+            && manifest.sun.is_some()
+            && self.facing.through.contains(&true)
+            && self.translucent.as_ref().is_some_and(|t| t.source.status != Status::Reuse)
+    }
+}
+
+/// What the views (eye and time) see of all placements of one leaf.
+fn seen(
+    manifest: &Manifest,
+    name: &str,
+    mesh: &LeafMesh,
+    placements: &[&Placement],
+    bends: Option<&Bends>,
+    views: &[(DVec3, f64)],
+    sun: Option<(DVec3, f64)>,
+) -> Result<Facing> {
+    let mut facing = Facing::default();
+    let bar = Bar::new(format!("which sides of {name} are seen and lit"), placements.len() as u64);
+    for p in placements {
+        bar.step()?;
+        match bends.filter(|_| p.ride.is_some()) {
+            None => {
+                let eyes: Vec<DVec3> = views.iter().map(|v| v.0).collect();
+                facing.add(mesh, p, &eyes, sun);
+            }
+            Some(bends) => {
+                views.iter().for_each(|(eye, time)| facing.add(mesh, &bends.placement(p, *time), &[*eye], sun));
+            }
+        }
+    }
+    if manifest.sun_moves() {
+        // The sun lights either side at some time.
+        (facing.lit, facing.through) = (facing.seen, facing.seen);
+    }
+    Ok(facing)
+}
