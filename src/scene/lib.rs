@@ -9,6 +9,8 @@
 pub mod check;
 pub mod draw;
 pub mod fits;
+#[cfg(test)]
+mod imports;
 pub mod ledger;
 pub mod loaded;
 pub mod manifest;

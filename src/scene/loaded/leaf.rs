@@ -1,10 +1,9 @@
 //! The data of one leaf: W's textures, slab curves and translucency coefficients, read as far as the plan asks for them.
 
-use super::convolved::Inside;
 use super::curve::{Curve, curve};
 use super::map_levels::map_levels;
-use super::translucency::{self, Coefficients};
-use super::{Stand, gloss};
+use super::translucency;
+use super::{Loaded, Stand, Textures, gloss};
 use crate::Result;
 use crate::fits::fitted::{Fitted, fill};
 use crate::ledger::Ledger;
@@ -15,30 +14,6 @@ use crate::plan::{LeafPlan, Plan};
 use glam::DVec3;
 use mesophyll_optics::side::Side;
 use mesophyll_transport::tone::display;
-use std::sync::OnceLock;
-
-/// W's textures of one side, filled beyond the outline; only what the plan needs is read.
-#[derive(Debug, Default)]
-pub struct Textures {
-    /// γ (RGB) and δ (mm).
-    pub gamma_delta: Option<Vec<[f32; 4]>>,
-    /// ρs (RGB) and m.
-    pub gloss: Option<Vec<[f32; 4]>>,
-    /// Where the fit knew γ.
-    pub good: Vec<bool>,
-}
-
-/// What was read of one leaf: front, back.
-#[derive(Debug, Default)]
-pub struct Loaded {
-    pub textures: [Textures; 2],
-    pub curves: [Option<Curve>; 2],
-    /// For light that enters each side, without holes; only of sides that are back-lit where a camera looks. The plan
-    /// says which of them the renderer gets; the reference draws them all.
-    pub coefficients: [Option<Coefficients>; 2],
-    /// For the reference renderer, made when it first asks.
-    pub(super) inside: OnceLock<Option<Inside>>,
-}
 
 /// Reads W's textures of a leaf whose fit is there as far as they are needed, and tells the plan what was measured.
 pub(super) fn load(at: Stand, leaf: &placed::leaf::Leaf, plan: &mut Plan) -> Result<Loaded> {

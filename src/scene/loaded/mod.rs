@@ -7,7 +7,7 @@ pub mod convolved;
 pub mod curve;
 mod gloss;
 pub mod gloss_bound;
-pub mod leaf;
+mod leaf;
 pub mod map_levels;
 pub mod translucency;
 
@@ -17,7 +17,10 @@ use crate::manifest::{self, Manifest};
 use crate::placed::leaf::Search;
 use crate::placed::{self, Placed};
 use crate::plan::{LeafPlan, Plan};
-use leaf::Loaded;
+use convolved::Inside;
+use curve::Curve;
+use std::sync::OnceLock;
+use translucency::Coefficients;
 
 /// A planned scene with everything that its plan asks for.
 #[derive(Debug)]
@@ -36,6 +39,29 @@ pub struct Leaf<'a> {
     pub placed: &'a placed::leaf::Leaf,
     pub plan: &'a LeafPlan,
     pub loaded: &'a Loaded,
+}
+
+/// W's textures of one side, filled beyond the outline; only what the plan needs is read.
+#[derive(Debug, Default)]
+pub struct Textures {
+    /// γ (RGB) and δ (mm).
+    pub gamma_delta: Option<Vec<[f32; 4]>>,
+    /// ρs (RGB) and m.
+    pub gloss: Option<Vec<[f32; 4]>>,
+    /// Where the fit knew γ.
+    pub good: Vec<bool>,
+}
+
+/// What was read of one leaf: front, back.
+#[derive(Debug, Default)]
+pub struct Loaded {
+    pub textures: [Textures; 2],
+    pub curves: [Option<Curve>; 2],
+    /// For light that enters each side, without holes; only of sides that are back-lit where a camera looks. The plan
+    /// says which of them the renderer gets; the reference draws them all.
+    pub coefficients: [Option<Coefficients>; 2],
+    /// For the reference renderer, made when it first asks.
+    inside: OnceLock<Option<Inside>>,
 }
 
 /// What leaves are read from.

@@ -5,9 +5,8 @@
 //! the Half-Life 2 functions (straight or bent), or `translucency.R1` to `.B3`, those of M = ρt·f a colour. Directions
 //! are in the lit side's tangent frame.
 
-use super::leaf::Loaded;
 use super::map_levels::map_levels;
-use super::{Leaf, Stand};
+use super::{Leaf, Loaded, Stand};
 use crate::fits::fitted::{Fitted, fill};
 use crate::ledger::Ledger;
 use crate::manifest::{Basis, ViewKind};
