@@ -50,15 +50,16 @@
 //! and the compiler refuses any other. All of them stand on floors below its own:
 //!
 //! ```text
-//! 8  main
-//! 7  cli
-//! 6  report
-//! 5  proof       scene       export
-//! 4  fit
-//! 3  leaf
-//! 2  capture     transport   record
-//! 1  viewer      optics      sky      plant      solve      files
-//! 0  error       quadrature  fourier
+//! 9  main
+//! 8  cli
+//! 7  report
+//! 6  proof         scene       export
+//! 5  fit
+//! 4  leaf
+//! 3  capture
+//! 2  translucency  walk        transport   record
+//! 1  viewer        optics      sky         plant      solve      files
+//! 0  error         quadrature  fourier
 //! ```
 
 pub use mesophyll_capture as capture;
@@ -76,6 +77,8 @@ pub use mesophyll_report as report;
 pub use mesophyll_scene as scene;
 pub use mesophyll_sky as sky;
 pub use mesophyll_solve as solve;
+pub use mesophyll_translucency as translucency;
 pub use mesophyll_transport as transport;
+pub use mesophyll_walk as walk;
 
 pub use error::{Error, Result};

@@ -49,6 +49,9 @@ fn slanting() -> Set {
     Set { dir, beams, blade }
 }
 
+/// Error that the leaf fit states of its thickness, texel by texel.
+const THICKNESS_ERR_MM: f32 = 1e-4;
+
 /// A folder as `fit leaf` writes it, from a capture's truth; σ off by a factor.
 fn leaf_fit(beams: &Path, blade: &Path, off: f64) {
     std::fs::create_dir_all(blade).unwrap();
@@ -68,6 +71,9 @@ fn leaf_fit(beams: &Path, blade: &Path, off: f64) {
         ["X", "Y", "Z"].iter().for_each(|c| normals.push(*c, vec![f32::from(u8::from(*c == "Z")); texels]));
         write_exr(&blade.join(format!("{side}.exr")), &maps, Packing::Zip).unwrap();
         write_exr(&blade.join(format!("{side}_normal.exr")), &normals, Packing::Zip).unwrap();
+        let mut errors = Maps::new(truth.width, truth.height);
+        errors.push("thickness.Y", vec![THICKNESS_ERR_MM; texels]);
+        write_exr(&blade.join(format!("{side}_err.exr")), &errors, Packing::Zip).unwrap();
         let d = get("thickness.Y");
         let mut section = Section::default();
         let mut put = |name: &str, value: Vec<f64>| {
@@ -162,6 +168,46 @@ fn a_slab_that_is_off_is_told_why() {
     assert_eq!(value("thickness_scale", 0), 1.0);
 }
 
+/// A thickness map that is off by what it states: the photographs scatter far more than their noise, and the printed
+/// errors hold that.
+#[test]
+fn errors_of_the_thickness_map_are_in_the_printed_errors() {
+    let set = slanting();
+    let fit = |set: &Set| {
+        succeeded(&set.fit(&["--levels", "3", "--margin-mm", "0.6", "--fix-scale", "--force"]));
+        FitRecord::read(&set.dir.path().join("out")).unwrap().sections.remove("all").unwrap()
+    };
+    let exact = fit(&set);
+    let mut state = 1u32;
+    for side in ["front", "back"] {
+        let change = |name: &str, change: &mut dyn FnMut(&mut f32)| {
+            let path = set.blade.join(format!("{side}{name}.exr"));
+            let mut maps = read_exr(&path).unwrap();
+            let plane = maps.channels.iter_mut().find(|(n, _)| n == "thickness.Y").unwrap();
+            plane.1.iter_mut().for_each(change);
+            write_exr(&path, &maps, Packing::Zip).unwrap();
+        };
+        // Evenly spread, of standard deviation .008 mm.
+        change("", &mut |d| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            *d += 0.008 * 12f32.sqrt() * ((state >> 8) as f32 / 16_777_216.0 - 0.5);
+        });
+        change("_err", &mut |e| *e = 0.008);
+    }
+    let all = fit(&set);
+    let (chi2, expected) = (all.figures["reduced_chi2"], all.figures["expected_reduced_chi2"]);
+    assert!(chi2 > 2.0 && (0.5..1.5).contains(&(chi2 / expected)), "{chi2} {expected}");
+    for name in ["sigma_a", "sigma_s_reduced"] {
+        let (param, truth) = (&all.params[name], &all.truth[name]);
+        for c in 0..3 {
+            assert!(param.stderr[c] > 1.5 * exact.params[name].stderr[c], "{param:?}");
+            assert!(!param.undetermined.iter().any(|u| u.contains("explained")), "{param:?}");
+        }
+        let widest = (0..3).map(|c| param.stderr[c] / param.value[c]).fold(0.0, f64::max);
+        assert!(truth.p99_relative < 4.0 * widest, "{name} {truth:?} {param:?}");
+    }
+}
+
 #[test]
 fn bad_input_is_named() {
     let set = slanting();
@@ -196,6 +242,12 @@ fn bad_input_is_named() {
     write_exr(&first, &maps, Packing::Raw).unwrap();
     refused(&set.fit(&[]), 2, &["01_front_90_0.exr", "G", "no texel has a reading"]);
     std::fs::write(&first, saved).unwrap();
+    // A leaf fit that states no errors of its thickness.
+    let errors = set.blade.join("front_err.exr");
+    let saved = std::fs::read(&errors).unwrap();
+    std::fs::remove_file(&errors).unwrap();
+    refused(&set.fit(&[]), 2, &["front_err.exr"]);
+    std::fs::write(&errors, saved).unwrap();
     // A leaf fit of one side only.
     let mut record = FitRecord::read(&set.blade).unwrap();
     record.sections.remove("back");

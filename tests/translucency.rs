@@ -5,7 +5,7 @@ mod common;
 use common::{copy_tree, refused, run, scan, succeeded};
 use mesophyll::files::image::read_exr;
 use mesophyll::files::quantity::Quantity;
-use mesophyll::optics::translucency::basis::Basis;
+use mesophyll::translucency::basis::Basis;
 use std::path::Path;
 
 fn fit(input: &str, out: &Path, extra: &[&str]) -> std::process::Output {

@@ -15,7 +15,7 @@ pub struct Fields<'a> {
 impl Fields<'_> {
     /// The refusal of one field.
     pub fn wrong(&self, field: &str, found: impl Display, expected: &str) -> Error {
-        Error::field(self.path, field, format!("found {found}, expected {expected}"))
+        Error::unexpected(self.path, field, found, expected)
     }
 
     /// The schema this program writes, and photographs of a size that is allowed.

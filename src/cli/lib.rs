@@ -141,8 +141,19 @@ pub fn main() -> ExitCode {
             if !matches!(e, Error::BrokenPipe) {
                 eprintln!("mesophyll: {e}");
             }
-            ExitCode::from(e.exit_code())
+            ExitCode::from(exit_code(&e))
         }
+    }
+}
+
+/// Exit code: 0 done, 1 a fit or a check missed (or could not be written), 2 usage or unreadable input, 130
+/// interrupted.
+fn exit_code(e: &Error) -> u8 {
+    match e {
+        Error::BrokenPipe => 0,
+        Error::Interrupted(_) => 130,
+        _ if e.is_usage() => 2,
+        _ => 1,
     }
 }
 

@@ -91,7 +91,7 @@ pub enum Acquisition {
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let (width, height) = parse_size(&args.size)?;
     if !(0.0..=1.0).contains(&args.noise) {
-        return Err(Error::Usage(format!("--noise: found {}, expected 0 to 1", args.noise)));
+        return Err(Error::argument("--noise", args.noise, "0 to 1"));
     }
     use Acquisition::{Beams, Dome, Tube};
     let options: [(&str, bool, &[Acquisition], &str); 6] = [
@@ -117,12 +117,10 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
 fn under_dome(args: &Args, common: &Common, width: usize, height: usize) -> Result<u8> {
     let height_noise_mm = args.height_noise.unwrap_or(0.01);
     if !(0.0..=10.0).contains(&height_noise_mm) {
-        return Err(Error::Usage(format!("--height-noise: found {height_noise_mm}, expected 0 to 10 mm")));
+        return Err(Error::argument("--height-noise", height_noise_mm, "0 to 10 mm"));
     }
     if width.min(height) < 3 {
-        return Err(Error::Usage(format!(
-            "--size: found {width}x{height}, expected at least 3x3 for heights to have slopes"
-        )));
+        return Err(Error::argument("--size", format!("{width}x{height}"), "at least 3x3 for heights to have slopes"));
     }
     let patch = patch(args)?;
     let spec = Spec::read(&args.spec)?;
@@ -165,24 +163,21 @@ fn patch(args: &Args) -> Result<Option<(f64, [f64; 2])>> {
         None => [0.0; 2],
         Some([x, y]) if x.is_finite() && y.is_finite() => [*x, *y],
         Some(list) => {
-            return Err(Error::Usage(format!("--patch-at: found {} numbers, expected X,Y in mm", list.len())));
+            return Err(Error::argument("--patch-at", format!("{} numbers", list.len()), "X,Y in mm"));
         }
     };
     if let Some(size) = args.patch_mm
         && !(size > 0.0 && size.is_finite())
     {
-        return Err(Error::Usage(format!("--patch-mm: found {size}, expected a positive width in mm")));
+        return Err(Error::argument("--patch-mm", size, "a positive width in mm"));
     }
     Ok(args.patch_mm.map(|size| (size, centre)))
 }
 
 /// `front,60,0`: lit side, elevation, azimuth.
 fn beam(text: &str) -> Result<Beam> {
-    let fail = || {
-        Error::Usage(format!(
-            "--beam: found {text}, expected front or back, an elevation above 0 to 90 and an azimuth, as front,60,0"
-        ))
-    };
+    let fail =
+        || Error::argument("--beam", text, "front or back, an elevation above 0 to 90 and an azimuth, as front,60,0");
     let parts: Vec<&str> = text.split(',').map(str::trim).collect();
     let [side, elevation, azimuth] = parts[..] else { return Err(fail()) };
     let lit = match side {
@@ -200,7 +195,7 @@ fn beam(text: &str) -> Result<Beam> {
 
 fn under_beams(args: &Args, common: &Common, width: usize, height: usize) -> Result<u8> {
     if width.min(height) < 3 {
-        return Err(Error::Usage(format!("--size: found {width}x{height}, expected at least 3x3")));
+        return Err(Error::argument("--size", format!("{width}x{height}"), "at least 3x3"));
     }
     let given = args.beam.iter().map(|text| beam(text)).collect::<Result<Vec<Beam>>>()?;
     let spec = Spec::read(&args.spec)?;
@@ -240,7 +235,7 @@ fn under_beams(args: &Args, common: &Common, width: usize, height: usize) -> Res
 fn tube(args: &Args, common: &Common, width: usize, height: usize) -> Result<u8> {
     let frames = args.frames.unwrap_or(100);
     if !(8..=10_000).contains(&frames) {
-        return Err(Error::Usage(format!("--frames: found {frames}, expected 8 to 10000")));
+        return Err(Error::argument("--frames", frames, "8 to 10000"));
     }
     let mut spec = Spec::read(&args.spec)?;
     if let Some((size, _)) = patch(args)? {
@@ -279,9 +274,7 @@ fn tube(args: &Args, common: &Common, width: usize, height: usize) -> Result<u8>
 }
 
 fn parse_size(text: &str) -> Result<(usize, usize)> {
-    let fail = || {
-        Error::Usage(format!("--size: found {text}, expected WIDTHxHEIGHT of 1 to 16384 texels each, such as 720x540"))
-    };
+    let fail = || Error::argument("--size", text, "WIDTHxHEIGHT of 1 to 16384 texels each, such as 720x540");
     let (w, h) = text.split_once(['x', 'X']).ok_or_else(fail)?;
     match (w.trim().parse(), h.trim().parse()) {
         (Ok(w), Ok(h)) if (1..=16_384).contains(&w) && (1..=16_384).contains(&h) => Ok((w, h)),

@@ -77,7 +77,7 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
         })
         .collect();
     let Some(first) = views.first().cloned() else {
-        return Err(Error::field(&manifest.path, "view", "found only cards, expected a perspective view to open"));
+        return Err(Error::unexpected(&manifest.path, "view", "only cards", "a perspective view to open"));
     };
     let mut scene = handover::scene(&planned, &ledger)?;
     if let (Some(wind), Some(time_s)) = (&mut scene.wind, first.time_s) {

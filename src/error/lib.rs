@@ -1,23 +1,49 @@
-//! The one error a user meets: a sentence that names the file, the field, what was found and what was expected.
+//! The one error that every room returns, and how a value, a row or a fit ended.
+//!
+//! An error reaches the user once, as one sentence that names the file, the field, what was found and what was
+//! expected. Programs that use the library read the same four as fields. Exit codes belong to the command line.
+
+#![warn(missing_docs)]
 
 use std::fmt::Display;
 use std::path::Path;
 
-/// What went wrong, said once. Rooms build these with [`Error::input`], [`Error::write`] and friends;
-/// `main` prints the sentence and turns it into the exit code.
-#[derive(Debug, thiserror::Error)]
+/// What went wrong, said once. Its [`Display`] is the whole sentence for the user.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum Error {
-    /// An input that cannot be read or does not say what it should. `place` names the file and, where there is one, the
-    /// field.
-    #[error("{place}: {what}")]
-    Input { place: String, what: String },
-    /// The command line asks for something that cannot be done.
+    /// An input that cannot be read or does not say what it should.
+    #[error("{}{fault}", place(file, *line, field.as_deref()))]
+    Input {
+        /// The file's path, or what stands for it (`standard input`).
+        file: String,
+        /// Line of the file, counted from 1, where it is known.
+        line: Option<u32>,
+        /// The field, column or table of the file, where one is to blame.
+        field: Option<String>,
+        /// What is wrong with it.
+        fault: Fault,
+    },
+    /// An argument of the command line, or an option of a function, that cannot be used.
+    #[error("{name}: {fault}")]
+    Argument {
+        /// The argument as the user writes it, such as `--g`.
+        name: String,
+        /// What is wrong with it.
+        fault: Fault,
+    },
+    /// Arguments that do not go together, or a request that cannot be met: a free sentence.
     #[error("{0}")]
     Usage(String),
     /// An output that could not be written; nothing half-written is left behind.
-    #[error("cannot write {place}: {what}")]
-    Write { place: String, what: String },
-    /// A fit as a whole failed, or a check missed its threshold.
+    #[error("cannot write {file}: {reason}")]
+    Write {
+        /// The file's path.
+        file: String,
+        /// Why it could not be written.
+        reason: String,
+    },
+    /// A fit as a whole failed, or a check missed its threshold: a free sentence.
     #[error("{0}")]
     Missed(String),
     /// The user stopped the run; what was finished is kept.
@@ -28,42 +54,82 @@ pub enum Error {
     BrokenPipe,
 }
 
+/// What is wrong with a field or an argument.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum Fault {
+    /// It holds something else than it should.
+    #[error("found {found}, expected {expected}")]
+    Unexpected {
+        /// What it holds.
+        found: String,
+        /// What it should hold.
+        expected: String,
+    },
+    /// Anything else, as a free sentence.
+    #[error("{0}")]
+    Other(String),
+}
+
+/// A result whose error is [`Error`].
 pub type Result<T> = std::result::Result<T, Error>;
 
+/// `file:line: field: `, as far as these are known.
+fn place(file: &str, line: Option<u32>, field: Option<&str>) -> String {
+    let line = line.map_or(String::new(), |line| format!(":{line}"));
+    let field = field.map_or(String::new(), |field| format!("{field}: "));
+    format!("{file}{line}: {field}")
+}
+
 impl Error {
-    /// `path: what`, for an input file.
+    /// `path: what`, for an input file as a whole.
     pub fn input(path: &Path, what: impl Display) -> Self {
-        Error::Input { place: path.display().to_string(), what: what.to_string() }
+        let file = path.display().to_string();
+        Error::Input { file, line: None, field: None, fault: Fault::Other(what.to_string()) }
     }
 
     /// `path: field: what`, for a field of an input file.
     pub fn field(path: &Path, field: &str, what: impl Display) -> Self {
-        Error::Input { place: format!("{}: {field}", path.display()), what: what.to_string() }
+        let file = path.display().to_string();
+        Error::Input { file, line: None, field: Some(field.into()), fault: Fault::Other(what.to_string()) }
+    }
+
+    /// `path: field: found …, expected …`, for a field of an input file that holds something else than it should.
+    pub fn unexpected(path: &Path, field: &str, found: impl Display, expected: impl Display) -> Self {
+        let file = path.display().to_string();
+        Error::Input { file, line: None, field: Some(field.into()), fault: Fault::unexpected(found, expected) }
+    }
+
+    /// `--name: found …, expected …`, for an argument that cannot be used.
+    pub fn argument(name: &str, found: impl Display, expected: impl Display) -> Self {
+        Error::Argument { name: name.into(), fault: Fault::unexpected(found, expected) }
     }
 
     /// `path:line: message`, for an input that is not the TOML it should be; unknown and missing fields are named.
     pub fn toml(path: &Path, text: &str, e: &toml::de::Error) -> Self {
         let line = e.span().map_or(0, |s| text[..s.start.min(text.len())].matches('\n').count() + 1);
         Error::Input {
-            place: format!("{}:{line}", path.display()),
-            what: e.message().lines().collect::<Vec<_>>().join(" "),
+            file: path.display().to_string(),
+            line: u32::try_from(line).ok(),
+            field: None,
+            fault: Fault::Other(e.message().lines().collect::<Vec<_>>().join(" ")),
         }
     }
 
     /// An output that could not be written.
-    pub fn write(path: &Path, what: impl Display) -> Self {
-        Error::Write { place: path.display().to_string(), what: what.to_string() }
+    pub fn write(path: &Path, reason: impl Display) -> Self {
+        Error::Write { file: path.display().to_string(), reason: reason.to_string() }
     }
 
-    /// Exit code: 0 done, 1 a fit or a check missed (or could not be written), 2 usage or unreadable input, 130
-    /// interrupted.
-    pub fn exit_code(&self) -> u8 {
-        match self {
-            Error::Input { .. } | Error::Usage(_) => 2,
-            Error::Write { .. } | Error::Missed(_) => 1,
-            Error::Interrupted(_) => 130,
-            Error::BrokenPipe => 0,
-        }
+    /// Whether what the user gave is to blame: an input or an argument.
+    pub fn is_usage(&self) -> bool {
+        matches!(self, Error::Input { .. } | Error::Argument { .. } | Error::Usage(_))
+    }
+}
+
+impl Fault {
+    /// It holds `found`, and should hold `expected`.
+    pub fn unexpected(found: impl Display, expected: impl Display) -> Self {
+        Fault::Unexpected { found: found.to_string(), expected: expected.to_string() }
     }
 }
 
@@ -80,6 +146,7 @@ pub enum Status {
 }
 
 impl Status {
+    /// Whether the value is right within its stated errors.
     pub fn is_ok(&self) -> bool {
         *self == Status::Ok
     }
@@ -100,5 +167,30 @@ impl std::fmt::Display for Status {
             Status::Undetermined(what) => write!(f, "undetermined: {what}"),
             Status::Refused(why) => write!(f, "refused: {why}"),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_error_is_one_sentence_and_its_parts() {
+        let path = Path::new("a/capture.toml");
+        let said = |e: Error| e.to_string();
+        assert_eq!(said(Error::input(path, "no such file")), "a/capture.toml: no such file");
+        assert_eq!(said(Error::field(path, "width", "missing")), "a/capture.toml: width: missing");
+        let error = Error::unexpected(path, "width", 3, "8 or more");
+        assert_eq!(error.to_string(), "a/capture.toml: width: found 3, expected 8 or more");
+        let Error::Input { file, line: None, field: Some(field), fault: Fault::Unexpected { found, expected } } = error
+        else {
+            panic!("{error:?}")
+        };
+        assert_eq!([file.as_str(), &field, &found, &expected], ["a/capture.toml", "width", "3", "8 or more"]);
+        assert_eq!(said(Error::argument("--g", 1.5, "between -1 and 1")), "--g: found 1.5, expected between -1 and 1");
+        let text = "a = 1\nb = ]\n";
+        let e = toml::from_str::<toml::Table>(text).unwrap_err();
+        assert!(said(Error::toml(path, text, &e)).starts_with("a/capture.toml:2: "));
+        assert_eq!(said(Error::write(path, "the disk is full")), "cannot write a/capture.toml: the disk is full");
     }
 }

@@ -1,4 +1,4 @@
-//! The two sides of a leaf, and maps as either side's camera sees them.
+//! The two sides of a leaf, and how a map in one side's columns is written in the other's.
 
 use serde::{Deserialize, Serialize};
 

@@ -100,6 +100,8 @@ fn gloss_inputs() -> Result<Inputs> {
     let mut fitted = |trace: &[[f32; 3]]| fitter.fit(&mut workspace, [0.0; 2], trace, None).m;
     let errors = truths.iter().zip(&traces).map(|(t, trace)| (fitted(trace) / t.m - 1.0).abs()).collect();
     let us = median_us(200.0, || traces.iter().map(|trace| fitted(trace)).sum::<f64>()) / traces.len() as f64;
+    let texel = |(t, trace): (&synthetic::Truth, &Vec<[f32; 3]>)| serde_json::json!({ "m": t.m, "trace": trace });
+    let texels: Vec<serde_json::Value> = truths.iter().zip(&traces).map(texel).collect();
     let value = serde_json::json!({
         "u": positions.iter().map(|x| x / device.height_mm).collect::<Vec<_>>(),
         "camera_deg": device.camera[0].atan2(device.camera[2]).to_degrees(),
@@ -107,7 +109,7 @@ fn gloss_inputs() -> Result<Inputs> {
         "tube_length_mm": device.length_mm,
         "noise_relative": device.noise_relative,
         "noise_floor": device.noise_floor,
-        "texels": truths.iter().zip(&traces).map(|(t, trace)| serde_json::json!({ "m": t.m, "trace": trace })).collect::<Vec<_>>(),
+        "texels": texels,
     });
     let text = serde_json::to_string(&value).map_err(|e| Error::Missed(format!("cannot write JSON: {e}")))?;
     Ok(Inputs {

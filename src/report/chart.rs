@@ -40,7 +40,8 @@ pub fn colour_bar(ramp: &str, (min, max): (f64, f64), unit: &str) -> String {
     let [low, middle, high] = [min, middle, max].map(|v| significant(v, 3));
     let unit = if unit.is_empty() { String::new() } else { format!(" {}", escape(unit)) };
     format!(
-        "<div class=\"bar\"><i class=\"{ramp}\"></i><span>{low}</span><span>{middle}</span><span>{high}{unit}</span></div>"
+        "<div class=\"bar\"><i class=\"{ramp}\"></i>\
+         <span>{low}</span><span>{middle}</span><span>{high}{unit}</span></div>"
     )
 }
 

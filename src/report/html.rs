@@ -46,7 +46,8 @@ pub fn render(report: &Report) -> Result<String> {
         .iter()
         .map(|c| {
             let captures: Vec<_> = c.captures.iter().map(|r| &r.pictures).collect();
-            context! { row => Serde(c), views => c.views.iter().map(shot).collect::<Vec<_>>(), captures => Serde(&captures) }
+            let views: Vec<_> = c.views.iter().map(shot).collect();
+            context! { row => Serde(c), views => views, captures => Serde(&captures) }
         })
         .collect();
     let page = env.get_template("page").map_err(failed)?;

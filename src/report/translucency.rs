@@ -8,7 +8,7 @@ use crate::model::{Captioned, ChannelPictures, ChartTile, MapPictures, SidePictu
 use crate::number::{plain, significant};
 use crate::quantity::channel_word;
 use crate::stats::{Histogram, quantile, sorted, widen};
-use mesophyll_optics::translucency::basis::{Basis, FLAT, HALF_LIFE_2};
+use mesophyll_translucency::basis::{Basis, FLAT, HALF_LIFE_2};
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 

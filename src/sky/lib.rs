@@ -7,16 +7,17 @@
 //! l(l+1)+m; a sky's coefficients are those of the upper hemisphere with zero below the horizon. The sun's disk is not
 //! part of the sky.
 //!
-//! | to … | call |
-//! |---|---|
-//! | name a sky | [`Model`]: [`Preetham`], [`HosekWilkie`]; `model.sky(sun_zenith, turbidity)` gives a [`Sky`] or a [`Refused`] |
-//! | look at it | [`Sky::xyz`], [`Sky::rgb`] in a direction (unit vector) |
-//! | project it by quadrature | [`project::direct`] (1e-9 of c00 and better), [`project::Rule`] for many turbidities at one sun |
-//! | evaluate fitted polynomials | [`fitted::Folded`]: `coefficients(sun_zenith, turbidity)`, `at(turbidity)` once the turbidity is fixed |
-//! | turn, evaluate, sum harmonics | [`harmonics`]: [`harmonics::Basis`], [`harmonics::rotate_z`], [`harmonics::evaluate`] |
-//! | light a surface | [`irradiance::irradiance`] on a normal, [`irradiance::add_ground`] for the light from below |
-//! | the sun's own light through that air | [`sun::irradiance`] |
-//! | keep ringing down | [`window`] |
+//! - To name a sky: [`Model`], [`Preetham`], [`HosekWilkie`]. `model.sky(sun_zenith, turbidity)` gives a [`Sky`], or a
+//!   [`Refused`] that says why it cannot.
+//! - To look at it in a direction (unit vector): [`Sky::xyz`], [`Sky::rgb`].
+//! - To project it onto harmonics by quadrature: [`project::direct`] (to 1e-9 of c00 and better), or [`project::Rule`]
+//!   for many turbidities at one sun.
+//! - To evaluate fitted polynomials: [`fitted::Folded`], with `coefficients(sun_zenith, turbidity)`, or
+//!   `at(turbidity)` once the turbidity is fixed.
+//! - To turn, evaluate and sum harmonics: [`harmonics::Basis`], [`harmonics::rotate_z`], [`harmonics::evaluate`].
+//! - To light a surface: [`irradiance::irradiance`] on a normal, [`irradiance::add_ground`] for the light from below.
+//! - For the sun's own light through that air: [`sun::irradiance`].
+//! - To reduce the ringing of a truncated series: [`window`].
 //!
 //! Coefficients of a sky are a [`Coefficients`]: N² values a channel. `project::direct(sky, 7)?` is the 49×3 numbers of
 //! a fixed sun and turbidity.

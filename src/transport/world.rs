@@ -8,6 +8,7 @@ use super::dome::Dome;
 use super::lobe::Lobe;
 use crate::{Error, Result};
 use glam::{DMat4, DVec2, DVec3, DVec4};
+use std::path::Path;
 use std::sync::Arc;
 
 /// Everything in a picture.
@@ -198,7 +199,7 @@ pub enum NormalFrame {
 impl World {
     /// Whether everything is there and of one size; the sentence names the leaf and the field.
     pub fn validate(&self) -> Result<()> {
-        let bad = |what: String| Err(Error::Input { place: "reference scene".into(), what });
+        let bad = |what: String| Err(Error::input(Path::new("reference scene"), what));
         for (k, leaf) in self.leaves.iter().enumerate() {
             if let Err(what) = leaf.validate() {
                 return bad(format!("leaf {k}: {what}"));

@@ -18,7 +18,7 @@ use super::visible::visible;
 use crate::lightbox::mask_from_transmission;
 use crate::{Error, Result};
 use mesophyll_optics::side::{Side, mirror};
-use mesophyll_optics::translucency::blade::{Blade, Surface};
+use mesophyll_translucency::blade::{Blade, Surface};
 use serde::Serialize;
 use std::collections::BTreeMap;
 

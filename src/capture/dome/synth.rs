@@ -29,7 +29,7 @@ use mesophyll_files::progress::Bar;
 use mesophyll_files::quantity::{Quantity, RGB};
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::side::{Side, mirror};
-use mesophyll_optics::translucency::blade as optics;
+use mesophyll_translucency::blade as optics;
 use std::path::{Path, PathBuf};
 
 /// How a specification is photographed and scanned.

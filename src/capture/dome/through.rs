@@ -14,8 +14,8 @@ use crate::synth::slab_truth::Table;
 use mesophyll_optics::dipole::Tissue;
 use mesophyll_optics::side::Side;
 use mesophyll_optics::side::mirror;
-use mesophyll_optics::translucency::blade::Blade;
-use mesophyll_optics::translucency::convolve::{Convolver, Settings, Totals};
+use mesophyll_translucency::blade::Blade;
+use mesophyll_translucency::convolve::{Convolver, Settings, Totals};
 
 /// How far sideways light is followed where a part of a leaf is captured (mm).
 pub const REACH_MM: f64 = 2.0;

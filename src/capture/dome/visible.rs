@@ -5,8 +5,8 @@
 //! From horizons in 16 slices of azimuth (Max 1988), each slice in closed form: with h the sine of its horizon's
 //! elevation, ∫_h^1 z dz = (1 − h²)/2 and ∫_h^1 √(1 − z²) dz = (acos h − h √(1 − h²))/2.
 
-use mesophyll_optics::translucency::blade::LitSide;
-use mesophyll_optics::translucency::horizon::{Horizon, SLICES};
+use mesophyll_translucency::blade::LitSide;
+use mesophyll_translucency::horizon::{Horizon, SLICES};
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
@@ -49,7 +49,7 @@ pub fn visible(lit: &LitSide) -> Vec<f64> {
 mod tests {
     use super::*;
     use mesophyll_optics::side::Side;
-    use mesophyll_optics::translucency::blade::Blade;
+    use mesophyll_translucency::blade::Blade;
 
     fn of(heights: Vec<f64>, w: usize, h: usize) -> (Vec<f64>, Vec<[f64; 3]>) {
         let n = w * h;

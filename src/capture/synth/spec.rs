@@ -258,9 +258,7 @@ impl Spec {
     }
 
     fn validate(&self, path: &Path) -> Result<()> {
-        let bad = |field: &str, found: String, expected: &str| {
-            Err(Error::field(path, field, format!("found {found}, expected {expected}")))
-        };
+        let bad = |field: &str, found: String, expected: &str| Err(Error::unexpected(path, field, found, expected));
         if self.schema != 1 {
             return bad("schema", self.schema.to_string(), "1");
         }

@@ -40,7 +40,7 @@ pub struct Args {
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let geometry = Geometry::read(&args.geometry)?;
     if let Some(s) = args.noise.filter(|s| !(s.is_finite() && *s >= 0.0)) {
-        return Err(Error::Usage(format!("--noise: found {s}, expected zero or a positive number")));
+        return Err(Error::argument("--noise", s, "zero or a positive number"));
     }
     let device = geometry.device(args.lobe.lobe()?);
     let precision = Precision { along: args.quadrature.into(), ..Precision::fine() };

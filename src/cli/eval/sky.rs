@@ -23,7 +23,12 @@ pub struct Args {
     #[command(flatten)]
     io: BatchIo,
     /// Bands N: l < N
-    #[arg(long, value_name = "N", default_value_t = 7, value_parser = clap::value_parser!(u16).range(1..=MOST_BANDS as i64))]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 7,
+        value_parser = clap::value_parser!(u16).range(1..=MOST_BANDS as i64)
+    )]
     bands: u16,
     /// fit: fitted polynomials, 1e-5; compact: half the size, 1e-4; direct: integrated, 1e-9; the others fit Preetham
     /// as a black box

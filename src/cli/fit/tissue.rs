@@ -7,8 +7,8 @@ use mesophyll_files::progress::say;
 use mesophyll_fit::translucency::inverse::run::{Options, Outcome, Start, run as fit};
 use mesophyll_fit::translucency::inverse::{self};
 use mesophyll_fit::translucency::tissue::Entry;
-use mesophyll_optics::translucency::convolve::Totals;
 use mesophyll_record::FitRecord;
+use mesophyll_translucency::convolve::Totals;
 use std::path::PathBuf;
 
 /// Absorption and scattering inside a leaf, and a factor on its thickness, from photographs of the light that comes

@@ -9,9 +9,9 @@ use mesophyll_fit::dome;
 use mesophyll_fit::translucency::tissue::Entry;
 use mesophyll_fit::translucency::{Area, Colour, Options, Outcome, TissueFrom, run as fit};
 use mesophyll_optics::dipole::{Form, FormKind};
-use mesophyll_optics::translucency::basis::Basis;
-use mesophyll_optics::translucency::lights::Rule;
 use mesophyll_record::FitRecord;
+use mesophyll_translucency::basis::Basis;
+use mesophyll_translucency::lights::Rule;
 use std::path::PathBuf;
 
 /// How the light that comes through a leaf depends on where it comes from, a texel at a time: scattering inside the

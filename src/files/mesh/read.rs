@@ -45,10 +45,11 @@ fn parse(path: &Path, bytes: &[u8], unit: Option<Unit>) -> Result<LeafMesh> {
         let data = gltf::buffer::Data::from_source_and_blob(buffer.source(), Some(folder), &mut blob)
             .map_err(|e| Error::field(path, &field, sentence(&e)))?;
         if data.len() < buffer.length() {
-            return Err(Error::field(
+            return Err(Error::unexpected(
                 path,
                 &field,
-                format!("found {} bytes, expected {} (truncated?)", data.len(), buffer.length()),
+                format!("{} bytes", data.len()),
+                format!("{} (truncated?)", buffer.length()),
             ));
         }
         buffers.push(data);
@@ -87,9 +88,8 @@ fn own_unit(path: &Path, document: &gltf::Document) -> Result<Unit> {
         .and_then(|v| v.get("unit").cloned());
     match said {
         None => Ok(Unit::Metre),
-        Some(unit) => serde_json::from_value(unit.clone()).map_err(|_| {
-            Error::field(path, "asset.extras.unit", format!("found {unit}, expected \"mm\", \"cm\" or \"m\""))
-        }),
+        Some(unit) => serde_json::from_value(unit.clone())
+            .map_err(|_| Error::unexpected(path, "asset.extras.unit", unit, "\"mm\", \"cm\" or \"m\"")),
     }
 }
 
@@ -204,7 +204,7 @@ fn add_mesh(
     for primitive in mesh.primitives() {
         let field = format!("meshes[{}].primitives[{}]", mesh.index(), primitive.index());
         if primitive.mode() != Mode::Triangles {
-            return Err(Error::field(path, &field, format!("found {:?}, expected triangles", primitive.mode())));
+            return Err(Error::unexpected(path, &field, format!("{:?}", primitive.mode()), "triangles"));
         }
         let reader = primitive.reader(|b| buffers.get(b.index()).map(|d| d.0.as_slice()));
         let missing =
@@ -244,25 +244,28 @@ fn add_mesh(
         };
         for (what, len) in [("TEXCOORD_0", uvs.len()), ("NORMAL", normals.len()), ("TANGENT", tangents.len())] {
             if len != n {
-                return Err(Error::field(
+                return Err(Error::unexpected(
                     path,
                     &format!("{field}.{what}"),
-                    format!("found {len} entries, expected {n} as of POSITION"),
+                    format!("{len} entries"),
+                    format!("{n} as of POSITION"),
                 ));
             }
         }
         if let Some(bad) = indices.iter().find(|&&i| i as usize >= n) {
-            return Err(Error::field(
+            return Err(Error::unexpected(
                 path,
                 &format!("{field}.indices"),
-                format!("found {bad}, expected less than the {n} vertices"),
+                bad,
+                format!("less than the {n} vertices"),
             ));
         }
         if !indices.len().is_multiple_of(3) {
-            return Err(Error::field(
+            return Err(Error::unexpected(
                 path,
                 &format!("{field}.indices"),
-                format!("found {} entries, expected whole triangles", indices.len()),
+                format!("{} entries", indices.len()),
+                "whole triangles",
             ));
         }
         if positions.iter().any(|p| !p.is_finite())

@@ -181,11 +181,7 @@ pub fn write(folder: &Path, fit: &Fitted, reference: &Reference) -> Result<(Judg
 pub fn read(folder: &Path) -> Result<(FitRecord, Form<f32>)> {
     let record = FitRecord::read(folder)?;
     if record.kind != "sky" {
-        return Err(Error::field(
-            &folder.join("fit.toml"),
-            "kind",
-            format!("found {:?}, expected \"sky\"", record.kind),
-        ));
+        return Err(Error::unexpected(&folder.join("fit.toml"), "kind", format!("{:?}", record.kind), "\"sky\""));
     }
     record.verify(folder)?;
     let path = folder.join("coefficients.json");

@@ -3,11 +3,11 @@
 
 use super::spread::{ELEVATIONS, STEPS, Spread};
 use super::{Colour, colour};
-use mesophyll_optics::translucency::basis::Basis;
-use mesophyll_optics::translucency::blade::LitSide;
-use mesophyll_optics::translucency::convolve::Convolver;
-use mesophyll_optics::translucency::horizon::Horizon;
-use mesophyll_optics::translucency::irradiance::{Visibility, irradiance};
+use mesophyll_translucency::basis::Basis;
+use mesophyll_translucency::blade::LitSide;
+use mesophyll_translucency::convolve::Convolver;
+use mesophyll_translucency::horizon::Horizon;
+use mesophyll_translucency::irradiance::{Visibility, irradiance};
 use std::f64::consts::FRAC_PI_2;
 
 /// Names of [`ELEVATIONS`] in `fit.toml`.

@@ -8,8 +8,8 @@ use mesophyll_files::hash;
 use mesophyll_files::quantity::Quantity;
 use mesophyll_leaf::{File, LeafFit, fill, pack};
 use mesophyll_optics::side::Side;
-use mesophyll_optics::translucency::relief;
 use mesophyll_record::Section;
+use mesophyll_translucency::relief;
 use std::path::Path;
 
 /// One side's maps, as its own camera saw it, row-major.

@@ -1,7 +1,8 @@
-//! The numbers that a kernel is evaluated with: f64, complex (contours of the Hankel integral), and either of them with
-//! derivatives.
+//! The kinds of number that a kernel can be evaluated with: `f64`, complex numbers (for the contour of the Hankel
+//! integral), and either of them with derivatives.
 //!
-//! One formula then serves the value, its inversion and its exact derivatives.
+//! Every formula is written once, for all of them. It then gives the value, its Hankel transform and its exact
+//! derivatives.
 
 // The product and quotient rules use other operators than the one they define.
 #![allow(clippy::suspicious_arithmetic_impl)]

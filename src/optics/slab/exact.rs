@@ -1,8 +1,8 @@
-//! The slab to nine digits and more: an integral equation where it is thin, discrete ordinates in closed form
-//! elsewhere.
+//! The slab to nine digits and more. Thin slabs are solved as an integral equation ([`thin`](super::thin)), all others
+//! by discrete ordinates in closed form ([`ordinates`](super::ordinates)).
 //!
-//! The two derivations share no formula; they overlap over Δ = 1e-3 … 0.2 to better than 1e-9, and the tests hold them
-//! to it.
+//! The two methods share no formula. Between Δ = 1e-3 and 0.2 both apply; there they agree to better than 1e-9, and a
+//! test compares them.
 
 use super::{Response, ordinates, thin};
 use std::sync::OnceLock;

@@ -5,7 +5,8 @@
 //! and ρt are the reflected and transmitted fractions of the flux (ρt with the unscattered e^(−Δ)). Units: σ in 1/mm,
 //! thickness in mm. Any ω in [0, 1], any Δ ≥ 0.
 //!
-//! [`response`] is fast, [`exact`] the nine-digit one, [`fn_method`] the paper's; [`inverse`] goes back.
+//! Three ways lead from σ to ρ: [`response`] is fast (relative error 1e-6), [`exact`] gives nine digits, and
+//! [`fn_method`] is the paper's own method. [`inverse`] leads from ρ back to σ.
 
 // Matrices and pairs are indexed as the formulas index them; a negated comparison is how NaN is kept out.
 #![allow(clippy::needless_range_loop, clippy::neg_cmp_op_on_partial_ord)]

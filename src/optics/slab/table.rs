@@ -1,10 +1,11 @@
 //! The fast slab: piecewise polynomials made from [`super::exact`], read from a committed table of some tens of
 //! kilobytes.
 //!
-//! Coordinates that carry the physics' own scales, so that few patches suffice: q = ln Δ, and ξ in [0, 1],
+//! The coordinates follow the scales of the physics, so that few patches suffice: q = ln Δ, and ξ in [0, 1],
 //! ξ = ln(1 + (1−ω) D²/…) / ln(1 + D²/…) with D = Δ + 1.42 (the slab with its two extrapolated distances): in ω the
 //! slab's only singularities are poles on ω ≥ 1 + (π/D)²/3, which the logarithm sends away. Stored are G₁ = ρd / (ω
-//! h(Δ)), h = Δ/(1+Δ), and G₂ = −ln ρt / Δ. Thinner than the table a series in Δ ln Δ answers, thicker than it `exact`.
+//! h(Δ)), h = Δ/(1+Δ), and G₂ = −ln ρt / Δ. Slabs thinner than the table's range use a series in Δ ln Δ; thicker ones
+//! use the exact solution.
 
 use super::Response;
 use std::sync::OnceLock;

@@ -182,7 +182,6 @@ fn run(case: &Case) -> Result<StressRow> {
     let (verdict, digits, condition) = match outcome {
         Ok(Outcome::Done(record) | Outcome::UpToDate(record)) => judge(&record, case, &spec),
         Ok(Outcome::ShardDone { .. }) => ("wrong: a shard of one is not the whole".to_string(), None, None),
-        Err(Error::Input { place, what }) => (format!("refused: {}: {what}", name_of(&place)), None, None),
         // The place is a temporary folder: only its last part is the case's own.
         Err(e) => (format!("refused: {}", name_of(&e.to_string())), None, None),
     };

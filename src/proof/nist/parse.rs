@@ -2,6 +2,7 @@
 
 use crate::{Error, Result};
 use mesophyll_solve::Dd;
+use std::path::Path;
 
 /// One problem file.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,7 +30,7 @@ pub struct Dataset {
 /// [`Error::Input`] where a line does not hold what the format says.
 pub fn parse(text: &str, place: &str) -> Result<Dataset> {
     let lines: Vec<&str> = text.lines().collect();
-    let wrong = |line: usize, what: String| Error::Input { place: format!("{place}: line {line}"), what };
+    let wrong = |line: usize, what: String| Error::field(Path::new(place), &format!("line {line}"), what);
     let number = |line: usize, text: &str| -> Result<f64> {
         text.parse::<f64>()
             .ok()
@@ -67,8 +68,7 @@ pub fn parse(text: &str, place: &str) -> Result<Dataset> {
         return Err(wrong(41, "no parameters".into()));
     }
     let labelled = |label: &str| -> Result<f64> {
-        let text = field(&lines, label)
-            .ok_or_else(|| Error::Input { place: place.into(), what: format!("no line {label:?}") })?;
+        let text = field(&lines, label).ok_or_else(|| Error::input(Path::new(place), format!("no line {label:?}")))?;
         number(line, text.trim())
     };
     let sum_of_squares = labelled("Residual Sum of Squares:")?;

@@ -6,8 +6,8 @@ use crate::{Error, Result};
 use mesophyll_files::progress::{self, Bar};
 use mesophyll_optics::dipole::{Form, Tissue};
 use mesophyll_optics::slab;
-use mesophyll_optics::translucency::convolve::{Convolver, Settings};
-use mesophyll_optics::translucency::levels::{LevelKind, Levels};
+use mesophyll_translucency::convolve::{Convolver, Settings};
+use mesophyll_translucency::levels::{LevelKind, Levels};
 
 /// H9 Table 3.1 without its forward scattering: the transport equation that judges is isotropic.
 const TISSUE: Tissue = Tissue { sigma_a: 0.4, sigma_s: 9.486, g: 0.0, a: 1.0 };

@@ -8,11 +8,11 @@ use mesophyll_fit::translucency::{Options, TissueFrom, side};
 use mesophyll_optics::dipole::{Form, Tissue};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
-use mesophyll_optics::translucency::basis;
-use mesophyll_optics::translucency::convolve::{Convolver, Settings};
-use mesophyll_optics::translucency::levels::Levels;
-use mesophyll_optics::walk::slab::Entry;
-use mesophyll_optics::walk::{Boundary, Histories, Medium, Slab};
+use mesophyll_translucency::basis;
+use mesophyll_translucency::convolve::{Convolver, Settings};
+use mesophyll_translucency::levels::Levels;
+use mesophyll_walk::slab::Entry;
+use mesophyll_walk::{Boundary, Histories, Medium, Slab};
 use std::time::Instant;
 
 /// What a form may be wrong by, and still be called right: diffusion is no better anywhere (`bench translucency` has

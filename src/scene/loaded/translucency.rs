@@ -18,7 +18,7 @@ use crate::{Error, Result};
 use glam::{DMat3, DVec3};
 use mesophyll_leaf::frames;
 use mesophyll_optics::side::{Side, behind};
-use mesophyll_optics::translucency::basis;
+use mesophyll_translucency::basis;
 use mesophyll_transport::tone::display;
 use rayon::prelude::*;
 use std::f64::consts::PI;

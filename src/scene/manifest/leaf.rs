@@ -3,7 +3,7 @@
 use mesophyll_files::mesh::Unit;
 use mesophyll_fit::translucency::Colour;
 use mesophyll_optics::gloss::{Lobe, LobeKind};
-use mesophyll_optics::translucency::basis as directions;
+use mesophyll_translucency::basis as directions;
 use serde::Deserialize;
 use std::path::PathBuf;
 

@@ -18,7 +18,7 @@ pub struct Certainty {
     /// Of the Jacobian with columns of length 1.
     pub condition: f64,
     pub rank: usize,
-    /// What standard errors were multiplied by beyond the noise.
+    /// What the standard errors that the noise leaves were multiplied by.
     pub misfit: f64,
     /// Directions that may change by more than [`DETERMINED`].
     pub weak: Vec<Weak>,
@@ -41,8 +41,15 @@ pub fn names(channels: &[&str], fixed: bool) -> Vec<String> {
     pairs.chain((!fixed).then(|| "thickness_scale".to_string())).collect()
 }
 
-/// From JᵀWJ of the logarithms; `misfit` widens every error.
-pub fn judge(matrix: &DMatrix<f64>, misfit: f64, names: &[String], at_limit: &[bool]) -> Certainty {
+/// From H = JᵀWJ of the logarithms: their covariance is H⁻¹ (misfit² H + scatter) H⁻¹. `scatter` is the covariance of
+/// the gradient that does not come from the noise of the readings.
+pub fn judge(
+    matrix: &DMatrix<f64>,
+    misfit: f64,
+    scatter: &DMatrix<f64>,
+    names: &[String],
+    at_limit: &[bool],
+) -> Certainty {
     let n = names.len();
     let root: Vec<f64> = (0..n).map(|k| if matrix[(k, k)] > 0.0 { matrix[(k, k)].sqrt() } else { 1.0 }).collect();
     let decompose = |matrix: DMatrix<f64>| {
@@ -57,11 +64,12 @@ pub fn judge(matrix: &DMatrix<f64>, misfit: f64, names: &[String], at_limit: &[b
     let vectors = &scaled.eigenvectors;
     // A parameter with a share in a direction that changes nothing is not known at all.
     let lost: Vec<bool> = (0..n).map(|i| (0..n).any(|k| !kept[k] && vectors[(i, k)].abs() > 1e-6)).collect();
-    let covariance = DMatrix::from_fn(n, n, |i, j| {
+    let inverse = DMatrix::from_fn(n, n, |i, j| {
         let sum: f64 =
             (0..n).filter(|k| kept[*k]).map(|k| vectors[(i, k)] * vectors[(j, k)] / scaled.eigenvalues[k]).sum();
-        misfit * misfit * sum / (root[i] * root[j])
+        sum / (root[i] * root[j])
     });
+    let covariance = &inverse * (misfit * misfit) + &inverse * scatter * &inverse;
     let stderr: Vec<f64> = (0..n).map(|i| if lost[i] { f64::INFINITY } else { covariance[(i, i)].sqrt() }).collect();
     let correlate = |i: usize, j: usize| match i == j {
         true => 1.0,
@@ -73,8 +81,9 @@ pub fn judge(matrix: &DMatrix<f64>, misfit: f64, names: &[String], at_limit: &[b
     let mut weak: Vec<Weak> = (0..n)
         .filter_map(|k| {
             let l = plain.eigenvalues[k];
-            let stderr = if l > RANK * top { misfit / l.sqrt() } else { f64::INFINITY };
             let vector: Vec<f64> = plain.eigenvectors.column(k).iter().copied().collect();
+            let own = plain.eigenvectors.column(k).dot(&(scatter * plain.eigenvectors.column(k)));
+            let stderr = if l > RANK * top { (misfit * misfit / l + own / (l * l)).sqrt() } else { f64::INFINITY };
             (!(stderr <= DETERMINED)).then(|| Weak { text: describe(&vector, names), exponents: vector, stderr })
         })
         .collect();

@@ -3,28 +3,8 @@
 use super::compare::{Difference, Slab, explain};
 use super::run::{Options, Truth};
 use super::{Fitted, Measured, Tissues};
-use mesophyll_optics::translucency::convolve::Totals;
 use mesophyll_record::{FitRecord, Param, SCHEMA, Section, Times, TruthError};
-
-/// Reduced χ² beyond which the scatter about the model is not the noise's.
-const EXPLAINED: f64 = 2.0;
-
-/// Says of each parameter that its error does not hold what the photographs show beside their noise.
-fn unexplained(all: &mut Section, channels: &[&str], chi2: f64, fixed: bool) {
-    let why = format!(
-        "the photographs are not explained (reduced chi2 {chi2:.3}): the blade's thickness or normals, or the \
-         exposure, are off by more than the noise, and the \
-         printed error does not hold that"
-    );
-    for name in ["sigma_a", "sigma_s_reduced", "sigma_s"] {
-        if let Some(p) = all.params.get_mut(name) {
-            p.undetermined = channels.iter().map(|c| format!("{name}.{c}: {why}")).collect();
-        }
-    }
-    if let Some(p) = all.params.get_mut("thickness_scale").filter(|_| !fixed) {
-        p.undetermined = vec![format!("thickness_scale: {why}")];
-    }
-}
+use mesophyll_translucency::convolve::Totals;
 
 /// The record of a fit.
 pub fn record(
@@ -64,15 +44,7 @@ pub fn record(
             if weak.stderr.is_finite() { format!("to {:.0} %", 100.0 * weak.stderr) } else { "not at all".into() };
         say(&format!("weak_{}", k + 1), format!("determined {freely}: {}", weak.text));
     }
-    let mut all = section(measured, fitted, options, slab, differences, truth);
-    if measured.noise.known && fitted.reduced_chi2 > EXPLAINED {
-        unexplained(&mut all, &names, fitted.reduced_chi2, options.fit.fix_scale);
-        let text = format!(
-            "cannot be compared with the slab fit: the photographs are not explained (reduced chi2 {:.3})",
-            fitted.reduced_chi2
-        );
-        record.options.insert("comparison".into(), text);
-    }
+    let all = section(measured, fitted, options, slab, differences, truth);
     record.sections.insert("all".into(), all);
     record
 }
@@ -147,6 +119,7 @@ fn section(
         }
     };
     figure("reduced_chi2".into(), fitted.reduced_chi2);
+    figure("expected_reduced_chi2".into(), fitted.expected_chi2);
     figure("error_factor_beyond_noise".into(), certainty.misfit);
     figure("noise_relative".into(), measured.noise.relative);
     figure("evaluations".into(), fitted.evaluations as f64);

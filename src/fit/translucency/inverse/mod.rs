@@ -5,16 +5,19 @@
 //! (H9 Eq. 3.14, the thin form): seen = exit · A_p Σ_i T(|x_o − x_i|, f·d_i) E(x_i, ω). How much comes through tells
 //! one number a channel and thickness; how far it spreads, in texels of known size, tells a length; together they
 //! separate absorption from scattering and both from the thickness. The cost is ½ Σ ((model − seen)/sd)², its gradient
-//! that of the discretised model, by correlation ([`mesophyll_optics::translucency::tangent`]); argmin's L-BFGS
+//! that of the discretised model, by correlation ([`mesophyll_translucency::tangent`]); argmin's L-BFGS
 //! minimises it in the logarithms, in coordinates that the Gauss–Newton matrix at each round's start makes round. sd is
 //! that of the *modelled* value (a reading's own would pull the fit low), renewed every round.
 //!
 //! **g is not among the unknowns**: the model holds scattering only as σs′, in its kernel, its unscattered light and
 //! its totals alike. Units: mm, 1/mm.
 //!
+//! Standard errors hold the noise of the readings and the errors that the leaf fit states of its thickness map
+//! ([`thickness`]).
+//!
 //! Limits: what diffusion and the normal-incidence kernel leave out is not in the standard errors; where the residuals
-//! exceed the noise, errors are scaled by them. Texels near a border that the leaf goes on beyond have to be left out
-//! by the caller.
+//! exceed what noise and thickness explain, errors are scaled by them. Texels near a border that the leaf goes on
+//! beyond have to be left out by the caller.
 
 pub mod certainty;
 pub mod compare;
@@ -23,14 +26,16 @@ mod model;
 pub mod rounds;
 pub mod run;
 pub mod synthetic;
+pub mod thickness;
 
 pub use certainty::Certainty;
 pub use model::logarithms;
 pub use rounds::fit;
+pub use thickness::ThicknessErrors;
 
-use mesophyll_optics::translucency::convolve::Totals;
 use mesophyll_record::Residuals;
 use mesophyll_solve::{Termination, Trace};
+use mesophyll_translucency::convolve::Totals;
 
 /// One channel of one photograph, in the lit side's columns, row by row.
 #[derive(Debug, Clone)]
@@ -65,6 +70,8 @@ pub struct Measured {
     pub texel_mm: f64,
     /// Thickness (mm) in the columns of each lit side, 0 off the leaf.
     pub thickness: Vec<Vec<f64>>,
+    /// What is known of the errors of these maps.
+    pub thickness_errors: ThicknessErrors,
     pub channels: Vec<Channel>,
     pub noise: Noise,
 }
@@ -132,6 +139,8 @@ pub struct Fitted {
     /// A channel each, in their order.
     pub residuals: Vec<Residuals>,
     pub reduced_chi2: f64,
+    /// Reduced χ² that the noise of the readings and the stated errors of the thickness maps lead to expect.
+    pub expected_chi2: f64,
 }
 
 #[cfg(test)]

@@ -5,10 +5,10 @@ use super::{Image, Measured, Options, Tissues};
 use crate::Result;
 use mesophyll_files::progress;
 use mesophyll_optics::dipole::{Form, Tissue};
-use mesophyll_optics::translucency::convolve::support;
-use mesophyll_optics::translucency::levels::Levels;
-use mesophyll_optics::translucency::tangent::{PARTIALS, Source, Stage, Tangent};
 use mesophyll_solve::descent::Smooth;
+use mesophyll_translucency::convolve::support;
+use mesophyll_translucency::levels::Levels;
+use mesophyll_translucency::tangent::{PARTIALS, Source, Stage, Tangent};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -124,6 +124,22 @@ impl<'a> Model<'a> {
         tissues(p, &self.options, self.scale)
     }
 
+    /// The same weights over other thickness maps.
+    ///
+    /// # Errors
+    /// As [`Model::new`].
+    pub fn on<'b>(&self, measured: &'b Measured, p: &[f64]) -> Result<Model<'b>> {
+        let mut model = Model::new(measured, &self.options, &self.tissues(p))?;
+        model.scale = self.scale;
+        model.inverse.clone_from(&self.inverse);
+        Ok(model)
+    }
+
+    /// Whether the thickness maps are taken to have the right mean.
+    pub fn scale_is_fixed(&self) -> bool {
+        self.options.fix_scale
+    }
+
     fn tangent(&self, at: &Tissues, c: usize) -> Result<Tangent<'_>> {
         let tissue = Tissue { sigma_a: at.sigma_a[c], sigma_s: at.reduced[c], g: 0.0, a: self.measured.channels[c].a };
         self.stage.at(&tissue, self.options.totals, at.scale)
@@ -180,6 +196,59 @@ impl<'a> Model<'a> {
         let at = self.tissues(p);
         let one = |c: usize| Ok(self.weighted(c, &self.tangent(&at, c)?.run(&self.sources(c))).0);
         (0..self.measured.channels.len()).into_par_iter().map(one).collect()
+    }
+
+    /// Residuals over their sd, and the gradient of half the sum of their squares.
+    ///
+    /// # Errors
+    /// As [`Model::images`].
+    pub fn score(&self, p: &[f64]) -> Result<(Vec<Vec<Vec<f64>>>, Vec<f64>)> {
+        let at = self.tissues(p);
+        let one = |c: usize| {
+            let (tangent, sources) = (self.tangent(&at, c)?, self.sources(c));
+            let (residuals, views) = self.weighted(c, &tangent.run(&sources));
+            Ok((residuals, tangent.gradient(&sources, &views)))
+        };
+        let parts: Vec<_> = (0..self.measured.channels.len()).into_par_iter().map(one).collect::<Result<_>>()?;
+        let mut gradient = vec![0.0; p.len()];
+        let mut residuals = Vec::new();
+        for (c, (part, by)) in parts.into_iter().enumerate() {
+            residuals.push(part);
+            self.places(c).iter().zip(by).filter(|(i, _)| **i < p.len()).for_each(|(i, by)| gradient[*i] += by);
+        }
+        Ok((residuals, gradient))
+    }
+
+    /// How the gradient moves with ln of every texel's thickness: a parameter, a thickness map, a texel. What the
+    /// residuals add to it is left out, as in [`Model::normal`].
+    ///
+    /// # Errors
+    /// As [`Model::images`].
+    pub fn pulls(&self, p: &[f64]) -> Result<Vec<Vec<Vec<f64>>>> {
+        let at = self.tissues(p);
+        let free = if self.options.fix_scale { PARTIALS - 1 } else { PARTIALS };
+        let one = |c: usize| -> Result<Vec<Vec<Vec<f64>>>> {
+            let (tangent, sources) = (self.tangent(&at, c)?, self.sources(c));
+            let pull = |k: usize| {
+                let mut views = tangent.derivative(k, &sources);
+                for ((view, image), inverse) in
+                    views.iter_mut().zip(&self.measured.channels[c].images).zip(&self.inverse[c])
+                {
+                    view.iter_mut().zip(&image.exit).zip(inverse).for_each(|((v, e), w)| *v *= (w * e).powi(2));
+                }
+                tangent.by_thickness(&sources, &views)
+            };
+            Ok((0..free).map(pull).collect())
+        };
+        let parts: Vec<_> = (0..self.measured.channels.len()).into_par_iter().map(one).collect::<Result<_>>()?;
+        let empty: Vec<Vec<f64>> = self.measured.thickness.iter().map(|map| vec![0.0; map.len()]).collect();
+        let mut pulls = vec![empty; p.len()];
+        for (c, part) in parts.iter().enumerate() {
+            for (i, maps) in self.places(c).into_iter().zip(part) {
+                pulls[i].iter_mut().flatten().zip(maps.iter().flatten()).for_each(|(sum, v)| *sum += v);
+            }
+        }
+        Ok(pulls)
     }
 
     /// 1/sd, as [`Model::residuals`].
@@ -259,21 +328,9 @@ impl Smooth for Model<'_> {
             return f64::NAN;
         }
         let (inside, off) = self.within(params);
-        let at = self.tissues(&inside);
-        let one = |c: usize| -> Result<(f64, [f64; 3])> {
-            let (tangent, sources) = (self.tangent(&at, c)?, self.sources(c));
-            let (residuals, views) = self.weighted(c, &tangent.run(&sources));
-            Ok((0.5 * residuals.iter().flatten().map(|r| r * r).sum::<f64>(), tangent.gradient(&sources, &views)))
-        };
-        let Ok(parts) = (0..self.measured.channels.len()).into_par_iter().map(one).collect::<Result<Vec<_>>>() else {
-            return f64::NAN;
-        };
-        gradient.fill(0.0);
-        let mut cost = 0.0;
-        for (c, (part, by)) in parts.into_iter().enumerate() {
-            cost += part;
-            self.places(c).iter().zip(by).filter(|(i, _)| **i < params.len()).for_each(|(i, by)| gradient[*i] += by);
-        }
+        let Ok((residuals, by)) = self.score(&inside) else { return f64::NAN };
+        gradient.copy_from_slice(&by);
+        let mut cost: f64 = residuals.iter().map(|c| 0.5 * c.iter().flatten().map(|r| r * r).sum::<f64>()).sum();
         let stiffness = self.count as f64;
         for (k, off) in off.iter().enumerate().filter(|(_, off)| **off != 0.0) {
             cost += 0.5 * stiffness * off * off;

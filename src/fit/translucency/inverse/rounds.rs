@@ -3,7 +3,7 @@
 
 use super::certainty::{self, Certainty};
 use super::model::{Model, Normal, logarithms};
-use super::{Fitted, Measured, Options, Tissues};
+use super::{Fitted, Measured, Options, Tissues, thickness};
 use crate::{Error, Result};
 use mesophyll_files::progress;
 use mesophyll_record::Residuals;
@@ -49,6 +49,7 @@ pub fn fit(measured: &Measured, start: &Tissues, options: &Options) -> Result<Fi
         evaluations: 0,
         residuals: Vec::new(),
         reduced_chi2: f64::NAN,
+        expected_chi2: f64::NAN,
     };
     let (mut damping, mut elapsed, mut last) = (0.0, 0.0, None);
     let bar = progress::Bar::of("rounds of the search");
@@ -167,9 +168,18 @@ fn finish(out: &mut Fitted, model: &Model, p: &[f64], normal: &Normal, options: 
     let residuals = model.residuals(p)?;
     let freedom = (model.count - p.len()) as f64;
     out.reduced_chi2 = 2.0 * normal.cost / freedom;
-    // Beyond what chance does to χ², the model is not right to the noise.
+    let spread = thickness::spread(model, p)?;
+    let by_thickness = spread.chi2 / freedom;
+    // The noise's part of a reading's variance; where its level is not known, it is what the thickness leaves over.
+    let noise = if measured.noise.known { 1.0 } else { (out.reduced_chi2 - by_thickness).max(0.0) };
+    out.expected_chi2 = noise + by_thickness;
+    // Beyond what chance does to χ², the model is not right to the stated errors: all of them are taken to be too
+    // small by one factor.
     let chance = 1.0 + 4.0 * (2.0 / freedom).sqrt();
-    let misfit = if !measured.noise.known || out.reduced_chi2 > chance { out.reduced_chi2.sqrt() } else { 1.0 };
+    let beyond = out.reduced_chi2 / out.expected_chi2;
+    let factor = if measured.noise.known && beyond > chance { beyond } else { 1.0 };
+    let misfit = (factor * noise).sqrt();
+    let scatter = factor * &spread.scatter + &spread.shift * spread.shift.transpose();
     out.tissues = model.tissues(p);
     for (c, channel) in residuals.iter().enumerate() {
         let mut r = Residuals::default();
@@ -194,7 +204,12 @@ fn finish(out: &mut Fitted, model: &Model, p: &[f64], normal: &Normal, options: 
         out.residuals.push(r);
     }
     let names: Vec<&str> = measured.channels.iter().map(|c| c.name.as_str()).collect();
-    out.certainty =
-        certainty::judge(&normal.matrix, misfit, &certainty::names(&names, options.fix_scale), &model.at_limit(p));
+    out.certainty = certainty::judge(
+        &normal.matrix,
+        misfit,
+        &scatter,
+        &certainty::names(&names, options.fix_scale),
+        &model.at_limit(p),
+    );
     Ok(())
 }

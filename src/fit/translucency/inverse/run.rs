@@ -1,7 +1,7 @@
 //! `fit tissue`: photographs under beams and a leaf fit in, a record out.
 
 use super::compare::{Slab, differences};
-use super::{Channel, Image, Measured, Noise, Tissues, folder};
+use super::{Channel, Image, Measured, Noise, ThicknessErrors, Tissues, folder};
 use crate::translucency::Area;
 use crate::translucency::side::{lit, surface};
 use crate::translucency::source::{Frame, SideMaps, Source};
@@ -10,13 +10,14 @@ use crate::{Error, Result};
 use mesophyll_capture::beams::Capture;
 use mesophyll_capture::dome::noise;
 use mesophyll_files::hash;
-use mesophyll_files::image::read_exr;
+use mesophyll_files::image::{read_exr, read_exr_rows};
 use mesophyll_files::quantity::Quantity;
+use mesophyll_leaf::{File, fill};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::side::mirror;
-use mesophyll_optics::translucency::horizon::Horizon;
-use mesophyll_optics::translucency::irradiance::{Visibility, irradiance};
 use mesophyll_record::{self as record, FitRecord, Phase, Times};
+use mesophyll_translucency::horizon::Horizon;
+use mesophyll_translucency::irradiance::{Visibility, irradiance};
 use std::path::Path;
 use std::time::Instant;
 use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
@@ -98,7 +99,8 @@ pub fn run(beams: &Path, blade: &Path, out: &Path, options: &Options) -> Result<
     {
         return Ok(Outcome::UpToDate(Box::new(record)));
     }
-    let measured = measured(&capture, &source, options)?;
+    let mut measured = measured(&capture, &source, options)?;
+    measured.thickness_errors = thickness_errors(blade, &capture, &source, &measured)?;
     let slab = slab(blade, &source)?;
     let start = start(&slab, options);
     let mut phases =
@@ -210,7 +212,53 @@ pub fn measured(capture: &Capture, source: &Source, options: &Options) -> Result
     }
     let noise = noise_of(m.noise_relative, m.noise_floor, &channels, source.width);
     let thickness = lit_sides.iter().map(|s| s.thickness.clone()).collect();
-    Ok(Measured { width: source.width, texel_mm: source.texel_mm, thickness, channels, noise })
+    Ok(Measured {
+        width: source.width,
+        texel_mm: source.texel_mm,
+        thickness,
+        thickness_errors: ThicknessErrors::default(),
+        channels,
+        noise,
+    })
+}
+
+/// What the leaf fit in `blade` states about the errors of the thickness maps that the beams of `capture` enter.
+///
+/// # Errors
+/// [`Error::Input`] for a map of errors that is missing, damaged or of another size.
+fn thickness_errors(blade: &Path, capture: &Capture, source: &Source, measured: &Measured) -> Result<ThicknessErrors> {
+    let mut out = ThicknessErrors::default();
+    let mut first: Option<Side> = None;
+    for beam in &capture.manifest.beams {
+        if out.each.len() == measured.thickness.len() || first == Some(beam.lit) {
+            continue;
+        }
+        first.get_or_insert(beam.lit);
+        let path = File::Errors.path(blade, beam.lit);
+        let (w, h) = (source.width, source.height);
+        let maps = read_exr_rows(&path, Some(&[&Quantity::Thickness.channel(0)]), None)?.of_size(&path, w, h)?;
+        let each = maps.require_scalar(&path, Quantity::Thickness)?;
+        let known: Vec<bool> = each.iter().map(|e| e.is_finite() && *e >= 0.0).collect();
+        let each = each.iter().zip(&known).map(|(e, known)| if *known { f64::from(*e) } else { 0.0 });
+        // A texel that took its neighbour's thickness takes its error, too.
+        let mut planes = [each.collect()];
+        fill::nearest(&mut planes, &known, w, h);
+        out.each.extend(planes);
+    }
+    let record = FitRecord::read(blade)?;
+    let section = record.sections.get(source.sides[0].name.name());
+    let figure = |name: &str| section.and_then(|s| s.figures.get(name)).copied().filter(|v| *v > 0.0);
+    // Heights that were scanned are smoothed before their difference is taken: a Gaussian of s texels leaves 1/(2√π s)
+    // of white noise, and the difference of two heights began with √2 times a height's.
+    if let (Some(height), Some(left)) = (figure("height_noise_mm"), figure("thickness_noise_mm")) {
+        let smoothed = std::f64::consts::SQRT_2 * height / (2.0 * std::f64::consts::PI.sqrt() * left);
+        out.smoothed = if smoothed > 0.5 { smoothed } else { 0.0 };
+    }
+    let shared = section.and_then(|s| s.params.get("thickness")).and_then(|p| p.stderr.first()).copied();
+    out.shared = shared.filter(|e| e.is_finite()).unwrap_or(0.0) / source.thickness_mm;
+    out.one_map =
+        measured.thickness.len() == 2 && mirror(&measured.thickness[1], source.width) == measured.thickness[0];
+    Ok(out)
 }
 
 /// Stated noise; weights only for exact values; an estimate where nothing is stated.

@@ -2,18 +2,18 @@
 //! directions, through the convolver that renders with more thickness levels and longer kernels than a fit uses; seeded
 //! Gaussian noise.
 
-use super::{Channel, Image, Measured, Noise, Tissues};
+use super::{Channel, Image, Measured, Noise, ThicknessErrors, Tissues};
 use crate::Result;
 use mesophyll_capture::beams::synth::slanting;
 use mesophyll_capture::synth::random::Stream;
 use mesophyll_optics::dipole::Tissue;
 use mesophyll_optics::side::{Side, mirror};
-use mesophyll_optics::translucency::blade::Blade;
-use mesophyll_optics::translucency::convolve::{Convolver, Settings, Totals};
-use mesophyll_optics::translucency::horizon::Horizon;
-use mesophyll_optics::translucency::irradiance::{Visibility, irradiance};
-use mesophyll_optics::translucency::levels::Levels;
-use mesophyll_optics::translucency::lights::raised;
+use mesophyll_translucency::blade::Blade;
+use mesophyll_translucency::convolve::{Convolver, Settings, Totals};
+use mesophyll_translucency::horizon::Horizon;
+use mesophyll_translucency::irradiance::{Visibility, irradiance};
+use mesophyll_translucency::levels::Levels;
+use mesophyll_translucency::lights::raised;
 
 /// Cosine to the blade's normal of a light at this elevation.
 fn cosine(elevation: f64) -> f64 {
@@ -109,6 +109,7 @@ impl Scene {
             width: n,
             texel_mm: self.texel_mm,
             thickness: [Side::Front, Side::Back].map(|s| blade.lit(s).thickness.into_owned()).to_vec(),
+            thickness_errors: ThicknessErrors::default(),
             channels: channels.collect(),
             noise: if self.noise > 0.0 {
                 Noise { relative: self.noise, floor: 0.1 * self.noise, known: true }

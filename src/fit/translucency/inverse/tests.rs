@@ -4,7 +4,7 @@
 use super::synthetic::Scene;
 use super::*;
 use mesophyll_optics::side::Side;
-use mesophyll_optics::walk::{Boundary, Field, Histories, Leaf, Light, Medium, Rim};
+use mesophyll_walk::{Boundary, Field, Histories, Leaf, Light, Medium, Rim};
 
 const QUICK: Options =
     Options { levels: 4, totals: Totals::Transport, slant: true, fix_scale: false, rounds: 12, told: false };
@@ -118,6 +118,48 @@ fn intervals_hold_the_truth() {
     let mean_square = off.iter().map(|z| z * z).sum::<f64>() / off.len() as f64;
     // Three standard deviations of either.
     assert!((70..=80).contains(&inside) && (0.53..1.47).contains(&mean_square), "{inside} of 80, {mean_square}");
+}
+
+/// 32 fits, each on a thickness map drawn anew with the errors that it states: they scatter as far as they say.
+#[test]
+fn stated_errors_hold_those_of_the_thickness_map() {
+    use rayon::prelude::*;
+    let one = |seed: u64| {
+        let scene = Scene {
+            size: 9,
+            relief: 0.0,
+            texel_mm: 0.1,
+            noise: 0.005,
+            seed,
+            beams: vec![(Side::Front, 1.571, 0.0)],
+            ..Scene::fine(0.8, 8.0)
+        };
+        let exact = scene.photograph().unwrap();
+        let each = exact.thickness.iter().map(|map| vec![0.006; map.len()]).collect();
+        let errors = ThicknessErrors { each, ..ThicknessErrors::default() };
+        let mut measured = exact.moved(&errors.draw(exact.width, 100 + seed), 1.0);
+        measured.thickness_errors = errors;
+        measured
+    };
+    let options = Options { fix_scale: true, ..QUICK };
+    let fitted = |measured: &Measured| fit(measured, &start(0.75, 8.5, 1.0), &options).unwrap();
+    let truth = logarithms(&start(0.8, 8.0, 1.0), &options);
+    let off = |seed: u64| {
+        let f = fitted(&one(seed));
+        let found = logarithms(&f.tissues, &options);
+        let z = |k: usize| ((found[k] - truth[k]) / f.certainty.stderr[k]).powi(2);
+        [0.5 * (z(0) + z(1)), f.reduced_chi2 / f.expected_chi2]
+    };
+    let all: Vec<[f64; 2]> = (0..32).into_par_iter().map(off).collect();
+    let [stated, chi2] = [0, 1].map(|k: usize| all.iter().map(|z| z[k]).sum::<f64>() / 32.0);
+    // Three standard deviations of the mean square of 32 normal deviates.
+    assert!((0.25..1.75).contains(&stated) && (0.6..1.2).contains(&chi2), "{stated} {chi2}");
+    // Without the map's errors the estimate is the same, and what is said of it is far too small.
+    let measured = one(0);
+    let certain = fitted(&Measured { thickness_errors: ThicknessErrors::default(), ..measured.clone() });
+    let honest = fitted(&measured);
+    assert_eq!(honest.tissues, certain.tissues);
+    assert!((0..2).all(|k| honest.certainty.stderr[k] > 1.5 * certain.certainty.stderr[k]), "{certain:?} {honest:?}");
 }
 
 #[test]

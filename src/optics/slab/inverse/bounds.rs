@@ -1,5 +1,5 @@
-//! What noise leaves open: the ellipse of two standard errors, cut to what a slab can do, carried through the
-//! inversion.
+//! Which σa and σs are possible, given noisy ρd and ρt. The ellipse of two standard errors around the measured pair is
+//! cut to what a slab can do, and its outline is inverted point by point.
 
 use super::newton::{self, Point};
 use super::{Estimate, Measured, Precision, Spread, Status};

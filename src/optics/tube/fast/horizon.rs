@@ -1,4 +1,5 @@
-//! Frames that the texel's horizon cuts: ends that lie on it, D between them, and what the cut's own motion adds.
+//! Frames in which the texel's horizon hides a part of the tube. The visible part ends on the horizon; this module
+//! finds those ends, the diffuse response D between them, and the derivative that comes from the ends' own motion.
 
 use super::Point;
 use super::arc::flat;

@@ -1,4 +1,5 @@
-//! Where the tube stands as a texel sees it, for all frames of a pass, without trigonometry; and the closed form of D.
+//! Where the tube stands as a texel sees it, for all frames of a pass at once and without trigonometry. The diffuse
+//! response D has a closed form, which is here, too.
 
 #![allow(clippy::needless_range_loop)] // Loops by index: closures would not take the intrinsics along.
 

@@ -196,7 +196,17 @@ impl Pass {
         let symmetric = point.n[1] == 0.0 && point.c[1] == 0.0 && point.change.iter().all(|v| v[1] == 0.0);
         if symmetric || !matches!(self.model.lobe, Lobe::CookTorrance { .. }) {
             let (pass, point, across) = (self, &point, self.across(m));
-            dispatch_lanes!(self.level, respond(pass: &Pass, lit: &Lit, point: &Point, across: &[(f64, f64)], symmetric: bool, columns: &mut [&mut [f64]; COLUMNS]));
+            dispatch_lanes!(
+                self.level,
+                respond(
+                    pass: &Pass,
+                    lit: &Lit,
+                    point: &Point,
+                    across: &[(f64, f64)],
+                    symmetric: bool,
+                    columns: &mut [&mut [f64]; COLUMNS]
+                )
+            );
         } else {
             // As many nodes across the radius as the lobe's width asks for.
             let across = self.across(m);

@@ -1,4 +1,5 @@
-//! D, S and their changes for all frames of a pass: the loop over frames and over the tube's radius.
+//! The diffuse response D, the glossy response S and their derivatives for all frames of a pass: the loop over frames
+//! and over the tube's radius.
 
 #![allow(clippy::needless_range_loop)] // Loops by index: closures would not take the intrinsics along.
 

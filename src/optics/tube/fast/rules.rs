@@ -1,5 +1,6 @@
-//! Which nodes along the tube: the trapezoid for a bell between its ends, Gauss nodes for what the ends cut, a map for
-//! a long tail, and the stretches that masking darkens.
+//! Where along the tube the integrand is evaluated. A lobe that lies between the tube's ends takes the trapezoid rule,
+//! a lobe that an end cuts takes Gauss nodes, a lobe with a long tail takes a change of variable, and stretches that
+//! masking darkens are integrated apart.
 
 #![allow(clippy::needless_range_loop)] // Loops by index: closures would not take the intrinsics along.
 

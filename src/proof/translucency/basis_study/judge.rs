@@ -3,12 +3,12 @@
 use super::{Candidate, Case};
 use crate::{Error, Result};
 use mesophyll_fit::translucency::spread::{ELEVATIONS, STEPS, Spread};
-use mesophyll_optics::translucency::basis::Projector;
-use mesophyll_optics::translucency::blade::LitSide;
-use mesophyll_optics::translucency::convolve::{Convolver, Settings};
-use mesophyll_optics::translucency::horizon::Horizon;
-use mesophyll_optics::translucency::irradiance::{Visibility, irradiance, project};
-use mesophyll_optics::translucency::lights::{Lights, raised};
+use mesophyll_translucency::basis::Projector;
+use mesophyll_translucency::blade::LitSide;
+use mesophyll_translucency::convolve::{Convolver, Settings};
+use mesophyll_translucency::horizon::Horizon;
+use mesophyll_translucency::irradiance::{Visibility, irradiance, project};
+use mesophyll_translucency::lights::{Lights, raised};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// Azimuths tried at each elevation but the first.
@@ -123,9 +123,9 @@ mod tests {
     use mesophyll_capture::synth::spec::Spec;
     use mesophyll_fit::translucency::spread::BINS;
     use mesophyll_optics::side::Side;
-    use mesophyll_optics::translucency::basis::{Basis, Weights};
-    use mesophyll_optics::translucency::blade::Blade;
-    use mesophyll_optics::translucency::lights::Rule;
+    use mesophyll_translucency::basis::{Basis, Weights};
+    use mesophyll_translucency::blade::Blade;
+    use mesophyll_translucency::lights::Rule;
 
     fn elm() -> Spec {
         toml::from_str(include_str!("../../../../data/leaves/elm.toml")).unwrap()

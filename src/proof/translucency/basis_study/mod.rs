@@ -19,10 +19,10 @@ use mesophyll_capture::synth::spec::{Model, Spec};
 use mesophyll_files::progress;
 use mesophyll_optics::dipole::Tissue;
 use mesophyll_optics::side::{Side, mirror};
-use mesophyll_optics::translucency::basis::{Basis, Weights};
-use mesophyll_optics::translucency::blade::{Blade, Surface};
-use mesophyll_optics::translucency::lights::Rule;
-use mesophyll_optics::translucency::relief;
+use mesophyll_translucency::basis::{Basis, Weights};
+use mesophyll_translucency::blade::{Blade, Surface};
+use mesophyll_translucency::lights::Rule;
+use mesophyll_translucency::relief;
 
 /// The directions that bases are judged with.
 pub const FINE: Rule = Rule::Product { levels: 16, azimuths: 32 };

@@ -6,10 +6,10 @@ use crate::{Error, Result};
 use mesophyll_files::progress::{self, Bar};
 use mesophyll_fit::translucency::spread::Spread;
 use mesophyll_optics::side::Side;
-use mesophyll_optics::translucency::basis::{Basis, Projector, Weights};
-use mesophyll_optics::translucency::horizon::{self, Horizon};
-use mesophyll_optics::translucency::irradiance::{Visibility, irradiance, project};
-use mesophyll_optics::translucency::lights::{Lights, PAPER, Rule};
+use mesophyll_translucency::basis::{Basis, Projector, Weights};
+use mesophyll_translucency::horizon::{self, Horizon};
+use mesophyll_translucency::irradiance::{Visibility, irradiance, project};
+use mesophyll_translucency::lights::{Lights, PAPER, Rule};
 
 /// Steps of the bar that [`rows`] takes: one a case.
 pub const PIECES: u64 = 8;

@@ -1,6 +1,6 @@
 //! Diffusion against the random walk: where the forms of T(r, d) hold, and what a vein's shadow looks like.
 //!
-//! The oracle is [`mesophyll_optics::walk`], every figure of which has a standard error; rows carry signed errors (form
+//! The oracle is [`mesophyll_walk`], every figure of which has a standard error; rows carry signed errors (form
 //! less oracle), relative unless the note says otherwise, NaN where the form is not defined or the oracle knows its
 //! result to worse than a tenth.
 
@@ -10,7 +10,7 @@ pub mod vein;
 use crate::Result;
 use crate::bench::BenchRow;
 use mesophyll_files::progress::Bar;
-use mesophyll_optics::walk::Histories;
+use mesophyll_walk::Histories;
 
 /// How many histories the oracle takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

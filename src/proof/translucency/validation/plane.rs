@@ -6,9 +6,9 @@ use crate::{Error, Result};
 use mesophyll_files::progress;
 use mesophyll_optics::dipole::{Form, Tissue};
 use mesophyll_optics::slab;
-use mesophyll_optics::walk::rough::Rough;
-use mesophyll_optics::walk::slab::Entry;
-use mesophyll_optics::walk::{Boundary, Estimate, Medium, Slab, SlabWalk};
+use mesophyll_walk::rough::Rough;
+use mesophyll_walk::slab::Entry;
+use mesophyll_walk::{Boundary, Estimate, Medium, Slab, SlabWalk};
 
 /// The forms by name.
 pub const FORMS: [(&str, Form); 3] = [("dipoles 3", Form::Dipoles(3)), ("images", Form::Images), ("thin", Form::Thin)];
@@ -336,7 +336,7 @@ pub fn history_rows() -> Result<Vec<BenchRow>> {
     let slab = Slab { medium: Medium { sigma_a, sigma_s, g: 0.0 }, thickness_mm: d, boundary: Boundary::Matched };
     let one = |count: u64| -> Result<BenchRow> {
         let start = std::time::Instant::now();
-        let got = slab.walk(Entry::NORMAL, mesophyll_optics::walk::Histories { count, seed: 3 }, &[])?;
+        let got = slab.walk(Entry::NORMAL, mesophyll_walk::Histories { count, seed: 3 }, &[])?;
         let us = start.elapsed().as_secs_f64() * 1e6;
         if got.lost.value > 0.0 {
             return Err(Error::Missed(format!("random walk: {} of the light was lost", got.lost.value)));

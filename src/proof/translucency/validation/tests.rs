@@ -2,8 +2,8 @@ use super::plane::{inner_reflectance, radius_of, spread};
 use super::vein::{Faces, Model, Ridge, Take, VEINS, oracle, read};
 use super::*;
 use mesophyll_optics::dipole::{Form, Tissue};
-use mesophyll_optics::walk::slab::Entry;
-use mesophyll_optics::walk::{Boundary, Medium, Slab};
+use mesophyll_walk::slab::Entry;
+use mesophyll_walk::{Boundary, Medium, Slab};
 
 #[test]
 fn rms_and_half_light_radius_are_those_of_the_kernel() {

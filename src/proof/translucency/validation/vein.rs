@@ -10,12 +10,12 @@ use crate::bench::BenchRow;
 use crate::{Error, Result};
 use mesophyll_optics::dipole::{Form, Tissue};
 use mesophyll_optics::side::Side;
-use mesophyll_optics::translucency::blade::Blade;
-use mesophyll_optics::translucency::convolve::{Convolver, Settings};
-use mesophyll_optics::translucency::horizon::Horizon;
-use mesophyll_optics::translucency::irradiance::{Visibility, irradiance};
-use mesophyll_optics::walk::rough::Rough;
-use mesophyll_optics::walk::{Boundary, Estimate, Field, Histories, Leaf, Light, Rim};
+use mesophyll_translucency::blade::Blade;
+use mesophyll_translucency::convolve::{Convolver, Settings};
+use mesophyll_translucency::horizon::Horizon;
+use mesophyll_translucency::irradiance::{Visibility, irradiance};
+use mesophyll_walk::rough::Rough;
+use mesophyll_walk::{Boundary, Estimate, Field, Histories, Leaf, Light, Rim};
 use std::time::Instant;
 
 /// mm

@@ -2,6 +2,7 @@
 
 use crate::manifest::Manifest;
 use crate::{Error, Result};
+use mesophyll_error::Fault;
 use std::collections::BTreeSet;
 
 /// The manifest and its text, which tells the line of a mistake.
@@ -13,18 +14,18 @@ pub struct Place<'a> {
 impl<'a> Place<'a> {
     /// An error at `key` of the `index`-th `header` (`""`: the top of the file).
     pub fn error(&self, header: &str, index: usize, key: &str, what: impl std::fmt::Display) -> Error {
-        let file = self.manifest.path.display();
-        let place = match line_of(self.text, header, index, key) {
-            Some(line) => format!("{file}:{line}"),
-            None => file.to_string(),
-        };
         let table = header.trim_matches(['[', ']']);
         let field = match (table, key) {
             ("", k) => k.to_string(),
             (t, "") => t.to_string(),
             (t, k) => format!("{t}.{k}"),
         };
-        Error::Input { place: format!("{place}: {field}"), what: what.to_string() }
+        Error::Input {
+            file: self.manifest.path.display().to_string(),
+            line: line_of(self.text, header, index, key).and_then(|line| u32::try_from(line).ok()),
+            field: Some(field),
+            fault: Fault::Other(what.to_string()),
+        }
     }
 
     pub fn range(&self, header: &str, index: usize, key: &str, value: f64, limits: [f64; 2], unit: &str) -> Result<()> {

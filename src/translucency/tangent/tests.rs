@@ -3,7 +3,7 @@
 
 use super::super::convolve::{Convolver, Settings};
 use super::*;
-use crate::slab;
+use mesophyll_optics::slab;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
@@ -99,7 +99,35 @@ fn derivatives_agree_with_differences_and_the_gradient_with_them() {
                 }
                 assert!((gradient[p] / sum - 1.0).abs() < 1e-10, "{totals:?} {p}: {} {sum}", gradient[p]);
             }
+            let texels: f64 = here.by_thickness(&sources(&lights, 1), &views).iter().flatten().sum();
+            assert!((gradient[2] / texels - 1.0).abs() < 1e-10, "{totals:?}: {} {texels}", gradient[2]);
         }
+    }
+}
+
+/// One texel's thickness is moved; levels dense enough that their interpolation is not what is seen.
+#[test]
+fn a_texels_thickness_moves_the_images_as_it_is_said_to() {
+    let (lights, views) = (lights(), (0..3).map(|k| noise(20 + k, TEXELS, -1.0, 1.0)).collect::<Vec<_>>());
+    let at = |maps: Vec<Vec<f64>>| {
+        let levels = Levels { count: 9, ..LEVELS };
+        let stage = Stage::new(WIDTH, TEXEL_MM, maps, &[1.0, 0.6], levels, 9.0).unwrap();
+        let tangent = stage.at(&tissue(&[0.4f64.ln(), 8f64.ln()]), Totals::Transport, 1.0).unwrap();
+        let sum = |images: Vec<Vec<f64>>| {
+            images.iter().zip(&views).flat_map(|(i, v)| i.iter().zip(v).map(|(a, b)| a * b)).sum::<f64>()
+        };
+        (sum(tangent.run(&sources(&lights, 1))), tangent.by_thickness(&sources(&lights, 1), &views))
+    };
+    let (_, by) = at(maps());
+    let largest = by.iter().flatten().fold(0.0, |m: f64, v| m.max(v.abs()));
+    for (map, texel) in [(0, 58), (0, 7), (1, 60), (1, 100)] {
+        let moved = |by: f64| {
+            let mut maps = maps();
+            maps[map][texel] *= 1.0 + by;
+            at(maps).0
+        };
+        let want = (moved(1e-3) - moved(-1e-3)) / 2e-3;
+        assert!((by[map][texel] - want).abs() < 1e-3 * largest, "{map} {texel}: {} {want}", by[map][texel]);
     }
 }
 

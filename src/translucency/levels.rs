@@ -1,5 +1,5 @@
-//! Thickness levels: the kernel of any thickness as a sum of a few, weighted by the thickness of the texel that the
-//! light enters.
+//! Thickness levels: a few thicknesses whose kernels are computed. The kernel of any other thickness is a weighted sum
+//! of theirs; the weights depend on the thickness of the texel that the light enters.
 //!
 //! Kernels are interpolated as *shapes* (sum 1); the transmitted total of each texel's own thickness multiplies the
 //! weights, so that the energy is exact with any number of levels and only the shape is approximated. Weights of every

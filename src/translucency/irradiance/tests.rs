@@ -1,8 +1,8 @@
 use super::*;
-use crate::side::{Side, mirror};
-use crate::translucency::basis::{Basis, FLAT, Weights};
-use crate::translucency::blade::Blade;
-use crate::translucency::lights::{Lights, Rule, raised};
+use crate::basis::{Basis, FLAT, Weights};
+use crate::blade::Blade;
+use crate::lights::{Lights, Rule, raised};
+use mesophyll_optics::side::{Side, mirror};
 
 /// A blade with ridges, an uneven outline and entries that vary.
 fn ridged(w: usize, h: usize) -> Blade {

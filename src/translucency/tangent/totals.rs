@@ -1,10 +1,10 @@
-//! How much light comes through one thickness, scattered and unscattered, and how both change with the tissue: in
-//! logarithms.
+//! How much light comes through one thickness, scattered and unscattered, with derivatives by the tissue. Values and
+//! parameters are logarithms.
 
 use super::PARTIALS;
-use crate::dipole::{Form, Tissue};
-use crate::slab::{self, exact::Medium};
-use crate::translucency::convolve::Totals;
+use crate::convolve::Totals;
+use mesophyll_optics::dipole::{Form, Tissue};
+use mesophyll_optics::slab::{self, exact::Medium};
 
 /// ln of the scattered total and of the unscattered share at thickness d, then their derivatives, parameter by
 /// parameter. `slant`: of the beam, unless it is along the normal.

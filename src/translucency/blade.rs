@@ -3,7 +3,7 @@
 //! Row-major, row 0 on top. Everything the sides share is in the front's columns; a side's own maps are as its camera
 //! saw them: column i of the back is column W−1−i of the front. Lengths in mm.
 
-use crate::side::{Side, mirror};
+use mesophyll_optics::side::{Side, mirror};
 use std::borrow::Cow;
 
 /// One leaf as maps of `width · height` texels.

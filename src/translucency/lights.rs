@@ -3,7 +3,7 @@
 //!
 //! z = 0 is the tangent plane, z = 1 straight above; weights are steradians and sum to 2π.
 
-use crate::slab::quadrature::gauss;
+use mesophyll_optics::slab::quadrature::gauss;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::f64::consts::{FRAC_PI_4, TAU};

@@ -1,6 +1,6 @@
 use super::*;
-use crate::side::Side;
-use crate::translucency::blade::Blade;
+use crate::blade::Blade;
+use mesophyll_optics::side::Side;
 
 /// A blade with a given front relief (mm over columns and rows in mm, y up) and mask.
 fn relief(w: usize, h: usize, texel: f64, on: impl Fn(f64, f64) -> bool, z: impl Fn(f64, f64) -> f64) -> Blade {

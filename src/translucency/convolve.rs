@@ -9,10 +9,10 @@
 use super::fourier::{Grid, Spectrum};
 use super::kernel::Kernel;
 use super::levels::{Curves, LevelKind, Levels, Nodes};
-use crate::dipole::{Form, Tissue};
-use crate::slab;
-use crate::{Error, Result};
+use mesophyll_error::{Error, Result};
 use mesophyll_fourier::Complex;
+use mesophyll_optics::dipole::{Form, Tissue};
+use mesophyll_optics::slab;
 use rayon::prelude::*;
 use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
 

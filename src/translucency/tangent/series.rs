@@ -1,5 +1,5 @@
-//! Chebyshev series of several functions at once. Linear in the values it is fitted to: a derivative of the values is
-//! one of the series.
+//! Chebyshev series of several functions at once. A series depends linearly on the values that it is fitted to.
+//! Therefore the series of a derivative is the derivative of the series.
 
 use rayon::prelude::*;
 use std::f64::consts::PI;

@@ -4,7 +4,7 @@
 use super::rough::Rough;
 use super::slab::{ANGLES, Entry};
 use super::*;
-use crate::slab::{exact, quadrature::gauss};
+use mesophyll_optics::slab::{exact, quadrature::gauss};
 use nalgebra::DMatrix;
 
 fn histories(count: u64) -> Histories {

@@ -8,13 +8,13 @@
 
 use super::phase::{Direction, dot};
 use super::tally::uniform;
-use crate::gloss::fresnel;
-use crate::{Error, Result};
+use mesophyll_error::{Error, Result};
+use mesophyll_optics::gloss::fresnel;
 use rand_pcg::Pcg64;
 use std::f64::consts::PI;
 
 /// Refractive index of the medium over that outside, and root of twice the mean square slope along one axis (`m` of
-/// [`crate::gloss`]).
+/// [`mesophyll_optics::gloss`]).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rough {
     pub index: f64,
@@ -141,7 +141,7 @@ fn erfc(x: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::slab::quadrature::gauss;
+    use mesophyll_optics::slab::quadrature::gauss;
     use rand::SeedableRng;
 
     #[test]

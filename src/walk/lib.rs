@@ -1,5 +1,5 @@
-//! Light in a leaf by random walk: the transport equation solved without a diffusion approximation, to judge those that
-//! make one.
+//! Light in a leaf by random walk (Monte Carlo). It solves the transport equation without the diffusion approximation,
+//! and serves to judge the models that make it.
 //!
 //! A homogeneous [`Medium`] between two faces: plane ([`slab`]), or two height fields on a grid of texels ([`relief`]).
 //! Collisions are weighted by the albedo (survival weights) and weak histories end by Russian roulette, so every mean
@@ -23,7 +23,7 @@ pub use relief::{Leaf, Light, ReliefWalk};
 pub use slab::{Slab, SlabWalk};
 pub use tally::{Estimate, Histories};
 
-use crate::{Error, Result};
+use mesophyll_error::{Error, Result};
 use rough::Rough;
 
 /// A history with more collisions and crossings than this is given up and counted as lost.

@@ -1,5 +1,5 @@
-//! [`super::convolve`] with derivatives: the light that a leaf lets through, and how it changes with ln σa, ln σs′ and
-//! ln of a factor on the thickness.
+//! The light that a leaf lets through, as in [`super::convolve`], and its derivatives by ln σa, ln σs′ and ln of a
+//! factor on the thickness.
 //!
 //! What does not change with the tissue (levels, weights, transforms) is a [`Stage`], made once; [`Stage::at`] gives
 //! the transport of one tissue. A factor on the thickness moves the levels with it, so that their weights stay. The
@@ -9,7 +9,8 @@
 //!
 //! Two ways to the same numbers: [`Tangent::derivative`] is the change of every image along one parameter,
 //! [`Tangent::gradient`] the change of a weighted sum of all of them along every parameter. The latter takes two
-//! transforms a level and image, the former six for three parameters.
+//! transforms a level and image, the former six for three parameters. [`Tangent::by_thickness`] is the change of such a
+//! sum along the thickness of every texel.
 
 mod series;
 #[cfg(test)]
@@ -20,9 +21,9 @@ use super::convolve::Totals;
 use super::fourier::{Grid, Spectrum};
 use super::kernel::Kernel;
 use super::levels::{Levels, Nodes};
-use crate::dipole::{Form, Tissue};
-use crate::{Error, Result};
+use mesophyll_error::{Error, Result};
 use mesophyll_fourier::Complex;
+use mesophyll_optics::dipole::{Form, Tissue, scalar::Dual};
 use rayon::prelude::*;
 use series::Series;
 use std::f64::consts::PI;
@@ -210,7 +211,7 @@ impl Stage {
         if !(whole.value > 0.0) {
             return None;
         }
-        let by = |v: &crate::dipole::scalar::Dual<f64>| [tissue.sigma_a * v.by[0], tissue.sigma_s * v.by[1], v.by[3]];
+        let by = |v: &Dual<f64>| [tissue.sigma_a * v.by[0], tissue.sigma_s * v.by[1], v.by[3]];
         let whole_by = by(&whole);
         let (low, high) = (0.499 * self.texel_mm, std::f64::consts::SQRT_2 * (self.reach as f64 + 1.0) * self.texel_mm);
         // ln of the share; the nearest singularity lies at r = ± i d, a quarter turn off the axis of ln r.
@@ -284,11 +285,7 @@ impl Tangent<'_> {
         let mut gradient = [0.0; PARTIALS];
         let mut counts: Vec<Vec<f64>> = Vec::new();
         for (pair, views) in sources.chunks(2).zip(views.chunks(2)) {
-            let view = |y: usize, row: &mut [Complex<f64>]| {
-                for (x, v) in row.iter_mut().enumerate() {
-                    *v = Complex::new(views[0][y * width + x], views.get(1).map_or(0.0, |m| m[y * width + x]));
-                }
-            };
+            let view = both(views, width);
             let fill = |y: usize, rows: &mut [&mut [Complex<f64>]]| {
                 for (which, source) in pair.iter().enumerate() {
                     for x in 0..width {
@@ -300,25 +297,13 @@ impl Tangent<'_> {
                     }
                 }
             };
-            let found = stage.grid.correlate(n, fill, view);
+            let found = stage.grid.correlate(n, fill, &view);
             if counts.is_empty() {
                 counts = found;
             } else {
                 counts.iter_mut().zip(&found).for_each(|(a, b)| a.iter_mut().zip(b).for_each(|(a, b)| *a += b));
             }
-            // What a texel's whole light would add, if its total alone changed.
-            let worth = stage.grid.backward(&kernels, view, |y, parts| -> Vec<Complex<f64>> {
-                let weight = |which: usize, at: usize, k: usize| {
-                    pair.get(which).map_or(0.0, |s| stage.weights[s.map][at * n + k])
-                };
-                let texel = |x: usize| {
-                    let at = y * width + x;
-                    let re = (0..n).map(|k| weight(0, at, k) * parts[k][x].re).sum();
-                    Complex::new(re, (0..n).map(|k| weight(1, at, k) * parts[k][x].im).sum())
-                };
-                (0..width).map(texel).collect()
-            });
-            let worth = worth.concat();
+            let worth = self.worth(&kernels, pair, &view);
             for (which, (source, view)) in pair.iter().zip(views).enumerate() {
                 for (at, worth) in worth.iter().enumerate() {
                     let (parts, light) = (&self.parts[self.parts_of(source)][at], source.light[at]);
@@ -333,6 +318,55 @@ impl Tangent<'_> {
             gradient.iter_mut().zip(partials).for_each(|(g, spectrum)| *g += spectrum.dot(counts));
         }
         gradient
+    }
+
+    /// The last entry of [`Tangent::gradient`], texel by texel: Σ over images and their texels of `views` times the
+    /// change of [`Tangent::run`] along ln of one texel's own thickness. A thickness map of the stage each.
+    ///
+    /// # Panics
+    /// Where a map has another size than the stage.
+    pub fn by_thickness(&self, sources: &[Source], views: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        const LAST: usize = PARTIALS - 1;
+        let stage = self.stage;
+        let kernels: Vec<&Spectrum> = self.spectra.iter().collect();
+        let wider: Vec<&Spectrum> = self.partials.iter().map(|partials| &partials[LAST]).collect();
+        let mut out: Vec<Vec<f64>> = stage.thickness.iter().map(|map| vec![0.0; map.len()]).collect();
+        for (pair, views) in sources.chunks(2).zip(views.chunks(2)) {
+            let view = both(views, stage.grid.width);
+            let (worth, widened) = (self.worth(&kernels, pair, &view), self.worth(&wider, pair, &view));
+            for (which, (source, view)) in pair.iter().zip(views).enumerate() {
+                let part = |v: &Complex<f64>| if which == 0 { v.re } else { v.im };
+                for (at, out) in out[source.map].iter_mut().enumerate() {
+                    let parts = &self.parts[self.parts_of(source)][at];
+                    let scattered = parts[2 * LAST + 2] * part(&worth[at]) + parts[0] * part(&widened[at]);
+                    *out += source.light[at] * (scattered + parts[2 * LAST + 3] * view[at]);
+                }
+            }
+        }
+        out
+    }
+
+    /// What a texel's whole scattered light, spread by `kernels` (one a level), would add to Σ view · image; real and
+    /// imaginary part for the first and the second source of the pair.
+    fn worth(
+        &self,
+        kernels: &[&Spectrum],
+        pair: &[Source],
+        view: &(impl Fn(usize, &mut [Complex<f64>]) + Sync),
+    ) -> Vec<Complex<f64>> {
+        let stage = self.stage;
+        let (n, width) = (kernels.len(), stage.grid.width);
+        let rows = stage.grid.backward(kernels, view, |y, parts| -> Vec<Complex<f64>> {
+            let weight =
+                |which: usize, at: usize, k: usize| pair.get(which).map_or(0.0, |s| stage.weights[s.map][at * n + k]);
+            let texel = |x: usize| {
+                let at = y * width + x;
+                let re = (0..n).map(|k| weight(0, at, k) * parts[k][x].re).sum();
+                Complex::new(re, (0..n).map(|k| weight(1, at, k) * parts[k][x].im).sum())
+            };
+            (0..width).map(texel).collect()
+        });
+        rows.concat()
     }
 
     /// Σ_k kernel_k ∗ row_k plus what stays in its texel: `texel(weights, parts, light, rows)` writes the rows' values
@@ -381,5 +415,14 @@ impl Tangent<'_> {
             }
         }
         out
+    }
+}
+
+/// Writes a row of one or two real maps as real and imaginary part.
+fn both(views: &[Vec<f64>], width: usize) -> impl Fn(usize, &mut [Complex<f64>]) + Sync {
+    move |y, row| {
+        for (x, v) in row.iter_mut().enumerate() {
+            *v = Complex::new(views[0][y * width + x], views.get(1).map_or(0.0, |m| m[y * width + x]));
+        }
     }
 }

@@ -1,8 +1,8 @@
 //! What enters a lit side: E(x, ω) = entry(x) · V(x, ω) · max(0, n(x)·ω), in units of the light's irradiance at normal
 //! incidence (H9 Eq. 3.13, whose cosine wants the clamp), and its projection onto functions of direction.
 //!
-//! Projection and the convolution that follows are both linear, so the coefficients' images are summed here, light by
-//! light, and convolved once each: the images of the lights never exist. 0 off the leaf.
+//! The projection and the convolution that follows are both linear. So the images of the coefficients are summed here,
+//! light by light, and each is convolved once; no image of a single light is ever stored. Values off the leaf are 0.
 
 use super::basis::Projector;
 use super::blade::LitSide;

@@ -7,7 +7,7 @@
 //! inner edge counts once with each sign. No aliasing, no sampling of the peak.
 
 use super::levels::Curves;
-use crate::slab::quadrature::gauss;
+use mesophyll_optics::slab::quadrature::gauss;
 use rayon::prelude::*;
 
 /// Weights of one quadrant, (i, j) ≥ 0 texels away, row j: `weights[j * (reach + 1) + i]`; symmetric in i and j and

@@ -8,7 +8,7 @@ use super::field::{Event, Field, Ray};
 use super::phase::{self, Direction};
 use super::tally::{self, Estimate, Fates, Histories, Sum, Tally, uniform};
 use super::{Boundary, EVENTS, Medium, survives};
-use crate::{Error, Result};
+use mesophyll_error::{Error, Result};
 use rand_pcg::Pcg64;
 
 /// Where the light comes from, in the lit side's frame (x right, y up in its image, z out of the leaf).

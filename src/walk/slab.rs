@@ -9,7 +9,7 @@
 use super::phase::{self, Direction};
 use super::tally::{self, Estimate, Fates, Histories, Ratio, Sum, Tally, uniform};
 use super::{Boundary, EVENTS, Medium, survives};
-use crate::{Error, Result};
+use mesophyll_error::{Error, Result};
 use rand_pcg::Pcg64;
 use std::f64::consts::PI;
 

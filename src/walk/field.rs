@@ -5,7 +5,7 @@
 //! there is no tissue (a hole). Grid frame: x to the right, y down the rows, z towards the light.
 
 use super::phase::Direction;
-use crate::{Error, Result};
+use mesophyll_error::{Error, Result};
 
 /// What lies beyond the map.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,4 +1,4 @@
-//! Directions: Henyey–Greenstein scattering, Lambertian emission, turning by an angle.
+//! Random directions: Henyey–Greenstein scattering, Lambertian emission, and turning a direction by an angle.
 
 use super::tally::uniform;
 use rand_pcg::Pcg64;

@@ -1,6 +1,7 @@
-//! Sums over histories, their standard errors, and the batches that make a run independent of its threads.
+//! Sums over histories and their standard errors. Histories are run in batches, which are added up in a fixed order, so
+//! that the result does not depend on the number of threads.
 
-use crate::{Error, Result};
+use mesophyll_error::{Error, Result};
 use rand::RngExt;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
