@@ -9,6 +9,7 @@ pub mod gloss;
 pub mod leaf;
 pub mod nist;
 pub mod peers;
+mod precise;
 pub mod sky;
 pub mod slab;
 pub mod solver;

@@ -1,8 +1,7 @@
 //! What a fit knows of its parameters: covariance, rank, condition, and the directions the data do not determine.
 
 use super::decompose;
-use super::qr;
-use super::real::Real;
+use super::qr::{self, Number};
 use nalgebra::DMatrix;
 
 /// A component of an undetermined direction below this (in column-scaled coordinates) is rounding, not a missing
@@ -63,7 +62,7 @@ impl Uncertainty {
     /// From the upper triangle `r` (column-major, `rows` rows) of a QR factorisation of a Jacobian with `m` rows and
     /// `n` columns. Singular values below `tolerance` times the largest count as zero. Where rank is full the
     /// covariance is formed in `T`'s precision.
-    pub fn from_triangle<T: Real>(
+    pub fn from_triangle<T: Number>(
         r: &[T],
         rows: usize,
         m: usize,

@@ -7,6 +7,8 @@
 
 use mesophyll_optics::slab::inverse;
 use mesophyll_optics::slab::response_with_partials;
+use mesophyll_solve::Termination;
+use mesophyll_solve::damped::{self, Control, Damped, newton_step};
 
 /// What one channel says.
 #[derive(Debug, Clone, Copy, Default)]
@@ -36,7 +38,6 @@ pub struct Slab {
 }
 
 const GROUPS: usize = 48;
-const STEPS: usize = 60;
 
 /// Fits one channel; `letter` names it in what is undetermined.
 pub fn fit(texels: &[Texel], shared: Shared, letter: &str) -> Slab {
@@ -47,7 +48,7 @@ pub fn fit(texels: &[Texel], shared: Shared, letter: &str) -> Slab {
     let own = |f: &dyn Fn(&Texel) -> f64| (mean(&|t| f(t).powi(2)) / n).sqrt();
     let start = inverse::invert(rho_d, rho_t, h, own(&|t| t.rho_d_err).hypot(shared.rho_d), own(&|t| t.rho_t_err));
     let mut undetermined = Vec::new();
-    let mut x = [start.sigma_a, start.sigma_s];
+    let x = [start.sigma_a, start.sigma_s];
     if !x.iter().all(|v| *v > 0.0 && v.is_finite()) {
         for name in ["sigma_a", "sigma_s"] {
             undetermined
@@ -55,22 +56,9 @@ pub fn fit(texels: &[Texel], shared: Shared, letter: &str) -> Slab {
         }
         return Slab { sigma_a: [x[0], f64::INFINITY], sigma_s: [x[1], f64::INFINITY], undetermined };
     }
-    let mut settled = false;
-    for _ in 0..STEPS {
-        let (f, j) = misses(&groups, x);
-        let det = j[0][0] * j[1][1] - j[0][1] * j[1][0];
-        // Newton in the logarithms, no step longer than a factor of e.
-        let step = [(j[1][1] * f[0] - j[0][1] * f[1]) / det, (j[0][0] * f[1] - j[1][0] * f[0]) / det]
-            .map(|s| s.clamp(-1.0, 1.0));
-        if !step.iter().all(|s| s.is_finite()) {
-            break;
-        }
-        x = [x[0] * (-step[0]).exp(), x[1] * (-step[1]).exp()];
-        if step.iter().all(|s| s.abs() < 1e-12) {
-            settled = true;
-            break;
-        }
-    }
+    let start_at = At::new(&groups, x);
+    let (At { x, .. }, end) = damped::minimize(&mut Leaf(&groups), start_at, &Control::HALVED);
+    let settled = end.converged();
     let error = |value: f64, of_mean: f64, at: f64| value * (of_mean / at).hypot(shared.thickness);
     let (a, s) = (error(x[0], start.sigma_a_err, start.sigma_a), error(x[1], start.sigma_s_err, start.sigma_s));
     for (name, value, err) in [("sigma_a", x[0], a), ("sigma_s", x[1], s)] {
@@ -85,23 +73,67 @@ pub fn fit(texels: &[Texel], shared: Shared, letter: &str) -> Slab {
     Slab { sigma_a: [x[0], a], sigma_s: [x[1], s], undetermined }
 }
 
-/// mean ρd/ρd(σ) − 1 and mean ρt/ρt(σ) − 1, and their derivatives by ln σa and ln σs.
-fn misses(groups: &[(f64, f64, f64, f64)], x: [f64; 2]) -> ([f64; 2], [[f64; 2]; 2]) {
-    let (mut f, mut j) = ([-1.0, -1.0], [[0.0; 2]; 2]);
-    for &(share, h, d, t) in groups {
-        let (r, p) = response_with_partials(x[0], x[1], h);
-        let (ratio_d, ratio_t) = (share * d / r.rho_d, share * t / r.rho_t);
-        f[0] += ratio_d;
-        f[1] += ratio_t;
-        for (k, by) in [p.sigma_a, p.sigma_s].into_iter().enumerate() {
-            j[0][k] -= ratio_d * x[k] * by.rho_d / r.rho_d;
-            j[1][k] -= ratio_t * x[k] * by.rho_t / r.rho_t;
-        }
-    }
-    (f, j)
+/// Share of the leaf, thickness, ρd and ρt of texels of like thickness.
+struct Leaf<'a>(&'a [(f64, f64, f64, f64)]);
+
+/// σa and σs with mean ρd/ρd(σ) − 1 and mean ρt/ρt(σ) − 1, and their derivatives by ln σa and ln σs.
+struct At {
+    x: [f64; 2],
+    f: [f64; 2],
+    j: [[f64; 2]; 2],
 }
 
-/// Share of the leaf, thickness, ρd and ρt of texels of like thickness.
+impl At {
+    fn new(groups: &[(f64, f64, f64, f64)], x: [f64; 2]) -> At {
+        let (mut f, mut j) = ([-1.0, -1.0], [[0.0; 2]; 2]);
+        for &(share, h, d, t) in groups {
+            let (r, p) = response_with_partials(x[0], x[1], h);
+            let (ratio_d, ratio_t) = (share * d / r.rho_d, share * t / r.rho_t);
+            f[0] += ratio_d;
+            f[1] += ratio_t;
+            for (k, by) in [p.sigma_a, p.sigma_s].into_iter().enumerate() {
+                j[0][k] -= ratio_d * x[k] * by.rho_d / r.rho_d;
+                j[1][k] -= ratio_t * x[k] * by.rho_t / r.rho_t;
+            }
+        }
+        At { x, f, j }
+    }
+}
+
+/// Newton in the logarithms.
+impl Damped for Leaf<'_> {
+    type Point = At;
+    type Step = [f64; 2];
+
+    /// No step is longer than a factor of e.
+    fn step(&mut self, at: &At, _: f64) -> Option<[f64; 2]> {
+        let step = newton_step(&at.j, at.f).map(|s| s.clamp(-1.0, 1.0));
+        step.iter().all(|s| s.is_finite()).then_some(step)
+    }
+
+    fn end(&mut self, at: &mut At, step: &[f64; 2]) -> Option<Termination> {
+        let small = step.iter().all(|s| s.abs() < 1e-12);
+        if small {
+            at.x = moved(at.x, step, 1.0);
+        }
+        small.then_some(Termination::StepSmall)
+    }
+
+    fn take(&mut self, at: &At, step: &[f64; 2], share: f64) -> At {
+        At::new(self.0, moved(at.x, step, share))
+    }
+
+    /// Every step is kept: the map is close to linear in the logarithms, and the length of a step is limited.
+    fn better(&self, _: &At, _: &At) -> bool {
+        true
+    }
+}
+
+fn moved(x: [f64; 2], step: &[f64; 2], share: f64) -> [f64; 2] {
+    [x[0] * (-share * step[0]).exp(), x[1] * (-share * step[1]).exp()]
+}
+
+/// The groups of texels of like thickness.
 fn groups(texels: &[Texel]) -> Vec<(f64, f64, f64, f64)> {
     let mut sorted: Vec<&Texel> = texels.iter().collect();
     sorted.sort_unstable_by(|a, b| a.thickness.total_cmp(&b.thickness));

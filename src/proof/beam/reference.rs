@@ -1,6 +1,7 @@
 //! The tapered beam in double-double, by other formulas than the library's: what its digits are counted against.
 
-use mesophyll_solve::{Dd, Dual, Real};
+use crate::precise::{Dd, Dual, Real};
+use mesophyll_solve::qr::Number;
 
 /// H9 Eq. 4.7 with its prefactor F/(E′r₁⁴) = 1, as printed otherwise.
 fn printed<T: Real>(alpha: T, x: T) -> T {

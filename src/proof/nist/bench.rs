@@ -1,10 +1,11 @@
 //! Error against run time for the solver's own knobs, on the 54 NIST runs.
 
-use super::models;
-use super::table::{Outcome, SOLVED, Solver, datasets, run};
+use super::loops;
+use super::table::{Outcome, SOLVED, solve_all};
 use crate::Result;
 use crate::bench::BenchRow;
-use mesophyll_solve::{Dd, Options, Problem, global, lm};
+use crate::precise::refined;
+use mesophyll_solve::{Options, Problem, global, lm};
 
 /// Rows for every knob of the solver: iterations, cost tolerance, first trust radius, derivatives, refinement. The
 /// error of a setting is 10^−(mean correct digits over the 54 runs); its time is the median run's.
@@ -12,30 +13,35 @@ use mesophyll_solve::{Dd, Options, Problem, global, lm};
 /// # Errors
 /// As [`datasets`].
 pub fn bench_rows() -> Result<Vec<BenchRow>> {
-    let plain = || Options { refine: false, ..Options::default() };
+    let plain = Options::default();
+    let with = |options: Options| solve_all(&|problem, start| lm::minimize(problem, start, &options));
     let mut rows = Vec::new();
     for max_iterations in [3, 5, 8, 12, 20, 50, 200] {
-        let all = sweep(&Options { max_iterations, ..plain() }, false, lm::minimize)?;
+        let all = with(Options { max_iterations, ..plain.clone() })?;
         rows.push(row("iterations at most", max_iterations.to_string(), &all));
     }
     for tolerance in [1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-14] {
-        let options = Options { cost_tolerance: tolerance, step_tolerance: tolerance, ..plain() };
-        rows.push(row("tolerance", format!("{tolerance:e}"), &sweep(&options, false, lm::minimize)?));
+        let options = Options { cost_tolerance: tolerance, step_tolerance: tolerance, ..plain.clone() };
+        rows.push(row("tolerance", format!("{tolerance:e}"), &with(options)?));
     }
     for initial_radius in [0.01, 0.1, 1.0, 10.0, 100.0] {
-        rows.push(row(
-            "first trust radius",
-            initial_radius.to_string(),
-            &sweep(&Options { initial_radius, ..plain() }, false, lm::minimize)?,
-        ));
+        let all = with(Options { initial_radius, ..plain.clone() })?;
+        rows.push(row("first trust radius", initial_radius.to_string(), &all));
     }
-    rows.push(row("derivatives", "numeric".into(), &sweep(&plain(), true, lm::minimize)?));
-    rows.push(row("derivatives", "forward mode".into(), &sweep(&plain(), false, lm::minimize)?));
-    rows.push(row("refinement", "none".into(), &sweep(&plain(), false, lm::minimize)?));
-    rows.push(row("refinement", "double-double".into(), &sweep(&Options::default(), false, lm::minimize)?));
-    for (setting, solver) in [("one descent", lm::minimize as Solver), ("until sound", global::minimize_scales)] {
-        let options = Options { initial_radius: 100.0, ..plain() };
-        rows.push(row("descents from a radius of 100", setting.into(), &sweep(&options, false, solver)?));
+    let numeric = solve_all(&|problem, start| lm::minimize(&WithoutDerivatives(problem), start, &plain))?;
+    rows.push(row("derivatives", "numeric".into(), &numeric));
+    rows.push(row("derivatives", "forward mode".into(), &with(plain.clone())?));
+    rows.push(row("refinement", "none".into(), &with(plain.clone())?));
+    let precise =
+        solve_all(&|problem, start| refined(problem, lm::minimize(problem, start, &plain), plain.noise))?;
+    rows.push(row("refinement", "double-double".into(), &precise));
+    let far = Options { initial_radius: 100.0, ..plain.clone() };
+    rows.push(row("descents from a radius of 100", "one descent".into(), &with(far.clone())?));
+    let scales = solve_all(&|problem, start| global::minimize_scales(problem, start, &far))?;
+    rows.push(row("descents from a radius of 100", "until sound".into(), &scales));
+    rows.push(row("loop", "trust region".into(), &with(plain.clone())?));
+    for (name, solver) in loops::LOOPS {
+        rows.push(row("loop", name.into(), &solve_all(&|problem, start| solver(problem, start))?));
     }
     Ok(rows)
 }
@@ -57,18 +63,6 @@ fn row(knob: &str, setting: String, all: &[Outcome]) -> BenchRow {
     }
 }
 
-fn sweep(options: &Options, numeric: bool, solver: Solver) -> Result<Vec<Outcome>> {
-    let mut all = Vec::new();
-    for set in datasets()? {
-        let Some(problem) = models::problem(&set) else { continue };
-        let bare = WithoutDerivatives(problem.as_ref());
-        for start in 1..=2 {
-            all.push(run(&set, if numeric { &bare } else { problem.as_ref() }, start, options, solver));
-        }
-    }
-    Ok(all)
-}
-
 /// The same residuals with the derivatives held back, so that the solver must difference.
 struct WithoutDerivatives<'a>(&'a dyn Problem);
 
@@ -81,8 +75,5 @@ impl Problem for WithoutDerivatives<'_> {
     }
     fn evaluate(&self, params: &[f64], out: &mut [f64]) {
         self.0.evaluate(params, out);
-    }
-    fn refined(&self, params: &[Dd], residuals: &mut [Dd], jacobian: &mut [Dd]) -> bool {
-        self.0.refined(params, residuals, jacobian)
     }
 }

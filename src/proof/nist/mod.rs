@@ -3,9 +3,10 @@
 //! Digits of an answer are −log₁₀ of its relative error, at most 11 (the certified values have eleven).
 
 mod bench;
-pub mod models;
-pub mod parse;
+mod loops;
+mod models;
+mod parse;
 mod table;
 
 pub use bench::bench_rows;
-pub use table::{FILES, Outcome, datasets, digits, solve_all, stress};
+pub use table::{FILES, stress};

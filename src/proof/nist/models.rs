@@ -2,7 +2,7 @@
 //! forward mode).
 
 use super::parse::Dataset;
-use mesophyll_solve::{Auto, Dd, Model, Problem, Real};
+use crate::precise::{Auto, Dd, Model, Precise, Real};
 
 /// The data, and the formula in one type: `y − f(x; b)` would do as well, the residual is `f(x; b) − y`.
 macro_rules! models {
@@ -88,9 +88,9 @@ impl Model<3> for Nelson {
 }
 
 /// The problem that a file states; `None` for a name or a shape that is none of the 27.
-pub fn problem(set: &Dataset) -> Option<Box<dyn Problem + Send + Sync>> {
+pub fn problem(set: &Dataset) -> Option<Box<dyn Precise + Send + Sync>> {
     let rows = set.rows.clone();
-    let problem: Box<dyn Problem + Send + Sync> = match set.name.as_str() {
+    let problem: Box<dyn Precise + Send + Sync> = match set.name.as_str() {
         "Misra1a" | "BoxBOD" => Box::new(Auto(Misra1a(rows))),
         "Misra1b" => Box::new(Auto(Misra1b(rows))),
         "Misra1c" => Box::new(Auto(Misra1c(rows))),

@@ -1,15 +1,13 @@
 //! Reader of the StRD files: starts and certified values from line 41, data from line 61, as each file's header says.
 
+use crate::precise::Dd;
 use crate::{Error, Result};
-use mesophyll_solve::Dd;
 use std::path::Path;
 
 /// One problem file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Dataset {
     pub name: String,
-    /// NIST's level of difficulty: Lower, Average or Higher.
-    pub level: String,
     /// The two starting points.
     pub starts: [Vec<f64>; 2],
     /// Certified parameter values.
@@ -41,8 +39,6 @@ pub fn parse(text: &str, place: &str) -> Result<Dataset> {
         .and_then(|rest| rest.split_whitespace().next())
         .ok_or_else(|| wrong(2, "no dataset name".into()))?
         .to_string();
-    let level =
-        lines.iter().find_map(|l| l.trim().strip_suffix("Level of Difficulty")).unwrap_or("").trim().to_string();
 
     let mut starts = [Vec::new(), Vec::new()];
     let (mut values, mut deviations) = (Vec::new(), Vec::new());
@@ -84,7 +80,7 @@ pub fn parse(text: &str, place: &str) -> Result<Dataset> {
     if rows.len() != observations {
         return Err(wrong(61, format!("{observations} observations announced, {} found", rows.len())));
     }
-    Ok(Dataset { name, level, starts, values, deviations, sum_of_squares, residual_deviation, rows })
+    Ok(Dataset { name, starts, values, deviations, sum_of_squares, residual_deviation, rows })
 }
 
 fn field<'a>(lines: &[&'a str], label: &str) -> Option<&'a str> {
@@ -100,7 +96,7 @@ mod tests {
     #[test]
     fn a_file_with_two_predictors_is_read() {
         let set = parse(TEXT, "Nelson.dat").unwrap();
-        assert_eq!((set.name.as_str(), set.level.as_str()), ("Nelson", "Average"));
+        assert_eq!(set.name, "Nelson");
         assert_eq!(set.starts, [vec![2.0, 0.0001, -0.01], vec![2.5, 5e-9, -0.05]]);
         assert_eq!((set.values[1], set.deviations[2]), (5.6177717026e-9, 3.9572366543e-3));
         assert_eq!((set.rows.len(), set.rows[0].len()), (128, 3));

@@ -43,10 +43,6 @@ pub struct Options {
     /// Singular values below this share of the largest are zero. `None`: n·ε with derivatives, 1e-10 with numeric
     /// differences.
     pub rank_tolerance: Option<f64>,
-    /// Finish in double-double where the problem can ([`Problem::refined`]) and no bound is active.
-    pub refine: bool,
-    /// Known parameters: the trace then holds the largest relative error to them.
-    pub truth: Option<Vec<f64>>,
 }
 
 impl Default for Options {
@@ -61,8 +57,6 @@ impl Default for Options {
             upper: Vec::new(),
             noise: Noise::Estimated,
             rank_tolerance: None,
-            refine: true,
-            truth: None,
         }
     }
 }
@@ -86,8 +80,6 @@ pub struct Fit {
     pub trace: Trace,
     /// Evaluations of the residuals or the Jacobian (numeric Jacobians count every difference).
     pub evaluations: usize,
-    /// Relative size of the last double-double step, where the solution was refined.
-    pub refined: Option<f64>,
 }
 
 impl Fit {
@@ -105,7 +97,6 @@ impl Fit {
             termination,
             trace: Vec::new(),
             evaluations: 0,
-            refined: None,
         }
     }
 }

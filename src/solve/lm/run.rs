@@ -8,7 +8,7 @@ use super::{Fit, Options};
 use crate::problem::Problem;
 use crate::trace::{Termination, Trace, TraceRow};
 use crate::uncertainty::Uncertainty;
-use crate::{jacobian, qr, refine};
+use crate::{jacobian, qr};
 use std::time::Instant;
 
 /// A relative offset (see [`minimize`]) at which a stalled cost or radius counts as convergence: 1e-8 of the cost is
@@ -126,13 +126,6 @@ impl<'a> Run<'a> {
 
     fn record(&mut self, iteration: usize, step: f64) {
         let gradient = (0..self.n).map(|k| dot(self.column(k), &self.r).abs()).fold(0.0, qr::nan_max);
-        let truth_error = self.options.truth.as_ref().map(|truth| {
-            self.x
-                .iter()
-                .zip(truth)
-                .map(|(x, t)| if *t == 0.0 { x.abs() } else { (x / t - 1.0).abs() })
-                .fold(0.0, qr::nan_max)
-        });
         self.trace.push(TraceRow {
             iteration,
             evaluations: self.evaluations,
@@ -140,7 +133,7 @@ impl<'a> Run<'a> {
             cost: 0.5 * self.norm * self.norm,
             gradient,
             step,
-            truth_error,
+            truth_error: None,
         });
     }
 
@@ -288,20 +281,6 @@ impl<'a> Run<'a> {
         fit.cost = 0.5 * self.norm * self.norm;
         let tolerance = self.rank_tolerance();
         if termination.converged() {
-            let refined = if self.options.refine && at_bound.is_empty() {
-                refine::refine(self.problem, &self.x, self.options.noise, tolerance)
-            } else {
-                None
-            };
-            if let Some(better) = refined {
-                fit.evaluations += better.evaluations;
-                fit.params = better.params;
-                fit.cost = better.cost;
-                fit.residuals = better.residuals;
-                fit.uncertainty = better.uncertainty;
-                fit.refined = Some(better.last_step);
-                return fit;
-            }
             let (mut j, mut r) = (self.j.clone(), self.r.clone());
             qr::reduce(&mut j, self.m, self.n, &mut r);
             fit.uncertainty = Uncertainty::from_triangle(

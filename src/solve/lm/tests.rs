@@ -19,15 +19,13 @@ fn decay(p: &[f64], r: &mut [f64]) {
 fn rosenbrock_is_solved_from_afar() {
     let problem = Closure::new(2, 2, rosenbrock);
     for start in [[-1.2, 1.0], [30.0, -700.0], [-50.0, 1e-4]] {
-        let fit = minimize(&problem, &start, &Options { truth: Some(vec![1.0, 1.0]), ..Options::default() });
+        let fit = minimize(&problem, &start, &Options::default());
         assert!(fit.converged(), "{start:?}: {:?}", fit.termination);
         assert!(
             (fit.params[0] - 1.0).abs() < 1e-9 && (fit.params[1] - 1.0).abs() < 1e-9,
             "{start:?}: {:?}",
             fit.params
         );
-        let last = fit.trace.last().unwrap();
-        assert!(last.truth_error.unwrap() < 1e-9);
         assert!(fit.trace.windows(2).all(|w| w[1].cost <= w[0].cost && w[1].evaluations > w[0].evaluations));
     }
 }

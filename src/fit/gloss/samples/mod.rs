@@ -16,6 +16,8 @@ use super::{M_RANGE, normal_of};
 use argmin::core::{CostFunction, Executor, State as _};
 use argmin::solver::neldermead::NelderMead;
 use mesophyll_optics::gloss::Lobe;
+use mesophyll_solve::Termination;
+use mesophyll_solve::damped::{self, Control, Damped};
 use std::f64::consts::PI;
 
 /// One direction.
@@ -207,32 +209,9 @@ impl Problem<'_> {
 
     /// Levenberg–Marquardt on the projected residuals, derivatives by central differences (a leaf has few samples).
     fn polish(&self, start: [f64; 3]) -> (f64, [f64; 3]) {
-        let (mut p, mut lambda) = (start, 1e-3);
-        let mut sum = self.solve(&self.column(&p)).sum;
-        for _ in 0..60 {
-            let r = self.residuals(&p);
-            let jacobian = self.slopes(&p);
-            let (a, g) = normal_equations(&jacobian, &r);
-            let damped = nalgebra::Matrix3::from_fn(|i, j| {
-                a[(i, j)] * if i == j { 1.0 + lambda } else { 1.0 } + if i == j { 1e-300 } else { 0.0 }
-            });
-            let Some(step) = damped.cholesky().map(|c| c.solve(&g)) else { break };
-            let next = clamp(&[p[0] + step[0], p[1] + step[1], p[2] + step[2]]);
-            let value = self.solve(&self.column(&next)).sum;
-            if value < sum {
-                let done = sum - value < 1e-14 * sum;
-                (p, sum, lambda) = (next, value, lambda * 0.1);
-                if done {
-                    break;
-                }
-            } else {
-                lambda *= 10.0;
-                if lambda > 1e8 {
-                    break;
-                }
-            }
-        }
-        (sum, p)
+        let at = (self.solve(&self.column(&start)).sum, start);
+        let control = Control { damping: 1e-3, tries: usize::MAX, most: 1e7, least: 0.0, ..Control::MARQUARDT };
+        damped::minimize(&mut Polish { problem: self, normal: Default::default() }, at, &control).0
     }
 
     /// −∂residual/∂p of the projected residuals, a column a parameter.
@@ -299,6 +278,46 @@ impl Problem<'_> {
             rho_d: solved.rho_d,
             readings,
         }
+    }
+}
+
+/// The last digits from a start near by: points are the sum of squares with its parameters.
+struct Polish<'a, 'b> {
+    problem: &'a Problem<'b>,
+    normal: (nalgebra::Matrix3<f64>, nalgebra::Vector3<f64>),
+}
+
+impl Damped for Polish<'_, '_> {
+    type Point = (f64, [f64; 3]);
+    type Step = [f64; 3];
+
+    fn linearise(&mut self, (_, p): &mut Self::Point) {
+        self.normal = normal_equations(&self.problem.slopes(p), &self.problem.residuals(p));
+    }
+
+    fn step(&mut self, _: &Self::Point, damping: f64) -> Option<[f64; 3]> {
+        let (a, g) = &self.normal;
+        let damped = nalgebra::Matrix3::from_fn(|i, j| {
+            a[(i, j)] * if i == j { 1.0 + damping } else { 1.0 } + if i == j { 1e-300 } else { 0.0 }
+        });
+        damped.cholesky().map(|c| c.solve(g).into())
+    }
+
+    fn end(&mut self, _: &mut Self::Point, _: &[f64; 3]) -> Option<Termination> {
+        None
+    }
+
+    fn take(&mut self, (_, p): &Self::Point, step: &[f64; 3], _: f64) -> Self::Point {
+        let next = clamp(&[p[0] + step[0], p[1] + step[1], p[2] + step[2]]);
+        (self.problem.solve(&self.problem.column(&next)).sum, next)
+    }
+
+    fn better(&self, at: &Self::Point, trial: &Self::Point) -> bool {
+        trial.0 < at.0
+    }
+
+    fn settled(&self, before: &Self::Point, now: &Self::Point) -> Option<Termination> {
+        (before.0 - now.0 < 1e-14 * before.0).then_some(Termination::CostConverged)
     }
 }
 

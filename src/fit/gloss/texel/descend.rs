@@ -1,91 +1,48 @@
 //! The descent of one texel: Levenberg–Marquardt on the projected problem, with weights that turn from the samples' to
 //! the model's.
 
-use super::{ITERATIONS, Job, NEAR, State};
+use super::{Job, NEAR, State};
 use crate::gloss::project::NONLINEAR;
 use crate::gloss::{M_RANGE, TILT_LIMIT};
 use mesophyll_solve::Termination;
+use mesophyll_solve::damped::{self, Control, Damped, NormalStep, normal_step};
 
 impl Job<'_> {
     /// Levenberg–Marquardt with Marquardt's scaling until the predicted decrease of χ² is below `tolerance`; `reweigh`:
-    /// weights from the model once it is near. The columns are left at the state returned, or within the last linear
-    /// step of it.
-    pub fn descend(&mut self, mut state: State, tolerance: f64, mut reweigh: bool) -> (State, Termination) {
-        let count = 1 + self.tilts;
-        let mut lambda = 1e-4;
-        for _ in 0..ITERATIONS {
-            if !state.chi2.is_finite() {
-                return (state, Termination::NotFinite);
+    /// weights from the model once it is near. A texel needs three to six steps. The columns are left at the state
+    /// returned, or within the last linear step of it.
+    pub fn descend(&mut self, mut state: State, tolerance: f64, reweigh: bool) -> (State, Termination) {
+        let mut control = Control::MARQUARDT;
+        if reweigh {
+            let before = self.iterations;
+            let (at, end, near) = self.steps(state, tolerance, true, &control);
+            if !near && end != Termination::NoProgress {
+                return (at, end);
             }
-            self.iterations += 1;
-            self.slopes(&mut state);
-            let (mut normal, mut gradient) = ([[0.0; NONLINEAR]; NONLINEAR], [0.0; NONLINEAR]);
-            for channel in &state.channels {
-                channel.accumulate(&channel.inverse, &mut normal, &mut gradient);
-            }
-            // A parameter at its bound that wants beyond it rests there: cut steps of the others would crawl along the
-            // bound.
-            let hits = |k: usize| {
-                bounded(&state.p, &std::array::from_fn(|j| if j == k { gradient[k].signum() * 1e-3 } else { 0.0 }))
-                    == state.p
-            };
-            let rest: [bool; NONLINEAR] =
-                std::array::from_fn(|k| (self.held && k == 1) || (gradient[k] != 0.0 && hits(k)));
-            for k in (0..NONLINEAR).filter(|&k| rest[k]) {
-                normal[k] = [0.0; NONLINEAR];
-                for row in &mut normal {
-                    row[k] = 0.0;
-                }
-                gradient[k] = 0.0;
-            }
-            let mut better = None;
-            for _ in 0..14 {
-                let Some((step, predicted)) = damped_step(&normal, &gradient, lambda, count) else {
-                    return (state, Termination::NotFinite);
-                };
-                if reweigh && predicted < NEAR {
-                    break;
-                }
-                let trial = bounded(&state.p, &step);
-                let inside = (0..count).all(|k| trial[k] == state.p[k] + step[k]);
-                if predicted < tolerance && (inside || trial == state.p) {
-                    if inside {
-                        state.shift(&step, predicted);
-                    }
-                    return (state, Termination::CostConverged);
-                }
-                if trial == state.p {
-                    return (state, Termination::StepSmall);
-                }
-                let next = self.evaluate(trial);
-                if next.chi2 < state.chi2 {
-                    better = Some(next);
-                    break;
-                }
-                lambda *= 10.0;
-            }
-            match better {
-                Some(next) => {
-                    let gain = state.chi2 - next.chi2;
-                    state = next;
-                    lambda = (lambda * 0.1).max(1e-9);
-                    if gain < 1e-3 * tolerance {
-                        return (state, Termination::CostConverged);
-                    }
-                }
-                None if reweigh => {
-                    // Near, or stuck under provisional weights: now the model's, at the columns of this point.
-                    reweigh = false;
-                    lambda = 1e-4;
-                    state = self.reweighed(state);
-                }
-                None => {
-                    let state = self.evaluate(state.p);
-                    return (state, Termination::NoProgress);
-                }
-            }
+            // Near, or stuck under provisional weights: now the model's, at the columns of this point.
+            control.iterations -= self.iterations - before;
+            state = self.reweighed(at);
         }
-        (state, Termination::IterationLimit)
+        let (at, end, _) = self.steps(state, tolerance, false, &control);
+        let at = if end == Termination::NoProgress { self.evaluate(at.p) } else { at };
+        (at, end)
+    }
+
+    /// The same under the weights as they are; also whether `provisional` weights may now be changed.
+    fn steps(&mut self, at: State, tolerance: f64, provisional: bool, control: &Control) -> (State, Termination, bool) {
+        if !at.chi2.is_finite() {
+            return (at, Termination::NotFinite, false);
+        }
+        let mut steps = Steps {
+            job: self,
+            tolerance,
+            provisional,
+            near: false,
+            normal: [[0.0; NONLINEAR]; NONLINEAR],
+            gradient: [0.0; NONLINEAR],
+        };
+        let (at, end) = damped::minimize(&mut steps, at, control);
+        (at, end, steps.near)
     }
 
     fn reweighed(&mut self, state: State) -> State {
@@ -94,6 +51,85 @@ impl Job<'_> {
         let state = if here.chi2 == state.chi2 { here } else { self.evaluate(state.p) };
         self.weigh(&state);
         self.project(state.p)
+    }
+}
+
+/// The projected problem at its last point: normal matrix and gradient of χ²/2 downhill.
+struct Steps<'a, 'b> {
+    job: &'a mut Job<'b>,
+    tolerance: f64,
+    provisional: bool,
+    near: bool,
+    normal: [[f64; NONLINEAR]; NONLINEAR],
+    gradient: [f64; NONLINEAR],
+}
+
+/// A step, and the point within the bounds that it leads to.
+struct Step {
+    linear: NormalStep<NONLINEAR>,
+    to: [f64; NONLINEAR],
+}
+
+impl Damped for Steps<'_, '_> {
+    type Point = State;
+    type Step = Step;
+
+    fn linearise(&mut self, at: &mut State) {
+        self.job.iterations += 1;
+        self.job.slopes(at);
+        let (mut normal, mut gradient) = ([[0.0; NONLINEAR]; NONLINEAR], [0.0; NONLINEAR]);
+        for channel in &at.channels {
+            channel.accumulate(&channel.inverse, &mut normal, &mut gradient);
+        }
+        // A parameter at its bound that wants beyond it rests there: cut steps of the others would crawl along the
+        // bound.
+        let hits = |k: usize| {
+            bounded(&at.p, &std::array::from_fn(|j| if j == k { gradient[k].signum() * 1e-3 } else { 0.0 })) == at.p
+        };
+        let rest: [bool; NONLINEAR] =
+            std::array::from_fn(|k| (self.job.held && k == 1) || (gradient[k] != 0.0 && hits(k)));
+        for k in (0..NONLINEAR).filter(|&k| rest[k]) {
+            normal[k] = [0.0; NONLINEAR];
+            for row in &mut normal {
+                row[k] = 0.0;
+            }
+            gradient[k] = 0.0;
+        }
+        (self.normal, self.gradient) = (normal, gradient);
+    }
+
+    fn step(&mut self, at: &State, damping: f64) -> Option<Step> {
+        let linear = normal_step(&self.normal, &self.gradient, damping, 1 + self.job.tilts)?;
+        Some(Step { linear, to: bounded(&at.p, &linear.step) })
+    }
+
+    fn end(&mut self, at: &mut State, step: &Step) -> Option<Termination> {
+        let predicted = step.linear.predicted;
+        if self.provisional && predicted < NEAR {
+            self.near = true;
+            return Some(Termination::CostConverged);
+        }
+        let inside = (0..1 + self.job.tilts).all(|k| step.to[k] == at.p[k] + step.linear.step[k]);
+        let stays = step.to == at.p;
+        if predicted < self.tolerance && (inside || stays) {
+            if inside {
+                at.shift(&step.linear.step, predicted);
+            }
+            return Some(Termination::CostConverged);
+        }
+        stays.then_some(Termination::StepSmall)
+    }
+
+    fn take(&mut self, _: &State, step: &Step, _: f64) -> State {
+        self.job.evaluate(step.to)
+    }
+
+    fn better(&self, at: &State, trial: &State) -> bool {
+        trial.chi2 < at.chi2
+    }
+
+    fn settled(&self, before: &State, now: &State) -> Option<Termination> {
+        (before.chi2 - now.chi2 < 1e-3 * self.tolerance).then_some(Termination::CostConverged)
     }
 }
 
@@ -107,52 +143,4 @@ pub(in crate::gloss) fn bounded(p: &[f64; NONLINEAR], step: &[f64; NONLINEAR]) -
         (p[1] + shrink * step[1]).clamp(-TILT_LIMIT, TILT_LIMIT),
         (p[2] + shrink * step[2]).clamp(-TILT_LIMIT, TILT_LIMIT),
     ]
-}
-
-/// Solves (N + λ diag N) δ = g over the first `count` parameters by Cholesky; also the decrease of χ² that the linear
-/// model predicts. A parameter without influence keeps its place; `None` where something is not finite.
-fn damped_step(
-    normal: &[[f64; NONLINEAR]; NONLINEAR],
-    gradient: &[f64; NONLINEAR],
-    lambda: f64,
-    count: usize,
-) -> Option<([f64; NONLINEAR], f64)> {
-    let mut l = [[0.0; NONLINEAR]; NONLINEAR];
-    let mut inverse = [0.0; NONLINEAR];
-    for i in 0..count {
-        for j in 0..=i {
-            let dot: f64 = (0..j).map(|k| l[i][k] * l[j][k]).sum();
-            if i > j {
-                l[i][j] = (normal[i][j] - dot) * inverse[j];
-                continue;
-            }
-            let damped = normal[i][i] * (1.0 + lambda);
-            let pivot = damped - dot;
-            if !pivot.is_finite() {
-                return None;
-            }
-            if pivot > 1e-14 * damped {
-                l[i][i] = pivot.sqrt();
-                inverse[i] = 1.0 / l[i][i];
-            } else {
-                l[i] = [0.0; NONLINEAR];
-            }
-        }
-    }
-    let mut step = [0.0; NONLINEAR];
-    for i in 0..count {
-        step[i] = (gradient[i] - (0..i).map(|k| l[i][k] * step[k]).sum::<f64>()) * inverse[i];
-    }
-    for i in (0..count).rev() {
-        step[i] = (step[i] - (i + 1..count).map(|k| l[k][i] * step[k]).sum::<f64>()) * inverse[i];
-    }
-    // Decrease of χ² (not of half of it): 2 g·δ − δᵀNδ.
-    let mut predicted = 0.0;
-    for i in 0..count {
-        predicted += 2.0 * gradient[i] * step[i];
-        for j in 0..count {
-            predicted -= step[i] * normal[i][j] * step[j];
-        }
-    }
-    step.iter().all(|s| s.is_finite()).then_some((step, predicted))
 }

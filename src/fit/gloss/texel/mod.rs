@@ -13,8 +13,6 @@ use mesophyll_optics::tube::lanes::Level;
 use mesophyll_optics::tube::{Model, Precision, Travel};
 use mesophyll_solve::Termination;
 
-/// Steps at most; a texel needs three to six.
-const ITERATIONS: usize = 60;
 /// A predicted decrease of χ² below this ends the fit with that step taken linearly: it is then below a twentieth of a
 /// standard error, and what the linear step leaves is its square.
 pub(super) const CONVERGED: f64 = 3e-3;

@@ -11,6 +11,7 @@ mod gauge;
 use crate::leaf::curve::{Curve, Incidence};
 use eliminate::eliminate;
 use gauge::{constrained_step, covariance};
+use mesophyll_solve::damped::{self, Control, Damped};
 use mesophyll_solve::{Termination, Trace, TraceRow};
 use nalgebra::{SMatrix, SVector};
 use rayon::prelude::*;
@@ -102,7 +103,6 @@ pub struct Common {
 }
 
 /// Sums over texels for one Gauss–Newton step.
-#[derive(Clone)]
 struct Sums {
     cost: f64,
     /// Sum of the texels' weights in the gauges.
@@ -151,77 +151,15 @@ impl Sums {
 /// stands for one texel of the leaf that could not be measured: its neighbours' mean takes its place in the gauges, so
 /// that losing a few texels does not move the leaf's means.
 pub fn fit(texels: &[Texel], missing: &[StandIns], start: [[f64; 2]; 3], settings: &Settings) -> Wide {
-    let clock = Instant::now();
-    let mut p = V6::from_fn(|k, _| start[k / 2][k % 2].max(1e-6).ln());
-    let mut ln_t = vec![f64::NAN; texels.len()];
     let mut weights = vec![1.0; texels.len()];
     for stand_ins in missing {
         stand_ins.iter().for_each(|&k| weights[k as usize] += 1.0 / stand_ins.len() as f64);
     }
-    let mut trace: Trace = Vec::new();
-    let mut termination = Termination::IterationLimit;
-    let n = texels.len() as f64;
-    let mut damping = 0.0;
-    let (mut curves, mut sums, mut locals) = evaluate(texels, &weights, &p, &mut ln_t, settings);
-    let mut evaluations = 1;
-    for iteration in 0..settings.iterations {
-        let gauge = sums.gap(settings.h);
-        let Some(step) = constrained_step(&sums, &gauge, damping) else {
-            termination = Termination::NotFinite;
-            break;
-        };
-        let limited = step * (0.7 / step.amax().max(0.7));
-        let distance = gauge[0].abs() / settings.h + gauge[1].abs() + gauge[2].abs() + gauge[3].abs();
-        trace.push(TraceRow {
-            iteration,
-            evaluations,
-            elapsed_s: clock.elapsed().as_secs_f64(),
-            cost: sums.cost,
-            gradient: distance,
-            step: limited.amax(),
-            truth_error: None,
-        });
-        if !step.iter().all(|v| v.is_finite()) || !sums.cost.is_finite() {
-            termination = Termination::NotFinite;
-            break;
-        }
-        if limited.amax() < 1e-9 {
-            termination = Termination::StepSmall;
-            break;
-        }
-        // Accept a step that brings the gauges or the cost closer; otherwise damp the free directions and try again.
-        let merit = |s: &Sums| {
-            let g = s.gap(settings.h);
-            s.cost / n + 1e3 * (g[0].abs() / settings.h + g[1].abs() + g[2].abs() + g[3].abs())
-        };
-        let before = merit(&sums);
-        let mut accepted = false;
-        let mut scale = 1.0;
-        for _ in 0..8 {
-            let trial = p + limited * scale;
-            let mut trial_t = ln_t.clone();
-            let (c, s, l) = evaluate(texels, &weights, &trial, &mut trial_t, settings);
-            evaluations += 1;
-            let after = merit(&s);
-            if after.is_finite() && after <= before * (1.0 + 1e-9) + 1e-12 {
-                (p, ln_t, curves, sums, locals) = (trial, trial_t, c, s, l);
-                accepted = true;
-                break;
-            }
-            scale *= 0.4;
-        }
-        if accepted {
-            damping *= 0.2;
-        } else if limited.amax() < 1e-6 {
-            termination = Termination::CostConverged;
-            break;
-        } else if damping > 1e6 {
-            termination = Termination::NoProgress;
-            break;
-        } else {
-            damping = if damping == 0.0 { 1e-3 } else { damping * 10.0 };
-        }
-    }
+    let mut leaf = Leaf { texels, weights, settings, evaluations: 0, trace: Vec::new(), clock: Instant::now() };
+    let p = V6::from_fn(|k, _| start[k / 2][k % 2].max(1e-6).ln());
+    let start = leaf.evaluate(p, vec![f64::NAN; texels.len()]);
+    let control = Control { iterations: settings.iterations, ..Control::SHORTENED };
+    let (Point { p, curves, mut sums, locals, .. }, termination) = damped::minimize(&mut leaf, start, &control);
     sums.gauge_noise += stand_in_noise(&locals, missing);
     let (covariance, condition, rank) = covariance(&sums, &settings.common);
     let gauge = sums.gap(settings.h);
@@ -231,7 +169,7 @@ pub fn fit(texels: &[Texel], missing: &[StandIns], start: [[f64; 2]; 3], setting
         covariance,
         locals,
         termination,
-        trace,
+        trace: leaf.trace,
         condition,
         rank,
         curves,
@@ -239,37 +177,108 @@ pub fn fit(texels: &[Texel], missing: &[StandIns], start: [[f64; 2]; 3], setting
     }
 }
 
-/// Eliminates thickness and γ of every texel at σ = exp(p) and sums what the step needs.
-fn evaluate(
-    texels: &[Texel],
-    weights: &[f64],
-    p: &V6,
-    ln_t: &mut [f64],
-    settings: &Settings,
-) -> ([Curve; 3], Sums, Vec<Local>) {
-    let curves: Vec<Curve> = (0..3usize)
-        .into_par_iter()
-        .map(|c| Curve::new(p[2 * c].exp(), p[2 * c + 1].exp(), settings.h, settings.incidence))
-        .collect();
-    let curves: [Curve; 3] = [curves[0].clone(), curves[1].clone(), curves[2].clone()];
-    let parts: Vec<(Sums, Vec<Local>)> = texels
-        .par_chunks(UNIT)
-        .zip(weights.par_chunks(UNIT))
-        .zip(ln_t.par_chunks_mut(UNIT))
-        .map(|((texels, weights), ln_t)| {
-            let mut sums = Sums::zero();
-            let each = texels.iter().zip(weights).zip(ln_t);
-            let locals = each.map(|((x, weight), t)| eliminate(x, *weight, t, &curves, settings, &mut sums)).collect();
-            (sums, locals)
-        })
-        .collect();
-    let mut locals = Vec::with_capacity(texels.len());
-    let mut total = Sums::zero();
-    for (sums, part) in parts {
-        total = total.add(&sums);
-        locals.extend(part);
+/// The problem, and what its descent has come to.
+struct Leaf<'a> {
+    texels: &'a [Texel],
+    /// Of each texel in the gauges.
+    weights: Vec<f64>,
+    settings: &'a Settings,
+    evaluations: usize,
+    trace: Trace,
+    clock: Instant,
+}
+
+/// Logarithms of σa and σs a channel, and what follows from them: every texel's ln thickness, γ and the sums.
+struct Point {
+    p: V6,
+    ln_t: Vec<f64>,
+    curves: [Curve; 3],
+    sums: Sums,
+    locals: Vec<Local>,
+}
+
+/// A step below this share was cut seven times.
+const SHORTEST: f64 = 2e-3;
+
+impl Damped for Leaf<'_> {
+    type Point = Point;
+    type Step = V6;
+
+    fn step(&mut self, at: &Point, damping: f64) -> Option<V6> {
+        let gauge = at.sums.gap(self.settings.h);
+        let step = constrained_step(&at.sums, &gauge, damping)?;
+        let limited = step * (0.7 / step.amax().max(0.7));
+        self.trace.push(TraceRow {
+            iteration: self.trace.len(),
+            evaluations: self.evaluations,
+            elapsed_s: self.clock.elapsed().as_secs_f64(),
+            cost: at.sums.cost,
+            gradient: self.distance(&gauge),
+            step: limited.amax(),
+            truth_error: None,
+        });
+        (step.iter().all(|v| v.is_finite()) && at.sums.cost.is_finite()).then_some(limited)
     }
-    (curves, total, locals)
+
+    fn end(&mut self, _: &mut Point, step: &V6) -> Option<Termination> {
+        (step.amax() < 1e-9).then_some(Termination::StepSmall)
+    }
+
+    fn take(&mut self, at: &Point, step: &V6, share: f64) -> Point {
+        self.evaluate(at.p + step * share, at.ln_t.clone())
+    }
+
+    /// A step is kept that brings the gauges or the cost closer.
+    fn better(&self, at: &Point, trial: &Point) -> bool {
+        let merit = |at: &Point| {
+            at.sums.cost / self.texels.len() as f64 + 1e3 * self.distance(&at.sums.gap(self.settings.h))
+        };
+        let after = merit(trial);
+        after.is_finite() && after <= merit(at) * (1.0 + 1e-9) + 1e-12
+    }
+
+    fn stalled(&self, _: &Point, step: &V6, share: f64) -> Option<Termination> {
+        (share < SHORTEST && step.amax() < 1e-6).then_some(Termination::CostConverged)
+    }
+}
+
+impl Leaf<'_> {
+    /// How far the gauges are from where they must be.
+    fn distance(&self, gauge: &[f64; 4]) -> f64 {
+        gauge[0].abs() / self.settings.h + gauge[1].abs() + gauge[2].abs() + gauge[3].abs()
+    }
+
+    /// Eliminates thickness and γ of every texel at σ = exp(p), from the last thickness where there is one, and sums
+    /// what the step needs.
+    fn evaluate(&mut self, p: V6, mut ln_t: Vec<f64>) -> Point {
+        self.evaluations += 1;
+        let settings = self.settings;
+        let curves: Vec<Curve> = (0..3usize)
+            .into_par_iter()
+            .map(|c| Curve::new(p[2 * c].exp(), p[2 * c + 1].exp(), settings.h, settings.incidence))
+            .collect();
+        let curves: [Curve; 3] = [curves[0].clone(), curves[1].clone(), curves[2].clone()];
+        let parts: Vec<(Sums, Vec<Local>)> = self
+            .texels
+            .par_chunks(UNIT)
+            .zip(self.weights.par_chunks(UNIT))
+            .zip(ln_t.par_chunks_mut(UNIT))
+            .map(|((texels, weights), ln_t)| {
+                let mut sums = Sums::zero();
+                let each = texels.iter().zip(weights).zip(ln_t);
+                let locals =
+                    each.map(|((x, weight), t)| eliminate(x, *weight, t, &curves, settings, &mut sums)).collect();
+                (sums, locals)
+            })
+            .collect();
+        let mut locals = Vec::with_capacity(self.texels.len());
+        let mut total = Sums::zero();
+        for (sums, part) in parts {
+            total = total.add(&sums);
+            locals.extend(part);
+        }
+        Point { p, ln_t, curves, sums: total, locals }
+    }
 }
 
 /// Covariance of what the stand-ins get wrong in the gauges' sums: each missing value scatters about its neighbours'

@@ -5,7 +5,7 @@ use super::{Image, Measured, Options, Tissues};
 use crate::Result;
 use mesophyll_files::progress;
 use mesophyll_optics::dipole::{Form, Tissue};
-use mesophyll_solve::descent::Smooth;
+use mesophyll_solve::lbfgs::{Normal, Smooth};
 use mesophyll_translucency::convolve::support;
 use mesophyll_translucency::levels::Levels;
 use mesophyll_translucency::tangent::{PARTIALS, Source, Stage, Tangent};
@@ -30,13 +30,6 @@ pub struct Model<'a> {
     inverse: Vec<Vec<Vec<f64>>>,
     /// Texels that count, all images and channels.
     pub count: usize,
-}
-
-/// ½χ², its gradient and JᵀWJ.
-pub struct Normal {
-    pub cost: f64,
-    pub gradient: DVector<f64>,
-    pub matrix: DMatrix<f64>,
 }
 
 /// Logarithms of what is searched for.
@@ -261,7 +254,7 @@ impl<'a> Model<'a> {
         [2 * c, 2 * c + 1, 2 * self.measured.channels.len()]
     }
 
-    /// The Gauss–Newton matrix, by forward derivatives.
+    /// ½χ², its gradient and JᵀWJ, by forward derivatives.
     ///
     /// # Errors
     /// As [`Model::images`].

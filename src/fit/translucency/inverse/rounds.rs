@@ -2,22 +2,19 @@
 //! and with the sds that the model has there.
 
 use super::certainty::{self, Certainty};
-use super::model::{Model, Normal, logarithms};
+use super::model::{Model, logarithms};
 use super::{Fitted, Measured, Options, Tissues, thickness};
 use crate::{Error, Result};
 use mesophyll_files::progress;
 use mesophyll_record::Residuals;
-use mesophyll_solve::descent::{Limits, lbfgs};
+use mesophyll_solve::lbfgs::{self, Limits, Normal};
 use mesophyll_solve::{Termination, decompose};
-use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 /// Distance to the minimum, in standard errors, at which a fit is done; and what a round goes on to.
 const DONE: f64 = 1e-2;
 const ROUND: f64 = 1e-4;
 /// Longest first step of a round in a logarithm.
 const STEP: f64 = 1.0;
-/// Directions whose curvature is less than this share of the largest are not determined by rounding's account.
-const FLAT: f64 = 1e-13;
 
 /// Fits σa and σs′ of every channel and the thickness scale (unless fixed) from `start`.
 ///
@@ -81,7 +78,7 @@ pub fn fit(measured: &Measured, start: &Tissues, options: &Options) -> Result<Fi
                 "the model's slopes are not finite where the search is (not_finite); nothing was fitted".into(),
             ));
         };
-        let away = distance(&eigen, &normal.gradient, FLAT);
+        let away = lbfgs::distance(&eigen, &normal.gradient);
         // A misfit beyond the noise makes the standard errors as much wider.
         let misfit = (2.0 * normal.cost / (model.count - p.len()) as f64).sqrt();
         // Exact readings: their weights stand for 1 % noise, and a thousandth of its errors is enough.
@@ -104,8 +101,8 @@ pub fn fit(measured: &Measured, start: &Tissues, options: &Options) -> Result<Fi
             last = Some(normal);
             break;
         }
-        let metric = metric(&eigen, &normal.gradient, damping);
-        let found = lbfgs(&model, &p, &metric, Limits { gradient: ROUND * unit, iterations: 40 });
+        let limits = Limits { gradient: ROUND * unit, iterations: 40 };
+        let found = lbfgs::round(&model, &mut p, &normal, &eigen, &mut damping, STEP, limits);
         for (row, point) in found.trace.iter().zip(&found.points) {
             let mut row = *row;
             (row.iteration, row.evaluations) = (out.trace.len() + 1, row.evaluations + out.evaluations);
@@ -116,12 +113,6 @@ pub fn fit(measured: &Measured, start: &Tissues, options: &Options) -> Result<Fi
         elapsed = out.trace.last().map_or(elapsed, |r| r.elapsed_s);
         out.evaluations += found.evaluations;
         out.termination = found.termination;
-        if found.cost.is_finite() && found.cost < normal.cost {
-            damping *= 0.1;
-            p.clone_from(&found.params);
-        } else {
-            damping = (10.0 * damping).max(1e-4 * size);
-        }
     }
     if out.termination != Termination::GradientSmall {
         let names: Vec<&str> = measured.channels.iter().map(|c| c.name.as_str()).collect();
@@ -138,29 +129,6 @@ pub fn fit(measured: &Measured, start: &Tissues, options: &Options) -> Result<Fi
     let Some(normal) = last else { return Err(Error::Missed("no round was allowed; nothing was fitted".into())) };
     finish(&mut out, &model, &p, &normal, options)?;
     Ok(out)
-}
-
-/// Length of the Newton step in standard errors, over the determined directions.
-fn distance(eigen: &SymmetricEigen<f64, nalgebra::Dyn>, gradient: &DVector<f64>, flat: f64) -> f64 {
-    let along = eigen.eigenvectors.tr_mul(gradient);
-    let cut = flat * eigen.eigenvalues.max();
-    along.iter().zip(eigen.eigenvalues.iter()).filter(|(_, l)| **l > cut).map(|(g, l)| g * g / l).sum::<f64>().sqrt()
-}
-
-/// W with W Wᵀ = (JᵀWJ + λ)⁻¹, λ at least `damping` and large enough for a first step of at most [`STEP`].
-fn metric(eigen: &SymmetricEigen<f64, nalgebra::Dyn>, gradient: &DVector<f64>, damping: f64) -> DMatrix<f64> {
-    let along = eigen.eigenvectors.tr_mul(gradient);
-    let largest = eigen.eigenvalues.max();
-    let longest = |damping: f64| {
-        let step = DVector::from_fn(along.len(), |k, _| along[k] / (eigen.eigenvalues[k].max(0.0) + damping));
-        (&eigen.eigenvectors * step).amax()
-    };
-    let mut damping = damping.max(1e-12 * largest);
-    while longest(damping) > STEP && damping < 1e6 * largest {
-        damping *= 3.0;
-    }
-    let roots = DVector::from_fn(along.len(), |k, _| 1.0 / (eigen.eigenvalues[k].max(0.0) + damping).sqrt());
-    &eigen.eigenvectors * DMatrix::from_diagonal(&roots)
 }
 
 fn finish(out: &mut Fitted, model: &Model, p: &[f64], normal: &Normal, options: &Options) -> Result<()> {

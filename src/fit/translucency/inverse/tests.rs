@@ -34,7 +34,7 @@ fn several_tissues_are_recovered_from_near_and_far() {
 
 #[test]
 fn the_gradient_is_that_of_the_cost() {
-    use mesophyll_solve::descent::Smooth;
+    use mesophyll_solve::lbfgs::Smooth;
     let scene = Scene {
         noise: 0.02,
         beams: vec![(Side::Front, 1.2, 0.3), (Side::Back, 1.5, 0.0), (Side::Back, 0.8, 2.0)],

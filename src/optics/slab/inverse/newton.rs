@@ -3,6 +3,8 @@
 use super::Precision;
 use crate::slab::table::{DELTA_MAX, DELTA_MIN, Scaled, Table};
 use crate::slab::{exact, reduced};
+use mesophyll_solve::Termination;
+use mesophyll_solve::damped::{self, Control, Damped, newton_step};
 use std::sync::OnceLock;
 
 /// A slab: ω, 1−ω and Δ, and ∂(F₁, F₂)/∂(L, M) there.
@@ -59,7 +61,7 @@ pub fn after_steps(r: f64, t: f64, lost: f64, steps: usize) -> [f64; 3] {
     let [mut l, mut m] = start(r, t, lost, target);
     for _ in 0..steps {
         let (f, point) = model(l, m);
-        let step = newton_step(&point, [target[0] - f[0], target[1] - f[1]]);
+        let step = newton_step(&point.jacobian, [target[0] - f[0], target[1] - f[1]]);
         (l, m) = (l + step[0], m + step[1]);
     }
     [1.0 / (1.0 + l.exp()), 1.0 / (1.0 + (-l).exp()), m.exp()]
@@ -140,51 +142,91 @@ pub fn conservative(t: f64) -> Option<Point> {
     None
 }
 
-/// Newton's steps, damped where the residual does not fall.
+/// Newton's steps towards these F, halved where the residual does not fall.
 fn iterate(start: [f64; 2], target: [f64; 2]) -> Option<Point> {
-    let [mut l, mut m] = start;
-    let mut before: Option<(f64, [f64; 2], [f64; 2])> = None;
-    for _ in 0..60 {
-        let (f, point) = model(l, m);
-        let d = [target[0] - f[0], target[1] - f[1]];
-        let size = d[0].abs().max(d[1].abs());
-        if let Some((old, from, step)) = before
-            && !(size < old)
-        {
-            // rounding is reached, or the step was too long
-            if old < 1e-9 {
-                return Some(model(from[0], from[1]).1);
-            }
-            let half = [0.5 * step[0], 0.5 * step[1]];
-            (l, m) = (from[0] + half[0], from[1] + half[1]);
-            before = Some((old, from, half));
-            if half[0].abs().max(half[1].abs()) < 1e-14 {
-                return None;
-            }
-            continue;
-        }
-        let step = newton_step(&point, d);
-        let long = step[0].abs().max(step[1].abs());
-        if !long.is_finite() {
-            return None;
-        }
-        if long < 2e-5 {
-            // the next error is about the square of this step
-            return Some(moved(&point, step));
-        }
-        let short = (2.0 / long).min(1.0);
-        let step = [step[0] * short, step[1] * short];
-        before = Some((size, [l, m], step));
-        (l, m) = (l + step[0], m + step[1]);
+    let mut search = Search { target, evaluations: 0 };
+    let start = search.place(start);
+    let (found, end) = damped::minimize(&mut search, start, &Control::HALVED);
+    end.converged().then_some(found.point)
+}
+
+/// Evaluations of the model at most: where so many do not lead there, they go after rounding.
+const EVALUATIONS: usize = 60;
+
+/// The F that are looked for, and how often the model was asked.
+struct Search {
+    target: [f64; 2],
+    evaluations: usize,
+}
+
+/// A slab at (L, M), what is left to the target, and the larger of the two.
+struct Place {
+    at: [f64; 2],
+    point: Point,
+    left: [f64; 2],
+    size: f64,
+}
+
+impl Search {
+    #[inline]
+    fn place(&mut self, at: [f64; 2]) -> Place {
+        self.evaluations += 1;
+        let (f, point) = model(at[0], at[1]);
+        let left = [self.target[0] - f[0], self.target[1] - f[1]];
+        Place { at, point, left, size: left[0].abs().max(left[1].abs()) }
     }
-    None
+}
+
+impl Damped for Search {
+    type Point = Place;
+    type Step = [f64; 2];
+
+    #[inline]
+    fn step(&mut self, at: &Place, _: f64) -> Option<[f64; 2]> {
+        let step = newton_step(&at.point.jacobian, at.left);
+        longest(&step).is_finite().then_some(step)
+    }
+
+    #[inline]
+    fn end(&mut self, at: &mut Place, step: &[f64; 2]) -> Option<Termination> {
+        if longest(step) < 2e-5 {
+            // the next error is about the square of this step
+            at.point = moved(&at.point, *step);
+            return Some(Termination::StepSmall);
+        }
+        (self.evaluations >= EVALUATIONS).then_some(Termination::IterationLimit)
+    }
+
+    #[inline]
+    fn take(&mut self, place: &Place, step: &[f64; 2], share: f64) -> Place {
+        let (at, share) = (place.at, share * limit(step));
+        self.place([at[0] + share * step[0], at[1] + share * step[1]])
+    }
+
+    #[inline]
+    fn better(&self, at: &Place, trial: &Place) -> bool {
+        trial.size < at.size
+    }
+
+    fn stalled(&self, at: &Place, step: &[f64; 2], share: f64) -> Option<Termination> {
+        if at.size < 1e-9 {
+            // rounding is reached
+            return Some(Termination::CostConverged);
+        }
+        let short = 0.5 * share * limit(step) * longest(step) < 1e-14;
+        (short || self.evaluations >= EVALUATIONS).then_some(Termination::NoProgress)
+    }
 }
 
 #[inline]
-fn newton_step(point: &Point, d: [f64; 2]) -> [f64; 2] {
-    let j = point.jacobian;
-    let det = j[0][0] * j[1][1] - j[0][1] * j[1][0];
-    [(j[1][1] * d[0] - j[0][1] * d[1]) / det, (j[0][0] * d[1] - j[1][0] * d[0]) / det]
+fn longest(step: &[f64; 2]) -> f64 {
+    step[0].abs().max(step[1].abs())
+}
+
+/// No step is longer than 2.
+#[inline]
+fn limit(step: &[f64; 2]) -> f64 {
+    (2.0 / longest(step)).min(1.0)
 }
 
 /// The point after a small step in (L, M), to second order.
@@ -207,8 +249,8 @@ fn refine(mut point: Point, target: [f64; 2]) -> Option<Point> {
         let (r, log_t) = exact::solve_log(1.0, point.omega, point.absorbed, point.delta);
         let lost = -log_t.exp_m1() - r;
         let d = [target[0] - (r / lost).ln(), target[1] - (-log_t).ln()];
-        let step = newton_step(&point, d);
-        let long = step[0].abs().max(step[1].abs());
+        let step = newton_step(&point.jacobian, d);
+        let long = longest(&step);
         if !long.is_finite() {
             return None;
         }

@@ -2,44 +2,32 @@
 //! good fit drowns in the rounding of its terms at about half the digits of the condition number; with 31 digits it
 //! does not.
 
-// A comparison with NaN is false: written as `!(a < b)` where NaN must fail.
-#![allow(clippy::neg_cmp_op_on_partial_ord)]
-
-use super::dd::Dd;
-use super::problem::Problem;
-use super::qr;
-use super::real::Real;
-use super::uncertainty::{Noise, Uncertainty};
+use super::{Dd, Precise};
+use mesophyll_solve::qr::{self, Number};
+use mesophyll_solve::{Fit, Noise, Uncertainty};
 
 /// Relative steps below this are converged: beyond what any `f64` result shows, above the rounding of ill-conditioned
 /// systems.
 const ENOUGH: f64 = 1e-22;
 const MAX_STEPS: usize = 200;
 
-pub(super) struct Refined {
-    pub params: Vec<f64>,
-    pub residuals: Vec<f64>,
-    pub cost: f64,
-    pub uncertainty: Uncertainty,
-    /// Largest relative step of the last iteration.
-    pub last_step: f64,
-    pub evaluations: usize,
+/// The fit with its last digits. It stays as it is where it did not converge or rests on a bound, where the problem is
+/// rank-deficient or not finite, and where the steps do not contract.
+pub fn refined(problem: &dyn Precise, fit: Fit, noise: Noise) -> Fit {
+    let sound = fit.converged() && fit.at_bound.is_empty();
+    sound.then(|| refine(problem, &fit, noise)).flatten().unwrap_or(fit)
 }
 
-/// `None` where the problem has no refined form, where it is rank-deficient or not finite, and where the steps do not
-/// contract.
-pub(super) fn refine(problem: &dyn Problem, start: &[f64], noise: Noise, tolerance: f64) -> Option<Refined> {
+fn refine(problem: &dyn Precise, fit: &Fit, noise: Noise) -> Option<Fit> {
     let (n, m) = (problem.parameters(), problem.residuals());
     if m < n {
         return None;
     }
-    let mut x: Vec<Dd> = start.iter().map(|v| Dd::constant(*v)).collect();
+    let mut x: Vec<Dd> = fit.params.iter().map(|v| Dd::constant(*v)).collect();
     let (mut r, mut j) = (vec![Dd::zero(); m], vec![Dd::zero(); n * m]);
     let mut step = f64::INFINITY;
     for evaluations in 1..=MAX_STEPS {
-        if !problem.refined(&x, &mut r, &mut j) {
-            return None;
-        }
+        problem.precise(&x, &mut r, &mut j);
         let residuals: Vec<f64> = r.iter().map(|v| v.value()).collect();
         let chi2 = r.iter().fold(Dd::zero(), |s, v| s + *v * *v);
         // A parameter at zero has no relative step: it is measured by what it does to the residuals, beside the others.
@@ -63,19 +51,14 @@ pub(super) fn refine(problem: &dyn Problem, start: &[f64], noise: Noise, toleran
             if step > 1e-10 {
                 return None;
             }
+            let tolerance = n as f64 * f64::EPSILON;
             let uncertainty = Uncertainty::from_triangle(&j, m, m, n, chi2, noise, tolerance);
             if uncertainty.rank < n {
                 return None;
             }
             let params = x.iter().map(|v| v.value()).collect();
-            return Some(Refined {
-                params,
-                residuals,
-                cost: 0.5 * chi2.value(),
-                uncertainty,
-                last_step: step,
-                evaluations,
-            });
+            let evaluations = fit.evaluations + evaluations;
+            return Some(Fit { params, residuals, cost: 0.5 * chi2.value(), uncertainty, evaluations, ..fit.clone() });
         }
         for (x, d) in x.iter_mut().zip(&delta) {
             *x = *x - *d;

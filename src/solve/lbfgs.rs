@@ -11,7 +11,7 @@ use argmin::core::observers::{Observe, ObserverMode};
 use argmin::core::{CostFunction, Executor, Gradient, IterState, KV, State, TerminationReason, TerminationStatus};
 use argmin::solver::linesearch::MoreThuenteLineSearch;
 use argmin::solver::quasinewton::LBFGS;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 use std::time::Instant;
@@ -49,6 +49,63 @@ pub struct Limits {
     pub iterations: usize,
 }
 
+/// Where a round of descents begins.
+pub struct Normal {
+    /// ½ Σ r².
+    pub cost: f64,
+    pub gradient: DVector<f64>,
+    /// JᵀJ.
+    pub matrix: DMatrix<f64>,
+}
+
+/// Directions whose curvature is less than this share of the largest are not determined by rounding's account.
+const FLAT: f64 = 1e-13;
+
+/// Length of the Newton step in standard errors, over the determined directions.
+pub fn distance(eigen: &SymmetricEigen<f64, Dyn>, gradient: &DVector<f64>) -> f64 {
+    let along = eigen.eigenvectors.tr_mul(gradient);
+    let cut = FLAT * eigen.eigenvalues.max();
+    along.iter().zip(eigen.eigenvalues.iter()).filter(|(_, l)| **l > cut).map(|(g, l)| g * g / l).sum::<f64>().sqrt()
+}
+
+/// One round of a descent that renews its coordinates: [`minimize`] from `p`, in coordinates that JᵀJ there (`eigen` is
+/// of it) makes round, and damped so that no parameter's first step is longer than `longest`. The best point is left in
+/// `p`, and `damping` falls to a tenth; where there is no better one, it rises tenfold.
+pub fn round(
+    problem: &dyn Smooth,
+    p: &mut Vec<f64>,
+    normal: &Normal,
+    eigen: &SymmetricEigen<f64, Dyn>,
+    damping: &mut f64,
+    longest: f64,
+    limits: Limits,
+) -> Descent {
+    let found = minimize(problem, p, &metric(eigen, &normal.gradient, *damping, longest), limits);
+    if found.cost.is_finite() && found.cost < normal.cost {
+        *damping *= 0.1;
+        p.clone_from(&found.params);
+    } else {
+        *damping = (10.0 * *damping).max(1e-4 * normal.matrix.diagonal().max());
+    }
+    found
+}
+
+/// W with W Wᵀ = (JᵀJ + λ)⁻¹, λ at least `damping` and large enough for a first step of at most `limit`.
+fn metric(eigen: &SymmetricEigen<f64, Dyn>, gradient: &DVector<f64>, damping: f64, limit: f64) -> DMatrix<f64> {
+    let along = eigen.eigenvectors.tr_mul(gradient);
+    let largest = eigen.eigenvalues.max();
+    let longest = |damping: f64| {
+        let step = DVector::from_fn(along.len(), |k, _| along[k] / (eigen.eigenvalues[k].max(0.0) + damping));
+        (&eigen.eigenvectors * step).amax()
+    };
+    let mut damping = damping.max(1e-12 * largest);
+    while longest(damping) > limit && damping < 1e6 * largest {
+        damping *= 3.0;
+    }
+    let roots = DVector::from_fn(along.len(), |k, _| 1.0 / (eigen.eigenvalues[k].max(0.0) + damping).sqrt());
+    &eigen.eigenvectors * DMatrix::from_diagonal(&roots)
+}
+
 type Vector = DVector<f64>;
 
 /// One evaluation, kept: argmin asks for cost and gradient apart.
@@ -69,10 +126,14 @@ struct Cost<'a> {
 }
 
 impl Cost<'_> {
-    fn known<T>(&self, u: &Vector, read: impl Fn(&Known) -> T) -> T {
+    /// An error where the search has left all numbers: argmin's line search would try them for ever.
+    fn known<T>(&self, u: &Vector, read: impl Fn(&Known) -> T) -> Result<T, argmin::core::Error> {
         let mut last = self.last.borrow_mut();
         if let Some(known) = last.as_ref().filter(|k| &k.u == u) {
-            return read(known);
+            return Ok(read(known));
+        }
+        if !u.iter().all(|u| u.is_finite()) {
+            return Err(argmin::core::Error::msg("the line search left all numbers"));
         }
         let params: Vec<f64> = (&self.start + self.metric * u).iter().copied().collect();
         let mut gradient = vec![0.0; params.len()];
@@ -86,7 +147,7 @@ impl Cost<'_> {
         {
             *best = Some(Known { u: u.clone(), params: known.params.clone(), cost, gradient: known.gradient.clone() });
         }
-        read(last.insert(known))
+        Ok(read(last.insert(known)))
     }
 }
 
@@ -94,7 +155,7 @@ impl CostFunction for Cost<'_> {
     type Param = Vector;
     type Output = f64;
     fn cost(&self, u: &Vector) -> Result<f64, argmin::core::Error> {
-        Ok(self.known(u, |k| k.cost))
+        self.known(u, |k| k.cost)
     }
 }
 
@@ -102,7 +163,7 @@ impl Gradient for Cost<'_> {
     type Param = Vector;
     type Gradient = Vector;
     fn gradient(&self, u: &Vector) -> Result<Vector, argmin::core::Error> {
-        Ok(self.metric.tr_mul(&self.known(u, |k| DVector::from_column_slice(&k.gradient))))
+        Ok(self.metric.tr_mul(&self.known(u, |k| DVector::from_column_slice(&k.gradient))?))
     }
 }
 
@@ -140,7 +201,7 @@ impl Observe<Quasi> for Recorder {
 /// Ends as [`Termination::GradientSmall`], [`Termination::CostConverged`] (no change left to see),
 /// [`Termination::IterationLimit`], [`Termination::NoProgress`] (the line search found nothing),
 /// [`Termination::NotFinite`] (no value at the start) or [`Termination::Refused`].
-pub fn lbfgs(problem: &dyn Smooth, start: &[f64], metric: &DMatrix<f64>, limits: Limits) -> Descent {
+pub fn minimize(problem: &dyn Smooth, start: &[f64], metric: &DMatrix<f64>, limits: Limits) -> Descent {
     let n = problem.parameters();
     let nothing = |termination, evaluations| Descent {
         params: start.to_vec(),
@@ -174,7 +235,7 @@ pub fn lbfgs(problem: &dyn Smooth, start: &[f64], metric: &DMatrix<f64>, limits:
         evaluations: evaluations.clone(),
     };
     // A line search that begins without a value may stumble on one; that is no descent.
-    if !cost.known(&DVector::zeros(n), |k| k.cost).is_finite() {
+    if !cost.known(&DVector::zeros(n), |k| k.cost).is_ok_and(f64::is_finite) {
         return nothing(Termination::NotFinite, evaluations.get());
     }
     let recorder = Recorder { rows: rows.clone(), evaluations: evaluations.clone(), clock: Instant::now() };
@@ -230,7 +291,7 @@ mod tests {
     #[test]
     fn the_valleys_floor_is_found_in_any_coordinates() {
         for metric in [DMatrix::identity(2, 2), DMatrix::from_row_slice(2, 2, &[0.7, 0.1, -0.3, 0.05])] {
-            let found = lbfgs(&Valley, &[-1.2, 1.0], &metric, LIMITS);
+            let found = minimize(&Valley, &[-1.2, 1.0], &metric, LIMITS);
             assert_eq!(found.termination, Termination::GradientSmall, "{found:?}");
             assert!((found.params[0] - 1.0).abs() < 1e-8 && (found.params[1] - 1.0).abs() < 1e-8, "{:?}", found.params);
             assert!(found.trace.windows(2).all(|w| w[1].cost <= w[0].cost && w[1].evaluations > w[0].evaluations));
@@ -243,11 +304,11 @@ mod tests {
     fn ends_are_named() {
         let unit = DMatrix::identity(2, 2);
         assert_eq!(
-            lbfgs(&Valley, &[-1.2, 1.0], &unit, Limits { iterations: 3, ..LIMITS }).termination,
+            minimize(&Valley, &[-1.2, 1.0], &unit, Limits { iterations: 3, ..LIMITS }).termination,
             Termination::IterationLimit
         );
-        assert_eq!(lbfgs(&Valley, &[-4.0, 1.0], &unit, LIMITS).termination, Termination::NotFinite);
-        assert_eq!(lbfgs(&Valley, &[f64::NAN, 1.0], &unit, LIMITS).termination, Termination::Refused);
-        assert_eq!(lbfgs(&Valley, &[1.0], &unit, LIMITS).termination, Termination::Refused);
+        assert_eq!(minimize(&Valley, &[-4.0, 1.0], &unit, LIMITS).termination, Termination::NotFinite);
+        assert_eq!(minimize(&Valley, &[f64::NAN, 1.0], &unit, LIMITS).termination, Termination::Refused);
+        assert_eq!(minimize(&Valley, &[1.0], &unit, LIMITS).termination, Termination::Refused);
     }
 }

@@ -2,21 +2,14 @@
 //! with derivatives.
 
 use super::dd::Dd;
+use mesophyll_solve::qr::Number;
 use std::fmt::Debug;
-use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// A real number with the elementary functions. Implemented by `f64`, [`Dd`] (about 31 digits) and [`super::Dual`]
 /// (value and gradient).
-pub trait Real:
-    Copy + Debug + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
-{
-    /// A constant: exact in every implementation.
-    fn constant(value: f64) -> Self;
+pub trait Real: Number + Debug {
     /// A constant known to double-double precision, rounded to what the type holds.
     fn precise(value: Dd) -> Self;
-    /// The nearest `f64`.
-    fn value(self) -> f64;
-    fn sqrt(self) -> Self;
     fn exp(self) -> Self;
     /// Natural logarithm.
     fn ln(self) -> Self;
@@ -27,14 +20,6 @@ pub trait Real:
     /// Sine and cosine, where together they cost what one does.
     fn sin_cos(self) -> (Self, Self) {
         (self.sin(), self.cos())
-    }
-
-    fn zero() -> Self {
-        Self::constant(0.0)
-    }
-
-    fn one() -> Self {
-        Self::constant(1.0)
     }
 
     fn square(self) -> Self {
@@ -53,17 +38,8 @@ pub trait Real:
 }
 
 impl Real for f64 {
-    fn constant(value: f64) -> Self {
-        value
-    }
     fn precise(value: Dd) -> Self {
         value.value()
-    }
-    fn value(self) -> f64 {
-        self
-    }
-    fn sqrt(self) -> Self {
-        f64::sqrt(self)
     }
     fn exp(self) -> Self {
         f64::exp(self)

@@ -9,6 +9,7 @@
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
 use super::real::Real;
+use mesophyll_solve::qr::Number;
 use std::cmp::Ordering;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -237,13 +238,9 @@ impl Div for Dd {
     }
 }
 
-impl Real for Dd {
+impl Number for Dd {
     fn constant(value: f64) -> Self {
         Dd { hi: value, lo: 0.0 }
-    }
-
-    fn precise(value: Dd) -> Self {
-        value
     }
 
     fn value(self) -> f64 {
@@ -257,6 +254,12 @@ impl Real for Dd {
         // One Newton step doubles the digits of the hardware's root.
         let root = Dd::constant(self.hi.sqrt());
         root + (self - root * root) / Dd::constant(2.0 * root.hi)
+    }
+}
+
+impl Real for Dd {
+    fn precise(value: Dd) -> Self {
+        value
     }
 
     fn exp(self) -> Self {

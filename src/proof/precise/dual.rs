@@ -6,6 +6,7 @@
 
 use super::dd::Dd;
 use super::real::Real;
+use mesophyll_solve::qr::Number;
 use std::array::from_fn;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -64,12 +65,9 @@ impl<T: Real, const N: usize> Neg for Dual<T, N> {
     }
 }
 
-impl<T: Real, const N: usize> Real for Dual<T, N> {
+impl<T: Real, const N: usize> Number for Dual<T, N> {
     fn constant(value: f64) -> Self {
         Dual { v: T::constant(value), d: [T::zero(); N] }
-    }
-    fn precise(value: Dd) -> Self {
-        Dual { v: T::precise(value), d: [T::zero(); N] }
     }
     fn value(self) -> f64 {
         self.v.value()
@@ -77,6 +75,12 @@ impl<T: Real, const N: usize> Real for Dual<T, N> {
     fn sqrt(self) -> Self {
         let root = self.v.sqrt();
         self.chain(root, T::constant(0.5) / root)
+    }
+}
+
+impl<T: Real, const N: usize> Real for Dual<T, N> {
+    fn precise(value: Dd) -> Self {
+        Dual { v: T::precise(value), d: [T::zero(); N] }
     }
     fn exp(self) -> Self {
         let e = self.v.exp();
