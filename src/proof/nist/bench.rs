@@ -32,8 +32,7 @@ pub fn bench_rows() -> Result<Vec<BenchRow>> {
     rows.push(row("derivatives", "numeric".into(), &numeric));
     rows.push(row("derivatives", "forward mode".into(), &with(plain.clone())?));
     rows.push(row("refinement", "none".into(), &with(plain.clone())?));
-    let precise =
-        solve_all(&|problem, start| refined(problem, lm::minimize(problem, start, &plain), plain.noise))?;
+    let precise = solve_all(&|problem, start| refined(problem, lm::minimize(problem, start, &plain), plain.noise))?;
     rows.push(row("refinement", "double-double".into(), &precise));
     let far = Options { initial_radius: 100.0, ..plain.clone() };
     rows.push(row("descents from a radius of 100", "one descent".into(), &with(far.clone())?));

@@ -230,9 +230,8 @@ impl Damped for Leaf<'_> {
 
     /// A step is kept that brings the gauges or the cost closer.
     fn better(&self, at: &Point, trial: &Point) -> bool {
-        let merit = |at: &Point| {
-            at.sums.cost / self.texels.len() as f64 + 1e3 * self.distance(&at.sums.gap(self.settings.h))
-        };
+        let merit =
+            |at: &Point| at.sums.cost / self.texels.len() as f64 + 1e3 * self.distance(&at.sums.gap(self.settings.h));
         let after = merit(trial);
         after.is_finite() && after <= merit(at) * (1.0 + 1e-9) + 1e-12
     }
