@@ -19,7 +19,7 @@ const GRID: usize = 96;
 /// D = 1/(π r²) Σ over both ends (φ + sin φ cos φ), tan φ = (distance to that end along the tube)/(r H), r = √(1+u²):
 /// the closed form for a line source in units of its height. A long Lambertian cylinder gives the same irradiance as
 /// its axis; by the capture's convention its lit length ends under the angles at which the axis' ends are seen.
-pub fn white_response(tube: &Tube, travel: Travel, position: f64, at: [f64; 2]) -> f64 {
+pub(crate) fn white_response(tube: &Tube, travel: Travel, position: f64, at: [f64; 2]) -> f64 {
     let (across, along) = match travel {
         Travel::X => (position - at[0], at[1]),
         Travel::Y => (position - at[1], at[0]),

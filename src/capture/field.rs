@@ -33,7 +33,7 @@ impl Fields<'_> {
 
     /// Lengths of a device: between a nanometre and ten kilometres, beyond which arithmetic and not a device is being
     /// tested.
-    pub fn positive_mm<const N: usize>(&self, lengths: [(&str, f64); N]) -> Result<()> {
+    pub(crate) fn positive_mm<const N: usize>(&self, lengths: [(&str, f64); N]) -> Result<()> {
         match lengths.into_iter().find(|(_, value)| !(1e-6..=1e7).contains(value)) {
             Some((field, value)) => Err(self.wrong(field, value, "a positive length in mm, 1e-6 to 1e7")),
             None => Ok(()),
@@ -49,7 +49,7 @@ impl Fields<'_> {
         }
     }
 
-    pub fn not_negative<const N: usize>(&self, numbers: [(&str, Option<f64>); N]) -> Result<()> {
+    pub(crate) fn not_negative<const N: usize>(&self, numbers: [(&str, Option<f64>); N]) -> Result<()> {
         let stated = numbers.into_iter().filter_map(|(field, value)| Some((field, value?)));
         match stated.into_iter().find(|(_, value)| !(0.0..=1e7).contains(value)) {
             Some((field, value)) => Err(self.wrong(field, value, "zero or a positive number up to 1e7")),

@@ -242,7 +242,7 @@ fn check_size(path: &Path, info: &ExrInfo, manifest: &Manifest) -> Result<()> {
 }
 
 /// RGB planes → one triple a texel.
-pub fn interleave(maps: &Maps) -> Pixels {
+pub(crate) fn interleave(maps: &Maps) -> Pixels {
     let [r, g, b] = [0, 1, 2].map(|c: usize| &maps.channels[c].1);
     r.iter().zip(g).zip(b).map(|((&r, &g), &b)| [r, g, b]).collect()
 }

@@ -3,13 +3,18 @@
 
 use mesophyll_files::mesh::LeafMesh;
 
+/// Triangles with one entry a vertex in every list but `indices`.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Mesh {
+    /// Places (mm).
     pub positions: Vec<[f32; 3]>,
+    /// Unit normals, out of the front.
     pub normals: Vec<[f32; 3]>,
     /// xyz along +u, w the handedness.
     pub tangents: Vec<[f32; 4]>,
+    /// Texture coordinates; (0, 0) is the top left corner of the front's maps.
     pub uvs: Vec<[f32; 2]>,
+    /// Three vertices a triangle.
     pub indices: Vec<u32>,
 }
 

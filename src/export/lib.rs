@@ -1,5 +1,7 @@
 //! Fits in formats other programs read. Values are written as fitted; what a format cannot say is said beside it.
 
+#![warn(missing_docs)]
+
 mod blade;
 mod gltf;
 mod obj;
@@ -48,6 +50,7 @@ pub enum Format {
 }
 
 impl Format {
+    /// What it is called on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Format::Png => "png",

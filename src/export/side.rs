@@ -11,8 +11,11 @@ use std::path::Path;
 /// Maps, errors (where there are any) and the mask of a side.
 #[derive(Debug)]
 pub struct SideMaps {
+    /// Which side of the leaf.
     pub side: Side,
+    /// The named maps.
     pub maps: Maps,
+    /// Their standard errors, where the fit has any.
     pub errors: Option<Maps>,
     /// 1 good, 0 outside, negative: a defect; all 1 where the fit holds no mask.
     pub mask: Vec<f32>,

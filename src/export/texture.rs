@@ -13,7 +13,9 @@ use std::path::{Path, PathBuf};
 /// Which way round a picture lies: the back's maps are mirrored when they are laid on the front's texture coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Turn {
+    /// As the side's own camera saw it.
     AsSeen,
+    /// Left and right exchanged.
     Mirrored,
 }
 
@@ -35,13 +37,13 @@ pub fn encode(path: &Path, width: usize, height: usize, rgb: &[u8]) -> Result<Ve
 }
 
 /// Linear in the byte, [low, high] → 0 … 255.
-pub fn data_byte(value: f32, low: f64, high: f64) -> u8 {
+pub(crate) fn data_byte(value: f32, low: f64, high: f64) -> u8 {
     let t = (f64::from(value) - low) / (high - low);
     if t.is_nan() { 0 } else { (t.clamp(0.0, 1.0) * 255.0).round() as u8 }
 }
 
 /// A unit normal as colours, x = 2·byte/255 − 1 (mirrored pictures mirror x as well).
-pub fn normal_pixel(n: [f32; 3], turn: Turn) -> [u8; 3] {
+pub(crate) fn normal_pixel(n: [f32; 3], turn: Turn) -> [u8; 3] {
     let x = if turn == Turn::Mirrored { -n[0] } else { n[0] };
     [x, n[1], n[2]].map(|v| data_byte(v, -1.0, 1.0))
 }

@@ -120,7 +120,7 @@ fn temporary(prefix: &str, suffix: &str, folder: &Path) -> io::Result<tempfile::
 
 /// Where a name leads to: a symbolic link is followed, also to a file that is not there yet. A link that leads in a
 /// circle is left as it is.
-pub fn through_links(path: &Path) -> PathBuf {
+pub(crate) fn through_links(path: &Path) -> PathBuf {
     let mut at = path.to_path_buf();
     for _ in 0..40 {
         match fs::read_link(&at) {

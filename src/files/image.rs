@@ -16,16 +16,22 @@ use std::path::Path;
 /// Named single-precision channels of one size; row 0 is the top row, samples are row-major.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Maps {
+    /// Texels a row.
     pub width: usize,
+    /// Rows.
     pub height: usize,
+    /// Name and samples of each channel.
     pub channels: Vec<(String, Vec<f32>)>,
 }
 
 /// What an EXR file holds, without its samples.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ExrInfo {
+    /// Texels a row.
     pub width: usize,
+    /// Rows.
     pub height: usize,
+    /// Names of the channels.
     pub channels: Vec<String>,
     /// Whether any channel is stored as half (which keeps about 5e-4 relative).
     pub half: bool,
@@ -41,6 +47,7 @@ pub enum Packing {
 }
 
 impl Maps {
+    /// Maps of this size without a channel.
     pub fn new(width: usize, height: usize) -> Self {
         Maps { width, height, channels: Vec::new() }
     }
@@ -51,6 +58,7 @@ impl Maps {
         self.channels.push((name.into(), samples));
     }
 
+    /// The samples of a channel; `None` where there is none of that name.
     pub fn get(&self, name: &str) -> Option<&[f32]> {
         self.channels.iter().find(|(n, _)| n == name).map(|(_, s)| s.as_slice())
     }

@@ -3,6 +3,8 @@
 //! `rustfft` is generic, so that every package that plans a transform compiles all of it anew (40 s each in the dev
 //! profile). This package is the only one that does; the others hold what it returns.
 
+#![warn(missing_docs)]
+
 use rustfft::FftPlanner;
 pub use rustfft::{Fft, num_complex::Complex};
 use std::sync::Arc;

@@ -20,19 +20,28 @@ use super::taper::Shape;
 /// A branch at rest: root, orthonormal frame (t from root to tip), length (m, or whatever the vertices are in).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Branch<T> {
+    /// Where the branch begins.
     pub root: [T; 3],
+    /// Unit vector from root to tip.
     pub t: [T; 3],
+    /// First unit vector across the branch.
     pub r: [T; 3],
+    /// Second unit vector across the branch.
     pub s: [T; 3],
+    /// Distance from root to tip.
     pub length: T,
+    /// How it bends.
     pub shape: Shape<T>,
 }
 
 /// What a bend makes of a vertex. Tangent and normal have length 1 (zero vectors stay zero).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Deformed<T> {
+    /// The vertex after bending.
     pub position: [T; 3],
+    /// Tangent there, of length 1 or 0.
     pub tangent: [T; 3],
+    /// Normal there, of length 1 or 0.
     pub normal: [T; 3],
 }
 
@@ -41,8 +50,11 @@ pub struct Deformed<T> {
 pub struct Joint<T> {
     /// The axis there.
     pub position: [T; 3],
+    /// Unit vector along the axis there.
     pub t: [T; 3],
+    /// First unit vector across it.
     pub r: [T; 3],
+    /// Second unit vector across it.
     pub s: [T; 3],
 }
 

@@ -32,6 +32,7 @@ pub struct Bent<T> {
     pub across: T,
     /// Direction of the bent axis: cosine and sine of its angle to the straight one.
     pub cos: T,
+    /// Sine of the same angle.
     pub sin: T,
     /// Curvature of the bent axis, positive towards the load.
     pub curvature: T,

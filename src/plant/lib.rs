@@ -8,6 +8,8 @@
 //! Source throughout: R. Habel, "Real-time Rendering and Animation of Vegetation", dissertation, TU Wien 2009, chapter
 //! 4 ("H9").
 
+#![warn(missing_docs)]
+
 pub mod beam;
 pub mod branch;
 pub mod length;

@@ -24,11 +24,15 @@ pub const TEXELS_A_CYCLE: usize = 8;
 /// A texture of `size` × `size` texels, row by row, texel centres at (i + ½)/size.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Motion {
+    /// Texels along each edge.
     pub size: usize,
     /// Lowest and highest frequency that it holds (Hz), for a line at [`Motion::speed`].
     pub lowest: f64,
+    /// The highest frequency (Hz).
     pub highest: f64,
+    /// Displacements towards r and s, a texel each, row by row.
     pub values: Vec<[f32; 2]>,
+    /// How the texture was made.
     pub method: Method,
 }
 
@@ -41,6 +45,7 @@ const SLOPES: [f64; 2] = [0.08, 0.14];
 /// A line through a texture: where a branch is at time t (s), in texture units (wrapped).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Trajectory {
+    /// Place at time 0, in texture units.
     pub start: [f64; 2],
     /// Texture units a second.
     pub velocity: [f64; 2],
@@ -71,6 +76,7 @@ impl Trajectory {
         Trajectory { start, velocity: [speed, speed * slope] }
     }
 
+    /// Place at time `t` (s), in texture units, wrapped to [0, 1).
     pub fn at(&self, t: f64) -> [f64; 2] {
         [0, 1].map(|k| (self.start[k] + t * self.velocity[k]).rem_euclid(1.0))
     }

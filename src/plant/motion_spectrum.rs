@@ -96,7 +96,7 @@ fn inverse(wanted: &[f64], plain: &Rings) -> Rings {
 /// One-sided power density of evenly spaced samples, `dt` (s) apart, at multiples of 1/(segment · dt): mean over
 /// half-overlapping segments under Hann's window (P. D. Welch, IEEE Trans. Audio Electroacoust. 15 (1967), 70–73).
 /// Empty where the samples do not fill a segment.
-pub fn periodogram(samples: &[f64], dt: f64, segment: usize) -> Vec<f64> {
+pub(crate) fn periodogram(samples: &[f64], dt: f64, segment: usize) -> Vec<f64> {
     if segment < 2 || samples.len() < segment {
         return Vec::new();
     }

@@ -7,9 +7,9 @@ pub type Node = (f64, f64);
 
 /// 12 nodes: exact to rounding for functions analytic in an ellipse of half axes summing to 5.8 (in units of half the
 /// interval).
-pub static TWELVE: LazyLock<Vec<Node>> = LazyLock::new(|| gauss(12));
+pub(crate) static TWELVE: LazyLock<Vec<Node>> = LazyLock::new(|| gauss(12));
 /// 24 nodes, where a result is the reference of others.
-pub static TWENTY_FOUR: LazyLock<Vec<Node>> = LazyLock::new(|| gauss(24));
+pub(crate) static TWENTY_FOUR: LazyLock<Vec<Node>> = LazyLock::new(|| gauss(24));
 
 /// The `n`-point rule; the weights sum to 1.
 pub fn gauss(n: usize) -> Vec<Node> {

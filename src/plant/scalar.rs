@@ -17,16 +17,24 @@ pub trait Scalar:
 {
     /// Terms of a power series in a quantity below 1/9 that reach the type's precision.
     const SERIES: usize;
+    /// The nearest number of this type.
     fn of(value: f64) -> Self;
+    /// The same number in double precision.
     fn wide(self) -> f64;
+    /// The square root.
     fn sqrt(self) -> Self;
+    /// e to this power.
     fn exp(self) -> Self;
+    /// The natural logarithm.
     fn ln(self) -> Self;
+    /// The absolute value.
     fn abs(self) -> Self;
 
+    /// 0.
     fn zero() -> Self {
         Self::of(0.0)
     }
+    /// 1.
     fn one() -> Self {
         Self::of(1.0)
     }
@@ -34,6 +42,7 @@ pub trait Scalar:
     fn at_least(self, low: Self) -> Self {
         if self > low { self } else { low }
     }
+    /// The smaller; the other one where one is NaN.
     fn at_most(self, high: Self) -> Self {
         if self < high { self } else { high }
     }

@@ -22,6 +22,7 @@ pub const TERMS: usize = 4;
 /// length).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shape<T> {
+    /// Taper α: tip radius over root radius.
     pub alpha: T,
     /// ln α.
     pub ln_alpha: T,
@@ -151,6 +152,7 @@ impl Smooth {
         self.series.iter().map(Vec::len).sum()
     }
 
+    /// Whether there are no coefficients.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

@@ -66,7 +66,9 @@ pub fn resonance(length: f64, leafless: bool) -> f64 {
 /// A branch that sways in the wind.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sway {
+    /// The wind that it stands in.
     pub wind: Wind,
+    /// Its resonance and damping.
     pub oscillator: Oscillator,
     /// Tip deflection over length that a steady wind of the mean speed would cause across the branch. The force is
     /// taken as proportional to the speed (H9 Eq. 4.19), so gusts of σ add σ/v_m of it.
@@ -101,7 +103,9 @@ impl Sway {
 pub struct Cone {
     /// Length and radii at root and tip (m).
     pub length: f64,
+    /// Radius at the root (m).
     pub root: f64,
+    /// Radius at the tip (m).
     pub tip: f64,
 }
 

@@ -1,6 +1,8 @@
 //! Gauss–Legendre rules, for every room that integrates: nodes by Newton's method on P_n, from Tricomi's cosines. The
 //! reference renderer has one of its own, so that it shares nothing with what it judges.
 
+#![warn(missing_docs)]
+
 use std::f64::consts::PI;
 
 /// Nodes and weights on [0, 1], ascending: exact for polynomials of degree below 2n. `n` ≥ 1.

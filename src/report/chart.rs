@@ -28,12 +28,12 @@ const TOP: f64 = 10.0;
 const BOTTOM: f64 = 40.0;
 
 /// Escapes text for HTML and SVG.
-pub fn escape(text: &str) -> String {
+pub(crate) fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;").replace('\'', "&#39;")
 }
 
 /// A scale with its ends, middle and unit, as HTML: `ramp` is a class of the page's style (see [`ramps`]).
-pub fn colour_bar(ramp: &str, (min, max): (f64, f64), unit: &str) -> String {
+pub(crate) fn colour_bar(ramp: &str, (min, max): (f64, f64), unit: &str) -> String {
     let middle = 0.5 * (min + max);
     // A middle that is zero but for rounding reads 0.
     let middle = if middle.abs() < 1e-9 * (max - min) { 0.0 } else { middle };
@@ -46,7 +46,7 @@ pub fn colour_bar(ramp: &str, (min, max): (f64, f64), unit: &str) -> String {
 }
 
 /// The style of the colour bars: one gradient a scale.
-pub fn ramps() -> String {
+pub(crate) fn ramps() -> String {
     let gradient =
         |scale: &Scale| (0..=32).map(|k| colour::hex(scale, f64::from(k) / 32.0)).collect::<Vec<_>>().join(",");
     let scales = [
@@ -104,7 +104,7 @@ pub fn histogram(parts: &[(&str, &Histogram)], titles: Titles, marks: &[(f64, &s
 }
 
 /// Curves on logarithmic axes; points that a logarithm cannot show are left out.
-pub fn log_log(series: &[Series], titles: Titles) -> Option<String> {
+pub(crate) fn log_log(series: &[Series], titles: Titles) -> Option<String> {
     let usable = |p: &&(f64, f64)| p.0 > 0.0 && p.1 > 0.0 && p.0.is_finite() && p.1.is_finite();
     let shown: Vec<Series> = series
         .iter()

@@ -9,13 +9,13 @@ pub type Scale = [[u8; 3]; 255];
 const NONE: u8 = 255;
 
 /// Dark violet over teal to yellow: lightness rises evenly, so that it reads in grey and for colour-blind eyes too.
-pub fn sequential() -> &'static Scale {
+pub(crate) fn sequential() -> &'static Scale {
     static SCALE: OnceLock<Scale> = OnceLock::new();
     SCALE.get_or_init(|| std::array::from_fn(|k| sequential_at(k as f64 / 254.0)))
 }
 
 /// Blue over light grey to red; the middle is zero.
-pub fn diverging() -> &'static Scale {
+pub(crate) fn diverging() -> &'static Scale {
     static SCALE: OnceLock<Scale> = OnceLock::new();
     SCALE.get_or_init(|| {
         std::array::from_fn(|k| {
@@ -27,7 +27,7 @@ pub fn diverging() -> &'static Scale {
 }
 
 /// Nine steps of the magma scale (Smith and van der Walt 2015), evenly spaced: what FLIP maps are drawn with.
-pub const MAGMA: [&str; 9] =
+pub(crate) const MAGMA: [&str; 9] =
     ["#000004", "#1d1147", "#51127c", "#832681", "#b73779", "#e55064", "#fb8761", "#fec287", "#fcfdbf"];
 
 /// Lightness .24 → .92; hue 300° → 108°; the chroma dips in the teal, where sRGB holds less.
@@ -84,7 +84,7 @@ impl Frame {
 }
 
 /// A map in false colour over [min, max]; samples without a value, or where `shown` is false, are transparent.
-pub fn false_colour(
+pub(crate) fn false_colour(
     frame: Frame,
     scale: &Scale,
     (min, max): (f64, f64),
@@ -105,7 +105,7 @@ pub fn false_colour(
 
 /// Categories: `code(i)` is an index into `colours`, `None` is transparent. Never averaged; every `step`-th texel that
 /// differs from the first category wins its pixel, so that a single defect stays visible.
-pub fn categories(
+pub(crate) fn categories(
     frame: Frame,
     colours: &[[u8; 3]],
     code: impl Fn(usize) -> Option<usize>,
@@ -199,7 +199,7 @@ fn indexed_png(width: usize, height: usize, indices: &[u8], scale: &Scale, alt: 
 }
 
 /// `data:…;base64,…` (RFC 4648).
-pub fn data_uri(mime: &str, bytes: &[u8]) -> String {
+pub(crate) fn data_uri(mime: &str, bytes: &[u8]) -> String {
     const ALPHABET: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut out = format!("data:{mime};base64,");
     out.reserve(bytes.len().div_ceil(3) * 4);

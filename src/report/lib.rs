@@ -42,7 +42,7 @@ impl ReportSource {
     }
 
     /// Whether the folder is a fit itself (and not a run that may hold fits).
-    pub fn is_fit(&self) -> bool {
+    pub(crate) fn is_fit(&self) -> bool {
         self.folder.join("fit.toml").exists()
     }
 }

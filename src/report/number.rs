@@ -47,7 +47,7 @@ fn scientific(value: f64, digits: usize) -> String {
 }
 
 /// Digits as superscripts.
-pub fn superscript(text: &str) -> String {
+pub(crate) fn superscript(text: &str) -> String {
     const DIGITS: [char; 10] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
     text.chars().map(|c| if c == '-' { '⁻' } else { c.to_digit(10).map_or(c, |d| DIGITS[d as usize]) }).collect()
 }

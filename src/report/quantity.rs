@@ -15,7 +15,7 @@ pub struct Quantity {
 }
 
 /// In the order of the report.
-pub const QUANTITIES: [Quantity; 9] = [
+pub(crate) const QUANTITIES: [Quantity; 9] = [
     Quantity { name: "rho_d", title: "ρd, diffuse reflectance", unit: "", signed: false },
     Quantity { name: "rho_t", title: "ρt, transmittance", unit: "", signed: false },
     Quantity { name: "rho_s", title: "ρs, specular reflectance", unit: "", signed: false },
@@ -28,14 +28,14 @@ pub const QUANTITIES: [Quantity; 9] = [
 ];
 
 /// Channels that are shown in a place of their own, or (z of a unit normal) not at all.
-pub const SET_APART: [&str; 3] = ["mask.Y", "reduced_chi2.Y", "normal.Z"];
+pub(crate) const SET_APART: [&str; 3] = ["mask.Y", "reduced_chi2.Y", "normal.Z"];
 
 pub fn known(name: &str) -> Option<&'static Quantity> {
     QUANTITIES.iter().find(|q| q.name == name)
 }
 
 /// `σa` for `sigma_a`; the name itself where there is no symbol.
-pub fn symbol(name: &str) -> String {
+pub(crate) fn symbol(name: &str) -> String {
     if let Some(own) = name.strip_suffix("_map") {
         return format!("{} maps", symbol(own));
     }
@@ -84,7 +84,7 @@ pub fn rank(channel: &str) -> (usize, String, usize) {
 }
 
 /// `R`, `G`, `B` in words.
-pub fn channel_word(letter: &str) -> &str {
+pub(crate) fn channel_word(letter: &str) -> &str {
     match letter {
         "R" => "red",
         "G" => "green",

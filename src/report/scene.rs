@@ -13,7 +13,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// [`Error::Input`] when the file is there and is no JSON.
-pub fn read_check(folder: &Path, pictures: bool) -> Result<Option<CheckReport>> {
+pub(crate) fn read_check(folder: &Path, pictures: bool) -> Result<Option<CheckReport>> {
     let Some(json) = read_json(&folder.join("check.json"))? else { return Ok(None) };
     let mut missing = Vec::new();
     let views = json.get("views").and_then(Value::as_array).map(Vec::as_slice).unwrap_or_default();
@@ -86,7 +86,7 @@ pub(super) fn picture(folder: &Path, named: Option<&str>, view: &str, endings: &
 }
 
 /// `FOLDER/plan.json`; `None` when there is none.
-pub fn read_plan(folder: &Path) -> Result<Option<PlanReport>> {
+pub(crate) fn read_plan(folder: &Path) -> Result<Option<PlanReport>> {
     let Some(json) = read_json(&folder.join("plan.json"))? else { return Ok(None) };
     let list = |key: &str| {
         let items = json.get(key).and_then(Value::as_array).map(Vec::as_slice).unwrap_or_default();

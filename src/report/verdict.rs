@@ -303,7 +303,7 @@ fn parameters(report: &FitReport, say: &mut impl FnMut(Level, String)) {
 }
 
 /// Judges a check.
-pub fn of_check(check: &CheckReport) -> Reason {
+pub(crate) fn of_check(check: &CheckReport) -> Reason {
     let failed: Vec<&str> = check.views.iter().filter(|v| v.passed == Some(false)).map(|v| v.name.as_str()).collect();
     match check.passed {
         Some(true) if failed.is_empty() => {
@@ -321,7 +321,7 @@ pub fn of_check(check: &CheckReport) -> Reason {
 }
 
 /// The verdict over everything in the report.
-pub fn overall(fits: &[FitReport], checks: &[CheckReport]) -> Verdict {
+pub(crate) fn overall(fits: &[FitReport], checks: &[CheckReport]) -> Verdict {
     let mut reasons: Vec<Reason> = fits
         .iter()
         .map(|f| Reason { level: f.verdict.level, text: f.verdict.sentence.trim_end_matches('.').to_string() })

@@ -39,14 +39,14 @@ pub const RULE: &str = "A value is called determined when its standard error is 
                         do not rely on more of it than its error or its bound allows.";
 
 /// What the caliper's share of an error is, where a table holds one.
-pub const CALIPER: &str = "Thickness is measured by a caliper, and σa and σs are inversely proportional to it: the \
+pub(crate) const CALIPER: &str = "Thickness is measured by a caliper, and σa and σs are inversely proportional to it: the \
  caliper's error moves them and every thickness \
                            of the leaf together, by the same share. Its part and the fit's own part are given beside \
                            the whole error (they add as squares). γ, ρd, \
                            ρt, ρs and m do not depend on the caliper.";
 
 /// One line a parameter, in the rows' order.
-pub fn parameter_lines(rows: &[ParameterRow]) -> Vec<ParameterLine> {
+pub(crate) fn parameter_lines(rows: &[ParameterRow]) -> Vec<ParameterLine> {
     let mut lines: Vec<ParameterLine> = Vec::new();
     for of in rows.chunk_by(|a, b| a.section == b.section && a.name == b.name) {
         let first = &of[0];
@@ -71,7 +71,7 @@ pub fn parameter_lines(rows: &[ParameterRow]) -> Vec<ParameterLine> {
 }
 
 /// `0.412 ± 0.013`, or `undetermined` with the best estimate beside it: never a figure that looks known.
-pub fn parameter_cell(row: &ParameterRow) -> Cell {
+pub(crate) fn parameter_cell(row: &ParameterRow) -> Cell {
     let Some(why) = &row.undetermined else {
         let text = match (row.value, row.stderr) {
             (None, _) => return Cell { text: "undetermined".into(), note: "no estimate".into(), undetermined: true },
@@ -102,7 +102,7 @@ pub fn parameter_cell(row: &ParameterRow) -> Cell {
 }
 
 /// `sigma_a.R` → `σa red`, as correlations are labelled.
-pub fn channel_of(name: &str) -> String {
+pub(crate) fn channel_of(name: &str) -> String {
     match name.split_once('.') {
         Some((head, channel)) => format!("{} {}", parameter(head).0, channel_word(channel)),
         None => parameter(name).0,
@@ -110,7 +110,7 @@ pub fn channel_of(name: &str) -> String {
 }
 
 /// What the RMS of a residual is counted in.
-pub fn residual_unit(name: &str) -> &'static str {
+pub(crate) fn residual_unit(name: &str) -> &'static str {
     match name {
         "gloss" => "× the noise",
         "transmittance" => "of ρt (0 to 1)",
@@ -130,10 +130,10 @@ pub fn coverage(share: Option<f64>, judged: Option<usize>) -> String {
 }
 
 /// Fewer values than this are counted one by one.
-pub const MANY: usize = 20;
+pub(crate) const MANY: usize = 20;
 
 /// A difference of two fits in words.
-pub fn value_or_word(value: Option<f64>, error: Option<f64>) -> String {
+pub(crate) fn value_or_word(value: Option<f64>, error: Option<f64>) -> String {
     match (value, error) {
         (None, _) => "undetermined".into(),
         (Some(v), Some(e)) => plus_minus(v, e),
@@ -220,7 +220,7 @@ fn light_angles(out: &mut Figures, all: &BTreeMap<String, f64>) {
 }
 
 /// The traces as charts: error to the truth where it is known, and cost, both against run time.
-pub fn trace_charts(fit: &FitReport) -> (Option<String>, Option<String>) {
+pub(crate) fn trace_charts(fit: &FitReport) -> (Option<String>, Option<String>) {
     let Some(times) = &fit.times else { return (None, None) };
     let about = |what: &str| format!("{what} of {} against run time", fit.name);
     let truth = curves(times, |r| r.truth_error);
@@ -259,7 +259,7 @@ pub struct PhaseLine {
     pub share: f64,
 }
 
-pub fn phase_lines(times: &TimesReport) -> Vec<PhaseLine> {
+pub(crate) fn phase_lines(times: &TimesReport) -> Vec<PhaseLine> {
     let sum: f64 = times.phases.iter().map(|p| p.seconds).sum();
     let total = times.total_s.max(sum).max(1e-12);
     times

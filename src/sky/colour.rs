@@ -2,7 +2,7 @@
 //! and fit.
 
 /// Rows R, G, B.
-pub const RGB_FROM_XYZ: [[f64; 3]; 3] =
+pub(crate) const RGB_FROM_XYZ: [[f64; 3]; 3] =
     [[3.2404542, -1.5371385, -0.4985314], [-0.9692660, 1.8760108, 0.0415560], [0.0556434, -0.2040259, 1.0572252]];
 
 /// Linear sRGB of an XYZ colour, in its unit.

@@ -25,7 +25,7 @@ impl Coefficients {
     }
 
     /// From N² triples; `None` where their number is no square.
-    pub fn from_values(values: Vec<[f64; 3]>) -> Option<Self> {
+    pub(crate) fn from_values(values: Vec<[f64; 3]>) -> Option<Self> {
         let bands = values.len().isqrt();
         (bands * bands == values.len() && bands > 0).then_some(Coefficients { bands, values })
     }
@@ -34,9 +34,11 @@ impl Coefficients {
     pub fn bands(&self) -> usize {
         self.bands
     }
+    /// The coefficients, three channels each, at index l(l+1)+m.
     pub fn values(&self) -> &[[f64; 3]] {
         &self.values
     }
+    /// The same, to be changed.
     pub fn values_mut(&mut self) -> &mut [[f64; 3]] {
         &mut self.values
     }
@@ -104,6 +106,7 @@ impl Basis {
         Basis { bands, orders }
     }
 
+    /// Number of bands N: l = 0 … N−1.
     pub fn bands(&self) -> usize {
         self.bands
     }
@@ -122,7 +125,7 @@ impl Basis {
 
     /// The values for m ≥ 0 alone, in the order l(l+1)/2 + m: all that a function even in azimuth has. `out` has
     /// N(N+1)/2 places.
-    pub fn fill_even(&self, d: [f64; 3], out: &mut [f64]) {
+    pub(crate) fn fill_even(&self, d: [f64; 3], out: &mut [f64]) {
         let (mut cos, mut sin) = (1.0, 0.0);
         for (m, order) in self.orders.iter().enumerate() {
             self.walk(m, order, d[2], |l, v| out[l * (l + 1) / 2 + m] = v * cos);

@@ -15,6 +15,7 @@ const KILOLUMEN_PER_WATT: f64 = 0.683;
 /// The model with one ground albedo a channel (R, G, B; 0 to 1).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct HosekWilkie {
+    /// Ground albedo a channel (R, G, B), 0 to 1.
     pub albedo: [f64; 3],
 }
 

@@ -22,6 +22,8 @@
 //! Coefficients of a sky are a [`Coefficients`]: N² values a channel. `project::direct(sky, 7)?` is the 49×3 numbers of
 //! a fixed sun and turbidity.
 
+#![warn(missing_docs)]
+
 pub mod colour;
 pub mod fitted;
 pub mod harmonics;
@@ -95,7 +97,7 @@ pub trait Model: Sync {
 
 /// A sun this little below the horizon (rad; two arc seconds) counts as standing on it, so that π/2 may be written with
 /// five digits.
-pub const HORIZON_ROUNDING: f64 = 1e-5;
+pub(crate) const HORIZON_ROUNDING: f64 = 1e-5;
 
 /// What every model asks of its two parameters; gives the sun's zenith angle, at most π/2.
 ///

@@ -26,12 +26,14 @@ pub const PEREZ: [[[f64; 2]; 5]; 3] = [
 /// Zenith chromaticities: rows τ², τ, 1; columns θs³, θs², θs, 1.
 pub const ZENITH_X: [[f64; 4]; 3] =
     [[0.00166, -0.00375, 0.00209, 0.0], [-0.02903, 0.06377, -0.03202, 0.00394], [0.11693, -0.21196, 0.06052, 0.25886]];
+/// The same for the chromaticity y.
 pub const ZENITH_Y: [[f64; 4]; 3] =
     [[0.00275, -0.00610, 0.00317, 0.0], [-0.04214, 0.08970, -0.04153, 0.00516], [0.15346, -0.26756, 0.06670, 0.26688]];
 
 /// Everything that depends on turbidity alone.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Turbid {
+    /// Turbidity: 1 is pure air, 6 is hazy.
     pub turbidity: f64,
     /// A … E for Y, x, y.
     perez: [[f64; 5]; 3],
@@ -130,6 +132,7 @@ impl PreethamSky {
     pub fn prefactors(&self) -> [f64; 3] {
         self.prefactors
     }
+    /// What depends on the turbidity alone.
     pub fn turbid(&self) -> &Turbid {
         &self.turbid
     }

@@ -101,9 +101,11 @@ impl Rule {
         rule
     }
 
+    /// Number of bands N: l = 0 … N−1.
     pub fn bands(&self) -> usize {
         self.bands
     }
+    /// The sun zenith angle (rad) that the rule was made for.
     pub fn sun_zenith(&self) -> f64 {
         self.sun_zenith
     }

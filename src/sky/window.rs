@@ -13,14 +13,18 @@ use std::f64::consts::PI;
 pub enum Orders {
     /// m = 0 alone.
     Zonal,
+    /// Every order m.
     All,
 }
 
 /// Factors w_l, one a band.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Window {
+    /// What it is called in tables and options.
     pub name: String,
+    /// Which orders are multiplied.
     pub orders: Orders,
+    /// w_l, from l = 0.
     pub factors: Vec<f64>,
 }
 

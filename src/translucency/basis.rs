@@ -32,18 +32,33 @@ pub enum Basis {
     /// The Half-Life 2 functions of a light whose part along the blade is first multiplied by (2z/(1+z))^¼ ([`bent`]):
     /// the same three coefficients, the same ones for a flat leaf, and a difference between the light's sides that ends
     /// at the horizon, as relief's does. With `count` 6 also z² and the two of second order in azimuth.
-    Bent { count: usize },
+    Bent {
+        /// 3 or 6 functions.
+        count: usize,
+    },
     /// The first 4 or 6 functions of the H-basis (Habel & Wimmer 2010): constant, linear, and two of second order in
     /// the tangent plane.
-    HBasis { count: usize },
+    HBasis {
+        /// 4 or 6 functions.
+        count: usize,
+    },
     /// Real spherical harmonics of bands below `bands` (at most 6), restricted to the hemisphere; not orthogonal there.
-    Spherical { bands: usize },
+    Spherical {
+        /// How many bands, at most 6.
+        bands: usize,
+    },
     /// Hemispherical harmonics (Gautron et al. 2004), Legendre functions shifted to 2z − 1, of bands below `bands` (at
     /// most 6).
-    Hemispherical { bands: usize },
+    Hemispherical {
+        /// How many bands, at most 6.
+        bands: usize,
+    },
     /// z times polynomials of x and y of degree below `degree` (at most 3: 1, 3 or 6 functions): all vanish at the
     /// horizon, as light on a flat leaf does.
-    Cosine { degree: usize },
+    Cosine {
+        /// The polynomials' degree plus one, at most 3.
+        degree: usize,
+    },
 }
 
 /// How samples are weighted.
@@ -73,6 +88,7 @@ impl Basis {
         }
     }
 
+    /// What it is called in tables.
     pub fn name(self) -> String {
         match self {
             Basis::HalfLife2 => "half-life 2".into(),
@@ -228,7 +244,9 @@ pub fn from_vector(v: [f64; 3]) -> [f64; 3] {
 /// What turns samples over a set of lights into coefficients: coefficient i = Σ_m `matrix[i][m]` f(ω_m).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Projector {
+    /// Directions ω_m of the lights.
     pub directions: Vec<[f64; 3]>,
+    /// A row a coefficient, a column a direction.
     pub matrix: Vec<Vec<f64>>,
 }
 

@@ -9,14 +9,19 @@ use std::borrow::Cow;
 /// One leaf as maps of `width · height` texels.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Blade {
+    /// Texels a row.
     pub width: usize,
+    /// Rows.
     pub height: usize,
+    /// Size of a texel (mm).
     pub texel_mm: f64,
     /// Which texels lie on the leaf (front's columns).
     pub mask: Vec<bool>,
     /// Thickness (mm, front's columns), positive on the leaf, 0 off it.
     pub thickness: Vec<f64>,
+    /// The front, in its own columns.
     pub front: Surface,
+    /// The back, in its own columns.
     pub back: Surface,
 }
 
@@ -34,12 +39,19 @@ pub struct Surface {
 /// A blade as the lit side's camera sees it: every map in that side's columns.
 #[derive(Debug, Clone)]
 pub struct LitSide<'a> {
+    /// Which side is lit.
     pub side: Side,
+    /// Texels a row.
     pub width: usize,
+    /// Rows.
     pub height: usize,
+    /// Size of a texel (mm).
     pub texel_mm: f64,
+    /// Which texels lie on the leaf.
     pub mask: Cow<'a, [bool]>,
+    /// Thickness (mm), 0 off the leaf.
     pub thickness: Cow<'a, [f64]>,
+    /// Heights, normals and share of light that enters.
     pub surface: &'a Surface,
 }
 
@@ -80,6 +92,7 @@ impl Blade {
         Blade { width, height, texel_mm, mask, thickness, front, back }
     }
 
+    /// One side, in its own columns.
     pub fn surface(&self, side: Side) -> &Surface {
         match side {
             Side::Front => &self.front,

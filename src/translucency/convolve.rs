@@ -31,9 +31,13 @@ pub enum Totals {
 /// Everything that decides a convolution besides the maps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
+    /// What the inside of the leaf is made of.
     pub tissue: Tissue,
+    /// How the response to a point of light is computed.
     pub form: Form,
+    /// How many thicknesses have kernels of their own.
     pub levels: Levels,
+    /// How much comes through in all.
     pub totals: Totals,
     /// Side of a texel, mm.
     pub texel_mm: f64,

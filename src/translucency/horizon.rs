@@ -20,12 +20,14 @@ use std::f64::consts::TAU;
 pub const SLICES: usize = 16;
 
 /// Azimuths sampled in a slice by default, evenly about its centre.
-pub const LINES: usize = 2;
+pub(crate) const LINES: usize = 2;
 
 /// Mean sines of the horizon's elevation, [`SLICES`] maps of `width · height`, slice after slice; 0 off the leaf.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Horizon {
+    /// Texels a row.
     pub width: usize,
+    /// Rows.
     pub height: usize,
     sines: Vec<f32>,
 }
@@ -33,6 +35,7 @@ pub struct Horizon {
 /// Where an azimuth lies between the slices.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Between {
+    /// The slices on either side of the azimuth.
     pub slices: [usize; 2],
     /// Weight of the second.
     pub fraction: f64,

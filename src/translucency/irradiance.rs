@@ -17,7 +17,10 @@ pub enum Visibility {
     Hard,
     /// A linear ramp about the horizon, `width` wide in the sine of elevation: the share of an extended light (the sun:
     /// .0093) or of a light's cell that is above it.
-    Soft { width: f64 },
+    Soft {
+        /// Width of the ramp, in the sine of elevation.
+        width: f64,
+    },
     /// Nothing is shadowed.
     Off,
 }

@@ -12,7 +12,9 @@ use std::f64::consts::PI;
 /// How many levels, and how the shape between them is found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Levels {
+    /// How many levels, 1 or more.
     pub count: usize,
+    /// How the shape between them is found.
     pub kind: LevelKind,
 }
 
@@ -87,7 +89,7 @@ impl Nodes {
 
     /// The mean shape and the `count` − 1 principal deviations of the shapes at the nodes; weights are those of the new
     /// shapes from here on. Deviations sum to 0, so any number of them keeps the sum.
-    pub fn principal(&mut self, shapes: &[Kernel], count: usize) -> Vec<Kernel> {
+    pub(crate) fn principal(&mut self, shapes: &[Kernel], count: usize) -> Vec<Kernel> {
         let (n, count) = (shapes.len(), count.min(shapes.len()));
         let mean = Kernel::combine(shapes, &vec![1.0 / n as f64; n]);
         let apart: Vec<Kernel> =

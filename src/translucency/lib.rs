@@ -9,6 +9,8 @@
 //! Lengths in mm. Directions are unit vectors in the lit side's image frame: x right, y up (towards row 0), z out of
 //! the lit side.
 
+#![warn(missing_docs)]
+
 pub mod basis;
 pub mod blade;
 pub mod convolve;

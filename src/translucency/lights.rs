@@ -16,18 +16,33 @@ pub const PAPER: usize = 128;
 pub enum Rule {
     /// One random direction in each of N cells of equal solid angle (H9 §3.3.9, "Shirley's square to hemisphere
     /// mapping"). Same seed, same directions.
-    Stratified { count: usize, seed: u64 },
+    Stratified {
+        /// How many directions N.
+        count: usize,
+        /// Seed of the random numbers.
+        seed: u64,
+    },
     /// Gauss–Legendre in z, equispaced azimuths, the first half a step from x. Exact for polynomials of degree below
     /// 2·`levels` in z and below `azimuths` in azimuth; the horizon's steps it only samples.
-    Product { levels: usize, azimuths: usize },
+    Product {
+        /// Nodes in z.
+        levels: usize,
+        /// Azimuths at each.
+        azimuths: usize,
+    },
     /// Points on a spiral that turns by the golden angle, at equal steps of z.
-    Spiral { count: usize },
+    Spiral {
+        /// How many directions.
+        count: usize,
+    },
 }
 
 /// Directions and their solid angles (sr).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Lights {
+    /// Unit vectors towards the lights.
     pub directions: Vec<[f64; 3]>,
+    /// Solid angle of each (sr); they sum to 2π.
     pub weights: Vec<f64>,
 }
 
@@ -38,6 +53,7 @@ impl Default for Rule {
 }
 
 impl Rule {
+    /// How many directions the rule has.
     pub fn count(self) -> usize {
         match self {
             Rule::Stratified { count, .. } | Rule::Spiral { count } => count,
@@ -45,6 +61,7 @@ impl Rule {
         }
     }
 
+    /// The rule in words, for tables.
     pub fn name(self) -> String {
         match self {
             Rule::Stratified { count, seed } => {
@@ -57,6 +74,7 @@ impl Rule {
 }
 
 impl Lights {
+    /// The directions of a rule.
     pub fn new(rule: Rule) -> Lights {
         match rule {
             Rule::Stratified { count, seed } => stratified(count, seed),
@@ -70,10 +88,12 @@ impl Lights {
         }
     }
 
+    /// How many directions there are.
     pub fn len(&self) -> usize {
         self.directions.len()
     }
 
+    /// Whether there are none.
     pub fn is_empty(&self) -> bool {
         self.directions.is_empty()
     }

@@ -36,8 +36,11 @@ pub const PARTIALS: usize = 3;
 /// it has.
 #[derive(Debug, Clone, Copy)]
 pub struct Source<'a> {
+    /// Which thickness map of the stage the light enters.
     pub map: usize,
+    /// Which incidence of the stage it has.
     pub incidence: usize,
+    /// What enters, a texel each, row by row.
     pub light: &'a [f64],
 }
 

@@ -51,6 +51,7 @@ pub struct Shape {
 }
 
 impl Shape {
+    /// The triangles of a mesh, three indices each, in boxes that rays can be tried on.
     pub fn new(positions: &[DVec3], indices: &[u32]) -> Shape {
         let corners = |t: &[u32]| [positions[t[0] as usize], positions[t[1] as usize], positions[t[2] as usize]];
         let triangles = indices
@@ -66,8 +67,11 @@ impl Shape {
 /// Where a ray met something.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {
+    /// Distance along the ray, in lengths of its direction.
     pub t: f64,
+    /// Which instance was met.
     pub instance: usize,
+    /// Which of its triangles.
     pub triangle: usize,
     /// Weights of the triangle's second and third corner.
     pub barycentric: [f64; 2],
@@ -103,7 +107,7 @@ impl Forest {
     }
 
     /// Length of the diagonal of the box around everything; 0 for an empty scene.
-    pub fn extent(&self) -> f64 {
+    pub(crate) fn extent(&self) -> f64 {
         let bounds = self.tree.bounds;
         if bounds.is_empty() { 0.0 } else { (bounds.high - bounds.low).length() }
     }

@@ -16,8 +16,11 @@ use std::f64::consts::PI;
 pub struct Card {
     /// ρd (with γ), ρs and m of the side that is seen.
     pub rho_d: [f64; 3],
+    /// Gloss ρs a channel.
     pub rho_s: [f64; 3],
+    /// Slope m of the surface.
     pub m: f64,
+    /// Which lobe the gloss has.
     pub lobe: Lobe,
     /// ρt of a beam that enters the other side.
     pub rho_t_far: [f64; 3],

@@ -12,8 +12,11 @@ use nv_flip::{DEFAULT_PIXELS_PER_DEGREE, FlipImageRgb8};
 /// The verdict's figures; FLIP and errors lie within 0 (same) and 1.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Comparison {
+    /// Pixels a row.
     pub width: usize,
+    /// Rows.
     pub height: usize,
+    /// Mean FLIP error over the pixels.
     pub flip_mean: f64,
     /// 99 % of the pixels have a FLIP error of at most this.
     pub flip_p99: f64,

@@ -5,6 +5,8 @@
 //! on is the shading written at the top of `mesophyll_viewer::scene`; limits: direct light only (the sun's disk, and a
 //! constant sky or a dome of any radiance, which nothing shadows).
 
+#![warn(missing_docs)]
+
 pub mod accelerate;
 pub mod albedo;
 pub mod closed_form;

@@ -6,7 +6,9 @@ use std::sync::OnceLock;
 /// Nodes and weights on [−1, 1].
 #[derive(Debug, Clone)]
 pub struct Rule {
+    /// Where the function is evaluated.
     pub nodes: Vec<f64>,
+    /// The weight of each node; they sum to 2.
     pub weights: Vec<f64>,
 }
 
@@ -44,7 +46,7 @@ impl Rule {
 }
 
 /// The 16-point rule, computed once.
-pub fn sixteen() -> &'static Rule {
+pub(crate) fn sixteen() -> &'static Rule {
     static RULE: OnceLock<Rule> = OnceLock::new();
     RULE.get_or_init(|| Rule::legendre(16))
 }

@@ -26,6 +26,7 @@ pub struct Options {
     pub sun_samples: u32,
     /// Directions in which a glossy side looks at a dome, a ray; the same limit.
     pub sky_samples: u32,
+    /// Seed of the random numbers.
     pub seed: u64,
     /// A pixel counts as interior (or free of penumbra) when everything within this many pixels agrees.
     pub margin: usize,
@@ -40,7 +41,9 @@ impl Default for Options {
 /// A picture and what is known about its error; row-major, row 0 on top.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ReferencePicture {
+    /// Pixels a row.
     pub width: usize,
+    /// Rows.
     pub height: usize,
     /// Radiance before exposure, and the share of the pixel that shows a leaf.
     pub hdr: Vec<[f32; 4]>,
@@ -294,6 +297,10 @@ pub struct Lens {
 }
 
 impl Lens {
+    /// The rays of a camera through the pixels of a picture.
+    ///
+    /// # Errors
+    /// A camera that looks nowhere, or along its own up direction.
     pub fn new(camera: &Camera, width: usize, height: usize) -> Result<Lens> {
         let forward = (camera.target - camera.eye).normalize_or_zero();
         let right = forward.cross(camera.up).normalize_or_zero();

@@ -98,7 +98,7 @@ impl<'a> Stage<'a> {
     }
 
     /// Whether a point off any surface sees this point of the sun's disk.
-    pub fn sees_sun(&self, sun: &ReferenceSun, point: DVec3, offset: DiskPoint) -> bool {
+    pub(crate) fn sees_sun(&self, sun: &ReferenceSun, point: DVec3, offset: DiskPoint) -> bool {
         !self.forest.blocked(&Ray::new(point, Disk::new(sun).toward(offset)), |i, t, b| self.on_leaf(i, t, b))
     }
 

@@ -11,7 +11,7 @@ pub fn display(radiance: f64, exposure: f64) -> f64 {
 }
 
 /// d(display)/d(radiance), for turning a standard error in radiance into one in the picture.
-pub fn display_slope(radiance: f64, exposure: f64) -> f64 {
+pub(crate) fn display_slope(radiance: f64, exposure: f64) -> f64 {
     let x = (exposure * radiance).max(0.0);
     let mapped = x / (1.0 + x);
     let encode = if mapped <= 0.003_130_8 { 12.92 } else { 1.055 / 2.4 * mapped.powf(1.0 / 2.4 - 1.0) };
@@ -19,7 +19,7 @@ pub fn display_slope(radiance: f64, exposure: f64) -> f64 {
 }
 
 /// Display value → 8 bits, rounded to nearest.
-pub fn quantise(display: f64) -> u8 {
+pub(crate) fn quantise(display: f64) -> u8 {
     (display.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
 }
 

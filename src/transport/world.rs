@@ -14,11 +14,14 @@ use std::sync::Arc;
 /// Everything in a picture.
 #[derive(Debug, Clone)]
 pub struct World {
+    /// The leaves, each once.
     pub leaves: Vec<ReferenceLeaf>,
+    /// Where leaves stand; one leaf may stand in many places.
     pub instances: Vec<Placement>,
     /// How the sun comes through each instance; an instance beyond the end lets it through by the mapped normal's
     /// cosine.
     pub through: Vec<Through>,
+    /// The sun, where there is one.
     pub sun: Option<ReferenceSun>,
     /// Radiance of a constant sky all around.
     pub sky: Option<[f64; 3]>,
@@ -51,13 +54,16 @@ impl Default for World {
 /// A leaf that stands somewhere: rotation, translation and a uniform scale.
 #[derive(Debug, Clone, Copy)]
 pub struct Placement {
+    /// Which leaf of the world.
     pub leaf: usize,
+    /// From the leaf to the world.
     pub transform: DMat4,
 }
 
 /// What comes of the sun through one instance, where the sun stands now: for light that enters the front and the back.
 #[derive(Debug, Clone, Default)]
 pub struct Through {
+    /// Light that enters the front, then the back.
     pub entering: [Option<Sunlit>; 2],
 }
 
@@ -87,10 +93,13 @@ pub struct ReferenceSun {
 pub struct Scanner {
     /// Towards the camera; a unit vector above the plane.
     pub camera: DVec3,
+    /// Size of a pixel on the plane (mm).
     pub pixel_mm: f64,
     /// Height of the tube's axis, lit length (centred) and radius (0: thin).
     pub height_mm: f64,
+    /// Lit length, centred (mm).
     pub length_mm: f64,
+    /// Radius of the tube (mm).
     pub radius_mm: f64,
     /// The tube lies along x and moves along y, instead of the other way round.
     pub along_x: bool,
@@ -103,8 +112,11 @@ pub struct Scanner {
 /// A pinhole camera; row 0 of its picture is the top row.
 #[derive(Debug, Clone, Copy)]
 pub struct Camera {
+    /// Where the camera stands.
     pub eye: DVec3,
+    /// What it looks at.
     pub target: DVec3,
+    /// Which way is up in the picture.
     pub up: DVec3,
     /// Full vertical field of view (degrees), above 0 and below 180.
     pub fov_y_deg: f64,
@@ -113,21 +125,27 @@ pub struct Camera {
 /// One leaf: a single sheet of triangles whose normals point out of the front, and how each side looks.
 #[derive(Debug, Clone)]
 pub struct ReferenceLeaf {
+    /// Its shape.
     pub mesh: ReferenceMesh,
     /// Size of every map (texels).
     pub width: usize,
+    /// Rows of every map.
     pub height: usize,
+    /// How the front looks.
     pub front: ReferenceSide,
+    /// How the back looks.
     pub back: ReferenceSide,
     /// Nonzero on the leaf, in the front's columns. A point is on the leaf where the bilinear value reaches ½; `None`:
     /// everywhere.
     pub mask: Option<Vec<u8>>,
+    /// Which lobe the gloss of both sides has.
     pub lobe: Lobe,
 }
 
 /// Indexed triangles.
 #[derive(Debug, Clone, Default)]
 pub struct ReferenceMesh {
+    /// Vertices.
     pub positions: Vec<DVec3>,
     /// Out of the front, a vertex each; interpolated and normalised.
     pub normals: Vec<DVec3>,
@@ -143,6 +161,7 @@ pub struct ReferenceMesh {
 /// How one side looks.
 #[derive(Debug, Clone)]
 pub struct ReferenceSide {
+    /// Diffuse reflectance and transmittance.
     pub interior: Interior,
     /// `None` is a matte side.
     pub gloss: Option<Gloss>,
@@ -157,10 +176,22 @@ pub type SlabAt = Arc<dyn Fn(f64) -> ([f64; 3], [f64; 3]) + Send + Sync>;
 #[derive(Clone)]
 pub enum Interior {
     /// Final ρd (γ applied) and ρt a texel, interpolated themselves.
-    Maps { rho_d: [Vec<f32>; 3], rho_t: [Vec<f32>; 3] },
+    Maps {
+        /// Diffuse reflectance, a map a channel.
+        rho_d: [Vec<f32>; 3],
+        /// Transmittance, a map a channel.
+        rho_t: [Vec<f32>; 3],
+    },
     /// γ and thickness (h + δ, mm) are interpolated, then ρd = γ·curve.ρd, ρt = curve.ρt. The curve is the caller's and
     /// must be accurate.
-    Scalars { gamma: [Vec<f32>; 3], thickness: Vec<f32>, curve: SlabAt },
+    Scalars {
+        /// γ, a map a channel.
+        gamma: [Vec<f32>; 3],
+        /// Thickness h + δ (mm).
+        thickness: Vec<f32>,
+        /// ρd and ρt at a thickness.
+        curve: SlabAt,
+    },
 }
 
 impl std::fmt::Debug for Interior {
@@ -175,14 +206,18 @@ impl std::fmt::Debug for Interior {
 /// Surface reflection a texel: ρs a channel, slope m (0.001 at least; smaller is taken as 0.001).
 #[derive(Debug, Clone)]
 pub struct Gloss {
+    /// ρs, a map a channel.
     pub rho_s: [Vec<f32>; 3],
+    /// Slope m.
     pub m: Vec<f32>,
 }
 
 /// Mapped normals, x to the right in this side's image, y up, z out of this side.
 #[derive(Debug, Clone)]
 pub struct NormalMap {
+    /// What the normals are measured against.
     pub frame: NormalFrame,
+    /// x, y and z, a texel each.
     pub values: Vec<[f32; 3]>,
 }
 

@@ -14,7 +14,10 @@ pub enum Rim {
     Periodic,
     /// The rim's heights, outwards without end; light starts over the map and this margin (mm) around it, and upstream
     /// of both.
-    Clamped { margin_mm: f64 },
+    Clamped {
+        /// Width of the margin (mm), at least 0.
+        margin_mm: f64,
+    },
 }
 
 /// Both faces of a leaf as the lit side's camera sees it: row-major, row 0 on top, `width · height` values each;
@@ -77,6 +80,10 @@ struct Patch {
 }
 
 impl Field {
+    /// A leaf of `width` × `height` texels of `texel_mm` between two maps of heights (mm), row by row.
+    ///
+    /// # Errors
+    /// Maps of another size, a height that is not a number, or a texel that is not positive.
     pub fn new(width: usize, height: usize, texel_mm: f64, front: Vec<f64>, back: Vec<f64>, rim: Rim) -> Result<Field> {
         let cells = width * height;
         if cells == 0 || front.len() != cells || back.len() != cells {
@@ -103,14 +110,17 @@ impl Field {
         Ok(Field { width, height, texel_mm, front, back, rim, top, bottom })
     }
 
+    /// Texels a row.
     pub fn width(&self) -> usize {
         self.width
     }
 
+    /// Rows.
     pub fn height(&self) -> usize {
         self.height
     }
 
+    /// Size of a texel (mm).
     pub fn texel_mm(&self) -> f64 {
         self.texel_mm
     }

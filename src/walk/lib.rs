@@ -11,6 +11,8 @@
 //! is found by few or no histories: its standard error then says so, but is itself uncertain. Histories beyond
 //! [`EVENTS`] events are counted as lost.
 
+#![warn(missing_docs)]
+
 pub mod field;
 pub mod phase;
 pub mod relief;
@@ -27,7 +29,7 @@ use mesophyll_error::{Error, Result};
 use rough::Rough;
 
 /// A history with more collisions and crossings than this is given up and counted as lost.
-pub const EVENTS: u32 = 10_000_000;
+pub(crate) const EVENTS: u32 = 10_000_000;
 /// A history weaker than this share of its start plays roulette …
 const WEAK: f64 = 0.02;
 /// … and survives with this probability, its weight divided by it.
@@ -37,8 +39,11 @@ const SURVIVES: f64 = 0.25;
 /// < 1).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Medium {
+    /// Absorption coefficient σa (1/mm), at least 0.
     pub sigma_a: f64,
+    /// Scattering coefficient σs (1/mm), at least 0.
     pub sigma_s: f64,
+    /// Mean cosine of scattering, between −1 and 1.
     pub g: f64,
 }
 
@@ -79,7 +84,10 @@ pub enum Boundary {
     Matched,
     /// Inside, this share of what arrives goes back, Lambertian; that is diffusion theory's A = (1 + ρ)/(1 − ρ). 0 ≤ ρ
     /// < 1.
-    Diffuse { reflectance: f64 },
+    Diffuse {
+        /// The share ρ.
+        reflectance: f64,
+    },
     /// A rough dielectric: refraction, reflection and total reflection at microfacets, both ways.
     Rough(Rough),
 }

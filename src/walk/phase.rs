@@ -4,10 +4,11 @@ use super::tally::uniform;
 use rand_pcg::Pcg64;
 use std::f64::consts::PI;
 
+/// A unit vector along the travel of light.
 pub type Direction = [f64; 3];
 
 /// Cosine between the directions before and after (Henyey & Greenstein 1941, inverted cumulative); isotropic at g = 0.
-pub fn henyey_greenstein(g: f64, rng: &mut Pcg64) -> f64 {
+pub(crate) fn henyey_greenstein(g: f64, rng: &mut Pcg64) -> f64 {
     let x = 2.0 * uniform(rng) - 1.0;
     if g.abs() < 1e-5 {
         // the next term of the series is of order g
@@ -55,6 +56,7 @@ pub fn lambert(rng: &mut Pcg64) -> Direction {
     [sin * cos_a, sin * sin_a, u.sqrt()]
 }
 
+/// The scalar product: the cosine between two unit vectors.
 pub fn dot(a: Direction, b: Direction) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }

@@ -23,7 +23,9 @@ pub enum Light {
 /// The tissue and its faces.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Leaf {
+    /// What light travels in.
     pub medium: Medium,
+    /// What the faces do to light.
     pub boundary: Boundary,
     /// Light that crosses a matched or diffuse face goes on Lambertian about the face's normal (a rough face), not
     /// straight.
@@ -33,6 +35,7 @@ pub struct Leaf {
 /// Totals are shares of the flux that starts; the maps are per unit irradiance (see [`Light`]).
 #[derive(Debug, Clone, PartialEq)]
 pub struct ReliefWalk {
+    /// How many histories were run.
     pub histories: u64,
     /// Leaves for good on the lit side, after it was inside.
     pub reflected: Estimate,
@@ -42,7 +45,9 @@ pub struct ReliefWalk {
     pub transmitted: Estimate,
     /// Reaches the unlit side without having entered: through holes.
     pub passed: Estimate,
+    /// Absorbed by the tissue.
     pub absorbed: Estimate,
+    /// Given up after [`EVENTS`] events.
     pub lost: Estimate,
     /// Sum of all the above; 1 but for the roulette.
     pub balance: Estimate,
@@ -58,7 +63,7 @@ pub struct ReliefWalk {
 }
 
 /// Cosine of the half angle of the cone that [`ReliefWalk::seen`] is taken over.
-pub const SEEN: f64 = 0.8;
+pub(crate) const SEEN: f64 = 0.8;
 
 struct Sums {
     fates: Fates,

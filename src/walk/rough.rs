@@ -17,7 +17,9 @@ use std::f64::consts::PI;
 /// [`mesophyll_optics::gloss`]).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rough {
+    /// Refractive index of the medium over that outside.
     pub index: f64,
+    /// Slope m of the facets; 0 is a smooth pane.
     pub slope: f64,
 }
 

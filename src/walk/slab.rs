@@ -16,11 +16,14 @@ use std::f64::consts::PI;
 /// How many parts of equal Lambertian flux the exit angles are counted in.
 pub const ANGLES: usize = 10;
 
+/// A plane homogeneous slab.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Slab {
+    /// What light travels in.
     pub medium: Medium,
     /// mm, ≥ 0
     pub thickness_mm: f64,
+    /// What the faces do to light.
     pub boundary: Boundary,
 }
 
@@ -34,6 +37,7 @@ pub enum Entry {
 }
 
 impl Entry {
+    /// A beam along the normal.
     pub const NORMAL: Entry = Entry::Beam([0.0, 0.0, 1.0]);
 }
 
@@ -41,6 +45,7 @@ impl Entry {
 /// roulette.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SlabWalk {
+    /// How many histories were run.
     pub histories: u64,
     /// Leaves through the lit face after it was inside.
     pub reflected: Estimate,
@@ -50,9 +55,11 @@ pub struct SlabWalk {
     pub transmitted: Estimate,
     /// Of it, what met neither tissue nor a reflecting face.
     pub unscattered: Estimate,
+    /// Absorbed by the tissue.
     pub absorbed: Estimate,
     /// Given up after [`EVENTS`] events.
     pub lost: Estimate,
+    /// Sum of all the shares; 1 but for the roulette.
     pub balance: Estimate,
     /// T(r), the scattered part, mean over each ring, 1/mm².
     pub radial: Vec<Estimate>,

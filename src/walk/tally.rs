@@ -12,7 +12,9 @@ const BATCH: u64 = 8192;
 /// How many histories, and the seed of their streams.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Histories {
+    /// How many histories are run.
     pub count: u64,
+    /// Seed of their random streams.
     pub seed: u64,
 }
 
@@ -21,7 +23,9 @@ pub struct Histories {
 /// Where no history scored at all the value is 0 and the error that of a single one of full weight.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Estimate {
+    /// The mean.
     pub value: f64,
+    /// Its standard error.
     pub error: f64,
 }
 
@@ -31,6 +35,7 @@ impl Estimate {
         (self.value - known) / self.error
     }
 
+    /// The same in another unit: value and error times `by`.
     pub fn scaled(self, by: f64) -> Estimate {
         Estimate { value: self.value * by, error: self.error * by.abs() }
     }
@@ -44,11 +49,13 @@ pub struct Sum {
 }
 
 impl Sum {
+    /// Adds the score of a history.
     pub fn add(&mut self, x: f64) {
         self.sum += x;
         self.squares += x * x;
     }
 
+    /// Adds the sums of another batch.
     pub fn merge(&mut self, other: &Sum) {
         self.sum += other.sum;
         self.squares += other.squares;
@@ -85,15 +92,22 @@ pub fn merge<'a>(into: impl IntoIterator<Item = &'a mut Sum>, from: impl IntoIte
 /// Where the flux of one run went, whatever the shape it ran through.
 #[derive(Debug, Clone, Default)]
 pub struct Fates {
+    /// Left through the lit face after it was inside.
     pub reflected: Sum,
+    /// Reflected without entering.
     pub glossy: Sum,
+    /// Left through the other face.
     pub transmitted: Sum,
+    /// Absorbed by the tissue.
     pub absorbed: Sum,
+    /// Given up after too many events.
     pub lost: Sum,
+    /// Sum of all the above, history by history.
     pub balance: Sum,
 }
 
 impl Fates {
+    /// Adds the sums of another batch.
     pub fn merge(&mut self, o: &Fates) {
         let Fates { reflected, glossy, transmitted, absorbed, lost, balance } = self;
         merge(
@@ -114,6 +128,7 @@ pub struct Ratio {
 }
 
 impl Ratio {
+    /// Adds the value `x` with the weight `w`.
     pub fn add(&mut self, w: f64, x: f64) {
         self.w += w;
         self.wx += w * x;
@@ -122,6 +137,7 @@ impl Ratio {
         self.wwxx += w * w * x * x;
     }
 
+    /// Adds the sums of another batch.
     pub fn merge(&mut self, o: &Ratio) {
         self.w += o.w;
         self.wx += o.wx;
@@ -145,6 +161,7 @@ pub fn uniform(rng: &mut Pcg64) -> f64 {
 
 /// What one run adds up.
 pub trait Tally: Send {
+    /// Adds what another batch found.
     fn merge(&mut self, other: &Self);
 }
 

@@ -124,7 +124,7 @@ fn biweight(rest: &[f64]) -> Option<(f64, Vec<f64>)> {
 /// middle (mm, standard error). Of a slow variation whose waves are the higher the longer they are, a lean is half a
 /// wave and a bend a whole one: a lean is taken to be twice as large as the bends of second order that `rest` (values
 /// less their plane) shows.
-pub fn trend_err(rest: &[f64], mask: &[bool], width: usize, at: usize) -> f64 {
+pub(crate) fn trend_err(rest: &[f64], mask: &[bool], width: usize, at: usize) -> f64 {
     let height = rest.len() / width;
     let on: Vec<usize> = (0..rest.len()).filter(|&k| mask[k] && rest[k].is_finite()).collect();
     let n = on.len().max(1) as f64;
@@ -222,7 +222,7 @@ pub enum Wanted {
 /// The smoothing with the least mean square error of `values` (NaN where there is none), which carry noise of deviation
 /// `noise` that was smoothed by `filter`. The error is estimated from the map itself (Stein 1981: mean (Kx − x)² + 2
 /// cov(Kx, x) − var x), relative to the map as delivered. `only`: this width.
-pub fn best_width(
+pub(crate) fn best_width(
     values: &[f64],
     width: usize,
     filter: &Kernel,

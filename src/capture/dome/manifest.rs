@@ -120,7 +120,7 @@ impl Manifest {
     }
 
     /// Standard deviation (texels) of the Gaussian that averages as a disc of the contact's width does.
-    pub fn contact_texels(&self) -> f64 {
+    pub(crate) fn contact_texels(&self) -> f64 {
         0.25 * self.contact_mm / self.texel_mm
     }
 
@@ -171,6 +171,6 @@ pub fn white_path(folder: &Path) -> PathBuf {
 }
 
 /// `CAPTURE/backlight_empty.exr`: the back light without the leaf.
-pub fn empty_path(folder: &Path) -> PathBuf {
+pub(crate) fn empty_path(folder: &Path) -> PathBuf {
     folder.join("backlight_empty.exr")
 }

@@ -6,7 +6,7 @@
 //! the image frame of the side that is looked at (x right, y up, z towards the camera). The back's images are mirrored:
 //! its column i is the front's column width − 1 − i.
 
-pub mod align;
+mod align;
 pub mod defect;
 pub mod highlight;
 pub mod inspect;

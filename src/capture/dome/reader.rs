@@ -165,7 +165,7 @@ fn required(folder: &Path) -> Vec<(PathBuf, &'static [&'static str])> {
 }
 
 /// Everything that is wrong with the files' presence, sizes and channels; their samples are not read.
-pub fn check_files(folder: &Path, manifest: &Manifest) -> Vec<Error> {
+pub(crate) fn check_files(folder: &Path, manifest: &Manifest) -> Vec<Error> {
     let optional = [("dark.exr", Picture::Albedo.channels()), ("mask.exr", Picture::Height.channels())];
     let optional =
         optional.into_iter().map(|(name, channels)| (folder.join(name), channels)).filter(|(p, _)| p.exists());

@@ -53,14 +53,14 @@ impl Kernel {
     }
 
     /// The same of their slopes.
-    pub fn slope_covariance(&self, other: &Kernel) -> f64 {
+    pub(crate) fn slope_covariance(&self, other: &Kernel) -> f64 {
         let slope = |k: &Kernel| convolve(&k.full(), &[0.5, 0.0, -0.5]);
         product(&slope(self), &slope(other)) * product(&self.full(), &other.full())
     }
 
     /// What the noise estimate of `noise.rs` finds of such noise, relative to its deviation after this kernel: less
     /// than 1, for smoothed noise looks like relief.
-    pub fn laplacian_noise(&self) -> f64 {
+    pub(crate) fn laplacian_noise(&self) -> f64 {
         squares(&convolve(&self.full(), &[1.0, -2.0, 1.0])) / 6.0 / self.noise()
     }
 }

@@ -18,7 +18,7 @@ use mesophyll_translucency::blade::Blade;
 use mesophyll_translucency::convolve::{Convolver, Settings, Totals};
 
 /// How far sideways light is followed where a part of a leaf is captured (mm).
-pub const REACH_MM: f64 = 2.0;
+pub(crate) const REACH_MM: f64 = 2.0;
 
 /// τ of both sides, front first, each as the camera behind which the light does not stand saw it.
 ///

@@ -4,7 +4,7 @@
 use serde::Serialize;
 
 /// Frames that a window of fourth differences needs.
-pub const WINDOW: usize = 5;
+pub(crate) const WINDOW: usize = 5;
 /// 1, −4, 6, −4, 1: the sum of squares is 70.
 const WEIGHTS: [f64; WINDOW] = [1.0, -4.0, 6.0, -4.0, 1.0];
 const NORM: f64 = 8.366_600_265_340_756;

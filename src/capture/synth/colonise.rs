@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 
 /// Fine veins between those of `network`: auxin sources about half of `tertiary_mm` apart draw veins from the nearest
 /// node until they are reached.
-pub fn colonise(blade: &Blade, veins: &Veins, network: &Network, seed: u64) -> Vec<Piece> {
+pub(crate) fn colonise(blade: &Blade, veins: &Veins, network: &Network, seed: u64) -> Vec<Piece> {
     let spacing = 0.55 * veins.tertiary_mm;
     // A source closer than `born` to a vein needs none; one is reached when a vein comes within a step.
     let (step, born) = (0.2 * spacing, 0.5 * spacing);

@@ -70,7 +70,7 @@ struct Place {
 }
 
 /// Size of a texel so that the specified field fits into the image (mm).
-pub fn texel_size(spec: &Spec, width: usize, height: usize) -> f64 {
+pub(crate) fn texel_size(spec: &Spec, width: usize, height: usize) -> f64 {
     (spec.field_mm[0] / width as f64).max(spec.field_mm[1] / height as f64)
 }
 
@@ -87,7 +87,7 @@ impl Leaf {
 
     /// The same for a part of the field: the same leaf wherever one looks, but for the mean of thickness and γ, which
     /// are those of what is seen.
-    pub fn grow_in(spec: &Spec, model: Model, (width, height): (usize, usize), window: Window) -> Option<Leaf> {
+    pub(crate) fn grow_in(spec: &Spec, model: Model, (width, height): (usize, usize), window: Window) -> Option<Leaf> {
         let Window { centre_mm, texel_mm } = window;
         let blade = Blade::new(&spec.outline, &spec.margin, spec.seed);
         let network = Network::grow(&blade, &spec.veins, spec.seed);
@@ -159,7 +159,7 @@ impl Leaf {
     }
 
     /// The mask as that side's camera saw it.
-    pub fn mask_of(&self, side: Side) -> Vec<bool> {
+    pub(crate) fn mask_of(&self, side: Side) -> Vec<bool> {
         match side {
             Side::Front => self.mask.clone(),
             Side::Back => mirror(&self.mask, self.width),

@@ -4,7 +4,7 @@
 //! Truth and fit are different code: the slab is solved by doubling ([`slab_truth`]), the light under the tube is
 //! integrated finely ([`illumination`]); neither calls anything the fit uses.
 
-pub mod colonise;
+mod colonise;
 pub mod illumination;
 #[cfg(test)]
 mod illumination_tests;

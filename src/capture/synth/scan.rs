@@ -34,7 +34,7 @@ pub struct Options {
 }
 
 /// White, dark and light-box references are averaged over this many shots.
-pub const SHOTS: f64 = 64.0;
+pub(crate) const SHOTS: f64 = 64.0;
 /// Radiance of the light box at its middle.
 const BOX_LEVEL: f64 = 0.9;
 
@@ -81,7 +81,7 @@ pub fn scan(spec: &Spec, leaf: &Leaf, options: &Options, folder: &Path) -> Resul
 }
 
 /// Ends a synthesis after Ctrl-C.
-pub fn stop_if_asked(folder: &Path) -> Result<()> {
+pub(crate) fn stop_if_asked(folder: &Path) -> Result<()> {
     if stop_requested() {
         return Err(Error::Interrupted(format!(
             "stopped before the capture {} was complete; nothing of it was kept",
@@ -293,7 +293,7 @@ fn references(
 }
 
 /// Adds noise, merges the exposures and writes a frame; with `raw` also `<raw>_e0.png` … (16-bit linear counts).
-pub fn write_frame(
+pub(crate) fn write_frame(
     path: &Path,
     mut image: Vec<[f64; 3]>,
     (width, height): (usize, usize),

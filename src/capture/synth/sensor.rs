@@ -6,9 +6,9 @@ use super::random::Stream;
 /// Factor between exposure times.
 const STEP: f64 = 8.0;
 /// Largest count of a 16-bit exposure; it means saturation.
-pub const SATURATED: u16 = u16::MAX;
+pub(crate) const SATURATED: u16 = u16::MAX;
 /// Exposures a frame.
-pub const EXPOSURES: usize = 3;
+pub(crate) const EXPOSURES: usize = 3;
 
 #[derive(Debug, Clone, Copy)]
 pub struct Sensor {

@@ -44,11 +44,14 @@ impl BatchIo {
 /// One output row: values in the order of the output columns (NaN prints as an empty cell) and a status.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Answer {
+    /// Cells in the order of the output columns.
     pub values: Vec<f64>,
+    /// How the row ended.
     pub status: Status,
 }
 
 impl Answer {
+    /// A row that is right within its errors.
     pub fn ok(values: Vec<f64>) -> Self {
         Answer { values, status: Status::Ok }
     }
@@ -86,6 +89,7 @@ impl Row<'_> {
     pub fn get(&self, k: usize) -> f64 {
         self.values[k]
     }
+    /// All of them, in the order [`Row::get`] counts.
     pub fn all(&self) -> &[f64] {
         self.values
     }

@@ -15,6 +15,7 @@ pub struct Table {
     name: PathBuf,
     /// The file, or `-`.
     source: PathBuf,
+    /// Names of the columns.
     pub header: Vec<String>,
     places: HashMap<String, usize>,
 }
@@ -75,6 +76,7 @@ impl Table {
         &self.source
     }
 
+    /// The file, or `-`.
     pub fn name(&self) -> &Path {
         &self.name
     }

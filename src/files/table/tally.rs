@@ -6,9 +6,13 @@ use std::fmt::Write;
 /// How many rows ended how, and which values were found in the rows that leave some of them open.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Tally {
+    /// Rows in all.
     pub rows: usize,
+    /// Rows whose values are right within their errors.
     pub ok: usize,
+    /// Rows that leave some value open.
     pub undetermined: usize,
+    /// Rows without values.
     pub refused: usize,
     values: Vec<Value>,
 }

@@ -7,12 +7,12 @@ use mesophyll_fourier::Complex;
 const EULER_GAMMA: f64 = 0.577_215_664_901_532_9;
 
 /// K₀(w) and K₁(w); 0 once e^(−w) underflows.
-pub fn k01(w: Complex<f64>) -> [Complex<f64>; 2] {
+pub(crate) fn k01(w: Complex<f64>) -> [Complex<f64>; 2] {
     if w.norm() <= 2.0 { series(w) } else { integral(w) }
 }
 
 /// K₀(x) and K₁(x) for x > 0.
-pub fn k01_real(x: f64) -> [f64; 2] {
+pub(crate) fn k01_real(x: f64) -> [f64; 2] {
     k01(Complex::new(x, 0.0)).map(|k| k.re)
 }
 

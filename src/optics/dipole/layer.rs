@@ -106,7 +106,7 @@ impl Modal for Dual<f64> {
 
 /// T(r) and 2π ∫_r^∞ T s ds from the modes: Σ R_m K₀(κ_m r)/(2π) and Σ R_m r K₁(κ_m r)/κ_m, κ_m = √(σtr² + β_m²). For r
 /// > 0; the number of modes grows as H/r.
-pub fn modes<T: Modal>(c: &Coefficients<T>, layer: Layer, r: f64, d: T) -> [T; 2] {
+pub(crate) fn modes<T: Modal>(c: &Coefficients<T>, layer: Layer, r: f64, d: T) -> [T; 2] {
     let zb = c.extrapolation;
     let height = d + zb.times(2.0);
     let mut sums = [T::of(0.0); 2];

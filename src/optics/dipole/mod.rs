@@ -244,7 +244,7 @@ impl Tissue {
     }
 
     /// σt′, 1/mm.
-    pub fn reduced_extinction(&self) -> f64 {
+    pub(crate) fn reduced_extinction(&self) -> f64 {
         self.sigma_a + self.reduced_scattering()
     }
 

@@ -10,7 +10,7 @@ use super::Response;
 use super::quadrature::{gauss, shifted_legendre};
 
 /// Highest order tried.
-pub const MAX_ORDER: usize = 40;
+pub(crate) const MAX_ORDER: usize = 40;
 /// Nearer to ω = 1 than this, ν₀ is past what the collocation resolves and ω is taken as 1 − this.
 const CONSERVATIVE: f64 = 1e-11;
 

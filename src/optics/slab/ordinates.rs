@@ -390,7 +390,7 @@ fn solve_dense(mut m: Vec<f64>, mut v: Vec<f64>) -> Vec<f64> {
 }
 
 /// The modes of albedo ω, 1 − ω given apart.
-pub fn modes(omega: f64, absorbed: f64) -> Modes<N> {
+pub(crate) fn modes(omega: f64, absorbed: f64) -> Modes<N> {
     Modes::new(ordinates(), omega, absorbed)
 }
 

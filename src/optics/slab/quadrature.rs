@@ -13,7 +13,7 @@ pub fn gauss(n: usize) -> Vec<Node> {
 }
 
 /// Shifted Legendre polynomials P*_0 … P*_{n−1} at x in [0, 1].
-pub fn shifted_legendre(x: f64, out: &mut [f64]) {
+pub(crate) fn shifted_legendre(x: f64, out: &mut [f64]) {
     let t = 2.0 * x - 1.0;
     for j in 0..out.len() {
         out[j] = match j {

@@ -11,12 +11,12 @@ use super::Response;
 use std::sync::OnceLock;
 
 /// Polynomial coefficients a direction.
-pub const ORDER: usize = 10;
+pub(crate) const ORDER: usize = 10;
 /// Numbers in one power of ξ.
 const WIDTH: usize = 2 * ORDER;
 /// Optical thickness covered.
-pub const DELTA_MIN: f64 = 1e-6;
-pub const DELTA_MAX: f64 = 274_877.906_944;
+pub(crate) const DELTA_MIN: f64 = 1e-6;
+pub(crate) const DELTA_MAX: f64 = 274_877.906_944;
 const EULER_GAMMA: f64 = 0.577_215_664_901_532_9;
 
 /// ln(1 + (1−ω) D² SHARPNESS): the nearest pole lies at (1−ω) D² = −π²/3.
@@ -91,7 +91,7 @@ impl Table {
 
     /// [`Table::at`] where q = ln Δ is known.
     #[inline]
-    pub fn at_log(&self, absorbed: f64, delta: f64, q: f64) -> Scaled {
+    pub(crate) fn at_log(&self, absorbed: f64, delta: f64, q: f64) -> Scaled {
         let (xi, xi_a, xi_d) = coordinate(absorbed, delta);
         let cell = ((q - self.lowest) * self.density) as usize;
         let row = &self.rows[usize::from(self.row_of_cell[cell.min(self.row_of_cell.len() - 1)])];
@@ -209,7 +209,7 @@ impl Patch {
 type Local = ([f64; 2], [f64; 2], [f64; 2]);
 
 /// Thinner than the table: the first two terms in Δ, ln Δ (relative error below 3e-10), with derivatives by 1−ω and Δ.
-pub fn thin_series(omega: f64, absorbed: f64, delta: f64) -> (Response, [Response; 2]) {
+pub(crate) fn thin_series(omega: f64, absorbed: f64, delta: f64) -> (Response, [Response; 2]) {
     let log = if delta > 0.0 { delta.ln() } else { 0.0 };
     // ρ = (ω/2) ∫E₂(t)(1−t) dt + (ω/2)² ∫∫E₁(|t−s|) dt ds; both sides alike at this order
     let once = delta * (1.0 + 0.5 * delta * (log + EULER_GAMMA - 2.5));
@@ -348,7 +348,7 @@ pub mod build {
     }
 
     /// A table's bytes over a range of Δ, to a tolerance.
-    pub fn bytes_over(delta: [f64; 2], tolerance: f64, mut say: impl FnMut(String)) -> Vec<u8> {
+    pub(crate) fn bytes_over(delta: [f64; 2], tolerance: f64, mut say: impl FnMut(String)) -> Vec<u8> {
         let [bottom, top] = delta.map(f64::ln);
         // As wide as the committed table's; a loose tolerance takes wider ones.
         let widest = (DELTA_MAX / DELTA_MIN).ln() / ROWS as f64 * if tolerance > 1e-7 { 2.0 } else { 1.0 };

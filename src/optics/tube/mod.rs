@@ -98,7 +98,7 @@ impl Model {
 
     /// The arcs that stand for the tube at `light_mm` (along the travel) over the texel at `texel_mm`, in the pass's
     /// own frame.
-    pub fn arcs(&self, travel: Travel, light_mm: f64, texel_mm: [f64; 2]) -> impl Iterator<Item = Arc> + '_ {
+    pub(crate) fn arcs(&self, travel: Travel, light_mm: f64, texel_mm: [f64; 2]) -> impl Iterator<Item = Arc> + '_ {
         let texel = travel.local([texel_mm[0], texel_mm[1], 0.0]);
         let x = light_mm - texel[0];
         let distance = x.hypot(self.tube.height_mm);

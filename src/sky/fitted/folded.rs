@@ -25,6 +25,7 @@ pub const TURBIDITY_ZERO: f64 = 1.2029;
 
 /// Most rows (powers of θs) and columns (powers of v) of a staircase.
 pub const MOST_ROWS: usize = 32;
+/// Most columns (powers of v) of a staircase.
 pub const MOST_COLUMNS: usize = 24;
 
 /// Polynomials of every coefficient of N bands.
@@ -83,11 +84,14 @@ impl Mix {
 /// l(l+1)+m of the functions of even and of odd m, in the order in which the arrays hold them.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Orders {
+    /// Functions of even m.
     pub even: Vec<usize>,
+    /// Functions of odd m.
     pub odd: Vec<usize>,
 }
 
 impl Orders {
+    /// The functions of `bands` bands, l from 0 to `bands` − 1.
     pub fn new(bands: usize) -> Orders {
         let of = |parity: usize| {
             (0..bands).flat_map(|l| (0..=l).filter(move |m| m % 2 == parity).map(move |m| l * (l + 1) + m)).collect()
@@ -149,6 +153,7 @@ impl<T: Scalar> Folded<T> {
         Ok(Folded { bands, turbidities, rows, even, odd, orders, mix })
     }
 
+    /// Number of bands N: l = 0 … N−1.
     pub fn bands(&self) -> usize {
         self.bands
     }
@@ -160,9 +165,11 @@ impl<T: Scalar> Folded<T> {
     pub fn rows(&self) -> &[usize] {
         &self.rows
     }
+    /// Which function stands where in the arrays.
     pub fn orders(&self) -> &Orders {
         &self.orders
     }
+    /// How linear sRGB is mixed from the three fitted functions.
     pub fn mix(&self) -> &Mix {
         &self.mix
     }
@@ -178,9 +185,11 @@ impl<T: Scalar> Folded<T> {
     pub fn len(&self) -> usize {
         self.even.len() + self.odd.len()
     }
+    /// Whether nothing is stored.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
+    /// Size of what is stored, in bytes.
     pub fn bytes(&self) -> usize {
         self.len() * size_of::<T>()
     }
@@ -301,9 +310,11 @@ pub struct Fixed<T = f32> {
 }
 
 impl<T: Scalar> Fixed<T> {
+    /// Number of bands N: l = 0 … N−1.
     pub fn bands(&self) -> usize {
         self.bands
     }
+    /// The turbidity that was chosen.
     pub fn turbidity(&self) -> f64 {
         self.turbid.turbidity
     }

@@ -17,8 +17,11 @@ use std::ops::{Add, AddAssign, Mul};
 
 /// f32 or f64.
 pub trait Scalar: Copy + Default + Send + Sync + Add<Output = Self> + Mul<Output = Self> + AddAssign + 'static {
+    /// `f32` or `f64`.
     const NAME: &'static str;
+    /// The nearest number of this precision.
     fn narrow(x: f64) -> Self;
+    /// The same number in double precision.
     fn wide(self) -> f64;
     /// self · b + c, fused where `FUSED` (only on processors that have the instruction: elsewhere it is a slow call).
     fn fma<const FUSED: bool>(self, b: Self, c: Self) -> Self;

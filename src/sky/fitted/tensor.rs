@@ -21,6 +21,7 @@ pub const MOST: usize = 32;
 /// Polynomials of every coefficient of m ≥ 0 and channel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tensor<T = f32> {
+    /// What the polynomials are sums of.
     pub basis: Basis,
     bands: usize,
     turbidities: [f64; 2],
@@ -50,22 +51,28 @@ impl<T: Scalar> Tensor<T> {
         Ok(Tensor { basis, bands, turbidities, powers, values })
     }
 
+    /// Number of bands N: l = 0 … N−1.
     pub fn bands(&self) -> usize {
         self.bands
     }
+    /// Turbidities that the fit covers.
     pub fn turbidities(&self) -> [f64; 2] {
         self.turbidities
     }
+    /// Powers of the sun zenith and of the turbidity: degrees plus one.
     pub fn powers(&self) -> [usize; 2] {
         self.powers
     }
+    /// What is stored, in the order of [`Tensor::new`].
     pub fn values(&self) -> &[T] {
         &self.values
     }
+    /// Size of what is stored, in bytes.
     pub fn bytes(&self) -> usize {
         self.values.len() * size_of::<T>()
     }
 
+    /// The same in another precision.
     pub fn to<U: Scalar>(&self) -> Tensor<U> {
         let values = self.values.iter().map(|v| U::narrow(v.wide())).collect();
         Tensor { basis: self.basis, bands: self.bands, turbidities: self.turbidities, powers: self.powers, values }

@@ -15,6 +15,7 @@ pub struct Poisson {
 }
 
 impl Poisson {
+    /// The solver for rectangles of this size.
     pub fn new(width: usize, height: usize) -> Poisson {
         Poisson { width, height, rows: Cosine::new(width), columns: Cosine::new(height) }
     }

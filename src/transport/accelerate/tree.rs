@@ -9,12 +9,15 @@ use nalgebra::Point3;
 /// A half-line o + t·d; d need not be of unit length.
 #[derive(Debug, Clone, Copy)]
 pub struct Ray {
+    /// Where it begins.
     pub origin: DVec3,
+    /// Where it goes; t counts in its lengths.
     pub direction: DVec3,
     inverse: DVec3,
 }
 
 impl Ray {
+    /// The half-line from `origin` along `direction`.
     pub fn new(origin: DVec3, direction: DVec3) -> Ray {
         // a tiny slope instead of zero keeps 0·∞ out of the box test
         let safe = |x: f64| if x.abs() < 1e-300 { 1e300 } else { 1.0 / x };

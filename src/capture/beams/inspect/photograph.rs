@@ -94,7 +94,7 @@ impl Photograph {
     }
 
     /// What the noise gives reason to look at: `stated` as relative and floor, or as seen.
-    pub fn doubts(&self, stated: Option<[f64; 2]>, warnings: &mut Vec<String>) {
+    pub(crate) fn doubts(&self, stated: Option<[f64; 2]>, warnings: &mut Vec<String>) {
         let mut warn = |text: String| warnings.push(format!("{}: {text}", self.file));
         let sd = |c: usize| match stated {
             Some([relative, floor]) => Some((relative * self.colour[c]).hypot(floor)),

@@ -88,7 +88,7 @@ impl Nodes {
     }
     /// The same where the bell's top is at the stretch's lower end.
     #[inline(always)]
-    pub fn over_half(&self, widths: f64) -> &[(f64, f64)] {
+    pub(crate) fn over_half(&self, widths: f64) -> &[(f64, f64)] {
         let n = ((3.5 + 1.5 * widths) * self.along / 8.0 + 1.5) as usize;
         &self.half_gauss[n.clamp(2, self.half_gauss.len() - 1)]
     }

@@ -190,7 +190,7 @@ impl Level {
 }
 
 /// Most values a vector holds: columns are padded to whole ones.
-pub const PAD: usize = 8;
+pub(crate) const PAD: usize = 8;
 
 /// `n` rounded up to whole vectors.
 pub fn padded(n: usize) -> usize {
