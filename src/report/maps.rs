@@ -39,7 +39,12 @@ const SHARED: [&str; 4] = ["sigma_a", "sigma_s", "thickness", "gamma"];
 const PIGMENT: [&str; 2] = ["sigma_a", "sigma_s"];
 
 /// Reads what there is of a side; what is missing or unreadable is said in `missing`.
-pub(crate) fn read_side(folder: &Path, section: &str, capture: Option<&Path>, missing: &mut Vec<String>) -> Option<SideMaps> {
+pub(crate) fn read_side(
+    folder: &Path,
+    section: &str,
+    capture: Option<&Path>,
+    missing: &mut Vec<String>,
+) -> Option<SideMaps> {
     let main = folder.join(File::Maps.of(section));
     let fit = read_or_say(&main, "no maps of this side", missing)?;
     let errors_path = folder.join(File::Errors.of(section));
