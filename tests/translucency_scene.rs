@@ -322,7 +322,8 @@ fn with_texel(fit: &Path, texel_mm: f64) {
 #[cfg(feature = "render")]
 #[test]
 fn the_reference_convolves_and_a_flat_leafs_light_is_its_cosine() {
-    use mesophyll::scene::{draw::reference, fits::source::Status, manifest::Tissue};
+    use mesophyll::fit::translucency::TissueName;
+    use mesophyll::scene::{draw::reference, fits::source::Status};
     use mesophyll::transport::Sunlit;
 
     let flat = Blade { width: 48, height: 36, texel_mm: 1.0, bump: 0.0, dome: 0.0, ..Blade::default() };
@@ -332,7 +333,7 @@ fn the_reference_convolves_and_a_flat_leafs_light_is_its_cosine() {
     with_texel(&fit, flat.texel_mm);
     let path = scene(dir.path(), "back", Some(140.0), None, "");
     let manifest = Manifest::read(&path).unwrap();
-    assert_eq!(manifest.leaves[0].translucency.as_ref().map(|t| t.tissue), Some(Tissue::Fit));
+    assert_eq!(manifest.leaves[0].translucency.as_ref().map(|t| t.tissue), Some(TissueName::Fit));
     let ledger = Ledger::new();
     let out = dir.path().join("out");
     let before = open(&path, Some(&out)).unwrap().plan;

@@ -1,7 +1,6 @@
 //! What was really done: every fit, file read, curve and upload with its bytes and time, so that the plan's promises
 //! can be counted.
 
-use std::path::Path;
 use std::sync::Mutex;
 use std::time::Instant;
 
@@ -43,14 +42,5 @@ impl Ledger {
     /// How often `action` was done to something whose name ends in `suffix`.
     pub fn count(&self, action: &str, suffix: &str) -> usize {
         self.entries().iter().filter(|e| e.action == action && e.what.ends_with(suffix)).count()
-    }
-}
-
-/// `folder-name/file` of a path, as ledger entries name files.
-pub fn short(path: &Path) -> String {
-    let file = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    match path.parent().and_then(|p| p.file_name()) {
-        Some(folder) => format!("{}/{file}", folder.to_string_lossy()),
-        None => file,
     }
 }

@@ -9,8 +9,6 @@
 pub mod check;
 pub mod draw;
 pub mod fits;
-#[cfg(test)]
-mod imports;
 pub mod ledger;
 pub mod loaded;
 pub mod manifest;

@@ -7,7 +7,7 @@ use mesophyll_capture::kind::Kind;
 use mesophyll_files::progress::say;
 use mesophyll_fit::dome;
 use mesophyll_fit::translucency::tissue::Entry;
-use mesophyll_fit::translucency::{Area, Colour, Options, Outcome, TissueFrom, run as fit};
+use mesophyll_fit::translucency::{Area, Colour, Options, Outcome, TissueFrom, TissueName, run as fit};
 use mesophyll_optics::dipole::{Form, FormKind};
 use mesophyll_record::FitRecord;
 use mesophyll_translucency::basis::Basis;
@@ -39,7 +39,7 @@ pub struct Args {
     #[arg(long, value_enum)]
     channel: Option<Channel>,
     /// The leaf fit's slab, or the table of the sources (510 nm: sigma_a 0.4, sigma_s 10.2, g 0.07)
-    #[arg(long, value_enum, default_value_t = TissueName::Fit, conflicts_with_all = ["sigma_a", "sigma_s"])]
+    #[arg(long, value_parser = named::<TissueName>(), default_value_t = TissueName::Fit, conflicts_with_all = ["sigma_a", "sigma_s"])]
     tissue: TissueName,
     /// Absorption (1/mm) instead
     #[arg(long, value_name = "V", requires = "sigma_s", allow_negative_numbers = true)]
@@ -102,12 +102,6 @@ enum Channel {
     B,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, clap::ValueEnum)]
-enum TissueName {
-    Fit,
-    Table,
-}
-
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
 enum PlacedName {
     Spiral,
@@ -144,8 +138,7 @@ fn options(args: &Args) -> Result<Options> {
             sigma_s: within("sigma-s", s, 0.0, 1e6)?,
             g: within("g", args.g.unwrap_or(0.0), -0.999, 0.999)?,
         },
-        _ if args.tissue == TissueName::Table => TissueFrom::Table,
-        _ => TissueFrom::Fit,
+        _ => TissueFrom::Named(args.tissue),
     };
     let sun = match (args.sun_elevation_deg, args.sun_azimuth_deg) {
         (Some(e), Some(a)) => Some([

@@ -5,16 +5,15 @@
 //! wavelengths), `translucency.Y` or `.R .G .B` (one light), `thickness.Y` (mm), `entering.Y` (an even sky's light that
 //! enters, over a flat open texel's) and `mask.Y` (1 on the leaf).
 
+use super::recipe::Recipe;
 use super::side::Made;
 use super::source::{SideMaps, Source};
-use super::tissue;
-use super::{Colour, Options, TissueFrom};
+use super::{Colour, Options, TissueFrom, TissueName};
 use crate::Result;
 use mesophyll_files::hash;
 use mesophyll_files::image::{Maps, Packing, to_srgb8, write_exr, write_png};
 use mesophyll_files::quantity::Quantity;
 use mesophyll_leaf::File;
-use mesophyll_optics::dipole::Form;
 use mesophyll_record::{FitRecord, Param, SCHEMA, Section};
 use std::path::Path;
 
@@ -34,22 +33,15 @@ pub fn write(out: &Path, source: &Source, made: &[Made], options: &Options, inpu
         input_hash,
         ..FitRecord::default()
     };
+    Recipe::of(options, made.first().map_or(&[], |m| &m.channels)).write(&mut record.options);
     let mut say = |name: &str, text: String| record.options.insert(name.into(), text);
     say("leaf", source.hash.clone());
-    say("colour", options.colour.name().into());
-    say(
-        "channel",
-        made.first().map(|m| m.channels.iter().map(|c| RGB[*c]).collect::<Vec<_>>().join(" ")).unwrap_or_default(),
-    );
     say("basis", options.sun.map_or(options.basis.name(), |_| "none: one light".into()));
     if let Some([elevation, azimuth]) = options.sun {
         say("sun_elevation_deg", format!("{:?}", elevation.to_degrees()));
         say("sun_azimuth_deg", format!("{:?}", azimuth.to_degrees()));
     }
     say("tissue", options.tissue.name().into());
-    say("entry", tissue::entry(options).name().into());
-    say("area", options.area.name().into());
-    say("form", form(options.form));
     say("levels", options.levels.to_string());
     say("lights", options.lights.name());
     say("size", format!("{}x{}", source.width, source.height));
@@ -67,15 +59,6 @@ pub fn write(out: &Path, source: &Source, made: &[Made], options: &Options, inpu
         record.sections.insert(side.side.name().into(), section(source, source_side, side, options));
     }
     Ok(record)
-}
-
-/// `thin`, `images`, `dipoles 3`.
-fn form(form: Form) -> String {
-    match form {
-        Form::Thin => "thin".into(),
-        Form::Images => "images".into(),
-        Form::Dipoles(n) => format!("dipoles {n}"),
-    }
 }
 
 /// Name of coefficient `i` (from 0) of channel `c`.
@@ -134,7 +117,7 @@ fn section(source: &Source, of: &SideMaps, side: &Made, options: &Options) -> Se
         );
     };
     // The leaf fit's errors where the tissue is the leaf fit's; what was stated has none.
-    let fitted = options.tissue == TissueFrom::Fit;
+    let fitted = options.tissue == TissueFrom::Named(TissueName::Fit);
     let err = |q: usize| move |k: usize| if fitted { of.sigma_err[q][side.channels[k]] } else { f64::NAN };
     say("sigma_a", "1/mm", &|k| side.tissue[k].sigma_a, &err(0));
     say("sigma_s", "1/mm", &|k| side.tissue[k].sigma_s, &err(1));

@@ -20,6 +20,7 @@ pub mod colour;
 mod folder;
 pub mod inverse;
 pub mod judge;
+pub mod recipe;
 pub mod side;
 pub mod source;
 pub mod spread;
@@ -72,23 +73,47 @@ impl Colour {
     }
 }
 
-/// Where the tissue's coefficients come from.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub enum TissueFrom {
-    /// The leaf fit's slab.
+/// A tissue that needs no numbers beside its name.
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Default,
+    Display,
+    EnumString,
+    EnumIter,
+    IntoStaticStr,
+    EnumMessage,
+    serde::Deserialize,
+)]
+#[serde(rename_all = "kebab-case")]
+#[strum(serialize_all = "kebab-case")]
+pub enum TissueName {
+    /// The slab that the leaf's fit found.
     #[default]
     Fit,
-    /// H9 Table 3.1.
+    /// The table of Habel 2009 (H9 Table 3.1; one wavelength, 510 nm).
     Table,
+}
+
+/// Where the tissue's coefficients come from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum TissueFrom {
+    Named(TissueName),
     /// 1/mm, 1/mm, mean cosine.
-    Given { sigma_a: f64, sigma_s: f64, g: f64 },
+    Given {
+        sigma_a: f64,
+        sigma_s: f64,
+        g: f64,
+    },
 }
 
 impl TissueFrom {
     pub fn name(self) -> &'static str {
         match self {
-            TissueFrom::Fit => "fit",
-            TissueFrom::Table => "table",
+            TissueFrom::Named(name) => name.into(),
             TissueFrom::Given { .. } => "given",
         }
     }
@@ -142,7 +167,7 @@ impl Default for Options {
         Options {
             colour: Colour::Substituted,
             channel: None,
-            tissue: TissueFrom::Fit,
+            tissue: TissueFrom::Named(TissueName::Fit),
             entry: None,
             area: Area::Facet,
             a: None,

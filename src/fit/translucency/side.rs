@@ -2,7 +2,7 @@
 
 use super::source::{SideMaps, Source};
 use super::tissue::{self, Entry};
-use super::{Area, Colour, Options, TissueFrom, colour, judge};
+use super::{Area, Colour, Options, TissueFrom, TissueName, colour, judge};
 use crate::{Error, Result};
 use mesophyll_files::progress::Bar;
 use mesophyll_optics::dipole::Tissue;
@@ -92,7 +92,7 @@ pub fn convolver(source: &Source, side: &SideMaps, tissue: &Tissue, options: &Op
         levels: Levels { count: options.levels, ..Levels::default() },
         // LEAFMOD's coefficients belong to the transport equation: a flat uniform leaf then lets through what the slab
         // says.
-        totals: if options.tissue == TissueFrom::Fit { Totals::Transport } else { Totals::Form },
+        totals: if options.tissue == TissueFrom::Named(TissueName::Fit) { Totals::Transport } else { Totals::Form },
         ..Settings::new(*tissue, source.texel_mm)
     };
     Convolver::with(&settings, source.width, source.height, range[0], range[1])

@@ -7,7 +7,7 @@
 //! reflected back inside.
 
 use super::source::SideMaps;
-use super::{Options, TissueFrom};
+use super::{Options, TissueFrom, TissueName};
 use crate::{Error, Result};
 use mesophyll_optics::dipole::Tissue;
 use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
@@ -34,8 +34,8 @@ impl Entry {
 /// What the options leave open of how light enters.
 pub fn entry(options: &Options) -> Entry {
     options.entry.unwrap_or(match options.tissue {
-        TissueFrom::Fit => Entry::Matched,
-        TissueFrom::Table | TissueFrom::Given { .. } => Entry::Albedo,
+        TissueFrom::Named(TissueName::Fit) => Entry::Matched,
+        TissueFrom::Named(TissueName::Table) | TissueFrom::Given { .. } => Entry::Albedo,
     })
 }
 
@@ -45,7 +45,7 @@ pub fn entry(options: &Options) -> Entry {
 /// [`Error::Missed`] when the leaf fit knows nothing of the slab in this channel and no other tissue was asked for.
 pub fn of(side: &SideMaps, c: usize, options: &Options) -> Result<Tissue> {
     let [sigma_a, sigma_s, g] = match options.tissue {
-        TissueFrom::Fit => {
+        TissueFrom::Named(TissueName::Fit) => {
             let letter = ["R", "G", "B"][c];
             for (name, err) in [("sigma_a", side.sigma_err[0][c]), ("sigma_s", side.sigma_err[1][c])] {
                 if err.is_infinite() {
@@ -61,7 +61,7 @@ pub fn of(side: &SideMaps, c: usize, options: &Options) -> Result<Tissue> {
             }
             [side.sigma_a[c], side.sigma_s[c], 0.0]
         }
-        TissueFrom::Table => TABLE,
+        TissueFrom::Named(TissueName::Table) => TABLE,
         TissueFrom::Given { sigma_a, sigma_s, g } => [sigma_a, sigma_s, g],
     };
     let a = options.a.unwrap_or_else(|| match entry(options) {

@@ -4,7 +4,7 @@
 use crate::stress::StressRow;
 use crate::{Error, Result};
 use mesophyll_fit::translucency::source::{SideMaps, Source};
-use mesophyll_fit::translucency::{Options, TissueFrom, side};
+use mesophyll_fit::translucency::{Options, TissueFrom, TissueName, side};
 use mesophyll_optics::dipole::{Form, Tissue};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
@@ -180,7 +180,10 @@ fn undetermined() -> StressRow {
     source.sides[0].sigma_err[0][1] = f64::INFINITY;
     source.sides[0].undetermined = vec!["sigma_a.G: relative standard error inf".into()];
     let run = |options: &Options| side::make(&source, &source.sides[0], &[1], options, &mut Vec::new());
-    let verdict = match (run(&Options::default()), run(&Options { tissue: TissueFrom::Table, ..Options::default() })) {
+    let verdict = match (
+        run(&Options::default()),
+        run(&Options { tissue: TissueFrom::Named(TissueName::Table), ..Options::default() }),
+    ) {
         (Err(e), Ok(_)) => format!("undetermined: {e}"),
         (Ok(_), _) => "wrong: computed from a slab that is not determined".into(),
         (_, Err(e)) => format!("wrong: the table's tissue was refused too: {e}"),

@@ -66,7 +66,7 @@ pub fn draw(
     let (tile_w, tile_h) = (w as usize, h as usize);
     let (columns, rows) = (day.hours.len().min(COLUMNS), day.hours.len().div_ceil(COLUMNS));
     let mut mosaic = vec![[0u8, 0, 0, 255]; columns * tile_w * rows * tile_h];
-    let polynomials = handover::polynomials(plan, ledger)?;
+    let polynomials = daylight::polynomials(plan.light.sun_moves, ledger)?;
     let mut hours = Vec::new();
     let mut lit = drawn.clone();
     for (k, &hour) in day.hours.iter().enumerate() {

@@ -15,7 +15,6 @@ use crate::loaded::{Leaf, Scene};
 use crate::manifest::{Basis, Interior, Manifest, View};
 use crate::placed::Placed;
 use crate::placed::daylight::{self, Daylight, sun_direction};
-use crate::plan::Plan;
 use crate::{Error, Result};
 use glam::{Vec2, Vec3, Vec4};
 use mesophyll_files::mesh::LeafMesh;
@@ -129,7 +128,7 @@ fn lights(Scene { manifest, plan, .. }: &Scene, ledger: &Ledger) -> Result<viewe
     let daylight = Daylight::of(manifest)?;
     let own = daylight.as_ref().map(|d| d.sun);
     let dome = match &daylight {
-        Some(d) => Some(dome(d, plan.light.sky_bands, polynomials(plan, ledger)?)?),
+        Some(d) => Some(dome(d, plan.light.sky_bands, daylight::polynomials(plan.light.sun_moves, ledger)?)?),
         None => None,
     };
     Ok(viewer::Scene {
@@ -151,14 +150,6 @@ fn lights(Scene { manifest, plan, .. }: &Scene, ledger: &Ledger) -> Result<viewe
         branches: Vec::new(),
         wind: None,
     })
-}
-
-/// The sky's polynomials, where the scene's sun moves; every other scene runs no fit.
-///
-/// # Errors
-/// As [`daylight::polynomials`].
-pub fn polynomials(plan: &Plan, ledger: &Ledger) -> Result<Option<&'static Folded<f32>>> {
-    plan.light.sun_moves.then(|| daylight::polynomials(ledger)).transpose()
 }
 
 /// A sky as plain numbers.

@@ -5,7 +5,7 @@
 
 use super::source;
 use crate::ledger::Ledger;
-use crate::manifest::{Leaf, Manifest, Scan, Tissue};
+use crate::manifest::{Leaf, Manifest, Scan};
 use crate::{Error, Result};
 use mesophyll_capture::inspect::inspect;
 use mesophyll_capture::manifest::Travel;
@@ -74,15 +74,11 @@ pub fn fit(manifest: &Manifest, index: usize, out: &Path, folder: &Path, afresh:
 pub fn translucency(manifest: &Manifest, index: usize, fitted: &Path, out: &Path, ledger: &Ledger) -> Result<()> {
     stop()?;
     let asked = manifest.leaves[index].translucency.clone().unwrap_or_default();
-    let tissue = match asked.tissue {
-        Tissue::Fit => through::TissueFrom::Fit,
-        Tissue::Table => through::TissueFrom::Table,
-    };
-    let basis = asked.basis.unwrap_or_default().functions();
-    let options = through::Options { tissue, colour: asked.colour, basis, ..through::Options::default() };
     let folder = super::translucency::folder(manifest, index, out);
     ledger
-        .note("fit", format!("{} translucency", fitted.display()), 0, || through::run(fitted, &folder, &options))
+        .note("fit", format!("{} translucency", fitted.display()), 0, || {
+            through::run(fitted, &folder, &asked.options())
+        })
         .map(|_| ())
 }
 

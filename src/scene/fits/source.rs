@@ -23,8 +23,6 @@ pub struct Source {
     pub status: Status,
     /// The fit folder to read: where it is, or where it will be.
     pub folder: Option<PathBuf>,
-    /// The fit is the one the scene file names (and not one made by a run).
-    pub named: bool,
     pub why: String,
 }
 
@@ -64,7 +62,7 @@ pub fn source(manifest: &Manifest, index: usize, out: Option<&Path>, input_hash:
             }
             _ => "the scene names it",
         };
-        return Ok(Source { status: Status::Reuse, folder: Some(folder), named: is_named, why: why.into() });
+        return Ok(Source { status: Status::Reuse, folder: Some(folder), why: why.into() });
     }
     if leaf.capture.is_none() && leaf.scan.is_none() {
         let folder = named.unwrap_or_default();
@@ -79,13 +77,10 @@ pub fn source(manifest: &Manifest, index: usize, out: Option<&Path>, input_hash:
     }
     let from = if leaf.capture.is_some() { "capture" } else { "scan" };
     Ok(match stale {
-        Some(why) => Source { status: Status::Stale, folder: made, named: false, why },
-        None => Source {
-            status: Status::Missing,
-            folder: made,
-            named: false,
-            why: format!("not fitted yet; the scene names a {from}"),
-        },
+        Some(why) => Source { status: Status::Stale, folder: made, why },
+        None => {
+            Source { status: Status::Missing, folder: made, why: format!("not fitted yet; the scene names a {from}") }
+        }
     })
 }
 

@@ -4,10 +4,10 @@
 use super::fitted::Fitted;
 use super::source::{Source, Status};
 use crate::Result;
-use crate::manifest::{Basis, Manifest, Tissue, Translucency as Asked};
+use crate::manifest::{Basis, Manifest, Translucency as Asked};
 use mesophyll_files::hash;
+use mesophyll_fit::translucency::recipe::Recipe;
 use mesophyll_record::FitRecord;
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// The translucency maps that the scene asks for.
@@ -44,39 +44,31 @@ pub fn find(
     let mut found = None;
     for (place, is_named) in [(exists(&made), false), (exists(&named), true)] {
         let Some(place) = place else { continue };
-        let said = FitRecord::read(&place)?.options;
-        let from = said.get("leaf");
-        if (from.is_some() && now.is_some() && from != now.as_ref()) || !as_asked(asked, &said, is_named) {
+        let record = FitRecord::read(&place)?;
+        let from = record.options.get("leaf");
+        if (from.is_some() && now.is_some() && from != now.as_ref()) || !as_asked(asked, &record, is_named) {
             stale = true;
         } else if found.is_none() {
-            found = Some((place, is_named));
+            found = Some(place);
         }
     }
-    let Some((place, is_named)) = found else {
+    let Some(place) = found else {
         let (status, why) = match stale {
             true => (Status::Stale, "the leaf's fit, or what the scene asks of it, changed since the maps were made"),
             false => (Status::Missing, "not made yet; `mesophyll run` and `check` make it from the leaf's fit"),
         };
-        let source = Source { status, folder: made, named: false, why: why.into() };
+        let source = Source { status, folder: made, why: why.into() };
         return Ok(Some(Translucent { source, fitted: None }));
     };
     let fitted = Fitted::open_as(&format!("{}/translucency", leaf.name), &place, "translucency")?;
-    let source =
-        Source { status: Status::Reuse, folder: Some(place), named: is_named, why: "the scene asks for it".into() };
+    let source = Source { status: Status::Reuse, folder: Some(place), why: "the scene asks for it".into() };
     Ok(Some(Translucent { source, fitted: Some(fitted) }))
 }
 
 /// Whether maps that say how they were made were made as the scene asks. Of a basis that it does not ask for, what it
 /// names may have any.
-fn as_asked(asked: &Asked, said: &BTreeMap<String, String>, named: bool) -> bool {
-    // The slab of a fit lets all light in, the table's tissue what is not reflected.
-    let entry = match asked.tissue {
-        Tissue::Fit => "matched",
-        Tissue::Table => "albedo",
-    };
+fn as_asked(asked: &Asked, record: &FitRecord, named: bool) -> bool {
     let wanted = asked.basis.or_else(|| (!named).then(Basis::default));
-    let of = |b: Basis| said.get("basis").map_or(b == Basis::default(), |s| *s == b.functions().name());
-    said.get("colour").is_none_or(|c| c == asked.colour.name())
-        && said.get("entry").is_none_or(|e| e == entry)
-        && wanted.is_none_or(of)
+    let of = |b: Basis| record.options.get("basis").map_or(b == Basis::default(), |s| *s == b.functions().name());
+    Recipe::agrees(record, &asked.options()) && wanted.is_none_or(of)
 }

@@ -7,13 +7,13 @@ use super::translucency::{Of, front_texel};
 use crate::fits::fitted::fill;
 use crate::{Error, Result};
 use glam::DVec3;
+use mesophyll_fit::translucency::recipe::{Recipe, tissue};
 use mesophyll_fit::translucency::source::{Frame, Source};
-use mesophyll_fit::translucency::tissue::Entry;
-use mesophyll_fit::translucency::{Area, Colour, colour, side};
+use mesophyll_fit::translucency::{Colour, colour, side};
 use mesophyll_leaf::frames;
 use mesophyll_optics::dipole::{Form, Tissue};
 use mesophyll_optics::side::Side;
-use mesophyll_record::{FitRecord, Section};
+use mesophyll_record::FitRecord;
 use mesophyll_translucency::basis::{Basis, Projector, Weights};
 use mesophyll_translucency::blade::Surface;
 use mesophyll_translucency::convolve::{Convolver, Settings, Totals};
@@ -70,32 +70,15 @@ impl Convolved {
     /// # Errors
     /// [`Error::Input`] for a `fit.toml` that contradicts itself or a leaf fit that cannot be read.
     fn new(leaf: &Path, maps: &Path, record: &FitRecord, s: usize) -> Result<Option<Convolved>> {
-        let file = maps.join("fit.toml");
-        let said = |name: &str| record.options.get(name).map(String::as_str);
-        let bad = |name: &str, expected: &str| {
-            let found = said(name).unwrap_or("nothing");
-            Error::field(&file, &format!("options.{name}"), format!("found {found}, expected {expected}"))
-        };
-        let Some(colour) = said("colour") else { return Ok(None) };
-        let colour = colour.parse().map_err(|_| bad("colour", "substituted, product or three-wavelengths"))?;
-        let entry: Option<Entry> = said("entry").and_then(|s| s.parse().ok());
-        let entry = entry.ok_or_else(|| bad("entry", "matched or albedo"))?;
-        let area: Option<Area> = said("area").and_then(|s| s.parse().ok());
-        let area = area.ok_or_else(|| bad("area", "facet or texel"))?;
-        let form = said("form").and_then(form).ok_or_else(|| bad("form", "thin, images or dipoles N"))?;
+        let Some(Recipe { colour, entry, area, form, channels }) = Recipe::read(record, maps)? else { return Ok(None) };
         let source = Source::read(leaf, Frame::Mesh)?;
         let name = Side::ALL[s];
         let Some(at) = source.sides.iter().position(|x| x.name == name) else { return Ok(None) };
-        let section = record.sections.get(name.name()).ok_or_else(|| Error::field(&file, name.name(), "missing"))?;
-        let letters: Vec<&str> = said("channel").unwrap_or_default().split_whitespace().collect();
-        let channels: Option<Vec<usize>> =
-            letters.iter().map(|l| ["R", "G", "B"].iter().position(|c| c == l)).collect();
-        let channels = channels.filter(|c| !c.is_empty()).ok_or_else(|| bad("channel", "R, G or B"))?;
         let plain = side::surface(&source.sides[at], channels[0], entry, area);
         let horizon = Horizon::new(&side::lit(&source, &source.sides[at], &plain));
         let mut out = Convolved { source, at, horizon, channels: Vec::new(), colour };
         for (k, c) in channels.into_iter().enumerate() {
-            let tissue = tissue(&file, section, name.name(), k)?;
+            let tissue = tissue(record, maps, name, k)?;
             out.channels.push(out.channel(c, side::surface(&out.source.sides[at], c, entry, area), form, tissue)?);
         }
         Ok(Some(out))
@@ -167,24 +150,6 @@ impl Convolved {
     fn mask(&self) -> &[bool] {
         &self.source.sides[self.at].mask
     }
-}
-
-fn form(name: &str) -> Option<Form> {
-    match name {
-        "thin" => Some(Form::Thin),
-        "images" => Some(Form::Images),
-        _ => name.strip_prefix("dipoles")?.trim().parse().ok().map(Form::Dipoles),
-    }
-}
-
-/// The `k`-th channel's tissue.
-fn tissue(file: &Path, section: &Section, side: &str, k: usize) -> Result<Tissue> {
-    let one = |name: &str| {
-        section.params.get(name).and_then(|p| p.value.get(k)).copied().filter(|v| v.is_finite()).ok_or_else(|| {
-            Error::field(file, &format!("{side}.{name}"), format!("expected at least {} finite numbers", k + 1))
-        })
-    };
-    Ok(Tissue { sigma_a: one("sigma_a")?, sigma_s: one("sigma_s")?, g: one("g")?, a: one("a")? })
 }
 
 impl<'a> Leaf<'a> {

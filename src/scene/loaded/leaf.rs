@@ -126,13 +126,6 @@ fn rgba(fitted: &Fitted, file: &str, ledger: &Ledger, good: impl Fn([f32; 4]) ->
     Ok(Rgba { size, texels, good: mask })
 }
 
-/// Light that reaches a surface, at most: E/π and the sky's radiance (the mean over the channels).
-fn light(manifest: &crate::manifest::Manifest) -> (f64, f64) {
-    let mean = |c: &[f64; 3]| c.iter().sum::<f64>() / 3.0;
-    let (sun, sky) = daylight::levels(manifest);
-    (mean(&sun), mean(&sky))
-}
-
 /// Picks the maps' resolution from the footprint of the nearest pixel.
 fn resolution(at: Stand, leaf: &placed::leaf::Leaf, loaded: &Loaded, plan: &mut Plan) {
     let Stand { manifest, placed, .. } = at;
@@ -164,8 +157,10 @@ fn resolution(at: Stand, leaf: &placed::leaf::Leaf, loaded: &Loaded, plan: &mut 
     if !footprint.is_finite() || footprint <= 0.0 {
         return;
     }
-    let (sun, sky) = light(manifest);
-    let power = sun / std::f64::consts::PI + sky;
+    // Light that reaches a surface, at most: E/π and the sky's radiance.
+    let mean = |c: [f64; 3]| c.iter().sum::<f64>() / 3.0;
+    let (sun, sky) = daylight::levels(manifest);
+    let power = mean(sun) / std::f64::consts::PI + mean(sky);
     for (s, side) in Side::ALL.into_iter().enumerate() {
         let (Some(texels), Some(curve)) = (&loaded.textures[s].gamma_delta, &loaded.curves[s]) else { continue };
         let Ok(h) = fitted.thickness(side) else { continue };

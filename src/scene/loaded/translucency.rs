@@ -42,13 +42,6 @@ pub enum Of {
 }
 
 impl Coefficients {
-    pub fn layers(&self) -> &[Vec<[f32; 3]>] {
-        match &self.of {
-            Of::Factor(map) => std::slice::from_ref(map),
-            Of::Colour(maps) => maps,
-        }
-    }
-
     /// Σ h_i φ_i(ω), which may be negative: renderers interpolate first and cut off at 0 after.
     pub fn sum(&self, h: [f32; 3], omega: DVec3) -> f64 {
         let at = self.basis.functions().argument(omega.to_array());
@@ -134,7 +127,7 @@ pub fn front_texel(k: usize, s: usize, width: usize) -> usize {
 /// that the scene's placements see: for some of them first, and for all where those would do without the maps.
 fn cost(at: Stand, leaf: Leaf, s: usize, maps: &Coefficients) -> Result<WithoutMaps> {
     let Stand { manifest, ledger, .. } = at;
-    let layers = maps.layers().len();
+    let layers = if matches!(maps.of, Of::Colour(_)) { 3 } else { 1 };
     let none = WithoutMaps { p99: 0.0, largest: 0.0, layers, basis: maps.basis.functions().name() };
     let (Some(mesh), Some(fitted)) = (&leaf.placed.mesh, &leaf.placed.fitted) else { return Ok(none) };
     let [w, h] = leaf.plan.size;

@@ -1,7 +1,7 @@
 //! Leaves that a scene may show: where their data come from, and what is drawn of them.
 
 use mesophyll_files::mesh::Unit;
-use mesophyll_fit::translucency::Colour;
+use mesophyll_fit::translucency::{Colour, Options, TissueFrom, TissueName};
 use mesophyll_optics::gloss::{Lobe, LobeKind};
 use mesophyll_translucency::basis as directions;
 use serde::Deserialize;
@@ -51,7 +51,7 @@ pub struct Translucency {
     pub fit: Option<PathBuf>,
     /// What light is sent through when they are made.
     #[serde(default)]
-    pub tissue: Tissue,
+    pub tissue: TissueName,
     #[serde(default)]
     pub colour: Colour,
     /// What they are made with, and what a folder that is named must hold; when absent, the default and either of the
@@ -82,13 +82,16 @@ impl Basis {
     }
 }
 
-/// The slab that the leaf's fit found, or the table of Habel 2009 (one wavelength, 510 nm).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Tissue {
-    #[default]
-    Fit,
-    Table,
+impl Translucency {
+    /// What `fit translucency` is told of it.
+    pub fn options(&self) -> Options {
+        Options {
+            tissue: TissueFrom::Named(self.tissue),
+            colour: self.colour,
+            basis: self.basis.unwrap_or_default().functions(),
+            ..Options::default()
+        }
+    }
 }
 
 /// A synthetic scan to make when there is no capture: what `mesophyll synth` is told.

@@ -10,7 +10,7 @@ mod plant;
 mod validate;
 mod view;
 
-pub use leaf::{Basis, Interior, Leaf, Scan, Tissue, Translucency};
+pub use leaf::{Basis, Interior, Leaf, Scan, Translucency};
 pub use light::{Day, Sky, SkyModel, Sun};
 pub use plant::{Branch, Cluster, Instance, Tree, Wind};
 pub use view::{Check, JudgedBy, View, ViewKind};

@@ -181,15 +181,17 @@ impl Daylight {
     }
 }
 
-/// The sky's polynomials, of one fit a process; it is noted when it is first made.
+/// The sky's polynomials where the sun `moves`, of one fit a process, which is noted when it is first made. Other scenes
+/// run no fit.
 ///
 /// # Errors
 /// [`Error::Missed`] where the fit fails.
-pub fn polynomials(ledger: &Ledger) -> Result<&'static Folded<f32>> {
-    if ledger.count("fit", "sky") == 0 {
-        return ledger.note("fit", "sky", 0, fit::standard);
+pub fn polynomials(moves: bool, ledger: &Ledger) -> Result<Option<&'static Folded<f32>>> {
+    match (moves, ledger.count("fit", "sky")) {
+        (false, _) => Ok(None),
+        (true, 0) => ledger.note("fit", "sky", 0, fit::standard).map(Some),
+        (true, _) => fit::standard().map(Some),
     }
-    fit::standard()
 }
 
 #[cfg(test)]

@@ -27,7 +27,7 @@ pub struct Search<'a> {
 }
 
 /// A leaf of the manifest and what is there of it.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Leaf {
     /// Index into the manifest's leaves.
     pub index: usize,
@@ -67,17 +67,7 @@ impl Leaf {
         let perspective = || manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective);
         let placed = perspective().next().is_some() && placements.iter().any(|p| p.leaf == index);
         let used = placed || shown_by(ViewKind::Capture).next().is_some() || shown_by(ViewKind::Card).next().is_some();
-        let mut out = Leaf {
-            index,
-            used,
-            source: None,
-            fitted: None,
-            mesh_path: PathBuf::new(),
-            mesh: None,
-            facing: Facing::default(),
-            on_cards: Facing::default(),
-            translucent: None,
-        };
+        let mut out = Leaf { index, used, ..Leaf::default() };
         if !used {
             return Ok(out);
         }
@@ -133,14 +123,6 @@ impl Leaf {
     /// The file name of its mesh.
     pub fn mesh_name(&self) -> String {
         self.mesh_path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
-    }
-
-    /// Whether its translucency maps must be made before anything can be drawn; its own fit is there.
-    pub fn lacks_translucency(&self, manifest: &Manifest) -> bool {
-        self.fitted.is_some()
-            && manifest.sun.is_some()
-            && self.facing.through.contains(&true)
-            && self.translucent.as_ref().is_some_and(|t| t.source.status != Status::Reuse)
     }
 }
 

@@ -9,6 +9,8 @@ pub mod tree;
 
 use crate::Result;
 use crate::fits::missing;
+use crate::fits::source::Status;
+use crate::fits::translucency::Translucent;
 use crate::ledger::Ledger;
 use crate::manifest::{Manifest, ViewKind};
 use branch::{Bends, Twig};
@@ -75,7 +77,12 @@ impl Placed {
 
     /// Leaves whose translucency maps must be made before anything can be drawn; their own fits are there.
     pub fn untranslucent(&self, manifest: &Manifest) -> Vec<usize> {
-        self.leaves.iter().filter(|l| l.lacks_translucency(manifest)).map(|l| l.index).collect()
+        let lacks = |l: &&Leaf| {
+            let lit_through = manifest.sun.is_some() && l.facing.through.contains(&true);
+            let made = |t: &Translucent| t.source.status == Status::Reuse;
+            l.fitted.is_some() && lit_through && l.translucent.as_ref().is_some_and(|t| !made(t))
+        };
+        self.leaves.iter().filter(lacks).map(|l| l.index).collect()
     }
 
     /// Looks for one leaf again, after its fit was made.

@@ -12,7 +12,7 @@ use crate::loaded::curve::curve;
 use crate::loaded::{Leaf, Scene};
 use crate::manifest::{Interior, View, ViewKind};
 use crate::placed::branch;
-use crate::placed::daylight::Daylight;
+use crate::placed::daylight::{self, Daylight};
 use crate::placed::placement::Ride;
 use glam::DVec3;
 use mesophyll_files::image::Maps;
@@ -258,7 +258,7 @@ impl Editor for SceneEditor {
             let [low, high] = mesophyll_sky::preetham::TRUSTED;
             let fitted = (low..=high)
                 .contains(&daylight.turbidity)
-                .then(|| handover::polynomials(&self.scene.plan, &self.ledger))
+                .then(|| daylight::polynomials(self.scene.plan.light.sun_moves, &self.ledger))
                 .transpose()?;
             let dome = handover::dome(&daylight, self.scene.plan.light.sky_bands, fitted.flatten())?;
             Ok(SkyUpdate { dome, sun_irradiance: daylight.sun.map(|v| v as f32) })

@@ -67,7 +67,7 @@ fn look(folder: &str, path: &Path, depth: usize, out: &mut Vec<String>) -> usize
 
 #[test]
 fn no_folder_uses_one_above_it() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let root = &Path::new(env!("CARGO_MANIFEST_DIR")).join("src/scene");
     let (mut found, mut files) = (Vec::new(), 0);
     for entry in std::fs::read_dir(root).unwrap() {
         let path = entry.unwrap().path();
