@@ -1,15 +1,14 @@
 //! `mesophyll bench`: error against run time over each model's accuracy knobs, as a table and plots, with peers where
 //! they are installed.
 
-use super::{Common, place};
+use super::{Common, models, place};
 use crate::{Error, Result};
 use clap::builder::PossibleValuesParser;
 use mesophyll_files::claim::{self, Kind};
 use mesophyll_files::progress::Bar;
 use mesophyll_files::{atomic, progress};
 use mesophyll_proof::bench::BenchRow;
-use mesophyll_proof::{beam, gloss, nist, sky, slab, translucency};
-use mesophyll_report::{self as report, bench_plots, rows};
+use mesophyll_report::{bench_plots, rows};
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
@@ -21,7 +20,7 @@ use std::path::PathBuf;
 A terminal shows how far it is and the time left. Ctrl-C stops before anything is printed or written.")]
 pub struct Args {
     /// Which models to sweep (default: all)
-    #[arg(value_name = "MODEL", value_parser = PossibleValuesParser::new(SWEEPS.map(|(name, _, _)| name)))]
+    #[arg(value_name = "MODEL", value_parser = PossibleValuesParser::new(models::with(|m| m.bench).map(|(name, _)| name)))]
     models: Vec<String>,
     /// Write bench.json, a plot a model, and the pictures of the documentation that belong to a model into this folder
     #[arg(short, long = "out", alias = "output", value_name = "DIR", value_parser = place::folder())]
@@ -31,49 +30,26 @@ pub struct Args {
     peers: bool,
 }
 
-/// Name, steps of the bar, and the rows, which take those steps.
-type Sweep = (&'static str, u64, fn(&Bar) -> Result<Vec<BenchRow>>);
-
-/// The sweeps by name. A model adds its line here.
-const SWEEPS: [Sweep; 6] = [
-    ("solve", 1, |bar| whole(bar, nist::bench_rows)),
-    ("slab", 1, |bar| whole(bar, slab::bench::bench_rows)),
-    ("gloss", 1, |bar| whole(bar, gloss::bench::bench_rows)),
-    ("beam", 1, |bar| whole(bar, beam::bench::bench_rows)),
-    ("sky", 1, |bar| whole(bar, sky::bench::bench_rows)),
-    ("translucency", translucency::bench::PIECES, translucency::bench::rows),
-];
-
-/// A sweep of one step.
-fn whole(bar: &Bar, rows: fn() -> Result<Vec<BenchRow>>) -> Result<Vec<BenchRow>> {
-    let rows = rows()?;
-    bar.step()?;
-    Ok(rows)
-}
-
 /// Runs the sweeps; a stop between two steps leaves nothing behind. Times are for ratios within one run: nothing is
 /// asserted of them.
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
-    let names = SWEEPS.map(|(name, _, _)| name);
-    let wanted = chosen(&args.models, &names);
+    let wanted = models::asked(&args.models, |m| m.bench);
     if cfg!(debug_assertions) {
         progress::say("this build is not optimised: its times say little, beside peers nothing");
     }
     if let Some(folder) = &args.output {
         claim::folder(folder, Kind::Bench, &[])?;
     }
-    let steps: u64 = wanted.iter().map(|k| SWEEPS[*k].1 + u64::from(args.peers)).sum();
+    let steps: u64 = wanted.iter().map(|(_, sweep)| sweep.steps + u64::from(args.peers)).sum();
     let bar = Bar::new("sweeps", steps);
     let mut all: Vec<BenchRow> = Vec::new();
-    for index in wanted {
-        let (name, _, sweep) = SWEEPS[index];
-        let part = Bar::of(name);
-        all.extend(sweep(&bar)?);
+    for (name, sweep) in &wanted {
+        let _part = Bar::of(*name);
+        all.extend((sweep.rows)(&bar)?);
         if args.peers {
-            all.extend(super::peers::rows(name)?);
+            all.extend(super::peers::rows(name, sweep.peers)?);
             bar.step()?;
         }
-        drop(part);
     }
     drop(bar);
     if let Some(folder) = &args.output {
@@ -81,11 +57,8 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             .map_err(|e| Error::Missed(e.to_string()))?;
         atomic::write_bytes(&folder.join("bench.json"), format!("{text}\n").as_bytes())?;
         let mut files = bench_plots::write(&all, folder)?;
-        if all.iter().any(|r| r.model == "sky") {
-            files.extend(report::sky::pictures(folder, &sky::figures::all(500)?)?);
-        }
-        if all.iter().any(|r| r.model == "translucency") {
-            files.push(report::basis_charts::write(folder, &translucency::basis_study::histograms()?)?);
+        for draw in wanted.iter().filter_map(|(_, sweep)| sweep.pictures) {
+            files.extend(draw(folder)?);
         }
         for file in files {
             progress::say(format!("wrote {}", file.display()));
@@ -97,18 +70,4 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         super::print(&rows::bench_table(&all))?;
     }
     Ok(0)
-}
-
-/// Indices of the names asked for, each once, in the order asked; all of them where none was. Shared with `stress`.
-pub(super) fn chosen(asked: &[String], names: &[&str]) -> Vec<usize> {
-    if asked.is_empty() {
-        return (0..names.len()).collect();
-    }
-    let mut indices = Vec::new();
-    for k in asked.iter().filter_map(|name| names.iter().position(|n| n == name)) {
-        if !indices.contains(&k) {
-            indices.push(k);
-        }
-    }
-    indices
 }

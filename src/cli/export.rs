@@ -1,6 +1,7 @@
 //! `mesophyll export DIR --to FORMAT -o PATH`.
 
 use super::{Common, place};
+use crate::named::named;
 use crate::{Error, Result};
 use mesophyll_export::sky::SkyOptions;
 use mesophyll_export::{Format, export};
@@ -19,7 +20,7 @@ pub struct Args {
     #[arg(value_name = "DIR")]
     folder: PathBuf,
     /// Format
-    #[arg(long, value_enum, value_name = "FORMAT")]
+    #[arg(long, value_parser = named::<Format>(), value_name = "FORMAT")]
     to: Format,
     /// File to write, `-` for standard output; with png and packed a folder
     #[arg(short, long = "out", alias = "output", value_name = "PATH")]

@@ -12,6 +12,7 @@ pub mod eval;
 pub mod export;
 pub mod fit;
 pub mod inspect;
+mod models;
 mod named;
 mod peers;
 mod place;

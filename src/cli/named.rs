@@ -14,7 +14,9 @@ where
     let values = T::iter().map(|value| {
         let help = value.get_documentation().unwrap_or_default().lines().map(str::trim).collect::<Vec<_>>().join(" ");
         let name: &'static str = value.into();
-        if help.is_empty() { PossibleValue::new(name) } else { PossibleValue::new(name).help(help) }
+        let others = value.get_serializations().iter().copied().filter(|other| *other != name);
+        let shown = PossibleValue::new(name).aliases(others);
+        if help.is_empty() { shown } else { shown.help(help) }
     });
     PossibleValuesParser::new(values.collect::<Vec<_>>()).try_map(|name| T::from_str(&name))
 }

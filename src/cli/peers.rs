@@ -4,17 +4,9 @@
 use crate::{Error, Result};
 use mesophyll_files::progress;
 use mesophyll_proof::bench::BenchRow;
-use mesophyll_proof::peers;
+use mesophyll_proof::peers::Inputs;
 use serde::Deserialize;
 use std::process::{Command, Stdio};
-
-/// The scripts by sweep. A script gets the path of an input folder and prints a JSON line a row, or one that says why
-/// it skipped.
-const SCRIPTS: [(&str, &str); 3] = [
-    ("solve", include_str!("../../tests/peers/nist_peers.py")),
-    ("slab", include_str!("../../tests/peers/slab_peers.py")),
-    ("gloss", include_str!("../../tests/peers/gloss_peers.py")),
-];
 
 #[derive(Debug, Deserialize)]
 #[serde(untagged)]
@@ -23,17 +15,18 @@ enum Line {
     Skipped { skipped: String },
 }
 
-/// Rows of the peers of one sweep. `MESOPHYLL_PYTHON` names the interpreter; `python3` else.
+/// Rows of the peers of one sweep. A script gets the path of a folder with its inputs and prints a JSON line a row, or
+/// one that says why it skipped. `MESOPHYLL_PYTHON` names the interpreter; `python3` else.
 ///
 /// # Errors
 /// [`Error::Write`] where the inputs cannot be put into a temporary folder. A missing or failing peer is a message,
 /// never an error.
-pub fn rows(sweep: &str) -> Result<Vec<BenchRow>> {
-    let script = SCRIPTS.iter().find(|(name, _)| *name == sweep);
-    let (Some((_, script)), Some(inputs)) = (script, peers::inputs(sweep)?) else {
+pub fn rows(sweep: &str, peers: Option<(&str, fn() -> Result<Inputs>)>) -> Result<Vec<BenchRow>> {
+    let Some((script, inputs)) = peers else {
         progress::say(format!("peers of {sweep}: none to run"));
         return Ok(Vec::new());
     };
+    let inputs = inputs()?;
     let folder = tempfile::tempdir().map_err(|e| Error::write(&std::env::temp_dir(), e))?;
     for (name, text) in &inputs.files {
         mesophyll_files::atomic::write_bytes(&folder.path().join(name), text.as_bytes())?;

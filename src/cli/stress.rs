@@ -1,34 +1,18 @@
 //! `mesophyll stress`: the committed tables of stiff and extreme cases, each with the verdict that it must get.
 
-use super::Common;
+use super::{Common, models};
 use crate::{Error, Result};
 use clap::builder::PossibleValuesParser;
 use mesophyll_files::progress;
 use mesophyll_proof::stress::StressRow;
-use mesophyll_proof::{beam, coverage, gloss, leaf, nist, sky, slab, solver, translucency};
 use mesophyll_report::rows;
 
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Which tables to run (default: all)
-    #[arg(value_name = "MODEL", value_parser = PossibleValuesParser::new(TABLES.map(|(name, _)| name)))]
+    #[arg(value_name = "MODEL", value_parser = PossibleValuesParser::new(models::with(|m| m.stress).map(|(name, _)| name)))]
     models: Vec<String>,
 }
-
-type Table = (&'static str, fn() -> Result<Vec<StressRow>>);
-
-/// The tables by name. A model adds its line here.
-const TABLES: [Table; 9] = [
-    ("solve", || Ok(solver::stress())),
-    ("nist", nist::stress),
-    ("slab", || Ok(slab::stress::stress_cases())),
-    ("gloss", || Ok(gloss::stress::rows())),
-    ("leaf", leaf::stress::rows),
-    ("coverage", || Ok(coverage::rows())),
-    ("beam", || Ok(beam::stress::rows())),
-    ("sky", sky::stress::rows),
-    ("translucency", translucency::stress::rows),
-];
 
 /// A row as JSON has it: where the case got what it expects, the verdict is as short as that, and its full text (with a
 /// bound) stands apart.
@@ -63,15 +47,13 @@ fn named(table: &str, mut rows: Vec<StressRow>) -> Vec<StressRow> {
 
 /// Runs the tables; 0 where every case got the verdict it expects, else 1 with the others named.
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
-    let names = TABLES.map(|(name, _)| name);
-    let wanted = super::bench::chosen(&args.models, &names);
+    let wanted = models::asked(&args.models, |m| m.stress);
     let bar = progress::Bar::new("stress tables", wanted.len() as u64);
     let mut all: Vec<StressRow> = Vec::new();
-    for index in wanted {
+    for (name, table) in wanted {
         if progress::stop_requested() {
             return Err(Error::Interrupted("stopped between two stress tables; nothing was printed".into()));
         }
-        let (name, table) = TABLES[index];
         let _part = progress::Bar::of(name);
         all.extend(named(name, table()?));
         bar.advance(1);

@@ -2,6 +2,7 @@
 //! it under a dome and scans its heights, or photographs the light that comes through it.
 
 use super::Common;
+use crate::named::named;
 use crate::{Error, Result};
 use mesophyll_capture::beams::manifest::Beam;
 use mesophyll_capture::beams::synth as beams;
@@ -67,7 +68,7 @@ pub struct Args {
     #[arg(long, value_name = "SIDE,DEG,DEG", allow_hyphen_values = true)]
     beam: Vec<String>,
     /// Truth of the leaf, instead of the specification's
-    #[arg(long)]
+    #[arg(long, value_parser = named::<Model>())]
     model: Option<Model>,
     /// Keep the three 16-bit exposures of every frame beside it
     #[arg(long)]

@@ -20,9 +20,11 @@ use serde_json::json;
 use side::SideMaps;
 use sky::SkyOptions;
 use std::path::{Path, PathBuf};
+use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
 
 /// What a fit can be written as.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage)]
+#[strum(serialize_all = "kebab-case")]
 pub enum Format {
     /// A folder of 8-bit maps: rho_d, rho_t and rho_s as sRGB, the rest linear; ranges.json says what a byte means
     Png,
@@ -37,7 +39,7 @@ pub enum Format {
     /// them
     Json,
     /// The blade as binary glTF (.glb) in metres, rho_d as base colour: opaque, and right in any reader
-    #[value(alias = "glb")]
+    #[strum(to_string = "gltf", serialize = "glb")]
     Gltf,
     /// The same with light shining through (rho_t), for readers of KHR_materials_diffuse_transmission
     GltfTranslucent,
@@ -52,18 +54,7 @@ pub enum Format {
 impl Format {
     /// What it is called on the command line.
     pub fn name(self) -> &'static str {
-        match self {
-            Format::Png => "png",
-            Format::Packed => "packed",
-            Format::Exr => "exr",
-            Format::Csv => "csv",
-            Format::Json => "json",
-            Format::Gltf => "gltf",
-            Format::GltfTranslucent => "gltf-translucent",
-            Format::Obj => "obj",
-            Format::Wgsl => "wgsl",
-            Format::C => "c",
-        }
+        self.into()
     }
 
     /// Whether it writes a folder.

@@ -1,9 +1,11 @@
 //! Whole-or-nothing writing: a temporary name beside the target, then a rename.
 
 use crate::{Error, Result};
+use std::collections::BTreeSet;
 use std::fs;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Writes `path` through `fill`; the name appears only when everything is on disk.
 ///
@@ -31,6 +33,20 @@ pub struct Pending {
     path: PathBuf,
     /// The file that it leads to.
     real: PathBuf,
+}
+
+/// Temporary files that are being written.
+static UNFINISHED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+
+fn unfinished() -> MutexGuard<'static, BTreeSet<PathBuf>> {
+    UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Removes the temporary files that are being written, for a program that ends in the middle of its work. What is
+/// written to them afterwards is lost.
+pub fn remove_unfinished() {
+    // A file that was finished just now has its own name already.
+    unfinished().iter().for_each(|path| drop(fs::remove_file(path)));
 }
 
 #[derive(Debug)]
@@ -80,6 +96,7 @@ impl Pending {
         if let Some(mode) = old {
             file.as_file().set_permissions(mode).map_err(here)?;
         }
+        unfinished().insert(file.path().to_path_buf());
         Ok(BufWriter::with_capacity(1 << 16, file))
     }
 
@@ -87,6 +104,7 @@ impl Pending {
     pub fn finish(mut self) -> Result<()> {
         match self.target.take() {
             Some(Target::Temporary(writer)) => {
+                unfinished().remove(writer.get_ref().path());
                 let temp = writer.into_inner().map_err(|e| Error::write(&self.path, explain(e.error())))?;
                 temp.persist(&self.real).map_err(|e| Error::write(&self.path, explain(&e.error)))?;
                 Ok(())
@@ -136,6 +154,14 @@ fn unopened(path: &Path, e: &io::Error) -> Error {
     match e.kind() {
         io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => Error::write(path, explain(e)),
         _ => Error::Usage(format!("cannot write {}: {}", path.display(), explain(e))),
+    }
+}
+
+impl Drop for Pending {
+    fn drop(&mut self) {
+        if let Some(Target::Temporary(writer)) = &self.target {
+            unfinished().remove(writer.get_ref().path());
+        }
     }
 }
 
@@ -209,6 +235,19 @@ mod tests {
         assert!(failed.unwrap_err().to_string().contains("the disk is full"));
         assert_eq!(fs::read(&path).unwrap(), b"old");
         assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn what_is_being_written_can_be_removed() {
+        let dir = tempfile::tempdir().unwrap();
+        let count = || fs::read_dir(dir.path()).unwrap().count();
+        let mut half = Pending::create(&dir.path().join("half.txt")).unwrap();
+        half.write_all(b"half").unwrap();
+        write_bytes(&dir.path().join("whole.txt"), b"whole").unwrap();
+        assert_eq!(count(), 2);
+        remove_unfinished();
+        assert_eq!(count(), 1);
+        assert!(half.finish().is_err() && dir.path().join("whole.txt").exists());
     }
 
     #[test]

@@ -2,7 +2,7 @@
 //! would overwrite its own input, what another kind of verb made, or files that this program did not make.
 //!
 //! What a folder holds is told by the file that its maker writes last ([`Kind`]). Until that file is written, the
-//! hidden file [`MARK`] names the kind (and, of a leaf fit, the folder of its parts does).
+//! hidden file [`MARK`] names the kind. The parts of a fit that was stopped lie in a folder whose name says the kind.
 
 use crate::atomic::{self, explain};
 use crate::{Error, Result};
@@ -288,9 +288,12 @@ fn holds(folder: &Path, claimed: Kind) -> Vec<Held> {
     if let Some(fit) = fit_there(folder) {
         found(Kind::Fit(fit.kind.as_deref().unwrap_or("unknown")), fit.words);
     }
-    let parts = |e: fs::DirEntry| e.file_name().to_string_lossy().starts_with("parts-") && e.path().is_dir();
-    if fs::read_dir(folder).is_ok_and(|list| list.flatten().any(parts)) {
-        found(Kind::Fit("leaf"), "a leaf fit that was stopped (its parts)".into());
+    for name in fs::read_dir(folder).into_iter().flatten().flatten().filter(|e| e.path().is_dir()) {
+        if let Some(rest) = name.file_name().to_string_lossy().strip_prefix("parts-") {
+            // `parts-KIND-HASH`; leaf fits of earlier versions left their kind out.
+            let kind = rest.split_once('-').map_or("leaf", |(kind, _)| kind);
+            found(Kind::Fit(kind), format!("a {kind} fit that was stopped (its parts)"));
+        }
     }
     if let Some(words) = marked(folder) {
         out.push(Held { same: words == claimed.words(), words: format!("a {words} ({MARK})") });

@@ -6,7 +6,7 @@
 
 use std::io::IsTerminal;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, Once, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, Once, OnceLock, PoisonError, mpsc};
 use std::time::{Duration, Instant};
 
 /// Time between two lines where stderr is no terminal.
@@ -59,6 +59,35 @@ pub fn go_on() -> crate::Result<()> {
     } else {
         Ok(())
     }
+}
+
+/// Does `work` on a thread of its own and waits for it. Once a stop was asked for, the thread is left to itself, and the
+/// answer is `None`: the program is about to end, and what the thread was writing is removed. So work stops at once that
+/// never looks whether to go on.
+///
+/// # Panics
+/// Where `work` does.
+pub fn left_when_stopped<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Option<T> {
+    let (done, wait) = mpsc::channel();
+    let thread = std::thread::spawn(move || {
+        // Nobody listens any more where the work was left.
+        let _ = done.send(work());
+    });
+    loop {
+        match wait.recv_timeout(Duration::from_millis(20)) {
+            Ok(made) => return Some(made),
+            Err(mpsc::RecvTimeoutError::Timeout) if stop_requested() => break,
+            Err(mpsc::RecvTimeoutError::Timeout) => {}
+            Err(mpsc::RecvTimeoutError::Disconnected) => match thread.join() {
+                Err(panic) => std::panic::resume_unwind(panic),
+                Ok(()) => break,
+            },
+        }
+    }
+    pause();
+    bars().set_draw_target(indicatif::ProgressDrawTarget::hidden());
+    crate::atomic::remove_unfinished();
+    None
 }
 
 /// A piece of work and how far it is.

@@ -4,6 +4,7 @@ pub mod beam;
 pub mod dome;
 pub mod gloss;
 pub mod leaf;
+pub mod maker;
 pub mod sky;
 pub mod slab;
 pub mod translucency;

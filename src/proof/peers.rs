@@ -17,20 +17,15 @@ pub struct Inputs {
     pub ours: Vec<BenchRow>,
 }
 
-/// Inputs for the peers of a sweep; `None` for one without peers.
+/// The certified problems, for the peers of `bench solve`.
 ///
 /// # Errors
-/// None in practice: an input that cannot be written as text.
-pub fn inputs(sweep: &str) -> Result<Option<Inputs>> {
-    Ok(match sweep {
-        "solve" => Some(Inputs {
-            files: nist::FILES.iter().map(|(name, text)| (format!("{name}.dat"), (*text).to_string())).collect(),
-            // The sweep itself has our rows.
-            ours: Vec::new(),
-        }),
-        "slab" => Some(slab_inputs()),
-        "gloss" => Some(gloss_inputs()?),
-        _ => None,
+/// None.
+pub fn nist() -> Result<Inputs> {
+    Ok(Inputs {
+        files: nist::FILES.iter().map(|(name, text)| (format!("{name}.dat"), (*text).to_string())).collect(),
+        // The sweep itself has our rows.
+        ours: Vec::new(),
     })
 }
 
@@ -50,7 +45,7 @@ fn ours(model: &str, setting: &str, mut errors: Vec<f64>, us: f64, note: &str) -
 }
 
 /// The 64 slabs of the sweep.
-fn slab_inputs() -> Inputs {
+pub fn slab() -> Inputs {
     let slabs = slab_bench::slabs();
     let mut text = String::from("omega,delta,rho_d,rho_t\n");
     for s in &slabs {
@@ -78,7 +73,10 @@ fn slab_inputs() -> Inputs {
 }
 
 /// 48 RGB texels of the default device with a thin tube: m .05–.5, tilt ±.1, 100 frames, 1 % noise.
-fn gloss_inputs() -> Result<Inputs> {
+///
+/// # Errors
+/// None in practice: an input that cannot be written as text.
+pub fn gloss() -> Result<Inputs> {
     let device = Device { radius_mm: 0.0, ..synthetic::device(Lobe::Beckmann, 0.01) };
     let positions = synthetic::pass_x(100);
     let mut noise = synthetic::Noise::new(5);
@@ -120,18 +118,16 @@ fn gloss_inputs() -> Result<Inputs> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
 
     #[test]
     fn inputs_are_the_same_in_every_run_and_hold_what_scripts_read() {
-        let (a, b) = (slab_inputs(), slab_inputs());
+        let (a, b) = (super::slab(), super::slab());
         assert_eq!(a.files, b.files);
         assert_eq!(a.files[0].1.lines().count(), 65);
         assert!(a.ours.iter().all(|r| r.error < 1e-3 && r.us > 0.0), "{:?}", a.ours);
-        let gloss = gloss_inputs().unwrap();
+        let gloss = super::gloss().unwrap();
         let value: serde_json::Value = serde_json::from_str(&gloss.files[0].1).unwrap();
         assert_eq!(value["texels"][47]["trace"][99].as_array().unwrap().len(), 3);
         assert!(gloss.ours[0].error < 0.05, "{:?}", gloss.ours);
-        assert!(inputs("no such sweep").unwrap().is_none());
     }
 }

@@ -5,13 +5,13 @@ pub mod scan;
 mod seal;
 
 use mesophyll_error::{Error, Result};
-use mesophyll_files::claim::{self, Kind};
-use mesophyll_files::{atomic, hash};
+use mesophyll_files::{atomic, claim, hash};
 use mesophyll_solve::{Termination, TraceRow};
 use scan::{HeldOut, LightBox, Scan};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::time::Instant;
 
 /// Version of this file format.
 pub const SCHEMA: u32 = 1;
@@ -167,6 +167,18 @@ pub struct Phase {
 }
 
 impl FitRecord {
+    /// A record of what every fit says: its kind and name, what it was made from, and by which program.
+    pub fn new(kind: &str, name: &str, input_hash: String) -> FitRecord {
+        FitRecord {
+            schema: SCHEMA,
+            kind: kind.into(),
+            name: name.into(),
+            program: concat!("mesophyll ", env!("CARGO_PKG_VERSION")).into(),
+            input_hash,
+            ..FitRecord::default()
+        }
+    }
+
     /// Reads `DIR/fit.toml`.
     pub fn read(folder: &Path) -> Result<FitRecord> {
         let path = folder.join("fit.toml");
@@ -214,29 +226,22 @@ impl FitRecord {
 }
 
 impl Times {
+    /// Adds a phase that began at `since` and ends now.
+    pub fn phase(&mut self, name: &str, since: Instant) {
+        self.spent(name, since.elapsed().as_secs_f64());
+    }
+
+    /// Adds a phase that took so many seconds.
+    pub fn spent(&mut self, name: &str, seconds: f64) {
+        self.phases.push(Phase { name: name.into(), seconds });
+    }
+
     pub fn read(folder: &Path) -> Result<Times> {
         read_toml(&folder.join("times.toml"))
     }
     pub fn write(&self, folder: &Path) -> Result<()> {
         write_toml(&folder.join("times.toml"), self)
     }
-}
-
-/// Makes sure that a fit of this kind may write into `folder`: see [`claim::folder`].
-///
-/// # Errors
-/// [`Error::Usage`] (exit code 2) naming the folder and what it holds.
-pub fn claim(folder: &Path, kind: &str, inputs: &[&Path]) -> Result<()> {
-    claim::folder(folder, Kind::Fit(kind), inputs)
-}
-
-/// Opens a claimed folder for writing: from here to [`FitRecord::write`] it is marked as no whole fit, and an earlier
-/// fit's record is gone.
-///
-/// # Errors
-/// A folder that cannot be written.
-pub fn begin(folder: &Path, kind: &str) -> Result<()> {
-    claim::begin(folder, Kind::Fit(kind))
 }
 
 /// A TOML file as a value; unknown and missing fields are named with their line.

@@ -13,6 +13,7 @@
 use super::lights::{Lights, Rule};
 use nalgebra::DMatrix;
 use std::f64::consts::{PI, TAU};
+use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
 
 /// The three vectors (H9 §3.3.8).
 pub const HALF_LIFE_2: [[f64; 3]; 3] = [
@@ -59,6 +60,38 @@ pub enum Basis {
         /// The polynomials' degree plus one, at most 3.
         degree: usize,
     },
+}
+
+/// The bases that a fit offers, by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage)]
+#[strum(serialize_all = "kebab-case")]
+pub enum BasisKind {
+    #[default]
+    #[strum(serialize = "half-life-2")]
+    HalfLife2,
+    #[strum(serialize = "bent-3")]
+    Bent3,
+    #[strum(serialize = "bent-6")]
+    Bent6,
+    HBasis,
+    Cosine,
+    Spherical,
+    Hemispherical,
+}
+
+impl BasisKind {
+    /// Of 3 functions, or 6, or 9 of both kinds of harmonics.
+    pub fn basis(self) -> Basis {
+        match self {
+            BasisKind::HalfLife2 => Basis::HalfLife2,
+            BasisKind::Bent3 => Basis::Bent { count: 3 },
+            BasisKind::Bent6 => Basis::Bent { count: 6 },
+            BasisKind::HBasis => Basis::HBasis { count: 6 },
+            BasisKind::Cosine => Basis::Cosine { degree: 3 },
+            BasisKind::Spherical => Basis::Spherical { bands: 3 },
+            BasisKind::Hemispherical => Basis::Hemispherical { bands: 3 },
+        }
+    }
 }
 
 /// How samples are weighted.

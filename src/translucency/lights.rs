@@ -7,6 +7,7 @@ use mesophyll_optics::slab::quadrature::gauss;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::f64::consts::{FRAC_PI_4, TAU};
+use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
 
 /// The paper's number of light directions (H9 Table 3.1).
 pub const PAPER: usize = 128;
@@ -35,6 +36,24 @@ pub enum Rule {
         /// How many directions.
         count: usize,
     },
+}
+
+/// The rules that a fit offers, by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage)]
+#[strum(serialize_all = "kebab-case")]
+pub enum RuleKind {
+    #[default]
+    Spiral,
+    Stratified,
+}
+
+impl RuleKind {
+    pub fn rule(self, count: usize) -> Rule {
+        match self {
+            RuleKind::Spiral => Rule::Spiral { count },
+            RuleKind::Stratified => Rule::Stratified { count, seed: 1 },
+        }
+    }
 }
 
 /// Directions and their solid angles (sr).

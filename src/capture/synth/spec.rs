@@ -7,10 +7,14 @@ use mesophyll_files::atomic::explain;
 use mesophyll_optics::gloss::Lobe;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
+use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
 
 /// Which truth a leaf has.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage,
+)]
 #[serde(rename_all = "lowercase")]
+#[strum(serialize_all = "lowercase")]
 pub enum Model {
     /// One σa, σs a leaf; thickness and γ vary (Wang et al. 2005, with full A and B).
     Exact,

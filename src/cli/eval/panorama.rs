@@ -1,11 +1,12 @@
 //! `mesophyll eval panorama`: a picture of a sky whose sun and turbidity are known, for tests of `fit sky --panorama`.
 
-use super::sky::ModelName;
-use crate::fit::sky::ProjectionName;
+use crate::named::named;
 use crate::{Common, place, tables};
 use crate::{Error, Result};
 use mesophyll_files::image::{Packing, write_exr};
 use mesophyll_files::{claim, progress};
+use mesophyll_fit::sky::SkyModel;
+use mesophyll_fit::sky::panorama::projection::{Projection, ProjectionKind};
 use mesophyll_fit::sky::panorama::render::{Shot, render};
 use std::path::PathBuf;
 
@@ -31,8 +32,8 @@ pub struct Args {
     #[arg(long, value_name = "T")]
     turbidity: f64,
     /// The sky
-    #[arg(long, value_enum, default_value_t = ModelName::Preetham)]
-    model: ModelName,
+    #[arg(long, value_parser = named::<SkyModel>(), default_value_t = SkyModel::Preetham)]
+    model: SkyModel,
     /// Ground albedo of hosek-wilkie, 0 to 1
     #[arg(long, value_name = "A", default_value_t = 0.2)]
     albedo: f64,
@@ -40,8 +41,8 @@ pub struct Args {
     #[arg(long, value_name = "A", default_value_t = 0.0)]
     ground: f64,
     /// How pixels map to directions
-    #[arg(long, value_enum, default_value_t = ProjectionName::Equirectangular)]
-    projection: ProjectionName,
+    #[arg(long, value_parser = named::<ProjectionKind>(), default_value_t = ProjectionKind::Equirectangular)]
+    projection: ProjectionKind,
     /// With --projection fisheye: the whole angle across the circle
     #[arg(long, value_name = "DEG", default_value_t = 180.0)]
     field_deg: f64,
@@ -70,8 +71,8 @@ const MOST: usize = 1 << 26;
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     claim::file(&args.output, &["exr"], &[])?;
-    let projection = args.projection.projection(args.field_deg);
-    let default = if args.projection == ProjectionName::Fisheye { "256x256" } else { "256x128" };
+    let projection = Projection::of(args.projection, args.field_deg);
+    let default = if args.projection == ProjectionKind::Fisheye { "256x256" } else { "256x128" };
     let text = args.size.as_deref().unwrap_or(default);
     let size = text.split_once('x').and_then(|(w, h)| Some((w.parse::<usize>().ok()?, h.parse::<usize>().ok()?)));
     let (width, height) = size
@@ -91,7 +92,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if !args.sun_azimuth_deg.is_finite() {
         return Err(Error::Usage(format!("--sun-azimuth-deg is {}; expected a number", args.sun_azimuth_deg)));
     }
-    let model = args.model.model(args.albedo)?;
+    let model = args.model.over(args.albedo)?;
     let sky = model.sky(args.sun_zenith_deg.to_radians(), args.turbidity).map_err(|e| Error::Usage(e.to_string()))?;
     let shot = Shot {
         projection,

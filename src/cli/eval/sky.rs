@@ -1,13 +1,14 @@
 //! `mesophyll eval sky`: sun and turbidity in, spherical harmonics of the sky out, N² rows for each row.
 
+use crate::named::named;
 use crate::{Common, batch, tables};
 use crate::{Error, Result};
 use mesophyll_files::progress;
 use mesophyll_files::table::{self, Answer, BatchIo, Spec, Table};
-use mesophyll_fit::sky::{self as fits, Form, Method, Options};
+use mesophyll_fit::sky::window::WindowKind;
+use mesophyll_fit::sky::{self as fits, Form, Method, Options, SkyModel};
 use mesophyll_sky::harmonics::MOST_BANDS;
-use mesophyll_sky::window::Window;
-use mesophyll_sky::{Coefficients, HosekWilkie, Model, Preetham, Refused, irradiance, project};
+use mesophyll_sky::{Coefficients, Model, Refused, irradiance, project};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -35,14 +36,14 @@ pub struct Args {
     #[arg(long, value_enum, default_value_t = MethodName::Fit)]
     method: MethodName,
     /// The sky; hosek-wilkie needs --method direct
-    #[arg(long, value_enum, default_value_t = ModelName::Preetham)]
-    model: ModelName,
+    #[arg(long, value_parser = named::<SkyModel>(), default_value_t = SkyModel::Preetham)]
+    model: SkyModel,
     /// Ground albedo of hosek-wilkie, 0 to 1
     #[arg(long, value_name = "A", default_value_t = 0.2)]
     albedo: f64,
     /// Factors against ringing; fitted: as shallow as lanczos at less loss, positive: no ringing at all
-    #[arg(long, value_enum, default_value_t = WindowName::None)]
-    window: WindowName,
+    #[arg(long, value_parser = named::<WindowKind>(), default_value_t = WindowKind::None)]
+    window: WindowKind,
     /// Light from level ground of this albedo, 0 to 1, below the horizon (of the sky alone: the sun is not part of it)
     #[arg(long, value_name = "A", default_value_t = 0.0)]
     ground: f64,
@@ -61,48 +62,8 @@ pub enum MethodName {
     MonomialsQr,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub enum ModelName {
-    Preetham,
-    HosekWilkie,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum WindowName {
-    None,
-    Zonal,
-    Lanczos,
-    Fitted,
-    Positive,
-}
-
-impl WindowName {
-    fn window(self, bands: usize) -> Result<Option<Window>> {
-        Ok(match self {
-            WindowName::None => None,
-            WindowName::Zonal => Some(Window::zonal(bands)),
-            WindowName::Lanczos => Some(Window::lanczos(bands)),
-            WindowName::Fitted => Some(fits::window::matched(bands)?),
-            WindowName::Positive => Some(Window::positive(bands)),
-        })
-    }
-}
-
-impl ModelName {
-    /// The model, with its ground.
-    pub fn model(self, albedo: f64) -> Result<Box<dyn Model>> {
-        if !(0.0..=1.0).contains(&albedo) {
-            return Err(Error::Usage(format!("--albedo is {albedo}; expected 0 to 1")));
-        }
-        Ok(match self {
-            ModelName::Preetham => Box::new(Preetham),
-            ModelName::HosekWilkie => Box::new(HosekWilkie { albedo: [albedo; 3] }),
-        })
-    }
-}
-
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
-    let model = args.model.model(args.albedo)?;
+    let model = args.model.over(args.albedo)?;
     let bands = usize::from(args.bands);
     if !(0.0..=1.0).contains(&args.ground) {
         return Err(Error::Usage(format!("--ground is {}; expected an albedo of 0 to 1", args.ground)));
@@ -187,7 +148,7 @@ fn polynomials(args: &Args, bands: usize) -> Result<Option<Form<f32>>> {
     if args.method == MethodName::Direct {
         return Ok(None);
     }
-    if args.model != ModelName::Preetham {
+    if args.model != SkyModel::Preetham {
         return Err(Error::Usage("--model hosek-wilkie needs --method direct; the fits are of preetham".into()));
     }
     let method = match args.method {

@@ -1,6 +1,7 @@
 //! `mesophyll fit beam`: coefficients of a taper, the basis of all tapers, or taper and stiffness from measured
 //! deflections.
 
+use crate::named::named;
 use crate::{Common, batch, place, tables};
 use crate::{Error, Result};
 use mesophyll_files::claim::{self, Kind};
@@ -9,10 +10,8 @@ use mesophyll_files::table::{self, BatchIo, Spec, Table};
 use mesophyll_fit::beam::measured::Along;
 use mesophyll_fit::beam::{self, basis, deflections, record};
 use mesophyll_proof::beam::figures;
-use mesophyll_record::claim;
 use mesophyll_report::beam_charts;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
 /// CSV column `alpha` → `c2,c4,max_error` (u = c2 x² + c4 x⁴ by least squares over even samples; largest error over all
 /// x), then `a2,a3,a4,a5,a_max_error`: u = a2 y² + a3 y³ + a4 y⁴ + a5 y⁵ with y = ln(1 + (alpha − 1)x)/ln(alpha), from
@@ -40,8 +39,8 @@ pub struct Args {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["basis", "pictures", "input"])]
     deflections: Option<PathBuf>,
     /// With --deflections: what positions were measured along
-    #[arg(long, value_enum, default_value_t = Positions::Branch, requires = "deflections")]
-    positions: Positions,
+    #[arg(long, value_parser = named::<Along>(), default_value_t = Along::Branch, requires = "deflections")]
+    positions: Along,
     /// With --deflections: standard error of a deflection where the file states none (default: from the scatter)
     #[arg(long, value_name = "MM", requires = "deflections")]
     noise: Option<f64>,
@@ -69,14 +68,6 @@ fn places(args: &Args) -> Result<(PathBuf, Option<PathBuf>)> {
         return Err(Error::Usage(format!("-o {}: --basis writes a folder, expected its name", folder.display())));
     }
     Ok((files.first().map_or_else(|| "-".into(), |f| f.to_path_buf()), folders.first().map(|f| f.to_path_buf())))
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum Positions {
-    /// Marks on the branch: lengths along it, bent or not
-    Branch,
-    /// The straight axis, as in a photograph
-    Axis,
 }
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
@@ -112,12 +103,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
 }
 
 fn basis_to(folder: &Path, common: &Common) -> Result<()> {
-    claim(folder, "beam", &[])?;
-    let clock = Instant::now();
-    let fit = basis::smooth_fit(mesophyll_plant::taper::TERMS, basis::DEGREE);
-    let seconds = clock.elapsed().as_secs_f64();
-    let record = record::of_basis();
-    record::write(folder, &record, seconds, vec![("all".into(), fit.fit.trace)])?;
+    let (record, seconds) = record::basis_to(folder)?;
     if common.json {
         crate::print_json(&record)?;
     } else {
@@ -134,29 +120,7 @@ fn basis_to(folder: &Path, common: &Common) -> Result<()> {
 
 fn from_deflections(args: &Args, path: &Path, io: &BatchIo, folder: Option<&Path>, common: &Common) -> Result<u8> {
     deflections::check_noise(args.noise)?;
-    let along = if args.positions == Positions::Branch { Along::Branch } else { Along::Axis };
-    if let Some(folder) = folder {
-        claim(folder, "beam", &[path])?;
-    }
-    let clock = Instant::now();
-    let branches = deflections::read(Table::open(path)?, args.noise)?;
-    if branches.is_empty() {
-        return Err(Error::input(path, "no rows; expected at least one mark"));
-    }
-    let fits = deflections::fit_all(&branches, along);
-    let seconds = clock.elapsed().as_secs_f64();
-    if let Some(folder) = folder {
-        let hash = mesophyll_files::hash::combine([
-            ("branches", format!("{branches:?}").as_str()),
-            ("along", &format!("{along:?}")),
-            ("program", env!("CARGO_PKG_VERSION")),
-        ]);
-        let traces = branches
-            .iter()
-            .zip(&fits)
-            .filter_map(|((n, _), f)| f.as_ref().ok().map(|m| (n.clone(), m.fit.trace.clone())));
-        record::write(folder, &record::of_branches(&branches, &fits, along, hash), seconds, traces.collect())?;
-    }
+    let (branches, fits) = record::branches_to(path, folder, args.noise, args.positions)?;
     let tally = deflections::write(&branches, &fits, path, &io.rows(common.json))?;
     batch::say_tally(&tally, io, common, "branch")?;
     Ok(0)

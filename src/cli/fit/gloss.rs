@@ -30,8 +30,8 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u16).range(2..=256))]
     quadrature: u16,
     /// Rejection of outliers: where residuals ask for it, never, or always looked for
-    #[arg(long, value_enum, default_value_t = RobustArg::Auto)]
-    robust: RobustArg,
+    #[arg(long, value_parser = named::<Robust>(), default_value_t = Robust::Auto)]
+    robust: Robust,
     #[command(flatten)]
     io: BatchIo,
 }
@@ -45,13 +45,6 @@ pub struct LobeArgs {
     /// Refractive index of the surface, with --lobe cook-torrance
     #[arg(long, value_name = "N", default_value_t = 1.45)]
     index: f64,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum RobustArg {
-    Auto,
-    Off,
-    On,
 }
 
 impl LobeArgs {
@@ -84,11 +77,7 @@ fn traces(args: &Args, common: &Common, geometry: &Geometry, lobe: Lobe) -> Resu
         None,
         &Precision { along: args.quadrature.into(), ..Precision::default() },
     );
-    fitter.robust = match args.robust {
-        RobustArg::Auto => Robust::Auto,
-        RobustArg::Off => Robust::Off,
-        RobustArg::On => Robust::On,
-    };
+    fitter.robust = args.robust;
     let names: Vec<&str> = if channels == 1 {
         vec!["rho_d", "rho_s", "m", "tilt"]
     } else {

@@ -5,11 +5,11 @@ use crate::named::named;
 use crate::{Common, place, print, print_json};
 use crate::{Error, Result};
 use mesophyll_capture::kind::Kind;
-use mesophyll_files::progress::say;
 use mesophyll_fit::dome;
 use mesophyll_fit::leaf::held_out::HoldOut;
 use mesophyll_fit::leaf::texels::Shard;
-use mesophyll_fit::leaf::{Method, Options, Outcome, run as fit};
+use mesophyll_fit::leaf::{Method, Options, run as fit};
+use mesophyll_fit::maker::Outcome;
 use mesophyll_record::FitRecord;
 use std::path::PathBuf;
 
@@ -120,24 +120,7 @@ fn from_tube(args: &Args) -> Result<Outcome> {
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let outcome =
         if matches!(Kind::of(&args.capture), Ok(Some(Kind::Dome))) { from_dome(args)? } else { from_tube(args)? };
-    let record = match outcome {
-        Outcome::Done(record) => {
-            say(format!("fit written to {}", args.output.display()));
-            record
-        }
-        Outcome::UpToDate(record) => {
-            say(format!("{} already holds this fit; --force fits again", args.output.display()));
-            record
-        }
-        Outcome::ShardDone { missing } => {
-            say(if missing == 0 {
-                format!("shard done; all parts are there: run with --merge to finish {}", args.output.display())
-            } else {
-                format!("shard done; {missing} parts of other shards are missing, then run with --merge")
-            });
-            return Ok(0);
-        }
-    };
+    let Some(record) = super::ended(outcome, &args.output) else { return Ok(0) };
     if common.json {
         print_json(&*record)?
     } else {

@@ -1,7 +1,12 @@
-//! `mesophyll fit …`: one file a fit.
+//! `mesophyll fit …`: one file a fit. The list is [`crate::models::MODELS`].
 
 use super::Common;
 use crate::Result;
+use crate::models::{Chosen, Model, Offers, Verb};
+use mesophyll_files::progress::say;
+use mesophyll_fit::maker::Outcome;
+use mesophyll_record::FitRecord;
+use std::path::Path;
 
 pub mod beam;
 pub mod gloss;
@@ -14,37 +19,42 @@ pub mod translucency;
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(subcommand)]
-    what: What,
+    what: Chosen<Fits>,
 }
 
-#[derive(Debug, clap::Subcommand)]
-enum What {
-    /// A leaf scan: reflectance, gloss, normals, interior, thickness and blade
-    Leaf(leaf::Args),
-    /// Coefficients of a tapered branch, or its taper and stiffness from measured deflections, from CSV
-    Beam(beam::Args),
-    /// Gloss traces of a linear light source, or goniometer samples, from CSV
-    Gloss(gloss::Args),
-    /// σa and σs of a slab from its reflectance, transmittance and thickness, from CSV
-    Slab(slab::Args),
-    /// Polynomials of a sky's spherical harmonics over sun and turbidity; or sun and turbidity from a picture of the
-    /// sky
-    Sky(sky::Args),
-    /// How the light that comes through a leaf depends on its direction: scattering inside the blade, its relief and
-    /// thickness
-    Translucency(translucency::Args),
-    /// What a leaf's inside is made of, from photographs of the light that comes through it
-    Tissue(tissue::Args),
+/// The models that can be fitted.
+#[derive(Debug, Clone)]
+enum Fits {}
+
+impl Offers for Fits {
+    fn verb(model: &Model) -> Option<Verb> {
+        model.fit
+    }
 }
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
-    match &args.what {
-        What::Leaf(a) => leaf::run(a, common),
-        What::Beam(a) => beam::run(a, common),
-        What::Gloss(a) => gloss::run(a, common),
-        What::Slab(a) => slab::run(a, common),
-        What::Sky(a) => sky::run(a, common),
-        What::Translucency(a) => translucency::run(a, common),
-        What::Tissue(a) => tissue::run(a, common),
+    args.what.run(common)
+}
+
+/// Says how the fit of the folder `out` ended. The answer is its record; a shard has none.
+fn ended(outcome: Outcome, out: &Path) -> Option<Box<FitRecord>> {
+    let out = out.display();
+    match outcome {
+        Outcome::Done(record) => {
+            say(format!("fit written to {out}"));
+            Some(record)
+        }
+        Outcome::UpToDate(record) => {
+            say(format!("{out} already holds this fit; --force fits again"));
+            Some(record)
+        }
+        Outcome::ShardDone { missing: 0 } => {
+            say(format!("shard done; all parts are there: run with --merge to finish {out}"));
+            None
+        }
+        Outcome::ShardDone { missing } => {
+            say(format!("shard done; {missing} parts of other shards are missing, then run with --merge"));
+            None
+        }
     }
 }

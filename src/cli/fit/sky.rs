@@ -1,17 +1,13 @@
 //! `mesophyll fit sky`: polynomials of a sky's spherical harmonics over sun and turbidity, or the sun and turbidity of
 //! a panorama, as a fit folder.
 
-use crate::eval::sky::ModelName;
 use crate::named::named;
 use crate::{Common, place, tables};
 use crate::{Error, Result};
 use mesophyll_files::progress;
-use mesophyll_fit::sky::judge::Reference;
-use mesophyll_fit::sky::panorama::{self, picture::Channels, projection::Projection};
-use mesophyll_fit::sky::{self as fits, Method, Options, folder};
-use mesophyll_record::claim;
+use mesophyll_fit::sky::panorama::{self, picture::Channels, projection::ProjectionKind};
+use mesophyll_fit::sky::{self as fits, Method, Options, SkyModel, folder};
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
 const EXAMPLES: &str = "Examples:
   mesophyll fit sky -o out/sky
@@ -49,8 +45,8 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 500)]
     grid: usize,
     /// The sky; hosek-wilkie is fitted as a black box by --method chebyshev
-    #[arg(long, value_enum, default_value_t = ModelName::Preetham)]
-    model: ModelName,
+    #[arg(long, value_parser = named::<SkyModel>(), default_value_t = SkyModel::Preetham)]
+    model: SkyModel,
     /// Ground albedo of hosek-wilkie, 0 to 1
     #[arg(long, value_name = "A", default_value_t = 0.2)]
     albedo: f64,
@@ -58,8 +54,8 @@ pub struct Args {
     #[arg(long, value_name = "FILE.exr", conflicts_with_all = ["method", "bands", "turbidity", "grid", "model", "albedo"])]
     panorama: Option<PathBuf>,
     /// With --panorama: how pixels map to directions
-    #[arg(long, value_enum, default_value_t = ProjectionName::Equirectangular, requires = "panorama")]
-    projection: ProjectionName,
+    #[arg(long, value_parser = named::<ProjectionKind>(), default_value_t = ProjectionKind::Equirectangular, requires = "panorama")]
+    projection: ProjectionKind,
     /// With --projection fisheye: the whole angle across the circle
     #[arg(long, value_name = "DEG", default_value_t = 180.0, requires = "panorama")]
     field_deg: f64,
@@ -77,24 +73,6 @@ pub struct Args {
     noise: Option<f64>,
 }
 
-/// How pixels map to directions.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub enum ProjectionName {
-    /// 2:1 (whole sphere) or 4:1 (upper hemisphere), zenith on top
-    Equirectangular,
-    /// Square, equidistant about the zenith (an angular map looking up)
-    Fisheye,
-}
-
-impl ProjectionName {
-    pub fn projection(self, field_deg: f64) -> Projection {
-        match self {
-            ProjectionName::Equirectangular => Projection::Equirectangular,
-            ProjectionName::Fisheye => Projection::Fisheye { field: field_deg.to_radians() },
-        }
-    }
-}
-
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if let Some(path) = &args.panorama {
         return from_panorama(args, path, common);
@@ -105,18 +83,8 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     };
     let options =
         Options { method, bands: args.bands.into(), turbidities: [low, high], grid: args.grid, ..Options::default() };
-    let model = args.model.model(args.albedo)?;
-    let fitted = match args.model {
-        ModelName::Preetham => fits::fit(&options)?,
-        ModelName::HosekWilkie => fits::fit_model(&options, model.as_ref())?,
-    };
-    if fitted.form.is_some() {
-        claim(&args.output, "sky", &[])?;
-    }
-    let reference =
-        Reference::new(model.as_ref(), options.bands, options.turbidities, 33, 15).map_err(Error::Missed)?;
-    let (wide, error) = folder::write(&args.output, &fitted, &reference)?;
-    let bytes = fitted.form.as_ref().map_or(0, |f| f.narrow().bytes());
+    let made = folder::make(&args.output, &options, args.model, args.albedo)?;
+    let (fitted, wide, error, bytes) = (&made.fitted, &made.wide, &made.narrow, made.bytes);
     progress::say(format!(
         "{} terms a function, {bytes} bytes, {:.0} ms; worst error {:.1e} of the smallest c00 ({:.1e} in f64), median \
          {:.1e}; wrote {}",
@@ -142,7 +110,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             "error_worst_f64": wide.worst,
             "error_median": error.median,
             "error_worst_sum": error.worst_sum,
-            "smallest_c00": reference.smallest,
+            "smallest_c00": made.smallest_c00,
             "ms": 1e3 * fitted.seconds(),
         }))?;
     }
@@ -150,35 +118,13 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
 }
 
 fn from_panorama(args: &Args, path: &Path, common: &Common) -> Result<u8> {
-    let projection = args.projection.projection(args.field_deg);
-    let channels = Channels { radiance: args.channels.clone(), mask: args.mask.clone(), saturation: args.saturation };
-    let clock = Instant::now();
-    let picture = panorama::picture::read(path, &mesophyll_files::image::read_exr(path)?, projection, &channels)?;
-    let read = clock.elapsed().as_secs_f64();
-    if let Some(n) = args.noise.filter(|n| !(*n > 0.0 && *n < 1.0)) {
-        return Err(Error::Usage(format!(
-            "--noise is {n}; expected more than 0 and less than 1 (relative to a reading)"
-        )));
-    }
-    let found =
-        panorama::fit(&picture, args.noise).map_err(|why| Error::Missed(format!("{}: {why}", path.display())))?;
-    let fitted = clock.elapsed().as_secs_f64() - read;
-    let mut options = std::collections::BTreeMap::new();
-    options.insert("projection".to_string(), projection.name().to_string());
-    if args.projection == ProjectionName::Fisheye {
-        options.insert("field_deg".into(), args.field_deg.to_string());
-    }
-    options.insert("channels".into(), args.channels.join(","));
-    options.insert("size".into(), format!("{} x {}", picture.width, picture.height));
-    options.extend(args.mask.iter().map(|m| ("mask".to_string(), m.clone())));
-    options.extend(args.saturation.iter().map(|s| ("saturation".to_string(), s.to_string())));
-    let told = format!("{options:?} {:?} {}", args.noise, env!("CARGO_PKG_VERSION"));
-    let hash = mesophyll_files::hash::combine([
-        ("panorama", mesophyll_files::hash::file(path)?.as_str()),
-        ("options", told.as_str()),
-    ]);
-    claim(&args.output, "panorama", &[path])?;
-    panorama::record::write(&args.output, &picture, &found, &options, hash, [read, fitted])?;
+    let told = panorama::record::Options {
+        projection: args.projection,
+        field_deg: args.field_deg,
+        channels: Channels { radiance: args.channels.clone(), mask: args.mask.clone(), saturation: args.saturation },
+        noise: args.noise,
+    };
+    let found = panorama::record::make(path, &args.output, &told)?;
     let shown = |k: panorama::Known, unit: f64| format!("{:.4} ± {:.4}", k.value * unit, k.error * unit);
     let degrees = 180.0 / std::f64::consts::PI;
     progress::say(format!(

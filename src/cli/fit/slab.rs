@@ -1,5 +1,6 @@
 //! `mesophyll fit slab`: ρd, ρt and thickness in, σa and σs out.
 
+use crate::named::named;
 use crate::{Common, batch, tables};
 use crate::{Error, Result};
 use mesophyll_files::progress;
@@ -24,8 +25,8 @@ pub struct Args {
     #[arg(long, value_name = "S")]
     noise: Option<f64>,
     /// fast: better than 1e-6 where determined; exact: nine digits
-    #[arg(long, value_enum, default_value_t = Method::Fast)]
-    method: Method,
+    #[arg(long, value_parser = named::<Precision>(), default_value_t = Precision::Fast)]
+    method: Precision,
     /// Names of the input columns, as `rho_d=reflectance_550,rho_t=transmittance_550,h=thickness_mm`
     #[arg(long, value_name = "NAME=COLUMN,…", value_delimiter = ',')]
     columns: Vec<String>,
@@ -35,12 +36,6 @@ pub struct Args {
     /// Reflectance of the surface itself (gloss), taken off rho_d before the fit
     #[arg(long, value_name = "R0", default_value_t = 0.0)]
     surface: f64,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum Method {
-    Fast,
-    Exact,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -76,11 +71,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             table.require(column)?;
         }
     }
-    let options = Options {
-        precision: if args.method == Method::Exact { Precision::Exact } else { Precision::Fast },
-        noise: args.noise,
-        surface: args.surface,
-    };
+    let options = Options { precision: args.method, noise: args.noise, surface: args.surface };
     let column = names[2].clone();
     let unit = thickness_unit(&column, args.thickness_unit)?;
     let scale = match unit {

@@ -3,8 +3,7 @@
 use crate::named::named;
 use crate::{Common, place, print, print_json};
 use crate::{Error, Result};
-use mesophyll_files::progress::say;
-use mesophyll_fit::translucency::inverse::run::{Options, Outcome, Start, run as fit};
+use mesophyll_fit::translucency::inverse::run::{Options, Start, run as fit};
 use mesophyll_fit::translucency::inverse::{self};
 use mesophyll_fit::translucency::tissue::Entry;
 use mesophyll_record::FitRecord;
@@ -91,16 +90,8 @@ fn options(args: &Args) -> Result<Options> {
 }
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
-    let record = match fit(&args.input, &args.blade, &args.output, &options(args)?)? {
-        Outcome::Done(record) => {
-            say(format!("fit written to {}", args.output.display()));
-            record
-        }
-        Outcome::UpToDate(record) => {
-            say(format!("{} already holds this fit; --force computes it again", args.output.display()));
-            record
-        }
-    };
+    let outcome = fit(&args.input, &args.blade, &args.output, &options(args)?)?;
+    let Some(record) = super::ended(outcome, &args.output) else { return Ok(0) };
     if common.json {
         print_json(&*record)?;
     } else {

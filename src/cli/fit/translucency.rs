@@ -7,11 +7,11 @@ use mesophyll_capture::kind::Kind;
 use mesophyll_files::progress::say;
 use mesophyll_fit::dome;
 use mesophyll_fit::translucency::tissue::Entry;
-use mesophyll_fit::translucency::{Area, Colour, Options, Outcome, TissueFrom, TissueName, run as fit};
+use mesophyll_fit::translucency::{Area, Colour, Options, TissueFrom, TissueName, run as fit};
 use mesophyll_optics::dipole::{Form, FormKind};
 use mesophyll_record::FitRecord;
-use mesophyll_translucency::basis::Basis;
-use mesophyll_translucency::lights::Rule;
+use mesophyll_translucency::basis::BasisKind;
+use mesophyll_translucency::lights::RuleKind;
 use std::path::PathBuf;
 
 /// How the light that comes through a leaf depends on where it comes from, a texel at a time: scattering inside the
@@ -72,12 +72,12 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u32).range(8..=100_000))]
     lights: u32,
     /// How they are placed: on a spiral, or one at random in each of as many cells, as the sources have it
-    #[arg(long, value_enum, default_value_t = PlacedName::Spiral)]
-    placed: PlacedName,
+    #[arg(long, value_parser = named::<RuleKind>(), default_value_t = RuleKind::Spiral)]
+    placed: RuleKind,
     /// Functions of direction: half-life-2 and bent-3 (3, which the renderers evaluate), bent-6, h-basis (6), cosine
     /// (6), spherical (9), hemispherical (9)
-    #[arg(long, value_enum, default_value_t = BasisName::HalfLife2)]
-    basis: BasisName,
+    #[arg(long, value_parser = named::<BasisKind>(), default_value_t = BasisKind::HalfLife2)]
+    basis: BasisKind,
     /// One light at this elevation over the blade, instead of a basis
     #[arg(
         long,
@@ -100,26 +100,6 @@ enum Channel {
     R,
     G,
     B,
-}
-
-#[derive(Debug, Clone, Copy, clap::ValueEnum)]
-enum PlacedName {
-    Spiral,
-    Stratified,
-}
-
-#[derive(Debug, Clone, Copy, clap::ValueEnum)]
-enum BasisName {
-    #[value(name = "half-life-2")]
-    HalfLife2,
-    #[value(name = "bent-3")]
-    Bent3,
-    #[value(name = "bent-6")]
-    Bent6,
-    HBasis,
-    Cosine,
-    Spherical,
-    Hemispherical,
 }
 
 /// A number in a range, or a sentence that names the option.
@@ -159,19 +139,8 @@ fn options(args: &Args) -> Result<Options> {
         a: args.a.map(|a| within("a", a, 1.0, f64::INFINITY)).transpose()?,
         form: Form::of(args.form, args.dipoles.unwrap_or(3)),
         levels: usize::from(args.levels),
-        lights: match args.placed {
-            PlacedName::Spiral => Rule::Spiral { count: args.lights as usize },
-            PlacedName::Stratified => Rule::Stratified { count: args.lights as usize, seed: 1 },
-        },
-        basis: match args.basis {
-            BasisName::HalfLife2 => Basis::HalfLife2,
-            BasisName::Bent3 => Basis::Bent { count: 3 },
-            BasisName::Bent6 => Basis::Bent { count: 6 },
-            BasisName::HBasis => Basis::HBasis { count: 6 },
-            BasisName::Cosine => Basis::Cosine { degree: 3 },
-            BasisName::Spherical => Basis::Spherical { bands: 3 },
-            BasisName::Hemispherical => Basis::Hemispherical { bands: 3 },
-        },
+        lights: args.placed.rule(args.lights as usize),
+        basis: args.basis.basis(),
         sun,
         force: args.force,
     })
@@ -197,16 +166,8 @@ fn leaf(args: &Args) -> Result<PathBuf> {
 }
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
-    let record = match fit(&leaf(args)?, &args.output, &options(args)?)? {
-        Outcome::Done(record) => {
-            say(format!("fit written to {}", args.output.display()));
-            record
-        }
-        Outcome::UpToDate(record) => {
-            say(format!("{} already holds this fit; --force computes it again", args.output.display()));
-            record
-        }
-    };
+    let outcome = fit(&leaf(args)?, &args.output, &options(args)?)?;
+    let Some(record) = super::ended(outcome, &args.output) else { return Ok(0) };
     if let Some(why) = record.options.get("doubt") {
         say(format!("warning: {why}; the maps are not to be relied on"));
     }

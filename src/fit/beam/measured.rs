@@ -17,6 +17,7 @@ use mesophyll_files::table::Status;
 use mesophyll_plant::beam::{self, TAPER_MAX, TAPER_MIN};
 use mesophyll_plant::length::settled;
 use mesophyll_solve::{Closure, Fit, Noise, Options, Termination, global};
+use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
 
 /// One mark.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,12 +42,13 @@ pub struct Branch {
 }
 
 /// What positions were measured along.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage)]
+#[strum(serialize_all = "kebab-case")]
 pub enum Along {
-    /// Marks on the branch: positions are lengths of the bent branch.
+    /// Marks on the branch: positions are lengths of the branch, bent or not
     #[default]
     Branch,
-    /// The straight axis: positions as a photograph or a plumb line shows them.
+    /// The straight axis: positions as a photograph or a plumb line shows them
     Axis,
 }
 

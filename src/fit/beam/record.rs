@@ -1,24 +1,17 @@
 //! What a fit of branches leaves on disk: `fit.toml` and `times.toml`.
 
-use super::basis::{DEGREE, smooth};
-use super::deflections::Named;
+use super::basis::{DEGREE, smooth, smooth_fit};
+use super::deflections::{self, Named};
 use super::measured::{Along, Known, Measured, termination};
-use crate::Result;
+use crate::maker;
+use crate::{Error, Result};
+use mesophyll_files::table::Table;
 use mesophyll_plant::beam::{TAPER_MAX, TAPER_MIN};
-use mesophyll_record::{FitRecord, Param, Phase, Residuals, SCHEMA, Section, Times};
+use mesophyll_plant::taper::TERMS;
+use mesophyll_record::{FitRecord, Param, Residuals, Section};
 use mesophyll_solve::Termination;
 use std::path::Path;
-
-fn empty(name: &str, input_hash: String) -> FitRecord {
-    FitRecord {
-        schema: SCHEMA,
-        kind: "beam".into(),
-        name: name.into(),
-        program: concat!("mesophyll ", env!("CARGO_PKG_VERSION")).into(),
-        input_hash,
-        ..FitRecord::default()
-    }
-}
+use std::time::Instant;
 
 /// The coefficients of all tapers, as a section `all`: a₂ … a₅, each a Chebyshev series in ln α scaled to [−1, 1] over
 /// the taper range.
@@ -39,7 +32,8 @@ pub fn of_basis() -> FitRecord {
     section.figures.insert("rms_error_of_tip".into(), (f.uncertainty.chi2 / n as f64).sqrt());
     section.figures.insert("worst_error_of_tip".into(), worst);
     section.figures.insert("worst_error_at_alpha".into(), at);
-    let mut record = empty(
+    let mut record = FitRecord::new(
+        "beam",
         "branch basis",
         mesophyll_files::hash::combine([("basis", format!("{TAPER_MIN} {TAPER_MAX} {DEGREE}").as_str())]),
     );
@@ -63,7 +57,7 @@ pub fn of_branches(
     along: Along,
     input_hash: String,
 ) -> FitRecord {
-    let mut record = empty("branches", input_hash);
+    let mut record = FitRecord::new("beam", "branches", input_hash);
     let converged = fits.iter().filter(|f| termination(f).converged()).count();
     record.termination = fits.iter().map(termination).find(|t| t.converged()).or(Some(Termination::Refused));
     record.options.insert(
@@ -121,25 +115,57 @@ fn describe(section: &mut Section, m: &Measured) {
     );
 }
 
-/// Writes a record and what differs from run to run into a claimed folder.
+/// Fits the coefficients of all tapers into the folder `out`; the answer is the record and how long the fit took (s).
 ///
 /// # Errors
-/// [`crate::Error::Write`] where the folder cannot be written.
-pub fn write(
-    folder: &Path,
-    record: &FitRecord,
-    seconds: f64,
-    traces: Vec<(String, mesophyll_solve::Trace)>,
-) -> Result<()> {
-    mesophyll_record::begin(folder, "beam")?;
-    let times = Times {
-        capture: None,
-        phases: vec![Phase { name: "fit".into(), seconds }],
-        total_s: seconds,
-        threads: rayon::current_num_threads(),
-        peak_memory_mib: None,
-        traces: traces.into_iter().collect(),
+/// A folder that cannot be written or that holds something else.
+pub fn basis_to(out: &Path) -> Result<(FitRecord, f64)> {
+    maker::make("beam", out, &[], |maker| {
+        let record = of_basis();
+        maker.made_from(record.input_hash.clone())?;
+        let start = Instant::now();
+        let fit = smooth_fit(TERMS, DEGREE);
+        let seconds = start.elapsed().as_secs_f64();
+        maker.times.phase("fit", start);
+        maker.times.traces.insert("all".into(), fit.fit.trace);
+        maker.begin()?;
+        maker.finish(&record)?;
+        Ok((record, seconds))
+    })
+}
+
+/// Branches and what was found of each, in their order.
+pub type Found = (Vec<Named>, Vec<std::result::Result<Measured, String>>);
+
+/// Fits the branches of the table in the file `marks`; with `out` also into that folder. `noise` is the standard error
+/// (mm) of a deflection where the file states none.
+///
+/// # Errors
+/// A table that cannot be read or that has no rows; a folder that cannot be written or that holds something else.
+pub fn branches_to(marks: &Path, out: Option<&Path>, noise: Option<f64>, along: Along) -> Result<Found> {
+    let path = marks.to_path_buf();
+    let fit = move || -> Result<Found> {
+        let branches = deflections::read(Table::open(&path)?, noise)?;
+        if branches.is_empty() {
+            return Err(Error::input(&path, "no rows; expected at least one mark"));
+        }
+        let fits = deflections::fit_all(&branches, along);
+        Ok((branches, fits))
     };
-    times.write(folder)?;
-    record.write(folder)
+    let Some(out) = out else { return fit() };
+    maker::make("beam", out, &[marks], move |maker| {
+        let (branches, fits) = maker.phase("fit", fit)?;
+        let told = [("branches", format!("{branches:?}")), ("along", format!("{along:?}"))];
+        let input = maker::input_hash(told.iter().map(|(name, text)| (*name, text.as_str())));
+        for ((name, _), fit) in branches.iter().zip(&fits) {
+            if let Ok(fit) = fit {
+                maker.times.traces.insert(name.clone(), fit.fit.trace.clone());
+            }
+        }
+        maker.made_from(input.clone())?;
+        let record = of_branches(&branches, &fits, along, input);
+        maker.begin()?;
+        maker.finish(&record)?;
+        Ok((branches, fits))
+    })
 }

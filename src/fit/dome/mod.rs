@@ -7,17 +7,13 @@
 mod output;
 pub mod slab;
 
-use crate::leaf::{
-    Outcome,
-    curve::Incidence,
-    slabmaps::{Inverter, Sigma},
-};
+use crate::leaf::curve::Incidence;
+use crate::leaf::slabmaps::{Inverter, Sigma};
+use crate::maker::{self, Maker, Outcome};
 use crate::{Error, Result};
 use mesophyll_capture::dome::Capture;
 use mesophyll_capture::dome::reduce::{Options as Reduction, Reduced, reduce};
-use mesophyll_files::hash;
 use mesophyll_optics::side::Side;
-use mesophyll_record::{self as record, FitRecord, Phase, Times};
 use rayon::prelude::*;
 use slab::{Shared, Slab, Texel};
 use std::path::Path;
@@ -50,47 +46,30 @@ pub struct Fitted {
 /// # Errors
 /// Unreadable or invalid captures (exit code 2), a folder that cannot be written or holds something else (2).
 pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
-    let clock = Instant::now();
-    let folder = capture;
+    let (folder, options) = (capture.to_path_buf(), *options);
+    maker::make("leaf", out, &[capture], move |maker| fit(&folder, &options, maker))
+}
+
+fn fit(folder: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
+    let step = Instant::now();
     let capture = Capture::open(folder)?;
-    record::claim(out, "leaf", &[folder])?;
     let told = format!("{:?}", Options { force: false, ..*options });
-    let input = hash::combine([
-        ("capture", capture.hash()?.as_str()),
-        ("options", &told),
-        ("program", env!("CARGO_PKG_VERSION")),
-    ]);
-    if !options.force
-        && let Ok(record) = FitRecord::read(out)
-        && record.input_hash == input
-        && record.verify(out).is_ok()
-    {
-        return Ok(Outcome::UpToDate(Box::new(record)));
+    let input = maker::input_hash([("capture", capture.hash()?.as_str()), ("options", &told)]);
+    if let Some(found) = maker.up_to_date(input, options.force)? {
+        return Ok(found);
     }
-    let mut phases = vec![Phase { name: "open and hash the capture".into(), seconds: clock.elapsed().as_secs_f64() }];
-    let mut phase =
-        |name: &str, since: Instant| phases.push(Phase { name: name.into(), seconds: since.elapsed().as_secs_f64() });
-    let step = Instant::now();
-    let reduced = reduce(&capture, &Reduction::default())?;
-    phase("reduce to maps", step);
-    let step = Instant::now();
-    let sides = [Side::Front, Side::Back].map(|side| interior(&capture, &reduced, side));
-    let [front, back] = sides;
+    maker.times.capture = Some(capture.folder.display().to_string());
+    maker.times.phase("open and hash the capture", step);
+    let reduced = maker.phase("reduce to maps", || reduce(&capture, &Reduction::default()))?;
+    let [front, back] = maker.phase("slab of every texel and of the leaf", || {
+        Ok([Side::Front, Side::Back].map(|side| interior(&capture, &reduced, side)))
+    })?;
     let sides = [front?, back?];
-    phase("slab of every texel and of the leaf", step);
     let step = Instant::now();
-    record::begin(out, "leaf")?;
-    let record = output::write(out, &capture, &reduced, &sides, options, input)?;
-    phase("blade and maps", step);
-    let times = Times {
-        capture: Some(capture.folder.display().to_string()),
-        total_s: clock.elapsed().as_secs_f64(),
-        phases,
-        threads: rayon::current_num_threads(),
-        ..Times::default()
-    };
-    times.write(out)?;
-    record.write(out)?;
+    let mut record = maker.record(&capture.manifest.name);
+    output::write(maker.begin()?, &capture, &reduced, &sides, options, &mut record)?;
+    maker.times.phase("blade and maps", step);
+    maker.finish(&record)?;
     Ok(Outcome::Done(Box::new(record)))
 }
 

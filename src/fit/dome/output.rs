@@ -14,11 +14,11 @@ use mesophyll_files::image::{Maps, Packing, write_exr};
 use mesophyll_files::quantity::Quantity;
 use mesophyll_leaf::{BLADE, File, fill};
 use mesophyll_optics::side::Side;
-use mesophyll_record::{FitRecord, Param, SCHEMA, Section, TruthError};
+use mesophyll_record::{FitRecord, Param, Section, TruthError};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Writes the maps and the blade; the caller writes `fit.toml` last.
+/// Writes the maps and the blade and says in the record what they are.
 ///
 /// # Errors
 /// Files that cannot be written; a damaged `truth/`.
@@ -28,19 +28,11 @@ pub fn write(
     reduced: &Reduced,
     sides: &[Fitted; 2],
     options: &Options,
-    input_hash: String,
-) -> Result<FitRecord> {
+    record: &mut FitRecord,
+) -> Result<()> {
     let m = &capture.manifest;
     let grid = Grid { width: m.width, height: m.height, texel: m.texel_mm };
-    let mut record = FitRecord {
-        schema: SCHEMA,
-        kind: "leaf".into(),
-        name: m.name.clone(),
-        program: concat!("mesophyll ", env!("CARGO_PKG_VERSION")).into(),
-        input_hash,
-        defects: Defect::ALL.iter().map(|d| (d.code().to_string(), d.name().to_string())).collect(),
-        ..FitRecord::default()
-    };
+    record.defects = Defect::ALL.iter().map(|d| (d.code().to_string(), d.name().to_string())).collect();
     let mut say = |name: &str, text: String| record.options.insert(name.into(), text);
     say("capture_kind", "dome".into());
     say("size", format!("{}x{}", m.width, m.height));
@@ -88,7 +80,7 @@ pub fn write(
         let path = out.join(&name);
         record.files.insert(name.to_string_lossy().into_owned(), hash::file(&path)?);
     }
-    Ok(record)
+    Ok(())
 }
 
 /// Mean thickness of the good texels (mm).

@@ -20,6 +20,7 @@ use mesophyll_files::table::Status;
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::tube::Tube;
 use mesophyll_solve::Termination;
+use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
 
 /// What a fit needs to know about the device. Lengths in mm.
 #[derive(Debug, Clone, PartialEq)]
@@ -81,12 +82,15 @@ impl ReadingNoise {
 }
 
 /// When samples are reweighted against outliers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage)]
+#[strum(serialize_all = "kebab-case")]
 pub enum Robust {
+    /// Never.
     Off,
     /// Only where the first fit leaves residuals that the stated noise does not explain.
     #[default]
     Auto,
+    /// Always.
     On,
 }
 

@@ -23,15 +23,14 @@ mod undetermined;
 pub mod wide;
 
 use crate::gloss::{Device, TexelFitter};
+use crate::maker::{self, Maker, Outcome};
 use crate::{Error, Result};
 use held_out::{HoldOut, Splits};
 use mesophyll_capture::manifest::{Pass, Travel};
 use mesophyll_capture::reader::Capture;
-use mesophyll_files::hash;
 use mesophyll_files::progress::Bar;
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::side::Side;
-use mesophyll_record::{self as record, FitRecord, Phase, SCHEMA, Times};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
@@ -91,25 +90,9 @@ impl Options {
     }
 }
 
-/// How a run ended.
-#[derive(Debug)]
-pub enum Outcome {
-    /// The fit is complete.
-    Done(Box<FitRecord>),
-    /// The folder already held this very fit; nothing was computed.
-    UpToDate(Box<FitRecord>),
-    /// A shard is done; the fit is complete when all shards are and `--merge` has run.
-    ShardDone { missing: usize },
-}
-
 /// Hash of everything that decides the result: the capture's content, the options, the program version.
 pub fn input_hash(capture: &Capture, options: &Options) -> Result<String> {
-    let content = capture.hash()?;
-    Ok(hash::combine([
-        ("capture", content.as_str()),
-        ("options", &options.describe()),
-        ("program", env!("CARGO_PKG_VERSION")),
-    ]))
+    Ok(maker::input_hash([("capture", capture.hash()?.as_str()), ("options", &options.describe())]))
 }
 
 /// Fits `capture` into the folder `out`.
@@ -118,24 +101,17 @@ pub fn input_hash(capture: &Capture, options: &Options) -> Result<String> {
 /// Unreadable or invalid captures (exit code 2), an unwritable folder (2), an interruption (130, finished parts kept),
 /// and a fit that as a whole cannot be trusted (1).
 pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
-    let clock = Instant::now();
-    // The capture first: a mistyped one leaves no empty folder behind.
-    let folder = capture;
-    let capture = Capture::open(folder)?;
-    record::claim(out, "leaf", &[folder])?;
-    let mut phases = Phases::default();
-    phases.add("open and check", clock);
-    let step = Instant::now();
-    let input = input_hash(&capture, options)?;
-    phases.add("hash the capture", step);
-    if !options.force
-        && let Ok(record) = FitRecord::read(out)
-        && record.input_hash == input
-        && record.verify(out).is_ok()
-    {
-        return Ok(Outcome::UpToDate(Box::new(record)));
+    let (folder, options) = (capture.to_path_buf(), options.clone());
+    maker::make("leaf", out, &[capture], move |maker| fit(&folder, &options, maker))
+}
+
+fn fit(folder: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
+    let capture = maker.phase("open and check", || Capture::open(folder))?;
+    let input = maker.phase("hash the capture", || input_hash(&capture, options))?;
+    if let Some(found) = maker.up_to_date(input, options.force)? {
+        return Ok(found);
     }
-    let parts = out.join(format!("parts-{}", &input[..12]));
+    let parts = maker.parts(&texels::format()).to_path_buf();
     let manifest = &capture.manifest;
     let step = Instant::now();
     let split = |travel| {
@@ -145,7 +121,7 @@ pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     let level = noise::level(&capture, &splits)?;
     let sides =
         manifest.sides.iter().map(|&s| side::Measured::read(&capture, s, &level)).collect::<Result<Vec<_>>>()?;
-    phases.add("light box and mask", step);
+    maker.times.phase("light box and mask", step);
 
     let camera = manifest.camera_deg.to_radians();
     let device = Device {
@@ -184,8 +160,8 @@ pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
         for job in &jobs {
             let spent = job.run(shard, first, &bar)?;
             first += job.count();
-            phases.push(format!("{}: read and calibrate frames", job.side.name()), spent.reading);
-            phases.push(format!("{}: fit texels", job.side.name()), spent.fitting);
+            maker.times.spent(&format!("{}: read and calibrate frames", job.side.name()), spent.reading);
+            maker.times.spent(&format!("{}: fit texels", job.side.name()), spent.fitting);
         }
     }
     let step = Instant::now();
@@ -205,55 +181,36 @@ pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
             }
         }
     }
-    phases.add("merge parts", step);
+    maker.times.phase("merge parts", step);
 
-    let mut record = FitRecord {
-        schema: SCHEMA,
-        kind: "leaf".into(),
-        name: manifest.name.clone(),
-        program: concat!("mesophyll ", env!("CARGO_PKG_VERSION")).into(),
-        input_hash: input,
-        ..FitRecord::default()
-    };
+    let mut record = maker.record(&manifest.name);
     output::describe(&mut record, &capture, options, &level, &splits);
-    let mut times = Times {
-        capture: Some(capture.folder.display().to_string()),
-        threads: rayon::current_num_threads(),
-        ..Times::default()
-    };
+    maker.times.capture = Some(capture.folder.display().to_string());
     let mut done = Vec::new();
     for (measured, maps) in sides.into_iter().zip(merged) {
         let step = Instant::now();
         let _bar = Bar::of(format!("{}: interior", measured.side.name()));
-        let fitted = interior::fit(&capture, measured, maps, options, &level, &mut times)?;
-        phases.add(&format!("{}: interior", fitted.side.name()), step);
+        let fitted = interior::fit(&capture, measured, maps, options, &level, &mut maker.times)?;
+        maker.times.phase(&format!("{}: interior", fitted.side.name()), step);
         done.push(fitted);
     }
     sides::compare(&mut done, manifest.thickness_err_mm.unwrap_or(0.0) / manifest.thickness_mm, &mut record);
+    let blade = maker.phase("blade", || Ok(output::blade(&capture, &done)))?;
     let step = Instant::now();
-    let blade = output::blade(&capture, &done);
-    phases.add("blade", step);
-    let step = Instant::now();
-    record::begin(out, "leaf")?;
     let mut judged = Vec::new();
     for fitted in &done {
         judged.push(held_out::judge(&capture, record.scan.get_or_insert_default(), &splits, fitted, &level)?);
     }
-    phases.add("held-out frames", step);
+    maker.times.phase("held-out frames", step);
     let step = Instant::now();
+    let out = maker.begin()?.to_path_buf();
     for (fitted, judged) in done.iter().zip(judged) {
         let truth = truth::compare(&capture, fitted)?;
-        output::side(out, &capture, fitted, &level, blade.as_ref(), truth, judged, &mut record)?;
+        output::side(&out, &capture, fitted, &level, blade.as_ref(), truth, judged, &mut record)?;
     }
-    output::finish(out, &capture, blade.as_ref(), &mut record)?;
-    phases.add("write maps", step);
-    times.phases = phases.0;
-    times.total_s = clock.elapsed().as_secs_f64();
-    times.peak_memory_mib = output::peak_memory_mib();
-    times.write(out)?;
-    record.write(out)?;
-    // The parts served their purpose once fit.toml stands; a folder that cannot be removed harms nothing.
-    let _ = std::fs::remove_dir_all(&parts);
+    output::finish(&out, &capture, blade.as_ref(), &mut record)?;
+    maker.times.phase("write maps", step);
+    maker.finish(&record)?;
     if done.iter().all(|d| d.wide_failed()) {
         return Err(Error::Missed(format!(
             "{}: the leaf-wide fit did not converge on any side ({}); maps are written, σa and σs are not to be used",
@@ -267,17 +224,4 @@ pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
 /// Names of the files of W's packed textures in a fit folder.
 pub fn map_path(folder: &Path, side: Side, what: &str) -> PathBuf {
     folder.join(format!("{}_{what}.exr", side.name()))
-}
-
-/// Wall times in order.
-#[derive(Debug, Default)]
-struct Phases(Vec<Phase>);
-
-impl Phases {
-    fn add(&mut self, name: &str, since: Instant) {
-        self.push(name.to_string(), since.elapsed().as_secs_f64());
-    }
-    fn push(&mut self, name: String, seconds: f64) {
-        self.0.push(Phase { name, seconds });
-    }
 }

@@ -336,10 +336,3 @@ fn gloss_residuals(fitted: &Fitted, width: usize) -> Residuals {
     r.rms = r.reduced_chi2.sqrt();
     r
 }
-
-/// High-water mark of this process's memory (MiB), where the system tells.
-pub fn peak_memory_mib() -> Option<f64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find(|l| l.starts_with("VmHWM:"))?;
-    line.split_whitespace().nth(1)?.parse::<f64>().ok().map(|kb| kb / 1024.0)
-}

@@ -12,7 +12,7 @@ use crate::{Error, Result};
 use mesophyll_capture::manifest::Travel;
 use mesophyll_capture::reader::Capture;
 use mesophyll_files::image::{Maps, Packing, read_exr, write_exr};
-use mesophyll_files::progress::{Bar, stop_requested};
+use mesophyll_files::progress::Bar;
 use mesophyll_files::quantity::{self, Quantity};
 use mesophyll_optics::side::Side;
 use rayon::prelude::*;
@@ -58,6 +58,11 @@ pub fn chi2(parts: &Maps) -> (&[f32], &[f32]) {
     (plane(Quantity::Chi2), plane(Quantity::Freedom))
 }
 
+/// What a part holds. A stopped run's parts are taken over only where this is the same.
+pub fn format() -> String {
+    format!("{ROWS} rows of {}", channels().join(" "))
+}
+
 /// Which parts this process makes: every N-th from the I-th (0-based).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shard {
@@ -95,7 +100,7 @@ impl Job<'_> {
     /// so that shards balance over both sides.
     ///
     /// # Errors
-    /// [`Error::Interrupted`] after a stop was asked for, with every finished part on disk.
+    /// Frames that cannot be read, parts that cannot be written.
     pub fn run(&self, shard: Shard, first: usize, bar: &Bar) -> Result<Seconds> {
         let mut spent = Seconds::default();
         for part in (0..self.count()).filter(|p| (first + p) % shard.count == shard.index) {
@@ -103,12 +108,6 @@ impl Job<'_> {
             if self.path(part).exists() {
                 bar.advance(texels.len() as u64);
                 continue;
-            }
-            if stop_requested() {
-                return Err(Error::Interrupted(format!(
-                    "interrupted; finished parts are kept in {}, run the same command again to go on",
-                    self.parts.display()
-                )));
             }
             self.fit_part(part, &texels, &mut spent)?;
             bar.advance(texels.len() as u64);

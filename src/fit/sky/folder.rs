@@ -1,10 +1,11 @@
 //! A fitted sky on disk: `coefficients.json` (the arrays, in f32), `fit.toml`, `times.toml`.
 
 use super::judge::{Judged, Reference, judge};
-use super::{Fitted, Form};
+use super::{Fitted, Form, Options, SkyModel};
+use crate::maker::{self, Maker};
 use crate::{Error, Result};
 use mesophyll_files::{atomic, hash};
-use mesophyll_record::{FitRecord, SCHEMA, Section, Times};
+use mesophyll_record::{FitRecord, Section};
 use mesophyll_sky::fitted::{Basis, Folded, Tensor};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -89,11 +90,40 @@ impl Arrays {
     }
 }
 
-/// Writes the folder and says how good the fit is, in f64 and as written.
+/// A sky that was fitted and written.
+#[derive(Debug)]
+pub struct Made {
+    pub fitted: Fitted,
+    /// How good the fit is in f64, and as written.
+    pub wide: Judged,
+    pub narrow: Judged,
+    /// Size of the written arrays.
+    pub bytes: usize,
+    /// Smallest c00 of the domain, which errors are relative to.
+    pub smallest_c00: f64,
+}
+
+/// Fits a sky over ground of this albedo into the folder `out`. It is fitted anew also where the folder holds this very
+/// fit, which takes milliseconds.
 ///
 /// # Errors
-/// [`Error::Missed`] where the fit failed (nothing is written then); a folder that cannot be written.
-pub fn write(folder: &Path, fit: &Fitted, reference: &Reference) -> Result<(Judged, Judged)> {
+/// Options that cannot be fitted, a fit that failed; a folder that cannot be written or that holds something else.
+pub fn make(out: &Path, options: &Options, model: SkyModel, albedo: f64) -> Result<Made> {
+    let options = options.clone();
+    maker::make("sky", out, &[], move |maker| {
+        let sky = model.over(albedo)?;
+        let fitted = match model {
+            SkyModel::Preetham => super::fit(&options)?,
+            SkyModel::HosekWilkie => super::fit_model(&options, sky.as_ref())?,
+        };
+        let reference =
+            Reference::new(sky.as_ref(), options.bands, options.turbidities, 33, 15).map_err(Error::Missed)?;
+        write(maker, fitted, &reference)
+    })
+}
+
+/// Writes the folder and says how good the fit is.
+fn write(maker: &mut Maker, fit: Fitted, reference: &Reference) -> Result<Made> {
     let Some(form) = &fit.form else {
         return Err(Error::Missed(format!(
             "fit sky: {} ended as {}: {}",
@@ -106,20 +136,12 @@ pub fn write(folder: &Path, fit: &Fitted, reference: &Reference) -> Result<(Judg
     let (wide_error, error) = (judge(form, reference), judge(&narrow, reference));
     let arrays = serde_json::to_string(&Arrays::new(&narrow, &fit.model))
         .map_err(|e| Error::Missed(format!("cannot write JSON: {e}")))?;
-    let path = folder.join("coefficients.json");
-    mesophyll_record::begin(folder, "sky")?;
-    atomic::write_bytes(&path, format!("{arrays}\n").as_bytes())?;
-
     let options = &fit.options;
-    let mut record = FitRecord {
-        schema: SCHEMA,
-        kind: "sky".into(),
-        name: format!("{} {}", fit.model, options.method.name()),
-        program: format!("mesophyll {}", env!("CARGO_PKG_VERSION")),
-        input_hash: blake3::hash(format!("{} {options:?}", fit.model).as_bytes()).to_hex().to_string(),
-        termination: Some(fit.termination),
-        ..FitRecord::default()
-    };
+    maker.made_from(hash::bytes(format!("{} {options:?}", fit.model).as_bytes()))?;
+    let path = maker.begin()?.join("coefficients.json");
+    atomic::write_bytes(&path, format!("{arrays}\n").as_bytes())?;
+    let mut record = maker.record(&format!("{} {}", fit.model, options.method.name()));
+    record.termination = Some(fit.termination);
     let mut say = |name: &str, text: String| record.options.insert(name.into(), text);
     say("model", fit.model.clone());
     say("method", options.method.name().into());
@@ -161,17 +183,11 @@ pub fn write(folder: &Path, fit: &Fitted, reference: &Reference) -> Result<(Judg
     figure("columns", fit.columns as f64);
     figure("bytes", narrow.bytes() as f64);
     record.sections.insert("all".into(), all);
-    let times = Times {
-        capture: None,
-        phases: fit.phases.clone(),
-        total_s: fit.seconds(),
-        threads: rayon::current_num_threads(),
-        traces: [("fit".to_string(), fit.trace.clone())].into(),
-        ..Times::default()
-    };
-    times.write(folder)?;
-    record.write(folder)?;
-    Ok((wide_error, error))
+    maker.times.phases.clone_from(&fit.phases);
+    maker.times.traces.insert("fit".into(), fit.trace.clone());
+    maker.finish(&record)?;
+    let bytes = narrow.bytes();
+    Ok(Made { fitted: fit, wide: wide_error, narrow: error, bytes, smallest_c00: reference.smallest })
 }
 
 /// Reads a folder: its record and its polynomials, both checked.
@@ -194,21 +210,20 @@ pub fn read(folder: &Path) -> Result<(FitRecord, Form<f32>)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sky::{Method, Options, fit};
-    use mesophyll_sky::{Preetham, preetham};
+    use crate::sky::Method;
 
     #[test]
     fn what_is_written_reads_back_and_a_changed_file_is_noticed() {
-        let reference = Reference::new(&Preetham, 3, preetham::TRUSTED, 5, 3).unwrap();
         for method in [Method::Compact, Method::Chebyshev] {
             let folder = tempfile::tempdir().unwrap();
-            let fitted = fit(&Options { method, bands: 3, ..Options::default() }).unwrap();
-            write(folder.path(), &fitted, &reference).unwrap();
+            let options = Options { method, bands: 3, ..Options::default() };
+            let made = || make(folder.path(), &options, SkyModel::Preetham, 0.2).unwrap();
+            let fitted = made().fitted;
             let (record, form) = read(folder.path()).unwrap();
             assert_eq!(form, fitted.form.as_ref().unwrap().narrow());
             assert_eq!(record.sections["all"].figures["bytes"], form.bytes() as f64);
             let first = std::fs::read(folder.path().join("fit.toml")).unwrap();
-            write(folder.path(), &fitted, &reference).unwrap();
+            made();
             assert_eq!(std::fs::read(folder.path().join("fit.toml")).unwrap(), first);
             let path = folder.path().join("coefficients.json");
             let text = std::fs::read_to_string(&path).unwrap().replacen("0.", "1.", 1);
@@ -218,12 +233,11 @@ mod tests {
     }
 
     #[test]
-    fn a_failed_fit_writes_nothing() {
+    fn a_failed_fit_leaves_nothing() {
         let folder = tempfile::tempdir().unwrap();
-        let failed =
-            fit(&Options { method: Method::MonomialsNormal, bands: 2, grid: 40, ..Options::default() }).unwrap();
-        let reference = Reference::new(&Preetham, 2, preetham::TRUSTED, 3, 2).unwrap();
-        assert!(write(folder.path(), &failed, &reference).unwrap_err().to_string().contains("not positive definite"));
+        let options = Options { method: Method::MonomialsNormal, bands: 2, grid: 40, ..Options::default() };
+        let failed = make(&folder.path().join("deeper/sky"), &options, SkyModel::Preetham, 0.2).unwrap_err();
+        assert!(failed.to_string().contains("not positive definite"), "{failed}");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 }

@@ -10,8 +10,8 @@
 //! | fit | [`fit`] with [`Options`]; [`Fitted::form`] holds the polynomials in f64, [`Form::narrow`] in f32 |
 //! | the fit that the program itself uses | [`standard`]: made once, in milliseconds |
 //! | judge | [`judge::judge`] |
-//! | write and read a folder | [`folder::write`], [`folder::read`] |
-//! | find sun and turbidity in a picture of the sky | [`panorama::fit`], [`panorama::picture::read`] |
+//! | make and read a folder | [`folder::make`], [`folder::read`] |
+//! | find sun and turbidity in a picture of the sky | [`panorama::record::make`], [`panorama::fit`] |
 
 pub mod folded;
 pub mod folder;
@@ -24,7 +24,7 @@ pub mod window;
 use crate::{Error, Result};
 use mesophyll_record::Phase;
 use mesophyll_sky::fitted::{Folded, Tensor};
-use mesophyll_sky::{Coefficients, Model, Preetham, Refused, preetham};
+use mesophyll_sky::{Coefficients, HosekWilkie, Model, Preetham, Refused, preetham};
 use mesophyll_solve::{Termination, Trace};
 use std::sync::OnceLock;
 use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
@@ -52,6 +52,31 @@ impl Method {
     /// Name in files and on the command line.
     pub fn name(self) -> &'static str {
         self.into()
+    }
+}
+
+/// The skies that can be fitted and evaluated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage)]
+#[strum(serialize_all = "kebab-case")]
+pub enum SkyModel {
+    #[default]
+    Preetham,
+    HosekWilkie,
+}
+
+impl SkyModel {
+    /// The model over ground of this albedo, 0 to 1, which Preetham's does not know.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for another albedo.
+    pub fn over(self, albedo: f64) -> Result<Box<dyn Model>> {
+        if !(0.0..=1.0).contains(&albedo) {
+            return Err(Error::Usage(format!("--albedo is {albedo}; expected 0 to 1")));
+        }
+        Ok(match self {
+            SkyModel::Preetham => Box::new(Preetham),
+            SkyModel::HosekWilkie => Box::new(HosekWilkie { albedo: [albedo; 3] }),
+        })
     }
 }
 

@@ -17,6 +17,35 @@ use mesophyll_solve::problem::Closure;
 use mesophyll_solve::{Fit, Options, lm};
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
+use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
+
+/// The windows that are offered, by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage)]
+#[strum(serialize_all = "kebab-case")]
+pub enum WindowKind {
+    #[default]
+    None,
+    Zonal,
+    Lanczos,
+    Fitted,
+    Positive,
+}
+
+impl WindowKind {
+    /// The window on so many bands; none where nothing is to be changed.
+    ///
+    /// # Errors
+    /// As [`matched`].
+    pub fn window(self, bands: usize) -> Result<Option<Window>> {
+        Ok(match self {
+            WindowKind::None => None,
+            WindowKind::Zonal => Some(Window::zonal(bands)),
+            WindowKind::Lanczos => Some(Window::lanczos(bands)),
+            WindowKind::Fitted => Some(matched(bands)?),
+            WindowKind::Positive => Some(Window::positive(bands)),
+        })
+    }
+}
 
 /// Suns and turbidities of the fit, and of the table (none in common).
 const FITTED_ON: ([f64; 6], [f64; 3]) = ([0.1, 0.5, 0.9, 1.2, 1.4, 1.55], [2.5, 4.0, 6.0]);

@@ -8,32 +8,27 @@
 use super::recipe::Recipe;
 use super::side::Made;
 use super::source::{SideMaps, Source};
+use super::tissue;
 use super::{Colour, Options, TissueFrom, TissueName};
 use crate::Result;
-use mesophyll_files::hash;
 use mesophyll_files::image::{Maps, Packing, to_srgb8, write_exr, write_png};
 use mesophyll_files::quantity::Quantity;
 use mesophyll_leaf::File;
-use mesophyll_record::{FitRecord, Param, SCHEMA, Section};
+use mesophyll_record::{FitRecord, Param, Section};
 use std::path::Path;
 
 const RGB: [&str; 3] = ["R", "G", "B"];
 
-/// Writes the maps and says what is in them; the caller writes `fit.toml` last.
+/// What a part holds: the files of one side and its section. A stopped run's parts are taken over only where this is the
+/// same.
+pub const PART: &str = "side.exr, side_translucency.png, section";
+
+/// Says in the record what all sides share.
 ///
 /// # Errors
-/// [`Error::Write`] for a folder or file that cannot be written.
-pub fn write(out: &Path, source: &Source, made: &[Made], options: &Options, input_hash: String) -> Result<FitRecord> {
-    mesophyll_record::begin(out, "translucency")?;
-    let mut record = FitRecord {
-        schema: SCHEMA,
-        kind: "translucency".into(),
-        name: source.name.clone(),
-        program: concat!("mesophyll ", env!("CARGO_PKG_VERSION")).into(),
-        input_hash,
-        ..FitRecord::default()
-    };
-    Recipe::of(options, made.first().map_or(&[], |m| &m.channels)).write(&mut record.options);
+/// [`crate::Error::Missed`] for a slab that the leaf fit did not determine.
+pub fn describe(record: &mut FitRecord, source: &Source, channels: &[usize], options: &Options) -> Result<()> {
+    Recipe::of(options, channels).write(&mut record.options);
     let mut say = |name: &str, text: String| record.options.insert(name.into(), text);
     say("leaf", source.hash.clone());
     say("basis", options.sun.map_or(options.basis.name(), |_| "none: one light".into()));
@@ -47,18 +42,24 @@ pub fn write(out: &Path, source: &Source, made: &[Made], options: &Options, inpu
     say("size", format!("{}x{}", source.width, source.height));
     say("texel_mm", format!("{:?}", source.texel_mm));
     say("frame", "columns and tangent frame of the side that light enters: x right, y up, z out of it".into());
-    if let Some(why) = made.iter().flat_map(|m| &m.tissue).find_map(|t| t.doubt()) {
-        record.options.insert("doubt".into(), why);
+    for side in &source.sides {
+        for c in channels {
+            if let Some(why) = tissue::of(side, *c, options)?.doubt() {
+                record.options.entry("doubt".into()).or_insert(why);
+            }
+        }
     }
-    for (side, source_side) in made.iter().zip(&source.sides) {
-        let maps = maps(source, side, options);
-        let path = File::Maps.path(out, side.side);
-        write_exr(&path, &maps, Packing::Zip)?;
-        preview(out, source, side)?;
-        record.files.insert(File::Maps.name(side.side), hash::file(&path)?);
-        record.sections.insert(side.side.name().into(), section(source, source_side, side, options));
-    }
-    Ok(record)
+    Ok(())
+}
+
+/// Writes one side's maps and preview into `out`; the answer is what the record says of them.
+///
+/// # Errors
+/// [`crate::Error::Write`] for a file that cannot be written.
+pub fn side(out: &Path, source: &Source, of: &SideMaps, side: &Made, options: &Options) -> Result<Section> {
+    write_exr(&File::Maps.path(out, side.side), &maps(source, side, options), Packing::Zip)?;
+    preview(out, source, side)?;
+    Ok(section(source, of, side, options))
 }
 
 /// Name of coefficient `i` (from 0) of channel `c`.

@@ -26,13 +26,13 @@ pub mod source;
 pub mod spread;
 pub mod tissue;
 
+use crate::maker::{self, Maker, Outcome};
 use crate::{Error, Result};
-use mesophyll_files::{hash, progress};
+use mesophyll_files::hash;
+use mesophyll_leaf::File;
 use mesophyll_optics::dipole::Form;
-use mesophyll_record::{self as record, FitRecord, Phase, Times};
 use mesophyll_translucency::basis::Basis;
 use mesophyll_translucency::lights::{self, Rule};
-use side::Made;
 use source::{Frame, Source};
 use std::path::Path;
 use std::time::Instant;
@@ -187,21 +187,9 @@ impl Options {
     }
 }
 
-/// How a run ended.
-#[derive(Debug)]
-pub enum Outcome {
-    Done(Box<FitRecord>),
-    /// The folder already held this very fit; nothing was computed.
-    UpToDate(Box<FitRecord>),
-}
-
 /// Hash of everything that decides the result.
 pub fn input_hash(source: &Source, options: &Options) -> String {
-    hash::combine([
-        ("leaf", source.hash.as_str()),
-        ("options", &options.describe()),
-        ("program", env!("CARGO_PKG_VERSION")),
-    ])
+    maker::input_hash([("leaf", source.hash.as_str()), ("options", &options.describe())])
 }
 
 /// Computes the translucency maps of the leaf fit in `input` into the folder `out`.
@@ -210,51 +198,48 @@ pub fn input_hash(source: &Source, options: &Options) -> String {
 /// An input that is no leaf fit or is damaged (exit code 2), a slab that the leaf fit did not determine (1), a folder
 /// that cannot be written (2).
 pub fn run(input: &Path, out: &Path, options: &Options) -> Result<Outcome> {
-    let clock = Instant::now();
-    let source = Source::read(input, Frame::Mesh)?;
-    record::claim(out, "translucency", &[input])?;
-    let mut phases =
-        vec![Phase { name: "read the leaf and integrate its heights".into(), seconds: clock.elapsed().as_secs_f64() }];
-    let wanted = input_hash(&source, options);
-    if !options.force
-        && let Ok(record) = FitRecord::read(out)
-        && record.input_hash == wanted
-        && record.verify(out).is_ok()
-    {
-        return Ok(Outcome::UpToDate(Box::new(record)));
+    let (leaf, options) = (input.to_path_buf(), options.clone());
+    maker::make("translucency", out, &[input], move |maker| fit(&leaf, &options, maker))
+}
+
+fn fit(leaf: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
+    let source = maker.phase("read the leaf and integrate its heights", || Source::read(leaf, Frame::Mesh))?;
+    if let Some(found) = maker.up_to_date(input_hash(&source, options), options.force)? {
+        return Ok(found);
     }
-    let made = make(&source, options, &mut phases)?;
-    progress::go_on()?;
-    let step = Instant::now();
-    let record = folder::write(out, &source, &made, options, wanted)?;
-    phases.push(Phase { name: "write maps".into(), seconds: step.elapsed().as_secs_f64() });
-    let times = Times {
-        total_s: clock.elapsed().as_secs_f64(),
-        phases,
-        threads: rayon::current_num_threads(),
-        ..Times::default()
-    };
-    times.write(out)?;
-    record.write(out)?;
+    let channels = channels(&source, options)?;
+    let mut record = maker.record(&source.name);
+    folder::describe(&mut record, &source, &channels, options)?;
+    for side in &source.sides {
+        let section = maker.part(folder::PART, side.name.name(), |out, times| {
+            let made = side::make(&source, side, &channels, options, times)?;
+            let step = Instant::now();
+            let section = folder::side(out, &source, side, &made, options)?;
+            times.phase(&format!("{}: write maps", side.name.name()), step);
+            Ok(section)
+        })?;
+        record.sections.insert(side.name.name().into(), section);
+    }
+    let out = maker.begin()?;
+    maker.take_parts()?;
+    for side in &source.sides {
+        record.files.insert(File::Maps.name(side.name), hash::file(&File::Maps.path(out, side.name))?);
+    }
+    maker.finish(&record)?;
     Ok(Outcome::Done(Box::new(record)))
 }
 
-/// All sides of a leaf, in memory.
+/// The channels to compute: 0 red, 1 green, 2 blue.
 ///
 /// # Errors
-/// [`Error::Missed`] for a slab that the leaf fit did not determine.
-pub fn make(source: &Source, options: &Options, phases: &mut Vec<Phase>) -> Result<Vec<Made>> {
-    let channels = match (options.colour, options.channel) {
-        (Colour::ThreeWavelengths, None) => vec![0, 1, 2],
+/// [`Error::Usage`] for three wavelengths and a channel besides.
+fn channels(source: &Source, options: &Options) -> Result<Vec<usize>> {
+    match (options.colour, options.channel) {
+        (Colour::ThreeWavelengths, None) => Ok(vec![0, 1, 2]),
         (Colour::ThreeWavelengths, Some(_)) => {
-            return Err(Error::Usage("three wavelengths need no channel: every channel is computed".into()));
+            Err(Error::Usage("three wavelengths need no channel: every channel is computed".into()))
         }
-        (_, Some(c)) => vec![c],
-        (_, None) => vec![tissue::dominant(&source.sides)],
-    };
-    let one = |s| {
-        progress::go_on()?;
-        side::make(source, s, &channels, options, phases)
-    };
-    source.sides.iter().map(one).collect()
+        (_, Some(c)) => Ok(vec![c]),
+        (_, None) => Ok(vec![tissue::dominant(&source.sides)]),
+    }
 }

@@ -7,7 +7,7 @@ use crate::{Error, Result};
 use mesophyll_files::progress::Bar;
 use mesophyll_optics::dipole::Tissue;
 use mesophyll_optics::side::Side;
-use mesophyll_record::Phase;
+use mesophyll_record::Times;
 use mesophyll_translucency::basis::{Projector, Weights};
 use mesophyll_translucency::blade::{LitSide, Surface};
 use mesophyll_translucency::convolve::{Convolver, Settings, Totals};
@@ -109,13 +109,11 @@ pub fn make(
     side: &SideMaps,
     channels: &[usize],
     options: &Options,
-    phases: &mut Vec<Phase>,
+    times: &mut Times,
 ) -> Result<Made> {
     let name = side.name.name();
     let _bar = Bar::of(format!("light through the {name}"));
-    let mut phase = |what: &str, since: Instant| {
-        phases.push(Phase { name: format!("{name}: {what}"), seconds: since.elapsed().as_secs_f64() })
-    };
+    let mut phase = |what: &str, since: Instant| times.phase(&format!("{name}: {what}"), since);
     let step = Instant::now();
     let first = surface(side, channels[0], tissue::entry(options), options.area);
     let horizon = Horizon::new(&lit(source, side, &first));

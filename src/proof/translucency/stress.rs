@@ -8,6 +8,7 @@ use mesophyll_fit::translucency::{Options, TissueFrom, TissueName, side};
 use mesophyll_optics::dipole::{Form, Tissue};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
+use mesophyll_record::Times;
 use mesophyll_translucency::basis;
 use mesophyll_translucency::convolve::{Convolver, Settings};
 use mesophyll_translucency::levels::Levels;
@@ -167,7 +168,7 @@ fn flat(n: usize, thickness: f64) -> Source {
 fn no_relief() -> Result<StressRow> {
     let clock = Instant::now();
     let source = flat(48, 0.2);
-    let made = side::make(&source, &source.sides[0], &[1], &Options::default(), &mut Vec::new())?;
+    let made = side::make(&source, &source.sides[0], &[1], &Options::default(), &mut Times::default())?;
     let off = made.coefficients[0].iter().flatten().map(|c| (c / basis::FLAT - 1.0).abs()).fold(0.0, f64::max);
     let verdict = if off < 1e-9 { "ok".into() } else { format!("wrong: coefficients are off by {off:.1e}") };
     Ok(row("no relief: half-life-2 coefficients", "ok", verdict, Some(-off.log10()), clock))
@@ -179,7 +180,7 @@ fn undetermined() -> StressRow {
     let mut source = flat(8, 0.2);
     source.sides[0].sigma_err[0][1] = f64::INFINITY;
     source.sides[0].undetermined = vec!["sigma_a.G: relative standard error inf".into()];
-    let run = |options: &Options| side::make(&source, &source.sides[0], &[1], options, &mut Vec::new());
+    let run = |options: &Options| side::make(&source, &source.sides[0], &[1], options, &mut Times::default());
     let verdict = match (
         run(&Options::default()),
         run(&Options { tissue: TissueFrom::Named(TissueName::Table), ..Options::default() }),

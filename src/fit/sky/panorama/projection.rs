@@ -11,6 +11,18 @@
 //! Pixel centres are looked at: u = (column + ½)/width.
 
 use std::f64::consts::{PI, TAU};
+use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
+
+/// How a panorama maps pixels to directions, by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage)]
+#[strum(serialize_all = "kebab-case")]
+pub enum ProjectionKind {
+    /// 2:1 (whole sphere) or 4:1 (upper hemisphere), zenith on top
+    #[default]
+    Equirectangular,
+    /// Square, equidistant about the zenith (an angular map looking up)
+    Fisheye,
+}
 
 /// How a panorama maps pixels to directions.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,10 +35,11 @@ pub enum Projection {
 }
 
 impl Projection {
-    pub fn name(self) -> &'static str {
-        match self {
-            Projection::Equirectangular => "equirectangular",
-            Projection::Fisheye { .. } => "fisheye",
+    /// The projection of that kind; a fisheye's circle takes in `field_deg` degrees.
+    pub fn of(kind: ProjectionKind, field_deg: f64) -> Projection {
+        match kind {
+            ProjectionKind::Equirectangular => Projection::Equirectangular,
+            ProjectionKind::Fisheye => Projection::Fisheye { field: field_deg.to_radians() },
         }
     }
 

@@ -1,42 +1,78 @@
 //! What a panorama's fit leaves on disk: `fit.toml`, `times.toml`, and `all.exr` (fate, reduced χ² and relative
 //! residuals of every pixel).
 
-use super::picture::Picture;
+use super::picture::{self, Channels, Picture};
+use super::projection::{Projection, ProjectionKind};
 use super::{Found, NAMES, clipped};
-use crate::Result;
+use crate::maker::{self, Maker};
+use crate::{Error, Result};
 use mesophyll_files::hash;
-use mesophyll_files::image::{Maps, Packing, write_exr};
+use mesophyll_files::image::{Maps, Packing, read_exr, write_exr};
 use mesophyll_files::table::Status;
-use mesophyll_record::{FitRecord, Param, Phase, Residuals, SCHEMA, Section, Times};
+use mesophyll_record::{Param, Residuals, Section};
 use mesophyll_sky::preetham;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Writes the folder. `options` is what the fit was told; `seconds` are those of reading and fitting.
+/// What the fit of a panorama is told.
+#[derive(Debug, Clone)]
+pub struct Options {
+    pub projection: ProjectionKind,
+    /// With a fisheye: the whole angle across the circle (degrees).
+    pub field_deg: f64,
+    pub channels: Channels,
+    /// Relative standard error of a reading, above 0 and below 1, where it is known.
+    pub noise: Option<f64>,
+}
+
+/// Finds sun, turbidity and scale of the picture in the file `path`, and writes the folder `out`. It is fitted anew also
+/// where the folder holds this very fit.
 ///
 /// # Errors
-/// [`Error::Write`].
-pub fn write(
-    folder: &Path,
-    picture: &Picture,
-    found: &Found,
-    options: &BTreeMap<String, String>,
-    input_hash: String,
-    seconds: [f64; 2],
-) -> Result<()> {
-    mesophyll_record::begin(folder, "panorama")?;
-    let map = folder.join("all.exr");
+/// A picture that cannot be read or holds no sky; a noise out of range; a folder that cannot be written or that holds
+/// something else.
+pub fn make(path: &Path, out: &Path, options: &Options) -> Result<Found> {
+    let (path, inputs, options) = (path.to_path_buf(), [path], options.clone());
+    maker::make("panorama", out, &inputs, move |maker| {
+        let projection = Projection::of(options.projection, options.field_deg);
+        let picture = maker.phase("read", || picture::read(&path, &read_exr(&path)?, projection, &options.channels))?;
+        if let Some(n) = options.noise.filter(|n| !(*n > 0.0 && *n < 1.0)) {
+            return Err(Error::Usage(format!(
+                "--noise is {n}; expected more than 0 and less than 1 (relative to a reading)"
+            )));
+        }
+        let missed = |why: String| Error::Missed(format!("{}: {why}", path.display()));
+        let found = maker.phase("fit", || super::fit(&picture, options.noise).map_err(missed))?;
+        let told = options.told(&picture);
+        let all = format!("{told:?} {:?} {}", options.noise, env!("CARGO_PKG_VERSION"));
+        maker.made_from(hash::combine([("panorama", hash::file(&path)?.as_str()), ("options", &all)]))?;
+        write(maker, &picture, &found, told)?;
+        Ok(found)
+    })
+}
+
+impl Options {
+    /// The options as `fit.toml` has them.
+    fn told(&self, picture: &Picture) -> BTreeMap<String, String> {
+        let mut told = BTreeMap::new();
+        told.insert("projection".to_string(), self.projection.to_string());
+        if self.projection == ProjectionKind::Fisheye {
+            told.insert("field_deg".into(), self.field_deg.to_string());
+        }
+        told.insert("channels".into(), self.channels.radiance.join(","));
+        told.insert("size".into(), format!("{} x {}", picture.width, picture.height));
+        told.extend(self.channels.mask.iter().map(|m| ("mask".to_string(), m.clone())));
+        told.extend(self.channels.saturation.iter().map(|s| ("saturation".to_string(), s.to_string())));
+        told
+    }
+}
+
+fn write(maker: &mut Maker, picture: &Picture, found: &Found, told: BTreeMap<String, String>) -> Result<()> {
+    let map = maker.begin()?.join("all.exr");
     write_exr(&map, &maps(picture, found), Packing::Zip)?;
-    let mut record = FitRecord {
-        schema: SCHEMA,
-        kind: "panorama".into(),
-        name: "sky panorama".into(),
-        program: concat!("mesophyll ", env!("CARGO_PKG_VERSION")).into(),
-        input_hash,
-        termination: Some(found.fit.termination),
-        options: options.clone(),
-        ..FitRecord::default()
-    };
+    let mut record = maker.record("sky panorama");
+    record.termination = Some(found.fit.termination);
+    record.options = told;
     record.options.insert("noise".into(), format!("{:.3e} of a reading, {}", found.noise, found.noise_from.name()));
     record.options.insert("status".into(), found.status.to_string());
     let [low, high] = preetham::TRUSTED;
@@ -48,15 +84,8 @@ pub fn write(
     record.defects = [("-1".to_string(), "clipped".to_string()), ("-2".into(), "outlier".into())].into();
     record.files.insert("all.exr".into(), hash::file(&map)?);
     record.sections.insert("all".into(), section(picture, found));
-    let times = Times {
-        phases: ["read", "fit"].iter().zip(seconds).map(|(n, s)| Phase { name: (*n).into(), seconds: s }).collect(),
-        total_s: seconds.iter().sum(),
-        threads: rayon::current_num_threads(),
-        traces: [("search".to_string(), found.search.clone()), ("fit".into(), found.fit.trace.clone())].into(),
-        ..Times::default()
-    };
-    times.write(folder)?;
-    record.write(folder)
+    maker.times.traces = [("search".to_string(), found.search.clone()), ("fit".into(), found.fit.trace.clone())].into();
+    maker.finish(&record)
 }
 
 fn section(picture: &Picture, found: &Found) -> Section {

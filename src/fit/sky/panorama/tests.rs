@@ -33,7 +33,7 @@ fn an_exact_panorama_gives_its_sky_back() {
             let shot = Shot { projection, height, azimuth, noise: 0.0, ..shot(0) };
             let f = found(&Preetham.at(zenith, turbidity).unwrap(), &shot, Some(0.01));
             let e = off(&f, [zenith, azimuth, turbidity, 0.8]);
-            println!("{zenith} {}: {e:?} {}", projection.name(), f.status);
+            println!("{zenith} {projection:?}: {e:?} {}", f.status);
             assert!(
                 e[0].abs() < 1e-5 && e[1].abs() * zenith.sin() < 1e-5 && e[2].abs() < 1e-4 && e[3].abs() < 1e-4,
                 "{zenith}: {e:?}"

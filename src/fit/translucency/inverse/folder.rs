@@ -3,29 +3,20 @@
 use super::compare::{Difference, Slab, explain};
 use super::run::{Options, Truth};
 use super::{Fitted, Measured, Tissues};
-use mesophyll_record::{FitRecord, Param, SCHEMA, Section, Times, TruthError};
+use mesophyll_record::{FitRecord, Param, Section, Times, TruthError};
 use mesophyll_translucency::convolve::Totals;
 
-/// The record of a fit.
-pub fn record(
-    name: &str,
-    input_hash: String,
+/// Says in the record what was found.
+pub fn describe(
+    record: &mut FitRecord,
     measured: &Measured,
     fitted: &Fitted,
     options: &Options,
     slab: &Slab,
     differences: &[Difference],
     truth: Option<&Truth>,
-) -> FitRecord {
-    let mut record = FitRecord {
-        schema: SCHEMA,
-        kind: "tissue".into(),
-        name: name.into(),
-        program: concat!("mesophyll ", env!("CARGO_PKG_VERSION")).into(),
-        input_hash,
-        termination: Some(fitted.termination),
-        ..FitRecord::default()
-    };
+) {
+    record.termination = Some(fitted.termination);
     let names: Vec<&str> = measured.channels.iter().map(|c| c.name.as_str()).collect();
     let mut say = |name: &str, text: String| record.options.insert(name.into(), text);
     say("channels", names.join(" "));
@@ -46,7 +37,6 @@ pub fn record(
     }
     let all = section(measured, fitted, options, slab, differences, truth);
     record.sections.insert("all".into(), all);
-    record
 }
 
 fn section(

@@ -2,6 +2,7 @@
 
 use super::compare::{Slab, differences};
 use super::{Channel, Image, Measured, Noise, ThicknessErrors, Tissues, folder};
+use crate::maker::{self, Maker, Outcome};
 use crate::translucency::Area;
 use crate::translucency::side::{lit, surface};
 use crate::translucency::source::{Frame, SideMaps, Source};
@@ -9,13 +10,12 @@ use crate::translucency::tissue::{Entry, TABLE, mean};
 use crate::{Error, Result};
 use mesophyll_capture::beams::Capture;
 use mesophyll_capture::dome::noise;
-use mesophyll_files::hash;
 use mesophyll_files::image::{read_exr, read_exr_rows};
 use mesophyll_files::quantity::Quantity;
 use mesophyll_leaf::{File, fill};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::side::mirror;
-use mesophyll_record::{self as record, FitRecord, Phase, Times};
+use mesophyll_record::FitRecord;
 use mesophyll_translucency::horizon::Horizon;
 use mesophyll_translucency::irradiance::{Visibility, irradiance};
 use std::path::Path;
@@ -65,14 +65,6 @@ impl Default for Options {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Truth(pub Tissues);
 
-/// How a run ended.
-#[derive(Debug)]
-pub enum Outcome {
-    Done(Box<FitRecord>),
-    /// The folder already held this very fit; nothing was computed.
-    UpToDate(Box<FitRecord>),
-}
-
 const RGB: [&str; 3] = ["R", "G", "B"];
 
 /// Fits the tissue of the photographs in `beams` on the blade of the leaf fit `blade` into the folder `out`.
@@ -81,60 +73,38 @@ const RGB: [&str; 3] = ["R", "G", "B"];
 /// Inputs that cannot be read or do not belong together (exit code 2), a search that does not converge or has nothing
 /// to go by (1), a folder that cannot be written (2).
 pub fn run(beams: &Path, blade: &Path, out: &Path, options: &Options) -> Result<Outcome> {
-    let clock = Instant::now();
+    let (capture, leaf, options) = (beams.to_path_buf(), blade.to_path_buf(), *options);
+    maker::make("tissue", out, &[beams, blade], move |maker| fit(&capture, &leaf, &options, maker))
+}
+
+fn fit(beams: &Path, blade: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
+    let step = Instant::now();
     let capture = Capture::open(beams)?;
     let source = Source::read(blade, Frame::Photograph)?;
-    record::claim(out, "tissue", &[beams, blade])?;
     let told = format!("{:?}", Options { force: false, ..*options });
-    let input_hash = hash::combine([
-        ("beams", capture.hash()?.as_str()),
-        ("leaf", source.hash.as_str()),
-        ("options", &told),
-        ("program", env!("CARGO_PKG_VERSION")),
-    ]);
-    if !options.force
-        && let Ok(record) = FitRecord::read(out)
-        && record.input_hash == input_hash
-        && record.verify(out).is_ok()
-    {
-        return Ok(Outcome::UpToDate(Box::new(record)));
+    let made_from = [("beams", capture.hash()?), ("leaf", source.hash.clone()), ("options", told)];
+    let input = maker::input_hash(made_from.iter().map(|(name, hash)| (*name, hash.as_str())));
+    if let Some(found) = maker.up_to_date(input, options.force)? {
+        return Ok(found);
     }
     let mut measured = measured(&capture, &source, options)?;
     measured.thickness_errors = thickness_errors(blade, &capture, &source, &measured)?;
     let slab = slab(blade, &source)?;
     let start = start(&slab, options);
-    let mut phases =
-        vec![Phase { name: "read, horizon maps, irradiance".into(), seconds: clock.elapsed().as_secs_f64() }];
-    let step = Instant::now();
-    let fitted = super::fit(&measured, &start, &super::Options { told: true, ..options.fit })?;
-    phases.push(Phase { name: "fit".into(), seconds: step.elapsed().as_secs_f64() });
+    maker.times.capture = Some(beams.display().to_string());
+    maker.times.phase("read, horizon maps, irradiance", step);
+    let fitted = maker.phase("fit", || super::fit(&measured, &start, &super::Options { told: true, ..options.fit }))?;
     let truth = truth(&capture, &source);
     let mut stderr = fitted.certainty.stderr.clone();
     if options.fit.fix_scale {
         stderr.push(0.0);
     }
     let differences = differences(&fitted.tissues, &stderr, &slab, source.thickness_mm);
-    let record = folder::record(
-        &capture.manifest.name,
-        input_hash,
-        &measured,
-        &fitted,
-        options,
-        &slab,
-        &differences,
-        truth.as_ref(),
-    );
-    let mut times = Times {
-        capture: Some(beams.display().to_string()),
-        phases,
-        threads: rayon::current_num_threads(),
-        total_s: clock.elapsed().as_secs_f64(),
-        ..Times::default()
-    };
-    folder::times(&mut times, &fitted, truth.as_ref());
-    record::begin(out, "tissue")?;
-    times.write(out)?;
-    record.write(out)?;
+    let mut record = maker.record(&capture.manifest.name);
+    folder::describe(&mut record, &measured, &fitted, options, &slab, &differences, truth.as_ref());
+    folder::times(&mut maker.times, &fitted, truth.as_ref());
+    maker.begin()?;
+    maker.finish(&record)?;
     Ok(Outcome::Done(Box::new(record)))
 }
 

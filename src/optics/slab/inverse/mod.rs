@@ -10,9 +10,11 @@ mod newton;
 
 pub use mesophyll_error::Status;
 pub use newton::{Point, after_steps, solve};
+use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
 
 /// Which forward model the answer is held to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage)]
+#[strum(serialize_all = "kebab-case")]
 pub enum Precision {
     /// The table: better than 1e-6 in σa and σs wherever they are determined.
     #[default]

@@ -1,0 +1,286 @@
+//! The models, an entry each. `fit`, `eval`, `bench`, `bench --peers` and `stress` read this list and nothing else, and
+//! so do their help texts and the completions. `docs/adding.md` says which files a new model has besides its entry.
+
+use crate::{Common, Error, Result, eval, fit};
+use clap::{ArgMatches, Command, FromArgMatches};
+use mesophyll_files::progress::Bar;
+use mesophyll_proof::bench::BenchRow;
+use mesophyll_proof::peers::Inputs;
+use mesophyll_proof::stress::StressRow;
+use mesophyll_proof::{beam, coverage, gloss, leaf, nist, peers, sky, slab, solver, translucency};
+use mesophyll_report as report;
+use std::marker::PhantomData;
+use std::path::{Path, PathBuf};
+
+/// A model, or a table of cases that stands for itself: what the verbs can do with it.
+#[derive(Debug, Clone, Copy)]
+pub struct Model {
+    /// Its name on the command line and in rows.
+    pub name: &'static str,
+    /// `mesophyll fit NAME`.
+    pub fit: Option<Verb>,
+    /// `mesophyll eval NAME`.
+    pub eval: Option<Verb>,
+    /// `mesophyll bench NAME`.
+    pub bench: Option<Sweep>,
+    /// `mesophyll stress NAME`.
+    pub stress: Option<fn() -> Result<Vec<StressRow>>>,
+}
+
+/// A verb inside `fit` or `eval`.
+#[derive(Debug, Clone, Copy)]
+pub struct Verb {
+    /// What it does, in one sentence of the help.
+    about: &'static str,
+    arguments: fn(Command) -> Command,
+    run: fn(&ArgMatches, &Common) -> Result<u8>,
+}
+
+/// A sweep of a model's accuracy knobs.
+#[derive(Debug, Clone, Copy)]
+pub struct Sweep {
+    /// Steps of the progress bar, which `rows` takes.
+    pub steps: u64,
+    pub rows: fn(&Bar) -> Result<Vec<BenchRow>>,
+    /// Pictures of the documentation that show the sweep, written into a folder.
+    pub pictures: Option<fn(&Path) -> Result<Vec<PathBuf>>>,
+    /// Other programs that are measured beside it: their script, and what it gets.
+    pub peers: Option<(&'static str, fn() -> Result<Inputs>)>,
+}
+
+/// The verb whose arguments and function `run` are in `fit::NAME` or `eval::NAME`.
+macro_rules! verb {
+    ($list:ident::$name:ident, $about:literal) => {
+        Some(Verb {
+            about: $about,
+            arguments: <$list::$name::Args as clap::Args>::augment_args,
+            run: |matches, common| {
+                let read = <$list::$name::Args as FromArgMatches>::from_arg_matches(matches);
+                $list::$name::run(&read.map_err(|e| Error::Usage(e.to_string()))?, common)
+            },
+        })
+    };
+}
+
+/// A sweep of one step.
+macro_rules! sweep {
+    ($rows:expr) => {
+        Sweep {
+            steps: 1,
+            rows: |bar| {
+                let rows = $rows()?;
+                bar.step()?;
+                Ok(rows)
+            },
+            pictures: None,
+            peers: None,
+        }
+    };
+}
+
+const NONE: Model = Model { name: "", fit: None, eval: None, bench: None, stress: None };
+
+/// All models, in the order in which verbs name and run them. A new model adds its entry here.
+pub const MODELS: [Model; 12] = [
+    Model {
+        name: "solve",
+        bench: Some(Sweep {
+            peers: Some((include_str!("../../tests/peers/nist_peers.py"), peers::nist)),
+            ..sweep!(nist::bench_rows)
+        }),
+        stress: Some(|| Ok(solver::stress())),
+        ..NONE
+    },
+    Model { name: "nist", stress: Some(nist::stress), ..NONE },
+    Model {
+        name: "slab",
+        fit: verb!(fit::slab, "σa and σs of a slab from its reflectance, transmittance and thickness, from CSV"),
+        eval: verb!(eval::slab, "ρd and ρt of a slab from ω and Δ"),
+        bench: Some(Sweep {
+            peers: Some((include_str!("../../tests/peers/slab_peers.py"), || Ok(peers::slab()))),
+            ..sweep!(slab::bench::bench_rows)
+        }),
+        stress: Some(|| Ok(slab::stress::stress_cases())),
+    },
+    Model {
+        name: "gloss",
+        fit: verb!(fit::gloss, "Gloss traces of a linear light source, or goniometer samples, from CSV"),
+        eval: verb!(eval::gloss, "Traces of a linear light source over a glossy texel"),
+        bench: Some(Sweep {
+            peers: Some((include_str!("../../tests/peers/gloss_peers.py"), peers::gloss)),
+            ..sweep!(gloss::bench::bench_rows)
+        }),
+        stress: Some(|| Ok(gloss::stress::rows())),
+    },
+    Model {
+        name: "leaf",
+        fit: verb!(fit::leaf, "A leaf scan: reflectance, gloss, normals, interior, thickness and blade"),
+        stress: Some(leaf::stress::rows),
+        ..NONE
+    },
+    Model { name: "coverage", stress: Some(|| Ok(coverage::rows())), ..NONE },
+    Model {
+        name: "beam",
+        fit: verb!(
+            fit::beam,
+            "Coefficients of a tapered branch, or its taper and stiffness from measured deflections, from CSV"
+        ),
+        eval: verb!(eval::beam, "Deflection and slope of a tapered branch"),
+        bench: Some(sweep!(beam::bench::bench_rows)),
+        stress: Some(|| Ok(beam::stress::rows())),
+    },
+    Model {
+        name: "sky",
+        fit: verb!(
+            fit::sky,
+            "Polynomials of a sky's spherical harmonics over sun and turbidity; or sun and turbidity from a picture of \
+             the sky"
+        ),
+        eval: verb!(eval::sky, "Spherical harmonics of a sky from the sun's zenith angle and turbidity"),
+        bench: Some(Sweep {
+            pictures: Some(|folder| report::sky::pictures(folder, &sky::figures::all(500)?)),
+            ..sweep!(sky::bench::bench_rows)
+        }),
+        stress: Some(sky::stress::rows),
+    },
+    Model {
+        name: "panorama",
+        eval: verb!(eval::panorama, "A picture of a sky whose sun and turbidity are known, as EXR"),
+        ..NONE
+    },
+    Model {
+        name: "translucency",
+        fit: verb!(
+            fit::translucency,
+            "How the light that comes through a leaf depends on its direction: scattering inside the blade, its relief \
+             and thickness"
+        ),
+        bench: Some(Sweep {
+            steps: translucency::bench::PIECES,
+            rows: translucency::bench::rows,
+            pictures: Some(|folder| {
+                Ok(vec![report::basis_charts::write(folder, &translucency::basis_study::histograms()?)?])
+            }),
+            peers: None,
+        }),
+        stress: Some(translucency::stress::rows),
+        ..NONE
+    },
+    Model {
+        name: "tissue",
+        fit: verb!(fit::tissue, "What a leaf's inside is made of, from photographs of the light that comes through it"),
+        ..NONE
+    },
+    Model {
+        name: "dipole",
+        eval: verb!(eval::dipole, "Light diffusing through a leaf, by thickness and distance"),
+        ..NONE
+    },
+];
+
+/// The models that have something, each with it.
+pub fn with<T>(what: fn(&Model) -> Option<T>) -> impl Iterator<Item = (&'static str, T)> {
+    MODELS.iter().filter_map(move |model| Some((model.name, what(model)?)))
+}
+
+/// Of the models that have something those asked for, each once, in the order asked; all of them where none was.
+pub fn asked<T>(names: &[String], what: fn(&Model) -> Option<T>) -> Vec<(&'static str, T)> {
+    if names.is_empty() {
+        return with(what).collect();
+    }
+    let first = |k: &usize| !names[..*k].contains(&names[*k]);
+    (0..names.len()).filter(first).filter_map(|k| with(what).find(|(name, _)| *name == names[k])).collect()
+}
+
+/// Which verbs a command offers: those of `fit`, or those of `eval`.
+pub trait Offers {
+    fn verb(model: &Model) -> Option<Verb>;
+}
+
+/// The verb that was chosen, and its arguments.
+#[derive(Debug, Clone)]
+pub struct Chosen<O> {
+    verb: Verb,
+    matches: ArgMatches,
+    of: PhantomData<O>,
+}
+
+impl<O: Offers> Chosen<O> {
+    pub fn run(&self, common: &Common) -> Result<u8> {
+        (self.verb.run)(&self.matches, common)
+    }
+}
+
+impl<O: Offers> FromArgMatches for Chosen<O> {
+    fn from_arg_matches(matches: &ArgMatches) -> clap::error::Result<Self> {
+        let missing = || clap::Error::new(clap::error::ErrorKind::MissingSubcommand);
+        let (name, matches) = matches.subcommand().ok_or_else(missing)?;
+        let (_, verb) = with(O::verb).find(|(n, _)| *n == name).ok_or_else(missing)?;
+        Ok(Chosen { verb, matches: matches.clone(), of: PhantomData })
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> clap::error::Result<()> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+impl<O: Offers> clap::Subcommand for Chosen<O> {
+    fn augment_subcommands(command: Command) -> Command {
+        let add = |command: Command, (name, verb): (&'static str, Verb)| {
+            command.subcommand((verb.arguments)(Command::new(name)).about(verb.about).long_about(None))
+        };
+        with(O::verb).fold(command.subcommand_required(true).arg_required_else_help(true), add)
+    }
+
+    fn augment_subcommands_for_update(command: Command) -> Command {
+        Self::augment_subcommands(command)
+    }
+
+    fn has_subcommand(name: &str) -> bool {
+        with(O::verb).any(|(n, _)| n == name)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_model_has_a_name_of_its_own_and_something_to_do() {
+        for (k, model) in MODELS.iter().enumerate() {
+            let verbs = [model.fit.is_some(), model.eval.is_some(), model.bench.is_some(), model.stress.is_some()];
+            assert!(verbs.contains(&true), "{}", model.name);
+            assert!(MODELS[..k].iter().all(|other| other.name != model.name), "{} is there twice", model.name);
+        }
+    }
+
+    #[test]
+    fn what_is_asked_for_comes_once_and_in_the_order_asked() {
+        let names = |asked_for: &[&str]| -> Vec<&str> {
+            let words: Vec<String> = asked_for.iter().map(|w| w.to_string()).collect();
+            asked(&words, |m| m.stress).into_iter().map(|(name, _)| name).collect()
+        };
+        assert_eq!(names(&["sky", "nist", "sky"]), ["sky", "nist"]);
+        assert_eq!(names(&[]).len(), with(|m| m.stress).count());
+    }
+
+    /// The page that says what a new model touches names files that are there.
+    #[test]
+    fn the_files_of_the_page_are_there() {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+        let page = std::fs::read_to_string(root.join("docs/adding.md")).unwrap();
+        let mut seen = 0;
+        for line in page.lines() {
+            for (k, path) in line.split('`').enumerate().filter(|(k, _)| k % 2 == 1) {
+                let rooms = ["src/", "docs/", "data/", "viewer/", "tests/"];
+                let after = line.split('`').skip(k + 1).collect::<String>();
+                if rooms.iter().any(|room| path.starts_with(room)) && !after.contains("(new)") {
+                    assert!(root.join(path).exists(), "{path} of docs/adding.md is not there");
+                    seen += 1;
+                }
+            }
+        }
+        assert!(seen >= 15, "{seen} paths");
+    }
+}

@@ -1,0 +1,221 @@
+//! The one way to make a fit folder. Every fit that leaves a folder goes through [`make`].
+//!
+//! [`make`] runs the fit on a thread of its own. When Ctrl-C asks for a stop, it leaves that thread and returns [`Error::Interrupted`] at once, whatever is being
+//! computed. Nothing is lost by that: every file is written whole or not at all, `fit.toml` is written last, and parts
+//! that a long fit has finished ([`Maker::part`], [`Maker::parts`]) are taken over by the next run.
+//!
+//! The fit itself is a function that gets a [`Maker`]. It reads its inputs and says what it is made from
+//! ([`Maker::up_to_date`]), which claims the folder: one that belongs to somebody else is refused. It computes, opens
+//! the folder for writing ([`Maker::begin`]), writes its maps, and hands its record over ([`Maker::finish`]). An input
+//! that cannot be read is so named before the folder is touched.
+
+use crate::{Error, Result};
+use mesophyll_files::claim::{self, Kind};
+use mesophyll_files::{atomic, hash, progress};
+use mesophyll_record::{FitRecord, Times, read_toml, write_toml};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
+use std::time::Instant;
+
+/// How a fit of a folder ended.
+#[derive(Debug)]
+pub enum Outcome {
+    /// The fit is complete.
+    Done(Box<FitRecord>),
+    /// The folder already held this very fit; nothing was computed.
+    UpToDate(Box<FitRecord>),
+    /// One shard of several is done; the fit is complete when all shards are and `--merge` has run.
+    ShardDone { missing: usize },
+}
+
+/// A fit folder that is being made.
+#[derive(Debug)]
+pub struct Maker {
+    kind: &'static str,
+    out: PathBuf,
+    inputs: Vec<PathBuf>,
+    clock: Instant,
+    input_hash: String,
+    /// What `times.toml` will say: phases, traces, the capture's place.
+    pub times: Times,
+    /// Folder of the finished parts; empty for a fit without parts.
+    parts: Arc<OnceLock<PathBuf>>,
+}
+
+/// Hash of everything that decides a fit: what it is made from, by name, and the program's version.
+pub fn input_hash<'a>(parts: impl IntoIterator<Item = (&'a str, &'a str)>) -> String {
+    hash::combine(parts.into_iter().chain([("program", env!("CARGO_PKG_VERSION"))]))
+}
+
+/// Makes a fit of `kind` from `inputs` in the folder `out` by calling `fit`. A folder that was not there before and
+/// that nothing was written to is removed again.
+///
+/// # Errors
+/// Those of `fit`. [`Error::Interrupted`] after a stop was asked for; it says what is kept.
+pub fn make<T: Send + 'static>(
+    kind: &'static str,
+    out: &Path,
+    inputs: &[&Path],
+    fit: impl FnOnce(&mut Maker) -> Result<T> + Send + 'static,
+) -> Result<T> {
+    let clock = Instant::now();
+    let new: Vec<PathBuf> = out.ancestors().take_while(|f| !f.exists()).map(Path::to_path_buf).collect();
+    let parts = Arc::new(OnceLock::new());
+    let mut maker = Maker {
+        kind,
+        out: out.to_path_buf(),
+        inputs: inputs.iter().map(|input| input.to_path_buf()).collect(),
+        clock,
+        input_hash: String::new(),
+        times: Times { threads: rayon::current_num_threads(), ..Times::default() },
+        parts: parts.clone(),
+    };
+    let made = progress::left_when_stopped(move || fit(&mut maker)).unwrap_or_else(|| Err(stopped(out, parts.get())));
+    if made.is_err() {
+        // Only folders that are empty can be removed.
+        new.iter().take_while(|folder| std::fs::remove_dir(folder).is_ok()).for_each(drop);
+    }
+    made
+}
+
+/// What a stop leaves behind.
+fn stopped(out: &Path, parts: Option<&PathBuf>) -> Error {
+    let there = |folder: &&PathBuf| std::fs::read_dir(folder).is_ok_and(|mut list| list.next().is_some());
+    Error::Interrupted(match parts.filter(there) {
+        Some(parts) => {
+            format!("interrupted; finished parts are kept in {}, run the same command again to go on", parts.display())
+        }
+        None if out.join(claim::MARK).exists() => {
+            format!("interrupted; {} holds no whole fit, run the same command again", out.display())
+        }
+        None => "stopped; nothing was printed or written".into(),
+    })
+}
+
+impl Maker {
+    /// Does one phase of the fit and keeps how long it took.
+    ///
+    /// # Errors
+    /// Those of `work`.
+    pub fn phase<T>(&mut self, name: &str, work: impl FnOnce() -> Result<T>) -> Result<T> {
+        let start = Instant::now();
+        let done = work()?;
+        self.times.phase(name, start);
+        Ok(done)
+    }
+
+    /// Says what the fit is made from (see [`input_hash`]), and claims the folder.
+    ///
+    /// # Errors
+    /// As [`claim::folder`]: a folder that cannot be written or that holds something else.
+    pub fn made_from(&mut self, input_hash: String) -> Result<()> {
+        self.input_hash = input_hash;
+        let inputs: Vec<&Path> = self.inputs.iter().map(PathBuf::as_path).collect();
+        claim::folder(&self.out, Kind::Fit(self.kind), &inputs)
+    }
+
+    /// As [`Maker::made_from`]. The answer is the fit that the folder holds, if it is this very one and unchanged; with
+    /// `force` there is none.
+    ///
+    /// # Errors
+    /// As [`Maker::made_from`].
+    pub fn up_to_date(&mut self, input_hash: String, force: bool) -> Result<Option<Outcome>> {
+        self.made_from(input_hash)?;
+        let found = FitRecord::read(&self.out).ok();
+        let same =
+            |record: &FitRecord| !force && record.input_hash == self.input_hash && record.verify(&self.out).is_ok();
+        Ok(found.filter(same).map(|record| Outcome::UpToDate(Box::new(record))))
+    }
+
+    /// Folder for the parts of this fit. A stopped run's parts are there again when the same fit is made from the same
+    /// inputs, and only then: `format` says what a part holds, so that a program with other parts begins anew.
+    pub fn parts(&self, format: &str) -> &Path {
+        self.parts.get_or_init(|| {
+            let mine = hash::combine([("input", self.input_hash.as_str()), ("format", format)]);
+            self.out.join(format!("parts-{}-{}", self.kind, &mine[..12]))
+        })
+    }
+
+    /// Takes a part over from a run that was stopped, or makes it: `make` writes files into the folder that it gets and
+    /// returns what else is to be known of the part. [`Maker::take_parts`] brings the files into the fit's folder.
+    ///
+    /// # Errors
+    /// Those of `make`; a folder that cannot be written.
+    pub fn part<T: Serialize + DeserializeOwned>(
+        &mut self,
+        format: &str,
+        name: &str,
+        make: impl FnOnce(&Path, &mut Times) -> Result<T>,
+    ) -> Result<T> {
+        let folder = self.parts(format).to_path_buf();
+        let told = folder.join(format!("{name}{PART}"));
+        if told.exists() {
+            return read_toml(&told);
+        }
+        let part = make(&folder, &mut self.times)?;
+        write_toml(&told, &part)?;
+        Ok(part)
+    }
+
+    /// Copies the files of all parts into the fit's folder. The parts stay until [`Maker::finish`], so that a stop in
+    /// between loses none.
+    ///
+    /// # Errors
+    /// A file that cannot be read or written.
+    pub fn take_parts(&self) -> Result<()> {
+        let Some(parts) = self.parts.get() else { return Ok(()) };
+        let unread = |e: std::io::Error| Error::input(parts, atomic::explain(&e));
+        for entry in std::fs::read_dir(parts).map_err(unread)?.flatten() {
+            let name = entry.file_name();
+            let shown = name.to_string_lossy();
+            if !shown.ends_with(PART) && !shown.starts_with('.') {
+                let mut file = std::fs::File::open(entry.path()).map_err(unread)?;
+                atomic::write(&self.out.join(&name), |to| std::io::copy(&mut file, to).map(drop))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Opens the folder for writing. From here to [`Maker::finish`] it is marked as no whole fit, and the record of an
+    /// earlier fit is gone.
+    ///
+    /// # Errors
+    /// A folder that cannot be written.
+    pub fn begin(&self) -> Result<&Path> {
+        claim::begin(&self.out, Kind::Fit(self.kind))?;
+        Ok(&self.out)
+    }
+
+    /// The record of this fit, with nothing in it yet but what every fit says.
+    pub fn record(&self, name: &str) -> FitRecord {
+        FitRecord::new(self.kind, name, self.input_hash.clone())
+    }
+
+    /// Writes `times.toml` and, last of all, `fit.toml`. The parts have then served their purpose and are removed.
+    ///
+    /// # Errors
+    /// Files that cannot be written.
+    pub fn finish(&mut self, record: &FitRecord) -> Result<()> {
+        self.times.total_s = self.clock.elapsed().as_secs_f64();
+        self.times.peak_memory_mib = peak_memory_mib();
+        self.times.write(&self.out)?;
+        record.write(&self.out)?;
+        if let Some(parts) = self.parts.get() {
+            // Parts that cannot be removed do no harm beside a whole fit.
+            let _ = std::fs::remove_dir_all(parts);
+        }
+        Ok(())
+    }
+}
+
+/// Ending of the file that is written last of a part.
+const PART: &str = ".part.toml";
+
+/// High-water mark of this process's memory (MiB), where the system tells.
+fn peak_memory_mib() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|l| l.starts_with("VmHWM:"))?;
+    line.split_whitespace().nth(1)?.parse::<f64>().ok().map(|kb| kb / 1024.0)
+}

@@ -1,0 +1,88 @@
+//! Ctrl-C in the middle of a fit: it stops at once, keeps the parts that are done, and the same command goes on from
+//! there.
+#![cfg(unix)]
+
+mod blade;
+mod common;
+
+use blade::Blade;
+use common::{mesophyll, refused, run, succeeded};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+/// A leaf whose translucency takes some seconds a side.
+fn leaf(dir: &Path) -> String {
+    let folder = dir.join("leaf");
+    let mut record = Blade { width: 320, height: 240, texel_mm: 0.15, ..Blade::default() }.write(&folder, "elm");
+    record.options.insert("texel_mm".into(), "0.15".into());
+    record.write(&folder).unwrap();
+    folder.to_str().unwrap().into()
+}
+
+fn arguments(leaf: &str, out: &Path) -> Vec<String> {
+    let words = ["fit", "translucency", leaf, "-o", out.to_str().unwrap(), "--colour", "three-wavelengths"];
+    words.map(String::from).to_vec()
+}
+
+/// Starts the fit, waits until `there` is true, and presses Ctrl-C. The answer is how it ended, how long it took to get
+/// there, and how long it took to end.
+fn interrupt(args: &[String], there: impl Fn() -> bool) -> (Output, Duration, Duration) {
+    let start = Instant::now();
+    let mut child: Child = mesophyll().args(args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    while !there() && child.try_wait().unwrap().is_none() {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    let reached = start.elapsed();
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    let stop = Instant::now();
+    (child.wait_with_output().unwrap(), reached, stop.elapsed())
+}
+
+/// The folder of the parts of a translucency fit.
+fn parts(out: &Path) -> Option<PathBuf> {
+    let list = std::fs::read_dir(out).into_iter().flatten().flatten().map(|e| e.path());
+    list.into_iter().find(|p| p.file_name().unwrap().to_string_lossy().starts_with("parts-translucency-"))
+}
+
+#[test]
+fn a_stopped_fit_keeps_a_finished_side_and_goes_on_with_the_other() {
+    let dir = tempfile::tempdir().unwrap();
+    let leaf = leaf(dir.path());
+    let [out, whole] = ["stopped", "whole"].map(|n| dir.path().join(n));
+    let args = arguments(&leaf, &out);
+    let done = || parts(&out).is_some_and(|p| p.join("front.part.toml").exists());
+    let (output, reached, ending) = interrupt(&args, done);
+    // The other side takes as long as the first one did. A stop does not wait for it.
+    assert!(!output.status.success(), "the fit ended before it could be stopped");
+    let kept = parts(&out).unwrap();
+    refused(&output, 130, &["interrupted", "run the same command again", kept.to_str().unwrap()]);
+    assert!(4 * ending < reached, "stopped only after {ending:?}; a side took {reached:?}");
+    assert!(!out.join("fit.toml").exists());
+    let hidden = |folder: &Path| -> Vec<String> {
+        let names = std::fs::read_dir(folder).unwrap().flatten().map(|e| e.file_name().to_string_lossy().into_owned());
+        names.filter(|n| n.starts_with('.')).collect()
+    };
+    assert_eq!([hidden(&out), hidden(&kept)].concat(), Vec::<String>::new(), "half-written files are left");
+    // Another kind of fit does not take the folder, and the same one goes on.
+    refused(&run(["fit", "sky", "-o", out.to_str().unwrap()]), 2, &["a translucency fit that was stopped"]);
+    succeeded(&run(&args));
+    succeeded(&run(arguments(&leaf, &whole)));
+    assert!(parts(&out).is_none(), "the parts have served their purpose");
+    for name in ["fit.toml", "front.exr", "back.exr", "front_translucency.png", "back_translucency.png"] {
+        let [a, b] = [&out, &whole].map(|folder| std::fs::read(folder.join(name)).unwrap());
+        assert!(a == b, "{name} is not what one run gives");
+    }
+    let times = std::fs::read_to_string(out.join("times.toml")).unwrap();
+    assert!(times.contains("back: convolution") && !times.contains("front: convolution"), "{times}");
+}
+
+#[test]
+fn a_fit_stopped_before_anything_is_done_leaves_nothing() {
+    let dir = tempfile::tempdir().unwrap();
+    let leaf = leaf(dir.path());
+    let out = dir.path().join("new/deeper");
+    let (output, ..) = interrupt(&arguments(&leaf, &out), || out.exists());
+    refused(&output, 130, &["stopped; nothing was printed or written"]);
+    assert!(!dir.path().join("new").exists());
+}
