@@ -233,7 +233,7 @@ fn the_pointer_meets_what_is_bent() {
     let hits: Vec<_> = [(0.5, 0.5), (0.45, 0.5), (0.55, 0.5), (0.5, 0.45), (0.5, 0.55)]
         .into_iter()
         .filter_map(|(x, y)| mesophyll_viewer::pick::pick(&scene, &camera, 1.0, x, y))
-        .filter(|h| h.leaf == 0)
+        .filter(|h| h.material == 0)
         .collect();
     assert!(!hits.is_empty() && hits.iter().all(|h| h.position.as_dvec3().distance(bent) < 3.0), "{hits:?} {bent}");
 }

@@ -286,8 +286,8 @@ fn the_window_is_given_the_sky_it_asks_for() {
 
 /// A flat uniform card, front up.
 fn card(rho_d: f32, rho_s: f32, m: f32, transform: DMat4, dome: viewer::scene::Dome) -> viewer::scene::Scene {
-    use viewer::scene::{Instance, Interior, Leaf, Lobe, Mesh, Scene, Side};
-    let side = |rho_d: f32, gloss: bool| Side {
+    use viewer::scene::{Instance, Interior, Leaf, Lobe, Material, Mesh, Scene, SideMaps, Sides};
+    let side = |rho_d: f32, gloss: bool| SideMaps {
         gamma_delta: Vec::new(),
         gloss: (gloss && rho_s > 0.0).then(|| vec![[rho_s, rho_s, rho_s, m]]),
         normal: None,
@@ -305,18 +305,17 @@ fn card(rho_d: f32, rho_s: f32, m: f32, transform: DMat4, dome: viewer::scene::D
     };
     let leaf = Leaf {
         name: "card".into(),
-        mesh,
         width: 1,
         height: 1,
         thickness_mm: 0.2,
         lobe: Lobe::Beckmann,
-        front: side(rho_d, true),
-        back: side(0.0, false),
+        sides: Sides { front: side(rho_d, true), back: side(0.0, false) },
         mask: None,
     };
     Scene {
-        leaves: vec![leaf],
-        instances: vec![Instance { leaf: 0, transform: transform.as_mat4(), ride: None }],
+        meshes: vec![mesh],
+        materials: vec![Material::Leaf(leaf)],
+        instances: vec![Instance { transform: transform.as_mat4(), ..Instance::default() }],
         dome: Some(dome),
         exposure: 1.0,
         msaa: 1,

@@ -210,3 +210,55 @@ fn a_sign_test_and_a_comparison_that_can_fail() {
     let narrow = bootstrap(&vec![vec![3.0]; 5]);
     assert_eq!(narrow, [3.0, 3.0]);
 }
+
+/// What a file of the program says, without comments and unit tests; nothing of a file of tests.
+fn code(path: &Path) -> String {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    if name.ends_with("tests.rs") {
+        return String::new();
+    }
+    let text = std::fs::read_to_string(path).unwrap();
+    let text = text.split("#[cfg(test)]").next().unwrap_or_default();
+    let conditions = |l: &&str| l.trim_start().starts_with("//#if") || !l.trim_start().starts_with("//");
+    text.lines().filter(conditions).collect::<Vec<_>>().join("\n")
+}
+
+fn sources(folder: &Path, out: &mut Vec<PathBuf>) {
+    for entry in std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()) {
+        if entry.is_dir() {
+            sources(&entry, out);
+        } else if entry.extension().is_some_and(|e| e == "rs" || e == "wgsl") {
+            out.push(entry);
+        }
+    }
+}
+
+/// `docs/lobes.md` lists the files that a new lobe touches: those that name one, but for the list of the lobes that the
+/// tube's lanes know.
+#[test]
+fn few_files_name_a_lobe() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut files = Vec::new();
+    ["src", "viewer/src"].iter().for_each(|folder| sources(&root.join(folder), &mut files));
+    assert!(files.len() > 300, "{} files", files.len());
+    let names =
+        |path: &PathBuf| ["Lobe::Ggx", "#if ggx", "LobeKind::Ggx", "    Ggx,"].iter().any(|n| code(path).contains(n));
+    let mut found: Vec<String> = files
+        .iter()
+        .filter(|p| names(p))
+        .map(|p| p.strip_prefix(root).unwrap().to_string_lossy().replace('\\', "/"))
+        .collect();
+    found.sort();
+    let page = std::fs::read_to_string(root.join("docs/lobes.md")).unwrap();
+    assert!(found.iter().all(|f| page.contains(f.as_str())), "{found:?}");
+    assert_eq!(
+        found,
+        [
+            "src/capture/synth/illumination.rs",
+            "src/optics/tube/fast/mod.rs",
+            "src/proof/gloss/stress.rs",
+            "src/surface/gloss.rs",
+            "viewer/src/passes/lobe.wgsl",
+        ]
+    );
+}

@@ -108,7 +108,7 @@ fn a_thicker_leaf_dims_and_an_edit_becomes_a_fit() {
     use mesophyll::scene::loaded::Scene;
     use mesophyll::scene::{ledger::Ledger, placed::leaf::Search, window::edit::SceneEditor};
     use mesophyll_viewer::editor::Editor;
-    use mesophyll_viewer::scene::Interior;
+    use mesophyll_viewer::scene::{Interior, Side};
 
     let dir = tempfile::tempdir().unwrap();
     let blade = Blade { width: 48, height: 36, texel_mm: 1.0, ..Blade::default() };
@@ -120,9 +120,9 @@ fn a_thicker_leaf_dims_and_an_edit_becomes_a_fit() {
     assert!((f64::from(start.thickness_mm) - blade.h).abs() < 1e-6);
     let mut edit = start;
     edit.thickness_mm *= 2.0;
-    edit.front.rho_s_scale = 0.5;
+    edit.sides.front.rho_s_scale = 0.5;
     let update = editor.recompute(0, &edit).unwrap();
-    let Interior::Scalars(curve) = &update.back else { panic!("scalars") };
+    let Interior::Scalars(curve) = &update.sides.back else { panic!("scalars") };
     // ρt of the doubled blade, by the slab itself at the curve's ends.
     for (h, rho_t) in [(curve.min_mm, curve.rho_t[0]), (curve.max_mm, curve.rho_t[curve.rho_t.len() - 1])] {
         for (c, found) in rho_t.into_iter().enumerate() {
@@ -146,7 +146,7 @@ fn a_thicker_leaf_dims_and_an_edit_becomes_a_fit() {
     assert!((f64::from(maps.plane(Quantity::RhoT, 1).unwrap()[k]) / exact - 1.0).abs() < 1e-5);
     assert!((maps.plane(Quantity::RhoS, 1).unwrap()[k] - 0.025).abs() < 1e-6);
     // The texel under the pointer reads out what the fit says.
-    let rows = editor.probe(0, true, [24, 18]);
+    let rows = editor.probe(0, Side::Front, [24, 18]);
     assert!(
         rows.iter().any(|(n, _)| n.starts_with("σa")) && rows.iter().any(|(n, v)| n == "texel" && v == "good"),
         "{rows:?}"

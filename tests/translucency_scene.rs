@@ -181,7 +181,7 @@ mod drawn {
     use mesophyll::scene::draw::{handover, reference};
     use mesophyll::scene::manifest::Basis;
     use mesophyll::transport::Sunlit;
-    use mesophyll_viewer::scene::{Coefficients, Translucency};
+    use mesophyll_viewer::scene::{Coefficients, Sides, Translucency};
 
     #[test]
     fn the_renderer_gets_the_lit_sides_coefficients_and_the_reference_the_suns_own_map() {
@@ -191,9 +191,9 @@ mod drawn {
         let (whole, ledger) = planned(&path);
         let plan = &whole.plan;
         let drawn = handover::scene(&whole, &ledger).unwrap();
-        let leaf = &drawn.leaves[0];
-        assert!(leaf.front.translucency.is_none() && leaf.back.normal.is_none());
-        let Some(Translucency { coefficients: Coefficients::Factor(map), .. }) = &leaf.back.translucency else {
+        let leaf = drawn.leaf(0).unwrap();
+        assert!(leaf.sides.front.translucency.is_none() && leaf.sides.back.normal.is_none());
+        let Some(Translucency { coefficients: Coefficients::Factor(map), .. }) = &leaf.sides.back.translucency else {
             panic!("no factor")
         };
         assert_eq!(plan.leaves[0].block, 1);
@@ -243,7 +243,7 @@ mod drawn {
                     plan.needed.iter().find(|n| n.name == "elm/translucency/back.exr").and_then(|n| n.amount.clone());
                 assert!(amount.is_some_and(|a| a.starts_with(&format!("three coefficients a texel, {name};"))));
                 let drawn = handover::scene(&whole, &ledger).unwrap();
-                let stored = drawn.leaves[0].back.translucency.as_ref().expect("maps");
+                let stored = drawn.leaf(0).unwrap().sides.back.translucency.as_ref().expect("maps");
                 assert_eq!(format!("{:?}", stored.basis), format!("{basis:?}"));
                 let world = reference::world(&whole, &ledger).unwrap();
                 let Some(Sunlit::Factor(map)) = &world.through[0].entering[1] else { panic!("no map") };
@@ -272,14 +272,14 @@ mod drawn {
         let (mut editor, mut drawn, camera) = open(&with);
         let (mut never, bare, _) = open(&plain);
         let by_maps = editor.reference(&drawn, &camera, 40, 30).unwrap();
-        let sides =
-            |leaf: &mut mesophyll_viewer::scene::Leaf| [leaf.front.translucency.take(), leaf.back.translucency.take()];
-        let maps = sides(&mut drawn.leaves[0]);
-        assert!(maps.iter().all(Option::is_some));
+        let sides = &mut drawn.leaf_mut(0).unwrap().sides;
+        let maps = Sides::of(|side| sides[side].translucency.take());
+        assert!(maps.front.is_some() && maps.back.is_some());
         let without = editor.reference(&drawn, &camera, 40, 30).unwrap();
         assert!(without.ldr != by_maps.ldr);
         assert!(without.ldr == never.reference(&bare, &camera, 40, 30).unwrap().ldr);
-        [drawn.leaves[0].front.translucency, drawn.leaves[0].back.translucency] = maps;
+        let sides = &mut drawn.leaf_mut(0).unwrap().sides;
+        (sides.front.translucency, sides.back.translucency) = (maps.front, maps.back);
         assert!(editor.reference(&drawn, &camera, 40, 30).unwrap().ldr == by_maps.ldr);
     }
 

@@ -11,7 +11,7 @@
 //! and G3 are explained in `docs/sources.md`.
 
 pub mod dipole;
-pub mod gloss;
-pub mod side;
 pub mod slab;
 pub mod tube;
+
+pub use mesophyll_surface::{gloss, side};

@@ -1,6 +1,6 @@
 //! What a leaf fit records of a scan under a tube: the device, and how well the fit predicts frames it did not see.
 
-use mesophyll_optics::gloss::Lobe;
+use mesophyll_optics::gloss::{Lobe, LobeKind};
 use mesophyll_optics::tube::Tube;
 use serde::{Deserialize, Serialize};
 
@@ -14,7 +14,7 @@ pub struct Scan {
     pub tube_height_mm: f64,
     pub tube_length_mm: f64,
     pub tube_radius_mm: f64,
-    /// `beckmann`, `ggx` or `cook-torrance`, the latter with its index.
+    /// A lobe by its name, with its index where it has one.
     pub lobe: String,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lobe_index: Option<f64>,
@@ -40,20 +40,12 @@ impl Scan {
     }
 
     pub fn lobe(&self) -> Lobe {
-        match self.lobe.as_str() {
-            "ggx" => Lobe::Ggx,
-            "cook-torrance" => Lobe::CookTorrance { index: self.lobe_index.unwrap_or(1.5) },
-            _ => Lobe::Beckmann,
-        }
+        Lobe::of(self.lobe.parse().unwrap_or(LobeKind::Beckmann), self.lobe_index.unwrap_or(1.5))
     }
 
     /// Name and index of a lobe.
     pub fn name_lobe(lobe: Lobe) -> (String, Option<f64>) {
-        match lobe {
-            Lobe::Beckmann => ("beckmann".into(), None),
-            Lobe::Ggx => ("ggx".into(), None),
-            Lobe::CookTorrance { index } => ("cook-torrance".into(), Some(index)),
-        }
+        (lobe.name().into(), lobe.index())
     }
 
     /// Standard deviation of a reading of this value.

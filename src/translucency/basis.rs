@@ -94,6 +94,15 @@ impl BasisKind {
     }
 }
 
+impl From<mesophyll_surface::basis::Basis> for Basis {
+    fn from(drawn: mesophyll_surface::basis::Basis) -> Basis {
+        match drawn {
+            mesophyll_surface::basis::Basis::HalfLife2 => Basis::HalfLife2,
+            mesophyll_surface::basis::Basis::Bent => Basis::Bent { count: 3 },
+        }
+    }
+}
+
 /// How samples are weighted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Weights {

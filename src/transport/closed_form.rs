@@ -1,8 +1,8 @@
 //! The radiance of a flat leaf of one colour in closed form: what both renderers must meet.
 //!
 //! A card with uniform ρd, ρt, ρs and m, no mapped normals, nothing that hides the sun. Written in angles instead of
-//! vectors, so that it shares no algebra with the renderers. Limits: the sun is taken at its centre (an error of the
-//! order of its radius squared over m², 2e-5/m² for the real one).
+//! vectors; of the lobe it shares D and F with the reference renderer, and nothing with the other one. Limits: the sun
+//! is taken at its centre (an error of the order of its radius squared over m², 2e-5/m² for the real one).
 
 use super::lobe::{COS_VIEW_FLOOR, Lobe, Reflect};
 use super::render::Lens;
@@ -71,11 +71,7 @@ impl Card {
         // Half vectors by slope: ∫ D cosα dω_h is 1, and f_s cosθ dω_l is D G F (v·h)/(N·v) dω_h.
         for i in 0..rings {
             let share = (f64::from(i) + 0.5) / f64::from(rings);
-            let slope2 = match self.lobe {
-                Lobe::Ggx => share / (1.0 - share),
-                _ => -(1.0 - share).ln(),
-            };
-            let alpha = (self.m * slope2.sqrt()).atan();
+            let alpha = self.lobe.quantile(share, self.m).sqrt().atan();
             for k in 0..spokes {
                 let (sin, cos) = (2.0 * PI * (f64::from(k) + 0.5) / f64::from(spokes)).sin_cos();
                 let h = n * alpha.cos() + (a * cos + b * sin) * alpha.sin();
@@ -84,8 +80,7 @@ impl Card {
                 let cos_light = n.dot(l);
                 if cos_half > 0.0 && cos_light > 0.0 {
                     let cavity = (2.0 * alpha.cos() * cos_light.min(cos_view) / cos_half).min(1.0);
-                    let weight =
-                        cavity * self.fresnel(cos_half.clamp(0.0, 1.0).acos()) * cos_half / (cos_view * alpha.cos());
+                    let weight = cavity * self.lobe.fresnel(cos_half) * cos_half / (cos_view * alpha.cos());
                     let light = radiance(l);
                     (0..3).for_each(|c| out[c] += self.rho_s[c] * weight * light[c] / f64::from(rings * spokes));
                 }
@@ -100,31 +95,9 @@ impl Card {
         let half = 0.5 * cos_between.clamp(-1.0, 1.0).acos();
         let cos_alpha = (cos_sun + cos_view) / (2.0 * half.cos());
         let alpha = cos_alpha.clamp(-1.0, 1.0).acos();
-        let slope = alpha.tan() / self.m;
-        let d = match self.lobe {
-            Lobe::Ggx => 1.0 / (PI * (self.m * alpha.cos().powi(2) * (1.0 + slope * slope)).powi(2)),
-            _ => (-slope * slope).exp() / (PI * self.m * self.m * alpha.cos().powi(4)),
-        };
+        let d = self.lobe.distribution(alpha.tan().powi(2), self.m);
         let cavity = (2.0 * cos_alpha * cos_sun.min(cos_view) / half.cos()).min(1.0);
-        d * cavity * self.fresnel(half) / (4.0 * cos_sun * cos_view)
-    }
-
-    /// F at this angle to the facet.
-    fn fresnel(&self, half: f64) -> f64 {
-        match self.lobe {
-            // Fresnel's sine and tangent laws
-            Lobe::CookTorrance { index } => {
-                let refracted = (half.sin() / index).asin();
-                if half < 1e-6 {
-                    ((index - 1.0) / (index + 1.0)).powi(2)
-                } else {
-                    let s = (half - refracted).sin() / (half + refracted).sin();
-                    let p = (half - refracted).tan() / (half + refracted).tan();
-                    0.5 * (s * s + p * p)
-                }
-            }
-            _ => 1.0,
-        }
+        d * cavity * self.lobe.fresnel(half.cos()) / (4.0 * cos_sun * cos_view)
     }
 
     /// Radiance at the centre of pixel (x, y) of a picture that shows the card there.

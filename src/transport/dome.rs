@@ -5,7 +5,7 @@
 //! density. What lies on the horizon or on the sun's disk counts as a surface of its own, so that no pixel across their
 //! edges is called even.
 
-use super::lobe::{COS_VIEW_FLOOR, Lobe, M_FLOOR, Reflect};
+use super::lobe::{COS_VIEW_FLOOR, Lobe, M_FLOOR};
 use super::world::ReferenceSun;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -117,11 +117,7 @@ fn direction(ring: f64, spoke: f64) -> DVec3 {
 /// unit ρs, which is F·G·(v·h)/((N·v) cosα); `None` where no light can come from.
 pub fn reflected(lobe: Lobe, n: DVec3, v: DVec3, m: f64, [u, w]: [f64; 2]) -> Option<(DVec3, f64)> {
     let m = m.max(M_FLOOR);
-    // ∫ D cosα from the pole outwards is 1 − exp(−tan²α/m²) (Beckmann) and tan²α/(m² + tan²α) (GGX).
-    let tan = match lobe {
-        Lobe::Ggx => m * (u / (1.0 - u)).sqrt(),
-        Lobe::Beckmann | Lobe::CookTorrance { .. } => m * (-(1.0 - u).ln()).sqrt(),
-    };
+    let tan = lobe.quantile(u, m).sqrt();
     let (a, b) = n.any_orthonormal_pair();
     let (sin, cos) = (TAU * w).sin_cos();
     let h = (n + (a * cos + b * sin) * tan).normalize();
@@ -138,6 +134,7 @@ pub fn reflected(lobe: Lobe, n: DVec3, v: DVec3, m: f64, [u, w]: [f64; 2]) -> Op
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lobe::Reflect;
 
     /// A linear sky's irradiance is π + 2π/3 a·n; an even upper half's is π (1 + cosθ)/2.
     #[test]

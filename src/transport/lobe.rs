@@ -14,14 +14,11 @@ pub const COS_VIEW_FLOOR: f64 = 1e-3;
 /// The smallest slope; a smoother surface is drawn with this one.
 pub const M_FLOOR: f64 = 1e-3;
 
-/// The lobe as scenes are lit with it. Of `mesophyll_optics`, by which leaves are fitted, only the lobe's name is used:
-/// either computation is what the other is tested against.
+/// The lobe as scenes are lit with it: bounded by G, with the renderers' floors, and its albedo by quadrature. D and F
+/// are those of [`Lobe`], of which the renderer's shader is the other computation.
 pub trait Reflect: Copy {
     /// D (1/sr): the facets' slope density with ∫ D cosα dω = 1; `cos` is cosα = N·h > 0.
     fn density(self, cos: f64, m: f64) -> f64;
-
-    /// F: 1 except for Cook–Torrance; `cos` is v·h.
-    fn fresnel(self, cos: f64) -> f64;
 
     /// f_s/ρs times N·l (1/sr) for unit vectors: the product stays finite where N·l → 0. Zero where N·l ≤ 0.
     fn times_cosine(self, n: DVec3, v: DVec3, l: DVec3, m: f64) -> f64;
@@ -41,19 +38,7 @@ pub trait Reflect: Copy {
 impl Reflect for Lobe {
     fn density(self, cos: f64, m: f64) -> f64 {
         let cos2 = cos * cos;
-        let tan2 = (1.0 - cos2).max(0.0) / cos2;
-        let m2 = m * m;
-        match self {
-            Lobe::Ggx => m2 / (PI * cos2 * cos2 * (m2 + tan2) * (m2 + tan2)),
-            Lobe::Beckmann | Lobe::CookTorrance { .. } => (-tan2 / m2).exp() / (PI * m2 * cos2 * cos2),
-        }
-    }
-
-    fn fresnel(self, cos: f64) -> f64 {
-        match self {
-            Lobe::CookTorrance { index } => fresnel_dielectric(cos, index),
-            _ => 1.0,
-        }
+        self.distribution((1.0 - cos2).max(0.0) / cos2, m)
     }
 
     fn times_cosine(self, n: DVec3, v: DVec3, l: DVec3, m: f64) -> f64 {
@@ -141,12 +126,13 @@ fn over_azimuth(lobe: Lobe, mu: f64, c: f64) -> f64 {
     for to in cuts {
         if to > from {
             let (a, b) = least(centre + reach * (0.5 * (from + to)).cos());
-            sum += match lobe {
-                Lobe::CookTorrance { .. } => sixteen().integrate(from, to, |phi| {
+            sum += if lobe.index().is_some() {
+                sixteen().integrate(from, to, |phi| {
                     let x = centre + reach * phi.cos();
                     (a + b * x) * lobe.fresnel(x)
-                }),
-                _ => (a + b * centre) * (to - from) + b * reach * (to.sin() - from.sin()),
+                })
+            } else {
+                (a + b * centre) * (to - from) + b * reach * (to.sin() - from.sin())
             };
             from = to;
         }
@@ -154,26 +140,10 @@ fn over_azimuth(lobe: Lobe, mu: f64, c: f64) -> f64 {
     sum / PI
 }
 
-/// Reflectance of an unpolarised ray at a dielectric of relative index n (Born & Wolf §1.5.2); `cos` is the angle to
-/// the facet.
-pub fn fresnel_dielectric(cos: f64, index: f64) -> f64 {
-    let cos = cos.clamp(0.0, 1.0);
-    let sin_t = (1.0 - cos * cos).sqrt() / index;
-    if sin_t >= 1.0 {
-        return 1.0;
-    }
-    let cos_t = (1.0 - sin_t * sin_t).sqrt();
-    let s = (cos - index * cos_t) / (cos + index * cos_t);
-    let p = (index * cos - cos_t) / (index * cos + cos_t);
-    0.5 * (s * s + p * p)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use rand::{RngExt, SeedableRng};
-
-    const LOBES: [Lobe; 3] = [Lobe::Beckmann, Lobe::Ggx, Lobe::CookTorrance { index: 1.45 }];
 
     fn at(theta: f64, phi: f64) -> DVec3 {
         DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos())
@@ -181,7 +151,7 @@ mod tests {
 
     #[test]
     fn slope_densities_integrate_to_one() {
-        for lobe in LOBES {
+        for lobe in Lobe::all(1.45) {
             for m in [0.05, 0.3, 0.8] {
                 let sum = adaptive(0.0, PI / 2.0, 1e-10, &mut |a: f64| {
                     2.0 * PI * a.sin() * a.cos() * lobe.density(a.cos(), m)
@@ -195,7 +165,7 @@ mod tests {
     #[test]
     fn albedo_agrees_with_monte_carlo_over_the_hemisphere() {
         let mut rng = rand_pcg::Pcg64::seed_from_u64(7);
-        for lobe in LOBES {
+        for lobe in Lobe::all(1.45) {
             for (theta, m) in [(0.0, 0.5), (0.6, 0.25), (1.2, 0.4), (1.4, 0.6)] {
                 let v = at(theta, 0.3);
                 let (mut sum, mut square) = (0.0, 0.0);
@@ -224,7 +194,7 @@ mod tests {
     /// The same integral over directions instead of half-vectors, by nested quadrature: no sampling noise.
     #[test]
     fn albedo_agrees_with_quadrature_over_directions() {
-        for lobe in LOBES {
+        for lobe in Lobe::all(1.45) {
             for (mu, m) in [(0.9f64, 0.3), (0.3, 0.5)] {
                 let v = at(mu.acos(), 0.0);
                 let direct = adaptive(0.0, PI, 2e-6, &mut |phi: f64| {
@@ -239,19 +209,9 @@ mod tests {
     }
 
     #[test]
-    fn fresnel_meets_its_known_values() {
-        let n: f64 = 1.5;
-        assert!((fresnel_dielectric(1.0, n) - 0.04).abs() < 1e-15);
-        assert!((fresnel_dielectric(0.0, n) - 1.0).abs() < 1e-15);
-        // at Brewster's angle only the s part is left: ½ ((n²−1)/(n²+1))²
-        let brewster = n.atan().cos();
-        assert!((fresnel_dielectric(brewster, n) - 0.5 * (1.25f64 / 3.25).powi(2)).abs() < 1e-14);
-    }
-
-    #[test]
     fn reflection_is_reciprocal() {
         let (v, l) = (at(0.4, 0.1), at(1.0, 2.0));
-        for lobe in LOBES {
+        for lobe in Lobe::all(1.45) {
             let there = lobe.times_cosine(DVec3::Z, v, l, 0.4) / l.z;
             let back = lobe.times_cosine(DVec3::Z, l, v, 0.4) / v.z;
             assert!((there / back - 1.0).abs() < 1e-12);

@@ -8,7 +8,7 @@
 //! P_l(ω·R) / ∫ f cosθ. The first two bands are exact, whatever the roughness and the slant; what is left out is the
 //! lobe's departure from roundness in bands 2 and up.
 
-use crate::lobe::{FLOOR, cavity, fresnel, polar_nodes};
+use crate::lobe::{FLOOR, cavity, polar_nodes};
 use crate::scene::{Dome, Lobe};
 use std::f64::consts::PI;
 
@@ -91,10 +91,7 @@ impl Mean {
         // light direction (x away from the view, z) and weight
         let mut lights = Vec::with_capacity(polar.len() * azimuths);
         for &(share, weight) in polar {
-            let tan2 = match lobe {
-                Lobe::Ggx => m * m * share / (1.0 - share),
-                Lobe::Beckmann | Lobe::CookTorrance { .. } => -m * m * (-share).ln_1p(),
-            };
+            let tan2 = lobe.quantile(share, m);
             let nh = 1.0 / (1.0 + tan2).sqrt();
             let sin_h = (tan2.sqrt() * nh).min(1.0);
             for k in 0..azimuths {
@@ -103,7 +100,7 @@ impl Mean {
                 let vh = nv * nh + sin_v * hx;
                 let nl = 2.0 * vh * nh - nv;
                 if vh > 0.0 && nl > 0.0 {
-                    let w = weight * fresnel(lobe, vh) * cavity(nh, nv, nl, vh) * vh / (nv * nh);
+                    let w = weight * lobe.fresnel(vh) * cavity(nh, nv, nl, vh) * vh / (nv * nh);
                     lights.push([sin_v - 2.0 * vh * hx, nl, w]);
                 }
             }

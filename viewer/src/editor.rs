@@ -2,7 +2,7 @@
 //! nothing: an edit goes out through `Editor` and comes back as new curves or maps.
 
 use crate::picture::Picture;
-use crate::scene::{Camera, Dome, Interior, Scene};
+use crate::scene::{Camera, Dome, Interior, Scene, Side, Sides};
 use glam::Vec3;
 
 /// One side's editable parameters (Wang et al. 2005, Fig. 6).
@@ -21,19 +21,7 @@ pub struct SideEdit {
 pub struct LeafEdit {
     /// Mean thickness h (mm).
     pub thickness_mm: f32,
-    pub front: SideEdit,
-    pub back: SideEdit,
-}
-
-impl LeafEdit {
-    /// The parameters of one side.
-    pub fn side(&self, front: bool) -> &SideEdit {
-        if front { &self.front } else { &self.back }
-    }
-
-    pub fn side_mut(&mut self, front: bool) -> &mut SideEdit {
-        if front { &mut self.front } else { &mut self.back }
-    }
+    pub sides: Sides<SideEdit>,
 }
 
 /// What follows from an edit: ρd and ρt of the new slab, as curves or maps. The gloss factors are applied by the
@@ -41,8 +29,7 @@ impl LeafEdit {
 #[derive(Debug, Clone)]
 pub struct LeafUpdate {
     pub thickness_mm: f32,
-    pub front: Interior,
-    pub back: Interior,
+    pub sides: Sides<Interior>,
 }
 
 /// What follows from another sun or turbidity.
@@ -79,9 +66,10 @@ pub struct Verdict {
     pub note: String,
 }
 
-/// The program around the window. Errors are sentences that the window shows.
+/// The program around the window. Errors are sentences that the window shows. A leaf is meant by the index of its
+/// material.
 pub trait Editor {
-    /// Where editing leaf `leaf` starts: its parameters as fitted.
+    /// Where editing leaf `leaf` starts: its parameters as fitted. Materials that are no leaves are not asked for.
     fn start(&self, leaf: usize) -> LeafEdit;
 
     /// Solves the slab for an edit.
@@ -110,5 +98,5 @@ pub trait Editor {
 
     /// What is known about one texel, as pairs of a name and a value with its unit. The texel is a column and row of
     /// the side's own maps, as its camera saw them.
-    fn probe(&self, leaf: usize, front: bool, texel: [u32; 2]) -> Vec<(String, String)>;
+    fn probe(&self, leaf: usize, side: Side, texel: [u32; 2]) -> Vec<(String, String)>;
 }

@@ -1,76 +1,105 @@
 //! Meshes and instances on the adapter: one vertex buffer a quantity, so that a quantity no shader reads is never
-//! uploaded, and one instanced draw a leaf (and level of detail) however often it occurs.
+//! uploaded, and one instanced draw for a mesh in a material (and level of detail) however often the two occur.
 
 use crate::bend::Bends;
 use crate::detail::{self, Levels};
 use crate::gpu::Gpu;
 use crate::passes::bend;
-use crate::scene::{Branch, Instance, Ride, Scene, Wind};
+use crate::scene::{Branch, Instance, Mesh, Ride, Scene, Wind};
 use crate::stats::Stats;
+use crate::variant::Variant;
 use glam::{Mat4, Vec3};
+use std::collections::BTreeMap;
+use wgpu::BufferUsages as Use;
 
-/// A leaf's mesh and where it stands.
-pub(crate) struct Geometry {
+/// A mesh on the adapter.
+pub(crate) struct MeshOnGpu {
     pub positions: wgpu::Buffer,
-    pub normals: Option<wgpu::Buffer>,
+    pub normals: wgpu::Buffer,
     pub tangents: Option<wgpu::Buffer>,
-    pub uvs: wgpu::Buffer,
+    pub uvs: Option<wgpu::Buffer>,
     pub indices: wgpu::Buffer,
+}
+
+impl MeshOnGpu {
+    /// Uploads mesh `index` as far as the shaders of `batches` read it.
+    pub(crate) fn new(gpu: &Gpu, index: usize, mesh: &Mesh, batches: &[Batch], stats: &mut Stats) -> MeshOnGpu {
+        let mut put = |name: &str, bytes: &[u8], usage| put(gpu, &format!("mesh {index} {name}"), bytes, usage, stats);
+        let mut out = MeshOnGpu {
+            positions: put("positions", bytemuck::cast_slice(&mesh.positions), Use::VERTEX),
+            normals: put("normals", bytemuck::cast_slice(&mesh.normals), Use::VERTEX),
+            tangents: None,
+            uvs: None,
+            indices: put("indices", bytemuck::cast_slice(&detail::indices(mesh)), Use::INDEX),
+        };
+        out.complete(gpu, index, mesh, batches, stats);
+        out
+    }
+
+    /// Uploads what the shaders of `batches` read and is not there yet.
+    pub(crate) fn complete(&mut self, gpu: &Gpu, index: usize, mesh: &Mesh, batches: &[Batch], stats: &mut Stats) {
+        let read = |of: fn(&Variant) -> bool| batches.iter().any(|b| b.mesh == index && of(&b.variant));
+        if self.tangents.is_none() && read(Variant::tangent) {
+            let bytes = bytemuck::cast_slice(&mesh.tangents);
+            self.tangents = Some(put(gpu, &format!("mesh {index} tangents"), bytes, Use::VERTEX, stats));
+        }
+        if self.uvs.is_none() && read(|v| v.leaf().is_some()) {
+            let bytes = bytemuck::cast_slice(&mesh.uvs);
+            self.uvs = Some(put(gpu, &format!("mesh {index} uvs"), bytes, Use::VERTEX, stats));
+        }
+    }
+}
+
+/// A mesh in a material, wherever the two stand together: one draw a level of detail.
+pub(crate) struct Batch {
+    pub mesh: usize,
+    pub material: usize,
+    pub variant: Variant,
     pub levels: Levels,
     pub instances: wgpu::Buffer,
-    pub instance_count: u32,
+    pub count: u32,
     /// Branch and place of each instance, where any rides on a branch.
     pub rides: Option<wgpu::Buffer>,
 }
 
-/// What a leaf's shader reads of its vertices.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct VertexNeeds {
-    pub normals: bool,
-    pub tangents: bool,
-    pub rides: bool,
+impl Batch {
+    /// What stands in the scene, uploaded: by material, then by mesh.
+    pub(crate) fn all(gpu: &Gpu, scene: &Scene, stats: &mut Stats) -> Vec<Batch> {
+        let mut together: BTreeMap<(usize, usize), Vec<Instance>> = BTreeMap::new();
+        for instance in scene.instances.iter().filter(|i| !scene.meshes[i.mesh].indices.is_empty()) {
+            together.entry((instance.material, instance.mesh)).or_default().push(*instance);
+        }
+        let batch = |((material, mesh), instances): ((usize, usize), Vec<Instance>)| {
+            let variant = Variant::new(gpu, scene, &instances)?;
+            let rows: Vec<[[f32; 4]; 3]> = instances.iter().map(detail::rows).collect();
+            let rides: Vec<[f32; 2]> = instances.iter().map(|i| bend::ride(i.ride)).collect();
+            let mut put = |name: &str, bytes: &[u8]| {
+                put(gpu, &format!("{name} of mesh {mesh}"), bytes, Use::VERTEX | Use::COPY_DST, stats)
+            };
+            Some(Batch {
+                mesh,
+                material,
+                levels: Levels::new(&scene.meshes[mesh], &instances),
+                instances: put("instances", bytemuck::cast_slice(&rows)),
+                count: rows.len() as u32,
+                rides: (variant.branches > 0).then(|| put("rides", bytemuck::cast_slice(&rides))),
+                variant,
+            })
+        };
+        together.into_iter().filter_map(batch).collect()
+    }
 }
 
-impl Geometry {
-    /// Uploads leaf `index`; `None` where it stands nowhere.
-    pub(crate) fn new(
-        gpu: &Gpu,
-        scene: &Scene,
-        index: usize,
-        needs: VertexNeeds,
-        stats: &mut Stats,
-    ) -> Option<Geometry> {
-        let instances: Vec<Instance> = scene.instances.iter().filter(|i| i.leaf == index).copied().collect();
-        let rows: Vec<[[f32; 4]; 3]> = instances.iter().map(detail::rows).collect();
-        let rides: Vec<[f32; 2]> = instances.iter().map(|i| bend::ride(i.ride)).collect();
-        let mesh = &scene.leaves[index].mesh;
-        if rows.is_empty() || mesh.indices.is_empty() {
-            return None;
-        }
-        let mut put = |name: &str, bytes: &[u8], usage| {
-            let label = format!("leaf {index} {name}");
-            stats.upload(&label, bytes.len() as u64);
-            gpu.buffer(&label, bytes, usage)
-        };
-        use wgpu::BufferUsages as Use;
-        Some(Geometry {
-            positions: put("positions", bytemuck::cast_slice(&mesh.positions), Use::VERTEX),
-            normals: needs.normals.then(|| put("normals", bytemuck::cast_slice(&mesh.normals), Use::VERTEX)),
-            tangents: needs.tangents.then(|| put("tangents", bytemuck::cast_slice(&mesh.tangents), Use::VERTEX)),
-            uvs: put("uvs", bytemuck::cast_slice(&mesh.uvs), Use::VERTEX),
-            indices: put("indices", bytemuck::cast_slice(&detail::indices(mesh)), Use::INDEX),
-            levels: Levels::new(mesh, &instances),
-            instances: put("instances", bytemuck::cast_slice(&rows), Use::VERTEX | Use::COPY_DST),
-            instance_count: rows.len() as u32,
-            rides: needs.rides.then(|| put("rides", bytemuck::cast_slice(&rides), Use::VERTEX | Use::COPY_DST)),
-        })
-    }
+fn put(gpu: &Gpu, label: &str, bytes: &[u8], usage: Use, stats: &mut Stats) -> wgpu::Buffer {
+    stats.upload(label, bytes.len() as u64);
+    gpu.buffer(label, bytes, usage)
 }
 
 /// Layouts of the vertex buffers, in the order position, normal, tangent, uv, instance, ride; `false` leaves one out.
 pub(crate) fn vertex_layouts(
     normal: bool,
     tangent: bool,
+    uv: bool,
     ride: bool,
 ) -> Vec<Option<wgpu::VertexBufferLayout<'static>>> {
     const POSITION: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![0 => Float32x3];
@@ -88,7 +117,9 @@ pub(crate) fn vertex_layouts(
     if tangent {
         layouts.push(layout(16, wgpu::VertexStepMode::Vertex, &TANGENT));
     }
-    layouts.push(layout(8, wgpu::VertexStepMode::Vertex, &UV));
+    if uv {
+        layouts.push(layout(8, wgpu::VertexStepMode::Vertex, &UV));
+    }
     layouts.push(layout(48, wgpu::VertexStepMode::Instance, &WORLD));
     if ride {
         layouts.push(layout(8, wgpu::VertexStepMode::Instance, &RIDE));
@@ -106,12 +137,12 @@ pub(crate) struct Extents {
 impl Extents {
     pub(crate) fn new(scene: &Scene) -> Extents {
         let corners: Vec<Option<Vec<Vec3>>> = scene
-            .leaves
+            .meshes
             .iter()
-            .map(|leaf| {
-                let first = *leaf.mesh.positions.first()?;
+            .map(|mesh| {
+                let first = *mesh.positions.first()?;
                 let (low, high) =
-                    leaf.mesh.positions.iter().fold((first, first), |(low, high), p| (low.min(*p), high.max(*p)));
+                    mesh.positions.iter().fold((first, first), |(low, high), p| (low.min(*p), high.max(*p)));
                 let pick = |k: u32, bit: u32, l: f32, h: f32| if k & bit == 0 { l } else { h };
                 Some(
                     (0..8)
@@ -125,7 +156,7 @@ impl Extents {
         let points = scene.instances.iter().filter_map(|instance| {
             let bends = instance.ride.is_some_and(|r| r.at.is_none());
             let around =
-                if bends { &scene.leaves[instance.leaf].mesh.positions } else { corners[instance.leaf].as_ref()? };
+                if bends { &scene.meshes[instance.mesh].positions } else { corners[instance.mesh].as_ref()? };
             Some((instance.ride, around.iter().map(|p| instance.transform.transform_point3(*p)).collect()))
         });
         Extents { points: points.collect(), branches: scene.branches.clone() }

@@ -1,5 +1,5 @@
-//! Draws fitted leaves with wgpu, headless or in a window. Takes plain scene data; knows nothing of fitting or files of
-//! scenes.
+//! Draws leaves and what they grow on with wgpu, headless or in a window. Takes plain scene data: meshes, materials,
+//! instances, branches and lights ([`scene`]). Knows nothing of fitting or of files of scenes.
 //!
 //! ```no_run
 //! use mesophyll_viewer::{Error, Options, Renderer, scene::{Camera, Scene}};
@@ -18,9 +18,9 @@ pub mod editor;
 mod error;
 mod geometry;
 mod gpu;
-mod leaf;
 pub mod lobe;
 mod maps;
+mod material;
 mod operations;
 mod passes;
 pub mod pick;

@@ -1,39 +1,15 @@
-//! The bounded gloss lobe f_s in f64 and its directional albedo a(N·v, m) as a table for the sky term.
+//! The directional albedo a(N·v, m) of the bounded gloss lobe as a table for the sky term, by the lobe's formulas in
+//! double precision ([`mesophyll_surface::gloss`]); `passes/lobe.wgsl` evaluates the lobe itself.
 //!
-//! f_s = ρs·D·G/(4 (N·l)(N·v)), Beckmann or GGX D, V-cavity G (Cook & Torrance 1982 with π m² cos⁴α under the Beckmann
-//! exponential so that ∫ D cosα dω = 1; Walter et al. 2007 Eq. 33 for GGX), times the dielectric Fresnel factor for
-//! `CookTorrance`. a(N·v, m) = ∫ f_s/ρs cosθ dω ≤ 1. Limits: N·v is floored at 1e-3, m at 1e-3.
+//! f_s = ρs·D·G·F/(4 (N·l)(N·v)) with a V-cavity G, and a(N·v, m) = ∫ f_s/ρs cosθ dω ≤ 1. Limits: N·v is floored at
+//! 1e-3, m at 1e-3.
 
+use crate::dome::MeanTable;
 use crate::scene::Lobe;
 use std::f64::consts::PI;
 
 /// Smallest N·v and m that the shading uses.
 pub const FLOOR: f64 = 1e-3;
-
-/// Microfacet density D(α) (1/sr) from cos²α and m.
-pub fn density(lobe: Lobe, cos2: f64, m: f64) -> f64 {
-    if cos2 <= 0.0 {
-        return 0.0;
-    }
-    let (tan2, m2) = ((1.0 - cos2).max(0.0) / cos2, m * m);
-    match lobe {
-        Lobe::Ggx => m2 / (PI * cos2 * cos2 * (m2 + tan2) * (m2 + tan2)),
-        Lobe::Beckmann | Lobe::CookTorrance { .. } => (-tan2 / m2).exp() / (PI * m2 * cos2 * cos2),
-    }
-}
-
-/// Unpolarised dielectric Fresnel reflectance at cosine `c` for relative index `n` (1 for the lobes without it).
-pub fn fresnel(lobe: Lobe, c: f64) -> f64 {
-    let Lobe::CookTorrance { index } = lobe else { return 1.0 };
-    let n = f64::from(index);
-    let sin2 = (1.0 - c * c) / (n * n);
-    if sin2 >= 1.0 {
-        return 1.0;
-    }
-    let t = (1.0 - sin2).sqrt();
-    let (s, p) = ((c - n * t) / (c + n * t), (n * c - t) / (n * c + t));
-    0.5 * (s * s + p * p)
-}
 
 /// V-cavity shadowing and masking.
 pub fn cavity(nh: f64, nv: f64, nl: f64, vh: f64) -> f64 {
@@ -48,10 +24,7 @@ pub fn directional_albedo(lobe: Lobe, nv: f64, m: f64, polar: &[(f64, f64)], azi
     let sin_v = (1.0 - nv * nv).sqrt();
     let mut sum = 0.0;
     for &(share, weight) in polar {
-        let tan2 = match lobe {
-            Lobe::Ggx => m * m * share / (1.0 - share),
-            Lobe::Beckmann | Lobe::CookTorrance { .. } => -m * m * (-share).ln_1p(),
-        };
+        let tan2 = lobe.quantile(share, m);
         let nh = 1.0 / (1.0 + tan2).sqrt();
         let sin_h = (tan2.sqrt() * nh).min(1.0);
         for k in 0..azimuths {
@@ -59,7 +32,7 @@ pub fn directional_albedo(lobe: Lobe, nv: f64, m: f64, polar: &[(f64, f64)], azi
             let vh = nv * nh + sin_v * sin_h * phi.cos();
             let nl = 2.0 * vh * nh - nv;
             if vh > 0.0 && nl > 0.0 {
-                sum += weight * fresnel(lobe, vh) * cavity(nh, nv, nl, vh) * vh / (nv * nh);
+                sum += weight * lobe.fresnel(vh) * cavity(nh, nv, nl, vh) * vh / (nv * nh);
             }
         }
     }
@@ -69,37 +42,13 @@ pub fn directional_albedo(lobe: Lobe, nv: f64, m: f64, polar: &[(f64, f64)], azi
 /// Nodes and weights on [0, 1]: Gauss–Legendre in x with share = 1 − (1 − x)², which crowds nodes where the lobe's tail
 /// lies.
 pub fn polar_nodes(n: usize) -> Vec<(f64, f64)> {
-    gauss_legendre(n)
+    mesophyll_quadrature::symmetric(n)
         .into_iter()
         .map(|(x, w)| {
             let x = 0.5 * (x + 1.0);
             (1.0 - (1.0 - x) * (1.0 - x), w * (1.0 - x))
         })
         .collect()
-}
-
-/// Gauss–Legendre nodes and weights on [−1, 1] by Newton's method on the Legendre recurrence.
-pub fn gauss_legendre(n: usize) -> Vec<(f64, f64)> {
-    let mut nodes = Vec::with_capacity(n);
-    for i in 0..n {
-        let mut x = -(PI * (i as f64 + 0.75) / (n as f64 + 0.5)).cos();
-        let mut slope = 1.0;
-        for _ in 0..50 {
-            let (mut p0, mut p1) = (1.0, x);
-            for k in 2..=n {
-                let k = k as f64;
-                (p0, p1) = (p1, ((2.0 * k - 1.0) * x * p1 - (k - 1.0) * p0) / k);
-            }
-            slope = n as f64 * (x * p1 - p0) / (x * x - 1.0);
-            let step = p1 / slope;
-            x -= step;
-            if step.abs() < 1e-15 {
-                break;
-            }
-        }
-        nodes.push((x, 2.0 / ((1.0 - x * x) * slope * slope)));
-    }
-    nodes
 }
 
 /// The table the shader looks up: columns √(N·v) from √`FLOOR` to 1, rows ln m from `m_min` to `m_max`, bilinear
@@ -144,6 +93,38 @@ impl AlbedoTable {
     }
 }
 
+/// Directional-albedo tables already integrated, kept from scene to scene.
+#[derive(Default)]
+pub(crate) struct Tables(Vec<(Lobe, AlbedoTable)>, Vec<(Lobe, MeanTable)>);
+
+impl Tables {
+    /// A table that covers roughness `m_min` to `m_max`.
+    pub(crate) fn albedo(&mut self, lobe: Lobe, m_min: f64, m_max: f64) -> AlbedoTable {
+        // Rounded outwards to powers of two, so that an edit in the window rarely integrates anew.
+        let (low, high) = (m_min.max(FLOOR).log2().floor().exp2(), m_max.max(FLOOR).log2().ceil().exp2());
+        if let Some((_, table)) =
+            self.0.iter().find(|(l, t)| *l == lobe && t.m_min <= low && t.m_max >= high && t.m_max <= 4.0 * high)
+        {
+            return table.clone();
+        }
+        let table = AlbedoTable::new(lobe, low, high);
+        self.0.push((lobe, table.clone()));
+        table
+    }
+
+    /// The lobe's mean directions over an albedo table's grid.
+    pub(crate) fn means(&mut self, lobe: Lobe, like: &AlbedoTable) -> MeanTable {
+        if let Some((_, table)) =
+            self.1.iter().find(|(l, t)| *l == lobe && (t.m_min, t.m_max) == (like.m_min, like.m_max))
+        {
+            return table.clone();
+        }
+        let table = MeanTable::new(lobe, like.m_min, like.m_max);
+        self.1.push((lobe, table.clone()));
+        table
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -166,7 +147,8 @@ mod tests {
                 let length = (x * x + y * y + z * z).sqrt();
                 let nh = z / length;
                 let vh = (sin_v * x + nv * z) / length;
-                let f = density(lobe, nh * nh, m) * cavity(nh, nv, nl, vh) * fresnel(lobe, vh) / (4.0 * nl * nv);
+                let f = lobe.distribution(1.0 / (nh * nh) - 1.0, m) * cavity(nh, nv, nl, vh) * lobe.fresnel(vh)
+                    / (4.0 * nl * nv);
                 sum += f * nl * 4.0 * s.powi(3) * 2.0 * PI * t;
             }
         }
@@ -176,7 +158,7 @@ mod tests {
 
     #[test]
     fn table_meets_brute_force() {
-        for lobe in [Lobe::Beckmann, Lobe::Ggx, Lobe::CookTorrance { index: 1.45 }] {
+        for lobe in Lobe::all(1.45) {
             let table = AlbedoTable::new(lobe, 0.1, 0.5);
             for (nv, m) in
                 [(0.95, 0.13), (0.6, 0.3), (0.3, 0.21), (0.12, 0.47), (0.05, 0.2), (0.01, 0.4), (0.001, 0.15)]
@@ -203,12 +185,5 @@ mod tests {
         assert!((a - 1.0).abs() < 1e-3, "{a}");
         let a = directional_albedo(Lobe::CookTorrance { index: 1.5 }, 1.0, 0.02, &polar, 48);
         assert!((a - 0.04).abs() < 1e-4, "{a}");
-    }
-
-    #[test]
-    fn gauss_legendre_integrates_polynomials() {
-        let nodes = gauss_legendre(8);
-        let integral: f64 = nodes.iter().map(|(x, w)| w * x.powi(14)).sum();
-        assert!((integral - 2.0 / 15.0).abs() < 1e-13);
     }
 }

@@ -1,19 +1,19 @@
 //! What lies under the pointer: a ray through the picture against the instances' triangles, on the CPU.
 
 use crate::bend::Bends;
-use crate::scene::{Camera, Instance, Leaf, Scene};
+use crate::scene::{Camera, Instance, Leaf, Mesh, Scene, Side};
 use glam::{Vec2, Vec3};
 
-/// A point of a leaf.
+/// A point of what stands in the scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {
     pub instance: usize,
-    pub leaf: usize,
+    pub material: usize,
     /// Which side is seen: the one whose mesh normal faces the viewer.
-    pub front: bool,
+    pub side: Side,
     /// On the front's maps.
     pub uv: Vec2,
-    /// Column and row of the seen side's own maps.
+    /// Column and row of the seen side's own maps; 0, 0 where the material has none.
     pub texel: [u32; 2],
     pub position: Vec3,
     pub distance: f32,
@@ -28,45 +28,49 @@ pub fn ray(camera: &Camera, aspect: f32, x: f32, y: f32) -> (Vec3, Vec3) {
     (camera.eye, (forward + (2.0 * x - 1.0) * t * aspect * right + (1.0 - 2.0 * y) * t * up).normalize())
 }
 
-/// The nearest point of a leaf that the picture shows at `x`, `y` (0 to 1); holes in a mask are looked through.
+/// The nearest point that the picture shows at `x`, `y` (0 to 1); holes in a mask are looked through.
 pub fn pick(scene: &Scene, camera: &Camera, aspect: f32, x: f32, y: f32) -> Option<Hit> {
     let (origin, direction) = ray(camera, aspect, x, y);
-    let boxes: Vec<(Vec3, Vec3)> = scene.leaves.iter().map(bounds).collect();
+    let boxes: Vec<(Vec3, Vec3)> = scene.meshes.iter().map(bounds).collect();
     let bends = Bends::of(scene);
     let mut best: Option<Hit> = None;
     for (i, instance) in scene.instances.iter().enumerate() {
-        let Some(leaf) = scene.leaves.get(instance.leaf) else { continue };
+        let Some(mesh) = scene.meshes.get(instance.mesh) else { continue };
+        let leaf = scene.leaf(instance.material);
         let back = instance.transform.inverse();
         let (mut o, mut d) = (back.transform_point3(origin), back.transform_vector3(direction));
         // What rides on a branch is met in world space, where it is bent.
-        let moved = instance.ride.map(|_| swung(&bends, instance, leaf));
+        let moved = instance.ride.map(|_| swung(&bends, instance, mesh));
         if moved.is_some() {
             (o, d) = (origin, direction);
-        } else if !meets_box(o, d, boxes[instance.leaf]) {
+        } else if !meets_box(o, d, boxes[instance.mesh]) {
             continue;
         }
-        let (positions, normals) = moved.as_ref().map_or((&leaf.mesh.positions, &leaf.mesh.normals), |m| (&m.0, &m.1));
-        for triangle in leaf.mesh.indices.as_chunks::<3>().0 {
+        let (positions, normals) = moved.as_ref().map_or((&mesh.positions, &mesh.normals), |m| (&m.0, &m.1));
+        for triangle in mesh.indices.as_chunks::<3>().0 {
             let Some((t, u, v)) = meets_triangle(o, d, triangle.map(|k| positions[k as usize])) else { continue };
             if best.is_some_and(|b| b.distance <= t) {
                 continue;
             }
             let weights = [1.0 - u - v, u, v];
             let corner = |k: usize| triangle[k] as usize;
-            let uv: Vec2 = (0..3).map(|k| weights[k] * leaf.mesh.uvs[corner(k)]).sum();
+            let uv: Vec2 = (0..3).map(|k| weights[k] * mesh.uvs[corner(k)]).sum();
             let normal: Vec3 = (0..3).map(|k| weights[k] * normals[corner(k)]).sum();
-            let [column, row] = texel(leaf, uv);
-            if leaf.mask.as_ref().is_some_and(|m| m[(row * leaf.width + column) as usize] == 0) {
-                continue;
+            let side = if normal.dot(d) <= 0.0 { Side::Front } else { Side::Back };
+            let mut seen = [0, 0];
+            if let Some(leaf) = leaf {
+                let [column, row] = texel(leaf, uv);
+                if leaf.mask.as_ref().is_some_and(|m| m[(row * leaf.width + column) as usize] == 0) {
+                    continue;
+                }
+                seen = if side == Side::Front { [column, row] } else { [leaf.width - 1 - column, row] };
             }
-            let front = normal.dot(d) <= 0.0;
-            let texel = if front { [column, row] } else { [leaf.width - 1 - column, row] };
             best = Some(Hit {
                 instance: i,
-                leaf: instance.leaf,
-                front,
+                material: instance.material,
+                side,
                 uv,
-                texel,
+                texel: seen,
                 position: origin + t * direction,
                 distance: t,
             });
@@ -76,9 +80,9 @@ pub fn pick(scene: &Scene, camera: &Camera, aspect: f32, x: f32, y: f32) -> Opti
 }
 
 /// World positions and normals of a mesh that rides on a branch.
-fn swung(bends: &Bends, instance: &Instance, leaf: &Leaf) -> (Vec<Vec3>, Vec<Vec3>) {
+fn swung(bends: &Bends, instance: &Instance, mesh: &Mesh) -> (Vec<Vec3>, Vec<Vec3>) {
     let m = instance.transform;
-    let pairs = leaf.mesh.positions.iter().zip(&leaf.mesh.normals);
+    let pairs = mesh.positions.iter().zip(&mesh.normals);
     pairs.map(|(p, n)| bends.bent(instance.ride, m.transform_point3(*p), m.transform_vector3(*n))).unzip()
 }
 
@@ -87,9 +91,9 @@ fn texel(leaf: &Leaf, uv: Vec2) -> [u32; 2] {
     [at(uv.x, leaf.width), at(uv.y, leaf.height)]
 }
 
-fn bounds(leaf: &Leaf) -> (Vec3, Vec3) {
+fn bounds(mesh: &Mesh) -> (Vec3, Vec3) {
     let start = (Vec3::splat(f32::MAX), Vec3::splat(f32::MIN));
-    leaf.mesh.positions.iter().fold(start, |(l, h), p| (l.min(*p), h.max(*p)))
+    mesh.positions.iter().fold(start, |(l, h), p| (l.min(*p), h.max(*p)))
 }
 
 fn meets_box(o: Vec3, d: Vec3, (low, high): (Vec3, Vec3)) -> bool {

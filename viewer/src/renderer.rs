@@ -2,17 +2,18 @@
 
 use crate::detail;
 use crate::error::{Error, Result};
-use crate::geometry::{Extents, ball, parallel_projection, view_projection};
+use crate::geometry::{Batch, Extents, MeshOnGpu, ball, parallel_projection, view_projection};
 use crate::gpu::{AdapterInfo, Gpu, Options, instance_descriptor};
-use crate::leaf::{AlbedoCache, LeafOnGpu, Samplers};
+use crate::lobe::Tables;
+use crate::material::{MaterialOnGpu, Samplers};
 use crate::passes::bend::BendPass;
-use crate::passes::main::{Frame, MainPass, Pipelines, Targets};
+use crate::passes::main::{Drawn, Frame, MainPass, Pipelines, Targets};
 use crate::passes::shadow::ShadowPass;
 use crate::passes::sky::SkyPass;
 use crate::passes::tonemap::{self, TonemapPass};
 use crate::picture::Picture;
 use crate::readback::{self, Copy};
-use crate::scene::{Camera, Dome, Scanner, Scene, Sun, Wind};
+use crate::scene::{Camera, Dome, Instance, Material, Mesh, Scanner, Scene, Sun, Wind};
 use crate::stats::Stats;
 use crate::timing::{Clock, PASSES, Timing};
 use crate::validate;
@@ -25,7 +26,7 @@ pub struct Renderer {
     pub(crate) gpu: Gpu,
     samplers: Samplers,
     pipelines: Pipelines,
-    tables: AlbedoCache,
+    tables: Tables,
     tonemap: TonemapPass,
     loaded: Option<Loaded>,
     targets: Option<TargetSet>,
@@ -34,7 +35,10 @@ pub struct Renderer {
 
 /// A scene on the adapter.
 struct Loaded {
-    leaves: Vec<LeafOnGpu>,
+    /// By the scene's indices; `None` for what stands nowhere.
+    meshes: Vec<Option<MeshOnGpu>>,
+    materials: Vec<Option<MaterialOnGpu>>,
+    batches: Vec<Batch>,
     main: MainPass,
     shadow: Option<ShadowPass>,
     seen_sky: Option<SkyPass>,
@@ -51,6 +55,12 @@ struct Loaded {
     shadow_layers: u32,
     shadow_resolution: u32,
     msaa: u32,
+}
+
+impl Loaded {
+    fn drawn(&self) -> Drawn<'_> {
+        Drawn { meshes: &self.meshes, materials: &self.materials, batches: &self.batches }
+    }
 }
 
 /// Pictures of one size.
@@ -81,7 +91,7 @@ impl Renderer {
         Renderer {
             samplers: Samplers::new(&gpu),
             pipelines: Pipelines::default(),
-            tables: AlbedoCache::default(),
+            tables: Tables::default(),
             tonemap: TonemapPass::new(&gpu),
             loaded: None,
             targets: None,
@@ -110,20 +120,30 @@ impl Renderer {
         let guard = self.gpu.guard();
         let mut stats =
             Stats { draws: self.stats.draws, shadow_renders: self.stats.shadow_renders, ..Stats::default() };
-        let leaves: Vec<LeafOnGpu> = (0..scene.leaves.len())
-            .filter_map(|i| LeafOnGpu::new(&self.gpu, scene, i, &self.samplers, &mut self.tables, &mut stats))
-            .collect();
+        let batches = Batch::all(&self.gpu, scene, &mut stats);
+        let mesh = |(i, mesh): (usize, &Mesh)| {
+            let stands = batches.iter().any(|b| b.mesh == i);
+            stands.then(|| MeshOnGpu::new(&self.gpu, i, mesh, &batches, &mut stats))
+        };
+        let meshes: Vec<Option<MeshOnGpu>> = scene.meshes.iter().enumerate().map(mesh).collect();
+        let material = |(i, material): (usize, &Material)| {
+            let variant = &batches.iter().find(|b| b.material == i)?.variant;
+            let (gpu, samplers) = (&self.gpu, &self.samplers);
+            Some(MaterialOnGpu::new(gpu, i, material, variant, samplers, &mut self.tables, None, &mut stats))
+        };
+        let materials: Vec<Option<MaterialOnGpu>> = scene.materials.iter().enumerate().map(material).collect();
+        let drawn = Drawn { meshes: &meshes, materials: &materials, batches: &batches };
         let extents = Extents::new(scene);
         let corners = extents.corners(scene.wind.as_ref());
         let bend = BendPass::new(&self.gpu, scene, &mut stats);
         let layers = shadow_layers(scene);
         let (mut shadow, mut shadow_texel) = (None, 0.0);
         if let Some(sun) = scene.sun.filter(|_| layers > 0) {
-            let (pass, texel) = ShadowPass::new(&self.gpu, scene, &sun, &corners, &leaves, &self.samplers, &mut stats);
+            let (pass, texel) = ShadowPass::new(&self.gpu, scene, &sun, &corners, drawn, &self.samplers, &mut stats);
             (shadow, shadow_texel) = (Some(pass), texel);
         }
-        for leaf in &leaves {
-            self.pipelines.need(&self.gpu, &leaf.variant, &mut stats);
+        for batch in &batches {
+            self.pipelines.need(&self.gpu, &batch.variant, &mut stats);
         }
         stats.pipeline("tonemap");
         let main = MainPass::new(&self.gpu, shadow.as_ref(), scene.dome.as_ref(), &mut stats);
@@ -135,7 +155,9 @@ impl Renderer {
         }
         self.tonemap.set_exposure(&self.gpu, scene.exposure);
         self.loaded = Some(Loaded {
-            leaves,
+            meshes,
+            materials,
+            batches,
             main,
             shadow,
             seen_sky,
@@ -157,7 +179,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// Takes over a change of lights, background or exposure, with leaves and instances as they were; moving the sun
+    /// Takes over a change of lights, background or exposure, with meshes, materials and instances as they were; moving the sun
     /// redraws the shadow maps, all else is free. A light that appears or goes reloads the scene, since other maps are
     /// needed then.
     pub fn set_lights(&mut self, scene: &Scene) -> Result<()> {
@@ -173,7 +195,7 @@ impl Renderer {
         if !same {
             return self.set_scene(scene);
         }
-        validate::scene(&self.gpu, scene)?;
+        validate::lights(&self.gpu, scene)?;
         let Some(loaded) = &mut self.loaded else { return Ok(()) };
         if let (Some(sun), Some(shadow)) = (scene.sun, &mut loaded.shadow)
             && loaded.sun.is_none_or(|old| old.direction != sun.direction || old.radius != sun.radius)
@@ -219,7 +241,7 @@ impl Renderer {
                 expected: "an instance on a branch of the set scene".into(),
             });
         };
-        let (mesh, m) = (&scene.leaves[instance.leaf].mesh, instance.transform);
+        let (mesh, m) = (&scene.meshes[instance.mesh], instance.transform);
         let vertices: Vec<[Vec3; 3]> = (0..mesh.positions.len())
             .map(|k| {
                 let turned = |d: Vec3| m.transform_vector3(d);
@@ -229,33 +251,52 @@ impl Renderer {
         bend.probe(&self.gpu, instance.ride, &vertices)
     }
 
-    /// Operations of the fragment shader that leaf `index` of `scene` is drawn with (see `operations`): a figure to
-    /// compare shaders by.
+    /// Operations of the fragment shader that material `index` of `scene` is drawn with (see `operations`): a figure
+    /// to compare shaders by. `None` for a material that stands nowhere.
     pub fn operations(&self, scene: &Scene, index: usize) -> Option<usize> {
-        let leaf = scene.leaves.get(index)?;
-        crate::operations::count(&crate::passes::main::source(&Variant::new(&self.gpu, scene, leaf)))
+        let instance = *scene.instances.iter().find(|i| i.material == index)?;
+        crate::operations::count(&crate::passes::main::source(&Variant::new(&self.gpu, scene, &[instance])?))
     }
 
-    /// Takes over a change of leaf `index`'s appearance, with its mesh and mask as they were.
-    pub fn set_leaf(&mut self, scene: &Scene, index: usize) -> Result<()> {
-        validate::scene(&self.gpu, scene)?;
+    /// Takes over a change of material `index`, with meshes, masks and instances as they were. Only what the change
+    /// touched is uploaded: a curve where a slider moved a curve, and no map that is as it was.
+    ///
+    /// # Errors
+    /// As [`Renderer::set_scene`].
+    pub fn set_material(&mut self, scene: &Scene, index: usize) -> Result<()> {
+        validate::material(&self.gpu, scene, index)?;
         let Some(loaded) = &mut self.loaded else { return self.set_scene(scene) };
-        let Some(slot) = loaded.leaves.iter().position(|l| l.index == index) else { return Ok(()) };
+        let Some(before) = loaded.materials.get(index).and_then(Option::as_ref) else { return Ok(()) };
         let guard = self.gpu.guard();
-        let new = LeafOnGpu::new(&self.gpu, scene, index, &self.samplers, &mut self.tables, &mut self.stats);
-        if let Some(new) = &new {
-            self.pipelines.need(&self.gpu, &new.variant, &mut self.stats);
+        let (gpu, stats) = (&self.gpu, &mut self.stats);
+        let mut new = None;
+        for batch in loaded.batches.iter_mut().filter(|b| b.material == index) {
+            let own = |i: &&Instance| (i.mesh, i.material) == (batch.mesh, index);
+            let instances: Vec<Instance> = scene.instances.iter().filter(own).copied().collect();
+            let Some(variant) = Variant::new(gpu, scene, &instances) else { continue };
+            batch.variant = variant;
+            self.pipelines.need(gpu, &variant, stats);
+            new.get_or_insert_with(|| {
+                let (material, tables) = (&scene.materials[index], &mut self.tables);
+                MaterialOnGpu::new(gpu, index, material, &variant, &self.samplers, tables, Some(before), stats)
+            });
+        }
+        for (i, mesh) in loaded.meshes.iter_mut().enumerate() {
+            if let Some(mesh) = mesh {
+                mesh.complete(gpu, i, &scene.meshes[i], &loaded.batches, stats);
+            }
         }
         if let Err(error) = guard.finish(&self.gpu) {
             self.pipelines = Pipelines::default();
             self.loaded = None;
             return Err(error);
         }
-        if let Some(new) = new {
-            loaded.leaves[slot] = new;
+        if new.is_some() {
+            loaded.materials[index] = new;
         }
-        if let Some(shadow) = &mut loaded.shadow {
-            shadow.bind_masks(&self.gpu, &loaded.leaves, &self.samplers);
+        if let Some(mut shadow) = loaded.shadow.take() {
+            shadow.bind_masks(&self.gpu, loaded.drawn(), &self.samplers);
+            loaded.shadow = Some(shadow);
         }
         Ok(())
     }
@@ -354,12 +395,12 @@ impl Renderer {
         let colour = |c: [f32; 3]| [c[0], c[1], c[2], 0.0];
         let pixel = detail::pixel(camera, height);
         let mut apart = 0.0f32;
-        for leaf in &mut loaded.leaves {
-            let g = &mut leaf.geometry;
-            g.levels.arrange(&self.gpu, camera.eye, pixel, &g.instances, g.rides.as_ref());
-            apart = apart.max(g.levels.apart(loaded.shadow_texel));
+        for batch in &mut loaded.batches {
+            batch.levels.arrange(&self.gpu, camera.eye, pixel, &batch.instances, batch.rides.as_ref());
+            apart = apart.max(batch.levels.apart(loaded.shadow_texel));
         }
-        self.stats.triangles = loaded.leaves.iter().map(|l| l.geometry.levels.triangles()).sum();
+        self.stats.triangles = loaded.batches.iter().map(|b| b.levels.triangles()).sum();
+        let drawn = Drawn { meshes: &loaded.meshes, materials: &loaded.materials, batches: &loaded.batches };
         let frame = Frame {
             view_projection: match &loaded.scanner {
                 Some(scanner) => parallel_projection(scanner, width, height, radius),
@@ -384,7 +425,7 @@ impl Renderer {
             shadow.draw(
                 loaded.shadow_texel,
                 encoder,
-                &loaded.leaves,
+                drawn,
                 loaded.bend.as_ref(),
                 clock.map(|c| (&c.queries, 0)),
                 &mut self.stats,
@@ -397,7 +438,7 @@ impl Renderer {
         loaded.main.draw(
             encoder,
             &self.pipelines,
-            &loaded.leaves,
+            drawn,
             Targets {
                 color,
                 resolve,

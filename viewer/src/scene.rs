@@ -26,6 +26,8 @@
 //! it; sums below 0 (ringing) count as 0. A mapped normal sees the whole hemisphere around itself, also where that dips
 //! under the blade, as under a constant sky.
 //!
+//! An opaque surface has ρt = 0 and ρs = 0, and ρd = 0 on its inside.
+//!
 //! E is the irradiance at normal incidence, V the visible share of the sun's disk, ρt_far the transmittance of a beam
 //! that enters the far side. f_s = ρs·D·G/(4 (N·l)(N·v)), D = exp(−tan²α/m²)/(π m² cos⁴α) (Beckmann) or m²/(π cos⁴α
 //! (m² + tan²α)²) (GGX), G = min(1, 2(N·h)(N·v)/(v·h), 2(N·h)(N·l)/(v·h)) (V-cavity); with `CookTorrance { index }` times
@@ -40,11 +42,15 @@
 //! Reinhard x/(1 + x) a channel, sRGB encoding (IEC 61966-2-1), 8 bits.
 
 use glam::{Mat4, Vec2, Vec3, Vec4};
+pub use mesophyll_surface::basis::Basis;
+pub use mesophyll_surface::gloss::Lobe;
+pub use mesophyll_surface::side::{Side, Sides};
 
-/// Everything in a picture.
+/// Everything in a picture: meshes, materials, where a mesh stands in a material, what bends, and what lights it.
 #[derive(Debug, Clone, Default)]
 pub struct Scene {
-    pub leaves: Vec<Leaf>,
+    pub meshes: Vec<Mesh>,
+    pub materials: Vec<Material>,
     pub instances: Vec<Instance>,
     pub sun: Option<Sun>,
     /// Radiance of a constant sky all around; `None` leaves its code out of the shader.
@@ -70,10 +76,11 @@ pub struct Scene {
 /// As many branches as fill the smallest uniform buffer every adapter has.
 pub const MOST_BRANCHES: usize = 128;
 
-/// A leaf drawn somewhere; rigid transforms with uniform scale.
-#[derive(Debug, Clone, Copy, Default)]
+/// A mesh drawn somewhere in a material; rigid transforms with uniform scale.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Instance {
-    pub leaf: usize,
+    pub mesh: usize,
+    pub material: usize,
     pub transform: Mat4,
     /// What bends it; the transform is where it is at rest.
     pub ride: Option<Ride>,
@@ -178,11 +185,26 @@ pub struct Dome {
     pub turbidity: f32,
 }
 
-/// One leaf's shape and appearance. Both sides share the mesh, whose normals point out of the front.
+/// How a surface looks, apart from its shape.
+#[derive(Debug, Clone)]
+pub enum Material {
+    Leaf(Leaf),
+    Opaque(Opaque),
+}
+
+/// Bark, ground: a diffuse surface of one colour that lets nothing through. It is seen from the side that its mesh's
+/// normals point to; its inside is black.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Opaque {
+    pub name: String,
+    /// Reflectance (red, green, blue), 0 to 1.
+    pub albedo: [f32; 3],
+}
+
+/// A leaf: maps for either side, on a mesh whose normals point out of the front.
 #[derive(Debug, Clone)]
 pub struct Leaf {
     pub name: String,
-    pub mesh: Mesh,
     /// Size of the maps (all of one size), in texels.
     pub width: u32,
     pub height: u32,
@@ -191,8 +213,7 @@ pub struct Leaf {
     pub lobe: Lobe,
     /// Maps are stored as each side's camera saw them: column i of the back is column `width−1−i` of the front, so the
     /// back is looked up at (1 − u, v).
-    pub front: Side,
-    pub back: Side,
+    pub sides: Sides<SideMaps>,
     /// 1 on the leaf, row-major in the front's columns; `None` where the mesh is trimmed to the outline already.
     pub mask: Option<Vec<u8>>,
 }
@@ -219,25 +240,49 @@ pub struct Detail {
     pub error: f32,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Lobe {
-    Beckmann,
-    Ggx,
-    CookTorrance { index: f32 },
+impl Material {
+    pub fn name(&self) -> &str {
+        match self {
+            Material::Leaf(leaf) => &leaf.name,
+            Material::Opaque(opaque) => &opaque.name,
+        }
+    }
+
+    /// The leaf, unless it is something else.
+    pub fn leaf(&self) -> Option<&Leaf> {
+        match self {
+            Material::Leaf(leaf) => Some(leaf),
+            Material::Opaque(_) => None,
+        }
+    }
 }
 
-impl Leaf {
-    /// One texel of fixed reflectance on one side: a branch's bark, which holds nothing that could be edited.
-    pub fn is_plain(&self) -> bool {
-        (self.width, self.height) == (1, 1)
-            && self.back.is_black()
-            && matches!(self.front.interior, Interior::Maps { .. })
+impl Scene {
+    /// The material of this index, where there is one and it is a leaf.
+    pub fn leaf(&self, material: usize) -> Option<&Leaf> {
+        self.materials.get(material)?.leaf()
+    }
+
+    /// As [`Scene::leaf`], to be changed.
+    pub fn leaf_mut(&mut self, material: usize) -> Option<&mut Leaf> {
+        match self.materials.get_mut(material)? {
+            Material::Leaf(leaf) => Some(leaf),
+            Material::Opaque(_) => None,
+        }
+    }
+
+    /// Adds a mesh and a material, and says at which index either is.
+    pub fn add(&mut self, mesh: Mesh, material: Material) -> Instance {
+        self.meshes.push(mesh);
+        self.materials.push(material);
+        let (mesh, material) = (self.meshes.len() - 1, self.materials.len() - 1);
+        Instance { mesh, material, transform: Mat4::IDENTITY, ride: None }
     }
 }
 
 /// How one side looks. Maps are row-major, row 0 on top.
 #[derive(Debug, Clone)]
-pub struct Side {
+pub struct SideMaps {
     /// W's first texture: γ (RGB) and δ (mm).
     pub gamma_delta: Vec<[f32; 4]>,
     /// W's second texture: ρs (RGB) and m; `None` is a matte side and uploads nothing.
@@ -256,19 +301,10 @@ pub struct Side {
 /// towards the light are.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Translucency {
-    /// The same on both sides of a leaf.
+    /// The same on both sides of a leaf. A flat, uniform leaf has the coefficient √(2π)/3 of each function, whichever
+    /// they are.
     pub basis: Basis,
     pub coefficients: Coefficients,
-}
-
-/// Functions of ω. A flat, uniform leaf has the coefficient √(2π)/3 of each, whichever they are.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Basis {
-    /// The three √(3/2π) H_i·ω of [`HALF_LIFE_2`].
-    #[default]
-    HalfLife2,
-    /// The same three at ω with x and y multiplied by (2z/(1+z))^¼; no longer unit, and never longer.
-    Bent,
 }
 
 /// Three coefficients a texel.
@@ -304,11 +340,11 @@ impl Translucency {
     }
 }
 
-impl Side {
+impl SideMaps {
     /// A side whose reflected and transmitted light no camera sees: it has no γ, no δ and no curve, shades black and
     /// uploads nothing.
-    pub fn black() -> Side {
-        Side {
+    pub fn black() -> SideMaps {
+        SideMaps {
             gamma_delta: Vec::new(),
             gloss: None,
             normal: None,

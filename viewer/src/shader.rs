@@ -1,6 +1,8 @@
 //! Puts a pass's WGSL together for what a scene needs: lines between `//#if NAME` (or `!NAME`) and `//#endif` stay only
 //! where the name is set, so that code, bindings and textures of an absent sun, sky or gloss do not exist at all.
 
+use crate::scene::Side;
+
 /// The names that are set and the constants that are put in front.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Defines {
@@ -27,6 +29,15 @@ impl Defines {
             None => self.names.contains(&name),
         })
     }
+}
+
+/// What is written once for both sides, for one of them: see `passes/side.wgsl`.
+pub(crate) fn of_side(source: &str, side: Side) -> String {
+    let (number, minus) = match side {
+        Side::Front => ("1", ""),
+        Side::Back => ("2", "-"),
+    };
+    source.replace("$side", side.name()).replace("$n", number).replace("$-", minus)
 }
 
 /// Assembles `source`. Conditions nest; `||` joins names.
@@ -57,6 +68,13 @@ pub(crate) fn assemble(source: &str, defines: &Defines) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_side_has_its_own_name_number_and_sign() {
+        let source = "@binding($n0) var $side_map; $-x";
+        assert_eq!(of_side(source, Side::Front), "@binding(10) var front_map; x");
+        assert_eq!(of_side(source, Side::Back), "@binding(20) var back_map; -x");
+    }
 
     #[test]
     fn only_what_is_set_stays() {

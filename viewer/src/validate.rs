@@ -3,7 +3,7 @@
 
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
-use crate::scene::{Camera, Dome, Interior, Leaf, Lobe, MOST_BRANCHES, Scanner, Scene, Side};
+use crate::scene::{Camera, Dome, Interior, Leaf, MOST_BRANCHES, Material, Mesh, Scanner, Scene, SideMaps};
 
 /// Shadow maps larger than this in total are refused (bytes).
 const SHADOW_BUDGET: u64 = 2 << 30;
@@ -13,12 +13,17 @@ fn wrong(place: impl Into<String>, found: impl ToString, expected: impl ToString
 }
 
 pub(crate) fn scene(gpu: &Gpu, scene: &Scene) -> Result<()> {
-    for (i, leaf) in scene.leaves.iter().enumerate() {
-        check_leaf(gpu, i, leaf)?;
+    for (i, mesh) in scene.meshes.iter().enumerate() {
+        check_mesh(i, mesh)?;
+    }
+    for i in 0..scene.materials.len() {
+        material(gpu, scene, i)?;
     }
     for (i, instance) in scene.instances.iter().enumerate() {
-        if instance.leaf >= scene.leaves.len() {
-            return Err(wrong(format!("instance {i}, leaf"), instance.leaf, format!("below {}", scene.leaves.len())));
+        let indices =
+            [("mesh", instance.mesh, scene.meshes.len()), ("material", instance.material, scene.materials.len())];
+        if let Some((what, found, count)) = indices.into_iter().find(|(_, index, count)| index >= count) {
+            return Err(wrong(format!("instance {i}, {what}"), found, format!("below {count}")));
         }
         let m = instance.transform;
         let scale = [m.x_axis, m.y_axis, m.z_axis].map(|a| a.truncate().length());
@@ -32,6 +37,23 @@ pub(crate) fn scene(gpu: &Gpu, scene: &Scene) -> Result<()> {
         }
     }
     branches(scene)?;
+    lights(gpu, scene)
+}
+
+/// Material `index` of a scene.
+pub(crate) fn material(gpu: &Gpu, scene: &Scene, index: usize) -> Result<()> {
+    match scene.materials.get(index) {
+        Some(Material::Leaf(leaf)) => check_leaf(gpu, index, leaf),
+        Some(Material::Opaque(o)) if !o.albedo.iter().all(|v| (0.0..=1.0).contains(v)) => {
+            Err(wrong(format!("opaque {index} ({}), albedo", o.name), format!("{:?}", o.albedo), "0 to 1"))
+        }
+        Some(Material::Opaque(_)) => Ok(()),
+        None => Err(wrong("material", index, format!("below {}", scene.materials.len()))),
+    }
+}
+
+/// Lights, and how a scene is drawn.
+pub(crate) fn lights(gpu: &Gpu, scene: &Scene) -> Result<()> {
     if scene.msaa != 1 && scene.msaa != 4 {
         return Err(wrong("msaa", scene.msaa, "1 or 4"));
     }
@@ -184,36 +206,7 @@ fn check_leaf(gpu: &Gpu, index: usize, leaf: &Leaf) -> Result<()> {
     if !leaf.thickness_mm.is_finite() || leaf.thickness_mm <= 0.0 {
         return Err(wrong(place("thickness_mm"), leaf.thickness_mm, "finite and above 0"));
     }
-    let mesh = &leaf.mesh;
-    let vertices = mesh.positions.len();
-    for (field, n) in [("normals", mesh.normals.len()), ("tangents", mesh.tangents.len()), ("uvs", mesh.uvs.len())] {
-        if n != vertices {
-            return Err(wrong(
-                place(&format!("mesh.{field}")),
-                format!("{n} entries"),
-                format!("{vertices}, one a position"),
-            ));
-        }
-    }
-    if !mesh.indices.len().is_multiple_of(3) {
-        return Err(wrong(place("mesh.indices"), format!("{} entries", mesh.indices.len()), "a multiple of 3"));
-    }
-    for detail in &mesh.details {
-        if !detail.indices.len().is_multiple_of(3) || detail.indices.iter().any(|i| *i as usize >= vertices) {
-            let found = format!("{} entries, up to {:?}", detail.indices.len(), detail.indices.iter().max());
-            return Err(wrong(place("mesh.details"), found, format!("a multiple of 3, below {vertices}")));
-        }
-        if !(detail.error >= 0.0 && detail.error.is_finite()) {
-            return Err(wrong(place("mesh.details"), format!("an error of {}", detail.error), "0 or more"));
-        }
-    }
-    if let Some(bad) = mesh.indices.iter().find(|i| **i as usize >= vertices) {
-        return Err(wrong(place("mesh.indices"), bad, format!("below {vertices}")));
-    }
-    if !mesh.positions.iter().all(|p| p.is_finite()) {
-        return Err(wrong(place("mesh.positions"), "a value that is not finite", "finite positions"));
-    }
-    if let Lobe::CookTorrance { index: n } = leaf.lobe
+    if let Some(n) = leaf.lobe.index()
         && !(n.is_finite() && n > 1.0)
     {
         return Err(wrong(place("lobe index"), n, "finite and above 1"));
@@ -224,17 +217,45 @@ fn check_leaf(gpu: &Gpu, index: usize, leaf: &Leaf) -> Result<()> {
     {
         return Err(wrong(place("mask"), format!("{} texels", mask.len()), texels));
     }
-    if let (Some(front), Some(back)) = (&leaf.front.translucency, &leaf.back.translucency)
+    if let (Some(front), Some(back)) = (&leaf.sides.front.translucency, &leaf.sides.back.translucency)
         && front.basis != back.basis
     {
         let found = format!("{:?} on the front and {:?} on the back", front.basis, back.basis);
         return Err(wrong(place("translucency.basis"), found, "one basis for both"));
     }
-    check_side(gpu, &place("front"), texels, &leaf.front)?;
-    check_side(gpu, &place("back"), texels, &leaf.back)
+    leaf.sides.iter().try_for_each(|(side, maps)| check_side(gpu, &place(side.name()), texels, maps))
 }
 
-fn check_side(gpu: &Gpu, place: &str, texels: usize, side: &Side) -> Result<()> {
+fn check_mesh(index: usize, mesh: &Mesh) -> Result<()> {
+    let place = |field: &str| format!("mesh {index}, {field}");
+    let vertices = mesh.positions.len();
+    for (field, n) in [("normals", mesh.normals.len()), ("tangents", mesh.tangents.len()), ("uvs", mesh.uvs.len())] {
+        if n != vertices {
+            return Err(wrong(place(field), format!("{n} entries"), format!("{vertices}, one a position")));
+        }
+    }
+    if !mesh.indices.len().is_multiple_of(3) {
+        return Err(wrong(place("indices"), format!("{} entries", mesh.indices.len()), "a multiple of 3"));
+    }
+    for detail in &mesh.details {
+        if !detail.indices.len().is_multiple_of(3) || detail.indices.iter().any(|i| *i as usize >= vertices) {
+            let found = format!("{} entries, up to {:?}", detail.indices.len(), detail.indices.iter().max());
+            return Err(wrong(place("details"), found, format!("a multiple of 3, below {vertices}")));
+        }
+        if !(detail.error >= 0.0 && detail.error.is_finite()) {
+            return Err(wrong(place("details"), format!("an error of {}", detail.error), "0 or more"));
+        }
+    }
+    if let Some(bad) = mesh.indices.iter().find(|i| **i as usize >= vertices) {
+        return Err(wrong(place("indices"), bad, format!("below {vertices}")));
+    }
+    if !mesh.positions.iter().all(|p| p.is_finite()) {
+        return Err(wrong(place("positions"), "a value that is not finite", "finite positions"));
+    }
+    Ok(())
+}
+
+fn check_side(gpu: &Gpu, place: &str, texels: usize, side: &SideMaps) -> Result<()> {
     let size = |field: &str, n: usize| {
         if n == texels { Ok(()) } else { Err(wrong(format!("{place}.{field}"), format!("{n} texels"), texels)) }
     };

@@ -1,30 +1,17 @@
-//! What a leaf's shader holds: the closure of what the scene's lights and the leaf's maps need. Equal variants share a
+//! What a material's shader holds: the closure of what the scene's lights and the material need. Equal variants share a
 //! pipeline.
 
 use crate::gpu::Gpu;
 use crate::passes::bend;
-use crate::scene::{Basis, Interior, Leaf, Lobe, Scene, Side};
+use crate::scene::{Basis, Instance, Interior, Leaf, Material, Scene, SideMaps, Sides};
 use crate::shader::Defines;
+use mesophyll_surface::gloss::LobeKind;
 
-/// Which parts of the main pass a leaf needs.
+/// Which parts of the main pass a mesh in a material needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) struct Variant {
-    pub sun: bool,
-    /// Shadow maps; 0 without a shadow.
-    pub shadow: u32,
-    pub sky: bool,
-    /// The sky's light comes as harmonics.
-    pub dome: bool,
-    /// A tube lights it.
-    pub scanner: bool,
-    pub mask: bool,
-    /// The mask is sampled where the pixel's samples are, instead of at its centre.
-    pub sample_mask: bool,
-    pub front: SideVariant,
-    pub back: SideVariant,
-    /// Translucency maps are looked up with the light bent towards the normal.
-    pub bent: bool,
-    pub lobe: LobeKind,
+    pub lights: Lights,
+    pub surface: Surface,
     pub msaa: u32,
     /// The mesh has levels of detail: what is drawn may be another surface than the one in the shadow maps.
     pub levels: bool,
@@ -34,7 +21,40 @@ pub(crate) struct Variant {
     pub motion: bool,
 }
 
+/// What the scene's lights need.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+pub(crate) struct Lights {
+    pub sun: bool,
+    /// Shadow maps; 0 without a shadow.
+    pub shadow: u32,
+    /// A sky, constant or not.
+    pub sky: bool,
+    /// The sky's light comes as harmonics.
+    pub dome: bool,
+    /// A tube lights it.
+    pub scanner: bool,
+}
+
+/// What the material needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(crate) enum Surface {
+    Leaf(LeafSurface),
+    Opaque,
+}
+
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+pub(crate) struct LeafSurface {
+    pub mask: bool,
+    /// The mask is sampled where the pixel's samples are, instead of at its centre.
+    pub sample_mask: bool,
+    pub sides: Sides<SideVariant>,
+    /// Translucency maps are looked up with the light bent towards the normal.
+    pub bent: bool,
+    /// `None` where neither side shines.
+    pub lobe: Option<LobeKind>,
+}
+
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub(crate) struct SideVariant {
     /// ρd and ρt a texel instead of a slab curve.
     pub maps: bool,
@@ -46,134 +66,164 @@ pub(crate) struct SideVariant {
     pub translucency: u32,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub(crate) enum LobeKind {
-    None,
-    Beckmann,
-    Ggx,
-    CookTorrance,
-}
-
 /// Shadow maps that a scene needs: none without a sun.
 pub(crate) fn shadow_layers(scene: &Scene) -> u32 {
     let casts = scene.sun.is_some() && !scene.instances.is_empty();
     if casts { scene.shadow_samples } else { 0 }
 }
 
-impl Variant {
-    pub(crate) fn new(gpu: &Gpu, scene: &Scene, leaf: &Leaf) -> Variant {
-        let (sun, dome) = (scene.sun.is_some(), scene.dome.is_some());
-        let sky = scene.sky.is_some() || dome;
-        let scanner = scene.scanner.is_some();
-        let side = |side: &Side| {
-            let gloss = (sun || sky || scanner)
-                && side.gloss.as_ref().is_some_and(|g| g.iter().any(|t| t[0] > 0.0 || t[1] > 0.0 || t[2] > 0.0));
+impl Lights {
+    pub(crate) fn of(scene: &Scene) -> Lights {
+        let dome = scene.dome.is_some();
+        Lights {
+            sun: scene.sun.is_some(),
+            shadow: shadow_layers(scene),
+            sky: scene.sky.is_some() || dome,
+            dome,
+            scanner: scene.scanner.is_some(),
+        }
+    }
+
+    /// Whether any light reaches a surface: without one no map is read.
+    pub(crate) fn any(&self) -> bool {
+        self.sun || self.sky || self.scanner
+    }
+}
+
+impl LeafSurface {
+    pub(crate) fn new(gpu: &Gpu, scene: &Scene, lights: &Lights, leaf: &Leaf) -> LeafSurface {
+        let side = |side: &SideMaps| {
+            let shines = |g: &Vec<[f32; 4]>| g.iter().any(|t| t[0] > 0.0 || t[1] > 0.0 || t[2] > 0.0);
+            let gloss = lights.any() && side.gloss.as_ref().is_some_and(shines);
             // A constant sky sees the normal only through the gloss's directional albedo.
-            let normal = side.normal.is_some() && (sun || dome || scanner || (sky && gloss));
-            let translucency = side.translucency.as_ref().filter(|_| sun).map_or(0, |t| t.layers().len() as u32);
+            let seen = lights.sun || lights.dome || lights.scanner || (lights.sky && gloss);
             SideVariant {
                 maps: matches!(side.interior, Interior::Maps { .. }),
                 black: side.is_black(),
                 gloss,
-                normal,
-                translucency,
+                normal: side.normal.is_some() && seen,
+                translucency: side.translucency.as_ref().filter(|_| lights.sun).map_or(0, |t| t.layers().len() as u32),
             }
         };
-        let (front, back) = (side(&leaf.front), side(&leaf.back));
-        let bent = sun
-            && [&leaf.front, &leaf.back]
-                .iter()
-                .any(|s| s.translucency.as_ref().is_some_and(|t| t.basis == Basis::Bent));
-        let lobe = match leaf.lobe {
-            _ if !front.gloss && !back.gloss => LobeKind::None,
-            Lobe::Beckmann => LobeKind::Beckmann,
-            Lobe::Ggx => LobeKind::Ggx,
-            Lobe::CookTorrance { .. } => LobeKind::CookTorrance,
-        };
-        let mask = leaf.mask.is_some();
-        // Naga writes GLSL for a sample mask that GL drivers refuse: there the outline is cut at the pixels' centres.
-        let sample_mask = mask && scene.msaa > 1 && !gpu.is_gl();
-        Variant {
-            sun,
-            shadow: shadow_layers(scene),
-            sky,
-            dome,
-            scanner,
-            mask,
-            sample_mask,
-            front,
-            back,
-            bent,
-            lobe,
-            msaa: scene.msaa,
-            levels: !leaf.mesh.details.is_empty(),
-            branches: 0,
-            motion: false,
+        let sides = Sides::of(|s| side(&leaf.sides[s]));
+        let bends = |s: &SideMaps| s.translucency.as_ref().is_some_and(|t| t.basis == Basis::Bent);
+        LeafSurface {
+            mask: leaf.mask.is_some(),
+            // Naga writes GLSL for a sample mask that GL drivers refuse: there the outline is cut at the pixels'
+            // centres.
+            sample_mask: leaf.mask.is_some() && scene.msaa > 1 && !gpu.is_gl(),
+            bent: lights.sun && leaf.sides.iter().any(|(_, s)| bends(s)),
+            lobe: sides.iter().any(|(_, s)| s.gloss).then(|| leaf.lobe.into()),
+            sides,
         }
     }
 
-    /// Whether any light reaches the leaf: without one no map is read.
-    pub(crate) fn lit(&self) -> bool {
-        self.sun || self.sky || self.scanner
+    fn any(&self, of: impl Fn(&SideVariant) -> bool) -> bool {
+        self.sides.iter().any(|(_, s)| of(s))
+    }
+}
+
+impl Variant {
+    /// For what `instances` of the scene, all of one mesh and material, need.
+    pub(crate) fn new(gpu: &Gpu, scene: &Scene, instances: &[Instance]) -> Option<Variant> {
+        let first = instances.first()?;
+        let lights = Lights::of(scene);
+        let (branches, motion) = bend::needs(scene, instances);
+        Some(Variant {
+            lights,
+            surface: match &scene.materials[first.material] {
+                Material::Leaf(leaf) => Surface::Leaf(LeafSurface::new(gpu, scene, &lights, leaf)),
+                Material::Opaque(_) => Surface::Opaque,
+            },
+            msaa: scene.msaa,
+            levels: !scene.meshes[first.mesh].details.is_empty(),
+            branches,
+            motion,
+        })
+    }
+
+    pub(crate) fn leaf(&self) -> Option<&LeafSurface> {
+        match &self.surface {
+            Surface::Leaf(leaf) => Some(leaf),
+            Surface::Opaque => None,
+        }
+    }
+
+    pub(crate) fn masked(&self) -> bool {
+        self.leaf().is_some_and(|l| l.mask)
     }
 
     pub(crate) fn tangent(&self) -> bool {
-        [self.front, self.back].iter().any(|s| s.normal || s.translucency > 0)
+        self.leaf().is_some_and(|l| l.any(|s| s.normal || s.translucency > 0))
     }
 
     /// The gloss's directional albedo, for the sky.
     pub(crate) fn albedo(&self) -> bool {
-        self.sky && self.lobe != LobeKind::None
+        self.lights.sky && self.leaf().is_some_and(|l| l.lobe.is_some())
     }
 
     /// The gloss's mean direction and bands, for a dome.
     pub(crate) fn means(&self) -> bool {
-        self.dome && self.albedo()
+        self.lights.dome && self.albedo()
     }
 
     /// Highlights are averaged over the pixel where the normal turns quickly across it.
     pub(crate) fn supersample(&self) -> bool {
-        self.sun && self.msaa > 1 && self.lobe != LobeKind::None && (self.front.normal || self.back.normal)
+        self.lights.sun && self.msaa > 1 && self.leaf().is_some_and(|l| l.lobe.is_some() && l.any(|s| s.normal))
     }
 
     pub(crate) fn sampled(&self) -> bool {
-        self.lit() || self.mask
+        self.leaf().is_some_and(|l| self.lights.any() || l.mask)
     }
 
+    /// What all parts of the shader are assembled with.
     pub(crate) fn defines(&self) -> Defines {
-        let lit = self.lit();
-        bend::defines(Defines::default(), self.branches, self.motion)
-            .constant("SHADOW_LAYERS", self.shadow)
-            .set("SUN", self.sun)
-            .set("SHADOW", self.shadow > 0)
+        let lights = &self.lights;
+        let defines = bend::defines(Defines::default(), self.branches, self.motion)
+            .constant("SHADOW_LAYERS", lights.shadow)
+            .set("SUN", lights.sun)
+            .set("SHADOW", lights.shadow > 0)
             .set("LEVELS", self.levels)
-            .set("SKY", self.sky)
-            .set("DOME", self.dome)
-            .set("SCANNER", self.scanner)
-            .set("LIT", lit)
-            .set("MASK", self.mask)
-            .set("SAMPLE_MASK", self.sample_mask)
+            .set("SKY", lights.sky)
+            .set("DOME", lights.dome)
+            .set("SCANNER", lights.scanner)
+            .set("LIT", lights.any());
+        let Some(leaf) = self.leaf() else { return defines };
+        let curve = |s: &SideVariant| !s.maps && !s.black;
+        defines
+            .set("LEAF", true)
+            .set("MASK", leaf.mask)
+            .set("SAMPLE_MASK", leaf.sample_mask)
             .set("SAMPLED", self.sampled())
             .set("TANGENT", self.tangent())
-            .set("GLOSS", self.lobe != LobeKind::None)
-            .set("GGX", self.lobe == LobeKind::Ggx)
-            .set("FRESNEL", self.lobe == LobeKind::CookTorrance)
+            .set("GLOSS", leaf.lobe.is_some())
+            .set(leaf.lobe.map_or("", Into::into), leaf.lobe.is_some())
             .set("ALBEDO", self.albedo())
             .set("SUPERSAMPLE", self.supersample())
-            .set("FRONT_CURVE", lit && !self.front.maps && !self.front.black)
-            .set("BACK_CURVE", lit && !self.back.maps && !self.back.black)
-            .set("FRONT_MAPS", lit && self.front.maps)
-            .set("BACK_MAPS", lit && self.back.maps)
-            .set("FRONT_GLOSS", self.front.gloss)
-            .set("BACK_GLOSS", self.back.gloss)
-            .set("FRONT_NORMAL", self.front.normal)
-            .set("BACK_NORMAL", self.back.normal)
-            .set("FRONT_TRANSLUCENCY", self.front.translucency > 0)
-            .set("BACK_TRANSLUCENCY", self.back.translucency > 0)
-            .set("FRONT_COLOUR", self.front.translucency == 3)
-            .set("BACK_COLOUR", self.back.translucency == 3)
-            .set("BENT", self.bent)
-            .set("COLOUR", self.front.translucency == 3 || self.back.translucency == 3)
+            .set("CURVE", lights.any() && leaf.any(curve))
+            .set("TRANSLUCENCY", leaf.any(|s| s.translucency > 0))
+            .set("FRONT_TRANSLUCENCY", leaf.sides.front.translucency > 0)
+            .set("BACK_TRANSLUCENCY", leaf.sides.back.translucency > 0)
+            .set("COLOUR", leaf.any(|s| s.translucency == 3))
+            .set("FRONT_COLOUR", leaf.sides.front.translucency == 3)
+            .set("BACK_COLOUR", leaf.sides.back.translucency == 3)
+            .set("BENT", leaf.bent)
+    }
+
+    /// What a side's part of a leaf's shader is assembled with.
+    pub(crate) fn side_defines(&self, leaf: &LeafSurface, side: &SideVariant) -> Defines {
+        let lit = self.lights.any();
+        Defines::default()
+            .set("LIT", lit)
+            .set("SUN", self.lights.sun)
+            .set("TANGENT", self.tangent())
+            .set("GLOSS", leaf.lobe.is_some())
+            .set("CURVE", lit && !side.maps && !side.black)
+            .set("MAPS", lit && side.maps)
+            .set("GLOSS_MAP", side.gloss)
+            .set("NORMAL", side.normal)
+            .set("TRANSLUCENCY", side.translucency > 0)
+            .set("COLOUR", side.translucency == 3)
     }
 
     /// The pipeline's name in `Stats`, such as `main: sun, shadow 8, sky, front gloss normal, ggx`.
@@ -184,25 +234,31 @@ impl Variant {
                 words.push(word);
             }
         };
-        say(self.sun, "sun".into());
-        say(self.shadow > 0, format!("shadow {}", self.shadow));
-        say(self.sky, if self.dome { "dome" } else { "sky" }.into());
-        say(self.scanner, "scanner".into());
-        say(self.mask, "mask".into());
-        for (name, side) in [("front", self.front), ("back", self.back)] {
-            let parts = [
-                (side.maps && self.lit(), " maps"),
-                (side.black && self.lit(), " black"),
-                (side.gloss, " gloss"),
-                (side.normal, " normal"),
-                (side.translucency > 0 && self.bent, " bent"),
-                (side.translucency == 1, " translucency"),
-                (side.translucency == 3, " translucency colour"),
-            ];
-            let parts: String = parts.iter().filter(|(on, _)| *on).map(|(_, word)| *word).collect();
-            say(!parts.is_empty(), format!("{name}{parts}"));
+        let lights = &self.lights;
+        say(self.surface == Surface::Opaque, "opaque".into());
+        say(lights.sun, "sun".into());
+        say(lights.shadow > 0, format!("shadow {}", lights.shadow));
+        say(lights.sky, if lights.dome { "dome" } else { "sky" }.into());
+        say(lights.scanner, "scanner".into());
+        if let Some(leaf) = self.leaf() {
+            say(leaf.mask, "mask".into());
+            for (name, side) in leaf.sides.iter() {
+                let parts = [
+                    (side.maps && lights.any(), " maps"),
+                    (side.black && lights.any(), " black"),
+                    (side.gloss, " gloss"),
+                    (side.normal, " normal"),
+                    (side.translucency > 0 && leaf.bent, " bent"),
+                    (side.translucency == 1, " translucency"),
+                    (side.translucency == 3, " translucency colour"),
+                ];
+                let parts: String = parts.iter().filter(|(on, _)| *on).map(|(_, word)| *word).collect();
+                say(!parts.is_empty(), format!("{name}{parts}"));
+            }
+            if let Some(lobe) = leaf.lobe {
+                say(true, format!("{lobe:?}").to_lowercase());
+            }
         }
-        say(self.lobe != LobeKind::None, format!("{:?}", self.lobe).to_lowercase());
         say(self.branches > 0, if self.motion { "sway".into() } else { "bend".into() });
         say(self.msaa > 1, format!("{} samples", self.msaa));
         if words.is_empty() { "main: unlit".into() } else { format!("main: {}", words.join(", ")) }

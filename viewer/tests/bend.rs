@@ -39,7 +39,7 @@ fn wind(time_s: f64) -> Wind {
 
 fn scene(amplitude: f32, gain: f32) -> Scene {
     let mut scene = scene_of(uniform_leaf());
-    scene.leaves[0].mesh = bent(10.0, 12, -0.01);
+    scene.meshes[0] = bent(10.0, 12, -0.01);
     scene.sun = Some(sun(Vec3::new(-0.4, 0.3, 1.0)));
     scene.sky = Some([0.4, 0.5, 0.6]);
     scene.shadow_samples = 2;

@@ -26,18 +26,17 @@ fn coarse() -> Detail {
 const EYE: f32 = 200.0;
 
 fn sheets(distances: &[f32], detail: bool) -> Scene {
-    let mut leaf = uniform_leaf();
-    leaf.mesh = bent(10.0, CELLS as usize, BEND);
+    let mut mesh = bent(10.0, CELLS as usize, BEND);
     if detail {
-        leaf.mesh.details = vec![coarse()];
+        mesh.details = vec![coarse()];
     }
-    let mut scene = scene_of(leaf);
+    let mut scene = on_mesh(mesh, uniform_leaf());
     scene.instances = distances
         .iter()
         .enumerate()
         .map(|(k, d)| {
             let x = 0.11 * d * (k as f32 - 0.5 * (distances.len() - 1) as f32);
-            Instance { leaf: 0, transform: Mat4::from_translation(Vec3::new(x, 0.0, EYE - d)), ride: None }
+            Instance { mesh: 0, material: 0, transform: Mat4::from_translation(Vec3::new(x, 0.0, EYE - d)), ride: None }
         })
         .collect();
     scene.sun = Some(sun(Vec3::new(0.3, 0.2, 1.0)));

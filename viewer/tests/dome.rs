@@ -24,9 +24,8 @@ fn dome(harmonics: Vec<[f32; 3]>) -> Dome {
 
 fn glossy() -> Scene {
     let mut leaf = uniform_leaf();
-    leaf.mesh = bent(10.0, 12, -0.02);
-    leaf.front.gloss = Some(vec![[0.08, 0.06, 0.05, 0.3]; 64]);
-    scene_of(leaf)
+    leaf.sides.front.gloss = Some(vec![[0.08, 0.06, 0.05, 0.3]; 64]);
+    on_mesh(bent(10.0, 12, -0.02), leaf)
 }
 
 /// The harmonics of an even sky light a leaf exactly as the constant sky does: diffuse, through the blade and glossy.
@@ -37,7 +36,7 @@ fn an_even_dome_is_the_constant_sky() {
     for lobe in [Lobe::Beckmann, Lobe::Ggx, Lobe::CookTorrance { index: 1.45 }] {
         for view in [Vec3::new(0.3, -0.5, 1.0), Vec3::new(-0.3, 0.4, -1.0)] {
             let mut scene = glossy();
-            scene.leaves[0].lobe = lobe;
+            leaf(&mut scene, 0).lobe = lobe;
             let draw = |renderer: &mut Renderer, scene: &Scene| {
                 renderer.set_scene(scene).unwrap();
                 renderer.render(&camera(view, 80.0), 64, 48).unwrap().hdr
@@ -101,13 +100,13 @@ fn the_gloss_of_a_gradient_is_its_integral() {
     let (c0, c1) = ((4.0 * PI).sqrt() as f32, (4.0 * PI / 3.0).sqrt());
     let mut leaf = uniform_leaf();
     let (rho_s, m) = (0.3f32, 0.35f32);
-    for side in [&mut leaf.front, &mut leaf.back] {
+    for side in [&mut leaf.sides.front, &mut leaf.sides.back] {
         side.gamma_delta.iter_mut().for_each(|t| t[..3].fill(0.0));
         if let mesophyll_viewer::scene::Interior::Scalars(curve) = &mut side.interior {
             curve.rho_t.iter_mut().for_each(|t| *t = [0.0; 3]);
         }
     }
-    leaf.front.gloss = Some(vec![[rho_s, rho_s, rho_s, m]; 64]);
+    leaf.sides.front.gloss = Some(vec![[rho_s, rho_s, rho_s, m]; 64]);
     let mut scene = scene_of(leaf);
     scene.dome = Some(dome(vec![[c0; 3], [(a[1] * c1) as f32; 3], [(a[2] * c1) as f32; 3], [(a[0] * c1) as f32; 3]]));
     renderer.set_scene(&scene).unwrap();

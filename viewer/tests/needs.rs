@@ -4,13 +4,13 @@ mod common;
 
 use common::*;
 use glam::{Mat4, Vec3};
-use mesophyll_viewer::scene::{Instance, Interior, Leaf, Scene};
+use mesophyll_viewer::scene::{Instance, Interior, Leaf, Material, Opaque, Scene, Side, SideMaps};
 use mesophyll_viewer::{Picture, Renderer};
 
 /// A leaf with everything: gloss and normals on both sides.
 fn full_leaf() -> Leaf {
     let mut leaf = uniform_leaf();
-    for side in [&mut leaf.front, &mut leaf.back] {
+    for side in [&mut leaf.sides.front, &mut leaf.sides.back] {
         side.gloss = Some((0..64).map(|i| [0.05, 0.05, 0.05, 0.2 + 0.002 * i as f32]).collect());
         side.normal =
             Some((0..64).map(|i| Vec3::new(0.02 * (i % 5) as f32, 0.03, 1.0).normalize().to_array()).collect());
@@ -57,7 +57,7 @@ fn without_a_sun_no_shadow_and_no_normal_where_nothing_shines() {
     let Some(mut renderer) = renderer() else { return };
     let mut scene = lit(full_leaf());
     scene.sun = None;
-    scene.leaves[0].back.gloss = None;
+    leaf(&mut scene, 0).sides.back.gloss = None;
     draw(&mut renderer, &scene);
     assert_eq!(renderer.stats().pipelines, ["main: sky, front gloss normal, beckmann", "tonemap"]);
     assert_eq!(renderer.stats().shadow_renders, 0);
@@ -75,11 +75,11 @@ fn without_a_sky_no_albedo_table_and_without_gloss_no_lobe() {
     scene.sky = None;
     draw(&mut renderer, &scene);
     assert!(!renderer.stats().uploaded("albedo"), "{:?}", names(&renderer));
-    scene.leaves[0].front.gloss = None;
+    leaf(&mut scene, 0).sides.front.gloss = None;
     // A gloss map without gloss in it is a matte side too.
-    scene.leaves[0].back.gloss = Some(vec![[0.0, 0.0, 0.0, 0.3]; 64]);
-    scene.leaves[0].front.normal = None;
-    scene.leaves[0].back.normal = None;
+    leaf(&mut scene, 0).sides.back.gloss = Some(vec![[0.0, 0.0, 0.0, 0.3]; 64]);
+    leaf(&mut scene, 0).sides.front.normal = None;
+    leaf(&mut scene, 0).sides.back.normal = None;
     scene.shadow_samples = 0;
     draw(&mut renderer, &scene);
     assert_eq!(renderer.stats().pipelines, ["main: sun", "tonemap"]);
@@ -95,7 +95,11 @@ fn in_the_dark_no_map_at_all() {
     assert_eq!(picture.radiance(20, 20), [0.0, 0.0, 0.0, 1.0]);
     assert_eq!(
         names(&renderer),
-        ["positions", "normals", "uvs", "indices", "instances"].map(|n| format!("leaf 0 {n}"))
+        ["instances", "positions", "normals", "indices", "uvs"].map(|n| if n == "instances" {
+            "instances of mesh 0".into()
+        } else {
+            format!("mesh 0 {n}")
+        })
     );
 }
 
@@ -103,7 +107,7 @@ fn in_the_dark_no_map_at_all() {
 fn a_leaf_that_stands_nowhere_is_not_uploaded() {
     let Some(mut renderer) = renderer() else { return };
     let mut scene = lit(uniform_leaf());
-    scene.leaves.push(full_leaf());
+    scene.materials.push(Material::Leaf(full_leaf()));
     draw(&mut renderer, &scene);
     assert!(!renderer.stats().uploaded("leaf 1"), "{:?}", names(&renderer));
     assert_eq!(renderer.stats().pipelines, ["shadow: opaque", "main: sun, shadow 3, sky", "tonemap"]);
@@ -131,10 +135,10 @@ fn changes(renderer: &mut Renderer, scene: &Scene, change: impl Fn(&mut Scene)) 
 fn unneeded_maps_cannot_change_the_picture_and_needed_ones_do() {
     let Some(mut renderer) = renderer() else { return };
     let full = lit(full_leaf());
-    let tilt = |s: &mut Scene| s.leaves[0].front.normal = Some(vec![[0.6, 0.0, 0.8]; 64]);
-    let shine = |s: &mut Scene| s.leaves[0].front.gloss = Some(vec![[0.2, 0.2, 0.2, 0.3]; 64]);
-    let thicken = |s: &mut Scene| s.leaves[0].front.gamma_delta.fill([1.0, 1.0, 1.0, 0.05]);
-    let tangent = |s: &mut Scene| s.leaves[0].mesh.tangents.fill(glam::Vec4::new(0.0, 1.0, 0.0, 1.0));
+    let tilt = |s: &mut Scene| leaf(s, 0).sides.front.normal = Some(vec![[0.6, 0.0, 0.8]; 64]);
+    let shine = |s: &mut Scene| leaf(s, 0).sides.front.gloss = Some(vec![[0.2, 0.2, 0.2, 0.3]; 64]);
+    let thicken = |s: &mut Scene| leaf(s, 0).sides.front.gamma_delta.fill([1.0, 1.0, 1.0, 0.05]);
+    let tangent = |s: &mut Scene| s.meshes[0].tangents.fill(glam::Vec4::new(0.0, 1.0, 0.0, 1.0));
     assert!(changes(&mut renderer, &full, tilt));
     assert!(changes(&mut renderer, &full, shine));
     assert!(changes(&mut renderer, &full, thicken));
@@ -143,25 +147,24 @@ fn unneeded_maps_cannot_change_the_picture_and_needed_ones_do() {
 
     let mut overcast = lit(uniform_leaf());
     overcast.sun = None;
-    overcast.leaves[0].front.normal = full.leaves[0].front.normal.clone();
+    leaf(&mut overcast, 0).sides.front.normal = full_leaf().sides.front.normal;
     assert!(!changes(&mut renderer, &overcast, tilt), "no sun, no gloss: the normal is not seen");
     assert!(!changes(&mut renderer, &overcast, tangent));
     assert!(!changes(&mut renderer, &overcast, |s| s.shadow_samples = 9));
     assert!(changes(&mut renderer, &overcast, thicken));
 
     let mut pigments = lit(uniform_leaf());
-    let leaf = &mut pigments.leaves[0];
-    for side in [&mut leaf.front, &mut leaf.back] {
+    for (_, side) in leaf(&mut pigments, 0).sides.iter_mut() {
         side.interior = Interior::Maps { rho_d: vec![RHO_D; 64], rho_t: vec![RHO_T; 64] };
     }
     assert!(!changes(&mut renderer, &pigments, thicken), "pigment maps hold the thickness already");
     assert!(changes(&mut renderer, &pigments, |s| {
-        s.leaves[0].front.interior = Interior::Maps { rho_d: vec![BACK_D; 64], rho_t: vec![RHO_T; 64] }
+        leaf(s, 0).sides.front.interior = Interior::Maps { rho_d: vec![BACK_D; 64], rho_t: vec![RHO_T; 64] }
     }));
 
     let mut spare = full.clone();
-    spare.leaves.push(full_leaf());
-    assert!(!changes(&mut renderer, &spare, |s| s.leaves[1].thickness_mm = 3.0));
+    spare.materials.push(Material::Leaf(full_leaf()));
+    assert!(!changes(&mut renderer, &spare, |s| leaf(s, 1).thickness_mm = 3.0));
 }
 
 #[test]
@@ -170,7 +173,8 @@ fn thousands_of_leaves_are_one_draw() {
     let mut scene = lit(uniform_leaf());
     scene.instances = (0..4000)
         .map(|i| Instance {
-            leaf: 0,
+            mesh: 0,
+            material: 0,
             transform: Mat4::from_translation(Vec3::new((i % 63) as f32, (i / 63) as f32, (i % 7) as f32))
                 * Mat4::from_scale(Vec3::splat(0.02)),
             ride: None,
@@ -210,13 +214,114 @@ fn taking_over_a_leaf_is_as_good_as_a_new_scene() {
     let camera = camera(Vec3::new(0.5, 0.1, 1.0), 55.0);
     renderer.set_scene(&scene).expect("scene");
     let before = renderer.render(&camera, 24, 24).expect("picture");
-    scene.leaves[0].front.gloss = full_leaf().front.gloss;
-    scene.leaves[0].thickness_mm = 0.22;
-    renderer.set_leaf(&scene, 0).expect("leaf");
+    leaf(&mut scene, 0).sides.front.gloss = full_leaf().sides.front.gloss;
+    leaf(&mut scene, 0).thickness_mm = 0.22;
+    renderer.set_material(&scene, 0).expect("leaf");
     let taken = renderer.render(&camera, 24, 24).expect("picture");
     renderer.set_scene(&scene).expect("scene");
     let fresh = renderer.render(&camera, 24, 24).expect("picture");
     assert!(before != taken && taken == fresh);
+}
+
+/// What an edit uploads, by name.
+fn uploaded(renderer: &mut Renderer, scene: &Scene) -> Vec<String> {
+    let before = renderer.stats().uploads.len();
+    renderer.set_material(scene, 0).expect("material");
+    renderer.stats().uploads[before..].iter().map(|u| u.name.clone()).collect()
+}
+
+#[test]
+fn a_slider_uploads_what_it_moves() {
+    let Some(mut renderer) = renderer() else { return };
+    let mut scene = lit(full_leaf());
+    renderer.set_scene(&scene).expect("scene");
+    let all = renderer.stats().uploads.len();
+    assert!(uploaded(&mut renderer, &scene).is_empty(), "nothing moved");
+    // h, σa and σs: the editor solves the slab anew and gives curves.
+    for (side, name) in [(Side::Front, "front"), (Side::Back, "back")] {
+        let leaf = leaf(&mut scene, 0);
+        leaf.thickness_mm += 0.01;
+        leaf.sides[side].interior = Interior::Scalars(curve(leaf.thickness_mm, BACK_T, RHO_T));
+        assert_eq!(uploaded(&mut renderer, &scene), [format!("leaf 0 {name} slab curve")]);
+    }
+    // h alone, where the curve already reaches: no texture at all.
+    leaf(&mut scene, 0).thickness_mm += 0.001;
+    assert!(uploaded(&mut renderer, &scene).is_empty());
+    // ρs: one side's gloss; m within the range of the albedo table, too.
+    let gloss = leaf(&mut scene, 0).sides.front.gloss.as_mut().expect("gloss");
+    gloss.iter_mut().for_each(|t| t[0] *= 0.5);
+    gloss[0][3] = 0.21;
+    assert_eq!(uploaded(&mut renderer, &scene), ["leaf 0 front gloss"]);
+    // Rougher than the table: its albedo as well.
+    leaf(&mut scene, 0).sides.back.gloss.as_mut().expect("gloss")[0][3] = 0.9;
+    assert_eq!(uploaded(&mut renderer, &scene), ["leaf 0 back gloss", "leaf 0 albedo table"]);
+    // Normals on a leaf that had none bring the mesh's tangents along, once.
+    let mut plain = lit(uniform_leaf());
+    renderer.set_scene(&plain).expect("scene");
+    for (map, want) in [(0.1, vec!["leaf 0 front normal", "mesh 0 tangents"]), (0.2, vec!["leaf 0 front normal"])] {
+        leaf(&mut plain, 0).sides.front.normal = Some(vec![Vec3::new(map, 0.0, 1.0).normalize().to_array(); 64]);
+        assert_eq!(uploaded(&mut renderer, &plain), want);
+    }
+    // What was taken over is what a new scene shows.
+    let view = camera(Vec3::new(0.5, 0.1, 1.0), 55.0);
+    for scene in [&scene, &plain] {
+        let mut other = scene.clone();
+        leaf(&mut other, 0).sides = full_leaf().sides;
+        renderer.set_scene(&other).expect("scene");
+        let first = renderer.stats().uploads.len();
+        renderer.set_material(scene, 0).expect("material");
+        assert!(renderer.stats().uploads.len() - first < all);
+        let taken = renderer.render(&view, 24, 24).expect("picture");
+        renderer.set_scene(scene).expect("scene");
+        assert_eq!(taken, renderer.render(&view, 24, 24).expect("picture"));
+    }
+}
+
+/// An opaque surface has a pipeline without a leaf's code, no maps and no texture coordinates, and meshes are uploaded
+/// once however many materials they wear.
+#[test]
+fn bark_needs_no_maps() {
+    let Some(mut renderer) = renderer() else { return };
+    let mut scene = lit(full_leaf());
+    scene.materials.push(Material::Opaque(Opaque { name: "bark".into(), albedo: [0.3, 0.2, 0.1] }));
+    let bark = Instance { material: 1, transform: Mat4::from_translation(25.0 * Vec3::X), ..scene.instances[0] };
+    scene.instances.push(bark);
+    draw(&mut renderer, &scene);
+    let name = "main: opaque, sun, shadow 3, sky";
+    assert!(renderer.stats().pipelines.iter().any(|p| p == name), "{:?}", renderer.stats().pipelines);
+    assert_eq!(names(&renderer).iter().filter(|n| n.contains("positions")).count(), 1);
+    scene.instances = vec![bark];
+    draw(&mut renderer, &scene);
+    assert_eq!(renderer.stats().pipelines, ["shadow: opaque", name, "tonemap"]);
+    let found = names(&renderer);
+    assert_eq!(found, ["instances of mesh 0", "mesh 0 positions", "mesh 0 normals", "mesh 0 indices"]);
+}
+
+/// ρ/π of the sun's and all of the sky's light, on the outside alone; the same as a leaf whose one texel says so.
+#[test]
+fn bark_looks_like_a_matte_leaf_of_one_texel() {
+    let Some(mut renderer) = renderer() else { return };
+    let albedo = [0.3, 0.2, 0.1];
+    let mut leaf = uniform_leaf();
+    (leaf.width, leaf.height) = (1, 1);
+    leaf.sides.front =
+        SideMaps { interior: Interior::Maps { rho_d: vec![albedo], rho_t: vec![[0.0; 3]] }, ..SideMaps::black() };
+    leaf.sides.back = SideMaps::black();
+    let mut bark = lit(leaf.clone());
+    bark.materials = vec![Material::Opaque(Opaque { name: "bark".into(), albedo })];
+    for (eye, sun_from) in [(Vec3::Z, Vec3::new(-0.4, 0.3, 1.0)), (Vec3::Z, -Vec3::Z), (-Vec3::Z, -Vec3::Z)] {
+        let view = camera(eye + 0.3 * Vec3::X, 60.0);
+        let mut picture = |scene: &Scene| {
+            let scene = Scene { sun: Some(sun(sun_from)), ..scene.clone() };
+            renderer.set_scene(&scene).expect("scene");
+            renderer.render(&view, 24, 24).expect("picture")
+        };
+        let (a, b) = (picture(&lit(leaf.clone())), picture(&bark));
+        for (a, b) in a.hdr.iter().zip(&b.hdr) {
+            assert!((0..4).all(|c| (a[c] - b[c]).abs() <= 2e-3 * a[c].abs()), "{a:?} {b:?}");
+        }
+        assert_eq!(b.radiance(12, 12)[0] > 0.0, eye.z > 0.0, "its inside is black");
+    }
 }
 
 #[test]

@@ -58,7 +58,7 @@ fn thickness_moves_along_the_slab_curve() {
     let Some(mut renderer) = renderer() else { return };
     let mut leaf = uniform_leaf();
     // h + δ halfway from the middle point to the thick end, γ on top: 1.1 of ρd, 0.75 of ρt.
-    leaf.front.gamma_delta.fill([1.5, 1.0, 0.5, 0.05]);
+    leaf.sides.front.gamma_delta.fill([1.5, 1.0, 0.5, 0.05]);
     let mut scene = scene_of(leaf);
     scene.sky = Some([1.0; 3]);
     let seen = middle(&mut renderer, &scene, &camera(FROM_FRONT, 100.0));
@@ -78,8 +78,8 @@ fn thickness_moves_along_the_slab_curve() {
 fn pigment_maps_replace_the_curve_and_gamma() {
     let Some(mut renderer) = renderer() else { return };
     let mut leaf = uniform_leaf();
-    leaf.front.gamma_delta.fill([9.0, 9.0, 9.0, 9.0]);
-    leaf.front.interior = Interior::Maps { rho_d: vec![RHO_D; 64], rho_t: vec![RHO_T; 64] };
+    leaf.sides.front.gamma_delta.fill([9.0, 9.0, 9.0, 9.0]);
+    leaf.sides.front.interior = Interior::Maps { rho_d: vec![RHO_D; 64], rho_t: vec![RHO_T; 64] };
     let mut scene = scene_of(leaf);
     scene.sky = Some([1.0; 3]);
     let seen = middle(&mut renderer, &scene, &camera(FROM_FRONT, 100.0));
@@ -121,7 +121,7 @@ fn gloss_of_every_lobe_at_several_geometries() {
         ] {
             let mut leaf = uniform_leaf();
             leaf.lobe = kind;
-            leaf.front.gloss = Some(vec![[0.05, 0.04, 0.03, m]; 64]);
+            leaf.sides.front.gloss = Some(vec![[0.05, 0.04, 0.03, m]; 64]);
             let mut scene = scene_of(leaf);
             let sun = sun(light);
             scene.sun = Some(sun);
@@ -157,7 +157,7 @@ fn gloss_under_the_sky_by_quadrature() {
     ] {
         let mut leaf = uniform_leaf();
         leaf.lobe = kind;
-        leaf.front.gloss = Some(vec![[0.5, 0.25, 0.125, m]; 64]);
+        leaf.sides.front.gloss = Some(vec![[0.5, 0.25, 0.125, m]; 64]);
         let mut scene = scene_of(leaf);
         scene.sky = Some([1.0; 3]);
         let camera = camera(view, 100.0);
@@ -197,7 +197,7 @@ fn sixteen_bits_and_four_samples_stay_close() {
     let Some(mut exact) = renderer() else { return };
     let Some(mut half) = renderer_with(&Options { half_only: true, ..Options::default() }) else { return };
     let mut leaf = uniform_leaf();
-    leaf.front.gloss = Some(vec![[0.04, 0.04, 0.04, 0.25]; 64]);
+    leaf.sides.front.gloss = Some(vec![[0.04, 0.04, 0.04, 0.25]; 64]);
     let mut scene = scene_of(leaf);
     scene.sun = Some(sun(Vec3::new(-0.5, 0.2, 1.0)));
     scene.sky = Some([0.4, 0.5, 0.6]);
@@ -216,7 +216,7 @@ fn the_same_picture_twice_is_the_same_bytes() {
     let draw = || {
         let mut renderer = renderer()?;
         let mut leaf = uniform_leaf();
-        leaf.front.gloss = Some((0..64).map(|i| [0.04, 0.04, 0.04, 0.1 + 0.005 * i as f32]).collect());
+        leaf.sides.front.gloss = Some((0..64).map(|i| [0.04, 0.04, 0.04, 0.1 + 0.005 * i as f32]).collect());
         let mut scene = scene_of(leaf);
         scene.sun = Some(sun(Vec3::new(-0.5, 0.2, 1.0)));
         scene.sky = Some([0.4, 0.5, 0.6]);
@@ -235,17 +235,17 @@ fn bad_scenes_and_sizes_are_refused_in_words() {
     let camera = camera(Vec3::Z, 50.0);
     assert!(matches!(renderer.render(&camera, 8, 8), Err(Error::Scene { .. })), "a picture before a scene");
     let mut scene = scene_of(uniform_leaf());
-    scene.leaves[0].front.gamma_delta.pop();
+    leaf(&mut scene, 0).sides.front.gamma_delta.pop();
     let error = renderer.set_scene(&scene).expect_err("short map").to_string();
     assert!(
         error.contains("leaf 0 (flat), front.gamma_delta") && error.contains("63 texels") && error.contains("64"),
         "{error}"
     );
     let mut scene = scene_of(uniform_leaf());
-    scene.instances[0].leaf = 3;
-    assert!(renderer.set_scene(&scene).expect_err("no such leaf").to_string().contains("instance 0, leaf"));
+    scene.instances[0].material = 3;
+    assert!(renderer.set_scene(&scene).expect_err("no such leaf").to_string().contains("instance 0, material"));
     let mut scene = scene_of(uniform_leaf());
-    scene.leaves[0].front.gamma_delta[5][1] = f32::NAN;
+    leaf(&mut scene, 0).sides.front.gamma_delta[5][1] = f32::NAN;
     assert!(renderer.set_scene(&scene).is_err(), "NaN in a map");
     renderer.set_scene(&scene_of(uniform_leaf())).expect("scene");
     assert!(matches!(renderer.render(&camera, 0, 0), Err(Error::Size { .. })));
@@ -280,7 +280,7 @@ fn vulkan_and_gl_agree() {
     let draw = |backend| {
         let mut renderer = renderer_with(&Options { backend, ..Options::default() })?;
         let mut leaf = uniform_leaf();
-        leaf.front.gloss = Some(vec![[0.04, 0.04, 0.04, 0.25]; 64]);
+        leaf.sides.front.gloss = Some(vec![[0.04, 0.04, 0.04, 0.25]; 64]);
         let mut scene = scene_of(leaf);
         scene.sun = Some(sun(Vec3::new(-0.5, 0.2, 1.0)));
         scene.sky = Some([0.4, 0.5, 0.6]);

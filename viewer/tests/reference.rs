@@ -5,7 +5,7 @@ mod common;
 
 use common::*;
 use glam::Vec3;
-use mesophyll_viewer::scene::{Camera, Interior, Leaf, Lobe, Scene, Side};
+use mesophyll_viewer::scene::{Camera, Interior, Leaf, Lobe, Scene, SideMaps};
 use std::f64::consts::PI;
 
 type V = [f64; 3];
@@ -18,10 +18,9 @@ fn add(a: V, b: V, s: f64) -> V {
 fn mapped_leaf(lobe: Lobe) -> Leaf {
     let mut leaf = uniform_leaf();
     (leaf.width, leaf.height) = (24, 16);
-    leaf.mesh = bent(10.0, 16, 0.03);
     leaf.lobe = lobe;
     let wave = |k: usize, a: f32, b: f32| ((k % 24) as f32 * a).sin() * ((k / 24) as f32 * b).cos();
-    for (side, s) in [(&mut leaf.front, 1.0f32), (&mut leaf.back, 1.7)] {
+    for (side, s) in [(&mut leaf.sides.front, 1.0f32), (&mut leaf.sides.back, 1.7)] {
         side.gamma_delta = (0..384)
             .map(|k| {
                 [
@@ -56,7 +55,7 @@ fn bilinear<const N: usize>(leaf: &Leaf, map: &[[f32; N]], u: f64, v: f64) -> [f
 }
 
 /// ρd with γ, ρt of a side at the front's (u, v).
-fn interior(leaf: &Leaf, side: &Side, u: f64, v: f64) -> (V, V) {
+fn interior(leaf: &Leaf, side: &SideMaps, u: f64, v: f64) -> (V, V) {
     let gd = bilinear(leaf, &side.gamma_delta, u, v);
     let Interior::Scalars(c) = &side.interior else { panic!("curves here") };
     let n = c.rho_d.len() - 1;
@@ -109,14 +108,14 @@ fn albedo(kind: Lobe, nv: f64, m: f64) -> f64 {
 
 /// Radiance at a pixel, or `None` off the leaf.
 fn expected(scene: &Scene, camera: &Camera, size: (u32, u32), pixel: (u32, u32)) -> Option<V> {
-    let leaf = &scene.leaves[0];
+    let (leaf, mesh) = (scene.leaf(0).expect("a leaf"), &scene.meshes[0]);
     let eye = wide(camera.eye);
     // `seen_point` lies on the pixel's ray, which is all that is needed of it.
     let ray = unit(sub(seen_point(camera, size.0, size.1, pixel.0, pixel.1), eye));
     let mut best: Option<(f64, [f64; 3], [usize; 3])> = None;
-    for t in leaf.mesh.indices.chunks(3) {
+    for t in mesh.indices.chunks(3) {
         let k = [t[0] as usize, t[1] as usize, t[2] as usize];
-        let [a, b, c] = k.map(|i| wide(leaf.mesh.positions[i]));
+        let [a, b, c] = k.map(|i| wide(mesh.positions[i]));
         let (e, f) = (sub(b, a), sub(c, a));
         let p = cross(ray, f);
         let det = dot(e, p);
@@ -129,20 +128,23 @@ fn expected(scene: &Scene, camera: &Camera, size: (u32, u32), pixel: (u32, u32))
     }
     let (distance, weights, k) = best?;
     let mix = |f: &dyn Fn(usize) -> V| (0..3).fold([0.0; 3], |sum, i| add(sum, f(k[i]), weights[i]));
-    let n = unit(mix(&|i| wide(leaf.mesh.normals[i])));
-    let t = mix(&|i| wide(leaf.mesh.tangents[i].truncate()));
+    let n = unit(mix(&|i| wide(mesh.normals[i])));
+    let t = mix(&|i| wide(mesh.tangents[i].truncate()));
     let t = unit(add(t, n, -dot(t, n)));
     let b = cross(n, t);
-    let uv = mix(&|i| [f64::from(leaf.mesh.uvs[i].x), f64::from(leaf.mesh.uvs[i].y), 0.0]);
+    let uv = mix(&|i| [f64::from(mesh.uvs[i].x), f64::from(mesh.uvs[i].y), 0.0]);
     let (fu, bu, v) = (uv[0], 1.0 - uv[0], uv[1]);
     let view = unit(sub(eye, add(eye, ray, distance)));
     let front = dot(n, view) > 0.0;
-    let mapped = |side: &Side, u: f64, sign: f64| {
+    let mapped = |side: &SideMaps, u: f64, sign: f64| {
         let m = side.normal.as_ref().map_or([0.0, 0.0, 1.0], |map| bilinear(leaf, map, u, v));
         unit(std::array::from_fn(|c| sign * m[0] * t[c] + m[1] * b[c] + sign * m[2] * n[c]))
     };
-    let (near, near_u, far, far_u) =
-        if front { (&leaf.front, fu, &leaf.back, bu) } else { (&leaf.back, bu, &leaf.front, fu) };
+    let (near, near_u, far, far_u) = if front {
+        (&leaf.sides.front, fu, &leaf.sides.back, bu)
+    } else {
+        (&leaf.sides.back, bu, &leaf.sides.front, fu)
+    };
     let sign = if front { 1.0 } else { -1.0 };
     let (rho_d, _) = interior(leaf, near, near_u, v);
     let (_, rho_t) = interior(leaf, far, far_u, v);
@@ -183,7 +185,7 @@ fn every_inner_pixel_meets_the_formulas() {
         (Lobe::Ggx, Vec3::new(-0.8, 0.3, -0.5), Vec3::new(0.9, 0.3, -0.7)),
         (Lobe::CookTorrance { index: 1.45 }, Vec3::new(0.3, 0.5, -1.0), Vec3::new(0.2, -0.6, 0.6)),
     ] {
-        let mut scene = scene_of(mapped_leaf(kind));
+        let mut scene = on_mesh(bent(10.0, 16, 0.03), mapped_leaf(kind));
         scene.sun = Some(sun(light));
         scene.sky = Some([0.5, 0.6, 0.8]);
         let camera = Camera { fov_y_deg: 24.0, ..camera(eye, 45.0) };

@@ -4,7 +4,7 @@ mod common;
 
 use common::*;
 use glam::{Mat4, Vec3};
-use mesophyll_viewer::scene::{Instance, Scene};
+use mesophyll_viewer::scene::{Instance, Material, Scene};
 use std::f64::consts::PI;
 
 const HEIGHT: f32 = 8.0;
@@ -14,7 +14,7 @@ const HALF: f32 = 5.0;
 fn hovering(direction: Vec3, radius: f32, samples: u32) -> Scene {
     let mut scene = scene_of(uniform_leaf());
     let lift = Mat4::from_translation(Vec3::new(0.0, 0.0, HEIGHT)) * Mat4::from_scale(Vec3::splat(HALF / 10.0));
-    scene.instances.push(Instance { leaf: 0, transform: lift, ride: None });
+    scene.instances.push(Instance { mesh: 0, material: 0, transform: lift, ride: None });
     let mut s = sun(direction);
     s.radius = radius;
     scene.sun = Some(s);
@@ -143,8 +143,8 @@ fn holes_in_the_mask_let_the_sun_through() {
     let mut caster = uniform_leaf();
     // Off the leaf in its right half.
     caster.mask = Some((0..64).map(|i| u8::from(i % 8 < 4)).collect());
-    scene.leaves.push(caster);
-    scene.instances[1].leaf = 1;
+    scene.materials.push(Material::Leaf(caster));
+    scene.instances[1].material = 1;
     renderer.set_scene(&scene).expect("scene");
     assert!(renderer.stats().pipelines.iter().any(|p| p == "shadow: masked"));
     let camera = camera(Vec3::new(60.0, 12.0, 26.0), 66.0);
@@ -170,9 +170,7 @@ fn holes_in_the_mask_let_the_sun_through() {
 fn a_convex_leaf_does_not_shadow_itself_either() {
     let Some(mut renderer) = renderer() else { return };
     for direction in [Vec3::Z, Vec3::new(1.0, 0.3, 0.6), Vec3::new(-0.3, 1.0, 0.3)] {
-        let mut leaf = uniform_leaf();
-        leaf.mesh = bent(10.0, 40, -0.03);
-        let mut scene = scene_of(leaf);
+        let mut scene = on_mesh(bent(10.0, 40, -0.03), uniform_leaf());
         scene.sun = Some(sun(direction));
         scene.shadow_resolution = 1024;
         let camera = camera(Vec3::new(0.4, -0.3, 1.0), 60.0);

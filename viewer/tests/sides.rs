@@ -27,7 +27,11 @@ fn each_side_is_drawn_as_its_camera_saw_it() {
     let Some(mut renderer) = renderer() else { return };
     for front in [true, false] {
         let mut leaf = uniform_leaf();
-        let (seen, other) = if front { (&mut leaf.front, &mut leaf.back) } else { (&mut leaf.back, &mut leaf.front) };
+        let (seen, other) = if front {
+            (&mut leaf.sides.front, &mut leaf.sides.back)
+        } else {
+            (&mut leaf.sides.back, &mut leaf.sides.front)
+        };
         seen.gamma_delta = letter();
         // The far side lets nothing through, so that the picture holds the viewed side alone.
         other.interior = mesophyll_viewer::scene::Interior::Scalars(curve(0.2, RHO_D, [0.0; 3]));
@@ -50,7 +54,7 @@ fn light_through_the_leaf_uses_the_far_sides_mirrored_map() {
     let Some(mut renderer) = renderer() else { return };
     let mut leaf = uniform_leaf();
     // Thicker (darker in transmission) in the left half of the back's own image: at +x.
-    leaf.back.gamma_delta = (0..64).map(|i| [1.0, 1.0, 1.0, if i % 8 < 4 { 0.05 } else { -0.05 }]).collect();
+    leaf.sides.back.gamma_delta = (0..64).map(|i| [1.0, 1.0, 1.0, if i % 8 < 4 { 0.05 } else { -0.05 }]).collect();
     let mut scene = scene_of(leaf);
     scene.sun = Some(sun(-Vec3::Z));
     renderer.set_scene(&scene).expect("scene");
@@ -67,7 +71,7 @@ fn mapped_normals_lean_the_way_their_camera_saw() {
     for front_seen in [true, false] {
         for front_mapped in [true, false] {
             let mut leaf = uniform_leaf();
-            let side = if front_mapped { &mut leaf.front } else { &mut leaf.back };
+            let side = if front_mapped { &mut leaf.sides.front } else { &mut leaf.sides.back };
             side.normal = Some(vec![tilt.to_array(); 64]);
             let mut scene = scene_of(leaf);
             // The mapped side is the lit one: seen directly, or through the leaf.
@@ -100,10 +104,10 @@ fn mapped_normals_lean_the_way_their_camera_saw() {
 fn turning_everything_together_changes_nothing() {
     let Some(mut renderer) = renderer() else { return };
     let mut leaf = uniform_leaf();
-    leaf.front.gloss = Some(vec![[0.05, 0.05, 0.05, 0.3]; 64]);
-    leaf.front.normal =
+    leaf.sides.front.gloss = Some(vec![[0.05, 0.05, 0.05, 0.3]; 64]);
+    leaf.sides.front.normal =
         Some((0..64).map(|i| Vec3::new(0.04 * (i % 8) as f32, 0.1, 1.0).normalize().to_array()).collect());
-    leaf.front.gamma_delta = letter();
+    leaf.sides.front.gamma_delta = letter();
     let mut scene = scene_of(leaf);
     scene.sun = Some(sun(Vec3::new(-0.5, 0.3, 1.0)));
     scene.sky = Some([0.3; 3]);
@@ -134,7 +138,7 @@ fn magnified_maps_are_bilinear() {
     let Some(mut renderer) = renderer() else { return };
     let mut leaf = uniform_leaf();
     let gamma = |i: usize, j: usize| 0.2 + ((i * 7 + j * 13) % 8) as f32 * 0.2;
-    leaf.front.gamma_delta = (0..64).map(|k| [gamma(k % 8, k / 8), 1.0, 1.0, 0.0]).collect();
+    leaf.sides.front.gamma_delta = (0..64).map(|k| [gamma(k % 8, k / 8), 1.0, 1.0, 0.0]).collect();
     let mut scene = scene_of(leaf);
     scene.sun = Some(sun(Vec3::Z));
     renderer.set_scene(&scene).expect("scene");
@@ -162,8 +166,8 @@ fn minified_maps_are_averaged() {
     let mut leaf = uniform_leaf();
     (leaf.width, leaf.height) = (256, 256);
     let checks = |k: usize| if (k % 256 + k / 256).is_multiple_of(2) { 2.0 } else { 0.0 };
-    leaf.front.gamma_delta = (0..256 * 256).map(|k| [checks(k), 1.0, 1.0, 0.0]).collect();
-    leaf.back.gamma_delta = vec![[1.0, 1.0, 1.0, 0.0]; 256 * 256];
+    leaf.sides.front.gamma_delta = (0..256 * 256).map(|k| [checks(k), 1.0, 1.0, 0.0]).collect();
+    leaf.sides.back.gamma_delta = vec![[1.0, 1.0, 1.0, 0.0]; 256 * 256];
     let mut scene = scene_of(leaf);
     scene.sun = Some(sun(Vec3::Z));
     renderer.set_scene(&scene).expect("scene");
@@ -196,7 +200,7 @@ fn masks_cut_the_outline_and_four_samples_soften_it() {
     assert!((covered[0] - covered[1]).abs() < 0.01, "{covered:?}");
     assert!(renderer.stats().uploaded("mask"));
     let mut twice = scene_of(uniform_leaf());
-    twice.instances.push(Instance { leaf: 0, transform: Mat4::from_translation(Vec3::Z), ride: None });
+    twice.instances.push(Instance { mesh: 0, material: 0, transform: Mat4::from_translation(Vec3::Z), ride: None });
     twice.sky = Some([1.0; 3]);
     renderer.set_scene(&twice).expect("scene");
     assert!(!renderer.stats().uploaded("mask"));
@@ -211,21 +215,21 @@ fn a_masks_edge_covers_as_a_meshs_edge_does() {
     // The same straight edge at x = 0, once cut by the mask, once by the mesh; seen askew.
     let mut masked = uniform_leaf();
     masked.mask = Some((0..64).map(|i| u8::from(i % 8 < 4)).collect());
-    let mut cut = uniform_leaf();
-    for (p, uv) in cut.mesh.positions.iter_mut().zip(&mut cut.mesh.uvs) {
+    let mut cut = square(10.0);
+    for (p, uv) in cut.positions.iter_mut().zip(&mut cut.uvs) {
         p.x = p.x.min(0.0);
         uv.x = uv.x.min(0.5);
     }
     let mut view = straight(true);
     view.up = Vec3::new(0.37, 1.0, 0.0);
-    let mut coverage = |leaf| {
-        let mut scene = scene_of(leaf);
+    let mut coverage = |mesh, leaf| {
+        let mut scene = on_mesh(mesh, leaf);
         scene.sky = Some([1.0; 3]);
         scene.msaa = 4;
         renderer.set_scene(&scene).expect("scene");
         renderer.render(&view, 64, 64).expect("picture").hdr.iter().map(|p| p[3]).collect::<Vec<f32>>()
     };
-    let (a, b) = (coverage(masked), coverage(cut));
+    let (a, b) = (coverage(square(10.0), masked), coverage(cut, uniform_leaf()));
     let partial = b.iter().filter(|c| **c > 0.0 && **c < 1.0).count();
     let differing = a.iter().zip(&b).filter(|(x, y)| x != y).count();
     let largest = a.iter().zip(&b).map(|(x, y)| (x - y).abs()).fold(0.0, f32::max);

@@ -5,7 +5,7 @@ mod common;
 
 use common::*;
 use glam::Vec3;
-use mesophyll_viewer::scene::{Basis, Camera, Coefficients, Interior, Leaf, Scene, Translucency};
+use mesophyll_viewer::scene::{Basis, Camera, Coefficients, Interior, Leaf, Scene, Side, Translucency};
 use mesophyll_viewer::{Picture, Renderer};
 use std::f64::consts::PI;
 
@@ -71,18 +71,11 @@ fn a_flat_uniform_leafs_maps_change_nothing() {
         let plain = lit(uniform_leaf(), light);
         let mut factors = plain.clone();
         let mut colours = plain.clone();
-        for s in 0..2 {
-            let rho = if s == 0 { RHO_T } else { BACK_T };
-            let side =
-                |scene: &mut Scene| if s == 0 { scene.leaves[0].front.clone() } else { scene.leaves[0].back.clone() };
-            let mut of = [side(&mut factors), side(&mut colours)];
-            of[0].translucency = Some(Translucency { basis, ..of_factors(vec![flat(); 64]) });
-            of[1].translucency =
-                Some(Translucency { basis, ..of_colours(rho.map(|r| vec![flat().map(|h| r * h); 64])) });
-            let [a, b] = of;
-            let put = |leaf: &mut Leaf, side| if s == 0 { leaf.front = side } else { leaf.back = side };
-            put(&mut factors.leaves[0], a);
-            put(&mut colours.leaves[0], b);
+        for (side, rho) in [(Side::Front, RHO_T), (Side::Back, BACK_T)] {
+            let of = |coefficients: Translucency| Some(Translucency { basis, ..coefficients });
+            leaf(&mut factors, 0).sides[side].translucency = of(of_factors(vec![flat(); 64]));
+            let colour = of_colours(rho.map(|r| vec![flat().map(|h| r * h); 64]));
+            leaf(&mut colours, 0).sides[side].translucency = of(colour);
         }
         for front in [true, false] {
             let want = draw(&mut renderer, &plain, &straight(front));
@@ -129,7 +122,7 @@ fn maps_are_looked_up_where_the_lit_sides_camera_saw_them_and_light_is_turned_in
             for colour in [false, true] {
                 let mut leaf = uniform_leaf();
                 let rho = if front_lit { RHO_T } else { BACK_T };
-                let side = if front_lit { &mut leaf.front } else { &mut leaf.back };
+                let side = if front_lit { &mut leaf.sides.front } else { &mut leaf.sides.back };
                 let tint = [1.0f32, 0.6, 0.3];
                 let coefficients = if colour {
                     Coefficients::Colour(tint.map(|t| (0..64).map(|k| made_up(k).map(|h| t * h)).collect()))
@@ -170,7 +163,7 @@ fn light_below_the_function_is_dark_and_not_negative() {
     let Some(mut renderer) = renderer() else { return };
     let mut leaf = uniform_leaf();
     // Leans far towards −y: light from +y at a low angle is below its horizon.
-    leaf.back.translucency = Some(of_factors(vec![[1.2, -0.4, 0.2]; 64]));
+    leaf.sides.back.translucency = Some(of_factors(vec![[1.2, -0.4, 0.2]; 64]));
     let light = Vec3::new(0.0, 1.0, -0.1);
     let picture = draw(&mut renderer, &lit(leaf, light), &straight(true));
     assert_eq!(picture.radiance(20, 20)[..3], [0.0; 3]);
@@ -182,9 +175,9 @@ fn a_leaf_without_maps_has_the_shader_it_had() {
     let scene = lit(uniform_leaf(), Vec3::new(0.2, 0.1, -1.0));
     let plain = renderer.operations(&scene, 0).expect("a shader");
     let mut with = scene.clone();
-    with.leaves[0].back.translucency = Some(of_factors(vec![flat(); 64]));
+    leaf(&mut with, 0).sides.back.translucency = Some(of_factors(vec![flat(); 64]));
     let one = renderer.operations(&with, 0).expect("a shader");
-    with.leaves[0].back.translucency = Some(of_colours([0, 1, 2].map(|_| vec![flat(); 64])));
+    leaf(&mut with, 0).sides.back.translucency = Some(of_colours([0, 1, 2].map(|_| vec![flat(); 64])));
     let three = renderer.operations(&with, 0).expect("a shader");
     assert!(plain < one && one < 2 * plain && plain < three, "{plain} {one} {three}");
     // Bending the light is a dozen operations, once, whatever the maps hold.
@@ -192,7 +185,7 @@ fn a_leaf_without_maps_has_the_shader_it_had() {
         (one, Coefficients::Factor(vec![flat(); 64])),
         (three, Coefficients::Colour([0, 1, 2].map(|_| vec![flat(); 64]))),
     ] {
-        with.leaves[0].back.translucency = Some(Translucency { basis: Basis::Bent, coefficients });
+        leaf(&mut with, 0).sides.back.translucency = Some(Translucency { basis: Basis::Bent, coefficients });
         let bent = renderer.operations(&with, 0).expect("a shader");
         assert!(bent > basis_free && bent <= basis_free + 16, "{bent} {basis_free}");
     }
@@ -220,13 +213,14 @@ fn nothing_of_it_is_uploaded_or_compiled_without_maps_or_without_a_sun() {
         names(&renderer)
     );
 
-    let mut leaf = uniform_leaf();
-    leaf.back.translucency = Some(of_factors(vec![flat(); 64]));
-    let sunny = lit(leaf.clone(), light);
+    let mut lightened = uniform_leaf();
+    lightened.sides.back.translucency = Some(of_factors(vec![flat(); 64]));
+    let sunny = lit(lightened.clone(), light);
     draw(&mut renderer, &sunny, &straight(true));
     assert_eq!(renderer.stats().pipelines, ["main: sun, back translucency", "tonemap"]);
     let mut bent = sunny.clone();
-    bent.leaves[0].back.translucency = Some(Translucency { basis: Basis::Bent, ..of_factors(vec![flat(); 64]) });
+    leaf(&mut bent, 0).sides.back.translucency =
+        Some(Translucency { basis: Basis::Bent, ..of_factors(vec![flat(); 64]) });
     draw(&mut renderer, &bent, &straight(true));
     assert_eq!(renderer.stats().pipelines, ["main: sun, back bent translucency", "tonemap"]);
     draw(&mut renderer, &sunny, &straight(true));
@@ -245,10 +239,10 @@ fn nothing_of_it_is_uploaded_or_compiled_without_maps_or_without_a_sun() {
         names(&renderer)
     );
 
-    leaf.back.translucency = Some(of_colours([0, 1, 2].map(|_| vec![flat(); 64])));
+    lightened.sides.back.translucency = Some(of_colours([0, 1, 2].map(|_| vec![flat(); 64])));
     // A side that shows nothing by itself still lets light through by such a map.
-    leaf.back.interior = Interior::Maps { rho_d: vec![BACK_D; 64], rho_t: vec![BACK_T; 64] };
-    draw(&mut renderer, &lit(leaf, light), &straight(true));
+    lightened.sides.back.interior = Interior::Maps { rho_d: vec![BACK_D; 64], rho_t: vec![BACK_T; 64] };
+    draw(&mut renderer, &lit(lightened, light), &straight(true));
     assert_eq!(renderer.stats().pipelines, ["main: sun, back maps translucency colour", "tonemap"]);
     let map = renderer.stats().uploads.iter().find(|u| u.name == "leaf 0 back translucency").expect("map");
     assert_eq!(map.bytes, 3 * 85 * 8);
@@ -258,12 +252,12 @@ fn nothing_of_it_is_uploaded_or_compiled_without_maps_or_without_a_sun() {
 fn a_map_of_another_size_or_basis_is_refused() {
     let Some(mut renderer) = renderer() else { return };
     let mut leaf = uniform_leaf();
-    leaf.front.translucency = Some(of_factors(vec![flat(); 63]));
+    leaf.sides.front.translucency = Some(of_factors(vec![flat(); 63]));
     let told = renderer.set_scene(&scene_of(leaf.clone())).expect_err("63 texels").to_string();
     assert!(told.contains("front.translucency") && told.contains("63"), "{told}");
     // One shader, one light for both sides.
-    leaf.front.translucency = Some(of_factors(vec![flat(); 64]));
-    leaf.back.translucency = Some(Translucency { basis: Basis::Bent, ..of_factors(vec![flat(); 64]) });
+    leaf.sides.front.translucency = Some(of_factors(vec![flat(); 64]));
+    leaf.sides.back.translucency = Some(Translucency { basis: Basis::Bent, ..of_factors(vec![flat(); 64]) });
     let told = renderer.set_scene(&scene_of(leaf)).expect_err("two bases").to_string();
     assert!(
         told.contains("translucency.basis") && told.contains("HalfLife2 on the front and Bent on the back"),

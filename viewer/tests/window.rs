@@ -6,7 +6,9 @@ use common::*;
 use glam::{Mat4, Vec3};
 use mesophyll_viewer::editor::{Editor, LeafEdit, LeafUpdate, Measure, ReferencePicture, SideEdit, SkyUpdate, Verdict};
 use mesophyll_viewer::pick::pick;
-use mesophyll_viewer::scene::{Basis, Camera, Coefficients, Dome, Instance, Interior, Scene, Translucency};
+use mesophyll_viewer::scene::{
+    Basis, Camera, Coefficients, Dome, Instance, Interior, Material, Scene, Side, Sides, Translucency,
+};
 use mesophyll_viewer::{Error, Options, Picture, Stage, ViewerUi, WindowOptions, WindowScene, WindowView, open_window};
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -29,11 +31,11 @@ struct Toy {
 impl Editor for Toy {
     fn start(&self, _: usize) -> LeafEdit {
         let side = SideEdit { sigma_a: [1.0, 0.5, 2.0], sigma_s: [10.0; 3], rho_s_scale: 1.0, m_scale: 1.0 };
-        LeafEdit { thickness_mm: 0.2, front: side, back: side }
+        LeafEdit { thickness_mm: 0.2, sides: Sides::of(|_| side) }
     }
 
     fn recompute(&mut self, leaf: usize, edit: &LeafEdit) -> Result<LeafUpdate, String> {
-        if edit.front.sigma_s[0] > 200.0 {
+        if edit.sides.front.sigma_s[0] > 200.0 {
             return Err("σs above 200/mm is refused here".into());
         }
         self.asked.borrow_mut().recomputed.push((leaf, *edit));
@@ -42,8 +44,10 @@ impl Editor for Toy {
         let at = edit.thickness_mm;
         Ok(LeafUpdate {
             thickness_mm: at,
-            front: Interior::Scalars(curve(at, dim(RHO_D), dim(RHO_T))),
-            back: Interior::Scalars(curve(at, dim(BACK_D), dim(BACK_T))),
+            sides: Sides {
+                front: Interior::Scalars(curve(at, dim(RHO_D), dim(RHO_T))),
+                back: Interior::Scalars(curve(at, dim(BACK_D), dim(BACK_T))),
+            },
         })
     }
 
@@ -72,8 +76,8 @@ impl Editor for Toy {
         Verdict { passed: measure.value <= measure.threshold, measures: vec![measure], note: String::new() }
     }
 
-    fn probe(&self, _: usize, front: bool, texel: [u32; 2]) -> Vec<(String, String)> {
-        vec![("side".into(), if front { "front" } else { "back" }.into()), ("column".into(), texel[0].to_string())]
+    fn probe(&self, _: usize, side: Side, texel: [u32; 2]) -> Vec<(String, String)> {
+        vec![("side".into(), side.to_string()), ("column".into(), texel[0].to_string())]
     }
 }
 
@@ -87,13 +91,13 @@ struct Bench {
 /// Two bent leaves side by side, and what their window asks for.
 fn two_leaves() -> (WindowScene, Toy) {
     let mut leaf = uniform_leaf();
-    leaf.mesh = bent(10.0, 12, -0.02);
-    leaf.front.gloss = Some(vec![[0.05, 0.05, 0.05, 0.3]; 64]);
-    let mut scene = scene_of(leaf.clone());
+    leaf.sides.front.gloss = Some(vec![[0.05, 0.05, 0.05, 0.3]; 64]);
+    let mut scene = on_mesh(bent(10.0, 12, -0.02), leaf.clone());
     leaf.name = "other".into();
-    scene.leaves.push(leaf);
+    scene.materials.push(Material::Leaf(leaf));
     scene.instances.push(Instance {
-        leaf: 1,
+        mesh: 0,
+        material: 1,
         transform: Mat4::from_translation(Vec3::new(24.0, 0.0, 0.0)),
         ride: None,
     });
@@ -264,7 +268,7 @@ fn everything_is_drawn_without_a_display() {
 fn a_thicker_leaf_goes_through_the_editor_and_dims() {
     let Some(mut bench) = bench() else { return };
     let before = bench.brightness();
-    let fitted = bench.ui.scene().leaves[0].front.interior.clone();
+    let fitted = bench.ui.scene().leaf(0).expect("a leaf").sides.front.interior.clone();
     let slider = bench.ui.landmark_rect("thickness").expect("slider");
     // The rail takes the slider's left part.
     let handle = egui::pos2(slider.left() + 55.0, slider.center().y);
@@ -272,14 +276,16 @@ fn a_thicker_leaf_goes_through_the_editor_and_dims() {
     let edit = bench.ui.edit(0);
     assert!(edit.thickness_mm > 0.21, "h {}", edit.thickness_mm);
     assert_eq!(bench.asked.borrow().recomputed.last(), Some(&(0, edit)), "the editor hears of the edit as it stands");
-    assert_eq!(bench.ui.scene().leaves[0].thickness_mm, edit.thickness_mm);
+    assert_eq!(bench.ui.scene().leaf(0).expect("a leaf").thickness_mm, edit.thickness_mm);
     assert!(bench.brightness() < before - 0.2, "{} against {before}", bench.brightness());
     bench.click("save");
     assert_eq!(bench.asked.borrow().saved, [edit]);
     assert!(bench.ui.message().contains("fits/edited"));
     bench.click("reset");
     assert_eq!(bench.ui.edit(0).thickness_mm, 0.2);
-    let (Interior::Scalars(a), Interior::Scalars(b)) = (&fitted, &bench.ui.scene().leaves[0].front.interior) else {
+    let (Interior::Scalars(a), Interior::Scalars(b)) =
+        (&fitted, &bench.ui.scene().leaf(0).expect("a leaf").sides.front.interior)
+    else {
         panic!()
     };
     assert!(a == b && bench.brightness() == before, "as fitted, bit for bit");
@@ -289,13 +295,13 @@ fn a_thicker_leaf_goes_through_the_editor_and_dims() {
 fn gloss_factors_scale_the_fitted_maps() {
     let Some(mut bench) = bench() else { return };
     let mut edit = bench.ui.edit(0);
-    edit.front.rho_s_scale = 2.0;
-    edit.front.m_scale = 0.5;
+    edit.sides.front.rho_s_scale = 2.0;
+    edit.sides.front.m_scale = 0.5;
     bench.ui.set_edit(0, edit);
     bench.ui.set_edit(0, edit);
-    let gloss = bench.ui.scene().leaves[0].front.gloss.clone().expect("gloss");
+    let gloss = bench.ui.scene().leaf(0).expect("a leaf").sides.front.gloss.clone().expect("gloss");
     assert!((gloss[0][0] - 0.1).abs() < 1e-6 && (gloss[0][3] - 0.15).abs() < 1e-6, "applied once: {:?}", gloss[0]);
-    assert_eq!(bench.ui.scene().leaves[0].back.gloss, None);
+    assert_eq!(bench.ui.scene().leaf(0).expect("a leaf").sides.back.gloss, None);
 }
 
 #[test]
@@ -305,11 +311,11 @@ fn translucency_maps_are_taken_off_and_put_back() {
     // A tenth of a flat leaf's light: what shows must be seen to change.
     let coefficients = Coefficients::Factor(vec![[0.0836; 3]; 64]);
     let maps = Translucency { basis: Basis::Bent, coefficients };
-    window.scene.leaves[0].back.translucency = Some(maps.clone());
+    leaf(&mut window.scene, 0).sides.back.translucency = Some(maps.clone());
     let Some(mut bench) = bench_on((window, toy)) else { return };
     let (dim, dimmed) = (bench.brightness(), bench.pixels());
     bench.click("translucency");
-    assert_eq!(bench.ui.scene().leaves[0].back.translucency, None);
+    assert_eq!(bench.ui.scene().leaf(0).expect("a leaf").sides.back.translucency, None);
     // How much of the picture the leaf takes depends on the window: what changed is what is judged.
     let brighter =
         dimmed.iter().zip(bench.pixels()).map(|(a, b)| f64::from(b[1]) - f64::from(a[1])).filter(|d| *d > 2.0);
@@ -323,10 +329,10 @@ fn translucency_maps_are_taken_off_and_put_back() {
     let edit = bench.ui.edit(0);
     bench.ui.set_edit(0, edit);
     bench.frame(vec![]);
-    assert_eq!(bench.ui.scene().leaves[0].back.translucency, None);
+    assert_eq!(bench.ui.scene().leaf(0).expect("a leaf").sides.back.translucency, None);
     bench.ui.reset(0);
     bench.click("translucency");
-    assert_eq!(bench.ui.scene().leaves[0].back.translucency, Some(maps));
+    assert_eq!(bench.ui.scene().leaf(0).expect("a leaf").sides.back.translucency, Some(maps));
     assert_eq!(bench.brightness(), dim, "as it was");
     // A window whose leaves have none has no such control; and nothing to put back.
     let Some(mut plain) = bench_on(two_leaves()) else { return };
@@ -341,10 +347,10 @@ fn translucency_maps_are_taken_off_and_put_back() {
 fn a_refused_edit_is_said_and_undone() {
     let Some(mut bench) = bench() else { return };
     let mut edit = bench.ui.edit(0);
-    edit.front.sigma_s[0] = 250.0;
+    edit.sides.front.sigma_s[0] = 250.0;
     bench.ui.set_edit(0, edit);
     assert!(bench.ui.message().contains("refused here"));
-    assert_eq!(bench.ui.edit(0).front.sigma_s[0], 10.0);
+    assert_eq!(bench.ui.edit(0).sides.front.sigma_s[0], 10.0);
 }
 
 #[test]
@@ -398,7 +404,7 @@ fn the_pointer_reads_texels_and_a_click_chooses_the_leaf() {
     bench.frame(vec![]);
     let (hit, rows) = bench.ui.under_pointer().expect("a leaf").clone();
     // x = −6 of ±10 mm, y = 3: column 1 of 8, row 2.
-    assert_eq!((hit.leaf, hit.front, hit.texel), (1, true, [1, 2]));
+    assert_eq!((hit.material, hit.side, hit.texel), (1, Side::Front, [1, 2]));
     assert_eq!(rows[1], ("column".to_string(), "1".to_string()));
     bench.frame(vec![Bench::button(at, true)]);
     bench.frame(vec![Bench::button(at, false)]);
@@ -448,12 +454,12 @@ fn back_texels_are_counted_in_the_backs_own_image() {
         pick(&scene, &c, 1.0, x, 0.3).expect("hit")
     };
     // Either side's own image runs to the right as its camera sees it.
-    for (eye, front) in [(Vec3::Z, true), (-Vec3::Z, false)] {
+    for (eye, side) in [(Vec3::Z, Side::Front), (-Vec3::Z, Side::Back)] {
         let h = hit(eye, 0.2);
-        assert_eq!((h.front, h.texel), (front, [1, 2]));
+        assert_eq!((h.side, h.texel), (side, [1, 2]));
     }
     let mut holed = scene.clone();
-    holed.leaves[0].mask = Some(vec![0; 64]);
+    leaf(&mut holed, 0).mask = Some(vec![0; 64]);
     assert_eq!(pick(&holed, &camera(Vec3::Z, 100.0), 1.0, 0.5, 0.5), None);
 }
 

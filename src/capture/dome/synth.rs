@@ -27,7 +27,6 @@ use mesophyll_files::atomic;
 use mesophyll_files::image::{Maps, Packing, write_exr};
 use mesophyll_files::progress::Bar;
 use mesophyll_files::quantity::{Quantity, RGB};
-use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::side::{Side, mirror};
 use mesophyll_translucency::blade as optics;
 use std::path::{Path, PathBuf};
@@ -257,8 +256,7 @@ fn manifest_of(spec: &Spec, blade: &Blade, options: &Options) -> Manifest {
     let thickest = met.iter().zip(&leaf.mask).filter(|(_, m)| **m).fold(0.0, |a: f64, (d, _)| a.max(*d));
     let slip = if exact { 0.0 } else { CALIPER_MM * Stream::new(options.seed, &[23]).normal_pair()[0] };
     // The index of a smooth surface that mirrors as much along its normal as this one does.
-    let fresnel =
-        if let Lobe::CookTorrance { index } = spec.lobe { ((index - 1.0) / (index + 1.0)).powi(2) } else { 1.0 };
+    let fresnel = spec.lobe.index().map_or(1.0, |index| ((index - 1.0) / (index + 1.0)).powi(2));
     let index = [&spec.front, &spec.back].map(|s| {
         let r = (s.rho_s * fresnel).min(0.15).sqrt();
         (100.0 * (1.0 + r) / (1.0 - r)).round() / 100.0

@@ -46,11 +46,7 @@ fn share(lobe: Lobe, lean: f64, m: f64) -> f64 {
     let v = [sin, 0.0, lean];
     let mut sum = 0.0;
     for (x, w) in gauss_legendre(64) {
-        let xi = 0.5 * (1.0 + x);
-        let tan2 = match lobe {
-            Lobe::Ggx => m * m * xi / (1.0 - xi),
-            Lobe::Beckmann | Lobe::CookTorrance { .. } => -m * m * (1.0 - xi).ln(),
-        };
+        let tan2 = lobe.quantile(0.5 * (1.0 + x), m);
         let (cos_h, sin_h) = (1.0 / (1.0 + tan2).sqrt(), (tan2 / (1.0 + tan2)).sqrt());
         for k in 0..AZIMUTHS {
             let phi = (k as f64 + 0.5) * PI / AZIMUTHS as f64;
@@ -61,13 +57,10 @@ fn share(lobe: Lobe, lean: f64, m: f64) -> f64 {
             if vh <= 0.0 || l[2] <= 0.0 || above_blade <= 0.0 {
                 continue;
             }
-            let surface = match lobe {
-                Lobe::CookTorrance { index } => {
-                    let shadow = (2.0 * cos_h * lean / vh).min(2.0 * cos_h * l[2] / vh).min(1.0);
-                    dielectric(vh, index) * shadow
-                }
-                Lobe::Beckmann | Lobe::Ggx => 1.0,
-            };
+            let surface = lobe.index().map_or(1.0, |index| {
+                let shadow = (2.0 * cos_h * lean / vh).min(2.0 * cos_h * l[2] / vh).min(1.0);
+                dielectric(vh, index) * shadow
+            });
             sum += 0.5 * w / AZIMUTHS as f64 * surface * vh / (lean * cos_h);
         }
     }

@@ -327,7 +327,7 @@ impl Spec {
                 return bad(field, angle.to_string(), "-85 to 85 degrees");
             }
         }
-        if let Lobe::CookTorrance { index } = self.lobe
+        if let Some(index) = self.lobe.index()
             && !(index > 1.0 && index < 4.0)
         {
             return bad("lobe.index", index.to_string(), "a refractive index between 1 and 4");

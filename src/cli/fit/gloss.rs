@@ -49,7 +49,7 @@ pub struct LobeArgs {
 
 impl LobeArgs {
     pub fn lobe(&self) -> Result<Lobe> {
-        if self.lobe == LobeKind::CookTorrance && !(self.index > 1.0 && self.index < 4.0) {
+        if self.lobe.has_index() && !(self.index > 1.0 && self.index < 4.0) {
             return Err(Error::Usage(format!("--index: found {}, expected more than 1 and less than 4", self.index)));
         }
         Ok(Lobe::of(self.lobe, self.index))

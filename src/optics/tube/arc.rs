@@ -119,7 +119,7 @@ impl Arc {
             let b = dot(n, c);
             // D/(4 cosθi cosθr)·cosθi per dsinφ, with dsinφ = q³ dt and dt/dn = −(sin, t, cos)/n_y
             let e = 1.0 + dot(l, c);
-            let shadow = if matches!(lobe, Lobe::CookTorrance { .. }) { 0.0 } else { 1.0 };
+            let shadow = if lobe.index().is_some() { 0.0 } else { 1.0 };
             let value = shadow * lobe.distribution(crate::gloss::tan2_half(b, e), m) * q * q * q;
             let factor = sign * self.scale / (2.0 * b) * value / -n[1];
             for (o, v) in out.s_n.iter_mut().zip([self.sin, t, self.cos]) {
@@ -194,46 +194,38 @@ impl Bow {
     fn gloss(&self, lobe: Lobe, m: f64, scale: f64, rule: &Rule, out: &mut Sums) {
         let mut sums = Nodes::default();
         let m2 = m * m;
-        match lobe {
-            Lobe::Beckmann => {
-                if self.tau > 40.0 * m2 {
-                    return;
-                }
-                let width = m / (2.0 * self.bend.sqrt());
-                let reach = width * rule.step * f64::from(rule.bell + 1);
-                let steep = self.slope.abs() > 0.5 * m * self.bend.sqrt();
-                if self.limits[0] <= -reach && self.limits[1] >= reach && !steep {
-                    let h = width * rule.step;
-                    for k in -rule.bell..=rule.bell {
-                        self.node(lobe, m, h * f64::from(k), h, &mut sums);
-                    }
-                } else {
-                    let ends = self.window(m);
-                    self.gauss(lobe, m, ends, rule, &mut sums);
-                }
+        if lobe.is_long_tailed() {
+            // t = w·2y/(1 − y²) takes the Lorentzian's tail: in y the integrand's poles are at ±i.
+            let w = 0.5 * ((m2 + self.tau) / self.bend).sqrt();
+            let y = self.limits.map(|t| t / (w + w.hypot(t)));
+            let (mid, half) = (0.5 * (y[0] + y[1]), 0.5 * (y[1] - y[0]));
+            for &(x, weight) in &rule.gauss {
+                let y = mid + half * x;
+                let f = 1.0 - y * y;
+                let dt = 2.0 * w * (1.0 + y * y) / (f * f);
+                self.node(lobe, m, 2.0 * w * y / f, weight * half * dt, &mut sums);
             }
-            Lobe::Ggx => {
-                // t = w·2y/(1 − y²) takes the Lorentzian's tail: in y the integrand's poles are at ±i.
-                let w = 0.5 * ((m2 + self.tau) / self.bend).sqrt();
-                let y = self.limits.map(|t| t / (w + w.hypot(t)));
-                let (mid, half) = (0.5 * (y[0] + y[1]), 0.5 * (y[1] - y[0]));
-                for &(x, weight) in &rule.gauss {
-                    let y = mid + half * x;
-                    let f = 1.0 - y * y;
-                    let dt = 2.0 * w * (1.0 + y * y) / (f * f);
-                    self.node(lobe, m, 2.0 * w * y / f, weight * half * dt, &mut sums);
-                }
+        } else if self.tau > 40.0 * m2 {
+            return;
+        } else if lobe.index().is_some() {
+            let ends = self.window(m);
+            let mut from = ends[0];
+            for kink in self.kinks(ends).into_iter().chain([ends[1]]) {
+                self.gauss(lobe, m, [from, kink], rule, &mut sums);
+                from = kink;
             }
-            Lobe::CookTorrance { .. } => {
-                if self.tau > 40.0 * m2 {
-                    return;
+        } else {
+            let width = m / (2.0 * self.bend.sqrt());
+            let reach = width * rule.step * f64::from(rule.bell + 1);
+            let steep = self.slope.abs() > 0.5 * m * self.bend.sqrt();
+            if self.limits[0] <= -reach && self.limits[1] >= reach && !steep {
+                let h = width * rule.step;
+                for k in -rule.bell..=rule.bell {
+                    self.node(lobe, m, h * f64::from(k), h, &mut sums);
                 }
+            } else {
                 let ends = self.window(m);
-                let mut from = ends[0];
-                for kink in self.kinks(ends).into_iter().chain([ends[1]]) {
-                    self.gauss(lobe, m, [from, kink], rule, &mut sums);
-                    from = kink;
-                }
+                self.gauss(lobe, m, ends, rule, &mut sums);
             }
         }
         let factor = scale / (2.0 * self.b * PI * m2);
@@ -277,15 +269,10 @@ impl Bow {
         let tau = (sec2 - 1.0).max(0.0);
         let over = 1.0 / (m * m);
         let mut shape = weight * 8.0 * e * e * q * inverse * inverse;
-        let (kernel, fall) = match lobe {
-            Lobe::Ggx => {
-                let k = 1.0 / (1.0 + tau * over);
-                (k * k, 2.0 * over * k)
-            }
-            _ => ((-tau * over).exp(), over),
-        };
+        let [kernel, fall] = lobe.kernel(tau * over);
+        let fall = fall * over;
         let mut lean = 2.0 * sec2 * fall - 4.0;
-        if let Lobe::CookTorrance { index } = lobe {
+        if let Some(index) = lobe.index() {
             let k = 1.0 / (1.0 + t2);
             let a = k * (self.a[0] * (1.0 - t2) + 2.0 * self.a[1] * t);
             shape *= fresnel((0.5 * k * e).max(0.0).sqrt(), index);

@@ -93,9 +93,9 @@ pub fn bench_rows() -> Result<Vec<BenchRow>> {
         let note = format!("fit of an RGB texel; error: median of m, noise 1 %, {failed} of {} failed", errors.len());
         rows.push(row("frames used", frames.to_string(), errors[errors.len() / 2], set.time(&fitter), note));
     }
-    for lobe in [Lobe::Beckmann, Lobe::Ggx, Lobe::CookTorrance { index: 1.45 }] {
+    for lobe in Lobe::all(1.45) {
         // With F·G in the model ρs is larger by about as much as F is small.
-        let scale = if matches!(lobe, Lobe::CookTorrance { .. }) { 15.0 } else { 1.0 };
+        let scale = if lobe.index().is_some() { 15.0 } else { 1.0 };
         let truths = truths.iter().map(|t| Truth { rho_s: t.rho_s.map(|r| r * scale), ..*t }).collect();
         let set = Set::new(lobe, 0.01, 100, truths);
         let fitter = TexelFitter::new(&set.device, &set.positions, None);

@@ -39,13 +39,13 @@ pub fn term(
     renderer: &mut gpu::Renderer,
     timed: bool,
 ) -> Result<Option<Term>> {
-    let has = |l: &gpu::scene::Leaf| l.front.translucency.is_some() || l.back.translucency.is_some();
-    let own: Vec<usize> = (0..scene.leaves.len()).filter(|&k| has(&scene.leaves[k])).collect();
+    let has = |l: &gpu::scene::Leaf| l.sides.iter().any(|(_, s)| s.translucency.is_some());
+    let own: Vec<usize> = (0..scene.materials.len()).filter(|&k| scene.leaf(k).is_some_and(has)).collect();
     let view = manifest.views.iter().find(|v| v.kind == ViewKind::Perspective);
     let (Some(view), false) = (view, own.is_empty()) else { return Ok(None) };
     let mut plain = scene.clone();
     for &k in &own {
-        (plain.leaves[k].front.translucency, plain.leaves[k].back.translucency) = (None, None);
+        plain.leaf_mut(k).into_iter().flat_map(|l| l.sides.iter_mut()).for_each(|(_, s)| s.translucency = None);
     }
     let longest = |scene: &gpu::scene::Scene, renderer: &gpu::Renderer| {
         own.iter().filter_map(|&k| renderer.operations(scene, k)).max().unwrap_or_default()
@@ -59,7 +59,7 @@ pub fn term(
         let which = turn % 2;
         let drawn = if which == 0 { scene } else { &plain };
         for &k in &own {
-            renderer.set_leaf(drawn, k).map_err(told)?;
+            renderer.set_material(drawn, k).map_err(told)?;
         }
         let (w, h) = (manifest.check.width, manifest.check.height);
         let timing =
@@ -68,7 +68,7 @@ pub fn term(
         times[which].extend(main);
     }
     for &k in &own {
-        renderer.set_leaf(scene, k).map_err(told)?;
+        renderer.set_material(scene, k).map_err(told)?;
     }
     Ok(Some(Term { ms: Some(times.map(|t| median(&t))), operations }))
 }

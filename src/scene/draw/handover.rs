@@ -12,13 +12,12 @@ use crate::loaded::curve::{Curve, curve};
 use crate::loaded::map_levels::halve;
 use crate::loaded::translucency::Of;
 use crate::loaded::{Leaf, Scene};
-use crate::manifest::{Basis, Interior, Manifest, View};
+use crate::manifest::{Interior, Manifest, View};
 use crate::placed::Placed;
 use crate::placed::daylight::{self, Daylight, sun_direction};
 use crate::{Error, Result};
 use glam::{Vec2, Vec3, Vec4};
 use mesophyll_files::mesh::LeafMesh;
-use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
 use mesophyll_sky::fitted::Folded;
@@ -38,31 +37,32 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
     let mut out = lights(scene, ledger)?;
     let mut index = vec![None; placed.leaves.len()];
     for leaf in scene.drawn() {
-        index[leaf.placed.index] = Some(out.leaves.len());
-        out.leaves.push(one_leaf(manifest, leaf, ledger)?);
+        let Some(mesh) = &leaf.placed.mesh else { continue };
+        let drawn = viewer::Material::Leaf(one_leaf(manifest, leaf, ledger)?);
+        index[leaf.placed.index] = Some(out.add(viewer_mesh(mesh), drawn));
     }
     for p in &placed.placements {
-        if let Some(leaf) = index[p.leaf] {
+        if let Some(drawn) = index[p.leaf] {
             let ride = p
                 .ride
                 .filter(|_| placed.bends.is_some())
                 .map(|r| viewer::Ride { branch: r.branch, at: Some(r.at as f32) });
-            out.instances.push(viewer::Instance { leaf, transform: p.transform.as_mat4(), ride });
+            out.instances.push(viewer::Instance { transform: p.transform.as_mat4(), ride, ..drawn });
         }
     }
     for leaf in &placed.leaves {
-        let (Some(mesh), Some(at)) = (&leaf.mesh, index[leaf.index]) else { continue };
-        let drawn = mesh.triangles() * out.instances.iter().filter(|i| i.leaf == at).count();
+        let (Some(mesh), Some(viewer::Instance { mesh: at, .. })) = (&leaf.mesh, index[leaf.index]) else { continue };
+        let drawn = mesh.triangles() * out.instances.iter().filter(|i| i.mesh == at).count();
         if drawn > MANY_TRIANGLES {
-            let levels =
-                ledger.note("make", format!("{}: levels of detail", out.leaves[at].name), 0, || detail::levels(mesh));
-            out.leaves[at].mesh.details =
+            let levels = ledger
+                .note("make", format!("{}: levels of detail", out.materials[at].name()), 0, || detail::levels(mesh));
+            out.meshes[at].details =
                 levels.into_iter().map(|l| viewer::Detail { indices: l.indices, error: l.error_mm as f32 }).collect();
         }
     }
     if let Some((mesh, bark)) = &placed.wood {
-        out.instances.push(viewer::Instance { leaf: out.leaves.len(), transform: glam::Mat4::IDENTITY, ride: None });
-        out.leaves.push(barked("wood", mesh, *bark));
+        let wood = out.add(viewer_mesh(mesh), barked("wood", *bark));
+        out.instances.push(wood);
     }
     branches(manifest, placed, &mut out);
     Ok(out)
@@ -72,8 +72,8 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
 fn branches(manifest: &Manifest, placed: &Placed, out: &mut viewer::Scene) {
     for (k, (twig, mesh)) in placed.twigs.iter().enumerate() {
         let ride = placed.bends.is_some().then_some(viewer::Ride { branch: k, at: None });
-        out.instances.push(viewer::Instance { leaf: out.leaves.len(), transform: glam::Mat4::IDENTITY, ride });
-        out.leaves.push(barked(&manifest.branches[k].name, mesh, twig.bark));
+        let wood = out.add(viewer_mesh(mesh), barked(&manifest.branches[k].name, twig.bark));
+        out.instances.push(viewer::Instance { ride, ..wood });
     }
     let Some(bends) = &placed.bends else { return };
     let vec = |v: [f64; 3]| Vec3::from(v.map(|c| c as f32));
@@ -107,19 +107,8 @@ fn branches(manifest: &Manifest, placed: &Placed, out: &mut viewer::Scene) {
 }
 
 /// Wood: diffuse bark, and nothing comes through.
-fn barked(name: &str, mesh: &LeafMesh, bark: [f64; 3]) -> viewer::Leaf {
-    let bark = viewer::Interior::Maps { rho_d: vec![bark.map(|v| v as f32)], rho_t: vec![[0.0; 3]] };
-    viewer::Leaf {
-        name: name.into(),
-        mesh: viewer_mesh(mesh),
-        width: 1,
-        height: 1,
-        thickness_mm: 1.0,
-        lobe: viewer::Lobe::Beckmann,
-        front: viewer::Side { interior: bark, ..viewer::Side::black() },
-        back: viewer::Side::black(),
-        mask: None,
-    }
+fn barked(name: &str, bark: [f64; 3]) -> viewer::Material {
+    viewer::Material::Opaque(viewer::Opaque { name: name.into(), albedo: bark.map(|v| v as f32) })
 }
 
 /// Sun, sky, exposure and how shadows and edges are sampled.
@@ -132,7 +121,8 @@ fn lights(Scene { manifest, plan, .. }: &Scene, ledger: &Ledger) -> Result<viewe
         None => None,
     };
     Ok(viewer::Scene {
-        leaves: Vec::new(),
+        meshes: Vec::new(),
+        materials: Vec::new(),
         instances: Vec::new(),
         sun: manifest.sun.as_ref().zip(sun_direction(manifest)).map(|(sun, direction)| viewer::Sun {
             direction: direction.as_vec3(),
@@ -181,15 +171,6 @@ pub fn camera(view: &View) -> viewer::Camera {
     }
 }
 
-/// The scene's lobe as the renderer knows it.
-pub fn lobe(lobe: Lobe) -> viewer::Lobe {
-    match lobe {
-        Lobe::Beckmann => viewer::Lobe::Beckmann,
-        Lobe::Ggx => viewer::Lobe::Ggx,
-        Lobe::CookTorrance { index } => viewer::Lobe::CookTorrance { index: index as f32 },
-    }
-}
-
 /// A mesh in the renderer's precision.
 pub fn viewer_mesh(mesh: &LeafMesh) -> viewer::Mesh {
     viewer::Mesh {
@@ -204,7 +185,7 @@ pub fn viewer_mesh(mesh: &LeafMesh) -> viewer::Mesh {
 
 fn one_leaf(manifest: &Manifest, leaf: Leaf, ledger: &Ledger) -> Result<viewer::Leaf> {
     let config = leaf.config;
-    let (Some(fitted), Some(mesh)) = (&leaf.placed.fitted, &leaf.placed.mesh) else {
+    let Some(fitted) = &leaf.placed.fitted else {
         return Err(Error::field(
             &manifest.path,
             &format!("leaf \"{}\"", config.name),
@@ -214,52 +195,45 @@ fn one_leaf(manifest: &Manifest, leaf: Leaf, ledger: &Ledger) -> Result<viewer::
     // One thickness a leaf: a side fitted with another h has the difference moved into its δ.
     let lead = if fitted.has(Side::Front) { Side::Front } else { Side::Back };
     let h = fitted.thickness(lead)?;
-    let mut sides = [viewer::Side::black(), viewer::Side::black()];
+    let mut sides = viewer::Sides::of(|_| viewer::SideMaps::black());
     for (s, side) in Side::ALL.into_iter().enumerate() {
         let needs = leaf.plan.sides[s];
         if needs.interior() {
             let shift = (fitted.thickness(side)? - h) as f32;
-            sides[s] = interior(config.interior, leaf, s, side, shift, ledger)?;
+            sides[side] = interior(config.interior, leaf, s, side, shift, ledger)?;
         }
         if needs.gloss {
-            sides[s].gloss = leaf.loaded.textures[s].gloss.as_ref().map(|t| shrink(t, leaf, mean4));
+            sides[side].gloss = leaf.loaded.textures[s].gloss.as_ref().map(|t| shrink(t, leaf, mean4));
         }
         if needs.normal {
-            sides[s].normal = Some(normals(leaf, side, ledger)?);
+            sides[side].normal = Some(normals(leaf, side, ledger)?);
         }
         if needs.translucency {
             let Some(maps) = &leaf.loaded.coefficients[s] else {
                 let what = "the translucency maps are not made yet; `mesophyll run` and `check` make them";
                 return Err(Error::field(&manifest.path, &format!("leaf \"{}\"", config.name), what));
             };
-            let basis = match maps.basis {
-                Basis::HalfLife2 => viewer::Basis::HalfLife2,
-                Basis::Bent => viewer::Basis::Bent,
-            };
             let coefficients = match &maps.of {
                 Of::Factor(map) => viewer::Coefficients::Factor(shrink(map, leaf, mean3)),
                 Of::Colour(maps) => viewer::Coefficients::Colour([0, 1, 2].map(|c| shrink(&maps[c], leaf, mean3))),
             };
-            sides[s].translucency = Some(viewer::Translucency { basis, coefficients });
+            sides[side].translucency = Some(viewer::Translucency { basis: maps.basis, coefficients });
         }
     }
-    let [front, back] = sides;
     let size = [leaf.plan.size[0].max(1), leaf.plan.size[1].max(1)];
     Ok(viewer::Leaf {
         name: config.name.clone(),
-        mesh: viewer_mesh(mesh),
         width: size[0].div_ceil(leaf.plan.block) as u32,
         height: size[1].div_ceil(leaf.plan.block) as u32,
         thickness_mm: h as f32,
-        lobe: lobe(config.lobe()),
-        front,
-        back,
+        lobe: config.lobe(),
+        sides,
         mask: if config.mesh.is_some() { Some(mask(leaf, ledger)?) } else { None },
     })
 }
 
-fn interior(kind: Interior, leaf: Leaf, s: usize, side: Side, shift: f32, ledger: &Ledger) -> Result<viewer::Side> {
-    let mut out = viewer::Side::black();
+fn interior(kind: Interior, leaf: Leaf, s: usize, side: Side, shift: f32, ledger: &Ledger) -> Result<viewer::SideMaps> {
+    let mut out = viewer::SideMaps::black();
     match kind {
         Interior::Scalars => {
             let (Some(texels), Some(curve)) = (&leaf.loaded.textures[s].gamma_delta, &leaf.loaded.curves[s]) else {
@@ -379,12 +353,12 @@ pub fn card(scene: &Scene, card: &Card, ledger: &Ledger) -> Result<viewer::Scene
     let mut out = lights(scene, ledger)?;
     (out.shadow_samples, out.msaa) = (0, 1);
     let thickness = card.sides.iter().flatten().map(|p| p.thickness).next().unwrap_or(1.0);
-    let side = |s: usize| match card.sides[s].as_ref().filter(|_| card.planned[s]) {
-        None => viewer::Side::black(),
+    let side = |side: Side| match card.sides[side as usize].as_ref().filter(|_| card.planned[side as usize]) {
+        None => viewer::SideMaps::black(),
         Some(p) => {
             let (low, high) = (0.95 * p.thickness.min(thickness), 1.05 * p.thickness.max(thickness));
             let curve = curve(p.sigma_a, p.sigma_s, low, high, 1e-5, "card slab curve", ledger);
-            viewer::Side {
+            viewer::SideMaps {
                 gamma_delta: vec![[
                     p.gamma[0] as f32,
                     p.gamma[1] as f32,
@@ -402,18 +376,17 @@ pub fn card(scene: &Scene, card: &Card, ledger: &Ledger) -> Result<viewer::Scene
             }
         }
     };
-    out.leaves = vec![viewer::Leaf {
+    let leaf = viewer::Leaf {
         name: manifest.leaves[card.leaf].name.clone(),
-        mesh: viewer_mesh(&card.mesh),
         width: 1,
         height: 1,
         thickness_mm: thickness as f32,
-        lobe: lobe(manifest.leaves[card.leaf].lobe()),
-        front: side(0),
-        back: side(1),
+        lobe: manifest.leaves[card.leaf].lobe(),
+        sides: viewer::Sides::of(side),
         mask: None,
-    }];
-    out.instances = vec![viewer::Instance { leaf: 0, transform: card.transform.as_mat4(), ride: None }];
+    };
+    let drawn = out.add(viewer_mesh(&card.mesh), viewer::Material::Leaf(leaf));
+    out.instances = vec![viewer::Instance { transform: card.transform.as_mat4(), ..drawn }];
     Ok(out)
 }
 

@@ -10,12 +10,11 @@ use crate::fits::fitted::{Fitted, fill};
 use crate::ledger::Ledger;
 use crate::loaded::curve::curve;
 use crate::{Error, Result};
-use glam::{DMat4, DVec3, Mat4, Vec3};
+use glam::{DMat4, DVec3, Vec3};
 use mesophyll_capture::manifest::Travel;
 use mesophyll_files::image::Maps;
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_fit::leaf::held_out::KeptFrame;
-use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::side::Side;
 use mesophyll_record::scan::Scan;
 use mesophyll_transport as transport;
@@ -89,7 +88,7 @@ impl<'a> Scanned<'a> {
             .iter()
             .fold((f64::INFINITY, 0f64), |(a, b), d| (a.min(h + f64::from(*d)), b.max(h + f64::from(*d))));
         let curve = curve(sigma_a, sigma_s, low.max(1e-6), high.max(2e-6), CURVE, "scanned leaf", &Ledger::new());
-        let front = viewer::Side {
+        let front = viewer::SideMaps {
             gamma_delta: (0..n).map(|k| texel(&first, k)).collect(),
             gloss: Some((0..n).map(|k| texel(&second, k)).collect()),
             normal: Some((0..n).map(|k| [normal[0][k], normal[1][k], normal[2][k]]).collect()),
@@ -98,19 +97,15 @@ impl<'a> Scanned<'a> {
         };
         let leaf = viewer::Leaf {
             name: self.fitted.name.clone(),
-            mesh: handover::viewer_mesh(&self.mesh()),
             width: self.width as u32,
             height: self.height as u32,
             thickness_mm: h as f32,
-            lobe: handover::lobe(self.scan.lobe()),
-            front,
-            back: viewer::Side::black(),
+            lobe: self.scan.lobe(),
+            sides: viewer::Sides { front, back: viewer::SideMaps::black() },
             mask: None,
         };
         let s = self.scan;
-        Ok(viewer::Scene {
-            leaves: vec![leaf],
-            instances: vec![viewer::Instance { leaf: 0, transform: Mat4::IDENTITY, ride: None }],
+        let mut scene = viewer::Scene {
             scanner: Some(viewer::Scanner {
                 camera: Vec3::from(s.camera().map(|v| v as f32)),
                 pixel_mm: s.texel_mm as f32,
@@ -125,7 +120,10 @@ impl<'a> Scanned<'a> {
             shadow_resolution: 64,
             msaa: 1,
             ..viewer::Scene::default()
-        })
+        };
+        let one = scene.add(handover::viewer_mesh(&self.mesh()), viewer::Material::Leaf(leaf));
+        scene.instances.push(one);
+        Ok(scene)
     }
 
     /// The same for the reference.
@@ -192,7 +190,7 @@ impl<'a> Scanned<'a> {
     }
 
     fn always_bounded(&self) -> bool {
-        matches!(self.scan.lobe(), Lobe::CookTorrance { .. })
+        self.scan.lobe().index().is_some()
     }
 
     /// Mean thickness (mm), σa and σs (1/mm) of the side.

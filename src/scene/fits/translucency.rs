@@ -8,6 +8,7 @@ use crate::manifest::{Basis, Manifest, Translucency as Asked};
 use mesophyll_files::hash;
 use mesophyll_fit::translucency::recipe::Recipe;
 use mesophyll_record::FitRecord;
+use mesophyll_translucency::basis::Basis as Functions;
 use std::path::{Path, PathBuf};
 
 /// The translucency maps that the scene asks for.
@@ -69,6 +70,6 @@ pub fn find(
 /// names may have any.
 fn as_asked(asked: &Asked, record: &FitRecord, named: bool) -> bool {
     let wanted = asked.basis.or_else(|| (!named).then(Basis::default));
-    let of = |b: Basis| record.options.get("basis").map_or(b == Basis::default(), |s| *s == b.functions().name());
+    let of = |b: Basis| record.options.get("basis").map_or(b == Basis::default(), |s| *s == Functions::from(b).name());
     Recipe::agrees(record, &asked.options()) && wanted.is_none_or(of)
 }

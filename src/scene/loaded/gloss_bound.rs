@@ -62,8 +62,8 @@ fn largest_density(lobe: Lobe, tan2: f64, m: [f64; 2]) -> f64 {
     let candidates = [tan2, low, high, 2.0 * low - 1.0, 2.0 * high - 1.0];
     let at = |t: f64| lobe.density((1.0 / (1.0 + t)).sqrt(), t.clamp(low, high).sqrt());
     let most = candidates.into_iter().filter(|t| *t >= tan2).map(at).fold(0.0, f64::max);
-    // GGX with slopes above 1 grows towards facets on edge.
-    if lobe == Lobe::Ggx { most.max(if high > 1.0 { high / PI } else { 0.0 }) } else { most }
+    // A long tail with slopes above 1 grows towards facets on edge.
+    if lobe.is_long_tailed() { most.max(if high > 1.0 { high / PI } else { 0.0 }) } else { most }
 }
 
 /// What falls on a scene at most, and what surely falls.
@@ -257,11 +257,10 @@ mod tests {
     use proptest::prelude::*;
 
     fn lobes() -> impl Strategy<Value = Lobe> {
-        prop_oneof![
-            Just(Lobe::Beckmann),
-            Just(Lobe::Ggx),
-            (1.05f64..4.0).prop_map(|index| Lobe::CookTorrance { index })
-        ]
+        (any::<prop::sample::Index>(), 1.05f64..4.0).prop_map(|(which, index)| {
+            let all: Vec<Lobe> = Lobe::all(index).collect();
+            *which.get(&all)
+        })
     }
 
     /// A direction `angle` away from the unit vector `d`.

@@ -19,6 +19,7 @@ use glam::{DMat3, DVec3};
 use mesophyll_leaf::frames;
 use mesophyll_optics::side::{Side, behind};
 use mesophyll_translucency::basis;
+use mesophyll_translucency::basis::Basis as Functions;
 use mesophyll_transport::tone::display;
 use rayon::prelude::*;
 use std::f64::consts::PI;
@@ -44,7 +45,7 @@ pub enum Of {
 impl Coefficients {
     /// Σ h_i φ_i(ω), which may be negative: renderers interpolate first and cut off at 0 after.
     pub fn sum(&self, h: [f32; 3], omega: DVec3) -> f64 {
-        let at = self.basis.functions().argument(omega.to_array());
+        let at = Functions::from(self.basis).argument(omega.to_array());
         DVec3::from(basis::vector(h.map(f64::from))).dot(DVec3::from(at))
     }
 
@@ -81,8 +82,8 @@ fn read(leaf: Leaf, s: usize, fitted: &Fitted, file: &str, ledger: &Ledger) -> R
     fitted.same_size(leaf.plan.size, [info.width, info.height], file)?;
     let basis = match fitted.record.options.get("basis") {
         None => Basis::default(),
-        Some(said) => Basis::ALL.into_iter().find(|b| b.functions().name() == *said).ok_or_else(|| {
-            let known = Basis::ALL.map(|b| format!("\"{}\"", b.functions().name())).join(" or ");
+        Some(said) => Basis::ALL.into_iter().find(|b| Functions::from(*b).name() == *said).ok_or_else(|| {
+            let known = Basis::ALL.map(|b| format!("\"{}\"", Functions::from(b).name())).join(" or ");
             let what = format!("found \"{said}\", expected {known}, which the renderers evaluate");
             Error::field(&fitted.folder.join("fit.toml"), "options.basis", what)
         })?,
@@ -128,7 +129,7 @@ pub fn front_texel(k: usize, s: usize, width: usize) -> usize {
 fn cost(at: Stand, leaf: Leaf, s: usize, maps: &Coefficients) -> Result<WithoutMaps> {
     let Stand { manifest, ledger, .. } = at;
     let layers = if matches!(maps.of, Of::Colour(_)) { 3 } else { 1 };
-    let none = WithoutMaps { p99: 0.0, largest: 0.0, layers, basis: maps.basis.functions().name() };
+    let none = WithoutMaps { p99: 0.0, largest: 0.0, layers, basis: Functions::from(maps.basis).name() };
     let (Some(mesh), Some(fitted)) = (&leaf.placed.mesh, &leaf.placed.fitted) else { return Ok(none) };
     let [w, h] = leaf.plan.size;
     let file = format!("{}_normal.exr", Side::ALL[s].name());

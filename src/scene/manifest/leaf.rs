@@ -3,7 +3,7 @@
 use mesophyll_files::mesh::Unit;
 use mesophyll_fit::translucency::{Colour, Options, TissueFrom, TissueName};
 use mesophyll_optics::gloss::{Lobe, LobeKind};
-use mesophyll_translucency::basis as directions;
+use mesophyll_surface::basis::Basis;
 use serde::Deserialize;
 use std::path::PathBuf;
 
@@ -59,36 +59,13 @@ pub struct Translucency {
     pub basis: Option<Basis>,
 }
 
-/// Functions of direction that both renderers evaluate: three coefficients a texel, one dot product.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
-pub enum Basis {
-    /// As published.
-    #[default]
-    #[serde(rename = "half-life 2")]
-    HalfLife2,
-    /// The same three of a light that is bent towards the normal: shadows of relief end at the horizon.
-    #[serde(rename = "bent")]
-    Bent,
-}
-
-impl Basis {
-    pub const ALL: [Basis; 2] = [Basis::HalfLife2, Basis::Bent];
-
-    pub fn functions(self) -> directions::Basis {
-        match self {
-            Basis::HalfLife2 => directions::Basis::HalfLife2,
-            Basis::Bent => directions::Basis::Bent { count: 3 },
-        }
-    }
-}
-
 impl Translucency {
     /// What `fit translucency` is told of it.
     pub fn options(&self) -> Options {
         Options {
             tissue: TissueFrom::Named(self.tissue),
             colour: self.colour,
-            basis: self.basis.unwrap_or_default().functions(),
+            basis: self.basis.unwrap_or_default().into(),
             ..Options::default()
         }
     }

@@ -10,8 +10,9 @@ mod plant;
 mod validate;
 mod view;
 
-pub use leaf::{Basis, Interior, Leaf, Scan, Translucency};
+pub use leaf::{Interior, Leaf, Scan, Translucency};
 pub use light::{Day, Sky, SkyModel, Sun};
+pub use mesophyll_surface::basis::Basis;
 pub use plant::{Branch, Cluster, Instance, Tree, Wind};
 pub use view::{Check, JudgedBy, View, ViewKind};
 

@@ -16,7 +16,7 @@ use crate::placed::daylight::{self, Daylight};
 use crate::placed::placement::Ride;
 use glam::DVec3;
 use mesophyll_files::image::Maps;
-use mesophyll_optics::side::Side;
+use mesophyll_optics::side::{Side, Sides};
 use mesophyll_transport::{self as transport, compare};
 use mesophyll_viewer as gpu;
 use mesophyll_viewer::editor::{Editor, LeafEdit, LeafUpdate, Measure, ReferencePicture, SideEdit, SkyUpdate, Verdict};
@@ -50,14 +50,14 @@ impl SceneEditor {
         let (mut starts, mut maps) = (Vec::new(), Vec::new());
         for &index in &shown {
             let mut sides = [None, None];
-            let mut start = LeafEdit { thickness_mm: 0.0, front: unedited(), back: unedited() };
+            let mut start = LeafEdit { thickness_mm: 0.0, sides: Sides::of(|_| unedited()) };
             if let Some(fitted) = &scene.placed.leaves[index].fitted {
                 for (s, side) in Side::ALL.into_iter().enumerate().filter(|(_, side)| fitted.has(*side)) {
                     let path = fitted.folder.join(format!("{}.exr", side.name()));
                     sides[s] = Some(ledger.note("read", fitted.entry(&format!("{}.exr", side.name())), 0, || {
                         mesophyll_files::image::read_exr(&path)
                     })?);
-                    let edit = start.side_mut(s == 0);
+                    let edit = &mut start.sides[side];
                     (edit.sigma_a, edit.sigma_s) = (
                         fitted.rgb(side, "sigma_a")?.map(|v| v as f32),
                         fitted.rgb(side, "sigma_s")?.map(|v| v as f32),
@@ -80,14 +80,15 @@ impl SceneEditor {
         self.scene.leaf(self.shown[leaf])
     }
 
-    fn side(&self, leaf: usize, s: usize, edit: &LeafEdit) -> Result<viewer::Interior> {
+    fn side(&self, leaf: usize, side: Side, edit: &LeafEdit) -> Result<viewer::Interior> {
+        let s = side as usize;
         let of = self.leaf(leaf);
         let black = viewer::Interior::Scalars(viewer::SlabCurve::default());
         let Some(fitted) = of.placed.fitted.as_ref().filter(|f| f.has(Side::ALL[s]) && of.plan.sides[s].interior())
         else {
             return Ok(black);
         };
-        let of_side = edit.side(s == 0);
+        let of_side = &edit.sides[Side::ALL[s]];
         match of.config.interior {
             Interior::Scalars => {
                 let (low, high) = self.range(leaf, s, edit);
@@ -123,7 +124,7 @@ impl SceneEditor {
 
     /// What pigment maps are multiplied with, and what is added to the thickness.
     fn scaling(&self, leaf: usize, s: usize, edit: &LeafEdit) -> handover::Scaling {
-        let (start, now) = (self.starts[leaf].side(s == 0), edit.side(s == 0));
+        let [start, now] = [&self.starts[leaf], edit].map(|e| &e.sides[Side::ALL[s]]);
         let ratio = |a: [f32; 3], b: [f32; 3]| [0, 1, 2].map(|c| if b[c] > 0.0 { f64::from(a[c] / b[c]) } else { 1.0 });
         handover::Scaling {
             sigma_a: ratio(now.sigma_a, start.sigma_a),
@@ -138,7 +139,7 @@ impl SceneEditor {
         for (leaf, edit) in self.edits.iter().enumerate().take(self.shown.len()) {
             let drawn = &mut world.leaves[leaf];
             for (s, side) in [&mut drawn.front, &mut drawn.back].into_iter().enumerate() {
-                let of_side = edit.side(s == 0);
+                let of_side = &edit.sides[Side::ALL[s]];
                 if let Some(gloss) = &mut side.gloss {
                     gloss.rho_s.iter_mut().flatten().for_each(|v| *v *= of_side.rho_s_scale);
                     gloss.m.iter_mut().for_each(|v| *v *= of_side.m_scale);
@@ -177,7 +178,7 @@ impl SceneEditor {
                 (Some(bends), Some(ride)) => bends.transform(ride, time, rest),
                 _ => rest,
             };
-            transport::Placement { leaf: i.leaf, transform }
+            transport::Placement { leaf: i.material, transform }
         };
         world.instances = scene.instances.iter().map(place).collect();
         if let Some(bends) = &self.scene.placed.bends {
@@ -198,9 +199,8 @@ impl SceneEditor {
             None => None,
         };
         (world.background, world.exposure) = (scene.background.map(f64::from), f64::from(scene.exposure));
-        let has = |leaf: usize, s: usize| {
-            scene.leaves.get(leaf).is_some_and(|l| [&l.front, &l.back][s].translucency.is_some())
-        };
+        let has =
+            |leaf: usize, s: usize| scene.leaf(leaf).is_some_and(|l| l.sides[Side::ALL[s]].translucency.is_some());
         relight_where(&mut world, &self.scene, &[eye], has)?;
         Ok(world)
     }
@@ -234,19 +234,15 @@ fn mean(maps: &Maps, what: &str) -> [f32; 3] {
 
 impl Editor for SceneEditor {
     fn start(&self, leaf: usize) -> LeafEdit {
-        // After the leaves come the branches, which have nothing to edit.
-        self.starts.get(leaf).copied().unwrap_or(LeafEdit { thickness_mm: 1.0, front: unedited(), back: unedited() })
+        self.starts[leaf]
     }
 
     fn recompute(&mut self, leaf: usize, edit: &LeafEdit) -> std::result::Result<LeafUpdate, String> {
-        if leaf >= self.shown.len() {
-            return Err("a branch has no leaf's parameters to edit".into());
-        }
         if !(edit.thickness_mm > 0.0 && edit.thickness_mm.is_finite()) {
             return Err(format!("h: found {} mm, expected a positive thickness", edit.thickness_mm));
         }
-        let side = |s| self.side(leaf, s, edit).map_err(|e| e.to_string());
-        let update = LeafUpdate { thickness_mm: edit.thickness_mm, front: side(0)?, back: side(1)? };
+        let sides = Sides::try_of(|side| self.side(leaf, side, edit).map_err(|e| e.to_string()))?;
+        let update = LeafUpdate { thickness_mm: edit.thickness_mm, sides };
         self.edits[leaf] = *edit;
         Ok(update)
     }
@@ -267,14 +263,11 @@ impl Editor for SceneEditor {
     }
 
     fn save(&mut self, leaf: usize, edit: &LeafEdit) -> std::result::Result<String, String> {
-        if leaf >= self.shown.len() {
-            return Err("a branch is no fit of a leaf".into());
-        }
         let Some(fitted) = &self.leaf(leaf).placed.fitted else { return Err("this leaf has no fit".into()) };
         let scale = [0, 1].map(|s| save::Change {
             scaling: self.scaling(leaf, s, edit),
-            rho_s: f64::from(edit.side(s == 0).rho_s_scale),
-            m: f64::from(edit.side(s == 0).m_scale),
+            rho_s: f64::from(edit.sides[Side::ALL[s]].rho_s_scale),
+            m: f64::from(edit.sides[Side::ALL[s]].m_scale),
         });
         save::edited(fitted, &scale, &self.out.join("fits")).map(|p| p.display().to_string()).map_err(|e| e.to_string())
     }
@@ -333,8 +326,8 @@ impl Editor for SceneEditor {
         Verdict { passed, measures, note }
     }
 
-    fn probe(&self, leaf: usize, front: bool, texel: [u32; 2]) -> Vec<(String, String)> {
-        let Some(maps) = self.maps.get(leaf).and_then(|sides| sides[usize::from(!front)].as_ref()) else {
+    fn probe(&self, leaf: usize, side: Side, texel: [u32; 2]) -> Vec<(String, String)> {
+        let Some(maps) = self.maps.get(leaf).and_then(|sides| sides[side as usize].as_ref()) else {
             return vec![("fit".into(), "this side was not measured".into())];
         };
         let k = texel[1] as usize * maps.width + texel[0] as usize;

@@ -2,7 +2,9 @@
 
 use glam::{Mat4, Quat, Vec2, Vec3};
 use mesophyll_viewer::editor::SideEdit;
-use mesophyll_viewer::scene::{Camera, Instance, Interior, Leaf, Lobe, Mesh, Scene, Side, SlabCurve, Sun};
+use mesophyll_viewer::scene::{
+    Camera, Instance, Interior, Leaf, Lobe, Material, Mesh, Scene, Side, SideMaps, Sides, SlabCurve, Sun,
+};
 
 pub const WIDTH: u32 = 256;
 const HEIGHT: u32 = 384;
@@ -18,7 +20,8 @@ fn vein(x: f32, t: f32) -> f32 {
     (x.abs() * 1.2).min((side - 0.5).abs() * 0.35)
 }
 
-pub fn side(front: bool) -> Side {
+pub fn side(side: Side) -> SideMaps {
+    let front = side == Side::Front;
     let mut gamma_delta = Vec::new();
     let mut normal = Vec::new();
     let mut gloss = Vec::new();
@@ -37,13 +40,13 @@ pub fn side(front: bool) -> Side {
             normal.push(Vec3::new(-raised * dx, -raised * dy, 1.0).normalize().to_array());
         }
     }
-    let interior = Interior::Scalars(curve(&start(front)));
-    Side { gamma_delta, gloss: front.then_some(gloss), normal: Some(normal), translucency: None, interior }
+    let interior = Interior::Scalars(curve(&start(side)));
+    SideMaps { gamma_delta, gloss: front.then_some(gloss), normal: Some(normal), translucency: None, interior }
 }
 
 /// Where editing starts.
-pub fn start(front: bool) -> SideEdit {
-    let sigma_a = if front { [16.0, 5.0, 24.0] } else { [9.0, 3.4, 11.0] };
+pub fn start(side: Side) -> SideEdit {
+    let sigma_a = if side == Side::Front { [16.0, 5.0, 24.0] } else { [9.0, 3.4, 11.0] };
     SideEdit { sigma_a, sigma_s: [14.0, 15.0, 12.0], rho_s_scale: 1.0, m_scale: 1.0 }
 }
 
@@ -101,27 +104,26 @@ fn blade() -> Mesh {
 pub fn scene(cluster: bool) -> Scene {
     let leaf = Leaf {
         name: "made up".into(),
-        mesh: blade(),
         width: WIDTH,
         height: HEIGHT,
         thickness_mm: 0.2,
         lobe: Lobe::CookTorrance { index: 1.45 },
-        front: side(true),
-        back: side(false),
+        sides: Sides::of(side),
         mask: None,
     };
-    let mut instances = vec![Instance { leaf: 0, transform: Mat4::IDENTITY, ride: None }];
+    let mut instances = vec![Instance::default()];
     if cluster {
         instances = (0..7)
             .map(|k| {
                 let turn = Quat::from_rotation_z(0.9 * k as f32) * Quat::from_rotation_x(-0.25 - 0.05 * k as f32);
                 let place = turn * Vec3::new(0.0, 38.0, 0.0) + Vec3::Z * 7.0 * k as f32;
-                Instance { leaf: 0, transform: Mat4::from_rotation_translation(turn, place), ride: None }
+                Instance { mesh: 0, material: 0, transform: Mat4::from_rotation_translation(turn, place), ride: None }
             })
             .collect();
     }
     Scene {
-        leaves: vec![leaf],
+        meshes: vec![blade()],
+        materials: vec![Material::Leaf(leaf)],
         instances,
         sun: Some(Sun {
             direction: Vec3::new(-0.4, 0.5, 0.9).normalize(),

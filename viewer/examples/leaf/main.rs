@@ -9,7 +9,7 @@
 mod made_up;
 
 use mesophyll_viewer::editor::{Editor, LeafEdit, LeafUpdate, Measure, ReferencePicture, Verdict};
-use mesophyll_viewer::scene::{Camera, Interior, Scene};
+use mesophyll_viewer::scene::{Camera, Interior, Scene, Side, Sides};
 use mesophyll_viewer::{Options, Picture, Renderer, WindowOptions, WindowScene, WindowView, open_window};
 
 /// Stands in for the program around the window: its slab is a two-stream one, its reference the renderer itself without
@@ -18,12 +18,12 @@ struct StandIn;
 
 impl Editor for StandIn {
     fn start(&self, _: usize) -> LeafEdit {
-        LeafEdit { thickness_mm: 0.2, front: made_up::start(true), back: made_up::start(false) }
+        LeafEdit { thickness_mm: 0.2, sides: Sides::of(made_up::start) }
     }
 
     fn recompute(&mut self, _: usize, edit: &LeafEdit) -> Result<LeafUpdate, String> {
-        let interior = |front| Interior::Scalars(made_up::curve(edit.side(front)));
-        Ok(LeafUpdate { thickness_mm: edit.thickness_mm, front: interior(true), back: interior(false) })
+        let interior = |side| Interior::Scalars(made_up::curve(&edit.sides[side]));
+        Ok(LeafUpdate { thickness_mm: edit.thickness_mm, sides: Sides::of(interior) })
     }
 
     fn save(&mut self, _: usize, _: &LeafEdit) -> Result<String, String> {
@@ -51,9 +51,8 @@ impl Editor for StandIn {
         Verdict { passed: measure.value <= measure.threshold, measures: vec![measure], note }
     }
 
-    fn probe(&self, _: usize, front: bool, texel: [u32; 2]) -> Vec<(String, String)> {
-        let side = made_up::side(front);
-        let t = side.gamma_delta[(texel[1] * made_up::WIDTH + texel[0]) as usize];
+    fn probe(&self, _: usize, side: Side, texel: [u32; 2]) -> Vec<(String, String)> {
+        let t = made_up::side(side).gamma_delta[(texel[1] * made_up::WIDTH + texel[0]) as usize];
         vec![
             ("γ".into(), format!("{:.3} {:.3} {:.3}", t[0], t[1], t[2])),
             ("δ".into(), format!("{:+.3} mm", t[3])),

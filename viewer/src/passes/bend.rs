@@ -3,7 +3,7 @@
 
 use crate::error::Result;
 use crate::gpu::Gpu;
-use crate::scene::{Branch, Ride, Scene, Wind};
+use crate::scene::{Branch, Instance, Ride, Scene, Wind};
 use crate::shader::{Defines, assemble};
 use crate::stats::Stats;
 use crate::variant::Variant;
@@ -39,11 +39,14 @@ pub(crate) fn defines(defines: Defines, branches: u32, motion: bool) -> Defines 
     defines.constant("BRANCHES", branches.max(1)).set("BEND", branches > 0).set("MOTION", branches > 0 && motion)
 }
 
-/// Whether leaf `index` rides on a branch anywhere, and so needs the bend in its shaders: the number of branches, and
+/// Whether any of these instances rides on a branch, and so needs the bend in its shaders: the number of branches, and
 /// whether they sway.
-pub(crate) fn needs(scene: &Scene, index: usize) -> (u32, bool) {
-    let rides = scene.instances.iter().any(|i| i.leaf == index && i.ride.is_some());
-    if rides { (scene.branches.len() as u32, scene.wind.is_some()) } else { (0, false) }
+pub(crate) fn needs(scene: &Scene, instances: &[Instance]) -> (u32, bool) {
+    if instances.iter().any(|i| i.ride.is_some()) {
+        (scene.branches.len() as u32, scene.wind.is_some())
+    } else {
+        (0, false)
+    }
 }
 
 /// The layout of group 2; `None` for a variant that does not bend.

@@ -1,44 +1,5 @@
-// How light meets a surface: the lobe, the sun's visible share, the lobe's albedo and what it collects of the sky's
-// harmonics. Part of the main pass.
-
-//#if SUN || SCANNER
-//#if GLOSS
-// f_s per unit ρs; 0 where the half vector lies below the surface.
-fn lobe(normal: vec3f, light: vec3f, view: vec3f, roughness: f32) -> f32 {
-    let h = normalize(light + view);
-    let nh = dot(normal, h);
-    let nl = dot(normal, light);
-    let nv = max(dot(normal, view), 1e-3);
-    let vh = dot(view, h);
-    if (nh <= 0.0 || nl <= 0.0 || vh <= 0.0) {
-        return 0.0;
-    }
-    let m2 = roughness * roughness;
-    // sin²α from the cross product: 1 − cos²α would lose its digits near the mirror direction.
-    let across = cross(normal, h);
-    let cos2 = nh * nh;
-    let tan2 = dot(across, across) / cos2;
-    //#if GGX
-    let density = m2 / (3.14159265 * cos2 * cos2 * (m2 + tan2) * (m2 + tan2));
-    //#else
-    let density = exp(-tan2 / m2) / (3.14159265 * m2 * cos2 * cos2);
-    //#endif
-    //#if SCANNER
-    let cavity = select(1.0, min(1.0, 2.0 * nh * min(nv, nl) / vh), frame.travel.y > 0.5);
-    //#else
-    let cavity = min(1.0, 2.0 * nh * min(nv, nl) / vh);
-    //#endif
-    var f = density * cavity / (4.0 * nl * nv);
-    //#if FRESNEL
-    let n = constants.leaf.y;
-    let t = sqrt(1.0 - (1.0 - min(vh, 1.0) * min(vh, 1.0)) / (n * n));
-    let s_wave = (vh - n * t) / (vh + n * t);
-    let p_wave = (n * vh - t) / (n * vh + t);
-    f *= 0.5 * (s_wave * s_wave + p_wave * p_wave);
-    //#endif
-    return f;
-}
-//#endif
+// How light meets a surface: the sun's visible share, the lobe's albedo, what it collects of the sky's harmonics, and a
+// scanner's tube. Part of the main pass; the lobe itself is in `lobe.wgsl`.
 
 //#if SHADOW
 // Share of the sun's disk that is seen from a point: the mean over the shadow maps, each a 2×2 comparison. The point is
@@ -59,7 +20,6 @@ fn visibility(world: vec3f, normal_to_sun: vec3f, cosine: f32) -> f32 {
     }
     return seen / f32(SHADOW_LAYERS);
 }
-//#endif
 //#endif
 
 //#if ALBEDO
@@ -133,4 +93,54 @@ fn glossy_light(normal: vec3f, view: vec3f, roughness: f32) -> vec3f {
     return gathered(direction, array<f32, 7>(1.0, a.z, a.w, b.x, b.y, b.z, b.w));
 }
 //#endif
+//#endif
+
+//#if SCANNER
+const TUBE_NODES: i32 = 160;
+
+// What a scanned surface is: its mapped normal, its diffuse reflectance and its gloss.
+struct Scanned {
+    normal: vec3f,
+    reflectance: vec3f,
+    //#if GLOSS
+    gloss: vec3f,
+    roughness: f32,
+    //#endif
+}
+
+// Radiance under the tube: midpoints along it, four Gauss points across it.
+fn under_tube(surface: Scanned, view: vec3f, world: vec3f) -> vec3f {
+    // Along the travel, along the tube.
+    let turned = frame.travel.x > 0.5;
+    let own = select(world.xy, world.yx, turned);
+    let away = frame.tube.x - own.x;
+    let distance = length(vec2f(away, frame.tube.w));
+    let theta = atan2(away, frame.tube.w);
+    let beta = asin(min(frame.tube.z / distance, 1.0));
+    let low = atan((-frame.tube.y - own.y) / distance);
+    let high = atan((frame.tube.y - own.y) / distance);
+    var across = array<vec2f, 4>(
+        vec2f(-0.861136312, 0.347854845), vec2f(-0.339981044, 0.652145155), vec2f(0.339981044, 0.652145155), vec2f(0.861136312, 0.347854845));
+    var sum = vec3f(0.0);
+    for (var i = 0; i < TUBE_NODES; i++) {
+        let phi = mix(low, high, (f32(i) + 0.5) / f32(TUBE_NODES));
+        let c = cos(phi);
+        let s = sin(phi);
+        for (var k = 0; k < 4; k++) {
+            let t = theta + beta * across[k].x;
+            let local = vec3f(sin(t) * c, s, cos(t) * c);
+            let light = select(local, local.yxz, turned);
+            let nl = dot(surface.normal, light);
+            if (nl > 0.0) {
+                var f = surface.reflectance * 0.318309886;
+                //#if GLOSS
+                f += surface.gloss * lobe(surface.normal, light, view, surface.roughness);
+                //#endif
+                sum += across[k].y * c * nl * f;
+            }
+        }
+    }
+    let spread = select(1.0 / distance, beta / max(frame.tube.z, 1e-6), frame.tube.z > 0.0);
+    return sum * (spread * frame.tube.w * (high - low) / f32(TUBE_NODES));
+}
 //#endif

@@ -1,14 +1,14 @@
-//! The main pass: leaves to a radiance target (HDR), a pipeline for each variant of the shader that the scene holds.
+//! The main pass: everything that stands in the scene to a radiance target (HDR), a pipeline for each variant of the shader that the scene holds.
 
 use crate::dome;
-use crate::geometry::vertex_layouts;
+use crate::geometry::{Batch, MeshOnGpu, vertex_layouts};
 use crate::gpu::Gpu;
-use crate::leaf::{self, LeafOnGpu};
+use crate::material::{self, MaterialOnGpu};
 use crate::passes::bend::{self, BendPass};
 use crate::passes::shadow::ShadowPass;
 use crate::passes::sky::SkyPass;
 use crate::scene::Dome;
-use crate::shader::assemble;
+use crate::shader::{assemble, of_side};
 use crate::stats::Stats;
 use crate::variant::Variant;
 use std::collections::HashMap;
@@ -27,6 +27,23 @@ pub(crate) struct Frame {
     pub shadow: [f32; 4],
     pub tube: [f32; 4],
     pub travel: [f32; 4],
+}
+
+/// What stands in the scene, by the scene's indices; nothing of what stands nowhere.
+#[derive(Clone, Copy)]
+pub(crate) struct Drawn<'a> {
+    pub meshes: &'a [Option<MeshOnGpu>],
+    pub materials: &'a [Option<MaterialOnGpu>],
+    pub batches: &'a [Batch],
+}
+
+impl<'a> Drawn<'a> {
+    /// The batches, each with its mesh and its material.
+    pub(crate) fn iter(self) -> impl Iterator<Item = (&'a Batch, &'a MeshOnGpu, &'a MaterialOnGpu)> {
+        self.batches
+            .iter()
+            .filter_map(move |b| Some((b, self.meshes[b.mesh].as_ref()?, self.materials[b.material].as_ref()?)))
+    }
 }
 
 /// Pipelines made so far, kept from scene to scene.
@@ -87,8 +104,15 @@ impl Pipelines {
 
 /// The variant's shader.
 pub(crate) fn source(variant: &Variant) -> String {
-    let parts = [bend::SOURCE, include_str!("main.wgsl"), include_str!("maps.wgsl"), include_str!("light.wgsl")];
-    assemble(&parts.concat(), &variant.defines())
+    let shared = [bend::SOURCE, include_str!("main.wgsl"), include_str!("light.wgsl")].concat();
+    let defines = variant.defines();
+    let Some(leaf) = variant.leaf() else { return assemble(&(shared + include_str!("opaque.wgsl")), &defines) };
+    let own = [include_str!("leaf.wgsl"), include_str!("maps.wgsl"), include_str!("lobe.wgsl")].concat();
+    let sides = leaf
+        .sides
+        .iter()
+        .map(|(side, needs)| assemble(&of_side(include_str!("side.wgsl"), side), &variant.side_defines(leaf, needs)));
+    assemble(&(shared + &own), &defines) + &sides.collect::<String>()
 }
 
 fn pipeline(gpu: &Gpu, variant: &Variant) -> wgpu::RenderPipeline {
@@ -101,8 +125,8 @@ fn pipeline(gpu: &Gpu, variant: &Variant) -> wgpu::RenderPipeline {
     let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some("main"),
         bind_group_layouts: &[
-            Some(&frame_layout(gpu, variant.shadow > 0, variant.dome)),
-            Some(&leaf::layout(gpu, variant)),
+            Some(&frame_layout(gpu, variant.lights.shadow > 0, variant.lights.dome)),
+            Some(&material::layout(gpu, variant)),
             bend.as_ref(),
         ],
         immediate_size: 0,
@@ -114,7 +138,7 @@ fn pipeline(gpu: &Gpu, variant: &Variant) -> wgpu::RenderPipeline {
             module: &module,
             entry_point: Some("vertex"),
             compilation_options: Default::default(),
-            buffers: &vertex_layouts(true, variant.tangent(), variant.branches > 0),
+            buffers: &vertex_layouts(true, variant.tangent(), variant.leaf().is_some(), variant.branches > 0),
         },
         primitive: wgpu::PrimitiveState::default(),
         depth_stencil: Some(wgpu::DepthStencilState {
@@ -170,12 +194,12 @@ impl MainPass {
         }
     }
 
-    /// Draws every leaf over the background; alpha is the coverage.
+    /// Draws everything over the background; alpha is the coverage.
     pub(crate) fn draw(
         &self,
         encoder: &mut wgpu::CommandEncoder,
         pipelines: &Pipelines,
-        leaves: &[LeafOnGpu],
+        drawn: Drawn<'_>,
         targets: Targets<'_>,
         times: Option<wgpu::RenderPassTimestampWrites<'_>>,
         stats: &mut Stats,
@@ -206,24 +230,24 @@ impl MainPass {
         if let Some(bend) = targets.bend {
             pass.set_bind_group(2, &bend.group, &[]);
         }
-        for leaf in leaves {
-            let Some(pipeline) = pipelines.0.get(&leaf.variant) else { continue };
+        for (batch, mesh, material) in drawn.iter() {
+            let variant = &batch.variant;
+            let Some(pipeline) = pipelines.0.get(variant) else { continue };
             pass.set_pipeline(pipeline);
-            pass.set_bind_group(1, &leaf.group, &[]);
-            let g = &leaf.geometry;
+            pass.set_bind_group(1, &material.group, &[]);
             let buffers = [
-                Some(&g.positions),
-                g.normals.as_ref(),
-                g.tangents.as_ref(),
-                Some(&g.uvs),
-                Some(&g.instances),
-                g.rides.as_ref(),
+                Some(&mesh.positions),
+                Some(&mesh.normals),
+                mesh.tangents.as_ref().filter(|_| variant.tangent()),
+                mesh.uvs.as_ref().filter(|_| variant.leaf().is_some()),
+                Some(&batch.instances),
+                batch.rides.as_ref(),
             ];
             for (slot, buffer) in buffers.into_iter().flatten().enumerate() {
                 pass.set_vertex_buffer(slot as u32, buffer.slice(..));
             }
-            pass.set_index_buffer(g.indices.slice(..), wgpu::IndexFormat::Uint32);
-            for (indices, instances) in g.levels.runs() {
+            pass.set_index_buffer(mesh.indices.slice(..), wgpu::IndexFormat::Uint32);
+            for (indices, instances) in batch.levels.runs() {
                 pass.draw_indexed(indices, 0, instances);
                 stats.draws += 1;
             }
@@ -234,34 +258,37 @@ impl MainPass {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::variant::{LobeKind, SideVariant};
+    use crate::scene::Sides;
+    use crate::variant::{LeafSurface, Lights, SideVariant, Surface};
+
+    fn lit(surface: Surface) -> Variant {
+        let lights = Lights { sun: true, sky: true, ..Lights::default() };
+        Variant { lights, surface, msaa: 4, levels: false, branches: 0, motion: false }
+    }
+
+    fn lines(v: &Variant) -> Vec<String> {
+        let own = |l: &&str| !l.trim().is_empty() && !l.trim().starts_with("//");
+        source(v).lines().filter(own).map(str::to_string).collect()
+    }
+
+    /// Bark and ground are compiled without any of a leaf's code.
+    #[test]
+    fn an_opaque_shader_holds_no_leaf() {
+        let leaf = |words: &[&str], v: &Variant| {
+            let source = lines(v).join("\n");
+            words.iter().filter(|w| source.contains(**w)).count()
+        };
+        let words = ["Place", "transmittance", "map_sampler", "texture_2d<f32>", "LeafConstants", "uv"];
+        assert_eq!(leaf(&words, &lit(Surface::Leaf(LeafSurface::default()))), words.len());
+        assert_eq!(leaf(&words, &lit(Surface::Opaque)), 0);
+    }
 
     /// The bent basis is one other line and two more before it: who has none compiles nothing of it.
     #[test]
     fn straight_translucency_is_compiled_without_the_bent_ones_code() {
-        let side = SideVariant { maps: false, black: false, gloss: false, normal: false, translucency: 1 };
-        let straight = Variant {
-            sun: true,
-            shadow: 0,
-            sky: true,
-            dome: false,
-            scanner: false,
-            mask: false,
-            sample_mask: false,
-            front: side,
-            back: side,
-            bent: false,
-            lobe: LobeKind::None,
-            msaa: 4,
-            levels: false,
-            branches: 0,
-            motion: false,
-        };
-        let code = |v: &Variant| -> Vec<String> {
-            let own = |l: &&str| !l.trim().is_empty() && !l.trim().starts_with("//");
-            source(v).lines().filter(own).map(str::to_string).collect()
-        };
-        let (plain, bent) = (code(&straight), code(&Variant { bent: true, ..straight }));
+        let side = SideVariant { translucency: 1, ..SideVariant::default() };
+        let of = |bent| lit(Surface::Leaf(LeafSurface { sides: Sides::of(|_| side), bent, ..LeafSurface::default() }));
+        let (plain, bent) = (lines(&of(false)), lines(&of(true)));
         let lost: Vec<&String> = plain.iter().filter(|l| !bent.contains(l)).collect();
         let gained: Vec<&String> = bent.iter().filter(|l| !plain.contains(l)).collect();
         assert!(lost.len() == 1 && lost[0].trim().starts_with("let omega ="), "{lost:?}");

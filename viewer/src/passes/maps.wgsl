@@ -1,5 +1,5 @@
-// What a place of the maps says: reflectance, transmittance, mapped normal and gloss of either side, filtered over the
-// pixel. Part of the main pass; the textures are declared in `main.wgsl`.
+// What a place of a leaf's maps says: reflectance, transmittance, mapped normal and gloss of a side, filtered over the
+// pixel. Part of the main pass; the textures are declared in `side.wgsl`.
 
 //#if LIT
 // Where a fragment lies on both sides' maps, with screen derivatives for the choice of mip.
@@ -54,7 +54,7 @@ fn colour_at(map: texture_2d_array<f32>, uv: vec2f, place: Place, direction: vec
 }
 //#endif
 
-//#if FRONT_CURVE || BACK_CURVE
+//#if CURVE
 // ρd (row 0) or ρt (row 1) of the slab at a thickness, linear between the curve's points.
 fn slab(curve: texture_2d<f32>, range: vec4f, thickness: f32, row: i32) -> vec3f {
     let x = clamp((thickness - range.x) * range.y, 0.0, range.z);
@@ -63,74 +63,50 @@ fn slab(curve: texture_2d<f32>, range: vec4f, thickness: f32, row: i32) -> vec3f
 }
 //#endif
 
-fn front_reflectance(place: Place) -> vec3f {
-    //#if FRONT_CURVE
-    let gamma_delta = at(front_gamma_delta, place.front, place);
-    return gamma_delta.rgb * slab(front_curve, constants.front_curve, constants.leaf.x + gamma_delta.a, 0);
-    //#else
-    //#if FRONT_MAPS
-    return at(front_rho_d, place.front, place).rgb;
-    //#else
-    return vec3f(0.0);
-    //#endif
-    //#endif
+// What a side says where the place lies on it: `side.wgsl` has a function of each kind for the front and for the back.
+
+fn reflectance_at(front: bool, place: Place) -> vec3f {
+    if (front) {
+        return front_reflectance(place);
+    }
+    return back_reflectance(place);
 }
 
-fn back_reflectance(place: Place) -> vec3f {
-    //#if BACK_CURVE
-    let gamma_delta = at(back_gamma_delta, place.back, place);
-    return gamma_delta.rgb * slab(back_curve, constants.back_curve, constants.leaf.x + gamma_delta.a, 0);
-    //#else
-    //#if BACK_MAPS
-    return at(back_rho_d, place.back, place).rgb;
-    //#else
-    return vec3f(0.0);
-    //#endif
-    //#endif
-}
-
-fn front_transmittance(place: Place) -> vec3f {
-    //#if FRONT_CURVE
-    return slab(front_curve, constants.front_curve, constants.leaf.x + at(front_gamma_delta, place.front, place).a, 1);
-    //#else
-    //#if FRONT_MAPS
-    return at(front_rho_t, place.front, place).rgb;
-    //#else
-    return vec3f(0.0);
-    //#endif
-    //#endif
-}
-
-fn back_transmittance(place: Place) -> vec3f {
-    //#if BACK_CURVE
-    return slab(back_curve, constants.back_curve, constants.leaf.x + at(back_gamma_delta, place.back, place).a, 1);
-    //#else
-    //#if BACK_MAPS
-    return at(back_rho_t, place.back, place).rgb;
-    //#else
-    return vec3f(0.0);
-    //#endif
-    //#endif
+fn transmittance_at(front: bool, place: Place) -> vec3f {
+    if (front) {
+        return front_transmittance(place);
+    }
+    return back_transmittance(place);
 }
 
 //#if SUN
 //#if !SKY
-// ρt of a beam that enters the far side, where it takes part.
-fn far_transmittance(place: Place, front: bool) -> vec3f {
+// ρt of a beam that enters a side, where it takes part: colour maps hold it already.
+fn needed_transmittance(front: bool, place: Place) -> vec3f {
     if (front) {
-        //#if BACK_COLOUR
+        //#if FRONT_COLOUR
         return vec3f(0.0);
         //#else
-        return back_transmittance(place);
+        return front_transmittance(place);
         //#endif
     }
-    //#if FRONT_COLOUR
+    //#if BACK_COLOUR
     return vec3f(0.0);
     //#else
-    return front_transmittance(place);
+    return back_transmittance(place);
     //#endif
 }
 //#endif
+//#endif
+
+//#if GLOSS
+// ρs and m.
+fn gloss_at(front: bool, place: Place) -> vec4f {
+    if (front) {
+        return front_gloss_at(place);
+    }
+    return back_gloss_at(place);
+}
 //#endif
 //#endif
 
@@ -149,36 +125,8 @@ fn basis(in: Varying, normal: vec3f) -> Basis {
 // A side's mapped normal, outward from that side.
 fn mapped(front: bool, place: Place, axes: Basis) -> vec3f {
     if (front) {
-        //#if FRONT_NORMAL
-        let n = at(front_normal, place.front, place).xyz;
-        return normalize(n.x * axes.tangent + n.y * axes.bitangent + n.z * axes.normal);
-        //#else
-        return axes.normal;
-        //#endif
+        return front_mapped(place, axes);
     }
-    //#if BACK_NORMAL
-    // The back's camera looks from behind: its right is against the tangent, its up along the bitangent, its z against
-    // the normal.
-    let n = at(back_normal, place.back, place).xyz;
-    return normalize(-n.x * axes.tangent + n.y * axes.bitangent - n.z * axes.normal);
-    //#else
-    return -axes.normal;
-    //#endif
-}
-//#endif
-
-//#if GLOSS
-fn viewed_gloss(front: bool, place: Place) -> vec4f {
-    //#if FRONT_GLOSS
-    if (front) {
-        return at(front_gloss, place.front, place);
-    }
-    //#endif
-    //#if BACK_GLOSS
-    if (!front) {
-        return at(back_gloss, place.back, place);
-    }
-    //#endif
-    return vec4f(0.0, 0.0, 0.0, 1.0);
+    return back_mapped(place, axes);
 }
 //#endif

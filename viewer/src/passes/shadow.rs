@@ -5,8 +5,9 @@
 
 use crate::geometry::vertex_layouts;
 use crate::gpu::Gpu;
-use crate::leaf::{LeafOnGpu, Samplers};
+use crate::material::{MaterialOnGpu, Samplers};
 use crate::passes::bend::{self, BendPass};
+use crate::passes::main::Drawn;
 use crate::scene::{Scene, Sun};
 use crate::shader::{Defines, assemble};
 use crate::stats::Stats;
@@ -29,7 +30,7 @@ pub(crate) struct ShadowPass {
     opaque: [Option<wgpu::RenderPipeline>; 2],
     masked: [Option<wgpu::RenderPipeline>; 2],
     mask_layout: Option<wgpu::BindGroupLayout>,
-    /// Mask groups in leaf order.
+    /// Mask groups in the batches' order.
     mask_groups: Vec<Option<wgpu::BindGroup>>,
     resolution: u32,
     drawn: bool,
@@ -88,13 +89,13 @@ fn spaced(matrices: &[Mat4]) -> Vec<u8> {
 }
 
 impl ShadowPass {
-    /// Makes the maps, and the pipelines that the leaves need; also returns a texel's side (mm).
+    /// Makes the maps, and the pipelines that its casters need; also returns a texel's side (mm).
     pub(crate) fn new(
         gpu: &Gpu,
         scene: &Scene,
         sun: &Sun,
         corners: &[Vec3],
-        leaves: &[LeafOnGpu],
+        drawn: Drawn<'_>,
         samplers: &Samplers,
         stats: &mut Stats,
     ) -> (ShadowPass, f32) {
@@ -155,13 +156,13 @@ impl ShadowPass {
                 }),
             }],
         });
-        let own_mask = leaves.iter().any(|l| l.mask.is_some()).then(|| mask_layout(gpu));
+        let own_mask = drawn.batches.iter().any(|b| b.variant.masked()).then(|| mask_layout(gpu));
         let mut need = |masked: bool, bends: bool| {
-            let of = |l: &&LeafOnGpu| l.mask.is_some() == masked && (l.variant.branches > 0) == bends;
-            let first = leaves.iter().find(of)?;
+            let of = |v: &&Variant| v.masked() == masked && (v.branches > 0) == bends;
+            let first = drawn.batches.iter().map(|b| &b.variant).find(of)?;
             let name = if masked { "shadow: masked" } else { "shadow: opaque" };
             stats.pipeline(&format!("{name}{}", if bends { ", bend" } else { "" }));
-            Some(pipeline(gpu, &light_layout, own_mask.as_ref().filter(|_| masked), &first.variant))
+            Some(pipeline(gpu, &light_layout, own_mask.as_ref().filter(|_| masked), first))
         };
         let opaque = [false, true].map(|bends| need(false, bends));
         let masked = [false, true].map(|bends| need(true, bends));
@@ -179,14 +180,14 @@ impl ShadowPass {
             resolution,
             drawn: false,
         };
-        pass.bind_masks(gpu, leaves, samplers);
+        pass.bind_masks(gpu, drawn, samplers);
         (pass, texel)
     }
 
     /// Binds the leaves' masks anew, after a leaf was uploaded again.
-    pub(crate) fn bind_masks(&mut self, gpu: &Gpu, leaves: &[LeafOnGpu], samplers: &Samplers) {
-        let group = |leaf: &LeafOnGpu| {
-            let (layout, mask) = (self.mask_layout.as_ref()?, leaf.mask.as_ref()?);
+    pub(crate) fn bind_masks(&mut self, gpu: &Gpu, drawn: Drawn<'_>, samplers: &Samplers) {
+        let group = |material: &MaterialOnGpu| {
+            let (layout, mask) = (self.mask_layout.as_ref()?, material.mask()?);
             Some(gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
                 label: Some("shadow mask"),
                 layout,
@@ -196,7 +197,7 @@ impl ShadowPass {
                 ],
             }))
         };
-        self.mask_groups = leaves.iter().map(group).collect();
+        self.mask_groups = drawn.iter().map(|(_, _, material)| group(material)).collect();
     }
 
     /// Moves the sun: the maps are drawn again with the next picture. Returns a texel's side (mm).
@@ -219,7 +220,7 @@ impl ShadowPass {
         &mut self,
         texel: f32,
         encoder: &mut wgpu::CommandEncoder,
-        leaves: &[LeafOnGpu],
+        drawn: Drawn<'_>,
         bend: Option<&BendPass>,
         times: Option<(&wgpu::QuerySet, u32)>,
         stats: &mut Stats,
@@ -251,23 +252,21 @@ impl ShadowPass {
             if let Some(bend) = bend {
                 pass.set_bind_group(2, &bend.group, &[]);
             }
-            for (leaf, mask) in leaves.iter().zip(&self.mask_groups) {
-                let bends = usize::from(leaf.variant.branches > 0);
+            for ((batch, mesh, _), mask) in drawn.iter().zip(&self.mask_groups) {
+                let bends = usize::from(batch.variant.branches > 0);
                 let pipelines = if mask.is_some() { &self.masked } else { &self.opaque };
                 let Some(pipeline) = &pipelines[bends] else { continue };
                 pass.set_pipeline(pipeline);
                 if let Some(group) = mask {
                     pass.set_bind_group(1, group, &[]);
                 }
-                let g = &leaf.geometry;
-                if let Some(rides) = &g.rides {
-                    pass.set_vertex_buffer(3, rides.slice(..));
+                let uvs = mesh.uvs.as_ref().filter(|_| mask.is_some());
+                let buffers = [Some(&mesh.positions), uvs, Some(&batch.instances), batch.rides.as_ref()];
+                for (slot, buffer) in buffers.into_iter().flatten().enumerate() {
+                    pass.set_vertex_buffer(slot as u32, buffer.slice(..));
                 }
-                pass.set_vertex_buffer(0, g.positions.slice(..));
-                pass.set_vertex_buffer(1, g.uvs.slice(..));
-                pass.set_vertex_buffer(2, g.instances.slice(..));
-                pass.set_index_buffer(g.indices.slice(..), wgpu::IndexFormat::Uint32);
-                pass.draw_indexed(g.levels.shadow(texel), 0, 0..g.instance_count);
+                pass.set_index_buffer(mesh.indices.slice(..), wgpu::IndexFormat::Uint32);
+                pass.draw_indexed(batch.levels.shadow(texel), 0, 0..batch.count);
                 stats.draws += 1;
             }
         }
@@ -321,7 +320,7 @@ fn pipeline(
             module: &module,
             entry_point: Some("vertex"),
             compilation_options: Default::default(),
-            buffers: &vertex_layouts(false, false, variant.branches > 0),
+            buffers: &vertex_layouts(false, false, mask.is_some(), variant.branches > 0),
         },
         primitive: wgpu::PrimitiveState::default(),
         depth_stencil: Some(wgpu::DepthStencilState {

@@ -8,7 +8,9 @@
 
 struct Vertex {
     @location(0) position: vec3f,
+    //#if MASK
     @location(3) uv: vec2f,
+    //#endif
     @location(4) world_x: vec4f,
     @location(5) world_y: vec4f,
     @location(6) world_z: vec4f,

@@ -4,7 +4,7 @@
 use super::ViewerUi;
 use super::thumbnails::{MapKind, thumbnail};
 use crate::editor::LeafEdit;
-use crate::scene::{Leaf, Side};
+use crate::scene::{Leaf, Side, Sides};
 use egui::{Color32, RichText, Slider, TextureHandle, TextureOptions};
 use std::collections::HashMap;
 
@@ -13,7 +13,7 @@ type Thumbnail = Option<(TextureHandle, [f32; 2])>;
 
 /// Thumbnails made so far, by leaf, side and map.
 #[derive(Default)]
-pub(crate) struct Thumbnails(HashMap<(usize, bool, MapKind), Thumbnail>);
+pub(crate) struct Thumbnails(HashMap<(usize, Side, MapKind), Thumbnail>);
 
 impl Thumbnails {
     /// Forgets a leaf's thumbnails, after its maps have changed.
@@ -40,22 +40,22 @@ impl ViewerUi {
         self.choose_leaf(ui);
         ui.horizontal(|ui| {
             ui.label("side");
-            for (front, name) in [(true, "front"), (false, "back")] {
-                let response = ui.selectable_value(&mut self.side_front, front, name);
-                self.landmark(name, &response);
+            for side in Side::ALL {
+                let response = ui.selectable_value(&mut self.side, side, side.name());
+                self.landmark(side.name(), &response);
             }
         });
         self.maps(ui);
         self.translucency(ui);
         ui.separator();
-        let mut edit = self.edits[self.leaf];
+        let mut edit = self.edits[&self.leaf];
         self.sliders(ui, &mut edit);
-        if edit != self.edits[self.leaf] {
+        if edit != self.edits[&self.leaf] {
             self.set_edit(self.leaf, edit);
         }
         ui.separator();
         ui.horizontal(|ui| {
-            let changed = self.edits[self.leaf] != self.starts[self.leaf];
+            let changed = self.edits[&self.leaf] != self.starts[&self.leaf];
             let reset = ui.add_enabled(changed, egui::Button::new("Reset"));
             self.landmark("reset", &reset);
             if reset.clicked() {
@@ -71,9 +71,9 @@ impl ViewerUi {
 
     fn choose_leaf(&mut self, ui: &mut egui::Ui) {
         let mut chosen = self.leaf;
-        let name = self.scene.leaves[self.leaf].name.clone();
+        let name = self.scene.materials[self.leaf].name().to_string();
         egui::ComboBox::from_id_salt("leaf").selected_text(name).width(170.0).show_ui(ui, |ui| {
-            for (i, leaf) in self.scene.leaves.iter().enumerate().filter(|(_, l)| !l.is_plain()) {
+            for (i, leaf) in self.scene.materials.iter().enumerate().filter_map(|(i, m)| Some((i, m.leaf()?))) {
                 ui.selectable_value(&mut chosen, i, &leaf.name);
             }
         });
@@ -88,15 +88,16 @@ impl ViewerUi {
     }
 
     fn maps(&mut self, ui: &mut egui::Ui) {
-        let (leaf, front) = (self.leaf, self.side_front);
-        let shapes = &self.scene.leaves[leaf];
+        let (leaf, side) = (self.leaf, self.side);
+        let Some(maps) = self.scene.leaf(leaf) else { return };
+        let mesh = self.instances.iter().find(|i| i.material == leaf).map(|i| &self.scene.meshes[i.mesh]);
         let tall = 84.0;
-        let wide = (tall * shapes.width as f32 / shapes.height as f32).clamp(40.0, 84.0);
+        let wide = (tall * maps.width as f32 / maps.height as f32).clamp(40.0, 84.0);
         let mut shown = Vec::new();
         for kind in MapKind::ALL {
-            let entry = self.thumbnails.0.entry((leaf, front, kind)).or_insert_with(|| {
-                let (image, range) = thumbnail(shapes, front, kind)?;
-                Some((ui.ctx().load_texture(format!("{leaf} {front} {kind:?}"), image, TextureOptions::LINEAR), range))
+            let entry = self.thumbnails.0.entry((leaf, side, kind)).or_insert_with(|| {
+                let (image, range) = thumbnail(maps, mesh, side, kind)?;
+                Some((ui.ctx().load_texture(format!("{leaf} {side} {kind:?}"), image, TextureOptions::LINEAR), range))
             });
             shown.extend(entry.as_ref().map(|(texture, range)| (kind, texture.id(), *range)));
         }
@@ -123,9 +124,9 @@ impl ViewerUi {
     /// Light from behind by the leaf's translucency maps, or by ρt and the mapped normal; nothing where the leaf has no
     /// such maps.
     fn translucency(&mut self, ui: &mut egui::Ui) {
-        let leaf = &self.scene.leaves[self.leaf];
         let laid_by = self.laid_by.contains_key(&self.leaf);
-        if !laid_by && leaf.front.translucency.is_none() && leaf.back.translucency.is_none() {
+        let has = |leaf: &Leaf| leaf.sides.iter().any(|(_, s)| s.translucency.is_some());
+        if !laid_by && !self.scene.leaf(self.leaf).is_some_and(has) {
             return;
         }
         let mut shown = !laid_by;
@@ -138,13 +139,13 @@ impl ViewerUi {
 
     /// Draws a leaf with its translucency maps, or without.
     pub fn show_translucency(&mut self, leaf: usize, shown: bool) {
-        let target = &mut self.scene.leaves[leaf];
-        let (front, back) = (&mut target.front.translucency, &mut target.back.translucency);
+        let Some(target) = self.scene.leaf_mut(leaf) else { return };
+        let (front, back) = (&mut target.sides.front.translucency, &mut target.sides.back.translucency);
         if shown {
             let Some(maps) = self.laid_by.remove(&leaf) else { return };
-            [*front, *back] = maps;
+            (*front, *back) = (maps.front, maps.back);
         } else if front.is_some() || back.is_some() {
-            self.laid_by.insert(leaf, [front.take(), back.take()]);
+            self.laid_by.insert(leaf, Sides { front: front.take(), back: back.take() });
         }
         self.leaves_changed.insert(leaf);
         self.make_stale();
@@ -156,12 +157,8 @@ impl ViewerUi {
         let thickness =
             ui.add(Slider::new(&mut edit.thickness_mm, 0.02..=1.0).logarithmic(true).suffix(" mm").text("h"));
         self.landmark("thickness", &thickness);
-        let shining = match self.scene.leaves[self.leaf] {
-            Leaf { front: Side { gloss: Some(_), .. }, .. } if self.side_front => true,
-            Leaf { back: Side { gloss: Some(_), .. }, .. } if !self.side_front => true,
-            _ => false,
-        };
-        let side = edit.side_mut(self.side_front);
+        let shining = self.scene.leaf(self.leaf).is_some_and(|l| l.sides[self.side].gloss.is_some());
+        let side = &mut edit.sides[self.side];
         for (name, range, values) in [("σa", 1e-3..=100.0, &mut side.sigma_a), ("σs", 1e-2..=300.0, &mut side.sigma_s)]
         {
             for (value, (channel, colour)) in values.iter_mut().zip(CHANNELS) {

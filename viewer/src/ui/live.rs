@@ -50,14 +50,16 @@ impl ViewerUi {
             pick(&self.scene, &self.live_camera(), aspect, at.x, at.y)
         });
         self.hover = hit.map(|hit| match self.hover.take() {
-            Some((old, rows)) if (old.leaf, old.front, old.texel) == (hit.leaf, hit.front, hit.texel) => (hit, rows),
-            _ if self.scene.leaves[hit.leaf].is_plain() => (hit, Vec::new()),
-            _ => (hit, self.editor.probe(hit.leaf, hit.front, hit.texel)),
+            Some((old, rows)) if (old.material, old.side, old.texel) == (hit.material, hit.side, hit.texel) => {
+                (hit, rows)
+            }
+            _ if self.scene.leaf(hit.material).is_none() => (hit, Vec::new()),
+            _ => (hit, self.editor.probe(hit.material, hit.side, hit.texel)),
         });
         if let (true, Some(hit)) = (response.clicked(), hit) {
-            self.side_front = hit.front;
-            if hit.leaf != self.leaf && !self.scene.leaves[hit.leaf].is_plain() {
-                self.choose(hit.leaf);
+            self.side = hit.side;
+            if hit.material != self.leaf && self.scene.leaf(hit.material).is_some() {
+                self.choose(hit.material);
             }
         }
     }

@@ -20,7 +20,7 @@ use crate::geometry::{ball, corners};
 use crate::gpu::AdapterInfo;
 use crate::pick::Hit;
 use crate::picture::Picture;
-use crate::scene::{Camera, Instance, Interior, Scene, Translucency};
+use crate::scene::{Camera, Instance, Interior, Leaf, Scene, Side, Sides, Translucency};
 use check::Check;
 use egui::{Rect, Response, TextureId};
 use orbit::Orbit;
@@ -65,11 +65,11 @@ pub struct ViewerUi {
     /// All instances; the scene holds fewer while a leaf is shown alone.
     instances: Vec<Instance>,
     /// Gloss as fitted, front and back, that the gloss factors scale.
-    own_gloss: Vec<[Option<Vec<[f32; 4]>>; 2]>,
+    own_gloss: BTreeMap<usize, Sides<Option<Vec<[f32; 4]>>>>,
     /// Thickness and interiors as fitted, of the leaves that are edited: what a reset puts back.
-    own_interiors: BTreeMap<usize, (f32, [Interior; 2])>,
+    own_interiors: BTreeMap<usize, (f32, Sides<Interior>)>,
     /// Translucency maps of the leaves that are shown without theirs, front and back.
-    laid_by: BTreeMap<usize, [Option<Translucency>; 2]>,
+    laid_by: BTreeMap<usize, Sides<Option<Translucency>>>,
     own_sun: Option<[f32; 3]>,
     own_sky: Option<[f32; 3]>,
     sun_factor: f32,
@@ -77,10 +77,12 @@ pub struct ViewerUi {
     /// Of the dome, as the slider has it.
     turbidity: f32,
     sun_angles: (f32, f32),
-    starts: Vec<LeafEdit>,
-    edits: Vec<LeafEdit>,
+    /// Parameters as fitted and as they stand, of the materials that are leaves.
+    starts: BTreeMap<usize, LeafEdit>,
+    edits: BTreeMap<usize, LeafEdit>,
+    /// The material whose appearance is shown.
     leaf: usize,
-    side_front: bool,
+    side: Side,
     alone: bool,
     views: Vec<WindowView>,
     orbit: Orbit,
@@ -121,13 +123,15 @@ impl ViewerUi {
     pub fn new(window: WindowScene, editor: Box<dyn Editor>, adapter: &AdapterInfo) -> ViewerUi {
         let WindowScene { title, scene, camera, views, check_size, screenshots } = window;
         let (_, radius) = ball(&corners(&scene));
-        let starts: Vec<LeafEdit> = (0..scene.leaves.len()).map(|i| editor.start(i)).collect();
+        let leaves = || (0..scene.materials.len()).filter_map(|i| Some((i, scene.leaf(i)?)));
+        let starts: BTreeMap<usize, LeafEdit> = leaves().map(|(i, _)| (i, editor.start(i))).collect();
+        let gloss = |(i, leaf): (usize, &Leaf)| (i, Sides::of(|side| leaf.sides[side].gloss.clone()));
         ViewerUi {
             editor,
             title,
             adapter: adapter.clone(),
             instances: scene.instances.clone(),
-            own_gloss: scene.leaves.iter().map(|l| [l.front.gloss.clone(), l.back.gloss.clone()]).collect(),
+            own_gloss: leaves().map(gloss).collect(),
             own_interiors: BTreeMap::new(),
             laid_by: BTreeMap::new(),
             own_sun: scene.sun.map(|s| s.irradiance),
@@ -138,8 +142,8 @@ impl ViewerUi {
             sun_angles: scene.sun.map_or((0.0, 90.0), |s| light::angles(s.direction)),
             edits: starts.clone(),
             starts,
-            leaf: scene.instances.first().map_or(0, |i| i.leaf),
-            side_front: true,
+            leaf: scene.instances.iter().map(|i| i.material).find(|m| scene.leaf(*m).is_some()).unwrap_or_default(),
+            side: Side::Front,
             alone: false,
             views,
             orbit: Orbit::new(camera, radius),
@@ -186,9 +190,9 @@ impl ViewerUi {
         &self.scene
     }
 
-    /// Parameters of leaf `leaf` as they stand.
+    /// Parameters of leaf `leaf` as they stand. Panics where that material is no leaf.
     pub fn edit(&self, leaf: usize) -> LeafEdit {
-        self.edits[leaf]
+        self.edits[&leaf]
     }
 
     /// The last thing the window said: what was saved, or what failed.
@@ -218,6 +222,7 @@ impl ViewerUi {
     /// Applies an edit: the editor solves the slab anew and the picture follows. A refusal is shown and the leaf stays
     /// as it was.
     pub fn set_edit(&mut self, leaf: usize, edit: LeafEdit) {
+        let Some(target) = self.scene.leaf_mut(leaf) else { return };
         let update = match self.editor.recompute(leaf, &edit) {
             Ok(update) => update,
             Err(reason) => {
@@ -225,35 +230,38 @@ impl ViewerUi {
                 return;
             }
         };
-        let target = &mut self.scene.leaves[leaf];
-        let front = std::mem::replace(&mut target.front.interior, update.front);
-        let back = std::mem::replace(&mut target.back.interior, update.back);
+        let Sides { front, back } = update.sides;
+        let own = Sides {
+            front: std::mem::replace(&mut target.sides.front.interior, front),
+            back: std::mem::replace(&mut target.sides.back.interior, back),
+        };
         let thickness = std::mem::replace(&mut target.thickness_mm, update.thickness_mm);
-        self.own_interiors.entry(leaf).or_insert((thickness, [front, back]));
+        self.own_interiors.entry(leaf).or_insert((thickness, own));
         self.finish_edit(leaf, edit);
     }
 
     /// Puts a leaf back as it was fitted, bit for bit.
     pub fn reset(&mut self, leaf: usize) {
-        if let Some((thickness, [front, back])) = self.own_interiors.remove(&leaf) {
-            let target = &mut self.scene.leaves[leaf];
-            target.thickness_mm = thickness;
-            (target.front.interior, target.back.interior) = (front, back);
-            self.finish_edit(leaf, self.starts[leaf]);
-        }
+        let (Some(target), Some((thickness, own))) = (self.scene.leaf_mut(leaf), self.own_interiors.remove(&leaf))
+        else {
+            return;
+        };
+        target.thickness_mm = thickness;
+        (target.sides.front.interior, target.sides.back.interior) = (own.front, own.back);
+        self.finish_edit(leaf, self.starts[&leaf]);
     }
 
     fn finish_edit(&mut self, leaf: usize, edit: LeafEdit) {
         self.message.clear();
-        self.edits[leaf] = edit;
-        let target = &mut self.scene.leaves[leaf];
-        let [front, back] = &self.own_gloss[leaf];
-        for (side, own, factors) in [(&mut target.front, front, edit.front), (&mut target.back, back, edit.back)] {
+        self.edits.insert(leaf, edit);
+        let (Some(target), Some(own)) = (self.scene.leaf_mut(leaf), self.own_gloss.get(&leaf)) else { return };
+        for (side, maps) in target.sides.iter_mut() {
+            let factors = edit.sides[side];
             let scaled = |t: &[f32; 4]| {
                 let s = factors.rho_s_scale;
                 [t[0] * s, t[1] * s, t[2] * s, t[3] * factors.m_scale]
             };
-            side.gloss = own.as_ref().map(|texels| texels.iter().map(scaled).collect());
+            maps.gloss = own[side].as_ref().map(|texels| texels.iter().map(scaled).collect());
         }
         self.thumbnails.forget(leaf);
         self.leaves_changed.insert(leaf);
@@ -262,7 +270,7 @@ impl ViewerUi {
     }
 
     fn save(&mut self) {
-        self.message = match self.editor.save(self.leaf, &self.edits[self.leaf]) {
+        self.message = match self.editor.save(self.leaf, &self.edits[&self.leaf]) {
             Ok(place) => format!("saved: {place}"),
             Err(reason) => format!("not saved: {reason}"),
         };
@@ -277,7 +285,7 @@ impl ViewerUi {
 
     fn show_alone(&mut self, alone: bool) {
         self.alone = alone;
-        self.scene.instances = match self.instances.iter().find(|i| i.leaf == self.leaf).filter(|_| alone) {
+        self.scene.instances = match self.instances.iter().find(|i| i.material == self.leaf).filter(|_| alone) {
             Some(one) => vec![*one],
             None => self.instances.clone(),
         };
@@ -371,7 +379,7 @@ impl ViewerUi {
 
     /// Lays everything out; `picture` is the texture that the picture is drawn into.
     pub(crate) fn show(&mut self, ui: &mut egui::Ui, picture: TextureId) {
-        if !self.scene.leaves.is_empty() {
+        if self.scene.leaf(self.leaf).is_some() {
             egui::Panel::left("appearance").exact_size(290.0).resizable(false).show(ui, |ui| {
                 egui::ScrollArea::vertical().show(ui, |ui| self.appearance(ui));
             });

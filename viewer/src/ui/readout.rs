@@ -13,9 +13,8 @@ impl ViewerUi {
             ui.label(RichText::new("Point at a leaf to read its texel.").weak());
             return;
         };
-        let name = &self.scene.leaves[hit.leaf].name;
-        let side = if hit.front { "front" } else { "back" };
-        ui.label(format!("{name}, {side}, texel {}, {}", hit.texel[0], hit.texel[1]));
+        let name = self.scene.materials[hit.material].name();
+        ui.label(format!("{name}, {}, texel {}, {}", hit.side, hit.texel[0], hit.texel[1]));
         egui::Grid::new("texel").num_columns(2).spacing([12.0, 2.0]).show(ui, |ui| {
             for (name, value) in rows {
                 ui.label(name);

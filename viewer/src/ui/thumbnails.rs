@@ -1,6 +1,6 @@
 //! Maps as small pictures: what each side's textures hold (Wang et al. 2005, Fig. 6).
 
-use crate::scene::{Interior, Leaf, Side};
+use crate::scene::{Interior, Leaf, Mesh, Side, SideMaps};
 use egui::{Color32, ColorImage};
 use glam::Vec2;
 
@@ -43,7 +43,7 @@ impl MapKind {
     }
 
     /// Texel `i` of the map, or `None` where the side has no such map.
-    fn value(self, side: &Side, i: usize) -> Option<[f32; 3]> {
+    fn value(self, side: &SideMaps, i: usize) -> Option<[f32; 3]> {
         let grey = |v: f32| [v, v, v];
         match (self, &side.interior) {
             (MapKind::Gamma, Interior::Scalars(_)) => side.gamma_delta.get(i).map(|t| [t[0], t[1], t[2]]),
@@ -60,12 +60,13 @@ impl MapKind {
 
 /// Texels of the front's maps whose centres lie on the mesh: beyond the outline maps hold a fill for the renderer's
 /// filters, no data.
-fn covered(leaf: &Leaf) -> Vec<bool> {
+fn covered(leaf: &Leaf, mesh: Option<&Mesh>) -> Vec<bool> {
     let (width, height) = (leaf.width as usize, leaf.height as usize);
     let mut out = vec![false; width * height];
     let size = Vec2::new(width as f32, height as f32);
-    for triangle in leaf.mesh.indices.as_chunks::<3>().0 {
-        let [a, b, c] = triangle.map(|k| leaf.mesh.uvs[k as usize] * size - 0.5);
+    let uvs = |mesh: &Mesh, triangle: [u32; 3]| triangle.map(|k| mesh.uvs[k as usize] * size - 0.5);
+    let triangles = mesh.iter().flat_map(|m| m.indices.as_chunks::<3>().0.iter().map(|t| uvs(m, *t)));
+    for [a, b, c] in triangles {
         let area = (b - a).perp_dot(c - a);
         let (low, high) = (a.min(b).min(c).ceil().max(Vec2::ZERO), a.max(b).max(c).floor().min(size - 1.0));
         for y in low.y as usize..(high.y + 1.0).max(0.0) as usize {
@@ -81,20 +82,21 @@ fn covered(leaf: &Leaf) -> Vec<bool> {
 
 /// A thumbnail with the range it spreads from black to white over the blade, or `None` where the side has no such map.
 /// What lies beside the blade is transparent.
-pub(crate) fn thumbnail(leaf: &Leaf, front: bool, kind: MapKind) -> Option<(ColorImage, [f32; 2])> {
-    let side = if front { &leaf.front } else { &leaf.back };
-    kind.value(side, 0)?;
+/// `mesh` is one that the leaf stands on.
+pub(crate) fn thumbnail(leaf: &Leaf, mesh: Option<&Mesh>, side: Side, kind: MapKind) -> Option<(ColorImage, [f32; 2])> {
+    let maps = &leaf.sides[side];
+    kind.value(maps, 0)?;
     let step = leaf.width.max(leaf.height).div_ceil(LONGEST).max(1);
     let (w, h) = (leaf.width.div_ceil(step), leaf.height.div_ceil(step));
-    let blade = covered(leaf);
+    let blade = covered(leaf, mesh);
     let mut values = Vec::with_capacity((w * h) as usize);
     for y in 0..h {
         for x in 0..w {
             let (column, row) = ((x * step + step / 2).min(leaf.width - 1), (y * step + step / 2).min(leaf.height - 1));
-            let on_front = if front { column } else { leaf.width - 1 - column };
+            let on_front = if side == Side::Front { column } else { leaf.width - 1 - column };
             let at = (row * leaf.width + on_front) as usize;
             let on_leaf = blade[at] && leaf.mask.as_ref().is_none_or(|m| m[at] > 0);
-            values.push(kind.value(side, (row * leaf.width + column) as usize).filter(|_| on_leaf));
+            values.push(kind.value(maps, (row * leaf.width + column) as usize).filter(|_| on_leaf));
         }
     }
     let range = match kind {
@@ -117,7 +119,7 @@ pub(crate) fn thumbnail(leaf: &Leaf, front: bool, kind: MapKind) -> Option<(Colo
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Lobe, Mesh};
+    use crate::scene::{Lobe, Sides};
     use glam::{Vec3, Vec4};
 
     /// A blade over the left half of its maps, with a fill of 9 beyond it: neither the picture nor its range may show
@@ -128,31 +130,31 @@ mod tests {
         let gamma = |k: usize| if k % 8 < 4 { [0.5 + 0.05 * (k % 8) as f32, 0.6, 0.7, 0.0] } else { [9.0; 4] };
         // The back's columns run the other way.
         let turned = |k: usize| gamma(k / 8 * 8 + 7 - k % 8);
-        let side = |of: &dyn Fn(usize) -> [f32; 4]| Side { gamma_delta: (0..48).map(of).collect(), ..Side::black() };
+        let side =
+            |of: &dyn Fn(usize) -> [f32; 4]| SideMaps { gamma_delta: (0..48).map(of).collect(), ..SideMaps::black() };
+        let mesh = Mesh {
+            positions: corners.iter().map(|&(u, v)| Vec3::new(u, -v, 0.0)).collect(),
+            normals: vec![Vec3::Z; 4],
+            tangents: vec![Vec4::new(1.0, 0.0, 0.0, 1.0); 4],
+            uvs: corners.iter().map(|&(u, v)| Vec2::new(u, v)).collect(),
+            indices: vec![0, 3, 2, 0, 2, 1],
+            details: Vec::new(),
+        };
         let leaf = Leaf {
             name: "half".into(),
-            mesh: Mesh {
-                positions: corners.iter().map(|&(u, v)| Vec3::new(u, -v, 0.0)).collect(),
-                normals: vec![Vec3::Z; 4],
-                tangents: vec![Vec4::new(1.0, 0.0, 0.0, 1.0); 4],
-                uvs: corners.iter().map(|&(u, v)| Vec2::new(u, v)).collect(),
-                indices: vec![0, 3, 2, 0, 2, 1],
-                details: Vec::new(),
-            },
             width: 8,
             height: 6,
             thickness_mm: 0.2,
             lobe: Lobe::Beckmann,
-            front: side(&gamma),
-            back: side(&turned),
+            sides: Sides { front: side(&gamma), back: side(&turned) },
             mask: None,
         };
-        for front in [true, false] {
-            let (image, [low, high]) = thumbnail(&leaf, front, MapKind::Gamma).unwrap();
+        for seen in Side::ALL {
+            let (image, [low, high]) = thumbnail(&leaf, Some(&mesh), seen, MapKind::Gamma).unwrap();
             assert_eq!((low, high), (0.0, 0.7));
             for (k, pixel) in image.pixels.iter().enumerate() {
-                let on_blade = (k % 8 < 4) == front;
-                assert_eq!(*pixel != Color32::TRANSPARENT, on_blade, "{front} pixel {k}: {pixel:?}");
+                let on_blade = (k % 8 < 4) == (seen == Side::Front);
+                assert_eq!(*pixel != Color32::TRANSPARENT, on_blade, "{seen} pixel {k}: {pixel:?}");
             }
         }
     }

@@ -147,7 +147,7 @@ impl Stage {
             state.time_changed = false;
         }
         for leaf in std::mem::take(&mut state.leaves_changed) {
-            if let Err(error) = self.renderer.set_leaf(&state.scene, leaf) {
+            if let Err(error) = self.renderer.set_material(&state.scene, leaf) {
                 state.say(error.to_string());
             }
             state.dirty = true;

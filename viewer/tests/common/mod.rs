@@ -4,8 +4,8 @@
 #[path = "../../../tests/common/skips.rs"]
 pub mod skips;
 
-use glam::{Mat4, Vec2, Vec3, Vec4};
-use mesophyll_viewer::scene::{Camera, Instance, Interior, Leaf, Lobe, Mesh, Scene, Side, SlabCurve, Sun};
+use glam::{Vec2, Vec3, Vec4};
+use mesophyll_viewer::scene::{Camera, Interior, Leaf, Lobe, Material, Mesh, Scene, SideMaps, Sides, SlabCurve, Sun};
 use mesophyll_viewer::{Error, Options, Renderer};
 
 pub const RHO_D: [f32; 3] = [0.08, 0.12, 0.05];
@@ -58,8 +58,8 @@ pub fn curve(at: f32, rho_d: [f32; 3], rho_t: [f32; 3]) -> SlabCurve {
     }
 }
 
-pub fn side(texels: usize, curve: SlabCurve) -> Side {
-    Side {
+pub fn side(texels: usize, curve: SlabCurve) -> SideMaps {
+    SideMaps {
         gamma_delta: vec![[1.0, 1.0, 1.0, 0.0]; texels],
         gloss: None,
         normal: None,
@@ -73,31 +73,31 @@ pub fn uniform_leaf() -> Leaf {
     let (width, height) = (8, 8);
     Leaf {
         name: "flat".into(),
-        mesh: square(10.0),
         width,
         height,
         thickness_mm: 0.2,
         lobe: Lobe::Beckmann,
-        front: side(64, curve(0.2, RHO_D, RHO_T)),
-        back: side(64, curve(0.2, BACK_D, BACK_T)),
+        sides: Sides { front: side(64, curve(0.2, RHO_D, RHO_T)), back: side(64, curve(0.2, BACK_D, BACK_T)) },
         mask: None,
     }
 }
 
+/// A square of 10 mm to each side in this leaf.
 pub fn scene_of(leaf: Leaf) -> Scene {
-    Scene {
-        leaves: vec![leaf],
-        instances: vec![Instance { leaf: 0, transform: Mat4::IDENTITY, ride: None }],
-        sun: None,
-        sky: None,
-        dome: None,
-        background: [0.0; 3],
-        exposure: 1.0,
-        shadow_samples: 0,
-        shadow_resolution: 512,
-        msaa: 1,
-        ..Scene::default()
-    }
+    on_mesh(square(10.0), leaf)
+}
+
+/// A mesh in this leaf.
+pub fn on_mesh(mesh: Mesh, leaf: Leaf) -> Scene {
+    let mut scene = Scene { exposure: 1.0, shadow_samples: 0, shadow_resolution: 512, msaa: 1, ..Scene::default() };
+    let one = scene.add(mesh, Material::Leaf(leaf));
+    scene.instances.push(one);
+    scene
+}
+
+/// The leaf of a material's index.
+pub fn leaf(scene: &mut Scene, material: usize) -> &mut Leaf {
+    scene.leaf_mut(material).expect("a leaf")
 }
 
 pub fn sun(direction: Vec3) -> Sun {

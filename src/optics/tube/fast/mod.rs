@@ -154,7 +154,7 @@ impl Pass {
         // A lobe's width across the tube is about √2 m; the tube is widest where it is nearest.
         let near = if self.travel == Travel::X { camera[2].max(0.3) } else { 1.0 };
         // A long tail has a sharper top.
-        let sharp = if self.model.lobe == Lobe::Ggx { 2.0 } else { 1.2 };
+        let sharp = if self.model.lobe.is_long_tailed() { 2.0 } else { 1.2 };
         let x = sharp * near * self.model.tube.radius_mm / self.model.tube.height_mm / (std::f64::consts::SQRT_2 * m);
         let count = match x {
             x if x < 1e-4 => 1,
@@ -194,7 +194,9 @@ impl Pass {
             return;
         }
         let symmetric = point.n[1] == 0.0 && point.c[1] == 0.0 && point.change.iter().all(|v| v[1] == 0.0);
-        if symmetric || !matches!(self.model.lobe, Lobe::CookTorrance { .. }) {
+        // The lanes know the kernels of these lobes alone.
+        let known = matches!(self.model.lobe, Lobe::Beckmann | Lobe::Ggx | Lobe::CookTorrance { .. });
+        if known && (symmetric || self.model.lobe.index().is_none()) {
             let (pass, point, across) = (self, &point, self.across(m));
             dispatch_lanes!(
                 self.level,

@@ -7,7 +7,7 @@ use super::arc::{Arc, Sums, clamp, flat, limit};
 use super::horizon::{above, cut_moves, diffuse};
 use super::rules::{Frame, bell, long_tail, shadows};
 use super::{COLUMNS, Lit, Pass, Point};
-use crate::gloss::{Lobe, dot};
+use crate::gloss::dot;
 use crate::tube::lanes::Lanes;
 use std::f64::consts::PI;
 
@@ -21,8 +21,8 @@ pub(super) fn respond<L: Lanes>(
     symmetric: bool,
     columns: &mut [&mut [f64]; COLUMNS],
 ) {
-    let ggx = pass.model.lobe == Lobe::Ggx;
-    let fresnel = if let Lobe::CookTorrance { index } = pass.model.lobe { index * index - 1.0 } else { 0.0 };
+    let ggx = pass.model.lobe.is_long_tailed();
+    let fresnel = pass.model.lobe.index().map_or(0.0, |index| index * index - 1.0);
     let s = L::splat;
     let (zero, one) = (s(0.0), s(1.0));
     let (n, c) = (point.n, point.c);

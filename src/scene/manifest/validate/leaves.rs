@@ -2,7 +2,6 @@
 
 use super::place::Place;
 use crate::Result;
-use mesophyll_optics::gloss::LobeKind;
 
 pub fn leaves(p: &Place) -> Result<()> {
     const HEADER: &str = "[[leaf]]";
@@ -58,13 +57,15 @@ pub fn leaves(p: &Place) -> Result<()> {
             p.range(HEADER, i, "scan", scan.frames.unwrap_or(100) as f64, [8.0, 10_000.0], "frames")?;
             p.range(HEADER, i, "scan", scan.noise.unwrap_or(0.0), [0.0, 1.0], "relative noise")?;
         }
-        match (leaf.lobe, leaf.index) {
-            (LobeKind::CookTorrance, Some(n)) => p.range(HEADER, i, "index", n, [1.0, 4.0], "")?,
-            (LobeKind::CookTorrance, None) => {
-                return Err(p.error(HEADER, i, "index", "missing; the cook-torrance lobe needs one"));
+        match (leaf.lobe.has_index(), leaf.index) {
+            (true, Some(n)) => p.range(HEADER, i, "index", n, [1.0, 4.0], "")?,
+            (true, None) => {
+                return Err(p.error(HEADER, i, "index", format!("missing; the {} lobe needs one", leaf.lobe)));
             }
-            (_, Some(_)) => return Err(p.error(HEADER, i, "index", "given, but only the cook-torrance lobe has one")),
-            (_, None) => {}
+            (false, Some(_)) => {
+                return Err(p.error(HEADER, i, "index", "given, but only the cook-torrance lobe has one"));
+            }
+            (false, None) => {}
         }
     }
     Ok(())

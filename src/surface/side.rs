@@ -51,7 +51,7 @@ impl Side {
 }
 
 /// One thing for each side of a leaf.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 pub struct Sides<T> {
     pub front: T,
     pub back: T,

@@ -8,6 +8,7 @@
 
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
+use strum::IntoEnumIterator;
 
 /// Which surface the slopes follow, and what multiplies them.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, strum::EnumDiscriminants)]
@@ -15,7 +16,15 @@ use std::f64::consts::PI;
 #[strum_discriminants(
     name(LobeKind),
     doc = "The name of a [`Lobe`], as scenes, files and the command line write it.",
-    derive(Deserialize, strum::Display, strum::EnumString, strum::EnumIter, strum::IntoStaticStr, strum::EnumMessage),
+    derive(
+        Hash,
+        Deserialize,
+        strum::Display,
+        strum::EnumString,
+        strum::EnumIter,
+        strum::IntoStaticStr,
+        strum::EnumMessage
+    ),
     serde(rename_all = "kebab-case"),
     strum(serialize_all = "kebab-case")
 )]
@@ -29,10 +38,22 @@ pub enum Lobe {
     CookTorrance { index: f64 },
 }
 
+impl LobeKind {
+    /// Whether lobes of this name have an index of refraction.
+    pub fn has_index(self) -> bool {
+        Lobe::of(self, 1.5).index().is_some()
+    }
+}
+
 impl Lobe {
     /// Name as on the command line.
     pub fn name(self) -> &'static str {
         LobeKind::from(self).into()
+    }
+
+    /// One lobe of every kind, for tests and studies that go through all of them; `index` as for [`Lobe::of`].
+    pub fn all(index: f64) -> impl Iterator<Item = Lobe> {
+        LobeKind::iter().map(move |kind| Lobe::of(kind, index))
     }
 
     /// The lobe of this name; `index` is read by Cook–Torrance only.
@@ -44,7 +65,53 @@ impl Lobe {
         }
     }
 
+    /// Index of refraction, where the lobe has one: its form in the papers then holds F and G.
+    pub fn index(self) -> Option<f64> {
+        match self {
+            Lobe::Beckmann | Lobe::Ggx => None,
+            Lobe::CookTorrance { index } => Some(index),
+        }
+    }
+
+    /// The density of slopes without its constants and what it falls by: with u = tan²α/m², D = K(u)/(π m² cos⁴α), this
+    /// is K and −K′/K.
+    #[inline]
+    pub fn kernel(self, u: f64) -> [f64; 2] {
+        match self {
+            Lobe::Beckmann | Lobe::CookTorrance { .. } => [(-u).exp(), 1.0],
+            Lobe::Ggx => {
+                let k = 1.0 / (1.0 + u);
+                [k * k, 2.0 * k]
+            }
+        }
+    }
+
+    /// Whether the density of slopes falls like a power instead of an exponential: nothing may be cut off far from the
+    /// peak then.
+    pub fn is_long_tailed(self) -> bool {
+        match self {
+            Lobe::Beckmann | Lobe::CookTorrance { .. } => false,
+            Lobe::Ggx => true,
+        }
+    }
+
+    /// tan²α below which the `share` (0 to 1) of ∫ D cosα dω lies: half vectors are drawn by it.
+    #[inline]
+    pub fn quantile(self, share: f64, m: f64) -> f64 {
+        match self {
+            Lobe::Beckmann | Lobe::CookTorrance { .. } => -m * m * (1.0 - share).ln(),
+            Lobe::Ggx => m * m * share / (1.0 - share),
+        }
+    }
+
+    /// F for a facet that is met at this cosine: 1 where the lobe has no index.
+    #[inline]
+    pub fn fresnel(self, cos: f64) -> f64 {
+        self.index().map_or(1.0, |index| fresnel(cos, index))
+    }
+
     /// Microfacet distribution D for tan²α, per steradian: ∫ D cosα dω = 1 over the hemisphere.
+    #[inline]
     pub fn distribution(self, tan2: f64, m: f64) -> f64 {
         let sec4 = (1.0 + tan2) * (1.0 + tan2);
         match self {
@@ -65,18 +132,19 @@ impl Lobe {
         }
         let e = 1.0 + dot(l, v);
         let plain = self.distribution(tan2_half(a + b, e), m) / (4.0 * a * b);
-        match self {
-            Lobe::Beckmann | Lobe::Ggx => plain,
-            Lobe::CookTorrance { index } => plain * fresnel((0.5 * e).sqrt(), index) * v_cavity(a, b, e),
+        match self.index() {
+            None => plain,
+            Some(index) => plain * fresnel((0.5 * e).sqrt(), index) * v_cavity(a, b, e),
         }
     }
 
     /// The form the renderers draw: [`Lobe::value`] times the V-cavity G where it does not hold it already.
     pub fn bounded(self, n: [f64; 3], l: [f64; 3], v: [f64; 3], m: f64) -> f64 {
         let value = self.value(n, l, v, m);
-        match self {
-            Lobe::Beckmann | Lobe::Ggx if value > 0.0 => value * v_cavity(dot(n, l), dot(n, v), 1.0 + dot(l, v)),
-            _ => value,
+        if self.index().is_none() && value > 0.0 {
+            value * v_cavity(dot(n, l), dot(n, v), 1.0 + dot(l, v))
+        } else {
+            value
         }
     }
 
@@ -90,11 +158,7 @@ impl Lobe {
         const AZIMUTHS: usize = 96;
         let mut sum = 0.0;
         for &(x, w) in &rule {
-            let xi = 0.5 * (1.0 + x);
-            let tan2 = match self {
-                Lobe::Beckmann | Lobe::CookTorrance { .. } => -m * m * (1.0 - xi).ln(),
-                Lobe::Ggx => m * m * xi / (1.0 - xi),
-            };
+            let tan2 = self.quantile(0.5 * (1.0 + x), m);
             let cos = 1.0 / (1.0 + tan2).sqrt();
             let sin = (1.0 - cos * cos).max(0.0).sqrt();
             for k in 0..AZIMUTHS {
@@ -105,8 +169,8 @@ impl Lobe {
                 if vh <= 0.0 || a <= 0.0 {
                     continue;
                 }
-                let f = if let Lobe::CookTorrance { index } = self { fresnel(vh, index) } else { 1.0 };
-                sum += 0.5 * w / AZIMUTHS as f64 * f * v_cavity(a, v[2], 2.0 * vh * vh) * vh / (v[2] * cos);
+                sum +=
+                    0.5 * w / AZIMUTHS as f64 * self.fresnel(vh) * v_cavity(a, v[2], 2.0 * vh * vh) * vh / (v[2] * cos);
             }
         }
         sum
@@ -114,17 +178,20 @@ impl Lobe {
 }
 
 /// tan²α of the half vector from cosθi + cosθr and 1 + l·v: cos²α = (cosθi + cosθr)²/(2 (1 + l·v)).
+#[inline]
 pub fn tan2_half(cos_sum: f64, one_plus_lv: f64) -> f64 {
     (2.0 * one_plus_lv / (cos_sum * cos_sum) - 1.0).max(0.0)
 }
 
 /// V-cavity masking and shadowing (Torrance & Sparrow 1967): min(1, 2 (n·h)(n·v)/(v·h), 2 (n·h)(n·l)/(v·h)), with
 /// (n·h)/(v·h) = (cosθi + cosθr)/(1 + l·v).
+#[inline]
 pub fn v_cavity(cos_i: f64, cos_r: f64, one_plus_lv: f64) -> f64 {
     (2.0 * cos_i.min(cos_r) * (cos_i + cos_r) / one_plus_lv).min(1.0)
 }
 
 /// Fresnel reflectance of a dielectric of `index` in air for unpolarised light; `cos` is the cosine of incidence.
+#[inline]
 pub fn fresnel(cos: f64, index: f64) -> f64 {
     let c = cos.clamp(0.0, 1.0);
     let g = (index * index - 1.0 + c * c).max(0.0).sqrt();
@@ -133,7 +200,9 @@ pub fn fresnel(cos: f64, index: f64) -> f64 {
     0.5 * (d / s).powi(2) * (1.0 + t * t)
 }
 
-pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+/// Scalar product.
+#[inline]
+pub fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
@@ -141,15 +210,13 @@ pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 mod tests {
     use super::*;
 
-    const LOBES: [Lobe; 3] = [Lobe::Beckmann, Lobe::Ggx, Lobe::CookTorrance { index: 1.45 }];
-
     fn dir(theta: f64, phi: f64) -> [f64; 3] {
         [theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()]
     }
 
     #[test]
     fn distributions_are_normalised() {
-        for lobe in LOBES {
+        for lobe in Lobe::all(1.45) {
             for m in [0.05, 0.3, 0.9] {
                 let n = 200_000;
                 let sum: f64 = (0..n)
@@ -161,6 +228,21 @@ mod tests {
                     })
                     .sum();
                 assert!((sum - 1.0).abs() < 1e-4, "{lobe:?} m {m}: {sum}");
+            }
+        }
+    }
+
+    #[test]
+    fn quantiles_hold_their_share_of_the_distribution() {
+        for lobe in Lobe::all(1.45) {
+            for (share, m) in [(0.1, 0.05), (0.5, 0.3), (0.97, 0.9)] {
+                let most = lobe.quantile(share, m);
+                let n = 100_000;
+                // cosα dω = π dt/(1+t)² with t = tan²α.
+                let t = |k: usize| (k as f64 + 0.5) / n as f64 * most;
+                let sum: f64 =
+                    (0..n).map(|k| lobe.distribution(t(k), m) * PI / (1.0 + t(k)).powi(2) * most / n as f64).sum();
+                assert!((sum - share).abs() < 1e-6, "{lobe:?} m {m}: {sum} of {share}");
             }
         }
     }
@@ -199,7 +281,7 @@ mod tests {
         assert!((paper - 8.6).abs() < 0.05, "{paper}");
         assert!(bounded <= 1.0, "{bounded}");
         assert!((bounded - Lobe::Beckmann.albedo(v[2], m)).abs() < 5e-3, "{bounded}");
-        for lobe in LOBES {
+        for lobe in Lobe::all(1.45) {
             for cos in [0.02, 0.3, 0.8, 1.0] {
                 let a = lobe.albedo(cos, 0.3);
                 assert!((0.0..=1.0 + 1e-3).contains(&a), "{lobe:?} {cos}: {a}");

@@ -1,0 +1,357 @@
+//! Materials on the adapter: a material's constants and the maps that its variant of the shader reads, in one bind group.
+//! An edit uploads what it changed; every other texture stays where it is.
+
+use crate::dome::MeanTable;
+use crate::gpu::Gpu;
+use crate::lobe::{AlbedoTable, Tables};
+use crate::maps::{self, Level, Uploaded};
+use crate::scene::{Interior, Leaf, Material, Side, SideMaps, SlabCurve, Translucency};
+use crate::stats::Stats;
+use crate::variant::Variant;
+use mesophyll_surface::side::mirror;
+use std::hash::{DefaultHasher, Hash, Hasher};
+
+/// A material ready to draw with.
+pub(crate) struct MaterialOnGpu {
+    pub group: wgpu::BindGroup,
+    textures: Vec<Texture>,
+}
+
+/// A texture, with a hash of what it was made of: an edit keeps it where the hash is the same.
+struct Texture {
+    slot: Slot,
+    content: u64,
+    view: wgpu::TextureView,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+struct Constants {
+    leaf: [f32; 4],
+    front_curve: [f32; 4],
+    back_curve: [f32; 4],
+    albedo: [f32; 4],
+}
+
+/// Where a texture is bound in group 1, as numbered in `leaf.wgsl` and `side.wgsl`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Slot {
+    Mask,
+    Albedo,
+    Means,
+    Of(Side, Map),
+}
+
+/// A side's textures, in the order of their bindings.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Map {
+    Curve,
+    GammaDelta,
+    RhoD,
+    RhoT,
+    Gloss,
+    Normal,
+    Translucency,
+}
+
+impl Slot {
+    fn binding(self) -> u32 {
+        match self {
+            Slot::Mask => 2,
+            Slot::Albedo => 3,
+            Slot::Means => 4,
+            Slot::Of(side, map) => 10 * (1 + side as u32) + map as u32,
+        }
+    }
+
+    /// Read texel by texel instead of through the sampler.
+    fn is_table(self) -> bool {
+        matches!(self, Slot::Albedo | Slot::Means | Slot::Of(_, Map::Curve))
+    }
+
+    /// As uploads are called.
+    fn name(self) -> String {
+        let (side, map) = match self {
+            Slot::Mask => return "mask".into(),
+            Slot::Albedo => return "albedo table".into(),
+            Slot::Means => return "lobe means".into(),
+            Slot::Of(side, map) => (side, map),
+        };
+        let map = match map {
+            Map::Curve => "slab curve",
+            Map::GammaDelta => "gamma_delta",
+            Map::RhoD => "rho_d",
+            Map::RhoT => "rho_t",
+            Map::Gloss => "gloss",
+            Map::Normal => "normal",
+            Map::Translucency => "translucency",
+        };
+        format!("{side} {map}")
+    }
+}
+
+/// The textures that a variant reads.
+fn slots(variant: &Variant) -> Vec<Slot> {
+    let Some(leaf) = variant.leaf() else { return Vec::new() };
+    let mut slots = Vec::new();
+    for (side, needs) in leaf.sides.iter() {
+        let lit = variant.lights.any() && !needs.black;
+        let maps = [
+            (lit && !needs.maps, Map::Curve),
+            (lit && !needs.maps, Map::GammaDelta),
+            (lit && needs.maps, Map::RhoD),
+            (lit && needs.maps, Map::RhoT),
+            (needs.gloss, Map::Gloss),
+            (needs.normal, Map::Normal),
+            (needs.translucency > 0, Map::Translucency),
+        ];
+        slots.extend(maps.into_iter().filter(|(on, _)| *on).map(|(_, map)| Slot::Of(side, map)));
+    }
+    let shared = [(variant.albedo(), Slot::Albedo), (variant.means(), Slot::Means), (leaf.mask, Slot::Mask)];
+    slots.extend(shared.into_iter().filter(|(on, _)| *on).map(|(_, slot)| slot));
+    slots
+}
+
+/// The bindings of group 1 for a variant: the layout and what is bound come from one list.
+pub(crate) fn layout(gpu: &Gpu, variant: &Variant) -> wgpu::BindGroupLayout {
+    let visibility = wgpu::ShaderStages::FRAGMENT;
+    let entry = |binding, ty| wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None };
+    let uniform = wgpu::BindingType::Buffer {
+        ty: wgpu::BufferBindingType::Uniform,
+        has_dynamic_offset: false,
+        min_binding_size: None,
+    };
+    let mut entries = vec![entry(0, uniform)];
+    if variant.sampled() {
+        entries.push(entry(1, wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering)));
+    }
+    for slot in slots(variant) {
+        let layers = match (slot, variant.leaf()) {
+            (Slot::Of(side, Map::Translucency), Some(leaf)) => leaf.sides[side].translucency,
+            _ => 1,
+        };
+        let texture = wgpu::BindingType::Texture {
+            sample_type: wgpu::TextureSampleType::Float { filterable: !slot.is_table() },
+            view_dimension: if layers > 1 {
+                wgpu::TextureViewDimension::D2Array
+            } else {
+                wgpu::TextureViewDimension::D2
+            },
+            multisampled: false,
+        };
+        entries.push(entry(slot.binding(), texture));
+    }
+    gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("material"), entries: &entries })
+}
+
+fn curve_constants(side: &SideMaps) -> [f32; 4] {
+    match &side.interior {
+        Interior::Scalars(c) if !side.is_black() => {
+            let last = (c.rho_d.len() - 1) as f32;
+            [c.min_mm, last / (c.max_mm - c.min_mm), last, 0.0]
+        }
+        _ => [0.0; 4],
+    }
+}
+
+fn curve_table(curve: &SlabCurve) -> Level {
+    let texels = curve.rho_d.iter().chain(&curve.rho_t).map(|c| [c[0], c[1], c[2], 0.0]).collect();
+    Level { width: curve.rho_d.len() as u32, height: 2, texels }
+}
+
+/// Smallest and largest roughness of the sides that shine.
+fn roughness_range(leaf: &Leaf) -> (f64, f64) {
+    let texels = leaf.sides.iter().filter_map(|(_, s)| s.gloss.as_ref()).flatten();
+    let (low, high) = texels.fold((f64::MAX, 0.0f64), |(l, h), t| (l.min(f64::from(t[3])), h.max(f64::from(t[3]))));
+    if high > 0.0 { (low.min(high), high) } else { (0.1, 0.1) }
+}
+
+fn rgb(texels: &[[f32; 3]]) -> Vec<[f32; 4]> {
+    texels.iter().map(|t| [t[0], t[1], t[2], 0.0]).collect()
+}
+
+/// A leaf's own tables: its lobe's albedo, and its mean directions where a dome lights it.
+struct LobeTables {
+    albedo: Option<AlbedoTable>,
+    means: Option<MeanTable>,
+}
+
+/// A leaf on its way to the adapter.
+struct Upload<'a> {
+    gpu: &'a Gpu,
+    leaf: &'a Leaf,
+    tables: LobeTables,
+}
+
+impl Upload<'_> {
+    /// A hash of what the texture of a slot is made of.
+    fn content(&self, slot: Slot) -> u64 {
+        let leaf = self.leaf;
+        let mut hash = DefaultHasher::new();
+        (leaf.width, leaf.height).hash(&mut hash);
+        let mut add = |bytes: &[u8]| hash.write(bytes);
+        // Maps are averaged over the texels on the leaf.
+        if let (Some(mask), false) = (&leaf.mask, slot.is_table()) {
+            add(mask);
+        }
+        match slot {
+            Slot::Mask => {}
+            Slot::Albedo => self.tables.albedo.iter().for_each(|t| add(bytemuck::cast_slice(&t.values))),
+            Slot::Means => self.tables.means.iter().for_each(|t| add(bytemuck::cast_slice(&t.texels))),
+            Slot::Of(side, map) => {
+                let side = &leaf.sides[side];
+                match (map, &side.interior) {
+                    (Map::Curve, Interior::Scalars(c)) => {
+                        add(bytemuck::cast_slice(&c.rho_d));
+                        add(bytemuck::cast_slice(&c.rho_t));
+                    }
+                    (Map::RhoD, Interior::Maps { rho_d, .. }) => add(bytemuck::cast_slice(rho_d)),
+                    (Map::RhoT, Interior::Maps { rho_t, .. }) => add(bytemuck::cast_slice(rho_t)),
+                    (Map::Curve | Map::RhoD | Map::RhoT, _) => {}
+                    (Map::GammaDelta, _) => add(bytemuck::cast_slice(&side.gamma_delta)),
+                    (Map::Gloss, _) => side.gloss.iter().for_each(|t| add(bytemuck::cast_slice(t))),
+                    (Map::Normal, _) => side.normal.iter().for_each(|t| add(bytemuck::cast_slice(t))),
+                    (Map::Translucency, _) => {
+                        let layers = side.translucency.iter().flat_map(Translucency::layers);
+                        layers.for_each(|t| add(bytemuck::cast_slice(t)));
+                    }
+                }
+            }
+        }
+        hash.finish()
+    }
+
+    /// Makes the texture of a slot; `None` where the leaf has nothing for it.
+    fn texture(&self, slot: Slot) -> Option<Uploaded> {
+        let (gpu, leaf, name) = (self.gpu, self.leaf, slot.name());
+        let table = |width: usize, height: usize, texels| {
+            maps::upload_table(gpu, &name, Level { width: width as u32, height: height as u32, texels })
+        };
+        let (side, map) = match slot {
+            Slot::Mask => return Some(maps::upload_mask(gpu, &name, leaf.width, leaf.height, leaf.mask.as_ref()?)),
+            Slot::Albedo => {
+                let texels = self.tables.albedo.as_ref()?.values.iter().map(|v| [*v, 0.0, 0.0, 0.0]).collect();
+                return Some(table(AlbedoTable::COLUMNS, AlbedoTable::ROWS, texels));
+            }
+            Slot::Means => {
+                let texels = self.tables.means.as_ref()?.texels.clone();
+                return Some(table(MeanTable::COLUMNS, 2 * MeanTable::ROWS, texels));
+            }
+            Slot::Of(side, map) => (side, map),
+        };
+        let mask = leaf.mask.as_ref().map(|mask| match side {
+            Side::Front => mask.clone(),
+            Side::Back => mirror(mask, leaf.width as usize),
+        });
+        let mips = |texels| maps::mip_chain(leaf.width, leaf.height, texels, mask.as_deref());
+        let side = &leaf.sides[side];
+        let texels = match (map, &side.interior) {
+            (Map::Curve, Interior::Scalars(curve)) => return Some(maps::upload_table(gpu, &name, curve_table(curve))),
+            (Map::RhoD, Interior::Maps { rho_d, .. }) => rgb(rho_d),
+            (Map::RhoT, Interior::Maps { rho_t, .. }) => rgb(rho_t),
+            (Map::Curve | Map::RhoD | Map::RhoT, _) => return None,
+            (Map::GammaDelta, _) => side.gamma_delta.clone(),
+            (Map::Gloss, _) => side.gloss.clone()?,
+            (Map::Normal, _) => rgb(side.normal.as_ref()?),
+            (Map::Translucency, _) => {
+                let vector = |h: &[f32; 3]| Translucency::vector(*h);
+                let layers = side.translucency.as_ref()?.layers().iter();
+                let layers: Vec<Vec<Level>> =
+                    layers.map(|map| mips(rgb(&map.iter().map(vector).collect::<Vec<_>>()))).collect();
+                return Some(maps::upload_half(gpu, &name, &layers));
+            }
+        };
+        Some(maps::upload(gpu, &name, &mips(texels)))
+    }
+}
+
+impl MaterialOnGpu {
+    /// Uploads material `index` as far as `variant` reads it, but for the textures that `before`, the same material
+    /// before an edit, has already.
+    pub(crate) fn new(
+        gpu: &Gpu,
+        index: usize,
+        material: &Material,
+        variant: &Variant,
+        samplers: &Samplers,
+        tables: &mut Tables,
+        before: Option<&MaterialOnGpu>,
+        stats: &mut Stats,
+    ) -> MaterialOnGpu {
+        let mut textures = Vec::new();
+        let constants = match material {
+            Material::Opaque(opaque) => {
+                let [r, g, b] = opaque.albedo;
+                gpu.uniform("opaque constants", &[[r, g, b, 0.0]])
+            }
+            Material::Leaf(leaf) => {
+                let (low, high) = roughness_range(leaf);
+                let albedo = variant.albedo().then(|| tables.albedo(leaf.lobe, low, high));
+                let means = albedo.as_ref().filter(|_| variant.means()).map(|like| tables.means(leaf.lobe, like));
+                let rows = albedo
+                    .as_ref()
+                    .map_or([0.0; 4], |t| [t.m_min.ln() as f32, (1.0 / (t.m_max / t.m_min).ln()) as f32, 0.0, 0.0]);
+                let upload = Upload { gpu, leaf, tables: LobeTables { albedo, means } };
+                for slot in slots(variant) {
+                    let content = upload.content(slot);
+                    let kept = before.and_then(|b| b.textures.iter().find(|t| (t.slot, t.content) == (slot, content)));
+                    let view = match kept {
+                        Some(kept) => kept.view.clone(),
+                        None => {
+                            let Some(new) = upload.texture(slot) else { continue };
+                            stats.upload(&format!("leaf {index} {}", slot.name()), new.bytes);
+                            new.view
+                        }
+                    };
+                    textures.push(Texture { slot, content, view });
+                }
+                let constants = Constants {
+                    leaf: [leaf.thickness_mm, leaf.lobe.index().unwrap_or(1.0) as f32, 0.0, 0.0],
+                    front_curve: curve_constants(&leaf.sides.front),
+                    back_curve: curve_constants(&leaf.sides.back),
+                    albedo: rows,
+                };
+                gpu.uniform("leaf constants", &[constants])
+            }
+        };
+        let mut entries = vec![wgpu::BindGroupEntry { binding: 0, resource: constants.as_entire_binding() }];
+        if variant.sampled() {
+            entries.push(wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&samplers.maps) });
+        }
+        for texture in &textures {
+            let resource = wgpu::BindingResource::TextureView(&texture.view);
+            entries.push(wgpu::BindGroupEntry { binding: texture.slot.binding(), resource });
+        }
+        let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("material"),
+            layout: &layout(gpu, variant),
+            entries: &entries,
+        });
+        MaterialOnGpu { group, textures }
+    }
+
+    /// A leaf's mask, for the shadow pass.
+    pub(crate) fn mask(&self) -> Option<&wgpu::TextureView> {
+        self.textures.iter().find(|t| t.slot == Slot::Mask).map(|t| &t.view)
+    }
+}
+
+/// Samplers shared by all materials.
+pub(crate) struct Samplers {
+    /// Trilinear when a map is minified, plain bilinear when it is magnified, clamped at its rim.
+    pub maps: wgpu::Sampler,
+}
+
+impl Samplers {
+    pub(crate) fn new(gpu: &Gpu) -> Samplers {
+        Samplers {
+            maps: gpu.device.create_sampler(&wgpu::SamplerDescriptor {
+                label: Some("maps"),
+                mag_filter: wgpu::FilterMode::Linear,
+                min_filter: wgpu::FilterMode::Linear,
+                mipmap_filter: wgpu::MipmapFilterMode::Linear,
+                ..Default::default()
+            }),
+        }
+    }
+}

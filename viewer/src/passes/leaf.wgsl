@@ -1,0 +1,224 @@
+// A leaf: what its maps say of either side, by the formulas of `scene.rs`.
+
+struct LeafConstants {
+    // x: mean thickness h (mm), y: refractive index.
+    leaf: vec4f,
+    // Slab curves: x thinnest (mm), y points per mm, z last point's index.
+    front_curve: vec4f,
+    back_curve: vec4f,
+    // Albedo tables' rows: x ln of the smallest m, y 1/ln(m_max/m_min).
+    albedo: vec4f,
+}
+
+@group(1) @binding(0) var<uniform> constants: LeafConstants;
+//#if SAMPLED
+@group(1) @binding(1) var map_sampler: sampler;
+//#endif
+//#if MASK
+@group(1) @binding(2) var mask: texture_2d<f32>;
+//#endif
+//#if ALBEDO
+@group(1) @binding(3) var albedo_table: texture_2d<f32>;
+//#if DOME
+@group(1) @binding(4) var lobe_means: texture_2d<f32>;
+//#endif
+//#endif
+
+struct Pixel {
+    @location(0) radiance: vec4f,
+    //#if SAMPLE_MASK
+    @builtin(sample_mask) samples: u32,
+    //#endif
+}
+
+//#if LIT
+//#if SUN
+// What comes through of the sun on the far side, times π and per irradiance: max(0, F·l)·ρt, or the translucency maps'
+// in place of the cosine (or of both).
+fn through(place: Place, facing: Facing, light: vec3f, transmittance: vec3f) -> vec3f {
+    //#if TRANSLUCENCY
+    let axes = facing.axes;
+    // In the front's frame.
+    //#if BENT
+    // Where the bent functions are looked up: x and y multiplied by (2|z|/(1+|z|))^¼.
+    let height = abs(dot(axes.normal, light));
+    let bend = sqrt(sqrt(2.0 * height / (1.0 + height)));
+    let omega = vec3f(bend * dot(axes.tangent, light), bend * dot(axes.bitangent, light), dot(axes.normal, light));
+    //#else
+    let omega = vec3f(dot(axes.tangent, light), dot(axes.bitangent, light), dot(axes.normal, light));
+    //#endif
+    //#endif
+    //#if BACK_TRANSLUCENCY
+    if (facing.front) {
+        return back_through(place, omega, transmittance);
+    }
+    //#endif
+    //#if FRONT_TRANSLUCENCY
+    if (!facing.front) {
+        return front_through(place, omega, transmittance);
+    }
+    //#endif
+    //#if !FRONT_TRANSLUCENCY || !BACK_TRANSLUCENCY
+    //#if TANGENT
+    let far = mapped(!facing.front, place, facing.axes);
+    //#else
+    let far = -facing.towards_viewer;
+    //#endif
+    return max(0.0, dot(far, light)) * transmittance;
+    //#else
+    return vec3f(0.0);
+    //#endif
+}
+//#endif
+
+fn shade(place: Place, facing: Facing) -> Shade {
+    var out = Shade(vec3f(0.0), vec3f(0.0));
+    let view = facing.view;
+    // The viewed side's mapped normal N; the far side's F is looked up only where the sun needs it.
+    //#if TANGENT
+    let viewed = mapped(facing.front, place, facing.axes);
+    //#else
+    let viewed = facing.towards_viewer;
+    //#endif
+    //#if GLOSS
+    let gloss = gloss_at(facing.front, place);
+    let roughness = max(gloss.a, 1e-3);
+    //#endif
+    //#if SKY
+    let reflectance = reflectance_at(facing.front, place);
+    let transmittance = transmittance_at(!facing.front, place);
+    //#if DOME
+    //#if TANGENT
+    let away = mapped(!facing.front, place, facing.axes);
+    //#else
+    let away = -facing.towards_viewer;
+    //#endif
+    out.ambient = reflectance * even_light(viewed) + transmittance * even_light(away);
+    //#if ALBEDO
+    out.ambient += gloss.rgb * albedo(dot(viewed, view), roughness) * glossy_light(viewed, view, roughness);
+    //#endif
+    //#else
+    var scattered = reflectance + transmittance;
+    //#if ALBEDO
+    scattered += gloss.rgb * albedo(dot(viewed, view), roughness);
+    //#endif
+    out.ambient = frame.sky.rgb * scattered;
+    //#endif
+    //#endif
+    //#if SUN
+    let light = frame.sun_direction.xyz;
+    let cosine = dot(light, facing.towards_viewer);
+    if (cosine > 0.0) {
+        let nl = max(0.0, dot(viewed, light));
+        //#if !SKY
+        let reflectance = reflectance_at(facing.front, place);
+        //#endif
+        out.sunlit = nl * reflectance * 0.318309886;
+        //#if GLOSS
+        out.sunlit += nl * gloss.rgb * lobe(viewed, light, view, roughness);
+        //#endif
+    } else if (cosine < 0.0) {
+        //#if !SKY
+        let transmittance = needed_transmittance(!facing.front, place);
+        //#endif
+        out.sunlit = through(place, facing, light, transmittance) * 0.318309886;
+    }
+    //#endif
+    return out;
+}
+
+//#if SCANNER
+fn scanned(place: Place, facing: Facing, world: vec3f) -> vec3f {
+    //#if TANGENT
+    let normal = mapped(facing.front, place, facing.axes);
+    //#else
+    let normal = facing.towards_viewer;
+    //#endif
+    let reflectance = reflectance_at(facing.front, place);
+    //#if GLOSS
+    let gloss = gloss_at(facing.front, place);
+    return under_tube(Scanned(normal, reflectance, gloss.rgb, max(gloss.a, 1e-3)), facing.view, world);
+    //#else
+    return under_tube(Scanned(normal, reflectance), facing.view, world);
+    //#endif
+}
+//#endif
+
+//#if SUPERSAMPLE
+// The place moved by a part of a pixel, its footprint a third as wide.
+fn moved(place: Place, by: vec2f) -> Place {
+    let shift = place.dx * by.x + place.dy * by.y;
+    return Place(place.front + shift, place.back + vec2f(-shift.x, shift.y), place.dx * 0.35, place.dy * 0.35);
+}
+
+// Whether the normal turns by more than a fifth of the lobe's slope across the pixel: there the mean normal's highlight
+// is not the highlights' mean (its error grows with the square: a fifth leaves 0.3 %).
+fn uneven(place: Place, facing: Facing) -> bool {
+    let here = mapped(facing.front, place, facing.axes);
+    let slope = max(gloss_at(facing.front, place).a, 1e-3);
+    var turn = 0.0;
+    for (var i = 0; i < 4; i++) {
+        let by = select(vec2f(0.0, f32(i) - 2.5), vec2f(f32(i) - 0.5, 0.0), i < 2);
+        let d = mapped(facing.front, moved(place, by), facing.axes) - here;
+        turn = max(turn, dot(d, d));
+    }
+    return 4.0 * turn > 0.04 * slope * slope;
+}
+//#endif
+//#endif
+
+@fragment
+fn fragment(in: Varying) -> Pixel {
+    var out: Pixel;
+    let dx = dpdx(in.uv);
+    let dy = dpdy(in.uv);
+    //#if MASK
+    //#if SAMPLE_MASK
+    // The standard four sample positions, in pixels from the centre: coverage as four rays would find it.
+    var samples = 0u;
+    var offsets = array<vec2f, 4>(vec2f(-0.125, -0.375), vec2f(0.375, -0.125), vec2f(-0.375, 0.125), vec2f(0.125, 0.375));
+    for (var i = 0u; i < 4u; i++) {
+        let uv = in.uv + dx * offsets[i].x + dy * offsets[i].y;
+        if (textureSampleLevel(mask, map_sampler, uv, 0.0).r >= 0.5) {
+            samples |= 1u << i;
+        }
+    }
+    out.samples = samples;
+    if (samples == 0u) {
+        discard;
+    }
+    //#else
+    if (textureSampleLevel(mask, map_sampler, in.uv, 0.0).r < 0.5) {
+        discard;
+    }
+    //#endif
+    //#endif
+    var radiance = vec3f(0.0);
+    //#if LIT
+    let place = Place(in.uv, vec2f(1.0 - in.uv.x, in.uv.y), dx, dy);
+    let facing = faced(in);
+    var seen: Shade;
+    //#if SUPERSAMPLE
+    if (dot(frame.sun_direction.xyz, facing.towards_viewer) > 0.0 && uneven(place, facing)) {
+        // Eight places that share no row, column or diagonal.
+        var spots = array<vec2f, 8>(
+            vec2f(0.0625, -0.1875), vec2f(-0.0625, 0.1875), vec2f(0.3125, 0.0625), vec2f(-0.1875, -0.3125),
+            vec2f(-0.3125, 0.3125), vec2f(-0.4375, -0.0625), vec2f(0.1875, 0.4375), vec2f(0.4375, -0.4375));
+        for (var i = 0; i < 8; i++) {
+            let one = shade(moved(place, spots[i]), facing);
+            seen = Shade(seen.ambient + 0.125 * one.ambient, seen.sunlit + 0.125 * one.sunlit);
+        }
+    } else {
+        seen = shade(place, facing);
+    }
+    //#else
+    seen = shade(place, facing);
+    //#endif
+    radiance = lit(seen, facing, in.world);
+    //#if SCANNER
+    radiance += scanned(place, facing, in.world);
+    //#endif
+    //#endif
+    out.radiance = held(radiance);
+    return out;
+}

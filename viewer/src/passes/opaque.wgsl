@@ -1,0 +1,31 @@
+// Bark, ground: one colour, diffuse, and nothing comes through. Its inside is black.
+
+// Reflectance.
+@group(1) @binding(0) var<uniform> albedo: vec4f;
+
+@fragment
+fn fragment(in: Varying) -> @location(0) vec4f {
+    var radiance = vec3f(0.0);
+    //#if LIT
+    let facing = faced(in);
+    if (facing.front) {
+        let normal = facing.towards_viewer;
+        var seen = Shade(vec3f(0.0), vec3f(0.0));
+        //#if DOME
+        seen.ambient = albedo.rgb * even_light(normal);
+        //#else
+        //#if SKY
+        seen.ambient = frame.sky.rgb * albedo.rgb;
+        //#endif
+        //#endif
+        //#if SUN
+        seen.sunlit = max(0.0, dot(normal, frame.sun_direction.xyz)) * albedo.rgb * 0.318309886;
+        //#endif
+        radiance = lit(seen, facing, in.world);
+        //#if SCANNER
+        radiance += under_tube(Scanned(normal, albedo.rgb), facing.view, in.world);
+        //#endif
+    }
+    //#endif
+    return held(radiance);
+}

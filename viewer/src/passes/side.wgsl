@@ -1,0 +1,89 @@
+// One side's maps and what they say. Assembled twice: `$side` is `front` or `back`, `$n` the side's number and `$-` a
+// minus on the back alone. The back's camera looks from behind: its right is against the mesh's tangent, its up along
+// the bitangent, its z against the normal, so that x and z change their sign.
+
+//#if CURVE
+@group(1) @binding($n0) var $side_curve: texture_2d<f32>;
+@group(1) @binding($n1) var $side_gamma_delta: texture_2d<f32>;
+//#endif
+//#if MAPS
+@group(1) @binding($n2) var $side_rho_d: texture_2d<f32>;
+@group(1) @binding($n3) var $side_rho_t: texture_2d<f32>;
+//#endif
+//#if GLOSS_MAP
+@group(1) @binding($n4) var $side_gloss: texture_2d<f32>;
+//#endif
+//#if NORMAL
+@group(1) @binding($n5) var $side_normal: texture_2d<f32>;
+//#endif
+// Light that enters the side and comes out of the other, as vectors whose product with the light's direction (or the
+// bent one) in the side's frame is f (or, a layer a channel, ρt·f).
+//#if COLOUR
+@group(1) @binding($n6) var $side_translucency: texture_2d_array<f32>;
+//#else
+//#if TRANSLUCENCY
+@group(1) @binding($n6) var $side_translucency: texture_2d<f32>;
+//#endif
+//#endif
+
+//#if LIT
+fn $side_reflectance(place: Place) -> vec3f {
+    //#if CURVE
+    let gamma_delta = at($side_gamma_delta, place.$side, place);
+    return gamma_delta.rgb * slab($side_curve, constants.$side_curve, constants.leaf.x + gamma_delta.a, 0);
+    //#else
+    //#if MAPS
+    return at($side_rho_d, place.$side, place).rgb;
+    //#else
+    return vec3f(0.0);
+    //#endif
+    //#endif
+}
+
+fn $side_transmittance(place: Place) -> vec3f {
+    //#if CURVE
+    return slab($side_curve, constants.$side_curve, constants.leaf.x + at($side_gamma_delta, place.$side, place).a, 1);
+    //#else
+    //#if MAPS
+    return at($side_rho_t, place.$side, place).rgb;
+    //#else
+    return vec3f(0.0);
+    //#endif
+    //#endif
+}
+//#endif
+
+//#if TANGENT
+fn $side_mapped(place: Place, axes: Basis) -> vec3f {
+    //#if NORMAL
+    let n = at($side_normal, place.$side, place).xyz;
+    return normalize($-n.x * axes.tangent + n.y * axes.bitangent + $-n.z * axes.normal);
+    //#else
+    return $-axes.normal;
+    //#endif
+}
+//#endif
+
+//#if GLOSS
+fn $side_gloss_at(place: Place) -> vec4f {
+    //#if GLOSS_MAP
+    return at($side_gloss, place.$side, place);
+    //#else
+    return vec4f(0.0, 0.0, 0.0, 1.0);
+    //#endif
+}
+//#endif
+
+//#if SUN
+//#if TRANSLUCENCY
+// max(0, f)·ρt, or what stands for both; `omega` is the light's direction in the front's frame.
+fn $side_through(place: Place, omega: vec3f, transmittance: vec3f) -> vec3f {
+    let own = vec3f($-omega.x, omega.y, $-omega.z);
+    //#if COLOUR
+    return max(vec3f(0.0), colour_at($side_translucency, place.$side, place, own));
+    //#else
+    return max(0.0, dot(at($side_translucency, place.$side, place).xyz, own)) * transmittance;
+    //#endif
+}
+//#endif
+//#endif
