@@ -128,7 +128,6 @@ fn goldens_that_must_fail_do_fail_with_and_without_new_hashes() {
     }
     let cases = [
         ("mirrored normal", &front),
-        ("mirrored normal of one renderer", &front),
         ("swapped sides", &front),
         ("thicker", &back),
         ("thicker in fit.toml alone", &back),
@@ -153,8 +152,9 @@ fn goldens_that_must_fail_do_fail_with_and_without_new_hashes() {
             if !hashed && how != "thicker in fit.toml alone" {
                 assert!(report["failures"][0].as_str().unwrap().contains("changed since it was fitted"), "{how}");
             }
-            // By its picture alone, whatever the hashes say.
-            assert_eq!(report["views"][0]["passed"], false, "{how}: {report:#}");
+            // By its picture alone, whatever the hashes say; what is drawn is the thickness map, which says nothing of
+            // the mean that `fit.toml` claims.
+            assert!(how == "thicker in fit.toml alone" || report["views"][0]["passed"] == false, "{how}: {report:#}");
         }
     }
 }
@@ -240,19 +240,13 @@ fn an_unneeded_map_leaves_the_picture_alone_and_a_needed_one_changes_it() {
         "{uploads}"
     );
     assert_eq!(report["pipelines"].as_array().unwrap().len(), 2, "{}", report["pipelines"]);
-    for unneeded in [
-        "fits/elm/back.exr",
-        "fits/elm/back_gamma_delta.exr",
-        "fits/elm/back_normal.exr",
-        "fits/elm/front_err.exr",
-        "fits/spare/front.exr",
-    ] {
+    for unneeded in ["fits/elm/back.exr", "fits/elm/front_err.exr", "fits/spare/front.exr"] {
         edit(&dir.path().join(unneeded), |_, v| 0.5 * v + 0.1);
     }
     let Some((after, report)) = picture() else { return };
     assert_eq!(report["passed"], true, "{report:#}");
     assert!(before == after, "an unneeded map changed the picture");
-    edit(&fit.join("front_gamma_delta.exr"), |c, v| if c == "A" { v } else { 0.9 * v });
+    edit(&fit.join("front.exr"), |c, v| if c.starts_with("gamma") { 0.9 * v } else { v });
     let Some((after, report)) = picture() else { return };
     assert_eq!(report["passed"], false);
     assert!(before != after, "a needed map did not change the picture");
@@ -271,10 +265,10 @@ fn what_cannot_be_read_is_one_sentence() {
         assert_eq!(output.status.code(), Some(code), "{text}");
         assert!(ours.len() == 1 && ours[0].contains(part), "{text}");
     };
-    let bytes = std::fs::read(fit.join("front_gamma_delta.exr")).unwrap();
-    std::fs::write(fit.join("front_gamma_delta.exr"), &bytes[..bytes.len() / 2]).unwrap();
-    said(2, "front_gamma_delta.exr");
-    std::fs::write(fit.join("front_gamma_delta.exr"), &bytes).unwrap();
+    let bytes = std::fs::read(fit.join("front.exr")).unwrap();
+    std::fs::write(fit.join("front.exr"), &bytes[..bytes.len() / 2]).unwrap();
+    said(2, "front.exr");
+    std::fs::write(fit.join("front.exr"), &bytes).unwrap();
     std::fs::remove_file(fit.join("blade.glb")).unwrap();
     said(2, "blade.glb: no such file");
     std::fs::write(fit.join("blade.glb"), b"glTF").unwrap();

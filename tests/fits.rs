@@ -59,18 +59,6 @@ fn names(folder: &Path) -> Vec<String> {
     names
 }
 
-/// The channel of `front_err.exr` that holds the standard error of a file's channel.
-fn error_channel(what: &str, channel: &str) -> String {
-    match (what, channel) {
-        ("gamma_delta", "A") => "thickness.Y".into(),
-        ("gamma_delta", c) => format!("gamma.{c}"),
-        ("rho_s_m", "A") => "m.Y".into(),
-        ("rho_s_m", c) => format!("rho_s.{c}"),
-        ("normal", c) => format!("normal.{c}"),
-        (_, c) => c.into(),
-    }
-}
-
 fn close_maps(committed: &Path, fresh: &Path, name: &str) {
     let [old, new] = [committed, fresh].map(|f| read_exr(&f.join(name)).unwrap());
     let stem = name.trim_end_matches(".exr");
@@ -81,7 +69,7 @@ fn close_maps(committed: &Path, fresh: &Path, name: &str) {
     let channels = |m: &Maps| m.channels.iter().map(|c| c.0.clone()).collect::<Vec<_>>();
     assert_eq!((old.width, old.height, channels(&old)), (new.width, new.height, channels(&new)), "{name}");
     for ((channel, a), (_, b)) in old.channels.iter().zip(&new.channels) {
-        let error = if what == "err" { None } else { errors.get(&error_channel(what, channel)) };
+        let error = if what == "err" { None } else { errors.get(channel) };
         let mut worst = (0, 0f32);
         for k in (0..a.len()).filter(|&k| good[k] && a[k] != b[k] && !(a[k].is_nan() && b[k].is_nan())) {
             let allowed = match error {

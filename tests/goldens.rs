@@ -6,11 +6,12 @@
 mod skips;
 
 use mesophyll::files::image::{Packing, read_exr, write_exr};
+use mesophyll::files::quantity::Quantity;
+use mesophyll::leaf::edit::{Edit, save};
+use mesophyll::leaf::{File, LeafFit};
+use mesophyll::optics::side::{Side, Sides};
 use mesophyll::record::FitRecord;
-use mesophyll::scene::draw::handover::Scaling;
-use mesophyll::scene::fits::fitted::Fitted;
 use mesophyll::scene::manifest::Manifest;
-use mesophyll::scene::window::save::{Change, edited};
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -93,40 +94,31 @@ struct Tampering {
 
 /// Writes the fit `elm` under `fits` anew as the window's edit does: the maps are solved again, and everything is
 /// hashed.
-fn edit(fits: &Path, name: &str, change: impl Fn(f64) -> Change) {
+fn edit(fits: &Path, name: &str, change: impl Fn(f64) -> Edit) {
     let folder = fits.join(name);
-    let fitted = Fitted::open(name, &folder).unwrap();
-    let h = fitted.record.sections["front"].params["thickness"].value[0];
-    let change = change(h);
-    let made = edited(&fitted, &[change, change], &fits.join("edited")).unwrap();
+    let fitted = LeafFit::open(&folder).unwrap().called(name);
+    let change = change(fitted.thickness(Side::Front).unwrap());
+    let made = save(&fitted.edited(Sides::of(|_| change)), &fits.join("edited")).unwrap();
     std::fs::remove_dir_all(&folder).unwrap();
     std::fs::rename(made, folder).unwrap();
 }
 
-fn unchanged() -> Change {
-    Change { scaling: Scaling { sigma_a: [1.0; 3], sigma_s: [1.0; 3], thickness_mm: 0.0 }, rho_s: 1.0, m: 1.0 }
-}
-
-fn scaled(sigma_a: f64, thickness_mm: f64) -> Change {
-    Change { scaling: Scaling { sigma_a: [sigma_a; 3], sigma_s: [1.0; 3], thickness_mm }, ..unchanged() }
+fn scaled(sigma_a: f64, thickness_mm: f64) -> Edit {
+    Edit { sigma_a: [sigma_a; 3], thickness_mm, ..Edit::default() }
 }
 
 /// γ × .8, and ρd with it.
 fn paler(folder: &Path) {
     let mut record = FitRecord::read(folder).unwrap();
-    for side in ["front", "back"] {
-        for file in [format!("{side}.exr"), format!("{side}_gamma_delta.exr")] {
-            let path = folder.join(&file);
-            let mut maps = read_exr(&path).unwrap();
-            for (name, plane) in &mut maps.channels {
-                let of_gamma = name.starts_with("gamma.")
-                    || name.starts_with("rho_d.")
-                    || (file.contains("gamma_delta") && name != "A");
-                plane.iter_mut().filter(|_| of_gamma).for_each(|v| *v *= 0.8);
-            }
-            write_exr(&path, &maps, Packing::Zip).unwrap();
-            record.files.insert(file, mesophyll::files::hash::file(&path).unwrap());
+    for side in Side::ALL {
+        let file = File::Maps.name(side);
+        let path = folder.join(&file);
+        let mut maps = read_exr(&path).unwrap();
+        for (quantity, c) in [Quantity::Gamma, Quantity::RhoD].into_iter().flat_map(|q| (0..3).map(move |c| (q, c))) {
+            maps.plane_mut(quantity, c).unwrap().iter_mut().for_each(|v| *v *= 0.8);
         }
+        write_exr(&path, &maps, Packing::Zip).unwrap();
+        record.files.insert(file, mesophyll::files::hash::file(&path).unwrap());
     }
     record.write(folder).unwrap();
 }
@@ -146,9 +138,11 @@ const TAMPERINGS: [Tampering; 7] = [
     Tampering {
         what: "ρs × 2",
         scene: "glossy-sky",
-        act: |fits| edit(fits, "balata", |_| Change { rho_s: 2.0, ..unchanged() }),
+        act: |fits| edit(fits, "balata", |_| Edit { rho_s: 2.0, ..Edit::default() }),
     },
-    Tampering { what: "m × 2", scene: "sky", act: |fits| edit(fits, "balata", |_| Change { m: 2.0, ..unchanged() }) },
+    Tampering {
+        what: "m × 2", scene: "sky", act: |fits| edit(fits, "balata", |_| Edit { m: 2.0, ..Edit::default() })
+    },
     Tampering { what: "load × 2.5", scene: "twig", act: |fits| heavier(&fits.join("elm-twig")) },
 ];
 

@@ -143,7 +143,6 @@ fn tampered(dir: &Path, by: Tamper) -> PathBuf {
         sigma_a.iter_mut().for_each(|v| *v *= by.sigma_a);
         let (sigma_a, sigma_s) = (sigma_a.clone(), section.params["sigma_s"].value.clone());
         section.params.get_mut("thickness").unwrap().value[0] *= by.thickness;
-        let h = section.params["thickness"].value[0];
         let path = out.join(format!("{side}.exr"));
         let mut maps = read_exr(&path).unwrap();
         scale(&mut maps, "thickness.Y", by.thickness as f32);
@@ -162,13 +161,6 @@ fn tampered(dir: &Path, by: Tamper) -> PathBuf {
             set(&mut maps, &format!("rho_t.{c}"), slab.iter().map(|s| s.rho_t as f32).collect());
         }
         write_exr(&path, &maps, Packing::Zip).unwrap();
-        for (what, of, last) in [("gamma_delta", "gamma", "thickness.Y"), ("rho_s_m", "rho_s", "m.Y")] {
-            let mut packed = Maps::new(maps.width, maps.height);
-            ["R", "G", "B"].iter().for_each(|c| packed.push(*c, maps.get(&format!("{of}.{c}")).unwrap().to_vec()));
-            let shift = if what == "gamma_delta" { h as f32 } else { 0.0 };
-            packed.push("A", maps.get(last).unwrap().iter().map(|v| v - shift).collect());
-            write_exr(&out.join(format!("{side}_{what}.exr")), &packed, Packing::Zip).unwrap();
-        }
     }
     for (name, sum) in &mut record.files {
         *sum = hash::file(&out.join(name)).unwrap();

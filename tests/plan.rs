@@ -30,16 +30,14 @@ fn a_front_lit_matte_leaf_needs_neither_back_nor_gloss_nor_sky() {
     Blade { rho_s: [0.0, 0.0], ..Blade::default() }.write(&dir.path().join("fits/elm"), "elm");
     let (plan, ledger) = planned(&scene(dir.path(), "front", "elm", Some(30.0), None, ""));
     let (needed, left) = names(&plan);
-    for name in
-        ["fit elm", "elm/blade.glb", "elm/front_gamma_delta.exr", "elm/front_normal.exr", "elm/front.exr", "sun"]
-    {
+    for name in ["fit elm", "elm/blade.glb", "elm/front_gamma_delta", "elm/front_normal", "elm/front.exr", "sun"] {
         assert!(needed.contains(&name), "{name} of {needed:?}");
     }
     for name in [
-        "elm/back_gamma_delta.exr",
-        "elm/back_normal.exr",
-        "elm/back_rho_s_m.exr",
-        "elm/front_rho_s_m.exr",
+        "elm/back_gamma_delta",
+        "elm/back_normal",
+        "elm/back_rho_s_m",
+        "elm/front_rho_s_m",
         "elm/back.exr",
         "shadow maps",
         "sky",
@@ -64,10 +62,10 @@ fn light_through_the_leaf_asks_for_the_far_sides_transmittance() {
     Blade::default().write(&dir.path().join("fits/elm"), "elm");
     let (plan, _) = planned(&scene(dir.path(), "back", "elm", Some(160.0), None, ""));
     let (needed, left) = names(&plan);
-    for name in ["elm/back_gamma_delta.exr", "elm/back_normal.exr", "elm/back slab curve"] {
+    for name in ["elm/back_gamma_delta", "elm/back_normal", "elm/back slab curve"] {
         assert!(needed.contains(&name), "{name} of {needed:?}");
     }
-    for name in ["elm/front_gamma_delta.exr", "elm/front_normal.exr", "elm/front_rho_s_m.exr"] {
+    for name in ["elm/front_gamma_delta", "elm/front_normal", "elm/front_rho_s_m"] {
         assert!(left.contains(&name), "{name} of {left:?}");
     }
 }
@@ -78,10 +76,10 @@ fn a_constant_sky_alone_asks_for_both_interiors_and_no_normals() {
     Blade { rho_s: [0.0, 0.0], ..Blade::default() }.write(&dir.path().join("fits/elm"), "elm");
     let (plan, _) = planned(&scene(dir.path(), "sky", "elm", None, Some(1.0), ""));
     let (needed, left) = names(&plan);
-    for name in ["elm/front_gamma_delta.exr", "elm/back_gamma_delta.exr", "sky"] {
+    for name in ["elm/front_gamma_delta", "elm/back_gamma_delta", "sky"] {
         assert!(needed.contains(&name), "{name} of {needed:?}");
     }
-    for name in ["elm/front_normal.exr", "elm/back_normal.exr", "sun and shadow maps"] {
+    for name in ["elm/front_normal", "elm/back_normal", "sun and shadow maps"] {
         assert!(left.contains(&name), "{name} of {left:?}");
     }
 }
@@ -92,7 +90,7 @@ fn gloss_is_kept_where_it_shows_and_left_out_where_it_does_not() {
     for (rho_s, kept) in [(0.05, true), (1e-5, false)] {
         Blade { rho_s: [rho_s, 0.0], ..Blade::default() }.write(&dir.path().join("fits/elm"), "elm");
         let (plan, _) = planned(&scene(dir.path(), "gloss", "elm", Some(30.0), None, ""));
-        assert_eq!(names(&plan).0.contains(&"elm/front_rho_s_m.exr"), kept, "rho_s {rho_s}");
+        assert_eq!(names(&plan).0.contains(&"elm/front_rho_s_m"), kept, "rho_s {rho_s}");
     }
 }
 
@@ -142,15 +140,10 @@ fn gloss_that_only_a_grazing_view_shows_is_planned_for_one() {
         let (plan, _) = planned(&faint_gloss(dir.path(), zenith));
         let shows = added(zenith) > 0.004;
         assert_eq!(shows, zenith > 50.0, "{zenith}: {}", added(zenith));
-        assert_eq!(
-            names(&plan).0.contains(&"elm/front_rho_s_m.exr"),
-            shows,
-            "{zenith} degrees: adds {}",
-            added(zenith)
-        );
+        assert_eq!(names(&plan).0.contains(&"elm/front_rho_s_m"), shows, "{zenith} degrees: adds {}", added(zenith));
         if !shows {
             // The bound is no less than what is added, and not many times more.
-            let left = plan.left_out.iter().find(|l| l.name == "elm/front_rho_s_m.exr").unwrap();
+            let left = plan.left_out.iter().find(|l| l.name == "elm/front_rho_s_m").unwrap();
             let bound: f64 =
                 left.reason.split("adds at most ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
             assert!((added(zenith)..2.0 * added(zenith)).contains(&bound), "{bound} for {}", added(zenith));
@@ -185,8 +178,8 @@ fn a_glossy_side_under_a_constant_sky_needs_its_normals() {
     let (plan, _) = planned(&scene(dir.path(), "sky", "elm", None, Some(1.0), ""));
     let (needed, left) = names(&plan);
     // How much of the sky a lobe mirrors depends on the angle between normal and view.
-    assert!(needed.contains(&"elm/front_normal.exr") && needed.contains(&"elm/front_rho_s_m.exr"), "{needed:?}");
-    assert!(left.contains(&"elm/back_normal.exr"), "{left:?}");
+    assert!(needed.contains(&"elm/front_normal") && needed.contains(&"elm/front_rho_s_m"), "{needed:?}");
+    assert!(left.contains(&"elm/back_normal"), "{left:?}");
 }
 
 /// The program's own export, drawn again: metres, a node's scale and a back beside the front come out as the blade that

@@ -60,19 +60,14 @@ fn leaf_fit(beams: &Path, blade: &Path, off: f64) {
     for side in ["front", "back"] {
         let truth = read_exr(&beams.join(format!("truth/{side}.exr"))).unwrap();
         let get = |name: &str| truth.get(name).unwrap().to_vec();
-        let (mut maps, mut normals) = (Maps::new(truth.width, truth.height), Maps::new(truth.width, truth.height));
-        let texels = truth.width * truth.height;
+        let mut maps = Maps::new(truth.width, truth.height);
         for name in ["rho_d.R", "rho_d.G", "rho_d.B", "rho_t.R", "rho_t.G", "rho_t.B", "mask.Y", "thickness.Y"] {
             maps.push(name, get(name));
         }
         ["normal.X", "normal.Y", "normal.Z"].iter().for_each(|c| maps.push(*c, get(c)));
-        // As if the mesh carried the whole relief: the photographs' directions are told against the blade as it lay,
-        // not against the mesh.
-        ["X", "Y", "Z"].iter().for_each(|c| normals.push(*c, vec![f32::from(u8::from(*c == "Z")); texels]));
         write_exr(&blade.join(format!("{side}.exr")), &maps, Packing::Zip).unwrap();
-        write_exr(&blade.join(format!("{side}_normal.exr")), &normals, Packing::Zip).unwrap();
         let mut errors = Maps::new(truth.width, truth.height);
-        errors.push("thickness.Y", vec![THICKNESS_ERR_MM; texels]);
+        errors.push("thickness.Y", vec![THICKNESS_ERR_MM; truth.width * truth.height]);
         write_exr(&blade.join(format!("{side}_err.exr")), &errors, Packing::Zip).unwrap();
         let d = get("thickness.Y");
         let mut section = Section::default();

@@ -28,9 +28,6 @@ use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
 pub enum Format {
     /// A folder of 8-bit maps: rho_d, rho_t and rho_s as sRGB, the rest linear; ranges.json says what a byte means
     Png,
-    /// A folder of float OpenEXR textures for a renderer, a side: gamma and delta, rho_s and m, normals in the blade's
-    /// tangent frame
-    Packed,
     /// One float OpenEXR with every map of both sides and its standard error
     Exr,
     /// A row a texel: place, mask, every map and its standard error
@@ -45,6 +42,9 @@ pub enum Format {
     GltfTranslucent,
     /// The blade as Wavefront OBJ in mm with normals, a material library and pictures beside it
     Obj,
+    /// A folder of float OpenEXR textures for a renderer, a side: gamma and delta, rho_s and m, normals in the blade's
+    /// tangent frame
+    Packed,
     /// A sky's fitted harmonics with an evaluator for shaders, f32
     Wgsl,
     /// A sky's fitted harmonics with an evaluator as a C header, float or double
@@ -151,10 +151,10 @@ fn one_exr(sides: &[SideMaps], folder: &Path, path: &Path) -> Result<()> {
     let (width, height) = (sides[0].maps.width, sides[0].maps.height);
     let mut all = Maps::new(width, height);
     for side in sides {
-        let (own, maps) =
-            (side.side.name(), side.maps.clone().of_size(&File::Maps.path(folder, side.side), width, height)?);
-        for (name, samples) in maps.channels {
-            all.push(format!("{own}.{name}"), samples);
+        let own = side.side.name();
+        side.maps.require_size(&File::Maps.path(folder, side.side), width, height)?;
+        for (name, samples) in &side.maps.channels {
+            all.push(format!("{own}.{name}"), samples.clone());
         }
         for (name, samples) in side.errors.iter().flat_map(|m| &m.channels) {
             all.push(format!("{own}.err.{name}"), samples.clone());

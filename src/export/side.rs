@@ -28,10 +28,8 @@ impl SideMaps {
         let path = File::Maps.path(folder, side);
         let maps = image::read_exr(&path)?;
         let errors = File::Errors.path(folder, side);
-        let errors = match errors.exists() {
-            true => Some(image::read_exr(&errors)?.of_size(&errors, maps.width, maps.height)?),
-            false => None,
-        };
+        let errors = errors.exists().then(|| image::read_exr(&errors).map(|m| (m, errors))).transpose()?;
+        let errors = errors.map(|(m, path)| m.require_size(&path, maps.width, maps.height).map(|()| m)).transpose()?;
         let mask = maps.scalar(Quantity::Mask).map_or_else(|| vec![1.0; maps.width * maps.height], <[f32]>::to_vec);
         Ok(SideMaps { side, maps, errors, mask })
     }

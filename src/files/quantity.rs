@@ -103,6 +103,12 @@ impl Maps {
         self.get(&quantity.channel(c))
     }
 
+    /// Channel `c` of a quantity, to be changed.
+    pub fn plane_mut(&mut self, quantity: Quantity, c: usize) -> Option<&mut [f32]> {
+        let name = quantity.channel(c);
+        self.channels.iter_mut().find(|(n, _)| *n == name).map(|(_, plane)| &mut plane[..])
+    }
+
     /// The three channels of a colour or a direction, where all are there.
     pub fn three(&self, quantity: Quantity) -> Option<[&[f32]; 3]> {
         Some([self.plane(quantity, 0)?, self.plane(quantity, 1)?, self.plane(quantity, 2)?])
@@ -130,6 +136,14 @@ impl Maps {
         self.require(path, &quantity.channel(0))
     }
 
+    /// The channels of several quantities, one after another, to be changed.
+    ///
+    /// # Errors
+    /// As [`Maps::require_three`].
+    pub fn require_planes(&self, path: &Path, quantities: &[Quantity]) -> Result<Vec<Vec<f32>>> {
+        channels(quantities).iter().map(|name| self.require(path, name).map(<[f32]>::to_vec)).collect()
+    }
+
     /// Adds channel `c` of a quantity.
     pub fn add(&mut self, quantity: Quantity, c: usize, samples: Vec<f32>) {
         self.push(quantity.channel(c), samples);
@@ -137,10 +151,9 @@ impl Maps {
 
     /// Puts `samples` in the place of channel `c` of a quantity; adds it where it was not there.
     pub fn replace(&mut self, quantity: Quantity, c: usize, samples: Vec<f32>) {
-        let name = quantity.channel(c);
-        match self.channels.iter_mut().find(|(n, _)| *n == name) {
-            Some((_, plane)) => *plane = samples,
-            None => self.push(name, samples),
+        match self.plane_mut(quantity, c) {
+            Some(plane) => plane.copy_from_slice(&samples),
+            None => self.add(quantity, c, samples),
         }
     }
 
@@ -153,9 +166,9 @@ impl Maps {
     ///
     /// # Errors
     /// [`Error::Input`] that names the file and both sizes.
-    pub fn of_size(self, path: &Path, width: usize, height: usize) -> Result<Maps> {
+    pub fn require_size(&self, path: &Path, width: usize, height: usize) -> Result<()> {
         if (self.width, self.height) == (width, height) {
-            return Ok(self);
+            return Ok(());
         }
         let found = format!("found {}x{} texels", self.width, self.height);
         Err(Error::input(path, format!("{found}, expected {width}x{height} as of the leaf's other maps")))

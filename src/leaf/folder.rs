@@ -1,13 +1,15 @@
 //! The folder of a leaf fit: what its files are called, and the fit as it is read.
 
+use crate::edit::{self, Edit};
 use crate::{Error, Result};
 use mesophyll_files::hash;
 use mesophyll_files::image::{self, ExrInfo, Maps};
 use mesophyll_files::mesh::{self, LeafMesh};
-use mesophyll_files::quantity::{self, Quantity};
-use mesophyll_optics::side::Side;
+use mesophyll_files::quantity::Quantity;
+use mesophyll_optics::side::{Side, Sides};
 use mesophyll_record::{FitRecord, Section};
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
 
 /// The blade as a mesh, where the fit made one.
 pub const BLADE: &str = "blade.glb";
@@ -49,13 +51,16 @@ impl File {
     }
 }
 
-/// A fitted leaf, opened. Its record is read; maps are read when they are asked for.
+/// A fitted leaf, opened. Its record is read; a side's maps are read once, when they are first asked for.
 #[derive(Debug, Clone)]
 pub struct LeafFit {
     /// What its user calls it; the name in the record where nobody says otherwise.
     pub name: String,
     pub folder: PathBuf,
     pub record: FitRecord,
+    maps: Arc<Sides<OnceLock<Maps>>>,
+    /// What was changed by hand since it was fitted, and the fit as it was.
+    edited: Option<(Sides<Edit>, Box<LeafFit>)>,
 }
 
 impl LeafFit {
@@ -64,8 +69,45 @@ impl LeafFit {
     /// # Errors
     /// [`Error::Input`] where there is no fit, or one of something else.
     pub fn open(folder: &Path) -> Result<LeafFit> {
-        let record = open_as(folder, "leaf")?;
-        Ok(LeafFit { name: record.name.clone(), folder: folder.into(), record })
+        LeafFit::open_as(folder, "leaf")
+    }
+
+    /// Opens the folder of another fit that keeps its maps a side, such as a translucency fit's.
+    ///
+    /// # Errors
+    /// As [`LeafFit::open`].
+    pub fn open_as(folder: &Path, kind: &str) -> Result<LeafFit> {
+        let file = folder.join("fit.toml");
+        if !file.is_file() {
+            return Err(Error::input(
+                folder,
+                format!("no {kind} fit here (no fit.toml); `mesophyll fit {kind}` writes one"),
+            ));
+        }
+        let record = FitRecord::read(folder)?;
+        if record.kind != kind {
+            return Err(Error::field(&file, "kind", format!("found \"{}\", expected \"{kind}\"", record.kind)));
+        }
+        let name = record.name.clone();
+        Ok(LeafFit { name, folder: folder.into(), record, maps: Arc::default(), edited: None })
+    }
+
+    /// The same under the name that a scene gives it.
+    pub fn called(self, name: &str) -> LeafFit {
+        LeafFit { name: name.into(), ..self }
+    }
+
+    /// The leaf with values changed by hand: in its record at once, in its maps when they are asked for. ρd and ρt maps
+    /// stay what they were until [`LeafFit::solved`] is asked for them.
+    pub fn edited(&self, edits: Sides<Edit>) -> LeafFit {
+        let fit = self.edited.as_ref().map_or(self, |(_, fit)| fit);
+        let mut record = fit.record.clone();
+        for (side, edit) in edits.iter() {
+            if let Some(section) = record.sections.get_mut(side.name()) {
+                edit.record(section);
+            }
+        }
+        LeafFit { record, maps: Arc::default(), edited: Some((edits, Box::new(fit.clone()))), ..fit.clone() }
     }
 
     /// The sides that were fitted, the front first.
@@ -151,22 +193,46 @@ impl LeafFit {
         file.path(&self.folder, side)
     }
 
-    /// Some quantities of a side's maps, in the order asked.
-    ///
-    /// # Errors
-    /// [`Error::Input`] for a file that is missing or damaged, or lacks a channel.
-    pub fn maps(&self, side: Side, quantities: &[Quantity]) -> Result<Maps> {
-        let names = quantity::channels(quantities);
-        let names: Vec<&str> = names.iter().map(String::as_str).collect();
-        image::read_exr_rows(&self.path(File::Maps, side), Some(&names), None)
-    }
-
-    /// All maps of a side.
+    /// The maps of a side.
     ///
     /// # Errors
     /// [`Error::Input`] for a file that is missing or damaged.
-    pub fn all_maps(&self, side: Side) -> Result<Maps> {
-        image::read_exr(&self.path(File::Maps, side))
+    pub fn maps(&self, side: Side) -> Result<&Maps> {
+        let place = &self.maps[side];
+        if let Some(maps) = place.get() {
+            return Ok(maps);
+        }
+        let maps = match &self.edited {
+            None => image::read_exr(&self.path(File::Maps, side))?,
+            Some((edits, fit)) => {
+                let mut maps = fit.maps(side)?.clone();
+                edits[side].maps(&mut maps, self.thickness(side)?);
+                maps
+            }
+        };
+        Ok(place.get_or_init(|| maps))
+    }
+
+    /// Whether the maps of a side are in memory.
+    pub fn is_read(&self, side: Side) -> bool {
+        self.maps[side].get().is_some()
+    }
+
+    /// The maps of a side with ρd and ρt as the slab gives them, texel by texel, from γ, the thickness and the leaf's
+    /// σa and σs: what an edited leaf reflects and transmits.
+    ///
+    /// # Errors
+    /// As [`LeafFit::maps`], and for a parameter or a channel that is missing.
+    pub fn solved(&self, side: Side) -> Result<Maps> {
+        let (sigma_a, sigma_s) = (self.rgb(side, Quantity::SigmaA)?, self.rgb(side, Quantity::SigmaS)?);
+        let mut maps = self.maps(side)?.clone();
+        edit::solve(&self.path(File::Maps, side), &mut maps, sigma_a, sigma_s)?;
+        Ok(maps)
+    }
+
+    /// The side whose mean thickness stands for the leaf's: the front where it was fitted.
+    pub fn lead(&self) -> Side {
+        if self.has(Side::Front) { Side::Front } else { Side::Back }
     }
 
     /// Size and channels of a side's maps.
@@ -201,23 +267,4 @@ impl LeafFit {
             Some(_) => Ok(()),
         }
     }
-}
-
-/// Reads the record in `folder`, which must hold a fit of the given kind.
-///
-/// # Errors
-/// [`Error::Input`] where there is no fit, or one of another kind.
-pub fn open_as(folder: &Path, kind: &str) -> Result<FitRecord> {
-    let file = folder.join("fit.toml");
-    if !file.is_file() {
-        return Err(Error::input(
-            folder,
-            format!("no {kind} fit here (no fit.toml); `mesophyll fit {kind}` writes one"),
-        ));
-    }
-    let record = FitRecord::read(folder)?;
-    if record.kind != kind {
-        return Err(Error::field(&file, "kind", format!("found \"{}\", expected \"{kind}\"", record.kind)));
-    }
-    Ok(record)
 }

@@ -5,11 +5,13 @@
 //! standard errors), and `blade.glb`, the blade as a mesh. Lengths are in mm, σa and σs in 1/mm. Maps are row-major as
 //! the side's own camera saw them, so that the columns of the back run the other way ([`mesophyll_optics::side`]).
 
+pub mod edit;
 pub mod fill;
 mod folder;
 pub mod frames;
 pub mod pack;
+pub mod previews;
 
-pub use folder::{BLADE, File, LeafFit, open_as};
+pub use folder::{BLADE, File, LeafFit};
 
 pub(crate) use mesophyll_error::{Error, Result};

@@ -1,7 +1,7 @@
 //! W's packing for a renderer: two RGBA textures a side, and normals in the blade's tangent frame. They are made from
 //! the named maps whenever they are needed, and are not stored beside them.
 
-use crate::{File, LeafFit, Result, frames};
+use crate::{File, LeafFit, Result, fill, frames};
 use mesophyll_files::image::Maps;
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_files::quantity::Quantity;
@@ -46,8 +46,14 @@ pub fn normals(path: &Path, maps: &Maps) -> Result<Vec<[f32; 3]>> {
 /// # Errors
 /// As [`gamma_delta`], and where the mesh covers no texel.
 pub fn tangent_normals(path: &Path, maps: &Maps, side: Side, mesh: &LeafMesh) -> Result<Vec<[f32; 3]>> {
-    let frames = frames::frames(path, mesh, maps.width, maps.height)?;
-    Ok(frames::tangent_space(&normals(path, maps)?, &frames, maps.width, side))
+    let (width, height) = (maps.width, maps.height);
+    let frames = frames::frames(path, mesh, width, height)?;
+    let mut seen = [normals(path, maps)?];
+    // A fit fills its maps beyond the good texels itself; what it left undetermined takes its neighbours'.
+    let known = |n: &[f32; 3]| n.iter().all(|v| v.is_finite()) && n.iter().map(|v| v * v).sum::<f32>() > 0.25;
+    let good: Vec<bool> = seen[0].iter().map(known).collect();
+    fill::require(path, &mut seen, &good, width, height)?;
+    Ok(frames::tangent_space(&seen[0], &frames, width, side))
 }
 
 /// Normals in the tangent frame of the fit's own blade; as the camera saw them where the fit made no blade.

@@ -9,7 +9,7 @@ use std::time::Instant;
 pub struct Entry {
     /// `fit`, `read`, `hash`, `curve`, `solve`, …
     pub action: &'static str,
-    /// `elm/front_gamma_delta.exr`.
+    /// `elm/front.exr`.
     pub what: String,
     pub bytes: u64,
     pub ms: f64,

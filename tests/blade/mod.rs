@@ -104,10 +104,6 @@ impl Blade {
         for (s, side) in ["front", "back"].iter().enumerate() {
             let mut planes: BTreeMap<String, Vec<f32>> = BTreeMap::new();
             let mut put = |name: String, v: f64| planes.entry(name).or_default().push(v as f32);
-            let (mut texture1, mut texture2, mut tangent) = (Maps::new(w, h), Maps::new(w, h), Maps::new(w, h));
-            let mut t1: [Vec<f32>; 4] = Default::default();
-            let mut t2: [Vec<f32>; 4] = Default::default();
-            let mut tn: [Vec<f32>; 3] = Default::default();
             for j in 0..h {
                 for i in 0..w {
                     // The back's column i is the front's column w − 1 − i.
@@ -125,10 +121,6 @@ impl Blade {
                     let normal = (out + f.t * bx + f.b * by).normalize();
                     // As this side's camera sees it: the blade was turned about y for the back.
                     let seen = if s == 0 { normal } else { DVec3::new(-normal.x, normal.y, -normal.z) };
-                    let right = if s == 0 { f.t } else { -f.t };
-                    for (k, v) in [normal.dot(right), normal.dot(f.b), normal.dot(out)].into_iter().enumerate() {
-                        tn[k].push(or_nan(v) as f32);
-                    }
                     for (k, v) in seen.to_array().into_iter().enumerate() {
                         put(format!("normal.{}", ["X", "Y", "Z"][k]), or_nan(v));
                     }
@@ -145,11 +137,7 @@ impl Blade {
                         put(format!("sigma_a.{ch}"), or_nan(sa));
                         put(format!("sigma_s.{ch}"), or_nan(ss));
                         put(format!("gamma.{ch}"), or_nan(gamma));
-                        t1[c].push(or_nan(gamma) as f32);
-                        t2[c].push(or_nan(self.rho_s[s]) as f32);
                     }
-                    t1[3].push(or_nan(delta) as f32);
-                    t2[3].push(or_nan(self.m[s]) as f32);
                     put("m.Y".into(), or_nan(self.m[s]));
                     put("thickness.Y".into(), or_nan(thickness));
                     put("mask.Y".into(), f64::from(u8::from(good)));
@@ -162,16 +150,6 @@ impl Blade {
             }
             write_exr(&dir.join(format!("{side}.exr")), &maps, Packing::Zip).unwrap();
             write_exr(&dir.join(format!("{side}_err.exr")), &maps, Packing::Zip).unwrap();
-            for (k, ch) in ["R", "G", "B", "A"].iter().enumerate() {
-                texture1.push(*ch, t1[k].clone());
-                texture2.push(*ch, t2[k].clone());
-            }
-            for (k, ch) in ["X", "Y", "Z"].iter().enumerate() {
-                tangent.push(*ch, tn[k].clone());
-            }
-            write_exr(&dir.join(format!("{side}_gamma_delta.exr")), &texture1, Packing::Zip).unwrap();
-            write_exr(&dir.join(format!("{side}_rho_s_m.exr")), &texture2, Packing::Zip).unwrap();
-            write_exr(&dir.join(format!("{side}_normal.exr")), &tangent, Packing::Zip).unwrap();
             let param = |value: Vec<f64>, unit: &str| Param {
                 stderr: vec![0.0; value.len()],
                 value,
@@ -310,18 +288,12 @@ pub fn copy(from: &Path, to: &Path) {
 pub fn tamper(how: &str, fit: &Path) {
     let srgb = |v: f32| if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
     match how {
-        "mirrored normal" => {
-            edit(&fit.join("front_normal.exr"), |c, v| if c == "X" { -v } else { v });
-            edit(&fit.join("front.exr"), |c, v| if c == "normal.X" { -v } else { v });
-        }
-        "mirrored normal of one renderer" => edit(&fit.join("front_normal.exr"), |c, v| if c == "X" { -v } else { v }),
+        "mirrored normal" => edit(&fit.join("front.exr"), |c, v| if c == "normal.X" { -v } else { v }),
         "swapped sides" => {
-            for what in [".exr", "_gamma_delta.exr", "_rho_s_m.exr", "_normal.exr"] {
-                let (a, b) = (fit.join(format!("front{what}")), fit.join(format!("back{what}")));
-                let (x, y) = (std::fs::read(&a).unwrap(), std::fs::read(&b).unwrap());
-                std::fs::write(a, y).unwrap();
-                std::fs::write(b, x).unwrap();
-            }
+            let (a, b) = (fit.join("front.exr"), fit.join("back.exr"));
+            let (x, y) = (std::fs::read(&a).unwrap(), std::fs::read(&b).unwrap());
+            std::fs::write(a, y).unwrap();
+            std::fs::write(b, x).unwrap();
             let mut record = FitRecord::read(fit).unwrap();
             let (front, back) = (record.sections["front"].clone(), record.sections["back"].clone());
             record.sections.insert("front".into(), back);
@@ -332,7 +304,6 @@ pub fn tamper(how: &str, fit: &Path) {
             let mut record = FitRecord::read(fit).unwrap();
             for side in ["front", "back"] {
                 record.sections.get_mut(side).unwrap().params.get_mut("thickness").unwrap().value[0] *= 1.3;
-                edit(&fit.join(format!("{side}_gamma_delta.exr")), |c, v| if c == "A" { 1.3 * v } else { v });
                 edit(&fit.join(format!("{side}.exr")), |c, v| if c == "thickness.Y" { 1.3 * v } else { v });
             }
             record.write(fit).unwrap();
@@ -346,7 +317,6 @@ pub fn tamper(how: &str, fit: &Path) {
         }
         "sRGB read as linear" => {
             for side in ["front", "back"] {
-                edit(&fit.join(format!("{side}_gamma_delta.exr")), |c, v| if c == "A" { v } else { srgb(v) });
                 edit(&fit.join(format!("{side}.exr")), |c, v| if c.starts_with("gamma") { srgb(v) } else { v });
             }
         }

@@ -4,7 +4,6 @@
 use super::{Fitted, Options};
 use crate::Result;
 use crate::leaf::blade::{Blade, Grid, glb, mesh};
-use crate::leaf::{map_path, textures};
 use mesophyll_capture::dome::Capture;
 use mesophyll_capture::dome::defect::Defect;
 use mesophyll_capture::dome::highlight::fresnel_normal;
@@ -12,7 +11,7 @@ use mesophyll_capture::dome::reduce::Reduced;
 use mesophyll_files::hash;
 use mesophyll_files::image::{Maps, Packing, write_exr};
 use mesophyll_files::quantity::Quantity;
-use mesophyll_leaf::{BLADE, File, fill};
+use mesophyll_leaf::{BLADE, File, fill, previews};
 use mesophyll_optics::side::Side;
 use mesophyll_record::{FitRecord, Param, Section, TruthError};
 use std::collections::BTreeMap;
@@ -57,13 +56,11 @@ pub fn write(
         let (values, errors) = maps(&grid, reduced, fitted, options);
         write_exr(&File::Maps.path(out, fitted.side), &values, Packing::Zip)?;
         write_exr(&File::Errors.path(out, fitted.side), &errors, Packing::Zip)?;
-        textures::packed(out, &grid, mean(fitted), fitted.side, &values, blade.as_ref())?;
-        textures::previews(out, fitted.side, &values)?;
+        previews::write(out, fitted.side, &values)?;
         let mut section = section(reduced, fitted);
         section.truth = truth(capture, fitted, &values, &errors)?;
         record.sections.insert(fitted.side.name().into(), section);
         names.extend([File::Maps, File::Errors].map(|f| f.path(Path::new(""), fitted.side)));
-        names.extend(["gamma_delta", "rho_s_m", "normal"].map(|what| map_path(Path::new(""), fitted.side, what)));
     }
     if let Some(blade) = &blade {
         glb::write(&out.join(BLADE), &m.name, blade)?;

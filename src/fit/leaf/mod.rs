@@ -17,7 +17,6 @@ mod side;
 pub mod sides;
 pub mod slabmaps;
 pub mod texels;
-pub mod textures;
 mod truth;
 mod undetermined;
 pub mod wide;
@@ -30,8 +29,7 @@ use mesophyll_capture::manifest::{Pass, Travel};
 use mesophyll_capture::reader::Capture;
 use mesophyll_files::progress::Bar;
 use mesophyll_optics::gloss::Lobe;
-use mesophyll_optics::side::Side;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Instant;
 use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
 use texels::{Job, Shard};
@@ -206,7 +204,7 @@ fn fit(folder: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
     let out = maker.begin()?.to_path_buf();
     for (fitted, judged) in done.iter().zip(judged) {
         let truth = truth::compare(&capture, fitted)?;
-        output::side(&out, &capture, fitted, &level, blade.as_ref(), truth, judged, &mut record)?;
+        output::side(&out, &capture, fitted, &level, truth, judged, &mut record)?;
     }
     output::finish(&out, &capture, blade.as_ref(), &mut record)?;
     maker.times.phase("write maps", step);
@@ -219,9 +217,4 @@ fn fit(folder: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
         )));
     }
     Ok(Outcome::Done(Box::new(record)))
-}
-
-/// Names of the files of W's packed textures in a fit folder.
-pub fn map_path(folder: &Path, side: Side, what: &str) -> PathBuf {
-    folder.join(format!("{}_{what}.exr", side.name()))
 }

@@ -7,13 +7,13 @@ use crate::leaf::held_out::{self, Judged, Splits};
 use crate::leaf::interior::Fitted;
 use crate::leaf::noise::Level;
 use crate::leaf::truth::Comparison;
-use crate::leaf::{Options, map_path, texels, textures};
+use crate::leaf::{Options, texels};
 use mesophyll_capture::inspect::{Inspection, mirror};
 use mesophyll_capture::reader::Capture;
 use mesophyll_files::hash;
 use mesophyll_files::image::{Maps, Packing, write_exr};
 use mesophyll_files::quantity::Quantity;
-use mesophyll_leaf::{BLADE, File, fill};
+use mesophyll_leaf::{BLADE, File, fill, previews};
 use mesophyll_optics::side::Side;
 use mesophyll_record::scan::Scan;
 use mesophyll_record::{FitRecord, MIRROR, NOISE_SEEN, Param, Residuals, Section};
@@ -105,7 +105,6 @@ pub fn side(
     capture: &Capture,
     fitted: &Fitted,
     level: &Level,
-    blade: Option<&Blade>,
     truth: Comparison,
     judged: Judged,
     record: &mut FitRecord,
@@ -113,16 +112,13 @@ pub fn side(
     let (values, errors) = maps(fitted, capture);
     write_exr(&File::Maps.path(out, fitted.side), &values, Packing::Zip)?;
     write_exr(&File::Errors.path(out, fitted.side), &errors, Packing::Zip)?;
-    let m = &capture.manifest;
-    let grid = Grid { width: m.width, height: m.height, texel: m.texel_mm };
     // What the report sets the σ maps against: no part of the fit, so it is not hashed. An earlier fit's truth is not
     // this one's.
     match &truth.pigment {
         Some(pigment) => write_exr(&File::Truth.path(out, fitted.side), pigment, Packing::Zip)?,
         None => drop(std::fs::remove_file(File::Truth.path(out, fitted.side))),
     }
-    textures::packed(out, &grid, m.thickness_mm, fitted.side, &values, blade)?;
-    textures::previews(out, fitted.side, &values)?;
+    previews::write(out, fitted.side, &values)?;
     if let Some(frames) = &judged.stored {
         write_exr(&File::HeldOut.path(out, fitted.side), frames, Packing::Zip)?;
     }
@@ -147,9 +143,6 @@ pub fn finish(out: &Path, capture: &Capture, blade: Option<&Blade>, record: &mut
     let mut names = vec![BLADE.to_string()];
     for side in &capture.manifest.sides {
         names.extend(File::ALL.map(|f| f.name(*side)));
-        for what in ["gamma_delta", "rho_s_m", "normal"] {
-            names.push(map_path(Path::new(""), *side, what).to_string_lossy().into_owned());
-        }
     }
     for name in names {
         let path = out.join(&name);

@@ -105,10 +105,9 @@ fn side(
     size: &mut Option<(usize, usize)>,
 ) -> Result<SideMaps> {
     let path = leaf.path(File::Maps, name);
-    let quantities = [Quantity::RhoD, Quantity::RhoT, Quantity::Mask, Quantity::Thickness, Quantity::Normal];
-    let maps = leaf.maps(name, &quantities)?;
+    let maps = leaf.maps(name)?;
     let (width, height) = *size.get_or_insert((maps.width, maps.height));
-    let maps = maps.of_size(&path, width, height)?;
+    maps.require_size(&path, width, height)?;
     let code = maps.require_scalar(&path, Quantity::Mask)?;
     let mask: Vec<bool> = code.iter().map(|v| *v != 0.0).collect();
     let good: Vec<bool> = code.iter().map(|v| *v == 1.0).collect();
@@ -121,8 +120,8 @@ fn side(
         Ok(planes)
     };
     let seen = match frame {
-        Frame::Mesh => pack::blade_normals(leaf, name, &maps)?,
-        Frame::Photograph => pack::normals(&path, &maps)?,
+        Frame::Mesh => pack::blade_normals(leaf, name, maps)?,
+        Frame::Photograph => pack::normals(&path, maps)?,
     };
     let mut normal = [seen.into_iter().map(|n| unit(n.map(f64::from))).collect::<Vec<[f64; 3]>>()];
     fill::nearest(&mut normal, &good, width, height);

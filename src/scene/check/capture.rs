@@ -13,12 +13,12 @@
 use super::report::exceeds;
 use super::{Options, told};
 use crate::draw::scanned::Scanned;
-use crate::ledger::Ledger;
 use crate::loaded::Scene;
 use crate::manifest::{View, ViewKind};
 use crate::{Error, Result};
 use mesophyll_files::image::{to_srgb8, write_png};
 use mesophyll_fit::leaf::held_out::{self, BAD, Kept, KeptFrame, Tally};
+use mesophyll_leaf::File;
 use mesophyll_optics::side::Side;
 use mesophyll_record::scan::Scan;
 use mesophyll_transport as transport;
@@ -102,8 +102,7 @@ pub fn all(
                 continue;
             };
             let scanned = Scanned::new(fitted, side)?;
-            let files = ["", "_gamma_delta", "_rho_s_m", "_held_out"].map(|what| format!("{}{what}.exr", side.name()));
-            let changed = fitted.verify(files.iter().map(String::as_str), &Ledger::new()).err();
+            let changed = [File::Maps, File::HeldOut].into_iter().find_map(|f| fitted.verify(&f.name(side)).err());
             let mut wanted: Vec<(String, &KeptFrame, f64)> = Vec::new();
             for view in &own {
                 match chosen(&kept, view) {

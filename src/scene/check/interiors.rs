@@ -5,10 +5,13 @@ use super::{open, told};
 use crate::Result;
 use crate::draw::handover;
 use crate::draw::reference;
+use crate::fits::reads;
 use crate::ledger::Ledger;
 use crate::loaded::{Leaf, Scene};
 use crate::manifest::{Interior, Manifest, ViewKind};
 use crate::placed::leaf::Search;
+use mesophyll_files::quantity::Quantity;
+use mesophyll_leaf::{File, fill};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
 use mesophyll_transport::{self as transport, compare as measure};
@@ -86,17 +89,13 @@ fn measured_world(scene: &Scene, ledger: &Ledger) -> Result<transport::World> {
             if !leaf.plan.sides[s].interior() {
                 continue;
             }
-            let file = format!("{}.exr", side.name());
-            let maps = fitted.maps(
-                &file,
-                &["rho_d.R", "rho_d.G", "rho_d.B", "rho_t.R", "rho_t.G", "rho_t.B", "mask.Y"],
-                ledger,
-            )?;
-            let mut planes: Vec<Vec<f32>> = maps.channels.into_iter().map(|(_, p)| p).collect();
+            let path = fitted.path(File::Maps, side);
+            let maps = reads::maps(fitted, side, ledger)?;
+            let mut planes = maps.require_planes(&path, &[Quantity::RhoD, Quantity::RhoT, Quantity::Mask])?;
             let good: Vec<bool> = (0..maps.width * maps.height)
                 .map(|k| planes[6][k] > 0.0 && planes.iter().all(|p| p[k].is_finite()))
                 .collect();
-            crate::fits::fitted::fill(&fitted.folder.join(&file), maps.width, maps.height, &mut planes, |k| good[k])?;
+            fill::require(&path, &mut planes, &good, maps.width, maps.height)?;
             let mut take = |c: usize| std::mem::take(&mut planes[c]);
             let interior =
                 transport::Interior::Maps { rho_d: [take(0), take(1), take(2)], rho_t: [take(3), take(4), take(5)] };
@@ -114,14 +113,11 @@ fn fit_error(leaf: Leaf, ledger: &Ledger) -> Result<f64> {
         if !leaf.plan.sides[s].interior() {
             continue;
         }
-        let mut names = vec!["mask.Y".to_string(), "thickness.Y".to_string()];
-        for what in ["gamma", "sigma_a", "sigma_s", "rho_d", "rho_t"] {
-            names.extend(["R", "G", "B"].map(|c| format!("{what}.{c}")));
-        }
-        let names: Vec<&str> = names.iter().map(String::as_str).collect();
-        let maps = fitted.maps(&format!("{}.exr", side.name()), &names, ledger)?;
-        let p: Vec<&[f32]> = maps.channels.iter().map(|(_, p)| p.as_slice()).collect();
-        let (sigma_a, sigma_s) = (fitted.rgb(side, "sigma_a")?, fitted.rgb(side, "sigma_s")?);
+        let maps = reads::maps(fitted, side, ledger)?;
+        let one = [Quantity::Mask, Quantity::Thickness];
+        let three = [Quantity::Gamma, Quantity::SigmaA, Quantity::SigmaS, Quantity::RhoD, Quantity::RhoT];
+        let p = maps.require_planes(&fitted.path(File::Maps, side), &[&one[..], &three].concat())?;
+        let (sigma_a, sigma_s) = (fitted.rgb(side, Quantity::SigmaA)?, fitted.rgb(side, Quantity::SigmaS)?);
         let n = maps.width * maps.height;
         // Tens of thousands of texels tell a root mean square.
         for k in (0..n).step_by((n / 20_000).max(1)).filter(|&k| p[0][k] > 0.0 && p.iter().all(|q| q[k].is_finite())) {

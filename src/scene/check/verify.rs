@@ -3,9 +3,10 @@
 
 use super::consistency;
 use crate::Result;
-use crate::fits::fitted::Fitted;
+use crate::fits::reads;
 use crate::ledger::Ledger;
 use crate::loaded::Scene;
+use mesophyll_leaf::LeafFit;
 use mesophyll_record::FitRecord;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -16,7 +17,7 @@ use std::path::PathBuf;
 /// [`crate::Error::Input`] for a file that cannot be read.
 pub fn verify(scene: &Scene, ledger: &Ledger) -> Result<Vec<String>> {
     let Scene { manifest, placed, plan, .. } = scene;
-    let fits: Vec<&Fitted> = placed
+    let fits: Vec<&LeafFit> = placed
         .leaves
         .iter()
         .flat_map(|l| [l.fitted.as_ref(), l.translucent.as_ref().and_then(|t| t.fitted.as_ref())])
@@ -32,7 +33,7 @@ pub fn verify(scene: &Scene, ledger: &Ledger) -> Result<Vec<String>> {
             if let Some(file) = need.name.strip_prefix(&prefix)
                 && need.bytes.is_some()
                 && fitted.folder.join(file).is_file()
-                && let Err(e) = fitted.verify([file], ledger)
+                && let Err(e) = reads::verify(fitted, file, ledger)
             {
                 out.push(e.to_string());
             }

@@ -2,7 +2,7 @@
 //! that both renderers can be judged by something that neither of them computed.
 
 use super::reference;
-use crate::fits::fitted::Fitted;
+use crate::fits::reads;
 use crate::ledger::Ledger;
 use crate::loaded::Scene;
 use crate::manifest::{Manifest, View};
@@ -10,6 +10,8 @@ use crate::placed::placement;
 use crate::{Error, Result};
 use glam::{DMat4, DVec3};
 use mesophyll_files::mesh::LeafMesh;
+use mesophyll_files::quantity::Quantity;
+use mesophyll_leaf::{File, LeafFit};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
 use mesophyll_transport::{self as transport, closed_form};
@@ -131,24 +133,19 @@ impl Card {
 }
 
 /// Means over the good texels of `{side}.exr`.
-fn patch(fitted: &Fitted, side: Side, ledger: &Ledger) -> Result<Patch> {
-    let file = format!("{}.exr", side.name());
-    const CHANNELS: [&str; 9] =
-        ["mask.Y", "gamma.R", "gamma.G", "gamma.B", "thickness.Y", "rho_s.R", "rho_s.G", "rho_s.B", "m.Y"];
-    let maps = fitted.maps(&file, &CHANNELS, ledger)?;
-    let planes: Vec<&[f32]> = maps.channels.iter().map(|(_, p)| p.as_slice()).collect();
+fn patch(fitted: &LeafFit, side: Side, ledger: &Ledger) -> Result<Patch> {
+    let path = fitted.path(File::Maps, side);
+    let maps = reads::maps(fitted, side, ledger)?;
+    let quantities = [Quantity::Mask, Quantity::Gamma, Quantity::Thickness, Quantity::RhoS, Quantity::M];
+    let planes = maps.require_planes(&path, &quantities)?;
     let good: Vec<usize> = (0..maps.width * maps.height)
         .filter(|&k| planes[0][k] > 0.0 && planes.iter().all(|p| p[k].is_finite()))
         .collect();
     if good.is_empty() {
-        return Err(Error::field(
-            &fitted.folder.join(&file),
-            "mask.Y",
-            "found no good texel, expected some on the leaf",
-        ));
+        return Err(Error::field(&path, &Quantity::Mask.channel(0), "found no good texel, expected some on the leaf"));
     }
     let mean = |c: usize| good.iter().map(|&k| f64::from(planes[c][k])).sum::<f64>() / good.len() as f64;
-    let (sigma_a, sigma_s) = (fitted.rgb(side, "sigma_a")?, fitted.rgb(side, "sigma_s")?);
+    let (sigma_a, sigma_s) = (fitted.rgb(side, Quantity::SigmaA)?, fitted.rgb(side, Quantity::SigmaS)?);
     let (gamma, thickness) = ([mean(1), mean(2), mean(3)], mean(4));
     let at = [0, 1, 2].map(|c| slab::exact::response(sigma_a[c], sigma_s[c], thickness));
     Ok(Patch {

@@ -6,7 +6,7 @@
 
 use super::card::Card;
 use super::detail;
-use crate::fits::fitted::fill;
+use crate::fits::reads;
 use crate::ledger::Ledger;
 use crate::loaded::curve::{Curve, curve};
 use crate::loaded::map_levels::halve;
@@ -18,6 +18,8 @@ use crate::placed::daylight::{self, Daylight, sun_direction};
 use crate::{Error, Result};
 use glam::{Vec2, Vec3, Vec4};
 use mesophyll_files::mesh::LeafMesh;
+use mesophyll_files::quantity::Quantity;
+use mesophyll_leaf::{File, fill};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
 use mesophyll_sky::fitted::Folded;
@@ -193,8 +195,7 @@ fn one_leaf(manifest: &Manifest, leaf: Leaf, ledger: &Ledger) -> Result<viewer::
         ));
     };
     // One thickness a leaf: a side fitted with another h has the difference moved into its δ.
-    let lead = if fitted.has(Side::Front) { Side::Front } else { Side::Back };
-    let h = fitted.thickness(lead)?;
+    let h = fitted.thickness(fitted.lead())?;
     let mut sides = viewer::Sides::of(|_| viewer::SideMaps::black());
     for (s, side) in Side::ALL.into_iter().enumerate() {
         let needs = leaf.plan.sides[s];
@@ -244,7 +245,7 @@ fn interior(kind: Interior, leaf: Leaf, s: usize, side: Side, shift: f32, ledger
             out.interior = viewer::Interior::Scalars(slab_curve(curve));
         }
         Interior::Maps => {
-            let [rho_d, rho_t] = pigment(leaf, side, &Scaling::default(), ledger)?;
+            let [rho_d, rho_t] = pigment(leaf, side, ledger)?;
             out.interior =
                 viewer::Interior::Maps { rho_d: shrink(&rho_d, leaf, mean3), rho_t: shrink(&rho_t, leaf, mean3) };
         }
@@ -252,77 +253,44 @@ fn interior(kind: Interior, leaf: Leaf, s: usize, side: Side, shift: f32, ledger
     Ok(out)
 }
 
-/// What an edit does to pigment maps: factors a channel, and what is added to the thickness (mm).
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Scaling {
-    pub sigma_a: [f64; 3],
-    pub sigma_s: [f64; 3],
-    pub thickness_mm: f64,
-}
-
-impl Default for Scaling {
-    fn default() -> Self {
-        Scaling { sigma_a: [1.0; 3], sigma_s: [1.0; 3], thickness_mm: 0.0 }
-    }
-}
-
 /// ρd and ρt of every texel, solved from σa(x), σs(x) and the thickness.
-pub fn pigment(leaf: Leaf, side: Side, edit: &Scaling, ledger: &Ledger) -> Result<[Vec<[f32; 3]>; 2]> {
+///
+/// # Errors
+/// [`Error::Input`] for a map that cannot be read.
+pub fn pigment(leaf: Leaf, side: Side, ledger: &Ledger) -> Result<[Vec<[f32; 3]>; 2]> {
     let Some(fitted) = &leaf.placed.fitted else { return Ok(Default::default()) };
-    let file = format!("{}.exr", side.name());
-    const CHANNELS: [&str; 7] =
-        ["sigma_a.R", "sigma_a.G", "sigma_a.B", "sigma_s.R", "sigma_s.G", "sigma_s.B", "thickness.Y"];
-    let maps = fitted.maps(&file, &CHANNELS, ledger)?;
-    let planes: Vec<&[f32]> = maps.channels.iter().map(|(_, p)| p.as_slice()).collect();
-    let n = maps.width * maps.height;
-    let good: Vec<bool> =
-        (0..n).map(|k| planes.iter().all(|p| p[k].is_finite() && p[k] >= 0.0) && planes[6][k] > 0.0).collect();
-    let solved: Vec<[f32; 6]> = ledger.note("solve", fitted.entry(&file), 0, || {
-        (0..n)
-            .into_par_iter()
-            .map(|k| {
-                if !good[k] {
-                    return [f32::NAN; 6];
-                }
-                let h = (f64::from(planes[6][k]) + edit.thickness_mm).max(1e-6);
-                let r = [0, 1, 2].map(|c| {
-                    slab::response(
-                        f64::from(planes[c][k]) * edit.sigma_a[c],
-                        f64::from(planes[3 + c][k]) * edit.sigma_s[c],
-                        h,
-                    )
-                });
-                [r[0].rho_d, r[1].rho_d, r[2].rho_d, r[0].rho_t, r[1].rho_t, r[2].rho_t].map(|v| v as f32)
-            })
-            .collect()
+    let path = fitted.path(File::Maps, side);
+    let maps = reads::maps(fitted, side, ledger)?;
+    let sigma = maps.require_planes(&path, &[Quantity::SigmaA, Quantity::SigmaS])?;
+    let thickness = maps.require_scalar(&path, Quantity::Thickness)?;
+    let texel = |k: usize| {
+        if !(thickness[k] > 0.0 && sigma.iter().all(|p| p[k] >= 0.0 && p[k].is_finite())) {
+            return [[f32::NAN; 3]; 2];
+        }
+        let h = f64::from(thickness[k]);
+        let r = [0, 1, 2].map(|c| slab::response(f64::from(sigma[c][k]), f64::from(sigma[3 + c][k]), h));
+        [r.map(|r| r.rho_d as f32), r.map(|r| r.rho_t as f32)]
+    };
+    let solved: Vec<[[f32; 3]; 2]> = ledger.note("solve", reads::entry(fitted, &File::Maps.name(side)), 0, || {
+        (0..thickness.len()).into_par_iter().map(texel).collect()
     });
-    let mut six: Vec<Vec<f32>> = (0..6).map(|c| solved.iter().map(|t| t[c]).collect()).collect();
-    fill(&fitted.folder.join(&file), maps.width, maps.height, &mut six, |k| {
-        good[k] && solved[k].iter().all(|v| v.is_finite())
-    })?;
-    let rgb = |first: usize| (0..n).map(|k| [six[first][k], six[first + 1][k], six[first + 2][k]]).collect();
-    Ok([rgb(0), rgb(3)])
+    let good: Vec<bool> = solved.iter().map(|t| t.iter().flatten().all(|v| v.is_finite())).collect();
+    let mut both = [0, 1].map(|q: usize| solved.iter().map(|t| t[q]).collect::<Vec<_>>());
+    fill::require(&path, &mut both, &good, maps.width, maps.height)?;
+    Ok(both)
 }
 
 fn normals(leaf: Leaf, side: Side, ledger: &Ledger) -> Result<Vec<[f32; 3]>> {
     let Some(fitted) = &leaf.placed.fitted else { return Ok(Vec::new()) };
-    let file = format!("{}_normal.exr", side.name());
-    let maps = fitted.maps(&file, &["X", "Y", "Z"], ledger)?;
-    fitted.same_size(leaf.plan.size, [maps.width, maps.height], &file)?;
-    let mut planes: Vec<Vec<f32>> = maps.channels.into_iter().map(|(_, p)| p).collect();
-    let good: Vec<bool> = (0..planes[0].len())
-        .map(|k| planes.iter().all(|p| p[k].is_finite()) && planes.iter().map(|p| p[k] * p[k]).sum::<f32>() > 0.25)
-        .collect();
-    fill(&fitted.folder.join(&file), maps.width, maps.height, &mut planes, |k| good[k])?;
-    let texels: Vec<[f32; 3]> = (0..good.len()).map(|k| [planes[0][k], planes[1][k], planes[2][k]]).collect();
-    Ok(shrink(&texels, leaf, mean3))
+    Ok(shrink(&reads::normals(fitted, side, ledger)?, leaf, mean3))
 }
 
 /// 1 where the fit found leaf, in the front's columns; for meshes that are not trimmed to the outline.
 fn mask(leaf: Leaf, ledger: &Ledger) -> Result<Vec<u8>> {
     let Some(fitted) = &leaf.placed.fitted else { return Ok(Vec::new()) };
-    let maps = fitted.maps("front.exr", &["mask.Y"], ledger)?;
-    let on: Vec<u8> = maps.channels[0].1.iter().map(|v| u8::from(*v != 0.0)).collect();
+    let maps = reads::maps(fitted, Side::Front, ledger)?;
+    let mask = maps.require_scalar(&fitted.path(File::Maps, Side::Front), Quantity::Mask)?;
+    let on: Vec<u8> = mask.iter().map(|v| u8::from(*v != 0.0)).collect();
     Ok(shrink(&on, leaf, |a, b, c, d| u8::from(a + b + c + d >= 2)))
 }
 

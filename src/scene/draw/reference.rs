@@ -4,7 +4,7 @@
 //! both sides are drawn wherever the fit has them.
 
 use super::sunlit::relight;
-use crate::fits::fitted::{Fitted, fill};
+use crate::fits::reads;
 use crate::ledger::Ledger;
 use crate::loaded::{Leaf, Scene};
 use crate::manifest::{self, Interior, Manifest, View};
@@ -14,7 +14,8 @@ use crate::placed::daylight::{Daylight, sun_direction};
 use crate::{Error, Result};
 use glam::{DMat4, DVec3, DVec4};
 use mesophyll_files::mesh::LeafMesh;
-use mesophyll_leaf::frames;
+use mesophyll_files::quantity::Quantity;
+use mesophyll_leaf::{File, LeafFit, fill};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
 use mesophyll_transport::{self as transport, lobe, world};
@@ -172,18 +173,11 @@ fn one_leaf(manifest: &Manifest, leaf: Leaf, ledger: &Ledger) -> Result<transpor
             "not fitted yet; `mesophyll run` fits it",
         ));
     };
-    // Normals were seen on the blade that was scanned, whatever blade is drawn.
-    let scanned = match &config.mesh {
-        Some(_) if fitted.folder.join("blade.glb").is_file() => {
-            Some(mesophyll_files::mesh::read(&fitted.folder.join("blade.glb"), None)?)
-        }
-        _ => None,
-    };
     let mut size = leaf.plan.size;
     let (mut sides, mut mask) = ([None, None], None);
     for (s, side) in Side::ALL.into_iter().enumerate().filter(|(_, side)| fitted.has(*side)) {
-        let read = one_side(config, fitted, s, side, scanned.as_ref().unwrap_or(blade), ledger)?;
-        size = fitted.same_size(size, read.size, &format!("{}.exr", side.name()))?;
+        let read = one_side(config, fitted, side, ledger)?;
+        size = reads::same_size(fitted, side, size, read.size)?;
         if config.mesh.is_some() && s == 0 {
             mask = Some(read.on_leaf);
         }
@@ -208,53 +202,34 @@ struct ReadSide {
     on_leaf: Vec<u8>,
 }
 
-fn one_side(
-    config: &manifest::Leaf,
-    fitted: &Fitted,
-    s: usize,
-    side: Side,
-    scanned: &LeafMesh,
-    ledger: &Ledger,
-) -> Result<ReadSide> {
-    let file = format!("{}.exr", side.name());
-    let path = fitted.folder.join(&file);
-    const COMMON: [&str; 9] =
-        ["mask.Y", "thickness.Y", "rho_s.R", "rho_s.G", "rho_s.B", "m.Y", "normal.X", "normal.Y", "normal.Z"];
-    const INSIDE: usize = COMMON.len();
-    let pigment = config.interior == Interior::Maps;
-    let inside: &[&str] = if pigment {
-        &["sigma_a.R", "sigma_a.G", "sigma_a.B", "sigma_s.R", "sigma_s.G", "sigma_s.B"]
-    } else {
-        &["gamma.R", "gamma.G", "gamma.B"]
-    };
-    let maps = fitted.maps(&file, &[&COMMON, inside].concat(), ledger)?;
+fn one_side(config: &manifest::Leaf, fitted: &LeafFit, side: Side, ledger: &Ledger) -> Result<ReadSide> {
+    let path = fitted.path(File::Maps, side);
+    let maps = reads::maps(fitted, side, ledger)?;
     let (width, height) = (maps.width, maps.height);
-    let mut planes: Vec<Vec<f32>> = maps.channels.into_iter().map(|(_, p)| p).collect();
+    let pigment = config.interior == Interior::Maps;
+    let inside: &[Quantity] = if pigment { &[Quantity::SigmaA, Quantity::SigmaS] } else { &[Quantity::Gamma] };
+    let common = [Quantity::Mask, Quantity::Thickness, Quantity::M, Quantity::RhoS];
+    let mut planes = maps.require_planes(&path, &[&common, inside].concat())?;
     // A fit fills its maps beyond the good texels itself; what it left undetermined is filled here.
     let good: Vec<bool> = (0..width * height).map(|k| planes.iter().all(|p| p[k].is_finite())).collect();
     let on_leaf = planes[0].iter().map(|v| u8::from(*v != 0.0)).collect();
-    fill(&path, width, height, &mut planes, |k| good[k])?;
-    let three = |planes: &mut [Vec<f32>], at: usize| [0, 1, 2].map(|c| std::mem::take(&mut planes[at + c]));
-    let seen: Vec<[f32; 3]> = (0..width * height).map(|k| [6, 7, 8].map(|c: usize| planes[c][k])).collect();
-    let frames = frames::frames(&path, scanned, width, height)?;
-    let values = frames::tangent_space(&seen, &frames, width, Side::ALL[s]);
-    let normal = Some(transport::NormalMap { frame: transport::NormalFrame::Tangent, values });
+    fill::require(&path, &mut planes, &good, width, height)?;
+    let mut planes = planes.into_iter().skip(1);
+    let mut one = || planes.next().unwrap_or_default();
+    let (thickness, m) = (one(), one());
+    let rho_s = [one(), one(), one()];
     let interior = if pigment {
-        solved(&planes[1], &planes[INSIDE..])
+        solved(&thickness, &[one(), one(), one(), one(), one(), one()])
     } else {
-        let thickness = std::mem::take(&mut planes[1]);
         let (low, high) =
             thickness.iter().fold((f64::INFINITY, 0f64), |(a, b), h| (a.min(f64::from(*h)), b.max(f64::from(*h))));
-        let curve = Chebyshev::new(fitted.rgb(side, "sigma_a")?, fitted.rgb(side, "sigma_s")?, low, high);
-        transport::Interior::Scalars {
-            gamma: three(&mut planes, INSIDE),
-            thickness,
-            curve: Arc::new(move |h| curve.at(h)),
-        }
+        let curve = Chebyshev::new(fitted.rgb(side, Quantity::SigmaA)?, fitted.rgb(side, Quantity::SigmaS)?, low, high);
+        transport::Interior::Scalars { gamma: [one(), one(), one()], thickness, curve: Arc::new(move |h| curve.at(h)) }
     };
-    let rho_s = three(&mut planes, 2);
+    let values = reads::normals(fitted, side, ledger)?;
+    let normal = Some(transport::NormalMap { frame: transport::NormalFrame::Tangent, values });
     let glossy = rho_s.iter().flatten().any(|v| *v > 0.0);
-    let gloss = glossy.then(|| transport::Gloss { rho_s, m: std::mem::take(&mut planes[5]) });
+    let gloss = glossy.then_some(transport::Gloss { rho_s, m });
     Ok(ReadSide { side: transport::ReferenceSide { interior, gloss, normal }, size: [width, height], on_leaf })
 }
 

@@ -6,7 +6,6 @@
 //! its own, as in every other view.
 
 use super::{handover, reference};
-use crate::fits::fitted::{Fitted, fill};
 use crate::ledger::Ledger;
 use crate::loaded::curve::curve;
 use crate::{Error, Result};
@@ -14,7 +13,9 @@ use glam::{DMat4, DVec3, Vec3};
 use mesophyll_capture::manifest::Travel;
 use mesophyll_files::image::Maps;
 use mesophyll_files::mesh::LeafMesh;
+use mesophyll_files::quantity::{self, Quantity};
 use mesophyll_fit::leaf::held_out::KeptFrame;
+use mesophyll_leaf::{File, LeafFit, fill, pack};
 use mesophyll_optics::side::Side;
 use mesophyll_record::scan::Scan;
 use mesophyll_transport as transport;
@@ -26,7 +27,7 @@ const CURVE: f64 = 1e-4;
 
 /// One side of a fit and the device that scanned it.
 pub struct Scanned<'a> {
-    pub fitted: &'a Fitted,
+    pub fitted: &'a LeafFit,
     pub scan: &'a Scan,
     pub side: Side,
     pub width: usize,
@@ -36,36 +37,27 @@ pub struct Scanned<'a> {
 impl<'a> Scanned<'a> {
     /// # Errors
     /// [`Error::Input`] for a fit that does not say how its leaf was scanned, or whose maps cannot be read.
-    pub fn new(fitted: &'a Fitted, side: Side) -> Result<Scanned<'a>> {
+    pub fn new(fitted: &'a LeafFit, side: Side) -> Result<Scanned<'a>> {
         let scan = fitted.record.scan.as_ref().ok_or_else(|| {
             Error::field(
-                &fitted.folder.join("fit.toml"),
+                &fitted.record_path(),
                 "scan",
                 "missing; only a fit of a scan under a tube can be drawn as it was scanned",
             )
         })?;
-        let info = fitted.info(&format!("{}.exr", side.name()))?;
+        let info = fitted.info(side)?;
         Ok(Scanned { fitted, scan, side, width: info.width, height: info.height })
     }
 
-    fn maps(&self, what: &str, channels: &[&str]) -> Result<Vec<Vec<f32>>> {
-        let file = if what.is_empty() {
-            format!("{}.exr", self.side.name())
-        } else {
-            format!("{}_{what}.exr", self.side.name())
-        };
-        let maps: Maps = self.fitted.maps(&file, channels, &Ledger::new())?;
-        let path = self.fitted.folder.join(&file);
-        if (maps.width, maps.height) != (self.width, self.height) {
-            return Err(Error::input(
-                &path,
-                format!("found {}x{} texels, expected {}x{}", maps.width, maps.height, self.width, self.height),
-            ));
-        }
-        let mut planes: Vec<Vec<f32>> = maps.channels.into_iter().map(|(_, p)| p).collect();
+    /// Some quantities of the side's maps, without holes.
+    fn maps(&self, quantities: &[Quantity]) -> Result<Maps> {
+        let path = self.fitted.path(File::Maps, self.side);
+        let maps = self.fitted.maps(self.side)?;
+        let mut planes = maps.require_planes(&path, quantities)?;
         let good: Vec<bool> = (0..self.width * self.height).map(|k| planes.iter().all(|p| p[k].is_finite())).collect();
-        fill(&path, self.width, self.height, &mut planes, |k| good[k])?;
-        Ok(planes)
+        fill::require(&path, &mut planes, &good, self.width, self.height)?;
+        let channels = quantity::channels(quantities).into_iter().zip(planes).collect();
+        Ok(Maps { width: self.width, height: self.height, channels })
     }
 
     fn mesh(&self) -> LeafMesh {
@@ -79,19 +71,18 @@ impl<'a> Scanned<'a> {
     /// A map that cannot be read.
     pub fn scene(&self, frame: &KeptFrame, bounded: bool) -> Result<viewer::Scene> {
         let (h, sigma_a, sigma_s) = self.slab()?;
-        let first = self.maps("gamma_delta", &["R", "G", "B", "A"])?;
-        let second = self.maps("rho_s_m", &["R", "G", "B", "A"])?;
-        let normal = self.maps("", &["normal.X", "normal.Y", "normal.Z"])?;
-        let texel = |planes: &[Vec<f32>], k: usize| [planes[0][k], planes[1][k], planes[2][k], planes[3][k]];
-        let n = self.width * self.height;
-        let (low, high) = first[3]
+        let path = self.fitted.path(File::Maps, self.side);
+        let gamma_delta = pack::gamma_delta(&path, &self.maps(&[Quantity::Gamma, Quantity::Thickness])?, h)?;
+        let gloss = pack::gloss(&path, &self.maps(&[Quantity::RhoS, Quantity::M])?)?;
+        let normal = pack::normals(&path, &self.maps(&[Quantity::Normal])?)?;
+        let (low, high) = gamma_delta
             .iter()
-            .fold((f64::INFINITY, 0f64), |(a, b), d| (a.min(h + f64::from(*d)), b.max(h + f64::from(*d))));
+            .fold((f64::INFINITY, 0f64), |(a, b), t| (a.min(h + f64::from(t[3])), b.max(h + f64::from(t[3]))));
         let curve = curve(sigma_a, sigma_s, low.max(1e-6), high.max(2e-6), CURVE, "scanned leaf", &Ledger::new());
         let front = viewer::SideMaps {
-            gamma_delta: (0..n).map(|k| texel(&first, k)).collect(),
-            gloss: Some((0..n).map(|k| texel(&second, k)).collect()),
-            normal: Some((0..n).map(|k| [normal[0][k], normal[1][k], normal[2][k]]).collect()),
+            gamma_delta,
+            gloss: Some(gloss),
+            normal: Some(normal),
             translucency: None,
             interior: viewer::Interior::Scalars(handover::slab_curve(&curve)),
         };
@@ -132,34 +123,19 @@ impl<'a> Scanned<'a> {
     /// A map that cannot be read.
     pub fn world(&self, frame: &KeptFrame) -> Result<transport::World> {
         let (_, sigma_a, sigma_s) = self.slab()?;
-        const CHANNELS: [&str; 11] = [
-            "gamma.R",
-            "gamma.G",
-            "gamma.B",
-            "thickness.Y",
-            "rho_s.R",
-            "rho_s.G",
-            "rho_s.B",
-            "m.Y",
-            "normal.X",
-            "normal.Y",
-            "normal.Z",
-        ];
-        let mut planes = self.maps("", &CHANNELS)?;
+        let quantities = [Quantity::Gamma, Quantity::Thickness, Quantity::RhoS, Quantity::M, Quantity::Normal];
+        let maps = self.maps(&quantities)?;
+        let values = pack::normals(&self.fitted.path(File::Maps, self.side), &maps)?;
         let n = self.width * self.height;
-        let values = (0..n).map(|k| [planes[8][k], planes[9][k], planes[10][k]]).collect();
-        let mut take = |k: usize| std::mem::take(&mut planes[k]);
-        let thickness = take(3);
+        let mut planes = maps.channels.into_iter().map(|(_, plane)| plane);
+        let mut one = || planes.next().unwrap_or_default();
+        let (gamma, thickness, rho_s, m) = ([one(), one(), one()], one(), [one(), one(), one()], one());
         let (low, high) =
             thickness.iter().fold((f64::INFINITY, 0f64), |(a, b), h| (a.min(f64::from(*h)), b.max(f64::from(*h))));
         let curve = reference::Chebyshev::new(sigma_a, sigma_s, low, high);
         let front = transport::ReferenceSide {
-            interior: transport::Interior::Scalars {
-                gamma: [take(0), take(1), take(2)],
-                thickness,
-                curve: Arc::new(move |h| curve.at(h)),
-            },
-            gloss: Some(transport::Gloss { rho_s: [take(4), take(5), take(6)], m: take(7) }),
+            interior: transport::Interior::Scalars { gamma, thickness, curve: Arc::new(move |h| curve.at(h)) },
+            gloss: Some(transport::Gloss { rho_s, m }),
             normal: Some(transport::NormalMap { frame: transport::NormalFrame::Blade, values }),
         };
         let leaf = transport::ReferenceLeaf {
@@ -196,6 +172,6 @@ impl<'a> Scanned<'a> {
     /// Mean thickness (mm), σa and σs (1/mm) of the side.
     fn slab(&self) -> Result<(f64, [f64; 3], [f64; 3])> {
         let f = self.fitted;
-        Ok((f.thickness(self.side)?, f.rgb(self.side, "sigma_a")?, f.rgb(self.side, "sigma_s")?))
+        Ok((f.thickness(self.side)?, f.rgb(self.side, Quantity::SigmaA)?, f.rgb(self.side, Quantity::SigmaS)?))
     }
 }

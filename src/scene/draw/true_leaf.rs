@@ -2,11 +2,12 @@
 //! and normals of the scan's `truth/` in place of the fit's, everything else (mesh, placement, light) as it was. A
 //! picture of it against the picture from the fit shows what the fit costs.
 
-use crate::fits::fitted::fill;
 use crate::loaded::Scene;
 use crate::{Error, Result};
+use mesophyll_capture::truth_path;
 use mesophyll_files::image::{Maps, read_exr};
-use mesophyll_leaf::frames;
+use mesophyll_files::quantity::Quantity;
+use mesophyll_leaf::{fill, pack};
 use mesophyll_optics::side::Side;
 use mesophyll_transport::{self as transport, NormalFrame};
 use std::path::Path;
@@ -29,26 +30,23 @@ pub fn replace(world: &mut transport::World, scene: &Scene, out: &Path) -> Resul
         let (Some(mesh), Some(drawn)) = (&leaf.placed.mesh, world.leaves.get_mut(k)) else { continue };
         let mut replaced = false;
         for (s, side) in Side::ALL.into_iter().enumerate().filter(|(s, _)| leaf.plan.sides[*s].any()) {
-            let path = capture.join("truth").join(format!("{}.exr", side.name()));
+            let path = truth_path(&capture, side);
             let Some(truth) = open(&path, drawn)? else { continue };
             let place = if s == 0 { &mut drawn.front } else { &mut drawn.back };
             if leaf.plan.sides[s].interior() {
                 place.interior = transport::Interior::Maps {
-                    rho_d: rgb(&truth, &path, "rho_d")?,
-                    rho_t: rgb(&truth, &path, "rho_t")?,
+                    rho_d: three(&truth, &path, Quantity::RhoD)?,
+                    rho_t: three(&truth, &path, Quantity::RhoT)?,
                 };
             }
             if let Some(gloss) = &mut place.gloss {
                 *gloss = transport::Gloss {
-                    rho_s: rgb(&truth, &path, "rho_s")?,
-                    m: planes(&truth, &path, &["m.Y"])?.remove(0),
+                    rho_s: three(&truth, &path, Quantity::RhoS)?,
+                    m: planes(&truth, &path, Quantity::M)?.remove(0),
                 };
             }
             if let Some(normal) = place.normal.as_mut().filter(|n| n.frame == NormalFrame::Tangent) {
-                let n = planes(&truth, &path, &["normal.X", "normal.Y", "normal.Z"])?;
-                let seen: Vec<[f32; 3]> = (0..n[0].len()).map(|k| [n[0][k], n[1][k], n[2][k]]).collect();
-                let frames = frames::frames(&path, mesh, truth.width, truth.height)?;
-                normal.values = frames::tangent_space(&seen, &frames, truth.width, Side::ALL[s]);
+                normal.values = pack::tangent_normals(&path, &truth, side, mesh)?;
             }
             replaced = true;
         }
@@ -67,19 +65,18 @@ fn open(path: &Path, drawn: &transport::ReferenceLeaf) -> Result<Option<Maps>> {
     Ok(Some(read_exr(path)?).filter(|t| (t.width, t.height) == (drawn.width, drawn.height)))
 }
 
-fn rgb(truth: &Maps, path: &Path, name: &str) -> Result<[Vec<f32>; 3]> {
-    let names = ["R", "G", "B"].map(|c| format!("{name}.{c}"));
-    let found = planes(truth, path, &names.each_ref().map(String::as_str))?;
+fn three(truth: &Maps, path: &Path, quantity: Quantity) -> Result<[Vec<f32>; 3]> {
+    let found = planes(truth, path, quantity)?;
     found.try_into().map_err(|_| Error::input(path, "expected three channels"))
 }
 
 /// Channels, filled beyond the leaf as a fit's maps are.
-fn planes(truth: &Maps, path: &Path, names: &[&str]) -> Result<Vec<Vec<f32>>> {
-    let mut found = names.iter().map(|n| truth.require(path, n).map(<[f32]>::to_vec)).collect::<Result<Vec<_>>>()?;
-    let mask = truth.get("mask.Y").map(<[f32]>::to_vec);
+fn planes(truth: &Maps, path: &Path, quantity: Quantity) -> Result<Vec<Vec<f32>>> {
+    let mut found = truth.require_planes(path, &[quantity])?;
+    let mask = truth.scalar(Quantity::Mask);
     let good: Vec<bool> = (0..found[0].len())
-        .map(|k| mask.as_ref().is_none_or(|m| m[k] != 0.0) && found.iter().all(|p| p[k].is_finite()))
+        .map(|k| mask.is_none_or(|m| m[k] != 0.0) && found.iter().all(|p| p[k].is_finite()))
         .collect();
-    fill(path, truth.width, truth.height, &mut found, |k| good[k])?;
+    fill::require(path, &mut found, &good, truth.width, truth.height)?;
     Ok(found)
 }

@@ -1,12 +1,12 @@
 //! Where the translucency maps of a scene's leaf come from: a folder of `fit translucency` that the scene names, or one
 //! that a run made.
 
-use super::fitted::Fitted;
 use super::source::{Source, Status};
 use crate::Result;
 use crate::manifest::{Basis, Manifest, Translucency as Asked};
 use mesophyll_files::hash;
 use mesophyll_fit::translucency::recipe::Recipe;
+use mesophyll_leaf::LeafFit;
 use mesophyll_record::FitRecord;
 use mesophyll_translucency::basis::Basis as Functions;
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 pub struct Translucent {
     pub source: Source,
     /// Open where the maps are there and up to date. Its files are called `LEAF/translucency/…`.
-    pub fitted: Option<Fitted>,
+    pub fitted: Option<LeafFit>,
 }
 
 /// Where a run's own translucency maps of a leaf go.
@@ -32,7 +32,7 @@ pub fn find(
     manifest: &Manifest,
     index: usize,
     out: Option<&Path>,
-    fitted_leaf: Option<&Fitted>,
+    fitted_leaf: Option<&LeafFit>,
 ) -> Result<Option<Translucent>> {
     let leaf = &manifest.leaves[index];
     let Some(asked) = &leaf.translucency else { return Ok(None) };
@@ -61,7 +61,7 @@ pub fn find(
         let source = Source { status, folder: made, why: why.into() };
         return Ok(Some(Translucent { source, fitted: None }));
     };
-    let fitted = Fitted::open_as(&format!("{}/translucency", leaf.name), &place, "translucency")?;
+    let fitted = LeafFit::open_as(&place, "translucency")?.called(&format!("{}/translucency", leaf.name));
     let source = Source { status: Status::Reuse, folder: Some(place), why: "the scene asks for it".into() };
     Ok(Some(Translucent { source, fitted: Some(fitted) }))
 }

@@ -4,12 +4,12 @@
 
 use super::Leaf;
 use super::translucency::{Of, front_texel};
-use crate::fits::fitted::fill;
 use crate::{Error, Result};
 use glam::DVec3;
 use mesophyll_fit::translucency::recipe::{Recipe, tissue};
 use mesophyll_fit::translucency::source::{Frame, Source};
 use mesophyll_fit::translucency::{Colour, colour, side};
+use mesophyll_leaf::fill;
 use mesophyll_leaf::frames;
 use mesophyll_optics::dipole::{Form, Tissue};
 use mesophyll_optics::side::Side;
@@ -243,8 +243,7 @@ impl Inside {
 /// Texels beside the leaf take their neighbours' values.
 fn spread(map: &mut Sunlit, mask: &[bool], width: usize) {
     let around = |planes: &mut [Vec<f32>]| {
-        // A mask without a texel was refused when it was read.
-        let _ = fill(Path::new("light through a leaf"), width, mask.len() / width, planes, |k| mask[k]);
+        fill::nearest(planes, mask, width, mask.len() / width);
     };
     match map {
         Sunlit::Factor(map) => {

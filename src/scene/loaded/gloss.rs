@@ -4,16 +4,17 @@
 use super::gloss_bound::{self, Lights, Maps};
 use super::{Leaf, Stand};
 use crate::Result;
-use crate::fits::fitted::Fitted;
+use crate::fits::reads;
 use crate::manifest::{Manifest, ViewKind};
 use crate::placed::branch;
 use crate::placed::daylight::{self, Daylight};
 use glam::{DMat4, DVec3};
+use mesophyll_leaf::LeafFit;
 use mesophyll_optics::side::Side;
 use std::f64::consts::TAU;
 
 /// What gloss adds to a displayed value at most; infinite where a camera, a sun or a slider may take it anywhere.
-pub fn most(at: Stand, leaf: Leaf, s: usize, texels: &[[f32; 4]], fitted: &Fitted) -> Result<f64> {
+pub fn most(at: Stand, leaf: Leaf, s: usize, texels: &[[f32; 4]], fitted: &LeafFit) -> Result<f64> {
     let Stand { manifest, placed, ledger } = at;
     let Some(mesh) = &leaf.placed.mesh else { return Ok(f64::INFINITY) };
     if placed.free || manifest.sun.as_ref().is_some_and(|sun| sun.moves) {
@@ -57,16 +58,7 @@ pub fn most(at: Stand, leaf: Leaf, s: usize, texels: &[[f32; 4]], fitted: &Fitte
     if by_mesh > manifest.tolerance || lights.suns.is_empty() {
         return Ok(by_mesh);
     }
-    let file = format!("{}_normal.exr", Side::ALL[s].name());
-    let maps = fitted.maps(&file, &["X", "Y", "Z"], ledger)?;
-    fitted.same_size(leaf.plan.size, [maps.width, maps.height], &file)?;
-    let plane: Vec<&[f32]> = maps.channels.iter().map(|(_, p)| p.as_slice()).collect();
-    // A texel that the fit could not determine takes its neighbours' normal when it is drawn.
-    let normal = |k: usize| [0, 1, 2].map(|c| plane[c][k]);
-    let normals: Vec<[f32; 3]> = (0..plane[0].len())
-        .map(normal)
-        .map(|n| if n.iter().all(|v| v.is_finite()) { n } else { [0.0, 0.0, 1.0] })
-        .collect();
+    let normals = reads::normals(fitted, Side::ALL[s], ledger)?;
     Ok(most(Some(&normals)))
 }
 

@@ -5,15 +5,19 @@ use super::map_levels::map_levels;
 use super::translucency;
 use super::{Loaded, Stand, Textures, gloss};
 use crate::Result;
-use crate::fits::fitted::{Fitted, fill};
+use crate::fits::reads;
 use crate::ledger::Ledger;
 use crate::manifest::{Interior, ViewKind};
 use crate::placed::{self, branch, daylight};
 use crate::plan::leaf::TEXEL_BYTES;
 use crate::plan::{LeafPlan, Plan};
 use glam::DVec3;
+use mesophyll_files::image::Maps;
+use mesophyll_files::quantity::Quantity;
+use mesophyll_leaf::{File, LeafFit, fill, pack};
 use mesophyll_optics::side::Side;
 use mesophyll_transport::tone::display;
+use std::path::Path;
 
 /// Reads W's textures of a leaf whose fit is there as far as they are needed, and tells the plan what was measured.
 pub(super) fn load(at: Stand, leaf: &placed::leaf::Leaf, plan: &mut Plan) -> Result<Loaded> {
@@ -28,7 +32,7 @@ pub(super) fn load(at: Stand, leaf: &placed::leaf::Leaf, plan: &mut Plan) -> Res
             plan.leaves[index].size = size;
         }
         if needs.any() && plan.leaves[index].size == [0, 0] {
-            let info = fitted.info(&format!("{}.exr", side.name()))?;
+            let info = fitted.info(side)?;
             plan.leaves[index].size = [info.width, info.height];
         }
         if let Some(texels) = &out.textures[s].gamma_delta {
@@ -47,7 +51,7 @@ pub(super) fn load(at: Stand, leaf: &placed::leaf::Leaf, plan: &mut Plan) -> Res
         if plan.wants_translucency(manifest, leaf, s) {
             translucency::side(at, leaf, s, &mut out, plan)?;
         }
-        plan.files(manifest, leaf, s, out.coefficients[s].is_some(), at.ledger);
+        plan.files(manifest, leaf, s, out.coefficients[s].is_some());
     }
     resolution(at, leaf, &out, plan);
     plan.leave_out_errors(fitted);
@@ -55,24 +59,27 @@ pub(super) fn load(at: Stand, leaf: &placed::leaf::Leaf, plan: &mut Plan) -> Res
 }
 
 fn read_gamma_delta(
-    fitted: &Fitted,
+    fitted: &LeafFit,
     s: usize,
     known: [usize; 2],
     out: &mut Loaded,
     ledger: &Ledger,
 ) -> Result<[usize; 2]> {
-    let file = format!("{}_gamma_delta.exr", Side::ALL[s].name());
-    let h = fitted.thickness(Side::ALL[s])? as f32;
+    let side = Side::ALL[s];
+    let maps = reads::maps(fitted, side, ledger)?;
+    let (path, thickness) = (fitted.path(File::Maps, side), fitted.thickness(side)?);
+    let h = thickness as f32;
     // γ of a leaf texel is positive, and so is its thickness.
-    let Rgba { size, texels, good } =
-        rgba(fitted, &file, ledger, |t| t[0] > 0.0 && t[1] > 0.0 && t[2] > 0.0 && h + t[3] > 0.0)?;
+    let known_texel = |t: &[f32; 4]| t[0] > 0.0 && t[1] > 0.0 && t[2] > 0.0 && h + t[3] > 0.0;
+    let texels = pack::gamma_delta(&path, maps, thickness)?;
+    let (texels, good) = without_holes(&path, maps, texels, known_texel)?;
     out.textures[s] = Textures { gamma_delta: Some(texels), gloss: None, good };
-    fitted.same_size(known, size, &file)
+    reads::same_size(fitted, side, known, [maps.width, maps.height])
 }
 
 /// The slab curve over the thicknesses of a side's texels.
 fn of_side(
-    fitted: &Fitted,
+    fitted: &LeafFit,
     side: Side,
     texels: &[[f32; 4]],
     allowed: f64,
@@ -82,22 +89,32 @@ fn of_side(
     let h = fitted.thickness(side)?;
     let (low, high) =
         texels.iter().fold((f64::INFINITY, 0f64), |(a, b), t| (a.min(h + f64::from(t[3])), b.max(h + f64::from(t[3]))));
-    Ok(curve(fitted.rgb(side, "sigma_a")?, fitted.rgb(side, "sigma_s")?, low, high, allowed, what, ledger))
+    Ok(curve(
+        fitted.rgb(side, Quantity::SigmaA)?,
+        fitted.rgb(side, Quantity::SigmaS)?,
+        low,
+        high,
+        allowed,
+        what,
+        ledger,
+    ))
 }
 
 /// Reads a side's gloss, and keeps it where it shows.
 fn read_gloss(
     at: Stand,
     leaf: &placed::leaf::Leaf,
-    fitted: &Fitted,
+    fitted: &LeafFit,
     s: usize,
     out: &mut Loaded,
     plan: &mut Plan,
 ) -> Result<()> {
     let (manifest, index) = (at.manifest, leaf.index);
-    let file = format!("{}_rho_s_m.exr", Side::ALL[s].name());
-    let Rgba { size, texels, .. } = rgba(fitted, &file, at.ledger, |t| t[3] > 0.0)?;
-    plan.leaves[index].size = fitted.same_size(plan.leaves[index].size, size, &file)?;
+    let side = Side::ALL[s];
+    let maps = reads::maps(fitted, side, at.ledger)?;
+    let path = fitted.path(File::Maps, side);
+    let (texels, _) = without_holes(&path, maps, pack::gloss(&path, maps)?, |t| t[3] > 0.0)?;
+    plan.leaves[index].size = reads::same_size(fitted, side, plan.leaves[index].size, [maps.width, maps.height])?;
     let matte = texels.iter().all(|t| t[..3].iter().all(|v| *v <= 0.0));
     let most = if matte { None } else { Some(gloss::most(at, at.leaf(leaf, out, plan), s, &texels, fitted)?) };
     if plan.gloss(manifest, leaf, fitted, s, most) {
@@ -106,24 +123,18 @@ fn read_gloss(
     Ok(())
 }
 
-/// One of W's textures: its size, RGBA texels without holes, and which of them the fit knew.
-struct Rgba {
-    size: [usize; 2],
-    texels: Vec<[f32; 4]>,
-    good: Vec<bool>,
-}
-
-/// Interleaves four channels, filled wherever `good` does not hold.
-fn rgba(fitted: &Fitted, file: &str, ledger: &Ledger, good: impl Fn([f32; 4]) -> bool) -> Result<Rgba> {
-    let maps = fitted.maps(file, &["R", "G", "B", "A"], ledger)?;
-    let size = [maps.width, maps.height];
-    let mut planes: Vec<Vec<f32>> = maps.channels.into_iter().map(|(_, p)| p).collect();
-    let at = |planes: &[Vec<f32>], k: usize| [planes[0][k], planes[1][k], planes[2][k], planes[3][k]];
-    let mask: Vec<bool> =
-        (0..size[0] * size[1]).map(|k| at(&planes, k)).map(|t| t.iter().all(|v| v.is_finite()) && good(t)).collect();
-    fill(&fitted.folder.join(file), size[0], size[1], &mut planes, |k| mask[k])?;
-    let texels = (0..mask.len()).map(|k| at(&planes, k)).collect();
-    Ok(Rgba { size, texels, good: mask })
+/// A texture filled wherever its numbers are not finite or `good` does not hold, and which texels the fit knew.
+fn without_holes(
+    path: &Path,
+    maps: &Maps,
+    texels: pack::Rgba,
+    good: impl Fn(&[f32; 4]) -> bool,
+) -> Result<(pack::Rgba, Vec<bool>)> {
+    let known: Vec<bool> = texels.iter().map(|t| t.iter().all(|v| v.is_finite()) && good(t)).collect();
+    let mut planes = [texels];
+    fill::require(path, &mut planes, &known, maps.width, maps.height)?;
+    let [texels] = planes;
+    Ok((texels, known))
 }
 
 /// Picks the maps' resolution from the footprint of the nearest pixel.

@@ -7,7 +7,7 @@
 
 use super::map_levels::map_levels;
 use super::{Leaf, Loaded, Stand};
-use crate::fits::fitted::{Fitted, fill};
+use crate::fits::reads;
 use crate::ledger::Ledger;
 use crate::manifest::{Basis, ViewKind};
 use crate::placed::daylight::{levels, sun_direction};
@@ -16,8 +16,10 @@ use crate::plan::Plan;
 use crate::plan::leaf::{TRANSLUCENCY_TEXEL_BYTES, WithoutMaps};
 use crate::{Error, Result};
 use glam::{DMat3, DVec3};
+use mesophyll_files::quantity::Quantity;
 use mesophyll_leaf::frames;
-use mesophyll_optics::side::{Side, behind};
+use mesophyll_leaf::{File, LeafFit, fill};
+use mesophyll_optics::side::Side;
 use mesophyll_translucency::basis;
 use mesophyll_translucency::basis::Basis as Functions;
 use mesophyll_transport::tone::display;
@@ -68,7 +70,7 @@ impl Coefficients {
 pub(super) fn side(at: Stand, leaf: &placed::leaf::Leaf, s: usize, out: &mut Loaded, plan: &mut Plan) -> Result<()> {
     let Some(maps) = leaf.translucent.as_ref().and_then(|t| t.fitted.as_ref()) else { return Ok(()) };
     let now = at.leaf(leaf, out, plan);
-    let read = read(now, s, maps, &format!("{}.exr", Side::ALL[s].name()), at.ledger)?;
+    let read = read(now, s, maps, at.ledger)?;
     let cost = cost(at, now, s, &read)?;
     plan.translucency(at.manifest, leaf, maps, s, &cost);
     out.coefficients[s] = Some(read);
@@ -76,31 +78,31 @@ pub(super) fn side(at: Stand, leaf: &placed::leaf::Leaf, s: usize, out: &mut Loa
 }
 
 /// Coefficients of one side, filled beyond the outline.
-fn read(leaf: Leaf, s: usize, fitted: &Fitted, file: &str, ledger: &Ledger) -> Result<Coefficients> {
-    let path = fitted.folder.join(file);
-    let info = fitted.info(file)?;
-    fitted.same_size(leaf.plan.size, [info.width, info.height], file)?;
+fn read(leaf: Leaf, s: usize, fitted: &LeafFit, ledger: &Ledger) -> Result<Coefficients> {
+    let side = Side::ALL[s];
+    let path = fitted.path(File::Maps, side);
+    let maps = reads::maps(fitted, side, ledger)?;
+    reads::same_size(fitted, side, leaf.plan.size, [maps.width, maps.height])?;
     let basis = match fitted.record.options.get("basis") {
         None => Basis::default(),
         Some(said) => Basis::ALL.into_iter().find(|b| Functions::from(*b).name() == *said).ok_or_else(|| {
             let known = Basis::ALL.map(|b| format!("\"{}\"", Functions::from(b).name())).join(" or ");
             let what = format!("found \"{said}\", expected {known}, which the renderers evaluate");
-            Error::field(&fitted.folder.join("fit.toml"), "options.basis", what)
+            Error::field(&fitted.record_path(), "options.basis", what)
         })?,
     };
-    let colour = info.channels.iter().any(|c| c == "translucency.R1");
+    let colour = maps.get("translucency.R1").is_some();
     let names: Vec<String> = if colour {
         ["R", "G", "B"].iter().flat_map(|c| (1..=3).map(move |i| format!("translucency.{c}{i}"))).collect()
     } else {
         (1..=3).map(|i| format!("translucency.{i}")).collect()
     };
-    let names: Vec<&str> = names.iter().map(String::as_str).collect();
-    let maps = fitted.maps(file, &names, ledger)?;
-    let mut planes: Vec<Vec<f32>> = maps.channels.into_iter().map(|(_, p)| p).collect();
+    let mut planes: Vec<Vec<f32>> =
+        names.iter().map(|n| maps.require(&path, n).map(<[f32]>::to_vec)).collect::<Result<_>>()?;
     let on_leaf = on_leaf(leaf, s);
     let good: Vec<bool> =
         on_leaf.iter().enumerate().map(|(k, on)| *on && planes.iter().all(|p| p[k].is_finite())).collect();
-    fill(&path, leaf.plan.size[0], leaf.plan.size[1], &mut planes, |k| good[k])?;
+    fill::require(&path, &mut planes, &good, leaf.plan.size[0], leaf.plan.size[1])?;
     let three = |first: usize| {
         (0..good.len()).map(|k| [planes[first][k], planes[first + 1][k], planes[first + 2][k]]).collect()
     };
@@ -121,7 +123,7 @@ fn on_leaf(leaf: Leaf, s: usize) -> Vec<bool> {
 
 /// The front's texel behind texel `k` of a side's maps.
 pub fn front_texel(k: usize, s: usize, width: usize) -> usize {
-    if s == 0 { k } else { behind(k, width) }
+    Side::ALL[s].in_front(k, width)
 }
 
 /// Compares the maps' light with that of ρt and the mapped normal, texel by texel and channel by channel, for the suns
@@ -132,8 +134,7 @@ fn cost(at: Stand, leaf: Leaf, s: usize, maps: &Coefficients) -> Result<WithoutM
     let none = WithoutMaps { p99: 0.0, largest: 0.0, layers, basis: Functions::from(maps.basis).name() };
     let (Some(mesh), Some(fitted)) = (&leaf.placed.mesh, &leaf.placed.fitted) else { return Ok(none) };
     let [w, h] = leaf.plan.size;
-    let file = format!("{}_normal.exr", Side::ALL[s].name());
-    let normals = fitted.maps(&file, &["X", "Y", "Z"], ledger)?;
+    let normals = reads::normals(fitted, Side::ALL[s], ledger)?;
     let rho_t = transmittance(leaf, s, Side::ALL[s], fitted, ledger)?;
     let frames = frames::frames(&leaf.placed.mesh_path, mesh, w, h)?;
     let on_leaf = on_leaf(leaf, s);
@@ -142,7 +143,7 @@ fn cost(at: Stand, leaf: Leaf, s: usize, maps: &Coefficients) -> Result<WithoutM
     let error = |k: usize, sun: DVec3, level: [f64; 3]| {
         let [t, b, n] = frames[front_texel(k, s, w)];
         let omega = DVec3::new(out * t.dot(sun), b.dot(sun), out * n.dot(sun));
-        let normal = DVec3::from([0, 1, 2].map(|c| f64::from(normals.channels[c].1[k])));
+        let normal = DVec3::from(normals[k].map(f64::from));
         if omega.z <= 0.0 || !normal.is_finite() {
             return None;
         }
@@ -203,13 +204,14 @@ fn suns(at: Stand, leaf: Leaf) -> Vec<(DVec3, [f64; 3])> {
 }
 
 /// ρt of every texel.
-fn transmittance(leaf: Leaf, s: usize, side: Side, fitted: &Fitted, ledger: &Ledger) -> Result<Vec<[f32; 3]>> {
+fn transmittance(leaf: Leaf, s: usize, side: Side, fitted: &LeafFit, ledger: &Ledger) -> Result<Vec<[f32; 3]>> {
     if let (Some(texels), Some(curve)) = (&leaf.loaded.textures[s].gamma_delta, &leaf.loaded.curves[s]) {
         let h = fitted.thickness(side)?;
         return Ok(texels.iter().map(|t| curve.at(h + f64::from(t[3])).1.map(|v| v as f32)).collect());
     }
-    let maps = fitted.maps(&format!("{}.exr", side.name()), &["rho_t.R", "rho_t.G", "rho_t.B"], ledger)?;
-    let at = |k: usize| [0, 1, 2].map(|c: usize| maps.channels[c].1[k]).map(|v| if v.is_finite() { v } else { 0.0 });
+    let maps = reads::maps(fitted, side, ledger)?;
+    let rho_t = maps.require_three(&fitted.path(File::Maps, side), Quantity::RhoT)?;
+    let at = |k: usize| rho_t.map(|p| p[k]).map(|v| if v.is_finite() { v } else { 0.0 });
     Ok((0..maps.width * maps.height).map(at).collect())
 }
 

@@ -5,7 +5,6 @@ use super::daylight;
 use super::facing::Facing;
 use super::placement::{self, Placement};
 use crate::Result;
-use crate::fits::fitted::Fitted;
 use crate::fits::source::{self, InputHash, Source, Status};
 use crate::fits::translucency::{self, Translucent};
 use crate::ledger::Ledger;
@@ -13,6 +12,7 @@ use crate::manifest::{Manifest, ViewKind};
 use glam::DVec3;
 use mesophyll_files::mesh::{self, LeafMesh};
 use mesophyll_files::progress::Bar;
+use mesophyll_leaf::{BLADE, LeafFit};
 use std::path::{Path, PathBuf};
 
 /// How a scene's leaves are looked for.
@@ -36,7 +36,7 @@ pub struct Leaf {
     /// Where its fit comes from; `None` for a leaf that nothing shows.
     pub source: Option<Source>,
     /// Open when the leaf is used and its fit is up to date.
-    pub fitted: Option<Fitted>,
+    pub fitted: Option<LeafFit>,
     pub mesh_path: PathBuf,
     /// Read where the leaf is placed and its fit is there.
     pub mesh: Option<LeafMesh>,
@@ -76,9 +76,10 @@ impl Leaf {
             .zip(manifest.sun.as_ref())
             .map(|(direction, sun)| (direction, sun.radius_deg.to_radians()));
         if let (Status::Reuse, Some(folder)) = (source.status, &source.folder) {
-            out.fitted =
-                Some(ledger.note("read", format!("{}/fit.toml", leaf.name), 0, || Fitted::open(&leaf.name, folder))?);
-            out.mesh_path = leaf.mesh.as_ref().map_or_else(|| folder.join("blade.glb"), |m| manifest.resolve(m));
+            out.fitted = Some(
+                ledger.note("read", format!("{}/fit.toml", leaf.name), 0, || LeafFit::open(folder))?.called(&leaf.name),
+            );
+            out.mesh_path = leaf.mesh.as_ref().map_or_else(|| folder.join(BLADE), |m| manifest.resolve(m));
             if placed {
                 let mesh = out.blade(manifest, ledger)?;
                 let mine: Vec<&Placement> = placements.iter().filter(|p| p.leaf == index).collect();

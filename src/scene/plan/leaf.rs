@@ -6,10 +6,10 @@
 use super::accuracy::Row;
 use super::{LeafPlan, LeftOut, Need, Plan, SideNeeds};
 use crate::Result;
-use crate::fits::fitted::Fitted;
-use crate::ledger::Ledger;
+use crate::fits::reads::{self, GAMMA_DELTA, GLOSS, NORMAL, texture};
 use crate::manifest::{Interior, Manifest};
 use crate::placed::leaf::Leaf;
+use mesophyll_leaf::{BLADE, File, LeafFit};
 use mesophyll_optics::side::Side;
 use mesophyll_record::Times;
 
@@ -72,11 +72,11 @@ pub fn sides(manifest: &Manifest, leaf: &Leaf, free: bool) -> [SideNeeds; 2] {
     })
 }
 
-fn file_need(plan: &mut Plan, fitted: &Fitted, file: &str, why: &str, of_fit: bool) {
+fn file_need(plan: &mut Plan, fitted: &LeafFit, file: &str, why: &str, of_fit: bool) {
     let mut need = Need::new(format!("{}/{file}", fitted.name), why);
     if of_fit {
         need.hash = fitted.record.files.get(file).cloned();
-        need.bytes = Some(fitted.file_bytes(file));
+        need.bytes = Some(reads::bytes(fitted, file));
     }
     plan.need(need);
 }
@@ -113,7 +113,7 @@ impl Plan {
     ///
     /// # Errors
     /// [`crate::Error::Input`] for a side that is needed and that the fit does not have.
-    pub fn shape(&mut self, manifest: &Manifest, leaf: &Leaf, fitted: &Fitted) -> Result<()> {
+    pub fn shape(&mut self, manifest: &Manifest, leaf: &Leaf, fitted: &LeafFit) -> Result<()> {
         let config = &manifest.leaves[leaf.index];
         for (side, needs) in Side::ALL.into_iter().zip(self.leaves[leaf.index].sides) {
             if needs.any() || needs.mean {
@@ -123,15 +123,15 @@ impl Plan {
         if leaf.mesh.is_some() {
             file_need(self, fitted, &leaf.mesh_name(), "the shape that is drawn", config.mesh.is_none());
         } else {
-            let name = format!("{}/blade.glb", config.name);
-            self.leave_out(LeftOut::new(name, "only a card shows this leaf", fitted.file_bytes("blade.glb"), None));
+            let name = format!("{}/{BLADE}", config.name);
+            self.leave_out(LeftOut::new(name, "only a card shows this leaf", reads::bytes(fitted, BLADE), None));
         }
         Ok(())
     }
 
     /// Lists what a picture never needs of a fit.
-    pub fn leave_out_errors(&mut self, fitted: &Fitted) {
-        let bytes: u64 = ["front_err.exr", "back_err.exr"].iter().map(|f| fitted.file_bytes(f)).sum();
+    pub fn leave_out_errors(&mut self, fitted: &LeafFit) {
+        let bytes: u64 = Side::ALL.iter().map(|s| reads::bytes(fitted, &File::Errors.name(*s))).sum();
         let name = format!("{}: error maps and previews", fitted.name);
         self.leave_out(LeftOut::new(name, "a picture needs no standard errors", bytes, None));
     }
@@ -149,19 +149,18 @@ impl Plan {
     }
 
     /// Leaves out the gloss of a side that no light falls on.
-    pub fn leave_out_gloss(&mut self, leaf: &Leaf, fitted: &Fitted, s: usize) {
+    pub fn leave_out_gloss(&mut self, leaf: &Leaf, fitted: &LeafFit, s: usize) {
         let (side, size) = (Side::ALL[s], self.leaves[leaf.index].size);
         if fitted.has(side) {
-            let file = format!("{}_rho_s_m.exr", side.name());
             let why = format!("no light falls on the {} where a camera sees it", side.name());
-            let bytes = texture_bytes(size) + fitted.file_bytes(&file);
-            self.leave_out(LeftOut::new(fitted.entry(&file), why, bytes, None));
+            let name = reads::entry(fitted, &texture(side, GLOSS));
+            self.leave_out(LeftOut::new(name, why, texture_bytes(size), None));
         }
     }
 
     /// Decides about the gloss of a side by the most that it adds to a displayed value; `None` where ρs is zero
     /// everywhere. Whether it is kept.
-    pub fn gloss(&mut self, manifest: &Manifest, leaf: &Leaf, fitted: &Fitted, s: usize, most: Option<f64>) -> bool {
+    pub fn gloss(&mut self, manifest: &Manifest, leaf: &Leaf, fitted: &LeafFit, s: usize, most: Option<f64>) -> bool {
         let tolerated = manifest.tolerance;
         let why = match most {
             None => "matte: rho_s is zero everywhere".to_string(),
@@ -178,7 +177,7 @@ impl Plan {
         };
         let LeafPlan { sides, size, .. } = &mut self.leaves[leaf.index];
         sides[s].gloss = false;
-        let name = fitted.entry(&format!("{}_rho_s_m.exr", Side::ALL[s].name()));
+        let name = reads::entry(fitted, &texture(Side::ALL[s], GLOSS));
         let bytes = texture_bytes(*size);
         self.leave_out(LeftOut::new(name, why, bytes, None));
         false
@@ -191,7 +190,7 @@ impl Plan {
         if !fitted.has(side) {
             return false;
         }
-        let file = format!("{}.exr", side.name());
+        let file = File::Maps.name(side);
         let what = format!("{}/translucency/{file}", fitted.name);
         let LeafPlan { sides, size, .. } = self.leaves[leaf.index];
         if !sides[s].translucency {
@@ -200,7 +199,7 @@ impl Plan {
             } else {
                 format!("never back-lit: no camera sees sunlight that entered the {}", side.name())
             };
-            let on_disk = translucent.fitted.as_ref().map_or(0, |f| f.file_bytes(&file));
+            let on_disk = translucent.fitted.as_ref().map_or(0, |f| reads::bytes(f, &file));
             self.leave_out(LeftOut::new(what, why, with_mips(size, TRANSLUCENCY_TEXEL_BYTES) + on_disk, None));
         } else if translucent.fitted.is_none() {
             let mut need = Need::new(what, shows(side));
@@ -211,10 +210,10 @@ impl Plan {
     }
 
     /// Decides about translucency maps that were read, by what a picture would lose without them.
-    pub fn translucency(&mut self, manifest: &Manifest, leaf: &Leaf, maps: &Fitted, s: usize, cost: &WithoutMaps) {
-        let file = format!("{}.exr", Side::ALL[s].name());
-        let what = maps.entry(&file);
-        let on_disk = maps.file_bytes(&file);
+    pub fn translucency(&mut self, manifest: &Manifest, leaf: &Leaf, maps: &LeafFit, s: usize, cost: &WithoutMaps) {
+        let file = File::Maps.name(Side::ALL[s]);
+        let what = reads::entry(maps, &file);
+        let on_disk = reads::bytes(maps, &file);
         let LeafPlan { sides, size, .. } = &mut self.leaves[leaf.index];
         if cost.largest < manifest.tolerance && !self.free {
             (sides[s].translucency, sides[s].normal) = (false, true);
@@ -258,36 +257,19 @@ impl Plan {
     }
 
     /// Lists the files of one side; `maps_there` says that its translucency maps were read.
-    pub fn files(&mut self, manifest: &Manifest, leaf: &Leaf, s: usize, maps_there: bool, ledger: &Ledger) {
+    pub fn files(&mut self, manifest: &Manifest, leaf: &Leaf, s: usize, maps_there: bool) {
         let side = Side::ALL[s];
         let Some(fitted) = leaf.fitted.as_ref().filter(|f| f.has(side)) else { return };
         let LeafPlan { sides, size, .. } = self.leaves[leaf.index];
         let plan = self;
         let needs = sides[s];
         let pigment = manifest.leaves[leaf.index].interior == Interior::Maps;
-        let file = |what: &str| format!("{}{what}.exr", side.name());
-        let entry = |what: &str| format!("{}/{}", fitted.name, file(what));
-        let texture = texture_bytes(size);
-        // Measured on the maps of this leaf that were read.
-        let rate = {
-            let (bytes, ms) = ledger
-                .entries()
-                .iter()
-                .filter(|e| {
-                    e.action == "read" && e.what.starts_with(&format!("{}/", fitted.name)) && e.what.ends_with(".exr")
-                })
-                .fold((0u64, 0.0), |(b, t), e| (b + e.bytes, t + e.ms));
-            (bytes > 0).then(|| ms / bytes as f64)
-        };
-        let skip = |plan: &mut Plan, what: &str, textures: u64, why: String| {
-            let on_disk = fitted.file_bytes(&file(what));
-            plan.leave_out(LeftOut::new(
-                entry(what),
-                why,
-                on_disk + textures * texture,
-                rate.map(|r| r * on_disk as f64),
-            ));
-        };
+        let maps = File::Maps.name(side);
+        let entry = |what: &str| reads::entry(fitted, &texture(side, what));
+        let bytes = texture_bytes(size);
+        let need = |plan: &mut Plan, what: &str, why: &str| plan.need(Need::new(entry(what), why));
+        let skip =
+            |plan: &mut Plan, what: &str, why: String| plan.leave_out(LeftOut::new(entry(what), why, bytes, None));
         let unseen = format!("no camera sees the {} or light that came through it", side.name());
         match (needs.interior(), pigment) {
             (true, false) => {
@@ -296,15 +278,15 @@ impl Plan {
                     (true, false) => "reflectance where light falls on it",
                     _ => "transmittance where light comes through it",
                 };
-                file_need(plan, fitted, &file("_gamma_delta"), why, true);
+                need(plan, GAMMA_DELTA, why);
                 let name = format!("{}: pigment maps, {}", fitted.name, side.name());
-                plan.leave_out(LeftOut::new(name, "the scene asks for W's scalars", 2 * texture, None));
+                plan.leave_out(LeftOut::new(name, "the scene asks for W's scalars", 2 * bytes, None));
             }
-            (true, true) => skip(plan, "_gamma_delta", 1, "the scene asks for pigment maps".into()),
-            (false, _) => skip(plan, "_gamma_delta", 1, unseen.clone()),
+            (true, true) => skip(plan, GAMMA_DELTA, "the scene asks for pigment maps".into()),
+            (false, _) => skip(plan, GAMMA_DELTA, unseen.clone()),
         }
         if needs.gloss {
-            file_need(plan, fitted, &file("_rho_s_m"), "highlights of the sun or the sky show", true);
+            need(plan, GLOSS, "highlights of the sun or the sky show");
         }
         if needs.normal {
             let why = if manifest.physical_sky() {
@@ -314,17 +296,11 @@ impl Plan {
             } else {
                 "the sun falls on this side where it shows"
             };
-            file_need(plan, fitted, &file("_normal"), why, true);
+            need(plan, NORMAL, why);
         } else if needs.translucency {
             // Measured against, where there are maps to measure.
             if maps_there {
-                file_need(
-                    plan,
-                    fitted,
-                    &file("_normal"),
-                    "what the translucency maps add is measured against it; it is not uploaded",
-                    true,
-                );
+                need(plan, NORMAL, "what the translucency maps add is measured against it; it is not uploaded");
             }
         } else {
             let why = if needs.any() {
@@ -332,7 +308,7 @@ impl Plan {
             } else {
                 unseen.clone()
             };
-            skip(plan, "_normal", 1, why);
+            skip(plan, NORMAL, why);
         }
         if needs.any() || needs.mean {
             let why = if pigment {
@@ -340,9 +316,10 @@ impl Plan {
             } else {
                 "the reference renderer's own path to the leaf"
             };
-            file_need(plan, fitted, &file(""), why, true);
+            file_need(plan, fitted, &maps, why, true);
         } else {
-            skip(plan, "", 0, unseen);
+            let what = LeftOut::new(reads::entry(fitted, &maps), unseen, reads::bytes(fitted, &maps), None);
+            plan.leave_out(what);
         }
     }
 }

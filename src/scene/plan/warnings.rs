@@ -5,7 +5,6 @@ use crate::Result;
 use crate::manifest::{Manifest, View, ViewKind};
 use crate::placed::{Placed, branch, leaf::Leaf, placement::Placement};
 use glam::DVec3;
-use mesophyll_files::mesh;
 
 /// A mesh this many times larger or smaller than the blade that was scanned is taken for one in another unit.
 const STRANGE: f64 = 50.0;
@@ -26,11 +25,8 @@ pub fn warnings(manifest: &Manifest, placed: &Placed) -> Result<Vec<String>> {
 fn another_unit(manifest: &Manifest, leaf: &Leaf) -> Result<Option<String>> {
     let config = &manifest.leaves[leaf.index];
     let (Some(_), Some(drawn), Some(fitted)) = (&config.mesh, &leaf.mesh, &leaf.fitted) else { return Ok(None) };
-    let own = fitted.folder.join("blade.glb");
-    if !own.is_file() {
-        return Ok(None);
-    }
-    let (drawn, scanned) = (2.0 * drawn.bounds().1, 2.0 * mesh::read(&own, None)?.bounds().1);
+    let Some(scanned) = fitted.blade()? else { return Ok(None) };
+    let (drawn, scanned) = (2.0 * drawn.bounds().1, 2.0 * scanned.bounds().1);
     let ratio = drawn / scanned;
     if (1.0 / STRANGE..=STRANGE).contains(&ratio) {
         return Ok(None);

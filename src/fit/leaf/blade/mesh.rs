@@ -169,73 +169,22 @@ fn inside(rings: &[Vec<[f64; 2]>], p: [f64; 2]) -> bool {
     odd
 }
 
-impl Blade {
-    /// The mesh's interpolated frame [tangent, bitangent, normal] at every texel, as a renderer interpolates it; texels
-    /// that no triangle covers take the nearest covered one's.
-    pub fn frames(&self, grid: &Grid) -> Vec<[[f32; 3]; 3]> {
-        let flat = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-        let mut frames = vec![flat; grid.width * grid.height];
-        let mut covered = vec![false; frames.len()];
-        for tri in self.indices.chunks_exact(3) {
-            let v = [tri[0] as usize, tri[1] as usize, tri[2] as usize];
-            let p = v.map(|k| grid.texel([f64::from(self.positions[k][0]), f64::from(self.positions[k][1])]));
-            let det = (p[1][0] - p[0][0]) * (p[2][1] - p[0][1]) - (p[2][0] - p[0][0]) * (p[1][1] - p[0][1]);
-            if det == 0.0 {
-                continue;
-            }
-            let bound = |axis: usize, most: usize| {
-                let lo = p.iter().map(|q| q[axis]).fold(f64::INFINITY, f64::min).floor().max(0.0) as usize;
-                let hi =
-                    p.iter().map(|q| q[axis]).fold(f64::NEG_INFINITY, f64::max).ceil().clamp(0.0, (most - 1) as f64)
-                        as usize;
-                lo..=hi
-            };
-            for j in bound(1, grid.height) {
-                for i in bound(0, grid.width) {
-                    let (x, y) = (i as f64 - p[0][0], j as f64 - p[0][1]);
-                    let b = (x * (p[2][1] - p[0][1]) - (p[2][0] - p[0][0]) * y) / det;
-                    let c = ((p[1][0] - p[0][0]) * y - x * (p[1][1] - p[0][1])) / det;
-                    if b < -1e-9 || c < -1e-9 || b + c > 1.0 + 1e-9 {
-                        continue;
-                    }
-                    let mix = |get: &dyn Fn(usize) -> [f32; 3]| -> [f64; 3] {
-                        let (e, f, g) = (get(v[0]), get(v[1]), get(v[2]));
-                        [0, 1, 2]
-                            .map(|k: usize| f64::from(e[k]) * (1.0 - b - c) + f64::from(f[k]) * b + f64::from(g[k]) * c)
-                    };
-                    let normal = unit(mix(&|k| self.normals[k]));
-                    let raw = mix(&|k| [self.tangents[k][0], self.tangents[k][1], self.tangents[k][2]]);
-                    let along = dot(raw, normal);
-                    let tangent = unit([0, 1, 2].map(|k: usize| raw[k] - along * normal[k]));
-                    let bitangent = cross(normal, tangent);
-                    frames[j * grid.width + i] = [tangent, bitangent, normal].map(|a| a.map(|v| v as f32));
-                    covered[j * grid.width + i] = true;
-                }
-            }
-        }
-        let mut planes = [frames];
-        mesophyll_leaf::fill::nearest(&mut planes, &covered, grid.width, grid.height);
-        let [frames] = planes;
-        frames
-    }
-}
-
-pub(super) fn unit(a: [f64; 3]) -> [f64; 3] {
-    let n = dot(a, a).sqrt();
-    a.map(|v| v / n)
-}
-
-pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn unit(a: [f64; 3]) -> [f64; 3] {
+        let n = dot(a, a).sqrt();
+        a.map(|v| v / n)
+    }
+
+    fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+        a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    }
+
+    fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    }
 
     #[test]
     fn a_blade_that_is_cut_by_the_images_edge_has_a_rim_as_smooth_as_its_inside() {
@@ -307,8 +256,5 @@ mod tests {
             // at the edge a slope is the mean over the inner side of the smoothing: 0.02/mm times about 1.5 mm
             assert!((f64::from(-n[0] / n[2]) - 0.02 * f64::from(p[0])).abs() < 0.05, "{p:?} {n:?}");
         }
-        let frames = blade.frames(&grid);
-        let centre = frames[45 * 120 + 60];
-        assert!(centre[2][2] > 0.99 && centre[0][0] > 0.99 && centre[1][1] > 0.99);
     }
 }

@@ -206,7 +206,8 @@ fn thickness_errors(blade: &Path, capture: &Capture, source: &Source, measured: 
         first.get_or_insert(beam.lit);
         let path = File::Errors.path(blade, beam.lit);
         let (w, h) = (source.width, source.height);
-        let maps = read_exr_rows(&path, Some(&[&Quantity::Thickness.channel(0)]), None)?.of_size(&path, w, h)?;
+        let maps = read_exr_rows(&path, Some(&[&Quantity::Thickness.channel(0)]), None)?;
+        maps.require_size(&path, w, h)?;
         let each = maps.require_scalar(&path, Quantity::Thickness)?;
         let known: Vec<bool> = each.iter().map(|e| e.is_finite() && *e >= 0.0).collect();
         let each = each.iter().zip(&known).map(|(e, known)| if *known { f64::from(*e) } else { 0.0 });

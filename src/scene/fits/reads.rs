@@ -1,0 +1,70 @@
+//! What is read of fits: every read is noted in the ledger with its bytes and its time.
+
+use crate::ledger::Ledger;
+use crate::{Error, Result};
+use mesophyll_files::image::Maps;
+use mesophyll_leaf::{File, LeafFit, pack};
+use mesophyll_optics::side::Side;
+
+/// What the ledger and the plan call a file of a fit, or a texture that is made from it.
+pub fn entry(fit: &LeafFit, what: &str) -> String {
+    format!("{}/{what}", fit.name)
+}
+
+/// Size of one of the folder's files; 0 where it is not there.
+pub fn bytes(fit: &LeafFit, file: &str) -> u64 {
+    std::fs::metadata(fit.folder.join(file)).map_or(0, |m| m.len())
+}
+
+/// The maps of a side, read from disk when they are first asked for.
+///
+/// # Errors
+/// [`Error::Input`] for a file that is missing or damaged.
+pub fn maps<'a>(fit: &'a LeafFit, side: Side, ledger: &Ledger) -> Result<&'a Maps> {
+    if fit.is_read(side) {
+        return fit.maps(side);
+    }
+    let file = File::Maps.name(side);
+    ledger.note("read", entry(fit, &file), bytes(fit, &file), || fit.maps(side))
+}
+
+/// A side's normals in the tangent frame of the blade that was scanned, whatever blade is drawn.
+///
+/// # Errors
+/// As [`maps`], and for a blade that cannot be read.
+pub fn normals(fit: &LeafFit, side: Side, ledger: &Ledger) -> Result<Vec<[f32; 3]>> {
+    let maps = maps(fit, side, ledger)?;
+    ledger.note("pack", entry(fit, &texture(side, NORMAL)), 0, || pack::blade_normals(fit, side, maps))
+}
+
+/// What the plan calls the textures that a renderer gets of a side.
+pub const GAMMA_DELTA: &str = "gamma_delta";
+pub const GLOSS: &str = "rho_s_m";
+pub const NORMAL: &str = "normal";
+
+/// `front_gamma_delta`: a texture of a side.
+pub fn texture(side: Side, what: &str) -> String {
+    format!("{}_{what}", side.name())
+}
+
+/// Hashes one of the folder's files afresh and compares it with what the fit wrote down.
+///
+/// # Errors
+/// [`Error::Missed`] for a file that changed since, or that `fit.toml` does not list.
+pub fn verify(fit: &LeafFit, file: &str, ledger: &Ledger) -> Result<()> {
+    ledger.note("hash", entry(fit, file), bytes(fit, file), || fit.verify(file))
+}
+
+/// The size of a leaf's maps, where `maps` are those of one side and `known` is what is known so far (zeros where
+/// nothing is).
+///
+/// # Errors
+/// [`Error::Input`] naming the file where they differ.
+pub fn same_size(fit: &LeafFit, side: Side, known: [usize; 2], size: [usize; 2]) -> Result<[usize; 2]> {
+    if known == [0, 0] || known == size {
+        return Ok(size);
+    }
+    let found = format!("found {}x{} texels", size[0], size[1]);
+    let what = format!("{found}, expected {}x{} as of the leaf's other maps", known[0], known[1]);
+    Err(Error::input(&fit.path(File::Maps, side), what))
+}
