@@ -66,16 +66,23 @@ pub enum Basis {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage)]
 #[strum(serialize_all = "kebab-case")]
 pub enum BasisKind {
+    /// Three linear functions, those of Half-Life 2
     #[default]
     #[strum(serialize = "half-life-2")]
     HalfLife2,
+    /// The same three of a light that is bent so that its difference between sides ends at the horizon
     #[strum(serialize = "bent-3")]
     Bent3,
+    /// Those three, z² and the two of second order in azimuth
     #[strum(serialize = "bent-6")]
     Bent6,
+    /// The H-basis: constant, linear, and two of second order in the tangent plane
     HBasis,
+    /// z times polynomials, which vanish at the horizon
     Cosine,
+    /// Spherical harmonics, restricted to the hemisphere
     Spherical,
+    /// Harmonics that are orthogonal on the hemisphere
     Hemispherical,
 }
 

@@ -42,12 +42,15 @@ pub enum Rule {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage)]
 #[strum(serialize_all = "kebab-case")]
 pub enum RuleKind {
+    /// A spiral over the hemisphere
     #[default]
     Spiral,
+    /// Random directions, one in each of equal parts
     Stratified,
 }
 
 impl RuleKind {
+    /// The rule with this many directions.
     pub fn rule(self, count: usize) -> Rule {
         match self {
             RuleKind::Spiral => Rule::Spiral { count },
