@@ -274,8 +274,7 @@ impl Editor for SceneEditor {
         Verdict { passed, measures, note }
     }
 
-    fn probe(&self, leaf: usize, front: bool, texel: [u32; 2]) -> Vec<(String, String)> {
-        let side = if front { Side::Front } else { Side::Back };
+    fn probe(&self, leaf: usize, side: Side, texel: [u32; 2]) -> Vec<(String, String)> {
         let fitted = self.fits.get(leaf).and_then(Option::as_ref).filter(|f| f.has(side));
         let Some(maps) = fitted.and_then(|f| f.maps(side).ok()) else {
             return vec![("fit".into(), "this side was not measured".into())];
