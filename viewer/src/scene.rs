@@ -186,6 +186,8 @@ pub struct Dome {
 }
 
 /// How a surface looks, apart from its shape.
+// A scene has a handful of materials: an indirection would save no memory worth a line.
+#[allow(clippy::large_enum_variant)]
 #[derive(Debug, Clone)]
 pub enum Material {
     Leaf(Leaf),

@@ -99,7 +99,7 @@ fn lobe(kind: Lobe, n: [f64; 3], l: [f64; 3], v: [f64; 3], m: f64) -> f64 {
     let g = 1f64.min(2.0 * nh * nv / vh).min(2.0 * nh * nl / vh);
     let f = match kind {
         Lobe::CookTorrance { index } => {
-            let n = f64::from(index);
+            let n = index;
             let g = (n * n + vh * vh - 1.0).sqrt();
             0.5 * ((g - vh) / (g + vh)).powi(2) * (1.0 + ((vh * (g + vh) - 1.0) / (vh * (g - vh) + 1.0)).powi(2))
         }

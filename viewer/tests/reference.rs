@@ -79,7 +79,7 @@ fn lobe(kind: Lobe, n: V, l: V, v: V, m: f64) -> f64 {
         Lobe::Ggx => m * m / (PI * nh.powi(4) * (m * m + tan2).powi(2)),
         _ => (-tan2 / (m * m)).exp() / (PI * m * m * nh.powi(4)),
     };
-    let f = if let Lobe::CookTorrance { index } = kind { fresnel(vh, f64::from(index)) } else { 1.0 };
+    let f = if let Lobe::CookTorrance { index } = kind { fresnel(vh, index) } else { 1.0 };
     d * f * 1f64.min(2.0 * nh * nv / vh).min(2.0 * nh * nl / vh) / (4.0 * nl * nv)
 }
 
