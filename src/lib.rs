@@ -50,16 +50,17 @@
 //! and the compiler refuses any other. All of them stand on floors below its own:
 //!
 //! ```text
-//! 9  main
-//! 8  cli
-//! 7  report
-//! 6  proof         scene       export
-//! 5  fit
-//! 4  leaf
-//! 3  capture
-//! 2  translucency  walk        transport   record
-//! 1  viewer        optics      sky         plant      solve      files
-//! 0  error         quadrature  fourier
+//! 10  main
+//! 9   cli
+//! 8   report
+//! 7   proof         scene       export
+//! 6   fit
+//! 5   leaf
+//! 4   capture
+//! 3   translucency  walk        transport   record
+//! 2   optics        viewer
+//! 1   surface       solve       sky         plant      files
+//! 0   error         quadrature  fourier
 //! ```
 
 pub use mesophyll_capture as capture;
