@@ -1,5 +1,7 @@
 //! Files: written whole or not at all, read with errors that name the place. No physics.
 
+#![warn(missing_docs)]
+
 pub mod atomic;
 pub mod claim;
 pub mod hash;

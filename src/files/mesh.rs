@@ -21,10 +21,13 @@ use serde::Deserialize;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 pub enum Unit {
     #[serde(rename = "mm")]
+    /// Lengths in mm.
     Millimetre,
     #[serde(rename = "cm")]
+    /// Lengths in cm.
     Centimetre,
     #[serde(rename = "m")]
+    /// Lengths in m, which glTF asks for.
     Metre,
 }
 
@@ -48,7 +51,9 @@ pub struct LeafMesh {
     pub normals: Vec<DVec3>,
     /// Unit, along +u, and the handedness ±1: image up = w · normal × tangent.
     pub tangents: Vec<(DVec3, f64)>,
+    /// Texture coordinates; (0, 0) is the top left corner of the maps.
     pub uvs: Vec<DVec2>,
+    /// Three vertices a triangle, counter-clockwise as seen from the front.
     pub indices: Vec<u32>,
 }
 
@@ -58,6 +63,7 @@ impl LeafMesh {
         [0, 1, 2].map(|k| self.indices[3 * t + k] as usize)
     }
 
+    /// How many triangles it has.
     pub fn triangles(&self) -> usize {
         self.indices.len() / 3
     }

@@ -23,6 +23,7 @@ pub fn set_quiet(quiet: bool) {
     QUIET.store(quiet, Ordering::Relaxed);
 }
 
+/// Whether [`set_quiet`] was told to be.
 pub fn is_quiet() -> bool {
     QUIET.load(Ordering::Relaxed)
 }
@@ -173,6 +174,7 @@ pub struct Bar {
 }
 
 impl Bar {
+    /// Begins a piece of work of `total` steps.
     pub fn new(what: impl Into<String>, total: u64) -> Self {
         let outermost = tasks().is_empty();
         let task = Arc::new(Task { what: what.into(), total, done: AtomicU64::new(0), start: Instant::now() });
@@ -196,6 +198,7 @@ impl Bar {
         Bar::new(what, 0)
     }
 
+    /// So many steps are done.
     pub fn advance(&self, steps: u64) {
         self.task.done.fetch_add(steps, Ordering::Relaxed);
         self.drawn.inc(steps);

@@ -16,10 +16,15 @@ use std::path::{Path, PathBuf};
 /// thickness (mm).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Edit {
+    /// Factor on σa, a colour channel.
     pub sigma_a: [f64; 3],
+    /// Factor on σs, a colour channel.
     pub sigma_s: [f64; 3],
+    /// Added to the thickness of every texel and to the mean (mm).
     pub thickness_mm: f64,
+    /// Factor on ρs.
     pub rho_s: f64,
+    /// Factor on the roughness m.
     pub m: f64,
 }
 

@@ -31,6 +31,7 @@ impl File {
     /// Those that are part of the fit.
     pub const ALL: [File; 3] = [File::Maps, File::Errors, File::HeldOut];
 
+    /// Name of the file for a side.
     pub fn name(self, side: Side) -> String {
         self.of(side.name())
     }
@@ -46,6 +47,7 @@ impl File {
         format!("{section}{what}.exr")
     }
 
+    /// The file of a side in `folder`.
     pub fn path(self, folder: &Path, side: Side) -> PathBuf {
         folder.join(self.name(side))
     }
@@ -56,7 +58,9 @@ impl File {
 pub struct LeafFit {
     /// What its user calls it; the name in the record where nobody says otherwise.
     pub name: String,
+    /// Where it lies.
     pub folder: PathBuf,
+    /// Its `fit.toml`.
     pub record: FitRecord,
     maps: Arc<Sides<OnceLock<Maps>>>,
     /// What was changed by hand since it was fitted, and the fit as it was.
@@ -115,6 +119,7 @@ impl LeafFit {
         Side::ALL.into_iter().filter(|s| self.has(*s))
     }
 
+    /// Whether a side was fitted.
     pub fn has(&self, side: Side) -> bool {
         self.record.sections.contains_key(side.name())
     }
@@ -184,6 +189,7 @@ impl LeafFit {
         Error::field(&self.record_path(), &format!("{}.{}", side.name(), quantity.name()), what)
     }
 
+    /// Where its `fit.toml` lies.
     pub fn record_path(&self) -> PathBuf {
         self.folder.join("fit.toml")
     }

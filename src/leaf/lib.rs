@@ -5,6 +5,8 @@
 //! standard errors), and `blade.glb`, the blade as a mesh. Lengths are in mm, σa and σs in 1/mm. Maps are row-major as
 //! the side's own camera saw them, so that the columns of the back run the other way ([`mesophyll_optics::side`]).
 
+#![warn(missing_docs)]
+
 pub mod edit;
 pub mod fill;
 mod folder;

@@ -1,6 +1,8 @@
 //! `fit.toml`: what a fit folder says about itself. The same input and seed give the same bytes, so times live beside
 //! it in `times.toml`.
 
+#![warn(missing_docs)]
+
 pub mod scan;
 mod seal;
 
@@ -29,6 +31,7 @@ pub struct Param {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub stderr_caliper: Vec<f64>,
     #[serde(default, skip_serializing_if = "String::is_empty")]
+    /// Unit of the values and their errors; empty for pure numbers.
     pub unit: String,
     /// Channels (or the name itself) that the data do not determine, with the reason: `sigma_a.B: at most 0.02`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -38,13 +41,17 @@ pub struct Param {
 /// Residual statistics of a fit, weighted by the stated noise.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Residuals {
+    /// How many readings the fit explains.
     pub samples: usize,
+    /// Sum of the squared residuals, each in units of its noise.
     pub chi2: f64,
+    /// `chi2` over the degrees of freedom: about 1 where the model and the stated noise are right.
     pub reduced_chi2: f64,
     /// Unweighted root mean square.
     pub rms: f64,
     /// Worst texel's reduced χ² and where it is (column, row).
     pub worst: f64,
+    /// The worst texel: column, row.
     pub worst_at: [usize; 2],
 }
 
@@ -58,15 +65,19 @@ pub struct Section {
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub terminations: BTreeMap<String, usize>,
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    /// Residuals by what was measured, such as `gloss` and `transmittance`.
     pub residuals: BTreeMap<String, Residuals>,
     /// Correlations of the shared parameters, row by row, with their names.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub correlation_names: Vec<String>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    /// Row by row, in the order of `correlation_names`.
     pub correlation: Vec<Vec<f64>>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// Condition number of the problem at the solution.
     pub condition: Option<f64>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// How many directions of the parameters the data determine.
     pub rank: Option<usize>,
     /// Plain figures worth reporting (median errors, coverage, comparison of methods), by name.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
@@ -88,7 +99,9 @@ pub struct Section {
 /// How far a map is from the known truth.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct TruthError {
+    /// Half of the values are off by less than this share of the truth.
     pub median_relative: f64,
+    /// 99 % of the values are off by less than this share of the truth.
     pub p99_relative: f64,
     /// Share of truths inside the 95 % interval; NaN-free: absent when no standard error is known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -113,6 +126,7 @@ pub const GAUGE_GAMMA: &str = "gauge_of_truth_gamma_relative";
 /// `fit.toml`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct FitRecord {
+    /// Version of the file format: [`SCHEMA`].
     pub schema: u32,
     /// Hash of the rest of the file as it was read. [`FitRecord::write`] computes it anew, so that an edit made by the
     /// program is accepted.
@@ -120,11 +134,14 @@ pub struct FitRecord {
     pub record_hash: String,
     /// `leaf`, `gloss`, `slab`, `beam`, `sky`, …
     pub kind: String,
+    /// What the fit is called: the name in its capture, or of its kind.
     pub name: String,
+    /// Program and version that made it.
     pub program: String,
     /// Hash of everything the fit was made from (input files and options).
     pub input_hash: String,
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// Why the fit ended, where it has one end and not one a side.
     pub termination: Option<Termination>,
     /// What the fit was told: options and gauges, as text.
     #[serde(default)]
@@ -151,9 +168,12 @@ pub struct Times {
     pub capture: Option<String>,
     /// Phase name → wall time (s), in order.
     pub phases: Vec<Phase>,
+    /// Wall time of the whole run (s).
     pub total_s: f64,
+    /// Threads that it ran on.
     pub threads: usize,
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// The most memory that the process held (MiB), where the system tells.
     pub peak_memory_mib: Option<f64>,
     /// Named traces: the leaf-wide problem, a typical texel, the worst texel, …
     #[serde(default)]
@@ -161,8 +181,11 @@ pub struct Times {
 }
 
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+/// One step of a run.
 pub struct Phase {
+    /// What was done.
     pub name: String,
+    /// Wall time (s).
     pub seconds: f64,
 }
 
@@ -236,9 +259,17 @@ impl Times {
         self.phases.push(Phase { name: name.into(), seconds });
     }
 
+    /// Reads `times.toml` in `folder`.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where it is missing or is not what this program writes.
     pub fn read(folder: &Path) -> Result<Times> {
         read_toml(&folder.join("times.toml"))
     }
+    /// Writes `times.toml` into `folder`.
+    ///
+    /// # Errors
+    /// [`Error::Write`] where the folder cannot be written.
     pub fn write(&self, folder: &Path) -> Result<()> {
         write_toml(&folder.join("times.toml"), self)
     }
@@ -250,6 +281,10 @@ pub fn read_toml<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
     toml::from_str(&text).map_err(|e| Error::toml(path, &text, &e))
 }
 
+/// Writes a value as TOML, whole or not at all.
+///
+/// # Errors
+/// [`Error::Write`] where the file cannot be written.
 pub fn write_toml<T: Serialize>(path: &Path, value: &T) -> Result<()> {
     let text = toml::to_string(value).map_err(|e| Error::write(path, e))?;
     atomic::write_bytes(path, text.as_bytes())

@@ -7,28 +7,37 @@ use serde::{Deserialize, Serialize};
 /// The device of a scan as the fit took it: what a frame is predicted with. `[scan]` in `fit.toml`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Scan {
+    /// Size of a texel (mm).
     pub texel_mm: f64,
     /// Orthographic camera in the direction (sin, 0, cos).
     pub camera_deg: f64,
+    /// Angle of the camera to the normal over the light box (degrees).
     pub lightbox_camera_deg: f64,
+    /// Height of the tube's axis over the leaf (mm).
     pub tube_height_mm: f64,
+    /// Length of the tube (mm).
     pub tube_length_mm: f64,
+    /// Radius of the tube (mm); 0 is a thin line.
     pub tube_radius_mm: f64,
     /// A lobe by its name, with its index where it has one.
     pub lobe: String,
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// Refractive index of a `cook-torrance` lobe.
     pub lobe_index: Option<f64>,
     /// Standard deviation of a reading: √((relative · value)² + floor²).
     pub noise_relative: f64,
+    /// The part of the noise that does not grow with the value.
     pub noise_floor: f64,
     /// One frame of every so many was left out (0: none), as this seed drew it.
     pub hold_out: usize,
+    /// Seed by which the frames were drawn.
     pub hold_out_seed: u64,
     /// Every so many rows and columns stand in the files of held-out frames, from the first on.
     pub stored_step: usize,
 }
 
 impl Scan {
+    /// The tube.
     pub fn tube(&self) -> Tube {
         Tube { height_mm: self.tube_height_mm, length_mm: self.tube_length_mm, radius_mm: self.tube_radius_mm }
     }
@@ -39,6 +48,7 @@ impl Scan {
         [sin, 0.0, cos]
     }
 
+    /// The lobe that was fitted.
     pub fn lobe(&self) -> Lobe {
         Lobe::of(self.lobe.parse().unwrap_or(LobeKind::Beckmann), self.lobe_index.unwrap_or(1.5))
     }
@@ -60,9 +70,11 @@ impl Scan {
 pub struct HeldOut {
     /// Frames that the fit did not see, and where the tube stood (mm).
     pub frames: Vec<usize>,
+    /// Where the tube stood in each of them (mm).
     pub positions_mm: Vec<f64>,
     /// Those of them whose readings stand in `front_held_out.exr`.
     pub stored: Vec<usize>,
+    /// How many readings were predicted: frames × texels × channels.
     pub readings: usize,
     /// Mean square of the residuals, each counted as 5 at most.
     pub reduced_chi2: f64,
@@ -76,11 +88,15 @@ pub struct HeldOut {
     pub bias: f64,
     /// `reduced_chi2` and what is expected of it a frame, in the order of `frames`, and the frame where it is largest.
     pub frame_chi2: Vec<f64>,
+    /// What is expected of `reduced_chi2` in each frame.
     pub frame_expected: Vec<f64>,
+    /// The frame that is predicted worst.
     pub worst_frame: usize,
+    /// Its `reduced_chi2`.
     pub worst_frame_chi2: f64,
     /// Largest residual and its texel (column, row).
     pub worst: f64,
+    /// The texel of the largest residual: column, row.
     pub worst_at: [usize; 2],
 }
 
@@ -105,16 +121,22 @@ pub fn off(reduced_chi2: f64, expected: f64, stderr: f64) -> f64 {
 pub struct LightBox {
     /// Standard deviation of a transmittance: √((relative · value)² + floor²), the floor a channel.
     pub noise_relative: f64,
+    /// The part of the noise that does not grow with the value, a channel.
     pub noise_floor: [f64; 3],
+    /// How many transmittances were compared.
     pub readings: usize,
+    /// Mean square of the residuals.
     pub reduced_chi2: f64,
     /// Each texel's thickness was fitted to its three transmittances: two of three are left.
     pub expected: f64,
+    /// Standard error of `reduced_chi2`.
     pub stderr: f64,
+    /// Mean residual, measured less the slab's.
     pub bias: f64,
 }
 
 impl LightBox {
+    /// How far the slab is off, beyond noise and chance, in units of the noise of one reading.
     pub fn off(&self) -> f64 {
         off(self.reduced_chi2, self.expected, self.stderr)
     }

@@ -46,13 +46,16 @@ pub struct Control {
     pub damping: f64,
     /// Dampings tried at a point, and the damping beyond which none is.
     pub tries: usize,
+    /// The damping beyond which no step is tried.
     pub most: f64,
     /// A rejected step is first shortened to this share of itself, in so many trials altogether; then the damping
     /// rises tenfold.
     pub shorter: f64,
+    /// How often a step is shortened before the damping rises.
     pub trials: usize,
     /// The damping falls to this share of itself after an accepted step, but not below `least`.
     pub easier: f64,
+    /// The damping falls no lower than this.
     pub least: f64,
 }
 
@@ -132,6 +135,7 @@ pub fn minimize<P: Damped>(problem: &mut P, mut at: P::Point, control: &Control)
 /// A step over the normal equations.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NormalStep<const N: usize> {
+    /// Change of each parameter.
     pub step: [f64; N],
     /// Decrease of Σ r² (not of half of it) that the linear model promises.
     pub predicted: f64,

@@ -45,7 +45,9 @@ pub fn minimize_scales(problem: &dyn Problem, start: &[f64], options: &Options) 
 /// One minimum that some of the starts ended in.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Minimum {
+    /// ½ Σ r² there.
     pub cost: f64,
+    /// Where it is.
     pub params: Vec<f64>,
     /// How many starts ended here.
     pub hits: usize,

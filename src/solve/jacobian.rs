@@ -78,8 +78,11 @@ pub struct Check {
     pub worst: f64,
     /// Where it is.
     pub residual: usize,
+    /// Column of the worst entry.
     pub parameter: usize,
+    /// That entry of the problem's own Jacobian.
     pub analytic: f64,
+    /// The same by numeric differences.
     pub numeric: f64,
 }
 

@@ -30,10 +30,13 @@ pub trait Smooth {
 pub struct Descent {
     /// Best point; the start where nothing better was found (see `termination`).
     pub params: Vec<f64>,
+    /// Cost at `params`.
     pub cost: f64,
     /// In the problem's own coordinates.
     pub gradient: Vec<f64>,
+    /// Why it ended.
     pub termination: Termination,
+    /// A row an iteration.
     pub trace: Trace,
     /// The point of each row of the trace.
     pub points: Vec<Vec<f64>>,
@@ -46,6 +49,7 @@ pub struct Descent {
 pub struct Limits {
     /// Length of the gradient in the coordinates of the metric.
     pub gradient: f64,
+    /// Iterations at most.
     pub iterations: usize,
 }
 
@@ -53,6 +57,7 @@ pub struct Limits {
 pub struct Normal {
     /// ½ Σ r².
     pub cost: f64,
+    /// Gradient of the cost: Jᵀr.
     pub gradient: DVector<f64>,
     /// JᵀJ.
     pub matrix: DMatrix<f64>,

@@ -1,5 +1,7 @@
 //! Least squares for every fit: one trace, one set of termination names, one covariance. No model's name appears here.
 
+#![warn(missing_docs)]
+
 pub mod damped;
 pub mod decompose;
 pub mod global;

@@ -13,12 +13,15 @@ pub trait Number:
     fn constant(value: f64) -> Self;
     /// The nearest `f64`.
     fn value(self) -> f64;
+    /// Square root.
     fn sqrt(self) -> Self;
 
+    /// The constant 0.
     fn zero() -> Self {
         Self::constant(0.0)
     }
 
+    /// The constant 1.
     fn one() -> Self {
         Self::constant(1.0)
     }

@@ -54,11 +54,13 @@ impl Termination {
 /// One iteration. Costs are ½ Σ r² of weighted residuals.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct TraceRow {
+    /// Number of the iteration; 0 is the start.
     pub iteration: usize,
     /// Model evaluations so far (residuals and Jacobians).
     pub evaluations: usize,
     /// Wall time since the start (s). Kept out of `fit.toml`, which is the same for the same input.
     pub elapsed_s: f64,
+    /// ½ Σ r² after it.
     pub cost: f64,
     /// Largest absolute component of the gradient.
     pub gradient: f64,

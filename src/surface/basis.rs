@@ -17,5 +17,6 @@ pub enum Basis {
 }
 
 impl Basis {
+    /// All of them, the default first.
     pub const ALL: [Basis; 2] = [Basis::HalfLife2, Basis::Bent];
 }

@@ -35,7 +35,10 @@ pub enum Lobe {
     /// The same with the long-tailed distribution of Trowbridge and Reitz (Walter et al. 2007 name it GGX); no F, no G.
     Ggx,
     /// Beckmann's slopes with the unpolarised dielectric Fresnel reflectance of `index` and the V-cavity G.
-    CookTorrance { index: f64 },
+    CookTorrance {
+        /// Refractive index of the surface.
+        index: f64,
+    },
 }
 
 impl LobeKind {

@@ -2,6 +2,8 @@
 //! direction that light comes through by. Each name and formula stands here once; the renderer of `viewer/`, which knows
 //! nothing of fitting, uses the same ones.
 
+#![warn(missing_docs)]
+
 pub mod basis;
 pub mod gloss;
 pub mod side;

@@ -21,7 +21,9 @@ use serde::{Deserialize, Serialize};
 #[serde(rename_all = "lowercase")]
 #[strum(serialize_all = "lowercase")]
 pub enum Side {
+    /// The upper (adaxial) side.
     Front,
+    /// The lower (abaxial) side.
     Back,
 }
 
@@ -42,6 +44,7 @@ impl Side {
         }
     }
 
+    /// The opposite side.
     pub fn other(self) -> Side {
         match self {
             Side::Front => Side::Back,
@@ -53,7 +56,9 @@ impl Side {
 /// One thing for each side of a leaf.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 pub struct Sides<T> {
+    /// What belongs to the front.
     pub front: T,
+    /// What belongs to the back.
     pub back: T,
 }
 

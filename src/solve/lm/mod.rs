@@ -39,6 +39,7 @@ pub struct Options {
     pub lower: Vec<f64>,
     /// Upper bounds, one a parameter, or empty.
     pub upper: Vec<f64>,
+    /// What is known of the noise, from which standard errors follow.
     pub noise: Noise,
     /// Singular values below this share of the largest are zero. `None`: n·ε with derivatives, 1e-10 with numeric
     /// differences.
@@ -75,6 +76,7 @@ pub struct Fit {
     pub cost: f64,
     /// Parameters resting on a bound, by index. Their standard errors are those of the problem without bounds.
     pub at_bound: Vec<usize>,
+    /// Why it ended.
     pub termination: Termination,
     /// A row an accepted step, the start included.
     pub trace: Trace,
@@ -83,6 +85,7 @@ pub struct Fit {
 }
 
 impl Fit {
+    /// Whether it ended at a minimum.
     pub fn converged(&self) -> bool {
         self.termination.converged()
     }
