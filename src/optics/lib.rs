@@ -10,6 +10,8 @@
 //! Lengths are in mm, absorption σa and scattering σs in 1/mm, angles in radians. Short names of sources such as W, H9
 //! and G3 are explained in `docs/sources.md`.
 
+#![warn(missing_docs)]
+
 pub mod dipole;
 pub mod slab;
 pub mod tube;

@@ -22,15 +22,21 @@ pub trait Scalar:
     + Sync
     + 'static
 {
+    /// A constant.
     fn of(x: f64) -> Self;
+    /// e to the power of it.
     fn exp(self) -> Self;
+    /// Square root; of a complex number the one with a real part of at least 0.
     fn sqrt(self) -> Self;
+    /// Sine.
     fn sin(self) -> Self;
+    /// Cosine.
     fn cos(self) -> Self;
     /// Real part of the value.
     fn re(self) -> f64;
     /// Modulus of the value.
     fn size(self) -> f64;
+    /// Its product with a real number.
     fn times(self, x: f64) -> Self;
 }
 
@@ -95,7 +101,9 @@ pub const PARTIALS: usize = 4;
 /// A number and its derivatives by σa, σs, g and the thickness factor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Dual<T> {
+    /// The number.
     pub value: T,
+    /// Its derivatives.
     pub by: [T; PARTIALS],
 }
 

@@ -17,6 +17,7 @@ const CONSERVATIVE: f64 = 1e-11;
 /// An F_N answer and how well it settled.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Answer {
+    /// What the slab reflects and transmits.
     pub response: Response,
     /// order of the accepted answer
     pub order: usize,

@@ -23,15 +23,20 @@ pub mod thin;
 /// Diffuse reflectance and total transmittance of the slab.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Response {
+    /// Diffuse reflectance ρd.
     pub rho_d: f64,
+    /// Transmittance ρt of a beam along the normal.
     pub rho_t: f64,
 }
 
 /// Derivatives of a [`Response`] with respect to σa (mm), σs (mm) and the thickness (1/mm).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Partials {
+    /// By σa.
     pub sigma_a: Response,
+    /// By σs.
     pub sigma_s: Response,
+    /// By the thickness.
     pub thickness: Response,
 }
 

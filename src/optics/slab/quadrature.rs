@@ -3,7 +3,9 @@
 /// One node and its weight.
 #[derive(Debug, Clone, Copy)]
 pub struct Node {
+    /// Where it is.
     pub x: f64,
+    /// Its weight.
     pub w: f64,
 }
 

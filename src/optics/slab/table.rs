@@ -26,8 +26,11 @@ const EXTRAPOLATED: f64 = 1.42;
 /// G₁ and G₂ at a point, with their derivatives by 1−ω and by Δ.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scaled {
+    /// G₁ and G₂.
     pub g: [f64; 2],
+    /// Their derivatives by 1 − ω.
     pub by_absorbed: [f64; 2],
+    /// Their derivatives by Δ.
     pub by_delta: [f64; 2],
 }
 

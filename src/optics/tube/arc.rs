@@ -20,6 +20,7 @@ use std::f64::consts::PI;
 pub struct Arc {
     /// Direction to the tube's nearest point: (sin, 0, cos).
     pub sin: f64,
+    /// Upward part of that direction.
     pub cos: f64,
     /// Tangents of the angles at which the tube ends, seen from that direction.
     pub ends: [f64; 2],
@@ -30,14 +31,20 @@ pub struct Arc {
 /// An arc's share of a frame. Derivatives are with respect to a free vector n.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Sums {
+    /// Diffuse response D.
     pub d: f64,
+    /// ∂D/∂n.
     pub d_n: [f64; 3],
+    /// Glossy response S.
     pub s: f64,
+    /// ∂S/∂m.
     pub s_m: f64,
+    /// ∂S/∂n.
     pub s_n: [f64; 3],
 }
 
 impl Sums {
+    /// Adds another share of the same frame.
     pub fn add(&mut self, o: &Sums) {
         self.d += o.d;
         self.s += o.s;
@@ -56,6 +63,7 @@ pub struct Rule {
     pub gauss: Vec<(f64, f64)>,
     /// Trapezoid for a bell that fits between them: nodes k·step, |k| ≤ `bell`; widths of the bell e^(−x²).
     pub bell: i32,
+    /// Distance of the trapezoid's nodes, in widths of the bell.
     pub step: f64,
 }
 

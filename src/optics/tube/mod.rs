@@ -23,15 +23,20 @@ use mesophyll_quadrature::symmetric;
 /// The lamp: axis height over the blade, lit length centred on the blade, radius (0: thin).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tube {
+    /// Height of the axis over the blade (mm).
     pub height_mm: f64,
+    /// Length of the lit part (mm).
     pub length_mm: f64,
+    /// Radius (mm); 0 is a thin line.
     pub radius_mm: f64,
 }
 
 /// Direction the tube moves in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Travel {
+    /// Along x; the tube lies along y.
     X,
+    /// Along y; the tube lies along x.
     Y,
 }
 
@@ -71,19 +76,26 @@ impl Precision {
 /// What one frame shows of a texel: the diffuse and the glossy response per unit ρd and ρs, and how they change.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Response {
+    /// Diffuse response D, per unit ρd.
     pub d: f64,
+    /// Glossy response S, per unit ρs.
     pub s: f64,
+    /// ∂S/∂m.
     pub s_m: f64,
     /// ∂D/∂n and ∂S/∂n for a free vector n; multiply by ∂n/∂parameter.
     pub d_n: [f64; 3],
+    /// ∂S/∂n.
     pub s_n: [f64; 3],
 }
 
 /// The plain evaluation of one frame, f64, any normal, any camera: the reference for the vectorised one.
 #[derive(Debug, Clone)]
 pub struct Model {
+    /// The lamp.
     pub tube: Tube,
+    /// Direction to the camera, a unit vector.
     pub camera: [f64; 3],
+    /// The gloss lobe.
     pub lobe: Lobe,
     rule: arc::Rule,
     across: Vec<(f64, f64)>,

@@ -27,14 +27,20 @@ pub enum Precision {
 /// where nothing limits the parameter from above.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Estimate {
+    /// Absorption (1/mm).
     pub sigma_a: f64,
+    /// Scattering (1/mm).
     pub sigma_s: f64,
+    /// Standard error of σa.
     pub sigma_a_err: f64,
+    /// Standard error of σs.
     pub sigma_s_err: f64,
+    /// Covariance of (σa, σs).
     pub covariance: [[f64; 2]; 2],
     /// Condition number of the map from relative changes of (ρd, ρt) to relative changes of (σa, σs); NaN where
     /// refused.
     pub condition: f64,
+    /// Whether the numbers may be used.
     pub status: Status,
 }
 

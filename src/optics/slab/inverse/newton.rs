@@ -10,8 +10,11 @@ use std::sync::OnceLock;
 /// A slab: ω, 1−ω and Δ, and ∂(F₁, F₂)/∂(L, M) there.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point {
+    /// Single-scattering albedo ω = σs/(σa + σs).
     pub omega: f64,
+    /// 1 − ω, with its own digits.
     pub absorbed: f64,
+    /// Optical thickness Δ = (σa + σs) h.
     pub delta: f64,
     jacobian: [[f64; 2]; 2],
 }

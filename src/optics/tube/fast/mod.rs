@@ -95,6 +95,8 @@ impl Nodes {
 }
 
 impl Pass {
+    /// A pass of `model` with the tube at these positions (mm); `along` says how fine the integral along the tube is, and `level`
+    /// what the processor may use.
     pub fn new(model: &Model, travel: Travel, positions_mm: &[f64], along: usize, level: Level) -> Pass {
         let rule = super::arc::Rule::new(along);
         let full = |k: i32| (f64::from(k), 1.0);
@@ -118,6 +120,7 @@ impl Pass {
         }
     }
 
+    /// How many frames the pass has.
     pub fn frames(&self) -> usize {
         self.positions.len()
     }
@@ -127,6 +130,7 @@ impl Pass {
         padded(self.positions.len())
     }
 
+    /// Where the tube stands in each frame (mm).
     pub fn positions(&self) -> &[f64] {
         &self.positions
     }

@@ -6,31 +6,47 @@
 
 /// A few f64.
 pub trait Lanes: Copy {
+    /// How many lanes there are.
     const N: usize;
+    /// A truth value a lane.
     type Mask: Copy;
+    /// The same number in every lane.
     fn splat(x: f64) -> Self;
     /// The first `N` values of `from`, which must have as many.
     fn load(from: &[f64]) -> Self;
+    /// Writes the lanes into the first `N` places of `to`.
     fn store(self, to: &mut [f64]);
+    /// self + o.
     fn add(self, o: Self) -> Self;
+    /// self − o.
     fn sub(self, o: Self) -> Self;
+    /// self · o.
     fn mul(self, o: Self) -> Self;
+    /// self / o.
     fn div(self, o: Self) -> Self;
     /// self · b + c
     fn fma(self, b: Self, c: Self) -> Self;
+    /// The lesser of both, a lane.
     fn min(self, o: Self) -> Self;
+    /// The greater of both, a lane.
     fn max(self, o: Self) -> Self;
+    /// Square root.
     fn sqrt(self) -> Self;
+    /// Where self < o.
     fn less(self, o: Self) -> Self::Mask;
     /// `self` where the mask is set, else `o`.
     fn or(self, mask: Self::Mask, o: Self) -> Self;
+    /// Where both masks are set.
     fn both(a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    /// Whether the mask is set anywhere.
     fn any(mask: Self::Mask) -> bool;
+    /// Whether the mask is set everywhere.
     fn all(mask: Self::Mask) -> bool;
     /// 1/x to 1e-8, for normal x.
     fn recip(self) -> Self;
     /// e^x for −700 ≤ x ≤ 0 to 1e-8 relative; smaller x give 0 or nearly.
     fn exp(self) -> Self;
+    /// Sum of the lanes.
     fn sum(self) -> f64;
     /// The greatest lane; NaN lanes may or may not be seen.
     fn most(self) -> f64;
@@ -162,12 +178,16 @@ mod x86;
 /// What the processor can do, asked once a fitter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Level {
+    /// One number at a time.
     Plain,
+    /// Four lanes and fused multiply–add.
     Avx2,
+    /// Eight lanes.
     Avx512,
 }
 
 impl Level {
+    /// What this processor can do.
     pub fn detect() -> Level {
         #[cfg(target_arch = "x86_64")]
         {

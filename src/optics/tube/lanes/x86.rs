@@ -6,6 +6,7 @@ use super::{EXP, LN2, LOG2E, Lanes, MAGIC};
 use std::arch::x86_64::*;
 
 #[derive(Clone, Copy)]
+/// Four lanes of AVX2.
 pub struct Avx2(__m256d);
 
 impl Lanes for Avx2 {
@@ -114,6 +115,7 @@ impl Lanes for Avx2 {
 }
 
 #[derive(Clone, Copy)]
+/// Eight lanes of AVX-512.
 pub struct Avx512(__m512d);
 
 impl Lanes for Avx512 {
