@@ -1,5 +1,5 @@
-//! The blade's mesh as other programs take it: positions in mm, normals out of the front, (0, 0) the top left corner of the
-//! front's maps.
+//! The blade's mesh as other programs take it: positions in mm, normals out of the front, (0, 0) the top left corner of
+//! the front's maps.
 
 use mesophyll_files::mesh::LeafMesh;
 

@@ -62,9 +62,9 @@ pub fn go_on() -> crate::Result<()> {
     }
 }
 
-/// Does `work` on a thread of its own and waits for it. Once a stop was asked for, the thread is left to itself, and the
-/// answer is `None`: the program is about to end, and what the thread was writing is removed. So work stops at once that
-/// never looks whether to go on.
+/// Does `work` on a thread of its own and waits for it. Once a stop was asked for, the thread is left to itself, and
+/// the answer is `None`: the program is about to end, and what the thread was writing is removed. So work stops at once
+/// that never looks whether to go on.
 ///
 /// # Panics
 /// Where `work` does.

@@ -1,8 +1,9 @@
 //! The one way to make a fit folder. Every fit that leaves a folder goes through [`make`].
 //!
-//! [`make`] runs the fit on a thread of its own. When Ctrl-C asks for a stop, it leaves that thread and returns [`Error::Interrupted`] at once, whatever is being
-//! computed. Nothing is lost by that: every file is written whole or not at all, `fit.toml` is written last, and parts
-//! that a long fit has finished ([`Maker::part`], [`Maker::parts`]) are taken over by the next run.
+//! [`make`] runs the fit on a thread of its own. When Ctrl-C asks for a stop, it leaves that thread and returns
+//! [`Error::Interrupted`] at once, whatever is being computed. Nothing is lost by that: every file is written whole or
+//! not at all, `fit.toml` is written last, and parts that a long fit has finished ([`Maker::part`], [`Maker::parts`])
+//! are taken over by the next run.
 //!
 //! The fit itself is a function that gets a [`Maker`]. It reads its inputs and says what it is made from
 //! ([`Maker::up_to_date`]), which claims the folder: one that belongs to somebody else is refused. It computes, opens

@@ -1,5 +1,5 @@
-//! Normals of the scan, turned into the mesh's tangent frame texel by texel. Both renderers interpolate mapped normals in
-//! that frame, because a blade that bends takes it along.
+//! Normals of the scan, turned into the mesh's tangent frame texel by texel. Both renderers interpolate mapped normals
+//! in that frame, because a blade that bends takes it along.
 
 use crate::{Result, fill};
 use glam::{DVec2, DVec3};

@@ -238,7 +238,8 @@ mod tests {
         assert!((floor / 5e-4 - 1.0).abs() < 0.15, "{floor}");
     }
 
-    /// A lit box is darker towards its border and its channels are unlike: one median over all differences is too small.
+    /// A lit box is darker towards its border and its channels are unlike: one median over all differences is too
+    /// small.
     #[test]
     fn noise_is_read_off_a_smooth_picture_of_unlike_channels() {
         use rand::{RngExt, SeedableRng};

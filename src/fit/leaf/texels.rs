@@ -22,8 +22,8 @@ use std::path::{Path, PathBuf};
 /// Rows a part.
 const ROWS: usize = 32;
 
-/// Channels of a part file, in the order of [`to_maps`]: what was fitted, the standard errors of it (`err.rho_d.R`), what
-/// one standard deviation of the dark frame does to ρd (`dark.rho_d.R`), and how the fit went.
+/// Channels of a part file, in the order of [`to_maps`]: what was fitted, the standard errors of it (`err.rho_d.R`),
+/// what one standard deviation of the dark frame does to ρd (`dark.rho_d.R`), and how the fit went.
 fn channels() -> Vec<String> {
     use Quantity::{Chi2, Freedom, M, Mask, Normal, RhoD, RhoS, Termination, Undetermined};
     let named = |prefix: &str, list: &[Quantity]| {

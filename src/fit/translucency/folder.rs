@@ -19,8 +19,8 @@ use std::path::Path;
 
 const RGB: [&str; 3] = ["R", "G", "B"];
 
-/// What a part holds: the files of one side and its section. A stopped run's parts are taken over only where this is the
-/// same.
+/// What a part holds: the files of one side and its section. A stopped run's parts are taken over only where this is
+/// the same.
 pub const PART: &str = "side.exr, side_translucency.png, section";
 
 /// Says in the record what all sides share.

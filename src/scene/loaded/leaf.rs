@@ -1,4 +1,5 @@
-//! The data of one leaf: W's textures, slab curves and translucency coefficients, read as far as the plan asks for them.
+//! The data of one leaf: W's textures, slab curves and translucency coefficients, read as far as the plan asks for
+//! them.
 
 use super::curve::{Curve, curve};
 use super::map_levels::map_levels;

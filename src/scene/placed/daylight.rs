@@ -181,8 +181,8 @@ impl Daylight {
     }
 }
 
-/// The sky's polynomials where the sun `moves`, of one fit a process, which is noted when it is first made. Other scenes
-/// run no fit.
+/// The sky's polynomials where the sun `moves`, of one fit a process, which is noted when it is first made. Other
+/// scenes run no fit.
 ///
 /// # Errors
 /// [`Error::Missed`] where the fit fails.

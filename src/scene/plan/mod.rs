@@ -137,8 +137,8 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// What follows from where everything stands: which fits, and what of each side. Leaves are then gone through one by
-    /// one ([`leaf`]), and [`Plan::finish`] ends it.
+    /// What follows from where everything stands: which fits, and what of each side. Leaves are then gone through one
+    /// by one ([`leaf`]), and [`Plan::finish`] ends it.
     pub fn new(manifest: &Manifest, placed: &Placed) -> Plan {
         let mut plan = Plan {
             scene: manifest.name.clone(),

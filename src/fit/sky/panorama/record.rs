@@ -25,8 +25,8 @@ pub struct Options {
     pub noise: Option<f64>,
 }
 
-/// Finds sun, turbidity and scale of the picture in the file `path`, and writes the folder `out`. It is fitted anew also
-/// where the folder holds this very fit.
+/// Finds sun, turbidity and scale of the picture in the file `path`, and writes the folder `out`. It is fitted anew
+/// also where the folder holds this very fit.
 ///
 /// # Errors
 /// A picture that cannot be read or holds no sky; a noise out of range; a folder that cannot be written or that holds

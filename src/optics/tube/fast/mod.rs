@@ -95,8 +95,8 @@ impl Nodes {
 }
 
 impl Pass {
-    /// A pass of `model` with the tube at these positions (mm); `along` says how fine the integral along the tube is, and `level`
-    /// what the processor may use.
+    /// A pass of `model` with the tube at these positions (mm); `along` says how fine the integral along the tube is,
+    /// and `level` what the processor may use.
     pub fn new(model: &Model, travel: Travel, positions_mm: &[f64], along: usize, level: Level) -> Pass {
         let rule = super::arc::Rule::new(along);
         let full = |k: i32| (f64::from(k), 1.0);
