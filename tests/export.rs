@@ -3,7 +3,7 @@
 mod samples;
 
 use mesophyll::files::image::{self, Maps};
-use mesophyll::files::quantity::Quantity;
+use mesophyll::files::quantity::{Quantity, XYZ};
 use mesophyll::fit::leaf::blade::{Blade, glb};
 use mesophyll::leaf::LeafFit;
 use mesophyll::optics::side::Side;
@@ -120,12 +120,12 @@ fn packed_textures_hold_the_named_maps() {
         same(&second, "A", Quantity::M, 0);
         let (delta, whole) = (first.get("A").unwrap(), maps.scalar(Quantity::Thickness).unwrap());
         assert!(delta.iter().zip(whole).all(|(d, t)| t.is_nan() || (f64::from(*d) + h - f64::from(*t)).abs() < 1e-7));
-        // A rotation: lengths stay, and where the blade lies flat little changes.
-        let (seen, turned) = (maps.three(Quantity::Normal).unwrap(), ["X", "Y", "Z"].map(|c| normal.get(c).unwrap()));
-        for k in (0..whole.len()).step_by(101) {
-            let length = |n: [&[f32]; 3]| n.map(|p| p[k] * p[k]).iter().sum::<f32>();
-            let (before, after) = (length(seen), length(turned));
-            assert!(before.is_nan() || (before - after).abs() < 1e-5, "{k}");
+        // The sample's blade is flat and lies along x: there its frame is the photograph's own, on both sides.
+        let (seen, turned) = (maps.three(Quantity::Normal).unwrap(), XYZ.map(|c| normal.get(c).unwrap()));
+        let known: Vec<usize> = (0..whole.len()).filter(|&k| seen.iter().all(|p| p[k].is_finite())).collect();
+        assert!(known.len() > whole.len() / 10, "{} texels have a normal", known.len());
+        for (c, k) in known.into_iter().flat_map(|k| [0, 1, 2].map(|c| (c, k))) {
+            assert!((seen[c][k] - turned[c][k]).abs() < 1e-6, "{} at {k}: {} {}", XYZ[c], seen[c][k], turned[c][k]);
         }
     }
 }

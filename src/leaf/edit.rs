@@ -1,12 +1,11 @@
 //! Values changed by hand: what an edit makes of a leaf's record and of its maps. The window, the renderers' hand-over
 //! and the saved fit all go through it.
 
-use crate::{Error, File, LeafFit, Result};
+use crate::{BLADE, Error, File, LeafFit, Result};
 use mesophyll_files::atomic::{self, explain};
 use mesophyll_files::hash;
 use mesophyll_files::image::{self, Maps, Packing};
 use mesophyll_files::quantity::Quantity;
-use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
 use mesophyll_record::Section;
 use rayon::prelude::*;
@@ -113,10 +112,11 @@ pub fn save(leaf: &LeafFit, folder: &Path) -> Result<PathBuf> {
     let target = free.unwrap_or_else(|| folder.join(&leaf.name));
     atomic::probe_folder(&target)?;
     let mut record = leaf.record.clone();
-    let measured: Vec<String> = Side::ALL.map(|s| File::HeldOut.name(s)).into();
-    record.files.retain(|name, _| !measured.contains(name));
     record.scan = None;
-    for name in record.files.keys() {
+    // What no edit changes is copied; whatever else the folder lists is no part of an edited leaf.
+    let copied = leaf.sides().map(|s| File::Errors.name(s)).chain([BLADE.to_string()]);
+    let copied: Vec<String> = copied.filter(|name| record.files.contains_key(name)).collect();
+    for name in &copied {
         let from = leaf.folder.join(name);
         let bytes = std::fs::read(&from).map_err(|e| Error::input(&from, explain(&e)))?;
         atomic::write_bytes(&target.join(name), &bytes)?;
@@ -127,9 +127,8 @@ pub fn save(leaf: &LeafFit, folder: &Path) -> Result<PathBuf> {
     for side in leaf.sides() {
         image::write_exr(&File::Maps.path(&target, side), &leaf.solved(side)?, Packing::Zip)?;
     }
-    for (name, hash) in &mut record.files {
-        *hash = hash::file(&target.join(name))?;
-    }
+    let all = leaf.sides().map(|s| File::Maps.name(s)).chain(copied);
+    record.files = all.map(|name| hash::file(&target.join(&name)).map(|hash| (name, hash))).collect::<Result<_>>()?;
     record.write(&target)?;
     Ok(target)
 }

@@ -107,8 +107,9 @@ fn truth_path(folder: &Path, section: &str, capture: Option<&Path>) -> Option<Pa
     if own.exists() {
         return Some(own);
     }
+    let side = section.parse().ok()?;
     let places = capture.map(|c| [c.to_path_buf(), folder.join(c)]);
-    places.into_iter().flatten().map(|c| c.join("truth").join(format!("{section}.exr"))).find(|p| p.exists())
+    places.into_iter().flatten().map(|c| mesophyll_capture::truth_path(&c, side)).find(|p| p.exists())
 }
 
 fn read_or_say(path: &Path, without: &str, missing: &mut Vec<String>) -> Option<Maps> {

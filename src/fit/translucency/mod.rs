@@ -47,12 +47,12 @@ use tissue::Entry;
     PartialEq,
     Eq,
     Default,
+    serde::Deserialize,
     Display,
     EnumString,
     EnumIter,
     IntoStaticStr,
     EnumMessage,
-    serde::Deserialize,
 )]
 #[serde(rename_all = "kebab-case")]
 #[strum(serialize_all = "kebab-case")]
@@ -81,12 +81,12 @@ impl Colour {
     PartialEq,
     Eq,
     Default,
+    serde::Deserialize,
     Display,
     EnumString,
     EnumIter,
     IntoStaticStr,
     EnumMessage,
-    serde::Deserialize,
 )]
 #[serde(rename_all = "kebab-case")]
 #[strum(serialize_all = "kebab-case")]
