@@ -18,7 +18,7 @@
 
 use super::harmonics::{Basis, Coefficients};
 use super::{Sky, colour, quadrature};
-use std::f64::consts::{FRAC_PI_2, PI};
+use std::f64::consts::FRAC_PI_2;
 
 /// How many nodes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -161,12 +161,6 @@ pub fn spread(bands: usize, even: &[[f64; 3]], colour: impl Fn([f64; 3]) -> [f64
 /// polynomial.
 pub fn direct(sky: &dyn Sky, bands: usize) -> Coefficients {
     Rule::new(sky.sun_zenith(), bands, Quality::Exact).project(sky)
-}
-
-/// Solid angle of the upper hemisphere by a rule, against 2π: what its nodes and weights are worth by themselves.
-pub fn solid_angle_error(rule: &Rule) -> f64 {
-    let c00 = rule.integrate(|_, _| [1.0; 3])[0][0];
-    (c00 * (4.0 * PI).sqrt() / (2.0 * PI) - 1.0).abs()
 }
 
 #[cfg(test)]

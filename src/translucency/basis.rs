@@ -12,7 +12,7 @@
 
 use super::lights::{Lights, Rule};
 use nalgebra::DMatrix;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
 
 /// The three vectors (H9 §3.3.8).
@@ -234,11 +234,6 @@ impl Basis {
         if let Basis::Bent { .. } = self { bent(direction) } else { direction }
     }
 
-    /// Reconstruction Σ c_i φ_i(ω).
-    pub fn reconstruct(self, coefficients: &[f64], direction: [f64; 3]) -> f64 {
-        coefficients.iter().enumerate().map(|(i, c)| c * self.value(i, direction)).sum()
-    }
-
     /// ∫ φ_i dω over the hemisphere, of each function.
     pub fn integrals(self) -> Vec<f64> {
         // Exact: after the integral over azimuth all that is left are polynomials of low degree in z.
@@ -283,11 +278,6 @@ fn harmonic(index: usize, t: f64, x: f64, y: f64) -> f64 {
 /// [`Basis::argument`].
 pub fn vector(coefficients: [f64; 3]) -> [f64; 3] {
     [0, 1, 2].map(|c| (3.0 / TAU).sqrt() * (0..3).map(|i| coefficients[i] * HALF_LIFE_2[i][c]).sum::<f64>())
-}
-
-/// The Half-Life 2 coefficients of v·ω.
-pub fn from_vector(v: [f64; 3]) -> [f64; 3] {
-    HALF_LIFE_2.map(|h| (TAU / 3.0).sqrt() * (h[0] * v[0] + h[1] * v[1] + h[2] * v[2]))
 }
 
 /// What turns samples over a set of lights into coefficients: coefficient i = Σ_m `matrix[i][m]` f(ω_m).
@@ -345,12 +335,10 @@ impl Projector {
     }
 }
 
-/// ∫ f dω of a flat uniform leaf's f = n·ω.
-pub const FLAT_INTEGRAL: f64 = PI;
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::f64::consts::PI;
 
     fn all() -> Vec<Basis> {
         let mut list = vec![Basis::HalfLife2];
@@ -360,6 +348,16 @@ mod tests {
         list.extend([1, 2, 3, 4].map(|bands| Basis::Hemispherical { bands }));
         list.extend([1, 2, 3].map(|degree| Basis::Cosine { degree }));
         list
+    }
+
+    /// The function whose coefficients are given, in one direction: Σ c_i φ_i(ω).
+    fn reconstruct(basis: Basis, coefficients: &[f64], direction: [f64; 3]) -> f64 {
+        coefficients.iter().enumerate().map(|(i, c)| c * basis.value(i, direction)).sum()
+    }
+
+    /// The Half-Life 2 coefficients of v·ω.
+    fn from_vector(v: [f64; 3]) -> [f64; 3] {
+        HALF_LIFE_2.map(|h| (TAU / 3.0).sqrt() * (h[0] * v[0] + h[1] * v[1] + h[2] * v[2]))
     }
 
     fn gram(basis: Basis, i: usize, j: usize) -> f64 {
@@ -407,9 +405,10 @@ mod tests {
         assert!([0.3, -0.2, 0.9].iter().zip(back).all(|(a, b)| (a - b).abs() < 1e-15));
         let w = [0.48, -0.6, 0.64];
         let dot = v[0] * w[0] + v[1] * w[1] + v[2] * w[2];
-        assert!((Basis::HalfLife2.reconstruct(&[0.3, -0.2, 0.9], w) - dot).abs() < 1e-15);
+        assert!((reconstruct(Basis::HalfLife2, &[0.3, -0.2, 0.9], w) - dot).abs() < 1e-15);
         let total: f64 = Basis::HalfLife2.integrals().iter().map(|s| FLAT * s).sum();
-        assert!((total - FLAT_INTEGRAL).abs() < 1e-13, "{total}");
+        // ∫ n·ω dω over the hemisphere is π.
+        assert!((total - PI).abs() < 1e-13, "{total}");
     }
 
     /// With the Gram matrix of the samples what lies in the span comes back exactly; the plain sum misses it by per
@@ -426,7 +425,7 @@ mod tests {
             }
             let h = Projector::new(Basis::HalfLife2, &lights, Weights::Plain).unwrap().project(&flat);
             let rule = Lights::new(Rule::Product { levels: 8, azimuths: 16 });
-            let square = |d: &[f64; 3]| (Basis::HalfLife2.reconstruct(&h, *d) - d[2]).powi(2);
+            let square = |d: &[f64; 3]| (reconstruct(Basis::HalfLife2, &h, *d) - d[2]).powi(2);
             plain_error += rule.directions.iter().zip(&rule.weights).map(|(d, w)| w * square(d)).sum::<f64>() / 20.0;
         }
         // RMS over the hemisphere against f's own (√(1/3)): far above rounding, of the order of 1/√128.
@@ -435,7 +434,7 @@ mod tests {
         for basis in all() {
             let lights = Lights::new(Rule::Stratified { count: 128, seed: 3 });
             let wanted: Vec<f64> = (0..basis.count()).map(|i| 0.3 + (i as f64).sin()).collect();
-            let samples: Vec<f64> = lights.directions.iter().map(|d| basis.reconstruct(&wanted, *d)).collect();
+            let samples: Vec<f64> = lights.directions.iter().map(|d| reconstruct(basis, &wanted, *d)).collect();
             let found = Projector::new(basis, &lights, Weights::Gram).unwrap().project(&samples);
             assert!(wanted.iter().zip(&found).all(|(a, b)| (a - b).abs() < 1e-10), "{}", basis.name());
         }

@@ -4,6 +4,7 @@
 use super::*;
 use crate::quadrature::gauss;
 use crate::{HosekWilkie, Model, Preetham};
+use std::f64::consts::PI;
 
 /// ∫ f over [a, b] by halving until a 10-point Gauss rule and its two halves agree to `tolerance`.
 fn adaptive(f: &mut dyn FnMut(f64, &mut [f64]), a: f64, b: f64, tolerance: f64, size: usize) -> Vec<f64> {
@@ -105,6 +106,13 @@ fn the_coarse_rule_is_good_enough_for_fits() {
             assert!(e < 3e-7, "θs {s} τ {t}: {e:.1e}");
         }
     }
+}
+
+/// How far the solid angle of the upper hemisphere by a rule is from 2π, as a share of it: what the nodes and weights
+/// are worth by themselves.
+fn solid_angle_error(rule: &Rule) -> f64 {
+    let c00 = rule.integrate(|_, _| [1.0; 3])[0][0];
+    (c00 * (4.0 * PI).sqrt() / (2.0 * PI) - 1.0).abs()
 }
 
 /// A constant sky: c_l0 = 2π K_l ∫₀¹ P_l, with ∫₀¹ P_1 = 1/2 and ∫₀¹ P_2 = 0; and solid angle 2π.
