@@ -2,9 +2,9 @@
 //! `data/README.md`.
 
 pub mod beams;
-pub mod calibrate;
+mod calibrate;
 pub mod dome;
-pub mod field;
+mod field;
 pub mod grid;
 pub mod inspect;
 pub mod kind;

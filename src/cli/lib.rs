@@ -5,24 +5,24 @@ use mesophyll_files::progress;
 use std::process::ExitCode;
 
 mod batch;
-pub mod bench;
-pub mod check;
-pub mod completions;
-pub mod eval;
-pub mod export;
-pub mod fit;
-pub mod inspect;
+mod bench;
+mod check;
+mod completions;
+mod eval;
+mod export;
+mod fit;
+mod inspect;
 mod models;
 mod named;
 mod peers;
 mod place;
-pub mod plan;
-pub mod report;
-pub mod run;
-pub mod stress;
-pub mod synth;
+mod plan;
+mod report;
+mod run;
+mod stress;
+mod synth;
 mod tables;
-pub mod view;
+mod view;
 pub(crate) use mesophyll_error::{Error, Result};
 
 #[derive(Debug, Parser)]

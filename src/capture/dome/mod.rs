@@ -14,12 +14,12 @@ pub mod manifest;
 pub mod noise;
 pub mod reader;
 pub mod reduce;
-pub mod shape;
+mod shape;
 pub mod smooth;
 pub mod synth;
 mod through;
 mod veil;
-pub mod visible;
+mod visible;
 
 pub use manifest::Manifest;
 pub use reader::Capture;

@@ -9,11 +9,11 @@ pub mod illumination;
 #[cfg(test)]
 mod illumination_tests;
 pub mod leaf;
-pub mod outline;
-pub mod preview;
+pub(crate) mod outline;
+pub(crate) mod preview;
 pub mod random;
 pub mod scan;
-pub mod sensor;
-pub mod slab_truth;
+pub(crate) mod sensor;
+pub(crate) mod slab_truth;
 pub mod spec;
-pub mod veins;
+pub(crate) mod veins;

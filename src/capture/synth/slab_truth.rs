@@ -46,6 +46,7 @@ pub fn gauss_legendre(n: usize) -> Vec<(f64, f64)> {
 
 /// ρd and ρt of a slab with absorption and scattering coefficients (1/mm) and thickness (mm), all ≥ 0, for a beam along
 /// the normal.
+#[cfg(test)]
 pub fn response(sigma_a: f64, sigma_s: f64, thickness_mm: f64) -> Response {
     response_at(1.0, sigma_a, sigma_s, thickness_mm)
 }

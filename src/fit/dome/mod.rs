@@ -5,15 +5,15 @@
 //! What a dome does not show is said: gloss is taken from a stated index and slope, or left out.
 
 mod output;
-pub mod slab;
+mod slab;
 
 use crate::leaf::curve::Incidence;
 use crate::leaf::slabmaps::{Inverter, Sigma};
-use crate::maker::{self, Maker, Outcome};
 use crate::{Error, Result};
 use mesophyll_capture::dome::Capture;
 use mesophyll_capture::dome::reduce::{Options as Reduction, Reduced, reduce};
 use mesophyll_optics::side::Side;
+use mesophyll_record::maker::{self, Maker, Outcome};
 use rayon::prelude::*;
 use slab::{Shared, Slab, Texel};
 use std::path::Path;

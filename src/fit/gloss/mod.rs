@@ -7,12 +7,12 @@
 
 pub mod geometry;
 mod outliers;
-pub mod project;
+mod project;
 mod report;
 pub mod samples;
-pub mod start;
+mod start;
 pub mod synthetic;
-pub mod texel;
+mod texel;
 
 pub use texel::{TexelFitter, Workspace};
 

@@ -6,29 +6,29 @@
 
 pub mod blade;
 pub mod curve;
-pub mod defect;
+mod defect;
 pub mod held_out;
 mod interior;
 mod noise;
 mod outliers;
 mod output;
-pub mod paper;
+mod paper;
 mod side;
 pub mod sides;
-pub mod slabmaps;
+pub(crate) mod slabmaps;
 pub mod texels;
 mod truth;
 mod undetermined;
 pub mod wide;
 
 use crate::gloss::{Device, TexelFitter};
-use crate::maker::{self, Maker, Outcome};
 use crate::{Error, Result};
 use held_out::{HoldOut, Splits};
 use mesophyll_capture::manifest::{Pass, Travel};
 use mesophyll_capture::reader::Capture;
 use mesophyll_files::progress::Bar;
 use mesophyll_optics::gloss::Lobe;
+use mesophyll_record::maker::{self, Maker, Outcome};
 use std::path::Path;
 use std::time::Instant;
 use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
