@@ -54,7 +54,7 @@
 //! 9   cli
 //! 8   report
 //! 7   proof         scene       export
-//! 6   fit
+//! 6   fit           fit_sky     fit_translucency
 //! 5   leaf
 //! 4   capture
 //! 3   translucency  walk        transport   record
@@ -68,6 +68,8 @@ pub use mesophyll_error as error;
 pub use mesophyll_export as export;
 pub use mesophyll_files as files;
 pub use mesophyll_fit as fit;
+pub use mesophyll_fit_sky as fit_sky;
+pub use mesophyll_fit_translucency as fit_translucency;
 pub use mesophyll_leaf as leaf;
 pub use mesophyll_optics as optics;
 pub use mesophyll_plant as plant;

@@ -4,7 +4,7 @@ mod common;
 
 use common::skips::{self, Need};
 use common::{refused, run, succeeded};
-use mesophyll::fit::sky::{Form, folder};
+use mesophyll::fit_sky::{Form, folder};
 use mesophyll::sky::irradiance::add_ground;
 use serde_json::Value;
 use std::f64::consts::FRAC_PI_2;

@@ -322,7 +322,7 @@ fn with_texel(fit: &Path, texel_mm: f64) {
 #[cfg(feature = "render")]
 #[test]
 fn the_reference_convolves_and_a_flat_leafs_light_is_its_cosine() {
-    use mesophyll::fit::translucency::TissueName;
+    use mesophyll::fit_translucency::TissueName;
     use mesophyll::scene::{draw::reference, fits::source::Status};
     use mesophyll::transport::Sunlit;
 

@@ -4,9 +4,6 @@ pub mod beam;
 pub mod dome;
 pub mod gloss;
 pub mod leaf;
-pub mod maker;
-pub mod sky;
 pub mod slab;
-pub mod translucency;
 
 pub(crate) use mesophyll_error::{Error, Result};

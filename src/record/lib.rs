@@ -3,6 +3,7 @@
 
 #![warn(missing_docs)]
 
+pub mod maker;
 pub mod scan;
 mod seal;
 

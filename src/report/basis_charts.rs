@@ -4,7 +4,7 @@
 use super::rows::COLORS;
 use crate::{Error, Result};
 use mesophyll_files::atomic;
-use mesophyll_fit::translucency::spread::Spread;
+use mesophyll_fit_translucency::spread::Spread;
 use mesophyll_proof::translucency::basis_study::Outcome;
 use plotters::coord::Shift;
 use plotters::prelude::*;

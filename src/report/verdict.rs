@@ -5,7 +5,7 @@ use crate::number::{count, percent, plain};
 use crate::quantity::{parameter, symbol};
 use crate::view::MANY;
 use crate::{captures, held_out, residuals};
-use mesophyll_fit::translucency::judge::NAMES;
+use mesophyll_fit_translucency::judge::NAMES;
 use mesophyll_record::{FitRecord, GAUGE_GAMMA, GAUGE_THICKNESS};
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -5,7 +5,7 @@ use crate::figure::{self, Figure, words};
 use crate::model::{FitReport, ParameterDifference, ParameterRow, TimesReport};
 use crate::number::{percent, plain, plus_minus, significant};
 use crate::quantity::{channel_word, parameter};
-use mesophyll_fit::translucency::judge::NAMES;
+use mesophyll_fit_translucency::judge::NAMES;
 use serde::Serialize;
 use std::collections::BTreeMap;
 

@@ -9,8 +9,8 @@ use mesophyll_fit::dome;
 use mesophyll_fit::leaf::held_out::HoldOut;
 use mesophyll_fit::leaf::texels::Shard;
 use mesophyll_fit::leaf::{Method, Options, run as fit};
-use mesophyll_fit::maker::Outcome;
 use mesophyll_record::FitRecord;
+use mesophyll_record::maker::Outcome;
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]

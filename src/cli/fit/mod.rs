@@ -4,8 +4,8 @@ use super::Common;
 use crate::Result;
 use crate::models::{Chosen, Model, Offers, Verb};
 use mesophyll_files::progress::say;
-use mesophyll_fit::maker::Outcome;
 use mesophyll_record::FitRecord;
+use mesophyll_record::maker::Outcome;
 use std::path::Path;
 
 pub mod beam;

@@ -3,9 +3,9 @@
 use crate::named::named;
 use crate::{Common, place, print, print_json};
 use crate::{Error, Result};
-use mesophyll_fit::translucency::inverse::run::{Options, Start, run as fit};
-use mesophyll_fit::translucency::inverse::{self};
-use mesophyll_fit::translucency::tissue::Entry;
+use mesophyll_fit_translucency::inverse::run::{Options, Start, run as fit};
+use mesophyll_fit_translucency::inverse::{self};
+use mesophyll_fit_translucency::tissue::Entry;
 use mesophyll_record::FitRecord;
 use mesophyll_translucency::convolve::Totals;
 use std::path::PathBuf;

@@ -7,7 +7,7 @@ mod wgsl;
 
 use super::Format;
 use crate::{Error, Result};
-use mesophyll_fit::sky::{Form, folder};
+use mesophyll_fit_sky::{Form, folder};
 use mesophyll_record::FitRecord;
 use mesophyll_sky::fitted::folded::{TURBIDITY_ZERO, rgb_from_separable};
 use mesophyll_sky::fitted::{Basis, Folded};

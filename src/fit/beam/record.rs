@@ -3,11 +3,11 @@
 use super::basis::{DEGREE, smooth, smooth_fit};
 use super::deflections::{self, Named};
 use super::measured::{Along, Known, Measured, termination};
-use crate::maker;
 use crate::{Error, Result};
 use mesophyll_files::table::Table;
 use mesophyll_plant::beam::{TAPER_MAX, TAPER_MIN};
 use mesophyll_plant::taper::TERMS;
+use mesophyll_record::maker;
 use mesophyll_record::{FitRecord, Param, Residuals, Section};
 use mesophyll_solve::Termination;
 use std::path::Path;

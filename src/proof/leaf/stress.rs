@@ -13,9 +13,9 @@ use mesophyll_capture::synth::scan;
 use mesophyll_capture::synth::spec::{Interior, Model, Spec, Surface};
 use mesophyll_files::image::{Packing, read_exr, write_exr};
 use mesophyll_fit::leaf::{self, Options};
-use mesophyll_fit::maker::Outcome;
 use mesophyll_optics::side::Side;
 use mesophyll_record::FitRecord;
+use mesophyll_record::maker::Outcome;
 use std::path::Path;
 use std::time::Instant;
 

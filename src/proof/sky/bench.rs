@@ -4,7 +4,7 @@
 use super::figures::{self, DISSERTATION_BYTES, DISSERTATION_ERROR, DISSERTATION_FIT_S, DISSERTATION_US, Point};
 use crate::Result;
 use crate::bench::{BenchRow, median_us};
-use mesophyll_fit::sky::{standard, window};
+use mesophyll_fit_sky::{standard, window};
 use mesophyll_sky::Preetham;
 use mesophyll_sky::project::{Quality, Rule};
 

@@ -3,8 +3,8 @@
 
 use crate::bench::median_us;
 use crate::{Error, Result};
-use mesophyll_fit::sky::judge::{Judged, Reference, judge};
-use mesophyll_fit::sky::{Fitted, Form, Method, Options, folded, window};
+use mesophyll_fit_sky::judge::{Judged, Reference, judge};
+use mesophyll_fit_sky::{Fitted, Form, Method, Options, folded, window};
 use mesophyll_sky::harmonics::Basis;
 use mesophyll_sky::window::Window;
 use mesophyll_sky::{Coefficients, Preetham, Sky, colour, preetham, project};
@@ -76,7 +76,7 @@ pub fn thousand_us(mut work: impl FnMut(f64)) -> f64 {
 /// The frontier of every family, seven bands; `grid` is the dissertation's (500).
 ///
 /// # Errors
-/// As [`mesophyll_fit::sky::fit`].
+/// As [`mesophyll_fit_sky::fit`].
 pub fn frontier(reference: &Reference, grid: usize) -> Result<Vec<Point>> {
     let mut out = Vec::new();
     let options = Options { grid, ..Options::default() };
@@ -95,7 +95,7 @@ pub fn frontier(reference: &Reference, grid: usize) -> Result<Vec<Point>> {
         out.extend(point("folded", name, &last, times[1], reference));
     }
     for degrees in [[5, 3], [7, 4], [9, 5], [11, 6], [13, 7], [17, 9], [21, 11]] {
-        let fitted = mesophyll_fit::sky::fit(&Options { method: Method::Chebyshev, degrees, ..options.clone() })?;
+        let fitted = mesophyll_fit_sky::fit(&Options { method: Method::Chebyshev, degrees, ..options.clone() })?;
         out.extend(point(
             "chebyshev",
             format!("({}, {})", degrees[0], degrees[1]),
@@ -104,7 +104,7 @@ pub fn frontier(reference: &Reference, grid: usize) -> Result<Vec<Point>> {
             reference,
         ));
     }
-    let fitted = mesophyll_fit::sky::fit(&Options { method: Method::MonomialsQr, ..options })?;
+    let fitted = mesophyll_fit_sky::fit(&Options { method: Method::MonomialsQr, ..options })?;
     out.extend(point("monomials f64", "(13, 7)".into(), &fitted, fitted.seconds() * 1e6, reference));
     Ok(out)
 }
@@ -159,18 +159,17 @@ pub struct Worst {
 }
 
 /// # Errors
-/// As [`mesophyll_fit::sky::fit`].
+/// As [`mesophyll_fit_sky::fit`].
 pub fn worst(reference: &Reference, grid: usize) -> Result<Worst> {
     let refused = |e: mesophyll_sky::Refused| Error::Missed(e.to_string());
-    let fitted = mesophyll_fit::sky::fit(&Options { method: Method::ChebyshevGrid, grid, ..Options::default() })?;
+    let fitted = mesophyll_fit_sky::fit(&Options { method: Method::ChebyshevGrid, grid, ..Options::default() })?;
     let form = fitted.form.ok_or_else(|| Error::Missed(fitted.remark.clone()))?;
     let (sun_zenith, turbidity, _) = judge(&form, reference).worst_at;
     let want = project::direct(&Preetham.at(sun_zenith, turbidity).map_err(refused)?, 7);
     let basis = Basis::new(7);
     let correct = luminance(&want, &basis);
     let got = luminance(&form.coefficients(sun_zenith, turbidity).map_err(refused)?, &basis);
-    let fine =
-        luminance(&mesophyll_fit::sky::standard()?.coefficients(sun_zenith, turbidity).map_err(refused)?, &basis);
+    let fine = luminance(&mesophyll_fit_sky::standard()?.coefficients(sun_zenith, turbidity).map_err(refused)?, &basis);
     let less = |a: &[(f64, f64)]| a.iter().zip(&correct).map(|(a, b)| (a.0, a.1 - b.1)).collect();
     Ok(Worst {
         sun_zenith,
@@ -226,7 +225,7 @@ pub struct Figures {
 /// Fits and judges what the pictures show. `grid` is the dissertation's (500).
 ///
 /// # Errors
-/// As [`mesophyll_fit::sky::fit`].
+/// As [`mesophyll_fit_sky::fit`].
 pub fn all(grid: usize) -> Result<Figures> {
     let reference = reference()?;
     let points = frontier(&reference, grid)?;

@@ -2,8 +2,8 @@
 //! precision, and the fits that must fail.
 
 use crate::stress::StressRow;
-use mesophyll_fit::sky::judge::{Reference, judge};
-use mesophyll_fit::sky::{Fitted, Method, Options, fit, standard};
+use mesophyll_fit_sky::judge::{Reference, judge};
+use mesophyll_fit_sky::{Fitted, Method, Options, fit, standard};
 use mesophyll_sky::project::{Quality, Rule, direct};
 use mesophyll_sky::{Coefficients, HosekWilkie, Model, Preetham, Sky, preetham};
 use std::f64::consts::FRAC_PI_2;

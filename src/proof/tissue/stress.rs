@@ -2,8 +2,8 @@
 
 use crate::Result;
 use crate::stress::StressRow;
-use mesophyll_fit::translucency::inverse::synthetic::Scene;
-use mesophyll_fit::translucency::inverse::{Fitted, Options, Tissues, fit, logarithms};
+use mesophyll_fit_translucency::inverse::synthetic::Scene;
+use mesophyll_fit_translucency::inverse::{Fitted, Options, Tissues, fit, logarithms};
 use mesophyll_optics::side::Side;
 use std::time::Instant;
 

@@ -3,8 +3,8 @@
 
 use crate::stress::StressRow;
 use crate::{Error, Result};
-use mesophyll_fit::translucency::source::{SideMaps, Source};
-use mesophyll_fit::translucency::{Options, TissueFrom, TissueName, side};
+use mesophyll_fit_translucency::source::{SideMaps, Source};
+use mesophyll_fit_translucency::{Options, TissueFrom, TissueName, side};
 use mesophyll_optics::dipole::{Form, Tissue};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;

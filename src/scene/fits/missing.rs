@@ -14,7 +14,7 @@ use mesophyll_capture::synth::leaf::Leaf as Grown;
 use mesophyll_capture::synth::{scan, spec::Spec};
 use mesophyll_files::{atomic, claim, progress};
 use mesophyll_fit::leaf as fit;
-use mesophyll_fit::translucency as through;
+use mesophyll_fit_translucency as through;
 use std::path::{Path, PathBuf};
 
 /// What the fit of a scene's leaf is told: the lobe that it will be drawn with.

@@ -5,7 +5,7 @@ use super::source::{Source, Status};
 use crate::Result;
 use crate::manifest::{Basis, Manifest, Translucency as Asked};
 use mesophyll_files::hash;
-use mesophyll_fit::translucency::recipe::Recipe;
+use mesophyll_fit_translucency::recipe::Recipe;
 use mesophyll_leaf::LeafFit;
 use mesophyll_record::FitRecord;
 use mesophyll_translucency::basis::Basis as Functions;

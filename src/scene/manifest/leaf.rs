@@ -1,7 +1,7 @@
 //! Leaves that a scene may show: where their data come from, and what is drawn of them.
 
 use mesophyll_files::mesh::Unit;
-use mesophyll_fit::translucency::{Colour, Options, TissueFrom, TissueName};
+use mesophyll_fit_translucency::{Colour, Options, TissueFrom, TissueName};
 use mesophyll_optics::gloss::{Lobe, LobeKind};
 use mesophyll_surface::basis::Basis;
 use serde::Deserialize;

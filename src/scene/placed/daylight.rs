@@ -9,7 +9,7 @@ use crate::ledger::Ledger;
 use crate::manifest::Manifest;
 use crate::{Error, Result};
 use glam::DVec3;
-use mesophyll_fit::sky as fit;
+use mesophyll_fit_sky as fit;
 use mesophyll_sky::fitted::Folded;
 use mesophyll_sky::preetham::PreethamSky;
 use mesophyll_sky::{Coefficients, Preetham, Sky, harmonics, irradiance, project, sun};

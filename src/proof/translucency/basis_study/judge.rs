@@ -2,7 +2,7 @@
 
 use super::{Candidate, Case};
 use crate::{Error, Result};
-use mesophyll_fit::translucency::spread::{ELEVATIONS, STEPS, Spread};
+use mesophyll_fit_translucency::spread::{ELEVATIONS, STEPS, Spread};
 use mesophyll_translucency::basis::Projector;
 use mesophyll_translucency::blade::LitSide;
 use mesophyll_translucency::convolve::{Convolver, Settings};
@@ -121,7 +121,7 @@ mod tests {
     use super::super::{FINE, PAPER_TISSUE, candidates, piece};
     use super::*;
     use mesophyll_capture::synth::spec::Spec;
-    use mesophyll_fit::translucency::spread::BINS;
+    use mesophyll_fit_translucency::spread::BINS;
     use mesophyll_optics::side::Side;
     use mesophyll_translucency::basis::{Basis, Weights};
     use mesophyll_translucency::blade::Blade;

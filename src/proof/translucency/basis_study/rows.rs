@@ -4,7 +4,7 @@ use super::{Candidate, Judge, PAPER_TISSUE, TEXEL_MM, candidates, cases};
 use crate::bench::{BenchRow, median_us};
 use crate::{Error, Result};
 use mesophyll_files::progress::{self, Bar};
-use mesophyll_fit::translucency::spread::Spread;
+use mesophyll_fit_translucency::spread::Spread;
 use mesophyll_optics::side::Side;
 use mesophyll_translucency::basis::{Basis, Projector, Weights};
 use mesophyll_translucency::horizon::{self, Horizon};

@@ -4,11 +4,11 @@
 use super::picture::{self, Channels, Picture};
 use super::projection::{Projection, ProjectionKind};
 use super::{Found, NAMES, clipped};
-use crate::maker::{self, Maker};
 use crate::{Error, Result};
 use mesophyll_files::hash;
 use mesophyll_files::image::{Maps, Packing, read_exr, write_exr};
 use mesophyll_files::table::Status;
+use mesophyll_record::maker::{self, Maker};
 use mesophyll_record::{Param, Residuals, Section};
 use mesophyll_sky::preetham;
 use std::collections::BTreeMap;

@@ -19,14 +19,14 @@
 //! exceed what noise and thickness explain, errors are scaled by them. Texels near a border that the leaf goes on
 //! beyond have to be left out by the caller.
 
-pub mod certainty;
-pub mod compare;
-pub mod folder;
+mod certainty;
+mod compare;
+mod folder;
 mod model;
-pub mod rounds;
+mod rounds;
 pub mod run;
 pub mod synthetic;
-pub mod thickness;
+mod thickness;
 
 pub use certainty::Certainty;
 pub use model::logarithms;

@@ -2,11 +2,10 @@
 
 use super::compare::{Slab, differences};
 use super::{Channel, Image, Measured, Noise, ThicknessErrors, Tissues, folder};
-use crate::maker::{self, Maker, Outcome};
-use crate::translucency::Area;
-use crate::translucency::side::{lit, surface};
-use crate::translucency::source::{Frame, SideMaps, Source};
-use crate::translucency::tissue::{Entry, TABLE, mean};
+use crate::Area;
+use crate::side::{lit, surface};
+use crate::source::{Frame, SideMaps, Source};
+use crate::tissue::{Entry, TABLE, mean};
 use crate::{Error, Result};
 use mesophyll_capture::beams::Capture;
 use mesophyll_capture::dome::noise;
@@ -16,6 +15,7 @@ use mesophyll_leaf::{File, fill};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::side::mirror;
 use mesophyll_record::FitRecord;
+use mesophyll_record::maker::{self, Maker, Outcome};
 use mesophyll_translucency::horizon::Horizon;
 use mesophyll_translucency::irradiance::{Visibility, irradiance};
 use std::path::Path;

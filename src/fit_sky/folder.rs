@@ -2,9 +2,9 @@
 
 use super::judge::{Judged, Reference, judge};
 use super::{Fitted, Form, Options, SkyModel};
-use crate::maker::{self, Maker};
 use crate::{Error, Result};
 use mesophyll_files::{atomic, hash};
+use mesophyll_record::maker::{self, Maker};
 use mesophyll_record::{FitRecord, Section};
 use mesophyll_sky::fitted::{Basis, Folded, Tensor};
 use serde::{Deserialize, Serialize};
@@ -210,7 +210,7 @@ pub fn read(folder: &Path) -> Result<(FitRecord, Form<f32>)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sky::Method;
+    use crate::Method;
 
     #[test]
     fn what_is_written_reads_back_and_a_changed_file_is_noticed() {

@@ -10,10 +10,9 @@
 //! the folder for writing ([`Maker::begin`]), writes its maps, and hands its record over ([`Maker::finish`]). An input
 //! that cannot be read is so named before the folder is touched.
 
-use crate::{Error, Result};
+use crate::{Error, FitRecord, Result, Times, read_toml, write_toml};
 use mesophyll_files::claim::{self, Kind};
 use mesophyll_files::{atomic, hash, progress};
-use mesophyll_record::{FitRecord, Times, read_toml, write_toml};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};
@@ -28,7 +27,10 @@ pub enum Outcome {
     /// The folder already held this very fit; nothing was computed.
     UpToDate(Box<FitRecord>),
     /// One shard of several is done; the fit is complete when all shards are and `--merge` has run.
-    ShardDone { missing: usize },
+    ShardDone {
+        /// How many shards are still to be made.
+        missing: usize,
+    },
 }
 
 /// A fit folder that is being made.

@@ -26,11 +26,11 @@ pub mod source;
 pub mod spread;
 pub mod tissue;
 
-use crate::maker::{self, Maker, Outcome};
-use crate::{Error, Result};
+use mesophyll_error::{Error, Result};
 use mesophyll_files::hash;
 use mesophyll_leaf::File;
 use mesophyll_optics::dipole::Form;
+use mesophyll_record::maker::{self, Maker, Outcome};
 use mesophyll_translucency::basis::Basis;
 use mesophyll_translucency::lights::{self, Rule};
 use source::{Frame, Source};

@@ -16,12 +16,12 @@
 pub mod folded;
 pub mod folder;
 pub mod judge;
-pub mod nodes;
+mod nodes;
 pub mod panorama;
-pub mod tensor;
+mod tensor;
 pub mod window;
 
-use crate::{Error, Result};
+use mesophyll_error::{Error, Result};
 use mesophyll_record::Phase;
 use mesophyll_sky::fitted::{Folded, Tensor};
 use mesophyll_sky::{Coefficients, HosekWilkie, Model, Preetham, Refused, preetham};

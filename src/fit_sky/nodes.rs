@@ -30,7 +30,6 @@ pub fn turbidities(n: usize, [low, high]: [f64; 2]) -> Vec<f64> {
 pub struct Samples {
     pub suns: Vec<f64>,
     pub turbidities: Vec<f64>,
-    pub bands: usize,
     /// [sun][turbidity][l(l+1)/2 + m].
     pub values: Vec<Vec<Vec<[f64; 3]>>>,
     /// Directions looked at.
@@ -49,7 +48,7 @@ pub fn sample(suns: Vec<f64>, turbidities: Vec<f64>, bands: usize, quality: Qual
         })
         .collect();
     let evaluations = done.iter().map(|d| d.0).sum();
-    Samples { suns, turbidities, bands, values: done.into_iter().map(|d| d.1).collect(), evaluations }
+    Samples { suns, turbidities, values: done.into_iter().map(|d| d.1).collect(), evaluations }
 }
 
 /// The interpolant through so many nodes that nothing of the sky is lost (1e-7 of the smallest c00, tested): what fills
