@@ -39,6 +39,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     use mesophyll_scene::{fits::missing, ledger::Ledger, loaded::Scene, manifest::Manifest};
 
     let mut manifest = Manifest::read(&args.scene)?;
+    manifest.require_limits()?;
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out/check").join(&manifest.name));
     // Fits that are made for goldens alone are small: they must not take the place of a run's own.
     let out = if args.goldens_only { out.join("goldens") } else { out };

@@ -17,6 +17,7 @@ mod named;
 mod peers;
 mod place;
 mod plan;
+mod render;
 mod report;
 mod run;
 mod stress;
@@ -75,6 +76,8 @@ enum Verb {
     Stress(stress::Args),
     /// Render a scene and judge it against the reference renderer
     Check(check::Args),
+    /// Draw a scene with light between its leaves: a path tracer
+    Render(render::Args),
     /// Open a scene in a window
     View(view::Args),
     /// Write fits in formats other programs read
@@ -96,6 +99,7 @@ impl Verb {
             Verb::Bench(_) => "bench",
             Verb::Stress(_) => "stress",
             Verb::Check(_) => "check",
+            Verb::Render(_) => "render",
             Verb::View(_) => "view",
             Verb::Export(_) => "export",
             Verb::Completions(_) => "completions",
@@ -174,6 +178,7 @@ fn dispatch(cli: &Cli) -> Result<u8> {
         Verb::Bench(a) => bench::run(a, common),
         Verb::Stress(a) => stress::run(a, common),
         Verb::Check(a) => check::run(a, common),
+        Verb::Render(a) => render::run(a, common),
         Verb::View(a) => view::run(a, common),
         Verb::Export(a) => export::run(a, common),
         Verb::Completions(a) => completions::run(a),

@@ -35,6 +35,7 @@ pub struct Args {
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let clock = Instant::now();
     let manifest = Manifest::read(&args.scene)?;
+    manifest.require_limits()?;
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out").join(&manifest.name));
     claim::scene(&out, &args.scene)?;
     let mut stages = Stages::default();

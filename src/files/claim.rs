@@ -19,6 +19,8 @@ pub enum Kind<'a> {
     Capture,
     /// What `run`, `check` and `view` make of a scene: `plan.json`, `check.json` or `ledger.json`.
     Scene,
+    /// Pictures of the path tracer: `render.json`.
+    Render,
     /// What `bench` makes: `bench.json`.
     Bench,
     /// The maps of `export --to png`: `ranges.json`.
@@ -33,6 +35,7 @@ impl Kind<'_> {
             Kind::Fit(kind) => format!("{kind} fit"),
             Kind::Capture => "capture".into(),
             Kind::Scene => "run or a check".into(),
+            Kind::Render => "folder of rendered pictures".into(),
             Kind::Bench => "bench".into(),
             Kind::Maps => "folder of exported maps".into(),
             Kind::Pictures => "folder of pictures".into(),
@@ -45,6 +48,7 @@ impl Kind<'_> {
             Kind::Fit(_) => &["toml", "exr", "png", "glb", "json"],
             Kind::Capture => &["exr"],
             Kind::Scene | Kind::Maps => &["json", "png"],
+            Kind::Render => &["json", "png", "exr"],
             Kind::Bench => &["json"],
             Kind::Pictures => &[],
         }
@@ -274,7 +278,9 @@ fn part_of(home: &Path, name: &str) -> Option<String> {
             return Some(fit.words);
         }
     }
-    let told = [Kind::Scene, Kind::Bench, Kind::Maps].into_iter().find(|kind| marks(home, *kind).contains(&name));
+    let told = [Kind::Scene, Kind::Render, Kind::Bench, Kind::Maps]
+        .into_iter()
+        .find(|kind| marks(home, *kind).contains(&name));
     told.map(|kind| format!("a {}", kind.words()))
 }
 
@@ -298,7 +304,7 @@ fn holds(folder: &Path, claimed: Kind) -> Vec<Held> {
     if let Some(words) = marked(folder) {
         out.push(Held { same: words == claimed.words(), words: format!("a {words} ({MARK})") });
     }
-    for kind in [Kind::Scene, Kind::Bench, Kind::Maps] {
+    for kind in [Kind::Scene, Kind::Render, Kind::Bench, Kind::Maps] {
         if let Some(mark) = marks(folder, kind).first() {
             out.push(Held { same: kind == claimed, words: format!("a {} ({mark})", kind.words()) });
         }
@@ -315,6 +321,7 @@ fn marked(folder: &Path) -> Option<String> {
 fn marks(folder: &Path, kind: Kind) -> Vec<&'static str> {
     let known: &[(&str, &str)] = match kind {
         Kind::Scene => &[("plan.json", "needed"), ("check.json", "views"), ("ledger.json", "stages")],
+        Kind::Render => &[("render.json", "pictures")],
         Kind::Bench => &[("bench.json", "rows")],
         Kind::Maps => &[("ranges.json", "files")],
         Kind::Fit(_) | Kind::Capture | Kind::Pictures => &[],

@@ -6,6 +6,7 @@ pub mod atomic;
 pub mod claim;
 pub mod hash;
 pub mod image;
+pub mod memory;
 pub mod mesh;
 pub mod progress;
 pub mod quantity;

@@ -3,7 +3,7 @@
 //! Folders from the ground up, each of which may use only those before it: [`manifest`] is what a scene file says,
 //! [`fits`] are the folders that its leaves come from, [`placed`] is what stands where and in which light, [`plan`] is
 //! what of it is needed, [`loaded`] holds the maps and curves that the plan asks for, [`draw`] hands them to both
-//! renderers; [`check`] and [`window`] use all of it, and nothing of each other.
+//! renderers; [`check`], [`traced`] and [`window`] use all of it, and nothing of each other.
 
 #[cfg(feature = "render")]
 pub mod check;
@@ -14,6 +14,7 @@ pub mod loaded;
 pub mod manifest;
 pub mod placed;
 pub mod plan;
+pub mod traced;
 #[cfg(feature = "render")]
 pub mod window;
 

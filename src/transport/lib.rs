@@ -13,12 +13,16 @@ pub mod closed_form;
 #[cfg(feature = "render")]
 pub mod compare;
 pub mod dome;
+pub mod environment;
 pub mod lobe;
 pub mod lookup;
+pub mod path;
 pub mod quadrature;
 pub mod render;
 pub mod scan;
 mod shade;
+mod sphere_density;
+mod stage;
 pub mod tone;
 pub mod world;
 

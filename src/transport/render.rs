@@ -7,7 +7,7 @@
 
 use super::accelerate::Ray;
 use super::dome::{BELOW, DISK};
-use super::shade::{DiskPoint, Stage};
+use super::shade::{Direct, DiskPoint};
 use super::tone;
 use super::world::{Camera, World};
 use crate::{Error, Result};
@@ -60,7 +60,7 @@ pub struct ReferencePicture {
 
 /// A world with its trees and tables built, for any number of pictures.
 pub struct Renderer<'a> {
-    stage: Stage<'a>,
+    direct: Direct<'a>,
 }
 
 /// [`Renderer::new`] and one picture.
@@ -79,17 +79,17 @@ impl<'a> Renderer<'a> {
     /// [`Error::Input`] when a map, a mesh or an index does not fit; see [`World::validate`].
     pub fn new(world: &'a World) -> Result<Renderer<'a>> {
         world.validate()?;
-        Ok(Renderer { stage: Stage::new(world) })
+        Ok(Renderer { direct: Direct::new(world) })
     }
 
     /// What is drawn.
     pub(super) fn world(&self) -> &World {
-        self.stage.world
+        self.direct.stage.world
     }
 
     /// What comes back along one ray, without sun and dome.
     pub(super) fn look(&self, ray: &Ray) -> [f64; 3] {
-        self.stage.see(ray, &[], &[]).radiance
+        self.direct.see(ray, &[], &[]).radiance
     }
 
     /// One picture.
@@ -102,7 +102,7 @@ impl<'a> Renderer<'a> {
         }
         let (rays, suns) = (
             options.samples_per_pixel,
-            options.sun_samples.max(if self.stage.world.dome.is_some() { options.sky_samples } else { 0 }),
+            options.sun_samples.max(if self.direct.stage.world.dome.is_some() { options.sky_samples } else { 0 }),
         );
         if rays == 0 || options.sun_samples == 0 || options.sky_samples == 0 || rays.saturating_mul(suns) > 1 << 16 {
             return Err(Error::Usage(format!(
@@ -110,7 +110,7 @@ impl<'a> Renderer<'a> {
             )));
         }
         let lens = Lens::new(camera, width, height)?;
-        let patterns = Patterns::new(options, self.stage.world.dome.is_some());
+        let patterns = Patterns::new(options, self.direct.stage.world.dome.is_some());
         let bar = Bar::new("drawing the reference", height as u64);
         let row = |j: usize| {
             let pixels: Vec<Pixel> = (0..width).map(|i| self.pixel(&lens, &patterns, j * width + i, width)).collect();
@@ -118,7 +118,7 @@ impl<'a> Renderer<'a> {
             pixels
         };
         let pixels: Vec<Pixel> = (0..height).into_par_iter().flat_map_iter(row).collect();
-        let exposure = self.stage.world.exposure;
+        let exposure = self.direct.stage.world.exposure;
         let near = |test: &(dyn Fn(&Pixel, &Pixel) -> bool + Sync)| -> Vec<bool> {
             (0..width * height)
                 .into_par_iter()
@@ -169,7 +169,7 @@ impl<'a> Renderer<'a> {
             for (k, (at, disk)) in pattern.pixel.iter().zip(pattern.disk.chunks_exact(patterns.sun_samples)).enumerate()
             {
                 let seen =
-                    self.stage.see(&lens.ray(x + at[0], y + at[1]), disk, &pattern.lobe[k * lobes..(k + 1) * lobes]);
+                    self.direct.see(&lens.ray(x + at[0], y + at[1]), disk, &pattern.lobe[k * lobes..(k + 1) * lobes]);
                 for (s, r) in sum.iter_mut().zip(seen.radiance) {
                     *s += r;
                 }
@@ -198,10 +198,10 @@ impl<'a> Renderer<'a> {
     /// The share of the sun's disk that `point` (off any surface) sees, from `samples` stratified points; `None`
     /// without a sun.
     pub fn sun_visibility(&self, point: DVec3, samples: u32, seed: u64) -> Option<f64> {
-        let sun = self.stage.world.sun.as_ref()?;
+        let sun = self.direct.stage.world.sun.as_ref()?;
         let samples = samples.clamp(1, 1 << 16);
         let points = (0..samples).map(|k| disk_point(k, scramble(seed, 0)));
-        Some(points.filter(|&p| self.stage.sees_sun(sun, point, p)).count() as f64 / f64::from(samples))
+        Some(points.filter(|&p| self.direct.sees_sun(sun, point, p)).count() as f64 / f64::from(samples))
     }
 }
 

@@ -5,6 +5,7 @@
 //! `width−1−i` of the front.
 
 use super::dome::Dome;
+use super::environment::Environment;
 use super::lobe::Lobe;
 use crate::{Error, Result};
 use glam::{DMat4, DVec2, DVec3, DVec4};
@@ -27,6 +28,8 @@ pub struct World {
     pub sky: Option<[f64; 3]>,
     /// A sky of any radiance instead, which also is the background.
     pub dome: Option<Dome>,
+    /// An environment map instead, which also is the background; the path tracer alone draws it.
+    pub environment: Option<Arc<Environment>>,
     /// A scanner instead of sun and sky.
     pub scanner: Option<Scanner>,
     /// Radiance where nothing is hit.
@@ -44,6 +47,7 @@ impl Default for World {
             sun: None,
             sky: None,
             dome: None,
+            environment: None,
             scanner: None,
             background: [0.0; 3],
             exposure: 1.0,
@@ -110,7 +114,7 @@ pub struct Scanner {
 }
 
 /// A pinhole camera; row 0 of its picture is the top row.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
     /// Where the camera stands.
     pub eye: DVec3,
@@ -259,8 +263,9 @@ impl World {
                 return bad(format!("instance {k}: light through it has {found} texels, expected {texels}"));
             }
         }
-        if self.sky.is_some() && self.dome.is_some() {
-            return bad("sky: a constant one and a dome, expected one of the two".into());
+        let skies = [self.sky.is_some(), self.dome.is_some(), self.environment.is_some()];
+        if skies.into_iter().filter(|given| *given).count() > 1 {
+            return bad("sky: expected one of a constant one, a dome and an environment map".into());
         }
         if let Some(sun) = &self.sun {
             if !(sun.direction.length() > 0.0 && sun.direction.is_finite()) {

@@ -12,7 +12,7 @@ use crate::loaded::curve::{Curve, curve};
 use crate::loaded::map_levels::halve;
 use crate::loaded::translucency::Of;
 use crate::loaded::{Leaf, Scene};
-use crate::manifest::{Interior, Manifest, View};
+use crate::manifest::{self, Interior, Manifest, View};
 use crate::placed::Placed;
 use crate::placed::daylight::{self, Daylight, sun_direction};
 use crate::{Error, Result};
@@ -66,6 +66,10 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
         let wood = out.add(viewer_mesh(mesh), barked("wood", *bark));
         out.instances.push(wood);
     }
+    if let Some((mesh, albedo)) = &placed.ground {
+        let ground = out.add(viewer_mesh(mesh), barked("ground", *albedo));
+        out.instances.push(ground);
+    }
     branches(manifest, placed, &mut out);
     Ok(out)
 }
@@ -116,6 +120,10 @@ fn barked(name: &str, bark: [f64; 3]) -> viewer::Material {
 /// Sun, sky, exposure and how shadows and edges are sampled.
 fn lights(Scene { manifest, plan, .. }: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
     let rgb = |c: &[f64; 3]| c.map(|v| v as f32);
+    if manifest.sky.as_ref().is_some_and(|s| s.environment.is_some()) {
+        let what = "the real-time renderer draws no environment maps yet; `mesophyll render` does";
+        return Err(Error::field(&manifest.path, "sky.environment", what));
+    }
     let daylight = Daylight::of(manifest)?;
     let own = daylight.as_ref().map(|d| d.sun);
     let dome = match &daylight {
@@ -187,6 +195,9 @@ pub fn viewer_mesh(mesh: &LeafMesh) -> viewer::Mesh {
 
 fn one_leaf(manifest: &Manifest, leaf: Leaf, ledger: &Ledger) -> Result<viewer::Leaf> {
     let config = leaf.config;
+    if let Some(stated) = &config.uniform {
+        return Ok(uniform(config, stated, &leaf));
+    }
     let Some(fitted) = &leaf.placed.fitted else {
         return Err(Error::field(
             &manifest.path,
@@ -231,6 +242,33 @@ fn one_leaf(manifest: &Manifest, leaf: Leaf, ledger: &Ledger) -> Result<viewer::
         sides,
         mask: if config.mesh.is_some() { Some(mask(leaf, ledger)?) } else { None },
     })
+}
+
+/// A leaf that is the same everywhere, as far as the plan needs its sides.
+fn uniform(config: &manifest::Leaf, stated: &manifest::Uniform, leaf: &Leaf) -> viewer::Leaf {
+    let rgb = |c: &[f64; 3]| c.map(|v| v as f32);
+    let side = |side: Side| {
+        let needs = leaf.plan.sides[side as usize];
+        let mut maps = viewer::SideMaps::black();
+        if needs.interior() {
+            maps.interior = viewer::Interior::Maps {
+                rho_d: vec![rgb(&stated.rho_d[side as usize])],
+                rho_t: vec![rgb(&stated.rho_t)],
+            };
+        }
+        let [r, g, b] = rgb(&stated.gloss().unwrap_or_default());
+        maps.gloss = (needs.gloss && stated.gloss().is_some()).then(|| vec![[r, g, b, stated.m as f32]]);
+        maps
+    };
+    viewer::Leaf {
+        name: config.name.clone(),
+        width: 1,
+        height: 1,
+        thickness_mm: 1.0,
+        lobe: config.lobe(),
+        sides: viewer::Sides::of(side),
+        mask: None,
+    }
 }
 
 fn interior(kind: Interior, leaf: Leaf, s: usize, side: Side, shift: f32, ledger: &Ledger) -> Result<viewer::SideMaps> {

@@ -3,7 +3,7 @@
 //! (Chebyshev in the thickness). Nothing that the plan leaves out is left out here: gloss, normals, translucency and
 //! both sides are drawn wherever the fit has them.
 
-use super::sunlit::relight;
+use super::sunlit::{relight, relight_everywhere};
 use crate::fits::reads;
 use crate::ledger::Ledger;
 use crate::loaded::{Leaf, Scene};
@@ -44,6 +44,10 @@ pub fn world(scene: &Scene, ledger: &Ledger) -> Result<transport::World> {
         out.instances.push(transport::Placement { leaf: out.leaves.len(), transform: DMat4::IDENTITY });
         out.leaves.push(barked(*bark, wood));
     }
+    if let Some((ground, albedo)) = &placed.ground {
+        out.instances.push(transport::Placement { leaf: out.leaves.len(), transform: DMat4::IDENTITY });
+        out.leaves.push(barked(*albedo, ground));
+    }
     for (twig, mesh) in &placed.twigs {
         out.instances.push(transport::Placement { leaf: out.leaves.len(), transform: DMat4::IDENTITY });
         out.leaves.push(barked(twig.bark, mesh));
@@ -70,6 +74,24 @@ fn barked(bark: [f64; 3], rest: &LeafMesh) -> transport::ReferenceLeaf {
         mask: None,
         lobe: lobe::Lobe::Beckmann,
     }
+}
+
+/// Everything the path tracer follows light through, as it is at a time (s): as [`world`], with the environment map,
+/// and with the sun's light through every leaf that has maps of it, seen or not.
+///
+/// # Errors
+/// As [`world`]; [`Error::Input`] for an environment map that cannot be read.
+pub fn traced(scene: &Scene, time: f64, ledger: &Ledger) -> Result<transport::World> {
+    let mut out = world(scene, ledger)?;
+    move_to(&mut out, scene, time)?;
+    relight_everywhere(&mut out, scene)?;
+    if let Some(file) = scene.manifest.sky.as_ref().and_then(|s| s.environment.as_ref()) {
+        let path = scene.manifest.resolve(file);
+        let bytes = std::fs::metadata(&path).map_or(0, |m| m.len());
+        let map = ledger.note("read", "environment map", bytes, || transport::environment::Environment::read(&path))?;
+        out.environment = Some(Arc::new(map));
+    }
+    Ok(out)
 }
 
 /// Bends the branches of a world that [`world`] made, and what hangs on them, as they are at a time (s).
@@ -166,6 +188,9 @@ pub fn black(texels: usize) -> transport::ReferenceSide {
 /// the picture is held against the leaf and not against the plan.
 fn one_leaf(manifest: &Manifest, leaf: Leaf, ledger: &Ledger) -> Result<transport::ReferenceLeaf> {
     let config = leaf.config;
+    if let (Some(blade), Some(stated)) = (&leaf.placed.mesh, &config.uniform) {
+        return Ok(uniform(config, stated, blade));
+    }
     let (Some(blade), Some(fitted)) = (&leaf.placed.mesh, &leaf.placed.fitted) else {
         return Err(Error::field(
             &manifest.path,
@@ -193,6 +218,17 @@ fn one_leaf(manifest: &Manifest, leaf: Leaf, ledger: &Ledger) -> Result<transpor
         mask,
         lobe: config.lobe(),
     })
+}
+
+/// A leaf that is the same everywhere.
+fn uniform(config: &manifest::Leaf, stated: &manifest::Uniform, blade: &LeafMesh) -> transport::ReferenceLeaf {
+    let maps = |c: &[f64; 3]| c.map(|v| vec![v as f32]);
+    let [front, back] = stated.rho_d.each_ref().map(|rho_d| transport::ReferenceSide {
+        interior: transport::Interior::Maps { rho_d: maps(rho_d), rho_t: maps(&stated.rho_t) },
+        gloss: stated.gloss().map(|rho_s| transport::Gloss { rho_s: maps(&rho_s), m: vec![stated.m as f32] }),
+        normal: None,
+    });
+    transport::ReferenceLeaf { mesh: mesh(blade), width: 1, height: 1, front, back, mask: None, lobe: config.lobe() }
 }
 
 /// One side as its maps have it.

@@ -16,7 +16,15 @@ use rayon::prelude::*;
 /// # Errors
 /// [`Error::Input`] for a leaf whose maps cannot be read.
 pub fn relight(world: &mut World, scene: &Scene, eyes: &[DVec3]) -> Result<()> {
-    light(world, scene, eyes, false, |_, _| true)
+    light(world, scene, Some(eyes), false, |_, _| true)
+}
+
+/// As [`relight`], wherever the sun comes through, seen or not.
+///
+/// # Errors
+/// As [`relight`].
+pub fn relight_everywhere(world: &mut World, scene: &Scene) -> Result<()> {
+    light(world, scene, None, false, |_, _| true)
 }
 
 /// As [`relight`], of those leaves' sides alone that `has(leaf, side)` says still have their maps; `leaf` is the
@@ -30,7 +38,7 @@ pub fn relight_where(
     eyes: &[DVec3],
     has: impl Fn(usize, usize) -> bool,
 ) -> Result<()> {
-    light(world, scene, eyes, false, has)
+    light(world, scene, Some(eyes), false, has)
 }
 
 /// As [`relight`], by the stored coefficients instead of the convolution; whether there was anything to light so.
@@ -38,14 +46,14 @@ pub fn relight_where(
 /// # Errors
 /// As [`relight`].
 pub fn relight_as_stored(world: &mut World, scene: &Scene, eyes: &[DVec3]) -> Result<bool> {
-    light(world, scene, eyes, true, |_, _| true)?;
+    light(world, scene, Some(eyes), true, |_, _| true)?;
     Ok(!world.through.is_empty())
 }
 
 fn light(
     world: &mut World,
     scene: &Scene,
-    eyes: &[DVec3],
+    eyes: Option<&[DVec3]>,
     stored: bool,
     has: impl Fn(usize, usize) -> bool,
 ) -> Result<()> {
@@ -61,6 +69,7 @@ fn light(
         let (Some(mesh), Some(fitted)) = (&leaf.placed.mesh, &leaf.placed.fitted) else { continue };
         let Some(inside) = leaf.inside()? else { continue };
         let facing = |i: usize| {
+            let Some(eyes) = eyes else { return Facing::ALL };
             let mut facing = Facing::default();
             facing.add(
                 mesh,

@@ -50,12 +50,12 @@ pub fn most(at: Stand, leaf: Leaf, s: usize, texels: &[[f32; 4]], fitted: &LeafF
     let lobe = leaf.config.lobe();
     let most = |normals: Option<&[[f32; 3]]>| {
         let maps = Maps { size: leaf.plan.size, back: s == 1, gloss: texels, normals, rho_d: rho_d.as_deref() };
-        gloss_bound::most(lobe, mesh, s == 1, &maps.patches(mesh), &places, &lights, manifest.tolerance)
+        gloss_bound::most(lobe, mesh, s == 1, &maps.patches(mesh), &places, &lights, manifest.tolerated())
     };
     // Mapped normals only make the bound larger: they are not read where the mesh's own already exceed what is
     // tolerated.
     let by_mesh = most(None);
-    if by_mesh > manifest.tolerance || lights.suns.is_empty() {
+    if by_mesh > manifest.tolerated() || lights.suns.is_empty() {
         return Ok(by_mesh);
     }
     let normals = reads::normals(fitted, Side::ALL[s], ledger)?;

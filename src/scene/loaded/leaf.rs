@@ -38,7 +38,7 @@ pub(super) fn load(at: Stand, leaf: &placed::leaf::Leaf, plan: &mut Plan) -> Res
         }
         if let Some(texels) = &out.textures[s].gamma_delta {
             // A tenth of a shortcut's share, and never more than a ten-thousandth.
-            let allowed = (manifest.tolerance / 10.0).min(1e-4);
+            let allowed = (manifest.tolerated() / 10.0).min(1e-4);
             let what = format!("{}/{} slab curve", fitted.name, side.name());
             let made = of_side(fitted, side, texels, allowed, &what, at.ledger)?;
             plan.curve(what, made.rows.clone());
@@ -187,7 +187,7 @@ fn resolution(at: Stand, leaf: &placed::leaf::Leaf, loaded: &Loaded, plan: &mut 
         let good = &loaded.textures[s].good;
         let rows = map_levels(&value, size[0], size[1], |k| good[k], footprint, TEXEL_BYTES);
         // Sampling a pixel's centre has an error of its own; a coarser map may not add the scene's tolerance to it.
-        let allowed = rows.first().map_or(0.0, |r| r.error) + manifest.tolerance / 4.0;
+        let allowed = rows.first().map_or(0.0, |r| r.error) + manifest.tolerated() / 4.0;
         let what = format!("{}/{} map resolution", config.name, side.name());
         if let Some(row) = plan.choose(&what, rows, allowed) {
             let block = &mut plan.leaves[index].block;

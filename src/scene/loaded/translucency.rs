@@ -161,7 +161,7 @@ fn cost(at: Stand, leaf: Leaf, s: usize, maps: &Coefficients) -> Result<WithoutM
         .collect();
     errors.sort_by(f64::total_cmp);
     let Some(mut largest) = errors.last().copied() else { return Ok(none) };
-    if largest < manifest.tolerance && stride > 1 {
+    if largest < manifest.tolerated() && stride > 1 {
         let of = |(sun, level): &(DVec3, [f64; 3])| {
             texels.iter().filter_map(|k| error(*k, *sun, *level)).fold(0.0, f64::max)
         };
@@ -231,7 +231,7 @@ pub(super) fn resolution(at: Stand, leaf: &placed::leaf::Leaf, loaded: &Loaded, 
             .collect();
         let good = on_leaf(now, s);
         let rows = map_levels(&values, w, h, |k| good[k], footprint, TRANSLUCENCY_TEXEL_BYTES);
-        let allowed = rows.first().map_or(0.0, |r| r.error) + manifest.tolerance / 4.0;
+        let allowed = rows.first().map_or(0.0, |r| r.error) + manifest.tolerated() / 4.0;
         let what = format!("{}/translucency {} resolution", now.config.name, side.name());
         if let Some(row) = plan.choose(&what, rows, allowed) {
             let block = &mut plan.leaves[leaf.index].block;

@@ -27,6 +27,8 @@ pub struct Leaf {
     pub lobe: LobeKind,
     /// Index of refraction of the `cook-torrance` lobe.
     pub index: Option<f64>,
+    /// The same everywhere on the leaf, instead of a fit; needs a mesh.
+    pub uniform: Option<Uniform>,
     /// How the sun comes through as it turns; by ρt and the mapped normal alone when absent.
     pub translucency: Option<Translucency>,
 }
@@ -40,6 +42,32 @@ impl Leaf {
     /// The name that its data go by in a run's folder.
     pub fn data_name(&self) -> &str {
         self.like.as_deref().unwrap_or(&self.name)
+    }
+}
+
+/// A leaf whose reflection is stated: f_r = ρd/π and the gloss ρs·f_s on either side, f_t = ρt/π both ways.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Uniform {
+    /// Diffuse reflectance of the front and of the back, linear sRGB.
+    pub rho_d: [[f64; 3]; 2],
+    /// Transmittance, both ways.
+    pub rho_t: [f64; 3],
+    /// Of the gloss, on both sides; it is added without dimming ρd. Matte when absent.
+    pub rho_s: Option<[f64; 3]>,
+    /// Slope of the gloss.
+    #[serde(default = "slope")]
+    pub m: f64,
+}
+
+fn slope() -> f64 {
+    0.2
+}
+
+impl Uniform {
+    /// ρs, where it is not zero.
+    pub fn gloss(&self) -> Option<[f64; 3]> {
+        self.rho_s.filter(|rho_s| rho_s.iter().any(|v| *v > 0.0))
     }
 }
 

@@ -1,6 +1,7 @@
 //! What lights a scene: a sun, a sky, and the hours of a day.
 
 use serde::Deserialize;
+use std::path::PathBuf;
 
 /// The sun as a disk.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -20,12 +21,14 @@ pub struct Sun {
     pub moves: bool,
 }
 
-/// A constant sky all around, or a physical one above the horizon.
+/// A constant sky all around, a physical one above the horizon, or an environment map.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sky {
     /// Of the constant sky.
     pub radiance: Option<[f64; 3]>,
+    /// A picture of all that is around, an EXR with zenith angle down and azimuth across.
+    pub environment: Option<PathBuf>,
     /// Of the physical one.
     pub model: Option<SkyModel>,
     pub turbidity: Option<f64>,

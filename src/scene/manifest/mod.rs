@@ -10,10 +10,10 @@ mod plant;
 mod validate;
 mod view;
 
-pub use leaf::{Interior, Leaf, Scan, Translucency};
+pub use leaf::{Interior, Leaf, Scan, Translucency, Uniform};
 pub use light::{Day, Sky, SkyModel, Sun};
 pub use mesophyll_surface::basis::Basis;
-pub use plant::{Branch, Cluster, Instance, Tree, Wind};
+pub use plant::{Branch, Cluster, Ground, Instance, Tree, Wind};
 pub use view::{Check, JudgedBy, View, ViewKind};
 
 use crate::{Error, Result};
@@ -30,8 +30,8 @@ pub struct Manifest {
     #[serde(default)]
     pub description: String,
     /// Largest error of a displayed value (0 to 1, after tone mapping and sRGB encoding) that one shortcut of the plan
-    /// may cause.
-    pub tolerance: f64,
+    /// may cause; a check needs one.
+    pub tolerance: Option<f64>,
     #[serde(default = "one")]
     pub exposure: f64,
     #[serde(default)]
@@ -45,6 +45,7 @@ pub struct Manifest {
     #[serde(default, rename = "branch")]
     pub branches: Vec<Branch>,
     pub wind: Option<Wind>,
+    pub ground: Option<Ground>,
     pub sun: Option<Sun>,
     pub sky: Option<Sky>,
     pub day: Option<Day>,
@@ -79,9 +80,9 @@ impl Manifest {
     fn share(&mut self) {
         for k in 0..self.leaves.len() {
             let Some(other) = self.leaves[k].like.as_ref().and_then(|n| self.leaf_index(n)) else { continue };
-            let Leaf { fit, capture, scan, mesh, mesh_unit, .. } = self.leaves[other].clone();
+            let Leaf { fit, capture, scan, uniform, mesh, mesh_unit, .. } = self.leaves[other].clone();
             let leaf = &mut self.leaves[k];
-            (leaf.fit, leaf.capture, leaf.scan) = (fit, capture, scan);
+            (leaf.fit, leaf.capture, leaf.scan, leaf.uniform) = (fit, capture, scan, uniform);
             if leaf.mesh.is_none() {
                 (leaf.mesh, leaf.mesh_unit) = (mesh, mesh_unit);
             }
@@ -94,6 +95,33 @@ impl Manifest {
             Some(folder) if relative.is_relative() && !folder.as_os_str().is_empty() => tidy(&folder.join(relative)),
             _ => relative.to_path_buf(),
         }
+    }
+
+    /// Largest error of a displayed value that one shortcut of the plan may cause; where the scene does not say, the
+    /// step between two values of an 8-bit picture.
+    pub fn tolerated(&self) -> f64 {
+        self.tolerance.unwrap_or(1.0 / 255.0)
+    }
+
+    /// Whether the scene says all that a check judges by.
+    ///
+    /// # Errors
+    /// [`Error::Input`] naming the first limit that is missing: `tolerance`, or a view's `max_error` or `flip_p99`.
+    pub fn require_limits(&self) -> Result<()> {
+        let missing = |what: String| Error::field(&self.path, &what, "missing; a check needs it");
+        if self.tolerance.is_none() {
+            return Err(missing("tolerance".into()));
+        }
+        for view in &self.views {
+            let needs = [
+                ("max_error", view.max_error.is_none() && view.kind != ViewKind::Capture),
+                ("flip_p99", view.flip_p99.is_none() && view.kind == ViewKind::Perspective),
+            ];
+            if let Some((key, _)) = needs.iter().find(|n| n.1) {
+                return Err(missing(format!("view \"{}\": {key}", view.name)));
+            }
+        }
+        Ok(())
     }
 
     /// Whether the sky is a model's.

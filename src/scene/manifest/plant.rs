@@ -72,6 +72,18 @@ pub struct Wind {
     pub time_s: f64,
 }
 
+/// A level, matte square of ground in the middle of the world; it reflects and hides.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Ground {
+    /// Diffuse reflectance.
+    pub albedo: [f64; 3],
+    /// Half its width.
+    pub reach_mm: f64,
+    #[serde(default)]
+    pub height_mm: f64,
+}
+
 /// Leaves on a twig along z, a golden angle apart; the same seed gives the same cluster.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -35,6 +35,8 @@ pub struct Leaf {
     pub used: bool,
     /// Where its fit comes from; `None` for a leaf that nothing shows.
     pub source: Option<Source>,
+    /// How it reflects stands in the manifest: there is nothing to fit.
+    pub uniform: bool,
     /// Open when the leaf is used and its fit is up to date.
     pub fitted: Option<LeafFit>,
     pub mesh_path: PathBuf,
@@ -71,15 +73,23 @@ impl Leaf {
         if !used {
             return Ok(out);
         }
-        let source = source::source(manifest, index, search.out, search.input_hash)?;
+        out.uniform = leaf.uniform.is_some();
+        let source = match out.uniform {
+            true => None,
+            false => Some(source::source(manifest, index, search.out, search.input_hash)?),
+        };
         let sun = daylight::sun_direction(manifest)
             .zip(manifest.sun.as_ref())
             .map(|(direction, sun)| (direction, sun.radius_deg.to_radians()));
-        if let (Status::Reuse, Some(folder)) = (source.status, &source.folder) {
+        let made = source.as_ref().filter(|s| s.status == Status::Reuse).and_then(|s| s.folder.as_ref());
+        if let Some(folder) = made {
             out.fitted = Some(
                 ledger.note("read", format!("{}/fit.toml", leaf.name), 0, || LeafFit::open(folder))?.called(&leaf.name),
             );
-            out.mesh_path = leaf.mesh.as_ref().map_or_else(|| folder.join(BLADE), |m| manifest.resolve(m));
+        }
+        if made.is_some() || out.uniform {
+            let own = || made.map_or_else(PathBuf::new, |folder| folder.join(BLADE));
+            out.mesh_path = leaf.mesh.as_ref().map_or_else(own, |m| manifest.resolve(m));
             if placed {
                 let mesh = out.blade(manifest, ledger)?;
                 let mine: Vec<&Placement> = placements.iter().filter(|p| p.leaf == index).collect();
@@ -95,7 +105,7 @@ impl Leaf {
         } else if placed {
             out.facing = Facing { seen: [true; 2], lit: [sun.is_some(); 2], through: [sun.is_some(); 2] };
         }
-        out.source = Some(source);
+        out.source = source;
         if placed {
             out.translucent = translucency::find(manifest, index, search.out, out.fitted.as_ref())?;
         }

@@ -12,7 +12,7 @@ use crate::fits::missing;
 use crate::fits::source::Status;
 use crate::fits::translucency::Translucent;
 use crate::ledger::Ledger;
-use crate::manifest::{Manifest, ViewKind};
+use crate::manifest::{Ground, Manifest, ViewKind};
 use branch::{Bends, Twig};
 use glam::DVec3;
 use leaf::{Leaf, Search};
@@ -33,6 +33,8 @@ pub struct Placed {
     pub twigs: Vec<(Twig, LeafMesh)>,
     /// A tree's wood, and its bark.
     pub wood: Option<(LeafMesh, [f64; 3])>,
+    /// The ground, and its reflectance.
+    pub ground: Option<(LeafMesh, [f64; 3])>,
     /// `None` where nothing bends.
     pub bends: Option<Bends>,
     /// For a window: camera, sun and sliders may go anywhere.
@@ -59,6 +61,7 @@ impl Placed {
             placements,
             eyes,
             wood: manifest.tree.as_ref().map(|t| (tree::wood(&tree::grow(t).wood), t.bark)),
+            ground: manifest.ground.as_ref().map(|g| (level(g), g.albedo)),
             twigs: twigs.into_iter().map(|t| (t.clone(), branch::tube(&t))).collect(),
             bends,
             free: search.free,
@@ -72,7 +75,7 @@ impl Placed {
 
     /// Leaves that must be fitted before anything can be drawn.
     pub fn unfitted(&self) -> Vec<usize> {
-        self.leaves.iter().filter(|l| l.used && l.fitted.is_none()).map(|l| l.index).collect()
+        self.leaves.iter().filter(|l| l.used && l.fitted.is_none() && !l.uniform).map(|l| l.index).collect()
     }
 
     /// Leaves whose translucency maps must be made before anything can be drawn; their own fits are there.
@@ -114,4 +117,12 @@ impl Placed {
         }
         Ok(())
     }
+}
+
+/// The ground as a square.
+fn level(ground: &Ground) -> LeafMesh {
+    let side = 2.0 * ground.reach_mm;
+    let mut mesh = LeafMesh::rectangle(side, side);
+    mesh.positions.iter_mut().for_each(|p| p.z = ground.height_mm);
+    mesh
 }

@@ -161,7 +161,7 @@ impl Plan {
     /// Decides about the gloss of a side by the most that it adds to a displayed value; `None` where ρs is zero
     /// everywhere. Whether it is kept.
     pub fn gloss(&mut self, manifest: &Manifest, leaf: &Leaf, fitted: &LeafFit, s: usize, most: Option<f64>) -> bool {
-        let tolerated = manifest.tolerance;
+        let tolerated = manifest.tolerated();
         let why = match most {
             None => "matte: rho_s is zero everywhere".to_string(),
             Some(most) if most < tolerated => format!(
@@ -215,12 +215,13 @@ impl Plan {
         let what = reads::entry(maps, &file);
         let on_disk = reads::bytes(maps, &file);
         let LeafPlan { sides, size, .. } = &mut self.leaves[leaf.index];
-        if cost.largest < manifest.tolerance && !self.free {
+        if cost.largest < manifest.tolerated() && !self.free {
             (sides[s].translucency, sides[s].normal) = (false, true);
             let why = format!(
                 "by rho_t and the mapped normal a displayed value is off by {:.1e} at most (measured at every texel), \
                  the scene tolerates {:.1e}",
-                cost.largest, manifest.tolerance
+                cost.largest,
+                manifest.tolerated()
             );
             let bytes = cost.layers as u64 * with_mips(*size, TRANSLUCENCY_TEXEL_BYTES) + on_disk;
             self.leave_out(LeftOut::new(what, why, bytes, None));

@@ -65,7 +65,7 @@ fn physical_sky(manifest: &Manifest, plan: &mut Plan) -> Result<()> {
             bytes: (16 * bands * bands) as u64,
         });
     }
-    let row = plan.choose("sky bands", rows, manifest.tolerance);
+    let row = plan.choose("sky bands", rows, manifest.tolerated());
     let glossy = plan.leaves.iter().any(|l| l.sides.iter().any(|s| s.gloss));
     // A highlight is sharper than diffuse light.
     plan.light.sky_bands = if glossy { 7 } else { row.map_or(7, |r| r.setting) };
@@ -115,7 +115,7 @@ fn shadows(manifest: &Manifest, placed: &Placed, plan: &mut Plan, radius: f64, m
     let (sun, sky) = (mean(&sun) / std::f64::consts::PI, mean(&sky));
     // A leaf reflects about a tenth of the light.
     let contrast = display(0.1 * (sun + sky), manifest.exposure) - display(0.1 * sky, manifest.exposure);
-    let row = plan.choose("shadow samples", accuracy::shadow_samples(contrast, share, map_bytes), manifest.tolerance);
+    let row = plan.choose("shadow samples", accuracy::shadow_samples(contrast, share, map_bytes), manifest.tolerated());
     let mut need = Need::new("shadow maps", "leaves can stand in each other's light");
     if let Some(row) = row {
         plan.light.shadow_samples = row.setting as u32;

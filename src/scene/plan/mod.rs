@@ -152,7 +152,7 @@ impl Plan {
             light: LightPlan {
                 shadow_samples: 0,
                 shadow_resolution: 0,
-                msaa: if manifest.tolerance < 0.05 { 4 } else { 1 },
+                msaa: if manifest.tolerated() < 0.05 { 4 } else { 1 },
                 sky_bands: 7,
                 sun_moves: manifest.physical_sky() && (placed.free || manifest.sun_moves()),
             },

@@ -2,13 +2,19 @@
 
 use super::place::Place;
 use crate::Result;
+use crate::manifest::{Interior, Leaf, Uniform};
+use mesophyll_transport::lobe::M_FLOOR;
 
 pub fn leaves(p: &Place) -> Result<()> {
     const HEADER: &str = "[[leaf]]";
     let mut names = p.names(HEADER, "leaf");
     for (i, leaf) in p.manifest.leaves.iter().enumerate() {
         names.take(i, &leaf.name)?;
-        let own = leaf.fit.is_some() || leaf.capture.is_some() || leaf.scan.is_some();
+        let fitted = leaf.fit.is_some() || leaf.capture.is_some() || leaf.scan.is_some();
+        let own = fitted || leaf.uniform.is_some();
+        if let Some(uniform) = &leaf.uniform {
+            one_uniform(p, i, leaf, uniform, fitted)?;
+        }
         if let Some(like) = &leaf.like {
             p.leaf(HEADER, i, "like", like)?;
             if own {
@@ -16,7 +22,7 @@ pub fn leaves(p: &Place) -> Result<()> {
                     HEADER,
                     i,
                     "like",
-                    "given beside a fit, capture or scan of its own; expected one of the two",
+                    "given beside a fit, capture, scan or uniform of its own; expected one of the two",
                 ));
             }
             if p.manifest.leaf_index(like).is_some_and(|k| p.manifest.leaves[k].like.is_some()) {
@@ -28,7 +34,7 @@ pub fn leaves(p: &Place) -> Result<()> {
                 ));
             }
         } else if !own {
-            return Err(p.error(HEADER, i, "fit", "missing; expected a fit folder, a capture or a scan"));
+            return Err(p.error(HEADER, i, "fit", "missing; expected a fit folder, a capture, a scan or uniform"));
         }
         if leaf.mesh_unit.is_some() && leaf.mesh.is_none() {
             return Err(p.error(
@@ -66,6 +72,53 @@ pub fn leaves(p: &Place) -> Result<()> {
                 return Err(p.error(HEADER, i, "index", "given, but only the cook-torrance lobe has one"));
             }
             (false, None) => {}
+        }
+    }
+    Ok(())
+}
+
+/// Rounding that ρd + ρt = 1 may carry: numbers of six digits.
+const ROUNDING: f64 = 2e-6;
+
+fn one_uniform(p: &Place, i: usize, leaf: &Leaf, uniform: &Uniform, fitted: bool) -> Result<()> {
+    const HEADER: &str = "[[leaf]]";
+    const KEY: &str = "uniform";
+    for (key, given) in [
+        ("fit, capture or scan", fitted),
+        ("translucency", leaf.translucency.is_some()),
+        ("interior", leaf.interior != Interior::default()),
+    ] {
+        if given {
+            return Err(p.error(HEADER, i, KEY, format!("given beside {key}; a uniform leaf has no maps")));
+        }
+    }
+    if leaf.mesh.is_none() {
+        return Err(p.error(HEADER, i, "mesh", "missing; a uniform leaf needs one"));
+    }
+    if leaf.lobe.has_index() {
+        return Err(p.error(HEADER, i, "lobe", format!("found {}, expected one without an index", leaf.lobe)));
+    }
+    let [front, back] = &uniform.rho_d;
+    let none = [0.0; 3];
+    for (name, values) in [
+        ("rho_d", front),
+        ("rho_d", back),
+        ("rho_t", &uniform.rho_t),
+        ("rho_s", uniform.rho_s.as_ref().unwrap_or(&none)),
+    ] {
+        for value in values {
+            p.range(HEADER, i, KEY, *value, [0.0, 1.0 + ROUNDING], &format!("of {name}"))?;
+        }
+    }
+    p.range(HEADER, i, KEY, uniform.m, [M_FLOOR, 2.0], "of slope m")?;
+    for (side, rho_d) in ["front", "back"].into_iter().zip([front, back]) {
+        for c in 0..3 {
+            let sum = rho_d[c] + uniform.rho_t[c];
+            if !(sum <= 1.0 + ROUNDING) {
+                let channel = ["R", "G", "B"][c];
+                let what = format!("rho_d + rho_t of the {side}, {channel}, is {sum}; expected at most 1");
+                return Err(p.error(HEADER, i, KEY, what));
+            }
         }
     }
     Ok(())

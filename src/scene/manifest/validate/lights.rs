@@ -46,30 +46,31 @@ pub fn lights(p: &Place) -> Result<()> {
 
 fn one_sky(p: &Place, sky: &Sky) -> Result<()> {
     const HEADER: &str = "[sky]";
-    if let Some(radiance) = &sky.radiance {
+    if sky.radiance.is_some() || sky.environment.is_some() {
+        let (what, has) = match sky.radiance {
+            Some(_) => ("radiance", "a constant sky has none, a physical one no radiance"),
+            None => ("environment", "an environment map is all there is"),
+        };
         for (key, given) in [
+            ("environment", sky.environment.is_some() && sky.radiance.is_some()),
             ("model", sky.model.is_some()),
             ("turbidity", sky.turbidity.is_some()),
             ("ground_albedo", sky.ground_albedo.is_some()),
             ("scale", sky.scale.is_some()),
         ] {
             if given {
-                return Err(p.error(
-                    HEADER,
-                    0,
-                    key,
-                    "given beside radiance; a constant sky has none, a physical one no radiance",
-                ));
+                return Err(p.error(HEADER, 0, key, format!("given beside {what}; {has}")));
             }
         }
-        return p.colour(HEADER, "radiance", radiance);
+        return sky.radiance.as_ref().map_or(Ok(()), |radiance| p.colour(HEADER, "radiance", radiance));
     }
     if sky.model.is_none() {
         return Err(p.error(
             HEADER,
             0,
             "radiance",
-            "missing, and no model either; expected a constant radiance or model = \"preetham\"",
+            "missing, and no model or environment either; expected a constant radiance, model = \"preetham\" or an \
+             environment map",
         ));
     }
     let Some(sun) = &p.manifest.sun else {

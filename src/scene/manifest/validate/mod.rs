@@ -33,7 +33,9 @@ pub fn validate(m: &Manifest, text: &str) -> Result<()> {
             format!("found \"{}\", expected letters, digits, - and _ (it names files)", m.name),
         ));
     }
-    p.range("", 0, "tolerance", m.tolerance, [1e-6, 0.5], "of the displayed range")?;
+    if let Some(tolerance) = m.tolerance {
+        p.range("", 0, "tolerance", tolerance, [1e-6, 0.5], "of the displayed range")?;
+    }
     p.positive("", 0, "exposure", m.exposure, "number")?;
     p.colour("", "background", &m.background)?;
     leaves::leaves(&p)?;

@@ -79,6 +79,15 @@ impl<'a> Place<'a> {
         ))
     }
 
+    /// A leaf that a view compares with its fit.
+    pub fn fitted_leaf(&self, header: &str, index: usize, name: &str) -> Result<()> {
+        self.leaf(header, index, "leaf", name)?;
+        match self.manifest.leaf_index(name).and_then(|k| self.manifest.leaves[k].uniform.as_ref()) {
+            Some(_) => Err(self.error(header, index, "leaf", format!("\"{name}\" is uniform, expected a fitted leaf"))),
+            None => Ok(()),
+        }
+    }
+
     /// Nothing seen yet of the names in tables with this header; `what` is what one of them is called.
     pub fn names(&self, header: &'static str, what: &'static str) -> Names<'a, '_> {
         Names { place: self, header, what, seen: BTreeSet::new() }

@@ -49,6 +49,12 @@ pub fn placements(p: &Place) -> Result<()> {
         hung(p, HEADER, [tree.offset_mm, tree.droop_deg, tree.spread_deg, tree.scale])?;
         p.reflectance(HEADER, 0, "bark", &tree.bark)?;
     }
+    if let Some(ground) = &m.ground {
+        const HEADER: &str = "[ground]";
+        p.reflectance(HEADER, 0, "albedo", &ground.albedo)?;
+        p.positive(HEADER, 0, "reach_mm", ground.reach_mm, "length in mm")?;
+        p.finite(HEADER, 0, "height_mm", &[ground.height_mm])?;
+    }
     if m.instances.is_empty() && m.cluster.is_none() && m.tree.is_none() {
         return Err(p.error("", 0, "instance", "missing; expected at least one [[instance]], a [cluster] or a [tree]"));
     }

@@ -45,10 +45,11 @@ fn one_view(p: &Place, i: usize, view: &View) -> Result<()> {
         return Err(p.error(HEADER, i, "up", "points along the line of sight, expected a direction across it"));
     }
     p.range(HEADER, i, "fov_deg", view.fov_deg.ok_or_else(|| missing("fov_deg"))?, [0.1, 150.0], "degrees")?;
-    p.range(HEADER, i, "max_error", view.max_error.ok_or_else(|| missing("max_error"))?, [0.0, 1.0], "")?;
+    for (key, limit) in [("max_error", view.max_error), ("flip_p99", view.flip_p99)] {
+        limit.map_or(Ok(()), |limit| p.range(HEADER, i, key, limit, [0.0, 1.0], ""))?;
+    }
     match view.kind {
         ViewKind::Perspective => {
-            p.range(HEADER, i, "flip_p99", view.flip_p99.ok_or_else(|| missing("flip_p99"))?, [0.0, 1.0], "")?;
             for (key, given) in [("leaf", view.leaf.is_some()), ("rotation_deg", view.rotation_deg.is_some())] {
                 if given {
                     return Err(p.error(HEADER, i, key, "given, but only card views have one"));
@@ -57,7 +58,7 @@ fn one_view(p: &Place, i: usize, view: &View) -> Result<()> {
         }
         ViewKind::Capture => {}
         ViewKind::Card => {
-            p.leaf(HEADER, i, "leaf", view.leaf.as_deref().ok_or_else(|| missing("leaf"))?)?;
+            p.fitted_leaf(HEADER, i, view.leaf.as_deref().ok_or_else(|| missing("leaf"))?)?;
             p.finite(HEADER, i, "rotation_deg", &view.rotation_deg.unwrap_or_default())?;
             if view.flip_p99.is_some() {
                 return Err(p.error(HEADER, i, "flip_p99", "given, but a card is judged by max_error alone"));
@@ -84,10 +85,9 @@ fn one_view(p: &Place, i: usize, view: &View) -> Result<()> {
 /// A scan's view has the scan's own camera and light.
 fn capture(p: &Place, i: usize, view: &View) -> Result<()> {
     const HEADER: &str = "[[view]]";
-    p.leaf(
+    p.fitted_leaf(
         HEADER,
         i,
-        "leaf",
         view.leaf
             .as_deref()
             .ok_or_else(|| p.error(HEADER, i, "leaf", format!("missing; view \"{}\" needs it", view.name)))?,

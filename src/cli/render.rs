@@ -1,0 +1,95 @@
+//! `mesophyll render`.
+
+use super::Common;
+use crate::Result;
+use mesophyll_files::claim;
+use mesophyll_scene::fits::missing::input_hash;
+use mesophyll_scene::placed::{Placed, leaf::Search};
+use mesophyll_scene::traced::{self, Drawn, Options};
+use mesophyll_scene::{ledger::Ledger, loaded::Scene, manifest::Manifest};
+use std::path::PathBuf;
+
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  mesophyll render data/scenes/twig.toml -o out/twig --samples 64\n  \
+     mesophyll render data/scenes/cluster.toml -o out/cluster --error 0.01\n  \
+     mesophyll render data/scenes/cluster.toml -o out/cluster --samples 1024 --resume\n\n\
+    Each view becomes VIEW.exr (channels R, G, B: radiance; error.R, error.G, error.B: its standard error), VIEW.png \
+    (tone-mapped) and VIEW.progress.exr, from which --resume goes on. The scene's [check] gives the picture's size.")]
+pub struct Args {
+    /// Scene to draw, with light between leaves
+    #[arg(value_name = "SCENE.toml")]
+    scene: PathBuf,
+    /// Folder for the pictures
+    #[arg(short, long, alias = "output", value_name = "DIR", value_parser = super::place::folder())]
+    out: PathBuf,
+    /// Only this view (default: all perspective views)
+    #[arg(long, value_name = "NAME")]
+    view: Option<String>,
+    /// Camera paths a pixel (default: the scene's check.samples; with --error: as many as it takes)
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
+    samples: Option<u32>,
+    /// Most scatterings of a path: 1 is direct light alone (default: all, paths end by chance)
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    bounces: Option<u32>,
+    /// Seed of the random numbers
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Stop at this median relative error of the pixels, such as 0.01
+    #[arg(long, value_name = "E", value_parser = positive)]
+    error: Option<f64>,
+    /// Go on with the pictures that an earlier run left in DIR
+    #[arg(long)]
+    resume: bool,
+}
+
+fn positive(text: &str) -> std::result::Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
+        _ => Err("expected a number above 0, such as 0.01".into()),
+    }
+}
+
+pub fn run(args: &Args, common: &Common) -> Result<u8> {
+    let manifest = Manifest::read(&args.scene)?;
+    claim::folder(&args.out, claim::Kind::Render, &[&args.scene])?;
+    let ledger = Ledger::new();
+    let search = Search { out: Some(&args.out), input_hash: Some(&input_hash), free: false };
+    let mut placed = Placed::new(&manifest, search, &ledger)?;
+    if placed.unfitted().is_empty() {
+        placed.make_translucency(&manifest, &args.out, search, &ledger)?;
+    }
+    let scene = Scene::new(manifest, placed, &ledger)?;
+    let options = Options {
+        out: args.out.clone(),
+        view: args.view.clone(),
+        samples: args.samples,
+        bounces: args.bounces,
+        error: args.error,
+        seed: args.seed,
+        resume: args.resume,
+    };
+    let mut all = Vec::new();
+    let ended = traced::render(&scene, &options, &ledger, |drawn| {
+        all.push(drawn.clone());
+        if common.json { Ok(()) } else { super::print(&line(drawn, args)) }
+    });
+    if common.json {
+        super::print_json(&all)?;
+    }
+    ended.map(|()| 0)
+}
+
+/// One view in a line.
+fn line(drawn: &Drawn, args: &Args) -> String {
+    let paths = match drawn.samples {
+        [least, most] if least == most => format!("{least}"),
+        [least, most] => format!("{least} to {most}"),
+    };
+    let error = match drawn.median_relative_error {
+        Some(error) => format!("median error {:.2} %", 100.0 * error),
+        None => "error undetermined (one path a pixel, or nothing to see)".into(),
+    };
+    let pace = drawn.paths_per_second.map_or(String::new(), |p| format!(", {:.2} M paths/s", p / 1e6));
+    let file = args.out.join(format!("{}.png", drawn.view));
+    format!("{}: {paths} paths a pixel, {error}, {:.1} s{pace}; {}\n", drawn.view, drawn.seconds, file.display())
+}

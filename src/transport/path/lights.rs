@@ -1,0 +1,235 @@
+//! What shines on a scene from beyond it: the sun's disk, and a sky or an environment map; and how to draw directions
+//! towards it.
+
+use super::Strategy;
+use crate::dome::RadianceAt;
+use crate::environment::Environment;
+use crate::sphere_density::SphereDensity;
+use crate::world::{ReferenceSun, World};
+use glam::DVec3;
+use std::f64::consts::{PI, TAU};
+
+/// Everything that shines.
+pub struct Lights {
+    sun: Option<Sun>,
+    sky: Sky,
+    /// Probability that a sampled direction goes to the sun and not to the sky.
+    sun_share: f64,
+}
+
+/// The sun's disk, of uniform radiance.
+struct Sun {
+    centre: DVec3,
+    across: [DVec3; 2],
+    sin_radius: f64,
+    /// 1 − cos(radius), which stays exact for a small disk.
+    versine: f64,
+    /// On a surface that faces it.
+    irradiance: [f64; 3],
+}
+
+enum Sky {
+    None,
+    /// The same radiance from everywhere.
+    Constant([f64; 3]),
+    Varying {
+        radiance: RadianceAt,
+        density: SphereDensity,
+    },
+}
+
+/// A direction that light comes from.
+pub struct Light {
+    /// Unit vector towards the light.
+    pub direction: DVec3,
+    /// Radiance over the density of the draw; for a sun without extent its irradiance over the probability to draw it.
+    pub weight: [f64; 3],
+    /// Density of the draw (1/sr) that a surface's own sampling competes with; `None` where it cannot hit the light.
+    pub density: Option<f64>,
+    /// Whether it is the sun.
+    pub sun: bool,
+}
+
+/// Columns and rows of the table by which a modelled sky is sampled.
+const TABLE: [usize; 2] = [512, 256];
+/// Least density of a modelled sky, over its mean: its table might miss a bright spot between its texels.
+const LEAST: f64 = 0.02;
+
+impl Lights {
+    /// The lights of a world.
+    pub fn new(world: &World) -> Lights {
+        let sun = world.sun.as_ref().map(Sun::new);
+        let (sky, mean) = sky(world);
+        // By how much light either gives: the sun's on a surface that faces it, the sky's on one below it all.
+        let power = |c: [f64; 3]| c.iter().sum::<f64>();
+        let (by_sun, by_sky) = (sun.as_ref().map_or(0.0, |s| power(s.irradiance)), PI * power(mean));
+        let sun_share = match (&sun, &sky) {
+            (None, _) => 0.0,
+            (Some(_), Sky::None) => 1.0,
+            _ if by_sun + by_sky > 0.0 => (by_sun / (by_sun + by_sky)).clamp(0.2, 0.8),
+            _ => 0.5,
+        };
+        Lights { sun, sky, sun_share }
+    }
+
+    /// How often the sun is drawn, where `strategy` decides whether the sky is drawn at all. A constant sky is not:
+    /// whatever direction a surface draws, its light is the same.
+    fn sun_share(&self, strategy: Strategy) -> f64 {
+        let constant = matches!(self.sky, Sky::Constant(_)) && strategy != Strategy::Lights;
+        if self.sun.is_some() && constant { 1.0 } else { self.sun_share }
+    }
+
+    /// Draws a direction by four uniform numbers.
+    pub fn draw(&self, [choice, u, v, _]: [f64; 4], strategy: Strategy) -> Option<Light> {
+        let share = self.sun_share(strategy);
+        if let Some(sun) = self.sun.as_ref().filter(|_| choice < share) {
+            return Some(if sun.versine > 0.0 {
+                let density = share / (TAU * sun.versine);
+                Light {
+                    direction: sun.toward(u, v),
+                    weight: sun.radiance().map(|l| l / density),
+                    density: Some(density),
+                    sun: true,
+                }
+            } else {
+                let weight = sun.irradiance.map(|e| e / share);
+                Light { direction: sun.centre, weight, density: None, sun: true }
+            });
+        }
+        let share = 1.0 - share;
+        match &self.sky {
+            Sky::None => None,
+            Sky::Constant(radiance) if strategy == Strategy::Lights => {
+                let (z, (sin, cos)) = (1.0 - 2.0 * u, (TAU * v).sin_cos());
+                let r = (1.0 - z * z).max(0.0).sqrt();
+                let density = share / (2.0 * TAU);
+                Some(Light {
+                    direction: DVec3::new(r * cos, r * sin, z),
+                    weight: radiance.map(|l| l / density),
+                    density: Some(density),
+                    sun: false,
+                })
+            }
+            Sky::Constant(_) => None,
+            Sky::Varying { radiance, density } => {
+                let direction = density.draw([u, v]);
+                let density = share * density.of(direction);
+                (density > 0.0).then(|| Light {
+                    direction,
+                    weight: radiance(direction).map(|l| l.max(0.0) / density),
+                    density: Some(density),
+                    sun: false,
+                })
+            }
+        }
+    }
+
+    /// What a ray sees that left the scene in direction `d`, after a surface drew it with density `drawn` (1/sr): the
+    /// sky's radiance and the sun's, each times the share that falls to the surface's sampling.
+    pub fn seen(&self, d: DVec3, drawn: f64, strategy: Strategy, with_sun: bool) -> [f64; 3] {
+        let share = self.sun_share(strategy);
+        let mut sum = [0.0; 3];
+        let mut add = |radiance: [f64; 3], weight: f64| (0..3).for_each(|c| sum[c] += radiance[c] * weight);
+        match &self.sky {
+            Sky::None => {}
+            Sky::Constant(radiance) => add(*radiance, if strategy == Strategy::Lights { 0.0 } else { 1.0 }),
+            Sky::Varying { radiance, density } => {
+                let weight = strategy.surface(drawn, || (1.0 - share) * density.of(d));
+                if weight > 0.0 {
+                    add(radiance(d).map(|l| l.max(0.0)), weight);
+                }
+            }
+        }
+        if let Some(sun) = self.sun.as_ref().filter(|s| with_sun && s.holds(d)) {
+            add(sun.radiance(), strategy.surface(drawn, || share / (TAU * sun.versine)));
+        }
+        sum
+    }
+
+    /// Radiance of the sun's disk in direction `d`; zero beside it.
+    pub fn disk(&self, d: DVec3) -> [f64; 3] {
+        self.sun.as_ref().filter(|s| s.holds(d)).map_or([0.0; 3], Sun::radiance)
+    }
+}
+
+/// A world's sky as it is sampled, and its mean radiance.
+fn sky(world: &World) -> (Sky, [f64; 3]) {
+    if let Some(radiance) = world.sky {
+        return (Sky::Constant(radiance), radiance);
+    }
+    if let Some(environment) = &world.environment {
+        let (map, mean) = (environment.clone(), environment.mean());
+        return match &environment.density {
+            Some(density) => {
+                (Sky::Varying { radiance: std::sync::Arc::new(move |d| map.at(d)), density: density.clone() }, mean)
+            }
+            None => (Sky::None, mean),
+        };
+    }
+    let Some(dome) = &world.dome else { return (Sky::None, [0.0; 3]) };
+    let [columns, rows] = TABLE;
+    let direction = |k: usize| {
+        let (i, j) = (k % columns, k / columns);
+        let (theta, phi) = (PI * (j as f64 + 0.5) / rows as f64, TAU * (i as f64 + 0.5) / columns as f64);
+        DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos())
+    };
+    let texels: Vec<[f32; 3]> =
+        (0..columns * rows).map(|k| (dome.radiance)(direction(k)).map(|l| l.max(0.0) as f32)).collect();
+    let Ok(map) = Environment::new(columns, rows, texels) else { return (Sky::None, [0.0; 3]) };
+    let mean = map.mean();
+    let least = (LEAST * mean.iter().sum::<f64>() / 3.0) as f32;
+    match map.density.as_ref().and_then(|density| density.raised(least)) {
+        Some(density) => (Sky::Varying { radiance: dome.radiance.clone(), density }, mean),
+        None => (Sky::None, mean),
+    }
+}
+
+impl Sun {
+    fn new(sun: &ReferenceSun) -> Sun {
+        let centre = sun.direction.normalize();
+        let (a, b) = centre.any_orthonormal_pair();
+        Sun {
+            centre,
+            across: [a, b],
+            sin_radius: sun.radius.sin(),
+            versine: 2.0 * (0.5 * sun.radius).sin().powi(2),
+            irradiance: sun.irradiance,
+        }
+    }
+
+    /// E over ∫ cosθ dω of the disk, π sin² of its radius. A sun without extent is only ever drawn, never seen.
+    fn radiance(&self) -> [f64; 3] {
+        self.irradiance.map(|e| e / (PI * self.sin_radius * self.sin_radius))
+    }
+
+    /// A direction towards the disk, uniform in solid angle.
+    fn toward(&self, u: f64, v: f64) -> DVec3 {
+        let x = u * self.versine;
+        let (cos, r) = (1.0 - x, (x * (2.0 - x)).sqrt());
+        let (sin_phi, cos_phi) = (TAU * v).sin_cos();
+        self.centre * cos + (self.across[0] * cos_phi + self.across[1] * sin_phi) * r
+    }
+
+    fn holds(&self, d: DVec3) -> bool {
+        self.versine > 0.0 && d.dot(self.centre) > 0.0 && d.cross(self.centre).length() < self.sin_radius
+    }
+}
+
+#[cfg(test)]
+pub(super) use tests_support::*;
+
+#[cfg(test)]
+mod tests_support {
+    use super::*;
+
+    /// Density of the directions that [`Lights::draw`] gives, for tests.
+    pub fn density(lights: &Lights, d: DVec3, strategy: Strategy) -> f64 {
+        let share = lights.sun_share(strategy);
+        let sun = lights.sun.as_ref().filter(|s| s.holds(d)).map_or(0.0, |s| share / (TAU * s.versine));
+        let sky = match &lights.sky {
+            Sky::None | Sky::Constant(_) => 0.0,
+            Sky::Varying { density, .. } => (1.0 - share) * density.of(d),
+        };
+        sun + sky
+    }
+}

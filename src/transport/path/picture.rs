@@ -1,0 +1,336 @@
+//! A picture that grows: every pixel's mean radiance and its standard error, from independent randomisations.
+//!
+//! A round gives every pixel the same number of paths from one scrambled sequence of its own. Rounds are independent of
+//! each other, so that the scatter of their means tells the error, whatever the correlation of points within one. Of P
+//! rounds with n_p paths and means m_p (their mean m is weighted by n_p) the standard error is
+//! √(Σ n_p (m_p − m)²/((P − 1) Σ n_p)).
+//!
+//! Means and sums are kept in f32 after every round, so that a picture that was stored and read again goes on to the
+//! same bits.
+
+use super::samples::{MOST_PATHS, Samples, mix};
+use super::{Brought, Tracer};
+use crate::render::Lens;
+use crate::world::Camera;
+use crate::{Error, Result};
+use mesophyll_files::image::{Maps, Packing, read_exr, write_exr};
+use mesophyll_files::progress::{self, Bar};
+use rayon::prelude::*;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// When a picture is done.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Target {
+    /// Camera paths a pixel; `None` goes on until `error` is reached.
+    pub samples: Option<u32>,
+    /// Median relative error ([`Picture::median_error`]) at which it stops before.
+    pub error: Option<f64>,
+}
+
+/// Everything that decides a picture's bits, besides the world.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Request {
+    /// Who looks.
+    pub camera: Camera,
+    /// Pixels a row, and rows.
+    pub size: [usize; 2],
+    /// Of the random numbers.
+    pub seed: u64,
+    /// When it is done.
+    pub target: Target,
+}
+
+/// Where a picture stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Progress {
+    /// As many paths, or as small an error, as was asked for.
+    Done,
+    /// A stop was asked for; what there is can be continued.
+    Stopped,
+}
+
+/// What every pixel has gathered so far; row-major, row 0 on top.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Picture {
+    /// Pixels a row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Mean radiance.
+    pub mean: Vec<[f32; 3]>,
+    /// Σ n_p (m_p − m)².
+    spread: Vec<[f32; 3]>,
+    /// Paths a pixel and rounds, a row each.
+    done: Vec<[u32; 2]>,
+    /// Whether any path of the pixel met a leaf.
+    met: Vec<bool>,
+    /// Paths that were cut off at [`super::MOST_SCATTERINGS`]: their light is missing.
+    pub cut: u64,
+}
+
+/// Paths a round where only an error is asked for.
+const ROUND: u32 = 16;
+/// Rounds before an error is trusted to end a picture.
+const LEAST_ROUNDS: u32 = 4;
+/// Time between two calls of the function that stores a picture in the making.
+const STORE_EVERY: Duration = Duration::from_secs(30);
+
+impl Picture {
+    /// A picture without a path.
+    pub fn new(width: usize, height: usize) -> Picture {
+        let pixels = width * height;
+        Picture {
+            width,
+            height,
+            mean: vec![[0.0; 3]; pixels],
+            spread: vec![[0.0; 3]; pixels],
+            done: vec![[0; 2]; height],
+            met: vec![false; pixels],
+            cut: 0,
+        }
+    }
+
+    /// Bytes that a picture of this size takes while it is drawn and written.
+    pub fn bytes(width: usize, height: usize) -> u64 {
+        (width * height) as u64 * 120
+    }
+
+    /// The least and the most paths of a pixel.
+    pub fn paths(&self) -> [u32; 2] {
+        let each = || self.done.iter().map(|d| d[0]);
+        [each().min().unwrap_or(0), each().max().unwrap_or(0)]
+    }
+
+    /// Paths of all pixels together.
+    pub fn total_paths(&self) -> u64 {
+        self.done.iter().map(|d| u64::from(d[0]) * self.width as u64).sum()
+    }
+
+    /// Standard error of the mean of pixel `k`; NaN where fewer than two rounds are done: it is undetermined.
+    pub fn error(&self, k: usize) -> [f32; 3] {
+        let [paths, rounds] = self.done[k / self.width].map(f64::from);
+        self.spread[k]
+            .map(|s| if rounds < 2.0 { f32::NAN } else { (f64::from(s) / (rounds - 1.0) / paths).sqrt() as f32 })
+    }
+
+    /// The median over the pixels that show a leaf of the error over the radiance, each averaged over the channels; `None`
+    /// where it is undetermined: one round, or nothing to see.
+    pub fn median_error(&self) -> Option<f64> {
+        let mean = |c: [f32; 3]| c.iter().map(|v| f64::from(*v)).sum::<f64>();
+        let mut all: Vec<f64> = (0..self.mean.len())
+            .filter(|k| self.met[*k] && mean(self.mean[*k]) > 0.0)
+            .map(|k| mean(self.error(k)) / mean(self.mean[k]))
+            .filter(|e| !e.is_nan())
+            .collect();
+        let middle = all.len() / 2;
+        (!all.is_empty()).then(|| *all.select_nth_unstable_by(middle, f64::total_cmp).1)
+    }
+
+    /// Goes on until the target is met or a stop is asked for. `store` is called now and then, and at the end, with what
+    /// there is.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for an empty picture, no samples, or a camera that looks nowhere; those of `store`.
+    pub fn draw(
+        &mut self,
+        tracer: &Tracer,
+        request: &Request,
+        what: &str,
+        store: &mut dyn FnMut(&Picture) -> Result<()>,
+    ) -> Result<Progress> {
+        let [width, height] = request.size;
+        if width == 0 || height == 0 || [self.width, self.height] != request.size {
+            return Err(Error::Usage(format!("a picture of {width}×{height} pixels, expected at least 1×1")));
+        }
+        if request.target.samples == Some(0) {
+            return Err(Error::Usage("0 samples a pixel, expected at least 1".into()));
+        }
+        let lens = Lens::new(&request.camera, width, height)?;
+        let mut stored = Instant::now();
+        let mut bar = None;
+        loop {
+            let plan: Vec<Option<u32>> = self.done.iter().map(|d| next_round(*d, request.target)).collect();
+            let reached = || request.target.error.is_some_and(|e| self.median_error().is_some_and(|now| now <= e));
+            let level = self.done.iter().all(|d| *d == self.done[0]);
+            if plan.iter().all(Option::is_none)
+                || (level && self.done[0][1] >= LEAST_ROUNDS.min(rounds_of(request.target)) && reached())
+            {
+                store(self)?;
+                return Ok(Progress::Done);
+            }
+            let bar = bar.get_or_insert_with(|| self.bar(what, request.target));
+            // Rows that are behind come first.
+            let least = (0..height).filter(|j| plan[*j].is_some()).map(|j| self.done[j][1]).min().unwrap_or(0);
+            let rows: Vec<(usize, u32)> = (0..height)
+                .filter(|j| self.done[*j][1] == least)
+                .filter_map(|j| plan[j].map(|paths| (j, paths)))
+                .collect();
+            let drawn: Vec<(usize, u32, Vec<Brought>, u64)> = rows
+                .into_par_iter()
+                .filter_map(|(j, paths)| {
+                    let mut cut = 0;
+                    let row: Option<Vec<Brought>> = (0..width)
+                        .map(|i| {
+                            let seed = pixel_seed(request.seed, j * width + i, least);
+                            (!progress::stop_requested()).then(|| tracer.pixel(&lens, [i, j], seed, paths, &mut cut))
+                        })
+                        .collect();
+                    bar.advance(u64::from(paths) * width as u64);
+                    row.map(|row| (j, paths, row, cut))
+                })
+                .collect();
+            for (j, paths, row, cut) in drawn {
+                self.take(j, paths, &row);
+                self.cut += cut;
+            }
+            if progress::stop_requested() {
+                store(self)?;
+                return Ok(Progress::Stopped);
+            }
+            if stored.elapsed() > STORE_EVERY {
+                store(self)?;
+                stored = Instant::now();
+            }
+        }
+    }
+
+    /// A bar over the paths that are still to be followed; where only an error is asked for, over what its present
+    /// value lets expect.
+    fn bar(&self, what: &str, target: Target) -> Bar {
+        match target.samples {
+            Some(samples) => {
+                let left = (u64::from(samples) * (self.width * self.height) as u64).saturating_sub(self.total_paths());
+                Bar::new(what, left)
+            }
+            None => Bar::of(what),
+        }
+    }
+
+    /// Adds a round of row `j` (West 1979: weighted mean and sum of squares, updated in turn).
+    pub(super) fn take(&mut self, j: usize, paths: u32, row: &[Brought]) {
+        let weight = f64::from(paths);
+        let total = f64::from(self.done[j][0]) + weight;
+        for (i, brought) in row.iter().enumerate() {
+            let k = j * self.width + i;
+            for c in 0..3 {
+                let (old, new) = (f64::from(self.mean[k][c]), brought.radiance[c]);
+                let mean = old + (new - old) * weight / total;
+                self.mean[k][c] = mean as f32;
+                self.spread[k][c] = (f64::from(self.spread[k][c]) + weight * (new - old) * (new - mean)) as f32;
+            }
+            self.met[k] |= brought.met;
+        }
+        self.done[j] = [self.done[j][0] + paths, self.done[j][1] + 1];
+    }
+
+    /// Writes R, G, B (radiance) and error.R, .G, .B.
+    ///
+    /// # Errors
+    /// [`Error::Write`] naming the file.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        let mut maps = Maps::new(self.width, self.height);
+        let errors: Vec<[f32; 3]> = (0..self.mean.len()).map(|k| self.error(k)).collect();
+        for (prefix, values) in [("", &self.mean), ("error.", &errors)] {
+            for (c, channel) in ["R", "G", "B"].into_iter().enumerate() {
+                maps.push(format!("{prefix}{channel}"), values.iter().map(|v| v[c]).collect());
+            }
+        }
+        write_exr(path, &maps, Packing::Zip)
+    }
+
+    /// Writes everything that [`Picture::restore`] needs to go on.
+    ///
+    /// # Errors
+    /// [`Error::Write`] naming the file.
+    pub fn store(&self, path: &Path) -> Result<()> {
+        let mut maps = Maps::new(self.width, self.height);
+        let row = |k: usize| k / self.width;
+        for (c, channel) in ["R", "G", "B"].into_iter().enumerate() {
+            maps.push(channel, self.mean.iter().map(|v| v[c]).collect());
+            maps.push(format!("spread.{channel}"), self.spread.iter().map(|v| v[c]).collect());
+        }
+        for (q, name) in ["paths", "rounds"].into_iter().enumerate() {
+            maps.push(name, (0..self.mean.len()).map(|k| self.done[row(k)][q] as f32).collect());
+        }
+        maps.push("met", self.met.iter().map(|m| f32::from(u8::from(*m))).collect());
+        // A count beyond what a float holds exactly is a ruined picture anyway.
+        maps.push("cut", vec![self.cut as f32; self.mean.len()]);
+        write_exr(path, &maps, Packing::Zip)
+    }
+
+    /// Reads what [`Picture::store`] wrote.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a file that is missing, damaged or of another size.
+    pub fn restore(path: &Path, [width, height]: [usize; 2]) -> Result<Picture> {
+        let maps = read_exr(path)?;
+        if [maps.width, maps.height] != [width, height] {
+            let found = format!("a picture of {}×{} pixels, expected {width}×{height}", maps.width, maps.height);
+            return Err(Error::input(path, found));
+        }
+        let mut out = Picture::new(width, height);
+        for (c, channel) in ["R", "G", "B"].into_iter().enumerate() {
+            let (mean, spread) = (maps.require(path, channel)?, maps.require(path, &format!("spread.{channel}"))?);
+            for k in 0..width * height {
+                (out.mean[k][c], out.spread[k][c]) = (mean[k], spread[k]);
+            }
+        }
+        for (q, name) in ["paths", "rounds"].into_iter().enumerate() {
+            let values = maps.require(path, name)?;
+            (0..height).for_each(|j| out.done[j][q] = values[j * width] as u32);
+        }
+        let met = maps.require(path, "met")?;
+        out.met = met.iter().map(|m| *m > 0.5).collect();
+        out.cut = maps.require(path, "cut")?[0] as u64;
+        Ok(out)
+    }
+}
+
+/// Rounds of a picture of so many paths a pixel: enough to tell an error, each long enough to cover its dimensions
+/// evenly.
+fn rounds_of(target: Target) -> u32 {
+    match target.samples {
+        Some(samples) => {
+            let even = 2u32 << (f64::from(samples).sqrt().log2() as u32);
+            even.clamp(2, 32).min(samples).max(samples.div_ceil(MOST_PATHS))
+        }
+        None => u32::MAX,
+    }
+}
+
+/// How many paths the next round of a row has that has `[paths, rounds]`; `None` where it is done.
+fn next_round([paths, rounds]: [u32; 2], target: Target) -> Option<u32> {
+    let Some(samples) = target.samples else { return Some(ROUND) };
+    let left = samples.checked_sub(paths).filter(|n| *n > 0)?;
+    let of = |samples: u32, count: u32, k: u32| samples / count + u32::from(k < samples % count);
+    // A row that was begun for the same number of paths goes on where it was.
+    let count = rounds_of(target);
+    let begun: u64 = (0..rounds.min(count)).map(|k| u64::from(of(samples, count, k))).sum();
+    if rounds < count && begun == u64::from(paths) {
+        return Some(of(samples, count, rounds));
+    }
+    let rest = Target { samples: Some(left), error: None };
+    Some(of(left, rounds_of(rest), 0))
+}
+
+/// A seed of its own for every round of every pixel.
+pub(super) fn pixel_seed(seed: u64, pixel: usize, round: u32) -> u32 {
+    (mix(mix(seed, pixel as u64), u64::from(round)) >> 16) as u32
+}
+
+impl Tracer<'_> {
+    /// The mean of `paths` paths through pixel (i, j): a box filter over its square.
+    pub(super) fn pixel(&self, lens: &Lens, [i, j]: [usize; 2], seed: u32, paths: u32, cut: &mut u64) -> Brought {
+        let mut sum = Brought::default();
+        for index in 0..paths {
+            let mut samples = Samples::new(seed, index);
+            let [x, y, ..] = samples.next();
+            let brought = self.follow(lens.ray(i as f64 + x, j as f64 + y), &mut samples);
+            (0..3).for_each(|c| sum.radiance[c] += brought.radiance[c] / f64::from(paths));
+            sum.met |= brought.met;
+            *cut += u64::from(brought.cut);
+        }
+        sum
+    }
+}

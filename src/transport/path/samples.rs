@@ -1,0 +1,51 @@
+//! The random numbers of a camera path: Owen-scrambled Sobol points (Burley 2020), four dimensions at a time.
+//!
+//! All paths of one randomisation of a pixel share a seed and take the points of one sequence in turn, so that together
+//! they cover every dimension evenly. Different seeds give independent randomisations. Beyond the sequence's 256
+//! dimensions, and below its 24 bits, numbers come from a hash.
+
+use sobol_burley::{NUM_DIMENSION_SETS_4D, sample_4d};
+
+/// The most paths of one randomisation: what the sequence holds.
+pub const MOST_PATHS: u32 = 1 << 16;
+
+/// The numbers of one path.
+#[derive(Debug, Clone)]
+pub struct Samples {
+    seed: u32,
+    index: u32,
+    /// Which four dimensions come next.
+    set: u32,
+}
+
+impl Samples {
+    /// The numbers of path `index` (below [`MOST_PATHS`]) of the randomisation `seed`.
+    pub fn new(seed: u32, index: u32) -> Samples {
+        Samples { seed, index, set: 0 }
+    }
+
+    /// Four numbers in [0, 1).
+    pub fn next(&mut self) -> [f64; 4] {
+        let fine = mix(u64::from(self.seed) << 32 | u64::from(self.index), u64::from(self.set));
+        let low = [0, 16, 32, 48].map(|shift| (fine >> shift & 0xffff) as f64 / 65_536.0);
+        let set = self.set;
+        self.set += 1;
+        if set < NUM_DIMENSION_SETS_4D {
+            let high = sample_4d(self.index, set, self.seed);
+            [0, 1, 2, 3].map(|k| f64::from(high[k]) + low[k] / f64::from(1 << 24))
+        } else {
+            let more = mix(!fine, u64::from(set));
+            [0, 16, 32, 48].map(|shift| ((more >> shift & 0xffff) as f64 + low[shift as usize / 16]) / 65_536.0)
+        }
+    }
+}
+
+/// A well-mixed number (SplitMix64's finaliser, Steele et al. 2014).
+pub fn mix(seed: u64, index: u64) -> u64 {
+    let mut z = seed
+        .wrapping_mul(0xD1B5_4A32_D192_ED03)
+        .wrapping_add(index.wrapping_add(1).wrapping_mul(0x9E37_79B9_7F4A_7C15));
+    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    z ^ (z >> 31)
+}

@@ -1,0 +1,425 @@
+//! The path tracer against closed forms, and its samplers against their densities.
+
+use super::lights::{Lights, density};
+use super::samples::Samples;
+use super::scatter::Scatter;
+use super::*;
+use crate::dome::Dome;
+use crate::environment::Environment;
+use crate::lobe::{Lobe, Reflect};
+use crate::world::{Camera, Gloss, Interior, Placement, ReferenceLeaf, ReferenceMesh, ReferenceSide, ReferenceSun};
+use glam::{DMat4, DVec2};
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+/// A level square of this half width at height 0, its front up.
+fn square(reach: f64) -> ReferenceMesh {
+    let at = |x: f64, y: f64| DVec3::new(x * reach, y * reach, 0.0);
+    ReferenceMesh {
+        positions: vec![at(-1.0, -1.0), at(1.0, -1.0), at(1.0, 1.0), at(-1.0, 1.0)],
+        normals: vec![DVec3::Z; 4],
+        tangents: Vec::new(),
+        uvs: vec![DVec2::ZERO, DVec2::X, DVec2::ONE, DVec2::Y],
+        indices: vec![0, 1, 2, 0, 2, 3],
+    }
+}
+
+fn side(rho_d: f64, rho_t: f64, gloss: Option<(f64, f64)>) -> ReferenceSide {
+    let map = |v: f64| [0, 1, 2].map(|_| vec![v as f32]);
+    ReferenceSide {
+        interior: Interior::Maps { rho_d: map(rho_d), rho_t: map(rho_t) },
+        gloss: gloss.map(|(rho_s, m)| Gloss { rho_s: map(rho_s), m: vec![m as f32] }),
+        normal: None,
+    }
+}
+
+fn leaf(mesh: ReferenceMesh, rho_d: [f64; 2], rho_t: f64, gloss: Option<(f64, f64)>) -> ReferenceLeaf {
+    ReferenceLeaf {
+        mesh,
+        width: 1,
+        height: 1,
+        front: side(rho_d[0], rho_t, gloss),
+        back: side(rho_d[1], rho_t, gloss),
+        mask: None,
+        lobe: Lobe::Beckmann,
+    }
+}
+
+/// Squares of half width `reach` at heights.
+fn plates(reach: f64, of: &[(f64, [f64; 2], f64)]) -> World {
+    World {
+        leaves: of.iter().map(|(_, rho_d, rho_t)| leaf(square(reach), *rho_d, *rho_t, None)).collect(),
+        instances: of
+            .iter()
+            .enumerate()
+            .map(|(k, (z, ..))| Placement { leaf: k, transform: DMat4::from_translation(DVec3::Z * *z) })
+            .collect(),
+        ..World::default()
+    }
+}
+
+/// Mean radiance and its standard error along one ray, from independent randomisations.
+fn along(world: &World, from: DVec3, to: DVec3, paths: Paths, count: u32) -> (f64, f64) {
+    let tracer = Tracer::new(world, paths).unwrap();
+    let ray = Ray::new(from, (to - from).normalize());
+    let rounds = 32;
+    let means: Vec<f64> = (0..rounds)
+        .map(|r| {
+            let of = |k: u32| tracer.follow(ray, &mut Samples::new(samples::mix(9, r) as u32, k));
+            (0..count / 32).map(|k| of(k).radiance[1]).sum::<f64>() / f64::from(count / 32)
+        })
+        .collect();
+    let mean = means.iter().sum::<f64>() / rounds as f64;
+    let spread = means.iter().map(|m| (m - mean).powi(2)).sum::<f64>() / (rounds - 1) as f64;
+    (mean, (spread / rounds as f64).sqrt())
+}
+
+const BOTH: Paths = Paths { bounces: None, strategy: Strategy::Both };
+
+fn close((found, error): (f64, f64), want: f64, at_most: f64, what: &str) {
+    assert!(error <= at_most * want, "{what}: the estimate {found} ± {error} is too coarse");
+    assert!((found - want).abs() <= 4.0 * error + 1e-6 * want, "{what}: {found} ± {error}, expected {want}");
+}
+
+/// A crowd of leaves that absorb nothing cannot be told from the sky around them.
+#[test]
+fn leaves_that_absorb_nothing_vanish_in_a_constant_sky() {
+    let mut world = plates(10.0, &[]);
+    world.leaves = vec![leaf(square(10.0), [0.7, 0.4], 0.3, None), leaf(square(10.0), [1.0, 1.0], 0.0, None)];
+    // What is not reflected by the first leaf's back is absorbed: it is turned so that only its front is lit.
+    world.leaves[0].back = side(0.7, 0.3, None);
+    for k in 0..40 {
+        let f = f64::from(k);
+        let turn = glam::DQuat::from_euler(glam::EulerRot::XYZ, f, 2.0 * f, 0.3 * f);
+        let at = DVec3::new((1.7 * f).sin() * 30.0, (2.9 * f).cos() * 30.0, f - 20.0);
+        world.instances.push(Placement { leaf: k as usize % 2, transform: DMat4::from_rotation_translation(turn, at) });
+    }
+    world.sky = Some([2.5; 3]);
+    let tracer = Tracer::new(&world, BOTH).unwrap();
+    let mut met = 0;
+    for k in 0..2000 {
+        let f = f64::from(k);
+        let from = DVec3::new(f.sin() * 90.0, f.cos() * 90.0, 70.0 * (0.37 * f).sin());
+        let ray = Ray::new(from, (DVec3::new((3.0 * f).sin(), (5.0 * f).cos(), 0.1) * 20.0 - from).normalize());
+        let brought = tracer.follow(ray, &mut Samples::new(1, k));
+        assert!(!brought.cut);
+        if brought.met {
+            met += 1;
+            assert!((brought.radiance[0] - 2.5).abs() < 1e-5, "{:?}", brought.radiance);
+        }
+    }
+    assert!(met > 500, "{met}");
+}
+
+/// Two wide plates under a constant sky: the light between them in closed form.
+#[test]
+fn wide_plates_meet_their_closed_form() {
+    let (upper, lower) = (([0.3, 0.2], 0.35), ([0.45, 0.5], 0.4));
+    let mut world = plates(1e7, &[(20.0, upper.0, upper.1), (0.0, lower.0, lower.1)]);
+    world.sky = Some([1.0; 3]);
+    // Down between the plates D = τ₁ + ρ₁ U, up U = ρ₂ D + τ₂, for a sky of radiance 1 on both sides.
+    let down = (upper.1 + upper.0[1] * lower.1) / (1.0 - upper.0[1] * lower.0[0]);
+    let up = lower.0[0] * down + lower.1;
+    let above = upper.0[0] + upper.1 * up;
+    let below = lower.0[1] + lower.1 * down;
+    for (from, to, want) in [
+        (DVec3::new(3.0, 5.0, 90.0), DVec3::new(0.0, 0.0, 20.0), above),
+        (DVec3::new(3.0, 5.0, -90.0), DVec3::ZERO, below),
+        (DVec3::new(3.0, 5.0, 10.0), DVec3::ZERO, up),
+    ] {
+        close(along(&world, from, to, BOTH, 4096), want, 0.01, "plates");
+    }
+}
+
+/// A sheet with another sky on either side, and with a sun of its own.
+#[test]
+fn a_sheet_between_two_skies() {
+    let mut world = plates(1e6, &[(0.0, [0.3, 0.2], 0.45)]);
+    world.dome =
+        Some(Dome { radiance: Arc::new(|d| if d.z > 0.0 { [2.0; 3] } else { [0.5; 3] }), seen_below: [0.5; 3] });
+    for strategy in [Strategy::Both, Strategy::Lights, Strategy::Surfaces] {
+        let paths = Paths { bounces: None, strategy };
+        let above = along(&world, DVec3::new(1.0, 2.0, 5.0), DVec3::ZERO, paths, 8192);
+        close(above, 0.3 * 2.0 + 0.45 * 0.5, 0.01, "from above");
+        let below = along(&world, DVec3::new(1.0, 2.0, -5.0), DVec3::ZERO, paths, 8192);
+        close(below, 0.2 * 0.5 + 0.45 * 2.0, 0.01, "from below");
+    }
+    world.dome = None;
+    for radius in [0.0, 0.2] {
+        let cos: f64 = 0.6;
+        world.sun = Some(ReferenceSun {
+            direction: DVec3::new((1.0 - cos * cos).sqrt(), 0.0, cos),
+            irradiance: [3.0; 3],
+            radius,
+        });
+        let above = along(&world, DVec3::new(1.0, 2.0, 5.0), DVec3::ZERO, BOTH, 8192);
+        close(above, 0.3 * 3.0 * cos / PI, 0.01, "the sun from above");
+        let below = along(&world, DVec3::new(1.0, 2.0, -5.0), DVec3::ZERO, BOTH, 8192);
+        close(below, 0.45 * 3.0 * cos / PI, 0.01, "the sun from below");
+    }
+}
+
+/// Glossy leaves in a corner under sun and sky: every way of drawing directions has the same mean, and so have one, two
+/// and many scatterings.
+#[test]
+fn all_ways_of_drawing_agree() {
+    let mut world = World { leaves: vec![leaf(square(10.0), [0.4, 0.3], 0.3, Some((0.2, 0.25)))], ..World::default() };
+    for (angle, at) in [(0.0, DVec3::ZERO), (1.2, DVec3::new(0.0, 8.0, 6.0)), (-0.8, DVec3::new(5.0, -9.0, 7.0))] {
+        let transform = DMat4::from_rotation_translation(glam::DQuat::from_rotation_x(angle), at);
+        world.instances.push(Placement { leaf: 0, transform });
+    }
+    world.sun =
+        Some(ReferenceSun { direction: DVec3::new(0.3, 0.1, 0.9).normalize(), irradiance: [2.0; 3], radius: 0.3 });
+    let texels = (0..32 * 16).map(|k| [0.2 + ((k * 7919) % 97) as f32 / 50.0; 3]).collect();
+    world.environment = Some(Arc::new(Environment::new(32, 16, texels).unwrap()));
+    for bounces in [Some(1), Some(2), None] {
+        let ways = [Strategy::Both, Strategy::Lights, Strategy::Surfaces].map(|strategy| {
+            along(&world, DVec3::new(2.0, 1.0, 30.0), DVec3::new(1.0, 1.0, 0.0), Paths { bounces, strategy }, 32_768)
+        });
+        for (mean, error) in &ways[1..] {
+            let (both, other) = ways[0];
+            assert!(*error < 0.02 * mean, "{bounces:?}: {ways:?}");
+            assert!((mean - both).abs() < 4.0 * error.hypot(other), "{bounces:?}: {ways:?}");
+        }
+        // A constant sky is drawn by surfaces alone, or by lights alone.
+        let even = World { sky: Some([0.7; 3]), environment: None, ..world.clone() };
+        let look = |strategy| {
+            along(&even, DVec3::new(2.0, 1.0, 30.0), DVec3::new(1.0, 1.0, 0.0), Paths { bounces, strategy }, 32_768)
+        };
+        let (a, b) = (look(Strategy::Both), look(Strategy::Lights));
+        assert!((a.0 - b.0).abs() < 4.0 * a.1.hypot(b.1), "{bounces:?}: {a:?} {b:?}");
+    }
+}
+
+/// Pearson's statistic of drawn directions over cells of zenith and azimuth against a density integrated in each; the
+/// number of standard deviations from its mean.
+fn chi_square(draws: u32, draw: impl Fn(u32) -> Option<DVec3>, density: impl Fn(DVec3) -> f64) -> f64 {
+    const RINGS: usize = 24;
+    const SPOKES: usize = 24;
+    let mut seen = vec![0.0; RINGS * SPOKES];
+    let mut drawn = 0.0;
+    for k in 0..draws {
+        if let Some(d) = draw(k) {
+            assert!((d.length() - 1.0).abs() < 1e-9);
+            let i = ((d.z.clamp(-1.0, 1.0).acos() / PI * RINGS as f64) as usize).min(RINGS - 1);
+            let j = ((d.y.atan2(d.x) / (2.0 * PI)).rem_euclid(1.0) * SPOKES as f64) as usize;
+            seen[i * SPOKES + j.min(SPOKES - 1)] += 1.0;
+            drawn += 1.0;
+        }
+    }
+    let fine = 24;
+    let (mut statistic, mut cells, mut rest, mut whole) = (0.0, 0, (0.0, 0.0), 0.0);
+    for (k, seen) in seen.iter().enumerate() {
+        let mut sum = 0.0;
+        for a in 0..fine {
+            for b in 0..fine {
+                let theta = PI * ((k / SPOKES) as f64 + (a as f64 + 0.5) / fine as f64) / RINGS as f64;
+                let phi = 2.0 * PI * ((k % SPOKES) as f64 + (b as f64 + 0.5) / fine as f64) / SPOKES as f64;
+                let r = theta.sin();
+                sum += r * density(DVec3::new(r * phi.cos(), r * phi.sin(), theta.cos()));
+            }
+        }
+        let share = sum * 2.0 * PI * PI / (RINGS * SPOKES * fine * fine) as f64;
+        whole += share;
+        let expected = share * f64::from(draws);
+        if expected > 50.0 {
+            statistic += (seen - expected).powi(2) / expected;
+            cells += 1;
+        } else {
+            rest = (rest.0 + seen, rest.1 + expected);
+        }
+    }
+    assert!((whole - drawn / f64::from(draws)).abs() < 0.01, "the density integrates to {whole}, {drawn} were drawn");
+    if rest.1 > 50.0 {
+        statistic += (rest.0 - rest.1).powi(2) / rest.1;
+        cells += 1;
+    }
+    assert!(cells > 20, "only {cells} cells tell anything");
+    // Wilson & Hilferty 1931.
+    let n = f64::from(cells - 1);
+    ((statistic / n).cbrt() - (1.0 - 2.0 / (9.0 * n))) / (2.0 / (9.0 * n)).sqrt()
+}
+
+/// Plain random numbers: evenly spread ones would pass with too small a statistic.
+fn random(k: u32) -> [f64; 4] {
+    let of = |q: u64| (samples::mix(77 + q, u64::from(k)) >> 11) as f64 / (1u64 << 53) as f64;
+    [of(0), of(1), of(2), of(3)]
+}
+
+#[test]
+fn drawn_directions_have_the_density_that_is_stated() {
+    let v = DVec3::new(0.5, 0.2, 0.7).normalize();
+    for lobe in Lobe::all(1.45) {
+        let scatter = Scatter::level(v, [0.3, 0.25], Some((0.4, 0.35, lobe)));
+        let z = chi_square(200_000, |k| scatter.draw(random(k)).map(|t| t.direction), |d| scatter.density(d));
+        assert!(z < 4.0, "{lobe:?}: {z}");
+    }
+    // A map with a sun of one texel among darkness and a bright row; columns do not divide the cells.
+    let mut texels = vec![[0.05f32; 3]; 50 * 25];
+    texels[7 * 50 + 13] = [30.0; 3];
+    (0..50).for_each(|i| texels[24 * 50 + i] = [2.0; 3]);
+    texels[0] = [9.0; 3];
+    let map = Environment::new(50, 25, texels).unwrap();
+    let table = map.density.as_ref().unwrap();
+    let z = chi_square(400_000, |k| Some(table.draw([random(k)[0], random(k)[1]])), |d| table.of(d));
+    assert!(z < 4.0, "environment: {z}");
+    // The radiance over the density is even but for the sine within a row.
+    for k in 0..1000 {
+        let d = table.draw([random(k)[0], random(k)[1]]);
+        assert!(table.of(d) > 0.0 && map.at(d)[0] > 0.0);
+    }
+    // Sun and sky together, as they are chosen between.
+    let world = World {
+        sun: Some(ReferenceSun { direction: DVec3::new(0.2, -0.5, 0.8), irradiance: [1.0; 3], radius: 0.5 }),
+        dome: Some(Dome {
+            radiance: Arc::new(|d| [if d.z > 0.0 { 1.0 + d.x + 3.0 * (8.0 * (d.z - 1.0)).exp() } else { 0.1 }; 3]),
+            seen_below: [0.0; 3],
+        }),
+        ..World::default()
+    };
+    let lights = Lights::new(&world);
+    let draw = |k: u32| lights.draw(random(k), Strategy::Both).map(|l| l.direction);
+    let z = chi_square(200_000, draw, |d| density(&lights, d, Strategy::Both));
+    assert!(z < 4.0, "sun and sky: {z}");
+}
+
+#[test]
+fn scattering_is_reciprocal_and_gives_no_more_than_it_gets() {
+    let dir = |t: f64, p: f64| DVec3::new(t.sin() * p.cos(), t.sin() * p.sin(), t.cos());
+    for lobe in Lobe::all(1.45) {
+        for (a, b) in [(dir(0.4, 0.1), dir(1.0, 2.0)), (dir(0.9, 4.0), dir(2.2, 1.0)), (dir(2.0, 0.0), dir(2.9, 3.0))] {
+            let f = |v: DVec3, l: DVec3| Scatter::level(v, [0.3, 0.4], Some((0.2, 0.3, lobe))).times_cosine(l)[0];
+            let (there, back) = (f(a, b) / b.z.abs(), f(b, a) / a.z.abs());
+            assert!((there / back - 1.0).abs() < 1e-12, "{lobe:?}: {there} {back}");
+        }
+        // With ρd + ρt + ρs = 1 no more than 1 comes back, whatever the view: the mean weight of what is drawn.
+        for theta in [0.1, 0.8, 1.3, 1.5] {
+            let scatter = Scatter::level(dir(theta, 0.0), [0.3, 0.2], Some((0.5, 0.3, lobe)));
+            let n = 20_000;
+            let sum: f64 = (0..n).filter_map(|k| scatter.draw(random(k))).map(|t| t.weight[0]).sum();
+            let (found, exact) = (sum / f64::from(n), 0.5 + 0.5 * lobe.directional_albedo(theta.cos(), 0.3));
+            assert!(exact <= 1.0 + 1e-9 && (found - exact).abs() < 0.01, "{lobe:?} {theta}: {found} {exact}");
+        }
+    }
+}
+
+/// What is read between texels: centres, the wrap in azimuth, the poles.
+#[test]
+fn environment_maps_lie_as_stated() {
+    let (columns, rows) = (8, 4);
+    let texels = (0..32).map(|k| [(k % columns) as f32, (k / columns) as f32, 1.0]).collect();
+    let map = Environment::new(columns, rows, texels).unwrap();
+    let at = |i: f64, j: f64| {
+        let (t, p) = (j * PI / rows as f64, i * 2.0 * PI / columns as f64);
+        map.at(DVec3::new(t.sin() * p.cos(), t.sin() * p.sin(), t.cos()))
+    };
+    for (i, j) in [(0.5, 0.5), (3.5, 2.5), (7.5, 3.5)] {
+        let [x, y, _] = at(i, j);
+        assert!((x - (i - 0.5)).abs() < 1e-12 && (y - (j - 0.5)).abs() < 1e-12, "{i} {j}: {x} {y}");
+    }
+    assert!((at(8.0, 1.5)[0] - 3.5).abs() < 1e-12 && (at(2.0, 2.0)[0] - 1.5).abs() < 1e-12);
+    assert!((at(2.0, 2.0)[1] - 1.5).abs() < 1e-12 && at(4.0, 0.1)[1].abs() < 1e-12);
+    assert!(Environment::new(2, 1, vec![[0.0; 3], [1.0, f32::NAN, 0.0]]).unwrap_err().contains("column 1, row 0"));
+    assert!(Environment::new(2, 1, vec![[0.0; 3], [-1.0, 0.0, 0.0]]).is_err());
+}
+
+fn picture_of(world: &World, samples: u32, seed: u64) -> Picture {
+    let tracer = Tracer::new(world, BOTH).unwrap();
+    let mut picture = Picture::new(24, 24);
+    let request = Request {
+        camera: Camera { eye: DVec3::new(3.0, 5.0, 60.0), target: DVec3::ZERO, up: DVec3::Y, fov_y_deg: 40.0 },
+        size: [24, 24],
+        seed,
+        target: Target { samples: Some(samples), error: None },
+    };
+    assert_eq!(picture.draw(&tracer, &request, "test", &mut |_| Ok(())).unwrap(), Progress::Done);
+    picture
+}
+
+fn lit_plates() -> World {
+    let mut world = plates(15.0, &[(0.0, [0.5, 0.5], 0.3), (9.0, [0.3, 0.2], 0.4)]);
+    world.instances[1].transform =
+        DMat4::from_rotation_translation(glam::DQuat::from_rotation_x(0.7), DVec3::new(4.0, 2.0, 12.0));
+    world.sky = Some([0.5; 3]);
+    world.sun =
+        Some(ReferenceSun { direction: DVec3::new(0.3, 0.1, 0.9).normalize(), irradiance: [2.0; 3], radius: 0.1 });
+    world
+}
+
+/// The stated errors cover: over blocks of pixels against a picture of many more paths. Blocks that a corner of a leaf
+/// just touches are left out of the count of intervals, not of the variance: few paths meet the leaf there, and their
+/// mean is far from normal.
+#[test]
+fn stated_errors_are_true() {
+    const BLOCK: usize = 4;
+    let world = lit_plates();
+    let truth = picture_of(&world, 8192, 5);
+    let blocks = 24 / BLOCK;
+    for (samples, seeds) in [(16, 40), (50, 40)] {
+        let (mut count, mut inside, mut off, mut stated) = (0.0, 0.0, 0.0, 0.0);
+        for seed in 0..seeds {
+            let picture = picture_of(&world, samples, 100 + seed);
+            for block in 0..blocks * blocks {
+                let (x, y) = (block % blocks * BLOCK, block / blocks * BLOCK);
+                let (mut difference, mut variance, mut covered) = (0.0, 0.0, true);
+                for k in (0..BLOCK * BLOCK).map(|q| (y + q / BLOCK) * 24 + x + q % BLOCK) {
+                    difference += f64::from(picture.mean[k][1] - truth.mean[k][1]);
+                    variance += f64::from(picture.error(k)[1]).powi(2) + f64::from(truth.error(k)[1]).powi(2);
+                    covered &= truth.mean[k][1] > 0.02;
+                }
+                // A block of background alone has no error, and none is stated.
+                assert!(variance > 0.0 || difference == 0.0);
+                (off, stated) = (off + difference * difference, stated + variance);
+                if covered {
+                    count += 1.0;
+                    inside += f64::from(u8::from(difference.abs() <= 1.96 * variance.sqrt()));
+                }
+            }
+        }
+        assert!(count > 500.0, "{count}");
+        assert!((0.93..=0.97).contains(&(inside / count)), "{samples}: {} of {count}", inside / count);
+        assert!((off / stated - 1.0).abs() < 0.1, "{samples}: {}", off / stated);
+    }
+}
+
+#[test]
+fn a_stored_picture_goes_on_to_the_same_bits() {
+    let world = lit_plates();
+    let tracer = Tracer::new(&world, BOTH).unwrap();
+    let whole = picture_of(&world, 40, 3);
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("part.exr");
+    let mut picture = Picture::new(24, 24);
+    let request = |samples| Request {
+        camera: Camera { eye: DVec3::new(3.0, 5.0, 60.0), target: DVec3::ZERO, up: DVec3::Y, fov_y_deg: 40.0 },
+        size: [24, 24],
+        seed: 3,
+        target: Target { samples: Some(samples), error: None },
+    };
+    // Stored after every round: the first store that is not the last is taken up again.
+    let mut rounds = 0;
+    loop {
+        let lens = crate::render::Lens::new(&request(40).camera, 24, 24).unwrap();
+        // One row at a time, as an interrupted picture has them.
+        let j = rounds % 24;
+        let mut cut = 0;
+        let row: Vec<Brought> =
+            (0..24).map(|i| tracer.pixel(&lens, [i, j], picture::pixel_seed(3, j * 24 + i, 0), 5, &mut cut)).collect();
+        picture.take(j, 5, &row);
+        rounds += 1;
+        if rounds == 7 {
+            break;
+        }
+    }
+    picture.store(&path).unwrap();
+    let mut again = Picture::restore(&path, [24, 24]).unwrap();
+    assert_eq!(again, picture);
+    again.draw(&tracer, &request(40), "test", &mut |_| Ok(())).unwrap();
+    assert_eq!(again, whole);
+    assert_eq!(again.paths(), [40, 40]);
+    // More paths than the first time.
+    again.draw(&tracer, &request(72), "test", &mut |_| Ok(())).unwrap();
+    assert_eq!(again.paths(), [72, 72]);
+    assert!(again.median_error().unwrap() < whole.median_error().unwrap());
+    assert!(Picture::restore(&path, [24, 25]).is_err());
+}

@@ -1,0 +1,244 @@
+//! A world ready for rays: what a ray meets first, and what the surface is like there.
+//!
+//! Both CPU renderers stand on this: the direct-light reference ([`super::render`]) and the path tracer
+//! ([`super::path`]).
+
+use super::accelerate::{Forest, Hit, Ray, Shape};
+use super::lookup::Taps;
+use super::world::{Interior, NormalFrame, Placement, ReferenceLeaf, ReferenceSide, Sunlit, World};
+use glam::{DMat3, DVec2, DVec3, DVec4};
+
+/// A world with its box trees built.
+pub(super) struct Stage<'a> {
+    pub world: &'a World,
+    forest: Forest,
+    /// Local → world rotation of an instance.
+    turn: Vec<DMat3>,
+    /// How far a ray that leaves a blade starts off it (mm).
+    step: f64,
+}
+
+/// What decides whether a ray sees the front or the back.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum SideBy {
+    /// The mesh's interpolated normal, as the GPU renderer has it.
+    SmoothNormal,
+    /// The triangle itself, front where its corners run anticlockwise. Light cannot then pass from one side to the
+    /// other unseen. An interpolated normal that points the other way is turned round.
+    Triangle,
+}
+
+impl<'a> Stage<'a> {
+    /// `world` must have been validated.
+    pub fn new(world: &'a World) -> Stage<'a> {
+        let shapes = world.leaves.iter().map(|l| Shape::new(&l.mesh.positions, &l.mesh.indices)).collect();
+        let placed: Vec<_> = world.instances.iter().map(|p| (p.leaf, p.transform)).collect();
+        let forest = Forest::new(shapes, &placed);
+        let turn = world.instances.iter().map(rotation).collect();
+        let step = 1e-9 * forest.extent();
+        Stage { world, forest, turn, step }
+    }
+
+    /// The leaf that an instance shows.
+    pub fn leaf(&self, instance: usize) -> &'a ReferenceLeaf {
+        &self.world.leaves[self.world.instances[instance].leaf]
+    }
+
+    /// What a ray meets first.
+    pub fn nearest(&self, ray: &Ray) -> Option<Hit> {
+        self.forest.nearest(ray, |i, t, b| self.on_leaf(i, t, b))
+    }
+
+    /// Whether a ray meets anything.
+    pub fn blocked(&self, ray: &Ray) -> bool {
+        self.forest.blocked(ray, |i, t, b| self.on_leaf(i, t, b))
+    }
+
+    /// A ray in direction `l` (of any length) from a point on a blade with geometric normal `flat`. It starts on the
+    /// side of the triangle that it leaves to, so that the blade never shades itself where it is lit.
+    pub fn leave(&self, point: DVec3, flat: DVec3, l: DVec3) -> Ray {
+        let side = if flat.dot(l) < 0.0 { -flat } else { flat };
+        Ray::new(point + side * self.step, l)
+    }
+
+    /// The alpha test: a bilinear mask of at least ½.
+    fn on_leaf(&self, instance: usize, triangle: usize, barycentric: [f64; 2]) -> bool {
+        let leaf = self.leaf(instance);
+        let Some(mask) = &leaf.mask else { return true };
+        let uv = texture_point(leaf, triangle, barycentric);
+        Taps::new(uv.x, uv.y, leaf.width, leaf.height, false).coverage(mask) >= 0.5
+    }
+
+    /// The surface that `ray` (of unit direction) met.
+    pub fn surface(&self, ray: &Ray, hit: &Hit, by: SideBy) -> Surface<'a> {
+        let leaf = self.leaf(hit.instance);
+        let turn = self.turn[hit.instance];
+        let corner = corners(leaf, hit.triangle);
+        let weight = [1.0 - hit.barycentric[0] - hit.barycentric[1], hit.barycentric[0], hit.barycentric[1]];
+        let mesh = &leaf.mesh;
+        let [p0, p1, p2] = corner.map(|c| mesh.positions[c]);
+        let flat = (turn * (p1 - p0).cross(p2 - p0)).normalize_or_zero();
+        let mix = |of: &[DVec3]| of[corner[0]] * weight[0] + of[corner[1]] * weight[1] + of[corner[2]] * weight[2];
+        let mut smooth = mix(&mesh.normals).normalize_or(DVec3::Z);
+        let mut front_normal = turn * smooth;
+        if by == SideBy::Triangle && front_normal.dot(flat) < 0.0 {
+            (smooth, front_normal) = (-smooth, -front_normal);
+        }
+        let view = -ray.direction;
+        let decides = if by == SideBy::Triangle { flat } else { front_normal };
+        Surface {
+            leaf,
+            instance: hit.instance,
+            point: ray.origin + ray.direction * hit.t,
+            view,
+            flat,
+            back: decides.dot(view) < 0.0,
+            smooth,
+            front_normal,
+            turn,
+            corner,
+            weight,
+            uv: texture_point(leaf, hit.triangle, hit.barycentric),
+        }
+    }
+
+    /// How the sun comes through where `surface` shows light from its far side; `None` where the mapped normal's cosine
+    /// says it.
+    pub fn sunlit(&self, surface: &Surface) -> Option<&'a Sunlit> {
+        self.world.through.get(surface.instance)?.entering[usize::from(!surface.back)].as_ref()
+    }
+}
+
+/// Where a ray met a leaf. "Viewed" is the side that the ray came from, "far" the other.
+pub(super) struct Surface<'a> {
+    leaf: &'a ReferenceLeaf,
+    /// Which instance was met.
+    pub instance: usize,
+    pub point: DVec3,
+    /// Towards where the ray came from.
+    pub view: DVec3,
+    /// The triangle's normal, out of its front.
+    pub flat: DVec3,
+    /// Whether the back is viewed.
+    pub back: bool,
+    smooth: DVec3,
+    front_normal: DVec3,
+    turn: DMat3,
+    corner: [usize; 3],
+    weight: [f64; 3],
+    uv: DVec2,
+}
+
+impl<'a> Surface<'a> {
+    /// The mesh's interpolated normal on the viewed side.
+    pub fn toward_viewer(&self) -> DVec3 {
+        if self.back { -self.front_normal } else { self.front_normal }
+    }
+
+    /// How the viewed side looks.
+    pub fn viewed(&self) -> &'a ReferenceSide {
+        if self.back { &self.leaf.back } else { &self.leaf.front }
+    }
+
+    /// How the far side looks.
+    pub fn far(&self) -> &'a ReferenceSide {
+        if self.back { &self.leaf.front } else { &self.leaf.back }
+    }
+
+    /// The lobe of the gloss.
+    pub fn lobe(&self) -> super::lobe::Lobe {
+        self.leaf.lobe
+    }
+
+    /// Where the viewed side's maps are looked up, and the far side's.
+    pub fn taps(&self, far: bool) -> Taps {
+        Taps::new(self.uv.x, self.uv.y, self.leaf.width, self.leaf.height, self.back != far)
+    }
+
+    /// The mapped normal of the viewed side.
+    pub fn normal(&self) -> DVec3 {
+        self.mapped(self.viewed(), self.back)
+    }
+
+    /// The mapped normal of the far side.
+    pub fn far_normal(&self) -> DVec3 {
+        self.mapped(self.far(), !self.back)
+    }
+
+    fn mapped(&self, side: &ReferenceSide, back: bool) -> DVec3 {
+        let plain = if back { -self.front_normal } else { self.front_normal };
+        let Some(map) = &side.normal else { return plain };
+        let taps = Taps::new(self.uv.x, self.uv.y, self.leaf.width, self.leaf.height, back);
+        let [x, y, z] = taps.vector(&map.values);
+        let (x, z) = if back { (-x, -z) } else { (x, z) };
+        let local = match map.frame {
+            NormalFrame::Blade => DVec3::new(x, y, z),
+            NormalFrame::Tangent => {
+                let tangents = &self.leaf.mesh.tangents;
+                let t = self.corner.iter().zip(self.weight).map(|(&c, w)| tangents[c] * w).sum::<DVec4>();
+                let smooth = self.smooth;
+                let along = (t.truncate() - smooth * smooth.dot(t.truncate())).normalize_or_zero();
+                along * x + smooth.cross(along) * (t.w.signum() * y) + smooth * z
+            }
+        };
+        (self.turn * local).normalize_or(plain)
+    }
+
+    /// ρd of the viewed side, with γ.
+    pub fn rho_d(&self) -> [f64; 3] {
+        reflectance(self.viewed(), &self.taps(false))
+    }
+
+    /// ρt of a beam that enters the far side.
+    pub fn rho_t(&self) -> [f64; 3] {
+        transmittance(self.far(), &self.taps(true))
+    }
+
+    /// ρs and m of the viewed side, where it is glossy.
+    pub fn gloss(&self) -> Option<([f64; 3], f64)> {
+        let taps = self.taps(false);
+        self.viewed().gloss.as_ref().map(|g| (taps.colour(&g.rho_s), taps.scalar(&g.m)))
+    }
+
+    /// What stands in for ρt times a cosine where maps say how the sun comes through; `rho_t` is [`Surface::rho_t`].
+    pub fn through(&self, sunlit: &Sunlit, rho_t: impl FnOnce() -> [f64; 3]) -> [f64; 3] {
+        match sunlit {
+            Sunlit::Factor(map) => {
+                let f = self.taps(true).scalar(map).max(0.0);
+                rho_t().map(|r| r * f)
+            }
+            Sunlit::Colour(maps) => self.taps(true).colour(maps).map(|m| m.max(0.0)),
+        }
+    }
+}
+
+fn rotation(placed: &Placement) -> DMat3 {
+    let m = DMat3::from_mat4(placed.transform);
+    m * (1.0 / m.determinant().abs().cbrt())
+}
+
+fn corners(leaf: &ReferenceLeaf, triangle: usize) -> [usize; 3] {
+    [0, 1, 2].map(|k| leaf.mesh.indices[3 * triangle + k] as usize)
+}
+
+fn texture_point(leaf: &ReferenceLeaf, triangle: usize, barycentric: [f64; 2]) -> DVec2 {
+    let [a, b, c] = corners(leaf, triangle).map(|k| leaf.mesh.uvs[k]);
+    a + (b - a) * barycentric[0] + (c - a) * barycentric[1]
+}
+
+fn reflectance(side: &ReferenceSide, taps: &Taps) -> [f64; 3] {
+    match &side.interior {
+        Interior::Maps { rho_d, .. } => taps.colour(rho_d),
+        Interior::Scalars { gamma, thickness, curve } => {
+            let (rho_d, gamma) = (curve(taps.scalar(thickness)).0, taps.colour(gamma));
+            [0, 1, 2].map(|c| gamma[c] * rho_d[c])
+        }
+    }
+}
+
+fn transmittance(side: &ReferenceSide, taps: &Taps) -> [f64; 3] {
+    match &side.interior {
+        Interior::Maps { rho_t, .. } => taps.colour(rho_t),
+        Interior::Scalars { thickness, curve, .. } => curve(taps.scalar(thickness)).1,
+    }
+}
