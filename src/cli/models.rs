@@ -81,7 +81,7 @@ macro_rules! sweep {
 const NONE: Model = Model { name: "", fit: None, eval: None, bench: None, stress: None };
 
 /// All models, in the order in which verbs name and run them. A new model adds its entry here.
-pub const MODELS: [Model; 12] = [
+pub const MODELS: [Model; 13] = [
     Model {
         name: "solve",
         bench: Some(Sweep {
@@ -174,6 +174,11 @@ pub const MODELS: [Model; 12] = [
     Model {
         name: "dipole",
         eval: verb!(eval::dipole, "Light diffusing through a leaf, by thickness and distance"),
+        ..NONE
+    },
+    Model {
+        name: "canopy",
+        eval: verb!(eval::canopy, "What a canopy reflects of the sun, towards directions or in all"),
         ..NONE
     },
 ];

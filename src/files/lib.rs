@@ -8,6 +8,7 @@ pub mod hash;
 pub mod image;
 pub mod memory;
 pub mod mesh;
+pub mod numbers;
 pub mod progress;
 pub mod quantity;
 pub mod table;

@@ -106,6 +106,12 @@ impl Forest {
         Forest { shapes, placed, tree: Tree::build(boxes) }
     }
 
+    /// Lowest and highest corner of the box around everything; `None` for an empty scene.
+    pub(crate) fn bounds(&self) -> Option<[DVec3; 2]> {
+        let Bounds { low, high } = self.tree.bounds;
+        (!self.tree.bounds.is_empty()).then_some([low, high])
+    }
+
     /// Length of the diagonal of the box around everything; 0 for an empty scene.
     pub(crate) fn extent(&self) -> f64 {
         let bounds = self.tree.bounds;
@@ -114,8 +120,17 @@ impl Forest {
 
     /// The nearest hit with t > 0 that `accept(instance, triangle, barycentric)` lets pass (an alpha test).
     pub fn nearest(&self, ray: &Ray, accept: impl Fn(usize, usize, [f64; 2]) -> bool) -> Option<Hit> {
+        self.nearest_within(ray, f64::INFINITY, accept)
+    }
+
+    /// The nearest hit with 0 < t < `limit` that `accept` lets pass.
+    pub fn nearest_within(
+        &self,
+        ray: &Ray,
+        mut limit: f64,
+        accept: impl Fn(usize, usize, [f64; 2]) -> bool,
+    ) -> Option<Hit> {
         let mut best: Option<Hit> = None;
-        let mut limit = f64::INFINITY;
         self.tree.walk(ray, &mut limit, |instance, limit| {
             let (shape, to_local) = &self.placed[instance as usize];
             let shape = &self.shapes[*shape];
@@ -143,14 +158,18 @@ impl Forest {
 
     /// Whether anything that `accept` lets pass lies at t > 0.
     pub fn blocked(&self, ray: &Ray, accept: impl Fn(usize, usize, [f64; 2]) -> bool) -> bool {
-        let mut limit = f64::INFINITY;
+        self.blocked_within(ray, f64::INFINITY, accept)
+    }
+
+    /// Whether anything that `accept` lets pass lies at 0 < t < `limit`.
+    pub fn blocked_within(&self, ray: &Ray, mut limit: f64, accept: impl Fn(usize, usize, [f64; 2]) -> bool) -> bool {
         self.tree.walk(ray, &mut limit, |instance, limit| {
             let (shape, to_local) = &self.placed[instance as usize];
             let shape = &self.shapes[*shape];
             let local = ray.through(to_local);
-            shape.tree.walk(&local, limit, |triangle, _| {
+            shape.tree.walk(&local, limit, |triangle, limit| {
                 matches!(shape.triangles[triangle as usize].meet(&local),
-                    Some((t, b1, b2)) if t > 0.0 && accept(instance as usize, triangle as usize, [b1, b2]))
+                    Some((t, b1, b2)) if t > 0.0 && t < *limit && accept(instance as usize, triangle as usize, [b1, b2]))
             })
         })
     }

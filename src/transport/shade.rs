@@ -8,11 +8,11 @@
 //! dome:                    (ρd E(N) + ρt_far E(F))/π + ∫ L f_s max(0, N·l) dl, E the irradiance on a normal
 //! ```
 
-use super::accelerate::{Hit, Ray};
+use super::accelerate::Ray;
 use super::albedo::AlbedoTable;
 use super::dome::{self, IrradianceMap};
 use super::lobe::Reflect;
-use super::stage::{SideBy, Stage, Surface};
+use super::stage::{Met, SideBy, Stage, Surface};
 use super::world::{ReferenceLeaf, ReferenceSun, World};
 use glam::DVec3;
 use std::f64::consts::PI;
@@ -62,7 +62,7 @@ impl<'a> Direct<'a> {
                 };
                 Seen { radiance, surface, light: 0 }
             }
-            Some(hit) => self.shade(ray, &hit, sun_points, lobe_points),
+            Some(met) => self.shade(&met, sun_points, lobe_points),
         }
     }
 
@@ -71,9 +71,9 @@ impl<'a> Direct<'a> {
         !self.stage.blocked(&Ray::new(point, Disk::new(sun).toward(offset)))
     }
 
-    fn shade(&self, ray: &Ray, hit: &Hit, sun_points: &[DiskPoint], lobe_points: &[[f64; 2]]) -> Seen {
+    fn shade(&self, met: &Met, sun_points: &[DiskPoint], lobe_points: &[[f64; 2]]) -> Seen {
         let world = self.stage.world;
-        let surface = self.stage.surface(ray, hit, SideBy::SmoothNormal);
+        let surface = self.stage.surface(met, SideBy::SmoothNormal);
         let Surface { view, point, flat, .. } = surface;
         let (lobe, n, rho_d, gloss) = (surface.lobe(), surface.normal(), surface.rho_d(), surface.gloss());
         let mut rho_t_far = None;
@@ -118,7 +118,7 @@ impl<'a> Direct<'a> {
         }
         if let Some(sky) = world.sky {
             let rho_t = transmittance();
-            let table = self.albedo[world.instances[hit.instance].leaf].as_ref();
+            let table = self.albedo[world.instances[surface.instance].leaf].as_ref();
             let shine = match (gloss, table) {
                 (Some((rho_s, m)), Some(table)) => {
                     let a = table.at(n.dot(view), m);

@@ -6,12 +6,15 @@
 use super::accelerate::{Forest, Hit, Ray, Shape};
 use super::lookup::Taps;
 use super::world::{Interior, NormalFrame, Placement, ReferenceLeaf, ReferenceSide, Sunlit, World};
-use glam::{DMat3, DVec2, DVec3, DVec4};
+use glam::{DMat3, DMat4, DVec2, DVec3, DVec4};
 
 /// A world with its box trees built.
 pub(super) struct Stage<'a> {
     pub world: &'a World,
     forest: Forest,
+    repeat: Option<Repeat>,
+    /// The instance of the world that each of the forest's stands for.
+    instance: Vec<usize>,
     /// Local → world rotation of an instance.
     turn: Vec<DMat3>,
     /// How far a ray that leaves a blade starts off it (mm).
@@ -32,11 +35,19 @@ impl<'a> Stage<'a> {
     /// `world` must have been validated.
     pub fn new(world: &'a World) -> Stage<'a> {
         let shapes = world.leaves.iter().map(|l| Shape::new(&l.mesh.positions, &l.mesh.indices)).collect();
-        let placed: Vec<_> = world.instances.iter().map(|p| (p.leaf, p.transform)).collect();
+        let mut placed: Vec<_> = world.instances.iter().map(|p| (p.leaf, p.transform)).collect();
+        let mut instance: Vec<usize> = (0..placed.len()).collect();
+        if let Some(size) = world.periodic {
+            (placed, instance) = repeated(world, size);
+        }
         let forest = Forest::new(shapes, &placed);
         let turn = world.instances.iter().map(rotation).collect();
         let step = 1e-9 * forest.extent();
-        Stage { world, forest, turn, step }
+        let repeat = world
+            .periodic
+            .zip(forest.bounds())
+            .map(|(size, [low, high])| Repeat { half: size.map(|s| 0.5 * s), height: [low.z - step, high.z + step] });
+        Stage { world, forest, repeat, instance, turn, step }
     }
 
     /// The leaf that an instance shows.
@@ -45,13 +56,36 @@ impl<'a> Stage<'a> {
     }
 
     /// What a ray meets first.
-    pub fn nearest(&self, ray: &Ray) -> Option<Hit> {
-        self.forest.nearest(ray, |i, t, b| self.on_leaf(i, t, b))
+    pub fn nearest(&self, ray: &Ray) -> Option<Met> {
+        let find = |ray: &Ray, limit: f64| {
+            let mut hit = self.forest.nearest_within(ray, limit, |i, t, b| self.on_leaf(i, t, b))?;
+            hit.instance = self.instance[hit.instance];
+            Some(Met { ray: *ray, hit })
+        };
+        match &self.repeat {
+            None => find(ray, f64::INFINITY),
+            Some(repeat) => repeat.follow(ray, find),
+        }
     }
 
     /// Whether a ray meets anything.
     pub fn blocked(&self, ray: &Ray) -> bool {
-        self.forest.blocked(ray, |i, t, b| self.on_leaf(i, t, b))
+        let find = |ray: &Ray, limit: f64| self.forest.blocked_within(ray, limit, |i, t, b| self.on_leaf(i, t, b));
+        match &self.repeat {
+            None => find(ray, f64::INFINITY),
+            Some(repeat) => repeat.follow(ray, |ray, limit| find(ray, limit).then_some(())).is_some(),
+        }
+    }
+
+    /// Lowest and highest corner of what there is, in the cell around the origin where it repeats; `None` where there
+    /// is nothing.
+    pub fn bounds(&self) -> Option<[DVec3; 2]> {
+        self.forest.bounds()
+    }
+
+    /// How far a ray that leaves a blade starts off it (mm).
+    pub fn step(&self) -> f64 {
+        self.step
     }
 
     /// A ray in direction `l` (of any length) from a point on a blade with geometric normal `flat`. It starts on the
@@ -61,16 +95,23 @@ impl<'a> Stage<'a> {
         Ray::new(point + side * self.step, l)
     }
 
-    /// The alpha test: a bilinear mask of at least ½.
+    /// The alpha test: a bilinear mask of at least ½; of a disc, whether the point lies in the circle. `instance` is
+    /// the forest's.
     fn on_leaf(&self, instance: usize, triangle: usize, barycentric: [f64; 2]) -> bool {
-        let leaf = self.leaf(instance);
+        let leaf = self.leaf(self.instance[instance]);
+        if leaf.mesh.discs {
+            // Squared distance from the centre over that of a corner; the circle has half a corner's distance.
+            let [b, c] = barycentric;
+            let a = 1.0 - b - c;
+            return a * a + b * b + c * c - a * b - b * c - c * a <= 0.25;
+        }
         let Some(mask) = &leaf.mask else { return true };
         let uv = texture_point(leaf, triangle, barycentric);
         Taps::new(uv.x, uv.y, leaf.width, leaf.height, false).coverage(mask) >= 0.5
     }
 
-    /// The surface that `ray` (of unit direction) met.
-    pub fn surface(&self, ray: &Ray, hit: &Hit, by: SideBy) -> Surface<'a> {
+    /// The surface that a ray of unit direction met.
+    pub fn surface(&self, Met { ray, hit }: &Met, by: SideBy) -> Surface<'a> {
         let leaf = self.leaf(hit.instance);
         let turn = self.turn[hit.instance];
         let corner = corners(leaf, hit.triangle);
@@ -107,6 +148,84 @@ impl<'a> Stage<'a> {
     pub fn sunlit(&self, surface: &Surface) -> Option<&'a Sunlit> {
         self.world.through.get(surface.instance)?.entering[usize::from(!surface.back)].as_ref()
     }
+}
+
+/// What a ray met, and the ray: where the scene repeats, it was moved into the cell around the origin.
+pub(super) struct Met {
+    pub ray: Ray,
+    pub hit: Hit,
+}
+
+/// A scene that repeats along x and y: rays are followed through the cell around the origin, and enter it on the other
+/// side where they leave it.
+struct Repeat {
+    /// Half the period.
+    half: [f64; 2],
+    /// Lowest and highest of what there is.
+    height: [f64; 2],
+}
+
+/// Cells that a ray is followed through; beyond them a level ray is taken to meet nothing.
+const MOST_CELLS: usize = 100_000;
+
+impl Repeat {
+    /// Tries `find` on the pieces of a ray in turn, each up to where it leaves the cell.
+    fn follow<T>(&self, ray: &Ray, find: impl Fn(&Ray, f64) -> Option<T>) -> Option<T> {
+        let (mut origin, d) = (ray.origin, ray.direction);
+        for axis in 0..2 {
+            let period = 2.0 * self.half[axis];
+            origin[axis] -= period * ((origin[axis] + self.half[axis]) / period).floor();
+        }
+        for _ in 0..MOST_CELLS {
+            // To the wall that the ray leaves by.
+            let wall = |axis: usize| match d[axis] {
+                0.0 => f64::INFINITY,
+                s => ((self.half[axis] * s.signum() - origin[axis]) / s).max(0.0),
+            };
+            let (x, y) = (wall(0), wall(1));
+            let leave = x.min(y);
+            if let Some(found) = find(&Ray::new(origin, d), leave) {
+                return Some(found);
+            }
+            if !leave.is_finite() {
+                return None;
+            }
+            origin += d * leave;
+            let past = if d.z > 0.0 { origin.z > self.height[1] } else { origin.z < self.height[0] };
+            if past || (d.z == 0.0 && !(self.height[0]..=self.height[1]).contains(&origin.z)) {
+                return None;
+            }
+            let axis = usize::from(y < x);
+            origin[axis] = -self.half[axis] * d[axis].signum();
+        }
+        None
+    }
+}
+
+/// Instances that reach into the cell around the origin, those of neighbouring cells too, and which of the world's each
+/// is.
+fn repeated(world: &World, size: [f64; 2]) -> (Vec<(usize, DMat4)>, Vec<usize>) {
+    let (mut placed, mut instance) = (Vec::new(), Vec::new());
+    for (k, p) in world.instances.iter().enumerate() {
+        let points = world.leaves[p.leaf].mesh.positions.iter().map(|v| p.transform.transform_point3(*v));
+        let (low, high) = points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
+        // Shifts by whole periods after which the box overlaps the cell.
+        let shifts = |axis: usize| {
+            let half = 0.5 * size[axis];
+            let (first, last) = ((-half - high[axis]) / size[axis], (half - low[axis]) / size[axis]);
+            (first.ceil() as i64..=last.floor() as i64).map(move |n| n as f64 * size[axis])
+        };
+        if !low.is_finite() {
+            continue;
+        }
+        for x in shifts(0) {
+            for y in shifts(1) {
+                placed.push((p.leaf, DMat4::from_translation(DVec3::new(x, y, 0.0)) * p.transform));
+                instance.push(k);
+            }
+        }
+    }
+    (placed, instance)
 }
 
 /// Where a ray met a leaf. "Viewed" is the side that the ray came from, "far" the other.
@@ -192,6 +311,11 @@ impl<'a> Surface<'a> {
     /// ρt of a beam that enters the far side.
     pub fn rho_t(&self) -> [f64; 3] {
         transmittance(self.far(), &self.taps(true))
+    }
+
+    /// ρt of a beam that enters the viewed side.
+    pub fn rho_t_inward(&self) -> [f64; 3] {
+        transmittance(self.viewed(), &self.taps(false))
     }
 
     /// ρs and m of the viewed side, where it is glossy.

@@ -30,6 +30,10 @@ pub struct World {
     pub dome: Option<Dome>,
     /// An environment map instead, which also is the background; the path tracer alone draws it.
     pub environment: Option<Arc<Environment>>,
+    /// Everything repeats with this period (mm) along x and y; the path tracer alone repeats it.
+    pub periodic: Option<[f64; 2]>,
+    /// Which instance is the ground.
+    pub ground: Option<usize>,
     /// A scanner instead of sun and sky.
     pub scanner: Option<Scanner>,
     /// Radiance where nothing is hit.
@@ -48,6 +52,8 @@ impl Default for World {
             sky: None,
             dome: None,
             environment: None,
+            periodic: None,
+            ground: None,
             scanner: None,
             background: [0.0; 3],
             exposure: 1.0,
@@ -160,6 +166,8 @@ pub struct ReferenceMesh {
     pub uvs: Vec<DVec2>,
     /// Three a triangle.
     pub indices: Vec<u32>,
+    /// Every triangle stands for a disc: it is equilateral, and the disc is the circle inside it.
+    pub discs: bool,
 }
 
 /// How one side looks.

@@ -120,9 +120,14 @@ fn barked(name: &str, bark: [f64; 3]) -> viewer::Material {
 /// Sun, sky, exposure and how shadows and edges are sampled.
 fn lights(Scene { manifest, plan, .. }: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
     let rgb = |c: &[f64; 3]| c.map(|v| v as f32);
-    if manifest.sky.as_ref().is_some_and(|s| s.environment.is_some()) {
-        let what = "the real-time renderer draws no environment maps yet; `mesophyll render` does";
-        return Err(Error::field(&manifest.path, "sky.environment", what));
+    let beyond = [
+        ("sky.environment", "environment maps", manifest.sky.as_ref().is_some_and(|s| s.environment.is_some())),
+        ("periodic", "scenes that repeat", manifest.periodic.is_some()),
+        ("leaf.discs", "discs", manifest.leaves.iter().any(|l| l.discs.is_some())),
+    ];
+    if let Some((field, what, _)) = beyond.iter().find(|b| b.2) {
+        let told = format!("the real-time renderer draws no {what}; `mesophyll render` does");
+        return Err(Error::field(&manifest.path, field, told));
     }
     let daylight = Daylight::of(manifest)?;
     let own = daylight.as_ref().map(|d| d.sun);

@@ -45,6 +45,7 @@ pub fn world(scene: &Scene, ledger: &Ledger) -> Result<transport::World> {
         out.leaves.push(barked(*bark, wood));
     }
     if let Some((ground, albedo)) = &placed.ground {
+        out.ground = Some(out.instances.len());
         out.instances.push(transport::Placement { leaf: out.leaves.len(), transform: DMat4::IDENTITY });
         out.leaves.push(barked(*albedo, ground));
     }
@@ -85,6 +86,7 @@ pub fn traced(scene: &Scene, time: f64, ledger: &Ledger) -> Result<transport::Wo
     let mut out = world(scene, ledger)?;
     move_to(&mut out, scene, time)?;
     relight_everywhere(&mut out, scene)?;
+    out.periodic = scene.manifest.periodic.as_ref().map(|p| p.size_mm);
     if let Some(file) = scene.manifest.sky.as_ref().and_then(|s| s.environment.as_ref()) {
         let path = scene.manifest.resolve(file);
         let bytes = std::fs::metadata(&path).map_or(0, |m| m.len());
@@ -171,6 +173,7 @@ pub fn mesh(mesh: &LeafMesh) -> transport::ReferenceMesh {
         tangents: mesh.tangents.iter().map(|(t, w)| DVec4::from((*t, *w))).collect(),
         uvs: mesh.uvs.clone(),
         indices: mesh.indices.clone(),
+        discs: false,
     }
 }
 
@@ -228,7 +231,8 @@ fn uniform(config: &manifest::Leaf, stated: &manifest::Uniform, blade: &LeafMesh
         gloss: stated.gloss().map(|rho_s| transport::Gloss { rho_s: maps(&rho_s), m: vec![stated.m as f32] }),
         normal: None,
     });
-    transport::ReferenceLeaf { mesh: mesh(blade), width: 1, height: 1, front, back, mask: None, lobe: config.lobe() }
+    let mesh = transport::ReferenceMesh { discs: config.discs.is_some(), ..mesh(blade) };
+    transport::ReferenceLeaf { mesh, width: 1, height: 1, front, back, mask: None, lobe: config.lobe() }
 }
 
 /// One side as its maps have it.

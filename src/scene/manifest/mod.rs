@@ -13,11 +13,13 @@ mod view;
 pub use leaf::{Interior, Leaf, Scan, Translucency, Uniform};
 pub use light::{Day, Sky, SkyModel, Sun};
 pub use mesophyll_surface::basis::Basis;
-pub use plant::{Branch, Cluster, Ground, Instance, Tree, Wind};
+pub use plant::{Branch, Cluster, Ground, Instance, Periodic, Tree, Wind};
 pub use view::{Check, JudgedBy, View, ViewKind};
 
 use crate::{Error, Result};
 use mesophyll_files::atomic::explain;
+use mesophyll_files::mesh::Unit;
+use mesophyll_files::numbers;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
@@ -46,6 +48,7 @@ pub struct Manifest {
     pub branches: Vec<Branch>,
     pub wind: Option<Wind>,
     pub ground: Option<Ground>,
+    pub periodic: Option<Periodic>,
     pub sun: Option<Sun>,
     pub sky: Option<Sky>,
     pub day: Option<Day>,
@@ -73,6 +76,7 @@ impl Manifest {
         manifest.path = path.to_path_buf();
         validate::validate(&manifest, &text)?;
         manifest.share();
+        manifest.spread()?;
         Ok(manifest)
     }
 
@@ -80,13 +84,47 @@ impl Manifest {
     fn share(&mut self) {
         for k in 0..self.leaves.len() {
             let Some(other) = self.leaves[k].like.as_ref().and_then(|n| self.leaf_index(n)) else { continue };
-            let Leaf { fit, capture, scan, uniform, mesh, mesh_unit, .. } = self.leaves[other].clone();
+            let Leaf { fit, capture, scan, uniform, mesh, discs, mesh_unit, .. } = self.leaves[other].clone();
             let leaf = &mut self.leaves[k];
             (leaf.fit, leaf.capture, leaf.scan, leaf.uniform) = (fit, capture, scan, uniform);
-            if leaf.mesh.is_none() {
-                (leaf.mesh, leaf.mesh_unit) = (mesh, mesh_unit);
+            if leaf.mesh.is_none() && leaf.discs.is_none() {
+                (leaf.mesh, leaf.discs, leaf.mesh_unit) = (mesh, discs, mesh_unit);
             }
         }
+    }
+
+    /// Adds a view from above to a scene without a perspective view, for those who ask what stands in it without a
+    /// picture.
+    pub fn look_from_above(&mut self) {
+        if !self.views.iter().any(|v| v.kind == ViewKind::Perspective) {
+            let (eye_mm, up) = (Some([0.0, 0.0, 1e6]), Some([0.0, 1.0, 0.0]));
+            self.views.push(View {
+                name: "above".into(),
+                eye_mm,
+                target_mm: Some([0.0; 3]),
+                up,
+                fov_deg: Some(30.0),
+                ..View::default()
+            });
+        }
+    }
+
+    /// Puts an instance at every position of its list.
+    fn spread(&mut self) -> Result<()> {
+        let mut out = Vec::new();
+        for instance in &self.instances {
+            let Some(file) = &instance.positions else {
+                out.push(instance.clone());
+                continue;
+            };
+            let unit = instance.unit.unwrap_or(Unit::Metre).mm();
+            for at in numbers::read::<3>(&self.resolve(file), "x y z")? {
+                let position_mm = [0, 1, 2].map(|k| instance.position_mm[k] + unit * at[k]);
+                out.push(Instance { position_mm, positions: None, ..instance.clone() });
+            }
+        }
+        self.instances = out;
+        Ok(())
     }
 
     /// A path of the manifest, as seen from the working folder.

@@ -1,6 +1,7 @@
 //! Where leaves stand and what they hang on: single ones, branches in the wind, a twig, a crown.
 
 use super::one;
+use mesophyll_files::mesh::Unit;
 use serde::Deserialize;
 use std::path::PathBuf;
 
@@ -15,6 +16,10 @@ pub struct Instance {
     pub rotation_deg: [f64; 3],
     #[serde(default = "one")]
     pub scale: f64,
+    /// A list of places, a line each: x y z, each added to `position_mm`.
+    pub positions: Option<PathBuf>,
+    /// Of that list; metres when absent.
+    pub unit: Option<Unit>,
     /// The branch that it hangs on; position and rotation are then in that branch's frame at `at`.
     pub branch: Option<String>,
     /// 0 (root) to 1 (tip).
@@ -72,14 +77,22 @@ pub struct Wind {
     pub time_s: f64,
 }
 
+/// A scene that repeats along x and y around the origin, as far as light goes.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Periodic {
+    /// Along x and y.
+    pub size_mm: [f64; 2],
+}
+
 /// A level, matte square of ground in the middle of the world; it reflects and hides.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Ground {
     /// Diffuse reflectance.
     pub albedo: [f64; 3],
-    /// Half its width.
-    pub reach_mm: f64,
+    /// Half its width; in a periodic scene it covers the period.
+    pub reach_mm: Option<f64>,
     #[serde(default)]
     pub height_mm: f64,
 }

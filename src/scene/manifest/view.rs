@@ -4,10 +4,11 @@ use mesophyll_capture::manifest::Travel;
 use mesophyll_optics::side::Side;
 use serde::Deserialize;
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ViewKind {
     /// The scene as it stands.
+    #[default]
     Perspective,
     /// A flat patch with one leaf's mean parameters, lit as the scene is: its radiance is known in closed form.
     Card,
@@ -27,7 +28,7 @@ pub enum JudgedBy {
     Maps,
 }
 
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct View {
     pub name: String,

@@ -61,7 +61,7 @@ impl Placed {
             placements,
             eyes,
             wood: manifest.tree.as_ref().map(|t| (tree::wood(&tree::grow(t).wood), t.bark)),
-            ground: manifest.ground.as_ref().map(|g| (level(g), g.albedo)),
+            ground: manifest.ground.as_ref().map(|g| (level(manifest, g), g.albedo)),
             twigs: twigs.into_iter().map(|t| (t.clone(), branch::tube(&t))).collect(),
             bends,
             free: search.free,
@@ -119,10 +119,11 @@ impl Placed {
     }
 }
 
-/// The ground as a square.
-fn level(ground: &Ground) -> LeafMesh {
-    let side = 2.0 * ground.reach_mm;
-    let mut mesh = LeafMesh::rectangle(side, side);
+/// The ground as a rectangle.
+fn level(manifest: &Manifest, ground: &Ground) -> LeafMesh {
+    let side = 2.0 * ground.reach_mm.unwrap_or_default();
+    let [x, y] = manifest.periodic.as_ref().map_or([side; 2], |p| p.size_mm);
+    let mut mesh = LeafMesh::rectangle(x, y);
     mesh.positions.iter_mut().for_each(|p| p.z = ground.height_mm);
     mesh
 }

@@ -8,6 +8,7 @@
 //! All arithmetic is f64. Limits: surfaces only (no mist, no light inside a blade from one texel to another but for the
 //! translucency maps of sunlight); nothing shines but sun, sky and environment.
 
+mod canopy;
 mod lights;
 mod picture;
 mod samples;
@@ -15,6 +16,7 @@ mod scatter;
 #[cfg(test)]
 mod tests;
 
+pub use canopy::{Canopy, Estimate, Fluxes};
 pub use picture::{Picture, Progress, Request, Target};
 pub use samples::MOST_PATHS;
 
@@ -61,6 +63,16 @@ impl Strategy {
 
 /// A path is cut off after this many scatterings: between surfaces that absorb nothing it might never end.
 pub const MOST_SCATTERINGS: u32 = 20_000;
+
+/// The first turns are always followed: they matter most, and a short path costs little.
+const FOLLOWED: u32 = 2;
+
+/// Russian roulette: whether a path goes on, by the most that it carries; it then carries as much more.
+fn goes_on(carried: &mut [f64; 3], samples: &mut Samples) -> bool {
+    let share = carried.iter().fold(0.0, |a: f64, b| a.max(*b)).min(1.0);
+    *carried = carried.map(|c| c / share);
+    samples.next()[0] < share
+}
 
 /// How far paths are followed.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -117,14 +129,14 @@ impl<'a> Tracer<'a> {
         let Paths { bounces, strategy } = self.paths;
         let most = bounces.unwrap_or(MOST_SCATTERINGS);
         let mut brought = Brought::default();
-        let Some(mut hit) = self.stage.nearest(&ray) else {
+        let Some(mut met) = self.stage.nearest(&ray) else {
             return Brought { radiance: self.background(ray.direction), ..brought };
         };
         brought.met = true;
         let mut carried = [1.0; 3];
         for turned in 1..=most {
-            let surface = self.stage.surface(&ray, &hit, SideBy::Triangle);
-            let scatter = Scatter::new(&self.stage, &surface, carried);
+            let surface = self.stage.surface(&met, SideBy::Triangle);
+            let scatter = Scatter::new(&self.stage, &surface, carried, surface.rho_t());
             if strategy != Strategy::Surfaces
                 && let Some(light) = self.lights.draw(samples.next(), strategy)
             {
@@ -149,14 +161,9 @@ impl<'a> Tracer<'a> {
                 (0..3).for_each(|c| brought.radiance[c] += carried[c] * seen[c]);
                 return brought;
             };
-            hit = next;
-            // The first turns are always followed: they matter most, and a short path costs little.
-            if turned >= 3 {
-                let goes_on = carried.iter().fold(0.0, |a: f64, b| a.max(*b)).min(1.0);
-                if samples.next()[0] >= goes_on {
-                    return brought;
-                }
-                carried = carried.map(|c| c / goes_on);
+            met = next;
+            if turned > FOLLOWED && !goes_on(&mut carried, samples) {
+                return brought;
             }
         }
         brought.cut = bounces.is_none();

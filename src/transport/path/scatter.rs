@@ -48,9 +48,10 @@ pub struct Turn {
 
 impl Scatter {
     /// The point that `surface` tells of; `carried` is what the path so far lets through of each channel, and weighs
-    /// which lobe is drawn from.
-    pub fn new(stage: &Stage, surface: &Surface, carried: [f64; 3]) -> Scatter {
-        let (rho_d, rho_t) = (surface.rho_d(), surface.rho_t());
+    /// which lobe is drawn from. `rho_t` is of light that enters the far side where a path is followed against the
+    /// light, and the viewed side where it is followed with it.
+    pub fn new(stage: &Stage, surface: &Surface, carried: [f64; 3], rho_t: [f64; 3]) -> Scatter {
+        let rho_d = surface.rho_d();
         let lobe = surface.lobe();
         let gloss = surface.gloss().map(|(rho_s, m)| Gloss { rho_s, m: m.max(M_FLOOR), lobe });
         let weigh = |rho: [f64; 3]| (0..3).map(|c| rho[c].max(0.0) * carried[c]).sum::<f64>();

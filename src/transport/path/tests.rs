@@ -21,6 +21,7 @@ fn square(reach: f64) -> ReferenceMesh {
         tangents: Vec::new(),
         uvs: vec![DVec2::ZERO, DVec2::X, DVec2::ONE, DVec2::Y],
         indices: vec![0, 1, 2, 0, 2, 3],
+        discs: false,
     }
 }
 

@@ -36,7 +36,10 @@ pub fn leaves(p: &Place) -> Result<()> {
         } else if !own {
             return Err(p.error(HEADER, i, "fit", "missing; expected a fit folder, a capture, a scan or uniform"));
         }
-        if leaf.mesh_unit.is_some() && leaf.mesh.is_none() {
+        if leaf.discs.is_some() && leaf.uniform.is_none() && leaf.like.is_none() {
+            return Err(p.error(HEADER, i, "discs", "given without uniform; discs have no maps"));
+        }
+        if leaf.mesh_unit.is_some() && leaf.mesh.is_none() && leaf.discs.is_none() {
             return Err(p.error(
                 HEADER,
                 i,
@@ -92,8 +95,10 @@ fn one_uniform(p: &Place, i: usize, leaf: &Leaf, uniform: &Uniform, fitted: bool
             return Err(p.error(HEADER, i, KEY, format!("given beside {key}; a uniform leaf has no maps")));
         }
     }
-    if leaf.mesh.is_none() {
-        return Err(p.error(HEADER, i, "mesh", "missing; a uniform leaf needs one"));
+    match (&leaf.mesh, &leaf.discs) {
+        (None, None) => return Err(p.error(HEADER, i, "mesh", "missing; a uniform leaf needs a mesh, or discs")),
+        (Some(_), Some(_)) => return Err(p.error(HEADER, i, "discs", "given beside a mesh; expected one of the two")),
+        _ => {}
     }
     if leaf.lobe.has_index() {
         return Err(p.error(HEADER, i, "lobe", format!("found {}, expected one without an index", leaf.lobe)));

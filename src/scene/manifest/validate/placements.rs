@@ -14,6 +14,12 @@ pub fn placements(p: &Place) -> Result<()> {
         p.finite(HEADER, i, "position_mm", &instance.position_mm)?;
         p.finite(HEADER, i, "rotation_deg", &instance.rotation_deg)?;
         p.positive(HEADER, i, "scale", instance.scale, "number")?;
+        if instance.positions.is_some() && instance.branch.is_some() {
+            return Err(p.error(HEADER, i, "positions", "given beside a branch; expected one of the two"));
+        }
+        if instance.unit.is_some() && instance.positions.is_none() {
+            return Err(p.error(HEADER, i, "unit", "given without a list of positions"));
+        }
         match &instance.branch {
             Some(name) if m.branch_index(name).is_none() => {
                 let known: Vec<&str> = m.branches.iter().map(|b| b.name.as_str()).collect();
@@ -52,8 +58,20 @@ pub fn placements(p: &Place) -> Result<()> {
     if let Some(ground) = &m.ground {
         const HEADER: &str = "[ground]";
         p.reflectance(HEADER, 0, "albedo", &ground.albedo)?;
-        p.positive(HEADER, 0, "reach_mm", ground.reach_mm, "length in mm")?;
+        match (ground.reach_mm, &m.periodic) {
+            (Some(_), Some(_)) => {
+                return Err(p.error(HEADER, 0, "reach_mm", "given, but the ground of a periodic scene covers it"));
+            }
+            (Some(reach), None) => p.positive(HEADER, 0, "reach_mm", reach, "length in mm")?,
+            (None, None) => return Err(p.error(HEADER, 0, "reach_mm", "missing; half the width of the ground")),
+            (None, Some(_)) => {}
+        }
         p.finite(HEADER, 0, "height_mm", &[ground.height_mm])?;
+    }
+    if let Some(periodic) = &m.periodic {
+        for size in periodic.size_mm {
+            p.positive("[periodic]", 0, "size_mm", size, "length in mm")?;
+        }
     }
     if m.instances.is_empty() && m.cluster.is_none() && m.tree.is_none() {
         return Err(p.error("", 0, "instance", "missing; expected at least one [[instance]], a [cluster] or a [tree]"));

@@ -7,7 +7,7 @@ use crate::manifest::{View, ViewKind};
 
 pub fn views(p: &Place) -> Result<()> {
     const HEADER: &str = "[[view]]";
-    if p.manifest.views.is_empty() {
+    if p.manifest.views.is_empty() && p.manifest.periodic.is_none() {
         return Err(p.error("", 0, "view", "missing; expected at least one [[view]]"));
     }
     let mut names = p.names(HEADER, "view");

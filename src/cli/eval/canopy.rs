@@ -1,0 +1,119 @@
+//! `mesophyll eval canopy`: a canopy's reflectance factor towards directions, or where the sun's light goes.
+
+use crate::{Common, batch, tables};
+use crate::{Error, Result};
+use mesophyll_files::progress::{self, Bar};
+use mesophyll_files::table::{self, Answer, Output, Spec, Table};
+use mesophyll_files::{atomic, table::BatchIo};
+use mesophyll_scene::draw::reference;
+use mesophyll_scene::fits::missing::input_hash;
+use mesophyll_scene::{ledger::Ledger, loaded::Scene, manifest::Manifest, placed::leaf::Search};
+use mesophyll_transport::path::Canopy;
+use std::path::{Path, PathBuf};
+
+/// The bidirectional reflectance factor of a periodic scene under its sun, as CSV: columns
+/// `view_zenith_deg,view_azimuth_deg` → `brf,brf_err,status`. With --fluxes instead the shares of the sun's light that
+/// the canopy reflects and absorbs, and that reach the ground.
+#[derive(Debug, clap::Args)]
+#[command(after_long_help = tables::help("eval canopy"))]
+pub struct Args {
+    /// Scene with a [periodic], a [sun] and no [sky]
+    #[arg(value_name = "SCENE.toml")]
+    scene: PathBuf,
+    /// CSV of directions towards the viewer (`-`: standard input)
+    #[arg(long, value_name = "FILE.csv", required_unless_present = "fluxes", conflicts_with = "fluxes")]
+    directions: Option<PathBuf>,
+    /// Shares of the incident light instead: reflected, absorbed, transmitted
+    #[arg(long)]
+    fluxes: bool,
+    /// CSV to write (`-`: standard output); written whole or not at all
+    #[arg(short = 'o', long = "out", alias = "output", value_name = "FILE", default_value = "-")]
+    output: PathBuf,
+    /// Paths a direction, or with --fluxes in all
+    #[arg(long, value_name = "N", default_value_t = 100_000, value_parser = clap::value_parser!(u32).range(32..=1 << 30))]
+    samples: u32,
+    /// Which of the scene's channels
+    #[arg(long, value_name = "R|G|B", default_value = "G", value_parser = ["R", "G", "B"])]
+    channel: String,
+    /// Seed of the random numbers
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+}
+
+pub fn run(args: &Args, common: &Common) -> Result<u8> {
+    let ledger = Ledger::new();
+    let search = Search { out: None, input_hash: Some(&input_hash), free: false };
+    let mut manifest = Manifest::read(&args.scene)?;
+    // Nobody looks, but all leaves are there.
+    manifest.look_from_above();
+    let scene = Scene::open(manifest, search, &ledger)?;
+    let world = reference::traced(&scene, 0.0, &ledger)?;
+    let canopy = Canopy::new(&world, args.seed).map_err(|what| Error::input(&args.scene, what))?;
+    let channel = ["R", "G", "B"].iter().position(|c| *c == args.channel).unwrap_or(1);
+    match &args.directions {
+        Some(file) => directions(args, file, &canopy, channel, common),
+        None => fluxes(args, &canopy, channel, common),
+    }
+}
+
+fn directions(args: &Args, file: &Path, canopy: &Canopy, channel: usize, common: &Common) -> Result<u8> {
+    let spec = Spec {
+        required: vec!["view_zenith_deg".into()],
+        optional: vec!["view_azimuth_deg".into()],
+        outputs: vec!["brf".into(), "brf_err".into()],
+        ..Spec::default()
+    };
+    let io = BatchIo { input: file.to_path_buf(), output: args.output.clone() };
+    let bar = Bar::of("directions");
+    let tally = table::run(Table::open(&io.input)?, &io.rows(common.json), &spec, |row, out| {
+        let (zenith, azimuth) = (row.get(0), row.get(1));
+        // Without an azimuth the view lies in the sun's plane; as is usual there, negative angles are on the sun's side.
+        let (zenith, azimuth) = match azimuth.is_nan() {
+            true => (-zenith.to_radians(), canopy.sun_azimuth()),
+            false => (zenith.to_radians(), azimuth.to_radians()),
+        };
+        if !(zenith.cos() > 1e-3 && zenith.abs() < 1.6 && azimuth.is_finite()) {
+            out.push(Answer::refused(format!(
+                "view_zenith_deg is {}; expected above -89.9 and below 89.9",
+                row.get(0)
+            )));
+            return;
+        }
+        let brf = canopy.brf([zenith, azimuth], channel, args.samples);
+        bar.advance(1);
+        out.push(Answer::ok(vec![brf.mean, brf.error]));
+    })?;
+    batch::say_tally(&tally, &io, common, "direction")?;
+    Ok(0)
+}
+
+fn fluxes(args: &Args, canopy: &Canopy, channel: usize, common: &Common) -> Result<u8> {
+    let found = canopy.fluxes(channel, args.samples);
+    if progress::stop_requested() {
+        return Err(Error::Interrupted("interrupted; nothing was written".into()));
+    }
+    let named = [("reflected", found.reflected), ("absorbed", found.absorbed), ("transmitted", found.transmitted)];
+    let output = Output { json: false, path: args.output.clone() };
+    if common.json && args.output == Path::new("-") {
+        let mut row = serde_json::Map::new();
+        for (name, value) in named {
+            row.insert(name.into(), value.mean.into());
+            row.insert(format!("{name}_err"), value.error.into());
+        }
+        crate::print_json(&row)?;
+        return Ok(0);
+    }
+    let names = named.map(|(name, _)| format!("{name},{name}_err"));
+    let values = named.map(|(_, v)| format!("{},{}", v.mean, v.error));
+    let text = format!("{}\n{}\n", names.join(","), values.join(","));
+    match output.path == Path::new("-") {
+        true => crate::print(&text)?,
+        false => atomic::write_bytes(&args.output, text.as_bytes())?,
+    }
+    let off = found.closure.mean - 1.0;
+    progress::say(format!(
+        "energy: reflected + absorbed + taken by the ground = 1 {off:+.1e} ± {:.1e}",
+        found.closure.error
+    ));
+    Ok(0)
+}

@@ -1,0 +1,182 @@
+//! A canopy as remote sensing sees it: its bidirectional reflectance factor from above, and where the sun's light goes.
+//!
+//! ```text
+//! BRF = π L / (E cos θs), L the mean radiance of the scene's rectangle at its top, E the sun's irradiance
+//! reflected + absorbed by what is not ground + (1 − albedo of the ground) · transmitted = 1
+//! ```
+//! Transmitted is what reaches the ground (or leaves below, where there is none), each time it does: light that the
+//! ground sends up and leaves send down again counts twice (RAMI4PILPS, Widlowski et al. 2011). All are per incident
+//! flux on the rectangle. Standard errors come from independent randomisations.
+
+use super::samples::{MOST_PATHS, Samples, mix};
+use super::{MOST_SCATTERINGS, Paths, Tracer, goes_on};
+use crate::accelerate::Ray;
+use crate::stage::SideBy;
+use crate::world::World;
+use glam::DVec3;
+use mesophyll_files::progress;
+use rayon::prelude::*;
+use std::f64::consts::PI;
+
+/// A number and its standard error.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Estimate {
+    /// Mean over the randomisations.
+    pub mean: f64,
+    /// Standard error of the mean.
+    pub error: f64,
+}
+
+/// Shares of the incident flux.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fluxes {
+    /// Leaves upwards.
+    pub reflected: Estimate,
+    /// Absorbed by what is not ground.
+    pub absorbed: Estimate,
+    /// Reaches the ground.
+    pub transmitted: Estimate,
+    /// Their sum, the ground's share of the transmitted taken: 1, but for chance.
+    pub closure: Estimate,
+}
+
+/// A periodic world under a sun.
+pub struct Canopy<'a> {
+    tracer: Tracer<'a>,
+    /// Half the period (mm).
+    half: [f64; 2],
+    /// Where rays from above begin.
+    top: f64,
+    sun: DVec3,
+    irradiance: [f64; 3],
+    seed: u64,
+}
+
+/// Independent randomisations of a number.
+const ROUNDS: u32 = 32;
+
+impl<'a> Canopy<'a> {
+    /// # Errors
+    /// A sentence on a world that is no canopy: that does not repeat, is empty, has no sun above the horizon, or has a
+    /// sky; or that [`World::validate`] refuses.
+    pub fn new(world: &'a World, seed: u64) -> Result<Canopy<'a>, String> {
+        let bad = |what: &str| Err(what.to_string());
+        let Some(size) = world.periodic else { return bad("the scene does not repeat; expected a [periodic]") };
+        let Some(sun) = world.sun.as_ref().filter(|s| s.direction.z > 0.0) else {
+            return bad("there is no [sun] above the horizon; a reflectance factor needs one");
+        };
+        if world.sky.is_some() || world.dome.is_some() || world.environment.is_some() {
+            return bad("there is a [sky]; a reflectance factor is of the sun's light alone");
+        }
+        let tracer = Tracer::new(world, Paths::default()).map_err(|e| e.to_string())?;
+        let Some([_, high]) = tracer.stage.bounds() else { return bad("there is nothing in it") };
+        Ok(Canopy {
+            half: size.map(|s| 0.5 * s),
+            top: high.z + tracer.stage.step(),
+            sun: sun.direction.normalize(),
+            irradiance: sun.irradiance,
+            seed,
+            tracer,
+        })
+    }
+
+    /// Azimuth of the sun (rad), from +x towards +y.
+    pub fn sun_azimuth(&self) -> f64 {
+        self.sun.y.atan2(self.sun.x)
+    }
+
+    /// A ray from a random point of the rectangle at the top, in direction `d` (downwards).
+    fn enter(&self, d: DVec3, [u, v]: [f64; 2]) -> Ray {
+        let at = |u: f64, half: f64| (2.0 * u - 1.0) * half;
+        Ray::new(DVec3::new(at(u, self.half[0]), at(v, self.half[1]), self.top), d)
+    }
+
+    /// The reflectance factor of channel `channel` towards a direction, from `paths` paths: `zenith` (rad) within ±π/2,
+    /// `azimuth` (rad) from +x towards +y.
+    pub fn brf(&self, [zenith, azimuth]: [f64; 2], channel: usize, paths: u32) -> Estimate {
+        let (sin, cos) = zenith.sin_cos();
+        let toward = DVec3::new(sin * azimuth.cos(), sin * azimuth.sin(), cos);
+        let scale = PI / (self.irradiance[channel] * self.sun.z);
+        let key = toward.to_array().iter().fold(self.seed, |key, x| mix(key, x.to_bits()));
+        let [brf] = self.estimate(key, paths, |samples| {
+            let [u, v, ..] = samples.next();
+            [scale * self.tracer.follow(self.enter(-toward, [u, v]), samples).radiance[channel]]
+        });
+        brf
+    }
+
+    /// Where the light of channel `channel` goes, from `paths` paths with the light.
+    pub fn fluxes(&self, channel: usize, paths: u32) -> Fluxes {
+        let [reflected, absorbed, transmitted, closure] = self.estimate(mix(self.seed, 4), paths, |samples| {
+            let [u, v, ..] = samples.next();
+            self.light(self.enter(-self.sun, [u, v]), channel, samples)
+        });
+        Fluxes { reflected, absorbed, transmitted, closure }
+    }
+
+    /// One path with the light: reflected, absorbed, transmitted, and their sum.
+    fn light(&self, mut ray: Ray, channel: usize, samples: &mut Samples) -> [f64; 4] {
+        let stage = &self.tracer.stage;
+        let mut carried = [1.0; 3];
+        let [mut reflected, mut absorbed, mut transmitted, mut in_ground] = [0.0; 4];
+        for turned in 1..=MOST_SCATTERINGS {
+            let Some(met) = stage.nearest(&ray) else {
+                match ray.direction.z > 0.0 {
+                    true => reflected += carried[channel],
+                    false => {
+                        transmitted += carried[channel];
+                        in_ground += carried[channel];
+                    }
+                }
+                break;
+            };
+            let surface = stage.surface(&met, SideBy::Triangle);
+            let ground = stage.world.ground == Some(surface.instance);
+            let scatter = super::Scatter::new(stage, &surface, carried, surface.rho_t_inward());
+            let before = carried[channel];
+            let turn = scatter.draw(samples.next());
+            carried = turn.as_ref().map_or([0.0; 3], |t| [0, 1, 2].map(|c| carried[c] * t.weight[c]));
+            match ground {
+                true => {
+                    transmitted += before;
+                    in_ground += before - carried[channel];
+                }
+                false => absorbed += before - carried[channel],
+            }
+            let Some(turn) = turn else { break };
+            ray = stage.leave(surface.point, surface.flat, turn.direction);
+            if turned > super::FOLLOWED && !goes_on(&mut carried, samples) {
+                break;
+            }
+        }
+        [reflected, absorbed, transmitted, reflected + absorbed + in_ground]
+    }
+
+    /// Means of what `path` gives, from independent randomisations; cut short where a stop was asked for.
+    fn estimate<const N: usize>(
+        &self,
+        key: u64,
+        paths: u32,
+        path: impl Fn(&mut Samples) -> [f64; N] + Sync,
+    ) -> [Estimate; N] {
+        let rounds = ROUNDS.max(paths.div_ceil(MOST_PATHS));
+        let each = paths.div_ceil(rounds);
+        let means: Vec<[f64; N]> = (0..rounds)
+            .into_par_iter()
+            .map(|round| {
+                let mut sum = [0.0; N];
+                for k in (0..each).take_while(|_| !progress::stop_requested()) {
+                    let found = path(&mut Samples::new((mix(key, u64::from(round)) >> 16) as u32, k));
+                    (0..N).for_each(|q| sum[q] += found[q] / f64::from(each));
+                }
+                sum
+            })
+            .collect();
+        let n = f64::from(rounds);
+        std::array::from_fn(|q| {
+            let mean = means.iter().map(|m| m[q]).sum::<f64>() / n;
+            let spread = means.iter().map(|m| (m[q] - mean).powi(2)).sum::<f64>() / (n - 1.0);
+            Estimate { mean, error: (spread / n).sqrt() }
+        })
+    }
+}
