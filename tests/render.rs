@@ -1,0 +1,345 @@
+//! `mesophyll render` and `mesophyll eval canopy` as a user calls them: pictures in closed form, canopies with answers
+//! by others, and what they refuse.
+
+mod common;
+
+use common::skips::data;
+use common::{refused, run, succeeded};
+use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
+use std::f64::consts::PI;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+/// Discs as a scene reads them (m): radius, centre, normal.
+fn discs(dir: &Path, name: &str, list: &[[f64; 7]]) {
+    let text: String = list.iter().fold(String::new(), |mut text, d| {
+        let _ = writeln!(text, "{}", d.map(|v| v.to_string()).join(" "));
+        text
+    });
+    std::fs::write(dir.join(name), text).unwrap();
+}
+
+const LEAF: &str = "\
+[[leaf]]
+name = \"disc\"
+discs = \"one.txt\"
+uniform = { rho_d = [[0.3, 0.4, 0.5], [0.2, 0.25, 0.3]], rho_t = [0.35, 0.3, 0.25] }
+[[instance]]
+leaf = \"disc\"
+";
+
+/// A wide level disc that fills the picture, seen from 50 mm above; `light` is the rest of the scene.
+fn scene(dir: &Path, leaf: &str, light: &str) -> PathBuf {
+    discs(dir, "one.txt", &[[1000.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]]);
+    let path = dir.join("s.toml");
+    let text = format!(
+        "schema = 1\nname = \"s\"\nbackground = [0.7, 0.6, 0.5]\n{leaf}{light}[[view]]\nname = \"down\"\nkind = \
+         \"perspective\"\neye_mm = [3, 4, 50]\ntarget_mm = [3, 4, 0]\nup = [0, 1, 0]\nfov_deg = 40\n[[view]]\nname = \
+         \"up\"\nkind = \"perspective\"\neye_mm = [3, 4, 50]\ntarget_mm = [3, 4, 100]\nup = [0, 1, 0]\nfov_deg = \
+         20\n[check]\nwidth = 32\nheight = 24\n"
+    );
+    std::fs::write(&path, text).unwrap();
+    path
+}
+
+fn arguments<'a>(scene: &'a Path, out: &'a Path, more: &[&'a str]) -> Vec<&'a str> {
+    let mut args = vec!["render", scene.to_str().unwrap(), "-o", out.to_str().unwrap()];
+    args.extend(more);
+    args
+}
+
+/// Mean of a channel over all pixels, and the standard error of it.
+fn mean(maps: &Maps, channel: &str) -> (f64, f64) {
+    let values = maps.get(channel).unwrap();
+    let errors = maps.get(&format!("error.{channel}")).unwrap();
+    let n = values.len() as f64;
+    let sum: f64 = values.iter().map(|v| f64::from(*v)).sum();
+    let square: f64 = errors.iter().map(|e| f64::from(*e).powi(2)).sum();
+    (sum / n, square.sqrt() / n)
+}
+
+/// Light from two sides in closed form: what the sun sends on the lit side, and a different sky above and below.
+#[test]
+fn a_wide_disc_meets_its_closed_form() {
+    let dir = tempfile::tempdir().unwrap();
+    let texels = |above: f32, below: f32| {
+        let mut map = Maps::new(256, 128);
+        for channel in ["R", "G", "B"] {
+            map.push(channel, (0..256 * 128).map(|k| if k < 256 * 64 { above } else { below }).collect());
+        }
+        write_exr(&dir.path().join("sky.exr"), &map, Packing::Zip).unwrap();
+    };
+    texels(2.0, 0.5);
+    let light = "[sun]\nzenith_deg = 35\nirradiance = [3, 3, 3]\n[sky]\nenvironment = \"sky.exr\"\n";
+    let (scene, out) = (scene(dir.path(), LEAF, light), dir.path().join("out"));
+    let output = run(arguments(&scene, &out, &["--samples", "64"]));
+    succeeded(&output);
+    assert!(String::from_utf8_lossy(&output.stdout).contains("down: 64 paths a pixel"));
+    let maps = read_exr(&out.join("down.exr")).unwrap();
+    for (channel, rho_d, rho_t) in [("R", 0.3, 0.35), ("G", 0.4, 0.3), ("B", 0.5, 0.25)] {
+        let want = rho_d * (2.0 + 3.0 * 35f64.to_radians().cos() / PI) + rho_t * 0.5;
+        let (found, error) = mean(&maps, channel);
+        assert!(error < 2e-3 * want, "{channel}: ± {error} is too coarse");
+        // Between the two rows at the horizon the map changes linearly: 7e-5 of its light from above.
+        assert!((found - want).abs() < 4.0 * error + 2e-4, "{channel}: {found} ± {error}, expected {want}");
+    }
+    // A view of the sky sees the map, without noise.
+    let sky = read_exr(&out.join("up.exr")).unwrap();
+    assert!(sky.get("G").unwrap().iter().all(|v| *v == 2.0) && sky.get("error.G").unwrap().iter().all(|e| *e == 0.0));
+    assert!(out.join("down.png").exists() && out.join("render.json").exists());
+    // Direct light alone is all there is here.
+    let one = dir.path().join("one");
+    succeeded(&run(arguments(&scene, &one, &["--samples", "16", "--bounces", "1", "--view", "down"])));
+    let (direct, error) = mean(&read_exr(&one.join("down.exr")).unwrap(), "G");
+    assert!((direct - mean(&maps, "G").0).abs() < 4.0 * error + 1e-3);
+    assert!(!one.join("up.exr").exists());
+}
+
+/// What reflects and lets through everything cannot be told from the sky; the background stands behind.
+#[test]
+fn a_white_disc_vanishes_and_the_sun_is_seen() {
+    let dir = tempfile::tempdir().unwrap();
+    let white = LEAF
+        .replace(
+            "[[0.3, 0.4, 0.5], [0.2, 0.25, 0.3]]",
+            "[[0.333333, 0.333333, 0.333333], [0.333333, 0.333333, 0.333333]]",
+        )
+        .replace("[0.35, 0.3, 0.25]", "[0.666667, 0.666667, 0.666667]");
+    let scene = scene(dir.path(), &white, "[sky]\nradiance = [1.5, 1.5, 1.5]\n");
+    let out = dir.path().join("out");
+    succeeded(&run(arguments(&scene, &out, &["--samples", "4"])));
+    let maps = read_exr(&out.join("down.exr")).unwrap();
+    for channel in ["R", "G", "B"] {
+        assert!(maps.get(channel).unwrap().iter().all(|v| (v - 1.5).abs() < 1e-5), "{channel}");
+    }
+    let up = read_exr(&out.join("up.exr")).unwrap();
+    assert!(up.get("R").unwrap().iter().all(|v| *v == 0.7));
+    // The sun's disk is drawn where a view looks at it: as much light as its irradiance.
+    let scene = self::scene(dir.path(), LEAF, "[sun]\nzenith_deg = 0\nradius_deg = 3\nirradiance = [2, 2, 2]\n");
+    let sun = dir.path().join("sun");
+    succeeded(&run(arguments(&scene, &sun, &["--samples", "256", "--view", "up"])));
+    let seen = read_exr(&sun.join("up.exr")).unwrap();
+    let step = 2.0 * 10f64.to_radians().tan() / 24.0;
+    let mut light = 0.0;
+    for (k, v) in seen.get("R").unwrap().iter().enumerate() {
+        let (x, y) = ((k % 32) as f64 - 15.5, (k / 32) as f64 - 11.5);
+        let r2 = (x * x + y * y) * step * step;
+        // Solid angle of a pixel times the cosine on a surface that faces the sun.
+        light += (f64::from(*v) - 0.7) * step * step / (1.0 + r2).powi(2);
+    }
+    assert!((light - 2.0).abs() < 0.01, "{light}");
+}
+
+#[test]
+fn an_error_ends_a_picture_and_more_paths_go_on_with_it() {
+    let dir = tempfile::tempdir().unwrap();
+    let light = "[sun]\nzenith_deg = 35\nirradiance = [3, 3, 3]\n[sky]\nradiance = [1, 1, 1]\n";
+    let leaf = format!("{LEAF}position_mm = [0, 0, 0]\nrotation_deg = [20, 0, 0]\n");
+    let scene = scene(dir.path(), &leaf, light);
+    let out = dir.path().join("out");
+    let json = |more: &[&str]| -> serde_json::Value {
+        let output = run(arguments(&scene, &out, &[&["--view", "down", "--json"], more].concat()));
+        succeeded(&output);
+        serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap()[0].clone()
+    };
+    let error = |v: &serde_json::Value| v["median_relative_error"].as_f64().unwrap();
+    let by_error = json(&["--error", "0.02"]);
+    assert!(error(&by_error) <= 0.02 && by_error["done"] == true);
+    let first = read_exr(&out.join("down.exr")).unwrap();
+    let paths = by_error["samples"][0].as_u64().unwrap();
+    let more = json(&["--samples", &(4 * paths).to_string(), "--resume"]);
+    assert_eq!(more["samples"][1].as_u64(), Some(4 * paths));
+    assert!(error(&more) < error(&by_error), "{more} {by_error}");
+    let second = read_exr(&out.join("down.exr")).unwrap();
+    assert!(first.get("R") != second.get("R"));
+    // A picture of another seed is not gone on with.
+    let other = run(arguments(&scene, &out, &["--view", "down", "--samples", "8", "--seed", "9", "--resume"]));
+    refused(&other, 2, &["down.progress.exr", "another scene, size, seed or number of bounces"]);
+}
+
+#[test]
+fn what_cannot_be_drawn_is_refused_in_one_sentence() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("out");
+    let sky = dir.path().join("sky.exr");
+    let light = "[sky]\nenvironment = \"sky.exr\"\n";
+    let scene = |leaf: &str, light: &str| self::scene(dir.path(), leaf, light);
+    let told = |scene: &Path, words: &[&str]| refused(&run(arguments(scene, &out, &["--samples", "2"])), 2, words);
+    let map = |width: usize, height: usize, at: Option<(usize, f32)>, channels: &[&str]| {
+        let mut map = Maps::new(width, height);
+        for channel in channels {
+            let mut values = vec![1.0; width * height];
+            if let Some((k, v)) = at {
+                values[k] = v;
+            }
+            map.push(*channel, values);
+        }
+        write_exr(&sky, &map, Packing::Raw).unwrap();
+    };
+    const RGB: [&str; 3] = ["R", "G", "B"];
+    let s = scene(LEAF, light);
+    told(&s, &["sky.exr", "no such file"]);
+    map(64, 64, None, &RGB);
+    told(&s, &["sky.exr", "64×64", "twice as many columns as rows"]);
+    map(64, 32, None, &RGB[..2]);
+    told(&s, &["sky.exr", "B", "no such channel"]);
+    map(64, 32, Some((3 * 64 + 5, f32::NAN)), &RGB);
+    told(&s, &["sky.exr", "channel R, column 5, row 3: found NaN"]);
+    map(64, 32, Some((0, -2.0)), &RGB);
+    told(&s, &["sky.exr", "found -2"]);
+    map(64, 32, None, &RGB);
+    let bytes = std::fs::read(&sky).unwrap();
+    std::fs::write(&sky, &bytes[..bytes.len() / 2]).unwrap();
+    told(&s, &["sky.exr"]);
+    let constant = "[sky]\nradiance = [1, 1, 1]\n";
+    told(&scene(&LEAF.replace("0.35, 0.3", "0.75, 0.3"), constant), &["uniform", "rho_d + rho_t of the front, R"]);
+    told(&scene(&LEAF.replace("discs = \"one.txt\"\n", ""), constant), &["leaf.mesh: missing"]);
+    told(&scene(&LEAF.replace("rho_t =", "m = 0, rho_t ="), constant), &["uniform", "found 0"]);
+    discs(dir.path(), "bad.txt", &[[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]]);
+    told(&scene(&LEAF.replace("one.txt", "bad.txt"), constant), &["bad.txt", "disc 1: radius 0"]);
+    let s = scene(LEAF, constant);
+    refused(&run(arguments(&s, &out, &["--view", "nowhere"])), 2, &["--view: found \"nowhere\"", "down, up"]);
+    let zero = run(arguments(&s, &out, &["--samples", "0"]));
+    assert_eq!(zero.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&zero.stderr).contains("'0' for '--samples"));
+    // A check needs limits that a picture does not.
+    refused(&run(["check", s.to_str().unwrap()]), 2, &["tolerance: missing; a check needs it"]);
+    // A full disk: what was drawn is kept.
+    #[cfg(target_os = "linux")]
+    {
+        std::fs::create_dir_all(&out).unwrap();
+        std::os::unix::fs::symlink("/dev/full", out.join("down.exr")).unwrap();
+        let full = run(arguments(&s, &out, &["--samples", "4", "--view", "down"]));
+        refused(&full, 1, &["down.exr", "the disk is full"]);
+        std::fs::remove_file(out.join("down.exr")).unwrap();
+        succeeded(&run(arguments(&s, &out, &["--samples", "4", "--view", "down", "--resume"])));
+    }
+}
+
+/// A canopy scene: leaves (name, disc file, positions, ρ, τ), ground and sun.
+fn canopy(
+    dir: &Path,
+    size_m: f64,
+    leaves: &[(&str, &str, &str, f64, f64)],
+    ground: f64,
+    sun_zenith_deg: f64,
+) -> PathBuf {
+    let mut text = format!(
+        "schema = 1\nname = \"canopy\"\n[periodic]\nsize_mm = [{0}, {0}]\n[ground]\nalbedo = [{ground}, {ground}, \
+         {ground}]\n[sun]\nzenith_deg = {sun_zenith_deg}\nradius_deg = 0\nirradiance = [1, 1, 1]\n",
+        size_m * 1e3
+    );
+    for (name, file, positions, rho, tau) in leaves {
+        let (r, t) = (vec![rho.to_string(); 3].join(", "), vec![tau.to_string(); 3].join(", "));
+        let _ = write!(
+            text,
+            "[[leaf]]\nname = \"{name}\"\ndiscs = \"{file}\"\nuniform = {{ rho_d = [[{r}], [{r}]], rho_t = [{t}] \
+             }}\n[[instance]]\nleaf = \"{name}\"\npositions = \"{positions}\"\n"
+        );
+    }
+    let path = dir.join("canopy.toml");
+    std::fs::write(&path, text).unwrap();
+    path
+}
+
+/// A table's columns by name, as numbers.
+fn columns<const N: usize>(csv: &[u8], names: [&str; N]) -> Vec<[f64; N]> {
+    let mut reader = csv::Reader::from_reader(csv);
+    let header = reader.headers().unwrap().clone();
+    let at = names.map(|n| header.iter().position(|h| h == n).unwrap());
+    let number = |r: &csv::StringRecord, k: usize| r[k].parse().unwrap_or(f64::NAN);
+    reader.records().map(|r| r.unwrap()).map(|r| at.map(|k| number(&r, k))).collect()
+}
+
+/// Level layers of discs so wide that they have no gaps: the plates of the closed form again, as a canopy. The rectangle
+/// is smaller than a disc, so that discs reach across many periods.
+#[test]
+fn a_closed_canopy_meets_its_closed_form() {
+    let dir = tempfile::tempdir().unwrap();
+    discs(dir.path(), "upper.txt", &[[3.0, 0.2, 0.1, 2.0, 0.0, 0.0, 1.0]]);
+    std::fs::write(dir.path().join("at.txt"), "0 0 0\n").unwrap();
+    let (rho, tau, ground, sun) = (0.4, 0.35, 0.3, 40.0);
+    let scene = canopy(dir.path(), 1.0, &[("plate", "upper.txt", "at.txt", rho, tau)], ground, sun);
+    std::fs::write(dir.path().join("d.csv"), "view_zenith_deg,view_azimuth_deg\n0,0\n55,130\n-70,10\n").unwrap();
+    // Light between plate and ground: down D = τ + ρ U of the incident light, up U = ground · D.
+    let down = tau / (1.0 - rho * ground);
+    let (reflected, absorbed) = (rho + tau * ground * down, (1.0 - rho - tau) * (1.0 + ground * down));
+    let directions = dir.path().join("d.csv");
+    let args = ["eval", "canopy", scene.to_str().unwrap(), "--directions", directions.to_str().unwrap()];
+    let output = run(args.iter().copied().chain(["--samples", "20000"]));
+    succeeded(&output);
+    for [brf, error] in columns(&output.stdout, ["brf", "brf_err"]) {
+        assert!(error < 0.01 && (brf - reflected).abs() < 4.0 * error + 1e-6, "{brf} ± {error}, expected {reflected}");
+    }
+    let output = run(["eval", "canopy", scene.to_str().unwrap(), "--fluxes", "--samples", "40000"]);
+    succeeded(&output);
+    let names = ["reflected", "reflected_err", "absorbed", "absorbed_err", "transmitted", "transmitted_err"];
+    let [found] = columns(&output.stdout, names)[..] else { panic!("one row expected") };
+    for (k, want) in [reflected, absorbed, down].into_iter().enumerate() {
+        let (value, error) = (found[2 * k], found[2 * k + 1]);
+        assert!(error < 0.005 && (value - want).abs() < 4.0 * error + 1e-6, "{}: {value} {want}", names[2 * k]);
+    }
+    let text = std::fs::read_to_string(&scene).unwrap();
+    let other = dir.path().join("other.toml");
+    for (text, words) in [
+        (format!("{text}[sky]\nradiance = [1, 1, 1]\n"), "there is a [sky]"),
+        (text.replace("sun_zenith", "").replace("zenith_deg = 40", "zenith_deg = 95"), "above the horizon"),
+        (text.replace("size_mm = [1000, 1000]", "size_mm = [1000, 0]"), "periodic.size_mm: found 0"),
+    ] {
+        std::fs::write(&other, text).unwrap();
+        refused(&run(["eval", "canopy", other.to_str().unwrap(), "--fluxes"]), 2, &["other.toml", words]);
+    }
+}
+
+/// RAMI's floating spheres and its "real zoom in" against what other programs found (ROMC): 76 directions each, by a χ²
+/// test of their differences.
+#[test]
+fn published_canopies_are_met() {
+    let Some(rami) = data("canopies with answers by others").map(|folder| folder.join("rami")) else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let unpacked = |name: &str| {
+        let file = std::fs::File::open(rami.join(format!("{name}.txt.gz"))).unwrap();
+        let mut text = String::new();
+        std::io::Read::read_to_string(&mut flate2::read::GzDecoder::new(file), &mut text).unwrap();
+        std::fs::write(dir.path().join(format!("{name}.txt")), text).unwrap();
+    };
+    for name in ["het01_discs", "het04_sphere_discs", "het04_cylinder_discs"] {
+        unpacked(name);
+    }
+    for name in ["het01_instances.txt", "het04_sphere_positions.txt", "het04_cylinder_positions.txt"] {
+        std::fs::copy(rami.join(name), dir.path().join(name)).unwrap();
+    }
+    let het01 = [("sphere", "het01_discs.txt", "het01_instances.txt", 0.4957, 0.4409)];
+    let het04 = [
+        ("sphere", "het04_sphere_discs.txt", "het04_sphere_positions.txt", 0.49, 0.41),
+        ("cylinder", "het04_cylinder_discs.txt", "het04_cylinder_positions.txt", 0.45, 0.3),
+    ];
+    let known = std::fs::read(rami.join("romc_brfpp.csv")).unwrap();
+    let names = csv::Reader::from_reader(known.as_slice()).into_records().map(|r| r.unwrap()[0].to_string());
+    let names: Vec<String> = names.collect();
+    let known = columns(&known, ["view_zenith_deg", "brf", "brf_se"]);
+    for (name, leaves, size_m, ground) in [("het01", &het01[..], 100.0, 0.159), ("het04", &het04[..], 270.0, 0.15)] {
+        let scene = canopy(dir.path(), size_m, leaves, ground, 20.0);
+        let known: Vec<[f64; 3]> = names.iter().zip(&known).filter(|(n, _)| *n == name).map(|(_, row)| *row).collect();
+        // Without an azimuth a view lies in the sun's plane, negative angles on the sun's side, as in the table.
+        let rows: Vec<String> = known.iter().map(|k| k[0].to_string()).collect();
+        let file = dir.path().join("directions.csv");
+        std::fs::write(&file, format!("view_zenith_deg\n{}\n", rows.join("\n"))).unwrap();
+        let args = ["eval", "canopy", scene.to_str().unwrap(), "--directions", file.to_str().unwrap()];
+        let output = run(args.iter().copied().chain(["--samples", "2048"]));
+        succeeded(&output);
+        let found = columns(&output.stdout, ["brf", "brf_err"]);
+        assert_eq!(found.len(), 76);
+        let (mut statistic, mut ratio, mut spread) = (0.0, 0.0, 0.0);
+        for ([brf, error], [_, want, theirs]) in found.iter().zip(&known) {
+            assert!(*error < 0.05 * want, "{name}: {error}");
+            statistic += (brf - want).powi(2) / (error * error + theirs * theirs);
+            ratio += brf / want / 76.0;
+            spread += (error / want / 76.0).powi(2);
+        }
+        // Wilson & Hilferty 1931: 2.33 is a probability of 1 % that chance alone does it.
+        let z = ((statistic / 76f64).cbrt() - (1.0 - 2.0 / (9.0 * 76.0))) / (2.0 / (9.0 * 76.0f64)).sqrt();
+        assert!(z < 2.33, "{name}: chi² of 76 directions {statistic}");
+        assert!((ratio - 1.0).abs() < 3.0 * spread.sqrt(), "{name}: mean ratio {ratio} ± {}", spread.sqrt());
+    }
+}
