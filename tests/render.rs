@@ -134,8 +134,13 @@ fn a_white_disc_vanishes_and_the_sun_is_seen() {
 fn an_error_ends_a_picture_and_more_paths_go_on_with_it() {
     let dir = tempfile::tempdir().unwrap();
     let light = "[sun]\nzenith_deg = 35\nirradiance = [3, 3, 3]\n[sky]\nradiance = [1, 1, 1]\n";
-    let leaf = format!("{LEAF}position_mm = [0, 0, 0]\nrotation_deg = [20, 0, 0]\n");
-    let scene = scene(dir.path(), &leaf, light);
+    let scene = scene(dir.path(), LEAF, light);
+    // A crowd in each other's shade.
+    let place = |k: u32, q: f64| ((f64::from(k) * q).sin() * 43_758.5).rem_euclid(0.04) - 0.02;
+    let crowd: Vec<[f64; 7]> = (1..60)
+        .map(|k| [0.006, place(k, 1.3), place(k, 2.7), place(k, 5.9), place(k, 7.1), place(k, 9.7), 0.02])
+        .collect();
+    discs(dir.path(), "one.txt", &crowd);
     let out = dir.path().join("out");
     let json = |more: &[&str]| -> serde_json::Value {
         let output = run(arguments(&scene, &out, &[&["--view", "down", "--json"], more].concat()));
@@ -149,7 +154,7 @@ fn an_error_ends_a_picture_and_more_paths_go_on_with_it() {
     let paths = by_error["samples"][0].as_u64().unwrap();
     let more = json(&["--samples", &(4 * paths).to_string(), "--resume"]);
     assert_eq!(more["samples"][1].as_u64(), Some(4 * paths));
-    assert!(error(&more) < error(&by_error), "{more} {by_error}");
+    assert!(error(&more) < 0.75 * error(&by_error), "{more} {by_error}");
     let second = read_exr(&out.join("down.exr")).unwrap();
     assert!(first.get("R") != second.get("R"));
     // A picture of another seed is not gone on with.

@@ -310,8 +310,8 @@ fn next_round([paths, rounds]: [u32; 2], target: Target) -> Option<u32> {
     if rounds < count && begun == u64::from(paths) {
         return Some(of(samples, count, rounds));
     }
-    let rest = Target { samples: Some(left), error: None };
-    Some(of(left, rounds_of(rest), 0))
+    // One that was begun for another number has rounds of the same size added: the scatter of their means tells the same.
+    Some((paths / rounds.max(1)).clamp(1, left))
 }
 
 /// A seed of its own for every round of every pixel.
