@@ -7,6 +7,7 @@ mod common;
 
 use blade::Blade;
 use common::{mesophyll, refused, run, succeeded};
+use mesophyll::files::image::read_exr;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -85,4 +86,50 @@ fn a_fit_stopped_before_anything_is_done_leaves_nothing() {
     let (output, ..) = interrupt(&arguments(&leaf, &out), || out.exists());
     refused(&output, 130, &["stopped; nothing was printed or written"]);
     assert!(!dir.path().join("new").exists());
+}
+
+/// A scene of uniform discs that takes some seconds to draw.
+fn crowd(dir: &Path) -> String {
+    let discs: String = (1..400)
+        .map(|k| {
+            let at = |q: f64| (f64::from(k) * q).sin() * 0.03;
+            format!("0.004 {} {} {} {} {} 0.01\n", at(1.3), at(2.7), at(5.9), at(7.1), at(9.7))
+        })
+        .collect();
+    std::fs::write(dir.join("discs.txt"), discs).unwrap();
+    let path = dir.join("crowd.toml");
+    std::fs::write(
+        &path,
+        "schema = 1\nname = \"crowd\"\n[[leaf]]\nname = \"disc\"\ndiscs = \"discs.txt\"\nuniform = { rho_d = [[0.4, \
+         0.4, 0.4], [0.4, 0.4, 0.4]], rho_t = [0.4, 0.4, 0.4] }\n[[instance]]\nleaf = \"disc\"\n[sky]\nradiance = [1, \
+         1, 1]\n[[view]]\nname = \"v\"\nkind = \"perspective\"\neye_mm = [0, -100, 60]\ntarget_mm = [0, 0, \
+         0]\nfov_deg = 30\n[check]\nwidth = 80\nheight = 60\n",
+    )
+    .unwrap();
+    path.to_str().unwrap().into()
+}
+
+#[test]
+fn a_stopped_picture_goes_on_to_the_same_bytes() {
+    let dir = tempfile::tempdir().unwrap();
+    let scene = crowd(dir.path());
+    let args = |out: &str, more: &[&str]| -> Vec<String> {
+        let out = dir.path().join(out);
+        let all = [&["render", &scene, "-o", out.to_str().unwrap(), "--samples", "128"], more].concat();
+        all.into_iter().map(String::from).collect()
+    };
+    let started = Instant::now();
+    succeeded(&run(args("whole", &[])));
+    let whole = started.elapsed();
+    let begun = Instant::now();
+    let (output, _, ending) = interrupt(&args("stopped", &[]), || begun.elapsed() > whole / 2);
+    refused(&output, 130, &["v has", "--resume goes on"]);
+    assert!(ending < Duration::from_secs(1), "stopped only after {ending:?}");
+    let part = read_exr(&dir.path().join("stopped/v.exr")).unwrap();
+    assert!(part.get("R").unwrap().iter().any(|v| *v > 0.0), "what was drawn is kept");
+    succeeded(&run(args("stopped", &["--resume"])));
+    for file in ["v.exr", "v.png", "v.progress.exr"] {
+        let [a, b] = ["whole", "stopped"].map(|d| std::fs::read(dir.path().join(d).join(file)).unwrap());
+        assert!(a == b, "{file} differs");
+    }
 }
