@@ -348,3 +348,54 @@ fn published_canopies_are_met() {
         assert!((ratio - 1.0).abs() < 3.0 * spread.sqrt(), "{name}: mean ratio {ratio} ± {}", spread.sqrt());
     }
 }
+
+/// A level square of half width 1 m as glTF, from positions alone: no normals, no texture coordinates.
+fn square(dir: &Path) {
+    let corners: [[f32; 3]; 4] = [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]];
+    let mut bytes: Vec<u8> = corners.iter().flatten().flat_map(|v| v.to_le_bytes()).collect();
+    bytes.extend([0u16, 1, 2, 0, 2, 3].iter().flat_map(|i| i.to_le_bytes()));
+    std::fs::write(dir.join("square.bin"), &bytes).unwrap();
+    let json = serde_json::json!({
+        "asset": { "version": "2.0" }, "scene": 0, "scenes": [{ "nodes": [0] }], "nodes": [{ "mesh": 0 }],
+        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 }, "indices": 1 }] }],
+        "buffers": [{ "uri": "square.bin", "byteLength": bytes.len() }],
+        "bufferViews": [
+            { "buffer": 0, "byteLength": 48 }, { "buffer": 0, "byteOffset": 48, "byteLength": 12 }
+        ],
+        "accessors": [
+            { "bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", "min": [-1, -1, 0], "max": [1, 1, 0] },
+            { "bufferView": 1, "componentType": 5123, "count": 6, "type": "SCALAR" }
+        ]
+    });
+    std::fs::write(dir.join("square.gltf"), json.to_string()).unwrap();
+}
+
+/// A mesh of positions alone is flat, and lit alike by the path tracer and, with its gloss, by the real-time renderer
+/// and the reference of `check`.
+#[test]
+fn a_stated_leaf_needs_no_maps() {
+    let dir = tempfile::tempdir().unwrap();
+    square(dir.path());
+    let leaf = LEAF.replace("discs = \"one.txt\"", "mesh = \"square.gltf\"");
+    let light = "[sun]\nzenith_deg = 35\nirradiance = [3, 3, 3]\n[sky]\nradiance = [0.5, 0.5, 0.5]\n";
+    let scene = scene(dir.path(), &leaf, light);
+    let out = dir.path().join("out");
+    succeeded(&run(arguments(&scene, &out, &["--samples", "16", "--view", "down"])));
+    let maps = read_exr(&out.join("down.exr")).unwrap();
+    for (channel, rho_d, rho_t) in [("R", 0.3, 0.35), ("G", 0.4, 0.3), ("B", 0.5, 0.25)] {
+        let want = rho_d * (0.5 + 3.0 * 35f64.to_radians().cos() / PI) + rho_t * 0.5;
+        let (found, error) = mean(&maps, channel);
+        assert!((found - want).abs() < 4.0 * error + 1e-5, "{channel}: {found} ± {error}, expected {want}");
+    }
+    let text = std::fs::read_to_string(&scene).unwrap();
+    let text = text
+        .replace("rho_t =", "rho_s = [0.1, 0.1, 0.1], m = 0.3, rho_t =")
+        .replace("schema = 1\n", "schema = 1\ntolerance = 0.004\n")
+        .replace("fov_deg = 40\n", "fov_deg = 40\nflip_p99 = 0.05\nmax_error = 0.02\n")
+        .replace("fov_deg = 20\n", "fov_deg = 20\nflip_p99 = 0.05\nmax_error = 0.02\n");
+    std::fs::write(&scene, text).unwrap();
+    let checked = run(["check", scene.to_str().unwrap(), "--out", dir.path().join("check").to_str().unwrap()]);
+    if !common::skips::no_adapter(&checked) {
+        succeeded(&checked);
+    }
+}

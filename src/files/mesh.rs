@@ -12,7 +12,7 @@ mod read;
 #[cfg(test)]
 mod tests;
 
-pub use read::read;
+pub use read::{read, read_plain};
 
 use glam::{DVec2, DVec3};
 use serde::Deserialize;

@@ -16,13 +16,26 @@ use std::path::{Component, Path};
 /// # Errors
 /// [`Error::Input`] naming the file: missing, damaged, a path outside its folder, no triangles, no texture coordinates.
 pub fn read(path: &Path, unit: Option<Unit>) -> Result<LeafMesh> {
+    read_as(path, unit, true)
+}
+
+/// As [`read`], of a leaf without maps: texture coordinates may be missing, and a primitive without normals is flat
+/// (glTF 2.0, §3.7.2.1).
+///
+/// # Errors
+/// As [`read`].
+pub fn read_plain(path: &Path, unit: Option<Unit>) -> Result<LeafMesh> {
+    read_as(path, unit, false)
+}
+
+fn read_as(path: &Path, unit: Option<Unit>, maps: bool) -> Result<LeafMesh> {
     let bytes = std::fs::read(path).map_err(|e| Error::input(path, explain(&e)))?;
     // A damaged file must end in a sentence, whatever the reader does with it.
-    catch_unwind(AssertUnwindSafe(|| parse(path, &bytes, unit)))
+    catch_unwind(AssertUnwindSafe(|| parse(path, &bytes, unit, maps)))
         .unwrap_or_else(|_| Err(Error::input(path, "not a readable glTF file (damaged)")))
 }
 
-fn parse(path: &Path, bytes: &[u8], unit: Option<Unit>) -> Result<LeafMesh> {
+fn parse(path: &Path, bytes: &[u8], unit: Option<Unit>, maps: bool) -> Result<LeafMesh> {
     let gltf::Gltf { document, mut blob } =
         gltf::Gltf::from_slice(bytes).map_err(|e| Error::input(path, sentence(&e)))?;
     let unit = match unit {
@@ -55,7 +68,7 @@ fn parse(path: &Path, bytes: &[u8], unit: Option<Unit>) -> Result<LeafMesh> {
         buffers.push(data);
     }
     let mut mesh = LeafMesh::default();
-    let mut given = Given { normals: true, tangents: true, triangles: BTreeSet::new() };
+    let mut given = Given { maps, normals: true, tangents: true, triangles: BTreeSet::new() };
     match document.default_scene().or_else(|| document.scenes().next()) {
         Some(scene) => {
             for node in scene.nodes() {
@@ -70,6 +83,9 @@ fn parse(path: &Path, bytes: &[u8], unit: Option<Unit>) -> Result<LeafMesh> {
     }
     if mesh.indices.is_empty() {
         return Err(Error::input(path, "found no triangles, expected a leaf's mesh"));
+    }
+    if !maps {
+        return Ok(mesh);
     }
     if !given.normals {
         mesh.normals = vertex_normals(&mesh);
@@ -150,6 +166,8 @@ fn percent_decode(uri: &str) -> String {
 
 /// What the primitives so far brought.
 struct Given {
+    /// Whether the leaf has maps, which need texture coordinates.
+    maps: bool,
     /// All of them.
     normals: bool,
     tangents: bool,
@@ -212,7 +230,8 @@ fn add_mesh(
         let positions: Vec<DVec3> = reader.read_positions().ok_or_else(|| missing("POSITION"))?.map(to_f64).collect();
         let uvs: Vec<DVec2> = match reader.read_tex_coords(0) {
             Some(list) => list.into_f32().map(|[u, v]| DVec2::new(f64::from(u), f64::from(v))).collect(),
-            None => return Err(missing("TEXCOORD_0")),
+            None if given.maps => return Err(missing("TEXCOORD_0")),
+            None => vec![DVec2::ZERO; positions.len()],
         };
         let n = positions.len();
         let indices: Vec<u32> = match (primitive.indices(), reader.read_indices()) {
@@ -290,6 +309,18 @@ fn add_mesh(
         }
         given.triangles.extend(triangles.iter().map(|t| key(t.map(|k| placed[k as usize]))));
         let base = out.positions.len() as u32;
+        if !given.maps && reader.read_normals().is_none() {
+            for corners in triangles.iter().map(|t| t.map(|k| k as usize)) {
+                let [a, b, c] = corners.map(|k| placed[k]);
+                let flat = (b - a).cross(c - a).normalize_or(DVec3::Z);
+                out.indices.extend([0, 1, 2].map(|k| k + out.positions.len() as u32));
+                out.positions.extend([a, b, c]);
+                out.normals.extend([flat; 3]);
+                out.tangents.extend([(DVec3::X, 1.0); 3]);
+                out.uvs.extend(corners.map(|k| uvs[k]));
+            }
+            continue;
+        }
         out.positions.extend(placed);
         out.normals.extend(normals);
         out.tangents.extend(tangents);

@@ -130,6 +130,7 @@ impl Leaf {
         let bytes = std::fs::metadata(&self.mesh_path).map_or(0, |m| m.len());
         ledger.note("read", format!("{}/{}", leaf.name, self.mesh_name()), bytes, || match leaf.discs {
             Some(_) => discs(&self.mesh_path, leaf.mesh_unit.unwrap_or(Unit::Metre)),
+            None if leaf.uniform.is_some() => mesh::read_plain(&self.mesh_path, leaf.mesh_unit),
             None => mesh::read(&self.mesh_path, leaf.mesh_unit),
         })
     }
