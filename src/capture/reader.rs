@@ -9,6 +9,7 @@ use mesophyll_optics::side::Side;
 use rayon::prelude::*;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 /// The channels of every frame.
 pub const RGB: [&str; 3] = ["R", "G", "B"];
@@ -22,6 +23,8 @@ pub struct Capture {
     dark: Option<Pixels>,
     /// Gain of each pass's frames, where white frames exist.
     gains: Vec<(Travel, Gain)>,
+    /// Median of all gains, found when it is first asked for.
+    median_gain: OnceLock<f64>,
 }
 
 /// Calibrated frames of one pass over a set of texels: `frames[k][n]` is the k-th frame asked for at the n-th texel
@@ -70,7 +73,7 @@ impl Capture {
                 ));
             }
         }
-        Ok(Capture { folder: folder.to_path_buf(), manifest, dark, gains })
+        Ok(Capture { folder: folder.to_path_buf(), manifest, dark, gains, median_gain: OnceLock::new() })
     }
 
     /// Content hash of everything a fit reads. Frames are hashed by name, size and a sample of their bytes would miss
@@ -167,12 +170,14 @@ impl Capture {
 
     /// Median camera value of a texel of calibrated value 1; 1 where frames are normalised already.
     pub fn median_gain(&self) -> f64 {
-        let mut all: Vec<f32> = self.gains.iter().flat_map(|(_, g)| g.values()).filter(|v| v.is_finite()).collect();
-        if all.is_empty() {
-            return 1.0;
-        }
-        let middle = all.len() / 2;
-        f64::from(*all.select_nth_unstable_by(middle, f32::total_cmp).1)
+        *self.median_gain.get_or_init(|| {
+            let mut all: Vec<f32> = self.gains.iter().flat_map(|(_, g)| g.values()).filter(|v| v.is_finite()).collect();
+            if all.is_empty() {
+                return 1.0;
+            }
+            let middle = all.len() / 2;
+            f64::from(*all.select_nth_unstable_by(middle, f32::total_cmp).1)
+        })
     }
 
     /// Camera value of calibrated value 1 at each of `texels`, a channel: the mean over the passes' white frames, or 1

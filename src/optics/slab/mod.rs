@@ -11,6 +11,7 @@
 // Matrices and pairs are indexed as the formulas index them; a negated comparison is how NaN is kept out.
 #![allow(clippy::needless_range_loop, clippy::neg_cmp_op_on_partial_ord)]
 
+pub mod chebyshev;
 pub mod exact;
 pub mod expint;
 pub mod fn_method;

@@ -14,6 +14,7 @@ use mesophyll_files::quantity::Quantity;
 use mesophyll_leaf::{File, LeafFit};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
+use mesophyll_optics::slab::chebyshev::Chebyshev;
 use mesophyll_transport::{self as transport, closed_form};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -173,7 +174,7 @@ pub fn world(manifest: &Manifest, card: &Card) -> Result<transport::World> {
                 gamma: p.gamma.map(texel),
                 thickness: texel(p.thickness),
                 curve: {
-                    let curve = reference::Chebyshev::new(p.sigma_a, p.sigma_s, 0.95 * p.thickness, 1.05 * p.thickness);
+                    let curve = Chebyshev::new(p.sigma_a, p.sigma_s, 0.95 * p.thickness, 1.05 * p.thickness);
                     Arc::new(move |h| curve.at(h))
                 },
             },

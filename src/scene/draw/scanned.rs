@@ -17,6 +17,7 @@ use mesophyll_files::quantity::{self, Quantity};
 use mesophyll_fit::leaf::held_out::KeptFrame;
 use mesophyll_leaf::{File, LeafFit, fill, pack};
 use mesophyll_optics::side::Side;
+use mesophyll_optics::slab::chebyshev::Chebyshev;
 use mesophyll_record::scan::Scan;
 use mesophyll_transport as transport;
 use mesophyll_viewer::scene as viewer;
@@ -132,7 +133,7 @@ impl<'a> Scanned<'a> {
         let (gamma, thickness, rho_s, m) = ([one(), one(), one()], one(), [one(), one(), one()], one());
         let (low, high) =
             thickness.iter().fold((f64::INFINITY, 0f64), |(a, b), h| (a.min(f64::from(*h)), b.max(f64::from(*h))));
-        let curve = reference::Chebyshev::new(sigma_a, sigma_s, low, high);
+        let curve = Chebyshev::new(sigma_a, sigma_s, low, high);
         let front = transport::ReferenceSide {
             interior: transport::Interior::Scalars { gamma, thickness, curve: Arc::new(move |h| curve.at(h)) },
             gloss: Some(transport::Gloss { rho_s, m }),
