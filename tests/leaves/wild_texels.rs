@@ -1,9 +1,7 @@
 //! Texels that are wild, captures that are wrong, and two sides that disagree: a leaf fit holds against the first and
 //! says the others.
 
-mod common;
-
-use common::{copy_tree, refused, run, scan, succeeded};
+use crate::common::{copy_tree, refused, run, scan, succeeded};
 use mesophyll::files::image::{Packing, read_exr, write_exr};
 use mesophyll::files::quantity::Quantity;
 use mesophyll::record::{FitRecord, NOISE_SEEN};

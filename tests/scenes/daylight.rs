@@ -2,11 +2,9 @@
 //! the sky.
 #![cfg(feature = "render")]
 
-mod blade;
-#[path = "common/skips.rs"]
-mod skips;
-
-use blade::{Blade, scene};
+use crate::blade::{Blade, scene};
+use crate::skips;
+use crate::skips::Need;
 use glam::{DMat4, DVec3};
 use mesophyll::scene::draw::{handover, reference};
 use mesophyll::scene::ledger::Ledger;
@@ -16,7 +14,6 @@ use mesophyll::scene::placed::daylight::Daylight;
 use mesophyll::scene::placed::leaf::Search;
 use mesophyll::transport::closed_form;
 use mesophyll_viewer as viewer;
-use skips::Need;
 use std::path::{Path, PathBuf};
 
 const PREETHAM: &str = "[sun]\nzenith_deg = 40\nazimuth_deg = 30\n[sky]\nmodel = \"preetham\"\nturbidity = 3\n";

@@ -1,7 +1,6 @@
 //! `eval dipole` from the outside, against sums written here.
 
-mod common;
-
+use crate::common;
 use std::io::Write;
 use std::process::Stdio;
 

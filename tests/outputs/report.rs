@@ -1,10 +1,8 @@
 //! `mesophyll report`, driven from outside.
 
-mod samples;
-
+use crate::samples::{Sample, write_fit, write_run};
 use mesophyll::files::{hash, image};
 use mesophyll::record::{FitRecord, TruthError};
-use samples::{Sample, write_fit, write_run};
 use serde_json::Value;
 use std::path::Path;
 use std::process::Command;

@@ -2,9 +2,7 @@
 //! and hashed anew, must miss them.
 #![cfg(feature = "render")]
 
-#[path = "common/skips.rs"]
-mod skips;
-
+use crate::skips;
 use mesophyll::files::image::{Packing, read_exr, write_exr};
 use mesophyll::files::quantity::Quantity;
 use mesophyll::leaf::edit::{Edit, save};

@@ -1,9 +1,7 @@
 //! `mesophyll fit tissue` through the binary: photographs that `synth` makes, on a blade whose maps are the truth's;
 //! then everything that can be wrong with them.
 
-mod common;
-
-use common::{copy_tree, refused, run, succeeded};
+use crate::common::{copy_tree, refused, run, succeeded};
 use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
 use mesophyll::record::{FitRecord, Param, SCHEMA, Section, Times};
 use std::path::{Path, PathBuf};

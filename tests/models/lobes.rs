@@ -5,11 +5,9 @@
 //! `MESOPHYLL_WRITE_DOCS=1` beside it the page's table and `docs/lobes.svg` are written anew: `MESOPHYLL_WRITE_DOCS=1
 //! cargo test --release --test lobes`.
 
-#[path = "lobes/picture.rs"]
 mod picture;
-#[path = "common/skips.rs"]
-mod skips;
 
+use crate::skips;
 use assert_cmd::Command;
 use rand::{RngExt, SeedableRng};
 use std::collections::HashMap;

@@ -1,8 +1,6 @@
 //! `mesophyll fit translucency`, from a scan under a tube and from a capture under a dome, as a user would.
 
-mod common;
-
-use common::{copy_tree, refused, run, scan, succeeded};
+use crate::common::{copy_tree, refused, run, scan, succeeded};
 use mesophyll::files::image::read_exr;
 use mesophyll::files::quantity::Quantity;
 use mesophyll::translucency::basis::Basis;

@@ -3,12 +3,11 @@
 //! Commands that only a long computation or a window answers are left out here, by name and with the reason, and
 //! counted. Scans are made smaller for the test; the printed command is checked to be accepted as it stands.
 
-mod common;
-
+use crate::common;
 use std::path::Path;
 use std::process::Command;
 
-const TISSUE: &str = "its texels have to be this fine, so it cannot be made smaller: minutes; tests/tissue.rs fits \
+const TISSUE: &str = "its texels have to be this fine, so it cannot be made smaller: minutes; tests/leaves/tissue.rs fits \
  photographs of its own";
 
 /// Commands that are not run here, and why.
@@ -24,9 +23,12 @@ const LEFT_OUT: [(&str, &str); 18] = [
     ),
     ("mesophyll run data/scenes/translucency.toml --out out/tr", "many views are drawn without optimisation: minutes"),
     ("mesophyll check data/scenes/twig.toml", "a twig under a sky is drawn without optimisation: minutes"),
-    ("mesophyll check data/scenes/back-lit.toml", "tests/check.rs draws and judges scenes where there is an adapter"),
+    (
+        "mesophyll check data/scenes/back-lit.toml",
+        "tests/scenes/check.rs draws and judges scenes where there is an adapter",
+    ),
     ("mesophyll view data/scenes/glossy-sky.toml", "it opens a window and waits for its user"),
-    ("mesophyll stress", "tests/solve.rs runs its tables, each once: minutes"),
+    ("mesophyll stress", "tests/models/solve.rs runs its tables, each once: minutes"),
     ("mesophyll stress coverage", "ten thousand texels are fitted without optimisation: minutes"),
     ("mesophyll synth data/leaves/elm.toml -o out/patch-scan --patch-mm 13 --size 160x120 --frames 60", TISSUE),
     ("mesophyll fit leaf out/patch-scan -o out/patch", TISSUE),

@@ -1,8 +1,6 @@
 //! The plan: what a scene needs, what is left out, and that nothing else is touched.
 
-mod blade;
-
-use blade::{Blade, scene};
+use crate::blade::{Blade, scene};
 use mesophyll::scene::ledger::Ledger;
 use mesophyll::scene::loaded::Scene;
 use mesophyll::scene::manifest::Manifest;

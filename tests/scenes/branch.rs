@@ -2,11 +2,9 @@
 //! library's f64.
 #![cfg(feature = "render")]
 
-mod blade;
-#[path = "common/skips.rs"]
-mod skips;
-
-use blade::Blade;
+use crate::blade;
+use crate::blade::Blade;
+use crate::skips;
 use glam::{DVec3, Vec3};
 use mesophyll::scene::draw::{handover, reference};
 use mesophyll::scene::ledger::Ledger;

@@ -1,11 +1,8 @@
 //! Scenes as a whole: the committed ones read, a run makes what is missing and nothing twice, an edit solves the slab
 //! anew.
 
-mod blade;
-#[path = "common/skips.rs"]
-mod skips;
-
-use blade::{Blade, scene};
+use crate::blade::{Blade, scene};
+use crate::skips;
 use mesophyll::files::quantity::Quantity;
 use mesophyll::scene::manifest::Manifest;
 use std::path::Path;

@@ -2,11 +2,8 @@
 //! interrupted fits are in `leaf_fit.rs`, damaged fits and meshes in `check.rs`; here is what all verbs share, and
 //! scenes.
 
-mod blade;
-mod common;
-
-use blade::{Blade, scene};
-use common::{mesophyll, refused, run};
+use crate::blade::{Blade, scene};
+use crate::common::{mesophyll, refused, run};
 use std::path::{Path, PathBuf};
 use std::process::{Output, Stdio};
 

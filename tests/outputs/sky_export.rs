@@ -1,9 +1,7 @@
 //! `mesophyll export` of a sky fit: what is written is compiled, run, and set against direct evaluation by the library.
 
-mod common;
-
-use common::skips::{self, Need};
-use common::{refused, run, succeeded};
+use crate::common::skips::{self, Need};
+use crate::common::{refused, run, succeeded};
 use mesophyll::fit_sky::{Form, folder};
 use mesophyll::sky::irradiance::add_ground;
 use serde_json::Value;

@@ -1,8 +1,6 @@
 //! `mesophyll eval gloss` and `fit gloss`, through the binary.
 
-#[path = "common/skips.rs"]
-mod skips;
-
+use crate::skips;
 use assert_cmd::Command;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};

@@ -12,13 +12,9 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 #[cfg(feature = "render")]
-#[path = "reference/judging.rs"]
 mod judging;
-#[path = "reference/normals.rs"]
 mod normals;
-#[path = "reference/shadow.rs"]
 mod shadow;
-#[path = "reference/stage.rs"]
 mod stage;
 
 use stage::{SUN, alone, blade, camera, leaf, portrait, sun, uniform, veined};

@@ -1,9 +1,7 @@
 //! `mesophyll inspect`, driven from outside.
 
-mod samples;
-
+use crate::samples::write_capture;
 use mesophyll::files::image::{self, Maps, Packing};
-use samples::write_capture;
 use serde_json::Value;
 use std::path::Path;
 use std::process::Command;

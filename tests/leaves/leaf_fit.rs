@@ -1,8 +1,6 @@
 //! `fit leaf` driven from outside: recovery, resuming, sharding, and every kind of bad capture.
 
-mod common;
-
-use common::{copy_tree, mesophyll, refused, run, scan, succeeded};
+use crate::common::{copy_tree, mesophyll, refused, run, scan, succeeded};
 use mesophyll::files::image::{Packing, read_exr, write_exr};
 use mesophyll::files::quantity::Quantity;
 use mesophyll::record::FitRecord;

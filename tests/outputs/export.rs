@@ -1,13 +1,11 @@
 //! `mesophyll export`, driven from outside; what is written is read back with other readers where there are any.
 
-mod samples;
-
+use crate::samples::{Sample, write_fit};
 use mesophyll::files::image::{self, Maps};
 use mesophyll::files::quantity::{Quantity, XYZ};
 use mesophyll::fit::leaf::blade::{Blade, glb};
 use mesophyll::leaf::LeafFit;
 use mesophyll::optics::side::Side;
-use samples::{Sample, write_fit};
 use std::path::Path;
 use std::process::Command;
 

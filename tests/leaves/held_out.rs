@@ -1,9 +1,7 @@
 //! Frames that no fit sees: left out by choice, predicted within their noise, and a wrong fit is caught by them
 //! whatever its files say of themselves.
 
-mod common;
-
-use common::{copy_tree, run, scan, succeeded};
+use crate::common::{copy_tree, run, scan, succeeded};
 use mesophyll::files::hash;
 use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
 use mesophyll::files::quantity::Quantity;
@@ -212,7 +210,7 @@ fn a_wrong_but_consistent_fit_is_caught_by_what_was_measured() {
 #[cfg(feature = "render")]
 mod drawn {
     use super::*;
-    use common::mesophyll;
+    use crate::common::mesophyll;
     use std::process::Output;
 
     /// A scene with one view: the leaf as its scan saw it.

@@ -1,10 +1,7 @@
 //! No verb overwrites its input, what another kind of verb made, or what the program did not make.
 
-mod blade;
-mod common;
-
-use blade::{Blade, scene};
-use common::{copy_tree, mesophyll, refused, run, succeeded};
+use crate::blade::{Blade, scene};
+use crate::common::{copy_tree, mesophyll, refused, run, succeeded};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};

@@ -1,10 +1,7 @@
 //! Translucency maps in a scene: asked for, needed, left out, handed over, drawn.
 
-mod blade;
-#[path = "common/skips.rs"]
-mod skips;
-
-use blade::{Blade, hashes};
+use crate::blade;
+use crate::blade::{Blade, hashes};
 use mesophyll::files::hash;
 use mesophyll::files::image::{Maps, Packing, write_exr};
 use mesophyll::record::{FitRecord, Section};

@@ -3,8 +3,7 @@
 //!
 //! `MESOPHYLL_WRITE_DOCS=1 cargo test --test tables` writes the printed answers into the page anew.
 
-mod common;
-
+use crate::common;
 use std::path::Path;
 use std::process::Command;
 

@@ -1,8 +1,6 @@
 //! `eval slab` and `fit slab` from the outside.
 
-#[path = "common/skips.rs"]
-mod skips;
-
+use crate::skips;
 use assert_cmd::Command;
 use std::path::Path;
 

@@ -1,8 +1,6 @@
 //! Captures under a dome as a user meets them: what `synth` and `inspect` say, good input and bad.
 
-mod common;
-
-use common::{copy_tree, refused, run, succeeded};
+use crate::common::{copy_tree, refused, run, succeeded};
 use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;

@@ -1,13 +1,9 @@
 //! The check: pictures of generated leaves against the reference, and that what must fail does fail.
 #![cfg(feature = "render")]
 
-mod blade;
-#[path = "common/skips.rs"]
-mod skips;
-
-use blade::{Blade, copy, edit, rehash, scene, tamper};
+use crate::blade::{Blade, copy, edit, rehash, scene, tamper};
+use crate::skips::no_adapter;
 use serde_json::Value;
-use skips::no_adapter;
 use std::path::Path;
 use std::process::Output;
 
@@ -148,7 +144,7 @@ fn goldens_that_must_fail_do_fail_with_and_without_new_hashes() {
                 "{how}, hashed anew: {hashed}: {report:#}"
             );
             // Without new hashes the changed files are named. `fit.toml` is always written with a hash of its own here;
-            // tests/goldens.rs edits its text.
+            // tests/scenes/goldens.rs edits its text.
             if !hashed && how != "thicker in fit.toml alone" {
                 assert!(report["failures"][0].as_str().unwrap().contains("changed since it was fitted"), "{how}");
             }

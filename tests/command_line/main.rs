@@ -1,0 +1,14 @@
+//! The command line as a user meets it: usage, bad tables and bad places, and that nothing is overwritten.
+//!
+//! These tests are one program, because building a program for each of them takes longer than running most of them.
+
+mod bad_input;
+#[path = "../blade/mod.rs"]
+mod blade;
+mod claim;
+mod commands;
+#[path = "../common/mod.rs"]
+mod common;
+mod csv;
+mod makefile;
+mod tables;

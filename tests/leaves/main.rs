@@ -1,0 +1,19 @@
+//! Leaves: captures synthesised and inspected, fitted, and held against the truth that they were made from.
+//!
+//! These tests are one program, because building a program for each of them takes longer than running most of them.
+
+#[path = "../common/mod.rs"]
+mod common;
+mod dome;
+mod dome_input;
+mod fits;
+mod held_out;
+mod inspect;
+mod leaf_fit;
+#[path = "../samples/mod.rs"]
+mod samples;
+mod scan_model;
+mod synth;
+mod tissue;
+mod translucency;
+mod wild_texels;

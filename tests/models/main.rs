@@ -1,0 +1,16 @@
+//! The models and their fits to tables: evaluated and fitted through the binary, and their properties.
+//!
+//! These tests are one program, because building a program for each of them takes longer than running most of them.
+
+mod beam;
+#[path = "../common/mod.rs"]
+mod common;
+mod dipole;
+mod gloss;
+mod lobes;
+mod properties;
+mod sky;
+mod slab;
+mod solve;
+
+use common::skips;

@@ -1,0 +1,11 @@
+//! What is made of fits: reports and files that other programs read.
+//!
+//! These tests are one program, because building a program for each of them takes longer than running most of them.
+
+#[path = "../common/mod.rs"]
+mod common;
+mod export;
+mod report;
+#[path = "../samples/mod.rs"]
+mod samples;
+mod sky_export;

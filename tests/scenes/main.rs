@@ -1,0 +1,17 @@
+//! Scenes: planned, handed over, drawn and checked, and the reference renderer.
+//!
+//! These tests are one program, because building a program for each of them takes longer than running most of them.
+
+#[path = "../blade/mod.rs"]
+mod blade;
+mod branch;
+mod check;
+mod daylight;
+mod goldens;
+mod plan;
+mod reference;
+mod scene;
+mod scene_imports;
+#[path = "../common/skips.rs"]
+mod skips;
+mod translucency_scene;
