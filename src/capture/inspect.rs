@@ -21,6 +21,7 @@ pub use references::ReferenceSummary;
 /// What a look at a capture found.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Inspection {
+    /// The capture's folder.
     pub folder: String,
     /// As the manifest says; absent when it cannot be read.
     pub manifest: Option<Manifest>,
@@ -30,27 +31,35 @@ pub struct Inspection {
     pub warnings: Vec<String>,
     /// What follows from what is there and what is absent.
     pub notes: Vec<String>,
+    /// The frames of each side's passes.
     pub passes: Vec<PassSummary>,
+    /// White sheet, dark frame, light box, mask and truth.
     pub references: Vec<ReferenceSummary>,
+    /// Noise seen in the frames; `None` where too few of them were read.
     pub noise: Option<NoiseEstimate>,
     /// Where the tube's reflection stands in each pass of a mirror strip, if there is one.
     pub mirror: Vec<MirrorCheck>,
     /// Texels on the leaf, from the mask or (roughly) from the light box.
     pub leaf_texels: Option<usize>,
+    /// What a fit will roughly need.
     pub estimate: Option<Estimate>,
 }
 
 /// What a fit will roughly need.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Estimate {
+    /// Files that a fit reads.
     pub files: usize,
+    /// Their size together, in bytes.
     pub bytes: u64,
+    /// Memory (MiB).
     pub memory_mib: f64,
-    /// Of one core.
+    /// Time (s) on one core.
     pub seconds: f64,
 }
 
 impl Inspection {
+    /// Whether it can be fitted.
     pub fn fits(&self) -> bool {
         self.problems.is_empty()
     }

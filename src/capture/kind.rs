@@ -17,6 +17,7 @@ pub enum Kind {
 }
 
 impl Kind {
+    /// Every kind.
     pub const ALL: [Kind; 3] = [Kind::Tube, Kind::Dome, Kind::Beams];
 
     /// What the field `kind` says. A scan under a tube has no such field.

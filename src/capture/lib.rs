@@ -1,6 +1,8 @@
 //! The measurement: files, units, calibration, and synthesis with seeded noise. The format is documented in
 //! `data/README.md`.
 
+#![warn(missing_docs)]
+
 pub mod beams;
 mod calibrate;
 pub mod dome;

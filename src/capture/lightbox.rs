@@ -8,7 +8,9 @@ use super::grid::neighbours;
 /// Ratio leaf/box with its standard error, a texel and channel. NaN where the box reads nothing.
 #[derive(Debug, Clone, Default)]
 pub struct Transmittance {
+    /// Transmittance, 0 to 1.
     pub value: Vec<[f32; 3]>,
+    /// Its standard error.
     pub error: Vec<[f32; 3]>,
     /// The part of the error that the dark frame makes, with its sign: the ratio changes by this where both photographs
     /// are one standard deviation of the dark frame too high. The texel's frames under the tube share that error.

@@ -11,32 +11,42 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Manifest {
+    /// Version of the format.
     pub schema: u32,
+    /// The leaf's name.
     pub name: String,
+    /// Columns of every frame.
     pub width: usize,
+    /// Rows of every frame.
     pub height: usize,
     /// Size of a texel on the blade (mm).
     pub texel_mm: f64,
     /// Mean thickness h by caliper (mm).
     pub thickness_mm: f64,
+    /// Standard error of the caliper's reading (mm).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub thickness_err_mm: Option<f64>,
-    /// View direction (sin, 0, cos) of every pass.
+    /// Angle of the view direction (sin, 0, cos) from the vertical, in every pass.
     pub camera_deg: f64,
     /// Noise sd = √((relative·value)² + floor²); estimated when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise_relative: Option<f64>,
+    /// The part of the noise that does not grow with the value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise_floor: Option<f64>,
     /// `front`, or `front` and `back`.
     pub sides: Vec<Side>,
+    /// The linear light source.
     pub tube: Tube,
+    /// How the light box was photographed.
     #[serde(default)]
     pub lightbox: LightBox,
+    /// The passes of the tube over the leaf: `x`, or `x` and `y`.
     #[serde(rename = "pass")]
     pub passes: Vec<Pass>,
 }
 
+/// The linear light source: a lit tube parallel to the blade.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Tube {
@@ -48,6 +58,7 @@ pub struct Tube {
     pub radius_mm: f64,
 }
 
+/// How the light box was photographed.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LightBox {
@@ -60,11 +71,14 @@ pub struct LightBox {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Travel {
+    /// The tube is parallel to y and travels along x.
     X,
+    /// The tube is parallel to x and travels along y.
     Y,
 }
 
 impl Travel {
+    /// Its name in files and folders.
     pub fn name(self) -> &'static str {
         match self {
             Travel::X => "x",
@@ -73,16 +87,22 @@ impl Travel {
     }
 }
 
+/// One pass of the tube: from where to where in how many frames, or the place of every frame.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Pass {
+    /// The direction of travel.
     pub name: Travel,
+    /// Position of the first frame along the travel (mm).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub start_mm: Option<f64>,
+    /// Position of the last frame along the travel (mm).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub end_mm: Option<f64>,
+    /// How many frames there are, evenly from `start_mm` to `end_mm`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frames: Option<usize>,
+    /// Position of every frame along the travel (mm), in place of the other three.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub positions_mm: Option<Vec<f64>>,
 }
@@ -182,6 +202,7 @@ impl Manifest {
         Ok(())
     }
 
+    /// The pass in this direction, where there is one.
     pub fn pass(&self, travel: Travel) -> Option<&Pass> {
         self.passes.iter().find(|p| p.name == travel)
     }

@@ -17,7 +17,9 @@ pub const RGB: [&str; 3] = ["R", "G", "B"];
 /// A validated capture. Holds no frames: they are read a band of rows at a time.
 #[derive(Debug)]
 pub struct Capture {
+    /// Where it was read.
     pub folder: PathBuf,
+    /// What its `capture.toml` says.
     pub manifest: Manifest,
     /// Dark level a texel and channel (RGB planes), where `dark.exr` exists.
     dark: Option<Pixels>,

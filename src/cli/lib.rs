@@ -1,5 +1,7 @@
 //! The verbs, a file each: arguments in, exit code out. No physics.
 
+#![warn(missing_docs)]
+
 use clap::{Parser, Subcommand};
 use mesophyll_files::progress;
 use std::process::ExitCode;

@@ -3,7 +3,7 @@
 use super::Common;
 use crate::Result;
 use mesophyll_files::{atomic, claim, progress};
-use mesophyll_report::{self as report, ReportSource, model::Level};
+use mesophyll_report::{self as report, Level, ReportSource};
 use mesophyll_scene::placed::{Placed, leaf::Search};
 use mesophyll_scene::{fits::missing, ledger::Ledger, loaded::Scene, manifest::Manifest};
 use serde_json::{Value, json};

@@ -1,5 +1,7 @@
 //! One file a fit: a model, a solver, and what it reads and writes.
 
+#![warn(missing_docs)]
+
 pub mod beam;
 pub mod dome;
 pub mod gloss;

@@ -9,6 +9,7 @@ use mesophyll_optics::slab::inverse::{self, Precision};
 /// How rows are read.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
+    /// How exactly the slab is computed.
     pub precision: Precision,
     /// Standard error of ρd and ρt where a row has none of its own; 0 for exact values, `None` where nobody stated it.
     pub noise: Option<f64>,
@@ -26,10 +27,15 @@ pub const OUTPUTS: [&str; 4] = ["sigma_a", "sigma_s", "sigma_a_err", "sigma_s_er
 /// One measurement; an error that is NaN was not measured.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measured {
+    /// Diffuse reflectance ρd, 0 to 1.
     pub rho_d: f64,
+    /// Transmittance ρt, 0 to 1.
     pub rho_t: f64,
+    /// Thickness (mm).
     pub thickness_mm: f64,
+    /// Standard error of ρd.
     pub rho_d_err: f64,
+    /// Standard error of ρt.
     pub rho_t_err: f64,
 }
 

@@ -16,8 +16,11 @@ use std::path::Path;
 pub struct Arrays {
     /// `folded` or `tensor`.
     pub form: String,
+    /// Name of the sky's model.
     pub model: String,
+    /// Bands N of the harmonics: N² coefficients a channel.
     pub bands: usize,
+    /// Least and greatest turbidity of the fit.
     pub turbidities: [f64; 2],
     /// Folded: terms in v for each power of θs.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -25,14 +28,16 @@ pub struct Arrays {
     /// Folded: u_0 of all functions of even order, u_1, u_2, term by term; then those of odd order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub even: Vec<f32>,
+    /// As `even`, for the functions of odd order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub odd: Vec<f32>,
-    /// Tensor: `monomials` or `chebyshev`, the numbers of powers of θs and τ, and R, G, B of all functions, term by
-    /// term.
+    /// Tensor: `monomials` or `chebyshev`.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub basis: String,
+    /// Tensor: how many powers of θs, and how many of τ.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub powers: Vec<usize>,
+    /// Tensor: red, green and blue of all functions, term by term.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub values: Vec<f32>,
 }
@@ -93,9 +98,11 @@ impl Arrays {
 /// A sky that was fitted and written.
 #[derive(Debug)]
 pub struct Made {
+    /// The fit in f64.
     pub fitted: Fitted,
-    /// How good the fit is in f64, and as written.
+    /// How good the fit is in f64.
     pub wide: Judged,
+    /// How good the fit is as it is written, in f32.
     pub narrow: Judged,
     /// Size of the written arrays.
     pub bytes: usize,

@@ -11,7 +11,9 @@ use std::f64::consts::FRAC_PI_2;
 /// Skies integrated directly, to judge fits by.
 #[derive(Debug, Clone)]
 pub struct Reference {
+    /// Bands N of the harmonics that are compared.
     pub bands: usize,
+    /// Least and greatest turbidity of the skies.
     pub turbidities: [f64; 2],
     /// Sun zenith angle, turbidity, coefficients.
     pub skies: Vec<(f64, f64, Coefficients)>,

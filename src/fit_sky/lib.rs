@@ -13,6 +13,8 @@
 //! | make and read a folder | [`folder::make`], [`folder::read`] |
 //! | find sun and turbidity in a picture of the sky | [`panorama::record::make`], [`panorama::fit`] |
 
+#![warn(missing_docs)]
+
 pub mod folded;
 pub mod folder;
 pub mod judge;
@@ -59,8 +61,10 @@ impl Method {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage)]
 #[strum(serialize_all = "kebab-case")]
 pub enum SkyModel {
+    /// Preetham, Shirley and Smits (1999): any turbidity, no ground.
     #[default]
     Preetham,
+    /// Hošek and Wilkie (2012): with light that the ground sends back.
     HosekWilkie,
 }
 
@@ -83,9 +87,11 @@ impl SkyModel {
 /// What a fit is told.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
+    /// Which polynomials, and how they are found.
     pub method: Method,
-    /// Bands N.
+    /// Bands N of the harmonics: N² coefficients a channel.
     pub bands: usize,
+    /// Least and greatest turbidity that the fit holds for.
     pub turbidities: [f64; 2],
     /// Samples of each variable, for the methods on a uniform grid.
     pub grid: usize,
@@ -107,7 +113,9 @@ pub const MOST_BANDS: usize = 12;
 #[allow(clippy::large_enum_variant)]
 #[derive(Debug, Clone, PartialEq)]
 pub enum Form<T = f64> {
+    /// Polynomials of what is left once the parts with a closed form are divided out.
     Folded(Folded<T>),
+    /// Polynomials in sun zenith angle and turbidity, every power of one times every power of the other.
     Tensor(Tensor<T>),
 }
 
@@ -122,12 +130,14 @@ impl<T: mesophyll_sky::fitted::Scalar> Form<T> {
             Form::Tensor(f) => f.coefficients(sun_zenith, turbidity),
         }
     }
+    /// Bands N of the harmonics: N² coefficients a channel.
     pub fn bands(&self) -> usize {
         match self {
             Form::Folded(f) => f.bands(),
             Form::Tensor(f) => f.bands(),
         }
     }
+    /// Least and greatest turbidity that it may be asked for.
     pub fn turbidities(&self) -> [f64; 2] {
         match self {
             Form::Folded(f) => f.turbidities(),
@@ -141,13 +151,14 @@ impl<T: mesophyll_sky::fitted::Scalar> Form<T> {
             Form::Tensor(f) => f.powers()[0] * f.powers()[1],
         }
     }
+    /// Size of the coefficients of the polynomials, in bytes.
     pub fn bytes(&self) -> usize {
         match self {
             Form::Folded(f) => f.bytes(),
             Form::Tensor(f) => f.bytes(),
         }
     }
-    /// In f32.
+    /// The same polynomials in f32.
     pub fn narrow(&self) -> Form<f32> {
         match self {
             Form::Folded(f) => Form::Folded(f.to()),
@@ -159,28 +170,36 @@ impl<T: mesophyll_sky::fitted::Scalar> Form<T> {
 /// What a fit came to.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fitted {
+    /// What was asked for.
     pub options: Options,
+    /// Name of the sky's model.
     pub model: String,
     /// `None` where the method failed: nothing is handed back then.
     pub form: Option<Form>,
+    /// How the fit ended.
     pub termination: Termination,
     /// Why it failed or what to know of it; empty where all is well.
     pub remark: String,
-    /// Of the design matrix as the method has it, columns unscaled; infinite where it lacks rank.
+    /// Condition number of the design matrix as the method has it, columns unscaled; infinite where it lacks rank.
     pub condition: f64,
+    /// Rank of the design matrix; the fit is unique where it equals `columns`.
     pub rank: usize,
     /// Columns of the design matrix.
     pub columns: usize,
     /// Samples times functions.
     pub samples: usize,
-    /// Root mean square and largest residual at the samples, kcd/m² (weighted as the fit weighs them).
+    /// Root mean square of the residuals at the samples (kcd/m², weighted as the fit weighs them).
     pub rms: f64,
+    /// Largest residual at the samples, in the unit of `rms`.
     pub worst: f64,
+    /// The steps of the solver, each with its cost.
     pub trace: Trace,
+    /// What the time was spent on.
     pub phases: Vec<Phase>,
 }
 
 impl Fitted {
+    /// Wall time of all phases (s).
     pub fn seconds(&self) -> f64 {
         self.phases.iter().map(|p| p.seconds).sum()
     }

@@ -23,11 +23,16 @@ use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage)]
 #[strum(serialize_all = "kebab-case")]
 pub enum WindowKind {
+    /// No window: the coefficients stay as they are.
     #[default]
     None,
+    /// The sin x/x window on the zonal coefficients (order 0) alone.
     Zonal,
+    /// The sin x/x window on the coefficients of all orders.
     Lanczos,
+    /// The window that loses least irradiance of all that dip no deeper than the sin x/x window.
     Fitted,
+    /// The window that lets no sky dip below zero.
     Positive,
 }
 
@@ -175,6 +180,7 @@ pub fn matched(bands: usize) -> Result<Window> {
 /// What a window does over the skies of the table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {
+    /// The window that was looked at.
     pub window: Window,
     /// Deepest dip of any sky.
     pub dip: Dip,

@@ -20,9 +20,11 @@ pub fn direction(elevation: f64, azimuth: f64) -> [f64; 3] {
 
 /// How M of a direction becomes what is stored.
 pub struct Scale<'a> {
+    /// What the colour is taken from, which decides how M is scaled.
     pub colour: Colour,
     /// ∫ M dω a texel.
     pub total: &'a [f64],
+    /// Texels on the leaf.
     pub mask: &'a [bool],
 }
 

@@ -16,6 +16,8 @@
 //! The main path is [`run`]: read the leaf, choose the tissue, then side by side project the irradiance, convolve,
 //! normalise, judge, write.
 
+#![warn(missing_docs)]
+
 pub mod colour;
 mod folder;
 pub mod inverse;
@@ -68,6 +70,7 @@ pub enum Colour {
 }
 
 impl Colour {
+    /// Its name on the command line and in `fit.toml`.
     pub fn name(self) -> &'static str {
         self.into()
     }
@@ -101,16 +104,21 @@ pub enum TissueName {
 /// Where the tissue's coefficients come from.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum TissueFrom {
+    /// A tissue known by its name.
     Named(TissueName),
-    /// 1/mm, 1/mm, mean cosine.
+    /// Coefficients that the user states.
     Given {
+        /// Absorption coefficient (1/mm).
         sigma_a: f64,
+        /// Scattering coefficient (1/mm).
         sigma_s: f64,
+        /// Mean cosine of the angle by which light is scattered, −1 to 1.
         g: f64,
     },
 }
 
 impl TissueFrom {
+    /// Its name on the command line and in `fit.toml`.
     pub fn name(self) -> &'static str {
         match self {
             TissueFrom::Named(name) => name.into(),
@@ -132,6 +140,7 @@ pub enum Area {
 }
 
 impl Area {
+    /// Its name on the command line and in `fit.toml`.
     pub fn name(self) -> &'static str {
         self.into()
     }
@@ -140,21 +149,26 @@ impl Area {
 /// What `fit translucency` is told.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
+    /// What the colour is taken from.
     pub colour: Colour,
     /// 0 red, 1 green, 2 blue; `None` is the dominant one. Not for three wavelengths.
     pub channel: Option<usize>,
+    /// Where the tissue's coefficients come from.
     pub tissue: TissueFrom,
     /// `None`: what belongs to the tissue (`tissue::entry`).
     pub entry: Option<Entry>,
+    /// Over which area a texel's light is counted.
     pub area: Area,
     /// The boundary term A; `None`: what belongs to the entry.
     pub a: Option<f64>,
+    /// Form of the dipole whose point response spreads the light.
     pub form: Form,
     /// Thickness levels K.
     pub levels: usize,
     /// Light directions over the hemisphere: 128 on a spiral are 2.4 to 3.7 times as good as the sources' 128 random
     /// ones (`bench translucency`).
     pub lights: Rule,
+    /// Directional basis that the maps' coefficients belong to.
     pub basis: Basis,
     /// One light instead of a basis: elevation over the blade and azimuth (rad) in the lit side's frame.
     pub sun: Option<[f64; 2]>,

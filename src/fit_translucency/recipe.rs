@@ -15,15 +15,20 @@ const RGB: [&str; 3] = ["R", "G", "B"];
 /// What the light of one map depends on, beside the leaf and its tissue.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recipe {
+    /// What the colour is taken from.
     pub colour: Colour,
+    /// How much light enters a texel.
     pub entry: Entry,
+    /// Over which area a texel's light is counted.
     pub area: Area,
+    /// Form of the dipole whose point response spreads the light.
     pub form: Form,
     /// 0 red, 1 green, 2 blue.
     pub channels: Vec<usize>,
 }
 
 impl Recipe {
+    /// The part of a fit's options that decides how one map is lit, for these channels (0 red, 1 green, 2 blue).
     pub fn of(options: &Options, channels: &[usize]) -> Recipe {
         let Options { colour, area, form, .. } = *options;
         Recipe { colour, entry: tissue::entry(options), area, form, channels: channels.to_vec() }

@@ -24,10 +24,13 @@ use std::time::Instant;
 /// What one lit side came to; images in the columns of its camera.
 #[derive(Debug, Clone)]
 pub struct Made {
+    /// The side that the light enters.
     pub side: Side,
+    /// Texels on the leaf, row by row.
     pub mask: Vec<bool>,
-    /// Channels computed (0 red, 1 green, 2 blue) and the tissue of each.
+    /// The channels that were computed: 0 red, 1 green, 2 blue.
     pub channels: Vec<usize>,
+    /// The tissue of each of `channels`.
     pub tissue: Vec<Tissue>,
     /// A channel, a basis function: coefficients of f, or of M with three wavelengths. With a fixed sun one image a
     /// channel, the value itself.
@@ -39,6 +42,7 @@ pub struct Made {
     pub entering: Vec<f64>,
     /// Texels on the leaf that no light comes through.
     pub dark: usize,
+    /// Figures for `fit.toml`, by name: above all, how far the basis is from the full convolution.
     pub figures: BTreeMap<String, f64>,
 }
 

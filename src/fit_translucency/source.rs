@@ -15,23 +15,29 @@ use std::path::Path;
 /// One side's maps, as its own camera saw it, row-major.
 #[derive(Debug, Clone)]
 pub struct SideMaps {
+    /// Which side it is.
     pub name: Side,
-    /// Diffuse reflectance and transmittance a channel.
+    /// Diffuse reflectance, 0 to 1, a channel each.
     pub rho_d: [Vec<f32>; 3],
+    /// Diffuse transmittance, 0 to 1, a channel each.
     pub rho_t: [Vec<f32>; 3],
     /// Unit normals in the frame that was asked for: x right, y up, z out of this side.
     pub normal: Vec<[f64; 3]>,
-    /// Outward of this side, over that frame's plane (mm).
+    /// Height of the surface over that frame's plane (mm), outward of this side.
     pub height: Vec<f64>,
     /// Root mean square of the slope that no height explains.
     pub slope_residual: f64,
+    /// Thickness of the blade (mm), 0 off the leaf.
     pub thickness: Vec<f64>,
+    /// Texels on the leaf.
     pub mask: Vec<bool>,
-    /// The slab's coefficients a channel (1/mm), their standard errors (infinite: nothing is known of them), and what
-    /// the leaf fit says of those that it did not determine.
+    /// Absorption coefficient (1/mm) of the slab in each channel.
     pub sigma_a: [f64; 3],
+    /// Scattering coefficient (1/mm) of each channel.
     pub sigma_s: [f64; 3],
+    /// Standard errors (1/mm) of `sigma_a` and `sigma_s`; infinite where nothing is known.
     pub sigma_err: [[f64; 3]; 2],
+    /// What the leaf fit says of the coefficients that it did not determine, a sentence each.
     pub undetermined: Vec<String>,
 }
 
@@ -51,12 +57,17 @@ pub enum Frame {
 /// A leaf whose inside is to be computed.
 #[derive(Debug, Clone)]
 pub struct Source {
+    /// The leaf's name, as its fit states it.
     pub name: String,
+    /// Columns of every map.
     pub width: usize,
+    /// Rows of every map.
     pub height: usize,
+    /// Size of a texel on the blade (mm).
     pub texel_mm: f64,
     /// Mean thickness h (mm).
     pub thickness_mm: f64,
+    /// The sides that were fitted: the front, or both.
     pub sides: Vec<SideMaps>,
     /// Content hash of what was read.
     pub hash: String,
@@ -87,6 +98,7 @@ impl Source {
         Ok(Source { name: leaf.name, width, height, texel_mm, thickness_mm, sides, hash })
     }
 
+    /// The maps of one side, where that side was fitted.
     pub fn side(&self, name: Side) -> Option<&SideMaps> {
         self.sides.iter().find(|s| s.name == name)
     }

@@ -19,20 +19,25 @@ pub const FAINT: f64 = 0.01;
 /// Errors at one elevation, of texels that get at least [`FAINT`] of the mean at that elevation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spread {
+    /// Elevation of the light over the blade (rad).
     pub elevation: f64,
-    /// Mean of |f_rec/f − 1|, and of f_rec/f − 1.
+    /// Mean of |f_rec/f − 1|, f_rec being what the basis makes of f.
     pub mean: f64,
+    /// Mean of f_rec/f − 1: above 0 where the basis is too bright.
     pub bias: f64,
     /// Root mean square of f_rec/f − 1.
     pub rms: f64,
-    /// Of |f_rec/f − 1|: median, 95th percentile, largest.
+    /// Median of |f_rec/f − 1|.
     pub median: f64,
+    /// 95th percentile of |f_rec/f − 1|.
     pub p95: f64,
+    /// Largest |f_rec/f − 1|.
     pub worst: f64,
     /// Root mean square of f_rec − f over the mean of f, all texels: what a picture at this elevation shows.
     pub visible: f64,
     /// Share of the texels judged in each step of f_rec/f − 1, from −[`Spread::reach`] on.
     pub histogram: [f64; BINS],
+    /// Width of a step of the histogram, in f_rec/f − 1.
     pub step: f64,
     /// Shares of the texels judged below the histogram and above it.
     pub beyond: [f64; 2],

@@ -26,6 +26,7 @@ pub enum Entry {
 }
 
 impl Entry {
+    /// Its name on the command line and in `fit.toml`.
     pub fn name(self) -> &'static str {
         self.into()
     }

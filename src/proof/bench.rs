@@ -10,11 +10,13 @@ pub struct BenchRow {
     pub model: String,
     /// What was turned, with its unit: `ordinates`, `quadrature nodes` …
     pub knob: String,
+    /// The knob's setting, with no unit.
     pub setting: String,
     /// Error of the result (relative unless `note` says otherwise); what it is measured on stands in `note`.
     pub error: f64,
     /// Run time of one evaluation or fit (µs), the median of several.
     pub us: f64,
+    /// What the error is measured on, and what else is to be known; may be empty.
     pub note: String,
 }
 

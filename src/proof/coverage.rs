@@ -27,9 +27,13 @@ const LEAVES: usize = 400;
 /// Intervals of one parameter that hold the truth, among those promised and among those flagged.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Count {
+    /// Truths inside their interval, of those promised.
     pub inside: usize,
+    /// Values that the fit called determined.
     pub promised: usize,
+    /// Truths inside their interval, of those flagged.
     pub flagged_inside: usize,
+    /// Values that the fit called undetermined.
     pub flagged: usize,
 }
 
@@ -53,6 +57,7 @@ impl Count {
         self
     }
 
+    /// Share of the promised intervals that hold the truth, 0 to 1.
     pub fn share(&self) -> f64 {
         self.inside as f64 / self.promised as f64
     }

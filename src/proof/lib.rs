@@ -2,6 +2,8 @@
 //! (`stress`), certified regression problems (`nist`), coverage of stated errors, other programs (`peers`), and the
 //! numbers behind the pictures of the documentation.
 
+#![warn(missing_docs)]
+
 pub mod beam;
 pub mod bench;
 pub mod coverage;

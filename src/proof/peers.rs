@@ -13,7 +13,9 @@ use mesophyll_optics::tube::Travel;
 /// Files for a peer's folder, and our rows on the same inputs.
 #[derive(Debug, Clone)]
 pub struct Inputs {
+    /// Name and text of every file.
     pub files: Vec<(String, String)>,
+    /// What this program makes of the same inputs.
     pub ours: Vec<BenchRow>,
 }
 

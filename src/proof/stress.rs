@@ -7,6 +7,7 @@ use serde::Serialize;
 pub struct StressRow {
     /// Model or table: `nist`, `solve`, `slab`, `gloss` …
     pub model: String,
+    /// What makes the case stiff or extreme.
     pub case: String,
     /// What the verdict must begin with: `ok`, `undetermined: …`, `refused: …`.
     pub expected: String,

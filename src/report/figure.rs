@@ -12,9 +12,11 @@ use std::sync::OnceLock;
 /// One line of the page.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Figure {
+    /// What the figure is called on the page.
     pub name: String,
-    /// With its unit.
+    /// The figure as it is printed, with its unit.
     pub value: String,
+    /// What it says, in one sentence.
     pub meaning: &'static str,
 }
 

@@ -1,6 +1,8 @@
 //! The report: how good fits are, as HTML, JSON and Markdown made from the same rows. Nothing new is computed here,
 //! only summarised.
 
+#![warn(missing_docs)]
+
 pub mod basis_charts;
 pub mod beam_charts;
 pub mod bench_plots;
@@ -13,7 +15,7 @@ mod held_out;
 mod html;
 mod maps;
 mod markdown;
-pub mod model;
+mod model;
 mod notes;
 pub mod number;
 mod quantity;
@@ -27,16 +29,18 @@ mod translucency;
 mod verdict;
 mod view;
 
-pub use model::Report;
+pub use model::{Level, Report};
 use std::path::{Path, PathBuf};
 
 /// A folder to report: a fit (`fit.toml`), or a run with `check.json`, `plan.json` and fits below it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ReportSource {
+    /// The folder.
     pub folder: PathBuf,
 }
 
 impl ReportSource {
+    /// A folder as a source.
     pub fn folder(folder: impl Into<PathBuf>) -> Self {
         ReportSource { folder: folder.into() }
     }

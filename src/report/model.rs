@@ -12,13 +12,16 @@ use std::collections::BTreeMap;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Level {
+    /// Nothing stands against it.
     Good,
     /// Usable, but something needs a look.
     Doubtful,
+    /// It must not be used as it is.
     Bad,
 }
 
 impl Level {
+    /// Its word in the report.
     pub fn word(self) -> &'static str {
         match self {
             Level::Good => "Good",
@@ -46,13 +49,21 @@ pub struct Verdict {
 /// A whole report.
 #[derive(Debug, Clone, Serialize)]
 pub struct Report {
+    /// Version of this layout.
     pub schema: u32,
+    /// Name and version of the program that wrote the report.
     pub program: String,
+    /// Heading.
     pub title: String,
+    /// What the report comes to as a whole: the worst of what it holds.
     pub verdict: Verdict,
+    /// The fits, in the order in which they were named.
     pub fits: Vec<FitReport>,
+    /// Every further fit against the first, where fits are compared.
     pub comparisons: Vec<Comparison>,
+    /// What scenes need and what they leave out.
     pub plans: Vec<PlanReport>,
+    /// What checks of scenes came to.
     pub checks: Vec<CheckReport>,
 }
 

@@ -18,7 +18,9 @@ pub use photograph::Photograph;
 /// What a look at a capture found.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Inspection {
+    /// The capture's folder.
     pub folder: String,
+    /// What its field `kind` says: `beams`.
     pub kind: &'static str,
     /// As `capture.toml` says; absent when it cannot be read.
     pub manifest: Option<Manifest>,
@@ -40,6 +42,7 @@ pub struct Inspection {
 }
 
 impl Inspection {
+    /// Whether it can be fitted.
     pub fn fits(&self) -> bool {
         self.problems.is_empty()
     }

@@ -7,23 +7,29 @@ use mesophyll_optics::side::Side;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// The value of the field `kind`.
 /// What was photographed, and how (format: `data/README.md`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Manifest {
+    /// Version of the format.
     pub schema: u32,
+    /// `beams`.
     pub kind: String,
+    /// The leaf's name.
     pub name: String,
+    /// Columns of every photograph.
     pub width: usize,
+    /// Rows of every photograph.
     pub height: usize,
     /// Size of a texel on the blade (mm).
     pub texel_mm: f64,
     /// Noise sd of a reading = √((relative·value)² + floor²); estimated when both are absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise_relative: Option<f64>,
+    /// The part of the noise that does not grow with the value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise_floor: Option<f64>,
+    /// The photographs, each with its light.
     #[serde(rename = "beam")]
     pub beams: Vec<Beam>,
 }
@@ -93,6 +99,7 @@ impl Manifest {
         Ok(())
     }
 
+    /// Texels of a photograph.
     pub fn texels(&self) -> usize {
         self.width * self.height
     }

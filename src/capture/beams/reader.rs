@@ -10,7 +10,9 @@ use std::path::{Path, PathBuf};
 /// A validated capture with its photographs.
 #[derive(Debug)]
 pub struct Capture {
+    /// Where it was read.
     pub folder: PathBuf,
+    /// What its `capture.toml` says.
     pub manifest: Manifest,
     /// A photograph, a channel (R G B): values in the *lit* side's columns, row by row; NaN where there is no reading.
     pub photographs: Vec<[Vec<f64>; 3]>,

@@ -33,14 +33,19 @@ use std::path::Path;
 /// How a specification is photographed.
 #[derive(Debug, Clone)]
 pub struct Options {
+    /// Columns of every photograph.
     pub width: usize,
+    /// Rows of every photograph.
     pub height: usize,
     /// Width (mm) and centre (mm from the field's centre) of the part that is captured; the whole field when absent.
     pub patch: Option<(f64, [f64; 2])>,
+    /// The lights, and the file of each photograph.
     pub beams: Vec<Beam>,
     /// Relative noise; 0 writes exact values.
     pub noise: f64,
+    /// Seed of the noise.
     pub seed: u64,
+    /// Whether σa varies over the leaf.
     pub model: Model,
 }
 
@@ -79,7 +84,9 @@ pub fn named(mut beams: Vec<Beam>) -> Vec<Beam> {
 /// A leaf, wider than the picture by `around` texels on every side.
 #[derive(Debug, Clone)]
 pub struct Grown {
+    /// The leaf with all its maps.
     pub leaf: Leaf,
+    /// Texels beyond the picture's border, on every side.
     pub around: usize,
 }
 

@@ -3,6 +3,7 @@
 
 use serde::Serialize;
 
+/// A named defect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Defect {
@@ -20,17 +21,22 @@ pub enum Defect {
     Dark,
 }
 
+/// Status of a texel off the leaf.
 pub const OUTSIDE: i16 = 0;
+/// Status of a texel on the leaf with nothing wrong.
 pub const GOOD: i16 = 1;
 
 impl Defect {
+    /// Every defect, in the order of their codes.
     pub const ALL: [Defect; 6] =
         [Defect::NoReading, Defect::Saturated, Defect::Hole, Defect::Thickness, Defect::Energy, Defect::Dark];
 
+    /// Its status in maps: −1 and down.
     pub fn code(self) -> i16 {
         -1 - self as i16
     }
 
+    /// Its name in messages and in `fit.toml`.
     pub fn name(self) -> &'static str {
         match self {
             Defect::NoReading => "no_reading",

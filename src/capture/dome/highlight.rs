@@ -22,6 +22,7 @@ const DARKEST: f64 = 0.01;
 pub struct Highlight {
     /// Share of the dome's light that is taken off.
     pub share: f64,
+    /// Standard error of `share`.
     pub stderr: f64,
     /// The darkest channel of the darkest texels: it cannot be more.
     pub at_most: f64,

@@ -14,17 +14,25 @@ use std::path::Path;
 /// What a look at a capture found.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Inspection {
+    /// The capture's folder.
     pub folder: String,
+    /// What its field `kind` says: `dome`.
     pub kind: &'static str,
     /// As `capture.toml` says; absent when it cannot be read.
     pub manifest: Option<Manifest>,
     /// Why it cannot be used; empty when it can.
     pub problems: Vec<String>,
+    /// What can be used but deserves a look.
     pub warnings: Vec<String>,
+    /// What follows from what is there and what is absent.
     pub notes: Vec<String>,
+    /// The photographs' readings on the leaf.
     pub photographs: Vec<Photograph>,
+    /// Texels on the leaf.
     pub leaf_texels: Option<usize>,
+    /// What the two height scans say; `None` where they cannot be read.
     pub shape: Option<Shape>,
+    /// What each side's photographs say.
     pub sides: Vec<SideSummary>,
 }
 
@@ -32,9 +40,13 @@ pub struct Inspection {
 /// light).
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Photograph {
+    /// Which photograph of which side.
     pub name: String,
+    /// Their quantile .001.
     pub low: f64,
+    /// Their median.
     pub median: f64,
+    /// Their quantile .999.
     pub high: f64,
     /// Share of the leaf's texels without a number in some channel, or saturated.
     pub no_reading_share: f64,
@@ -43,6 +55,7 @@ pub struct Photograph {
 /// What the two scans say.
 #[derive(Debug, Clone, Serialize)]
 pub struct Shape {
+    /// How the scans lie to each other, and what was done about noise.
     pub alignment: super::align::Alignment,
     /// Quantiles .01, .5, .99 of the thickness (mm).
     pub thickness_mm: [f64; 3],
@@ -50,17 +63,23 @@ pub struct Shape {
     pub hole_share: f64,
 }
 
+/// What one side's photographs say.
 #[derive(Debug, Clone, Serialize)]
 pub struct SideSummary {
+    /// `front` or `back`.
     pub side: &'static str,
+    /// The mirrored light of the dome that is taken off the albedo.
     pub highlight: super::highlight::Highlight,
-    /// Medians, a channel.
+    /// Medians of the albedo, a channel each.
     pub albedo: [f64; 3],
+    /// Medians of the transmittance, a channel each.
     pub transmittance: [f64; 3],
+    /// Texels by the name of their defect.
     pub defects: BTreeMap<&'static str, usize>,
 }
 
 impl Inspection {
+    /// Whether it can be used.
     pub fn fits(&self) -> bool {
         self.problems.is_empty()
     }

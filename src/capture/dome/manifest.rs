@@ -7,20 +7,25 @@ use mesophyll_optics::side::Side;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// The value of the field `kind`.
 /// What was photographed and scanned, and how (format: `data/README.md`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Manifest {
+    /// Version of the format.
     pub schema: u32,
+    /// `dome`.
     pub kind: String,
+    /// The leaf's name.
     pub name: String,
+    /// Columns of every picture.
     pub width: usize,
+    /// Rows of every picture.
     pub height: usize,
     /// Size of a texel on the blade (mm).
     pub texel_mm: f64,
     /// Thickness of the thickest place in the pictures, by caliper (mm).
     pub thickness_max_mm: f64,
+    /// Standard error of the caliper's reading (mm).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub thickness_max_err_mm: Option<f64>,
     /// Width of the caliper's contact (mm): it meets the mean thickness under it.
@@ -29,6 +34,7 @@ pub struct Manifest {
     /// Noise sd of a photograph's reading = √((relative·value)² + floor²); estimated when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise_relative: Option<f64>,
+    /// The part of the noise that does not grow with the value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise_floor: Option<f64>,
     /// Exposures that white, back light and dark are means of; their noise is less by the root of it.
@@ -124,6 +130,7 @@ impl Manifest {
         0.25 * self.contact_mm / self.texel_mm
     }
 
+    /// Texels of a picture.
     pub fn texels(&self) -> usize {
         self.width * self.height
     }
@@ -141,8 +148,10 @@ pub enum Picture {
 }
 
 impl Picture {
+    /// Every picture of a side.
     pub const ALL: [Picture; 3] = [Picture::Albedo, Picture::Translucency, Picture::Height];
 
+    /// The first part of its file's name.
     pub fn name(self) -> &'static str {
         match self {
             Picture::Albedo => "albedo",

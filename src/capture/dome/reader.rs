@@ -14,11 +14,11 @@ pub type Pixels = Vec<[f32; 3]>;
 /// One side's pictures, as its camera saw it.
 #[derive(Debug, Clone)]
 pub struct Pictures {
-    /// Reading − dark.
+    /// Photograph under the dome, less the dark frame.
     pub albedo: Pixels,
-    /// Reading − dark.
+    /// Photograph in front of the back light, less the dark frame.
     pub translucency: Pixels,
-    /// mm towards the camera, from a zero of the scan's own; NaN is a hole.
+    /// Height (mm) towards the camera, from a zero of the scan's own; NaN is a hole.
     pub height: Vec<f32>,
     /// Readings under the dome, as recorded, that share the highest value: many where a sensor clips.
     pub clipped: usize,
@@ -29,14 +29,19 @@ pub struct Pictures {
 /// A validated capture in memory.
 #[derive(Debug)]
 pub struct Capture {
+    /// Where it was read.
     pub folder: PathBuf,
+    /// What its `capture.toml` says.
     pub manifest: Manifest,
+    /// The front's pictures.
     pub front: Pictures,
+    /// The back's pictures, in its own camera's columns.
     pub back: Pictures,
-    /// White sheet − dark.
+    /// Photograph of the white sheet, less the dark frame.
     pub white: Pixels,
-    /// Back light − dark.
+    /// Photograph of the back light, less the dark frame.
     pub empty: Pixels,
+    /// Whether there is a dark frame.
     pub has_dark: bool,
     /// `mask.exr`, in the front's columns.
     pub mask: Option<Vec<bool>>,
@@ -122,6 +127,7 @@ impl Capture {
         })
     }
 
+    /// One side's pictures.
     pub fn pictures(&self, side: Side) -> &Pictures {
         match side {
             Side::Front => &self.front,

@@ -39,6 +39,7 @@ pub struct ReducedSide {
     pub albedo_err: Vec<[f64; 3]>,
     /// Share of the back light that comes through towards this side's camera, a channel.
     pub transmittance: Vec<[f64; 3]>,
+    /// Standard error of the transmittance.
     pub transmittance_err: Vec<[f64; 3]>,
     /// mm towards this side's camera over the blade's middle plane.
     pub height: Vec<f64>,
@@ -46,6 +47,7 @@ pub struct ReducedSide {
     pub normal: Vec<[f64; 3]>,
     /// Share of the dome that a texel sees past the relief, by the cosine.
     pub visible: Vec<f64>,
+    /// The mirrored light of the dome that was taken off the albedo.
     pub highlight: Highlight,
     /// 1 good, 0 off the leaf, else a [`Defect`]'s code.
     pub status: Vec<i16>,
@@ -54,30 +56,42 @@ pub struct ReducedSide {
 /// A whole capture as maps. `mask`, `thickness` and its error are in the front's columns.
 #[derive(Debug, Clone)]
 pub struct Reduced {
+    /// Columns of every map.
     pub width: usize,
+    /// Rows of every map.
     pub height: usize,
+    /// Size of a texel on the blade (mm).
     pub texel_mm: f64,
+    /// Texels on the leaf, in the front's columns.
     pub mask: Vec<bool>,
     /// mm; NaN off the leaf.
     pub thickness: Vec<f64>,
     /// Of a texel: the scans' noise and the detail that smoothing took; that of the zero is common to all
     /// ([`Alignment::offset_err_mm`]).
     pub thickness_err: Vec<f64>,
+    /// How the two height scans lie to each other.
     pub alignment: Alignment,
+    /// Noise of the photographs.
     pub noise: PhotoNoise,
+    /// The front's maps.
     pub front: ReducedSide,
+    /// The back's maps, in its own camera's columns.
     pub back: ReducedSide,
 }
 
 /// Noise of a photograph's reading: √((relative·value)² + floor²).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct PhotoNoise {
+    /// The part that grows with the value, as a share of it.
     pub relative: f64,
+    /// The part that every reading has.
     pub floor: f64,
+    /// Whether `capture.toml` states it; otherwise it is estimated.
     pub stated: bool,
 }
 
 impl Reduced {
+    /// One side's maps.
     pub fn side(&self, side: Side) -> &ReducedSide {
         match side {
             Side::Front => &self.front,

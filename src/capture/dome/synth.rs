@@ -34,7 +34,9 @@ use std::path::{Path, PathBuf};
 /// How a specification is photographed and scanned.
 #[derive(Debug, Clone)]
 pub struct Options {
+    /// Columns of every picture.
     pub width: usize,
+    /// Rows of every picture.
     pub height: usize,
     /// Width (mm) and centre (mm from the field's centre) of the part that is captured; the whole field when absent.
     pub patch: Option<(f64, [f64; 2])>,
@@ -42,7 +44,9 @@ pub struct Options {
     pub noise: f64,
     /// Standard deviation of a height as delivered (mm).
     pub height_noise_mm: f64,
+    /// Seed of the noise.
     pub seed: u64,
+    /// Whether σa varies over the leaf.
     pub model: Model,
 }
 
@@ -60,9 +64,11 @@ const OFFSET_MM: f64 = 2.0;
 /// A leaf with the blade's geometry and what its photographs show.
 #[derive(Debug, Clone)]
 pub struct Blade {
+    /// The leaf with all its maps.
     pub leaf: Leaf,
     /// Heights of front and back over one plane, each as its own camera saw it (mm).
     pub height: [Vec<f64>; 2],
+    /// What the photographs of front and back show.
     pub shown: [Shown; 2],
     centre_mm: [f64; 2],
 }
@@ -74,6 +80,7 @@ pub struct Shown {
     pub albedo: Vec<[f32; 3]>,
     /// What the surface mirrors.
     pub highlight: Vec<f32>,
+    /// Share of the back light that comes through, a channel each.
     pub transmittance: Vec<[f32; 3]>,
 }
 

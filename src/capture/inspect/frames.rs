@@ -18,10 +18,15 @@ const LISTED: usize = 5;
 /// One side's pass.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct PassSummary {
+    /// `front` or `back`.
     pub side: String,
+    /// `x` or `y`.
     pub pass: String,
+    /// Frames that `capture.toml` promises.
     pub expected: usize,
+    /// Frames that are there.
     pub found: usize,
+    /// Their size together, in bytes.
     pub bytes: u64,
     /// Frames whose samples were read.
     pub sampled: usize,
@@ -29,8 +34,11 @@ pub struct PassSummary {
     pub no_reading_share: f64,
     /// Texels without a value in any frame that was read.
     pub never_read_texels: usize,
+    /// Share of the samples below 0.
     pub negative_share: f64,
+    /// Smallest sample (1 is a white texel under an infinite tube, where frames are normalised).
     pub min: f64,
+    /// Largest sample, in the same unit.
     pub max: f64,
     /// Largest share of a frame's samples that have exactly the frame's largest value: clipping, when it is large.
     pub at_the_top_share: f64,

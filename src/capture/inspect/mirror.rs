@@ -21,11 +21,13 @@ const SURE: f64 = 3.0;
 /// One pass's reflection against the stated geometry.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct MirrorCheck {
+    /// `x` or `y`.
     pub pass: String,
     /// Frames that show the whole reflection.
     pub frames: usize,
     /// Mean distance of the reflection from where it should be, along the travel, and its standard error.
     pub offset_mm: f64,
+    /// Standard error of `offset_mm`.
     pub error_mm: f64,
     /// By how much normals will lean in that direction if nothing is done.
     pub lean_deg: f64,

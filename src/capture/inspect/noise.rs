@@ -13,14 +13,18 @@ const BINS: usize = 24;
 /// Fewest differences that make a bin count.
 const FEWEST: usize = 64;
 
+/// What the differences between frames say of the noise.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct NoiseEstimate {
-    /// Standard deviation = √((relative · value)² + floor²).
+    /// The part that grows with the value: standard deviation = √((relative · value)² + floor²).
     pub relative: f64,
+    /// The part that does not grow with the value.
     pub floor: f64,
-    /// Median of the values that were looked at, and the value that a tenth of them exceed.
+    /// Median of the values that were looked at.
     pub typical_value: f64,
+    /// The value that a tenth of the samples exceed.
     pub bright_value: f64,
+    /// Differences that were looked at.
     pub differences: usize,
 }
 

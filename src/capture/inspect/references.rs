@@ -10,13 +10,19 @@ use std::path::{Path, PathBuf};
 /// A reference: one file, or the frames of a white pass.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct ReferenceSummary {
+    /// Its file or folder, relative to the capture's folder.
     pub name: String,
     /// Files found; 0 when it is absent.
     pub files: usize,
+    /// Size of the files together, in bytes.
     pub bytes: u64,
+    /// Smallest reading; `None` where nothing was read.
     pub min: Option<f64>,
+    /// Median of the readings.
     pub median: Option<f64>,
+    /// Largest reading.
     pub max: Option<f64>,
+    /// Share of the samples without a value.
     pub no_reading_share: Option<f64>,
 }
 

@@ -22,7 +22,9 @@ use std::f64::consts::PI;
 /// Diffuse and glossy part of a texel's value: value = ρd · diffuse + ρs · gloss.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Shown {
+    /// What ρd is multiplied by.
     pub diffuse: f64,
+    /// What ρs is multiplied by.
     pub gloss: f64,
 }
 

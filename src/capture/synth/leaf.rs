@@ -18,37 +18,55 @@ use rayon::prelude::*;
 /// One side, row-major as its camera saw it; every map has `width · height` entries, zero off the blade.
 #[derive(Debug, Clone, Default)]
 pub struct GrownSide {
+    /// Diffuse reflectance, a channel each.
     pub rho_d: Vec<[f32; 3]>,
+    /// Transmittance, a channel each.
     pub rho_t: Vec<[f32; 3]>,
     /// Transmittance for a beam at the light box's camera angle; ρt where the camera looks along the normal.
     pub through: Vec<[f32; 3]>,
+    /// Gloss reflectance, a channel each.
     pub rho_s: Vec<[f32; 3]>,
+    /// Slope of the gloss.
     pub m: Vec<f32>,
+    /// Unit normal in this side's image: x right, y up, z out of the side.
     pub normal: Vec<[f32; 3]>,
+    /// Absorption coefficient (1/mm), a channel each.
     pub sigma_a: Vec<[f32; 3]>,
+    /// Scattering coefficient (1/mm), a channel each.
     pub sigma_s: Vec<[f32; 3]>,
+    /// Thickness (mm).
     pub thickness: Vec<f32>,
+    /// γ: the texel's reflectance relative to the leaf's, a channel each.
     pub gamma: Vec<[f32; 3]>,
 }
 
+/// A grown leaf: its outline, its relief and both sides' maps.
 #[derive(Debug, Clone)]
 pub struct Leaf {
+    /// Columns of every map.
     pub width: usize,
+    /// Rows of every map.
     pub height: usize,
+    /// Size of a texel (mm).
     pub texel_mm: f64,
+    /// The gloss lobe of both sides.
     pub lobe: Lobe,
     /// As the front's camera saw it.
     pub mask: Vec<bool>,
     /// Height of the front over the plane z = 0 (mm), in the front's columns; set on the blade and one texel around it.
     pub relief: Vec<f64>,
+    /// The front's maps.
     pub front: GrownSide,
+    /// The back's maps, in its own camera's columns.
     pub back: GrownSide,
 }
 
 /// Which part of the field is evaluated: its centre (mm, from the field's centre) and the size of a texel (mm).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Window {
+    /// Its middle from the middle of the field (mm), x right and y up.
     pub centre_mm: [f64; 2],
+    /// Size of a texel (mm).
     pub texel_mm: f64,
 }
 
@@ -151,6 +169,7 @@ impl Leaf {
         }
     }
 
+    /// One side's maps.
     pub fn side(&self, side: Side) -> &GrownSide {
         match side {
             Side::Front => &self.front,

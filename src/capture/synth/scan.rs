@@ -21,15 +21,21 @@ use std::path::{Path, PathBuf};
 /// How a specification is scanned.
 #[derive(Debug, Clone)]
 pub struct Options {
+    /// Columns of every frame.
     pub width: usize,
+    /// Rows of every frame.
     pub height: usize,
     /// Frames a pass.
     pub frames: usize,
+    /// The passes that are scanned.
     pub passes: Vec<Travel>,
     /// Relative noise; 0 writes exact values.
     pub noise: f64,
+    /// Seed of the noise.
     pub seed: u64,
+    /// Whether σa varies over the leaf.
     pub model: Model,
+    /// Writes the three exposures of every frame instead of merging them.
     pub raw_exposures: bool,
 }
 

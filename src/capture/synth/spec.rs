@@ -22,31 +22,48 @@ pub enum Model {
     Pigment,
 }
 
+/// What a synthetic leaf looks like and how it is scanned.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Spec {
+    /// Version of the format.
     pub schema: u32,
+    /// The leaf's name.
     pub name: String,
+    /// The plant's botanical name.
     pub species: String,
+    /// Whether σa varies over the leaf.
     pub model: Model,
+    /// Seed of everything that is grown by chance.
     pub seed: u64,
     /// Size of the scanned field (mm); the blade lies centred in it, its midrib along x.
     pub field_mm: [f64; 2],
     /// Mean thickness h (mm).
     pub thickness_mm: f64,
+    /// The gloss lobe of both sides.
     #[serde(default)]
     pub lobe: Lobe,
+    /// The blade's contour.
     pub outline: Outline,
+    /// Teeth along the margin.
     #[serde(default)]
     pub margin: Margin,
+    /// How its veins are grown.
     pub veins: Veins,
+    /// Shape of both surfaces.
     pub relief: Relief,
+    /// How thickness varies.
     pub variation: Variation,
+    /// Mean coefficients of the tissue.
     pub interior: Interior,
+    /// How σa varies, for the `pigment` model.
     #[serde(default)]
     pub pigment: Pigment,
+    /// The front's surface.
     pub front: Surface,
+    /// The back's surface.
     pub back: Surface,
+    /// What it is scanned with.
     #[serde(default)]
     pub device: Device,
 }
@@ -67,8 +84,10 @@ pub struct Outline {
     /// Sideways bow of the midrib.
     #[serde(default)]
     pub bow_mm: f64,
+    /// Length of the leaf's stalk; 0 for none.
     #[serde(default)]
     pub petiole_mm: f64,
+    /// Width of the stalk.
     #[serde(default)]
     pub petiole_width_mm: f64,
 }
@@ -80,11 +99,13 @@ pub struct Margin {
     /// Distance between teeth; 0 is an entire margin.
     #[serde(default)]
     pub tooth_mm: f64,
+    /// How deep the teeth are cut.
     #[serde(default)]
     pub depth_mm: f64,
     /// Smaller teeth on each tooth.
     #[serde(default)]
     pub second: f64,
+    /// How deep the smaller teeth are cut.
     #[serde(default)]
     pub second_depth_mm: f64,
     /// 0 blunt and symmetric (crenate), 1 pointing towards the tip (serrate).
@@ -92,6 +113,7 @@ pub struct Margin {
     pub lean: f64,
 }
 
+/// How primary and secondary veins run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Venation {
@@ -103,9 +125,11 @@ pub enum Venation {
     Parallel,
 }
 
+/// How the network of veins is grown.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Veins {
+    /// How primary and secondary veins run.
     pub kind: Venation,
     /// Secondaries on each side of the midrib; primaries on each side for `parallel`; primaries in all for `palmate`.
     pub count: usize,
@@ -169,7 +193,9 @@ pub struct Variation {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Interior {
+    /// Absorption coefficient σa.
     pub sigma_a: [f64; 3],
+    /// Scattering coefficient σs.
     pub sigma_s: [f64; 3],
 }
 
@@ -195,7 +221,9 @@ impl Default for Pigment {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Surface {
+    /// Mean gloss reflectance ρs.
     pub rho_s: f64,
+    /// Mean slope m of the gloss.
     pub m: f64,
     /// Relative change of ρs and m on veins.
     #[serde(default)]
@@ -213,12 +241,15 @@ pub struct Surface {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Device {
+    /// Angle of the view direction (sin, 0, cos) from the vertical.
     pub camera_deg: f64,
     /// Angle from which the light box is photographed.
     pub lightbox_camera_deg: f64,
+    /// The linear light source.
     pub tube: Tube,
     /// Tube positions of the first and last frame.
     pub travel_x_mm: [f64; 2],
+    /// The same for pass y.
     pub travel_y_mm: [f64; 2],
     /// Sensitivity a channel.
     pub gain: [f64; 3],

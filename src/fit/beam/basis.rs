@@ -10,10 +10,13 @@ use std::sync::LazyLock;
 /// H9 Eq. 4.8: u = c₂x² + c₄x⁴.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pair {
+    /// Coefficient of x².
     pub c2: f64,
+    /// Coefficient of x⁴.
     pub c4: f64,
     /// Largest |u − c₂x² − c₄x⁴| over all x in [0, 1].
     pub max_error: f64,
+    /// How the solver came to them.
     pub fit: Fit,
 }
 

@@ -33,7 +33,9 @@ pub struct Reading {
 /// A measured branch. NaN stands for what was not measured.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Branch {
+    /// Length of the branch (mm).
     pub length: f64,
+    /// Where it was measured, and how far it hangs there.
     pub readings: Vec<Reading>,
     /// The whole load (N), spread evenly, and its standard error.
     pub load: [f64; 2],
@@ -55,7 +57,9 @@ pub enum Along {
 /// A number and its standard error.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Known {
+    /// The number, in the unit that its field states; NaN where nothing is known.
     pub value: f64,
+    /// Its standard error, in the same unit; infinite where nothing is known.
     pub error: f64,
 }
 
@@ -70,6 +74,7 @@ impl Known {
 /// A fitted branch.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Measured {
+    /// Taper α: radius at the tip over radius at the root.
     pub taper: Known,
     /// F/(E′r₁⁴) = F L³/(E s₁⁴) (mm).
     pub load_over_stiffness: Known,
@@ -83,7 +88,9 @@ pub struct Measured {
     pub rms: f64,
     /// Whether the errors come from stated ones (else from the scatter of the residuals).
     pub stated: bool,
+    /// How the solver came to it.
     pub fit: Fit,
+    /// What may be believed of it.
     pub status: Status,
 }
 

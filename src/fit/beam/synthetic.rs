@@ -9,12 +9,15 @@ use rand_pcg::Pcg64;
 /// What a branch really is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Truth {
+    /// Taper α: radius at the tip over radius at the root.
     pub alpha: f64,
     /// Deflection of the tip over the length, before the length is corrected.
     pub tip: f64,
-    /// mm, N, GPa.
+    /// Length of the branch (mm).
     pub length: f64,
+    /// The whole load (N), spread evenly.
     pub load: f64,
+    /// Modulus of elasticity (GPa).
     pub modulus: f64,
 }
 
@@ -45,6 +48,7 @@ impl Truth {
                 Along::Axis => self.amplitude() * beam::deflection(self.alpha, x),
             }
     }
+    /// Deflection of the tip across (mm), where positions are measured along the branch or along its axis.
     pub fn tip_mm(&self, along: Along) -> f64 {
         self.across(1.0, along)
     }

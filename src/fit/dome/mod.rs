@@ -25,15 +25,19 @@ pub struct Options {
     /// Effective refractive index and slope m of both sides' gloss (Bousquet et al. 2005: 1.2 to 1.7 and .078 to .5);
     /// `None`: matte.
     pub gloss: Option<[f64; 2]>,
+    /// Fit again although the folder holds this very fit.
     pub force: bool,
 }
 
 /// One side, fitted; maps as its camera saw it.
 pub struct Fitted {
+    /// Which side it is.
     pub side: Side,
     /// 1 good, 0 off the leaf, negative a defect.
     pub status: Vec<i16>,
+    /// Thickness (mm) of every texel.
     pub thickness: Vec<f64>,
+    /// The mean tissue of each channel.
     pub slab: [Slab; 3],
     /// A texel, a channel; NaN where a texel is not good.
     pub sigma: Vec<[Sigma; 3]>,

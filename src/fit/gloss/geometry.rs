@@ -12,7 +12,9 @@ use std::path::Path;
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Geometry {
+    /// Height of the tube's axis over the blade.
     pub height_mm: f64,
+    /// Lit length of the tube, centred on the blade.
     pub tube_length_mm: f64,
     /// 0 is a thin tube.
     pub tube_radius_mm: f64,
@@ -21,8 +23,10 @@ pub struct Geometry {
     /// First and last frame, endpoints included …
     #[serde(default)]
     pub u_start: Option<f64>,
+    /// Position of the tube in the last frame.
     #[serde(default)]
     pub u_end: Option<f64>,
+    /// How many frames there are, evenly from `u_start` to `u_end`.
     #[serde(default)]
     pub frames: Option<usize>,
     /// … or every frame.
@@ -30,6 +34,7 @@ pub struct Geometry {
     pub u: Option<Vec<f64>>,
     /// Standard deviation √((noise_relative·value)² + noise_floor²).
     pub noise_relative: f64,
+    /// The part of the noise that does not grow with the value.
     pub noise_floor: f64,
 }
 
@@ -106,6 +111,7 @@ impl Geometry {
         self.frames_u().into_iter().map(|u| u * self.height_mm).collect()
     }
 
+    /// The device of this geometry, for texels with that lobe.
     pub fn device(&self, lobe: Lobe) -> Device {
         let camera = self.camera_deg.to_radians();
         Device {

@@ -33,13 +33,16 @@ pub struct Device {
     pub radius_mm: f64,
     /// Unit vector towards the camera, z up.
     pub camera: [f64; 3],
+    /// The gloss lobe that texels are fitted with.
     pub lobe: Lobe,
     /// Standard deviation of a sample: √((noise_relative·value)² + noise_floor²).
     pub noise_relative: f64,
+    /// The part of the noise that does not grow with the value.
     pub noise_floor: f64,
 }
 
 impl Device {
+    /// The tube alone.
     pub fn tube(&self) -> Tube {
         Tube { height_mm: self.height_mm, length_mm: self.length_mm, radius_mm: self.radius_mm }
     }
@@ -59,7 +62,9 @@ impl Device {
 /// √((relative·(v + dark_c))² + floor_c²). All readings of a channel share one unknown error of the dark level besides.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ReadingNoise {
+    /// The part of the noise that grows with the signal, as a share of it.
     pub relative: f64,
+    /// The part that every reading of a channel has.
     pub floor: [f64; 3],
     /// The dark level that was taken off the readings: its light-independent part of the signal has noise, too.
     pub dark: [f64; 3],
@@ -99,19 +104,26 @@ pub enum Robust {
 pub struct Undetermined(pub u16);
 
 impl Undetermined {
+    /// Diffuse reflectance, a channel each.
     pub const RHO_D: [Undetermined; 3] = [Undetermined(1), Undetermined(2), Undetermined(4)];
+    /// Gloss reflectance, a channel each.
     pub const RHO_S: [Undetermined; 3] = [Undetermined(8), Undetermined(16), Undetermined(32)];
+    /// Slope of the gloss.
     pub const M: Undetermined = Undetermined(64);
+    /// Tilt in the plane x–z.
     pub const TILT: Undetermined = Undetermined(128);
-    /// Only set where a second pass was there to see it.
+    /// Tilt out of that plane; only in the set where a second pass was there to see it.
     pub const TILT_Y: Undetermined = Undetermined(256);
 
+    /// Whether all of `other` is in the set.
     pub fn contains(self, other: Undetermined) -> bool {
         self.0 & other.0 == other.0
     }
+    /// Adds all of `other` to the set.
     pub fn insert(&mut self, other: Undetermined) {
         self.0 |= other.0;
     }
+    /// Whether everything is determined.
     pub fn is_empty(self) -> bool {
         self.0 == 0
     }
@@ -137,46 +149,62 @@ impl Undetermined {
 /// A fitted texel. Errors are one standard deviation; infinite where nothing is known.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TexelFit {
+    /// Diffuse reflectance ρd, a channel each.
     pub rho_d: [f64; 3],
+    /// Gloss reflectance ρs, a channel each.
     pub rho_s: [f64; 3],
-    /// Slope, [`M_RANGE`].
+    /// Slope m of the gloss, within [`M_RANGE`].
     pub m: f64,
     /// Unit normal (sin tilt cos tilt_y, sin tilt_y, cos tilt cos tilt_y); tilt_y = 0 without a second pass.
     pub normal: [f64; 3],
     /// Tilt in the plane x–z and out of it (rad).
     pub tilt: [f64; 2],
+    /// Standard error of ρd, a channel each.
     pub rho_d_err: [f64; 3],
     /// The part of `rho_d_err` that an error of the channel's own dark level makes, with its sign: ρd changes by this
     /// where every reading of the channel is one standard deviation of the dark level too high.
     pub rho_d_by_dark: [f64; 3],
+    /// Standard error of ρs, a channel each.
     pub rho_s_err: [f64; 3],
+    /// Standard error of the slope m.
     pub m_err: f64,
+    /// Standard errors of the normal's components.
     pub normal_err: [f64; 3],
-    /// Of the two tilts (rad); infinite for one that no pass sees.
+    /// Standard errors of the two tilts (rad); infinite for one that no pass sees.
     pub tilt_err: [f64; 2],
     /// Correlation of ρd and ρs, worst channel.
     pub correlation: f64,
     /// Σ (residual/sd)² over the samples used.
     pub chi2: f64,
+    /// Samples used.
     pub samples: usize,
+    /// Parameters fitted.
     pub parameters: usize,
     /// Samples that robust weighting took for outliers.
     pub outliers: usize,
     /// Condition number of the scaled normal matrix of m and the tilts.
     pub condition: f64,
+    /// Steps of the descents, all together.
     pub iterations: usize,
+    /// How often the model was evaluated.
     pub evaluations: usize,
+    /// How the last descent ended.
     pub termination: Termination,
+    /// Which parameters the samples do not determine.
     pub undetermined: Undetermined,
     /// Why the texel is not to be trusted, if so.
     pub defect: Option<&'static str>,
 }
 
-/// Defects of a texel, by name.
+/// Defect: the descent did not come to an end.
 pub const NOT_CONVERGED: &str = "not converged";
+/// Defect: χ² is larger than noise makes it.
 pub const NOT_EXPLAINED: &str = "residuals exceed the noise";
+/// Defect: two different lobes fit equally well.
 pub const AMBIGUOUS: &str = "two lobes fit equally well";
+/// Defect: no sample stands out of the noise.
 pub const NO_LIGHT: &str = "no light above the noise";
+/// Defect: the lobe falls between two frames.
 pub const NARROW: &str = "lobe narrower than two frames";
 
 /// Range of m (bounds of the fit).
@@ -236,6 +264,7 @@ impl TexelFit {
         }
     }
 
+    /// χ² over the degrees of freedom: about 1 where the model and the stated noise are right.
     pub fn reduced_chi2(&self) -> f64 {
         self.chi2 / (self.samples.saturating_sub(self.parameters)).max(1) as f64
     }

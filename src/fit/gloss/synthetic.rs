@@ -9,8 +9,11 @@ use rand::{RngExt, SeedableRng};
 /// A texel whose parameters are known.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Truth {
+    /// Diffuse reflectance ρd, 0 to 1, a channel each.
     pub rho_d: [f64; 3],
+    /// Gloss reflectance ρs, a channel each.
     pub rho_s: [f64; 3],
+    /// Slope of the gloss.
     pub m: f64,
     /// tilt, tilt_y (rad).
     pub tilt: [f64; 2],
@@ -44,9 +47,11 @@ pub fn pass_x(frames: usize) -> Vec<f64> {
 pub struct Noise(rand_pcg::Pcg64);
 
 impl Noise {
+    /// Noise that this seed decides.
     pub fn new(seed: u64) -> Noise {
         Noise(rand_pcg::Pcg64::seed_from_u64(seed))
     }
+    /// The next standard normal number.
     pub fn normal(&mut self) -> f64 {
         let (a, b): (f64, f64) = (self.0.random(), self.0.random());
         (-2.0 * (1.0 - a).ln()).sqrt() * (std::f64::consts::TAU * b).cos()

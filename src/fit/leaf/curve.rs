@@ -19,15 +19,19 @@ pub struct Incidence(pub f64);
 /// ln ρd, ln ρt and their derivatives at one thickness.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Point {
+    /// ln ρd
     pub ln_rho_d: f64,
+    /// ln ρt
     pub ln_rho_t: f64,
-    /// d ln ρ / d ln t
+    /// d ln ρd / d ln t
     pub d_rho_d: f64,
+    /// d ln ρt / d ln t
     pub d_rho_t: f64,
     /// d² ln ρt / (d ln t)², for the bias of thickness
     pub dd_rho_t: f64,
-    /// d ln ρ / d (ln σa, ln σs)
+    /// d ln ρd / d (ln σa, ln σs)
     pub p_rho_d: [f64; 2],
+    /// d ln ρt / d (ln σa, ln σs)
     pub p_rho_t: [f64; 2],
 }
 

@@ -46,6 +46,7 @@ pub enum Method {
 }
 
 impl Method {
+    /// Its name on the command line and in `fit.toml`.
     pub fn name(self) -> &'static str {
         self.into()
     }
@@ -54,8 +55,11 @@ impl Method {
 /// What `fit leaf` is told beside the capture.
 #[derive(Debug, Clone)]
 pub struct Options {
+    /// How the leaf's interior is found.
     pub method: Method,
+    /// The gloss lobe that texels are fitted with.
     pub lobe: Lobe,
+    /// Weigh outliers among a texel's readings down.
     pub robust: bool,
     /// Which frames are left out of the fit, to judge it by.
     pub hold_out: HoldOut,

@@ -15,6 +15,7 @@ pub const SECTION: &str = "sides";
 /// Figures: ln of front over back, and the same in combined standard errors of the noise, as `apart.sigma_a.R` and
 /// `apart_in_errors.sigma_a.R`.
 pub const APART: &str = "apart";
+/// As [`APART`], divided by the combined standard error.
 pub const APART_IN_ERRORS: &str = "apart_in_errors";
 
 /// Widens both sides' relative errors by what their difference leaves unexplained, and records the difference.

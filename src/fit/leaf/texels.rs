@@ -66,12 +66,14 @@ pub fn format() -> String {
 /// Which parts this process makes: every N-th from the I-th (0-based).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shard {
+    /// Which of the shards this process is, from 0.
     pub index: usize,
+    /// How many shards there are.
     pub count: usize,
 }
 
 /// The parts of one side.
-pub struct Job<'a> {
+pub(crate) struct Job<'a> {
     pub capture: &'a Capture,
     pub side: Side,
     pub mask: &'a [bool],
@@ -188,7 +190,7 @@ impl Job<'_> {
 
 /// Wall time of the two halves of the texel phase (s).
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Seconds {
+pub(crate) struct Seconds {
     pub reading: f64,
     pub fitting: f64,
 }

@@ -30,40 +30,52 @@ use start::{Guess, angle, turned};
 /// A number and its standard error.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Known {
+    /// The number, in the unit that its field states.
     pub value: f64,
+    /// Its standard error, in the same unit; infinite where nothing is known.
     pub error: f64,
 }
 
 /// What came out.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Found {
-    /// Rad.
+    /// Angle of the sun from the zenith (rad).
     pub sun_zenith: Known,
-    /// Rad, from +x to +y, −π … π.
+    /// Azimuth of the sun (rad), from +x to +y, −π … π.
     pub sun_azimuth: Known,
+    /// Turbidity, 1.7 to 10.
     pub turbidity: Known,
-    /// Reading of one kcd/m².
+    /// What one kcd/m² reads as in the picture.
     pub scale: Known,
-    /// Of the four, in this order; NaN where undetermined.
+    /// Correlations of these four, in this order; NaN where undetermined.
     pub correlation: Vec<Vec<f64>>,
-    /// Relative noise of a reading that the errors stand on, and where it is from.
+    /// Relative noise of a reading, which the errors are computed from.
     pub noise: f64,
+    /// Where the noise is known from.
     pub noise_from: NoiseFrom,
-    /// Readings fitted, χ² over the degrees of freedom, relative RMS of the residuals.
+    /// Readings that were fitted.
     pub samples: usize,
+    /// χ² of the readings over the degrees of freedom; 1 where the model describes the sky to within the noise.
     pub reduced_chi2: f64,
+    /// Root mean square of (reading − model)/model.
     pub relative_rms: f64,
-    /// Fate of every pixel (see [`picture`]) and its mean squared residual (NaN where unused).
+    /// Fate of every pixel (see [`picture`]).
     pub fate: Vec<f32>,
+    /// Mean squared residual of a pixel's channels, in units of the noise; NaN where the pixel is not used.
     pub pixel_chi2: Vec<f32>,
     /// (reading − model)/model, channel by channel; NaN where unseen.
     pub residuals: Vec<Vec<f32>>,
+    /// Pixels left out as no clear sky.
     pub outliers: usize,
-    /// Suns that descents ended at, and descents that came to nothing.
+    /// Different suns that descents ended at.
     pub minima: usize,
+    /// Descents that came to nothing.
     pub failed: usize,
+    /// The descent that the results come from.
     pub fit: Fit,
+    /// The steps of the search over starts.
     pub search: Trace,
+    /// What may be believed of the results.
     pub status: Status,
 }
 
@@ -79,6 +91,7 @@ pub enum NoiseFrom {
 }
 
 impl NoiseFrom {
+    /// Its name in `fit.toml`.
     pub fn name(self) -> &'static str {
         match self {
             NoiseFrom::Stated => "stated",

@@ -35,20 +35,29 @@ pub struct Pixel {
 
 /// Fate of a pixel, as `mask.Y` of the fit's map has it.
 pub const USED: f32 = 1.0;
+/// Below the horizon, or hidden by the mask.
 pub const HIDDEN: f32 = 0.0;
+/// As bright as the sensor can tell, or brighter.
 pub const CLIPPED: f32 = -1.0;
+/// Seen, but no clear sky: a cloud, a tree or the sun's disk.
 pub const OUTLIER: f32 = -2.0;
 
 /// What of a panorama can be used.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Picture {
+    /// Columns of the picture.
     pub width: usize,
+    /// Rows of the picture.
     pub height: usize,
+    /// Channels with a reading: 3 (red, green, blue) or 1 (luminance).
     pub channels: usize,
+    /// The pixels that a fit may use.
     pub pixels: Vec<Pixel>,
     /// Pixels above the horizon, and of these hidden and clipped ones.
     pub above: usize,
+    /// How many of `above` the mask hides.
     pub hidden: usize,
+    /// How many of `above` the sensor clipped.
     pub clipped: usize,
     /// A value a pixel: [`USED`], [`HIDDEN`] (also below the horizon), [`CLIPPED`].
     pub fate: Vec<f32>,

@@ -27,9 +27,11 @@ pub enum ProjectionKind {
 /// How a panorama maps pixels to directions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Projection {
+    /// Whole sphere (2:1) or upper hemisphere (4:1), with the zenith in the top row.
     Equirectangular,
-    /// `field`: the whole angle that the circle takes in (rad), π for a hemisphere.
+    /// A circle in a square, equidistant about the zenith.
     Fisheye {
+        /// The whole angle that the circle takes in (rad); π for a hemisphere.
         field: f64,
     },
 }

@@ -17,9 +17,11 @@ use std::path::Path;
 /// What the fit of a panorama is told.
 #[derive(Debug, Clone)]
 pub struct Options {
+    /// Which directions the pixels look in.
     pub projection: ProjectionKind,
     /// With a fisheye: the whole angle across the circle (degrees).
     pub field_deg: f64,
+    /// Which channels hold the readings and the mask.
     pub channels: Channels,
     /// Relative standard error of a reading, above 0 and below 1, where it is known.
     pub noise: Option<f64>,

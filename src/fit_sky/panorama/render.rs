@@ -10,8 +10,11 @@ use std::f64::consts::PI;
 /// What is rendered, and how.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shot {
+    /// Which directions the pixels look in.
     pub projection: Projection,
+    /// Columns of the picture.
     pub width: usize,
+    /// Rows of the picture.
     pub height: usize,
     /// Azimuth of the sun (rad), from +x to +y.
     pub azimuth: f64,
@@ -19,6 +22,7 @@ pub struct Shot {
     pub scale: f64,
     /// Relative standard error of every channel of every pixel.
     pub noise: f64,
+    /// Seed of the noise; the same seed gives the same picture.
     pub seed: u64,
     /// Albedo of level ground below the horizon; 0 leaves it black.
     pub ground: f64,

@@ -8,20 +8,26 @@ pub const DETERMINED: f64 = 0.1;
 /// Eigenvalues of the matrix with unit diagonal below this are rounding.
 const RANK: f64 = 1e-12;
 
-/// Of the logarithms, in their order.
+/// How well the photographs tell the parameters: the logarithms of the coefficients and of the scale, in the order of
+/// [`names`].
 #[derive(Debug, Clone, Default)]
 pub struct Certainty {
+    /// Names of the parameters, as [`names`] makes them.
     pub names: Vec<String>,
-    /// 1σ, relative (of the logarithm); infinite where nothing is known.
+    /// Standard error of each logarithm, which is the relative standard error of its parameter; infinite where nothing is
+    /// known.
     pub stderr: Vec<f64>,
+    /// Correlations of the logarithms, row by row.
     pub correlation: Vec<Vec<f64>>,
-    /// Of the Jacobian with columns of length 1.
+    /// Condition number of the Jacobian after each column was scaled to length 1.
     pub condition: f64,
+    /// How many directions the photographs determine.
     pub rank: usize,
     /// What the standard errors that the noise leaves were multiplied by.
     pub misfit: f64,
     /// Directions that may change by more than [`DETERMINED`].
     pub weak: Vec<Weak>,
+    /// Which parameters ended at a limit of the search.
     pub at_limit: Vec<bool>,
 }
 
@@ -30,8 +36,9 @@ pub struct Certainty {
 pub struct Weak {
     /// Exponents of the parameters, of length 1.
     pub exponents: Vec<f64>,
-    /// 1σ of the logarithm of their product; infinite where it changes nothing at all.
+    /// Standard error of the logarithm of their product; infinite where it changes nothing at all.
     pub stderr: f64,
+    /// The same in words, for messages.
     pub text: String,
 }
 

@@ -57,29 +57,37 @@ pub struct Image {
 /// The photographs of one wavelength.
 #[derive(Debug, Clone)]
 pub struct Channel {
+    /// Name of the channel: `R`, `G` or `B`.
     pub name: String,
     /// Boundary term A ≥ 1.
     pub a: f64,
+    /// This channel of every photograph.
     pub images: Vec<Image>,
 }
 
 /// Everything that was measured.
 #[derive(Debug, Clone)]
 pub struct Measured {
+    /// Columns of every photograph and map.
     pub width: usize,
+    /// Size of a texel on the blade (mm).
     pub texel_mm: f64,
     /// Thickness (mm) in the columns of each lit side, 0 off the leaf.
     pub thickness: Vec<Vec<f64>>,
     /// What is known of the errors of these maps.
     pub thickness_errors: ThicknessErrors,
+    /// What was read, a channel each.
     pub channels: Vec<Channel>,
+    /// Noise of the readings.
     pub noise: Noise,
 }
 
-/// sd of a reading = √((relative·value)² + floor²).
+/// Noise of a reading: its standard deviation is √((relative·value)² + floor²).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Noise {
+    /// The part that grows with the reading, as a share of it.
     pub relative: f64,
+    /// The part that every reading has, in the unit of the readings (1 is a white sheet that faces the beam).
     pub floor: f64,
     /// Whether these are the noise, or only weights whose level the residuals tell.
     pub known: bool,
@@ -93,9 +101,9 @@ impl Noise {
 /// What a fit begins with, or a truth.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tissues {
-    /// 1/mm, a channel each.
+    /// Absorption coefficient σa (1/mm), a channel each.
     pub sigma_a: Vec<f64>,
-    /// σs′, 1/mm.
+    /// Reduced scattering coefficient σs′ = (1 − g) σs (1/mm), a channel each.
     pub reduced: Vec<f64>,
     /// Factor on the thickness map.
     pub scale: f64,
@@ -106,11 +114,12 @@ pub struct Tissues {
 pub struct Options {
     /// Thickness levels.
     pub levels: usize,
+    /// What the share of the light that comes through in all is taken from.
     pub totals: Totals,
     /// With the transport equation's totals: of a beam at each light's own incidence, else of one along the normal (as
     /// renderers have it).
     pub slant: bool,
-    /// The thickness map is right as it is.
+    /// Take the thickness map to be right as it is, and fit no factor on it.
     pub fix_scale: bool,
     /// Rounds of descent at most.
     pub rounds: usize,
@@ -127,10 +136,13 @@ impl Default for Options {
 /// What came out.
 #[derive(Debug, Clone)]
 pub struct Fitted {
+    /// The coefficients and the thickness scale that fit best.
     pub tissues: Tissues,
     /// In the logarithms: σa, σs′ of each channel, then the scale unless it was fixed.
     pub certainty: Certainty,
+    /// How the search ended.
     pub termination: Termination,
+    /// The steps of the search, each with its cost.
     pub trace: Trace,
     /// The parameters (not their logarithms) of each row of the trace.
     pub points: Vec<Tissues>,
@@ -138,6 +150,7 @@ pub struct Fitted {
     pub evaluations: usize,
     /// A channel each, in their order.
     pub residuals: Vec<Residuals>,
+    /// χ² of all readings over the degrees of freedom; to be compared with `expected_chi2`.
     pub reduced_chi2: f64,
     /// Reduced χ² that the noise of the readings and the stated errors of the thickness maps lead to expect.
     pub expected_chi2: f64,

@@ -36,10 +36,13 @@ pub enum Start {
 /// What `fit tissue` is told.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
+    /// How the search is done.
     pub fit: super::Options,
     /// The g that σs is stated for.
     pub g: f64,
+    /// How much light enters a texel.
     pub entry: Entry,
+    /// Where the search begins.
     pub start: Start,
     /// Readings nearer to a picture border that the leaf goes on beyond are left out (mm); `None`: six mean
     /// thicknesses.

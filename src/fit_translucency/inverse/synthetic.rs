@@ -23,16 +23,21 @@ fn cosine(elevation: f64) -> f64 {
 /// What is photographed.
 #[derive(Debug, Clone)]
 pub struct Scene {
+    /// Columns and rows of every photograph.
     pub size: usize,
+    /// Size of a texel (mm).
     pub texel_mm: f64,
-    /// Of the lamina; a vein is half as thick again, waves are a tenth of it. 0 relief is a flat blade of this
-    /// thickness.
+    /// Thickness of the lamina (mm). A vein is half as thick again, and waves are a tenth of it.
     pub thickness_mm: f64,
+    /// How high the waves of the blade are, as a share of the usual ones; 0 is a flat blade.
     pub relief: f64,
-    /// Lit side, elevation and azimuth (rad).
+    /// The lights: the side that each falls on, its elevation and its azimuth (rad).
     pub beams: Vec<(Side, f64, f64)>,
+    /// The tissue that the photographs are made from.
     pub truth: Tissues,
+    /// Relative standard error of a reading; 0 gives exact values.
     pub noise: f64,
+    /// Seed of the noise.
     pub seed: u64,
 }
 
@@ -64,6 +69,7 @@ impl Scene {
         [0.0, 1.0].map(|which| (0..n * n).map(|k| half(k, which)).collect())
     }
 
+    /// The blade that both sides' heights enclose.
     pub fn blade(&self) -> Blade {
         let n = self.size * self.size;
         let [front, back] = self.heights();

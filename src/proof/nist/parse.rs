@@ -7,6 +7,7 @@ use std::path::Path;
 /// One problem file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Dataset {
+    /// The problem's name, as NIST has it.
     pub name: String,
     /// The two starting points.
     pub starts: [Vec<f64>; 2],

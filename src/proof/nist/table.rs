@@ -25,9 +25,11 @@ pub(super) const SOLVED: f64 = 4.0;
 /// One run: a problem from one of its starts.
 #[derive(Debug, Clone)]
 pub struct Outcome {
+    /// The problem's name, as NIST has it.
     pub name: String,
     /// 1 or 2.
     pub start: usize,
+    /// What the solver returned.
     pub fit: Fit,
     /// Fewest correct digits over the parameters.
     pub digits: f64,
@@ -35,6 +37,7 @@ pub struct Outcome {
     pub deviation_digits: f64,
     /// Correct digits of the residual standard deviation.
     pub residual_digits: f64,
+    /// Run time (ms).
     pub ms: f64,
 }
 

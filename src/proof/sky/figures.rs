@@ -10,23 +10,34 @@ use mesophyll_sky::window::Window;
 use mesophyll_sky::{Coefficients, Preetham, Sky, colour, preetham, project};
 use std::f64::consts::PI;
 
-/// What the dissertation says of its own fit (Habel 2009, §5.3.1 and 5.4; the error is ours: its fit repeated, f64).
+/// Size of the dissertation's coefficients in bytes (Habel 2009, §5.3.1 and 5.4), as the next three say what it states
+/// of its own fit. Its error is computed here: the same fit, repeated in f64.
 pub const DISSERTATION_BYTES: f64 = 131_712.0;
+/// Coefficients of each polynomial.
 pub const DISSERTATION_TERMS: f64 = 112.0;
+/// Time of one evaluation (µs).
 pub const DISSERTATION_US: f64 = 80.0;
+/// Time of the fit (s).
 pub const DISSERTATION_FIT_S: f64 = 2.3 * 3600.0;
+/// Largest error, over the smallest c00 of the domain.
 pub const DISSERTATION_ERROR: f64 = 0.0075;
 
 /// One fit on the frontier, judged in f32 (the dissertation's monomials in f64: f32 cannot evaluate them).
 #[derive(Debug, Clone)]
 pub struct Point {
+    /// The kind of polynomials, for the picture's legend.
     pub family: &'static str,
+    /// Their degrees or number of terms.
     pub setting: String,
+    /// Coefficients of each polynomial.
     pub terms: usize,
+    /// Size of all coefficients, in bytes.
     pub bytes: usize,
-    /// The fit's time and one evaluation's (µs).
+    /// Time of the fit (µs).
     pub fit_us: f64,
+    /// Time of one evaluation (µs).
     pub evaluate_us: f64,
+    /// Its errors, in f32 where f32 can evaluate it.
     pub judged: Judged,
     /// Worst error in f64.
     pub wide: f64,
@@ -112,7 +123,9 @@ pub fn frontier(reference: &Reference, grid: usize) -> Result<Vec<Point>> {
 /// A curve of a chart.
 #[derive(Debug, Clone)]
 pub struct Curve {
+    /// Name of the curve, for the picture's legend.
     pub name: String,
+    /// Abscissa and ordinate of every point.
     pub points: Vec<(f64, f64)>,
 }
 
@@ -150,11 +163,17 @@ fn luminance(c: &Coefficients, basis: &Basis) -> Vec<(f64, f64)> {
 /// the dissertation's polynomials, and the differences of those and of the fine fit (luminance, kcd/m²).
 #[derive(Debug, Clone)]
 pub struct Worst {
+    /// Sun zenith angle of the worst sky (rad).
     pub sun_zenith: f64,
+    /// Turbidity of the worst sky.
     pub turbidity: f64,
+    /// Seven bands, integrated directly.
     pub correct: Curve,
+    /// Seven bands from the dissertation's polynomials.
     pub reconstructed: Curve,
+    /// `reconstructed` less `correct`.
     pub difference: Curve,
+    /// The program's own fit less `correct`.
     pub fine: Curve,
 }
 
@@ -216,9 +235,13 @@ pub fn reference() -> Result<Reference> {
 /// All that the pictures of the sky's fits show.
 #[derive(Debug, Clone)]
 pub struct Figures {
+    /// Error against size and time, a fit each.
     pub points: Vec<Point>,
+    /// Error against the number of bands that are used.
     pub bands: Vec<Curve>,
+    /// The sky at which the dissertation's fit is worst.
     pub worst: Worst,
+    /// Luminance below the horizon, a window each.
     pub ringing: Vec<Curve>,
 }
 

@@ -11,12 +11,17 @@ use mesophyll_solve::global::starts_in_box;
 /// A slab 1 mm thick, so that σ in 1/mm is an optical thickness.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Slab {
+    /// Absorption coefficient (1/mm).
     pub sigma_a: f64,
+    /// Scattering coefficient (1/mm).
     pub sigma_s: f64,
-    /// ω, 1 − ω and Δ of the same.
+    /// Single-scattering albedo ω.
     pub omega: f64,
+    /// 1 − ω, without the digits that the difference would lose.
     pub one_minus_omega: f64,
+    /// Optical thickness Δ.
     pub delta: f64,
+    /// What the exact method gives.
     pub exact: Response,
 }
 

@@ -9,15 +9,21 @@ use serde::Serialize;
 pub struct Photograph {
     /// Number of the beam, from 1.
     pub beam: usize,
+    /// The photograph's file, relative to the capture's folder.
     pub file: String,
+    /// The side that the light falls on.
     pub lit: &'static str,
+    /// Elevation of the light over the blade's plane (degrees).
     pub elevation_deg: f64,
+    /// Azimuth of the light in the lit side's image (degrees), from right to up.
     pub azimuth_deg: f64,
-    /// Quantiles .001, .5, .999 of the readings of all channels.
+    /// Quantile .001 of the readings of all channels.
     pub low: f64,
+    /// Median of the readings of all channels.
     pub median: f64,
+    /// Their quantile .999.
     pub high: f64,
-    /// Median, a channel (R G B).
+    /// Median of each channel (R G B).
     pub colour: [f64; 3],
     /// Standard deviation of the noise seen, a channel; an upper bound, for fine texture counts. `None` where too
     /// little of the leaf is seen.
@@ -26,8 +32,9 @@ pub struct Photograph {
     pub read: usize,
     /// Of the texels that any photograph reads: without a number in some channel of this one.
     pub no_reading_share: f64,
-    /// Readings below 0, and above the white sheet.
+    /// Share of the readings below 0.
     pub negative_share: f64,
+    /// Share of the readings above the white sheet.
     pub above_white_share: f64,
     /// Readings that have exactly the largest value: many where a sensor clips.
     pub at_the_top: usize,

@@ -23,8 +23,9 @@ use std::f64::consts::PI;
 /// One direction.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sample {
-    /// Unit vectors towards the source and the viewer; z out of the leaf.
+    /// Unit vector towards the source; z points out of the leaf.
     pub light: [f64; 3],
+    /// Unit vector towards the viewer.
     pub view: [f64; 3],
     /// Reflectance factors, NaN = no reading.
     pub values: Vec<f64>,
@@ -41,17 +42,25 @@ impl Sample {
 /// A fitted leaf; errors are one standard deviation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SamplesFit {
+    /// Diffuse reflectance ρd, a value column each.
     pub rho_d: Vec<f64>,
+    /// Gloss reflectance ρs, the same for all columns.
     pub rho_s: f64,
+    /// Slope of the gloss, the same for all columns.
     pub m: f64,
     /// tilt, tilt_y (rad); normal = (sin tilt cos tilt_y, sin tilt_y, cos tilt cos tilt_y).
     pub tilt: [f64; 2],
     /// Root mean square of all residuals.
     pub rms: f64,
+    /// Standard error of ρd, a value column each.
     pub rho_d_err: Vec<f64>,
+    /// Standard error of ρs.
     pub rho_s_err: f64,
+    /// Standard error of the slope.
     pub m_err: f64,
+    /// Standard errors of tilt and tilt_y (rad).
     pub tilt_err: [f64; 2],
+    /// Readings used.
     pub readings: usize,
 }
 

@@ -37,6 +37,7 @@ pub struct TexelFitter {
     pub(super) device: Device,
     passes: Vec<Pass>,
     pub(super) level: Level,
+    /// How outliers among the samples are treated.
     pub robust: Robust,
     /// Standard deviation (rad) of the tilt that a one-pass fit cannot see; what such a tilt does to the rest widens
     /// the errors.
@@ -107,6 +108,7 @@ impl TexelFitter {
         self.passes.first().map_or(0, |p| p.bank.size())
     }
 
+    /// Room for fits of this device and these positions; one a thread.
     pub fn workspace(&self) -> Workspace {
         Workspace::default()
     }

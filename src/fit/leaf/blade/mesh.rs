@@ -9,17 +9,21 @@ use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation
 /// Vertices (mm; x right, y up, z out of the front), one triangle list, both sides share it.
 #[derive(Debug, Clone, Default)]
 pub struct Blade {
+    /// Vertices (mm).
     pub positions: Vec<[f32; 3]>,
     /// Unit normals out of the front.
     pub normals: Vec<[f32; 3]>,
     /// Unit tangents along +u and the handedness w: bitangent = w · normal × tangent.
     pub tangents: Vec<[f32; 4]>,
+    /// Place of each vertex in the front's maps, 0 to 1, v down.
     pub uvs: Vec<[f32; 2]>,
+    /// Three vertices a triangle, counter-clockwise seen from the front.
     pub indices: Vec<u32>,
     /// Outline rings in mm (holes run the other way round).
     pub outline: Vec<Vec<[f64; 2]>>,
     /// Blade area (mm²), holes left out.
     pub area: f64,
+    /// Root mean square of the slope that no height explains.
     pub slope_residual: f64,
 }
 

@@ -13,7 +13,9 @@ use mesophyll_capture::manifest::texel_position;
 /// A square grid of texels on the blade.
 #[derive(Debug, Clone, Copy)]
 pub struct Grid {
+    /// Columns.
     pub width: usize,
+    /// Rows.
     pub height: usize,
     /// Texel size (mm).
     pub texel: f64,

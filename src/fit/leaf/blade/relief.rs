@@ -9,7 +9,9 @@ const CELLS: usize = 256;
 /// Heights on a coarse grid over the blade.
 #[derive(Debug, Clone)]
 pub struct Relief {
+    /// Columns of cells.
     pub width: usize,
+    /// Rows of cells.
     pub height: usize,
     /// Texels a cell.
     pub block: usize,

@@ -27,6 +27,7 @@ const STORED_BYTES: usize = 8 << 20;
 pub struct Judged {
     /// By pass, those with held-out frames.
     pub passes: BTreeMap<String, HeldOut>,
+    /// How well the transmittance is explained; `None` where no texel tells.
     pub light_box: Option<LightBox>,
     /// What `front_held_out.exr` holds; `None` where nothing was held out.
     pub stored: Option<Maps>,
@@ -35,6 +36,7 @@ pub struct Judged {
 /// Sums over standardised residuals.
 #[derive(Debug, Clone, Default)]
 pub struct Tally {
+    /// Readings added so far.
     pub readings: usize,
     squares: f64,
     signed: f64,
@@ -65,6 +67,7 @@ impl Tally {
         }
     }
 
+    /// Mean square of the standardised residuals.
     pub fn reduced_chi2(&self) -> f64 {
         self.squares / self.readings as f64
     }
@@ -76,10 +79,12 @@ impl Tally {
             / self.readings as f64
     }
 
+    /// Share of the readings that are more than three standard deviations off.
     pub fn share_beyond_3(&self) -> f64 {
         self.beyond as f64 / self.readings as f64
     }
 
+    /// Mean of the standardised residuals: above 0 where more was measured than predicted.
     pub fn bias(&self) -> f64 {
         self.signed / self.readings as f64
     }

@@ -34,7 +34,9 @@ pub const BAD: f64 = 1.0;
 /// Which frames are left out: one of every `every` in a row, drawn by `seed`; 0 leaves none out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct HoldOut {
+    /// One of this many frames is left out; 0 leaves none out.
     pub every: usize,
+    /// Decides which one of each group it is.
     pub seed: u64,
 }
 
@@ -47,7 +49,9 @@ impl Default for HoldOut {
 /// The frames of one pass, in order.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Split {
+    /// Frames that the fit sees, by their number in the pass.
     pub kept: Vec<usize>,
+    /// Frames that it does not see.
     pub held: Vec<usize>,
 }
 
@@ -69,11 +73,14 @@ impl HoldOut {
 /// The frames of both passes.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Splits {
+    /// Frames of pass x.
     pub x: Split,
+    /// Frames of pass y.
     pub y: Split,
 }
 
 impl Splits {
+    /// The frames of one pass.
     pub fn of(&self, travel: Travel) -> &Split {
         match travel {
             Travel::X => &self.x,
@@ -81,6 +88,7 @@ impl Splits {
         }
     }
 
+    /// Whether any frame is left out.
     pub fn any(&self) -> bool {
         !(self.x.held.is_empty() && self.y.held.is_empty())
     }

@@ -11,9 +11,13 @@ use mesophyll_optics::tube::{self, Model, Precision};
 /// A texel as it was fitted.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Texel {
+    /// Diffuse reflectance ρd, a channel each.
     pub rho_d: [f64; 3],
+    /// Gloss reflectance ρs, a channel each.
     pub rho_s: [f64; 3],
+    /// Slope of the gloss.
     pub m: f64,
+    /// Unit normal in the frame of the scan.
     pub normal: [f64; 3],
 }
 
@@ -49,6 +53,7 @@ pub struct Scratch {
 }
 
 impl Predictor {
+    /// The device of `scan` in pass `travel`, with its tube at these positions along the travel (mm).
     pub fn new(scan: &Scan, travel: Travel, positions_mm: &[f64]) -> Predictor {
         let precision = Precision::default();
         let model = Model::new(scan.tube(), scan.camera(), scan.lobe(), &precision);
@@ -59,6 +64,7 @@ impl Predictor {
         Predictor { pass: Pass::new(&model, travel, positions_mm, precision.along, Level::detect()) }
     }
 
+    /// How many positions there are.
     pub fn frames(&self) -> usize {
         self.pass.frames()
     }

@@ -35,30 +35,46 @@ pub(super) fn rounded(value: f32, relative: f64) -> f32 {
 /// One side's stored frames against what the folder's maps say now.
 #[derive(Debug, Clone)]
 pub struct Kept {
+    /// Which side it is.
     pub side: Side,
-    /// Size of the stored images, and every how many rows and columns of the maps they hold.
+    /// Columns of the stored images.
     pub width: usize,
+    /// Rows of the stored images.
     pub height: usize,
+    /// Every how many rows and columns of the maps are stored.
     pub step: usize,
+    /// The stored frames.
     pub frames: Vec<KeptFrame>,
+    /// How well the transmittance is explained; `None` where it was not stored.
     pub light_box: Option<LightBox>,
 }
 
 /// A stored frame. Planes are a channel each; NaN off the good texels.
 #[derive(Debug, Clone)]
 pub struct KeptFrame {
+    /// The pass that the frame belongs to.
     pub travel: Travel,
+    /// Its number in the pass, from 0.
     pub frame: usize,
+    /// Position of the tube along the travel (mm).
     pub position_mm: f64,
+    /// What was measured (1 is a white texel under an infinite tube).
     pub measured: [Vec<f32>; 3],
+    /// What the maps predict, in the same unit.
     pub predicted: [Vec<f32>; 3],
     /// (measured − predicted) / noise.
     pub residual: [Vec<f32>; 3],
+    /// Readings that were compared.
     pub readings: usize,
+    /// Mean square of the residuals, in units of the noise.
     pub reduced_chi2: f64,
+    /// The mean square that noise and the fit's own errors lead to expect.
     pub expected: f64,
+    /// Standard error of `reduced_chi2`.
     pub stderr: f64,
+    /// Share of the readings that are more than three standard deviations off.
     pub share_beyond_3: f64,
+    /// Mean residual in units of the noise.
     pub bias: f64,
 }
 
@@ -68,6 +84,7 @@ impl KeptFrame {
         super::off(self.reduced_chi2, self.expected, self.stderr)
     }
 
+    /// Pass and number, as in `x 12`.
     pub fn name(&self) -> String {
         format!("{} {}", self.travel.name(), self.frame)
     }

@@ -26,8 +26,11 @@ const UNIT: usize = 4096;
 /// What the texels say, good ones only.
 #[derive(Debug, Clone, Copy)]
 pub struct Texel {
+    /// Diffuse reflectance ρd, a channel each.
     pub rho_d: [f64; 3],
+    /// Standard error of ρd, a channel each.
     pub rho_d_err: [f64; 3],
+    /// Transmittance ρt, a channel each.
     pub rho_t: [f64; 3],
     /// Noise of ρt without light; a transmittance T has the variance (relative·T)² + floor², the relative part being
     /// [`Settings::relative`].
@@ -52,10 +55,13 @@ pub type StandIns = Vec<u32>;
 pub struct Local {
     /// h + δ (mm)
     pub thickness: f64,
+    /// Standard error of the thickness (mm).
     pub thickness_err: f64,
     /// d ln thickness / d ρt, a channel.
     pub pull: [f64; 3],
+    /// γ: the texel's reflectance relative to the leaf's, a channel each.
     pub gamma: [f64; 3],
+    /// Standard error of γ, a channel each.
     pub gamma_err: [f64; 3],
     /// χ² of the transmittance (three channels, one unknown).
     pub chi2: f64,
@@ -66,15 +72,23 @@ pub struct Local {
 /// The fitted leaf.
 #[derive(Debug, Clone)]
 pub struct Wide {
+    /// Absorption coefficient σa (1/mm), a channel each.
     pub sigma_a: [f64; 3],
+    /// Scattering coefficient σs (1/mm), a channel each.
     pub sigma_s: [f64; 3],
     /// Covariance of (ln σa, ln σs) a channel: r_a, r_s, g_a, g_s, b_a, b_s. Statistical only; an error of h adds.
     pub covariance: M6,
+    /// Thickness and γ of every texel, in the order of the texels.
     pub locals: Vec<Local>,
+    /// How the descent ended.
     pub termination: Termination,
+    /// Its steps, each with its cost.
     pub trace: Trace,
+    /// Condition number of the problem in the shared parameters, at the solution.
     pub condition: f64,
+    /// How many directions of the shared parameters the texels determine.
     pub rank: usize,
+    /// The fitted slab's response over thickness, a channel each.
     pub curves: [Curve; 3],
     /// What is left of the gauges: mean thickness − h (mm) and mean γ − 1.
     pub gauge: [f64; 4],
@@ -83,11 +97,15 @@ pub struct Wide {
 /// Settings of [`fit`].
 #[derive(Debug, Clone, Copy)]
 pub struct Settings {
+    /// Mean thickness by caliper (mm).
     pub h: f64,
+    /// Incidence of the light that ρt was measured with.
     pub incidence: Incidence,
     /// Noise of a transmittance, relative to it.
     pub relative: f64,
+    /// Weigh texels down that no thickness explains.
     pub robust: bool,
+    /// Steps of the descent at most.
     pub iterations: usize,
     /// What all ρd may have in common that their own noise does not tell.
     pub common: Common,

@@ -19,8 +19,11 @@ const MARGIN_MM: f64 = 1.5;
 /// One candidate on one case.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
+    /// Name of the leaf and of the lit side.
     pub case: String,
+    /// What was judged.
     pub candidate: Candidate,
+    /// Its errors at each of the three elevations.
     pub spreads: [Spread; 3],
 }
 

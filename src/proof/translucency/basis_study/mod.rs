@@ -32,9 +32,13 @@ pub const TEXEL_MM: f64 = 0.1;
 
 /// One lit side of a piece of leaf, ready to be judged.
 pub struct Case {
+    /// Name of the leaf and of the lit side.
     pub name: String,
+    /// Shape and thickness.
     pub blade: Blade,
+    /// The side that the light falls on.
     pub side: Side,
+    /// What the blade is made of.
     pub tissue: Tissue,
 }
 
@@ -48,12 +52,16 @@ impl Case {
 /// What is to be judged.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Candidate {
+    /// The functions of direction.
     pub basis: Basis,
+    /// How samples become coefficients.
     pub weights: Weights,
+    /// The directions of the samples.
     pub lights: Rule,
 }
 
 impl Candidate {
+    /// Its name in rows and legends.
     pub fn name(&self) -> String {
         let weights = match self.weights {
             Weights::Gram => "",

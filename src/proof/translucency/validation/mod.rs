@@ -15,7 +15,9 @@ use mesophyll_walk::Histories;
 /// How many histories the oracle takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Effort {
+    /// Histories of each plane slab.
     pub plane: u64,
+    /// Histories of each vein, all runs together.
     pub vein: u64,
 }
 

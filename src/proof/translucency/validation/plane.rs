@@ -25,6 +25,7 @@ fn boundary(tissue: &Tissue) -> Boundary {
     if reflectance > 0.0 { Boundary::Diffuse { reflectance } } else { Boundary::Matched }
 }
 
+/// The medium that the walk takes in place of this tissue.
 pub fn medium(tissue: &Tissue) -> Medium {
     Medium { sigma_a: tissue.sigma_a, sigma_s: tissue.sigma_s, g: tissue.g }
 }

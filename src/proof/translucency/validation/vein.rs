@@ -35,8 +35,11 @@ const SLOPE: f64 = 0.35;
 /// A straight ridge on a lamina of 0.2 mm: its height and its full width at half height, mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Vein {
+    /// Its name in rows.
     pub name: &'static str,
+    /// Height of the crest over the lamina (mm).
     pub rise: f64,
+    /// Full width at half height (mm).
     pub width: f64,
 }
 
@@ -68,7 +71,9 @@ impl Vein {
 /// On which face the ridge stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ridge {
+    /// The face that the light enters.
     Lit,
+    /// The face that the light leaves.
     Unlit,
 }
 
@@ -158,6 +163,7 @@ pub struct Model {
 }
 
 impl Model {
+    /// The model of a ridge on that face.
     pub fn new(vein: &Vein, ridge: Ridge) -> Model {
         let map = |face: Ridge| vein.face(WIDE, face, ridge).repeat(LONG);
         let all = || vec![1.0; WIDE * LONG];
@@ -195,16 +201,20 @@ impl Model {
 /// What is read off a profile: the lamina's level, and relative to it the crest, both feet, and the shadow's edge (mm).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading {
+    /// Level beside the vein, in the unit of the profile.
     pub lamina: f64,
+    /// Level at the crest, as a share of the lamina's.
     pub crest: f64,
-    /// 0.3 mm from the crest, towards the light and away from it.
+    /// Level 0.3 mm from the crest on the side towards the light, as a share of the lamina's.
     pub near: f64,
+    /// The same on the side away from the light.
     pub far: f64,
     /// Distance over which the profile rises from 10 to 90 % of the way from crest to lamina, both sides' mean; NaN
     /// where it does not.
     pub edge: f64,
 }
 
+/// Reads these figures off a profile that runs across the vein.
 pub fn read(profile: &[f64]) -> Reading {
     let mean = |low: f64, high: f64| {
         let inside: Vec<f64> = (0..N).filter(|&k| (low..=high).contains(&x_of(k))).map(|k| profile[k]).collect();
