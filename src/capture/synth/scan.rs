@@ -35,7 +35,7 @@ pub struct Options {
     pub seed: u64,
     /// Whether σa varies over the leaf.
     pub model: Model,
-    /// Writes the three exposures of every frame instead of merging them.
+    /// Keeps the three exposures of every frame beside the merged one.
     pub raw_exposures: bool,
 }
 
