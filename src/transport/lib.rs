@@ -7,7 +7,6 @@
 
 #![warn(missing_docs)]
 
-pub mod accelerate;
 pub mod albedo;
 pub mod closed_form;
 #[cfg(feature = "render")]
@@ -25,6 +24,8 @@ mod sphere_density;
 mod stage;
 pub mod tone;
 pub mod world;
+
+pub use mesophyll_rays as accelerate;
 
 pub use dome::{Dome, RadianceAt};
 pub use render::{Options, ReferencePicture, Renderer, render};

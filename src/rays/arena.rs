@@ -1,0 +1,104 @@
+//! A tree as it lies in memory: nodes and packets of triangles in one array of cache lines, children near their parents.
+//!
+//! A row is eight 32-bit numbers. A node takes eight rows: low and high x of its eight children, the same of y and z,
+//! the children's codes, and a row that is left free so that a node fills four cache lines. A code is the number of the
+//! child's first cache line, or has [`LEAF`] set and means what the tree's leaves are: the first line of a packet, or
+//! the number of an instance.
+
+use crate::collapse::{Child, wide};
+use crate::frame::{Bounds, Frame};
+use crate::lanes::WIDTH;
+
+/// Eight numbers, as bits.
+pub(crate) type Row = [u32; WIDTH];
+
+/// A cache line.
+#[derive(Debug, Clone, Copy)]
+#[repr(C, align(64))]
+pub(crate) struct Line(pub [Row; 2]);
+
+/// Lines of a node.
+pub(crate) const NODE: usize = 4;
+
+/// Marks the code of a leaf.
+pub(crate) const LEAF: u32 = 1 << 31;
+
+/// A box tree eight children wide.
+#[derive(Debug, Clone)]
+pub(crate) struct Tree {
+    /// The root lies in front; empty where there is nothing.
+    pub lines: Vec<Line>,
+    pub frame: Frame,
+    /// Of everything, in the caller's units.
+    pub bounds: Bounds,
+    /// How many children can wait for their turn at once.
+    pub waiting: usize,
+}
+
+impl Tree {
+    /// A tree over boxes of which at most `most` share a leaf. `leaf` gets the numbers of a leaf's boxes, may add
+    /// lines, and gives the leaf's code without [`LEAF`].
+    pub fn build(boxes: &[Bounds], most: u32, mut leaf: impl FnMut(&Frame, &[u32], &mut Vec<Line>) -> u32) -> Tree {
+        let bounds = boxes.iter().copied().fold(Bounds::EMPTY, Bounds::union);
+        let frame = Frame::of(&bounds);
+        let rounded: Vec<_> = boxes.iter().map(|b| frame.rounded(b)).collect();
+        let nodes = wide(&rounded, most);
+        let mut lines = Vec::new();
+        let mut deepest = 0;
+        // number of the node, its first line, its depth
+        let mut open = Vec::new();
+        if !nodes.is_empty() {
+            lines.resize(NODE, EMPTY);
+            open.push((0, 0, 1));
+        }
+        while let Some((n, at, depth)) = open.pop() {
+            deepest = deepest.max(depth);
+            let mut codes = [0; WIDTH];
+            let children = &nodes[n].children;
+            for (k, (_, child)) in children.iter().enumerate() {
+                if let Child::Things(things) = child {
+                    codes[k] = LEAF | leaf(&frame, things, &mut lines);
+                }
+            }
+            for (k, (_, child)) in children.iter().enumerate().rev() {
+                if let Child::Node(m) = child {
+                    codes[k] = lines.len() as u32;
+                    open.push((*m, lines.len(), depth + 1));
+                    lines.resize(lines.len() + NODE, EMPTY);
+                }
+            }
+            assert!(lines.len() < LEAF as usize, "a tree of {} cache lines is larger than codes can say", lines.len());
+            // Slots that are free hold nothing: low +∞, high −∞.
+            for axis in 0..3 {
+                let pick = |side: usize, none: f32| {
+                    std::array::from_fn(|k| children.get(k).map_or(none, |(corners, _)| corners[side][axis]).to_bits())
+                };
+                lines[at + axis] = Line([pick(0, f32::INFINITY), pick(1, f32::NEG_INFINITY)]);
+            }
+            lines[at + 3].0[0] = codes;
+        }
+        lines.shrink_to_fit();
+        Tree { lines, frame, bounds, waiting: (WIDTH - 1) * deepest + 1 }
+    }
+
+    /// The node that begins at a line.
+    #[inline(always)]
+    pub fn node(&self, at: u32) -> &[Line; NODE] {
+        self.lines[at as usize..].first_chunk().expect("a node's code names a node")
+    }
+
+    /// The boxes of the root's children, in the caller's units: tighter together than the one around everything.
+    pub fn parts(&self) -> Vec<Bounds> {
+        if self.lines.is_empty() {
+            return Vec::new();
+        }
+        let root = self.node(0);
+        let back = |side: usize, k: usize| {
+            let local = [0, 1, 2].map(|axis| f64::from(f32::from_bits(root[axis].0[side][k])));
+            glam::DVec3::from(local) / self.frame.scale + self.frame.centre
+        };
+        (0..WIDTH).map(|k| Bounds { low: back(0, k), high: back(1, k) }).filter(|b| !b.is_empty()).collect()
+    }
+}
+
+pub(crate) const EMPTY: Line = Line([[0; WIDTH]; 2]);

@@ -1,0 +1,226 @@
+//! Which boxes go together: a binary tree from the crate `obvhs`, made eight children wide.
+//!
+//! The binary tree has one thing a leaf. Which of its nodes stay is chosen so that the expected cost of a ray is least
+//! (the surface area heuristic; the dynamic programme of Ylitie, Karras & Laine 2017, §3.1): a node costs as much as a
+//! packet of up to eight things, each weighted with the surface of its box.
+
+use crate::lanes::WIDTH;
+use glam::Vec3A;
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::Bvh2;
+use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
+use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
+
+/// Low and high corner.
+pub(crate) type Corners = [[f32; 3]; 2];
+
+/// What a node has below it.
+#[derive(Debug, Clone)]
+pub(crate) enum Child {
+    /// A node, by its number.
+    Node(usize),
+    /// Things, by their numbers.
+    Things(Vec<u32>),
+}
+
+/// A node with up to eight children.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct WideNode {
+    pub children: Vec<(Corners, Child)>,
+}
+
+/// Share of the nodes that are taken out and put back where they cost less. More of it makes trees a few per cent
+/// faster, and slower to build.
+const REINSERTED: f32 = 0.1;
+
+/// The nodes of a tree over boxes, its root first, parents before their children; at most `most` things a leaf. No box,
+/// no node.
+pub(crate) fn wide(boxes: &[Corners], most: u32) -> Vec<WideNode> {
+    if boxes.is_empty() {
+        return Vec::new();
+    }
+    let boxes: Vec<Aabb> = boxes.iter().map(|b| Aabb::new(Vec3A::from(b[0]), Vec3A::from(b[1]))).collect();
+    let indices = (0..boxes.len() as u32).collect();
+    let mut binary = PlocBuilder::with_capacity(boxes.len()).build(
+        PlocSearchDistance::Medium,
+        &boxes,
+        indices,
+        SortPrecision::U64,
+        0,
+    );
+    ReinsertionOptimizer::default().run(&mut binary, REINSERTED, None);
+    let plan = Plan::new(&binary, most);
+    plan.nodes(&binary)
+}
+
+/// What to make of every node of the binary tree.
+struct Plan {
+    /// A node stays as a leaf.
+    leaf: Vec<bool>,
+    /// Of at most j subtrees, how many the first child gives; 0: j−1 subtrees are as good. Entries 2 to 8 count.
+    first: Vec<[u8; WIDTH + 1]>,
+}
+
+impl Plan {
+    fn new(binary: &Bvh2, most: u32) -> Plan {
+        let count = binary.nodes.len();
+        let mut plan = Plan { leaf: vec![false; count], first: vec![[0; WIDTH + 1]; count] };
+        // cost[n][j−1]: the least cost of node n as at most j subtrees
+        let mut cost = vec![[0.0f32; WIDTH - 1]; count];
+        let mut things = vec![0u32; count];
+        let mut order = Vec::with_capacity(count);
+        let mut open = vec![0usize];
+        while let Some(n) = open.pop() {
+            order.push(n);
+            if !binary.nodes[n].is_leaf() {
+                let first = binary.nodes[n].first_index as usize;
+                open.extend([first, first + 1]);
+            }
+        }
+        for &n in order.iter().rev() {
+            let node = &binary.nodes[n];
+            let area = node.aabb().half_area();
+            if node.is_leaf() {
+                (things[n], plan.leaf[n], cost[n]) = (node.prim_count, true, [area; WIDTH - 1]);
+                continue;
+            }
+            let [l, r] = [0, 1].map(|k| node.first_index as usize + k);
+            things[n] = things[l].saturating_add(things[r]);
+            let mut best = [f32::INFINITY; WIDTH + 1];
+            for j in 2..=WIDTH {
+                for k in (1..j).filter(|k| j - k < WIDTH) {
+                    let split = cost[l][k - 1] + cost[r][j - k - 1];
+                    if split < best[j] {
+                        best[j] = split;
+                        plan.first[n][j] = k as u8;
+                    }
+                }
+            }
+            let inner = best[WIDTH] + area;
+            let leaf = if things[n] <= most { area } else { f32::INFINITY };
+            plan.leaf[n] = leaf <= inner;
+            cost[n][0] = leaf.min(inner);
+            for j in 2..WIDTH {
+                cost[n][j - 1] = best[j].min(cost[n][j - 2]);
+                if best[j] >= cost[n][j - 2] {
+                    plan.first[n][j] = 0;
+                }
+            }
+        }
+        plan
+    }
+
+    fn nodes(&self, binary: &Bvh2) -> Vec<WideNode> {
+        let mut nodes = vec![WideNode::default()];
+        if self.leaf[0] {
+            nodes[0].children.push((corners(binary, 0), Child::Things(below(binary, 0))));
+            return nodes;
+        }
+        let mut open = vec![(0, 0)];
+        while let Some((to, from)) = open.pop() {
+            let mut children = Vec::with_capacity(WIDTH);
+            self.split(binary, from, WIDTH, &mut children);
+            for n in children {
+                let child = if self.leaf[n] {
+                    Child::Things(below(binary, n))
+                } else {
+                    nodes.push(WideNode::default());
+                    open.push((nodes.len() - 1, n));
+                    Child::Node(nodes.len() - 1)
+                };
+                nodes[to].children.push((corners(binary, n), child));
+            }
+        }
+        nodes
+    }
+
+    /// The at most `j` ≥ 2 subtrees under node `n` that are to be children of one node.
+    fn split(&self, binary: &Bvh2, n: usize, j: usize, out: &mut Vec<usize>) {
+        let k = usize::from(self.first[n][j]);
+        let first = binary.nodes[n].first_index as usize;
+        for (child, share) in [(first, k), (first + 1, j - k)] {
+            let inner = !binary.nodes[child].is_leaf();
+            match (2..=share).rev().find(|&j| inner && self.first[child][j] > 0) {
+                Some(j) => self.split(binary, child, j, out),
+                None => out.push(child),
+            }
+        }
+    }
+}
+
+fn corners(binary: &Bvh2, n: usize) -> Corners {
+    let b = binary.nodes[n].aabb();
+    [b.min.to_array(), b.max.to_array()]
+}
+
+/// The things under a node.
+fn below(binary: &Bvh2, n: usize) -> Vec<u32> {
+    let (mut out, mut open) = (Vec::new(), vec![n]);
+    while let Some(n) = open.pop() {
+        let node = &binary.nodes[n];
+        let first = node.first_index as usize;
+        if node.is_leaf() {
+            out.extend_from_slice(&binary.primitive_indices[first..first + node.prim_count as usize]);
+        } else {
+            open.extend([first + 1, first]);
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Every thing once, every box around what lies below it, no more children and things than allowed.
+    fn check(boxes: &[Corners], most: u32) {
+        let nodes = wide(boxes, most);
+        let mut seen = vec![0; boxes.len()];
+        let holds =
+            |outer: &Corners, inner: &Corners| (0..3).all(|x| outer[0][x] <= inner[0][x] && outer[1][x] >= inner[1][x]);
+        for (n, node) in nodes.iter().enumerate() {
+            assert!((1..=WIDTH).contains(&node.children.len()));
+            for (corners, child) in &node.children {
+                match child {
+                    Child::Node(m) => {
+                        assert!(*m > n);
+                        assert!(nodes[*m].children.iter().all(|(inner, _)| holds(corners, inner)));
+                    }
+                    Child::Things(things) => {
+                        assert!((1..=most as usize).contains(&things.len()));
+                        for &k in things {
+                            seen[k as usize] += 1;
+                            assert!(holds(corners, &boxes[k as usize]));
+                        }
+                    }
+                }
+            }
+        }
+        assert!(seen.iter().all(|&s| s == 1));
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+        #[test]
+        fn trees_hold_everything_once(
+            places in prop::collection::vec(prop::array::uniform6(-1.0f32..1.0), 1..200),
+            most in 1u32..=8,
+        ) {
+            let boxes: Vec<Corners> = places
+                .iter()
+                .map(|p| [[0, 1, 2].map(|x| p[x]), [0, 1, 2].map(|x| p[x] + 0.1 * p[x + 3].abs())])
+                .collect();
+            check(&boxes, most);
+        }
+    }
+
+    #[test]
+    fn piles_of_equal_boxes_and_points() {
+        for n in [1, 2, 3, 9, 600, 5000] {
+            check(&vec![[[-0.5, 0.0, 0.25], [0.5, 0.0, 0.5]]; n], 8);
+            check(&vec![[[0.0; 3]; 2]; n], 1);
+        }
+        assert!(wide(&[], 8).is_empty());
+    }
+}

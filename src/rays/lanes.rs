@@ -1,0 +1,162 @@
+//! Eight f32 side by side: a processor's vector where it has AVX2 and FMA, an array elsewhere.
+
+#[cfg(target_arch = "x86_64")]
+mod x86;
+
+/// How many lanes a vector has.
+pub(crate) const WIDTH: usize = 8;
+
+/// A vector of eight f32. Comparisons give a bit a lane, lane 0 in the lowest; a NaN compares false.
+pub(crate) trait Lanes: Copy {
+    fn splat(x: f32) -> Self;
+    /// From the bits of eight f32.
+    fn load(from: &[u32; WIDTH]) -> Self;
+    fn store(self) -> [f32; WIDTH];
+    fn add(self, o: Self) -> Self;
+    fn sub(self, o: Self) -> Self;
+    fn mul(self, o: Self) -> Self;
+    /// self·b + c, rounded once or twice.
+    fn mul_add(self, b: Self, c: Self) -> Self;
+    /// self·b − c, rounded once or twice.
+    fn mul_sub(self, b: Self, c: Self) -> Self;
+    fn min(self, o: Self) -> Self;
+    fn max(self, o: Self) -> Self;
+    /// Only the sign bits.
+    fn sign(self) -> Self;
+    /// The sign bits of `o` turn those of self.
+    fn flip(self, o: Self) -> Self;
+    /// Where self ≤ o.
+    fn at_most(self, o: Self) -> u32;
+}
+
+/// Any processor.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Plain([f32; WIDTH]);
+
+impl Plain {
+    #[inline(always)]
+    fn with(self, o: Self, f: impl Fn(f32, f32) -> f32) -> Self {
+        Plain(std::array::from_fn(|k| f(self.0[k], o.0[k])))
+    }
+}
+
+impl Lanes for Plain {
+    #[inline(always)]
+    fn splat(x: f32) -> Self {
+        Plain([x; WIDTH])
+    }
+    #[inline(always)]
+    fn load(from: &[u32; WIDTH]) -> Self {
+        Plain(from.map(f32::from_bits))
+    }
+    #[inline(always)]
+    fn store(self) -> [f32; WIDTH] {
+        self.0
+    }
+    #[inline(always)]
+    fn add(self, o: Self) -> Self {
+        self.with(o, |a, b| a + b)
+    }
+    #[inline(always)]
+    fn sub(self, o: Self) -> Self {
+        self.with(o, |a, b| a - b)
+    }
+    #[inline(always)]
+    fn mul(self, o: Self) -> Self {
+        self.with(o, |a, b| a * b)
+    }
+    #[inline(always)]
+    fn mul_add(self, b: Self, c: Self) -> Self {
+        self.mul(b).add(c)
+    }
+    #[inline(always)]
+    fn mul_sub(self, b: Self, c: Self) -> Self {
+        self.mul(b).sub(c)
+    }
+    #[inline(always)]
+    fn min(self, o: Self) -> Self {
+        self.with(o, |a, b| if a < b { a } else { b })
+    }
+    #[inline(always)]
+    fn max(self, o: Self) -> Self {
+        self.with(o, |a, b| if a > b { a } else { b })
+    }
+    #[inline(always)]
+    fn sign(self) -> Self {
+        Plain(self.0.map(|a| f32::from_bits(a.to_bits() & 1 << 31)))
+    }
+    #[inline(always)]
+    fn flip(self, o: Self) -> Self {
+        self.with(o, |a, b| f32::from_bits(a.to_bits() ^ b.to_bits()))
+    }
+    #[inline(always)]
+    fn at_most(self, o: Self) -> u32 {
+        (0..WIDTH).fold(0, |mask, k| mask | u32::from(self.0[k] <= o.0[k]) << k)
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+pub(crate) use x86::Avx2;
+
+/// What the processor can do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Level {
+    /// What every processor of this kind has.
+    Plain,
+    /// Vectors of eight with fused multiply–add.
+    Avx2,
+}
+
+impl Level {
+    /// What this processor can do.
+    pub fn detect() -> Level {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") && is_x86_feature_detected!("bmi1") {
+            return Level::Avx2;
+        }
+        Level::Plain
+    }
+
+    /// This level where the processor has it, else the plain one.
+    pub fn available(self) -> Level {
+        if self == Level::Avx2 { Level::detect() } else { self }
+    }
+}
+
+/// Asks the memory for 256 bytes that will soon be read.
+#[inline(always)]
+pub(crate) fn prefetch<T>(from: *const T) {
+    #[cfg(target_arch = "x86_64")]
+    for line in 0..4 {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        // SAFETY: a prefetch reads nothing that a program sees, whatever the address.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(from.cast::<i8>().wrapping_add(64 * line)) };
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = from;
+}
+
+/// Compiles a generic `#[inline(always)]` function for each instruction set and calls the one of `level`:
+/// `dispatch!(level, [generics] function(arg: Type, …) -> Return)`.
+macro_rules! dispatch {
+    ($level:expr, [$($generic:ident: $bound:path),*], $function:ident($($arg:ident: $type:ty),*) -> $ret:ty) => {{
+        #[cfg(target_arch = "x86_64")]
+        {
+            #[target_feature(enable = "avx2,fma,bmi1")]
+            fn avx2<$($generic: $bound),*>($($arg: $type),*) -> $ret {
+                $function::<$crate::lanes::Avx2, $($generic),*>($($arg),*)
+            }
+            match $level {
+                // SAFETY: `Level::available` saw the instruction set on this processor.
+                $crate::lanes::Level::Avx2 => unsafe { avx2($($arg),*) },
+                $crate::lanes::Level::Plain => $function::<$crate::lanes::Plain, $($generic),*>($($arg),*),
+            }
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        {
+            let _ = $level;
+            $function::<$crate::lanes::Plain, $($generic),*>($($arg),*)
+        }
+    }};
+}
+pub(crate) use dispatch;

@@ -1,0 +1,189 @@
+//! Triangles: the f64 test that decides, and packets of eight in f32 that say which triangles need it.
+
+use crate::arena::{EMPTY, Line, Row};
+use crate::frame::{Frame, above};
+use crate::lanes::{Lanes, WIDTH};
+use crate::ray::Ray;
+use crate::walk::Local;
+use glam::DVec3;
+
+/// Three corners.
+pub(crate) type Triangle = [[f64; 3]; 3];
+
+/// A ray prepared for the f64 test: its longest axis becomes z, and x and y are sheared so that it runs along z.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Sheared {
+    axes: [usize; 3],
+    shear: [f64; 3],
+    origin: [f64; 3],
+}
+
+impl Sheared {
+    #[inline(always)]
+    pub fn new(ray: &Ray) -> Sheared {
+        let (o, d) = (ray.origin.to_array(), ray.direction.to_array());
+        let [x, y, z] = [d[0].abs(), d[1].abs(), d[2].abs()];
+        let axes = if x > y && x > z {
+            [1, 2, 0]
+        } else if y > z {
+            [2, 0, 1]
+        } else {
+            [0, 1, 2]
+        };
+        let steep = 1.0 / d[axes[2]];
+        Sheared {
+            axes,
+            shear: [d[axes[0]] * steep, d[axes[1]] * steep, steep],
+            origin: [o[axes[0]], o[axes[1]], o[axes[2]]],
+        }
+    }
+
+    /// A corner as the ray sees it: how far beside the ray, twice, and how far along it.
+    #[inline(always)]
+    fn corner(&self, p: &[f64; 3]) -> (f64, f64, f64) {
+        let along = |k: usize| p[self.axes[k]] - self.origin[k];
+        let z = along(2);
+        (along(0) - self.shear[0] * z, along(1) - self.shear[1] * z, z)
+    }
+
+    /// (t, b1, b2) with the hit at (1−b1−b2)·p0 + b1·p1 + b2·p2, from either side; t may be negative. Woop, Benthin &
+    /// Wald 2013 ("Watertight ray/triangle intersection"), in f64: of two triangles with a common edge at least one is
+    /// met by a ray through the edge, because both compute the edge's sign from the same numbers. A triangle that is seen
+    /// exactly edge-on is not met.
+    #[inline(always)]
+    pub fn meet(&self, triangle: &Triangle) -> Option<(f64, f64, f64)> {
+        let [(ax, ay, az), (bx, by, bz), (cx, cy, cz)] =
+            [self.corner(&triangle[0]), self.corner(&triangle[1]), self.corner(&triangle[2])];
+        let (u, v, w) = (area(cx, cy, bx, by), area(ax, ay, cx, cy), area(bx, by, ax, ay));
+        if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
+            return None;
+        }
+        let det = u + v + w;
+        if det == 0.0 {
+            return None;
+        }
+        let inverse = 1.0 / det;
+        let t = (u * az + v * bz + w * cz) * inverse * self.shear[2];
+        // NaN, of a triangle without an area whose products overflow, is no hit.
+        t.is_finite().then_some((t, v * inverse, w * inverse))
+    }
+}
+
+/// x1·y2 − y1·x2, with the right sign always: exact products (Dekker 1971, by fused multiply–add) where rounding could
+/// turn it. Without them a triangle that the ray sees edge-on could be met beside its corners.
+#[inline(always)]
+fn area(x1: f64, y1: f64, x2: f64, y2: f64) -> f64 {
+    let (a, b) = (x1 * y2, y1 * x2);
+    let difference = a - b;
+    if difference.abs() > 4e-16 * (a.abs() + b.abs()) {
+        difference
+    } else {
+        difference + (x1.mul_add(y2, -a) - y1.mul_add(x2, -b))
+    }
+}
+
+/// Lines of a packet: rows of a corner (x, y, z), two edges, the longest edge component, and which triangles they are.
+pub(crate) const PACKET: usize = 6;
+
+/// Adds a packet of up to eight triangles, of which `ids` says which they are in `triangles`.
+pub(crate) fn pack(frame: &Frame, triangles: &[Triangle], ids: &[u32], lines: &mut Vec<Line>) -> u32 {
+    let at = lines.len();
+    lines.resize(at + PACKET, EMPTY);
+    let mut set = |row: usize, lane: usize, bits: u32| lines[at + row / 2].0[row % 2][lane] = bits;
+    for lane in 0..WIDTH {
+        // A lane that is free is infinitely smaller than nothing, which no test lets pass.
+        let Some(&id) = ids.get(lane) else {
+            set(9, lane, f32::NEG_INFINITY.to_bits());
+            continue;
+        };
+        let [a, b, c] = triangles[id as usize].map(|p| frame.point(DVec3::from(p)));
+        let edges = [b - a, c - a];
+        for axis in 0..3 {
+            set(axis, lane, (a[axis] as f32).to_bits());
+            set(3 + axis, lane, (edges[0][axis] as f32).to_bits());
+            set(6 + axis, lane, (edges[1][axis] as f32).to_bits());
+        }
+        set(9, lane, above(edges[0].abs().max(edges[1].abs()).max_element()).to_bits());
+        set(10, lane, id);
+    }
+    at as u32
+}
+
+/// Half the distance between neighbouring f32 near 1.
+const U: f32 = 1.0 / (1 << 24) as f32;
+
+/// How far rounding can move what the packet test computes, for one ray.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Tolerance<L> {
+    /// Of the edge functions, a length of the triangle's edges.
+    edge: L,
+    /// The same, a length of the edges and of the way to the triangle.
+    reach: L,
+}
+
+impl<L: Lanes> Tolerance<L> {
+    /// For a ray whose origin has components of at most `reach` in the tree's frame, with an error of `error`.
+    #[inline(always)]
+    pub fn new(reach: f32, error: f32) -> Self {
+        Tolerance { edge: L::splat(128.0 * U * (1.0 + reach) + error), reach: L::splat(1.0 + reach + error / U) }
+    }
+}
+
+/// Which triangles of a packet the f64 test may accept, a bit each, and their numbers: Möller & Trumbore 1997 without
+/// its division, in f32.
+///
+/// Every triangle that the f64 test accepts with 0 < t ≤ limit passes. Let u = 2⁻²⁴, E the longest component of the
+/// triangle's edges, and R that of the ray's origin; corners and the direction have components of at most 1. Rounding
+/// the input and every step, an edge function U or V is off by at most 54 u (1+R) E, the determinant D by 48 u E², and
+/// T, which is t·D, by 54 u (1+R) E². The tolerances here are larger: 128 u (1+R+E) E for the edge functions and their
+/// sum, 64 u (1+R) E² for T > 0, 64 u (1+R+limit) E² for T ≤ limit·D. Where |D| is at most 64 u E², its sign is not sure;
+/// such triangles are seen edge-on, and t is then left to the f64 test. The term 1e-30 holds where products underflow.
+#[inline(always)]
+pub(crate) fn candidates<'a, L: Lanes>(local: &Local<L>, limit: L, lines: &'a [Line; PACKET]) -> (u32, &'a Row) {
+    let (corner, first, second, size) =
+        (rows::<L>(lines, 0), rows::<L>(lines, 3), rows::<L>(lines, 6), row::<L>(lines, 9));
+    let zero = L::splat(0.0);
+    let p = cross(local.direction, second);
+    let det = dot(first, p);
+    let sign = det.sign();
+    let det = det.flip(sign);
+    let [x, y, z] = local.origin;
+    let from = [x.sub(corner[0]), y.sub(corner[1]), z.sub(corner[2])];
+    let b1 = dot(from, p).flip(sign);
+    let q = cross(from, first);
+    let b2 = dot(local.direction, q).flip(sign);
+    let b0 = det.sub(b1).sub(b2);
+    let tiny = L::splat(1e-30);
+    let tolerance = size.mul_add(size.mul_add(L::splat(128.0 * U), local.tolerance.edge), tiny);
+    let inside = zero.at_most(b0.min(b1).min(b2).add(tolerance));
+    if inside == 0 {
+        return (0, &lines[5].0[0]);
+    }
+    let t = dot(second, q).flip(sign);
+    let unit = size.mul(size).mul(L::splat(64.0 * U));
+    let ahead = zero.at_most(unit.mul_add(local.tolerance.reach, t.add(tiny)));
+    let near = t.at_most(limit.mul_add(det, unit.mul_add(local.tolerance.reach.add(limit), tiny)));
+    let thin = det.at_most(unit);
+    (inside & (thin | (ahead & near)), &lines[5].0[0])
+}
+
+// These are functions and not closures so that they are compiled for the instruction set of their caller.
+#[inline(always)]
+fn row<L: Lanes>(lines: &[Line; PACKET], k: usize) -> L {
+    L::load(&lines[k / 2].0[k % 2])
+}
+
+#[inline(always)]
+fn rows<L: Lanes>(lines: &[Line; PACKET], k: usize) -> [L; 3] {
+    [row(lines, k), row(lines, k + 1), row(lines, k + 2)]
+}
+
+#[inline(always)]
+fn cross<L: Lanes>(a: [L; 3], b: [L; 3]) -> [L; 3] {
+    [a[1].mul_sub(b[2], a[2].mul(b[1])), a[2].mul_sub(b[0], a[0].mul(b[2])), a[0].mul_sub(b[1], a[1].mul(b[0]))]
+}
+
+#[inline(always)]
+fn dot<L: Lanes>(a: [L; 3], b: [L; 3]) -> L {
+    a[0].mul_add(b[0], a[1].mul_add(b[1], a[2].mul(b[2])))
+}

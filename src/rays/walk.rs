@@ -1,0 +1,253 @@
+//! The walk of a ray through a tree: nearest box first, eight boxes at a time, in f32.
+
+use crate::arena::{LEAF, Line, NODE, Tree};
+use crate::frame::{Bounds, Frame};
+use crate::lanes::{Lanes, prefetch};
+use crate::ray::Ray;
+use crate::triangle::Tolerance;
+use glam::DVec3;
+
+/// Half the distance between neighbouring f32 near 1.
+const U: f32 = 1.0 / (1 << 24) as f32;
+
+/// Beyond this no box of a tree is met: larger than any s in a tree's frame.
+const FARTHEST: f32 = 64.0;
+
+/// A ray in a tree's frame, in f32. Its parameter is s = t·per_t − start, so that s = 0 lies at or before everything in
+/// the tree and the direction's largest component is between ½ and 1.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Local<L> {
+    pub origin: [L; 3],
+    pub direction: [L; 3],
+    pub tolerance: Tolerance<L>,
+    /// 1/direction.
+    inverse: [L; 3],
+    /// origin/direction, made larger for the planes where a ray enters and smaller for those where it leaves, by what
+    /// rounding can move them.
+    entering: [L; 3],
+    leaving: [L; 3],
+    /// Which of low and high the ray meets first, an axis each.
+    first: [usize; 3],
+    per_t: f64,
+    start: f64,
+}
+
+impl<L: Lanes> Local<L> {
+    /// `None` where the ray misses the tree's box, or goes nowhere. `from` is a t before which the ray meets nothing.
+    #[inline(always)]
+    pub fn new(ray: &Ray, from: f64, frame: &Frame, bounds: &Bounds) -> Option<Local<L>> {
+        let longest = ray.direction.abs().max_element();
+        if !(longest > 1e-290 && longest < 1e290) {
+            return None;
+        }
+        // The power of two above the longest component, and its inverse.
+        let exponent = longest.to_bits() >> 52;
+        let (shrink, grow) = (f64::from_bits((2045 - exponent) << 52), f64::from_bits((exponent + 1) << 52));
+        let direction = ray.direction * shrink;
+        let mut origin = frame.point(ray.origin);
+        let mut reach = origin.abs().max_element();
+        // What f64 itself may lose on the way from a distant origin.
+        let lost = (1e-14 * reach) as f32;
+        let per_t = grow * frame.scale;
+        let mut start = 0.0;
+        if reach > 2.0 {
+            // Start where the ray comes near: f32 is too coarse for a long way.
+            start = from * per_t;
+            let mut moved = origin + direction * start;
+            reach = moved.abs().max_element();
+            if !(reach <= 4.0) {
+                start = enter(origin, direction, frame, bounds)?;
+                moved = origin + direction * start;
+                reach = moved.abs().max_element();
+            }
+            origin = moved;
+        }
+        let reach = reach as f32 * (1.0 + 2.0 * U);
+        let (origin, direction) = (origin.as_vec3().to_array(), direction.as_vec3().to_array());
+        let [x, y, z] = direction;
+        let inverse = [slope(x), slope(y), slope(z)];
+        // Rounding origin, direction and each step moves a plane's s by at most 6 u (1 + reach)/|direction|.
+        let margin = 8.0 * U * (1.0 + reach) + lost;
+        let middle = |k: usize| origin[k] * inverse[k];
+        let around = |k: usize| inverse[k].abs() * margin;
+        Some(Local {
+            origin: splat(origin),
+            direction: splat(direction),
+            tolerance: Tolerance::new(reach, lost),
+            inverse: splat(inverse),
+            entering: splat([middle(0) + around(0), middle(1) + around(1), middle(2) + around(2)]),
+            leaving: splat([middle(0) - around(0), middle(1) - around(1), middle(2) - around(2)]),
+            first: [usize::from(inverse[0] < 0.0), usize::from(inverse[1] < 0.0), usize::from(inverse[2] < 0.0)],
+            per_t,
+            start,
+        })
+    }
+
+    /// s of a limit on t, rounded up.
+    #[inline(always)]
+    fn s(&self, t: f64) -> f32 {
+        (((t * self.per_t - self.start) * (1.0 + 1e-6) + 1e-7) as f32).min(FARTHEST)
+    }
+
+    /// t of an s.
+    #[inline(always)]
+    pub fn t(&self, s: f32) -> f64 {
+        (f64::from(s) + self.start) / self.per_t
+    }
+
+    /// Which of a node's boxes the ray meets before s, a bit each, and where it enters them.
+    #[inline(always)]
+    fn boxes(&self, node: &[Line; NODE], s: L) -> (u32, L) {
+        let [x, y, z] = self.first;
+        let near = self.enter(node, 0, x).max(self.enter(node, 1, y)).max(self.enter(node, 2, z).max(L::splat(0.0)));
+        let far = self.leave(node, 0, x).min(self.leave(node, 1, y)).min(self.leave(node, 2, z).min(s));
+        (near.at_most(far), near)
+    }
+
+    #[inline(always)]
+    fn enter(&self, node: &[Line; NODE], axis: usize, side: usize) -> L {
+        L::load(&node[axis].0[side & 1]).mul_sub(self.inverse[axis], self.entering[axis])
+    }
+
+    #[inline(always)]
+    fn leave(&self, node: &[Line; NODE], axis: usize, side: usize) -> L {
+        L::load(&node[axis].0[side & 1 ^ 1]).mul_sub(self.inverse[axis], self.leaving[axis])
+    }
+}
+
+#[inline(always)]
+fn splat<L: Lanes>(x: [f32; 3]) -> [L; 3] {
+    [L::splat(x[0]), L::splat(x[1]), L::splat(x[2])]
+}
+
+/// 1/d; a tiny slope instead of none keeps 0·∞ out, and moves the ray within the box by less than the margin.
+#[inline(always)]
+fn slope(d: f32) -> f32 {
+    1.0 / if d.abs() < 1e-18 { 1e-18f32.copysign(d) } else { d }
+}
+
+/// Where a ray enters a box, in f64, a little before it; `None` where it misses.
+#[inline(always)]
+fn enter(origin: DVec3, direction: DVec3, frame: &Frame, bounds: &Bounds) -> Option<f64> {
+    let slope = |d: f64| if d.abs() < 1e-30 { 1e-30f64.copysign(d) } else { d };
+    let inverse = DVec3::new(slope(direction.x), slope(direction.y), slope(direction.z)).recip();
+    let a = (frame.point(bounds.low) - origin) * inverse;
+    let b = (frame.point(bounds.high) - origin) * inverse;
+    let near = a.min(b).max_element().max(0.0);
+    let far = a.max(b).min_element();
+    let slack = 1e-7 * (1.0 + near);
+    (near <= far + slack).then_some((near - slack).max(0.0))
+}
+
+/// What is done at a leaf.
+pub(crate) trait Visit<L> {
+    /// Takes a leaf's code without [`LEAF`], the ray in the tree's frame, where it enters the leaf's box, the limit
+    /// on s rounded up, and the limit on t, which it may lower. True ends the walk.
+    fn leaf(&mut self, code: u32, local: &Local<L>, near: f32, s: f32, limit: &mut f64) -> bool;
+}
+
+/// A child that waits for its turn: its code, and where the ray enters its box.
+#[derive(Debug, Clone, Copy, Default)]
+struct Waiting {
+    code: u32,
+    near: f32,
+}
+
+/// As many children wait in the processor's stack; trees of 18 levels need no more.
+const USUAL: usize = 128;
+
+/// Visits the leaves whose boxes the ray meets before `limit`, near ones first. True when a visit ended it.
+#[inline(always)]
+pub(crate) fn walk<L: Lanes>(tree: &Tree, ray: &Local<L>, limit: &mut f64, visitor: &mut impl Visit<L>) -> bool {
+    let mut usual = [Waiting::default(); USUAL];
+    let mut many;
+    let waiting: &mut [Waiting] = if tree.waiting <= USUAL {
+        &mut usual
+    } else {
+        many = vec![Waiting::default(); tree.waiting];
+        &mut many
+    };
+    walk_with(tree, ray, limit, visitor, waiting)
+}
+
+/// The lane of the lowest bit, which is taken away.
+#[inline(always)]
+fn next(hits: &mut u32) -> usize {
+    let lane = hits.trailing_zeros() as usize & 7;
+    *hits &= hits.wrapping_sub(1);
+    lane
+}
+
+#[inline(always)]
+fn walk_with<L: Lanes>(
+    tree: &Tree,
+    ray: &Local<L>,
+    limit: &mut f64,
+    visitor: &mut impl Visit<L>,
+    waiting: &mut [Waiting],
+) -> bool {
+    if tree.lines.is_empty() {
+        return false;
+    }
+    let fetch = |code: u32| prefetch(tree.lines.as_ptr().wrapping_add((code & !LEAF) as usize));
+    let mut s = ray.s(*limit);
+    let mut count = 0;
+    let mut current = Waiting::default();
+    'walk: loop {
+        if current.code & LEAF == 0 {
+            let node = tree.node(current.code);
+            let (mut hits, near) = ray.boxes(node, L::splat(s));
+            if hits != 0 {
+                let (codes, near) = (&node[3].0[0], near.store());
+                let child = |lane: usize| Waiting { code: codes[lane], near: near[lane] };
+                let first = child(next(&mut hits));
+                if hits == 0 {
+                    current = first;
+                    continue;
+                }
+                let second = child(next(&mut hits));
+                fetch(first.code);
+                fetch(second.code);
+                let second_is_nearer = second.near < first.near;
+                current = if second_is_nearer { second } else { first };
+                let base = count;
+                waiting[count] = if second_is_nearer { first } else { second };
+                count += 1;
+                while hits != 0 {
+                    let mut other = child(next(&mut hits));
+                    fetch(other.code);
+                    if other.near < current.near {
+                        std::mem::swap(&mut other, &mut current);
+                    }
+                    let mut at = count;
+                    while at > base && waiting[at - 1].near < other.near {
+                        waiting[at] = waiting[at - 1];
+                        at -= 1;
+                    }
+                    waiting[at] = other;
+                    count += 1;
+                }
+                continue;
+            }
+        } else {
+            let before = *limit;
+            if visitor.leaf(current.code & !LEAF, ray, current.near, s, limit) {
+                return true;
+            }
+            if *limit < before {
+                s = ray.s(*limit);
+            }
+        }
+        loop {
+            if count == 0 {
+                break 'walk;
+            }
+            count -= 1;
+            current = waiting[count];
+            if current.near <= s {
+                break;
+            }
+        }
+    }
+    false
+}
