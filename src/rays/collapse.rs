@@ -5,11 +5,11 @@
 //! packet of up to eight things, each weighted with the surface of its box.
 
 use crate::lanes::WIDTH;
-use glam::Vec3A;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
+use std::collections::HashMap;
 
 /// Low and high corner.
 pub(crate) type Corners = [[f32; 3]; 2];
@@ -33,13 +33,32 @@ pub(crate) struct WideNode {
 /// faster, and slower to build.
 const REINSERTED: f32 = 0.1;
 
+/// How much larger boxes may become, in a frame from −1 to 1.
+const LIKE: f32 = 1e-6;
+
 /// The nodes of a tree over boxes, its root first, parents before their children; at most `most` things a leaf. No box,
-/// no node.
+/// no node; boxes may come out a millionth larger.
 pub(crate) fn wide(boxes: &[Corners], most: u32) -> Vec<WideNode> {
     if boxes.is_empty() {
         return Vec::new();
     }
-    let boxes: Vec<Aabb> = boxes.iter().map(|b| Aabb::new(Vec3A::from(b[0]), Vec3A::from(b[1]))).collect();
+    // The builder takes a time of the square of their number over equal boxes; each counts once.
+    let mut groups: Vec<Vec<u32>> = Vec::new();
+    let mut known = HashMap::new();
+    for (k, corners) in boxes.iter().enumerate() {
+        let group = *known.entry(corners.map(|c| c.map(f32::to_bits))).or_insert_with(|| {
+            groups.push(Vec::new());
+            groups.len() - 1
+        });
+        groups[group].push(k as u32);
+    }
+    // So it does over rows of boxes as like as beads; a millionth of the tree's size, more or less, tells them apart.
+    let larger = |group: &Vec<u32>| {
+        let [low, high] = boxes[group[0] as usize];
+        let share = (group[0].wrapping_mul(0x9E37_79B9) >> 8) as f32 / (1 << 24) as f32;
+        Aabb::new(low.into(), high.map(|x| (x + share * LIKE).max(x)).into())
+    };
+    let boxes: Vec<Aabb> = groups.iter().map(larger).collect();
     let indices = (0..boxes.len() as u32).collect();
     let mut binary = PlocBuilder::with_capacity(boxes.len()).build(
         PlocSearchDistance::Medium,
@@ -48,26 +67,36 @@ pub(crate) fn wide(boxes: &[Corners], most: u32) -> Vec<WideNode> {
         SortPrecision::U64,
         0,
     );
-    ReinsertionOptimizer::default().run(&mut binary, REINSERTED, None);
-    let plan = Plan::new(&binary, most);
-    plan.nodes(&binary)
+    let areas: f32 = binary.nodes.iter().map(|node| node.aabb().half_area()).sum();
+    // Where nearly everything overlaps, every place is as good, and the search for better ones tries them all.
+    if areas <= 2000.0 * binary.nodes[0].aabb().half_area() {
+        ReinsertionOptimizer::default().run(&mut binary, REINSERTED, None);
+    }
+    Plan::new(&binary, &groups, most).nodes()
 }
 
 /// What to make of every node of the binary tree.
-struct Plan {
+struct Plan<'a> {
+    binary: &'a Bvh2,
+    /// Things with the same box, a leaf of the binary tree each.
+    groups: &'a [Vec<u32>],
+    /// Things a leaf.
+    most: usize,
     /// A node stays as a leaf.
     leaf: Vec<bool>,
     /// Of at most j subtrees, how many the first child gives; 0: j−1 subtrees are as good. Entries 2 to 8 count.
     first: Vec<[u8; WIDTH + 1]>,
 }
 
-impl Plan {
-    fn new(binary: &Bvh2, most: u32) -> Plan {
+impl Plan<'_> {
+    fn new<'a>(binary: &'a Bvh2, groups: &'a [Vec<u32>], most: u32) -> Plan<'a> {
         let count = binary.nodes.len();
-        let mut plan = Plan { leaf: vec![false; count], first: vec![[0; WIDTH + 1]; count] };
+        let most = most as usize;
+        let (leaf, first) = (vec![false; count], vec![[0; WIDTH + 1]; count]);
+        let mut plan = Plan { binary, groups, most, leaf, first };
         // cost[n][j−1]: the least cost of node n as at most j subtrees
         let mut cost = vec![[0.0f32; WIDTH - 1]; count];
-        let mut things = vec![0u32; count];
+        let mut things = vec![0; count];
         let mut order = Vec::with_capacity(count);
         let mut open = vec![0usize];
         while let Some(n) = open.pop() {
@@ -81,11 +110,11 @@ impl Plan {
             let node = &binary.nodes[n];
             let area = node.aabb().half_area();
             if node.is_leaf() {
-                (things[n], plan.leaf[n], cost[n]) = (node.prim_count, true, [area; WIDTH - 1]);
+                (things[n], plan.leaf[n], cost[n]) = (plan.below(n).len(), true, [area; WIDTH - 1]);
                 continue;
             }
             let [l, r] = [0, 1].map(|k| node.first_index as usize + k);
-            things[n] = things[l].saturating_add(things[r]);
+            things[n] = things[l] + things[r];
             let mut best = [f32::INFINITY; WIDTH + 1];
             for j in 2..=WIDTH {
                 for k in (1..j).filter(|k| j - k < WIDTH) {
@@ -110,62 +139,78 @@ impl Plan {
         plan
     }
 
-    fn nodes(&self, binary: &Bvh2) -> Vec<WideNode> {
+    fn nodes(&self) -> Vec<WideNode> {
         let mut nodes = vec![WideNode::default()];
-        if self.leaf[0] {
-            nodes[0].children.push((corners(binary, 0), Child::Things(below(binary, 0))));
-            return nodes;
-        }
         let mut open = vec![(0, 0)];
         while let Some((to, from)) = open.pop() {
             let mut children = Vec::with_capacity(WIDTH);
-            self.split(binary, from, WIDTH, &mut children);
+            if self.leaf[from] {
+                children.push(from);
+            } else {
+                self.split(from, WIDTH, &mut children);
+            }
             for n in children {
+                let corners = self.corners(n);
                 let child = if self.leaf[n] {
-                    Child::Things(below(binary, n))
+                    self.things(corners, &self.below(n), &mut nodes)
                 } else {
                     nodes.push(WideNode::default());
                     open.push((nodes.len() - 1, n));
                     Child::Node(nodes.len() - 1)
                 };
-                nodes[to].children.push((corners(binary, n), child));
+                nodes[to].children.push((corners, child));
             }
         }
         nodes
     }
 
+    /// A leaf, or nodes above several where so many things have the same box.
+    fn things(&self, corners: Corners, things: &[u32], nodes: &mut Vec<WideNode>) -> Child {
+        if things.len() <= self.most {
+            return Child::Things(things.to_vec());
+        }
+        let at = nodes.len();
+        nodes.push(WideNode::default());
+        for part in things.chunks(things.len().div_ceil(WIDTH).max(self.most)) {
+            let child = self.things(corners, part, nodes);
+            nodes[at].children.push((corners, child));
+        }
+        Child::Node(at)
+    }
+
     /// The at most `j` ≥ 2 subtrees under node `n` that are to be children of one node.
-    fn split(&self, binary: &Bvh2, n: usize, j: usize, out: &mut Vec<usize>) {
+    fn split(&self, n: usize, j: usize, out: &mut Vec<usize>) {
         let k = usize::from(self.first[n][j]);
-        let first = binary.nodes[n].first_index as usize;
+        let first = self.binary.nodes[n].first_index as usize;
         for (child, share) in [(first, k), (first + 1, j - k)] {
-            let inner = !binary.nodes[child].is_leaf();
+            let inner = !self.binary.nodes[child].is_leaf();
             match (2..=share).rev().find(|&j| inner && self.first[child][j] > 0) {
-                Some(j) => self.split(binary, child, j, out),
+                Some(j) => self.split(child, j, out),
                 None => out.push(child),
             }
         }
     }
-}
 
-fn corners(binary: &Bvh2, n: usize) -> Corners {
-    let b = binary.nodes[n].aabb();
-    [b.min.to_array(), b.max.to_array()]
-}
-
-/// The things under a node.
-fn below(binary: &Bvh2, n: usize) -> Vec<u32> {
-    let (mut out, mut open) = (Vec::new(), vec![n]);
-    while let Some(n) = open.pop() {
-        let node = &binary.nodes[n];
-        let first = node.first_index as usize;
-        if node.is_leaf() {
-            out.extend_from_slice(&binary.primitive_indices[first..first + node.prim_count as usize]);
-        } else {
-            open.extend([first + 1, first]);
-        }
+    fn corners(&self, n: usize) -> Corners {
+        let b = self.binary.nodes[n].aabb();
+        [b.min.to_array(), b.max.to_array()]
     }
-    out
+
+    /// The things under a node.
+    fn below(&self, n: usize) -> Vec<u32> {
+        let (mut out, mut open) = (Vec::new(), vec![n]);
+        while let Some(n) = open.pop() {
+            let node = &self.binary.nodes[n];
+            let first = node.first_index as usize;
+            if node.is_leaf() {
+                let groups = &self.binary.primitive_indices[first..first + node.prim_count as usize];
+                out.extend(groups.iter().flat_map(|&g| &self.groups[g as usize]));
+            } else {
+                open.extend([first + 1, first]);
+            }
+        }
+        out
+    }
 }
 
 #[cfg(test)]
@@ -217,7 +262,7 @@ mod tests {
 
     #[test]
     fn piles_of_equal_boxes_and_points() {
-        for n in [1, 2, 3, 9, 600, 5000] {
+        for n in [1, 2, 3, 9, 65, 600, 50_000] {
             check(&vec![[[-0.5, 0.0, 0.25], [0.5, 0.0, 0.5]]; n], 8);
             check(&vec![[[0.0; 3]; 2]; n], 1);
         }
