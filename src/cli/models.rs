@@ -7,7 +7,7 @@ use mesophyll_files::progress::Bar;
 use mesophyll_proof::bench::BenchRow;
 use mesophyll_proof::peers::Inputs;
 use mesophyll_proof::stress::StressRow;
-use mesophyll_proof::{beam, coverage, gloss, leaf, nist, peers, sky, slab, solver, translucency};
+use mesophyll_proof::{beam, coverage, gloss, leaf, nist, peers, render, sky, slab, solver, translucency};
 use mesophyll_report as report;
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
@@ -169,6 +169,14 @@ pub const MODELS: [Model; 13] = [
     Model {
         name: "tissue",
         fit: verb!(fit::tissue, "What a leaf's inside is made of, from photographs of the light that comes through it"),
+        ..NONE
+    },
+    Model {
+        name: "render",
+        bench: Some(Sweep {
+            peers: Some((include_str!("../../tests/peers/render_peers.py"), render::bench::peers)),
+            ..sweep!(render::bench::bench_rows)
+        }),
         ..NONE
     },
     Model {

@@ -6,17 +6,20 @@ use mesophyll_files::progress;
 use mesophyll_proof::bench::BenchRow;
 use mesophyll_proof::peers::Inputs;
 use serde::Deserialize;
+use std::io::{BufRead, BufReader, Write};
 use std::process::{Command, Stdio};
 
 #[derive(Debug, Deserialize)]
 #[serde(untagged)]
 enum Line {
+    Turn { turn: String },
     Row { peer: String, error: f64, us: f64, note: String },
     Skipped { skipped: String },
 }
 
 /// Rows of the peers of one sweep. A script gets the path of a folder with its inputs and prints a JSON line a row, or
-/// one that says why it skipped. `MESOPHYLL_PYTHON` names the interpreter; `python3` else.
+/// one that says why it skipped. Where both are measured in turns, it also
+/// prints a line a turn and reads our time of it. `MESOPHYLL_PYTHON` names the interpreter; `python3` else.
 ///
 /// # Errors
 /// [`Error::Write`] where the inputs cannot be put into a temporary folder. A missing or failing peer is a message,
@@ -28,39 +31,50 @@ pub fn rows(sweep: &str, peers: Option<(&str, fn() -> Result<Inputs>)>) -> Resul
     };
     let inputs = inputs()?;
     let folder = tempfile::tempdir().map_err(|e| Error::write(&std::env::temp_dir(), e))?;
-    for (name, text) in &inputs.files {
-        mesophyll_files::atomic::write_bytes(&folder.path().join(name), text.as_bytes())?;
+    for (name, bytes) in &inputs.files {
+        mesophyll_files::atomic::write_bytes(&folder.path().join(name), bytes)?;
     }
+    let errors = folder.path().join("errors");
+    let log = std::fs::File::create(&errors).map_err(|e| Error::write(&errors, e))?;
     let python = std::env::var("MESOPHYLL_PYTHON").unwrap_or_else(|_| "python3".into());
     // One thread, as ours: linear algebra libraries take all cores otherwise.
-    let output = Command::new(&python)
+    let started = Command::new(&python)
         .args(["-c", script])
         .arg(folder.path())
         .env("OMP_NUM_THREADS", "1")
         .env("OPENBLAS_NUM_THREADS", "1")
-        .stdin(Stdio::null())
-        .stderr(Stdio::piped())
-        .output();
-    let output = match output {
-        Ok(output) => output,
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(log)
+        .spawn();
+    let mut running = match started {
+        Ok(running) => running,
         Err(e) => {
             progress::say(format!("peers of {sweep}: skipped, {python} does not start ({e})"));
             return Ok(Vec::new());
         }
     };
-    if !output.status.success() {
-        let reason = String::from_utf8_lossy(&output.stderr).lines().last().unwrap_or("no message").to_string();
-        progress::say(format!("peers of {sweep}: the script failed: {reason}"));
-    }
+    let (mut answers, lines) = (running.stdin.take(), running.stdout.take());
     let mut rows = Vec::new();
-    for text in String::from_utf8_lossy(&output.stdout).lines() {
-        match serde_json::from_str(text) {
+    for text in lines.into_iter().flat_map(|lines| BufReader::new(lines).lines()).map_while(|line| line.ok()) {
+        match serde_json::from_str(&text) {
+            Ok(Line::Turn { turn }) => {
+                let us = inputs.turn.as_ref().map_or(f64::NAN, |time| time(&turn));
+                // A script that no longer listens ends with its own message.
+                let _ = answers.as_mut().map(|to| writeln!(to, "{us}"));
+            }
             Ok(Line::Row { peer, error, us, note }) => {
                 rows.push(BenchRow { model: sweep.into(), knob: "peer".into(), setting: peer, error, us, note });
             }
             Ok(Line::Skipped { skipped }) => progress::say(format!("peers of {sweep}: {skipped}")),
             Err(e) => progress::say(format!("peers of {sweep}: a line that is no row ({e})")),
         }
+    }
+    drop(answers);
+    if !running.wait().is_ok_and(|status| status.success()) {
+        let text = std::fs::read(&errors).unwrap_or_default();
+        let reason = String::from_utf8_lossy(&text).lines().last().unwrap_or("no message").to_string();
+        progress::say(format!("peers of {sweep}: the script failed: {reason}"));
     }
     // Ours beside them, on the same inputs and in the same run; alone they would say nothing.
     if !rows.is_empty() {

@@ -12,6 +12,7 @@ pub mod leaf;
 pub mod nist;
 pub mod peers;
 mod precise;
+pub mod render;
 pub mod sky;
 pub mod slab;
 pub mod solver;

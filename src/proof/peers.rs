@@ -11,12 +11,13 @@ use mesophyll_optics::slab;
 use mesophyll_optics::tube::Travel;
 
 /// Files for a peer's folder, and our rows on the same inputs.
-#[derive(Debug, Clone)]
 pub struct Inputs {
-    /// Name and text of every file.
-    pub files: Vec<(String, String)>,
+    /// Name and bytes of every file.
+    pub files: Vec<(String, Vec<u8>)>,
     /// What this program makes of the same inputs.
     pub ours: Vec<BenchRow>,
+    /// Where both are measured in turns: our time (µs) for what the script names.
+    pub turn: Option<Box<dyn Fn(&str) -> f64>>,
 }
 
 /// The certified problems, for the peers of `bench solve`.
@@ -25,9 +26,10 @@ pub struct Inputs {
 /// None.
 pub fn nist() -> Result<Inputs> {
     Ok(Inputs {
-        files: nist::FILES.iter().map(|(name, text)| (format!("{name}.dat"), (*text).to_string())).collect(),
+        files: nist::FILES.iter().map(|(name, text)| (format!("{name}.dat"), text.as_bytes().to_vec())).collect(),
         // The sweep itself has our rows.
         ours: Vec::new(),
+        turn: None,
     })
 }
 
@@ -70,7 +72,8 @@ pub fn slab() -> Inputs {
             ours("slab", "mesophyll forward", forward_errors.collect(), forward_us, "rows"),
             ours("slab", "mesophyll inverse", inverse_errors.collect(), inverse_us, "rows"),
         ],
-        files: vec![("slab.csv".into(), text)],
+        files: vec![("slab.csv".into(), text.into_bytes())],
+        turn: None,
     }
 }
 
@@ -113,8 +116,9 @@ pub fn gloss() -> Result<Inputs> {
     });
     let text = serde_json::to_string(&value).map_err(|e| Error::Missed(format!("cannot write JSON: {e}")))?;
     Ok(Inputs {
-        files: vec![("gloss.json".into(), text)],
+        files: vec![("gloss.json".into(), text.into_bytes())],
         ours: vec![ours("gloss", "mesophyll", errors, us, "RGB texels, relative error of m")],
+        turn: None,
     })
 }
 
@@ -125,10 +129,10 @@ mod tests {
     fn inputs_are_the_same_in_every_run_and_hold_what_scripts_read() {
         let (a, b) = (super::slab(), super::slab());
         assert_eq!(a.files, b.files);
-        assert_eq!(a.files[0].1.lines().count(), 65);
+        assert_eq!(a.files[0].1.iter().filter(|&&byte| byte == b'\n').count(), 65);
         assert!(a.ours.iter().all(|r| r.error < 1e-3 && r.us > 0.0), "{:?}", a.ours);
         let gloss = super::gloss().unwrap();
-        let value: serde_json::Value = serde_json::from_str(&gloss.files[0].1).unwrap();
+        let value: serde_json::Value = serde_json::from_slice(&gloss.files[0].1).unwrap();
         assert_eq!(value["texels"][47]["trace"][99].as_array().unwrap().len(), 3);
         assert!(gloss.ours[0].error < 0.05, "{:?}", gloss.ours);
     }

@@ -1,0 +1,124 @@
+//! Rays a second on one thread, and what Embree gets: the same triangles and rays, in turns.
+
+use super::Foliage;
+use crate::bench::{BenchRow, median_us};
+use crate::peers::Inputs;
+use glam::DVec3;
+use mesophyll_rays::{Forest, Ray, Shape};
+use std::hint::black_box;
+
+/// The three kinds of rays.
+pub const KINDS: [&str; 3] = ["camera", "incoherent", "shadow"];
+
+impl Foliage {
+    fn rays(&self, kind: &str) -> &[Ray] {
+        match kind {
+            "camera" => &self.camera,
+            "incoherent" => &self.incoherent,
+            _ => &self.shadow,
+        }
+    }
+
+    /// What is found for the rays of a kind: the triangle that each meets first (−1: none), or 0 for a shadow ray that
+    /// meets any and −1 for one that does not.
+    fn found(&self, kind: &str) -> Vec<i32> {
+        self.rays(kind).iter().map(|ray| answer(&self.forest, kind, ray)).collect()
+    }
+
+    /// Time of a ray of a kind (µs), once through them all.
+    fn time(&self, kind: &str) -> f64 {
+        let rays = self.rays(kind);
+        let clock = std::time::Instant::now();
+        black_box(rays.iter().map(|ray| i64::from(answer(&self.forest, kind, ray))).sum::<i64>());
+        clock.elapsed().as_secs_f64() * 1e6 / rays.len() as f64
+    }
+}
+
+#[inline]
+fn answer(forest: &Forest, kind: &str, ray: &Ray) -> i32 {
+    if kind == "shadow" {
+        forest.blocked(ray, |_, _, _| true) as i32 - 1
+    } else {
+        forest.nearest(ray, |_, _, _| true).map_or(-1, |hit| hit.triangle as i32)
+    }
+}
+
+/// A row a kind of rays; its error is the share of 300 rays whose answer differs from that of a tree for each leaf's
+/// triangle alone.
+///
+/// # Errors
+/// None today; the signature is that of every sweep.
+pub fn bench_rows() -> crate::Result<Vec<BenchRow>> {
+    let foliage = Foliage::new();
+    let build = median_us(0.0, || Shape::new(&foliage.positions, &foliage.indices));
+    let alone = alone(&foliage);
+    let mut rows = vec![BenchRow {
+        model: "render".into(),
+        knob: "tree".into(),
+        setting: "build".into(),
+        error: f64::NAN,
+        us: build,
+        note: format!("one thread, {} triangles", foliage.indices.len() / 3),
+    }];
+    for kind in KINDS {
+        let rays = foliage.rays(kind);
+        let sample: Vec<&Ray> = rays.iter().step_by(rays.len() / 300).take(300).collect();
+        let wrong = sample.iter().filter(|ray| answer(&foliage.forest, kind, ray) != without_tree(&alone, kind, ray));
+        let error = wrong.count() as f64 / sample.len() as f64;
+        let us = median_us(1500.0, || foliage.time(kind)) / rays.len() as f64;
+        rows.push(BenchRow {
+            model: "render".into(),
+            knob: "rays".into(),
+            setting: kind.into(),
+            error,
+            us,
+            note: format!("{:.2} Mrays/s, one thread, {} rays; share of wrong answers", 1.0 / us, rays.len()),
+        });
+    }
+    Ok(rows)
+}
+
+/// Every triangle by itself: no tree has a part in what is found.
+fn alone(foliage: &Foliage) -> Vec<[DVec3; 3]> {
+    foliage.indices.chunks_exact(3).map(|t| [0, 1, 2].map(|k| foliage.positions[t[k] as usize])).collect()
+}
+
+/// The same answer by solving a 3×3 system for each triangle that the ray comes near.
+fn without_tree(triangles: &[[DVec3; 3]], kind: &str, ray: &Ray) -> i32 {
+    let unit = ray.direction.normalize();
+    let mut best = (f64::INFINITY, -1);
+    for (k, [a, b, c]) in triangles.iter().enumerate() {
+        // Corners are closer to each other than 40 mm: a ray that stays farther off cannot meet them.
+        let away = *a - ray.origin;
+        if away.cross(unit).length_squared() > 40.0 * 40.0 {
+            continue;
+        }
+        let s = glam::DMat3::from_cols(*b - *a, *c - *a, -ray.direction).inverse() * -away;
+        if s.is_finite() && s.x >= 0.0 && s.y >= 0.0 && s.x + s.y <= 1.0 && s.z > 0.0 && s.z < best.0 {
+            best = (s.z, k as i32);
+        }
+    }
+    if kind == "shadow" { best.1.min(0) } else { best.1 }
+}
+
+/// The crown and its rays as little-endian numbers, what we find, and our time a turn.
+///
+/// # Errors
+/// None today; the signature is that of every peer's inputs.
+pub fn peers() -> crate::Result<Inputs> {
+    let foliage = Foliage::new();
+    let floats = |points: &mut dyn Iterator<Item = DVec3>| -> Vec<u8> {
+        points.flat_map(|p| p.as_vec3().to_array()).flat_map(f32::to_le_bytes).collect()
+    };
+    let mut files = vec![
+        ("positions.f32".into(), floats(&mut foliage.positions.iter().copied())),
+        ("indices.u32".into(), foliage.indices.iter().flat_map(|i| i.to_le_bytes()).collect()),
+    ];
+    for kind in KINDS {
+        let rays = foliage.rays(kind);
+        let both = &mut rays.iter().flat_map(|ray| [ray.origin, ray.direction]);
+        files.push((format!("{kind}.f32"), floats(both)));
+        files.push((format!("{kind}.i32"), foliage.found(kind).iter().flat_map(|i| i.to_le_bytes()).collect()));
+    }
+    Ok(Inputs { files, ours: Vec::new(), turn: Some(Box::new(move |kind| foliage.time(kind))) })
+}

@@ -1,0 +1,6 @@
+//! Light among leaves: how many rays a second, on a crown that is the same in every run.
+
+pub mod bench;
+mod foliage;
+
+pub use foliage::Foliage;
