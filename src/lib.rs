@@ -60,7 +60,7 @@
 //! 3   translucency  walk        transport   record
 //! 2   optics        viewer
 //! 1   surface       solve       sky         plant      files
-//! 0   error         quadrature  fourier
+//! 0   error         quadrature  fourier     rays
 //! ```
 
 pub use mesophyll_capture as capture;
@@ -75,6 +75,7 @@ pub use mesophyll_optics as optics;
 pub use mesophyll_plant as plant;
 pub use mesophyll_proof as proof;
 pub use mesophyll_quadrature as quadrature;
+pub use mesophyll_rays as rays;
 pub use mesophyll_record as record;
 pub use mesophyll_report as report;
 pub use mesophyll_scene as scene;

@@ -6,7 +6,7 @@ use crate::lanes::{Lanes, Level, dispatch};
 use crate::ray::Ray;
 use crate::shape::Shape;
 use crate::walk::{Local, Visit, walk};
-use glam::{DAffine3, DMat4};
+use glam::{DAffine3, DMat4, DVec3};
 
 /// Where a ray met something.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -68,6 +68,12 @@ impl Forest {
         self
     }
 
+    /// Lowest and highest corner of the box around everything; `None` for an empty scene.
+    pub fn bounds(&self) -> Option<[DVec3; 2]> {
+        let Bounds { low, high } = self.tree.bounds;
+        (!self.tree.bounds.is_empty()).then_some([low, high])
+    }
+
     /// Length of the diagonal of the box around everything; 0 for an empty scene.
     pub fn extent(&self) -> f64 {
         let bounds = self.tree.bounds;
@@ -77,10 +83,21 @@ impl Forest {
     /// The nearest hit with t > 0 that `accept(instance, triangle, barycentric)` lets pass (an alpha test). Of hits at
     /// the same t the one with the lowest instance and triangle counts.
     pub fn nearest(&self, ray: &Ray, accept: impl Fn(usize, usize, [f64; 2]) -> bool) -> Option<Hit> {
+        self.nearest_within(ray, f64::INFINITY, accept)
+    }
+
+    /// The nearest hit with 0 < t < `limit` that `accept` lets pass.
+    pub fn nearest_within(
+        &self,
+        ray: &Ray,
+        limit: f64,
+        accept: impl Fn(usize, usize, [f64; 2]) -> bool,
+    ) -> Option<Hit> {
         let mut best: Option<Hit> = None;
-        self.search(ray, f64::INFINITY, |instance, triangle, t, barycentric, limit| {
+        let farthest = limit;
+        self.search(ray, limit, |instance, triangle, t, barycentric, limit| {
             let hit = Hit { t, instance, triangle, barycentric };
-            let first = best.is_none_or(|b| t < b.t || (instance, triangle) < (b.instance, b.triangle));
+            let first = t < farthest && best.is_none_or(|b| t < b.t || (instance, triangle) < (b.instance, b.triangle));
             if first && accept(instance, triangle, barycentric) {
                 *limit = t;
                 best = Some(hit);
@@ -95,9 +112,11 @@ impl Forest {
         self.blocked_within(ray, f64::INFINITY, accept)
     }
 
-    /// Whether anything that `accept` lets pass lies at 0 < t ≤ `limit`.
+    /// Whether anything that `accept` lets pass lies at 0 < t < `limit`.
     pub fn blocked_within(&self, ray: &Ray, limit: f64, accept: impl Fn(usize, usize, [f64; 2]) -> bool) -> bool {
-        self.search(ray, limit, |instance, triangle, _, barycentric, _| accept(instance, triangle, barycentric))
+        self.search(ray, limit, |instance, triangle, t, barycentric, _| {
+            t < limit && accept(instance, triangle, barycentric)
+        })
     }
 
     /// Tries hits with 0 < t ≤ limit, in no certain order, until `found` ends it.

@@ -91,9 +91,9 @@ pub(crate) fn pack(frame: &Frame, triangles: &[Triangle], ids: &[u32], lines: &m
     lines.resize(at + PACKET, EMPTY);
     let mut set = |row: usize, lane: usize, bits: u32| lines[at + row / 2].0[row % 2][lane] = bits;
     for lane in 0..WIDTH {
-        // A lane that is free is infinitely smaller than nothing, which no test lets pass.
+        // A lane that is free has a size that is no number, and no comparison with it holds.
         let Some(&id) = ids.get(lane) else {
-            set(9, lane, f32::NEG_INFINITY.to_bits());
+            set(9, lane, f32::NAN.to_bits());
             continue;
         };
         let [a, b, c] = triangles[id as usize].map(|p| frame.point(DVec3::from(p)));

@@ -65,7 +65,7 @@ impl Foliage {
             let [a, b, c] = [0, 1, 2].map(|k| positions[indices[3 * hit.triangle + k] as usize]);
             let normal = (b - a).cross(c - a).normalize();
             let point = ray.origin + ray.direction * hit.t;
-            let mut start = |direction: DVec3| {
+            let start = |direction: DVec3| {
                 let side = STEP.copysign(normal.dot(direction));
                 Ray::new(single(point + normal * side), single(direction))
             };
