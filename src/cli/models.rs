@@ -7,7 +7,7 @@ use mesophyll_files::progress::Bar;
 use mesophyll_proof::bench::BenchRow;
 use mesophyll_proof::peers::Inputs;
 use mesophyll_proof::stress::StressRow;
-use mesophyll_proof::{beam, coverage, gloss, leaf, nist, peers, render, sky, slab, solver, translucency};
+use mesophyll_proof::{beam, coverage, gloss, leaf, nist, peers, render, sky, slab, solver, translucency, transport};
 use mesophyll_report as report;
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
@@ -81,7 +81,7 @@ macro_rules! sweep {
 const NONE: Model = Model { name: "", fit: None, eval: None, bench: None, stress: None };
 
 /// All models, in the order in which verbs name and run them. A new model adds its entry here.
-pub const MODELS: [Model; 14] = [
+pub const MODELS: [Model; 15] = [
     Model {
         name: "solve",
         bench: Some(Sweep {
@@ -184,6 +184,7 @@ pub const MODELS: [Model; 14] = [
         eval: verb!(eval::dipole, "Light diffusing through a leaf, by thickness and distance"),
         ..NONE
     },
+    Model { name: "transport", stress: Some(|| Ok(transport::stress())), ..NONE },
     Model {
         name: "canopy",
         eval: verb!(eval::canopy, "What a canopy reflects of the sun, towards directions or in all"),

@@ -19,5 +19,6 @@ pub mod solver;
 pub mod stress;
 pub mod tissue;
 pub mod translucency;
+pub mod transport;
 
 pub(crate) use mesophyll_error::{Error, Result};

@@ -90,6 +90,17 @@ pub struct Tracer<'a> {
     paths: Paths,
 }
 
+/// What is seen along a line of sight.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Seen {
+    /// Radiance.
+    pub mean: [f64; 3],
+    /// Its standard error.
+    pub error: [f64; 3],
+    /// Paths that were cut off at [`MOST_SCATTERINGS`].
+    pub cut: u64,
+}
+
 /// What one path brought back.
 #[derive(Debug, Clone, Copy, Default)]
 struct Brought {
@@ -111,6 +122,33 @@ impl<'a> Tracer<'a> {
     /// What is traced.
     pub fn world(&self) -> &'a World {
         self.stage.world
+    }
+
+    /// What is seen along one line of sight, from `paths` paths in 32 rounds.
+    pub fn look(&self, eye: DVec3, direction: DVec3, paths: u32, seed: u64) -> Seen {
+        const ROUNDS: u32 = 32;
+        let ray = Ray::new(eye, direction.normalize_or_zero());
+        let each = paths.div_ceil(ROUNDS);
+        let mut cut = 0;
+        let means: Vec<[f64; 3]> = (0..ROUNDS)
+            .map(|round| {
+                let mut sum = [0.0; 3];
+                for k in 0..each {
+                    let mut samples = Samples::new((samples::mix(seed, u64::from(round)) >> 16) as u32, k);
+                    let brought = self.follow(ray, &mut samples);
+                    (0..3).for_each(|c| sum[c] += brought.radiance[c] / f64::from(each));
+                    cut += u64::from(brought.cut);
+                }
+                sum
+            })
+            .collect();
+        let n = f64::from(ROUNDS);
+        let mean = [0, 1, 2].map(|c| means.iter().map(|m| m[c]).sum::<f64>() / n);
+        let error = [0, 1, 2].map(|c| {
+            let spread: f64 = means.iter().map(|m| (m[c] - mean[c]).powi(2)).sum();
+            (spread / (n - 1.0) / n).sqrt()
+        });
+        Seen { mean, error, cut }
     }
 
     /// What a ray sees that meets nothing: the background under a constant sky, else the sky, and the sun's disk.

@@ -59,20 +59,10 @@ fn plates(reach: f64, of: &[(f64, [f64; 2], f64)]) -> World {
     }
 }
 
-/// Mean radiance and its standard error along one ray, from independent randomisations.
+/// Radiance and its standard error along one line of sight.
 fn along(world: &World, from: DVec3, to: DVec3, paths: Paths, count: u32) -> (f64, f64) {
-    let tracer = Tracer::new(world, paths).unwrap();
-    let ray = Ray::new(from, (to - from).normalize());
-    let rounds = 32;
-    let means: Vec<f64> = (0..rounds)
-        .map(|r| {
-            let of = |k: u32| tracer.follow(ray, &mut Samples::new(samples::mix(9, r) as u32, k));
-            (0..count / 32).map(|k| of(k).radiance[1]).sum::<f64>() / f64::from(count / 32)
-        })
-        .collect();
-    let mean = means.iter().sum::<f64>() / rounds as f64;
-    let spread = means.iter().map(|m| (m - mean).powi(2)).sum::<f64>() / (rounds - 1) as f64;
-    (mean, (spread / rounds as f64).sqrt())
+    let seen = Tracer::new(world, paths).unwrap().look(from, to - from, count, 9);
+    (seen.mean[1], seen.error[1])
 }
 
 const BOTH: Paths = Paths { bounces: None, strategy: Strategy::Both };
