@@ -8,10 +8,12 @@
 //! surface with two sides. Normals and tangents are computed where the file has none. Pictures, materials and animation
 //! in the file are not read.
 
+mod discs;
 mod read;
 #[cfg(test)]
 mod tests;
 
+pub use discs::read_discs;
 pub use read::{read, read_plain};
 
 use glam::{DVec2, DVec3};

@@ -4,14 +4,13 @@ use super::branch::{self, Bends};
 use super::daylight;
 use super::facing::Facing;
 use super::placement::{self, Placement};
+use crate::Result;
 use crate::fits::source::{self, InputHash, Source, Status};
 use crate::fits::translucency::{self, Translucent};
 use crate::ledger::Ledger;
 use crate::manifest::{Manifest, ViewKind};
-use crate::{Error, Result};
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 use mesophyll_files::mesh::{self, LeafMesh, Unit};
-use mesophyll_files::numbers;
 use mesophyll_files::progress::Bar;
 use mesophyll_leaf::{BLADE, LeafFit};
 use std::path::{Path, PathBuf};
@@ -129,7 +128,7 @@ impl Leaf {
         let leaf = &manifest.leaves[self.index];
         let bytes = std::fs::metadata(&self.mesh_path).map_or(0, |m| m.len());
         ledger.note("read", format!("{}/{}", leaf.name, self.mesh_name()), bytes, || match leaf.discs {
-            Some(_) => discs(&self.mesh_path, leaf.mesh_unit.unwrap_or(Unit::Metre)),
+            Some(_) => mesh::read_discs(&self.mesh_path, leaf.mesh_unit.unwrap_or(Unit::Metre)),
             None if leaf.uniform.is_some() => mesh::read_plain(&self.mesh_path, leaf.mesh_unit),
             None => mesh::read(&self.mesh_path, leaf.mesh_unit),
         })
@@ -139,35 +138,6 @@ impl Leaf {
     pub fn mesh_name(&self) -> String {
         self.mesh_path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
     }
-}
-
-/// A list of discs as a mesh: of each the equilateral triangle around it.
-fn discs(path: &Path, unit: Unit) -> Result<LeafMesh> {
-    let mut out = LeafMesh::default();
-    for (k, [radius, x, y, z, u, v, w]) in
-        numbers::read(path, "radius, centre x y z, normal x y z")?.into_iter().enumerate()
-    {
-        let normal = DVec3::new(u, v, w).normalize_or_zero();
-        if !(radius > 0.0) || normal == DVec3::ZERO {
-            let what = format!(
-                "disc {}: radius {radius}, normal {u} {v} {w}; expected a radius above 0 and a direction",
-                k + 1
-            );
-            return Err(Error::input(path, what));
-        }
-        let (a, b) = normal.any_orthonormal_pair();
-        let centre = DVec3::new(x, y, z) * unit.mm();
-        for corner in 0..3 {
-            // Twice the radius away: the circle that touches the sides has the radius itself.
-            let (sin, cos) = (std::f64::consts::TAU * f64::from(corner) / 3.0).sin_cos();
-            out.indices.push(out.positions.len() as u32);
-            out.positions.push(centre + (a * cos + b * sin) * (2.0 * radius * unit.mm()));
-            out.normals.push(normal);
-            out.tangents.push((a, 1.0));
-            out.uvs.push(DVec2::ZERO);
-        }
-    }
-    Ok(out)
 }
 
 /// What the views (eye and time) see of all placements of one leaf.

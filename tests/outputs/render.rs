@@ -1,10 +1,8 @@
 //! `mesophyll render` and `mesophyll eval canopy` as a user calls them: pictures in closed form, canopies with answers
 //! by others, and what they refuse.
 
-mod common;
-
-use common::skips::data;
-use common::{refused, run, succeeded};
+use crate::common::skips::{data, no_adapter};
+use crate::common::{refused, run, succeeded};
 use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
 use std::f64::consts::PI;
 use std::fmt::Write;
@@ -395,7 +393,7 @@ fn a_stated_leaf_needs_no_maps() {
         .replace("fov_deg = 20\n", "fov_deg = 20\nflip_p99 = 0.05\nmax_error = 0.02\n");
     std::fs::write(&scene, text).unwrap();
     let checked = run(["check", scene.to_str().unwrap(), "--out", dir.path().join("check").to_str().unwrap()]);
-    if !common::skips::no_adapter(&checked) {
+    if !no_adapter(&checked) {
         succeeded(&checked);
     }
 }
