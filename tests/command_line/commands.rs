@@ -43,9 +43,13 @@ const LEFT_OUT: [(&str, &str); 18] = [
 ];
 
 /// What is made smaller for the test: printed words, and the words that are run.
-const SMALLER: [(&str, &str); 2] = [
+const SMALLER: [(&str, &str); 6] = [
     ("--size 240x180 --frames 60", "--size 48x36 --frames 12"),
     ("--acquisition dome --size 240x180", "--acquisition dome --size 48x36"),
+    ("-o out/twig --samples 64", "-o out/twig --samples 1"),
+    ("-o out/cluster --samples 64", "-o out/cluster --samples 1"),
+    ("-o out/cluster --error 0.01", "-o out/cluster --samples 1"),
+    ("data/canopies/directions.csv", "data/canopies/directions.csv --samples 2048"),
 ];
 
 fn is_command(text: &str) -> bool {
@@ -130,6 +134,11 @@ fn the_commands_of_the_translucency_page_run() {
     assert_eq!(run_page("docs/translucency.md", false), [6, 4]);
 }
 
+#[test]
+fn the_commands_of_the_light_page_run() {
+    assert_eq!(run_page("docs/light.md", false), [4, 0]);
+}
+
 /// No page of commands is forgotten, and nothing is left out that no page has.
 #[test]
 fn the_list_of_what_is_left_out_is_true() {
@@ -140,7 +149,7 @@ fn the_list_of_what_is_left_out_is_true() {
             continue;
         }
         let found = commands(&std::fs::read_to_string(&file).unwrap(), false);
-        let tested = ["sky.md", "translucency.md"].iter().any(|page| file.ends_with(page));
+        let tested = ["sky.md", "translucency.md", "light.md"].iter().any(|page| file.ends_with(page));
         let all_left_out = found.iter().all(|c| LEFT_OUT.iter().any(|(command, _)| command == c));
         assert!(tested || all_left_out, "{}: its commands are not run", file.display());
         printed.extend(found);

@@ -151,7 +151,8 @@ impl Picture {
         let mut bar = None;
         loop {
             let plan: Vec<Option<u32>> = self.done.iter().map(|d| next_round(*d, request.target)).collect();
-            let reached = || request.target.error.is_some_and(|e| self.median_error().is_some_and(|now| now <= e));
+            // Where nothing is to be seen there is no error to wait for.
+            let reached = || request.target.error.is_some_and(|e| self.median_error().is_none_or(|now| now <= e));
             let level = self.done.iter().all(|d| *d == self.done[0]);
             if plan.iter().all(Option::is_none)
                 || (level && self.done[0][1] >= LEAST_ROUNDS.min(rounds_of(request.target)) && reached())
