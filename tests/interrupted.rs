@@ -123,7 +123,7 @@ fn a_stopped_picture_goes_on_to_the_same_bytes() {
     let whole = started.elapsed();
     let begun = Instant::now();
     let (output, _, ending) = interrupt(&args("stopped", &[]), || begun.elapsed() > whole / 2);
-    refused(&output, 130, &["v has", "--resume goes on"]);
+    refused(&output, 130, &["v: stopped after", "--resume goes on"]);
     assert!(ending < Duration::from_secs(1), "stopped only after {ending:?}");
     let part = read_exr(&dir.path().join("stopped/v.exr")).unwrap();
     assert!(part.get("R").unwrap().iter().any(|v| *v > 0.0), "what was drawn is kept");

@@ -1,4 +1,4 @@
-//! Plain lists of numbers: one entry a line, numbers apart by blanks; empty lines and what follows `#` count nothing.
+//! Plain lists of numbers: one entry a line, numbers apart by blanks; empty lines, and what follows a `#`, are skipped.
 
 use crate::atomic::explain;
 use crate::{Error, Result};

@@ -86,7 +86,7 @@ pub fn render(
     let size = [manifest.check.width as usize, manifest.check.height as usize];
     memory::require(Picture::bytes(size[0], size[1]), &format!("a picture of {}×{} pixels", size[0], size[1]))?;
     let record = options.out.join(RECORD);
-    let mut pictures = known(&record)?;
+    let mut pictures = if options.resume { known(&record)? } else { BTreeMap::new() };
     for view in views {
         let time = branch::time(manifest, view);
         let world = reference::traced(scene, time, ledger)?;
@@ -99,7 +99,7 @@ pub fn render(
         tell(&drawn)?;
         if !drawn.done {
             return Err(Error::Interrupted(format!(
-                "{} has {} of its paths a pixel; --resume goes on",
+                "{}: stopped after {} paths a pixel; the picture so far is written, and --resume goes on with it",
                 view.name, drawn.samples[0]
             )));
         }
@@ -112,7 +112,7 @@ fn views<'a>(scene: &'a Scene, name: Option<&str>) -> Result<Vec<&'a View>> {
     let all: Vec<&View> = scene.manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).collect();
     let names = || all.iter().map(|v| v.name.as_str()).collect::<Vec<_>>().join(", ");
     match name {
-        None if all.is_empty() => Err(Error::Usage(format!(
+        _ if all.is_empty() => Err(Error::Usage(format!(
             "{}: has no view with kind = \"perspective\"; nothing to render",
             scene.manifest.path.display()
         ))),
@@ -132,7 +132,9 @@ fn known(record: &Path) -> Result<BTreeMap<String, Drawn>> {
         return Ok(BTreeMap::new());
     }
     let text = std::fs::read_to_string(record).map_err(|e| Error::input(record, atomic::explain(&e)))?;
-    let read: Record = serde_json::from_str(&text).map_err(|e| Error::input(record, e.to_string()))?;
+    let read: Record = serde_json::from_str(&text).map_err(|e| {
+        Error::input(record, format!("not the record of rendered pictures ({e}); draw without --resume"))
+    })?;
     Ok(read.pictures)
 }
 
@@ -184,7 +186,10 @@ fn one(
         seed: options.seed,
         target: Target { samples, error: options.error },
     };
-    // The record comes first: what is stored is then never taken for something else's.
+    if !options.resume && kept.exists() {
+        // Gone before the record tells of this picture: it could be taken for its beginning.
+        std::fs::remove_file(&kept).map_err(|e| Error::write(&kept, atomic::explain(&e)))?;
+    }
     note(&drawn)?;
     let (start, before, seconds) = (Instant::now(), picture.total_paths(), drawn.seconds);
     let mut tell_of = |picture: &Picture, done: bool| {
@@ -227,10 +232,17 @@ fn made_from(scene: &Scene, view: &View) -> Result<String> {
         if let Some(fitted) = &leaf.fitted {
             parts.push((format!("fit {}", fitted.name), hash::file(&fitted.folder.join("fit.toml"))?));
         }
-        if leaf.mesh.is_some() {
-            parts.push((format!("mesh {}", leaf.index), hash::file(&leaf.mesh_path)?));
+        if let Some(mesh) = &leaf.mesh {
+            let shape = format!("{:?} {:?}", mesh.positions, mesh.indices);
+            parts.push((format!("mesh {}", leaf.index), hash::bytes(shape.as_bytes())));
+        }
+        if let Some(translucent) = leaf.translucent.as_ref().and_then(|t| t.fitted.as_ref()) {
+            let record = hash::file(&translucent.folder.join("fit.toml"))?;
+            parts.push((format!("translucency {}", leaf.index), record));
         }
     }
+    let placed = format!("{:?}", scene.placed.placements);
+    parts.push(("places".into(), hash::bytes(placed.as_bytes())));
     if let Some(file) = manifest.sky.as_ref().and_then(|s| s.environment.as_ref()) {
         parts.push(("environment".into(), hash::file(&manifest.resolve(file))?));
     }

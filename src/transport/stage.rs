@@ -42,7 +42,9 @@ impl<'a> Stage<'a> {
         }
         let forest = Forest::new(shapes, &placed);
         let turn = world.instances.iter().map(rotation).collect();
-        let step = 1e-9 * forest.extent();
+        // Far from the origin coordinates are coarser than the scene is small.
+        let farthest = forest.bounds().map_or(0.0, |[low, high]| low.abs().max(high.abs()).max_element());
+        let step = 1e-9 * forest.extent().max(farthest);
         let repeat = world
             .periodic
             .zip(forest.bounds())
@@ -120,7 +122,7 @@ impl<'a> Stage<'a> {
         let [p0, p1, p2] = corner.map(|c| mesh.positions[c]);
         let flat = (turn * (p1 - p0).cross(p2 - p0)).normalize_or_zero();
         let mix = |of: &[DVec3]| of[corner[0]] * weight[0] + of[corner[1]] * weight[1] + of[corner[2]] * weight[2];
-        let mut smooth = mix(&mesh.normals).normalize_or(DVec3::Z);
+        let mut smooth = mix(&mesh.normals).normalize_or((p1 - p0).cross(p2 - p0).normalize_or(DVec3::Z));
         let mut front_normal = turn * smooth;
         if by == SideBy::Triangle && front_normal.dot(flat) < 0.0 {
             (smooth, front_normal) = (-smooth, -front_normal);
@@ -184,7 +186,8 @@ impl Repeat {
             };
             let (x, y) = (wall(0), wall(1));
             let leave = x.min(y);
-            if let Some(found) = find(&Ray::new(origin, d), leave) {
+            // A little beyond: what lies in the wall's plane belongs to this side.
+            if let Some(found) = find(&Ray::new(origin, d), leave * (1.0 + 1e-9) + 1e-9) {
                 return Some(found);
             }
             if !leave.is_finite() {
@@ -202,25 +205,34 @@ impl Repeat {
     }
 }
 
-/// Instances that reach into the cell around the origin, those of neighbouring cells too, and which of the world's each
-/// is.
+/// First and last shift of an instance, in whole periods along x and y, after which it reaches into the cell around the
+/// origin; `None` for a mesh without a vertex.
+fn shifts(world: &World, placed: &Placement, size: [f64; 2]) -> Option<[[f64; 2]; 2]> {
+    let points = world.leaves[placed.leaf].mesh.positions.iter().map(|v| placed.transform.transform_point3(*v));
+    let (low, high) = points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
+    low.is_finite().then(|| {
+        [0, 1].map(|axis| {
+            let half = 0.5 * size[axis];
+            [((-half - high[axis]) / size[axis]).ceil(), ((half - low[axis]) / size[axis]).floor()]
+        })
+    })
+}
+
+/// Instances that a world which repeats with this period has in the cell around the origin.
+pub(super) fn copies(world: &World, size: [f64; 2]) -> f64 {
+    let count = |p| shifts(world, p, size).map_or(0.0, |s| s.iter().map(|[a, b]| (b - a + 1.0).max(0.0)).product());
+    world.instances.iter().map(count).sum()
+}
+
+/// These instances, and which of the world's each is.
 fn repeated(world: &World, size: [f64; 2]) -> (Vec<(usize, DMat4)>, Vec<usize>) {
     let (mut placed, mut instance) = (Vec::new(), Vec::new());
     for (k, p) in world.instances.iter().enumerate() {
-        let points = world.leaves[p.leaf].mesh.positions.iter().map(|v| p.transform.transform_point3(*v));
-        let (low, high) = points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
-        // Shifts by whole periods after which the box overlaps the cell.
-        let shifts = |axis: usize| {
-            let half = 0.5 * size[axis];
-            let (first, last) = ((-half - high[axis]) / size[axis], (half - low[axis]) / size[axis]);
-            (first.ceil() as i64..=last.floor() as i64).map(move |n| n as f64 * size[axis])
-        };
-        if !low.is_finite() {
-            continue;
-        }
-        for x in shifts(0) {
-            for y in shifts(1) {
-                placed.push((p.leaf, DMat4::from_translation(DVec3::new(x, y, 0.0)) * p.transform));
+        let Some([along_x, along_y]) = shifts(world, p, size) else { continue };
+        for x in along_x[0] as i64..=along_x[1] as i64 {
+            for y in along_y[0] as i64..=along_y[1] as i64 {
+                let by = DVec3::new(x as f64 * size[0], y as f64 * size[1], 0.0);
+                placed.push((p.leaf, DMat4::from_translation(by) * p.transform));
                 instance.push(k);
             }
         }

@@ -243,6 +243,9 @@ pub enum NormalFrame {
     Tangent,
 }
 
+/// Most instances of a scene that repeats, those that reach over from its neighbours counted.
+const MOST_COPIES: f64 = 1e7;
+
 impl World {
     /// Whether everything is there and of one size; the sentence names the leaf and the field.
     pub fn validate(&self) -> Result<()> {
@@ -281,6 +284,19 @@ impl World {
             }
             if !(0.0..1.5).contains(&sun.radius) {
                 return bad(format!("sun radius: found {} rad, expected 0 to 1.5", sun.radius));
+            }
+        }
+        if let Some(ground) = self.ground.filter(|g| *g >= self.instances.len()) {
+            return bad(format!("ground: instance {ground}, the scene has {}", self.instances.len()));
+        }
+        if let Some(size) = self.periodic {
+            let copies = super::stage::copies(self, size);
+            if !(size.iter().all(|s| *s > 0.0 && s.is_finite()) && copies <= MOST_COPIES) {
+                return bad(format!(
+                    "periodic: a period of {} × {} mm needs {copies:.0} copies of what stands there, expected at most \
+                     {MOST_COPIES:.0}",
+                    size[0], size[1]
+                ));
             }
         }
         if !(self.exposure.is_finite() && self.exposure >= 0.0) {

@@ -155,6 +155,9 @@ fn an_error_ends_a_picture_and_more_paths_go_on_with_it() {
     assert!(error(&more) < 0.75 * error(&by_error), "{more} {by_error}");
     let second = read_exr(&out.join("down.exr")).unwrap();
     assert!(first.get("R") != second.get("R"));
+    // Where a view shows nothing but sky there is no error to wait for.
+    let empty = dir.path().join("empty");
+    succeeded(&run(arguments(&scene, &empty, &["--view", "up", "--error", "0.02"])));
     // A picture of another seed is not gone on with.
     let other = run(arguments(&scene, &out, &["--view", "down", "--samples", "8", "--seed", "9", "--resume"]));
     refused(&other, 2, &["down.progress.exr", "another scene, size, seed or number of bounces"]);
@@ -288,6 +291,8 @@ fn a_closed_canopy_meets_its_closed_form() {
         (format!("{text}[sky]\nradiance = [1, 1, 1]\n"), "there is a [sky]"),
         (text.replace("sun_zenith", "").replace("zenith_deg = 40", "zenith_deg = 95"), "above the horizon"),
         (text.replace("size_mm = [1000, 1000]", "size_mm = [1000, 0]"), "periodic.size_mm: found 0"),
+        (text.replace("size_mm = [1000, 1000]", "size_mm = [1000, 1e-6]"), "copies of what stands there"),
+        (text.replace("irradiance = [1, 1, 1]", "irradiance = [1, 0, 1]"), "sun.irradiance: 0 in channel G"),
     ] {
         std::fs::write(&other, text).unwrap();
         refused(&run(["eval", "canopy", other.to_str().unwrap(), "--fluxes"]), 2, &["other.toml", words]);

@@ -3,7 +3,7 @@
 use crate::{Common, batch, tables};
 use crate::{Error, Result};
 use mesophyll_files::progress::{self, Bar};
-use mesophyll_files::table::{self, Answer, Output, Spec, Table};
+use mesophyll_files::table::{self, Answer, Spec, Table};
 use mesophyll_files::{atomic, table::BatchIo};
 use mesophyll_scene::draw::reference;
 use mesophyll_scene::fits::missing::input_hash;
@@ -50,6 +50,10 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let world = reference::traced(&scene, 0.0, &ledger)?;
     let canopy = Canopy::new(&world, args.seed).map_err(|what| Error::input(&args.scene, what))?;
     let channel = ["R", "G", "B"].iter().position(|c| *c == args.channel).unwrap_or(1);
+    if !(world.sun.as_ref().is_some_and(|s| s.irradiance[channel] > 0.0)) {
+        let what = format!("0 in channel {}, expected a sun that shines in it, or another --channel", args.channel);
+        return Err(Error::field(&args.scene, "sun.irradiance", what));
+    }
     match &args.directions {
         Some(file) => directions(args, file, &canopy, channel, common),
         None => fluxes(args, &canopy, channel, common),
@@ -93,7 +97,6 @@ fn fluxes(args: &Args, canopy: &Canopy, channel: usize, common: &Common) -> Resu
         return Err(Error::Interrupted("interrupted; nothing was written".into()));
     }
     let named = [("reflected", found.reflected), ("absorbed", found.absorbed), ("transmitted", found.transmitted)];
-    let output = Output { json: false, path: args.output.clone() };
     if common.json && args.output == Path::new("-") {
         let mut row = serde_json::Map::new();
         for (name, value) in named {
@@ -106,7 +109,7 @@ fn fluxes(args: &Args, canopy: &Canopy, channel: usize, common: &Common) -> Resu
     let names = named.map(|(name, _)| format!("{name},{name}_err"));
     let values = named.map(|(_, v)| format!("{},{}", v.mean, v.error));
     let text = format!("{}\n{}\n", names.join(","), values.join(","));
-    match output.path == Path::new("-") {
+    match args.output == Path::new("-") {
         true => crate::print(&text)?,
         false => atomic::write_bytes(&args.output, text.as_bytes())?,
     }

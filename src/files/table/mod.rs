@@ -140,16 +140,17 @@ where
                 (bytes, tally)
             })
             .collect();
-        for (bytes, part) in done {
-            sink.write_all(&bytes)?;
-            tally.add(&part);
-            bar.advance(part.rows as u64);
-        }
+        // A stop may have cut these rows short.
         if crate::progress::stop_requested() {
             return Err(Error::Interrupted(format!(
                 "interrupted after {} rows; no output file was written",
                 tally.rows
             )));
+        }
+        for (bytes, part) in done {
+            sink.write_all(&bytes)?;
+            tally.add(&part);
+            bar.advance(part.rows as u64);
         }
     }
     sink.finish()?;

@@ -6,7 +6,9 @@
 //! ```
 //! Transmitted is what reaches the ground (or leaves below, where there is none), each time it does: light that the
 //! ground sends up and leaves send down again counts twice (RAMI4PILPS, Widlowski et al. 2011). All are per incident
-//! flux on the rectangle. Standard errors come from independent randomisations.
+//! flux on the rectangle. Standard errors come from independent randomisations. Fluxes take the sun for a point and follow
+//! light through leaves by ρt alone, without maps of sunlight; mapped normals make them inexact, since light and sight
+//! are then not quite exchangeable (Veach 1997, §5.3).
 
 use super::samples::{MOST_PATHS, Samples, mix};
 use super::{MOST_SCATTERINGS, Paths, Tracer, goes_on};
@@ -52,8 +54,8 @@ pub struct Canopy<'a> {
     seed: u64,
 }
 
-/// Least and most independent randomisations of a number, and how many paths make one more. Of few, the standard error
-/// itself is uncertain (by 13 % of 32, 3 % of 512).
+/// Least and most independent randomisations of a number, and how many paths make one more. With few of them the stated
+/// error is itself uncertain: by 13 % with 32, by 3 % with 512.
 const ROUNDS: [u32; 2] = [32, 512];
 const PATHS_A_ROUND: u32 = 256;
 
@@ -69,6 +71,9 @@ impl<'a> Canopy<'a> {
         };
         if world.sky.is_some() || world.dome.is_some() || world.environment.is_some() {
             return bad("there is a [sky]; a reflectance factor is of the sun's light alone");
+        }
+        if world.background != [0.0; 3] {
+            return bad("background: is not black; a reflectance factor is of the sun's light alone");
         }
         let tracer = Tracer::new(world, Paths::default()).map_err(|e| e.to_string())?;
         let Some([_, high]) = tracer.stage.bounds() else { return bad("there is nothing in it") };

@@ -48,6 +48,8 @@ pub struct Light {
     pub density: Option<f64>,
     /// Whether it is the sun.
     pub sun: bool,
+    /// The sun's irradiance over its radiance times its solid angle: 1 but for a large disk.
+    pub level: f64,
 }
 
 /// Columns and rows of the table by which a modelled sky is sampled.
@@ -90,10 +92,11 @@ impl Lights {
                     weight: sun.radiance().map(|l| l / density),
                     density: Some(density),
                     sun: true,
+                    level: 1.0 - 0.5 * sun.versine,
                 }
             } else {
                 let weight = sun.irradiance.map(|e| e / share);
-                Light { direction: sun.centre, weight, density: None, sun: true }
+                Light { direction: sun.centre, weight, density: None, sun: true, level: 1.0 }
             });
         }
         let share = 1.0 - share;
@@ -108,6 +111,7 @@ impl Lights {
                     weight: radiance.map(|l| l / density),
                     density: Some(density),
                     sun: false,
+                    level: 1.0,
                 })
             }
             Sky::Constant(_) => None,
@@ -119,6 +123,7 @@ impl Lights {
                     weight: radiance(direction).map(|l| l.max(0.0) / density),
                     density: Some(density),
                     sun: false,
+                    level: 1.0,
                 })
             }
         }

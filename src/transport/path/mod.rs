@@ -74,6 +74,9 @@ fn goes_on(carried: &mut [f64; 3], samples: &mut Samples) -> bool {
     samples.next()[0] < share
 }
 
+/// A path that carries more than this is cut off.
+const MOST_CARRIED: f64 = 1e6;
+
 /// How far paths are followed.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Paths {
@@ -124,11 +127,11 @@ impl<'a> Tracer<'a> {
         self.stage.world
     }
 
-    /// What is seen along one line of sight, from `paths` paths in 32 rounds.
+    /// What is seen along one line of sight, from `paths` paths (2,097,152 at most) in 32 rounds.
     pub fn look(&self, eye: DVec3, direction: DVec3, paths: u32, seed: u64) -> Seen {
         const ROUNDS: u32 = 32;
         let ray = Ray::new(eye, direction.normalize_or_zero());
-        let each = paths.div_ceil(ROUNDS);
+        let each = paths.div_ceil(ROUNDS).min(MOST_PATHS);
         let mut cut = 0;
         let means: Vec<[f64; 3]> = (0..ROUNDS)
             .map(|round| {
@@ -165,7 +168,7 @@ impl<'a> Tracer<'a> {
     /// One path from the camera along `ray` (of unit direction).
     fn follow(&self, mut ray: Ray, samples: &mut Samples) -> Brought {
         let Paths { bounces, strategy } = self.paths;
-        let most = bounces.unwrap_or(MOST_SCATTERINGS);
+        let most = bounces.unwrap_or(MOST_SCATTERINGS).min(MOST_SCATTERINGS);
         let mut brought = Brought::default();
         let Some(mut met) = self.stage.nearest(&ray) else {
             return Brought { radiance: self.background(ray.direction), ..brought };
@@ -185,13 +188,18 @@ impl<'a> Tracer<'a> {
                     let alone = light.sun && scatter.sun_by_maps();
                     let share = match light.density.filter(|_| !alone || scatter.faces(l)) {
                         Some(density) => strategy.light(density, || scatter.density(l)),
-                        None => 1.0,
+                        // By maps for the sun's centre, which weigh its irradiance.
+                        None => light.level,
                     };
                     (0..3).for_each(|c| brought.radiance[c] += carried[c] * f[c] * light.weight[c] * share);
                 }
             }
             let Some(turn) = scatter.draw(samples.next()) else { return brought };
             (0..3).for_each(|c| carried[c] *= turn.weight[c]);
+            // Leaves that give more than they get can make a path carry without limit.
+            if carried.iter().any(|c| *c > MOST_CARRIED) {
+                return Brought { cut: true, ..brought };
+            }
             ray = self.stage.leave(surface.point, surface.flat, turn.direction);
             let Some(next) = self.stage.nearest(&ray) else {
                 let with_sun = !(turn.through && scatter.sun_by_maps());
@@ -204,7 +212,7 @@ impl<'a> Tracer<'a> {
                 return brought;
             }
         }
-        brought.cut = bounces.is_none();
+        brought.cut = bounces.is_none_or(|b| b > MOST_SCATTERINGS);
         brought
     }
 }

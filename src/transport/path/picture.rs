@@ -196,8 +196,7 @@ impl Picture {
         }
     }
 
-    /// A bar over the paths that are still to be followed; where only an error is asked for, over what its present
-    /// value lets expect.
+    /// A bar over the paths that are still to be followed; where only an error is asked for, nobody knows how many.
     fn bar(&self, what: &str, target: Target) -> Bar {
         match target.samples {
             Some(samples) => {
@@ -311,8 +310,9 @@ fn next_round([paths, rounds]: [u32; 2], target: Target) -> Option<u32> {
     if rounds < count && begun == u64::from(paths) {
         return Some(of(samples, count, rounds));
     }
-    // One that was begun for another number has rounds of the same size added: the scatter of their means tells the same.
-    Some((paths / rounds.max(1)).clamp(1, left))
+    // One that was begun for another number has rounds of the same size added, or of twice the size where they were
+    // small: the scatter of means of about the same size tells the same.
+    Some((paths / rounds.max(1)).max(of(samples, count, 0).min(2 * paths / rounds.max(1))).clamp(1, left))
 }
 
 /// A seed of its own for every round of every pixel.

@@ -36,7 +36,8 @@ pub fn leaves(p: &Place) -> Result<()> {
         } else if !own {
             return Err(p.error(HEADER, i, "fit", "missing; expected a fit folder, a capture, a scan or uniform"));
         }
-        if leaf.discs.is_some() && leaf.uniform.is_none() && leaf.like.is_none() {
+        let like = leaf.like.as_ref().and_then(|name| p.manifest.leaf_index(name)).map(|k| &p.manifest.leaves[k]);
+        if leaf.discs.is_some() && leaf.uniform.is_none() && like.is_none_or(|l| l.uniform.is_none()) {
             return Err(p.error(HEADER, i, "discs", "given without uniform; discs have no maps"));
         }
         if leaf.mesh_unit.is_some() && leaf.mesh.is_none() && leaf.discs.is_none() {
