@@ -174,6 +174,14 @@ impl Repeat {
     /// Tries `find` on the pieces of a ray in turn, each up to where it leaves the cell.
     fn follow<T>(&self, ray: &Ray, find: impl Fn(&Ray, f64) -> Option<T>) -> Option<T> {
         let (mut origin, d) = (ray.origin, ray.direction);
+        // Above or below everything no cell is worth a look: on to where the ray comes to its height.
+        let away = match d.z > 0.0 {
+            true => self.height[0] - origin.z,
+            false => self.height[1] - origin.z,
+        };
+        if away * d.z > 0.0 {
+            origin += d * (away / d.z);
+        }
         for axis in 0..2 {
             let period = 2.0 * self.half[axis];
             origin[axis] -= period * ((origin[axis] + self.half[axis]) / period).floor();
