@@ -117,16 +117,17 @@ fn from(world: &World, case: &str, want: f64, at_most: f64, eye: DVec3, target: 
         Err(why) => (format!("refused: {why}"), None),
         Ok(tracer) => {
             let seen = tracer.look(eye, target - eye, 4096, 7);
-            let (off, error) = ((seen.mean[1] - want).abs(), seen.error[1]);
+            let green = seen.radiance[1];
+            let (off, error) = ((green.mean - want).abs(), green.error);
             let digits = (-(off / want.abs().max(1e-12)).max(1e-16).log10()).clamp(0.0, 16.0);
-            let verdict = if seen.cut > 0 {
-                format!("wrong: {} paths were cut off", seen.cut)
+            let verdict = if seen.cut {
+                "wrong: paths were cut off".into()
             } else if !(error <= at_most * want.max(1.0)) {
                 format!("wrong: no nearer than ± {error:.1e}")
             } else if off <= 4.0 * error + 1e-5 {
                 "ok".into()
             } else {
-                format!("wrong: {} ± {error:.1e}, expected {want}", seen.mean[1])
+                format!("wrong: {} ± {error:.1e}, expected {want}", green.mean)
             };
             (verdict, Some(digits))
         }

@@ -82,6 +82,9 @@ impl Tree {
     }
 
     /// The node that begins at a line.
+    ///
+    /// `at` is 0 in a tree with a box, or comes from a node. `build` makes room for a whole node before it stores the
+    /// line at which it begins, and lines are never taken away: there is always a node behind it.
     #[inline(always)]
     pub fn node(&self, at: u32) -> &[Line; NODE] {
         self.lines[at as usize..].first_chunk().expect("a node's code names a node")

@@ -78,6 +78,8 @@ struct Triangles<'a, F> {
 impl<L: Lanes, F: FnMut(u32, f64, [f64; 2], &mut f64) -> bool> Visit<L> for Triangles<'_, F> {
     #[inline(always)]
     fn leaf(&mut self, code: u32, local: &Local<L>, _near: f32, s: f32, limit: &mut f64) -> bool {
+        // `pack` writes a whole packet before `Tree::build` stores the line at which it begins, and lines are never
+        // taken away: a leaf's code always has a packet behind it.
         let packet =
             self.shape.tree.lines[code as usize..].first_chunk::<PACKET>().expect("a leaf's code names a packet");
         let (mut lanes, ids) = candidates(local, L::splat(s), packet);

@@ -86,16 +86,22 @@ pub fn render(
     let size = [manifest.check.width as usize, manifest.check.height as usize];
     memory::require(Picture::bytes(size[0], size[1]), &format!("a picture of {}×{} pixels", size[0], size[1]))?;
     let record = options.out.join(RECORD);
-    let mut pictures = if options.resume { known(&record)? } else { BTreeMap::new() };
+    // A record that cannot be read matters only to what goes on from it.
+    let mut pictures = if options.resume { known(&record)? } else { known(&record).unwrap_or_default() };
+    let mut at: Option<(f64, World)> = None;
     for view in views {
         let time = branch::time(manifest, view);
-        let world = reference::traced(scene, time, ledger)?;
+        let world = match at.take().filter(|(then, _)| *then == time) {
+            Some((_, world)) => world,
+            None => reference::traced(scene, time, ledger)?,
+        };
         let earlier = pictures.get(&view.name).cloned();
         let drawn = one(scene, &world, view, size, options, earlier.as_ref(), &mut |drawn| {
             pictures.insert(view.name.clone(), drawn.clone());
             let json = serde_json::to_string_pretty(&Record { pictures: pictures.clone() }).unwrap_or_default();
             atomic::write_bytes(&record, json.as_bytes())
         })?;
+        at = Some((time, world));
         tell(&drawn)?;
         if !drawn.done {
             return Err(Error::Interrupted(format!(
@@ -211,7 +217,8 @@ fn one(
     tell_of(&picture, progress == Progress::Done)?;
     if picture.cut > 0 {
         progress::say(format!(
-            "warning: {}: {} paths were cut off after {} scatterings; their light is missing",
+            "warning: {}: {} paths were cut off, after {} scatterings or because leaves give more light than they get; \
+             the rest of their light is missing",
             view.name,
             picture.cut,
             mesophyll_transport::path::MOST_SCATTERINGS

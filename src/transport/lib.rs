@@ -19,6 +19,7 @@ pub mod path;
 pub mod quadrature;
 pub mod render;
 pub mod scan;
+mod seeds;
 mod shade;
 mod sphere_density;
 mod stage;

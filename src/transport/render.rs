@@ -7,6 +7,7 @@
 
 use super::accelerate::Ray;
 use super::dome::{BELOW, DISK};
+use super::seeds::scramble;
 use super::shade::{Direct, DiskPoint};
 use super::tone;
 use super::world::{Camera, World};
@@ -274,16 +275,6 @@ fn disk_point(index: u32, seed: u32) -> DiskPoint {
     let [u, v, ..] = sample_4d(index, 1, seed);
     let (r, phi) = (f64::from(u).sqrt(), 2.0 * PI * f64::from(v));
     [r * phi.cos(), r * phi.sin()]
-}
-
-/// A well-mixed 32-bit seed (SplitMix64's finaliser, Steele et al. 2014).
-fn scramble(seed: u64, index: u64) -> u32 {
-    let mut z = seed
-        .wrapping_mul(0xD1B5_4A32_D192_ED03)
-        .wrapping_add(index.wrapping_add(1).wrapping_mul(0x9E37_79B9_7F4A_7C15));
-    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    ((z ^ (z >> 31)) >> 16) as u32
 }
 
 /// The camera as a map from picture to rays.

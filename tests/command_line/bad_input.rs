@@ -3,7 +3,7 @@
 //! scenes.
 
 use crate::blade::{Blade, scene};
-use crate::common::{mesophyll, refused, run};
+use crate::common::{begun_synthesis, mesophyll, refused, run};
 use std::path::{Path, PathBuf};
 use std::process::{Output, Stdio};
 
@@ -193,22 +193,7 @@ fn a_device_without_room_is_said_to_be_full() {
 fn a_scan_that_is_stopped_is_no_capture() {
     let dir = tempfile::tempdir().unwrap();
     let scan = dir.path().join("scan");
-    let args = [
-        "synth",
-        "data/leaves/elm.toml",
-        "-o",
-        scan.to_str().unwrap(),
-        "--size",
-        "240x180",
-        "--frames",
-        "60",
-        "--threads",
-        "1",
-    ];
-    let mut child = mesophyll().args(args).stderr(Stdio::piped()).spawn().unwrap();
-    while !scan.join("front/x/0001.exr").exists() && child.try_wait().unwrap().is_none() {
-        std::thread::sleep(std::time::Duration::from_millis(5));
-    }
+    let mut child = begun_synthesis(&scan);
     let _ = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
     let output = child.wait_with_output().unwrap();
     // A machine that is done before the signal arrives has nothing to stop.

@@ -1,7 +1,7 @@
 //! No verb overwrites its input, what another kind of verb made, or what the program did not make.
 
 use crate::blade::{Blade, scene};
-use crate::common::{copy_tree, mesophyll, refused, run, succeeded};
+use crate::common::{begun_synthesis, copy_tree, mesophyll, refused, run, succeeded};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -190,22 +190,7 @@ fn force_replaces_a_synthetic_capture_and_nothing_else() {
 fn what_a_killed_synthesis_left_is_replaced() {
     let dir = tempfile::tempdir().unwrap();
     let scan = dir.path().join("scan");
-    let args = [
-        "synth",
-        "data/leaves/elm.toml",
-        "-o",
-        scan.to_str().unwrap(),
-        "--size",
-        "240x180",
-        "--frames",
-        "60",
-        "--threads",
-        "1",
-    ];
-    let mut child = mesophyll().args(args).stderr(Stdio::null()).spawn().unwrap();
-    while !scan.join("front/x/0001.exr").exists() && child.try_wait().unwrap().is_none() {
-        std::thread::sleep(std::time::Duration::from_millis(5));
-    }
+    let mut child = begun_synthesis(&scan);
     child.kill().unwrap();
     child.wait().unwrap();
     assert!(!scan.join("capture.toml").exists(), "this machine scanned 240 frames before it could be stopped");

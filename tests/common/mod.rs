@@ -46,6 +46,16 @@ pub fn scan(folder: &Path, spec: &str, extra: &[&str]) -> PathBuf {
     capture
 }
 
+/// A synthesis on one thread that has written its first frame and has many to go.
+pub fn begun_synthesis(scan: &Path) -> std::process::Child {
+    let args = ["synth", "data/leaves/elm.toml", "--size", "240x180", "--frames", "60", "--threads", "1", "-o"];
+    let mut child = mesophyll().args(args).arg(scan).stderr(std::process::Stdio::piped()).spawn().expect("it starts");
+    while !scan.join("front/x/0001.exr").exists() && child.try_wait().expect("it runs").is_none() {
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    child
+}
+
 /// Copies a folder tree.
 pub fn copy_tree(from: &Path, to: &Path) {
     std::fs::create_dir_all(to).expect("folder");

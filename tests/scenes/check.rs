@@ -2,6 +2,7 @@
 #![cfg(feature = "render")]
 
 use crate::blade::{Blade, copy, edit, rehash, scene, tamper};
+use crate::json;
 use crate::skips::no_adapter;
 use serde_json::Value;
 use std::path::Path;
@@ -30,11 +31,6 @@ fn check(path: &Path, args: &[&str]) -> Output {
         .args(args)
         .output()
         .unwrap()
-}
-
-fn json(output: &Output) -> Value {
-    serde_json::from_slice(&output.stdout)
-        .unwrap_or_else(|e| panic!("{e}: {}", String::from_utf8_lossy(&output.stderr)))
 }
 
 #[test]

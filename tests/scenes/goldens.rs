@@ -2,6 +2,7 @@
 //! and hashed anew, must miss them.
 #![cfg(feature = "render")]
 
+use crate::json;
 use crate::skips;
 use mesophyll::files::image::{Packing, read_exr, write_exr};
 use mesophyll::files::quantity::Quantity;
@@ -40,11 +41,6 @@ fn check(scene: &Path, out: &Path, args: &[&str]) -> Output {
         .arg(scene)
         .output()
         .unwrap()
-}
-
-fn json(output: &Output) -> Value {
-    serde_json::from_slice(&output.stdout)
-        .unwrap_or_else(|e| panic!("{e}: {}", String::from_utf8_lossy(&output.stderr)))
 }
 
 /// Scans, fits and translucency maps that are not committed are made on the way.

@@ -15,3 +15,9 @@ mod scene_imports;
 #[path = "../common/skips.rs"]
 mod skips;
 mod translucency_scene;
+
+/// What the program printed with `--json`.
+fn json(output: &std::process::Output) -> serde_json::Value {
+    serde_json::from_slice(&output.stdout)
+        .unwrap_or_else(|e| panic!("{e}: {}", String::from_utf8_lossy(&output.stderr)))
+}

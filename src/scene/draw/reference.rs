@@ -29,6 +29,14 @@ use std::sync::Arc;
 /// # Errors
 /// [`Error::Input`] for a map that is missing, damaged or of another size.
 pub fn world(scene: &Scene, ledger: &Ledger) -> Result<transport::World> {
+    let mut out = standing(scene, ledger)?;
+    stand_at(&mut out, scene, crate::placed::branch::rest_time(&scene.manifest));
+    relight(&mut out, scene, &scene.placed.eyes)?;
+    Ok(out)
+}
+
+/// The scene at rest, without the sun's light through its leaves.
+fn standing(scene: &Scene, ledger: &Ledger) -> Result<transport::World> {
     let Scene { manifest, placed, .. } = scene;
     let mut out = lights(manifest)?;
     let mut index = vec![None; placed.leaves.len()];
@@ -53,10 +61,6 @@ pub fn world(scene: &Scene, ledger: &Ledger) -> Result<transport::World> {
     for (twig, mesh) in &placed.twigs {
         out.instances.push(transport::Placement { leaf: out.leaves.len(), transform: DMat4::IDENTITY });
         out.leaves.push(barked(twig.bark, mesh));
-    }
-    move_to(&mut out, scene, crate::placed::branch::rest_time(manifest))?;
-    if placed.bends.is_none() {
-        relight(&mut out, scene, &placed.eyes)?;
     }
     Ok(out)
 }
@@ -84,8 +88,8 @@ fn barked(bark: [f64; 3], rest: &LeafMesh) -> transport::ReferenceLeaf {
 /// # Errors
 /// As [`world`]; [`Error::Input`] for an environment map that cannot be read.
 pub fn traced(scene: &Scene, time: f64, ledger: &Ledger) -> Result<transport::World> {
-    let mut out = world(scene, ledger)?;
-    move_to(&mut out, scene, time)?;
+    let mut out = standing(scene, ledger)?;
+    stand_at(&mut out, scene, time);
     relight_everywhere(&mut out, scene)?;
     out.periodic = scene.manifest.periodic.as_ref().map(|p| p.size_mm);
     if let Some(file) = scene.manifest.sky.as_ref().and_then(|s| s.environment.as_ref()) {
@@ -102,14 +106,22 @@ pub fn traced(scene: &Scene, time: f64, ledger: &Ledger) -> Result<transport::Wo
 /// # Errors
 /// [`Error::Input`] for a leaf whose inside cannot be read.
 pub fn move_to(world: &mut transport::World, scene: &Scene, time: f64) -> Result<()> {
+    if scene.placed.bends.is_none() {
+        return Ok(());
+    }
+    stand_at(world, scene, time);
+    relight(world, scene, &scene.placed.eyes)
+}
+
+/// The same without the sun's light through the leaves.
+fn stand_at(world: &mut transport::World, scene: &Scene, time: f64) {
     let placed = &scene.placed;
-    let Some(bends) = &placed.bends else { return Ok(()) };
+    let Some(bends) = &placed.bends else { return };
     let drawn = placed.placements.iter().filter(|p| placed.leaves[p.leaf].mesh.is_some());
     for (instance, p) in world.instances.iter_mut().zip(drawn) {
         instance.transform = placed.at_time(p, time).transform;
     }
     move_branches(world, placed, bends, time);
-    relight(world, scene, &placed.eyes)
 }
 
 /// The branches alone.

@@ -10,24 +10,15 @@
 //! light through leaves by ρt alone, without maps of sunlight; mapped normals make them inexact, since light and sight
 //! are then not quite exchangeable (Veach 1997, §5.3).
 
-use super::samples::{MOST_PATHS, Samples, mix};
+use super::estimate::{Estimate, estimate};
+use super::samples::Samples;
 use super::{MOST_SCATTERINGS, Paths, Tracer, goes_on};
 use crate::accelerate::Ray;
+use crate::seeds::mix;
 use crate::stage::SideBy;
 use crate::world::World;
 use glam::DVec3;
-use mesophyll_files::progress;
-use rayon::prelude::*;
 use std::f64::consts::PI;
-
-/// A number and its standard error.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Estimate {
-    /// Mean over the randomisations.
-    pub mean: f64,
-    /// Standard error of the mean.
-    pub error: f64,
-}
 
 /// Shares of the incident flux.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -53,11 +44,6 @@ pub struct Canopy<'a> {
     irradiance: [f64; 3],
     seed: u64,
 }
-
-/// Least and most independent randomisations of a number, and how many paths make one more. With few of them the stated
-/// error is itself uncertain: by 13 % with 32, by 3 % with 512.
-const ROUNDS: [u32; 2] = [32, 512];
-const PATHS_A_ROUND: u32 = 256;
 
 impl<'a> Canopy<'a> {
     /// # Errors
@@ -105,7 +91,7 @@ impl<'a> Canopy<'a> {
         let toward = DVec3::new(sin * azimuth.cos(), sin * azimuth.sin(), cos);
         let scale = PI / (self.irradiance[channel] * self.sun.z);
         let key = toward.to_array().iter().fold(self.seed, |key, x| mix(key, x.to_bits()));
-        let [brf] = self.estimate(key, paths, |samples| {
+        let [brf] = estimate(key, paths, |samples| {
             let [u, v, ..] = samples.next();
             [scale * self.tracer.follow(self.enter(-toward, [u, v]), samples).radiance[channel]]
         });
@@ -114,7 +100,7 @@ impl<'a> Canopy<'a> {
 
     /// Where the light of channel `channel` goes, from `paths` paths with the light.
     pub fn fluxes(&self, channel: usize, paths: u32) -> Fluxes {
-        let [reflected, absorbed, transmitted, closure] = self.estimate(mix(self.seed, 4), paths, |samples| {
+        let [reflected, absorbed, transmitted, closure] = estimate(mix(self.seed, 4), paths, |samples| {
             let [u, v, ..] = samples.next();
             self.light(self.enter(-self.sun, [u, v]), channel, samples)
         });
@@ -157,33 +143,5 @@ impl<'a> Canopy<'a> {
             }
         }
         [reflected, absorbed, transmitted, reflected + absorbed + in_ground]
-    }
-
-    /// Means of what `path` gives, from independent randomisations; cut short where a stop was asked for.
-    fn estimate<const N: usize>(
-        &self,
-        key: u64,
-        paths: u32,
-        path: impl Fn(&mut Samples) -> [f64; N] + Sync,
-    ) -> [Estimate; N] {
-        let rounds = (paths / PATHS_A_ROUND).clamp(ROUNDS[0], ROUNDS[1]).max(paths.div_ceil(MOST_PATHS));
-        let each = paths.div_ceil(rounds);
-        let means: Vec<[f64; N]> = (0..rounds)
-            .into_par_iter()
-            .map(|round| {
-                let mut sum = [0.0; N];
-                for k in (0..each).take_while(|_| !progress::stop_requested()) {
-                    let found = path(&mut Samples::new((mix(key, u64::from(round)) >> 16) as u32, k));
-                    (0..N).for_each(|q| sum[q] += found[q] / f64::from(each));
-                }
-                sum
-            })
-            .collect();
-        let n = f64::from(rounds);
-        std::array::from_fn(|q| {
-            let mean = means.iter().map(|m| m[q]).sum::<f64>() / n;
-            let spread = means.iter().map(|m| (m[q] - mean).powi(2)).sum::<f64>() / (n - 1.0);
-            Estimate { mean, error: (spread / n).sqrt() }
-        })
     }
 }

@@ -9,6 +9,7 @@
 //! translucency maps of sunlight); nothing shines but sun, sky and environment.
 
 mod canopy;
+mod estimate;
 mod lights;
 mod picture;
 mod samples;
@@ -16,7 +17,8 @@ mod scatter;
 #[cfg(test)]
 mod tests;
 
-pub use canopy::{Canopy, Estimate, Fluxes};
+pub use canopy::{Canopy, Fluxes};
+pub use estimate::Estimate;
 pub use picture::{Picture, Progress, Request, Target};
 pub use samples::MOST_PATHS;
 
@@ -96,12 +98,10 @@ pub struct Tracer<'a> {
 /// What is seen along a line of sight.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Seen {
-    /// Radiance.
-    pub mean: [f64; 3],
-    /// Its standard error.
-    pub error: [f64; 3],
-    /// Paths that were cut off at [`MOST_SCATTERINGS`].
-    pub cut: u64,
+    /// Radiance, a channel each.
+    pub radiance: [Estimate; 3],
+    /// Whether paths were cut off, whose light is missing.
+    pub cut: bool,
 }
 
 /// What one path brought back.
@@ -110,7 +110,7 @@ struct Brought {
     radiance: [f64; 3],
     /// Whether the first ray met a leaf.
     met: bool,
-    /// Whether it was cut off at [`MOST_SCATTERINGS`].
+    /// Whether it was cut off: at [`MOST_SCATTERINGS`], or because it carried more than [`MOST_CARRIED`].
     cut: bool,
 }
 
@@ -127,31 +127,14 @@ impl<'a> Tracer<'a> {
         self.stage.world
     }
 
-    /// What is seen along one line of sight, from `paths` paths (2,097,152 at most) in 32 rounds.
+    /// What is seen along one line of sight, from `paths` paths.
     pub fn look(&self, eye: DVec3, direction: DVec3, paths: u32, seed: u64) -> Seen {
-        const ROUNDS: u32 = 32;
         let ray = Ray::new(eye, direction.normalize_or_zero());
-        let each = paths.div_ceil(ROUNDS).min(MOST_PATHS);
-        let mut cut = 0;
-        let means: Vec<[f64; 3]> = (0..ROUNDS)
-            .map(|round| {
-                let mut sum = [0.0; 3];
-                for k in 0..each {
-                    let mut samples = Samples::new((samples::mix(seed, u64::from(round)) >> 16) as u32, k);
-                    let brought = self.follow(ray, &mut samples);
-                    (0..3).for_each(|c| sum[c] += brought.radiance[c] / f64::from(each));
-                    cut += u64::from(brought.cut);
-                }
-                sum
-            })
-            .collect();
-        let n = f64::from(ROUNDS);
-        let mean = [0, 1, 2].map(|c| means.iter().map(|m| m[c]).sum::<f64>() / n);
-        let error = [0, 1, 2].map(|c| {
-            let spread: f64 = means.iter().map(|m| (m[c] - mean[c]).powi(2)).sum();
-            (spread / (n - 1.0) / n).sqrt()
+        let [r, g, b, cut] = estimate::estimate(seed, paths, |samples| {
+            let Brought { radiance: [r, g, b], cut, .. } = self.follow(ray, samples);
+            [r, g, b, f64::from(u8::from(cut))]
         });
-        Seen { mean, error, cut }
+        Seen { radiance: [r, g, b], cut: cut.mean > 0.0 }
     }
 
     /// What a ray sees that meets nothing: the background under a constant sky, else the sky, and the sun's disk.

@@ -8,9 +8,10 @@
 //! Means and sums are kept in f32 after every round, so that a picture that was stored and read again goes on to the
 //! same bits.
 
-use super::samples::{MOST_PATHS, Samples, mix};
+use super::samples::{MOST_PATHS, Samples};
 use super::{Brought, Tracer};
 use crate::render::Lens;
+use crate::seeds::{mix, scramble};
 use crate::world::Camera;
 use crate::{Error, Result};
 use mesophyll_files::image::{Maps, Packing, read_exr, write_exr};
@@ -317,7 +318,7 @@ fn next_round([paths, rounds]: [u32; 2], target: Target) -> Option<u32> {
 
 /// A seed of its own for every round of every pixel.
 pub(super) fn pixel_seed(seed: u64, pixel: usize, round: u32) -> u32 {
-    (mix(mix(seed, pixel as u64), u64::from(round)) >> 16) as u32
+    scramble(mix(seed, pixel as u64), u64::from(round))
 }
 
 impl Tracer<'_> {

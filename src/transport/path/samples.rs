@@ -4,6 +4,7 @@
 //! they cover every dimension evenly. Different seeds give independent randomisations. Beyond the sequence's 256
 //! dimensions, and below its 24 bits, numbers come from a hash.
 
+use crate::seeds::mix;
 use sobol_burley::{NUM_DIMENSION_SETS_4D, sample_4d};
 
 /// The most paths of one randomisation: what the sequence holds.
@@ -38,14 +39,4 @@ impl Samples {
             [0, 16, 32, 48].map(|shift| ((more >> shift & 0xffff) as f64 + low[shift as usize / 16]) / 65_536.0)
         }
     }
-}
-
-/// A well-mixed number (SplitMix64's finaliser, Steele et al. 2014).
-pub fn mix(seed: u64, index: u64) -> u64 {
-    let mut z = seed
-        .wrapping_mul(0xD1B5_4A32_D192_ED03)
-        .wrapping_add(index.wrapping_add(1).wrapping_mul(0x9E37_79B9_7F4A_7C15));
-    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    z ^ (z >> 31)
 }

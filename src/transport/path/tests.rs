@@ -62,7 +62,7 @@ fn plates(reach: f64, of: &[(f64, [f64; 2], f64)]) -> World {
 /// Radiance and its standard error along one line of sight.
 fn along(world: &World, from: DVec3, to: DVec3, paths: Paths, count: u32) -> (f64, f64) {
     let seen = Tracer::new(world, paths).unwrap().look(from, to - from, count, 9);
-    (seen.mean[1], seen.error[1])
+    (seen.radiance[1].mean, seen.radiance[1].error)
 }
 
 const BOTH: Paths = Paths { bounces: None, strategy: Strategy::Both };
@@ -233,7 +233,7 @@ fn chi_square(draws: u32, draw: impl Fn(u32) -> Option<DVec3>, density: impl Fn(
 
 /// Plain random numbers: evenly spread ones would pass with too small a statistic.
 fn random(k: u32) -> [f64; 4] {
-    let of = |q: u64| (samples::mix(77 + q, u64::from(k)) >> 11) as f64 / (1u64 << 53) as f64;
+    let of = |q: u64| (crate::seeds::mix(77 + q, u64::from(k)) >> 11) as f64 / (1u64 << 53) as f64;
     [of(0), of(1), of(2), of(3)]
 }
 

@@ -1,0 +1,47 @@
+//! Means of what paths bring, with standard errors from independent randomisations.
+
+use super::samples::{MOST_PATHS, Samples};
+use crate::seeds::scramble;
+use mesophyll_files::progress;
+use rayon::prelude::*;
+
+/// A number and its standard error.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Estimate {
+    /// Mean over the randomisations.
+    pub mean: f64,
+    /// Standard error of the mean.
+    pub error: f64,
+}
+
+/// Least and most randomisations of a number, and how many paths make one more. With few of them the stated error is
+/// itself uncertain: by 13 % with 32, by 3 % with 512.
+const ROUNDS: [u32; 2] = [32, 512];
+const PATHS_A_ROUND: u32 = 256;
+
+/// Means of the numbers that `path` brings, over `paths` paths; cut short where a stop was asked for.
+pub(super) fn estimate<const N: usize>(
+    seed: u64,
+    paths: u32,
+    path: impl Fn(&mut Samples) -> [f64; N] + Sync,
+) -> [Estimate; N] {
+    let rounds = (paths / PATHS_A_ROUND).clamp(ROUNDS[0], ROUNDS[1]).max(paths.div_ceil(MOST_PATHS));
+    let each = paths.div_ceil(rounds);
+    let means: Vec<[f64; N]> = (0..rounds)
+        .into_par_iter()
+        .map(|round| {
+            let mut sum = [0.0; N];
+            for k in (0..each).take_while(|_| !progress::stop_requested()) {
+                let found = path(&mut Samples::new(scramble(seed, u64::from(round)), k));
+                (0..N).for_each(|q| sum[q] += found[q] / f64::from(each));
+            }
+            sum
+        })
+        .collect();
+    let n = f64::from(rounds);
+    std::array::from_fn(|q| {
+        let mean = means.iter().map(|m| m[q]).sum::<f64>() / n;
+        let spread = means.iter().map(|m| (m[q] - mean).powi(2)).sum::<f64>() / (n - 1.0);
+        Estimate { mean, error: (spread / n).sqrt() }
+    })
+}
