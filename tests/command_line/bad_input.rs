@@ -193,7 +193,7 @@ fn a_device_without_room_is_said_to_be_full() {
 fn a_scan_that_is_stopped_is_no_capture() {
     let dir = tempfile::tempdir().unwrap();
     let scan = dir.path().join("scan");
-    let mut child = begun_synthesis(&scan);
+    let child = begun_synthesis(&scan);
     let _ = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
     let output = child.wait_with_output().unwrap();
     // A machine that is done before the signal arrives has nothing to stop.
