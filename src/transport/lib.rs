@@ -15,6 +15,8 @@ pub mod dome;
 pub mod environment;
 pub mod lobe;
 pub mod lookup;
+#[cfg(test)]
+mod made_up;
 pub mod path;
 pub mod quadrature;
 pub mod render;
@@ -24,6 +26,7 @@ mod shade;
 mod sphere_density;
 mod stage;
 pub mod tone;
+pub mod transfer;
 pub mod world;
 
 pub use mesophyll_rays as accelerate;

@@ -356,7 +356,8 @@ impl<'a> Surface<'a> {
     }
 }
 
-fn rotation(placed: &Placement) -> DMat3 {
+/// The rotation of a placement, without its scale.
+pub(super) fn rotation(placed: &Placement) -> DMat3 {
     let m = DMat3::from_mat4(placed.transform);
     m * (1.0 / m.determinant().abs().cbrt())
 }

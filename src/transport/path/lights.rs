@@ -151,6 +151,15 @@ impl Lights {
         sum
     }
 
+    /// Radiance of the sky alone in direction `d`.
+    pub fn sky(&self, d: DVec3) -> [f64; 3] {
+        match &self.sky {
+            Sky::None => [0.0; 3],
+            Sky::Constant(radiance) => *radiance,
+            Sky::Varying { radiance, .. } => radiance(d).map(|l| l.max(0.0)),
+        }
+    }
+
     /// Radiance of the sun's disk in direction `d`; zero beside it.
     pub fn disk(&self, d: DVec3) -> [f64; 3] {
         self.sun.as_ref().filter(|s| s.holds(d)).map_or([0.0; 3], Sun::radiance)

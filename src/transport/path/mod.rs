@@ -9,6 +9,7 @@
 //! translucency maps of sunlight); nothing shines but sun, sky and environment.
 
 mod canopy;
+mod escape;
 mod estimate;
 mod lights;
 mod picture;
@@ -17,18 +18,17 @@ mod scatter;
 #[cfg(test)]
 mod tests;
 
-pub use canopy::{Canopy, Fluxes};
-pub use estimate::Estimate;
-pub use picture::{Picture, Progress, Request, Target};
-pub use samples::MOST_PATHS;
-
-use crate::Result;
+pub(crate) use crate::Result;
 use crate::accelerate::Ray;
 use crate::stage::{SideBy, Stage};
 use crate::world::World;
+pub use canopy::{Canopy, Fluxes};
+pub use estimate::Estimate;
 use glam::DVec3;
 use lights::Lights;
-use samples::Samples;
+pub use picture::{Picture, Progress, Request, Target};
+pub use samples::MOST_PATHS;
+pub(crate) use samples::Samples;
 use scatter::Scatter;
 
 /// How directions are drawn towards light. All have the same mean; that they do is a test of each.
@@ -90,7 +90,7 @@ pub struct Paths {
 
 /// A world ready to be traced.
 pub struct Tracer<'a> {
-    stage: Stage<'a>,
+    pub(crate) stage: Stage<'a>,
     lights: Lights,
     paths: Paths,
 }

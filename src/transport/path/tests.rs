@@ -1,63 +1,16 @@
 //! The path tracer against closed forms, and its samplers against their densities.
 
 use super::lights::{Lights, density};
-use super::samples::Samples;
 use super::scatter::Scatter;
 use super::*;
 use crate::dome::Dome;
 use crate::environment::Environment;
 use crate::lobe::{Lobe, Reflect};
-use crate::world::{Camera, Gloss, Interior, Placement, ReferenceLeaf, ReferenceMesh, ReferenceSide, ReferenceSun};
-use glam::{DMat4, DVec2};
+use crate::made_up::{leaf, plates, side, square};
+use crate::world::{Camera, Placement, ReferenceSun};
+use glam::DMat4;
 use std::f64::consts::PI;
 use std::sync::Arc;
-
-/// A level square of this half width at height 0, its front up.
-fn square(reach: f64) -> ReferenceMesh {
-    let at = |x: f64, y: f64| DVec3::new(x * reach, y * reach, 0.0);
-    ReferenceMesh {
-        positions: vec![at(-1.0, -1.0), at(1.0, -1.0), at(1.0, 1.0), at(-1.0, 1.0)],
-        normals: vec![DVec3::Z; 4],
-        tangents: Vec::new(),
-        uvs: vec![DVec2::ZERO, DVec2::X, DVec2::ONE, DVec2::Y],
-        indices: vec![0, 1, 2, 0, 2, 3],
-        discs: false,
-    }
-}
-
-fn side(rho_d: f64, rho_t: f64, gloss: Option<(f64, f64)>) -> ReferenceSide {
-    let map = |v: f64| [0, 1, 2].map(|_| vec![v as f32]);
-    ReferenceSide {
-        interior: Interior::Maps { rho_d: map(rho_d), rho_t: map(rho_t) },
-        gloss: gloss.map(|(rho_s, m)| Gloss { rho_s: map(rho_s), m: vec![m as f32] }),
-        normal: None,
-    }
-}
-
-fn leaf(mesh: ReferenceMesh, rho_d: [f64; 2], rho_t: f64, gloss: Option<(f64, f64)>) -> ReferenceLeaf {
-    ReferenceLeaf {
-        mesh,
-        width: 1,
-        height: 1,
-        front: side(rho_d[0], rho_t, gloss),
-        back: side(rho_d[1], rho_t, gloss),
-        mask: None,
-        lobe: Lobe::Beckmann,
-    }
-}
-
-/// Squares of half width `reach` at heights.
-fn plates(reach: f64, of: &[(f64, [f64; 2], f64)]) -> World {
-    World {
-        leaves: of.iter().map(|(_, rho_d, rho_t)| leaf(square(reach), *rho_d, *rho_t, None)).collect(),
-        instances: of
-            .iter()
-            .enumerate()
-            .map(|(k, (z, ..))| Placement { leaf: k, transform: DMat4::from_translation(DVec3::Z * *z) })
-            .collect(),
-        ..World::default()
-    }
-}
 
 /// Radiance and its standard error along one line of sight.
 fn along(world: &World, from: DVec3, to: DVec3, paths: Paths, count: u32) -> (f64, f64) {

@@ -1,0 +1,48 @@
+//! Paths from a point of the scene outwards: where they leave it, and what light comes in along them.
+
+use super::{FOLLOWED, MOST_CARRIED, MOST_SCATTERINGS, Samples, Tracer, goes_on};
+use crate::accelerate::Ray;
+use crate::path::scatter::Scatter;
+use crate::stage::SideBy;
+use glam::DVec3;
+
+/// The end of a path that left the scene.
+pub(crate) struct Escape {
+    /// Where it left to (a unit vector).
+    pub direction: DVec3,
+    /// What it lets through of light from there, a channel each.
+    pub carried: [f64; 3],
+    /// Whether it met nothing on its way.
+    pub straight: bool,
+}
+
+impl Tracer<'_> {
+    /// Follows a path along `ray` (of unit direction) until it leaves the scene; `None` where it ends inside, by chance
+    /// or because nothing is left of it.
+    pub(crate) fn escape(&self, mut ray: Ray, samples: &mut Samples) -> Option<Escape> {
+        let mut carried = [1.0; 3];
+        for turned in 0..MOST_SCATTERINGS {
+            let Some(met) = self.stage.nearest(&ray) else {
+                return Some(Escape { direction: ray.direction, carried, straight: turned == 0 });
+            };
+            if turned > FOLLOWED && !goes_on(&mut carried, samples) {
+                return None;
+            }
+            let surface = self.stage.surface(&met, SideBy::Triangle);
+            let scatter = Scatter::new(&self.stage, &surface, carried, surface.rho_t());
+            let turn = scatter.draw(samples.next())?;
+            (0..3).for_each(|c| carried[c] *= turn.weight[c]);
+            if carried.iter().any(|c| *c > MOST_CARRIED) {
+                return None;
+            }
+            ray = self.stage.leave(surface.point, surface.flat, turn.direction);
+        }
+        None
+    }
+
+    /// Radiance that arrives along `ray` against its (unit) direction: of sky and surfaces, without the sun's disk.
+    pub(crate) fn arriving(&self, ray: Ray, samples: &mut Samples) -> [f64; 3] {
+        let brought = self.follow(ray, samples);
+        if brought.met { brought.radiance } else { self.lights.sky(ray.direction) }
+    }
+}

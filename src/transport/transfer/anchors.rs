@@ -1,0 +1,298 @@
+//! Where on a leaf the light from its surroundings is known: at the anchors, which stand on a grid over each connected
+//! piece of the mesh.
+//!
+//! Light from the sky and from other leaves changes slowly along a leaf, so that a few anchors serve many vertices
+//! (Wang et al. 2005, §4, Table 1: about one in fifteen). A piece is what hangs together by edges. Two leaves that
+//! merely touch are two pieces, and no light is interpolated from one to the other.
+
+use crate::lookup::Taps;
+use crate::world::ReferenceLeaf;
+use glam::{DVec2, DVec3};
+use std::collections::HashMap;
+
+/// A point of a mesh.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Anchor {
+    /// Which triangle it lies on.
+    pub triangle: usize,
+    /// Weights of the triangle's second and third corner.
+    pub barycentric: [f64; 2],
+}
+
+/// The anchors of a mesh, and how its vertices lie among them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Anchors {
+    /// Anchors along a piece and across it.
+    pub grid: [usize; 2],
+    /// A piece's grid after the other's, row by row: along runs fastest.
+    pub points: Vec<Anchor>,
+    /// Of each vertex: the first anchor of its piece, and its place in the grid, 0 to `grid − 1` along and across.
+    pub places: Vec<[f32; 3]>,
+}
+
+impl Anchors {
+    /// A grid over every piece of a leaf. Anchors that would stand beside the leaf, or where its mask cuts it away, are
+    /// moved to the nearest place on it.
+    pub fn on_leaf(leaf: &ReferenceLeaf, grid: [usize; 2]) -> Anchors {
+        let grid = grid.map(|n| n.max(1));
+        let pieces = pieces(leaf);
+        let mut out = Anchors { grid, points: Vec::new(), places: vec![[0.0; 3]; leaf.mesh.positions.len()] };
+        for triangles in &pieces {
+            out.add(leaf, triangles);
+        }
+        out
+    }
+
+    /// An anchor at every vertex, for surfaces that no plane can be laid along, such as wood.
+    pub fn at_vertices(leaf: &ReferenceLeaf) -> Anchors {
+        let mesh = &leaf.mesh;
+        let mut points = vec![None; mesh.positions.len()];
+        for (k, vertex) in mesh.indices.iter().enumerate() {
+            let barycentric = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]][k % 3];
+            points[*vertex as usize].get_or_insert(Anchor { triangle: k / 3, barycentric });
+        }
+        let first = Anchor { triangle: 0, barycentric: [0.0; 2] };
+        Anchors {
+            grid: [1, 1],
+            places: (0..points.len()).map(|k| [k as f32, 0.0, 0.0]).collect(),
+            // A vertex of no triangle is never drawn.
+            points: points.into_iter().map(|p| p.unwrap_or(first)).collect(),
+        }
+    }
+
+    /// Adds the grid over one piece.
+    fn add(&mut self, leaf: &ReferenceLeaf, triangles: &[usize]) {
+        let plane = Plane::along(leaf, triangles);
+        let [along, across] = self.grid;
+        let first = self.points.len();
+        let node = |k: usize, n: usize, [low, high]: [f64; 2]| match n {
+            1 => 0.5 * (low + high),
+            _ => low + (high - low) * k as f64 / (n - 1) as f64,
+        };
+        let flat: Vec<[DVec2; 3]> = triangles.iter().map(|t| corners(leaf, *t).map(|p| plane.of(p))).collect();
+        let spare = spare(leaf, triangles);
+        for j in 0..across {
+            for i in 0..along {
+                let at = DVec2::new(node(i, along, plane.reach[0]), node(j, across, plane.reach[1]));
+                let hit = triangles.iter().zip(&flat).find_map(|(t, corner)| {
+                    let found = Anchor { triangle: *t, barycentric: inside(corner, at)? };
+                    on_leaf(leaf, &found).then_some(found)
+                });
+                let near = || {
+                    let distance = |a: &Anchor| plane.of(position(leaf, a)).distance_squared(at);
+                    spare.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).copied()
+                };
+                let fallback = Anchor { triangle: triangles[0], barycentric: [1.0 / 3.0; 2] };
+                self.points.push(hit.or_else(near).unwrap_or(fallback));
+            }
+        }
+        let place = |v: f64, n: usize, [low, high]: [f64; 2]| match n {
+            1 => 0.0,
+            _ => ((v - low) / (high - low).max(1e-300) * (n - 1) as f64).clamp(0.0, (n - 1) as f64) as f32,
+        };
+        for vertex in triangles.iter().flat_map(|t| vertices(leaf, *t)) {
+            let p = plane.of(leaf.mesh.positions[vertex]);
+            self.places[vertex] = [first as f32, place(p.x, along, plane.reach[0]), place(p.y, across, plane.reach[1])];
+        }
+    }
+}
+
+/// A plane along a piece: its long axis and the axis across it.
+struct Plane {
+    origin: DVec3,
+    axes: [DVec3; 2],
+    /// From where to where the piece reaches along each axis.
+    reach: [[f64; 2]; 2],
+}
+
+impl Plane {
+    fn along(leaf: &ReferenceLeaf, triangles: &[usize]) -> Plane {
+        let (mut normal, mut origin, mut area) = (DVec3::ZERO, DVec3::ZERO, 0.0);
+        for t in triangles {
+            let [a, b, c] = corners(leaf, *t);
+            let n = (b - a).cross(c - a);
+            normal += n;
+            origin += (a + b + c) / 3.0 * n.length();
+            area += n.length();
+        }
+        let origin = if area > 0.0 { origin / area } else { corners(leaf, triangles[0])[0] };
+        let (u, v) = normal.normalize_or(DVec3::Z).any_orthonormal_pair();
+        // The long axis is that of the greatest second moment of the area.
+        let (mut uu, mut uv, mut vv) = (0.0, 0.0, 0.0);
+        for [a, b, c] in triangles.iter().map(|t| corners(leaf, *t)) {
+            let area = (b - a).cross(c - a).length();
+            for p in [a, b, c, a + b + c - 2.0 * origin] {
+                let (x, y) = ((p - origin).dot(u), (p - origin).dot(v));
+                (uu, uv, vv) = (uu + area * x * x, uv + area * x * y, vv + area * y * y);
+            }
+        }
+        let even = (uu - vv).hypot(2.0 * uv) < 1e-6 * (uu + vv);
+        let (sin, cos) = if even { (0.0, 1.0) } else { (0.5 * (2.0 * uv).atan2(uu - vv)).sin_cos() };
+        let mut out = Plane { origin, axes: [u * cos + v * sin, v * cos - u * sin], reach: [[0.0; 2]; 2] };
+        for p in triangles.iter().flat_map(|t| corners(leaf, *t)) {
+            let at = out.of(p).to_array();
+            for (reach, x) in out.reach.iter_mut().zip(at) {
+                *reach = [reach[0].min(x), reach[1].max(x)];
+            }
+        }
+        out
+    }
+
+    fn of(&self, p: DVec3) -> DVec2 {
+        DVec2::new((p - self.origin).dot(self.axes[0]), (p - self.origin).dot(self.axes[1]))
+    }
+}
+
+/// The triangles of each piece, in the order of the mesh. Triangles hang together where they share an edge by the places
+/// of its ends, so that vertices which are stored twice part nothing.
+fn pieces(leaf: &ReferenceLeaf) -> Vec<Vec<usize>> {
+    let mesh = &leaf.mesh;
+    let mut same: HashMap<[u64; 3], usize> = HashMap::new();
+    let place: Vec<usize> = mesh
+        .positions
+        .iter()
+        .map(|p| {
+            let next = same.len();
+            // Adding 0 makes one of the two zeros.
+            *same.entry(p.to_array().map(|x| (x + 0.0).to_bits())).or_insert(next)
+        })
+        .collect();
+    let count = mesh.indices.len() / 3;
+    let mut parent: Vec<usize> = (0..count).collect();
+    fn root(parent: &mut [usize], mut t: usize) -> usize {
+        while parent[t] != t {
+            parent[t] = parent[parent[t]];
+            t = parent[t];
+        }
+        t
+    }
+    let mut edges: HashMap<[usize; 2], usize> = HashMap::new();
+    for t in 0..count {
+        let v = vertices(leaf, t).map(|k| place[k]);
+        for (a, b) in [(v[0], v[1]), (v[1], v[2]), (v[2], v[0])] {
+            let other = *edges.entry([a.min(b), a.max(b)]).or_insert(t);
+            let (x, y) = (root(&mut parent, t), root(&mut parent, other));
+            parent[x.max(y)] = x.min(y);
+        }
+    }
+    let mut index: HashMap<usize, usize> = HashMap::new();
+    let mut out: Vec<Vec<usize>> = Vec::new();
+    for t in 0..count {
+        let k = *index.entry(root(&mut parent, t)).or_insert(out.len());
+        if k == out.len() {
+            out.push(Vec::new());
+        }
+        out[k].push(t);
+    }
+    out
+}
+
+/// Places on the leaf to choose from where a node of the grid is not on it: within each triangle, near its corners and in
+/// its middle.
+fn spare(leaf: &ReferenceLeaf, triangles: &[usize]) -> Vec<Anchor> {
+    const PLACES: [[f64; 2]; 4] = [[1.0 / 3.0; 2], [0.02, 0.02], [0.96, 0.02], [0.02, 0.96]];
+    triangles
+        .iter()
+        .flat_map(|t| PLACES.map(|barycentric| Anchor { triangle: *t, barycentric }))
+        .filter(|a| on_leaf(leaf, a))
+        .collect()
+}
+
+fn on_leaf(leaf: &ReferenceLeaf, anchor: &Anchor) -> bool {
+    let Some(mask) = &leaf.mask else { return true };
+    let [b, c] = anchor.barycentric;
+    let uv = vertices(leaf, anchor.triangle).map(|k| leaf.mesh.uvs[k]);
+    let at = uv[0] * (1.0 - b - c) + uv[1] * b + uv[2] * c;
+    Taps::new(at.x, at.y, leaf.width, leaf.height, false).coverage(mask) >= 0.5
+}
+
+/// Barycentric coordinates of a point in a triangle, its rim included; `None` outside it and for a triangle without
+/// area.
+fn inside([a, b, c]: &[DVec2; 3], p: DVec2) -> Option<[f64; 2]> {
+    let (u, v, w) = (*b - *a, *c - *a, p - *a);
+    let area = u.perp_dot(v);
+    let (x, y) = (w.perp_dot(v) / area, u.perp_dot(w) / area);
+    // A node at the rim may come to lie outside by rounding.
+    let (x, y) = (x + 1e-9, y + 1e-9);
+    (x >= 0.0 && y >= 0.0 && x + y <= 1.0 + 4e-9).then(|| [x.min(1.0), y.min(1.0 - x.min(1.0))])
+}
+
+fn vertices(leaf: &ReferenceLeaf, triangle: usize) -> [usize; 3] {
+    [0, 1, 2].map(|k| leaf.mesh.indices[3 * triangle + k] as usize)
+}
+
+fn corners(leaf: &ReferenceLeaf, triangle: usize) -> [DVec3; 3] {
+    vertices(leaf, triangle).map(|k| leaf.mesh.positions[k])
+}
+
+/// Where an anchor is, in the mesh's own frame.
+pub(super) fn position(leaf: &ReferenceLeaf, anchor: &Anchor) -> DVec3 {
+    let [a, b, c] = corners(leaf, anchor.triangle);
+    a + (b - a) * anchor.barycentric[0] + (c - a) * anchor.barycentric[1]
+}
+
+/// The normal of an anchor's triangle, out of its front, in the mesh's own frame; zero for a triangle without area.
+pub(super) fn normal(leaf: &ReferenceLeaf, anchor: &Anchor) -> DVec3 {
+    let [a, b, c] = corners(leaf, anchor.triangle);
+    (b - a).cross(c - a).normalize_or_zero()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::made_up::{leaf, square};
+
+    fn sheet(size: f64) -> ReferenceLeaf {
+        leaf(square(0.5 * size), [0.3, 0.3], 0.2, None)
+    }
+
+    /// A square with three by three anchors has them at its corners, its edges' middles and its centre, and its vertices
+    /// lie at the grid's ends.
+    #[test]
+    fn a_grid_covers_its_piece() {
+        let leaf = sheet(10.0);
+        let found = Anchors::on_leaf(&leaf, [3, 3]);
+        assert_eq!(found.points.len(), 9);
+        let middle = position(&leaf, &found.points[4]);
+        assert!(middle.length() < 1e-6, "{middle}");
+        for anchor in &found.points {
+            let p = position(&leaf, anchor);
+            assert!([-5.0, 0.0, 5.0].iter().any(|x| (p.x - x).abs() < 1e-6), "{p}");
+        }
+        for place in &found.places {
+            assert!([0.0, 2.0].contains(&place[1]) && [0.0, 2.0].contains(&place[2]), "{place:?}");
+        }
+    }
+
+    /// Two sheets that share one corner are two pieces; two triangles that share an edge by places alone are one.
+    #[test]
+    fn leaves_that_touch_are_not_joined() {
+        let mut leaf = sheet(10.0);
+        let more: Vec<DVec3> = leaf.mesh.positions.iter().map(|p| *p + DVec3::new(10.0, 10.0, 0.0)).collect();
+        let count = leaf.mesh.positions.len() as u32;
+        leaf.mesh.positions.extend(more);
+        let indices: Vec<u32> = leaf.mesh.indices.iter().map(|i| i + count).collect();
+        leaf.mesh.indices.extend(indices);
+        leaf.mesh.normals.extend(leaf.mesh.normals.clone());
+        leaf.mesh.uvs.extend(leaf.mesh.uvs.clone());
+        assert_eq!(pieces(&leaf).len(), 2);
+        // Every triangle with vertices of its own.
+        let mut split = leaf.clone();
+        split.mesh.positions = leaf.mesh.indices.iter().map(|i| leaf.mesh.positions[*i as usize]).collect();
+        split.mesh.indices = (0..leaf.mesh.indices.len() as u32).collect();
+        assert_eq!(pieces(&split).len(), 2);
+        assert_eq!(Anchors::on_leaf(&leaf, [2, 1]).points.len(), 4);
+    }
+
+    /// Anchors stand where the mask leaves the leaf, also where the grid's node is cut away.
+    #[test]
+    fn anchors_stand_on_the_leaf() {
+        let mut leaf = sheet(10.0);
+        (leaf.width, leaf.height) = (8, 8);
+        // Only the left half is leaf.
+        leaf.mask = Some((0..64).map(|k| u8::from(k % 8 < 4)).collect());
+        for anchor in &Anchors::on_leaf(&leaf, [4, 4]).points {
+            assert!(on_leaf(&leaf, anchor), "{:?}", position(&leaf, anchor));
+        }
+    }
+}

@@ -1,0 +1,248 @@
+//! What arrives at the anchors of a leaf, as a linear function of the light around the scene.
+//!
+//! An anchor's **rows** are numbers from which a shader works out everything that it shows there:
+//!
+//! ```text
+//! front irradiance vector  F₁ = ∫ L(ω) ω dω over directions on the front of the anchor's triangle   (3 rows)
+//! back irradiance vector   F₂ = the same over the back                                               (3 rows)
+//! harmonics of the light   L_lm = ∫ L(ω) Y_lm(ω) dω, l < N, for gloss                                (N² rows)
+//! ```
+//! L is the radiance that arrives: from the sky where nothing hides it, and from other leaves. The sun's disk itself is
+//! left out of it, since its light is sharp and is drawn by shadows. A surface with the mapped normal n collects
+//! max(0, n·F) of irradiance, which is exact but for directions on the viewed side of the blade and behind n.
+//!
+//! A row is a sum over **columns**, which say what light is around: real harmonics of the sky and the sun (a light that
+//! moves; Wang et al. 2005, §4, has 25), or a single column, the scene's own light (one that stands still, without the
+//! cut to a few bands). Each entry is an integral over paths from the anchor outwards, estimated by Monte Carlo from
+//! Owen-scrambled Sobol points.
+
+use super::anchors::{Anchor, normal, position};
+use crate::path::{Samples, Tracer};
+use crate::seeds::{mix, scramble};
+use crate::stage::rotation;
+use crate::world::World;
+use glam::DVec3;
+use mesophyll_sky::harmonics::Basis;
+use rayon::prelude::*;
+use std::f64::consts::{PI, TAU};
+
+/// What a light is made of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Columns {
+    /// Harmonics of this many bands, for a light that moves.
+    Harmonics(usize),
+    /// The light of the scene as it is, without the sun's disk.
+    Light,
+}
+
+impl Columns {
+    /// How many there are.
+    pub fn count(self) -> usize {
+        match self {
+            Columns::Harmonics(bands) => bands * bands,
+            Columns::Light => 1,
+        }
+    }
+}
+
+/// Which rows a surface needs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Rows {
+    /// The front's irradiance alone: wood and ground.
+    Front,
+    /// Both sides' irradiance: a matte leaf.
+    Both,
+    /// Also the harmonics of this many bands: a glossy leaf.
+    Glossy(usize),
+}
+
+impl Rows {
+    /// How many there are.
+    pub fn count(self) -> usize {
+        match self {
+            Rows::Front => 3,
+            Rows::Both => 6,
+            Rows::Glossy(bands) => 6 + bands * bands,
+        }
+    }
+}
+
+/// An instance of the world whose light is wanted.
+#[derive(Debug, Clone, Copy)]
+pub struct Receiver<'a> {
+    /// Of the world.
+    pub instance: usize,
+    /// Of its mesh.
+    pub anchors: &'a [Anchor],
+    /// What is wanted of each.
+    pub rows: Rows,
+}
+
+/// How well the rows are to be known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Request {
+    /// What the light is made of.
+    pub columns: Columns,
+    /// Paths from each anchor, in all directions; at least [`ROUNDS`].
+    pub paths: u32,
+    /// Of the random numbers.
+    pub seed: u64,
+}
+
+/// Independent randomisations of an anchor's paths, from whose scatter the error is told.
+pub const ROUNDS: u32 = 8;
+
+/// What was found of one instance.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Found {
+    /// Anchor by anchor, row by row, column by column: red, green and blue of the light that comes by way of other
+    /// surfaces, and the share that comes straight from the sky (of [`Columns::Light`] the first three hold it all).
+    pub entries: Vec<[f32; 4]>,
+    /// Relative standard error of each anchor's irradiance, both sides together, under an even light all around (under
+    /// the scene's own for [`Columns::Light`]). NaN where no light arrives.
+    pub errors: Vec<f32>,
+}
+
+/// Works out what arrives at one instance; anchors are shared between threads. It may be cut short where a stop was
+/// asked for: the caller looks.
+pub fn measure(tracer: &Tracer, receiver: &Receiver, request: &Request) -> Found {
+    let world = tracer.world();
+    let (rows, columns) = (receiver.rows.count(), request.columns.count());
+    let each: Vec<(Vec<[f32; 4]>, f32)> = receiver
+        .anchors
+        .par_iter()
+        .enumerate()
+        .map(|(k, anchor)| {
+            if mesophyll_files::progress::stop_requested() {
+                return (vec![[0.0; 4]; rows * columns], f32::NAN);
+            }
+            let seed = mix(mix(request.seed, receiver.instance as u64), k as u64);
+            At::new(world, receiver, anchor).measure(tracer, request, seed)
+        })
+        .collect();
+    Found { entries: each.iter().flat_map(|e| &e.0).copied().collect(), errors: each.iter().map(|e| e.1).collect() }
+}
+
+/// An anchor where it stands in the world.
+struct At {
+    point: DVec3,
+    normal: DVec3,
+    rows: Rows,
+}
+
+impl At {
+    fn new(world: &World, receiver: &Receiver, anchor: &Anchor) -> At {
+        let placed = &world.instances[receiver.instance];
+        let leaf = &world.leaves[placed.leaf];
+        At {
+            point: placed.transform.transform_point3(position(leaf, anchor)),
+            normal: (rotation(placed) * normal(leaf, anchor)).normalize_or(DVec3::Z),
+            rows: receiver.rows,
+        }
+    }
+
+    fn measure(&self, tracer: &Tracer, request: &Request, seed: u64) -> (Vec<[f32; 4]>, f32) {
+        let (rows, columns) = (self.rows.count(), request.columns.count());
+        let basis = Basis::new(match (request.columns, self.rows) {
+            (Columns::Harmonics(bands), Rows::Glossy(more)) => bands.max(more),
+            (Columns::Harmonics(bands), _) | (Columns::Light, Rows::Glossy(bands)) => bands,
+            _ => 1,
+        });
+        let each = request.paths.div_ceil(ROUNDS).max(1);
+        // Paths go out over the whole sphere, or over the front's half of it.
+        let sphere = if self.rows == Rows::Front { TAU } else { 2.0 * TAU };
+        let weight = sphere / f64::from(each) / f64::from(ROUNDS);
+        let mut sum = vec![[0f32; 4]; rows * columns];
+        let mut round = sum.clone();
+        let mut harmonics = vec![0.0; basis.bands().pow(2)];
+        let mut arriving = vec![[0f32; 4]; columns];
+        let mut levels = [0.0; ROUNDS as usize];
+        for (q, level) in levels.iter_mut().enumerate() {
+            round.fill([0.0; 4]);
+            for k in 0..each {
+                let mut samples = Samples::new(scramble(seed, q as u64), k);
+                let ray = self.direction(samples.next());
+                let back = ray.dot(self.normal) < 0.0;
+                let out = tracer.stage.leave(self.point, self.normal, ray);
+                if !arrives(tracer, out, request.columns, &basis, &mut harmonics, &mut arriving, &mut samples) {
+                    continue;
+                }
+                let mut add = |row: usize, by: f64| {
+                    let by = (by * weight) as f32;
+                    for (to, from) in round[row * columns..][..columns].iter_mut().zip(&arriving) {
+                        (0..4).for_each(|c| to[c] += by * from[c]);
+                    }
+                };
+                let first = if back { 3 } else { 0 };
+                (0..3).for_each(|c| add(first + c, ray[c]));
+                if let Rows::Glossy(bands) = self.rows {
+                    basis.fill(ray.to_array(), &mut harmonics);
+                    (0..bands * bands).for_each(|c| add(6 + c, harmonics[c]));
+                }
+            }
+            *level = self.level(&round, request.columns);
+            for (to, from) in sum.iter_mut().zip(&round) {
+                (0..4).for_each(|c| to[c] += from[c]);
+            }
+        }
+        let n = f64::from(ROUNDS);
+        let mean = levels.iter().sum::<f64>() / n;
+        let spread = levels.iter().map(|l| (l - mean).powi(2)).sum::<f64>() / (n - 1.0) / n;
+        (sum, if mean > 0.0 { (spread.sqrt() / mean) as f32 } else { f32::NAN })
+    }
+
+    /// A direction of the sphere, or of the front's half of it, with constant density.
+    fn direction(&self, [u, v, ..]: [f64; 4]) -> DVec3 {
+        let z = if self.rows == Rows::Front { u } else { 1.0 - 2.0 * u };
+        let (a, b) = self.normal.any_orthonormal_pair();
+        let (sin, cos) = (TAU * v).sin_cos();
+        let r = (1.0 - z * z).max(0.0).sqrt();
+        (a * (r * cos) + b * (r * sin) + self.normal * z).normalize()
+    }
+
+    /// Irradiance of both sides together: under an even light of radiance 1/π, or under the scene's own.
+    fn level(&self, entries: &[[f32; 4]], columns: Columns) -> f64 {
+        // The first harmonic is √(1/4π) everywhere: light of radiance 1 has the coefficient √(4π).
+        let even = if columns == Columns::Light { 1.0 } else { (4.0 * PI).sqrt() / PI };
+        let sides = if self.rows == Rows::Front { 1 } else { 2 };
+        let one = |side: usize| {
+            (0..3)
+                .map(|c| {
+                    let e = entries[(3 * side + c) * columns.count()];
+                    let light = f64::from(e[0] + e[1] + e[2]) / 3.0 + f64::from(e[3]);
+                    light * self.normal[c] * if side == 0 { 1.0 } else { -1.0 }
+                })
+                .sum::<f64>()
+        };
+        (0..sides).map(one).sum::<f64>() * even
+    }
+}
+
+/// What arrives along a ray from where it leads to, a number a column; false where it is nothing.
+fn arrives(
+    tracer: &Tracer,
+    ray: crate::accelerate::Ray,
+    columns: Columns,
+    basis: &Basis,
+    harmonics: &mut [f64],
+    out: &mut [[f32; 4]],
+    samples: &mut Samples,
+) -> bool {
+    match columns {
+        Columns::Light => {
+            let [r, g, b] = tracer.arriving(ray, samples).map(|v| v as f32);
+            out[0] = [r, g, b, 0.0];
+            true
+        }
+        Columns::Harmonics(_) => {
+            let Some(way) = tracer.escape(ray, samples) else { return false };
+            basis.fill(way.direction.to_array(), harmonics);
+            let [r, g, b] = way.carried.map(|v| v as f32);
+            for (to, y) in out.iter_mut().zip(harmonics.iter()) {
+                let y = *y as f32;
+                *to = if way.straight { [0.0, 0.0, 0.0, y] } else { [r * y, g * y, b * y, 0.0] };
+            }
+            true
+        }
+    }
+}

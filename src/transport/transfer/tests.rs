@@ -1,0 +1,168 @@
+//! Transfer against closed forms, and its two ways of holding a light against each other.
+
+use super::*;
+use crate::dome::Dome;
+use crate::made_up::{leaf, plates, side, square};
+use crate::path::{Paths, Tracer};
+use crate::world::{Placement, ReferenceSun, World};
+use glam::{DMat4, DQuat, DVec3};
+use mesophyll_sky::harmonics::Basis;
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+/// What arrives at every anchor of an instance under a light with these coefficients (a channel each).
+fn under(found: &Found, rows: usize, light: &[[f64; 3]]) -> Vec<Vec<[f64; 3]>> {
+    let row = |entries: &[[f32; 4]]| {
+        [0, 1, 2].map(|c| entries.iter().zip(light).map(|(e, l)| f64::from(e[c] + e[3]) * l[c]).sum::<f64>())
+    };
+    let anchors: Vec<_> = found.entries.chunks(rows * light.len()).collect();
+    anchors.into_iter().map(|a| a.chunks(light.len()).map(row).collect()).collect()
+}
+
+fn of(world: &World, instance: usize, grid: [usize; 2], rows: Rows, request: Request) -> Found {
+    let anchors = Anchors::on_leaf(&world.leaves[world.instances[instance].leaf], grid);
+    let tracer = Tracer::new(world, Paths::default()).unwrap();
+    measure(&tracer, &Receiver { instance, anchors: &anchors.points, rows }, &request)
+}
+
+const HARMONICS: Request = Request { columns: Columns::Harmonics(5), paths: 2048, seed: 3 };
+
+/// Radiance 1 all around.
+fn even() -> Vec<[f64; 3]> {
+    let mut light = vec![[0.0; 3]; 25];
+    light[0] = [(4.0 * PI).sqrt(); 3];
+    light
+}
+
+/// Irradiance vectors of front and back, as lengths along the normal `n`, green.
+fn along(rows: &[[f64; 3]], n: DVec3) -> [f64; 2] {
+    let vector = |first: usize| DVec3::new(rows[first][1], rows[first + 1][1], rows[first + 2][1]);
+    [vector(0).dot(n), -vector(3).dot(n)]
+}
+
+/// A leaf alone gets π from a light of radiance 1, and harmonics of a light that is the same everywhere.
+#[test]
+fn a_leaf_alone_sees_all_of_the_light() {
+    let turn = DQuat::from_euler(glam::EulerRot::XYZ, 0.4, -1.1, 0.7);
+    let mut world = plates(10.0, &[(0.0, [0.4, 0.3], 0.2)]);
+    world.instances[0].transform = DMat4::from_rotation_translation(turn, DVec3::new(3.0, -2.0, 9.0));
+    let found = of(&world, 0, [2, 2], Rows::Glossy(3), HARMONICS);
+    for rows in under(&found, 15, &even()) {
+        for e in along(&rows, turn * DVec3::Z) {
+            assert!((e / PI - 1.0).abs() < 2e-3, "{e}");
+        }
+        assert!((rows[6][0] / (4.0 * PI).sqrt() - 1.0).abs() < 1e-5, "{}", rows[6][0]);
+        assert!(rows[7..].iter().flatten().all(|v| v.abs() < 2e-2), "{:?}", &rows[7..]);
+    }
+}
+
+/// Between two wide plates the light goes to and fro: with D the radiance downwards and U upwards, D = ρ₁ U + τ₁ and U =
+/// ρ₂ D + τ₂.
+#[test]
+fn wide_plates_exchange_light_as_their_closed_form_says() {
+    let (upper, lower) = (([0.3, 0.5], 0.35), ([0.45, 0.5], 0.4));
+    let mut world = plates(1e6, &[(20.0, upper.0, upper.1), (0.0, lower.0, lower.1)]);
+    // Anchors in the middle only: at the rim a plate is not wide.
+    let down = (upper.1 + upper.0[1] * lower.1) / (1.0 - upper.0[1] * lower.0[0]);
+    let up = lower.0[0] * down + lower.1;
+    let check = |found: &Found, light: &[[f64; 3]], wanted: [f64; 2], what: &str| {
+        let rows = &under(found, 6, light)[0];
+        // The stated error is of both sides together.
+        let error = f64::from(found.errors[0]) * PI * (wanted[0] + wanted[1]);
+        let seen = along(rows, DVec3::Z);
+        for (e, want) in seen.into_iter().zip(wanted) {
+            assert!((e - PI * want).abs() < 4.0 * error + 2e-3, "{what}: {e}, expected {}", PI * want);
+        }
+        assert!(error < 0.02, "{what}: too coarse, {error}");
+    };
+    let request = Request { paths: 8192, ..HARMONICS };
+    check(&of(&world, 1, [1, 1], Rows::Both, request), &even(), [down, 1.0], "lower, harmonics");
+    check(&of(&world, 0, [1, 1], Rows::Both, request), &even(), [1.0, up], "upper, harmonics");
+    world.sky = Some([1.0; 3]);
+    let request = Request { columns: Columns::Light, ..request };
+    check(&of(&world, 1, [1, 1], Rows::Both, request), &[[1.0; 3]], [down, 1.0], "lower, the light itself");
+}
+
+/// Leaves that absorb nothing change nothing of an even light, whatever stands in the way.
+#[test]
+fn leaves_that_absorb_nothing_change_no_even_light() {
+    let mut world = plates(10.0, &[]);
+    world.leaves = vec![leaf(square(10.0), [0.6, 0.6], 0.4, None)];
+    world.leaves[0].back = side(0.6, 0.4, None);
+    for k in 0..30 {
+        let f = f64::from(k);
+        let turn = DQuat::from_euler(glam::EulerRot::XYZ, f, 2.0 * f, 0.3 * f);
+        let at = DVec3::new((1.7 * f).sin() * 15.0, (2.9 * f).cos() * 15.0, 0.6 * f - 9.0);
+        world.instances.push(Placement { leaf: 0, transform: DMat4::from_rotation_translation(turn, at) });
+    }
+    let normal = crate::stage::rotation(&world.instances[7]) * DVec3::Z;
+    let found = of(&world, 7, [2, 2], Rows::Both, HARMONICS);
+    for (rows, error) in under(&found, 6, &even()).iter().zip(&found.errors) {
+        let level = along(rows, normal).iter().sum::<f64>() / (2.0 * PI);
+        assert!((level - 1.0).abs() < 4.0 * f64::from(*error) + 1e-3, "{level} ± {error}");
+        assert!(*error < 0.02, "{error}");
+    }
+}
+
+/// A light of five bands comes to the same by its harmonics as by itself, though one way draws directions towards it and
+/// the other waits for them. The stated errors are those of the difference.
+#[test]
+fn harmonics_and_the_light_itself_agree() {
+    let mut world = plates(
+        12.0,
+        &[(14.0, [0.35, 0.25], 0.3), (0.0, [0.4, 0.2], 0.25), (-9.0, [0.5, 0.3], 0.2), (5.0, [0.6, 0.5], 0.1)],
+    );
+    world.instances[3].transform =
+        DMat4::from_rotation_translation(DQuat::from_rotation_x(1.2), DVec3::new(4.0, 12.0, 5.0));
+    let mut light = even();
+    for (k, c) in [(2, 1.1), (1, -0.7), (6, 0.5), (8, 0.6), (12, -0.2), (20, 0.15)] {
+        light[k] = [c, 0.7 * c, 0.4 * c];
+    }
+    let (basis, coefficients) = (Basis::new(5), light.clone());
+    let radiance = move |d: DVec3| {
+        let mut y = [0.0; 25];
+        basis.fill(d.to_array(), &mut y);
+        let mut sum = [0.0; 3];
+        y.iter().zip(&coefficients).for_each(|(y, l)| (0..3).for_each(|c| sum[c] += y * l[c]));
+        sum
+    };
+    world.dome = Some(Dome { radiance: Arc::new(radiance), seen_below: [0.0; 3] });
+    let (mut squares, mut count) = (0.0, 0.0);
+    for instance in 0..3 {
+        let by_bands = of(&world, instance, [3, 2], Rows::Glossy(3), HARMONICS);
+        let request = Request { columns: Columns::Light, ..HARMONICS };
+        let itself = of(&world, instance, [3, 2], Rows::Glossy(3), Request { seed: 9, ..request });
+        let other = of(&world, instance, [3, 2], Rows::Glossy(3), Request { seed: 10, ..request });
+        let (a, b) = (under(&by_bands, 15, &light), under(&itself, 15, &[[1.0; 3]]));
+        let c = under(&other, 15, &[[1.0; 3]]);
+        for k in 0..a.len() {
+            for row in 0..15 {
+                let scale = if row < 6 { PI } else { (4.0 * PI).sqrt() };
+                let apart = (a[k][row][1] - b[k][row][1]).abs() / scale;
+                assert!(apart < 0.06, "instance {instance}, anchor {k}, row {row}: {:?} {:?}", a[k][row], b[k][row]);
+            }
+            // Two estimates of the same irradiance are apart by √2 of their stated error on average.
+            let level = |rows: &[[f64; 3]]| along(rows, DVec3::Z).iter().sum::<f64>();
+            let error = f64::from(itself.errors[k]) * level(&b[k]);
+            squares += (level(&b[k]) - level(&c[k])).powi(2) / (2.0 * error * error);
+            count += 1.0;
+        }
+    }
+    assert!((0.2..4.0).contains(&(squares / count)), "{}", squares / count);
+}
+
+/// What the sun lights is seen in the light of other leaves, but its own disk is not.
+#[test]
+fn the_suns_disk_is_left_out() {
+    let mut world = plates(1e6, &[(0.0, [0.4, 0.3], 0.2)]);
+    world.sun = Some(ReferenceSun { direction: DVec3::Z, irradiance: [2.0; 3], radius: 0.005 });
+    let request = Request { columns: Columns::Light, paths: 512, seed: 1 };
+    assert!(of(&world, 0, [1, 1], Rows::Both, request).entries.iter().flatten().all(|v| *v == 0.0));
+    // A plate above it gets ρd E/π from below.
+    world.instances.push(Placement { leaf: 0, transform: DMat4::from_translation(-DVec3::Z) });
+    world.leaves.push(leaf(square(1e-3), [0.4, 0.3], 0.2, None));
+    world.instances[0].leaf = 1;
+    let found = of(&world, 0, [1, 1], Rows::Both, request);
+    let [front, back] = along(&under(&found, 6, &[[1.0; 3]])[0], DVec3::Z);
+    assert!(front == 0.0 && (back / (0.4 * 2.0) - 1.0).abs() < 0.02, "{front} {back}");
+}
