@@ -27,6 +27,7 @@ mod sphere_density;
 mod stage;
 pub mod tone;
 pub mod transfer;
+pub mod visibility;
 pub mod world;
 
 pub use mesophyll_rays as accelerate;

@@ -99,7 +99,7 @@ impl<'a> Stage<'a> {
 
     /// The alpha test: a bilinear mask of at least ½; of a disc, whether the point lies in the circle. `instance` is
     /// the forest's.
-    fn on_leaf(&self, instance: usize, triangle: usize, barycentric: [f64; 2]) -> bool {
+    pub fn on_leaf(&self, instance: usize, triangle: usize, barycentric: [f64; 2]) -> bool {
         let leaf = self.leaf(self.instance[instance]);
         if leaf.mesh.discs {
             // Squared distance from the centre over that of a corner; the circle has half a corner's distance.

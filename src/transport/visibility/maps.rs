@@ -1,0 +1,96 @@
+//! Visibility maps: the share of a light that every receiver sees, for one direction of its centre.
+
+use super::cast::Casters;
+use super::light::{AreaLight, frame};
+use super::receivers::Receivers;
+use crate::Result;
+use crate::stage::Stage;
+use crate::world::World;
+use glam::{DMat3, DVec3};
+use mesophyll_files::progress::{Bar, go_on};
+use rayon::prelude::*;
+
+/// A scene that throws shadows on its receivers.
+pub struct Shadows<'a> {
+    stage: Stage<'a>,
+    receivers: &'a Receivers,
+    light: &'a AreaLight,
+}
+
+/// Receivers that a thread does in one go.
+const PIECE: usize = 1024;
+
+impl<'a> Shadows<'a> {
+    /// `receivers` must have been made for this world.
+    ///
+    /// # Errors
+    /// [`crate::Error::Input`] for a world that is not sound.
+    pub fn new(world: &'a World, receivers: &'a Receivers, light: &'a AreaLight) -> Result<Shadows<'a>> {
+        world.validate()?;
+        Ok(Shadows { stage: Stage::new(world), receivers, light })
+    }
+
+    /// The map of each direction (towards the light's centre; of any length above 0), in order: a byte a receiver, 255
+    /// times the visible share, rounded. `take` gets its number and the map. Ctrl-C stops it between two maps.
+    ///
+    /// # Errors
+    /// [`crate::Error::Interrupted`] after Ctrl-C; those of `take`.
+    pub fn maps(&self, directions: &[DVec3], mut take: impl FnMut(usize, &[u8]) -> Result<()>) -> Result<()> {
+        let bar = Bar::new("visibility", directions.len() as u64);
+        let mut casters = Casters::new(&self.stage, self.light);
+        let mut map = vec![0; self.receivers.len()];
+        for (k, direction) in directions.iter().enumerate() {
+            go_on()?;
+            if self.stage.world.periodic.is_some() {
+                // Where the scene repeats, light is followed from cell to cell.
+                map = self.by_rays(*direction);
+            } else {
+                casters.look_from(*direction);
+                self.by_casting(*direction, &casters, &mut map);
+            }
+            take(k, &map)?;
+            bar.advance(1);
+        }
+        Ok(())
+    }
+
+    fn by_casting(&self, direction: DVec3, casters: &Casters, map: &mut [u8]) {
+        let from = frame(direction);
+        self.each(map, casters.words(), |point, normal, hidden| {
+            // Where the blade's own plane cuts the light, each of its points is left to on its side.
+            if normal.dot(from.z_axis).abs() <= self.light.reach() && normal != DVec3::ZERO {
+                self.hide_by_rays(point, normal, &from, hidden);
+            } else {
+                casters.hide(self.stage.leave(point, normal, from.z_axis).origin, hidden);
+            }
+        });
+    }
+
+    /// The map of a direction, by a ray to every point of the light: slow, and what the fast way is held against.
+    pub fn by_rays(&self, direction: DVec3) -> Vec<u8> {
+        let (from, words) = (frame(direction), self.light.len().div_ceil(64));
+        let mut map = vec![0; self.receivers.len()];
+        self.each(&mut map, words, |point, normal, hidden| self.hide_by_rays(point, normal, &from, hidden));
+        map
+    }
+
+    fn hide_by_rays(&self, point: DVec3, normal: DVec3, from: &DMat3, hidden: &mut [u64]) {
+        for k in 0..self.light.len() {
+            let ray = self.stage.leave(point, normal, *from * self.light.direction(k));
+            hidden[k / 64] |= u64::from(self.stage.blocked(&ray)) << (k % 64);
+        }
+    }
+
+    /// Fills a map; `hide` sets the bits of the light's points that are hidden from a point with a normal.
+    fn each(&self, map: &mut [u8], words: usize, hide: impl Fn(DVec3, DVec3, &mut [u64]) + Sync) {
+        let points = self.receivers.positions().par_chunks(PIECE).zip(self.receivers.normals().par_chunks(PIECE));
+        map.par_chunks_mut(PIECE).zip(points).for_each(|(map, (points, normals))| {
+            let mut hidden = vec![0; words];
+            for ((value, point), normal) in map.iter_mut().zip(points).zip(normals) {
+                hidden.fill(0);
+                hide(*point, *normal, &mut hidden);
+                *value = self.light.left(&hidden);
+            }
+        });
+    }
+}
