@@ -108,7 +108,8 @@ mod tests {
     #[test]
     fn things_are_in_the_cells_that_they_cover() {
         let corner = |k: usize| DVec2::new((k * 37 % 101) as f64, (k * 53 % 89) as f64);
-        let rectangle = |k: usize| (!k.is_multiple_of(5)).then(|| [corner(k), corner(k) + DVec2::new(1.0, (k % 40) as f64)]);
+        let rectangle =
+            |k: usize| (!k.is_multiple_of(5)).then(|| [corner(k), corner(k) + DVec2::new(1.0, (k % 40) as f64)]);
         let (mut grid, mut things) = (Grid::default(), Vec::new());
         grid.sort(300, 150, rectangle, &mut things, |k| k);
         for k in 0..300 {
