@@ -62,7 +62,8 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if placed.unfitted().is_empty() {
         placed.make_translucency(&manifest, &out, search, &ledger)?;
     }
-    let scene = Scene::new(manifest, placed, &ledger)?;
+    let mut scene = Scene::new(manifest, placed, &ledger)?;
+    scene.find_transfer(&out, &ledger)?;
     let options = Options { out: out.clone(), update_golden: args.update_golden, goldens_only: args.goldens_only };
     let (passed, text, json) =
         judged(&scene, &options, args.compare_interiors.then_some(args.out.as_deref()), &ledger)?;

@@ -81,7 +81,7 @@ macro_rules! sweep {
 const NONE: Model = Model { name: "", fit: None, eval: None, bench: None, stress: None };
 
 /// All models, in the order in which verbs name and run them. A new model adds its entry here.
-pub const MODELS: [Model; 15] = [
+pub const MODELS: [Model; 16] = [
     Model {
         name: "solve",
         bench: Some(Sweep {
@@ -182,6 +182,11 @@ pub const MODELS: [Model; 15] = [
     Model {
         name: "dipole",
         eval: verb!(eval::dipole, "Light diffusing through a leaf, by thickness and distance"),
+        ..NONE
+    },
+    Model {
+        name: "transfer",
+        fit: verb!(fit::transfer, "How light arrives at the leaves of a scene past and by way of other leaves"),
         ..NONE
     },
     Model { name: "transport", stress: Some(|| Ok(transport::stress())), ..NONE },

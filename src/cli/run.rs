@@ -63,7 +63,10 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if !placed.untranslucent(&manifest).is_empty() {
         stages.time("translucency", || placed.make_translucency(&manifest, &out, search, &ledger))?;
     }
-    let scene = stages.time("plan", || Scene::new(manifest, placed, &ledger))?;
+    let mut scene = stages.time("plan", || Scene::new(manifest, placed, &ledger))?;
+    if scene.manifest.transfer.is_some() {
+        stages.time("light between leaves", || scene.find_transfer(&out, &ledger))?;
+    }
     write_json(&out.join("plan.json"), &serde_json::to_value(&scene.plan).unwrap_or_default())?;
 
     // The report is written whatever the check says: it is where one looks why.

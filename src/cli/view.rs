@@ -58,7 +58,8 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
         claim::file(file, &["png"], &[&args.scene])?;
     }
     placed.make_translucency(&manifest, &out, search, &ledger)?;
-    let planned = Scene::new(manifest, placed, &ledger)?;
+    let mut planned = Scene::new(manifest, placed, &ledger)?;
+    planned.find_transfer(&out, &ledger)?;
     let manifest = &planned.manifest;
     for warning in &planned.plan.warnings {
         progress::say(format!("warning: {warning}"));

@@ -37,13 +37,15 @@ pub struct ExrInfo {
     pub half: bool,
 }
 
-/// How EXR samples are packed; both are lossless.
+/// How EXR samples are packed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Packing {
     /// Raw scan lines: for noisy frames, where compression costs time and saves nothing.
     Raw,
     /// ZIP over 16 scan lines: for maps that are kept.
     Zip,
+    /// The same with half floats, which keep about three digits; beyond ±65504 they are infinite.
+    Half,
 }
 
 impl Maps {
@@ -209,12 +211,16 @@ fn broken(path: &Path, e: &exr::error::Error) -> Error {
 
 /// Writes float channels, whole or not at all.
 pub fn write_exr(path: &Path, maps: &Maps, packing: Packing) -> Result<()> {
+    let samples = |s: &[f32]| match packing {
+        Packing::Half => FlatSamples::F16(s.iter().map(|v| exr::prelude::f16::from_f32(*v)).collect()),
+        Packing::Raw | Packing::Zip => FlatSamples::F32(s.to_vec()),
+    };
     let channels: SmallVec<[AnyChannel<FlatSamples>; 4]> =
-        maps.channels.iter().map(|(n, s)| AnyChannel::new(n.as_str(), FlatSamples::F32(s.clone()))).collect();
+        maps.channels.iter().map(|(n, s)| AnyChannel::new(n.as_str(), samples(s))).collect();
     let encoding = Encoding {
         compression: match packing {
             Packing::Raw => exr::prelude::Compression::Uncompressed,
-            Packing::Zip => exr::prelude::Compression::ZIP16,
+            Packing::Zip | Packing::Half => exr::prelude::Compression::ZIP16,
         },
         blocks: exr::prelude::Blocks::ScanLines,
         line_order: LineOrder::Increasing,

@@ -15,6 +15,7 @@ pub mod manifest;
 pub mod placed;
 pub mod plan;
 pub mod traced;
+pub mod transfer;
 #[cfg(feature = "render")]
 pub mod window;
 

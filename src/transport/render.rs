@@ -59,6 +59,18 @@ pub struct ReferencePicture {
     pub penumbra: Vec<bool>,
 }
 
+impl ReferencePicture {
+    /// Replaces the light by another picture's radiance, which saw the same shapes: that of the path tracer, with light
+    /// between leaves.
+    pub fn relit(&mut self, radiance: &[[f32; 3]], exposure: f64) {
+        for ((hdr, ldr), new) in self.hdr.iter_mut().zip(&mut self.ldr).zip(radiance) {
+            hdr[..3].copy_from_slice(new);
+            let byte = |v: f32| (tone::display(f64::from(v), exposure) * 255.0 + 0.5) as u8;
+            *ldr = [byte(new[0]), byte(new[1]), byte(new[2]), 255];
+        }
+    }
+}
+
 /// A world with its trees and tables built, for any number of pictures.
 pub struct Renderer<'a> {
     direct: Direct<'a>,

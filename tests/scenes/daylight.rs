@@ -298,7 +298,7 @@ fn card(rho_d: f32, rho_s: f32, m: f32, transform: DMat4, dome: viewer::scene::D
         tangents: vec![glam::Vec4::new(1.0, 0.0, 0.0, 1.0); 4],
         uvs: corners.iter().map(|(x, y)| glam::Vec2::new(0.5 + 0.5 * x, 0.5 - 0.5 * y)).collect(),
         indices: vec![0, 1, 2, 0, 2, 3],
-        details: Vec::new(),
+        ..Mesh::default()
     };
     let leaf = Leaf {
         name: "card".into(),

@@ -19,7 +19,7 @@ pub(crate) struct Levels {
     /// Around each instance at rest: centre, radius, and its scale.
     spheres: Vec<(Vec3, f32, f32)>,
     rows: Vec<[[f32; 4]; 3]>,
-    rides: Vec<[f32; 2]>,
+    rides: Vec<[f32; 3]>,
     chosen: Vec<u8>,
     /// Level and instances of each draw.
     runs: Vec<(usize, Range<u32>)>,
@@ -55,7 +55,7 @@ impl Levels {
                 let scale = instance.transform.x_axis.truncate().length();
                 spheres.push((instance.transform.transform_point3(centre), radius * scale, scale));
                 kept_rows.push(rows(instance));
-                rides.push(bend::ride(instance.ride));
+                rides.push(bend::ride(instance));
             }
         }
         let n = instances.len();

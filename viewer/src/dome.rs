@@ -21,11 +21,25 @@ pub(crate) fn bands(dome: &Dome) -> Option<usize> {
 }
 
 /// K_lm (2m − 1)!!: what is folded into a coefficient.
-fn norm(l: usize, m: usize) -> f64 {
+pub(crate) fn norm(l: usize, m: usize) -> f64 {
     let ratio: f64 = ((l - m + 1)..=(l + m)).map(|k| k as f64).product();
     let odd: f64 = (1..=m).map(|k| (2 * k - 1) as f64).product();
     let two = if m == 0 { 1.0 } else { 2.0 };
     (two * (2 * l + 1) as f64 / (4.0 * PI) / ratio).sqrt() * odd
+}
+
+/// The harmonic Y_lm in the unit direction `d`.
+pub(crate) fn harmonic(l: usize, m: isize, [x, y, z]: [f64; 3]) -> f64 {
+    let a = m.unsigned_abs();
+    let (mut cos, mut sin) = (1.0, 0.0);
+    for _ in 0..a {
+        (cos, sin) = (cos * x - sin * y, cos * y + sin * x);
+    }
+    let (mut before, mut p) = (0.0, 1.0);
+    for k in a + 1..=l {
+        (before, p) = (p, ((2 * k - 1) as f64 * z * p - (k + a - 1) as f64 * before) / (k - a) as f64);
+    }
+    norm(l, a) * p * if m < 0 { sin } else { cos }
 }
 
 /// The shader's coefficients, at l(l+1)+m.
@@ -137,18 +151,7 @@ mod tests {
     fn folded_coefficients_are_the_harmonics() {
         let d: [f64; 3] = [0.48, 0.6, 0.64];
         let [x, y, z] = d;
-        let value = |l: usize, m: isize| {
-            let (mut cos, mut sin) = (1.0, 0.0);
-            for _ in 0..m.unsigned_abs() {
-                (cos, sin) = (cos * x - sin * y, cos * y + sin * x);
-            }
-            let a = m.unsigned_abs();
-            let (mut before, mut p) = (0.0, 1.0);
-            for k in a + 1..=l {
-                (before, p) = (p, ((2 * k - 1) as f64 * z * p - (k + a - 1) as f64 * before) / (k - a) as f64);
-            }
-            norm(l, a) * p * if m < 0 { sin } else { cos }
-        };
+        let value = |l: usize, m: isize| harmonic(l, m, d);
         for (l, m, want) in [
             (0, 0, (1.0 / (4.0 * PI)).sqrt()),
             (1, -1, (3.0 / (4.0 * PI)).sqrt() * y),

@@ -18,6 +18,8 @@ pub(crate) struct MeshOnGpu {
     pub normals: wgpu::Buffer,
     pub tangents: Option<wgpu::Buffer>,
     pub uvs: Option<wgpu::Buffer>,
+    /// Of the vertices among the anchors, where light arrives by a transfer.
+    pub places: Option<wgpu::Buffer>,
     pub indices: wgpu::Buffer,
 }
 
@@ -30,6 +32,7 @@ impl MeshOnGpu {
             normals: put("normals", bytemuck::cast_slice(&mesh.normals), Use::VERTEX),
             tangents: None,
             uvs: None,
+            places: None,
             indices: put("indices", bytemuck::cast_slice(&detail::indices(mesh)), Use::INDEX),
         };
         out.complete(gpu, index, mesh, batches, stats);
@@ -47,6 +50,10 @@ impl MeshOnGpu {
             let bytes = bytemuck::cast_slice(&mesh.uvs);
             self.uvs = Some(put(gpu, &format!("mesh {index} uvs"), bytes, Use::VERTEX, stats));
         }
+        if let (None, Some(anchors), true) = (&self.places, &mesh.anchors, read(|v| v.anchored.is_some())) {
+            let bytes = bytemuck::cast_slice(&anchors.places);
+            self.places = Some(put(gpu, &format!("mesh {index} places among anchors"), bytes, Use::VERTEX, stats));
+        }
     }
 }
 
@@ -58,7 +65,7 @@ pub(crate) struct Batch {
     pub levels: Levels,
     pub instances: wgpu::Buffer,
     pub count: u32,
-    /// Branch and place of each instance, where any rides on a branch.
+    /// Branch and place of each instance, and its first row of light that arrives; where either is read.
     pub rides: Option<wgpu::Buffer>,
 }
 
@@ -72,7 +79,7 @@ impl Batch {
         let batch = |((material, mesh), instances): ((usize, usize), Vec<Instance>)| {
             let variant = Variant::new(gpu, scene, &instances)?;
             let rows: Vec<[[f32; 4]; 3]> = instances.iter().map(detail::rows).collect();
-            let rides: Vec<[f32; 2]> = instances.iter().map(|i| bend::ride(i.ride)).collect();
+            let rides: Vec<[f32; 3]> = instances.iter().map(bend::ride).collect();
             let mut put = |name: &str, bytes: &[u8]| {
                 put(gpu, &format!("{name} of mesh {mesh}"), bytes, Use::VERTEX | Use::COPY_DST, stats)
             };
@@ -82,7 +89,7 @@ impl Batch {
                 levels: Levels::new(&scene.meshes[mesh], &instances),
                 instances: put("instances", bytemuck::cast_slice(&rows)),
                 count: rows.len() as u32,
-                rides: (variant.branches > 0).then(|| put("rides", bytemuck::cast_slice(&rides))),
+                rides: variant.rides().then(|| put("rides", bytemuck::cast_slice(&rides))),
                 variant,
             })
         };
@@ -95,19 +102,22 @@ fn put(gpu: &Gpu, label: &str, bytes: &[u8], usage: Use, stats: &mut Stats) -> w
     gpu.buffer(label, bytes, usage)
 }
 
-/// Layouts of the vertex buffers, in the order position, normal, tangent, uv, instance, ride; `false` leaves one out.
+/// Layouts of the vertex buffers, in the order position, normal, tangent, uv, instance, ride, place among anchors;
+/// `false` leaves one out.
 pub(crate) fn vertex_layouts(
     normal: bool,
     tangent: bool,
     uv: bool,
     ride: bool,
+    place: bool,
 ) -> Vec<Option<wgpu::VertexBufferLayout<'static>>> {
     const POSITION: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![0 => Float32x3];
     const NORMAL: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![1 => Float32x3];
     const TANGENT: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![2 => Float32x4];
     const UV: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![3 => Float32x2];
     const WORLD: [wgpu::VertexAttribute; 3] = wgpu::vertex_attr_array![4 => Float32x4, 5 => Float32x4, 6 => Float32x4];
-    const RIDE: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![7 => Float32x2];
+    const RIDE: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![7 => Float32x3];
+    const PLACE: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![8 => Float32x3];
     let layout =
         |array_stride, step_mode, attributes| Some(wgpu::VertexBufferLayout { array_stride, step_mode, attributes });
     let mut layouts = vec![layout(12, wgpu::VertexStepMode::Vertex, &POSITION[..])];
@@ -122,7 +132,10 @@ pub(crate) fn vertex_layouts(
     }
     layouts.push(layout(48, wgpu::VertexStepMode::Instance, &WORLD));
     if ride {
-        layouts.push(layout(8, wgpu::VertexStepMode::Instance, &RIDE));
+        layouts.push(layout(12, wgpu::VertexStepMode::Instance, &RIDE));
+    }
+    if place {
+        layouts.push(layout(12, wgpu::VertexStepMode::Vertex, &PLACE));
     }
     layouts
 }

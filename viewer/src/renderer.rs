@@ -11,6 +11,7 @@ use crate::passes::main::{Drawn, Frame, MainPass, Pipelines, Targets};
 use crate::passes::shadow::ShadowPass;
 use crate::passes::sky::SkyPass;
 use crate::passes::tonemap::{self, TonemapPass};
+use crate::passes::transfer::{Lit, TransferPass};
 use crate::picture::Picture;
 use crate::readback::{self, Copy};
 use crate::scene::{Camera, Dome, Instance, Material, Mesh, Scanner, Scene, Sun, Wind};
@@ -43,6 +44,7 @@ struct Loaded {
     shadow: Option<ShadowPass>,
     seen_sky: Option<SkyPass>,
     bend: Option<BendPass>,
+    transfer: Option<TransferPass>,
     extents: Extents,
     corners: Vec<Vec3>,
     ball: (Vec3, f32),
@@ -118,8 +120,8 @@ impl Renderer {
     pub fn set_scene(&mut self, scene: &Scene) -> Result<()> {
         validate::scene(&self.gpu, scene)?;
         let guard = self.gpu.guard();
-        let mut stats =
-            Stats { draws: self.stats.draws, shadow_renders: self.stats.shadow_renders, ..Stats::default() };
+        let Stats { draws, shadow_renders, transfers, .. } = self.stats;
+        let mut stats = Stats { draws, shadow_renders, transfers, ..Stats::default() };
         let batches = Batch::all(&self.gpu, scene, &mut stats);
         let mesh = |(i, mesh): (usize, &Mesh)| {
             let stands = batches.iter().any(|b| b.mesh == i);
@@ -146,7 +148,8 @@ impl Renderer {
             self.pipelines.need(&self.gpu, &batch.variant, &mut stats);
         }
         stats.pipeline("tonemap");
-        let main = MainPass::new(&self.gpu, shadow.as_ref(), scene.dome.as_ref(), &mut stats);
+        let transfer = TransferPass::new(&self.gpu, scene, &mut stats);
+        let main = MainPass::new(&self.gpu, shadow.as_ref(), scene.dome.as_ref(), transfer.as_ref(), &mut stats);
         let seen_sky = scene.dome.as_ref().map(|_| SkyPass::new(&self.gpu, scene.msaa, &mut stats));
         if let Err(error) = guard.finish(&self.gpu) {
             self.pipelines = Pipelines::default();
@@ -162,6 +165,7 @@ impl Renderer {
             shadow,
             seen_sky,
             bend,
+            transfer,
             extents,
             ball: ball(&corners),
             corners,
@@ -188,6 +192,7 @@ impl Renderer {
                 && l.sky.is_some() == scene.sky.is_some()
                 && l.dome.is_some() == scene.dome.is_some()
                 && l.scanner.is_some() == scene.scanner.is_some()
+                && l.transfer.is_some() == scene.transfer.is_some()
                 && l.shadow_layers == shadow_layers(scene)
                 && l.shadow_resolution == scene.shadow_resolution
                 && l.msaa == scene.msaa
@@ -206,6 +211,9 @@ impl Renderer {
         loaded.scanner = scene.scanner;
         if let Some(dome) = &scene.dome {
             loaded.main.set_dome(&self.gpu, dome);
+        }
+        if let Some(transfer) = &loaded.transfer {
+            transfer.set_light(&self.gpu, &Lit::of(scene), &mut self.stats);
         }
         loaded.dome = scene.dome.clone();
         self.tonemap.set_exposure(&self.gpu, scene.exposure);

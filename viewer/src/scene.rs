@@ -21,6 +21,14 @@
 //! up at ω with x and y multiplied by (2z/(1+z))^¼. A sky's light comes through by ρt and the mapped normal whatever
 //! translucency maps say.
 //!
+//! Where the scene has a [`Transfer`], sky and dome are replaced by what arrives past and by way of other surfaces. With
+//! the irradiance vectors F₁ and F₂ of the point's two sides, ∫ L(ω) ω dω over the directions on either side:
+//!
+//! ```text
+//! L += ρd_viewed/π · max(0, N·F_viewed) + ρt_far/π · max(0, F·F_far) + ρs·a·Σ W_l l_lm Y_lm(R)
+//! ```
+//! l_lm are the harmonics of what arrives at the point. Both are interpolated between the mesh's [`Anchors`].
+//!
 //! Of a [`Dome`] this renderer has N² harmonics alone. The two diffuse integrals are Σ A_l c_lm Y_lm (Ramamoorthi and
 //! Hanrahan 2001), the glossy one ρs·a·Σ W_l c_lm Y_lm(R), R being the lobe's mean direction and W_l its bands about
 //! it; sums below 0 (ringing) count as 0. A mapped normal sees the whole hemisphere around itself, also where that dips
@@ -71,6 +79,36 @@ pub struct Scene {
     pub branches: Vec<Branch>,
     /// What sways them; `None` uploads no motion texture.
     pub wind: Option<Wind>,
+    /// How light arrives past and by way of other surfaces; every mesh that stands somewhere then has [`Anchors`] and
+    /// every instance a first row. `None` lights every surface as if it stood alone, but for the sun's shadows.
+    pub transfer: Option<Transfer>,
+}
+
+/// How light from all around arrives at the anchors of every instance, past and by way of other surfaces (Wang et al.
+/// 2005, §4): rows that are sums over columns of the light. The sun's disk itself is not in it.
+///
+/// An anchor's rows are ∫ L(ω) ω dω over the directions on its front (x, y, z), the same over those on its back, and for
+/// glossy leaves ∫ L(ω) Y_lm(ω) dω at l(l+1)+m; of wood and ground the first three alone.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Transfer {
+    /// Bands of the light's harmonics, whose squares are the columns; `None`: one column, the light that the scene has
+    /// and keeps.
+    pub bands: Option<usize>,
+    /// Bands of the harmonics among the rows of a glossy leaf, 1 to 7.
+    pub gloss_bands: usize,
+    /// Row by row, column by column: light by way of other surfaces (red, green, blue), and straight from the sky.
+    pub entries: Vec<[f32; 4]>,
+}
+
+/// Where light that arrives is known on a mesh.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Anchors {
+    /// Anchors along each piece of the mesh and across it; 1 by 1 where every vertex is one.
+    pub grid: [u32; 2],
+    /// Of each vertex: the first anchor of its piece, and its place in the grid, 0 to `grid − 1`.
+    pub places: Vec<Vec3>,
+    /// Rows of an anchor: 3 (wood and ground), 6 (a leaf) or 6 + N² (a glossy one).
+    pub rows: u32,
 }
 
 /// As many branches as fill the smallest uniform buffer every adapter has.
@@ -84,6 +122,8 @@ pub struct Instance {
     pub transform: Mat4,
     /// What bends it; the transform is where it is at rest.
     pub ride: Option<Ride>,
+    /// First row of its anchors in the scene's [`Transfer`].
+    pub first_row: u32,
 }
 
 /// How an instance hangs on a branch.
@@ -232,6 +272,8 @@ pub struct Mesh {
     pub indices: Vec<u32>,
     /// Coarser triangulations of the same vertices for where it is small in the picture, finest first; may be empty.
     pub details: Vec<Detail>,
+    /// Needed where the scene has a [`Transfer`].
+    pub anchors: Option<Anchors>,
 }
 
 /// A coarser triangulation.
@@ -278,7 +320,7 @@ impl Scene {
         self.meshes.push(mesh);
         self.materials.push(material);
         let (mesh, material) = (self.meshes.len() - 1, self.materials.len() - 1);
-        Instance { mesh, material, transform: Mat4::IDENTITY, ride: None }
+        Instance { mesh, material, transform: Mat4::IDENTITY, ..Instance::default() }
     }
 }
 

@@ -8,7 +8,7 @@ pub struct Upload {
     pub bytes: u64,
 }
 
-/// Counts since the last `set_scene`, except `draws` and `shadow_renders`, which count on.
+/// Counts since the last `set_scene`, except `draws`, `shadow_renders` and `transfers`, which count on.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Stats {
     /// Names of the render pipelines in use, in order of need.
@@ -20,6 +20,8 @@ pub struct Stats {
     pub triangles: u64,
     /// Times the shadow maps were drawn since the renderer was made: once per sun and geometry.
     pub shadow_renders: u64,
+    /// Times the transfer's light was worked out since the renderer was made: once a light.
+    pub transfers: u64,
 }
 
 impl Stats {

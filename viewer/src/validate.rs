@@ -3,6 +3,7 @@
 
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
+use crate::passes::transfer::{columns, count};
 use crate::scene::{Camera, Dome, Interior, Leaf, MOST_BRANCHES, Material, Mesh, Scanner, Scene, SideMaps};
 
 /// Shadow maps larger than this in total are refused (bytes).
@@ -37,7 +38,44 @@ pub(crate) fn scene(gpu: &Gpu, scene: &Scene) -> Result<()> {
         }
     }
     branches(scene)?;
+    transfer(gpu, scene)?;
     lights(gpu, scene)
+}
+
+/// The transfer, and that everything which stands in the scene has rows in it.
+fn transfer(gpu: &Gpu, scene: &Scene) -> Result<()> {
+    let Some(transfer) = &scene.transfer else { return Ok(()) };
+    if gpu.is_gl() {
+        return Err(wrong("transfer", "an adapter that is driven by GL", "Vulkan, Metal or DirectX 12"));
+    }
+    if !transfer.bands.is_none_or(|b| (1..=7).contains(&b)) || !(1..=7).contains(&transfer.gloss_bands) {
+        let found = format!("{:?} and {} for gloss", transfer.bands, transfer.gloss_bands);
+        return Err(wrong("transfer, bands", found, "1 to 7"));
+    }
+    let columns = columns(transfer);
+    let rows = transfer.entries.len() / columns;
+    let bytes = 8 * transfer.entries.len() as u64;
+    let most = u64::from(gpu.device.limits().max_storage_buffer_binding_size);
+    if bytes == 0 || bytes > most || transfer.entries.len() % columns != 0 {
+        return Err(wrong("transfer, entries", format!("{bytes} bytes"), format!("whole rows, up to {most} bytes")));
+    }
+    for (i, instance) in scene.instances.iter().enumerate() {
+        let mesh = &scene.meshes[instance.mesh];
+        let Some(anchors) = &mesh.anchors else {
+            return Err(wrong(format!("instance {i}, anchors"), "none", "anchors of its mesh, for the transfer"));
+        };
+        let leaf = scene.leaf(instance.material).is_some();
+        let glossy = 6 + transfer.gloss_bands * transfer.gloss_bands;
+        let known = if leaf { vec![6, glossy] } else { vec![3] };
+        let end = instance.first_row as usize + count(anchors) * anchors.rows as usize;
+        let whole = anchors.places.len() == mesh.positions.len() && anchors.grid.iter().all(|n| *n > 0);
+        if !whole || !known.contains(&(anchors.rows as usize)) || end > rows {
+            let found = format!("{} places, {} rows an anchor, up to row {end}", anchors.places.len(), anchors.rows);
+            let expected = format!("{} places, {known:?} rows an anchor, below {rows}", mesh.positions.len());
+            return Err(wrong(format!("instance {i}, anchors"), found, expected));
+        }
+    }
+    Ok(())
 }
 
 /// Material `index` of a scene.

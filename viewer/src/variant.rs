@@ -19,6 +19,17 @@ pub(crate) struct Variant {
     pub branches: u32,
     /// The branches sway by a motion texture.
     pub motion: bool,
+    /// How the mesh's anchors are read, where light arrives by a transfer.
+    pub anchored: Option<Anchored>,
+}
+
+/// How the anchors of a mesh are read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(crate) struct Anchored {
+    pub grid: [u32; 2],
+    pub rows: u32,
+    /// Of the harmonics among the rows.
+    pub bands: u32,
 }
 
 /// What the scene's lights need.
@@ -29,8 +40,10 @@ pub(crate) struct Lights {
     pub shadow: u32,
     /// A sky, constant or not.
     pub sky: bool,
-    /// The sky's light comes as harmonics.
+    /// The sky's light differs from direction to direction: it comes as harmonics, or by a transfer.
     pub dome: bool,
+    /// It arrives past and by way of other surfaces.
+    pub transfer: bool,
     /// A tube lights it.
     pub scanner: bool,
 }
@@ -74,12 +87,14 @@ pub(crate) fn shadow_layers(scene: &Scene) -> u32 {
 
 impl Lights {
     pub(crate) fn of(scene: &Scene) -> Lights {
-        let dome = scene.dome.is_some();
+        let transfer = scene.transfer.is_some();
+        let dome = scene.dome.is_some() || transfer;
         Lights {
             sun: scene.sun.is_some(),
             shadow: shadow_layers(scene),
             sky: scene.sky.is_some() || dome,
             dome,
+            transfer,
             scanner: scene.scanner.is_some(),
         }
     }
@@ -139,6 +154,13 @@ impl Variant {
             levels: !scene.meshes[first.mesh].details.is_empty(),
             branches,
             motion,
+            anchored: scene.transfer.as_ref().zip(scene.meshes[first.mesh].anchors.as_ref()).map(
+                |(transfer, anchors)| Anchored {
+                    grid: anchors.grid,
+                    rows: anchors.rows,
+                    bands: transfer.gloss_bands as u32,
+                },
+            ),
         })
     }
 
@@ -147,6 +169,11 @@ impl Variant {
             Surface::Leaf(leaf) => Some(leaf),
             Surface::Opaque => None,
         }
+    }
+
+    /// Whether the vertex stage reads what an instance rides on, or where its anchors' rows begin.
+    pub(crate) fn rides(&self) -> bool {
+        self.branches > 0 || self.anchored.is_some()
     }
 
     pub(crate) fn masked(&self) -> bool {
@@ -186,8 +213,15 @@ impl Variant {
             .set("LEVELS", self.levels)
             .set("SKY", lights.sky)
             .set("DOME", lights.dome)
+            .set("TRANSFER", self.anchored.is_some())
             .set("SCANNER", lights.scanner)
             .set("LIT", lights.any());
+        let Anchored { grid, rows, bands } = self.anchored.unwrap_or(Anchored { grid: [1; 2], rows: 0, bands: 7 });
+        let defines = defines
+            .constant("GRID_X", grid[0])
+            .constant("GRID_Y", grid[1])
+            .constant("ROWS", rows)
+            .constant("BANDS", bands);
         let Some(leaf) = self.leaf() else { return defines };
         let curve = |s: &SideVariant| !s.maps && !s.black;
         defines
@@ -238,7 +272,12 @@ impl Variant {
         say(self.surface == Surface::Opaque, "opaque".into());
         say(lights.sun, "sun".into());
         say(lights.shadow > 0, format!("shadow {}", lights.shadow));
-        say(lights.sky, if lights.dome { "dome" } else { "sky" }.into());
+        let sky = match (lights.transfer, lights.dome) {
+            (true, _) => "transfer",
+            (false, true) => "dome",
+            (false, false) => "sky",
+        };
+        say(lights.sky, sky.into());
         say(lights.scanner, "scanner".into());
         if let Some(leaf) = self.leaf() {
             say(leaf.mask, "mask".into());

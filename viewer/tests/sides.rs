@@ -200,7 +200,12 @@ fn masks_cut_the_outline_and_four_samples_soften_it() {
     assert!((covered[0] - covered[1]).abs() < 0.01, "{covered:?}");
     assert!(renderer.stats().uploaded("mask"));
     let mut twice = scene_of(uniform_leaf());
-    twice.instances.push(Instance { mesh: 0, material: 0, transform: Mat4::from_translation(Vec3::Z), ride: None });
+    twice.instances.push(Instance {
+        mesh: 0,
+        material: 0,
+        transform: Mat4::from_translation(Vec3::Z),
+        ..Instance::default()
+    });
     twice.sky = Some([1.0; 3]);
     renderer.set_scene(&twice).expect("scene");
     assert!(!renderer.stats().uploaded("mask"));

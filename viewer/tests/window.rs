@@ -99,7 +99,7 @@ fn two_leaves() -> (WindowScene, Toy) {
         mesh: 0,
         material: 1,
         transform: Mat4::from_translation(Vec3::new(24.0, 0.0, 0.0)),
-        ride: None,
+        ..Instance::default()
     });
     scene.sun = Some(sun(Vec3::new(-0.4, 0.3, 1.0)));
     scene.sky = Some([0.4, 0.5, 0.6]);

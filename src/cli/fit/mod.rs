@@ -14,6 +14,7 @@ pub mod leaf;
 pub mod sky;
 pub mod slab;
 pub mod tissue;
+pub mod transfer;
 pub mod translucency;
 
 #[derive(Debug, clap::Args)]

@@ -16,6 +16,7 @@ mod perspective;
 mod pictures;
 mod proof;
 mod report;
+mod truth;
 mod verify;
 
 pub use capture::CaptureReport;
@@ -32,6 +33,7 @@ use mesophyll_files::{atomic, progress};
 use mesophyll_transport as transport;
 use mesophyll_viewer as gpu;
 use std::path::PathBuf;
+use truth::Truth;
 
 /// What a check is told beside the scene.
 #[derive(Debug, Clone, Default)]
@@ -114,7 +116,9 @@ fn against_reference(
     let perspective: Vec<&View> = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).collect();
     if !perspective.is_empty() {
         let mut drawn = handover::scene(scene, ledger)?;
-        let mut world = reference::world(scene, ledger)?;
+        // The path tracer follows light through everything, not only through what a view sees.
+        let between = manifest.transfer.is_some();
+        let mut world = if between { transport::World::default() } else { reference::world(scene, ledger)? };
         renderer.set_scene(&drawn).map_err(told)?;
         report.uploads = renderer.stats().uploads.iter().map(|u| (u.name.clone(), u.bytes)).collect();
         report.pipelines = renderer.stats().pipelines.clone();
@@ -130,14 +134,17 @@ fn against_reference(
                 wind.time_s = time;
                 renderer.set_time(wind);
             }
-            reference::move_to(&mut world, scene, time)?;
+            match between {
+                true => world = reference::traced(scene, time, ledger)?,
+                false => reference::move_to(&mut world, scene, time)?,
+            }
             let mut by_maps = world.clone();
             let stored = sunlit::relight_as_stored(&mut by_maps, scene, &placed.eyes)?;
             let mut as_grown = world.clone();
             let known = !true_leaf::replace(&mut as_grown, scene, &options.out)?.is_empty();
-            let as_grown = if known { Some(transport::Renderer::new(&as_grown)?) } else { None };
-            let stage = transport::Renderer::new(&world)?;
-            let by_maps = if stored { Some(transport::Renderer::new(&by_maps)?) } else { None };
+            let as_grown = if known { Some(Truth::of(scene, &as_grown)?) } else { None };
+            let stage = Truth::of(scene, &world)?;
+            let by_maps = if stored { Some(Truth::of(scene, &by_maps)?) } else { None };
             while let Some(view) = left.next_if(|v| placed.bends.is_none() || branch::time(manifest, v) == time) {
                 let _bar = progress::Bar::of(format!("view {}", view.name));
                 let stages =

@@ -4,22 +4,23 @@
 use super::cost::timed;
 use super::pictures::save;
 use super::report::{TrueLeaf, ViewReport, exceeds};
+use super::truth::Truth;
 use super::{Options, proof, told};
 use crate::Result;
-use crate::draw::{handover, reference};
+use crate::draw::handover;
 use crate::loaded::Scene;
 use crate::manifest::{JudgedBy, View};
 use mesophyll_files::image::write_png;
-use mesophyll_transport::{self as transport, compare};
+use mesophyll_transport::compare;
 use mesophyll_viewer as gpu;
 use std::time::Instant;
 
 /// The reference, and the same with translucency maps evaluated as they are stored.
 pub struct Stages<'a> {
-    pub truth: &'a transport::Renderer<'a>,
-    pub by_maps: Option<&'a transport::Renderer<'a>>,
+    pub truth: &'a Truth<'a>,
+    pub by_maps: Option<&'a Truth<'a>>,
     /// The reference with the true leaves, where scans are synthetic.
-    pub true_leaf: Option<&'a transport::Renderer<'a>>,
+    pub true_leaf: Option<&'a Truth<'a>>,
 }
 
 pub fn one_view(
@@ -35,19 +36,11 @@ pub fn one_view(
     let picture = renderer.render(&handover::camera(view), size.0, size.1).map_err(told)?;
     let mut out = timed(manifest, view, renderer)?;
     let start = Instant::now();
-    let sampling = |seed: u64| transport::Options {
-        samples_per_pixel: manifest.check.samples,
-        sun_samples: if scene.plan.light.shadow_samples > 0 { 4 } else { 1 },
-        seed,
-        sky_samples: 4,
-        // A grazing leaf's sliver can slip through the rays of one pixel, not through those of all around it.
-        margin: 2,
-    };
-    let camera = reference::camera(view);
-    let mut truth = stages.truth.render(&camera, w, h, &sampling(manifest.check.seed))?;
+    let seed = manifest.check.seed;
+    let mut truth = stages.truth.draw(scene, view, seed)?;
     if let Some(by_maps) = stages.by_maps {
         // The same rays: what differs is the basis.
-        let stored = by_maps.render(&camera, w, h, &sampling(manifest.check.seed))?;
+        let stored = by_maps.draw(scene, view, seed)?;
         let basis = compare::compare(&truth, &stored.ldr)?;
         out.basis = Some((basis.flip_p99, basis.max_error.unwrap_or(0.0)));
         if view.judged_by == JudgedBy::Maps {
@@ -55,7 +48,7 @@ pub fn one_view(
         }
     }
     let own = if out.by_maps { stages.by_maps.unwrap_or(stages.truth) } else { stages.truth };
-    let other = own.render(&camera, w, h, &sampling(manifest.check.seed.wrapping_add(1)))?;
+    let other = own.draw(scene, view, seed.wrapping_add(1))?;
     out.reference_s = start.elapsed().as_secs_f64();
     let seen = compare::compare(&truth, &picture.ldr)?;
     let noise = compare::noise_floor(&truth, &other)?;
@@ -68,7 +61,7 @@ pub fn one_view(
     out.judge_against_reference();
     if let Some(stage) = stages.true_leaf {
         // The same rays: what differs is the fit.
-        let grown = stage.render(&camera, w, h, &sampling(manifest.check.seed))?;
+        let grown = stage.draw(scene, view, seed)?;
         let apart = compare::compare(&grown, &picture.ldr)?;
         let file = format!("{}-true-leaf.png", view.name);
         write_png(&options.out.join(&file), w, h, grown.ldr.as_flattened())?;

@@ -19,10 +19,12 @@ use crate::{Error, Result};
 use glam::{Vec2, Vec3, Vec4};
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_files::quantity::Quantity;
+use mesophyll_fit_transfer::Transfer;
 use mesophyll_leaf::{File, fill};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
 use mesophyll_sky::fitted::Folded;
+use mesophyll_transport::transfer::Columns;
 use mesophyll_viewer::scene as viewer;
 use rayon::prelude::*;
 
@@ -71,7 +73,29 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
         out.instances.push(ground);
     }
     branches(manifest, placed, &mut out);
+    if let Some(found) = &scene.transfer {
+        arriving(found, &mut out);
+    }
     Ok(out)
+}
+
+/// Light between leaves: meshes and instances stand in the order of the transfer's.
+fn arriving(found: &Transfer, out: &mut viewer::Scene) {
+    for (mesh, of) in out.meshes.iter_mut().zip(&found.layout.leaves) {
+        mesh.anchors = Some(viewer::Anchors {
+            grid: of.anchors.grid.map(|n| n as u32),
+            places: of.anchors.places.iter().map(|p| Vec3::from(*p)).collect(),
+            rows: of.rows.count() as u32,
+        });
+    }
+    for (instance, first) in out.instances.iter_mut().zip(&found.layout.first) {
+        instance.first_row = *first as u32;
+    }
+    let bands = match found.columns {
+        Columns::Harmonics(bands) => Some(bands),
+        Columns::Light => None,
+    };
+    out.transfer = Some(viewer::Transfer { bands, gloss_bands: found.gloss_bands, entries: found.entries.clone() });
 }
 
 /// Branches as meshes with bark, after the leaves; and what bends them and what rides on them, where anything does.
@@ -154,6 +178,7 @@ fn lights(Scene { manifest, plan, .. }: &Scene, ledger: &Ledger) -> Result<viewe
         msaa: plan.light.msaa,
         branches: Vec::new(),
         wind: None,
+        transfer: None,
     })
 }
 
@@ -194,7 +219,7 @@ pub fn viewer_mesh(mesh: &LeafMesh) -> viewer::Mesh {
         tangents: mesh.tangents.iter().map(|(t, w)| Vec4::from((t.as_vec3(), *w as f32))).collect(),
         uvs: mesh.uvs.iter().map(|t| Vec2::new(t.x as f32, t.y as f32)).collect(),
         indices: mesh.indices.clone(),
-        details: Vec::new(),
+        ..viewer::Mesh::default()
     }
 }
 

@@ -88,8 +88,7 @@ fn barked(bark: [f64; 3], rest: &LeafMesh) -> transport::ReferenceLeaf {
 /// # Errors
 /// As [`world`]; [`Error::Input`] for an environment map that cannot be read.
 pub fn traced(scene: &Scene, time: f64, ledger: &Ledger) -> Result<transport::World> {
-    let mut out = standing(scene, ledger)?;
-    stand_at(&mut out, scene, time);
+    let mut out = unlit(scene, time, ledger)?;
     relight_everywhere(&mut out, scene)?;
     out.periodic = scene.manifest.periodic.as_ref().map(|p| p.size_mm);
     if let Some(file) = scene.manifest.sky.as_ref().and_then(|s| s.environment.as_ref()) {
@@ -98,6 +97,16 @@ pub fn traced(scene: &Scene, time: f64, ledger: &Ledger) -> Result<transport::Wo
         let map = ledger.note("read", "environment map", bytes, || transport::environment::Environment::read(&path))?;
         out.environment = Some(Arc::new(map));
     }
+    Ok(out)
+}
+
+/// The same for whoever asks for no light: without an environment map, and without the sun's light through leaves.
+///
+/// # Errors
+/// As [`world`].
+pub fn unlit(scene: &Scene, time: f64, ledger: &Ledger) -> Result<transport::World> {
+    let mut out = standing(scene, ledger)?;
+    stand_at(&mut out, scene, time);
     Ok(out)
 }
 

@@ -30,6 +30,8 @@ pub struct Scene {
     pub plan: Plan,
     /// In the manifest's order.
     pub loaded: Vec<Loaded>,
+    /// Light between leaves, where the scene asks for it and it was looked for ([`Scene::find_transfer`]).
+    pub transfer: Option<mesophyll_fit_transfer::Transfer>,
 }
 
 /// One leaf of a scene: what the file says, what is there, what is decided, and the data.
@@ -94,7 +96,7 @@ impl Scene {
             plan.leaves.iter_mut().for_each(|l| l.block = 1);
         }
         plan.finish(&manifest, &placed, ledger)?;
-        Ok(Scene { manifest, placed, plan, loaded })
+        Ok(Scene { manifest, placed, plan, loaded, transfer: None })
     }
 
     /// Looks for what is there of a scene, plans it, and reads what the plan asks for.

@@ -38,6 +38,29 @@ pub struct Sky {
     pub scale: Option<f64>,
 }
 
+/// Light between leaves, worked out before the first picture (`mesophyll fit transfer`): how finely.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Transfer {
+    /// A folder of `fit transfer`; where it is of another scene, or absent, a run makes one.
+    pub fit: Option<PathBuf>,
+    /// Anchors along a leaf and across it.
+    pub anchors: [usize; 2],
+    /// Paths from each anchor.
+    pub paths: u32,
+    /// Bands of the light's harmonics, for a light that moves. When absent: 5 where the sun moves, and no harmonics
+    /// but the light itself where it stands still.
+    pub bands: Option<usize>,
+    /// Of the random numbers.
+    pub seed: u64,
+}
+
+impl Default for Transfer {
+    fn default() -> Self {
+        Transfer { fit: None, anchors: [5, 3], paths: 2048, bands: None, seed: 1 }
+    }
+}
+
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SkyModel {

@@ -11,7 +11,7 @@ mod validate;
 mod view;
 
 pub use leaf::{Interior, Leaf, Scan, Translucency, Uniform};
-pub use light::{Day, Sky, SkyModel, Sun};
+pub use light::{Day, Sky, SkyModel, Sun, Transfer};
 pub use mesophyll_surface::basis::Basis;
 pub use plant::{Branch, Cluster, Ground, Instance, Periodic, Tree, Wind};
 pub use view::{Check, JudgedBy, View, ViewKind};
@@ -52,6 +52,7 @@ pub struct Manifest {
     pub sun: Option<Sun>,
     pub sky: Option<Sky>,
     pub day: Option<Day>,
+    pub transfer: Option<Transfer>,
     #[serde(default, rename = "view")]
     pub views: Vec<View>,
     #[serde(default)]

@@ -41,7 +41,9 @@ pub struct WithoutMaps {
 
 /// What of each side is needed, from where the leaf stands.
 pub fn sides(manifest: &Manifest, leaf: &Leaf, free: bool) -> [SideNeeds; 2] {
-    let (sun, sky) = (manifest.sun.is_some(), manifest.sky.is_some());
+    // With light between leaves every side is lit, by one that differs from direction to direction.
+    let between = manifest.transfer.is_some();
+    let (sun, sky) = (manifest.sun.is_some(), manifest.sky.is_some() || between);
     let asked = leaf.translucent.is_some() && sun;
     let (f, cards) = (leaf.facing, leaf.on_cards);
     [0, 1].map(|side| {
@@ -66,7 +68,7 @@ pub fn sides(manifest: &Manifest, leaf: &Leaf, free: bool) -> [SideNeeds; 2] {
             // Under a physical sky every side's light depends on where it turns, the far one's too.
             normal: f.lit[side]
                 || (f.through[1 - side] && !translucency)
-                || (manifest.physical_sky() && (f.seen[side] || f.seen[1 - side])),
+                || ((manifest.physical_sky() || between) && (f.seen[side] || f.seen[1 - side])),
             mean: cards.seen[side] || cards.through[1 - side] || (sky && cards.seen[1 - side]),
         }
     })

@@ -74,8 +74,14 @@ fn layout(gpu: &Gpu, motion: bool) -> wgpu::BindGroupLayout {
     gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("bend"), entries: &entries })
 }
 
-/// What a ride is to the shader: branch and place, −1 for none of either.
-pub(crate) fn ride(ride: Option<Ride>) -> [f32; 2] {
+/// What an instance rides on to the shader: branch and place, −1 for none of either; and its first row of light that
+/// arrives.
+pub(crate) fn ride(instance: &Instance) -> [f32; 3] {
+    let [branch, at] = on(instance.ride);
+    [branch, at, instance.first_row as f32]
+}
+
+fn on(ride: Option<Ride>) -> [f32; 2] {
     ride.map_or([-1.0; 2], |r| [r.branch as f32, r.at.unwrap_or(-1.0)])
 }
 
@@ -130,7 +136,7 @@ impl BendPass {
     }
 
     /// Runs the vertex stage's function over vertices in world space: position, normal and tangent each.
-    pub(crate) fn probe(&self, gpu: &Gpu, on: Option<Ride>, vertices: &[[Vec3; 3]]) -> Result<Vec<[Vec3; 3]>> {
+    pub(crate) fn probe(&self, gpu: &Gpu, ride: Option<Ride>, vertices: &[[Vec3; 3]]) -> Result<Vec<[Vec3; 3]>> {
         let source = assemble(
             &format!("{SOURCE}{}", include_str!("probe.wgsl")),
             &defines(Defines::default(), self.count, self.motion),
@@ -166,7 +172,7 @@ impl BendPass {
             cache: None,
         });
         let flat: Vec<[f32; 4]> = vertices.iter().flatten().map(|v| [v.x, v.y, v.z, 0.0]).collect();
-        let [branch, at] = ride(on);
+        let [branch, at] = on(ride);
         let uniform = gpu.uniform("probe", &[[branch, at, 0.0, 0.0]]);
         let storage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
         let buffer = gpu.buffer("probe", bytemuck::cast_slice(&flat), storage);

@@ -93,7 +93,12 @@ fn shade(place: Place, facing: Facing) -> Shade {
     //#else
     let away = -facing.towards_viewer;
     //#endif
+    //#if TRANSFER
+    let near = select(3u, 0u, facing.front);
+    out.ambient = reflectance * collected(viewed, near) + transmittance * collected(away, 3u - near);
+    //#else
     out.ambient = reflectance * even_light(viewed) + transmittance * even_light(away);
+    //#endif
     //#if ALBEDO
     out.ambient += gloss.rgb * albedo(dot(viewed, view), roughness) * glossy_light(viewed, view, roughness);
     //#endif
@@ -195,6 +200,9 @@ fn fragment(in: Varying) -> Pixel {
     //#endif
     var radiance = vec3f(0.0);
     //#if LIT
+    //#if TRANSFER
+    find_anchors(in.first, in.place);
+    //#endif
     let place = Place(in.uv, vec2f(1.0 - in.uv.x, in.uv.y), dx, dy);
     let facing = faced(in);
     var seen: Shade;

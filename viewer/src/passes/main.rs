@@ -7,6 +7,7 @@ use crate::material::{self, MaterialOnGpu};
 use crate::passes::bend::{self, BendPass};
 use crate::passes::shadow::ShadowPass;
 use crate::passes::sky::SkyPass;
+use crate::passes::transfer::TransferPass;
 use crate::scene::Dome;
 use crate::shader::{assemble, of_side};
 use crate::stats::Stats;
@@ -69,7 +70,7 @@ pub(crate) struct Targets<'a> {
     pub bend: Option<&'a BendPass>,
 }
 
-fn frame_layout(gpu: &Gpu, shadow: bool, dome: bool) -> wgpu::BindGroupLayout {
+fn frame_layout(gpu: &Gpu, shadow: bool, dome: bool, transfer: bool) -> wgpu::BindGroupLayout {
     let uniform = wgpu::BindingType::Buffer {
         ty: wgpu::BufferBindingType::Uniform,
         has_dynamic_offset: false,
@@ -88,7 +89,14 @@ fn frame_layout(gpu: &Gpu, shadow: bool, dome: bool) -> wgpu::BindGroupLayout {
         entries.push(entry(2, fragment, wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Comparison)));
         entries.push(entry(3, fragment, uniform));
     }
-    if dome {
+    if transfer {
+        let storage = wgpu::BindingType::Buffer {
+            ty: wgpu::BufferBindingType::Storage { read_only: true },
+            has_dynamic_offset: false,
+            min_binding_size: None,
+        };
+        entries.push(entry(9, fragment | wgpu::ShaderStages::VERTEX, storage));
+    } else if dome {
         entries.push(entry(8, fragment, uniform));
     }
     gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("frame"), entries: &entries })
@@ -107,7 +115,9 @@ pub(crate) fn source(variant: &Variant) -> String {
     let shared = [bend::SOURCE, include_str!("main.wgsl"), include_str!("light.wgsl")].concat();
     let defines = variant.defines();
     let Some(leaf) = variant.leaf() else { return assemble(&(shared + include_str!("opaque.wgsl")), &defines) };
-    let own = [include_str!("leaf.wgsl"), include_str!("maps.wgsl"), include_str!("lobe.wgsl")].concat();
+    let own =
+        [include_str!("leaf.wgsl"), include_str!("arrives.wgsl"), include_str!("maps.wgsl"), include_str!("lobe.wgsl")]
+            .concat();
     let sides = leaf
         .sides
         .iter()
@@ -125,7 +135,7 @@ fn pipeline(gpu: &Gpu, variant: &Variant) -> wgpu::RenderPipeline {
     let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some("main"),
         bind_group_layouts: &[
-            Some(&frame_layout(gpu, variant.lights.shadow > 0, variant.lights.dome)),
+            Some(&frame_layout(gpu, variant.lights.shadow > 0, variant.lights.dome, variant.lights.transfer)),
             Some(&material::layout(gpu, variant)),
             bend.as_ref(),
         ],
@@ -138,7 +148,13 @@ fn pipeline(gpu: &Gpu, variant: &Variant) -> wgpu::RenderPipeline {
             module: &module,
             entry_point: Some("vertex"),
             compilation_options: Default::default(),
-            buffers: &vertex_layouts(true, variant.tangent(), variant.leaf().is_some(), variant.branches > 0),
+            buffers: &vertex_layouts(
+                true,
+                variant.tangent(),
+                variant.leaf().is_some(),
+                variant.rides(),
+                variant.anchored.is_some(),
+            ),
         },
         primitive: wgpu::PrimitiveState::default(),
         depth_stencil: Some(wgpu::DepthStencilState {
@@ -161,7 +177,13 @@ fn pipeline(gpu: &Gpu, variant: &Variant) -> wgpu::RenderPipeline {
 }
 
 impl MainPass {
-    pub(crate) fn new(gpu: &Gpu, shadow: Option<&ShadowPass>, dome: Option<&Dome>, stats: &mut Stats) -> MainPass {
+    pub(crate) fn new(
+        gpu: &Gpu,
+        shadow: Option<&ShadowPass>,
+        dome: Option<&Dome>,
+        transfer: Option<&TransferPass>,
+        stats: &mut Stats,
+    ) -> MainPass {
         let frame = gpu.uniform("frame", &[Frame::default()]);
         let mut entries = vec![wgpu::BindGroupEntry { binding: 0, resource: frame.as_entire_binding() }];
         if let Some(shadow) = shadow {
@@ -171,7 +193,7 @@ impl MainPass {
                 .push(wgpu::BindGroupEntry { binding: 2, resource: wgpu::BindingResource::Sampler(&shadow.sampler) });
             entries.push(wgpu::BindGroupEntry { binding: 3, resource: shadow.matrices.as_entire_binding() });
         }
-        let dome = dome.map(|dome| {
+        let dome = dome.filter(|_| transfer.is_none()).map(|dome| {
             let coefficients = dome::coefficients(dome);
             stats.upload("sky harmonics", size_of_val(&coefficients) as u64);
             gpu.uniform("sky harmonics", &coefficients)
@@ -179,9 +201,12 @@ impl MainPass {
         if let Some(dome) = &dome {
             entries.push(wgpu::BindGroupEntry { binding: 8, resource: dome.as_entire_binding() });
         }
+        if let Some(transfer) = transfer {
+            entries.push(wgpu::BindGroupEntry { binding: 9, resource: transfer.arriving.as_entire_binding() });
+        }
         let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("frame"),
-            layout: &frame_layout(gpu, shadow.is_some(), dome.is_some()),
+            layout: &frame_layout(gpu, shadow.is_some(), dome.is_some(), transfer.is_some()),
             entries: &entries,
         });
         MainPass { frame, dome, group }
@@ -241,7 +266,8 @@ impl MainPass {
                 mesh.tangents.as_ref().filter(|_| variant.tangent()),
                 mesh.uvs.as_ref().filter(|_| variant.leaf().is_some()),
                 Some(&batch.instances),
-                batch.rides.as_ref(),
+                batch.rides.as_ref().filter(|_| variant.rides()),
+                mesh.places.as_ref().filter(|_| variant.anchored.is_some()),
             ];
             for (slot, buffer) in buffers.into_iter().flatten().enumerate() {
                 pass.set_vertex_buffer(slot as u32, buffer.slice(..));
@@ -263,7 +289,7 @@ mod tests {
 
     fn lit(surface: Surface) -> Variant {
         let lights = Lights { sun: true, sky: true, ..Lights::default() };
-        Variant { lights, surface, msaa: 4, levels: false, branches: 0, motion: false }
+        Variant { lights, surface, msaa: 4, levels: false, branches: 0, motion: false, anchored: None }
     }
 
     fn lines(v: &Variant) -> Vec<String> {

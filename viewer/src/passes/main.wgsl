@@ -24,9 +24,14 @@ struct Frame {
 @group(0) @binding(3) var<uniform> shadow_matrices: array<mat4x4f, SHADOW_LAYERS>;
 //#endif
 
+//#if TRANSFER
+// Light that arrives at the anchors: see `transfer.wgsl`.
+@group(0) @binding(9) var<storage, read> arriving: array<vec4f>;
+//#else
 //#if DOME
 // Harmonics of the light from all around, normalisation folded in, at l(l+1)+m.
 @group(0) @binding(8) var<uniform> dome: array<vec4f, 49>;
+//#endif
 //#endif
 
 struct Vertex {
@@ -42,9 +47,13 @@ struct Vertex {
     @location(4) world_x: vec4f,
     @location(5) world_y: vec4f,
     @location(6) world_z: vec4f,
-    //#if BEND
-    // Branch and place on it: see `bent`.
-    @location(7) ride: vec2f,
+    //#if BEND || TRANSFER
+    // Branch and place on it: see `bent`; and the first row of the light that arrives at the instance.
+    @location(7) ride: vec3f,
+    //#endif
+    //#if TRANSFER
+    // First anchor of the vertex's piece, and the place among the piece's anchors.
+    @location(8) place: vec3f,
     //#endif
 }
 
@@ -57,6 +66,18 @@ struct Varying {
     //#endif
     //#if TANGENT
     @location(3) tangent: vec4f,
+    //#endif
+    //#if TRANSFER
+    //#if LEAF
+    // Place among the anchors, and the first of their rows.
+    @location(4) place: vec2f,
+    @location(5) @interpolate(flat) first: u32,
+    //#else
+    // Irradiance vector: its x, y and z, a colour each.
+    @location(4) light_x: vec3f,
+    @location(5) light_y: vec3f,
+    @location(6) light_z: vec3f,
+    //#endif
     //#endif
 }
 
@@ -79,13 +100,24 @@ fn vertex(in: Vertex) -> Varying {
     //#endif
     //#if BEND
     //#if TANGENT
-    let swung = bent(in.ride, out.world, out.normal, out.tangent.xyz);
+    let swung = bent(in.ride.xy, out.world, out.normal, out.tangent.xyz);
     out.tangent = vec4f(swung.tangent, in.tangent.w);
     //#else
-    let swung = bent(in.ride, out.world, out.normal, vec3f(0.0));
+    let swung = bent(in.ride.xy, out.world, out.normal, vec3f(0.0));
     //#endif
     out.world = swung.position;
     out.normal = swung.normal;
+    //#endif
+    //#if TRANSFER
+    let first = u32(in.ride.z) + u32(in.place.x) * ROWS;
+    //#if LEAF
+    out.place = in.place.yz;
+    out.first = first;
+    //#else
+    out.light_x = arriving[first].rgb;
+    out.light_y = arriving[first + 1u].rgb;
+    out.light_z = arriving[first + 2u].rgb;
+    //#endif
     //#endif
     out.position = frame.view_projection * vec4f(out.world, 1.0);
     return out;

@@ -1,5 +1,6 @@
 //! The render passes, a file each with its WGSL beside it: shadow (only with a sun that casts), sky (only with a dome),
-//! main, tonemap; and what shadow and main share where branches bend.
+//! transfer (only where the scene has one, and only when its light changes), main, tonemap; and what shadow and main
+//! share where branches bend.
 
 pub(crate) mod bend;
 pub(crate) mod fullscreen;
@@ -7,3 +8,4 @@ pub(crate) mod main;
 pub(crate) mod shadow;
 pub(crate) mod sky;
 pub(crate) mod tonemap;
+pub(crate) mod transfer;

@@ -11,11 +11,16 @@ fn fragment(in: Varying) -> @location(0) vec4f {
     if (facing.front) {
         let normal = facing.towards_viewer;
         var seen = Shade(vec3f(0.0), vec3f(0.0));
+        //#if TRANSFER
+        let sum = normal.x * in.light_x + normal.y * in.light_y + normal.z * in.light_z;
+        seen.ambient = albedo.rgb * max(vec3f(0.0), sum) * 0.318309886;
+        //#else
         //#if DOME
         seen.ambient = albedo.rgb * even_light(normal);
         //#else
         //#if SKY
         seen.ambient = frame.sky.rgb * albedo.rgb;
+        //#endif
         //#endif
         //#endif
         //#if SUN

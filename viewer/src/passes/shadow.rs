@@ -261,7 +261,12 @@ impl ShadowPass {
                     pass.set_bind_group(1, group, &[]);
                 }
                 let uvs = mesh.uvs.as_ref().filter(|_| mask.is_some());
-                let buffers = [Some(&mesh.positions), uvs, Some(&batch.instances), batch.rides.as_ref()];
+                let buffers = [
+                    Some(&mesh.positions),
+                    uvs,
+                    Some(&batch.instances),
+                    batch.rides.as_ref().filter(|_| batch.variant.branches > 0),
+                ];
                 for (slot, buffer) in buffers.into_iter().flatten().enumerate() {
                     pass.set_vertex_buffer(slot as u32, buffer.slice(..));
                 }
@@ -320,7 +325,7 @@ fn pipeline(
             module: &module,
             entry_point: Some("vertex"),
             compilation_options: Default::default(),
-            buffers: &vertex_layouts(false, false, mask.is_some(), variant.branches > 0),
+            buffers: &vertex_layouts(false, false, mask.is_some(), variant.branches > 0, false),
         },
         primitive: wgpu::PrimitiveState::default(),
         depth_stencil: Some(wgpu::DepthStencilState {

@@ -138,7 +138,7 @@ mod tests {
             tangents: vec![Vec4::new(1.0, 0.0, 0.0, 1.0); 4],
             uvs: corners.iter().map(|&(u, v)| Vec2::new(u, v)).collect(),
             indices: vec![0, 3, 2, 0, 2, 1],
-            details: Vec::new(),
+            ..Mesh::default()
         };
         let leaf = Leaf {
             name: "half".into(),

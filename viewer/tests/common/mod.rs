@@ -43,7 +43,7 @@ pub fn square(half: f32) -> Mesh {
         tangents: vec![Vec4::new(1.0, 0.0, 0.0, 1.0); 4],
         uvs: corners.iter().map(|(x, y)| Vec2::new(0.5 + 0.5 * x, 0.5 - 0.5 * y)).collect(),
         indices: vec![0, 1, 2, 0, 2, 3],
-        details: Vec::new(),
+        ..Mesh::default()
     }
 }
 

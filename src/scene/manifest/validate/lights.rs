@@ -38,6 +38,19 @@ pub fn lights(p: &Place) -> Result<()> {
     if let Some(day) = &p.manifest.day {
         one_day(p, day)?;
     }
+    if let Some(transfer) = &p.manifest.transfer {
+        const HEADER: &str = "[transfer]";
+        for n in transfer.anchors {
+            p.range(HEADER, 0, "anchors", n as f64, [1.0, 64.0], "anchors along a leaf or across it")?;
+        }
+        p.range(HEADER, 0, "paths", f64::from(transfer.paths), [16.0, f64::from(1 << 20)], "paths an anchor")?;
+        if let Some(bands) = transfer.bands {
+            p.range(HEADER, 0, "bands", bands as f64, [1.0, 7.0], "bands")?;
+        }
+        if p.manifest.periodic.is_some() {
+            return Err(p.error(HEADER, 0, "", "given, but a scene that repeats has no transfer"));
+        }
+    }
     if p.manifest.sun.is_none() && p.manifest.sky.is_none() {
         return Err(p.error("", 0, "sun", "missing, and no [sky] either; expected some light"));
     }

@@ -1,0 +1,68 @@
+//! `mesophyll fit transfer SCENE -o DIR`.
+
+use crate::Result;
+use crate::{Common, place, print, print_json};
+use mesophyll_record::FitRecord;
+use mesophyll_scene::fits::missing::input_hash;
+use mesophyll_scene::placed::{Placed, leaf::Search};
+use mesophyll_scene::{ledger::Ledger, loaded::Scene, manifest::Manifest, transfer};
+use std::path::PathBuf;
+
+/// How the light that arrives at the leaves of a scene depends on the light around it: past other leaves, and by way of
+/// them.
+///
+/// The scene's [transfer] says how finely. DIR gets operators.exr, a preview, fit.toml and times.toml. `run`, `check` and
+/// `view` make it by themselves where a scene lacks it.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  mesophyll fit transfer data/scenes/between.toml -o out/between-transfer")]
+pub struct Args {
+    /// Scene with a [transfer]
+    #[arg(value_name = "SCENE.toml")]
+    scene: PathBuf,
+    /// Folder to write
+    #[arg(short, long = "out", alias = "output", value_name = "DIR", value_parser = place::folder())]
+    output: PathBuf,
+    /// Compute again although the folder already holds this very fit
+    #[arg(long)]
+    force: bool,
+}
+
+pub fn run(args: &Args, common: &Common) -> Result<u8> {
+    let manifest = Manifest::read(&args.scene)?;
+    let ledger = Ledger::new();
+    let search = Search { out: None, input_hash: Some(&input_hash), free: false };
+    let placed = Placed::new(&manifest, search, &ledger)?;
+    let scene = Scene::new(manifest, placed, &ledger)?;
+    let outcome = transfer::make(&scene, &args.output, args.force, &ledger)?;
+    let Some(record) = super::ended(outcome, &args.output) else { return Ok(0) };
+    if common.json {
+        print_json(&*record)?;
+    } else {
+        print(&summary(&record))?;
+    }
+    Ok(0)
+}
+
+/// What a person wants to know of it.
+fn summary(record: &FitRecord) -> String {
+    let say = |name: &str| record.options.get(name).map_or("", String::as_str);
+    let mut text = format!("{}: {}, {} paths an anchor\n", record.name, say("light"), say("paths"));
+    for section in record.sections.values() {
+        let count = |k: &str| section.counts.get(k).copied().unwrap_or(0);
+        let figure = |k: &str| section.figures.get(k).copied().unwrap_or(f64::NAN);
+        text += &format!(
+            "{} anchors, {} rows of {} columns: {:.2} MB on the adapter\n",
+            count("anchors"),
+            count("rows"),
+            count("columns"),
+            figure("bytes_on_gpu") / 1e6
+        );
+        text += &format!(
+            "irradiance known to {:.2} % (median), {:.2} % (worst anchor)\n",
+            100.0 * figure("irradiance_error_median"),
+            100.0 * figure("irradiance_error_worst")
+        );
+    }
+    text
+}

@@ -1,0 +1,172 @@
+//! `fit transfer`: what arrives at the leaves of a scene past and by way of other leaves, kept in a folder like any fit.
+//!
+//! The folder holds `operators.exr` (the entries of [`mesophyll_transport::transfer::operator`], in half floats),
+//! `fit.toml` and `times.toml`. It is known by what it was made from: every mesh, map and place of the scene, and the
+//! light where the light stands still. A fit that was stopped goes on from its finished parts.
+
+#![warn(missing_docs)]
+
+mod layout;
+mod matter;
+mod store;
+#[cfg(test)]
+mod tests;
+
+pub use layout::{Layout, OfLeaf};
+pub use store::{OPERATORS, Transfer};
+
+use mesophyll_error::Result;
+use mesophyll_files::image::{Maps, Packing, write_exr};
+use mesophyll_files::{memory, progress};
+use mesophyll_record::maker::{self, Maker, Outcome};
+use mesophyll_record::{FitRecord, Section};
+use mesophyll_transport::path::{Paths, Tracer};
+use mesophyll_transport::transfer::{self, Columns, Receiver, Request};
+use mesophyll_transport::world::World;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+use std::sync::Arc;
+
+/// The kind of fit that `fit.toml` names.
+pub const KIND: &str = "transfer";
+
+/// What is asked of a transfer.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// Anchors along a leaf and across it.
+    pub anchors: [usize; 2],
+    /// What the light is made of.
+    pub columns: Columns,
+    /// Bands of the harmonics that a glossy leaf gets, 1 to 7.
+    pub gloss_bands: usize,
+    /// Paths from each anchor.
+    pub paths: u32,
+    /// Of the random numbers.
+    pub seed: u64,
+    /// Compute again although the folder holds this very fit.
+    pub force: bool,
+}
+
+/// A scene whose transfer is wanted.
+#[derive(Debug, Clone)]
+pub struct Scene {
+    /// Its name.
+    pub name: String,
+    /// What stands in it, and its light.
+    pub world: Arc<World>,
+    /// How many of the world's leaves, from the first, are leaves; the others are wood and ground.
+    pub leaves: usize,
+}
+
+/// What the parts of this fit hold: changes where their format does.
+const PART: &str = "entries of about 2,000 anchors as EXR, their errors";
+/// Anchors a part at least.
+const ANCHORS_A_PART: usize = 2000;
+
+/// What is told of a finished part beside its entries.
+#[derive(Serialize, Deserialize)]
+struct Part {
+    /// Of each anchor; see [`transfer::Found`].
+    errors: Vec<f32>,
+}
+
+/// Makes the transfer of `scene` in the folder `out`; `inputs` are the files that it is made from, which the folder must
+/// not hold.
+///
+/// # Errors
+/// [`mesophyll_error::Error::Input`] for a world that contradicts itself, [`mesophyll_error::Error::Usage`] where it would need more memory than there is,
+/// [`mesophyll_error::Error::Interrupted`] after a stop (finished parts are kept), and what [`maker::make`] gives.
+pub fn run(scene: &Scene, inputs: &[&Path], out: &Path, options: &Options) -> Result<Outcome> {
+    let (scene, options) = (scene.clone(), *options);
+    maker::make(KIND, out, inputs, move |maker| fit(&scene, &options, maker))
+}
+
+fn fit(scene: &Scene, options: &Options, maker: &mut Maker) -> Result<Outcome> {
+    let hash = maker.phase("look", || Ok(input_hash(scene, options)))?;
+    if let Some(found) = maker.up_to_date(hash, options.force)? {
+        return Ok(found);
+    }
+    let world = &*scene.world;
+    let layout = maker.phase("anchors", || Ok(Layout::new(world, scene.leaves, options)))?;
+    let columns = options.columns.count();
+    let bytes = (layout.rows * columns) as u64 * 64;
+    memory::require(bytes, &format!("the transfer of {} anchors", layout.anchors()))?;
+    let tracer = maker.phase("box trees", || Tracer::new(world, Paths::default()))?;
+    let bar = progress::Bar::new("transfer", layout.anchors() as u64);
+    let (mut entries, mut errors) = (Vec::with_capacity(layout.rows * columns), Vec::new());
+    let request = Request { columns: options.columns, paths: options.paths, seed: options.seed };
+    let start = std::time::Instant::now();
+    for (k, part) in layout.parts(ANCHORS_A_PART).into_iter().enumerate() {
+        let name = format!("part-{k}");
+        let Part { errors: of_part } = maker.part(PART, &name, |folder, _| {
+            let (mut found, mut errors) = (Vec::new(), Vec::new());
+            for instance in part.clone() {
+                let leaf = &layout.leaves[world.instances[instance].leaf];
+                let receiver = Receiver { instance, anchors: &leaf.anchors.points, rows: leaf.rows };
+                let of = transfer::measure(&tracer, &receiver, &request);
+                progress::go_on()?;
+                found.extend(of.entries);
+                errors.extend(of.errors);
+            }
+            write_exr(&folder.join(format!("{name}.exr")), &store::maps(&found), Packing::Half)?;
+            Ok(Part { errors })
+        })?;
+        bar.advance(of_part.len() as u64);
+        let path = maker.parts(PART).join(format!("{name}.exr"));
+        let instances: usize = part.map(|i| layout.rows_of(world, i)).sum();
+        entries.extend(store::entries(&path, instances * columns)?);
+        errors.extend(of_part);
+    }
+    maker.times.phase("paths", start);
+    let mut record = maker.record(&scene.name);
+    describe(&mut record, &layout, options, &errors, entries.len());
+    let out = maker.begin()?;
+    let maps: Maps = store::maps(&entries);
+    write_exr(&out.join(OPERATORS), &maps, Packing::Half)?;
+    store::preview(out, &layout, world, &entries, columns)?;
+    maker.finish(&record)?;
+    Ok(Outcome::Done(Box::new(record)))
+}
+
+/// Everything that decides the transfer of a scene.
+pub fn input_hash(scene: &Scene, options: &Options) -> String {
+    let told = format!(
+        "{:?} {:?} {} {} {}",
+        options.anchors, options.columns, options.gloss_bands, options.paths, options.seed
+    );
+    let matter = matter::hash(&scene.world, scene.leaves);
+    let light = match options.columns {
+        Columns::Harmonics(_) => String::new(),
+        Columns::Light => matter::light_hash(&scene.world),
+    };
+    maker::input_hash([("matter", matter.as_str()), ("light", light.as_str()), ("options", told.as_str())])
+}
+
+/// What the record says of the fit.
+fn describe(record: &mut FitRecord, layout: &Layout, options: &Options, errors: &[f32], entries: usize) {
+    let mut say = |name: &str, text: String| record.options.insert(name.into(), text);
+    say("anchors", format!("{}x{} a leaf", options.anchors[0], options.anchors[1]));
+    say(
+        "light",
+        match options.columns {
+            Columns::Harmonics(bands) => format!("harmonics of {bands} bands"),
+            Columns::Light => "the scene's own, standing still".into(),
+        },
+    );
+    say("paths", options.paths.to_string());
+    say("seed", options.seed.to_string());
+    let mut section = Section::default();
+    let dark = errors.iter().filter(|e| e.is_nan()).count();
+    section.counts.insert("anchors".into(), layout.anchors());
+    section.counts.insert("rows".into(), layout.rows);
+    section.counts.insert("columns".into(), options.columns.count());
+    section.counts.insert("no_light".into(), dark);
+    let mut known: Vec<f32> = errors.iter().copied().filter(|e| e.is_finite()).collect();
+    known.sort_unstable_by(f32::total_cmp);
+    let at = |share: f64| known.get(((known.len() as f64 - 1.0) * share) as usize).map_or(f64::NAN, |e| f64::from(*e));
+    for (name, value) in [("irradiance_error_median", at(0.5)), ("irradiance_error_worst", at(1.0))] {
+        section.figures.insert(name.into(), value);
+    }
+    section.figures.insert("bytes_on_gpu".into(), (entries * 8) as f64);
+    record.sections.insert("transfer".into(), section);
+}

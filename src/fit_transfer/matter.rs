@@ -1,0 +1,94 @@
+//! Hashes of what a transfer is made from: everything that light meets, and the light.
+
+use glam::DVec3;
+use mesophyll_files::hash;
+use mesophyll_transport::world::{Interior, ReferenceLeaf, ReferenceSide, Sunlit, World};
+use std::f64::consts::PI;
+
+/// Hash of every mesh, map and place.
+pub fn hash(world: &World, leaves: usize) -> String {
+    let each: Vec<String> = world.leaves.iter().map(leaf).collect();
+    let places = world.instances.iter().flat_map(|p| {
+        let matrix = p.transform.to_cols_array().into_iter().flat_map(f64::to_le_bytes);
+        (p.leaf as u64).to_le_bytes().into_iter().chain(matrix)
+    });
+    let places = hash::bytes(&places.collect::<Vec<u8>>());
+    let told = format!("{leaves} {:?}", world.periodic);
+    let parts = each.iter().map(|h| ("leaf", h.as_str()));
+    hash::combine(parts.chain([("places", places.as_str()), ("told", told.as_str())]))
+}
+
+/// Hash of sun and sky, and of how the sun comes through leaves. A sky is told by its radiance in 2,000 directions.
+pub fn light_hash(world: &World) -> String {
+    let golden = PI * (3.0 - 5f64.sqrt());
+    let seen = |k: usize| -> [f64; 3] {
+        let z = 1.0 - (k as f64 + 0.5) / 1000.0;
+        let (sin, cos) = (golden * k as f64).sin_cos();
+        let r = (1.0 - z * z).sqrt();
+        let d = DVec3::new(r * cos, r * sin, z);
+        match (&world.dome, &world.environment) {
+            (Some(dome), _) => (dome.radiance)(d),
+            (None, Some(map)) => map.at(d),
+            _ => world.sky.unwrap_or_default(),
+        }
+    };
+    let bytes: Vec<u8> = (0..2000).flat_map(seen).flat_map(f64::to_le_bytes).collect();
+    let mut through = Vec::new();
+    for sunlit in world.through.iter().flat_map(|t| t.entering.iter().flatten()) {
+        let maps: Vec<&Vec<f32>> = match sunlit {
+            Sunlit::Factor(map) => vec![map.as_ref()],
+            Sunlit::Colour(maps) => maps.iter().collect(),
+        };
+        through.extend(maps.into_iter().flatten().flat_map(|v| v.to_le_bytes()));
+    }
+    hash::combine([
+        ("sky", hash::bytes(&bytes).as_str()),
+        ("sun", format!("{:?}", world.sun).as_str()),
+        ("through", hash::bytes(&through).as_str()),
+    ])
+}
+
+fn leaf(leaf: &ReferenceLeaf) -> String {
+    let mesh = &leaf.mesh;
+    let mut bytes = Vec::new();
+    let mut put = |values: &mut dyn Iterator<Item = f64>| bytes.extend(values.flat_map(f64::to_le_bytes));
+    put(&mut mesh.positions.iter().chain(&mesh.normals).flat_map(|v| v.to_array()));
+    put(&mut mesh.tangents.iter().flat_map(|v| v.to_array()));
+    put(&mut mesh.uvs.iter().flat_map(|v| v.to_array()));
+    put(&mut mesh.indices.iter().map(|i| f64::from(*i)));
+    put(&mut leaf.mask.iter().flatten().map(|m| f64::from(*m)));
+    for s in [&leaf.front, &leaf.back] {
+        side(s, &mut put);
+    }
+    let told = format!("{} {} {:?} {}", leaf.width, leaf.height, leaf.lobe, mesh.discs);
+    hash::combine([("maps", hash::bytes(&bytes).as_str()), ("told", told.as_str())])
+}
+
+fn side(side: &ReferenceSide, put: &mut dyn FnMut(&mut dyn Iterator<Item = f64>)) {
+    let mut maps = |maps: &[Vec<f32>]| put(&mut maps.iter().flatten().map(|v| f64::from(*v)));
+    match &side.interior {
+        Interior::Maps { rho_d, rho_t } => {
+            maps(rho_d);
+            maps(rho_t);
+        }
+        Interior::Scalars { gamma, thickness, curve } => {
+            maps(gamma);
+            maps(std::slice::from_ref(thickness));
+            // The curve is a function: it is told by its values over the thicknesses that there are.
+            let (low, high) =
+                thickness.iter().fold((f32::INFINITY, 0f32), |(low, high), h| (low.min(*h), high.max(*h)));
+            let at = |k: i32| {
+                let (rho_d, rho_t) = curve(f64::from(low) + f64::from(high - low) * f64::from(k) / 8.0);
+                rho_d.into_iter().chain(rho_t)
+            };
+            put(&mut (0..=8).flat_map(at));
+        }
+    }
+    if let Some(gloss) = &side.gloss {
+        put(&mut gloss.rho_s.iter().flatten().chain(&gloss.m).map(|v| f64::from(*v)));
+    }
+    if let Some(normal) = &side.normal {
+        put(&mut std::iter::once(f64::from(normal.frame as u8)));
+        put(&mut normal.values.iter().flatten().map(|v| f64::from(*v)));
+    }
+}

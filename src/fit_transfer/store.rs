@@ -1,0 +1,110 @@
+//! A transfer on disk: its entries as four channels of half floats, and a picture of the light in it.
+
+use crate::{KIND, Layout, Options, Scene, input_hash};
+use mesophyll_error::{Error, Result};
+use mesophyll_files::image::{Maps, read_exr, to_srgb8, write_png};
+use mesophyll_record::FitRecord;
+use mesophyll_transport::transfer::Columns;
+use mesophyll_transport::world::World;
+use std::path::Path;
+
+/// The file of all entries, in the order of the [`Layout`]'s rows, columns within a row, as lines of [`LINE`] pixels.
+pub const OPERATORS: &str = "operators.exr";
+
+/// Pixels a line; the last line is filled up with zeros.
+const LINE: usize = 256;
+
+const CHANNELS: [&str; 4] = ["between.R", "between.G", "between.B", "straight.Y"];
+
+/// A transfer that was read.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Transfer {
+    /// Where the rows of each instance are.
+    pub layout: Layout,
+    /// What the light is made of.
+    pub columns: Columns,
+    /// Bands of the harmonics among the rows of a glossy leaf.
+    pub gloss_bands: usize,
+    /// Row by row, column by column: light by way of other surfaces (red, green, blue), and straight from the sky.
+    pub entries: Vec<[f32; 4]>,
+    /// What the fit says of itself.
+    pub record: FitRecord,
+}
+
+impl Transfer {
+    /// Reads the transfer in `folder`; `None` where it is of another scene, light or option.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a folder without a fit or with one of another kind, and for a damaged file.
+    pub fn open(folder: &Path, scene: &Scene, options: &Options) -> Result<Option<Transfer>> {
+        let record = FitRecord::read(folder)?;
+        if record.kind != KIND {
+            let told = format!("holds a fit of kind \"{}\", expected \"{KIND}\"", record.kind);
+            return Err(Error::input(folder, told));
+        }
+        if record.input_hash != input_hash(scene, options) {
+            return Ok(None);
+        }
+        let layout = Layout::new(&scene.world, scene.leaves, options);
+        let entries = entries(&folder.join(OPERATORS), layout.rows * options.columns.count())?;
+        Ok(Some(Transfer { layout, columns: options.columns, gloss_bands: options.gloss_bands, entries, record }))
+    }
+}
+
+/// Entries as an image.
+pub(crate) fn maps(entries: &[[f32; 4]]) -> Maps {
+    let height = entries.len().div_ceil(LINE).max(1);
+    let mut maps = Maps::new(LINE, height);
+    for (c, name) in CHANNELS.into_iter().enumerate() {
+        let mut plane: Vec<f32> = entries.iter().map(|e| e[c]).collect();
+        plane.resize(LINE * height, 0.0);
+        maps.push(name, plane);
+    }
+    maps
+}
+
+/// The first `count` entries of an image.
+///
+/// # Errors
+/// [`Error::Input`] for a file that cannot be read, that holds fewer, or numbers that are not finite.
+pub(crate) fn entries(path: &Path, count: usize) -> Result<Vec<[f32; 4]>> {
+    let maps = read_exr(path)?;
+    let planes: Vec<&[f32]> = CHANNELS.iter().map(|name| maps.require(path, name)).collect::<Result<_>>()?;
+    if planes[0].len() < count {
+        return Err(Error::input(path, format!("holds {} entries, expected {count}", planes[0].len())));
+    }
+    let entries: Vec<[f32; 4]> = (0..count).map(|k| [0, 1, 2, 3].map(|c: usize| planes[c][k])).collect();
+    match entries.iter().position(|e| e.iter().any(|v| !v.is_finite())) {
+        Some(k) => Err(Error::input(path, format!("entry {k} is {:?}, expected finite numbers", entries[k]))),
+        None => Ok(entries),
+    }
+}
+
+/// A picture of the mean irradiance on each anchor under an even light: a line an instance, an anchor a pixel; front
+/// above, back below.
+pub(crate) fn preview(out: &Path, layout: &Layout, world: &World, entries: &[[f32; 4]], columns: usize) -> Result<()> {
+    let shown = world.instances.len().min(256);
+    let width = (0..shown).map(|k| layout.leaves[world.instances[k].leaf].anchors.points.len()).max().unwrap_or(1);
+    let width = width.min(512);
+    let mut light = vec![[0f32; 3]; width * shown * 2];
+    for k in 0..shown {
+        let leaf = &layout.leaves[world.instances[k].leaf];
+        let rows = leaf.rows.count();
+        for a in 0..leaf.anchors.points.len().min(width) {
+            for side in 0..if rows > 3 { 2 } else { 1 } {
+                let row = layout.first[k] + a * rows + 3 * side;
+                let length = |c: usize| {
+                    let along = |q: usize| {
+                        let e = entries[(row + q) * columns];
+                        e[c] + e[3]
+                    };
+                    (along(0).powi(2) + along(1).powi(2) + along(2).powi(2)).sqrt()
+                };
+                light[(2 * k + side) * width + a] = [0, 1, 2].map(length);
+            }
+        }
+    }
+    let most = light.iter().flatten().fold(1e-12f32, |a, b| a.max(*b));
+    let bytes: Vec<u8> = light.iter().flatten().map(|v| to_srgb8(v / most)).collect();
+    write_png(&out.join("transfer.png"), width, 2 * shown, &bytes)
+}

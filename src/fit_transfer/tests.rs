@@ -1,0 +1,110 @@
+//! A transfer that is written is the one that is read, and it is made anew where what it was made from changed.
+
+use super::*;
+use glam::{DMat4, DVec2, DVec3};
+use mesophyll_transport::lobe::Lobe;
+use mesophyll_transport::world::{Interior, Placement, ReferenceLeaf, ReferenceMesh, ReferenceSide};
+
+fn scene() -> Scene {
+    let at = |x: f64, y: f64| DVec3::new(x, y, 0.0);
+    let side = || ReferenceSide {
+        interior: Interior::Maps {
+            rho_d: [vec![0.1], vec![0.4], vec![0.1]],
+            rho_t: [vec![0.1], vec![0.3], vec![0.05]],
+        },
+        gloss: None,
+        normal: None,
+    };
+    let leaf = ReferenceLeaf {
+        mesh: ReferenceMesh {
+            positions: vec![at(-9.0, -5.0), at(9.0, -5.0), at(9.0, 5.0), at(-9.0, 5.0)],
+            normals: vec![DVec3::Z; 4],
+            tangents: Vec::new(),
+            uvs: vec![DVec2::ZERO, DVec2::X, DVec2::ONE, DVec2::Y],
+            indices: vec![0, 1, 2, 0, 2, 3],
+            discs: false,
+        },
+        width: 1,
+        height: 1,
+        front: side(),
+        back: side(),
+        mask: None,
+        lobe: Lobe::Beckmann,
+    };
+    let instances = (0..3)
+        .map(|k| Placement { leaf: 0, transform: DMat4::from_translation(DVec3::Z * 4.0 * f64::from(k)) })
+        .collect();
+    let world = World { leaves: vec![leaf], instances, sky: Some([1.0; 3]), ..World::default() };
+    Scene { name: "stack".into(), world: Arc::new(world), leaves: 1 }
+}
+
+fn options(columns: Columns) -> Options {
+    Options { anchors: [3, 2], columns, gloss_bands: 3, paths: 64, seed: 5, force: false }
+}
+
+#[test]
+fn what_is_written_is_what_is_read() {
+    let (scene, dir) = (scene(), tempfile::tempdir().unwrap());
+    for (name, columns) in [("harmonics", Columns::Harmonics(3)), ("light", Columns::Light)] {
+        let (out, options) = (dir.path().join(name), options(columns));
+        assert!(matches!(run(&scene, &[], &out, &options), Ok(Outcome::Done(_))));
+        assert!(matches!(run(&scene, &[], &out, &options), Ok(Outcome::UpToDate(_))));
+        let read = Transfer::open(&out, &scene, &options).unwrap().unwrap();
+        assert_eq!(read.layout.rows, 3 * 6 * 6);
+        let tracer = Tracer::new(&scene.world, Paths::default()).unwrap();
+        let anchors = &read.layout.leaves[0].anchors.points;
+        let receiver = Receiver { instance: 1, anchors, rows: read.layout.leaves[0].rows };
+        let request = Request { columns, paths: 64, seed: 5 };
+        let found = transfer::measure(&tracer, &receiver, &request);
+        let of_one = &read.entries[read.layout.first[1] * columns.count()..][..found.entries.len()];
+        // A half float has eleven digits.
+        for (a, b) in of_one.iter().flatten().zip(found.entries.iter().flatten()) {
+            assert!((a - b).abs() <= b.abs() / 1024.0 + 1e-7, "{a} {b}");
+        }
+        let section = &read.record.sections["transfer"];
+        assert!(section.figures["irradiance_error_worst"] < 0.3 && section.counts["anchors"] == 18);
+    }
+}
+
+#[test]
+fn another_scene_or_light_is_another_transfer() {
+    let base = scene();
+    let changed = |change: &dyn Fn(&mut World)| {
+        let mut world = (*base.world).clone();
+        change(&mut world);
+        Scene { world: Arc::new(world), ..base.clone() }
+    };
+    let (bands, light) = (options(Columns::Harmonics(3)), options(Columns::Light));
+    let moved = changed(&|w| w.instances[1].transform.w_axis.x += 1e-9);
+    let dyed = changed(&|w| w.leaves[0].front.interior = w.leaves[0].back.interior.clone());
+    let darker = changed(&|w| w.sky = Some([0.9; 3]));
+    let greyer = changed(&|w| {
+        if let Interior::Maps { rho_d, .. } = &mut w.leaves[0].front.interior {
+            rho_d[0][0] = 0.11;
+        }
+    });
+    for options in [&bands, &light] {
+        let own = input_hash(&base, options);
+        assert!(own != input_hash(&moved, options) && own != input_hash(&greyer, options));
+        assert_eq!(own, input_hash(&dyed, options), "both sides were alike");
+    }
+    // Harmonics serve every light.
+    assert_eq!(input_hash(&base, &bands), input_hash(&darker, &bands));
+    assert_ne!(input_hash(&base, &light), input_hash(&darker, &light));
+    let more = Options { paths: 65, ..bands };
+    assert_ne!(input_hash(&base, &bands), input_hash(&base, &more));
+}
+
+#[test]
+fn a_damaged_transfer_is_refused() {
+    let (scene, dir) = (scene(), tempfile::tempdir().unwrap());
+    let (out, options) = (dir.path().join("t"), options(Columns::Light));
+    run(&scene, &[], &out, &options).unwrap();
+    let entries = store::entries(&out.join(OPERATORS), 36).unwrap();
+    assert!(store::entries(&out.join(OPERATORS), 100_000).is_err());
+    let mut broken = entries;
+    broken[3][1] = f32::NAN;
+    write_exr(&out.join(OPERATORS), &store::maps(&broken), Packing::Half).unwrap();
+    let told = Transfer::open(&out, &scene, &options).unwrap_err().to_string();
+    assert!(told.contains("operators.exr") && told.contains("finite"), "{told}");
+}

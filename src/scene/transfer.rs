@@ -1,0 +1,100 @@
+//! Light between leaves in a scene: which transfer it needs, where that lies, and how it is made.
+//!
+//! A transfer is of the scene at rest. Leaves that sway in the wind keep the light that arrives at them at rest.
+
+use crate::draw::reference;
+use crate::ledger::Ledger;
+use crate::loaded::Scene;
+use crate::placed::branch;
+use crate::{Error, Result};
+use mesophyll_fit_transfer::{self as fit, Options, Transfer};
+use mesophyll_record::maker::Outcome;
+use mesophyll_transport::transfer::Columns;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Bands of the light where it moves and the scene does not say how many: those of the paper (Wang et al. 2005).
+const BANDS: usize = 5;
+/// Bands of what a glossy leaf gets of a light that stands still: all that the renderer has.
+const GLOSS_BANDS: usize = 7;
+
+/// What the scene asks of its transfer; `None` where it asks for none.
+pub fn options(scene: &Scene) -> Option<Options> {
+    let asked = scene.manifest.transfer.as_ref()?;
+    let moves = scene.placed.free || scene.manifest.sun_moves();
+    let columns = match (asked.bands, moves) {
+        (Some(bands), _) => Columns::Harmonics(bands),
+        (None, true) => Columns::Harmonics(BANDS),
+        (None, false) => Columns::Light,
+    };
+    let gloss_bands = match columns {
+        Columns::Harmonics(bands) => bands,
+        Columns::Light => GLOSS_BANDS,
+    };
+    Some(Options { anchors: asked.anchors, columns, gloss_bands, paths: asked.paths, seed: asked.seed, force: false })
+}
+
+/// The scene as a transfer is made of it.
+///
+/// # Errors
+/// As [`reference::world`]; [`Error::Input`] for a leaf that is not fitted yet.
+pub fn of(scene: &Scene, options: &Options, ledger: &Ledger) -> Result<fit::Scene> {
+    let time = branch::rest_time(&scene.manifest);
+    let world = match options.columns {
+        Columns::Light => reference::traced(scene, time, ledger)?,
+        Columns::Harmonics(_) => reference::unlit(scene, time, ledger)?,
+    };
+    Ok(fit::Scene { name: scene.manifest.name.clone(), leaves: scene.drawn().count(), world: Arc::new(world) })
+}
+
+/// Makes the scene's transfer in the folder `out`.
+///
+/// # Errors
+/// As [`of`] and [`fit::run`]; [`Error::Usage`] for a scene that asks for none.
+pub fn make(scene: &Scene, out: &Path, force: bool, ledger: &Ledger) -> Result<Outcome> {
+    let Some(options) = options(scene) else {
+        return Err(Error::field(
+            &scene.manifest.path,
+            "transfer",
+            "missing; a scene with a [transfer] has light between leaves",
+        ));
+    };
+    let of = of(scene, &options, ledger)?;
+    fit::run(&of, &[&scene.manifest.path], out, &Options { force, ..options })
+}
+
+/// Where a run's own transfer of a scene goes.
+pub fn folder(scene: &Scene, out: &Path) -> PathBuf {
+    out.join("fits").join(format!("{}-transfer", scene.manifest.name))
+}
+
+impl Scene {
+    /// Reads the transfer that the scene asks for: the one that it names, or the one below `out`, which is made where
+    /// neither is of this scene.
+    ///
+    /// # Errors
+    /// As [`make`]; [`Error::Input`] for a damaged one.
+    pub fn find_transfer(&mut self, out: &Path, ledger: &Ledger) -> Result<()> {
+        let Some(options) = options(self) else { return Ok(()) };
+        if !self.placed.unfitted().is_empty() {
+            return Ok(());
+        }
+        let of = of(self, &options, ledger)?;
+        let named = self.manifest.transfer.as_ref().and_then(|t| t.fit.as_ref()).map(|f| self.manifest.resolve(f));
+        let own = folder(self, out);
+        for place in named.iter().chain([&own]) {
+            if place.join("fit.toml").is_file() {
+                self.transfer = Transfer::open(place, &of, &options)?;
+                if let Some(found) = &self.transfer {
+                    let bytes = found.entries.len() as u64 * 8;
+                    ledger.note("read", format!("{}/{}", self.manifest.name, fit::OPERATORS), bytes, || ());
+                    return Ok(());
+                }
+            }
+        }
+        let name = format!("{} transfer", self.manifest.name);
+        ledger.note("fit", name, 0, || fit::run(&of, &[&self.manifest.path], &own, &options))?;
+        self.transfer = Transfer::open(&own, &of, &options)?;
+        Ok(())
+    }
+}

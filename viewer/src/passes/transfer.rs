@@ -1,0 +1,187 @@
+//! The light that arrives at the anchors of a scene with a transfer: operator times light, on the adapter, each time that
+//! the light changes and at no other time.
+
+use crate::dome::{harmonic, norm};
+use crate::gpu::Gpu;
+use crate::scene::{Dome, Scene, Sun, Transfer};
+use crate::stats::Stats;
+use std::f64::consts::PI;
+
+/// Operators and what arrives through them.
+pub(crate) struct TransferPass {
+    /// A row each; the main pass reads it.
+    pub arriving: wgpu::Buffer,
+    light: wgpu::Buffer,
+    group: wgpu::BindGroup,
+    pipeline: wgpu::ComputePipeline,
+    rows: u32,
+    bands: Option<usize>,
+}
+
+/// Sky and sun as a transfer takes them.
+#[derive(Clone, Copy)]
+pub(crate) struct Lit<'a> {
+    pub sky: Option<[f32; 3]>,
+    pub dome: Option<&'a Dome>,
+    pub sun: Option<&'a Sun>,
+}
+
+impl<'a> Lit<'a> {
+    pub(crate) fn of(scene: &'a Scene) -> Lit<'a> {
+        Lit { sky: scene.sky, dome: scene.dome.as_ref(), sun: scene.sun.as_ref() }
+    }
+
+    /// Two colours a column: of sky and sun together, and of the sky alone.
+    fn columns(&self, bands: Option<usize>) -> Vec<[[f32; 4]; 2]> {
+        // The scene's own light is in the entries.
+        let Some(bands) = bands else { return vec![[[1.0; 4], [0.0; 4]]] };
+        let sun = |k: usize| {
+            let (l, m) = order(k);
+            self.sun.map_or([0.0; 3], |sun| {
+                let y = harmonic(l, m, sun.direction.normalize().to_array().map(f64::from));
+                sun.irradiance.map(|e| (f64::from(e) * y) as f32)
+            })
+        };
+        let sky = |k: usize| match (self.dome, self.sky) {
+            (Some(dome), _) => dome.harmonics.get(k).map_or([0.0; 3], |c| c.map(|v| dome.strength * v)),
+            (None, Some(sky)) if k == 0 => sky.map(|v| (4.0 * PI).sqrt() as f32 * v),
+            _ => [0.0; 3],
+        };
+        (0..bands * bands)
+            .map(|k| {
+                let ([a, b, c], [r, g, b2]) = (sun(k), sky(k));
+                [[a + r, b + g, c + b2, 0.0], [r, g, b2, 0.0]]
+            })
+            .collect()
+    }
+}
+
+/// Degree and order of coefficient `k`.
+fn order(k: usize) -> (usize, isize) {
+    let l = k.isqrt();
+    (l, k as isize - (l * (l + 1)) as isize)
+}
+
+/// Entries as four half floats each. The rows of harmonics get the factors that the shader's recurrence leaves out.
+fn packed(scene: &Scene, transfer: &Transfer) -> Vec<[u16; 4]> {
+    let columns = columns(transfer);
+    let mut factors = vec![1f32; transfer.entries.len() / columns];
+    for instance in &scene.instances {
+        let Some(anchors) = &scene.meshes[instance.mesh].anchors else { continue };
+        let rows = anchors.rows as usize;
+        let count = count(anchors);
+        for anchor in 0..count {
+            for k in 6..rows {
+                let (l, m) = order(k - 6);
+                factors[instance.first_row as usize + anchor * rows + k] = norm(l, m.unsigned_abs()) as f32;
+            }
+        }
+    }
+    transfer
+        .entries
+        .chunks(columns)
+        .zip(&factors)
+        .flat_map(|(row, factor)| row.iter().map(move |e| e.map(|v| half::f16::from_f32(v * factor).to_bits())))
+        .collect()
+}
+
+/// Columns of a transfer.
+pub(crate) fn columns(transfer: &Transfer) -> usize {
+    transfer.bands.map_or(1, |bands| bands * bands)
+}
+
+/// Anchors of a mesh: as many as its last piece ends with.
+pub(crate) fn count(anchors: &crate::scene::Anchors) -> usize {
+    let last = anchors.places.iter().map(|p| p.x).fold(0.0, f32::max) as usize;
+    last + (anchors.grid[0] * anchors.grid[1]) as usize
+}
+
+impl TransferPass {
+    /// Uploads the operators and works out what arrives; `None` for a scene without a transfer.
+    pub(crate) fn new(gpu: &Gpu, scene: &Scene, stats: &mut Stats) -> Option<TransferPass> {
+        use wgpu::BufferUsages as Use;
+        let transfer = scene.transfer.as_ref()?;
+        let columns = columns(transfer);
+        let rows = (transfer.entries.len() / columns) as u32;
+        let packed = packed(scene, transfer);
+        let bytes: &[u8] = bytemuck::cast_slice(&packed);
+        stats.upload("transfer", bytes.len() as u64);
+        let entries = gpu.buffer("transfer", bytes, Use::STORAGE);
+        let light = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("light of the transfer"),
+            size: 32 * columns as u64,
+            usage: Use::STORAGE | Use::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let arriving = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("arriving light"),
+            size: 16 * u64::from(rows.max(1)),
+            usage: Use::STORAGE,
+            mapped_at_creation: false,
+        });
+        let size = gpu.uniform("size of the transfer", &[[columns as u32, rows, 0, 0]]);
+        let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
+            binding,
+            visibility: wgpu::ShaderStages::COMPUTE,
+            ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
+            count: None,
+        };
+        let read = wgpu::BufferBindingType::Storage { read_only: true };
+        let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("transfer"),
+            entries: &[
+                entry(0, wgpu::BufferBindingType::Uniform),
+                entry(1, read),
+                entry(2, read),
+                entry(3, wgpu::BufferBindingType::Storage { read_only: false }),
+            ],
+        });
+        let bound: Vec<wgpu::BindGroupEntry> = [&size, &entries, &light, &arriving]
+            .into_iter()
+            .enumerate()
+            .map(|(k, buffer)| wgpu::BindGroupEntry { binding: k as u32, resource: buffer.as_entire_binding() })
+            .collect();
+        let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("transfer"),
+            layout: &layout,
+            entries: &bound,
+        });
+        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some("transfer"),
+            source: wgpu::ShaderSource::Wgsl(include_str!("transfer.wgsl").into()),
+        });
+        let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some("transfer"),
+            layout: Some(&gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+                label: Some("transfer"),
+                bind_group_layouts: &[Some(&layout)],
+                immediate_size: 0,
+            })),
+            module: &module,
+            entry_point: Some("main"),
+            compilation_options: Default::default(),
+            cache: None,
+        });
+        stats.pipeline("transfer");
+        let pass = TransferPass { arriving, light, group, pipeline, rows, bands: transfer.bands };
+        pass.set_light(gpu, &Lit::of(scene), stats);
+        Some(pass)
+    }
+
+    /// Works out anew what arrives, under another light.
+    pub(crate) fn set_light(&self, gpu: &Gpu, lit: &Lit, stats: &mut Stats) {
+        gpu.queue.write_buffer(&self.light, 0, bytemuck::cast_slice(&lit.columns(self.bands)));
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        {
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            pass.set_pipeline(&self.pipeline);
+            pass.set_bind_group(0, &self.group, &[]);
+            // No dimension of a dispatch may exceed 65,535 groups.
+            let groups = self.rows.div_ceil(64).max(1);
+            let across = groups.min(1 << 15);
+            pass.dispatch_workgroups(across, groups.div_ceil(across), 1);
+        }
+        gpu.queue.submit([encoder.finish()]);
+        stats.transfers += 1;
+    }
+}
