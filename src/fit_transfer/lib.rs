@@ -17,7 +17,7 @@ pub use store::{OPERATORS, Transfer};
 
 use mesophyll_error::Result;
 use mesophyll_files::image::{Maps, Packing, write_exr};
-use mesophyll_files::{memory, progress};
+use mesophyll_files::{hash, memory, progress};
 use mesophyll_record::maker::{self, Maker, Outcome};
 use mesophyll_record::{FitRecord, Section};
 use mesophyll_transport::path::{Paths, Tracer};
@@ -123,6 +123,7 @@ fn fit(scene: &Scene, options: &Options, maker: &mut Maker) -> Result<Outcome> {
     let out = maker.begin()?;
     let maps: Maps = store::maps(&entries);
     write_exr(&out.join(OPERATORS), &maps, Packing::Half)?;
+    record.files.insert(OPERATORS.into(), hash::file(&out.join(OPERATORS))?);
     store::preview(out, &layout, world, &entries, columns)?;
     maker.finish(&record)?;
     Ok(Outcome::Done(Box::new(record)))

@@ -13,20 +13,13 @@ use mesophyll_transport::transfer::Columns;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Bands of the light where it moves and the scene does not say how many: those of the paper (Wang et al. 2005).
-const BANDS: usize = 5;
 /// Bands of what a glossy leaf gets of a light that stands still: all that the renderer has.
 const GLOSS_BANDS: usize = 7;
 
-/// What the scene asks of its transfer; `None` where it asks for none.
+/// What the scene needs of its transfer; `None` where its plan has none.
 pub fn options(scene: &Scene) -> Option<Options> {
-    let asked = scene.manifest.transfer.as_ref()?;
-    let moves = scene.placed.free || scene.manifest.sun_moves();
-    let columns = match (asked.bands, moves) {
-        (Some(bands), _) => Columns::Harmonics(bands),
-        (None, true) => Columns::Harmonics(BANDS),
-        (None, false) => Columns::Light,
-    };
+    let (asked, between) = (scene.manifest.transfer.as_ref()?, scene.plan.light.between?);
+    let columns = between.bands.map_or(Columns::Light, Columns::Harmonics);
     let gloss_bands = match columns {
         Columns::Harmonics(bands) => bands,
         Columns::Light => GLOSS_BANDS,
@@ -53,11 +46,11 @@ pub fn of(scene: &Scene, options: &Options, ledger: &Ledger) -> Result<fit::Scen
 /// As [`of`] and [`fit::run`]; [`Error::Usage`] for a scene that asks for none.
 pub fn make(scene: &Scene, out: &Path, force: bool, ledger: &Ledger) -> Result<Outcome> {
     let Some(options) = options(scene) else {
-        return Err(Error::field(
-            &scene.manifest.path,
-            "transfer",
-            "missing; a scene with a [transfer] has light between leaves",
-        ));
+        let why = match scene.manifest.transfer {
+            Some(_) => "there is none to make: one leaf stands alone",
+            None => "missing; a scene with a [transfer] has light between leaves",
+        };
+        return Err(Error::field(&scene.manifest.path, "transfer", why));
     };
     let of = of(scene, &options, ledger)?;
     fit::run(&of, &[&scene.manifest.path], out, &Options { force, ..options })

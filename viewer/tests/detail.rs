@@ -36,7 +36,12 @@ fn sheets(distances: &[f32], detail: bool) -> Scene {
         .enumerate()
         .map(|(k, d)| {
             let x = 0.11 * d * (k as f32 - 0.5 * (distances.len() - 1) as f32);
-            Instance { mesh: 0, material: 0, transform: Mat4::from_translation(Vec3::new(x, 0.0, EYE - d)), ride: None }
+            Instance {
+                mesh: 0,
+                material: 0,
+                transform: Mat4::from_translation(Vec3::new(x, 0.0, EYE - d)),
+                ..Instance::default()
+            }
         })
         .collect();
     scene.sun = Some(sun(Vec3::new(0.3, 0.2, 1.0)));

@@ -14,7 +14,7 @@ const HALF: f32 = 5.0;
 fn hovering(direction: Vec3, radius: f32, samples: u32) -> Scene {
     let mut scene = scene_of(uniform_leaf());
     let lift = Mat4::from_translation(Vec3::new(0.0, 0.0, HEIGHT)) * Mat4::from_scale(Vec3::splat(HALF / 10.0));
-    scene.instances.push(Instance { mesh: 0, material: 0, transform: lift, ride: None });
+    scene.instances.push(Instance { mesh: 0, material: 0, transform: lift, ..Instance::default() });
     let mut s = sun(direction);
     s.radius = radius;
     scene.sun = Some(s);

@@ -14,7 +14,7 @@ use crate::fits::translucency::Translucent;
 use crate::ledger::Ledger;
 use crate::manifest::{Ground, Manifest, ViewKind};
 use branch::{Bends, Twig};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use leaf::{Leaf, Search};
 use mesophyll_files::mesh::LeafMesh;
 use placement::Placement;
@@ -119,11 +119,32 @@ impl Placed {
     }
 }
 
+/// Cells along a side of a ground that light arrives at between leaves, which is known at their corners.
+const CELLS: usize = 48;
+
 /// The ground as a rectangle.
 fn level(manifest: &Manifest, ground: &Ground) -> LeafMesh {
     let side = 2.0 * ground.reach_mm.unwrap_or_default();
     let [x, y] = manifest.periodic.as_ref().map_or([side; 2], |p| p.size_mm);
     let mut mesh = LeafMesh::rectangle(x, y);
+    if manifest.transfer.is_some() {
+        // Fine in the middle, where things stand, and coarse at the rim.
+        let nodes: Vec<f64> = (0..=CELLS).map(|k| 2.0 * k as f64 / CELLS as f64 - 1.0).collect();
+        let at = |s: f64| 0.5 * side * s * s.abs() * (0.9 * s.abs() + 0.1);
+        mesh = LeafMesh {
+            positions: nodes.iter().flat_map(|v| nodes.iter().map(|u| DVec3::new(at(*u), at(*v), 0.0))).collect(),
+            normals: vec![DVec3::Z; nodes.len().pow(2)],
+            tangents: vec![(DVec3::X, 1.0); nodes.len().pow(2)],
+            uvs: nodes.iter().flat_map(|v| nodes.iter().map(|u| 0.5 * DVec2::new(1.0 + u, 1.0 - v))).collect(),
+            indices: (0..CELLS as u32)
+                .flat_map(|j| (0..CELLS as u32).map(move |i| j * (CELLS as u32 + 1) + i))
+                .flat_map(|k| {
+                    let up = k + CELLS as u32 + 1;
+                    [k, k + 1, up + 1, k, up + 1, up]
+                })
+                .collect(),
+        };
+    }
     mesh.positions.iter_mut().for_each(|p| p.z = ground.height_mm);
     mesh
 }

@@ -7,6 +7,7 @@
 //! tolerance and from rows of error against cost.
 
 pub mod accuracy;
+mod between;
 mod branches;
 pub mod leaf;
 mod light;
@@ -115,6 +116,15 @@ pub struct LightPlan {
     pub sky_bands: usize,
     /// The sky's coefficients come from the polynomial fit.
     pub sun_moves: bool,
+    /// Light between leaves.
+    pub between: Option<Between>,
+}
+
+/// What the transfer of a scene with light between leaves is made of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+pub struct Between {
+    /// Bands of the light's harmonics; `None` where the light stands still and is one column.
+    pub bands: Option<usize>,
 }
 
 /// What a scene needs.
@@ -155,6 +165,7 @@ impl Plan {
                 msaa: if manifest.tolerated() < 0.05 { 4 } else { 1 },
                 sky_bands: 7,
                 sun_moves: manifest.physical_sky() && (placed.free || manifest.sun_moves()),
+                between: None,
             },
         };
         for leaf in &placed.leaves {
@@ -171,6 +182,7 @@ impl Plan {
     pub fn finish(&mut self, manifest: &Manifest, placed: &Placed, ledger: &Ledger) -> Result<()> {
         branches::branches(manifest, placed, self, ledger);
         light::lights(manifest, placed, self)?;
+        between::between(manifest, placed, self);
         light::absent_models(manifest, placed, self);
         self.warnings = warnings::warnings(manifest, placed)?;
         let files = self.needed.iter().map(|n| (n.name.clone(), format!("{:?}", n.hash)));

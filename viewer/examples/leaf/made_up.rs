@@ -117,7 +117,12 @@ pub fn scene(cluster: bool) -> Scene {
             .map(|k| {
                 let turn = Quat::from_rotation_z(0.9 * k as f32) * Quat::from_rotation_x(-0.25 - 0.05 * k as f32);
                 let place = turn * Vec3::new(0.0, 38.0, 0.0) + Vec3::Z * 7.0 * k as f32;
-                Instance { mesh: 0, material: 0, transform: Mat4::from_rotation_translation(turn, place), ride: None }
+                Instance {
+                    mesh: 0,
+                    material: 0,
+                    transform: Mat4::from_rotation_translation(turn, place),
+                    ..Instance::default()
+                }
             })
             .collect();
     }

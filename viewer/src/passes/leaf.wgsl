@@ -201,7 +201,7 @@ fn fragment(in: Varying) -> Pixel {
     var radiance = vec3f(0.0);
     //#if LIT
     //#if TRANSFER
-    find_anchors(in.first, in.place);
+    arrive(in.first, in.place);
     //#endif
     let place = Place(in.uv, vec2f(1.0 - in.uv.x, in.uv.y), dx, dy);
     let facing = faced(in);

@@ -42,8 +42,8 @@ fn albedo(nv: f32, roughness: f32) -> f32 {
 // Coefficient k of what is gathered from, normalisation folded in.
 fn coefficient(k: i32) -> vec3f {
     //#if TRANSFER
-    //#if LEAF
-    return row(6u + u32(k));
+    //#if ALBEDO
+    return harmonics[k];
     //#else
     return vec3f(0.0);
     //#endif
