@@ -65,6 +65,8 @@ pub(crate) struct Batch {
     pub levels: Levels,
     pub instances: wgpu::Buffer,
     pub count: u32,
+    /// Whether any of it casts a shadow.
+    pub casts: bool,
     /// Branch and place of each instance, and its first row of light that arrives; where either is read.
     pub rides: Option<wgpu::Buffer>,
 }
@@ -89,6 +91,7 @@ impl Batch {
                 levels: Levels::new(&scene.meshes[mesh], &instances),
                 instances: put("instances", bytemuck::cast_slice(&rows)),
                 count: rows.len() as u32,
+                casts: instances.iter().any(|i| !i.floor),
                 rides: variant.rides().then(|| put("rides", bytemuck::cast_slice(&rides))),
                 variant,
             })
@@ -144,6 +147,8 @@ pub(crate) fn vertex_layouts(
 /// branch itself.
 pub(crate) struct Extents {
     points: Vec<(Option<Ride>, Vec<Vec3>)>,
+    /// Of these, those of floors.
+    floors: Vec<bool>,
     branches: Vec<Branch>,
 }
 
@@ -170,19 +175,31 @@ impl Extents {
             let bends = instance.ride.is_some_and(|r| r.at.is_none());
             let around =
                 if bends { &scene.meshes[instance.mesh].positions } else { corners[instance.mesh].as_ref()? };
-            Some((instance.ride, around.iter().map(|p| instance.transform.transform_point3(*p)).collect()))
+            let points = around.iter().map(|p| instance.transform.transform_point3(*p)).collect();
+            Some(((instance.ride, points), instance.floor))
         });
-        Extents { points: points.collect(), branches: scene.branches.clone() }
+        let (points, floors) = points.unzip();
+        Extents { points, floors, branches: scene.branches.clone() }
     }
 
     pub(crate) fn branches(&self) -> &[Branch] {
         &self.branches
     }
 
-    /// What shadow maps and clipping planes must cover.
+    /// What clipping planes must cover.
     pub(crate) fn corners(&self, wind: Option<&Wind>) -> Vec<Vec3> {
+        self.moved(wind, |_| true)
+    }
+
+    /// What shadow maps must cover: all that casts a shadow.
+    pub(crate) fn casters(&self, wind: Option<&Wind>) -> Vec<Vec3> {
+        self.moved(wind, |floor| !floor)
+    }
+
+    fn moved(&self, wind: Option<&Wind>, of: impl Fn(bool) -> bool) -> Vec<Vec3> {
         let bends = Bends::new(&self.branches, wind);
-        self.points.iter().flat_map(|(ride, points)| points.iter().map(|p| bends.moved(*ride, *p))).collect()
+        let wanted = self.points.iter().zip(&self.floors).filter(|(_, floor)| of(**floor));
+        wanted.flat_map(|((ride, points), _)| points.iter().map(|p| bends.moved(*ride, *p))).collect()
     }
 }
 

@@ -46,7 +46,7 @@ struct Loaded {
     bend: Option<BendPass>,
     transfer: Option<TransferPass>,
     extents: Extents,
-    corners: Vec<Vec3>,
+    casters: Vec<Vec3>,
     ball: (Vec3, f32),
     sun: Option<Sun>,
     sky: Option<[f32; 3]>,
@@ -136,12 +136,12 @@ impl Renderer {
         let materials: Vec<Option<MaterialOnGpu>> = scene.materials.iter().enumerate().map(material).collect();
         let drawn = Drawn { meshes: &meshes, materials: &materials, batches: &batches };
         let extents = Extents::new(scene);
-        let corners = extents.corners(scene.wind.as_ref());
+        let casters = extents.casters(scene.wind.as_ref());
         let bend = BendPass::new(&self.gpu, scene, &mut stats);
         let layers = shadow_layers(scene);
         let (mut shadow, mut shadow_texel) = (None, 0.0);
         if let Some(sun) = scene.sun.filter(|_| layers > 0) {
-            let (pass, texel) = ShadowPass::new(&self.gpu, scene, &sun, &corners, drawn, &self.samplers, &mut stats);
+            let (pass, texel) = ShadowPass::new(&self.gpu, scene, &sun, &casters, drawn, &self.samplers, &mut stats);
             (shadow, shadow_texel) = (Some(pass), texel);
         }
         for batch in &batches {
@@ -166,9 +166,9 @@ impl Renderer {
             seen_sky,
             bend,
             transfer,
+            ball: ball(&extents.corners(scene.wind.as_ref())),
+            casters,
             extents,
-            ball: ball(&corners),
-            corners,
             sun: scene.sun,
             sky: scene.sky,
             dome: scene.dome.clone(),
@@ -205,7 +205,7 @@ impl Renderer {
         if let (Some(sun), Some(shadow)) = (scene.sun, &mut loaded.shadow)
             && loaded.sun.is_none_or(|old| old.direction != sun.direction || old.radius != sun.radius)
         {
-            loaded.shadow_texel = shadow.set_sun(&self.gpu, &sun, &loaded.corners);
+            loaded.shadow_texel = shadow.set_sun(&self.gpu, &sun, &loaded.casters);
         }
         (loaded.sun, loaded.sky, loaded.background) = (scene.sun, scene.sky, scene.background);
         loaded.scanner = scene.scanner;
@@ -226,10 +226,10 @@ impl Renderer {
         let Some(loaded) = &mut self.loaded else { return };
         let Some(bend) = &loaded.bend else { return };
         bend.set_time(&self.gpu, loaded.extents.branches(), wind);
-        loaded.corners = loaded.extents.corners(Some(wind));
-        loaded.ball = ball(&loaded.corners);
+        loaded.casters = loaded.extents.casters(Some(wind));
+        loaded.ball = ball(&loaded.extents.corners(Some(wind)));
         if let (Some(sun), Some(shadow)) = (loaded.sun, &mut loaded.shadow) {
-            loaded.shadow_texel = shadow.set_sun(&self.gpu, &sun, &loaded.corners);
+            loaded.shadow_texel = shadow.set_sun(&self.gpu, &sun, &loaded.casters);
         }
     }
 

@@ -124,6 +124,9 @@ pub struct Instance {
     pub ride: Option<Ride>,
     /// First row of its anchors in the scene's [`Transfer`].
     pub first_row: u32,
+    /// It lies below everything and the sun is above: it is shaded and shades nothing, so that shadow maps need not
+    /// cover it and are finer where things stand.
+    pub floor: bool,
 }
 
 /// How an instance hangs on a branch.

@@ -177,7 +177,7 @@ fn thousands_of_leaves_are_one_draw() {
             material: 0,
             transform: Mat4::from_translation(Vec3::new((i % 63) as f32, (i / 63) as f32, (i % 7) as f32))
                 * Mat4::from_scale(Vec3::splat(0.02)),
-            ride: None,
+            ..Instance::default()
         })
         .collect();
     draw(&mut renderer, &scene);

@@ -15,6 +15,7 @@ use crate::loaded::{Leaf, Scene};
 use crate::manifest::{self, Interior, Manifest, View};
 use crate::placed::Placed;
 use crate::placed::daylight::{self, Daylight, sun_direction};
+use crate::placed::placement::Placement;
 use crate::{Error, Result};
 use glam::{Vec2, Vec3, Vec4};
 use mesophyll_files::mesh::LeafMesh;
@@ -70,13 +71,27 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
     }
     if let Some((mesh, albedo)) = &placed.ground {
         let ground = out.add(viewer_mesh(mesh), barked("ground", *albedo));
-        out.instances.push(ground);
+        let floor = !placed.free && out.sun.is_some_and(|s| s.direction.z > 0.0) && below_all(placed);
+        out.instances.push(viewer::Instance { floor, ..ground });
     }
     branches(manifest, placed, &mut out);
     if let Some(found) = &scene.transfer {
         arriving(found, &mut out);
     }
     Ok(out)
+}
+
+/// Whether the ground lies below everything that stands in the scene.
+fn below_all(placed: &Placed) -> bool {
+    let Some((ground, _)) = &placed.ground else { return false };
+    let height = ground.positions.first().map_or(0.0, |p| p.z);
+    let leaf = |p: &Placement| {
+        let (centre, radius) = placed.leaves[p.leaf].mesh.as_ref().map(LeafMesh::bounds)?;
+        Some(p.transform.transform_point3(centre).z - radius * p.transform.x_axis.truncate().length())
+    };
+    let wood = placed.twigs.iter().map(|t| &t.1).chain(placed.wood.as_ref().map(|w| &w.0));
+    let low = wood.flat_map(|m| m.positions.iter().map(|p| p.z)).chain(placed.placements.iter().filter_map(leaf));
+    low.fold(f64::INFINITY, f64::min) >= height
 }
 
 /// Light between leaves: meshes and instances stand in the order of the transfer's.

@@ -135,7 +135,7 @@ fn level(manifest: &Manifest, ground: &Ground) -> LeafMesh {
             positions: nodes.iter().flat_map(|v| nodes.iter().map(|u| DVec3::new(at(*u), at(*v), 0.0))).collect(),
             normals: vec![DVec3::Z; nodes.len().pow(2)],
             tangents: vec![(DVec3::X, 1.0); nodes.len().pow(2)],
-            uvs: nodes.iter().flat_map(|v| nodes.iter().map(|u| 0.5 * DVec2::new(1.0 + u, 1.0 - v))).collect(),
+            uvs: nodes.iter().flat_map(|v| nodes.iter().map(move |u| 0.5 * DVec2::new(1.0 + u, 1.0 - v))).collect(),
             indices: (0..CELLS as u32)
                 .flat_map(|j| (0..CELLS as u32).map(move |i| j * (CELLS as u32 + 1) + i))
                 .flat_map(|k| {

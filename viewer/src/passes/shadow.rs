@@ -156,10 +156,10 @@ impl ShadowPass {
                 }),
             }],
         });
-        let own_mask = drawn.batches.iter().any(|b| b.variant.masked()).then(|| mask_layout(gpu));
+        let own_mask = drawn.batches.iter().any(|b| b.casts && b.variant.masked()).then(|| mask_layout(gpu));
         let mut need = |masked: bool, bends: bool| {
             let of = |v: &&Variant| v.masked() == masked && (v.branches > 0) == bends;
-            let first = drawn.batches.iter().map(|b| &b.variant).find(of)?;
+            let first = drawn.batches.iter().filter(|b| b.casts).map(|b| &b.variant).find(of)?;
             let name = if masked { "shadow: masked" } else { "shadow: opaque" };
             stats.pipeline(&format!("{name}{}", if bends { ", bend" } else { "" }));
             Some(pipeline(gpu, &light_layout, own_mask.as_ref().filter(|_| masked), first))
@@ -253,6 +253,9 @@ impl ShadowPass {
                 pass.set_bind_group(2, &bend.group, &[]);
             }
             for ((batch, mesh, _), mask) in drawn.iter().zip(&self.mask_groups) {
+                if !batch.casts {
+                    continue;
+                }
                 let bends = usize::from(batch.variant.branches > 0);
                 let pipelines = if mask.is_some() { &self.masked } else { &self.opaque };
                 let Some(pipeline) = &pipelines[bends] else { continue };
