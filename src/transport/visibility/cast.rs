@@ -14,7 +14,7 @@ use super::light::{AreaLight, frame};
 use super::refine::{Outline, outline};
 use crate::stage::Stage;
 use crate::world::ReferenceLeaf;
-use glam::{DMat3, DMat4, DVec2, DVec3, Vec2};
+use glam::{DMat3, DMat4, DVec2, DVec3, Vec4};
 use rayon::prelude::*;
 
 /// The scene as one light's direction sees it.
@@ -26,6 +26,8 @@ pub(super) struct Casters<'a> {
     last: u64,
     /// Largest tangent of a point.
     spread: f64,
+    /// More than single precision loses of a length (mm).
+    slack: f64,
     /// Triangles of each leaf that may hide something, and whether the outline has to be asked.
     triangles: Vec<Vec<([u32; 3], u32, bool)>>,
     casts: Vec<Cast>,
@@ -49,8 +51,8 @@ struct Cast {
 /// A triangle in a cell, with its box rounded outwards.
 #[derive(Debug, Clone, Copy, Default)]
 struct Entry {
-    low: Vec2,
-    high: Vec2,
+    /// Least x and y, and the largest with the other sign.
+    sides: Vec4,
     /// Nearest to the light.
     top: f32,
     /// Which of the leaf's.
@@ -69,6 +71,7 @@ impl<'a> Casters<'a> {
             points,
             last: u64::MAX >> ((64 - tangents.len() % 64) % 64),
             spread: light.tangent(),
+            slack: 4.0 * stage.step(),
             triangles: stage.world.leaves.iter().map(hiding).collect(),
             casts: stage.world.instances.iter().map(|_| Cast::default()).collect(),
             top: Grid::default(),
@@ -90,10 +93,13 @@ impl<'a> Casters<'a> {
             cast.draw(&world.leaves[placed.leaf].mesh.positions, turn * placed.transform, &triangles[placed.leaf]);
         });
         let lowest = self.casts.iter().map(|c| c.low.z).fold(f64::INFINITY, f64::min);
-        let (casts, spread, step) = (&self.casts, self.spread, self.stage.step());
+        let farthest = self.casts.iter().flat_map(|c| [c.low, c.high]).filter(|p| p.is_finite());
+        let farthest = farthest.map(|p| p.abs().max_element()).fold(0.0, f64::max);
+        self.slack = 4.0 * self.stage.step() + 8.0 * f64::from(f32::EPSILON) * farthest;
+        let (casts, spread, slack) = (&self.casts, self.spread, self.slack);
         let rectangle = |k: usize| {
             let Cast { low, high, .. } = &casts[k];
-            let reach = DVec2::splat((high.z - lowest) * spread + 4.0 * step);
+            let reach = DVec2::splat((high.z - lowest) * spread + slack);
             (low.x <= high.x).then(|| [low.truncate() - reach, high.truncate() + reach])
         };
         self.top.sort(casts.len(), casts.len(), rectangle, &mut self.instances, |k| k as u32);
@@ -104,23 +110,28 @@ impl<'a> Casters<'a> {
     pub fn hide(&self, point: DVec3, hidden: &mut [u64]) {
         let p = self.from.transpose() * point;
         let flat = p.truncate();
-        let slack = 4.0 * self.stage.step();
-        for &k in self.top.cell(flat).map_or(&[][..], |cell| &self.instances[cell]) {
+        let Some(near) = self.top.cell(flat) else { return };
+        let slack = self.slack;
+        for &k in &self.instances[near] {
             let cast = &self.casts[k as usize];
             let reach = (cast.high.z - p.z) * self.spread + slack;
             let (low, high) = (flat - reach, flat + reach);
-            let beside =
-                |low: DVec2, high: DVec2| (low.cmpgt(cast.high.truncate()) | high.cmplt(cast.low.truncate())).any();
-            if cast.high.z < p.z - slack || beside(low, high) {
+            let beside = low.cmpgt(cast.high.truncate()) | high.cmplt(cast.low.truncate());
+            if cast.high.z < p.z - slack || beside.any() {
                 continue;
             }
-            for cell in cast.grid.cells(low, high) {
-                for entry in &cast.entries[cell] {
-                    let height = f64::from(entry.top) - p.z;
-                    let reach = height * self.spread + slack;
-                    if height > -slack
-                        && !(flat - reach).cmpgt(entry.high.as_dvec2()).any()
-                        && !(flat + reach).cmplt(entry.low.as_dvec2()).any()
+            let middle = Vec4::new(p.x as f32, p.y as f32, -p.x as f32, -p.y as f32);
+            let (height, spread, slack) = (p.z as f32, self.spread as f32, slack as f32);
+            let [columns, rows] = cast.grid.cells(low, high);
+            for (i, j) in rows.clone().flat_map(|j| columns.clone().map(move |i| (i, j))) {
+                for entry in &cast.entries[cast.grid.things([i, j])] {
+                    let above = entry.top - height;
+                    if above < -slack || !entry.sides.cmple(middle + (above * spread + slack)).all() {
+                        continue;
+                    }
+                    // Looked at in the first cell that it shares with the receiver, and not again.
+                    let first = cast.grid.place(DVec2::new(f64::from(entry.sides.x), f64::from(entry.sides.y)));
+                    if [first[0].max(*columns.start()), first[1].max(*rows.start())] == [i, j]
                         && self.hide_by(k as usize, entry.triangle as usize, p, hidden)
                     {
                         return;
@@ -143,25 +154,20 @@ impl<'a> Casters<'a> {
             return false;
         }
         let sides = [bc, ca, ab].map(|side| side * volume.signum());
-        let (mut least, mut most) = (f64::INFINITY, f64::INFINITY);
-        for side in sides {
-            let around = side.truncate().length() * self.spread * (1.0 + 1e-9);
-            least = least.min(side.z - around);
-            most = most.min(side.z + around);
-        }
-        if most < 0.0 {
+        let around = sides.map(|side| side.truncate().length() * self.spread * (1.0 + 1e-9));
+        if (0..3).any(|q| sides[q].z + around[q] < 0.0) {
             return false;
         }
-        if least > 0.0 && !by_outline {
+        let cuts = [0, 1, 2].map(|q| sides[q].z - around[q] <= 0.0);
+        if cuts == [false; 3] && !by_outline {
             hidden.fill(u64::MAX);
             return true;
         }
         for (word, [x, y]) in hidden.iter_mut().zip(&self.points) {
             let at = |side: DVec3, k: usize| side.x * x[k] + side.y * y[k] + side.z;
-            let mut bits = 0;
-            for k in 0..64 {
-                let inside = (at(sides[0], k) >= 0.0) & (at(sides[1], k) >= 0.0) & (at(sides[2], k) >= 0.0);
-                bits |= u64::from(inside) << k;
+            let mut bits = u64::MAX;
+            for side in (0..3).filter(|q| cuts[*q]).map(|q| sides[q]) {
+                bits &= (0..64).fold(0, |bits, k| bits | u64::from(at(side, k) >= 0.0) << k);
             }
             if by_outline {
                 let off = |k: &usize| {
@@ -197,26 +203,27 @@ impl Cast {
         self.vertices.extend(positions.iter().map(|p| turn.transform_point3(*p)));
         let vertices = &self.vertices;
         let corners = |k: usize| triangles[k].0.map(|c| vertices[c as usize]);
-        let entry = |k: usize| {
-            let [a, b, c] = corners(k);
-            let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-            let (low, high) =
-                (low.as_vec3().to_array().map(f32::next_down), high.as_vec3().to_array().map(f32::next_up));
-            Entry {
-                low: Vec2::new(low[0], low[1]),
-                high: Vec2::new(high[0], high[1]),
-                top: high[2],
-                triangle: k as u32,
-            }
-        };
         let bounds = |k: usize| {
             let [a, b, c] = corners(k);
             [a.min(b).min(c), a.max(b).max(c)]
         };
+        let entry = |k: usize| {
+            let [low, high] = bounds(k);
+            let down = |x: f64| (x as f32).next_down();
+            Entry {
+                sides: Vec4::new(down(low.x), down(low.y), down(-high.x), down(-high.y)),
+                top: (high.z as f32).next_up(),
+                triangle: k as u32,
+            }
+        };
         (self.low, self.high) = (0..triangles.len())
             .map(bounds)
             .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), [a, b]| (low.min(a), high.max(b)));
-        let rectangle = |k: usize| Some(bounds(k).map(DVec3::truncate));
+        // By the entries' own boxes, so that a triangle's first cell can be told from them.
+        let rectangle = |k: usize| {
+            let [x, y, right, up] = entry(k).sides.as_dvec4().to_array();
+            Some([DVec2::new(x, y), DVec2::new(-right, -up)])
+        };
         self.grid.sort(triangles.len(), triangles.len(), rectangle, &mut self.entries, entry);
     }
 }

@@ -1,7 +1,7 @@
 //! Things sorted into the cells of a rectangle.
 
 use glam::DVec2;
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 
 /// Cells of a rectangle.
 #[derive(Debug, Default)]
@@ -73,30 +73,34 @@ impl Grid {
     /// The things of the cell at a place; `None` beside everything.
     pub fn cell(&self, p: DVec2) -> Option<Range<usize>> {
         let inside = p.cmpge(self.low).all() && p.cmple(self.high).all();
-        inside.then(|| {
-            let [i, j] = self.place(p);
-            self.range(j * self.size[0] + i)
-        })
+        inside.then(|| self.things(self.place(p)))
     }
 
-    /// The things of each cell that a rectangle comes to; one beside everything gets the cells at the rim.
-    pub fn cells(&self, low: DVec2, high: DVec2) -> impl Iterator<Item = Range<usize>> + '_ {
-        self.numbers(low, high).map(|cell| self.range(cell))
+    /// The cells that a rectangle comes to, columns and rows; one beside everything gets those at the rim.
+    pub fn cells(&self, low: DVec2, high: DVec2) -> [RangeInclusive<usize>; 2] {
+        let ([i0, j0], [i1, j1]) = (self.place(low), self.place(high));
+        [i0..=i1, j0..=j1]
+    }
+
+    /// The things of a cell.
+    pub fn things(&self, [i, j]: [usize; 2]) -> Range<usize> {
+        self.range(j * self.size[0] + i)
     }
 
     fn range(&self, cell: usize) -> Range<usize> {
         self.start[cell] as usize..self.start[cell + 1] as usize
     }
 
-    fn place(&self, p: DVec2) -> [usize; 2] {
+    /// Column and row of a place.
+    pub fn place(&self, p: DVec2) -> [usize; 2] {
         let at = (p - self.low) * self.scale;
         // Below zero becomes the first.
         [0, 1].map(|q| (at[q] as usize).min(self.size[q] - 1))
     }
 
     fn numbers(&self, low: DVec2, high: DVec2) -> impl Iterator<Item = usize> + use<> {
-        let ([i0, j0], [i1, j1], width) = (self.place(low), self.place(high), self.size[0]);
-        (j0..=j1).flat_map(move |j| (i0..=i1).map(move |i| j * width + i))
+        let ([columns, rows], width) = (self.cells(low, high), self.size[0]);
+        rows.flat_map(move |j| columns.clone().map(move |i| j * width + i))
     }
 }
 

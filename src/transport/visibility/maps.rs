@@ -55,13 +55,21 @@ impl<'a> Shadows<'a> {
     }
 
     fn by_casting(&self, direction: DVec3, casters: &Casters, map: &mut [u8]) {
-        let from = frame(direction);
-        self.each(map, casters.words(), |point, normal, hidden| {
-            // Where the blade's own plane cuts the light, each of its points is left to on its side.
-            if normal.dot(from.z_axis).abs() <= self.light.reach() && normal != DVec3::ZERO {
-                self.hide_by_rays(point, normal, &from, hidden);
-            } else {
-                casters.hide(self.stage.leave(point, normal, from.z_axis).origin, hidden);
+        let (from, words) = (frame(direction), casters.words());
+        let points: Vec<DVec3> = (0..self.light.len()).map(|k| from * self.light.direction(k)).collect();
+        self.each(map, words, |point, normal, hidden| {
+            let centre = normal.dot(from.z_axis);
+            casters.hide(self.stage.leave(point, normal, from.z_axis).origin, hidden);
+            if centre.abs() > self.light.reach() || normal == DVec3::ZERO {
+                return;
+            }
+            // The blade's own plane cuts the light: its points beyond are left to on the other side.
+            let mut beyond = vec![0; words];
+            casters.hide(self.stage.leave(point, normal, -from.z_axis).origin, &mut beyond);
+            for (k, l) in points.iter().enumerate() {
+                if (normal.dot(*l) < 0.0) != (centre < 0.0) {
+                    hidden[k / 64] = hidden[k / 64] & !(1 << (k % 64)) | beyond[k / 64] & 1 << (k % 64);
+                }
             }
         });
     }

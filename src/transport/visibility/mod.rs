@@ -7,17 +7,26 @@
 //! upper hemisphere only): a leaf lets light through, and whichever side is lit, the blade does not hide itself at the
 //! point itself.
 //!
+//! [`CodedMaps`] keeps the maps of all [`Directions`] in few bytes: those of a cube map, of a day's path, or of one
+//! direction. Any one is decoded by itself, and a light between directions gets the maps around it, mixed.
+//!
 //! The cosine is not in a map: it is the renderer's, where the shading normal is known.
 
 mod cast;
+mod coded;
+mod directions;
+mod entropy;
 mod grid;
 mod light;
 mod maps;
 mod receivers;
 mod refine;
+pub mod runs;
 #[cfg(test)]
 mod tests;
 
+pub use coded::{CodedMaps, Collector};
+pub use directions::{Blend, Directions};
 pub use light::{AreaLight, MOST_POINTS};
 pub use maps::Shadows;
 pub use receivers::{MOST_RECEIVERS, Place, Receiver, Receivers};

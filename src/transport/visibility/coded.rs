@@ -1,0 +1,336 @@
+//! Visibility maps of many directions in few bytes; each is decoded by itself.
+
+use super::directions::Directions;
+use super::entropy::{Counts, Model, take};
+use super::receivers::MOST_RECEIVERS;
+use super::runs;
+use crate::{Error, Result};
+use glam::DVec3;
+use mesophyll_files::{atomic, hash};
+use rayon::prelude::*;
+use std::path::Path;
+
+/// Maps on their way into [`CodedMaps`]. Until all are there they are kept as run lengths.
+#[derive(Debug, Clone)]
+pub struct Collector {
+    receivers: usize,
+    counts: Box<Counts>,
+    maps: Vec<Vec<u8>>,
+}
+
+impl Collector {
+    /// For maps of so many receivers.
+    pub fn new(receivers: usize) -> Collector {
+        Collector { receivers, counts: Box::default(), maps: Vec::new() }
+    }
+
+    /// The next direction's map.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for a map of another length.
+    pub fn push(&mut self, map: &[u8]) -> Result<()> {
+        if map.len() != self.receivers {
+            return Err(Error::Usage(format!("a map of {} receivers, expected {}", map.len(), self.receivers)));
+        }
+        self.counts.add(map);
+        self.maps.push(runs::encode(map));
+        Ok(())
+    }
+
+    /// Bytes that the maps take as run lengths: the source's code.
+    pub fn run_length_bytes(&self) -> usize {
+        self.maps.iter().map(Vec::len).sum()
+    }
+
+    /// Codes them; `directions` has one for each.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] where there are more or fewer maps than directions.
+    pub fn finish(self, directions: Directions) -> Result<CodedMaps> {
+        if self.maps.len() != directions.len() {
+            let count = self.maps.len();
+            return Err(Error::Usage(format!("{count} maps for {} directions", directions.len())));
+        }
+        let model = Model::new(&self.counts);
+        let each: Vec<Vec<u8>> = self
+            .maps
+            .par_iter()
+            .map_init(
+                || vec![0; self.receivers],
+                |map, coded| {
+                    runs::decode(coded, map).expect("what was coded here is a map");
+                    model.encode(map)
+                },
+            )
+            .collect();
+        let mut ends = Vec::with_capacity(each.len());
+        let mut data = Vec::with_capacity(each.iter().map(Vec::len).sum());
+        for map in each {
+            data.extend(map);
+            ends.push(data.len());
+        }
+        Ok(CodedMaps { receivers: self.receivers, directions, model, ends, data })
+    }
+}
+
+/// Maps of many directions; every one is decoded by itself.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CodedMaps {
+    receivers: usize,
+    directions: Directions,
+    model: Model,
+    /// Where each map ends in `data`.
+    ends: Vec<usize>,
+    data: Vec<u8>,
+}
+
+/// What a file begins with; the last byte is the version of the format.
+const MAGIC: [u8; 8] = *b"mesovis\x01";
+/// Hexadecimal digits of the hash that a file ends with.
+const HASH: usize = 64;
+
+impl CodedMaps {
+    /// Which directions have a map.
+    pub fn directions(&self) -> &Directions {
+        &self.directions
+    }
+
+    /// Receivers of a map.
+    pub fn receivers(&self) -> usize {
+        self.receivers
+    }
+
+    /// Bytes of all maps together, without the tables that they share.
+    pub fn map_bytes(&self) -> usize {
+        self.data.len()
+    }
+
+    /// The map of direction `k` of the list, into `map`, which has an entry a receiver.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for a direction that has none, a `map` of another length, or data that are not a map's.
+    pub fn decode(&self, k: usize, map: &mut [u8]) -> Result<()> {
+        let bad = |what: String| Error::Usage(format!("visibility map {k}: {what}"));
+        if map.len() != self.receivers {
+            return Err(bad(format!("{} receivers, expected {}", map.len(), self.receivers)));
+        }
+        let end = *self.ends.get(k).ok_or_else(|| bad(format!("expected one of {}", self.ends.len())))?;
+        let start = k.checked_sub(1).map_or(0, |before| self.ends[before]);
+        self.model.decode(&self.data[start..end], map).map_err(bad)
+    }
+
+    /// The map for a light between the directions: the maps around it, mixed ([`Directions::blend`]). All dark where
+    /// there are none.
+    ///
+    /// # Errors
+    /// As [`CodedMaps::decode`].
+    pub fn between(&self, light: DVec3, map: &mut [u8]) -> Result<()> {
+        let blend = self.directions.blend(light);
+        if let [(k, _)] = blend[..] {
+            return self.decode(k, map);
+        }
+        let (mut sum, mut one) = (vec![0.5; self.receivers], vec![0; self.receivers]);
+        for (k, share) in blend {
+            self.decode(k, &mut one)?;
+            sum.iter_mut().zip(&one).for_each(|(sum, value)| *sum += share as f32 * f32::from(*value));
+        }
+        if map.len() != self.receivers {
+            return Err(Error::Usage(format!("a map of {} receivers, expected {}", map.len(), self.receivers)));
+        }
+        map.iter_mut().zip(sum).for_each(|(value, sum)| *value = sum as u8);
+        Ok(())
+    }
+
+    /// Writes them to a file: directions, tables, lengths, maps, and a hash of it all.
+    ///
+    /// # Errors
+    /// [`Error::Write`] naming the file.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        atomic::write_bytes(path, &self.to_bytes())
+    }
+
+    /// Reads what [`CodedMaps::write`] wrote.
+    ///
+    /// # Errors
+    /// [`Error::Input`] naming the file where it is missing, damaged or something else.
+    pub fn read(path: &Path) -> Result<CodedMaps> {
+        let bytes = std::fs::read(path).map_err(|e| Error::input(path, atomic::explain(&e)))?;
+        CodedMaps::from_bytes(&bytes).map_err(|what| Error::input(path, format!("visibility maps: {what}")))
+    }
+
+    fn to_bytes(&self) -> Vec<u8> {
+        let mut out = MAGIC.to_vec();
+        out.extend((self.receivers as u32).to_le_bytes());
+        self.directions.write(&mut out);
+        self.model.write(&mut out);
+        let mut start = 0;
+        for end in &self.ends {
+            out.extend(((end - start) as u32).to_le_bytes());
+            start = *end;
+        }
+        out.extend(&self.data);
+        out.extend(hash::bytes(&out).into_bytes());
+        out
+    }
+
+    /// Takes no more memory than three times the bytes and 20 MB, whatever they are.
+    fn from_bytes(bytes: &[u8]) -> std::result::Result<CodedMaps, String> {
+        let (mut rest, found) = bytes.split_last_chunk::<HASH>().ok_or("it is cut off")?;
+        if !rest.starts_with(&MAGIC) {
+            return Err("it is no file of visibility maps, or one of another version".into());
+        }
+        if hash::bytes(rest).as_bytes() != found {
+            return Err("it is not what was written: its hash differs".into());
+        }
+        CodedMaps::parse(&mut rest)
+    }
+
+    /// Everything but the hash.
+    fn parse(rest: &mut &[u8]) -> std::result::Result<CodedMaps, String> {
+        let _: [u8; MAGIC.len()] = take(rest)?;
+        let receivers = u32::from_le_bytes(take(rest)?) as usize;
+        if receivers > MOST_RECEIVERS {
+            return Err(format!("{receivers} receivers, expected at most {MOST_RECEIVERS}"));
+        }
+        let directions = Directions::read(rest)?;
+        let model = Model::read(rest)?;
+        if rest.len() < 4 * directions.len() {
+            return Err("it is cut off".into());
+        }
+        let (mut end, mut ends) = (0, Vec::with_capacity(directions.len()));
+        for _ in 0..directions.len() {
+            end += u32::from_le_bytes(take(rest)?) as usize;
+            ends.push(end);
+        }
+        if rest.len() != end {
+            return Err(format!("maps of {} bytes, expected {end}", rest.len()));
+        }
+        Ok(CodedMaps { receivers, directions, model, ends, data: rest.to_vec() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Maps of such lengths and values as leaves have: dark and lit runs, with penumbras between them.
+    fn map(receivers: usize, seed: u64) -> Vec<u8> {
+        let mut out = Vec::new();
+        for k in 0.. {
+            let random = crate::seeds::mix(seed, k);
+            let value = [0, 255, random as u8, 255][random as usize >> 9 & 3];
+            let length = [1, 3, 40, 1000][random as usize >> 30 & 3];
+            out.extend(vec![value; 1 + (random >> 40) as usize % length]);
+            if out.len() >= receivers {
+                break;
+            }
+        }
+        out.truncate(receivers);
+        out
+    }
+
+    fn coded(maps: &[Vec<u8>]) -> CodedMaps {
+        let mut collector = Collector::new(maps[0].len());
+        maps.iter().for_each(|map| collector.push(map).unwrap());
+        let path: Vec<DVec3> = (0..maps.len()).map(|k| DVec3::new(1.0, 0.0, 0.01 * k as f64)).collect();
+        collector.finish(Directions::arc(&path).unwrap()).unwrap()
+    }
+
+    fn decoded(coded: &CodedMaps, k: usize) -> Vec<u8> {
+        let mut map = vec![7; coded.receivers()];
+        coded.decode(k, &mut map).unwrap();
+        map
+    }
+
+    proptest! {
+        #[test]
+        fn whatever_the_maps_are_they_come_back(
+            maps in (0usize..600).prop_flat_map(|n| {
+                let one = prop_oneof![
+                    proptest::collection::vec(any::<u8>(), n),
+                    proptest::collection::vec(prop_oneof![Just(0u8), Just(255), 1..255u8], n),
+                    any::<u8>().prop_map(move |v| vec![v; n]),
+                    any::<u64>().prop_map(move |seed| map(n, seed)),
+                ];
+                proptest::collection::vec(one, 1..5)
+            })
+        ) {
+            let there = coded(&maps);
+            let back = CodedMaps::from_bytes(&there.to_bytes()).unwrap();
+            prop_assert_eq!(&there, &back);
+            for (k, map) in maps.iter().enumerate() {
+                prop_assert_eq!(&decoded(&back, k), map);
+                let mut run_lengths = vec![1; map.len()];
+                runs::decode(&runs::encode(map), &mut run_lengths).unwrap();
+                prop_assert_eq!(&run_lengths, map);
+            }
+        }
+
+        /// Damage of a file is found by its hash; where the hash is made to fit, nothing panics, and what is refused
+        /// says why.
+        #[test]
+        fn damage_is_refused(at in 0usize..4000, bit in 0u8..8, cut in 0usize..4000) {
+            let whole = coded(&[map(3000, 1), map(3000, 2), map(3000, 3)]).to_bytes();
+            let mut damaged = whole.clone();
+            let at = at % damaged.len();
+            damaged[at] ^= 1 << bit;
+            prop_assert!(CodedMaps::from_bytes(&damaged).is_err());
+            prop_assert!(CodedMaps::from_bytes(&whole[..cut % whole.len()]).is_err());
+            for mut made in [&damaged[..damaged.len() - HASH], &whole[..cut % (whole.len() - HASH)]] {
+                if let Ok(maps) = CodedMaps::parse(&mut made) {
+                    // The count of receivers may be damaged too.
+                    let mut map = vec![0; maps.receivers().min(4000)];
+                    (0..3).for_each(|k| drop(maps.decode(k, &mut map)));
+                }
+            }
+            let mut map = vec![0; 3000];
+            let _ = runs::decode(&damaged, &mut map);
+        }
+    }
+
+    /// Of a map's own bytes a changed bit is nearly always found even without the hash: the state does not end where it
+    /// began.
+    #[test]
+    fn a_map_that_is_damaged_does_not_end_where_it_should() {
+        let there = coded(&[map(3000, 2), map(3000, 3)]);
+        let mut found = 0;
+        for at in 0..there.data.len() {
+            let mut damaged = there.clone();
+            damaged.data[at] ^= 16;
+            found += usize::from((0..2).any(|k| damaged.decode(k, &mut vec![0; 3000]).is_err()));
+        }
+        assert!(found * 100 >= there.data.len() * 98, "{found} of {}", there.data.len());
+    }
+
+    #[test]
+    fn between_two_maps_lies_their_mixture() {
+        let maps = [vec![0, 255, 100, 7], vec![255, 255, 200, 8]];
+        let there = coded(&maps);
+        let mut map = vec![0; 4];
+        let [a, b] = [0, 1].map(|k| there.directions().list()[k]);
+        there.between(a + b, &mut map).unwrap();
+        assert_eq!(map, [128, 255, 150, 8]);
+        there.between(b, &mut map).unwrap();
+        assert_eq!(map, maps[1]);
+        assert!(there.between(a + b, &mut [0; 3]).is_err() && there.between(b, &mut [0; 3]).is_err());
+        assert!(there.decode(2, &mut map).is_err());
+    }
+
+    #[test]
+    fn files_are_read_back_and_others_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("maps");
+        let there = coded(&[map(500, 1), map(500, 9)]);
+        there.write(&path).unwrap();
+        assert_eq!(CodedMaps::read(&path).unwrap(), there);
+        std::fs::write(&path, b"a note that is longer than any hash could be, and says nothing of maps at all")
+            .unwrap();
+        let said = CodedMaps::read(&path).unwrap_err().to_string();
+        assert!(said.ends_with("maps: visibility maps: it is no file of visibility maps, or one of another version"));
+        assert!(CodedMaps::read(&folder.path().join("none")).is_err());
+        let mut collector = Collector::new(4);
+        assert!(collector.push(&[0; 3]).is_err());
+        assert!(collector.finish(Directions::one(DVec3::Z).unwrap()).is_err());
+    }
+}
