@@ -58,6 +58,8 @@ pub struct Scene {
     pub leaves: usize,
 }
 
+/// How entries are found: changes where the same scene gets other entries.
+const METHOD: &str = "Gaussian neighbourhoods of 32 points, Owen-scrambled Sobol points";
 /// What the parts of this fit hold: changes where their format does.
 const PART: &str = "entries of about 2,000 anchors as EXR, their errors";
 /// Anchors a part at least.
@@ -140,7 +142,12 @@ pub fn input_hash(scene: &Scene, options: &Options) -> String {
         Columns::Harmonics(_) => String::new(),
         Columns::Light => matter::light_hash(&scene.world),
     };
-    maker::input_hash([("matter", matter.as_str()), ("light", light.as_str()), ("options", told.as_str())])
+    maker::input_hash([
+        ("method", METHOD),
+        ("matter", matter.as_str()),
+        ("light", light.as_str()),
+        ("options", told.as_str()),
+    ])
 }
 
 /// What the record says of the fit.

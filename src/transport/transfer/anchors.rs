@@ -12,12 +12,30 @@ use std::collections::HashMap;
 
 /// A point of a mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Anchor {
+pub struct Place {
     /// Which triangle it lies on.
     pub triangle: usize,
     /// Weights of the triangle's second and third corner.
     pub barycentric: [f64; 2],
 }
+
+/// The neighbourhood that an anchor stands for: points of its piece with a Gaussian density around it (Wang et al. 2005,
+/// §4, "Level of Detail"). What hides the sky from a single point then does not darken a third of a leaf.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Anchor {
+    /// At least one; the first is the anchor itself.
+    pub points: Vec<Place>,
+}
+
+impl Anchor {
+    fn at(place: Place) -> Anchor {
+        Anchor { points: vec![place] }
+    }
+}
+
+/// Points of a neighbourhood, and its standard deviation over the distance of two anchors.
+const POINTS: usize = 32;
+const SPREAD: f64 = 0.35;
 
 /// The anchors of a mesh, and how its vertices lie among them.
 #[derive(Debug, Clone, PartialEq)]
@@ -49,14 +67,14 @@ impl Anchors {
         let mut points = vec![None; mesh.positions.len()];
         for (k, vertex) in mesh.indices.iter().enumerate() {
             let barycentric = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]][k % 3];
-            points[*vertex as usize].get_or_insert(Anchor { triangle: k / 3, barycentric });
+            points[*vertex as usize].get_or_insert(Place { triangle: k / 3, barycentric });
         }
-        let first = Anchor { triangle: 0, barycentric: [0.0; 2] };
+        let first = Place { triangle: 0, barycentric: [0.0; 2] };
         Anchors {
             grid: [1, 1],
             places: (0..points.len()).map(|k| [k as f32, 0.0, 0.0]).collect(),
             // A vertex of no triangle is never drawn.
-            points: points.into_iter().map(|p| p.unwrap_or(first)).collect(),
+            points: points.into_iter().map(|p| Anchor::at(p.unwrap_or(first))).collect(),
         }
     }
 
@@ -71,19 +89,25 @@ impl Anchors {
         };
         let flat: Vec<[DVec2; 3]> = triangles.iter().map(|t| corners(leaf, *t).map(|p| plane.of(p))).collect();
         let spare = spare(leaf, triangles);
+        let hit = |at: DVec2| {
+            triangles.iter().zip(&flat).find_map(|(t, corner)| {
+                let found = Place { triangle: *t, barycentric: inside(corner, at)? };
+                on_leaf(leaf, &found).then_some(found)
+            })
+        };
+        let apart = |n: usize, [low, high]: [f64; 2]| (high - low) / (n.max(2) - 1) as f64;
+        let apart = DVec2::new(apart(along, plane.reach[0]), apart(across, plane.reach[1]));
         for j in 0..across {
             for i in 0..along {
                 let at = DVec2::new(node(i, along, plane.reach[0]), node(j, across, plane.reach[1]));
-                let hit = triangles.iter().zip(&flat).find_map(|(t, corner)| {
-                    let found = Anchor { triangle: *t, barycentric: inside(corner, at)? };
-                    on_leaf(leaf, &found).then_some(found)
-                });
                 let near = || {
-                    let distance = |a: &Anchor| plane.of(position(leaf, a)).distance_squared(at);
+                    let distance = |a: &Place| plane.of(position(leaf, a)).distance_squared(at);
                     spare.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).copied()
                 };
-                let fallback = Anchor { triangle: triangles[0], barycentric: [1.0 / 3.0; 2] };
-                self.points.push(hit.or_else(near).unwrap_or(fallback));
+                let fallback = Place { triangle: triangles[0], barycentric: [1.0 / 3.0; 2] };
+                let own = hit(at).or_else(near).unwrap_or(fallback);
+                let around = (1..POINTS).filter_map(|k| hit(at + apart * gaussian(k)));
+                self.points.push(Anchor { points: std::iter::once(own).chain(around).collect() });
             }
         }
         let place = |v: f64, n: usize, [low, high]: [f64; 2]| match n {
@@ -189,16 +213,25 @@ fn pieces(leaf: &ReferenceLeaf) -> Vec<Vec<usize>> {
 
 /// Places on the leaf to choose from where a node of the grid is not on it: within each triangle, near its corners and in
 /// its middle.
-fn spare(leaf: &ReferenceLeaf, triangles: &[usize]) -> Vec<Anchor> {
+fn spare(leaf: &ReferenceLeaf, triangles: &[usize]) -> Vec<Place> {
     const PLACES: [[f64; 2]; 4] = [[1.0 / 3.0; 2], [0.02, 0.02], [0.96, 0.02], [0.02, 0.96]];
     triangles
         .iter()
-        .flat_map(|t| PLACES.map(|barycentric| Anchor { triangle: *t, barycentric }))
+        .flat_map(|t| PLACES.map(|barycentric| Place { triangle: *t, barycentric }))
         .filter(|a| on_leaf(leaf, a))
         .collect()
 }
 
-fn on_leaf(leaf: &ReferenceLeaf, anchor: &Anchor) -> bool {
+/// Point `k` of a Gaussian neighbourhood with the standard deviation [`SPREAD`], in units of the distance of two anchors.
+fn gaussian(k: usize) -> DVec2 {
+    // Kronecker's sequence by the plastic number: even at every length.
+    let even = |step: f64| (0.5 + k as f64 * step).fract();
+    let (u, v) = (even(0.754_877_666_246_692_7), even(0.569_840_290_998_053_2));
+    let (sin, cos) = (std::f64::consts::TAU * v).sin_cos();
+    DVec2::new(cos, sin) * (SPREAD * (-2.0 * (1.0 - u).ln()).sqrt())
+}
+
+fn on_leaf(leaf: &ReferenceLeaf, anchor: &Place) -> bool {
     let Some(mask) = &leaf.mask else { return true };
     let [b, c] = anchor.barycentric;
     let uv = vertices(leaf, anchor.triangle).map(|k| leaf.mesh.uvs[k]);
@@ -226,13 +259,13 @@ fn corners(leaf: &ReferenceLeaf, triangle: usize) -> [DVec3; 3] {
 }
 
 /// Where an anchor is, in the mesh's own frame.
-pub(super) fn position(leaf: &ReferenceLeaf, anchor: &Anchor) -> DVec3 {
+pub(super) fn position(leaf: &ReferenceLeaf, anchor: &Place) -> DVec3 {
     let [a, b, c] = corners(leaf, anchor.triangle);
     a + (b - a) * anchor.barycentric[0] + (c - a) * anchor.barycentric[1]
 }
 
 /// The normal of an anchor's triangle, out of its front, in the mesh's own frame; zero for a triangle without area.
-pub(super) fn normal(leaf: &ReferenceLeaf, anchor: &Anchor) -> DVec3 {
+pub(super) fn normal(leaf: &ReferenceLeaf, anchor: &Place) -> DVec3 {
     let [a, b, c] = corners(leaf, anchor.triangle);
     (b - a).cross(c - a).normalize_or_zero()
 }
@@ -253,10 +286,10 @@ mod tests {
         let leaf = sheet(10.0);
         let found = Anchors::on_leaf(&leaf, [3, 3]);
         assert_eq!(found.points.len(), 9);
-        let middle = position(&leaf, &found.points[4]);
+        let middle = position(&leaf, &found.points[4].points[0]);
         assert!(middle.length() < 1e-6, "{middle}");
         for anchor in &found.points {
-            let p = position(&leaf, anchor);
+            let p = position(&leaf, &anchor.points[0]);
             assert!([-5.0, 0.0, 5.0].iter().any(|x| (p.x - x).abs() < 1e-6), "{p}");
         }
         for place in &found.places {
@@ -292,7 +325,11 @@ mod tests {
         // Only the left half is leaf.
         leaf.mask = Some((0..64).map(|k| u8::from(k % 8 < 4)).collect());
         for anchor in &Anchors::on_leaf(&leaf, [4, 4]).points {
-            assert!(on_leaf(&leaf, anchor), "{:?}", position(&leaf, anchor));
+            assert!(anchor.points.iter().all(|p| on_leaf(&leaf, p)), "{anchor:?}");
         }
+        // A neighbourhood in the middle of a leaf is whole, and its mean is the anchor.
+        let whole = &Anchors::on_leaf(&sheet(10.0), [5, 5]).points[12];
+        let mean = whole.points.iter().map(|p| position(&leaf, p)).sum::<DVec3>() / whole.points.len() as f64;
+        assert!(whole.points.len() == POINTS && mean.length() < 0.15, "{mean}");
     }
 }

@@ -125,7 +125,9 @@ pub fn measure(tracer: &Tracer, receiver: &Receiver, request: &Request) -> Found
 
 /// An anchor where it stands in the world.
 struct At {
-    point: DVec3,
+    /// The points of its neighbourhood, and their normals.
+    points: Vec<(DVec3, DVec3)>,
+    /// Their mean normal.
     normal: DVec3,
     rows: Rows,
 }
@@ -134,11 +136,15 @@ impl At {
     fn new(world: &World, receiver: &Receiver, anchor: &Anchor) -> At {
         let placed = &world.instances[receiver.instance];
         let leaf = &world.leaves[placed.leaf];
-        At {
-            point: placed.transform.transform_point3(position(leaf, anchor)),
-            normal: (rotation(placed) * normal(leaf, anchor)).normalize_or(DVec3::Z),
-            rows: receiver.rows,
-        }
+        let turn = rotation(placed);
+        let points: Vec<(DVec3, DVec3)> = anchor
+            .points
+            .iter()
+            .map(|p| (placed.transform.transform_point3(position(leaf, p)), turn * normal(leaf, p)))
+            .map(|(p, n)| (p, n.normalize_or(DVec3::Z)))
+            .collect();
+        let normal = points.iter().map(|p| p.1).sum::<DVec3>().normalize_or(DVec3::Z);
+        At { points, normal, rows: receiver.rows }
     }
 
     fn measure(&self, tracer: &Tracer, request: &Request, seed: u64) -> (Vec<[f32; 4]>, f32) {
@@ -161,9 +167,11 @@ impl At {
             round.fill([0.0; 4]);
             for k in 0..each {
                 let mut samples = Samples::new(scramble(seed, q as u64), k);
-                let ray = self.direction(samples.next());
-                let back = ray.dot(self.normal) < 0.0;
-                let out = tracer.stage.leave(self.point, self.normal, ray);
+                let drawn = samples.next();
+                let (point, normal) = self.points[(drawn[2] * self.points.len() as f64) as usize];
+                let ray = self.direction(normal, drawn);
+                let back = ray.dot(normal) < 0.0;
+                let out = tracer.stage.leave(point, normal, ray);
                 if !arrives(tracer, out, request.columns, &basis, &mut harmonics, &mut arriving, &mut samples) {
                     continue;
                 }
@@ -192,12 +200,12 @@ impl At {
     }
 
     /// A direction of the sphere, or of the front's half of it, with constant density.
-    fn direction(&self, [u, v, ..]: [f64; 4]) -> DVec3 {
+    fn direction(&self, normal: DVec3, [u, v, ..]: [f64; 4]) -> DVec3 {
         let z = if self.rows == Rows::Front { u } else { 1.0 - 2.0 * u };
-        let (a, b) = self.normal.any_orthonormal_pair();
+        let (a, b) = normal.any_orthonormal_pair();
         let (sin, cos) = (TAU * v).sin_cos();
         let r = (1.0 - z * z).max(0.0).sqrt();
-        (a * (r * cos) + b * (r * sin) + self.normal * z).normalize()
+        (a * (r * cos) + b * (r * sin) + normal * z).normalize()
     }
 
     /// Irradiance of both sides together: under an even light of radiance 1/π, or under the scene's own.
