@@ -7,7 +7,9 @@ use mesophyll_files::progress::Bar;
 use mesophyll_proof::bench::BenchRow;
 use mesophyll_proof::peers::Inputs;
 use mesophyll_proof::stress::StressRow;
-use mesophyll_proof::{beam, coverage, gloss, leaf, nist, peers, render, sky, slab, solver, translucency, transport};
+use mesophyll_proof::{
+    beam, coverage, foliar, gloss, leaf, nist, peers, render, sky, slab, solver, translucency, transport,
+};
 use mesophyll_report as report;
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
@@ -81,7 +83,7 @@ macro_rules! sweep {
 const NONE: Model = Model { name: "", fit: None, eval: None, bench: None, stress: None };
 
 /// All models, in the order in which verbs name and run them. A new model adds its entry here.
-pub const MODELS: [Model; 16] = [
+pub const MODELS: [Model; 19] = [
     Model {
         name: "solve",
         bench: Some(Sweep {
@@ -195,6 +197,14 @@ pub const MODELS: [Model; 16] = [
         eval: verb!(eval::canopy, "What a canopy reflects of the sun, towards directions or in all"),
         ..NONE
     },
+    Model {
+        name: "abm",
+        eval: verb!(eval::abm, "Light reflected, absorbed and let through by the layers of a leaf, by rays or exactly"),
+        bench: Some(sweep!(foliar::bench::rows)),
+        ..NONE
+    },
+    Model { name: "fsm", eval: verb!(eval::fsm, "The foliar scattering model: its lobes, rules and errors"), ..NONE },
+    Model { name: "foliar", stress: Some(|| Ok(foliar::stress::rows())), ..NONE },
 ];
 
 /// The models that have something, each with it.

@@ -4,6 +4,7 @@
 
 pub mod beam;
 pub mod dome;
+pub mod foliar;
 pub mod gloss;
 pub mod leaf;
 pub mod slab;

@@ -13,6 +13,7 @@
 #![warn(missing_docs)]
 
 pub mod dipole;
+pub mod foliar;
 pub mod slab;
 pub mod tube;
 

@@ -7,6 +7,7 @@
 pub mod beam;
 pub mod bench;
 pub mod coverage;
+pub mod foliar;
 pub mod gloss;
 pub mod leaf;
 pub mod nist;

@@ -4,9 +4,11 @@ use super::Common;
 use crate::Result;
 use crate::models::{Chosen, Model, Offers, Verb};
 
+pub mod abm;
 pub mod beam;
 pub mod canopy;
 pub mod dipole;
+pub mod fsm;
 pub mod gloss;
 pub mod panorama;
 pub mod sky;

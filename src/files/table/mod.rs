@@ -75,12 +75,16 @@ pub struct Spec {
     pub outputs: Vec<String>,
     /// Output columns that are whole numbers and print as such (`3`, not `3.0`).
     pub whole: Vec<String>,
+    /// Columns of words that may be there, in the order [`Row::text`] counts them.
+    pub texts: Vec<String>,
 }
 
-/// The numbers of one input row.
+/// One input row.
 #[derive(Debug)]
 pub struct Row<'a> {
     values: &'a [f64],
+    texts: &'a [Option<&'a str>],
+    number: usize,
 }
 
 impl Row<'_> {
@@ -92,6 +96,14 @@ impl Row<'_> {
     /// All of them, in the order [`Row::get`] counts.
     pub fn all(&self) -> &[f64] {
         self.values
+    }
+    /// The word in column `k` of words; `None` where there is no such column.
+    pub fn text(&self, k: usize) -> Option<&str> {
+        self.texts[k]
+    }
+    /// Which row it is, counted from 1.
+    pub fn number(&self) -> usize {
+        self.number
     }
 }
 
@@ -110,6 +122,7 @@ where
     sink.write_all(&plan.header_line(&table, spec))?;
     let mut tally = Tally::new(&spec.outputs);
     let bar = Bar::of("rows");
+    let mut before = 0;
     let mut block: Vec<Record> = Vec::with_capacity(BLOCK);
     loop {
         block.clear();
@@ -126,12 +139,13 @@ where
         let chunk = block.len().div_ceil(rayon::current_num_threads() * 4).max(16);
         let done: Vec<(Vec<u8>, Tally)> = block
             .par_chunks(chunk)
-            .map(|records| {
+            .enumerate()
+            .map(|(part, records)| {
                 let (mut bytes, mut tally) = (Vec::with_capacity(records.len() * 64), Tally::new(&spec.outputs));
                 let mut answers = Vec::new();
-                for record in records {
+                for (k, record) in records.iter().enumerate() {
                     answers.clear();
-                    plan.answer(record, spec, &f, &mut answers);
+                    plan.answer(record, before + part * chunk + k + 1, spec, &f, &mut answers);
                     for answer in &answers {
                         tally.count(&answer.status, &answer.values);
                         plan.write_row(&mut bytes, record, answer, spec);
@@ -147,6 +161,7 @@ where
                 tally.rows
             )));
         }
+        before += block.len();
         for (bytes, part) in done {
             sink.write_all(&bytes)?;
             tally.add(&part);
@@ -161,6 +176,7 @@ where
 struct Plan {
     width: usize,
     numbers: Vec<(Option<usize>, String, bool)>,
+    texts: Vec<Option<usize>>,
     carried: Vec<usize>,
 }
 
@@ -184,7 +200,8 @@ impl Plan {
                 ));
             }
         }
-        Ok(Plan { width: table.header.len(), numbers, carried })
+        let texts = spec.texts.iter().map(|name| table.column(name)).collect();
+        Ok(Plan { width: table.header.len(), numbers, texts, carried })
     }
 
     fn header_line(&self, table: &Table, spec: &Spec) -> Vec<u8> {
@@ -201,7 +218,14 @@ impl Plan {
         line
     }
 
-    fn answer<F: Fn(&Row, &mut Vec<Answer>)>(&self, record: &Record, spec: &Spec, f: &F, out: &mut Vec<Answer>) {
+    fn answer<F: Fn(&Row, &mut Vec<Answer>)>(
+        &self,
+        record: &Record,
+        number: usize,
+        spec: &Spec,
+        f: &F,
+        out: &mut Vec<Answer>,
+    ) {
         if let Some(fault) = record.fault(self.width) {
             out.push(Answer::refused(fault));
             return;
@@ -233,7 +257,17 @@ impl Plan {
                 }
             }
         }
-        f(&Row { values: &values }, out);
+        let mut texts = Vec::with_capacity(self.texts.len());
+        for (at, name) in self.texts.iter().zip(&spec.texts) {
+            match record.text(*at).transpose() {
+                Ok(text) => texts.push(text),
+                Err(_) => {
+                    out.push(Answer::refused(format!("{name} is not valid UTF-8 text; expected a word")));
+                    return;
+                }
+            }
+        }
+        f(&Row { values: &values, texts: &texts, number }, out);
         debug_assert!(out.iter().all(|a| a.values.is_empty() || a.values.len() == spec.outputs.len()));
     }
 
@@ -260,6 +294,27 @@ impl Plan {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn words_and_the_number_of_a_row_are_known() {
+        let dir = tempfile::tempdir().unwrap();
+        let out = dir.path().join("out.csv");
+        let spec = Spec {
+            texts: vec!["side".into(), "path".into()],
+            outputs: vec!["y".into()],
+            whole: vec!["y".into()],
+            ..Spec::default()
+        };
+        let table = Table::from_reader(Box::new(&b"side\nup\n\xff\n\"\"\n"[..]), "in.csv".into()).unwrap();
+        run(table, &Output::csv(&out), &spec, |row, out| {
+            assert_eq!(row.text(1), None);
+            let y = row.number() as f64 + if row.text(0) == Some("up") { 10.0 } else { 0.0 };
+            out.push(Answer::ok(vec![y]));
+        })
+        .unwrap();
+        let want = "side,y,status\nup,11,ok\n\u{fffd},,refused: side is not valid UTF-8 text; expected a word\n,3,ok\n";
+        assert_eq!(String::from_utf8_lossy(&std::fs::read(out).unwrap()), want);
+    }
 
     fn through(text: &'static str) -> Result<String> {
         through_bytes(text.as_bytes())

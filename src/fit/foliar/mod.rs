@@ -1,0 +1,3 @@
+//! The pigments of leaves from the light that they reflect and let through.
+
+pub mod pigments;

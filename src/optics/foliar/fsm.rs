@@ -1,0 +1,162 @@
+//! The foliar scattering model (FSM) of B1, §3: a table of how much light a leaf reflects at its surface, from its inside, and
+//! lets through, and three lobes that say where it goes.
+//!
+//! Its rule for direct light exchanges source and viewer, which it justifies by reciprocity. The table is made by the
+//! ABM, whose lobes around the ray are not reciprocal.
+
+use super::exact;
+use super::goniometer::{RINGS, SECTORS, projected};
+use super::lobe;
+use super::{Leaf, Side};
+use mesophyll_quadrature as quadrature;
+use std::f64::consts::{FRAC_PI_2, PI};
+
+/// Wavelengths of the table's red, green and blue (nm): the dominant ones of a monitor's colours (Table 2).
+pub const WAVELENGTHS: [f64; 3] = [608.0, 551.0, 465.0];
+/// Rows of the table: every degree from light along the adaxial normal to light along the abaxial one.
+pub const ROWS: usize = 181;
+/// Attenuation below which a path ends (ς of Table 3).
+pub const CUT: f64 = 0.01;
+
+/// Shares of the incident light.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Shares {
+    /// Reflected by the surface.
+    pub surface: f64,
+    /// Reflected from the inside.
+    pub diffuse: f64,
+    /// Let through.
+    pub through: f64,
+}
+
+/// The light of row `k` of the table: which side, and the angle of incidence (radians). Beyond 90° it is the abaxial
+/// one.
+pub fn light(row: usize) -> (Side, f64) {
+    let degrees = row as f64;
+    if row <= 90 { (Side::Adaxial, degrees.to_radians()) } else { (Side::Abaxial, (180.0 - degrees).to_radians()) }
+}
+
+/// The table of a leaf at one wavelength, by the exact method. `None` where that does not settle.
+pub fn table(leaf: &Leaf) -> Option<Vec<Shares>> {
+    let lights: Vec<(Side, f64)> = (0..ROWS).map(light).collect();
+    let found = exact::responses(leaf, &lights)?;
+    let share = |(&(_, angle), r): (&(Side, f64), &super::Response)| {
+        let surface = leaf.surface_reflectance(angle);
+        Shares { surface, diffuse: (r.reflectance - surface).max(0.0), through: r.transmittance }
+    };
+    Some(lights.iter().zip(&found).map(share).collect())
+}
+
+/// The angle between the leaf's normal and the way back along a ray (Eq. 5, radians).
+pub fn theta(normal: [f64; 3], ray: [f64; 3]) -> f64 {
+    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let cross = [
+        normal[1] * ray[2] - normal[2] * ray[1],
+        normal[2] * ray[0] - normal[0] * ray[2],
+        normal[0] * ray[1] - normal[1] * ray[0],
+    ];
+    // arctan keeps the digits near 0 and 180° that arccos loses
+    dot(cross, cross).sqrt().atan2(-dot(normal, ray))
+}
+
+/// What the direct-light rule selects (1/sr): ρd/π where source and viewer are on one side, else τ/π. Angles are from the
+/// adaxial normal, 0 to π.
+pub fn direct(incidence: f64, source: f64, diffuse: f64, through: f64) -> f64 {
+    let same = (incidence <= FRAC_PI_2) == (source <= FRAC_PI_2);
+    (if same { diffuse } else { through }) / PI
+}
+
+/// Luminance of an attenuation (Eq. 4).
+pub fn luminance([r, g, b]: [f64; 3]) -> f64 {
+    0.2122 * r + 0.7013 * g + 0.0865 * b
+}
+
+/// Density (1/sr) of the directions of surface reflection around the mirror direction of light at `incidence`, after
+/// those below the surface were drawn again. `zenith` is from the normal of the lit side, `azimuth` from the source.
+pub fn surface_density(incidence: f64, ob: f64, zenith: f64, azimuth: f64, acceptance: f64) -> f64 {
+    if zenith > FRAC_PI_2 {
+        return 0.0;
+    }
+    // The mirror direction has azimuth π. The half angles keep the digits where the two are close.
+    let half = |x: f64| (0.5 * x).sin().powi(2);
+    let square = half(zenith - incidence) + zenith.sin() * incidence.sin() * half(azimuth - PI);
+    let alpha = 2.0 * square.sqrt().min(1.0).asin();
+    lobe::density(alpha, ob) / acceptance
+}
+
+/// Share of the incident light that the model sends into a patch of the goniometer. `incidence` is from the normal of
+/// the lit side, below π/2; `ob` is finite.
+pub fn patch(incidence: f64, ob: f64, shares: Shares, ring: usize, sector: usize) -> f64 {
+    let lambert = projected(ring) / PI;
+    if ring >= RINGS / 2 {
+        return shares.through * lambert;
+    }
+    let (z0, z1) = (PI * ring as f64 / RINGS as f64, PI * (ring + 1) as f64 / RINGS as f64);
+    let (a0, a1) = (2.0 * PI * sector as f64 / SECTORS as f64, 2.0 * PI * (sector + 1) as f64 / SECTORS as f64);
+    let acceptance = lobe::acceptance(incidence, ob);
+    let width = 1.0 / (ob + 1.0).sqrt();
+    let around = |center: f64, by: f64| [-9.0, -4.0, -1.5, 0.0, 1.5, 4.0, 9.0].map(|k| center + k * by);
+    let pieces = |mut ends: Vec<f64>, from: f64, to: f64| {
+        ends.retain(|e| *e > from && *e < to);
+        ends.extend([from, to]);
+        ends.sort_by(f64::total_cmp);
+        ends
+    };
+    let rule = quadrature::unit(16);
+    let integrate = |ends: &[f64], f: &dyn Fn(f64) -> f64| -> f64 {
+        let piece = |p: &[f64]| rule.iter().map(|(x, w)| w * (p[1] - p[0]) * f(p[0] + (p[1] - p[0]) * x)).sum::<f64>();
+        ends.windows(2).map(piece).sum()
+    };
+    let ring_of = |zenith: f64| {
+        let (a, b) = (zenith.cos() * incidence.cos(), zenith.sin() * incidence.sin());
+        let mut ends = around(PI, width / b.sqrt().max(1e-3)).to_vec();
+        if a < b {
+            let edge = (-a / b).acos();
+            ends.extend([PI - edge, PI + edge]);
+        }
+        let density = |azimuth: f64| surface_density(incidence, ob, zenith, azimuth, acceptance);
+        zenith.sin() * integrate(&pieces(ends, a0, a1), &density)
+    };
+    let mut ends = around(incidence, width).to_vec();
+    ends.extend((1..8).map(|k| z0 + (z1 - z0) * f64::from(k) / 8.0));
+    ends.push(FRAC_PI_2 - incidence);
+    shares.surface * integrate(&pieces(ends, z0, z1), &ring_of) + shares.diffuse * lambert
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn patches_hold_all_light_of_the_three_lobes() {
+        let shares = Shares { surface: 0.5, diffuse: 0.2, through: 0.1 };
+        for (incidence, ob) in [(0.0, 5.0), (0.6, 5.0), (1.4, 5.0), (0.9, 0.5), (0.7, 2000.0), (1.2, 1e6)] {
+            let all = |rings: std::ops::Range<usize>| -> f64 {
+                rings.flat_map(|r| (0..SECTORS).map(move |s| patch(incidence, ob, shares, r, s))).sum()
+            };
+            let (up, down) = (all(0..RINGS / 2), all(RINGS / 2..RINGS));
+            assert!((up - 0.7).abs() < 2e-6 && (down - 0.1).abs() < 1e-12, "{incidence} {ob}: {up} {down}");
+        }
+    }
+
+    #[test]
+    fn the_rule_for_direct_light_goes_by_sides() {
+        let degrees = |i: f64, s: f64| direct(i.to_radians(), s.to_radians(), 0.3, 0.2) * PI;
+        assert!((degrees(20.0, 80.0) - 0.3).abs() < 1e-15 && (degrees(120.0, 100.0) - 0.3).abs() < 1e-15);
+        assert!((degrees(20.0, 100.0) - 0.2).abs() < 1e-15 && (degrees(120.0, 10.0) - 0.2).abs() < 1e-15);
+        assert!((luminance([1.0; 3]) - 1.0).abs() < 1e-12);
+        assert!((theta([0.0, 0.0, 2.0], [0.0, 0.0, -1.0])).abs() < 1e-15);
+        assert!((theta([0.0, 0.0, 1.0], [3.0, 0.0, -3.0]) - 0.25 * PI).abs() < 1e-15);
+    }
+
+    #[test]
+    fn rows_run_from_one_normal_to_the_other() {
+        assert_eq!(light(0), (Side::Adaxial, 0.0));
+        assert_eq!(light(90), (Side::Adaxial, FRAC_PI_2));
+        assert_eq!(light(180), (Side::Abaxial, 0.0));
+        assert!((light(91).1 - 89f64.to_radians()).abs() < 1e-15);
+        let table = table(&Leaf::soybean(0.4)).unwrap();
+        assert!(table.len() == ROWS && (table[90].surface - 1.0).abs() < 1e-12 && table[90].through < 1e-12);
+        assert!(table.iter().all(|s| s.diffuse >= 0.0 && s.through >= 0.0));
+    }
+}

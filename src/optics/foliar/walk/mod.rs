@@ -1,0 +1,274 @@
+//! The random walk of rays through the six interfaces (B1; A2 of the algorithm): analog, without roulette and without a
+//! limit of depth.
+//!
+//! What turns a ray inside the leaf depends only on where it goes, so rays wait in queues, one a layer and way, for the
+//! lobe that brings them in. A step takes the rays of the longest queue together: lobe, absorption, Fresnel. All of them
+//! do the same, in vector instructions. Every part of [`PART`] rays has random streams of its own, so that the result depends on
+//! the seed and not on the number of threads.
+
+mod numbers;
+mod pass;
+
+use super::goniometer::{self, Goniometer};
+use super::{Leaf, Oblateness, Path, Side, enter};
+use numbers::Random;
+use pass::{Place, Rays, Step, WIDTH};
+use rayon::prelude::*;
+
+/// Rays with random streams of their own.
+pub const PART: u64 = 1 << 16;
+/// Rays on their way at a time.
+const UNDER_WAY: usize = 2 * WIDTH;
+/// Steps after the last ray was sent after which those left are given up. Light comes there that rounding has caught in
+/// the antidermal wall: about one ray in a million where this wall has the highest index.
+const MOST_STEPS: u64 = 1 << 18;
+
+/// Where rays went.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Counts {
+    /// How many rays were sent.
+    pub rays: u64,
+    /// Left on the lit side.
+    pub reflected: u64,
+    /// Left on the other side.
+    pub transmitted: u64,
+    /// Given up.
+    pub lost: u64,
+}
+
+impl Counts {
+    /// A share of the rays and its standard error. Where a share is very near 0 or 1 the error is that of a share of
+    /// one ray in all: no ray seen does not mean that none would be.
+    pub fn share(&self, count: u64) -> (f64, f64) {
+        let n = self.rays as f64;
+        let p = (count as f64 + 1.0) / (n + 2.0);
+        (count as f64 / n, (p * (1.0 - p) / n).sqrt() + self.lost as f64 / n)
+    }
+
+    fn add(&mut self, o: &Counts) {
+        self.rays += o.rays;
+        self.reflected += o.reflected;
+        self.transmitted += o.transmitted;
+        self.lost += o.lost;
+    }
+}
+
+/// Sends `rays` rays at `incidence` (radians from the normal, 0 to π/2) onto one side. Between parts it asks `stop` whether to end
+/// early; what it returns then is of no use.
+pub fn count(leaf: &Leaf, side: Side, incidence: f64, rays: u64, seed: u64, stop: impl Fn() -> bool + Sync) -> Counts {
+    let walk = Walk::new(leaf, side, incidence);
+    let parts = (0..rays.div_ceil(PART)).into_par_iter().map(|part| {
+        let n = PART.min(rays - part * PART);
+        if stop() { Counts::default() } else { walk.part::<false>(n, seed, part, &mut |_, _| ()) }
+    });
+    parts.reduce(Counts::default, |mut a, b| {
+        a.add(&b);
+        a
+    })
+}
+
+/// The same, with the directions in which rays leave.
+pub fn directions(
+    leaf: &Leaf,
+    side: Side,
+    incidence: f64,
+    rays: u64,
+    seed: u64,
+    stop: impl Fn() -> bool + Sync,
+) -> Goniometer {
+    let walk = Walk::new(leaf, side, incidence);
+    let parts = (0..rays.div_ceil(PART)).into_par_iter();
+    let collect = |mut all: Goniometer, part: u64| {
+        let n = PART.min(rays - part * PART);
+        if !stop() {
+            let found = walk.part::<true>(n, seed, part, &mut |lit, ray| all.collect(lit, ray));
+            all.counts.add(&found);
+        }
+        all
+    };
+    parts.fold(goniometer::Goniometer::empty, collect).reduce(goniometer::Goniometer::empty, |mut a, b| {
+        a.patches.iter_mut().zip(&b.patches).for_each(|(a, b)| *a += b);
+        a.counts.add(&b.counts);
+        a
+    })
+}
+
+/// The places of a ray: a layer and the way it goes, or out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum At {
+    UpperDown,
+    UpperUp,
+    MesophyllDown,
+    MesophyllUp,
+    AirDown,
+    AirUp,
+    WallDown,
+    WallUp,
+    LowerDown,
+    LowerUp,
+    /// Out of the upper face, and not to be turned; then turned by the cuticle.
+    OutUp,
+    MirroredUp,
+    OutDown,
+    MirroredDown,
+}
+
+const INSIDE: usize = 10;
+const PLACES: usize = 14;
+
+/// Where rays of each place inside go: mirrored, refracted.
+const NEXT: [(At, At); INSIDE] = [
+    (At::UpperUp, At::MesophyllDown),
+    (At::UpperDown, At::OutUp),
+    (At::MesophyllUp, At::AirDown),
+    (At::MesophyllDown, At::UpperUp),
+    (At::AirUp, At::WallDown),
+    (At::AirDown, At::MesophyllUp),
+    (At::WallUp, At::LowerDown),
+    (At::WallDown, At::AirUp),
+    (At::LowerUp, At::OutDown),
+    (At::LowerDown, At::WallUp),
+];
+
+struct Walk {
+    places: [Place; INSIDE],
+    /// 1/(ob + 1) of the cuticle.
+    cuticle: Option<f32>,
+    side: Side,
+    surface: f64,
+    incidence: f64,
+    inside: f64,
+}
+
+impl Walk {
+    fn new(leaf: &Leaf, side: Side, incidence: f64) -> Walk {
+        let Oblateness { cuticle, epidermis, palisade, spongy } = leaf.oblateness;
+        let lobe = |ob: f64| (ob.is_finite()).then_some((1.0 / (ob + 1.0)) as f32);
+        let (nc, nm, na) = (leaf.n_cuticle, leaf.n_mesophyll, leaf.n_antidermal);
+        let absorbs = (leaf.depth > 0.0).then_some((leaf.depth * std::f64::consts::LOG2_E) as f32);
+        let place = |lobe: Option<f32>, absorbs: Option<f32>, here: f64, next: f64| Place {
+            lobe,
+            absorbs,
+            sieve: leaf.path == Path::Sieve,
+            ratio: (here / next) as f32,
+        };
+        let [epidermis, palisade, spongy] = [epidermis, palisade, spongy].map(lobe);
+        let places = [
+            place(epidermis, None, nc, nm),
+            place(epidermis, None, nc, 1.0),
+            place(palisade, absorbs, nm, 1.0),
+            place(palisade, absorbs, nm, nc),
+            place(spongy, None, 1.0, na),
+            place(None, None, 1.0, nm),
+            place(None, None, na, nc),
+            place(None, None, na, 1.0),
+            place(epidermis, None, nc, 1.0),
+            place(epidermis, None, nc, na),
+        ];
+        let (surface, _, inside) = enter(nc, incidence);
+        Walk { places, cuticle: lobe(cuticle), side, surface, incidence, inside }
+    }
+
+    /// Sends `n` rays, and hands those that leave to `each` if `DIRECTIONS`: whether on the lit side, with cosines.
+    fn part<const DIRECTIONS: bool>(
+        &self,
+        n: u64,
+        seed: u64,
+        part: u64,
+        each: &mut impl FnMut(bool, [f32; 3]),
+    ) -> Counts {
+        #[cfg(target_arch = "x86_64")]
+        if std::arch::is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has just been asked.
+            return unsafe { self.part_avx2::<DIRECTIONS>(n, seed, part, each) };
+        }
+        self.part_plain::<DIRECTIONS>(n, seed, part, each)
+    }
+
+    /// The same code, compiled for processors with AVX2. It computes the same numbers.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn part_avx2<const DIRECTIONS: bool>(
+        &self,
+        n: u64,
+        seed: u64,
+        part: u64,
+        each: &mut impl FnMut(bool, [f32; 3]),
+    ) -> Counts {
+        self.part_plain::<DIRECTIONS>(n, seed, part, each)
+    }
+
+    #[inline(always)]
+    fn part_plain<const DIRECTIONS: bool>(
+        &self,
+        n: u64,
+        seed: u64,
+        part: u64,
+        each: &mut impl FnMut(bool, [f32; 3]),
+    ) -> Counts {
+        let mut random = Random::new(seed, part);
+        let mut step = Step::new();
+        let mut queues: [Rays; PLACES] = std::array::from_fn(|_| Rays::new(UNDER_WAY));
+        let (inner, mirrored) = match self.side {
+            Side::Adaxial => (At::UpperDown as usize, At::MirroredUp as usize),
+            Side::Abaxial => (At::LowerUp as usize, At::MirroredDown as usize),
+        };
+        let (mut out, mut left, mut under_way) = ([0u64; 2], n, 0);
+        let mut steps = 0;
+        loop {
+            if left > 0 && under_way <= UNDER_WAY - WIDTH {
+                let sent = left.min(WIDTH as u64) as usize;
+                left -= sent as u64;
+                self.send(&mut random, sent, &mut queues, inner, mirrored);
+                under_way += sent;
+            }
+            if under_way == 0 {
+                break;
+            }
+            let longest = (0..PLACES).max_by_key(|&k| queues[k].len).unwrap_or(0);
+            if longest >= INSIDE {
+                // outside: 0 up, 1 down
+                let (down, turned) = ((longest - INSIDE) / 2, (longest - INSIDE) % 2 == 1);
+                let rays = &mut queues[longest];
+                let before = rays.len;
+                if DIRECTIONS {
+                    let lit = (down == 0) == (self.side == Side::Adaxial);
+                    let lobe = if turned { self.cuticle } else { None };
+                    step.leave(lobe, &mut random, rays, |ray| each(lit, ray));
+                } else {
+                    rays.len = 0;
+                }
+                out[down] += (before - rays.len) as u64;
+                under_way -= before - rays.len;
+                continue;
+            }
+            let (to_mirrored, to_refracted) = (NEXT[longest].0 as usize, NEXT[longest].1 as usize);
+            if let Ok([rays, a, b]) = queues.get_disjoint_mut([longest, to_mirrored, to_refracted]) {
+                under_way -= step.run::<DIRECTIONS>(&self.places[longest], &mut random, rays, a, b) as usize;
+            }
+            steps += u64::from(left == 0);
+            if steps > MOST_STEPS {
+                break;
+            }
+        }
+        let [reflected, transmitted] = if self.side == Side::Adaxial { out } else { [out[1], out[0]] };
+        Counts { rays: n, reflected, transmitted, lost: under_way as u64 }
+    }
+
+    /// Sends `n` rays onto the lit face.
+    #[inline(always)]
+    fn send(&self, random: &mut Random, n: usize, queues: &mut [Rays; PLACES], inner: usize, mirrored: usize) {
+        let mut chance = [0.0; WIDTH];
+        random.fill(&mut chance[..n.next_multiple_of(numbers::LANES)]);
+        let (surface, cos, inside) = (self.surface as f32, self.incidence.cos() as f32, self.inside as f32);
+        for chance in &chance[..n] {
+            let (to, mu) = if *chance <= surface { (mirrored, cos) } else { (inner, inside) };
+            let rays = &mut queues[to];
+            rays.mu[rays.len] = mu;
+            // Azimuth 0 is the source's: light goes away from it.
+            rays.azimuth[0][rays.len] = -1.0;
+            rays.azimuth[1][rays.len] = 0.0;
+            rays.len += 1;
+        }
+    }
+}

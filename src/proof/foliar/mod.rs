@@ -1,0 +1,4 @@
+//! The layers of a leaf: rays and the exact method against each other and against the clock, and extreme leaves.
+
+pub mod bench;
+pub mod stress;
