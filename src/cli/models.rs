@@ -8,7 +8,7 @@ use mesophyll_proof::bench::BenchRow;
 use mesophyll_proof::peers::Inputs;
 use mesophyll_proof::stress::StressRow;
 use mesophyll_proof::{
-    beam, coverage, foliar, gloss, leaf, nist, peers, render, sky, slab, solver, translucency, transport,
+    beam, coverage, foliar, gloss, leaf, nist, peers, render, sky, slab, solver, translucency, transport, visibility,
 };
 use mesophyll_report as report;
 use std::marker::PhantomData;
@@ -83,7 +83,7 @@ macro_rules! sweep {
 const NONE: Model = Model { name: "", fit: None, eval: None, bench: None, stress: None };
 
 /// All models, in the order in which verbs name and run them. A new model adds its entry here.
-pub const MODELS: [Model; 19] = [
+pub const MODELS: [Model; 20] = [
     Model {
         name: "solve",
         bench: Some(Sweep {
@@ -192,6 +192,17 @@ pub const MODELS: [Model; 19] = [
         ..NONE
     },
     Model { name: "transport", stress: Some(|| Ok(transport::stress())), ..NONE },
+    Model {
+        name: "visibility",
+        bench: Some(Sweep {
+            steps: visibility::bench::PIECES,
+            rows: visibility::bench::rows,
+            pictures: None,
+            peers: None,
+        }),
+        stress: Some(|| Ok(visibility::stress::rows())),
+        ..NONE
+    },
     Model {
         name: "canopy",
         eval: verb!(eval::canopy, "What a canopy reflects of the sun, towards directions or in all"),

@@ -21,5 +21,6 @@ pub mod stress;
 pub mod tissue;
 pub mod translucency;
 pub mod transport;
+pub mod visibility;
 
 pub(crate) use mesophyll_error::{Error, Result};

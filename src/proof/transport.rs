@@ -38,7 +38,7 @@ fn side(rho_d: f64, rho_t: f64) -> ReferenceSide {
 }
 
 /// A level square, its front up, 2 m wide, in `n` by `n` pieces.
-fn square(n: u32) -> ReferenceMesh {
+pub(crate) fn square(n: u32) -> ReferenceMesh {
     let mut mesh = ReferenceMesh::default();
     for j in 0..=n {
         for i in 0..=n {
@@ -58,13 +58,13 @@ fn square(n: u32) -> ReferenceMesh {
     mesh
 }
 
-fn leaf(mesh: ReferenceMesh, rho_d: f64, rho_t: f64) -> ReferenceLeaf {
+pub(crate) fn leaf(mesh: ReferenceMesh, rho_d: f64, rho_t: f64) -> ReferenceLeaf {
     let (front, back) = (side(rho_d, rho_t), side(rho_d, rho_t));
     ReferenceLeaf { mesh, width: 1, height: 1, front, back, mask: None, lobe: Lobe::Beckmann }
 }
 
 /// Level squares: height (mm), ρd and ρt of each.
-fn stack(of: &[(f64, f64, f64)]) -> World {
+pub(crate) fn stack(of: &[(f64, f64, f64)]) -> World {
     World {
         leaves: of.iter().map(|(_, rho_d, rho_t)| leaf(square(1), *rho_d, *rho_t)).collect(),
         instances: (0..of.len())

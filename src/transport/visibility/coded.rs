@@ -100,9 +100,9 @@ impl CodedMaps {
         self.receivers
     }
 
-    /// Bytes of all maps together, without the tables that they share.
-    pub fn map_bytes(&self) -> usize {
-        self.data.len()
+    /// Bytes of a file of them: the maps, and all that they share.
+    pub fn bytes(&self) -> usize {
+        self.to_bytes().len()
     }
 
     /// The map of direction `k` of the list, into `map`, which has an entry a receiver.

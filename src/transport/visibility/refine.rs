@@ -67,6 +67,13 @@ pub(super) fn refine(leaf: &ReferenceLeaf, edge_mm: f64, number: usize) -> Resul
     if !(edge_mm > 0.0) {
         return Err(bad(format!("edge of {edge_mm} mm, expected a length above 0")));
     }
+    let corners = |t: &[u32]| [0, 1, 2].map(|k| mesh.positions[t[k] as usize]);
+    let area: f64 =
+        mesh.indices.chunks_exact(3).map(corners).map(|[a, b, c]| 0.5 * (b - a).cross(c - a).length()).sum();
+    // A triangle with such edges has at most √3/4 of their square, and there are hardly two of them a vertex.
+    if area / (0.866 * edge_mm * edge_mm) > MOST_VERTICES as f64 {
+        return Err(bad(format!("edges of {edge_mm} mm need more than {MOST_VERTICES} vertices")));
+    }
     let mut places: Vec<Place> = (0..mesh.positions.len() as u32).map(corner).collect();
     let mut triangles: Vec<[u32; 3]> =
         (0..mesh.indices.len() / 3).map(|t| [0, 1, 2].map(|k| mesh.indices[3 * t + k])).collect();
