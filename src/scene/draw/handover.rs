@@ -85,13 +85,12 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
 fn below_all(placed: &Placed) -> bool {
     let Some((ground, _)) = &placed.ground else { return false };
     let height = ground.positions.first().map_or(0.0, |p| p.z);
-    let leaf = |p: &Placement| {
-        let (centre, radius) = placed.leaves[p.leaf].mesh.as_ref().map(LeafMesh::bounds)?;
-        Some(p.transform.transform_point3(centre).z - radius * p.transform.x_axis.truncate().length())
-    };
     let wood = placed.twigs.iter().map(|t| &t.1).chain(placed.wood.as_ref().map(|w| &w.0));
-    let low = wood.flat_map(|m| m.positions.iter().map(|p| p.z)).chain(placed.placements.iter().filter_map(leaf));
-    low.fold(f64::INFINITY, f64::min) >= height
+    let leaf = |p: &Placement| {
+        let mesh = placed.leaves[p.leaf].mesh.as_ref()?;
+        Some(mesh.positions.iter().all(|v| p.transform.transform_point3(*v).z >= height))
+    };
+    wood.flat_map(|m| &m.positions).all(|v| v.z >= height) && placed.placements.iter().filter_map(leaf).all(|b| b)
 }
 
 /// Light between leaves: meshes and instances stand in the order of the transfer's.

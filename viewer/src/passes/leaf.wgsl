@@ -112,7 +112,7 @@ fn shade(place: Place, facing: Facing) -> Shade {
     //#endif
     //#if SUN
     let light = frame.sun_direction.xyz;
-    let cosine = dot(light, facing.towards_viewer);
+    let cosine = dot(light, facing.flat_normal);
     if (cosine > 0.0) {
         let nl = max(0.0, dot(viewed, light));
         //#if !SKY
@@ -173,7 +173,7 @@ fn uneven(place: Place, facing: Facing) -> bool {
 //#endif
 
 @fragment
-fn fragment(in: Varying) -> Pixel {
+fn fragment(in: Varying, @builtin(front_facing) front_facing: bool) -> Pixel {
     var out: Pixel;
     let dx = dpdx(in.uv);
     let dy = dpdy(in.uv);
@@ -204,10 +204,10 @@ fn fragment(in: Varying) -> Pixel {
     arrive(in.first, in.place);
     //#endif
     let place = Place(in.uv, vec2f(1.0 - in.uv.x, in.uv.y), dx, dy);
-    let facing = faced(in);
+    let facing = faced(in, front_facing);
     var seen: Shade;
     //#if SUPERSAMPLE
-    if (dot(frame.sun_direction.xyz, facing.towards_viewer) > 0.0 && uneven(place, facing)) {
+    if (dot(frame.sun_direction.xyz, facing.flat_normal) > 0.0 && uneven(place, facing)) {
         // Eight places that share no row, column or diagonal.
         var spots = array<vec2f, 8>(
             vec2f(0.0625, -0.1875), vec2f(-0.0625, 0.1875), vec2f(0.3125, 0.0625), vec2f(-0.1875, -0.3125),

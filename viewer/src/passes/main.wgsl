@@ -134,21 +134,36 @@ struct Facing {
     view: vec3f,
     // The mesh's normal on the viewer's side.
     towards_viewer: vec3f,
+    // What decides which side light falls on, towards the viewer too.
+    flat_normal: vec3f,
     front: bool,
     //#if TANGENT
     axes: Basis,
     //#endif
 }
 
-fn faced(in: Varying) -> Facing {
+fn faced(in: Varying, front_facing: bool) -> Facing {
     let view = normalize(frame.eye.xyz - frame.eye.w * in.world);
+    //#if TRANSFER
+    // The triangle decides which side is seen and lit, as for the path tracer: where light goes from leaf to leaf, none may
+    // pass through a blade unseen. An interpolated normal that points the other way is turned round.
+    let front = front_facing;
+    let across = cross(dpdx(in.world), dpdy(in.world));
+    let flat_normal = normalize(select(-across, across, dot(across, view) > 0.0));
+    let outward = select(-flat_normal, flat_normal, front);
+    let smooth_normal = normalize(in.normal);
+    let mesh_normal = select(-smooth_normal, smooth_normal, dot(smooth_normal, outward) >= 0.0);
+    let towards_viewer = select(-mesh_normal, mesh_normal, front);
+    //#else
     let mesh_normal = normalize(in.normal);
     let front = dot(mesh_normal, view) >= 0.0;
     let towards_viewer = select(-mesh_normal, mesh_normal, front);
+    let flat_normal = towards_viewer;
+    //#endif
     //#if TANGENT
-    return Facing(view, towards_viewer, front, basis(in, mesh_normal));
+    return Facing(view, towards_viewer, flat_normal, front, basis(in, mesh_normal));
     //#else
-    return Facing(view, towards_viewer, front);
+    return Facing(view, towards_viewer, flat_normal, front);
     //#endif
 }
 
@@ -164,8 +179,8 @@ fn lit(seen: Shade, facing: Facing, world: vec3f) -> vec3f {
     var sunlit = seen.sunlit;
     //#if SHADOW
     if (max(sunlit.r, max(sunlit.g, sunlit.b)) > 0.0) {
-        let cosine = dot(frame.sun_direction.xyz, facing.towards_viewer);
-        sunlit *= visibility(world, select(-facing.towards_viewer, facing.towards_viewer, cosine > 0.0), abs(cosine));
+        let cosine = dot(frame.sun_direction.xyz, facing.flat_normal);
+        sunlit *= visibility(world, select(-facing.flat_normal, facing.flat_normal, cosine > 0.0), abs(cosine));
     }
     //#endif
     radiance += frame.sun_irradiance.rgb * sunlit;

@@ -4,10 +4,10 @@
 @group(1) @binding(0) var<uniform> albedo: vec4f;
 
 @fragment
-fn fragment(in: Varying) -> @location(0) vec4f {
+fn fragment(in: Varying, @builtin(front_facing) front_facing: bool) -> @location(0) vec4f {
     var radiance = vec3f(0.0);
     //#if LIT
-    let facing = faced(in);
+    let facing = faced(in, front_facing);
     if (facing.front) {
         let normal = facing.towards_viewer;
         var seen = Shade(vec3f(0.0), vec3f(0.0));
