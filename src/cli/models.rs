@@ -8,7 +8,8 @@ use mesophyll_proof::bench::BenchRow;
 use mesophyll_proof::peers::Inputs;
 use mesophyll_proof::stress::StressRow;
 use mesophyll_proof::{
-    beam, coverage, foliar, gloss, leaf, nist, peers, render, sky, slab, solver, translucency, transport, visibility,
+    beam, coverage, foliar, gloss, leaf, nist, peers, render, sky, slab, solver, transfer, translucency, transport,
+    visibility,
 };
 use mesophyll_report as report;
 use std::marker::PhantomData;
@@ -189,6 +190,7 @@ pub const MODELS: [Model; 20] = [
     Model {
         name: "transfer",
         fit: verb!(fit::transfer, "How light arrives at the leaves of a scene past and by way of other leaves"),
+        bench: Some(Sweep { steps: transfer::PIECES, rows: transfer::rows, pictures: None, peers: None }),
         ..NONE
     },
     Model { name: "transport", stress: Some(|| Ok(transport::stress())), ..NONE },

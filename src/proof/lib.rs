@@ -19,6 +19,7 @@ pub mod slab;
 pub mod solver;
 pub mod stress;
 pub mod tissue;
+pub mod transfer;
 pub mod translucency;
 pub mod transport;
 pub mod visibility;

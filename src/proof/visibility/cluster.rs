@@ -20,7 +20,7 @@ const STALK: f64 = 12.0;
 pub(super) const EDGE_MM: f64 = 1.8;
 
 /// Leaves folded along the midrib, bent and wavy, around an upright twig a golden angle apart.
-pub(super) fn cluster() -> World {
+pub(crate) fn cluster() -> World {
     let mut rng = Pcg64::seed_from_u64(5);
     let mut about = |middle: f64, spread: f64| middle + spread * (rng.random::<f64>() - 0.5);
     let golden = PI * (3.0 - 5f64.sqrt());

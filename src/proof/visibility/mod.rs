@@ -1,5 +1,5 @@
 //! Sharp sunlight among leaves by maps that were computed beforehand: what they cost and what they are worth.
 
 pub mod bench;
-mod cluster;
+pub(crate) mod cluster;
 pub mod stress;

@@ -78,6 +78,22 @@ impl Anchors {
         }
     }
 
+    /// What is known at the anchors, at a vertex: the bilinear mean of the four around it, as a renderer draws it.
+    pub fn between<const N: usize>(&self, vertex: usize, at: &[[DVec3; N]]) -> [DVec3; N] {
+        let [first, x, y] = self.places[vertex].map(f64::from);
+        let last = self.grid.map(|n| n - 1);
+        let low = [(x as usize).min(last[0]), (y as usize).min(last[1])];
+        let t = [x - low[0] as f64, y - low[1] as f64];
+        let mut sum = [DVec3::ZERO; N];
+        for (i, j) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+            let weight = |k: usize, t: f64| if k == 0 { 1.0 - t } else { t };
+            let node = (low[0] + i).min(last[0]) + self.grid[0] * (low[1] + j).min(last[1]);
+            let value = at[first as usize + node];
+            (0..N).for_each(|q| sum[q] += value[q] * (weight(i, t[0]) * weight(j, t[1])));
+        }
+        sum
+    }
+
     /// Adds the grid over one piece.
     fn add(&mut self, leaf: &ReferenceLeaf, triangles: &[usize]) {
         let plane = Plane::along(leaf, triangles);

@@ -1,0 +1,161 @@
+//! Light between the leaves of a cluster: anchors, paths and bands of the light, each by error, time and bytes.
+
+use crate::Result;
+use crate::bench::BenchRow;
+use crate::visibility::cluster::cluster;
+use glam::DVec3;
+use mesophyll_files::progress::Bar;
+use mesophyll_transport::path::{Paths, Tracer};
+use mesophyll_transport::transfer::{Anchor, Anchors, Columns, Receiver, Request, Rows, measure};
+use mesophyll_transport::{ReferenceSun, World};
+use std::f64::consts::PI;
+use std::time::Instant;
+
+/// Steps of the sweep's bar.
+pub const PIECES: u64 = 4;
+/// Leaves that are looked at, and every so many of their vertices.
+const LEAVES: [usize; 3] = [3, 11, 20];
+const VERTICES: usize = 9;
+/// Of the truth at a vertex.
+const MANY: u32 = 1 << 14;
+const SKY: f64 = 0.35;
+const SUN: f64 = 2.5;
+
+/// Irradiance of front and back, over π.
+type Both = [f64; 2];
+
+/// The sweep.
+///
+/// # Errors
+/// [`crate::Error::Interrupted`] after Ctrl-C.
+pub fn rows(bar: &Bar) -> Result<Vec<BenchRow>> {
+    let mut world = cluster();
+    world.sky = Some([SKY; 3]);
+    let direction = DVec3::new(0.4, -0.3, 0.8).normalize();
+    world.sun = Some(ReferenceSun { direction, irradiance: [SUN; 3], radius: 0.00465 });
+    let tracer = Tracer::new(&world, Paths::default())?;
+    let bench = Bench { truth: Vec::new(), tracer: &tracer, world: &world, sun: direction };
+    let bench = Bench { truth: bench.truth()?, ..bench };
+    bar.step()?;
+    let mut rows = vec![bench.alone()];
+    for anchors in [[1, 1], [2, 1], [3, 2], [5, 3], [9, 5]] {
+        rows.push(bench.row("anchors", format!("{}x{}", anchors[0], anchors[1]), anchors, Columns::Light, 2048)?);
+    }
+    bar.step()?;
+    for paths in [128, 512, 2048, 8192] {
+        rows.push(bench.row("paths", paths.to_string(), [5, 3], Columns::Light, paths)?);
+    }
+    bar.step()?;
+    for bands in [1, 2, 3, 5, 7] {
+        rows.push(bench.row("bands", bands.to_string(), [5, 3], Columns::Harmonics(bands), 2048)?);
+    }
+    bar.step()?;
+    Ok(rows)
+}
+
+struct Bench<'a> {
+    /// Of the vertices of each leaf that is looked at.
+    truth: Vec<Vec<Both>>,
+    tracer: &'a Tracer<'a>,
+    world: &'a World,
+    sun: DVec3,
+}
+
+impl Bench<'_> {
+    /// What arrives at anchors of an instance, front and back, and the mesh's normals there.
+    fn arriving(&self, instance: usize, anchors: &[Anchor], columns: Columns, paths: u32) -> Result<Vec<[DVec3; 2]>> {
+        let request = Request { columns, paths, seed: 7 };
+        let found = measure(self.tracer, &Receiver { instance, anchors, rows: Rows::Both }, &request);
+        mesophyll_files::progress::go_on()?;
+        let light = self.light(columns);
+        let row = |entries: &[[f32; 4]]| -> f64 {
+            entries.iter().zip(&light).map(|(e, [both, sky])| f64::from(e[1]) * both + f64::from(e[3]) * sky).sum()
+        };
+        let count = columns.count();
+        let vectors = found.entries.chunks(6 * count).map(|anchor| {
+            let rows: Vec<f64> = anchor.chunks(count).map(row).collect();
+            [DVec3::new(rows[0], rows[1], rows[2]), DVec3::new(rows[3], rows[4], rows[5])]
+        });
+        Ok(vectors.collect())
+    }
+
+    /// Of each column: light of sky and sun, and of the sky alone.
+    fn light(&self, columns: Columns) -> Vec<[f64; 2]> {
+        let Columns::Harmonics(bands) = columns else { return vec![[1.0, 0.0]] };
+        let mut sun = vec![0.0; bands * bands];
+        mesophyll_sky::harmonics::Basis::new(bands).fill(self.sun.to_array(), &mut sun);
+        let sky = |k: usize| if k == 0 { SKY * (4.0 * PI).sqrt() } else { 0.0 };
+        sun.iter().enumerate().map(|(k, y)| [SUN * y + sky(k), sky(k)]).collect()
+    }
+
+    /// Irradiance on a surface with the mesh's normal at a vertex.
+    fn both(&self, instance: usize, vertex: usize, [front, back]: [DVec3; 2]) -> Both {
+        let placed = &self.world.instances[instance];
+        let normal = self.world.leaves[placed.leaf].mesh.normals[vertex];
+        let normal = placed.transform.transform_vector3(normal).normalize_or(DVec3::Z);
+        [front.dot(normal) / PI, -back.dot(normal) / PI]
+    }
+
+    fn vertices(&self, instance: usize) -> impl Iterator<Item = usize> {
+        (0..self.world.leaves[self.world.instances[instance].leaf].mesh.positions.len()).step_by(VERTICES)
+    }
+
+    /// By many paths from every vertex itself.
+    fn truth(&self) -> Result<Vec<Vec<Both>>> {
+        let of = |instance: &usize| {
+            let anchors = Anchors::at_vertices(&self.world.leaves[self.world.instances[*instance].leaf]).points;
+            let anchors: Vec<Anchor> = self.vertices(*instance).map(|v| anchors[v].clone()).collect();
+            let found = self.arriving(*instance, &anchors, Columns::Light, MANY)?;
+            Ok(self.vertices(*instance).zip(found).map(|(v, f)| self.both(*instance, v, f)).collect())
+        };
+        LEAVES.iter().map(of).collect()
+    }
+
+    /// Root of the mean squared error over the mean irradiance.
+    fn error(&self, found: &[Vec<Both>]) -> f64 {
+        let pairs = || found.iter().flatten().flatten().zip(self.truth.iter().flatten().flatten());
+        let count = pairs().count() as f64;
+        let mean = pairs().map(|(_, t)| t).sum::<f64>() / count;
+        (pairs().map(|(f, t)| (f - t).powi(2)).sum::<f64>() / count).sqrt() / mean
+    }
+
+    /// Every leaf as if it stood alone.
+    fn alone(&self) -> BenchRow {
+        let found: Vec<Vec<Both>> = self.truth.iter().map(|t| vec![[SKY; 2]; t.len()]).collect();
+        let note = "no light between leaves: the sky all around, the sun by shadows alone; 0 bytes".into();
+        BenchRow {
+            model: "transfer".into(),
+            knob: "light between leaves".into(),
+            setting: "none".into(),
+            error: self.error(&found),
+            us: 0.0,
+            note,
+        }
+    }
+
+    fn row(&self, knob: &str, setting: String, grid: [usize; 2], columns: Columns, paths: u32) -> Result<BenchRow> {
+        let (mut us, mut bytes) = (0.0, 0);
+        let mut found = Vec::new();
+        for instance in LEAVES {
+            let leaf = &self.world.leaves[self.world.instances[instance].leaf];
+            let start = Instant::now();
+            let anchors = Anchors::on_leaf(leaf, grid);
+            let arriving = self.arriving(instance, &anchors.points, columns, paths)?;
+            us += start.elapsed().as_secs_f64() * 1e6 / LEAVES.len() as f64;
+            bytes = anchors.points.len() * 6 * columns.count() * 8;
+            let at = |v: usize| self.both(instance, v, anchors.between(v, &arriving));
+            found.push(self.vertices(instance).map(at).collect());
+        }
+        Ok(BenchRow {
+            model: "transfer".into(),
+            knob: knob.into(),
+            setting,
+            error: self.error(&found),
+            us,
+            note: format!(
+                "RMS of irradiance over its mean, against {MANY} paths from every {VERTICES}th vertex; a leaf, {bytes} \
+                 bytes without gloss"
+            ),
+        })
+    }
+}
