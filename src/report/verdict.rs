@@ -90,14 +90,18 @@ pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> Verdict 
 }
 
 /// Worst errors of approximated functions: their name, what is good, what is bad, and of what they are a share.
-const APPROXIMATIONS: [(&str, f64, f64, &str); 2] =
-    [("error_worst", 1.1e-4, 0.01, "the smallest c00"), ("worst_error_of_tip", 0.01, 0.05, "the tip's deflection")];
+const APPROXIMATIONS: [(&str, f64, f64, &str); 3] = [
+    ("error_worst", 1.1e-4, 0.01, "the smallest c00"),
+    ("worst_error_of_tip", 0.01, 0.05, "the tip's deflection"),
+    ("irradiance_error_worst", 0.05, 0.2, "an anchor's irradiance (standard error)"),
+];
 
 fn approximates(s: &SectionReport) -> bool {
     APPROXIMATIONS.iter().any(|a| s.figures.contains_key(a.0))
 }
 
-/// Fits of a function (a sky's polynomials, a branch's basis) are judged by their worst error.
+/// Fits of a function (a sky's polynomials, a branch's basis, the light at a scene's anchors) are judged by their worst
+/// error.
 fn approximation(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, String)) {
     for (name, good, bad, unit) in APPROXIMATIONS {
         let Some(error) = s.figures.get(name) else { continue };
