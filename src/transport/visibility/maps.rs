@@ -54,6 +54,18 @@ impl<'a> Shadows<'a> {
         Ok(())
     }
 
+    /// The map of one direction, without a bar: for a light that moves freely, where it is affordable.
+    pub fn map(&self, direction: DVec3) -> Vec<u8> {
+        if self.stage.world.periodic.is_some() {
+            return self.by_rays(direction);
+        }
+        let mut casters = Casters::new(&self.stage, self.light);
+        casters.look_from(direction);
+        let mut map = vec![0; self.receivers.len()];
+        self.by_casting(direction, &casters, &mut map);
+        map
+    }
+
     fn by_casting(&self, direction: DVec3, casters: &Casters, map: &mut [u8]) {
         let (from, words) = (frame(direction), casters.words());
         let points: Vec<DVec3> = (0..self.light.len()).map(|k| from * self.light.direction(k)).collect();

@@ -80,6 +80,7 @@ fn maps(world: &World, light: &AreaLight, directions: &[DVec3]) -> (Receivers, V
     shadows
         .maps(directions, |k, map| {
             assert_eq!(k, maps.len());
+            assert!(shadows.map(directions[k]) == map);
             maps.push(map.to_vec());
             Ok(())
         })
