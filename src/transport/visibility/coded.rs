@@ -244,6 +244,9 @@ mod tests {
     }
 
     proptest! {
+        // The tables of a model take longer than such short maps.
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
         #[test]
         fn whatever_the_maps_are_they_come_back(
             maps in (0usize..600).prop_flat_map(|n| {
