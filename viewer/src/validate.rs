@@ -55,8 +55,8 @@ fn transfer(gpu: &Gpu, scene: &Scene) -> Result<()> {
     let columns = columns(transfer);
     let rows = transfer.entries.len() / columns;
     let bytes = 8 * transfer.entries.len() as u64;
-    let most = u64::from(gpu.device.limits().max_storage_buffer_binding_size);
-    if bytes == 0 || bytes > most || transfer.entries.len() % columns != 0 {
+    let most = gpu.device.limits().max_storage_buffer_binding_size;
+    if bytes == 0 || bytes > most || !transfer.entries.len().is_multiple_of(columns) {
         return Err(wrong("transfer, entries", format!("{bytes} bytes"), format!("whole rows, up to {most} bytes")));
     }
     for (i, instance) in scene.instances.iter().enumerate() {

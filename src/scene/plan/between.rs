@@ -20,7 +20,9 @@ pub fn between(manifest: &Manifest, placed: &Placed, plan: &mut Plan) {
         ));
         return;
     };
-    let gloss: Vec<bool> = plan.leaves.iter().map(|l| l.sides.iter().any(|s| s.gloss)).collect();
+    let shines = |k: usize| manifest.leaves[k].uniform.as_ref().is_none_or(|u| u.gloss().is_some());
+    let gloss: Vec<bool> =
+        plan.leaves.iter().enumerate().map(|(k, l)| shines(k) && l.sides.iter().any(|s| s.gloss)).collect();
     let entries = |bands: usize| (rows(asked, placed, &gloss, bands) * bands * bands * 8) as u64;
     let alone = placed.placements.len() < 2
         && placed.twigs.is_empty()

@@ -12,7 +12,7 @@ use std::collections::HashMap;
 
 /// A point of a mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Place {
+pub struct Spot {
     /// Which triangle it lies on.
     pub triangle: usize,
     /// Weights of the triangle's second and third corner.
@@ -24,11 +24,11 @@ pub struct Place {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Anchor {
     /// At least one; the first is the anchor itself.
-    pub points: Vec<Place>,
+    pub points: Vec<Spot>,
 }
 
 impl Anchor {
-    fn at(place: Place) -> Anchor {
+    fn at(place: Spot) -> Anchor {
         Anchor { points: vec![place] }
     }
 }
@@ -67,9 +67,9 @@ impl Anchors {
         let mut points = vec![None; mesh.positions.len()];
         for (k, vertex) in mesh.indices.iter().enumerate() {
             let barycentric = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]][k % 3];
-            points[*vertex as usize].get_or_insert(Place { triangle: k / 3, barycentric });
+            points[*vertex as usize].get_or_insert(Spot { triangle: k / 3, barycentric });
         }
-        let first = Place { triangle: 0, barycentric: [0.0; 2] };
+        let first = Spot { triangle: 0, barycentric: [0.0; 2] };
         Anchors {
             grid: [1, 1],
             places: (0..points.len()).map(|k| [k as f32, 0.0, 0.0]).collect(),
@@ -107,7 +107,7 @@ impl Anchors {
         let spare = spare(leaf, triangles);
         let hit = |at: DVec2| {
             triangles.iter().zip(&flat).find_map(|(t, corner)| {
-                let found = Place { triangle: *t, barycentric: inside(corner, at)? };
+                let found = Spot { triangle: *t, barycentric: inside(corner, at)? };
                 on_leaf(leaf, &found).then_some(found)
             })
         };
@@ -117,10 +117,10 @@ impl Anchors {
             for i in 0..along {
                 let at = DVec2::new(node(i, along, plane.reach[0]), node(j, across, plane.reach[1]));
                 let near = || {
-                    let distance = |a: &Place| plane.of(position(leaf, a)).distance_squared(at);
+                    let distance = |a: &Spot| plane.of(position(leaf, a)).distance_squared(at);
                     spare.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).copied()
                 };
-                let fallback = Place { triangle: triangles[0], barycentric: [1.0 / 3.0; 2] };
+                let fallback = Spot { triangle: triangles[0], barycentric: [1.0 / 3.0; 2] };
                 let own = hit(at).or_else(near).unwrap_or(fallback);
                 let around = (1..POINTS).filter_map(|k| hit(at + apart * gaussian(k)));
                 self.points.push(Anchor { points: std::iter::once(own).chain(around).collect() });
@@ -229,11 +229,11 @@ fn pieces(leaf: &ReferenceLeaf) -> Vec<Vec<usize>> {
 
 /// Places on the leaf to choose from where a node of the grid is not on it: within each triangle, near its corners and in
 /// its middle.
-fn spare(leaf: &ReferenceLeaf, triangles: &[usize]) -> Vec<Place> {
+fn spare(leaf: &ReferenceLeaf, triangles: &[usize]) -> Vec<Spot> {
     const PLACES: [[f64; 2]; 4] = [[1.0 / 3.0; 2], [0.02, 0.02], [0.96, 0.02], [0.02, 0.96]];
     triangles
         .iter()
-        .flat_map(|t| PLACES.map(|barycentric| Place { triangle: *t, barycentric }))
+        .flat_map(|t| PLACES.map(|barycentric| Spot { triangle: *t, barycentric }))
         .filter(|a| on_leaf(leaf, a))
         .collect()
 }
@@ -247,7 +247,7 @@ fn gaussian(k: usize) -> DVec2 {
     DVec2::new(cos, sin) * (SPREAD * (-2.0 * (1.0 - u).ln()).sqrt())
 }
 
-fn on_leaf(leaf: &ReferenceLeaf, anchor: &Place) -> bool {
+fn on_leaf(leaf: &ReferenceLeaf, anchor: &Spot) -> bool {
     let Some(mask) = &leaf.mask else { return true };
     let [b, c] = anchor.barycentric;
     let uv = vertices(leaf, anchor.triangle).map(|k| leaf.mesh.uvs[k]);
@@ -275,13 +275,13 @@ fn corners(leaf: &ReferenceLeaf, triangle: usize) -> [DVec3; 3] {
 }
 
 /// Where an anchor is, in the mesh's own frame.
-pub(super) fn position(leaf: &ReferenceLeaf, anchor: &Place) -> DVec3 {
+pub(super) fn position(leaf: &ReferenceLeaf, anchor: &Spot) -> DVec3 {
     let [a, b, c] = corners(leaf, anchor.triangle);
     a + (b - a) * anchor.barycentric[0] + (c - a) * anchor.barycentric[1]
 }
 
 /// The normal of an anchor's triangle, out of its front, in the mesh's own frame; zero for a triangle without area.
-pub(super) fn normal(leaf: &ReferenceLeaf, anchor: &Place) -> DVec3 {
+pub(super) fn normal(leaf: &ReferenceLeaf, anchor: &Spot) -> DVec3 {
     let [a, b, c] = corners(leaf, anchor.triangle);
     (b - a).cross(c - a).normalize_or_zero()
 }

@@ -9,5 +9,5 @@ pub mod operator;
 #[cfg(test)]
 mod tests;
 
-pub use anchors::{Anchor, Anchors, Place};
+pub use anchors::{Anchor, Anchors, Spot};
 pub use operator::{Columns, Found, Receiver, Request, Rows, measure};

@@ -1,0 +1,127 @@
+//! Light between leaves: planned, made, drawn in real time and held against the path tracer.
+
+use crate::blade::Blade;
+use crate::{json, skips};
+use mesophyll::scene::ledger::Ledger;
+use mesophyll::scene::loaded::Scene;
+use mesophyll::scene::manifest::Manifest;
+use mesophyll::scene::placed::leaf::Search;
+use mesophyll::scene::plan::Plan;
+use std::path::{Path, PathBuf};
+use std::process::Output;
+
+/// Domed blades that are the same everywhere, with these ρd and ρt, in front of a background.
+fn crowd(dir: &Path, [rho_d, rho_t]: [f64; 2], count: usize, rest: &str) -> PathBuf {
+    Blade::default().write(&dir.join("fits/elm"), "elm");
+    let mut text = format!(
+        "schema = 1\nname = \"crowd\"\ntolerance = 0.004\nbackground = [0.5, 0.5, 0.5]\n[[leaf]]\nname = \"elm\"\nmesh = \
+         \"fits/elm/blade.glb\"\nuniform = {{ rho_d = [[{rho_d}, {rho_d}, {rho_d}], [{rho_d}, {rho_d}, {rho_d}]], rho_t = \
+         [{rho_t}, {rho_t}, {rho_t}] }}\n"
+    );
+    for k in 0..count {
+        let f = k as f64;
+        let at = [12.0 * (1.7 * f).sin(), 12.0 * (2.9 * f).cos(), 5.0 * f - 12.0];
+        let turn = [40.0 * (f + 0.5).sin(), 30.0 * (2.0 * f).cos(), 70.0 * f];
+        text += &format!("[[instance]]\nleaf = \"elm\"\nposition_mm = {at:?}\nrotation_deg = {turn:?}\n");
+    }
+    text += rest;
+    text += "[[view]]\nname = \"side\"\nkind = \"perspective\"\neye_mm = [20, -120, 40]\ntarget_mm = [0, 0, 0]\nfov_deg = \
+             35\nflip_p99 = 0.05\nmax_error = 0.012\n[check]\nwidth = 96\nheight = 72\nsamples = 16\nframes = 1\n";
+    let path = dir.join("crowd.toml");
+    std::fs::write(&path, text).unwrap();
+    path
+}
+
+fn mesophyll(args: &[&str]) -> Output {
+    assert_cmd::Command::cargo_bin("mesophyll").unwrap().args(args).output().unwrap()
+}
+
+fn planned(path: &Path) -> Plan {
+    Scene::open(Manifest::read(path).unwrap(), Search::default(), &Ledger::new()).unwrap().plan
+}
+
+/// Leaves that absorb nothing cannot be told from an even sky around them: not where they hide it from each other, not
+/// where they light each other. The picture is the sky.
+#[test]
+fn leaves_that_absorb_nothing_vanish_in_the_real_time_picture() {
+    let dir = tempfile::tempdir().unwrap();
+    for bands in ["", "bands = 3\n"] {
+        let rest = format!("[sky]\nradiance = [0.5, 0.5, 0.5]\n[transfer]\npaths = 4096\n{bands}");
+        let scene = crowd(dir.path(), [0.6, 0.4], 8, &rest);
+        let out = dir.path().join(format!("out{}", bands.len()));
+        let output = mesophyll(&["check", "--json", scene.to_str().unwrap(), "--out", out.to_str().unwrap()]);
+        if skips::no_adapter(&output) {
+            return;
+        }
+        let report = json(&output);
+        assert!(report["passed"].as_bool().unwrap(), "{report:#}");
+        let picture = image::open(out.join("side.png")).unwrap().to_rgb8();
+        let sky = picture.get_pixel(0, 0).0;
+        // .5/(1 + .5) in sRGB.
+        assert_eq!(sky, [156; 3]);
+        let far = picture.pixels().map(|p| p.0.iter().map(|v| v.abs_diff(sky[0])).max().unwrap()).max().unwrap();
+        assert!(far <= 3, "{bands}: a pixel is off by {far} of 255");
+    }
+}
+
+/// What the plan decides, and what it says that each omission saves.
+#[test]
+fn a_light_that_stands_still_needs_no_operators() {
+    let dir = tempfile::tempdir().unwrap();
+    let plan_of = |count: usize, rest: &str| planned(&crowd(dir.path(), [0.3, 0.3], count, rest));
+    let has = |plan: &Plan, name: &str| plan.needed.iter().any(|n| n.name == name);
+    let left = |plan: &Plan, name: &str| plan.left_out.iter().find(|l| l.name == name).map(|l| l.saved_bytes);
+    const LIGHT: &str = "light between leaves";
+    const OPERATORS: &str = "operators of the light";
+    let still = plan_of(4, "[sky]\nradiance = [0.5, 0.5, 0.5]\n[transfer]\n");
+    assert!(has(&still, LIGHT) && !has(&still, OPERATORS));
+    // Four leaves with 15 anchors of 6 rows, 24 columns less of 8 bytes.
+    assert_eq!(left(&still, OPERATORS), Some(4 * 15 * 6 * 24 * 8));
+    assert_eq!(still.light.between.unwrap().bands, None);
+    let asked = plan_of(4, "[sky]\nradiance = [0.5, 0.5, 0.5]\n[transfer]\nbands = 4\n");
+    assert!(has(&asked, OPERATORS) && asked.light.between.unwrap().bands == Some(4));
+    let moving =
+        plan_of(4, "[sun]\nzenith_deg = 40\nmoves = true\n[sky]\nmodel = \"preetham\"\nturbidity = 3\n[transfer]\n");
+    assert_eq!(moving.light.between.unwrap().bands, Some(5));
+    let none = plan_of(4, "[sky]\nradiance = [0.5, 0.5, 0.5]\n");
+    assert!(none.light.between.is_none() && left(&none, LIGHT) == Some(0));
+}
+
+#[test]
+fn a_transfer_is_made_once_and_made_again_for_another_scene() {
+    let dir = tempfile::tempdir().unwrap();
+    let light = "[sky]\nradiance = [0.5, 0.5, 0.5]\n[transfer]\npaths = 32\n";
+    let scene = crowd(dir.path(), [0.3, 0.3], 3, light);
+    let out = dir.path().join("transfer");
+    let fit = |scene: &Path| mesophyll(&["fit", "transfer", scene.to_str().unwrap(), "-o", out.to_str().unwrap()]);
+    let told = |output: &Output| String::from_utf8_lossy(&output.stderr).into_owned();
+    let first = fit(&scene);
+    assert!(first.status.success(), "{}", told(&first));
+    assert!(String::from_utf8_lossy(&first.stdout).contains("45 anchors, 270 rows of 1 columns"));
+    assert!(told(&fit(&scene)).contains("already holds this fit"));
+    let scene = crowd(dir.path(), [0.3, 0.2], 3, light);
+    let again = fit(&scene);
+    assert!(again.status.success() && !told(&again).contains("already holds"), "{}", told(&again));
+    let report = mesophyll(&["report", "--json", out.to_str().unwrap()]);
+    assert_eq!(json(&report)["fits"][0]["sections"][0]["counts"]["anchors"], 45);
+}
+
+#[test]
+fn what_cannot_be_asked_for_is_refused_by_name() {
+    let dir = tempfile::tempdir().unwrap();
+    let sky = "[sky]\nradiance = [0.5, 0.5, 0.5]\n";
+    for (rest, expected) in [
+        (sky.to_string(), "transfer: missing; a scene with a [transfer] has light between leaves"),
+        (format!("{sky}[transfer]\nanchors = [0, 3]\n"), "transfer.anchors: found 0, expected 1 to 64"),
+        (format!("{sky}[transfer]\npaths = 3\n"), "transfer.paths: found 3, expected 16 to 1048576"),
+        (format!("{sky}[transfer]\nbands = 9\n"), "transfer.bands: found 9, expected 1 to 7"),
+        (format!("{sky}[transfer]\nrays = 9\n"), "unknown field `rays`"),
+    ] {
+        let scene = crowd(dir.path(), [0.3, 0.3], 2, &rest);
+        let output =
+            mesophyll(&["fit", "transfer", scene.to_str().unwrap(), "-o", dir.path().join("t").to_str().unwrap()]);
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{told}");
+        assert!(told.contains(expected) && told.contains("crowd.toml"), "{told}\nexpected {expected}");
+    }
+}
