@@ -16,7 +16,7 @@ mod perspective;
 mod pictures;
 mod proof;
 mod report;
-mod truth;
+pub mod truth;
 mod verify;
 
 pub use capture::CaptureReport;
@@ -142,9 +142,9 @@ fn against_reference(
             let stored = sunlit::relight_as_stored(&mut by_maps, scene, &placed.eyes)?;
             let mut as_grown = world.clone();
             let known = !true_leaf::replace(&mut as_grown, scene, &options.out)?.is_empty();
-            let as_grown = if known { Some(Truth::of(scene, &as_grown)?) } else { None };
-            let stage = Truth::of(scene, &world)?;
-            let by_maps = if stored { Some(Truth::of(scene, &by_maps)?) } else { None };
+            let as_grown = if known { Some(Truth::new(&as_grown, between)?) } else { None };
+            let stage = Truth::new(&world, between)?;
+            let by_maps = if stored { Some(Truth::new(&by_maps, between)?) } else { None };
             while let Some(view) = left.next_if(|v| placed.bends.is_none() || branch::time(manifest, v) == time) {
                 let _bar = progress::Bar::of(format!("view {}", view.name));
                 let stages =

@@ -37,10 +37,10 @@ pub fn one_view(
     let mut out = timed(manifest, view, renderer)?;
     let start = Instant::now();
     let seed = manifest.check.seed;
-    let mut truth = stages.truth.draw(scene, view, seed)?;
+    let mut truth = stages.truth.view(scene, view, seed)?;
     if let Some(by_maps) = stages.by_maps {
         // The same rays: what differs is the basis.
-        let stored = by_maps.draw(scene, view, seed)?;
+        let stored = by_maps.view(scene, view, seed)?;
         let basis = compare::compare(&truth, &stored.ldr)?;
         out.basis = Some((basis.flip_p99, basis.max_error.unwrap_or(0.0)));
         if view.judged_by == JudgedBy::Maps {
@@ -48,7 +48,7 @@ pub fn one_view(
         }
     }
     let own = if out.by_maps { stages.by_maps.unwrap_or(stages.truth) } else { stages.truth };
-    let other = own.draw(scene, view, seed.wrapping_add(1))?;
+    let other = own.view(scene, view, seed.wrapping_add(1))?;
     out.reference_s = start.elapsed().as_secs_f64();
     let seen = compare::compare(&truth, &picture.ldr)?;
     let noise = compare::noise_floor(&truth, &other)?;
@@ -61,7 +61,7 @@ pub fn one_view(
     out.judge_against_reference();
     if let Some(stage) = stages.true_leaf {
         // The same rays: what differs is the fit.
-        let grown = stage.draw(scene, view, seed)?;
+        let grown = stage.view(scene, view, seed)?;
         let apart = compare::compare(&grown, &picture.ldr)?;
         let file = format!("{}-true-leaf.png", view.name);
         write_png(&options.out.join(&file), w, h, grown.ldr.as_flattened())?;

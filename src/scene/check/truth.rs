@@ -1,8 +1,9 @@
-//! What a view is held against: the direct-light reference, or the path tracer where the scene has light between leaves.
+//! What a picture is held against: the direct-light reference, or the path tracer where the scene has light between leaves.
 
 use crate::Result;
 use crate::loaded::Scene;
 use crate::manifest::View;
+use mesophyll_files::progress;
 use mesophyll_transport::path::{Paths, Picture, Request, Target, Tracer};
 use mesophyll_transport::{self as transport, World};
 
@@ -13,51 +14,78 @@ pub struct Truth<'a> {
     paths: Option<Tracer<'a>>,
 }
 
+/// How a reference is sampled.
+#[derive(Debug, Clone, Copy)]
+pub struct Sampling {
+    /// Pixels a row, and rows.
+    pub size: [usize; 2],
+    /// A pixel.
+    pub samples: u32,
+    /// Over the sun's disk.
+    pub sun_samples: u32,
+    /// Of the random numbers.
+    pub seed: u64,
+}
+
 /// Most samples that tell where a pixel shows the inside of a surface, without the light between leaves.
 const MOST_FOR_SHAPES: u32 = 16;
 
+impl Sampling {
+    /// As the scene's `[check]` has it, with another seed.
+    pub fn of(scene: &Scene, seed: u64) -> Sampling {
+        let check = &scene.manifest.check;
+        Sampling {
+            size: [check.width as usize, check.height as usize],
+            samples: check.samples,
+            sun_samples: if scene.plan.light.shadow_samples > 0 { 4 } else { 1 },
+            seed,
+        }
+    }
+}
+
 impl<'a> Truth<'a> {
-    /// Direct light alone.
+    /// With light `between` leaves, or direct light alone.
     ///
     /// # Errors
     /// As [`transport::Renderer::new`].
-    pub fn direct(world: &'a World) -> Result<Truth<'a>> {
-        Ok(Truth { direct: transport::Renderer::new(world)?, paths: None })
+    pub fn new(world: &'a World, between: bool) -> Result<Truth<'a>> {
+        let paths = between.then(|| Tracer::new(world, Paths::default())).transpose()?;
+        Ok(Truth { direct: transport::Renderer::new(world)?, paths })
     }
 
-    /// What the scene asks for.
+    /// A view of the scene, from `seed`.
     ///
     /// # Errors
-    /// As [`Truth::direct`].
-    pub fn of(scene: &Scene, world: &'a World) -> Result<Truth<'a>> {
-        let paths = scene.manifest.transfer.is_some().then(|| Tracer::new(world, Paths::default())).transpose()?;
-        Ok(Truth { paths, ..Truth::direct(world)? })
+    /// As [`Truth::draw`].
+    pub fn view(&self, scene: &Scene, view: &View, seed: u64) -> Result<transport::ReferencePicture> {
+        self.draw(&crate::draw::reference::camera(view), &view.name, Sampling::of(scene, seed))
     }
 
-    /// The view from `seed`, with the scene's own number of samples a pixel.
+    /// What a camera sees; `what` names it in the progress bar.
     ///
     /// # Errors
     /// [`crate::Error::Usage`] for a camera that looks nowhere; [`crate::Error::Interrupted`] after a stop.
-    pub fn draw(&self, scene: &Scene, view: &View, seed: u64) -> Result<transport::ReferencePicture> {
-        let check = &scene.manifest.check;
-        let size = [check.width as usize, check.height as usize];
-        let camera = crate::draw::reference::camera(view);
-        let samples = if self.paths.is_some() { check.samples.min(MOST_FOR_SHAPES) } else { check.samples };
+    pub fn draw(
+        &self,
+        camera: &transport::Camera,
+        what: &str,
+        Sampling { size, samples, sun_samples, seed }: Sampling,
+    ) -> Result<transport::ReferencePicture> {
         let options = transport::Options {
-            samples_per_pixel: samples,
-            sun_samples: if scene.plan.light.shadow_samples > 0 { 4 } else { 1 },
+            samples_per_pixel: if self.paths.is_some() { samples.min(MOST_FOR_SHAPES) } else { samples },
+            sun_samples,
             seed,
             sky_samples: 4,
             // A grazing leaf's sliver can slip through the rays of one pixel, not through those of all around it.
             margin: 2,
         };
-        let mut out = self.direct.render(&camera, size[0], size[1], &options)?;
+        let mut out = self.direct.render(camera, size[0], size[1], &options)?;
         if let Some(tracer) = &self.paths {
             let mut picture = Picture::new(size[0], size[1]);
-            let target = Target { samples: Some(check.samples), error: None };
-            picture.draw(tracer, &Request { camera, size, seed, target }, &view.name, &mut |_| Ok(()))?;
-            mesophyll_files::progress::go_on()?;
-            out.relit(&picture.mean, scene.manifest.exposure);
+            let target = Target { samples: Some(samples), error: None };
+            picture.draw(tracer, &Request { camera: *camera, size, seed, target }, what, &mut |_| Ok(()))?;
+            progress::go_on()?;
+            out.relit(&picture.mean, tracer.world().exposure);
         }
         Ok(out)
     }

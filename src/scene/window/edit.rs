@@ -2,6 +2,7 @@
 //! really dims), a reference picture, a verdict, a saved fit, a texel's numbers.
 
 use crate::Result;
+use crate::check::truth::{Sampling, Truth};
 use crate::draw::handover;
 use crate::draw::reference;
 use crate::draw::sunlit::relight_where;
@@ -235,13 +236,15 @@ impl Editor for SceneEditor {
                 up: camera.up.as_dvec3(),
                 fov_y_deg: f64::from(camera.fov_y_deg),
             };
-            let options = transport::Options {
-                samples_per_pixel: self.scene.manifest.check.samples.min(16),
+            let between = scene.transfer.is_some();
+            let sampling = Sampling {
+                size: [width as usize, height as usize],
+                // A person waits for it.
+                samples: self.scene.manifest.check.samples.min(if between { 64 } else { 16 }),
                 sun_samples: if scene.shadow_samples > 0 { 4 } else { 1 },
                 seed: self.scene.manifest.check.seed,
-                ..transport::Options::default()
             };
-            transport::render(&world, &camera, width as usize, height as usize, &options)
+            Truth::new(&world, between)?.draw(&camera, "reference", sampling)
         };
         let picture = draw().map_err(|e| e.to_string())?;
         let shown = ReferencePicture { width, height, ldr: picture.ldr.clone() };
