@@ -213,11 +213,16 @@ pub const MODELS: [Model; 20] = [
     Model {
         name: "abm",
         eval: verb!(eval::abm, "Light reflected, absorbed and let through by the layers of a leaf, by rays or exactly"),
-        bench: Some(sweep!(foliar::bench::rows)),
+        bench: Some(Sweep { pictures: Some(report::foliar::pictures), ..sweep!(foliar::bench::rows) }),
         ..NONE
     },
     Model { name: "fsm", eval: verb!(eval::fsm, "The foliar scattering model: its lobes, rules and errors"), ..NONE },
-    Model { name: "foliar", stress: Some(|| Ok(foliar::stress::rows())), ..NONE },
+    Model {
+        name: "foliar",
+        fit: verb!(fit::foliar, "Pigments of a leaf from the light that it reflects and lets through, from CSV"),
+        stress: Some(|| Ok(foliar::stress::rows())),
+        ..NONE
+    },
 ];
 
 /// The models that have something, each with it.

@@ -11,6 +11,7 @@ mod chart;
 mod colour;
 mod compare;
 pub mod figure;
+pub mod foliar;
 mod held_out;
 mod html;
 mod maps;

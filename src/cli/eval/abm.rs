@@ -248,7 +248,7 @@ fn outcome(args: &Args, leaf: &Leaf, side: Side, incidence: f64) -> std::result:
         Method::MonteCarlo => {
             let seed = seed(args, leaf, side, incidence);
             let rays = args.rays.unwrap_or(1_000_000);
-            let counts = walk::count(leaf, side, incidence, rays, seed, progress::stop_requested);
+            let counts = walk::count(leaf, side, incidence, rays, seed, &progress::stop_requested);
             Ok([counts.share(counts.reflected), counts.share(counts.transmitted)])
         }
     }
@@ -270,7 +270,7 @@ fn patches(args: &Args, case: &Case, begin: impl Fn() -> Vec<f64>) -> std::resul
     let (leaf, _) = case.leaf(case.number("wavelength_nm"))?;
     let rays = args.rays.unwrap_or(10_000_000);
     let seed = seed(args, &leaf, side, incidence);
-    let seen = walk::directions(&leaf, side, incidence, rays, seed, progress::stop_requested);
+    let seen = walk::directions(&leaf, side, incidence, rays, seed, &progress::stop_requested);
     let row = |ring: usize, sector: usize| {
         let (zenith, azimuth) = goniometer::middle(ring, sector);
         let reading = seen.reading(ring, sector);

@@ -9,6 +9,7 @@ use mesophyll_record::maker::Outcome;
 use std::path::Path;
 
 pub mod beam;
+pub mod foliar;
 pub mod gloss;
 pub mod leaf;
 pub mod sky;

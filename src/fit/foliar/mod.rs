@@ -1,3 +1,282 @@
-//! The pigments of leaves from the light that they reflect and let through.
+//! The pigments of a leaf and the oblateness of its epidermis, from the light that it reflects and lets through.
+//!
+//! The model is the layered leaf of [`mesophyll_optics::foliar`], solved exactly. R and T depend on contents per area: the thickness of the
+//! mesophyll does not enter. Misfits may have several minima, so that the solver starts at several places.
 
 pub mod pigments;
+pub mod surface;
+
+use mesophyll_files::table::{Answer, Status};
+use mesophyll_optics::foliar::Side;
+use mesophyll_optics::foliar::pigments::{Constants, SUBSTANCES, Spectrum};
+use mesophyll_solve::{Closure, Noise, Options as Solver, global};
+use std::sync::OnceLock;
+use surface::{MOST_OBLATE, Setting, Surface};
+
+/// What can be fitted.
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    strum::EnumString,
+    strum::EnumIter,
+    strum::EnumMessage,
+    strum::IntoStaticStr,
+    strum::Display,
+)]
+#[strum(serialize_all = "kebab-case")]
+pub enum Parameter {
+    /// chlorophyll a and b per leaf area
+    Chlorophyll,
+    /// carotenoids per leaf area
+    Carotenoid,
+    /// protein per leaf area
+    Protein,
+    /// cellulose and lignin per leaf area
+    CelluloseLignin,
+    /// water per leaf area
+    Water,
+    /// oblateness of the epidermis
+    Oblateness,
+    /// thickness of the mesophyll, which no such measurement tells
+    Thickness,
+}
+
+impl Parameter {
+    /// Its column.
+    pub fn column(self) -> &'static str {
+        match self {
+            Parameter::Chlorophyll => "chlorophyll_ug_cm2",
+            Parameter::Carotenoid => "carotenoid_ug_cm2",
+            Parameter::Protein => "protein_ug_cm2",
+            Parameter::CelluloseLignin => "cellulose_lignin_ug_cm2",
+            Parameter::Water => "water_g_cm2",
+            Parameter::Oblateness => "oblateness_epidermis",
+            Parameter::Thickness => "mesophyll_thickness_mm",
+        }
+    }
+
+    /// Its place among the [`SUBSTANCES`].
+    fn substance(self) -> Option<usize> {
+        let k = self as usize;
+        (k < SUBSTANCES.len()).then_some(k)
+    }
+
+    /// Largest value that is looked for, and the range that starts are taken from; of the oblateness as ln(1 + it).
+    fn range(self) -> (f64, [f64; 2]) {
+        match self {
+            Parameter::Chlorophyll => (400.0, [3.0, 80.0]),
+            Parameter::Carotenoid => (150.0, [0.5, 20.0]),
+            Parameter::Protein => (20_000.0, [100.0, 2000.0]),
+            Parameter::CelluloseLignin => (50_000.0, [200.0, 5000.0]),
+            Parameter::Water => (0.5, [0.002, 0.03]),
+            Parameter::Oblateness => (surface::widest(), [0.2, 3.2]),
+            Parameter::Thickness => (1.0, [0.05, 0.2]),
+        }
+    }
+}
+
+/// One reading of a leaf.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reading {
+    /// Which of the model's [`Model::lights`].
+    pub light: usize,
+    /// Transmittance; else reflectance.
+    pub through: bool,
+    /// The share of light that was measured.
+    pub value: f64,
+    /// Its standard error; NaN where none is known.
+    pub err: f64,
+}
+
+/// How leaves are fitted: everything that they share.
+pub struct Model {
+    /// Wavelengths (nm) and lit sides of the readings, with the optical constants there.
+    pub lights: Vec<(f64, Side, Constants)>,
+    surfaces: Vec<OnceLock<Surface>>,
+    setting: Setting,
+    free: Vec<Parameter>,
+    asked: Vec<Parameter>,
+    noise: Option<f64>,
+}
+
+/// How many places the solver starts at.
+const STARTS: usize = 8;
+/// An `ok` promises errors of this part of each value at most.
+const PROMISE: f64 = 0.1;
+
+impl Model {
+    /// `lights`: wavelengths (nm) within the spectrum, and sides. `asked`: what is fitted. `noise`: standard error of readings that
+    /// have none of their own, 0 where they are exact.
+    ///
+    /// # Errors
+    /// The sentence that says which wavelength is outside the table.
+    pub fn new(
+        spectrum: &Spectrum,
+        lights: &[(f64, Side)],
+        setting: Setting,
+        asked: &[Parameter],
+        noise: Option<f64>,
+    ) -> Result<Model, String> {
+        let constants = |&(wavelength, side): &(f64, Side)| {
+            let [low, high] = spectrum.range();
+            let found = spectrum.at(wavelength);
+            found
+                .map(|c| (wavelength, side, c))
+                .ok_or_else(|| format!("a reading is at {wavelength} nm; the table of pigments has {low} to {high} nm"))
+        };
+        let lights = lights.iter().map(constants).collect::<Result<Vec<_>, String>>()?;
+        let surfaces = lights.iter().map(|_| OnceLock::new()).collect();
+        let free = asked.iter().copied().filter(|p| *p != Parameter::Thickness).collect();
+        Ok(Model { lights, surfaces, setting, free, asked: asked.to_vec(), noise })
+    }
+
+    /// Columns of [`Model::fit`]'s answer.
+    pub fn outputs(&self) -> Vec<String> {
+        let names = || self.asked.iter().map(|p| p.column().to_string());
+        names().chain(names().map(|n| n + "_err")).chain(["rms", "minima"].map(String::from)).collect()
+    }
+
+    fn surface(&self, light: usize) -> &Surface {
+        self.surfaces[light].get_or_init(|| {
+            let (_, side, constants) = &self.lights[light];
+            Surface::new(constants.indices, &self.setting, *side)
+        })
+    }
+
+    /// R or T of every reading and its derivatives by the free parameters, handed to `each` with the reading's number.
+    fn evaluate(&self, readings: &[Reading], known: &Known, params: &[f64], mut each: impl FnMut(usize, f64, &[f64])) {
+        let mut contents = known.contents;
+        let mut lobe = known.oblateness.ln_1p();
+        for (&p, &x) in self.free.iter().zip(params) {
+            match p.substance() {
+                Some(k) => contents[k] = x,
+                None => lobe = x,
+            }
+        }
+        let mut slopes = vec![0.0; self.free.len()];
+        let mut last: Option<(usize, [f64; 5], [surface::Value; 2])> = None;
+        for (k, reading) in readings.iter().enumerate() {
+            let (per, pair) = match last {
+                Some((light, per, pair)) if light == reading.light => (per, pair),
+                _ => {
+                    let per = self.lights[reading.light].2.per_content();
+                    let depth: f64 = per.iter().zip(&contents).map(|(x, c)| x * c).sum();
+                    let pair = self.surface(reading.light).at(depth, lobe);
+                    last = Some((reading.light, per, pair));
+                    (per, pair)
+                }
+            };
+            let value = pair[usize::from(reading.through)];
+            for (slope, p) in slopes.iter_mut().zip(&self.free) {
+                *slope = p.substance().map_or(value.by_lobe, |k| value.by_depth * per[k]);
+            }
+            each(k, value.value, &slopes);
+        }
+    }
+
+    /// Fits one leaf and says what was found as the row of a batch. `known` holds what is not fitted.
+    pub fn fit(&self, readings: &[Reading], known: &Known) -> Answer {
+        if readings.is_empty() {
+            return Answer::refused("no reading");
+        }
+        if let Some(r) = readings.iter().find(|r| !(-0.1..=1.1).contains(&r.value)) {
+            let name = if r.through { "transmittance" } else { "reflectance" };
+            let at = self.lights[r.light].0;
+            return Answer::refused(format!("the {name} at {at} nm is {}; expected 0 to 1", r.value));
+        }
+        let stated = self.noise.is_some() || readings.iter().all(|r| r.err > 0.0);
+        // Exact readings weigh alike.
+        let sigma: Vec<f64> = readings
+            .iter()
+            .map(|r| if r.err > 0.0 { r.err } else { self.noise.filter(|n| *n > 0.0).unwrap_or(1.0) })
+            .collect();
+        let known_noise = stated && (self.noise.is_none_or(|n| n > 0.0) || readings.iter().all(|r| r.err > 0.0));
+        let exact = stated && !known_noise;
+        let (n, m) = (self.free.len(), readings.len());
+        let problem = Closure::new(n, m, |params: &[f64], out: &mut [f64]| {
+            self.evaluate(readings, known, params, |k, value, _| out[k] = (value - readings[k].value) / sigma[k]);
+        })
+        .with_jacobian(|params: &[f64], out: &mut [f64]| {
+            self.evaluate(readings, known, params, |k, _, slopes| {
+                slopes.iter().enumerate().for_each(|(j, slope)| out[j * m + k] = slope / sigma[k]);
+            });
+        });
+        let ranges: Vec<(f64, [f64; 2])> = self.free.iter().map(|p| p.range()).collect();
+        let options = Solver {
+            lower: vec![0.0; n],
+            upper: ranges.iter().map(|r| r.0).collect(),
+            noise: if known_noise { Noise::Known } else { Noise::Estimated },
+            gradient_tolerance: 1e-10,
+            max_iterations: 200,
+            rank_tolerance: Some(1e-9),
+            ..Solver::default()
+        };
+        let [low, high] = [0, 1].map(|k| ranges.iter().map(|r| r.1[k]).collect::<Vec<_>>());
+        let found = global::starts_in_box(&low, &high, STARTS, 1)
+            .and_then(|starts| global::multi_start(&problem, &starts, &options));
+        let Some(found) = found.filter(|f| f.best.params.iter().all(|p| p.is_finite())) else {
+            return Answer::refused("the fit did not converge");
+        };
+        let fit = &found.best;
+        let squares: f64 = fit.residuals.iter().zip(&sigma).map(|(r, s)| (r * s).powi(2)).sum();
+        let rms = (squares / m as f64).sqrt();
+        let (mut values, mut errors, mut open) = (Vec::new(), Vec::new(), Vec::new());
+        for p in &self.asked {
+            let Some(k) = self.free.iter().position(|f| f == p) else {
+                values.push(f64::NAN);
+                errors.push(if stated { f64::INFINITY } else { f64::NAN });
+                open.push(format!("{} (R and T tell contents per area only)", p.column()));
+                continue;
+            };
+            let (x, s) = (fit.params[k], fit.uncertainty.stderr[k]);
+            let (value, error) = match p {
+                Parameter::Oblateness => (x.exp_m1().min(MOST_OBLATE), s * x.exp()),
+                _ => (x, s),
+            };
+            let error = if exact && s.is_finite() { 0.0 } else { error };
+            let lost = !fit.converged() || fit.uncertainty.undetermined.contains(&k) || !s.is_finite() && known_noise;
+            let bound = self.bound(*p, x, s).filter(|_| known_noise);
+            if let (Some(bound), false) = (&bound, lost) {
+                open.push(bound.clone());
+            } else if lost || fit.at_bound.contains(&k) || known_noise && error > PROMISE * value {
+                open.push(p.column().to_string());
+            }
+            values.push(value);
+            errors.push(if stated { error } else { f64::NAN });
+        }
+        values.extend(errors);
+        values.extend([rms, found.minima.len() as f64]);
+        let status = if open.is_empty() { Status::Ok } else { Status::Undetermined(open.join("; ")) };
+        Answer { values, status }
+    }
+}
+
+impl Model {
+    /// A parameter that may lie on the edge of what is looked for, at two standard errors; where nothing bounds it on
+    /// the other side either, there is nothing to say. `x` and its error `s` are as the solver has them.
+    fn bound(&self, p: Parameter, x: f64, s: f64) -> Option<String> {
+        let (most, _) = p.range();
+        let (low, high) = (x - 2.0 * s, x + 2.0 * s);
+        let shown = |x: f64| if p == Parameter::Oblateness { x.exp_m1() } else { x };
+        match (low > 0.0, high < most) {
+            (false, true) => Some(format!("{} <= {:.3}", p.column(), shown(high))),
+            (true, false) => Some(format!("{} >= {:.3}", p.column(), shown(low))),
+            _ => None,
+        }
+    }
+}
+
+/// What is not fitted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Known {
+    /// Contents per area, in the order of [`SUBSTANCES`] (µg/cm², water in g/cm²).
+    pub contents: [f64; 5],
+    /// Oblateness of the epidermis.
+    pub oblateness: f64,
+}
+
+#[cfg(test)]
+mod tests;

@@ -92,7 +92,7 @@ fn rays_and_the_exact_method_agree() {
         for side in SIDES {
             for incidence in [0.0f64, 50.0, 85.0].map(f64::to_radians) {
                 let want = exactly(leaf, side, incidence);
-                let counts = walk::count(leaf, side, incidence, 100_000, k as u64, || false);
+                let counts = walk::count(leaf, side, incidence, 100_000, k as u64, &|| false);
                 for (count, want) in [(counts.reflected, want.reflectance), (counts.transmitted, want.transmittance)] {
                     let (share, error) = counts.share(count);
                     assert!(
@@ -137,7 +137,7 @@ fn errors_of_rays_are_true() {
     let seeds = 60;
     let (mut sum, mut squares) = (0.0, 0.0);
     for seed in 0..seeds {
-        let counts = walk::count(&leaf, Side::Abaxial, 0.6, 30_000, seed, || false);
+        let counts = walk::count(&leaf, Side::Abaxial, 0.6, 30_000, seed, &|| false);
         let (share, error) = counts.share(counts.reflected);
         let z = (share - want.reflectance) / error;
         sum += z;
@@ -179,7 +179,7 @@ fn without_indices_only_the_mesophyll_is_left() {
                 let leaf = Leaf { path, ..leaf(air, [INF; 3], depth) };
                 let want = (-depth * path.length(incidence.cos())).exp();
                 assert!((exactly(&leaf, Side::Abaxial, incidence).transmittance - want).abs() < 1e-12);
-                let counts = walk::count(&leaf, Side::Abaxial, incidence, 20_000, 1, || false);
+                let counts = walk::count(&leaf, Side::Abaxial, incidence, 20_000, 1, &|| false);
                 let (share, error) = counts.share(counts.transmitted);
                 assert!((share - want).abs() < 4.5 * error);
             }
@@ -312,7 +312,7 @@ fn the_model_is_not_reciprocal() {
 #[test]
 fn a_seed_says_which_rays_whatever_the_threads() {
     let leaf = Leaf::soybean(0.3);
-    let run = |seed: u64| walk::count(&leaf, Side::Adaxial, 0.4, 200_000, seed, || false);
+    let run = |seed: u64| walk::count(&leaf, Side::Adaxial, 0.4, 200_000, seed, &|| false);
     let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     assert_eq!(run(5), alone.install(|| run(5)));
     assert_ne!(run(5), run(6));
@@ -324,7 +324,7 @@ fn the_goniometer_sees_where_light_goes() {
     use goniometer::{RINGS, SECTORS};
     let leaf = Leaf::soybean(0.3);
     let incidence = 40f64.to_radians();
-    let seen = walk::directions(&leaf, Side::Abaxial, incidence, 300_000, 2, || false);
+    let seen = walk::directions(&leaf, Side::Abaxial, incidence, 300_000, 2, &|| false);
     let up: u64 = seen.patches[..RINGS / 2 * SECTORS].iter().sum();
     let down: u64 = seen.patches[RINGS / 2 * SECTORS..].iter().sum();
     assert_eq!((up, down), (seen.counts.reflected, seen.counts.transmitted));
@@ -341,7 +341,7 @@ fn the_goniometer_sees_where_light_goes() {
     assert!((left - right).abs() < 4.5 * (left + right).sqrt());
     // What a black leaf reflects goes where FSM's surface lobe sends it.
     let black = Leaf { depth: 1e9, n_mesophyll: 1.6, ..leaf };
-    let seen = walk::directions(&black, Side::Adaxial, incidence, 400_000, 3, || false);
+    let seen = walk::directions(&black, Side::Adaxial, incidence, 400_000, 3, &|| false);
     let surface = black.surface_reflectance(incidence);
     let shares = fsm::Shares { surface, diffuse: 0.0, through: 0.0 };
     let patches = (0..RINGS / 2).flat_map(|ring| (0..SECTORS).map(move |sector| (ring, sector)));

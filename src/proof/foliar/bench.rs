@@ -70,7 +70,7 @@ pub fn rows() -> Result<Vec<BenchRow>> {
         let clock = Instant::now();
         let found: Vec<Response> = alone.install(|| {
             let one = |(leaf, side, at, _): &Case| {
-                let counts = walk::count(leaf, *side, *at, rays, 1, || false);
+                let counts = walk::count(leaf, *side, *at, rays, 1, &|| false);
                 let share = |count: u64| counts.share(count).0;
                 Response { reflectance: share(counts.reflected), transmittance: share(counts.transmitted) }
             };
@@ -85,7 +85,7 @@ pub fn rows() -> Result<Vec<BenchRow>> {
     for (name, depth) in [("soybean, green light", 0.4), ("soybean, clear", 0.0)] {
         let leaf = Leaf::soybean(depth);
         let rays = 1_000_000;
-        let us = alone.install(|| median_us(600.0, || walk::count(&leaf, Side::Adaxial, 0.0, rays, 1, || false)));
+        let us = alone.install(|| median_us(600.0, || walk::count(&leaf, Side::Adaxial, 0.0, rays, 1, &|| false)));
         let note = format!("adaxial, along the normal; on one core {:.1}e6 rays a second", rays as f64 / us);
         rows.push(row("rays a leaf", name.into(), f64::NAN, us, note));
     }

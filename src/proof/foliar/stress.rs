@@ -87,7 +87,7 @@ fn run(case: &Case) -> StressRow {
     let Some(found) = exact::response(leaf, case.side, at) else {
         return row(case.name, "ok", "wrong: the exact method does not settle".into(), None, clock);
     };
-    let counts = walk::count(leaf, case.side, at, case.rays, 1, || false);
+    let counts = walk::count(leaf, case.side, at, case.rays, 1, &|| false);
     let Response { reflectance: r, transmittance: t } = found;
     let shares = [(counts.share(counts.reflected), r), (counts.share(counts.transmitted), t)];
     let far = shares.iter().map(|((share, error), want)| (share - want).abs() / error).fold(0.0, f64::max);

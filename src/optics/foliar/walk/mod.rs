@@ -55,7 +55,14 @@ impl Counts {
 
 /// Sends `rays` rays at `incidence` (radians from the normal, 0 to π/2) onto one side. Between parts it asks `stop` whether to end
 /// early; what it returns then is of no use.
-pub fn count(leaf: &Leaf, side: Side, incidence: f64, rays: u64, seed: u64, stop: impl Fn() -> bool + Sync) -> Counts {
+pub fn count(
+    leaf: &Leaf,
+    side: Side,
+    incidence: f64,
+    rays: u64,
+    seed: u64,
+    stop: &(dyn Fn() -> bool + Sync),
+) -> Counts {
     let walk = Walk::new(leaf, side, incidence);
     let parts = (0..rays.div_ceil(PART)).into_par_iter().map(|part| {
         let n = PART.min(rays - part * PART);
@@ -74,7 +81,7 @@ pub fn directions(
     incidence: f64,
     rays: u64,
     seed: u64,
-    stop: impl Fn() -> bool + Sync,
+    stop: &(dyn Fn() -> bool + Sync),
 ) -> Goniometer {
     let walk = Walk::new(leaf, side, incidence);
     let parts = (0..rays.div_ceil(PART)).into_par_iter();

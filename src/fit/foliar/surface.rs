@@ -1,0 +1,166 @@
+//! Reflectance and transmittance at one wavelength as a function of absorption and of the epidermis's oblateness: the exact method at
+//! the nodes of Chebyshev polynomials, which give values and derivatives between them.
+//!
+//! Thousands of leaves share the indices of a wavelength. The exact method is run once a node instead of at every step of
+//! every leaf's fit.
+
+use mesophyll_optics::foliar::exact::{Prepared, Resolution};
+use mesophyll_optics::foliar::{Leaf, Oblateness, Path, Side};
+use std::f64::consts::PI;
+
+/// Largest oblateness of the epidermis that is looked for: its lobe is then 6° wide.
+pub const MOST_OBLATE: f64 = 100.0;
+/// Nodes over absorption and over ln(1 + oblateness).
+const DEPTHS: usize = 26;
+const LOBES: usize = 13;
+/// Absorption of one crossing at which the variable d/(d + BEND) is a half, and beyond which all is black.
+const BEND: f64 = 0.4;
+const BLACK: f64 = 40.0;
+
+/// What the fit takes as known of the leaf and the instrument.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Setting {
+    /// Oblateness of the palisade's lobes.
+    pub palisade: f64,
+    /// Oblateness of the spongy tissue's lobes.
+    pub spongy: f64,
+    /// How long a crossing of the mesophyll is.
+    pub path: Path,
+    /// Angle of the light from the normal (radians).
+    pub incidence: f64,
+}
+
+/// A quantity and its derivatives by absorption and by ln(1 + oblateness).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Value {
+    /// The quantity.
+    pub value: f64,
+    /// Its derivative by absorption times thickness.
+    pub by_depth: f64,
+    /// Its derivative by ln(1 + oblateness of the epidermis).
+    pub by_lobe: f64,
+}
+
+/// R and T at one wavelength, from one side.
+#[derive(Debug, Clone)]
+pub struct Surface {
+    /// Of each, the coefficient of T_i in the lobe's variable times T_j in the absorption's.
+    coefficients: [Vec<f64>; 2],
+}
+
+/// ln(1 + [`MOST_OBLATE`]).
+pub fn widest() -> f64 {
+    MOST_OBLATE.ln_1p()
+}
+
+fn node(k: usize, n: usize) -> f64 {
+    (PI * (k as f64 + 0.5) / n as f64).cos()
+}
+
+/// T_0 … T_(N−1) at `t` and their derivatives.
+fn chebyshev<const N: usize>(t: f64) -> ([f64; N], [f64; N]) {
+    let (mut value, mut slope) = ([1.0; N], [0.0; N]);
+    (value[1], slope[1]) = (t, 1.0);
+    for k in 2..N {
+        value[k] = 2.0 * t * value[k - 1] - value[k - 2];
+        slope[k] = 2.0 * value[k - 1] + 2.0 * t * slope[k - 1] - slope[k - 2];
+    }
+    (value, slope)
+}
+
+impl Surface {
+    /// Of a leaf whose refractive indices (cuticle, mesophyll, antidermal wall) are `indices`.
+    pub fn new(indices: [f64; 3], setting: &Setting, side: Side) -> Surface {
+        let [n_cuticle, n_mesophyll, n_antidermal] = indices;
+        let top = BLACK / (BLACK + BEND);
+        let mut nodes = [vec![0.0; LOBES * DEPTHS], vec![0.0; LOBES * DEPTHS]];
+        for i in 0..LOBES {
+            let epidermis = (0.5 * widest() * (1.0 + node(i, LOBES))).exp_m1();
+            let Setting { palisade, spongy, path, .. } = *setting;
+            let oblateness = Oblateness { epidermis, palisade, spongy, ..Oblateness::USUAL };
+            let leaf = Leaf { depth: 0.0, n_cuticle, n_mesophyll, n_antidermal, oblateness, path };
+            let prepared = Prepared::new(&leaf, Resolution::USUAL);
+            for j in 0..DEPTHS {
+                let v = 0.5 * top * (1.0 + node(j, DEPTHS));
+                let found = prepared.solve(BEND * v / (1.0 - v)).response(side, setting.incidence);
+                nodes[0][i * DEPTHS + j] = found.reflectance;
+                nodes[1][i * DEPTHS + j] = found.transmittance;
+            }
+        }
+        let coefficients = nodes.map(|values| {
+            let mut out = vec![0.0; LOBES * DEPTHS];
+            for i in 0..LOBES {
+                let (of_lobe, _) = chebyshev::<LOBES>(node(i, LOBES));
+                for j in 0..DEPTHS {
+                    let (of_depth, _) = chebyshev::<DEPTHS>(node(j, DEPTHS));
+                    for (k, a) in of_lobe.iter().enumerate() {
+                        for (l, b) in of_depth.iter().enumerate() {
+                            let scale = [1.0, 2.0][usize::from(k > 0)] * [1.0, 2.0][usize::from(l > 0)];
+                            let n = (LOBES * DEPTHS) as f64;
+                            out[k * DEPTHS + l] += scale / n * a * b * values[i * DEPTHS + j];
+                        }
+                    }
+                }
+            }
+            out
+        });
+        Surface { coefficients }
+    }
+
+    /// R and T at an absorption times thickness of 0 or more and a ln(1 + oblateness) from 0 to [`widest`].
+    pub fn at(&self, depth: f64, lobe: f64) -> [Value; 2] {
+        let top = BLACK / (BLACK + BEND);
+        let inside = depth.clamp(0.0, BLACK);
+        let (x, dx) = (2.0 * inside / (inside + BEND) / top - 1.0, 2.0 * BEND / (inside + BEND).powi(2) / top);
+        let dx = if depth > BLACK { 0.0 } else { dx };
+        let (y, dy) = (2.0 * lobe / widest() - 1.0, 2.0 / widest());
+        let (of_depth, slope_depth) = chebyshev::<DEPTHS>(x);
+        let (of_lobe, slope_lobe) = chebyshev::<LOBES>(y);
+        [0, 1].map(|which| {
+            let (mut value, mut by_depth, mut by_lobe) = (0.0, 0.0, 0.0);
+            for (row, (a, da)) in self.coefficients[which].chunks_exact(DEPTHS).zip(of_lobe.iter().zip(&slope_lobe)) {
+                let along: f64 = row.iter().zip(&of_depth).map(|(c, b)| c * b).sum();
+                let slope: f64 = row.iter().zip(&slope_depth).map(|(c, b)| c * b).sum();
+                value += a * along;
+                by_depth += a * slope * dx;
+                by_lobe += da * along * dy;
+            }
+            Value { value, by_depth, by_lobe }
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use mesophyll_optics::foliar::exact;
+
+    /// Beside the exact method itself, values and derivatives.
+    #[test]
+    fn between_its_nodes_it_is_the_exact_method() {
+        let setting = Setting { palisade: 1.0, spongy: 5.0, path: Path::Sieve, incidence: 0.14 };
+        let surface = Surface::new([1.51, 1.416, 1.411], &setting, Side::Adaxial);
+        for (depth, epidermis) in
+            [(0.0, 5.0), (0.02, 0.0), (0.13, 2.2), (0.6, 14.0), (1.7, 40.0), (5.0, 90.0), (30.0, 1.0)]
+        {
+            let leaf = Leaf {
+                depth,
+                n_cuticle: 1.51,
+                n_mesophyll: 1.416,
+                n_antidermal: 1.411,
+                oblateness: Oblateness { epidermis, ..Oblateness::USUAL },
+                path: Path::Sieve,
+            };
+            let want = exact::derivatives(&leaf, Side::Adaxial, setting.incidence);
+            let got = surface.at(depth, epidermis.ln_1p());
+            for (got, want) in got.iter().zip([want.reflectance, want.transmittance]) {
+                assert!((got.value - want.value).abs() < 1e-4, "{depth} {epidermis}: {got:?} {want:?}");
+                assert!((got.by_depth - want.by[0]).abs() < 2e-3, "{depth} {epidermis}: {got:?} {want:?}");
+                assert!(
+                    (got.by_lobe - want.by[4] * (1.0 + epidermis)).abs() < 2e-3,
+                    "{depth} {epidermis}: {got:?} {want:?}"
+                );
+            }
+        }
+    }
+}

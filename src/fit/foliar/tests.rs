@@ -1,0 +1,150 @@
+use super::*;
+use mesophyll_files::table::{Record, Table};
+use mesophyll_optics::foliar::{Leaf, Oblateness, Path, exact};
+use rayon::prelude::*;
+use std::path::PathBuf;
+
+const SETTING: Setting = Setting { palisade: 1.0, spongy: 5.0, path: Path::Sieve, incidence: 0.14 };
+const KNOWN: Known = Known { contents: [0.0; 5], oblateness: 5.0 };
+const THREE: [Parameter; 3] = [Parameter::Chlorophyll, Parameter::Carotenoid, Parameter::Oblateness];
+
+/// Constants of the size of a leaf's at three wavelengths; made up, so that no database is needed.
+fn spectrum() -> Spectrum {
+    let of = |chlorophyll: f64, carotenoid: f64, n: f64| Constants {
+        specific: [chlorophyll, carotenoid, 10.0, 4.0, 1e-3],
+        indices: [n, 1.42, 1.41],
+    };
+    let points = vec![(450.0, of(5e4, 5e4, 1.53)), (550.0, of(1.2e4, 6e3, 1.51)), (650.0, of(3e4, 0.0, 1.5))];
+    Spectrum { points }
+}
+
+/// Readings of a leaf as the exact method computes them.
+fn readings(lights: &[(f64, Side)], chlorophyll: f64, carotenoid: f64, epidermis: f64) -> Vec<Reading> {
+    let mut readings = Vec::new();
+    for (light, &(wavelength, side)) in lights.iter().enumerate() {
+        let constants = spectrum().at(wavelength).unwrap();
+        let per = constants.per_content();
+        let [n_cuticle, n_mesophyll, n_antidermal] = constants.indices;
+        let leaf = Leaf {
+            depth: per[0] * chlorophyll + per[1] * carotenoid,
+            n_cuticle,
+            n_mesophyll,
+            n_antidermal,
+            oblateness: Oblateness { epidermis, ..Oblateness::USUAL },
+            path: SETTING.path,
+        };
+        let found = exact::response(&leaf, side, SETTING.incidence).unwrap();
+        for (through, value) in [(false, found.reflectance), (true, found.transmittance)] {
+            readings.push(Reading { light, through, value, err: f64::NAN });
+        }
+    }
+    readings
+}
+
+const LIGHTS: [(f64, Side); 3] = [(450.0, Side::Adaxial), (550.0, Side::Adaxial), (650.0, Side::Adaxial)];
+
+#[test]
+fn what_a_leaf_was_made_of_is_found() {
+    let model = Model::new(&spectrum(), &LIGHTS, SETTING, &THREE, Some(1e-3)).unwrap();
+    for (chlorophyll, carotenoid, epidermis) in [(30.0, 8.0, 5.0), (12.0, 3.0, 2.0), (45.0, 6.0, 9.0)] {
+        let found = model.fit(&readings(&LIGHTS, chlorophyll, carotenoid, epidermis), &KNOWN);
+        for (k, truth) in [chlorophyll, carotenoid, epidermis].into_iter().enumerate() {
+            let (value, error) = (found.values[k], found.values[3 + k]);
+            // The readings have no noise, so that all that is left is what lies between the nodes.
+            assert!((value - truth).abs() < 0.3 * error, "{truth}: {found:?}");
+        }
+        assert!(found.values[6] < 1e-4, "{found:?}");
+    }
+}
+
+/// Standard errors are those of fits to noisy readings.
+#[test]
+fn standard_errors_are_true() {
+    use rand::{RngExt, SeedableRng};
+    let noise = 2e-3;
+    let model = Model::new(&spectrum(), &LIGHTS, SETTING, &THREE, Some(noise)).unwrap();
+    let clean = readings(&LIGHTS, 30.0, 8.0, 5.0);
+    let mut rng = rand_pcg::Pcg64::seed_from_u64(3);
+    let runs = 150;
+    let mut squares = [0.0; 3];
+    for _ in 0..runs {
+        let noisy: Vec<Reading> = clean
+            .iter()
+            .map(|r| {
+                // a sum of twelve uniform numbers is normal enough
+                let z: f64 = (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0;
+                Reading { value: r.value + noise * z, ..*r }
+            })
+            .collect();
+        let found = model.fit(&noisy, &KNOWN);
+        for (k, truth) in [30.0, 8.0, 5.0].into_iter().enumerate() {
+            squares[k] += ((found.values[k] - truth) / found.values[3 + k]).powi(2);
+        }
+    }
+    for (k, s) in squares.iter().enumerate() {
+        let chi2 = s / f64::from(runs);
+        // four standard deviations of χ², and a tenth for what is not linear
+        assert!((chi2 - 1.0).abs() < 4.0 * (2.0 / f64::from(runs)).sqrt() + 0.1, "{k}: {chi2}");
+    }
+}
+
+#[test]
+fn what_readings_do_not_tell_is_named() {
+    let asked = [Parameter::Chlorophyll, Parameter::Carotenoid, Parameter::Oblateness, Parameter::Thickness];
+    let model = Model::new(&spectrum(), &LIGHTS, SETTING, &asked, Some(1e-3)).unwrap();
+    let all = readings(&LIGHTS, 30.0, 8.0, 5.0);
+    let Status::Undetermined(what) = model.fit(&all, &KNOWN).status else { panic!("a thickness was found") };
+    assert!(what.starts_with("mesophyll_thickness_mm") && !what.contains("chlorophyll"), "{what}");
+    // One wavelength: a sum of pigments, and the lobe.
+    let model = Model::new(&spectrum(), &LIGHTS, SETTING, &THREE, Some(1e-3)).unwrap();
+    let one = model.fit(&all[2..4], &KNOWN).status;
+    assert!(one.leaves_open("chlorophyll_ug_cm2") && one.leaves_open("carotenoid_ug_cm2"), "{one}");
+    assert!(!one.leaves_open("oblateness_epidermis"), "{one}");
+    // The third wavelength shows chlorophyll alone.
+    let red = model.fit(&all[4..], &KNOWN).status;
+    assert!(red.leaves_open("carotenoid_ug_cm2") && !red.leaves_open("chlorophyll_ug_cm2"), "{red}");
+    assert!(matches!(model.fit(&[], &KNOWN).status, Status::Refused(_)));
+    let wild = [Reading { value: 1.5, ..all[0] }];
+    assert!(model.fit(&wild, &KNOWN).status.to_string().contains("reflectance at 450 nm is 1.5"));
+    assert!(Model::new(&spectrum(), &[(300.0, Side::Adaxial)], SETTING, &THREE, None).is_err());
+}
+
+#[test]
+fn errors_are_claimed_only_where_noise_is_stated() {
+    let all = readings(&LIGHTS, 30.0, 8.0, 5.0);
+    let with = |noise: Option<f64>| Model::new(&spectrum(), &LIGHTS, SETTING, &THREE, noise).unwrap().fit(&all, &KNOWN);
+    let (unstated, exact) = (with(None), with(Some(0.0)));
+    assert!(unstated.values[3..6].iter().all(|e| e.is_nan()) && unstated.status == Status::Ok, "{unstated:?}");
+    assert!(exact.values[3..6].iter().all(|e| *e == 0.0), "{exact:?}");
+}
+
+/// LOPEX93 and ANGERS at 450, 550 and 650 nm with three parameters a leaf. PROSPECT-D with three parameters: .0132.
+#[test]
+fn real_leaves_are_fitted_as_closely_as_by_prospect() {
+    let Some(data) = std::env::var_os("MESOPHYLL_DATA").map(PathBuf::from) else {
+        println!("skipped: MESOPHYLL_DATA names no folder of measured leaves");
+        return;
+    };
+    let spectrum = pigments::read(&data.join("foliar/pigments_npsg.csv")).unwrap();
+    let model = Model::new(&spectrum, &LIGHTS, SETTING, &THREE, None).unwrap();
+    let mut leaves: Vec<Vec<Reading>> = Vec::new();
+    for file in ["leaves/reflectance_transmittance.csv", "leaves/reflectance_transmittance_2.csv"] {
+        let mut table = Table::open(&data.join(file)).unwrap();
+        let places: Vec<usize> =
+            ["R450", "T450", "R550", "T550", "R650", "T650"].iter().map(|c| table.require(c).unwrap()).collect();
+        let mut record = Record::default();
+        while table.next_record(&mut record).unwrap() {
+            let read = |(k, &place): (usize, &usize)| {
+                let value = record.text(Some(place))?.ok()?.parse().ok()?;
+                Some(Reading { light: k / 2, through: k % 2 == 1, value, err: f64::NAN })
+            };
+            leaves.push(places.iter().enumerate().filter_map(read).collect());
+        }
+    }
+    let count = leaves.iter().map(Vec::len).sum::<usize>() as f64;
+    let squares: f64 = leaves.par_iter().map(|l| model.fit(l, &KNOWN).values[6].powi(2) * l.len() as f64).sum();
+    let leaves = leaves.len();
+    let rms = (squares / count).sqrt();
+    println!("{leaves} leaves, {count} readings: rms {rms:.4}");
+    assert!(leaves > 600 && rms <= 0.0135, "{leaves} leaves: {rms}");
+}

@@ -1,0 +1,95 @@
+//! The numbers behind the pictures of `docs/foliar.md`: what B1 shows as Fig. 3 to 5.
+
+use mesophyll_optics::foliar::goniometer::{Goniometer, RINGS, SECTORS};
+use mesophyll_optics::foliar::{Leaf, Side, fsm, walk};
+
+/// Wavelengths (nm) of the model's red, green and blue, and the absorption of one crossing of the soybean leaf's
+/// mesophyll there: 43.62 µg/cm² of chlorophyll (B1, Table 1) times the specific absorption that the public ABM program
+/// has.
+pub const SOYBEAN: [(f64, f64); 3] = [(608.0, 0.8872), (551.0, 0.5147), (465.0, 1.8975)];
+/// Chlorophyll of a vein, as a part of the leaf's (B1).
+pub const VEIN: f64 = 0.1;
+/// Rays of each polar plot.
+const RAYS: u64 = 8_000_000;
+
+/// A curve of a plot over the angle of incidence or of view (degrees).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Curve {
+    /// What it shows.
+    pub name: String,
+    /// Angle (degrees) and value.
+    pub points: Vec<(f64, f64)>,
+}
+
+/// Reflectance and transmittance of leaf and vein over the angle of incidence, a curve a colour: Fig. 3 and 4.
+pub fn tables() -> [(&'static str, Vec<Curve>); 4] {
+    let curves = |scale: f64, pick: fn(&fsm::Shares) -> f64| -> Vec<Curve> {
+        let one = |&(wavelength, depth): &(f64, f64)| Curve {
+            name: format!("{wavelength:.0} nm"),
+            points: fsm::table(&Leaf::soybean(depth * scale))
+                .unwrap_or_default()
+                .iter()
+                .enumerate()
+                .map(|(k, s)| (k as f64, pick(s)))
+                .collect(),
+        };
+        SOYBEAN.iter().map(one).collect()
+    };
+    [
+        ("leaf: reflected from inside", curves(1.0, |s| s.diffuse)),
+        ("leaf: let through", curves(1.0, |s| s.through)),
+        ("vein: reflected from inside", curves(VEIN, |s| s.diffuse)),
+        ("vein: let through", curves(VEIN, |s| s.through)),
+    ]
+}
+
+/// What the goniometer sees in the plane of incidence: angle from the lit side's normal, positive on the mirror side,
+/// from −180° to 180°, and BRDF or BTDF (1/sr). Each is the mean of the two patches next to the plane.
+pub fn in_plane(value: impl Fn(usize, usize) -> f64) -> Vec<(f64, f64)> {
+    let half = SECTORS / 2;
+    let both = |ring: usize, sector: usize| 0.5 * (value(ring, sector) + value(ring, (sector + SECTORS - 1) % SECTORS));
+    let angle = |ring: usize| (ring as f64 + 0.5) * 180.0 / RINGS as f64;
+    let mut points: Vec<(f64, f64)> = (0..RINGS).rev().map(|r| (-angle(r), both(r, 0))).collect();
+    points.extend((0..RINGS).map(|r| (angle(r), both(r, half))));
+    points
+}
+
+/// Polar plots of the leaf lit at an angle (degrees), by the ABM and by the FSM: Fig. 5.
+pub fn lobes(side: Side, incidence: f64) -> [Vec<Curve>; 2] {
+    let at = incidence.to_radians();
+    let mut both = [Vec::new(), Vec::new()];
+    for (wavelength, depth) in SOYBEAN {
+        let leaf = Leaf::soybean(depth);
+        let seen: Goniometer = walk::directions(&leaf, side, at, RAYS, 1, &|| false);
+        let shares = {
+            let (surface, n) = (leaf.surface_reflectance(at), seen.counts.rays as f64);
+            let diffuse = seen.counts.reflected as f64 / n - surface;
+            fsm::Shares { surface, diffuse, through: seen.counts.transmitted as f64 / n }
+        };
+        let ob = leaf.oblateness.cuticle;
+        let model =
+            |r: usize, s: usize| fsm::patch(at, ob, shares, r, s) / mesophyll_optics::foliar::goniometer::projected(r);
+        let name = format!("{wavelength:.0} nm");
+        both[0].push(Curve { name: name.clone(), points: in_plane(|r, s| seen.reading(r, s).bdf.0) });
+        both[1].push(Curve { name, points: in_plane(model) });
+    }
+    both
+}
+
+/// Total variation between the light that the ABM and the FSM send into the goniometer's patches: half the sum of
+/// differences, over the light that leaves.
+pub fn variation(side: Side, incidence: f64) -> f64 {
+    let at = incidence.to_radians();
+    let leaf = Leaf::soybean(SOYBEAN[1].1);
+    let seen = walk::directions(&leaf, side, at, RAYS, 1, &|| false);
+    let n = seen.counts.rays as f64;
+    let surface = leaf.surface_reflectance(at);
+    let (reflected, through) = (seen.counts.reflected as f64 / n, seen.counts.transmitted as f64 / n);
+    let shares = fsm::Shares { surface, diffuse: reflected - surface, through };
+    let patches = (0..RINGS).flat_map(|r| (0..SECTORS).map(move |s| (r, s)));
+    let off = |(r, s): (usize, usize)| {
+        let model = fsm::patch(at, leaf.oblateness.cuticle, shares, r, s);
+        (seen.reading(r, s).fraction.0 - model).abs()
+    };
+    0.5 * patches.map(off).sum::<f64>() / (reflected + through)
+}
