@@ -96,15 +96,19 @@ pub fn left_when_stopped<T: Send + 'static>(work: impl FnOnce() -> T + Send + 's
 struct Task {
     what: String,
     /// Steps in all; 0 where nobody knows.
-    total: u64,
+    total: AtomicU64,
     done: AtomicU64,
     start: Instant,
 }
 
 impl Task {
+    fn total(&self) -> u64 {
+        self.total.load(Ordering::Relaxed)
+    }
+
     /// `scanning: 12 of 240 (5 %) after 10 s, about 3 min 10 s left`.
     fn line(&self, elapsed: Duration) -> String {
-        let (done, total, what) = (self.done.load(Ordering::Relaxed), self.total, &self.what);
+        let (done, total, what) = (self.done.load(Ordering::Relaxed), self.total(), &self.what);
         let after = shown(elapsed);
         match (done, total) {
             (0, 0) => format!("{what}: {after} so far"),
@@ -142,7 +146,7 @@ fn tasks() -> std::sync::MutexGuard<'static, Vec<Arc<Task>>> {
 /// What to print now: all that is under way, from the verb to the innermost work, whose time is told.
 fn state(tasks: &[Arc<Task>]) -> Option<String> {
     let (inner, outer) = tasks.split_last()?;
-    let around = outer.iter().map(|t| match t.total {
+    let around = outer.iter().map(|t| match t.total() {
         0 => format!("{}: ", t.what),
         total => format!("{} ({} of {total} done): ", t.what, t.done.load(Ordering::Relaxed)),
     });
@@ -177,7 +181,8 @@ impl Bar {
     /// Begins a piece of work of `total` steps.
     pub fn new(what: impl Into<String>, total: u64) -> Self {
         let outermost = tasks().is_empty();
-        let task = Arc::new(Task { what: what.into(), total, done: AtomicU64::new(0), start: Instant::now() });
+        let task =
+            Arc::new(Task { what: what.into(), total: total.into(), done: AtomicU64::new(0), start: Instant::now() });
         tasks().push(task.clone());
         let drawn = if is_quiet() || PAUSED.load(Ordering::Relaxed) {
             indicatif::ProgressBar::hidden()
@@ -204,6 +209,14 @@ impl Bar {
         self.drawn.inc(steps);
     }
 
+    /// By now so many steps are expected in all.
+    pub fn expect(&self, total: u64) {
+        if self.task.total.swap(total, Ordering::Relaxed) == 0 {
+            styled(&self.drawn, total);
+        }
+        self.drawn.set_length(total);
+    }
+
     /// One step further, unless a stop was asked for.
     ///
     /// # Errors
@@ -216,16 +229,24 @@ impl Bar {
 
 /// A bar on the terminal.
 fn drawn(task: &Task) -> indicatif::ProgressBar {
-    let (bar, template) = match task.total {
-        0 => (indicatif::ProgressBar::new_spinner(), "{prefix:>22} {spinner} {elapsed}"),
-        total => (indicatif::ProgressBar::new(total), "{prefix:>22} {wide_bar} {percent:>3} %  {eta} left"),
+    let bar = match task.total() {
+        0 => indicatif::ProgressBar::new_spinner(),
+        total => indicatif::ProgressBar::new(total),
     };
     let bar = bars().add(bar.with_prefix(task.what.clone()));
+    styled(&bar, task.total());
+    bar.enable_steady_tick(Duration::from_millis(200));
+    bar
+}
+
+fn styled(bar: &indicatif::ProgressBar, total: u64) {
+    let template = match total {
+        0 => "{prefix:>22} {spinner} {elapsed}",
+        _ => "{prefix:>22} {wide_bar} {percent:>3} %  {eta} left",
+    };
     if let Ok(style) = indicatif::ProgressStyle::with_template(template) {
         bar.set_style(style);
     }
-    bar.enable_steady_tick(Duration::from_millis(200));
-    bar
 }
 
 impl Drop for Bar {
@@ -240,7 +261,7 @@ mod tests {
     use super::*;
 
     fn task(what: &str, total: u64, done: u64) -> Arc<Task> {
-        Arc::new(Task { what: what.into(), total, done: AtomicU64::new(done), start: Instant::now() })
+        Arc::new(Task { what: what.into(), total: total.into(), done: AtomicU64::new(done), start: Instant::now() })
     }
 
     #[test]

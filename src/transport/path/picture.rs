@@ -149,7 +149,7 @@ impl Picture {
         }
         let lens = Lens::new(&request.camera, width, height)?;
         let mut stored = Instant::now();
-        let mut bar = None;
+        let (mut bar, before) = (None, self.total_paths());
         loop {
             let plan: Vec<Option<u32>> = self.done.iter().map(|d| next_round(*d, request.target)).collect();
             // Where nothing is to be seen there is no error to wait for.
@@ -186,6 +186,9 @@ impl Picture {
                 self.take(j, paths, &row);
                 self.cut += cut;
             }
+            if let Some(expected) = self.expected(request.target, self.total_paths() - before) {
+                bar.expect(expected);
+            }
             if progress::stop_requested() {
                 store(self)?;
                 return Ok(Progress::Stopped);
@@ -195,6 +198,17 @@ impl Picture {
                 stored = Instant::now();
             }
         }
+    }
+
+    /// How many paths this run will have followed when the error is as small as is asked for; `None` where only a number
+    /// of paths is asked for, or the error is not known yet. Half the error takes four times the paths.
+    fn expected(&self, target: Target, followed: u64) -> Option<u64> {
+        let ratio = self.median_error()? / target.error.filter(|_| target.samples.is_none())?;
+        let wanted = self.total_paths() as f64 * ratio * ratio;
+        // Whole rounds, and no fewer than an error is trusted after.
+        let round = (self.width * self.height) as f64 * f64::from(ROUND);
+        let wanted = (wanted / round).ceil().max(f64::from(LEAST_ROUNDS)) * round;
+        Some(followed + (wanted as u64).saturating_sub(self.total_paths()))
     }
 
     /// A bar over the paths that are still to be followed; where only an error is asked for, nobody knows how many.
