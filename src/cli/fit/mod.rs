@@ -60,3 +60,13 @@ fn ended(outcome: Outcome, out: &Path) -> Option<Box<FitRecord>> {
         }
     }
 }
+
+/// Says how the fit of the folder `out` ended, and prints its record: as JSON, or by `summary`.
+fn told(outcome: Outcome, out: &Path, common: &Common, summary: impl Fn(&FitRecord) -> String) -> Result<u8> {
+    if let Some(record) = ended(outcome, out) {
+        // A summary may warn, whatever is printed.
+        let text = summary(&record);
+        if common.json { crate::print_json(&*record)? } else { crate::print(&text)? }
+    }
+    Ok(0)
+}

@@ -1,7 +1,7 @@
 //! `mesophyll fit tissue BEAMS --blade FIT -o DIR`.
 
 use crate::named::named;
-use crate::{Common, place, print, print_json};
+use crate::{Common, place};
 use crate::{Error, Result};
 use mesophyll_fit_translucency::inverse::run::{Options, Start, run as fit};
 use mesophyll_fit_translucency::inverse::{self};
@@ -91,13 +91,7 @@ fn options(args: &Args) -> Result<Options> {
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let outcome = fit(&args.input, &args.blade, &args.output, &options(args)?)?;
-    let Some(record) = super::ended(outcome, &args.output) else { return Ok(0) };
-    if common.json {
-        print_json(&*record)?;
-    } else {
-        print(&summary(&record))?;
-    }
-    Ok(0)
+    super::told(outcome, &args.output, common, summary)
 }
 
 /// A table a person can read.

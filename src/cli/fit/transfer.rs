@@ -1,7 +1,7 @@
 //! `mesophyll fit transfer SCENE -o DIR`.
 
 use crate::Result;
-use crate::{Common, place, print, print_json};
+use crate::{Common, place};
 use mesophyll_record::FitRecord;
 use mesophyll_scene::fits::missing::input_hash;
 use mesophyll_scene::placed::{Placed, leaf::Search};
@@ -35,13 +35,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let placed = Placed::new(&manifest, search, &ledger)?;
     let scene = Scene::new(manifest, placed, &ledger)?;
     let outcome = transfer::make(&scene, &args.output, args.force, &ledger)?;
-    let Some(record) = super::ended(outcome, &args.output) else { return Ok(0) };
-    if common.json {
-        print_json(&*record)?;
-    } else {
-        print(&summary(&record))?;
-    }
-    Ok(0)
+    super::told(outcome, &args.output, common, summary)
 }
 
 /// What a person wants to know of it.

@@ -1,7 +1,7 @@
 //! `mesophyll fit translucency FIT -o DIR`.
 
 use crate::named::named;
-use crate::{Common, place, print, print_json};
+use crate::{Common, place};
 use crate::{Error, Result};
 use mesophyll_capture::kind::Kind;
 use mesophyll_files::progress::say;
@@ -167,16 +167,12 @@ fn leaf(args: &Args) -> Result<PathBuf> {
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let outcome = fit(&leaf(args)?, &args.output, &options(args)?)?;
-    let Some(record) = super::ended(outcome, &args.output) else { return Ok(0) };
-    if let Some(why) = record.options.get("doubt") {
-        say(format!("warning: {why}; the maps are not to be relied on"));
-    }
-    if common.json {
-        print_json(&*record)?;
-    } else {
-        print(&summary(&record))?;
-    }
-    Ok(0)
+    super::told(outcome, &args.output, common, |record| {
+        if let Some(why) = record.options.get("doubt") {
+            say(format!("warning: {why}; the maps are not to be relied on"));
+        }
+        summary(record)
+    })
 }
 
 /// A table a person can read.
