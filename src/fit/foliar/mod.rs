@@ -10,7 +10,7 @@ use mesophyll_files::table::{Answer, Status};
 use mesophyll_optics::foliar::Side;
 use mesophyll_optics::foliar::pigments::{Constants, SUBSTANCES, Spectrum};
 use mesophyll_solve::{Closure, Noise, Options as Solver, global};
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 use surface::{MOST_OBLATE, Setting, Surface};
 
 /// What can be fitted.
@@ -95,7 +95,7 @@ pub struct Reading {
 pub struct Model {
     /// Wavelengths (nm) and lit sides of the readings, with the optical constants there.
     pub lights: Vec<(f64, Side, Constants)>,
-    surfaces: Vec<OnceLock<Surface>>,
+    surfaces: Arc<[OnceLock<Surface>]>,
     setting: Setting,
     free: Vec<Parameter>,
     asked: Vec<Parameter>,
@@ -106,6 +106,11 @@ pub struct Model {
 const STARTS: usize = 8;
 /// An `ok` promises errors of this part of each value at most.
 const PROMISE: f64 = 0.1;
+
+/// What of the asked can be fitted.
+fn free(asked: &[Parameter]) -> Vec<Parameter> {
+    asked.iter().copied().filter(|p| *p != Parameter::Thickness).collect()
+}
 
 impl Model {
     /// `lights`: wavelengths (nm) within the spectrum, and sides. `asked`: what is fitted. `noise`: standard error of readings that
@@ -129,8 +134,19 @@ impl Model {
         };
         let lights = lights.iter().map(constants).collect::<Result<Vec<_>, String>>()?;
         let surfaces = lights.iter().map(|_| OnceLock::new()).collect();
-        let free = asked.iter().copied().filter(|p| *p != Parameter::Thickness).collect();
-        Ok(Model { lights, surfaces, setting, free, asked: asked.to_vec(), noise })
+        Ok(Model { lights, surfaces, setting, free: free(asked), asked: asked.to_vec(), noise })
+    }
+
+    /// The same lights asked for other parameters, or with another noise. What is computed of the lights is shared.
+    pub fn asking(&self, asked: &[Parameter], noise: Option<f64>) -> Model {
+        Model {
+            lights: self.lights.clone(),
+            surfaces: self.surfaces.clone(),
+            setting: self.setting,
+            free: free(asked),
+            asked: asked.to_vec(),
+            noise,
+        }
     }
 
     /// Columns of [`Model::fit`]'s answer.

@@ -3,6 +3,7 @@ use mesophyll_files::table::{Record, Table};
 use mesophyll_optics::foliar::{Leaf, Oblateness, Path, exact};
 use rayon::prelude::*;
 use std::path::PathBuf;
+use std::sync::LazyLock;
 
 const SETTING: Setting = Setting { palisade: 1.0, spongy: 5.0, path: Path::Sieve, incidence: 0.14 };
 const KNOWN: Known = Known { contents: [0.0; 5], oblateness: 5.0 };
@@ -43,9 +44,12 @@ fn readings(lights: &[(f64, Side)], chlorophyll: f64, carotenoid: f64, epidermis
 
 const LIGHTS: [(f64, Side); 3] = [(450.0, Side::Adaxial), (550.0, Side::Adaxial), (650.0, Side::Adaxial)];
 
+/// What all tests of the same lights share.
+static MODEL: LazyLock<Model> = LazyLock::new(|| Model::new(&spectrum(), &LIGHTS, SETTING, &THREE, None).unwrap());
+
 #[test]
 fn what_a_leaf_was_made_of_is_found() {
-    let model = Model::new(&spectrum(), &LIGHTS, SETTING, &THREE, Some(1e-3)).unwrap();
+    let model = MODEL.asking(&THREE, Some(1e-3));
     for (chlorophyll, carotenoid, epidermis) in [(30.0, 8.0, 5.0), (12.0, 3.0, 2.0), (45.0, 6.0, 9.0)] {
         let found = model.fit(&readings(&LIGHTS, chlorophyll, carotenoid, epidermis), &KNOWN);
         for (k, truth) in [chlorophyll, carotenoid, epidermis].into_iter().enumerate() {
@@ -62,10 +66,10 @@ fn what_a_leaf_was_made_of_is_found() {
 fn standard_errors_are_true() {
     use rand::{RngExt, SeedableRng};
     let noise = 2e-3;
-    let model = Model::new(&spectrum(), &LIGHTS, SETTING, &THREE, Some(noise)).unwrap();
+    let model = MODEL.asking(&THREE, Some(noise));
     let clean = readings(&LIGHTS, 30.0, 8.0, 5.0);
     let mut rng = rand_pcg::Pcg64::seed_from_u64(3);
-    let runs = 150;
+    let runs = 100;
     let mut squares = [0.0; 3];
     for _ in 0..runs {
         let noisy: Vec<Reading> = clean
@@ -91,12 +95,12 @@ fn standard_errors_are_true() {
 #[test]
 fn what_readings_do_not_tell_is_named() {
     let asked = [Parameter::Chlorophyll, Parameter::Carotenoid, Parameter::Oblateness, Parameter::Thickness];
-    let model = Model::new(&spectrum(), &LIGHTS, SETTING, &asked, Some(1e-3)).unwrap();
+    let model = MODEL.asking(&asked, Some(1e-3));
     let all = readings(&LIGHTS, 30.0, 8.0, 5.0);
     let Status::Undetermined(what) = model.fit(&all, &KNOWN).status else { panic!("a thickness was found") };
     assert!(what.starts_with("mesophyll_thickness_mm") && !what.contains("chlorophyll"), "{what}");
     // One wavelength: a sum of pigments, and the lobe.
-    let model = Model::new(&spectrum(), &LIGHTS, SETTING, &THREE, Some(1e-3)).unwrap();
+    let model = MODEL.asking(&THREE, Some(1e-3));
     let one = model.fit(&all[2..4], &KNOWN).status;
     assert!(one.leaves_open("chlorophyll_ug_cm2") && one.leaves_open("carotenoid_ug_cm2"), "{one}");
     assert!(!one.leaves_open("oblateness_epidermis"), "{one}");
@@ -112,7 +116,7 @@ fn what_readings_do_not_tell_is_named() {
 #[test]
 fn errors_are_claimed_only_where_noise_is_stated() {
     let all = readings(&LIGHTS, 30.0, 8.0, 5.0);
-    let with = |noise: Option<f64>| Model::new(&spectrum(), &LIGHTS, SETTING, &THREE, noise).unwrap().fit(&all, &KNOWN);
+    let with = |noise: Option<f64>| MODEL.asking(&THREE, noise).fit(&all, &KNOWN);
     let (unstated, exact) = (with(None), with(Some(0.0)));
     assert!(unstated.values[3..6].iter().all(|e| e.is_nan()) && unstated.status == Status::Ok, "{unstated:?}");
     assert!(exact.values[3..6].iter().all(|e| *e == 0.0), "{exact:?}");
