@@ -15,7 +15,7 @@ mod tests;
 pub use layout::{Layout, OfLeaf};
 pub use store::{OPERATORS, Transfer};
 
-use mesophyll_error::Result;
+use mesophyll_error::{Error, Result};
 use mesophyll_files::image::{Maps, Packing, write_exr};
 use mesophyll_files::{hash, memory, progress};
 use mesophyll_record::maker::{self, Maker, Outcome};
@@ -59,7 +59,7 @@ pub struct Scene {
 }
 
 /// How entries are found: changes where the same scene gets other entries.
-const METHOD: &str = "Gaussian neighbourhoods of 32 points, Owen-scrambled Sobol points";
+const METHOD: &str = "Gaussian neighbourhoods of 32 points; wood by its triangles' middles; in units of the light";
 /// What the parts of this fit hold: changes where their format does.
 const PART: &str = "entries of about 2,000 anchors as EXR, their errors";
 /// Anchors a part at least.
@@ -76,8 +76,8 @@ struct Part {
 /// not hold.
 ///
 /// # Errors
-/// [`mesophyll_error::Error::Input`] for a world that contradicts itself, [`mesophyll_error::Error::Usage`] where it would need more memory than there is,
-/// [`mesophyll_error::Error::Interrupted`] after a stop (finished parts are kept), and what [`maker::make`] gives.
+/// [`Error::Input`] for a world that contradicts itself, [`Error::Usage`] where it would need more memory than there is,
+/// [`Error::Interrupted`] after a stop (finished parts are kept), and what [`maker::make`] gives.
 pub fn run(scene: &Scene, inputs: &[&Path], out: &Path, options: &Options) -> Result<Outcome> {
     let (scene, options) = (scene.clone(), *options);
     maker::make(KIND, out, inputs, move |maker| fit(&scene, &options, maker))
@@ -96,6 +96,7 @@ fn fit(scene: &Scene, options: &Options, maker: &mut Maker) -> Result<Outcome> {
     let tracer = maker.phase("box trees", || Tracer::new(world, Paths::default()))?;
     let bar = progress::Bar::new("transfer", layout.anchors() as u64);
     let (mut entries, mut errors) = (Vec::with_capacity(layout.rows * columns), Vec::new());
+    let scale = matter::scale(world, options.columns);
     let request = Request { columns: options.columns, paths: options.paths, seed: options.seed };
     let start = std::time::Instant::now();
     for (k, part) in layout.parts(ANCHORS_A_PART).into_iter().enumerate() {
@@ -107,7 +108,7 @@ fn fit(scene: &Scene, options: &Options, maker: &mut Maker) -> Result<Outcome> {
                 let receiver = Receiver { instance, anchors: &leaf.anchors.points, rows: leaf.rows };
                 let of = transfer::measure(&tracer, &receiver, &request);
                 progress::go_on()?;
-                found.extend(of.entries);
+                found.extend(of.entries.into_iter().map(|e| e.map(|v| v / scale)));
                 errors.extend(of.errors);
             }
             write_exr(&folder.join(format!("{name}.exr")), &store::maps(&found), Packing::Half)?;
@@ -115,8 +116,18 @@ fn fit(scene: &Scene, options: &Options, maker: &mut Maker) -> Result<Outcome> {
         })?;
         bar.advance(of_part.len() as u64);
         let path = maker.parts(PART).join(format!("{name}.exr"));
-        let instances: usize = part.map(|i| layout.rows_of(world, i)).sum();
-        entries.extend(store::entries(&path, instances * columns)?);
+        let rows: usize = part.map(|i| layout.rows_of(world, i)).sum();
+        match store::entries(&path, rows * columns) {
+            Ok(found) => entries.extend(found),
+            Err(error) => {
+                // It would stand in the way of every further run.
+                let _ = std::fs::remove_dir_all(maker.parts(PART));
+                return Err(Error::input(
+                    &path,
+                    format!("a finished part is damaged ({error}); the parts were removed, run the same command again"),
+                ));
+            }
+        }
         errors.extend(of_part);
     }
     maker.times.phase("paths", start);

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 use mesophyll_files::hash;
+use mesophyll_transport::transfer::Columns;
 use mesophyll_transport::world::{Interior, ReferenceLeaf, ReferenceSide, Sunlit, World};
 use std::f64::consts::PI;
 
@@ -18,23 +19,42 @@ pub fn hash(world: &World, leaves: usize) -> String {
     hash::combine(parts.chain([("places", places.as_str()), ("told", told.as_str())]))
 }
 
+/// Directions spread evenly over the sphere, by which a sky is known.
+const DIRECTIONS: usize = 2000;
+
+/// Radiance of the sky in one of the [`DIRECTIONS`].
+fn sky(world: &World, k: usize) -> [f64; 3] {
+    let golden = PI * (3.0 - 5f64.sqrt());
+    let z = 1.0 - 2.0 * (k as f64 + 0.5) / DIRECTIONS as f64;
+    let (sin, cos) = (golden * k as f64).sin_cos();
+    let r = (1.0 - z * z).sqrt();
+    let d = DVec3::new(r * cos, r * sin, z);
+    match (&world.dome, &world.environment) {
+        (Some(dome), _) => (dome.radiance)(d),
+        (None, Some(map)) => map.at(d),
+        _ => world.sky.unwrap_or_default(),
+    }
+}
+
+/// What entries are divided by before they are kept as half floats: about the largest irradiance, where they are the light
+/// itself, which may be in any unit.
+pub fn scale(world: &World, columns: Columns) -> f32 {
+    if columns != Columns::Light {
+        return 1.0;
+    }
+    let sun = world.sun.map_or([0.0; 3], |s| s.irradiance);
+    let sky = (0..DIRECTIONS).flat_map(|k| sky(world, k)).map(|l| PI * l);
+    let most = sky.chain(sun).fold(0.0, f64::max) as f32;
+    if most.is_normal() { most } else { 1.0 }
+}
+
 /// Hash of sun and sky, and of how the sun comes through leaves. A sky is told by its radiance in 2,000 directions.
 pub fn light_hash(world: &World) -> String {
-    let golden = PI * (3.0 - 5f64.sqrt());
-    let seen = |k: usize| -> [f64; 3] {
-        let z = 1.0 - (k as f64 + 0.5) / 1000.0;
-        let (sin, cos) = (golden * k as f64).sin_cos();
-        let r = (1.0 - z * z).sqrt();
-        let d = DVec3::new(r * cos, r * sin, z);
-        match (&world.dome, &world.environment) {
-            (Some(dome), _) => (dome.radiance)(d),
-            (None, Some(map)) => map.at(d),
-            _ => world.sky.unwrap_or_default(),
-        }
-    };
-    let bytes: Vec<u8> = (0..2000).flat_map(seen).flat_map(f64::to_le_bytes).collect();
+    let bytes: Vec<u8> = (0..DIRECTIONS).flat_map(|k| sky(world, k)).flat_map(f64::to_le_bytes).collect();
     let mut through = Vec::new();
-    for sunlit in world.through.iter().flat_map(|t| t.entering.iter().flatten()) {
+    let entering = world.through.iter().flat_map(|t| &t.entering).enumerate();
+    for (k, sunlit) in entering.filter_map(|(k, s)| Some((k, s.as_ref()?))) {
+        through.extend((k as u64).to_le_bytes());
         let maps: Vec<&Vec<f32>> = match sunlit {
             Sunlit::Factor(map) => vec![map.as_ref()],
             Sunlit::Colour(maps) => maps.iter().collect(),
@@ -60,7 +80,10 @@ fn leaf(leaf: &ReferenceLeaf) -> String {
     for s in [&leaf.front, &leaf.back] {
         side(s, &mut put);
     }
-    let told = format!("{} {} {:?} {}", leaf.width, leaf.height, leaf.lobe, mesh.discs);
+    let lengths = [mesh.positions.len(), mesh.tangents.len(), mesh.indices.len()];
+    let kind = |s: &ReferenceSide| (matches!(s.interior, Interior::Maps { .. }), s.gloss.is_some(), s.normal.is_some());
+    let sides = [kind(&leaf.front), kind(&leaf.back)];
+    let told = format!("{} {} {:?} {} {lengths:?} {sides:?}", leaf.width, leaf.height, leaf.lobe, mesh.discs);
     hash::combine([("maps", hash::bytes(&bytes).as_str()), ("told", told.as_str())])
 }
 

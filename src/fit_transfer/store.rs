@@ -25,6 +25,8 @@ pub struct Transfer {
     pub columns: Columns,
     /// Bands of the harmonics among the rows of a glossy leaf.
     pub gloss_bands: usize,
+    /// What the entries are to be multiplied with.
+    pub scale: f32,
     /// Row by row, column by column: light by way of other surfaces (red, green, blue), and straight from the sky.
     pub entries: Vec<[f32; 4]>,
     /// What the fit says of itself.
@@ -46,8 +48,16 @@ impl Transfer {
             return Ok(None);
         }
         let layout = Layout::new(&scene.world, scene.leaves, options);
+        let scale = crate::matter::scale(&scene.world, options.columns);
         let entries = entries(&folder.join(OPERATORS), layout.rows * options.columns.count())?;
-        Ok(Some(Transfer { layout, columns: options.columns, gloss_bands: options.gloss_bands, entries, record }))
+        Ok(Some(Transfer {
+            layout,
+            columns: options.columns,
+            gloss_bands: options.gloss_bands,
+            scale,
+            entries,
+            record,
+        }))
     }
 }
 
@@ -83,23 +93,23 @@ pub(crate) fn entries(path: &Path, count: usize) -> Result<Vec<[f32; 4]>> {
 /// A picture of the mean irradiance on each anchor under an even light: a line an instance, an anchor a pixel; front
 /// above, back below.
 pub(crate) fn preview(out: &Path, layout: &Layout, world: &World, entries: &[[f32; 4]], columns: usize) -> Result<()> {
-    let shown = world.instances.len().min(256);
-    let width = (0..shown).map(|k| layout.leaves[world.instances[k].leaf].anchors.points.len()).max().unwrap_or(1);
-    let width = width.min(512);
+    let shown = world.instances.len().clamp(1, 256);
+    let width = (0..world.instances.len().min(shown))
+        .map(|k| layout.leaves[world.instances[k].leaf].anchors.points.len())
+        .max()
+        .unwrap_or(1);
+    let width = width.clamp(1, 512);
     let mut light = vec![[0f32; 3]; width * shown * 2];
-    for k in 0..shown {
-        let leaf = &layout.leaves[world.instances[k].leaf];
+    for (k, placed) in world.instances.iter().enumerate().take(shown) {
+        let leaf = &layout.leaves[placed.leaf];
         let rows = leaf.rows.count();
+        // A number, or the length of a vector a side.
+        let (sides, parts) = if rows == 1 { (1, 1) } else { (2, 3) };
         for a in 0..leaf.anchors.points.len().min(width) {
-            for side in 0..if rows > 3 { 2 } else { 1 } {
-                let row = layout.first[k] + a * rows + 3 * side;
-                let length = |c: usize| {
-                    let along = |q: usize| {
-                        let e = entries[(row + q) * columns];
-                        e[c] + e[3]
-                    };
-                    (along(0).powi(2) + along(1).powi(2) + along(2).powi(2)).sqrt()
-                };
+            for side in 0..sides {
+                let row = layout.first[k] + a * rows + parts * side;
+                let of = |q: usize, c: usize| entries[(row + q) * columns][c] + entries[(row + q) * columns][3];
+                let length = |c: usize| (0..parts).map(|q| of(q, c).powi(2)).sum::<f32>().sqrt();
                 light[(2 * k + side) * width + a] = [0, 1, 2].map(length);
             }
         }

@@ -6,7 +6,7 @@ use crate::visibility::cluster::cluster;
 use glam::DVec3;
 use mesophyll_files::progress::Bar;
 use mesophyll_transport::path::{Paths, Tracer};
-use mesophyll_transport::transfer::{Anchor, Anchors, Columns, Receiver, Request, Rows, measure};
+use mesophyll_transport::transfer::{Anchor, Anchors, Columns, Receiver, Request, Rows, Spot, measure};
 use mesophyll_transport::{ReferenceSun, World};
 use std::f64::consts::PI;
 use std::time::Instant;
@@ -103,8 +103,13 @@ impl Bench<'_> {
     /// By many paths from every vertex itself.
     fn truth(&self) -> Result<Vec<Vec<Both>>> {
         let of = |instance: &usize| {
-            let anchors = Anchors::at_vertices(&self.world.leaves[self.world.instances[*instance].leaf]).points;
-            let anchors: Vec<Anchor> = self.vertices(*instance).map(|v| anchors[v].clone()).collect();
+            let indices = &self.world.leaves[self.world.instances[*instance].leaf].mesh.indices;
+            let at = |vertex: usize| {
+                let k = indices.iter().position(|i| *i as usize == vertex).unwrap_or(0);
+                let barycentric = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]][k % 3];
+                Anchor { points: vec![Spot { triangle: k / 3, barycentric }] }
+            };
+            let anchors: Vec<Anchor> = self.vertices(*instance).map(at).collect();
             let found = self.arriving(*instance, &anchors, Columns::Light, MANY)?;
             Ok(self.vertices(*instance).zip(found).map(|(v, f)| self.both(*instance, v, f)).collect())
         };

@@ -7,6 +7,7 @@ use crate::ledger::Ledger;
 use crate::loaded::Scene;
 use crate::placed::branch;
 use crate::{Error, Result};
+use mesophyll_files::progress;
 use mesophyll_fit_transfer::{self as fit, Options, Transfer};
 use mesophyll_record::maker::Outcome;
 use mesophyll_transport::transfer::Columns;
@@ -52,13 +53,19 @@ pub fn make(scene: &Scene, out: &Path, force: bool, ledger: &Ledger) -> Result<O
         };
         return Err(Error::field(&scene.manifest.path, "transfer", why));
     };
+    if let Some(missing) = scene.placed.unfitted().first() {
+        let leaf = format!("leaf \"{}\"", scene.manifest.leaves[*missing].name);
+        let why = "not fitted yet; `mesophyll run` fits what a scene needs";
+        return Err(Error::field(&scene.manifest.path, &leaf, why));
+    }
     let of = of(scene, &options, ledger)?;
     fit::run(&of, &[&scene.manifest.path], out, &Options { force, ..options })
 }
 
-/// Where a run's own transfer of a scene goes.
+/// Where a run's own transfer of a scene goes: a window's, whose light moves, beside that of a check.
 pub fn folder(scene: &Scene, out: &Path) -> PathBuf {
-    out.join("fits").join(format!("{}-transfer", scene.manifest.name))
+    let bands = scene.plan.light.between.and_then(|b| b.bands).map_or(String::new(), |b| format!("-{b}-bands"));
+    out.join("fits").join(format!("{}-transfer{bands}", scene.manifest.name))
 }
 
 impl Scene {
@@ -75,15 +82,24 @@ impl Scene {
         let of = of(self, &options, ledger)?;
         let named = self.manifest.transfer.as_ref().and_then(|t| t.fit.as_ref()).map(|f| self.manifest.resolve(f));
         let own = folder(self, out);
-        for place in named.iter().chain([&own]) {
-            if place.join("fit.toml").is_file() {
-                self.transfer = Transfer::open(place, &of, &options)?;
-                if let Some(found) = &self.transfer {
-                    let bytes = found.entries.len() as u64 * 8;
-                    ledger.note("read", format!("{}/{}", self.manifest.name, fit::OPERATORS), bytes, || ());
-                    return Ok(());
-                }
+        if let Some(place) = &named {
+            self.transfer = Transfer::open(place, &of, &options)?;
+            if self.transfer.is_none() {
+                progress::say(format!(
+                    "{}: transfer.fit: {} is of another scene, light or setting; another one is made",
+                    self.manifest.path.display(),
+                    place.display()
+                ));
             }
+        }
+        if self.transfer.is_none() && own.join("fit.toml").is_file() {
+            // A damaged one is made anew.
+            self.transfer = Transfer::open(&own, &of, &options).unwrap_or(None);
+        }
+        if let Some(found) = &self.transfer {
+            let bytes = found.entries.len() as u64 * 8;
+            ledger.note("read", format!("{}/{}", self.manifest.name, fit::OPERATORS), bytes, || ());
+            return Ok(());
         }
         let name = format!("{} transfer", self.manifest.name);
         ledger.note("fit", name, 0, || fit::run(&of, &[&self.manifest.path], &own, &options))?;

@@ -87,6 +87,7 @@ impl Gpu {
         let offered = adapter.limits();
         let mut limits = Limits::default().using_resolution(offered.clone());
         limits.max_buffer_size = offered.max_buffer_size;
+        limits.max_storage_buffer_binding_size = offered.max_storage_buffer_binding_size;
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("mesophyll"),
             required_features: features,

@@ -212,7 +212,7 @@ impl Renderer {
         if let Some(dome) = &scene.dome {
             loaded.main.set_dome(&self.gpu, dome);
         }
-        if let Some(transfer) = &loaded.transfer {
+        if let Some(transfer) = &mut loaded.transfer {
             transfer.set_light(&self.gpu, &Lit::of(scene), &mut self.stats);
         }
         loaded.dome = scene.dome.clone();

@@ -88,7 +88,7 @@ pub struct Scene {
 /// 2005, §4): rows that are sums over columns of the light. The sun's disk itself is not in it.
 ///
 /// An anchor's rows are ∫ L(ω) ω dω over the directions on its front (x, y, z), the same over those on its back, and for
-/// glossy leaves ∫ L(ω) Y_lm(ω) dω at l(l+1)+m; of wood and ground the first three alone.
+/// glossy leaves ∫ L(ω) Y_lm(ω) dω at l(l+1)+m. Wood and ground have one row, the irradiance on their front.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Transfer {
     /// Bands of the light's harmonics, whose squares are the columns; `None`: one column, the light that the scene has
@@ -96,6 +96,8 @@ pub struct Transfer {
     pub bands: Option<usize>,
     /// Bands of the harmonics among the rows of a glossy leaf, 1 to 7.
     pub gloss_bands: usize,
+    /// What all entries are multiplied with: they are kept as half floats, and light may be in any unit.
+    pub scale: f32,
     /// Row by row, column by column: light by way of other surfaces (red, green, blue), and straight from the sky.
     pub entries: Vec<[f32; 4]>,
 }
@@ -107,7 +109,7 @@ pub struct Anchors {
     pub grid: [u32; 2],
     /// Of each vertex: the first anchor of its piece, and its place in the grid, 0 to `grid − 1`.
     pub places: Vec<Vec3>,
-    /// Rows of an anchor: 3 (wood and ground), 6 (a leaf) or 6 + N² (a glossy one).
+    /// Rows of an anchor: 1 (wood and ground), 6 (a leaf) or 6 + N² (a glossy one).
     pub rows: u32,
 }
 

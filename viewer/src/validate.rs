@@ -42,6 +42,10 @@ pub(crate) fn scene(gpu: &Gpu, scene: &Scene) -> Result<()> {
     lights(gpu, scene)
 }
 
+fn shines(side: &SideMaps) -> bool {
+    side.gloss.as_ref().is_some_and(|g| g.iter().any(|t| t[..3].iter().any(|v| *v > 0.0)))
+}
+
 /// The transfer, and that everything which stands in the scene has rows in it.
 fn transfer(gpu: &Gpu, scene: &Scene) -> Result<()> {
     let Some(transfer) = &scene.transfer else { return Ok(()) };
@@ -59,14 +63,23 @@ fn transfer(gpu: &Gpu, scene: &Scene) -> Result<()> {
     if bytes == 0 || bytes > most || !transfer.entries.len().is_multiple_of(columns) {
         return Err(wrong("transfer, entries", format!("{bytes} bytes"), format!("whole rows, up to {most} bytes")));
     }
+    if !transfer.scale.is_finite() {
+        return Err(wrong("transfer, scale", transfer.scale, "a finite number"));
+    }
     for (i, instance) in scene.instances.iter().enumerate() {
         let mesh = &scene.meshes[instance.mesh];
+        if mesh.indices.is_empty() {
+            continue;
+        }
         let Some(anchors) = &mesh.anchors else {
             return Err(wrong(format!("instance {i}, anchors"), "none", "anchors of its mesh, for the transfer"));
         };
-        let leaf = scene.leaf(instance.material).is_some();
         let glossy = 6 + transfer.gloss_bands * transfer.gloss_bands;
-        let known = if leaf { vec![6, glossy] } else { vec![3] };
+        let known = match scene.leaf(instance.material) {
+            Some(leaf) if leaf.sides.iter().any(|(_, s)| shines(s)) => vec![glossy],
+            Some(_) => vec![6, glossy],
+            None => vec![1],
+        };
         let end = instance.first_row as usize + count(anchors) * anchors.rows as usize;
         let whole = anchors.places.len() == mesh.positions.len() && anchors.grid.iter().all(|n| *n > 0);
         if !whole || !known.contains(&(anchors.rows as usize)) || end > rows {

@@ -29,7 +29,7 @@ fn lit_by(grid: [u32; 2], light: impl Fn(u32, u32) -> [f32; 2]) -> Scene {
             }
         }
     }
-    scene.transfer = Some(Transfer { bands: None, gloss_bands: 3, entries });
+    scene.transfer = Some(Transfer { bands: None, gloss_bands: 3, scale: 1.0, entries });
     scene
 }
 
@@ -57,7 +57,7 @@ fn a_leaf_alone_is_lit_as_by_a_constant_sky() {
         renderer.set_scene(&scene).unwrap();
         let constant = renderer.render(&view, 48, 32).unwrap().hdr;
         scene.meshes[0].anchors = Some(anchors([1, 1], 6 + (bands * bands) as u32));
-        scene.transfer = Some(Transfer { bands: Some(bands), gloss_bands: bands, entries: alone(bands) });
+        scene.transfer = Some(Transfer { bands: Some(bands), gloss_bands: bands, scale: 1.0, entries: alone(bands) });
         renderer.set_scene(&scene).unwrap();
         let arrived = renderer.render(&view, 48, 32).unwrap().hdr;
         let mut compared = 0;
@@ -116,7 +116,7 @@ fn sun_and_sky_take_their_own_ways() {
     entries[2 * columns] = [0.5, 0.25, 0.125, 1.0];
     // Y₁₀ of the light, by way of other surfaces.
     entries[2 * columns + 2] = [0.25, 0.5, 1.0, 0.0];
-    scene.transfer = Some(Transfer { bands: Some(2), gloss_bands: 2, entries });
+    scene.transfer = Some(Transfer { bands: Some(2), gloss_bands: 2, scale: 1.0, entries });
     scene.sky = Some([0.2, 0.3, 0.4]);
     // From below: its own light does not fall on the side that is seen, and nothing comes through without ρt.
     let mut lamp = sun(Vec3::new(0.6, 0.0, -0.8));
@@ -146,7 +146,8 @@ fn it_is_worked_out_when_the_light_changes_and_only_then() {
     let stats = renderer.stats();
     assert!(stats.transfers == 0 && !stats.uploaded("transfer") && !stats.pipelines.contains(&"transfer".into()));
     scene.meshes[0].anchors = Some(anchors([1, 1], 6));
-    scene.transfer = Some(Transfer { bands: Some(1), gloss_bands: 1, entries: vec![[0.0, 0.0, 0.0, 1.0]; 6] });
+    scene.transfer =
+        Some(Transfer { bands: Some(1), gloss_bands: 1, scale: 1.0, entries: vec![[0.0, 0.0, 0.0, 1.0]; 6] });
     renderer.set_scene(&scene).unwrap();
     (0..3).for_each(|_| drop(renderer.render(&view, 9, 9).unwrap()));
     assert_eq!((renderer.stats().transfers, renderer.stats().uploaded("transfer")), (1, true));
@@ -155,6 +156,9 @@ fn it_is_worked_out_when_the_light_changes_and_only_then() {
     renderer.set_lights(&scene).unwrap();
     let after = renderer.render(&view, 9, 9).unwrap().hdr[40];
     assert_eq!(renderer.stats().transfers, 2);
+    scene.exposure = 2.0;
+    renderer.set_lights(&scene).unwrap();
+    assert_eq!(renderer.stats().transfers, 2, "an exposure is no light");
     assert!((after[0] / before[0] - 2.0).abs() < 1e-5 && after[1] == before[1], "{before:?} {after:?}");
 }
 
@@ -165,12 +169,12 @@ fn wood_is_lit_at_its_vertices() {
     let mut scene = Scene { exposure: 1.0, msaa: 1, shadow_resolution: 64, ..Scene::default() };
     let mut mesh = square(10.0);
     let places = (0..4).map(|k| Vec3::new(k as f32, 0.0, 0.0)).collect();
-    mesh.anchors = Some(Anchors { grid: [1, 1], places, rows: 3 });
+    mesh.anchors = Some(Anchors { grid: [1, 1], places, rows: 1 });
     let wood = scene.add(mesh, Material::Opaque(Opaque { name: "bark".into(), albedo: [0.3, 0.2, 0.1] }));
     scene.instances.push(wood);
     // Light grows from the left to the right.
-    let entries = [1.0, 3.0, 3.0, 1.0].into_iter().flat_map(|e| [[0.0; 4], [0.0; 4], [e, e, e, 0.0]]).collect();
-    scene.transfer = Some(Transfer { bands: None, gloss_bands: 1, entries });
+    let entries = [0.5, 1.5, 1.5, 0.5].into_iter().map(|e| [e, e, e, 0.0]).collect();
+    scene.transfer = Some(Transfer { bands: None, gloss_bands: 1, scale: 2.0, entries });
     renderer.set_scene(&scene).unwrap();
     let view = camera(Vec3::Z, 60.0);
     let picture = renderer.render(&view, 41, 41).unwrap();

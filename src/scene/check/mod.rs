@@ -16,13 +16,13 @@ mod perspective;
 mod pictures;
 mod proof;
 mod report;
-pub mod truth;
 mod verify;
 
 pub use capture::CaptureReport;
 pub use report::{Report, Term, ViewReport};
 pub use verify::verify;
 
+use crate::draw::truth::Truth;
 use crate::draw::{handover, reference, sunlit, true_leaf};
 use crate::ledger::Ledger;
 use crate::loaded::Scene;
@@ -33,7 +33,6 @@ use mesophyll_files::{atomic, progress};
 use mesophyll_transport as transport;
 use mesophyll_viewer as gpu;
 use std::path::PathBuf;
-use truth::Truth;
 
 /// What a check is told beside the scene.
 #[derive(Debug, Clone, Default)]
@@ -112,12 +111,12 @@ fn against_reference(
     ledger: &Ledger,
     report: &mut Report,
 ) -> Result<()> {
-    let Scene { manifest, placed, .. } = scene;
+    let Scene { manifest, placed, plan, .. } = scene;
     let perspective: Vec<&View> = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).collect();
     if !perspective.is_empty() {
         let mut drawn = handover::scene(scene, ledger)?;
         // The path tracer follows light through everything, not only through what a view sees.
-        let between = manifest.transfer.is_some();
+        let between = plan.light.between.is_some();
         let mut world = if between { transport::World::default() } else { reference::world(scene, ledger)? };
         renderer.set_scene(&drawn).map_err(told)?;
         report.uploads = renderer.stats().uploads.iter().map(|u| (u.name.clone(), u.bytes)).collect();

@@ -4,10 +4,10 @@
 use super::cost::timed;
 use super::pictures::save;
 use super::report::{TrueLeaf, ViewReport, exceeds};
-use super::truth::Truth;
 use super::{Options, proof, told};
 use crate::Result;
 use crate::draw::handover;
+use crate::draw::truth::Truth;
 use crate::loaded::Scene;
 use crate::manifest::{JudgedBy, View};
 use mesophyll_files::image::write_png;

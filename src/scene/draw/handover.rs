@@ -109,7 +109,12 @@ fn arriving(found: &Transfer, out: &mut viewer::Scene) {
         Columns::Harmonics(bands) => Some(bands),
         Columns::Light => None,
     };
-    out.transfer = Some(viewer::Transfer { bands, gloss_bands: found.gloss_bands, entries: found.entries.clone() });
+    out.transfer = Some(viewer::Transfer {
+        bands,
+        gloss_bands: found.gloss_bands,
+        scale: found.scale,
+        entries: found.entries.clone(),
+    });
 }
 
 /// Branches as meshes with bark, after the leaves; and what bends them and what rides on them, where anything does.

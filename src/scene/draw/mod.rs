@@ -10,3 +10,5 @@ pub mod scanned;
 pub mod sunlit;
 #[cfg(feature = "render")]
 pub mod true_leaf;
+#[cfg(feature = "render")]
+pub mod truth;

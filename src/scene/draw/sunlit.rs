@@ -35,10 +35,10 @@ pub fn relight_everywhere(world: &mut World, scene: &Scene) -> Result<()> {
 pub fn relight_where(
     world: &mut World,
     scene: &Scene,
-    eyes: &[DVec3],
+    eyes: Option<&[DVec3]>,
     has: impl Fn(usize, usize) -> bool,
 ) -> Result<()> {
-    light(world, scene, Some(eyes), false, has)
+    light(world, scene, eyes, false, has)
 }
 
 /// As [`relight`], by the stored coefficients instead of the convolution; whether there was anything to light so.

@@ -24,11 +24,13 @@ pub fn between(manifest: &Manifest, placed: &Placed, plan: &mut Plan) {
     let gloss: Vec<bool> =
         plan.leaves.iter().enumerate().map(|(k, l)| shines(k) && l.sides.iter().any(|s| s.gloss)).collect();
     let entries = |bands: usize| (rows(asked, placed, &gloss, bands) * bands * bands * 8) as u64;
+    // A mesh of the scene's own may be many leaves; a fit's blade is one.
+    let one_blade = manifest.leaves.iter().all(|l| l.mesh.is_none() && l.discs.is_none());
     let alone = placed.placements.len() < 2
         && placed.twigs.is_empty()
         && placed.wood.is_none()
         && placed.ground.is_none()
-        && placed.leaves.iter().all(|l| !l.uniform);
+        && one_blade;
     if alone {
         let why = "one leaf stands alone: no other sends it light or hides the sky";
         let bytes = entries(asked.bands.unwrap_or(BANDS));
@@ -38,6 +40,7 @@ pub fn between(manifest: &Manifest, placed: &Placed, plan: &mut Plan) {
     let moves = placed.free || manifest.sun_moves();
     let bands = asked.bands.or_else(|| moves.then_some(BANDS));
     plan.light.between = Some(Between { bands });
+    plan.light.sky_bands = plan.light.sky_bands.max(bands.unwrap_or(0));
     let [along, across] = asked.anchors;
     let mut need = Need::new(NAME, "the scene asks for it: leaves hide the sky from each other and light each other");
     need.amount = Some(format!("{along}x{across} anchors a leaf, {} paths each", asked.paths));

@@ -48,13 +48,14 @@ pub fn sides(manifest: &Manifest, leaf: &Leaf, free: bool) -> [SideNeeds; 2] {
     let (f, cards) = (leaf.facing, leaf.on_cards);
     [0, 1].map(|side| {
         if free && leaf.mesh.is_some() {
-            let has = leaf.fitted.as_ref().is_some_and(|f| f.has(Side::ALL[side]));
+            let fitted = leaf.fitted.as_ref().is_some_and(|f| f.has(Side::ALL[side]));
+            let has = leaf.uniform || fitted;
             return SideNeeds {
                 rho_d: has,
                 rho_t: has,
                 gloss: has,
-                normal: has,
-                translucency: has && asked,
+                normal: fitted,
+                translucency: fitted && asked,
                 mean: false,
             };
         }

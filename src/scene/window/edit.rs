@@ -2,10 +2,10 @@
 //! really dims), a reference picture, a verdict, a saved fit, a texel's numbers.
 
 use crate::Result;
-use crate::check::truth::{Sampling, Truth};
 use crate::draw::handover;
 use crate::draw::reference;
 use crate::draw::sunlit::relight_where;
+use crate::draw::truth::{Sampling, Truth};
 use crate::fits::reads;
 use crate::ledger::Ledger;
 use crate::loaded::curve::curve;
@@ -147,7 +147,12 @@ impl SceneEditor {
         (world.background, world.exposure) = (scene.background.map(f64::from), f64::from(scene.exposure));
         let has =
             |leaf: usize, s: usize| scene.leaf(leaf).is_some_and(|l| l.sides[Side::ALL[s]].translucency.is_some());
-        relight_where(&mut world, &self.scene, &[eye], has)?;
+        if world.ground.is_some_and(|g| g >= world.instances.len()) {
+            world.ground = None;
+        }
+        // The path tracer follows light through leaves that nobody sees, too.
+        let eyes = if scene.transfer.is_some() { None } else { Some([eye]) };
+        relight_where(&mut world, &self.scene, eyes.as_ref().map(|e| e.as_slice()), has)?;
         Ok(world)
     }
 }

@@ -23,14 +23,8 @@ pub struct Spot {
 /// §4, "Level of Detail"). What hides the sky from a single point then does not darken a third of a leaf.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Anchor {
-    /// At least one; the first is the anchor itself.
+    /// Of an anchor on a grid the first is the anchor itself. Where there is none, no light arrives.
     pub points: Vec<Spot>,
-}
-
-impl Anchor {
-    fn at(place: Spot) -> Anchor {
-        Anchor { points: vec![place] }
-    }
 }
 
 /// Points of a neighbourhood, and its standard deviation over the distance of two anchors.
@@ -61,20 +55,20 @@ impl Anchors {
         out
     }
 
-    /// An anchor at every vertex, for surfaces that no plane can be laid along, such as wood.
+    /// An anchor at every vertex, for surfaces that no plane can be laid along, such as wood. It holds the mean over the
+    /// middles of the triangles around the vertex: the vertex itself may lie inside other wood, as the foot of a branch
+    /// does.
     pub fn at_vertices(leaf: &ReferenceLeaf) -> Anchors {
         let mesh = &leaf.mesh;
-        let mut points = vec![None; mesh.positions.len()];
+        let mut around = vec![Vec::new(); mesh.positions.len()];
         for (k, vertex) in mesh.indices.iter().enumerate() {
-            let barycentric = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]][k % 3];
-            points[*vertex as usize].get_or_insert(Spot { triangle: k / 3, barycentric });
+            around[*vertex as usize].push(Spot { triangle: k / 3, barycentric: [1.0 / 3.0; 2] });
         }
-        let first = Spot { triangle: 0, barycentric: [0.0; 2] };
         Anchors {
             grid: [1, 1],
-            places: (0..points.len()).map(|k| [k as f32, 0.0, 0.0]).collect(),
+            places: (0..around.len()).map(|k| [k as f32, 0.0, 0.0]).collect(),
             // A vertex of no triangle is never drawn.
-            points: points.into_iter().map(|p| Anchor::at(p.unwrap_or(first))).collect(),
+            points: around.into_iter().map(|points| Anchor { points }).collect(),
         }
     }
 
@@ -183,8 +177,8 @@ impl Plane {
     }
 }
 
-/// The triangles of each piece, in the order of the mesh. Triangles hang together where they share an edge by the places
-/// of its ends, so that vertices which are stored twice part nothing.
+/// The triangles of each piece, in the order of the mesh. Triangles hang together where they share a vertex, or an edge
+/// by the places of its ends, so that vertices which are stored twice part nothing.
 fn pieces(leaf: &ReferenceLeaf) -> Vec<Vec<usize>> {
     let mesh = &leaf.mesh;
     let mut same: HashMap<[u64; 3], usize> = HashMap::new();
@@ -207,10 +201,14 @@ fn pieces(leaf: &ReferenceLeaf) -> Vec<Vec<usize>> {
         t
     }
     let mut edges: HashMap<[usize; 2], usize> = HashMap::new();
+    let mut shared: Vec<Option<usize>> = vec![None; mesh.positions.len()];
     for t in 0..count {
         let v = vertices(leaf, t).map(|k| place[k]);
-        for (a, b) in [(v[0], v[1]), (v[1], v[2]), (v[2], v[0])] {
-            let other = *edges.entry([a.min(b), a.max(b)]).or_insert(t);
+        let by_edge = [(v[0], v[1]), (v[1], v[2]), (v[2], v[0])];
+        let by_edge = by_edge.map(|(a, b)| *edges.entry([a.min(b), a.max(b)]).or_insert(t));
+        // A vertex that two triangles share has one place among anchors: both belong to one piece.
+        let by_vertex = vertices(leaf, t).map(|k| *shared[k].get_or_insert(t));
+        for other in by_edge.into_iter().chain(by_vertex) {
             let (x, y) = (root(&mut parent, t), root(&mut parent, other));
             parent[x.max(y)] = x.min(y);
         }

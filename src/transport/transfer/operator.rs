@@ -6,6 +6,7 @@
 //! front irradiance vector  F₁ = ∫ L(ω) ω dω over directions on the front of the anchor's triangle   (3 rows)
 //! back irradiance vector   F₂ = the same over the back                                               (3 rows)
 //! harmonics of the light   L_lm = ∫ L(ω) Y_lm(ω) dω, l < N, for gloss                                (N² rows)
+//! irradiance               E = ∫ L(ω) n·ω dω over the front, of wood and ground instead of all these (1 row)
 //! ```
 //! L is the radiance that arrives: from the sky where nothing hides it, and from other leaves. The sun's disk itself is
 //! left out of it, since its light is sharp and is drawn by shadows. A surface with the mapped normal n collects
@@ -48,7 +49,7 @@ impl Columns {
 /// Which rows a surface needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Rows {
-    /// The front's irradiance alone: wood and ground.
+    /// The front's irradiance alone, a number: wood and ground.
     Front,
     /// Both sides' irradiance: a matte leaf.
     Both,
@@ -60,7 +61,7 @@ impl Rows {
     /// How many there are.
     pub fn count(self) -> usize {
         match self {
-            Rows::Front => 3,
+            Rows::Front => 1,
             Rows::Both => 6,
             Rows::Glossy(bands) => 6 + bands * bands,
         }
@@ -168,9 +169,11 @@ impl At {
             for k in 0..each {
                 let mut samples = Samples::new(scramble(seed, q as u64), k);
                 let drawn = samples.next();
-                let (point, normal) = self.points[(drawn[2] * self.points.len() as f64) as usize];
+                let Some(&(point, normal)) = self.points.get((drawn[2] * self.points.len() as f64) as usize) else {
+                    continue;
+                };
                 let ray = self.direction(normal, drawn);
-                let back = ray.dot(normal) < 0.0;
+                let back = self.rows != Rows::Front && ray.dot(normal) < 0.0;
                 let out = tracer.stage.leave(point, normal, ray);
                 if !arrives(tracer, out, request.columns, &basis, &mut harmonics, &mut arriving, &mut samples) {
                     continue;
@@ -182,10 +185,14 @@ impl At {
                     }
                 };
                 let first = if back { 3 } else { 0 };
-                (0..3).for_each(|c| add(first + c, ray[c]));
-                if let Rows::Glossy(bands) = self.rows {
-                    basis.fill(ray.to_array(), &mut harmonics);
-                    (0..bands * bands).for_each(|c| add(6 + c, harmonics[c]));
+                match self.rows {
+                    Rows::Front => add(0, ray.dot(normal).max(0.0)),
+                    Rows::Both => (0..3).for_each(|c| add(first + c, ray[c])),
+                    Rows::Glossy(bands) => {
+                        (0..3).for_each(|c| add(first + c, ray[c]));
+                        basis.fill(ray.to_array(), &mut harmonics);
+                        (0..bands * bands).for_each(|c| add(6 + c, harmonics[c]));
+                    }
                 }
             }
             *level = self.level(&round, request.columns);
@@ -212,17 +219,15 @@ impl At {
     fn level(&self, entries: &[[f32; 4]], columns: Columns) -> f64 {
         // The first harmonic is √(1/4π) everywhere: light of radiance 1 has the coefficient √(4π).
         let even = if columns == Columns::Light { 1.0 } else { (4.0 * PI).sqrt() / PI };
-        let sides = if self.rows == Rows::Front { 1 } else { 2 };
-        let one = |side: usize| {
-            (0..3)
-                .map(|c| {
-                    let e = entries[(3 * side + c) * columns.count()];
-                    let light = f64::from(e[0] + e[1] + e[2]) / 3.0 + f64::from(e[3]);
-                    light * self.normal[c] * if side == 0 { 1.0 } else { -1.0 }
-                })
-                .sum::<f64>()
+        let light = |row: usize| {
+            let e = entries[row * columns.count()];
+            f64::from(e[0] + e[1] + e[2]) / 3.0 + f64::from(e[3])
         };
-        (0..sides).map(one).sum::<f64>() * even
+        let sum = match self.rows {
+            Rows::Front => light(0),
+            _ => (0..3).map(|c| (light(c) - light(3 + c)) * self.normal[c]).sum::<f64>(),
+        };
+        sum * even
     }
 }
 

@@ -175,6 +175,8 @@ fn uneven(place: Place, facing: Facing) -> bool {
 @fragment
 fn fragment(in: Varying, @builtin(front_facing) front_facing: bool) -> Pixel {
     var out: Pixel;
+    // Derivatives are defined before the outline discards anything.
+    let across = cross(dpdx(in.world), dpdy(in.world));
     let dx = dpdx(in.uv);
     let dy = dpdy(in.uv);
     //#if MASK
@@ -204,7 +206,7 @@ fn fragment(in: Varying, @builtin(front_facing) front_facing: bool) -> Pixel {
     arrive(in.first, in.place);
     //#endif
     let place = Place(in.uv, vec2f(1.0 - in.uv.x, in.uv.y), dx, dy);
-    let facing = faced(in, front_facing);
+    let facing = faced(in, front_facing, across);
     var seen: Shade;
     //#if SUPERSAMPLE
     if (dot(frame.sun_direction.xyz, facing.flat_normal) > 0.0 && uneven(place, facing)) {

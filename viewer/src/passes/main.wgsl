@@ -73,10 +73,8 @@ struct Varying {
     @location(4) place: vec2f,
     @location(5) @interpolate(flat) first: u32,
     //#else
-    // Irradiance vector: its x, y and z, a colour each.
-    @location(4) light_x: vec3f,
-    @location(5) light_y: vec3f,
-    @location(6) light_z: vec3f,
+    // Irradiance.
+    @location(4) arrived: vec3f,
     //#endif
     //#endif
 }
@@ -114,9 +112,7 @@ fn vertex(in: Vertex) -> Varying {
     out.place = in.place.yz;
     out.first = first;
     //#else
-    out.light_x = arriving[first].rgb;
-    out.light_y = arriving[first + 1u].rgb;
-    out.light_z = arriving[first + 2u].rgb;
+    out.arrived = arriving[first].rgb;
     //#endif
     //#endif
     out.position = frame.view_projection * vec4f(out.world, 1.0);
@@ -142,13 +138,12 @@ struct Facing {
     //#endif
 }
 
-fn faced(in: Varying, front_facing: bool) -> Facing {
+fn faced(in: Varying, front_facing: bool, across: vec3f) -> Facing {
     let view = normalize(frame.eye.xyz - frame.eye.w * in.world);
     //#if TRANSFER
-    // The triangle decides which side is seen and lit, as for the path tracer: where light goes from leaf to leaf, none may
+    // `across` is a normal of the triangle, out of either side. The triangle decides which side is seen and lit, as for the path tracer: where light goes from leaf to leaf, none may
     // pass through a blade unseen. An interpolated normal that points the other way is turned round.
     let front = front_facing;
-    let across = cross(dpdx(in.world), dpdy(in.world));
     let flat_normal = normalize(select(-across, across, dot(across, view) > 0.0));
     let outward = select(-flat_normal, flat_normal, front);
     let smooth_normal = normalize(in.normal);

@@ -7,13 +7,13 @@
 fn fragment(in: Varying, @builtin(front_facing) front_facing: bool) -> @location(0) vec4f {
     var radiance = vec3f(0.0);
     //#if LIT
-    let facing = faced(in, front_facing);
+    let across = cross(dpdx(in.world), dpdy(in.world));
+    let facing = faced(in, front_facing, across);
     if (facing.front) {
         let normal = facing.towards_viewer;
         var seen = Shade(vec3f(0.0), vec3f(0.0));
         //#if TRANSFER
-        let sum = normal.x * in.light_x + normal.y * in.light_y + normal.z * in.light_z;
-        seen.ambient = albedo.rgb * max(vec3f(0.0), sum) * 0.318309886;
+        seen.ambient = albedo.rgb * max(vec3f(0.0), in.arrived) * 0.318309886;
         //#else
         //#if DOME
         seen.ambient = albedo.rgb * even_light(normal);

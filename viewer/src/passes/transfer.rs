@@ -16,6 +16,9 @@ pub(crate) struct TransferPass {
     pipeline: wgpu::ComputePipeline,
     rows: u32,
     bands: Option<usize>,
+    scale: f32,
+    /// What `arriving` was worked out from.
+    now: Vec<[[f32; 4]; 2]>,
 }
 
 /// Sky and sun as a transfer takes them.
@@ -32,9 +35,9 @@ impl<'a> Lit<'a> {
     }
 
     /// Two colours a column: of sky and sun together, and of the sky alone.
-    fn columns(&self, bands: Option<usize>) -> Vec<[[f32; 4]; 2]> {
+    fn columns(&self, bands: Option<usize>, scale: f32) -> Vec<[[f32; 4]; 2]> {
         // The scene's own light is in the entries.
-        let Some(bands) = bands else { return vec![[[1.0; 4], [0.0; 4]]] };
+        let Some(bands) = bands else { return vec![[[scale; 4], [0.0; 4]]] };
         let sun = |k: usize| {
             let (l, m) = order(k);
             self.sun.map_or([0.0; 3], |sun| {
@@ -49,8 +52,8 @@ impl<'a> Lit<'a> {
         };
         (0..bands * bands)
             .map(|k| {
-                let ([a, b, c], [r, g, b2]) = (sun(k), sky(k));
-                [[a + r, b + g, c + b2, 0.0], [r, g, b2, 0.0]]
+                let (sun, sky) = (sun(k).map(|v| v * scale), sky(k).map(|v| v * scale));
+                [[sun[0] + sky[0], sun[1] + sky[1], sun[2] + sky[2], 0.0], [sky[0], sky[1], sky[2], 0.0]]
             })
             .collect()
     }
@@ -163,14 +166,20 @@ impl TransferPass {
             cache: None,
         });
         stats.pipeline("transfer");
-        let pass = TransferPass { arriving, light, group, pipeline, rows, bands: transfer.bands };
+        let Transfer { bands, scale, .. } = *transfer;
+        let mut pass = TransferPass { arriving, light, group, pipeline, rows, bands, scale, now: Vec::new() };
         pass.set_light(gpu, &Lit::of(scene), stats);
         Some(pass)
     }
 
-    /// Works out anew what arrives, under another light.
-    pub(crate) fn set_light(&self, gpu: &Gpu, lit: &Lit, stats: &mut Stats) {
-        gpu.queue.write_buffer(&self.light, 0, bytemuck::cast_slice(&lit.columns(self.bands)));
+    /// Works out anew what arrives, where the light is another one.
+    pub(crate) fn set_light(&mut self, gpu: &Gpu, lit: &Lit, stats: &mut Stats) {
+        let columns = lit.columns(self.bands, self.scale);
+        if columns == self.now {
+            return;
+        }
+        gpu.queue.write_buffer(&self.light, 0, bytemuck::cast_slice(&columns));
+        self.now = columns;
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         {
             let mut pass = encoder.begin_compute_pass(&Default::default());

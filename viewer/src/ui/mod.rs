@@ -20,7 +20,7 @@ use crate::geometry::{ball, corners};
 use crate::gpu::AdapterInfo;
 use crate::pick::Hit;
 use crate::picture::Picture;
-use crate::scene::{Camera, Instance, Interior, Leaf, Scene, Side, Sides, Translucency};
+use crate::scene::{Camera, Instance, Interior, Leaf, Scene, Side, Sides, Transfer, Translucency};
 use check::Check;
 use egui::{Rect, Response, TextureId};
 use orbit::Orbit;
@@ -64,6 +64,8 @@ pub struct ViewerUi {
     adapter: AdapterInfo,
     /// All instances; the scene holds fewer while a leaf is shown alone.
     instances: Vec<Instance>,
+    /// Of all instances; the scene's own is gone while one leaf is shown alone.
+    transfer: Option<Transfer>,
     /// Gloss as fitted, front and back, that the gloss factors scale.
     own_gloss: BTreeMap<usize, Sides<Option<Vec<[f32; 4]>>>>,
     /// Thickness and interiors as fitted, of the leaves that are edited: what a reset puts back.
@@ -131,6 +133,7 @@ impl ViewerUi {
             title,
             adapter: adapter.clone(),
             instances: scene.instances.clone(),
+            transfer: scene.transfer.clone(),
             own_gloss: leaves().map(gloss).collect(),
             own_interiors: BTreeMap::new(),
             laid_by: BTreeMap::new(),
@@ -289,6 +292,8 @@ impl ViewerUi {
             Some(one) => vec![*one],
             None => self.instances.clone(),
         };
+        // What arrives at a leaf among others does not arrive at it alone.
+        self.scene.transfer = if alone { None } else { self.transfer.clone() };
         self.scene_changed = true;
         self.make_stale();
         self.dirty = true;

@@ -43,12 +43,19 @@ pub fn lights(p: &Place) -> Result<()> {
         for n in transfer.anchors {
             p.range(HEADER, 0, "anchors", n as f64, [1.0, 64.0], "anchors along a leaf or across it")?;
         }
-        p.range(HEADER, 0, "paths", f64::from(transfer.paths), [16.0, f64::from(1 << 20)], "paths an anchor")?;
+        p.range(HEADER, 0, "paths", f64::from(transfer.paths), [16.0, f64::from(1 << 19)], "paths an anchor")?;
         if let Some(bands) = transfer.bands {
             p.range(HEADER, 0, "bands", bands as f64, [1.0, 7.0], "bands")?;
         }
-        if p.manifest.periodic.is_some() {
-            return Err(p.error(HEADER, 0, "", "given, but a scene that repeats has no transfer"));
+        for (given, what) in [
+            (p.manifest.periodic.is_some(), "a scene that repeats"),
+            (p.manifest.sky.as_ref().is_some_and(|s| s.environment.is_some()), "an environment map"),
+            (p.manifest.leaves.iter().any(|l| l.discs.is_some()), "a leaf of discs"),
+        ] {
+            if given {
+                let why = format!("given, but the real-time renderer, which it is for, does not draw {what}");
+                return Err(p.error(HEADER, 0, "", why));
+            }
         }
     }
     if p.manifest.sun.is_none() && p.manifest.sky.is_none() {

@@ -1,5 +1,6 @@
 //! What a picture is held against: the direct-light reference, or the path tracer where the scene has light between leaves.
 
+use super::reference;
 use crate::Result;
 use crate::loaded::Scene;
 use crate::manifest::View;
@@ -58,7 +59,7 @@ impl<'a> Truth<'a> {
     /// # Errors
     /// As [`Truth::draw`].
     pub fn view(&self, scene: &Scene, view: &View, seed: u64) -> Result<transport::ReferencePicture> {
-        self.draw(&crate::draw::reference::camera(view), &view.name, Sampling::of(scene, seed))
+        self.draw(&reference::camera(view), &view.name, Sampling::of(scene, seed))
     }
 
     /// What a camera sees; `what` names it in the progress bar.
