@@ -113,7 +113,7 @@ fn what_cannot_be_asked_for_is_refused_by_name() {
     for (rest, expected) in [
         (sky.to_string(), "transfer: missing; a scene with a [transfer] has light between leaves"),
         (format!("{sky}[transfer]\nanchors = [0, 3]\n"), "transfer.anchors: found 0, expected 1 to 64"),
-        (format!("{sky}[transfer]\npaths = 3\n"), "transfer.paths: found 3, expected 16 to 1048576"),
+        (format!("{sky}[transfer]\npaths = 3\n"), "transfer.paths: found 3, expected 16 to 524288"),
         (format!("{sky}[transfer]\nbands = 9\n"), "transfer.bands: found 9, expected 1 to 7"),
         (format!("{sky}[transfer]\nrays = 9\n"), "unknown field `rays`"),
     ] {
