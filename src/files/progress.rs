@@ -210,7 +210,7 @@ impl Bar {
     }
 
     /// By now so many steps are expected in all.
-    pub fn expect(&self, total: u64) {
+    pub fn set_total(&self, total: u64) {
         if self.task.total.swap(total, Ordering::Relaxed) == 0 {
             styled(&self.drawn, total);
         }

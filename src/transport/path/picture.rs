@@ -187,7 +187,7 @@ impl Picture {
                 self.cut += cut;
             }
             if let Some(expected) = self.expected(request.target, self.total_paths() - before) {
-                bar.expect(expected);
+                bar.set_total(expected);
             }
             if progress::stop_requested() {
                 store(self)?;

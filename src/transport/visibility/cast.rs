@@ -180,8 +180,9 @@ impl<'a> Casters<'a> {
             }
             *word |= bits;
         }
-        let (last, others) = hidden.split_last().expect("a light has a point");
-        last & self.last == self.last && others.iter().all(|word| *word == u64::MAX)
+        hidden
+            .split_last()
+            .is_none_or(|(last, others)| last & self.last == self.last && others.iter().all(|word| *word == u64::MAX))
     }
 }
 

@@ -58,11 +58,11 @@ impl Collector {
             .map_init(
                 || vec![0; self.receivers],
                 |map, coded| {
-                    runs::decode(coded, map).expect("what was coded here is a map");
-                    model.encode(map)
+                    runs::decode(coded, map).map_err(|why| Error::Usage(format!("visibility maps: {why}")))?;
+                    Ok(model.encode(map))
                 },
             )
-            .collect();
+            .collect::<Result<_>>()?;
         let mut ends = Vec::with_capacity(each.len());
         let mut data = Vec::with_capacity(each.iter().map(Vec::len).sum());
         for map in each {
