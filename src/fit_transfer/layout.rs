@@ -23,6 +23,8 @@ pub struct Layout {
     pub first: Vec<usize>,
     /// Of all instances together.
     pub rows: usize,
+    /// Which instance is the ground.
+    pub ground: Option<usize>,
     /// Anchors of each instance.
     each: Vec<usize>,
 }
@@ -49,7 +51,7 @@ impl Layout {
                 first
             })
             .collect();
-        Layout { leaves, first, rows, each }
+        Layout { leaves, first, rows, ground: world.ground, each }
     }
 
     /// Anchors of all instances together.

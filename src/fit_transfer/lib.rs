@@ -1,7 +1,7 @@
 //! `fit transfer`: what arrives at the leaves of a scene past and by way of other leaves, kept in a folder like any fit.
 //!
 //! The folder holds `operators.exr` (the entries of [`mesophyll_transport::transfer::operator`], in half floats),
-//! `fit.toml` and `times.toml`. It is known by what it was made from: every mesh, map and place of the scene, and the
+//! `sun.visibility` where the sun's shadows are wanted too, `fit.toml` and `times.toml`. It is known by what it was made from: every mesh, map and place of the scene, and the
 //! light where the light stands still. A fit that was stopped goes on from its finished parts.
 
 #![warn(missing_docs)]
@@ -9,11 +9,13 @@
 mod layout;
 mod matter;
 mod store;
+mod sun;
 #[cfg(test)]
 mod tests;
 
 pub use layout::{Layout, OfLeaf};
 pub use store::{OPERATORS, Transfer};
+pub use sun::{SUN, Sun, SunMaps};
 
 use mesophyll_error::{Error, Result};
 use mesophyll_files::image::{Maps, Packing, write_exr};
@@ -56,6 +58,8 @@ pub struct Scene {
     pub world: Arc<World>,
     /// How many of the world's leaves, from the first, are leaves; the others are wood and ground.
     pub leaves: usize,
+    /// A sun whose shadows are wanted too ([`Scene::under_sun`]).
+    pub sun: Option<Sun>,
 }
 
 /// How entries are found: changes where the same scene gets other entries.
@@ -131,13 +135,24 @@ fn fit(scene: &Scene, options: &Options, maker: &mut Maker) -> Result<Outcome> {
         errors.extend(of_part);
     }
     maker.times.phase("paths", start);
+    let sun = maker.phase("sun", || scene.sun.as_ref().map(|sun| sun.maps(world)).transpose())?;
     let mut record = maker.record(&scene.name);
     describe(&mut record, &layout, options, &errors, entries.len());
+    if let Some(maps) = &sun {
+        let section = record.sections.entry("sun".into()).or_default();
+        section.counts.insert("directions".into(), maps.directions().len());
+        section.counts.insert("vertices".into(), maps.receivers());
+        section.figures.insert("bytes".into(), maps.bytes() as f64);
+    }
     let out = maker.begin()?;
     let maps: Maps = store::maps(&entries);
     write_exr(&out.join(OPERATORS), &maps, Packing::Half)?;
     record.files.insert(OPERATORS.into(), hash::file(&out.join(OPERATORS))?);
     store::preview(out, &layout, world, &entries, columns)?;
+    if let Some(maps) = sun {
+        maps.write(&out.join(SUN))?;
+        record.files.insert(SUN.into(), hash::file(&out.join(SUN))?);
+    }
     maker.finish(&record)?;
     Ok(Outcome::Done(Box::new(record)))
 }
@@ -153,10 +168,12 @@ pub fn input_hash(scene: &Scene, options: &Options) -> String {
         Columns::Harmonics(_) => String::new(),
         Columns::Light => matter::light_hash(&scene.world),
     };
+    let sun = scene.sun.as_ref().map_or(String::new(), Sun::hash);
     maker::input_hash([
         ("method", METHOD),
         ("matter", matter.as_str()),
         ("light", light.as_str()),
+        ("sun", sun.as_str()),
         ("options", told.as_str()),
     ])
 }

@@ -1,6 +1,6 @@
 //! A transfer on disk: its entries as four channels of half floats, and a picture of the light in it.
 
-use crate::{KIND, Layout, Options, Scene, input_hash};
+use crate::{KIND, Layout, Options, SUN, Scene, SunMaps, input_hash};
 use mesophyll_error::{Error, Result};
 use mesophyll_files::image::{Maps, read_exr, to_srgb8, write_png};
 use mesophyll_record::FitRecord;
@@ -17,7 +17,7 @@ const LINE: usize = 256;
 const CHANNELS: [&str; 4] = ["between.R", "between.G", "between.B", "straight.Y"];
 
 /// A transfer that was read.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Transfer {
     /// Where the rows of each instance are.
     pub layout: Layout,
@@ -29,6 +29,8 @@ pub struct Transfer {
     pub scale: f32,
     /// Row by row, column by column: light by way of other surfaces (red, green, blue), and straight from the sky.
     pub entries: Vec<[f32; 4]>,
+    /// The sun's shadows, where they were wanted.
+    pub sun: Option<SunMaps>,
     /// What the fit says of itself.
     pub record: FitRecord,
 }
@@ -56,6 +58,7 @@ impl Transfer {
             gloss_bands: options.gloss_bands,
             scale,
             entries,
+            sun: scene.sun.as_ref().map(|sun| sun.read(&folder.join(SUN))).transpose()?,
             record,
         }))
     }

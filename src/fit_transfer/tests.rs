@@ -35,7 +35,7 @@ fn scene() -> Scene {
         .map(|k| Placement { leaf: 0, transform: DMat4::from_translation(DVec3::Z * 4.0 * f64::from(k)) })
         .collect();
     let world = World { leaves: vec![leaf], instances, sky: Some([1.0; 3]), ..World::default() };
-    Scene { name: "stack".into(), world: Arc::new(world), leaves: 1 }
+    Scene { name: "stack".into(), world: Arc::new(world), leaves: 1, sun: None }
 }
 
 fn options(columns: Columns) -> Options {

@@ -6,6 +6,7 @@ use crate::draw::reference;
 use crate::ledger::Ledger;
 use crate::loaded::Scene;
 use crate::placed::branch;
+use crate::placed::daylight::sun_directions;
 use crate::{Error, Result};
 use mesophyll_files::progress;
 use mesophyll_fit_transfer::{self as fit, Options, Transfer};
@@ -38,7 +39,15 @@ pub fn of(scene: &Scene, options: &Options, ledger: &Ledger) -> Result<fit::Scen
         Columns::Light => reference::traced(scene, time, ledger)?,
         Columns::Harmonics(_) => reference::unlit(scene, time, ledger)?,
     };
-    Ok(fit::Scene { name: scene.manifest.name.clone(), leaves: scene.drawn().count(), world: Arc::new(world) })
+    let name = scene.manifest.name.clone();
+    let of = fit::Scene { name, leaves: scene.drawn().count(), world: Arc::new(world), sun: None };
+    let wanted = scene.manifest.transfer.as_ref().zip(scene.manifest.sun.as_ref());
+    match wanted.filter(|_| scene.plan.light.between.is_some_and(|b| b.sun_visibility)) {
+        Some((asked, sun)) => {
+            of.under_sun(sun.radius_deg.to_radians(), &sun_directions(&scene.manifest), asked.edge_mm)
+        }
+        None => Ok(of),
+    }
 }
 
 /// Makes the scene's transfer in the folder `out`.
@@ -97,7 +106,7 @@ impl Scene {
             self.transfer = Transfer::open(&own, &of, &options).unwrap_or(None);
         }
         if let Some(found) = &self.transfer {
-            let bytes = found.entries.len() as u64 * 8;
+            let bytes = found.entries.len() as u64 * 8 + found.sun.as_ref().map_or(0, |s| s.maps.bytes() as u64);
             ledger.note("read", format!("{}/{}", self.manifest.name, fit::OPERATORS), bytes, || ());
             return Ok(());
         }

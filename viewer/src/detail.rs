@@ -19,7 +19,8 @@ pub(crate) struct Levels {
     /// Around each instance at rest: centre, radius, and its scale.
     spheres: Vec<(Vec3, f32, f32)>,
     rows: Vec<[[f32; 4]; 3]>,
-    rides: Vec<[f32; 3]>,
+    rides: Vec<[f32; 2]>,
+    begins: Vec<[u32; 2]>,
     chosen: Vec<u8>,
     /// Level and instances of each draw.
     runs: Vec<(usize, Range<u32>)>,
@@ -29,6 +30,11 @@ pub(crate) struct Levels {
 pub(crate) fn rows(instance: &Instance) -> [[f32; 4]; 3] {
     let m = instance.transform;
     [m.row(0).to_array(), m.row(1).to_array(), m.row(2).to_array()]
+}
+
+/// Where an instance's rows of arriving light begin, and its shares of the sun.
+pub(crate) fn begin(instance: &Instance) -> [u32; 2] {
+    [instance.first_row, instance.first_share.unwrap_or(0)]
 }
 
 /// The mesh's own triangles and those of its levels, one after the other.
@@ -48,7 +54,7 @@ impl Levels {
             let start = levels.last().map_or(0, |l| l.0.end);
             levels.push((start..start + detail.indices.len() as u32, detail.error));
         }
-        let (mut spheres, mut kept_rows, mut rides) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut spheres, mut kept_rows, mut rides, mut begins) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         if levels.len() > 1 {
             let (centre, radius) = crate::geometry::ball(&mesh.positions);
             for instance in instances {
@@ -56,10 +62,11 @@ impl Levels {
                 spheres.push((instance.transform.transform_point3(centre), radius * scale, scale));
                 kept_rows.push(rows(instance));
                 rides.push(bend::ride(instance));
+                begins.push(begin(instance));
             }
         }
         let n = instances.len();
-        Levels { levels, spheres, rows: kept_rows, rides, chosen: vec![0; n], runs: vec![(0, 0..n as u32)] }
+        Levels { levels, spheres, rows: kept_rows, rides, begins, chosen: vec![0; n], runs: vec![(0, 0..n as u32)] }
     }
 
     /// Draws of the main pass: indices and instances.
@@ -103,6 +110,7 @@ impl Levels {
         pixel: f32,
         instances: &wgpu::Buffer,
         rides: Option<&wgpu::Buffer>,
+        begins: Option<&wgpu::Buffer>,
     ) {
         if self.levels.len() == 1 {
             return;
@@ -121,6 +129,10 @@ impl Levels {
         gpu.queue.write_buffer(instances, 0, bytemuck::cast_slice(&sorted));
         if let Some(buffer) = rides {
             let sorted: Vec<_> = order.iter().map(|i| self.rides[*i]).collect();
+            gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(&sorted));
+        }
+        if let Some(buffer) = begins {
+            let sorted: Vec<_> = order.iter().map(|i| self.begins[*i]).collect();
             gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(&sorted));
         }
         self.runs.clear();

@@ -67,8 +67,10 @@ pub(crate) struct Batch {
     pub count: u32,
     /// Whether any of it casts a shadow.
     pub casts: bool,
-    /// Branch and place of each instance, and its first row of light that arrives; where either is read.
+    /// Branch and place of each instance, where something bends.
     pub rides: Option<wgpu::Buffer>,
+    /// Where rows of arriving light and shares of the sun begin, where either is read.
+    pub begins: Option<wgpu::Buffer>,
 }
 
 impl Batch {
@@ -81,7 +83,8 @@ impl Batch {
         let batch = |((material, mesh), instances): ((usize, usize), Vec<Instance>)| {
             let variant = Variant::new(gpu, scene, &instances)?;
             let rows: Vec<[[f32; 4]; 3]> = instances.iter().map(detail::rows).collect();
-            let rides: Vec<[f32; 3]> = instances.iter().map(bend::ride).collect();
+            let rides: Vec<[f32; 2]> = instances.iter().map(bend::ride).collect();
+            let begins: Vec<[u32; 2]> = instances.iter().map(detail::begin).collect();
             let mut put = |name: &str, bytes: &[u8]| {
                 put(gpu, &format!("{name} of mesh {mesh}"), bytes, Use::VERTEX | Use::COPY_DST, stats)
             };
@@ -92,7 +95,8 @@ impl Batch {
                 instances: put("instances", bytemuck::cast_slice(&rows)),
                 count: rows.len() as u32,
                 casts: instances.iter().any(|i| !i.floor),
-                rides: variant.rides().then(|| put("rides", bytemuck::cast_slice(&rides))),
+                rides: (variant.branches > 0).then(|| put("rides", bytemuck::cast_slice(&rides))),
+                begins: variant.begins().then(|| put("beginnings", bytemuck::cast_slice(&begins))),
                 variant,
             })
         };
@@ -105,13 +109,14 @@ fn put(gpu: &Gpu, label: &str, bytes: &[u8], usage: Use, stats: &mut Stats) -> w
     gpu.buffer(label, bytes, usage)
 }
 
-/// Layouts of the vertex buffers, in the order position, normal, tangent, uv, instance, ride, place among anchors;
-/// `false` leaves one out.
+/// Layouts of the vertex buffers, in the order position, normal, tangent, uv, instance, ride, beginnings of rows and
+/// shares, place among anchors; `false` leaves one out.
 pub(crate) fn vertex_layouts(
     normal: bool,
     tangent: bool,
     uv: bool,
     ride: bool,
+    begin: bool,
     place: bool,
 ) -> Vec<Option<wgpu::VertexBufferLayout<'static>>> {
     const POSITION: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![0 => Float32x3];
@@ -119,7 +124,8 @@ pub(crate) fn vertex_layouts(
     const TANGENT: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![2 => Float32x4];
     const UV: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![3 => Float32x2];
     const WORLD: [wgpu::VertexAttribute; 3] = wgpu::vertex_attr_array![4 => Float32x4, 5 => Float32x4, 6 => Float32x4];
-    const RIDE: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![7 => Float32x3];
+    const RIDE: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![7 => Float32x2];
+    const BEGIN: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![9 => Uint32x2];
     const PLACE: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![8 => Float32x3];
     let layout =
         |array_stride, step_mode, attributes| Some(wgpu::VertexBufferLayout { array_stride, step_mode, attributes });
@@ -135,7 +141,10 @@ pub(crate) fn vertex_layouts(
     }
     layouts.push(layout(48, wgpu::VertexStepMode::Instance, &WORLD));
     if ride {
-        layouts.push(layout(12, wgpu::VertexStepMode::Instance, &RIDE));
+        layouts.push(layout(8, wgpu::VertexStepMode::Instance, &RIDE));
+    }
+    if begin {
+        layouts.push(layout(8, wgpu::VertexStepMode::Instance, &BEGIN));
     }
     if place {
         layouts.push(layout(12, wgpu::VertexStepMode::Vertex, &PLACE));

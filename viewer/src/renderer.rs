@@ -20,6 +20,7 @@ use crate::timing::{Clock, PASSES, Timing};
 use crate::validate;
 use crate::variant::{Variant, shadow_layers};
 use glam::Vec3;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Draws scenes. One at a time: `set_scene`, then any number of pictures.
@@ -45,6 +46,7 @@ struct Loaded {
     seen_sky: Option<SkyPass>,
     bend: Option<BendPass>,
     transfer: Option<TransferPass>,
+    sun_shares: Option<Arc<Vec<u8>>>,
     extents: Extents,
     casters: Vec<Vec3>,
     ball: (Vec3, f32),
@@ -149,7 +151,7 @@ impl Renderer {
         }
         stats.pipeline("tonemap");
         let transfer = TransferPass::new(&self.gpu, scene, &mut stats);
-        let main = MainPass::new(&self.gpu, shadow.as_ref(), scene.dome.as_ref(), transfer.as_ref(), &mut stats);
+        let main = MainPass::new(&self.gpu, scene, shadow.as_ref(), transfer.as_ref(), &mut stats);
         let seen_sky = scene.dome.as_ref().map(|_| SkyPass::new(&self.gpu, scene.msaa, &mut stats));
         if let Err(error) = guard.finish(&self.gpu) {
             self.pipelines = Pipelines::default();
@@ -166,6 +168,7 @@ impl Renderer {
             seen_sky,
             bend,
             transfer,
+            sun_shares: scene.sun_shares.clone(),
             ball: ball(&extents.corners(scene.wind.as_ref())),
             casters,
             extents,
@@ -193,6 +196,7 @@ impl Renderer {
                 && l.dome.is_some() == scene.dome.is_some()
                 && l.scanner.is_some() == scene.scanner.is_some()
                 && l.transfer.is_some() == scene.transfer.is_some()
+                && l.sun_shares.as_ref().map(|s| s.len()) == scene.sun_shares.as_ref().map(|s| s.len())
                 && l.shadow_layers == shadow_layers(scene)
                 && l.shadow_resolution == scene.shadow_resolution
                 && l.msaa == scene.msaa
@@ -216,6 +220,10 @@ impl Renderer {
             transfer.set_light(&self.gpu, &Lit::of(scene), &mut self.stats);
         }
         loaded.dome = scene.dome.clone();
+        if let Some(shares) = scene.sun_shares.as_ref().filter(|_| loaded.sun_shares != scene.sun_shares) {
+            loaded.main.set_shares(&self.gpu, shares);
+            loaded.sun_shares = scene.sun_shares.clone();
+        }
         self.tonemap.set_exposure(&self.gpu, scene.exposure);
         Ok(())
     }
@@ -404,7 +412,7 @@ impl Renderer {
         let pixel = detail::pixel(camera, height);
         let mut apart = 0.0f32;
         for batch in &mut loaded.batches {
-            batch.levels.arrange(&self.gpu, camera.eye, pixel, &batch.instances, batch.rides.as_ref());
+            batch.levels.arrange(&self.gpu, camera.eye, pixel, &batch.instances, batch.rides.as_ref(), batch.begins.as_ref());
             apart = apart.max(batch.levels.apart(loaded.shadow_texel));
         }
         self.stats.triangles = loaded.batches.iter().map(|b| b.levels.triangles()).sum();

@@ -34,6 +34,9 @@
 //! it; sums below 0 (ringing) count as 0. A mapped normal sees the whole hemisphere around itself, also where that dips
 //! under the blade, as under a constant sky.
 //!
+//! V is the mean over the shadow maps, or what the three corners of a triangle see of the sun, interpolated
+//! (`Scene::sun_shares`).
+//!
 //! An opaque surface has ρt = 0 and ρs = 0, and ρd = 0 on its inside.
 //!
 //! E is the irradiance at normal incidence, V the visible share of the sun's disk, ρt_far the transmittance of a beam
@@ -50,6 +53,7 @@
 //! Reinhard x/(1 + x) a channel, sRGB encoding (IEC 61966-2-1), 8 bits.
 
 use glam::{Mat4, Vec2, Vec3, Vec4};
+use std::sync::Arc;
 pub use mesophyll_surface::basis::Basis;
 pub use mesophyll_surface::gloss::Lobe;
 pub use mesophyll_surface::side::{Side, Sides};
@@ -82,6 +86,9 @@ pub struct Scene {
     /// How light arrives past and by way of other surfaces; every mesh that stands somewhere then has [`Anchors`] and
     /// every instance a first row. `None` lights every surface as if it stood alone, but for the sun's shadows.
     pub transfer: Option<Transfer>,
+    /// 255 times the share of the sun's disk that vertices see, where the sun stands now: of all instances that have a
+    /// [`Instance::first_share`]. They look into no shadow map.
+    pub sun_shares: Option<Arc<Vec<u8>>>,
 }
 
 /// How light from all around arrives at the anchors of every instance, past and by way of other surfaces (Wang et al.
@@ -126,6 +133,9 @@ pub struct Instance {
     pub ride: Option<Ride>,
     /// First row of its anchors in the scene's [`Transfer`].
     pub first_row: u32,
+    /// Where the scene's shares of the sun begin that are of its mesh's vertices, in their order; `None`: its shadows
+    /// come from shadow maps.
+    pub first_share: Option<u32>,
     /// It lies below everything and the sun is above: it is shaded and shades nothing, so that shadow maps need not
     /// cover it and are finer where things stand.
     pub floor: bool,

@@ -39,7 +39,32 @@ pub(crate) fn scene(gpu: &Gpu, scene: &Scene) -> Result<()> {
     }
     branches(scene)?;
     transfer(gpu, scene)?;
+    shares(gpu, scene)?;
     lights(gpu, scene)
+}
+
+/// Shares of the sun: a byte for every vertex of an instance that has them.
+fn shares(gpu: &Gpu, scene: &Scene) -> Result<()> {
+    let Some(shares) = &scene.sun_shares else { return Ok(()) };
+    if gpu.is_gl() {
+        return Err(wrong("shares of the sun", "an adapter that is driven by GL", "Vulkan, Metal or DirectX 12"));
+    }
+    let most = gpu.device.limits().max_storage_buffer_binding_size;
+    if shares.len() as u64 > most {
+        return Err(wrong("shares of the sun", format!("{} bytes", shares.len()), format!("up to {most}")));
+    }
+    for (i, instance) in scene.instances.iter().enumerate() {
+        let Some(first) = instance.first_share else { continue };
+        let end = first as usize + scene.meshes[instance.mesh].positions.len();
+        if end > shares.len() {
+            let place = format!("instance {i}, shares of the sun");
+            return Err(wrong(place, format!("up to number {end}"), format!("below {}", shares.len())));
+        }
+        if instance.ride.is_some() {
+            return Err(wrong(format!("instance {i}, shares of the sun"), "a branch that bends it", "none"));
+        }
+    }
+    Ok(())
 }
 
 fn shines(side: &SideMaps) -> bool {

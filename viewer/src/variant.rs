@@ -21,6 +21,8 @@ pub(crate) struct Variant {
     pub motion: bool,
     /// How the mesh's anchors are read, where light arrives by a transfer.
     pub anchored: Option<Anchored>,
+    /// Its vertices know what they see of the sun, instead of a look into shadow maps.
+    pub shares: bool,
 }
 
 /// How the anchors of a mesh are read.
@@ -44,6 +46,8 @@ pub(crate) struct Lights {
     pub dome: bool,
     /// It arrives past and by way of other surfaces.
     pub transfer: bool,
+    /// The share of the sun that vertices see is known, of some instances at least.
+    pub shares: bool,
     /// A tube lights it.
     pub scanner: bool,
 }
@@ -79,10 +83,15 @@ pub(crate) struct SideVariant {
     pub translucency: u32,
 }
 
-/// Shadow maps that a scene needs: none without a sun.
+/// Shadow maps that a scene needs: none without a sun, or where all vertices know what they see of it.
 pub(crate) fn shadow_layers(scene: &Scene) -> u32 {
-    let casts = scene.sun.is_some() && !scene.instances.is_empty();
+    let casts = scene.sun.is_some() && scene.instances.iter().any(|i| !knows_sun(scene, i));
     if casts { scene.shadow_samples } else { 0 }
+}
+
+/// Whether an instance's vertices know what they see of the sun.
+fn knows_sun(scene: &Scene, instance: &Instance) -> bool {
+    scene.sun.is_some() && scene.sun_shares.is_some() && instance.first_share.is_some()
 }
 
 impl Lights {
@@ -95,6 +104,7 @@ impl Lights {
             sky: scene.sky.is_some() || dome,
             dome,
             transfer,
+            shares: scene.sun.is_some() && scene.sun_shares.is_some(),
             scanner: scene.scanner.is_some(),
         }
     }
@@ -161,6 +171,7 @@ impl Variant {
                     bands: transfer.gloss_bands as u32,
                 },
             ),
+            shares: instances.iter().all(|i| knows_sun(scene, i)),
         })
     }
 
@@ -171,9 +182,14 @@ impl Variant {
         }
     }
 
-    /// Whether the vertex stage reads what an instance rides on, or where its anchors' rows begin.
-    pub(crate) fn rides(&self) -> bool {
-        self.branches > 0 || self.anchored.is_some()
+    /// Whether the vertex stage reads where the instance's rows of arriving light and shares of the sun begin.
+    pub(crate) fn begins(&self) -> bool {
+        self.anchored.is_some() || self.shares
+    }
+
+    /// Whether it looks into shadow maps.
+    fn shadowed(&self) -> bool {
+        self.lights.shadow > 0 && !self.shares
     }
 
     pub(crate) fn masked(&self) -> bool {
@@ -209,7 +225,8 @@ impl Variant {
         let defines = bend::defines(Defines::default(), self.branches, self.motion)
             .constant("SHADOW_LAYERS", lights.shadow)
             .set("SUN", lights.sun)
-            .set("SHADOW", lights.shadow > 0)
+            .set("SHADOW", self.shadowed())
+            .set("SHARES", self.shares)
             .set("LEVELS", self.levels)
             .set("SKY", lights.sky)
             .set("DOME", lights.dome)
@@ -271,7 +288,8 @@ impl Variant {
         let lights = &self.lights;
         say(self.surface == Surface::Opaque, "opaque".into());
         say(lights.sun, "sun".into());
-        say(lights.shadow > 0, format!("shadow {}", lights.shadow));
+        say(self.shadowed(), format!("shadow {}", lights.shadow));
+        say(self.shares, "shares".into());
         let sky = match (lights.transfer, lights.dome) {
             (true, _) => "transfer",
             (false, true) => "dome",

@@ -77,6 +77,9 @@ pub fn draw(
             sun.direction = daylight::direction(daylight.zenith, azimuth).as_vec3();
             sun.irradiance = daylight.sun.map(|v| v as f32);
         }
+        if let Some(found) = &scene.transfer {
+            handover::shade(found, daylight::direction(zenith, azimuth), &mut lit)?;
+        }
         renderer.set_lights(&lit).map_err(told)?;
         let picture = renderer.render(&handover::camera(view), w, h).map_err(told)?;
         let (left, top) = ((k % COLUMNS) * tile_w, (k / COLUMNS) * tile_h);

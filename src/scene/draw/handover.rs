@@ -17,7 +17,7 @@ use crate::placed::Placed;
 use crate::placed::daylight::{self, Daylight, sun_direction};
 use crate::placed::placement::Placement;
 use crate::{Error, Result};
-use glam::{Vec2, Vec3, Vec4};
+use glam::{DVec3, Vec2, Vec3, Vec4};
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_files::quantity::Quantity;
 use mesophyll_fit_transfer::Transfer;
@@ -25,9 +25,10 @@ use mesophyll_leaf::{File, fill};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
 use mesophyll_sky::fitted::Folded;
-use mesophyll_transport::transfer::Columns;
+use mesophyll_transport::{self as transport, transfer::Columns};
 use mesophyll_viewer::scene as viewer;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// A leaf that is drawn with more triangles than this in all gets levels of detail: as many as there are pixels in a
 /// small picture.
@@ -41,10 +42,16 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
     let Scene { manifest, placed, .. } = scene;
     let mut out = lights(scene, ledger)?;
     let mut index = vec![None; placed.leaves.len()];
+    // Meshes stand in the order of the transfer's, which are finer where it knows the sun at their vertices.
+    let finer = scene.transfer.as_ref().and_then(|t| t.sun.as_ref()).map(|sun| &sun.receivers.blades);
+    let shown = |k: usize, mesh: &LeafMesh| match finer {
+        Some(blades) => world_mesh(&blades[k].mesh),
+        None => viewer_mesh(mesh),
+    };
     for leaf in scene.drawn() {
         let Some(mesh) = &leaf.placed.mesh else { continue };
         let drawn = viewer::Material::Leaf(one_leaf(manifest, leaf, ledger)?);
-        index[leaf.placed.index] = Some(out.add(viewer_mesh(mesh), drawn));
+        index[leaf.placed.index] = Some(out.add(shown(out.meshes.len(), mesh), drawn));
     }
     for p in &placed.placements {
         if let Some(drawn) = index[p.leaf] {
@@ -55,7 +62,8 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
             out.instances.push(viewer::Instance { transform: p.transform.as_mat4(), ride, ..drawn });
         }
     }
-    for leaf in &placed.leaves {
+    // A coarse triangle would blur the shadows that its corners know.
+    for leaf in placed.leaves.iter().filter(|_| finer.is_none()) {
         let (Some(mesh), Some(viewer::Instance { mesh: at, .. })) = (&leaf.mesh, index[leaf.index]) else { continue };
         let drawn = mesh.triangles() * out.instances.iter().filter(|i| i.mesh == at).count();
         if drawn > MANY_TRIANGLES {
@@ -66,7 +74,7 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
         }
     }
     if let Some((mesh, bark)) = &placed.wood {
-        let wood = out.add(viewer_mesh(mesh), barked("wood", *bark));
+        let wood = out.add(shown(out.meshes.len(), mesh), barked("wood", *bark));
         out.instances.push(wood);
     }
     if let Some((mesh, albedo)) = &placed.ground {
@@ -74,11 +82,33 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
         let floor = !placed.free && out.sun.is_some_and(|s| s.direction.z > 0.0) && below_all(placed);
         out.instances.push(viewer::Instance { floor, ..ground });
     }
+    for (k, (twig, mesh)) in placed.twigs.iter().enumerate() {
+        let ride = placed.bends.is_some().then_some(viewer::Ride { branch: k, at: None });
+        let wood = out.add(shown(out.meshes.len(), mesh), barked(&manifest.branches[k].name, twig.bark));
+        out.instances.push(viewer::Instance { ride, ..wood });
+    }
     branches(manifest, placed, &mut out);
     if let Some(found) = &scene.transfer {
         arriving(found, &mut out);
+        if let Some(direction) = sun_direction(manifest) {
+            shade(found, direction, &mut out)?;
+        }
     }
     Ok(out)
+}
+
+/// The share of the sun that vertices see where it stands in this direction, where the transfer knows it; on the ground
+/// there are shadow maps.
+///
+/// # Errors
+/// [`Error::Usage`] for maps that cannot be decoded.
+pub fn shade(found: &Transfer, towards_sun: DVec3, out: &mut viewer::Scene) -> Result<()> {
+    let Some(sun) = &found.sun else { return Ok(()) };
+    for (k, instance) in out.instances.iter_mut().enumerate().filter(|(k, _)| Some(*k) != found.layout.ground) {
+        instance.first_share = Some(sun.receivers.of(k).start as u32);
+    }
+    out.sun_shares = Some(Arc::new(sun.shares(towards_sun)?));
+    Ok(())
 }
 
 /// Whether the ground lies below everything that stands in the scene.
@@ -117,13 +147,8 @@ fn arriving(found: &Transfer, out: &mut viewer::Scene) {
     });
 }
 
-/// Branches as meshes with bark, after the leaves; and what bends them and what rides on them, where anything does.
+/// What bends branches and what rides on them, where anything does.
 fn branches(manifest: &Manifest, placed: &Placed, out: &mut viewer::Scene) {
-    for (k, (twig, mesh)) in placed.twigs.iter().enumerate() {
-        let ride = placed.bends.is_some().then_some(viewer::Ride { branch: k, at: None });
-        let wood = out.add(viewer_mesh(mesh), barked(&manifest.branches[k].name, twig.bark));
-        out.instances.push(viewer::Instance { ride, ..wood });
-    }
     let Some(bends) = &placed.bends else { return };
     let vec = |v: [f64; 3]| Vec3::from(v.map(|c| c as f32));
     out.branches = bends
@@ -198,6 +223,7 @@ fn lights(Scene { manifest, plan, .. }: &Scene, ledger: &Ledger) -> Result<viewe
         branches: Vec::new(),
         wind: None,
         transfer: None,
+        sun_shares: None,
     })
 }
 
@@ -227,6 +253,19 @@ pub fn camera(view: &View) -> viewer::Camera {
         target: vec(view.target_mm, [0.0; 3]),
         up: vec(view.up, [0.0, 0.0, 1.0]),
         fov_y_deg: view.fov_deg.unwrap_or(30.0) as f32,
+    }
+}
+
+/// A mesh of the world's in the renderer's precision.
+fn world_mesh(mesh: &transport::ReferenceMesh) -> viewer::Mesh {
+    viewer::Mesh {
+        positions: mesh.positions.iter().map(|p| p.as_vec3()).collect(),
+        normals: mesh.normals.iter().map(|p| p.as_vec3()).collect(),
+        tangents: mesh.tangents.iter().map(|t| t.as_vec4()).collect(),
+        uvs: mesh.uvs.iter().map(|p| p.as_vec2()).collect(),
+        indices: mesh.indices.clone(),
+        details: Vec::new(),
+        anchors: None,
     }
 }
 

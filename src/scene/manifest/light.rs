@@ -53,12 +53,35 @@ pub struct Transfer {
     pub bands: Option<usize>,
     /// Of the random numbers.
     pub seed: u64,
+    /// How the sun's own shadows are drawn.
+    pub shadows: Shadows,
+    /// With `shadows = "visibility"`: the longest edge of the meshes at whose vertices they are known.
+    pub edge_mm: f64,
 }
 
 impl Default for Transfer {
     fn default() -> Self {
-        Transfer { fit: None, anchors: [5, 3], paths: 2048, bands: None, seed: 1 }
+        Transfer {
+            fit: None,
+            anchors: [5, 3],
+            paths: 2048,
+            bands: None,
+            seed: 1,
+            shadows: Shadows::default(),
+            edge_mm: 1.2,
+        }
     }
+}
+
+/// How shadows of the sun are drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Shadows {
+    /// By shadow maps, in the picture's own time.
+    #[default]
+    Maps,
+    /// By the share of the sun that every vertex sees, worked out beforehand.
+    Visibility,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]

@@ -11,7 +11,7 @@ mod validate;
 mod view;
 
 pub use leaf::{Interior, Leaf, Scan, Translucency, Uniform};
-pub use light::{Day, Sky, SkyModel, Sun, Transfer};
+pub use light::{Day, Shadows, Sky, SkyModel, Sun, Transfer};
 pub use mesophyll_surface::basis::Basis;
 pub use plant::{Branch, Cluster, Ground, Instance, Periodic, Tree, Wind};
 pub use view::{Check, JudgedBy, View, ViewKind};

@@ -49,6 +49,12 @@ pub fn sun_direction(manifest: &Manifest) -> Option<DVec3> {
     manifest.sun.as_ref().map(|s| direction(s.zenith_deg.to_radians(), s.azimuth_deg.to_radians()))
 }
 
+/// Towards the sun in every place where it stands: the scene's own, and that of each hour of its day.
+pub fn sun_directions(manifest: &Manifest) -> Vec<DVec3> {
+    let hours = manifest.day.iter().flat_map(|day| day.hours.iter().map(|hour| day.sun(*hour)));
+    sun_direction(manifest).into_iter().chain(hours.map(|(zenith, azimuth)| direction(zenith, azimuth))).collect()
+}
+
 /// Irradiance of the sun and mean radiance of the sky, in the scene's unit; none is 0.
 pub fn levels(manifest: &Manifest) -> ([f64; 3], [f64; 3]) {
     if let Ok(Some(daylight)) = Daylight::of(manifest) {

@@ -1,6 +1,7 @@
 //! The plan of the light: sun, shadow maps, sky; and the models this scene has no use for.
 
 use super::accuracy::{self, Row};
+use super::between::sun_visibility;
 use super::{LeftOut, Need, Plan};
 use crate::Result;
 use crate::manifest::{Manifest, ViewKind};
@@ -27,8 +28,13 @@ pub fn lights(manifest: &Manifest, placed: &Placed, plan: &mut Plan) -> Result<(
             let radius = sun.radius_deg.to_radians();
             let meshes: Vec<Option<&LeafMesh>> = placed.leaves.iter().map(|l| l.mesh.as_ref()).collect();
             let leaves_alone = !free && placed.twigs.is_empty() && placed.wood.is_none();
+            let beforehand = sun_visibility(manifest, placed).is_ok();
             match leaves_alone.then(|| facing::shadows(&meshes, &placed.placements, direction, radius)) {
                 Some(Err(why)) => plan.leave_out(LeftOut::new("shadow maps", why, shadow_bytes, None)),
+                _ if beforehand && placed.ground.is_none() => {
+                    let why = "every vertex knows beforehand what it sees of the sun";
+                    plan.leave_out(LeftOut::new("shadow maps", why, shadow_bytes, None));
+                }
                 _ => shadows(manifest, placed, plan, radius, shadow_bytes),
             }
         }
@@ -116,7 +122,10 @@ fn shadows(manifest: &Manifest, placed: &Placed, plan: &mut Plan, radius: f64, m
     // A leaf reflects about a tenth of the light.
     let contrast = display(0.1 * (sun + sky), manifest.exposure) - display(0.1 * sky, manifest.exposure);
     let row = plan.choose("shadow samples", accuracy::shadow_samples(contrast, share, map_bytes), manifest.tolerated());
-    let mut need = Need::new("shadow maps", "leaves can stand in each other's light");
+    let mut need = match sun_visibility(manifest, placed) {
+        Ok(()) => Need::new("shadow maps", "leaves throw shadows on the ground, which are too small for its vertices"),
+        Err(_) => Need::new("shadow maps", "leaves can stand in each other's light"),
+    };
     if let Some(row) = row {
         plan.light.shadow_samples = row.setting as u32;
         plan.light.shadow_resolution = SHADOW_SIDE as u32;

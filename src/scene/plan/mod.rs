@@ -125,6 +125,8 @@ pub struct LightPlan {
 pub struct Between {
     /// Bands of the light's harmonics; `None` where the light stands still and is one column.
     pub bands: Option<usize>,
+    /// The sun's shadows on leaves and wood are worked out beforehand too.
+    pub sun_visibility: bool,
 }
 
 /// What a scene needs.

@@ -74,11 +74,9 @@ fn layout(gpu: &Gpu, motion: bool) -> wgpu::BindGroupLayout {
     gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("bend"), entries: &entries })
 }
 
-/// What an instance rides on to the shader: branch and place, −1 for none of either; and its first row of light that
-/// arrives.
-pub(crate) fn ride(instance: &Instance) -> [f32; 3] {
-    let [branch, at] = on(instance.ride);
-    [branch, at, instance.first_row as f32]
+/// What an instance rides on to the shader: branch and place, −1 for none of either.
+pub(crate) fn ride(instance: &Instance) -> [f32; 2] {
+    on(instance.ride)
 }
 
 fn on(ride: Option<Ride>) -> [f32; 2] {

@@ -8,10 +8,10 @@ use crate::passes::bend::{self, BendPass};
 use crate::passes::shadow::ShadowPass;
 use crate::passes::sky::SkyPass;
 use crate::passes::transfer::TransferPass;
-use crate::scene::Dome;
+use crate::scene::{Dome, Scene};
 use crate::shader::{assemble, of_side};
 use crate::stats::Stats;
-use crate::variant::Variant;
+use crate::variant::{Lights, Variant};
 use std::collections::HashMap;
 
 pub(crate) const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
@@ -54,6 +54,7 @@ pub(crate) struct Pipelines(HashMap<Variant, wgpu::RenderPipeline>);
 pub(crate) struct MainPass {
     pub frame: wgpu::Buffer,
     dome: Option<wgpu::Buffer>,
+    shares: Option<wgpu::Buffer>,
     group: wgpu::BindGroup,
 }
 
@@ -70,7 +71,8 @@ pub(crate) struct Targets<'a> {
     pub bend: Option<&'a BendPass>,
 }
 
-fn frame_layout(gpu: &Gpu, shadow: bool, dome: bool, transfer: bool) -> wgpu::BindGroupLayout {
+fn frame_layout(gpu: &Gpu, lights: &Lights) -> wgpu::BindGroupLayout {
+    let Lights { dome, transfer, shares, .. } = *lights;
     let uniform = wgpu::BindingType::Buffer {
         ty: wgpu::BufferBindingType::Uniform,
         has_dynamic_offset: false,
@@ -79,7 +81,7 @@ fn frame_layout(gpu: &Gpu, shadow: bool, dome: bool, transfer: bool) -> wgpu::Bi
     let fragment = wgpu::ShaderStages::FRAGMENT;
     let entry = |binding, visibility, ty| wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None };
     let mut entries = vec![entry(0, fragment | wgpu::ShaderStages::VERTEX, uniform)];
-    if shadow {
+    if lights.shadow > 0 {
         let map = wgpu::BindingType::Texture {
             sample_type: wgpu::TextureSampleType::Depth,
             view_dimension: wgpu::TextureViewDimension::D2Array,
@@ -89,12 +91,15 @@ fn frame_layout(gpu: &Gpu, shadow: bool, dome: bool, transfer: bool) -> wgpu::Bi
         entries.push(entry(2, fragment, wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Comparison)));
         entries.push(entry(3, fragment, uniform));
     }
+    let storage = wgpu::BindingType::Buffer {
+        ty: wgpu::BufferBindingType::Storage { read_only: true },
+        has_dynamic_offset: false,
+        min_binding_size: None,
+    };
+    if shares {
+        entries.push(entry(10, wgpu::ShaderStages::VERTEX, storage));
+    }
     if transfer {
-        let storage = wgpu::BindingType::Buffer {
-            ty: wgpu::BufferBindingType::Storage { read_only: true },
-            has_dynamic_offset: false,
-            min_binding_size: None,
-        };
         entries.push(entry(9, fragment | wgpu::ShaderStages::VERTEX, storage));
     } else if dome {
         entries.push(entry(8, fragment, uniform));
@@ -135,7 +140,7 @@ fn pipeline(gpu: &Gpu, variant: &Variant) -> wgpu::RenderPipeline {
     let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some("main"),
         bind_group_layouts: &[
-            Some(&frame_layout(gpu, variant.lights.shadow > 0, variant.lights.dome, variant.lights.transfer)),
+            Some(&frame_layout(gpu, &variant.lights)),
             Some(&material::layout(gpu, variant)),
             bend.as_ref(),
         ],
@@ -152,7 +157,8 @@ fn pipeline(gpu: &Gpu, variant: &Variant) -> wgpu::RenderPipeline {
                 true,
                 variant.tangent(),
                 variant.leaf().is_some(),
-                variant.rides(),
+                variant.branches > 0,
+                variant.begins(),
                 variant.anchored.is_some(),
             ),
         },
@@ -179,11 +185,12 @@ fn pipeline(gpu: &Gpu, variant: &Variant) -> wgpu::RenderPipeline {
 impl MainPass {
     pub(crate) fn new(
         gpu: &Gpu,
+        scene: &Scene,
         shadow: Option<&ShadowPass>,
-        dome: Option<&Dome>,
         transfer: Option<&TransferPass>,
         stats: &mut Stats,
     ) -> MainPass {
+        let lights = Lights::of(scene);
         let frame = gpu.uniform("frame", &[Frame::default()]);
         let mut entries = vec![wgpu::BindGroupEntry { binding: 0, resource: frame.as_entire_binding() }];
         if let Some(shadow) = shadow {
@@ -193,7 +200,7 @@ impl MainPass {
                 .push(wgpu::BindGroupEntry { binding: 2, resource: wgpu::BindingResource::Sampler(&shadow.sampler) });
             entries.push(wgpu::BindGroupEntry { binding: 3, resource: shadow.matrices.as_entire_binding() });
         }
-        let dome = dome.filter(|_| transfer.is_none()).map(|dome| {
+        let dome = scene.dome.as_ref().filter(|_| transfer.is_none()).map(|dome| {
             let coefficients = dome::coefficients(dome);
             stats.upload("sky harmonics", size_of_val(&coefficients) as u64);
             gpu.uniform("sky harmonics", &coefficients)
@@ -204,12 +211,27 @@ impl MainPass {
         if let Some(transfer) = transfer {
             entries.push(wgpu::BindGroupEntry { binding: 9, resource: transfer.arriving.as_entire_binding() });
         }
+        let shares = scene.sun_shares.as_ref().filter(|_| lights.shares).map(|shares| {
+            let words = words(shares);
+            stats.upload("shares of the sun", words.len() as u64);
+            gpu.buffer("shares of the sun", &words, wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST)
+        });
+        if let Some(shares) = &shares {
+            entries.push(wgpu::BindGroupEntry { binding: 10, resource: shares.as_entire_binding() });
+        }
         let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("frame"),
-            layout: &frame_layout(gpu, shadow.is_some(), dome.is_some(), transfer.is_some()),
+            layout: &frame_layout(gpu, &lights),
             entries: &entries,
         });
-        MainPass { frame, dome, group }
+        MainPass { frame, dome, shares, group }
+    }
+
+    /// Takes over other shares of the sun, as many as before.
+    pub(crate) fn set_shares(&self, gpu: &Gpu, shares: &[u8]) {
+        if let Some(buffer) = &self.shares {
+            gpu.queue.write_buffer(buffer, 0, &words(shares));
+        }
     }
 
     /// Takes over another state of the dome.
@@ -266,7 +288,8 @@ impl MainPass {
                 mesh.tangents.as_ref().filter(|_| variant.tangent()),
                 mesh.uvs.as_ref().filter(|_| variant.leaf().is_some()),
                 Some(&batch.instances),
-                batch.rides.as_ref().filter(|_| variant.rides()),
+                batch.rides.as_ref().filter(|_| variant.branches > 0),
+                batch.begins.as_ref().filter(|_| variant.begins()),
                 mesh.places.as_ref().filter(|_| variant.anchored.is_some()),
             ];
             for (slot, buffer) in buffers.into_iter().flatten().enumerate() {
@@ -281,6 +304,13 @@ impl MainPass {
     }
 }
 
+/// Bytes that fill whole words.
+fn words(bytes: &[u8]) -> Vec<u8> {
+    let mut out = bytes.to_vec();
+    out.resize(bytes.len().next_multiple_of(4).max(4), 0);
+    out
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -289,7 +319,7 @@ mod tests {
 
     fn lit(surface: Surface) -> Variant {
         let lights = Lights { sun: true, sky: true, ..Lights::default() };
-        Variant { lights, surface, msaa: 4, levels: false, branches: 0, motion: false, anchored: None }
+        Variant { lights, surface, msaa: 4, levels: false, branches: 0, motion: false, anchored: None, shares: false }
     }
 
     fn lines(v: &Variant) -> Vec<String> {

@@ -34,6 +34,11 @@ struct Frame {
 //#endif
 //#endif
 
+//#if SHARES
+// 255 times the share of the sun's disk that vertices see, four to a word.
+@group(0) @binding(10) var<storage, read> sun_shares: array<u32>;
+//#endif
+
 struct Vertex {
     @location(0) position: vec3f,
     @location(1) normal: vec3f,
@@ -47,9 +52,16 @@ struct Vertex {
     @location(4) world_x: vec4f,
     @location(5) world_y: vec4f,
     @location(6) world_z: vec4f,
-    //#if BEND || TRANSFER
-    // Branch and place on it: see `bent`; and the first row of the light that arrives at the instance.
-    @location(7) ride: vec3f,
+    //#if BEND
+    // Branch and place on it: see `bent`.
+    @location(7) ride: vec2f,
+    //#endif
+    //#if TRANSFER || SHARES
+    // First row of the light that arrives at the instance, and its first vertex's share of the sun.
+    @location(9) begin: vec2u,
+    //#endif
+    //#if SHARES
+    @builtin(vertex_index) number: u32,
     //#endif
     //#if TRANSFER
     // First anchor of the vertex's piece, and the place among the piece's anchors.
@@ -77,6 +89,10 @@ struct Varying {
     @location(4) arrived: vec3f,
     //#endif
     //#endif
+    //#if SHARES
+    // Share of the sun's disk that is seen.
+    @location(6) share: f32,
+    //#endif
 }
 
 fn turned(in: Vertex, d: vec3f) -> vec3f {
@@ -98,22 +114,26 @@ fn vertex(in: Vertex) -> Varying {
     //#endif
     //#if BEND
     //#if TANGENT
-    let swung = bent(in.ride.xy, out.world, out.normal, out.tangent.xyz);
+    let swung = bent(in.ride, out.world, out.normal, out.tangent.xyz);
     out.tangent = vec4f(swung.tangent, in.tangent.w);
     //#else
-    let swung = bent(in.ride.xy, out.world, out.normal, vec3f(0.0));
+    let swung = bent(in.ride, out.world, out.normal, vec3f(0.0));
     //#endif
     out.world = swung.position;
     out.normal = swung.normal;
     //#endif
     //#if TRANSFER
-    let first = u32(in.ride.z) + u32(in.place.x) * ROWS;
+    let first = in.begin.x + u32(in.place.x) * ROWS;
     //#if LEAF
     out.place = in.place.yz;
     out.first = first;
     //#else
     out.arrived = arriving[first].rgb;
     //#endif
+    //#endif
+    //#if SHARES
+    let number = in.begin.y + in.number;
+    out.share = f32((sun_shares[number >> 2u] >> (8u * (number & 3u))) & 255u) / 255.0;
     //#endif
     out.position = frame.view_projection * vec4f(out.world, 1.0);
     return out;
@@ -133,6 +153,9 @@ struct Facing {
     // What decides which side light falls on, towards the viewer too.
     flat_normal: vec3f,
     front: bool,
+    //#if SHARES
+    share: f32,
+    //#endif
     //#if TANGENT
     axes: Basis,
     //#endif
@@ -155,11 +178,18 @@ fn faced(in: Varying, front_facing: bool, across: vec3f) -> Facing {
     let towards_viewer = select(-mesh_normal, mesh_normal, front);
     let flat_normal = towards_viewer;
     //#endif
-    //#if TANGENT
-    return Facing(view, towards_viewer, flat_normal, front, basis(in, mesh_normal));
-    //#else
-    return Facing(view, towards_viewer, flat_normal, front);
+    var facing: Facing;
+    facing.view = view;
+    facing.towards_viewer = towards_viewer;
+    facing.flat_normal = flat_normal;
+    facing.front = front;
+    //#if SHARES
+    facing.share = in.share;
     //#endif
+    //#if TANGENT
+    facing.axes = basis(in, mesh_normal);
+    //#endif
+    return facing;
 }
 
 // What a surface sends to the viewer: by the sky's light, and by the sun's before its shadow.
@@ -172,6 +202,9 @@ fn lit(seen: Shade, facing: Facing, world: vec3f) -> vec3f {
     var radiance = seen.ambient;
     //#if SUN
     var sunlit = seen.sunlit;
+    //#if SHARES
+    sunlit *= facing.share;
+    //#endif
     //#if SHADOW
     if (max(sunlit.r, max(sunlit.g, sunlit.b)) > 0.0) {
         let cosine = dot(frame.sun_direction.xyz, facing.flat_normal);

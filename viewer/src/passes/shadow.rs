@@ -328,7 +328,7 @@ fn pipeline(
             module: &module,
             entry_point: Some("vertex"),
             compilation_options: Default::default(),
-            buffers: &vertex_layouts(false, false, mask.is_some(), variant.branches > 0, false),
+            buffers: &vertex_layouts(false, false, mask.is_some(), variant.branches > 0, false, false),
         },
         primitive: wgpu::PrimitiveState::default(),
         depth_stencil: Some(wgpu::DepthStencilState {

@@ -15,7 +15,7 @@ struct Vertex {
     @location(5) world_y: vec4f,
     @location(6) world_z: vec4f,
     //#if BEND
-    @location(7) ride: vec3f,
+    @location(7) ride: vec2f,
     //#endif
 }
 
@@ -32,7 +32,7 @@ fn vertex(in: Vertex) -> Varying {
     var out: Varying;
     var world = vec3f(dot(in.world_x, p), dot(in.world_y, p), dot(in.world_z, p));
     //#if BEND
-    world = bent(in.ride.xy, world, vec3f(0.0), vec3f(0.0)).position;
+    world = bent(in.ride, world, vec3f(0.0), vec3f(0.0)).position;
     //#endif
     out.position = to_light * vec4f(world, 1.0);
     //#if MASK

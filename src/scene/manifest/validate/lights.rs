@@ -44,6 +44,7 @@ pub fn lights(p: &Place) -> Result<()> {
             p.range(HEADER, 0, "anchors", n as f64, [1.0, 64.0], "anchors along a leaf or across it")?;
         }
         p.range(HEADER, 0, "paths", f64::from(transfer.paths), [16.0, f64::from(1 << 19)], "paths an anchor")?;
+        p.range(HEADER, 0, "edge_mm", transfer.edge_mm, [0.01, 1e4], "mm")?;
         if let Some(bands) = transfer.bands {
             p.range(HEADER, 0, "bands", bands as f64, [1.0, 7.0], "bands")?;
         }
