@@ -52,9 +52,9 @@
 //! ```text
 //! 10  main
 //! 9   cli
-//! 8   report
+//! 8   report        check
 //! 7   proof         scene       export
-//! 6   fit           fit_sky     fit_translucency
+//! 6   fit           fit_sky     fit_translucency        fit_transfer
 //! 5   leaf
 //! 4   capture
 //! 3   translucency  walk        transport   record
@@ -64,6 +64,8 @@
 //! ```
 
 pub use mesophyll_capture as capture;
+#[cfg(feature = "render")]
+pub use mesophyll_check as check;
 pub use mesophyll_error as error;
 pub use mesophyll_export as export;
 pub use mesophyll_files as files;

@@ -33,8 +33,8 @@ pub struct Args {
 
 #[cfg(feature = "render")]
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
+    use mesophyll_check::{Options, golden};
     use mesophyll_files::{atomic, claim};
-    use mesophyll_scene::check::{Options, golden};
     use mesophyll_scene::placed::{Placed, leaf::Search};
     use mesophyll_scene::{fits::missing, ledger::Ledger, loaded::Scene, manifest::Manifest};
 
@@ -84,13 +84,13 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
 #[cfg(feature = "render")]
 pub(super) fn judged(
     scene: &mesophyll_scene::loaded::Scene,
-    options: &mesophyll_scene::check::Options,
+    options: &mesophyll_check::Options,
     compare: Option<Option<&std::path::Path>>,
     ledger: &mesophyll_scene::ledger::Ledger,
 ) -> Result<(bool, String, serde_json::Value)> {
-    use mesophyll_scene::check::{self, interiors};
+    use mesophyll_check::{check, interiors};
 
-    let report = check::check(scene, options, ledger)?;
+    let report = check(scene, options, ledger)?;
     let (mut json, mut text) = (report.json(&scene.manifest), report.text());
     if let Some(out) = compare {
         let rows = interiors::compare(&scene.manifest, out, ledger)?;

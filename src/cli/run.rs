@@ -109,7 +109,8 @@ fn sources(scene: &Scene, out: &Path) -> Vec<ReportSource> {
 
 #[cfg(feature = "render")]
 fn check(scene: &Scene, out: &Path, ledger: &Ledger) -> Result<(bool, String, Value)> {
-    use mesophyll_scene::{check::Options, manifest::Interior};
+    use mesophyll_check::Options;
+    use mesophyll_scene::manifest::Interior;
     let options = Options { out: out.to_path_buf(), ..Options::default() };
     let compare = scene.manifest.leaves.iter().any(|l| l.interior == Interior::Maps);
     let (passed, text, json) = super::check::judged(scene, &options, compare.then_some(Some(out)), ledger)?;

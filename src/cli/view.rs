@@ -27,9 +27,9 @@ pub struct Args {
 #[cfg(feature = "render")]
 pub fn run(args: &Args, _common: &Common) -> Result<u8> {
     use crate::Error;
+    use mesophyll_check as check;
     use mesophyll_files::{claim, progress};
     use mesophyll_scene::{
-        check,
         draw::handover,
         fits::missing,
         ledger::Ledger,

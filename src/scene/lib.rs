@@ -1,12 +1,11 @@
-//! Scene manifests, the plan of what a scene needs, and the hand-over to the renderer.
+//! Scene manifests, the plan of what a scene needs, and the hand-over to the renderers.
 //!
 //! Folders from the ground up, each of which may use only those before it: [`manifest`] is what a scene file says,
 //! [`fits`] are the folders that its leaves come from, [`placed`] is what stands where and in which light, [`plan`] is
 //! what of it is needed, [`loaded`] holds the maps and curves that the plan asks for, [`draw`] hands them to both
-//! renderers; [`check`], [`traced`] and [`window`] use all of it, and nothing of each other.
+//! renderers; [`traced`] and [`window`] use all of it, and nothing of each other. Whether the pictures are right is
+//! judged in the room `check`, above this one.
 
-#[cfg(feature = "render")]
-pub mod check;
 pub mod draw;
 pub mod fits;
 pub mod ledger;

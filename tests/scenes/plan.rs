@@ -153,7 +153,7 @@ fn gloss_that_only_a_grazing_view_shows_is_planned_for_one() {
 #[cfg(feature = "render")]
 #[test]
 fn the_check_sees_gloss_that_a_plan_left_out_by_mistake() {
-    use mesophyll::scene::check;
+    use mesophyll::check;
     let dir = tempfile::tempdir().unwrap();
     let (mut scene, ledger) = opened(&faint_gloss(dir.path(), 75.0));
     let options = check::Options { out: dir.path().join("out"), update_golden: false, goldens_only: false };

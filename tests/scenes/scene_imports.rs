@@ -5,16 +5,8 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 /// From the ground up; folders on one floor use nothing of each other.
-const FLOORS: [&[&str]; 8] = [
-    &["ledger"],
-    &["manifest"],
-    &["fits"],
-    &["placed"],
-    &["plan"],
-    &["loaded"],
-    &["draw"],
-    &["check", "traced", "window"],
-];
+const FLOORS: [&[&str]; 8] =
+    [&["ledger"], &["manifest"], &["fits"], &["placed"], &["plan"], &["loaded"], &["draw"], &["traced", "window"]];
 
 fn floor(name: &str) -> Option<usize> {
     FLOORS.iter().position(|f| f.contains(&name))
@@ -98,9 +90,9 @@ fn an_import_from_above_is_found_however_it_is_written() {
         "use super::super::draw::card;",
     ] {
         assert_eq!(wrong("plan", "a.rs", text, 1).len(), 1, "{text}");
-        assert!(wrong("check", "a.rs", text, 1).is_empty(), "{text}");
+        assert!(wrong("traced", "a.rs", text, 1).is_empty(), "{text}");
     }
-    assert_eq!(wrong("window", "a.rs", "use crate::check::told;", 1).len(), 1);
+    assert_eq!(wrong("window", "a.rs", "use crate::traced::render;", 1).len(), 1);
     for text in
         ["/// As [`crate::draw`].", "use super::draw::card;", "use crate::Result;", "use crate::{Error, Result};"]
     {

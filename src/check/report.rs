@@ -1,9 +1,9 @@
 //! The verdict of a check: a view's figures, what the translucency maps cost, and all of it as JSON and in words.
 
-use super::CaptureReport;
-use super::day::Hour;
-use super::golden;
-use crate::manifest::Manifest;
+use crate::CaptureReport;
+use crate::day::Hour;
+use crate::golden;
+use mesophyll_scene::manifest::Manifest;
 use serde_json::{Value, json};
 
 /// The verdict.
@@ -20,7 +20,7 @@ pub struct Report {
     pub skipped: Vec<String>,
     /// What else went wrong, a sentence each: files that are not what was fitted.
     pub failures: Vec<String>,
-    /// What is strange about the scene and fails nothing: see [`crate::plan::Plan::warnings`].
+    /// What is strange about the scene and fails nothing: see [`mesophyll_scene::plan::Plan::warnings`].
     pub warnings: Vec<String>,
     /// What was uploaded (name, bytes) and compiled for the perspective views.
     pub uploads: Vec<(String, u64)>,

@@ -8,10 +8,10 @@
 //! most 3.4e-3; 1.3e-4 of the pixels (leaves of the tree) are more than [`STEPS`] off. The limits lie about twice as
 //! high. Eight bits are enough: a mean over thousands of pixels resolves far less than one step of one pixel.
 
-use crate::manifest::Manifest;
-use crate::{Error, Result};
+use mesophyll_error::{Error, Result};
 use mesophyll_files::atomic::explain;
 use mesophyll_files::image;
+use mesophyll_scene::manifest::Manifest;
 use mesophyll_transport::compare;
 use std::path::{Path, PathBuf};
 

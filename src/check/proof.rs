@@ -1,16 +1,16 @@
 //! Every view drawn small and compared with its golden picture, or written as one.
 
-use super::report::ViewReport;
-use super::{Options, Report, told};
-use super::{day, golden};
-use crate::Result;
-use crate::draw::card::Card;
-use crate::draw::handover;
-use crate::ledger::Ledger;
-use crate::loaded::Scene;
-use crate::manifest::{Manifest, View, ViewKind};
-use crate::placed::branch;
+use crate::report::ViewReport;
+use crate::{Options, Report, told};
+use crate::{day, golden};
+use mesophyll_error::Result;
 use mesophyll_files::{image, progress};
+use mesophyll_scene::draw::card::Card;
+use mesophyll_scene::draw::handover;
+use mesophyll_scene::ledger::Ledger;
+use mesophyll_scene::loaded::Scene;
+use mesophyll_scene::manifest::{Manifest, View, ViewKind};
+use mesophyll_scene::placed::branch;
 use mesophyll_viewer as gpu;
 
 /// The name that the hours of a day have among the golden pictures.
@@ -19,7 +19,7 @@ const HOURS: &str = "hours";
 /// Every view of the scene, and the hours of its day, by their goldens alone.
 ///
 /// # Errors
-/// As [`super::check`].
+/// As [`crate::check`].
 pub fn all(
     scene: &Scene,
     renderer: &mut gpu::Renderer,

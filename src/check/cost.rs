@@ -1,11 +1,11 @@
 //! What a frame costs: a view's times, and the share of the translucency maps, measured by drawing with and without
 //! them by turns.
 
-use super::report::{Term, ViewReport};
-use super::told;
-use crate::Result;
-use crate::draw::handover;
-use crate::manifest::{Manifest, View, ViewKind};
+use crate::report::{Term, ViewReport};
+use crate::told;
+use mesophyll_error::Result;
+use mesophyll_scene::draw::handover;
+use mesophyll_scene::manifest::{Manifest, View, ViewKind};
 use mesophyll_viewer as gpu;
 
 /// A view's report with its times, which are judged on real GPUs.

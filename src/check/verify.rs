@@ -1,20 +1,20 @@
 //! Whether the fits that a scene uses are still what was fitted: their content hashes, the record hash of their
 //! numbers, and whether their maps agree with each other.
 
-use super::consistency;
-use crate::Result;
-use crate::fits::reads;
-use crate::ledger::Ledger;
-use crate::loaded::Scene;
+use crate::consistency;
+use mesophyll_error::Result;
 use mesophyll_leaf::LeafFit;
 use mesophyll_record::FitRecord;
+use mesophyll_scene::fits::reads;
+use mesophyll_scene::ledger::Ledger;
+use mesophyll_scene::loaded::Scene;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 /// A sentence for every fit that was changed since it was written: of leaves, of translucency maps and of branches.
 ///
 /// # Errors
-/// [`crate::Error::Input`] for a file that cannot be read.
+/// [`mesophyll_error::Error::Input`] for a file that cannot be read.
 pub fn verify(scene: &Scene, ledger: &Ledger) -> Result<Vec<String>> {
     let Scene { manifest, placed, plan, .. } = scene;
     let fits: Vec<&LeafFit> = placed

@@ -1,19 +1,19 @@
 //! W's scalars against pigment maps: what each costs in bytes, how far each is from the fit's own ρd and ρt maps, and
 //! how far its picture is from the picture that those maps give.
 
-use super::{open, told};
-use crate::Result;
-use crate::draw::handover;
-use crate::draw::reference;
-use crate::fits::reads;
-use crate::ledger::Ledger;
-use crate::loaded::{Leaf, Scene};
-use crate::manifest::{Interior, Manifest, ViewKind};
-use crate::placed::leaf::Search;
+use crate::{open, told};
+use mesophyll_error::Result;
 use mesophyll_files::quantity::Quantity;
 use mesophyll_leaf::{File, fill};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
+use mesophyll_scene::draw::handover;
+use mesophyll_scene::draw::reference;
+use mesophyll_scene::fits::reads;
+use mesophyll_scene::ledger::Ledger;
+use mesophyll_scene::loaded::{Leaf, Scene};
+use mesophyll_scene::manifest::{Interior, Manifest, ViewKind};
+use mesophyll_scene::placed::leaf::Search;
 use mesophyll_transport::{self as transport, compare as measure};
 use std::path::Path;
 
@@ -35,7 +35,7 @@ pub struct Row {
 /// Compares both interiors for every leaf that the perspective views show.
 ///
 /// # Errors
-/// As [`super::check`].
+/// As [`crate::check`].
 pub fn compare(manifest: &Manifest, out: Option<&Path>, ledger: &Ledger) -> Result<Vec<Row>> {
     let mut renderer = open()?;
     let mut rows = Vec::new();

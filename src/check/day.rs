@@ -4,14 +4,14 @@
 //! The mosaic has four columns, in the order of the hours. With every hour goes how far its coefficients are from
 //! integrated ones.
 
-use super::told;
-use crate::Result;
-use crate::draw::handover;
-use crate::ledger::Ledger;
-use crate::loaded::Scene;
-use crate::manifest::ViewKind;
-use crate::placed::daylight::{self, Daylight};
+use crate::told;
+use mesophyll_error::Result;
 use mesophyll_files::image;
+use mesophyll_scene::draw::handover;
+use mesophyll_scene::ledger::Ledger;
+use mesophyll_scene::loaded::Scene;
+use mesophyll_scene::manifest::ViewKind;
+use mesophyll_scene::placed::daylight::{self, Daylight};
 use mesophyll_viewer as gpu;
 use mesophyll_viewer::scene as viewer;
 use std::path::Path;
@@ -43,7 +43,7 @@ impl Strip {
     /// Writes the picture as PNG.
     ///
     /// # Errors
-    /// [`crate::Error::Write`] where it cannot be written.
+    /// [`mesophyll_error::Error::Write`] where it cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         image::write_png(path, self.size.0, self.size.1, self.pixels.as_flattened())
     }
@@ -52,7 +52,7 @@ impl Strip {
 /// Draws the hours, `w` × `h` pixels each; nothing without a `[day]` or a perspective view.
 ///
 /// # Errors
-/// [`crate::Error::Missed`] where the renderer or the fit fails.
+/// [`mesophyll_error::Error::Missed`] where the renderer or the fit fails.
 pub fn draw(
     scene: &Scene,
     drawn: &viewer::Scene,

@@ -10,17 +10,17 @@
 //! and what a right fit leaves. The tube model's own prediction from the folder's maps must stay within one unit, and
 //! so must the light box's transmittance from the slab of σa, σs and h + δ.
 
-use super::report::exceeds;
-use super::{Options, told};
-use crate::draw::scanned::Scanned;
-use crate::loaded::Scene;
-use crate::manifest::{View, ViewKind};
-use crate::{Error, Result};
+use crate::report::exceeds;
+use crate::{Options, told};
+use mesophyll_error::{Error, Result};
 use mesophyll_files::image::{to_srgb8, write_png};
 use mesophyll_fit::leaf::held_out::{self, BAD, Kept, KeptFrame, Tally};
 use mesophyll_leaf::File;
 use mesophyll_optics::side::Side;
 use mesophyll_record::scan::Scan;
+use mesophyll_scene::draw::scanned::Scanned;
+use mesophyll_scene::loaded::Scene;
+use mesophyll_scene::manifest::{View, ViewKind};
 use mesophyll_transport as transport;
 use mesophyll_viewer as gpu;
 use serde::Serialize;

@@ -1,17 +1,17 @@
 //! A card view: one leaf's mean parameters on a flat patch, whose radiance has a closed form. Renderer and reference
 //! are both held against it.
 
-use super::cost::timed;
-use super::pictures::save;
-use super::report::{ViewReport, exceeds};
-use super::{Options, proof, told};
-use crate::Result;
-use crate::draw::card::{self, Card};
-use crate::draw::{handover, reference};
-use crate::ledger::Ledger;
-use crate::loaded::Scene;
-use crate::manifest::View;
-use crate::placed::daylight::sun_direction;
+use crate::cost::timed;
+use crate::pictures::save;
+use crate::report::{ViewReport, exceeds};
+use crate::{Options, proof, told};
+use mesophyll_error::Result;
+use mesophyll_scene::draw::card::{self, Card};
+use mesophyll_scene::draw::{handover, reference};
+use mesophyll_scene::ledger::Ledger;
+use mesophyll_scene::loaded::Scene;
+use mesophyll_scene::manifest::View;
+use mesophyll_scene::placed::daylight::sun_direction;
 use mesophyll_transport::{self as transport, compare};
 use mesophyll_viewer as gpu;
 use std::time::Instant;

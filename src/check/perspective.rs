@@ -1,16 +1,16 @@
 //! A view of the scene: the renderer's picture against the reference's, with translucency by the convolution or as the
 //! maps store it, and against the golden picture where there is one.
 
-use super::cost::timed;
-use super::pictures::save;
-use super::report::{TrueLeaf, ViewReport, exceeds};
-use super::{Options, proof, told};
-use crate::Result;
-use crate::draw::handover;
-use crate::draw::truth::Truth;
-use crate::loaded::Scene;
-use crate::manifest::{JudgedBy, View};
+use crate::cost::timed;
+use crate::pictures::save;
+use crate::report::{TrueLeaf, ViewReport, exceeds};
+use crate::{Options, proof, told};
+use mesophyll_error::Result;
 use mesophyll_files::image::write_png;
+use mesophyll_scene::draw::handover;
+use mesophyll_scene::draw::truth::Truth;
+use mesophyll_scene::loaded::Scene;
+use mesophyll_scene::manifest::{JudgedBy, View};
 use mesophyll_transport::compare;
 use mesophyll_viewer as gpu;
 use std::time::Instant;

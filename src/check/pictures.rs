@@ -1,8 +1,8 @@
 //! The pictures that a check leaves beside its figures.
 
-use super::Options;
-use super::report::ViewReport;
-use crate::Result;
+use crate::Options;
+use crate::report::ViewReport;
+use mesophyll_error::Result;
 use mesophyll_files::image;
 use mesophyll_transport::{ReferencePicture, compare};
 use mesophyll_viewer as gpu;

@@ -5,10 +5,7 @@
 //! texel's thickness; ρt is that slab's transmittance, in the median; normals lean the way the blade leans; the mask is
 //! the blade's outline.
 
-use crate::Result;
-use crate::fits::reads;
-use crate::ledger::Ledger;
-use crate::loaded::Leaf;
+use mesophyll_error::Result;
 use mesophyll_files::image::Maps;
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_files::quantity::{Quantity, RGB};
@@ -16,6 +13,9 @@ use mesophyll_leaf::frames;
 use mesophyll_leaf::{BLADE, File, LeafFit, pack};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
+use mesophyll_scene::fits::reads;
+use mesophyll_scene::ledger::Ledger;
+use mesophyll_scene::loaded::Leaf;
 use rayon::prelude::*;
 
 /// Shares of texels that may stray (rims, where filling and filtering differ), and how far the others may.
@@ -29,7 +29,7 @@ const OUTLINE: f64 = 0.9;
 /// A sentence for every contradiction in what the plan needs of a leaf.
 ///
 /// # Errors
-/// [`crate::Error::Input`] for a map that cannot be read.
+/// [`mesophyll_error::Error::Input`] for a map that cannot be read.
 pub fn contradictions(leaf: Leaf, ledger: &Ledger) -> Result<Vec<String>> {
     let mut out = Vec::new();
     let Some(fitted) = &leaf.placed.fitted else { return Ok(out) };
