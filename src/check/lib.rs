@@ -12,6 +12,7 @@ mod cost;
 pub mod day;
 pub mod golden;
 pub mod interiors;
+pub mod methods;
 mod perspective;
 mod pictures;
 mod proof;

@@ -29,6 +29,10 @@ pub struct Args {
     /// Compare W's scalars with pigment maps for every leaf: bytes, fit error, picture error
     #[arg(long)]
     compare_interiors: bool,
+    /// Draw every view of a scene with light between leaves in several ways, and weigh error against time and bytes: a
+    /// row each in DIR/methods.csv
+    #[arg(long, conflicts_with = "goldens_only")]
+    compare_methods: bool,
 }
 
 #[cfg(feature = "render")]
@@ -65,8 +69,13 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let mut scene = Scene::new(manifest, placed, &ledger)?;
     scene.find_transfer(&out, &ledger)?;
     let options = Options { out: out.clone(), update_golden: args.update_golden, goldens_only: args.goldens_only };
-    let (passed, text, json) =
+    let (passed, mut text, mut json) =
         judged(&scene, &options, args.compare_interiors.then_some(args.out.as_deref()), &ledger)?;
+    if args.compare_methods {
+        let rows = mesophyll_check::methods::weigh(&scene, &options, &ledger)?;
+        text += &mesophyll_check::methods::text(&rows);
+        json["methods"] = serde_json::to_value(&rows).unwrap_or_default();
+    }
     atomic::write_bytes(
         &out.join("plan.json"),
         serde_json::to_string_pretty(&scene.plan).unwrap_or_default().as_bytes(),

@@ -2,11 +2,13 @@
 
 use super::Common;
 use crate::Result;
+use crate::named::named;
 use mesophyll_files::claim;
 use mesophyll_scene::fits::missing::input_hash;
 use mesophyll_scene::placed::{Placed, leaf::Search};
 use mesophyll_scene::traced::{self, Drawn, Options};
 use mesophyll_scene::{ledger::Ledger, loaded::Scene, manifest::Manifest};
+use mesophyll_transport::tone::Tone;
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
@@ -37,6 +39,9 @@ pub struct Args {
     /// Stop at this median relative error of the pixels, such as 0.01
     #[arg(long, value_name = "E", value_parser = positive)]
     error: Option<f64>,
+    /// How radiance becomes VIEW.png
+    #[arg(long, value_parser = named::<Tone>(), default_value_t = Tone::Reinhard)]
+    tone: Tone,
     /// Go on with the pictures that an earlier run left in DIR
     #[arg(long)]
     resume: bool,
@@ -67,6 +72,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         error: args.error,
         seed: args.seed,
         resume: args.resume,
+        tone: args.tone,
     };
     let mut all = Vec::new();
     let ended = traced::render(&scene, &options, &ledger, |drawn| {

@@ -28,12 +28,7 @@ fn sky(world: &World, k: usize) -> [f64; 3] {
     let z = 1.0 - 2.0 * (k as f64 + 0.5) / DIRECTIONS as f64;
     let (sin, cos) = (golden * k as f64).sin_cos();
     let r = (1.0 - z * z).sqrt();
-    let d = DVec3::new(r * cos, r * sin, z);
-    match (&world.dome, &world.environment) {
-        (Some(dome), _) => (dome.radiance)(d),
-        (None, Some(map)) => map.at(d),
-        _ => world.sky.unwrap_or_default(),
-    }
+    world.sky_radiance(DVec3::new(r * cos, r * sin, z))
 }
 
 /// What entries are divided by before they are kept as half floats: about the largest irradiance, where they are the light

@@ -32,6 +32,8 @@ pub struct Options {
     pub seed: u64,
     /// Goes on with what an earlier run left.
     pub resume: bool,
+    /// How radiance becomes the PNG.
+    pub tone: tone::Tone,
 }
 
 /// What became of one view.
@@ -213,7 +215,7 @@ fn one(
         tell_of(picture, false)
     })?;
     picture.write(&file("exr"))?;
-    image::write_png(&file("png"), size[0], size[1], &displayed(&picture, scene.manifest.exposure))?;
+    image::write_png(&file("png"), size[0], size[1], &displayed(&picture, scene, options.tone))?;
     tell_of(&picture, progress == Progress::Done)?;
     if picture.cut > 0 {
         progress::say(format!(
@@ -256,8 +258,12 @@ fn made_from(scene: &Scene, view: &View) -> Result<String> {
     Ok(hash::combine(parts.iter().map(|(a, b)| (a.as_str(), b.as_str()))))
 }
 
-/// As the renderer shows it: exposure, Reinhard, sRGB.
-fn displayed(picture: &Picture, exposure: f64) -> Vec<u8> {
-    let byte = |v: &f32| (tone::display(f64::from(*v), exposure) * 255.0 + 0.5) as u8;
+/// As the renderer shows it (exposure, Reinhard, sRGB), or as a camera with a film's curve.
+fn displayed(picture: &Picture, scene: &Scene, tone: tone::Tone) -> Vec<u8> {
+    let exposure = match tone {
+        tone::Tone::Reinhard => scene.manifest.exposure,
+        tone::Tone::Film => scene.manifest.film_exposure(),
+    };
+    let byte = |v: &f32| (tone.display(f64::from(*v), exposure) * 255.0 + 0.5) as u8;
     picture.mean.iter().flat_map(|pixel| pixel.iter().map(byte)).collect()
 }

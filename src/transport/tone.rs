@@ -1,4 +1,52 @@
-//! From radiance to the picture: exposure · L, Reinhard x/(1 + x) a channel, sRGB encoding (IEC 61966-2-1), 8 bits.
+//! From radiance to the picture: exposure · L, Reinhard x/(1 + x) a channel, sRGB encoding (IEC 61966-2-1), 8 bits. Pictures
+//! that are made to be looked at may have a film's curve instead of Reinhard's.
+
+/// How radiance is pressed into what a screen can show.
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Default,
+    strum::Display,
+    strum::EnumString,
+    strum::EnumIter,
+    strum::IntoStaticStr,
+    strum::EnumMessage,
+)]
+#[strum(serialize_all = "kebab-case")]
+pub enum Tone {
+    /// x/(1 + x) a channel: what both renderers draw, and what checks compare.
+    #[default]
+    Reinhard,
+    /// A film's: dark below, steep in the middle, with a long shoulder (Narkowicz 2015, "ACES filmic tone mapping curve",
+    /// with its factor of .6), a channel each.
+    Film,
+}
+
+impl Tone {
+    /// Radiance → display value in [0, 1]; negative radiance is black, NaN too.
+    pub fn display(self, radiance: f64, exposure: f64) -> f64 {
+        match self {
+            Tone::Reinhard => display(radiance, exposure),
+            Tone::Film => {
+                let x = 0.6 * exposure * radiance;
+                if x.is_nan() || x <= 0.0 {
+                    return 0.0;
+                }
+                // Beyond this the curve is white.
+                let x = x.min(1e6);
+                encode((x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14)).min(1.0))
+            }
+        }
+    }
+}
+
+/// sRGB's encoding of a linear value in [0, 1].
+fn encode(linear: f64) -> f64 {
+    if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
+}
 
 /// Radiance → display value in [0, 1]; negative radiance is black, NaN too.
 pub fn display(radiance: f64, exposure: f64) -> f64 {
@@ -7,7 +55,7 @@ pub fn display(radiance: f64, exposure: f64) -> f64 {
         return 0.0;
     }
     let mapped = if x.is_infinite() { 1.0 } else { x / (1.0 + x) };
-    if mapped <= 0.003_130_8 { 12.92 * mapped } else { 1.055 * mapped.powf(1.0 / 2.4) - 0.055 }
+    encode(mapped)
 }
 
 /// d(display)/d(radiance), for turning a standard error in radiance into one in the picture.
@@ -41,5 +89,18 @@ mod tests {
             let slope = (display(x + h, 1.7) - display(x - h, 1.7)) / (2.0 * h);
             assert!((slope / display_slope(x, 1.7) - 1.0).abs() < 1e-6, "{x}");
         }
+    }
+
+    /// From black to white without a step back; mid-grey stays a middle tone, and what Reinhard's curve holds back is
+    /// white.
+    #[test]
+    fn a_films_curve_rises_from_black_to_white() {
+        let values: Vec<f64> = (0..2000).map(|k| Tone::Film.display(1.01f64.powi(k - 1000), 1.0)).collect();
+        assert!(values.windows(2).all(|w| w[0] <= w[1]) && values[0] < 1e-3 && values[1999] == 1.0);
+        assert_eq!(Tone::Film.display(f64::NAN, 1.0), 0.0);
+        assert_eq!(Tone::Film.display(f64::INFINITY, 1.0), 1.0);
+        let grey = Tone::Film.display(0.18, 1.0);
+        assert!((0.35..0.5).contains(&grey), "{grey}");
+        assert_eq!(Tone::Film.display(0.09, 2.0), grey);
     }
 }

@@ -61,6 +61,17 @@ impl Default for World {
     }
 }
 
+impl World {
+    /// Radiance of the sky from a unit direction, without the sun: of a model, an environment map, or a constant one.
+    pub fn sky_radiance(&self, d: DVec3) -> [f64; 3] {
+        match (&self.dome, &self.environment) {
+            (Some(dome), _) => (dome.radiance)(d),
+            (None, Some(map)) => map.at(d),
+            _ => self.sky.unwrap_or_default(),
+        }
+    }
+}
+
 /// A leaf that stands somewhere: rotation, translation and a uniform scale.
 #[derive(Debug, Clone, Copy)]
 pub struct Placement {

@@ -412,7 +412,14 @@ impl Renderer {
         let pixel = detail::pixel(camera, height);
         let mut apart = 0.0f32;
         for batch in &mut loaded.batches {
-            batch.levels.arrange(&self.gpu, camera.eye, pixel, &batch.instances, batch.rides.as_ref(), batch.begins.as_ref());
+            batch.levels.arrange(
+                &self.gpu,
+                camera.eye,
+                pixel,
+                &batch.instances,
+                batch.rides.as_ref(),
+                batch.begins.as_ref(),
+            );
             apart = apart.max(batch.levels.apart(loaded.shadow_texel));
         }
         self.stats.triangles = loaded.batches.iter().map(|b| b.levels.triangles()).sum();

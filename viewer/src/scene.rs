@@ -53,10 +53,10 @@
 //! Reinhard x/(1 + x) a channel, sRGB encoding (IEC 61966-2-1), 8 bits.
 
 use glam::{Mat4, Vec2, Vec3, Vec4};
-use std::sync::Arc;
 pub use mesophyll_surface::basis::Basis;
 pub use mesophyll_surface::gloss::Lobe;
 pub use mesophyll_surface::side::{Side, Sides};
+use std::sync::Arc;
 
 /// Everything in a picture: meshes, materials, where a mesh stands in a material, what bends, and what lights it.
 #[derive(Debug, Clone, Default)]

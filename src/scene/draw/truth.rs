@@ -38,7 +38,7 @@ impl Sampling {
         Sampling {
             size: [check.width as usize, check.height as usize],
             samples: check.samples,
-            sun_samples: if scene.plan.light.shadow_samples > 0 { 4 } else { 1 },
+            sun_samples: if scene.plan.light.shadows_fall() { 4 } else { 1 },
             seed,
         }
     }

@@ -14,7 +14,7 @@ pub use leaf::{Interior, Leaf, Scan, Translucency, Uniform};
 pub use light::{Day, Shadows, Sky, SkyModel, Sun, Transfer};
 pub use mesophyll_surface::basis::Basis;
 pub use plant::{Branch, Cluster, Ground, Instance, Periodic, Tree, Wind};
-pub use view::{Check, JudgedBy, View, ViewKind};
+pub use view::{Camera, Check, JudgedBy, View, ViewKind};
 
 use crate::{Error, Result};
 use mesophyll_files::atomic::explain;
@@ -55,6 +55,8 @@ pub struct Manifest {
     pub transfer: Option<Transfer>,
     #[serde(default, rename = "view")]
     pub views: Vec<View>,
+    /// For pictures by `render --tone film`.
+    pub camera: Option<Camera>,
     #[serde(default)]
     pub check: Check,
     /// The file this was read from.
@@ -166,6 +168,13 @@ impl Manifest {
     /// Whether the sky is a model's.
     pub fn physical_sky(&self) -> bool {
         self.sky.as_ref().is_some_and(|s| s.model.is_some())
+    }
+
+    /// What radiance is multiplied with in a picture by a film's curve: by the scene's camera where it has one.
+    pub fn film_exposure(&self) -> f64 {
+        let unit = self.sky.as_ref().and_then(|s| s.scale).unwrap_or(1.0);
+        // A kcd/m² is `unit` scene units.
+        self.camera.map_or(self.exposure, |camera| camera.exposure() * 1e3 / unit)
     }
 
     /// Whether the sun stands in more than one place.

@@ -58,6 +58,32 @@ pub struct View {
     pub judged_by: JudgedBy,
 }
 
+/// The exposure of a camera, for pictures that are made to be looked at (`mesophyll render --tone film`).
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Camera {
+    /// Focal length over the width of the aperture.
+    pub f_number: f64,
+    /// How long it is open.
+    pub shutter_s: f64,
+    /// The film's or the sensor's speed.
+    #[serde(default = "iso")]
+    pub iso: f64,
+}
+
+fn iso() -> f64 {
+    100.0
+}
+
+impl Camera {
+    /// What luminance (cd/m²) is multiplied with, so that 1 is where a sensor of this speed saturates (ISO 12232; Lagarde &
+    /// de Rousiers 2014, §5.1.1): 1/(1.2 · 2^EV), with EV = log₂(N²/t · 100/S).
+    pub fn exposure(&self) -> f64 {
+        let light = self.f_number.powi(2) / self.shutter_s * 100.0 / self.iso;
+        1.0 / (1.2 * light)
+    }
+}
+
 /// How a check is done.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]

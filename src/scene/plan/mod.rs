@@ -120,6 +120,13 @@ pub struct LightPlan {
     pub between: Option<Between>,
 }
 
+impl LightPlan {
+    /// Whether anything can stand in the sun's light.
+    pub fn shadows_fall(&self) -> bool {
+        self.shadow_samples > 0 || self.between.is_some_and(|b| b.sun_visibility)
+    }
+}
+
 /// What the transfer of a scene with light between leaves is made of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 pub struct Between {

@@ -165,7 +165,7 @@ fn along(path: &[DVec3], light: DVec3) -> Blend {
 }
 
 /// The direction of a place on a face of the cube, in texels from its first one's centre.
-fn on_face(face: usize, [i, j]: [f64; 2], side: usize) -> DVec3 {
+pub(crate) fn on_face(face: usize, [i, j]: [f64; 2], side: usize) -> DVec3 {
     let at = |k: f64| (2.0 * k + 1.0) / side as f64 - 1.0;
     let mut d = DVec3::ZERO;
     d[face / 2] = if face.is_multiple_of(2) { 1.0 } else { -1.0 };
@@ -180,7 +180,7 @@ fn centre(cell: usize, side: usize) -> DVec3 {
 }
 
 /// The face that a direction goes through, and where.
-fn place(d: DVec3, side: usize) -> (usize, [f64; 2]) {
+pub(crate) fn place(d: DVec3, side: usize) -> (usize, [f64; 2]) {
     let largest = d.abs().max_element();
     let axis = (0..3).find(|k| d[*k].abs() == largest).unwrap_or(2);
     let face = 2 * axis + usize::from(d[axis] < 0.0);

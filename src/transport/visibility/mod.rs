@@ -14,7 +14,7 @@
 
 mod cast;
 mod coded;
-mod directions;
+pub(crate) mod directions;
 mod entropy;
 mod grid;
 mod light;

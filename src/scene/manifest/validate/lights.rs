@@ -38,6 +38,16 @@ pub fn lights(p: &Place) -> Result<()> {
     if let Some(day) = &p.manifest.day {
         one_day(p, day)?;
     }
+    if let Some(camera) = &p.manifest.camera {
+        const HEADER: &str = "[camera]";
+        p.range(HEADER, 0, "f_number", camera.f_number, [0.5, 256.0], "of a lens")?;
+        p.range(HEADER, 0, "shutter_s", camera.shutter_s, [1e-6, 3600.0], "seconds")?;
+        p.range(HEADER, 0, "iso", camera.iso, [1.0, 1e6], "of a sensor")?;
+        if !p.manifest.physical_sky() {
+            let why = "given, but only under a physical sky is the unit of light known; expected exposure instead";
+            return Err(p.error(HEADER, 0, "", why));
+        }
+    }
     if let Some(transfer) = &p.manifest.transfer {
         const HEADER: &str = "[transfer]";
         for n in transfer.anchors {
