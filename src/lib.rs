@@ -58,7 +58,7 @@
 //! 5   leaf
 //! 4   capture
 //! 3   translucency  walk        transport   record
-//! 2   optics        viewer
+//! 2   optics        viewer      flora
 //! 1   surface       solve       sky         plant      files
 //! 0   error         quadrature  fourier     rays
 //! ```
@@ -72,6 +72,7 @@ pub use mesophyll_files as files;
 pub use mesophyll_fit as fit;
 pub use mesophyll_fit_sky as fit_sky;
 pub use mesophyll_fit_translucency as fit_translucency;
+pub use mesophyll_flora as flora;
 pub use mesophyll_leaf as leaf;
 pub use mesophyll_optics as optics;
 pub use mesophyll_plant as plant;

@@ -13,6 +13,8 @@ mod completions;
 mod eval;
 mod export;
 mod fit;
+mod grow;
+mod import;
 mod inspect;
 mod models;
 mod named;
@@ -80,6 +82,10 @@ enum Verb {
     Check(check::Args),
     /// Draw a scene with light between its leaves: a path tracer
     Render(render::Args),
+    /// Grow a plant from its description
+    Grow(grow::Args),
+    /// Find the branches of a plant that is nothing but triangles
+    Import(import::Args),
     /// Open a scene in a window
     View(view::Args),
     /// Write fits in formats other programs read
@@ -102,6 +108,8 @@ impl Verb {
             Verb::Stress(_) => "stress",
             Verb::Check(_) => "check",
             Verb::Render(_) => "render",
+            Verb::Grow(_) => "grow",
+            Verb::Import(_) => "import",
             Verb::View(_) => "view",
             Verb::Export(_) => "export",
             Verb::Completions(_) => "completions",
@@ -181,6 +189,8 @@ fn dispatch(cli: &Cli) -> Result<u8> {
         Verb::Stress(a) => stress::run(a, common),
         Verb::Check(a) => check::run(a, common),
         Verb::Render(a) => render::run(a, common),
+        Verb::Grow(a) => grow::run(a, common),
+        Verb::Import(a) => import::run(a, common),
         Verb::View(a) => view::run(a, common),
         Verb::Export(a) => export::run(a, common),
         Verb::Completions(a) => completions::run(a),

@@ -9,7 +9,7 @@ use super::blade::Mesh;
 use super::side::SideMaps;
 use super::texture::{Turn, data_byte, encode, normal_pixel, pixels};
 use crate::{Error, Result};
-use mesophyll_files::atomic;
+use mesophyll_files::glb::{self, Glb};
 use mesophyll_files::image::to_srgb8;
 use mesophyll_files::mesh::{self, LeafMesh};
 use mesophyll_files::quantity::Quantity;
@@ -18,66 +18,14 @@ use mesophyll_optics::side::Side;
 use serde_json::{Value, json};
 use std::path::Path;
 
-const FLOAT: u32 = 5126;
-const UNSIGNED_INT: u32 = 5125;
 /// Normal reflectance a glTF reader assumes (index 1.5).
 const ASSUMED_F0: f32 = 0.04;
-
-/// Buffers, images and textures while they grow.
-#[derive(Default)]
-struct File {
-    bin: Vec<u8>,
-    views: Vec<Value>,
-    accessors: Vec<Value>,
-    images: Vec<Value>,
-}
-
-impl File {
-    fn view(&mut self, bytes: &[u8]) -> usize {
-        while !self.bin.len().is_multiple_of(4) {
-            self.bin.push(0);
-        }
-        self.views.push(json!({"buffer": 0, "byteOffset": self.bin.len(), "byteLength": bytes.len()}));
-        self.bin.extend_from_slice(bytes);
-        self.views.len() - 1
-    }
-
-    fn floats<const N: usize>(&mut self, kind: &str, values: &[[f32; N]]) -> usize {
-        let bytes: Vec<u8> = values.iter().flatten().flat_map(|v| v.to_le_bytes()).collect();
-        let view = self.view(&bytes);
-        let mut accessor = json!({"bufferView": view, "componentType": FLOAT, "count": values.len(), "type": kind});
-        if N == 3 {
-            let bound = |pick: fn(f32, f32) -> f32, start: f32| -> Vec<f32> {
-                (0..3).map(|c| values.iter().map(|v| v[c]).fold(start, pick)).collect()
-            };
-            accessor["min"] = json!(bound(f32::min, f32::INFINITY));
-            accessor["max"] = json!(bound(f32::max, f32::NEG_INFINITY));
-        }
-        self.accessors.push(accessor);
-        self.accessors.len() - 1
-    }
-
-    fn indices(&mut self, values: &[u32]) -> usize {
-        let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
-        let view = self.view(&bytes);
-        self.accessors
-            .push(json!({"bufferView": view, "componentType": UNSIGNED_INT, "count": values.len(), "type": "SCALAR"}));
-        self.accessors.len() - 1
-    }
-
-    /// A texture reference to a new image.
-    fn texture(&mut self, name: &str, png: &[u8]) -> Value {
-        let view = self.view(png);
-        self.images.push(json!({"name": name, "bufferView": view, "mimeType": "image/png"}));
-        json!({"index": self.images.len() - 1})
-    }
-}
 
 /// Writes `path` (.glb).
 pub fn write(sides: &[SideMaps], folder: &Path, path: &Path, translucent: bool) -> Result<()> {
     let blade = mesh::read(&folder.join(BLADE), None)?;
     let mesh = Mesh::of(&blade);
-    let mut file = File::default();
+    let mut file = Glb::default();
     let (mut primitives, mut materials) = (Vec::new(), Vec::new());
     for side in sides {
         let (shape, turn) = match side.side {
@@ -99,31 +47,20 @@ pub fn write(sides: &[SideMaps], folder: &Path, path: &Path, translucent: bool) 
     if translucent {
         used.push("KHR_materials_diffuse_transmission");
     }
-    let textures: Vec<Value> = (0..file.images.len()).map(|k| json!({"source": k, "sampler": 0})).collect();
     let root = json!({
-        "asset": {"version": "2.0", "generator": concat!("mesophyll ", env!("CARGO_PKG_VERSION"))},
+        "asset": glb::asset(),
         "extensionsUsed": used,
         "scene": 0,
         "scenes": [{"nodes": [0]}],
         "nodes": [{"mesh": 0, "name": "blade", "scale": [0.001, 0.001, 0.001]}],
         "meshes": [{"name": "blade", "primitives": primitives}],
         "materials": materials,
-        "textures": textures,
-        "samplers": [{"magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071}],
-        "images": file.images,
-        "accessors": file.accessors,
-        "bufferViews": file.views,
-        "buffers": [{"byteLength": file.bin.len()}],
     });
-    let json = serde_json::to_vec(&root).map_err(|e| Error::write(path, e))?;
-    let header = gltf::binary::Header { magic: *b"glTF", version: 2, length: 0 };
-    let glb = gltf::binary::Glb { header, json: json.into(), bin: Some(file.bin.into()) };
-    let bytes = glb.to_vec().map_err(|e| Error::write(path, e))?;
-    atomic::write_bytes(path, &bytes)
+    file.write(path, root)
 }
 
 fn material(
-    file: &mut File,
+    file: &mut Glb,
     side: &SideMaps,
     blade: &LeafMesh,
     folder: &Path,

@@ -25,6 +25,8 @@ pub enum Kind<'a> {
     Bench,
     /// The maps of `export --to png`: `ranges.json`.
     Maps,
+    /// Tables of a plant's branches: `import.json`.
+    Import,
     /// Documentation pictures, which may lie beside anything but captures, fits and the other kinds.
     Pictures,
 }
@@ -38,6 +40,7 @@ impl Kind<'_> {
             Kind::Render => "folder of rendered pictures".into(),
             Kind::Bench => "bench".into(),
             Kind::Maps => "folder of exported maps".into(),
+            Kind::Import => "folder of a plant's tables".into(),
             Kind::Pictures => "folder of pictures".into(),
         }
     }
@@ -50,6 +53,7 @@ impl Kind<'_> {
             Kind::Scene | Kind::Maps => &["json", "png"],
             Kind::Render => &["json", "png", "exr"],
             Kind::Bench => &["json"],
+            Kind::Import => &["json", "csv"],
             Kind::Pictures => &[],
         }
     }
@@ -278,7 +282,7 @@ fn part_of(home: &Path, name: &str) -> Option<String> {
             return Some(fit.words);
         }
     }
-    let told = [Kind::Scene, Kind::Render, Kind::Bench, Kind::Maps]
+    let told = [Kind::Scene, Kind::Render, Kind::Bench, Kind::Maps, Kind::Import]
         .into_iter()
         .find(|kind| marks(home, *kind).contains(&name));
     told.map(|kind| format!("a {}", kind.words()))
@@ -304,7 +308,7 @@ fn holds(folder: &Path, claimed: Kind) -> Vec<Held> {
     if let Some(words) = marked(folder) {
         out.push(Held { same: words == claimed.words(), words: format!("a {words} ({MARK})") });
     }
-    for kind in [Kind::Scene, Kind::Render, Kind::Bench, Kind::Maps] {
+    for kind in [Kind::Scene, Kind::Render, Kind::Bench, Kind::Maps, Kind::Import] {
         if let Some(mark) = marks(folder, kind).first() {
             out.push(Held { same: kind == claimed, words: format!("a {} ({mark})", kind.words()) });
         }
@@ -324,6 +328,7 @@ fn marks(folder: &Path, kind: Kind) -> Vec<&'static str> {
         Kind::Render => &[("render.json", "pictures")],
         Kind::Bench => &[("bench.json", "rows")],
         Kind::Maps => &[("ranges.json", "files")],
+        Kind::Import => &[("import.json", "pieces")],
         Kind::Fit(_) | Kind::Capture | Kind::Pictures => &[],
     };
     let says = |name: &str, key: &str| {

@@ -4,6 +4,8 @@
 
 pub mod atomic;
 pub mod claim;
+pub mod glb;
+pub mod gltf_file;
 pub mod hash;
 pub mod image;
 pub mod memory;

@@ -146,6 +146,11 @@ fn the_commands_of_the_foliar_page_run() {
     assert_eq!(run_page("docs/foliar.md", false), [2, 0]);
 }
 
+#[test]
+fn the_commands_of_the_plants_page_run() {
+    assert_eq!(run_page("docs/plants.md", false), [3, 0]);
+}
+
 /// No page of commands is forgotten, and nothing is left out that no page has.
 #[test]
 fn the_list_of_what_is_left_out_is_true() {
@@ -156,7 +161,8 @@ fn the_list_of_what_is_left_out_is_true() {
             continue;
         }
         let found = commands(&std::fs::read_to_string(&file).unwrap(), false);
-        let tested = ["sky.md", "translucency.md", "light.md", "foliar.md"].iter().any(|page| file.ends_with(page));
+        let tested =
+            ["sky.md", "translucency.md", "light.md", "foliar.md", "plants.md"].iter().any(|page| file.ends_with(page));
         let all_left_out = found.iter().all(|c| LEFT_OUT.iter().any(|(command, _)| command == c));
         assert!(tested || all_left_out, "{}: its commands are not run", file.display());
         printed.extend(found);

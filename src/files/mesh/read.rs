@@ -1,14 +1,11 @@
-//! Reads a leaf's mesh from glTF: buffers, node transforms, primitives, and refusal of what leads out of the file's
-//! folder.
+//! Reads a leaf's mesh from glTF: node transforms and primitives of a file that [`gltf_file`] opened.
 
 use super::{LeafMesh, Unit, vertex_normals, vertex_tangents};
-use crate::atomic::explain;
+use crate::gltf_file::{self, DEEPEST, Opened, Surface, wide};
 use crate::{Error, Result};
 use glam::{DMat4, DVec2, DVec3};
-use gltf::mesh::Mode;
 use std::collections::BTreeSet;
-use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::{Component, Path};
+use std::path::Path;
 
 /// Reads a glTF file whose lengths are in `unit`; where none is given, in the file's own, which is the metre unless its
 /// `asset.extras.unit` says "mm", "cm" or "m".
@@ -29,55 +26,23 @@ pub fn read_plain(path: &Path, unit: Option<Unit>) -> Result<LeafMesh> {
 }
 
 fn read_as(path: &Path, unit: Option<Unit>, maps: bool) -> Result<LeafMesh> {
-    let bytes = std::fs::read(path).map_err(|e| Error::input(path, explain(&e)))?;
-    // A damaged file must end in a sentence, whatever the reader does with it.
-    catch_unwind(AssertUnwindSafe(|| parse(path, &bytes, unit, maps)))
-        .unwrap_or_else(|_| Err(Error::input(path, "not a readable glTF file (damaged)")))
+    gltf_file::read(path, |opened| joined(path, &opened, unit, maps))
 }
 
-fn parse(path: &Path, bytes: &[u8], unit: Option<Unit>, maps: bool) -> Result<LeafMesh> {
-    let gltf::Gltf { document, mut blob } =
-        gltf::Gltf::from_slice(bytes).map_err(|e| Error::input(path, sentence(&e)))?;
-    let unit = match unit {
-        Some(unit) => unit,
-        None => own_unit(path, &document)?,
-    };
-    let to_mm = DMat4::from_scale(DVec3::splat(unit.mm()));
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    for image in document.images() {
-        if let gltf::image::Source::Uri { uri, .. } = image.source() {
-            inside(path, folder, uri, &format!("images[{}].uri", image.index()))?;
-        }
-    }
-    let mut buffers = Vec::new();
-    for buffer in document.buffers() {
-        let field = format!("buffers[{}]", buffer.index());
-        if let gltf::buffer::Source::Uri(uri) = buffer.source() {
-            inside(path, folder, uri, &format!("{field}.uri"))?;
-        }
-        let data = gltf::buffer::Data::from_source_and_blob(buffer.source(), Some(folder), &mut blob)
-            .map_err(|e| Error::field(path, &field, sentence(&e)))?;
-        if data.len() < buffer.length() {
-            return Err(Error::unexpected(
-                path,
-                &field,
-                format!("{} bytes", data.len()),
-                format!("{} (truncated?)", buffer.length()),
-            ));
-        }
-        buffers.push(data);
-    }
+fn joined(path: &Path, opened: &Opened, unit: Option<Unit>, maps: bool) -> Result<LeafMesh> {
+    let Opened { document, buffers, unit: own } = opened;
+    let to_mm = DMat4::from_scale(DVec3::splat(unit.unwrap_or(*own).mm()));
     let mut mesh = LeafMesh::default();
     let mut given = Given { maps, normals: true, tangents: true, triangles: BTreeSet::new() };
     match document.default_scene().or_else(|| document.scenes().next()) {
         Some(scene) => {
             for node in scene.nodes() {
-                add_node(path, &node, to_mm, &buffers, &mut mesh, &mut given, 0)?;
+                add_node(path, &node, to_mm, buffers, &mut mesh, &mut given, 0)?;
             }
         }
         None => {
             for part in document.meshes() {
-                add_mesh(path, &part, to_mm, &buffers, &mut mesh, &mut given)?;
+                add_mesh(path, &part, to_mm, buffers, &mut mesh, &mut given)?;
             }
         }
     }
@@ -96,74 +61,6 @@ fn parse(path: &Path, bytes: &[u8], unit: Option<Unit>, maps: bool) -> Result<Le
     Ok(mesh)
 }
 
-/// What the file says about its lengths.
-fn own_unit(path: &Path, document: &gltf::Document) -> Result<Unit> {
-    let extras = document.as_json().asset.extras.as_ref();
-    let said = extras
-        .and_then(|raw| serde_json::from_str::<serde_json::Value>(raw.get()).ok())
-        .and_then(|v| v.get("unit").cloned());
-    match said {
-        None => Ok(Unit::Metre),
-        Some(unit) => serde_json::from_value(unit.clone())
-            .map_err(|_| Error::unexpected(path, "asset.extras.unit", unit, "\"mm\", \"cm\" or \"m\"")),
-    }
-}
-
-/// The reader's message on one line, without quoting the file's bytes.
-fn sentence(e: &gltf::Error) -> String {
-    match e {
-        gltf::Error::Io(io) => explain(io),
-        other => format!("not a readable glTF file ({})", other.to_string().lines().collect::<Vec<_>>().join(" ")),
-    }
-}
-
-/// Refuses a URI that leads out of the file's folder, by text, by scheme or by a link.
-fn inside(path: &Path, folder: &Path, uri: &str, field: &str) -> Result<()> {
-    if uri.starts_with("data:") {
-        return Ok(());
-    }
-    let outside = || {
-        Err(Error::field(path, field, format!("\"{uri}\" leads outside the file's folder; expected a file beside it")))
-    };
-    if uri.contains(':') {
-        return outside();
-    }
-    let decoded = percent_decode(uri);
-    let relative = Path::new(&decoded);
-    if decoded.contains('\\') || relative.components().any(|c| !matches!(c, Component::Normal(_) | Component::CurDir)) {
-        return outside();
-    }
-    if let (Ok(real), Ok(home)) = (folder.join(relative).canonicalize(), folder.canonicalize())
-        && !real.starts_with(home)
-    {
-        return outside();
-    }
-    Ok(())
-}
-
-fn percent_decode(uri: &str) -> String {
-    let bytes = uri.as_bytes();
-    let mut out = Vec::with_capacity(bytes.len());
-    let mut i = 0;
-    while i < bytes.len() {
-        let hex = bytes
-            .get(i + 1..i + 3)
-            .and_then(|h| std::str::from_utf8(h).ok())
-            .and_then(|h| u8::from_str_radix(h, 16).ok());
-        match (bytes[i], hex) {
-            (b'%', Some(value)) => {
-                out.push(value);
-                i += 3;
-            }
-            (byte, _) => {
-                out.push(byte);
-                i += 1;
-            }
-        }
-    }
-    String::from_utf8_lossy(&out).into_owned()
-}
-
 /// What the primitives so far brought.
 struct Given {
     /// Whether the leaf has maps, which need texture coordinates.
@@ -174,9 +71,6 @@ struct Given {
     /// Their triangles, as bits of the corners' places.
     triangles: BTreeSet<[[u64; 3]; 3]>,
 }
-
-/// Deeper nests of nodes than this are taken for a cycle.
-const DEEPEST: usize = 64;
 
 fn add_node(
     path: &Path,
@@ -190,18 +84,7 @@ fn add_node(
     if depth > DEEPEST {
         return Err(Error::field(path, "nodes", format!("nested more than {DEEPEST} deep")));
     }
-    let local = DMat4::from_cols_array(
-        &node
-            .transform()
-            .matrix()
-            .as_flattened()
-            .iter()
-            .map(|v| f64::from(*v))
-            .collect::<Vec<_>>()
-            .try_into()
-            .unwrap_or([0.0; 16]),
-    );
-    let world = parent * local;
+    let world = parent * gltf_file::local(node);
     if let Some(mesh) = node.mesh() {
         add_mesh(path, &mesh, world, buffers, out, given)?;
     }
@@ -221,29 +104,21 @@ fn add_mesh(
 ) -> Result<()> {
     for primitive in mesh.primitives() {
         let field = format!("meshes[{}].primitives[{}]", mesh.index(), primitive.index());
-        if primitive.mode() != Mode::Triangles {
-            return Err(Error::unexpected(path, &field, format!("{:?}", primitive.mode()), "triangles"));
-        }
+        let Surface { positions, indices } = gltf_file::surface(path, &field, &primitive, buffers)?;
         let reader = primitive.reader(|b| buffers.get(b.index()).map(|d| d.0.as_slice()));
         let missing =
             |what: &str| Error::field(path, &format!("{field}.{what}"), "missing or out of the buffer's range");
-        let positions: Vec<DVec3> = reader.read_positions().ok_or_else(|| missing("POSITION"))?.map(to_f64).collect();
         let uvs: Vec<DVec2> = match reader.read_tex_coords(0) {
             Some(list) => list.into_f32().map(|[u, v]| DVec2::new(f64::from(u), f64::from(v))).collect(),
             None if given.maps => return Err(missing("TEXCOORD_0")),
             None => vec![DVec2::ZERO; positions.len()],
         };
         let n = positions.len();
-        let indices: Vec<u32> = match (primitive.indices(), reader.read_indices()) {
-            (Some(_), Some(list)) => list.into_u32().collect(),
-            (Some(_), None) => return Err(missing("indices")),
-            (None, _) => (0..n as u32).collect(),
-        };
         // Normals turn with the inverse transpose; a mirrored node also flips the winding.
         let normal_matrix = world.inverse().transpose();
         let mirrored = world.determinant() < 0.0;
         let normals: Vec<DVec3> = match reader.read_normals() {
-            Some(list) => list.map(|v| normal_matrix.transform_vector3(to_f64(v)).normalize_or_zero()).collect(),
+            Some(list) => list.map(|v| normal_matrix.transform_vector3(wide(v)).normalize_or_zero()).collect(),
             None => {
                 given.normals = false;
                 vec![DVec3::Z; n]
@@ -253,7 +128,7 @@ fn add_mesh(
             Some(list) => list
                 .map(|[x, y, z, w]| {
                     let flip = if mirrored { -1.0 } else { 1.0 };
-                    (world.transform_vector3(to_f64([x, y, z])).normalize_or_zero(), f64::from(w).signum() * flip)
+                    (world.transform_vector3(wide([x, y, z])).normalize_or_zero(), f64::from(w).signum() * flip)
                 })
                 .collect(),
             None => {
@@ -271,26 +146,7 @@ fn add_mesh(
                 ));
             }
         }
-        if let Some(bad) = indices.iter().find(|&&i| i as usize >= n) {
-            return Err(Error::unexpected(
-                path,
-                &format!("{field}.indices"),
-                bad,
-                format!("less than the {n} vertices"),
-            ));
-        }
-        if !indices.len().is_multiple_of(3) {
-            return Err(Error::unexpected(
-                path,
-                &format!("{field}.indices"),
-                format!("{} entries", indices.len()),
-                "whole triangles",
-            ));
-        }
-        if positions.iter().any(|p| !p.is_finite())
-            || uvs.iter().any(|t| !t.is_finite())
-            || normals.iter().any(|v| !v.is_finite())
-        {
+        if uvs.iter().any(|t| !t.is_finite()) || normals.iter().any(|v| !v.is_finite()) {
             return Err(Error::field(path, &field, "found a vertex that is not finite"));
         }
         let placed: Vec<DVec3> = positions.iter().map(|p| world.transform_point3(*p)).collect();
@@ -328,8 +184,4 @@ fn add_mesh(
         out.indices.extend(triangles.iter().flatten().map(|i| i + base));
     }
     Ok(())
-}
-
-fn to_f64(v: [f32; 3]) -> DVec3 {
-    DVec3::from(v.map(f64::from))
 }

@@ -1,0 +1,88 @@
+//! A binary glTF 2.0 file while it grows: one buffer, its views and accessors, its pictures. What they mean (nodes,
+//! meshes, materials) is for the writer of the file to say.
+
+use crate::{Error, Result, atomic};
+use serde_json::{Value, json};
+use std::path::Path;
+
+const FLOAT: u32 = 5126;
+const UNSIGNED_INT: u32 = 5125;
+
+/// Buffer, accessors and images of a file that is being written.
+#[derive(Debug, Default)]
+pub struct Glb {
+    bin: Vec<u8>,
+    views: Vec<Value>,
+    accessors: Vec<Value>,
+    images: Vec<Value>,
+}
+
+impl Glb {
+    fn view(&mut self, bytes: &[u8]) -> usize {
+        while !self.bin.len().is_multiple_of(4) {
+            self.bin.push(0);
+        }
+        self.views.push(json!({"buffer": 0, "byteOffset": self.bin.len(), "byteLength": bytes.len()}));
+        self.bin.extend_from_slice(bytes);
+        self.views.len() - 1
+    }
+
+    /// Adds vectors of `N` numbers; `kind` is glTF's name of them (`VEC3`). The accessor's index.
+    pub fn floats<const N: usize>(&mut self, kind: &str, values: &[[f32; N]]) -> usize {
+        let bytes: Vec<u8> = values.iter().flatten().flat_map(|v| v.to_le_bytes()).collect();
+        let view = self.view(&bytes);
+        let mut accessor = json!({"bufferView": view, "componentType": FLOAT, "count": values.len(), "type": kind});
+        if N == 3 {
+            let bound = |pick: fn(f32, f32) -> f32, start: f32| -> Vec<f32> {
+                (0..3).map(|c| values.iter().map(|v| v[c]).fold(start, pick)).collect()
+            };
+            accessor["min"] = json!(bound(f32::min, f32::INFINITY));
+            accessor["max"] = json!(bound(f32::max, f32::NEG_INFINITY));
+        }
+        self.accessors.push(accessor);
+        self.accessors.len() - 1
+    }
+
+    /// Adds indices of vertices. The accessor's index.
+    pub fn indices(&mut self, values: &[u32]) -> usize {
+        let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+        let view = self.view(&bytes);
+        self.accessors
+            .push(json!({"bufferView": view, "componentType": UNSIGNED_INT, "count": values.len(), "type": "SCALAR"}));
+        self.accessors.len() - 1
+    }
+
+    /// Adds a picture; a texture reference to it.
+    pub fn texture(&mut self, name: &str, png: &[u8]) -> Value {
+        let view = self.view(png);
+        self.images.push(json!({"name": name, "bufferView": view, "mimeType": "image/png"}));
+        json!({"index": self.images.len() - 1})
+    }
+
+    /// Writes `path` (.glb), whole or not at all: `root` is the file's JSON without what is kept here. Every picture is
+    /// the texture of its own index, sampled linearly and clamped to its edge.
+    ///
+    /// # Errors
+    /// As [`atomic::write_bytes`].
+    pub fn write(self, path: &Path, mut root: Value) -> Result<()> {
+        if !self.images.is_empty() {
+            let textures: Vec<Value> = (0..self.images.len()).map(|k| json!({"source": k, "sampler": 0})).collect();
+            root["textures"] = json!(textures);
+            root["samplers"] = json!([{"magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071}]);
+            root["images"] = json!(self.images);
+        }
+        root["accessors"] = json!(self.accessors);
+        root["bufferViews"] = json!(self.views);
+        root["buffers"] = json!([{"byteLength": self.bin.len()}]);
+        let json = serde_json::to_vec(&root).map_err(|e| Error::write(path, e))?;
+        let header = gltf::binary::Header { magic: *b"glTF", version: 2, length: 0 };
+        let glb = gltf::binary::Glb { header, json: json.into(), bin: Some(self.bin.into()) };
+        let bytes = glb.to_vec().map_err(|e| Error::write(path, e))?;
+        atomic::write_bytes(path, &bytes)
+    }
+}
+
+/// What a file says of the program that wrote it.
+pub fn asset() -> Value {
+    json!({"version": "2.0", "generator": concat!("mesophyll ", env!("CARGO_PKG_VERSION"))})
+}

@@ -1,0 +1,194 @@
+//! Opens glTF files that others wrote (`.glb`, or `.gltf` with buffers beside it): what leads out of the file's folder,
+//! ends too early or is not finite is refused in one sentence, before anything is made of it.
+
+use crate::atomic::explain;
+use crate::mesh::Unit;
+use crate::{Error, Result};
+use glam::{DMat4, DQuat, DVec3};
+use gltf::mesh::Mode;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Component, Path};
+
+/// Deeper nests of nodes than this are taken for a cycle.
+pub const DEEPEST: usize = 64;
+
+/// A file with all its buffers in memory.
+#[derive(Debug)]
+pub struct Opened {
+    /// Nodes, meshes, materials.
+    pub document: gltf::Document,
+    /// By the index of the buffer.
+    pub buffers: Vec<gltf::buffer::Data>,
+    /// Of the file's lengths: the metre, unless `asset.extras.unit` says otherwise.
+    pub unit: Unit,
+}
+
+/// Opens `path` and hands it to `with`. A damaged file ends in a sentence, whatever the reader does with it.
+///
+/// # Errors
+/// [`Error::Input`] naming the file: missing, damaged, a buffer or a picture outside its folder; and those of `with`.
+pub fn read<T>(path: &Path, with: impl FnOnce(Opened) -> Result<T>) -> Result<T> {
+    let bytes = std::fs::read(path).map_err(|e| Error::input(path, explain(&e)))?;
+    catch_unwind(AssertUnwindSafe(|| parse(path, &bytes).and_then(with)))
+        .unwrap_or_else(|_| Err(Error::input(path, "not a readable glTF file (damaged)")))
+}
+
+fn parse(path: &Path, bytes: &[u8]) -> Result<Opened> {
+    let gltf::Gltf { document, mut blob } =
+        gltf::Gltf::from_slice(bytes).map_err(|e| Error::input(path, sentence(&e)))?;
+    let unit = own_unit(path, &document)?;
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    for image in document.images() {
+        if let gltf::image::Source::Uri { uri, .. } = image.source() {
+            inside(path, folder, uri, &format!("images[{}].uri", image.index()))?;
+        }
+    }
+    let mut buffers = Vec::new();
+    for buffer in document.buffers() {
+        let field = format!("buffers[{}]", buffer.index());
+        if let gltf::buffer::Source::Uri(uri) = buffer.source() {
+            inside(path, folder, uri, &format!("{field}.uri"))?;
+        }
+        let data = gltf::buffer::Data::from_source_and_blob(buffer.source(), Some(folder), &mut blob)
+            .map_err(|e| Error::field(path, &field, sentence(&e)))?;
+        if data.len() < buffer.length() {
+            return Err(Error::unexpected(
+                path,
+                &field,
+                format!("{} bytes", data.len()),
+                format!("{} (truncated?)", buffer.length()),
+            ));
+        }
+        buffers.push(data);
+    }
+    Ok(Opened { document, buffers, unit })
+}
+
+/// Places of a primitive's vertices, in its mesh's frame, and three of them a triangle.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Surface {
+    /// A vertex each.
+    pub positions: Vec<DVec3>,
+    /// Three a triangle.
+    pub indices: Vec<u32>,
+}
+
+/// Reads the triangles of `primitive`, which is called `field` in messages.
+///
+/// # Errors
+/// [`Error::Input`]: other shapes than triangles, a missing accessor, an index out of range, a place that is not finite.
+pub fn surface(
+    path: &Path,
+    field: &str,
+    primitive: &gltf::Primitive,
+    buffers: &[gltf::buffer::Data],
+) -> Result<Surface> {
+    if primitive.mode() != Mode::Triangles {
+        return Err(Error::unexpected(path, field, format!("{:?}", primitive.mode()), "triangles"));
+    }
+    let reader = primitive.reader(|b| buffers.get(b.index()).map(|d| d.0.as_slice()));
+    let missing = |what: &str| Error::field(path, &format!("{field}.{what}"), "missing or out of the buffer's range");
+    let positions: Vec<DVec3> = reader.read_positions().ok_or_else(|| missing("POSITION"))?.map(wide).collect();
+    let n = positions.len();
+    let indices: Vec<u32> = match (primitive.indices(), reader.read_indices()) {
+        (Some(_), Some(list)) => list.into_u32().collect(),
+        (Some(_), None) => return Err(missing("indices")),
+        (None, _) => (0..n as u32).collect(),
+    };
+    let of_indices = format!("{field}.indices");
+    if let Some(bad) = indices.iter().find(|&&i| i as usize >= n) {
+        return Err(Error::unexpected(path, &of_indices, bad, format!("less than the {n} vertices")));
+    }
+    if !indices.len().is_multiple_of(3) {
+        return Err(Error::unexpected(path, &of_indices, format!("{} entries", indices.len()), "whole triangles"));
+    }
+    if positions.iter().any(|p| !p.is_finite()) {
+        return Err(Error::field(path, field, "found a vertex that is not finite"));
+    }
+    Ok(Surface { positions, indices })
+}
+
+/// A node's own transform, into its parent's frame.
+pub fn local(node: &gltf::Node) -> DMat4 {
+    match node.transform() {
+        gltf::scene::Transform::Matrix { matrix } => DMat4::from_cols_array_2d(&matrix.map(|c| c.map(f64::from))),
+        gltf::scene::Transform::Decomposed { translation, rotation, scale } => DMat4::from_scale_rotation_translation(
+            wide(scale),
+            DQuat::from_array(rotation.map(f64::from)).normalize(),
+            wide(translation),
+        ),
+    }
+}
+
+/// Three numbers of a file, in double precision.
+pub fn wide(v: [f32; 3]) -> DVec3 {
+    DVec3::from(v.map(f64::from))
+}
+
+/// What the file says about its lengths.
+fn own_unit(path: &Path, document: &gltf::Document) -> Result<Unit> {
+    let extras = document.as_json().asset.extras.as_ref();
+    let said = extras
+        .and_then(|raw| serde_json::from_str::<serde_json::Value>(raw.get()).ok())
+        .and_then(|v| v.get("unit").cloned());
+    match said {
+        None => Ok(Unit::Metre),
+        Some(unit) => serde_json::from_value(unit.clone())
+            .map_err(|_| Error::unexpected(path, "asset.extras.unit", unit, "\"mm\", \"cm\" or \"m\"")),
+    }
+}
+
+/// The reader's message on one line, without quoting the file's bytes.
+fn sentence(e: &gltf::Error) -> String {
+    match e {
+        gltf::Error::Io(io) => explain(io),
+        other => format!("not a readable glTF file ({})", other.to_string().lines().collect::<Vec<_>>().join(" ")),
+    }
+}
+
+/// Refuses a URI that leads out of the file's folder, by text, by scheme or by a link.
+fn inside(path: &Path, folder: &Path, uri: &str, field: &str) -> Result<()> {
+    if uri.starts_with("data:") {
+        return Ok(());
+    }
+    let outside = || {
+        Err(Error::field(path, field, format!("\"{uri}\" leads outside the file's folder; expected a file beside it")))
+    };
+    if uri.contains(':') {
+        return outside();
+    }
+    let decoded = percent_decode(uri);
+    let relative = Path::new(&decoded);
+    if decoded.contains('\\') || relative.components().any(|c| !matches!(c, Component::Normal(_) | Component::CurDir)) {
+        return outside();
+    }
+    if let (Ok(real), Ok(home)) = (folder.join(relative).canonicalize(), folder.canonicalize())
+        && !real.starts_with(home)
+    {
+        return outside();
+    }
+    Ok(())
+}
+
+fn percent_decode(uri: &str) -> String {
+    let bytes = uri.as_bytes();
+    let mut out = Vec::with_capacity(bytes.len());
+    let mut i = 0;
+    while i < bytes.len() {
+        let hex = bytes
+            .get(i + 1..i + 3)
+            .and_then(|h| std::str::from_utf8(h).ok())
+            .and_then(|h| u8::from_str_radix(h, 16).ok());
+        match (bytes[i], hex) {
+            (b'%', Some(value)) => {
+                out.push(value);
+                i += 3;
+            }
+            (byte, _) => {
+                out.push(byte);
+                i += 1;
+            }
+        }
+    }
+    String::from_utf8_lossy(&out).into_owned()
+}

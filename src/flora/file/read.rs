@@ -1,0 +1,327 @@
+//! Reads a plant from glTF.
+
+use super::{Extras, INSTANCING, MOST_TRIANGLES, Said};
+use crate::form::{Blade, Branch, Joint, Leaf, Plant};
+use crate::{Error, Result};
+use glam::{DMat3, DMat4, DQuat, DVec2, DVec3};
+use gltf::accessor::{DataType, Dimensions, Iter};
+use mesophyll_files::gltf_file::{self, DEEPEST, Opened, Surface, wide};
+use mesophyll_files::mesh::{LeafMesh, vertex_normals, vertex_tangents};
+use serde_json::Value;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+/// From glTF's frame (y up, z to the viewer) to the plant's (z up).
+fn upright() -> DMat4 {
+    DMat4::from_mat3(DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y))
+}
+
+/// Reads the plant in `path`.
+///
+/// # Errors
+/// [`Error::Input`] in one sentence: what [`gltf_file::read`] refuses, a file without branches, names that clash,
+/// numbers that are not finite or out of range, nodes that are scaled unevenly, more than [`MOST_TRIANGLES`] triangles.
+pub fn read(path: &Path) -> Result<Plant> {
+    gltf_file::read(path, |opened| {
+        count(path, &opened)?;
+        let mut reader =
+            Reader { path, opened: &opened, plant: Plant::default(), blades: BTreeMap::new(), names: BTreeSet::new() };
+        let document = &opened.document;
+        let Some(scene) = document.default_scene().or_else(|| document.scenes().next()) else {
+            return Err(Error::input(path, "found no scene, expected a plant"));
+        };
+        let world = upright() * DMat4::from_scale(DVec3::splat(opened.unit.mm()));
+        for node in scene.nodes() {
+            if reader.plant.name.is_empty() {
+                reader.plant.name = node.name().unwrap_or_default().to_string();
+            }
+            reader.node(&node, world, None, 0)?;
+        }
+        if reader.plant.branches.is_empty() {
+            return Err(Error::input(
+                path,
+                "no node says in its extras that it is a branch; `mesophyll import` finds branches in triangles",
+            ));
+        }
+        Ok(reader.plant)
+    })
+}
+
+/// Refuses files that are too large, before their triangles are read.
+pub(crate) fn count(path: &Path, opened: &Opened) -> Result<()> {
+    let corners = |p: &gltf::Primitive| {
+        p.indices().map_or_else(|| p.get(&gltf::Semantic::Positions).map_or(0, |a| a.count()), |a| a.count())
+    };
+    let of_mesh: Vec<usize> =
+        opened.document.meshes().map(|m| m.primitives().map(|p| corners(&p) / 3).sum::<usize>()).collect();
+    let total: usize = opened.document.nodes().filter_map(|n| n.mesh()).map(|m| of_mesh[m.index()]).sum();
+    if total > MOST_TRIANGLES {
+        return Err(Error::unexpected(
+            path,
+            "meshes",
+            format!("{total} triangles"),
+            format!("at most {MOST_TRIANGLES}"),
+        ));
+    }
+    Ok(())
+}
+
+fn wrong(path: &Path, node: &gltf::Node, field: &str, what: impl std::fmt::Display) -> Error {
+    let name = node.name().map_or_else(|| format!("nodes[{}]", node.index()), |n| format!("node \"{n}\""));
+    Error::field(path, &format!("{name}: {field}"), what)
+}
+
+struct Reader<'a> {
+    path: &'a Path,
+    opened: &'a Opened,
+    plant: Plant,
+    /// Blades by the index of their mesh.
+    blades: BTreeMap<usize, usize>,
+    names: BTreeSet<String>,
+}
+
+impl Reader<'_> {
+    fn wrong(&self, node: &gltf::Node, field: &str, what: impl std::fmt::Display) -> Error {
+        wrong(self.path, node, field, what)
+    }
+
+    fn node(&mut self, node: &gltf::Node, above: DMat4, branch: Option<usize>, depth: usize) -> Result<()> {
+        if depth > DEEPEST {
+            return Err(Error::field(self.path, "nodes", format!("nested more than {DEEPEST} deep")));
+        }
+        let world = above * gltf_file::local(node);
+        if !world.is_finite() {
+            return Err(self.wrong(node, "transform", "found numbers that are not finite"));
+        }
+        let extras: Option<Value> =
+            node.extras().as_ref().and_then(|raw| serde_json::from_str::<Value>(raw.get()).ok());
+        let mut on = branch;
+        if extras.as_ref().is_some_and(|e| e.get("branch").is_some()) {
+            let Extras { branch: said } = serde_json::from_value(extras.clone().unwrap_or_default())
+                .map_err(|e| self.wrong(node, "extras.branch", e))?;
+            on = Some(self.branch(node, world, branch, &said)?);
+        } else if let (Some(branch), Some(mesh)) = (branch, node.mesh()) {
+            let at = extras.as_ref().and_then(|e| e.get("at")).and_then(Value::as_f64);
+            self.leaves(node, &mesh, world, branch, at)?;
+        }
+        for child in node.children() {
+            self.node(&child, world, on, depth + 1)?;
+        }
+        Ok(())
+    }
+
+    fn branch(&mut self, node: &gltf::Node, world: DMat4, parent: Option<usize>, said: &Said) -> Result<usize> {
+        let name = node.name().map_or_else(|| format!("branch {}", node.index()), String::from);
+        if !self.names.insert(name.clone()) {
+            return Err(self.wrong(node, "name", "another branch has the same name, expected a name of its own"));
+        }
+        let scale = self.scale(node, world)?;
+        let numbers = [
+            ("length_mm", said.length_mm, 0.0),
+            ("root_radius_mm", said.root_radius_mm, 0.0),
+            ("tip_radius_mm", said.tip_radius_mm, 0.0),
+            ("load_over_stiffness_mm", said.load_over_stiffness_mm, f64::NEG_INFINITY),
+        ];
+        for (field, value, least) in numbers {
+            if !(value.is_finite() && value >= least) {
+                let what = format!("found {value}, expected a finite number of 0 or more");
+                return Err(self.wrong(node, &format!("extras.branch.{field}"), what));
+            }
+        }
+        let axis: Vec<DVec3> = match said.axis_mm.as_slice() {
+            [] => vec![DVec3::ZERO, DVec3::X * said.length_mm * scale],
+            [_] => return Err(self.wrong(node, "extras.branch.axis_mm", "found one point, expected two or more")),
+            points => points.iter().map(|p| DVec3::from(*p) * scale).collect(),
+        };
+        if axis.iter().any(|p| !p.is_finite()) {
+            return Err(self.wrong(node, "extras.branch.axis_mm", "found a point that is not finite"));
+        }
+        let parent = match (parent, said.at) {
+            (None, _) => None,
+            (Some(branch), Some(at)) if (0.0..=1.0).contains(&at) => Some(Joint { branch, at }),
+            (Some(_), Some(at)) => {
+                let what = format!("found {at}, expected 0 (root of the parent) to 1 (its tip)");
+                return Err(self.wrong(node, "extras.branch.at", what));
+            }
+            (Some(branch), None) => {
+                Some(Joint { branch, at: nearest(&self.plant.branches[branch], world.w_axis.truncate()) })
+            }
+        };
+        let rigid = DMat3::from_mat4(world) * (1.0 / scale);
+        let mut wood = LeafMesh::default();
+        let mut material = "bark".to_string();
+        if let Some(mesh) = node.mesh() {
+            (wood, material) = self.mesh(&mesh, scale, &material)?;
+        }
+        self.plant.branches.push(Branch {
+            name,
+            parent,
+            level: parent.map_or(0, |joint| self.plant.branches[joint.branch].level + 1),
+            root: world.w_axis.truncate(),
+            axes: [rigid.x_axis, rigid.y_axis, rigid.z_axis],
+            axis,
+            root_radius: said.root_radius_mm * scale,
+            tip_radius: said.tip_radius_mm * scale,
+            load: said.load_over_stiffness_mm * scale,
+            material,
+            wood,
+        });
+        Ok(self.plant.branches.len() - 1)
+    }
+
+    /// How much a node enlarges what is in it.
+    fn scale(&self, node: &gltf::Node, world: DMat4) -> Result<f64> {
+        let sizes = [world.x_axis, world.y_axis, world.z_axis].map(|c| c.truncate().length());
+        let mean = (sizes[0] + sizes[1] + sizes[2]) / 3.0;
+        if !(mean > 0.0) || sizes.iter().any(|s| (s / mean - 1.0).abs() > 1e-4) || world.determinant() < 0.0 {
+            let what = format!("found {} x {} x {}, expected the same along all axes", sizes[0], sizes[1], sizes[2]);
+            return Err(self.wrong(node, "scale", what));
+        }
+        Ok(mean)
+    }
+
+    fn leaves(
+        &mut self,
+        node: &gltf::Node,
+        mesh: &gltf::Mesh,
+        world: DMat4,
+        branch: usize,
+        said: Option<f64>,
+    ) -> Result<()> {
+        let blade = match self.blades.get(&mesh.index()) {
+            Some(known) => *known,
+            None => {
+                let (shape, material) = self.mesh(mesh, 1.0, "leaf")?;
+                self.plant.blades.push(Blade { material, mesh: shape });
+                self.blades.insert(mesh.index(), self.plant.blades.len() - 1);
+                self.plant.blades.len() - 1
+            }
+        };
+        let places = instances(self.path, self.opened, node)?;
+        for (at, local) in places {
+            let transform = world * local;
+            self.scale(node, transform)?;
+            let at = match at.or(said) {
+                Some(at) if (0.0..=1.0).contains(&at) => at,
+                Some(at) => {
+                    return Err(self.wrong(node, "at", format!("found {at}, expected 0 (root) to 1 (tip)")));
+                }
+                None => nearest(&self.plant.branches[branch], transform.w_axis.truncate()),
+            };
+            self.plant.leaves.push(Leaf { blade, joint: Joint { branch, at }, transform });
+        }
+        Ok(())
+    }
+
+    /// All primitives of a mesh as one, `scale` times as large, and the name of the first one's material.
+    fn mesh(&self, mesh: &gltf::Mesh, scale: f64, unnamed: &str) -> Result<(LeafMesh, String)> {
+        let mut out = LeafMesh::default();
+        let mut material = None;
+        let (mut normals, mut maps) = (true, true);
+        for primitive in mesh.primitives() {
+            let field = format!("meshes[{}].primitives[{}]", mesh.index(), primitive.index());
+            let Surface { positions, indices } =
+                gltf_file::surface(self.path, &field, &primitive, &self.opened.buffers)?;
+            material.get_or_insert_with(|| primitive.material().name().unwrap_or(unnamed).to_string());
+            let n = positions.len();
+            let flat = |t: &[u32]| {
+                let [a, b, c] = [0, 1, 2].map(|k| positions[t[k] as usize]);
+                !((b - a).cross(c - a).length_squared() > 0.0)
+            };
+            if !indices.is_empty() && indices.chunks_exact(3).all(flat) {
+                return Err(Error::field(self.path, &field, "all its triangles are degenerate: none has an area"));
+            }
+            let reader = primitive.reader(|b| self.opened.buffers.get(b.index()).map(|d| d.0.as_slice()));
+            let given: Vec<DVec3> = reader.read_normals().map(|l| l.map(wide).collect()).unwrap_or_default();
+            let uvs: Vec<DVec2> = reader
+                .read_tex_coords(0)
+                .map(|l| l.into_f32().map(|[u, v]| DVec2::new(f64::from(u), f64::from(v))).collect())
+                .unwrap_or_default();
+            let first = out.positions.len() as u32;
+            normals &= given.len() == n;
+            maps &= uvs.len() == n;
+            out.positions.extend(positions.iter().map(|p| *p * scale));
+            out.normals.extend(if given.len() == n { given } else { vec![DVec3::Z; n] });
+            out.uvs.extend(if uvs.len() == n { uvs } else { vec![DVec2::ZERO; n] });
+            out.indices.extend(indices.iter().map(|i| i + first));
+        }
+        if out.normals.iter().any(|v| !v.is_finite()) || out.uvs.iter().any(|v| !v.is_finite()) {
+            return Err(Error::field(
+                self.path,
+                &format!("meshes[{}]", mesh.index()),
+                "found a vertex that is not finite",
+            ));
+        }
+        if !normals {
+            out.normals = vertex_normals(&out);
+        }
+        out.tangents = if maps {
+            vertex_tangents(&out)
+        } else {
+            out.normals.iter().map(|n| (n.any_orthonormal_vector(), 1.0)).collect()
+        };
+        Ok((out, material.unwrap_or_else(|| unnamed.to_string())))
+    }
+}
+
+/// Where instances stand in the frame of their node, and on their branch; a node without any is one itself.
+pub(crate) fn instances(path: &Path, opened: &Opened, node: &gltf::Node) -> Result<Vec<(Option<f64>, DMat4)>> {
+    let Some(said) = node.extension_value(INSTANCING) else { return Ok(vec![(None, DMat4::IDENTITY)]) };
+    let list = |key: &str, width: usize| -> Result<Option<Vec<f64>>> {
+        let Some(index) = said.get("attributes").and_then(|a| a.get(key)).and_then(Value::as_u64) else {
+            return Ok(None);
+        };
+        let accessor = opened.document.accessors().nth(index as usize).ok_or_else(|| {
+            wrong(path, node, &format!("{INSTANCING}.{key}"), format!("found accessor {index}, which is not there"))
+        })?;
+        numbers(opened, &accessor, width)
+            .ok_or_else(|| {
+                let what = format!("expected finite floats, {width} an instance, within their buffer");
+                wrong(path, node, &format!("{INSTANCING}.{key}"), what)
+            })
+            .map(Some)
+    };
+    let (moved, turned, scaled, at) =
+        (list("TRANSLATION", 3)?, list("ROTATION", 4)?, list("SCALE", 3)?, list("_AT", 1)?);
+    let lengths = [(&moved, 3), (&turned, 4), (&scaled, 3), (&at, 1)];
+    let counts: Vec<usize> = lengths.iter().filter_map(|(l, w)| l.as_ref().map(|l| l.len() / w)).collect();
+    let n = counts.first().copied().unwrap_or(0);
+    if counts.iter().any(|c| *c != n) {
+        return Err(wrong(path, node, INSTANCING, "its attributes have different counts"));
+    }
+    let three = |list: &Option<Vec<f64>>, k: usize, none: DVec3| {
+        list.as_ref().map_or(none, |l| DVec3::new(l[3 * k], l[3 * k + 1], l[3 * k + 2]))
+    };
+    Ok((0..n)
+        .map(|k| {
+            let turn = turned.as_ref().map_or(DQuat::IDENTITY, |l| DQuat::from_slice(&l[4 * k..4 * k + 4]));
+            let local = DMat4::from_scale_rotation_translation(
+                three(&scaled, k, DVec3::ONE),
+                turn.normalize(),
+                three(&moved, k, DVec3::ZERO),
+            );
+            (at.as_ref().map(|l| l[k].clamp(0.0, 1.0)), local)
+        })
+        .collect())
+}
+
+/// The numbers of an accessor of floats, `width` of them an entry.
+fn numbers(opened: &Opened, accessor: &gltf::Accessor, width: usize) -> Option<Vec<f64>> {
+    let buffer = |b: gltf::Buffer| opened.buffers.get(b.index()).map(|d| d.0.as_slice());
+    if accessor.data_type() != DataType::F32 {
+        return None;
+    }
+    let out: Vec<f64> = match (accessor.dimensions(), width) {
+        (Dimensions::Scalar, 1) => Iter::<f32>::new(accessor.clone(), buffer)?.map(f64::from).collect(),
+        (Dimensions::Vec3, 3) => Iter::<[f32; 3]>::new(accessor.clone(), buffer)?.flatten().map(f64::from).collect(),
+        (Dimensions::Vec4, 4) => Iter::<[f32; 4]>::new(accessor.clone(), buffer)?.flatten().map(f64::from).collect(),
+        _ => return None,
+    };
+    (out.len() == accessor.count() * width && out.iter().all(|v| v.is_finite())).then_some(out)
+}
+
+/// The share of a branch's axis that is nearest to a place of the plant's frame.
+fn nearest(branch: &Branch, place: DVec3) -> f64 {
+    let local = branch.frame().inverse().transform_point3(place);
+    crate::form::nearest(&branch.axis, local).0
+}

@@ -1,0 +1,130 @@
+//! Writes a plant as binary glTF.
+
+use super::{Extras, INSTANCING, Said};
+use crate::form::{Branch, Plant};
+use crate::{Error, Result};
+use glam::{DMat4, DVec3};
+use mesophyll_files::glb::{self, Glb};
+use mesophyll_files::mesh::LeafMesh;
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::f64::consts::FRAC_1_SQRT_2;
+use std::path::Path;
+
+/// Colours for programs that know nothing of the scene's leaves: linear reflectances of bark and blade.
+const COLOURS: [[f64; 4]; 2] = [[0.13, 0.095, 0.065, 1.0], [0.06, 0.13, 0.03, 1.0]];
+
+/// Writes `path` (.glb), whole or not at all.
+///
+/// # Errors
+/// As [`Glb::write`].
+pub fn write(plant: &Plant, path: &Path) -> Result<()> {
+    let mut file = Glb::default();
+    let mut materials: Vec<Value> = Vec::new();
+    let mut known: BTreeMap<(String, bool), usize> = BTreeMap::new();
+    let mut material = |name: &str, leaf: bool| {
+        *known.entry((name.to_string(), leaf)).or_insert_with(|| {
+            materials.push(json!({"name": name, "doubleSided": leaf, "pbrMetallicRoughness": {
+                "baseColorFactor": COLOURS[usize::from(leaf)], "metallicFactor": 0.0, "roughnessFactor": 0.7}}));
+            materials.len() - 1
+        })
+    };
+    let mut meshes: Vec<Value> = Vec::new();
+    let blades: Vec<usize> = plant
+        .blades
+        .iter()
+        .map(|blade| {
+            meshes.push(mesh(&mut file, "blade", &blade.mesh, material(&blade.material, true)));
+            meshes.len() - 1
+        })
+        .collect();
+    // Node 0 is the plant, branch k is node k + 1, leaves follow.
+    let mut nodes = vec![json!({
+        "name": plant.name,
+        "rotation": [-FRAC_1_SQRT_2, 0.0, 0.0, FRAC_1_SQRT_2],
+        "scale": [0.001, 0.001, 0.001],
+    })];
+    let mut children: Vec<Vec<usize>> = vec![Vec::new(); plant.branches.len() + 1];
+    for (k, branch) in plant.branches.iter().enumerate() {
+        let above = branch.parent.and_then(|joint| plant.branches.get(joint.branch).map(|b| (joint.branch, b)));
+        let local = above.map_or(branch.frame(), |(_, parent)| parent.frame().inverse() * branch.frame());
+        children[above.map_or(0, |(index, _)| index + 1)].push(k + 1);
+        let mut node = placed(local);
+        node["name"] = json!(branch.name);
+        node["extras"] = serde_json::to_value(Extras { branch: said(branch) }).map_err(|e| Error::write(path, e))?;
+        if branch.wood.triangles() > 0 {
+            meshes.push(mesh(&mut file, &branch.name, &branch.wood, material(&branch.material, false)));
+            node["mesh"] = json!(meshes.len() - 1);
+        }
+        nodes.push(node);
+    }
+    let mut hung: BTreeMap<(usize, usize), Vec<(f64, DMat4)>> = BTreeMap::new();
+    for leaf in &plant.leaves {
+        let Some(branch) = plant.branches.get(leaf.joint.branch) else { continue };
+        let local = branch.frame().inverse() * leaf.transform;
+        hung.entry((leaf.joint.branch, leaf.blade)).or_default().push((leaf.joint.at, local));
+    }
+    for ((branch, blade), leaves) in &hung {
+        let parts: Vec<_> = leaves.iter().map(|(_, local)| local.to_scale_rotation_translation()).collect();
+        let at: Vec<[f32; 1]> = leaves.iter().map(|(at, _)| [*at as f32]).collect();
+        let attributes = json!({
+            "TRANSLATION": file.floats("VEC3", &parts.iter().map(|(_, _, t)| narrow(*t)).collect::<Vec<_>>()),
+            "ROTATION": file.floats("VEC4", &parts.iter().map(|(_, q, _)| q.as_quat().to_array()).collect::<Vec<_>>()),
+            "SCALE": file.floats("VEC3", &parts.iter().map(|(s, _, _)| narrow(*s)).collect::<Vec<_>>()),
+            "_AT": file.floats("SCALAR", &at),
+        });
+        children[branch + 1].push(nodes.len());
+        nodes.push(json!({
+            "name": format!("{} leaves {blade}", plant.branches[*branch].name),
+            "mesh": blades[*blade],
+            "extensions": {INSTANCING: {"attributes": attributes}},
+        }));
+    }
+    for (node, below) in nodes.iter_mut().zip(&children) {
+        if !below.is_empty() {
+            node["children"] = json!(below);
+        }
+    }
+    let mut root = json!({"asset": glb::asset(), "scene": 0, "scenes": [{"nodes": [0]}], "nodes": nodes});
+    if !hung.is_empty() {
+        root["extensionsUsed"] = json!([INSTANCING]);
+    }
+    if !meshes.is_empty() {
+        root["meshes"] = json!(meshes);
+        root["materials"] = json!(materials);
+    }
+    file.write(path, root)
+}
+
+fn said(b: &Branch) -> Said {
+    let straight = matches!(b.axis.as_slice(), [_, tip] if tip.y == 0.0 && tip.z == 0.0 && tip.x > 0.0);
+    Said {
+        level: b.level,
+        at: b.parent.map(|joint| joint.at),
+        length_mm: b.length(),
+        root_radius_mm: b.root_radius,
+        tip_radius_mm: b.tip_radius,
+        taper: b.taper(),
+        load_over_stiffness_mm: b.load,
+        axis_mm: if straight { Vec::new() } else { b.axis.iter().map(|p| p.to_array()).collect() },
+    }
+}
+
+fn narrow(v: DVec3) -> [f32; 3] {
+    v.as_vec3().to_array()
+}
+
+fn placed(local: DMat4) -> Value {
+    let (_, rotation, translation) = local.to_scale_rotation_translation();
+    json!({"translation": narrow(translation), "rotation": rotation.normalize().as_quat().normalize().to_array()})
+}
+
+fn mesh(file: &mut Glb, name: &str, mesh: &LeafMesh, material: usize) -> Value {
+    let attributes = json!({
+        "POSITION": file.floats("VEC3", &mesh.positions.iter().map(|p| narrow(*p)).collect::<Vec<_>>()),
+        "NORMAL": file.floats("VEC3", &mesh.normals.iter().map(|n| n.as_vec3().normalize().to_array()).collect::<Vec<_>>()),
+        "TEXCOORD_0": file.floats("VEC2", &mesh.uvs.iter().map(|t| t.as_vec2().to_array()).collect::<Vec<_>>()),
+    });
+    let indices = file.indices(&mesh.indices);
+    json!({"name": name, "primitives": [{"attributes": attributes, "indices": indices, "material": material, "mode": 4}]})
+}

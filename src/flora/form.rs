@@ -1,0 +1,216 @@
+//! What a plant is: branches on branches, each with a frame, an axis and a tube of wood, and leaves on them.
+
+use glam::{DMat4, DVec2, DVec3};
+use mesophyll_files::mesh::LeafMesh;
+use std::f64::consts::TAU;
+
+/// A plant at rest: its branches have the shape that their own weight has given them.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Plant {
+    /// What it is called.
+    pub name: String,
+    /// Parents stand before what grows on them.
+    pub branches: Vec<Branch>,
+    /// Where leaves stand.
+    pub leaves: Vec<Leaf>,
+    /// The shapes that leaves are instances of.
+    pub blades: Vec<Blade>,
+}
+
+/// A place on a branch.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Joint {
+    /// Index of the branch.
+    pub branch: usize,
+    /// Share of its axis from the root (0) to the tip (1).
+    pub at: f64,
+}
+
+/// A branch: a tapered tube around an axis.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Branch {
+    /// No two branches of a plant have the same.
+    pub name: String,
+    /// What it grows on; nothing, for a trunk.
+    pub parent: Option<Joint>,
+    /// 0 is a trunk, 1 what grows on a trunk, and so on.
+    pub level: usize,
+    /// Where its axis begins (mm).
+    pub root: DVec3,
+    /// Unit vectors: t along the axis at its beginning, r and s across it.
+    pub axes: [DVec3; 3],
+    /// The axis in the branch's own frame (along t, r and s from the root; mm); two points or more, the first the
+    /// root.
+    pub axis: Vec<DVec3>,
+    /// Radius at the root (mm).
+    pub root_radius: f64,
+    /// Radius at the tip (mm).
+    pub tip_radius: f64,
+    /// F/(E′r₁⁴) (mm) of what it carries, were it horizontal: what `fit beam --deflections` calls so.
+    pub load: f64,
+    /// Name of the bark's material.
+    pub material: String,
+    /// The bark, in the branch's own frame; may be empty.
+    pub wood: LeafMesh,
+}
+
+/// A leaf on a branch.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Leaf {
+    /// Index of the shape.
+    pub blade: usize,
+    /// What it hangs on.
+    pub joint: Joint,
+    /// From the blade's frame to the plant's: turned, moved, and scaled alike along all axes.
+    pub transform: DMat4,
+}
+
+/// The shape of leaves. The blade's tip is along +x, its front along +z, its middle at the origin.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Blade {
+    /// Name of the material.
+    pub material: String,
+    /// Triangles (mm).
+    pub mesh: LeafMesh,
+}
+
+impl Branch {
+    /// From the branch's own frame to the plant's.
+    pub fn frame(&self) -> DMat4 {
+        let [t, r, s] = self.axes;
+        DMat4::from_cols(t.extend(0.0), r.extend(0.0), s.extend(0.0), self.root.extend(1.0))
+    }
+
+    /// Length along the axis (mm).
+    pub fn length(&self) -> f64 {
+        self.axis.windows(2).map(|w| w[0].distance(w[1])).sum()
+    }
+
+    /// Tip radius over root radius.
+    pub fn taper(&self) -> f64 {
+        if self.root_radius > 0.0 { self.tip_radius / self.root_radius } else { 1.0 }
+    }
+
+    /// Radius at a share of the axis.
+    pub fn radius(&self, at: f64) -> f64 {
+        self.root_radius + at * (self.tip_radius - self.root_radius)
+    }
+
+    /// The place at a share of the axis, and the unit direction of the axis there; in the plant's frame.
+    pub fn point(&self, at: f64) -> (DVec3, DVec3) {
+        let (place, along) = along(&self.axis, at);
+        let frame = self.frame();
+        (frame.transform_point3(place), frame.transform_vector3(along))
+    }
+
+    /// From root to tip, in the plant's frame.
+    pub fn chord(&self) -> DVec3 {
+        self.axis.last().map_or(DVec3::ZERO, |tip| self.frame().transform_vector3(*tip))
+    }
+}
+
+/// The place at a share of a line of points, and the unit direction of the line there.
+pub fn along(axis: &[DVec3], at: f64) -> (DVec3, DVec3) {
+    let whole: f64 = axis.windows(2).map(|w| w[0].distance(w[1])).sum();
+    let mut left = at.clamp(0.0, 1.0) * whole;
+    let mut found = (axis.first().copied().unwrap_or_default(), DVec3::X);
+    for w in axis.windows(2) {
+        let step = w[0].distance(w[1]);
+        if !(step > 0.0) {
+            continue;
+        }
+        found = (w[0].lerp(w[1], (left / step).min(1.0)), (w[1] - w[0]) / step);
+        if left <= step {
+            break;
+        }
+        left -= step;
+    }
+    found
+}
+
+/// The share of a line of points that is nearest to `place`, and the distance from it.
+pub fn nearest(axis: &[DVec3], place: DVec3) -> (f64, f64) {
+    let whole: f64 = axis.windows(2).map(|w| w[0].distance(w[1])).sum();
+    let mut best = (0.0, axis.first().map_or(f64::INFINITY, |p| p.distance(place)));
+    let mut before = 0.0;
+    for w in axis.windows(2) {
+        let (d, step) = (w[1] - w[0], w[0].distance(w[1]));
+        let x = if step > 0.0 { ((place - w[0]).dot(d) / (step * step)).clamp(0.0, 1.0) } else { 0.0 };
+        let distance = place.distance(w[0] + d * x);
+        if distance < best.1 {
+            best = (if whole > 0.0 { (before + x * step) / whole } else { 0.0 }, distance);
+        }
+        before += step;
+    }
+    best
+}
+
+/// A tube of `sides` corners around an axis, with `rings` rings evenly along it and a linear taper; open at both ends.
+/// Neighbouring rings are turned as little as the axis allows. Coordinates are those of the axis.
+pub fn tube(axis: &[DVec3], radii: [f64; 2], sides: usize, rings: usize) -> LeafMesh {
+    let (sides, rings) = (sides.max(3), rings.max(2));
+    let mut mesh = LeafMesh::default();
+    let length: f64 = axis.windows(2).map(|w| w[0].distance(w[1])).sum();
+    let slope = if length > 0.0 { (radii[0] - radii[1]) / length } else { 0.0 };
+    let mut across = along(axis, 0.0).1.any_orthonormal_vector();
+    for ring in 0..rings {
+        let at = ring as f64 / (rings - 1) as f64;
+        let (place, _) = along(axis, at);
+        // The mean direction on both sides, so that the tube is as thick in a bend as between bends.
+        let reach = 0.5 / (rings - 1) as f64;
+        let (before, after) = (along(axis, at - reach).0, along(axis, at + reach).0);
+        let t = (after - before).try_normalize().unwrap_or(along(axis, at).1);
+        across = (across - t * across.dot(t)).try_normalize().unwrap_or_else(|| t.any_orthonormal_vector());
+        let other = t.cross(across);
+        let radius = radii[0] + at * (radii[1] - radii[0]);
+        for side in 0..=sides {
+            let (sin, cos) = (TAU * side as f64 / sides as f64).sin_cos();
+            let out = across * cos + other * sin;
+            mesh.positions.push(place + out * radius);
+            mesh.normals.push((out + t * slope).normalize());
+            mesh.tangents.push((other * cos - across * sin, -1.0));
+            mesh.uvs.push(DVec2::new(side as f64 / sides as f64, at));
+        }
+    }
+    let ring = sides as u32 + 1;
+    for k in 0..rings as u32 - 1 {
+        for i in 0..sides as u32 {
+            let a = k * ring + i;
+            mesh.indices.extend([a, a + 1, a + ring, a + 1, a + ring + 1, a + ring]);
+        }
+    }
+    mesh
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tubes_face_outwards_and_keep_their_radius_in_bends() {
+        let bend: Vec<DVec3> = (0..=20)
+            .map(|k| {
+                let a = f64::from(k) / 20.0;
+                DVec3::new(100.0 * a.sin(), 0.0, 100.0 * (1.0 - a.cos()))
+            })
+            .collect();
+        let mesh = tube(&bend, [5.0, 2.0], 8, 11);
+        for t in 0..mesh.triangles() {
+            let [a, b, c] = mesh.triangle(t).map(|k| mesh.positions[k]);
+            assert!((b - a).cross(c - a).dot(mesh.normals[mesh.triangle(t)[0]]) > 0.0, "facet {t}");
+        }
+        for (k, p) in mesh.positions.iter().enumerate() {
+            let at = (k / 9) as f64 / 10.0;
+            let (place, _) = along(&bend, at);
+            assert!((p.distance(place) - (5.0 - 3.0 * at)).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn places_are_shares_of_the_length() {
+        let bent = [DVec3::ZERO, DVec3::X, DVec3::X, DVec3::new(1.0, 3.0, 0.0)];
+        assert_eq!(along(&bent, 0.25), (DVec3::X, DVec3::X));
+        assert_eq!(along(&bent, 0.5), (DVec3::new(1.0, 1.0, 0.0), DVec3::Y));
+        assert_eq!(along(&bent, 1.0), (DVec3::new(1.0, 3.0, 0.0), DVec3::Y));
+    }
+}

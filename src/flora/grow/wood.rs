@@ -1,0 +1,67 @@
+//! Radii by the pipe model, loads by what hangs on a branch, and the bark.
+
+use super::spec::Spec;
+use crate::form::{Branch, Plant, tube};
+use mesophyll_plant::wind::{Cone, mass};
+
+/// A branch is thinner than what it grows on: at most this share of it.
+const THINNER: f64 = 0.85;
+/// Acceleration of gravity (m/s²).
+const GRAVITY: f64 = 9.81;
+
+/// Every branch carries the tips on it like pipes: r^p = Σ r_tip^p over its own tip and those of all that grow on it.
+/// Along a branch the radius falls linearly to that of a tip.
+pub fn radii(spec: &Spec, branches: &mut [Branch]) {
+    let p = spec.wood.pipe_exponent;
+    let tip = spec.wood.twig_radius_mm;
+    let mut carried = vec![1.0; branches.len()];
+    for k in (0..branches.len()).rev() {
+        if let Some(joint) = branches[k].parent {
+            carried[joint.branch] += carried[k];
+        }
+    }
+    for k in 0..branches.len() {
+        let wanted = tip * f64::powf(carried[k], 1.0 / p);
+        let most = branches[k].parent.map_or(f64::INFINITY, |joint| THINNER * branches[joint.branch].radius(joint.at));
+        // A last shoot is a little thicker where it begins.
+        let root = wanted.max(1.25 * tip).min(most);
+        branches[k].root_radius = root;
+        branches[k].tip_radius = tip.min(0.9 * root);
+    }
+}
+
+/// F/(E′r₁⁴) of a branch: the weight of its own wood, of its leaves and of all that grows on it, taken as spread evenly
+/// along it. A clamped beam of one thickness under an even load F goes down by F L³/(2π E r₁⁴) at its tip, and the
+/// normalised beam by 1/(2π), so F/(E′r₁⁴) = F L³/(E r₁⁴).
+pub fn loads(spec: &Spec, plant: &mut Plant) {
+    let own = |b: &Branch| {
+        let metres = Cone { length: b.length() / 1e3, root: b.root_radius / 1e3, tip: b.tip_radius / 1e3 };
+        mass(spec.wood.density_kg_m3, &[metres])
+    };
+    let mut masses: Vec<f64> = plant.branches.iter().map(own).collect();
+    if let Some(leaves) = &spec.leaves {
+        // An ellipse of the blade's length and width.
+        let blade = leaves.mass_kg_m2 * 0.25 * std::f64::consts::PI * leaves.length_mm * leaves.width_mm * 1e-6;
+        for leaf in &plant.leaves {
+            masses[leaf.joint.branch] += blade;
+        }
+    }
+    for k in (0..masses.len()).rev() {
+        if let Some(joint) = plant.branches[k].parent {
+            masses[joint.branch] += masses[k];
+        }
+    }
+    for (branch, mass) in plant.branches.iter_mut().zip(masses) {
+        // N, N/mm² and mm.
+        let modulus = spec.wood.modulus_gpa * 1e3;
+        branch.load = mass * GRAVITY * branch.length().powi(3) / (modulus * branch.root_radius.powi(4));
+    }
+}
+
+/// A tube around every axis.
+pub fn skin(spec: &Spec, branches: &mut [Branch]) {
+    for branch in branches {
+        let level = &spec.levels[branch.level];
+        branch.wood = tube(&branch.axis, [branch.root_radius, branch.tip_radius], level.sides, level.rings);
+    }
+}

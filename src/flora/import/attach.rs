@@ -1,0 +1,207 @@
+//! What grows on what: a branch's root is nearest to its parent's surface, or in it.
+//!
+//! The thickest tube is the trunk. A tube of another thickness at its two ends begins at the thick one; one as thick at
+//! both may begin at either. For every tube the tubes that its root may stand on are weighed ([`weight`]). From the
+//! trunk on, every tube whose best parent is in the tree joins the tree. Where none is left, the thickest of the rest
+//! is not attached, and its own branches join it.
+
+use super::Branch;
+use super::axis::Tube;
+use crate::form::nearest;
+use glam::DVec3;
+use rayon::prelude::*;
+
+/// A root is in its parent, or no further from its surface than this many of its own radii.
+const GAP: f64 = 1.5;
+/// A parent is at least this many times as thick as what grows on it.
+const THICKNESS: f64 = 0.6;
+/// A tube whose ends are this much alike may begin at either.
+const ALIKE: f64 = 0.9;
+/// Weight of standing where a parent itself begins: brothers and sisters share that place.
+const BROTHER: f64 = 1.0;
+/// Other trunks begin this near to the first one's height, as a share of the plant's size.
+const GROUND: f64 = 0.03;
+
+/// A place that a tube's root may stand on.
+#[derive(Debug, Clone, Copy)]
+struct Candidate {
+    parent: usize,
+    /// Whether the tube begins at its thin end there.
+    turned: bool,
+    /// The less the likelier.
+    weight: f64,
+    gap: f64,
+}
+
+impl Tube {
+    /// A box around the axis, and the largest radius.
+    pub(super) fn around(&self) -> (DVec3, DVec3, f64) {
+        let (low, high) = self
+            .axis
+            .iter()
+            .fold((DVec3::splat(f64::INFINITY), DVec3::splat(f64::NEG_INFINITY)), |(a, b), p| (a.min(*p), b.max(*p)));
+        (low, high, self.root_radius.max(self.tip_radius))
+    }
+}
+
+/// How unlikely a parent is: how far the root is from its surface, in the child's radii, and from its axis, in the
+/// parent's.
+fn weight(gap: f64, distance: f64, child: f64, parent: f64) -> f64 {
+    gap.max(0.0) / child + 0.3 * (distance / parent).min(3.0)
+}
+
+/// Candidates of every tube, the likeliest first; and the nearest surface of all, for those that have none.
+fn candidates(tubes: &[Tube], boxes: &[(DVec3, DVec3, f64)], k: usize) -> (Vec<Candidate>, Option<(usize, f64)>) {
+    let tube = &tubes[k];
+    let alike = tube.tip_radius >= ALIKE * tube.root_radius;
+    let mut out = Vec::new();
+    let mut near: Option<(usize, f64)> = None;
+    for turned in [false, true] {
+        if turned && !alike {
+            continue;
+        }
+        let (end, radius) =
+            if turned { (tube.axis.last(), tube.tip_radius) } else { (tube.axis.first(), tube.root_radius) };
+        let Some(end) = end.copied() else { continue };
+        let reach = GAP * radius;
+        for (j, (low, high, thick)) in boxes.iter().enumerate() {
+            let outside = (*low - end).max(end - *high).max(DVec3::ZERO).length() - thick;
+            if j == k || outside > near.map_or(f64::INFINITY, |(_, gap)| gap.max(reach)) {
+                continue;
+            }
+            let (at, distance) = nearest(&tubes[j].axis, end);
+            let there = tubes[j].radius(at);
+            let gap = distance - there;
+            if near.is_none_or(|(_, least)| gap < least) {
+                near = Some((j, gap));
+            }
+            if gap > reach || there < THICKNESS * radius {
+                continue;
+            }
+            let mut weight = weight(gap, distance, radius, there);
+            if at * tubes[j].length() < there.max(radius) {
+                // Brothers are as thick; what grows at the foot of a trunk is thinner.
+                if radius > 0.8 * there && tubes[j].tip_radius < ALIKE * tubes[j].root_radius {
+                    continue;
+                }
+                weight += BROTHER;
+            }
+            out.push(Candidate { parent: j, turned, weight, gap });
+        }
+    }
+    out.sort_by(|a, b| a.weight.total_cmp(&b.weight).then(a.parent.cmp(&b.parent)));
+    (out, near)
+}
+
+/// Finds every tube's parent. Parents stand before what grows on them.
+pub fn attach(tubes: Vec<Tube>) -> Vec<Branch> {
+    let boxes: Vec<_> = tubes.iter().map(Tube::around).collect();
+    let all: Vec<(Vec<Candidate>, Option<(usize, f64)>)> =
+        (0..tubes.len()).into_par_iter().map(|k| candidates(&tubes, &boxes, k)).collect();
+    // The thickest first.
+    let mut order: Vec<usize> = (0..tubes.len()).collect();
+    order.sort_by(|a, b| tubes[*b].root_radius.total_cmp(&tubes[*a].root_radius).then(a.cmp(b)));
+    let size =
+        boxes.iter().fold((DVec3::splat(f64::INFINITY), DVec3::splat(f64::NEG_INFINITY)), |(a, b), (p, q, _)| {
+            (a.min(*p), b.max(*q))
+        });
+    let size = (size.1 - size.0).length();
+    let mut place: Vec<Option<usize>> = vec![None; tubes.len()];
+    let mut out: Vec<Branch> = Vec::with_capacity(tubes.len());
+    // Children wait for their best parent.
+    let mut waiting: Vec<Vec<usize>> = vec![Vec::new(); tubes.len()];
+    for (k, (list, _)) in all.iter().enumerate() {
+        if let Some(best) = list.first() {
+            waiting[best.parent].push(k);
+        }
+    }
+    for first in &order {
+        if place[*first].is_some() {
+            continue;
+        }
+        // A ring of tubes, each the other's best parent, is opened where a member has a parent in the tree.
+        let ring = out_of_ring(*first, &all, &place);
+        let (start, candidate) = ring.map_or((*first, None), |(k, c)| (k, Some(c)));
+        let mut next = vec![(start, candidate)];
+        while let Some((k, candidate)) = next.pop() {
+            if place[k].is_some() {
+                continue;
+            }
+            place[k] = Some(out.len());
+            let near = all[k].1;
+            let branch = match candidate {
+                Some(c) => joined(&tubes[k], c, &all[k].0, &place, &out),
+                None => rootless(&tubes[k], near, &tubes, &place, &out, size),
+            };
+            out.push(branch);
+            next.extend(waiting[k].iter().map(|child| (*child, all[*child].0.first().copied())));
+        }
+    }
+    out
+}
+
+/// The tube of a ring that has another parent in the tree, and that parent: the likeliest.
+fn out_of_ring(
+    first: usize,
+    all: &[(Vec<Candidate>, Option<(usize, f64)>)],
+    place: &[Option<usize>],
+) -> Option<(usize, Candidate)> {
+    let (mut at, mut seen) = (first, Vec::new());
+    while !seen.contains(&at) {
+        seen.push(at);
+        match all[at].0.first() {
+            Some(best) if place[best.parent].is_none() => at = best.parent,
+            _ => break,
+        }
+    }
+    let others = seen.iter().flat_map(|k| all[*k].0.iter().map(move |c| (*k, *c)));
+    others.filter(|(_, c)| place[c.parent].is_some()).min_by(|a, b| a.1.weight.total_cmp(&b.1.weight))
+}
+
+fn joined(tube: &Tube, c: Candidate, list: &[Candidate], place: &[Option<usize>], out: &[Branch]) -> Branch {
+    let parent = place[c.parent].unwrap_or(0);
+    // The branch as its parent has been turned.
+    let tube = if c.turned { tube.turned() } else { tube.clone() };
+    let (at, _) = nearest(&out[parent].tube.axis, tube.axis[0]);
+    let second = list.iter().filter(|o| o.parent != c.parent).map(|o| o.weight).fold(f64::INFINITY, f64::min);
+    let lead = if second.is_finite() { (second - c.weight).max(0.0) } else { f64::INFINITY };
+    let clear = if lead.is_finite() { lead / (lead + 0.15) } else { 1.0 };
+    let touching = 1.0 - 0.5 * (c.gap.max(0.0) / (GAP * tube.root_radius.max(f64::MIN_POSITIVE))).min(1.0);
+    Branch {
+        level: out[parent].level.map(|l| l + 1),
+        parent: Some(parent),
+        at,
+        confidence: clear * touching,
+        unattached: None,
+        tube,
+    }
+}
+
+/// A trunk, or a branch that nothing carries.
+fn rootless(
+    tube: &Tube,
+    near: Option<(usize, f64)>,
+    tubes: &[Tube],
+    place: &[Option<usize>],
+    out: &[Branch],
+    size: f64,
+) -> Branch {
+    let branch =
+        Branch { tube: tube.clone(), parent: None, at: 0.0, level: Some(0), confidence: 1.0, unattached: None };
+    let Some(trunk) = out.first().map(|b| &b.tube) else { return branch };
+    let up = (trunk.axis[trunk.axis.len() - 1] - trunk.axis[0]).normalize_or(DVec3::Y);
+    let beside = (tube.axis[0] - trunk.axis[0]).dot(up).abs() < GROUND * size;
+    if beside && tube.root_radius > 0.25 * trunk.root_radius {
+        return branch;
+    }
+    let why = match near.and_then(|(k, gap)| Some((place[k]?, gap, tubes[k].root_radius))) {
+        Some((k, gap, _)) if gap > GAP * tube.root_radius => {
+            format!("the nearest branch is b{k}, whose surface is {gap:.3} mm from its root")
+        }
+        Some((k, _, thick)) => {
+            format!("the only branch near its root is b{k}, which is {thick:.3} mm thick at its own")
+        }
+        None => "no branch in the tree is near its root".into(),
+    };
+    Branch { level: None, confidence: 0.0, unattached: Some(why), ..branch }
+}

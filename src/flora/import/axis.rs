@@ -1,0 +1,385 @@
+//! The axis of a tube, and its radius along it.
+//!
+//! Every vertex gets a height: along the direction in which the piece is longest, or, of pieces that are not much
+//! longer than wide (a hoop), the way along the surface from one end. Cuts at even heights are polygons around the
+//! tube; their centres are the axis. Heights are then measured along this axis, and the cuts made again, so that they
+//! stand across it. The radius is the line that fits the corners of the cuts.
+
+use super::soup::{Piece, Soup};
+use crate::form::along;
+use glam::{DMat3, DVec3};
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, BinaryHeap, HashMap};
+
+/// Most cuts through a piece.
+const CUTS: usize = 48;
+/// A piece this many times as long as wide is followed along its longest direction.
+const SLENDER: f64 = 4.0;
+/// How often cuts are made again.
+const ROUNDS: usize = 3;
+/// Cuts of less than this share of the radius that the others have there are through a cap.
+const CAP: f64 = 0.6;
+/// Root mean square by which outlines may stray from their radius, as a share of it.
+const ROUND: f64 = 0.5;
+/// A tube is at least this many radii long.
+const SHORTEST: f64 = 1.5;
+/// Share of the cuts that may consist of several polygons.
+const FORKED: f64 = 0.2;
+
+/// A tapered tube.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tube {
+    /// From root to tip (mm); until it is attached, from the thick end to the thin one.
+    pub axis: Vec<DVec3>,
+    /// Radius at the beginning of the axis (mm).
+    pub root_radius: f64,
+    /// Radius at its end (mm).
+    pub tip_radius: f64,
+}
+
+impl Tube {
+    /// Along the axis (mm).
+    pub fn length(&self) -> f64 {
+        self.axis.windows(2).map(|w| w[0].distance(w[1])).sum()
+    }
+
+    /// Radius at a share of the axis (mm).
+    pub fn radius(&self, at: f64) -> f64 {
+        self.root_radius + at * (self.tip_radius - self.root_radius)
+    }
+
+    /// The same with the other end first.
+    pub fn turned(&self) -> Tube {
+        let axis = self.axis.iter().rev().copied().collect();
+        Tube { axis, root_radius: self.tip_radius, tip_radius: self.root_radius }
+    }
+}
+
+/// Eigenvalues of a symmetric matrix, the largest first, with their unit vectors (Jacobi's rotations).
+pub(crate) fn principal(m: DMat3) -> [(f64, DVec3); 3] {
+    let mut a = m.to_cols_array_2d();
+    let mut v = DMat3::IDENTITY.to_cols_array_2d();
+    for _ in 0..32 {
+        let off = a[0][1].abs() + a[0][2].abs() + a[1][2].abs();
+        let size = a[0][0].abs() + a[1][1].abs() + a[2][2].abs();
+        if !(off > 1e-15 * size) {
+            break;
+        }
+        for (p, q) in [(0, 1), (0, 2), (1, 2)] {
+            if a[p][q] == 0.0 {
+                continue;
+            }
+            let theta = 0.5 * (2.0 * a[p][q]).atan2(a[q][q] - a[p][p]);
+            let (s, c) = theta.sin_cos();
+            for k in 0..3 {
+                let (x, y) = (a[k][p], a[k][q]);
+                (a[k][p], a[k][q]) = (c * x - s * y, s * x + c * y);
+            }
+            for k in 0..3 {
+                let (x, y) = (a[p][k], a[q][k]);
+                (a[p][k], a[q][k]) = (c * x - s * y, s * x + c * y);
+            }
+            // Columns of v are the vectors.
+            for k in 0..3 {
+                let (x, y) = (v[p][k], v[q][k]);
+                (v[p][k], v[q][k]) = (c * x - s * y, s * x + c * y);
+            }
+        }
+    }
+    let mut out = [0, 1, 2].map(|k| (a[k][k], DVec3::from(v[k]).normalize_or(DVec3::X)));
+    out.sort_by(|x, y| y.0.total_cmp(&x.0));
+    out
+}
+
+/// The piece with vertices of its own.
+struct Mesh {
+    places: Vec<DVec3>,
+    triangles: Vec<[usize; 3]>,
+}
+
+/// The axis of a piece.
+///
+/// # Errors
+/// What the piece is instead of a tube, in words.
+pub fn of(soup: &Soup, piece: &Piece) -> Result<Tube, String> {
+    let mesh = mesh(soup, piece);
+    let mut heights = heights(&mesh);
+    let count = (mesh.places.len() / 3).clamp(4, CUTS);
+    let (mut axis, mut forked, mut radii) = (Vec::new(), 0.0, Vec::new());
+    for round in 0..ROUNDS {
+        let (low, high) = range(&heights);
+        if !(high > low) {
+            return Err("it has no length".into());
+        }
+        let cuts: Vec<(f64, Cut)> = (0..count)
+            .filter_map(|k| {
+                let level = low + (high - low) * (k as f64 + 0.5) / count as f64;
+                Some((level, cut(&mesh, &heights, level)?))
+            })
+            .collect();
+        // At first, cuts near the ends may not go around the tube.
+        let skip = if round == 0 && cuts.len() >= 8 { cuts.len() / 8 } else { 0 };
+        let inner = &cuts[skip..cuts.len() - skip];
+        let [(first, start), (second, next)] = match inner {
+            [a, b, ..] => [(a.0, a.1.centre), (b.0, b.1.centre)],
+            _ => return Err("it cannot be cut across".into()),
+        };
+        let [(last, end), (before, previous)] = match inner {
+            [.., b, a] => [(a.0, a.1.centre), (b.0, b.1.centre)],
+            _ => return Err("it cannot be cut across".into()),
+        };
+        axis = vec![start + (start - next) * ((first - low) / (second - first))];
+        axis.extend(inner.iter().map(|(_, cut)| cut.centre));
+        axis.push(end + (end - previous) * ((high - last) / (last - before)));
+        forked = inner.iter().filter(|(_, cut)| cut.polygons > 1).count() as f64 / inner.len() as f64;
+        if axis.iter().any(|p| !p.is_finite()) {
+            return Err("it cannot be cut across".into());
+        }
+        heights = mesh.places.iter().map(|p| height_along(&axis, *p).0).collect();
+        radii = cuts.into_iter().map(|(_, cut)| (height_along(&axis, cut.centre).0, cut)).collect();
+    }
+    if forked > FORKED {
+        return Err(format!("{:.0} % of the cuts across it have several outlines: it forks", 100.0 * forked));
+    }
+    // What the last heights say of the ends.
+    let (low, high) = range(&heights);
+    let length = high - low;
+    let axis = trimmed(&axis, low, high);
+    let [root, tip] =
+        line(&radii.iter().map(|(height, cut)| ((height - low) / length, cut.radius)).collect::<Vec<_>>());
+    let rms = (radii.iter().map(|(_, cut)| cut.stray * cut.stray).sum::<f64>() / radii.len() as f64).sqrt();
+    let mean = 0.5 * (root + tip);
+    if !(mean > 0.0) || rms > ROUND * mean {
+        return Err(format!("it is not round: its outlines stray by {rms:.3} mm around {mean:.3} mm"));
+    }
+    if length < SHORTEST * mean {
+        return Err(format!("it is {length:.3} mm long and {:.3} mm wide, expected a tube", 2.0 * mean));
+    }
+    let tube = Tube { axis, root_radius: root.max(0.0), tip_radius: tip.max(0.0) };
+    Ok(if tube.root_radius >= tube.tip_radius { tube } else { tube.turned() })
+}
+
+fn mesh(soup: &Soup, piece: &Piece) -> Mesh {
+    let mut number: HashMap<u32, usize> = HashMap::new();
+    let mut mesh = Mesh { places: Vec::new(), triangles: Vec::with_capacity(piece.triangles.len()) };
+    for t in &piece.triangles {
+        let triangle = soup.triangles[*t as usize].map(|v| {
+            *number.entry(v).or_insert_with(|| {
+                mesh.places.push(soup.places[v as usize]);
+                mesh.places.len() - 1
+            })
+        });
+        mesh.triangles.push(triangle);
+    }
+    mesh
+}
+
+fn range(values: &[f64]) -> (f64, f64) {
+    values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)))
+}
+
+/// Heights to begin with.
+fn heights(mesh: &Mesh) -> Vec<f64> {
+    let mean = mesh.places.iter().sum::<DVec3>() / mesh.places.len() as f64;
+    let spread = mesh.places.iter().fold(DMat3::ZERO, |sum, p| {
+        let d = *p - mean;
+        sum + DMat3::from_cols(d * d.x, d * d.y, d * d.z)
+    });
+    let [(long, axis), (wide, _), _] = principal(spread);
+    if long > SLENDER * SLENDER * wide {
+        return mesh.places.iter().map(|p| (*p - mean).dot(axis)).collect();
+    }
+    let neighbours = neighbours(mesh);
+    let farthest = |from: &[f64]| (0..from.len()).max_by(|a, b| from[*a].total_cmp(&from[*b])).unwrap_or(0);
+    let end = farthest(&ways(mesh, &neighbours, &[0]));
+    let rim = rim(mesh, end);
+    ways(mesh, &neighbours, if rim.is_empty() { std::slice::from_ref(&end) } else { &rim })
+}
+
+fn neighbours(mesh: &Mesh) -> Vec<Vec<usize>> {
+    let mut out = vec![Vec::new(); mesh.places.len()];
+    for [a, b, c] in &mesh.triangles {
+        for (p, q) in [(a, b), (b, c), (c, a)] {
+            out[*p].push(*q);
+            out[*q].push(*p);
+        }
+    }
+    out
+}
+
+/// The way along edges from the nearest of `sources` to every vertex (Dijkstra).
+fn ways(mesh: &Mesh, neighbours: &[Vec<usize>], sources: &[usize]) -> Vec<f64> {
+    let mut way = vec![f64::INFINITY; mesh.places.len()];
+    let mut next: BinaryHeap<Reverse<(u64, usize)>> = BinaryHeap::new();
+    for s in sources {
+        way[*s] = 0.0;
+        next.push(Reverse((0, *s)));
+    }
+    // Bits of numbers that are not negative are in the order of the numbers.
+    while let Some(Reverse((bits, at))) = next.pop() {
+        if f64::from_bits(bits) > way[at] {
+            continue;
+        }
+        for n in &neighbours[at] {
+            let there = way[at] + mesh.places[at].distance(mesh.places[*n]);
+            if there < way[*n] {
+                way[*n] = there;
+                next.push(Reverse((there.to_bits(), *n)));
+            }
+        }
+    }
+    way
+}
+
+/// The vertices of the open rim that is nearest to a vertex; none where the piece is closed.
+fn rim(mesh: &Mesh, from: usize) -> Vec<usize> {
+    let mut sides: HashMap<(usize, usize), usize> = HashMap::new();
+    for [a, b, c] in &mesh.triangles {
+        for (p, q) in [(*a, *b), (*b, *c), (*c, *a)] {
+            *sides.entry((p.min(q), p.max(q))).or_insert(0) += 1;
+        }
+    }
+    let mut around: HashMap<usize, Vec<usize>> = HashMap::new();
+    for ((p, q), count) in sides {
+        if count == 1 {
+            around.entry(p).or_default().push(q);
+            around.entry(q).or_default().push(p);
+        }
+    }
+    let distance = |v: usize| mesh.places[v].distance(mesh.places[from]);
+    let Some(start) = around.keys().copied().min_by(|a, b| distance(*a).total_cmp(&distance(*b)).then(a.cmp(b))) else {
+        return Vec::new();
+    };
+    let (mut out, mut next) = (vec![start], vec![start]);
+    while let Some(at) = next.pop() {
+        for n in around.get(&at).into_iter().flatten() {
+            if !out.contains(n) {
+                out.push(*n);
+                next.push(*n);
+            }
+        }
+    }
+    out
+}
+
+/// A cut across a piece.
+struct Cut {
+    /// Of its outline.
+    centre: DVec3,
+    /// Outlines that do not touch.
+    polygons: usize,
+    /// From the centre to the corners; half of the crossed edges are diagonals, which meet the outline between corners.
+    radius: f64,
+    /// Root mean square by which the crossed edges stray from their mean distance.
+    stray: f64,
+}
+
+fn cut(mesh: &Mesh, heights: &[f64], level: f64) -> Option<Cut> {
+    let (mut sum, mut whole) = (DVec3::ZERO, 0.0);
+    let mut crossings = BTreeMap::new();
+    let mut above: HashMap<(usize, usize), (usize, usize)> = HashMap::new();
+    type Edge = (usize, usize);
+    fn top(above: &HashMap<Edge, Edge>, mut edge: Edge) -> Edge {
+        while let Some(next) = above.get(&edge).filter(|n| **n != edge) {
+            edge = *next;
+        }
+        edge
+    }
+    for t in &mesh.triangles {
+        let mut crossed = Vec::with_capacity(2);
+        for (p, q) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
+            if (heights[p] < level) != (heights[q] < level) {
+                let share = (level - heights[p]) / (heights[q] - heights[p]);
+                crossed.push(((p.min(q), p.max(q)), mesh.places[p].lerp(mesh.places[q], share)));
+            }
+        }
+        let [(e, a), (f, b)] = crossed.as_slice() else { continue };
+        let length = a.distance(*b);
+        sum += (*a + *b) * (0.5 * length);
+        whole += length;
+        crossings.insert(*e, *a);
+        crossings.insert(*f, *b);
+        above.entry(*e).or_insert(*e);
+        above.entry(*f).or_insert(*f);
+        let (p, q) = (top(&above, *e), top(&above, *f));
+        above.insert(p.max(q), p.min(q));
+    }
+    let polygons = above.iter().filter(|(edge, up)| edge == up).count();
+    if !(whole > 0.0) {
+        return None;
+    }
+    let centre = sum / whole;
+    let mut distances: Vec<f64> = crossings.values().map(|p: &DVec3| p.distance(centre)).collect();
+    distances.sort_by(f64::total_cmp);
+    let mean = |list: &[f64]| list.iter().sum::<f64>() / list.len() as f64;
+    let middle = mean(&distances);
+    let stray = (distances.iter().map(|d| (d - middle).powi(2)).sum::<f64>() / distances.len() as f64).sqrt();
+    Some(Cut { centre, polygons, radius: mean(&distances[distances.len() / 2..]), stray })
+}
+
+/// The height of a place along an axis, also before its beginning and beyond its end, and the distance from it.
+fn height_along(axis: &[DVec3], place: DVec3) -> (f64, f64) {
+    let mut best = (0.0, f64::INFINITY);
+    let mut before = 0.0;
+    let last = axis.len().saturating_sub(2);
+    for (k, w) in axis.windows(2).enumerate() {
+        let (d, step) = (w[1] - w[0], w[0].distance(w[1]));
+        if step > 0.0 {
+            let mut x = (place - w[0]).dot(d) / (step * step);
+            if k > 0 {
+                x = x.max(0.0);
+            }
+            if k < last {
+                x = x.min(1.0);
+            }
+            let distance = place.distance(w[0] + d * x);
+            if distance < best.1 {
+                best = (before + x * step, distance);
+            }
+        }
+        before += step;
+    }
+    best
+}
+
+/// The axis from height `low` to height `high`.
+fn trimmed(axis: &[DVec3], low: f64, high: f64) -> Vec<DVec3> {
+    let whole: f64 = axis.windows(2).map(|w| w[0].distance(w[1])).sum();
+    let at = |height: f64| {
+        let share = height / whole;
+        let (place, direction) = along(axis, share);
+        place + direction * (height - share.clamp(0.0, 1.0) * whole)
+    };
+    let mut out = vec![at(low)];
+    let mut height = 0.0;
+    for w in axis.windows(2) {
+        let margin = 1e-6 * whole;
+        if height > low + margin && height < high - margin {
+            out.push(w[0]);
+        }
+        height += w[0].distance(w[1]);
+    }
+    out.push(at(high));
+    out
+}
+
+/// The line through radii by their share of the axis, at 0 and at 1, without the cuts through a cap.
+fn line(points: &[(f64, f64)]) -> [f64; 2] {
+    let mut keep: Vec<bool> = vec![true; points.len()];
+    let mut ends = [0.0; 2];
+    for _ in 0..4 {
+        let kept: Vec<(f64, f64)> = points.iter().zip(&keep).filter(|(_, k)| **k).map(|(p, _)| *p).collect();
+        let n = kept.len() as f64;
+        let (mx, my) = kept.iter().fold((0.0, 0.0), |(a, b), (x, y)| (a + x / n, b + y / n));
+        let (sxx, sxy) = kept.iter().fold((0.0, 0.0), |(a, b), (x, y)| (a + (x - mx).powi(2), b + (x - mx) * (y - my)));
+        let slope = if sxx > 0.0 { sxy / sxx } else { 0.0 };
+        let value = |x: f64| my + slope * (x - mx);
+        ends = [value(0.0), value(1.0)];
+        let next: Vec<bool> = points.iter().map(|(x, y)| *y >= CAP * value(*x)).collect();
+        if next == keep || !next.contains(&true) {
+            break;
+        }
+        keep = next;
+    }
+    ends
+}

@@ -1,0 +1,75 @@
+//! Which piece is a blade: one whose triangles all face about the same two ways. A tube's face all ways around.
+
+use super::axis::principal;
+use super::soup::{Piece, Soup};
+use super::{Branch, Leaf};
+use crate::form::nearest;
+use glam::{DMat3, DVec3};
+
+/// Least share of a piece's area, as it were, that faces along one line: 1 of a flat piece, at most ½ of a round tube
+/// (Σ A n nᵀ/Σ A has the eigenvalues ½, ½ and 0 there). Between them lie blades that are folded or curled.
+const FLAT: f64 = 0.72;
+/// A blade hangs on a branch that is no further from it than this share of its length: stalks are often not drawn.
+const STALK: f64 = 0.6;
+
+/// The blade that a piece is, or nothing.
+pub fn of(soup: &Soup, piece: &Piece) -> Option<Leaf> {
+    let (mut facing, mut whole) = (DMat3::ZERO, 0.0);
+    for t in &piece.triangles {
+        let [a, b, c] = soup.corners(*t);
+        let cross = (b - a).cross(c - a);
+        let (area, n) = (0.5 * cross.length(), cross.normalize_or_zero());
+        facing += DMat3::from_cols(n * (n.x * area), n * (n.y * area), n * (n.z * area));
+        whole += area;
+    }
+    let [(most, normal), ..] = principal(facing);
+    if !(most > FLAT * whole) {
+        return None;
+    }
+    let centre = soup.centre(piece);
+    let corners = piece.triangles.iter().flat_map(|t| soup.corners(*t));
+    let spread = corners.clone().fold(DMat3::ZERO, |sum, p| {
+        let d = p - centre;
+        let d = d - normal * d.dot(normal);
+        sum + DMat3::from_cols(d * d.x, d * d.y, d * d.z)
+    });
+    let [(_, long), (_, wide), _] = principal(spread);
+    let extent = |axis: DVec3| {
+        corners.clone().map(|p| (p - centre).dot(axis)).fold((0.0, 0.0), |(a, b), d| (d.min(a), d.max(b)))
+    };
+    let (low, high) = extent(long);
+    let (left, right) = extent(wide);
+    Some(Leaf {
+        centre,
+        normal,
+        size: [high - low, right - left],
+        area: whole,
+        ends: [centre + long * low, centre + long * high],
+        joint: None,
+        gap: f64::INFINITY,
+    })
+}
+
+/// Hangs every blade on the branch that is nearest to one of its two ends.
+pub fn hang(leaves: &mut [Leaf], branches: &[Branch]) {
+    use rayon::prelude::*;
+    let boxes: Vec<(DVec3, DVec3, f64)> = branches.iter().map(|b| b.tube.around()).collect();
+    leaves.par_iter_mut().for_each(|leaf| {
+        for end in leaf.ends {
+            for (k, (branch, (low, high, thick))) in branches.iter().zip(&boxes).enumerate() {
+                let outside = (*low - end).max(end - *high).max(DVec3::ZERO).length();
+                if outside - thick >= leaf.gap {
+                    continue;
+                }
+                let (at, distance) = nearest(&branch.tube.axis, end);
+                let gap = distance - branch.tube.radius(at);
+                if gap < leaf.gap {
+                    (leaf.gap, leaf.joint) = (gap, Some((k, at)));
+                }
+            }
+        }
+        if !(leaf.gap <= STALK * leaf.size[0]) {
+            leaf.joint = None;
+        }
+    });
+}

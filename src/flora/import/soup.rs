@@ -1,0 +1,217 @@
+//! All triangles of a file in one list, with vertices at one place made one, cut into connected pieces.
+
+use crate::file::MOST_TRIANGLES;
+use crate::{Error, Result};
+use glam::{DMat4, DVec3, I64Vec3};
+use mesophyll_files::gltf_file::{self, DEEPEST, Opened};
+use mesophyll_files::mesh::Unit;
+use std::collections::HashMap;
+use std::path::Path;
+
+/// Vertices nearer than this share of the plant's size are one.
+const WELD: f64 = 1e-6;
+
+/// Triangles between places.
+#[derive(Debug, Clone, Default)]
+pub struct Soup {
+    /// mm.
+    pub places: Vec<DVec3>,
+    /// Three places each.
+    pub triangles: Vec<[u32; 3]>,
+    /// Triangles without an area, which were left out.
+    pub degenerate: usize,
+}
+
+/// Triangles that hang together.
+#[derive(Debug, Clone, Default)]
+pub struct Piece {
+    /// Indices of triangles.
+    pub triangles: Vec<u32>,
+}
+
+/// Reads every triangle of the file's scene where its nodes put it; instances too.
+///
+/// # Errors
+/// [`Error::Input`] in one sentence: what [`gltf_file::read`] and [`gltf_file::surface`] refuse, more than
+/// [`MOST_TRIANGLES`] triangles, transforms that are not finite, no triangle with an area.
+pub fn read(path: &Path, unit: Option<Unit>) -> Result<Soup> {
+    gltf_file::read(path, |opened| {
+        crate::file::count(path, &opened)?;
+        let mut corners: Vec<[DVec3; 3]> = Vec::new();
+        let world = DMat4::from_scale(DVec3::splat(unit.unwrap_or(opened.unit).mm()));
+        match opened.document.default_scene().or_else(|| opened.document.scenes().next()) {
+            Some(scene) => {
+                for node in scene.nodes() {
+                    add_node(path, &opened, &node, world, &mut corners, 0)?;
+                }
+            }
+            None => {
+                for mesh in opened.document.meshes() {
+                    add_mesh(path, &opened, &mesh, &[world], &mut corners)?;
+                }
+            }
+        }
+        let soup = Soup::new(&corners);
+        if soup.triangles.is_empty() {
+            let what = if soup.degenerate > 0 {
+                format!("all {} triangles are degenerate: none has an area", soup.degenerate)
+            } else {
+                "found no triangles, expected a plant".into()
+            };
+            return Err(Error::input(path, what));
+        }
+        Ok(soup)
+    })
+}
+
+fn add_node(
+    path: &Path,
+    opened: &Opened,
+    node: &gltf::Node,
+    above: DMat4,
+    out: &mut Vec<[DVec3; 3]>,
+    depth: usize,
+) -> Result<()> {
+    if depth > DEEPEST {
+        return Err(Error::field(path, "nodes", format!("nested more than {DEEPEST} deep")));
+    }
+    let world = above * gltf_file::local(node);
+    if !world.is_finite() {
+        return Err(Error::field(path, &format!("nodes[{}]", node.index()), "its transform is not finite"));
+    }
+    if let Some(mesh) = node.mesh() {
+        let places = crate::file::instances(path, opened, node)?;
+        let worlds: Vec<DMat4> = places.iter().map(|(_, local)| world * *local).collect();
+        add_mesh(path, opened, &mesh, &worlds, out)?;
+    }
+    for child in node.children() {
+        add_node(path, opened, &child, world, out, depth + 1)?;
+    }
+    Ok(())
+}
+
+fn add_mesh(
+    path: &Path,
+    opened: &Opened,
+    mesh: &gltf::Mesh,
+    worlds: &[DMat4],
+    out: &mut Vec<[DVec3; 3]>,
+) -> Result<()> {
+    for primitive in mesh.primitives() {
+        let field = format!("meshes[{}].primitives[{}]", mesh.index(), primitive.index());
+        let surface = gltf_file::surface(path, &field, &primitive, &opened.buffers)?;
+        let total = out.len() + worlds.len() * surface.indices.len() / 3;
+        if total > MOST_TRIANGLES {
+            return Err(Error::unexpected(
+                path,
+                &field,
+                format!("{total} triangles so far"),
+                format!("at most {MOST_TRIANGLES}"),
+            ));
+        }
+        for world in worlds {
+            let placed: Vec<DVec3> = surface.positions.iter().map(|p| world.transform_point3(*p)).collect();
+            out.extend(surface.indices.chunks_exact(3).map(|t| [0, 1, 2].map(|k| placed[t[k] as usize])));
+        }
+    }
+    Ok(())
+}
+
+impl Soup {
+    /// Makes vertices at one place one, and leaves out triangles without an area.
+    pub fn new(corners: &[[DVec3; 3]]) -> Soup {
+        let (low, high) = corners
+            .iter()
+            .flatten()
+            .fold((DVec3::splat(f64::INFINITY), DVec3::splat(f64::NEG_INFINITY)), |(a, b), p| (a.min(*p), b.max(*p)));
+        let cell = (WELD * (high - low).length()).max(f64::MIN_POSITIVE);
+        let mut soup = Soup::default();
+        let mut known: HashMap<I64Vec3, Vec<u32>> = HashMap::new();
+        for triangle in corners {
+            let indices = triangle.map(|p| soup.index(p - low, low, cell, &mut known));
+            let [a, b, c] = indices.map(|k| soup.places[k as usize]);
+            let (sides, area) = ([b - a, c - a, c - b], (b - a).cross(c - a).length());
+            let longest = sides.iter().map(|s| s.length()).fold(0.0, f64::max);
+            if indices[0] == indices[1]
+                || indices[1] == indices[2]
+                || indices[2] == indices[0]
+                || !(area > 1e-9 * longest * longest)
+            {
+                soup.degenerate += 1;
+            } else {
+                soup.triangles.push(indices);
+            }
+        }
+        soup
+    }
+
+    /// The vertex within a cell's width of a place, or a new one.
+    fn index(&mut self, place: DVec3, low: DVec3, cell: f64, known: &mut HashMap<I64Vec3, Vec<u32>>) -> u32 {
+        let at = (place / cell).floor().as_i64vec3();
+        // The neighbouring cells, where the place is near their border.
+        let near = |c: f64| if c.fract() < 0.5 { -1 } else { 1 };
+        let scaled = place / cell;
+        let steps = [near(scaled.x), near(scaled.y), near(scaled.z)];
+        for corner in 0..8 {
+            let step = I64Vec3::new(
+                if corner & 1 > 0 { steps[0] } else { 0 },
+                if corner & 2 > 0 { steps[1] } else { 0 },
+                if corner & 4 > 0 { steps[2] } else { 0 },
+            );
+            for k in known.get(&(at + step)).into_iter().flatten() {
+                if self.places[*k as usize].distance(place + low) <= 0.5 * cell {
+                    return *k;
+                }
+            }
+        }
+        let new = self.places.len() as u32;
+        self.places.push(place + low);
+        known.entry(at).or_default().push(new);
+        new
+    }
+
+    /// Corners of a triangle.
+    pub fn corners(&self, triangle: u32) -> [DVec3; 3] {
+        self.triangles[triangle as usize].map(|k| self.places[k as usize])
+    }
+
+    /// Mean of the places of a piece, each triangle by its area.
+    pub fn centre(&self, piece: &Piece) -> DVec3 {
+        let (mut sum, mut whole) = (DVec3::ZERO, 0.0);
+        for t in &piece.triangles {
+            let [a, b, c] = self.corners(*t);
+            let area = (b - a).cross(c - a).length();
+            sum += (a + b + c) / 3.0 * area;
+            whole += area;
+        }
+        sum / whole
+    }
+
+    /// Pieces in the order of their first triangles.
+    pub fn pieces(&self) -> Vec<Piece> {
+        let mut above: Vec<u32> = (0..self.places.len() as u32).collect();
+        fn top(above: &mut [u32], mut k: u32) -> u32 {
+            while above[k as usize] != k {
+                above[k as usize] = above[above[k as usize] as usize];
+                k = above[k as usize];
+            }
+            k
+        }
+        for [a, b, c] in &self.triangles {
+            for other in [b, c] {
+                let (p, q) = (top(&mut above, *a), top(&mut above, *other));
+                above[p.max(q) as usize] = p.min(q);
+            }
+        }
+        let mut number: HashMap<u32, usize> = HashMap::new();
+        let mut out: Vec<Piece> = Vec::new();
+        for (t, [a, _, _]) in self.triangles.iter().enumerate() {
+            let k = *number.entry(top(&mut above, *a)).or_insert_with(|| {
+                out.push(Piece::default());
+                out.len() - 1
+            });
+            out[k].triangles.push(t as u32);
+        }
+        out
+    }
+}
