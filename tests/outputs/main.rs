@@ -5,6 +5,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 mod export;
+mod plants;
 mod render;
 mod report;
 #[path = "../samples/mod.rs"]
