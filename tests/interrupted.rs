@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 /// A leaf whose translucency takes some seconds a side.
 fn leaf(dir: &Path) -> String {
     let folder = dir.join("leaf");
-    let mut record = Blade { width: 320, height: 240, texel_mm: 0.15, ..Blade::default() }.write(&folder, "elm");
+    let mut record = Blade { width: 240, height: 180, texel_mm: 0.15, ..Blade::default() }.write(&folder, "elm");
     record.options.insert("texel_mm".into(), "0.15".into());
     record.write(&folder).unwrap();
     folder.to_str().unwrap().into()

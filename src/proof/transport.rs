@@ -202,13 +202,3 @@ fn not_a_number() -> StressRow {
     };
     row("NaN in an environment map", "refused: channel B, column 5, row 0: found NaN", verdict, None, clock)
 }
-
-#[cfg(test)]
-mod tests {
-    #[test]
-    fn every_case_gets_its_verdict() {
-        for row in super::stress() {
-            assert!(row.passed(), "{}: {}, expected {}", row.case, row.verdict, row.expected);
-        }
-    }
-}

@@ -352,7 +352,7 @@ max_error = 0.012
 width = 160
 height = 120
 samples = 32
-frames = 2
+frames = 1
 {extra}"#
     );
     let path = dir.join(format!("{name}.toml"));

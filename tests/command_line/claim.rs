@@ -5,6 +5,7 @@ use crate::common::{begun_synthesis, copy_tree, mesophyll, refused, run, succeed
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::sync::OnceLock;
 
 const SCAN: [&str; 5] = ["data/leaves/elm.toml", "--size", "24x18", "--frames", "8"];
 
@@ -28,7 +29,26 @@ fn contents(folder: &Path) -> BTreeMap<PathBuf, Option<Vec<u8>>> {
     out
 }
 
-/// A small leaf fit, a scene that shows it, a capture, a bench, a sky fit and a table.
+/// A folder with a small leaf fit, a scene that shows it, a capture, a bench, a sky fit and a table. It is made once:
+/// each test gets a copy.
+fn made() -> &'static Path {
+    static MADE: OnceLock<tempfile::TempDir> = OnceLock::new();
+    MADE.get_or_init(|| {
+        let dir = tempfile::tempdir().unwrap();
+        let at = |name: &str| text(dir.path().join(name));
+        Blade { width: 24, height: 18, texel_mm: 2.0, ..Blade::default() }.write(&dir.path().join("fits/elm"), "elm");
+        scene(dir.path(), "front", "elm", Some(30.0), None, "");
+        succeeded(&run([&["synth", "-o", &at("scan")], SCAN.as_slice()].concat()));
+        succeeded(&run(["bench", "beam", "-o", &at("bench")]));
+        succeeded(&run(["fit", "sky", "--bands", "2", "--method", "compact", "-o", &at("sky")]));
+        std::fs::write(at("slabs.csv"), "omega,delta\n0.9,1\n").unwrap();
+        std::fs::write(at("marks.csv"), "branch,length_mm,position_mm,deflection_mm\nb,10,5,1\nb,10,10,3\n").unwrap();
+        dir
+    })
+    .path()
+}
+
+/// A copy of what is [`made`].
 struct Workplace {
     dir: tempfile::TempDir,
     scene: String,
@@ -37,16 +57,9 @@ struct Workplace {
 impl Workplace {
     fn new() -> Workplace {
         let dir = tempfile::tempdir().unwrap();
-        Blade { width: 24, height: 18, texel_mm: 2.0, ..Blade::default() }.write(&dir.path().join("fits/elm"), "elm");
-        let scene = text(scene(dir.path(), "front", "elm", Some(30.0), None, ""));
-        let place = Workplace { dir, scene };
-        succeeded(&run([&["synth", "-o", &place.at("scan")], SCAN.as_slice()].concat()));
-        succeeded(&run(["bench", "slab", "-o", &place.at("bench")]));
-        succeeded(&run(["fit", "sky", "--bands", "2", "--method", "compact", "-o", &place.at("sky")]));
-        std::fs::write(place.at("slabs.csv"), "omega,delta\n0.9,1\n").unwrap();
-        std::fs::write(place.at("marks.csv"), "branch,length_mm,position_mm,deflection_mm\nb,10,5,1\nb,10,10,3\n")
-            .unwrap();
-        place
+        copy_tree(made(), dir.path());
+        let scene = text(dir.path().join("front.toml"));
+        Workplace { dir, scene }
     }
 
     fn at(&self, name: &str) -> String {
@@ -98,7 +111,7 @@ fn a_folder_of_another_kind_is_refused_and_stays_as_it_is() {
     }
     // The same kind may be made again.
     succeeded(&run(["fit", "sky", "--bands", "3", "--method", "compact", "-o", &sky]));
-    succeeded(&run(["bench", "slab", "-o", &bench]));
+    succeeded(&run(["bench", "beam", "-o", &bench]));
 }
 
 #[test]

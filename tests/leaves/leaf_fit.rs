@@ -182,7 +182,7 @@ fn shards_and_a_resumed_run_give_the_bytes_of_one_run() {
 #[cfg(unix)]
 fn ctrl_c_keeps_finished_parts_and_the_next_run_goes_on() {
     let dir = tempfile::tempdir().unwrap();
-    let capture = scan(dir.path(), "elm", &["--size", "96x288", "--frames", "40", "--noise", "0.01", "--seed", "2"]);
+    let capture = scan(dir.path(), "elm", &["--size", "96x288", "--frames", "16", "--noise", "0.01", "--seed", "2"]);
     let out = dir.path().join("fit");
     let args = ["fit", "leaf", capture.to_str().unwrap(), "-o", out.to_str().unwrap(), "--threads", "1"];
     let mut child = mesophyll().args(args).stderr(std::process::Stdio::piped()).spawn().unwrap();

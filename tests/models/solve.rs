@@ -31,6 +31,7 @@ fn stress_nist_solves_all_54_runs() {
 #[test]
 fn every_table_of_stress_gets_the_verdicts_it_expects() {
     // The program's own list of tables, from what it says to a name that it does not know: a new table is run here too.
+    // This is the only test of most tables. The rooms' own tests run a table again only where they ask for more of it.
     let said = mesophyll().args(["stress", "no-such-model"]).assert().code(2).get_output().stderr.clone();
     let said = String::from_utf8(said).unwrap();
     let list = said

@@ -347,11 +347,12 @@ mod tests {
         let (w, h) = (160, 120);
         let noise = drawn(w * h, 3);
         let lean = Plane([1.5, 2e-4, -5e-4]);
+        let middle = ridge(w, h);
         // A second vein off the middle, so that plain least squares would lean.
         let values: Vec<f64> = (0..w * h)
             .map(|k| {
                 let vein = if (k / w) > 90 && (k % w) < 40 { 0.1 } else { 0.0 };
-                ridge(w, h)[k % (w * h)] + vein + 0.01 * noise[k] + lean.at(k, w, h)
+                middle[k] + vein + 0.01 * noise[k] + lean.at(k, w, h)
             })
             .collect();
         let found = plane(&values, &vec![true; w * h], w).unwrap();

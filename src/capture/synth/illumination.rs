@@ -183,12 +183,7 @@ impl Lobed<'_> {
         {
             return sum;
         }
-        rays.iter()
-            .map(|ray| match lit(ray, self.normal, ends) {
-                Some([a, b]) => ray.weight * self.panels(ray, a.atan(), b.atan(), peak, width),
-                None => 0.0,
-            })
-            .sum()
+        self.panels(rays, ends, peak, width)
     }
 
     /// tan²α of the half vector for the direction ψ.
@@ -219,10 +214,13 @@ impl Lobed<'_> {
         (psi, low, self.m / (0.5 * bend).max(0.05).sqrt())
     }
 
-    /// The integrand without the constants: D (and F, G) · cosψ for one direction.
-    fn value(&self, ray: &Ray, s: f64, c: f64) -> f64 {
-        let p = self.normal[0] * ray.sin + self.normal[2] * ray.cos;
-        let cv = self.view[0] * ray.sin + self.view[2] * ray.cos;
+    /// The parts of the normal and of the view direction that lie in a ray's plane, p and cv of [`Lobed::value`].
+    fn in_plane(&self, ray: &Ray) -> [f64; 2] {
+        [self.normal[0] * ray.sin + self.normal[2] * ray.cos, self.view[0] * ray.sin + self.view[2] * ray.cos]
+    }
+
+    /// The integrand without the constants: D (and F, G) · cosψ for one direction, given by sinψ and cosψ.
+    fn value(&self, [p, cv]: [f64; 2], s: f64, c: f64) -> f64 {
         let light = c * p + s * self.normal[1];
         let h = light + self.facing;
         let double = 2.0 * (1.0 + c * cv + s * self.view[1]); // |ω + v|²
@@ -262,16 +260,18 @@ impl Lobed<'_> {
         if !(inside(peak - reach) && inside(peak + reach)) {
             return None;
         }
+        let planes: Vec<_> = rays.iter().map(|ray| (ray.weight, self.in_plane(ray))).collect();
         let mut sum = 0.0;
         for k in -REACH..=REACH {
             let (s, c) = (peak + STEP * f64::from(k) * width).sin_cos();
-            sum += rays.iter().map(|ray| ray.weight * self.value(ray, s, c)).sum::<f64>();
+            sum += planes.iter().map(|&(weight, plane)| weight * self.value(plane, s, c)).sum::<f64>();
         }
         Some(sum * STEP * width * self.scale())
     }
 
-    /// Panels from the peak outwards, each wider than the one before, clipped to [a, b].
-    fn panels(&self, ray: &Ray, a: f64, b: f64, peak: f64, width: f64) -> f64 {
+    /// Panels from the peak outwards, each wider than the one before, clipped to each ray's lit length. Rays that clip a
+    /// panel alike share its nodes: their sines and cosines are half of the work.
+    fn panels(&self, rays: &[Ray], ends: [f64; 2], peak: f64, width: f64) -> f64 {
         const BELL: [f64; 4] = [0.0, 1.3, 3.0, 7.5];
         const TAILED: [f64; 8] = [0.0, 1.0, 2.5, 6.0, 15.0, 40.0, 100.0, 300.0];
         // V-cavity masking has kinks: narrower panels.
@@ -281,27 +281,47 @@ impl Lobed<'_> {
             Lobe::Ggx => &TAILED,
             Lobe::CookTorrance { .. } => &KINKED,
         };
-        let mut sum = 0.0;
-        let mut piece = |lo: f64, hi: f64| {
-            let (lo, hi) = (lo.max(a), hi.min(b));
-            if lo < hi {
-                // Long pieces are split so that the geometry itself is resolved too.
-                let parts = ((hi - lo) / 0.5).ceil().max(1.0);
-                let step = (hi - lo) / parts;
-                for k in 0..parts as usize {
-                    let mid = lo + (k as f64 + 0.5) * step;
-                    for &(x, w) in self.panel {
-                        let (s, c) = (mid + 0.5 * step * x).sin_cos();
-                        sum += 0.5 * step * w * self.value(ray, s, c);
+        let mut lit_rays: Vec<_> = rays
+            .iter()
+            .filter_map(|ray| {
+                let [a, b] = lit(ray, self.normal, ends)?;
+                Some((ray.weight, self.in_plane(ray), [a.atan(), b.atan()], 0.0))
+            })
+            .collect();
+        let mut nodes = Vec::new();
+        for e in edges.windows(2) {
+            for [lo, hi] in [[peak + e[0] * width, peak + e[1] * width], [peak - e[1] * width, peak - e[0] * width]] {
+                let mut clipped = [f64::NAN; 2];
+                for (_, plane, [a, b], sum) in &mut lit_rays {
+                    let piece = [lo.max(*a), hi.min(*b)];
+                    if piece[0] < piece[1] {
+                        if piece != clipped {
+                            self.nodes(piece, &mut nodes);
+                            clipped = piece;
+                        }
+                        for &[s, c, weight] in &nodes {
+                            *sum += weight * self.value(*plane, s, c);
+                        }
                     }
                 }
             }
-        };
-        for e in edges.windows(2) {
-            piece(peak + e[0] * width, peak + e[1] * width);
-            piece(peak - e[1] * width, peak - e[0] * width);
         }
-        sum * self.scale()
+        lit_rays.iter().map(|(weight, .., sum)| weight * (sum * self.scale())).sum()
+    }
+
+    /// The nodes of a piece of the tube: sinψ, cosψ and weight.
+    fn nodes(&self, [lo, hi]: [f64; 2], nodes: &mut Vec<[f64; 3]>) {
+        nodes.clear();
+        // Long pieces are split so that the geometry itself is resolved too.
+        let parts = ((hi - lo) / 0.5).ceil().max(1.0);
+        let step = (hi - lo) / parts;
+        for k in 0..parts as usize {
+            let mid = lo + (k as f64 + 0.5) * step;
+            for &(x, w) in self.panel {
+                let (s, c) = (mid + 0.5 * step * x).sin_cos();
+                nodes.push([s, c, 0.5 * step * w]);
+            }
+        }
     }
 
     /// 1/(4π cosθr): the constants of the lobe; cosθi cancels.

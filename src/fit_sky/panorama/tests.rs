@@ -52,7 +52,7 @@ fn stated_errors_cover() {
         .map(|seed| {
             let part = |k: u64| ((seed * 2_654_435_761 + k * 40_503) % 1000) as f64 / 1000.0;
             let (zenith, azimuth, turbidity) = (0.4 + 0.95 * part(1), PI * (2.0 * part(2) - 1.0), 2.3 + 3.5 * part(3));
-            let shot = Shot { azimuth, ..shot(seed) };
+            let shot = Shot { width: 20, height: 10, azimuth, ..shot(seed) };
             let f = found(&Preetham.at(zenith, turbidity).unwrap(), &shot, Some(0.02));
             assert_eq!(f.status, Status::Ok, "{seed}");
             let e = off(&f, [zenith, azimuth, turbidity, 0.8]);

@@ -127,18 +127,3 @@ fn many() -> StressRow {
     let verdict = if right && rest { "ok".into() } else { format!("wrong: {share} ± {error}, {none} ± {of_none}") };
     row("counts of 1e10 rays", "ok", verdict, None, clock)
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn every_case_gets_its_verdict() {
-        let rows = rows();
-        for r in &rows {
-            println!("{:50} {:10} {} {:?} {:.0} ms", r.case, r.expected, r.verdict, r.digits, r.ms);
-        }
-        let missed: Vec<_> = rows.iter().filter(|r| !r.passed()).collect();
-        assert!(missed.is_empty(), "{missed:#?}");
-    }
-}

@@ -207,13 +207,3 @@ fn roof() -> World {
     }
     world
 }
-
-#[cfg(test)]
-mod tests {
-    #[test]
-    fn every_case_gets_its_verdict() {
-        for row in super::rows() {
-            assert!(row.passed(), "{}: {}, expected {}", row.case, row.verdict, row.expected);
-        }
-    }
-}
