@@ -1,7 +1,9 @@
 //! Nothing leaks: shared edges and corners, wide scenes with narrow gaps; and scenes that are empty, piled up, or refuse
 //! hits.
 
-use crate::common::{alone, levels, numbered, point, seeded};
+mod common;
+
+use common::{alone, levels, numbered, point, seeded};
 use glam::{DMat4, DQuat, DVec3};
 use mesophyll_rays::{Forest, Ray, Shape};
 use rand::RngExt;

@@ -1,6 +1,8 @@
 //! What trees find is what is found without them.
 
-use crate::common::{alone, by_solving, levels, numbered, one_by_one, placement, point, seeded, soup};
+mod common;
+
+use common::{alone, by_solving, levels, numbered, one_by_one, placement, point, seeded, soup};
 use glam::{DMat4, DVec3};
 use mesophyll_rays::{Forest, Ray, Shape};
 use proptest::prelude::*;

@@ -1,5 +1,7 @@
 //! What the tests share: random scenes, and the search that knows no box.
 
+#![allow(dead_code)]
+
 use glam::{DMat3, DMat4, DQuat, DVec3};
 use mesophyll_rays::{Forest, Hit, Level, Ray, Shape};
 use rand::{RngExt, SeedableRng};
