@@ -3,12 +3,13 @@
 #   make test    every test; at the end it says how many were skipped, and why
 #   make fits    regenerates everything under fits/
 #   make goldens draws the golden pictures of every scene anew; only after a deliberate change of a fit or of the renderer
+#   make gallery draws the pictures of docs/gallery.md, 1600 pixels wide, under out/gallery/; about an hour on two cores
 #   make full    the demo at the full size of a real scan (720×540, 100 frames a pass); about 2 GB of disk
 
 CARGO ?= cargo
 MESOPHYLL = target/release/mesophyll
 
-.PHONY: demo full test fits goldens build setup setup-test fmt lint
+.PHONY: demo full test fits goldens gallery build setup setup-test fmt lint
 
 # Says how the program ended and where to look, and ends with its exit code, which the shell has in `code`. $(1) is the report.
 # 1: a fit, a picture or the machine (no adapter to draw with) misses what the scene asks; 2: an input or the disk; more: it died.
@@ -53,6 +54,12 @@ goldens: build
 	rm -f data/scenes/golden/*.png
 	for scene in data/scenes/*.toml; do \
 	    $(MESOPHYLL) check $$scene --goldens-only --update-golden --out out/goldens/$$(basename $$scene .toml) || exit 1; \
+	done
+
+# Goes on where it was stopped.
+gallery: build
+	for scene in data/gallery/*.toml; do \
+	    $(MESOPHYLL) render $$scene -o out/gallery --tone film --resume || exit $$?; \
 	done
 
 build: setup

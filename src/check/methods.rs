@@ -124,7 +124,10 @@ impl Weighing<'_> {
         let other = stage.view(self.scene, self.view, check.seed.wrapping_add(1))?;
         let seconds = start.elapsed().as_secs_f64();
         let mut rows = Vec::new();
-        for (method, drawn) in ways(self.own) {
+        for (method, mut drawn) in ways(self.own) {
+            if let Some(wind) = &mut drawn.wind {
+                wind.time_s = branch::time(&self.scene.manifest, self.view);
+            }
             renderer.set_scene(&drawn).map_err(told)?;
             let camera = handover::camera(self.view);
             let picture = renderer.render(&camera, check.width, check.height).map_err(told)?;

@@ -4,7 +4,7 @@ use super::Common;
 use crate::Result;
 use crate::named::named;
 use mesophyll_files::claim;
-use mesophyll_scene::fits::missing::input_hash;
+use mesophyll_scene::fits::missing;
 use mesophyll_scene::placed::{Placed, leaf::Search};
 use mesophyll_scene::traced::{self, Drawn, Options};
 use mesophyll_scene::{ledger::Ledger, loaded::Scene, manifest::Manifest};
@@ -16,7 +16,8 @@ use std::path::PathBuf;
      mesophyll render data/scenes/cluster.toml -o out/cluster --error 0.01\n  \
      mesophyll render data/scenes/cluster.toml -o out/cluster --samples 1024 --resume\n\n\
     Each view becomes VIEW.exr (channels R, G, B: radiance; error.R, error.G, error.B: its standard error), VIEW.png \
-    (tone-mapped) and VIEW.progress.exr, from which --resume goes on. The scene's [check] gives the picture's size.")]
+    (tone-mapped) and VIEW.progress.exr, from which --resume goes on. The scene's [check] gives the picture's size. \
+    Fits that are missing are made first and kept in DIR/fits.")]
 pub struct Args {
     /// Scene to draw, with light between leaves
     #[arg(value_name = "SCENE.toml")]
@@ -58,8 +59,13 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let manifest = Manifest::read(&args.scene)?;
     claim::folder(&args.out, claim::Kind::Render, &[&args.scene])?;
     let ledger = Ledger::new();
-    let search = Search { out: Some(&args.out), input_hash: Some(&input_hash), free: false };
+    let search = Search { out: Some(&args.out), input_hash: Some(&missing::input_hash), free: false };
     let mut placed = Placed::new(&manifest, search, &ledger)?;
+    for index in placed.unfitted() {
+        let folder = missing::fit_folder(&manifest, index, &args.out);
+        missing::fit(&manifest, index, &args.out, &folder, false, &ledger)?;
+        placed.find_again(&manifest, index, search, &ledger)?;
+    }
     if placed.unfitted().is_empty() {
         placed.make_translucency(&manifest, &args.out, search, &ledger)?;
     }

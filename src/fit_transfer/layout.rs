@@ -25,13 +25,14 @@ pub struct Layout {
     pub rows: usize,
     /// Which instance is the ground.
     pub ground: Option<usize>,
-    /// Anchors of each instance.
+    /// Anchors of each instance that has rows of its own; 0 of the others.
     each: Vec<usize>,
 }
 
 impl Layout {
-    /// The layout of a world whose first `leaves` leaves are leaves, and the others wood or ground.
-    pub fn new(world: &World, leaves: usize, options: &Options) -> Layout {
+    /// The layout of a world whose first `leaves` leaves are leaves, and the others wood or ground. An instance that is not
+    /// `seen` has no rows of its own: it shares those of another instance of its leaf, since its light is never looked at.
+    pub fn new(world: &World, leaves: usize, seen: &[bool], options: &Options) -> Layout {
         let of = |(k, leaf): (usize, &ReferenceLeaf)| match k < leaves {
             true => OfLeaf {
                 anchors: Anchors::on_leaf(leaf, options.anchors),
@@ -40,17 +41,26 @@ impl Layout {
             false => OfLeaf { anchors: Anchors::at_vertices(leaf), rows: Rows::Front },
         };
         let leaves: Vec<OfLeaf> = world.leaves.iter().enumerate().map(of).collect();
-        let each = world.instances.iter().map(|p| leaves[p.leaf].anchors.points.len()).collect();
-        let mut rows = 0;
-        let first = world
-            .instances
-            .iter()
-            .map(|p| {
-                let first = rows;
-                rows += leaves[p.leaf].anchors.points.len() * leaves[p.leaf].rows.count();
-                first
-            })
-            .collect();
+        let shown = |k: usize| seen.get(k).is_none_or(|s| *s);
+        // The first of each leaf that is seen, or the first of all.
+        let mut stands_for: Vec<Option<usize>> = vec![None; leaves.len()];
+        for (k, p) in world.instances.iter().enumerate() {
+            let first = &mut stands_for[p.leaf];
+            if first.is_none_or(|f| !shown(f) && shown(k)) {
+                *first = Some(k);
+            }
+        }
+        let own = |k: usize| shown(k) || stands_for[world.instances[k].leaf] == Some(k);
+        let (mut rows, mut first, mut each) = (0, Vec::new(), Vec::new());
+        for (k, p) in world.instances.iter().enumerate() {
+            let of = &leaves[p.leaf];
+            each.push(if own(k) { of.anchors.points.len() } else { 0 });
+            first.push(rows);
+            rows += each[k] * of.rows.count();
+        }
+        for (k, p) in world.instances.iter().enumerate().filter(|(k, _)| !own(*k)) {
+            first[k] = stands_for[p.leaf].map_or(0, |other| first[other]);
+        }
         Layout { leaves, first, rows, ground: world.ground, each }
     }
 
@@ -59,7 +69,12 @@ impl Layout {
         self.each.iter().sum()
     }
 
-    /// Rows of one instance.
+    /// Whether an instance has rows of its own.
+    pub(crate) fn is_own(&self, instance: usize) -> bool {
+        self.each[instance] > 0
+    }
+
+    /// Rows of one instance's own.
     pub fn rows_of(&self, world: &World, instance: usize) -> usize {
         self.each[instance] * self.leaves[world.instances[instance].leaf].rows.count()
     }

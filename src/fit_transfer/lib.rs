@@ -58,6 +58,8 @@ pub struct Scene {
     pub world: Arc<World>,
     /// How many of the world's leaves, from the first, are leaves; the others are wood and ground.
     pub leaves: usize,
+    /// Of each instance, whether any picture will show it; what is beyond the end is shown.
+    pub seen: Vec<bool>,
     /// A sun whose shadows are wanted too ([`Scene::under_sun`]).
     pub sun: Option<Sun>,
 }
@@ -93,7 +95,7 @@ fn fit(scene: &Scene, options: &Options, maker: &mut Maker) -> Result<Outcome> {
         return Ok(found);
     }
     let world = &*scene.world;
-    let layout = maker.phase("anchors", || Ok(Layout::new(world, scene.leaves, options)))?;
+    let layout = maker.phase("anchors", || Ok(Layout::new(world, scene.leaves, &scene.seen, options)))?;
     let columns = options.columns.count();
     let bytes = (layout.rows * columns) as u64 * 64;
     memory::require(bytes, &format!("the transfer of {} anchors", layout.anchors()))?;
@@ -107,7 +109,7 @@ fn fit(scene: &Scene, options: &Options, maker: &mut Maker) -> Result<Outcome> {
         let name = format!("part-{k}");
         let Part { errors: of_part } = maker.part(PART, &name, |folder, _| {
             let (mut found, mut errors) = (Vec::new(), Vec::new());
-            for instance in part.clone() {
+            for instance in part.clone().filter(|k| layout.is_own(*k)) {
                 let leaf = &layout.leaves[world.instances[instance].leaf];
                 let receiver = Receiver { instance, anchors: &leaf.anchors.points, rows: leaf.rows };
                 let of = transfer::measure(&tracer, &receiver, &request);
@@ -160,8 +162,8 @@ fn fit(scene: &Scene, options: &Options, maker: &mut Maker) -> Result<Outcome> {
 /// Everything that decides the transfer of a scene.
 pub fn input_hash(scene: &Scene, options: &Options) -> String {
     let told = format!(
-        "{:?} {:?} {} {} {}",
-        options.anchors, options.columns, options.gloss_bands, options.paths, options.seed
+        "{:?} {:?} {} {} {} {:?}",
+        options.anchors, options.columns, options.gloss_bands, options.paths, options.seed, scene.seen
     );
     let matter = matter::hash(&scene.world, scene.leaves);
     let light = match options.columns {

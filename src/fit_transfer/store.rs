@@ -49,7 +49,7 @@ impl Transfer {
         if record.input_hash != input_hash(scene, options) {
             return Ok(None);
         }
-        let layout = Layout::new(&scene.world, scene.leaves, options);
+        let layout = Layout::new(&scene.world, scene.leaves, &scene.seen, options);
         let scale = crate::matter::scale(&scene.world, options.columns);
         let entries = entries(&folder.join(OPERATORS), layout.rows * options.columns.count())?;
         Ok(Some(Transfer {

@@ -35,7 +35,7 @@ fn scene() -> Scene {
         .map(|k| Placement { leaf: 0, transform: DMat4::from_translation(DVec3::Z * 4.0 * f64::from(k)) })
         .collect();
     let world = World { leaves: vec![leaf], instances, sky: Some([1.0; 3]), ..World::default() };
-    Scene { name: "stack".into(), world: Arc::new(world), leaves: 1, sun: None }
+    Scene { name: "stack".into(), world: Arc::new(world), leaves: 1, seen: Vec::new(), sun: None }
 }
 
 fn options(columns: Columns) -> Options {
@@ -108,4 +108,27 @@ fn a_damaged_transfer_is_refused() {
     write_exr(&out.join(OPERATORS), &store::maps(&broken), Packing::Half).unwrap();
     let told = Transfer::open(&out, &scene, &options).unwrap_err().to_string();
     assert!(told.contains("operators.exr") && told.contains("finite"), "{told}");
+}
+
+/// What no picture shows has no rows: it points to those of another leaf like it.
+#[test]
+fn what_is_never_seen_has_no_rows() {
+    let (whole, dir) = (scene(), tempfile::tempdir().unwrap());
+    let options = options(Columns::Light);
+    let rows = |seen: &[bool]| {
+        let scene = Scene { seen: seen.to_vec(), ..whole.clone() };
+        let out = dir.path().join(format!("{seen:?}"));
+        run(&scene, &[], &out, &options).unwrap();
+        let read = Transfer::open(&out, &scene, &options).unwrap().unwrap();
+        assert_eq!(read.entries.len(), read.layout.rows);
+        (read.layout.first, read.entries)
+    };
+    let (all, entries) = rows(&[]);
+    let one = 6 * 6;
+    assert_eq!(all, [0, one, 2 * one]);
+    let (first, middle) = rows(&[false, true, false]);
+    assert_eq!(first, [0; 3]);
+    assert_eq!(middle, entries[one..2 * one]);
+    // Of a leaf that is never seen one has rows all the same.
+    assert_eq!(rows(&[false; 3]).1, entries[..one]);
 }

@@ -125,3 +125,35 @@ fn what_cannot_be_asked_for_is_refused_by_name() {
         assert!(told.contains(expected) && told.contains("crowd.toml"), "{told}\nexpected {expected}");
     }
 }
+
+/// Sharp shadows that were worked out beforehand: no shadow map is drawn, and the picture is the path tracer's, as it is
+/// with shadow maps.
+#[test]
+fn shadows_that_are_known_beforehand_are_those_of_the_path_tracer() {
+    let dir = tempfile::tempdir().unwrap();
+    let light = "[sun]\nzenith_deg = 35\nazimuth_deg = -70\nirradiance = [2.0, 2.0, 2.0]\nradius_deg = 2\n\
+                 [sky]\nradiance = [0.1, 0.1, 0.1]\n[transfer]\npaths = 256\n";
+    let draw = |more: &str| {
+        let scene = crowd(dir.path(), [0.3, 0.3], 6, &format!("{light}{more}"));
+        let out = dir.path().join(format!("out{}", more.len()));
+        let output = mesophyll(&["check", "--json", scene.to_str().unwrap(), "--out", out.to_str().unwrap()]);
+        (!skips::no_adapter(&output)).then(|| (json(&output), image::open(out.join("side.png")).unwrap().to_rgb8()))
+    };
+    let Some((known, by_shares)) = draw("shadows = \"visibility\"\nedge_mm = 1.5\n") else { return };
+    let Some((drawn, by_maps)) = draw("") else { return };
+    let has = |report: &serde_json::Value, list: &str, word: &str| report[list].to_string().contains(word);
+    assert!(has(&known, "uploads", "shares of the sun") && has(&known, "pipelines", "shares"), "{known:#}");
+    assert!(!has(&known, "pipelines", "shadow") && has(&drawn, "pipelines", "shadow"));
+    let p99 = |report: &serde_json::Value| report["views"][0]["flip_p99"].as_f64().unwrap();
+    let noise = known["views"][0]["noise_flip_p99"].as_f64().unwrap();
+    // As near the path tracer as shadow maps are, and within thrice its own noise.
+    assert!(p99(&known) < p99(&drawn) + noise && p99(&known) < 3.0 * noise, "{known:#} {drawn:#}");
+    let apart = by_shares.as_raw().iter().zip(by_maps.as_raw()).map(|(a, b)| f64::from(a.abs_diff(*b)));
+    let (sum, count) = apart.fold((0.0, 0.0), |(sum, count), d| (sum + d, count + 1.0));
+    assert!(sum / count < 1.0, "mean difference of {} of 255", sum / count);
+    // Without them the plan says why.
+    let path = |more: &str| crowd(dir.path(), [0.3, 0.3], 6, &format!("{light}{more}"));
+    assert!(planned(&path("shadows = \"visibility\"\n")).light.between.unwrap().sun_visibility);
+    let plan = planned(&path(""));
+    assert!(plan.left_out.iter().any(|l| l.name == "sun visibility" && l.reason.contains("asks for shadow maps")));
+}

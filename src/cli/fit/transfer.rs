@@ -42,9 +42,14 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
 fn summary(record: &FitRecord) -> String {
     let say = |name: &str| record.options.get(name).map_or("", String::as_str);
     let mut text = format!("{}: {}, {} paths an anchor\n", record.name, say("light"), say("paths"));
-    for section in record.sections.values() {
+    for (name, section) in &record.sections {
         let count = |k: &str| section.counts.get(k).copied().unwrap_or(0);
         let figure = |k: &str| section.figures.get(k).copied().unwrap_or(f64::NAN);
+        if name == "sun" {
+            let (maps, vertices) = (count("directions"), count("vertices"));
+            text += &format!("sun seen by {vertices} vertices from {maps} directions: {:.0} bytes\n", figure("bytes"));
+            continue;
+        }
         text += &format!(
             "{} anchors, {} rows of {} columns: {:.2} MB on the adapter\n",
             count("anchors"),

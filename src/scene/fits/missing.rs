@@ -106,6 +106,8 @@ fn scanned(
     claim::capture(&folder, &[], true)?;
     let mut spec = Spec::read(&manifest.resolve(&told.spec))?;
     spec.field_mm = told.field_mm.unwrap_or(spec.field_mm);
+    spec.interior.sigma_a = told.sigma_a.unwrap_or(spec.interior.sigma_a);
+    spec.interior.sigma_s = told.sigma_s.unwrap_or(spec.interior.sigma_s);
     let (width, height) = told.texels().unwrap_or((720, 540));
     let options = scan::Options {
         width,

@@ -88,8 +88,9 @@ pub fn source(manifest: &Manifest, index: usize, out: Option<&Path>, input_hash:
 pub fn scan_hash(manifest: &Manifest, scan: &Scan) -> Result<String> {
     let spec = hash::file(&manifest.resolve(&scan.spec))?;
     let field = scan.field_mm.map(|f| format!("{f:?}")).unwrap_or_default();
+    let inside = scan.sigma_a.iter().chain(&scan.sigma_s).map(|s| format!(" {s:?}")).collect::<String>();
     let told = format!(
-        "{:?} {:?} {:?} {:?} {}{field}",
+        "{:?} {:?} {:?} {:?} {}{field}{inside}",
         scan.size,
         scan.frames,
         scan.noise,

@@ -110,6 +110,9 @@ pub struct Scan {
     pub size: Option<String>,
     /// Width and height of what is scanned, around the middle of the specification's field; all of it when absent.
     pub field_mm: Option<[f64; 2]>,
+    /// Absorption and scattering of the leaf's inside (1/mm; red, green, blue) in place of the specification's.
+    pub sigma_a: Option<[f64; 3]>,
+    pub sigma_s: Option<[f64; 3]>,
     pub frames: Option<usize>,
     pub noise: Option<f64>,
     pub seed: Option<u64>,

@@ -1,9 +1,11 @@
 //! The plan of light between leaves: whether there is any, and what its transfer is made of.
 
 use super::{Between, LeftOut, Need, Plan};
-use crate::manifest::{Manifest, Shadows, Transfer};
+use crate::manifest::{Manifest, Shadows, Transfer, ViewKind};
 use crate::placed::Placed;
 use crate::placed::daylight::sun_directions;
+use crate::placed::placement::Placement;
+use glam::DVec3;
 
 /// Bands of the light where it moves and the scene does not say how many: those of the paper (Wang et al. 2005, §4).
 const BANDS: usize = 5;
@@ -31,6 +33,27 @@ pub fn sun_visibility(manifest: &Manifest, placed: &Placed) -> Result<(), &'stat
     }
 }
 
+/// Whether a ball is in the picture of any perspective view, a little more generously than it has to be.
+pub fn in_view(manifest: &Manifest, centre: DVec3, radius: f64) -> bool {
+    let aspect = f64::from(manifest.check.width) / f64::from(manifest.check.height.max(1));
+    manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).any(|view| {
+        let vec = |v: Option<[f64; 3]>, or: DVec3| v.map_or(or, DVec3::from);
+        let eye = vec(view.eye_mm, DVec3::ZERO);
+        let ahead = (vec(view.target_mm, DVec3::ZERO) - eye).normalize_or(DVec3::X);
+        let right = ahead.cross(vec(view.up, DVec3::Z)).normalize_or(ahead.any_orthonormal_vector());
+        let half = 1.02 * (0.5 * view.fov_deg.unwrap_or(30.0)).to_radians().tan();
+        let d = centre - eye;
+        let depth = d.dot(ahead);
+        let within = |across: f64, half: f64| across.abs() <= half * depth + radius * half.hypot(1.0);
+        depth > -radius && within(d.dot(right), half * aspect) && within(d.dot(right.cross(ahead)), half)
+    })
+}
+
+/// Whether views alone decide what is seen: neither may the camera move, nor what stands there.
+pub fn only_views(placed: &Placed) -> bool {
+    !placed.free && placed.bends.is_none()
+}
+
 /// Whether no leaf has another one, wood or ground beside it.
 fn stands_alone(manifest: &Manifest, placed: &Placed) -> bool {
     // A mesh of the scene's own may be many leaves; a fit's blade is one.
@@ -56,7 +79,14 @@ pub fn between(manifest: &Manifest, placed: &Placed, plan: &mut Plan) {
     let shines = |k: usize| manifest.leaves[k].uniform.as_ref().is_none_or(|u| u.gloss().is_some());
     let gloss: Vec<bool> =
         plan.leaves.iter().enumerate().map(|(k, l)| shines(k) && l.sides.iter().any(|s| s.gloss)).collect();
-    let entries = |bands: usize| (rows(asked, placed, &gloss, bands) * bands * bands * 8) as u64;
+    let unseen = |p: &&Placement| {
+        only_views(placed) && ball(placed, p).is_some_and(|(centre, radius)| !in_view(manifest, centre, radius))
+    };
+    let of = |seen: bool, bands: usize| {
+        let placements = placed.placements.iter().filter(|p| unseen(p) != seen);
+        rows(asked, placements, &gloss, bands) as u64
+    };
+    let entries = |bands: usize| of(true, bands) * (bands * bands * 8) as u64;
     if stands_alone(manifest, placed) {
         let why = "one leaf stands alone: no other sends it light or hides the sky";
         let bytes = entries(asked.bands.unwrap_or(BANDS));
@@ -65,6 +95,13 @@ pub fn between(manifest: &Manifest, placed: &Placed, plan: &mut Plan) {
     }
     let moves = placed.free || manifest.sun_moves();
     let bands = asked.bands.or_else(|| moves.then_some(BANDS));
+    let beside = placed.placements.iter().filter(unseen).count();
+    if beside > 0 {
+        let why = format!("no view shows {beside} of {} leaves: nothing arrives at them", placed.placements.len());
+        let columns = bands.map_or(1, |b| b * b) as u64;
+        let saved = of(false, bands.unwrap_or(BANDS)) * columns * 8;
+        plan.leave_out(LeftOut::new("light at leaves beside the pictures", why, saved, None));
+    }
     let shadows = sun_visibility(manifest, placed);
     plan.light.between = Some(Between { bands, sun_visibility: shadows.is_ok() });
     plan.light.sky_bands = plan.light.sky_bands.max(bands.unwrap_or(0));
@@ -101,9 +138,41 @@ pub fn between(manifest: &Manifest, placed: &Placed, plan: &mut Plan) {
     }
 }
 
+/// Where a placement's leaf is at most: centre and radius.
+fn ball(placed: &Placed, p: &Placement) -> Option<(DVec3, f64)> {
+    let (centre, radius) = placed.leaves[p.leaf].mesh.as_ref()?.bounds();
+    Some((p.transform.transform_point3(centre), radius * p.transform.x_axis.truncate().length()))
+}
+
 /// Rows of all leaves together, each taken for one piece.
-fn rows(asked: &Transfer, placed: &Placed, gloss: &[bool], bands: usize) -> usize {
+fn rows<'a>(asked: &Transfer, placements: impl Iterator<Item = &'a Placement>, gloss: &[bool], bands: usize) -> usize {
     let [along, across] = asked.anchors;
     let of = |leaf: usize| along * across * if gloss[leaf] { 6 + bands * bands } else { 6 };
-    placed.placements.iter().map(|p| of(p.leaf)).sum()
+    placements.map(|p| of(p.leaf)).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::manifest::View;
+
+    /// What is cut by the picture's edge is in it, what lies beside, behind or above it is not.
+    #[test]
+    fn a_ball_is_in_a_picture_or_beside_it() {
+        let mut manifest: Manifest = toml::from_str("schema = 1\nname = \"a\"").unwrap();
+        (manifest.check.width, manifest.check.height) = (200, 100);
+        manifest.views = vec![View {
+            name: "front".into(),
+            eye_mm: Some([0.0, -100.0, 0.0]),
+            target_mm: Some([0.0; 3]),
+            fov_deg: Some(90.0),
+            ..View::default()
+        }];
+        let seen = |x: f64, y: f64, z: f64| in_view(&manifest, DVec3::new(x, y, z), 10.0);
+        assert!(seen(0.0, 0.0, 0.0) && seen(-199.0, 0.0, 0.0) && seen(0.0, 0.0, 99.0));
+        // The edge lies at 200 and 100; a ball reaches √5 and √2 times its radius beyond.
+        assert!(seen(215.0, 0.0, 0.0) && !seen(235.0, 0.0, 0.0));
+        assert!(seen(0.0, 0.0, -110.0) && !seen(0.0, 0.0, -125.0));
+        assert!(seen(0.0, -105.0, 0.0) && !seen(0.0, -115.0, 0.0) && seen(3900.0, 2000.0, 1900.0));
+    }
 }

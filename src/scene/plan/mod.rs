@@ -7,7 +7,7 @@
 //! tolerance and from rows of error against cost.
 
 pub mod accuracy;
-mod between;
+pub mod between;
 mod branches;
 pub mod leaf;
 mod light;

@@ -64,6 +64,9 @@ pub fn leaves(p: &Place) -> Result<()> {
             for side in scan.field_mm.iter().flatten() {
                 p.range(HEADER, i, "scan", *side, [0.1, 1e4], "mm of field")?;
             }
+            for sigma in scan.sigma_a.iter().chain(&scan.sigma_s).flatten() {
+                p.range(HEADER, i, "scan", *sigma, [1e-6, 1e6], "1/mm of absorption or scattering")?;
+            }
             p.range(HEADER, i, "scan", scan.frames.unwrap_or(100) as f64, [8.0, 10_000.0], "frames")?;
             p.range(HEADER, i, "scan", scan.noise.unwrap_or(0.0), [0.0, 1.0], "relative noise")?;
         }
