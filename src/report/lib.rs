@@ -25,6 +25,7 @@ mod residuals;
 pub mod rows;
 mod scene;
 pub mod sky;
+pub mod spectrum;
 mod stats;
 mod translucency;
 mod verdict;

@@ -250,6 +250,9 @@ fn made_from(scene: &Scene, view: &View) -> Result<String> {
             parts.push((format!("translucency {}", leaf.index), record));
         }
     }
+    for file in manifest.leaves.iter().filter_map(|l| l.foliar.as_ref()?.pigments.as_ref()) {
+        parts.push(("pigments".into(), hash::file(&manifest.resolve(file))?));
+    }
     let placed = format!("{:?}", scene.placed.placements);
     parts.push(("places".into(), hash::bytes(placed.as_bytes())));
     if let Some(file) = manifest.sky.as_ref().and_then(|s| s.environment.as_ref()) {

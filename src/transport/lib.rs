@@ -14,6 +14,7 @@ pub mod compare;
 pub mod cube;
 pub mod dome;
 pub mod environment;
+pub mod foliar;
 pub mod lobe;
 pub mod lookup;
 #[cfg(test)]

@@ -4,6 +4,7 @@
 //! ([`super::path`]).
 
 use super::accelerate::{Forest, Hit, Ray, Shape};
+use super::foliar::Foliar;
 use super::lookup::Taps;
 use super::world::{Interior, NormalFrame, Placement, ReferenceLeaf, ReferenceSide, Sunlit, World};
 use glam::{DMat3, DMat4, DVec2, DVec3, DVec4};
@@ -55,6 +56,11 @@ impl<'a> Stage<'a> {
     /// The leaf that an instance shows.
     pub fn leaf(&self, instance: usize) -> &'a ReferenceLeaf {
         &self.world.leaves[self.world.instances[instance].leaf]
+    }
+
+    /// The model of B1 that an instance is drawn by, where it is.
+    pub fn foliar(&self, instance: usize) -> Option<&'a Foliar> {
+        self.world.foliar.get(self.world.instances[instance].leaf)?.as_deref()
     }
 
     /// What a ray meets first.

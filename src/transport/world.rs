@@ -6,6 +6,7 @@
 
 use super::dome::Dome;
 use super::environment::Environment;
+use super::foliar::Foliar;
 use super::lobe::Lobe;
 use crate::{Error, Result};
 use glam::{DMat4, DVec2, DVec3, DVec4};
@@ -17,6 +18,8 @@ use std::sync::Arc;
 pub struct World {
     /// The leaves, each once.
     pub leaves: Vec<ReferenceLeaf>,
+    /// Leaves that the path tracer draws by the models of B1; one beyond the end, or `None`, by its sides.
+    pub foliar: Vec<Option<Arc<Foliar>>>,
     /// Where leaves stand; one leaf may stand in many places.
     pub instances: Vec<Placement>,
     /// How the sun comes through each instance; an instance beyond the end lets it through by the mapped normal's
@@ -46,6 +49,7 @@ impl Default for World {
     fn default() -> Self {
         World {
             leaves: Vec::new(),
+            foliar: Vec::new(),
             instances: Vec::new(),
             through: Vec::new(),
             sun: None,

@@ -7,7 +7,11 @@ use mesophyll_files::progress;
 use mesophyll_files::table::{self, Answer, BatchIo, Spec, Table, counted};
 use mesophyll_fit::slab::{self, Measured, Options};
 use mesophyll_optics::slab::inverse::Precision;
+use mesophyll_report::spectrum::{self, Line, Panel};
+use std::collections::HashMap;
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 /// CSV columns `rho_d,rho_t,h` → `sigma_a,sigma_s,sigma_a_err,sigma_s_err,status` (1/mm).
 ///
@@ -36,6 +40,9 @@ pub struct Args {
     /// Reflectance of the surface itself (gloss), taken off rho_d before the fit
     #[arg(long, value_name = "R0", default_value_t = 0.0)]
     surface: f64,
+    /// Draw σa and σs over wavelength into this folder, a picture a leaf; the rows then need `leaf` and `wavelength_nm`
+    #[arg(long, value_name = "DIR")]
+    plots: Option<PathBuf>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -43,6 +50,40 @@ enum Unit {
     Mm,
     Um,
     M,
+}
+
+const LEAF: &str = "leaf";
+const WAVELENGTH: &str = "wavelength_nm";
+
+/// A picture a leaf, in order of first appearance, from rows in any order: number, leaf, wavelength and answer of each.
+fn spectra(mut rows: Vec<(usize, String, f64, Vec<f64>)>) -> Vec<(String, Vec<Panel>)> {
+    rows.sort_by_key(|r| r.0);
+    let mut leaves: Vec<(String, Vec<(f64, Vec<f64>)>)> = Vec::new();
+    let mut places = HashMap::new();
+    for (_, leaf, wavelength, values) in rows {
+        let place = *places.entry(leaf.clone()).or_insert_with(|| {
+            leaves.push((leaf, Vec::new()));
+            leaves.len() - 1
+        });
+        leaves[place].1.push((wavelength, values));
+    }
+    let panels = |(leaf, mut points): (String, Vec<(f64, Vec<f64>)>)| {
+        points.retain(|p| p.0.is_finite());
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let panel = |k: usize, name: &str, word: &str| Panel {
+            title: format!("{leaf}: {word}"),
+            axis: format!("{name} (1/mm)"),
+            logarithmic: true,
+            lines: vec![Line {
+                name: name.into(),
+                points: points.iter().map(|(w, v)| [*w, v[k], v[k + 2]]).collect(),
+                dots: false,
+            }],
+        };
+        let both = vec![panel(0, "σa", "absorption"), panel(1, "σs", "scattering")];
+        (leaf, both)
+    };
+    leaves.into_iter().map(panels).collect()
 }
 
 const INPUTS: [&str; 5] = ["rho_d", "rho_t", "h", "rho_d_err", "rho_t_err"];
@@ -62,7 +103,8 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let table = Table::open(&args.io.input)?;
     let spec = Spec {
         required: names[..3].to_vec(),
-        optional: names[3..].to_vec(),
+        optional: names[3..].iter().cloned().chain(args.plots.iter().map(|_| WAVELENGTH.into())).collect(),
+        texts: vec![LEAF.into()],
         outputs: slab::OUTPUTS.iter().map(|s| s.to_string()).collect(),
         ..Spec::default()
     };
@@ -71,6 +113,11 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             table.require(column)?;
         }
     }
+    if args.plots.is_some() {
+        table.require(LEAF)?;
+        table.require(WAVELENGTH)?;
+    }
+    let found: Mutex<Vec<(usize, String, f64, Vec<f64>)>> = Mutex::default();
     let options = Options { precision: args.method, noise: args.noise, surface: args.surface };
     let column = names[2].clone();
     let unit = thickness_unit(&column, args.thickness_unit)?;
@@ -97,9 +144,18 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         let answer = slab::answer(&options, &m);
         let silent = !m.noise_is_stated(&options) && !answer.values.is_empty();
         without_errors.fetch_add(usize::from(silent), Ordering::Relaxed);
+        if args.plots.is_some() && !answer.values.is_empty() {
+            let point = (row.number(), row.text(0).unwrap_or_default().to_string(), row.get(5), answer.values.clone());
+            found.lock().unwrap_or_else(PoisonError::into_inner).push(point);
+        }
         out.push(answer);
     })?;
     batch::say_tally(&tally, &args.io, common, "row")?;
+    if let Some(folder) = &args.plots {
+        let leaves = spectra(found.into_inner().unwrap_or_else(PoisonError::into_inner));
+        let files = spectrum::pictures(folder, &leaves)?;
+        progress::say(format!("{} in {}", counted(files.len(), "picture"), folder.display()));
+    }
     let without_errors = without_errors.into_inner();
     if without_errors > 0 {
         progress::say(format!(

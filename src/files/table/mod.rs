@@ -3,12 +3,14 @@
 //! Every batch form of the command line goes through [`run`]: rows are read in blocks, computed in parallel, and
 //! written in input order, so ten million rows need no more memory than ten thousand.
 
+mod groups;
 mod json;
 mod quotes;
 mod sink;
 mod source;
 mod tally;
 
+pub use groups::{GroupRow, Groups};
 pub use mesophyll_error::Status;
 pub use sink::{Output, Sink, push_cell, push_number, push_text, stdout_error};
 pub use source::{Record, Table};
@@ -226,17 +228,27 @@ impl Plan {
         f: &F,
         out: &mut Vec<Answer>,
     ) {
+        match self.parsed(record, spec) {
+            Ok((values, texts)) => f(&Row { values: &values, texts: &texts, number }, out),
+            Err(why) => out.push(Answer::refused(why)),
+        }
+        debug_assert!(out.iter().all(|a| a.values.is_empty() || a.values.len() == spec.outputs.len()));
+    }
+
+    /// Numbers and words of a row, or what is wrong with it.
+    #[allow(clippy::type_complexity)]
+    fn parsed<'a>(
+        &self,
+        record: &'a Record,
+        spec: &Spec,
+    ) -> std::result::Result<(Vec<f64>, Vec<Option<&'a str>>), String> {
         if let Some(fault) = record.fault(self.width) {
-            out.push(Answer::refused(fault));
-            return;
+            return Err(fault);
         }
         let mut values = Vec::with_capacity(self.numbers.len());
         for (at, name, needed) in &self.numbers {
             let text = match record.text(*at) {
-                Some(Err(_)) => {
-                    out.push(Answer::refused(format!("{name} is not valid UTF-8 text; expected a number")));
-                    return;
-                }
+                Some(Err(_)) => return Err(format!("{name} is not valid UTF-8 text; expected a number")),
                 Some(Ok(text)) => text,
                 None => "",
             };
@@ -247,28 +259,15 @@ impl Plan {
             match text.parse::<f64>() {
                 // `nan` in an optional cell is what an empty one is: no reading.
                 Ok(v) if !v.is_nan() || !needed => values.push(v),
-                _ if text.is_empty() => {
-                    out.push(Answer::refused(format!("{name} is empty")));
-                    return;
-                }
-                _ => {
-                    out.push(Answer::refused(format!("{name} is {text:?}; expected a number")));
-                    return;
-                }
+                _ if text.is_empty() => return Err(format!("{name} is empty")),
+                _ => return Err(format!("{name} is {text:?}; expected a number")),
             }
         }
-        let mut texts = Vec::with_capacity(self.texts.len());
-        for (at, name) in self.texts.iter().zip(&spec.texts) {
-            match record.text(*at).transpose() {
-                Ok(text) => texts.push(text),
-                Err(_) => {
-                    out.push(Answer::refused(format!("{name} is not valid UTF-8 text; expected a word")));
-                    return;
-                }
-            }
-        }
-        f(&Row { values: &values, texts: &texts, number }, out);
-        debug_assert!(out.iter().all(|a| a.values.is_empty() || a.values.len() == spec.outputs.len()));
+        let word = |(at, name): (&Option<usize>, &String)| {
+            record.text(*at).transpose().map_err(|_| format!("{name} is not valid UTF-8 text; expected a word"))
+        };
+        let texts = self.texts.iter().zip(&spec.texts).map(word).collect::<std::result::Result<_, String>>()?;
+        Ok((values, texts))
     }
 
     fn write_row(&self, bytes: &mut Vec<u8>, record: &Record, answer: &Answer, spec: &Spec) {
@@ -276,19 +275,22 @@ impl Plan {
             push_cell(bytes, record.bytes(k));
             bytes.push(b',');
         }
-        for k in 0..spec.outputs.len() {
-            match answer.values.get(k) {
-                Some(v) if spec.whole.contains(&spec.outputs[k]) && v.fract() == 0.0 => {
-                    push_text(bytes, &format!("{v:.0}"))
-                }
-                Some(v) => push_number(bytes, *v),
-                None => {}
-            }
-            bytes.push(b',');
-        }
-        push_text(bytes, &answer.status.to_string());
-        bytes.push(b'\n');
+        push_cells(bytes, answer, spec);
     }
+}
+
+/// Output cells and status of a row, and its end.
+fn push_cells(bytes: &mut Vec<u8>, answer: &Answer, spec: &Spec) {
+    for (k, name) in spec.outputs.iter().enumerate() {
+        match answer.values.get(k) {
+            Some(v) if spec.whole.contains(name) && v.fract() == 0.0 => push_text(bytes, &format!("{v:.0}")),
+            Some(v) => push_number(bytes, *v),
+            None => {}
+        }
+        bytes.push(b',');
+    }
+    push_text(bytes, &answer.status.to_string());
+    bytes.push(b'\n');
 }
 
 #[cfg(test)]

@@ -4,12 +4,16 @@
 //! mesophyll does not enter. Misfits may have several minima, so that the solver starts at several places.
 
 pub mod pigments;
+mod shared;
 pub mod surface;
 
 use mesophyll_files::table::{Answer, Status};
 use mesophyll_optics::foliar::Side;
 use mesophyll_optics::foliar::pigments::{Constants, SUBSTANCES, Spectrum};
-use mesophyll_solve::{Closure, Noise, Options as Solver, global};
+use mesophyll_solve::{Closure, Noise, Options as Solver, Problem, global};
+use shared::Shared;
+use std::cell::RefCell;
+use std::rc::Rc;
 use std::sync::{Arc, OnceLock};
 use surface::{MOST_OBLATE, Setting, Surface};
 
@@ -104,6 +108,8 @@ pub struct Model {
 
 /// How many places the solver starts at.
 const STARTS: usize = 8;
+/// About so many of a leaf's readings tell its minima apart.
+const FEW: usize = 48;
 /// An `ok` promises errors of this part of each value at most.
 const PROMISE: f64 = 0.1;
 
@@ -155,6 +161,24 @@ impl Model {
         names().chain(names().map(|n| n + "_err")).chain(["rms", "minima"].map(String::from)).collect()
     }
 
+    /// Computes what the lights of a side share, where they are so many that this is less work than one after the other.
+    /// It uses all threads; what is not prepared is computed where it is first needed.
+    pub fn prepare(&self, side: Side) {
+        let mut triples: Vec<[f64; 3]> = Vec::new();
+        for (_, _, constants) in self.lights.iter().filter(|l| l.1 == side) {
+            if !triples.contains(&constants.indices) {
+                triples.push(constants.indices);
+            }
+        }
+        triples.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        let Some(shared) = Shared::new(&triples, &self.setting, side) else { return };
+        for (surface, light) in self.surfaces.iter().zip(&self.lights).filter(|(_, l)| l.1 == side) {
+            if let Some(of_light) = shared.at(light.2.indices) {
+                surface.get_or_init(|| of_light);
+            }
+        }
+    }
+
     fn surface(&self, light: usize) -> &Surface {
         self.surfaces[light].get_or_init(|| {
             let (_, side, constants) = &self.lights[light];
@@ -162,8 +186,9 @@ impl Model {
         })
     }
 
-    /// R or T of every reading and its derivatives by the free parameters, handed to `each` with the reading's number.
-    fn evaluate(&self, readings: &[Reading], known: &Known, params: &[f64], mut each: impl FnMut(usize, f64, &[f64])) {
+    /// R and T of all lights that `readings` name, one after the other, with their derivatives by absorption and
+    /// lobe, for parameters of the free.
+    fn values(&self, readings: &[Reading], known: &Known, params: &[f64]) -> Vec<[surface::Value; 2]> {
         let mut contents = known.contents;
         let mut lobe = known.oblateness.ln_1p();
         for (&p, &x) in self.free.iter().zip(params) {
@@ -172,25 +197,70 @@ impl Model {
                 None => lobe = x,
             }
         }
-        let mut slopes = vec![0.0; self.free.len()];
-        let mut last: Option<(usize, [f64; 5], [surface::Value; 2])> = None;
-        for (k, reading) in readings.iter().enumerate() {
-            let (per, pair) = match last {
-                Some((light, per, pair)) if light == reading.light => (per, pair),
-                _ => {
-                    let per = self.lights[reading.light].2.per_content();
-                    let depth: f64 = per.iter().zip(&contents).map(|(x, c)| x * c).sum();
-                    let pair = self.surface(reading.light).at(depth, lobe);
-                    last = Some((reading.light, per, pair));
-                    (per, pair)
-                }
-            };
-            let value = pair[usize::from(reading.through)];
-            for (slope, p) in slopes.iter_mut().zip(&self.free) {
-                *slope = p.substance().map_or(value.by_lobe, |k| value.by_depth * per[k]);
+        let mut values: Vec<[surface::Value; 2]> = Vec::new();
+        let mut last = None;
+        for reading in readings {
+            if last != Some(reading.light) {
+                last = Some(reading.light);
+                let per = self.lights[reading.light].2.per_content();
+                let depth: f64 = per.iter().zip(&contents).map(|(x, c)| x * c).sum();
+                values.push(self.surface(reading.light).at(depth, lobe));
             }
-            each(k, value.value, &slopes);
         }
+        values
+    }
+
+    /// Measured less computed over the error, with derivatives. Residuals and derivatives are asked for at the same
+    /// parameters, and computed once.
+    fn problem<'a>(&'a self, readings: &'a [Reading], sigma: &'a [f64], known: &'a Known) -> impl Problem + 'a {
+        let (n, m) = (self.free.len(), readings.len());
+        // Which of the values a reading has.
+        let mut place = Vec::with_capacity(m);
+        for (k, r) in readings.iter().enumerate() {
+            let before = place.last().copied().unwrap_or(0);
+            place.push(before + usize::from(k > 0 && readings[k - 1].light != r.light));
+        }
+        let place = Rc::new(place);
+        let last: Rc<RefCell<(Vec<f64>, Vec<[surface::Value; 2]>)>> = Rc::default();
+        let (places, recent) = (place.clone(), last.clone());
+        let update = move |params: &[f64]| {
+            let mut recent = recent.borrow_mut();
+            if recent.0 != params {
+                *recent = (params.to_vec(), self.values(readings, known, params));
+            }
+        };
+        let again = update.clone();
+        let seen = last.clone();
+        Closure::new(n, m, move |params: &[f64], out: &mut [f64]| {
+            update(params);
+            let recent = last.borrow();
+            for (k, r) in readings.iter().enumerate() {
+                out[k] = (recent.1[place[k]][usize::from(r.through)].value - r.value) / sigma[k];
+            }
+        })
+        .with_jacobian(move |params: &[f64], out: &mut [f64]| {
+            again(params);
+            let recent = seen.borrow();
+            for (k, r) in readings.iter().enumerate() {
+                let value = recent.1[places[k]][usize::from(r.through)];
+                let per = self.lights[r.light].2.per_content();
+                for (j, p) in self.free.iter().enumerate() {
+                    let slope = p.substance().map_or(value.by_lobe, |s| value.by_depth * per[s]);
+                    out[j * m + k] = slope / sigma[k];
+                }
+            }
+        })
+    }
+
+    /// R or T of every reading for the values of a fit's answer, in the order of what was asked.
+    pub fn computed(&self, readings: &[Reading], known: &Known, values: &[f64]) -> Vec<f64> {
+        let of = |p: &Parameter| {
+            let x = self.asked.iter().position(|a| a == p).and_then(|k| values.get(k)).copied().unwrap_or(0.0);
+            if *p == Parameter::Oblateness { x.ln_1p() } else { x }
+        };
+        let params: Vec<f64> = self.free.iter().map(of).collect();
+        let each = |r: &Reading| self.values(std::slice::from_ref(r), known, &params)[0][usize::from(r.through)].value;
+        readings.iter().map(each).collect()
     }
 
     /// Fits one leaf and says what was found as the row of a batch. `known` holds what is not fitted.
@@ -212,14 +282,6 @@ impl Model {
         let known_noise = stated && (self.noise.is_none_or(|n| n > 0.0) || readings.iter().all(|r| r.err > 0.0));
         let exact = stated && !known_noise;
         let (n, m) = (self.free.len(), readings.len());
-        let problem = Closure::new(n, m, |params: &[f64], out: &mut [f64]| {
-            self.evaluate(readings, known, params, |k, value, _| out[k] = (value - readings[k].value) / sigma[k]);
-        })
-        .with_jacobian(|params: &[f64], out: &mut [f64]| {
-            self.evaluate(readings, known, params, |k, _, slopes| {
-                slopes.iter().enumerate().for_each(|(j, slope)| out[j * m + k] = slope / sigma[k]);
-            });
-        });
         let ranges: Vec<(f64, [f64; 2])> = self.free.iter().map(|p| p.range()).collect();
         let options = Solver {
             lower: vec![0.0; n],
@@ -231,8 +293,21 @@ impl Model {
             ..Solver::default()
         };
         let [low, high] = [0, 1].map(|k| ranges.iter().map(|r| r.1[k]).collect::<Vec<_>>());
-        let found = global::starts_in_box(&low, &high, STARTS, 1)
-            .and_then(|starts| global::multi_start(&problem, &starts, &options));
+        let mut starts = global::starts_in_box(&low, &high, STARTS, 1).unwrap_or_default();
+        // Many readings: a few of them tell the minima apart, all of them say where each is.
+        // An odd step takes R and T in turn.
+        let stride = (m / FEW) | 1;
+        if stride > 1 {
+            let some: Vec<usize> = (0..m).step_by(stride).collect();
+            let few: Vec<Reading> = some.iter().map(|&k| readings[k]).collect();
+            let few_sigma: Vec<f64> = some.iter().map(|&k| sigma[k]).collect();
+            let found = global::multi_start(&self.problem(&few, &few_sigma, known), &starts, &options);
+            let minima = found.map(|f| f.minima.into_iter().map(|m| m.params).collect::<Vec<_>>()).unwrap_or_default();
+            if !minima.is_empty() {
+                starts = minima;
+            }
+        }
+        let found = global::multi_start(&self.problem(readings, &sigma, known), &starts, &options);
         let Some(found) = found.filter(|f| f.best.params.iter().all(|p| p.is_finite())) else {
             return Answer::refused("the fit did not converge");
         };
@@ -294,5 +369,6 @@ pub struct Known {
     pub oblateness: f64,
 }
 
+#[cfg(test)]
 #[cfg(test)]
 mod tests;

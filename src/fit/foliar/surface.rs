@@ -17,6 +17,9 @@ const LOBES: usize = 13;
 const BEND: f64 = 0.4;
 const BLACK: f64 = 40.0;
 
+/// How finely the exact method is solved at the nodes: better than 2e-5, which is less than what lies between nodes.
+const RESOLUTION: Resolution = Resolution { order: 10, piece: 9, azimuth: 12 };
+
 /// What the fit takes as known of the leaf and the instrument.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Setting {
@@ -53,7 +56,8 @@ pub fn widest() -> f64 {
     MOST_OBLATE.ln_1p()
 }
 
-fn node(k: usize, n: usize) -> f64 {
+/// Node `k` of `n`: where T_n is 0.
+pub fn chebyshev_node(k: usize, n: usize) -> f64 {
     (PI * (k as f64 + 0.5) / n as f64).cos()
 }
 
@@ -75,13 +79,13 @@ impl Surface {
         let top = BLACK / (BLACK + BEND);
         let mut nodes = [vec![0.0; LOBES * DEPTHS], vec![0.0; LOBES * DEPTHS]];
         for i in 0..LOBES {
-            let epidermis = (0.5 * widest() * (1.0 + node(i, LOBES))).exp_m1();
+            let epidermis = (0.5 * widest() * (1.0 + chebyshev_node(i, LOBES))).exp_m1();
             let Setting { palisade, spongy, path, .. } = *setting;
             let oblateness = Oblateness { epidermis, palisade, spongy, ..Oblateness::USUAL };
             let leaf = Leaf { depth: 0.0, n_cuticle, n_mesophyll, n_antidermal, oblateness, path };
-            let prepared = Prepared::new(&leaf, Resolution::USUAL);
+            let prepared = Prepared::new(&leaf, RESOLUTION);
             for j in 0..DEPTHS {
-                let v = 0.5 * top * (1.0 + node(j, DEPTHS));
+                let v = 0.5 * top * (1.0 + chebyshev_node(j, DEPTHS));
                 let found = prepared.solve(BEND * v / (1.0 - v)).response(side, setting.incidence);
                 nodes[0][i * DEPTHS + j] = found.reflectance;
                 nodes[1][i * DEPTHS + j] = found.transmittance;
@@ -90,9 +94,9 @@ impl Surface {
         let coefficients = nodes.map(|values| {
             let mut out = vec![0.0; LOBES * DEPTHS];
             for i in 0..LOBES {
-                let (of_lobe, _) = chebyshev::<LOBES>(node(i, LOBES));
+                let (of_lobe, _) = chebyshev::<LOBES>(chebyshev_node(i, LOBES));
                 for j in 0..DEPTHS {
-                    let (of_depth, _) = chebyshev::<DEPTHS>(node(j, DEPTHS));
+                    let (of_depth, _) = chebyshev::<DEPTHS>(chebyshev_node(j, DEPTHS));
                     for (k, a) in of_lobe.iter().enumerate() {
                         for (l, b) in of_depth.iter().enumerate() {
                             let scale = [1.0, 2.0][usize::from(k > 0)] * [1.0, 2.0][usize::from(l > 0)];
@@ -105,6 +109,31 @@ impl Surface {
             out
         });
         Surface { coefficients }
+    }
+
+    /// Σ `weights` · `surfaces`.
+    pub fn mixed(weights: &[f64], surfaces: &[Surface]) -> Surface {
+        let mut coefficients = [vec![0.0; LOBES * DEPTHS], vec![0.0; LOBES * DEPTHS]];
+        for (weight, surface) in weights.iter().zip(surfaces) {
+            for (out, of) in coefficients.iter_mut().zip(&surface.coefficients) {
+                out.iter_mut().zip(of).for_each(|(out, x)| *out += weight * x);
+            }
+        }
+        Surface { coefficients }
+    }
+
+    /// Largest difference in R and T between two surfaces, over a grid of absorptions and oblateness.
+    pub fn distance(&self, other: &Surface) -> f64 {
+        let mut worst = 0.0f64;
+        for i in 0..=12 {
+            for j in 0..=24 {
+                let (lobe, v) = (widest() * f64::from(i) / 12.0, BLACK / (BLACK + BEND) * f64::from(j) / 24.0);
+                let [a, b] = [self, other].map(|s| s.at(BEND * v / (1.0 - v), lobe));
+                let off = a.iter().zip(&b).map(|(a, b)| (a.value - b.value).abs());
+                worst = off.fold(worst, f64::max);
+            }
+        }
+        worst
     }
 
     /// R and T at an absorption times thickness of 0 or more and a ln(1 + oblateness) from 0 to [`widest`].

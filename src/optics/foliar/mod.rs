@@ -17,6 +17,7 @@ pub mod fsm;
 pub mod goniometer;
 pub mod lobe;
 pub mod pigments;
+pub mod ray;
 #[cfg(test)]
 mod tests;
 pub mod walk;

@@ -90,6 +90,7 @@ fn barked(bark: [f64; 3], rest: &LeafMesh) -> transport::ReferenceLeaf {
 pub fn traced(scene: &Scene, time: f64, ledger: &Ledger) -> Result<transport::World> {
     let mut out = unlit(scene, time, ledger)?;
     relight_everywhere(&mut out, scene)?;
+    out.foliar = scene.drawn().map(|leaf| leaf.config.layers.clone()).collect();
     out.periodic = scene.manifest.periodic.as_ref().map(|p| p.size_mm);
     if let Some(file) = scene.manifest.sky.as_ref().and_then(|s| s.environment.as_ref()) {
         let path = scene.manifest.resolve(file);

@@ -1,11 +1,14 @@
 //! Leaves that a scene may show: where their data come from, and what is drawn of them.
 
+use super::foliar::Stated;
 use mesophyll_files::mesh::Unit;
 use mesophyll_fit_translucency::{Colour, Options, TissueFrom, TissueName};
 use mesophyll_optics::gloss::{Lobe, LobeKind};
 use mesophyll_surface::basis::Basis;
+use mesophyll_transport::foliar::Foliar;
 use serde::Deserialize;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// A leaf the scene may show: a fit folder, and where the fit comes from when it is missing or stale.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -32,6 +35,11 @@ pub struct Leaf {
     pub index: Option<f64>,
     /// The same everywhere on the leaf, instead of a fit; needs a mesh.
     pub uniform: Option<Uniform>,
+    /// Layers of tissue instead of a fit; needs a mesh.
+    pub foliar: Option<Stated>,
+    /// What those layers do to light.
+    #[serde(skip)]
+    pub layers: Option<Arc<Foliar>>,
     /// How the sun comes through as it turns; by ρt and the mapped normal alone when absent.
     pub translucency: Option<Translucency>,
 }

@@ -4,6 +4,7 @@
 //! Lengths in mm, angles in degrees, world z up, radiance in units set by the light, colours linear sRGB. A path is
 //! relative to the scene file. Unknown fields are errors; an error names file, line and field.
 
+mod foliar;
 mod leaf;
 mod light;
 mod plant;
@@ -78,6 +79,7 @@ impl Manifest {
         let mut manifest: Manifest = toml::from_str(&text).map_err(|e| Error::toml(path, &text, &e))?;
         manifest.path = path.to_path_buf();
         validate::validate(&manifest, &text)?;
+        manifest.layer()?;
         manifest.share();
         manifest.spread()?;
         Ok(manifest)
@@ -87,9 +89,10 @@ impl Manifest {
     fn share(&mut self) {
         for k in 0..self.leaves.len() {
             let Some(other) = self.leaves[k].like.as_ref().and_then(|n| self.leaf_index(n)) else { continue };
-            let Leaf { fit, capture, scan, uniform, mesh, discs, mesh_unit, .. } = self.leaves[other].clone();
+            let Leaf { fit, capture, scan, uniform, layers, mesh, discs, mesh_unit, .. } = self.leaves[other].clone();
             let leaf = &mut self.leaves[k];
             (leaf.fit, leaf.capture, leaf.scan, leaf.uniform) = (fit, capture, scan, uniform);
+            leaf.layers = layers;
             if leaf.mesh.is_none() && leaf.discs.is_none() {
                 (leaf.mesh, leaf.discs, leaf.mesh_unit) = (mesh, discs, mesh_unit);
             }

@@ -4,16 +4,20 @@
 //! l on the viewed side:  f max(0, N·l) = ρd max(0, N·l)/π + ρs f_s(l) max(0, N·l)
 //! l on the far side:     f max(0, F·l) = ρt max(0, F·l)/π
 //! ```
+//! Of a leaf by B1's models the shares ρ depend on where it is seen from, and lobes around the mirror direction stand in for
+//! gloss ([`crate::foliar`]).
 //! N and F are the mapped normals of the viewed and the far side; the triangle decides which side `l` is on, so that
 //! what a mapped normal would draw through the blade counts nothing.
 
+use crate::foliar::{Foliar, Met, Model, stream};
 use crate::lobe::{Lobe, M_FLOOR, Reflect};
 use crate::stage::{Stage, Surface};
 use glam::DVec3;
+use mesophyll_optics::foliar::ray::turned;
 use std::f64::consts::{PI, TAU};
 
 /// A point of a leaf as light meets it.
-pub struct Scatter {
+pub struct Scatter<'a> {
     view: DVec3,
     /// The triangle's normal on the viewed side.
     out: DVec3,
@@ -22,6 +26,10 @@ pub struct Scatter {
     rho_d: [f64; 3],
     rho_t: [f64; 3],
     gloss: Option<Gloss>,
+    /// Instead of gloss.
+    mirrored: Option<Mirrored>,
+    /// A leaf whose rays are followed through its layers, and the normal of its front.
+    layers: Option<(&'a Foliar, DVec3)>,
     /// What stands in for ρt times a cosine for light from the sun's centre.
     sunlit: Option<[f64; 3]>,
     /// Probability to draw from ρd, ρt and gloss.
@@ -33,6 +41,41 @@ struct Gloss {
     m: f64,
     lobe: Lobe,
 }
+
+/// What B1's models send to the lit side that is not diffuse.
+struct Mirrored {
+    direction: DVec3,
+    /// Unit vector in the leaf, on the mirror's side.
+    forward: DVec3,
+    met: Met,
+    /// Probability of what the face reflects, and of what turned back.
+    choice: [f64; 2],
+}
+
+impl Mirrored {
+    /// Densities (1/sr) of the two at `l`.
+    fn densities(&self, normal: DVec3, l: DVec3) -> [f64; 2] {
+        let cos = normal.dot(l);
+        if cos <= 0.0 { [0.0; 2] } else { self.met.densities(cos, self.direction.dot(l), self.forward.dot(l)) }
+    }
+
+    fn draw(&self, normal: DVec3, numbers: [f64; 4]) -> DVec3 {
+        let mut random = stream(numbers);
+        let (x, y) = (self.forward, normal.cross(self.forward));
+        let [a, b, c] = if random() < self.choice[0] {
+            let d = self.direction;
+            let local = [d.dot(x), d.dot(y), d.dot(normal).max(1e-12)];
+            turned(local, self.met.oblateness, &mut random)
+        } else {
+            let [cos, along, across] = self.met.draw_turned(&mut random);
+            [along, across, cos]
+        };
+        (x * a + y * b + normal * c).normalize()
+    }
+}
+
+/// Density of a direction that nothing else can give.
+const SURE: f64 = 1e100;
 
 /// A drawn direction.
 pub struct Turn {
@@ -46,28 +89,49 @@ pub struct Turn {
     pub through: bool,
 }
 
-impl Scatter {
+impl<'a> Scatter<'a> {
     /// The point that `surface` tells of; `carried` is what the path so far lets through of each channel, and weighs
     /// which lobe is drawn from. `rho_t` is of light that enters the far side where a path is followed against the
     /// light, and the viewed side where it is followed with it.
-    pub fn new(stage: &Stage, surface: &Surface, carried: [f64; 3], rho_t: [f64; 3]) -> Scatter {
-        let rho_d = surface.rho_d();
+    pub fn new(stage: &Stage<'a>, surface: &Surface<'a>, carried: [f64; 3], rho_t: [f64; 3]) -> Scatter<'a> {
         let lobe = surface.lobe();
         let gloss = surface.gloss().map(|(rho_s, m)| Gloss { rho_s, m: m.max(M_FLOOR), lobe });
         let weigh = |rho: [f64; 3]| (0..3).map(|c| rho[c].max(0.0) * carried[c]).sum::<f64>();
-        let shares = [weigh(rho_d), weigh(rho_t), gloss.as_ref().map_or(0.0, |g| weigh(g.rho_s))];
-        let sum: f64 = shares.iter().sum();
-        Scatter {
+        let mut scatter = Scatter {
             view: surface.view,
             out: if surface.back { -surface.flat } else { surface.flat },
             normal: surface.normal(),
             far_normal: surface.far_normal(),
-            rho_d,
+            rho_d: surface.rho_d(),
             rho_t,
             gloss,
+            mirrored: None,
+            layers: None,
             sunlit: stage.sunlit(surface).map(|s| surface.through(s, || rho_t)),
-            choice: if sum > 0.0 { shares.map(|s| s / sum) } else { [0.0; 3] },
+            choice: [0.0; 3],
+        };
+        let mut shine = scatter.gloss.as_ref().map_or(0.0, |g| weigh(g.rho_s));
+        if let Some(foliar) = stage.foliar(surface.instance) {
+            scatter.gloss = None;
+            if foliar.model() == Model::Abm {
+                let up = if surface.back { -scatter.normal } else { scatter.normal };
+                return Scatter { layers: Some((foliar, up)), rho_d: [0.0; 3], rho_t: [0.0; 3], ..scatter };
+            }
+            let met = foliar.meet(surface.view, scatter.normal, surface.back);
+            let weights = [weigh(met.surface), weigh([met.turned; 3])];
+            shine = weights[0] + weights[1];
+            let choice = if shine > 0.0 { weights.map(|w| w / shine) } else { [1.0, 0.0] };
+            let n = scatter.normal;
+            let direction = n * (2.0 * n.dot(surface.view).max(0.0)) - surface.view;
+            let along = direction - n * n.dot(direction);
+            let forward = along.try_normalize().unwrap_or_else(|| n.any_orthonormal_vector());
+            (scatter.rho_d, scatter.rho_t) = (met.diffuse, met.through);
+            scatter.mirrored = Some(Mirrored { direction, forward, met, choice });
         }
+        let shares = [weigh(scatter.rho_d), weigh(scatter.rho_t), shine];
+        let sum: f64 = shares.iter().sum();
+        scatter.choice = if sum > 0.0 { shares.map(|s| s / sum) } else { [0.0; 3] };
+        scatter
     }
 
     /// Whether the sun's light comes through by maps of its own, which only the light's own sampling knows of.
@@ -92,6 +156,10 @@ impl Scatter {
             let f = g.lobe.times_cosine(self.normal, self.view, l, g.m);
             (0..3).for_each(|c| sum[c] += g.rho_s[c] * f);
         }
+        if let Some(mirrored) = &self.mirrored {
+            let [around, back] = mirrored.densities(self.normal, l);
+            (0..3).for_each(|c| sum[c] += mirrored.met.surface[c] * around + mirrored.met.turned * back);
+        }
         sum
     }
 
@@ -114,16 +182,29 @@ impl Scatter {
                 sum += self.choice[2] * g.lobe.density(cos_h, g.m) * cos_h / (4.0 * v_h);
             }
         }
+        if let Some(mirrored) = &self.mirrored {
+            let [a, b] = mirrored.densities(self.normal, l);
+            sum += self.choice[2] * (mirrored.choice[0] * a + mirrored.choice[1] * b);
+        }
         sum
     }
 
-    /// Draws a direction by three uniform numbers; `None` where the drawn light counts nothing.
-    pub fn draw(&self, [choice, u, v, _]: [f64; 4]) -> Option<Turn> {
+    /// Draws a direction by uniform numbers; `None` where the drawn light counts nothing.
+    pub fn draw(&self, numbers: [f64; 4]) -> Option<Turn> {
+        if let Some((foliar, up)) = self.layers {
+            let (direction, weight) = foliar.follow(self.view, up, &mut stream(numbers))?;
+            // What an interpolated normal sends through the blade counts nothing.
+            let sound = (self.normal.dot(direction) > 0.0) == self.faces(direction);
+            return sound.then(|| Turn { direction, weight, density: SURE, through: !self.faces(direction) });
+        }
+        let [choice, u, v, _] = numbers;
         let [d, t, s] = self.choice;
         let direction = if choice < d {
             cosine(self.normal, u, v)
         } else if choice < d + t || s == 0.0 {
             cosine(self.far_normal, u, v)
+        } else if let Some(mirrored) = &self.mirrored {
+            mirrored.draw(self.normal, numbers)
         } else {
             let g = self.gloss.as_ref()?;
             let tan = g.lobe.quantile(u, g.m).sqrt();
@@ -153,9 +234,9 @@ fn cosine(n: DVec3, u: f64, v: f64) -> DVec3 {
 }
 
 #[cfg(test)]
-impl Scatter {
+impl Scatter<'_> {
     /// A point of a level leaf that is seen from `view`, for tests.
-    pub fn level(view: DVec3, rho: [f64; 2], gloss: Option<(f64, f64, Lobe)>) -> Scatter {
+    pub fn level(view: DVec3, rho: [f64; 2], gloss: Option<(f64, f64, Lobe)>) -> Scatter<'static> {
         let up = DVec3::Z * view.z.signum();
         let gloss = gloss.map(|(rho_s, m, lobe)| Gloss { rho_s: [rho_s; 3], m, lobe });
         let shares = [rho[0], rho[1], gloss.as_ref().map_or(0.0, |g| g.rho_s[0])];
@@ -168,6 +249,8 @@ impl Scatter {
             rho_d: [rho[0]; 3],
             rho_t: [rho[1]; 3],
             gloss,
+            mirrored: None,
+            layers: None,
             sunlit: None,
             choice: shares.map(|s| s / sum),
         }

@@ -3,14 +3,14 @@
 use super::{Sample, SamplesFit, TILT, fit};
 use crate::gloss::M_RANGE;
 use crate::{Error, Result};
-use mesophyll_files::table::{Output, Record, Sink, Status, Table, Tally, push_number, push_text};
+use mesophyll_files::table::{Answer, GroupRow, Groups, Output, Spec, Status, Table, Tally};
 use mesophyll_optics::gloss::Lobe;
 
 /// `fit gloss --samples`: reads all rows, groups them by `leaf`, writes a row a leaf in order of first appearance.
 ///
 /// # Errors
 /// A missing column, an unreadable input, an unwritable output. A bad row refuses its leaf, by line.
-pub fn run(mut table: Table, output: &Output, values: &[String], lobe: Lobe) -> Result<Tally> {
+pub fn run(table: Table, output: &Output, values: &[String], lobe: Lobe) -> Result<Tally> {
     let values: Vec<String> = if values.is_empty() {
         table.header.iter().filter(|h| h.starts_with("brf")).cloned().collect()
     } else {
@@ -25,116 +25,45 @@ pub fn run(mut table: Table, output: &Output, values: &[String], lobe: Lobe) -> 
     if let Some(twice) = values.iter().enumerate().find(|(k, v)| values[..*k].contains(v)) {
         return Err(Error::Usage(format!("--values names {} twice", twice.1)));
     }
-    let leaf_at = table.require("leaf")?;
-    let angles_at =
-        [table.require("source_zenith_deg")?, table.require("view_zenith_deg")?, table.require("view_azimuth_deg")?];
-    let values_at: Vec<usize> = values.iter().map(|v| table.require(v)).collect::<Result<_>>()?;
-    let mut leaves: Vec<(String, std::result::Result<Vec<Sample>, String>)> = Vec::new();
-    let mut places = std::collections::HashMap::new();
-    let (mut record, mut line) = (Record::default(), 1);
-    while table.next_record(&mut record)? {
-        line += 1;
-        let name = text(&record, leaf_at).to_string();
-        let at = *places.entry(name.clone()).or_insert_with(|| {
-            leaves.push((name, Ok(Vec::new())));
-            leaves.len() - 1
-        });
-        let sample = match record.fault(table.header.len()) {
-            None => read_sample(&table.header, &record, angles_at, &values_at),
-            Some(fault) => Err(fault),
-        };
-        let list = &mut leaves[at].1;
-        match (sample, &mut *list) {
-            (Ok(sample), Ok(samples)) => samples.push(sample),
-            (Err(why), Ok(_)) => *list = Err(format!("line {line}: {why}")),
-            _ => {}
-        }
+    for name in &values {
+        table.require(name)?;
     }
-    let mut sink = Sink::open(output, table.source())?;
     let each = |suffix: &str| values.iter().map(|v| format!("rho_d_{v}{suffix}")).collect::<Vec<_>>();
-    let mut header = vec!["leaf".to_string()];
-    header.extend(each(""));
-    header.extend(["rho_s", "m", "tilt", "tilt_y", "rms"].map(String::from));
-    header.extend(each("_err"));
-    header.extend(["rho_s_err", "m_err", "tilt_err", "tilt_y_err", "status"].map(String::from));
-    let mut bytes = Vec::new();
-    for (k, name) in header.iter().enumerate() {
-        if k > 0 {
-            bytes.push(b',');
-        }
-        push_text(&mut bytes, name);
-    }
-    bytes.push(b'\n');
-    let mut tally = Tally::new(&header[1..header.len() - 1]);
-    use rayon::prelude::*;
-    let fits: Vec<_> = leaves
-        .par_iter()
-        .map(|(_, samples)| samples.as_ref().map_err(String::clone).and_then(|s| fit(s, lobe)))
-        .collect();
-    for ((name, _), fitted) in leaves.iter().zip(fits) {
-        push_text(&mut bytes, name);
-        let status = match fitted {
+    let mut outputs = each("");
+    outputs.extend(["rho_s", "m", "tilt", "tilt_y", "rms"].map(String::from));
+    outputs.extend(each("_err"));
+    outputs.extend(["rho_s_err", "m_err", "tilt_err", "tilt_y_err"].map(String::from));
+    let spec =
+        Spec { required: ANGLES.map(String::from).to_vec(), optional: values.clone(), outputs, ..Spec::default() };
+    Groups::read(table, &spec, "leaf")?.run(output, &spec, |_, rows| {
+        let samples: std::result::Result<Vec<Sample>, String> =
+            rows.iter().map(|row| sample(row, &values).map_err(|why| format!("line {}: {why}", row.line))).collect();
+        match samples.and_then(|samples| fit(&samples, lobe)) {
             Ok(f) => {
-                let status = status(&f, &values);
                 let cells = f.rho_d.iter().copied().chain([f.rho_s, f.m, f.tilt[0], f.tilt[1], f.rms]);
                 let errors = f.rho_d_err.iter().copied().chain([f.rho_s_err, f.m_err, f.tilt_err[0], f.tilt_err[1]]);
-                let numbers: Vec<f64> = cells.chain(errors).collect();
-                for v in &numbers {
-                    bytes.push(b',');
-                    push_number(&mut bytes, *v);
-                }
-                tally.count(&status, &numbers);
-                status
+                Answer { values: cells.chain(errors).collect(), status: status(&f, &values) }
             }
-            Err(why) => {
-                bytes.extend(std::iter::repeat_n(b',', header.len() - 2));
-                let status = Status::Refused(why);
-                tally.count(&status, &[]);
-                status
-            }
-        };
-        bytes.push(b',');
-        push_text(&mut bytes, &status.to_string());
-        bytes.push(b'\n');
-    }
-    sink.write_all(&bytes)?;
-    sink.finish()?;
-    Ok(tally)
-}
-
-/// A cell as text; what is not UTF-8 shows as such in messages and is no number.
-fn text(record: &Record, k: usize) -> &str {
-    record.cells.get(k).unwrap_or("")
-}
-
-fn read_sample(
-    header: &[String],
-    record: &Record,
-    angles_at: [usize; 3],
-    values_at: &[usize],
-) -> std::result::Result<Sample, String> {
-    let number = |k: usize| text(record, k).parse::<f64>().ok().filter(|v| v.is_finite());
-    let mut angles = [0.0; 3];
-    for (angle, &k) in angles.iter_mut().zip(&angles_at) {
-        *angle = number(k).ok_or_else(|| format!("{} is {:?}; expected degrees", header[k], text(record, k)))?;
-    }
-    for (k, limit) in [(0, 90.0), (1, 90.0)] {
-        if !(0.0..limit).contains(&angles[k]) {
-            return Err(format!("{} is {}; expected 0 to 90 degrees", header[angles_at[k]], angles[k]));
+            Err(why) => Answer::refused(why),
         }
+    })
+}
+
+const ANGLES: [&str; 3] = ["source_zenith_deg", "view_zenith_deg", "view_azimuth_deg"];
+
+fn sample(row: &GroupRow, names: &[String]) -> std::result::Result<Sample, String> {
+    let (angles, values) = row.values.split_at(ANGLES.len());
+    if let Some((name, x)) = ANGLES.iter().zip(angles).find(|(_, x)| !x.is_finite()) {
+        return Err(format!("{name} is {x}; expected degrees"));
     }
-    let values = values_at
-        .iter()
-        .map(|&k| {
-            let cell = text(record, k);
-            if cell.is_empty() || cell.eq_ignore_ascii_case("nan") {
-                return Ok(f64::NAN);
-            }
-            number(k).ok_or_else(|| format!("{} is {cell:?}; expected a number", header[k]))
-        })
-        .collect::<std::result::Result<Vec<_>, _>>()?;
-    let [s, v, a] = angles.map(f64::to_radians);
-    Ok(Sample::from_angles(s, v, a, values))
+    if let Some((name, x)) = ANGLES.iter().zip(angles).take(2).find(|(_, x)| !(0.0..90.0).contains(*x)) {
+        return Err(format!("{name} is {x}; expected 0 to 90 degrees"));
+    }
+    if let Some((name, x)) = names.iter().zip(values).find(|(_, x)| x.is_infinite()) {
+        return Err(format!("{name} is {x}; expected a number"));
+    }
+    let [s, v, a] = std::array::from_fn(|k| angles[k].to_radians());
+    Ok(Sample::from_angles(s, v, a, values.to_vec()))
 }
 
 fn status(f: &SamplesFit, values: &[String]) -> Status {

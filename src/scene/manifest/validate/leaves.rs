@@ -11,9 +11,15 @@ pub fn leaves(p: &Place) -> Result<()> {
     for (i, leaf) in p.manifest.leaves.iter().enumerate() {
         names.take(i, &leaf.name)?;
         let fitted = leaf.fit.is_some() || leaf.capture.is_some() || leaf.scan.is_some();
-        let own = fitted || leaf.uniform.is_some();
+        let own = fitted || leaf.uniform.is_some() || leaf.foliar.is_some();
         if let Some(uniform) = &leaf.uniform {
             one_uniform(p, i, leaf, uniform, fitted)?;
+        }
+        if leaf.foliar.is_some() {
+            if leaf.uniform.is_some() {
+                return Err(p.error(HEADER, i, "foliar", "given beside uniform; expected one of the two"));
+            }
+            without_maps(p, i, "foliar", leaf, fitted)?;
         }
         if let Some(like) = &leaf.like {
             p.leaf(HEADER, i, "like", like)?;
@@ -22,7 +28,7 @@ pub fn leaves(p: &Place) -> Result<()> {
                     HEADER,
                     i,
                     "like",
-                    "given beside a fit, capture, scan or uniform of its own; expected one of the two",
+                    "given beside a fit, capture, scan, uniform or foliar of its own; expected one of the two",
                 ));
             }
             if p.manifest.leaf_index(like).is_some_and(|k| p.manifest.leaves[k].like.is_some()) {
@@ -34,10 +40,11 @@ pub fn leaves(p: &Place) -> Result<()> {
                 ));
             }
         } else if !own {
-            return Err(p.error(HEADER, i, "fit", "missing; expected a fit folder, a capture, a scan or uniform"));
+            return Err(p.error(HEADER, i, "fit", "missing; expected a fit folder, a capture, a scan, uniform or foliar"));
         }
         let like = leaf.like.as_ref().and_then(|name| p.manifest.leaf_index(name)).map(|k| &p.manifest.leaves[k]);
-        if leaf.discs.is_some() && leaf.uniform.is_none() && like.is_none_or(|l| l.uniform.is_none()) {
+        let even = |l: &Leaf| l.uniform.is_some() || l.foliar.is_some();
+        if leaf.discs.is_some() && !even(leaf) && like.is_none_or(|l| !even(l)) {
             return Err(p.error(HEADER, i, "discs", "given without uniform; discs have no maps"));
         }
         if leaf.mesh_unit.is_some() && leaf.mesh.is_none() && leaf.discs.is_none() {
@@ -87,23 +94,29 @@ pub fn leaves(p: &Place) -> Result<()> {
 /// Rounding that ρd + ρt = 1 may carry: numbers of six digits.
 const ROUNDING: f64 = 2e-6;
 
-fn one_uniform(p: &Place, i: usize, leaf: &Leaf, uniform: &Uniform, fitted: bool) -> Result<()> {
+/// A leaf that is the same everywhere has a mesh, and nothing that asks for maps. `key` says how it is stated.
+fn without_maps(p: &Place, i: usize, key: &str, leaf: &Leaf, fitted: bool) -> Result<()> {
     const HEADER: &str = "[[leaf]]";
-    const KEY: &str = "uniform";
-    for (key, given) in [
+    for (other, given) in [
         ("fit, capture or scan", fitted),
         ("translucency", leaf.translucency.is_some()),
         ("interior", leaf.interior != Interior::default()),
     ] {
         if given {
-            return Err(p.error(HEADER, i, KEY, format!("given beside {key}; a uniform leaf has no maps")));
+            return Err(p.error(HEADER, i, key, format!("given beside {other}; a {key} leaf has no maps")));
         }
     }
     match (&leaf.mesh, &leaf.discs) {
-        (None, None) => return Err(p.error(HEADER, i, "mesh", "missing; a uniform leaf needs a mesh, or discs")),
-        (Some(_), Some(_)) => return Err(p.error(HEADER, i, "discs", "given beside a mesh; expected one of the two")),
-        _ => {}
+        (None, None) => Err(p.error(HEADER, i, "mesh", format!("missing; a {key} leaf needs a mesh, or discs"))),
+        (Some(_), Some(_)) => Err(p.error(HEADER, i, "discs", "given beside a mesh; expected one of the two")),
+        _ => Ok(()),
     }
+}
+
+fn one_uniform(p: &Place, i: usize, leaf: &Leaf, uniform: &Uniform, fitted: bool) -> Result<()> {
+    const HEADER: &str = "[[leaf]]";
+    const KEY: &str = "uniform";
+    without_maps(p, i, KEY, leaf, fitted)?;
     if leaf.lobe.has_index() {
         return Err(p.error(HEADER, i, "lobe", format!("found {}, expected one without an index", leaf.lobe)));
     }

@@ -1,0 +1,142 @@
+//! Leaves by the layered model of B1 (`docs/foliar.md`), for the path tracer. Other renderers show them as matte leaves
+//! with the same reflectance and transmittance under light from everywhere.
+
+use super::leaf::Uniform;
+use crate::{Error, Result};
+use mesophyll_fit::foliar::pigments;
+use mesophyll_optics::foliar::pigments::Contents;
+use mesophyll_optics::foliar::{Leaf as Layers, Oblateness, Path, fsm};
+use mesophyll_transport::foliar::{Foliar, Model};
+use serde::Deserialize;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// How a leaf of layers is stated.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Stated {
+    /// `fsm`: table and lobes; `abm`: rays through the layers, slow.
+    pub model: ModelName,
+    /// Absorption of one crossing of the mesophyll for red, green and blue, without unit; or pigments.
+    pub absorption: Option<[f64; 3]>,
+    /// Table of specific absorptions and refractive indices; the contents then say the absorption.
+    pub pigments: Option<PathBuf>,
+    /// Wavelengths of red, green and blue (nm).
+    pub wavelengths_nm: [f64; 3],
+    pub chlorophyll_ug_cm2: f64,
+    pub carotenoid_ug_cm2: f64,
+    pub protein_ug_cm2: f64,
+    pub cellulose_lignin_ug_cm2: f64,
+    pub water_g_cm2: f64,
+    /// Of cuticle, mesophyll and antidermal wall; when absent, the table's, or soybean's.
+    pub indices: Option<[f64; 3]>,
+    /// Of cuticle, epidermis, palisade and spongy tissue.
+    pub oblateness: [f64; 4],
+    /// `slant` or `sieve`.
+    pub path: String,
+}
+
+/// The model's name in a scene.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ModelName {
+    #[default]
+    Fsm,
+    Abm,
+}
+
+impl Default for Stated {
+    fn default() -> Stated {
+        let Oblateness { cuticle, epidermis, palisade, spongy } = Oblateness::USUAL;
+        Stated {
+            model: ModelName::Fsm,
+            absorption: None,
+            pigments: None,
+            wavelengths_nm: fsm::WAVELENGTHS,
+            chlorophyll_ug_cm2: 0.0,
+            carotenoid_ug_cm2: 0.0,
+            protein_ug_cm2: 0.0,
+            cellulose_lignin_ug_cm2: 0.0,
+            water_g_cm2: 0.0,
+            indices: None,
+            oblateness: [cuticle, epidermis, palisade, spongy],
+            path: "slant".into(),
+        }
+    }
+}
+
+impl super::Manifest {
+    /// Computes the leaves that are stated by their layers, and what stands for them in other renderers.
+    pub(super) fn layer(&mut self) -> Result<()> {
+        for k in 0..self.leaves.len() {
+            let Some(stated) = self.leaves[k].foliar.clone() else { continue };
+            let fault =
+                |what: String| Error::field(&self.path, &format!("leaf \"{}\", foliar", self.leaves[k].name), what);
+            let layers = self.layers(&stated, &fault)?;
+            let model = match stated.model {
+                ModelName::Fsm => Model::Fsm,
+                ModelName::Abm => Model::Abm,
+            };
+            if model == Model::Abm && self.sun.as_ref().is_some_and(|s| s.radius_deg == 0.0) {
+                let what = "model: found abm under a sun without extent, which rays never meet; expected fsm, or a sun with \
+                            a radius_deg above 0";
+                return Err(fault(what.into()));
+            }
+            let foliar = Foliar::new(model, layers).ok_or_else(|| {
+                fault("the exact method does not settle for such lobes and indices; expected wider lobes".into())
+            })?;
+            let (rho_d, rho_t) = foliar.matte();
+            let leaf = &mut self.leaves[k];
+            leaf.uniform = Some(Uniform { rho_d, rho_t, rho_s: None, m: 0.2 });
+            leaf.layers = Some(Arc::new(foliar));
+        }
+        Ok(())
+    }
+
+    /// The layers at the wavelengths of red, green and blue.
+    fn layers(&self, stated: &Stated, fault: &dyn Fn(String) -> Error) -> Result<[Layers; 3]> {
+        let path: Path = stated
+            .path
+            .parse()
+            .map_err(|_| fault(format!("path: found \"{}\", expected slant or sieve", stated.path)))?;
+        let [cuticle, epidermis, palisade, spongy] = stated.oblateness;
+        let oblateness = Oblateness { cuticle, epidermis, palisade, spongy };
+        let soybean = Layers::soybean(0.0);
+        let usual = [soybean.n_cuticle, soybean.n_mesophyll, soybean.n_antidermal];
+        let amounts = [
+            stated.chlorophyll_ug_cm2,
+            stated.carotenoid_ug_cm2,
+            stated.protein_ug_cm2,
+            stated.cellulose_lignin_ug_cm2,
+            stated.water_g_cm2,
+        ];
+        if let Some(x) = amounts.iter().find(|x| !(**x >= 0.0 && x.is_finite())) {
+            return Err(fault(format!("a content is {x}; expected 0 or more")));
+        }
+        let of = |depth: f64, [n_cuticle, n_mesophyll, n_antidermal]: [f64; 3]| -> Result<Layers> {
+            let leaf = Layers { depth, n_cuticle, n_mesophyll, n_antidermal, oblateness, path };
+            leaf.fault().map_or(Ok(leaf), |what| Err(fault(what)))
+        };
+        let mut layers = [soybean; 3];
+        match (&stated.absorption, &stated.pigments) {
+            (Some(absorption), None) => {
+                for (leaf, depth) in layers.iter_mut().zip(absorption) {
+                    *leaf = of(*depth, stated.indices.unwrap_or(usual))?;
+                }
+            }
+            (None, Some(table)) => {
+                let spectrum = pigments::read(&self.resolve(table))?;
+                for (leaf, wavelength) in layers.iter_mut().zip(stated.wavelengths_nm) {
+                    let [low, high] = spectrum.range();
+                    let constants = spectrum.at(wavelength).ok_or_else(|| {
+                        fault(format!("wavelengths_nm: found {wavelength}, the table of pigments has {low} to {high}"))
+                    })?;
+                    let depth = constants.depth(&Contents { per_area: amounts, scale: 1.0 });
+                    *leaf = of(depth, stated.indices.unwrap_or(constants.indices))?;
+                }
+            }
+            _ => return Err(fault("expected one of absorption and pigments".into())),
+        }
+        Ok(layers)
+    }
+}

@@ -1,0 +1,173 @@
+//! Leaves by the models of B1 (Baranoski & Rokne 2001) as surfaces that paths meet.
+//!
+//! Both follow a path against the light as if it were light: what arrives from the viewer is scattered, and lights are
+//! looked for where it goes. That is right for surfaces that are reciprocal. The layered leaf is not quite
+//! (`docs/foliar.md` says how far), and FSM's rule for direct light shares the assumption.
+//!
+//! - [`Model::Fsm`]: shares of the light by a table a side and degree, and lobes that say where each goes. What is
+//!   reflected at the face, and what has turned back before it reached the mesophyll, goes around the mirror direction;
+//!   the rest is diffuse.
+//! - [`Model::Abm`]: a ray through the layers for every turn. Where it goes has no density that could be asked for, so
+//!   lights are only found by rays that meet them.
+
+use glam::DVec3;
+use mesophyll_optics::foliar::fsm::{self, ROWS, Row, Turned};
+use mesophyll_optics::foliar::{Leaf, lobe, ray};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+/// Which of the two models.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Model {
+    /// Table and lobes.
+    #[default]
+    Fsm,
+    /// Rays through the layers.
+    Abm,
+}
+
+/// A leaf that is the same everywhere, its front the adaxial side.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Foliar {
+    model: Model,
+    /// A channel each.
+    leaves: [Leaf; 3],
+    table: Vec<Row>,
+    /// Share of first draws around the mirror direction that stay on their side, a degree each.
+    acceptance: Vec<f64>,
+}
+
+/// What a path meets: shares of it for each channel.
+#[derive(Debug, Clone, Copy)]
+pub struct Met {
+    /// Diffuse, on the side that it came from.
+    pub diffuse: [f64; 3],
+    /// Diffuse, on the other side.
+    pub through: [f64; 3],
+    /// Around the mirror direction.
+    pub surface: [f64; 3],
+    /// How strongly that is bundled.
+    pub oblateness: f64,
+    /// Share of first draws around the mirror direction that stay on the side.
+    acceptance: f64,
+    /// Turned back before the mesophyll, and the lobe of that.
+    pub turned: f64,
+    lobe: Turned,
+}
+
+impl Met {
+    /// Densities (1/sr) of what is reflected at the face, and of what turned back, at a unit direction on the lit side: `cos` from
+    /// the normal, `mirror` from the mirror direction, and `forward` along the mirror's side of the leaf.
+    pub fn densities(&self, cos: f64, mirror: f64, forward: f64) -> [f64; 2] {
+        let alpha = mirror.clamp(-1.0, 1.0).acos();
+        let around = lobe::density(alpha, self.oblateness) / self.acceptance;
+        [around, cos / PI * self.lobe.over_diffuse(cos, forward)]
+    }
+
+    /// A direction by the second of these densities: cosine, and sines along and across the mirror's side.
+    pub fn draw_turned(&self, random: &mut impl FnMut() -> f64) -> [f64; 3] {
+        loop {
+            let (square, phi, keep) = (random(), TAU * random(), random());
+            let (cos, sin) = ((1.0 - square).sqrt(), square.sqrt());
+            let forward = sin * phi.cos();
+            if keep * self.lobe.most() < self.lobe.over_diffuse(cos, forward) {
+                return [cos, forward, sin * phi.sin()];
+            }
+        }
+    }
+}
+
+impl Foliar {
+    /// A leaf by its absorption and indices for red, green and blue. `None` where the exact method does not settle (see
+    /// [`mesophyll_optics::foliar::exact`]), and for a lobe of infinite oblateness on the faces, which has no density.
+    pub fn new(model: Model, leaves: [Leaf; 3]) -> Option<Foliar> {
+        let oblateness = leaves[1].oblateness.cuticle;
+        if oblateness.is_infinite() {
+            return None;
+        }
+        let table = fsm::rows(&leaves)?;
+        let acceptance = (0..=90).map(|k| lobe::acceptance(f64::from(k).to_radians(), oblateness)).collect();
+        Some(Foliar { model, leaves, table, acceptance })
+    }
+
+    /// Which model it is.
+    pub fn model(&self) -> Model {
+        self.model
+    }
+
+    /// Diffuse reflectance of both sides and transmittance, a channel each, under light from everywhere: what a renderer
+    /// shows that knows matte leaves only.
+    pub fn matte(&self) -> ([[f64; 3]; 2], [f64; 3]) {
+        let mean = |channel: usize, back: bool, reflected: bool| {
+            let (mut sum, mut weight) = (0.0, 0.0);
+            for k in 0..=90 {
+                let angle = (k as f64).to_radians();
+                // ∫ 2 sin θ cos θ
+                let w = (2.0 * angle).sin();
+                let row = &self.table[if back { ROWS - 1 - k } else { k }];
+                let leaf = &self.leaves[channel];
+                sum += w * if reflected {
+                    leaf.surface_reflectance(angle) + row.turned + row.diffuse[channel]
+                } else {
+                    row.through[channel]
+                };
+                weight += w;
+            }
+            sum / weight
+        };
+        let side = |back: bool| -> [f64; 3] { [0, 1, 2].map(|c| mean(c, back, true)) };
+        let (front, back) = (side(false), side(true));
+        // One number for both ways, with which neither side gives more than it gets.
+        let through = [0, 1, 2].map(|c: usize| {
+            let both = 0.5 * (mean(c, false, false) + mean(c, true, false));
+            both.min(1.0 - front[c]).min(1.0 - back[c])
+        });
+        ([front, back], through)
+    }
+
+    /// What a path meets that comes from the unit direction `view` onto the side whose normal is `normal`.
+    pub fn meet(&self, view: DVec3, normal: DVec3, back: bool) -> Met {
+        let incidence = normal.cross(view).length().atan2(normal.dot(view)).clamp(0.0, FRAC_PI_2);
+        let at = (if back { PI - incidence } else { incidence }).to_degrees();
+        let (k, t) = place(at, ROWS);
+        let [a, b] = [&self.table[k], &self.table[k + 1]];
+        let mix = |x: f64, y: f64| x + t * (y - x);
+        let (k, u) = place(incidence.to_degrees(), self.acceptance.len());
+        Met {
+            diffuse: [0, 1, 2].map(|c: usize| mix(a.diffuse[c], b.diffuse[c])),
+            through: [0, 1, 2].map(|c: usize| mix(a.through[c], b.through[c])),
+            surface: self.leaves.each_ref().map(|leaf| leaf.surface_reflectance(incidence)),
+            oblateness: self.leaves[1].oblateness.cuticle,
+            acceptance: self.acceptance[k] + u * (self.acceptance[k + 1] - self.acceptance[k]),
+            turned: mix(a.turned, b.turned),
+            lobe: Turned { rise: mix(a.lobe.rise, b.lobe.rise), lean: mix(a.lobe.lean, b.lobe.lean) },
+        }
+    }
+
+    /// A ray of the layered leaf that comes from `view`: where it goes and what each channel keeps of it. Refractive
+    /// indices are those of green. `up` is the front's normal.
+    pub fn follow(&self, view: DVec3, up: DVec3, random: &mut impl FnMut() -> f64) -> Option<(DVec3, [f64; 3])> {
+        let (x, y) = up.any_orthonormal_pair();
+        let from = [-view.dot(x), -view.dot(y), -view.dot(up)];
+        let exit = ray::follow(&self.leaves[1], from, random)?;
+        let [a, b, c] = exit.direction;
+        let kept = self.leaves.each_ref().map(|leaf| (-leaf.depth * exit.crossings).exp());
+        Some(((x * a + y * b + up * c).normalize(), kept))
+    }
+}
+
+/// The interval of `rows` whole degrees that holds `at`, and how far into it.
+fn place(at: f64, rows: usize) -> (usize, f64) {
+    let k = (at.max(0.0) as usize).min(rows - 2);
+    (k, (at - k as f64).clamp(0.0, 1.0))
+}
+
+/// Uniform numbers of a turn's own, from the numbers that a path has for it: lobes that are drawn again and rays through
+/// layers need any number of them.
+pub fn stream(numbers: [f64; 4]) -> impl FnMut() -> f64 {
+    use rand::{RngExt, SeedableRng};
+    let seed = numbers.iter().fold(0x9e37_79b9_7f4a_7c15_u64, |hash, x| {
+        (hash ^ x.to_bits()).wrapping_mul(0xbf58_476d_1ce4_e5b9).rotate_left(27)
+    });
+    let mut rng = rand_pcg::Pcg64::seed_from_u64(seed);
+    move || rng.random::<f64>()
+}
