@@ -216,7 +216,12 @@ pub const MODELS: [Model; 20] = [
         bench: Some(Sweep { pictures: Some(report::foliar::pictures), ..sweep!(foliar::bench::rows) }),
         ..NONE
     },
-    Model { name: "fsm", eval: verb!(eval::fsm, "The foliar scattering model: its lobes, rules and errors"), ..NONE },
+    Model {
+        name: "fsm",
+        eval: verb!(eval::fsm, "The foliar scattering model: its lobes, rules and errors"),
+        bench: Some(sweep!(foliar::pictures::rows)),
+        ..NONE
+    },
     Model {
         name: "foliar",
         fit: verb!(fit::foliar, "Pigments of a leaf from the light that it reflects and lets through, from CSV"),

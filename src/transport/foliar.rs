@@ -11,8 +11,9 @@
 //!   lights are only found by rays that meet them.
 
 use glam::DVec3;
-use mesophyll_optics::foliar::fsm::{self, ROWS, Row, Turned};
-use mesophyll_optics::foliar::{Leaf, lobe, ray};
+use mesophyll_optics::foliar::fsm::{self, ROWS, Row, Shares, Turned};
+use mesophyll_optics::foliar::goniometer::{self, RINGS, SECTORS};
+use mesophyll_optics::foliar::{Leaf, Side, lobe, ray};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// Which of the two models.
@@ -89,6 +90,21 @@ impl Foliar {
         Some(Foliar { model, leaves, table, acceptance })
     }
 
+    /// As the paper has FSM: what turned back before the mesophyll is diffuse too.
+    pub fn of_paper(&self) -> Foliar {
+        let mut out = Foliar { model: Model::Fsm, ..self.clone() };
+        for row in &mut out.table {
+            row.diffuse.iter_mut().for_each(|d| *d += row.turned);
+            row.turned = 0.0;
+        }
+        out
+    }
+
+    /// The same leaf by another model.
+    pub fn by(&self, model: Model) -> Foliar {
+        Foliar { model, ..self.clone() }
+    }
+
     /// Which model it is.
     pub fn model(&self) -> Model {
         self.model
@@ -141,6 +157,28 @@ impl Foliar {
             turned: mix(a.turned, b.turned),
             lobe: Turned { rise: mix(a.lobe.rise, b.lobe.rise), lean: mix(a.lobe.lean, b.lobe.lean) },
         }
+    }
+
+    /// Shares of a channel's light at `incidence` (radians from the normal of the lit side) that FSM sends into the patches of the
+    /// goniometer, ring by ring ([`mesophyll_optics::foliar::goniometer`]).
+    pub fn patches(&self, side: Side, incidence: f64, channel: usize) -> Vec<f64> {
+        let back = side == Side::Abaxial;
+        let view = DVec3::new(incidence.sin(), 0.0, incidence.cos());
+        let met = self.meet(view, DVec3::Z, back);
+        let shares =
+            Shares { surface: met.surface[channel], diffuse: met.diffuse[channel], through: met.through[channel] };
+        let patch = |k: usize| {
+            let (ring, sector) = (k / SECTORS, k % SECTORS);
+            let rest = fsm::patch(incidence, met.oblateness, shares, ring, sector);
+            if ring >= RINGS / 2 {
+                return rest;
+            }
+            let zenith = PI * (ring as f64 + 0.5) / RINGS as f64;
+            let azimuth = TAU * (sector as f64 + 0.5) / SECTORS as f64;
+            let over = met.lobe.over_diffuse(zenith.cos(), -zenith.sin() * azimuth.cos());
+            rest + met.turned * over * goniometer::projected(ring) / PI
+        };
+        (0..RINGS * SECTORS).map(patch).collect()
     }
 
     /// A ray of the layered leaf that comes from `view`: where it goes and what each channel keeps of it. Refractive

@@ -75,21 +75,3 @@ pub fn lobes(side: Side, incidence: f64) -> [Vec<Curve>; 2] {
     }
     both
 }
-
-/// Total variation between the light that the ABM and the FSM send into the goniometer's patches: half the sum of
-/// differences, over the light that leaves.
-pub fn variation(side: Side, incidence: f64) -> f64 {
-    let at = incidence.to_radians();
-    let leaf = Leaf::soybean(SOYBEAN[1].1);
-    let seen = walk::directions(&leaf, side, at, RAYS, 1, &|| false);
-    let n = seen.counts.rays as f64;
-    let surface = leaf.surface_reflectance(at);
-    let (reflected, through) = (seen.counts.reflected as f64 / n, seen.counts.transmitted as f64 / n);
-    let shares = fsm::Shares { surface, diffuse: reflected - surface, through };
-    let patches = (0..RINGS).flat_map(|r| (0..SECTORS).map(move |s| (r, s)));
-    let off = |(r, s): (usize, usize)| {
-        let model = fsm::patch(at, leaf.oblateness.cuticle, shares, r, s);
-        (seen.reading(r, s).fraction.0 - model).abs()
-    };
-    0.5 * patches.map(off).sum::<f64>() / (reflected + through)
-}

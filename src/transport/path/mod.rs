@@ -8,6 +8,7 @@
 //! All arithmetic is f64. Limits: surfaces only (no mist, no light inside a blade from one texel to another but for the
 //! translucency maps of sunlight); nothing shines but sun, sky and environment.
 
+mod branch;
 mod canopy;
 mod escape;
 mod estimate;

@@ -163,6 +163,25 @@ impl<'a> Scatter<'a> {
         sum
     }
 
+    /// Of the diffuse light alone, as B1's rule for direct light has it.
+    pub fn diffuse_times_cosine(&self, l: DVec3) -> [f64; 3] {
+        let (rho, cos) =
+            if self.faces(l) { (self.rho_d, self.normal.dot(l)) } else { (self.rho_t, self.far_normal.dot(l)) };
+        rho.map(|r| r * cos.max(0.0) / PI)
+    }
+
+    /// B1's three rays with what each carries: around the mirror direction, and diffuse to the viewed and to the far side.
+    pub fn three(&self, numbers: [f64; 4]) -> [(DVec3, [f64; 3]); 3] {
+        let [_, u, v, _] = numbers;
+        let mirror = self.mirrored.as_ref().map_or((self.normal, [0.0; 3]), |m| {
+            (m.draw(self.normal, numbers), m.met.surface.map(|s| s + m.met.turned))
+        });
+        let near = cosine(self.normal, u, v);
+        // Half a turn and the other end of the square: the two diffuse rays need not be alike.
+        let far = cosine(self.far_normal, 1.0 - u, (v + 0.5).fract());
+        [mirror, (near, self.rho_d), (far, self.rho_t)]
+    }
+
     /// The same for light of the sun.
     pub fn times_cosine_of_sun(&self, l: DVec3) -> [f64; 3] {
         match self.sunlit {

@@ -40,7 +40,12 @@ pub fn leaves(p: &Place) -> Result<()> {
                 ));
             }
         } else if !own {
-            return Err(p.error(HEADER, i, "fit", "missing; expected a fit folder, a capture, a scan, uniform or foliar"));
+            return Err(p.error(
+                HEADER,
+                i,
+                "fit",
+                "missing; expected a fit folder, a capture, a scan, uniform or foliar",
+            ));
         }
         let like = leaf.like.as_ref().and_then(|name| p.manifest.leaf_index(name)).map(|k| &p.manifest.leaves[k]);
         let even = |l: &Leaf| l.uniform.is_some() || l.foliar.is_some();

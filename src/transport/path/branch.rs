@@ -1,0 +1,77 @@
+//! Light as B1 follows it (§4): three rays from every hit of a leaf, with the weights of the table, until the luminance of
+//! what they carry falls below a threshold; direct light by the diffuse shares of the side.
+//!
+//! This is for comparison with the paper and with [`Tracer::look`], which draws one of the rays and leaves no light out. The
+//! number of rays grows with each hit; what is cut off is lost.
+
+use super::scatter::Scatter;
+use super::{Samples, Strategy, Tracer};
+use crate::accelerate::Ray;
+use crate::seeds::scramble;
+use crate::stage::SideBy;
+use glam::DVec3;
+use mesophyll_optics::foliar::fsm;
+
+/// Hits after which a ray is given up, whatever it carries.
+const DEEPEST: usize = 64;
+
+impl Tracer<'_> {
+    /// Mean radiance along a line of sight from `times` trees of rays that end below the luminance `cut`, and the mean number of
+    /// rays of a tree by depth, the camera's first.
+    pub fn branched(&self, eye: DVec3, direction: DVec3, cut: f64, times: u32, seed: u64) -> ([f64; 3], Vec<f64>) {
+        let ray = Ray::new(eye, direction.normalize_or_zero());
+        let (mut sum, mut rays) = ([0.0; 3], Vec::new());
+        for k in 0..times {
+            let mut tree = Tree { tracer: self, cut, rays: &mut rays };
+            let mut samples = Samples::new(scramble(seed, 0), k);
+            let found = tree.follow(ray, [1.0; 3], 0, true, &mut samples);
+            (0..3).for_each(|c| sum[c] += found[c] / f64::from(times));
+        }
+        (sum, rays.iter().map(|n| *n as f64 / f64::from(times)).collect())
+    }
+}
+
+struct Tree<'a, 'b> {
+    tracer: &'a Tracer<'b>,
+    cut: f64,
+    rays: &'a mut Vec<u64>,
+}
+
+impl Tree<'_, '_> {
+    /// What comes back along `ray`. `sees`: whether lights that it meets were not looked for before.
+    fn follow(&mut self, ray: Ray, carried: [f64; 3], depth: usize, sees: bool, samples: &mut Samples) -> [f64; 3] {
+        let tracer = self.tracer;
+        if self.rays.len() <= depth {
+            self.rays.resize(depth + 1, 0);
+        }
+        self.rays[depth] += 1;
+        let Some(met) = tracer.stage.nearest(&ray) else {
+            return match (depth, sees) {
+                (0, _) => tracer.background(ray.direction),
+                (_, true) => tracer.lights.seen(ray.direction, 1.0, Strategy::Surfaces, true),
+                (_, false) => [0.0; 3],
+            };
+        };
+        let surface = tracer.stage.surface(&met, SideBy::Triangle);
+        let scatter = Scatter::new(&tracer.stage, &surface, carried, surface.rho_t());
+        let mut sum = [0.0; 3];
+        if let Some(light) = tracer.lights.draw(samples.next(), Strategy::Lights) {
+            let f = scatter.diffuse_times_cosine(light.direction);
+            if f.iter().any(|x| *x > 0.0)
+                && !tracer.stage.blocked(&tracer.stage.leave(surface.point, surface.flat, light.direction))
+            {
+                (0..3).for_each(|c| sum[c] += f[c] * light.weight[c]);
+            }
+        }
+        for (k, (direction, weight)) in scatter.three(samples.next()).into_iter().enumerate() {
+            let next = [0, 1, 2].map(|c: usize| carried[c] * weight[c]);
+            if !(fsm::luminance(next) >= self.cut) || depth >= DEEPEST {
+                continue;
+            }
+            let ray = tracer.stage.leave(surface.point, surface.flat, direction);
+            let found = self.follow(ray, next, depth + 1, k == 0, samples);
+            (0..3).for_each(|c| sum[c] += weight[c] * found[c]);
+        }
+        sum
+    }
+}
