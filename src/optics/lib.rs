@@ -6,6 +6,9 @@
 //! | [`gloss`] | how its surface reflects light from one direction into another |
 //! | [`tube`] | what a camera sees of a texel while a luminous tube travels over the leaf |
 //! | [`dipole`] | where light leaves the far side that entered at one point |
+//! | [`foliar`] | what the layers of a leaf do to rays of light |
+//!
+//! [`number`] has the numbers that formulas are computed with where derivatives are asked for.
 //!
 //! Lengths are in mm, absorption σa and scattering σs in 1/mm, angles in radians. Short names of sources such as W, H9
 //! and G3 are explained in `docs/sources.md`.
@@ -14,6 +17,7 @@
 
 pub mod dipole;
 pub mod foliar;
+pub mod number;
 pub mod slab;
 pub mod tube;
 

@@ -12,5 +12,6 @@ mod properties;
 mod sky;
 mod slab;
 mod solve;
+mod spectra;
 
 use common::skips;

@@ -13,6 +13,7 @@ use mesophyll_optics::foliar::pigments::{Constants, SUBSTANCES, Spectrum};
 use mesophyll_solve::{Closure, Noise, Options as Solver, Problem, global};
 use shared::Shared;
 use std::cell::RefCell;
+use std::collections::HashMap;
 use std::rc::Rc;
 use std::sync::{Arc, OnceLock};
 use surface::{MOST_OBLATE, Setting, Surface};
@@ -99,6 +100,8 @@ pub struct Reading {
 pub struct Model {
     /// Wavelengths (nm) and lit sides of the readings, with the optical constants there.
     pub lights: Vec<(f64, Side, Constants)>,
+    /// Which of the surfaces each light has: lights of one side with the same indices share one.
+    places: Vec<usize>,
     surfaces: Arc<[OnceLock<Surface>]>,
     setting: Setting,
     free: Vec<Parameter>,
@@ -139,14 +142,21 @@ impl Model {
                 .ok_or_else(|| format!("a reading is at {wavelength} nm; the table of pigments has {low} to {high} nm"))
         };
         let lights = lights.iter().map(constants).collect::<Result<Vec<_>, String>>()?;
-        let surfaces = lights.iter().map(|_| OnceLock::new()).collect();
-        Ok(Model { lights, surfaces, setting, free: free(asked), asked: asked.to_vec(), noise })
+        let mut kinds: HashMap<(bool, [u64; 3]), usize> = HashMap::new();
+        let mut place = |(_, side, constants): &(f64, Side, Constants)| {
+            let next = kinds.len();
+            *kinds.entry((*side == Side::Abaxial, constants.indices.map(f64::to_bits))).or_insert(next)
+        };
+        let places: Vec<usize> = lights.iter().map(&mut place).collect();
+        let surfaces = kinds.iter().map(|_| OnceLock::new()).collect();
+        Ok(Model { lights, places, surfaces, setting, free: free(asked), asked: asked.to_vec(), noise })
     }
 
     /// The same lights asked for other parameters, or with another noise. What is computed of the lights is shared.
     pub fn asking(&self, asked: &[Parameter], noise: Option<f64>) -> Model {
         Model {
             lights: self.lights.clone(),
+            places: self.places.clone(),
             surfaces: self.surfaces.clone(),
             setting: self.setting,
             free: free(asked),
@@ -172,15 +182,15 @@ impl Model {
         }
         triples.sort_by(|a, b| a[0].total_cmp(&b[0]));
         let Some(shared) = Shared::new(&triples, &self.setting, side) else { return };
-        for (surface, light) in self.surfaces.iter().zip(&self.lights).filter(|(_, l)| l.1 == side) {
-            if let Some(of_light) = shared.at(light.2.indices) {
-                surface.get_or_init(|| of_light);
+        for (place, light) in self.places.iter().zip(&self.lights).filter(|(_, l)| l.1 == side) {
+            if let Some(of_light) = shared.at(light.2.indices).filter(|_| self.surfaces[*place].get().is_none()) {
+                self.surfaces[*place].get_or_init(|| of_light);
             }
         }
     }
 
     fn surface(&self, light: usize) -> &Surface {
-        self.surfaces[light].get_or_init(|| {
+        self.surfaces[self.places[light]].get_or_init(|| {
             let (_, side, constants) = &self.lights[light];
             Surface::new(constants.indices, &self.setting, *side)
         })
@@ -369,6 +379,5 @@ pub struct Known {
     pub oblateness: f64,
 }
 
-#[cfg(test)]
 #[cfg(test)]
 mod tests;

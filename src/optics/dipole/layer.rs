@@ -100,7 +100,7 @@ impl Modal for f64 {
 impl Modal for Dual<f64> {
     fn bessel(self) -> [Self; 2] {
         let [k0, k1] = bessel::k01_real(self.value);
-        [self.chain(k0, -k1), self.chain(k1, -k0 - k1 / self.value)]
+        [self.function(k0, -k1), self.function(k1, -k0 - k1 / self.value)]
     }
 }
 

@@ -22,7 +22,7 @@ pub mod ray;
 mod tests;
 pub mod walk;
 
-use exact::number::Number;
+use crate::number::Real;
 
 /// The side of the leaf that is lit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, strum::EnumString, strum::IntoStaticStr, strum::VariantNames)]
@@ -46,7 +46,7 @@ pub enum Path {
 
 impl Path {
     /// How many thicknesses a crossing at the cosine `mu` is long.
-    pub fn length<N: Number>(self, mu: N) -> N {
+    pub fn length<N: Real>(self, mu: N) -> N {
         match self {
             Path::Slant => N::of(1.0) / mu,
             Path::Sieve => N::of(1.0) / mu.cos(),
@@ -134,7 +134,7 @@ impl Leaf {
 
 /// Where light that arrives from air onto a face of index `n`, `angle` off the normal, goes: the share that is
 /// reflected, and sine and cosine inside.
-pub fn enter<N: Number>(n: N, angle: f64) -> (N, N, N) {
+pub fn enter<N: Real>(n: N, angle: f64) -> (N, N, N) {
     let (sin, cos) = (N::of(angle.sin()), N::of(angle.cos()));
     let inside = sin / n;
     let cos_inside = (n * n - N::of(1.0) + cos * cos).sqrt() / n;
@@ -142,7 +142,7 @@ pub fn enter<N: Number>(n: N, angle: f64) -> (N, N, N) {
 }
 
 /// Reflectance of a plane interface for unpolarised light, ½(Rs + Rp), from the indices and the cosines on both sides.
-pub fn fresnel<N: Number>(n1: N, cos1: N, n2: N, cos2: N) -> N {
+pub fn fresnel<N: Real>(n1: N, cos1: N, n2: N, cos2: N) -> N {
     let s = (n1 * cos1 - n2 * cos2) / (n1 * cos1 + n2 * cos2);
     let p = (n2 * cos1 - n1 * cos2) / (n2 * cos1 + n1 * cos2);
     (s * s + p * p).times(0.5)

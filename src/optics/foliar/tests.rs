@@ -174,7 +174,7 @@ fn without_indices_only_the_mesophyll_is_left() {
         let diffuse = exactly(&leaf(air, [INF, 1.0, INF], depth), Side::Adaxial, 0.0);
         assert!(diffuse.reflectance.abs() < 1e-12);
         assert!((diffuse.transmittance - 2.0 * e3(depth)).abs() < 2e-5, "{depth}: {diffuse:?}");
-        for incidence in [0.0, 0.8, 1.5] {
+        for incidence in [0.0f64, 0.8, 1.5] {
             for path in [Path::Slant, Path::Sieve] {
                 let leaf = Leaf { path, ..leaf(air, [INF; 3], depth) };
                 let want = (-depth * path.length(incidence.cos())).exp();

@@ -12,6 +12,8 @@ mod branch;
 mod canopy;
 mod escape;
 mod estimate;
+#[cfg(test)]
+mod foliar_tests;
 mod lights;
 mod picture;
 mod samples;

@@ -6,7 +6,7 @@
 //! of c = √(hi² − s²), in which the nodes are those of Gauss; where another index lies so close above that the cosine of
 //! its medium bends within the panel, c = δ sinh t unbends it.
 
-use super::number::Number;
+use crate::number::Real;
 use mesophyll_quadrature as quadrature;
 use std::f64::consts::FRAC_PI_2;
 
@@ -23,7 +23,7 @@ struct Panel<N> {
     of_medium: bool,
 }
 
-impl<N: Number> Panel<N> {
+impl<N: Real> Panel<N> {
     /// c at t in [0, 1].
     fn c(&self, t: N) -> N {
         match self.close {
@@ -54,7 +54,7 @@ const SAME: f64 = 1e-12;
 /// A panel that only bends within is not made narrower than this.
 const NARROWEST: f64 = 1e-3;
 
-impl<N: Number> Grid<N> {
+impl<N: Real> Grid<N> {
     /// For light between air and media of the indices `kept`; `others` are indices of media whose cosines matter too,
     /// and `bends` values of s at which functions are not smooth for another reason. Every panel has `order` nodes.
     pub fn new(kept: &[N], others: &[N], bends: &[N], order: usize) -> Grid<N> {

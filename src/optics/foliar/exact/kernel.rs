@@ -5,7 +5,7 @@
 //! light goes somewhere. So azimuth has gone, for R and T do not ask for it.
 
 use super::grid::Grid;
-use super::number::Number;
+use crate::number::Real;
 use mesophyll_quadrature as quadrature;
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -45,7 +45,7 @@ fn power(x: f64, p: f64) -> f64 {
 }
 
 /// ∫ max(0, a + b cos φ)^ob dφ over half a turn for a, b ≥ 0 and a + b > 0, over (a + b)^ob.
-fn around<N: Number>(rules: &Rules, a: N, b: N, ob: N) -> N {
+fn around<N: Real>(rules: &Rules, a: N, b: N, ob: N) -> N {
     let whole = a + b;
     // With z = a/(a + b) the base is z + (1 − z) cos φ = 1 − (1 − z)(1 − cos φ).
     let rest = b / whole;
@@ -89,7 +89,7 @@ fn around<N: Number>(rules: &Rules, a: N, b: N, ob: N) -> N {
 
 /// Nodes over all θ that a ray of the sine `sin` and the cosine `cos` is turned to, with the share of light at each.
 /// `grazing` puts more nodes where cos θ is small.
-pub fn spread<N: Number>(rules: &Rules, breaks: &[(N, bool)], sin: N, cos: N, ob: N, grazing: bool) -> Vec<Point<N>> {
+pub fn spread<N: Real>(rules: &Rules, breaks: &[(N, bool)], sin: N, cos: N, ob: N, grazing: bool) -> Vec<Point<N>> {
     let center = sin.angle(cos);
     let p = ob.value();
     // Beyond this distance the lobe is negligible.
@@ -190,7 +190,7 @@ pub fn spread<N: Number>(rules: &Rules, breaks: &[(N, bool)], sin: N, cos: N, ob
 
 /// The weights by which values at the nodes of a medium of the index `n` make the mean over the lobe around a ray.
 /// `through`: what share of light at an angle goes on.
-pub fn row<N: Number>(grid: &Grid<N>, n: N, points: &[Point<N>], through: impl Fn(&Point<N>) -> N) -> Vec<N> {
+pub fn row<N: Real>(grid: &Grid<N>, n: N, points: &[Point<N>], through: impl Fn(&Point<N>) -> N) -> Vec<N> {
     let mut out = vec![N::of(0.0); grid.len(n)];
     grid.integrate(n, points.iter().map(|q| (q.sin, q.cos, q.weight * through(q))), &mut out);
     out

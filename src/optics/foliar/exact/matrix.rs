@@ -1,6 +1,6 @@
-//! Small dense matrices of any [`Number`].
+//! Small dense matrices of any [`Real`].
 
-use super::number::Number;
+use crate::number::Real;
 
 /// A matrix, row by row.
 #[derive(Debug, Clone)]
@@ -13,7 +13,7 @@ pub struct Matrix<N> {
     pub entries: Vec<N>,
 }
 
-impl<N: Number> Matrix<N> {
+impl<N: Real> Matrix<N> {
     /// From a function of row and column.
     pub fn from_fn(rows: usize, columns: usize, f: impl Fn(usize, usize) -> N) -> Self {
         let entries = (0..rows * columns).map(|k| f(k / columns.max(1), k % columns.max(1))).collect();

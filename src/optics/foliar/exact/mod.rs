@@ -12,13 +12,12 @@
 mod grid;
 mod kernel;
 mod matrix;
-pub mod number;
 
 use super::{Leaf, Oblateness, Path, Response, Side, enter, fresnel};
+use crate::number::{Dual, Real, Scalar};
 use grid::Grid;
 use kernel::{Point, Rules};
 use matrix::Matrix;
-use number::{Dual, Number};
 
 /// How finely the equation is solved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -77,7 +76,7 @@ pub struct Solved<'a, N = f64> {
     lower: Matrix<N>,
 }
 
-impl<N: Number> Prepared<N> {
+impl<N: Real> Prepared<N> {
     /// Prepares a leaf; its depth is not used.
     pub fn new(leaf: &Leaf<N>, resolution: Resolution) -> Prepared<N> {
         let Leaf { n_cuticle: nc, n_mesophyll: nm, n_antidermal: na, .. } = *leaf;
@@ -235,7 +234,7 @@ impl<N: Number> Prepared<N> {
     }
 }
 
-impl<N: Number> Solved<'_, N> {
+impl<N: Real> Solved<'_, N> {
     /// What happens to light at `incidence` (radians from the normal, 0 to π/2) onto one side.
     pub fn response(&self, side: Side, incidence: f64) -> Response<N> {
         let Prepared { leaf, grid, rules, .. } = self.prepared;
@@ -258,14 +257,14 @@ impl<N: Number> Solved<'_, N> {
 
 /// Where the mean over a lobe is not smooth in the angle of the ray, in a medium of the index `n` next to another and to air: a
 /// lobe of a small oblateness ends all at once a quarter turn away from the ray, and the end passes an angle of total reflection.
-fn bends<N: Number>(n: N, other: N, ob: N) -> Vec<N> {
+fn bends<N: Real>(n: N, other: N, ob: N) -> Vec<N> {
     const SMOOTH: f64 = 2.0;
     let below = [N::of(1.0), other].into_iter().filter(|m| m.value() < n.value() && ob.value() < SMOOTH);
     below.map(|m| (n * n - m * m).sqrt()).collect()
 }
 
 /// The lobe around every node of a medium of the index `n`.
-fn lobes<N: Number>(grid: &Grid<N>, rules: &Rules, n: N, ob: N, grazing: bool) -> Lobe<N> {
+fn lobes<N: Real>(grid: &Grid<N>, rules: &Rules, n: N, ob: N, grazing: bool) -> Lobe<N> {
     if ob.value().is_infinite() {
         return Lobe::Straight;
     }
@@ -278,7 +277,7 @@ fn lobes<N: Number>(grid: &Grid<N>, rules: &Rules, n: N, ob: N, grazing: bool) -
 }
 
 /// The matrix that makes of the values at the nodes their means over the lobe around each node.
-fn mean<N: Number>(grid: &Grid<N>, n: N, lobe: &Lobe<N>, through: impl Fn(&Point<N>) -> N) -> Matrix<N> {
+fn mean<N: Real>(grid: &Grid<N>, n: N, lobe: &Lobe<N>, through: impl Fn(&Point<N>) -> N) -> Matrix<N> {
     let size = grid.len(n);
     match lobe {
         Lobe::Straight => Matrix::from_fn(size, size, |i, j| {
@@ -358,7 +357,7 @@ pub const PARAMETERS: [&str; 7] = [
 
 /// Reflectance and transmittance with their derivatives by [`PARAMETERS`], at the usual resolution. Where two indices are equal, or an
 /// oblateness is infinite, the derivative by it is that of a leaf in which they stay so.
-pub fn derivatives(leaf: &Leaf, side: Side, incidence: f64) -> Response<Dual<7>> {
+pub fn derivatives(leaf: &Leaf, side: Side, incidence: f64) -> Response<Dual<f64, 7>> {
     let Oblateness { cuticle, epidermis, palisade, spongy } = leaf.oblateness;
     let dual = Leaf {
         depth: Dual::parameter(leaf.depth, 0),

@@ -1,0 +1,109 @@
+//! Leaves by B1's models in the path tracer, against the exact method.
+
+use super::{Paths, Strategy, Tracer};
+use crate::foliar::{Foliar, Model};
+use crate::made_up::{leaf, square};
+use crate::world::{Placement, ReferenceSun, World};
+use glam::{DMat4, DVec3};
+use mesophyll_optics::foliar::{Leaf, Side, exact, fsm};
+use std::sync::{Arc, LazyLock};
+
+/// What a soybean leaf's mesophyll absorbs of red, green and blue.
+const DEPTHS: [f64; 3] = [0.89, 0.51, 1.9];
+
+static SOYBEAN: LazyLock<Foliar> =
+    LazyLock::new(|| Foliar::new(Model::Fsm, DEPTHS.map(Leaf::soybean)).expect("a plain leaf"));
+
+fn alone(foliar: Foliar) -> World {
+    World {
+        leaves: vec![leaf(square(10.0), [0.0; 2], 0.0, None)],
+        foliar: vec![Some(Arc::new(foliar))],
+        instances: vec![Placement { leaf: 0, transform: DMat4::IDENTITY }],
+        ..World::default()
+    }
+}
+
+fn view(degrees: f64, below: bool) -> DVec3 {
+    let at = degrees.to_radians();
+    DVec3::new(100.0 * at.sin(), 0.0, 100.0 * at.cos() * if below { -1.0 } else { 1.0 })
+}
+
+/// Under light from everywhere a leaf shows all that it would reflect and let through of light from the viewer.
+#[test]
+fn a_leaf_under_an_even_sky_shows_what_the_exact_method_says() {
+    for model in [Model::Fsm, Model::Abm] {
+        let world = World { sky: Some([1.0; 3]), ..alone(SOYBEAN.by(model)) };
+        let tracer = Tracer::new(&world, Paths::default()).unwrap();
+        for (degrees, below) in [(20.0, false), (65.0, false), (45.0, true)] {
+            let eye = view(degrees, below);
+            let seen = tracer.look(eye, -eye, 8192, 3);
+            let side = if below { Side::Abaxial } else { Side::Adaxial };
+            for (channel, depth) in DEPTHS.into_iter().enumerate() {
+                let want = exact::response(&Leaf::soybean(depth), side, degrees.to_radians()).unwrap();
+                let want = want.reflectance + want.transmittance;
+                let found = seen.radiance[channel];
+                assert!(found.error < 0.01, "{model:?} {degrees}: {found:?}");
+                assert!((found.mean - want).abs() < 4.0 * found.error + 2e-4, "{model:?} {degrees}: {found:?}, {want}");
+            }
+        }
+    }
+}
+
+/// What is drawn by lights and what is drawn by lobes is the same light: densities are those of the draws.
+#[test]
+fn lights_and_lobes_find_the_same_light() {
+    let sun = Some(ReferenceSun { direction: DVec3::new(0.5, 0.2, 0.8), irradiance: [2.0; 3], radius: 0.3 });
+    for (degrees, below) in [(30.0, false), (60.0, true)] {
+        let world = World { sun, ..alone(SOYBEAN.clone()) };
+        let eye = view(degrees, below) * DVec3::new(-1.0, 1.0, 1.0);
+        let [a, b, c] = [Strategy::Both, Strategy::Lights, Strategy::Surfaces].map(|strategy| {
+            let tracer = Tracer::new(&world, Paths { strategy, ..Paths::default() }).unwrap();
+            tracer.look(eye, -eye, 16_384, 3).radiance[1]
+        });
+        for other in [b, c] {
+            let error = a.error.hypot(other.error);
+            assert!((a.mean - other.mean).abs() < 4.0 * error + 1e-6, "{a:?} {other:?}");
+            assert!(other.error < 0.05 * other.mean, "{other:?}");
+        }
+    }
+}
+
+/// Where the sun stands behind the side that is seen, light turns back before the mesophyll on the mirror's side rather than on
+/// the sun's.
+#[test]
+fn light_from_below_leans_forward() {
+    let sun = Some(ReferenceSun { direction: DVec3::new(0.7, 0.0, -0.7), irradiance: [1.0; 3], radius: 0.05 });
+    let world = World { sun, ..alone(SOYBEAN.clone()) };
+    let tracer = Tracer::new(&world, Paths::default()).unwrap();
+    let [forward, back] = [-1.0, 1.0].map(|way| {
+        let eye = view(50.0, true) * DVec3::new(way, 1.0, 1.0);
+        tracer.look(eye, -eye, 4096, 3).radiance[1].mean
+    });
+    assert!(forward > 1.3 * back, "{forward} {back}");
+}
+
+/// The paper's trees of three rays come to the same radiance but for what the threshold cuts off, and two thirds of the first
+/// hit's rays meet nothing more of a leaf alone.
+#[test]
+fn three_rays_a_hit_lose_only_what_is_cut() {
+    let world = World { sky: Some([1.0; 3]), ..alone(SOYBEAN.clone()) };
+    let tracer = Tracer::new(&world, Paths::default()).unwrap();
+    let eye = view(35.0, false);
+    let (radiance, rays) = tracer.branched(eye, -eye, fsm::CUT, 4000, 2);
+    let want = tracer.look(eye, -eye, 8192, 3).radiance[1];
+    assert!((radiance[1] - want.mean).abs() < 0.03 * want.mean, "{radiance:?} {want:?}");
+    assert_eq!(rays, [1.0, 3.0]);
+}
+
+/// What a matte renderer shows has the leaf's albedo, and gives no more than it gets.
+#[test]
+fn the_matte_stand_in_has_the_leafs_albedo() {
+    let ([front, back], through) = SOYBEAN.matte();
+    for c in 0..3 {
+        assert!(front[c] > 0.05 && back[c] > front[c] && through[c] > 0.0);
+        assert!(front[c] + through[c] <= 1.0 && back[c] + through[c] <= 1.0);
+    }
+    let clear = Foliar::new(Model::Fsm, [Leaf::soybean(0.0); 3]).unwrap();
+    let ([front, back], through) = clear.matte();
+    assert!(front[1] + through[1] <= 1.0 && back[1] + through[1] <= 1.0 && front[1] + through[1] > 0.9);
+}

@@ -1,0 +1,119 @@
+//! Whole spectra: `fit foliar` and `fit slab` on tables with a row a wavelength.
+
+use assert_cmd::Command;
+use std::collections::HashMap;
+use std::path::Path;
+
+/// A made-up table of pigments with a row every 10 nm, whose absorption and indices change as a leaf's do.
+fn pigments() -> String {
+    let mut text =
+        "wavelength_nm,chlorophyll_cm2_g,carotenoid_cm2_g,protein_cm2_g,cellulose_lignin_cm2_g,water_per_cm,\
+                    n_cuticle,n_mesophyll,n_antidermal\n"
+            .to_string();
+    for k in 0..=90 {
+        let w = 400.0 + 10.0 * f64::from(k);
+        let bell = |at: f64, width: f64| (-((w - at) / width).powi(2)).exp();
+        let chlorophyll = 4.5e4 * bell(440.0, 40.0) + 3e4 * bell(660.0, 40.0) + 9e3 * bell(560.0, 80.0);
+        let water = 0.4 * bell(970.0, 40.0) + 1.2 * bell(1200.0, 70.0) + 1e-3;
+        // Three steps, so that few leaves have to be computed.
+        let n = 1.53 - 0.02 * (0.0033 * (w - 400.0)).floor();
+        let m = 1.42 - 0.002 * (0.0033 * (w - 400.0)).floor();
+        text += &format!("{w},{chlorophyll},{},10,4.4,{water},{n},{m},{}\n", 5e4 * bell(460.0, 45.0), m - 0.0055);
+    }
+    text
+}
+
+fn run(args: &[&str], folder: &Path) -> String {
+    let out = Command::cargo_bin("mesophyll").unwrap().args(args).current_dir(folder).output().unwrap();
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    String::from_utf8(out.stdout).unwrap()
+}
+
+fn rows(text: &str) -> Vec<HashMap<String, String>> {
+    let mut lines = text.lines();
+    let header: Vec<&str> = lines.next().unwrap().split(',').collect();
+    lines.map(|l| header.iter().map(|h| h.to_string()).zip(l.split(',').map(String::from)).collect()).collect()
+}
+
+#[test]
+fn leaves_made_of_layers_are_found_in_their_spectra() {
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::write(dir.path().join("pigments.csv"), pigments()).unwrap();
+    // Two leaves, every 30 nm, by the exact method.
+    let mut asked =
+        "leaf,wavelength_nm,incidence_deg,side,path,mesophyll_thickness_mm,n_cuticle,n_mesophyll,n_antidermal,\
+                     chlorophyll_ug_cm2,carotenoid_ug_cm2,protein_ug_cm2,cellulose_lignin_ug_cm2,water_g_cm2,\
+                     oblateness_epidermis\n"
+            .to_string();
+    let truth = [("oak", [40.0, 9.0, 0.012, 4.0]), ("a/b", [15.0, 4.0, 0.02, 8.0])];
+    for (leaf, [chlorophyll, carotenoid, water, ob]) in truth {
+        for w in (400..=1300).step_by(30) {
+            asked += &format!("{leaf},{w},8,adaxial,sieve,0.1,,,,{chlorophyll},{carotenoid},0,0,{water},{ob}\n");
+        }
+    }
+    std::fs::write(dir.path().join("asked.csv"), asked).unwrap();
+    let table =
+        run(&["eval", "abm", "--method", "exact", "--pigments", "pigments.csv", "--in", "asked.csv"], dir.path());
+    let mut spectra = "leaf,wavelength_nm,R,T,h\n".to_string();
+    for r in rows(&table) {
+        spectra += &format!("{},{},{},{},0.1\n", r["leaf"], r["wavelength_nm"], r["reflectance"], r["transmittance"]);
+    }
+    spectra += "far,2000,0.1,0.1,0.1\nbad,450,x,0.1,0.1\n";
+    std::fs::write(dir.path().join("spectra.csv"), spectra).unwrap();
+    let fit =
+        ["fit", "foliar", "--pigments", "pigments.csv", "--noise", "0.002", "--in", "spectra.csv", "--plots", "plots"];
+    let fit = [&fit[..], &["--fit", "chlorophyll,carotenoid,water,oblateness"]].concat();
+    let found = rows(&run(&fit, dir.path()));
+    assert_eq!(found.len(), 4);
+    for (row, (leaf, truth)) in found.iter().zip(truth) {
+        assert_eq!((row["leaf"].as_str(), row["status"].as_str()), (leaf, "ok"));
+        let names = ["chlorophyll_ug_cm2", "carotenoid_ug_cm2", "water_g_cm2", "oblateness_epidermis"];
+        for (name, truth) in names.into_iter().zip(truth) {
+            let number = |name: &str| row[name].parse::<f64>().unwrap();
+            // No noise was added: what is left is what lies between the nodes.
+            assert!((number(name) - truth).abs() < 0.3 * number(&format!("{name}_err")), "{leaf} {name}: {row:?}");
+        }
+    }
+    assert!(
+        found[2]["status"]
+            .starts_with("refused: line 64: wavelength_nm is 2000; the table of pigments has 400 to 1300")
+    );
+    assert!(found[3]["status"].contains("line 65: R is"), "{}", found[3]["status"]);
+    let svg = std::fs::read_to_string(dir.path().join("plots/a_b.svg")).unwrap();
+    assert!(svg.contains("transmittance") && svg.contains("wavelength"));
+    assert!(!dir.path().join("plots/far.svg").exists());
+
+    // The slab's σa and σs of the same table.
+    let slab =
+        ["fit", "slab", "--columns", "rho_d=R,rho_t=T", "--noise", "0.002", "--in", "spectra.csv", "--plots", "slab"];
+    let found = rows(&run(&slab, dir.path()));
+    assert_eq!(found.len(), 64);
+    let sigma = |row: &HashMap<String, String>| row["sigma_a"].parse::<f64>().unwrap_or(f64::NAN);
+    // Red light is absorbed, infrared light hardly.
+    let at = |w: &str| sigma(found.iter().find(|r| r["leaf"] == "oak" && r["wavelength_nm"] == w).unwrap());
+    assert!(at("670") > 20.0 * at("850"), "{} {}", at("670"), at("850"));
+    assert!(dir.path().join("slab/oak.svg").exists());
+}
+
+#[test]
+fn what_is_no_spectrum_is_said() {
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::write(dir.path().join("pigments.csv"), pigments()).unwrap();
+    let said = |table: &str, more: &[&str]| {
+        std::fs::write(dir.path().join("in.csv"), table).unwrap();
+        let args = [&["fit", "foliar", "--pigments", "pigments.csv", "--in", "in.csv"], more].concat();
+        let out = Command::cargo_bin("mesophyll").unwrap().args(args).current_dir(dir.path()).output().unwrap();
+        assert_eq!(out.status.code(), Some(2));
+        String::from_utf8(out.stderr).unwrap()
+    };
+    assert!(said("wavelength_nm,R\n500,0.1\n", &[]).contains("leaf: no such column"));
+    assert!(said("leaf,wavelength_nm,rho\na,500,0.1\n", &[]).contains("expected R or T beside wavelength_nm"));
+    assert!(said("leaf,R500\na,0.1\n", &["--plots", "p"]).contains("--plots draws spectra in long form"));
+    let out = Command::cargo_bin("mesophyll")
+        .unwrap()
+        .args(["fit", "slab", "--in", "in.csv", "--plots", "p", "--columns", "rho_d=R500,rho_t=R500,h=R500"])
+        .current_dir(dir.path())
+        .output()
+        .unwrap();
+    assert_eq!(out.status.code(), Some(2));
+}
