@@ -7,7 +7,7 @@
 use super::exact;
 use super::goniometer::{RINGS, SECTORS, projected};
 use super::lobe;
-use super::{Leaf, Side, walk};
+use super::{Leaf, Oblateness, Side, walk};
 use mesophyll_quadrature as quadrature;
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -130,23 +130,21 @@ fn turned_lobe(twin: &Leaf, row: usize) -> Turned {
     let (side, at) = light(row);
     // Level light is mirrored whole: the row takes the lobe of one a little steeper.
     let at = at.min(88f64.to_radians());
-    let seen = walk::directions(twin, side, at, LOBE_RAYS, 1, &|| false);
-    let surface = Shares { surface: twin.surface_reflectance(at), diffuse: 0.0, through: 0.0 };
+    // Without a lobe on the face all that it mirrors is in one patch, and known.
+    let twin = Leaf { oblateness: Oblateness { cuticle: f64::INFINITY, ..twin.oblateness }, ..*twin };
+    let seen = walk::directions(&twin, side, at, LOBE_RAYS, 1, &|| false);
+    let mut shares: Vec<f64> =
+        (0..RINGS / 2 * SECTORS).map(|k| seen.reading(k / SECTORS, k % SECTORS).fraction.0).collect();
+    if let Some(mirror) = shares.iter_mut().max_by(|a, b| a.total_cmp(b)) {
+        *mirror -= twin.surface_reflectance(at);
+    }
     let (mut all, mut square, mut forward) = (0.0, 0.0, 0.0);
-    for ring in 0..RINGS / 2 {
-        for sector in 0..SECTORS {
-            let mirrored = if twin.oblateness.cuticle.is_finite() {
-                patch(at, twin.oblateness.cuticle, surface, ring, sector)
-            } else {
-                0.0
-            };
-            let share = seen.reading(ring, sector).fraction.0 - mirrored;
-            let zenith = PI * (ring as f64 + 0.5) / RINGS as f64;
-            let azimuth = 2.0 * PI * (sector as f64 + 0.5) / SECTORS as f64;
-            all += share;
-            square += share * zenith.sin().powi(2);
-            forward -= share * zenith.sin() * azimuth.cos();
-        }
+    for (k, share) in shares.iter().enumerate() {
+        let zenith = PI * ((k / SECTORS) as f64 + 0.5) / RINGS as f64;
+        let azimuth = 2.0 * PI * ((k % SECTORS) as f64 + 0.5) / SECTORS as f64;
+        all += share;
+        square += share * zenith.sin().powi(2);
+        forward -= share * zenith.sin() * azimuth.cos();
     }
     // So little light that its means are noise.
     if all < 2e-3 { Turned::default() } else { Turned::of(square / all, forward / all) }
