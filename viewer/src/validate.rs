@@ -60,9 +60,6 @@ fn shares(gpu: &Gpu, scene: &Scene) -> Result<()> {
             let place = format!("instance {i}, shares of the sun");
             return Err(wrong(place, format!("up to number {end}"), format!("below {}", shares.len())));
         }
-        if instance.ride.is_some() {
-            return Err(wrong(format!("instance {i}, shares of the sun"), "a branch that bends it", "none"));
-        }
     }
     Ok(())
 }

@@ -28,7 +28,7 @@ pub fn sun_visibility(manifest: &Manifest, placed: &Placed) -> Result<(), &'stat
         _ if stands_alone(manifest, placed) => Err("one leaf stands alone"),
         _ if placed.free => Err("the sun may be moved anywhere: shadow maps follow it"),
         _ if manifest.sun.as_ref().is_some_and(|s| s.moves) => Err("the sun may stand anywhere: shadow maps follow it"),
-        _ if placed.bends.is_some() => Err("leaves sway, and their shadows with them: shadow maps follow them"),
+        _ if placed.bends.is_some() => Err("branches bend, and shadows with them: shadow maps follow them"),
         _ => Ok(()),
     }
 }
