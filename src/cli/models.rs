@@ -8,8 +8,8 @@ use mesophyll_proof::bench::BenchRow;
 use mesophyll_proof::peers::Inputs;
 use mesophyll_proof::stress::StressRow;
 use mesophyll_proof::{
-    beam, coverage, foliar, gloss, leaf, nist, peers, render, sky, slab, solver, transfer, translucency, transport,
-    visibility,
+    beam, coverage, foliar, gloss, leaf, motion, nist, peers, render, sky, slab, solver, transfer, translucency,
+    transport, visibility,
 };
 use mesophyll_report as report;
 use std::marker::PhantomData;
@@ -84,7 +84,7 @@ macro_rules! sweep {
 const NONE: Model = Model { name: "", fit: None, eval: None, bench: None, stress: None };
 
 /// All models, in the order in which verbs name and run them. A new model adds its entry here.
-pub const MODELS: [Model; 20] = [
+pub const MODELS: [Model; 22] = [
     Model {
         name: "solve",
         bench: Some(Sweep {
@@ -132,6 +132,16 @@ pub const MODELS: [Model; 20] = [
         bench: Some(sweep!(beam::bench::bench_rows)),
         stress: Some(|| Ok(beam::stress::rows())),
     },
+    Model {
+        name: "motion",
+        fit: verb!(
+            fit::motion,
+            "Resonance, damping and gain of a swaying branch from its deflections over time, from CSV"
+        ),
+        stress: Some(|| Ok(motion::rows())),
+        ..NONE
+    },
+    Model { name: "sway", eval: verb!(eval::sway, "Where the tips of a scene's branches are, over time"), ..NONE },
     Model {
         name: "sky",
         fit: verb!(

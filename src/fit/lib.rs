@@ -7,6 +7,7 @@ pub mod dome;
 pub mod foliar;
 pub mod gloss;
 pub mod leaf;
+pub mod motion;
 pub mod slab;
 
 pub(crate) use mesophyll_error::{Error, Result};

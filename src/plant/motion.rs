@@ -9,7 +9,7 @@
 //! apart in y.
 //!
 //! The highest frequency takes 8 texels a cycle, so that the hardware's linear filter is enough (it takes 10 % of the
-//! power there); a texture of n texels a side then holds frequencies down to f_min = 8 f_max/n. (The print has f_max/(8
+//! power there; directed textures make up for it); a texture of n texels a side then holds frequencies down to f_min = 8 f_max/n. (The print has f_max/(8
 //! n).)
 
 use super::motion_spectrum::{Method, Rings};
@@ -36,11 +36,18 @@ pub struct Motion {
     pub method: Method,
 }
 
-/// Waves across a directed texture: −6 … 6 cycles along y.
-const ACROSS: i64 = 6;
-/// Slopes of lines through a directed texture. From 1/13 on, the next passage through the texture meets other waves;
-/// the frequencies are smeared by slope times cycles along y, less than one step of the texture's own.
-const SLOPES: [f64; 2] = [0.08, 0.14];
+/// Texels a cycle of the highest frequency along y of a directed texture.
+const TEXELS_ACROSS: usize = 16;
+/// A line through a directed texture climbs by one of its independent rows in each passage, and by up to this share
+/// more: rows that are one climb apart have nothing in common, and the line meets its first row again only after as
+/// many passages as there are rows. The frequencies along it are smeared by slope times cycles along y: at most about
+/// half a step of the texture's own.
+const UNEVEN: f64 = 0.03;
+
+/// Cycles along y of a directed texture: from minus this to this; its independent rows are one more than twice this.
+fn across(size: usize) -> i64 {
+    (size / TEXELS_ACROSS) as i64
+}
 
 /// A line through a texture: where a branch is at time t (s), in texture units (wrapped).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -67,12 +74,12 @@ impl Trajectory {
         Trajectory { start, velocity: [speed * angle.cos(), speed * angle.sin()] }
     }
 
-    /// A line for a directed texture: nearly along x.
-    fn along(seed: u64, speed: f64) -> Trajectory {
+    /// A line for a directed texture of `size` texels: nearly along x.
+    fn along(seed: u64, speed: f64, size: usize) -> Trajectory {
         let mut rng = Pcg64::seed_from_u64(seed);
         let start = [rng.random::<f64>(), rng.random::<f64>()];
-        let size = SLOPES[0] + (SLOPES[1] - SLOPES[0]) * rng.random::<f64>();
-        let slope = if rng.random::<f64>() < 0.5 { -size } else { size };
+        let climb = (1.0 + UNEVEN * rng.random::<f64>()) / (2 * across(size) + 1) as f64;
+        let slope = if rng.random::<f64>() < 0.5 { -climb } else { climb };
         Trajectory { start, velocity: [speed, speed * slope] }
     }
 
@@ -113,8 +120,15 @@ impl Motion {
             return None;
         }
         // Two-sided density of a line along x, a unit of k, over the waves across.
+        let across = across(size);
         let directed: Vec<f64> =
-            (1..=count).map(|j| 0.5 * lowest * spectrum(j as f64 * lowest) / (2 * ACROSS + 1) as f64).collect();
+            (1..=count).map(|j| 0.5 * lowest * spectrum(j as f64 * lowest) / (2 * across + 1) as f64).collect();
+        // What the linear filter leaves of the power of a wave of k cycles: sinc⁴(k/size). A directed texture makes up
+        // for it.
+        let filtered = |k: i64| {
+            let x = std::f64::consts::PI * k as f64 / size as f64;
+            if x == 0.0 { 1.0 } else { (x.sin() / x).powi(4) }
+        };
         let rings = Rings::new(spectrum, lowest, count, method);
         let mut rng = Pcg64::seed_from_u64(seed);
         let mut field = vec![Complex::new(0.0, 0.0); size * size];
@@ -122,7 +136,7 @@ impl Motion {
         for row in -reach..=reach {
             for column in -reach..=reach {
                 let ring = match method {
-                    Method::Directed if row.abs() > ACROSS => 0,
+                    Method::Directed if row.abs() > across => 0,
                     Method::Directed => column.unsigned_abs() as usize,
                     _ => ((row * row + column * column) as f64).sqrt().round() as usize,
                 };
@@ -134,7 +148,10 @@ impl Motion {
                 // Random phases, fixed sizes: each part of the sum has the variance Σ Φ whatever the draw, and so many
                 // waves are Gaussian together. (H9 Eq. 4.18 draws the sizes as well; the spectrum of one texture then
                 // scatters by that.)
-                let density = if method == Method::Directed { directed[ring - 1] } else { rings.0[ring - 1] };
+                let density = match method {
+                    Method::Directed => directed[ring - 1] / (filtered(row) * filtered(column)),
+                    _ => rings.0[ring - 1],
+                };
                 let size_of = (2.0 * density).sqrt();
                 let at = |k: i64| k.rem_euclid(size as i64) as usize;
                 field[at(row) * size + at(column)] = Complex::from_polar(size_of, angle);
@@ -154,7 +171,11 @@ impl Motion {
     /// resonance over the texture's).
     pub fn trajectory(&self, seed: u64, faster: f64) -> Trajectory {
         let speed = faster * self.speed();
-        if self.method == Method::Directed { Trajectory::along(seed, speed) } else { Trajectory::new(seed, speed) }
+        if self.method == Method::Directed {
+            Trajectory::along(seed, speed, self.size)
+        } else {
+            Trajectory::new(seed, speed)
+        }
     }
 
     /// Both channels at a place in texture units, wrapped and linearly filtered as a sampler with repeat addressing
@@ -294,6 +315,29 @@ mod tests {
         assert!(have / wanted > 0.8 && have / wanted < 2.0, "{have} {wanted}");
     }
 
+    /// A line through a directed texture has nothing in common with itself later on, for ten minutes and more.
+    #[test]
+    fn lines_do_not_repeat_within_ten_minutes() {
+        let s = sway(0.15);
+        let motion = Motion::new(|f| s.spectrum(f), s.highest(), 1024, 5, Method::Directed).unwrap();
+        let dt = 0.11;
+        for seed in 0..3 {
+            let path = motion.trajectory(seed, 1.0);
+            let n = (1200.0 / dt) as usize;
+            let line: Vec<f64> = (0..n).map(|k| motion.sample(path.at(k as f64 * dt))[0]).collect();
+            let square: f64 = line.iter().map(|v| v * v).sum::<f64>() / n as f64;
+            // The swaying dies away within ten seconds; a repetition would bring all of it back.
+            let worst = ((10.0 / dt) as usize..(600.0 / dt) as usize)
+                .map(|lag| {
+                    let pairs = n - lag;
+                    (0..pairs).map(|k| line[k] * line[k + lag]).sum::<f64>().abs() / (pairs as f64 * square)
+                })
+                .fold(0.0, f64::max);
+            println!("line {seed}: largest correlation with itself between 10 s and 10 min {worst:.2}");
+            assert!(worst < 0.4, "{worst}");
+        }
+    }
+
     #[test]
     fn impossible_textures_are_refused_and_lines_do_not_close() {
         let s = sway(0.5);
@@ -303,7 +347,7 @@ mod tests {
         let directed = Motion::new(|f| s.spectrum(f), s.highest(), 64, 1, Method::Directed).unwrap();
         for seed in 0..200 {
             let line = directed.trajectory(seed, 1.0).velocity;
-            assert!(line[0] == directed.lowest && (0.08..=0.14).contains(&(line[1] / line[0]).abs()));
+            assert!(line[0] == directed.lowest && (1.0 / 9.0..=1.03 / 9.0).contains(&(line[1] / line[0]).abs()));
             let path = Trajectory::new(seed, 0.5);
             assert!(!nearly_rational(path.velocity[1].atan2(path.velocity[0])));
             assert!((path.velocity[0].hypot(path.velocity[1]) - 0.5).abs() < 1e-12);

@@ -10,6 +10,7 @@ pub mod coverage;
 pub mod foliar;
 pub mod gloss;
 pub mod leaf;
+pub mod motion;
 pub mod nist;
 pub mod peers;
 mod precise;

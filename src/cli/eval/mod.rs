@@ -13,6 +13,7 @@ pub mod gloss;
 pub mod panorama;
 pub mod sky;
 pub mod slab;
+pub mod sway;
 
 #[derive(Debug, clap::Args)]
 pub struct Args {

@@ -12,6 +12,7 @@ pub mod beam;
 pub mod foliar;
 pub mod gloss;
 pub mod leaf;
+pub mod motion;
 pub mod sky;
 pub mod slab;
 pub mod tissue;

@@ -20,8 +20,9 @@ use mesophyll_plant::wind::{Oscillator, Sway, Wind, resonance};
 use mesophyll_record::FitRecord;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// Texels a side of the motion texture: frequencies down to an eighth of the branch's resonance.
-pub const MOTION_SIDE: usize = 128;
+/// Texels a side of the motion texture: frequencies down to 1/64 of the branch's resonance, and no repetition within
+/// 8,000 of its periods.
+pub const MOTION_SIDE: usize = 1024;
 
 /// A branch as the manifest and its fit say, at rest.
 #[derive(Debug, Clone, PartialEq)]
@@ -198,6 +199,11 @@ impl Bends {
             }
             _ => b.still,
         }
+    }
+
+    /// The tip of branch `k` at a time (s), in mm.
+    pub fn tip(&self, k: usize, time: f64) -> [f64; 3] {
+        self.branches[k].rest.joint(self.amplitude(k, time), 1.0).position
     }
 
     /// Where something goes that hangs on a branch: its transform at rest, carried along.
