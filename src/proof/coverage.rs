@@ -234,6 +234,7 @@ pub fn rows() -> Vec<StressRow> {
         &leaves(LEAVES, TEXELS / LEAVES, 3),
         clock,
     );
+    rows.extend(crate::motion::coverage_rows());
     rows
 }
 

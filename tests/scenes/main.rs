@@ -10,6 +10,7 @@ mod check;
 mod daylight;
 mod goldens;
 mod plan;
+mod plants;
 mod reference;
 mod scene;
 mod scene_imports;

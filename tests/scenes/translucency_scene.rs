@@ -476,7 +476,7 @@ fn a_tree_shares_one_data_set_among_its_leaves() {
     let (whole, _) = planned(&scene(dir.path(), "tree", Some(50.0), None, tree));
     let plan = &whole.plan;
     assert_eq!(whole.placed.placements.len(), 301);
-    assert!(whole.placed.wood.is_some() && plan.light.shadow_samples > 0);
+    assert!(!whole.placed.wood.is_empty() && plan.light.shadow_samples > 0);
     assert_eq!(plan.needed.iter().filter(|n| n.name == "elm/blade.glb").count(), 1);
     let bad = scene(dir.path(), "bad", Some(50.0), None, &tree.replace("count = 300", "count = 0"));
     let told = Manifest::read(&bad).unwrap_err().to_string();

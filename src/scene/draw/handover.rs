@@ -16,8 +16,9 @@ use crate::manifest::{self, Interior, Manifest, View};
 use crate::placed::Placed;
 use crate::placed::daylight::{self, Daylight, sun_direction};
 use crate::placed::placement::Placement;
+use crate::placed::plant::Wood;
 use crate::{Error, Result};
-use glam::{DVec3, Vec2, Vec3, Vec4};
+use glam::{DMat4, DVec3, Vec2, Vec3, Vec4};
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_files::quantity::Quantity;
 use mesophyll_fit_transfer::Transfer;
@@ -73,9 +74,10 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
                 levels.into_iter().map(|l| viewer::Detail { indices: l.indices, error: l.error_mm as f32 }).collect();
         }
     }
-    if let Some((mesh, bark)) = &placed.wood {
-        let wood = out.add(shown(out.meshes.len(), mesh), barked("wood", *bark));
-        out.instances.push(wood);
+    for wood in &placed.wood {
+        let drawn = out.add(shown(out.meshes.len(), &wood.mesh), barked(&wood.name, wood.bark));
+        let places = wood.places.iter();
+        out.instances.extend(places.map(|place| viewer::Instance { transform: place.as_mat4(), ..drawn }));
     }
     if let Some((mesh, albedo)) = &placed.ground {
         let ground = out.add(viewer_mesh(mesh), barked("ground", *albedo));
@@ -115,12 +117,17 @@ pub fn shade(found: &Transfer, towards_sun: DVec3, out: &mut viewer::Scene) -> R
 fn below_all(placed: &Placed) -> bool {
     let Some((ground, _)) = &placed.ground else { return false };
     let height = ground.positions.first().map_or(0.0, |p| p.z);
-    let wood = placed.twigs.iter().map(|t| &t.1).chain(placed.wood.as_ref().map(|w| &w.0));
+    let stands = |w: &Wood| {
+        let above = |place: &DMat4| w.mesh.positions.iter().all(|v| place.transform_point3(*v).z >= height);
+        w.places.iter().all(above)
+    };
     let leaf = |p: &Placement| {
         let mesh = placed.leaves[p.leaf].mesh.as_ref()?;
         Some(mesh.positions.iter().all(|v| p.transform.transform_point3(*v).z >= height))
     };
-    wood.flat_map(|m| &m.positions).all(|v| v.z >= height) && placed.placements.iter().filter_map(leaf).all(|b| b)
+    placed.twigs.iter().flat_map(|t| &t.1.positions).all(|v| v.z >= height)
+        && placed.wood.iter().all(stands)
+        && placed.placements.iter().filter_map(leaf).all(|b| b)
 }
 
 /// Light between leaves: meshes and instances stand in the order of the transfer's.

@@ -49,9 +49,10 @@ fn standing(scene: &Scene, ledger: &Ledger) -> Result<transport::World> {
             out.instances.push(transport::Placement { leaf, transform: p.transform });
         }
     }
-    if let Some((wood, bark)) = &placed.wood {
-        out.instances.push(transport::Placement { leaf: out.leaves.len(), transform: DMat4::IDENTITY });
-        out.leaves.push(barked(*bark, wood));
+    for wood in &placed.wood {
+        let leaf = out.leaves.len();
+        out.instances.extend(wood.places.iter().map(|transform| transport::Placement { leaf, transform: *transform }));
+        out.leaves.push(barked(wood.bark, &wood.mesh));
     }
     if let Some((ground, albedo)) = &placed.ground {
         out.ground = Some(out.instances.len());

@@ -14,7 +14,7 @@ mod view;
 pub use leaf::{Interior, Leaf, Scan, Translucency, Uniform};
 pub use light::{Day, Shadows, Sky, SkyModel, Sun, Transfer};
 pub use mesophyll_surface::basis::Basis;
-pub use plant::{Branch, Cluster, Ground, Instance, Periodic, Tree, Wind};
+pub use plant::{Branch, Cluster, Ground, Instance, Matter, Periodic, Plant, Tree, Wind};
 pub use view::{Camera, Check, JudgedBy, View, ViewKind};
 
 use crate::{Error, Result};
@@ -43,6 +43,8 @@ pub struct Manifest {
     pub leaves: Vec<Leaf>,
     #[serde(default, rename = "instance")]
     pub instances: Vec<Instance>,
+    #[serde(default, rename = "plant")]
+    pub plants: Vec<Plant>,
     pub cluster: Option<Cluster>,
     pub tree: Option<Tree>,
     #[serde(default, rename = "branch")]

@@ -1,8 +1,9 @@
-//! Where leaves stand and what they hang on: single ones, branches in the wind, a twig, a crown.
+//! Where leaves stand and what they hang on: single ones, whole plants, branches in the wind, a twig, a crown.
 
 use super::one;
 use mesophyll_files::mesh::Unit;
 use serde::Deserialize;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// A leaf standing somewhere: scaled, turned about x, then y, then z, then moved.
@@ -58,6 +59,45 @@ pub struct Branch {
     /// Over the critical one.
     #[serde(default = "damping")]
     pub damping: f64,
+}
+
+/// What a material of a plant is in the scene.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(untagged)]
+pub enum Matter {
+    /// A leaf of the scene, by name.
+    Leaf(String),
+    /// Bark: diffuse reflectance.
+    Bark([f64; 3]),
+}
+
+/// A whole plant, from a glTF file or grown from a description; it stands at rest.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Plant {
+    /// In what is printed; the file's name when absent.
+    pub name: Option<String>,
+    pub file: Option<PathBuf>,
+    pub grow: Option<PathBuf>,
+    /// For `grow`; the description's own when absent.
+    pub grow_seed: Option<u64>,
+    /// By the plant's names of them.
+    pub materials: BTreeMap<String, Matter>,
+    /// Of the foot.
+    #[serde(default)]
+    pub position_mm: [f64; 3],
+    #[serde(default)]
+    pub rotation_deg: [f64; 3],
+    #[serde(default = "one")]
+    pub scale: f64,
+    /// How many stand in the area.
+    #[serde(default = "single")]
+    pub count: usize,
+    /// Along x and y, around the position.
+    pub area_mm: Option<[f64; 2]>,
+    /// Of the places in the area.
+    #[serde(default)]
+    pub seed: u64,
 }
 
 /// A mean wind and its gusts.
@@ -145,6 +185,10 @@ pub struct Tree {
 
 fn damping() -> f64 {
     0.15
+}
+
+fn single() -> usize {
+    1
 }
 
 fn turbulence() -> f64 {

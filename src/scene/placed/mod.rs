@@ -5,6 +5,7 @@ pub mod daylight;
 pub mod facing;
 pub mod leaf;
 pub mod placement;
+pub mod plant;
 pub mod tree;
 
 use crate::Result;
@@ -14,10 +15,11 @@ use crate::fits::translucency::Translucent;
 use crate::ledger::Ledger;
 use crate::manifest::{Ground, Manifest, ViewKind};
 use branch::{Bends, Twig};
-use glam::{DVec2, DVec3};
+use glam::{DMat4, DVec2, DVec3};
 use leaf::{Leaf, Search};
 use mesophyll_files::mesh::LeafMesh;
 use placement::Placement;
+use plant::{Planted, Wood};
 use std::path::Path;
 
 /// A scene's leaves, branches and wood where they stand.
@@ -31,8 +33,8 @@ pub struct Placed {
     pub eyes: Vec<DVec3>,
     /// Branches at rest, with their meshes.
     pub twigs: Vec<(Twig, LeafMesh)>,
-    /// A tree's wood, and its bark.
-    pub wood: Option<(LeafMesh, [f64; 3])>,
+    /// The wood of plants and of a tree.
+    pub wood: Vec<Wood>,
     /// The ground, and its reflectance.
     pub ground: Option<(LeafMesh, [f64; 3])>,
     /// `None` where nothing bends.
@@ -48,7 +50,15 @@ impl Placed {
     /// [`crate::Error::Input`] for a fit that does not exist and cannot be made, a damaged mesh, or a branch that bends
     /// too far.
     pub fn new(manifest: &Manifest, search: Search, ledger: &Ledger) -> Result<Placed> {
-        let placements = placement::placements(manifest);
+        let plants = plant::planted(manifest, ledger)?;
+        let mut placements = placement::placements(manifest);
+        placements.extend(plants.iter().flat_map(Planted::placements));
+        let crown = manifest.tree.as_ref().map(|t| Wood {
+            name: "wood".into(),
+            mesh: tree::wood(&tree::grow(t).wood),
+            bark: t.bark,
+            places: vec![DMat4::IDENTITY],
+        });
         let twigs = branch::twigs(manifest, ledger)?;
         let bends = if branch::moves(manifest, &twigs) { Some(Bends::new(manifest, &twigs, ledger)?) } else { None };
         let perspective = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective);
@@ -60,7 +70,7 @@ impl Placed {
             leaves,
             placements,
             eyes,
-            wood: manifest.tree.as_ref().map(|t| (tree::wood(&tree::grow(t).wood), t.bark)),
+            wood: plants.iter().flat_map(Planted::wood).chain(crown).collect(),
             ground: manifest.ground.as_ref().map(|g| (level(manifest, g), g.albedo)),
             twigs: twigs.into_iter().map(|t| (t.clone(), branch::tube(&t))).collect(),
             bends,

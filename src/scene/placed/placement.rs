@@ -1,4 +1,5 @@
-//! Where leaves stand at rest: the scene's instances, then its cluster, then its tree ([`super::tree`]). Lengths in mm.
+//! Where leaves stand at rest: the scene's instances, then its cluster, then its tree ([`super::tree`]); plants
+//! ([`super::plant`]) follow. Lengths in mm.
 //! What hangs on a branch has its frame there: x towards the branch's tip, z as far up as the branch allows.
 //!
 //! A cluster is a twig along z with leaves a golden angle apart, each blade's tip (its +x) pointing away from the twig

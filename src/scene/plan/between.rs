@@ -60,7 +60,7 @@ fn stands_alone(manifest: &Manifest, placed: &Placed) -> bool {
     let one_blade = manifest.leaves.iter().all(|l| l.mesh.is_none() && l.discs.is_none());
     placed.placements.len() < 2
         && placed.twigs.is_empty()
-        && placed.wood.is_none()
+        && placed.wood.is_empty()
         && placed.ground.is_none()
         && one_blade
 }

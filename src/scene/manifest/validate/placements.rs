@@ -2,6 +2,7 @@
 
 use super::place::Place;
 use crate::Result;
+use crate::manifest::Matter;
 
 /// More leaves than this are likelier a typing error than a wish.
 const MOST_LEAVES: usize = 100_000;
@@ -41,6 +42,7 @@ pub fn placements(p: &Place) -> Result<()> {
             }
         }
     }
+    plants(p)?;
     if let Some(cluster) = &m.cluster {
         const HEADER: &str = "[cluster]";
         crowd(p, HEADER, &cluster.leaves, cluster.count)?;
@@ -73,8 +75,46 @@ pub fn placements(p: &Place) -> Result<()> {
             p.positive("[periodic]", 0, "size_mm", size, "length in mm")?;
         }
     }
-    if m.instances.is_empty() && m.cluster.is_none() && m.tree.is_none() {
-        return Err(p.error("", 0, "instance", "missing; expected at least one [[instance]], a [cluster] or a [tree]"));
+    if m.instances.is_empty() && m.plants.is_empty() && m.cluster.is_none() && m.tree.is_none() {
+        let what = "missing; expected at least one [[instance]], a [[plant]], a [cluster] or a [tree]";
+        return Err(p.error("", 0, "instance", what));
+    }
+    Ok(())
+}
+
+/// Whole plants: where they come from, what they are made of, where they stand.
+fn plants(p: &Place) -> Result<()> {
+    const HEADER: &str = "[[plant]]";
+    for (i, plant) in p.manifest.plants.iter().enumerate() {
+        match (&plant.file, &plant.grow) {
+            (Some(_), Some(_)) => {
+                return Err(p.error(HEADER, i, "grow", "given beside a file; expected one of the two"));
+            }
+            (None, None) => {
+                return Err(p.error(HEADER, i, "file", "missing; expected a file, or grow = a description"));
+            }
+            (Some(_), None) if plant.grow_seed.is_some() => {
+                return Err(p.error(HEADER, i, "grow_seed", "given, but a file is not grown"));
+            }
+            _ => {}
+        }
+        for matter in plant.materials.values() {
+            match matter {
+                Matter::Leaf(name) => p.leaf(HEADER, i, "materials", name)?,
+                Matter::Bark(bark) => p.reflectance(HEADER, i, "materials", bark)?,
+            }
+        }
+        p.finite(HEADER, i, "position_mm", &plant.position_mm)?;
+        p.finite(HEADER, i, "rotation_deg", &plant.rotation_deg)?;
+        p.positive(HEADER, i, "scale", plant.scale, "number")?;
+        p.range(HEADER, i, "count", plant.count as f64, [1.0, MOST_LEAVES as f64], "plants")?;
+        match plant.area_mm {
+            Some(area) => area.iter().try_for_each(|a| p.positive(HEADER, i, "area_mm", *a, "length in mm"))?,
+            None if plant.count > 1 => {
+                return Err(p.error(HEADER, i, "area_mm", "missing; several plants need an area"));
+            }
+            None => {}
+        }
     }
     Ok(())
 }

@@ -1,0 +1,188 @@
+//! Whole plants of a scene: read or grown once, standing where the manifest says. They stand at rest.
+//!
+//! A plant's materials have names; the manifest says which leaf of the scene hangs where a blade has a material, and
+//! how light the bark is. A leaf is drawn in its own size times the plant's scale and the size that the plant gives the
+//! blade.
+
+use super::placement::{Placement, rotation};
+use crate::ledger::Ledger;
+use crate::manifest::{self, Manifest, Matter};
+use crate::{Error, Result};
+use glam::{DMat4, DVec3};
+use mesophyll_files::mesh::LeafMesh;
+use mesophyll_flora::form::Plant;
+use mesophyll_flora::grow::{grow, spec::Spec};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+use std::collections::BTreeSet;
+use std::f64::consts::TAU;
+
+/// More leaves than this, of all plants together, are likelier a typing error than a wish.
+const MOST_LEAVES: usize = 1_000_000;
+
+/// Wood that stands in the scene.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Wood {
+    pub name: String,
+    pub mesh: LeafMesh,
+    /// Diffuse reflectance.
+    pub bark: [f64; 3],
+    /// Mesh to world, for every place where it stands.
+    pub places: Vec<DMat4>,
+}
+
+/// A `[[plant]]` of the manifest.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Planted {
+    pub name: String,
+    pub plant: Plant,
+    /// Plant to world, for every place where it stands.
+    pub places: Vec<DMat4>,
+    /// The scene's leaf for every blade of the plant.
+    leaves: Vec<usize>,
+    barks: Vec<(String, [f64; 3])>,
+}
+
+/// Reads or grows every plant.
+///
+/// # Errors
+/// [`Error::Input`] for a file or a description that cannot be read, a material that the scene does not map, a mapped
+/// one that the plant does not have, or too many leaves.
+pub fn planted(manifest: &Manifest, ledger: &Ledger) -> Result<Vec<Planted>> {
+    let mut out = Vec::new();
+    let mut total = 0;
+    for (index, said) in manifest.plants.iter().enumerate() {
+        let (source, plant) = match (&said.file, &said.grow) {
+            (Some(file), _) => {
+                let path = manifest.resolve(file);
+                let bytes = std::fs::metadata(&path).map_or(0, |m| m.len());
+                let plant =
+                    ledger.note("read", file.display().to_string(), bytes, || mesophyll_flora::file::read(&path))?;
+                (file, plant)
+            }
+            (None, Some(file)) => {
+                let spec = Spec::read(&manifest.resolve(file))?;
+                (file, ledger.note("grow", file.display().to_string(), 0, || grow(&spec, said.grow_seed)))
+            }
+            (None, None) => continue,
+        };
+        let stem = source.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+        let one = one(manifest, index, said, said.name.clone().unwrap_or(stem), plant)?;
+        total += one.plant.leaves.len() * one.places.len();
+        if total > MOST_LEAVES {
+            let what = format!("{total} leaves up to here");
+            return Err(Error::unexpected(
+                &manifest.path,
+                &field(index, "count"),
+                what,
+                format!("at most {MOST_LEAVES}"),
+            ));
+        }
+        out.push(one);
+    }
+    Ok(out)
+}
+
+fn field(index: usize, key: &str) -> String {
+    format!("plant {}: {key}", index + 1)
+}
+
+fn one(manifest: &Manifest, index: usize, said: &manifest::Plant, name: String, plant: Plant) -> Result<Planted> {
+    let wrong = |what: String| Error::field(&manifest.path, &field(index, "materials"), what);
+    let mut used = BTreeSet::new();
+    let mut leaves = Vec::new();
+    for blade in &plant.blades {
+        used.insert(blade.material.clone());
+        match said.materials.get(&blade.material) {
+            Some(Matter::Leaf(leaf)) => leaves.extend(manifest.leaf_index(leaf)),
+            Some(Matter::Bark(_)) => {
+                return Err(wrong(format!("\"{}\" is a blade's material, expected a leaf's name", blade.material)));
+            }
+            None => return Err(wrong(format!("the plant's material \"{}\" maps to no leaf", blade.material))),
+        }
+    }
+    let mut barks: Vec<(String, [f64; 3])> = Vec::new();
+    for branch in plant.branches.iter().filter(|b| b.wood.triangles() > 0) {
+        if barks.iter().any(|(known, _)| *known == branch.material) {
+            continue;
+        }
+        used.insert(branch.material.clone());
+        match said.materials.get(&branch.material) {
+            Some(Matter::Bark(bark)) => barks.push((branch.material.clone(), *bark)),
+            Some(Matter::Leaf(_)) => {
+                return Err(wrong(format!("\"{}\" is the bark's material, expected [r, g, b]", branch.material)));
+            }
+            None => return Err(wrong(format!("the plant's material \"{}\" maps to no bark", branch.material))),
+        }
+    }
+    if let Some(unused) = said.materials.keys().find(|name| !used.contains(*name)) {
+        let known: Vec<&str> = used.iter().map(String::as_str).collect();
+        return Err(wrong(format!("found \"{unused}\", expected a material of the plant ({})", known.join(", "))));
+    }
+    Ok(Planted { name, plant, places: places(said), leaves, barks })
+}
+
+/// Where a plant stands: once, or spread over an area, each turned about the vertical. Places are drawn so that each
+/// keeps away from those before it.
+fn places(said: &manifest::Plant) -> Vec<DMat4> {
+    let at = DVec3::from(said.position_mm);
+    let own = |offset: DVec3, azimuth: f64| {
+        DMat4::from_translation(at + offset)
+            * DMat4::from_rotation_z(azimuth)
+            * DMat4::from_quat(rotation(said.rotation_deg))
+            * DMat4::from_scale(DVec3::splat(said.scale))
+    };
+    let Some([width, depth]) = said.area_mm else { return vec![own(DVec3::ZERO, 0.0)] };
+    let mut rng = Pcg64::seed_from_u64(said.seed);
+    let mut found: Vec<DVec3> = Vec::with_capacity(said.count);
+    let mut out = Vec::with_capacity(said.count);
+    for _ in 0..said.count {
+        // Mitchell's best candidate of a few: the one that is furthest from all others.
+        let mut best = (DVec3::ZERO, -1.0);
+        for _ in 0..8 {
+            let (x, y) = (rng.random::<f64>() - 0.5, rng.random::<f64>() - 0.5);
+            let place = DVec3::new(width * x, depth * y, 0.0);
+            let free = found.iter().map(|p| p.distance_squared(place)).fold(f64::INFINITY, f64::min);
+            if free > best.1 {
+                best = (place, free);
+            }
+        }
+        found.push(best.0);
+        out.push(own(best.0, TAU * rng.random::<f64>()));
+    }
+    out
+}
+
+impl Planted {
+    /// Its leaves, at every place where it stands.
+    pub fn placements(&self) -> impl Iterator<Item = Placement> {
+        self.places.iter().flat_map(|place| {
+            self.plant.leaves.iter().map(|leaf| Placement {
+                leaf: self.leaves[leaf.blade],
+                transform: *place * leaf.transform,
+                ride: None,
+            })
+        })
+    }
+
+    /// Its wood, a mesh a material.
+    pub fn wood(&self) -> Vec<Wood> {
+        self.barks
+            .iter()
+            .map(|(material, bark)| {
+                let mut mesh = LeafMesh::default();
+                for branch in self.plant.branches.iter().filter(|b| b.material == *material) {
+                    let frame = branch.frame();
+                    let first = mesh.positions.len() as u32;
+                    mesh.positions.extend(branch.wood.positions.iter().map(|p| frame.transform_point3(*p)));
+                    mesh.normals.extend(branch.wood.normals.iter().map(|n| frame.transform_vector3(*n)));
+                    let turned = branch.wood.tangents.iter().map(|(t, w)| (frame.transform_vector3(*t), *w));
+                    mesh.tangents.extend(turned);
+                    mesh.uvs.extend(branch.wood.uvs.iter().copied());
+                    mesh.indices.extend(branch.wood.indices.iter().map(|i| i + first));
+                }
+                Wood { name: format!("{} {material}", self.name), mesh, bark: *bark, places: self.places.clone() }
+            })
+            .collect()
+    }
+}
