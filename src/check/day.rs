@@ -7,7 +7,7 @@
 use crate::told;
 use mesophyll_error::Result;
 use mesophyll_files::image;
-use mesophyll_scene::draw::handover;
+use mesophyll_scene::draw::{between, handover};
 use mesophyll_scene::ledger::Ledger;
 use mesophyll_scene::loaded::Scene;
 use mesophyll_scene::manifest::ViewKind;
@@ -78,7 +78,7 @@ pub fn draw(
             sun.irradiance = daylight.sun.map(|v| v as f32);
         }
         if let Some(found) = &scene.transfer {
-            handover::shade(found, daylight::direction(zenith, azimuth), &mut lit)?;
+            between::shade(found, daylight::direction(zenith, azimuth), &mut lit)?;
         }
         renderer.set_lights(&lit).map_err(told)?;
         let picture = renderer.render(&handover::camera(view), w, h).map_err(told)?;

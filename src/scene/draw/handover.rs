@@ -5,7 +5,7 @@
 //! (`super::reference`).
 
 use super::card::Card;
-use super::detail;
+use super::{between, detail};
 use crate::fits::reads;
 use crate::ledger::Ledger;
 use crate::loaded::curve::{Curve, curve};
@@ -18,18 +18,15 @@ use crate::placed::daylight::{self, Daylight, sun_direction};
 use crate::placed::placement::Placement;
 use crate::placed::plant::Wood;
 use crate::{Error, Result};
-use glam::{DMat4, DVec3, Vec2, Vec3, Vec4};
+use glam::{DMat4, Vec2, Vec3, Vec4};
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_files::quantity::Quantity;
-use mesophyll_fit_transfer::Transfer;
 use mesophyll_leaf::{File, fill};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
 use mesophyll_sky::fitted::Folded;
-use mesophyll_transport::{self as transport, transfer::Columns};
 use mesophyll_viewer::scene as viewer;
 use rayon::prelude::*;
-use std::sync::Arc;
 
 /// A leaf that is drawn with more triangles than this in all gets levels of detail: as many as there are pixels in a
 /// small picture.
@@ -46,7 +43,7 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
     // Meshes stand in the order of the transfer's, which are finer where it knows the sun at their vertices.
     let finer = scene.transfer.as_ref().and_then(|t| t.sun.as_ref()).map(|sun| &sun.receivers.blades);
     let shown = |k: usize, mesh: &LeafMesh| match finer {
-        Some(blades) => world_mesh(&blades[k].mesh),
+        Some(blades) => between::mesh(&blades[k].mesh),
         None => viewer_mesh(mesh),
     };
     for leaf in scene.drawn() {
@@ -91,26 +88,12 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
     }
     branches(manifest, placed, &mut out);
     if let Some(found) = &scene.transfer {
-        arriving(found, &mut out);
+        between::arriving(found, &mut out);
         if let Some(direction) = sun_direction(manifest) {
-            shade(found, direction, &mut out)?;
+            between::shade(found, direction, &mut out)?;
         }
     }
     Ok(out)
-}
-
-/// The share of the sun that vertices see where it stands in this direction, where the transfer knows it; on the ground
-/// there are shadow maps.
-///
-/// # Errors
-/// [`Error::Usage`] for maps that cannot be decoded.
-pub fn shade(found: &Transfer, towards_sun: DVec3, out: &mut viewer::Scene) -> Result<()> {
-    let Some(sun) = &found.sun else { return Ok(()) };
-    for (k, instance) in out.instances.iter_mut().enumerate().filter(|(k, _)| Some(*k) != found.layout.ground) {
-        instance.first_share = Some(sun.receivers.of(k).start as u32);
-    }
-    out.sun_shares = Some(Arc::new(sun.shares(towards_sun)?));
-    Ok(())
 }
 
 /// Whether the ground lies below everything that stands in the scene.
@@ -128,30 +111,6 @@ fn below_all(placed: &Placed) -> bool {
     placed.twigs.iter().flat_map(|t| &t.1.positions).all(|v| v.z >= height)
         && placed.wood.iter().all(stands)
         && placed.placements.iter().filter_map(leaf).all(|b| b)
-}
-
-/// Light between leaves: meshes and instances stand in the order of the transfer's.
-fn arriving(found: &Transfer, out: &mut viewer::Scene) {
-    for (mesh, of) in out.meshes.iter_mut().zip(&found.layout.leaves) {
-        mesh.anchors = Some(viewer::Anchors {
-            grid: of.anchors.grid.map(|n| n as u32),
-            places: of.anchors.places.iter().map(|p| Vec3::from(*p)).collect(),
-            rows: of.rows.count() as u32,
-        });
-    }
-    for (instance, first) in out.instances.iter_mut().zip(&found.layout.first) {
-        instance.first_row = *first as u32;
-    }
-    let bands = match found.columns {
-        Columns::Harmonics(bands) => Some(bands),
-        Columns::Light => None,
-    };
-    out.transfer = Some(viewer::Transfer {
-        bands,
-        gloss_bands: found.gloss_bands,
-        scale: found.scale,
-        entries: found.entries.clone(),
-    });
 }
 
 /// What bends branches and what rides on them, where anything does.
@@ -260,19 +219,6 @@ pub fn camera(view: &View) -> viewer::Camera {
         target: vec(view.target_mm, [0.0; 3]),
         up: vec(view.up, [0.0, 0.0, 1.0]),
         fov_y_deg: view.fov_deg.unwrap_or(30.0) as f32,
-    }
-}
-
-/// A mesh of the world's in the renderer's precision.
-fn world_mesh(mesh: &transport::ReferenceMesh) -> viewer::Mesh {
-    viewer::Mesh {
-        positions: mesh.positions.iter().map(|p| p.as_vec3()).collect(),
-        normals: mesh.normals.iter().map(|p| p.as_vec3()).collect(),
-        tangents: mesh.tangents.iter().map(|t| t.as_vec4()).collect(),
-        uvs: mesh.uvs.iter().map(|p| p.as_vec2()).collect(),
-        indices: mesh.indices.clone(),
-        details: Vec::new(),
-        anchors: None,
     }
 }
 

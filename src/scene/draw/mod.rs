@@ -1,5 +1,7 @@
 //! What both renderers draw of a planned scene.
 
+#[cfg(feature = "render")]
+pub mod between;
 pub mod card;
 pub mod detail;
 #[cfg(feature = "render")]
