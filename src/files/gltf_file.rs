@@ -23,19 +23,41 @@ pub struct Opened {
     pub unit: Unit,
 }
 
-/// Opens `path` and hands it to `with`. A damaged file ends in a sentence, whatever the reader does with it.
+/// Opens `path` and hands it to `with`, which knows what the extensions `understood` mean: a file may require them. A
+/// damaged file ends in a sentence, whatever the reader does with it.
 ///
 /// # Errors
 /// [`Error::Input`] naming the file: missing, damaged, a buffer or a picture outside its folder; and those of `with`.
-pub fn read<T>(path: &Path, with: impl FnOnce(Opened) -> Result<T>) -> Result<T> {
+pub fn read<T>(path: &Path, understood: &[&str], with: impl FnOnce(Opened) -> Result<T>) -> Result<T> {
     let bytes = std::fs::read(path).map_err(|e| Error::input(path, explain(&e)))?;
-    catch_unwind(AssertUnwindSafe(|| parse(path, &bytes).and_then(with)))
+    catch_unwind(AssertUnwindSafe(|| parse(path, &bytes, understood).and_then(with)))
         .unwrap_or_else(|_| Err(Error::input(path, "not a readable glTF file (damaged)")))
 }
 
-fn parse(path: &Path, bytes: &[u8]) -> Result<Opened> {
-    let gltf::Gltf { document, mut blob } =
-        gltf::Gltf::from_slice(bytes).map_err(|e| Error::input(path, sentence(&e)))?;
+/// Most entries of an accessor: more than any mesh here has.
+const MOST_ENTRIES: usize = 100_000_000;
+
+fn parse(path: &Path, bytes: &[u8], understood: &[&str]) -> Result<Opened> {
+    let bad = |e: gltf::Error| Error::input(path, sentence(&e));
+    let gltf::Gltf { document, mut blob } = gltf::Gltf::from_slice_without_validation(bytes).map_err(bad)?;
+    // The library would refuse what it does not know itself.
+    let mut json = document.into_json();
+    json.extensions_required.retain(|name| !understood.contains(&name.as_str()));
+    let document = gltf::Document::from_json(json).map_err(bad)?;
+    // Each node has one parent at most: else a small file could ask for more visits than there is time.
+    let mut parents = vec![0usize; document.nodes().count()];
+    for child in document.nodes().flat_map(|node| node.children()) {
+        parents[child.index()] += 1;
+        if parents[child.index()] > 1 {
+            let field = format!("nodes[{}]", child.index());
+            return Err(Error::field(path, &field, "is the child of more than one node; expected a tree"));
+        }
+    }
+    // A sparse accessor needs no bytes for what it promises.
+    if let Some(long) = document.accessors().find(|a| a.count() > MOST_ENTRIES) {
+        let field = format!("accessors[{}].count", long.index());
+        return Err(Error::unexpected(path, &field, long.count(), format!("at most {MOST_ENTRIES}")));
+    }
     let unit = own_unit(path, &document)?;
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     for image in document.images() {

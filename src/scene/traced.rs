@@ -253,6 +253,10 @@ fn made_from(scene: &Scene, view: &View) -> Result<String> {
     for file in manifest.leaves.iter().filter_map(|l| l.foliar.as_ref()?.pigments.as_ref()) {
         parts.push(("pigments".into(), hash::file(&manifest.resolve(file))?));
     }
+    for wood in &scene.placed.wood {
+        let shape = format!("{:?} {:?} {:?} {:?}", wood.mesh.positions, wood.mesh.indices, wood.places, wood.bark);
+        parts.push((format!("wood {}", wood.name), hash::bytes(shape.as_bytes())));
+    }
     let placed = format!("{:?}", scene.placed.placements);
     parts.push(("places".into(), hash::bytes(placed.as_bytes())));
     if let Some(file) = manifest.sky.as_ref().and_then(|s| s.environment.as_ref()) {

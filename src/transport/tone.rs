@@ -96,9 +96,10 @@ mod tests {
     #[test]
     fn a_films_curve_rises_from_black_to_white() {
         let values: Vec<f64> = (0..2000).map(|k| Tone::Film.display(1.01f64.powi(k - 1000), 1.0)).collect();
-        assert!(values.windows(2).all(|w| w[0] <= w[1]) && values[0] < 1e-3 && values[1999] == 1.0);
+        assert!(values.windows(2).all(|w| w[0] <= w[1]) && values[0] < 1e-3);
+        assert!((values[1999] - 1.0).abs() < 1e-12);
         assert_eq!(Tone::Film.display(f64::NAN, 1.0), 0.0);
-        assert_eq!(Tone::Film.display(f64::INFINITY, 1.0), 1.0);
+        assert!((Tone::Film.display(f64::INFINITY, 1.0) - 1.0).abs() < 1e-12);
         let grey = Tone::Film.display(0.18, 1.0);
         assert!((0.35..0.5).contains(&grey), "{grey}");
         assert_eq!(Tone::Film.display(0.09, 2.0), grey);

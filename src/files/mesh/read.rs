@@ -26,7 +26,7 @@ pub fn read_plain(path: &Path, unit: Option<Unit>) -> Result<LeafMesh> {
 }
 
 fn read_as(path: &Path, unit: Option<Unit>, maps: bool) -> Result<LeafMesh> {
-    gltf_file::read(path, |opened| joined(path, &opened, unit, maps))
+    gltf_file::read(path, &[], |opened| joined(path, &opened, unit, maps))
 }
 
 fn joined(path: &Path, opened: &Opened, unit: Option<Unit>, maps: bool) -> Result<LeafMesh> {
@@ -85,6 +85,9 @@ fn add_node(
         return Err(Error::field(path, "nodes", format!("nested more than {DEEPEST} deep")));
     }
     let world = parent * gltf_file::local(node);
+    if !world.is_finite() {
+        return Err(Error::field(path, &format!("nodes[{}]", node.index()), "its transform is not finite"));
+    }
     if let Some(mesh) = node.mesh() {
         add_mesh(path, &mesh, world, buffers, out, given)?;
     }

@@ -87,6 +87,11 @@ const WIDE: f64 = 2.0;
 const FOUND: f64 = 0.1;
 /// Shares of the critical damping that a fit starts from.
 const STARTS: [f64; 3] = [0.15, 0.04, 0.5];
+/// Mean and standard deviation of 2(ρ − 1 − ln ρ) for ρ of an exponential distribution, which that of a periodogram over
+/// its mean is.
+const DEVIANCE: [f64; 2] = [1.154, 1.606];
+/// A mean deviance this many standard errors above is no chance.
+const STRANGE: f64 = 4.0;
 /// A mean deviance below this is that of a motion with the fitted spectrum: 1.154 is expected.
 const DESCRIBED: f64 = 1.3;
 
@@ -117,6 +122,14 @@ pub fn fit(record: &Record, known: &Known) -> Result<Motion, String> {
     let resolution = 1.0 / (n as f64 * record.step);
     let low = known.band[0].map_or(1, |f| (f / resolution).ceil() as usize).max(1);
     let top = n / 2 - 1;
+    let low = low.min(top + 1);
+    if low + FEWEST > top {
+        return Err(format!(
+            "no {FEWEST} frequencies from {:.4} to {:.4} Hz: a longer record, or another band",
+            low as f64 * resolution,
+            top as f64 * resolution
+        ));
+    }
     let bin = |f: f64| ((f / resolution).floor() as usize).min(top);
     let usual = middle(&periodograms, low, top) * resolution;
     let mut high = known.band[1].map_or_else(|| bin(1.25 * WIDE * usual), bin);
@@ -235,6 +248,13 @@ fn answer(found: &Parameters, expected: &Expected, known: &Known, bins: usize, d
     }
     if !open.is_empty() {
         motion.status = Status::Undetermined(format!("{} (a standard error above 10 %)", open.join(" ")));
+    } else if deviance > DEVIANCE[0] + STRANGE * DEVIANCE[1] / (bins as f64).sqrt() {
+        let names = "resonance_hz damping_per_s gain_u_mm_per_sqrt_hz gain_v_mm_per_sqrt_hz";
+        let names =
+            if motion.gains.len() > 1 { names } else { &names[..names.len() - "gain_v_mm_per_sqrt_hz".len() - 1] };
+        let why =
+            format!("{names} (the motion has another spectrum: deviance {deviance:.3}, expected {})", DEVIANCE[0]);
+        motion.status = Status::Undetermined(why);
     }
     motion
 }

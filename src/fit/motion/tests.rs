@@ -84,4 +84,21 @@ fn what_cannot_be_fitted_says_why() {
     let record = Record { step: 0.05, channels: vec![stepped(1.3, 2.0, 3.0, 0.05, 512, 1)] };
     let none = Known { band: [Some(3.0), Some(3.1)], ..Known::default() };
     assert!(fit(&record, &none).unwrap_err().contains("frequencies from"));
+    // A band that begins beyond what the readings resolve.
+    for lowest in [100.0, 1e300] {
+        let beyond = Known { band: [Some(lowest), None], ..Known::default() };
+        assert!(fit(&record, &beyond).unwrap_err().contains("frequencies from"));
+    }
+}
+
+/// Two oscillators at once have a spectrum that the model does not: no number of it is promised.
+#[test]
+fn another_spectrum_is_not_called_found() {
+    let step = 0.05;
+    let [a, b] = [(1.0, 1), (1.9, 2)].map(|(f, seed)| stepped(f, 0.4, 3.0 * f, step, 4096, seed));
+    let record = Record { step, channels: vec![a.iter().zip(&b).map(|(a, b)| a + b).collect()] };
+    let found = fit(&record, &Known::default()).unwrap();
+    let Status::Undetermined(why) = &found.status else { panic!("{found:?}") };
+    assert!(why.starts_with("resonance_hz") && why.contains("another spectrum"), "{why}");
+    assert!(found.slowness.value >= 0.0);
 }

@@ -147,9 +147,21 @@ impl Expected {
             }
         };
         let problem = Closure::new(start.0.len(), width * periodograms.len(), residuals);
+        // No wind blows backwards: below 0 the density has a pole.
+        let mut lower = vec![f64::NEG_INFINITY; start.0.len()];
+        if let (None, Some(slowness)) = (self.known.speed, lower.last_mut()) {
+            *slowness = 0.0;
+        }
+        let upper = vec![f64::INFINITY; start.0.len()];
         // A tenth of a millionth of a standard error is enough.
-        let options =
-            Options { max_iterations: 200, cost_tolerance: 1e-12, step_tolerance: 1e-9, ..Options::default() };
+        let options = Options {
+            max_iterations: 200,
+            cost_tolerance: 1e-12,
+            step_tolerance: 1e-9,
+            lower,
+            upper,
+            ..Options::default()
+        };
         let found = lm::minimize(&problem, &start.0, &options);
         let usable = found.params.iter().all(|v| v.is_finite()) && found.cost.is_finite();
         usable.then_some((Parameters(found.params), found.cost))
@@ -170,6 +182,7 @@ impl Expected {
             .map(|k| {
                 let at = |sign: f64| {
                     let mut moved = p.clone();
+                    // Below 0 the density of a slowness goes on smoothly as far as this.
                     moved.0[k] += sign * DIFFERENCE;
                     shape(&moved)
                 };

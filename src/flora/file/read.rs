@@ -22,7 +22,7 @@ fn upright() -> DMat4 {
 /// [`Error::Input`] in one sentence: what [`gltf_file::read`] refuses, a file without branches, names that clash,
 /// numbers that are not finite or out of range, nodes that are scaled unevenly, more than [`MOST_TRIANGLES`] triangles.
 pub fn read(path: &Path) -> Result<Plant> {
-    gltf_file::read(path, |opened| {
+    gltf_file::read(path, &[INSTANCING], |opened| {
         count(path, &opened)?;
         let mut reader =
             Reader { path, opened: &opened, plant: Plant::default(), blades: BTreeMap::new(), names: BTreeSet::new() };

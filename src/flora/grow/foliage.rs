@@ -48,7 +48,7 @@ pub fn grow(spec: &Spec, leaves: &Leaves, plant: &mut Plant, chance: &mut Chance
 /// A flat blade, tip along +x, front up: two corners at every place of its profile.
 fn blade(leaves: &Leaves) -> LeafMesh {
     let rectangle = [[0.0, 1.0], [1.0, 1.0]];
-    let profile: &[[f64; 2]] = if leaves.profile.len() > 2 { &leaves.profile } else { &rectangle };
+    let profile: &[[f64; 2]] = if leaves.profile.len() >= 2 { &leaves.profile } else { &rectangle };
     let mut mesh = LeafMesh::default();
     for [x, _] in profile {
         // A point would be a triangle without an area.

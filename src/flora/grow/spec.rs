@@ -1,5 +1,6 @@
 //! What a plant is grown from: a TOML file (format: `data/plants/README.md`).
 
+use crate::file::MOST_TRIANGLES;
 use crate::{Error, Result};
 use mesophyll_files::atomic::explain;
 use serde::Deserialize;
@@ -239,8 +240,17 @@ impl Spec {
             range(field("sides"), level.sides as f64, [3.0, 256.0])?;
             range(field("rings"), level.rings as f64, [2.0, 1024.0])?;
         }
+        let triangles = self.levels.iter().map(|l| l.count.saturating_mul(2 * l.sides * (l.rings - 1)));
+        let triangles = triangles.fold(0usize, usize::saturating_add);
+        if triangles > MOST_TRIANGLES {
+            let found = format!("{triangles} triangles of all branches together (count, sides and rings)");
+            return Err(Error::unexpected(path, "level", found, format!("at most {MOST_TRIANGLES}")));
+        }
         let Some(leaves) = &self.leaves else { return Ok(()) };
         let field = |name: &str| format!("leaves.{name}");
+        if leaves.profile.len() == 1 {
+            return Err(Error::unexpected(path, "leaves.profile", 1, "two points or more, or none"));
+        }
         range(field("count"), leaves.count as f64, [1.0, MOST as f64])?;
         range(field("levels"), leaves.levels as f64, [1.0, self.levels.len() as f64])?;
         range(field("bare"), leaves.bare, [0.0, 1.0])?;

@@ -16,7 +16,7 @@ fn within(value: usize, wanted: usize, share: f64) -> bool {
     (value as f64 / wanted as f64 - 1.0).abs() <= share
 }
 
-/// The sizes that the sources and the issue of plants name.
+/// The sizes that the sources name, and those of a large tree for games.
 #[test]
 fn presets_have_the_sizes_that_are_asked_for() {
     let wych = grow(&preset("wych-elm"), None);

@@ -9,7 +9,7 @@ use super::soup::{Piece, Soup};
 use crate::form::along;
 use glam::{DMat3, DVec3};
 use std::cmp::Reverse;
-use std::collections::{BTreeMap, BinaryHeap, HashMap};
+use std::collections::{BTreeMap, BinaryHeap, HashMap, HashSet};
 
 /// Most cuts through a piece.
 const CUTS: usize = 48;
@@ -250,10 +250,10 @@ fn rim(mesh: &Mesh, from: usize) -> Vec<usize> {
     let Some(start) = around.keys().copied().min_by(|a, b| distance(*a).total_cmp(&distance(*b)).then(a.cmp(b))) else {
         return Vec::new();
     };
-    let (mut out, mut next) = (vec![start], vec![start]);
+    let (mut out, mut next, mut seen) = (vec![start], vec![start], HashSet::from([start]));
     while let Some(at) = next.pop() {
         for n in around.get(&at).into_iter().flatten() {
-            if !out.contains(n) {
+            if seen.insert(*n) {
                 out.push(*n);
                 next.push(*n);
             }

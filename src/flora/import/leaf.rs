@@ -28,10 +28,15 @@ pub fn of(soup: &Soup, piece: &Piece) -> Option<Leaf> {
     }
     let centre = soup.centre(piece);
     let corners = piece.triangles.iter().flat_map(|t| soup.corners(*t));
-    let spread = corners.clone().fold(DMat3::ZERO, |sum, p| {
-        let d = p - centre;
-        let d = d - normal * d.dot(normal);
-        sum + DMat3::from_cols(d * d.x, d * d.y, d * d.z)
+    // Twelve times the second moment of the area: of a triangle, that of its corners and of their sum.
+    let spread = piece.triangles.iter().fold(DMat3::ZERO, |sum, t| {
+        let [a, b, c] = soup.corners(*t);
+        let area = (b - a).cross(c - a).length();
+        let across = |p: DVec3| (p - centre) - normal * (p - centre).dot(normal);
+        let d = [a, b, c].map(across);
+        [d[0], d[1], d[2], d[0] + d[1] + d[2]]
+            .iter()
+            .fold(sum, |m, d| m + DMat3::from_cols(*d * (d.x * area), *d * (d.y * area), *d * (d.z * area)))
     });
     let [(_, long), (_, wide), _] = principal(spread);
     let extent = |axis: DVec3| {

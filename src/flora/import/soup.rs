@@ -1,6 +1,6 @@
 //! All triangles of a file in one list, with vertices at one place made one, cut into connected pieces.
 
-use crate::file::MOST_TRIANGLES;
+use crate::file::{INSTANCING, MOST_TRIANGLES};
 use crate::{Error, Result};
 use glam::{DMat4, DVec3, I64Vec3};
 use mesophyll_files::gltf_file::{self, DEEPEST, Opened};
@@ -35,7 +35,7 @@ pub struct Piece {
 /// [`Error::Input`] in one sentence: what [`gltf_file::read`] and [`gltf_file::surface`] refuse, more than
 /// [`MOST_TRIANGLES`] triangles, transforms that are not finite, no triangle with an area.
 pub fn read(path: &Path, unit: Option<Unit>) -> Result<Soup> {
-    gltf_file::read(path, |opened| {
+    gltf_file::read(path, &[INSTANCING], |opened| {
         crate::file::count(path, &opened)?;
         let mut corners: Vec<[DVec3; 3]> = Vec::new();
         let world = DMat4::from_scale(DVec3::splat(unit.unwrap_or(opened.unit).mm()));

@@ -290,6 +290,40 @@ fn what_cannot_be_attached_is_listed() {
     assert!(found.others[0].why.contains("long and"), "{}", found.others[0].why);
 }
 
+/// A rectangle of two triangles, which share a diagonal, is as long and as wide as it is.
+#[test]
+fn blades_are_measured_along_their_sides() {
+    let trunk = crate::form::tube(&[DVec3::ZERO, DVec3::Z * 400.0], [6.0, 3.0], 8, 6);
+    let mut blade = LeafMesh::rectangle(50.0, 30.0);
+    blade.positions.iter_mut().for_each(|p| *p += DVec3::new(30.0, 0.0, 200.0));
+    let found = through_a_file(&[trunk, blade], PLAIN);
+    let [leaf] = &found.leaves[..] else { panic!("{} blades", found.leaves.len()) };
+    assert!((leaf.size[0] - 50.0).abs() < 0.01 && (leaf.size[1] - 30.0).abs() < 0.01, "{:?}", leaf.size);
+    assert!(leaf.joint.is_some());
+}
+
+/// Small files that ask for endless work or memory are refused by name.
+#[test]
+fn files_that_promise_too_much_are_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let told = |root: serde_json::Value| {
+        let path = dir.path().join("plant.gltf");
+        std::fs::write(&path, root.to_string()).unwrap();
+        super::soup::read(&path, None).unwrap_err().to_string()
+    };
+    let nodes: Vec<_> = (0..60).map(|k| if k < 59 { json!({"children": [k + 1, k + 1]}) } else { json!({}) }).collect();
+    let shared = told(json!({"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": nodes}));
+    assert!(shared.contains("nodes[1]: is the child of more than one node"), "{shared}");
+    let sparse = json!({"componentType": 5126, "type": "VEC3", "count": 40_000_000_000u64, "min": [0, 0, 0], "max": [1, 1, 1],
+        "sparse": {"count": 1, "indices": {"bufferView": 0, "componentType": 5123}, "values": {"bufferView": 0}}});
+    let sparse =
+        told(json!({"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}], "accessors": [sparse],
+        "bufferViews": [{"buffer": 0, "byteLength": 12}],
+        "buffers": [{"byteLength": 12, "uri": "data:application/octet-stream;base64,AAAAAAAAAAAAAAAA"}]}));
+    assert!(sparse.contains("accessors[0].count: found 40000000000"), "{sparse}");
+}
+
 #[test]
 fn principal_axes_of_a_matrix() {
     let turn = glam::DMat3::from_quat(DQuat::from_euler(glam::EulerRot::XYZ, 0.3, 1.1, -0.7));

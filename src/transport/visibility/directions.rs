@@ -147,6 +147,10 @@ impl Directions {
 
 /// The two of a path's directions that a light is between, or the nearer end.
 fn along(path: &[DVec3], light: DVec3) -> Blend {
+    // A path may cross itself, or go back along itself: what it holds is not to be looked for between others.
+    if let Some(k) = path.iter().position(|d| d.dot(light) > 1.0 - 1e-12) {
+        return vec![(k, 1.0)];
+    }
     let mut best = (f64::NEG_INFINITY, vec![(0, 1.0)]);
     for (k, pair) in path.windows(2).enumerate() {
         let (a, b) = (pair[0], pair[1]);
@@ -322,5 +326,21 @@ mod tests {
         assert!(upper.blend(DVec3::NEG_Z).is_empty());
         assert!(Directions::cube(side, 1.1).is_err() && Directions::cube(0, -1.0).is_err());
         assert!(Directions::cube(257, -1.0).is_err());
+    }
+
+    /// A day at the equinox goes along a great circle, on which the scene's own sun stands too: each of its directions has
+    /// its own map all the same.
+    #[test]
+    fn a_path_that_goes_back_along_itself_has_every_direction_of_its_own() {
+        let at = |hour: f64| {
+            let angle = (15.0 * (hour - 12.0)).to_radians();
+            DVec3::new(angle.sin(), 0.74 * angle.cos(), 0.67 * angle.cos()).normalize()
+        };
+        let hours = [12.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0, 16.0];
+        let arc = Directions::arc(&hours.map(at)).unwrap();
+        for hour in hours {
+            let first = hours.iter().position(|h| *h == hour).unwrap();
+            assert_eq!(arc.blend(at(hour)), vec![(first, 1.0)], "{hour}");
+        }
     }
 }

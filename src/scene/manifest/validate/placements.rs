@@ -6,6 +6,8 @@ use crate::manifest::Matter;
 
 /// More leaves than this are likelier a typing error than a wish.
 const MOST_LEAVES: usize = 100_000;
+/// Each looks for a place away from all before it.
+const MOST_PLANTS: usize = 10_000;
 
 pub fn placements(p: &Place) -> Result<()> {
     let m = p.manifest;
@@ -107,7 +109,7 @@ fn plants(p: &Place) -> Result<()> {
         p.finite(HEADER, i, "position_mm", &plant.position_mm)?;
         p.finite(HEADER, i, "rotation_deg", &plant.rotation_deg)?;
         p.positive(HEADER, i, "scale", plant.scale, "number")?;
-        p.range(HEADER, i, "count", plant.count as f64, [1.0, MOST_LEAVES as f64], "plants")?;
+        p.range(HEADER, i, "count", plant.count as f64, [1.0, MOST_PLANTS as f64], "plants")?;
         match plant.area_mm {
             Some(area) => area.iter().try_for_each(|a| p.positive(HEADER, i, "area_mm", *a, "length in mm"))?,
             None if plant.count > 1 => {
