@@ -1,5 +1,5 @@
-//! What light between leaves is worth: every view of a scene drawn in several ways, each with its error against the path
-//! tracer, its time and its bytes (Wang et al. 2005, Fig. 8 and 9).
+//! What light between leaves is worth: every view of a scene drawn in several ways, each with its error against the
+//! path tracer, its time and its bytes (Wang et al. 2005, Fig. 8 and 9).
 //!
 //! | name | what it is |
 //! |---|---|
@@ -11,8 +11,9 @@
 //! | `wavelets` | the light cut to 1,000 Haar wavelets of a 32² · 6 cube map (Ng et al. 2003), otherwise true |
 //! | `path tracer` | the reference with another seed: what its own noise amounts to |
 //!
-//! Wavelets are drawn by the path tracer, since a picture under light that was cut is all that the method could draw. Their
-//! bytes are from sizes: a coefficient in half precision for each pixel, wavelet and colour, before any compression.
+//! Without a sun only `transfer` and `alone` are left of the first five. Wavelets are drawn by the path tracer, since a
+//! picture under light that was cut is all that the method could draw. Their bytes are from sizes: a coefficient in half
+//! precision for each pixel, wavelet and colour, before any compression.
 
 use crate::{Options, open, told};
 use mesophyll_error::{Error, Result};
@@ -244,14 +245,14 @@ fn ways(own: &viewer::Scene) -> Vec<(&'static str, viewer::Scene)> {
     by_maps(&mut maps);
     let mut alone = maps.clone();
     alone.transfer = None;
+    if own.sun.is_none() {
+        return vec![("transfer", own.clone()), ("alone", alone)];
+    }
     let mut out = vec![("sun", sun), ("transfer", transfer)];
     if own.sun_shares.is_some() {
         out.push(("transfer, visibility", own.clone()));
     }
-    if own.sun.is_some() {
-        out.push(("transfer, shadow maps", maps));
-    }
-    out.push(("alone, shadow maps", alone));
+    out.extend([("transfer, shadow maps", maps), ("alone, shadow maps", alone)]);
     out
 }
 

@@ -1,19 +1,11 @@
 //! `mesophyll import`: a plant of triangles in, tables of its branches and leaves out.
 
+use crate::named::named;
 use crate::{Common, Result};
-use clap::ValueEnum;
 use mesophyll_files::mesh::Unit;
 use mesophyll_files::{atomic, claim, progress};
 use mesophyll_flora::import::{import, table};
 use std::path::PathBuf;
-
-/// What one unit of a file's lengths is.
-#[derive(Debug, Clone, Copy, ValueEnum)]
-pub enum Lengths {
-    Mm,
-    Cm,
-    M,
-}
 
 /// Finds the branches and the leaves of a plant in a glTF file, also of one list of triangles without nodes.
 #[derive(Debug, clap::Args)]
@@ -31,17 +23,12 @@ pub struct Args {
     #[arg(short, long, alias = "output", value_name = "DIR", value_parser = crate::place::folder())]
     out: PathBuf,
     /// What one unit of the file's lengths is; default: the metre, or what the file's asset.extras.unit says
-    #[arg(long, value_name = "UNIT")]
-    unit: Option<Lengths>,
+    #[arg(long, value_name = "UNIT", value_parser = named::<Unit>())]
+    unit: Option<Unit>,
 }
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
-    let unit = args.unit.map(|unit| match unit {
-        Lengths::Mm => Unit::Millimetre,
-        Lengths::Cm => Unit::Centimetre,
-        Lengths::M => Unit::Metre,
-    });
-    let found = import(&args.plant, unit)?;
+    let found = import(&args.plant, args.unit)?;
     claim::folder(&args.out, claim::Kind::Import, &[&args.plant])?;
     claim::begin(&args.out, claim::Kind::Import)?;
     table::write(&found, &args.out)?;

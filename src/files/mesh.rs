@@ -20,15 +20,29 @@ use glam::{DVec2, DVec3};
 use serde::Deserialize;
 
 /// What one unit of a file's lengths is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Deserialize,
+    strum::IntoStaticStr,
+    strum::EnumString,
+    strum::EnumIter,
+    strum::EnumMessage,
+)]
 pub enum Unit {
     #[serde(rename = "mm")]
+    #[strum(serialize = "mm")]
     /// Lengths in mm.
     Millimetre,
     #[serde(rename = "cm")]
+    #[strum(serialize = "cm")]
     /// Lengths in cm.
     Centimetre,
     #[serde(rename = "m")]
+    #[strum(serialize = "m")]
     /// Lengths in m, which glTF asks for.
     Metre,
 }

@@ -1,7 +1,8 @@
 //! `fit transfer`: what arrives at the leaves of a scene past and by way of other leaves, kept in a folder like any fit.
 //!
 //! The folder holds `operators.exr` (the entries of [`mesophyll_transport::transfer::operator`], in half floats),
-//! `sun.visibility` where the sun's shadows are wanted too, `fit.toml` and `times.toml`. It is known by what it was made from: every mesh, map and place of the scene, and the
+//! `sun.visibility` where the sun's shadows are wanted too, `fit.toml` and `times.toml`. It is known by what it was made
+//! from: every mesh, map and place of the scene, and the
 //! light where the light stands still. A fit that was stopped goes on from its finished parts.
 
 #![warn(missing_docs)]

@@ -7,14 +7,12 @@ use crate::ledger::Ledger;
 use crate::loaded::Scene;
 use crate::placed::branch;
 use crate::placed::daylight::sun_directions;
-use crate::plan::between::{in_view, only_views};
+use crate::plan::between::unseen;
 use crate::{Error, Result};
-use glam::DVec3;
 use mesophyll_files::progress;
 use mesophyll_fit_transfer::{self as fit, Options, Transfer};
 use mesophyll_record::maker::Outcome;
 use mesophyll_transport::transfer::Columns;
-use mesophyll_transport::world::{Placement, World};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -44,8 +42,7 @@ pub fn of(scene: &Scene, options: &Options, ledger: &Ledger) -> Result<fit::Scen
     };
     let name = scene.manifest.name.clone();
     let leaves = scene.drawn().count();
-    let seen = if only_views(&scene.placed) { shown(scene, &world, leaves) } else { Vec::new() };
-    let of = fit::Scene { name, leaves, world: Arc::new(world), seen, sun: None };
+    let of = fit::Scene { name, leaves, world: Arc::new(world), seen: shown(scene), sun: None };
     let wanted = scene.manifest.transfer.as_ref().zip(scene.manifest.sun.as_ref());
     match wanted.filter(|_| scene.plan.light.between.is_some_and(|b| b.sun_visibility)) {
         Some((asked, sun)) => {
@@ -55,22 +52,12 @@ pub fn of(scene: &Scene, options: &Options, ledger: &Ledger) -> Result<fit::Scen
     }
 }
 
-/// Of each instance whether a view shows it; wood and ground, which are large, count as shown.
-fn shown(scene: &Scene, world: &World, leaves: usize) -> Vec<bool> {
-    let ball = |k: usize| {
-        let points = &world.leaves[k].mesh.positions;
-        let (low, high) =
-            points.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b), p| (a.min(*p), b.max(*p)));
-        (0.5 * (low + high), 0.5 * low.distance(high))
-    };
-    let balls: Vec<(DVec3, f64)> = (0..leaves).map(ball).collect();
-    let one = |p: &Placement| {
-        balls.get(p.leaf).is_none_or(|(centre, radius)| {
-            let scale = p.transform.x_axis.truncate().length();
-            in_view(&scene.manifest, p.transform.transform_point3(*centre), radius * scale)
-        })
-    };
-    let shown: Vec<bool> = world.instances.iter().map(one).collect();
+/// Of each instance whether a view shows it, as the plan has it; wood and ground, which stand after the leaves, count as
+/// shown.
+fn shown(scene: &Scene) -> Vec<bool> {
+    let Scene { manifest, placed, .. } = scene;
+    let drawn = placed.placements.iter().filter(|p| placed.leaves[p.leaf].mesh.is_some());
+    let shown: Vec<bool> = drawn.map(|p| !unseen(manifest, placed, p)).collect();
     // Where all are shown the list says nothing, and other views of them need no other transfer.
     if shown.iter().all(|s| *s) { Vec::new() } else { shown }
 }

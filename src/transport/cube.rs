@@ -6,6 +6,7 @@
 
 use super::environment::Environment;
 use super::visibility::directions::{on_face, place};
+use super::visibility::light::{AreaLight, frame};
 use super::world::World;
 use crate::{Error, Result};
 use glam::DVec3;
@@ -28,7 +29,7 @@ impl CubeLight {
     /// Sky and sun of a world as mean radiance in each texel of `side`² · 6.
     ///
     /// # Errors
-    /// [`Error::Usage`] for a side that is no power of two up to 512.
+    /// [`Error::Usage`] for a side that is no power of two up to 512, or a sun of a radius that no sun has.
     pub fn new(world: &World, side: usize) -> Result<CubeLight> {
         if !side.is_power_of_two() || side > 512 {
             return Err(Error::Usage(format!("a cube of side {side}, expected a power of two up to 512")));
@@ -46,12 +47,10 @@ impl CubeLight {
         };
         let mut out = CubeLight { side, texels: (0..6 * side * side).map(texel).collect() };
         let Some(sun) = world.sun else { return Ok(out) };
-        let (x, y) = sun.direction.normalize().any_orthonormal_pair();
-        for n in 0..DISK {
-            let r = sun.radius.tan() * ((n as f64 + 0.5) / DISK as f64).sqrt();
-            let (sin, cos) = (n as f64 * PI * (3.0 - 5f64.sqrt())).sin_cos();
-            let k = out.index(sun.direction.normalize() + r * (cos * x + sin * y));
-            let share = 1.0 / (DISK as f64 * out.solid_angle(k));
+        let (disk, from) = (AreaLight::disk(sun.radius, DISK)?, frame(sun.direction));
+        for (n, weight) in disk.weights().iter().enumerate() {
+            let k = out.index(from * disk.direction(n));
+            let share = weight / out.solid_angle(k);
             (0..3).for_each(|c| out.texels[k][c] += share * sun.irradiance[c]);
         }
         Ok(out)

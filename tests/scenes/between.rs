@@ -157,3 +157,23 @@ fn shadows_that_are_known_beforehand_are_those_of_the_path_tracer() {
     let plan = planned(&path(""));
     assert!(plan.left_out.iter().any(|l| l.name == "sun visibility" && l.reason.contains("asks for shadow maps")));
 }
+
+/// A leaf that no view shows gets no anchors; the plan says what that saves, and the transfer has no more.
+#[test]
+fn leaves_beside_the_picture_get_no_anchors() {
+    let dir = tempfile::tempdir().unwrap();
+    let light = "[sky]\nradiance = [0.5, 0.5, 0.5]\n[transfer]\npaths = 32\n";
+    let beside = "[[instance]]\nleaf = \"elm\"\nposition_mm = [5000, 0, 0]\n";
+    let scene = crowd(dir.path(), [0.3, 0.3], 3, &format!("{beside}{light}"));
+    let plan = planned(&scene);
+    let left = plan.left_out.iter().find(|l| l.name == "light at leaves beside the pictures").unwrap();
+    // 15 anchors of 6 rows and 8 bytes.
+    assert_eq!(left.saved_bytes, 15 * 6 * 8);
+    assert!(left.reason.contains("no view shows 1 of 4 leaves"), "{}", left.reason);
+    let out = dir.path().join("transfer");
+    let output = mesophyll(&["fit", "transfer", scene.to_str().unwrap(), "-o", out.to_str().unwrap()]);
+    let told = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(told.contains("45 anchors, 270 rows of 1 columns"), "{told}");
+    let all = planned(&crowd(dir.path(), [0.3, 0.3], 3, light));
+    assert!(!all.left_out.iter().any(|l| l.name == "light at leaves beside the pictures"));
+}

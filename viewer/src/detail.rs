@@ -125,16 +125,9 @@ impl Levels {
         }
         let mut order: Vec<usize> = (0..chosen.len()).collect();
         order.sort_by_key(|i| chosen[*i]);
-        let sorted: Vec<_> = order.iter().map(|i| self.rows[*i]).collect();
-        gpu.queue.write_buffer(instances, 0, bytemuck::cast_slice(&sorted));
-        if let Some(buffer) = rides {
-            let sorted: Vec<_> = order.iter().map(|i| self.rides[*i]).collect();
-            gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(&sorted));
-        }
-        if let Some(buffer) = begins {
-            let sorted: Vec<_> = order.iter().map(|i| self.begins[*i]).collect();
-            gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(&sorted));
-        }
+        rewrite(gpu, Some(instances), &self.rows, &order);
+        rewrite(gpu, rides, &self.rides, &order);
+        rewrite(gpu, begins, &self.begins, &order);
         self.runs.clear();
         for level in 0..self.levels.len() {
             let first = order.partition_point(|i| usize::from(chosen[*i]) < level) as u32;
@@ -149,5 +142,13 @@ impl Levels {
     /// Triangles that the main pass draws.
     pub(crate) fn triangles(&self) -> u64 {
         self.runs().map(|(indices, instances)| indices.len() as u64 / 3 * instances.len() as u64).sum()
+    }
+}
+
+/// Writes what instances have in another order, where there is a buffer for it.
+fn rewrite<T: bytemuck::Pod>(gpu: &Gpu, buffer: Option<&wgpu::Buffer>, of: &[T], order: &[usize]) {
+    if let Some(buffer) = buffer {
+        let sorted: Vec<T> = order.iter().map(|i| of[*i]).collect();
+        gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(&sorted));
     }
 }

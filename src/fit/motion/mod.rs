@@ -233,28 +233,21 @@ fn answer(found: &Parameters, expected: &Expected, known: &Known, bins: usize, d
         deviance,
         status: Status::Ok,
     };
-    let mut open = Vec::new();
-    for (name, value) in [
-        ("resonance_hz", motion.resonance),
-        ("damping_per_s", motion.damping),
-        ("gain_u_mm_per_sqrt_hz", motion.gains[0]),
-    ] {
-        if !(value.error <= FOUND * value.value.abs()) {
-            open.push(name);
-        }
-    }
-    if motion.gains.get(1).is_some_and(|g| !(g.error <= FOUND * g.value.abs())) {
-        open.push("gain_v_mm_per_sqrt_hz");
-    }
+    let gains = ["gain_u_mm_per_sqrt_hz", "gain_v_mm_per_sqrt_hz"].into_iter().zip(motion.gains.iter().copied());
+    let values: Vec<(&str, Value)> =
+        [("resonance_hz", motion.resonance), ("damping_per_s", motion.damping)].into_iter().chain(gains).collect();
+    let names = |of: &dyn Fn(&Value) -> bool| -> Vec<&str> {
+        values.iter().filter(|(_, value)| of(value)).map(|(name, _)| *name).collect()
+    };
+    let open = names(&|v| !(v.error <= FOUND * v.value.abs()));
     if !open.is_empty() {
         motion.status = Status::Undetermined(format!("{} (a standard error above 10 %)", open.join(" ")));
     } else if deviance > DEVIANCE[0] + STRANGE * DEVIANCE[1] / (bins as f64).sqrt() {
-        let names = "resonance_hz damping_per_s gain_u_mm_per_sqrt_hz gain_v_mm_per_sqrt_hz";
-        let names =
-            if motion.gains.len() > 1 { names } else { &names[..names.len() - "gain_v_mm_per_sqrt_hz".len() - 1] };
-        let why =
-            format!("{names} (the motion has another spectrum: deviance {deviance:.3}, expected {})", DEVIANCE[0]);
-        motion.status = Status::Undetermined(why);
+        motion.status = Status::Undetermined(format!(
+            "{} (the motion has another spectrum: deviance {deviance:.3}, expected {})",
+            names(&|_| true).join(" "),
+            DEVIANCE[0]
+        ));
     }
     motion
 }

@@ -5,7 +5,7 @@
 //! tube; their centres are the axis. Heights are then measured along this axis, and the cuts made again, so that they
 //! stand across it. The radius is the line that fits the corners of the cuts.
 
-use super::soup::{Piece, Soup};
+use super::soup::{Piece, Sets, Soup};
 use crate::form::along;
 use glam::{DMat3, DVec3};
 use std::cmp::Reverse;
@@ -277,14 +277,8 @@ struct Cut {
 fn cut(mesh: &Mesh, heights: &[f64], level: f64) -> Option<Cut> {
     let (mut sum, mut whole) = (DVec3::ZERO, 0.0);
     let mut crossings = BTreeMap::new();
-    let mut above: HashMap<(usize, usize), (usize, usize)> = HashMap::new();
-    type Edge = (usize, usize);
-    fn top(above: &HashMap<Edge, Edge>, mut edge: Edge) -> Edge {
-        while let Some(next) = above.get(&edge).filter(|n| **n != edge) {
-            edge = *next;
-        }
-        edge
-    }
+    // Crossed edges that share a triangle are of one outline.
+    let (mut outlines, mut number) = (Sets::default(), HashMap::new());
     for t in &mesh.triangles {
         let mut crossed = Vec::with_capacity(2);
         for (p, q) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
@@ -299,12 +293,9 @@ fn cut(mesh: &Mesh, heights: &[f64], level: f64) -> Option<Cut> {
         whole += length;
         crossings.insert(*e, *a);
         crossings.insert(*f, *b);
-        above.entry(*e).or_insert(*e);
-        above.entry(*f).or_insert(*f);
-        let (p, q) = (top(&above, *e), top(&above, *f));
-        above.insert(p.max(q), p.min(q));
+        let [e, f] = [e, f].map(|edge| *number.entry(*edge).or_insert_with(|| outlines.add()));
+        outlines.join(e, f);
     }
-    let polygons = above.iter().filter(|(edge, up)| edge == up).count();
     if !(whole > 0.0) {
         return None;
     }
@@ -314,7 +305,7 @@ fn cut(mesh: &Mesh, heights: &[f64], level: f64) -> Option<Cut> {
     let mean = |list: &[f64]| list.iter().sum::<f64>() / list.len() as f64;
     let middle = mean(&distances);
     let stray = (distances.iter().map(|d| (d - middle).powi(2)).sum::<f64>() / distances.len() as f64).sqrt();
-    Some(Cut { centre, polygons, radius: mean(&distances[distances.len() / 2..]), stray })
+    Some(Cut { centre, polygons: outlines.count(), radius: mean(&distances[distances.len() / 2..]), stray })
 }
 
 /// The height of a place along an axis, also before its beginning and beyond its end, and the distance from it.

@@ -117,6 +117,39 @@ fn add_mesh(
     Ok(())
 }
 
+/// Which numbers hang together: each points to a lower one of its set, or to itself.
+#[derive(Debug, Default)]
+pub(super) struct Sets(Vec<u32>);
+
+impl Sets {
+    /// A further number, in a set of its own.
+    pub(super) fn add(&mut self) -> u32 {
+        let new = self.0.len() as u32;
+        self.0.push(new);
+        new
+    }
+
+    /// The lowest number of the set of `k`.
+    fn top(&mut self, mut k: u32) -> u32 {
+        while self.0[k as usize] != k {
+            self.0[k as usize] = self.0[self.0[k as usize] as usize];
+            k = self.0[k as usize];
+        }
+        k
+    }
+
+    /// Makes one set of two.
+    pub(super) fn join(&mut self, a: u32, b: u32) {
+        let (p, q) = (self.top(a), self.top(b));
+        self.0[p.max(q) as usize] = p.min(q);
+    }
+
+    /// How many sets there are.
+    pub(super) fn count(&self) -> usize {
+        self.0.iter().enumerate().filter(|(k, up)| *k as u32 == **up).count()
+    }
+}
+
 impl Soup {
     /// Makes vertices at one place one, and leaves out triangles without an area.
     pub fn new(corners: &[[DVec3; 3]]) -> Soup {
@@ -189,24 +222,15 @@ impl Soup {
 
     /// Pieces in the order of their first triangles.
     pub fn pieces(&self) -> Vec<Piece> {
-        let mut above: Vec<u32> = (0..self.places.len() as u32).collect();
-        fn top(above: &mut [u32], mut k: u32) -> u32 {
-            while above[k as usize] != k {
-                above[k as usize] = above[above[k as usize] as usize];
-                k = above[k as usize];
-            }
-            k
-        }
+        let mut sets = Sets((0..self.places.len() as u32).collect());
         for [a, b, c] in &self.triangles {
-            for other in [b, c] {
-                let (p, q) = (top(&mut above, *a), top(&mut above, *other));
-                above[p.max(q) as usize] = p.min(q);
-            }
+            sets.join(*a, *b);
+            sets.join(*a, *c);
         }
         let mut number: HashMap<u32, usize> = HashMap::new();
         let mut out: Vec<Piece> = Vec::new();
         for (t, [a, _, _]) in self.triangles.iter().enumerate() {
-            let k = *number.entry(top(&mut above, *a)).or_insert_with(|| {
+            let k = *number.entry(sets.top(*a)).or_insert_with(|| {
                 out.push(Piece::default());
                 out.len() - 1
             });

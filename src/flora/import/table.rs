@@ -2,7 +2,7 @@
 
 use super::Found;
 use crate::Result;
-use mesophyll_files::atomic;
+use mesophyll_files::{atomic, table::push_text};
 use std::fmt::Write;
 use std::path::Path;
 
@@ -30,7 +30,9 @@ pub fn write(found: &Found, folder: &Path) -> Result<()> {
 
 /// A cell that may hold a comma.
 fn quoted(text: &str) -> String {
-    if text.contains([',', '"']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.into() }
+    let mut out = Vec::new();
+    push_text(&mut out, text);
+    String::from_utf8_lossy(&out).into_owned()
 }
 
 /// `branches.csv`. The direction is that from the root to the tip.

@@ -34,7 +34,7 @@ pub fn sun_visibility(manifest: &Manifest, placed: &Placed) -> Result<(), &'stat
 }
 
 /// Whether a ball is in the picture of any perspective view, a little more generously than it has to be.
-pub fn in_view(manifest: &Manifest, centre: DVec3, radius: f64) -> bool {
+fn in_view(manifest: &Manifest, centre: DVec3, radius: f64) -> bool {
     let aspect = f64::from(manifest.check.width) / f64::from(manifest.check.height.max(1));
     manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).any(|view| {
         let vec = |v: Option<[f64; 3]>, or: DVec3| v.map_or(or, DVec3::from);
@@ -49,9 +49,10 @@ pub fn in_view(manifest: &Manifest, centre: DVec3, radius: f64) -> bool {
     })
 }
 
-/// Whether views alone decide what is seen: neither may the camera move, nor what stands there.
-pub fn only_views(placed: &Placed) -> bool {
-    !placed.free && placed.bends.is_none()
+/// Whether no view ever shows a leaf: views alone decide that, where neither the camera may move nor what stands there.
+pub fn unseen(manifest: &Manifest, placed: &Placed, p: &Placement) -> bool {
+    let views_decide = !placed.free && placed.bends.is_none();
+    views_decide && ball(placed, p).is_some_and(|(centre, radius)| !in_view(manifest, centre, radius))
 }
 
 /// Whether no leaf has another one, wood or ground beside it.
@@ -79,11 +80,8 @@ pub fn between(manifest: &Manifest, placed: &Placed, plan: &mut Plan) {
     let shines = |k: usize| manifest.leaves[k].uniform.as_ref().is_none_or(|u| u.gloss().is_some());
     let gloss: Vec<bool> =
         plan.leaves.iter().enumerate().map(|(k, l)| shines(k) && l.sides.iter().any(|s| s.gloss)).collect();
-    let unseen = |p: &&Placement| {
-        only_views(placed) && ball(placed, p).is_some_and(|(centre, radius)| !in_view(manifest, centre, radius))
-    };
     let of = |seen: bool, bands: usize| {
-        let placements = placed.placements.iter().filter(|p| unseen(p) != seen);
+        let placements = placed.placements.iter().filter(|p| unseen(manifest, placed, p) != seen);
         rows(asked, placements, &gloss, bands) as u64
     };
     let entries = |bands: usize| of(true, bands) * (bands * bands * 8) as u64;
@@ -95,7 +93,7 @@ pub fn between(manifest: &Manifest, placed: &Placed, plan: &mut Plan) {
     }
     let moves = placed.free || manifest.sun_moves();
     let bands = asked.bands.or_else(|| moves.then_some(BANDS));
-    let beside = placed.placements.iter().filter(unseen).count();
+    let beside = placed.placements.iter().filter(|p| unseen(manifest, placed, p)).count();
     if beside > 0 {
         let why = format!("no view shows {beside} of {} leaves: nothing arrives at them", placed.placements.len());
         let columns = bands.map_or(1, |b| b * b) as u64;
@@ -114,7 +112,10 @@ pub fn between(manifest: &Manifest, placed: &Placed, plan: &mut Plan) {
     match shadows {
         Ok(()) => {
             let directions = sun_directions(manifest).len() as u64;
-            let mut need = Need::new(SUN, "the scene asks for it: sharp shadows that cost a frame nothing");
+            let mut need = Need::new(
+                SUN,
+                "the scene asks for it: every vertex knows its share of the sun, and no shadow map is looked into",
+            );
             need.amount = Some(format!("{directions} maps, edges of at most {} mm", asked.edge_mm));
             plan.need(need);
             let why = "the sun stands in few places: no map of the directions between, each at least a byte a vertex";

@@ -156,7 +156,7 @@ impl AreaLight {
     }
 
     /// The direction of point `k` in the light's frame ([`frame`]).
-    pub(super) fn direction(&self, k: usize) -> DVec3 {
+    pub(crate) fn direction(&self, k: usize) -> DVec3 {
         let p = self.points[k];
         p.extend((1.0 - p.length_squared()).sqrt())
     }
@@ -182,7 +182,7 @@ impl AreaLight {
 }
 
 /// Across, up and towards the centre of a light in `direction` (of any length above 0), as columns.
-pub(super) fn frame(direction: DVec3) -> DMat3 {
+pub(crate) fn frame(direction: DVec3) -> DMat3 {
     let d = direction.normalize_or(DVec3::Z);
     let level = DVec3::Z.cross(d);
     let x = if level.length() > 1e-9 { level.normalize() } else { DVec3::X };

@@ -17,7 +17,7 @@ mod coded;
 pub(crate) mod directions;
 mod entropy;
 mod grid;
-mod light;
+pub(crate) mod light;
 mod maps;
 mod receivers;
 mod refine;
