@@ -54,7 +54,7 @@
 //! 9   cli
 //! 8   report        check
 //! 7   proof         scene       export
-//! 6   fit           fit_sky     fit_translucency        fit_transfer
+//! 6   fit           fit_branch  fit_sky   fit_translucency   fit_transfer
 //! 5   leaf
 //! 4   capture
 //! 3   translucency  walk        transport   record
@@ -70,6 +70,7 @@ pub use mesophyll_error as error;
 pub use mesophyll_export as export;
 pub use mesophyll_files as files;
 pub use mesophyll_fit as fit;
+pub use mesophyll_fit_branch as fit_branch;
 pub use mesophyll_fit_sky as fit_sky;
 pub use mesophyll_fit_translucency as fit_translucency;
 pub use mesophyll_flora as flora;

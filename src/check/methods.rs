@@ -12,8 +12,8 @@
 //! | `path tracer` | the reference with another seed: what its own noise amounts to |
 //!
 //! Without a sun only `transfer` and `alone` are left of the first five. Wavelets are drawn by the path tracer, since a
-//! picture under light that was cut is all that the method could draw. Their bytes are from sizes: a coefficient in half
-//! precision for each pixel, wavelet and colour, before any compression.
+//! picture under light that was cut is all that the method could draw. Their bytes are from sizes: a coefficient in
+//! half precision for each pixel, wavelet and colour, before any compression.
 
 use crate::{Options, open, told};
 use mesophyll_error::{Error, Result};
@@ -66,8 +66,8 @@ const SHADOWS: (u32, u32) = (8, 2048);
 /// Draws all perspective views in all ways; writes the pictures, and the rows as `methods.csv`.
 ///
 /// # Errors
-/// [`Error::Usage`] for a scene without light between leaves; [`Error::Missed`] without an adapter; and those of reading,
-/// drawing and writing.
+/// [`Error::Usage`] for a scene without light between leaves; [`Error::Missed`] without an adapter; and those of
+/// reading, drawing and writing.
 pub fn weigh(scene: &Scene, options: &Options, ledger: &Ledger) -> Result<Vec<Row>> {
     let manifest = &scene.manifest;
     if scene.transfer.is_none() {

@@ -98,7 +98,8 @@ pub struct Surface {
 /// Reads the triangles of `primitive`, which is called `field` in messages.
 ///
 /// # Errors
-/// [`Error::Input`]: other shapes than triangles, a missing accessor, an index out of range, a place that is not finite.
+/// [`Error::Input`]: other shapes than triangles, a missing accessor, an index out of range, a place that is not
+/// finite.
 pub fn surface(
     path: &Path,
     field: &str,

@@ -2,12 +2,10 @@
 
 #![warn(missing_docs)]
 
-pub mod beam;
 pub mod dome;
 pub mod foliar;
 pub mod gloss;
 pub mod leaf;
-pub mod motion;
 pub mod slab;
 
 pub(crate) use mesophyll_error::{Error, Result};

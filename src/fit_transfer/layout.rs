@@ -30,8 +30,9 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// The layout of a world whose first `leaves` leaves are leaves, and the others wood or ground. An instance that is not
-    /// `seen` has no rows of its own: it shares those of another instance of its leaf, since its light is never looked at.
+    /// The layout of a world whose first `leaves` leaves are leaves, and the others wood or ground. An instance that is
+    /// not `seen` has no rows of its own: it shares those of another instance of its leaf, since its light is never
+    /// looked at.
     pub fn new(world: &World, leaves: usize, seen: &[bool], options: &Options) -> Layout {
         let of = |(k, leaf): (usize, &ReferenceLeaf)| match k < leaves {
             true => OfLeaf {

@@ -1,9 +1,10 @@
-//! `fit transfer`: what arrives at the leaves of a scene past and by way of other leaves, kept in a folder like any fit.
+//! `fit transfer`: what arrives at the leaves of a scene past and by way of other leaves, kept in a folder like any
+//! fit.
 //!
 //! The folder holds `operators.exr` (the entries of [`mesophyll_transport::transfer::operator`], in half floats),
-//! `sun.visibility` where the sun's shadows are wanted too, `fit.toml` and `times.toml`. It is known by what it was made
-//! from: every mesh, map and place of the scene, and the
-//! light where the light stands still. A fit that was stopped goes on from its finished parts.
+//! `sun.visibility` where the sun's shadows are wanted too, `fit.toml` and `times.toml`. It is known by what it was
+//! made from: every mesh, map and place of the scene, and the light where the light stands still. A fit that was
+//! stopped goes on from its finished parts.
 
 #![warn(missing_docs)]
 
@@ -79,12 +80,12 @@ struct Part {
     errors: Vec<f32>,
 }
 
-/// Makes the transfer of `scene` in the folder `out`; `inputs` are the files that it is made from, which the folder must
-/// not hold.
+/// Makes the transfer of `scene` in the folder `out`; `inputs` are the files that it is made from, which the folder
+/// must not hold.
 ///
 /// # Errors
-/// [`Error::Input`] for a world that contradicts itself, [`Error::Usage`] where it would need more memory than there is,
-/// [`Error::Interrupted`] after a stop (finished parts are kept), and what [`maker::make`] gives.
+/// [`Error::Input`] for a world that contradicts itself, [`Error::Usage`] where it would need more memory than there
+/// is, [`Error::Interrupted`] after a stop (finished parts are kept), and what [`maker::make`] gives.
 pub fn run(scene: &Scene, inputs: &[&Path], out: &Path, options: &Options) -> Result<Outcome> {
     let (scene, options) = (scene.clone(), *options);
     maker::make(KIND, out, inputs, move |maker| fit(&scene, &options, maker))

@@ -31,8 +31,8 @@ fn sky(world: &World, k: usize) -> [f64; 3] {
     world.sky_radiance(DVec3::new(r * cos, r * sin, z))
 }
 
-/// What entries are divided by before they are kept as half floats: about the largest irradiance, where they are the light
-/// itself, which may be in any unit.
+/// What entries are divided by before they are kept as half floats: about the largest irradiance, where they are the
+/// light itself, which may be in any unit.
 pub fn scale(world: &World, columns: Columns) -> f32 {
     if columns != Columns::Light {
         return 1.0;

@@ -1,5 +1,5 @@
-//! Sharp sunlight: which share of the sun's disk the vertices of a scene see, worked out beforehand for every place where
-//! the sun will stand (light-visibility convolution: Wang et al. 2005, §4).
+//! Sharp sunlight: which share of the sun's disk the vertices of a scene see, worked out beforehand for every place
+//! where the sun will stand (light-visibility convolution: Wang et al. 2005, §4).
 //!
 //! The meshes are made finer for it, so that penumbras fit between vertices. Everything else of the transfer is then of
 //! the finer meshes too: they are the same surfaces.
@@ -42,12 +42,13 @@ pub struct SunMaps {
 }
 
 impl Scene {
-    /// The scene with meshes whose edges are at most `edge_mm` long, and a sun of angular `radius` (rad) whose shadows are
-    /// worked out for these directions towards it. The ground stays as it is: a shadow on it is too small for vertices.
+    /// The scene with meshes whose edges are at most `edge_mm` long, and a sun of angular `radius` (rad) whose shadows
+    /// are worked out for these directions towards it. The ground stays as it is: a shadow on it is too small for
+    /// vertices.
     ///
     /// # Errors
-    /// [`Error::Usage`] for no direction, or a radius that no sun has; [`Error::Input`] for discs, and for edges that are too
-    /// short for the machine.
+    /// [`Error::Usage`] for no direction, or a radius that no sun has; [`Error::Input`] for discs, and for edges that
+    /// are too short for the machine.
     pub fn under_sun(self, radius: f64, directions: &[DVec3], edge_mm: f64) -> Result<Scene> {
         let ground = self.world.ground.map(|k| self.world.instances[k].leaf);
         let edge = |k: usize| match k {

@@ -1,5 +1,5 @@
-//! The kinds of number that a formula can be computed with: `f64`, complex numbers (for the contour of an integral), and
-//! either of them with derivatives.
+//! The kinds of number that a formula can be computed with: `f64`, complex numbers (for the contour of an integral),
+//! and either of them with derivatives.
 //!
 //! Every formula is written once, for all of them.
 

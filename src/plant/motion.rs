@@ -9,8 +9,8 @@
 //! apart in y.
 //!
 //! The highest frequency takes 8 texels a cycle, so that the hardware's linear filter is enough (it takes 10 % of the
-//! power there; directed textures make up for it); a texture of n texels a side then holds frequencies down to f_min = 8 f_max/n. (The print has f_max/(8
-//! n).)
+//! power there; directed textures make up for it); a texture of n texels a side then holds frequencies down to f_min =
+//! 8 f_max/n. (The print has f_max/(8 n).)
 
 use super::motion_spectrum::{Method, Rings};
 use mesophyll_fourier::Complex;

@@ -5,7 +5,7 @@
 
 use crate::stress::StressRow;
 use mesophyll_fit::gloss::synthetic::Noise;
-use mesophyll_fit::motion::{Known, Motion, Record, fit};
+use mesophyll_fit_branch::motion::{Known, Motion, Record, fit};
 use mesophyll_fourier::Complex;
 use mesophyll_plant::wind::Oscillator;
 use rayon::prelude::*;
@@ -66,7 +66,7 @@ pub fn coverage(motions: usize, seed: u64) -> ([usize; 3], usize) {
         let record = record(&truth, 4000, 0.05, 2, 0.0, 7919 * (seed + k as u64) + 1);
         let known = Known { speed: k.is_multiple_of(2).then_some(truth.speed), ..Known::default() };
         let found = fit(&record, &known).ok().filter(|m| m.status.is_ok())?;
-        let holds = |v: mesophyll_fit::motion::Value, t: f64| (v.value - t).abs() <= 1.96 * v.error;
+        let holds = |v: mesophyll_fit_branch::motion::Value, t: f64| (v.value - t).abs() <= 1.96 * v.error;
         let damping = truth.ratio * 2.0 * TAU * truth.resonance;
         Some([
             holds(found.resonance, truth.resonance),

@@ -1,4 +1,5 @@
-//! A tree as it lies in memory: nodes and packets of triangles in one array of cache lines, children near their parents.
+//! A tree as it lies in memory: nodes and packets of triangles in one array of cache lines, children near their
+//! parents.
 //!
 //! A row is eight 32-bit numbers. A node takes eight rows: low and high x of its eight children, the same of y and z,
 //! the children's codes, and a row that is left free so that a node fills four cache lines. A code is the number of the

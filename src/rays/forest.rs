@@ -126,8 +126,8 @@ impl Forest {
     }
 }
 
-/// What is done with a hit: takes instance, triangle, t, barycentric coordinates and the limit, which it may lower; true
-/// ends the search.
+/// What is done with a hit: takes instance, triangle, t, barycentric coordinates and the limit, which it may lower;
+/// true ends the search.
 trait Found: FnMut(usize, usize, f64, [f64; 2], &mut f64) -> bool {}
 
 impl<F: FnMut(usize, usize, f64, [f64; 2], &mut f64) -> bool> Found for F {}

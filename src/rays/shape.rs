@@ -16,8 +16,8 @@ pub struct Shape {
 }
 
 impl Shape {
-    /// The triangles of a mesh, three indices each, in boxes that rays can be tried on. Triangles with a coordinate that
-    /// is not finite keep their number and are never met.
+    /// The triangles of a mesh, three indices each, in boxes that rays can be tried on. Triangles with a coordinate
+    /// that is not finite keep their number and are never met.
     ///
     /// # Panics
     /// Where an index is not below the number of positions.

@@ -48,8 +48,8 @@ impl Sheared {
 
     /// (t, b1, b2) with the hit at (1−b1−b2)·p0 + b1·p1 + b2·p2, from either side; t may be negative. Woop, Benthin &
     /// Wald 2013 ("Watertight ray/triangle intersection"), in f64: of two triangles with a common edge at least one is
-    /// met by a ray through the edge, because both compute the edge's sign from the same numbers. A triangle that is seen
-    /// exactly edge-on is not met.
+    /// met by a ray through the edge, because both compute the edge's sign from the same numbers. A triangle that is
+    /// seen exactly edge-on is not met.
     #[inline(always)]
     pub fn meet(&self, triangle: &Triangle) -> Option<(f64, f64, f64)> {
         let [(ax, ay, az), (bx, by, bz), (cx, cy, cz)] =
@@ -136,8 +136,9 @@ impl<L: Lanes> Tolerance<L> {
 /// triangle's edges, and R that of the ray's origin; corners and the direction have components of at most 1. Rounding
 /// the input and every step, an edge function U or V is off by at most 54 u (1+R) E, the determinant D by 48 u E², and
 /// T, which is t·D, by 54 u (1+R) E². The tolerances here are larger: 128 u (1+R+E) E for the edge functions and their
-/// sum, 64 u (1+R) E² for T > 0, 64 u (1+R+limit) E² for T ≤ limit·D. Where |D| is at most 64 u E², its sign is not sure;
-/// such triangles are seen edge-on, and t is then left to the f64 test. The term 1e-30 holds where products underflow.
+/// sum, 64 u (1+R) E² for T > 0, 64 u (1+R+limit) E² for T ≤ limit·D. Where |D| is at most 64 u E², its sign is not
+/// sure; such triangles are seen edge-on, and t is then left to the f64 test. The term 1e-30 holds where products
+/// underflow.
 #[inline(always)]
 pub(crate) fn candidates<'a, L: Lanes>(local: &Local<L>, limit: L, lines: &'a [Line; PACKET]) -> (u32, &'a Row) {
     let (corner, first, second, size) =

@@ -35,8 +35,8 @@ pub struct Panel {
 
 const SIZE: (u32, u32) = (980, 380);
 
-/// Draws a picture a leaf into `folder`, side by side its panels, and returns the files. A file has the leaf's name, with `_`
-/// for what a file's name does not take.
+/// Draws a picture a leaf into `folder`, side by side its panels, and returns the files. A file has the leaf's name,
+/// with `_` for what a file's name does not take.
 ///
 /// # Errors
 /// [`Error::Write`] where a file cannot be written.

@@ -52,8 +52,8 @@ pub fn of(scene: &Scene, options: &Options, ledger: &Ledger) -> Result<fit::Scen
     }
 }
 
-/// Of each instance whether a view shows it, as the plan has it; wood and ground, which stand after the leaves, count as
-/// shown.
+/// Of each instance whether a view shows it, as the plan has it; wood and ground, which stand after the leaves, count
+/// as shown.
 fn shown(scene: &Scene) -> Vec<bool> {
     let Scene { manifest, placed, .. } = scene;
     let drawn = placed.placements.iter().filter(|p| placed.leaves[p.leaf].mesh.is_some());

@@ -1,8 +1,8 @@
-//! Light from all around on the six faces of a cube, and what is left of it when only its largest Haar wavelets are kept
-//! (Ng, Ramamoorthi & Hanrahan 2003): the all-frequency baseline of Wang et al. 2005, Fig. 9.
+//! Light from all around on the six faces of a cube, and what is left of it when only its largest Haar wavelets are
+//! kept (Ng, Ramamoorthi & Hanrahan 2003): the all-frequency baseline of Wang et al. 2005, Fig. 9.
 //!
-//! Since a picture depends linearly on its light, a picture whose light is cut to some wavelets is the picture under that
-//! light; nothing else of the method needs to be repeated to see its error.
+//! Since a picture depends linearly on its light, a picture whose light is cut to some wavelets is the picture under
+//! that light; nothing else of the method needs to be repeated to see its error.
 
 use super::environment::Environment;
 use super::visibility::directions::{on_face, place};
@@ -75,8 +75,8 @@ impl CubeLight {
         self.texels[self.index(d)]
     }
 
-    /// Keeps the `count` largest wavelets (of the three channels together) and forgets the others. What becomes negative
-    /// counts as black. Returns which share of the sum of squares is left, 0 to 1.
+    /// Keeps the `count` largest wavelets (of the three channels together) and forgets the others. What becomes
+    /// negative counts as black. Returns which share of the sum of squares is left, 0 to 1.
     pub fn keep(&mut self, count: usize) -> f64 {
         let mut all = self.texels.clone();
         all.chunks_exact_mut(self.side * self.side).for_each(|face| transform(face, self.side));
@@ -142,8 +142,8 @@ fn restore(face: &mut [[f64; 3]], side: usize) {
     }
 }
 
-/// One step over the first `n` × `n` texels; `places(n/2, i, j)` says where four values are read and where they are written.
-/// Haar's step is its own inverse.
+/// One step over the first `n` × `n` texels; `places(n/2, i, j)` says where four values are read and where they are
+/// written. Haar's step is its own inverse.
 fn step(
     face: &mut [[f64; 3]],
     side: usize,
@@ -194,7 +194,8 @@ mod tests {
         for (a, b) in all.texels.iter().flatten().zip(whole.texels.iter().flatten()) {
             assert!((a - b).abs() < 1e-9 * (1.0 + b));
         }
-        // A texel of its own is a mean and a wavelet a level; the even rest of its face and the other faces are six means.
+        // A texel of its own is a mean and a wavelet a level; the even rest of its face and the other faces are six
+        // means.
         let mut few = whole.clone();
         few.keep(6 + 3 * 4);
         for (a, b) in few.texels.iter().flatten().zip(whole.texels.iter().flatten()) {

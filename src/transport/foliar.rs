@@ -56,8 +56,8 @@ pub struct Met {
 }
 
 impl Met {
-    /// Densities (1/sr) of what is reflected at the face, and of what turned back, at a unit direction on the lit side: `cos` from
-    /// the normal, `mirror` from the mirror direction, and `forward` along the mirror's side of the leaf.
+    /// Densities (1/sr) of what is reflected at the face, and of what turned back, at a unit direction on the lit side:
+    /// `cos` from the normal, `mirror` from the mirror direction, and `forward` along the mirror's side of the leaf.
     pub fn densities(&self, cos: f64, mirror: f64, forward: f64) -> [f64; 2] {
         let alpha = mirror.clamp(-1.0, 1.0).acos();
         let around = lobe::density(alpha, self.oblateness) / self.acceptance;
@@ -110,8 +110,8 @@ impl Foliar {
         self.model
     }
 
-    /// Diffuse reflectance of both sides and transmittance, a channel each, under light from everywhere: what a renderer
-    /// shows that knows matte leaves only.
+    /// Diffuse reflectance of both sides and transmittance, a channel each, under light from everywhere: what a
+    /// renderer shows that knows matte leaves only.
     pub fn matte(&self) -> ([[f64; 3]; 2], [f64; 3]) {
         let mean = |channel: usize, back: bool, reflected: bool| {
             let (mut sum, mut weight) = (0.0, 0.0);
@@ -159,8 +159,8 @@ impl Foliar {
         }
     }
 
-    /// Shares of a channel's light at `incidence` (radians from the normal of the lit side) that FSM sends into the patches of the
-    /// goniometer, ring by ring ([`mesophyll_optics::foliar::goniometer`]).
+    /// Shares of a channel's light at `incidence` (radians from the normal of the lit side) that FSM sends into the
+    /// patches of the goniometer, ring by ring ([`mesophyll_optics::foliar::goniometer`]).
     pub fn patches(&self, side: Side, incidence: f64, channel: usize) -> Vec<f64> {
         let back = side == Side::Abaxial;
         let view = DVec3::new(incidence.sin(), 0.0, incidence.cos());
@@ -199,8 +199,8 @@ fn place(at: f64, rows: usize) -> (usize, f64) {
     (k, (at - k as f64).clamp(0.0, 1.0))
 }
 
-/// Uniform numbers of a turn's own, from the numbers that a path has for it: lobes that are drawn again and rays through
-/// layers need any number of them.
+/// Uniform numbers of a turn's own, from the numbers that a path has for it: lobes that are drawn again and rays
+/// through layers need any number of them.
 pub fn stream(numbers: [f64; 4]) -> impl FnMut() -> f64 {
     use rand::{RngExt, SeedableRng};
     let seed = numbers.iter().fold(0x9e37_79b9_7f4a_7c15_u64, |hash, x| {

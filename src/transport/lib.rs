@@ -2,8 +2,9 @@
 //!
 //! It shares no code with the GPU renderer nor with `optics`: rays, texture look-ups, lobes, directional albedo,
 //! sampling and tone mapping are written again here in f64, so that a mistake on one side shows. What both must agree
-//! on is the shading written at the top of `mesophyll_viewer::scene`. [`render`] draws direct light alone (the sun's disk,
-//! and a constant sky or a dome of any radiance, which nothing shadows); [`path`] follows all light from leaf to leaf.
+//! on is the shading written at the top of `mesophyll_viewer::scene`. [`render`] draws direct light alone (the sun's
+//! disk, and a constant sky or a dome of any radiance, which nothing shadows); [`path`] follows all light from leaf to
+//! leaf.
 
 #![warn(missing_docs)]
 

@@ -1,5 +1,5 @@
-//! From radiance to the picture: exposure · L, Reinhard x/(1 + x) a channel, sRGB encoding (IEC 61966-2-1), 8 bits. Pictures
-//! that are made to be looked at may have a film's curve instead of Reinhard's.
+//! From radiance to the picture: exposure · L, Reinhard x/(1 + x) a channel, sRGB encoding (IEC 61966-2-1), 8 bits.
+//! Pictures that are made to be looked at may have a film's curve instead of Reinhard's.
 
 /// How radiance is pressed into what a screen can show.
 #[derive(
@@ -20,8 +20,8 @@ pub enum Tone {
     /// x/(1 + x) a channel: what both renderers draw, and what checks compare.
     #[default]
     Reinhard,
-    /// A film's: dark below, steep in the middle, with a long shoulder (Narkowicz 2015, "ACES filmic tone mapping curve",
-    /// with its factor of .6), a channel each.
+    /// A film's: dark below, steep in the middle, with a long shoulder (Narkowicz 2015, "ACES filmic tone mapping
+    /// curve", with its factor of .6), a channel each.
     Film,
 }
 

@@ -389,8 +389,8 @@ fn intervals_of_the_pigment_maps_hold_the_true_leaf() {
             }
             let (share, missed) = (inside as f64 / all as f64, apart as f64 / all as f64);
             assert!((0.93..=0.97).contains(&share), "{side} {name}: {share} of {all}");
-            // The leaf's one σ is another quantity: at this noise these intervals miss it more than three times as often
-            // as the twentieth that they may miss of their own.
+            // The leaf's one σ is another quantity: at this noise these intervals miss it more than three times as
+            // often as the twentieth that they may miss of their own.
             assert!(missed > 3.0 * 0.05, "{side} {name}: {missed}");
             let said = record.sections[side].truth[&format!("{name}_map")];
             assert!(

@@ -257,8 +257,8 @@ fn columns<const N: usize>(csv: &[u8], names: [&str; N]) -> Vec<[f64; N]> {
     reader.records().map(|r| r.unwrap()).map(|r| at.map(|k| number(&r, k))).collect()
 }
 
-/// Level layers of discs so wide that they have no gaps: the plates of the closed form again, as a canopy. The rectangle
-/// is smaller than a disc, so that discs reach across many periods.
+/// Level layers of discs so wide that they have no gaps: the plates of the closed form again, as a canopy. The
+/// rectangle is smaller than a disc, so that discs reach across many periods.
 #[test]
 fn a_closed_canopy_meets_its_closed_form() {
     let dir = tempfile::tempdir().unwrap();

@@ -126,8 +126,8 @@ fn what_cannot_be_asked_for_is_refused_by_name() {
     }
 }
 
-/// Sharp shadows that were worked out beforehand: no shadow map is drawn, and the picture is the path tracer's, as it is
-/// with shadow maps.
+/// Sharp shadows that were worked out beforehand: no shadow map is drawn, and the picture is the path tracer's, as it
+/// is with shadow maps.
 #[test]
 fn shadows_that_are_known_beforehand_are_those_of_the_path_tracer() {
     let dir = tempfile::tempdir().unwrap();

@@ -268,7 +268,8 @@ fn a_tighter_tolerance_takes_a_finer_curve_and_a_distant_view_coarser_maps() {
     assert!(far.left_out.iter().any(|l| l.name.contains("map detail")));
 }
 
-/// A plan is plain data: two of one scene decide the same and have the same hash, and nothing of it is hidden from JSON.
+/// A plan is plain data: two of one scene decide the same and have the same hash, and nothing of it is hidden from
+/// JSON.
 #[test]
 fn plans_can_be_compared() {
     let dir = tempfile::tempdir().unwrap();

@@ -1,5 +1,5 @@
-//! The order of the scene's folders: each uses only those before it. The compiler does not forbid more inside one crate,
-//! so that this test reads the imports.
+//! The order of the scene's folders: each uses only those before it. The compiler does not forbid more inside one
+//! crate, so that this test reads the imports.
 
 use std::collections::BTreeSet;
 use std::path::Path;

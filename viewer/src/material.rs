@@ -1,5 +1,5 @@
-//! Materials on the adapter: a material's constants and the maps that its variant of the shader reads, in one bind group.
-//! An edit uploads what it changed; every other texture stays where it is.
+//! Materials on the adapter: a material's constants and the maps that its variant of the shader reads, in one bind
+//! group. An edit uploads what it changed; every other texture stays where it is.
 
 use crate::dome::MeanTable;
 use crate::gpu::Gpu;

@@ -186,9 +186,9 @@ impl Renderer {
         Ok(())
     }
 
-    /// Takes over a change of lights, background or exposure, with meshes, materials and instances as they were; moving the sun
-    /// redraws the shadow maps, all else is free. A light that appears or goes reloads the scene, since other maps are
-    /// needed then.
+    /// Takes over a change of lights, background or exposure, with meshes, materials and instances as they were; moving
+    /// the sun redraws the shadow maps, all else is free. A light that appears or goes reloads the scene, since other
+    /// maps are needed then.
     pub fn set_lights(&mut self, scene: &Scene) -> Result<()> {
         let same = self.loaded.as_ref().is_some_and(|l| {
             l.sun.is_some() == scene.sun.is_some()

@@ -21,8 +21,8 @@
 //! up at ω with x and y multiplied by (2z/(1+z))^¼. A sky's light comes through by ρt and the mapped normal whatever
 //! translucency maps say.
 //!
-//! Where the scene has a [`Transfer`], sky and dome are replaced by what arrives past and by way of other surfaces. With
-//! the irradiance vectors F₁ and F₂ of the point's two sides, ∫ L(ω) ω dω over the directions on either side:
+//! Where the scene has a [`Transfer`], sky and dome are replaced by what arrives past and by way of other surfaces.
+//! With the irradiance vectors F₁ and F₂ of the point's two sides, ∫ L(ω) ω dω over the directions on either side:
 //!
 //! ```text
 //! L += ρd_viewed/π · max(0, N·F_viewed) + ρt_far/π · max(0, F·F_far) + ρs·a·Σ W_l l_lm Y_lm(R)
@@ -41,16 +41,16 @@
 //!
 //! E is the irradiance at normal incidence, V the visible share of the sun's disk, ρt_far the transmittance of a beam
 //! that enters the far side. f_s = ρs·D·G/(4 (N·l)(N·v)), D = exp(−tan²α/m²)/(π m² cos⁴α) (Beckmann) or m²/(π cos⁴α
-//! (m² + tan²α)²) (GGX), G = min(1, 2(N·h)(N·v)/(v·h), 2(N·h)(N·l)/(v·h)) (V-cavity); with `CookTorrance { index }` times
-//! the dielectric Fresnel F(v·h) for unpolarised light. N·v is floored at 1e-3. a(N·v, m) is the directional albedo of
-//! f_s per unit ρs: ∫ f_s/ρs cosθ dω. f_s = 0 where N·h ≤ 0; m is floored at 1e-3. The sun's centre lights the surface,
-//! its disk only decides V. Maps are sampled bilinearly with texel centres at (i + ½)/W, clamped at the rim; δ is
-//! sampled before the curve is looked up (clamped at its ends), mapped normals are sampled and then normalised.
-//! Minified maps are averaged (a mip chain). A mask's edge lies where its bilinear sample passes ½. With `msaa` 4
-//! coverage is sampled at (3/8, 1/8), (7/8, 3/8), (1/8, 5/8), (5/8, 7/8) of a pixel and shading once a leaf, at the
-//! pixel's centre (GL cuts a mask at the centre alone); the picture averages radiance before the tone map. The sky is
-//! not shadowed by other leaves. Where nothing is hit the radiance is `Scene::background`. Picture: exposure · L,
-//! Reinhard x/(1 + x) a channel, sRGB encoding (IEC 61966-2-1), 8 bits.
+//! (m² + tan²α)²) (GGX), G = min(1, 2(N·h)(N·v)/(v·h), 2(N·h)(N·l)/(v·h)) (V-cavity); with `CookTorrance { index }`
+//! times the dielectric Fresnel F(v·h) for unpolarised light. N·v is floored at 1e-3. a(N·v, m) is the directional
+//! albedo of f_s per unit ρs: ∫ f_s/ρs cosθ dω. f_s = 0 where N·h ≤ 0; m is floored at 1e-3. The sun's centre lights
+//! the surface, its disk only decides V. Maps are sampled bilinearly with texel centres at (i + ½)/W, clamped at the
+//! rim; δ is sampled before the curve is looked up (clamped at its ends), mapped normals are sampled and then
+//! normalised. Minified maps are averaged (a mip chain). A mask's edge lies where its bilinear sample passes ½. With
+//! `msaa` 4 coverage is sampled at (3/8, 1/8), (7/8, 3/8), (1/8, 5/8), (5/8, 7/8) of a pixel and shading once a leaf,
+//! at the pixel's centre (GL cuts a mask at the centre alone); the picture averages radiance before the tone map. The
+//! sky is not shadowed by other leaves. Where nothing is hit the radiance is `Scene::background`. Picture: exposure ·
+//! L, Reinhard x/(1 + x) a channel, sRGB encoding (IEC 61966-2-1), 8 bits.
 
 use glam::{Mat4, Vec2, Vec3, Vec4};
 pub use mesophyll_surface::basis::Basis;
@@ -94,8 +94,8 @@ pub struct Scene {
 /// How light from all around arrives at the anchors of every instance, past and by way of other surfaces (Wang et al.
 /// 2005, §4): rows that are sums over columns of the light. The sun's disk itself is not in it.
 ///
-/// An anchor's rows are ∫ L(ω) ω dω over the directions on its front (x, y, z), the same over those on its back, and for
-/// glossy leaves ∫ L(ω) Y_lm(ω) dω at l(l+1)+m. Wood and ground have one row, the irradiance on their front.
+/// An anchor's rows are ∫ L(ω) ω dω over the directions on its front (x, y, z), the same over those on its back, and
+/// for glossy leaves ∫ L(ω) Y_lm(ω) dω at l(l+1)+m. Wood and ground have one row, the irradiance on their front.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Transfer {
     /// Bands of the light's harmonics, whose squares are the columns; `None`: one column, the light that the scene has

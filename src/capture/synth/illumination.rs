@@ -269,8 +269,8 @@ impl Lobed<'_> {
         Some(sum * STEP * width * self.scale())
     }
 
-    /// Panels from the peak outwards, each wider than the one before, clipped to each ray's lit length. Rays that clip a
-    /// panel alike share its nodes: their sines and cosines are half of the work.
+    /// Panels from the peak outwards, each wider than the one before, clipped to each ray's lit length. Rays that clip
+    /// a panel alike share its nodes: their sines and cosines are half of the work.
     fn panels(&self, rays: &[Ray], ends: [f64; 2], peak: f64, width: f64) -> f64 {
         const BELL: [f64; 4] = [0.0, 1.3, 3.0, 7.5];
         const TAILED: [f64; 8] = [0.0, 1.0, 2.5, 6.0, 15.0, 40.0, 100.0, 300.0];

@@ -29,7 +29,8 @@ pub struct Args {
     /// Seed of the random numbers
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Table of specific absorptions and refractive indices; the rows then give wavelength and contents in place of absorption_per_mm
+    /// Table of specific absorptions and refractive indices; the rows then give wavelength and contents in place of
+    /// absorption_per_mm
     #[arg(long, value_name = "TABLE.csv")]
     pigments: Option<PathBuf>,
     /// 800 rows a case: where light leaves, on patches of 9 by 9 degrees

@@ -3,7 +3,7 @@
 use crate::Result;
 use crate::{Common, batch, tables};
 use mesophyll_files::table::{self, BatchIo, Spec, Table};
-use mesophyll_fit::beam;
+use mesophyll_fit_branch::beam;
 
 /// CSV columns `alpha,x` (tip radius over root radius; place from 0 at the root to 1 at the tip) → `u,du,status`:
 /// deflection and slope of an evenly loaded, clamped, tapered circular beam of unit length for F/(E′r₁⁴) = 1, to 12

@@ -71,7 +71,8 @@ fn directions(args: &Args, file: &Path, canopy: &Canopy, channel: usize, common:
     let bar = Bar::of("directions");
     let tally = table::run(Table::open(&io.input)?, &io.rows(common.json), &spec, |row, out| {
         let (zenith, azimuth) = (row.get(0), row.get(1));
-        // Without an azimuth the view lies in the sun's plane; as is usual there, negative angles are on the sun's side.
+        // Without an azimuth the view lies in the sun's plane; as is usual there, negative angles are on the sun's
+        // side.
         let (zenith, azimuth) = match azimuth.is_nan() {
             true => (-zenith.to_radians(), canopy.sun_azimuth()),
             false => (zenith.to_radians(), azimuth.to_radians()),

@@ -14,7 +14,8 @@ use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
-/// CSV columns `R450,T450,R550,…` (reflectance and transmittance by wavelength in nm) → the parameters asked for, their standard errors, `rms,minima,status`.
+/// CSV columns `R450,T450,R550,…` (reflectance and transmittance by wavelength in nm) → the parameters asked for, their
+/// standard errors, `rms,minima,status`.
 ///
 /// Or spectra in long form, a row a wavelength: `leaf,wavelength_nm,R,T` → a row a leaf.
 ///

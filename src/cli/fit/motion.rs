@@ -5,10 +5,11 @@ use crate::{Error, Result};
 use mesophyll_error::Status;
 use mesophyll_files::progress::say;
 use mesophyll_files::table::{BatchIo, Sink, Table, push_number, push_text};
-use mesophyll_fit::motion::{self, Known, Motion, Value};
+use mesophyll_fit_branch::motion::{self, Known, Motion, Value};
 
 /// CSV columns `time_s,u_mm` and optionally `v_mm` (deflections of a branch's tip at even times, in one direction or in
-/// two) → one row: resonance, damping and gain of an oscillator in gusts, with standard errors, by Whittle's likelihood.
+/// two) → one row: resonance, damping and gain of an oscillator in gusts, with standard errors, by Whittle's
+/// likelihood.
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = tables::help("fit motion"))]
 pub struct Args {

@@ -11,8 +11,8 @@ use std::path::PathBuf;
 /// How the light that arrives at the leaves of a scene depends on the light around it: past other leaves, and by way of
 /// them.
 ///
-/// The scene's [transfer] says how finely. DIR gets operators.exr, a preview, fit.toml and times.toml. `run`, `check` and
-/// `view` make it by themselves where a scene lacks it.
+/// The scene's [transfer] says how finely. DIR gets operators.exr, a preview, fit.toml and times.toml. `run`, `check`
+/// and `view` make it by themselves where a scene lacks it.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   mesophyll fit transfer data/scenes/between.toml -o out/between-transfer")]

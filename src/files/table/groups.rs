@@ -75,8 +75,8 @@ impl Groups {
         self.groups.iter().filter_map(|(_, rows)| rows.as_ref().ok()).flatten()
     }
 
-    /// Answers each group by `f`, which sees its name and rows, and writes a row a group: the name, the outputs of `spec`, and
-    /// the status.
+    /// Answers each group by `f`, which sees its name and rows, and writes a row a group: the name, the outputs of
+    /// `spec`, and the status.
     ///
     /// # Errors
     /// An unwritable output, and a stop.

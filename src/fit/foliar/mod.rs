@@ -1,7 +1,8 @@
 //! The pigments of a leaf and the oblateness of its epidermis, from the light that it reflects and lets through.
 //!
-//! The model is the layered leaf of [`mesophyll_optics::foliar`], solved exactly. R and T depend on contents per area: the thickness of the
-//! mesophyll does not enter. Misfits may have several minima, so that the solver starts at several places.
+//! The model is the layered leaf of [`mesophyll_optics::foliar`], solved exactly. R and T depend on contents per area:
+//! the thickness of the mesophyll does not enter. Misfits may have several minima, so that the solver starts at several
+//! places.
 
 pub mod pigments;
 mod shared;
@@ -122,8 +123,8 @@ fn free(asked: &[Parameter]) -> Vec<Parameter> {
 }
 
 impl Model {
-    /// `lights`: wavelengths (nm) within the spectrum, and sides. `asked`: what is fitted. `noise`: standard error of readings that
-    /// have none of their own, 0 where they are exact.
+    /// `lights`: wavelengths (nm) within the spectrum, and sides. `asked`: what is fitted. `noise`: standard error of
+    /// readings that have none of their own, 0 where they are exact.
     ///
     /// # Errors
     /// The sentence that says which wavelength is outside the table.
@@ -171,8 +172,8 @@ impl Model {
         names().chain(names().map(|n| n + "_err")).chain(["rms", "minima"].map(String::from)).collect()
     }
 
-    /// Computes what the lights of a side share, where they are so many that this is less work than one after the other.
-    /// It uses all threads; what is not prepared is computed where it is first needed.
+    /// Computes what the lights of a side share, where they are so many that this is less work than one after the
+    /// other. It uses all threads; what is not prepared is computed where it is first needed.
     pub fn prepare(&self, side: Side) {
         let mut triples: Vec<[f64; 3]> = Vec::new();
         for (_, _, constants) in self.lights.iter().filter(|l| l.1 == side) {

@@ -25,8 +25,8 @@ const GAP: f64 = 1.5;
 /// Reads a table: a row a wavelength, ascending, in even steps.
 ///
 /// # Errors
-/// A column that lacks or whose name says another unit, a cell that is empty, no number or out of range, wavelengths that do not
-/// ascend, and gaps; each by file, line and column.
+/// A column that lacks or whose name says another unit, a cell that is empty, no number or out of range, wavelengths
+/// that do not ascend, and gaps; each by file, line and column.
 pub fn read(path: &Path) -> Result<Spectrum> {
     let mut table = Table::open(path)?;
     let mut places = [0; COLUMNS.len()];

@@ -2,9 +2,9 @@
 //!
 //! Refractive indices change little and smoothly over a spectrum, so that R and T at one absorption and oblateness are
 //! smooth functions of the three indices. They are computed at the nodes of Chebyshev polynomials over the box that the
-//! indices of a spectrum fill, and interpolated between. The box has the axes √(n_cuticle − n_mesophyll), n_mesophyll and
-//! √(n_mesophyll − n_antidermal): angles of total reflection begin like the roots of such differences. The error is checked
-//! at some of the spectrum's own indices.
+//! indices of a spectrum fill, and interpolated between. The box has the axes √(n_cuticle − n_mesophyll), n_mesophyll
+//! and √(n_mesophyll − n_antidermal): angles of total reflection begin like the roots of such differences. The error is
+//! checked at some of the spectrum's own indices.
 
 use super::surface::{Setting, Surface, chebyshev_node};
 use mesophyll_optics::foliar::Side;

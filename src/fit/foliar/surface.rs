@@ -1,8 +1,8 @@
-//! Reflectance and transmittance at one wavelength as a function of absorption and of the epidermis's oblateness: the exact method at
-//! the nodes of Chebyshev polynomials, which give values and derivatives between them.
+//! Reflectance and transmittance at one wavelength as a function of absorption and of the epidermis's oblateness: the
+//! exact method at the nodes of Chebyshev polynomials, which give values and derivatives between them.
 //!
-//! Thousands of leaves share the indices of a wavelength. The exact method is run once a node instead of at every step of
-//! every leaf's fit.
+//! Thousands of leaves share the indices of a wavelength. The exact method is run once a node instead of at every step
+//! of every leaf's fit.
 
 use mesophyll_optics::foliar::exact::{Prepared, Resolution};
 use mesophyll_optics::foliar::{Leaf, Oblateness, Path, Side};

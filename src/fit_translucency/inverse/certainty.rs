@@ -14,8 +14,8 @@ const RANK: f64 = 1e-12;
 pub struct Certainty {
     /// Names of the parameters, as [`names`] makes them.
     pub names: Vec<String>,
-    /// Standard error of each logarithm, which is the relative standard error of its parameter; infinite where nothing is
-    /// known.
+    /// Standard error of each logarithm, which is the relative standard error of its parameter; infinite where nothing
+    /// is known.
     pub stderr: Vec<f64>,
     /// Correlations of the logarithms, row by row.
     pub correlation: Vec<Vec<f64>>,

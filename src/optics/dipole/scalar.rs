@@ -1,5 +1,5 @@
-//! The numbers that a kernel is evaluated with ([`crate::number`]), and two functions of them that lose no digits. A formula
-//! then gives the value, its Hankel transform and its exact derivatives.
+//! The numbers that a kernel is evaluated with ([`crate::number`]), and two functions of them that lose no digits. A
+//! formula then gives the value, its Hankel transform and its exact derivatives.
 
 pub use crate::number::Scalar;
 

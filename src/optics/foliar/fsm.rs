@@ -1,5 +1,5 @@
-//! The foliar scattering model (FSM) of B1, §3: a table of how much light a leaf reflects at its surface, from its inside, and
-//! lets through, and three lobes that say where it goes.
+//! The foliar scattering model (FSM) of B1, §3: a table of how much light a leaf reflects at its surface, from its
+//! inside, and lets through, and three lobes that say where it goes.
 //!
 //! Its rule for direct light exchanges source and viewer, which it justifies by reciprocity. The table is made by the
 //! ABM, whose lobes around the ray are not reciprocal.
@@ -47,9 +47,9 @@ pub fn table(leaf: &Leaf) -> Option<Vec<Shares>> {
     Some(lights.iter().zip(&found).map(share).collect())
 }
 
-/// A row of the table that pictures are made with: the paper's shares, and the light that turns back before it came through the
-/// mesophyll apart from them. With its angle it has ten numbers, as many as the paper's: what the first interface
-/// reflects needs no column, because Fresnel's formula gives it.
+/// A row of the table that pictures are made with: the paper's shares, and the light that turns back before it came
+/// through the mesophyll apart from them. With its angle it has ten numbers, as many as the paper's: what the first
+/// interface reflects needs no column, because Fresnel's formula gives it.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Row {
     /// Share that turns back before the mesophyll: between wall and epidermis, where the lower side is lit.
@@ -62,8 +62,8 @@ pub struct Row {
     pub through: [f64; 3],
 }
 
-/// A lobe cos θ/π · (1 + `rise` (sin²θ − ½) + `lean` sin θ cos φ), with θ from the normal of the lit side and φ from the
-/// plane of the mirror direction: the diffuse lobe, raised towards the plane of the leaf and leaning forward.
+/// A lobe cos θ/π · (1 + `rise` (sin²θ − ½) + `lean` sin θ cos φ), with θ from the normal of the lit side and φ from
+/// the plane of the mirror direction: the diffuse lobe, raised towards the plane of the leaf and leaning forward.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Turned {
     /// How much more there is at flat angles, 0 to 2.
@@ -73,8 +73,8 @@ pub struct Turned {
 }
 
 impl Turned {
-    /// The lobe whose light has these means of sin²θ and of sin θ cos φ, or the next to it that is nowhere below 0. The integrals
-    /// of cos θ/π sin⁴θ and of cos θ/π sin²θ cos²φ are 1/3 and 1/4.
+    /// The lobe whose light has these means of sin²θ and of sin θ cos φ, or the next to it that is nowhere below 0. The
+    /// integrals of cos θ/π sin⁴θ and of cos θ/π sin²θ cos²φ are 1/3 and 1/4.
     pub fn of(square: f64, forward: f64) -> Turned {
         let rise = (12.0 * (square - 0.5)).clamp(0.0, 2.0);
         let low = 1.0 - 0.5 * rise;
@@ -100,9 +100,10 @@ const LOBE_STEP: usize = 5;
 /// An absorption of one crossing after which nothing is left.
 const BLACK: f64 = 1e6;
 
-/// The table of a leaf at three wavelengths. Of what a leaf reflects from inside, its twin with a black mesophyll reflects all that
-/// turns back before the mesophyll. The paper takes it for diffuse; but it has met few lobes, and more of it leaves forward.
-/// Its lobe is that of random rays in the twin, with two means kept. `None` where the exact method does not settle.
+/// The table of a leaf at three wavelengths. Of what a leaf reflects from inside, its twin with a black mesophyll
+/// reflects all that turns back before the mesophyll. The paper takes it for diffuse; but it has met few lobes, and
+/// more of it leaves forward. Its lobe is that of random rays in the twin, with two means kept. `None` where the exact
+/// method does not settle.
 pub fn rows(leaves: &[Leaf; 3]) -> Option<Vec<Row>> {
     let [r, g, b] = leaves;
     let tables = [table(r)?, table(g)?, table(b)?];
@@ -125,7 +126,8 @@ pub fn rows(leaves: &[Leaf; 3]) -> Option<Vec<Row>> {
     Some((0..ROWS).map(row).collect())
 }
 
-/// The lobe of a leaf whose mesophyll is black, for the light of a row: means over what leaves less what the face mirrors.
+/// The lobe of a leaf whose mesophyll is black, for the light of a row: means over what leaves less what the face
+/// mirrors.
 fn turned_lobe(twin: &Leaf, row: usize) -> Turned {
     let (side, at) = light(row);
     // Level light is mirrored whole: the row takes the lobe of one a little steeper.
@@ -162,8 +164,8 @@ pub fn theta(normal: [f64; 3], ray: [f64; 3]) -> f64 {
     dot(cross, cross).sqrt().atan2(-dot(normal, ray))
 }
 
-/// What the direct-light rule selects (1/sr): ρd/π where source and viewer are on one side, else τ/π. Angles are from the
-/// adaxial normal, 0 to π.
+/// What the direct-light rule selects (1/sr): ρd/π where source and viewer are on one side, else τ/π. Angles are from
+/// the adaxial normal, 0 to π.
 pub fn direct(incidence: f64, source: f64, diffuse: f64, through: f64) -> f64 {
     let same = (incidence <= FRAC_PI_2) == (source <= FRAC_PI_2);
     (if same { diffuse } else { through }) / PI

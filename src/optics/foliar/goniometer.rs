@@ -1,7 +1,7 @@
 //! The virtual goniometer of B1: how much light leaves into each of 20 × 40 patches of the sphere.
 //!
-//! Patches are 9° by 9°. The polar angle counts from the outward normal of the lit side, so that patches 0 to 9 collect what is
-//! reflected and 10 to 19 what is let through. Azimuth 0 is towards the source, 180° the side of the mirror.
+//! Patches are 9° by 9°. The polar angle counts from the outward normal of the lit side, so that patches 0 to 9 collect
+//! what is reflected and 10 to 19 what is let through. Azimuth 0 is towards the source, 180° the side of the mirror.
 
 use super::walk::Counts;
 use std::f64::consts::PI;

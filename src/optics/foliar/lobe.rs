@@ -1,5 +1,5 @@
-//! The lobe of B1 (Eq. 2): a ray is turned by α with the density (ob + 1)/2π · cos^ob α around its own direction, and drawn
-//! again where it would leave its side of the leaf's plane.
+//! The lobe of B1 (Eq. 2): a ray is turned by α with the density (ob + 1)/2π · cos^ob α around its own direction, and
+//! drawn again where it would leave its side of the leaf's plane.
 
 use mesophyll_quadrature as quadrature;
 use std::f64::consts::{FRAC_PI_2, PI};

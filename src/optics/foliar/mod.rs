@@ -1,16 +1,16 @@
 //! A leaf as layers that rays pass through: the algorithmic BDF model (ABM) and the foliar scattering model (FSM) of
 //! Baranoski & Rokne (The Visual Computer 17, 2001; B1 in `docs/sources.md`).
 //!
-//! The leaf has six plane interfaces ([`INTERFACES`]). A ray that meets one is reflected or refracted, and then turned by a
-//! random angle around its own new direction; between the second interface and the third lies the mesophyll, which
+//! The leaf has six plane interfaces ([`INTERFACES`]). A ray that meets one is reflected or refracted, and then turned
+//! by a random angle around its own new direction; between the second interface and the third lies the mesophyll, which
 //! absorbs. How a leaf reflects and lets through is computed in two ways that share nothing but Fresnel's formula:
 //!
 //! - [`walk`] follows random rays, as the paper does. It also says into which directions light leaves.
-//! - [`exact`] solves the integral equation that the mean of the rays obeys. It has no noise, takes milliseconds and has
-//!   derivatives, and it knows R and T only.
+//! - [`exact`] solves the integral equation that the mean of the rays obeys. It has no noise, takes milliseconds and
+//!   has derivatives, and it knows R and T only.
 //!
-//! Angles are in radians, thickness in mm and absorption in 1/mm. Directions are given by the cosine μ of the angle from
-//! the leaf's normal.
+//! Angles are in radians, thickness in mm and absorption in 1/mm. Directions are given by the cosine μ of the angle
+//! from the leaf's normal.
 
 pub mod exact;
 pub mod fsm;
@@ -192,8 +192,8 @@ pub struct Interface {
     pub up_refracted: Option<Tissue>,
 }
 
-/// The six interfaces from the adaxial face to the abaxial one. What turns a ray inside the leaf depends only on where it
-/// goes, which [`walk`] and [`exact`] make use of.
+/// The six interfaces from the adaxial face to the abaxial one. What turns a ray inside the leaf depends only on where
+/// it goes, which [`walk`] and [`exact`] make use of.
 pub const INTERFACES: [Interface; 6] = {
     use Medium::{Air, Antidermal, Epidermis, Mesophyll};
     const E: Option<Tissue> = Some(Tissue::Epidermis);

@@ -1,5 +1,5 @@
-//! What a mesophyll absorbs, from what it contains: a = Σ ξ C over thickness, with ξ the specific absorption of each substance and
-//! C its content per leaf area.
+//! What a mesophyll absorbs, from what it contains: a = Σ ξ C over thickness, with ξ the specific absorption of each
+//! substance and C its content per leaf area.
 
 /// The substances, in the order of all arrays here.
 pub const SUBSTANCES: [&str; 5] = ["chlorophyll", "carotenoid", "protein", "cellulose_lignin", "water"];

@@ -1,5 +1,5 @@
-//! One ray at a time through the [`INTERFACES`], step by step as B1 has it: plain and slow, for surfaces that rays of any
-//! direction meet one by one, and to judge the vector code of [`super::walk`] by.
+//! One ray at a time through the [`INTERFACES`], step by step as B1 has it: plain and slow, for surfaces that rays of
+//! any direction meet one by one, and to judge the vector code of [`super::walk`] by.
 //!
 //! A ray is not absorbed here. What it went through the mesophyll is counted instead, so that one ray serves all
 //! wavelengths at which the refractive indices are the same: a wavelength keeps exp(−absorption · crossings) of it.

@@ -1,8 +1,8 @@
 //! ρd and ρt of a slab over its thickness, interpolated: what the reference renderer asks for at every place that a ray
 //! meets. It is independent of the renderer's own table, so that the two can check each other.
 //!
-//! Barycentric interpolation of ln ρ in Chebyshev points of the second kind (Berrut & Trefethen 2004, Eq. 4.2): a slab's
-//! response is analytic in the thickness, so that a few dozen points reach rounding. Lengths in mm.
+//! Barycentric interpolation of ln ρ in Chebyshev points of the second kind (Berrut & Trefethen 2004, Eq. 4.2): a
+//! slab's response is analytic in the thickness, so that a few dozen points reach rounding. Lengths in mm.
 
 use super::exact;
 use std::f64::consts::PI;

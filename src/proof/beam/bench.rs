@@ -4,9 +4,9 @@
 use super::figures::{example, printed_length_error};
 use super::reference;
 use crate::bench::{BenchRow, median_us};
-use mesophyll_fit::beam::basis::{DEGREE, Variable, of_branches, pair, shape, smooth_fit, worst};
-use mesophyll_fit::beam::measured::{Along, fit};
-use mesophyll_fit::beam::synthetic::{Truth, branch};
+use mesophyll_fit_branch::beam::basis::{DEGREE, Variable, of_branches, pair, shape, smooth_fit, worst};
+use mesophyll_fit_branch::beam::measured::{Along, fit};
+use mesophyll_fit_branch::beam::synthetic::{Truth, branch};
 use mesophyll_plant::length::{bend_with, kept, printed};
 use mesophyll_plant::motion::{Motion, deviation};
 use mesophyll_plant::motion_spectrum::Method;

@@ -1,6 +1,6 @@
 //! The numbers behind the documentation pictures of branches.
 
-use mesophyll_fit::beam::basis::{Variable, of_branches, pair, shape, smooth_fit};
+use mesophyll_fit_branch::beam::basis::{Variable, of_branches, pair, shape, smooth_fit};
 use mesophyll_plant::beam;
 use mesophyll_plant::length::{bend, kept, printed};
 use mesophyll_plant::motion::{Motion, deviation};

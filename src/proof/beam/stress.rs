@@ -2,9 +2,9 @@
 
 use super::reference;
 use crate::stress::StressRow;
-use mesophyll_fit::beam::measured::{Along, Branch, fit};
-use mesophyll_fit::beam::synthetic::{Truth, branch};
-use mesophyll_fit::beam::{basis, evaluate};
+use mesophyll_fit_branch::beam::measured::{Along, Branch, fit};
+use mesophyll_fit_branch::beam::synthetic::{Truth, branch};
+use mesophyll_fit_branch::beam::{basis, evaluate};
 use mesophyll_plant::beam;
 use mesophyll_plant::length::{bend, kept};
 use std::time::Instant;

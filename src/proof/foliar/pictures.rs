@@ -1,5 +1,5 @@
-//! What the foliar scattering model (FSM) costs and gains beside the layered leaf (ABM) that it stands for, in pictures:
-//! Table 3, Fig. 7 and Fig. 8 of Baranoski & Rokne (2001), and the price of exchanging source and viewer.
+//! What the foliar scattering model (FSM) costs and gains beside the layered leaf (ABM) that it stands for, in
+//! pictures: Table 3, Fig. 7 and Fig. 8 of Baranoski & Rokne (2001), and the price of exchanging source and viewer.
 //!
 //! The sets are soybean leaves under sun and sky: one lit from above, the same lit from below, and nine that shade and
 //! light each other. All pictures are small; the sun is a wide disk, because rays of the
@@ -164,8 +164,8 @@ pub fn rows() -> Result<Vec<BenchRow>> {
     Ok(rows)
 }
 
-/// What it costs to take the viewer for the source: radiance of a leaf under diffuse light on one side, beside the share that it
-/// would reflect or let through of light from the viewer. They are equal in a reciprocal leaf.
+/// What it costs to take the viewer for the source: radiance of a leaf under diffuse light on one side, beside the
+/// share that it would reflect or let through of light from the viewer. They are equal in a reciprocal leaf.
 fn exchanged(leaf: &Leaf) -> Vec<BenchRow> {
     const NODES: usize = 24;
     const RAYS: u64 = 400_000;
@@ -209,8 +209,8 @@ fn exchanged(leaf: &Leaf) -> Vec<BenchRow> {
         .collect()
 }
 
-/// Total variation between ABM's and FSM's light on the goniometer's patches: half the sum of differences over the light that
-/// leaves.
+/// Total variation between ABM's and FSM's light on the goniometer's patches: half the sum of differences over the
+/// light that leaves.
 fn variations(model: &Foliar, leaf: &Leaf) -> Vec<BenchRow> {
     let mut rows = Vec::new();
     for side in [Side::Adaxial, Side::Abaxial] {

@@ -1,5 +1,5 @@
-//! Extreme leaves. The verdict is `ok` where rays and the exact method agree within five standard errors, light is conserved, and a
-//! closed form is met where there is one.
+//! Extreme leaves. The verdict is `ok` where rays and the exact method agree within five standard errors, light is
+//! conserved, and a closed form is met where there is one.
 
 use crate::stress::StressRow;
 use mesophyll_optics::foliar::{Leaf, Oblateness, Path, Response, Side, exact, walk};
@@ -7,7 +7,8 @@ use std::time::Instant;
 
 const INF: f64 = f64::INFINITY;
 
-/// A case: its name, the leaf, side and angle of incidence (degrees), rays, and what R and T have to be where that is known.
+/// A case: its name, the leaf, side and angle of incidence (degrees), rays, and what R and T have to be where that is
+/// known.
 struct Case {
     name: &'static str,
     leaf: Leaf,

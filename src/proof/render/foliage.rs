@@ -1,5 +1,6 @@
-//! A round crown of 2,000 leaves of 100 triangles, and three kinds of rays in it: from a camera, from the leaves it sees
-//! in all directions, and from there to the sun. Seeded; every number is an f32, so that all programs get the same.
+//! A round crown of 2,000 leaves of 100 triangles, and three kinds of rays in it: from a camera, from the leaves it
+//! sees in all directions, and from there to the sun. Seeded; every number is an f32, so that all programs get the
+//! same.
 
 use glam::{DMat4, DQuat, DVec3};
 use mesophyll_rays::{Forest, Ray, Shape};

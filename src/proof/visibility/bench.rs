@@ -1,4 +1,5 @@
-//! Visibility maps of a cluster: points of the disk, spacing of the directions, and codes, each by error, time and bytes.
+//! Visibility maps of a cluster: points of the disk, spacing of the directions, and codes, each by error, time and
+//! bytes.
 
 use super::cluster::{EDGE_MM, cluster};
 use crate::Result;
@@ -196,8 +197,8 @@ fn code(world: &World, receivers: &Receivers, which: &str, directions: &[DVec3])
     let build = clock.elapsed().as_secs_f64() * 1e6 / directions.len() as f64;
     let raw = receivers.len() * directions.len();
     let mut map = vec![0; receivers.len()];
-    // The median over maps of the time of 100,000 receivers (µs), and the share of receivers that differ: all of a map that
-    // is not read.
+    // The median over maps of the time of 100,000 receivers (µs), and the share of receivers that differ: all of a map
+    // that is not read.
     let mut decoded = |decode: &dyn Fn(usize, &mut [u8]) -> bool| {
         let mut wrong = 0;
         let mut times: Vec<f64> = (0..sample.len())

@@ -1,5 +1,5 @@
-//! Nothing leaks: shared edges and corners, wide scenes with narrow gaps; and scenes that are empty, piled up, or refuse
-//! hits.
+//! Nothing leaks: shared edges and corners, wide scenes with narrow gaps; and scenes that are empty, piled up, or
+//! refuse hits.
 
 mod common;
 

@@ -1,5 +1,5 @@
-//! Light between leaves on its way to the renderer: the rows of a transfer, and what vertices see of the sun. Meshes and
-//! instances stand in the order of the transfer's.
+//! Light between leaves on its way to the renderer: the rows of a transfer, and what vertices see of the sun. Meshes
+//! and instances stand in the order of the transfer's.
 
 use crate::Result;
 use glam::{DVec3, Vec3};

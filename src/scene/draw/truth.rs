@@ -1,4 +1,5 @@
-//! What a picture is held against: the direct-light reference, or the path tracer where the scene has light between leaves.
+//! What a picture is held against: the direct-light reference, or the path tracer where the scene has light between
+//! leaves.
 
 use super::reference;
 use crate::Result;

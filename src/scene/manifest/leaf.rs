@@ -22,8 +22,8 @@ pub struct Leaf {
     pub scan: Option<Scan>,
     /// glTF; the fit's own blade when absent.
     pub mesh: Option<PathBuf>,
-    /// Discs instead of a mesh, a line each: radius, centre x y z, normal x y z. For a uniform leaf that the path tracer
-    /// draws.
+    /// Discs instead of a mesh, a line each: radius, centre x y z, normal x y z. For a uniform leaf that the path
+    /// tracer draws.
     pub discs: Option<PathBuf>,
     /// Of that file's lengths; when absent, what the file says, or glTF's metre.
     pub mesh_unit: Option<Unit>,

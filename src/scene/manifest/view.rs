@@ -76,8 +76,8 @@ fn iso() -> f64 {
 }
 
 impl Camera {
-    /// What luminance (cd/m²) is multiplied with, so that 1 is where a sensor of this speed saturates (ISO 12232; Lagarde &
-    /// de Rousiers 2014, §5.1.1): 1/(1.2 · 2^EV), with EV = log₂(N²/t · 100/S).
+    /// What luminance (cd/m²) is multiplied with, so that 1 is where a sensor of this speed saturates (ISO 12232;
+    /// Lagarde & de Rousiers 2014, §5.1.1): 1/(1.2 · 2^EV), with EV = log₂(N²/t · 100/S).
     pub fn exposure(&self) -> f64 {
         let light = self.f_number.powi(2) / self.shutter_s * 100.0 / self.iso;
         1.0 / (1.2 * light)

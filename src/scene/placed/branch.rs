@@ -12,7 +12,7 @@ use crate::manifest::{self, Manifest};
 use crate::{Error, Result};
 use glam::{DMat4, DVec3, DVec4};
 use mesophyll_files::mesh::LeafMesh;
-use mesophyll_fit::beam::basis;
+use mesophyll_fit_branch::beam::basis;
 use mesophyll_plant::branch::Branch;
 use mesophyll_plant::motion::{Motion, Trajectory};
 use mesophyll_plant::motion_spectrum::Method;

@@ -6,7 +6,7 @@ use crate::ledger::Ledger;
 use crate::manifest::Manifest;
 use crate::placed::Placed;
 use crate::placed::branch::{self, MOTION_SIDE};
-use mesophyll_fit::beam::basis;
+use mesophyll_fit_branch::beam::basis;
 use mesophyll_plant::taper::TERMS;
 
 /// Lists what branches and wind ask for, or why they ask for nothing.

@@ -1,8 +1,8 @@
-//! Light as B1 follows it (§4): three rays from every hit of a leaf, with the weights of the table, until the luminance of
-//! what they carry falls below a threshold; direct light by the diffuse shares of the side.
+//! Light as B1 follows it (§4): three rays from every hit of a leaf, with the weights of the table, until the luminance
+//! of what they carry falls below a threshold; direct light by the diffuse shares of the side.
 //!
-//! This is for comparison with the paper and with [`Tracer::look`], which draws one of the rays and leaves no light out. The
-//! number of rays grows with each hit; what is cut off is lost.
+//! This is for comparison with the paper and with [`Tracer::look`], which draws one of the rays and leaves no light
+//! out. The number of rays grows with each hit; what is cut off is lost.
 
 use super::scatter::Scatter;
 use super::{Samples, Strategy, Tracer};
@@ -16,8 +16,8 @@ use mesophyll_optics::foliar::fsm;
 const DEEPEST: usize = 64;
 
 impl Tracer<'_> {
-    /// Mean radiance along a line of sight from `times` trees of rays that end below the luminance `cut`, and the mean number of
-    /// rays of a tree by depth, the camera's first.
+    /// Mean radiance along a line of sight from `times` trees of rays that end below the luminance `cut`, and the mean
+    /// number of rays of a tree by depth, the camera's first.
     pub fn branched(&self, eye: DVec3, direction: DVec3, cut: f64, times: u32, seed: u64) -> ([f64; 3], Vec<f64>) {
         let ray = Ray::new(eye, direction.normalize_or_zero());
         let (mut sum, mut rays) = ([0.0; 3], Vec::new());

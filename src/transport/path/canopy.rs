@@ -6,9 +6,9 @@
 //! ```
 //! Transmitted is what reaches the ground (or leaves below, where there is none), each time it does: light that the
 //! ground sends up and leaves send down again counts twice (RAMI4PILPS, Widlowski et al. 2011). All are per incident
-//! flux on the rectangle. Standard errors come from independent randomisations. Fluxes take the sun for a point and follow
-//! light through leaves by ρt alone, without maps of sunlight; mapped normals make them inexact, since light and sight
-//! are then not quite exchangeable (Veach 1997, §5.3).
+//! flux on the rectangle. Standard errors come from independent randomisations. Fluxes take the sun for a point and
+//! follow light through leaves by ρt alone, without maps of sunlight; mapped normals make them inexact, since light and
+//! sight are then not quite exchangeable (Veach 1997, §5.3).
 
 use super::estimate::{Estimate, estimate};
 use super::samples::Samples;

@@ -68,8 +68,8 @@ fn lights_and_lobes_find_the_same_light() {
     }
 }
 
-/// Where the sun stands behind the side that is seen, light turns back before the mesophyll on the mirror's side rather than on
-/// the sun's.
+/// Where the sun stands behind the side that is seen, light turns back before the mesophyll on the mirror's side rather
+/// than on the sun's.
 #[test]
 fn light_from_below_leans_forward() {
     let sun = Some(ReferenceSun { direction: DVec3::new(0.7, 0.0, -0.7), irradiance: [1.0; 3], radius: 0.05 });
@@ -82,8 +82,8 @@ fn light_from_below_leans_forward() {
     assert!(forward > 1.3 * back, "{forward} {back}");
 }
 
-/// The paper's trees of three rays come to the same radiance but for what the threshold cuts off, and two thirds of the first
-/// hit's rays meet nothing more of a leaf alone.
+/// The paper's trees of three rays come to the same radiance but for what the threshold cuts off, and two thirds of the
+/// first hit's rays meet nothing more of a leaf alone.
 #[test]
 fn three_rays_a_hit_lose_only_what_is_cut() {
     let world = World { sky: Some([1.0; 3]), ..alone(SOYBEAN.clone()) };

@@ -115,8 +115,8 @@ impl Picture {
             .map(|s| if rounds < 2.0 { f32::NAN } else { (f64::from(s) / (rounds - 1.0) / paths).sqrt() as f32 })
     }
 
-    /// The median over the pixels that show a leaf of the error over the radiance, each averaged over the channels; `None`
-    /// where it is undetermined: one round, or nothing to see.
+    /// The median over the pixels that show a leaf of the error over the radiance, each averaged over the channels;
+    /// `None` where it is undetermined: one round, or nothing to see.
     pub fn median_error(&self) -> Option<f64> {
         let mean = |c: [f32; 3]| c.iter().map(|v| f64::from(*v)).sum::<f64>();
         let mut all: Vec<f64> = (0..self.mean.len())
@@ -128,8 +128,8 @@ impl Picture {
         (!all.is_empty()).then(|| *all.select_nth_unstable_by(middle, f64::total_cmp).1)
     }
 
-    /// Goes on until the target is met or a stop is asked for. `store` is called now and then, and at the end, with what
-    /// there is.
+    /// Goes on until the target is met or a stop is asked for. `store` is called now and then, and at the end, with
+    /// what there is.
     ///
     /// # Errors
     /// [`Error::Usage`] for an empty picture, no samples, or a camera that looks nowhere; those of `store`.
@@ -200,8 +200,8 @@ impl Picture {
         }
     }
 
-    /// How many paths this run will have followed when the error is as small as is asked for; `None` where only a number
-    /// of paths is asked for, or the error is not known yet. Half the error takes four times the paths.
+    /// How many paths this run will have followed when the error is as small as is asked for; `None` where only a
+    /// number of paths is asked for, or the error is not known yet. Half the error takes four times the paths.
     fn expected(&self, target: Target, followed: u64) -> Option<u64> {
         let ratio = self.median_error()? / target.error.filter(|_| target.samples.is_none())?;
         let wanted = self.total_paths() as f64 * ratio * ratio;

@@ -4,10 +4,9 @@
 //! l on the viewed side:  f max(0, N·l) = ρd max(0, N·l)/π + ρs f_s(l) max(0, N·l)
 //! l on the far side:     f max(0, F·l) = ρt max(0, F·l)/π
 //! ```
-//! Of a leaf by B1's models the shares ρ depend on where it is seen from, and lobes around the mirror direction stand in for
-//! gloss ([`crate::foliar`]).
-//! N and F are the mapped normals of the viewed and the far side; the triangle decides which side `l` is on, so that
-//! what a mapped normal would draw through the blade counts nothing.
+//! Of a leaf by B1's models the shares ρ depend on where it is seen from, and lobes around the mirror direction stand
+//! in for gloss ([`crate::foliar`]). N and F are the mapped normals of the viewed and the far side; the triangle
+//! decides which side `l` is on, so that what a mapped normal would draw through the blade counts nothing.
 
 use crate::foliar::{Foliar, Met, Model, stream};
 use crate::lobe::{Lobe, M_FLOOR, Reflect};
@@ -170,7 +169,8 @@ impl<'a> Scatter<'a> {
         rho.map(|r| r * cos.max(0.0) / PI)
     }
 
-    /// B1's three rays with what each carries: around the mirror direction, and diffuse to the viewed and to the far side.
+    /// B1's three rays with what each carries: around the mirror direction, and diffuse to the viewed and to the far
+    /// side.
     pub fn three(&self, numbers: [f64; 4]) -> [(DVec3, [f64; 3]); 3] {
         let [_, u, v, _] = numbers;
         let mirror = self.mirrored.as_ref().map_or((self.normal, [0.0; 3]), |m| {

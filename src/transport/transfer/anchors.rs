@@ -19,8 +19,8 @@ pub struct Spot {
     pub barycentric: [f64; 2],
 }
 
-/// The neighbourhood that an anchor stands for: points of its piece with a Gaussian density around it (Wang et al. 2005,
-/// §4, "Level of Detail"). What hides the sky from a single point then does not darken a third of a leaf.
+/// The neighbourhood that an anchor stands for: points of its piece with a Gaussian density around it (Wang et al.
+/// 2005, §4, "Level of Detail"). What hides the sky from a single point then does not darken a third of a leaf.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Anchor {
     /// Of an anchor on a grid the first is the anchor itself. Where there is none, no light arrives.
@@ -55,9 +55,9 @@ impl Anchors {
         out
     }
 
-    /// An anchor at every vertex, for surfaces that no plane can be laid along, such as wood. It holds the mean over the
-    /// middles of the triangles around the vertex: the vertex itself may lie inside other wood, as the foot of a branch
-    /// does.
+    /// An anchor at every vertex, for surfaces that no plane can be laid along, such as wood. It holds the mean over
+    /// the middles of the triangles around the vertex: the vertex itself may lie inside other wood, as the foot of a
+    /// branch does.
     pub fn at_vertices(leaf: &ReferenceLeaf) -> Anchors {
         let mesh = &leaf.mesh;
         let mut around = vec![Vec::new(); mesh.positions.len()];
@@ -225,8 +225,8 @@ fn pieces(leaf: &ReferenceLeaf) -> Vec<Vec<usize>> {
     out
 }
 
-/// Places on the leaf to choose from where a node of the grid is not on it: within each triangle, near its corners and in
-/// its middle.
+/// Places on the leaf to choose from where a node of the grid is not on it: within each triangle, near its corners and
+/// in its middle.
 fn spare(leaf: &ReferenceLeaf, triangles: &[usize]) -> Vec<Spot> {
     const PLACES: [[f64; 2]; 4] = [[1.0 / 3.0; 2], [0.02, 0.02], [0.96, 0.02], [0.02, 0.96]];
     triangles
@@ -236,7 +236,8 @@ fn spare(leaf: &ReferenceLeaf, triangles: &[usize]) -> Vec<Spot> {
         .collect()
 }
 
-/// Point `k` of a Gaussian neighbourhood with the standard deviation [`SPREAD`], in units of the distance of two anchors.
+/// Point `k` of a Gaussian neighbourhood with the standard deviation [`SPREAD`], in units of the distance of two
+/// anchors.
 fn gaussian(k: usize) -> DVec2 {
     // Kronecker's sequence by the plastic number: even at every length.
     let even = |step: f64| (0.5 + k as f64 * step).fract();
@@ -293,8 +294,8 @@ mod tests {
         leaf(square(0.5 * size), [0.3, 0.3], 0.2, None)
     }
 
-    /// A square with three by three anchors has them at its corners, its edges' middles and its centre, and its vertices
-    /// lie at the grid's ends.
+    /// A square with three by three anchors has them at its corners, its edges' middles and its centre, and its
+    /// vertices lie at the grid's ends.
     #[test]
     fn a_grid_covers_its_piece() {
         let leaf = sheet(10.0);

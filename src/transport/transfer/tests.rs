@@ -56,8 +56,8 @@ fn a_leaf_alone_sees_all_of_the_light() {
     }
 }
 
-/// Between two wide plates the light goes to and fro: with D the radiance downwards and U upwards, D = ρ₁ U + τ₁ and U =
-/// ρ₂ D + τ₂.
+/// Between two wide plates the light goes to and fro: with D the radiance downwards and U upwards, D = ρ₁ U + τ₁ and U
+/// = ρ₂ D + τ₂.
 #[test]
 fn wide_plates_exchange_light_as_their_closed_form_says() {
     let (upper, lower) = (([0.3, 0.5], 0.35), ([0.45, 0.5], 0.4));
@@ -104,8 +104,8 @@ fn leaves_that_absorb_nothing_change_no_even_light() {
     }
 }
 
-/// A light of five bands comes to the same by its harmonics as by itself, though one way draws directions towards it and
-/// the other waits for them. The stated errors are those of the difference.
+/// A light of five bands comes to the same by its harmonics as by itself, though one way draws directions towards it
+/// and the other waits for them. The stated errors are those of the difference.
 #[test]
 fn harmonics_and_the_light_itself_agree() {
     let mut world = plates(

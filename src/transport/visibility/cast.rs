@@ -6,8 +6,8 @@
 //! hides all of them or none is told by three numbers. So a receiver costs about as much as one ray, however many
 //! points the light has.
 //!
-//! Whether a point is hidden is decided by signed volumes (as in Plücker coordinates), the same number for both triangles
-//! of an edge: no light falls through between them.
+//! Whether a point is hidden is decided by signed volumes (as in Plücker coordinates), the same number for both
+//! triangles of an edge: no light falls through between them.
 
 use super::grid::Grid;
 use super::light::{AreaLight, frame};
@@ -105,8 +105,8 @@ impl<'a> Casters<'a> {
         self.top.sort(casts.len(), casts.len(), rectangle, &mut self.instances, |k| k as u32);
     }
 
-    /// Sets the bits of the light's points that are hidden from `point` (in the world); those beyond the last point mean
-    /// nothing.
+    /// Sets the bits of the light's points that are hidden from `point` (in the world); those beyond the last point
+    /// mean nothing.
     pub fn hide(&self, point: DVec3, hidden: &mut [u64]) {
         let p = self.from.transpose() * point;
         let flat = p.truncate();

@@ -15,8 +15,8 @@ pub struct Directions {
 enum Kind {
     /// A path along which the light moves; a single direction is the shortest.
     Arc,
-    /// The texels of a cube map whose sine of elevation is at least `lowest`; `slot` says where each texel stands in the
-    /// list.
+    /// The texels of a cube map whose sine of elevation is at least `lowest`; `slot` says where each texel stands in
+    /// the list.
     Cube { side: usize, lowest: f64, slot: Vec<Option<u32>> },
 }
 
@@ -91,8 +91,8 @@ impl Directions {
     /// The maps around a light in direction `light` (of any length above 0), at most three, and their shares, which
     /// change continuously as it moves and sum to 1. Empty where a cube keeps none of them.
     ///
-    /// On a path the light is taken to the nearest point of it. On a cube map the texels' centres divide the sphere into
-    /// triangles, and the shares are those of the corners around the light.
+    /// On a path the light is taken to the nearest point of it. On a cube map the texels' centres divide the sphere
+    /// into triangles, and the shares are those of the corners around the light.
     pub fn blend(&self, light: DVec3) -> Blend {
         let light = light.normalize_or(DVec3::Z);
         match &self.kind {
@@ -192,7 +192,8 @@ pub(crate) fn place(d: DVec3, side: usize) -> (usize, [f64; 2]) {
     (face, [texel((axis + 1) % 3), texel((axis + 2) % 3)])
 }
 
-/// The texel that lies at (i, j) of a face, or beside the face by one; `None` beside a corner of it, where there is none.
+/// The texel that lies at (i, j) of a face, or beside the face by one; `None` beside a corner of it, where there is
+/// none.
 fn cell(face: usize, [i, j]: [i64; 2], side: usize) -> Option<usize> {
     let range = 0..side as i64;
     let number = |face: usize, [i, j]: [i64; 2]| face * side * side + (j as usize) * side + i as usize;
@@ -209,8 +210,8 @@ fn cell(face: usize, [i, j]: [i64; 2], side: usize) -> Option<usize> {
 /// The corners of the triangle around a direction, and their shares.
 ///
 /// Four texels that meet make two triangles, divided from the one with the lowest number; three meet at each corner of
-/// the cube. Sides of triangles lie in planes through the middle, so that both of a side's triangles give its points the
-/// same shares.
+/// the cube. Sides of triangles lie in planes through the middle, so that both of a side's triangles give its points
+/// the same shares.
 fn around(side: usize, d: DVec3) -> Vec<(usize, f64)> {
     let (face, [x, y]) = place(d, side);
     let (i, j) = (x.floor() as i64, y.floor() as i64);
@@ -328,8 +329,8 @@ mod tests {
         assert!(Directions::cube(257, -1.0).is_err());
     }
 
-    /// A day at the equinox goes along a great circle, on which the scene's own sun stands too: each of its directions has
-    /// its own map all the same.
+    /// A day at the equinox goes along a great circle, on which the scene's own sun stands too: each of its directions
+    /// has its own map all the same.
     #[test]
     fn a_path_that_goes_back_along_itself_has_every_direction_of_its_own() {
         let at = |hour: f64| {

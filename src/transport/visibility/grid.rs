@@ -19,8 +19,8 @@ pub(super) struct Grid {
 const COPIES: usize = 24;
 
 impl Grid {
-    /// Sorts `count` things into about `cells` cells: `rectangle(k)` is what the k-th covers (none: nowhere), `thing(k)`
-    /// is what is stored for it, cell by cell, in `into`.
+    /// Sorts `count` things into about `cells` cells: `rectangle(k)` is what the k-th covers (none: nowhere),
+    /// `thing(k)` is what is stored for it, cell by cell, in `into`.
     pub fn sort<T: Clone + Default>(
         &mut self,
         count: usize,

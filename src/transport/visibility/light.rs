@@ -193,7 +193,8 @@ pub(crate) fn frame(direction: DVec3) -> DMat3 {
 mod tests {
     use super::*;
 
-    /// Share of the points on one side of a straight edge at distance `t` from the centre, the edge's normal at `angle`.
+    /// Share of the points on one side of a straight edge at distance `t` from the centre, the edge's normal at
+    /// `angle`.
     fn beyond(light: &AreaLight, angle: f64, t: f64) -> f64 {
         let normal = DVec2::from_angle(angle);
         light.points.iter().zip(&light.weights).filter(|(p, _)| p.dot(normal) > t).map(|(_, w)| w).sum()

@@ -1,11 +1,11 @@
-//! Sharp sunlight among leaves: which share of a small light's disk every vertex of a scene sees, for many directions of
-//! the light, computed beforehand (light-visibility convolution: Wang et al. 2005, §4, Eq. 10–11, Fig. 5).
+//! Sharp sunlight among leaves: which share of a small light's disk every vertex of a scene sees, for many directions
+//! of the light, computed beforehand (light-visibility convolution: Wang et al. 2005, §4, Eq. 10–11, Fig. 5).
 //!
-//! [`Receivers`] are the points: vertices of every instance's blade, which may be finer than the drawn mesh. [`AreaLight`]
-//! is the light: the sun's true disk, or any other small shape. [`Shadows`] computes the map of a direction: a byte a
-//! receiver, 255 where all of the light is seen. Light from below counts as light from above does (the source keeps the
-//! upper hemisphere only): a leaf lets light through, and whichever side is lit, the blade does not hide itself at the
-//! point itself.
+//! [`Receivers`] are the points: vertices of every instance's blade, which may be finer than the drawn mesh.
+//! [`AreaLight`] is the light: the sun's true disk, or any other small shape. [`Shadows`] computes the map of a
+//! direction: a byte a receiver, 255 where all of the light is seen. Light from below counts as light from above does
+//! (the source keeps the upper hemisphere only): a leaf lets light through, and whichever side is lit, the blade does
+//! not hide itself at the point itself.
 //!
 //! [`CodedMaps`] keeps the maps of all [`Directions`] in few bytes: those of a cube map, of a day's path, or of one
 //! direction. Any one is decoded by itself, and a light between directions gets the maps around it, mixed.

@@ -142,8 +142,8 @@ pub(super) enum Outline {
     On,
 }
 
-/// By the texels around a triangle, given by its corners' texture coordinates: the outline is bilinear, so that it is on
-/// (or off) where all four texels around are.
+/// By the texels around a triangle, given by its corners' texture coordinates: the outline is bilinear, so that it is
+/// on (or off) where all four texels around are.
 pub(super) fn outline(leaf: &ReferenceLeaf, [a, b, c]: [DVec2; 3]) -> Outline {
     let Some(mask) = &leaf.mask else { return Outline::On };
     let (low, high) = (a.min(b).min(c), a.max(b).max(c));

@@ -1,4 +1,5 @@
-//! The main pass: everything that stands in the scene to a radiance target (HDR), a pipeline for each variant of the shader that the scene holds.
+//! The main pass: everything that stands in the scene to a radiance target (HDR), a pipeline for each variant of the
+//! shader that the scene holds.
 
 use crate::dome;
 use crate::geometry::{Batch, MeshOnGpu, vertex_layouts};

@@ -164,8 +164,9 @@ struct Facing {
 fn faced(in: Varying, front_facing: bool, across: vec3f) -> Facing {
     let view = normalize(frame.eye.xyz - frame.eye.w * in.world);
     //#if TRANSFER
-    // `across` is a normal of the triangle, out of either side. The triangle decides which side is seen and lit, as for the path tracer: where light goes from leaf to leaf, none may
-    // pass through a blade unseen. An interpolated normal that points the other way is turned round.
+    // `across` is a normal of the triangle, out of either side. The triangle decides which side is seen and lit, as for
+    // the path tracer: where light goes from leaf to leaf, none may pass through a blade unseen. An interpolated normal
+    // that points the other way is turned round.
     let front = front_facing;
     let flat_normal = normalize(select(-across, across, dot(across, view) > 0.0));
     let outward = select(-flat_normal, flat_normal, front);

@@ -1,5 +1,5 @@
-//! The light that arrives at the anchors of a scene with a transfer: operator times light, on the adapter, each time that
-//! the light changes and at no other time.
+//! The light that arrives at the anchors of a scene with a transfer: operator times light, on the adapter, each time
+//! that the light changes and at no other time.
 
 use crate::dome::{harmonic, norm};
 use crate::gpu::Gpu;

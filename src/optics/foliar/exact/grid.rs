@@ -1,10 +1,10 @@
 //! The angles at which the integral equation is kept.
 //!
 //! A smooth interface keeps s = n sin θ. So one set of values of s serves all media, each with those below its own
-//! index, and light that is mirrored or refracted goes from a node to a node. The indices cut the axis of s into panels,
-//! and total reflection begins exactly at their ends. In a panel below the index `hi` all cosines are smooth functions
-//! of c = √(hi² − s²), in which the nodes are those of Gauss; where another index lies so close above that the cosine of
-//! its medium bends within the panel, c = δ sinh t unbends it.
+//! index, and light that is mirrored or refracted goes from a node to a node. The indices cut the axis of s into
+//! panels, and total reflection begins exactly at their ends. In a panel below the index `hi` all cosines are smooth
+//! functions of c = √(hi² − s²), in which the nodes are those of Gauss; where another index lies so close above that
+//! the cosine of its medium bends within the panel, c = δ sinh t unbends it.
 
 use crate::number::Real;
 use mesophyll_quadrature as quadrature;
@@ -140,8 +140,8 @@ impl<N: Real> Grid<N> {
     /// Adds to `out`, one number a node, the weights by which the values at the nodes of a medium of the index `n` make
     /// the integral of a function on the grid: Σ over `points` (sine, cosine, weight) of weight times function.
     ///
-    /// Values between nodes are those of the polynomial in t through the nodes of the panel. It is summed up by Legendre
-    /// polynomials, which takes a recurrence a point instead of all pairs of nodes.
+    /// Values between nodes are those of the polynomial in t through the nodes of the panel. It is summed up by
+    /// Legendre polynomials, which takes a recurrence a point instead of all pairs of nodes.
     pub fn integrate(&self, n: N, points: impl Iterator<Item = (N, N, N)>, out: &mut [N]) {
         let order = self.rule.len();
         let mut moments = vec![N::of(0.0); out.len()];

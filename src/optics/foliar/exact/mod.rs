@@ -1,11 +1,12 @@
 //! Reflectance and transmittance without random numbers.
 //!
-//! Let v(θ) be the share of the light at the angle θ in one layer that ends up outside on a given side. Just after a lobe it
-//! follows from what Fresnel's formula sends on at the next interface, turned by the next lobe: v = F · L v′ + (1 − F) · L v″,
-//! with L the mean over a lobe ([`kernel`]). This is one linear integral equation in θ for all layers together. v is smooth
-//! between the angles of total reflection whatever the lobes are, so it is kept at a few nodes ([`grid`]), and the
-//! lobes are integrated on finer nodes of their own. Three plane parts of the leaf are taken together in closed form or by elimination: the
-//! antidermal wall, everything above the mesophyll, and everything below it. What is left is an equation of the size of the mesophyll's nodes.
+//! Let v(θ) be the share of the light at the angle θ in one layer that ends up outside on a given side. Just after a
+//! lobe it follows from what Fresnel's formula sends on at the next interface, turned by the next lobe: v = F · L v′ +
+//! (1 − F) · L v″, with L the mean over a lobe ([`kernel`]). This is one linear integral equation in θ for all layers
+//! together. v is smooth between the angles of total reflection whatever the lobes are, so it is kept at a few nodes
+//! ([`grid`]), and the lobes are integrated on finer nodes of their own. Three plane parts of the leaf are taken
+//! together in closed form or by elimination: the antidermal wall, everything above the mesophyll, and everything below
+//! it. What is left is an equation of the size of the mesophyll's nodes.
 //!
 //! Light is conserved to rounding: every lobe's weights add up to 1.
 
@@ -255,8 +256,9 @@ impl<N: Real> Solved<'_, N> {
     }
 }
 
-/// Where the mean over a lobe is not smooth in the angle of the ray, in a medium of the index `n` next to another and to air: a
-/// lobe of a small oblateness ends all at once a quarter turn away from the ray, and the end passes an angle of total reflection.
+/// Where the mean over a lobe is not smooth in the angle of the ray, in a medium of the index `n` next to another and
+/// to air: a lobe of a small oblateness ends all at once a quarter turn away from the ray, and the end passes an angle
+/// of total reflection.
 fn bends<N: Real>(n: N, other: N, ob: N) -> Vec<N> {
     const SMOOTH: f64 = 2.0;
     let below = [N::of(1.0), other].into_iter().filter(|m| m.value() < n.value() && ob.value() < SMOOTH);
@@ -291,8 +293,8 @@ fn mean<N: Real>(grid: &Grid<N>, n: N, lobe: &Lobe<N>, through: impl Fn(&Point<N
     }
 }
 
-/// Reflectance and transmittance of light at `incidence` (radians from the normal, 0 to π/2) onto `side`, to 2e-5; `None` where
-/// the method does not settle to that.
+/// Reflectance and transmittance of light at `incidence` (radians from the normal, 0 to π/2) onto `side`, to 2e-5;
+/// `None` where the method does not settle to that.
 pub fn response(leaf: &Leaf, side: Side, incidence: f64) -> Option<Response> {
     responses(leaf, &[(side, incidence)])?.first().copied()
 }
@@ -355,8 +357,8 @@ pub const PARAMETERS: [&str; 7] = [
     "oblateness_spongy",
 ];
 
-/// Reflectance and transmittance with their derivatives by [`PARAMETERS`], at the usual resolution. Where two indices are equal, or an
-/// oblateness is infinite, the derivative by it is that of a leaf in which they stay so.
+/// Reflectance and transmittance with their derivatives by [`PARAMETERS`], at the usual resolution. Where two indices
+/// are equal, or an oblateness is infinite, the derivative by it is that of a leaf in which they stay so.
 pub fn derivatives(leaf: &Leaf, side: Side, incidence: f64) -> Response<Dual<f64, 7>> {
     let Oblateness { cuticle, epidermis, palisade, spongy } = leaf.oblateness;
     let dual = Leaf {

@@ -2,9 +2,9 @@
 //! limit of depth.
 //!
 //! What turns a ray inside the leaf depends only on where it goes, so rays wait in queues, one a layer and way, for the
-//! lobe that brings them in. A step takes the rays of the longest queue together: lobe, absorption, Fresnel. All of them
-//! do the same, in vector instructions. Every part of [`PART`] rays has random streams of its own, so that the result depends on
-//! the seed and not on the number of threads.
+//! lobe that brings them in. A step takes the rays of the longest queue together: lobe, absorption, Fresnel. All of
+//! them do the same, in vector instructions. Every part of [`PART`] rays has random streams of its own, so that the
+//! result depends on the seed and not on the number of threads.
 
 mod numbers;
 mod pass;
@@ -53,8 +53,8 @@ impl Counts {
     }
 }
 
-/// Sends `rays` rays at `incidence` (radians from the normal, 0 to π/2) onto one side. Between parts it asks `stop` whether to end
-/// early; what it returns then is of no use.
+/// Sends `rays` rays at `incidence` (radians from the normal, 0 to π/2) onto one side. Between parts it asks `stop`
+/// whether to end early; what it returns then is of no use.
 pub fn count(
     leaf: &Leaf,
     side: Side,

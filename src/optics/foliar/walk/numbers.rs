@@ -1,8 +1,8 @@
 //! Random numbers and elementary functions for many rays at a time, in single precision and without branches, so that a
 //! compiler makes vector code of every loop over them.
 //!
-//! Single precision is enough: a ray that is off by 1e-7 goes another way with a probability of about 1e-7, and 1e9 rays tell shares
-//! apart by 1e-5.
+//! Single precision is enough: a ray that is off by 1e-7 goes another way with a probability of about 1e-7, and 1e9
+//! rays tell shares apart by 1e-5.
 
 /// Streams of random numbers that run side by side.
 pub const LANES: usize = 16;

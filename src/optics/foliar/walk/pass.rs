@@ -52,8 +52,8 @@ impl Rays {
     }
 }
 
-/// Writes the values of those rays whose fate is `fate` one after the other; returns how many. It writes every value, and goes on
-/// only where the ray is one of them: no branch.
+/// Writes the values of those rays whose fate is `fate` one after the other; returns how many. It writes every value,
+/// and goes on only where the ray is one of them: no branch.
 #[inline(always)]
 fn keep(to: &mut [f32], values: &[f32; WIDTH], step: &Step, fate: u32) -> usize {
     let mut n = 0;
@@ -209,8 +209,8 @@ impl Step {
         self.fate[..self.n].iter().filter(|f| **f == ABSORBED).count() as u64
     }
 
-    /// Turns rays and hands them to `each` with the cosine of their angle and cosine and sine of their azimuth; those to be turned again go
-    /// back. This is what happens to rays that have left the leaf.
+    /// Turns rays and hands them to `each` with the cosine of their angle and cosine and sine of their azimuth; those
+    /// to be turned again go back. This is what happens to rays that have left the leaf.
     pub fn leave(&mut self, lobe: Option<f32>, random: &mut Random, rays: &mut Rays, mut each: impl FnMut([f32; 3])) {
         let padded = self.take::<true>(rays, random, 2);
         match lobe {

@@ -87,8 +87,8 @@ const WIDE: f64 = 2.0;
 const FOUND: f64 = 0.1;
 /// Shares of the critical damping that a fit starts from.
 const STARTS: [f64; 3] = [0.15, 0.04, 0.5];
-/// Mean and standard deviation of 2(ρ − 1 − ln ρ) for ρ of an exponential distribution, which that of a periodogram over
-/// its mean is.
+/// Mean and standard deviation of 2(ρ − 1 − ln ρ) for ρ of an exponential distribution, which that of a periodogram
+/// over its mean is.
 const DEVIANCE: [f64; 2] = [1.154, 1.606];
 /// A mean deviance this many standard errors above is no chance.
 const STRANGE: f64 = 4.0;
