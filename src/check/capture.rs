@@ -33,30 +33,44 @@ const ALLOWED: f64 = 0.5;
 /// One frame, drawn twice and compared.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CaptureReport {
+    /// Of the view.
     pub name: String,
+    /// Of the leaf in the scene.
     pub leaf: String,
+    /// `front` or `back`.
     pub side: &'static str,
+    /// Along which axis the tube travelled: `x` or `y`.
     pub pass: &'static str,
+    /// Number of the frame in its pass.
     pub frame: usize,
+    /// Readings compared: texels times channels.
     pub readings: usize,
     /// Mean square that a right fit leaves, in the units of the rule.
     pub expected: f64,
     /// How far pictures may be off.
     pub allowed: f64,
+    /// By the real-time renderer.
     pub renderer: Drawn,
+    /// By the reference renderer.
     pub reference: Drawn,
     /// The renderer with the V-cavity factor that bounds gloss in scenes, and that the fit's lobe does not have:
     /// printed, not judged.
     pub bounded: Drawn,
     /// How far the tube model's prediction and the light box are off, each in units of its own noise.
     pub model_off: f64,
+    /// `None` where the scan has no light box.
     pub light_box_off: Option<f64>,
+    /// File of the measured frame.
     pub measured_image: Option<String>,
+    /// File of the real-time renderer's picture.
     pub image: Option<String>,
+    /// File of the reference's picture.
     pub reference_image: Option<String>,
     /// Residuals of the renderer's picture: blue −4, white 0, red +4 units.
     pub residual_image: Option<String>,
+    /// Whether both pictures are as near to the measurement as the view asks.
     pub passed: bool,
+    /// What was missed, a sentence each.
     pub why: Vec<String>,
 }
 

@@ -19,8 +19,11 @@ use std::path::Path;
 /// One hour.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Hour {
+    /// Solar time; 12 is noon.
     pub hour: f64,
+    /// Of the sun, from straight up.
     pub zenith_deg: f64,
+    /// Of the sun, from +x towards +y.
     pub azimuth_deg: f64,
     /// The sun's, on a surface that faces it.
     pub sun: [f64; 3],
@@ -33,9 +36,11 @@ const COLUMNS: usize = 4;
 
 /// The hours as one picture.
 pub struct Strip {
+    /// In the order of the day.
     pub hours: Vec<Hour>,
     /// Columns and rows of pixels.
     pub size: (usize, usize),
+    /// Displayed sRGB values and alpha, row by row from the top.
     pub pixels: Vec<[u8; 4]>,
 }
 

@@ -40,6 +40,7 @@ pub struct Figures {
 
 /// A comparison with a golden.
 pub struct Comparison {
+    /// How far the two are apart.
     pub figures: Figures,
     /// Eightfold difference about grey, RGB.
     pub difference: Vec<u8>,

@@ -20,6 +20,7 @@ use std::path::Path;
 /// One leaf with one kind of interior.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Row {
+    /// Its name in the scene.
     pub leaf: String,
     /// `scalars` or `maps`.
     pub interior: &'static str,
@@ -29,6 +30,7 @@ pub struct Row {
     pub fit_error: f64,
     /// 99th percentile of FLIP and largest interior error against the picture of the fit's own maps, worst view.
     pub picture_flip_p99: f64,
+    /// Of a displayed value, 0 to 1, over the leaf's inner pixels.
     pub picture_max_error: f64,
 }
 

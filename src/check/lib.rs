@@ -5,6 +5,8 @@
 //! Errors are of displayed values, 0 to 1. The noise of the reference is measured against a second seed and printed
 //! beside each threshold. Frame times are judged on real GPUs only.
 
+#![warn(missing_docs)]
+
 mod capture;
 mod card;
 pub mod consistency;

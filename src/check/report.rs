@@ -9,10 +9,13 @@ use serde_json::{Value, json};
 /// The verdict.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Report {
+    /// Every view, capture and file is as the scene asks.
     pub passed: bool,
+    /// Who drew: name, interface and driver.
     pub adapter: String,
     /// Drawn by the CPU: frame times are printed, not judged.
     pub software: bool,
+    /// In the order of the scene.
     pub views: Vec<ViewReport>,
     /// Leaves as their scans saw them, against held-out frames.
     pub captures: Vec<CaptureReport>,
@@ -24,6 +27,7 @@ pub struct Report {
     pub warnings: Vec<String>,
     /// What was uploaded (name, bytes) and compiled for the perspective views.
     pub uploads: Vec<(String, u64)>,
+    /// Names of the pipelines that were made.
     pub pipelines: Vec<String>,
     /// What translucency maps cost a fragment, where there are any.
     pub translucency: Option<Term>,
@@ -44,12 +48,17 @@ pub struct Term {
 /// One view's figures; `None` where there was nothing to measure.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ViewReport {
+    /// As the scene calls it.
     pub name: String,
+    /// It is a card, judged against its closed form.
     pub card: bool,
+    /// Mean of FLIP (Andersson et al. 2020) over the picture, 0 to 1.
     pub flip_mean: f64,
+    /// 99th percentile of FLIP.
     pub flip_p99: f64,
     /// Largest error; for a card, relative, against the closed form.
     pub max_error: Option<f64>,
+    /// Column and row of the largest error.
     pub max_at: Option<(usize, usize)>,
     /// Share of the leaf's pixels that the largest error looks at.
     pub interior_share: f64,
@@ -61,8 +70,11 @@ pub struct ViewReport {
     pub basis: Option<(f64, f64)>,
     /// Judged against the reference by the stored coefficients.
     pub by_maps: bool,
+    /// The same for the largest error.
     pub noise_max_error: Option<f64>,
+    /// The largest 99th percentile of FLIP that the scene allows.
     pub threshold_flip_p99: Option<f64>,
+    /// The largest error that the scene allows.
     pub threshold_max_error: f64,
     /// How far the small picture is from the scene's golden picture, where there is one.
     pub golden: Option<golden::Figures>,
@@ -70,13 +82,17 @@ pub struct ViewReport {
     pub golden_only: bool,
     /// The renderer's picture against the reference's of the true leaves.
     pub true_leaf: Option<TrueLeaf>,
+    /// Median time of a frame, ms.
     pub frame_ms_median: f64,
+    /// 95th percentile of the time of a frame, ms.
     pub frame_ms_p95: f64,
     /// Drawn in a frame, instances counted each.
     pub triangles: u64,
+    /// The largest median time of a frame that the scene allows, ms; judged on real GPUs only.
     pub threshold_frame_ms: Option<f64>,
     /// Median of each pass by the adapter's own clock.
     pub passes: Vec<(String, f64)>,
+    /// Time of the reference, s.
     pub reference_s: f64,
     /// Files of the picture, the reference, the difference and the FLIP map.
     pub pictures: Option<[String; 4]>,
@@ -84,7 +100,9 @@ pub struct ViewReport {
     pub flip_top: Option<f64>,
     /// What white (and, negated, black) stands for in the picture of the difference; displayed values are 0 to 1.
     pub difference_top: Option<f64>,
+    /// Nothing of `why` stands against it.
     pub passed: bool,
+    /// What was missed, a sentence each.
     pub why: Vec<String>,
 }
 

@@ -11,7 +11,9 @@ pub struct Entry {
     pub action: &'static str,
     /// `elm/front.exr`.
     pub what: String,
+    /// Bytes read or made; 0 where it is no matter of bytes.
     pub bytes: u64,
+    /// How long it took.
     pub ms: f64,
 }
 
@@ -20,6 +22,7 @@ pub struct Entry {
 pub struct Ledger(Mutex<Vec<Entry>>);
 
 impl Ledger {
+    /// An empty list.
     pub fn new() -> Ledger {
         Ledger::default()
     }
@@ -35,6 +38,7 @@ impl Ledger {
         out
     }
 
+    /// A copy of the list, in the order in which things were finished.
     pub fn entries(&self) -> Vec<Entry> {
         self.0.lock().map(|l| l.clone()).unwrap_or_default()
     }

@@ -6,6 +6,8 @@
 //! renderers; [`traced`] and [`window`] use all of it, and nothing of each other. Whether the pictures are right is
 //! judged in the room `check`, above this one.
 
+#![warn(missing_docs)]
+
 pub mod draw;
 pub mod fits;
 pub mod ledger;

@@ -10,9 +10,11 @@ use glam::Vec3;
 pub struct SideEdit {
     /// Absorption and scattering coefficients, red, green and blue (1/mm). For pigment maps: their means.
     pub sigma_a: [f32; 3],
+    /// See `sigma_a`.
     pub sigma_s: [f32; 3],
     /// Factors on the fitted gloss maps.
     pub rho_s_scale: f32,
+    /// See `rho_s_scale`.
     pub m_scale: f32,
 }
 
@@ -21,6 +23,7 @@ pub struct SideEdit {
 pub struct LeafEdit {
     /// Mean thickness h (mm).
     pub thickness_mm: f32,
+    /// Of the front and of the back.
     pub sides: Sides<SideEdit>,
 }
 
@@ -28,13 +31,16 @@ pub struct LeafEdit {
 /// viewer.
 #[derive(Debug, Clone)]
 pub struct LeafUpdate {
+    /// Mean thickness h (mm).
     pub thickness_mm: f32,
+    /// ρd and ρt of the front and of the back.
     pub sides: Sides<Interior>,
 }
 
 /// What follows from another sun or turbidity.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SkyUpdate {
+    /// The light of the new sky.
     pub dome: Dome,
     /// On a surface that faces the sun.
     pub sun_irradiance: [f32; 3],
@@ -43,7 +49,9 @@ pub struct SkyUpdate {
 /// What the reference renderer drew.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ReferencePicture {
+    /// Pixels across.
     pub width: u32,
+    /// Pixels down.
     pub height: u32,
     /// Tone-mapped sRGB, row-major, row 0 on top.
     pub ldr: Vec<[u8; 4]>,
@@ -52,15 +60,20 @@ pub struct ReferencePicture {
 /// One figure of a verdict; it passes where it is not above its threshold.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Measure {
+    /// What is measured.
     pub name: String,
+    /// What was found.
     pub value: f64,
+    /// The largest value that passes.
     pub threshold: f64,
 }
 
 /// What a check says.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Verdict {
+    /// All measures pass.
     pub passed: bool,
+    /// In the order in which they are shown.
     pub measures: Vec<Measure>,
     /// One sentence more, or empty.
     pub note: String,

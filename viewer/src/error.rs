@@ -11,19 +11,48 @@ pub enum Error {
     NoAdapter,
     /// The adapter gave no device, ran out of memory or refused a shader.
     #[error("adapter {adapter} refused: {reason}")]
-    Device { adapter: String, reason: String },
+    Device {
+        /// Its name.
+        adapter: String,
+        /// What it said.
+        reason: String,
+    },
     /// The scene data contradict themselves.
     #[error("scene, {place}: found {found}, expected {expected}")]
-    Scene { place: String, found: String, expected: String },
+    Scene {
+        /// Which part of the scene.
+        place: String,
+        /// What is there.
+        found: String,
+        /// What should be there.
+        expected: String,
+    },
     /// A picture or texture larger than the adapter takes, or empty.
     #[error("{what} of {width}x{height}: expected both sides from 1 to {limit} on this adapter")]
-    Size { what: String, width: u32, height: u32, limit: u32 },
+    Size {
+        /// What was to be made.
+        what: String,
+        /// Pixels or texels across.
+        width: u32,
+        /// Pixels or texels down.
+        height: u32,
+        /// The largest size that the adapter takes.
+        limit: u32,
+    },
+    /// What was drawn cannot be read back.
     #[error("reading the picture back from the adapter failed: {0}")]
     Readback(String),
+    /// The desktop gives no window.
     #[error("the window could not be opened: {0}")]
     Window(String),
+    /// The disk.
     #[error("{path}: could not write the picture: {reason}")]
-    Write { path: String, reason: String },
+    Write {
+        /// The file.
+        path: String,
+        /// What the system said.
+        reason: String,
+    },
 }
 
 /// Result of the renderer.

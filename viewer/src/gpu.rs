@@ -7,6 +7,7 @@ use wgpu::{Backends, Features, Limits};
 /// How to choose the adapter. The environment variable `WGPU_BACKEND` narrows the choice further.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Options {
+    /// The graphics interface to use.
     pub backend: Backend,
     /// Keeps every map and target at 16 bits, as adapters without 32-bit filtering do.
     pub half_only: bool,
@@ -15,18 +16,23 @@ pub struct Options {
 /// A graphics interface.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Backend {
+    /// The first one that works.
     #[default]
     Any,
+    /// Vulkan only.
     Vulkan,
+    /// OpenGL only.
     Gl,
 }
 
 /// Who draws.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AdapterInfo {
+    /// As the driver calls it.
     pub name: String,
     /// `vulkan`, `gl`, …
     pub backend: String,
+    /// Name and version of the driver.
     pub driver: String,
     /// True where the CPU draws: its frame times say nothing about a GPU.
     pub is_software: bool,

@@ -11,6 +11,8 @@
 //! }
 //! ```
 
+#![warn(missing_docs)]
+
 mod bend;
 mod detail;
 mod dome;

@@ -55,14 +55,18 @@ pub fn polar_nodes(n: usize) -> Vec<(f64, f64)> {
 /// between.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AlbedoTable {
+    /// Roughness of the first row.
     pub m_min: f64,
+    /// Roughness of the last row.
     pub m_max: f64,
     /// Row-major, `ROWS` × `COLUMNS`.
     pub values: Vec<f32>,
 }
 
 impl AlbedoTable {
+    /// Steps of √(N·v).
     pub const COLUMNS: usize = 96;
+    /// Steps of ln m.
     pub const ROWS: usize = 24;
 
     /// Integrates the table over the roughness range that a leaf's texels span.

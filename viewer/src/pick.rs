@@ -7,7 +7,9 @@ use glam::{Vec2, Vec3};
 /// A point of what stands in the scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {
+    /// Index into the scene's instances.
     pub instance: usize,
+    /// Index into the scene's materials.
     pub material: usize,
     /// Which side is seen: the one whose mesh normal faces the viewer.
     pub side: Side,
@@ -15,7 +17,9 @@ pub struct Hit {
     pub uv: Vec2,
     /// Column and row of the seen side's own maps; 0, 0 where the material has none.
     pub texel: [u32; 2],
+    /// In the world.
     pub position: Vec3,
+    /// From the beginning of the ray, in the world's units.
     pub distance: f32,
 }
 

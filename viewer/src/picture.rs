@@ -6,7 +6,9 @@ use std::path::Path;
 /// Row-major, row 0 on top.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Picture {
+    /// Pixels across.
     pub width: u32,
+    /// Pixels down.
     pub height: u32,
     /// Linear radiance before exposure; alpha is the share of the pixel that leaves cover.
     pub hdr: Vec<[f32; 4]>,

@@ -61,9 +61,13 @@ use std::sync::Arc;
 /// Everything in a picture: meshes, materials, where a mesh stands in a material, what bends, and what lights it.
 #[derive(Debug, Clone, Default)]
 pub struct Scene {
+    /// Shapes, each of which may stand in many places.
     pub meshes: Vec<Mesh>,
+    /// What surfaces look like.
     pub materials: Vec<Material>,
+    /// What stands where.
     pub instances: Vec<Instance>,
+    /// `None` leaves its code and its shadows out.
     pub sun: Option<Sun>,
     /// Radiance of a constant sky all around; `None` leaves its code out of the shader.
     pub sky: Option<[f32; 3]>,
@@ -72,10 +76,13 @@ pub struct Scene {
     pub dome: Option<Dome>,
     /// A scanner instead of sun and sky; seen by [`Renderer::scan`](crate::Renderer::scan). `None` leaves its code out.
     pub scanner: Option<Scanner>,
+    /// Radiance of what nothing covers.
     pub background: [f32; 3],
+    /// What radiance is multiplied with before it is displayed.
     pub exposure: f32,
     /// Shadow maps spread over the sun's disk: 0 leaves shadows out, 1 is a hard shadow, more are softer and truer.
     pub shadow_samples: u32,
+    /// Texels along a side of a shadow map.
     pub shadow_resolution: u32,
     /// 1 or 4.
     pub msaa: u32,
@@ -126,8 +133,11 @@ pub const MOST_BRANCHES: usize = 128;
 /// A mesh drawn somewhere in a material; rigid transforms with uniform scale.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Instance {
+    /// Index into the scene's meshes.
     pub mesh: usize,
+    /// Index into the scene's materials.
     pub material: usize,
+    /// Mesh to world.
     pub transform: Mat4,
     /// What bends it; the transform is where it is at rest.
     pub ride: Option<Ride>,
@@ -144,6 +154,7 @@ pub struct Instance {
 /// How an instance hangs on a branch.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ride {
+    /// Index into the scene's branches.
     pub branch: usize,
     /// Where it hangs, rigidly: 0 (root) to 1 (tip). `None`: the mesh is the branch itself and bends at every vertex.
     pub at: Option<f32>,
@@ -154,16 +165,23 @@ pub struct Ride {
 /// length is kept.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Branch {
+    /// Where its axis begins.
     pub root: Vec3,
-    /// Orthonormal: t from root to tip, r and s across.
+    /// From root to tip, a unit vector.
     pub t: Vec3,
+    /// A unit vector across the branch.
     pub r: Vec3,
+    /// A unit vector across the branch: r = s × t.
     pub s: Vec3,
+    /// Of the axis, in the world's units.
     pub length: f32,
-    /// Tip radius over root radius, its logarithm, and ln α/(α − 1) (1 at α = 1).
+    /// α, tip radius over root radius.
     pub alpha: f32,
+    /// ln α.
     pub ln_alpha: f32,
+    /// ln α/(α − 1), which is 1 at α = 1.
     pub ell: f32,
+    /// Coefficients a₂ to a₅ of the deflection.
     pub a: [f32; 4],
     /// Amplitude towards r and s without gusts: weight and mean wind.
     pub still: [f32; 2],
@@ -171,6 +189,7 @@ pub struct Branch {
     pub gain: f32,
     /// Line through the motion texture: where at time 0, and texture sides a second.
     pub start: [f64; 2],
+    /// Texture sides a second.
     pub velocity: [f64; 2],
 }
 
@@ -179,7 +198,9 @@ pub struct Branch {
 pub struct Wind {
     /// Texels a side; row-major, texel centres at (i + ½)/size, sampled linearly and repeated.
     pub size: u32,
+    /// Row by row.
     pub motion: Vec<[f32; 2]>,
+    /// Since the beginning of the scene.
     pub time_s: f64,
 }
 
@@ -205,10 +226,13 @@ pub struct Sun {
 pub struct Scanner {
     /// Towards the camera; a unit vector above the plane.
     pub camera: Vec3,
+    /// Width of a pixel on the plane.
     pub pixel_mm: f32,
-    /// Height of the tube's axis, lit length (centred) and radius; radius 0 is a thin tube.
+    /// Of the tube's axis above the plane.
     pub height_mm: f32,
+    /// Lit length, centred.
     pub length_mm: f32,
+    /// 0 is a thin tube.
     pub radius_mm: f32,
     /// The tube lies along x and moves along y, instead of the other way round.
     pub along_x: bool,
@@ -245,7 +269,9 @@ pub struct Dome {
 #[allow(clippy::large_enum_variant)]
 #[derive(Debug, Clone)]
 pub enum Material {
+    /// A leaf, with light through it.
     Leaf(Leaf),
+    /// A surface that lets nothing through.
     Opaque(Opaque),
 }
 
@@ -253,6 +279,7 @@ pub enum Material {
 /// normals point to; its inside is black.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Opaque {
+    /// What it is called in what is printed.
     pub name: String,
     /// Reflectance (red, green, blue), 0 to 1.
     pub albedo: [f32; 3],
@@ -261,12 +288,15 @@ pub struct Opaque {
 /// A leaf: maps for either side, on a mesh whose normals point out of the front.
 #[derive(Debug, Clone)]
 pub struct Leaf {
+    /// What it is called in what is printed.
     pub name: String,
     /// Size of the maps (all of one size), in texels.
     pub width: u32,
+    /// Rows of texels.
     pub height: u32,
     /// Mean thickness h (mm); a texel's thickness is h + δ.
     pub thickness_mm: f32,
+    /// The distribution of its gloss.
     pub lobe: Lobe,
     /// Maps are stored as each side's camera saw them: column i of the back is column `width−1−i` of the front, so the
     /// back is looked up at (1 − u, v).
@@ -275,15 +305,19 @@ pub struct Leaf {
     pub mask: Option<Vec<u8>>,
 }
 
+/// Triangles with normals, tangents and places on maps; all lists but the triangles' have an entry a vertex.
 #[derive(Debug, Clone, Default)]
 pub struct Mesh {
+    /// In the mesh's own frame and units.
     pub positions: Vec<Vec3>,
+    /// Unit vectors; a leaf's point out of its front.
     pub normals: Vec<Vec3>,
     /// xyz tangent along +u, w = ±1 handedness: bitangent = w · normal × tangent, up in the front's image (towards
     /// smaller v).
     pub tangents: Vec<Vec4>,
     /// (0, 0) is the top left corner of the front's maps.
     pub uvs: Vec<Vec2>,
+    /// Three a triangle.
     pub indices: Vec<u32>,
     /// Coarser triangulations of the same vertices for where it is small in the picture, finest first; may be empty.
     pub details: Vec<Detail>,
@@ -294,12 +328,14 @@ pub struct Mesh {
 /// A coarser triangulation.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Detail {
+    /// Three a triangle.
     pub indices: Vec<u32>,
     /// How far it is from the mesh at most, in the mesh's units.
     pub error: f32,
 }
 
 impl Material {
+    /// What it is called in what is printed.
     pub fn name(&self) -> &str {
         match self {
             Material::Leaf(leaf) => &leaf.name,
@@ -352,6 +388,7 @@ pub struct SideMaps {
     pub normal: Option<Vec<[f32; 3]>>,
     /// For the sun's light that *enters this side*; `None` lets it through by the mapped normal's cosine.
     pub translucency: Option<Translucency>,
+    /// Where ρd and ρt come from.
     pub interior: Interior,
 }
 
@@ -363,6 +400,7 @@ pub struct Translucency {
     /// The same on both sides of a leaf. A flat, uniform leaf has the coefficient √(2π)/3 of each function, whichever
     /// they are.
     pub basis: Basis,
+    /// One list of numbers, or one a channel.
     pub coefficients: Coefficients,
 }
 
@@ -424,23 +462,36 @@ pub enum Interior {
     /// W's scalars σa, σs: ρd = γ·curve.rho_d(h + δ), ρt = curve.rho_t(h + δ), linear between the curve's points.
     Scalars(SlabCurve),
     /// Pigment maps: ρd and ρt a texel, already solved from σa(x), σs(x) and h + δ(x); γ is not applied.
-    Maps { rho_d: Vec<[f32; 3]>, rho_t: Vec<[f32; 3]> },
+    Maps {
+        /// Diffuse reflectance.
+        rho_d: Vec<[f32; 3]>,
+        /// Diffuse transmittance.
+        rho_t: Vec<[f32; 3]>,
+    },
 }
 
 /// ρd and ρt of the slab against thickness, on a uniform grid (at least two points).
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct SlabCurve {
+    /// Thickness at the first point.
     pub min_mm: f32,
+    /// Thickness at the last point.
     pub max_mm: f32,
+    /// Diffuse reflectance at each point, a channel.
     pub rho_d: Vec<[f32; 3]>,
+    /// Diffuse transmittance at each point, a channel.
     pub rho_t: Vec<[f32; 3]>,
 }
 
 /// A pinhole camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
+    /// Where it is.
     pub eye: Vec3,
+    /// What it looks at.
     pub target: Vec3,
+    /// What is up in the picture; not along the line of sight.
     pub up: Vec3,
+    /// From the bottom of the picture to its top.
     pub fov_y_deg: f32,
 }

@@ -5,6 +5,7 @@
 pub struct Upload {
     /// For instance `leaf 0 front gloss`.
     pub name: String,
+    /// As they lie in the adapter's memory.
     pub bytes: u64,
 }
 
@@ -13,6 +14,7 @@ pub struct Upload {
 pub struct Stats {
     /// Names of the render pipelines in use, in order of need.
     pub pipelines: Vec<String>,
+    /// In the order in which they happened.
     pub uploads: Vec<Upload>,
     /// Draw calls since the renderer was made.
     pub draws: u64,

@@ -22,24 +22,32 @@ use std::sync::Arc;
 /// One side's mean parameters.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Patch {
+    /// γ, the factor of the slab's reflectance (Wang et al. 2005), a channel.
     pub gamma: [f64; 3],
     /// Mean thickness (mm).
     pub thickness: f64,
     /// 1/mm.
     pub sigma_a: [f64; 3],
+    /// Scattering of the slab, 1/mm.
     pub sigma_s: [f64; 3],
+    /// Specular reflectance, a channel.
     pub rho_s: [f64; 3],
+    /// Roughness: root mean square slope.
     pub m: f64,
     /// γ times the slab's.
     pub rho_d: [f64; 3],
+    /// Diffuse transmittance, a channel.
     pub rho_t: [f64; 3],
 }
 
+/// A flat patch with one leaf's mean parameters, whose radiance is known in closed form.
 #[derive(Debug, Clone)]
 pub struct Card {
     /// Index into the manifest's leaves.
     pub leaf: usize,
+    /// The patch.
     pub mesh: LeafMesh,
+    /// Patch to world.
     pub transform: DMat4,
     /// Front, back; what the fit has.
     pub sides: [Option<Patch>; 2],

@@ -12,6 +12,7 @@ use std::collections::{BTreeMap, BTreeSet};
 /// One level: triangles over the mesh's vertices.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Detail {
+    /// Three a triangle, into the mesh's vertices.
     pub indices: Vec<u32>,
     /// The farthest that a left-out vertex is from the level's surface.
     pub error_mm: f64,

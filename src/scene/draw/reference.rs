@@ -174,6 +174,7 @@ pub fn dome(manifest: &Manifest, daylight: Daylight, strength: f64) -> transport
     }
 }
 
+/// The sun as the reference renderer takes it; `None` where the scene has none.
 pub fn sun(manifest: &Manifest) -> Result<Option<transport::ReferenceSun>> {
     let (Some(direction), Some(sun)) = (sun_direction(manifest), &manifest.sun) else { return Ok(None) };
     let own = Daylight::of(manifest)?.map(|d| d.sun);
@@ -181,6 +182,7 @@ pub fn sun(manifest: &Manifest) -> Result<Option<transport::ReferenceSun>> {
     Ok(Some(transport::ReferenceSun { direction, irradiance, radius: sun.radius_deg.to_radians() }))
 }
 
+/// The camera of a perspective view; a view that is silent looks 30° wide, with z up.
 pub fn camera(view: &View) -> transport::Camera {
     transport::Camera {
         eye: DVec3::from(view.eye_mm.unwrap_or_default()),
@@ -190,6 +192,7 @@ pub fn camera(view: &View) -> transport::Camera {
     }
 }
 
+/// A mesh as the reference renderer takes it.
 pub fn mesh(mesh: &LeafMesh) -> transport::ReferenceMesh {
     transport::ReferenceMesh {
         positions: mesh.positions.clone(),

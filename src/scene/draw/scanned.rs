@@ -28,10 +28,15 @@ const CURVE: f64 = 1e-4;
 
 /// One side of a fit and the device that scanned it.
 pub struct Scanned<'a> {
+    /// The fit whose maps are drawn.
     pub fitted: &'a LeafFit,
+    /// The scan that it was made from.
     pub scan: &'a Scan,
+    /// The side that is drawn.
     pub side: Side,
+    /// Texels across.
     pub width: usize,
+    /// Texels down.
     pub height: usize,
 }
 

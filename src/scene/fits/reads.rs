@@ -39,7 +39,9 @@ pub fn normals(fit: &LeafFit, side: Side, ledger: &Ledger) -> Result<Vec<[f32; 3
 
 /// What the plan calls the textures that a renderer gets of a side.
 pub const GAMMA_DELTA: &str = "gamma_delta";
+/// The texture of ρs and m.
 pub const GLOSS: &str = "rho_s_m";
+/// The texture of mapped normals.
 pub const NORMAL: &str = "normal";
 
 /// `front_gamma_delta`: a texture of a side.

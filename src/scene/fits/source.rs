@@ -18,11 +18,14 @@ pub enum Status {
     Stale,
 }
 
+/// Where a leaf's data come from.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Source {
+    /// Whether they are there and up to date.
     pub status: Status,
     /// The fit folder to read: where it is, or where it will be.
     pub folder: Option<PathBuf>,
+    /// Why the status is what it is, in words; empty where it is plain.
     pub why: String,
 }
 

@@ -14,6 +14,7 @@ use std::path::{Path, PathBuf};
 /// The translucency maps that the scene asks for.
 #[derive(Debug, Clone)]
 pub struct Translucent {
+    /// Their folder, and whether it is up to date.
     pub source: Source,
     /// Open where the maps are there and up to date. Its files are called `LEAF/translucency/…`.
     pub fitted: Option<LeafFit>,

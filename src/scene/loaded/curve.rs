@@ -10,8 +10,11 @@ use std::time::Instant;
 pub struct Curve {
     /// mm.
     pub min: f64,
+    /// mm.
     pub max: f64,
+    /// Reflectance at each point of the grid, a channel.
     pub rho_d: Vec<[f64; 3]>,
+    /// Transmittance at each point of the grid, a channel.
     pub rho_t: Vec<[f64; 3]>,
     /// Error of linear interpolation against the slab, by number of points.
     pub rows: Vec<Row>,

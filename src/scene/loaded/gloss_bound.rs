@@ -17,11 +17,17 @@ use std::f64::consts::{FRAC_PI_2, PI};
 /// A normal, a direction to the eye and one to the sun, and the angles by which each may stray.
 #[derive(Debug, Clone, Copy)]
 pub struct Cone {
+    /// A unit vector.
     pub normal: DVec3,
+    /// Towards the eye; a unit vector.
     pub view: DVec3,
+    /// Towards the sun; a unit vector.
     pub sun: DVec3,
+    /// Radians.
     pub normal_by: f64,
+    /// Radians.
     pub view_by: f64,
+    /// Radians.
     pub sun_by: f64,
 }
 
@@ -77,6 +83,7 @@ pub struct Lights {
     pub sky: [f64; 3],
     /// Radiance of a sky that is the same all around; 0 where it is not.
     pub even_sky: [f64; 3],
+    /// What radiance is multiplied with before it is displayed.
     pub exposure: f64,
 }
 
@@ -95,7 +102,9 @@ pub struct Patch {
 
 /// One side's maps, a value a texel, in that side's own columns.
 pub struct Maps<'a> {
+    /// Columns and rows of texels.
     pub size: [usize; 2],
+    /// It is the back, whose columns run the other way.
     pub back: bool,
     /// ρs (RGB) and m.
     pub gloss: &'a [[f32; 4]],

@@ -25,8 +25,11 @@ use translucency::Coefficients;
 /// A planned scene with everything that its plan asks for.
 #[derive(Debug)]
 pub struct Scene {
+    /// What the scene's file says.
     pub manifest: Manifest,
+    /// What stands where, in which light.
     pub placed: Placed,
+    /// What is needed of it.
     pub plan: Plan,
     /// In the manifest's order.
     pub loaded: Vec<Loaded>,
@@ -37,9 +40,13 @@ pub struct Scene {
 /// One leaf of a scene: what the file says, what is there, what is decided, and the data.
 #[derive(Clone, Copy)]
 pub struct Leaf<'a> {
+    /// What the scene's file says of it.
     pub config: &'a manifest::Leaf,
+    /// Its fit and its mesh.
     pub placed: &'a placed::leaf::Leaf,
+    /// What is needed of it.
     pub plan: &'a LeafPlan,
+    /// What was read of it.
     pub loaded: &'a Loaded,
 }
 
@@ -57,7 +64,9 @@ pub struct Textures {
 /// What was read of one leaf: front, back.
 #[derive(Debug, Default)]
 pub struct Loaded {
+    /// What the renderer looks up, a side.
     pub textures: [Textures; 2],
+    /// The slab against thickness, a side; `None` where the plan needs none.
     pub curves: [Option<Curve>; 2],
     /// For light that enters each side, without holes; only of sides that are back-lit where a camera looks. The plan
     /// says which of them the renderer gets; the reference draws them all.
@@ -108,6 +117,7 @@ impl Scene {
         Scene::new(manifest, placed, ledger)
     }
 
+    /// The leaf of this index; panics where the manifest has none.
     pub fn leaf(&self, index: usize) -> Leaf<'_> {
         Leaf {
             config: &self.manifest.leaves[index],
@@ -117,6 +127,7 @@ impl Scene {
         }
     }
 
+    /// All leaves, in the manifest's order.
     pub fn leaves(&self) -> impl Iterator<Item = Leaf<'_>> {
         (0..self.loaded.len()).map(|k| self.leaf(k))
     }

@@ -32,10 +32,13 @@ const PLACEMENTS: usize = 48;
 /// Three coefficients a texel, and the functions they belong to.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Coefficients {
+    /// The functions of direction.
     pub basis: Basis,
+    /// Their coefficients.
     pub of: Of,
 }
 
+/// What the coefficients are of; a list has an entry a texel.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Of {
     /// f.

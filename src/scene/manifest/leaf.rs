@@ -14,11 +14,15 @@ use std::sync::Arc;
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Leaf {
+    /// What instances call it.
     pub name: String,
     /// Another leaf's name: this one is drawn from the same data, where they come from is said there.
     pub like: Option<String>,
+    /// A folder of `fit leaf`.
     pub fit: Option<PathBuf>,
+    /// A folder with a scan, which the fit is made from.
     pub capture: Option<PathBuf>,
+    /// A synthetic scan, made where there is no capture.
     pub scan: Option<Scan>,
     /// glTF; the fit's own blade when absent.
     pub mesh: Option<PathBuf>,
@@ -27,8 +31,10 @@ pub struct Leaf {
     pub discs: Option<PathBuf>,
     /// Of that file's lengths; when absent, what the file says, or glTF's metre.
     pub mesh_unit: Option<Unit>,
+    /// Where its diffuse reflectance and transmittance come from.
     #[serde(default)]
     pub interior: Interior,
+    /// The distribution of its gloss.
     #[serde(default)]
     pub lobe: LobeKind,
     /// Index of refraction of the `cook-torrance` lobe.
@@ -91,6 +97,7 @@ pub struct Translucency {
     /// What light is sent through when they are made.
     #[serde(default)]
     pub tissue: TissueName,
+    /// One factor for all colours, or coefficients a channel.
     #[serde(default)]
     pub colour: Colour,
     /// What they are made with, and what a folder that is named must hold; when absent, the default and either of the
@@ -114,15 +121,21 @@ impl Translucency {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scan {
+    /// A description for `mesophyll synth`.
     pub spec: PathBuf,
+    /// Texels across and down, as `240x180`; the specification's own when absent.
     pub size: Option<String>,
     /// Width and height of what is scanned, around the middle of the specification's field; all of it when absent.
     pub field_mm: Option<[f64; 2]>,
     /// Absorption and scattering of the leaf's inside (1/mm; red, green, blue) in place of the specification's.
     pub sigma_a: Option<[f64; 3]>,
+    /// See `sigma_a`.
     pub sigma_s: Option<[f64; 3]>,
+    /// Frames a pass; the specification's own when absent.
     pub frames: Option<usize>,
+    /// Relative standard deviation of a reading; the specification's own when absent.
     pub noise: Option<f64>,
+    /// Of the noise; the specification's own when absent.
     pub seed: Option<u64>,
 }
 
@@ -139,7 +152,9 @@ impl Scan {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Interior {
+    /// σa and σs are one number a channel; γ and δ are maps.
     #[default]
     Scalars,
+    /// ρd and ρt are maps.
     Maps,
 }

@@ -14,6 +14,7 @@ pub struct Sun {
     pub azimuth_deg: f64,
     /// On a surface that faces the sun; under a physical sky the model's own when absent.
     pub irradiance: Option<[f64; 3]>,
+    /// Of the disk; the real sun's when absent.
     #[serde(default = "sun_radius")]
     pub radius_deg: f64,
     /// The sun will stand elsewhere too: the sky comes from the polynomial fit.
@@ -31,6 +32,7 @@ pub struct Sky {
     pub environment: Option<PathBuf>,
     /// Of the physical one.
     pub model: Option<SkyModel>,
+    /// From 2 (clear) to 10 (hazy).
     pub turbidity: Option<f64>,
     /// Of a level, matte ground that lights the scene from below; none when absent.
     pub ground_albedo: Option<[f64; 3]>,
@@ -84,9 +86,11 @@ pub enum Shadows {
     Visibility,
 }
 
+/// A physical model of the sky.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SkyModel {
+    /// Preetham, Shirley and Smits (1999).
     Preetham,
 }
 
@@ -94,6 +98,7 @@ pub enum SkyModel {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Day {
+    /// Positive to the north.
     pub latitude_deg: f64,
     /// Of the sun: 0 at the equinoxes, 23.44 in June.
     #[serde(default)]

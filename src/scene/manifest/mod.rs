@@ -28,38 +28,58 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Manifest {
+    /// Version of the format.
     pub schema: u32,
+    /// What the scene is called in what is printed.
     pub name: String,
+    /// A sentence for readers.
     #[serde(default)]
     pub description: String,
     /// Largest error of a displayed value (0 to 1, after tone mapping and sRGB encoding) that one shortcut of the plan
     /// may cause; a check needs one.
     pub tolerance: Option<f64>,
+    /// What radiance is multiplied with before it is displayed.
     #[serde(default = "one")]
     pub exposure: f64,
+    /// Radiance of what nothing covers, where the sky does not say.
     #[serde(default)]
     pub background: [f64; 3],
+    /// What leaves look like.
     #[serde(default, rename = "leaf")]
     pub leaves: Vec<Leaf>,
+    /// Leaves that stand alone or hang on a branch.
     #[serde(default, rename = "instance")]
     pub instances: Vec<Instance>,
+    /// Whole plants.
     #[serde(default, rename = "plant")]
     pub plants: Vec<Plant>,
+    /// Leaves around a twig.
     pub cluster: Option<Cluster>,
+    /// A crown of leaves on rigid wood.
     pub tree: Option<Tree>,
+    /// Branches that bend.
     #[serde(default, rename = "branch")]
     pub branches: Vec<Branch>,
+    /// What moves them; without it nothing moves.
     pub wind: Option<Wind>,
+    /// What everything stands on.
     pub ground: Option<Ground>,
+    /// The scene repeats for ever.
     pub periodic: Option<Periodic>,
+    /// Without it there is no direct sunlight.
     pub sun: Option<Sun>,
+    /// Without it there is no light but the sun's.
     pub sky: Option<Sky>,
+    /// Hours at which it is drawn too.
     pub day: Option<Day>,
+    /// Light from leaf to leaf in real time; without it every leaf is lit as if it stood alone.
     pub transfer: Option<Transfer>,
+    /// How it is looked at.
     #[serde(default, rename = "view")]
     pub views: Vec<View>,
     /// For pictures by `render --tone film`.
     pub camera: Option<Camera>,
+    /// How its pictures are judged.
     #[serde(default)]
     pub check: Check,
     /// The file this was read from.
@@ -187,10 +207,12 @@ impl Manifest {
         self.day.is_some() || self.sun.as_ref().is_some_and(|s| s.moves)
     }
 
+    /// Where the branch of this name stands in the list.
     pub fn branch_index(&self, name: &str) -> Option<usize> {
         self.branches.iter().position(|b| b.name == name)
     }
 
+    /// Where the leaf of this name stands in the list.
     pub fn leaf_index(&self, name: &str) -> Option<usize> {
         self.leaves.iter().position(|l| l.name == name)
     }

@@ -10,11 +10,15 @@ use std::path::PathBuf;
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Instance {
+    /// By the leaf's name.
     pub leaf: String,
+    /// Of the leaf's origin.
     #[serde(default)]
     pub position_mm: [f64; 3],
+    /// About x, then y, then z.
     #[serde(default)]
     pub rotation_deg: [f64; 3],
+    /// A factor on the leaf's size.
     #[serde(default = "one")]
     pub scale: f64,
     /// A list of places, a line each: x y z, each added to `position_mm`.
@@ -33,7 +37,9 @@ pub struct Instance {
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Branch {
+    /// What instances call it.
     pub name: String,
+    /// Of its axis.
     pub length_mm: f64,
     /// At the root.
     pub radius_mm: f64,
@@ -45,6 +51,7 @@ pub struct Branch {
     pub fit: Option<PathBuf>,
     /// The measured branch's name there, where it is another.
     pub measured: Option<String>,
+    /// Of its root.
     #[serde(default)]
     pub position_mm: [f64; 3],
     /// From root to tip; any length.
@@ -77,7 +84,9 @@ pub enum Matter {
 pub struct Plant {
     /// In what is printed; the file's name when absent.
     pub name: Option<String>,
+    /// A glTF file; this or `grow`.
     pub file: Option<PathBuf>,
+    /// A description for `mesophyll grow`; the plant is made in the run's own folder.
     pub grow: Option<PathBuf>,
     /// For `grow`; the description's own when absent.
     pub grow_seed: Option<u64>,
@@ -86,8 +95,10 @@ pub struct Plant {
     /// Of the foot.
     #[serde(default)]
     pub position_mm: [f64; 3],
+    /// About x, then y, then z.
     #[serde(default)]
     pub rotation_deg: [f64; 3],
+    /// A factor on the plant's size.
     #[serde(default = "one")]
     pub scale: f64,
     /// How many stand in the area.
@@ -104,6 +115,7 @@ pub struct Plant {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Wind {
+    /// Mean speed where the scene stands.
     pub speed_m_s: f64,
     /// Where it blows to, from +x towards +y.
     #[serde(default)]
@@ -111,6 +123,7 @@ pub struct Wind {
     /// Standard deviation of the speed over its mean.
     #[serde(default = "turbulence")]
     pub turbulence: f64,
+    /// Of the gusts.
     pub seed: u64,
     /// When the scene is seen, where a view does not say.
     #[serde(default)]
@@ -133,6 +146,7 @@ pub struct Ground {
     pub albedo: [f64; 3],
     /// Half its width; in a periodic scene it covers the period.
     pub reach_mm: Option<f64>,
+    /// Where it lies on z.
     #[serde(default)]
     pub height_mm: f64,
 }
@@ -143,6 +157,7 @@ pub struct Ground {
 pub struct Cluster {
     /// Leaves by name, taken in turn.
     pub leaves: Vec<String>,
+    /// How many leaves.
     pub count: usize,
     /// Length of the twig.
     pub length_mm: f64,
@@ -151,10 +166,13 @@ pub struct Cluster {
     /// Mean angle of a blade below the horizontal, and how far single ones stray from it.
     #[serde(default)]
     pub droop_deg: f64,
+    /// Standard deviation of that angle between blades.
     #[serde(default)]
     pub spread_deg: f64,
+    /// A factor on a leaf's size.
     #[serde(default = "one")]
     pub scale: f64,
+    /// The same seed gives the same cluster.
     pub seed: u64,
 }
 
@@ -164,6 +182,7 @@ pub struct Cluster {
 pub struct Tree {
     /// Leaves by name, taken in turn.
     pub leaves: Vec<String>,
+    /// How many leaves.
     pub count: usize,
     /// From foot to top.
     pub height_mm: f64,
@@ -171,15 +190,18 @@ pub struct Tree {
     pub crown_mm: f64,
     /// From the twig to a blade's centre.
     pub offset_mm: f64,
+    /// Mean angle of a blade below the horizontal.
     #[serde(default)]
     pub droop_deg: f64,
     /// How far single blades stray.
     #[serde(default)]
     pub spread_deg: f64,
+    /// A factor on a leaf's size.
     #[serde(default = "one")]
     pub scale: f64,
     /// Diffuse reflectance.
     pub bark: [f64; 3],
+    /// The same seed gives the same tree.
     pub seed: u64,
 }
 

@@ -4,6 +4,7 @@ use mesophyll_capture::manifest::Travel;
 use mesophyll_optics::side::Side;
 use serde::Deserialize;
 
+/// What a view shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ViewKind {
@@ -28,22 +29,32 @@ pub enum JudgedBy {
     Maps,
 }
 
+/// A picture of the scene.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct View {
+    /// What its files are called.
     pub name: String,
+    /// What it shows.
     pub kind: ViewKind,
+    /// Where the camera is.
     pub eye_mm: Option<[f64; 3]>,
+    /// What it looks at.
     pub target_mm: Option<[f64; 3]>,
+    /// What is up in the picture; z when absent.
     pub up: Option<[f64; 3]>,
+    /// From the bottom of the picture to its top.
     pub fov_deg: Option<f64>,
     /// The card's or the scan's leaf, and how the card is turned.
     pub leaf: Option<String>,
+    /// About x, then y, then z.
     pub rotation_deg: Option<[f64; 3]>,
     /// Which held-out frame of the scan: side (front where it is not said), pass and number. Where something is open it
     /// is the brightest one that the fit keeps.
     pub side: Option<Side>,
+    /// The axis along which the tube travelled.
     pub pass: Option<Travel>,
+    /// Number of the frame in its pass.
     pub frame: Option<usize>,
     /// When the scene is seen, instead of the wind's own time.
     pub time_s: Option<f64>,
@@ -54,6 +65,7 @@ pub struct View {
     pub max_error: Option<f64>,
     /// Largest median frame time (ms); judged on real GPUs only.
     pub frame_ms: Option<f64>,
+    /// What translucency is compared with.
     #[serde(default)]
     pub judged_by: JudgedBy,
 }
@@ -88,7 +100,9 @@ impl Camera {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Check {
+    /// Pixels across.
     pub width: u32,
+    /// Pixels down.
     pub height: u32,
     /// Rays a pixel of the reference.
     pub samples: u32,

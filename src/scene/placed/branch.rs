@@ -27,15 +27,19 @@ pub const MOTION_SIDE: usize = 1024;
 /// A branch as the manifest and its fit say, at rest.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Twig {
+    /// Where its axis begins (mm, world).
     pub root: DVec3,
     /// t from root to tip, s across it and as far up as possible, r = s × t.
     pub axes: [DVec3; 3],
+    /// Of the axis, mm.
     pub length: f64,
+    /// At the root, mm.
     pub radius: f64,
     /// Tip radius over root radius.
     pub taper: f64,
     /// F/(E′r₁⁴) (mm) of its own weight, were it horizontal.
     pub load: f64,
+    /// Diffuse reflectance, a channel.
     pub bark: [f64; 3],
 }
 
@@ -106,6 +110,7 @@ pub fn rest_time(manifest: &Manifest) -> f64 {
 /// One branch that bends.
 #[derive(Debug, Clone)]
 pub struct Bending {
+    /// Its shape without load and wind.
     pub rest: Branch<f64>,
     /// Amplitude towards r and s by weight and mean wind.
     pub still: [f64; 2],
@@ -118,7 +123,9 @@ pub struct Bending {
 /// All branches of a scene in which something bends.
 #[derive(Debug, Clone)]
 pub struct Bends {
+    /// In the manifest's order.
     pub branches: Vec<Bending>,
+    /// The texture that moves them; `None` where there is no wind.
     pub motion: Option<Motion>,
 }
 

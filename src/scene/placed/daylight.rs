@@ -20,10 +20,13 @@ use std::f64::consts::{PI, TAU};
 #[derive(Debug, Clone)]
 pub struct Daylight {
     sky: PreethamSky,
+    /// From 2 (clear) to 10 (hazy).
     pub turbidity: f64,
     /// Of the sun, radians.
     pub zenith: f64,
+    /// Of the sun, radians, from +x towards +y.
     pub azimuth: f64,
+    /// Scene units of radiance a kcd/m².
     pub scale: f64,
     /// The sun's, on a surface that faces it.
     pub sun: [f64; 3],
@@ -35,7 +38,9 @@ pub struct Daylight {
 /// What the renderer gets of a sky.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Light {
+    /// Of the radiance all around.
     pub harmonics: Coefficients,
+    /// Radiance below the horizon; `None` where the sky has no ground.
     pub ground: Option<[f64; 3]>,
 }
 

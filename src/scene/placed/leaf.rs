@@ -39,6 +39,7 @@ pub struct Leaf {
     pub uniform: bool,
     /// Open when the leaf is used and its fit is up to date.
     pub fitted: Option<LeafFit>,
+    /// Where the mesh is read from.
     pub mesh_path: PathBuf,
     /// Read where the leaf is placed and its fit is there.
     pub mesh: Option<LeafMesh>,

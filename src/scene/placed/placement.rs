@@ -14,7 +14,9 @@ use rand_pcg::Pcg64;
 /// One leaf standing somewhere: index into the manifest's leaves, and object to world.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placement {
+    /// Index into the manifest's leaves.
     pub leaf: usize,
+    /// Leaf to world; at rest where something bends it.
     pub transform: DMat4,
     /// What bends it.
     pub ride: Option<Ride>,
@@ -23,7 +25,9 @@ pub struct Placement {
 /// A place on a branch: 0 (root) to 1 (tip).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ride {
+    /// Index into the manifest's branches.
     pub branch: usize,
+    /// 0 (root) to 1 (tip).
     pub at: f64,
 }
 

@@ -23,7 +23,9 @@ const MOST_LEAVES: usize = 1_000_000;
 /// Wood that stands in the scene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Wood {
+    /// What it is called in what is printed.
     pub name: String,
+    /// Its triangles.
     pub mesh: LeafMesh,
     /// Diffuse reflectance.
     pub bark: [f64; 3],
@@ -34,7 +36,9 @@ pub struct Wood {
 /// A `[[plant]]` of the manifest.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Planted {
+    /// What it is called in what is printed.
     pub name: String,
+    /// What stands in its file.
     pub plant: Plant,
     /// Plant to world, for every place where it stands.
     pub places: Vec<DMat4>,

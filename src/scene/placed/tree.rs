@@ -22,7 +22,9 @@ const SIDES: [usize; 4] = [12, 8, 6, 4];
 /// One straight piece of wood.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stick {
+    /// Where it begins (mm).
     pub from: DVec3,
+    /// Where it ends (mm).
     pub to: DVec3,
     /// At its two ends.
     pub radius: [f64; 2],
@@ -43,6 +45,7 @@ impl Stick {
 /// The wood and the leaves of a tree.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grown {
+    /// Pieces, the trunk's first.
     pub wood: Vec<Stick>,
     /// Object to world: blades with their tips along +x and their fronts up.
     pub leaves: Vec<DMat4>,

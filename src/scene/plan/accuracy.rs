@@ -11,6 +11,7 @@ pub struct Row {
     pub error: f64,
     /// Measured time (ms); zero where the renderer has not been asked.
     pub ms: f64,
+    /// Memory that the setting takes.
     pub bytes: u64,
 }
 

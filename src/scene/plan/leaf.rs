@@ -32,6 +32,7 @@ fn texture_bytes(size: [usize; 2]) -> u64 {
 pub struct WithoutMaps {
     /// Error of a displayed value: 99th percentile over the texels, and the largest.
     pub p99: f64,
+    /// Over the texels.
     pub largest: f64,
     /// 1, or 3 where every channel has coefficients of its own.
     pub layers: usize,

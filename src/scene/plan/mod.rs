@@ -25,7 +25,9 @@ use std::fmt::Write;
 /// Something the scene needs.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Need {
+    /// A file, a fit, a texture or a pass.
     pub name: String,
+    /// Why, in words.
     pub reason: String,
     /// How much of it, where that was a choice.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -33,13 +35,16 @@ pub struct Need {
     /// Content hash, where it is a file of a fit; of the input, where it is a fit.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub hash: Option<String>,
+    /// From sizes; `None` where it has none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bytes: Option<u64>,
+    /// Whether it is there; `None` where it is made in every run.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub status: Option<Status>,
 }
 
 impl Need {
+    /// A need of which no more is known than its name and reason.
     pub fn new(name: impl Into<String>, reason: impl Into<String>) -> Need {
         Need { name: name.into(), reason: reason.into(), amount: None, hash: None, bytes: None, status: None }
     }
@@ -48,11 +53,15 @@ impl Need {
 /// Something the scene could have had.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct LeftOut {
+    /// A file, a fit, a texture or a pass.
     pub name: String,
+    /// Why the scene does without, in words.
     pub reason: String,
     /// In words: bytes from sizes, times where they were measured.
     pub saved: String,
+    /// Bytes from sizes.
     pub saved_bytes: u64,
+    /// Time, where it was measured.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub saved_ms: Option<f64>,
 }
@@ -71,9 +80,13 @@ impl LeftOut {
 /// What is needed of one side of a leaf.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 pub struct SideNeeds {
+    /// Diffuse reflectance.
     pub rho_d: bool,
+    /// Diffuse transmittance of light that enters here.
     pub rho_t: bool,
+    /// The gloss map.
     pub gloss: bool,
+    /// The map of normals.
     pub normal: bool,
     /// Maps of how the sun comes through that enters this side.
     pub translucency: bool,
@@ -87,6 +100,7 @@ impl SideNeeds {
         self.rho_d || self.rho_t
     }
 
+    /// Whether a texture of it is needed at all.
     pub fn any(&self) -> bool {
         self.interior() || self.gloss || self.normal
     }
@@ -139,8 +153,11 @@ pub struct Between {
 /// What a scene needs.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Plan {
+    /// The scene's name.
     pub scene: String,
+    /// What it needs, fits first.
     pub needed: Vec<Need>,
+    /// What it does without.
     pub left_out: Vec<LeftOut>,
     /// Rows of error against cost behind each choice of an amount.
     pub measured: BTreeMap<String, Vec<Row>>,
@@ -152,6 +169,7 @@ pub struct Plan {
     pub free: bool,
     /// In the manifest's order.
     pub leaves: Vec<LeafPlan>,
+    /// Which lights and shadows are computed.
     pub light: LightPlan,
 }
 
@@ -201,10 +219,12 @@ impl Plan {
         Ok(())
     }
 
+    /// Notes a need.
     pub fn need(&mut self, need: Need) {
         self.needed.push(need);
     }
 
+    /// Notes something that is left out.
     pub fn leave_out(&mut self, left: LeftOut) {
         self.left_out.push(left);
     }

@@ -22,6 +22,7 @@ pub(crate) struct Check {
 /// How a check is laid out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CheckLayout {
+    /// Picture, reference and difference beside each other.
     SideBySide,
     /// Picture and reference in turn, so that the eye sees what moves.
     Flipped,

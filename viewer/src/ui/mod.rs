@@ -30,9 +30,13 @@ use std::path::PathBuf;
 /// What a window opens with.
 #[derive(Debug, Clone)]
 pub struct WindowScene {
+    /// Of the window.
     pub title: String,
+    /// What is drawn.
     pub scene: Scene,
+    /// Where the window begins.
     pub camera: Camera,
+    /// Places that a button goes to.
     pub views: Vec<WindowView>,
     /// Size of the pictures that are checked. The live picture shows at least what such a one does.
     pub check_size: [u32; 2],
@@ -43,7 +47,9 @@ pub struct WindowScene {
 /// One of the scene's views, as a button.
 #[derive(Debug, Clone)]
 pub struct WindowView {
+    /// On its button.
     pub name: String,
+    /// Where it goes to.
     pub camera: Camera,
     /// When the scene is seen (s); the wind's time stays as it is where there is none.
     pub time_s: Option<f64>,
@@ -175,6 +181,7 @@ impl ViewerUi {
         }
     }
 
+    /// Where the live picture is seen from.
     pub fn camera(&self) -> Camera {
         self.orbit.camera
     }

@@ -17,6 +17,7 @@ use winit::window::{Window, WindowId};
 /// How a window opens and, in scripts, closes.
 #[derive(Debug, Clone)]
 pub struct WindowOptions {
+    /// Which adapter draws.
     pub gpu: Options,
     /// Inner size (pixels).
     pub size: [u32; 2],

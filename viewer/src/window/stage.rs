@@ -24,6 +24,7 @@ pub struct Stage {
 
 /// What a frame left to do.
 pub struct Shown {
+    /// What the user interface asks of the desktop: the pointer's shape, the clipboard.
     pub platform: egui::PlatformOutput,
     /// When the next frame is due; `Duration::MAX` when nothing moves.
     pub repaint_after: Duration,
@@ -55,10 +56,12 @@ impl Stage {
         Stage { renderer: Renderer::on(gpu), context, painter, picture, canvas: None }
     }
 
+    /// The user interface's memory.
     pub fn context(&self) -> &egui::Context {
         &self.context
     }
 
+    /// What draws the live picture.
     pub fn renderer(&self) -> &Renderer {
         &self.renderer
     }
