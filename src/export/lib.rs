@@ -15,7 +15,7 @@ use mesophyll_files::atomic;
 use mesophyll_files::image::{Maps, Packing, write_exr};
 use mesophyll_leaf::File;
 use mesophyll_optics::side::Side;
-use mesophyll_record::{FitRecord, Times};
+use mesophyll_record::{FitKind, FitRecord, Times};
 use serde_json::json;
 use side::SideMaps;
 use sky::SkyOptions;
@@ -84,7 +84,7 @@ impl Format {
 /// of the sort, [`Error::Write`].
 pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> Result<Vec<PathBuf>> {
     let record = FitRecord::read(folder)?;
-    if record.kind == "sky" {
+    if record.kind == FitKind::Sky {
         if !matches!(format, Format::Wgsl | Format::C | Format::Json) {
             let what = format!(
                 "{} is a sky fit; it can be exported as wgsl, c or json, not as {}",

@@ -5,7 +5,7 @@ use super::{Fitted, Form, Options, SkyModel};
 use crate::{Error, Result};
 use mesophyll_files::{atomic, hash};
 use mesophyll_record::maker::{self, Maker};
-use mesophyll_record::{FitRecord, Section};
+use mesophyll_record::{FitKind, FitRecord, Section};
 use mesophyll_sky::fitted::{Basis, Folded, Tensor};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -117,7 +117,7 @@ pub struct Made {
 /// Options that cannot be fitted, a fit that failed; a folder that cannot be written or that holds something else.
 pub fn make(out: &Path, options: &Options, model: SkyModel, albedo: f64) -> Result<Made> {
     let options = options.clone();
-    maker::make("sky", out, &[], move |maker| {
+    maker::make(FitKind::Sky, out, &[], move |maker| {
         let sky = model.over(albedo)?;
         let fitted = match model {
             SkyModel::Preetham => super::fit(&options)?,
@@ -202,10 +202,7 @@ fn write(maker: &mut Maker, fit: Fitted, reference: &Reference) -> Result<Made> 
 /// # Errors
 /// A missing or changed file, arrays that make no sense, another kind of fit.
 pub fn read(folder: &Path) -> Result<(FitRecord, Form<f32>)> {
-    let record = FitRecord::read(folder)?;
-    if record.kind != "sky" {
-        return Err(Error::unexpected(&folder.join("fit.toml"), "kind", format!("{:?}", record.kind), "\"sky\""));
-    }
+    let record = FitRecord::read_as(folder, FitKind::Sky)?;
     record.verify(folder)?;
     let path = folder.join("coefficients.json");
     let text = std::fs::read_to_string(&path).map_err(|e| Error::input(&path, atomic::explain(&e)))?;

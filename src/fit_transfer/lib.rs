@@ -23,16 +23,13 @@ use mesophyll_error::{Error, Result};
 use mesophyll_files::image::{Maps, Packing, write_exr};
 use mesophyll_files::{hash, memory, progress};
 use mesophyll_record::maker::{self, Maker, Outcome};
-use mesophyll_record::{FitRecord, Section};
+use mesophyll_record::{FitKind, FitRecord, Section};
 use mesophyll_transport::path::{Paths, Tracer};
 use mesophyll_transport::transfer::{self, Columns, Receiver, Request};
 use mesophyll_transport::world::World;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::sync::Arc;
-
-/// The kind of fit that `fit.toml` names.
-pub const KIND: &str = "transfer";
 
 /// What is asked of a transfer.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -88,7 +85,7 @@ struct Part {
 /// is, [`Error::Interrupted`] after a stop (finished parts are kept), and what [`maker::make`] gives.
 pub fn run(scene: &Scene, inputs: &[&Path], out: &Path, options: &Options) -> Result<Outcome> {
     let (scene, options) = (scene.clone(), *options);
-    maker::make(KIND, out, inputs, move |maker| fit(&scene, &options, maker))
+    maker::make(FitKind::Transfer, out, inputs, move |maker| fit(&scene, &options, maker))
 }
 
 fn fit(scene: &Scene, options: &Options, maker: &mut Maker) -> Result<Outcome> {

@@ -1,9 +1,9 @@
 //! A transfer on disk: its entries as four channels of half floats, and a picture of the light in it.
 
-use crate::{KIND, Layout, Options, SUN, Scene, SunMaps, input_hash};
+use crate::{Layout, Options, SUN, Scene, SunMaps, input_hash};
 use mesophyll_error::{Error, Result};
 use mesophyll_files::image::{Maps, read_exr, to_srgb8, write_png};
-use mesophyll_record::FitRecord;
+use mesophyll_record::{FitKind, FitRecord};
 use mesophyll_transport::transfer::Columns;
 use mesophyll_transport::world::World;
 use std::path::Path;
@@ -41,11 +41,7 @@ impl Transfer {
     /// # Errors
     /// [`Error::Input`] for a folder without a fit or with one of another kind, and for a damaged file.
     pub fn open(folder: &Path, scene: &Scene, options: &Options) -> Result<Option<Transfer>> {
-        let record = FitRecord::read(folder)?;
-        if record.kind != KIND {
-            let told = format!("holds a fit of kind \"{}\", expected \"{KIND}\"", record.kind);
-            return Err(Error::input(folder, told));
-        }
+        let record = FitRecord::read_as(folder, FitKind::Transfer)?;
         if record.input_hash != input_hash(scene, options) {
             return Ok(None);
         }

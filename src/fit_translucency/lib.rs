@@ -32,6 +32,7 @@ use mesophyll_error::{Error, Result};
 use mesophyll_files::hash;
 use mesophyll_leaf::File;
 use mesophyll_optics::dipole::Form;
+use mesophyll_record::FitKind;
 use mesophyll_record::maker::{self, Maker, Outcome};
 use mesophyll_translucency::basis::Basis;
 use mesophyll_translucency::lights::{self, Rule};
@@ -213,7 +214,7 @@ pub fn input_hash(source: &Source, options: &Options) -> String {
 /// that cannot be written (2).
 pub fn run(input: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     let (leaf, options) = (input.to_path_buf(), options.clone());
-    maker::make("translucency", out, &[input], move |maker| fit(&leaf, &options, maker))
+    maker::make(FitKind::Translucency, out, &[input], move |maker| fit(&leaf, &options, maker))
 }
 
 fn fit(leaf: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {

@@ -7,7 +7,7 @@ use mesophyll_files::image::{self, ExrInfo, Maps};
 use mesophyll_files::mesh::{self, LeafMesh};
 use mesophyll_files::quantity::Quantity;
 use mesophyll_optics::side::{Side, Sides};
-use mesophyll_record::{FitRecord, Section};
+use mesophyll_record::{FitKind, FitRecord, Section};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
@@ -73,25 +73,15 @@ impl LeafFit {
     /// # Errors
     /// [`Error::Input`] where there is no fit, or one of something else.
     pub fn open(folder: &Path) -> Result<LeafFit> {
-        LeafFit::open_as(folder, "leaf")
+        LeafFit::open_as(folder, FitKind::Leaf)
     }
 
     /// Opens the folder of another fit that keeps its maps a side, such as a translucency fit's.
     ///
     /// # Errors
     /// As [`LeafFit::open`].
-    pub fn open_as(folder: &Path, kind: &str) -> Result<LeafFit> {
-        let file = folder.join("fit.toml");
-        if !file.is_file() {
-            return Err(Error::input(
-                folder,
-                format!("no {kind} fit here (no fit.toml); `mesophyll fit {kind}` writes one"),
-            ));
-        }
-        let record = FitRecord::read(folder)?;
-        if record.kind != kind {
-            return Err(Error::field(&file, "kind", format!("found \"{}\", expected \"{kind}\"", record.kind)));
-        }
+    pub fn open_as(folder: &Path, kind: FitKind) -> Result<LeafFit> {
+        let record = FitRecord::read_as(folder, kind)?;
         let name = record.name.clone();
         Ok(LeafFit { name, folder: folder.into(), record, maps: Arc::default(), edited: None })
     }

@@ -3,9 +3,12 @@
 
 #![warn(missing_docs)]
 
+mod kind;
 pub mod maker;
 pub mod scan;
 mod seal;
+
+pub use kind::FitKind;
 
 use mesophyll_error::{Error, Result};
 use mesophyll_files::{atomic, claim, hash};
@@ -133,8 +136,8 @@ pub struct FitRecord {
     /// program is accepted.
     #[serde(default, skip_serializing)]
     pub record_hash: String,
-    /// `leaf`, `gloss`, `slab`, `beam`, `sky`, …
-    pub kind: String,
+    /// What it is a fit of.
+    pub kind: FitKind,
     /// What the fit is called: the name in its capture, or of its kind.
     pub name: String,
     /// Program and version that made it.
@@ -192,10 +195,10 @@ pub struct Phase {
 
 impl FitRecord {
     /// A record of what every fit says: its kind and name, what it was made from, and by which program.
-    pub fn new(kind: &str, name: &str, input_hash: String) -> FitRecord {
+    pub fn new(kind: FitKind, name: &str, input_hash: String) -> FitRecord {
         FitRecord {
             schema: SCHEMA,
-            kind: kind.into(),
+            kind,
             name: name.into(),
             program: concat!("mesophyll ", env!("CARGO_PKG_VERSION")).into(),
             input_hash,
@@ -209,6 +212,23 @@ impl FitRecord {
         let record: FitRecord = read_toml(&path)?;
         if record.schema != SCHEMA {
             return Err(Error::field(&path, "schema", format!("found {}, this program reads {SCHEMA}", record.schema)));
+        }
+        Ok(record)
+    }
+
+    /// Reads `DIR/fit.toml` of a fit of `kind`.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where there is none, or one of another kind.
+    pub fn read_as(folder: &Path, kind: FitKind) -> Result<FitRecord> {
+        let path = folder.join("fit.toml");
+        if !path.is_file() {
+            let told = format!("no {kind} fit here (no fit.toml); `mesophyll fit {kind}` writes one");
+            return Err(Error::input(folder, told));
+        }
+        let record = FitRecord::read(folder)?;
+        if record.kind != kind {
+            return Err(Error::field(&path, "kind", format!("found \"{}\", expected \"{kind}\"", record.kind)));
         }
         Ok(record)
     }

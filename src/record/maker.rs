@@ -10,7 +10,7 @@
 //! the folder for writing ([`Maker::begin`]), writes its maps, and hands its record over ([`Maker::finish`]). An input
 //! that cannot be read is so named before the folder is touched.
 
-use crate::{Error, FitRecord, Result, Times, read_toml, write_toml};
+use crate::{Error, FitKind, FitRecord, Result, Times, read_toml, write_toml};
 use mesophyll_files::claim::{self, Kind};
 use mesophyll_files::{atomic, hash, progress};
 use serde::Serialize;
@@ -36,7 +36,7 @@ pub enum Outcome {
 /// A fit folder that is being made.
 #[derive(Debug)]
 pub struct Maker {
-    kind: &'static str,
+    kind: FitKind,
     out: PathBuf,
     inputs: Vec<PathBuf>,
     clock: Instant,
@@ -58,7 +58,7 @@ pub fn input_hash<'a>(parts: impl IntoIterator<Item = (&'a str, &'a str)>) -> St
 /// # Errors
 /// Those of `fit`. [`Error::Interrupted`] after a stop was asked for; it says what is kept.
 pub fn make<T: Send + 'static>(
-    kind: &'static str,
+    kind: FitKind,
     out: &Path,
     inputs: &[&Path],
     fit: impl FnOnce(&mut Maker) -> Result<T> + Send + 'static,
@@ -116,7 +116,7 @@ impl Maker {
     pub fn made_from(&mut self, input_hash: String) -> Result<()> {
         self.input_hash = input_hash;
         let inputs: Vec<&Path> = self.inputs.iter().map(PathBuf::as_path).collect();
-        claim::folder(&self.out, Kind::Fit(self.kind), &inputs)
+        claim::folder(&self.out, Kind::Fit(self.kind.name()), &inputs)
     }
 
     /// As [`Maker::made_from`]. The answer is the fit that the folder holds, if it is this very one and unchanged; with
@@ -187,7 +187,7 @@ impl Maker {
     /// # Errors
     /// A folder that cannot be written.
     pub fn begin(&self) -> Result<&Path> {
-        claim::begin(&self.out, Kind::Fit(self.kind))?;
+        claim::begin(&self.out, Kind::Fit(self.kind.name()))?;
         Ok(&self.out)
     }
 

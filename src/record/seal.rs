@@ -41,14 +41,14 @@ pub fn verify(folder: &Path) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{FitRecord, Param, SCHEMA, Section};
+    use crate::{FitKind, FitRecord, Param, SCHEMA, Section};
 
     fn record() -> FitRecord {
         let load = Param { value: vec![59.567070350437795], stderr: vec![0.64], unit: "mm".into(), ..Param::default() };
         let unknown = Param { value: vec![f64::NAN], stderr: vec![f64::INFINITY], ..Param::default() };
         let params = [("load".to_string(), load), ("radius".to_string(), unknown)].into();
         let sections = [("branch twig".to_string(), Section { params, ..Section::default() })].into();
-        FitRecord { schema: SCHEMA, kind: "beam".into(), name: "branches".into(), sections, ..FitRecord::default() }
+        FitRecord { schema: SCHEMA, kind: FitKind::Beam, name: "branches".into(), sections, ..FitRecord::default() }
     }
 
     /// A fit without maps has no other hash than this one.

@@ -5,6 +5,7 @@ use crate::number;
 use crate::quantity::{channel_word, symbol};
 use crate::{Error, Result};
 use crate::{chart, figure, translucency, view};
+use mesophyll_record::FitKind;
 use minijinja::value::{Serde, Value};
 use minijinja::{AutoEscape, Environment, context};
 
@@ -89,7 +90,7 @@ fn fit(f: &FitReport) -> Value {
         phases => Serde(f.times.as_ref().map(view::phase_lines).unwrap_or_default()),
         truth_chart,
         cost_chart,
-        made => Serde(if f.kind == "translucency" { translucency::how(&f.options) } else { Vec::new() }),
+        made => Serde(if f.kind == FitKind::Translucency { translucency::how(&f.options) } else { Vec::new() }),
         has_truth => f.maps.iter().any(|m| m.truth.is_some()) || f.sections.iter().any(|s| !s.truth.is_empty()),
     }
 }

@@ -3,7 +3,7 @@
 use crate::captures::CaptureRow;
 use crate::held_out::HeldOutReport;
 use crate::stats::Summary;
-use mesophyll_record::{Phase, Residuals, TruthError};
+use mesophyll_record::{FitKind, Phase, Residuals, TruthError};
 use mesophyll_solve::TraceRow;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -71,7 +71,7 @@ pub struct Report {
 #[derive(Debug, Clone, Serialize)]
 pub struct FitReport {
     pub name: String,
-    pub kind: String,
+    pub kind: FitKind,
     pub folder: String,
     pub program: String,
     pub input_hash: String,

@@ -3,12 +3,12 @@
 
 use crate::maps::SideMaps;
 use crate::number::percent;
-use mesophyll_record::{FitRecord, GAUGE_GAMMA, GAUGE_THICKNESS, Section};
+use mesophyll_record::{FitKind, FitRecord, GAUGE_GAMMA, GAUGE_THICKNESS, Section};
 
 /// Adds the notes of a leaf scan's side; maps of other fits need none.
 pub fn add(side: &mut SideMaps, record: &FitRecord, section: &Section) {
     // A dome fit inverts every texel by itself: it has one description only.
-    if record.kind != "leaf" || record.options.get("capture_kind").is_some_and(|k| k == "dome") {
+    if record.kind != FitKind::Leaf || record.options.get("capture_kind").is_some_and(|k| k == "dome") {
         return;
     }
     let caliper = section

@@ -6,7 +6,7 @@ use crate::model::{FitReport, Level, ParameterRow, Report, SectionReport, TimesR
 use crate::{Error, Result};
 use crate::{Options, ReportSource, compare, held_out, notes, scene, translucency, verdict};
 use mesophyll_leaf::File;
-use mesophyll_record::{FitRecord, Section, Times};
+use mesophyll_record::{FitKind, FitRecord, Section, Times};
 use std::path::{Path, PathBuf};
 
 /// Version of the JSON rows.
@@ -132,7 +132,7 @@ fn fit(folder: &Path, options: &Options) -> Result<FitReport> {
     );
     let mut report = FitReport {
         name: if record.name.is_empty() { folder.display().to_string() } else { record.name.clone() },
-        kind: record.kind.clone(),
+        kind: record.kind,
         folder: folder.display().to_string(),
         program: record.program.clone(),
         input_hash: record.input_hash.clone(),
@@ -154,12 +154,12 @@ fn fit(folder: &Path, options: &Options) -> Result<FitReport> {
         notes::add(&mut side, &record, of);
         let mut lacking = Vec::new();
         report.maps.extend(side.rows(&mut lacking));
-        if record.kind == "leaf" {
+        if record.kind == FitKind::Leaf {
             report.missing.extend(lacking);
         }
         if options.pictures {
-            report.pictures.push(match record.kind.as_str() {
-                "translucency" => translucency::pictures(&side, &record.options),
+            report.pictures.push(match record.kind {
+                FitKind::Translucency => translucency::pictures(&side, &record.options),
                 _ => side.pictures(&record.defects),
             });
         }
@@ -176,14 +176,14 @@ fn side(
     capture: Option<&Path>,
     missing: &mut Vec<String>,
 ) -> Option<SideMaps> {
-    if record.kind != "leaf" && !folder.join(File::Maps.of(name)).exists() {
+    if record.kind != FitKind::Leaf && !folder.join(File::Maps.of(name)).exists() {
         return None;
     }
     // Only sides have maps; `all`, `blade` and the like are figures.
     if !matches!(name, "front" | "back") && !folder.join(File::Maps.of(name)).exists() {
         return None;
     }
-    if record.kind != "leaf" {
+    if record.kind != FitKind::Leaf {
         // A leaf's maps are a leaf's: no other fit misses them.
         return maps::read_side(folder, name, capture, &mut Vec::new());
     }

@@ -5,7 +5,7 @@ use crate::model::{Level, SectionReport};
 use crate::number::{percent, significant};
 use crate::quantity::symbol;
 use mesophyll_fit::leaf::sides;
-use mesophyll_record::{FitRecord, MIRROR, NOISE_SEEN, Residuals};
+use mesophyll_record::{FitKind, FitRecord, MIRROR, NOISE_SEEN, Residuals};
 
 /// Standard deviations of χ² that chance does not reach.
 const SPREADS: f64 = 5.0;
@@ -52,7 +52,7 @@ pub fn judge(what: &str, r: &Residuals, record: &FitRecord, s: &SectionReport) -
 
 /// What could be wrong where a leaf's traces leave too much, and what in the capture could have told.
 fn suspects(what: &str, chi2: f64, record: &FitRecord, s: &SectionReport) -> String {
-    if record.kind != "leaf" || what != "gloss" {
+    if record.kind != FitKind::Leaf || what != "gloss" {
         return String::new();
     }
     let mirror = record.options.get(MIRROR).map_or("", String::as_str);
@@ -82,7 +82,10 @@ fn suspects(what: &str, chi2: f64, record: &FitRecord, s: &SectionReport) -> Str
 /// Front against back: both show one interior.
 pub fn sides(record: &FitRecord, say: &mut impl FnMut(Level, String)) {
     let Some(section) = record.sections.get(sides::SECTION) else {
-        if record.kind == "leaf" && record.sections.contains_key("front") && !record.sections.contains_key("back") {
+        if record.kind == FitKind::Leaf
+            && record.sections.contains_key("front")
+            && !record.sections.contains_key("back")
+        {
             say(
                 Level::Good,
                 "only one side was measured, so nothing checks that its mean albedo is the interior's (mean γ = 1)"

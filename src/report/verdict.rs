@@ -6,7 +6,7 @@ use crate::quantity::{parameter, symbol};
 use crate::view::MANY;
 use crate::{captures, held_out, residuals};
 use mesophyll_fit_translucency::judge::NAMES;
-use mesophyll_record::{FitRecord, GAUGE_GAMMA, GAUGE_THICKNESS};
+use mesophyll_record::{FitKind, FitRecord, GAUGE_GAMMA, GAUGE_THICKNESS};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -77,7 +77,7 @@ pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> Verdict 
     residuals::sides(record, &mut say);
     held_out::reasons(&report.held_out, &mut say);
     parameters(report, &mut say);
-    if let Some(doubt) = record.options.get("doubt").filter(|_| record.kind == "translucency") {
+    if let Some(doubt) = record.options.get("doubt").filter(|_| record.kind == FitKind::Translucency) {
         say(Level::Doubtful, format!("{doubt}; the maps are not to be relied on"));
     }
     if let Err(e) = record.verify(folder) {
@@ -282,7 +282,7 @@ fn parameters(report: &FitReport, say: &mut impl FnMut(Level, String)) {
         .collect();
     if !undetermined.is_empty() {
         // A panorama's angles have a rule of their own.
-        let rule = if report.kind == "panorama" {
+        let rule = if report.kind == FitKind::Panorama {
             ""
         } else {
             " (a value is determined when its standard error is at most 10 % of it)"

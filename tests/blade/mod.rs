@@ -166,7 +166,7 @@ impl Blade {
         std::fs::write(dir.join("blade.glb"), self.glb()).unwrap();
         let mut record = FitRecord {
             schema: 1,
-            kind: "leaf".into(),
+            kind: mesophyll::record::FitKind::Leaf,
             name: name.into(),
             program: "test".into(),
             input_hash: hash::bytes(format!("{self:?}").as_bytes()),

@@ -3,7 +3,7 @@
 
 use crate::common::{copy_tree, refused, run, succeeded};
 use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
-use mesophyll::record::{FitRecord, Param, SCHEMA, Section, Times};
+use mesophyll::record::{FitKind, FitRecord, Param, SCHEMA, Section, Times};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
@@ -53,7 +53,7 @@ const THICKNESS_ERR_MM: f32 = 1e-4;
 /// A folder as `fit leaf` writes it, from a capture's truth; σ off by a factor.
 fn leaf_fit(beams: &Path, blade: &Path, off: f64) {
     std::fs::create_dir_all(blade).unwrap();
-    let mut record = FitRecord { schema: SCHEMA, kind: "leaf".into(), name: "elm".into(), ..FitRecord::default() };
+    let mut record = FitRecord { schema: SCHEMA, kind: FitKind::Leaf, name: "elm".into(), ..FitRecord::default() };
     record.options.insert("texel_mm".into(), "0.1".into());
     for side in ["front", "back"] {
         let truth = read_exr(&beams.join(format!("truth/{side}.exr"))).unwrap();

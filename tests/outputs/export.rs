@@ -314,10 +314,10 @@ fn mistakes_are_one_sentence_and_write_nothing() {
     let dir = tempfile::tempdir().unwrap();
     with_blade(dir.path());
     std::fs::create_dir(dir.path().join("folder")).unwrap();
-    std::fs::create_dir(dir.path().join("slab")).unwrap();
+    std::fs::create_dir(dir.path().join("twigs")).unwrap();
     std::fs::write(
-        dir.path().join("slab/fit.toml"),
-        "schema = 1\nkind = \"slab\"\nname = \"s\"\nprogram = \"p\"\ninput_hash = \"h\"\n",
+        dir.path().join("twigs/fit.toml"),
+        "schema = 1\nkind = \"beam\"\nname = \"t\"\nprogram = \"p\"\ninput_hash = \"h\"\n",
     )
     .unwrap();
     let cases: [(&[&str], &str); 7] = [
@@ -325,7 +325,7 @@ fn mistakes_are_one_sentence_and_write_nothing() {
         (&["export", "elm", "--to", "obj", "--out", "-"], "-o -: --to obj writes several files"),
         (&["export", "elm", "--to", "csv", "-o", "-", "--json"], "standard output holds the exported file itself"),
         (&["export", "nowhere", "--to", "csv", "-o", "x"], "fit.toml: no such file or folder"),
-        (&["export", "slab", "--to", "csv", "-o", "x"], "is a slab fit, which has no maps"),
+        (&["export", "twigs", "--to", "csv", "-o", "x"], "is a beam fit, which has no maps"),
         (&["export", "elm", "--to", "csv", "-o", "folder"], "found a folder, expected the name of a file"),
         (&["export", "elm", "--to", "obj", "-o", "a leaf.obj"], "without blanks"),
     ];

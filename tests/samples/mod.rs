@@ -89,7 +89,7 @@ pub fn write_fit(folder: &Path, sample: &Sample) {
     ]);
     let record = FitRecord {
         schema: 1,
-        kind: "leaf".into(),
+        kind: mesophyll::record::FitKind::Leaf,
         name: sample.name.clone(),
         program: "mesophyll 0.1.0".into(),
         input_hash: "5f0c2b9e".repeat(8),

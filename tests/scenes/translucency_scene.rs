@@ -4,7 +4,7 @@ use crate::blade;
 use crate::blade::{Blade, hashes};
 use mesophyll::files::hash;
 use mesophyll::files::image::{Maps, Packing, write_exr};
-use mesophyll::record::{FitRecord, Section};
+use mesophyll::record::{FitKind, FitRecord, Section};
 use mesophyll::scene::ledger::Ledger;
 use mesophyll::scene::loaded::Scene;
 use mesophyll::scene::manifest::Manifest;
@@ -29,7 +29,7 @@ fn write_maps(dir: &Path, width: usize, height: usize, h: impl Fn(usize, usize, 
     }
     let record = FitRecord {
         schema: 1,
-        kind: "translucency".into(),
+        kind: FitKind::Translucency,
         name: "elm".into(),
         program: "test".into(),
         input_hash: hash::bytes(b"made up"),

@@ -13,6 +13,7 @@ use crate::{Error, Result};
 use mesophyll_capture::dome::Capture;
 use mesophyll_capture::dome::reduce::{Options as Reduction, Reduced, reduce};
 use mesophyll_optics::side::Side;
+use mesophyll_record::FitKind;
 use mesophyll_record::maker::{self, Maker, Outcome};
 use rayon::prelude::*;
 use slab::{Shared, Slab, Texel};
@@ -51,7 +52,7 @@ pub struct Fitted {
 /// Unreadable or invalid captures (exit code 2), a folder that cannot be written or holds something else (2).
 pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     let (folder, options) = (capture.to_path_buf(), *options);
-    maker::make("leaf", out, &[capture], move |maker| fit(&folder, &options, maker))
+    maker::make(FitKind::Leaf, out, &[capture], move |maker| fit(&folder, &options, maker))
 }
 
 fn fit(folder: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {

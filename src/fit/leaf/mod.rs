@@ -28,6 +28,7 @@ use mesophyll_capture::manifest::{Pass, Travel};
 use mesophyll_capture::reader::Capture;
 use mesophyll_files::progress::Bar;
 use mesophyll_optics::gloss::Lobe;
+use mesophyll_record::FitKind;
 use mesophyll_record::maker::{self, Maker, Outcome};
 use std::path::Path;
 use std::time::Instant;
@@ -104,7 +105,7 @@ pub fn input_hash(capture: &Capture, options: &Options) -> Result<String> {
 /// and a fit that as a whole cannot be trusted (1).
 pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     let (folder, options) = (capture.to_path_buf(), options.clone());
-    maker::make("leaf", out, &[capture], move |maker| fit(&folder, &options, maker))
+    maker::make(FitKind::Leaf, out, &[capture], move |maker| fit(&folder, &options, maker))
 }
 
 fn fit(folder: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {

@@ -8,7 +8,7 @@ use mesophyll_files::table::Table;
 use mesophyll_plant::beam::{TAPER_MAX, TAPER_MIN};
 use mesophyll_plant::taper::TERMS;
 use mesophyll_record::maker;
-use mesophyll_record::{FitRecord, Param, Residuals, Section};
+use mesophyll_record::{FitKind, FitRecord, Param, Residuals, Section};
 use mesophyll_solve::Termination;
 use std::path::Path;
 use std::time::Instant;
@@ -33,7 +33,7 @@ pub fn of_basis() -> FitRecord {
     section.figures.insert("worst_error_of_tip".into(), worst);
     section.figures.insert("worst_error_at_alpha".into(), at);
     let mut record = FitRecord::new(
-        "beam",
+        FitKind::Beam,
         "branch basis",
         mesophyll_files::hash::combine([("basis", format!("{TAPER_MIN} {TAPER_MAX} {DEGREE}").as_str())]),
     );
@@ -57,7 +57,7 @@ pub fn of_branches(
     along: Along,
     input_hash: String,
 ) -> FitRecord {
-    let mut record = FitRecord::new("beam", "branches", input_hash);
+    let mut record = FitRecord::new(FitKind::Beam, "branches", input_hash);
     let converged = fits.iter().filter(|f| termination(f).converged()).count();
     record.termination = fits.iter().map(termination).find(|t| t.converged()).or(Some(Termination::Refused));
     record.options.insert(
@@ -120,7 +120,7 @@ fn describe(section: &mut Section, m: &Measured) {
 /// # Errors
 /// A folder that cannot be written or that holds something else.
 pub fn basis_to(out: &Path) -> Result<(FitRecord, f64)> {
-    maker::make("beam", out, &[], |maker| {
+    maker::make(FitKind::Beam, out, &[], |maker| {
         let record = of_basis();
         maker.made_from(record.input_hash.clone())?;
         let start = Instant::now();
@@ -153,7 +153,7 @@ pub fn branches_to(marks: &Path, out: Option<&Path>, noise: Option<f64>, along: 
         Ok((branches, fits))
     };
     let Some(out) = out else { return fit() };
-    maker::make("beam", out, &[marks], move |maker| {
+    maker::make(FitKind::Beam, out, &[marks], move |maker| {
         let (branches, fits) = maker.phase("fit", fit)?;
         let told = [("branches", format!("{branches:?}")), ("along", format!("{along:?}"))];
         let input = maker::input_hash(told.iter().map(|(name, text)| (*name, text.as_str())));

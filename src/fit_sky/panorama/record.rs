@@ -9,7 +9,7 @@ use mesophyll_files::hash;
 use mesophyll_files::image::{Maps, Packing, read_exr, write_exr};
 use mesophyll_files::table::Status;
 use mesophyll_record::maker::{self, Maker};
-use mesophyll_record::{Param, Residuals, Section};
+use mesophyll_record::{FitKind, Param, Residuals, Section};
 use mesophyll_sky::preetham;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -35,7 +35,7 @@ pub struct Options {
 /// something else.
 pub fn make(path: &Path, out: &Path, options: &Options) -> Result<Found> {
     let (path, inputs, options) = (path.to_path_buf(), [path], options.clone());
-    maker::make("panorama", out, &inputs, move |maker| {
+    maker::make(FitKind::Panorama, out, &inputs, move |maker| {
         let projection = Projection::of(options.projection, options.field_deg);
         let picture = maker.phase("read", || picture::read(&path, &read_exr(&path)?, projection, &options.channels))?;
         if let Some(n) = options.noise.filter(|n| !(*n > 0.0 && *n < 1.0)) {

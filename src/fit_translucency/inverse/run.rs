@@ -14,8 +14,8 @@ use mesophyll_files::quantity::Quantity;
 use mesophyll_leaf::{File, fill};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::side::mirror;
-use mesophyll_record::FitRecord;
 use mesophyll_record::maker::{self, Maker, Outcome};
+use mesophyll_record::{FitKind, FitRecord};
 use mesophyll_translucency::horizon::Horizon;
 use mesophyll_translucency::irradiance::{Visibility, irradiance};
 use std::path::Path;
@@ -77,7 +77,7 @@ const RGB: [&str; 3] = ["R", "G", "B"];
 /// to go by (1), a folder that cannot be written (2).
 pub fn run(beams: &Path, blade: &Path, out: &Path, options: &Options) -> Result<Outcome> {
     let (capture, leaf, options) = (beams.to_path_buf(), blade.to_path_buf(), *options);
-    maker::make("tissue", out, &[beams, blade], move |maker| fit(&capture, &leaf, &options, maker))
+    maker::make(FitKind::Tissue, out, &[beams, blade], move |maker| fit(&capture, &leaf, &options, maker))
 }
 
 fn fit(beams: &Path, blade: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {

@@ -7,7 +7,7 @@ use crate::manifest::{Basis, Manifest, Translucency as Asked};
 use mesophyll_files::hash;
 use mesophyll_fit_translucency::recipe::Recipe;
 use mesophyll_leaf::LeafFit;
-use mesophyll_record::FitRecord;
+use mesophyll_record::{FitKind, FitRecord};
 use mesophyll_translucency::basis::Basis as Functions;
 use std::path::{Path, PathBuf};
 
@@ -62,7 +62,7 @@ pub fn find(
         let source = Source { status, folder: made, why: why.into() };
         return Ok(Some(Translucent { source, fitted: None }));
     };
-    let fitted = LeafFit::open_as(&place, "translucency")?.called(&format!("{}/translucency", leaf.name));
+    let fitted = LeafFit::open_as(&place, FitKind::Translucency)?.called(&format!("{}/translucency", leaf.name));
     let source = Source { status: Status::Reuse, folder: Some(place), why: "the scene asks for it".into() };
     Ok(Some(Translucent { source, fitted: Some(fitted) }))
 }
