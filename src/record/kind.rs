@@ -1,0 +1,33 @@
+//! The kinds of fit folder.
+
+use serde::{Deserialize, Serialize};
+use strum::{Display, IntoStaticStr};
+
+/// What a fit folder is a fit of; its name is what `kind` in `fit.toml` says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, Display, IntoStaticStr)]
+#[serde(rename_all = "kebab-case")]
+#[strum(serialize_all = "kebab-case")]
+pub enum FitKind {
+    /// A leaf's maps and leaf-wide figures, from a scan, a dome or light boxes.
+    #[default]
+    Leaf,
+    /// How light spreads inside a leaf, from narrow beams.
+    Tissue,
+    /// How the light that comes through a leaf depends on its direction.
+    Translucency,
+    /// Polynomials of a sky's spherical harmonics.
+    Sky,
+    /// Sun and turbidity of one picture of the sky.
+    Panorama,
+    /// The shapes of bending branches.
+    Beam,
+    /// How light reaches the leaves of a scene past and by way of other leaves.
+    Transfer,
+}
+
+impl FitKind {
+    /// Its name in `fit.toml`.
+    pub fn name(self) -> &'static str {
+        self.into()
+    }
+}
