@@ -4,17 +4,18 @@ use crate::{Common, Result};
 use mesophyll_files::{claim, progress};
 use mesophyll_flora::file;
 use mesophyll_flora::form::Plant;
-use mesophyll_flora::grow::{grow, spec::Spec};
+use mesophyll_flora::grow::described;
 use std::path::PathBuf;
 
-/// Grows a plant from its description and writes it as glTF: a node a branch, leaves as instances.
+/// Grows a plant or a meadow from its description and writes it as glTF: a node a branch, leaves as instances.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  \
      mesophyll grow data/plants/wych-elm.toml -o out/elm.glb\n  \
-     mesophyll grow data/plants/bird-cherry-sapling.toml -o out/sapling.glb --seed 3\n\n\
-     The description is explained in data/plants/README.md, the file in docs/plants.md.")]
+     mesophyll grow data/plants/bird-cherry-sapling.toml -o out/sapling.glb --seed 3\n  \
+     mesophyll grow data/grass/lawn.toml -o out/lawn.glb\n\n\
+     The description is explained in data/plants/README.md and data/grass/README.md, the file in docs/plants.md.")]
 pub struct Args {
-    /// Description of the plant, such as data/plants/wych-elm.toml
+    /// Description of the plant, such as data/plants/wych-elm.toml or data/grass/lawn.toml
     #[arg(value_name = "SPEC.toml")]
     spec: PathBuf,
     /// File to write (.glb)
@@ -26,12 +27,11 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
-    let spec = Spec::read(&args.spec)?;
+    let plant = described(&args.spec, args.seed)?;
     claim::file(&args.out, &["glb"], &[&args.spec])?;
-    let plant = grow(&spec, args.seed);
     file::write(&plant, &args.out)?;
     let [vertices, triangles] = size(&plant);
-    let levels = spec.levels.len();
+    let levels = plant.branches.iter().map(|b| b.level + 1).max().unwrap_or(0);
     let (branches, leaves) = (plant.branches.len(), plant.leaves.len());
     if common.json {
         crate::print_json(&serde_json::json!({

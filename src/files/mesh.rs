@@ -16,7 +16,7 @@ mod tests;
 pub use discs::read_discs;
 pub use read::{read, read_plain};
 
-use glam::{DVec2, DVec3};
+use glam::{DMat4, DVec2, DVec3};
 use serde::Deserialize;
 
 /// What one unit of a file's lengths is.
@@ -82,6 +82,17 @@ impl LeafMesh {
     /// How many triangles it has.
     pub fn triangles(&self) -> usize {
         self.indices.len() / 3
+    }
+
+    /// Adds another mesh as `frame` turns, moves and evenly scales it.
+    pub fn append(&mut self, other: &LeafMesh, frame: DMat4) {
+        let first = self.positions.len() as u32;
+        let turned = |v: DVec3| frame.transform_vector3(v).normalize_or_zero();
+        self.positions.extend(other.positions.iter().map(|p| frame.transform_point3(*p)));
+        self.normals.extend(other.normals.iter().map(|n| turned(*n)));
+        self.tangents.extend(other.tangents.iter().map(|(t, w)| (turned(*t), *w)));
+        self.uvs.extend(other.uvs.iter().copied());
+        self.indices.extend(other.indices.iter().map(|i| i + first));
     }
 
     /// Centre and radius of a sphere around every vertex.

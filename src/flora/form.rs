@@ -74,6 +74,19 @@ pub struct Blade {
     pub mesh: LeafMesh,
 }
 
+impl Plant {
+    /// All blades of a material, where they stand, as one mesh; without triangles where there are none.
+    pub fn blades_of(&self, material: &str) -> LeafMesh {
+        let mut mesh = LeafMesh::default();
+        for leaf in &self.leaves {
+            if let Some(blade) = self.blades.get(leaf.blade).filter(|blade| blade.material == material) {
+                mesh.append(&blade.mesh, leaf.transform);
+            }
+        }
+        mesh
+    }
+}
+
 impl Branch {
     /// From the branch's own frame to the plant's.
     pub fn frame(&self) -> DMat4 {

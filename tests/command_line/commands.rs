@@ -134,6 +134,11 @@ fn the_commands_of_the_readme_run() {
 }
 
 #[test]
+fn the_commands_of_the_grass_page_run() {
+    assert_eq!(run_page("docs/grass.md", false), [2, 1]);
+}
+
+#[test]
 fn the_commands_of_the_sky_page_run() {
     assert_eq!(run_page("docs/sky.md", false), [6, 0]);
 }

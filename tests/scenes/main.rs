@@ -7,16 +7,19 @@ mod between;
 mod blade;
 mod branch;
 mod check;
+#[path = "../common/mod.rs"]
+mod common;
 mod daylight;
 mod goldens;
+mod grass;
 mod plan;
 mod plants;
 mod reference;
 mod scene;
 mod scene_imports;
-#[path = "../common/skips.rs"]
-mod skips;
 mod translucency_scene;
+
+use common::skips;
 
 /// What the program printed with `--json`.
 fn json(output: &std::process::Output) -> serde_json::Value {

@@ -5,19 +5,23 @@
 
 mod foliage;
 pub mod light;
+pub mod meadow;
 pub mod spec;
 #[cfg(test)]
 mod tests;
 mod wood;
 
+use crate::Result;
 use crate::form::{Branch, Joint, Plant};
 use glam::{DQuat, DVec3};
 use light::Shade;
+use meadow::Meadow;
 use mesophyll_files::mesh::LeafMesh;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use spec::{Arrangement, Crown, Level, Spec};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::path::Path;
 
 /// Cells of shade along the height of a plant.
 const CELLS: f64 = 40.0;
@@ -33,6 +37,25 @@ impl Chance {
     /// Evenly from −1 to 1.
     pub(crate) fn stray(&mut self) -> f64 {
         self.0.random::<f64>() * 2.0 - 1.0
+    }
+
+    /// Normally distributed with the standard deviation 1 (Box and Muller 1958).
+    pub(crate) fn normal(&mut self) -> f64 {
+        let (u, v) = (1.0 - self.0.random::<f64>(), self.0.random::<f64>());
+        (-2.0 * u.ln()).sqrt() * (TAU * v).cos()
+    }
+}
+
+/// Reads what `path` describes, a plant or (where it has a [[sward]]) a meadow, and grows it; `seed` stands for the
+/// description's own where it is given.
+///
+/// # Errors
+/// As [`Spec::read`] and [`Meadow::read`].
+pub fn described(path: &Path, seed: Option<u64>) -> Result<Plant> {
+    let table: toml::Table = spec::parse(path)?;
+    match table.contains_key("sward") {
+        true => Meadow::read(path).map(|meadow| meadow.grow(seed)),
+        false => Spec::read(path).map(|spec| grow(&spec, seed)),
     }
 }
 

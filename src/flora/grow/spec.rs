@@ -4,6 +4,7 @@ use crate::file::MOST_TRIANGLES;
 use crate::{Error, Result};
 use mesophyll_files::atomic::explain;
 use serde::Deserialize;
+use serde::de::DeserializeOwned;
 use std::path::Path;
 
 /// A plant's description.
@@ -194,20 +195,11 @@ impl Spec {
     /// # Errors
     /// [`Error::Input`] naming the file, the line or the field, what was found and what was expected.
     pub fn read(path: &Path) -> Result<Spec> {
-        let text = std::fs::read_to_string(path).map_err(|e| Error::input(path, explain(&e)))?;
-        let spec: Spec = toml::from_str(&text).map_err(|e| Error::toml(path, &text, &e))?;
-        spec.check(path)?;
-        Ok(spec)
+        parse::<Spec>(path).and_then(|spec| spec.check(path).map(|()| spec))
     }
 
     fn check(&self, path: &Path) -> Result<()> {
-        let range = |field: String, value: f64, [low, high]: [f64; 2]| {
-            if (low..=high).contains(&value) {
-                Ok(())
-            } else {
-                Err(Error::unexpected(path, &field, value, format!("{low} to {high}")))
-            }
-        };
+        let range = |field: String, value: f64, limits: [f64; 2]| range(path, &field, value, limits);
         if self.schema != 1 {
             return Err(Error::unexpected(path, "schema", self.schema, "1"));
         }
@@ -266,8 +258,22 @@ impl Spec {
     }
 }
 
+/// Reads a description; what it says is not checked yet.
+pub(crate) fn parse<T: DeserializeOwned>(path: &Path) -> Result<T> {
+    let text = std::fs::read_to_string(path).map_err(|e| Error::input(path, explain(&e)))?;
+    toml::from_str(&text).map_err(|e| Error::toml(path, &text, &e))
+}
+
+/// Whether a field's value lies within its limits.
+pub(crate) fn range(path: &Path, field: &str, value: f64, [low, high]: [f64; 2]) -> Result<()> {
+    if (low..=high).contains(&value) {
+        return Ok(());
+    }
+    Err(Error::unexpected(path, field, value, format!("{low} to {high}")))
+}
+
 /// Whether a profile's places ascend within 0 and 1 and its shares are not negative.
-fn profile(path: &Path, field: &str, points: &[[f64; 2]]) -> Result<()> {
+pub(crate) fn profile(path: &Path, field: &str, points: &[[f64; 2]]) -> Result<()> {
     let ascending = points.windows(2).all(|w| w[0][0] < w[1][0]);
     if !ascending || points.iter().any(|[x, y]| !((0.0..=1.0).contains(x) && (0.0..=10.0).contains(y))) {
         return Err(Error::field(path, field, "expected ascending places from 0 to 1, each with a share of 0 or more"));

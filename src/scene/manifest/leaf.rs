@@ -26,6 +26,9 @@ pub struct Leaf {
     pub scan: Option<Scan>,
     /// glTF; the fit's own blade when absent.
     pub mesh: Option<PathBuf>,
+    /// A material of the plant or meadow that `mesh` is (or describes, for `mesophyll grow`): all its blades of this
+    /// material, where they stand, are the mesh.
+    pub part: Option<String>,
     /// Discs instead of a mesh, a line each: radius, centre x y z, normal x y z. For a uniform leaf that the path
     /// tracer draws.
     pub discs: Option<PathBuf>,

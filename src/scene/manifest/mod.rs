@@ -111,12 +111,14 @@ impl Manifest {
     fn share(&mut self) {
         for k in 0..self.leaves.len() {
             let Some(other) = self.leaves[k].like.as_ref().and_then(|n| self.leaf_index(n)) else { continue };
-            let Leaf { fit, capture, scan, uniform, layers, mesh, discs, mesh_unit, .. } = self.leaves[other].clone();
+            let Leaf { fit, capture, scan, uniform, layers, mesh, part, discs, mesh_unit, .. } =
+                self.leaves[other].clone();
             let leaf = &mut self.leaves[k];
             (leaf.fit, leaf.capture, leaf.scan, leaf.uniform) = (fit, capture, scan, uniform);
             leaf.layers = layers;
             if leaf.mesh.is_none() && leaf.discs.is_none() {
                 (leaf.mesh, leaf.discs, leaf.mesh_unit) = (mesh, discs, mesh_unit);
+                leaf.part = leaf.part.take().or(part);
             }
         }
     }

@@ -4,15 +4,17 @@ use super::branch::{self, Bends};
 use super::daylight;
 use super::facing::Facing;
 use super::placement::{self, Placement};
-use crate::Result;
 use crate::fits::source::{self, InputHash, Source, Status};
 use crate::fits::translucency::{self, Translucent};
 use crate::ledger::Ledger;
 use crate::manifest::{Manifest, ViewKind};
+use crate::{Error, Result};
 use glam::DVec3;
 use mesophyll_files::mesh::{self, LeafMesh, Unit};
 use mesophyll_files::progress::Bar;
+use mesophyll_flora::{file, grow};
 use mesophyll_leaf::{BLADE, LeafFit};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// How a scene's leaves are looked for.
@@ -130,6 +132,7 @@ impl Leaf {
         let bytes = std::fs::metadata(&self.mesh_path).map_or(0, |m| m.len());
         ledger.note("read", format!("{}/{}", leaf.name, self.mesh_name()), bytes, || match leaf.discs {
             Some(_) => mesh::read_discs(&self.mesh_path, leaf.mesh_unit.unwrap_or(Unit::Metre)),
+            None if leaf.part.is_some() => blades_of(&self.mesh_path, leaf.part.as_deref().unwrap_or_default()),
             None if leaf.uniform.is_some() => mesh::read_plain(&self.mesh_path, leaf.mesh_unit),
             None => mesh::read(&self.mesh_path, leaf.mesh_unit),
         })
@@ -139,6 +142,19 @@ impl Leaf {
     pub fn mesh_name(&self) -> String {
         self.mesh_path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
     }
+}
+
+/// The blades of one material of a plant's file, or of what a description grows.
+fn blades_of(path: &Path, material: &str) -> Result<LeafMesh> {
+    let described = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
+    let plant = if described { grow::described(path, None)? } else { file::read(path)? };
+    let mesh = plant.blades_of(material);
+    if mesh.indices.is_empty() {
+        let known: BTreeSet<&str> = plant.blades.iter().map(|b| b.material.as_str()).collect();
+        let known = known.into_iter().collect::<Vec<_>>().join(", ");
+        return Err(Error::input(path, format!("no blades of the material \"{material}\"; expected one of {known}")));
+    }
+    Ok(mesh)
 }
 
 /// What the views (eye and time) see of all placements of one leaf.

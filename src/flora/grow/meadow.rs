@@ -1,0 +1,301 @@
+//! Grass: blades in tufts on a square that repeats, grown from a TOML file (format: `data/grass/README.md`). The same
+//! description and seed give the same meadow.
+//!
+//! A blade is a thin sheet along an arc, tapered and folded along its midrib; a trefoil is a stalk with three leaflets.
+//! Each sward has some shapes, of which all its blades are instances. A blade belongs to the square in which its foot
+//! is, and may hang over the edge: the square beside it goes on there.
+
+#[cfg(test)]
+mod tests;
+
+use super::Chance;
+use super::spec::{self, profile, range};
+use crate::form::{Blade, Branch, Joint, Leaf, Plant};
+use crate::{Error, Result};
+use glam::{DMat3, DMat4, DQuat, DVec2, DVec3};
+use mesophyll_files::mesh::{LeafMesh, vertex_normals, vertex_tangents};
+use rand::SeedableRng;
+use rand_pcg::Pcg64;
+use serde::Deserialize;
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::path::Path;
+
+/// No square has more blades than this; a larger number is likelier a typing error.
+const MOST: f64 = 300_000.0;
+/// Share of the width that is left at a point, so that no triangle is without area.
+const POINT: f64 = 0.02;
+/// Leaflets stand at this angle to the level that is across their stalk.
+const LEAFLETS_RISE: f64 = 0.25;
+
+/// A meadow's description.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Meadow {
+    /// Version of the format: 1.
+    pub schema: u32,
+    /// What the meadow is called.
+    pub name: String,
+    /// Where the figures come from.
+    #[serde(default)]
+    pub sources: Vec<String>,
+    /// The same seed grows the same meadow.
+    pub seed: u64,
+    /// The square (or rectangle) that repeats, along x and y; the origin is its middle.
+    pub size_mm: [f64; 2],
+    /// What grows on it.
+    #[serde(rename = "sward")]
+    pub swards: Vec<Sward>,
+}
+
+/// Blades of one species.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sward {
+    /// Name of the material.
+    pub material: String,
+    /// Botanical name.
+    #[serde(default)]
+    pub species: String,
+    /// Blades (or trefoils) on a square metre.
+    pub per_m2: f64,
+    /// Of a blade from its foot to its tip along the arc; of a trefoil's stalk.
+    pub length_mm: f64,
+    /// How far single ones stray in size: a share.
+    #[serde(default)]
+    pub size_spread: f64,
+    /// Of a blade at its widest; of a trefoil's stalk.
+    pub width_mm: f64,
+    /// Share of the blade's length, and share of its width there.
+    #[serde(default)]
+    pub profile: Vec<[f64; 2]>,
+    /// Between the vertical and the blade at its foot.
+    #[serde(default)]
+    pub lean_deg: f64,
+    /// How far single ones stray from it.
+    #[serde(default)]
+    pub lean_spread_deg: f64,
+    /// How far the blade turns outwards and down from its foot to its tip.
+    #[serde(default)]
+    pub bend_deg: f64,
+    /// How far single shapes stray from it.
+    #[serde(default)]
+    pub bend_spread_deg: f64,
+    /// How far each half rises from flat.
+    #[serde(default)]
+    pub fold_deg: f64,
+    /// How far the feet of a tuft are from its middle: standard deviation.
+    #[serde(default)]
+    pub tuft_mm: f64,
+    /// Blades of one tuft; they lean away from its middle.
+    #[serde(default = "one")]
+    pub blades_a_tuft: usize,
+    /// Length and width of a trefoil's leaflets; a blade has none.
+    pub leaflet_mm: Option<[f64; 2]>,
+    /// Shapes that blades are instances of.
+    #[serde(default = "shapes")]
+    pub shapes: usize,
+    /// Pieces along a blade.
+    #[serde(default = "segments")]
+    pub segments: usize,
+}
+
+fn one() -> usize {
+    1
+}
+fn shapes() -> usize {
+    12
+}
+fn segments() -> usize {
+    6
+}
+
+impl Meadow {
+    /// Reads and checks a description.
+    ///
+    /// # Errors
+    /// [`Error::Input`] naming the file, the line or the field, what was found and what was expected.
+    pub fn read(path: &Path) -> Result<Meadow> {
+        spec::parse::<Meadow>(path).and_then(|meadow| meadow.check(path).map(|()| meadow))
+    }
+
+    fn check(&self, path: &Path) -> Result<()> {
+        if self.schema != 1 {
+            return Err(Error::unexpected(path, "schema", self.schema, "1"));
+        }
+        for side in self.size_mm {
+            range(path, "size_mm", side, [1.0, 1e5])?;
+        }
+        if self.swards.is_empty() {
+            return Err(Error::field(path, "sward", "missing; expected at least one [[sward]]"));
+        }
+        for (k, sward) in self.swards.iter().enumerate() {
+            let within = |name: &str, value: f64, limits: [f64; 2]| {
+                range(path, &format!("sward {}: {name}", k + 1), value, limits)
+            };
+            within("per_m2", sward.per_m2, [0.0, 1e7])?;
+            within("length_mm", sward.length_mm, [0.1, 1e4])?;
+            within("size_spread", sward.size_spread, [0.0, 0.95])?;
+            within("width_mm", sward.width_mm, [0.01, 1e3])?;
+            within("lean_deg", sward.lean_deg, [0.0, 90.0])?;
+            within("lean_spread_deg", sward.lean_spread_deg, [0.0, 90.0])?;
+            within("bend_deg", sward.bend_deg, [0.0, 180.0])?;
+            within("bend_spread_deg", sward.bend_spread_deg, [0.0, 90.0])?;
+            within("fold_deg", sward.fold_deg, [0.0, 85.0])?;
+            within("tuft_mm", sward.tuft_mm, [0.0, 1e4])?;
+            within("blades_a_tuft", sward.blades_a_tuft as f64, [1.0, 1e5])?;
+            within("shapes", sward.shapes as f64, [1.0, 256.0])?;
+            within("segments", sward.segments as f64, [1.0, 64.0])?;
+            for side in sward.leaflet_mm.into_iter().flatten() {
+                within("leaflet_mm", side, [0.01, 1e3])?;
+            }
+            let points = format!("sward {}: profile", k + 1);
+            profile(path, &points, &sward.profile)?;
+            if sward.profile.len() == 1 {
+                return Err(Error::unexpected(path, &points, 1, "two points or more, or none"));
+            }
+        }
+        let blades: f64 = self.swards.iter().map(|s| self.blades(s)).sum();
+        if !(1.0..=MOST).contains(&blades) {
+            return Err(Error::unexpected(
+                path,
+                "size_mm and per_m2",
+                format!("{blades} blades"),
+                format!("1 to {MOST}"),
+            ));
+        }
+        Ok(())
+    }
+
+    /// Blades of a sward on the square.
+    fn blades(&self, sward: &Sward) -> f64 {
+        (sward.per_m2 * self.size_mm[0] * self.size_mm[1] * 1e-6).round()
+    }
+
+    /// Grows it; `seed` stands for the description's own where it is given. The plant has one branch without wood, the
+    /// ground that all blades stand on.
+    pub fn grow(&self, seed: Option<u64>) -> Plant {
+        let mut chance = Chance(Pcg64::seed_from_u64(seed.unwrap_or(self.seed)));
+        let mut plant = Plant { name: self.name.clone(), branches: vec![ground()], ..Plant::default() };
+        for sward in &self.swards {
+            let first = plant.blades.len();
+            for _ in 0..sward.shapes {
+                let bend = (sward.bend_deg + sward.bend_spread_deg * chance.stray()).clamp(0.0, 180.0).to_radians();
+                plant.blades.push(Blade { material: sward.material.clone(), mesh: sward.shape(bend) });
+            }
+            let mut tuft = DVec2::ZERO;
+            for k in 0..self.blades(sward) as usize {
+                if k % sward.blades_a_tuft == 0 {
+                    tuft = DVec2::new(chance.stray(), chance.stray()) * 0.5 * DVec2::from(self.size_mm);
+                }
+                let away = DVec2::new(chance.normal(), chance.normal()) * sward.tuft_mm;
+                // Away from the tuft's middle, and somewhat astray; alone, anywhere.
+                let stray = if sward.blades_a_tuft > 1 { 0.3 } else { 1.0 };
+                let azimuth = away.to_angle() + stray * PI * chance.stray();
+                let foot = wrapped(tuft + away, self.size_mm);
+                let lean = (sward.lean_deg + sward.lean_spread_deg * chance.stray()).clamp(0.0, FRAC_PI_2.to_degrees());
+                let size = 1.0 + sward.size_spread * chance.stray();
+                let (out, lean) = (DVec3::new(azimuth.cos(), azimuth.sin(), 0.0), lean.to_radians());
+                let x = out * lean.sin() + DVec3::Z * lean.cos();
+                // The upper side of a leaning blade looks up, towards the tuft's middle.
+                let z = DVec3::Z * lean.sin() - out * lean.cos();
+                let turn = DMat3::from_cols(x, z.cross(x), z) * size;
+                let middle = foot.extend(0.0) + x * (0.5 * sward.length_mm * size);
+                let shape = (0.5 * (1.0 + chance.stray()) * sward.shapes as f64) as usize;
+                plant.leaves.push(Leaf {
+                    blade: first + shape.min(sward.shapes - 1),
+                    joint: Joint { branch: 0, at: 0.0 },
+                    transform: DMat4::from_translation(middle) * DMat4::from_mat3(turn),
+                });
+            }
+        }
+        plant
+    }
+}
+
+/// What blades stand on: a branch without length to speak of, and without wood.
+fn ground() -> Branch {
+    Branch {
+        name: "ground".into(),
+        parent: None,
+        level: 0,
+        root: DVec3::ZERO,
+        axes: [DVec3::Z, DVec3::X, DVec3::Y],
+        axis: vec![DVec3::ZERO, DVec3::X],
+        root_radius: 0.0,
+        tip_radius: 0.0,
+        load: 0.0,
+        material: String::new(),
+        wood: LeafMesh::default(),
+    }
+}
+
+/// The same place of the square around the origin.
+fn wrapped(place: DVec2, size: [f64; 2]) -> DVec2 {
+    let size = DVec2::from(size);
+    place - size * (place / size + 0.5).floor()
+}
+
+impl Sward {
+    /// A shape that turns by `bend` (radians) over its length: its foot at −½ length on x, where it sets out along +x
+    /// with its upper side to +z.
+    fn shape(&self, bend: f64) -> LeafMesh {
+        let (length, fold) = (self.length_mm, self.fold_deg.to_radians());
+        let width = |s: f64| if self.profile.is_empty() { 1.0 } else { spec::at(&self.profile, s) };
+        let mut mesh = LeafMesh::default();
+        for k in 0..=self.segments {
+            let s = k as f64 / self.segments as f64;
+            let (place, along, up) = arc(length, bend, s);
+            let half = 0.5 * self.width_mm * width(s).max(POINT);
+            for side in [-1.0, 0.0, 1.0] {
+                let out = DVec3::Y * (side * fold.cos()) + up * (side.abs() * fold.sin());
+                mesh.positions.push(place + out * half);
+                mesh.uvs.push(DVec2::new(s, 0.5 - 0.5 * side));
+            }
+            debug_assert!((along.cross(DVec3::Y) - up).length() < 1e-9);
+        }
+        for k in 0..self.segments as u32 {
+            for a in [3 * k, 3 * k + 1] {
+                mesh.indices.extend([a, a + 3, a + 1, a + 3, a + 4, a + 1]);
+            }
+        }
+        if let Some(leaflet) = self.leaflet_mm {
+            let (tip, along, up) = arc(length, bend, 1.0);
+            for k in 0..3 {
+                let angle = TAU * (f64::from(k) / 3.0);
+                let out = DQuat::from_axis_angle(along, angle) * up;
+                let forth = (out + along * LEAFLETS_RISE).normalize();
+                add_leaflet(&mut mesh, tip, forth, along.cross(out), leaflet);
+            }
+        }
+        mesh.normals = vertex_normals(&mesh);
+        mesh.tangents = vertex_tangents(&mesh);
+        mesh
+    }
+}
+
+/// Place, direction and upper side at a share `s` of an arc that turns by `bend` from +x towards −z.
+fn arc(length: f64, bend: f64, s: f64) -> (DVec3, DVec3, DVec3) {
+    let angle = bend * s;
+    // ∫ cos and ∫ sin of the angle so far, over the way: by half angles, which stay right at bend 0.
+    let half = 0.5 * angle;
+    let chord = s * length * if half.abs() < 1e-6 { 1.0 } else { half.sin() / half };
+    let place = DVec3::new(chord * half.cos() - 0.5 * length, 0.0, -chord * half.sin());
+    let along = DVec3::new(angle.cos(), 0.0, -angle.sin());
+    (place, along, DVec3::new(angle.sin(), 0.0, angle.cos()))
+}
+
+/// A flat leaflet of inverted egg shape from its foot along `forth`.
+fn add_leaflet(mesh: &mut LeafMesh, foot: DVec3, forth: DVec3, across: DVec3, [length, width]: [f64; 2]) {
+    const OUTLINE: [[f64; 2]; 5] = [[0.0, POINT], [0.3, 0.6], [0.65, 1.0], [0.9, 0.8], [1.0, 0.3]];
+    let first = mesh.positions.len() as u32;
+    for [s, share] in OUTLINE {
+        for side in [-1.0, 1.0] {
+            mesh.positions.push(foot + forth * (s * length) + across * (0.5 * side * share * width));
+            mesh.uvs.push(DVec2::new(s, 0.5 - 0.5 * side * share));
+        }
+    }
+    for k in 0..OUTLINE.len() as u32 - 1 {
+        let a = first + 2 * k;
+        mesh.indices.extend([a, a + 2, a + 1, a + 2, a + 3, a + 1]);
+    }
+}
