@@ -212,7 +212,7 @@ impl Meadow {
     }
 }
 
-/// What blades stand on: a branch without length to speak of, and without wood.
+/// What blades stand on: a branch without length, which no wind moves, and without wood.
 fn ground() -> Branch {
     Branch {
         name: "ground".into(),
@@ -220,7 +220,7 @@ fn ground() -> Branch {
         level: 0,
         root: DVec3::ZERO,
         axes: [DVec3::Z, DVec3::X, DVec3::Y],
-        axis: vec![DVec3::ZERO, DVec3::X],
+        axis: vec![DVec3::ZERO; 2],
         root_radius: 0.0,
         tip_radius: 0.0,
         load: 0.0,
