@@ -122,6 +122,39 @@ impl Branch {
     }
 }
 
+impl Plant {
+    /// The same plant in another frame: `place` turns, moves and scales alike along all axes.
+    pub fn moved(&self, place: DMat4) -> Plant {
+        let scale = place.determinant().cbrt();
+        let mut out = self.clone();
+        for branch in &mut out.branches {
+            branch.root = place.transform_point3(branch.root);
+            branch.axes = branch.axes.map(|a| place.transform_vector3(a) / scale);
+            let lengths = [&mut branch.root_radius, &mut branch.tip_radius, &mut branch.load];
+            lengths.into_iter().for_each(|l| *l *= scale);
+            branch.axis.iter_mut().chain(&mut branch.wood.positions).for_each(|p| *p *= scale);
+        }
+        out.leaves.iter_mut().for_each(|leaf| leaf.transform = place * leaf.transform);
+        out
+    }
+
+    /// Adds another plant beside this one; `called` is put in front of its branches' names.
+    pub fn join(&mut self, other: Plant, called: &str) {
+        let (branches, blades) = (self.branches.len(), self.blades.len());
+        self.branches.extend(other.branches.into_iter().map(|b| Branch {
+            name: format!("{called}{}", b.name),
+            parent: b.parent.map(|j| Joint { branch: j.branch + branches, ..j }),
+            ..b
+        }));
+        self.leaves.extend(other.leaves.into_iter().map(|l| Leaf {
+            blade: l.blade + blades,
+            joint: Joint { branch: l.joint.branch + branches, ..l.joint },
+            ..l
+        }));
+        self.blades.extend(other.blades);
+    }
+}
+
 /// The place at a share of a line of points, and the unit direction of the line there.
 pub fn along(axis: &[DVec3], at: f64) -> (DVec3, DVec3) {
     let whole: f64 = axis.windows(2).map(|w| w[0].distance(w[1])).sum();

@@ -84,3 +84,78 @@ fn plants_that_cannot_stand_say_why() {
         assert!(error.contains(expected) && error.lines().count() == 1, "{expected}: {error}");
     }
 }
+
+/// A plant in the wind, written and read back: names and figures stay, lengths and places of growth too, and tips are
+/// where `eval sway` says.
+#[test]
+fn a_posed_plant_is_written_and_read_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let sapling = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/plants/bird-cherry-sapling.toml");
+    std::fs::copy(sapling, folder.path().join("sapling.toml")).unwrap();
+    let path =
+        scene(folder.path(), &format!("grow = \"sapling.toml\"\n{BARK}position_mm = [50, 20, 0]\nscale = 1.5\n"));
+    let still = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(&path, format!("{still}[wind]\nspeed_m_s = 9\nazimuth_deg = 30\nseed = 7\n")).unwrap();
+    let run = |words: &[&str]| {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_mesophyll"));
+        let output = command.args(words).current_dir(folder.path()).output().unwrap();
+        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    assert_eq!(run(&["export", "scene.toml", "--time", "2.5", "--to", "gltf", "-o", "posed.glb"]).0, Some(0));
+    assert_eq!(run(&["eval", "sway", "scene.toml", "--from", "2.5", "--to", "2.5", "-o", "sway.csv"]).0, Some(0));
+    let manifest = Manifest::read(&path).unwrap();
+    let rest =
+        planted(&manifest, &Ledger::new()).unwrap()[0].plant.moved(glam::DMat4::from_scale_rotation_translation(
+            glam::DVec3::splat(1.5),
+            glam::DQuat::IDENTITY,
+            glam::DVec3::new(50.0, 20.0, 0.0),
+        ));
+    let posed = mesophyll::flora::file::read(&folder.path().join("posed.glb")).unwrap();
+    assert_eq!((posed.branches.len(), posed.leaves.len()), (rest.branches.len(), rest.leaves.len()));
+    let mut moved = 0.0f64;
+    let find = |name: &str| posed.branches.iter().find(|b| b.name == name).unwrap();
+    for a in &rest.branches {
+        let b = find(&a.name);
+        assert!((b.length() / a.length() - 1.0).abs() < 1e-5 && (b.root_radius / a.root_radius - 1.0).abs() < 1e-5);
+        assert!((b.load / a.load - 1.0).abs() < 1e-5 && a.level == b.level && a.material == b.material);
+        assert_eq!(
+            a.parent.map(|j| (&rest.branches[j.branch].name, j.at)),
+            b.parent.map(|j| (&posed.branches[j.branch].name, j.at))
+        );
+        if let (Some(on), Some(now)) = (a.parent, b.parent) {
+            let gap = |plant: &mesophyll::flora::form::Plant, j: mesophyll::flora::form::Joint, root: glam::DVec3| {
+                plant.branches[j.branch].point(j.at).0.distance(root)
+            };
+            let apart = (gap(&rest, on, a.root) - gap(&posed, now, b.root)).abs();
+            // Places are single precision of a metre and a half here.
+            assert!(apart < 1e-3 * rest.branches[on.branch].radius(on.at) + 2e-3, "{}: {apart} mm", a.name);
+        }
+        moved = moved.max(a.point(1.0).0.distance(b.point(1.0).0));
+    }
+    assert!(moved > 20.0, "{moved}");
+    let table = std::fs::read_to_string(folder.path().join("sway.csv")).unwrap();
+    assert_eq!(table.lines().count(), 1 + rest.branches.len());
+    for line in table.lines().skip(1) {
+        let cells: Vec<&str> = line.split(',').collect();
+        assert_eq!((cells[0], cells[1]), ("2.5", "sapling"));
+        let tip = glam::DVec3::from_array([3, 4, 5].map(|k| cells[k].parse().unwrap()));
+        let there = find(cells[2]).point(1.0).0;
+        assert!(tip.distance(there) < 0.01, "{line} {there}");
+    }
+    // Without a wind it is the plant at rest, byte by byte; and what cannot be is said.
+    std::fs::write(folder.path().join("still.toml"), &still).unwrap();
+    assert_eq!(run(&["export", "still.toml", "--to", "gltf", "-o", "still.glb"]).0, Some(0));
+    let mut out = mesophyll::flora::form::Plant { name: "s".into(), ..Default::default() };
+    out.join(rest, "");
+    mesophyll::flora::file::write(&out, &folder.path().join("rest.glb")).unwrap();
+    let bytes = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
+    assert!(bytes("still.glb") == bytes("rest.glb") && bytes("still.glb") != bytes("posed.glb"));
+    for (words, expected) in [
+        (["export", "scene.toml", "--to", "csv", "-o", "a.csv"].as_slice(), "whose plants can be exported as gltf"),
+        (&["export", ".", "--time", "1", "--to", "gltf", "-o", "a.glb"], "expected a finite time, with a scene"),
+        (&["export", "scene.toml", "--time", "nan", "--to", "gltf", "-o", "a.glb"], "expected a finite time"),
+    ] {
+        let (code, said) = run(words);
+        assert!(code == Some(2) && said.contains(expected), "{words:?}: {said}");
+    }
+}

@@ -1,4 +1,4 @@
-//! `mesophyll eval sway`: where the tips of a scene's branches are, over time.
+//! `mesophyll eval sway`: where the tips of a scene's branches are, its plants' too, over time.
 
 use crate::{Common, tables};
 use crate::{Error, Result};
@@ -7,14 +7,18 @@ use mesophyll_files::table::{Output, Sink, push_number, push_text};
 use mesophyll_scene::ledger::Ledger;
 use mesophyll_scene::manifest::Manifest;
 use mesophyll_scene::placed::branch::{self, Bends};
+use mesophyll_scene::placed::plant::{self, Planted};
+use mesophyll_scene::placed::winds::Winds;
+use rayon::prelude::*;
 use std::path::PathBuf;
 
-/// Where the tips of a scene's branches are as they sway in its wind: `time_s,plant,branch,tip_x_mm,tip_y_mm,tip_z_mm`,
-/// a row a branch and time. Both renderers bend the branches by the same numbers.
+/// Where the tips of a scene's branches and of its plants' branches are as they sway in its wind:
+/// `time_s,plant,branch,tip_x_mm,tip_y_mm,tip_z_mm`, a row a branch and time. Both renderers bend the branches by the
+/// same numbers.
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = tables::help("eval sway"))]
 pub struct Args {
-    /// Scene with branches
+    /// Scene with branches or plants
     #[arg(value_name = "SCENE.toml")]
     scene: PathBuf,
     /// First time (s)
@@ -44,41 +48,81 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let manifest = Manifest::read(&args.scene)?;
     let ledger = Ledger::new();
     let twigs = branch::twigs(&manifest, &ledger)?;
-    if twigs.is_empty() {
-        return Err(Error::field(&args.scene, "branch", "missing; expected a scene with branches"));
+    let planted = plant::planted(&manifest, &ledger)?;
+    let own: usize = planted.iter().map(|p| p.places.len() * p.plant.branches.len()).sum();
+    let rows = twigs.len() + own;
+    if rows == 0 {
+        return Err(Error::field(&args.scene, "branch", "missing; expected a scene with branches or plants"));
     }
     let bends = Bends::new(&manifest, &twigs, &ledger)?;
+    let standing = Standing { winds: Winds::new(&manifest, &planted, &ledger)?, planted: &planted };
     // The last time counts although the steps may fall short of it by rounding.
     let steps = ((args.to - args.from) / args.step + 1e-9).floor();
-    if (steps + 1.0) * twigs.len() as f64 > MOST_ROWS {
-        let found = format!("{} rows", (steps + 1.0) * twigs.len() as f64);
+    if (steps + 1.0) * rows as f64 > MOST_ROWS {
+        let found = format!("{} rows", (steps + 1.0) * rows as f64);
         return Err(Error::argument("--step", found, format!("at most {MOST_ROWS:e}")));
     }
     let mut sink = Sink::open(&Output { path: args.output.clone(), json: common.json }, &args.scene)?;
     sink.write_all(b"time_s,plant,branch,tip_x_mm,tip_y_mm,tip_z_mm\n")?;
     let bar = Bar::of("times");
-    let mut line = Vec::new();
-    for k in 0..=steps as u64 {
-        let time = args.from + k as f64 * args.step;
-        line.clear();
-        for (index, branch) in manifest.branches.iter().enumerate() {
-            push_number(&mut line, time);
-            line.push(b',');
-            push_text(&mut line, &manifest.name);
-            line.push(b',');
-            push_text(&mut line, &branch.name);
-            for c in bends.tip(index, time) {
-                line.push(b',');
-                push_number(&mut line, c);
-            }
-            line.push(b'\n');
+    // A few times at once: plants of many branches take a while each.
+    let all: Vec<u64> = (0..=steps as u64).collect();
+    for some in all.chunks(256) {
+        let lines: Vec<Vec<u8>> = some
+            .par_iter()
+            .map(|k| {
+                let time = args.from + *k as f64 * args.step;
+                let mut lines = Vec::new();
+                for (index, branch) in manifest.branches.iter().enumerate() {
+                    row(&mut lines, time, &manifest.name, &branch.name, bends.tip(index, time));
+                }
+                standing.rows(&mut lines, time);
+                lines
+            })
+            .collect();
+        for line in lines {
+            sink.write_all(&line)?;
+            bar.advance(1);
         }
-        sink.write_all(&line)?;
-        bar.advance(1);
         if mesophyll_files::progress::stop_requested() {
             return Err(Error::Interrupted("interrupted; nothing was written".into()));
         }
     }
     sink.finish()?;
     Ok(0)
+}
+
+/// The scene's plants.
+struct Standing<'a> {
+    planted: &'a [Planted],
+    /// `None`: they stand still.
+    winds: Option<Winds>,
+}
+
+impl Standing<'_> {
+    fn rows(&self, lines: &mut Vec<u8>, time: f64) {
+        for (index, one) in self.planted.iter().enumerate() {
+            for (place, to_world) in one.places.iter().enumerate() {
+                let pose = self.winds.as_ref().and_then(|w| w.pose(index, place, time));
+                for (k, branch) in one.plant.branches.iter().enumerate() {
+                    let tip = pose.as_ref().map_or_else(|| branch.point(1.0).0, |pose| pose.tip(k));
+                    let tip = to_world.transform_point3(tip).to_array();
+                    row(lines, time, &one.name_at(place), &branch.name, tip);
+                }
+            }
+        }
+    }
+}
+
+fn row(lines: &mut Vec<u8>, time: f64, plant: &str, branch: &str, tip: [f64; 3]) {
+    push_number(lines, time);
+    for text in [plant, branch] {
+        lines.push(b',');
+        push_text(lines, text);
+    }
+    for c in tip {
+        lines.push(b',');
+        push_number(lines, c);
+    }
+    lines.push(b'\n');
 }

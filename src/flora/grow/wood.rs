@@ -1,8 +1,8 @@
 //! Radii by the pipe model, loads by what hangs on a branch, and the bark.
 
 use super::spec::Spec;
+use crate::carried::{carried, own_mass};
 use crate::form::{Branch, Plant, tube};
-use mesophyll_plant::wind::{Cone, mass};
 
 /// A branch is thinner than what it grows on: at most this share of it.
 const THINNER: f64 = 0.85;
@@ -34,23 +34,11 @@ pub fn radii(spec: &Spec, branches: &mut [Branch]) {
 /// along it. A clamped beam of one thickness under an even load F goes down by F L³/(2π E r₁⁴) at its tip, and the
 /// normalised beam by 1/(2π), so F/(E′r₁⁴) = F L³/(E r₁⁴).
 pub fn loads(spec: &Spec, plant: &mut Plant) {
-    let own = |b: &Branch| {
-        let metres = Cone { length: b.length() / 1e3, root: b.root_radius / 1e3, tip: b.tip_radius / 1e3 };
-        mass(spec.wood.density_kg_m3, &[metres])
-    };
-    let mut masses: Vec<f64> = plant.branches.iter().map(own).collect();
-    if let Some(leaves) = &spec.leaves {
-        // An ellipse of the blade's length and width.
-        let blade = leaves.mass_kg_m2 * 0.25 * std::f64::consts::PI * leaves.length_mm * leaves.width_mm * 1e-6;
-        for leaf in &plant.leaves {
-            masses[leaf.joint.branch] += blade;
-        }
-    }
-    for k in (0..masses.len()).rev() {
-        if let Some(joint) = plant.branches[k].parent {
-            masses[joint.branch] += masses[k];
-        }
-    }
+    // An ellipse of the blade's length and width.
+    let blade = spec.leaves.as_ref().map_or(0.0, |leaves| {
+        leaves.mass_kg_m2 * 0.25 * std::f64::consts::PI * leaves.length_mm * leaves.width_mm * 1e-6
+    });
+    let masses = carried(plant, |b| own_mass(b, spec.wood.density_kg_m3, 1.0), |_| blade);
     for (branch, mass) in plant.branches.iter_mut().zip(masses) {
         // N, N/mm² and mm.
         let modulus = spec.wood.modulus_gpa * 1e3;

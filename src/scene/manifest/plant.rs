@@ -78,7 +78,7 @@ pub enum Matter {
     Bark([f64; 3]),
 }
 
-/// A whole plant, from a glTF file or grown from a description; it stands at rest.
+/// A whole plant, from a glTF file or grown from a description; it sways where the scene has a wind.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Plant {
@@ -109,6 +109,19 @@ pub struct Plant {
     /// Of the places in the area.
     #[serde(default)]
     pub seed: u64,
+    /// Force of the wind (N) per m/s and m² that stands across it: all of the wood and half of the leaves. 0 stands
+    /// still in any wind.
+    #[serde(default = "one")]
+    pub drag_n_s_m3: f64,
+    /// Of its branches, over the critical one.
+    #[serde(default = "damping")]
+    pub damping: f64,
+    /// Density of fresh wood.
+    #[serde(default = "wood")]
+    pub wood_kg_m3: f64,
+    /// Mass of a blade per area.
+    #[serde(default = "blade")]
+    pub leaf_kg_m2: f64,
 }
 
 /// A mean wind and its gusts.
@@ -211,6 +224,14 @@ fn damping() -> f64 {
 
 fn single() -> usize {
     1
+}
+
+fn wood() -> f64 {
+    900.0
+}
+
+fn blade() -> f64 {
+    0.2
 }
 
 fn turbulence() -> f64 {

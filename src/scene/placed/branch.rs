@@ -257,14 +257,14 @@ fn sway(manifest: &Manifest, b: &manifest::Branch) -> Option<Sway> {
 }
 
 /// Variance of the tip's deflection over the length, over the frequencies that a motion texture holds.
-fn variance(sway: &Sway) -> f64 {
+pub(super) fn variance(sway: &Sway) -> f64 {
     let count = MOTION_SIDE / mesophyll_plant::motion::TEXELS_A_CYCLE;
     let step = sway.highest() / count as f64;
     (1..=count).map(|j| sway.spectrum(j as f64 * step) * step).sum()
 }
 
 /// Where the wind blows to.
-fn wind_direction(manifest: &Manifest) -> DVec3 {
+pub(super) fn wind_direction(manifest: &Manifest) -> DVec3 {
     let azimuth = manifest.wind.as_ref().map_or(0.0, |w| w.azimuth_deg.to_radians());
     DVec3::new(azimuth.cos(), azimuth.sin(), 0.0)
 }

@@ -6,7 +6,9 @@ pub mod facing;
 pub mod leaf;
 pub mod placement;
 pub mod plant;
+pub mod posed;
 pub mod tree;
+pub mod winds;
 
 use crate::Result;
 use crate::fits::missing;

@@ -158,6 +158,11 @@ fn places(said: &manifest::Plant) -> Vec<DMat4> {
 }
 
 impl Planted {
+    /// What the one at a place is called: numbered from 1 where there are several.
+    pub fn name_at(&self, place: usize) -> String {
+        if self.places.len() > 1 { format!("{} {}", self.name, place + 1) } else { self.name.clone() }
+    }
+
     /// Its leaves, at every place where it stands.
     pub fn placements(&self) -> impl Iterator<Item = Placement> {
         self.places.iter().flat_map(|place| {

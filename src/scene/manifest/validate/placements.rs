@@ -109,6 +109,10 @@ fn plants(p: &Place) -> Result<()> {
         p.finite(HEADER, i, "position_mm", &plant.position_mm)?;
         p.finite(HEADER, i, "rotation_deg", &plant.rotation_deg)?;
         p.positive(HEADER, i, "scale", plant.scale, "number")?;
+        p.range(HEADER, i, "drag_n_s_m3", plant.drag_n_s_m3, [0.0, 1e3], "N per m/s and m²")?;
+        p.range(HEADER, i, "damping", plant.damping, [0.01, 10.0], "of the critical one")?;
+        p.range(HEADER, i, "wood_kg_m3", plant.wood_kg_m3, [1.0, 1e4], "kg/m³")?;
+        p.range(HEADER, i, "leaf_kg_m2", plant.leaf_kg_m2, [0.0, 100.0], "kg/m²")?;
         p.range(HEADER, i, "count", plant.count as f64, [1.0, MOST_PLANTS as f64], "plants")?;
         match plant.area_mm {
             Some(area) => area.iter().try_for_each(|a| p.positive(HEADER, i, "area_mm", *a, "length in mm"))?,

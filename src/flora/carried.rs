@@ -1,0 +1,26 @@
+//! What branches carry: themselves, their leaves, and all that grows on them.
+
+use crate::form::{Branch, Leaf, Plant};
+use mesophyll_plant::wind::{Cone, mass};
+
+/// A sum a branch, over itself, its leaves and all that grows on it: the light coupling of branches by H9 Eq. 4.17.
+pub fn carried(plant: &Plant, wood: impl Fn(&Branch) -> f64, leaf: impl Fn(&Leaf) -> f64) -> Vec<f64> {
+    let mut sums: Vec<f64> = plant.branches.iter().map(wood).collect();
+    for one in &plant.leaves {
+        sums[one.joint.branch] += leaf(one);
+    }
+    // Parents stand before what grows on them.
+    for k in (0..sums.len()).rev() {
+        if let Some(joint) = plant.branches[k].parent {
+            sums[joint.branch] += sums[k];
+        }
+    }
+    sums
+}
+
+/// Mass (kg) of a branch's own wood, of `density` kg/m³, were the plant `scale` times as large.
+pub fn own_mass(branch: &Branch, density: f64, scale: f64) -> f64 {
+    let metres = |mm: f64| scale * mm / 1e3;
+    let (root, tip) = (metres(branch.root_radius), metres(branch.tip_radius));
+    mass(density, &[Cone { length: metres(branch.length()), root, tip }])
+}

@@ -1,0 +1,327 @@
+//! How the scene's plants sway: what every branch carries, how far the wind takes it, and when.
+//!
+//! A branch is an oscillator (H9 Eq. 4.16, as the equation of motion gives it) of its own resonance (Eq. 4.20), with the
+//! mass of all that it carries (Eq. 4.17, and the leaves). The wind's force on all of that is proportional to its speed
+//! (Eq. 4.19). Gusts come from motion textures. H9 has one a level of the branching, and lets a branch of another
+//! resonance run faster through it; its spectrum is then off by what the wind's is no power of the frequency. Here
+//! branches share a texture whose resonances are within [`ALIKE`] of each other, whatever their level.
+
+use super::branch::{MOTION_SIDE, variance, wind_direction};
+use super::plant::Planted;
+use crate::ledger::Ledger;
+use crate::manifest::{self, Manifest};
+use crate::{Error, Result};
+use glam::{DMat3, DVec3};
+use mesophyll_files::mesh::LeafMesh;
+use mesophyll_fit_branch::beam::basis;
+use mesophyll_flora::carried::{carried, own_mass};
+use mesophyll_flora::form::{Branch, Leaf, Plant};
+use mesophyll_flora::pose::{Limbs, Pose};
+use mesophyll_plant::motion::Motion;
+use mesophyll_plant::motion_spectrum::Method;
+use mesophyll_plant::wind::{Oscillator, Sway, Wind};
+use rayon::prelude::*;
+use std::f64::consts::TAU;
+
+/// Branches share a motion texture up to this ratio of their resonances.
+pub const ALIKE: f64 = 1.12;
+
+/// How one branch answers the wind.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Answer {
+    /// Wind, resonance, damping and lean.
+    pub sway: Sway,
+    /// Mass (kg) of all that it carries.
+    pub mass: f64,
+    /// Of the motion textures.
+    texture: usize,
+    /// Its resonance over the texture's.
+    faster: f64,
+    /// Amplitude per unit of the texture.
+    gain: f64,
+}
+
+/// A `[[plant]]` that sways, at all its places.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Swaying {
+    /// Its branches, in the plant's frame.
+    pub limbs: Limbs,
+    /// A branch each; `None` for one without length.
+    pub answers: Vec<Option<Answer>>,
+    /// Where the wind blows to, in the plant's frame, a place each.
+    towards: Vec<DVec3>,
+    seed: u64,
+}
+
+/// All plants of a scene in its wind.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Winds {
+    /// As the manifest has them; `None` for a plant that no wind moves.
+    pub plants: Vec<Option<Swaying>>,
+    /// The motion textures.
+    pub motions: Vec<Motion>,
+}
+
+impl Winds {
+    /// How the plants sway; `None` where none does.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where a sway has no spectrum.
+    pub fn new(manifest: &Manifest, planted: &[Planted], ledger: &Ledger) -> Result<Option<Winds>> {
+        let Some(wind) = manifest.wind.as_ref().filter(|w| w.speed_m_s > 0.0) else { return Ok(None) };
+        let moves = |said: &manifest::Plant| said.drag_n_s_m3 > 0.0;
+        if !manifest.plants.iter().any(moves) {
+            return Ok(None);
+        }
+        if ledger.count("fit", "beam") == 0 {
+            ledger.note("fit", "beam", 0, basis::smooth);
+        }
+        let mean = Wind { speed: wind.speed_m_s, turbulence: wind.turbulence };
+        let sways: Vec<Vec<Option<(Sway, f64)>>> =
+            manifest.plants.iter().zip(planted).map(|(said, p)| sways(said, mean, &p.plant)).collect();
+        let leads = leads(sways.iter().flatten().flatten().map(|(sway, _)| *sway).collect());
+        let bytes = (leads.len() * MOTION_SIDE * MOTION_SIDE * 8) as u64;
+        let make = |(k, lead): (usize, &Sway)| {
+            let seed = wind.seed.wrapping_add((k as u64) << 48);
+            Motion::new(|f| lead.spectrum(f), lead.highest(), MOTION_SIDE, seed, Method::Directed)
+        };
+        let made = ledger.note("make", "motion textures of plants", bytes, || {
+            leads.par_iter().enumerate().map(make).collect::<Option<Vec<Motion>>>()
+        });
+        let motions = made.ok_or_else(|| {
+            Error::field(&manifest.path, "wind", "the plants' sway has no spectrum that is positive and finite")
+        })?;
+        let of_lead: Vec<f64> = leads.iter().map(variance).collect();
+        let plants = manifest.plants.iter().zip(planted).zip(sways).enumerate().map(|(index, ((said, p), sways))| {
+            let limbs = Limbs::new(&p.plant, basis::shape);
+            let answer = |(k, sway): (usize, Option<(Sway, f64)>)| {
+                let ((sway, mass), limb) = (sway?, &limbs.0[k]);
+                let texture = leads.iter().position(|lead| alike(lead, &sway))?;
+                let faster = sway.oscillator.resonance / leads[texture].oscillator.resonance;
+                let gain = (variance(&sway) / of_lead[texture]).sqrt() / limb.tip;
+                Some(Answer { sway, mass, texture, faster, gain })
+            };
+            let answers = sways.into_iter().enumerate().map(answer).collect();
+            let world = wind_direction(manifest);
+            let towards = p.places.iter().map(|m| (DMat3::from_mat4(*m).transpose() * world).normalize_or_zero());
+            let towards = towards.collect();
+            let seed = wind.seed.wrapping_add((1 + index as u64) << 40);
+            moves(said).then_some(Swaying { limbs, answers, towards, seed })
+        });
+        let plants = plants.collect();
+        Ok(Some(Winds { plants, motions }))
+    }
+
+    /// Amplitude of a branch towards r and s of its limb, at a place and a time (s).
+    fn amplitude(&self, plant: &Swaying, place: usize, branch: usize, time: f64) -> [f64; 2] {
+        let Some(answer) = &plant.answers[branch] else { return [0.0; 2] };
+        let (limb, motion) = (&plant.limbs.0[branch], &self.motions[answer.texture]);
+        let [_, r, s] = limb.axes;
+        let still = answer.sway.steady(plant.towards[place].to_array(), r.to_array(), s.to_array());
+        let seed = plant.seed.wrapping_add(((place as u64) << 20) + 1 + branch as u64);
+        let gust = motion.sample(motion.trajectory(seed, answer.faster).at(time));
+        [0, 1].map(|c| still[c] / limb.tip + answer.gain * gust[c])
+    }
+
+    /// How a plant stands at one of its places and a time (s), in its own frame; `None` where no wind moves it.
+    pub fn pose(&self, plant: usize, place: usize, time: f64) -> Option<Pose<'_>> {
+        let swaying = self.plants.get(plant)?.as_ref()?;
+        Some(swaying.limbs.pose(|branch| self.amplitude(swaying, place, branch, time)))
+    }
+}
+
+/// The sway of every branch of a plant, and the mass it carries (kg).
+fn sways(said: &manifest::Plant, wind: Wind, plant: &Plant) -> Vec<Option<(Sway, f64)>> {
+    let metres = said.scale / 1e3;
+    let blades: Vec<f64> = plant.blades.iter().map(|b| area(&b.mesh)).collect();
+    // One side of a blade (m²).
+    let of_leaf =
+        |leaf: &Leaf| blades[leaf.blade] * leaf.transform.determinant().abs().cbrt().powi(2) * metres * metres;
+    let across = |b: &Branch| (b.root_radius + b.tip_radius) * b.length() * metres * metres;
+    let masses = carried(plant, |b| own_mass(b, said.wood_kg_m3, said.scale), |leaf| said.leaf_kg_m2 * of_leaf(leaf));
+    // Leaves that face all ways stand across the wind by half.
+    let areas = carried(plant, across, |leaf| 0.5 * of_leaf(leaf));
+    let leafless = plant.leaves.is_empty();
+    let one = |(k, branch): (usize, &Branch)| {
+        let length = branch.length() * metres;
+        if !(length > 1e-9 && masses[k] > 0.0 && areas[k] > 0.0 && said.drag_n_s_m3 > 0.0) {
+            return None;
+        }
+        let oscillator = Oscillator::of_branch(length, leafless, said.damping);
+        let force = said.drag_n_s_m3 * areas[k] * wind.speed;
+        let stiffness = masses[k] * (TAU * oscillator.resonance).powi(2);
+        Some((Sway { wind, oscillator, lean: force / stiffness / length }, masses[k]))
+    };
+    plant.branches.iter().enumerate().map(one).collect()
+}
+
+fn area(mesh: &LeafMesh) -> f64 {
+    (0..mesh.triangles())
+        .map(|t| {
+            let [a, b, c] = mesh.triangle(t).map(|k| mesh.positions[k]);
+            0.5 * (b - a).cross(c - a).length()
+        })
+        .sum()
+}
+
+/// Whether a sway can run through the texture of another.
+fn alike(lead: &Sway, sway: &Sway) -> bool {
+    let ratio = |s: &Sway| s.oscillator.damping / s.oscillator.resonance;
+    let apart = (sway.oscillator.resonance / lead.oscillator.resonance).ln().abs();
+    apart <= 0.5 * ALIKE.ln() + 1e-9 && (ratio(lead) / ratio(sway) - 1.0).abs() < 1e-9
+}
+
+/// As few sways as all others are alike to; each in the middle of those that are alike to it, and of the lean 1.
+fn leads(mut sways: Vec<Sway>) -> Vec<Sway> {
+    sways.sort_by(|a, b| a.oscillator.resonance.total_cmp(&b.oscillator.resonance));
+    let mut out: Vec<Sway> = Vec::new();
+    for (k, sway) in sways.iter().enumerate() {
+        if out.iter().any(|lead| alike(lead, sway)) {
+            continue;
+        }
+        let f = sway.oscillator.resonance;
+        let ratio = sway.oscillator.damping / f;
+        let damped = |s: &Sway| (s.oscillator.damping / s.oscillator.resonance / ratio - 1.0).abs() < 1e-9;
+        let reach = |s: &&Sway| s.oscillator.resonance <= ALIKE * f && damped(s);
+        let last = sways[k..].iter().rfind(reach).map_or(f, |s| s.oscillator.resonance);
+        let middle = (f * last).sqrt();
+        out.push(Sway { oscillator: Oscillator { resonance: middle, damping: ratio * middle }, lean: 1.0, ..*sway });
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scene(speed: f64) -> (Manifest, Vec<Planted>) {
+        let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/scenes/plant.toml");
+        let mut manifest = Manifest::read(&root).unwrap();
+        manifest.wind =
+            Some(manifest::Wind { speed_m_s: speed, azimuth_deg: 30.0, turbulence: 0.3, seed: 7, time_s: 0.0 });
+        let planted = super::super::plant::planted(&manifest, &Ledger::new()).unwrap();
+        (manifest, planted)
+    }
+
+    fn winds(speed: f64) -> (Vec<Planted>, Winds) {
+        let (manifest, planted) = scene(speed);
+        let winds = Winds::new(&manifest, &planted, &Ledger::new()).unwrap().unwrap();
+        println!("{} textures", winds.motions.len());
+        (planted, winds)
+    }
+
+    /// Every branch's deflection over three thousand periods, by a discrete Fourier transform of segments, against the
+    /// formula: bands of a quarter octave or more, from a tenth of the resonance to one and a half of it.
+    #[test]
+    fn branches_have_the_spectra_of_their_own_resonance() {
+        let (_, winds) = winds(4.0);
+        let plant = winds.plants[0].as_ref().unwrap();
+        let most = plant.answers.iter().flatten().map(|a| (a.faster - 1.0).abs()).fold(0.0, f64::max);
+        assert!(most > 0.02 && most < 0.06, "{most}");
+        let mut worst = 0.0f64;
+        for k in [0, 14, 33] {
+            let answer = plant.answers[k].as_ref().unwrap();
+            let (f_h, tip) = (answer.sway.oscillator.resonance, plant.limbs.0[k].tip);
+            // 128 segments of 512 readings, eight a period.
+            let (dt, segment) = (0.125 / f_h, 512);
+            let still = {
+                let [_, r, s] = plant.limbs.0[k].axes.map(|v| v.to_array());
+                answer.sway.steady(plant.towards[0].to_array(), r, s)
+            };
+            let readings: Vec<[f64; 2]> = (0..128 * segment)
+                .map(|n| {
+                    let a = winds.amplitude(plant, 0, k, 50.0 + n as f64 * dt);
+                    [0, 1].map(|c| a[c] * tip - still[c])
+                })
+                .collect();
+            let step = 1.0 / (segment as f64 * dt);
+            for band in [[6, 12], [12, 24], [24, 44], [44, 60], [60, 70], [70, 96]] {
+                let (mut have, mut want) = (0.0, 0.0);
+                for bin in band[0]..band[1] {
+                    let f = f64::from(bin) * step;
+                    want += answer.sway.spectrum(f);
+                    for part in readings.chunks(segment) {
+                        for c in 0..2 {
+                            let (mut re, mut im) = (0.0, 0.0);
+                            let (sin, cos) = (TAU * f * dt).sin_cos();
+                            let (mut x, mut y) = (1.0, 0.0);
+                            for (n, v) in part.iter().enumerate() {
+                                let window = (std::f64::consts::PI * n as f64 / segment as f64).sin().powi(2);
+                                re += window * v[c] * x;
+                                im += window * v[c] * y;
+                                (x, y) = (x * cos - y * sin, x * sin + y * cos);
+                            }
+                            // Hann's window holds 3/8 of the power.
+                            have += 2.0 * dt * (re * re + im * im) / (0.375 * segment as f64) / 256.0;
+                        }
+                    }
+                }
+                // At least 6 bins of 256 values each, half of them independent: 4 % a standard deviation at most, and
+                // 4 % of the spectrum by the texture's other resonance.
+                worst = worst.max((have / want - 1.0).abs());
+            }
+        }
+        println!("bands are off by {:.3} at most", worst);
+        assert!(worst < 0.16, "{worst}");
+    }
+
+    #[test]
+    fn what_a_branch_carries_decides_how_far_it_goes() {
+        let (manifest, planted) = scene(4.0);
+        let said = &manifest.plants[0];
+        let answers =
+            |speed: f64, said: &manifest::Plant| sways(said, Wind { speed, turbulence: 0.3 }, &planted[0].plant);
+        let (a, b) = (answers(4.0, said), answers(8.0, said));
+        for ((slow, mass), (fast, same)) in a.iter().flatten().zip(b.iter().flatten()) {
+            // The force is proportional to the speed, and the mass is what it was.
+            assert!((fast.lean / slow.lean - 2.0).abs() < 1e-12 && mass == same);
+        }
+        // The trunk carries all: the sum over cones and leaves, one by one.
+        let plant = &planted[0].plant;
+        let wood: f64 = plant
+            .branches
+            .iter()
+            .map(|b| {
+                let (r, s) = (b.root_radius / 1e3, b.tip_radius / 1e3);
+                900.0 * std::f64::consts::PI * b.length() / 3e3 * (r * r + r * s + s * s)
+            })
+            .sum();
+        let blade: f64 =
+            plant.leaves.iter().map(|l| area(&plant.blades[l.blade].mesh) * l.transform.x_axis.length_squared()).sum();
+        let (trunk, mass) = a[0].unwrap();
+        assert!((mass / (wood + 0.2 * blade * 1e-6) - 1.0).abs() < 1e-9, "{mass}");
+        let resonance = 2.55 * (plant.branches[0].length() / 1e3).powf(-0.59);
+        assert!((trunk.oscillator.resonance / resonance - 1.0).abs() < 1e-12);
+        assert!(a.iter().skip(1).flatten().all(|(_, own)| *own < mass));
+        // As few textures as the ratio allows, and every branch has one.
+        let all: Vec<Sway> = a.iter().flatten().map(|(sway, _)| *sway).collect();
+        let leads = leads(all.clone());
+        assert!(all.iter().all(|s| leads.iter().any(|lead| alike(lead, s))));
+        let spread = |of: fn(f64, f64) -> f64, from: f64| all.iter().map(|s| s.oscillator.resonance).fold(from, of);
+        let bands = (spread(f64::max, 0.0) / spread(f64::min, f64::INFINITY)).ln() / ALIKE.ln();
+        assert!(leads.len() as f64 <= bands.ceil(), "{} for {bands}", leads.len());
+        // Nothing moves without a wind, and no wind moves what it has no hold of.
+        let mut free = manifest.clone();
+        free.plants[0].drag_n_s_m3 = 0.0;
+        assert!(answers(4.0, &free.plants[0]).iter().all(Option::is_none));
+        for still in [free, scene(0.0).0] {
+            assert!(Winds::new(&still, &planted, &Ledger::new()).unwrap().is_none());
+        }
+    }
+
+    #[test]
+    fn storms_and_far_times_have_a_pose() {
+        let (planted, winds) = winds(60.0);
+        for time in [3.0, 1e6, -1e6] {
+            let pose = winds.pose(0, 0, time).unwrap();
+            let posed = pose.plant(&planted[0].plant);
+            for (rest, now) in planted[0].plant.branches.iter().zip(&posed.branches) {
+                assert!((now.length() / rest.length() - 1.0).abs() < 1e-5, "{time} {}", rest.name);
+            }
+            // No step of a hundredth of a second moves a tip by a fifth of the plant.
+            let next = winds.pose(0, 0, time + 0.01).unwrap();
+            assert!((0..posed.branches.len()).all(|k| pose.tip(k).distance(next.tip(k)) < 240.0), "{time}");
+        }
+        assert!(winds.pose(1, 0, 0.0).is_none());
+    }
+}
