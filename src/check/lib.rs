@@ -127,7 +127,7 @@ fn against_reference(
         // Views of one time share the reference's trees.
         let mut times: Vec<f64> = perspective.iter().map(|v| branch::time(manifest, v)).collect();
         times.dedup();
-        if placed.bends.is_none() {
+        if !placed.moves().any() {
             times.truncate(1);
         }
         let mut left = perspective.into_iter().peekable();
@@ -147,7 +147,7 @@ fn against_reference(
             let as_grown = if known { Some(Truth::new(&as_grown, between)?) } else { None };
             let stage = Truth::new(&world, between)?;
             let by_maps = if stored { Some(Truth::new(&by_maps, between)?) } else { None };
-            while let Some(view) = left.next_if(|v| placed.bends.is_none() || branch::time(manifest, v) == time) {
+            while let Some(view) = left.next_if(|v| !placed.moves().any() || branch::time(manifest, v) == time) {
                 let _bar = progress::Bar::of(format!("view {}", view.name));
                 let stages =
                     perspective::Stages { truth: &stage, by_maps: by_maps.as_ref(), true_leaf: as_grown.as_ref() };

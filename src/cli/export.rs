@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 #[command(after_help = "Examples:
   mesophyll export fits/elm --to gltf -o elm.glb
   mesophyll export fits/elm --to csv -o elm.csv
-  mesophyll export data/scenes/plant.toml --time 2.5 --to gltf -o posed.glb
+  mesophyll export data/scenes/breeze.toml --time 2.5 --to gltf -o posed.glb
   mesophyll fit sky -o out/sky && mesophyll export out/sky --to wgsl -o sky.wgsl
   mesophyll export out/sky --to c --sun-zenith-deg 40 --turbidity 3 --ground 0.2 -o noon.h")]
 pub struct Args {

@@ -159,3 +159,150 @@ fn a_posed_plant_is_written_and_read_back() {
         assert!(code == Some(2) && said.contains(expected), "{words:?}: {said}");
     }
 }
+
+/// A sapling in a wind that bends its branches strongly, placed and drawn.
+#[cfg(feature = "render")]
+mod moving {
+    use super::{BARK, scene};
+    use crate::skips;
+    use glam::{DVec3, Vec3};
+    use mesophyll::flora::form::Plant;
+    use mesophyll::scene::draw::{handover, reference};
+    use mesophyll::scene::ledger::Ledger;
+    use mesophyll::scene::loaded::Scene;
+    use mesophyll::scene::manifest::Manifest;
+    use mesophyll::scene::placed::leaf::Search;
+    use mesophyll_viewer::{Error, Options, Renderer};
+    use std::path::Path;
+
+    const WIND: &str = "[wind]\nspeed_m_s = 12\nazimuth_deg = 30\nseed = 7\ntime_s = 2.5\n";
+
+    fn open(folder: &Path, plant: &str, wind: &str) -> Scene {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+        std::fs::copy(root.join("data/plants/bird-cherry-sapling.toml"), folder.join("sapling.toml")).unwrap();
+        std::fs::copy(root.join("fits/elm/blade.glb"), folder.join("leaf.glb")).unwrap();
+        let path = scene(folder, &format!("grow = \"sapling.toml\"\n{BARK}{plant}{wind}"));
+        Scene::open(Manifest::read(&path).unwrap(), Search::default(), &Ledger::new()).unwrap()
+    }
+
+    /// The plant of one place as the f64 pose has it, in world space.
+    fn posed(scene: &Scene, rest: &Plant, place: usize, time: f64) -> Plant {
+        let winds = scene.placed.winds.as_ref().unwrap();
+        winds.pose(0, place, time).unwrap().plant(rest).moved(scene.placed.wood[place].places[0])
+    }
+
+    /// Bark's vertices in world space, in the order of the wood's mesh.
+    fn bark(plant: &Plant) -> Vec<(DVec3, DVec3, f64)> {
+        let own = |b: &mesophyll::flora::form::Branch| {
+            let (frame, length) = (b.frame(), b.length());
+            let pairs = b.wood.positions.iter().zip(&b.wood.normals);
+            pairs.map(|(p, n)| (frame.transform_point3(*p), frame.transform_vector3(*n), length)).collect::<Vec<_>>()
+        };
+        plant.branches.iter().flat_map(own).collect()
+    }
+
+    /// The vertex stage, and the reference renderer's meshes, against the pose in double precision: within 1e-4 of each
+    /// branch's length.
+    #[test]
+    fn both_renderers_draw_the_pose() {
+        let folder = tempfile::tempdir().unwrap();
+        let two = "count = 2\narea_mm = [3000, 3000]\nseed = 3\n";
+        let whole = open(folder.path(), two, WIND);
+        let rest = super::planted(&whole.manifest, &Ledger::new()).unwrap()[0].plant.clone();
+        let drawn = handover::scene(&whole, &Ledger::new()).unwrap();
+        let mut renderer = match Renderer::headless(&Options::default()) {
+            Ok(renderer) => Some(renderer),
+            Err(Error::NoAdapter) => {
+                skips::skip(skips::Need::Adapter, "no graphics adapter");
+                None
+            }
+            Err(e) => panic!("{e}"),
+        };
+        if let Some(renderer) = &mut renderer {
+            renderer.set_scene(&drawn).unwrap();
+        }
+        let leaves = rest.leaves.len();
+        let mut world = reference::unlit(&whole, 0.0, &Ledger::new()).unwrap();
+        for time in [2.5, 3.1, 1e6] {
+            reference::move_to(&mut world, &whole, time).unwrap();
+            let mut now = drawn.clone();
+            let wind = now.wind.as_mut().unwrap();
+            wind.time_s = time;
+            if let Some(renderer) = &mut renderer {
+                renderer.set_time(wind);
+            }
+            let mut worst = [0.0f64; 3];
+            let mut moved = 0.0f64;
+            for place in 0..2 {
+                let plant = posed(&whole, &rest, place, time);
+                let (want, still) = (bark(&plant), bark(&rest.moved(whole.placed.wood[place].places[0])));
+                moved = want.iter().zip(&still).map(|(a, b)| a.0.distance(b.0)).fold(moved, f64::max);
+                let wood = 2 * leaves + place;
+                let mesh = &world.leaves[1 + place].mesh;
+                let to_world = whole.placed.wood[place].places[0];
+                for ((p, n, length), have) in want.iter().zip(&mesh.positions) {
+                    let have = to_world.transform_point3(*have);
+                    worst[0] = worst[0].max(have.distance(*p) / length);
+                    assert!((n.length() - 1.0).abs() < 1e-5);
+                }
+                let Some(renderer) = &renderer else { continue };
+                let found = renderer.bent_vertices(&now, wood).unwrap();
+                assert_eq!(found.len(), want.len());
+                for ((p, n, length), [q, m, _]) in want.iter().zip(&found) {
+                    worst[1] = worst[1].max(q.as_dvec3().distance(*p) / length);
+                    assert!(m.as_dvec3().distance(*n) < 2e-3, "{m} {n}");
+                }
+                for k in (0..leaves).step_by(41) {
+                    let index = place * leaves + k;
+                    let found = renderer.bent_vertices(&now, index).unwrap();
+                    let length = plant.branches[plant.leaves[k].joint.branch].length();
+                    let mesh = &now.meshes[now.instances[index].mesh];
+                    for (rest, have) in mesh.positions.iter().zip(&found).step_by(13) {
+                        let to = plant.leaves[k].transform.transform_point3(rest.as_dvec3());
+                        worst[2] = worst[2].max(have[0].as_dvec3().distance(to) / length);
+                    }
+                }
+            }
+            println!(
+                "{time} s: reference {:.1e}, bark {:.1e}, leaves {:.1e} of a branch's length",
+                worst[0], worst[1], worst[2]
+            );
+            assert!(moved > 50.0 && worst.iter().all(|w| *w < 1e-4), "{time} s: {worst:?}, moved by {moved} mm");
+        }
+    }
+
+    /// Without a wind the scene is what it was: no sections, no textures, no word of them in a shader; the plan says so.
+    #[test]
+    fn without_a_wind_nothing_of_it_is_made() {
+        let folder = tempfile::tempdir().unwrap();
+        let still = open(folder.path(), "", "");
+        let left: Vec<&str> = still.plan.left_out.iter().map(|l| l.name.as_str()).collect();
+        assert!(left.contains(&"plants in the wind") && left.contains(&"beam fit"), "{left:?}");
+        let drawn = handover::scene(&still, &Ledger::new()).unwrap();
+        assert!(
+            drawn.sections.is_none() && drawn.wind.is_none() && drawn.instances.iter().all(|i| i.carried.is_none())
+        );
+        let windy = open(folder.path(), "", WIND);
+        assert!(windy.plan.needed.iter().any(|n| n.name == "plants in the wind"));
+        let calm = open(folder.path(), "drag_n_s_m3 = 0\n", WIND);
+        assert!(calm.placed.winds.is_none() && calm.plan.left_out.iter().any(|l| l.name == "plants in the wind"));
+        let Ok(mut renderer) = Renderer::headless(&Options::default()) else { return };
+        renderer.set_scene(&drawn).unwrap();
+        assert!(renderer.stats().uploads.iter().all(|u| !u.name.contains("section")));
+        assert!(renderer.stats().pipelines.iter().all(|p| !p.contains("sections") && !p.contains("bend")));
+        let moving = handover::scene(&windy, &Ledger::new()).unwrap();
+        renderer.set_scene(&moving).unwrap();
+        assert!(renderer.stats().uploads.iter().any(|u| u.name.contains("section")));
+        let camera = mesophyll_viewer::scene::Camera {
+            eye: Vec3::new(0.0, -2500.0, 700.0),
+            target: Vec3::new(0.0, 0.0, 600.0),
+            up: Vec3::Z,
+            fov_y_deg: 35.0,
+        };
+        let first = renderer.render(&camera, 96, 96).unwrap();
+        let mut later = moving.wind.clone().unwrap();
+        later.time_s += 0.4;
+        renderer.set_time(&later);
+        assert_ne!(first.ldr, renderer.render(&camera, 96, 96).unwrap().ldr);
+    }
+}

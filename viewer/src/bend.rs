@@ -1,7 +1,7 @@
 //! The bend of `passes/bend.wgsl` on the CPU, in single precision: what the shadow maps and clipping planes must cover,
 //! and what the pointer is over. Pictures come from the shader alone.
 
-use crate::scene::{Branch, Ride, Scene, Wind};
+use crate::scene::{Branch, Carried, Instance, Ride, Scene, Section, Sections, Wind};
 use glam::{Vec2, Vec3};
 
 /// Abscissae and weights of the four-point Gauss rule on 0 to 1.
@@ -12,11 +12,46 @@ const NODES: [(f32, f32); 4] = [
     (0.930_568_16, 0.173_927_42),
 ];
 
-/// All branches at one time.
+/// All branches and sections at one time.
 #[derive(Debug, Clone)]
 pub(crate) struct Bends<'a> {
     branches: &'a [Branch],
     amplitudes: Vec<Vec2>,
+    sections: Vec<Section>,
+    of_vertices: &'a [u32],
+}
+
+/// What moves an instance: nothing, a branch or a section.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(crate) struct Moved {
+    pub ride: Option<Ride>,
+    pub carried: Option<Carried>,
+}
+
+impl Moved {
+    pub(crate) fn of(instance: &Instance) -> Moved {
+        Moved { ride: instance.ride, carried: instance.carried }
+    }
+
+    /// Whether anything does.
+    pub(crate) fn any(&self) -> bool {
+        self.ride.is_some() || self.carried.is_some()
+    }
+
+    /// Whether every vertex goes a way of its own.
+    pub(crate) fn by_vertex(&self) -> bool {
+        self.ride.is_some_and(|r| r.at.is_none()) || self.carried.is_some_and(|c| c.vertices.is_some())
+    }
+}
+
+impl Sections {
+    /// At the time of a wind.
+    pub(crate) fn now(&self, wind: Option<&Wind>) -> Vec<Section> {
+        let mut all = (self.at)(wind.map_or(0.0, |w| w.time_s));
+        let still = Section { from: Vec3::ZERO, to: Vec3::ZERO, turn: glam::Quat::IDENTITY };
+        all.resize(self.count, still);
+        all
+    }
 }
 
 impl Wind {
@@ -26,6 +61,9 @@ impl Wind {
     }
 
     fn sample(&self, at: [f32; 2]) -> Vec2 {
+        if self.size == 0 {
+            return Vec2::ZERO;
+        }
         let n = self.size as i64;
         let p = at.map(|c| c * self.size as f32 - 0.5);
         let low = p.map(f32::floor);
@@ -39,23 +77,35 @@ impl Wind {
 }
 
 impl<'a> Bends<'a> {
-    pub(crate) fn new(branches: &'a [Branch], wind: Option<&Wind>) -> Bends<'a> {
+    pub(crate) fn new(branches: &'a [Branch], sections: Option<&'a Sections>, wind: Option<&Wind>) -> Bends<'a> {
         let amplitude = |b: &Branch| Vec2::from(b.still) + wind.map_or(Vec2::ZERO, |w| b.gain * w.sample(w.place(b)));
-        Bends { branches, amplitudes: branches.iter().map(amplitude).collect() }
+        Bends {
+            branches,
+            amplitudes: branches.iter().map(amplitude).collect(),
+            sections: sections.map_or_else(Vec::new, |s| s.now(wind)),
+            of_vertices: sections.map_or(&[], |s| &s.of_vertices),
+        }
     }
 
     pub(crate) fn of(scene: &'a Scene) -> Bends<'a> {
-        Bends::new(&scene.branches, scene.wind.as_ref())
+        Bends::new(&scene.branches, scene.sections.as_ref(), scene.wind.as_ref())
     }
 
-    /// Where a point in world space goes that rides on a branch, or on none.
-    pub(crate) fn moved(&self, ride: Option<Ride>, point: Vec3) -> Vec3 {
-        self.bent(ride, point, Vec3::ZERO).0
+    /// Where a point in world space goes that something moves, or nothing; of a mesh that is moved vertex by vertex it is
+    /// vertex `number`.
+    pub(crate) fn moved(&self, by: Moved, number: usize, point: Vec3) -> Vec3 {
+        self.bent(by, number, point, Vec3::ZERO).0
     }
 
     /// A point and a normal.
-    pub(crate) fn bent(&self, ride: Option<Ride>, point: Vec3, normal: Vec3) -> (Vec3, Vec3) {
-        let Some((ride, b)) = ride.and_then(|r| Some((r, self.branches.get(r.branch)?))) else {
+    pub(crate) fn bent(&self, by: Moved, number: usize, point: Vec3, normal: Vec3) -> (Vec3, Vec3) {
+        if let Some(carried) = by.carried {
+            let own = carried.vertices.and_then(|first| self.of_vertices.get(first as usize + number));
+            let index = carried.first + own.copied().unwrap_or(0);
+            let Some(s) = self.sections.get(index as usize) else { return (point, normal) };
+            return (s.to + s.turn * (point - s.from), s.turn * normal);
+        }
+        let Some((ride, b)) = by.ride.and_then(|r| Some((r, self.branches.get(r.branch)?))) else {
             return (point, normal);
         };
         let amplitude = self.amplitudes[ride.branch];

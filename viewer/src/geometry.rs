@@ -1,11 +1,11 @@
 //! Meshes and instances on the adapter: one vertex buffer a quantity, so that a quantity no shader reads is never
 //! uploaded, and one instanced draw for a mesh in a material (and level of detail) however often the two occur.
 
-use crate::bend::Bends;
+use crate::bend::{Bends, Moved};
 use crate::detail::{self, Levels};
 use crate::gpu::Gpu;
 use crate::passes::bend;
-use crate::scene::{Branch, Instance, Mesh, Ride, Scene, Wind};
+use crate::scene::{Branch, Instance, Mesh, Scene, Sections, Wind};
 use crate::stats::Stats;
 use crate::variant::Variant;
 use glam::{Mat4, Vec3};
@@ -95,7 +95,7 @@ impl Batch {
                 instances: put("instances", bytemuck::cast_slice(&rows)),
                 count: rows.len() as u32,
                 casts: instances.iter().any(|i| !i.floor),
-                rides: (variant.branches > 0).then(|| put("rides", bytemuck::cast_slice(&rides))),
+                rides: variant.bend.any().then(|| put("rides", bytemuck::cast_slice(&rides))),
                 begins: variant.begins().then(|| put("beginnings", bytemuck::cast_slice(&begins))),
                 variant,
             })
@@ -153,12 +153,13 @@ pub(crate) fn vertex_layouts(
 }
 
 /// Points around every instance at rest, in world space, and what bends them: corners of boxes, but every vertex of a
-/// branch itself.
+/// mesh that bends.
 pub(crate) struct Extents {
-    points: Vec<(Option<Ride>, Vec<Vec3>)>,
+    points: Vec<(Moved, Vec<Vec3>)>,
     /// Of these, those of floors.
     floors: Vec<bool>,
     branches: Vec<Branch>,
+    sections: Option<Sections>,
 }
 
 impl Extents {
@@ -181,18 +182,22 @@ impl Extents {
             })
             .collect();
         let points = scene.instances.iter().filter_map(|instance| {
-            let bends = instance.ride.is_some_and(|r| r.at.is_none());
-            let around =
-                if bends { &scene.meshes[instance.mesh].positions } else { corners[instance.mesh].as_ref()? };
+            let by = Moved::of(instance);
+            let own = by.by_vertex();
+            let around = if own { &scene.meshes[instance.mesh].positions } else { corners[instance.mesh].as_ref()? };
             let points = around.iter().map(|p| instance.transform.transform_point3(*p)).collect();
-            Some(((instance.ride, points), instance.floor))
+            Some(((by, points), instance.floor))
         });
         let (points, floors) = points.unzip();
-        Extents { points, floors, branches: scene.branches.clone() }
+        Extents { points, floors, branches: scene.branches.clone(), sections: scene.sections.clone() }
     }
 
     pub(crate) fn branches(&self) -> &[Branch] {
         &self.branches
+    }
+
+    pub(crate) fn sections(&self) -> Option<&Sections> {
+        self.sections.as_ref()
     }
 
     /// What clipping planes must cover.
@@ -206,9 +211,12 @@ impl Extents {
     }
 
     fn moved(&self, wind: Option<&Wind>, of: impl Fn(bool) -> bool) -> Vec<Vec3> {
-        let bends = Bends::new(&self.branches, wind);
+        let bends = Bends::new(&self.branches, self.sections.as_ref(), wind);
         let wanted = self.points.iter().zip(&self.floors).filter(|(_, floor)| of(**floor));
-        wanted.flat_map(|((ride, points), _)| points.iter().map(|p| bends.moved(*ride, *p))).collect()
+        let moved = |(by, points): &(Moved, Vec<Vec3>)| -> Vec<Vec3> {
+            points.iter().enumerate().map(|(k, p)| bends.moved(*by, k, *p)).collect()
+        };
+        wanted.flat_map(|(one, _)| moved(one)).collect()
     }
 }
 

@@ -1,6 +1,6 @@
 //! What lies under the pointer: a ray through the picture against the instances' triangles, on the CPU.
 
-use crate::bend::Bends;
+use crate::bend::{Bends, Moved};
 use crate::scene::{Camera, Instance, Leaf, Mesh, Scene, Side};
 use glam::{Vec2, Vec3};
 
@@ -44,7 +44,7 @@ pub fn pick(scene: &Scene, camera: &Camera, aspect: f32, x: f32, y: f32) -> Opti
         let back = instance.transform.inverse();
         let (mut o, mut d) = (back.transform_point3(origin), back.transform_vector3(direction));
         // What rides on a branch is met in world space, where it is bent.
-        let moved = instance.ride.map(|_| swung(&bends, instance, mesh));
+        let moved = Moved::of(instance).any().then(|| swung(&bends, instance, mesh));
         if moved.is_some() {
             (o, d) = (origin, direction);
         } else if !meets_box(o, d, boxes[instance.mesh]) {
@@ -83,11 +83,14 @@ pub fn pick(scene: &Scene, camera: &Camera, aspect: f32, x: f32, y: f32) -> Opti
     best
 }
 
-/// World positions and normals of a mesh that rides on a branch.
+/// World positions and normals of a mesh that something moves.
 fn swung(bends: &Bends, instance: &Instance, mesh: &Mesh) -> (Vec<Vec3>, Vec<Vec3>) {
     let m = instance.transform;
     let pairs = mesh.positions.iter().zip(&mesh.normals);
-    pairs.map(|(p, n)| bends.bent(instance.ride, m.transform_point3(*p), m.transform_vector3(*n))).unzip()
+    let moved = |(k, (p, n)): (usize, (&Vec3, &Vec3))| {
+        bends.bent(Moved::of(instance), k, m.transform_point3(*p), m.transform_vector3(*n))
+    };
+    pairs.enumerate().map(moved).unzip()
 }
 
 fn texel(leaf: &Leaf, uv: Vec2) -> [u32; 2] {

@@ -1,5 +1,6 @@
 //! The renderer: a scene in, pictures and times out. It creates and uploads only what the scene needs, and counts it.
 
+use crate::bend::Moved;
 use crate::detail;
 use crate::error::{Error, Result};
 use crate::geometry::{Batch, Extents, MeshOnGpu, ball, parallel_projection, view_projection};
@@ -233,7 +234,7 @@ impl Renderer {
     pub fn set_time(&mut self, wind: &Wind) {
         let Some(loaded) = &mut self.loaded else { return };
         let Some(bend) = &loaded.bend else { return };
-        bend.set_time(&self.gpu, loaded.extents.branches(), wind);
+        bend.set_time(&self.gpu, loaded.extents.branches(), loaded.extents.sections(), wind);
         loaded.casters = loaded.extents.casters(Some(wind));
         loaded.ball = ball(&loaded.extents.corners(Some(wind)));
         if let (Some(sun), Some(shadow)) = (loaded.sun, &mut loaded.shadow) {
@@ -246,15 +247,15 @@ impl Renderer {
     /// with.
     ///
     /// # Errors
-    /// `Scene` where the instance rides on no branch or nothing was set, `Readback`.
+    /// `Scene` where nothing bends the instance or nothing was set, `Readback`.
     pub fn bent_vertices(&self, scene: &Scene, index: usize) -> Result<Vec<[Vec3; 3]>> {
         let bend = self.loaded.as_ref().and_then(|l| l.bend.as_ref());
-        let (Some(bend), Some(instance)) = (bend, scene.instances.get(index).filter(|i| i.ride.is_some())) else {
+        let (Some(bend), Some(instance)) = (bend, scene.instances.get(index).filter(|i| Moved::of(i).any())) else {
             let place = format!("instance {index}");
             return Err(Error::Scene {
                 place,
                 found: "nothing that bends it".into(),
-                expected: "an instance on a branch of the set scene".into(),
+                expected: "an instance on a branch or a section of the set scene".into(),
             });
         };
         let (mesh, m) = (&scene.meshes[instance.mesh], instance.transform);
@@ -264,7 +265,7 @@ impl Renderer {
                 [m.transform_point3(mesh.positions[k]), turned(mesh.normals[k]), turned(mesh.tangents[k].truncate())]
             })
             .collect();
-        bend.probe(&self.gpu, instance.ride, &vertices)
+        bend.probe(&self.gpu, instance, &vertices)
     }
 
     /// Operations of the fragment shader that material `index` of `scene` is drawn with (see `operations`): a figure

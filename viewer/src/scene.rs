@@ -52,7 +52,7 @@
 //! sky is not shadowed by other leaves. Where nothing is hit the radiance is `Scene::background`. Picture: exposure ·
 //! L, Reinhard x/(1 + x) a channel, sRGB encoding (IEC 61966-2-1), 8 bits.
 
-use glam::{Mat4, Vec2, Vec3, Vec4};
+use glam::{Mat4, Quat, Vec2, Vec3, Vec4};
 pub use mesophyll_surface::basis::Basis;
 pub use mesophyll_surface::gloss::Lobe;
 pub use mesophyll_surface::side::{Side, Sides};
@@ -90,6 +90,8 @@ pub struct Scene {
     pub branches: Vec<Branch>,
     /// What sways them; `None` uploads no motion texture.
     pub wind: Option<Wind>,
+    /// Cross-sections of plants that carry leaves and bark about, at the wind's time; `None`: plants stand still.
+    pub sections: Option<Sections>,
     /// How light arrives past and by way of other surfaces; every mesh that stands somewhere then has [`Anchors`] and
     /// every instance a first row. `None` lights every surface as if it stood alone, but for the sun's shadows.
     pub transfer: Option<Transfer>,
@@ -141,6 +143,8 @@ pub struct Instance {
     pub transform: Mat4,
     /// What bends it; the transform is where it is at rest.
     pub ride: Option<Ride>,
+    /// What carries it about, of the scene's sections; the transform is where it is at rest.
+    pub carried: Option<Carried>,
     /// First row of its anchors in the scene's [`Transfer`].
     pub first_row: u32,
     /// Where the scene's shares of the sun begin that are of its mesh's vertices, in their order; `None`: its shadows
@@ -158,6 +162,43 @@ pub struct Ride {
     pub branch: usize,
     /// Where it hangs, rigidly: 0 (root) to 1 (tip). `None`: the mesh is the branch itself and bends at every vertex.
     pub at: Option<f32>,
+}
+
+/// How sections carry an instance about.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Carried {
+    /// The section, or the first of those that the mesh's vertices count from.
+    pub first: u32,
+    /// Where [`Sections::of_vertices`] begins for the mesh's vertices; `None`: the whole instance is carried by one.
+    pub vertices: Option<u32>,
+}
+
+/// Rigid motions in world space, a cross-section of a plant's branch each, as they are at a time (s).
+#[derive(Clone)]
+pub struct Sections {
+    /// How many there are, at any time.
+    pub count: usize,
+    /// Of the vertices of bark: which section carries each, counted from the instance's first.
+    pub of_vertices: Arc<Vec<u32>>,
+    /// All of them at a time (s).
+    pub at: Arc<dyn Fn(f64) -> Vec<Section> + Send + Sync>,
+}
+
+/// A rigid motion: a point p goes to `to` + `turn` (p − `from`).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Section {
+    /// A point at rest.
+    pub from: Vec3,
+    /// Where it goes.
+    pub to: Vec3,
+    /// How directions turn.
+    pub turn: Quat,
+}
+
+impl std::fmt::Debug for Sections {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Sections({}, of {} vertices)", self.count, self.of_vertices.len())
+    }
 }
 
 /// A branch at rest and how it bends. Amplitudes are in units of its length for the normalised deflection
@@ -196,7 +237,7 @@ pub struct Branch {
 /// Gusts: a periodic texture whose channels drive the deflections towards r and s, and the time.
 #[derive(Debug, Clone)]
 pub struct Wind {
-    /// Texels a side; row-major, texel centres at (i + ½)/size, sampled linearly and repeated.
+    /// Texels a side; row-major, texel centres at (i + ½)/size, sampled linearly and repeated. 0: no branch sways.
     pub size: u32,
     /// Row by row.
     pub motion: Vec<[f32; 2]>,

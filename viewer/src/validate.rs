@@ -3,6 +3,7 @@
 
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
+use crate::passes::bend::{SECTIONS_WIDE, VERTICES_WIDE};
 use crate::passes::transfer::{columns, count};
 use crate::scene::{Camera, Dome, Interior, Leaf, MOST_BRANCHES, Material, Mesh, Scanner, Scene, SideMaps};
 
@@ -38,9 +39,37 @@ pub(crate) fn scene(gpu: &Gpu, scene: &Scene) -> Result<()> {
         }
     }
     branches(scene)?;
+    sections(gpu, scene)?;
     transfer(gpu, scene)?;
     shares(gpu, scene)?;
     lights(gpu, scene)
+}
+
+/// Sections: as many as a texture holds, and one for everything that is carried.
+fn sections(gpu: &Gpu, scene: &Scene) -> Result<()> {
+    let (count, of_vertices) = scene.sections.as_ref().map_or((0, [].as_slice()), |s| (s.count, &s.of_vertices));
+    // A number in single precision names each: it counts to 2^24.
+    let rows = (gpu.device.limits().max_texture_dimension_2d as usize).min(8192);
+    let most = [rows * SECTIONS_WIDE as usize, rows * VERTICES_WIDE as usize];
+    for (what, found, most) in [("sections", count, most[0]), ("vertices of bark", of_vertices.len(), most[1])] {
+        if found > most {
+            return Err(wrong(what, found, format!("at most {most}")));
+        }
+    }
+    for (i, instance) in scene.instances.iter().enumerate() {
+        let Some(carried) = instance.carried else { continue };
+        let own = match carried.vertices {
+            None => Some(0),
+            Some(first) => {
+                let end = first as usize + scene.meshes[instance.mesh].positions.len();
+                of_vertices.get(first as usize..end).map(|of| of.iter().copied().max().unwrap_or(0))
+            }
+        };
+        if own.is_none_or(|own| carried.first as usize + own as usize >= count) {
+            return Err(wrong(format!("instance {i}, section"), format!("{carried:?}"), format!("below {count}")));
+        }
+    }
+    Ok(())
 }
 
 /// Shares of the sun: a byte for every vertex of an instance that has them.
@@ -241,7 +270,8 @@ fn branches(scene: &Scene) -> Result<()> {
         }
     }
     let Some(wind) = &scene.wind else { return Ok(()) };
-    if wind.size == 0 || wind.motion.len() != wind.size as usize * wind.size as usize {
+    let sways = scene.branches.iter().any(|b| b.gain != 0.0);
+    if (wind.size == 0 && sways) || wind.motion.len() != wind.size as usize * wind.size as usize {
         return Err(wrong("motion texture", format!("{} texels", wind.motion.len()), format!("{0} x {0}", wind.size)));
     }
     if !(wind.time_s.is_finite() && wind.motion.as_flattened().iter().all(|v| v.is_finite())) {

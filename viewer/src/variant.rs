@@ -2,7 +2,7 @@
 //! pipeline.
 
 use crate::gpu::Gpu;
-use crate::passes::bend;
+use crate::passes::bend::{self, Bending};
 use crate::scene::{Basis, Instance, Interior, Leaf, Material, Scene, SideMaps, Sides};
 use crate::shader::Defines;
 use mesophyll_surface::gloss::LobeKind;
@@ -15,10 +15,8 @@ pub(crate) struct Variant {
     pub msaa: u32,
     /// The mesh has levels of detail: what is drawn may be another surface than the one in the shadow maps.
     pub levels: bool,
-    /// Branches of the scene, where an instance rides on one: its vertices are bent. 0: they are not.
-    pub branches: u32,
-    /// The branches sway by a motion texture.
-    pub motion: bool,
+    /// What moves its vertices.
+    pub bend: Bending,
     /// How the mesh's anchors are read, where light arrives by a transfer.
     pub anchored: Option<Anchored>,
     /// Its vertices know what they see of the sun, instead of a look into shadow maps.
@@ -153,7 +151,7 @@ impl Variant {
     pub(crate) fn new(gpu: &Gpu, scene: &Scene, instances: &[Instance]) -> Option<Variant> {
         let first = instances.first()?;
         let lights = Lights::of(scene);
-        let (branches, motion) = bend::needs(scene, instances);
+        let bend = bend::needs(scene, instances);
         Some(Variant {
             lights,
             surface: match &scene.materials[first.material] {
@@ -162,8 +160,7 @@ impl Variant {
             },
             msaa: scene.msaa,
             levels: !scene.meshes[first.mesh].details.is_empty(),
-            branches,
-            motion,
+            bend,
             anchored: scene.transfer.as_ref().zip(scene.meshes[first.mesh].anchors.as_ref()).map(
                 |(transfer, anchors)| Anchored {
                     grid: anchors.grid,
@@ -222,7 +219,7 @@ impl Variant {
     /// What all parts of the shader are assembled with.
     pub(crate) fn defines(&self) -> Defines {
         let lights = &self.lights;
-        let defines = bend::defines(Defines::default(), self.branches, self.motion)
+        let defines = bend::defines(Defines::default(), &self.bend)
             .constant("SHADOW_LAYERS", lights.shadow)
             .set("SUN", lights.sun)
             .set("SHADOW", self.shadowed())
@@ -316,7 +313,8 @@ impl Variant {
                 say(true, format!("{lobe:?}").to_lowercase());
             }
         }
-        say(self.branches > 0, if self.motion { "sway".into() } else { "bend".into() });
+        say(self.bend.branches > 0, if self.bend.motion { "sway".into() } else { "bend".into() });
+        say(self.bend.sections, "sections".into());
         say(self.msaa > 1, format!("{} samples", self.msaa));
         if words.is_empty() { "main: unlit".into() } else { format!("main: {}", words.join(", ")) }
     }

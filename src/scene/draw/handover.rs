@@ -5,6 +5,7 @@
 //! (`super::reference`).
 
 use super::card::Card;
+use super::sections::{Barks, plants};
 use super::{between, detail};
 use crate::fits::reads;
 use crate::ledger::Ledger;
@@ -15,7 +16,7 @@ use crate::loaded::{Leaf, Scene};
 use crate::manifest::{self, Interior, Manifest, View};
 use crate::placed::Placed;
 use crate::placed::daylight::{self, Daylight, sun_direction};
-use crate::placed::placement::Placement;
+use crate::placed::placement::{Placement, Ride};
 use crate::placed::plant::Wood;
 use crate::{Error, Result};
 use glam::{DMat4, Vec2, Vec3, Vec4};
@@ -53,11 +54,15 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
     }
     for p in &placed.placements {
         if let Some(drawn) = index[p.leaf] {
-            let ride = p
-                .ride
-                .filter(|_| placed.bends.is_some())
-                .map(|r| viewer::Ride { branch: r.branch, at: Some(r.at as f32) });
-            out.instances.push(viewer::Instance { transform: p.transform.as_mat4(), ride, ..drawn });
+            let (mut ride, mut carried) = (None, None);
+            match p.ride {
+                Some(Ride::Branch(on)) if placed.bends.is_some() => {
+                    ride = Some(viewer::Ride { branch: on.branch, at: Some(on.at as f32) });
+                }
+                Some(Ride::Section(k)) => carried = Some(viewer::Carried { first: k as u32, vertices: None }),
+                _ => {}
+            }
+            out.instances.push(viewer::Instance { transform: p.transform.as_mat4(), ride, carried, ..drawn });
         }
     }
     // A coarse triangle would blur the shadows that its corners know.
@@ -71,10 +76,12 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
                 levels.into_iter().map(|l| viewer::Detail { indices: l.indices, error: l.error_mm as f32 }).collect();
         }
     }
+    let mut barks = Barks::default();
     for wood in &placed.wood {
         let drawn = out.add(shown(out.meshes.len(), &wood.mesh), barked(&wood.name, wood.bark));
+        let carried = wood.bark_moves.as_ref().map(|bark| barks.carried(bark));
         let places = wood.places.iter();
-        out.instances.extend(places.map(|place| viewer::Instance { transform: place.as_mat4(), ..drawn }));
+        out.instances.extend(places.map(|place| viewer::Instance { transform: place.as_mat4(), carried, ..drawn }));
     }
     if let Some((mesh, albedo)) = &placed.ground {
         let ground = out.add(viewer_mesh(mesh), barked("ground", *albedo));
@@ -87,6 +94,7 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
         out.instances.push(viewer::Instance { ride, ..wood });
     }
     branches(manifest, placed, &mut out);
+    plants(manifest, placed, barks, &mut out);
     if let Some(found) = &scene.transfer {
         between::arriving(found, &mut out);
         if let Some(direction) = sun_direction(manifest) {
@@ -188,6 +196,7 @@ fn lights(Scene { manifest, plan, .. }: &Scene, ledger: &Ledger) -> Result<viewe
         msaa: plan.light.msaa,
         branches: Vec::new(),
         wind: None,
+        sections: None,
         transfer: None,
         sun_shares: None,
     })

@@ -9,6 +9,8 @@ pub mod handover;
 pub mod reference;
 #[cfg(feature = "render")]
 pub mod scanned;
+#[cfg(feature = "render")]
+pub mod sections;
 pub mod sunlit;
 #[cfg(feature = "render")]
 pub mod true_leaf;

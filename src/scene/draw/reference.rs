@@ -9,7 +9,6 @@ use crate::ledger::Ledger;
 use crate::loaded::{Leaf, Scene};
 use crate::manifest::{self, Interior, Manifest, View};
 use crate::placed::Placed;
-use crate::placed::branch::Bends;
 use crate::placed::daylight::{Daylight, sun_direction};
 use crate::{Error, Result};
 use glam::{DMat4, DVec3, DVec4};
@@ -117,7 +116,7 @@ pub fn unlit(scene: &Scene, time: f64, ledger: &Ledger) -> Result<transport::Wor
 /// # Errors
 /// [`Error::Input`] for a leaf whose inside cannot be read.
 pub fn move_to(world: &mut transport::World, scene: &Scene, time: f64) -> Result<()> {
-    if scene.placed.bends.is_none() {
+    if !scene.placed.moves().any() {
         return Ok(());
     }
     stand_at(world, scene, time);
@@ -127,19 +126,30 @@ pub fn move_to(world: &mut transport::World, scene: &Scene, time: f64) -> Result
 /// The same without the sun's light through the leaves.
 fn stand_at(world: &mut transport::World, scene: &Scene, time: f64) {
     let placed = &scene.placed;
-    let Some(bends) = &placed.bends else { return };
+    if !placed.moves().any() {
+        return;
+    }
     let drawn = placed.placements.iter().filter(|p| placed.leaves[p.leaf].mesh.is_some());
     for (instance, p) in world.instances.iter_mut().zip(drawn) {
         instance.transform = placed.at_time(p, time).transform;
     }
-    move_branches(world, placed, bends, time);
+    move_wood(world, placed, time);
 }
 
-/// The branches alone.
-pub fn move_branches(world: &mut transport::World, placed: &Placed, bends: &Bends, time: f64) {
-    let first = world.leaves.len() - placed.twigs.len();
-    for (k, (_, rest)) in placed.twigs.iter().enumerate() {
-        world.leaves[first + k].mesh = mesh(&bends.mesh(k, time, rest));
+/// The branches and the plants' wood alone.
+pub fn move_wood(world: &mut transport::World, placed: &Placed, time: f64) {
+    let mut first = world.leaves.len() - placed.twigs.len();
+    if let Some(bends) = &placed.bends {
+        for (k, (_, rest)) in placed.twigs.iter().enumerate() {
+            world.leaves[first + k].mesh = mesh(&bends.mesh(k, time, rest));
+        }
+    }
+    first -= usize::from(placed.ground.is_some()) + placed.wood.len();
+    if let Some(winds) = &placed.winds {
+        let sections = winds.sections(time);
+        for (k, moved) in placed.wood.iter().enumerate().filter_map(|(k, wood)| Some((k, wood.moved(&sections)?))) {
+            world.leaves[first + k].mesh = mesh(&moved);
+        }
     }
 }
 

@@ -190,14 +190,14 @@ fn suns(at: Stand, leaf: Leaf) -> Vec<(DVec3, [f64; 3])> {
             })
             .collect();
     }
-    let mut times: Vec<f64> = match placed.bends {
-        Some(_) => manifest
+    let mut times: Vec<f64> = match placed.moves().any() {
+        true => manifest
             .views
             .iter()
             .filter(|v| v.kind == ViewKind::Perspective)
             .map(|v| branch::time(manifest, v))
             .collect(),
-        None => vec![0.0],
+        false => vec![0.0],
     };
     times.dedup();
     let own = placed.placements.iter().filter(|p| p.leaf == leaf.placed.index);

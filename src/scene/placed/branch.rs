@@ -6,7 +6,7 @@
 //! ground, its mean wind along the wind, and gusts from one motion texture for all branches, each on a line of its own.
 //! Lengths in mm, amplitudes in units of a branch's length.
 
-use super::placement::{Placement, Ride, frame};
+use super::placement::{OnBranch, frame};
 use crate::ledger::Ledger;
 use crate::manifest::{self, Manifest};
 use crate::{Error, Result};
@@ -214,20 +214,12 @@ impl Bends {
     }
 
     /// Where something goes that hangs on a branch: its transform at rest, carried along.
-    pub fn transform(&self, ride: Ride, time: f64, rest: DMat4) -> DMat4 {
+    pub fn transform(&self, ride: OnBranch, time: f64, rest: DMat4) -> DMat4 {
         let branch = &self.branches[ride.branch].rest;
         let joint = branch.joint(self.amplitude(ride.branch, time), ride.at);
         let turn = |v: DVec4| DVec3::from(branch.turn(&joint, v.truncate().to_array())).extend(0.0);
         let place = DVec3::from(branch.carry(&joint, ride.at, rest.w_axis.truncate().to_array())).extend(1.0);
         DMat4::from_cols(turn(rest.x_axis), turn(rest.y_axis), turn(rest.z_axis), place)
-    }
-
-    /// A placement as the branches have it at a time (s).
-    pub fn placement(&self, rest: &Placement, time: f64) -> Placement {
-        match rest.ride {
-            Some(ride) => Placement { transform: self.transform(ride, time, rest.transform), ..*rest },
-            None => *rest,
-        }
     }
 
     /// The mesh of branch `k`, bent.

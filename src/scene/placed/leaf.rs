@@ -1,8 +1,9 @@
 //! One of the scene's leaves in the world: where its fit is, its blade, and which of its sides are seen and lit.
 
-use super::branch::{self, Bends};
+use super::branch;
 use super::daylight;
 use super::facing::Facing;
+use super::moves::Moves;
 use super::placement::{self, Placement};
 use crate::fits::source::{self, InputHash, Source, Status};
 use crate::fits::translucency::{self, Translucent};
@@ -60,7 +61,7 @@ impl Leaf {
     /// [`crate::Error::Input`] for a fit that does not exist and cannot be made, or a damaged mesh.
     pub fn find(
         manifest: &Manifest,
-        (placements, bends): (&[Placement], Option<&Bends>),
+        (placements, moves): (&[Placement], Moves),
         index: usize,
         search: Search,
         ledger: &Ledger,
@@ -102,7 +103,7 @@ impl Leaf {
                 out.facing = if search.free {
                     Facing::ALL
                 } else {
-                    seen(manifest, &leaf.name, &mesh, &mine, bends, &views, sun)?
+                    seen(manifest, &leaf.name, &mesh, &mine, moves, &views, sun)?
                 };
                 out.mesh = Some(mesh);
             }
@@ -163,7 +164,7 @@ fn seen(
     name: &str,
     mesh: &LeafMesh,
     placements: &[&Placement],
-    bends: Option<&Bends>,
+    moves: Moves,
     views: &[(DVec3, f64)],
     sun: Option<(DVec3, f64)>,
 ) -> Result<Facing> {
@@ -171,13 +172,13 @@ fn seen(
     let bar = Bar::new(format!("which sides of {name} are seen and lit"), placements.len() as u64);
     for p in placements {
         bar.step()?;
-        match bends.filter(|_| p.ride.is_some()) {
-            None => {
+        match moves.any() && p.ride.is_some() {
+            false => {
                 let eyes: Vec<DVec3> = views.iter().map(|v| v.0).collect();
                 facing.add(mesh, p, &eyes, sun);
             }
-            Some(bends) => {
-                views.iter().for_each(|(eye, time)| facing.add(mesh, &bends.placement(p, *time), &[*eye], sun));
+            true => {
+                views.iter().for_each(|(eye, time)| facing.add(mesh, &moves.placement(p, *time), &[*eye], sun));
             }
         }
     }

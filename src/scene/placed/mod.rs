@@ -4,9 +4,11 @@ pub mod branch;
 pub mod daylight;
 pub mod facing;
 pub mod leaf;
+pub mod moves;
 pub mod placement;
 pub mod plant;
 pub mod posed;
+pub mod sections;
 pub mod tree;
 pub mod winds;
 
@@ -20,9 +22,12 @@ use branch::{Bends, Twig};
 use glam::{DMat4, DVec2, DVec3};
 use leaf::{Leaf, Search};
 use mesophyll_files::mesh::LeafMesh;
-use placement::Placement;
-use plant::{Planted, Wood};
+use moves::Moves;
+use placement::{Placement, Ride};
+use plant::Wood;
 use std::path::Path;
+use std::sync::Arc;
+use winds::Winds;
 
 /// A scene's leaves, branches and wood where they stand.
 #[derive(Debug)]
@@ -39,8 +44,10 @@ pub struct Placed {
     pub wood: Vec<Wood>,
     /// The ground, and its reflectance.
     pub ground: Option<(LeafMesh, [f64; 3])>,
-    /// `None` where nothing bends.
+    /// `None` where no branch bends.
     pub bends: Option<Bends>,
+    /// `None` where no plant moves.
+    pub winds: Option<Arc<Winds>>,
     /// For a window: camera, sun and sliders may go anywhere.
     pub free: bool,
 }
@@ -54,35 +61,53 @@ impl Placed {
     pub fn new(manifest: &Manifest, search: Search, ledger: &Ledger) -> Result<Placed> {
         let plants = plant::planted(manifest, ledger)?;
         let mut placements = placement::placements(manifest);
-        placements.extend(plants.iter().flat_map(Planted::placements));
+        let winds = Winds::new(manifest, &plants, ledger)?.map(Arc::new);
+        let swaying = |k: usize| winds.as_ref().and_then(|w| w.plants[k].as_ref());
+        let mut wood = Vec::new();
+        for (k, plant) in plants.iter().enumerate() {
+            let leaves = plant.plant.leaves.len();
+            placements.extend(plant.placements().enumerate().map(|(i, rest)| {
+                let section = swaying(k).map(|s| Ride::Section(s.sections.of_leaf(i / leaves, i % leaves)));
+                Placement { ride: section, ..rest }
+            }));
+            wood.extend(swaying(k).map_or_else(|| plant.wood(), |s| s.sections.wood(plant.wood())));
+        }
         let crown = manifest.tree.as_ref().map(|t| Wood {
             name: "wood".into(),
             mesh: tree::wood(&tree::grow(t).wood),
             bark: t.bark,
             places: vec![DMat4::IDENTITY],
+            bark_moves: None,
         });
         let twigs = branch::twigs(manifest, ledger)?;
         let bends = if branch::moves(manifest, &twigs) { Some(Bends::new(manifest, &twigs, ledger)?) } else { None };
         let perspective = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective);
         let eyes = perspective.filter_map(|v| v.eye_mm.map(DVec3::from)).collect();
+        let moves = Moves { bends: bends.as_ref(), winds: winds.as_deref() };
         let leaves = (0..manifest.leaves.len())
-            .map(|k| Leaf::find(manifest, (&placements, bends.as_ref()), k, search, ledger))
+            .map(|k| Leaf::find(manifest, (&placements, moves), k, search, ledger))
             .collect::<Result<_>>()?;
         Ok(Placed {
             leaves,
             placements,
             eyes,
-            wood: plants.iter().flat_map(Planted::wood).chain(crown).collect(),
+            wood: wood.into_iter().chain(crown).collect(),
             ground: manifest.ground.as_ref().map(|g| (level(manifest, g), g.albedo)),
             twigs: twigs.into_iter().map(|t| (t.clone(), branch::tube(&t))).collect(),
             bends,
+            winds,
             free: search.free,
         })
     }
 
-    /// A placement as the branches have it at a time (s).
+    /// What moves.
+    pub fn moves(&self) -> Moves<'_> {
+        Moves { bends: self.bends.as_ref(), winds: self.winds.as_deref() }
+    }
+
+    /// A placement as branches and plants have it at a time (s).
     pub fn at_time(&self, placement: &Placement, time: f64) -> Placement {
-        self.bends.as_ref().map_or(*placement, |bends| bends.placement(placement, time))
+        self.moves().placement(placement, time)
     }
 
     /// Leaves that must be fitted before anything can be drawn.
@@ -105,7 +130,8 @@ impl Placed {
     /// # Errors
     /// As [`Placed::new`].
     pub fn find_again(&mut self, manifest: &Manifest, index: usize, search: Search, ledger: &Ledger) -> Result<()> {
-        let world = (self.placements.as_slice(), self.bends.as_ref());
+        let moves = Moves { bends: self.bends.as_ref(), winds: self.winds.as_deref() };
+        let world = (self.placements.as_slice(), moves);
         self.leaves[index] = Leaf::find(manifest, world, index, search, ledger)?;
         Ok(())
     }

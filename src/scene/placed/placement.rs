@@ -22,9 +22,18 @@ pub struct Placement {
     pub ride: Option<Ride>,
 }
 
+/// What a placement goes along with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Ride {
+    /// A branch of the scene.
+    Branch(OnBranch),
+    /// A section of a plant, by its number among those of the scene ([`super::sections`]).
+    Section(usize),
+}
+
 /// A place on a branch: 0 (root) to 1 (tip).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Ride {
+pub struct OnBranch {
     /// Index into the manifest's branches.
     pub branch: usize,
     /// 0 (root) to 1 (tip).
@@ -71,7 +80,7 @@ fn placed(manifest: &Manifest, i: &Instance, leaf: usize) -> Placement {
     let own = instance_transform(i);
     let Some((ride, b)) = i.branch.as_ref().and_then(|name| {
         let branch = manifest.branch_index(name)?;
-        Some((Ride { branch, at: i.at.unwrap_or(0.0) }, &manifest.branches[branch]))
+        Some((OnBranch { branch, at: i.at.unwrap_or(0.0) }, &manifest.branches[branch]))
     }) else {
         return Placement { leaf, transform: own, ride: None };
     };
@@ -79,7 +88,7 @@ fn placed(manifest: &Manifest, i: &Instance, leaf: usize) -> Placement {
     let place = root + t * (ride.at * b.length_mm);
     let on_branch = DMat4::from_cols(t.extend(0.0), r.extend(0.0), s.extend(0.0), place.extend(1.0));
     let out = rotation(i.rotation_deg) * DVec3::X * i.offset_mm.unwrap_or(0.0);
-    Placement { leaf, transform: on_branch * DMat4::from_translation(out) * own, ride: Some(ride) }
+    Placement { leaf, transform: on_branch * DMat4::from_translation(out) * own, ride: Some(Ride::Branch(ride)) }
 }
 
 fn instance_transform(i: &Instance) -> DMat4 {

@@ -1,16 +1,18 @@
-//! Whole plants of a scene: read or grown once, standing where the manifest says. They stand at rest.
+//! Whole plants of a scene: read or grown once, standing where the manifest says, at rest ([`super::winds`] moves
+//! them).
 //!
 //! A plant's materials have names; the manifest says which leaf of the scene hangs where a blade has a material, and
 //! how light the bark is. A leaf is drawn in its own size times the plant's scale and the size that the plant gives the
 //! blade.
 
 use super::placement::{Placement, rotation};
+use super::sections::Bark;
 use crate::ledger::Ledger;
 use crate::manifest::{self, Manifest, Matter};
 use crate::{Error, Result};
 use glam::{DMat4, DVec3};
 use mesophyll_files::mesh::LeafMesh;
-use mesophyll_flora::form::Plant;
+use mesophyll_flora::form::{Branch, Plant, nearest};
 use mesophyll_flora::grow::{grow, spec::Spec};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -31,6 +33,8 @@ pub struct Wood {
     pub bark: [f64; 3],
     /// Mesh to world, for every place where it stands.
     pub places: Vec<DMat4>,
+    /// What carries its vertices, where the wind moves it; it then stands at one place.
+    pub bark_moves: Option<Bark>,
 }
 
 /// A `[[plant]]` of the manifest.
@@ -174,13 +178,30 @@ impl Planted {
         })
     }
 
+    fn made_of(&self, material: &str) -> impl Iterator<Item = (usize, &Branch)> {
+        self.plant.branches.iter().enumerate().filter(move |(_, b)| b.material == material)
+    }
+
+    /// Of every vertex of its wood, in the order of [`Planted::wood`]: the branch, and the share of the branch's axis
+    /// that is nearest.
+    pub fn bark_places(&self) -> Vec<Vec<(usize, f64)>> {
+        let of = |(material, _): &(String, [f64; 3])| {
+            let branches = self.made_of(material);
+            let vertices = |(k, b): (usize, &Branch)| -> Vec<(usize, f64)> {
+                b.wood.positions.iter().map(|p| (k, nearest(&b.axis, *p).0)).collect()
+            };
+            branches.flat_map(vertices).collect()
+        };
+        self.barks.iter().map(of).collect()
+    }
+
     /// Its wood, a mesh a material.
     pub fn wood(&self) -> Vec<Wood> {
         self.barks
             .iter()
             .map(|(material, bark)| {
                 let mut mesh = LeafMesh::default();
-                for branch in self.plant.branches.iter().filter(|b| b.material == *material) {
+                for (_, branch) in self.made_of(material) {
                     let frame = branch.frame();
                     let first = mesh.positions.len() as u32;
                     mesh.positions.extend(branch.wood.positions.iter().map(|p| frame.transform_point3(*p)));
@@ -190,7 +211,13 @@ impl Planted {
                     mesh.uvs.extend(branch.wood.uvs.iter().copied());
                     mesh.indices.extend(branch.wood.indices.iter().map(|i| i + first));
                 }
-                Wood { name: format!("{} {material}", self.name), mesh, bark: *bark, places: self.places.clone() }
+                Wood {
+                    name: format!("{} {material}", self.name),
+                    mesh,
+                    bark: *bark,
+                    places: self.places.clone(),
+                    bark_moves: None,
+                }
             })
             .collect()
     }

@@ -8,6 +8,7 @@
 
 use super::branch::{MOTION_SIDE, variance, wind_direction};
 use super::plant::Planted;
+use super::sections::Sections;
 use crate::ledger::Ledger;
 use crate::manifest::{self, Manifest};
 use crate::{Error, Result};
@@ -16,12 +17,13 @@ use mesophyll_files::mesh::LeafMesh;
 use mesophyll_fit_branch::beam::basis;
 use mesophyll_flora::carried::{carried, own_mass};
 use mesophyll_flora::form::{Branch, Leaf, Plant};
-use mesophyll_flora::pose::{Limbs, Pose};
+use mesophyll_flora::pose::{Limbs, Pose, Rigid};
 use mesophyll_plant::motion::Motion;
 use mesophyll_plant::motion_spectrum::Method;
 use mesophyll_plant::wind::{Oscillator, Sway, Wind};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
+use std::sync::{Arc, Mutex};
 
 /// Branches share a motion texture up to this ratio of their resonances.
 pub const ALIKE: f64 = 1.12;
@@ -42,24 +44,28 @@ pub struct Answer {
 }
 
 /// A `[[plant]]` that sways, at all its places.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug)]
 pub struct Swaying {
     /// Its branches, in the plant's frame.
     pub limbs: Limbs,
     /// A branch each; `None` for one without length.
     pub answers: Vec<Option<Answer>>,
+    /// What carries its leaves and its bark.
+    pub sections: Sections,
     /// Where the wind blows to, in the plant's frame, a place each.
     towards: Vec<DVec3>,
     seed: u64,
 }
 
 /// All plants of a scene in its wind.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug)]
 pub struct Winds {
     /// As the manifest has them; `None` for a plant that no wind moves.
     pub plants: Vec<Option<Swaying>>,
     /// The motion textures.
     pub motions: Vec<Motion>,
+    /// The sections at the last times that were asked for.
+    last: Mutex<Vec<(f64, Arc<Vec<Rigid>>)>>,
 }
 
 impl Winds {
@@ -91,6 +97,7 @@ impl Winds {
         let motions = made.ok_or_else(|| {
             Error::field(&manifest.path, "wind", "the plants' sway has no spectrum that is positive and finite")
         })?;
+        let mut first = 0;
         let of_lead: Vec<f64> = leads.iter().map(variance).collect();
         let plants = manifest.plants.iter().zip(planted).zip(sways).enumerate().map(|(index, ((said, p), sways))| {
             let limbs = Limbs::new(&p.plant, basis::shape);
@@ -106,10 +113,14 @@ impl Winds {
             let towards = p.places.iter().map(|m| (DMat3::from_mat4(*m).transpose() * world).normalize_or_zero());
             let towards = towards.collect();
             let seed = wind.seed.wrapping_add((1 + index as u64) << 40);
-            moves(said).then_some(Swaying { limbs, answers, towards, seed })
+            moves(said).then(|| {
+                let sections = Sections::new(p, first);
+                first = sections.end();
+                Swaying { limbs, answers, sections, towards, seed }
+            })
         });
         let plants = plants.collect();
-        Ok(Some(Winds { plants, motions }))
+        Ok(Some(Winds { plants, motions, last: Mutex::default() }))
     }
 
     /// Amplitude of a branch towards r and s of its limb, at a place and a time (s).
@@ -127,6 +138,39 @@ impl Winds {
     pub fn pose(&self, plant: usize, place: usize, time: f64) -> Option<Pose<'_>> {
         let swaying = self.plants.get(plant)?.as_ref()?;
         Some(swaying.limbs.pose(|branch| self.amplitude(swaying, place, branch, time)))
+    }
+}
+
+/// Times whose sections are kept: views of a scene are few.
+const KEPT: usize = 4;
+
+impl Winds {
+    /// How many sections all plants have together.
+    pub fn section_count(&self) -> usize {
+        self.plants.iter().flatten().map(|s| s.sections.end()).max().unwrap_or(0)
+    }
+
+    /// All sections of all plants at a time (s), in world space.
+    pub fn sections(&self, time: f64) -> Arc<Vec<Rigid>> {
+        let known = |last: &Vec<(f64, Arc<Vec<Rigid>>)>| last.iter().find(|l| l.0 == time).map(|l| l.1.clone());
+        if let Some(found) = self.last.lock().ok().and_then(|last| known(&last)) {
+            return found;
+        }
+        let of_place = |(plant, place): (usize, usize)| {
+            let (swaying, pose) = (self.plants[plant].as_ref(), self.pose(plant, place, time));
+            swaying.zip(pose).map_or_else(Vec::new, |(s, pose)| s.sections.at(place, &pose))
+        };
+        let places = |(k, s): (usize, &Option<Swaying>)| {
+            (0..s.as_ref().map_or(0, |s| s.towards.len())).map(move |place| (k, place)).collect::<Vec<_>>()
+        };
+        let all: Vec<(usize, usize)> = self.plants.iter().enumerate().flat_map(places).collect();
+        let parts: Vec<Vec<Rigid>> = all.into_par_iter().map(of_place).collect();
+        let made = Arc::new(parts.concat());
+        if let Ok(mut last) = self.last.lock() {
+            last.truncate(KEPT - 1);
+            last.insert(0, (time, made.clone()));
+        }
+        made
     }
 }
 

@@ -26,13 +26,12 @@ pub fn branches(manifest: &Manifest, placed: &Placed, plan: &mut Plan, ledger: &
         plan.need(need);
     }
     let coefficients = (TERMS * (basis::DEGREE + 1) * 8) as u64;
-    if let Some(bends) = &placed.bends {
+    let of_plants = placed.winds.iter().flat_map(|w| w.plants.iter().flatten()).map(|p| p.limbs.0.len()).sum::<usize>();
+    let bent = placed.bends.as_ref().map_or(0, |b| b.branches.len()) + of_plants;
+    if placed.moves().any() {
         let ms = ledger.entries().iter().find(|e| e.action == "fit" && e.what == "beam").map_or(0.0, |e| e.ms);
-        let mut need = Need::new(
-            "beam fit",
-            "branches bend: four coefficients each, from one fit of all tapers; bent in the vertex stage",
-        );
-        need.amount = Some(format!("{} of {TERMS} numbers, {ms:.1} ms (measured)", bends.branches.len()));
+        let mut need = Need::new("beam fit", "branches bend: four coefficients each, from one fit of all tapers");
+        need.amount = Some(format!("{} of {TERMS} numbers, {ms:.1} ms (measured)", bent));
         need.bytes = Some(coefficients);
         plan.need(need);
     } else {
@@ -64,4 +63,32 @@ pub fn branches(manifest: &Manifest, placed: &Placed, plan: &mut Plan, ledger: &
         };
         plan.leave_out(LeftOut::new("motion texture", why, texture, None));
     }
+    plants(manifest, placed, plan);
+}
+
+/// Plants in the wind: their motion textures, and the sections that carry them in the vertex stage.
+fn plants(manifest: &Manifest, placed: &Placed, plan: &mut Plan) {
+    if manifest.plants.is_empty() {
+        return;
+    }
+    // A section is three texels of four numbers, and every vertex of bark knows its own.
+    let Some(winds) = &placed.winds else {
+        let vertices: usize = placed.wood.iter().map(|w| w.mesh.positions.len()).sum();
+        let leaves = placed.placements.len();
+        let why = match &manifest.wind {
+            None => {
+                "the scene has no wind: plants stand as they are; no motion textures, no sections in the vertex stage"
+            }
+            Some(_) => "the wind does not move the plants: no motion textures, no sections in the vertex stage",
+        };
+        plan.leave_out(LeftOut::new("plants in the wind", why, (4 * vertices + 48 * leaves) as u64, None));
+        return;
+    };
+    let why = "plants sway: posed in double precision for each picture's time, carried by sections in the vertex stage";
+    let mut need = Need::new("plants in the wind", why);
+    let textures = winds.motions.len();
+    need.amount =
+        Some(format!("{} sections, {textures} motion textures of {MOTION_SIDE}x{MOTION_SIDE}", winds.section_count()));
+    need.bytes = Some((48 * winds.section_count() + textures * MOTION_SIDE * MOTION_SIDE * 8) as u64);
+    plan.need(need);
 }

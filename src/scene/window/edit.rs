@@ -13,7 +13,7 @@ use crate::loaded::{Leaf, Scene};
 use crate::manifest::{Interior, View, ViewKind};
 use crate::placed::branch;
 use crate::placed::daylight::{self, Daylight};
-use crate::placed::placement::Ride;
+use crate::placed::placement::{OnBranch, Placement, Ride};
 use glam::DVec3;
 use mesophyll_files::image::Maps;
 use mesophyll_files::quantity::Quantity;
@@ -119,17 +119,15 @@ impl SceneEditor {
         let time = scene.wind.as_ref().map_or_else(|| branch::rest_time(&self.scene.manifest), |w| w.time_s);
         let place = |i: &viewer::Instance| {
             let rest = i.transform.as_dmat4();
-            let ride = i.ride.and_then(|r| Some(Ride { branch: r.branch, at: f64::from(r.at?) }));
-            let transform = match (&self.scene.placed.bends, ride) {
-                (Some(bends), Some(ride)) => bends.transform(ride, time, rest),
-                _ => rest,
-            };
+            let on = i.ride.and_then(|r| Some(Ride::Branch(OnBranch { branch: r.branch, at: f64::from(r.at?) })));
+            let whole = i.carried.filter(|c| c.vertices.is_none());
+            let ride = on.or(whole.map(|c| Ride::Section(c.first as usize)));
+            let at_rest = Placement { leaf: i.material, transform: rest, ride };
+            let transform = self.scene.placed.at_time(&at_rest, time).transform;
             transport::Placement { leaf: i.material, transform }
         };
         world.instances = scene.instances.iter().map(place).collect();
-        if let Some(bends) = &self.scene.placed.bends {
-            reference::move_branches(&mut world, &self.scene.placed, bends, time);
-        }
+        reference::move_wood(&mut world, &self.scene.placed, time);
         world.sun = scene.sun.map(|s| transport::ReferenceSun {
             direction: s.direction.as_dvec3(),
             irradiance: s.irradiance.map(f64::from),

@@ -1,16 +1,23 @@
 //! What the vertex stage needs to bend branches and what rides on them: their numbers, and one motion texture where
-//! there is wind. Bound as group 2 of the main and the shadow pass; a scene without branches has neither.
+//! there is wind; of plants in the wind the sections that carry vertices and leaves. Bound as group 2 of the main and
+//! the shadow pass; a scene in which nothing bends has neither.
 
+use crate::bend::Moved;
 use crate::error::Result;
 use crate::gpu::Gpu;
-use crate::scene::{Branch, Instance, Ride, Scene, Wind};
+use crate::scene::{Branch, Instance, Scene, Section, Sections, Wind};
 use crate::shader::{Defines, assemble};
 use crate::stats::Stats;
 use crate::variant::Variant;
+use bytemuck::Zeroable;
 use glam::Vec3;
 
 /// WGSL of the bend, put in front of a pass's own.
 pub(crate) const SOURCE: &str = include_str!("bend.wgsl");
+
+/// Sections a row of their texture, three texels each, and vertices a row of theirs.
+pub(crate) const SECTIONS_WIDE: u32 = 512;
+pub(crate) const VERTICES_WIDE: u32 = 2048;
 
 /// A branch as the shader holds it.
 #[repr(C)]
@@ -30,31 +37,62 @@ pub(crate) struct BendPass {
     buffer: wgpu::Buffer,
     pub group: wgpu::BindGroup,
     layout: wgpu::BindGroupLayout,
-    count: u32,
-    motion: bool,
+    /// Where the sections are now.
+    sections: Option<wgpu::Texture>,
+    bend: Bending,
+}
+
+/// What moves the vertices of a scene's instances.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+pub(crate) struct Bending {
+    /// Branches of the scene, where anything rides on one; 0: they do not bend.
+    pub branches: u32,
+    /// The branches sway by a motion texture.
+    pub motion: bool,
+    /// Sections carry vertices and leaves of plants.
+    pub sections: bool,
+}
+
+impl Bending {
+    /// Whether anything moves.
+    pub(crate) fn any(&self) -> bool {
+        self.branches > 0 || self.sections
+    }
+
+    /// Of a whole scene: what its bind group holds.
+    fn of(scene: &Scene) -> Bending {
+        let rides = scene.instances.iter().any(|i| i.ride.is_some());
+        let branches = if rides { scene.branches.len() as u32 } else { 0 };
+        Bending {
+            branches,
+            motion: branches > 0 && scene.wind.as_ref().is_some_and(|w| w.size > 0),
+            sections: scene.sections.is_some() && scene.instances.iter().any(|i| i.carried.is_some()),
+        }
+    }
 }
 
 /// What a shader that bends is assembled with.
-pub(crate) fn defines(defines: Defines, branches: u32, motion: bool) -> Defines {
-    defines.constant("BRANCHES", branches.max(1)).set("BEND", branches > 0).set("MOTION", branches > 0 && motion)
+pub(crate) fn defines(defines: Defines, bend: &Bending) -> Defines {
+    defines
+        .constant("BRANCHES", bend.branches.max(1))
+        .constant("SECTIONS_WIDE", SECTIONS_WIDE)
+        .constant("VERTICES_WIDE", VERTICES_WIDE)
+        .set("BEND", bend.any())
+        .set("MOTION", bend.motion)
+        .set("SECTIONS", bend.sections)
 }
 
-/// Whether any of these instances rides on a branch, and so needs the bend in its shaders: the number of branches, and
-/// whether they sway.
-pub(crate) fn needs(scene: &Scene, instances: &[Instance]) -> (u32, bool) {
-    if instances.iter().any(|i| i.ride.is_some()) {
-        (scene.branches.len() as u32, scene.wind.is_some())
-    } else {
-        (0, false)
-    }
+/// What these instances need in their shaders: nothing, or all that moves anything in the scene.
+pub(crate) fn needs(scene: &Scene, instances: &[Instance]) -> Bending {
+    if instances.iter().any(|i| Moved::of(i).any()) { Bending::of(scene) } else { Bending::default() }
 }
 
 /// The layout of group 2; `None` for a variant that does not bend.
 pub(crate) fn layout_of(gpu: &Gpu, variant: &Variant) -> Option<wgpu::BindGroupLayout> {
-    (variant.branches > 0).then(|| layout(gpu, variant.motion))
+    variant.bend.any().then(|| layout(gpu, &variant.bend))
 }
 
-fn layout(gpu: &Gpu, motion: bool) -> wgpu::BindGroupLayout {
+fn layout(gpu: &Gpu, bend: &Bending) -> wgpu::BindGroupLayout {
     let visibility = wgpu::ShaderStages::VERTEX | wgpu::ShaderStages::COMPUTE;
     let entry = |binding, ty| wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None };
     let uniform = wgpu::BindingType::Buffer {
@@ -62,30 +100,35 @@ fn layout(gpu: &Gpu, motion: bool) -> wgpu::BindGroupLayout {
         has_dynamic_offset: false,
         min_binding_size: None,
     };
+    let texture = |sample_type| wgpu::BindingType::Texture {
+        sample_type,
+        view_dimension: wgpu::TextureViewDimension::D2,
+        multisampled: false,
+    };
+    let float = wgpu::TextureSampleType::Float { filterable: false };
     let mut entries = vec![entry(0, uniform)];
-    if motion {
-        let texture = wgpu::BindingType::Texture {
-            sample_type: wgpu::TextureSampleType::Float { filterable: false },
-            view_dimension: wgpu::TextureViewDimension::D2,
-            multisampled: false,
-        };
-        entries.push(entry(1, texture));
+    if bend.motion {
+        entries.push(entry(1, texture(float)));
+    }
+    if bend.sections {
+        entries.extend([entry(2, texture(float)), entry(3, texture(wgpu::TextureSampleType::Uint))]);
     }
     gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("bend"), entries: &entries })
 }
 
-/// What an instance rides on to the shader: branch and place, −1 for none of either.
+/// What moves an instance, to the shader: branch and place, −1 for none of either; −2 − section and where its vertices'
+/// own begin.
 pub(crate) fn ride(instance: &Instance) -> [f32; 2] {
-    on(instance.ride)
-}
-
-fn on(ride: Option<Ride>) -> [f32; 2] {
-    ride.map_or([-1.0; 2], |r| [r.branch as f32, r.at.unwrap_or(-1.0)])
+    match instance.carried {
+        Some(c) => [-2.0 - c.first as f32, c.vertices.map_or(-1.0, |v| v as f32)],
+        None => instance.ride.map_or([-1.0; 2], |r| [r.branch as f32, r.at.unwrap_or(-1.0)]),
+    }
 }
 
 fn numbers(branches: &[Branch], wind: Option<&Wind>) -> Vec<OnGpu> {
     let four = |v: Vec3, w: f32| [v.x, v.y, v.z, w];
-    branches
+    let still = OnGpu::zeroed();
+    let mut all: Vec<OnGpu> = branches
         .iter()
         .map(|b| {
             let [x, y] = wind.map_or([0.0; 2], |w| w.place(b));
@@ -99,20 +142,24 @@ fn numbers(branches: &[Branch], wind: Option<&Wind>) -> Vec<OnGpu> {
                 gain: [b.gain, 0.0, 0.0, 0.0],
             }
         })
-        .collect()
+        .collect();
+    // No uniform is empty.
+    all.resize(branches.len().max(1), still);
+    all
 }
 
 impl BendPass {
     /// Uploads the branches; `None` where nothing rides on one.
     pub(crate) fn new(gpu: &Gpu, scene: &Scene, stats: &mut Stats) -> Option<BendPass> {
-        if !scene.instances.iter().any(|i| i.ride.is_some()) {
+        let bend = Bending::of(scene);
+        if !bend.any() {
             return None;
         }
         let numbers = numbers(&scene.branches, scene.wind.as_ref());
         stats.upload("branches", std::mem::size_of_val(numbers.as_slice()) as u64);
         let buffer = gpu.uniform("branches", &numbers);
-        let layout = layout(gpu, scene.wind.is_some());
-        let view = scene.wind.as_ref().map(|wind| {
+        let layout = layout(gpu, &bend);
+        let view = scene.wind.as_ref().filter(|_| bend.motion).map(|wind| {
             stats.upload("motion texture", (wind.motion.len() * 8) as u64);
             motion_texture(gpu, wind)
         });
@@ -120,25 +167,60 @@ impl BendPass {
         if let Some(view) = &view {
             entries.push(wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::TextureView(view) });
         }
+        let carried = scene.sections.as_ref().filter(|_| bend.sections).map(|sections| {
+            stats.upload("sections", (sections.count * 48) as u64);
+            stats.upload("sections of vertices", (sections.of_vertices.len() * 4) as u64);
+            let own = rows(&sections.of_vertices, VERTICES_WIDE as usize, 0);
+            let (motions, own) = (
+                texture(
+                    gpu,
+                    "sections",
+                    wgpu::TextureFormat::Rgba32Float,
+                    3 * SECTIONS_WIDE,
+                    sections.count.div_ceil(SECTIONS_WIDE as usize),
+                ),
+                {
+                    let t = texture(
+                        gpu,
+                        "sections of vertices",
+                        wgpu::TextureFormat::R32Uint,
+                        VERTICES_WIDE,
+                        own.len() / VERTICES_WIDE as usize,
+                    );
+                    fill(gpu, &t, bytemuck::cast_slice(&own));
+                    t
+                },
+            );
+            fill(gpu, &motions, bytemuck::cast_slice(&texels(sections, scene.wind.as_ref())));
+            (motions, own)
+        });
+        let views = carried.as_ref().map(|(a, b)| [a, b].map(|t| t.create_view(&Default::default())));
+        if let Some(views) = &views {
+            entries.extend((2..).zip(views).map(|(binding, view)| wgpu::BindGroupEntry {
+                binding,
+                resource: wgpu::BindingResource::TextureView(view),
+            }));
+        }
         let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("bend"),
             layout: &layout,
             entries: &entries,
         });
-        Some(BendPass { buffer, group, layout, count: scene.branches.len() as u32, motion: scene.wind.is_some() })
+        Some(BendPass { buffer, sections: carried.map(|(motions, _)| motions), group, layout, bend })
     }
 
-    /// Moves every branch to another time.
-    pub(crate) fn set_time(&self, gpu: &Gpu, branches: &[Branch], wind: &Wind) {
+    /// Moves every branch and section to another time.
+    pub(crate) fn set_time(&self, gpu: &Gpu, branches: &[Branch], sections: Option<&Sections>, wind: &Wind) {
+        if let (Some(texture), Some(sections)) = (&self.sections, sections) {
+            fill(gpu, texture, bytemuck::cast_slice(&texels(sections, Some(wind))));
+        }
         gpu.queue.write_buffer(&self.buffer, 0, bytemuck::cast_slice(&numbers(branches, Some(wind))));
     }
 
     /// Runs the vertex stage's function over vertices in world space: position, normal and tangent each.
-    pub(crate) fn probe(&self, gpu: &Gpu, ride: Option<Ride>, vertices: &[[Vec3; 3]]) -> Result<Vec<[Vec3; 3]>> {
-        let source = assemble(
-            &format!("{SOURCE}{}", include_str!("probe.wgsl")),
-            &defines(Defines::default(), self.count, self.motion),
-        );
+    pub(crate) fn probe(&self, gpu: &Gpu, instance: &Instance, vertices: &[[Vec3; 3]]) -> Result<Vec<[Vec3; 3]>> {
+        let source =
+            assemble(&format!("{SOURCE}{}", include_str!("probe.wgsl")), &defines(Defines::default(), &self.bend));
         let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("probe"),
             source: wgpu::ShaderSource::Wgsl(source.into()),
@@ -170,7 +252,7 @@ impl BendPass {
             cache: None,
         });
         let flat: Vec<[f32; 4]> = vertices.iter().flatten().map(|v| [v.x, v.y, v.z, 0.0]).collect();
-        let [branch, at] = on(ride);
+        let [branch, at] = ride(instance);
         let uniform = gpu.uniform("probe", &[[branch, at, 0.0, 0.0]]);
         let storage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
         let buffer = gpu.buffer("probe", bytemuck::cast_slice(&flat), storage);
@@ -204,27 +286,54 @@ impl BendPass {
 }
 
 fn motion_texture(gpu: &Gpu, wind: &Wind) -> wgpu::TextureView {
-    let size = wgpu::Extent3d { width: wind.size, height: wind.size, depth_or_array_layers: 1 };
-    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
-        label: Some("motion texture"),
-        size,
+    let texture = texture(gpu, "motion texture", wgpu::TextureFormat::Rg32Float, wind.size, wind.size as usize);
+    fill(gpu, &texture, bytemuck::cast_slice(&wind.motion));
+    texture.create_view(&Default::default())
+}
+
+fn texture(gpu: &Gpu, label: &str, format: wgpu::TextureFormat, width: u32, height: usize) -> wgpu::Texture {
+    gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some(label),
+        size: wgpu::Extent3d { width, height: height.max(1) as u32, depth_or_array_layers: 1 },
         mip_level_count: 1,
         sample_count: 1,
         dimension: wgpu::TextureDimension::D2,
-        format: wgpu::TextureFormat::Rg32Float,
+        format,
         usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
         view_formats: &[],
-    });
+    })
+}
+
+/// Writes all of a texture.
+fn fill(gpu: &Gpu, texture: &wgpu::Texture, bytes: &[u8]) {
+    let size = texture.size();
     gpu.queue.write_texture(
         wgpu::TexelCopyTextureInfo {
-            texture: &texture,
+            texture,
             mip_level: 0,
             origin: wgpu::Origin3d::ZERO,
             aspect: wgpu::TextureAspect::All,
         },
-        bytemuck::cast_slice(&wind.motion),
-        wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(8 * wind.size), rows_per_image: Some(wind.size) },
+        bytes,
+        wgpu::TexelCopyBufferLayout {
+            offset: 0,
+            bytes_per_row: Some(bytes.len() as u32 / size.height),
+            rows_per_image: Some(size.height),
+        },
         size,
     );
-    texture.create_view(&Default::default())
+}
+
+/// Whole rows of `wide` entries, at least one.
+fn rows<T: Copy>(list: &[T], wide: usize, rest: T) -> Vec<T> {
+    let mut out = list.to_vec();
+    out.resize(list.len().next_multiple_of(wide).max(wide), rest);
+    out
+}
+
+/// The sections at the time of a wind, three texels each.
+fn texels(sections: &Sections, wind: Option<&Wind>) -> Vec<[[f32; 4]; 3]> {
+    let texel = |s: &Section| [s.from.extend(0.0).to_array(), s.to.extend(0.0).to_array(), s.turn.to_array()];
+    let all: Vec<[[f32; 4]; 3]> = sections.now(wind).iter().map(texel).collect();
+    rows(&all, SECTIONS_WIDE as usize, [[0.0; 4]; 3])
 }

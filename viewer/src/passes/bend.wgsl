@@ -35,6 +35,25 @@ fn swayed(at: vec2f) -> vec2f {
 }
 //#endif
 
+//#if SECTIONS
+// Rigid motions, three texels each, SECTIONS_WIDE a row: a point at rest, where it goes, and a quaternion.
+@group(2) @binding(2) var sections: texture_2d<f32>;
+// Which of them carries a vertex of bark, VERTICES_WIDE a row.
+@group(2) @binding(3) var of_vertices: texture_2d<u32>;
+
+fn carried(section: u32, position: vec3f, normal: vec3f, tangent: vec3f) -> Bent {
+    let at = vec2u(3u * (section % SECTIONS_WIDE), section / SECTIONS_WIDE);
+    let before = textureLoad(sections, at, 0).xyz;
+    let after = textureLoad(sections, at + vec2u(1u, 0u), 0).xyz;
+    let turn = textureLoad(sections, at + vec2u(2u, 0u), 0);
+    return Bent(after + quaternion(turn, position - before), quaternion(turn, normal), quaternion(turn, tangent));
+}
+
+fn quaternion(q: vec4f, v: vec3f) -> vec3f {
+    return v + 2.0 * cross(q.xyz, cross(q.xyz, v) + q.w * v);
+}
+//#endif
+
 // atanh(z)/z, |z| ≤ 1/3.
 fn reduced(z: f32) -> f32 {
     let q = z * z;
@@ -126,9 +145,20 @@ fn bend_unit(v: vec3f) -> vec3f {
     return v / max(length(v), 1e-30);
 }
 
-// A vertex in world space. `ride`: the branch (below 0: none), and the place (0 to 1) where the vertex's mesh hangs
-// rigidly (below 0: the mesh is the branch's own and bends at every vertex).
-fn bent(ride: vec2f, position: vec3f, normal: vec3f, tangent: vec3f) -> Bent {
+// Vertex `number` of its mesh, in world space. `ride`: the branch (below 0: none), and the place (0 to 1) where the
+// vertex's mesh hangs rigidly (below 0: the mesh is the branch's own and bends at every vertex). From −2 downwards it
+// is a section, and then where its vertices' own begin (below 0: the whole mesh is carried).
+fn bent(ride: vec2f, number: u32, position: vec3f, normal: vec3f, tangent: vec3f) -> Bent {
+    //#if SECTIONS
+    if (ride.x <= -2.0) {
+        var section = u32(-2.0 - ride.x);
+        if (ride.y >= 0.0) {
+            let vertex = u32(ride.y) + number;
+            section += textureLoad(of_vertices, vec2u(vertex % VERTICES_WIDE, vertex / VERTICES_WIDE), 0).r;
+        }
+        return carried(section, position, normal, tangent);
+    }
+    //#endif
     if (ride.x < 0.0) {
         return Bent(position, normal, tangent);
     }

@@ -158,7 +158,7 @@ fn pipeline(gpu: &Gpu, variant: &Variant) -> wgpu::RenderPipeline {
                 true,
                 variant.tangent(),
                 variant.leaf().is_some(),
-                variant.branches > 0,
+                variant.bend.any(),
                 variant.begins(),
                 variant.anchored.is_some(),
             ),
@@ -289,7 +289,7 @@ impl MainPass {
                 mesh.tangents.as_ref().filter(|_| variant.tangent()),
                 mesh.uvs.as_ref().filter(|_| variant.leaf().is_some()),
                 Some(&batch.instances),
-                batch.rides.as_ref().filter(|_| variant.branches > 0),
+                batch.rides.as_ref().filter(|_| variant.bend.any()),
                 batch.begins.as_ref().filter(|_| variant.begins()),
                 mesh.places.as_ref().filter(|_| variant.anchored.is_some()),
             ];
@@ -315,12 +315,13 @@ fn words(bytes: &[u8]) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::passes::bend::Bending;
     use crate::scene::Sides;
     use crate::variant::{LeafSurface, Lights, SideVariant, Surface};
 
     fn lit(surface: Surface) -> Variant {
         let lights = Lights { sun: true, sky: true, ..Lights::default() };
-        Variant { lights, surface, msaa: 4, levels: false, branches: 0, motion: false, anchored: None, shares: false }
+        Variant { lights, surface, msaa: 4, levels: false, bend: Bending::default(), anchored: None, shares: false }
     }
 
     fn lines(v: &Variant) -> Vec<String> {

@@ -60,7 +60,7 @@ struct Vertex {
     // First row of the light that arrives at the instance, and its first vertex's share of the sun.
     @location(9) begin: vec2u,
     //#endif
-    //#if SHARES
+    //#if SHARES || SECTIONS
     @builtin(vertex_index) number: u32,
     //#endif
     //#if TRANSFER
@@ -113,11 +113,15 @@ fn vertex(in: Vertex) -> Varying {
     out.tangent = vec4f(turned(in, in.tangent.xyz), in.tangent.w);
     //#endif
     //#if BEND
+    var number = 0u;
+    //#if SECTIONS
+    number = in.number;
+    //#endif
     //#if TANGENT
-    let swung = bent(in.ride, out.world, out.normal, out.tangent.xyz);
+    let swung = bent(in.ride, number, out.world, out.normal, out.tangent.xyz);
     out.tangent = vec4f(swung.tangent, in.tangent.w);
     //#else
-    let swung = bent(in.ride, out.world, out.normal, vec3f(0.0));
+    let swung = bent(in.ride, number, out.world, out.normal, vec3f(0.0));
     //#endif
     out.world = swung.position;
     out.normal = swung.normal;

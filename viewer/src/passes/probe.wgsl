@@ -14,7 +14,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (k + 2u >= arrayLength(&vertices)) {
         return;
     }
-    let moved = bent(probe.ride.xy, vertices[k].xyz, vertices[k + 1u].xyz, vertices[k + 2u].xyz);
+    let moved = bent(probe.ride.xy, id.x, vertices[k].xyz, vertices[k + 1u].xyz, vertices[k + 2u].xyz);
     vertices[k] = vec4f(moved.position, 1.0);
     vertices[k + 1u] = vec4f(moved.normal, 0.0);
     vertices[k + 2u] = vec4f(moved.tangent, 0.0);

@@ -158,7 +158,7 @@ impl ShadowPass {
         });
         let own_mask = drawn.batches.iter().any(|b| b.casts && b.variant.masked()).then(|| mask_layout(gpu));
         let mut need = |masked: bool, bends: bool| {
-            let of = |v: &&Variant| v.masked() == masked && (v.branches > 0) == bends;
+            let of = |v: &&Variant| v.masked() == masked && v.bend.any() == bends;
             let first = drawn.batches.iter().filter(|b| b.casts).map(|b| &b.variant).find(of)?;
             let name = if masked { "shadow: masked" } else { "shadow: opaque" };
             stats.pipeline(&format!("{name}{}", if bends { ", bend" } else { "" }));
@@ -256,7 +256,7 @@ impl ShadowPass {
                 if !batch.casts {
                     continue;
                 }
-                let bends = usize::from(batch.variant.branches > 0);
+                let bends = usize::from(batch.variant.bend.any());
                 let pipelines = if mask.is_some() { &self.masked } else { &self.opaque };
                 let Some(pipeline) = &pipelines[bends] else { continue };
                 pass.set_pipeline(pipeline);
@@ -268,7 +268,7 @@ impl ShadowPass {
                     Some(&mesh.positions),
                     uvs,
                     Some(&batch.instances),
-                    batch.rides.as_ref().filter(|_| batch.variant.branches > 0),
+                    batch.rides.as_ref().filter(|_| batch.variant.bend.any()),
                 ];
                 for (slot, buffer) in buffers.into_iter().flatten().enumerate() {
                     pass.set_vertex_buffer(slot as u32, buffer.slice(..));
@@ -309,7 +309,7 @@ fn pipeline(
     mask: Option<&wgpu::BindGroupLayout>,
     variant: &Variant,
 ) -> wgpu::RenderPipeline {
-    let defines = bend::defines(Defines::default(), variant.branches, variant.motion).set("MASK", mask.is_some());
+    let defines = bend::defines(Defines::default(), &variant.bend).set("MASK", mask.is_some());
     let source = assemble(&format!("{}{}", bend::SOURCE, include_str!("shadow.wgsl")), &defines);
     let bend = bend::layout_of(gpu, variant);
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
@@ -328,7 +328,7 @@ fn pipeline(
             module: &module,
             entry_point: Some("vertex"),
             compilation_options: Default::default(),
-            buffers: &vertex_layouts(false, false, mask.is_some(), variant.branches > 0, false, false),
+            buffers: &vertex_layouts(false, false, mask.is_some(), variant.bend.any(), false, false),
         },
         primitive: wgpu::PrimitiveState::default(),
         depth_stencil: Some(wgpu::DepthStencilState {

@@ -17,6 +17,9 @@ struct Vertex {
     //#if BEND
     @location(7) ride: vec2f,
     //#endif
+    //#if SECTIONS
+    @builtin(vertex_index) number: u32,
+    //#endif
 }
 
 struct Varying {
@@ -32,7 +35,11 @@ fn vertex(in: Vertex) -> Varying {
     var out: Varying;
     var world = vec3f(dot(in.world_x, p), dot(in.world_y, p), dot(in.world_z, p));
     //#if BEND
-    world = bent(in.ride, world, vec3f(0.0), vec3f(0.0)).position;
+    var number = 0u;
+    //#if SECTIONS
+    number = in.number;
+    //#endif
+    world = bent(in.ride, number, world, vec3f(0.0), vec3f(0.0)).position;
     //#endif
     out.position = to_light * vec4f(world, 1.0);
     //#if MASK

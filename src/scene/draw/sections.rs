@@ -1,0 +1,46 @@
+//! Plants in the wind, handed over to the GPU renderer: the sections that carry leaves and bark, for each time.
+
+use crate::manifest::Manifest;
+use crate::placed::Placed;
+use crate::placed::branch::rest_time;
+use crate::placed::sections::Bark;
+use glam::DQuat;
+use mesophyll_flora::pose::Rigid;
+use mesophyll_viewer::scene as viewer;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Which sections carry the vertices of bark, in one list; the same plant at many places has them once.
+#[derive(Default)]
+pub struct Barks {
+    of_vertices: Vec<u32>,
+    known: BTreeMap<*const Vec<u32>, u32>,
+}
+
+impl Barks {
+    /// How a wood's vertices are carried.
+    pub fn carried(&mut self, bark: &Bark) -> viewer::Carried {
+        let begin = *self.known.entry(Arc::as_ptr(&bark.of_vertices)).or_insert_with(|| {
+            let begin = self.of_vertices.len() as u32;
+            self.of_vertices.extend(bark.of_vertices.iter());
+            begin
+        });
+        viewer::Carried { first: bark.first as u32, vertices: Some(begin) }
+    }
+}
+
+/// What carries plants in the wind: posed in double precision, a table of sections for each time.
+pub fn plants(manifest: &Manifest, placed: &Placed, barks: Barks, out: &mut viewer::Scene) {
+    let Some(winds) = placed.winds.clone() else { return };
+    let section = |r: &Rigid| viewer::Section {
+        from: r.from.as_vec3(),
+        to: r.to.as_vec3(),
+        turn: DQuat::from_mat3(&r.turn).as_quat(),
+    };
+    out.wind.get_or_insert_with(|| viewer::Wind { size: 0, motion: Vec::new(), time_s: rest_time(manifest) });
+    out.sections = Some(viewer::Sections {
+        count: winds.section_count(),
+        of_vertices: Arc::new(barks.of_vertices),
+        at: Arc::new(move |time| winds.sections(time).iter().map(section).collect()),
+    });
+}

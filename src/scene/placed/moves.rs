@@ -1,0 +1,31 @@
+//! What moves in a scene: branches, what hangs on them, and plants in the wind.
+
+use super::branch::Bends;
+use super::placement::{Placement, Ride};
+use super::winds::Winds;
+
+/// All that moves, as it is looked up.
+#[derive(Debug, Clone, Copy)]
+pub struct Moves<'a> {
+    /// The scene's own branches, where they bend.
+    pub bends: Option<&'a Bends>,
+    /// Its plants, where a wind moves them.
+    pub winds: Option<&'a Winds>,
+}
+
+impl Moves<'_> {
+    /// Whether anything does.
+    pub fn any(&self) -> bool {
+        self.bends.is_some() || self.winds.is_some()
+    }
+
+    /// A placement as it is at a time (s).
+    pub fn placement(&self, rest: &Placement, time: f64) -> Placement {
+        let transform = match (rest.ride, self.bends, self.winds) {
+            (Some(Ride::Branch(on)), Some(bends), _) => bends.transform(on, time, rest.transform),
+            (Some(Ride::Section(k)), _, Some(winds)) => winds.sections(time)[k].carry(rest.transform),
+            _ => rest.transform,
+        };
+        Placement { transform, ..*rest }
+    }
+}

@@ -1,0 +1,104 @@
+//! The cross-sections of a plant's branches that carry something: a leaf each, and the bark's vertices. Both renderers
+//! move plants by these alone.
+
+use super::plant::{Planted, Wood};
+use glam::{DMat3, DMat4};
+use mesophyll_files::mesh::LeafMesh;
+use mesophyll_flora::pose::{Pose, Rigid};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Sections lie at multiples of this share of a branch: a vertex of bark is carried by the nearest. On a branch that is
+/// bent by a radian its place is then off by 1e-4 of the branch's radius.
+const FINENESS: f64 = 1.0 / 8192.0;
+
+/// The sections of one plant, which it has at each of its places.
+#[derive(Debug)]
+pub struct Sections {
+    /// Branch and share of its axis: the leaves' in their order, then those of the bark.
+    on: Vec<(usize, f64)>,
+    /// A wood of [`Planted::wood`]: which of them carries each vertex.
+    bark: Vec<Arc<Vec<u32>>>,
+    /// The first of the plant's, among those of the scene.
+    first: usize,
+    places: Vec<DMat4>,
+}
+
+/// How the bark of a plant in the wind is carried.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bark {
+    /// Where its plant's sections begin among those of the scene.
+    pub first: usize,
+    /// A vertex each, counted from there.
+    pub of_vertices: Arc<Vec<u32>>,
+}
+
+impl Sections {
+    /// Of a plant, whose sections follow the `first` of the scene.
+    pub fn new(planted: &Planted, first: usize) -> Sections {
+        let mut on: Vec<(usize, f64)> = planted.plant.leaves.iter().map(|l| (l.joint.branch, l.joint.at)).collect();
+        let mut known = BTreeMap::new();
+        let mut section = |(branch, at): (usize, f64)| {
+            let step = (at / FINENESS).round();
+            *known.entry((branch, step as u32)).or_insert_with(|| {
+                on.push((branch, step * FINENESS));
+                on.len() as u32 - 1
+            })
+        };
+        let bark = planted.bark_places().into_iter();
+        let bark = bark.map(|vertices| Arc::new(vertices.into_iter().map(&mut section).collect())).collect();
+        Sections { on, bark, first, places: planted.places.clone() }
+    }
+
+    /// The first of whatever comes after.
+    pub fn end(&self) -> usize {
+        self.first + self.places.len() * self.on.len()
+    }
+
+    /// Of leaf `leaf` at a place.
+    pub fn of_leaf(&self, place: usize, leaf: usize) -> usize {
+        self.first + place * self.on.len() + leaf
+    }
+
+    /// Where those of a place are in a pose, in world space, from rest.
+    pub fn at(&self, place: usize, pose: &Pose) -> Vec<Rigid> {
+        let to_world = self.places[place];
+        let turn = DMat3::from_mat4(to_world) * to_world.determinant().cbrt().recip();
+        let world = |(branch, at): &(usize, f64)| {
+            let own = pose.at(*branch, *at);
+            let [from, to] = [own.from, own.to].map(|p| to_world.transform_point3(p));
+            Rigid { from, to, turn: turn * own.turn * turn.transpose() }
+        };
+        self.on.iter().map(world).collect()
+    }
+
+    /// The plant's wood at every place by itself: each is bent another way.
+    pub fn wood(&self, rest: Vec<Wood>) -> Vec<Wood> {
+        let at = |(k, place): (usize, &DMat4)| {
+            let first = self.of_leaf(k, 0);
+            let wood = rest.iter().zip(&self.bark).map(|(wood, of_vertices)| {
+                let bark = Some(Bark { first, of_vertices: of_vertices.clone() });
+                Wood { places: vec![*place], bark_moves: bark, ..wood.clone() }
+            });
+            wood.collect::<Vec<Wood>>()
+        };
+        self.places.iter().enumerate().flat_map(at).collect()
+    }
+}
+
+impl Wood {
+    /// Its mesh as the scene's sections carry it, in its own frame; `None` where none does.
+    pub fn moved(&self, sections: &[Rigid]) -> Option<LeafMesh> {
+        let (bark, place) = (self.bark_moves.as_ref()?, self.places.first()?);
+        let back = place.inverse();
+        let mut mesh = self.mesh.clone();
+        for (k, own) in bark.of_vertices.iter().enumerate() {
+            let by = &sections[bark.first + *own as usize];
+            let turned = |v| back.transform_vector3(by.turn * place.transform_vector3(v));
+            mesh.positions[k] = back.transform_point3(by.place(place.transform_point3(mesh.positions[k])));
+            mesh.normals[k] = turned(mesh.normals[k]);
+            mesh.tangents[k].0 = turned(mesh.tangents[k].0);
+        }
+        Some(mesh)
+    }
+}
