@@ -7,7 +7,9 @@ use mesophyll_plant::wind::{Cone, mass};
 pub fn carried(plant: &Plant, wood: impl Fn(&Branch) -> f64, leaf: impl Fn(&Leaf) -> f64) -> Vec<f64> {
     let mut sums: Vec<f64> = plant.branches.iter().map(wood).collect();
     for one in &plant.leaves {
-        sums[one.joint.branch] += leaf(one);
+        if let Some(sum) = sums.get_mut(one.joint.branch) {
+            *sum += leaf(one);
+        }
     }
     // Parents stand before what grows on them.
     for k in (0..sums.len()).rev() {
