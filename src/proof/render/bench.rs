@@ -1,6 +1,7 @@
-//! Rays a second on one thread, and what Embree gets: the same triangles and rays, in turns.
+//! Rays and camera paths a second on one thread, and what Embree and Mitsuba get: the same triangles and rays, in turns.
 
 use super::Foliage;
+use super::paths::Scene;
 use crate::bench::{BenchRow, median_us};
 use crate::peers::Inputs;
 use glam::DVec3;
@@ -47,7 +48,7 @@ fn answer(forest: &Forest, kind: &str, ray: &Ray) -> i32 {
 /// triangle alone.
 ///
 /// # Errors
-/// None today; the signature is that of every sweep.
+/// Those of [`Scene::new`].
 pub fn bench_rows() -> crate::Result<Vec<BenchRow>> {
     let foliage = Foliage::new();
     let build = median_us(0.0, || Shape::new(&foliage.positions, &foliage.indices));
@@ -75,6 +76,16 @@ pub fn bench_rows() -> crate::Result<Vec<BenchRow>> {
             note: format!("{:.2} Mrays/s, one thread, {} rays; share of wrong answers", 1.0 / us, rays.len()),
         });
     }
+    let scene = Scene::new(&foliage)?;
+    let us = median_us(2000.0, || scene.time()) / Scene::paths() as f64;
+    rows.push(BenchRow {
+        model: "render".into(),
+        knob: "paths".into(),
+        setting: "matte crown, even sky".into(),
+        error: f64::NAN,
+        us,
+        note: format!("{:.3} M camera paths/s, one thread, tree included", 1.0 / us),
+    });
     Ok(rows)
 }
 
@@ -104,7 +115,7 @@ fn without_tree(triangles: &[[DVec3; 3]], kind: &str, ray: &Ray) -> i32 {
 /// The crown and its rays as little-endian numbers, what we find, and our time a turn.
 ///
 /// # Errors
-/// None today; the signature is that of every peer's inputs.
+/// Those of [`Scene::new`] and [`Scene::told`].
 pub fn peers() -> crate::Result<Inputs> {
     let foliage = Foliage::new();
     let floats = |points: &mut dyn Iterator<Item = DVec3>| -> Vec<u8> {
@@ -120,5 +131,8 @@ pub fn peers() -> crate::Result<Inputs> {
         files.push((format!("{kind}.f32"), floats(both)));
         files.push((format!("{kind}.i32"), foliage.found(kind).iter().flat_map(|i| i.to_le_bytes()).collect()));
     }
-    Ok(Inputs { files, ours: Vec::new(), turn: Some(Box::new(move |kind| foliage.time(kind))) })
+    let scene = Scene::new(&foliage)?;
+    files.push(("paths.json".into(), scene.told()?.to_string().into_bytes()));
+    let turn = move |kind: &str| if kind == "paths" { scene.time() } else { foliage.time(kind) };
+    Ok(Inputs { files, ours: Vec::new(), turn: Some(Box::new(turn)) })
 }

@@ -14,6 +14,10 @@ const QUADS: [usize; 2] = [10, 5];
 /// Radius of the crown, and a leaf's length and half width before its own size (mm).
 const CROWN: f64 = 500.0;
 const LEAF: [f64; 2] = [60.0, 15.0];
+/// Where the camera stands (mm); it looks at the crown's middle.
+pub(super) const EYE: DVec3 = DVec3::new(0.0, -1600.0, 300.0);
+/// Width of the camera's picture at unit distance.
+pub(super) const TANGENT: f64 = 0.62;
 /// Pixels a side of the camera's picture.
 const PIXELS: usize = 400;
 /// How far rays start off a leaf (mm): more than an f32 loses here.
@@ -110,11 +114,10 @@ fn leaf(rng: &mut Pcg64, positions: &mut Vec<DVec3>, indices: &mut Vec<u32>) {
 }
 
 fn camera() -> Vec<Ray> {
-    let eye = DVec3::new(0.0, -1600.0, 300.0);
-    let forward = -eye.normalize();
+    let forward = -EYE.normalize();
     let right = forward.cross(DVec3::Z).normalize();
     let up = right.cross(forward);
-    let at = |k: usize| 0.62 * ((k as f64 + 0.5) / PIXELS as f64 - 0.5);
-    let ray = |i: usize, j: usize| Ray::new(eye, single((forward + right * at(i) - up * at(j)).normalize()));
+    let at = |k: usize| TANGENT * ((k as f64 + 0.5) / PIXELS as f64 - 0.5);
+    let ray = |i: usize, j: usize| Ray::new(EYE, single((forward + right * at(i) - up * at(j)).normalize()));
     (0..PIXELS).flat_map(|j| (0..PIXELS).map(move |i| ray(i, j))).collect()
 }

@@ -2,5 +2,6 @@
 
 pub mod bench;
 mod foliage;
+pub mod paths;
 
 pub use foliage::Foliage;

@@ -1,0 +1,102 @@
+//! Camera paths a second on one thread: the crown with matte leaves under an even sky, eight scatterings at most.
+
+use super::Foliage;
+use super::foliage::{EYE, TANGENT};
+use glam::{DMat4, DVec2, DVec3};
+use mesophyll_transport::Camera;
+use mesophyll_transport::lobe::Lobe;
+use mesophyll_transport::path::{Paths, Picture, Request, Strategy, Target, Tracer};
+use mesophyll_transport::world::{Interior, Placement, ReferenceLeaf, ReferenceMesh, ReferenceSide, World};
+use serde_json::{Value, json};
+use std::hint::black_box;
+
+/// Pixels along a side of the picture, and paths a pixel.
+const PIXELS: usize = 200;
+const SAMPLES: u32 = 8;
+/// Reflectance of either side; nothing comes through, because the peer's matte surface lets nothing through.
+const RHO: f64 = 0.5;
+/// The most scatterings of a path.
+const BOUNCES: u32 = 8;
+
+/// The picture that both programs draw.
+pub struct Scene {
+    world: World,
+    pool: rayon::ThreadPool,
+}
+
+impl Scene {
+    /// The crown, every triangle flat: the peer has no normals for its corners.
+    ///
+    /// # Errors
+    /// [`crate::Error::Missed`] where no thread can be started.
+    pub fn new(foliage: &Foliage) -> crate::Result<Scene> {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+        let pool = pool.map_err(|e| crate::Error::Missed(format!("no thread could be started: {e}")))?;
+        let mut mesh = ReferenceMesh::default();
+        for t in foliage.indices.chunks_exact(3) {
+            let corners = [0, 1, 2].map(|k| foliage.positions[t[k] as usize]);
+            let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or(DVec3::Z);
+            mesh.indices.extend([0, 1, 2].map(|k| mesh.positions.len() as u32 + k));
+            mesh.positions.extend(corners);
+            mesh.normals.extend([normal; 3]);
+            mesh.uvs.extend([DVec2::ZERO; 3]);
+        }
+        let map = |v: f64| [0, 1, 2].map(|_| vec![v as f32]);
+        let interior = Interior::Maps { rho_d: map(RHO), rho_t: map(0.0) };
+        let side = ReferenceSide { interior, gloss: None, normal: None };
+        let leaf = ReferenceLeaf {
+            mesh,
+            width: 1,
+            height: 1,
+            front: side.clone(),
+            back: side,
+            mask: None,
+            lobe: Lobe::Beckmann,
+        };
+        let instances = vec![Placement { leaf: 0, transform: DMat4::IDENTITY }];
+        Ok(Scene { world: World { leaves: vec![leaf], instances, sky: Some([1.0; 3]), ..World::default() }, pool })
+    }
+
+    /// Draws it once; the mean radiance of all pixels and its standard error.
+    fn draw(&self) -> crate::Result<(f64, f64)> {
+        let paths = Paths { bounces: Some(BOUNCES), strategy: Strategy::default() };
+        let tracer = Tracer::new(&self.world, paths)?;
+        let camera = Camera { eye: EYE, target: DVec3::ZERO, up: DVec3::Z, fov_y_deg: fov_deg() };
+        let target = Target { samples: Some(SAMPLES), error: None };
+        let request = Request { camera, size: [PIXELS; 2], seed: 1, target };
+        let mut picture = Picture::new(PIXELS, PIXELS);
+        self.pool.install(|| picture.draw(&tracer, &request, "paths", &mut |_| Ok(())))?;
+        let pixels = (PIXELS * PIXELS) as f64;
+        let mean = picture.mean.iter().map(|p| f64::from(p[1])).sum::<f64>() / pixels;
+        let variance: f64 = (0..PIXELS * PIXELS).map(|k| f64::from(picture.error(k)[1]).powi(2)).sum();
+        Ok((mean, variance.sqrt() / pixels))
+    }
+
+    /// Time of a camera path (µs), once through the picture; the tree is made anew each time, as it is for a user.
+    pub fn time(&self) -> f64 {
+        let clock = std::time::Instant::now();
+        let _ = black_box(self.draw());
+        clock.elapsed().as_secs_f64() * 1e6 / Scene::paths() as f64
+    }
+
+    /// Camera paths of the picture.
+    pub fn paths() -> usize {
+        PIXELS * PIXELS * SAMPLES as usize
+    }
+
+    /// What the peer must know, and what we find.
+    ///
+    /// # Errors
+    /// Those of the path tracer.
+    pub fn told(&self) -> crate::Result<Value> {
+        let (mean, error) = self.draw()?;
+        Ok(json!({
+            "eye": EYE.to_array(), "fov_deg": fov_deg(), "pixels": PIXELS, "samples": SAMPLES, "rho": RHO,
+            "bounces": BOUNCES, "mean": mean, "error": error,
+        }))
+    }
+}
+
+fn fov_deg() -> f64 {
+    2.0 * (0.5 * TANGENT).atan().to_degrees()
+}
