@@ -12,6 +12,7 @@ pub mod inspect;
 pub mod kind;
 pub mod lightbox;
 pub mod manifest;
+pub mod pigments;
 pub mod reader;
 pub mod synth;
 

@@ -2,6 +2,7 @@
 
 use super::{Common, place};
 use crate::{Error, Result};
+use mesophyll_files::table::counted;
 use mesophyll_files::{claim, progress};
 use mesophyll_report::{self as report, ReportSource};
 use std::path::{Path, PathBuf};
@@ -16,12 +17,16 @@ pub struct Args {
     /// Fit folders (two or more are compared with the first), or the folder of a run
     #[arg(required = true, value_name = "DIR")]
     folders: Vec<PathBuf>,
-    /// The HTML file, `-` for standard output (default: report.html, unless --json or --markdown is asked for)
+    /// The HTML file, `-` for standard output (default: report.html, unless --json, --markdown or --plots is asked
+    /// for)
     #[arg(short, long = "out", alias = "output", value_name = "FILE")]
     output: Option<PathBuf>,
     /// The rows as Markdown on standard output
     #[arg(long, conflicts_with = "json")]
     markdown: bool,
+    /// Draw σa over what the mesophyll absorbs into this folder, a picture a side; for scans of leaves made of layers
+    #[arg(long, value_name = "DIR")]
+    plots: Option<PathBuf>,
 }
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
@@ -32,13 +37,17 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         ));
     }
     let sources: Vec<ReportSource> = args.folders.iter().map(ReportSource::folder).collect();
+    if let Some(folder) = &args.plots {
+        let files = report::layers::pictures(&sources, folder)?;
+        progress::say(format!("{} in {}", counted(files.len(), "picture"), folder.display()));
+    }
     if common.json {
         super::print_json(&report::to_json(&sources)?)?;
     }
     if args.markdown {
         super::print(&report::to_markdown(&sources)?)?;
     }
-    if args.output.is_none() && (common.json || args.markdown) {
+    if args.output.is_none() && (common.json || args.markdown || args.plots.is_some()) {
         return Ok(0);
     }
     let path = args.output.clone().unwrap_or_else(|| PathBuf::from("report.html"));

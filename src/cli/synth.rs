@@ -115,6 +115,17 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     }
 }
 
+/// The leaf's truth, which has to be a slab where light goes sideways through it.
+fn slab(args: &Args, spec: &Spec) -> Result<Model> {
+    match spec.truth(&args.spec, args.model)? {
+        Model::Foliar => Err(Error::Usage(
+            "--acquisition dome and beams spread light sideways by σa and σs, which the model foliar does not have;              expected --acquisition tube, or --model exact with a specification that has [interior]"
+                .into(),
+        )),
+        model => Ok(model),
+    }
+}
+
 fn under_dome(args: &Args, common: &Common, width: usize, height: usize) -> Result<u8> {
     let height_noise_mm = args.height_noise.unwrap_or(0.01);
     if !(0.0..=10.0).contains(&height_noise_mm) {
@@ -132,7 +143,7 @@ fn under_dome(args: &Args, common: &Common, width: usize, height: usize) -> Resu
         noise: args.noise,
         height_noise_mm,
         seed: args.seed,
-        model: args.model.unwrap_or(spec.model),
+        model: slab(args, &spec)?,
     };
     claim::capture(&args.out, &[&args.spec], args.force)?;
     progress::say(format!("growing {} ({})", spec.name, spec.species));
@@ -207,7 +218,7 @@ fn under_beams(args: &Args, common: &Common, width: usize, height: usize) -> Res
         beams: if given.is_empty() { beams::usual_beams() } else { beams::named(given) },
         noise: args.noise,
         seed: args.seed,
-        model: args.model.unwrap_or(spec.model),
+        model: slab(args, &spec)?,
     };
     claim::capture(&args.out, &[&args.spec], args.force)?;
     progress::say(format!("growing {} ({})", spec.name, spec.species));
@@ -249,7 +260,7 @@ fn tube(args: &Args, common: &Common, width: usize, height: usize) -> Result<u8>
         passes: if args.passes.as_deref() == Some("x") { vec![Travel::X] } else { vec![Travel::X, Travel::Y] },
         noise: args.noise,
         seed: args.seed,
-        model: args.model.unwrap_or(spec.model),
+        model: spec.truth(&args.spec, args.model)?,
         raw_exposures: args.raw_exposures,
     };
     claim::capture(&args.out, &[&args.spec], args.force)?;

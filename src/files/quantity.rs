@@ -31,6 +31,12 @@ pub enum Quantity {
     SigmaA,
     /// Scattering (1/mm).
     SigmaS,
+    /// Absorption of the mesophyll of a leaf made of layers (1/mm).
+    Absorption,
+    /// Chlorophyll of a leaf made of layers (µg/cm²).
+    Chlorophyll,
+    /// Carotenoids of a leaf made of layers (µg/cm²).
+    Carotenoid,
     /// 1 where the texel was fitted, 0 beside the leaf, and a negative code for each named defect.
     Mask,
     /// χ² of the texel's readings over their degrees of freedom.
@@ -63,9 +69,9 @@ impl Quantity {
 
     /// Letters of its channels: R, G, B of a colour, X, Y, Z of a direction, Y of a single number.
     pub fn letters(self) -> &'static [&'static str] {
-        use Quantity::{Gamma, Normal, RhoD, RhoS, RhoT, SigmaA, SigmaS, Transmittance};
+        use Quantity::{Absorption, Gamma, Normal, RhoD, RhoS, RhoT, SigmaA, SigmaS, Transmittance};
         match self {
-            RhoD | RhoT | RhoS | Gamma | SigmaA | SigmaS | Transmittance => &RGB,
+            RhoD | RhoT | RhoS | Gamma | SigmaA | SigmaS | Transmittance | Absorption => &RGB,
             Normal => &XYZ,
             _ => &["Y"],
         }

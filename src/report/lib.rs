@@ -14,6 +14,7 @@ pub mod figure;
 pub mod foliar;
 mod held_out;
 mod html;
+pub mod layers;
 mod maps;
 mod markdown;
 mod model;

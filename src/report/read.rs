@@ -168,6 +168,16 @@ fn fit(folder: &Path, options: &Options) -> Result<FitReport> {
     Ok(report)
 }
 
+/// A fit's name and the maps of its sides, with their truth where there is one; what is missing is left out.
+pub fn sides(folder: &Path) -> Result<(String, Vec<SideMaps>)> {
+    let record = FitRecord::read(folder)?;
+    let capture = Times::read(folder).ok().and_then(|t| t.capture).or(record.options.get("capture").cloned());
+    let maps =
+        |(name, _): (&str, &Section)| side(folder, name, &record, capture.as_deref().map(Path::new), &mut Vec::new());
+    let found = ordered(&record).filter_map(maps).collect();
+    Ok((record.name, found))
+}
+
 /// Maps of a section; sections without sides (`all`) have none and miss none.
 fn side(
     folder: &Path,

@@ -1,4 +1,4 @@
-//! Pictures of spectra: quantities over wavelength, a picture a leaf.
+//! Pictures of spectra: quantities over wavelength, or over another quantity, a picture a leaf.
 
 use super::rows::COLORS;
 use crate::{Error, Result};
@@ -9,12 +9,13 @@ use plotters::prelude::*;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
-/// One quantity over wavelength.
+/// One quantity over another.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Line {
     /// What it is.
     pub name: String,
-    /// Wavelength (nm), value, and standard error (NaN where none is known), by rising wavelength.
+    /// Wavelength (nm) or what else the panel is over, value, and standard error (NaN where none is known); of a line by
+    /// rising wavelength.
     pub points: Vec<[f64; 3]>,
     /// Dots instead of a line.
     pub dots: bool,
@@ -25,13 +26,18 @@ pub struct Line {
 pub struct Panel {
     /// What stands above it.
     pub title: String,
-    /// The axis with its unit.
+    /// The axis across with its unit: [`WAVELENGTH`], mostly.
+    pub across: String,
+    /// The axis upward with its unit.
     pub axis: String,
     /// Whether the axis is logarithmic; values of 0 and less are then left out.
     pub logarithmic: bool,
     /// What is drawn.
     pub lines: Vec<Line>,
 }
+
+/// The axis of spectra.
+pub const WAVELENGTH: &str = "wavelength (nm)";
 
 const SIZE: (u32, u32) = (980, 380);
 
@@ -115,7 +121,7 @@ where
         .y_label_area_size(56)
         .build_cartesian_2d(across, up)
         .map_err(text)?;
-    chart.configure_mesh().x_desc("wavelength (nm)").y_desc(&panel.axis).draw().map_err(text)?;
+    chart.configure_mesh().x_desc(&panel.across).y_desc(&panel.axis).draw().map_err(text)?;
     for (k, line) in panel.lines.iter().enumerate() {
         let color = COLORS[k % COLORS.len()];
         let points = || line.points.iter().filter(|p| shown(p));
@@ -134,7 +140,37 @@ where
         };
         drawn.label(&line.name).legend(legend);
     }
-    chart.configure_series_labels().border_style(BLACK.mix(0.3)).background_style(WHITE.mix(0.8)).draw().map_err(text)
+    // One quantity is named by the axis; a legend would cover it.
+    if panel.lines.len() < 2 {
+        return Ok(());
+    }
+    let places = panel.lines.iter().flat_map(|l| l.points.iter().filter(|p| shown(p)));
+    let places: Vec<(i32, i32)> = places.map(|p| chart.backend_coord(&(p[0], p[1]))).collect();
+    let (wide, high) = chart.plotting_area().get_pixel_range();
+    let corner = freest([wide.start, high.start], [wide.end, high.end], &places);
+    chart
+        .configure_series_labels()
+        .position(corner)
+        .border_style(BLACK.mix(0.3))
+        .background_style(WHITE.mix(0.8))
+        .draw()
+        .map_err(text)
+}
+
+/// Size of a legend (pixels), about.
+const LEGEND: [i32; 2] = [140, 70];
+
+/// The corner of a plot from `start` to `end` (pixels, down) in which the fewest of the places lie.
+fn freest(start: [i32; 2], end: [i32; 2], places: &[(i32, i32)]) -> SeriesLabelPosition {
+    use SeriesLabelPosition::{LowerLeft, LowerRight, UpperLeft, UpperRight};
+    let corners =
+        [(UpperRight, true, false), (UpperLeft, false, false), (LowerRight, true, true), (LowerLeft, false, true)];
+    let in_it = |right: bool, low: bool| {
+        let near = |at: i32, k: usize, far: bool| if far { end[k] - at < LEGEND[k] } else { at - start[k] < LEGEND[k] };
+        places.iter().filter(|(x, y)| near(*x, 0, right) && near(*y, 1, low)).count()
+    };
+    let best = corners.into_iter().min_by_key(|(_, right, low)| in_it(*right, *low));
+    best.map_or(UpperRight, |(corner, ..)| corner)
 }
 
 #[cfg(test)]
@@ -148,6 +184,7 @@ mod tests {
             |dots| Line { name: "sigma_a".into(), points: vec![[450.0, 3.0, 0.1], [550.0, 0.0, f64::NAN]], dots };
         let panel = |logarithmic| Panel {
             title: "elm".into(),
+            across: WAVELENGTH.into(),
             axis: "1/mm".into(),
             logarithmic,
             lines: vec![line(logarithmic)],
@@ -157,7 +194,11 @@ mod tests {
         let files = pictures(dir.path(), &leaves).unwrap();
         let names: Vec<_> = files.iter().map(|f| f.file_name().unwrap().to_str().unwrap()).collect();
         assert_eq!(names, ["a_b.svg", "a_b-2.svg", "leaf.svg", "empty.svg"]);
-        assert!(std::fs::read_to_string(&files[0]).unwrap().contains("sigma_a"));
+        // A legend covers a curve: one stands only where there are two to tell apart.
+        assert!(!std::fs::read_to_string(&files[0]).unwrap().contains("sigma_a"));
+        let two = Panel { lines: vec![line(true), line(false)], ..panel(true) };
+        let files = pictures(dir.path(), &[("two".to_string(), vec![two])]).unwrap();
+        assert_eq!(std::fs::read_to_string(&files[0]).unwrap().matches("sigma_a").count(), 2);
         let nothing = [("none".to_string(), vec![Panel { lines: vec![], ..panel(true) }])];
         assert_eq!(pictures(dir.path(), &nothing).unwrap().len(), 1);
     }

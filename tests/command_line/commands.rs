@@ -50,7 +50,8 @@ const LEFT_OUT: [(&str, &str); 22] = [
 ];
 
 /// What is made smaller for the test: printed words, and the words that are run.
-const SMALLER: [(&str, &str); 8] = [
+const SMALLER: [(&str, &str); 9] = [
+    ("--size 120x90 --frames 60", "--size 48x36 --frames 40"),
     ("-o out/autumn --samples 64", "-o out/autumn --samples 1"),
     ("-o out/plant --samples 64", "-o out/plant --samples 1"),
     ("--size 240x180 --frames 60", "--size 48x36 --frames 12"),
@@ -155,7 +156,7 @@ fn the_commands_of_the_light_page_run() {
 
 #[test]
 fn the_commands_of_the_foliar_page_run() {
-    assert_eq!(run_page("docs/foliar.md", false), [5, 0]);
+    assert_eq!(run_page("docs/foliar.md", false), [8, 0]);
 }
 
 #[test]

@@ -456,3 +456,45 @@ fn the_calipers_share_of_an_error_is_stated() {
     let thickness = &with.sections["front"].params["thickness"];
     assert_eq!(thickness.stderr, thickness.stderr_caliper);
 }
+
+/// A leaf made of layers is no slab: its texels are measured as well as any, and the report says that the slab does not
+/// describe them. Texel by texel σa follows the pigments.
+#[test]
+fn a_leaf_of_layers_is_fitted_and_its_misfit_is_said() {
+    let dir = tempfile::tempdir().unwrap();
+    let capture = scan(dir.path(), "soybean", &["--size", "48x36", "--frames", "60", "--noise", "0.01"]);
+    let [out, plots] = ["fit", "plots"].map(|n| dir.path().join(n));
+    succeeded(&run(["fit", "leaf", capture.to_str().unwrap(), "-o", out.to_str().unwrap()]));
+    let record = FitRecord::read(&out).unwrap();
+    for side in ["front", "back"] {
+        let section = &record.sections[side];
+        // The scan itself is understood to its noise ...
+        assert!((section.residuals["gloss"].reduced_chi2 - 1.0).abs() < 0.1);
+        for quantity in ["rho_d", "rho_t", "rho_s"] {
+            let covered = section.truth[quantity].coverage95.unwrap();
+            assert!((0.9..0.99).contains(&covered), "{side} {quantity}: {covered}");
+        }
+        // ... the leaf is not, and no σ is called true or false that the truth does not have.
+        assert!(section.residuals["transmittance"].reduced_chi2 > 3.0);
+        assert!(!section.truth.contains_key("sigma_a") && !section.truth.contains_key("gamma"));
+        // Over the whole thickness σa follows the pigments; what a crossing absorbs is divided between σa and thickness in
+        // another way than in the leaf.
+        for c in ["R", "G", "B"] {
+            let [whole, per_length] =
+                ["crossing", "absorption"].map(|n| section.figures[&format!("{n}_correlation.{c}")]);
+            assert!(whole > 0.98 && per_length < whole, "{side} {c}: {whole} {per_length}");
+        }
+        assert!(section.figures["crossing_ratio.G"] > 1.0);
+    }
+    let printed = run(["report", out.to_str().unwrap(), "--markdown", "--plots", plots.to_str().unwrap()]);
+    succeeded(&printed);
+    let text = String::from_utf8_lossy(&printed.stdout).into_owned();
+    for said in ["soybean is not good", "the model does not describe these measurements", "σa against the pigments"] {
+        assert!(text.contains(said), "{said}: {text}");
+    }
+    let picture = std::fs::read_to_string(plots.join("soybean-front.svg")).unwrap();
+    assert!(picture.matches("<circle").count() > 300 && picture.contains("absorption of the mesophyll"));
+    let fit = Path::new(env!("CARGO_MANIFEST_DIR")).join("fits/elm");
+    let other = run(["report", fit.to_str().unwrap(), "--plots", plots.to_str().unwrap()]);
+    refused(&other, 2, &["elm", "the scan of a leaf made of layers"]);
+}

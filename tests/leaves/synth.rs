@@ -174,11 +174,97 @@ fn every_species_grows() {
         }
         let name = path.file_stem().unwrap().to_string_lossy().into_owned();
         let out = dir.path().join(&name);
-        synth(&out, &name, &["--size", "16x12", "--passes", "x", "--model", "exact"]).success();
+        synth(&out, &name, &["--size", "16x12", "--passes", "x"]).success();
         let manifest = Manifest::read(&out).unwrap();
         assert_eq!(manifest.name, name);
         let truth = read_exr(&out.join("truth/back.exr")).unwrap();
         let inside = truth.scalar(Quantity::Mask).unwrap().iter().filter(|m| **m == 1.0).count();
         assert!(inside > 16 * 12 / 6, "{name} covers {inside} of 192 texels");
+    }
+}
+
+/// A leaf made of layers: its truth has pigments and no σ, light is conserved, and what shows on it is the exact
+/// method's for the contents that the truth states.
+#[test]
+fn a_leaf_of_layers_has_another_truth() {
+    use mesophyll::optics::foliar::{Leaf, Oblateness, Path as Crossing, Side as Lit, exact};
+
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("soybean");
+    synth(&out, "soybean", &["--passes", "x", "--noise", "0"]).success();
+    for (side, lit) in [("front", Lit::Adaxial), ("back", Lit::Abaxial)] {
+        let truth = read_exr(&out.join(format!("truth/{side}.exr"))).unwrap();
+        for none in ["sigma_a.R", "sigma_s.G", "gamma.B"] {
+            assert!(truth.get(none).is_none(), "{side} states {none}, which a leaf of layers does not have");
+        }
+        let get = |name: &str, k: usize| f64::from(truth.get(name).unwrap()[k]);
+        let inside: Vec<usize> = (0..32 * 24).filter(|&k| get("mask.Y", k) == 1.0).collect();
+        let of = |name: &str| inside.iter().map(|&k| get(name, k)).collect::<Vec<f64>>();
+        let span = |name: &str| of(name).into_iter().fold([f64::MAX, 0.0], |[a, b]: [f64; 2], v| [a.min(v), b.max(v)]);
+        let [least, most] = span("chlorophyll.Y");
+        assert!(least < 0.5 * most && most > 30.0, "veins hold less: {least} to {most}");
+        assert!(span("carotenoid.Y")[0] > 3.0, "carotenoids stay in veins");
+        // Green, at 550 nm in data/tables/pigments.csv; contents of protein, cellulose and water of the specification.
+        for &k in inside.iter().step_by(37) {
+            let pigments = 12_000.0 * get("chlorophyll.Y", k) + 6000.0 * get("carotenoid.Y", k);
+            let depth = 1e-6 * (pigments + 10.0 * 500.0 + 4.4 * 1000.0) + 0.0006 * 0.01;
+            let leaf = Leaf {
+                depth,
+                n_cuticle: 1.51,
+                n_mesophyll: 1.415,
+                n_antidermal: 1.41,
+                oblateness: Oblateness::USUAL,
+                path: Crossing::Sieve,
+            };
+            let want = exact::response(&leaf, lit, 0.0).unwrap();
+            let mirrored = (0.51f64 / 2.51).powi(2);
+            let found = [get("rho_d.G", k), get("rho_t.G", k), get("absorption.G", k) * get("thickness.Y", k)];
+            let off = [found[0] - (want.reflectance - mirrored), found[1] - want.transmittance, found[2] / depth - 1.0];
+            assert!(off.iter().all(|e| e.abs() < 2e-6), "{side} texel {k}: {off:?}");
+        }
+    }
+    for (args, what) in [
+        (["--model", "exact"], "interior: found no such table, expected one, for the model exact"),
+        (["--acquisition", "dome"], "which the model foliar does not have"),
+    ] {
+        let other = dir.path().join("other");
+        let said = Command::cargo_bin("mesophyll")
+            .unwrap()
+            .arg("synth")
+            .arg(spec("soybean"))
+            .arg("-o")
+            .arg(&other)
+            .args(args)
+            .assert();
+        let text = String::from_utf8_lossy(&said.failure().code(2).get_output().stderr).into_owned();
+        assert!(text.contains(what), "{text}");
+        assert!(!other.exists());
+    }
+    let text = std::fs::read_to_string(spec("soybean")).unwrap();
+    for (from, to, what) in [
+        ("../tables/pigments.csv", "none.csv", "none.csv"),
+        ("path = \"sieve\"", "path = \"straight\"", "slant"),
+        (
+            "chlorophyll_ug_cm2 = 40.0",
+            "chlorophyll_ug_cm2 = -40.0",
+            "foliar.…_cm2: found -40, expected contents of 0 or more",
+        ),
+        ("path = \"sieve\"", "path = \"sieve\"\nwavelengths_nm = [700, 550, 450]", "foliar.wavelengths_nm: found 700"),
+        ("path = \"sieve\"", "path = \"sieve\"\noblateness = [5, 5, 1]", "expected an array of length 4"),
+    ] {
+        assert!(text.contains(from), "{from}");
+        let path = dir.path().join("bad.toml");
+        let table = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/tables/pigments.csv");
+        let told = text.replacen(from, to, 1).replace("../tables/pigments.csv", table.to_str().unwrap());
+        std::fs::write(&path, told).unwrap();
+        let said = Command::cargo_bin("mesophyll")
+            .unwrap()
+            .arg("synth")
+            .arg(&path)
+            .arg("-o")
+            .arg(dir.path().join("bad"))
+            .assert();
+        let text = String::from_utf8_lossy(&said.failure().code(2).get_output().stderr).into_owned();
+        assert!(text.contains(what), "{to}: {text}");
     }
 }

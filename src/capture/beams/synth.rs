@@ -90,7 +90,7 @@ pub struct Grown {
     pub around: usize,
 }
 
-/// Grows the leaf; `None` when not one texel of the picture lies on it.
+/// Grows the leaf; `None` when not one texel of the picture lies on it, or the leaf is no slab.
 pub fn grow(spec: &Spec, options: &Options) -> Option<Grown> {
     let (w, h) = (options.width, options.height);
     let (window, around) = match options.patch {
@@ -102,6 +102,9 @@ pub fn grow(spec: &Spec, options: &Options) -> Option<Grown> {
     };
     let leaf = Leaf::grow_in(spec, options.model, (w + 2 * around, h + 2 * around), window)?;
     let grown = Grown { leaf, around };
+    if grown.leaf.front.sigma_a.is_empty() {
+        return None;
+    }
     grown.crop(&grown.leaf.mask).contains(&true).then_some(grown)
 }
 

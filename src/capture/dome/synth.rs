@@ -100,7 +100,8 @@ impl Blade {
             None => (Window { centre_mm: [0.0; 2], texel_mm: texel_size(spec, w, h) }, 0),
         };
         let wide = w + 2 * margin;
-        let Some(mut leaf) = Leaf::grow_in(spec, options.model, (wide, h + 2 * margin), window) else {
+        let grown = Leaf::grow_in(spec, options.model, (wide, h + 2 * margin), window);
+        let Some(mut leaf) = grown.filter(|leaf| !leaf.front.sigma_a.is_empty()) else {
             return Ok(None);
         };
         let under: Vec<f64> = leaf.relief.iter().zip(&leaf.front.thickness).map(|(z, d)| f64::from(*d) - z).collect();

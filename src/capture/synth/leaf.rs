@@ -1,11 +1,11 @@
 //! The truth about a leaf, texel by texel: outline, veins, relief and normals, thickness, pigment, γ, gloss, and what
-//! the slab makes of them. Both sides share interior and shape; the back's maps are stored as its camera saw them
+//! the interior makes of them. Both sides share interior and shape; the back's maps are stored as its camera saw them
 //! (column i of the back is column W−1−i of the front, x and z change sign). Lengths in mm, coefficients in 1/mm,
 //! albedos in [0, 1].
 
+use super::interior::{Interior, Tissue};
 use super::outline::Blade;
 use super::random::{mesh, noise};
-use super::slab_truth::Table;
 use super::spec::{Model, Spec, Surface};
 use super::veins::Network;
 use crate::manifest::texel_position;
@@ -15,7 +15,8 @@ use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::side::{Side, mirror};
 use rayon::prelude::*;
 
-/// One side, row-major as its camera saw it; every map has `width · height` entries, zero off the blade.
+/// One side, row-major as its camera saw it; every map has `width · height` entries, zero off the blade. Maps that the
+/// leaf's model does not have are empty.
 #[derive(Debug, Clone, Default)]
 pub struct GrownSide {
     /// Diffuse reflectance, a channel each.
@@ -30,14 +31,20 @@ pub struct GrownSide {
     pub m: Vec<f32>,
     /// Unit normal in this side's image: x right, y up, z out of the side.
     pub normal: Vec<[f32; 3]>,
-    /// Absorption coefficient (1/mm), a channel each.
+    /// Absorption coefficient of the slab (1/mm), a channel each.
     pub sigma_a: Vec<[f32; 3]>,
-    /// Scattering coefficient (1/mm), a channel each.
+    /// Scattering coefficient of the slab (1/mm), a channel each.
     pub sigma_s: Vec<[f32; 3]>,
     /// Thickness (mm).
     pub thickness: Vec<f32>,
-    /// γ: the texel's reflectance relative to the leaf's, a channel each.
+    /// γ: the texel's reflectance relative to that of a slab, a channel each.
     pub gamma: Vec<[f32; 3]>,
+    /// Chlorophyll of a leaf of layers (µg/cm²).
+    pub chlorophyll: Vec<f32>,
+    /// Carotenoids of a leaf of layers (µg/cm²).
+    pub carotenoid: Vec<f32>,
+    /// Absorption of the mesophyll of a leaf of layers over the leaf's thickness (1/mm), a channel each.
+    pub absorption: Vec<[f32; 3]>,
 }
 
 /// A grown leaf: its outline, its relief and both sides' maps.
@@ -72,17 +79,19 @@ pub struct Window {
 
 /// What a place on the blade is made of, before it is split into maps (front's columns).
 #[derive(Debug, Clone, Copy, Default)]
-struct Place {
-    inside: bool,
+pub(super) struct Place {
+    pub inside: bool,
     /// How much of a vein of each order this is, 0 to 1.
     vein: [f64; 3],
     /// Height of the front and of the back over the plane (mm), z towards the front's camera.
     front_mm: f64,
     back_mm: f64,
     /// Thickness in units of h, before its mean is fixed.
-    thickness: f64,
+    pub thickness: f64,
     /// Chlorophyll relative to the leaf's.
-    chlorophyll: f64,
+    pub chlorophyll: f64,
+    /// Carotenoids relative to the leaf's.
+    pub carotenoid: f64,
     /// Slow and fine noise for γ and gloss of each side, standard deviation ~1.
     mottle: [f64; 4],
 }
@@ -93,7 +102,8 @@ pub(crate) fn texel_size(spec: &Spec, width: usize, height: usize) -> f64 {
 }
 
 impl Leaf {
-    /// Grows the leaf and evaluates its maps at one resolution; `None` when not one texel lies on the blade.
+    /// Grows the leaf and evaluates its maps at one resolution; `None` when not one texel lies on the blade, or the
+    /// specification does not state what the model asks for ([`Spec::truth`]).
     pub fn grow(spec: &Spec, model: Model, width: usize, height: usize) -> Option<Leaf> {
         Leaf::grow_in(
             spec,
@@ -136,7 +146,7 @@ impl Leaf {
             return None;
         }
         let shape = (width, height, texel_mm);
-        let interior = interior(spec, model, &places);
+        let interior = Interior::of(spec, model, &places)?;
         let front = side(spec, model, &places, &interior, shape, false);
         let back = side(spec, model, &places, &interior, shape, true);
         let (mask, relief) = places.iter().map(|p| (p.inside, p.front_mm)).unzip();
@@ -156,6 +166,9 @@ impl Leaf {
             sigma_s: crop(&s.sigma_s, self.width, margin),
             thickness: crop(&s.thickness, self.width, margin),
             gamma: crop(&s.gamma, self.width, margin),
+            chlorophyll: crop(&s.chlorophyll, self.width, margin),
+            carotenoid: crop(&s.carotenoid, self.width, margin),
+            absorption: crop(&s.absorption, self.width, margin),
         };
         Leaf {
             width: self.width - 2 * margin,
@@ -185,12 +198,12 @@ impl Leaf {
         }
     }
 
-    /// The truth in the channels of `data/README.md`.
+    /// The truth in the channels of `data/README.md`: those that the leaf's model has.
     pub fn truth(&self, side: Side) -> Maps {
         let grown = self.side(side);
         let mut maps = Maps::new(self.width, self.height);
         let mut three = |quantity, map: &[[f32; 3]]| {
-            for c in 0..3 {
+            for c in (0..3).filter(|_| !map.is_empty()) {
                 maps.add(quantity, c, map.iter().map(|v| v[c]).collect());
             }
         };
@@ -200,7 +213,14 @@ impl Leaf {
         three(Quantity::SigmaA, &grown.sigma_a);
         three(Quantity::SigmaS, &grown.sigma_s);
         three(Quantity::Gamma, &grown.gamma);
+        three(Quantity::Absorption, &grown.absorption);
         three(Quantity::Normal, &grown.normal);
+        for (quantity, map) in [(Quantity::Chlorophyll, &grown.chlorophyll), (Quantity::Carotenoid, &grown.carotenoid)]
+        {
+            if !map.is_empty() {
+                maps.add(quantity, 0, map.clone());
+            }
+        }
         maps.add(Quantity::M, 0, grown.m.clone());
         maps.add(Quantity::Thickness, 0, grown.thickness.clone());
         maps.add(Quantity::Mask, 0, self.mask_of(side).into_iter().map(|m| f32::from(u8::from(m))).collect());
@@ -208,9 +228,12 @@ impl Leaf {
     }
 }
 
-/// A row-major map without `margin` texels along each edge.
+/// A row-major map without `margin` texels along each edge; an empty one stays empty.
 pub fn crop<T: Copy>(map: &[T], width: usize, margin: usize) -> Vec<T> {
     let height = map.len() / width;
+    if height == 0 {
+        return Vec::new();
+    }
     (margin..height - margin).flat_map(|j| map[j * width + margin..(j + 1) * width - margin].iter().copied()).collect()
 }
 
@@ -262,6 +285,8 @@ fn place(spec: &Spec, network: &Network, p: [f64; 2], texel: f64, inside: bool) 
         back_mm: sheet - dents(relief.raised_mm),
         thickness: thickness.max(0.3),
         chlorophyll: lively.max(0.2) * (1.0 - (1.0 - spec.pigment.veins) * any),
+        // Veins and fading halves lack chlorophyll, and keep the rest.
+        carotenoid: (1.0 + spec.pigment.lamina * noise(spec.seed ^ 0x22, p, 9.0)).max(0.2),
         mottle: [(0x31, 7.0), (0x32, 0.8), (0x33, 6.0), (0x34, 0.9)]
             .map(|(s, length): (u64, f64)| noise(spec.seed ^ s, p, length) * damped(length, texel)),
     }
@@ -270,60 +295,6 @@ fn place(spec: &Spec, network: &Network, p: [f64; 2], texel: f64, inside: bool) 
 /// Noise finer than a few texels is faded out rather than aliased.
 fn damped(length: f64, texel: f64) -> f64 {
     1.0 / (1.0 + (1.5 * texel / length).powi(2))
-}
-
-/// Interior maps, which both sides share, in the front's columns.
-struct Interior {
-    thickness: Vec<f32>,
-    sigma_a: Vec<[f32; 3]>,
-    sigma_s: Vec<[f32; 3]>,
-    /// ρd without γ.
-    reflected: Vec<[f64; 3]>,
-    rho_t: Vec<[f32; 3]>,
-    /// ρt as the light box's camera sees it.
-    through: Vec<[f32; 3]>,
-}
-
-fn interior(spec: &Spec, model: Model, places: &[Place]) -> Interior {
-    let count = places.iter().filter(|p| p.inside).count() as f64;
-    let scale = spec.thickness_mm * count / places.iter().filter(|p| p.inside).map(|p| p.thickness).sum::<f64>();
-    let on_blade = |f: &dyn Fn(&Place) -> [f64; 3]| -> Vec<[f32; 3]> {
-        places.iter().map(|p| if p.inside { f(p).map(|v| v as f32) } else { [0.0; 3] }).collect()
-    };
-    let pigment = |p: &Place| if model == Model::Exact { 1.0 } else { p.chlorophyll };
-    let thickness: Vec<f32> =
-        places.iter().map(|p| if p.inside { (scale * p.thickness) as f32 } else { 0.0 }).collect();
-    let sigma_a = on_blade(&|p| spec.interior.sigma_a.map(|s| s * pigment(p)));
-    let sigma_s = on_blade(&|_| spec.interior.sigma_s);
-    let (mut reflected, mut rho_t) = (vec![[0.0; 3]; places.len()], vec![[0f32; 3]; places.len()]);
-    let oblique = spec.device.lightbox_camera_deg.to_radians().cos();
-    let mut through = if oblique < 1.0 { vec![[0f32; 3]; places.len()] } else { Vec::new() };
-    for c in 0..3 {
-        // Maps are single precision: the slab is solved for what they hold.
-        let range = |map: &dyn Fn(usize) -> f32| {
-            let good = (0..places.len()).filter(|&k| places[k].inside).map(|k| f64::from(map(k)));
-            good.fold([f64::MAX, 0.0], |[a, b], v| [v.min(a), v.max(b)])
-        };
-        let (absorption, scattering, thick) =
-            (range(&|k| sigma_a[k][c]), f64::from(spec.interior.sigma_s[c] as f32), range(&|k| thickness[k]));
-        let table = Table::new(1.0, absorption, scattering, thick);
-        reflected.par_iter_mut().zip(&mut rho_t).enumerate().filter(|(k, _)| places[*k].inside).for_each(
-            |(k, (d, t))| {
-                let r = table.at(f64::from(sigma_a[k][c]), f64::from(thickness[k]));
-                (d[c], t[c]) = (r.rho_d, r.rho_t as f32);
-            },
-        );
-        if !through.is_empty() {
-            let table = Table::new(oblique, absorption, scattering, thick);
-            through.par_iter_mut().enumerate().filter(|(k, _)| places[*k].inside).for_each(|(k, t)| {
-                t[c] = table.at(f64::from(sigma_a[k][c]), f64::from(thickness[k])).rho_t as f32;
-            });
-        }
-    }
-    if through.is_empty() {
-        through.clone_from(&rho_t);
-    }
-    Interior { thickness, sigma_a, sigma_s, reflected, rho_t, through }
 }
 
 fn side(
@@ -358,10 +329,14 @@ fn side(
         (0..3).for_each(|c| sum[c] += g[c]);
         count += 1.0;
     }
-    let gamma = on_blade(&|k| {
-        let g = gamma_raw(&places[seen[k]]);
-        [0, 1, 2].map(|c| g[c] * count / sum[c])
-    });
+    // γ is the slab's; a leaf of layers has none.
+    let gamma = match interior.tissue {
+        Tissue::Slab { .. } => on_blade(&|k| {
+            let g = gamma_raw(&places[seen[k]]);
+            [0, 1, 2].map(|c| g[c] * count / sum[c])
+        }),
+        Tissue::Layers { .. } => Vec::new(),
+    };
 
     let gloss = |k: usize| {
         let p = &places[seen[k]];
@@ -384,18 +359,36 @@ fn side(
         let s = (1.0 + dx * dx + dy * dy).sqrt();
         [-dx / s, -dy / s, 1.0 / s]
     };
-    GrownSide {
-        rho_d: on_blade(&|k| [0, 1, 2].map(|c| f64::from(gamma[k][c]) * interior.reflected[seen[k]][c])),
-        rho_t: seen.iter().map(|&p| interior.rho_t[p]).collect(),
-        through: seen.iter().map(|&p| interior.through[p]).collect(),
+    let lit = interior.lit(back);
+    let mut grown = GrownSide {
+        rho_d: on_blade(&|k| {
+            let own = gamma.get(k).map_or([1.0; 3], |g| g.map(f64::from));
+            [0, 1, 2].map(|c| own[c] * lit.reflected[seen[k]][c])
+        }),
+        rho_t: picked(&lit.rho_t, &seen),
+        through: picked(&lit.through, &seen),
         rho_s: on_blade(&|k| [gloss(k)[0]; 3]),
         m: seen.iter().enumerate().map(|(k, &p)| if places[p].inside { gloss(k)[1] as f32 } else { 0.0 }).collect(),
         normal: on_blade(&normal),
-        sigma_a: seen.iter().map(|&p| interior.sigma_a[p]).collect(),
-        sigma_s: seen.iter().map(|&p| interior.sigma_s[p]).collect(),
-        thickness: seen.iter().map(|&p| interior.thickness[p]).collect(),
+        thickness: picked(&interior.thickness, &seen),
         gamma,
+        ..GrownSide::default()
+    };
+    match &interior.tissue {
+        Tissue::Slab { sigma_a, sigma_s } => {
+            (grown.sigma_a, grown.sigma_s) = (picked(sigma_a, &seen), picked(sigma_s, &seen));
+        }
+        Tissue::Layers { chlorophyll, carotenoid, absorption } => {
+            (grown.chlorophyll, grown.carotenoid) = (picked(chlorophyll, &seen), picked(carotenoid, &seen));
+            grown.absorption = picked(absorption, &seen);
+        }
     }
+    grown
+}
+
+/// What a side's camera sees of a map.
+fn picked<T: Copy>(map: &[T], seen: &[usize]) -> Vec<T> {
+    seen.iter().map(|&p| map[p]).collect()
 }
 
 #[cfg(test)]

@@ -2,12 +2,15 @@
 //! scans them.
 //!
 //! Truth and fit are different code: the slab is solved by doubling ([`slab_truth`]), the light under the tube is
-//! integrated finely ([`illumination`]); neither calls anything the fit uses.
+//! integrated finely ([`illumination`]); neither calls anything the fit uses. A leaf may also be made of layers
+//! ([`layers`]), which is another model than the one that is fitted.
 
 mod colonise;
 pub mod illumination;
 #[cfg(test)]
 mod illumination_tests;
+mod interior;
+pub mod layers;
 pub mod leaf;
 pub(crate) mod outline;
 pub(crate) mod preview;

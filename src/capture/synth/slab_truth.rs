@@ -154,15 +154,16 @@ pub struct Table {
     values: Vec<[f64; 2]>,
 }
 
+/// Chebyshev interpolation along one variable.
 #[derive(Debug, Clone)]
-struct Axis {
-    nodes: Vec<f64>,
+pub struct Axis {
+    pub nodes: Vec<f64>,
     weights: Vec<f64>,
 }
 
 impl Axis {
-    fn new(range: [f64; 2], n: usize) -> Axis {
-        let (a, b) = (range[0].ln(), range[1].ln());
+    /// `n` nodes from a to b; one where they coincide.
+    pub fn new([a, b]: [f64; 2], n: usize) -> Axis {
         if (b - a).abs() < 1e-12 {
             return Axis { nodes: vec![a], weights: vec![1.0] };
         }
@@ -174,9 +175,8 @@ impl Axis {
         }
     }
 
-    /// Interpolation weights at ln x.
-    fn at(&self, x: f64) -> Vec<f64> {
-        let x = x.ln();
+    /// What the values at the nodes are multiplied by for the value at x.
+    pub fn at(&self, x: f64) -> Vec<f64> {
         if let Some(hit) = self.nodes.iter().position(|&k| k == x || self.nodes.len() == 1) {
             return (0..self.nodes.len()).map(|k| f64::from(u8::from(k == hit))).collect();
         }
@@ -190,7 +190,7 @@ impl Table {
     /// Tabulates σs (1/mm) over ranges of σa (1/mm) and thickness (mm), both positive, for a beam at cosine `mu0`;
     /// solves in parallel.
     pub fn new(mu0: f64, sigma_a: [f64; 2], sigma_s: f64, thickness_mm: [f64; 2]) -> Table {
-        let (absorption, thickness) = (Axis::new(sigma_a, 13), Axis::new(thickness_mm, 14));
+        let (absorption, thickness) = (Axis::new(sigma_a.map(f64::ln), 13), Axis::new(thickness_mm.map(f64::ln), 14));
         let pairs: Vec<(f64, f64)> =
             absorption.nodes.iter().flat_map(|a| thickness.nodes.iter().map(|h| (a.exp(), h.exp()))).collect();
         let values = pairs
@@ -204,7 +204,7 @@ impl Table {
     }
 
     pub fn at(&self, sigma_a: f64, thickness_mm: f64) -> Response {
-        let (wa, wh) = (self.absorption.at(sigma_a), self.thickness.at(thickness_mm));
+        let (wa, wh) = (self.absorption.at(sigma_a.ln()), self.thickness.at(thickness_mm.ln()));
         let mut sum = [0.0; 2];
         for (i, a) in wa.iter().enumerate() {
             for (h, v) in wh.iter().zip(&self.values[i * wh.len()..]) {

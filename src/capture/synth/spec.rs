@@ -1,6 +1,7 @@
 //! Leaf specifications (`data/leaves/*.toml`, format in `data/README.md`): what a synthetic leaf looks like and how it
 //! is scanned. Lengths in mm, angles in degrees, coefficients in 1/mm. Unknown fields are errors.
 
+use super::layers::Foliar;
 use crate::manifest::Tube;
 use crate::{Error, Result};
 use mesophyll_files::atomic::explain;
@@ -20,6 +21,8 @@ pub enum Model {
     Exact,
     /// σa varies with the chlorophyll of each place; veins hold a tenth of it.
     Pigment,
+    /// Layers with pigments instead of the slab: the table `[foliar]`. No σa and σs are right.
+    Foliar,
 }
 
 /// What a synthetic leaf looks like and how it is scanned.
@@ -54,11 +57,15 @@ pub struct Spec {
     pub relief: Relief,
     /// How thickness varies.
     pub variation: Variation,
-    /// Mean coefficients of the tissue.
+    /// Mean coefficients of the tissue; a leaf of layers needs none.
+    #[serde(default)]
     pub interior: Interior,
-    /// How σa varies, for the `pigment` model.
+    /// How σa varies, for the `pigment` model, and chlorophyll for the `foliar` one.
     #[serde(default)]
     pub pigment: Pigment,
+    /// Layers and pigments, for the `foliar` model.
+    #[serde(default)]
+    pub foliar: Option<Foliar>,
     /// The front's surface.
     pub front: Surface,
     /// The back's surface.
@@ -189,8 +196,8 @@ pub struct Variation {
     pub lamina: [f64; 2],
 }
 
-/// Coefficients a channel (1/mm).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+/// Coefficients a channel (1/mm); all 0 where none are stated.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Interior {
     /// Absorption coefficient σa.
@@ -287,9 +294,29 @@ impl Spec {
     /// [`Error::Input`] naming the file, the field, what was found and what was expected.
     pub fn read(path: &Path) -> Result<Spec> {
         let text = std::fs::read_to_string(path).map_err(|e| Error::input(path, explain(&e)))?;
-        let spec: Spec = toml::from_str(&text).map_err(|e| Error::toml(path, &text, &e))?;
+        let mut spec: Spec = toml::from_str(&text).map_err(|e| Error::toml(path, &text, &e))?;
         spec.validate(path)?;
+        if let Some(foliar) = &mut spec.foliar {
+            foliar.read(path)?;
+        }
+        spec.truth(path, None)?;
         Ok(spec)
+    }
+
+    /// The model that is asked for, or else the specification's.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where the specification at `path` does not state what that model needs.
+    pub fn truth(&self, path: &Path, asked: Option<Model>) -> Result<Model> {
+        let model = asked.unwrap_or(self.model);
+        let (field, stated) = match model {
+            Model::Foliar => ("foliar", self.foliar.is_some()),
+            Model::Exact | Model::Pigment => ("interior", self.interior != Interior::default()),
+        };
+        if !stated {
+            return Err(Error::unexpected(path, field, "no such table", format!("one, for the model {model}")));
+        }
+        Ok(model)
     }
 
     fn validate(&self, path: &Path) -> Result<()> {
@@ -328,7 +355,8 @@ impl Spec {
             ("interior.sigma_s", self.interior.sigma_s),
             ("device.gain", self.device.gain),
         ];
-        for (field, values) in colours {
+        let layers_only = self.interior == Interior::default();
+        for (field, values) in colours.into_iter().skip(if layers_only { 2 } else { 0 }) {
             if values.iter().any(|v| !(*v > 0.0 && v.is_finite())) {
                 return bad(field, format!("{values:?}"), "three positive numbers");
             }

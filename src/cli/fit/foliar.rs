@@ -309,5 +309,6 @@ fn panel(leaf: &str, through: bool, readings: &[Reading], computed: &[f64], ligh
         Line { name: "measured".into(), points: measured, dots: true },
         Line { name: "fitted".into(), points: of(&|k| [computed[k], f64::NAN]), dots: false },
     ];
-    Panel { title: format!("{leaf}: {word}"), axis: word.into(), logarithmic: false, lines }
+    let across = spectrum::WAVELENGTH.into();
+    Panel { title: format!("{leaf}: {word}"), across, axis: word.into(), logarithmic: false, lines }
 }

@@ -72,6 +72,7 @@ fn spectra(mut rows: Vec<(usize, String, f64, Vec<f64>)>) -> Vec<(String, Vec<Pa
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
         let panel = |k: usize, name: &str, word: &str| Panel {
             title: format!("{leaf}: {word}"),
+            across: spectrum::WAVELENGTH.into(),
             axis: format!("{name} (1/mm)"),
             logarithmic: true,
             lines: vec![Line {

@@ -4,9 +4,10 @@
 //! the thickness of the mesophyll does not enter. Misfits may have several minima, so that the solver starts at several
 //! places.
 
-pub mod pigments;
 mod shared;
 pub mod surface;
+
+pub use mesophyll_capture::pigments;
 
 use mesophyll_files::table::{Answer, Status};
 use mesophyll_optics::foliar::Side;

@@ -78,6 +78,19 @@ pub fn compare(capture: &Capture, fitted: &Fitted) -> Result<Comparison> {
             shared[q].push(mean as f32, value, value * relative);
             figures.insert(format!("{}_relative_error", quantity.channel(c)), value / mean - 1.0);
         }
+        if let (Some(a), Some(t)) = (truth.plane(Quantity::Absorption, c), truth.scalar(Quantity::Thickness)) {
+            let letter = Quantity::Absorption.letters()[c];
+            let fit = |n: usize| fitted.sigma[n][c].value[0];
+            let crossing = |n: usize, k: usize| [f64::from(a[k] * t[k]), fit(n) * fitted.thickness[n]];
+            let at = || good.iter().copied().enumerate();
+            let per_length = at().map(|(n, k)| [f64::from(a[k]), fit(n)]).collect();
+            let whole = at().map(|(n, k)| crossing(n, k)).collect();
+            for (name, pairs) in [("absorption", per_length), ("crossing", whole)] {
+                let [correlation, ratio] = follows(pairs);
+                figures.insert(format!("{name}_correlation.{letter}"), correlation);
+                figures.insert(format!("{name}_ratio.{letter}"), ratio);
+            }
+        }
     }
     rho_t.store(&mut errors, "rho_t");
     gamma.store(&mut errors, "gamma");
@@ -122,6 +135,20 @@ pub fn compare(capture: &Capture, fitted: &Fitted) -> Result<Comparison> {
         }
     }
     Ok(Comparison { errors, figures, pigment: Some(pigment).filter(|p| !p.channels.is_empty()) })
+}
+
+/// How σa follows what the mesophyll of a leaf made of layers absorbs, from pairs of absorption and σa: their correlation
+/// and the median of σa over absorption; NaN where there are none.
+fn follows(mut pairs: Vec<[f64; 2]>) -> [f64; 2] {
+    pairs.retain(|[a, s]| *a > 0.0 && s.is_finite());
+    let n = pairs.len() as f64;
+    let mean = |k: usize| pairs.iter().map(|p| p[k]).sum::<f64>() / n;
+    let means = [mean(0), mean(1)];
+    let product = |j: usize, k: usize| pairs.iter().map(|p| (p[j] - means[j]) * (p[k] - means[k])).sum::<f64>();
+    let correlation = product(0, 1) / (product(0, 0) * product(1, 1)).sqrt();
+    let mut ratios: Vec<f64> = pairs.iter().map(|[a, s]| s / a).collect();
+    ratios.sort_unstable_by(f64::total_cmp);
+    [correlation, ratios.get(ratios.len() / 2).copied().unwrap_or(f64::NAN)]
 }
 
 /// A gap of this share of the smallest standard error moves a 95 % interval's coverage by less than half a per cent.
@@ -221,5 +248,21 @@ impl Samples {
                 judged: Some(self.judged),
             },
         );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn following_is_a_correlation_and_a_ratio() {
+        let line = (1..=5).map(|k| [f64::from(k), 2.3 * f64::from(k)]).collect();
+        let [correlation, ratio] = follows(line);
+        assert!((correlation - 1.0).abs() < 1e-12 && (ratio - 2.3).abs() < 1e-12);
+        // By hand: means 2 and 2, products 1, 2 and 2.
+        let [correlation, ratio] = follows(vec![[1.0, 1.0], [2.0, 3.0], [3.0, 2.0], [0.0, 9.0], [1.0, f64::NAN]]);
+        assert!((correlation - 0.5).abs() < 1e-12 && (ratio - 1.0).abs() < 1e-12, "{correlation} {ratio}");
+        assert!(follows(Vec::new()).iter().all(|x| x.is_nan()));
     }
 }

@@ -202,6 +202,11 @@ impl<N: Real> Prepared<N> {
         }
     }
 
+    /// The leaf that it was prepared for.
+    pub fn leaf(&self) -> &Leaf<N> {
+        &self.leaf
+    }
+
     /// Solves for a mesophyll of the given absorption times thickness.
     pub fn solve(&self, depth: N) -> Solved<'_, N> {
         let path: Path = self.leaf.path;
@@ -305,23 +310,35 @@ pub fn responses(leaf: &Leaf, lights: &[(Side, f64)]) -> Option<Vec<Response>> {
         let one = |&(side, at): &(Side, f64)| Prepared::straight(leaf, at).solve(leaf.depth).response(side, at);
         return Some(lights.iter().map(one).collect());
     }
-    let at = |resolution: Resolution| -> Vec<Response> {
-        let prepared = Prepared::new(leaf, resolution);
-        let solved = prepared.solve(leaf.depth);
-        lights.iter().map(|&(side, at)| solved.response(side, at)).collect()
-    };
-    let mut found = at(Resolution::USUAL);
+    let prepared = prepared(leaf, &[leaf.depth], lights)?;
+    let solved = prepared.solve(leaf.depth);
+    Some(lights.iter().map(|&(side, at)| solved.response(side, at)).collect())
+}
+
+/// A leaf whose lobes turn light, as finely prepared as R and T of these lights to 2e-5 need at these absorptions times
+/// thickness; `None` where the method does not settle to that.
+pub fn prepared(leaf: &Leaf, depths: &[f64], lights: &[(Side, f64)]) -> Option<Prepared> {
+    let mut prepared = Prepared::new(leaf, Resolution::USUAL);
     if is_plain(leaf) {
-        return Some(found);
+        return Some(prepared);
     }
+    let seen = |prepared: &Prepared| -> Vec<Response> {
+        let at = |depth: &f64| {
+            let solved = prepared.solve(*depth);
+            lights.iter().map(|&(side, at)| solved.response(side, at)).collect::<Vec<_>>()
+        };
+        depths.iter().flat_map(at).collect()
+    };
+    let mut found = seen(&prepared);
     for resolution in Resolution::FINER {
-        let finer = at(resolution);
+        prepared = Prepared::new(leaf, resolution);
+        let finer = seen(&prepared);
         let off = |(a, b): (&Response, &Response)| {
             (a.reflectance - b.reflectance).abs().max((a.transmittance - b.transmittance).abs())
         };
         let settled = finer.iter().zip(&found).map(off).fold(0.0, f64::max) < SETTLED;
         if settled {
-            return Some(finer);
+            return Some(prepared);
         }
         found = finer;
     }

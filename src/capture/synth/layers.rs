@@ -1,0 +1,283 @@
+//! A leaf made of layers as the truth of a synthetic scan (`docs/foliar.md`): what each place holds of pigments, and
+//! the diffuse reflectance and transmittance that the exact method of `mesophyll_optics::foliar` gives for it.
+//!
+//! R and T depend on the absorption of one crossing of the mesophyll only. So they are tabulated over that, for each
+//! channel, and interpolated; the error is below [`TABULATED`].
+
+use super::slab_truth::Axis;
+use crate::{Error, Result, pigments};
+use mesophyll_optics::foliar::exact::{self, Prepared};
+use mesophyll_optics::foliar::pigments::{Constants, Contents};
+use mesophyll_optics::foliar::{Leaf, Oblateness, Path, Side};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+/// What the contents of a specification are shares of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Per {
+    /// Contents per leaf area do not ask how thick a place is.
+    #[default]
+    Area,
+    /// A place that is twice as thick as the mean holds twice as much.
+    Volume,
+}
+
+/// How a leaf of layers is stated: the table `[foliar]` of a specification. Contents are those of the lamina per area
+/// (µg/cm², water g/cm²).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Foliar {
+    /// Table of specific absorptions and refractive indices; relative to the specification.
+    pub pigments: PathBuf,
+    /// Wavelengths of red, green and blue (nm).
+    #[serde(default = "wavelengths")]
+    pub wavelengths_nm: [f64; 3],
+    /// What the contents are shares of.
+    #[serde(default)]
+    pub per: Per,
+    /// Chlorophyll of the lamina; veins hold less.
+    #[serde(default)]
+    pub chlorophyll_ug_cm2: f64,
+    /// Carotenoids.
+    #[serde(default)]
+    pub carotenoid_ug_cm2: f64,
+    /// Protein.
+    #[serde(default)]
+    pub protein_ug_cm2: f64,
+    /// Cellulose and lignin.
+    #[serde(default)]
+    pub cellulose_lignin_ug_cm2: f64,
+    /// Water.
+    #[serde(default)]
+    pub water_g_cm2: f64,
+    /// Of cuticle, epidermis, palisade and spongy tissue.
+    #[serde(default = "oblateness")]
+    pub oblateness: [f64; 4],
+    /// How long a crossing of the mesophyll is.
+    pub path: Path,
+    /// The table at the three wavelengths, once it is read.
+    #[serde(skip)]
+    constants: Vec<Constants>,
+}
+
+fn wavelengths() -> [f64; 3] {
+    [650.0, 550.0, 450.0]
+}
+
+fn oblateness() -> [f64; 4] {
+    let Oblateness { cuticle, epidermis, palisade, spongy } = Oblateness::USUAL;
+    [cuticle, epidermis, palisade, spongy]
+}
+
+/// Absorptions of one crossing at which a leaf has to settle: clear, green and black.
+const SETTLES_AT: [f64; 3] = [0.01, 0.3, 3.0];
+
+impl Foliar {
+    /// Reads the table of pigments, and refuses what is no leaf.
+    ///
+    /// # Errors
+    /// What is wrong with the specification or with the table, by file and field.
+    pub fn read(&mut self, spec: &std::path::Path) -> Result<()> {
+        let bad = |field: &str, found: String, expected: &str| {
+            Err(Error::unexpected(spec, &format!("foliar.{field}"), found, expected))
+        };
+        if let Some(x) = self.per_area().iter().find(|x| !(**x >= 0.0 && x.is_finite())) {
+            return bad("…_cm2", x.to_string(), "contents of 0 or more");
+        }
+        if let Some(x) = self.oblateness.iter().find(|x| !(**x >= 0.0 && x.is_finite())) {
+            return bad("oblateness", x.to_string(), "four numbers of 0 or more");
+        }
+        if let Some(parent) = spec.parent() {
+            self.pigments = parent.join(&self.pigments);
+        }
+        let spectrum = pigments::read(&self.pigments)?;
+        for wavelength in self.wavelengths_nm {
+            let Some(constants) = spectrum.at(wavelength) else {
+                let [low, high] = spectrum.range();
+                return bad("wavelengths_nm", wavelength.to_string(), &format!("{low} to {high}, as in the table"));
+            };
+            self.constants.push(constants);
+        }
+        for c in 0..3 {
+            let leaf = self.leaf(c);
+            if let Some(fault) = leaf.as_ref().and_then(Leaf::fault) {
+                return Err(Error::field(spec, "foliar", fault));
+            }
+            if leaf.and_then(|leaf| exact::prepared(&leaf, &SETTLES_AT, &lights(1.0))).is_none() {
+                let what = "the exact method does not settle for such lobes and indices; expected wider lobes";
+                return Err(Error::field(spec, "foliar", what));
+            }
+        }
+        Ok(())
+    }
+
+    fn per_area(&self) -> [f64; 5] {
+        [
+            self.chlorophyll_ug_cm2,
+            self.carotenoid_ug_cm2,
+            self.protein_ug_cm2,
+            self.cellulose_lignin_ug_cm2,
+            self.water_g_cm2,
+        ]
+    }
+
+    /// The layers at a channel's wavelength; `None` before [`Foliar::read`].
+    fn leaf(&self, c: usize) -> Option<Leaf> {
+        let [n_cuticle, n_mesophyll, n_antidermal] = self.constants.get(c)?.indices;
+        let [cuticle, epidermis, palisade, spongy] = self.oblateness;
+        let oblateness = Oblateness { cuticle, epidermis, palisade, spongy };
+        Some(Leaf { depth: 0.0, n_cuticle, n_mesophyll, n_antidermal, oblateness, path: self.path })
+    }
+
+    /// What a place holds per area and absorbs. `chlorophyll` and `carotenoid`: relative to the lamina's; `thickness`:
+    /// relative to the mean.
+    pub(super) fn held(&self, chlorophyll: f64, carotenoid: f64, thickness: f64) -> Held {
+        let scale = if self.per == Per::Volume { thickness } else { 1.0 };
+        let mut per_area = self.per_area().map(|x| x * scale);
+        per_area[0] *= chlorophyll;
+        per_area[1] *= carotenoid;
+        // The truth's maps are single precision: the leaf is solved for what they hold.
+        let [chlorophyll, carotenoid] = [0, 1].map(|k| per_area[k] as f32);
+        per_area[0] = f64::from(chlorophyll);
+        per_area[1] = f64::from(carotenoid);
+        let contents = Contents { per_area, scale: 1.0 };
+        let depth = [0, 1, 2].map(|c| self.constants.get(c).map_or(0.0, |constants| constants.depth(&contents)));
+        Held { chlorophyll, carotenoid, depth }
+    }
+
+    /// R and T of a channel for absorptions of one crossing from `range`; `oblique`: cosine of the light box's camera.
+    /// `None` before [`Foliar::read`], and where the method does not settle.
+    pub(super) fn table(&self, c: usize, oblique: f64, range: [f64; 2]) -> Option<Table> {
+        let axis = Axis::new(range.map(bent), NODES);
+        let depths: Vec<f64> = axis.nodes.iter().map(|v| BEND * v / (1.0 - v)).collect();
+        let lights = lights(oblique);
+        let leaf = self.leaf(c)?;
+        let prepared = exact::prepared(&leaf, &range, &lights)?;
+        let values = depths.par_iter().map(|d| seen(&prepared, *d, &lights)).collect();
+        Some(Table { axis, values })
+    }
+}
+
+/// What a place holds per area (µg/cm²), and the absorption of one crossing of its mesophyll, a channel each.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Held {
+    pub chlorophyll: f32,
+    pub carotenoid: f32,
+    pub depth: [f64; 3],
+}
+
+/// Light along the normal of both sides, and at the cosine of the light box's camera.
+fn lights(oblique: f64) -> [(Side, f64); 4] {
+    let [a, b] = [Side::Adaxial, Side::Abaxial];
+    [(a, 0.0), (b, 0.0), (a, oblique.acos()), (b, oblique.acos())]
+}
+
+/// What one side of a place shows: shares of the light, without what the surface mirrors.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Seen {
+    /// Diffuse reflectance of a beam along the normal.
+    pub rho_d: f64,
+    /// Transmittance of the same.
+    pub rho_t: f64,
+    /// Transmittance of a beam at the light box's camera.
+    pub through: f64,
+}
+
+/// Both sides, front (the upper side) first.
+fn seen(prepared: &Prepared, depth: f64, lights: &[(Side, f64); 4]) -> [Seen; 2] {
+    let solved = prepared.solve(depth);
+    let found = lights.map(|(side, at)| solved.response(side, at));
+    [0, 1].map(|k| Seen {
+        rho_d: found[k].reflectance - prepared.leaf().surface_reflectance(0.0),
+        rho_t: found[k].transmittance,
+        through: found[k + 2].transmittance,
+    })
+}
+
+/// Nodes over d/(d + [`BEND`]), d being the absorption of one crossing.
+const NODES: usize = 18;
+const BEND: f64 = 0.4;
+/// What lies between nodes is right to this.
+#[cfg(test)]
+const TABULATED: f64 = 1e-6;
+
+fn bent(depth: f64) -> f64 {
+    depth / (depth + BEND)
+}
+
+/// Both sides of a channel over the absorption of one crossing.
+pub(super) struct Table {
+    axis: Axis,
+    values: Vec<[Seen; 2]>,
+}
+
+impl Table {
+    pub fn at(&self, depth: f64) -> [Seen; 2] {
+        let weights = self.axis.at(bent(depth));
+        [0, 1].map(|side| {
+            let sum = |of: fn(&Seen) -> f64| weights.iter().zip(&self.values).map(|(w, v)| w * of(&v[side])).sum();
+            Seen { rho_d: sum(|s| s.rho_d), rho_t: sum(|s| s.rho_t), through: sum(|s| s.through) }
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn stated(path: Path) -> Foliar {
+        let constants = [[1.5, 1.42, 1.41], [1.51, 1.42, 1.41], [1.53, 1.43, 1.42]]
+            .map(|indices| Constants { specific: [3e4, 1e4, 9.0, 4.0, 1e-4], indices });
+        Foliar {
+            pigments: PathBuf::new(),
+            wavelengths_nm: wavelengths(),
+            per: Per::Area,
+            chlorophyll_ug_cm2: 40.0,
+            carotenoid_ug_cm2: 10.0,
+            protein_ug_cm2: 0.0,
+            cellulose_lignin_ug_cm2: 0.0,
+            water_g_cm2: 0.0,
+            oblateness: oblateness(),
+            path,
+            constants: constants.to_vec(),
+        }
+    }
+
+    /// Between the nodes, from veins to the deepest green, the table is the method itself, with all light counted.
+    #[test]
+    fn the_table_is_the_exact_method() {
+        for path in [Path::Sieve, Path::Slant] {
+            let foliar = stated(path);
+            let range = [0.02, 4.0];
+            let table = foliar.table(1, 40f64.to_radians().cos(), range).unwrap();
+            for depth in [0.02, 0.0313, 0.11, 0.37, 0.9, 2.3, 3.7] {
+                let leaf = Leaf { depth, ..foliar.leaf(1).unwrap() };
+                let lights = [(Side::Adaxial, 0.0), (Side::Abaxial, 0.0), (Side::Abaxial, 40f64.to_radians())];
+                let want = exact::responses(&leaf, &lights).unwrap();
+                let got = table.at(depth);
+                for k in 0..2 {
+                    let lost = [
+                        got[k].rho_d + leaf.surface_reflectance(0.0) - want[k].reflectance,
+                        got[k].rho_t - want[k].transmittance,
+                    ];
+                    println!("{path:?} {depth} {k}: {lost:?}");
+                    assert!(lost.iter().all(|e| e.abs() < TABULATED), "{path:?} {depth} {k}: {lost:?}");
+                }
+                assert!((got[1].through - want[2].transmittance).abs() < TABULATED);
+            }
+        }
+    }
+
+    #[test]
+    fn contents_absorb_by_area_or_by_volume() {
+        let mut foliar = stated(Path::Sieve);
+        let of = |foliar: &Foliar| foliar.held(0.5, 2.0, 3.0);
+        // 20 µg/cm² of 3e4 cm²/g and 20 µg/cm² of 1e4 cm²/g
+        assert!((of(&foliar).depth[0] - 0.8).abs() < 1e-6);
+        foliar.per = Per::Volume;
+        let held = of(&foliar);
+        assert!((held.depth[0] - 2.4).abs() < 1e-6 && held.chlorophyll == 60.0 && held.carotenoid == 60.0);
+    }
+}
