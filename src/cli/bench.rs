@@ -25,7 +25,7 @@ pub struct Args {
     /// Write bench.json, a plot a model, and the pictures of the documentation that belong to a model into this folder
     #[arg(short, long = "out", alias = "output", value_name = "DIR", value_parser = place::folder())]
     output: Option<PathBuf>,
-    /// Measure Python peers (SciPy, lmfit, iadpython) beside us, where Python has them
+    /// Measure Python peers (SciPy, lmfit, iadpython, PROSPECT-D) beside us, where Python has them
     #[arg(long)]
     peers: bool,
 }

@@ -223,7 +223,11 @@ pub const MODELS: [Model; 22] = [
     Model {
         name: "abm",
         eval: verb!(eval::abm, "Light reflected, absorbed and let through by the layers of a leaf, by rays or exactly"),
-        bench: Some(Sweep { pictures: Some(report::foliar::pictures), ..sweep!(foliar::bench::rows) }),
+        bench: Some(Sweep {
+            pictures: Some(report::foliar::pictures),
+            peers: Some((include_str!("../../tests/peers/foliar_peers.py"), foliar::peers::inputs)),
+            ..sweep!(foliar::bench::rows)
+        }),
         ..NONE
     },
     Model {

@@ -2,5 +2,6 @@
 
 pub mod bench;
 pub mod figures;
+pub mod peers;
 pub mod pictures;
 pub mod stress;
