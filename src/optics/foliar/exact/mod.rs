@@ -42,6 +42,9 @@ impl Resolution {
     ];
 }
 
+/// Lobes of a larger oblateness than this leave light that comes in near its angle.
+const NARROW: f64 = 6.0;
+
 /// The lobe around each of a medium's nodes, as fine nodes, or nothing where a lobe does not turn light.
 enum Lobe<N> {
     Straight,
@@ -88,6 +91,9 @@ impl<N: Real> Prepared<N> {
             // Light that comes in unturned is read off the nodes. Near the normal they are dense: there the end of the
             // next lobe lies at grazing light, which the mesophyll absorbs.
             bends.extend([0.02, 0.15].map(N::of));
+        } else if leaf.path == Path::Slant && epidermis.value() > NARROW {
+            // So it is with light that is hardly turned, where grazing light has long ways: one panel more does.
+            bends.push(N::of(0.4));
         }
         let grid = Grid::new(&[nc, nm], &[na], &bends, resolution.order);
         Prepared::on(leaf, grid, Rules::new(resolution.azimuth, resolution.piece))
