@@ -9,7 +9,7 @@ use mesophyll_proof::peers::Inputs;
 use mesophyll_proof::stress::StressRow;
 use mesophyll_proof::{
     beam, coverage, foliar, gloss, leaf, motion, nist, peers, render, sky, slab, solver, transfer, translucency,
-    transport, visibility,
+    transport, visibility, wind,
 };
 use mesophyll_report as report;
 use std::marker::PhantomData;
@@ -84,7 +84,7 @@ macro_rules! sweep {
 const NONE: Model = Model { name: "", fit: None, eval: None, bench: None, stress: None };
 
 /// All models, in the order in which verbs name and run them. A new model adds its entry here.
-pub const MODELS: [Model; 22] = [
+pub const MODELS: [Model; 23] = [
     Model {
         name: "solve",
         bench: Some(Sweep {
@@ -141,6 +141,7 @@ pub const MODELS: [Model; 22] = [
         stress: Some(|| Ok(motion::rows())),
         ..NONE
     },
+    Model { name: "wind", stress: Some(wind::rows), ..NONE },
     Model { name: "sway", eval: verb!(eval::sway, "Where the tips of a scene's branches are, over time"), ..NONE },
     Model {
         name: "sky",

@@ -24,5 +24,6 @@ pub mod transfer;
 pub mod translucency;
 pub mod transport;
 pub mod visibility;
+pub mod wind;
 
 pub(crate) use mesophyll_error::{Error, Result};
