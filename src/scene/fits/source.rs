@@ -2,6 +2,7 @@
 
 use crate::manifest::{Leaf, Manifest, Scan};
 use crate::{Error, Result};
+use mesophyll_capture::synth::spec::Spec;
 use mesophyll_files::hash;
 use mesophyll_record::FitRecord;
 use std::path::{Path, PathBuf};
@@ -89,11 +90,15 @@ pub fn source(manifest: &Manifest, index: usize, out: Option<&Path>, input_hash:
 
 /// Hash of what a scan is made from: its specification and what `synth` is told.
 pub fn scan_hash(manifest: &Manifest, scan: &Scan) -> Result<String> {
-    let spec = hash::file(&manifest.resolve(&scan.spec))?;
+    let path = manifest.resolve(&scan.spec);
+    let spec = hash::file(&path)?;
+    // A specification that cannot be read is told of when the scan is made.
+    let pigments = Spec::read(&path).ok().and_then(|spec| spec.foliar).map(|layers| hash::file(&layers.pigments));
+    let pigments = pigments.transpose()?.unwrap_or_default();
     let field = scan.field_mm.map(|f| format!("{f:?}")).unwrap_or_default();
     let inside = scan.sigma_a.iter().chain(&scan.sigma_s).map(|s| format!(" {s:?}")).collect::<String>();
     let told = format!(
-        "{:?} {:?} {:?} {:?} {}{field}{inside}",
+        "{:?} {:?} {:?} {:?} {}{field}{inside}{pigments}",
         scan.size,
         scan.frames,
         scan.noise,
@@ -106,4 +111,38 @@ pub fn scan_hash(manifest: &Manifest, scan: &Scan) -> Result<String> {
 /// Where a run notes what its scan of a leaf was made from, once the scan is whole.
 pub fn scan_stamp(out: &Path, leaf: &str) -> PathBuf {
     out.join("captures").join(format!("{leaf}.scan"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A leaf of layers is made from a table of pigments, too.
+    #[test]
+    fn another_table_of_pigments_asks_for_another_scan() {
+        let folder = tempfile::tempdir().unwrap();
+        let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data");
+        for (from, to) in [("leaves/soybean.toml", "leaves"), ("tables/pigments.csv", "tables")] {
+            std::fs::create_dir(folder.path().join(to)).unwrap();
+            std::fs::copy(data.join(from), folder.path().join(from)).unwrap();
+        }
+        let scene = folder.path().join("s.toml");
+        let text = "schema = 1\nname = \"s\"\n[[leaf]]\nname = \"leaf\"\nscan = { spec = \"leaves/soybean.toml\" }\n\
+             [[instance]]\nleaf = \"leaf\"\n[sky]\nradiance = [1, 1, 1]\n[[view]]\nname = \"v\"\nkind = \"perspective\"\n\
+             eye_mm = [0, 0, 300]\ntarget_mm = [0, 0, 0]\nup = [0, 1, 0]\nfov_deg = 20\n";
+        std::fs::write(&scene, text).unwrap();
+        let manifest = Manifest::read(&scene).unwrap();
+        let hash = || scan_hash(&manifest, manifest.leaves[0].scan.as_ref().unwrap()).unwrap();
+        let before = hash();
+        assert_eq!(before, hash());
+        let table = folder.path().join("tables/pigments.csv");
+        let said = std::fs::read_to_string(&table).unwrap();
+        let lines: Vec<&str> = said.lines().collect();
+        let (last, rest) = lines.split_last().unwrap();
+        // The last wavelength stands a little further on.
+        let (wavelength, others) = last.split_once(',').unwrap();
+        let moved = format!("{}\n{},{others}\n", rest.join("\n"), wavelength.parse::<f64>().unwrap() + 0.5);
+        std::fs::write(&table, moved).unwrap();
+        assert_ne!(before, hash());
+    }
 }
