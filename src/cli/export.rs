@@ -76,6 +76,10 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             args.folder.display()
         )));
     }
+    if scene && (args.sun_zenith_deg.is_some() || args.ground != 0.0) {
+        let what = "is a scene; --sun-zenith-deg, --turbidity and --ground are for sky fits";
+        return Err(Error::Usage(format!("{} {what}", args.folder.display())));
+    }
     if let Some(time) = args.time.filter(|t| !scene || !t.is_finite()) {
         return Err(Error::argument("--time", time, "a finite time, with a scene instead of a fit folder"));
     }

@@ -75,6 +75,18 @@ pub struct Blade {
 }
 
 impl Plant {
+    /// Triangles of wood and of all blades, those of a shape counted for each blade.
+    pub fn triangles(&self) -> usize {
+        let blades = self.leaves.iter().filter_map(|leaf| self.blades.get(leaf.blade)).map(|blade| &blade.mesh);
+        blades.chain(self.branches.iter().map(|b| &b.wood)).map(|mesh| mesh.triangles()).fold(0, usize::saturating_add)
+    }
+
+    /// Triangles of all blades of a material, those of a shape counted for each blade.
+    pub fn triangles_of(&self, material: &str) -> usize {
+        let of_blade = |leaf: &Leaf| self.blades.get(leaf.blade).filter(|blade| blade.material == material);
+        self.leaves.iter().filter_map(of_blade).map(|blade| blade.mesh.triangles()).fold(0, usize::saturating_add)
+    }
+
     /// All blades of a material, where they stand, as one mesh; without triangles where there are none.
     pub fn blades_of(&self, material: &str) -> LeafMesh {
         let mut mesh = LeafMesh::default();

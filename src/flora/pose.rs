@@ -17,7 +17,8 @@ use mesophyll_plant::quadrature::gauss;
 use mesophyll_plant::taper::Shape;
 use std::sync::LazyLock;
 
-/// Rule and Newton steps of the arc's length: to 1e-9 of it for all tips up to [`FURTHEST`].
+/// Rule and Newton steps of the arc's length: to 1e-9 of it for small bends. For tips at
+/// [`FURTHEST`] it is right to 3e-8 at a taper of .01, and to 5e-6 at 1e-4, the thinnest.
 static NODES: LazyLock<Vec<(f64, f64)>> = LazyLock::new(|| gauss(12));
 const STEPS: usize = 5;
 

@@ -42,6 +42,20 @@ fn a_leaf_takes_the_blades_of_one_material() {
     assert!(grass.triangles() > described.triangles());
 }
 
+/// A meadow that stands as a plant is grown from its description, and no wind moves it.
+#[test]
+fn a_meadow_is_a_plant_that_stands_still() {
+    let dir = tempfile::tempdir().unwrap();
+    let leaf = format!("mesh = \"clover.toml\"\npart = \"clover\"\n{UNIFORM}");
+    let path = scene(dir.path(), &leaf);
+    let text = std::fs::read_to_string(&path).unwrap();
+    let plant = "[[plant]]\ngrow = \"clover.toml\"\nmaterials = { grass = \"grass\", clover = \"grass\" }\n\
+         [wind]\nspeed_m_s = 6\nseed = 1\n";
+    std::fs::write(&path, format!("{text}{plant}")).unwrap();
+    let placed = Placed::new(&Manifest::read(&path).unwrap(), Search::default(), &Ledger::new()).unwrap();
+    assert!(placed.winds.is_none() && placed.placements.len() == 1 + 3040 + 104);
+}
+
 #[test]
 fn mistakes_about_a_part_are_one_sentence() {
     let dir = tempfile::tempdir().unwrap();

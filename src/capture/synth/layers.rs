@@ -2,7 +2,7 @@
 //! the diffuse reflectance and transmittance that the exact method of `mesophyll_optics::foliar` gives for it.
 //!
 //! R and T depend on the absorption of one crossing of the mesophyll only. So they are tabulated over that, for each
-//! channel, and interpolated; the error is below [`TABULATED`].
+//! channel, and interpolated: right to 1e-6 from an absorption of .02 to one of 4, and to 2e-4 from 0 to [`DEEPEST`].
 
 use super::slab_truth::Axis;
 use crate::{Error, Result, pigments};
@@ -13,7 +13,15 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// What the contents of a specification are shares of.
+/// What a leaf holds per area, as the specification names it.
+const CONTENTS: [&str; 5] =
+    ["chlorophyll_ug_cm2", "carotenoid_ug_cm2", "protein_ug_cm2", "cellulose_lignin_ug_cm2", "water_g_cm2"];
+/// More of one of them is likelier a typing error than a leaf.
+const MOST_CONTENT: f64 = 1e5;
+/// More absorption in one crossing of the mesophyll lets nothing through that could be measured.
+const DEEPEST: f64 = 20.0;
+
+/// Whether a place that is thicker than others holds more.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Per {
@@ -83,8 +91,10 @@ impl Foliar {
         let bad = |field: &str, found: String, expected: &str| {
             Err(Error::unexpected(spec, &format!("foliar.{field}"), found, expected))
         };
-        if let Some(x) = self.per_area().iter().find(|x| !(**x >= 0.0 && x.is_finite())) {
-            return bad("…_cm2", x.to_string(), "contents of 0 or more");
+        for (name, content) in CONTENTS.iter().zip(self.per_area()) {
+            if !(0.0..=MOST_CONTENT).contains(&content) {
+                return bad(name, content.to_string(), &format!("0 to {MOST_CONTENT}"));
+            }
         }
         if let Some(x) = self.oblateness.iter().find(|x| !(**x >= 0.0 && x.is_finite())) {
             return bad("oblateness", x.to_string(), "four numbers of 0 or more");
@@ -101,6 +111,11 @@ impl Foliar {
             self.constants.push(constants);
         }
         for c in 0..3 {
+            let depth = self.held(1.0, 1.0, 1.0).depth[c];
+            if depth > DEEPEST {
+                let found = format!("contents that absorb {depth:.3} in one crossing at {} nm", self.wavelengths_nm[c]);
+                return Err(Error::unexpected(spec, "foliar", found, format!("at most {DEEPEST}")));
+            }
             let leaf = self.leaf(c);
             if let Some(fault) = leaf.as_ref().and_then(Leaf::fault) {
                 return Err(Error::field(spec, "foliar", fault));
@@ -113,6 +128,7 @@ impl Foliar {
         Ok(())
     }
 
+    /// In the order of [`CONTENTS`].
     fn per_area(&self) -> [f64; 5] {
         [
             self.chlorophyll_ug_cm2,
@@ -199,9 +215,6 @@ fn seen(prepared: &Prepared, depth: f64, lights: &[(Side, f64); 4]) -> [Seen; 2]
 /// Nodes over d/(d + [`BEND`]), d being the absorption of one crossing.
 const NODES: usize = 18;
 const BEND: f64 = 0.4;
-/// What lies between nodes is right to this.
-#[cfg(test)]
-const TABULATED: f64 = 1e-6;
 
 fn bent(depth: f64) -> f64 {
     depth / (depth + BEND)
@@ -218,7 +231,9 @@ impl Table {
         let weights = self.axis.at(bent(depth));
         [0, 1].map(|side| {
             let sum = |of: fn(&Seen) -> f64| weights.iter().zip(&self.values).map(|(w, v)| w * of(&v[side])).sum();
-            Seen { rho_d: sum(|s| s.rho_d), rho_t: sum(|s| s.rho_t), through: sum(|s| s.through) }
+            // Interpolation may fall below 0 where next to nothing comes through.
+            let share = |of| f64::max(sum(of), 0.0);
+            Seen { rho_d: share(|s| s.rho_d), rho_t: share(|s| s.rho_t), through: share(|s| s.through) }
         })
     }
 }
@@ -250,9 +265,12 @@ mod tests {
     fn the_table_is_the_exact_method() {
         for path in [Path::Sieve, Path::Slant] {
             let foliar = stated(path);
-            let range = [0.02, 4.0];
-            let table = foliar.table(1, 40f64.to_radians().cos(), range).unwrap();
-            for depth in [0.02, 0.0313, 0.11, 0.37, 0.9, 2.3, 3.7] {
+            let cosine = 40f64.to_radians().cos();
+            let usual = (foliar.table(1, cosine, [0.02, 4.0]).unwrap(), 1e-6);
+            let widest = (foliar.table(1, cosine, [0.0, DEEPEST]).unwrap(), 2e-4);
+            let wide = [0.0, 1e-4, 3e-3, 0.017, 0.08, 0.6, 1.7, 5.0, 11.0, DEEPEST].map(|d| (d, &widest));
+            let narrow = [0.02, 0.0313, 0.11, 0.37, 0.9, 2.3, 3.7].map(|d| (d, &usual));
+            for (depth, (table, tabulated)) in wide.into_iter().chain(narrow) {
                 let leaf = Leaf { depth, ..foliar.leaf(1).unwrap() };
                 let lights = [(Side::Adaxial, 0.0), (Side::Abaxial, 0.0), (Side::Abaxial, 40f64.to_radians())];
                 let want = exact::responses(&leaf, &lights).unwrap();
@@ -263,9 +281,9 @@ mod tests {
                         got[k].rho_t - want[k].transmittance,
                     ];
                     println!("{path:?} {depth} {k}: {lost:?}");
-                    assert!(lost.iter().all(|e| e.abs() < TABULATED), "{path:?} {depth} {k}: {lost:?}");
+                    assert!(lost.iter().all(|e| e.abs() < *tabulated), "{path:?} {depth} {k}: {lost:?}");
                 }
-                assert!((got[1].through - want[2].transmittance).abs() < TABULATED);
+                assert!((got[1].through - want[2].transmittance).abs() < *tabulated);
             }
         }
     }

@@ -10,6 +10,7 @@ mod tests;
 
 use super::Chance;
 use super::spec::{self, profile, range};
+use crate::file::MOST_TRIANGLES;
 use crate::form::{Blade, Branch, Joint, Leaf, Plant};
 use crate::{Error, Result};
 use glam::{DMat3, DMat4, DQuat, DVec2, DVec3};
@@ -163,6 +164,13 @@ impl Meadow {
                 format!("1 to {MOST}"),
             ));
         }
+        // Shapes are kept once each, and scenes have them all where they stand.
+        let triangles = |s: &Sward| (self.blades(s) + s.shapes as f64) * s.triangles() as f64;
+        let triangles: f64 = self.swards.iter().map(triangles).sum();
+        if triangles > MOST_TRIANGLES as f64 {
+            let found = format!("{triangles} triangles of all blades together (per_m2, shapes and segments)");
+            return Err(Error::unexpected(path, "sward", found, format!("at most {MOST_TRIANGLES}")));
+        }
         Ok(())
     }
 
@@ -177,20 +185,22 @@ impl Meadow {
         let mut chance = Chance(Pcg64::seed_from_u64(seed.unwrap_or(self.seed)));
         let mut plant = Plant { name: self.name.clone(), branches: vec![ground()], ..Plant::default() };
         for sward in &self.swards {
-            let first = plant.blades.len();
-            for _ in 0..sward.shapes {
+            let (first, count) = (plant.blades.len(), self.blades(sward) as usize);
+            for _ in 0..if count > 0 { sward.shapes } else { 0 } {
                 let bend = (sward.bend_deg + sward.bend_spread_deg * chance.stray()).clamp(0.0, 180.0).to_radians();
                 plant.blades.push(Blade { material: sward.material.clone(), mesh: sward.shape(bend) });
             }
             let mut tuft = DVec2::ZERO;
-            for k in 0..self.blades(sward) as usize {
+            for k in 0..count {
                 if k % sward.blades_a_tuft == 0 {
                     tuft = DVec2::new(chance.stray(), chance.stray()) * 0.5 * DVec2::from(self.size_mm);
                 }
                 let away = DVec2::new(chance.normal(), chance.normal()) * sward.tuft_mm;
                 // Away from the tuft's middle, and somewhat astray; alone, anywhere.
                 let stray = if sward.blades_a_tuft > 1 { 0.3 } else { 1.0 };
-                let azimuth = away.to_angle() + stray * PI * chance.stray();
+                // Where all feet are at one place, blades lean all ways.
+                let out = if sward.tuft_mm > 0.0 { away.to_angle() } else { PI * chance.stray() };
+                let azimuth = out + stray * PI * chance.stray();
                 let foot = wrapped(tuft + away, self.size_mm);
                 let lean = (sward.lean_deg + sward.lean_spread_deg * chance.stray()).clamp(0.0, FRAC_PI_2.to_degrees());
                 let size = 1.0 + sward.size_spread * chance.stray();
@@ -236,6 +246,11 @@ fn wrapped(place: DVec2, size: [f64; 2]) -> DVec2 {
 }
 
 impl Sward {
+    /// Triangles of one blade.
+    fn triangles(&self) -> usize {
+        4 * self.segments + if self.leaflet_mm.is_some() { 3 * 2 * (LEAFLET.len() - 1) } else { 0 }
+    }
+
     /// A shape that turns by `bend` (radians) over its length: its foot at −½ length on x, where it sets out along +x
     /// with its upper side to +z.
     fn shape(&self, bend: f64) -> LeafMesh {
@@ -284,17 +299,19 @@ fn arc(length: f64, bend: f64, s: f64) -> (DVec3, DVec3, DVec3) {
     (place, along, DVec3::new(angle.sin(), 0.0, angle.cos()))
 }
 
+/// Share of a leaflet's length, and share of its width there.
+const LEAFLET: [[f64; 2]; 5] = [[0.0, POINT], [0.3, 0.6], [0.65, 1.0], [0.9, 0.8], [1.0, 0.3]];
+
 /// A flat leaflet of inverted egg shape from its foot along `forth`.
 fn add_leaflet(mesh: &mut LeafMesh, foot: DVec3, forth: DVec3, across: DVec3, [length, width]: [f64; 2]) {
-    const OUTLINE: [[f64; 2]; 5] = [[0.0, POINT], [0.3, 0.6], [0.65, 1.0], [0.9, 0.8], [1.0, 0.3]];
     let first = mesh.positions.len() as u32;
-    for [s, share] in OUTLINE {
+    for [s, share] in LEAFLET {
         for side in [-1.0, 1.0] {
             mesh.positions.push(foot + forth * (s * length) + across * (0.5 * side * share * width));
             mesh.uvs.push(DVec2::new(s, 0.5 - 0.5 * side * share));
         }
     }
-    for k in 0..OUTLINE.len() as u32 - 1 {
+    for k in 0..LEAFLET.len() as u32 - 1 {
         let a = first + 2 * k;
         mesh.indices.extend([a, a + 2, a + 1, a + 2, a + 3, a + 1]);
     }

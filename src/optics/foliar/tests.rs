@@ -257,6 +257,24 @@ fn the_usual_resolution_is_right_to_2e_5() {
     println!("largest difference {worst:e}");
 }
 
+/// Narrow lobes of the epidermis on slant paths, light along the normal, as leaves are fitted.
+#[test]
+fn narrow_lobes_on_slant_paths_are_right_to_2e_5() {
+    for (epidermis, depth, indices) in
+        [(30.0, 0.3, [1.5, 1.415, 1.41]), (100.0, 1.2, [1.55, 1.46, 1.43]), (100.0, 0.05, [1.42, 1.38, 1.37])]
+    {
+        let leaf = leaf(indices, [epidermis, 1.0, 5.0], depth);
+        let (usual, fine) = (Prepared::new(&leaf, Resolution::USUAL), Prepared::new(&leaf, Resolution::FINER[1]));
+        let (usual, fine) = (usual.solve(leaf.depth), fine.solve(leaf.depth));
+        for side in SIDES {
+            let (a, b) = (usual.response(side, 0.0), fine.response(side, 0.0));
+            let off = (a.reflectance - b.reflectance).abs().max((a.transmittance - b.transmittance).abs());
+            println!("{epidermis} {depth} {side:?}: {off:e}");
+            assert!(off < 2e-5, "{leaf:?} {side:?}: {off:e}");
+        }
+    }
+}
+
 #[test]
 fn derivatives_are_those_of_differences() {
     let steps = 1e-4;

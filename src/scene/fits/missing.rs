@@ -11,7 +11,10 @@ use mesophyll_capture::inspect::inspect;
 use mesophyll_capture::manifest::Travel;
 use mesophyll_capture::reader::Capture;
 use mesophyll_capture::synth::leaf::Leaf as Grown;
-use mesophyll_capture::synth::{scan, spec::Spec};
+use mesophyll_capture::synth::{
+    scan,
+    spec::{Model, Spec},
+};
 use mesophyll_files::{atomic, claim, progress};
 use mesophyll_fit::leaf as fit;
 use mesophyll_fit_translucency as through;
@@ -105,6 +108,11 @@ fn scanned(
     // refused.
     claim::capture(&folder, &[], true)?;
     let mut spec = Spec::read(&manifest.resolve(&told.spec))?;
+    if spec.model == Model::Foliar && (told.sigma_a.is_some() || told.sigma_s.is_some()) {
+        let what =
+            format!("given for {}, whose model is foliar; a leaf of layers has no σa and σs", told.spec.display());
+        return Err(Error::field(&manifest.path, &format!("leaf \"{}\": scan.sigma_a, sigma_s", leaf.name), what));
+    }
     spec.field_mm = told.field_mm.unwrap_or(spec.field_mm);
     spec.interior.sigma_a = told.sigma_a.unwrap_or(spec.interior.sigma_a);
     spec.interior.sigma_s = told.sigma_s.unwrap_or(spec.interior.sigma_s);

@@ -118,7 +118,7 @@ impl Manifest {
             leaf.layers = layers;
             if leaf.mesh.is_none() && leaf.discs.is_none() {
                 (leaf.mesh, leaf.discs, leaf.mesh_unit) = (mesh, discs, mesh_unit);
-                leaf.part = leaf.part.take().or(part);
+                leaf.part = part;
             }
         }
     }

@@ -149,6 +149,11 @@ impl Leaf {
 fn blades_of(path: &Path, material: &str) -> Result<LeafMesh> {
     let described = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
     let plant = if described { grow::described(path, None)? } else { file::read(path)? };
+    let triangles = plant.triangles_of(material);
+    if triangles > file::MOST_TRIANGLES {
+        let what = format!("found {triangles} triangles of the material \"{material}\"");
+        return Err(Error::input(path, format!("{what}; expected at most {}", file::MOST_TRIANGLES)));
+    }
     let mesh = plant.blades_of(material);
     if mesh.indices.is_empty() {
         let known: BTreeSet<&str> = plant.blades.iter().map(|b| b.material.as_str()).collect();
@@ -170,16 +175,21 @@ fn seen(
 ) -> Result<Facing> {
     let mut facing = Facing::default();
     let bar = Bar::new(format!("which sides of {name} are seen and lit"), placements.len() as u64);
+    let bends = |p: &Placement| moves.any() && p.ride.is_some();
+    // What moves is gone through time by time: plants are posed once for each.
+    for (eye, time) in views {
+        for p in placements.iter().filter(|p| bends(p)) {
+            if mesophyll_files::progress::stop_requested() {
+                break;
+            }
+            facing.add(mesh, &moves.placement(p, *time), &[*eye], sun);
+        }
+    }
+    let eyes: Vec<DVec3> = views.iter().map(|v| v.0).collect();
     for p in placements {
         bar.step()?;
-        match moves.any() && p.ride.is_some() {
-            false => {
-                let eyes: Vec<DVec3> = views.iter().map(|v| v.0).collect();
-                facing.add(mesh, p, &eyes, sun);
-            }
-            true => {
-                views.iter().for_each(|(eye, time)| facing.add(mesh, &moves.placement(p, *time), &[*eye], sun));
-            }
+        if !bends(p) {
+            facing.add(mesh, p, &eyes, sun);
         }
     }
     if manifest.sun_moves() {

@@ -13,7 +13,7 @@ use crate::{Error, Result};
 use glam::{DMat4, DVec3};
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_flora::form::{Branch, Plant, nearest};
-use mesophyll_flora::grow::{grow, spec::Spec};
+use mesophyll_flora::grow::described;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::collections::BTreeSet;
@@ -42,6 +42,8 @@ pub struct Wood {
 pub struct Planted {
     /// What it is called in what is printed.
     pub name: String,
+    /// How many of the same name stand before it, and whether others of it stand at all.
+    same: (usize, bool),
     /// What stands in its file.
     pub plant: Plant,
     /// Plant to world, for every place where it stands.
@@ -57,7 +59,7 @@ pub struct Planted {
 /// [`Error::Input`] for a file or a description that cannot be read, a material that the scene does not map, a mapped
 /// one that the plant does not have, or too many leaves.
 pub fn planted(manifest: &Manifest, ledger: &Ledger) -> Result<Vec<Planted>> {
-    let mut out = Vec::new();
+    let mut out: Vec<Planted> = Vec::new();
     let mut total = 0;
     for (index, said) in manifest.plants.iter().enumerate() {
         let (source, plant) = match (&said.file, &said.grow) {
@@ -69,8 +71,8 @@ pub fn planted(manifest: &Manifest, ledger: &Ledger) -> Result<Vec<Planted>> {
                 (file, plant)
             }
             (None, Some(file)) => {
-                let spec = Spec::read(&manifest.resolve(file))?;
-                (file, ledger.note("grow", file.display().to_string(), 0, || grow(&spec, said.grow_seed)))
+                let path = manifest.resolve(file);
+                (file, ledger.note("grow", file.display().to_string(), 0, || described(&path, said.grow_seed))?)
             }
             (None, None) => continue,
         };
@@ -87,6 +89,11 @@ pub fn planted(manifest: &Manifest, ledger: &Ledger) -> Result<Vec<Planted>> {
             ));
         }
         out.push(one);
+    }
+    for k in 0..out.len() {
+        let same = |p: &&Planted| p.name == out[k].name;
+        let before = out[..k].iter().filter(same).map(|p| p.places.len()).sum();
+        out[k].same = (before, out.iter().filter(same).count() > 1);
     }
     Ok(out)
 }
@@ -127,7 +134,7 @@ fn one(manifest: &Manifest, index: usize, said: &manifest::Plant, name: String, 
         let known: Vec<&str> = used.iter().map(String::as_str).collect();
         return Err(wrong(format!("found \"{unused}\", expected a material of the plant ({})", known.join(", "))));
     }
-    Ok(Planted { name, plant, places: places(said), leaves, barks })
+    Ok(Planted { name, same: (0, false), plant, places: places(said), leaves, barks })
 }
 
 /// Where a plant stands: once, or spread over an area, each turned about the vertical. Places are drawn so that each
@@ -162,9 +169,13 @@ fn places(said: &manifest::Plant) -> Vec<DMat4> {
 }
 
 impl Planted {
-    /// What the one at a place is called: numbered from 1 where there are several.
+    /// What the one at a place is called: numbered from 1 where several in the scene have the name.
     pub fn name_at(&self, place: usize) -> String {
-        if self.places.len() > 1 { format!("{} {}", self.name, place + 1) } else { self.name.clone() }
+        let (before, others) = self.same;
+        match others || self.places.len() > 1 {
+            true => format!("{} {}", self.name, before + place + 1),
+            false => self.name.clone(),
+        }
     }
 
     /// Its leaves, at every place where it stands.

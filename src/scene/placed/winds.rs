@@ -3,8 +3,8 @@
 //! A branch is an oscillator (H9 Eq. 4.16, as the equation of motion gives it) of its own resonance (Eq. 4.20), with the
 //! mass of all that it carries (Eq. 4.17, and the leaves). The wind's force on all of that is proportional to its speed
 //! (Eq. 4.19). Gusts come from motion textures. H9 has one a level of the branching, and lets a branch of another
-//! resonance run faster through it; its spectrum is then off by what the wind's is no power of the frequency. Here
-//! branches share a texture whose resonances are within [`ALIKE`] of each other, whatever their level.
+//! resonance run faster through it. The branch's spectrum would then be right only if the wind's were a power of the
+//! frequency, which it is not. Here branches share a texture whose resonances are within [`ALIKE`] of each other, whatever their level.
 
 use super::branch::{MOTION_SIDE, variance, wind_direction};
 use super::plant::Planted;
@@ -57,6 +57,13 @@ pub struct Swaying {
     seed: u64,
 }
 
+/// More motion textures than this (8 MB each) are likelier an error of a file than a plant.
+const MOST_TEXTURES: usize = 64;
+/// Cross-sections of all plants together: what an adapter's table of them holds.
+const MOST_SECTIONS: usize = 4_000_000;
+/// Vertices of bark of all plants together, at every place by themselves.
+const MOST_BARK: usize = 20_000_000;
+
 /// All plants of a scene in its wind.
 #[derive(Debug)]
 pub struct Winds {
@@ -85,7 +92,15 @@ impl Winds {
         let mean = Wind { speed: wind.speed_m_s, turbulence: wind.turbulence };
         let sways: Vec<Vec<Option<(Sway, f64)>>> =
             manifest.plants.iter().zip(planted).map(|(said, p)| sways(said, mean, &p.plant)).collect();
+        if sways.iter().flatten().all(Option::is_none) {
+            return Ok(None);
+        }
         let leads = leads(sways.iter().flatten().flatten().map(|(sway, _)| *sway).collect());
+        if leads.len() > MOST_TEXTURES {
+            let what = format!("branches of so many lengths that their sway needs {} motion textures", leads.len());
+            let expected = format!("at most {MOST_TEXTURES}; lengths are in mm, and `scale` multiplies them");
+            return Err(Error::unexpected(&manifest.path, "plant", what, expected));
+        }
         let bytes = (leads.len() * MOTION_SIDE * MOTION_SIDE * 8) as u64;
         let make = |(k, lead): (usize, &Sway)| {
             let seed = wind.seed.wrapping_add((k as u64) << 48);
@@ -97,9 +112,10 @@ impl Winds {
         let motions = made.ok_or_else(|| {
             Error::field(&manifest.path, "wind", "the plants' sway has no spectrum that is positive and finite")
         })?;
+        let sways_somewhere: Vec<bool> = sways.iter().map(|of| of.iter().any(Option::is_some)).collect();
         let mut first = 0;
         let of_lead: Vec<f64> = leads.iter().map(variance).collect();
-        let plants = manifest.plants.iter().zip(planted).zip(sways).enumerate().map(|(index, ((said, p), sways))| {
+        let plants = planted.iter().zip(sways).enumerate().map(|(index, (p, sways))| {
             let limbs = Limbs::new(&p.plant, basis::shape);
             let answer = |(k, sway): (usize, Option<(Sway, f64)>)| {
                 let ((sway, mass), limb) = (sway?, &limbs.0[k]);
@@ -113,13 +129,14 @@ impl Winds {
             let towards = p.places.iter().map(|m| (DMat3::from_mat4(*m).transpose() * world).normalize_or_zero());
             let towards = towards.collect();
             let seed = wind.seed.wrapping_add((1 + index as u64) << 40);
-            moves(said).then(|| {
+            sways_somewhere[index].then(|| {
                 let sections = Sections::new(p, first);
                 first = sections.end();
                 Swaying { limbs, answers, sections, towards, seed }
             })
         });
-        let plants = plants.collect();
+        let plants: Vec<Option<Swaying>> = plants.collect();
+        bounded(manifest, planted, &plants)?;
         Ok(Some(Winds { plants, motions, last: Mutex::default() }))
     }
 
@@ -139,6 +156,24 @@ impl Winds {
         let swaying = self.plants.get(plant)?.as_ref()?;
         Some(swaying.limbs.pose(|branch| self.amplitude(swaying, place, branch, time)))
     }
+}
+
+/// Refuses more cross-sections and bark than there is room for, before any of it is made.
+fn bounded(manifest: &Manifest, planted: &[Planted], plants: &[Option<Swaying>]) -> Result<()> {
+    let mut bark = 0usize;
+    for (k, (one, swaying)) in planted.iter().zip(plants).enumerate() {
+        let Some(swaying) = swaying else { continue };
+        let wood: usize = one.plant.branches.iter().map(|b| b.wood.positions.len()).sum();
+        bark = bark.saturating_add(wood.saturating_mul(one.places.len()));
+        let sections = swaying.sections.end();
+        if sections > MOST_SECTIONS || bark > MOST_BARK {
+            let found =
+                format!("plants in the wind with {sections} cross-sections and {bark} vertices of bark up to here");
+            let expected = format!("at most {MOST_SECTIONS} and {MOST_BARK}");
+            return Err(Error::unexpected(&manifest.path, &format!("plant {}: count", k + 1), found, expected));
+        }
+    }
+    Ok(())
 }
 
 /// Times whose sections are kept: views of a scene are few.
@@ -215,7 +250,8 @@ fn alike(lead: &Sway, sway: &Sway) -> bool {
     apart <= 0.5 * ALIKE.ln() + 1e-9 && (ratio(lead) / ratio(sway) - 1.0).abs() < 1e-9
 }
 
-/// As few sways as all others are alike to; each in the middle of those that are alike to it, and of the lean 1.
+/// The sways that motion textures are made for: as few as will do, so that each of `sways` is alike to one of them.
+/// Each stands in the middle, by its resonance, of those that are alike to it. Their lean is 1.
 fn leads(mut sways: Vec<Sway>) -> Vec<Sway> {
     sways.sort_by(|a, b| a.oscillator.resonance.total_cmp(&b.oscillator.resonance));
     let mut out: Vec<Sway> = Vec::new();

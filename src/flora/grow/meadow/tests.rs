@@ -73,6 +73,26 @@ fn arcs_have_their_length_and_turn() {
     }
 }
 
+/// A tuft whose feet are all at one place leans all ways.
+#[test]
+fn blades_of_a_tuft_at_one_place_lean_all_ways() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("m.toml");
+    let sward = "[[sward]]\nmaterial = \"grass\"\nper_m2 = 400\nlength_mm = 50\nwidth_mm = 2\nlean_deg = 30\n\
+         blades_a_tuft = 8\n[[sward]]\nmaterial = \"moss\"\nper_m2 = 0\nlength_mm = 50\nwidth_mm = 2\n";
+    std::fs::write(&path, format!("schema = 1\nname = \"m\"\nseed = 1\nsize_mm = [1000, 1000]\n{sward}")).unwrap();
+    let plant = crate::grow::described(&path, None).unwrap();
+    // What does not grow has no shapes.
+    assert!(plant.leaves.len() == 400 && plant.blades.iter().all(|b| b.material == "grass"));
+    let mut octants = [0; 8];
+    for leaf in &plant.leaves {
+        let out = leaf.transform.x_axis.truncate().truncate();
+        octants[((out.to_angle() + PI) / TAU * 8.0).min(7.0) as usize] += 1;
+    }
+    // 50 each, within four standard deviations of a count.
+    assert!(octants.iter().all(|n| (22..=78).contains(n)), "{octants:?}");
+}
+
 /// What is written is a plant like any other, and comes back.
 #[test]
 fn a_meadow_goes_through_a_file() {
@@ -107,6 +127,10 @@ fn mistakes_are_told_by_field() {
         (format!("{head}size_mm = [400, 400]\n{blade}per_m2 = 1\n"), "0 blades"),
         (format!("{head}size_mm = [4000, 4000]\n{blade}per_m2 = 1e6\n"), "16000000 blades"),
         (format!("{head}size_mm = [400, 400]\n{blade}per_m2 = nan\n"), "sward 1: per_m2"),
+        (
+            format!("{head}size_mm = [1000, 1000]\n{blade}per_m2 = 300000\nsegments = 64\n"),
+            "triangles of all blades together",
+        ),
         (format!("{head}size_mm = [400, 400]\n{blade}per_m2 = 100\nfold_deg = 120\n"), "sward 1: fold_deg"),
         (format!("{head}size_mm = [400, 400]\n{blade}per_m2 = 100\nprofile = [[0, 1]]\n"), "sward 1: profile"),
         (format!("{head}size_mm = [400, 400]\n{blade}per_m2 = 100\nblades = 3\n"), "unknown field `blades`"),

@@ -42,7 +42,7 @@ impl Resolution {
     ];
 }
 
-/// Lobes of a larger oblateness than this leave light that comes in near its angle.
+/// Lobes of a larger oblateness than this turn light by little: it leaves near the angle at which it came.
 const NARROW: f64 = 6.0;
 
 /// The lobe around each of a medium's nodes, as fine nodes, or nothing where a lobe does not turn light.
@@ -92,7 +92,8 @@ impl<N: Real> Prepared<N> {
             // next lobe lies at grazing light, which the mesophyll absorbs.
             bends.extend([0.02, 0.15].map(N::of));
         } else if leaf.path == Path::Slant && epidermis.value() > NARROW {
-            // So it is with light that is hardly turned, where grazing light has long ways: one panel more does.
+            // Light that is turned by little is nearly read off the nodes, and slant ways absorb grazing light the more:
+            // here, too, the nodes must be denser near the normal. One panel more is enough.
             bends.push(N::of(0.4));
         }
         let grid = Grid::new(&[nc, nm], &[na], &bends, resolution.order);

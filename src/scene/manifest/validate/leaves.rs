@@ -53,7 +53,8 @@ pub fn leaves(p: &Place) -> Result<()> {
             return Err(p.error(HEADER, i, "discs", "given without uniform; discs have no maps"));
         }
         if leaf.part.is_some() && (leaf.mesh.is_none() || leaf.mesh_unit.is_some()) {
-            let what = "given without a mesh, or with a mesh_unit; expected the plant that it is a part of, in metres";
+            let what =
+                "given without a mesh, or with a mesh_unit; expected a mesh that is a plant's file or description";
             return Err(p.error(HEADER, i, "part", what));
         }
         if leaf.mesh_unit.is_some() && leaf.mesh.is_none() && leaf.discs.is_none() {
