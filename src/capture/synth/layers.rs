@@ -42,7 +42,7 @@ pub struct Foliar {
     /// Wavelengths of red, green and blue (nm).
     #[serde(default = "wavelengths")]
     pub wavelengths_nm: [f64; 3],
-    /// What the contents are shares of.
+    /// Whether thicker places hold more.
     #[serde(default)]
     pub per: Per,
     /// Chlorophyll of the lamina; veins hold less.

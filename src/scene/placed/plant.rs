@@ -213,14 +213,7 @@ impl Planted {
             .map(|(material, bark)| {
                 let mut mesh = LeafMesh::default();
                 for (_, branch) in self.made_of(material) {
-                    let frame = branch.frame();
-                    let first = mesh.positions.len() as u32;
-                    mesh.positions.extend(branch.wood.positions.iter().map(|p| frame.transform_point3(*p)));
-                    mesh.normals.extend(branch.wood.normals.iter().map(|n| frame.transform_vector3(*n)));
-                    let turned = branch.wood.tangents.iter().map(|(t, w)| (frame.transform_vector3(*t), *w));
-                    mesh.tangents.extend(turned);
-                    mesh.uvs.extend(branch.wood.uvs.iter().copied());
-                    mesh.indices.extend(branch.wood.indices.iter().map(|i| i + first));
+                    mesh.append(&branch.wood, branch.frame());
                 }
                 Wood {
                     name: format!("{} {material}", self.name),
