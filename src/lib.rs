@@ -50,10 +50,11 @@
 //! and the compiler refuses any other. All of them stand on floors below its own:
 //!
 //! ```text
-//! 10  main
-//! 9   cli
-//! 8   report        check
-//! 7   proof         scene       export
+//! 11  main
+//! 10  cli
+//! 9   report        check
+//! 8   proof         scene       export
+//! 7   manifest
 //! 6   fit           fit_branch  fit_sky   fit_translucency   fit_transfer
 //! 5   leaf
 //! 4   capture
@@ -75,6 +76,7 @@ pub use mesophyll_fit_sky as fit_sky;
 pub use mesophyll_fit_translucency as fit_translucency;
 pub use mesophyll_flora as flora;
 pub use mesophyll_leaf as leaf;
+pub use mesophyll_manifest as manifest;
 pub use mesophyll_optics as optics;
 pub use mesophyll_plant as plant;
 pub use mesophyll_proof as proof;

@@ -4,8 +4,8 @@
 use crate::report::{Term, ViewReport};
 use crate::told;
 use mesophyll_error::Result;
+use mesophyll_manifest::{Manifest, View, ViewKind};
 use mesophyll_scene::draw::handover;
-use mesophyll_scene::manifest::{Manifest, View, ViewKind};
 use mesophyll_viewer as gpu;
 
 /// A view's report with its times, which are judged on real GPUs.

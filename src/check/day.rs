@@ -7,10 +7,10 @@
 use crate::told;
 use mesophyll_error::Result;
 use mesophyll_files::image;
+use mesophyll_manifest::ViewKind;
 use mesophyll_scene::draw::{between, handover};
 use mesophyll_scene::ledger::Ledger;
 use mesophyll_scene::loaded::Scene;
-use mesophyll_scene::manifest::ViewKind;
 use mesophyll_scene::placed::daylight::{self, Daylight};
 use mesophyll_viewer as gpu;
 use mesophyll_viewer::scene as viewer;

@@ -11,7 +11,7 @@
 use mesophyll_error::{Error, Result};
 use mesophyll_files::atomic::explain;
 use mesophyll_files::image;
-use mesophyll_scene::manifest::Manifest;
+use mesophyll_manifest::Manifest;
 use mesophyll_transport::compare;
 use std::path::{Path, PathBuf};
 

@@ -27,11 +27,11 @@ pub use verify::verify;
 
 use mesophyll_error::{Error, Result};
 use mesophyll_files::{atomic, progress};
+use mesophyll_manifest::{View, ViewKind};
 use mesophyll_scene::draw::truth::Truth;
 use mesophyll_scene::draw::{handover, reference, sunlit, true_leaf};
 use mesophyll_scene::ledger::Ledger;
 use mesophyll_scene::loaded::Scene;
-use mesophyll_scene::manifest::{View, ViewKind};
 use mesophyll_scene::placed::branch;
 use mesophyll_transport as transport;
 use mesophyll_viewer as gpu;

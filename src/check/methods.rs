@@ -18,11 +18,11 @@
 use crate::{Options, open, told};
 use mesophyll_error::{Error, Result};
 use mesophyll_files::{atomic, image, progress};
+use mesophyll_manifest::{View, ViewKind};
 use mesophyll_scene::draw::truth::{Sampling, Truth};
 use mesophyll_scene::draw::{handover, reference};
 use mesophyll_scene::ledger::Ledger;
 use mesophyll_scene::loaded::Scene;
-use mesophyll_scene::manifest::{View, ViewKind};
 use mesophyll_scene::placed::branch;
 use mesophyll_transport::compare::compare;
 use mesophyll_transport::cube::CubeLight;

@@ -3,7 +3,7 @@
 use crate::CaptureReport;
 use crate::day::Hour;
 use crate::golden;
-use mesophyll_scene::manifest::Manifest;
+use mesophyll_manifest::Manifest;
 use serde_json::{Value, json};
 
 /// The verdict.

@@ -39,8 +39,9 @@ pub struct Args {
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     use mesophyll_check::{Options, golden};
     use mesophyll_files::{atomic, claim};
+    use mesophyll_manifest::Manifest;
     use mesophyll_scene::placed::{Placed, leaf::Search};
-    use mesophyll_scene::{fits::missing, ledger::Ledger, loaded::Scene, manifest::Manifest};
+    use mesophyll_scene::{fits::missing, ledger::Ledger, loaded::Scene};
 
     let mut manifest = Manifest::read(&args.scene)?;
     manifest.require_limits()?;

@@ -6,8 +6,8 @@ use crate::{Error, Result};
 use mesophyll_export::sky::SkyOptions;
 use mesophyll_export::{Format, export};
 use mesophyll_files::{claim, progress};
+use mesophyll_manifest::Manifest;
 use mesophyll_scene::ledger::Ledger;
-use mesophyll_scene::manifest::Manifest;
 use mesophyll_scene::placed::{self, branch};
 use std::path::{Path, PathBuf};
 

@@ -2,8 +2,9 @@
 
 use super::Common;
 use crate::Result;
+use mesophyll_manifest::Manifest;
 use mesophyll_scene::fits::missing::input_hash;
-use mesophyll_scene::{ledger::Ledger, loaded::Scene, manifest::Manifest, placed::leaf::Search};
+use mesophyll_scene::{ledger::Ledger, loaded::Scene, placed::leaf::Search};
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]

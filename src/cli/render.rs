@@ -4,10 +4,11 @@ use super::Common;
 use crate::Result;
 use crate::named::named;
 use mesophyll_files::claim;
+use mesophyll_manifest::Manifest;
 use mesophyll_scene::fits::missing;
 use mesophyll_scene::placed::{Placed, leaf::Search};
 use mesophyll_scene::traced::{self, Drawn, Options};
-use mesophyll_scene::{ledger::Ledger, loaded::Scene, manifest::Manifest};
+use mesophyll_scene::{ledger::Ledger, loaded::Scene};
 use mesophyll_transport::tone::Tone;
 use std::path::PathBuf;
 

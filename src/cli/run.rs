@@ -3,9 +3,10 @@
 use super::Common;
 use crate::Result;
 use mesophyll_files::{atomic, claim, progress};
+use mesophyll_manifest::Manifest;
 use mesophyll_report::{self as report, Level, ReportSource};
 use mesophyll_scene::placed::{Placed, leaf::Search};
-use mesophyll_scene::{fits::missing, ledger::Ledger, loaded::Scene, manifest::Manifest};
+use mesophyll_scene::{fits::missing, ledger::Ledger, loaded::Scene};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -110,7 +111,7 @@ fn sources(scene: &Scene, out: &Path) -> Vec<ReportSource> {
 #[cfg(feature = "render")]
 fn check(scene: &Scene, out: &Path, ledger: &Ledger) -> Result<(bool, String, Value)> {
     use mesophyll_check::Options;
-    use mesophyll_scene::manifest::Interior;
+    use mesophyll_manifest::Interior;
     let options = Options { out: out.to_path_buf(), ..Options::default() };
     let compare = scene.manifest.leaves.iter().any(|l| l.interior == Interior::Maps);
     let (passed, text, json) = super::check::judged(scene, &options, compare.then_some(Some(out)), ledger)?;

@@ -29,12 +29,12 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
     use crate::Error;
     use mesophyll_check as check;
     use mesophyll_files::{claim, progress};
+    use mesophyll_manifest::{Manifest, ViewKind};
     use mesophyll_scene::{
         draw::handover,
         fits::missing,
         ledger::Ledger,
         loaded::Scene,
-        manifest::{Manifest, ViewKind},
         placed::{Placed, branch, leaf::Search},
         window::edit::SceneEditor,
     };

@@ -1,7 +1,7 @@
-//! Scene manifests, the plan of what a scene needs, and the hand-over to the renderers.
+//! The plan of what a scene needs, and the hand-over to the renderers. What a scene file says is the room `manifest`,
+//! below this one.
 //!
-//! Folders from the ground up, each of which may use only those before it: [`manifest`] is what a scene file says,
-//! [`fits`] are the folders that its leaves come from, [`placed`] is what stands where and in which light, [`plan`] is
+//! Folders from the ground up, each of which may use only those before it: [`fits`] are the folders that its leaves come from, [`placed`] is what stands where and in which light, [`plan`] is
 //! what of it is needed, [`loaded`] holds the maps and curves that the plan asks for, [`draw`] hands them to both
 //! renderers; [`traced`] and [`window`] use all of it, and nothing of each other. Whether the pictures are right is
 //! judged in the room `check`, above this one.
@@ -12,7 +12,6 @@ pub mod draw;
 pub mod fits;
 pub mod ledger;
 pub mod loaded;
-pub mod manifest;
 pub mod placed;
 pub mod plan;
 pub mod traced;

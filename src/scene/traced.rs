@@ -4,10 +4,10 @@
 use crate::draw::reference;
 use crate::ledger::Ledger;
 use crate::loaded::Scene;
-use crate::manifest::{View, ViewKind};
 use crate::placed::branch;
 use crate::{Error, Result};
 use mesophyll_files::{atomic, hash, image, memory, progress};
+use mesophyll_manifest::{View, ViewKind};
 use mesophyll_transport::path::{Paths, Picture, Progress, Request, Target, Tracer};
 use mesophyll_transport::{World, tone};
 use serde::{Deserialize, Serialize};

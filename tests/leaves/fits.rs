@@ -7,8 +7,9 @@
 
 use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
 use mesophyll::files::quantity::Quantity;
+use mesophyll::manifest::Manifest;
 use mesophyll::record::FitRecord;
-use mesophyll::scene::{fits::missing, ledger::Ledger, manifest::Manifest};
+use mesophyll::scene::{fits::missing, ledger::Ledger};
 use std::path::Path;
 
 /// Share of a standard error that a value may differ by.

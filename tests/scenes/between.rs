@@ -2,9 +2,9 @@
 
 use crate::blade::Blade;
 use crate::{json, skips};
+use mesophyll::manifest::Manifest;
 use mesophyll::scene::ledger::Ledger;
 use mesophyll::scene::loaded::Scene;
-use mesophyll::scene::manifest::Manifest;
 use mesophyll::scene::placed::leaf::Search;
 use mesophyll::scene::plan::Plan;
 use std::path::{Path, PathBuf};

@@ -1,8 +1,9 @@
 //! Grass in scenes: all blades of one material as a leaf's mesh.
 
 use crate::common;
+use mesophyll::manifest::Manifest;
+use mesophyll::scene::ledger::Ledger;
 use mesophyll::scene::placed::{Placed, leaf::Search};
-use mesophyll::scene::{ledger::Ledger, manifest::Manifest};
 use std::path::Path;
 
 const UNIFORM: &str = "uniform = { rho_d = [[0.1, 0.2, 0.1], [0.1, 0.2, 0.1]], rho_t = [0.05, 0.1, 0.05] }";

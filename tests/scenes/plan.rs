@@ -1,9 +1,9 @@
 //! The plan: what a scene needs, what is left out, and that nothing else is touched.
 
 use crate::blade::{Blade, scene};
+use mesophyll::manifest::Manifest;
 use mesophyll::scene::ledger::Ledger;
 use mesophyll::scene::loaded::Scene;
-use mesophyll::scene::manifest::Manifest;
 use mesophyll::scene::placed::leaf::Search;
 use mesophyll::scene::plan::Plan;
 use std::path::Path;

@@ -1,7 +1,7 @@
 //! Whole plants in scenes: where they stand, what they are made of, what is refused.
 
+use mesophyll::manifest::Manifest;
 use mesophyll::scene::ledger::Ledger;
-use mesophyll::scene::manifest::Manifest;
 use mesophyll::scene::placed::plant::{Planted, planted};
 use std::path::{Path, PathBuf};
 
@@ -167,10 +167,10 @@ mod moving {
     use crate::skips;
     use glam::{DVec3, Vec3};
     use mesophyll::flora::form::Plant;
+    use mesophyll::manifest::Manifest;
     use mesophyll::scene::draw::{handover, reference};
     use mesophyll::scene::ledger::Ledger;
     use mesophyll::scene::loaded::Scene;
-    use mesophyll::scene::manifest::Manifest;
     use mesophyll::scene::placed::leaf::Search;
     use mesophyll_viewer::{Error, Options, Renderer};
     use std::path::Path;

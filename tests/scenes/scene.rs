@@ -4,7 +4,7 @@
 use crate::blade::{Blade, scene};
 use crate::skips;
 use mesophyll::files::quantity::Quantity;
-use mesophyll::scene::manifest::Manifest;
+use mesophyll::manifest::Manifest;
 use std::path::Path;
 
 #[test]
@@ -16,7 +16,7 @@ fn every_committed_scene_reads_and_has_its_card() {
     {
         let manifest = Manifest::read(&entry.path()).unwrap();
         assert_eq!(entry.path().file_stem().unwrap().to_str().unwrap(), manifest.name);
-        let cards = manifest.views.iter().filter(|v| v.kind == mesophyll::scene::manifest::ViewKind::Card).count();
+        let cards = manifest.views.iter().filter(|v| v.kind == mesophyll::manifest::ViewKind::Card).count();
         assert!(cards == 1 || manifest.name == "fits", "{}: {cards} cards", manifest.name);
         names.push(manifest.name);
     }

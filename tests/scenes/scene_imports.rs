@@ -5,8 +5,8 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 /// From the ground up; folders on one floor use nothing of each other.
-const FLOORS: [&[&str]; 8] =
-    [&["ledger"], &["manifest"], &["fits"], &["placed"], &["plan"], &["loaded"], &["draw"], &["traced", "window"]];
+const FLOORS: [&[&str]; 7] =
+    [&["ledger"], &["fits"], &["placed"], &["plan"], &["loaded"], &["draw"], &["traced", "window"]];
 
 fn floor(name: &str) -> Option<usize> {
     FLOORS.iter().position(|f| f.contains(&name))

@@ -4,10 +4,10 @@ use crate::blade;
 use crate::blade::{Blade, hashes};
 use mesophyll::files::hash;
 use mesophyll::files::image::{Maps, Packing, write_exr};
+use mesophyll::manifest::Manifest;
 use mesophyll::record::{FitKind, FitRecord, Section};
 use mesophyll::scene::ledger::Ledger;
 use mesophyll::scene::loaded::Scene;
-use mesophyll::scene::manifest::Manifest;
 use mesophyll::scene::placed::{Placed, leaf::Search};
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
@@ -175,8 +175,8 @@ fn what_is_wrong_is_named() {
 #[cfg(feature = "render")]
 mod drawn {
     use super::*;
+    use mesophyll::manifest::Basis;
     use mesophyll::scene::draw::{handover, reference};
-    use mesophyll::scene::manifest::Basis;
     use mesophyll::transport::Sunlit;
     use mesophyll_viewer::scene::{Coefficients, Sides, Translucency};
 
@@ -365,7 +365,8 @@ fn the_reference_convolves_and_a_flat_leafs_light_is_its_cosine() {
 
 #[test]
 fn a_scene_asks_for_a_basis_and_what_no_renderer_evaluates_is_refused() {
-    use mesophyll::scene::{fits::source::Status, manifest::Basis};
+    use mesophyll::manifest::Basis;
+    use mesophyll::scene::fits::source::Status;
 
     let dir = folder(&Blade::default());
     let maps = dir.path().join("fits/elm-translucency");
@@ -416,7 +417,8 @@ fn a_scene_asks_for_a_basis_and_what_no_renderer_evaluates_is_refused() {
 
 #[test]
 fn maps_are_made_in_the_basis_that_the_scene_asks_for() {
-    use mesophyll::scene::{fits::source::Status, manifest::Basis};
+    use mesophyll::manifest::Basis;
+    use mesophyll::scene::fits::source::Status;
 
     let flat = Blade { width: 48, height: 36, texel_mm: 1.0, ..Blade::default() };
     let dir = tempfile::tempdir().unwrap();

@@ -13,7 +13,6 @@ use crate::loaded::curve::{Curve, curve};
 use crate::loaded::map_levels::halve;
 use crate::loaded::translucency::Of;
 use crate::loaded::{Leaf, Scene};
-use crate::manifest::{self, Interior, Manifest, View};
 use crate::placed::Placed;
 use crate::placed::daylight::{self, Daylight, sun_direction};
 use crate::placed::placement::{Placement, Ride};
@@ -23,6 +22,7 @@ use glam::{DMat4, Vec2, Vec3, Vec4};
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_files::quantity::Quantity;
 use mesophyll_leaf::{File, fill};
+use mesophyll_manifest::{Interior, Manifest, View};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
 use mesophyll_sky::fitted::Folded;
@@ -295,7 +295,7 @@ fn one_leaf(manifest: &Manifest, leaf: Leaf, ledger: &Ledger) -> Result<viewer::
 }
 
 /// A leaf that is the same everywhere, as far as the plan needs its sides.
-fn uniform(config: &manifest::Leaf, stated: &manifest::Uniform, leaf: &Leaf) -> viewer::Leaf {
+fn uniform(config: &mesophyll_manifest::Leaf, stated: &mesophyll_manifest::Uniform, leaf: &Leaf) -> viewer::Leaf {
     let rgb = |c: &[f64; 3]| c.map(|v| v as f32);
     let side = |side: Side| {
         let needs = leaf.plan.sides[side as usize];

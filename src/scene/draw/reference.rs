@@ -7,7 +7,6 @@ use super::sunlit::{relight, relight_everywhere};
 use crate::fits::reads;
 use crate::ledger::Ledger;
 use crate::loaded::{Leaf, Scene};
-use crate::manifest::{self, Interior, Manifest, View};
 use crate::placed::Placed;
 use crate::placed::daylight::{Daylight, sun_direction};
 use crate::{Error, Result};
@@ -15,6 +14,7 @@ use glam::{DMat4, DVec3, DVec4};
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_files::quantity::Quantity;
 use mesophyll_leaf::{File, LeafFit, fill};
+use mesophyll_manifest::{Interior, Manifest, View};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
 use mesophyll_optics::slab::chebyshev::Chebyshev;
@@ -261,7 +261,11 @@ fn one_leaf(manifest: &Manifest, leaf: Leaf, ledger: &Ledger) -> Result<transpor
 }
 
 /// A leaf that is the same everywhere.
-fn uniform(config: &manifest::Leaf, stated: &manifest::Uniform, blade: &LeafMesh) -> transport::ReferenceLeaf {
+fn uniform(
+    config: &mesophyll_manifest::Leaf,
+    stated: &mesophyll_manifest::Uniform,
+    blade: &LeafMesh,
+) -> transport::ReferenceLeaf {
     let maps = |c: &[f64; 3]| c.map(|v| vec![v as f32]);
     let [front, back] = stated.rho_d.each_ref().map(|rho_d| transport::ReferenceSide {
         interior: transport::Interior::Maps { rho_d: maps(rho_d), rho_t: maps(&stated.rho_t) },
@@ -279,7 +283,7 @@ struct ReadSide {
     on_leaf: Vec<u8>,
 }
 
-fn one_side(config: &manifest::Leaf, fitted: &LeafFit, side: Side, ledger: &Ledger) -> Result<ReadSide> {
+fn one_side(config: &mesophyll_manifest::Leaf, fitted: &LeafFit, side: Side, ledger: &Ledger) -> Result<ReadSide> {
     let path = fitted.path(File::Maps, side);
     let maps = reads::maps(fitted, side, ledger)?;
     let (width, height) = (maps.width, maps.height);

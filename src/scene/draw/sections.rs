@@ -1,11 +1,11 @@
 //! Plants in the wind, handed over to the GPU renderer: the sections that carry leaves and bark, for each time.
 
-use crate::manifest::Manifest;
 use crate::placed::Placed;
 use crate::placed::branch::rest_time;
 use crate::placed::sections::Bark;
 use glam::DQuat;
 use mesophyll_flora::pose::Rigid;
+use mesophyll_manifest::Manifest;
 use mesophyll_viewer::scene as viewer;
 use std::collections::BTreeMap;
 use std::sync::Arc;

@@ -4,8 +4,8 @@
 use super::reference;
 use crate::Result;
 use crate::loaded::Scene;
-use crate::manifest::View;
 use mesophyll_files::progress;
+use mesophyll_manifest::View;
 use mesophyll_transport::path::{Paths, Picture, Request, Target, Tracer};
 use mesophyll_transport::{self as transport, World};
 

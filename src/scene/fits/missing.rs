@@ -5,7 +5,6 @@
 
 use super::source;
 use crate::ledger::Ledger;
-use crate::manifest::{Leaf, Manifest, Scan};
 use crate::{Error, Result};
 use mesophyll_capture::inspect::inspect;
 use mesophyll_capture::manifest::Travel;
@@ -18,6 +17,7 @@ use mesophyll_capture::synth::{
 use mesophyll_files::{atomic, claim, progress};
 use mesophyll_fit::leaf as fit;
 use mesophyll_fit_translucency as through;
+use mesophyll_manifest::{Leaf, Manifest, Scan};
 use std::path::{Path, PathBuf};
 
 /// What the fit of a scene's leaf is told: the lobe that it will be drawn with.

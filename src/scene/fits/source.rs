@@ -1,9 +1,9 @@
 //! Where a leaf's fit comes from: a folder that is up to date, or a capture or scan that has yet to be fitted.
 
-use crate::manifest::{Leaf, Manifest, Scan};
 use crate::{Error, Result};
 use mesophyll_capture::synth::spec::Spec;
 use mesophyll_files::hash;
+use mesophyll_manifest::{Leaf, Manifest, Scan};
 use mesophyll_record::FitRecord;
 use std::path::{Path, PathBuf};
 

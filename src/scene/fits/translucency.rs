@@ -3,10 +3,10 @@
 
 use super::source::{Source, Status};
 use crate::Result;
-use crate::manifest::{Basis, Manifest, Translucency as Asked};
 use mesophyll_files::hash;
 use mesophyll_fit_translucency::recipe::Recipe;
 use mesophyll_leaf::LeafFit;
+use mesophyll_manifest::{Basis, Manifest, Translucency as Asked};
 use mesophyll_record::{FitKind, FitRecord};
 use mesophyll_translucency::basis::Basis as Functions;
 use std::path::{Path, PathBuf};

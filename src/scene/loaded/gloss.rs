@@ -5,11 +5,11 @@ use super::gloss_bound::{self, Lights, Maps};
 use super::{Leaf, Stand};
 use crate::Result;
 use crate::fits::reads;
-use crate::manifest::{Manifest, ViewKind};
 use crate::placed::branch;
 use crate::placed::daylight::{self, Daylight};
 use glam::{DMat4, DVec3};
 use mesophyll_leaf::LeafFit;
+use mesophyll_manifest::{Manifest, ViewKind};
 use mesophyll_optics::side::Side;
 use std::f64::consts::TAU;
 

@@ -13,12 +13,12 @@ pub mod translucency;
 
 use crate::Result;
 use crate::ledger::Ledger;
-use crate::manifest::{self, Manifest};
 use crate::placed::leaf::Search;
 use crate::placed::{self, Placed};
 use crate::plan::{LeafPlan, Plan};
 use convolved::Inside;
 use curve::Curve;
+use mesophyll_manifest::Manifest;
 use std::sync::OnceLock;
 use translucency::Coefficients;
 
@@ -41,7 +41,7 @@ pub struct Scene {
 #[derive(Clone, Copy)]
 pub struct Leaf<'a> {
     /// What the scene's file says of it.
-    pub config: &'a manifest::Leaf,
+    pub config: &'a mesophyll_manifest::Leaf,
     /// Its fit and its mesh.
     pub placed: &'a placed::leaf::Leaf,
     /// What is needed of it.

@@ -8,11 +8,11 @@
 
 use super::placement::{OnBranch, frame};
 use crate::ledger::Ledger;
-use crate::manifest::{self, Manifest};
 use crate::{Error, Result};
 use glam::{DMat4, DVec3, DVec4};
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_fit_branch::beam::basis;
+use mesophyll_manifest::Manifest;
 use mesophyll_plant::branch::Branch;
 use mesophyll_plant::motion::{Motion, Trajectory};
 use mesophyll_plant::motion_spectrum::Method;
@@ -63,7 +63,12 @@ pub fn twigs(manifest: &Manifest, ledger: &Ledger) -> Result<Vec<Twig>> {
 }
 
 /// Taper and load of a measured branch.
-fn fitted(manifest: &Manifest, b: &manifest::Branch, folder: &std::path::Path, ledger: &Ledger) -> Result<(f64, f64)> {
+fn fitted(
+    manifest: &Manifest,
+    b: &mesophyll_manifest::Branch,
+    folder: &std::path::Path,
+    ledger: &Ledger,
+) -> Result<(f64, f64)> {
     let record = ledger.note("read", format!("{}/fit.toml", b.name), 0, || FitRecord::read(folder))?;
     let measured = b.measured.as_deref().unwrap_or(&b.name);
     let name = format!("branch {measured}");
@@ -98,7 +103,7 @@ pub fn sways(manifest: &Manifest) -> bool {
 }
 
 /// The scene's time of a view (s).
-pub fn time(manifest: &Manifest, view: &manifest::View) -> f64 {
+pub fn time(manifest: &Manifest, view: &mesophyll_manifest::View) -> f64 {
     view.time_s.unwrap_or_else(|| rest_time(manifest))
 }
 
@@ -237,7 +242,7 @@ impl Bends {
     }
 }
 
-fn sway(manifest: &Manifest, b: &manifest::Branch) -> Option<Sway> {
+fn sway(manifest: &Manifest, b: &mesophyll_manifest::Branch) -> Option<Sway> {
     let wind = manifest.wind.as_ref().filter(|w| w.speed_m_s > 0.0 && b.lean_per_m_s > 0.0)?;
     let f = b.resonance_hz.unwrap_or_else(|| resonance(b.length_mm / 1000.0, false));
     Some(Sway {
@@ -313,10 +318,10 @@ mod tests {
     use super::*;
 
     fn twig() -> Twig {
-        let b = manifest::Branch {
+        let b = mesophyll_manifest::Branch {
             direction: [1.0, 0.4, 0.3],
             position_mm: [3.0, -2.0, 1.0],
-            ..manifest::Branch::default()
+            ..mesophyll_manifest::Branch::default()
         };
         let (root, axes) = frame(&b);
         Twig { root, axes, length: 150.0, radius: 2.0, taper: 0.3, load: 10.0, bark: [0.1; 3] }
@@ -325,7 +330,8 @@ mod tests {
     #[test]
     fn frames_are_right_handed_and_upright() {
         for direction in [[1.0, 0.0, 0.0], [0.3, -0.5, 0.8], [0.0, 0.0, 1.0], [0.0, 0.0, -2.0]] {
-            let (_, [t, r, s]) = frame(&manifest::Branch { direction, ..manifest::Branch::default() });
+            let (_, [t, r, s]) =
+                frame(&mesophyll_manifest::Branch { direction, ..mesophyll_manifest::Branch::default() });
             assert!((t.cross(r) - s).length() < 1e-12 && t.dot(s).abs() < 1e-12 && (r.length() - 1.0).abs() < 1e-12);
             assert!(s.z >= -1e-12);
         }

@@ -6,10 +6,10 @@
 //! coefficients are integrated; a sun that moves takes them from the polynomial fit, which is made once and only then.
 
 use crate::ledger::Ledger;
-use crate::manifest::Manifest;
 use crate::{Error, Result};
 use glam::DVec3;
 use mesophyll_fit_sky as fit;
+use mesophyll_manifest::Manifest;
 use mesophyll_sky::fitted::Folded;
 use mesophyll_sky::preetham::PreethamSky;
 use mesophyll_sky::{Coefficients, Preetham, Sky, harmonics, irradiance, project, sun};
@@ -208,7 +208,7 @@ pub fn polynomials(moves: bool, ledger: &Ledger) -> Result<Option<&'static Folde
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::manifest::Day;
+    use mesophyll_manifest::Day;
 
     fn manifest(sky: &str) -> Manifest {
         let text = format!(

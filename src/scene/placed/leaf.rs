@@ -8,13 +8,13 @@ use super::placement::{self, Placement};
 use crate::fits::source::{self, InputHash, Source, Status};
 use crate::fits::translucency::{self, Translucent};
 use crate::ledger::Ledger;
-use crate::manifest::{Manifest, ViewKind};
 use crate::{Error, Result};
 use glam::DVec3;
 use mesophyll_files::mesh::{self, LeafMesh, Unit};
 use mesophyll_files::progress::Bar;
 use mesophyll_flora::{file, grow};
 use mesophyll_leaf::{BLADE, LeafFit};
+use mesophyll_manifest::{Manifest, ViewKind};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 

@@ -6,8 +6,8 @@
 //! and drooping; droop, twist and height stray by a seeded amount.
 
 use super::tree;
-use crate::manifest::{self, Cluster, Instance, Manifest};
 use glam::{DMat4, DQuat, DVec3, EulerRot};
+use mesophyll_manifest::{Cluster, Instance, Manifest};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -69,7 +69,7 @@ pub fn rotation(deg: [f64; 3]) -> DQuat {
 }
 
 /// Root, t, r, s of a branch of the manifest.
-pub fn frame(b: &manifest::Branch) -> (DVec3, [DVec3; 3]) {
+pub fn frame(b: &mesophyll_manifest::Branch) -> (DVec3, [DVec3; 3]) {
     let t = DVec3::from(b.direction).normalize_or(DVec3::X);
     let up = if t.z.abs() > 0.999 { DVec3::X } else { DVec3::Z };
     let s = (up - t * t.dot(up)).normalize_or(DVec3::Y);

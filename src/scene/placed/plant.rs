@@ -8,12 +8,12 @@
 use super::placement::{Placement, rotation};
 use super::sections::Bark;
 use crate::ledger::Ledger;
-use crate::manifest::{self, Manifest, Matter};
 use crate::{Error, Result};
 use glam::{DMat4, DVec3};
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_flora::form::{Branch, Plant, nearest};
 use mesophyll_flora::grow::described;
+use mesophyll_manifest::{Manifest, Matter};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::collections::BTreeSet;
@@ -102,7 +102,13 @@ fn field(index: usize, key: &str) -> String {
     format!("plant {}: {key}", index + 1)
 }
 
-fn one(manifest: &Manifest, index: usize, said: &manifest::Plant, name: String, plant: Plant) -> Result<Planted> {
+fn one(
+    manifest: &Manifest,
+    index: usize,
+    said: &mesophyll_manifest::Plant,
+    name: String,
+    plant: Plant,
+) -> Result<Planted> {
     let wrong = |what: String| Error::field(&manifest.path, &field(index, "materials"), what);
     let mut used = BTreeSet::new();
     let mut leaves = Vec::new();
@@ -139,7 +145,7 @@ fn one(manifest: &Manifest, index: usize, said: &manifest::Plant, name: String, 
 
 /// Where a plant stands: once, or spread over an area, each turned about the vertical. Places are drawn so that each
 /// keeps away from those before it.
-fn places(said: &manifest::Plant) -> Vec<DMat4> {
+fn places(said: &mesophyll_manifest::Plant) -> Vec<DMat4> {
     let at = DVec3::from(said.position_mm);
     let own = |offset: DVec3, azimuth: f64| {
         DMat4::from_translation(at + offset)

@@ -3,10 +3,10 @@
 use super::plant::{Planted, planted};
 use super::winds::Winds;
 use crate::ledger::Ledger;
-use crate::manifest::Manifest;
 use crate::{Error, Result};
 use mesophyll_flora::file::MOST_TRIANGLES;
 use mesophyll_flora::form::Plant;
+use mesophyll_manifest::Manifest;
 use std::collections::BTreeSet;
 
 /// All plants of a scene at a time (s), in the scene's frame. Branches keep their names where no two have the same;

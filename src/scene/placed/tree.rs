@@ -5,9 +5,9 @@
 //! angle around the parent from the one before, and strays by a seeded amount. Leaves are spread evenly over the length
 //! of all twigs.
 
-use crate::manifest::Tree;
 use glam::{DMat3, DMat4, DQuat, DVec2, DVec3};
 use mesophyll_files::mesh::LeafMesh;
+use mesophyll_manifest::Tree;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::f64::consts::{PI, TAU};

@@ -10,7 +10,6 @@ use super::branch::{MOTION_SIDE, variance, wind_direction};
 use super::plant::Planted;
 use super::sections::Sections;
 use crate::ledger::Ledger;
-use crate::manifest::{self, Manifest};
 use crate::{Error, Result};
 use glam::{DMat3, DVec3};
 use mesophyll_files::mesh::LeafMesh;
@@ -18,6 +17,7 @@ use mesophyll_fit_branch::beam::basis;
 use mesophyll_flora::carried::{carried, own_mass};
 use mesophyll_flora::form::{Branch, Leaf, Plant};
 use mesophyll_flora::pose::{Limbs, Pose, Rigid};
+use mesophyll_manifest::Manifest;
 use mesophyll_plant::motion::Motion;
 use mesophyll_plant::motion_spectrum::Method;
 use mesophyll_plant::wind::{Oscillator, Sway, Wind};
@@ -82,7 +82,7 @@ impl Winds {
     /// [`Error::Input`] where a sway has no spectrum.
     pub fn new(manifest: &Manifest, planted: &[Planted], ledger: &Ledger) -> Result<Option<Winds>> {
         let Some(wind) = manifest.wind.as_ref().filter(|w| w.speed_m_s > 0.0) else { return Ok(None) };
-        let moves = |said: &manifest::Plant| said.drag_n_s_m3 > 0.0;
+        let moves = |said: &mesophyll_manifest::Plant| said.drag_n_s_m3 > 0.0;
         if !manifest.plants.iter().any(moves) {
             return Ok(None);
         }
@@ -210,7 +210,7 @@ impl Winds {
 }
 
 /// The sway of every branch of a plant, and the mass it carries (kg).
-fn sways(said: &manifest::Plant, wind: Wind, plant: &Plant) -> Vec<Option<(Sway, f64)>> {
+fn sways(said: &mesophyll_manifest::Plant, wind: Wind, plant: &Plant) -> Vec<Option<(Sway, f64)>> {
     let metres = said.scale / 1e3;
     let blades: Vec<f64> = plant.blades.iter().map(|b| area(&b.mesh)).collect();
     // One side of a blade (m²).
@@ -277,8 +277,13 @@ mod tests {
     fn scene(speed: f64) -> (Manifest, Vec<Planted>) {
         let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/scenes/plant.toml");
         let mut manifest = Manifest::read(&root).unwrap();
-        manifest.wind =
-            Some(manifest::Wind { speed_m_s: speed, azimuth_deg: 30.0, turbulence: 0.3, seed: 7, time_s: 0.0 });
+        manifest.wind = Some(mesophyll_manifest::Wind {
+            speed_m_s: speed,
+            azimuth_deg: 30.0,
+            turbulence: 0.3,
+            seed: 7,
+            time_s: 0.0,
+        });
         let planted = super::super::plant::planted(&manifest, &Ledger::new()).unwrap();
         (manifest, planted)
     }
@@ -349,8 +354,9 @@ mod tests {
     fn what_a_branch_carries_decides_how_far_it_goes() {
         let (manifest, planted) = scene(4.0);
         let said = &manifest.plants[0];
-        let answers =
-            |speed: f64, said: &manifest::Plant| sways(said, Wind { speed, turbulence: 0.3 }, &planted[0].plant);
+        let answers = |speed: f64, said: &mesophyll_manifest::Plant| {
+            sways(said, Wind { speed, turbulence: 0.3 }, &planted[0].plant)
+        };
         let (a, b) = (answers(4.0, said), answers(8.0, said));
         for ((slow, mass), (fast, same)) in a.iter().flatten().zip(b.iter().flatten()) {
             // The force is proportional to the speed, and the mass is what it was.

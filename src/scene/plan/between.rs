@@ -1,11 +1,11 @@
 //! The plan of light between leaves: whether there is any, and what its transfer is made of.
 
 use super::{Between, LeftOut, Need, Plan};
-use crate::manifest::{Manifest, Shadows, Transfer, ViewKind};
 use crate::placed::Placed;
 use crate::placed::daylight::sun_directions;
 use crate::placed::placement::Placement;
 use glam::DVec3;
+use mesophyll_manifest::{Manifest, Shadows, Transfer, ViewKind};
 
 /// Bands of the light where it moves and the scene does not say how many: those of the paper (Wang et al. 2005, §4).
 const BANDS: usize = 5;
@@ -155,7 +155,7 @@ fn rows<'a>(asked: &Transfer, placements: impl Iterator<Item = &'a Placement>, g
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::manifest::View;
+    use mesophyll_manifest::View;
 
     /// What is cut by the picture's edge is in it, what lies beside, behind or above it is not.
     #[test]

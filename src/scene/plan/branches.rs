@@ -3,10 +3,10 @@
 
 use super::{LeftOut, Need, Plan};
 use crate::ledger::Ledger;
-use crate::manifest::Manifest;
 use crate::placed::Placed;
 use crate::placed::branch::{self, MOTION_SIDE};
 use mesophyll_fit_branch::beam::basis;
+use mesophyll_manifest::Manifest;
 use mesophyll_plant::taper::TERMS;
 
 /// Lists what branches and wind ask for, or why they ask for nothing.

@@ -16,9 +16,9 @@ mod warnings;
 use crate::Result;
 use crate::fits::source::Status;
 use crate::ledger::Ledger;
-use crate::manifest::Manifest;
 use crate::placed::Placed;
 use accuracy::Row;
+use mesophyll_manifest::Manifest;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 

@@ -1,8 +1,7 @@
 //! Leaves: one source of data each, and the fields that go together.
 
 use super::place::Place;
-use crate::Result;
-use crate::manifest::{Interior, Leaf, Uniform};
+use crate::{Interior, Leaf, Result, Uniform};
 use mesophyll_transport::lobe::M_FLOOR;
 
 pub fn leaves(p: &Place) -> Result<()> {

@@ -2,8 +2,7 @@
 
 use super::MOST_SECONDS;
 use super::place::Place;
-use crate::Result;
-use crate::manifest::{View, ViewKind};
+use crate::{Result, View, ViewKind};
 
 pub fn views(p: &Place) -> Result<()> {
     const HEADER: &str = "[[view]]";

@@ -1,8 +1,7 @@
 //! Where leaves stand: single ones, on branches, on a twig, in a crown.
 
 use super::place::Place;
-use crate::Result;
-use crate::manifest::Matter;
+use crate::{Matter, Result};
 
 /// More leaves than this are likelier a typing error than a wish.
 const MOST_LEAVES: usize = 100_000;

@@ -1,7 +1,6 @@
 //! Where in a scene file something is wrong, and the checks that many fields share.
 
-use crate::manifest::Manifest;
-use crate::{Error, Result};
+use crate::{Error, Manifest, Result};
 use mesophyll_error::Fault;
 use std::collections::BTreeSet;
 

@@ -1,8 +1,7 @@
 //! Sun, sky and day: a physical sky needs a sun, and only one has a sun that moves.
 
 use super::place::Place;
-use crate::Result;
-use crate::manifest::{Day, Sky};
+use crate::{Day, Result, Sky};
 use mesophyll_sky::preetham;
 
 pub fn lights(p: &Place) -> Result<()> {

@@ -4,6 +4,8 @@
 //! Lengths in mm, angles in degrees, world z up, radiance in units set by the light, colours linear sRGB. A path is
 //! relative to the scene file. Unknown fields are errors; an error names file, line and field.
 
+#![warn(missing_docs)]
+
 mod foliar;
 mod leaf;
 mod light;
@@ -17,7 +19,7 @@ pub use mesophyll_surface::basis::Basis;
 pub use plant::{Branch, Cluster, Ground, Instance, Matter, Periodic, Plant, Tree, Wind};
 pub use view::{Camera, Check, JudgedBy, View, ViewKind};
 
-use crate::{Error, Result};
+pub(crate) use mesophyll_error::{Error, Result};
 use mesophyll_files::atomic::explain;
 use mesophyll_files::mesh::Unit;
 use mesophyll_files::numbers;
