@@ -58,7 +58,7 @@
 //! 6   fit           fit_branch  fit_sky   fit_translucency   fit_transfer
 //! 5   leaf
 //! 4   capture
-//! 3   translucency  walk        transport   record
+//! 3   translucency  walk        transport   record      window
 //! 2   optics        viewer      flora
 //! 1   surface       solve       sky         plant      files
 //! 0   error         quadrature  fourier     rays

@@ -38,7 +38,7 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
         placed::{Placed, branch, leaf::Search},
         window::edit::SceneEditor,
     };
-    use mesophyll_viewer::{WindowOptions, WindowScene, WindowView, open_window};
+    use mesophyll_window::{WindowOptions, WindowScene, WindowView, open_window};
 
     let manifest = Manifest::read(&args.scene)?;
     let ledger = Ledger::new();

@@ -247,7 +247,7 @@ fn the_cost_of_the_harmonics_falls_with_bands() {
 #[test]
 fn the_window_is_given_the_sky_it_asks_for() {
     use mesophyll::scene::window::edit::SceneEditor;
-    use viewer::editor::Editor;
+    use mesophyll_window::editor::Editor;
     let dir = tempfile::tempdir().unwrap();
     Blade { width: 24, height: 18, texel_mm: 2.0, ..Blade::default() }.write(&dir.path().join("fits/elm"), "elm");
     let path = lit(dir.path(), PREETHAM, "");

@@ -104,8 +104,8 @@ fn a_thicker_leaf_dims_and_an_edit_becomes_a_fit() {
     use mesophyll::record::FitRecord;
     use mesophyll::scene::loaded::Scene;
     use mesophyll::scene::{ledger::Ledger, placed::leaf::Search, window::edit::SceneEditor};
-    use mesophyll_viewer::editor::Editor;
     use mesophyll_viewer::scene::{Interior, Side};
+    use mesophyll_window::editor::Editor;
 
     let dir = tempfile::tempdir().unwrap();
     let blade = Blade { width: 48, height: 36, texel_mm: 1.0, ..Blade::default() };

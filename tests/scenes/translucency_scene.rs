@@ -254,7 +254,7 @@ mod drawn {
     #[test]
     fn the_windows_reference_follows_the_maps_that_are_taken_off() {
         use mesophyll::scene::window::edit::SceneEditor;
-        use mesophyll_viewer::editor::Editor;
+        use mesophyll_window::editor::Editor;
 
         let dir = folder(&Blade::default());
         let with = scene(dir.path(), "back", Some(125.0), None, "");

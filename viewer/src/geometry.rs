@@ -220,9 +220,9 @@ impl Extents {
     }
 }
 
-/// Corners of every instance's box in world space, as bent.
-pub(crate) fn corners(scene: &Scene) -> Vec<Vec3> {
-    Extents::new(scene).corners(scene.wind.as_ref())
+/// Centre and radius of a ball around all that a scene shows, as bent at its time.
+pub fn ball_around(scene: &Scene) -> (Vec3, f32) {
+    ball(&Extents::new(scene).corners(scene.wind.as_ref()))
 }
 
 /// Centre and radius of a ball around points; a unit ball where there are none.

@@ -42,10 +42,14 @@ pub struct AdapterInfo {
 
 /// An opened device and what it can do.
 pub struct Gpu {
-    pub(crate) adapter: wgpu::Adapter,
-    pub(crate) device: wgpu::Device,
-    pub(crate) queue: wgpu::Queue,
-    pub(crate) info: AdapterInfo,
+    /// Who draws.
+    pub adapter: wgpu::Adapter,
+    /// Makes buffers, textures and pipelines.
+    pub device: wgpu::Device,
+    /// Takes what is to be drawn.
+    pub queue: wgpu::Queue,
+    /// The adapter in words.
+    pub info: AdapterInfo,
     /// Format of the appearance maps: 32 bits where they can be filtered.
     pub(crate) map_format: wgpu::TextureFormat,
     /// Format of the radiance target without multisampling.
@@ -56,7 +60,8 @@ pub struct Gpu {
 /// Radiance target under multisampling: the widest that every adapter resolves.
 pub(crate) const MSAA_HDR_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
 
-pub(crate) fn instance_descriptor(options: &Options) -> wgpu::InstanceDescriptor {
+/// What a program that draws asks of the system: the graphics interfaces of `options` and of the environment.
+pub fn instance_descriptor(options: &Options) -> wgpu::InstanceDescriptor {
     let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
     descriptor.backends = match options.backend {
         Backend::Any => Backends::VULKAN | Backends::GL,
@@ -68,11 +73,10 @@ pub(crate) fn instance_descriptor(options: &Options) -> wgpu::InstanceDescriptor
 
 impl Gpu {
     /// Opens the best adapter; with a `surface`, one that can show pictures on it.
-    pub(crate) fn open(
-        instance: &wgpu::Instance,
-        surface: Option<&wgpu::Surface<'_>>,
-        options: &Options,
-    ) -> Result<Gpu> {
+    ///
+    /// # Errors
+    /// `NoAdapter` where nothing can draw, `Device` where the adapter refuses.
+    pub fn open(instance: &wgpu::Instance, surface: Option<&wgpu::Surface<'_>>, options: &Options) -> Result<Gpu> {
         let request = wgpu::RequestAdapterOptions {
             power_preference: wgpu::PowerPreference::HighPerformance,
             force_fallback_adapter: false,
@@ -134,7 +138,7 @@ impl Gpu {
     }
 
     /// Largest side of a texture or picture.
-    pub(crate) fn max_side(&self) -> u32 {
+    pub fn max_side(&self) -> u32 {
         self.device.limits().max_texture_dimension_2d
     }
 

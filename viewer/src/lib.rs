@@ -1,4 +1,4 @@
-//! Draws leaves and what they grow on with wgpu, headless or in a window. Takes plain scene data: meshes, materials,
+//! Draws leaves and what they grow on with wgpu, without a window or for one. Takes plain scene data: meshes, materials,
 //! instances, branches and lights ([`scene`]). Knows nothing of fitting or of files of scenes.
 //!
 //! ```no_run
@@ -16,10 +16,9 @@
 mod bend;
 mod detail;
 mod dome;
-pub mod editor;
 mod error;
 mod geometry;
-mod gpu;
+pub mod gpu;
 pub mod lobe;
 mod maps;
 mod material;
@@ -27,25 +26,22 @@ mod operations;
 mod passes;
 pub mod pick;
 mod picture;
-mod readback;
+pub mod readback;
 mod renderer;
 pub mod scene;
 mod shader;
 mod stats;
 mod timing;
-mod ui;
 mod validate;
 mod variant;
-mod window;
 
 pub use error::{Error, Result};
+pub use geometry::ball_around;
 pub use gpu::{AdapterInfo, Backend, Options};
-pub use picture::Picture;
+pub use picture::{Picture, save_png};
 pub use renderer::Renderer;
 pub use stats::{Stats, Upload};
 pub use timing::Timing;
-pub use ui::{CheckLayout, ViewerUi, WindowScene, WindowView};
-pub use window::{Shown, Stage, WindowOptions, open_window};
 /// For tests of shaders that are handed to other programs; not part of this crate's promise.
 #[doc(hidden)]
 pub use {pollster, wgpu};

@@ -31,8 +31,11 @@ impl Picture {
     }
 }
 
-/// Writes RGBA bytes as PNG.
-pub(crate) fn save_png(path: &Path, width: u32, height: u32, rgba: &[u8]) -> Result<()> {
+/// Writes RGBA bytes, row 0 on top, as PNG.
+///
+/// # Errors
+/// `Write` with the path and the cause.
+pub fn save_png(path: &Path, width: u32, height: u32, rgba: &[u8]) -> Result<()> {
     image::save_buffer_with_format(path, rgba, width, height, image::ColorType::Rgba8, image::ImageFormat::Png)
         .map_err(|e| Error::Write { path: path.display().to_string(), reason: e.to_string() })
 }

@@ -5,7 +5,7 @@ use crate::gpu::Gpu;
 use half::f16;
 
 /// A copy under way from a texture into a buffer.
-pub(crate) struct Copy {
+pub struct Copy {
     buffer: wgpu::Buffer,
     row: usize,
     padded: usize,
@@ -17,7 +17,10 @@ fn failed(error: impl ToString) -> Error {
 }
 
 /// Waits until the adapter has done everything submitted so far.
-pub(crate) fn wait(gpu: &Gpu) -> Result<()> {
+///
+/// # Errors
+/// `Readback` where the adapter was lost.
+pub fn wait(gpu: &Gpu) -> Result<()> {
     gpu.device.poll(wgpu::PollType::Wait { submission_index: None, timeout: None }).map(|_| ()).map_err(failed)
 }
 
@@ -37,7 +40,7 @@ pub(crate) fn buffer(gpu: &Gpu, buffer: &wgpu::Buffer) -> Result<Vec<u8>> {
 
 impl Copy {
     /// Records the copy of a whole texture.
-    pub(crate) fn record(gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, texture: &wgpu::Texture) -> Copy {
+    pub fn record(gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, texture: &wgpu::Texture) -> Copy {
         let texel = texture.format().block_copy_size(None).unwrap_or(4) as usize;
         let row = texture.width() as usize * texel;
         let padded = row.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT as usize);
@@ -67,8 +70,11 @@ impl Copy {
         Ok(bytes.chunks(self.padded).flat_map(|r| r[..self.row].iter().copied()).collect())
     }
 
-    /// Texels of an 8-bit texture.
-    pub(crate) fn bytes(&self, gpu: &Gpu) -> Result<Vec<[u8; 4]>> {
+    /// Texels of an 8-bit texture, row-major.
+    ///
+    /// # Errors
+    /// `Readback` where the adapter was lost.
+    pub fn bytes(&self, gpu: &Gpu) -> Result<Vec<[u8; 4]>> {
         Ok(self.packed(gpu)?.as_chunks::<4>().0.to_vec())
     }
 

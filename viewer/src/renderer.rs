@@ -26,7 +26,7 @@ use std::time::Instant;
 
 /// Draws scenes. One at a time: `set_scene`, then any number of pictures.
 pub struct Renderer {
-    pub(crate) gpu: Gpu,
+    gpu: Gpu,
     samplers: Samplers,
     pipelines: Pipelines,
     tables: Tables,
@@ -92,7 +92,8 @@ impl Renderer {
         Ok(Renderer::on(Gpu::open(&instance, None, options)?))
     }
 
-    pub(crate) fn on(gpu: Gpu) -> Renderer {
+    /// Draws with a device that is already open, such as a window's.
+    pub fn on(gpu: Gpu) -> Renderer {
         Renderer {
             samplers: Samplers::new(&gpu),
             pipelines: Pipelines::default(),
@@ -385,7 +386,7 @@ impl Renderer {
     }
 
     /// Records a whole frame into the targets of that size.
-    pub(crate) fn record(
+    fn record(
         &mut self,
         encoder: &mut wgpu::CommandEncoder,
         camera: &Camera,
@@ -478,9 +479,22 @@ impl Renderer {
         Ok(())
     }
 
-    /// The tone-mapped picture that `record` draws into.
-    pub(crate) fn picture_view(&self) -> Option<&wgpu::TextureView> {
-        self.targets.as_ref().map(|t| &t.ldr_view)
+    /// What draws.
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+
+    /// Draws a frame and leaves it on the adapter, for a program that shows it: the tone-mapped picture.
+    ///
+    /// # Errors
+    /// As [`Renderer::render`].
+    pub fn draw(&mut self, camera: &Camera, width: u32, height: u32) -> Result<&wgpu::TextureView> {
+        let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+        self.record(&mut encoder, camera, width, height, None)?;
+        self.gpu.queue.submit([encoder.finish()]);
+        readback::wait(&self.gpu)?;
+        let drawn = self.targets.as_ref().map(|t| &t.ldr_view);
+        drawn.ok_or_else(|| Error::Readback("nothing has been drawn".into()))
     }
 }
 

@@ -22,8 +22,8 @@ use mesophyll_manifest::{Interior, View, ViewKind};
 use mesophyll_optics::side::{Side, Sides};
 use mesophyll_transport::{self as transport, compare};
 use mesophyll_viewer as gpu;
-use mesophyll_viewer::editor::{Editor, LeafEdit, LeafUpdate, Measure, ReferencePicture, SideEdit, SkyUpdate, Verdict};
 use mesophyll_viewer::scene as viewer;
+use mesophyll_window::editor::{Editor, LeafEdit, LeafUpdate, Measure, ReferencePicture, SideEdit, SkyUpdate, Verdict};
 use std::path::PathBuf;
 
 /// The editor behind a window on one scene.

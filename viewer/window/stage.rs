@@ -1,13 +1,13 @@
 //! Draws the user interface and the picture inside it into a texture. No display is needed: tests use it as it is, the
 //! window copies the texture to the screen.
 
-use crate::error::{Error, Result};
-use crate::gpu::{Gpu, Options, instance_descriptor};
-use crate::picture::save_png;
-use crate::readback::{self, Copy};
-use crate::renderer::Renderer;
 use crate::ui::{Job, ViewerUi};
 use egui::TextureId;
+use mesophyll_viewer::Renderer;
+use mesophyll_viewer::gpu::{Gpu, Options, instance_descriptor};
+use mesophyll_viewer::readback::Copy;
+use mesophyll_viewer::save_png;
+use mesophyll_viewer::{Error, Result};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -68,7 +68,7 @@ impl Stage {
 
     /// Draws one frame of `pixels` into the canvas, after the work that the frame before announced.
     pub fn frame(&mut self, state: &mut ViewerUi, input: egui::RawInput, pixels: [u32; 2]) -> Result<Shown> {
-        let limit = self.renderer.gpu.max_side();
+        let limit = self.renderer.gpu().max_side();
         if pixels.iter().any(|side| *side == 0 || *side > limit) {
             return Err(Error::Size { what: "window".into(), width: pixels[0], height: pixels[1], limit });
         }
@@ -78,13 +78,13 @@ impl Stage {
         let mut textures = output.textures_delta;
         for (id, deltas) in textures.set.drain() {
             for delta in &deltas {
-                self.painter.update_texture(&self.renderer.gpu.device, &self.renderer.gpu.queue, id, delta);
+                self.painter.update_texture(&self.renderer.gpu().device, &self.renderer.gpu().queue, id, delta);
             }
         }
         let unused: Vec<TextureId> = textures.free.drain().collect();
         self.draw_picture(state)?;
 
-        let gpu = &self.renderer.gpu;
+        let gpu = self.renderer.gpu();
         if self.canvas.as_ref().is_none_or(|(t, _)| [t.width(), t.height()] != pixels) {
             let canvas = texture(gpu, pixels);
             let view = canvas.create_view(&Default::default());
@@ -174,15 +174,10 @@ impl Stage {
         }
         let start = Instant::now();
         let [width, height] = state.live_size();
-        let mut encoder = self.renderer.gpu.device.create_command_encoder(&Default::default());
-        self.renderer.record(&mut encoder, &state.live_camera(), width, height, None)?;
-        self.renderer.gpu.queue.submit([encoder.finish()]);
-        readback::wait(&self.renderer.gpu)?;
+        let device = self.renderer.gpu().device.clone();
+        let view = self.renderer.draw(&state.live_camera(), width, height)?;
+        self.painter.update_egui_texture_from_wgpu_texture(&device, view, wgpu::FilterMode::Linear, self.picture);
         state.drawn(start.elapsed().as_secs_f64() * 1e3);
-        if let Some(view) = self.renderer.picture_view() {
-            let device = &self.renderer.gpu.device;
-            self.painter.update_egui_texture_from_wgpu_texture(device, view, wgpu::FilterMode::Linear, self.picture);
-        }
         Ok(())
     }
 
@@ -193,7 +188,7 @@ impl Stage {
     /// The canvas's pixels: width, height and RGBA, row 0 on top.
     pub fn pixels(&self) -> Result<(u32, u32, Vec<[u8; 4]>)> {
         let Some((canvas, _)) = &self.canvas else { return Err(Error::Readback("nothing has been drawn yet".into())) };
-        let gpu = &self.renderer.gpu;
+        let gpu = self.renderer.gpu();
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         let copy = Copy::record(gpu, &mut encoder, canvas);
         gpu.queue.submit([encoder.finish()]);

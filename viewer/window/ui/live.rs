@@ -1,8 +1,8 @@
 //! The live picture: the pointer turns, pans and zooms the camera, reads texels and chooses leaves.
 
 use super::ViewerUi;
-use crate::pick::pick;
 use egui::{Rect, Sense, TextureId};
+use mesophyll_viewer::pick::pick;
 
 impl ViewerUi {
     pub(super) fn live_view(&mut self, ui: &mut egui::Ui, picture: TextureId) {

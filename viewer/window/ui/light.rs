@@ -1,10 +1,10 @@
 //! The lights panel: the sun's direction, the brightness of sun and sky, exposure, and the scene's own views.
 
 use super::{ViewerUi, WindowView};
-use crate::scene::Sun;
 use crate::ui::orbit::Orbit;
 use egui::{RichText, Slider, SliderClamping};
 use glam::Vec3;
+use mesophyll_viewer::scene::Sun;
 
 /// A slider leaves a value alone until it is moved: the scene's own sun has more digits than it shows.
 const EDITS: SliderClamping = SliderClamping::Edits;

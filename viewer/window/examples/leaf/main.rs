@@ -1,16 +1,17 @@
 //! Draws a made-up leaf without any measurement.
 //!
 //! ```text
-//! cargo run -p mesophyll-viewer --example leaf -- out.png                  a picture, with times and what was uploaded
-//! cargo run -p mesophyll-viewer --example leaf -- --window                 the window
-//! cargo run -p mesophyll-viewer --example leaf -- --window shot.png 3      the window for three frames, and what it showed
+//! cargo run -p mesophyll-window --example leaf -- out.png                  a picture, with times and what was uploaded
+//! cargo run -p mesophyll-window --example leaf -- --window                 the window
+//! cargo run -p mesophyll-window --example leaf -- --window shot.png 3      the window for three frames, and what it showed
 //! ```
 
 mod made_up;
 
-use mesophyll_viewer::editor::{Editor, LeafEdit, LeafUpdate, Measure, ReferencePicture, Verdict};
 use mesophyll_viewer::scene::{Camera, Interior, Scene, Side, Sides};
-use mesophyll_viewer::{Options, Picture, Renderer, WindowOptions, WindowScene, WindowView, open_window};
+use mesophyll_viewer::{Options, Picture, Renderer};
+use mesophyll_window::editor::{Editor, LeafEdit, LeafUpdate, Measure, ReferencePicture, Verdict};
+use mesophyll_window::{WindowOptions, WindowScene, WindowView, open_window};
 
 /// Stands in for the program around the window: its slab is a two-stream one, its reference the renderer itself without
 /// shadows.

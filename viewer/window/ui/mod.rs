@@ -8,7 +8,7 @@ mod appearance;
 mod check;
 mod light;
 mod live;
-pub(crate) mod orbit;
+mod orbit;
 mod readout;
 mod thumbnails;
 mod wind;
@@ -16,13 +16,12 @@ mod wind;
 pub use check::CheckLayout;
 
 use crate::editor::{Editor, LeafEdit};
-use crate::geometry::{ball, corners};
-use crate::gpu::AdapterInfo;
-use crate::pick::Hit;
-use crate::picture::Picture;
-use crate::scene::{Camera, Instance, Interior, Leaf, Scene, Side, Sides, Transfer, Translucency};
 use check::Check;
 use egui::{Rect, Response, TextureId};
+use mesophyll_viewer::Picture;
+use mesophyll_viewer::gpu::AdapterInfo;
+use mesophyll_viewer::pick::Hit;
+use mesophyll_viewer::scene::{Camera, Instance, Interior, Leaf, Scene, Side, Sides, Transfer, Translucency};
 use orbit::Orbit;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::path::PathBuf;
@@ -130,7 +129,7 @@ impl ViewerUi {
     /// `adapter` is shown beside the frame times.
     pub fn new(window: WindowScene, editor: Box<dyn Editor>, adapter: &AdapterInfo) -> ViewerUi {
         let WindowScene { title, scene, camera, views, check_size, screenshots } = window;
-        let (_, radius) = ball(&corners(&scene));
+        let (_, radius) = mesophyll_viewer::ball_around(&scene);
         let leaves = || (0..scene.materials.len()).filter_map(|i| Some((i, scene.leaf(i)?)));
         let starts: BTreeMap<usize, LeafEdit> = leaves().map(|(i, _)| (i, editor.start(i))).collect();
         let gloss = |(i, leaf): (usize, &Leaf)| (i, Sides::of(|side| leaf.sides[side].gloss.clone()));

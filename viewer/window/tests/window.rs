@@ -1,15 +1,17 @@
 //! The whole user interface, drawn without a display and moved by synthetic pointer events.
 
+#[path = "../../tests/common/mod.rs"]
 mod common;
 
 use common::*;
 use glam::{Mat4, Vec3};
-use mesophyll_viewer::editor::{Editor, LeafEdit, LeafUpdate, Measure, ReferencePicture, SideEdit, SkyUpdate, Verdict};
 use mesophyll_viewer::pick::pick;
 use mesophyll_viewer::scene::{
     Basis, Camera, Coefficients, Dome, Instance, Interior, Material, Scene, Side, Sides, Translucency,
 };
-use mesophyll_viewer::{Error, Options, Picture, Stage, ViewerUi, WindowOptions, WindowScene, WindowView, open_window};
+use mesophyll_viewer::{Error, Options, Picture};
+use mesophyll_window::editor::{Editor, LeafEdit, LeafUpdate, Measure, ReferencePicture, SideEdit, SkyUpdate, Verdict};
+use mesophyll_window::{Stage, ViewerUi, WindowOptions, WindowScene, WindowView, open_window};
 use std::cell::RefCell;
 use std::rc::Rc;
 

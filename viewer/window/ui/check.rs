@@ -3,8 +3,8 @@
 
 use super::ViewerUi;
 use crate::editor::{ReferencePicture, Verdict};
-use crate::picture::Picture;
 use egui::{Color32, ColorImage, Rect, RichText, TextureHandle, TextureOptions, pos2, vec2};
+use mesophyll_viewer::Picture;
 
 /// What the difference is multiplied by before it is shown.
 const GAIN: u16 = 8;

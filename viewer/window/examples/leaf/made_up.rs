@@ -1,10 +1,10 @@
 //! A made-up leaf: an outline, a few veins, a folded and arched blade. No measurement stands behind it.
 
 use glam::{Mat4, Quat, Vec2, Vec3};
-use mesophyll_viewer::editor::SideEdit;
 use mesophyll_viewer::scene::{
     Camera, Instance, Interior, Leaf, Lobe, Material, Mesh, Scene, Side, SideMaps, Sides, SlabCurve, Sun,
 };
+use mesophyll_window::editor::SideEdit;
 
 pub const WIDTH: u32 = 256;
 const HEIGHT: u32 = 384;

@@ -1,7 +1,7 @@
 //! Moving the camera with the pointer: orbit about the target, pan across the picture, zoom along the line of sight.
 
-use crate::scene::Camera;
 use glam::{Quat, Vec3};
+use mesophyll_viewer::scene::Camera;
 
 /// Closest that the line of sight may come to the upright axis (rad).
 const POLE: f32 = 0.03;

@@ -4,8 +4,8 @@
 use super::ViewerUi;
 use super::thumbnails::{MapKind, thumbnail};
 use crate::editor::LeafEdit;
-use crate::scene::{Leaf, Side, Sides};
 use egui::{Color32, RichText, Slider, TextureHandle, TextureOptions};
+use mesophyll_viewer::scene::{Leaf, Side, Sides};
 use std::collections::HashMap;
 
 /// A thumbnail and the range it spreads; `None` where the side has no such map.

@@ -1,10 +1,10 @@
 //! The window on screen: winit's events in, the stage's texture out.
 
-use super::stage::Stage;
 use crate::editor::Editor;
-use crate::error::{Error, Result};
-use crate::gpu::{Gpu, Options, instance_descriptor};
+use crate::stage::Stage;
 use crate::ui::{ViewerUi, WindowScene};
+use mesophyll_viewer::gpu::{Gpu, Options, instance_descriptor};
+use mesophyll_viewer::{Error, Result};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -142,7 +142,7 @@ impl Running {
         let pixels = [size.width, size.height];
         if [self.config.width, self.config.height] != pixels {
             [self.config.width, self.config.height] = pixels;
-            self.surface.configure(&self.stage.renderer.gpu.device, &self.config);
+            self.surface.configure(&self.stage.renderer.gpu().device, &self.config);
         }
         let input = self.input.take_egui_input(&self.window);
         let shown = self.stage.frame(&mut self.state, input, pixels)?;
@@ -152,12 +152,12 @@ impl Running {
             Current::Success(target) | Current::Suboptimal(target) => target,
             Current::Timeout | Current::Occluded => return Ok(Duration::from_millis(50)),
             Current::Outdated | Current::Lost => {
-                self.surface.configure(&self.stage.renderer.gpu.device, &self.config);
+                self.surface.configure(&self.stage.renderer.gpu().device, &self.config);
                 return Ok(Duration::ZERO);
             }
             Current::Validation => return Err(Error::Window("the display refused the next frame".into())),
         };
-        let gpu = &self.stage.renderer.gpu;
+        let gpu = self.stage.renderer.gpu();
         if let Some(canvas) = self.stage.canvas_view() {
             let mut encoder = gpu.device.create_command_encoder(&Default::default());
             let view = target.texture.create_view(&Default::default());

@@ -1,8 +1,8 @@
 //! Maps as small pictures: what each side's textures hold (Wang et al. 2005, Fig. 6).
 
-use crate::scene::{Interior, Leaf, Mesh, Side, SideMaps};
 use egui::{Color32, ColorImage};
 use glam::Vec2;
+use mesophyll_viewer::scene::{Interior, Leaf, Mesh, Side, SideMaps};
 
 /// Longest side of a thumbnail (pixels).
 const LONGEST: u32 = 96;
@@ -119,8 +119,8 @@ pub(crate) fn thumbnail(leaf: &Leaf, mesh: Option<&Mesh>, side: Side, kind: MapK
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Lobe, Sides};
     use glam::{Vec3, Vec4};
+    use mesophyll_viewer::scene::{Lobe, Sides};
 
     /// A blade over the left half of its maps, with a fill of 9 beyond it: neither the picture nor its range may show
     /// that.

@@ -1,9 +1,9 @@
 //! What the window asks of the program around it. The viewer never solves the slab, renders no reference and judges
 //! nothing: an edit goes out through `Editor` and comes back as new curves or maps.
 
-use crate::picture::Picture;
-use crate::scene::{Camera, Dome, Interior, Scene, Side, Sides};
 use glam::Vec3;
+use mesophyll_viewer::Picture;
+use mesophyll_viewer::scene::{Camera, Dome, Interior, Scene, Side, Sides};
 
 /// One side's editable parameters (Wang et al. 2005, Fig. 6).
 #[derive(Debug, Clone, Copy, PartialEq)]
