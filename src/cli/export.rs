@@ -69,6 +69,9 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         claim::file(&args.output, format.endings(), &[&args.folder])?;
     }
     let scene = args.folder.is_file();
+    if scene && args.folder.file_name().is_some_and(|name| name == "fit.toml") {
+        return Err(Error::input(&args.folder, "found the record of a fit, expected the fit's folder, or a scene"));
+    }
     if scene && format != Format::Gltf {
         return Err(Error::Usage(format!(
             "--to {}: {} is a scene, whose plants can be exported as gltf; expected a fit folder for other formats",

@@ -12,6 +12,7 @@ mod check;
 mod completions;
 mod eval;
 mod export;
+mod film;
 mod fit;
 mod grow;
 mod import;
@@ -21,6 +22,7 @@ mod named;
 mod peers;
 mod place;
 mod plan;
+mod ready;
 mod render;
 mod report;
 mod run;
@@ -82,6 +84,8 @@ enum Verb {
     Check(check::Args),
     /// Draw a scene with light between its leaves: a path tracer
     Render(render::Args),
+    /// Draw a moving scene as a film
+    Film(film::Args),
     /// Grow a plant from its description
     Grow(grow::Args),
     /// Find the branches of a plant that is nothing but triangles
@@ -108,6 +112,7 @@ impl Verb {
             Verb::Stress(_) => "stress",
             Verb::Check(_) => "check",
             Verb::Render(_) => "render",
+            Verb::Film(_) => "film",
             Verb::Grow(_) => "grow",
             Verb::Import(_) => "import",
             Verb::View(_) => "view",
@@ -189,6 +194,7 @@ fn dispatch(cli: &Cli) -> Result<u8> {
         Verb::Stress(a) => stress::run(a, common),
         Verb::Check(a) => check::run(a, common),
         Verb::Render(a) => render::run(a, common),
+        Verb::Film(a) => film::run(a, common),
         Verb::Grow(a) => grow::run(a, common),
         Verb::Import(a) => import::run(a, common),
         Verb::View(a) => view::run(a, common),

@@ -5,10 +5,8 @@ use crate::Result;
 use crate::named::named;
 use mesophyll_files::claim;
 use mesophyll_manifest::Manifest;
-use mesophyll_scene::fits::missing;
-use mesophyll_scene::placed::{Placed, leaf::Search};
+use mesophyll_scene::ledger::Ledger;
 use mesophyll_scene::traced::{self, Drawn, Options};
-use mesophyll_scene::{ledger::Ledger, loaded::Scene};
 use mesophyll_transport::tone::Tone;
 use std::path::PathBuf;
 
@@ -49,7 +47,7 @@ pub struct Args {
     resume: bool,
 }
 
-fn positive(text: &str) -> std::result::Result<f64, String> {
+pub fn positive(text: &str) -> std::result::Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
         _ => Err("expected a number above 0, such as 0.01".into()),
@@ -60,17 +58,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let manifest = Manifest::read(&args.scene)?;
     claim::folder(&args.out, claim::Kind::Render, &[&args.scene])?;
     let ledger = Ledger::new();
-    let search = Search { out: Some(&args.out), input_hash: Some(&missing::input_hash), free: false };
-    let mut placed = Placed::new(&manifest, search, &ledger)?;
-    for index in placed.unfitted() {
-        let folder = missing::fit_folder(&manifest, index, &args.out);
-        missing::fit(&manifest, index, &args.out, &folder, false, &ledger)?;
-        placed.find_again(&manifest, index, search, &ledger)?;
-    }
-    if placed.unfitted().is_empty() {
-        placed.make_translucency(&manifest, &args.out, search, &ledger)?;
-    }
-    let scene = Scene::new(manifest, placed, &ledger)?;
+    let scene = super::ready::scene(manifest, &args.out, &ledger)?;
     let options = Options {
         out: args.out.clone(),
         view: args.view.clone(),

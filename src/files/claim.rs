@@ -21,6 +21,8 @@ pub enum Kind<'a> {
     Scene,
     /// Pictures of the path tracer: `render.json`.
     Render,
+    /// The frames of a film: `film.json`.
+    Film,
     /// What `bench` makes: `bench.json`.
     Bench,
     /// The maps of `export --to png`: `ranges.json`.
@@ -38,6 +40,7 @@ impl Kind<'_> {
             Kind::Capture => "capture".into(),
             Kind::Scene => "run or a check".into(),
             Kind::Render => "folder of rendered pictures".into(),
+            Kind::Film => "film".into(),
             Kind::Bench => "bench".into(),
             Kind::Maps => "folder of exported maps".into(),
             Kind::Import => "folder of a plant's tables".into(),
@@ -50,7 +53,7 @@ impl Kind<'_> {
         match self {
             Kind::Fit(_) => &["toml", "exr", "png", "glb", "json"],
             Kind::Capture => &["exr"],
-            Kind::Scene | Kind::Maps => &["json", "png"],
+            Kind::Scene | Kind::Maps | Kind::Film => &["json", "png"],
             Kind::Render => &["json", "png", "exr"],
             Kind::Bench => &["json"],
             Kind::Import => &["json", "csv"],
@@ -81,8 +84,8 @@ const CAPTURE_NAMES: [&str; 12] = [
 
 /// Endings of the files that some verb writes. `-o` replaces a file of such an ending only where the verb itself writes
 /// that ending.
-const ENDINGS: [&str; 13] =
-    ["toml", "exr", "png", "svg", "html", "json", "csv", "glb", "gltf", "obj", "mtl", "wgsl", "h"];
+const ENDINGS: [&str; 14] =
+    ["toml", "exr", "png", "svg", "html", "json", "csv", "glb", "gltf", "obj", "mtl", "wgsl", "h", "mp4"];
 
 /// What a folder holds, in words for a message, and whether it is of the kind that claims it.
 struct Held {
@@ -282,7 +285,7 @@ fn part_of(home: &Path, name: &str) -> Option<String> {
             return Some(fit.words);
         }
     }
-    let told = [Kind::Scene, Kind::Render, Kind::Bench, Kind::Maps, Kind::Import]
+    let told = [Kind::Scene, Kind::Render, Kind::Film, Kind::Bench, Kind::Maps, Kind::Import]
         .into_iter()
         .find(|kind| marks(home, *kind).contains(&name));
     told.map(|kind| format!("a {}", kind.words()))
@@ -308,7 +311,7 @@ fn holds(folder: &Path, claimed: Kind) -> Vec<Held> {
     if let Some(words) = marked(folder) {
         out.push(Held { same: words == claimed.words(), words: format!("a {words} ({MARK})") });
     }
-    for kind in [Kind::Scene, Kind::Render, Kind::Bench, Kind::Maps, Kind::Import] {
+    for kind in [Kind::Scene, Kind::Render, Kind::Film, Kind::Bench, Kind::Maps, Kind::Import] {
         if let Some(mark) = marks(folder, kind).first() {
             out.push(Held { same: kind == claimed, words: format!("a {} ({mark})", kind.words()) });
         }
@@ -326,6 +329,7 @@ fn marks(folder: &Path, kind: Kind) -> Vec<&'static str> {
     let known: &[(&str, &str)] = match kind {
         Kind::Scene => &[("plan.json", "needed"), ("check.json", "views"), ("ledger.json", "stages")],
         Kind::Render => &[("render.json", "pictures")],
+        Kind::Film => &[("film.json", "film")],
         Kind::Bench => &[("bench.json", "rows")],
         Kind::Maps => &[("ranges.json", "files")],
         Kind::Import => &[("import.json", "pieces")],

@@ -116,7 +116,7 @@ pub fn render(
 }
 
 /// The perspective views that are asked for.
-fn views<'a>(scene: &'a Scene, name: Option<&str>) -> Result<Vec<&'a View>> {
+pub(crate) fn views<'a>(scene: &'a Scene, name: Option<&str>) -> Result<Vec<&'a View>> {
     let all: Vec<&View> = scene.manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).collect();
     let names = || all.iter().map(|v| v.name.as_str()).collect::<Vec<_>>().join(", ");
     match name {
@@ -234,7 +234,7 @@ fn same(a: &Drawn, b: &Drawn) -> bool {
 }
 
 /// Hash of the scene file and of every file that a picture of it is made from.
-fn made_from(scene: &Scene, view: &View) -> Result<String> {
+pub(crate) fn made_from(scene: &Scene, view: &View) -> Result<String> {
     let manifest = &scene.manifest;
     let mut parts = vec![("scene".to_string(), hash::file(&manifest.path)?), ("view".to_string(), view.name.clone())];
     for leaf in &scene.placed.leaves {

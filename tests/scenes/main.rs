@@ -10,6 +10,7 @@ mod check;
 #[path = "../common/mod.rs"]
 mod common;
 mod daylight;
+mod film;
 mod goldens;
 mod grass;
 mod plan;

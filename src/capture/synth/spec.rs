@@ -309,12 +309,14 @@ impl Spec {
     /// [`Error::Input`] where the specification at `path` does not state what that model needs.
     pub fn truth(&self, path: &Path, asked: Option<Model>) -> Result<Model> {
         let model = asked.unwrap_or(self.model);
-        let (field, stated) = match model {
-            Model::Foliar => ("foliar", self.foliar.is_some()),
-            Model::Exact | Model::Pigment => ("interior", self.interior != Interior::default()),
+        let (field, found, stated) = match model {
+            Model::Foliar => ("foliar", "no such table", self.foliar.is_some()),
+            Model::Exact | Model::Pigment => {
+                ("interior", "no such table, or only zeros in it", self.interior != Interior::default())
+            }
         };
         if !stated {
-            return Err(Error::unexpected(path, field, "no such table", format!("one, for the model {model}")));
+            return Err(Error::unexpected(path, field, found, format!("one, for the model {model}")));
         }
         Ok(model)
     }

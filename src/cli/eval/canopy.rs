@@ -21,6 +21,9 @@ pub struct Args {
     /// Scene with a [periodic], a [sun] and no [sky]
     #[arg(value_name = "SCENE.toml")]
     scene: PathBuf,
+    /// Folder of an earlier run, whose fits of the scene's leaves are used
+    #[arg(long, value_name = "DIR", value_parser = crate::place::folder())]
+    run: Option<PathBuf>,
     /// CSV of directions towards the viewer (`-`: standard input)
     #[arg(long, value_name = "FILE.csv", required_unless_present = "fluxes", conflicts_with = "fluxes")]
     directions: Option<PathBuf>,
@@ -43,7 +46,7 @@ pub struct Args {
 
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let ledger = Ledger::new();
-    let search = Search { out: None, input_hash: Some(&input_hash), free: false };
+    let search = Search { out: args.run.as_deref(), input_hash: Some(&input_hash), free: false };
     let mut manifest = Manifest::read(&args.scene)?;
     // Nobody looks, but all leaves are there.
     manifest.look_from_above();

@@ -24,6 +24,9 @@ pub struct Args {
     /// Folder to write
     #[arg(short, long = "out", alias = "output", value_name = "DIR", value_parser = place::folder())]
     output: PathBuf,
+    /// Folder of an earlier run, whose fits of the scene's leaves are used
+    #[arg(long, value_name = "DIR", value_parser = place::folder())]
+    run: Option<PathBuf>,
     /// Compute again although the folder already holds this very fit
     #[arg(long)]
     force: bool,
@@ -32,7 +35,7 @@ pub struct Args {
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let manifest = Manifest::read(&args.scene)?;
     let ledger = Ledger::new();
-    let search = Search { out: None, input_hash: Some(&input_hash), free: false };
+    let search = Search { out: args.run.as_deref(), input_hash: Some(&input_hash), free: false };
     let placed = Placed::new(&manifest, search, &ledger)?;
     let scene = Scene::new(manifest, placed, &ledger)?;
     let outcome = transfer::make(&scene, &args.output, args.force, &ledger)?;

@@ -1,0 +1,130 @@
+//! `mesophyll film`.
+
+use super::Common;
+use crate::{Error, Result};
+use std::path::{Path, PathBuf};
+
+/// Draws a moving scene as a film: a PNG a frame, or a video where ffmpeg is installed.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  mesophyll film data/scenes/breeze.toml --to 4 -o out/breeze\n  \
+     mesophyll film data/scenes/breeze.toml --from 10 --to 20 --fps 25 --size 800x600 -o out/breeze.mp4\n\n\
+    The frames are frame-00000.png and so on. A film that was stopped goes on by the same command. Fits that are \
+    missing are made first and kept in DIR/fits. For a video, the frames lie in the folder FILE.frames beside it.")]
+pub struct Args {
+    /// Scene with a [wind]
+    #[arg(value_name = "SCENE.toml")]
+    scene: PathBuf,
+    /// Folder for the frames, or a video to write
+    #[arg(short, long, alias = "output", value_name = "DIR|FILE.mp4", value_parser = super::place::folder())]
+    out: PathBuf,
+    /// Which view (default: the first perspective view)
+    #[arg(long, value_name = "NAME")]
+    view: Option<String>,
+    /// The wind's time of the first frame
+    #[arg(long, value_name = "S", default_value_t = 0.0, allow_negative_numbers = true)]
+    from: f64,
+    /// The film ends before this time
+    #[arg(long, value_name = "S", default_value_t = 10.0, allow_negative_numbers = true)]
+    to: f64,
+    /// Frames a second
+    #[arg(long, value_name = "N", default_value_t = 30.0, value_parser = super::render::positive)]
+    fps: f64,
+    /// Pixels (default: the scene's check.width and check.height)
+    #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = size)]
+    size: Option<[u32; 2]>,
+    /// Draw anew although the folder holds another film
+    #[arg(long)]
+    force: bool,
+}
+
+fn size(text: &str) -> std::result::Result<[u32; 2], String> {
+    let sides = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
+    sides.filter(|s| s.iter().all(|n| *n > 0)).ok_or_else(|| "expected WIDTHxHEIGHT, such as 800x600".into())
+}
+
+#[cfg(feature = "render")]
+pub fn run(args: &Args, common: &Common) -> Result<u8> {
+    use mesophyll_files::{claim, progress};
+    use mesophyll_scene::film::{self, Options};
+    use mesophyll_scene::ledger::Ledger;
+
+    let manifest = mesophyll_manifest::Manifest::read(&args.scene)?;
+    let video = args.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("mp4")).then_some(args.out.as_path());
+    let folder = video.map_or(args.out.clone(), |v| v.with_extension("frames"));
+    if let Some(video) = video {
+        // Said before anything is drawn.
+        ffmpeg(&["-version"])?;
+        claim::file(video, &["mp4"], &[&args.scene])?;
+    }
+    claim::folder(&folder, claim::Kind::Film, &[&args.scene])?;
+    let ledger = Ledger::new();
+    let mut scene = super::ready::scene(manifest, &folder, &ledger)?;
+    scene.find_transfer(&folder, &ledger)?;
+    let options = Options {
+        out: folder.clone(),
+        view: args.view.clone(),
+        from: args.from,
+        to: args.to,
+        fps: args.fps,
+        size: args.size,
+        force: args.force,
+    };
+    let (film, kept) = film::film(&scene, &options, &ledger)?;
+    if let Some(video) = video {
+        encode(&folder, &film, video)?;
+    }
+    let written = video.unwrap_or(&folder);
+    if common.json {
+        super::print_json(&serde_json::json!({ "film": film, "frames_kept": kept, "written": written }))?;
+    } else {
+        let earlier = if kept > 0 { format!(", {kept} of them from an earlier run") } else { String::new() };
+        let (first, last) = (film.time(0), film.time(film.frames - 1));
+        let frames = film.frames;
+        let what = format!("{frames} frames of {}, {first} to {last:.3} s{earlier}", film.view);
+        super::print(&format!("{what}; {}\n", written.display()))?;
+    }
+    progress::pause();
+    Ok(0)
+}
+
+/// Runs ffmpeg and waits for it.
+#[cfg(feature = "render")]
+fn ffmpeg(arguments: &[&str]) -> Result<()> {
+    let done = std::process::Command::new("ffmpeg").args(arguments).stdin(std::process::Stdio::null()).output();
+    let done = done.map_err(|e| {
+        Error::Usage(format!(
+            "a video needs the program ffmpeg, which could not be started ({}); install it (on Debian: apt-get install \
+             ffmpeg), or name a folder for the frames",
+            mesophyll_files::atomic::explain(&e)
+        ))
+    })?;
+    if done.status.success() {
+        return Ok(());
+    }
+    let said = String::from_utf8_lossy(&done.stderr);
+    let last = said.lines().rev().find(|l| !l.trim().is_empty()).unwrap_or("no reason given");
+    Err(Error::Missed(format!("ffmpeg could not make the video: {}; the frames are kept", last.trim())))
+}
+
+/// Frames to a video that common players show: H.264, sides even, nearly lossless. Written whole or not at all.
+#[cfg(feature = "render")]
+fn encode(folder: &Path, film: &mesophyll_scene::film::Film, video: &Path) -> Result<()> {
+    use mesophyll_files::atomic;
+    // Beside the frames, so that a stopped run leaves no strange file where the video goes.
+    let whole = folder.join("video.mp4");
+    let (from, to) = (folder.join("frame-%05d.png"), whole.display().to_string());
+    let (rate, frames) = (film.fps.to_string(), film.frames.to_string());
+    let filter = "pad=ceil(iw/2)*2:ceil(ih/2)*2";
+    let read = ["-y", "-loglevel", "error", "-framerate", &rate, "-i", &from.display().to_string()].map(String::from);
+    let write = ["-frames:v", &frames, "-vf", filter, "-c:v", "libx264", "-crf", "14", "-pix_fmt", "yuv420p", &to];
+    let all: Vec<&str> = read.iter().map(String::as_str).chain(write).collect();
+    ffmpeg(&all)?;
+    let bytes = std::fs::read(&whole).map_err(|e| Error::input(&whole, atomic::explain(&e)))?;
+    atomic::write_bytes(video, &bytes)?;
+    std::fs::remove_file(&whole).map_err(|e| Error::write(&whole, atomic::explain(&e)))
+}
+
+#[cfg(not(feature = "render"))]
+pub fn run(_args: &Args, _common: &Common) -> Result<u8> {
+    Err(Error::Missed("nothing draws a film: this build has no renderer (feature `render`)".into()))
+}

@@ -1,0 +1,188 @@
+//! A film: a scene's picture at every step of the wind's time, drawn by the real-time renderer, a PNG a frame.
+//!
+//! A film that was stopped goes on: a frame is written whole or not at all, and the record beside the frames says what
+//! they show.
+
+use crate::draw::handover;
+use crate::ledger::Ledger;
+use crate::loaded::Scene;
+use crate::traced::{made_from, views};
+use crate::{Error, Result};
+use mesophyll_files::progress::{self, Bar};
+use mesophyll_files::{atomic, hash, image};
+use mesophyll_viewer as viewer;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// What `mesophyll film` is told.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// Where the frames go.
+    pub out: PathBuf,
+    /// The view to draw; the first perspective view when absent.
+    pub view: Option<String>,
+    /// The wind's time of the first frame (s).
+    pub from: f64,
+    /// The film ends before this time (s).
+    pub to: f64,
+    /// Frames a second.
+    pub fps: f64,
+    /// Pixels across and down; those of the scene's check when absent.
+    pub size: Option<[u32; 2]>,
+    /// Takes the place of another film in the same folder.
+    pub force: bool,
+}
+
+/// The file that a folder of frames is known by.
+pub const RECORD: &str = "film.json";
+
+/// More frames than this are likelier a typing error than a wish: about an hour at 30 a second.
+const MOST_FRAMES: f64 = 100_000.0;
+
+/// What a folder of frames shows.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Film {
+    /// The scene's name.
+    pub film: String,
+    /// The view's name.
+    pub view: String,
+    /// Pixels across and down.
+    pub size: [u32; 2],
+    /// The wind's time of the first frame (s).
+    pub from: f64,
+    /// Frames a second.
+    pub fps: f64,
+    /// How many there are when it is whole.
+    pub frames: u32,
+    /// Hash of everything else that decides the frames, the adapter that draws included.
+    pub made_from: String,
+}
+
+impl Film {
+    /// The file of frame `k`.
+    pub fn frame(&self, folder: &Path, k: u32) -> PathBuf {
+        folder.join(format!("frame-{k:05}.png"))
+    }
+
+    /// The wind's time of frame `k` (s).
+    pub fn time(&self, k: u32) -> f64 {
+        self.from + f64::from(k) / self.fps
+    }
+}
+
+/// Draws the frames that are not there yet. The second number is how many were there.
+///
+/// # Errors
+/// [`Error::Usage`] for a scene where nothing moves, times out of order, a view that the scene does not have, or a
+/// folder that holds frames of another film (unless [`Options::force`]); [`Error::Missed`] without an adapter;
+/// [`Error::Interrupted`] after Ctrl-C, with all frames so far written.
+pub fn film(scene: &Scene, options: &Options, ledger: &Ledger) -> Result<(Film, u32)> {
+    let drawn_by = |e: viewer::Error| Error::Missed(format!("the renderer failed: {e}"));
+    let frames = frames(scene, options)?;
+    let views = views(scene, options.view.as_deref())?;
+    let view = views[0];
+    let mut renderer = viewer::Renderer::headless(&viewer::Options::default()).map_err(drawn_by)?;
+    let adapter = renderer.adapter().clone();
+    let drawer = format!("{} {} {}", adapter.name, adapter.backend, adapter.driver);
+    let check = &scene.manifest.check;
+    let film = Film {
+        film: scene.manifest.name.clone(),
+        view: view.name.clone(),
+        size: options.size.unwrap_or([check.width, check.height]),
+        from: options.from,
+        fps: options.fps,
+        frames,
+        made_from: hash::combine([("scene", made_from(scene, view)?.as_str()), ("adapter", drawer.as_str())]),
+    };
+    claim_frames(&film, options)?;
+
+    let mut drawn = handover::scene(scene, ledger)?;
+    renderer.set_scene(&drawn).map_err(drawn_by)?;
+    let camera = handover::camera(view);
+    progress::say(format!("drawn by {} ({}, {})", adapter.name, adapter.backend, adapter.driver));
+    let bar = Bar::new(format!("film {}", film.film), u64::from(frames));
+    let mut kept = 0;
+    for k in 0..frames {
+        let file = film.frame(&options.out, k);
+        if file.is_file() {
+            kept += 1;
+            bar.advance(1);
+            continue;
+        }
+        if progress::stop_requested() {
+            return Err(Error::Interrupted(format!(
+                "stopped before frame {k} of {frames}; the frames so far are in {}, and the same command goes on",
+                options.out.display()
+            )));
+        }
+        if let Some(wind) = &mut drawn.wind {
+            wind.time_s = film.time(k);
+            renderer.set_time(wind);
+        }
+        let picture = renderer.render(&camera, film.size[0], film.size[1]).map_err(drawn_by)?;
+        image::write_png(&file, picture.width as usize, picture.height as usize, picture.ldr.as_flattened())?;
+        bar.advance(1);
+    }
+    Ok((film, kept))
+}
+
+/// How many frames there are.
+fn frames(scene: &Scene, options: &Options) -> Result<u32> {
+    let (from, to, fps) = (options.from, options.to, options.fps);
+    if !scene.placed.moves().any() {
+        return Err(Error::Usage(format!(
+            "{}: nothing moves in this scene, so that all frames would be one picture; expected a [wind] and a branch \
+             or a plant in it",
+            scene.manifest.path.display()
+        )));
+    }
+    if !(from.is_finite() && to.is_finite() && to > from) {
+        return Err(Error::Usage(format!(
+            "--from {from} --to {to}: expected two times (s), the first before the other"
+        )));
+    }
+    // A frame that would begin at the end itself by rounding alone is not drawn.
+    let count = ((to - from) * fps - 1e-6).ceil();
+    if !(count <= MOST_FRAMES) {
+        return Err(Error::Usage(format!("{count} frames from {from} to {to} s: expected at most {MOST_FRAMES}")));
+    }
+    Ok(count.max(1.0) as u32)
+}
+
+/// Writes the record of a new film, and finds the same one there.
+fn claim_frames(film: &Film, options: &Options) -> Result<()> {
+    let record = options.out.join(RECORD);
+    let there: Option<Film> = std::fs::read(&record).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok());
+    match there {
+        // The same pictures, of which there may be more or fewer: a longer film goes on with a shorter one.
+        Some(there) if Film { frames: film.frames, ..there.clone() } == *film => {}
+        Some(there) if !options.force => {
+            return Err(Error::Usage(format!(
+                "{}: holds {} frames of another film (view {}, from {} s, {} a second, {}×{} pixels) or of a scene, fit \
+                 or adapter that has changed since; name another folder, or give --force to draw anew",
+                options.out.display(),
+                there.frames,
+                there.view,
+                there.from,
+                there.fps,
+                there.size[0],
+                there.size[1]
+            )));
+        }
+        _ => remove_frames(&options.out)?,
+    }
+    let json = serde_json::to_string_pretty(film).unwrap_or_default();
+    atomic::write_bytes(&record, json.as_bytes())
+}
+
+/// Takes the frames of another film away, before the record tells of this one.
+fn remove_frames(folder: &Path) -> Result<()> {
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let name = entry.file_name();
+        let name = name.to_string_lossy();
+        if name.strip_prefix("frame-").and_then(|n| n.strip_suffix(".png")).is_some_and(|n| n.parse::<u32>().is_ok()) {
+            std::fs::remove_file(entry.path()).map_err(|e| Error::write(&entry.path(), atomic::explain(&e)))?;
+        }
+    }
+    Ok(())
+}

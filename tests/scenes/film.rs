@@ -1,0 +1,96 @@
+//! A film of a scene: what its frames show, how it goes on, what is refused.
+
+use crate::common::skips::{Need, skip};
+use mesophyll::manifest::Manifest;
+use mesophyll::scene::draw::handover;
+use mesophyll::scene::{ledger::Ledger, loaded::Scene, placed::leaf::Search};
+use mesophyll_viewer::{Options, Renderer};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+const WIND: &str = "[wind]\nspeed_m_s = 9\nazimuth_deg = 30\nseed = 7\n";
+
+/// A twig with eight leaves under a white sky, drawn with few pixels.
+fn scene(folder: &Path, wind: &str) -> PathBuf {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    std::fs::copy(root.join("data/plants/elm-twig.toml"), folder.join("twig.toml")).unwrap();
+    std::fs::copy(root.join("fits/elm/blade.glb"), folder.join("leaf.glb")).unwrap();
+    let path = folder.join("scene.toml");
+    let text = format!(
+        "schema = 1\nname = \"s\"\n[[leaf]]\nname = \"elm\"\nuniform = {{ rho_d = [[0.1, 0.2, 0.1], [0.1, 0.2, 0.1]], \
+         rho_t = [0.1, 0.2, 0.1] }}\nmesh = \"leaf.glb\"\n[sky]\nradiance = [1, 1, 1]\n[[view]]\nname = \"v\"\nkind = \
+         \"perspective\"\neye_mm = [0, -900, 100]\ntarget_mm = [0, 0, 100]\nfov_deg = 40\n[check]\nwidth = \
+         40\nheight = 30\nsamples = 1\nframes = 1\nseed = 1\n[[plant]]\ngrow = \"twig.toml\"\nmaterials = {{ leaf = \
+         \"elm\", bark = [0.1, 0.1, 0.1] }}\n{wind}"
+    );
+    std::fs::write(&path, text).unwrap();
+    path
+}
+
+fn film(folder: &Path, words: &[&str]) -> (Option<i32>, String) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_mesophyll"));
+    let output = command.args(["film", "scene.toml", "-o", "film"]).args(words).current_dir(folder).output().unwrap();
+    (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+}
+
+#[test]
+fn a_film_shows_the_wind_and_goes_on() {
+    if Renderer::headless(&Options::default()).is_err() {
+        return skip(Need::Adapter, "no adapter draws a film");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = scene(folder.path(), WIND);
+    let frame = |k: u32| std::fs::read(folder.path().join(format!("film/frame-{k:05}.png"))).ok();
+    let (code, told) = film(folder.path(), &["--from", "2", "--to", "2.3", "--fps", "10"]);
+    assert_eq!(code, Some(0), "{told}");
+    let first: Vec<_> = (0..3).map(|k| frame(k).unwrap()).collect();
+    assert!(frame(3).is_none() && first[0] != first[1] && first[1] != first[2]);
+
+    // Each frame is the scene's picture at its time.
+    let manifest = Manifest::read(&path).unwrap();
+    let scene = Scene::open(manifest, Search::default(), &Ledger::new()).unwrap();
+    let mut drawn = handover::scene(&scene, &Ledger::new()).unwrap();
+    drawn.wind.as_mut().unwrap().time_s = 2.2;
+    let mut renderer = Renderer::headless(&Options::default()).unwrap();
+    renderer.set_scene(&drawn).unwrap();
+    let picture = renderer.render(&handover::camera(&scene.manifest.views[0]), 40, 30).unwrap();
+    let seen = image::load_from_memory(&first[2]).unwrap().to_rgb8();
+    let wanted: Vec<u8> = picture.ldr.iter().flat_map(|p| [p[0], p[1], p[2]]).collect();
+    assert_eq!(seen.into_raw(), wanted);
+
+    // A frame that is missing is drawn again, those that are there stay, and a longer film goes on with them.
+    std::fs::remove_file(folder.path().join("film/frame-00001.png")).unwrap();
+    let written = |k: u32| folder.path().join(format!("film/frame-{k:05}.png")).metadata().unwrap().modified().unwrap();
+    let kept = written(0);
+    let (code, told) = film(folder.path(), &["--from", "2", "--to", "2.4", "--fps", "10"]);
+    assert_eq!(code, Some(0), "{told}");
+    assert!((0..3).all(|k| frame(k).as_ref() == Some(&first[k as usize])) && frame(3).is_some());
+    assert_eq!(kept, written(0));
+
+    // Another film is not mixed with this one.
+    let (code, told) = film(folder.path(), &["--from", "1", "--to", "1.1", "--fps", "10"]);
+    assert_eq!(code, Some(2), "{told}");
+    assert!(told.contains("holds 4 frames of another film") && told.contains("--force"), "{told}");
+    assert_eq!(frame(0).as_ref(), Some(&first[0]));
+    let (code, told) = film(folder.path(), &["--from", "1", "--to", "1.1", "--fps", "10", "--force"]);
+    assert_eq!(code, Some(0), "{told}");
+    assert!(frame(0).as_ref() != Some(&first[0]) && frame(1).is_none());
+}
+
+#[test]
+fn a_film_that_cannot_be_drawn_says_why() {
+    let folder = tempfile::tempdir().unwrap();
+    scene(folder.path(), "");
+    let refused = |words: &[&str], expected: &str| {
+        let (code, told) = film(folder.path(), words);
+        assert!(code == Some(2) && told.contains(expected), "{words:?}: {code:?}: {told}");
+        assert!(!folder.path().join("film/film.json").exists());
+    };
+    refused(&[], "nothing moves in this scene");
+    scene(folder.path(), WIND);
+    refused(&["--from", "3", "--to", "3"], "expected two times");
+    refused(&["--to", "1e9"], "expected at most 100000");
+    refused(&["--fps", "0"], "expected a number above 0");
+    refused(&["--size", "40"], "expected WIDTHxHEIGHT");
+    refused(&["--view", "w"], "found \"w\", expected one of the scene's views (v)");
+}
