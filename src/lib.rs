@@ -55,7 +55,7 @@
 //! 9   report        check
 //! 8   proof         scene       export
 //! 7   manifest
-//! 6   fit           fit_branch  fit_sky   fit_translucency   fit_transfer
+//! 6   fit           fit_branch  fit_grass  fit_sky   fit_translucency   fit_transfer
 //! 5   leaf
 //! 4   capture
 //! 3   translucency  walk        transport   record      window
@@ -72,6 +72,7 @@ pub use mesophyll_export as export;
 pub use mesophyll_files as files;
 pub use mesophyll_fit as fit;
 pub use mesophyll_fit_branch as fit_branch;
+pub use mesophyll_fit_grass as fit_grass;
 pub use mesophyll_fit_sky as fit_sky;
 pub use mesophyll_fit_translucency as fit_translucency;
 pub use mesophyll_flora as flora;

@@ -8,7 +8,7 @@ use mesophyll_proof::bench::BenchRow;
 use mesophyll_proof::peers::Inputs;
 use mesophyll_proof::stress::StressRow;
 use mesophyll_proof::{
-    beam, coverage, foliar, gloss, leaf, motion, nist, peers, render, sky, slab, solver, transfer, translucency,
+    beam, coverage, foliar, gloss, grass, leaf, motion, nist, peers, render, sky, slab, solver, transfer, translucency,
     transport, visibility, wind,
 };
 use mesophyll_report as report;
@@ -84,7 +84,7 @@ macro_rules! sweep {
 const NONE: Model = Model { name: "", fit: None, eval: None, bench: None, stress: None };
 
 /// All models, in the order in which verbs name and run them. A new model adds its entry here.
-pub const MODELS: [Model; 23] = [
+pub const MODELS: [Model; 24] = [
     Model {
         name: "solve",
         bench: Some(Sweep {
@@ -202,6 +202,12 @@ pub const MODELS: [Model; 23] = [
         name: "transfer",
         fit: verb!(fit::transfer, "How light arrives at the leaves of a scene past and by way of other leaves"),
         bench: Some(Sweep { steps: transfer::PIECES, rows: transfer::rows, pictures: None, peers: None }),
+        ..NONE
+    },
+    Model {
+        name: "grass",
+        fit: verb!(fit::grass, "Slices of a meadow, drawn in real time, from its blades"),
+        bench: Some(Sweep { steps: grass::PIECES, rows: grass::rows, pictures: None, peers: None }),
         ..NONE
     },
     Model { name: "transport", stress: Some(|| Ok(transport::stress())), ..NONE },

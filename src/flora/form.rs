@@ -15,6 +15,8 @@ pub struct Plant {
     pub leaves: Vec<Leaf>,
     /// The shapes that leaves are instances of.
     pub blades: Vec<Blade>,
+    /// Of a meadow: the rectangle that repeats, along x and y (mm), with its middle at the origin.
+    pub period: Option<[f64; 2]>,
 }
 
 /// A place on a branch.
@@ -147,6 +149,8 @@ impl Plant {
             branch.axis.iter_mut().chain(&mut branch.wood.positions).for_each(|p| *p *= scale);
         }
         out.leaves.iter_mut().for_each(|leaf| leaf.transform = place * leaf.transform);
+        // What is turned or moved repeats another way.
+        out.period = None;
         out
     }
 

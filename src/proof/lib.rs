@@ -9,6 +9,7 @@ pub mod bench;
 pub mod coverage;
 pub mod foliar;
 pub mod gloss;
+pub mod grass;
 pub mod leaf;
 pub mod motion;
 pub mod nist;

@@ -21,6 +21,8 @@ pub enum FitKind {
     Panorama,
     /// The shapes of bending branches.
     Beam,
+    /// Slices that stand for the blades of a meadow.
+    Grass,
     /// How light reaches the leaves of a scene past and by way of other leaves.
     Transfer,
 }

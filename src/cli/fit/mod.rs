@@ -11,6 +11,7 @@ use std::path::Path;
 pub mod beam;
 pub mod foliar;
 pub mod gloss;
+pub mod grass;
 pub mod leaf;
 pub mod motion;
 pub mod sky;

@@ -51,6 +51,9 @@ pub struct Said {
     pub axis_mm: Vec<[f64; 3]>,
 }
 
+/// The `extras` of a meadow's node: the rectangle that repeats, in the node's own units.
+const PERIOD: &str = "period_mm";
+
 /// The `extras` of a branch's node.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Extras {

@@ -1,6 +1,6 @@
 //! Reads a plant from glTF.
 
-use super::{Extras, INSTANCING, MOST_TRIANGLES, Said};
+use super::{Extras, INSTANCING, MOST_TRIANGLES, PERIOD, Said};
 use crate::form::{Blade, Branch, Joint, Leaf, Plant};
 use crate::{Error, Result};
 use glam::{DMat3, DMat4, DQuat, DVec2, DVec3};
@@ -95,6 +95,9 @@ impl Reader<'_> {
         }
         let extras: Option<Value> =
             node.extras().as_ref().and_then(|raw| serde_json::from_str::<Value>(raw.get()).ok());
+        if let Some(period) = extras.as_ref().and_then(|e| e.get(PERIOD)) {
+            self.plant.period = Some(self.period(node, world, period)?);
+        }
         let mut on = branch;
         if extras.as_ref().is_some_and(|e| e.get("branch").is_some()) {
             let Extras { branch: said } = serde_json::from_value(extras.clone().unwrap_or_default())
@@ -167,6 +170,17 @@ impl Reader<'_> {
             wood,
         });
         Ok(self.plant.branches.len() - 1)
+    }
+
+    /// The rectangle that repeats (mm).
+    fn period(&self, node: &gltf::Node, world: DMat4, said: &Value) -> Result<[f64; 2]> {
+        match serde_json::from_value::<[f64; 2]>(said.clone()) {
+            Ok(period) if period.iter().all(|side| *side > 0.0 && side.is_finite()) => {
+                let scale = self.scale(node, world)?;
+                Ok(period.map(|side| side * scale))
+            }
+            _ => Err(self.wrong(node, &format!("extras.{PERIOD}"), format!("found {said}, expected two lengths"))),
+        }
     }
 
     /// How much a node enlarges what is in it.

@@ -39,6 +39,7 @@ fn plant() -> Plant {
         branches: vec![trunk, bough],
         leaves: vec![leaf(0, 0.25, 0.1), leaf(1, 0.5, -0.4), leaf(1, 1.0, 0.9)],
         blades: vec![Blade { material: "elm".into(), mesh: LeafMesh::rectangle(60.0, 30.0) }],
+        period: Some([400.0, 250.0]),
     }
 }
 
@@ -54,6 +55,8 @@ fn what_is_written_is_read_back_to_single_precision() {
     write(&plant, &path).unwrap();
     let back = read(&path).unwrap();
     assert_eq!((back.name.as_str(), back.branches.len(), back.leaves.len()), ("twig", 2, 3));
+    let [x, y] = back.period.unwrap();
+    assert!((x - 400.0).abs() < 1e-4 && (y - 250.0).abs() < 1e-4);
     // Places are within 1000 mm: single precision is 6e-5 mm there.
     let limit = 2e-4;
     for (a, b) in plant.branches.iter().zip(&back.branches) {

@@ -1,6 +1,6 @@
 //! Writes a plant as binary glTF.
 
-use super::{Extras, INSTANCING, Said};
+use super::{Extras, INSTANCING, PERIOD, Said};
 use crate::form::{Branch, Plant};
 use crate::{Error, Result};
 use glam::{DMat4, DVec3};
@@ -44,6 +44,9 @@ pub fn write(plant: &Plant, path: &Path) -> Result<()> {
         "rotation": [-FRAC_1_SQRT_2, 0.0, 0.0, FRAC_1_SQRT_2],
         "scale": [0.001, 0.001, 0.001],
     })];
+    if let Some(period) = plant.period {
+        nodes[0]["extras"] = json!({ PERIOD: period });
+    }
     let mut children: Vec<Vec<usize>> = vec![Vec::new(); plant.branches.len() + 1];
     for (k, branch) in plant.branches.iter().enumerate() {
         let above = branch.parent.and_then(|joint| plant.branches.get(joint.branch).map(|b| (joint.branch, b)));

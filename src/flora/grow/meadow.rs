@@ -183,7 +183,8 @@ impl Meadow {
     /// ground that all blades stand on.
     pub fn grow(&self, seed: Option<u64>) -> Plant {
         let mut chance = Chance(Pcg64::seed_from_u64(seed.unwrap_or(self.seed)));
-        let mut plant = Plant { name: self.name.clone(), branches: vec![ground()], ..Plant::default() };
+        let mut plant =
+            Plant { name: self.name.clone(), branches: vec![ground()], period: Some(self.size_mm), ..Plant::default() };
         for sward in &self.swards {
             let (first, count) = (plant.blades.len(), self.blades(sward) as usize);
             for _ in 0..if count > 0 { sward.shapes } else { 0 } {

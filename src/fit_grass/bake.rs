@@ -1,0 +1,59 @@
+//! Pictures of slabs of blades, taken along their normals by rays.
+
+use crate::blades::Meadow;
+use crate::sheet::{CHANNELS, Texel};
+use glam::DVec3;
+use mesophyll_rays::Ray;
+use rayon::prelude::*;
+
+/// A slab of blades that a slice stands for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Slab {
+    /// Across x: the slab of this number, of so many.
+    X(usize, usize),
+    /// Across y.
+    Y(usize, usize),
+    /// All of the layer, from above.
+    Z,
+}
+
+impl Slab {
+    /// Where a ray through the slab begins, its direction and its length; `u` is the share along the slice, `v` of its
+    /// height.
+    fn ray(self, meadow: &Meadow, u: f64, v: f64) -> (Ray, f64) {
+        let [lx, ly] = meadow.period;
+        let (x, y, z) = ((u - 0.5) * lx, (u - 0.5) * ly, v * meadow.height);
+        match self {
+            Slab::X(k, n) => {
+                let step = lx / n as f64;
+                (Ray::new(DVec3::new((k as f64 + 1.0) * step - 0.5 * lx, y, z), DVec3::NEG_X), step)
+            }
+            Slab::Y(k, n) => {
+                let step = ly / n as f64;
+                (Ray::new(DVec3::new(x, (k as f64 + 1.0) * step - 0.5 * ly, z), DVec3::NEG_Y), step)
+            }
+            Slab::Z => (Ray::new(DVec3::new(x, (v - 0.5) * ly, meadow.height), DVec3::NEG_Z), meadow.height),
+        }
+    }
+
+    /// Its picture of `cell` texels, the top row first; `rays` by `rays` a texel.
+    pub fn picture(self, meadow: &Meadow, cell: [usize; 2], rays: usize) -> Vec<Texel> {
+        let [w, h] = cell;
+        let share = |k: usize, i: usize, n: usize| (k as f64 + (i as f64 + 0.5) / rays as f64) / n as f64;
+        let texel = |k: usize| {
+            let (x, y) = (k % w, k / w);
+            let mut sum = [0.0; CHANNELS];
+            for i in 0..rays * rays {
+                let (ray, length) = self.ray(meadow, share(x, i % rays, w), 1.0 - share(y, i / rays, h));
+                // The ground hides what hangs below it.
+                let Some(met) = meadow.nearest(&ray, length) else { continue };
+                let normal = met.normal.to_array();
+                let values = [1.0].into_iter().chain(met.rho_d.into_iter().flatten()).chain(met.rho_t).chain(normal);
+                let values = values.chain([1.0 - met.t / length]);
+                sum.iter_mut().zip(values).for_each(|(s, v)| *s += v);
+            }
+            sum.map(|s| (s / (rays * rays) as f64) as f32)
+        };
+        (0..w * h).into_par_iter().map(texel).collect()
+    }
+}

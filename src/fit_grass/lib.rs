@@ -1,0 +1,211 @@
+//! Slices of a meadow (H9 ch. 2: R. Habel, dissertation 2009): pictures of upright slabs of blades, which a fragment of
+//! a carrier's surface can trace in real time, fitted to the blades that they stand for.
+//!
+//! [`blades`] is the meadow itself, met by rays. [`bake`] takes the pictures, [`sheet`] keeps them. [`march`] follows a
+//! ray through the slices, [`judge`] compares it with the blades. Pictures hold opacity, reflectance, transmittance and
+//! normals, and no light. Lengths are in mm, z is up.
+//!
+//! Limits: slices stand for blades over level ground; blades are Lambertian sheets without gloss; blades that hang below
+//! the ground are hidden by it.
+
+#![warn(missing_docs)]
+
+pub mod bake;
+pub mod blades;
+pub mod judge;
+pub mod march;
+pub mod optics;
+pub mod sheet;
+#[cfg(test)]
+mod tests;
+pub mod weights;
+
+pub(crate) use mesophyll_error::{Error, Result};
+
+pub mod folder;
+pub use folder::{LEVEL, UPRIGHT, open};
+
+use bake::Slab;
+use blades::{Meadow, STEPS};
+use judge::Rays;
+use march::Slices;
+use mesophyll_files::{atomic, hash, progress};
+use mesophyll_flora::{file, form::Plant, grow};
+use mesophyll_record::FitKind;
+use mesophyll_record::maker::{self, Maker, Outcome};
+use serde::{Deserialize, Serialize};
+use sheet::{CHANNELS, Edges, Sheet, Texel};
+use std::path::{Path, PathBuf};
+
+/// What the user may choose.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// Slices across x, and as many across y.
+    pub slices: usize,
+    /// Texels along a slice and along its height: powers of two.
+    pub texels: [usize; 2],
+    /// Whether there is a level slice at half the height.
+    pub level: bool,
+    /// Rays along each side of a texel.
+    pub rays: usize,
+    /// Points of entry along each side of the rectangle: rays that weights are fitted to, and errors judged by.
+    pub entries: usize,
+    /// The table of what leaves reflect and let through; the program's own where there is none.
+    pub leaves: Option<PathBuf>,
+    /// Fit again although the folder already holds this very fit.
+    pub force: bool,
+}
+
+impl Default for Options {
+    fn default() -> Options {
+        Options { slices: 16, texels: [256, 64], level: true, rays: 4, entries: 48, leaves: None, force: false }
+    }
+}
+
+/// How slices are made: changes where the same meadow gets others.
+const METHOD: &str = "pictures along normals; weights fitted in 17 steps";
+/// Slices a part.
+const SLICES_A_PART: usize = 8;
+/// What the parts hold: changes where their format does.
+const PART: &str = "pictures of up to 8 slabs under one another, without borders, as EXR";
+
+/// Reads a meadow: its description, or the file that `grow` makes of it.
+///
+/// # Errors
+/// [`Error::Input`] for a file that cannot be read or that describes no plant.
+pub fn plant(path: &Path) -> Result<Plant> {
+    let described = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
+    if described { grow::described(path, None) } else { file::read(path) }
+}
+
+/// Fits slices to the meadow in the file `input` (.toml or .glb) and writes them into the folder `out`.
+///
+/// # Errors
+/// What [`plant`], [`optics::read`], [`Meadow::new`] and [`maker::make`] give; [`Error::Interrupted`] after a stop, which
+/// keeps finished parts.
+pub fn run(input: &Path, out: &Path, options: &Options) -> Result<Outcome> {
+    let (path, options) = (input.to_path_buf(), options.clone());
+    maker::make(FitKind::Grass, out, &[input], move |maker| fit(&path, &options, maker))
+}
+
+fn fit(path: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
+    let leaves = optics::read(options.leaves.as_deref())?;
+    let bytes = std::fs::read(path).map_err(|e| Error::input(path, atomic::explain(&e)))?;
+    let plant = maker.phase("grow", || plant(path))?;
+    let Options { slices: n, texels, level, rays, entries, .. } = options;
+    let told = format!("{n} {texels:?} {level} {rays} {entries}");
+    let (meadow_hash, optics) = (hash::bytes(&bytes), format!("{leaves:?}"));
+    let input =
+        [("method", METHOD), ("meadow", meadow_hash.as_str()), ("leaves", optics.as_str()), ("options", told.as_str())];
+    let input_hash = maker::input_hash(input);
+    let meadow = maker.phase("box tree", || Meadow::new(path, &plant, &leaves))?;
+    if let Some(found) = maker.up_to_date(input_hash, options.force)? {
+        return Ok(found);
+    }
+    let mut slices = slices(&meadow, options, maker)?;
+    let known = maker.phase("weights", || weights::fit(&meadow, &mut slices, options.entries))?;
+    let start = std::time::Instant::now();
+    let rays = Rays { side: options.entries, level: 0.0, sunlit: true };
+    let truth = judge::blades(&meadow, rays);
+    let judged = judge::judged(&slices, &truth, rays);
+    maker.times.phase("judge", start);
+    let mut record = maker.record(&meadow.name);
+    folder::describe(&mut record, &meadow, &slices, options, &known, &judged);
+    let out = maker.begin()?;
+    folder::write(out, &slices, &mut record)?;
+    maker.finish(&record)?;
+    Ok(Outcome::Done(Box::new(record)))
+}
+
+/// What is told of a finished part beside its pictures.
+#[derive(Debug, Serialize, Deserialize)]
+struct Part {
+    slabs: usize,
+}
+
+/// Takes all pictures, part by part.
+fn slices(meadow: &Meadow, options: &Options, maker: &mut Maker) -> Result<Slices> {
+    let n = options.slices;
+    let cell = options.texels;
+    let square = level_cell(meadow, options);
+    let mut slabs: Vec<Slab> = (0..n).map(|k| Slab::X(k, n)).chain((0..n).map(|k| Slab::Y(k, n))).collect();
+    let bar = progress::Bar::new("slices", slabs.len() as u64 + u64::from(options.level));
+    let start = std::time::Instant::now();
+    let mut pictures = Vec::new();
+    let mut parts: Vec<Vec<Slab>> = slabs.chunks(SLICES_A_PART).map(<[Slab]>::to_vec).collect();
+    if options.level {
+        parts.push(vec![Slab::Z]);
+        slabs.push(Slab::Z);
+    }
+    for (k, part) in parts.iter().enumerate() {
+        let name = format!("part-{k}");
+        let size = if part[0] == Slab::Z { square } else { cell };
+        let Part { slabs } = maker.part(PART, &name, |folder, _| {
+            let mut texels = Vec::new();
+            for slab in part {
+                texels.extend(slab.picture(meadow, size, options.rays));
+                bar.step()?;
+            }
+            let maps = sheet::maps(size[0], &texels);
+            mesophyll_files::image::write_exr(
+                &folder.join(format!("{name}.exr")),
+                &maps,
+                mesophyll_files::image::Packing::Half,
+            )?;
+            Ok(Part { slabs: part.len() })
+        })?;
+        let path = maker.parts(PART).join(format!("{name}.exr"));
+        match sheet::texels(&path, size[0], size[1] * slabs) {
+            Ok(texels) => pictures.extend(texels.chunks(size[0] * size[1]).map(<[Texel]>::to_vec)),
+            Err(error) => {
+                // It would stand in the way of every further run.
+                let _ = std::fs::remove_dir_all(maker.parts(PART));
+                let told =
+                    format!("a finished part is damaged ({error}); the parts were removed, run the same command again");
+                return Err(Error::input(&path, told));
+            }
+        }
+    }
+    maker.times.phase("pictures", start);
+    Ok(assembled(meadow, options, &pictures))
+}
+
+/// Slices of pictures in the order of their slabs: across x, across y, and the level one.
+fn assembled(meadow: &Meadow, options: &Options, pictures: &[Vec<Texel>]) -> Slices {
+    let n = options.slices;
+    let at = |size: [usize; 2]| {
+        move |k: usize, x: usize, y: usize| pictures.get(k).map_or([0.0; CHANNELS], |p| p[y * size[0] + x])
+    };
+    let square = level_cell(meadow, options);
+    let level = options.level.then(|| Sheet::new(square, 1, Edges::Level, |_, x, y| at(square)(2 * n, x, y)));
+    let upright = Sheet::new(options.texels, 2 * n, Edges::Upright, at(options.texels));
+    Slices {
+        period: meadow.period,
+        height: meadow.height,
+        count: n,
+        projection: meadow.projection,
+        shown: [meadow.projection[0], meadow.projection[STEPS]],
+        cover: Slices::covers(&upright, level.as_ref()),
+        upright,
+        level,
+        weighted: true,
+    }
+}
+
+/// Takes all pictures of a meadow at once, without a folder.
+pub fn baked(meadow: &Meadow, options: &Options) -> Slices {
+    let n = options.slices;
+    let upright = (0..n).map(|k| Slab::X(k, n)).chain((0..n).map(|k| Slab::Y(k, n)));
+    let mut pictures: Vec<Vec<Texel>> = upright.map(|s| s.picture(meadow, options.texels, options.rays)).collect();
+    if options.level {
+        pictures.push(Slab::Z.picture(meadow, level_cell(meadow, options), options.rays));
+    }
+    assembled(meadow, options, &pictures)
+}
+
+/// Texels of the level slice: as many along x as a slice has, and along y as fit, a power of two.
+fn level_cell(meadow: &Meadow, options: &Options) -> [usize; 2] {
+    let w = options.texels[0];
+    let along_y = (w as f64 * meadow.period[1] / meadow.period[0]).log2().round().clamp(2.0, 12.0);
+    [w, 1 << along_y as u32]
+}

@@ -1,0 +1,47 @@
+//! What blades reflect and let through: a table a material (format: `data/grass/optics/leaves.toml`).
+
+use crate::{Error, Result};
+use mesophyll_files::atomic;
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// The table that is taken where none is named.
+const STATED: &str = include_str!("../../data/grass/optics/leaves.toml");
+
+/// A Lambertian sheet. Shares of the light in linear red, green and blue.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Optics {
+    /// Reflected by the front and by the back.
+    pub rho_d: [[f64; 3]; 2],
+    /// Let through, from either side.
+    pub rho_t: [f64; 3],
+}
+
+/// Of each material.
+pub type Leaves = BTreeMap<String, Optics>;
+
+/// Reads the table in `path`; the program's own where none is named.
+///
+/// # Errors
+/// [`Error::Input`] for a table that cannot be read, or a share that is negative or more than all of the light.
+pub fn read(path: Option<&Path>) -> Result<Leaves> {
+    let (path, text) = match path {
+        Some(path) => (path, std::fs::read_to_string(path).map_err(|e| Error::input(path, atomic::explain(&e)))?),
+        None => (Path::new("data/grass/optics/leaves.toml"), STATED.to_string()),
+    };
+    let leaves: Leaves = toml::from_str(&text).map_err(|e| Error::toml(path, &text, &e))?;
+    for (name, leaf) in &leaves {
+        for (side, rho_d) in ["front", "back"].into_iter().zip(leaf.rho_d) {
+            for c in 0..3 {
+                let (r, t) = (rho_d[c], leaf.rho_t[c]);
+                if !(r >= 0.0 && t >= 0.0 && r + t <= 1.0) {
+                    let found = format!("{r} reflected and {t} let through ({side}, channel {c})");
+                    return Err(Error::unexpected(path, name, found, "shares of 0 or more, together at most 1"));
+                }
+            }
+        }
+    }
+    Ok(leaves)
+}
