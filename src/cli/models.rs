@@ -207,7 +207,8 @@ pub const MODELS: [Model; 24] = [
     Model {
         name: "grass",
         fit: verb!(fit::grass, "Slices of a meadow, drawn in real time, from its blades"),
-        bench: Some(Sweep { steps: grass::PIECES, rows: grass::rows, pictures: None, peers: None }),
+        bench: Some(Sweep { steps: grass::bench::PIECES, rows: grass::bench::rows, pictures: None, peers: None }),
+        stress: Some(|| Ok(grass::stress::rows())),
         ..NONE
     },
     Model { name: "transport", stress: Some(|| Ok(transport::stress())), ..NONE },

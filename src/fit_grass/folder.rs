@@ -1,4 +1,4 @@
-//! Slices on disk: `slices.exr`, `level.exr`, previews, `fit.toml`, `times.toml`.
+//! Slices on disk: `slices.exr`, `level.exr`, previews, `view.png`, `fit.toml`, `times.toml`.
 
 use crate::blades::{Meadow, STEPS};
 use crate::judge::{AZIMUTHS, ELEVATIONS, Judged, SUN};

@@ -128,7 +128,7 @@ fn look(period: [f64; 2], height: f64, rays: Rays, to: DVec3, one: impl Fn(DVec3
     }
 }
 
-fn of_blades(meadow: &Meadow, rays: Rays, origin: DVec3, d: DVec3) -> Look {
+pub(crate) fn of_blades(meadow: &Meadow, rays: Rays, origin: DVec3, d: DVec3) -> Look {
     let ground = -origin.z / d.z;
     let Some(met) = meadow.nearest(&Ray::new(origin, d), ground) else { return Look::default() };
     let [seen, _] = met.rho_d;
@@ -145,7 +145,7 @@ fn of_blades(meadow: &Meadow, rays: Rays, origin: DVec3, d: DVec3) -> Look {
     out
 }
 
-fn of_slices(slices: &Slices, rays: Rays, steps: usize, origin: DVec3, d: DVec3) -> Look {
+pub(crate) fn of_slices(slices: &Slices, rays: Rays, steps: usize, origin: DVec3, d: DVec3) -> Look {
     let sun = towards(90.0 - SUN[0], SUN[1]);
     let mut sunlit = [0.0; 3];
     let mut left = 1.0;

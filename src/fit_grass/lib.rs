@@ -15,6 +15,7 @@ pub mod blades;
 pub mod judge;
 pub mod march;
 pub mod optics;
+mod picture;
 pub mod sheet;
 #[cfg(test)]
 mod tests;
@@ -64,6 +65,8 @@ impl Default for Options {
 
 /// How slices are made: changes where the same meadow gets others.
 const METHOD: &str = "pictures along normals; weights fitted in 17 steps";
+/// The blades (above) and the slices (below), as they look.
+const VIEW: &str = "view.png";
 /// Slices a part.
 const SLICES_A_PART: usize = 8;
 /// What the parts hold: changes where their format does.
@@ -113,6 +116,7 @@ fn fit(path: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
     folder::describe(&mut record, &meadow, &slices, options, &known, &judged);
     let out = maker.begin()?;
     folder::write(out, &slices, &mut record)?;
+    picture::write(&out.join(VIEW), &meadow, &slices)?;
     maker.finish(&record)?;
     Ok(Outcome::Done(Box::new(record)))
 }

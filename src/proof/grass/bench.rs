@@ -13,7 +13,7 @@ use mesophyll_flora::grow::meadow;
 use std::path::Path;
 
 /// The lawn, part of the program.
-const LAWN: &str = include_str!("../../data/grass/lawn.toml");
+const LAWN: &str = include_str!("../../../data/grass/lawn.toml");
 /// Slices and texels that are tried.
 const TRIED: [(usize, [usize; 2]); 5] =
     [(16, [64, 16]), (16, [128, 32]), (16, [256, 64]), (32, [128, 32]), (32, [256, 64])];

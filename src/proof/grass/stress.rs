@@ -1,0 +1,148 @@
+//! Meadows and rays that are hard for slices: whether what a ray gathers stays a share, and is what it has to be.
+
+use crate::stress::StressRow;
+use glam::DVec3;
+use mesophyll_fit_grass::blades::Meadow;
+use mesophyll_fit_grass::judge::{Rays, coverage_of_blades, coverage_of_slices, towards};
+use mesophyll_fit_grass::march::Slices;
+use mesophyll_fit_grass::sheet::{CHANNELS, Edges, Sheet};
+use mesophyll_fit_grass::{Options, baked, optics, weights};
+use mesophyll_flora::grow::meadow;
+use std::path::Path;
+use std::time::Instant;
+
+/// A lawn on a small square, with so many blades on a square metre.
+fn lawn(per_m2: f64, size_mm: [f64; 2]) -> Result<Meadow, String> {
+    let text = include_str!("../../../data/grass/lawn.toml");
+    let mut described: meadow::Meadow = toml::from_str(text).map_err(|e| e.to_string())?;
+    described.size_mm = size_mm;
+    described.swards.iter_mut().for_each(|sward| sward.per_m2 = per_m2);
+    let leaves = optics::read(None).map_err(|e| e.to_string())?;
+    Meadow::new(Path::new("lawn.toml"), &described.grow(None), &leaves).map_err(|e| e.to_string())
+}
+
+fn small(slices: usize) -> Result<(Meadow, Slices), String> {
+    let meadow = lawn(21_000.0, [100.0, 100.0])?;
+    let options = Options { slices, texels: [64, 32], rays: 2, ..Options::default() };
+    let slices = baked(&meadow, &options);
+    Ok((meadow, slices))
+}
+
+/// The same slices with one opacity everywhere.
+fn even(opacity: f32) -> Result<Slices, String> {
+    let (_, slices) = small(8)?;
+    let mut texel = [0.0; CHANNELS];
+    texel[0] = opacity;
+    let upright = Sheet::new([64, 32], 16, Edges::Level, |_, _, _| texel);
+    let level = Some(Sheet::new([64, 64], 1, Edges::Level, |_, _, _| texel));
+    let cover = Slices::covers(&upright, level.as_ref());
+    Ok(Slices { upright, level, cover, ..slices })
+}
+
+/// Opacity along a ray; an error where it is no share.
+fn opacity(slices: &Slices, origin: DVec3, d: DVec3, steps: usize) -> Result<f64, String> {
+    let found = slices.march(origin, d, steps, 0.0, |_, texel| [texel[1], texel[2], texel[3]]);
+    let share = |v: f64| (0.0..=1.0 + 1e-12).contains(&v);
+    if !share(found.opacity) || !found.colour.iter().all(|c| share(*c)) || found.steps > steps {
+        return Err(format!("opacity {} and colour {:?} after {} slices", found.opacity, found.colour, found.steps));
+    }
+    Ok(found.opacity)
+}
+
+/// A row: `case` answers with what was found and what is right, and how far apart they may be.
+fn row(case: &str, expected: &str, of: impl FnOnce() -> Result<[f64; 3], String>) -> StressRow {
+    let clock = Instant::now();
+    let found = of();
+    let ms = clock.elapsed().as_secs_f64() * 1e3;
+    let verdict = match &found {
+        Ok([found, right, most]) if (found - right).abs() <= *most => "ok".to_string(),
+        Ok([found, right, most]) => format!("wrong: {found}, expected {right} within {most}"),
+        Err(why) => format!("refused: {why}"),
+    };
+    StressRow {
+        model: "grass".into(),
+        case: case.into(),
+        expected: expected.into(),
+        verdict,
+        digits: None,
+        condition: None,
+        ms,
+    }
+}
+
+/// The rows of `mesophyll stress grass`.
+pub fn rows() -> Vec<StressRow> {
+    let middle = |s: &Slices| DVec3::new(7.0, -11.0, 0.5 * s.height);
+    vec![
+        row("level, along the slices across y: 1,000 slices", "ok", || {
+            let (_, s) = small(8)?;
+            Ok([opacity(&s, middle(&s), DVec3::X, 1000)?, 1.0, 1e-3])
+        }),
+        row("level, at 45°: both kinds at the same places", "ok", || {
+            let (_, s) = small(8)?;
+            let origin = DVec3::new(0.0, 0.0, 0.3 * s.height);
+            Ok([opacity(&s, origin, DVec3::new(1.0, 1.0, 0.0).normalize(), 1000)?, 1.0, 1e-3])
+        }),
+        row("from below as from above: the same slices, the same opacity", "ok", || {
+            let (_, s) = small(8)?;
+            let d = -towards(55.0, 31.0);
+            let top = DVec3::new(3.0, 4.0, s.height);
+            let ground = top + d * (s.height / -d.z);
+            Ok([opacity(&s, ground, -d, 1000)?, opacity(&s, top, d, 1000)?, 1e-4])
+        }),
+        row("from inside, both ways: together what the whole ray has", "ok", || {
+            let (_, s) = small(8)?;
+            let d = -towards(65.0, 31.0);
+            let top = DVec3::new(3.0, 4.0, s.height);
+            let inside = top + d * (0.37 * s.height / -d.z);
+            let passes = (1.0 - opacity(&s, inside, d, 1000)?) * (1.0 - opacity(&s, inside, -d, 1000)?);
+            Ok([1.0 - passes, opacity(&s, top, d, 1000)?, 1e-3])
+        }),
+        row("on the ground, looking down: nothing is left to cross", "ok", || {
+            let (_, s) = small(8)?;
+            Ok([opacity(&s, DVec3::new(1.0, 2.0, 0.0), DVec3::NEG_Z, 1000)?, 0.0, 0.0])
+        }),
+        row("no steps", "ok", || {
+            let (_, s) = small(8)?;
+            Ok([opacity(&s, middle(&s), -towards(30.0, 10.0), 0)?, 0.0, 0.0])
+        }),
+        row("one slice a direction", "ok", || {
+            let (meadow, mut s) = small(1)?;
+            weights::fit(&meadow, &mut s, 16).map_err(|e| e.to_string())?;
+            let rays = Rays { side: 32, level: 0.0, sunlit: false };
+            let of = |e: f64| {
+                [coverage_of_slices(&s, rays, towards(e, 37.0)), coverage_of_blades(&meadow, rays, towards(e, 37.0))]
+            };
+            let [found, right] = of(40.0);
+            Ok([found, right, 0.1])
+        }),
+        row("opacity 0 everywhere", "ok", || {
+            Ok([opacity(&even(0.0)?, DVec3::new(1.0, 2.0, 40.0), -towards(20.0, 10.0), 1000)?, 0.0, 0.0])
+        }),
+        row("opacity 1 everywhere", "ok", || {
+            let s = even(1.0)?;
+            Ok([opacity(&s, DVec3::new(1.0, 2.0, s.height), -towards(20.0, 10.0), 1000)?, 1.0, 1e-3])
+        }),
+        row("a hundred times as many blades", "ok", || {
+            let meadow = lawn(2_100_000.0, [20.0, 20.0])?;
+            let s = baked(&meadow, &Options { slices: 8, texels: [64, 32], rays: 1, ..Options::default() });
+            let rays = Rays { side: 16, level: 0.0, sunlit: false };
+            let to = towards(60.0, 20.0);
+            Ok([coverage_of_slices(&s, rays, to), coverage_of_blades(&meadow, rays, to), 0.05])
+        }),
+        row("one blade", "ok", || {
+            let meadow = lawn(100.0, [100.0, 100.0])?;
+            let mut s = baked(&meadow, &Options { slices: 8, texels: [64, 32], rays: 4, ..Options::default() });
+            weights::fit(&meadow, &mut s, 16).map_err(|e| e.to_string())?;
+            let rays = Rays { side: 64, level: 0.0, sunlit: false };
+            let to = towards(45.0, 20.0);
+            Ok([coverage_of_slices(&s, rays, to), coverage_of_blades(&meadow, rays, to), 0.01])
+        }),
+        row("zero height: no blade stands", "refused: lawn.toml: no blade stands above the ground", || {
+            lawn(0.0, [100.0, 100.0]).map(|_| [0.0; 3])
+        }),
+        row("blades ten thousand times as long as the square", "refused: lawn.toml: more than 2000000 blades", || {
+            lawn(1e12, [0.005, 0.005]).map(|_| [0.0; 3])
+        }),
+    ]
+}
