@@ -11,8 +11,8 @@ use std::path::Path;
 
 /// Pixels of each of the two views.
 const SIZE: [usize; 2] = [640, 280];
-/// Rays along each side of a pixel.
-const RAYS: usize = 2;
+/// Rays along each side of a pixel: of the blades, and of the slices, of which a shader follows one as well.
+const RAYS: [usize; 2] = [3, 1];
 /// Light of an even sky over the sun's, and what is white: of the picture only.
 const SKY: f64 = 0.3;
 const WHITE: f64 = 0.22;
@@ -26,8 +26,8 @@ const GAP: usize = 6;
 /// # Errors
 /// [`crate::Error::Write`] where the file cannot be written.
 pub fn write(path: &Path, meadow: &Meadow, slices: &Slices) -> Result<()> {
-    let blades = view(meadow, |rays, o, d| of_blades(meadow, rays, o, d));
-    let other = view(meadow, |rays, o, d| {
+    let blades = view(meadow, RAYS[0], |rays, o, d| of_blades(meadow, rays, o, d));
+    let other = view(meadow, RAYS[1], |rays, o, d| {
         // As a shader does: the texel's size on the sheet beside the pixel's on the slice.
         let texel = slices.period[0] / slices.upright.cell[0] as f64;
         let level = (rays.level / texel).log2().max(0.0);
@@ -37,28 +37,28 @@ pub fn write(path: &Path, meadow: &Meadow, slices: &Slices) -> Result<()> {
     write_png(path, SIZE[0], 2 * SIZE[1] + GAP, &[blades, gap, other].concat())
 }
 
-/// One view; `look` gets the size of a ray's share of a pixel (mm) as the level.
-fn view(meadow: &Meadow, look: impl Fn(Rays, DVec3, DVec3) -> Look + Sync) -> Vec<u8> {
+/// One view by `side` rays along each side of a pixel; `look` gets the size of a ray's share of a pixel (mm) as the level.
+fn view(meadow: &Meadow, side: usize, look: impl Fn(Rays, DVec3, DVec3) -> Look + Sync) -> Vec<u8> {
     let [w, h] = SIZE;
     let back = towards(25.0, 250.0);
     let far = 0.9 * meadow.period[0] + 2.0 * meadow.height;
     let eye = back * far + DVec3::Z * meadow.height;
     let right = DVec3::Z.cross(back).normalize();
     let up = back.cross(right);
-    let size = 0.9 / (w * RAYS) as f64;
+    let size = 0.9 / (w * side) as f64;
     let pixel = |k: usize| {
         let mut sum = [0.0; 3];
-        for i in 0..RAYS * RAYS {
-            let x = ((k % w) * RAYS + i % RAYS) as f64 + 0.5 - 0.5 * (w * RAYS) as f64;
-            let y = ((k / w) * RAYS + i / RAYS) as f64 + 0.5 - 0.5 * (h * RAYS) as f64;
+        for i in 0..side * side {
+            let x = ((k % w) * side + i % side) as f64 + 0.5 - 0.5 * (w * side) as f64;
+            let y = ((k / w) * side + i / side) as f64 + 0.5 - 0.5 * (h * side) as f64;
             let d = (right * (x * size) - up * (y * size) - back).normalize();
             let t = (meadow.height - eye.z) / d.z;
-            let seen = look(Rays { side: 1, level: t * size, sunlit: true }, eye + d * t, d);
+            let seen = look(Rays { side, level: t * size, sunlit: true }, eye + d * t, d);
             for c in 0..3 {
                 sum[c] += seen.sunlit[c] + SKY * (seen.colour[c] + (1.0 - seen.coverage) * GROUND[c]);
             }
         }
-        sum.map(|s| to_srgb8((s / (RAYS * RAYS) as f64 / WHITE) as f32))
+        sum.map(|s| to_srgb8((s / (side * side) as f64 / WHITE) as f32))
     };
     (0..w * h).into_par_iter().flat_map_iter(pixel).collect()
 }
