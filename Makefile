@@ -4,12 +4,13 @@
 #   make fits    regenerates everything under fits/
 #   make goldens draws the golden pictures of every scene anew; only after a deliberate change of a fit or of the renderer
 #   make gallery draws the pictures of docs/gallery.md, 1600 pixels wide, under out/gallery/; about an hour on two cores
+#   make wheel   the Python package, under target/wheels/; `pip install target/wheels/*.whl` installs it
 #   make full    the demo at the full size of a real scan (720×540, 100 frames a pass); about 2 GB of disk
 
 CARGO ?= cargo
 MESOPHYLL = target/release/mesophyll
 
-.PHONY: demo full test fits goldens gallery build setup setup-test fmt lint
+.PHONY: demo full test fits goldens gallery build wheel setup setup-test fmt lint
 
 # Says how the program ended and where to look, and ends with its exit code, which the shell has in `code`. $(1) is the report.
 # 1: a fit, a picture or the machine (no adapter to draw with) misses what the scene asks; 2: an input or the disk; more: it died.
@@ -65,11 +66,17 @@ gallery: build
 build: setup
 	$(CARGO) build --release --locked
 
+wheel: setup
+	@.ci/setup python
+	@.ci/python
+	$${CARGO_TARGET_DIR:-target}/python/bin/maturin build --release --locked -m src/python/Cargo.toml
+
 setup:
 	@.ci/setup
 
 setup-test:
-	@.ci/setup test
+	@.ci/setup test python
+	@.ci/python
 
 fmt:
 	$(CARGO) fmt --all

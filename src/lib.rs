@@ -51,7 +51,7 @@
 //!
 //! ```text
 //! 11  main
-//! 10  cli
+//! 10  cli           python
 //! 9   report        check
 //! 8   proof         scene       export
 //! 7   manifest

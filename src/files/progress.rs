@@ -45,6 +45,11 @@ pub fn request_stop() {
     STOP.store(true, Ordering::SeqCst);
 }
 
+/// Takes back [`request_stop`], in a program that goes on after its work was stopped.
+pub fn go_on_again() {
+    STOP.store(false, Ordering::SeqCst);
+}
+
 /// Whether a stop was asked for: long loops look here between pieces of work and return [`crate::Error::Interrupted`].
 pub fn stop_requested() -> bool {
     STOP.load(Ordering::SeqCst)

@@ -46,24 +46,30 @@ impl Measured {
     }
 }
 
-/// Inverts one measurement and says what was found as the row of a batch.
+/// Inverts one measurement: the values of [`OUTPUTS`], NaN where there is none, and how it ended.
 ///
-/// Where no noise is stated nothing is known of the errors, so their cells stay empty. The status then only says
-/// whether the numbers belong to a slab and can be inverted: `ok`, or what stays open at a noise of [`ASSUMED_NOISE`].
-pub fn answer(options: &Options, m: &Measured) -> Answer {
+/// Where no noise is stated nothing is known of the errors, so they are NaN. The status then only says whether the
+/// numbers belong to a slab and can be inverted: `ok`, or what stays open at a noise of [`ASSUMED_NOISE`].
+pub fn found(options: &Options, m: &Measured) -> ([f64; 4], Status) {
     let stated = m.noise_is_stated(options);
     let or_noise = |err: f64| if err.is_nan() { options.noise.unwrap_or(ASSUMED_NOISE) } else { err };
     let (rho_d, [d_err, t_err]) = (m.rho_d - options.surface, [m.rho_d_err, m.rho_t_err].map(or_noise));
     let e = inverse::invert_with(options.precision, rho_d, m.rho_t, m.thickness_mm, d_err, t_err);
     let errors = if stated { [e.sigma_a_err, e.sigma_s_err] } else { [f64::NAN; 2] };
-    let values = vec![e.sigma_a, e.sigma_s, errors[0], errors[1]];
-    match e.status {
-        Status::Refused(why) => Answer::refused(why),
+    let status = match e.status {
         Status::Undetermined(what) if !stated => {
-            let what = format!("{what} (judged at a noise of {ASSUMED_NOISE:e}; none was stated)");
-            Answer { values, status: Status::Undetermined(what) }
+            Status::Undetermined(format!("{what} (judged at a noise of {ASSUMED_NOISE:e}; none was stated)"))
         }
-        status => Answer { values, status },
+        status => status,
+    };
+    ([e.sigma_a, e.sigma_s, errors[0], errors[1]], status)
+}
+
+/// [`found`] as the row of a batch.
+pub fn answer(options: &Options, m: &Measured) -> Answer {
+    match found(options, m) {
+        (_, Status::Refused(why)) => Answer::refused(why),
+        (values, status) => Answer { values: values.to_vec(), status },
     }
 }
 

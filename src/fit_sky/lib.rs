@@ -15,6 +15,7 @@
 
 #![warn(missing_docs)]
 
+pub mod evaluate;
 pub mod folded;
 pub mod folder;
 pub mod judge;

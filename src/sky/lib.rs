@@ -68,7 +68,7 @@ pub trait Sky: Sync {
 }
 
 /// A family of skies over the sun's zenith angle and turbidity: to a fit, a black box.
-pub trait Model: Sync {
+pub trait Model: Send + Sync {
     /// Name in files and on the command line.
     fn name(&self) -> &'static str;
 

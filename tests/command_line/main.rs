@@ -11,4 +11,5 @@ mod commands;
 mod common;
 mod csv;
 mod makefile;
+mod python;
 mod tables;

@@ -7,7 +7,8 @@ use mesophyll_files::table::{self, Answer, BatchIo, Row, Spec, Table};
 use mesophyll_fit::foliar::pigments;
 use mesophyll_optics::foliar::goniometer::{self, RINGS, SECTORS};
 use mesophyll_optics::foliar::pigments::{Contents, SUBSTANCES, Spectrum};
-use mesophyll_optics::foliar::{Leaf, Oblateness, Path, Side, exact, fsm, walk};
+use mesophyll_optics::foliar::shares::{Method as How, own_seed, shares as of_light, unsettled};
+use mesophyll_optics::foliar::{Leaf, Oblateness, Path, Side, fsm, walk};
 use std::path::PathBuf;
 
 /// CSV columns `incidence_deg,side,absorption_per_mm,mesophyll_thickness_mm,n_cuticle,n_mesophyll,n_antidermal` →
@@ -222,37 +223,17 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     Ok(0)
 }
 
-/// What the exact method answers where its nodes cannot follow the lobes.
-fn unsettled() -> String {
-    "the exact method does not settle to 2e-5 for lobes this narrow or indices this close; use --method monte-carlo"
-        .into()
-}
-
-/// A seed for each case, so that cases differ in their noise and a case has the same wherever it stands.
-fn seed(args: &Args, leaf: &Leaf, side: Side, incidence: f64) -> u64 {
-    let Oblateness { cuticle, epidermis, palisade, spongy } = leaf.oblateness;
-    let numbers =
-        [leaf.depth, leaf.n_cuticle, leaf.n_mesophyll, leaf.n_antidermal, cuticle, epidermis, palisade, spongy];
-    let words = [incidence.to_bits(), (side == Side::Adaxial).into(), (leaf.path == Path::Slant).into()];
-    // FNV-1a over the words
-    let mix = |h: u64, x: u64| (h ^ x).wrapping_mul(0x0000_0100_0000_01b3).rotate_left(29);
-    numbers.map(f64::to_bits).into_iter().chain(words).fold(mix(0xcbf2_9ce4_8422_2325, args.seed), mix)
+/// How the shares are found.
+fn how(args: &Args) -> How {
+    match args.method {
+        Method::Exact => How::Exact,
+        Method::MonteCarlo => How::MonteCarlo { rays: args.rays.unwrap_or(1_000_000), seed: args.seed },
+    }
 }
 
 /// Shares of the light: reflectance, transmittance and their standard errors.
 fn outcome(args: &Args, leaf: &Leaf, side: Side, incidence: f64) -> std::result::Result<[(f64, f64); 2], String> {
-    match args.method {
-        Method::Exact => {
-            let found = exact::response(leaf, side, incidence).ok_or_else(unsettled)?;
-            Ok([(found.reflectance, 0.0), (found.transmittance, 0.0)])
-        }
-        Method::MonteCarlo => {
-            let seed = seed(args, leaf, side, incidence);
-            let rays = args.rays.unwrap_or(1_000_000);
-            let counts = walk::count(leaf, side, incidence, rays, seed, &progress::stop_requested);
-            Ok([counts.share(counts.reflected), counts.share(counts.transmitted)])
-        }
-    }
+    of_light(leaf, side, incidence, how(args), &progress::stop_requested)
 }
 
 fn shares(args: &Args, case: &Case) -> std::result::Result<Vec<f64>, String> {
@@ -270,7 +251,7 @@ fn patches(args: &Args, case: &Case, begin: impl Fn() -> Vec<f64>) -> std::resul
     let (side, incidence) = case.light()?;
     let (leaf, _) = case.leaf(case.number("wavelength_nm"))?;
     let rays = args.rays.unwrap_or(10_000_000);
-    let seed = seed(args, &leaf, side, incidence);
+    let seed = own_seed(args.seed, &leaf, side, incidence);
     let seen = walk::directions(&leaf, side, incidence, rays, seed, &progress::stop_requested);
     let row = |ring: usize, sector: usize| {
         let (zenith, azimuth) = goniometer::middle(ring, sector);

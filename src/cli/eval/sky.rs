@@ -1,14 +1,14 @@
 //! `mesophyll eval sky`: sun and turbidity in, spherical harmonics of the sky out, N² rows for each row.
 
+use crate::Result;
 use crate::named::named;
 use crate::{Common, batch, tables};
-use crate::{Error, Result};
 use mesophyll_files::progress;
 use mesophyll_files::table::{self, Answer, BatchIo, Spec, Table};
+use mesophyll_fit_sky::SkyModel;
+use mesophyll_fit_sky::evaluate::{Evaluator, Source};
 use mesophyll_fit_sky::window::WindowKind;
-use mesophyll_fit_sky::{self as fits, Form, Method, Options, SkyModel};
 use mesophyll_sky::harmonics::MOST_BANDS;
-use mesophyll_sky::{Coefficients, Model, Refused, irradiance, project};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -33,8 +33,8 @@ pub struct Args {
     bands: u16,
     /// fit: fitted polynomials, 1e-5; compact: half the size, 1e-4; direct: integrated, 1e-9; the others fit Preetham
     /// as a black box
-    #[arg(long, value_enum, default_value_t = MethodName::Fit)]
-    method: MethodName,
+    #[arg(long, value_parser = named::<Source>(), default_value_t = Source::Fit)]
+    method: Source,
     /// The sky; hosek-wilkie needs --method direct
     #[arg(long, value_parser = named::<SkyModel>(), default_value_t = SkyModel::Preetham)]
     model: SkyModel,
@@ -52,26 +52,12 @@ pub struct Args {
     fit: Option<PathBuf>,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub enum MethodName {
-    #[value(alias = "fine")]
-    Fit,
-    Compact,
-    Direct,
-    Chebyshev,
-    MonomialsQr,
-}
-
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
-    let model = args.model.over(args.albedo)?;
-    let bands = usize::from(args.bands);
-    if !(0.0..=1.0).contains(&args.ground) {
-        return Err(Error::Usage(format!("--ground is {}; expected an albedo of 0 to 1", args.ground)));
-    }
-    // The ground's light is the irradiance of two bands at least.
-    let worked = if args.ground > 0.0 { bands.max(2) } else { bands };
-    let window = args.window.window(bands)?;
-    let form = polynomials(args, worked)?;
+    let (bands, window, ground) = (usize::from(args.bands), args.window, args.ground);
+    let skies = match &args.fit {
+        Some(folder) => Evaluator::of_folder(folder, bands, window, ground)?,
+        None => Evaluator::new(args.method, args.model, args.albedo, bands, window, ground)?,
+    };
     let table = Table::open(&args.io.input)?;
     let (sun_column, sun_unit) = table.angle("sun_zenith")?;
     let spec = Spec {
@@ -83,25 +69,11 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let (beyond, warned) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let tally = table::run(table, &args.io.rows(common.json), &spec, |row, out| {
         let (sun, turbidity) = (sun_unit * row.get(0), row.get(1));
-        let fitted = form
-            .as_ref()
-            .filter(|f| f.bands() >= worked && (f.turbidities()[0]..=f.turbidities()[1]).contains(&turbidity));
-        let answer = match fitted {
-            Some(form) => form.coefficients(sun, turbidity),
-            None => integrated(model.as_ref(), sun, turbidity, worked).inspect(|_| {
-                beyond.fetch_add(usize::from(form.is_some()), Ordering::Relaxed);
-            }),
-        };
-        match answer {
-            Ok(mut c) => {
-                if args.ground > 0.0 {
-                    c = irradiance::add_ground(&c, [args.ground; 3], [0.0; 3]);
-                }
-                if let Some(window) = &window {
-                    c = window.apply(&c.truncated(bands));
-                }
-                warned.fetch_add(usize::from(model.warning(turbidity).is_some()), Ordering::Relaxed);
-                let values = c.values().iter().take(bands * bands).enumerate();
+        match skies.at(sun, turbidity) {
+            Ok(found) => {
+                beyond.fetch_add(usize::from(found.beyond_fit), Ordering::Relaxed);
+                warned.fetch_add(usize::from(found.warned), Ordering::Relaxed);
+                let values = found.coefficients.values().iter().enumerate();
                 out.extend(values.map(|(k, v)| Answer::ok(vec![k as f64, v[0], v[1], v[2]])));
             }
             Err(_) if sun_unit != 1.0 && !(0.0..=90.0).contains(&row.get(0)) => {
@@ -115,10 +87,10 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     })?;
     let (beyond, warned) = (beyond.into_inner(), warned.into_inner());
     if warned > 0 {
-        let [low, high] = model.trusted();
+        let [low, high] = skies.model().trusted();
         progress::say(format!(
             "warning: {warned} skies have a turbidity outside the {low} to {high} for which {} is trusted",
-            model.name()
+            skies.model().name()
         ));
     }
     if beyond > 0 {
@@ -126,54 +98,4 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     }
     batch::say_tally(&tally, &args.io, common, "row")?;
     Ok(0)
-}
-
-fn integrated(model: &dyn Model, sun: f64, turbidity: f64, bands: usize) -> std::result::Result<Coefficients, Refused> {
-    Ok(project::direct(model.sky(sun, turbidity)?.as_ref(), bands))
-}
-
-/// The polynomials that the arguments ask for; `None` where everything is to be integrated.
-fn polynomials(args: &Args, bands: usize) -> Result<Option<Form<f32>>> {
-    if let Some(folder) = &args.fit {
-        let (record, form) = fits::folder::read(folder)?;
-        if record.options.get("model").map(String::as_str) != Some("preetham") {
-            return Err(Error::field(
-                &folder.join("fit.toml"),
-                "model",
-                "expected preetham, whose skies stand in where the fit ends",
-            ));
-        }
-        return Ok(Some(form));
-    }
-    if args.method == MethodName::Direct {
-        return Ok(None);
-    }
-    if args.model != SkyModel::Preetham {
-        return Err(Error::Usage("--model hosek-wilkie needs --method direct; the fits are of preetham".into()));
-    }
-    let method = match args.method {
-        MethodName::Fit if bands <= 7 => return Ok(Some(Form::Folded(fits::standard()?.clone()))),
-        MethodName::Fit | MethodName::Direct => Method::Fine,
-        MethodName::Compact => Method::Compact,
-        MethodName::Chebyshev => Method::Chebyshev,
-        MethodName::MonomialsQr => Method::MonomialsQr,
-    };
-    if bands > fits::MOST_BANDS {
-        // the default gives way; a fit asked for by name does not
-        if args.method == MethodName::Fit {
-            progress::say(format!(
-                "{bands} bands are more than a fit has ({}); everything is integrated directly",
-                fits::MOST_BANDS
-            ));
-            return Ok(None);
-        }
-        return Err(Error::Usage(format!(
-            "--bands {bands} with --method {}: expected at most {}",
-            method.name(),
-            fits::MOST_BANDS
-        )));
-    }
-    let fitted = fits::fit(&Options { method, bands, ..Options::default() })?;
-    let failed = || Error::Missed(format!("{} failed: {}", method.name(), fitted.remark));
-    Ok(Some(fitted.form.as_ref().ok_or_else(failed)?.narrow()))
 }

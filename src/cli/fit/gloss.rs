@@ -3,7 +3,7 @@
 use crate::named::named;
 use crate::{Common, batch, tables};
 use crate::{Error, Result};
-use mesophyll_files::table::{self, Answer, BatchIo, Table, Tally};
+use mesophyll_files::table::{self, BatchIo, Table, Tally};
 use mesophyll_fit::gloss::geometry::{Geometry, trace_columns};
 use mesophyll_fit::gloss::{Robust, TexelFit, TexelFitter, samples};
 use mesophyll_optics::gloss::{Lobe, LobeKind};
@@ -78,23 +78,13 @@ fn traces(args: &Args, common: &Common, geometry: &Geometry, lobe: Lobe) -> Resu
         &Precision { along: args.quadrature.into(), ..Precision::default() },
     );
     fitter.robust = args.robust;
-    let names: Vec<&str> = if channels == 1 {
-        vec!["rho_d", "rho_s", "m", "tilt"]
-    } else {
-        vec!["rho_d_r", "rho_d_g", "rho_d_b", "rho_s_r", "rho_s_g", "rho_s_b", "m", "tilt"]
-    };
     let columns: Vec<String> = columns.concat();
     let spec = table::Spec {
         // An empty cell is no reading.
         optional: columns.clone(),
         // A status of an earlier step (`eval gloss`) gives way to this one.
         dropped: columns.into_iter().chain(["status".into()]).collect(),
-        outputs: names
-            .iter()
-            .map(|n| n.to_string())
-            .chain(names.iter().map(|n| format!("{n}_err")))
-            .chain(["chi2".into()])
-            .collect(),
+        outputs: TexelFit::outputs(channels),
         ..table::Spec::default()
     };
     table::run(table, &args.io.rows(common.json), &spec, |row, out| {
@@ -102,22 +92,6 @@ fn traces(args: &Args, common: &Common, geometry: &Geometry, lobe: Lobe) -> Resu
         let trace: Vec<[f32; 3]> = (0..frames).map(|k| std::array::from_fn(|c| value(c, k))).collect();
         thread_local!(static SCRATCH: std::cell::RefCell<mesophyll_fit::gloss::Workspace> = std::cell::RefCell::default());
         let fit = SCRATCH.with_borrow_mut(|ws| fitter.fit(ws, [0.0; 2], &trace, None));
-        out.push(answer(&fit, channels));
+        out.push(fit.answer(channels));
     })
-}
-
-fn answer(fit: &TexelFit, channels: usize) -> Answer {
-    if fit.termination == mesophyll_solve::Termination::Refused {
-        return Answer::refused(fit.defect.unwrap_or("no fit"));
-    }
-    let mut values = Vec::with_capacity(17);
-    let push = |values: &mut Vec<f64>, d: &[f64; 3], s: &[f64; 3], m: f64, tilt: f64| {
-        values.extend_from_slice(&d[..channels]);
-        values.extend_from_slice(&s[..channels]);
-        values.extend([m, tilt]);
-    };
-    push(&mut values, &fit.rho_d, &fit.rho_s, fit.m, fit.tilt[0]);
-    push(&mut values, &fit.rho_d_err, &fit.rho_s_err, fit.m_err, fit.tilt_err[0]);
-    values.push(fit.chi2);
-    Answer { values, status: fit.status(channels) }
 }

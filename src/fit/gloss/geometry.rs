@@ -49,6 +49,16 @@ impl Geometry {
         Ok(geometry)
     }
 
+    /// The same from the text of such a file; `name` stands for the file in messages.
+    ///
+    /// # Errors
+    /// As [`Geometry::read`].
+    pub fn from_text(text: &str, name: &Path) -> Result<Geometry> {
+        let geometry: Geometry = toml::from_str(text).map_err(|e| Error::toml(name, text, &e))?;
+        geometry.check(name)?;
+        Ok(geometry)
+    }
+
     fn check(&self, path: &Path) -> Result<()> {
         let bad = |field: &str, found: &dyn std::fmt::Display, expected: &str| {
             Err(Error::field(path, field, format!("found {found}, expected {expected}")))

@@ -16,7 +16,7 @@ mod texel;
 
 pub use texel::{TexelFitter, Workspace};
 
-use mesophyll_files::table::Status;
+use mesophyll_files::table::{Answer, Status};
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::tube::Tube;
 use mesophyll_solve::Termination;
@@ -262,6 +262,34 @@ impl TexelFit {
             None => Status::Undetermined(what),
             Some(why) => Status::Undetermined(format!("{what} ({why})")),
         }
+    }
+
+    /// Output columns of [`TexelFit::answer`] for `channels` (1 or 3) channels: values, their errors, `chi2`.
+    pub fn outputs(channels: usize) -> Vec<String> {
+        let names: &[&str] = if channels == 1 {
+            &["rho_d", "rho_s", "m", "tilt"]
+        } else {
+            &["rho_d_r", "rho_d_g", "rho_d_b", "rho_s_r", "rho_s_g", "rho_s_b", "m", "tilt"]
+        };
+        let errors = names.iter().map(|n| format!("{n}_err"));
+        names.iter().map(|n| n.to_string()).chain(errors).chain(["chi2".into()]).collect()
+    }
+
+    /// The texel as the row of a batch.
+    pub fn answer(&self, channels: usize) -> Answer {
+        if self.termination == Termination::Refused {
+            return Answer::refused(self.defect.unwrap_or("no fit"));
+        }
+        let mut values = Vec::with_capacity(17);
+        let mut push = |d: &[f64; 3], s: &[f64; 3], m: f64, tilt: f64| {
+            values.extend_from_slice(&d[..channels]);
+            values.extend_from_slice(&s[..channels]);
+            values.extend([m, tilt]);
+        };
+        push(&self.rho_d, &self.rho_s, self.m, self.tilt[0]);
+        push(&self.rho_d_err, &self.rho_s_err, self.m_err, self.tilt_err[0]);
+        values.push(self.chi2);
+        Answer { values, status: self.status(channels) }
     }
 
     /// χ² over the degrees of freedom: about 1 where the model and the stated noise are right.

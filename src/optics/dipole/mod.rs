@@ -40,6 +40,7 @@ mod hankel;
 mod layer;
 pub mod scalar;
 mod sum;
+pub mod verdict;
 
 use layer::{Layer, Modal};
 use mesophyll_fourier::Complex;

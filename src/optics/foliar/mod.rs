@@ -18,6 +18,7 @@ pub mod goniometer;
 pub mod lobe;
 pub mod pigments;
 pub mod ray;
+pub mod shares;
 #[cfg(test)]
 mod tests;
 pub mod walk;

@@ -20,6 +20,7 @@ pub mod ordinates;
 pub mod quadrature;
 pub mod table;
 pub mod thin;
+pub mod verdict;
 
 /// Diffuse reflectance and total transmittance of the slab.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -3,7 +3,7 @@
 use super::{Sample, SamplesFit, TILT, fit};
 use crate::gloss::M_RANGE;
 use crate::{Error, Result};
-use mesophyll_files::table::{Answer, GroupRow, Groups, Output, Spec, Status, Table, Tally};
+use mesophyll_files::table::{Answer, Groups, Output, Spec, Status, Table, Tally};
 use mesophyll_optics::gloss::Lobe;
 
 /// `fit gloss --samples`: reads all rows, groups them by `leaf`, writes a row a leaf in order of first appearance.
@@ -28,31 +28,51 @@ pub fn run(table: Table, output: &Output, values: &[String], lobe: Lobe) -> Resu
     for name in &values {
         table.require(name)?;
     }
+    let spec = Spec {
+        required: ANGLES.map(String::from).to_vec(),
+        optional: values.clone(),
+        outputs: outputs(&values),
+        ..Spec::default()
+    };
+    Groups::read(table, &spec, "leaf")?.run(output, &spec, |_, rows| {
+        let samples: std::result::Result<Vec<Sample>, String> = rows
+            .iter()
+            .map(|row| sample(&row.values, &values).map_err(|why| format!("line {}: {why}", row.line)))
+            .collect();
+        samples.map_or_else(Answer::refused, |samples| answer(&samples, &values, lobe))
+    })
+}
+
+/// Output columns of [`answer`] for value columns of these names.
+pub fn outputs(values: &[String]) -> Vec<String> {
     let each = |suffix: &str| values.iter().map(|v| format!("rho_d_{v}{suffix}")).collect::<Vec<_>>();
     let mut outputs = each("");
     outputs.extend(["rho_s", "m", "tilt", "tilt_y", "rms"].map(String::from));
     outputs.extend(each("_err"));
     outputs.extend(["rho_s_err", "m_err", "tilt_err", "tilt_y_err"].map(String::from));
-    let spec =
-        Spec { required: ANGLES.map(String::from).to_vec(), optional: values.clone(), outputs, ..Spec::default() };
-    Groups::read(table, &spec, "leaf")?.run(output, &spec, |_, rows| {
-        let samples: std::result::Result<Vec<Sample>, String> =
-            rows.iter().map(|row| sample(row, &values).map_err(|why| format!("line {}: {why}", row.line))).collect();
-        match samples.and_then(|samples| fit(&samples, lobe)) {
-            Ok(f) => {
-                let cells = f.rho_d.iter().copied().chain([f.rho_s, f.m, f.tilt[0], f.tilt[1], f.rms]);
-                let errors = f.rho_d_err.iter().copied().chain([f.rho_s_err, f.m_err, f.tilt_err[0], f.tilt_err[1]]);
-                Answer { values: cells.chain(errors).collect(), status: status(&f, &values) }
-            }
-            Err(why) => Answer::refused(why),
+    outputs
+}
+
+/// Fits one leaf and says what was found as the row of a batch; `values` are the names of the value columns.
+pub fn answer(samples: &[Sample], values: &[String], lobe: Lobe) -> Answer {
+    match fit(samples, lobe) {
+        Ok(f) => {
+            let cells = f.rho_d.iter().copied().chain([f.rho_s, f.m, f.tilt[0], f.tilt[1], f.rms]);
+            let errors = f.rho_d_err.iter().copied().chain([f.rho_s_err, f.m_err, f.tilt_err[0], f.tilt_err[1]]);
+            Answer { values: cells.chain(errors).collect(), status: status(&f, values) }
         }
-    })
+        Err(why) => Answer::refused(why),
+    }
 }
 
 const ANGLES: [&str; 3] = ["source_zenith_deg", "view_zenith_deg", "view_azimuth_deg"];
 
-fn sample(row: &GroupRow, names: &[String]) -> std::result::Result<Sample, String> {
-    let (angles, values) = row.values.split_at(ANGLES.len());
+/// A direction from its three angles (degrees) and its readings, whose columns have these names.
+///
+/// # Errors
+/// A sentence that names the number that cannot be used.
+pub fn sample(cells: &[f64], names: &[String]) -> std::result::Result<Sample, String> {
+    let (angles, values) = cells.split_at(ANGLES.len());
     if let Some((name, x)) = ANGLES.iter().zip(angles).find(|(_, x)| !x.is_finite()) {
         return Err(format!("{name} is {x}; expected degrees"));
     }

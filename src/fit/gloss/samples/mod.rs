@@ -10,7 +10,7 @@
 
 mod batch;
 
-pub use batch::run;
+pub use batch::{answer, outputs, run, sample};
 
 use super::{M_RANGE, normal_of};
 use argmin::core::{CostFunction, Executor, State as _};

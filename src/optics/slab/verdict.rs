@@ -1,0 +1,76 @@
+//! ρd and ρt from ω and Δ by a named method, with a word on inputs that make no slab: what `eval slab` prints a row.
+
+use super::{Response, exact, fn_method};
+use mesophyll_error::Status;
+
+/// How ρd and ρt are computed.
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Default,
+    strum::Display,
+    strum::EnumString,
+    strum::EnumIter,
+    strum::IntoStaticStr,
+    strum::EnumMessage,
+)]
+#[strum(serialize_all = "lowercase")]
+pub enum Method {
+    /// A table, 1e-8.
+    #[default]
+    Fast,
+    /// Nine digits and more.
+    Exact,
+    /// The paper's F_N; the order is raised until two agree.
+    Fn,
+}
+
+/// F_N orders are raised until ρd and ρt change by less than this; an answer that never settles to 1e-3 is not called
+/// ok.
+const FN_TOLERANCE: f64 = 1e-6;
+const FN_SETTLED: f64 = 1e-3;
+
+/// Smaller numbers than this are stored with fewer digits than an answer promises.
+const SMALLEST: f64 = 1e-300;
+
+/// ρd and ρt of a slab of single-scattering albedo `omega` (0 to 1) and optical thickness `delta` ≥ 0, for a beam of
+/// cosine `mu0` ([`Method::Exact`] only), and how they ended. `one_minus_omega` is NaN where ω alone is known; near
+/// ω = 1 it carries the digits. The shares are NaN where the status is [`Status::Refused`].
+pub fn evaluate(method: Method, mu0: f64, omega: f64, delta: f64, one_minus_omega: f64) -> (Response, Status) {
+    let refused = |why: String| (Response { rho_d: f64::NAN, rho_t: f64::NAN }, Status::Refused(why));
+    if !(0.0..=1.0).contains(&omega) {
+        return refused(format!("omega is {omega}; expected 0 to 1"));
+    }
+    if !(delta >= 0.0 && delta.is_finite()) {
+        return refused(format!("delta is {delta}; expected 0 or more"));
+    }
+    for (name, value) in [("omega", omega), ("delta", delta)] {
+        if value != 0.0 && value < SMALLEST {
+            return refused(format!(
+                "{name} is {value:e}; expected 0 or at least {SMALLEST:e}, below which numbers lose their digits"
+            ));
+        }
+    }
+    let absorbed = if one_minus_omega.is_nan() { 1.0 - omega } else { one_minus_omega };
+    if !(absorbed >= 0.0 && (omega + absorbed - 1.0).abs() < 1e-9) {
+        return refused(format!("one_minus_omega is {absorbed} beside omega {omega}; expected their sum to be 1"));
+    }
+    // One of the two carries the digits: 1−ω near 1, ω near 0.
+    let omega = if absorbed < 0.5 { 1.0 - absorbed } else { omega };
+    match method {
+        Method::Fast => (super::reduced(omega, absorbed, delta).0, Status::Ok),
+        Method::Exact => (exact::solve_at(mu0, omega, absorbed, delta), Status::Ok),
+        Method::Fn => {
+            let a = fn_method::solve(omega, absorbed, delta, FN_TOLERANCE);
+            if a.change <= FN_SETTLED {
+                (a.response, Status::Ok)
+            } else {
+                let what = format!("rho_d; rho_t: order {} differs from the one before by {:.1e}", a.order, a.change);
+                (a.response, Status::Undetermined(what))
+            }
+        }
+    }
+}

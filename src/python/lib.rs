@@ -1,0 +1,41 @@
+//! `mesophyll._native`: the numbers behind the Python package `mesophyll`, which lies in the folder of that name beside
+//! this file.
+//!
+//! Users call the package. It brings arrays into shape and says in its docstrings what they hold; here they arrive as
+//! buffers of `f64`, are computed on all cores without Python's lock, and leave through buffers that the package made.
+//! Rows are computed by the very functions that the command line's verbs call, so that both give the same digits.
+//!
+//! Nothing here panics into Python ([`bridge::run`]), and errors are the sentences of the command line: `ValueError`
+//! for what the user gave, `OSError` for files.
+
+#![warn(missing_docs)]
+
+mod bridge;
+mod leaf;
+mod models;
+mod sky;
+mod slab;
+mod surface;
+
+use pyo3::prelude::*;
+
+#[pymodule(name = "_native")]
+fn native(m: &Bound<'_, PyModule>) -> PyResult<()> {
+    m.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    m.add_function(wrap_pyfunction!(slab::slab_invert, m)?)?;
+    m.add_function(wrap_pyfunction!(slab::slab_forward, m)?)?;
+    m.add_function(wrap_pyfunction!(slab::slab_evaluate, m)?)?;
+    m.add_function(wrap_pyfunction!(surface::gloss_frames, m)?)?;
+    m.add_function(wrap_pyfunction!(surface::gloss_fit, m)?)?;
+    m.add_function(wrap_pyfunction!(surface::gloss_fit_samples, m)?)?;
+    m.add_function(wrap_pyfunction!(leaf::leaf_fit, m)?)?;
+    m.add_function(wrap_pyfunction!(leaf::verify, m)?)?;
+    m.add_function(wrap_pyfunction!(leaf::read_exr, m)?)?;
+    m.add_function(wrap_pyfunction!(leaf::write_exr, m)?)?;
+    m.add_function(wrap_pyfunction!(sky::sky_coefficients, m)?)?;
+    m.add_function(wrap_pyfunction!(sky::sky_evaluate, m)?)?;
+    m.add_function(wrap_pyfunction!(models::beam, m)?)?;
+    m.add_function(wrap_pyfunction!(models::dipole, m)?)?;
+    m.add_function(wrap_pyfunction!(models::abm, m)?)?;
+    Ok(())
+}
