@@ -49,19 +49,8 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     use mesophyll_scene::ledger::Ledger;
 
     let manifest = mesophyll_manifest::Manifest::read(&args.scene)?;
-    let video = args.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("mp4")).then_some(args.out.as_path());
-    let folder = video.map_or(args.out.clone(), |v| v.with_extension("frames"));
-    if let Some(video) = video {
-        // Said before anything is drawn.
-        ffmpeg(&["-version"])?;
-        claim::file(video, &["mp4"], &[&args.scene])?;
-    }
-    claim::folder(&folder, claim::Kind::Film, &[&args.scene])?;
-    let ledger = Ledger::new();
-    let mut scene = super::ready::scene(manifest, &folder, &ledger)?;
-    scene.find_transfer(&folder, &ledger)?;
-    let options = Options {
-        out: folder.clone(),
+    let mut options = Options {
+        out: args.out.clone(),
         view: args.view.clone(),
         from: args.from,
         to: args.to,
@@ -69,6 +58,27 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         size: args.size,
         force: args.force,
     };
+    // All that can be refused is refused before a fit is made.
+    options.frames()?;
+    if manifest.wind.is_none() {
+        return Err(Error::Usage(format!("{}: {}", args.scene.display(), film::NOTHING_MOVES)));
+    }
+    let video = args.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("mp4")).then_some(args.out.as_path());
+    let folder = video.map_or(args.out.clone(), |v| v.with_extension("frames"));
+    if let Some(video) = video {
+        if !ffmpeg(Path::new("."), &["-version"])?.status.success() {
+            return Err(Error::Usage("the program ffmpeg does not run; name a folder for the frames".into()));
+        }
+        if video.is_dir() {
+            return Err(Error::Usage(format!("{}: found a folder, expected the name of a video", video.display())));
+        }
+        claim::file(video, &["mp4"], &[&args.scene])?;
+    }
+    claim::folder(&folder, claim::Kind::Film, &[&args.scene])?;
+    let ledger = Ledger::new();
+    let mut scene = super::ready::scene(manifest, &folder, &ledger)?;
+    scene.find_transfer(&folder, &ledger)?;
+    options.out.clone_from(&folder);
     let (film, kept) = film::film(&scene, &options, &ledger)?;
     if let Some(video) = video {
         encode(&folder, &film, video)?;
@@ -87,38 +97,36 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     Ok(0)
 }
 
-/// Runs ffmpeg and waits for it.
+/// Runs ffmpeg in a folder and waits for it.
 #[cfg(feature = "render")]
-fn ffmpeg(arguments: &[&str]) -> Result<()> {
-    let done = std::process::Command::new("ffmpeg").args(arguments).stdin(std::process::Stdio::null()).output();
-    let done = done.map_err(|e| {
+fn ffmpeg(folder: &Path, arguments: &[&str]) -> Result<std::process::Output> {
+    let mut program = std::process::Command::new("ffmpeg");
+    program.args(arguments).current_dir(folder).stdin(std::process::Stdio::null()).output().map_err(|e| {
         Error::Usage(format!(
             "a video needs the program ffmpeg, which could not be started ({}); install it (on Debian: apt-get install \
              ffmpeg), or name a folder for the frames",
             mesophyll_files::atomic::explain(&e)
         ))
-    })?;
-    if done.status.success() {
-        return Ok(());
-    }
-    let said = String::from_utf8_lossy(&done.stderr);
-    let last = said.lines().rev().find(|l| !l.trim().is_empty()).unwrap_or("no reason given");
-    Err(Error::Missed(format!("ffmpeg could not make the video: {}; the frames are kept", last.trim())))
+    })
 }
 
 /// Frames to a video that common players show: H.264, sides even, nearly lossless. Written whole or not at all.
 #[cfg(feature = "render")]
 fn encode(folder: &Path, film: &mesophyll_scene::film::Film, video: &Path) -> Result<()> {
     use mesophyll_files::atomic;
-    // Beside the frames, so that a stopped run leaves no strange file where the video goes.
+    // Beside the frames, so that a stopped run leaves no strange file where the video goes; and by plain names, because
+    // ffmpeg reads % and : in a path as signs of its own.
     let whole = folder.join("video.mp4");
-    let (from, to) = (folder.join("frame-%05d.png"), whole.display().to_string());
     let (rate, frames) = (film.fps.to_string(), film.frames.to_string());
     let filter = "pad=ceil(iw/2)*2:ceil(ih/2)*2";
-    let read = ["-y", "-loglevel", "error", "-framerate", &rate, "-i", &from.display().to_string()].map(String::from);
-    let write = ["-frames:v", &frames, "-vf", filter, "-c:v", "libx264", "-crf", "14", "-pix_fmt", "yuv420p", &to];
-    let all: Vec<&str> = read.iter().map(String::as_str).chain(write).collect();
-    ffmpeg(&all)?;
+    let read = ["-y", "-loglevel", "error", "-framerate", &rate, "-i", "frame-%05d.png", "-frames:v", &frames];
+    let write = ["-vf", filter, "-c:v", "libx264", "-crf", "14", "-pix_fmt", "yuv420p", "video.mp4"];
+    let done = ffmpeg(folder, &[&read[..], &write[..]].concat())?;
+    if !done.status.success() {
+        let said = String::from_utf8_lossy(&done.stderr);
+        let last = said.lines().rev().find(|l| !l.trim().is_empty()).unwrap_or("no reason given");
+        return Err(Error::Missed(format!("ffmpeg could not make the video: {}; the frames are kept", last.trim())));
+    }
     let bytes = std::fs::read(&whole).map_err(|e| Error::input(&whole, atomic::explain(&e)))?;
     atomic::write_bytes(video, &bytes)?;
     std::fs::remove_file(&whole).map_err(|e| Error::write(&whole, atomic::explain(&e)))

@@ -280,15 +280,23 @@ fn part_of(home: &Path, name: &str) -> Option<String> {
     let there = home.join(name).is_file();
     if let Some(fit) = fit_there(home) {
         let listed = || fit.files.iter().any(|f| f == name);
-        let preview = || name.ends_with(".png") && ["front_", "back_", "all"].iter().any(|p| name.starts_with(p));
+        let preview = || {
+            let of_leaf = ["front_", "back_", "all"].iter().any(|p| name.starts_with(p));
+            name.ends_with(".png") && (of_leaf || ["slices.png", "level.png", "view.png"].contains(&name))
+        };
         if matches!(name, "fit.toml" | "times.toml") || (there && (listed() || preview())) {
             return Some(fit.words);
         }
     }
     let told = [Kind::Scene, Kind::Render, Kind::Film, Kind::Bench, Kind::Maps, Kind::Import]
         .into_iter()
-        .find(|kind| marks(home, *kind).contains(&name));
+        .find(|kind| marks(home, *kind).contains(&name) || (*kind == Kind::Film && there && is_frame(home, name)));
     told.map(|kind| format!("a {}", kind.words()))
+}
+
+/// Whether `name` is one of the frames of the film in `home`.
+fn is_frame(home: &Path, name: &str) -> bool {
+    !marks(home, Kind::Film).is_empty() && name.starts_with("frame-") && name.ends_with(".png")
 }
 
 /// Everything that `folder` holds of what verbs make.

@@ -78,21 +78,39 @@ impl Film {
 /// [`Error::Interrupted`] after Ctrl-C, with all frames so far written.
 pub fn film(scene: &Scene, options: &Options, ledger: &Ledger) -> Result<(Film, u32)> {
     let drawn_by = |e: viewer::Error| Error::Missed(format!("the renderer failed: {e}"));
-    let frames = frames(scene, options)?;
+    let frames = options.frames()?;
+    if !scene.placed.moves().any() {
+        return Err(Error::Usage(format!("{}: {NOTHING_MOVES}", scene.manifest.path.display())));
+    }
     let views = views(scene, options.view.as_deref())?;
     let view = views[0];
     let mut renderer = viewer::Renderer::headless(&viewer::Options::default()).map_err(drawn_by)?;
     let adapter = renderer.adapter().clone();
     let drawer = format!("{} {} {}", adapter.name, adapter.backend, adapter.driver);
     let check = &scene.manifest.check;
+    let [width, height] = options.size.unwrap_or([check.width, check.height]);
+    let most = renderer.gpu().max_side();
+    if width.max(height) > most {
+        return Err(Error::Usage(format!(
+            "frames of {width}x{height} pixels: expected at most {most} on this adapter"
+        )));
+    }
+    // The transfer changes pictures too, and so may another version of this program.
+    let between = scene.transfer.as_ref().map_or("", |t| &t.record.record_hash);
+    let made_from = made_from(scene, view)?;
     let film = Film {
         film: scene.manifest.name.clone(),
         view: view.name.clone(),
-        size: options.size.unwrap_or([check.width, check.height]),
+        size: [width, height],
         from: options.from,
         fps: options.fps,
         frames,
-        made_from: hash::combine([("scene", made_from(scene, view)?.as_str()), ("adapter", drawer.as_str())]),
+        made_from: hash::combine([
+            ("scene", made_from.as_str()),
+            ("transfer", between),
+            ("adapter", drawer.as_str()),
+            ("version", env!("CARGO_PKG_VERSION")),
+        ]),
     };
     claim_frames(&film, options)?;
 
@@ -126,37 +144,44 @@ pub fn film(scene: &Scene, options: &Options, ledger: &Ledger) -> Result<(Film, 
     Ok((film, kept))
 }
 
-/// How many frames there are.
-fn frames(scene: &Scene, options: &Options) -> Result<u32> {
-    let (from, to, fps) = (options.from, options.to, options.fps);
-    if !scene.placed.moves().any() {
-        return Err(Error::Usage(format!(
-            "{}: nothing moves in this scene, so that all frames would be one picture; expected a [wind] and a branch \
-             or a plant in it",
-            scene.manifest.path.display()
-        )));
+/// What a scene without motion is told.
+pub const NOTHING_MOVES: &str = "nothing moves in this scene, so that all frames would be one picture; expected a \
+ [wind] and a branch or a plant in it";
+
+impl Options {
+    /// How many frames there are.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for times out of order, and for more than 100,000 frames.
+    pub fn frames(&self) -> Result<u32> {
+        let (from, to) = (self.from, self.to);
+        if !(from.is_finite() && to.is_finite() && to > from) {
+            let expected = "expected two times (s), the first before the other";
+            return Err(Error::Usage(format!("--from {from} --to {to}: {expected}")));
+        }
+        // A frame that would begin at the end itself by rounding alone is not drawn.
+        let count = ((to - from) * self.fps - 1e-6).ceil();
+        if !(count <= MOST_FRAMES) {
+            return Err(Error::Usage(format!("{count} frames from {from} to {to} s: expected at most {MOST_FRAMES}")));
+        }
+        Ok(count.max(1.0) as u32)
     }
-    if !(from.is_finite() && to.is_finite() && to > from) {
-        return Err(Error::Usage(format!(
-            "--from {from} --to {to}: expected two times (s), the first before the other"
-        )));
-    }
-    // A frame that would begin at the end itself by rounding alone is not drawn.
-    let count = ((to - from) * fps - 1e-6).ceil();
-    if !(count <= MOST_FRAMES) {
-        return Err(Error::Usage(format!("{count} frames from {from} to {to} s: expected at most {MOST_FRAMES}")));
-    }
-    Ok(count.max(1.0) as u32)
 }
 
 /// Writes the record of a new film, and finds the same one there.
 fn claim_frames(film: &Film, options: &Options) -> Result<()> {
     let record = options.out.join(RECORD);
-    let there: Option<Film> = std::fs::read(&record).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok());
+    let there: Option<Film> = match std::fs::read(&record) {
+        Ok(_) if options.force => None,
+        Ok(bytes) => Some(serde_json::from_slice(&bytes).map_err(|e| {
+            Error::input(&record, format!("not the record of a film ({e}); give --force to draw anew"))
+        })?),
+        Err(_) => None,
+    };
     match there {
         // The same pictures, of which there may be more or fewer: a longer film goes on with a shorter one.
         Some(there) if Film { frames: film.frames, ..there.clone() } == *film => {}
-        Some(there) if !options.force => {
+        Some(there) if has_frames(&options.out) => {
             return Err(Error::Usage(format!(
                 "{}: holds {} frames of another film (view {}, from {} s, {} a second, {}×{} pixels) or of a scene, fit \
                  or adapter that has changed since; name another folder, or give --force to draw anew",
@@ -175,12 +200,21 @@ fn claim_frames(film: &Film, options: &Options) -> Result<()> {
     atomic::write_bytes(&record, json.as_bytes())
 }
 
+/// Whether a file is a frame, by its name.
+fn is_frame(entry: &std::fs::DirEntry) -> bool {
+    let name = entry.file_name();
+    let name = name.to_string_lossy();
+    name.strip_prefix("frame-").and_then(|n| n.strip_suffix(".png")).is_some_and(|n| n.parse::<u32>().is_ok())
+}
+
+fn has_frames(folder: &Path) -> bool {
+    std::fs::read_dir(folder).into_iter().flatten().flatten().any(|entry| is_frame(&entry))
+}
+
 /// Takes the frames of another film away, before the record tells of this one.
 fn remove_frames(folder: &Path) -> Result<()> {
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
-        let name = entry.file_name();
-        let name = name.to_string_lossy();
-        if name.strip_prefix("frame-").and_then(|n| n.strip_suffix(".png")).is_some_and(|n| n.parse::<u32>().is_ok()) {
+        if is_frame(&entry) {
             std::fs::remove_file(entry.path()).map_err(|e| Error::write(&entry.path(), atomic::explain(&e)))?;
         }
     }

@@ -75,6 +75,13 @@ fn a_film_shows_the_wind_and_goes_on() {
     let (code, told) = film(folder.path(), &["--from", "1", "--to", "1.1", "--fps", "10", "--force"]);
     assert_eq!(code, Some(0), "{told}");
     assert!(frame(0).as_ref() != Some(&first[0]) && frame(1).is_none());
+
+    // Nor is one overwritten whose record cannot be read; and a refused size does not keep the folder.
+    std::fs::write(folder.path().join("film/film.json"), "{\"film\": \"x\"}").unwrap();
+    let (code, told) = film(folder.path(), &["--from", "1", "--to", "1.1", "--fps", "10"]);
+    assert!(code == Some(2) && told.contains("not the record of a film") && frame(0).is_some(), "{told}");
+    let (code, told) = film(folder.path(), &["--to", "0.1", "--size", "4000000x4", "--force"]);
+    assert!(code == Some(2) && told.contains("on this adapter") && frame(0).is_some(), "{told}");
 }
 
 #[test]
