@@ -46,11 +46,14 @@ pub fn open(folder: &Path) -> Result<Slices> {
     let record = FitRecord::read_as(folder, FitKind::Grass)?;
     let path = folder.join("fit.toml");
     let all = record.sections.get("all").cloned().unwrap_or_default();
-    let numbers = |name: &str, count: usize| match all.params.get(name) {
-        Some(p) if p.value.len() == count && p.value.iter().all(|v| v.is_finite() && *v > 0.0) => Ok(p.value.clone()),
+    let numbers = |name: &str, count: usize, least: f64| match all.params.get(name) {
+        Some(p) if p.value.len() == count && p.value.iter().all(|v| v.is_finite() && *v >= least) => {
+            Ok(p.value.clone())
+        }
         found => {
             let found = found.map_or("nothing".into(), |p| format!("{:?}", p.value));
-            Err(Error::unexpected(&path, name, found, format!("{count} positive numbers")))
+            let sort = if least > 0.0 { "positive numbers" } else { "numbers of 0 or more" };
+            Err(Error::unexpected(&path, name, found, format!("{count} {sort}")))
         }
     };
     let counted = |name: &str, least: usize| match all.counts.get(name) {
@@ -61,12 +64,13 @@ pub fn open(folder: &Path) -> Result<Slices> {
         n if n.is_power_of_two() => Ok(n),
         n => Err(Error::unexpected(&path, name, n, "a power of two")),
     };
-    let period = numbers("period", 2)?;
+    let period = numbers("period", 2, f64::MIN_POSITIVE)?;
     let count = counted("slices", 1)?;
     let cell = [texels("texels_along")?, texels("texels_high")?];
     let table = |name: &str| {
+        // Blades that stand upright show nothing from straight above: 0.
         let mut table = [0.0; STEPS + 1];
-        table.copy_from_slice(&numbers(name, STEPS + 1)?);
+        table.copy_from_slice(&numbers(name, STEPS + 1, 0.0)?);
         Ok::<_, Error>(table)
     };
     let own = table("projection_of_blades")?;
@@ -77,7 +81,7 @@ pub fn open(folder: &Path) -> Result<Slices> {
     let upright = Sheet::read(&folder.join(UPRIGHT), cell, 2 * count)?;
     Ok(Slices {
         period: [period[0], period[1]],
-        height: numbers("height", 1)?[0],
+        height: numbers("height", 1, f64::MIN_POSITIVE)?[0],
         count,
         projection: table("projection")?,
         shown: [own[0], own[STEPS]],
@@ -94,6 +98,7 @@ pub(crate) fn describe(
     meadow: &Meadow,
     slices: &Slices,
     options: &Options,
+    leaves: String,
     known: &[Known],
     judged: &[Judged],
 ) {
@@ -102,13 +107,7 @@ pub(crate) fn describe(
     say("slices", format!("{n} across x and {n} across y, {w}x{h} texels each", n = options.slices));
     say("level slice", if options.level { "at half the height" } else { "none" }.into());
     say("rays", format!("{n}x{n} a texel", n = options.rays));
-    say(
-        "leaves",
-        options
-            .leaves
-            .as_ref()
-            .map_or("stated, the program's own table".into(), |_| "stated, a table that was named".into()),
-    );
+    say("leaves", leaves);
     say("opacity", "weighted by direction, so that the optical depth is the blades'".into());
     say("judged by", format!("{} azimuths an elevation; sun at zenith {}, azimuth {}", AZIMUTHS.len(), SUN[0], SUN[1]));
     let mut all = Section::default();
@@ -121,7 +120,7 @@ pub(crate) fn describe(
     add("height", vec![meadow.height], "mm");
     add("leaf_area_index", vec![meadow.leaf_area_index], "");
     add("projection_of_blades", meadow.projection.to_vec(), "");
-    let undetermined = |(k, found): (usize, &Known)| found.why.map(|why| format!("{k}: {why}"));
+    let undetermined = |(k, found): (usize, &Known)| found.why.as_ref().map(|why| format!("{k}: {why}"));
     let fitted = Param {
         value: known.iter().map(|k| k.value).collect(),
         stderr: known.iter().map(|k| k.error).collect(),

@@ -6,6 +6,7 @@ use crate::sheet::CHANNELS;
 use glam::DVec3;
 use mesophyll_rays::Ray;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// View elevations over the ground (degrees): from grazing to straight down.
 pub const ELEVATIONS: [f64; 8] = [5.0, 10.0, 20.0, 30.0, 45.0, 60.0, 75.0, 90.0];
@@ -15,7 +16,7 @@ pub const AZIMUTHS: [f64; 8] = [0.0, 20.0, 45.0, 110.0, 155.0, 180.0, 225.0, 290
 pub const SUN: [f64; 2] = [45.0, 65.0];
 
 /// Means over the rays of one direction.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Look {
     /// Share of the rays that blades stop.
     pub coverage: f64,
@@ -27,7 +28,7 @@ pub struct Look {
 }
 
 /// One direction.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Judged {
     /// Index in [`ELEVATIONS`].
     pub elevation: usize,

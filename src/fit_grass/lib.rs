@@ -30,10 +30,12 @@ use bake::Slab;
 use blades::{Meadow, STEPS};
 use judge::Rays;
 use march::Slices;
-use mesophyll_files::{atomic, hash, progress};
+use mesophyll_files::image::{Packing, write_exr};
+use mesophyll_files::{atomic, hash, memory, progress};
 use mesophyll_flora::{file, form::Plant, grow};
 use mesophyll_record::FitKind;
 use mesophyll_record::maker::{self, Maker, Outcome};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use sheet::{CHANNELS, Edges, Sheet, Texel};
 use std::path::{Path, PathBuf};
@@ -64,13 +66,18 @@ impl Default for Options {
 }
 
 /// How slices are made: changes where the same meadow gets others.
-const METHOD: &str = "pictures along normals; weights fitted in 17 steps";
+const METHOD: &str = "pictures along normals; weights fitted in 17 steps; shadows within the level slice";
 /// The blades (above) and the slices (below), as they look.
 const VIEW: &str = "view.png";
 /// Slices a part.
 const SLICES_A_PART: usize = 8;
 /// What the parts hold: changes where their format does.
-const PART: &str = "pictures of up to 8 slabs under one another, without borders, as EXR";
+const PART: &str = "pictures of up to 8 slabs under one another, without borders, as EXR; weights; what was judged";
+/// No fit has more texels, with borders and coarser levels. An adapter takes 16 bytes a texel: 512 MiB.
+const MOST_TEXELS: usize = 1 << 25;
+/// Bytes a texel while a fit is made: the pictures, the sheet with its coarser levels, and the numbers of a file that is
+/// written.
+const BYTES_A_TEXEL: usize = 4 * size_of::<Texel>();
 
 /// Reads a meadow: its description, or the file that `grow` makes of it.
 ///
@@ -93,6 +100,13 @@ pub fn run(input: &Path, out: &Path, options: &Options) -> Result<Outcome> {
 
 fn fit(path: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
     let leaves = optics::read(options.leaves.as_deref())?;
+    let told_leaves = match options.leaves.as_deref() {
+        Some(path) => {
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            format!("stated, the table {name} ({})", hash::file(path)?)
+        }
+        None => "stated, the program's own table".into(),
+    };
     let bytes = std::fs::read(path).map_err(|e| Error::input(path, atomic::explain(&e)))?;
     let plant = maker.phase("grow", || plant(path))?;
     let Options { slices: n, texels, level, rays, entries, .. } = options;
@@ -102,18 +116,23 @@ fn fit(path: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
         [("method", METHOD), ("meadow", meadow_hash.as_str()), ("leaves", optics.as_str()), ("options", told.as_str())];
     let input_hash = maker::input_hash(input);
     let meadow = maker.phase("box tree", || Meadow::new(path, &plant, &leaves))?;
+    fits_memory(&meadow, options)?;
     if let Some(found) = maker.up_to_date(input_hash, options.force)? {
         return Ok(found);
     }
     let mut slices = slices(&meadow, options, maker)?;
-    let known = maker.phase("weights", || weights::fit(&meadow, &mut slices, options.entries))?;
+    let start = std::time::Instant::now();
+    let make = |_: &Path| Ok(Weights { known: weights::fit(&meadow, &mut slices, options.entries)? });
+    let (Weights { known }, ..) = part(maker, "weights", make, |_, _| Ok(()))?;
+    slices.projection = std::array::from_fn(|k| known.get(k).map_or(meadow.projection[k], |known| known.value));
+    maker.times.phase("weights", start);
     let start = std::time::Instant::now();
     let rays = Rays { side: options.entries, level: 0.0, sunlit: true };
-    let truth = judge::blades(&meadow, rays);
-    let judged = judge::judged(&slices, &truth, rays);
+    let make = |_: &Path| Ok(Table { judged: judge::judged(&slices, &judge::blades(&meadow, rays), rays) });
+    let (Table { judged }, ..) = part(maker, "judged", make, |_, _| Ok(()))?;
     maker.times.phase("judge", start);
     let mut record = maker.record(&meadow.name);
-    folder::describe(&mut record, &meadow, &slices, options, &known, &judged);
+    folder::describe(&mut record, &meadow, &slices, options, told_leaves, &known, &judged);
     let out = maker.begin()?;
     folder::write(out, &slices, &mut record)?;
     picture::write(&out.join(VIEW), &meadow, &slices)?;
@@ -127,47 +146,99 @@ struct Part {
     slabs: usize,
 }
 
+/// The part that holds what [`weights::fit`] found, a step of |Ω_z| each.
+#[derive(Debug, Serialize, Deserialize)]
+struct Weights {
+    known: Vec<weights::Known>,
+}
+
+/// The part that holds what [`judge::judged`] found.
+#[derive(Debug, Serialize, Deserialize)]
+struct Table {
+    judged: Vec<judge::Judged>,
+}
+
+/// As [`Maker::part`], and whether the part was kept from a run that was stopped. A kept part that `whole` does not find
+/// whole is removed and made again; the others stay.
+fn part<T: Serialize + DeserializeOwned, W>(
+    maker: &mut Maker,
+    name: &str,
+    mut make: impl FnMut(&Path) -> Result<T>,
+    whole: impl Fn(&Path, &T) -> Result<W>,
+) -> Result<(T, W, bool)> {
+    loop {
+        let mut kept = true;
+        let found = maker.part(PART, name, |folder, _| {
+            kept = false;
+            make(folder)
+        });
+        let folder = maker.parts(PART);
+        match found.and_then(|part| whole(folder, &part).map(|whole| (part, whole, kept))) {
+            Err(_) if kept => remove(folder, name)?,
+            done => return done,
+        }
+    }
+}
+
+/// Removes the files of one part.
+fn remove(folder: &Path, name: &str) -> Result<()> {
+    let unread = |e: std::io::Error| Error::input(folder, atomic::explain(&e));
+    for entry in std::fs::read_dir(folder).map_err(unread)?.flatten() {
+        if entry.file_name().to_string_lossy().starts_with(&format!("{name}.")) {
+            std::fs::remove_file(entry.path()).map_err(|e| Error::write(&entry.path(), atomic::explain(&e)))?;
+        }
+    }
+    Ok(())
+}
+
+/// Refuses more texels than a fit may have, or than there is memory for.
+fn fits_memory(meadow: &Meadow, options: &Options) -> Result<()> {
+    let Options { slices: n, texels: [w, h], .. } = options;
+    let level = if options.level { sheet::area(level_cell(meadow, options), 1) } else { 0 };
+    let texels = sheet::area(options.texels, 2 * n) + level;
+    if texels > MOST_TEXELS {
+        return Err(Error::Usage(format!(
+            "--slices {n} with --texels {w}x{h} makes {:.1} million texels; expected at most {:.1} million",
+            texels as f64 / 1e6,
+            MOST_TEXELS as f64 / 1e6
+        )));
+    }
+    memory::require((BYTES_A_TEXEL * texels) as u64, &format!("a fit of {:.1} million texels", texels as f64 / 1e6))
+}
+
 /// Takes all pictures, part by part.
 fn slices(meadow: &Meadow, options: &Options, maker: &mut Maker) -> Result<Slices> {
     let n = options.slices;
     let cell = options.texels;
     let square = level_cell(meadow, options);
-    let mut slabs: Vec<Slab> = (0..n).map(|k| Slab::X(k, n)).chain((0..n).map(|k| Slab::Y(k, n))).collect();
+    let slabs: Vec<Slab> = (0..n).map(|k| Slab::X(k, n)).chain((0..n).map(|k| Slab::Y(k, n))).collect();
     let bar = progress::Bar::new("slices", slabs.len() as u64 + u64::from(options.level));
     let start = std::time::Instant::now();
     let mut pictures = Vec::new();
     let mut parts: Vec<Vec<Slab>> = slabs.chunks(SLICES_A_PART).map(<[Slab]>::to_vec).collect();
     if options.level {
         parts.push(vec![Slab::Z]);
-        slabs.push(Slab::Z);
     }
-    for (k, part) in parts.iter().enumerate() {
+    for (k, slabs) in parts.iter().enumerate() {
         let name = format!("part-{k}");
-        let size = if part[0] == Slab::Z { square } else { cell };
-        let Part { slabs } = maker.part(PART, &name, |folder, _| {
+        let size = if slabs[0] == Slab::Z { square } else { cell };
+        let make = |folder: &Path| {
             let mut texels = Vec::new();
-            for slab in part {
+            for slab in slabs {
                 texels.extend(slab.picture(meadow, size, options.rays));
                 bar.step()?;
             }
             let maps = sheet::maps(size[0], &texels);
-            mesophyll_files::image::write_exr(
-                &folder.join(format!("{name}.exr")),
-                &maps,
-                mesophyll_files::image::Packing::Half,
-            )?;
-            Ok(Part { slabs: part.len() })
-        })?;
-        let path = maker.parts(PART).join(format!("{name}.exr"));
-        match sheet::texels(&path, size[0], size[1] * slabs) {
-            Ok(texels) => pictures.extend(texels.chunks(size[0] * size[1]).map(<[Texel]>::to_vec)),
-            Err(error) => {
-                // It would stand in the way of every further run.
-                let _ = std::fs::remove_dir_all(maker.parts(PART));
-                let told =
-                    format!("a finished part is damaged ({error}); the parts were removed, run the same command again");
-                return Err(Error::input(&path, told));
-            }
+            write_exr(&folder.join(format!("{name}.exr")), &maps, Packing::Half)?;
+            Ok(Part { slabs: slabs.len() })
+        };
+        let whole = |folder: &Path, part: &Part| {
+            sheet::texels(&folder.join(format!("{name}.exr")), size[0], size[1] * part.slabs)
+        };
+        let (_, texels, kept) = part(maker, &name, make, whole)?;
+        pictures.extend(texels.chunks(size[0] * size[1]).map(<[Texel]>::to_vec));
+        if kept {
+            bar.advance(slabs.len() as u64);
         }
     }
     maker.times.phase("pictures", start);

@@ -88,7 +88,12 @@ impl Slices {
         let wanted = shown(&self.projection, d.z);
         let upright = self.shown[0] * (d.x.abs() + d.y.abs());
         let level = self.shown[1] * d.z.abs();
-        let share = |of: f64, all: f64| if of < all { of.max(0.0) / all } else { 1.0 };
+        // Nothing is wanted of slices that show nothing (0 of 0).
+        let share = |of: f64, all: f64| match of {
+            of if of <= 0.0 => 0.0,
+            of if of < all => of / all,
+            _ => 1.0,
+        };
         let w = share(wanted, upright);
         [w, share(wanted - w * upright, level)]
     }
@@ -182,8 +187,10 @@ impl Slices {
     /// Share of the light from `to` (unit) that arrives at what a ray along `d` sees of a slice.
     ///
     /// The blade is off the slice, somewhere in its slab: a picture shows those that are nearest to the eye. Other
-    /// slices are crossed from there. Of its own slab, blades between it and the side that the ray sees are none; those
-    /// behind it are in the way of light from behind, as many as stand in a slab in the mean.
+    /// slices are crossed from there. Of an upright slab, blades between it and the side that the ray sees are none;
+    /// those behind it are in the way of light from behind, as many as stand in a slab in the mean. The slab of the
+    /// level slice is the whole layer: what stands before the blade is none towards the eye only. Towards another
+    /// direction it is what stands there in the mean.
     pub fn arriving(&self, crossing: &Crossing, texel: &[f64; CHANNELS], d: DVec3, to: DVec3, level: f64) -> f64 {
         let weights = self.weights(to);
         let axis = crossing.across as usize;
@@ -196,9 +203,14 @@ impl Slices {
         let mut place = crossing.place;
         place[axis] -= d[axis].signum() * (0.5 - behind) * thick;
         let mut left = 1.0;
-        if d[axis] * to[axis] > 0.0 {
+        let passed = match crossing.across {
+            _ if d[axis] * to[axis] > 0.0 => 1.0 - behind,
+            Across::Z => behind,
+            _ => 0.0,
+        };
+        if passed > 0.0 {
             let height = place.z / self.height;
-            left -= self.cover(crossing.across, height) * self.share(crossing.across, height, weight * (1.0 - behind));
+            left -= self.cover(crossing.across, height) * self.share(crossing.across, height, weight * passed);
         }
         for other in self.crossings(place, to, Some((crossing.across, crossing.index))) {
             left *= 1.0 - self.texel(&other, weights, level)[0];

@@ -74,6 +74,13 @@ fn levels([width, height]: [usize; 2]) -> u32 {
     LEVELS.min(width.min(height).ilog2()).max(1)
 }
 
+/// Texels of a sheet of so many cells, with borders and coarser levels.
+pub(crate) fn area(cell: [usize; 2], cells: usize) -> usize {
+    let border = 1 << levels(cell);
+    let fine = cells.min(LINE) * cells.div_ceil(LINE) * (cell[0] + border) * (cell[1] + border);
+    (0..levels(cell)).map(|k| fine >> (2 * k)).sum()
+}
+
 impl Sheet {
     /// A sheet of cells; `at(cell, column, row)` gives the texels of each, the top row first. The sides of `cell` are
     /// powers of two.

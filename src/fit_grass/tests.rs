@@ -189,6 +189,56 @@ fn a_fit_covers_what_the_blades_cover() {
     assert!(matches!(run(&path, &out, &options()).unwrap(), Outcome::UpToDate(_)));
 }
 
+/// Blades that stand exactly upright show nothing from straight above: that step is undetermined, and no other one is
+/// made from it. The folder that was written opens.
+#[test]
+fn upright_blades_leave_the_step_from_above_undetermined() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, out) = (folder.path().join("up.toml"), folder.path().join("fit"));
+    let upright = "schema = 1\nname = \"up\"\nseed = 3\nsize_mm = [60, 50]\n[[sward]]\nmaterial = \"grass\"\n\
+        per_m2 = 30000\nlength_mm = 40\nwidth_mm = 3\nlean_deg = 0\nbend_deg = 0\n";
+    std::fs::write(&path, upright).unwrap();
+    let options = Options { slices: 4, texels: [16, 16], rays: 2, entries: 8, ..Options::default() };
+    let Outcome::Done(record) = run(&path, &out, &options).unwrap() else { panic!("not done") };
+    let all = &record.sections["all"].params;
+    let (own, known) = (&all["projection_of_blades"].value, &all["projection"]);
+    assert!(own[STEPS].abs() < 1e-9 && known.value[STEPS] == own[STEPS] && known.stderr[STEPS] == f64::INFINITY);
+    assert!(known.undetermined.iter().any(|u| u == "16: no ray ends on a blade"), "{:?}", known.undetermined);
+    for k in 1..STEPS {
+        let determined = !known.undetermined.iter().any(|u| u.starts_with(&format!("{k}: ")));
+        assert!(known.value[k].is_finite() && (!determined || known.stderr[k] < known.value[k]), "step {k}: {known:?}");
+    }
+    // In between, blades at random have what the slices have, whatever the direction.
+    assert!((known.value[12] / own[12] - 1.0).abs() < 0.3, "{known:?}");
+    let slices = open(&out).unwrap();
+    assert_eq!(slices.weights(DVec3::NEG_Z)[1], 0.0);
+}
+
+/// A run that goes on takes finished parts over; one that is damaged is made again, and the others stay.
+#[test]
+fn a_damaged_part_is_made_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, out) = (described(folder.path()), folder.path().join("fit"));
+    let small = Options { slices: 4, texels: [16, 16], rays: 1, entries: 4, ..Options::default() };
+    let pictures = || {
+        let (from, options) = (path.clone(), small.clone());
+        // A fit that ends after its pictures, as one that is stopped there, and says where they are.
+        let stopped: Result<()> = maker::make(FitKind::Grass, &out, &[&path], move |maker| {
+            maker.made_from("of a test".into())?;
+            let meadow = Meadow::new(&from, &plant(&from)?, &optics::read(None)?)?;
+            slices(&meadow, &options, maker)?;
+            Err(Error::Usage(maker.parts(PART).display().to_string()))
+        });
+        PathBuf::from(stopped.unwrap_err().to_string())
+    };
+    let parts = pictures();
+    std::fs::write(parts.join("part-0.exr"), "no picture").unwrap();
+    let kept = std::fs::metadata(parts.join("part-1.exr")).unwrap().modified().unwrap();
+    assert_eq!(pictures(), parts);
+    sheet::texels(&parts.join("part-0.exr"), 16, 16 * 8).unwrap();
+    assert_eq!(std::fs::metadata(parts.join("part-1.exr")).unwrap().modified().unwrap(), kept);
+}
+
 #[test]
 fn mistakes_are_one_sentence() {
     let folder = tempfile::tempdir().unwrap();
@@ -205,5 +255,8 @@ fn mistakes_are_one_sentence() {
     let tree = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/plants/bird-cherry-sapling.toml");
     let told = said(&options(), &tree);
     assert!(told.contains("no meadow"), "{told}");
+    let large = Options { slices: 128, texels: [1024, 1024], ..options() };
+    let told = said(&large, &described(folder.path()));
+    assert!(told.contains("million texels; expected at most 33.6 million"), "{told}");
     assert!(!out.exists());
 }

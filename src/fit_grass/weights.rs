@@ -11,22 +11,27 @@ use crate::blades::{Meadow, STEPS};
 use crate::judge::{Rays, coverage_of_blades, coverage_of_slices, towards};
 use crate::march::Slices;
 use mesophyll_files::progress::{self, Bar};
+use serde::{Deserialize, Serialize};
 
 /// What is known at a step of |Ω_z|.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Known {
     /// The projection that the weights are made from.
     pub value: f64,
     /// Its standard error, from the number of rays; infinite where the rays do not determine it.
     pub error: f64,
     /// Why they do not.
-    pub why: Option<&'static str>,
+    pub why: Option<String>,
 }
 
 /// Azimuths: one in each eighth of a quarter, quarter by quarter.
 const AZIMUTHS: usize = 8;
 /// Beyond this the coverage says little about an optical depth.
 const COVERED: f64 = 0.985;
+/// Less than this of its area is what rounding leaves of a blade that is seen along its plane.
+const SHOWN: f64 = 1e-9;
+/// A fitted step may be off by so many standard errors of its coverage.
+const OFF: f64 = 3.0;
 
 /// Fits the projection of `slices` (which has the blades' own until then) to the blades, by rays from so many points of
 /// entry along each side of the rectangle.
@@ -49,17 +54,20 @@ pub fn fit(meadow: &Meadow, slices: &mut Slices, entries: usize) -> Result<Vec<K
             why[k] = Some("nearly all rays end on a blade");
             continue;
         }
-        let own = meadow.projection[k];
-        let mut trial = slices.clone();
-        let mut off = |times: f64| {
-            trial.projection = slices.projection;
-            // Between two steps straight lines are taken; here the direction is at a step.
-            trial.projection[k] = own * times;
-            mean(&|[e, a]| coverage_of_slices(&trial, rays, towards(e, a))) - wanted
-        };
         // More than all that slices show, along the axes where that is least, is not to be had.
         let vertical = k as f64 / STEPS as f64;
-        let most = (slices.shown[0] * (1.0 - vertical * vertical).sqrt() + slices.shown[1] * vertical) / own;
+        let most = slices.shown[0] * (1.0 - vertical * vertical).sqrt() + slices.shown[1] * vertical;
+        let own = meadow.projection[k];
+        if own < SHOWN || wanted <= 0.0 {
+            why[k] = Some("no ray ends on a blade");
+            continue;
+        }
+        let mut off = |times: f64| {
+            // Between two steps straight lines are taken; here the direction is at a step.
+            slices.projection[k] = own * times;
+            mean(&|[e, a]| coverage_of_slices(slices, rays, towards(e, a))) - wanted
+        };
+        let most = most / own;
         // Points spread over a grid err less than this; both kinds of ray have it.
         let error = (wanted * (1.0 - wanted) / (entries * entries * AZIMUTHS) as f64).sqrt();
         let (mut low, mut high) = ((0.0, -wanted), (most, off(most)));
@@ -73,24 +81,31 @@ pub fn fit(meadow: &Meadow, slices: &mut Slices, entries: usize) -> Result<Vec<K
             at = (next, off(next));
             if at.1 < 0.0 { low = at } else { high = at }
         }
-        if at.1 < -3.0 * error {
-            why[k] = Some("slices cannot cover as much");
+        let step = 0.05f64.min(0.5 * at.0);
+        let slope = (at.1 - off(at.0 - step)) / step;
+        if slope.is_nan() || slope * at.0 <= error {
+            why[k] = Some("the coverage hardly depends on it");
+            continue;
         }
-        let slope = (at.1 - off(at.0 - 0.05)) / 0.05;
+        why[k] = match at.1 {
+            off if off < -OFF * error => Some("slices cannot cover as much"),
+            off if off > OFF * error => Some("slices cannot cover as little"),
+            _ => None,
+        };
         slices.projection[k] = own * at.0;
-        known[k] = Some(Known { value: own * at.0, error: own * error / slope.max(1e-9), why: why[k] });
+        known[k] = Some(Known { value: own * at.0, error: own * error / slope, why: why[k].map(String::from) });
     }
     // What is not determined keeps the ratio of the nearest step that is.
     let mut ratio = 1.0;
     for k in (0..=STEPS).rev() {
-        match known[k].filter(|found| found.why.is_none()) {
-            Some(found) => ratio = found.value / meadow.projection[k],
-            None if known[k].is_none() => {
+        match &known[k] {
+            Some(found) if found.why.is_none() => ratio = found.value / meadow.projection[k],
+            Some(_) => {}
+            None => {
                 slices.projection[k] = meadow.projection[k] * ratio;
-                let why = why[k].or(Some("all rays end on a blade"));
+                let why = why[k].or(Some("all rays end on a blade")).map(String::from);
                 known[k] = Some(Known { value: slices.projection[k], error: f64::INFINITY, why });
             }
-            None => {}
         }
     }
     Ok(known.into_iter().flatten().collect())
