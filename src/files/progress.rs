@@ -14,6 +14,7 @@ const EVERY: Duration = Duration::from_secs(10);
 
 static QUIET: AtomicBool = AtomicBool::new(false);
 static STOP: AtomicBool = AtomicBool::new(false);
+static STAYS: AtomicBool = AtomicBool::new(false);
 static PAUSED: AtomicBool = AtomicBool::new(false);
 /// What is under way, outermost first.
 static TASKS: Mutex<Vec<Arc<Task>>> = Mutex::new(Vec::new());
@@ -50,6 +51,11 @@ pub fn go_on_again() {
     STOP.store(false, Ordering::SeqCst);
 }
 
+/// The program goes on after its work was stopped: from here on [`left_when_stopped`] waits until the work has ended.
+pub fn stay_when_stopped() {
+    STAYS.store(true, Ordering::SeqCst);
+}
+
 /// Whether a stop was asked for: long loops look here between pieces of work and return [`crate::Error::Interrupted`].
 pub fn stop_requested() -> bool {
     STOP.load(Ordering::SeqCst)
@@ -69,7 +75,8 @@ pub fn go_on() -> crate::Result<()> {
 
 /// Does `work` on a thread of its own and waits for it. Once a stop was asked for, the thread is left to itself, and
 /// the answer is `None`: the program is about to end, and what the thread was writing is removed. So work stops at once
-/// that never looks whether to go on.
+/// that never looks whether to go on. After [`stay_when_stopped`] the work is waited for, so that nothing of it goes on
+/// in the background.
 ///
 /// # Panics
 /// Where `work` does.
@@ -82,7 +89,7 @@ pub fn left_when_stopped<T: Send + 'static>(work: impl FnOnce() -> T + Send + 's
     loop {
         match wait.recv_timeout(Duration::from_millis(20)) {
             Ok(made) => return Some(made),
-            Err(mpsc::RecvTimeoutError::Timeout) if stop_requested() => break,
+            Err(mpsc::RecvTimeoutError::Timeout) if stop_requested() && !STAYS.load(Ordering::SeqCst) => break,
             Err(mpsc::RecvTimeoutError::Timeout) => {}
             Err(mpsc::RecvTimeoutError::Disconnected) => match thread.join() {
                 Err(panic) => std::panic::resume_unwind(panic),

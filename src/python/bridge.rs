@@ -1,14 +1,17 @@
 //! Between Python and the rooms: arrays, errors, interruptions and panics.
 
 use mesophyll_error::{Error, Result, Status};
-use mesophyll_files::progress;
 use pyo3::buffer::PyBuffer;
-use pyo3::exceptions::{PyFileNotFoundError, PyKeyboardInterrupt, PyOSError, PyRuntimeError, PyValueError};
+use pyo3::exceptions::{
+    PyFileNotFoundError, PyKeyboardInterrupt, PyOSError, PyPermissionError, PyRuntimeError, PyValueError,
+};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 use std::any::Any;
+use std::fs::File;
+use std::io::ErrorKind;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
 use std::time::Duration;
 
@@ -18,12 +21,36 @@ pub type Numbers = PyBuffer<f64>;
 /// Rows that did not end well: which one, counted from 0, and its status.
 pub type Troubles = Vec<(usize, String)>;
 
-/// Fewer rows than this are computed before a thread could be made for them.
+/// What a row takes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Cost {
+    /// Microseconds: a few rows are done before a thread could be made for them.
+    Little,
+    /// So long that even one row is worth a thread, and Ctrl-C.
+    Much,
+}
+
+/// Rows of [`Cost::Little`] that are computed at once, without another thread.
 const FEW: usize = 256;
-/// Rows that a thread takes at a time.
+/// Most rows that a thread takes at a time.
 const CHUNK: usize = 512;
 /// How often Python is asked whether Ctrl-C was pressed.
 const ASK: Duration = Duration::from_millis(50);
+
+/// Whether Ctrl-C was pressed during one call. Every call has its own, so that it stops no other one.
+#[derive(Debug, Default)]
+pub struct Stop(AtomicBool);
+
+impl Stop {
+    fn ask(&self) {
+        self.0.store(true, Ordering::SeqCst);
+    }
+
+    /// Whether to stop.
+    pub fn asked(&self) -> bool {
+        self.0.load(Ordering::SeqCst)
+    }
+}
 
 /// The Python exception for one of our errors.
 pub fn raise(error: Error) -> PyErr {
@@ -33,11 +60,22 @@ pub fn raise(error: Error) -> PyErr {
         Error::Interrupted(_) => PyKeyboardInterrupt::new_err(sentence),
         Error::Missed(_) => PyRuntimeError::new_err(sentence),
         // What stands for a file that there is not, such as a device given as a dictionary, is in angle brackets.
-        Error::Input { ref file, .. } if !file.starts_with('<') && !Path::new(file).exists() => {
-            PyFileNotFoundError::new_err(sentence)
-        }
+        Error::Input { ref file, .. } if !file.starts_with('<') => match File::open(file).map_err(|e| e.kind()) {
+            Ok(_) => PyValueError::new_err(sentence),
+            Err(ErrorKind::NotFound) => PyFileNotFoundError::new_err(sentence),
+            Err(ErrorKind::PermissionDenied) => PyPermissionError::new_err(sentence),
+            Err(_) => PyOSError::new_err(sentence),
+        },
+        Error::Usage(_) | Error::Argument { .. } => PyValueError::new_err(as_arguments(&sentence)),
         _ => PyValueError::new_err(sentence),
     }
+}
+
+/// A sentence that names options of the command line (`--ground is 2`), with the names that they have as arguments of a
+/// Python function (`ground is 2`).
+pub fn as_arguments(sentence: &str) -> String {
+    let word = |word: &str| word.strip_prefix("--").map_or(word.to_string(), |name| name.replace('-', "_"));
+    sentence.split(' ').map(word).collect::<Vec<_>>().join(" ")
 }
 
 /// What a name of `T` stands for.
@@ -58,14 +96,18 @@ fn panicked(panic: Box<dyn Any + Send>) -> PyErr {
 }
 
 /// Does `work` without Python's lock. A panic becomes a `RuntimeError`. `long` work is done on a thread of its own, so
-/// that Ctrl-C stops it.
-pub fn run<T: Send>(py: Python<'_>, long: bool, work: impl FnOnce() -> Result<T> + Send) -> PyResult<T> {
+/// that Ctrl-C stops it; then `on_stop` is called, and the work is waited for.
+pub fn run_until<T: Send>(
+    py: Python<'_>,
+    long: bool,
+    on_stop: impl Fn() + Sync,
+    work: impl FnOnce() -> Result<T> + Send,
+) -> PyResult<T> {
     let ended = |made: std::thread::Result<Result<T>>| made.map_err(panicked)?.map_err(raise);
     let work = move || catch_unwind(AssertUnwindSafe(work));
     if !long {
         return ended(py.detach(work));
     }
-    progress::go_on_again();
     py.detach(|| {
         std::thread::scope(|scope| {
             let (done, wait) = mpsc::channel();
@@ -79,7 +121,7 @@ pub fn run<T: Send>(py: Python<'_>, long: bool, work: impl FnOnce() -> Result<T>
                     Ok(made) => return stopped.map_or_else(|| ended(made), Err),
                     Err(mpsc::RecvTimeoutError::Timeout) => {
                         if let Err(signal) = Python::attach(|py| py.check_signals()) {
-                            progress::request_stop();
+                            on_stop();
                             stopped = Some(signal);
                         }
                     }
@@ -90,14 +132,19 @@ pub fn run<T: Send>(py: Python<'_>, long: bool, work: impl FnOnce() -> Result<T>
     })
 }
 
+/// Long work that never looks whether to stop: Ctrl-C is raised once it has ended.
+pub fn run<T: Send>(py: Python<'_>, work: impl FnOnce() -> Result<T> + Send) -> PyResult<T> {
+    run_until(py, true, || (), work)
+}
+
 /// Computes `rows` rows on all cores. `f` fills the cells of a row; `out` gets them in row order, its shape is
 /// (rows, cells of a row).
 ///
 /// # Errors
-/// `ValueError` where `out` has another size.
-pub fn fill<F>(py: Python<'_>, rows: usize, out: &Numbers, f: F) -> PyResult<Troubles>
+/// `ValueError` where `out` has another size; what Ctrl-C raises, and then `out` is left as it was.
+pub fn fill<F>(py: Python<'_>, rows: usize, cost: Cost, out: &Numbers, f: F) -> PyResult<Troubles>
 where
-    F: Fn(usize, &mut [f64]) -> Status + Sync + Send,
+    F: Fn(usize, &mut [f64], &Stop) -> Status + Sync + Send,
 {
     let cells = out.item_count().checked_div(rows).unwrap_or(0);
     if out.item_count() != rows * cells {
@@ -109,13 +156,14 @@ where
     if rows == 0 || cells == 0 {
         return Ok(Vec::new());
     }
+    let stop = Stop::default();
     let part = |first: usize, values: &mut [f64]| -> Troubles {
         let mut troubles = Vec::new();
         for (k, row) in values.chunks_exact_mut(cells).enumerate() {
-            if progress::stop_requested() {
+            if stop.asked() {
                 break;
             }
-            let status = f(first + k, row);
+            let status = f(first + k, row, &stop);
             if matches!(status, Status::Refused(_)) {
                 row.fill(f64::NAN);
             }
@@ -125,16 +173,24 @@ where
         }
         troubles
     };
-    let (values, troubles) = run(py, rows >= FEW, || {
-        let mut values = vec![f64::NAN; rows * cells];
-        let troubles: Vec<Troubles> = if rows < FEW {
-            vec![part(0, &mut values)]
-        } else {
-            let chunks = values.par_chunks_mut(CHUNK * cells).enumerate();
-            chunks.map(|(k, chunk)| part(k * CHUNK, chunk)).collect()
-        };
-        Ok((values, troubles.concat()))
-    })?;
+    let long = cost == Cost::Much || rows >= FEW;
+    let (values, troubles) = run_until(
+        py,
+        long,
+        || stop.ask(),
+        || {
+            let mut values = vec![f64::NAN; rows * cells];
+            let troubles: Vec<Troubles> = if long {
+                let each = (rows / (8 * rayon::current_num_threads())).clamp(1, CHUNK);
+                let chunks = values.par_chunks_mut(each * cells).enumerate();
+                chunks.map(|(k, chunk)| part(k * each, chunk)).collect()
+            } else {
+                vec![part(0, &mut values)]
+            };
+            // Rows may be missing, or made of fewer rays than were asked for.
+            if stop.asked() { Err(Error::Interrupted("stopped".into())) } else { Ok((values, troubles.concat())) }
+        },
+    )?;
     out.copy_from_slice(py, &values)?;
     Ok(troubles)
 }

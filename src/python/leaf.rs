@@ -1,6 +1,6 @@
 //! Leaf fits and the files of a fit: `mesophyll.leaf` and `mesophyll.fits`.
 
-use crate::bridge::{Numbers, named, run};
+use crate::bridge::{Numbers, named, run, run_until};
 use crate::surface::lobe;
 use mesophyll_capture::kind::Kind;
 use mesophyll_files::image::{self, Maps, Packing};
@@ -13,6 +13,30 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyByteArray;
 use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
+
+/// How many fits are under way. They share one request to stop, so Ctrl-C stops those of other threads too.
+static UNDER_WAY: Mutex<usize> = Mutex::new(0);
+
+/// A fit under way. The last one that ends takes back the request to stop, which by then all of them have seen.
+struct UnderWay;
+
+impl UnderWay {
+    fn begin() -> UnderWay {
+        *UNDER_WAY.lock().unwrap_or_else(PoisonError::into_inner) += 1;
+        UnderWay
+    }
+}
+
+impl Drop for UnderWay {
+    fn drop(&mut self) {
+        let mut count = UNDER_WAY.lock().unwrap_or_else(PoisonError::into_inner);
+        *count -= 1;
+        if *count == 0 {
+            progress::go_on_again();
+        }
+    }
+}
 
 /// Fits a capture into the folder `out`, as `fit leaf`.
 #[pyfunction]
@@ -40,12 +64,14 @@ pub fn leaf_fit(
         force,
         ..Options::default()
     };
-    run(py, true, || {
+    let _under_way = UnderWay::begin();
+    run_until(py, true, progress::request_stop, || {
         progress::set_quiet(quiet);
         let outcome = match Kind::of(&capture) {
             Ok(Some(Kind::Dome)) => dome::run(&capture, &out, &dome::Options { gloss, force }),
             _ => leaf::run(&capture, &out, &options),
         };
+        progress::set_quiet(true);
         outcome.map(drop)
     })
 }
@@ -53,7 +79,7 @@ pub fn leaf_fit(
 /// Checks that a folder holds a fit of this version, and that nothing in it was changed since.
 #[pyfunction]
 pub fn verify(py: Python<'_>, folder: PathBuf) -> PyResult<()> {
-    run(py, true, || FitRecord::read(&folder)?.verify(&folder))
+    run(py, || FitRecord::read(&folder)?.verify(&folder))
 }
 
 /// Width, height, and name and single-precision samples of each channel of an OpenEXR file; row 0 is the top row.
@@ -62,7 +88,7 @@ pub fn read_exr<'py>(
     py: Python<'py>,
     path: PathBuf,
 ) -> PyResult<(usize, usize, Vec<(String, Bound<'py, PyByteArray>)>)> {
-    let maps = run(py, true, || image::read_exr(&path))?;
+    let maps = run(py, || image::read_exr(&path))?;
     let bytes = |samples: &[f32]| samples.iter().flat_map(|v| v.to_ne_bytes()).collect::<Vec<u8>>();
     let channels = maps.channels.iter().map(|(name, s)| (name.clone(), PyByteArray::new(py, &bytes(s)))).collect();
     Ok((maps.width, maps.height, channels))
@@ -87,5 +113,5 @@ pub fn write_exr(
         }
         maps.push(name, samples.to_vec(py)?.into_iter().map(|v| v as f32).collect());
     }
-    run(py, true, || image::write_exr(&path, &maps, Packing::Zip))
+    run(py, || image::write_exr(&path, &maps, Packing::Zip))
 }

@@ -21,7 +21,11 @@ use pyo3::prelude::*;
 
 #[pymodule(name = "_native")]
 fn native(m: &Bound<'_, PyModule>) -> PyResult<()> {
+    // Python goes on after Ctrl-C, and says itself what is to be said.
+    mesophyll_files::progress::stay_when_stopped();
+    mesophyll_files::progress::set_quiet(true);
     m.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    m.add("MOST_BANDS", mesophyll_sky::harmonics::MOST_BANDS)?;
     m.add_function(wrap_pyfunction!(slab::slab_invert, m)?)?;
     m.add_function(wrap_pyfunction!(slab::slab_forward, m)?)?;
     m.add_function(wrap_pyfunction!(slab::slab_evaluate, m)?)?;

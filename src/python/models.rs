@@ -1,8 +1,7 @@
 //! Models of one function: `mesophyll.beam`, `mesophyll.dipole`, `mesophyll.abm`.
 
-use crate::bridge::{Numbers, Troubles, answered, columns, fill, named};
+use crate::bridge::{Cost, Numbers, Stop, Troubles, answered, as_arguments, columns, fill, named};
 use mesophyll_error::Status;
-use mesophyll_files::progress;
 use mesophyll_optics::dipole::{Form, FormKind, Tissue, verdict};
 use mesophyll_optics::foliar::shares::{Method, shares};
 use mesophyll_optics::foliar::{Leaf, Oblateness, Path, Side};
@@ -13,7 +12,9 @@ use pyo3::prelude::*;
 #[pyfunction]
 pub fn beam(py: Python<'_>, alpha: Numbers, x: Numbers, out: Numbers) -> PyResult<Troubles> {
     let ([alpha, x], rows) = columns(py, [&alpha, &x])?;
-    fill(py, rows, &out, |k, cells| answered(mesophyll_fit_branch::beam::evaluate(alpha[k], x[k]), cells))
+    fill(py, rows, Cost::Little, &out, |k, cells, _| {
+        answered(mesophyll_fit_branch::beam::evaluate(alpha[k], x[k]), cells)
+    })
 }
 
 /// T(r, d) (1 cell a row) from thickness and radius (mm), as `eval dipole`.
@@ -37,7 +38,7 @@ pub fn dipole(
     }
     let form = Form::of(named::<FormKind>("method", method)?, dipoles);
     let ([thickness, radius], rows) = columns(py, [&thickness, &radius])?;
-    fill(py, rows, &out, |k, cells| {
+    fill(py, rows, Cost::Little, &out, |k, cells, _| {
         let (t, status) = verdict::evaluate(&tissue, form, thickness[k], radius[k]);
         cells[0] = t;
         status
@@ -65,16 +66,18 @@ pub fn abm(
     // No rays: the exact method.
     let method = if rays == 0 { Method::Exact } else { Method::MonteCarlo { rays, seed } };
     let leaves = leaves.to_vec(py)?;
-    fill(py, leaves.len() / 10, &out, |k, cells| match row(&leaves[10 * k..10 * k + 10], side, path, method) {
-        Ok(values) => {
-            cells.copy_from_slice(&values);
-            Status::Ok
+    fill(py, leaves.len() / 10, Cost::Much, &out, |k, cells, stop| {
+        match row(&leaves[10 * k..10 * k + 10], side, path, method, stop) {
+            Ok(values) => {
+                cells.copy_from_slice(&values);
+                Status::Ok
+            }
+            Err(why) => Status::Refused(as_arguments(&why)),
         }
-        Err(why) => Status::Refused(why),
     })
 }
 
-fn row(cells: &[f64], side: Side, path: Path, method: Method) -> Result<[f64; 6], String> {
+fn row(cells: &[f64], side: Side, path: Path, method: Method, stop: &Stop) -> Result<[f64; 6], String> {
     let incidence = cells[9];
     if !(0.0..90.0).contains(&incidence) {
         return Err(format!("incidence_deg is {incidence}; expected 0 to below 90"));
@@ -97,6 +100,6 @@ fn row(cells: &[f64], side: Side, path: Path, method: Method) -> Result<[f64; 6]
         return Err(fault);
     }
     let incidence = incidence.to_radians();
-    let [(r, r_err), (t, t_err)] = shares(&leaf, side, incidence, method, &progress::stop_requested)?;
+    let [(r, r_err), (t, t_err)] = shares(&leaf, side, incidence, method, &|| stop.asked())?;
     Ok([r, t, 1.0 - r - t, leaf.surface_reflectance(incidence), r_err, t_err])
 }

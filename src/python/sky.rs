@@ -1,7 +1,8 @@
 //! Skies: `mesophyll.sky`.
 
-use crate::bridge::{Numbers, Troubles, columns, fill, named, run};
+use crate::bridge::{Cost, Numbers, Troubles, columns, fill, named, run};
 use mesophyll_error::Status;
+use mesophyll_fit_sky::SkyModel;
 use mesophyll_fit_sky::evaluate::{Evaluator, Source};
 use mesophyll_fit_sky::window::WindowKind;
 use mesophyll_sky::Coefficients;
@@ -9,9 +10,11 @@ use mesophyll_sky::harmonics::{Basis, MOST_BANDS};
 use mesophyll_sky::irradiance::convolved;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Coefficients (3 N² cells a row) from sun zenith (radians) and turbidity, as `eval sky`. `ways` are the names of
-/// method, model and window; `albedos` those of hosek-wilkie's ground and of the ground below the horizon.
+/// method, model and window; `albedos` those of hosek-wilkie's ground and of the ground below the horizon. Returns the
+/// rows that did not end well, and what to warn of.
 #[pyfunction]
 pub fn sky_coefficients(
     py: Python<'_>,
@@ -21,19 +24,38 @@ pub fn sky_coefficients(
     ways: (String, String, String),
     albedos: [f64; 2],
     out: Numbers,
-) -> PyResult<Troubles> {
+) -> PyResult<(Troubles, Vec<String>)> {
     check_bands(bands)?;
-    let (source, model) = (named::<Source>("method", &ways.0)?, named("model", &ways.1)?);
+    let (source, model) = (named::<Source>("method", &ways.0)?, named::<SkyModel>("model", &ways.1)?);
     let window = named::<WindowKind>("window", &ways.2)?;
-    let skies = run(py, true, || Evaluator::new(source, model, albedos[0], bands, window, albedos[1]))?;
+    let skies = run(py, || Evaluator::new(source, model, albedos[0], bands, window, albedos[1]))?;
     let ([sun, turbidity], rows) = columns(py, [&sun_zenith, &turbidity])?;
-    fill(py, rows, &out, |k, cells| match skies.at(sun[k], turbidity[k]) {
+    let (beyond, warned) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    // No fit has so many bands, and then the default integrates without counting.
+    let unfitted = source == Source::Fit && bands > mesophyll_fit_sky::MOST_BANDS;
+    let troubles = fill(py, rows, Cost::Much, &out, |k, cells, _| match skies.at(sun[k], turbidity[k]) {
         Ok(found) => {
+            beyond.fetch_add(usize::from(found.beyond_fit || unfitted), Ordering::Relaxed);
+            warned.fetch_add(usize::from(found.warned), Ordering::Relaxed);
             cells.copy_from_slice(found.coefficients.values().as_flattened());
             Status::Ok
         }
         Err(why) => Status::Refused(why.to_string()),
-    })
+    })?;
+    let mut warnings = Vec::new();
+    let [low, high] = skies.model().trusted();
+    match warned.into_inner() {
+        0 => {}
+        n => warnings.push(format!(
+            "skies whose turbidity is outside the {low} to {high} for which {} is trusted: {n}",
+            skies.model().name()
+        )),
+    }
+    match beyond.into_inner() {
+        0 => {}
+        n => warnings.push(format!("skies outside what the fit covers, which were integrated directly: {n}")),
+    }
+    Ok((troubles, warnings))
 }
 
 fn check_bands(bands: usize) -> PyResult<()> {
@@ -79,7 +101,7 @@ pub fn sky_evaluate(
     let sky = read(py, &coefficients, bands)?;
     let sky = if irradiance { convolved(&sky) } else { sky };
     let (basis, directions) = (Basis::new(bands), directions.to_vec(py)?);
-    fill(py, directions.len() / 3, &out, |k, cells| match unit(&directions[3 * k..3 * k + 3]) {
+    fill(py, directions.len() / 3, Cost::Little, &out, |k, cells, _| match unit(&directions[3 * k..3 * k + 3]) {
         Ok(d) => {
             cells.copy_from_slice(&basis.sum(&sky, d));
             Status::Ok

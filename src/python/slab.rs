@@ -1,6 +1,6 @@
 //! Slabs: `mesophyll.slab`.
 
-use crate::bridge::{Numbers, Troubles, columns, fill, named};
+use crate::bridge::{Cost, Numbers, Troubles, columns, fill, named};
 use mesophyll_error::Status;
 use mesophyll_fit::slab::{Measured, Options, found};
 use mesophyll_optics::slab::{response, verdict};
@@ -19,11 +19,12 @@ pub fn slab_invert(
     surface: f64,
     out: Numbers,
 ) -> PyResult<Troubles> {
+    let cost = if method == "fast" { Cost::Little } else { Cost::Much };
     let precision = named("method", method)?;
     let ([r, t, h, r_err, t_err], rows) = columns(py, [&r, &t, &thickness, &r_err, &t_err])?;
     // Rows without noise have NaN for it.
     let options = Options { precision, noise: None, surface };
-    fill(py, rows, &out, |k, cells| {
+    fill(py, rows, cost, &out, |k, cells, _| {
         let measured =
             Measured { rho_d: r[k], rho_t: t[k], thickness_mm: h[k], rho_d_err: r_err[k], rho_t_err: t_err[k] };
         let (values, status) = found(&options, &measured);
@@ -42,7 +43,7 @@ pub fn slab_forward(
     out: Numbers,
 ) -> PyResult<Troubles> {
     let ([a, s, h], rows) = columns(py, [&sigma_a, &sigma_s, &thickness])?;
-    fill(py, rows, &out, |k, cells| {
+    fill(py, rows, Cost::Little, &out, |k, cells, _| {
         for (name, value) in [("sigma_a", a[k]), ("sigma_s", s[k]), ("thickness", h[k])] {
             if !(value >= 0.0 && value.is_finite()) {
                 return Status::Refused(format!("{name} is {value}; expected 0 or more"));
@@ -65,10 +66,11 @@ pub fn slab_evaluate(
     incidence_deg: f64,
     out: Numbers,
 ) -> PyResult<Troubles> {
+    let cost = if method == "fast" { Cost::Little } else { Cost::Much };
     let method: verdict::Method = named("method", method)?;
     let ([omega, delta, rest], rows) = columns(py, [&omega, &delta, &one_minus_omega])?;
     let mu0 = incidence_deg.to_radians().cos();
-    fill(py, rows, &out, |k, cells| {
+    fill(py, rows, cost, &out, |k, cells, _| {
         let (seen, status) = verdict::evaluate(method, mu0, omega[k], delta[k], rest[k]);
         cells.copy_from_slice(&[seen.rho_d, seen.rho_t]);
         status

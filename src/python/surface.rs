@@ -1,6 +1,6 @@
 //! Gloss: `mesophyll.gloss`.
 
-use crate::bridge::{Numbers, Troubles, answered, fill, named, raise, run};
+use crate::bridge::{Cost, Numbers, Troubles, answered, fill, named, raise, run};
 use mesophyll_error::Status;
 use mesophyll_files::table::Answer;
 use mesophyll_fit::gloss::geometry::Geometry;
@@ -49,11 +49,11 @@ pub fn gloss_fit(
     let traces = traces.to_vec(py)?;
     let width = channels * frames;
     let precision = Precision { along: quadrature, ..Precision::default() };
-    let mut fitter = run(py, true, || {
+    let mut fitter = run(py, || {
         Ok(TexelFitter::with_precision(&geometry.device(lobe), &geometry.positions_mm(), None, &precision))
     })?;
     fitter.robust = robust;
-    let troubles = fill(py, traces.len() / width, &out, |row, cells| {
+    let troubles = fill(py, traces.len() / width, Cost::Much, &out, |row, cells, _| {
         let of = &traces[row * width..(row + 1) * width];
         let value = |c: usize, k: usize| if c < channels { of[c * frames + k] as f32 } else { f32::NAN };
         let trace: Vec<[f32; 3]> = (0..frames).map(|k| std::array::from_fn(|c| value(c, k))).collect();
@@ -76,7 +76,7 @@ pub fn gloss_fit_samples(
     let lobe = lobe(&lobe_of.0, lobe_of.1)?;
     let cells = rows.to_vec(py)?;
     let outputs = samples::outputs(&names);
-    let answer = run(py, true, || {
+    let answer = run(py, || {
         let read: Result<Vec<samples::Sample>, String> = cells
             .chunks_exact(3 + names.len())
             .enumerate()

@@ -75,7 +75,10 @@ pub fn make<T: Send + 'static>(
         times: Times { threads: rayon::current_num_threads(), ..Times::default() },
         parts: parts.clone(),
     };
-    let made = progress::left_when_stopped(move || fit(&mut maker)).unwrap_or_else(|| Err(stopped(out, parts.get())));
+    let made = match progress::left_when_stopped(move || fit(&mut maker)) {
+        None | Some(Err(Error::Interrupted(_))) => Err(stopped(out, parts.get())),
+        Some(made) => made,
+    };
     if made.is_err() {
         // Only folders that are empty can be removed.
         new.iter().take_while(|folder| std::fs::remove_dir(folder).is_ok()).for_each(drop);
@@ -103,6 +106,7 @@ impl Maker {
     /// # Errors
     /// Those of `work`.
     pub fn phase<T>(&mut self, name: &str, work: impl FnOnce() -> Result<T>) -> Result<T> {
+        progress::go_on()?;
         let start = Instant::now();
         let done = work()?;
         self.times.phase(name, start);
@@ -187,6 +191,7 @@ impl Maker {
     /// # Errors
     /// A folder that cannot be written.
     pub fn begin(&self) -> Result<&Path> {
+        progress::go_on()?;
         claim::begin(&self.out, Kind::Fit(self.kind.name()))?;
         Ok(&self.out)
     }

@@ -6,8 +6,13 @@ import csv
 import io
 import os
 import subprocess
+import signal
 import tempfile
+import threading
+import time
+import tomllib
 import unittest
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -58,7 +63,8 @@ class Same(unittest.TestCase):
         self.assertTrue(any(s.startswith("undetermined") for s in found.status))
         self.same(command("fit", "slab", "--surface", "0.03", text=text), mp.slab.invert(r, t, h, surface=0.03), names)
         exact = mp.slab.invert(r[:50], t[:50], h[:50], 0.001, method="exact")
-        self.same(command("fit", "slab", "--noise", "0.001", "--method", "exact", text=table(rho_d=r[:50], rho_t=t[:50], h=h[:50])), exact, names)
+        text = table(rho_d=r[:50], rho_t=t[:50], h=h[:50])
+        self.same(command("fit", "slab", "--noise", "0.001", "--method", "exact", text=text), exact, names)
 
     def test_slabs_are_evaluated(self):
         omega, delta = np.array([0.0, 0.5, 0.99, 1.0, 1.2]), np.array([1.0, 3.0, 10.0, 0.1, 1.0])
@@ -116,7 +122,8 @@ class Same(unittest.TestCase):
         for method in ("dipoles", "images", "thin"):
             rows = command("eval", "dipole", "--method", method, text=table(thickness=d, radius=r))
             self.same(rows, mp.dipole(d, r, method=method), ["t"])
-        leaf = dict(absorption_per_mm=[3.0, 0.1], mesophyll_thickness_mm=[0.2, 0.3], n_cuticle=[1.5, 1.6], n_mesophyll=[1.4, 1.41], n_antidermal=[1.35, 1.42])
+        leaf = dict(absorption_per_mm=[3.0, 0.1], mesophyll_thickness_mm=[0.2, 0.3])
+        leaf |= dict(n_cuticle=[1.5, 1.6], n_mesophyll=[1.4, 1.41], n_antidermal=[1.35, 1.42])
         text = table(incidence_deg=[8, 30], side=["adaxial"] * 2, **leaf)
         for words in (["--method", "exact"], ["--rays", "2000", "--seed", "7"]):
             way = {w.removeprefix("--"): v if w == "--method" else int(v) for w, v in zip(words[::2], words[1::2])}
@@ -148,8 +155,6 @@ class Same(unittest.TestCase):
                 mp.fits.read(out)
 
     def arrays(self, scan):
-        import tomllib
-
         told = tomllib.loads((scan / "capture.toml").read_text())
 
         def image(path):
@@ -160,7 +165,8 @@ class Same(unittest.TestCase):
             return np.stack([image(path) for path in sorted(folder.glob("*.exr"))])
 
         places = {p["name"]: np.linspace(p["start_mm"], p["end_mm"], p["frames"]) for p in told["pass"]}
-        same = {n: told.get(n) for n in ("texel_mm", "thickness_mm", "camera_deg", "thickness_err_mm", "noise_relative", "noise_floor", "tube")}
+        names = ["texel_mm", "thickness_mm", "camera_deg", "thickness_err_mm", "noise_relative", "noise_floor", "tube"]
+        same = {name: told.get(name) for name in names}
         return mp.leaf.Capture(
             frames_x=images(scan / "front/x"),
             positions_x=places["x"],
@@ -188,12 +194,14 @@ class Says(unittest.TestCase):
     def test_values(self):
         self.raises(ValueError, ["broadcast", "R (2,)", "T (3,)"], mp.slab.invert, [0.1, 0.2], [0.1, 0.2, 0.3], 0.1)
         self.raises(ValueError, ["R", "numbers"], mp.slab.invert, "leaf", 0.1, 0.1)
-        self.raises(ValueError, ["method", "'quick'".replace("'", '"'), "fast, exact"], mp.slab.invert, 0.1, 0.1, 0.1, method="quick")
+        quick = ["method", '"quick"', "fast, exact"]
+        self.raises(ValueError, quick, mp.slab.invert, 0.1, 0.1, 0.1, method="quick")
         self.raises(ValueError, ["noise"], mp.slab.invert, 0.1, 0.1, 0.1, -1)
         self.raises(ValueError, ["sigma_a is -1", "element (1,)"], mp.slab.forward, [1, -1], 1, 1)
         self.raises(ValueError, ["alpha is 2"], mp.beam, 2.0, 0.5)
         self.raises(ValueError, ["sun"], mp.sky.coefficients, 3.0, 3.0)
-        self.raises(ValueError, ["bands is 0"], mp.sky.coefficients, 1.0, 3.0, 0)
+        for bands in (0, 100_000):
+            self.raises(ValueError, [f"bands is {bands}"], mp.sky.coefficients, 1.0, 3.0, bands)
         self.raises(ValueError, ["(4, 2)"], mp.sky.evaluate, np.zeros((4, 2)), [0, 0, 1])
         self.raises(ValueError, ["(2, 5)", "16"], mp.gloss.fit, np.zeros((2, 5)), TABLES / "device.toml")
         self.raises(ValueError, ["<device>", "height_mm"], mp.gloss.fit, np.zeros(5), {"height": 3})
@@ -203,6 +211,48 @@ class Says(unittest.TestCase):
         self.raises(OSError, ["nowhere.exr"], mp.fits.read_exr, "nowhere.exr")
         self.raises(ValueError, ["device.toml"], mp.fits.read_exr, TABLES / "device.toml")
         self.assertFalse(Path("nowhere-fit").exists())
+
+    def test_arguments_have_the_names_of_arguments(self):
+        for words, way in (
+            ("ground is 2", {"ground": 2.0}),
+            ("albedo is 3", {"albedo": 3.0}),
+            ("model hosek-wilkie needs method direct", {"model": "hosek-wilkie"}),
+            ("bands 20 with method compact", {"bands": 20, "method": "compact"}),
+        ):
+            with self.assertRaises(ValueError) as caught:
+                mp.sky.coefficients(1.0, 3.0, **way)
+            self.assertTrue(str(caught.exception).startswith(words), str(caught.exception))
+
+    def test_warnings(self):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            mp.sky.coefficients(1.0, 3.0)
+            mp.sky.coefficients(1.0, 3.0, method="direct", bands=2)
+        with self.assertWarnsRegex(UserWarning, "fit covers.*: 2"):
+            mp.sky.coefficients(1.0, [3.0, 7.0, 8.0], 3)
+        with self.assertWarnsRegex(UserWarning, "trusted: 1"):
+            mp.sky.coefficients(1.0, [1.5, 3.0], 3)
+
+    def test_captures(self):
+        image = np.ones((2, 2, 3))
+        tube = {"height_mm": 100.0, "length_mm": 500.0, "radius_mm": 5.0}
+
+        def scan(**other):
+            told = dict(frames_x=[image], positions_x=[0.0], texel_mm=0.1, thickness_mm=0.2, camera_deg=0.0, tube=tube)
+            return mp.leaf.Capture(**told | dict(lightbox=image, lightbox_empty=image) | other)
+
+        with tempfile.TemporaryDirectory() as folder:
+            for words, other in (
+                ("thickness_mm is nan", {"thickness_mm": np.nan}),
+                ("noise_floor is inf", {"noise_floor": np.inf}),
+                ("tube: height_mm is nan", {"tube": tube | {"height_mm": np.nan}}),
+                ("positions_x[0] is nan", {"positions_x": [np.nan]}),
+            ):
+                self.raises(ValueError, [words], scan(**other).write, f"{folder}/bad")
+            self.assertFalse(Path(f"{folder}/bad").exists())
+            name = "\N{MAPLE LEAF}\N{DECIDUOUS TREE} Ahorn"
+            text = (scan(name=name).write(f"{folder}/scan") / "capture.toml").read_text(encoding="utf-8")
+            self.assertEqual(tomllib.loads(text)["name"], name)
 
     def test_shapes(self):
         found = mp.slab.invert(np.full((3, 1), 0.2), np.full((1, 4), 0.2), 0.2, 0.001)
@@ -231,6 +281,57 @@ class Says(unittest.TestCase):
         except ImportError:
             self.skipTest("xarray is not installed")
         self.assertEqual(mp.slab.invert([0.2], 0.2, 0.2).to_xarray(["leaf"]).sizes, {"leaf": 1})
+
+
+class Stops(unittest.TestCase):
+    """Ctrl-C ends a call at once, and no other one."""
+
+    def interrupted(self, call, after=0.3):
+        """How long a call went on after Ctrl-C."""
+        pressed, over = [], []
+
+        def press():
+            pressed.append(time.monotonic())
+            os.kill(os.getpid(), signal.SIGINT)
+
+        timer = threading.Timer(after, press)
+        timer.start()
+        with self.assertRaises(KeyboardInterrupt):
+            call()
+            over.append(time.monotonic())
+            time.sleep(10)
+        self.assertFalse(over, "the call was over before it was interrupted")
+        return time.monotonic() - pressed[0]
+
+    def test_calls(self):
+        def rays(count, rows=1):
+            return mp.abm(np.full(rows, 3.0), 0.2, 1.5, 1.4, 1.35, rays=count)
+
+        expected = rays(300_000, 8)
+        elsewhere = []
+        # One row, long; meanwhile another thread computes, and what it finds is whole.
+        thread = threading.Thread(target=lambda: elsewhere.extend(rays(300_000, 8) for _ in range(3)))
+        thread.start()
+        self.assertLess(self.interrupted(lambda: rays(1_000_000_000_000)), 5)
+        # Short calls right after it.
+        self.assertEqual(mp.slab.invert(0.38, 0.51, 0.15, 0.002).status, "ok")
+        self.assertGreater(mp.slab.forward(1.0, 9.0, 0.3)[0], 0)
+        thread.join()
+        self.assertEqual(len(elsewhere), 3)
+        for found in elsewhere:
+            np.testing.assert_array_equal(found.reflectance, expected.reflectance)
+
+    def test_fits(self):
+        with tempfile.TemporaryDirectory() as folder:
+            scan, out = f"{folder}/scan", f"{folder}/elm"
+            command("synth", "data/leaves/elm.toml", "-o", scan, "--size", "96x72", "--frames", "12")
+            self.assertLess(self.interrupted(lambda: mp.leaf.fit(scan, out, hold_out=0), 0.2), 8)
+            # Nothing goes on in the background: no fit appears, and the next one is not stopped.
+            before = sorted(Path(folder).rglob("*"))
+            time.sleep(1)
+            self.assertEqual(sorted(Path(folder).rglob("*")), before)
+            self.assertFalse((Path(out) / "fit.toml").exists())
+            self.assertIn("sigma_a", mp.leaf.fit(scan, out, hold_out=0).params.front)
 
 
 if __name__ == "__main__":

@@ -26,7 +26,7 @@ use crate::{Error, Result};
 use held_out::{HoldOut, Splits};
 use mesophyll_capture::manifest::{Pass, Travel};
 use mesophyll_capture::reader::Capture;
-use mesophyll_files::progress::Bar;
+use mesophyll_files::progress::{Bar, go_on};
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_record::FitKind;
 use mesophyll_record::maker::{self, Maker, Outcome};
@@ -191,6 +191,7 @@ fn fit(folder: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
     maker.times.capture = Some(capture.folder.display().to_string());
     let mut done = Vec::new();
     for (measured, maps) in sides.into_iter().zip(merged) {
+        go_on()?;
         let step = Instant::now();
         let _bar = Bar::of(format!("{}: interior", measured.side.name()));
         let fitted = interior::fit(&capture, measured, maps, options, &level, &mut maker.times)?;

@@ -12,7 +12,7 @@ use crate::{Error, Result};
 use mesophyll_capture::manifest::Travel;
 use mesophyll_capture::reader::Capture;
 use mesophyll_files::image::{Maps, Packing, read_exr, write_exr};
-use mesophyll_files::progress::Bar;
+use mesophyll_files::progress::{Bar, go_on};
 use mesophyll_files::quantity::{self, Quantity};
 use mesophyll_optics::side::Side;
 use rayon::prelude::*;
@@ -139,12 +139,13 @@ impl Job<'_> {
         spent.reading += clock.elapsed().as_secs_f64();
         let clock = std::time::Instant::now();
         let noise = self.level.readings(self.capture, texels);
-        let fits: Vec<TexelFit> = texels
+        let fits = texels
             .par_iter()
             .enumerate()
             .map_init(
                 || (self.fitter.workspace(), vec![[0f32; 3]; x.len()], vec![[0f32; 3]; y.len()]),
                 |(workspace, trace_x, trace_y), (n, t)| {
+                    go_on()?;
                     for (to, frame) in trace_x.iter_mut().zip(&x) {
                         *to = frame[n];
                     }
@@ -153,10 +154,10 @@ impl Job<'_> {
                     }
                     let at = manifest.texel_position(t[0] as usize, t[1] as usize);
                     let second = (!trace_y.is_empty()).then_some(trace_y.as_slice());
-                    self.fitter.fit_under(&noise[n], workspace, at, trace_x, second)
+                    Ok(self.fitter.fit_under(&noise[n], workspace, at, trace_x, second))
                 },
             )
-            .collect();
+            .collect::<Result<Vec<TexelFit>>>()?;
         spent.fitting += clock.elapsed().as_secs_f64();
         let maps = to_maps(manifest.width, rows, texels, &fits);
         write_exr(&self.path(part), &maps, Packing::Zip)

@@ -24,7 +24,7 @@ element ``"ok"`` (right within the printed errors, each below 10 %), ``"undeterm
 what it leaves open) or ``"refused: ..."`` (no numbers, and why); ``result.ok`` is the mask of the good ones.
 
 Errors are ``ValueError`` for arguments and for files that do not say what they should, ``OSError`` for files that
-cannot be read or written, ``RuntimeError`` for a fit that as a whole failed.
+are not there, may not be opened or cannot be written, ``RuntimeError`` for a fit that as a whole failed.
 """
 
 from . import fits, gloss, leaf, sky, slab

@@ -9,6 +9,7 @@ Floats = NDArray[np.float64]
 Troubles = list[tuple[int, str]]
 
 __version__: str
+MOST_BANDS: int
 
 def slab_invert(
     r: Floats, t: Floats, thickness: Floats, r_err: Floats, t_err: Floats, method: str, surface: float, out: Floats
@@ -51,7 +52,7 @@ def sky_coefficients(
     ways: tuple[str, str, str],
     albedos: tuple[float, float],
     out: Floats,
-) -> Troubles: ...
+) -> tuple[Troubles, list[str]]: ...
 def sky_evaluate(
     coefficients: Floats, bands: int, directions: Floats, irradiance: bool, out: Floats
 ) -> Troubles: ...

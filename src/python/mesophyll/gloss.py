@@ -31,7 +31,8 @@ def _told(device: Device) -> tuple[str, str]:
         lines = []
         for name, value in device.items():
             plain = value.tolist() if isinstance(value, np.ndarray | np.generic) else value
-            lines.append(f"{json.dumps(str(name))} = {json.dumps(plain).replace('NaN', 'nan').replace('Infinity', 'inf')}")
+            told = json.dumps(plain, ensure_ascii=False).replace("NaN", "nan").replace("Infinity", "inf")
+            lines.append(f"{json.dumps(str(name), ensure_ascii=False)} = {told}")
         return "\n".join(lines), "<device>"
     path = fspath(device)
     return Path(path).read_text(encoding="utf-8"), str(path)
@@ -74,8 +75,8 @@ def fit(
     Returns
     -------
     Result
-        ``rho_d``, ``rho_s``, ``m``, ``tilt``, each with ``_err``, ``chi2`` and ``status``, of shape ``...``; for colour,
-        ``rho_d`` and ``rho_s`` have shape ``(..., 3)``.
+        ``rho_d``, ``rho_s``, ``m``, ``tilt``, each with ``_err``, ``chi2`` and ``status``, of shape ``...``; for
+        colour, ``rho_d`` and ``rho_s`` have shape ``(..., 3)``.
 
     Raises
     ------
@@ -92,7 +93,9 @@ def fit(
     elif read.ndim >= 1 and read.shape[-1] == count:
         channels, shape, rows = 1, read.shape[:-1], read
     else:
-        raise ValueError(f"traces have shape {read.shape}; expected (..., {count}) or (..., {count}, 3) for this device")
+        raise ValueError(
+            f"traces have shape {read.shape}; expected (..., {count}) or (..., {count}, 3) for this device"
+        )
     names = 17 if channels == 3 else 9
     out = np.empty((int(np.prod(shape)), names))
     cells, troubles = _native.gloss_fit(rows, channels, told, (lobe, index), quadrature, robust, out)

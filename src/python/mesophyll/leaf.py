@@ -21,13 +21,21 @@ from .gloss import Lobe
 __all__ = ["Capture", "fit", "read"]
 
 
+def _finite(name: str, value: Any) -> float:
+    """One number that is neither NaN nor infinite."""
+    number = floats(value, name)
+    if number.ndim != 0 or not np.isfinite(number):
+        raise ValueError(f"{name} is {value}; expected a finite number")
+    return float(number)
+
+
 @dataclass
 class Capture:
     """A scan as arrays; :func:`fit` takes it as it takes a folder.
 
-    Frames have shape (frames, height, width, 3): red, green and blue, linear in light. 1 is a white texel straight below
-    an endless tube, unless ``white`` is given; NaN is no reading. Texel (row j, column i) lies at x = (i + 1/2 - W/2) p,
-    y = (H/2 - j - 1/2) p for texels of p mm.
+    Frames have shape (frames, height, width, 3): red, green and blue, linear in light. 1 is a white texel straight
+    below an endless tube, unless ``white`` is given; NaN is no reading. Texel (row j, column i) lies at
+    x = (i + 1/2 - W/2) p, y = (H/2 - j - 1/2) p for texels of p mm.
 
     Attributes
     ----------
@@ -101,20 +109,21 @@ class Capture:
             "name": self.name,
             "width": size[1],
             "height": size[0],
-            "texel_mm": float(self.texel_mm),
-            "thickness_mm": float(self.thickness_mm),
-            "camera_deg": float(self.camera_deg),
+            "texel_mm": _finite("texel_mm", self.texel_mm),
+            "thickness_mm": _finite("thickness_mm", self.thickness_mm),
+            "camera_deg": _finite("camera_deg", self.camera_deg),
             "sides": ["front"],
         }
         for name in ("thickness_err_mm", "noise_relative", "noise_floor"):
             if getattr(self, name) is not None:
-                told[name] = float(getattr(self, name))
-        text = [f"{name} = {json.dumps(value)}" for name, value in told.items()]
-        text += ["[tube]", *(f"{name} = {float(value)!r}" for name, value in self.tube.items())]
+                told[name] = _finite(name, getattr(self, name))
+        text = [f"{name} = {json.dumps(value, ensure_ascii=False)}" for name, value in told.items()]
+        text += ["[tube]", *(f"{name} = {_finite(f'tube: {name}', value)!r}" for name, value in self.tube.items())]
         images: list[tuple[str, np.ndarray[Any, Any]]] = []
         for name, (frames, positions, white) in passes.items():
             read = floats(frames, f"frames_{name}")
-            where = [float(p) for p in floats(positions, f"positions_{name}").reshape(-1)]
+            places = floats(positions, f"positions_{name}").reshape(-1)
+            where = [_finite(f"positions_{name}[{k}]", place) for k, place in enumerate(places)]
             if read.ndim != 4 or read.shape[1:] != (*size, 3) or len(where) != read.shape[0]:
                 raise ValueError(
                     f"frames_{name} has shape {read.shape} and positions_{name} {len(where)} numbers; expected "
@@ -125,7 +134,9 @@ class Capture:
             if white is not None:
                 sheets = floats(white, f"white_{name}")
                 if sheets.ndim != 4 or sheets.shape[0] != len(where) or sheets.shape[-1] != 3:
-                    raise ValueError(f"white_{name} has shape {sheets.shape}; expected ({len(where)}, height, width, 3)")
+                    raise ValueError(
+                        f"white_{name} has shape {sheets.shape}; expected ({len(where)}, height, width, 3)"
+                    )
                 images += [(f"white/{name}/{k:04}.exr", sheet) for k, sheet in enumerate(sheets)]
         single = [
             ("front/lightbox.exr", "lightbox", self.lightbox),

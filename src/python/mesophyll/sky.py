@@ -1,12 +1,13 @@
 """Clear skies as spherical harmonics.
 
 Conventions: z is up, the sun stands at azimuth 0, which is +x. Radiance is in kcd/m^2, linear sRGB, not clamped.
-Harmonics are real and orthonormal, without the Condon-Shortley phase, at index l(l+1)+m; they hold the upper hemisphere,
-zero below the horizon, without the sun's disk.
+Harmonics are real and orthonormal, without the Condon-Shortley phase, at index l(l+1)+m; they hold the upper
+hemisphere, zero below the horizon, without the sun's disk.
 """
 
 from __future__ import annotations
 
+import warnings
 from typing import Literal
 
 import numpy as np
@@ -61,15 +62,26 @@ def coefficients(
     ValueError
         For a sun or turbidity that no such sky has, and for options that do not go together.
 
+    Warns
+    -----
+    UserWarning
+        For skies that the fit does not cover, and for turbidities outside those for which the sky model is trusted.
+
     Examples
     --------
     >>> import numpy as np, mesophyll as mp
     >>> mp.sky.coefficients(np.radians(40), 3.0).shape
     (49, 3)
     """
+    # Before anything is as large as the bands ask for.
+    if not 1 <= bands <= _native.MOST_BANDS:
+        raise ValueError(f"bands is {bands}; expected 1 to {_native.MOST_BANDS}")
     (sun, haze), shape = broadcast(sun_zenith=sun_zenith, turbidity=turbidity)
-    out = np.empty((sun.size, max(bands, 0) ** 2 * 3))
-    strict(_native.sky_coefficients(sun, haze, bands, (method, model, window), (albedo, ground), out), shape)
+    out = np.empty((sun.size, bands**2 * 3))
+    troubles, said = _native.sky_coefficients(sun, haze, bands, (method, model, window), (albedo, ground), out)
+    strict(troubles, shape)
+    for words in said:
+        warnings.warn(words, stacklevel=2)
     return out.reshape(*shape, bands**2, 3)
 
 
