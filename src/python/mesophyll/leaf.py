@@ -24,9 +24,9 @@ __all__ = ["Capture", "fit", "read"]
 def _finite(name: str, value: Any) -> float:
     """One number that is neither NaN nor infinite."""
     number = floats(value, name)
-    if number.ndim != 0 or not np.isfinite(number):
+    if number.size != 1 or not np.isfinite(number).all():
         raise ValueError(f"{name} is {value}; expected a finite number")
-    return float(number)
+    return float(number.item())
 
 
 @dataclass
