@@ -50,7 +50,10 @@ fn python() -> Option<PathBuf> {
         Some((folder, python))
     });
     if made.is_none() {
-        skip(Need::System, "no maturin, NumPy and matplotlib in target/python (made by .ci/python from Python 3.11 or newer)");
+        skip(
+            Need::System,
+            "no maturin, NumPy and matplotlib in target/python (made by .ci/python from Python 3.11 or newer)",
+        );
     }
     made.as_ref().map(|(_, python)| python.clone())
 }
