@@ -5,8 +5,8 @@ MESOPHYLL and the repository's root as the working folder.
 import csv
 import io
 import os
-import subprocess
 import signal
+import subprocess
 import tempfile
 import threading
 import time
@@ -20,6 +20,8 @@ import numpy as np
 import mesophyll as mp
 
 PROGRAM = os.environ["MESOPHYLL"]
+# A script's background jobs start with Ctrl-C ignored, and Python then leaves it so.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 TABLES = Path("data/tables")
 
 
