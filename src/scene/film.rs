@@ -176,7 +176,9 @@ fn claim_frames(film: &Film, options: &Options) -> Result<()> {
         Ok(bytes) => Some(serde_json::from_slice(&bytes).map_err(|e| {
             Error::input(&record, format!("not the record of a film ({e}); give --force to draw anew"))
         })?),
-        Err(_) => None,
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => None,
+        // Whose frames these are cannot be told, so that none of them is taken away.
+        Err(e) => return Err(Error::input(&record, atomic::explain(&e))),
     };
     match there {
         // The same pictures, of which there may be more or fewer: a longer film goes on with a shorter one.
