@@ -3,6 +3,7 @@
 use super::{Common, place};
 use crate::named::named;
 use crate::{Error, Result};
+use clap::builder::{PossibleValue, TypedValueParser};
 use mesophyll_export::sky::SkyOptions;
 use mesophyll_export::{Format, export};
 use mesophyll_files::{claim, progress};
@@ -17,21 +18,31 @@ use std::path::{Path, PathBuf};
   mesophyll export fits/elm --to gltf -o elm.glb
   mesophyll export fits/elm --to csv -o elm.csv
   mesophyll export data/scenes/breeze.toml --time 2.5 --to gltf -o posed.glb
+  mesophyll export data/scenes/breeze.toml --from 0 --until 2 --step 0.04 --to gltf -o swaying.glb
   mesophyll fit sky -o out/sky && mesophyll export out/sky --to wgsl -o sky.wgsl
   mesophyll export out/sky --to c --sun-zenith-deg 40 --turbidity 3 --ground 0.2 -o noon.h")]
 pub struct Args {
     /// Fit folder, or a scene with plants
     #[arg(value_name = "DIR|SCENE.toml")]
     folder: PathBuf,
-    /// Format
-    #[arg(long, value_parser = named::<Format>(), value_name = "FORMAT")]
-    to: Format,
+    /// Format; a number is the last time of an animation, as --until has it
+    #[arg(long, value_parser = FormatOrTime, value_name = "FORMAT", required = true, allow_negative_numbers = true)]
+    to: Vec<To>,
     /// File to write, `-` for standard output; with png and packed a folder
     #[arg(short, long = "out", alias = "output", value_name = "PATH")]
     output: PathBuf,
     /// Scene: when its plants are seen (s); the wind's own time when absent
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     time: Option<f64>,
+    /// Scene: first time (s) of an animation of its plants
+    #[arg(long, value_name = "S", allow_negative_numbers = true, conflicts_with = "time")]
+    from: Option<f64>,
+    /// Scene: last time (s) of the animation
+    #[arg(long, value_name = "S", allow_negative_numbers = true, requires = "from")]
+    until: Option<f64>,
+    /// Scene: between two keys of the animation (s)
+    #[arg(long, value_name = "S", default_value_t = 0.04, requires = "from")]
+    step: f64,
     /// Sky: only the numbers of this sun (angle from the zenith), no polynomial
     #[arg(long, value_name = "DEG", requires = "turbidity")]
     sun_zenith_deg: Option<f64>,
@@ -44,8 +55,63 @@ pub struct Args {
     ground: f64,
 }
 
+/// What `--to` says: the format or, for an animation, its last time.
+#[derive(Debug, Clone, Copy)]
+enum To {
+    Format(Format),
+    Time(f64),
+}
+
+/// No format is called by a number.
+#[derive(Clone)]
+struct FormatOrTime;
+
+impl TypedValueParser for FormatOrTime {
+    type Value = To;
+
+    fn parse_ref(
+        &self,
+        command: &clap::Command,
+        argument: Option<&clap::Arg>,
+        value: &std::ffi::OsStr,
+    ) -> std::result::Result<To, clap::Error> {
+        match value.to_str().and_then(|text| text.parse().ok()) {
+            Some(time) => Ok(To::Time(time)),
+            None => named::<Format>().parse_ref(command, argument, value).map(To::Format),
+        }
+    }
+
+    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
+        let all: Vec<PossibleValue> = named::<Format>().possible_values()?.collect();
+        Some(Box::new(all.into_iter()))
+    }
+}
+
+impl Args {
+    /// The format, and the first and last time of an animation.
+    fn asked(&self) -> Result<(Format, Option<[f64; 2]>)> {
+        let formats: Vec<Format> =
+            self.to.iter().filter_map(|t| if let To::Format(f) = t { Some(*f) } else { None }).collect();
+        let said = self.to.iter().filter_map(|t| if let To::Time(s) = t { Some(*s) } else { None });
+        let last: Vec<f64> = said.chain(self.until).collect();
+        let &[format] = formats.as_slice() else {
+            let found = format!("{} formats", formats.len());
+            return Err(Error::argument("--to", found, "one format, such as gltf"));
+        };
+        match (self.from, last.as_slice()) {
+            (None, []) => Ok((format, None)),
+            (Some(from), [last]) => Ok((format, Some([from, *last]))),
+            (Some(_), all) => {
+                let found = format!("{} last times", all.len());
+                Err(Error::argument("--until", found, "one, with --from"))
+            }
+            (None, [last, ..]) => Err(Error::argument("--until", last, "a first time (--from) beside it")),
+        }
+    }
+}
+
 pub fn run(args: &Args, common: &Common) -> Result<u8> {
-    let format = args.to;
+    let (format, times) = args.asked()?;
     let stdout = place::is_stdout(&args.output);
     if stdout && (format.is_folder() || format == Format::Obj) {
         return Err(Error::Usage(format!(
@@ -86,10 +152,16 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if let Some(time) = args.time.filter(|t| !scene || !t.is_finite()) {
         return Err(Error::argument("--time", time, "a finite time, with a scene instead of a fit folder"));
     }
+    if times.is_some() && !scene {
+        let what = "is not a scene; --from, --until and --step write an animation of a scene's plants";
+        return Err(Error::Usage(format!("{} {what}", args.folder.display())));
+    }
     let fixed = args.sun_zenith_deg.zip(args.turbidity).map(|(sun, turbidity)| (sun.to_radians(), turbidity));
     let options = SkyOptions { fixed, ground: args.ground };
-    let written = place::file(&args.output, |path| {
-        if scene { posed(&args.folder, args.time, path) } else { export(&args.folder, format, path, &options) }
+    let written = place::file(&args.output, |path| match times {
+        Some([from, last]) => moving(&args.folder, from, last, args.step, path),
+        None if scene => posed(&args.folder, args.time, path),
+        None => export(&args.folder, format, path, &options),
     })?;
     if stdout {
         return Ok(0);
@@ -108,5 +180,11 @@ fn posed(scene: &Path, time: Option<f64>, path: &Path) -> Result<Vec<PathBuf>> {
     let manifest = Manifest::read(scene)?;
     let time = time.unwrap_or_else(|| branch::rest_time(&manifest));
     mesophyll_flora::file::write(&placed::posed::plants(&manifest, time, &Ledger::new())?, path)?;
+    Ok(vec![path.to_path_buf()])
+}
+
+/// A scene's plants as an animation.
+fn moving(scene: &Path, from: f64, last: f64, step: f64, path: &Path) -> Result<Vec<PathBuf>> {
+    placed::posed::animation(&Manifest::read(scene)?, from, last, step, &Ledger::new(), path)?;
     Ok(vec![path.to_path_buf()])
 }

@@ -7,6 +7,7 @@ use std::path::Path;
 
 const FLOAT: u32 = 5126;
 const UNSIGNED_INT: u32 = 5125;
+const UNSIGNED_SHORT: u32 = 5123;
 
 /// Buffer, accessors and images of a file that is being written.
 #[derive(Debug, Default)]
@@ -49,6 +50,25 @@ impl Glb {
         let view = self.view(&bytes);
         self.accessors
             .push(json!({"bufferView": view, "componentType": UNSIGNED_INT, "count": values.len(), "type": "SCALAR"}));
+        self.accessors.len() - 1
+    }
+
+    /// Adds the times of an animation (s), in rising order. The accessor's index.
+    pub fn times(&mut self, values: &[f32]) -> usize {
+        let each: Vec<[f32; 1]> = values.iter().map(|v| [*v]).collect();
+        let accessor = self.floats("SCALAR", &each);
+        self.accessors[accessor]["min"] = json!(values.first().map(|v| [v]));
+        self.accessors[accessor]["max"] = json!(values.last().map(|v| [v]));
+        accessor
+    }
+
+    /// Adds the joints of vertices, counted in their skin. The accessor's index.
+    pub fn joints(&mut self, values: &[[u16; 4]]) -> usize {
+        let bytes: Vec<u8> = values.iter().flatten().flat_map(|v| v.to_le_bytes()).collect();
+        let view = self.view(&bytes);
+        let accessor =
+            json!({"bufferView": view, "componentType": UNSIGNED_SHORT, "count": values.len(), "type": "VEC4"});
+        self.accessors.push(accessor);
         self.accessors.len() - 1
     }
 

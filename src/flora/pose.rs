@@ -32,6 +32,10 @@ pub const FREELY: f64 = 0.75;
 /// 1e-6.
 const FINE: f64 = 0.005;
 
+/// Sections that carry bark lie at multiples of this share of a branch: a vertex is carried by the nearest. On a branch
+/// that is bent by a radian its place is then off by 1e-4 of the branch's radius.
+pub const SECTION_STEP: f64 = 1.0 / 8192.0;
+
 /// A rigid motion: what a cross-section of a branch does to all that hangs on it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rigid {
@@ -59,6 +63,13 @@ impl Rigid {
         }
         let [x, y, z] = [frame.x_axis, frame.y_axis, frame.z_axis].map(|a| (self.turn * a.truncate()).extend(0.0));
         DMat4::from_cols(x, y, z, self.place(frame.w_axis.truncate()).extend(1.0))
+    }
+
+    /// The same motion in another frame, into which `place` turns, moves and scales alike along all axes.
+    pub fn moved(&self, place: DMat4) -> Rigid {
+        let turn = DMat3::from_mat4(place) * place.determinant().cbrt().recip();
+        let [from, to] = [self.from, self.to].map(|p| place.transform_point3(p));
+        Rigid { from, to, turn: turn * self.turn * turn.transpose() }
     }
 
     /// First `inner`, then this.

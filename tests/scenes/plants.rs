@@ -8,14 +8,21 @@ use std::path::{Path, PathBuf};
 const HEAD: &str = "schema = 1\nname = \"s\"\n[[leaf]]\nname = \"elm\"\nuniform = { rho_d = [[0.1, 0.2, 0.1], [0.1, 0.2, 0.1]], \
  rho_t = [0.1, 0.2, 0.1] }\nmesh = \"leaf.glb\"\n[sky]\nradiance = [1, 1, 1]\n[[view]]\nname = \"v\"\nkind = \"perspective\"\n\
  eye_mm = [0, -900, 100]\ntarget_mm = [0, 0, 100]\nfov_deg = 30\n";
-const BARK: &str = "materials = { leaf = \"elm\", bark = [0.1, 0.1, 0.1] }\n";
+pub const BARK: &str = "materials = { leaf = \"elm\", bark = [0.1, 0.1, 0.1] }\n";
 
-fn scene(folder: &Path, plant: &str) -> PathBuf {
+pub fn scene(folder: &Path, plant: &str) -> PathBuf {
     let twig = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/plants/elm-twig.toml");
     std::fs::copy(twig, folder.join("twig.toml")).unwrap();
     let path = folder.join("scene.toml");
     std::fs::write(&path, format!("{HEAD}[[plant]]\n{plant}")).unwrap();
     path
+}
+
+/// Runs the program in a folder: exit code and messages.
+pub fn run(folder: &Path, words: &[&str]) -> (Option<i32>, String) {
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_mesophyll"));
+    let output = command.args(words).current_dir(folder).output().unwrap();
+    (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
 }
 
 fn plants(folder: &Path, plant: &str) -> Result<Vec<Planted>, String> {
@@ -96,11 +103,7 @@ fn a_posed_plant_is_written_and_read_back() {
         scene(folder.path(), &format!("grow = \"sapling.toml\"\n{BARK}position_mm = [50, 20, 0]\nscale = 1.5\n"));
     let still = std::fs::read_to_string(&path).unwrap();
     std::fs::write(&path, format!("{still}[wind]\nspeed_m_s = 9\nazimuth_deg = 30\nseed = 7\n")).unwrap();
-    let run = |words: &[&str]| {
-        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_mesophyll"));
-        let output = command.args(words).current_dir(folder.path()).output().unwrap();
-        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
-    };
+    let run = |words: &[&str]| run(folder.path(), words);
     assert_eq!(run(&["export", "scene.toml", "--time", "2.5", "--to", "gltf", "-o", "posed.glb"]).0, Some(0));
     assert_eq!(run(&["eval", "sway", "scene.toml", "--from", "2.5", "--to", "2.5", "-o", "sway.csv"]).0, Some(0));
     let manifest = Manifest::read(&path).unwrap();

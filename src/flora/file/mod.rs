@@ -7,12 +7,16 @@
 //!
 //! A reader without the extension draws one leaf a branch. Plain nodes with a mesh below a branch are read as leaves
 //! too, with `at` in their `extras` or, where that is missing, at the nearest place of the axis.
+//!
+//! A plant that moves ([`write_moving`]) has leaves as plain nodes and its bark as skinned meshes beside the plant's node.
 
+mod moving;
 mod read;
 #[cfg(test)]
 mod tests;
 mod write;
 
+pub use moving::{Carried, write_moving};
 pub use read::read;
 pub(crate) use read::{count, instances};
 pub use write::write;

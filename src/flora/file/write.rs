@@ -1,7 +1,7 @@
 //! Writes a plant as binary glTF.
 
 use super::{Extras, INSTANCING, PERIOD, Said};
-use crate::form::{Branch, Plant};
+use crate::form::{Blade, Branch, Plant};
 use crate::{Error, Result};
 use glam::{DMat4, DVec3};
 use mesophyll_files::glb::{self, Glb};
@@ -19,45 +19,18 @@ const COLOURS: [[f64; 4]; 2] = [[0.13, 0.095, 0.065, 1.0], [0.06, 0.13, 0.03, 1.
 /// # Errors
 /// As [`Glb::write`].
 pub fn write(plant: &Plant, path: &Path) -> Result<()> {
-    let mut file = Glb::default();
-    let mut materials: Vec<Value> = Vec::new();
-    let mut known: BTreeMap<(String, bool), usize> = BTreeMap::new();
-    let mut material = |name: &str, leaf: bool| {
-        *known.entry((name.to_string(), leaf)).or_insert_with(|| {
-            materials.push(json!({"name": name, "doubleSided": leaf, "pbrMetallicRoughness": {
-                "baseColorFactor": COLOURS[usize::from(leaf)], "metallicFactor": 0.0, "roughnessFactor": 0.7}}));
-            materials.len() - 1
-        })
-    };
-    let mut meshes: Vec<Value> = Vec::new();
-    let blades: Vec<usize> = plant
-        .blades
-        .iter()
-        .map(|blade| {
-            meshes.push(mesh(&mut file, "blade", &blade.mesh, material(&blade.material, true)));
-            meshes.len() - 1
-        })
-        .collect();
+    let mut shapes = Shapes::default();
+    let blades = shapes.blades(plant);
     // Node 0 is the plant, branch k is node k + 1, leaves follow.
-    let mut nodes = vec![json!({
-        "name": plant.name,
-        "rotation": [-FRAC_1_SQRT_2, 0.0, 0.0, FRAC_1_SQRT_2],
-        "scale": [0.001, 0.001, 0.001],
-    })];
-    if let Some(period) = plant.period {
-        nodes[0]["extras"] = json!({ PERIOD: period });
-    }
+    let mut nodes = vec![whole(plant)];
     let mut children: Vec<Vec<usize>> = vec![Vec::new(); plant.branches.len() + 1];
     for (k, branch) in plant.branches.iter().enumerate() {
-        let above = branch.parent.and_then(|joint| plant.branches.get(joint.branch).map(|b| (joint.branch, b)));
-        let local = above.map_or(branch.frame(), |(_, parent)| parent.frame().inverse() * branch.frame());
-        children[above.map_or(0, |(index, _)| index + 1)].push(k + 1);
-        let mut node = placed(local);
-        node["name"] = json!(branch.name);
-        node["extras"] = serde_json::to_value(Extras { branch: said(branch) }).map_err(|e| Error::write(path, e))?;
+        let (above, local) = below(plant, branch);
+        children[above].push(k + 1);
+        let mut node = node(branch, local, path)?;
         if branch.wood.triangles() > 0 {
-            meshes.push(mesh(&mut file, &branch.name, &branch.wood, material(&branch.material, false)));
-            node["mesh"] = json!(meshes.len() - 1);
+            let material = shapes.material(&branch.material, false);
+            node["mesh"] = json!(shapes.mesh(&branch.name, &branch.wood, material));
         }
         nodes.push(node);
     }
@@ -71,10 +44,10 @@ pub fn write(plant: &Plant, path: &Path) -> Result<()> {
         let parts: Vec<_> = leaves.iter().map(|(_, local)| local.to_scale_rotation_translation()).collect();
         let at: Vec<[f32; 1]> = leaves.iter().map(|(at, _)| [*at as f32]).collect();
         let attributes = json!({
-            "TRANSLATION": file.floats("VEC3", &parts.iter().map(|(_, _, t)| narrow(*t)).collect::<Vec<_>>()),
-            "ROTATION": file.floats("VEC4", &parts.iter().map(|(_, q, _)| q.as_quat().to_array()).collect::<Vec<_>>()),
-            "SCALE": file.floats("VEC3", &parts.iter().map(|(s, _, _)| narrow(*s)).collect::<Vec<_>>()),
-            "_AT": file.floats("SCALAR", &at),
+            "TRANSLATION": shapes.file.floats("VEC3", &parts.iter().map(|(_, _, t)| narrow(*t)).collect::<Vec<_>>()),
+            "ROTATION": shapes.file.floats("VEC4", &parts.iter().map(|(_, q, _)| q.as_quat().to_array()).collect::<Vec<_>>()),
+            "SCALE": shapes.file.floats("VEC3", &parts.iter().map(|(s, _, _)| narrow(*s)).collect::<Vec<_>>()),
+            "_AT": shapes.file.floats("SCALAR", &at),
         });
         children[branch + 1].push(nodes.len());
         nodes.push(json!({
@@ -83,20 +56,98 @@ pub fn write(plant: &Plant, path: &Path) -> Result<()> {
             "extensions": {INSTANCING: {"attributes": attributes}},
         }));
     }
-    for (node, below) in nodes.iter_mut().zip(&children) {
+    let mut root = rooted(nodes, &children);
+    if !hung.is_empty() {
+        root["extensionsUsed"] = json!([INSTANCING]);
+    }
+    shapes.write(path, root)
+}
+
+/// The node of the plant, which turns it to y up and scales mm to metres.
+pub(super) fn whole(plant: &Plant) -> Value {
+    let mut node = json!({
+        "name": plant.name,
+        "rotation": [-FRAC_1_SQRT_2, 0.0, 0.0, FRAC_1_SQRT_2],
+        "scale": [0.001, 0.001, 0.001],
+    });
+    if let Some(period) = plant.period {
+        node["extras"] = json!({ PERIOD: period });
+    }
+    node
+}
+
+/// The node that a branch's node is in (0: the plant's, k + 1: that of branch k), and its place there.
+pub(super) fn below(plant: &Plant, branch: &Branch) -> (usize, DMat4) {
+    let above = branch.parent.and_then(|joint| plant.branches.get(joint.branch).map(|b| (joint.branch, b)));
+    above.map_or((0, branch.frame()), |(k, parent)| (k + 1, parent.frame().inverse() * branch.frame()))
+}
+
+/// A branch's node without its mesh.
+pub(super) fn node(branch: &Branch, local: DMat4, path: &Path) -> Result<Value> {
+    let mut node = placed(local);
+    node["name"] = json!(branch.name);
+    node["extras"] = serde_json::to_value(Extras { branch: said(branch) }).map_err(|e| Error::write(path, e))?;
+    Ok(node)
+}
+
+/// A file's JSON of nodes, of which the first is the plant's, and the nodes in each of the first ones.
+pub(super) fn rooted(mut nodes: Vec<Value>, children: &[Vec<usize>]) -> Value {
+    for (node, below) in nodes.iter_mut().zip(children) {
         if !below.is_empty() {
             node["children"] = json!(below);
         }
     }
-    let mut root = json!({"asset": glb::asset(), "scene": 0, "scenes": [{"nodes": [0]}], "nodes": nodes});
-    if !hung.is_empty() {
-        root["extensionsUsed"] = json!([INSTANCING]);
+    json!({"asset": glb::asset(), "scene": 0, "scenes": [{"nodes": [0]}], "nodes": nodes})
+}
+
+/// Meshes and materials of a file that is being written.
+#[derive(Default)]
+pub(super) struct Shapes {
+    pub file: Glb,
+    materials: Vec<Value>,
+    known: BTreeMap<(String, bool), usize>,
+    meshes: Vec<Value>,
+}
+
+impl Shapes {
+    pub fn material(&mut self, name: &str, leaf: bool) -> usize {
+        let materials = &mut self.materials;
+        *self.known.entry((name.to_string(), leaf)).or_insert_with(|| {
+            materials.push(json!({"name": name, "doubleSided": leaf, "pbrMetallicRoughness": {
+                "baseColorFactor": COLOURS[usize::from(leaf)], "metallicFactor": 0.0, "roughnessFactor": 0.7}}));
+            materials.len() - 1
+        })
     }
-    if !meshes.is_empty() {
-        root["meshes"] = json!(meshes);
-        root["materials"] = json!(materials);
+
+    /// The mesh's index.
+    pub fn mesh(&mut self, name: &str, mesh: &LeafMesh, material: usize) -> usize {
+        let value = self::mesh(&mut self.file, name, mesh, material);
+        self.meshes.push(value);
+        self.meshes.len() - 1
     }
-    file.write(path, root)
+
+    /// Adds an attribute of the vertices of a mesh's only primitive.
+    pub fn attribute(&mut self, mesh: usize, name: &str, accessor: usize) {
+        self.meshes[mesh]["primitives"][0]["attributes"][name] = json!(accessor);
+    }
+
+    /// The mesh of every blade.
+    pub fn blades(&mut self, plant: &Plant) -> Vec<usize> {
+        let blade = |blade: &Blade| {
+            let material = self.material(&blade.material, true);
+            self.mesh("blade", &blade.mesh, material)
+        };
+        plant.blades.iter().map(blade).collect()
+    }
+
+    /// Writes the file, `root` being its JSON without meshes and materials.
+    pub fn write(self, path: &Path, mut root: Value) -> Result<()> {
+        if !self.meshes.is_empty() {
+            root["meshes"] = json!(self.meshes);
+            root["materials"] = json!(self.materials);
+        }
+        self.file.write(path, root)
+    }
 }
 
 fn said(b: &Branch) -> Said {
@@ -113,11 +164,11 @@ fn said(b: &Branch) -> Said {
     }
 }
 
-fn narrow(v: DVec3) -> [f32; 3] {
+pub(super) fn narrow(v: DVec3) -> [f32; 3] {
     v.as_vec3().to_array()
 }
 
-fn placed(local: DMat4) -> Value {
+pub(super) fn placed(local: DMat4) -> Value {
     let (_, rotation, translation) = local.to_scale_rotation_translation();
     json!({"translation": narrow(translation), "rotation": rotation.normalize().as_quat().normalize().to_array()})
 }

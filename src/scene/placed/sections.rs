@@ -2,15 +2,11 @@
 //! move plants by these alone.
 
 use super::plant::{Planted, Wood};
-use glam::{DMat3, DMat4};
+use glam::DMat4;
 use mesophyll_files::mesh::LeafMesh;
-use mesophyll_flora::pose::{Pose, Rigid};
+use mesophyll_flora::pose::{Pose, Rigid, SECTION_STEP};
 use std::collections::BTreeMap;
 use std::sync::Arc;
-
-/// Sections lie at multiples of this share of a branch: a vertex of bark is carried by the nearest. On a branch that is
-/// bent by a radian its place is then off by 1e-4 of the branch's radius.
-const FINENESS: f64 = 1.0 / 8192.0;
 
 /// The sections of one plant, which it has at each of its places.
 #[derive(Debug)]
@@ -39,9 +35,9 @@ impl Sections {
         let mut on: Vec<(usize, f64)> = planted.plant.leaves.iter().map(|l| (l.joint.branch, l.joint.at)).collect();
         let mut known = BTreeMap::new();
         let mut section = |(branch, at): (usize, f64)| {
-            let step = (at / FINENESS).round();
+            let step = (at / SECTION_STEP).round();
             *known.entry((branch, step as u32)).or_insert_with(|| {
-                on.push((branch, step * FINENESS));
+                on.push((branch, step * SECTION_STEP));
                 on.len() as u32 - 1
             })
         };
@@ -63,13 +59,7 @@ impl Sections {
     /// Where those of a place are in a pose, in world space, from rest.
     pub fn at(&self, place: usize, pose: &Pose) -> Vec<Rigid> {
         let to_world = self.places[place];
-        let turn = DMat3::from_mat4(to_world) * to_world.determinant().cbrt().recip();
-        let world = |(branch, at): &(usize, f64)| {
-            let own = pose.at(*branch, *at);
-            let [from, to] = [own.from, own.to].map(|p| to_world.transform_point3(p));
-            Rigid { from, to, turn: turn * own.turn * turn.transpose() }
-        };
-        self.on.iter().map(world).collect()
+        self.on.iter().map(|(branch, at)| pose.at(*branch, *at).moved(to_world)).collect()
     }
 
     /// The plant's wood at every place by itself: each is bent another way.

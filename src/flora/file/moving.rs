@@ -1,0 +1,235 @@
+//! Writes a plant that moves as binary glTF with an animation.
+//!
+//! Each branch's node moves with the place where it grows. Its bark is a skinned mesh, whose joints are the
+//! cross-sections that carry its vertices in both renderers ([`SECTION_STEP`]); each joint is a node in the branch's.
+//! A vertex belongs to one joint, so that bark at a key is the pose itself and not a mean of two turns. The node of the
+//! branch is the joint of its root. Leaves are nodes in that of their branch. Nodes have the plant's pose at rest.
+//!
+//! What does not move against its node has no channel. The parent of a skinned mesh means nothing in glTF, so the
+//! meshes of bark stand beside the plant's node, in metres.
+
+use super::write::{Shapes, below, narrow, node, placed, rooted, whole};
+use crate::form::{Branch, Plant, nearest};
+use crate::pose::{Rigid, SECTION_STEP};
+use crate::{Error, Result};
+use glam::{DMat4, DQuat, DVec3};
+use mesophyll_files::mesh::LeafMesh;
+use rayon::prelude::*;
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// A node's place in the node above it that moves by less than this share of itself (and of 1 mm) stands still.
+const STILL: f32 = 1e-6;
+
+/// What of a plant is keyed: the cross-sections of its branches that carry something.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Carried {
+    /// Branch and share of its axis: the roots of all branches in their order, then the leaves, then the joints of the
+    /// bark.
+    pub on: Vec<(usize, f64)>,
+    /// A branch each: the keyed sections that carry its bark, and which of these carries each vertex.
+    bark: Vec<(Vec<usize>, Vec<u16>)>,
+}
+
+impl Carried {
+    /// The cross-sections of a plant at rest.
+    pub fn of(plant: &Plant) -> Carried {
+        let roots = (0..plant.branches.len()).map(|k| (k, 0.0));
+        let mut on: Vec<(usize, f64)> =
+            roots.chain(plant.leaves.iter().map(|l| (l.joint.branch, l.joint.at))).collect();
+        let own = |(k, branch): (usize, &Branch)| {
+            let mut joints = Vec::new();
+            let mut known = BTreeMap::new();
+            let mut joint = |at: f64| {
+                let step = (at / SECTION_STEP).round();
+                *known.entry(step as u32).or_insert_with(|| {
+                    joints.push(if step == 0.0 { k } else { on.len() });
+                    if step != 0.0 {
+                        on.push((k, step * SECTION_STEP));
+                    }
+                    joints.len() as u16 - 1
+                })
+            };
+            let vertices = branch.wood.positions.iter().map(|p| joint(nearest(&branch.axis, *p).0)).collect();
+            (joints, vertices)
+        };
+        let bark = plant.branches.iter().enumerate().map(own).collect();
+        Carried { on, bark }
+    }
+}
+
+/// Translation (mm) and rotation of a node in the node above.
+type Place = ([f32; 3], [f32; 4]);
+
+/// The plant's nodes: roots of branches, leaves and joints, in the order of [`Carried::on`].
+struct Nodes<'a> {
+    plant: &'a Plant,
+    carried: &'a Carried,
+    /// At rest, in the plant's frame.
+    rest: Vec<DMat4>,
+}
+
+impl Nodes<'_> {
+    fn new<'a>(plant: &'a Plant, carried: &'a Carried) -> Nodes<'a> {
+        let branches = plant.branches.len();
+        let rest = carried.on.iter().enumerate().map(|(k, (branch, at))| match k.checked_sub(branches) {
+            None => plant.branches[k].frame(),
+            Some(leaf) if leaf < plant.leaves.len() => plant.leaves[leaf].transform,
+            Some(_) => {
+                let branch = &plant.branches[*branch];
+                let frame = branch.frame();
+                DMat4::from_cols(frame.x_axis, frame.y_axis, frame.z_axis, branch.point(*at).0.extend(1.0))
+            }
+        });
+        Nodes { plant, carried, rest: rest.collect() }
+    }
+
+    /// What a node is in: the root of a branch, or for a trunk the plant.
+    fn above(&self, k: usize) -> Option<usize> {
+        match self.plant.branches.get(k) {
+            Some(branch) => branch.parent.map(|joint| joint.branch),
+            None => Some(self.carried.on[k].0),
+        }
+    }
+
+    /// All nodes, moved from rest by `motions`, in the nodes that they are in.
+    fn places(&self, motions: &[Rigid]) -> Vec<Place> {
+        let now: Vec<DMat4> = motions.iter().zip(&self.rest).map(|(by, rest)| by.carry(*rest)).collect();
+        let place = |(k, frame): (usize, &DMat4)| {
+            let local = self.above(k).map_or(*frame, |above| now[above].inverse() * *frame);
+            let (_, turn, place) = local.to_scale_rotation_translation();
+            (narrow(place), turn.normalize().as_quat().normalize().to_array())
+        };
+        now.iter().enumerate().map(place).collect()
+    }
+}
+
+/// Writes `path` (.glb), whole or not at all: `plant` at rest with an animation over `times` (s, rising). `motions` gives
+/// at one of them how each of `carried.on` moves from rest, in the plant's frame. The animation begins at 0 s, because
+/// glTF has no earlier time; the first of `times` is `from_s` in its `extras`.
+///
+/// # Errors
+/// [`Error::Missed`] where nothing moves; and as [`mesophyll_files::glb::Glb::write`].
+pub fn write_moving(
+    plant: &Plant,
+    carried: &Carried,
+    times: &[f64],
+    motions: impl Fn(f64) -> Vec<Rigid> + Sync,
+    path: &Path,
+) -> Result<()> {
+    let all = Nodes::new(plant, carried);
+    let keys: Vec<Vec<Place>> = times.par_iter().map(|time| all.places(&motions(*time))).collect();
+    let mut shapes = Shapes::default();
+    let blades = shapes.blades(plant);
+    // Node 0 is the plant; keyed section k is node k + 1; meshes of bark follow.
+    let mut nodes = vec![whole(plant)];
+    let mut children: Vec<Vec<usize>> = vec![Vec::new(); plant.branches.len() + 1];
+    for (k, (_, at)) in carried.on.iter().enumerate() {
+        let above = all.above(k).map_or(0, |above| above + 1);
+        children[above].push(k + 1);
+        nodes.push(match (plant.branches.get(k), plant.leaves.get(k.wrapping_sub(plant.branches.len()))) {
+            (Some(branch), _) => node(branch, below(plant, branch).1, path)?,
+            (None, leaf) => {
+                let local = all.rest[above - 1].inverse() * all.rest[k];
+                let mut node = placed(local);
+                if let Some(leaf) = leaf {
+                    node["scale"] = json!(narrow(local.to_scale_rotation_translation().0));
+                    node["mesh"] = json!(blades[leaf.blade]);
+                    node["extras"] = json!({ "at": at });
+                }
+                node
+            }
+        });
+    }
+    let mut skins: Vec<Value> = Vec::new();
+    let mut roots = vec![0];
+    for (branch, (joints, of_vertices)) in plant.branches.iter().zip(&carried.bark) {
+        if branch.wood.triangles() == 0 {
+            continue;
+        }
+        let mesh = bark(&mut shapes, branch, of_vertices);
+        let bind = shapes.file.floats("MAT4", &joints.iter().map(|k| unbound(all.rest[*k])).collect::<Vec<_>>());
+        let joints: Vec<usize> = joints.iter().map(|k| k + 1).collect();
+        skins.push(json!({"joints": joints, "inverseBindMatrices": bind, "skeleton": 0}));
+        roots.push(nodes.len());
+        nodes.push(json!({"name": format!("{} bark", branch.name), "mesh": mesh, "skin": skins.len() - 1}));
+    }
+    let mut root = rooted(nodes, &children);
+    root["scenes"][0]["nodes"] = json!(roots);
+    if !skins.is_empty() {
+        root["skins"] = json!(skins);
+    }
+    let from = times.first().copied().unwrap_or(0.0);
+    let relative: Vec<f32> = times.iter().map(|t| (t - from) as f32).collect();
+    let input = shapes.file.times(&relative);
+    let (samplers, channels) = tracks(&mut shapes, &all, &keys, input);
+    if channels.is_empty() {
+        return Err(Error::Missed("nothing of the plants moves over these times".into()));
+    }
+    root["animations"] =
+        json!([{"name": "wind", "samplers": samplers, "channels": channels, "extras": {"from_s": from}}]);
+    shapes.write(path, root)
+}
+
+/// From the plant's frame to the file's: y up, metres.
+fn upright() -> DMat4 {
+    let turn = DQuat::from_rotation_x(-std::f64::consts::FRAC_PI_2);
+    DMat4::from_scale_rotation_translation(DVec3::splat(0.001), turn, DVec3::ZERO)
+}
+
+/// From the file's frame to that of a joint at rest.
+fn unbound(rest: DMat4) -> [f32; 16] {
+    let mut inverse = (upright() * rest).inverse();
+    // Rounding must not make it anything but affine.
+    inverse.x_axis.w = 0.0;
+    inverse.y_axis.w = 0.0;
+    inverse.z_axis.w = 0.0;
+    inverse.w_axis.w = 1.0;
+    inverse.as_mat4().to_cols_array()
+}
+
+/// A branch's bark at rest in the file's frame, each vertex with its joint.
+fn bark(shapes: &mut Shapes, branch: &Branch, of_vertices: &[u16]) -> usize {
+    let mut mesh = LeafMesh::default();
+    mesh.append(&branch.wood, upright() * branch.frame());
+    let material = shapes.material(&branch.material, false);
+    let mesh = shapes.mesh(&branch.name, &mesh, material);
+    let joints = shapes.file.joints(&of_vertices.iter().map(|k| [*k, 0, 0, 0]).collect::<Vec<_>>());
+    let weights = shapes.file.floats("VEC4", &vec![[1.0, 0.0, 0.0, 0.0]; of_vertices.len()]);
+    shapes.attribute(mesh, "JOINTS_0", joints);
+    shapes.attribute(mesh, "WEIGHTS_0", weights);
+    mesh
+}
+
+/// Samplers and channels of every node that moves in the node above.
+fn tracks(shapes: &mut Shapes, all: &Nodes, keys: &[Vec<Place>], input: usize) -> (Vec<Value>, Vec<Value>) {
+    let rest = all.places(&vec![Rigid::STILL; all.rest.len()]);
+    let (mut samplers, mut channels) = (Vec::new(), Vec::new());
+    let mut track = |node: usize, path: &str, output: usize| {
+        samplers.push(json!({"input": input, "output": output, "interpolation": "LINEAR"}));
+        channels.push(json!({"sampler": samplers.len() - 1, "target": {"node": node, "path": path}}));
+    };
+    let moves = |a: &[f32], b: &[f32]| a.iter().zip(b).any(|(a, b)| (a - b).abs() > STILL * b.abs().max(1.0));
+    for (k, (place, turn)) in rest.iter().enumerate() {
+        if keys.iter().any(|key| moves(&key[k].0, place)) {
+            let output = shapes.file.floats("VEC3", &keys.iter().map(|key| key[k].0).collect::<Vec<_>>());
+            track(k + 1, "translation", output);
+        }
+        // q and −q are one turn: the sign is the nearer one to the key before.
+        let mut before = *turn;
+        let turns: Vec<[f32; 4]> = keys
+            .iter()
+            .map(|key| {
+                let dot: f32 = key[k].1.iter().zip(&before).map(|(a, b)| a * b).sum();
+                before = key[k].1.map(|c| if dot < 0.0 { -c } else { c });
+                before
+            })
+            .collect();
+        if turns.iter().any(|t| moves(t, turn)) {
+            let output = shapes.file.floats("VEC4", &turns);
+            track(k + 1, "rotation", output);
+        }
+    }
+    (samplers, channels)
+}
