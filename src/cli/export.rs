@@ -19,6 +19,7 @@ use std::path::{Path, PathBuf};
   mesophyll export fits/elm --to csv -o elm.csv
   mesophyll export data/scenes/breeze.toml --time 2.5 --to gltf -o posed.glb
   mesophyll export data/scenes/breeze.toml --from 0 --until 2 --step 0.04 --to gltf -o swaying.glb
+  mesophyll export data/scenes/breeze.toml --to pivots -o pivots
   mesophyll fit sky -o out/sky && mesophyll export out/sky --to wgsl -o sky.wgsl
   mesophyll export out/sky --to c --sun-zenith-deg 40 --turbidity 3 --ground 0.2 -o noon.h")]
 pub struct Args {
@@ -138,9 +139,9 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if scene && args.folder.file_name().is_some_and(|name| name == "fit.toml") {
         return Err(Error::input(&args.folder, "found the record of a fit, expected the fit's folder, or a scene"));
     }
-    if scene && format != Format::Gltf {
+    if scene && !matches!(format, Format::Gltf | Format::Pivots) {
         return Err(Error::Usage(format!(
-            "--to {}: {} is a scene, whose plants can be exported as gltf; expected a fit folder for other formats",
+            "--to {}: {} is a scene, whose plants can be exported as gltf or pivots; expected a fit folder for other formats",
             format.name(),
             args.folder.display()
         )));
@@ -156,10 +157,15 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         let what = "is not a scene; --from, --until and --step write an animation of a scene's plants";
         return Err(Error::Usage(format!("{} {what}", args.folder.display())));
     }
+    if format == Format::Pivots && (times.is_some() || args.time.is_some()) {
+        let what = "pivot textures hold plants at rest; expected no time";
+        return Err(Error::Usage(format!("--to pivots: {what}")));
+    }
     let fixed = args.sun_zenith_deg.zip(args.turbidity).map(|(sun, turbidity)| (sun.to_radians(), turbidity));
     let options = SkyOptions { fixed, ground: args.ground };
     let written = place::file(&args.output, |path| match times {
         Some([from, last]) => moving(&args.folder, from, last, args.step, path),
+        None if scene && format == Format::Pivots => pivots(&args.folder, path),
         None if scene => posed(&args.folder, args.time, path),
         None => export(&args.folder, format, path, &options),
     })?;
@@ -187,4 +193,15 @@ fn posed(scene: &Path, time: Option<f64>, path: &Path) -> Result<Vec<PathBuf>> {
 fn moving(scene: &Path, from: f64, last: f64, step: f64, path: &Path) -> Result<Vec<PathBuf>> {
     placed::posed::animation(&Manifest::read(scene)?, from, last, step, &Ledger::new(), path)?;
     Ok(vec![path.to_path_buf()])
+}
+
+/// A scene's plants at rest, with textures of their pivots.
+fn pivots(scene: &Path, folder: &Path) -> Result<Vec<PathBuf>> {
+    let manifest = Manifest::read(scene)?;
+    claim::folder(folder, claim::Kind::Pivots, &[scene])?;
+    let plant = placed::posed::resting(&manifest, &Ledger::new())?;
+    claim::begin(folder, claim::Kind::Pivots)?;
+    let written = mesophyll_flora::file::write_pivots(&plant, folder)?;
+    claim::finish(folder)?;
+    Ok(written)
 }

@@ -45,6 +45,9 @@ pub enum Format {
     /// A folder of float OpenEXR textures for a renderer, a side: gamma and delta, rho_s and m, normals in the blade's
     /// tangent frame
     Packed,
+    /// Of a scene: a folder with its plants at rest as meshes, and textures of the pivot, axis, length and parent of
+    /// every branch and leaf, for the foliage materials of game engines
+    Pivots,
     /// A sky's fitted harmonics with an evaluator for shaders, f32
     Wgsl,
     /// A sky's fitted harmonics with an evaluator as a C header, float or double
@@ -59,7 +62,7 @@ impl Format {
 
     /// Whether it writes a folder.
     pub fn is_folder(self) -> bool {
-        matches!(self, Format::Png | Format::Packed)
+        matches!(self, Format::Png | Format::Packed | Format::Pivots)
     }
 
     /// Endings of the files that this format writes.
@@ -67,6 +70,7 @@ impl Format {
         match self {
             Format::Png => &["png", "json"],
             Format::Exr | Format::Packed => &["exr"],
+            Format::Pivots => &["exr", "glb", "json"],
             Format::Csv => &["csv"],
             Format::Json => &["json"],
             Format::Gltf | Format::GltfTranslucent => &["glb", "gltf"],
@@ -84,6 +88,10 @@ impl Format {
 /// of the sort, [`Error::Write`].
 pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> Result<Vec<PathBuf>> {
     let record = FitRecord::read(folder)?;
+    if format == Format::Pivots {
+        let what = format!("{} is a {} fit; --to pivots is for scenes with plants", folder.display(), record.kind);
+        return Err(Error::Usage(what));
+    }
     if record.kind == FitKind::Sky {
         if !matches!(format, Format::Wgsl | Format::C | Format::Json) {
             let what = format!(
@@ -126,7 +134,7 @@ pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> R
     }
     warn_of_changes();
     match format {
-        Format::Json | Format::Wgsl | Format::C => Ok(Vec::new()),
+        Format::Json | Format::Pivots | Format::Wgsl | Format::C => Ok(Vec::new()),
         Format::Png => texture::folder(&sides, folder, path),
         Format::Packed => packed::folder(&sides, folder, path),
         Format::Exr => one_exr(&sides, folder, path).map(|()| vec![path.to_path_buf()]),

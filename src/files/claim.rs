@@ -27,6 +27,8 @@ pub enum Kind<'a> {
     Bench,
     /// The maps of `export --to png`: `ranges.json`.
     Maps,
+    /// A plant's pivot textures: `pivots.json`.
+    Pivots,
     /// Tables of a plant's branches: `import.json`.
     Import,
     /// Documentation pictures, which may lie beside anything but captures, fits and the other kinds.
@@ -43,6 +45,7 @@ impl Kind<'_> {
             Kind::Film => "film".into(),
             Kind::Bench => "bench".into(),
             Kind::Maps => "folder of exported maps".into(),
+            Kind::Pivots => "folder of pivot textures".into(),
             Kind::Import => "folder of a plant's tables".into(),
             Kind::Pictures => "folder of pictures".into(),
         }
@@ -56,6 +59,7 @@ impl Kind<'_> {
             Kind::Scene | Kind::Maps | Kind::Film => &["json", "png"],
             Kind::Render => &["json", "png", "exr"],
             Kind::Bench => &["json"],
+            Kind::Pivots => &["json", "exr", "glb"],
             Kind::Import => &["json", "csv"],
             Kind::Pictures => &[],
         }
@@ -288,7 +292,7 @@ fn part_of(home: &Path, name: &str) -> Option<String> {
             return Some(fit.words);
         }
     }
-    let told = [Kind::Scene, Kind::Render, Kind::Film, Kind::Bench, Kind::Maps, Kind::Import]
+    let told = [Kind::Scene, Kind::Render, Kind::Film, Kind::Bench, Kind::Maps, Kind::Pivots, Kind::Import]
         .into_iter()
         .find(|kind| marks(home, *kind).contains(&name) || (*kind == Kind::Film && there && is_frame(home, name)));
     told.map(|kind| format!("a {}", kind.words()))
@@ -319,7 +323,7 @@ fn holds(folder: &Path, claimed: Kind) -> Vec<Held> {
     if let Some(words) = marked(folder) {
         out.push(Held { same: words == claimed.words(), words: format!("a {words} ({MARK})") });
     }
-    for kind in [Kind::Scene, Kind::Render, Kind::Film, Kind::Bench, Kind::Maps, Kind::Import] {
+    for kind in [Kind::Scene, Kind::Render, Kind::Film, Kind::Bench, Kind::Maps, Kind::Pivots, Kind::Import] {
         if let Some(mark) = marks(folder, kind).first() {
             out.push(Held { same: kind == claimed, words: format!("a {} ({mark})", kind.words()) });
         }
@@ -340,6 +344,7 @@ fn marks(folder: &Path, kind: Kind) -> Vec<&'static str> {
         Kind::Film => &[("film.json", "film")],
         Kind::Bench => &[("bench.json", "rows")],
         Kind::Maps => &[("ranges.json", "files")],
+        Kind::Pivots => &[("pivots.json", "elements")],
         Kind::Import => &[("import.json", "pieces")],
         Kind::Fit(_) | Kind::Capture | Kind::Pictures => &[],
     };

@@ -165,7 +165,7 @@ fn the_commands_of_the_foliar_page_run() {
 
 #[test]
 fn the_commands_of_the_plants_page_run() {
-    assert_eq!(run_page("docs/plants.md", false), [9, 0]);
+    assert_eq!(run_page("docs/plants.md", false), [10, 0]);
 }
 
 /// No page of commands is forgotten, and nothing is left out that no page has.

@@ -222,7 +222,7 @@ fn animations_that_cannot_be_are_refused() {
         ("still.toml --from 0 --until 1 --to gltf", "nothing moves; expected a [wind]"),
         (". --from 0 --until 1 --to gltf", "is not a scene"),
         ("scene.toml --from 0 --until 1 --time 2 --to gltf", "cannot be used with"),
-        ("scene.toml --from 0 --until 1 --to csv", "whose plants can be exported as gltf"),
+        ("scene.toml --from 0 --until 1 --to csv", "whose plants can be exported as gltf or pivots"),
     ] {
         let words: Vec<&str> = ["export"].into_iter().chain(words.split(' ')).chain(["-o", "a.glb"]).collect();
         let (code, said) = run(folder.path(), &words);

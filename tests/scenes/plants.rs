@@ -154,7 +154,10 @@ fn a_posed_plant_is_written_and_read_back() {
     let bytes = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
     assert!(bytes("still.glb") == bytes("rest.glb") && bytes("still.glb") != bytes("posed.glb"));
     for (words, expected) in [
-        (["export", "scene.toml", "--to", "csv", "-o", "a.csv"].as_slice(), "whose plants can be exported as gltf"),
+        (
+            ["export", "scene.toml", "--to", "csv", "-o", "a.csv"].as_slice(),
+            "whose plants can be exported as gltf or pivots",
+        ),
         (&["export", ".", "--time", "1", "--to", "gltf", "-o", "a.glb"], "expected a finite time, with a scene"),
         (&["export", "scene.toml", "--time", "nan", "--to", "gltf", "-o", "a.glb"], "expected a finite time"),
     ] {

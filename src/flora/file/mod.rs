@@ -11,12 +11,14 @@
 //! A plant that moves ([`write_moving`]) has leaves as plain nodes and its bark as skinned meshes beside the plant's node.
 
 mod moving;
+mod pivots;
 mod read;
 #[cfg(test)]
 mod tests;
 mod write;
 
 pub use moving::{Carried, write_moving};
+pub use pivots::write_pivots;
 pub use read::read;
 pub(crate) use read::{count, instances};
 pub use write::write;

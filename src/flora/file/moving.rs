@@ -8,11 +8,11 @@
 //! What does not move against its node has no channel. The parent of a skinned mesh means nothing in glTF, so the
 //! meshes of bark stand beside the plant's node, in metres.
 
-use super::write::{Shapes, below, narrow, node, placed, rooted, whole};
+use super::write::{Shapes, below, narrow, node, placed, rooted, upright, whole};
 use crate::form::{Branch, Plant, nearest};
 use crate::pose::{Rigid, SECTION_STEP};
 use crate::{Error, Result};
-use glam::{DMat4, DQuat, DVec3};
+use glam::DMat4;
 use mesophyll_files::mesh::LeafMesh;
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -170,12 +170,6 @@ pub fn write_moving(
     root["animations"] =
         json!([{"name": "wind", "samplers": samplers, "channels": channels, "extras": {"from_s": from}}]);
     shapes.write(path, root)
-}
-
-/// From the plant's frame to the file's: y up, metres.
-fn upright() -> DMat4 {
-    let turn = DQuat::from_rotation_x(-std::f64::consts::FRAC_PI_2);
-    DMat4::from_scale_rotation_translation(DVec3::splat(0.001), turn, DVec3::ZERO)
 }
 
 /// From the file's frame to that of a joint at rest.

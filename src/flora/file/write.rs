@@ -3,7 +3,7 @@
 use super::{Extras, INSTANCING, PERIOD, Said};
 use crate::form::{Blade, Branch, Plant};
 use crate::{Error, Result};
-use glam::{DMat4, DVec3};
+use glam::{DMat4, DQuat, DVec3};
 use mesophyll_files::glb::{self, Glb};
 use mesophyll_files::mesh::LeafMesh;
 use serde_json::{Value, json};
@@ -74,6 +74,12 @@ pub(super) fn whole(plant: &Plant) -> Value {
         node["extras"] = json!({ PERIOD: period });
     }
     node
+}
+
+/// From the plant's frame to the file's: y up, metres.
+pub(super) fn upright() -> DMat4 {
+    let turn = DQuat::from_rotation_x(-std::f64::consts::FRAC_PI_2);
+    DMat4::from_scale_rotation_translation(DVec3::splat(0.001), turn, DVec3::ZERO)
 }
 
 /// The node that a branch's node is in (0: the plant's, k + 1: that of branch k), and its place there.

@@ -94,6 +94,14 @@ pub fn plants(manifest: &Manifest, time: f64, ledger: &Ledger) -> Result<Plant> 
     Ok(Standing::new(manifest, ledger)?.plant(manifest, Some(time)))
 }
 
+/// All plants of a scene at rest, as [`plants`] has them.
+///
+/// # Errors
+/// As [`plants`].
+pub fn resting(manifest: &Manifest, ledger: &Ledger) -> Result<Plant> {
+    Ok(Standing::new(manifest, ledger)?.plant(manifest, None))
+}
+
 /// Writes an animation of all plants of a scene from `from` (s) to `until`, a key every `step`; names and frame as
 /// [`plants`] has them.
 ///
