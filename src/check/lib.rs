@@ -119,7 +119,8 @@ fn against_reference(
     if !perspective.is_empty() {
         let mut drawn = handover::scene(scene, ledger)?;
         // The path tracer follows light through everything, not only through what a view sees.
-        let between = plan.light.between.is_some();
+        // So it is for a lawn, whose blades shade each other.
+        let between = plan.light.between.is_some() || !placed.grass.is_empty();
         let mut world = if between { transport::World::default() } else { reference::world(scene, ledger)? };
         renderer.set_scene(&drawn).map_err(told)?;
         report.uploads = renderer.stats().uploads.iter().map(|u| (u.name.clone(), u.bytes)).collect();

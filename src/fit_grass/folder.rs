@@ -5,7 +5,7 @@ use crate::judge::{AZIMUTHS, ELEVATIONS, Judged, SUN};
 use crate::march::Slices;
 use crate::sheet::Sheet;
 use crate::weights::Known;
-use crate::{Error, Options, Result};
+use crate::{Error, Options, Result, optics};
 use mesophyll_files::hash;
 use mesophyll_record::{FitKind, FitRecord, Param, Section};
 use std::path::Path;
@@ -90,6 +90,32 @@ pub fn open(folder: &Path) -> Result<Slices> {
         level,
         weighted: true,
     })
+}
+
+/// How a fit differs from what a scene says it stands for, in words; `same` is the largest relative difference of figures
+/// that are the same.
+///
+/// # Errors
+/// As [`open`], and for a table of leaves that cannot be read.
+pub fn differs(folder: &Path, meadow: &Meadow, leaves: Option<&Path>, same: f64) -> Result<Option<String>> {
+    let record = FitRecord::read_as(folder, FitKind::Grass)?;
+    let all = record.sections.get("all").cloned().unwrap_or_default();
+    let own = [
+        ("period", meadow.period.to_vec(), "mm"),
+        ("height", vec![meadow.height], "mm"),
+        ("leaf_area_index", vec![meadow.leaf_area_index], ""),
+    ];
+    for (name, here, unit) in own {
+        let there = all.params.get(name).map_or_else(Vec::new, |p| p.value.clone());
+        let close = |(a, b): (&f64, &f64)| (a - b).abs() <= same * b.abs();
+        if there.len() != here.len() || !there.iter().zip(&here).all(close) {
+            return Ok(Some(format!(
+                "is of another meadow: its {name} is {there:?} {unit}, the meadow's {here:?} {unit}"
+            )));
+        }
+    }
+    let (there, here) = (record.options.get("leaves").cloned().unwrap_or_default(), optics::told(leaves)?);
+    Ok((there != here).then(|| format!("was made with other leaves: {there}; the scene has {here}")))
 }
 
 /// What the record says of the fit: a section of the whole, and one an elevation.

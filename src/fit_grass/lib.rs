@@ -19,6 +19,7 @@ mod picture;
 pub mod sheet;
 #[cfg(test)]
 mod tests;
+pub mod through;
 pub mod weights;
 
 pub(crate) use mesophyll_error::{Error, Result};
@@ -73,7 +74,7 @@ const VIEW: &str = "view.png";
 const SLICES_A_PART: usize = 8;
 /// What the parts hold: changes where their format does.
 const PART: &str = "pictures of up to 8 slabs under one another, without borders, as EXR; weights; what was judged";
-/// No fit has more texels, with borders and coarser levels. An adapter takes 16 bytes a texel: 512 MiB.
+/// No fit has more texels, with borders and coarser levels. An adapter takes 32 bytes a texel: 1 GiB.
 const MOST_TEXELS: usize = 1 << 25;
 /// Bytes a texel while a fit is made: the pictures, the sheet with its coarser levels, and the numbers of a file that is
 /// written.
@@ -100,13 +101,7 @@ pub fn run(input: &Path, out: &Path, options: &Options) -> Result<Outcome> {
 
 fn fit(path: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
     let leaves = optics::read(options.leaves.as_deref())?;
-    let told_leaves = match options.leaves.as_deref() {
-        Some(path) => {
-            let name = path.file_name().unwrap_or_default().to_string_lossy();
-            format!("stated, the table {name} ({})", hash::file(path)?)
-        }
-        None => "stated, the program's own table".into(),
-    };
+    let told_leaves = optics::told(options.leaves.as_deref())?;
     let bytes = std::fs::read(path).map_err(|e| Error::input(path, atomic::explain(&e)))?;
     let plant = maker.phase("grow", || plant(path))?;
     let Options { slices: n, texels, level, rays, entries, .. } = options;
@@ -194,7 +189,7 @@ fn remove(folder: &Path, name: &str) -> Result<()> {
 /// Refuses more texels than a fit may have, or than there is memory for.
 fn fits_memory(meadow: &Meadow, options: &Options) -> Result<()> {
     let Options { slices: n, texels: [w, h], .. } = options;
-    let level = if options.level { sheet::area(level_cell(meadow, options), 1) } else { 0 };
+    let level = if options.level { sheet::area(level_cell(meadow.period, options), 1) } else { 0 };
     let texels = sheet::area(options.texels, 2 * n) + level;
     if texels > MOST_TEXELS {
         return Err(Error::Usage(format!(
@@ -206,11 +201,17 @@ fn fits_memory(meadow: &Meadow, options: &Options) -> Result<()> {
     memory::require((BYTES_A_TEXEL * texels) as u64, &format!("a fit of {:.1} million texels", texels as f64 / 1e6))
 }
 
+/// Bytes on a graphics adapter of the slices that options make of a meadow with this rectangle (mm).
+pub fn bytes(options: &Options, period: [f64; 2]) -> usize {
+    let level = if options.level { sheet::area(level_cell(period, options), 1) } else { 0 };
+    sheet::BYTES * (sheet::area(options.texels, 2 * options.slices) + level)
+}
+
 /// Takes all pictures, part by part.
 fn slices(meadow: &Meadow, options: &Options, maker: &mut Maker) -> Result<Slices> {
     let n = options.slices;
     let cell = options.texels;
-    let square = level_cell(meadow, options);
+    let square = level_cell(meadow.period, options);
     let slabs: Vec<Slab> = (0..n).map(|k| Slab::X(k, n)).chain((0..n).map(|k| Slab::Y(k, n))).collect();
     let bar = progress::Bar::new("slices", slabs.len() as u64 + u64::from(options.level));
     let start = std::time::Instant::now();
@@ -251,7 +252,7 @@ fn assembled(meadow: &Meadow, options: &Options, pictures: &[Vec<Texel>]) -> Sli
     let at = |size: [usize; 2]| {
         move |k: usize, x: usize, y: usize| pictures.get(k).map_or([0.0; CHANNELS], |p| p[y * size[0] + x])
     };
-    let square = level_cell(meadow, options);
+    let square = level_cell(meadow.period, options);
     let level = options.level.then(|| Sheet::new(square, 1, Edges::Level, |_, x, y| at(square)(2 * n, x, y)));
     let upright = Sheet::new(options.texels, 2 * n, Edges::Upright, at(options.texels));
     Slices {
@@ -273,14 +274,14 @@ pub fn baked(meadow: &Meadow, options: &Options) -> Slices {
     let upright = (0..n).map(|k| Slab::X(k, n)).chain((0..n).map(|k| Slab::Y(k, n)));
     let mut pictures: Vec<Vec<Texel>> = upright.map(|s| s.picture(meadow, options.texels, options.rays)).collect();
     if options.level {
-        pictures.push(Slab::Z.picture(meadow, level_cell(meadow, options), options.rays));
+        pictures.push(Slab::Z.picture(meadow, level_cell(meadow.period, options), options.rays));
     }
     assembled(meadow, options, &pictures)
 }
 
 /// Texels of the level slice: as many along x as a slice has, and along y as fit, a power of two.
-fn level_cell(meadow: &Meadow, options: &Options) -> [usize; 2] {
+fn level_cell(period: [f64; 2], options: &Options) -> [usize; 2] {
     let w = options.texels[0];
-    let along_y = (w as f64 * meadow.period[1] / meadow.period[0]).log2().round().clamp(2.0, 12.0);
+    let along_y = (w as f64 * period[1] / period[0]).log2().round().clamp(2.0, 12.0);
     [w, 1 << along_y as u32]
 }

@@ -7,7 +7,7 @@
 //! of the blades in every direction in which slices can have it.
 
 use crate::blades::{STEPS, shown};
-use crate::sheet::{CHANNELS, Sheet};
+use crate::sheet::{BYTES, CHANNELS, Sheet};
 use glam::DVec3;
 
 /// Below this a ray counts as stopped.
@@ -234,9 +234,9 @@ impl Slices {
         (std::array::from_fn(|k| mean(upright, height(k))), level.map_or(0.0, all) / rows as f64)
     }
 
-    /// Bytes of all sheets on a graphics adapter: four textures of four bytes.
+    /// Bytes of all sheets on a graphics adapter: four layers of four half floats.
     pub fn bytes(&self) -> usize {
-        16 * (self.upright.texels() + self.level.as_ref().map_or(0, Sheet::texels))
+        BYTES * (self.upright.texels() + self.level.as_ref().map_or(0, Sheet::texels))
     }
 }
 

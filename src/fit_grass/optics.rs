@@ -1,7 +1,7 @@
 //! What blades reflect and let through: a table a material (format: `data/grass/optics/leaves.toml`).
 
 use crate::{Error, Result};
-use mesophyll_files::atomic;
+use mesophyll_files::{atomic, hash};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -21,6 +21,16 @@ pub struct Optics {
 
 /// Of each material.
 pub type Leaves = BTreeMap<String, Optics>;
+
+/// What a record says of the table in `path`: its name and its hash.
+///
+/// # Errors
+/// [`Error::Input`] for a table that cannot be read.
+pub fn told(path: Option<&Path>) -> Result<String> {
+    let Some(path) = path else { return Ok("stated, the program's own table".into()) };
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    Ok(format!("stated, the table {name} ({})", hash::file(path)?))
+}
 
 /// Reads the table in `path`; the program's own where none is named.
 ///

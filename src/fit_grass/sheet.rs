@@ -7,6 +7,8 @@ use crate::{Error, Result};
 use mesophyll_files::image::{Maps, Packing, read_exr, to_srgb8, write_exr, write_png};
 use std::path::Path;
 
+/// Bytes of a texel on a graphics adapter: 16 half floats.
+pub const BYTES: usize = 32;
 /// Numbers of a texel.
 pub const CHANNELS: usize = 14;
 /// Their names in a file. `rho_d` is of the side that looks along +x (slices across x), +y or up, `rho_d_behind` of the
@@ -31,7 +33,7 @@ pub const NAMES: [&str; CHANNELS] = [
 /// A sheet has so many levels, or fewer where cells are small. The border is a texel of the coarsest one.
 const LEVELS: u32 = 4;
 /// Cells a line of the sheet.
-const LINE: usize = 8;
+pub const LINE: usize = 8;
 
 /// What a slice says of one place: shares of the area, each of the numbers times the opacity.
 pub type Texel = [f32; CHANNELS];

@@ -7,12 +7,14 @@
 #![warn(missing_docs)]
 
 mod foliar;
+mod grass;
 mod leaf;
 mod light;
 mod plant;
 mod validate;
 mod view;
 
+pub use grass::Grass;
 pub use leaf::{Interior, Leaf, Scan, Translucency, Uniform};
 pub use light::{Day, Shadows, Sky, SkyModel, Sun, Transfer};
 pub use mesophyll_surface::basis::Basis;
@@ -64,6 +66,9 @@ pub struct Manifest {
     pub branches: Vec<Branch>,
     /// What moves them; without it nothing moves.
     pub wind: Option<Wind>,
+    /// Lawns on the ground.
+    #[serde(default)]
+    pub grass: Vec<Grass>,
     /// What everything stands on.
     pub ground: Option<Ground>,
     /// The scene repeats for ever.

@@ -257,6 +257,10 @@ pub(crate) fn made_from(scene: &Scene, view: &View) -> Result<String> {
         let shape = format!("{:?} {:?} {:?} {:?}", wood.mesh.positions, wood.mesh.indices, wood.places, wood.bark);
         parts.push((format!("wood {}", wood.name), hash::bytes(shape.as_bytes())));
     }
+    for (grass, config) in scene.placed.grass.iter().zip(&manifest.grass) {
+        parts.push((format!("meadow {}", grass.name), hash::file(&manifest.resolve(&config.meadow))?));
+        parts.push((format!("leaves {}", grass.name), hash::bytes(format!("{:?}", grass.leaves).as_bytes())));
+    }
     let placed = format!("{:?}", scene.placed.placements);
     parts.push(("places".into(), hash::bytes(placed.as_bytes())));
     if let Some(file) = manifest.sky.as_ref().and_then(|s| s.environment.as_ref()) {

@@ -188,7 +188,16 @@ impl Extents {
             let points = around.iter().map(|p| instance.transform.transform_point3(*p)).collect();
             Some(((by, points), instance.floor))
         });
-        let (points, floors) = points.unzip();
+        // Lawns throw no shadow.
+        let lawns = scene.grass.iter().map(|grass| {
+            let far = (grass.high - grass.low).extend(grass.height);
+            let corner = |k: u32| {
+                let at = Vec3::new((k & 1) as f32, (k >> 1 & 1) as f32, (k >> 2) as f32);
+                grass.origin + grass.low.extend(0.0) + at * far
+            };
+            ((Moved::of(&Instance::default()), (0..8).map(corner).collect()), true)
+        });
+        let (points, floors) = points.chain(lawns).unzip();
         Extents { points, floors, branches: scene.branches.clone(), sections: scene.sections.clone() }
     }
 

@@ -19,6 +19,7 @@ mod dome;
 mod error;
 mod geometry;
 pub mod gpu;
+mod grass;
 pub mod lobe;
 mod maps;
 mod material;

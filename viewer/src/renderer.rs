@@ -8,6 +8,7 @@ use crate::gpu::{AdapterInfo, Gpu, Options, instance_descriptor};
 use crate::lobe::Tables;
 use crate::material::{MaterialOnGpu, Samplers};
 use crate::passes::bend::BendPass;
+use crate::passes::grass::{Aim, GrassPass};
 use crate::passes::main::{Drawn, Frame, MainPass, Pipelines, Targets};
 use crate::passes::shadow::ShadowPass;
 use crate::passes::sky::SkyPass;
@@ -45,6 +46,7 @@ struct Loaded {
     main: MainPass,
     shadow: Option<ShadowPass>,
     seen_sky: Option<SkyPass>,
+    grass: Option<GrassPass>,
     bend: Option<BendPass>,
     transfer: Option<TransferPass>,
     sun_shares: Option<Arc<Vec<u8>>>,
@@ -155,6 +157,7 @@ impl Renderer {
         let transfer = TransferPass::new(&self.gpu, scene, &mut stats);
         let main = MainPass::new(&self.gpu, scene, shadow.as_ref(), transfer.as_ref(), &mut stats);
         let seen_sky = scene.dome.as_ref().map(|_| SkyPass::new(&self.gpu, scene.msaa, &mut stats));
+        let grass = GrassPass::new(&self.gpu, scene, &mut stats);
         if let Err(error) = guard.finish(&self.gpu) {
             self.pipelines = Pipelines::default();
             self.loaded = None;
@@ -168,6 +171,7 @@ impl Renderer {
             main,
             shadow,
             seen_sky,
+            grass,
             bend,
             transfer,
             sun_shares: scene.sun_shares.clone(),
@@ -446,6 +450,10 @@ impl Renderer {
         if let (Some(sky), Some(dome)) = (&loaded.seen_sky, &loaded.dome) {
             sky.aim(&self.gpu, dome, loaded.sun.as_ref(), loaded.background, camera, [width, height]);
         }
+        if let Some(grass) = &loaded.grass {
+            let (sun, dome) = (loaded.sun.as_ref(), loaded.dome.as_ref());
+            grass.aim(&self.gpu, Aim { camera, size: [width, height], sun, dome });
+        }
         if let Some(shadow) = &mut loaded.shadow {
             shadow.draw(
                 loaded.shadow_texel,
@@ -471,6 +479,7 @@ impl Renderer {
                 background: loaded.background,
                 sky: loaded.seen_sky.as_ref(),
                 bend: loaded.bend.as_ref(),
+                grass: loaded.grass.as_ref(),
             },
             clock.map(|c| c.writes(1)),
             &mut self.stats,

@@ -52,6 +52,7 @@
 //! sky is not shadowed by other leaves. Where nothing is hit the radiance is `Scene::background`. Picture: exposure ·
 //! L, Reinhard x/(1 + x) a channel, sRGB encoding (IEC 61966-2-1), 8 bits.
 
+pub use crate::grass::{GRASS_STEPS, Grass, GrassLevel, GrassSheet, GrassTable, MOST_SLICES};
 use glam::{Mat4, Quat, Vec2, Vec3, Vec4};
 pub use mesophyll_surface::basis::Basis;
 pub use mesophyll_surface::gloss::Lobe;
@@ -98,6 +99,9 @@ pub struct Scene {
     /// 255 times the share of the sun's disk that vertices see, where the sun stands now: of all instances that have a
     /// [`Instance::first_share`]. They look into no shadow map.
     pub sun_shares: Option<Arc<Vec<u8>>>,
+    /// Lawns as slices. They hide and are hidden by what else stands in the scene and lie in its shadow maps' shade,
+    /// but throw no shadow on it. Without one no code and no texture of the pass exists.
+    pub grass: Vec<Arc<Grass>>,
 }
 
 /// How light from all around arrives at the anchors of every instance, past and by way of other surfaces (Wang et al.

@@ -38,6 +38,9 @@ pub(crate) fn scene(gpu: &Gpu, scene: &Scene) -> Result<()> {
             ));
         }
     }
+    for (i, grass) in scene.grass.iter().enumerate() {
+        crate::grass::validate(gpu, i, grass)?;
+    }
     branches(scene)?;
     sections(gpu, scene)?;
     transfer(gpu, scene)?;

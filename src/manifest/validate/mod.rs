@@ -1,6 +1,7 @@
 //! What a scene manifest must say, beyond having the right fields. An error names file, line and field.
 
 mod branches;
+mod grass;
 mod leaves;
 mod lights;
 mod place;
@@ -41,6 +42,7 @@ pub fn validate(m: &Manifest, text: &str) -> Result<()> {
     leaves::leaves(&p)?;
     branches::branches(&p)?;
     placements::placements(&p)?;
+    grass::grass(&p)?;
     lights::lights(&p)?;
     views::views(&p)?;
     for (key, value, most) in [

@@ -76,8 +76,8 @@ pub fn placements(p: &Place) -> Result<()> {
             p.positive("[periodic]", 0, "size_mm", size, "length in mm")?;
         }
     }
-    if m.instances.is_empty() && m.plants.is_empty() && m.cluster.is_none() && m.tree.is_none() {
-        let what = "missing; expected at least one [[instance]], a [[plant]], a [cluster] or a [tree]";
+    if m.instances.is_empty() && m.plants.is_empty() && m.cluster.is_none() && m.tree.is_none() && m.grass.is_empty() {
+        let what = "missing; expected at least one [[instance]], a [[plant]], a [[grass]], a [cluster] or a [tree]";
         return Err(p.error("", 0, "instance", what));
     }
     Ok(())

@@ -6,7 +6,7 @@
 
 use super::card::Card;
 use super::sections::{Barks, plants};
-use super::{between, detail};
+use super::{between, detail, grass};
 use crate::fits::reads;
 use crate::ledger::Ledger;
 use crate::loaded::curve::{Curve, curve};
@@ -95,6 +95,14 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
     }
     branches(manifest, placed, &mut out);
     plants(manifest, placed, barks, &mut out);
+    for lawn in &placed.grass {
+        let slices = lawn.slices(manifest, ledger)?;
+        let soil = placed.ground.as_ref().map_or([0.0; 3], |(_, albedo)| *albedo);
+        let drawn = ledger.note("make", format!("{}: light in the lawn", lawn.name), 0, || {
+            grass::lawn(lawn, &slices, soil, manifest.grass[lawn.index].steps)
+        });
+        out.grass.push(std::sync::Arc::new(drawn));
+    }
     if let Some(found) = &scene.transfer {
         between::arriving(found, &mut out);
         if let Some(direction) = sun_direction(manifest) {
@@ -199,6 +207,7 @@ fn lights(Scene { manifest, plan, .. }: &Scene, ledger: &Ledger) -> Result<viewe
         sections: None,
         transfer: None,
         sun_shares: None,
+        grass: Vec::new(),
     })
 }
 

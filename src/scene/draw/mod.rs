@@ -4,6 +4,7 @@
 pub mod between;
 pub mod card;
 pub mod detail;
+pub mod grass;
 #[cfg(feature = "render")]
 pub mod handover;
 pub mod reference;

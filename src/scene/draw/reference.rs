@@ -3,6 +3,7 @@
 //! (Chebyshev in the thickness). Nothing that the plan leaves out is left out here: gloss, normals, translucency and
 //! both sides are drawn wherever the fit has them.
 
+use super::grass;
 use super::sunlit::{relight, relight_everywhere};
 use crate::fits::reads;
 use crate::ledger::Ledger;
@@ -48,6 +49,7 @@ fn standing(scene: &Scene, ledger: &Ledger) -> Result<transport::World> {
             out.instances.push(transport::Placement { leaf, transform: p.transform });
         }
     }
+    placed.grass.iter().for_each(|grass| grass::blades(grass, &mut out));
     for wood in &placed.wood {
         let leaf = out.leaves.len();
         out.instances.extend(wood.places.iter().map(|transform| transport::Placement { leaf, transform: *transform }));

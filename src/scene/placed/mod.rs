@@ -3,6 +3,7 @@
 pub mod branch;
 pub mod daylight;
 pub mod facing;
+pub mod grass;
 pub mod leaf;
 pub mod moves;
 pub mod placement;
@@ -42,6 +43,8 @@ pub struct Placed {
     pub twigs: Vec<(Twig, LeafMesh)>,
     /// The wood of plants and of a tree.
     pub wood: Vec<Wood>,
+    /// Lawns on the ground.
+    pub grass: Vec<grass::Grass>,
     /// The ground, and its reflectance.
     pub ground: Option<(LeafMesh, [f64; 3])>,
     /// `None` where no branch bends.
@@ -92,6 +95,7 @@ impl Placed {
             placements,
             eyes,
             wood: wood.into_iter().chain(crown).collect(),
+            grass: grass::lawns(manifest, ledger)?,
             ground: manifest.ground.as_ref().map(|g| (level(manifest, g), g.albedo)),
             twigs: twigs.into_iter().map(|t| (t.clone(), branch::tube(&t))).collect(),
             bends,

@@ -9,6 +9,7 @@
 pub mod accuracy;
 pub mod between;
 mod branches;
+mod grass;
 pub mod leaf;
 mod light;
 mod warnings;
@@ -208,6 +209,7 @@ impl Plan {
     /// [`crate::Error::Input`] for a physical sky that the model refuses, and for a fit's blade that cannot be read.
     pub fn finish(&mut self, manifest: &Manifest, placed: &Placed, ledger: &Ledger) -> Result<()> {
         branches::branches(manifest, placed, self, ledger);
+        grass::lawns(manifest, placed, self)?;
         light::lights(manifest, placed, self)?;
         between::between(manifest, placed, self);
         light::absent_models(manifest, placed, self);

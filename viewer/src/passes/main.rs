@@ -6,6 +6,7 @@ use crate::geometry::{Batch, MeshOnGpu, vertex_layouts};
 use crate::gpu::Gpu;
 use crate::material::{self, MaterialOnGpu};
 use crate::passes::bend::{self, BendPass};
+use crate::passes::grass::GrassPass;
 use crate::passes::shadow::ShadowPass;
 use crate::passes::sky::SkyPass;
 use crate::passes::transfer::TransferPass;
@@ -70,9 +71,11 @@ pub(crate) struct Targets<'a> {
     pub sky: Option<&'a SkyPass>,
     /// Where branches bend.
     pub bend: Option<&'a BendPass>,
+    /// Lawns.
+    pub grass: Option<&'a GrassPass>,
 }
 
-fn frame_layout(gpu: &Gpu, lights: &Lights) -> wgpu::BindGroupLayout {
+pub(crate) fn frame_layout(gpu: &Gpu, lights: &Lights) -> wgpu::BindGroupLayout {
     let Lights { dome, transfer, shares, .. } = *lights;
     let uniform = wgpu::BindingType::Buffer {
         ty: wgpu::BufferBindingType::Uniform,
@@ -301,6 +304,9 @@ impl MainPass {
                 pass.draw_indexed(indices, 0, instances);
                 stats.draws += 1;
             }
+        }
+        if let Some(grass) = targets.grass {
+            grass.draw(&mut pass, stats);
         }
     }
 }

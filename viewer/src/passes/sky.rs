@@ -27,6 +27,16 @@ pub(crate) struct SkyPass {
     group: wgpu::BindGroup,
 }
 
+/// Angle of a pixel (rad), and vectors of which corner + x·right + y·down is the way of the ray through a place (pixels)
+/// of a picture of this size.
+pub(crate) fn pixel_rays(camera: &Camera, size: [u32; 2]) -> (f32, [Vec3; 3]) {
+    let forward = (camera.target - camera.eye).normalize();
+    let pixel = 2.0 * (0.5 * camera.fov_y_deg.to_radians()).tan() / size[1] as f32;
+    let across = forward.cross(camera.up).normalize();
+    let (right, down) = (across * pixel, forward.cross(across) * pixel);
+    (pixel, [forward - 0.5 * (right * size[0] as f32 + down * size[1] as f32), right, down])
+}
+
 impl SkyPass {
     pub(crate) fn new(gpu: &Gpu, msaa: u32, stats: &mut Stats) -> SkyPass {
         let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
@@ -82,11 +92,7 @@ impl SkyPass {
         size: [u32; 2],
     ) {
         let four = |v: Vec3, w: f32| [v.x, v.y, v.z, w];
-        let forward = (camera.target - camera.eye).normalize();
-        let pixel = 2.0 * (0.5 * camera.fov_y_deg.to_radians()).tan() / size[1] as f32;
-        let across = forward.cross(camera.up).normalize();
-        let (right, down) = (across * pixel, forward.cross(across) * pixel);
-        let corner = forward - 0.5 * (right * size[0] as f32 + down * size[1] as f32);
+        let (pixel, [corner, right, down]) = pixel_rays(camera, size);
         // Radiance of a disk that gives its irradiance: E/(π sin²r).
         let radius = sun.map_or(0.0, |s| s.radius);
         let share = std::f32::consts::PI * radius.sin() * radius.sin();

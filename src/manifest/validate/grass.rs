@@ -1,0 +1,48 @@
+//! Grass: it stands on a ground, and comes from a fit or from figures to make slices by.
+
+use super::place::Place;
+use crate::Result;
+
+/// Rectangles of a lawn; each is an instance for the path tracer.
+const MOST_TILES: usize = 1_000_000;
+/// As the renderer has it.
+const MOST_STEPS: f64 = 256.0;
+
+pub fn grass(p: &Place) -> Result<()> {
+    const HEADER: &str = "[[grass]]";
+    let m = p.manifest;
+    let mut names = p.names(HEADER, "lawn");
+    for (i, grass) in m.grass.iter().enumerate() {
+        names.take(i, &grass.name)?;
+        if m.ground.is_none() {
+            return Err(p.error(HEADER, i, "", "given without a [ground]; grass stands on the ground"));
+        }
+        for (what, given) in [("[transfer]", m.transfer.is_some()), ("[periodic]", m.periodic.is_some())] {
+            if given {
+                let told = format!("given beside {what}, which knows no [[grass]]; expected one of the two");
+                return Err(p.error(HEADER, i, "", told));
+            }
+        }
+        for (key, given) in [("slices", grass.slices.is_some()), ("texels", grass.texels.is_some())] {
+            if given && grass.fit.is_some() {
+                return Err(p.error(HEADER, i, key, "given beside a fit, which has its own; expected one of the two"));
+            }
+        }
+        if let Some(slices) = grass.slices {
+            p.range(HEADER, i, "slices", slices as f64, [1.0, 64.0], "slices")?;
+        }
+        if let Some(texels) = grass.texels
+            && !texels.iter().all(|n| n.is_power_of_two() && (4..=1024).contains(n))
+        {
+            return Err(p.error(HEADER, i, "texels", format!("found {texels:?}, expected powers of two, 4 to 1024")));
+        }
+        p.finite(HEADER, i, "position_mm", &grass.position_mm)?;
+        p.range(HEADER, i, "steps", grass.steps as f64, [1.0, MOST_STEPS], "slices")?;
+        let tiles = grass.tiles[0].saturating_mul(grass.tiles[1]);
+        if !(1..=MOST_TILES).contains(&tiles) {
+            let found = format!("found {:?}, expected 1 to {MOST_TILES} rectangles together", grass.tiles);
+            return Err(p.error(HEADER, i, "tiles", found));
+        }
+    }
+    Ok(())
+}

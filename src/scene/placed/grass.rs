@@ -1,0 +1,150 @@
+//! Lawns: the blades of a meadow for the path tracer, and the slices that stand for them in real time.
+
+use crate::ledger::Ledger;
+use crate::{Error, Result};
+use glam::{DMat4, DVec3};
+use mesophyll_fit_grass::blades::Meadow;
+use mesophyll_fit_grass::march::Slices;
+use mesophyll_fit_grass::optics::{self, Leaves};
+use mesophyll_fit_grass::{Options, baked, folder, plant, weights};
+use mesophyll_flora::form::Plant;
+use mesophyll_manifest::{Grass as Config, Manifest};
+use std::path::PathBuf;
+use std::sync::{Arc, OnceLock};
+
+/// Slices that are made with a start: figures that cost seconds. Rays along each side of a texel; points of entry along
+/// each side of the rectangle, for the weights.
+const RAYS: usize = 3;
+const ENTRIES: usize = 24;
+/// Where the file of a scene does not say.
+const TEXELS: [usize; 2] = [128, 32];
+/// A fit's figures are those of its meadow to so many parts: a glTF file holds single precision.
+const SAME: f64 = 1e-3;
+
+/// A lawn of the scene.
+#[derive(Debug)]
+pub struct Grass {
+    /// Index into the manifest's.
+    pub index: usize,
+    /// What it is called.
+    pub name: String,
+    /// The blades of one rectangle.
+    pub plant: Plant,
+    /// What they reflect and let through.
+    pub leaves: Leaves,
+    /// The rectangle (mm).
+    pub period: [f64; 2],
+    /// How often it is laid along x and y.
+    pub tiles: [usize; 2],
+    /// The middle of the first rectangle (least x, least y), on the ground.
+    pub origin: DVec3,
+    /// The meadow's file.
+    path: PathBuf,
+    slices: OnceLock<Arc<Slices>>,
+}
+
+/// Every lawn of the scene.
+///
+/// # Errors
+/// [`Error::Input`] for a meadow or a table that cannot be read, a meadow that does not repeat, a material that the table
+/// does not have, and for a fit that is not there.
+pub fn lawns(manifest: &Manifest, ledger: &Ledger) -> Result<Vec<Grass>> {
+    manifest.grass.iter().enumerate().map(|(index, config)| lawn(manifest, index, config, ledger)).collect()
+}
+
+fn lawn(manifest: &Manifest, index: usize, config: &Config, ledger: &Ledger) -> Result<Grass> {
+    let path = manifest.resolve(&config.meadow);
+    let bytes = std::fs::metadata(&path).map_or(0, |m| m.len());
+    let plant = ledger.note("read", format!("{} blades", config.name), bytes, || plant(&path))?;
+    let leaves = optics::read(config.leaves.as_ref().map(|l| manifest.resolve(l)).as_deref())?;
+    let Some(period) = plant.period else {
+        let told = format!("{} does not repeat; expected what `mesophyll grow` makes of a [[sward]]", path.display());
+        return Err(field(manifest, config, "meadow", told));
+    };
+    for blade in &plant.blades {
+        if !leaves.contains_key(&blade.material) {
+            let known: Vec<&str> = leaves.keys().map(String::as_str).collect();
+            let told = format!("has no \"{}\", a material of the meadow, only {}", blade.material, known.join(", "));
+            return Err(field(manifest, config, "leaves", told));
+        }
+    }
+    if let Some(fit) = config.fit.as_ref().map(|f| manifest.resolve(f))
+        && !fit.join("fit.toml").is_file()
+    {
+        let (meadow, fit) = (path.display(), fit.display());
+        let told = format!("there is no fit at {fit}; `mesophyll fit grass {meadow} -o {fit}` makes it");
+        return Err(field(manifest, config, "fit", told));
+    }
+    let first = |k: usize| config.position_mm[k] - 0.5 * (config.tiles[k] - 1) as f64 * period[k];
+    let height = manifest.ground.as_ref().map_or(0.0, |g| g.height_mm);
+    Ok(Grass {
+        index,
+        name: config.name.clone(),
+        plant,
+        leaves,
+        period,
+        tiles: config.tiles,
+        origin: DVec3::new(first(0), first(1), height),
+        path,
+        slices: OnceLock::new(),
+    })
+}
+
+fn field(manifest: &Manifest, config: &Config, key: &str, told: String) -> Error {
+    Error::field(&manifest.path, &format!("grass \"{}\": {key}", config.name), told)
+}
+
+impl Grass {
+    /// Where the rectangle stands in the world, each time.
+    pub fn places(&self) -> impl Iterator<Item = DMat4> + '_ {
+        let [nx, ny] = self.tiles;
+        (0..nx * ny).map(move |k| {
+            let [x, y] = [(k % nx) as f64 * self.period[0], (k / nx) as f64 * self.period[1]];
+            DMat4::from_translation(self.origin + DVec3::new(x, y, 0.0))
+        })
+    }
+
+    /// How slices are made where there is no fit.
+    pub fn options(&self, manifest: &Manifest) -> Options {
+        let config = &manifest.grass[self.index];
+        Options {
+            slices: config.slices.unwrap_or(Options::default().slices),
+            texels: config.texels.unwrap_or(TEXELS),
+            rays: RAYS,
+            entries: ENTRIES,
+            ..Options::default()
+        }
+    }
+
+    /// The slices, opened or made when they are first asked for.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a damaged fit, or one of another meadow or with another table of leaves.
+    pub fn slices(&self, manifest: &Manifest, ledger: &Ledger) -> Result<Arc<Slices>> {
+        if let Some(known) = self.slices.get() {
+            return Ok(Arc::clone(known));
+        }
+        let config = &manifest.grass[self.index];
+        let meadow = Meadow::new(&self.path, &self.plant, &self.leaves)?;
+        let slices = match config.fit.as_ref().map(|f| manifest.resolve(f)) {
+            Some(fit) => {
+                let slices = ledger.note("read", format!("{} slices", self.name), 0, || folder::open(&fit))?;
+                let table = config.leaves.as_ref().map(|l| manifest.resolve(l));
+                if let Some(told) = folder::differs(&fit, &meadow, table.as_deref(), SAME)? {
+                    let meadow = self.path.display();
+                    let how = format!("{told}; `mesophyll fit grass {meadow} -o {}` fits it again", fit.display());
+                    return Err(field(manifest, config, "fit", how));
+                }
+                slices
+            }
+            None => {
+                let options = self.options(manifest);
+                ledger.note("make", format!("{} slices", self.name), 0, || {
+                    let mut slices = baked(&meadow, &options);
+                    weights::fit(&meadow, &mut slices, options.entries).map(|_| slices)
+                })?
+            }
+        };
+        Ok(Arc::clone(self.slices.get_or_init(|| Arc::new(slices))))
+    }
+}

@@ -1,0 +1,42 @@
+//! The plan of lawns: slices for the renderer, and the blades that they stand for.
+
+use super::{LeftOut, Need, Plan};
+use crate::Result;
+use crate::fits::source::Status;
+use crate::placed::Placed;
+use mesophyll_fit_grass::bytes;
+use mesophyll_manifest::Manifest;
+
+/// Lists every lawn, and what it does without.
+///
+/// # Errors
+/// [`crate::Error::Input`] for the record of a fit that cannot be read.
+pub fn lawns(manifest: &Manifest, placed: &Placed, plan: &mut Plan) -> Result<()> {
+    for grass in &placed.grass {
+        let config = &manifest.grass[grass.index];
+        let [nx, ny] = grass.tiles;
+        let why = format!("a lawn of {nx} x {ny} rectangles of {} blades each", grass.plant.leaves.len());
+        let mut need = Need::new(format!("grass {}", grass.name), why);
+        match &config.fit {
+            Some(fit) => {
+                let record = manifest.resolve(fit).join("fit.toml");
+                need.hash = Some(mesophyll_files::hash::file(&record)?);
+                need.status = Some(Status::Reuse);
+                need.amount = Some(format!("slices of {}", fit.display()));
+            }
+            None => {
+                let options = grass.options(manifest);
+                let ([w, h], n) = (options.texels, options.slices);
+                need.amount =
+                    Some(format!("{n} slices across x and {n} across y of {w}x{h} texels, and a level one, made now"));
+                need.bytes = Some(bytes(&options, grass.period) as u64);
+            }
+        }
+        plan.need(need);
+        if manifest.wind.is_none() {
+            let why = "the scene has no wind: no code that leans the blades, no map of gusts";
+            plan.leave_out(LeftOut::new(format!("wind in {}", grass.name), why, 0, None));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,267 @@
+//! The grass pass on the adapter beside the same rays in double precision, and what a scene file may say of a lawn.
+
+use crate::common;
+use crate::skips::{self, Need};
+use glam::{DVec3, Vec2, Vec3, Vec4};
+use mesophyll::fit_grass::judge::{lit, seen};
+use mesophyll::fit_grass::march::{Crossing, Slices};
+use mesophyll::fit_grass::sheet::CHANNELS;
+use mesophyll::manifest::Manifest;
+use mesophyll::scene::draw::handover;
+use mesophyll::scene::ledger::Ledger;
+use mesophyll::scene::loaded::Scene;
+use mesophyll::scene::placed::leaf::Search;
+use mesophyll_viewer::scene::{Camera, Material, Mesh, Opaque, Scene as Drawn, Sun};
+use mesophyll_viewer::{Error, Options, Renderer};
+use std::f64::consts::PI;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+const SIDE: u32 = 49;
+const SOIL: [f64; 3] = [0.06, 0.045, 0.03];
+
+fn renderer() -> Option<Renderer> {
+    match Renderer::headless(&Options::default()) {
+        Ok(renderer) => Some(renderer),
+        Err(Error::NoAdapter) => {
+            skips::skip(Need::Adapter, "no graphics adapter");
+            None
+        }
+        Err(other) => panic!("{other}"),
+    }
+}
+
+/// A scene of a lawn on a small square, which `more` says more of.
+fn file(folder: &Path, grass: &str, more: &str) -> PathBuf {
+    let meadow = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("data/grass/lawn.toml")).unwrap();
+    let meadow = meadow.replace("size_mm = [400, 400]", "size_mm = [120, 100]");
+    assert!(meadow.contains("[120, 100]"));
+    std::fs::write(folder.join("meadow.toml"), meadow).unwrap();
+    let path = folder.join("scene.toml");
+    let rest = "[sky]\nradiance = [1, 1, 1]\n[[view]]\nname = \"above\"\nkind = \"perspective\"\neye_mm = [0, 0, 600]\n\
+         target_mm = [0, 0, 0]\nup = [0, 1, 0]\nfov_deg = 20\n[check]\nwidth = 32\nheight = 32\nsamples = 4\n";
+    std::fs::write(&path, format!("schema = 1\nname = \"lawn\"\n{grass}\n{rest}{more}")).unwrap();
+    path
+}
+
+const GRASS: &str = "[[grass]]\nname = \"lawn\"\nmeadow = \"meadow.toml\"\ntiles = [401, 401]\nslices = 5\n\
+     texels = [64, 16]\nsteps = 256\nposition_mm = [31, -17]\n";
+const GROUND: &str = "[ground]\nalbedo = [0.06, 0.045, 0.03]\nreach_mm = 50000\nheight_mm = 4\n";
+
+/// The lawn as it is handed over, without the ground's mesh, and its slices.
+fn lawn(folder: &Path) -> (Drawn, Slices) {
+    let manifest = Manifest::read(&file(folder, GRASS, GROUND)).unwrap();
+    let ledger = Ledger::new();
+    let scene = Scene::open(manifest, Search::default(), &ledger).unwrap();
+    let mut drawn = handover::scene(&scene, &ledger).unwrap();
+    drawn.instances.clear();
+    (drawn.msaa, drawn.sky) = (1, None);
+    (drawn, held(&scene.placed.grass[0].slices(&scene.manifest, &ledger).unwrap()))
+}
+
+/// The slices as an adapter holds them, in half floats.
+fn held(slices: &Slices) -> Slices {
+    let mut out = slices.clone();
+    let sheets = [Some(&mut out.upright), out.level.as_mut()];
+    let texels = sheets.into_iter().flatten().flat_map(|sheet| &mut sheet.levels).flat_map(|level| &mut level.texels);
+    // To the nearest number with ten bits after the first; smaller ones than 6e-5 keep more here, which shows nowhere.
+    texels.flatten().for_each(|v| *v = f32::from_bits((v.to_bits() + 0xfff + (v.to_bits() >> 13 & 1)) & !0x1fff));
+    out
+}
+
+/// Cameras that see the lawn edge-on, straight from above, at a grazing angle, along the slices, and from inside; the
+/// mean of the middle rectangle is at the second point. Pixels are smaller than texels.
+fn cameras(at: Vec3, height: f32) -> Vec<Camera> {
+    let one = |eye: Vec3, target: Vec3, up: Vec3, fov_y_deg: f32| Camera {
+        eye: at + eye,
+        target: at + target,
+        up,
+        fov_y_deg,
+    };
+    let turned = |elevation: f32, azimuth: f32| {
+        let (e, a) = (elevation.to_radians(), azimuth.to_radians());
+        one(400.0 * Vec3::new(e.cos() * a.cos(), e.cos() * a.sin(), e.sin()), Vec3::ZERO, Vec3::Z, 7.0)
+    };
+    let inside = Vec3::new(3.0, -7.0, 0.4 * height);
+    vec![
+        one(Vec3::new(2.0, 1.0, 500.0), Vec3::new(2.0, 1.0, 0.0), Vec3::Y, 9.0),
+        turned(14.0, 37.0),
+        turned(17.0, 0.0),
+        turned(30.0, 90.0),
+        turned(45.0, 222.0),
+        turned(70.0, 300.0),
+        one(inside, inside + Vec3::new(1.0, 0.3, -0.4), Vec3::Z, 30.0),
+    ]
+}
+
+/// Origin (in the lawn) and direction of every pixel's ray, row by row, where it is at the layer or in it.
+fn rays(camera: &Camera, origin: Vec3, height: f64) -> Vec<(DVec3, DVec3)> {
+    let [eye, target, up] = [camera.eye, camera.target, camera.up].map(Vec3::as_dvec3);
+    let forward = (target - eye).normalize();
+    let right = forward.cross(up).normalize();
+    let above = right.cross(forward);
+    let tan = (0.5 * f64::from(camera.fov_y_deg).to_radians()).tan();
+    let share = |k: u32| 2.0 * (f64::from(k) + 0.5) / f64::from(SIDE) - 1.0;
+    (0..SIDE * SIDE)
+        .map(|k| {
+            let d = (forward + right * (share(k % SIDE) * tan) - above * (share(k / SIDE) * tan)).normalize();
+            let from = eye - origin.as_dvec3();
+            let first = if from.z > height { (height - from.z) / d.z } else { 0.0 };
+            (from + d * first, d)
+        })
+        .collect()
+}
+
+/// Radiance by every pixel's ray: `colour` of the slices, and `soil` of the ground where there is light left.
+fn twin(
+    slices: &Slices,
+    camera: &Camera,
+    origin: Vec3,
+    colour: impl Fn(&Crossing, &[f64; CHANNELS], DVec3) -> [f64; 3],
+    soil: impl Fn(DVec3) -> f64,
+) -> Vec<([f64; 3], f64)> {
+    let one = |(o, d): (DVec3, DVec3)| {
+        let found = slices.march(o, d, 256, 0.0, |c, t| colour(c, t, d));
+        let ground = -o.z / d.z;
+        let mut out = found.colour;
+        if d.z < 0.0 && found.opacity <= 1.0 - 1e-4 {
+            let light = soil(o + d * ground);
+            (0..3).for_each(|c| out[c] += (1.0 - found.opacity) * SOIL[c] * light);
+        } else {
+            out = out.map(|v| v / found.opacity);
+        }
+        (out, found.depth.unwrap_or(ground))
+    };
+    rays(camera, origin, slices.height).into_iter().map(one).collect()
+}
+
+/// Every pixel is within `1e-3` of the brightest one, but for a few whose ray passes so close to where two slices cross
+/// that single precision takes them in another order.
+fn agree(what: &str, drawn: &[[f32; 4]], right: &[[f64; 3]]) {
+    let white = right.iter().flatten().fold(0.0f64, |a, b| a.max(*b));
+    assert!(white > 0.01, "{what}: {white}");
+    let off = |(a, b): (&[f32; 4], &[f64; 3])| (0..3).map(|c| (f64::from(a[c]) - b[c]).abs()).fold(0.0, f64::max);
+    let errors: Vec<f64> = drawn.iter().zip(right).map(|pair| off(pair) / white).collect();
+    let beyond = errors.iter().filter(|e| **e > 1e-3).count() as f64 / errors.len() as f64;
+    let mean = errors.iter().sum::<f64>() / errors.len() as f64;
+    let worst = errors.iter().fold(0.0f64, |a, b| a.max(*b));
+    println!("{what}: mean {mean:.2e}, beyond 1e-3: {:.2} %, worst {worst:.3}", 100.0 * beyond);
+    assert!(beyond < 0.005 && mean < 2e-4, "{what}: mean {mean}, {beyond} beyond 1e-3, worst {worst}");
+}
+
+#[test]
+fn the_pass_is_its_twin_in_double_precision() {
+    let Some(mut renderer) = renderer() else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let (mut drawn, slices) = lawn(dir.path());
+    let mut grass = drawn.grass[0].as_ref().clone();
+    (grass.open, grass.soil_open, grass.scatter) = ([1.0; 17], 1.0, [0.0; 3]);
+    let (origin, middle) = (grass.origin, Vec3::new(32.3, -16.1, 4.0));
+    drawn.grass = vec![Arc::new(grass)];
+    let cameras = cameras(middle, slices.height as f32);
+    let sun = DVec3::new(0.5, -0.4, 0.7).normalize();
+    for (k, camera) in cameras.iter().enumerate() {
+        // An even sky: what the two sides see of it above them.
+        (drawn.sun, drawn.sky) = (None, Some([1.0; 3]));
+        renderer.set_scene(&drawn).unwrap();
+        let colour = |_: &Crossing, t: &[f64; CHANNELS], d: DVec3| {
+            let n = DVec3::new(t[10], t[11], t[12]);
+            let up = (n * -n.dot(d).signum()).normalize_or_zero().z;
+            let reflected = seen(t, d);
+            [0, 1, 2].map(|c: usize| reflected[c] * (0.5 + 0.5 * up) + t[7 + c] * (0.5 - 0.5 * up))
+        };
+        let right: Vec<[f64; 3]> = twin(&slices, camera, origin, colour, |_| 1.0).into_iter().map(|r| r.0).collect();
+        agree(&format!("sky, camera {k}"), &renderer.render(camera, SIDE, SIDE).unwrap().hdr, &right);
+        // A sun, through the slices.
+        drawn.sun = Some(Sun { direction: sun.as_vec3(), irradiance: [PI as f32; 3], radius: 0.0 });
+        drawn.sky = None;
+        renderer.set_scene(&drawn).unwrap();
+        let colour = |c: &Crossing, t: &[f64; CHANNELS], d: DVec3| lit(&slices, c, t, d, sun, 0.0);
+        let soil = |place: DVec3| {
+            let place = DVec3::new(place.x, place.y, 0.0);
+            sun.z * (1.0 - slices.march(place, sun, 256, 0.0, |_, _| [0.0; 3]).opacity)
+        };
+        let right: Vec<[f64; 3]> = twin(&slices, camera, origin, colour, soil).into_iter().map(|r| r.0).collect();
+        agree(&format!("sun, camera {k}"), &renderer.render(camera, SIDE, SIDE).unwrap().hdr, &right);
+    }
+}
+
+/// A black plate lies in the grass: it is seen where the blades before it let more than half of the light through.
+#[test]
+fn a_plate_in_the_grass_is_hidden_where_opacity_passes_one_half() {
+    let Some(mut renderer) = renderer() else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let (mut drawn, slices) = lawn(dir.path());
+    let (origin, middle) = (drawn.grass[0].origin, Vec3::new(32.3, -16.1, 4.0));
+    let at = 0.37 * slices.height;
+    let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
+    let plate = Mesh {
+        positions: corners.iter().map(|(x, y)| Vec3::new(5e3 * x, 5e3 * y, 4.0 + at as f32)).collect(),
+        normals: vec![Vec3::Z; 4],
+        tangents: vec![Vec4::new(1.0, 0.0, 0.0, 1.0); 4],
+        uvs: vec![Vec2::ZERO; 4],
+        indices: vec![0, 1, 2, 0, 2, 3],
+        ..Mesh::default()
+    };
+    let plate = drawn.add(plate, Material::Opaque(Opaque { name: "plate".into(), albedo: [0.0; 3] }));
+    drawn.instances.push(plate);
+    drawn.sky = Some([1.0; 3]);
+    renderer.set_scene(&drawn).unwrap();
+    let (mut shown, mut hidden) = (0, 0);
+    for camera in &cameras(middle, slices.height as f32)[..6] {
+        let picture = renderer.render(camera, SIDE, SIDE).unwrap().hdr;
+        let depths = twin(&slices, camera, origin, |_, _, _| [0.0; 3], |_| 0.0);
+        let mut wrong = 0;
+        for ((pixel, (o, d)), (_, depth)) in picture.iter().zip(rays(camera, origin, slices.height)).zip(depths) {
+            let plate = (at - o.z) / d.z;
+            let seen = pixel[0] == 0.0;
+            wrong += u32::from(seen != (plate < depth));
+            *(if seen { &mut shown } else { &mut hidden }) += 1;
+        }
+        assert!(wrong <= 12, "{wrong} of {} pixels", SIDE * SIDE);
+    }
+    assert!(shown > 500 && hidden > 500, "{shown} pixels show the plate, {hidden} do not");
+}
+
+#[test]
+fn a_scene_without_grass_has_nothing_of_the_pass() {
+    let Some(mut renderer) = renderer() else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let (mut drawn, _) = lawn(dir.path());
+    drawn.sky = Some([1.0; 3]);
+    renderer.set_scene(&drawn).unwrap();
+    assert!(renderer.stats().pipelines.contains(&"grass".to_string()) && renderer.stats().uploaded("level slice"));
+    let mut upright = drawn.grass[0].as_ref().clone();
+    upright.level = None;
+    drawn.grass = vec![Arc::new(upright)];
+    renderer.set_scene(&drawn).unwrap();
+    assert!(renderer.stats().pipelines.contains(&"grass without a level slice".to_string()));
+    assert!(renderer.stats().uploaded("upright slices") && !renderer.stats().uploaded("level slice"));
+    drawn.grass.clear();
+    renderer.set_scene(&drawn).unwrap();
+    assert!(!renderer.stats().pipelines.iter().any(|p| p.contains("grass")) && !renderer.stats().uploaded("slice"));
+}
+
+#[test]
+fn mistakes_about_a_lawn_are_one_sentence() {
+    let dir = tempfile::tempdir().unwrap();
+    let fit = format!("fit = \"{}\"", dir.path().join("nowhere").display());
+    for (grass, more, said) in [
+        (GRASS.to_string(), "", "scene.toml:3: grass: given without a [ground]"),
+        (GRASS.replace("[401, 401]", "[0, 401]"), GROUND, "grass.tiles: found [0, 401], expected 1 to 1000000"),
+        (GRASS.replace("[64, 16]", "[60, 16]"), GROUND, "grass.texels: found [60, 16], expected powers of two"),
+        (GRASS.replace("steps = 256", "steps = 0"), GROUND, "grass.steps: found 0, expected 1 to 256 slices"),
+        (GRASS.replace("slices = 5", &fit), GROUND, "grass.texels: given beside a fit"),
+        (GRASS.replace("slices = 5\ntexels = [64, 16]", &fit), GROUND, "there is no fit at "),
+        (GRASS.replace("meadow.toml", "moss.toml"), GROUND, "moss.toml: no such file"),
+        (GRASS.to_string(), "[ground]\nalbedo = [0, 0, 0]\n[periodic]\nsize_mm = [9, 9]\n", "given beside [periodic]"),
+    ] {
+        let path = file(dir.path(), &grass, more);
+        let out = dir.path().join("out");
+        let output = common::run(["render", path.to_str().unwrap(), "-o", out.to_str().unwrap()]);
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{said}: {told}");
+        assert!(told.contains(said) && told.lines().count() == 1, "{said}: {told}");
+        assert_eq!(std::fs::read_dir(&out).map_or(0, Iterator::count), 0, "something was written");
+    }
+}

@@ -1,0 +1,391 @@
+// Grass as slices (Habel 2009, ch. 2): a ray through a box over the ground crosses upright slices across x and across y
+// and a level one at half the height at places that a formula gives (Eq. 2.1–2.3), closest first. The twin of
+// `march.rs` of the room `fit_grass`, in single precision. Part of the main pass: lights are those of `light.wgsl`.
+
+struct Grass {
+    // Origin in the world; w: height.
+    base: vec4f,
+    // The box from the origin: low x, low y, high x, high y.
+    corners: vec4f,
+    // Along x and y; z: slices in a rectangle, w: mean opacity of the level slice.
+    period: vec4f,
+    // Texels of a picture along and up, of its border; pictures a line.
+    upright: vec4f,
+    level: vec4f,
+    // What slices show along the ground and from above; z: share of the sky that the ground sees, w: angle of a pixel.
+    shown: vec4f,
+    soil: vec4f,
+    scatter: vec4f,
+    // Radiance below the horizon that the sky's harmonics hold.
+    below: vec4f,
+    // The ray of a place in the picture is the first + x·the second + y·the third.
+    rays: array<vec4f, 3>,
+    // 17 numbers each in 20: projection, cover, open, share of the sun that arrives at a height.
+    tables: array<vec4f, 20>,
+}
+
+const PROJECTION: u32 = 0u;
+const COVER: u32 = 1u;
+const OPEN: u32 = 2u;
+const SUNLIT: u32 = 3u;
+const ACROSS_X: u32 = 0u;
+const ACROSS_Y: u32 = 1u;
+const ACROSS_Z: u32 = 2u;
+const NOTHING: u32 = 3u;
+const FAR: f32 = 1e30;
+// Below this a ray counts as stopped.
+const STOPPED: f32 = 1e-4;
+
+@group(1) @binding(0) var<uniform> grass: Grass;
+@group(1) @binding(1) var upright_slices: texture_2d_array<f32>;
+@group(1) @binding(2) var slice_sampler: sampler;
+//#if LEVEL_SLICE
+@group(1) @binding(3) var level_slice: texture_2d_array<f32>;
+//#endif
+
+// The box, its faces counter-clockwise from outside; bits of a corner say which end of x, y and z it is at.
+@vertex
+fn grass_vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
+    var faces = array<vec4u, 6>(
+        vec4u(0u, 2u, 3u, 1u), vec4u(4u, 5u, 7u, 6u), vec4u(0u, 4u, 6u, 2u),
+        vec4u(1u, 3u, 7u, 5u), vec4u(0u, 1u, 5u, 4u), vec4u(2u, 6u, 7u, 3u));
+    var order = array<u32, 6>(0u, 1u, 2u, 0u, 2u, 3u);
+    let corner = faces[index / 6u][order[index % 6u]];
+    let far = vec3f(f32(corner & 1u), f32((corner >> 1u) & 1u), f32(corner >> 2u));
+    let local = mix(vec3f(grass.corners.xy, 0.0), vec3f(grass.corners.zw, grass.base.w), far);
+    return frame.view_projection * vec4f(grass.base.xyz + local, 1.0);
+}
+
+fn entry(which: u32, k: u32) -> f32 {
+    let i = 20u * which + k;
+    return grass.tables[i >> 2u][i & 3u];
+}
+
+// A table at a share from 0 to 1, between its steps by straight lines.
+fn table(which: u32, share: f32) -> f32 {
+    let x = clamp(abs(share), 0.0, 1.0) * 16.0;
+    let k = min(u32(x), 15u);
+    return mix(entry(which, k), entry(which, k + 1u), x - f32(k));
+}
+
+fn part(one: f32, all: f32) -> f32 {
+    if (one <= 0.0) {
+        return 0.0;
+    }
+    return select(1.0, one / all, one < all);
+}
+
+// Shares of the optical depth of upright slices and of the level one that count along d.
+fn weights(d: vec3f) -> vec2f {
+    let wanted = table(PROJECTION, d.z);
+    let upright = grass.shown.x * (abs(d.x) + abs(d.y));
+    let w = part(wanted, upright);
+    return vec2f(w, part(wanted - w * upright, grass.shown.y * abs(d.z)));
+}
+
+// What share of its opacity a slice has where a share of its optical depth counts.
+fn counted(across: u32, height: f32, weight: f32) -> f32 {
+    let cover = covered(across, height);
+    if (cover <= 0.0 || weight <= 0.0) {
+        return max(weight, 0.0);
+    }
+    return (1.0 - pow(max(1.0 - cover, 0.0), weight)) / cover;
+}
+
+fn covered(across: u32, height: f32) -> f32 {
+    return select(table(COVER, height), grass.period.w, across == ACROSS_Z);
+}
+
+// Where a ray is among the slices: the next ones across x and y, the distance to the level one (FAR: crossed or none),
+// and to the end.
+struct Walk {
+    origin: vec3f,
+    d: vec3f,
+    next: vec2i,
+    half: f32,
+    end: f32,
+}
+
+struct Crossing {
+    t: f32,
+    across: u32,
+    index: i32,
+    place: vec3f,
+}
+
+fn steps_apart() -> vec2f {
+    return grass.period.xy / grass.period.z;
+}
+
+// Distance to the last point in the box; the origin is in it.
+fn way_out(origin: vec3f, d: vec3f) -> f32 {
+    let edge = select(vec3f(grass.corners.xy, 0.0), vec3f(grass.corners.zw, grass.base.w), d > vec3f(0.0));
+    let t = select((edge - origin) / d, vec3f(FAR), d == vec3f(0.0));
+    return max(0.0, min(t.x, min(t.y, t.z)));
+}
+
+// From a point on the slice `index` across `across`, or on none (NOTHING).
+fn walk_from(origin: vec3f, d: vec3f, across: u32, index: i32) -> Walk {
+    // The plane of number j is at (j + 1/2) steps from the rectangle's edge.
+    let x = (origin.xy + 0.5 * grass.period.xy) / steps_apart() - 0.5;
+    var next = vec2i(select(ceil(x) - 1.0, floor(x) + 1.0, d.xy > vec2f(0.0)));
+    let ahead = select(vec2i(-1), vec2i(1), d.xy > vec2f(0.0));
+    if (across == ACROSS_X) {
+        next.x = index + ahead.x;
+    } else if (across == ACROSS_Y) {
+        next.y = index + ahead.y;
+    }
+    var half = FAR;
+    //#if LEVEL_SLICE
+    if (across != ACROSS_Z && d.z != 0.0) {
+        let t = (0.5 * grass.base.w - origin.z) / d.z;
+        half = select(FAR, t, t > 0.0);
+    }
+    //#endif
+    return Walk(origin, d, next, half, way_out(origin, d));
+}
+
+// The next crossing, closest first.
+fn following(walk: ptr<function, Walk>) -> Crossing {
+    let d = (*walk).d;
+    let plane = (vec2f((*walk).next) + 0.5) * steps_apart() - 0.5 * grass.period.xy;
+    let t = select(max((plane - (*walk).origin.xy) / d.xy, vec2f(0.0)), vec2f(FAR), d.xy == vec2f(0.0));
+    var found = Crossing(FAR, NOTHING, 0, vec3f(0.0));
+    if ((*walk).half < min(t.x, t.y)) {
+        found.t = (*walk).half;
+        found.across = ACROSS_Z;
+        (*walk).half = FAR;
+    } else if (t.x <= t.y) {
+        found.t = t.x;
+        found.across = ACROSS_X;
+        found.index = (*walk).next.x;
+        (*walk).next.x += select(-1, 1, d.x > 0.0);
+    } else {
+        found.t = t.y;
+        found.across = ACROSS_Y;
+        found.index = (*walk).next.y;
+        (*walk).next.y += select(-1, 1, d.y > 0.0);
+    }
+    if (!(found.t < (*walk).end)) {
+        found.across = NOTHING;
+    }
+    found.place = (*walk).origin + d * found.t;
+    return found;
+}
+
+// A layer of a slice where it is crossed.
+fn sliced(crossing: Crossing, layer: i32, level: f32) -> vec4f {
+    let along = fract(crossing.place.xy / grass.period.xy + 0.5);
+    //#if LEVEL_SLICE
+    if (crossing.across == ACROSS_Z) {
+        let at = grass.level.z + vec2f(along.x, 1.0 - along.y) * grass.level.xy;
+        let size = vec2f(textureDimensions(level_slice, 0));
+        return textureSampleLevel(level_slice, slice_sampler, at / size, layer, level);
+    }
+    //#endif
+    let count = i32(grass.period.z);
+    var cell = ((crossing.index % count) + count) % count;
+    var u = along.y;
+    if (crossing.across == ACROSS_Y) {
+        cell += count;
+        u = along.x;
+    }
+    let columns = i32(grass.upright.w);
+    let corner = vec2f(f32(cell % columns), f32(cell / columns)) * (grass.upright.xy + 2.0 * grass.upright.z);
+    let v = clamp(crossing.place.z / grass.base.w, 0.0, 1.0);
+    let at = corner + grass.upright.z + vec2f(u, 1.0 - v) * grass.upright.xy;
+    let size = vec2f(textureDimensions(upright_slices, 0));
+    return textureSampleLevel(upright_slices, slice_sampler, at / size, layer, level);
+}
+
+// Share of the light from `to` that passes all slices ahead.
+fn passing(start: Walk, to: vec3f, level: f32) -> f32 {
+    let weight = weights(to);
+    var walk = start;
+    var left = 1.0;
+    for (var i = 0u; i < STEPS; i++) {
+        let c = following(&walk);
+        if (c.across == NOTHING || left < STOPPED) {
+            break;
+        }
+        let w = select(weight.x, weight.y, c.across == ACROSS_Z);
+        left *= 1.0 - counted(c.across, c.place.z / grass.base.w, w) * sliced(c, 0, level).w;
+    }
+    return left;
+}
+
+// Share of the light from `to` that arrives at what a ray along d sees of a slice; `within` is where in the slab the
+// blade is (0 to 1).
+fn arriving_at(crossing: Crossing, within: f32, d: vec3f, to: vec3f, level: f32) -> f32 {
+    let weight = weights(to);
+    let steps = steps_apart();
+    var place = crossing.place;
+    let behind = 1.0 - within;
+    var ahead = 0.0;
+    var w = weight.x;
+    if (crossing.across == ACROSS_X) {
+        place.x -= sign(d.x) * (0.5 - behind) * steps.x;
+        ahead = select(0.0, within, d.x * to.x > 0.0);
+    } else if (crossing.across == ACROSS_Y) {
+        place.y -= sign(d.y) * (0.5 - behind) * steps.y;
+        ahead = select(0.0, within, d.y * to.y > 0.0);
+    } else {
+        place.z -= sign(d.z) * (0.5 - behind) * grass.base.w;
+        ahead = select(behind, within, d.z * to.z > 0.0);
+        w = weight.y;
+    }
+    let height = place.z / grass.base.w;
+    var left = 1.0;
+    if (ahead > 0.0) {
+        left -= covered(crossing.across, height) * counted(crossing.across, height, w * ahead);
+    }
+    return left * passing(walk_from(place, to, crossing.across, crossing.index), to, level);
+}
+
+// Irradiance over π of the sky above the horizon.
+fn from_above(normal: vec3f) -> vec3f {
+    //#if DOME
+    return max(vec3f(0.0), even_light(normal) - grass.below.rgb * (0.5 - 0.5 * normal.z));
+    //#else
+    //#if SKY
+    return frame.sky.rgb * (0.5 + 0.5 * normal.z);
+    //#else
+    return vec3f(0.0);
+    //#endif
+    //#endif
+}
+
+// Radiance of blades around a height, in the mean over the lawn, for light of which they get `first` over π on both
+// sides: what they scatter of it, and of each other's.
+fn around(height: f32, first: vec3f) -> vec3f {
+    let seen = 1.0 - 0.5 * table(OPEN, height);
+    return 0.5 * grass.scatter.rgb * first / max(vec3f(1.0) - grass.scatter.rgb * seen, vec3f(1e-3));
+}
+
+// Light of the sky and of the sun, gathered apart: the sun's may still be in the shade of something else.
+struct Both {
+    sky: vec3f,
+    sun: vec3f,
+}
+
+struct GrassOut {
+    @location(0) colour: vec4f,
+    @builtin(frag_depth) depth: f32,
+}
+
+@fragment
+fn grass_fragment(@builtin(position) position: vec4f) -> GrassOut {
+    let eye = frame.eye.xyz - grass.base.xyz;
+    let d = normalize(grass.rays[0].xyz + position.x * grass.rays[1].xyz + position.y * grass.rays[2].xyz);
+    // Where the ray enters the box; an eye in the grass is in it already.
+    let near = select(vec3f(grass.corners.zw, grass.base.w), vec3f(grass.corners.xy, 0.0), d > vec3f(0.0));
+    let enters = select((near - eye) / d, vec3f(-FAR), d == vec3f(0.0));
+    let first = max(0.0, max(enters.x, max(enters.y, enters.z)));
+    let low = vec3f(grass.corners.xy, 0.0);
+    let high = vec3f(grass.corners.zw, grass.base.w);
+    let origin = clamp(eye + first * d, low, high);
+    let end = way_out(origin, d);
+    let texel = grass.period.x / grass.upright.x;
+    let weight = weights(d);
+    let overhead = from_above(vec3f(0.0, 0.0, 1.0));
+    let scattered = table(PROJECTION, frame.sun_direction.z);
+
+    var walk = walk_from(origin, d, NOTHING, 0);
+    var left = 1.0;
+    var seen = Both(vec3f(0.0), vec3f(0.0));
+    var depth = -1.0;
+    var more = true;
+    for (var i = 0u; i < STEPS; i++) {
+        let c = following(&walk);
+        if (c.across == NOTHING) {
+            more = false;
+            break;
+        }
+        let w = select(weight.x, weight.y, c.across == ACROSS_Z);
+        let height = c.place.z / grass.base.w;
+        let level = max(0.0, log2((first + c.t) * grass.shown.w / texel));
+        let share = counted(c.across, height, w);
+        if (share <= 0.0) {
+            continue;
+        }
+        let what = sliced(c, 0, level);
+        if (what.w <= 0.0) {
+            continue;
+        }
+        // The side that the ray sees, by the blades' normals and not by the slice's.
+        let faces = dot(what.xyz, d) < 0.0;
+        let reflects = sliced(c, select(2, 1, faces), level);
+        let lets_through = sliced(c, 3, level).rgb;
+        let long = length(what.xyz);
+        let normal = select(-what.xyz, what.xyz, faces) / max(long, 1e-20);
+        let opens = table(OPEN, height);
+        let kept = left * share;
+        let both = kept * (reflects.rgb + lets_through);
+        //#if SKY
+        seen.sky += kept * opens * (reflects.rgb * from_above(normal) + lets_through * from_above(-normal));
+        seen.sky += both * (1.0 - 0.5 * opens) * around(height, opens * overhead);
+        //#endif
+        //#if SUN
+        let to = frame.sun_direction.xyz;
+        let cosine = dot(normal, to);
+        let arrives = arriving_at(c, reflects.w / what.w, d, to, level);
+        let e = frame.sun_irradiance.rgb * 0.318309886;
+        seen.sun += kept * select(lets_through, reflects.rgb, cosine > 0.0) * abs(cosine) * arrives * e;
+        seen.sun += both * (1.0 - 0.5 * opens) * around(height, e * scattered * table(SUNLIT, height));
+        //#endif
+        left *= 1.0 - share * what.w;
+        if (left <= 0.5 && depth < 0.0) {
+            depth = c.t;
+        }
+        if (left < STOPPED) {
+            break;
+        }
+    }
+
+    // Behind the blades is the ground. A ray that leaves the lawn on its side, or that crossed as many slices as it may,
+    // goes on as what it gathered.
+    let ground = d.z < 0.0 && abs(origin.z + d.z * end) < 1e-3 * grass.base.w;
+    let opacity = 1.0 - left;
+    var at = depth;
+    if (left >= STOPPED && ((ground && !more) || opacity < 1e-3)) {
+        if (!ground) {
+            discard;
+        }
+        let place = origin + d * end;
+        var soil = Both(grass.shown.z * overhead + (1.0 - grass.shown.z) * around(0.0, entry(OPEN, 0u) * overhead), vec3f(0.0));
+        //#if SUN
+        let to = frame.sun_direction.xyz;
+        if (to.z > 0.0) {
+            let e = frame.sun_irradiance.rgb * 0.318309886;
+            let level = max(0.0, log2((first + end) * grass.shown.w / texel));
+            soil.sun = e * to.z * passing(walk_from(place, to, NOTHING, 0), to, level);
+            soil.sun += (1.0 - grass.shown.z) * around(0.0, e * scattered * entry(SUNLIT, 0u));
+        }
+        //#endif
+        seen.sky += left * grass.soil.rgb * soil.sky;
+        seen.sun += left * grass.soil.rgb * soil.sun;
+        if (at < 0.0) {
+            // A little before the ground that the scene draws in the same place.
+            at = end - 0.01 * grass.base.w / max(-d.z, 0.05);
+        }
+    } else {
+        if (opacity < 0.5 && !more) {
+            discard;
+        }
+        seen.sky /= opacity;
+        seen.sun /= opacity;
+        if (at < 0.0) {
+            at = end;
+        }
+    }
+    let world = grass.base.xyz + origin + d * at;
+    var radiance = seen.sky;
+    //#if SUN
+    //#if SHADOW
+    seen.sun *= visibility(world, frame.sun_direction.xyz, 1.0);
+    //#endif
+    radiance += seen.sun;
+    //#endif
+    let clip = frame.view_projection * vec4f(world, 1.0);
+    return GrassOut(held(radiance), clamp(clip.z / clip.w, 0.0, 1.0));
+}
