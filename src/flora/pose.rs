@@ -7,9 +7,9 @@
 //! are its places along and across.
 //!
 //! A branch follows the cross-section of its parent where it grows, rigidly, and then bends in its own frame; leaves
-//! follow the cross-section of theirs. An amplitude of 0 changes no number.
+//! follow the cross-section of theirs, and may turn on it by themselves. An amplitude of 0 changes no number.
 
-use crate::form::{Branch, Plant, nearest};
+use crate::form::{Branch, Joint, Plant, nearest};
 use glam::{DMat3, DMat4, DVec3};
 use mesophyll_plant::beam::{TAPER_MAX, TAPER_MIN};
 use mesophyll_plant::length::{Bent, bend_with};
@@ -153,12 +153,14 @@ struct Swung {
 pub struct Pose<'a> {
     limbs: &'a Limbs,
     swung: Vec<Swung>,
+    /// How every leaf turns before its branch carries it; empty where none does.
+    leaves: Vec<Rigid>,
 }
 
-/// The deflection of a tip over the length that a deflection becomes; see [`FURTHEST`].
-fn held(tip: f64) -> f64 {
-    let room = FURTHEST - FREELY;
-    if tip <= FREELY { tip } else { FREELY + room * ((tip - FREELY) / room).tanh() }
+/// A size of 0 or more that stays as it is up to `free`, and approaches `furthest` above.
+pub fn limited(size: f64, free: f64, furthest: f64) -> f64 {
+    let room = furthest - free;
+    if size <= free { size } else { free + room * ((size - free) / room).tanh() }
 }
 
 impl Limbs {
@@ -170,7 +172,7 @@ impl Limbs {
     /// All branches, each bent by its amplitude towards r and s: F/(E′r₁⁴) over the length, as
     /// [`mesophyll_plant::branch`] has it. What is not finite bends nothing.
     pub fn pose(&self, amplitudes: impl Fn(usize) -> [f64; 2]) -> Pose<'_> {
-        let mut pose = Pose { limbs: self, swung: Vec::with_capacity(self.0.len()) };
+        let mut pose = Pose { limbs: self, swung: Vec::with_capacity(self.0.len()), leaves: Vec::new() };
         for (k, limb) in self.0.iter().enumerate() {
             // Parents stand before what grows on them.
             let base = limb.parent.map_or(Rigid::STILL, |(parent, at)| pose.at(parent, at));
@@ -179,7 +181,7 @@ impl Limbs {
             let wanted = x.hypot(y);
             let whole = limb.shape.tip();
             let bends = wanted > 0.0 && wanted.is_finite() && limb.length > 0.0;
-            let size = if bends { held(wanted * whole) / whole } else { 0.0 };
+            let size = if bends { limited(wanted * whole, FREELY, FURTHEST) / whole } else { 0.0 };
             let e = if bends { (x * r + y * s) / wanted } else { r };
             let mut swung = Swung { base, size, e, b: t.cross(e), marks: Vec::with_capacity(limb.pieces.len()) };
             if bends {
@@ -215,6 +217,17 @@ impl Swung {
 }
 
 impl Pose<'_> {
+    /// The same with leaves that turn by themselves: how each moves from rest, in the plant's frame.
+    pub fn with_leaves(self, leaves: Vec<Rigid>) -> Self {
+        Pose { leaves, ..self }
+    }
+
+    /// How leaf `k` of the plant moves from rest, which hangs at `joint`.
+    pub fn leaf(&self, k: usize, joint: Joint) -> Rigid {
+        let carried = self.at(joint.branch, joint.at);
+        self.leaves.get(k).map_or(carried, |own| carried.after(own))
+    }
+
     /// What the cross-section of branch `k` at `at` (0 root, 1 tip) does to what hangs on it: in the plant's frame, from
     /// rest. A branch that is not there moves nothing.
     pub fn at(&self, k: usize, at: f64) -> Rigid {
@@ -311,8 +324,8 @@ impl Pose<'_> {
                 branch.axes = branch.axes.map(|a| base.turn * a);
             }
         }
-        for leaf in &mut out.leaves {
-            leaf.transform = self.at(leaf.joint.branch, leaf.joint.at).carry(leaf.transform);
+        for (k, leaf) in out.leaves.iter_mut().enumerate() {
+            leaf.transform = self.leaf(k, leaf.joint).carry(leaf.transform);
         }
         out
     }

@@ -122,6 +122,22 @@ pub struct Plant {
     /// Mass of a blade per area.
     #[serde(default = "blade")]
     pub leaf_kg_m2: f64,
+    /// How its leaves flutter; they keep still on their branches when absent.
+    pub flutter: Option<Flutter>,
+}
+
+/// Leaves that turn to and fro about their axes in gusts.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Flutter {
+    /// Angle that a slow change of the wind's speed by 1 m/s turns a leaf by.
+    pub deg_per_m_s: f64,
+    /// A leaf's own frequency.
+    #[serde(default = "leaf_resonance")]
+    pub resonance_hz: f64,
+    /// Over the critical one.
+    #[serde(default = "leaf_damping")]
+    pub damping: f64,
 }
 
 /// A mean wind and its gusts.
@@ -220,6 +236,14 @@ pub struct Tree {
 
 fn damping() -> f64 {
     0.15
+}
+
+fn leaf_resonance() -> f64 {
+    4.0
+}
+
+fn leaf_damping() -> f64 {
+    0.3
 }
 
 fn single() -> usize {

@@ -84,6 +84,8 @@ fn plants_that_cannot_stand_say_why() {
         (format!("{grow}materials = {{ bark = [0, 0, 0] }}\n"), "material \"leaf\" maps to no leaf"),
         (format!("{grow}materials = {{ leaf = \"elm\", bark = \"elm\" }}\n"), "\"bark\" is the bark's material"),
         (format!("{grow}materials = {{ leaf = \"elm\", bark = [0, 0, 0], moss = [0, 0, 0] }}\n"), "found \"moss\""),
+        (format!("{grow}{BARK}flutter = {{ deg_per_m_s = 4, damping = 0.1 }}\n"), "flutter.damping: found 0.1"),
+        (format!("{grow}{BARK}flutter = {{ resonance_hz = 4 }}\n"), "missing field `deg_per_m_s`"),
         (format!("file = \"gone.glb\"\n{BARK}"), "no such file"),
         (format!("file = \"bad.glb\"\n{BARK}"), "not a readable glTF file"),
     ] {
@@ -212,7 +214,7 @@ mod moving {
     #[test]
     fn both_renderers_draw_the_pose() {
         let folder = tempfile::tempdir().unwrap();
-        let two = "count = 2\narea_mm = [3000, 3000]\nseed = 3\n";
+        let two = "count = 2\narea_mm = [3000, 3000]\nseed = 3\nflutter = { deg_per_m_s = 4 }\n";
         let whole = open(folder.path(), two, WIND);
         let rest = super::planted(&whole.manifest, &Ledger::new()).unwrap()[0].plant.clone();
         let drawn = handover::scene(&whole, &Ledger::new()).unwrap();
@@ -228,6 +230,17 @@ mod moving {
             renderer.set_scene(&drawn).unwrap();
         }
         let leaves = rest.leaves.len();
+        // Leaves turn on their branches, each by an angle of its own.
+        let angles: Vec<f64> = {
+            let pose = whole.placed.winds.as_ref().unwrap().pose(0, 1, 2.5).unwrap();
+            let turn = |(k, leaf): (usize, &mesophyll::flora::form::Leaf)| {
+                let own = pose.at(leaf.joint.branch, leaf.joint.at).turn.transpose() * pose.leaf(k, leaf.joint).turn;
+                glam::DQuat::from_mat3(&own).to_axis_angle().1
+            };
+            rest.leaves.iter().enumerate().map(turn).collect()
+        };
+        let mean = angles.iter().sum::<f64>() / angles.len() as f64;
+        assert!(mean > 0.05 && angles.iter().any(|a| *a < 0.2 * mean) && angles.iter().any(|a| *a > 2.0 * mean));
         let mut world = reference::unlit(&whole, 0.0, &Ledger::new()).unwrap();
         for time in [2.5, 3.1, 1e6] {
             reference::move_to(&mut world, &whole, time).unwrap();
@@ -290,7 +303,7 @@ mod moving {
         );
         let windy = open(folder.path(), "", WIND);
         assert!(windy.plan.needed.iter().any(|n| n.name == "plants in the wind"));
-        let calm = open(folder.path(), "drag_n_s_m3 = 0\n", WIND);
+        let calm = open(folder.path(), "drag_n_s_m3 = 0\nflutter = { deg_per_m_s = 4 }\n", WIND);
         assert!(calm.placed.winds.is_none() && calm.plan.left_out.iter().any(|l| l.name == "plants in the wind"));
         let Ok(mut renderer) = Renderer::headless(&Options::default()) else { return };
         renderer.set_scene(&drawn).unwrap();

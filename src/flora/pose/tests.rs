@@ -55,7 +55,7 @@ fn chain(branch: &Branch, limb: &Limb, amplitude: [f64; 2], at: f64) -> (DVec3, 
     let [t, r, s] = limb.axes;
     let e = (amplitude[0] * r + amplitude[1] * s) / size;
     let about = t.cross(e);
-    let size = held(size * limb.shape.tip()) / limb.shape.tip();
+    let size = limited(size * limb.shape.tip(), FREELY, FURTHEST) / limb.shape.tip();
     let turns = turns(limb, size);
     let turn = |x: f64| {
         let k = turns.partition_point(|m| m.0 < x).clamp(1, turns.len() - 1);

@@ -112,6 +112,11 @@ fn plants(p: &Place) -> Result<()> {
         p.range(HEADER, i, "damping", plant.damping, [0.01, 10.0], "of the critical one")?;
         p.range(HEADER, i, "wood_kg_m3", plant.wood_kg_m3, [1.0, 1e4], "kg/m³")?;
         p.range(HEADER, i, "leaf_kg_m2", plant.leaf_kg_m2, [0.0, 100.0], "kg/m²")?;
+        if let Some(flutter) = &plant.flutter {
+            p.range(HEADER, i, "flutter.deg_per_m_s", flutter.deg_per_m_s, [1e-6, 100.0], "degrees per m/s")?;
+            p.range(HEADER, i, "flutter.resonance_hz", flutter.resonance_hz, [0.05, 100.0], "Hz")?;
+            p.range(HEADER, i, "flutter.damping", flutter.damping, [0.2, 10.0], "of the critical one")?;
+        }
         p.range(HEADER, i, "count", plant.count as f64, [1.0, MOST_PLANTS as f64], "plants")?;
         match plant.area_mm {
             Some(area) => area.iter().try_for_each(|a| p.positive(HEADER, i, "area_mm", *a, "length in mm"))?,

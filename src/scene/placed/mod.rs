@@ -3,6 +3,7 @@
 pub mod branch;
 pub mod daylight;
 pub mod facing;
+pub mod flutter;
 pub mod grass;
 pub mod leaf;
 pub mod moves;

@@ -6,7 +6,7 @@ use crate::ledger::Ledger;
 use crate::{Error, Result};
 use glam::DMat4;
 use mesophyll_flora::file::{Carried, MOST_TRIANGLES, write_moving};
-use mesophyll_flora::form::Plant;
+use mesophyll_flora::form::{Joint, Plant};
 use mesophyll_flora::pose::{Pose, Rigid};
 use mesophyll_manifest::Manifest;
 use std::collections::BTreeSet;
@@ -69,19 +69,23 @@ impl Standing {
         out
     }
 
-    /// How sections of the plants' branches, counted through all plants at all places, move at a time; in the scene's
-    /// frame.
-    fn motions(&self, on: &[(usize, f64)], time: f64) -> Vec<Rigid> {
-        let mut of_branches = Vec::new();
+    /// How the keyed sections of all plants at all places move at a time; in the scene's frame.
+    fn motions(&self, carried: &Carried, time: f64) -> Vec<Rigid> {
+        let (mut of_branches, mut of_leaves) = (Vec::new(), Vec::new());
         for (index, place, to_scene) in self.each() {
             let pose = self.pose(index, place, time).map(|pose| std::rc::Rc::new((pose, to_scene)));
-            of_branches.extend((0..self.planted[index].plant.branches.len()).map(|own| (own, pose.clone())));
+            let plant = &self.planted[index].plant;
+            of_branches.extend((0..plant.branches.len()).map(|own| (own, pose.clone())));
+            of_leaves.extend(0..plant.leaves.len());
         }
-        let one = |(branch, at): &(usize, f64)| match &of_branches[*branch] {
-            (own, Some(pose)) => pose.0.at(*own, *at).moved(pose.1),
-            (_, None) => Rigid::STILL,
+        // Leaves stand after the roots of all branches.
+        let leaf = |k: usize| k.checked_sub(of_branches.len()).and_then(|k| of_leaves.get(k));
+        let one = |(k, (branch, at)): (usize, &(usize, f64))| match (&of_branches[*branch], leaf(k)) {
+            ((own, Some(pose)), Some(leaf)) => pose.0.leaf(*leaf, Joint { branch: *own, at: *at }).moved(pose.1),
+            ((own, Some(pose)), None) => pose.0.at(*own, *at).moved(pose.1),
+            ((_, None), _) => Rigid::STILL,
         };
-        on.iter().map(one).collect()
+        carried.on.iter().enumerate().map(one).collect()
     }
 }
 
@@ -129,5 +133,5 @@ pub fn animation(manifest: &Manifest, from: f64, until: f64, step: f64, ledger: 
         return Err(Error::argument("--step", found, format!("at most {MOST_PLACES} places of nodes in all")));
     }
     let times: Vec<f64> = (0..=steps as u64).map(|k| from + k as f64 * step).collect();
-    write_moving(&rest, &carried, &times, |time| standing.motions(&carried.on, time), path)
+    write_moving(&rest, &carried, &times, |time| standing.motions(&carried, time), path)
 }

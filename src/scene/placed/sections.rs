@@ -4,6 +4,7 @@
 use super::plant::{Planted, Wood};
 use glam::DMat4;
 use mesophyll_files::mesh::LeafMesh;
+use mesophyll_flora::form::Joint;
 use mesophyll_flora::pose::{Pose, Rigid, SECTION_STEP};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -13,6 +14,7 @@ use std::sync::Arc;
 pub struct Sections {
     /// Branch and share of its axis: the leaves' in their order, then those of the bark.
     on: Vec<(usize, f64)>,
+    leaves: usize,
     /// A wood of [`Planted::wood`]: which of them carries each vertex.
     bark: Vec<Arc<Vec<u32>>>,
     /// The first of the plant's, among those of the scene.
@@ -43,7 +45,7 @@ impl Sections {
         };
         let bark = planted.bark_places().into_iter();
         let bark = bark.map(|vertices| Arc::new(vertices.into_iter().map(&mut section).collect())).collect();
-        Sections { on, bark, first, places: planted.places.clone() }
+        Sections { on, leaves: planted.plant.leaves.len(), bark, first, places: planted.places.clone() }
     }
 
     /// The first of whatever comes after.
@@ -59,7 +61,11 @@ impl Sections {
     /// Where those of a place are in a pose, in world space, from rest.
     pub fn at(&self, place: usize, pose: &Pose) -> Vec<Rigid> {
         let to_world = self.places[place];
-        self.on.iter().map(|(branch, at)| pose.at(*branch, *at).moved(to_world)).collect()
+        let own = |(k, (branch, at)): (usize, &(usize, f64))| match k < self.leaves {
+            true => pose.leaf(k, Joint { branch: *branch, at: *at }),
+            false => pose.at(*branch, *at),
+        };
+        self.on.iter().enumerate().map(|section| own(section).moved(to_world)).collect()
     }
 
     /// The plant's wood at every place by itself: each is bent another way.

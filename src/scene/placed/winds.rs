@@ -7,6 +7,7 @@
 //! frequency, which it is not. Here branches share a texture whose resonances are within [`ALIKE`] of each other, whatever their level.
 
 use super::branch::{MOTION_SIDE, variance, wind_direction};
+use super::flutter::Fluttering;
 use super::plant::Planted;
 use super::sections::Sections;
 use crate::ledger::Ledger;
@@ -52,6 +53,8 @@ pub struct Swaying {
     pub answers: Vec<Option<Answer>>,
     /// What carries its leaves and its bark.
     pub sections: Sections,
+    /// How its leaves flutter; `None` where the scene does not say so.
+    pub flutter: Option<Fluttering>,
     /// Where the wind blows to, in the plant's frame, a place each.
     towards: Vec<DVec3>,
     seed: u64,
@@ -132,7 +135,9 @@ impl Winds {
             sways_somewhere[index].then(|| {
                 let sections = Sections::new(p, first);
                 first = sections.end();
-                Swaying { limbs, answers, sections, towards, seed }
+                let flutters = |said| Fluttering::new(said, mean, world, seed, p, ledger);
+                let flutter = manifest.plants[index].flutter.as_ref().and_then(flutters);
+                Swaying { limbs, answers, sections, flutter, towards, seed }
             })
         });
         let plants: Vec<Option<Swaying>> = plants.collect();
@@ -154,7 +159,11 @@ impl Winds {
     /// How a plant stands at one of its places and a time (s), in its own frame; `None` where no wind moves it.
     pub fn pose(&self, plant: usize, place: usize, time: f64) -> Option<Pose<'_>> {
         let swaying = self.plants.get(plant)?.as_ref()?;
-        Some(swaying.limbs.pose(|branch| self.amplitude(swaying, place, branch, time)))
+        let pose = swaying.limbs.pose(|branch| self.amplitude(swaying, place, branch, time));
+        Some(match &swaying.flutter {
+            Some(flutter) => pose.with_leaves(flutter.turns(place, time)),
+            None => pose,
+        })
     }
 }
 

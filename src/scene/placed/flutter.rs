@@ -1,0 +1,250 @@
+//! Torsional flutter of a plant's leaves: each turns to and fro about its own axis, from where it hangs to its tip.
+//!
+//! The angle comes from three motion textures (H9 §4.6), in the planes xy, yz and xz. They are carried along by the
+//! wind, so that a gust reaches one leaf after the other. A leaf's place decides where it reads them. The weights are
+//! those of Eq. 4.27, [normalised](mesophyll_plant::wind::leaf_weights), and divided once more by their root sum of
+//! squares: three independent fields together then have the power of one. Each plane is crossed with the textures' own
+//! speed, whatever part of the wind lies in it, so that its frequencies are right.
+//!
+//! A leaf is an oscillator as a branch is (Eq. 4.16), whose angle follows the wind's speed; its mean is 0, and without
+//! wind nothing moves.
+
+use super::plant::Planted;
+use crate::ledger::Ledger;
+use glam::{DMat3, DMat4, DVec2, DVec3};
+use mesophyll_flora::form::Plant;
+use mesophyll_flora::pose::{Rigid, limited};
+use mesophyll_manifest::Flutter;
+use mesophyll_plant::motion::Motion;
+use mesophyll_plant::motion_spectrum::Method;
+use mesophyll_plant::wind::{Oscillator, Sway, Wind, leaf_weights};
+use std::f64::consts::TAU;
+
+/// Texels a side of a texture.
+const SIDE: usize = 1024;
+/// Angles (rad) are as they come up to the first, and approach the second above.
+const FREE: f64 = 0.8;
+const FURTHEST: f64 = 1.4;
+
+/// The flutter of a plant's leaves.
+#[derive(Debug)]
+pub struct Fluttering {
+    /// Its spectrum: of the angle (rad).
+    pub sway: Sway,
+    textures: [Motion; 3],
+    /// Of the textures; normalised in their squares.
+    weights: [f64; 3],
+    /// In each plane, the direction in which a leaf goes through the texture.
+    ways: [DVec2; 3],
+    /// A leaf each, in the plant's frame: where it hangs, and its axis.
+    hangs: Vec<(DVec3, DVec3)>,
+    places: Vec<DMat4>,
+}
+
+impl Fluttering {
+    /// In a wind that blows `towards` (a unit vector). `None` where the spectrum is not finite and positive.
+    pub fn new(
+        said: &Flutter,
+        wind: Wind,
+        towards: DVec3,
+        seed: u64,
+        planted: &Planted,
+        ledger: &Ledger,
+    ) -> Option<Fluttering> {
+        let resonance = said.resonance_hz;
+        let oscillator = Oscillator { resonance, damping: said.damping * 2.0 * TAU * resonance };
+        let sway = Sway { wind, oscillator, lean: said.deg_per_m_s.to_radians() * wind.speed };
+        let make = |plane: u64| {
+            let seed = seed.wrapping_add((1 + plane) << 56);
+            Motion::new(|f| sway.spectrum(f), sway.highest(), SIDE, seed, Method::InverseAbel)
+        };
+        let made = ledger.note("make", "motion textures of leaves", (3 * SIDE * SIDE * 8) as u64, || {
+            Some([make(0)?, make(1)?, make(2)?])
+        });
+        let weights = leaf_weights(towards.to_array());
+        let norm = weights.iter().map(|w| w * w).sum::<f64>().sqrt();
+        let ways = planes(towards).map(|within| unrepeated(within.normalize_or(DVec2::X)));
+        let (hangs, places) = (hangs(&planted.plant), planted.places.clone());
+        Some(Fluttering { sway, textures: made?, weights: weights.map(|w| w / norm), ways, hangs, places })
+    }
+
+    /// The angle (rad) of a leaf at a place and a time (s), as the spectrum has it.
+    pub fn angle(&self, place: usize, leaf: usize, time: f64) -> f64 {
+        let point = self.places[place].transform_point3(self.hangs[leaf].0) / 1e3;
+        let mut sum = 0.0;
+        for (((motion, weight), way), within) in
+            self.textures.iter().zip(self.weights).zip(self.ways).zip(planes(point))
+        {
+            if weight > 0.0 {
+                // The field moves with the wind; the leaf stays where it is.
+                let along = time - within.dot(way) / self.sway.wind.speed;
+                let across = within.dot(way.perp()) / self.sway.wind.speed;
+                let at = motion.speed() * (along * way + across * way.perp());
+                sum += weight * motion.sample(at.to_array())[0];
+            }
+        }
+        sum
+    }
+
+    /// How every leaf of the plant at a place turns from rest at a time (s), in the plant's frame.
+    pub fn turns(&self, place: usize, time: f64) -> Vec<Rigid> {
+        let turn = |(leaf, (hang, axis)): (usize, &(DVec3, DVec3))| {
+            let angle = self.angle(place, leaf, time);
+            let angle = limited(angle.abs(), FREE, FURTHEST).copysign(angle);
+            Rigid { from: *hang, to: *hang, turn: DMat3::from_axis_angle(*axis, angle) }
+        };
+        self.hangs.iter().enumerate().map(turn).collect()
+    }
+
+    /// How many bytes the textures have.
+    pub fn bytes(&self) -> usize {
+        3 * SIDE * SIDE * 8
+    }
+}
+
+/// The parts of a vector in the planes xy, yz and xz.
+fn planes(v: DVec3) -> [DVec2; 3] {
+    [DVec2::new(v.x, v.y), DVec2::new(v.y, v.z), DVec2::new(v.x, v.z)]
+}
+
+/// Where each leaf hangs on its branch, and the unit direction from there to the blade's tip.
+fn hangs(plant: &Plant) -> Vec<(DVec3, DVec3)> {
+    let one = |leaf: &mesophyll_flora::form::Leaf| {
+        let hang = plant.branches[leaf.joint.branch].point(leaf.joint.at).0;
+        let far = plant.blades[leaf.blade].mesh.positions.iter().map(|p| p.x).fold(0.0, f64::max);
+        let along = leaf.transform.transform_point3(DVec3::X * far) - hang;
+        (hang, along.try_normalize().unwrap_or(leaf.transform.x_axis.truncate().normalize_or(DVec3::X)))
+    };
+    plant.leaves.iter().map(one).collect()
+}
+
+/// Passages of a texture for which a line through it should not come near to itself.
+const PASSAGES: i32 = 60;
+
+/// The direction near `way` whose line stays away from itself longest: the textures repeat, so that a line along x would
+/// be back after one passage.
+fn unrepeated(way: DVec2) -> DVec2 {
+    // A wave of the highest frequency is this wide.
+    let apart = mesophyll_plant::motion::TEXELS_A_CYCLE as f64 / SIDE as f64;
+    let back = |d: DVec2| {
+        let all = (-PASSAGES..=PASSAGES).flat_map(|p| (-PASSAGES..=PASSAGES).map(move |q| (p, q)));
+        all.filter(|(p, q)| (*p, *q) != (0, 0))
+            .map(|(p, q)| DVec2::new(f64::from(p), f64::from(q)))
+            .filter(|v| v.perp_dot(d).abs() < 0.5 * apart && v.dot(d) > 0.0)
+            .map(|v| v.length())
+            .fold(f64::from(PASSAGES), f64::min)
+    };
+    let mut best = (way, back(way));
+    for k in 1..=40 {
+        for sign in [1.0, -1.0] {
+            let turned = DVec2::from_angle(sign * 0.004 * f64::from(k)).rotate(way);
+            let found = back(turned);
+            if found > best.1 {
+                best = (turned, found);
+            }
+        }
+    }
+    best.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use mesophyll_manifest::Manifest;
+
+    fn fluttering(speed: f64, azimuth: f64) -> (Planted, Fluttering) {
+        let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/scenes/plant.toml");
+        let manifest = Manifest::read(&root).unwrap();
+        let planted = super::super::plant::planted(&manifest, &Ledger::new()).unwrap().remove(0);
+        let said = Flutter { deg_per_m_s: 4.0, resonance_hz: 4.0, damping: 0.3 };
+        let towards = DVec3::new(f64::cos(azimuth), f64::sin(azimuth), 0.0);
+        let wind = Wind { speed, turbulence: 0.3 };
+        let flutter = Fluttering::new(&said, wind, towards, 7, &planted, &Ledger::new()).unwrap();
+        (planted, flutter)
+    }
+
+    /// Angles of leaves over nine thousand periods, by a discrete Fourier transform of segments, against the formula. An
+    /// isotropic texture has its own deviation of .08 in log10 (see `lines_have_the_wanted_spectrum`).
+    #[test]
+    fn leaves_have_the_spectrum_of_their_resonance() {
+        let (_, flutter) = fluttering(4.0, 0.5);
+        let (dt, segment) = (0.03, 512);
+        let step = 1.0 / (segment as f64 * dt);
+        let mut readings: Vec<Vec<f64>> = Vec::new();
+        for leaf in [0, 40, 80, 120, 160] {
+            let line = (0..30 * segment).map(|n| flutter.angle(0, leaf, 20.0 + n as f64 * dt)).collect::<Vec<_>>();
+            readings.extend(line.chunks(segment).map(<[f64]>::to_vec));
+        }
+        let (mut squares, mut bands) = (0.0, 0.0);
+        for band in [[4, 8], [8, 14], [14, 22], [22, 32], [32, 44], [44, 56], [56, 66], [66, 80], [80, 100]] {
+            let (mut have, mut want) = (0.0, 0.0);
+            for bin in band[0]..band[1] {
+                let f = f64::from(bin) * step;
+                want += flutter.sway.spectrum(f);
+                for part in &readings {
+                    let (mut re, mut im) = (0.0, 0.0);
+                    for (n, v) in part.iter().enumerate() {
+                        let window = (std::f64::consts::PI * n as f64 / segment as f64).sin().powi(2);
+                        let (sin, cos) = (TAU * f * dt * n as f64).sin_cos();
+                        re += window * v * cos;
+                        im += window * v * sin;
+                    }
+                    // Hann's window holds 3/8 of the power.
+                    have += 2.0 * dt * (re * re + im * im) / (0.375 * segment as f64) / readings.len() as f64;
+                }
+            }
+            println!("{:.2} Hz: {:.3}", f64::from(band[0] + band[1]) * 0.5 * step, have / want);
+            squares += f64::log10(have / want).powi(2);
+            bands += 1.0;
+        }
+        let rms = f64::sqrt(squares / bands);
+        println!("RMS log10 deviation {rms:.3}");
+        assert!(rms < 0.1, "{rms}");
+    }
+
+    #[test]
+    fn leaves_turn_about_their_axes_and_the_wind_decides_how_far() {
+        let (planted, flutter) = fluttering(4.0, 0.0);
+        let plant = &planted.plant;
+        let rms = |flutter: &Fluttering| {
+            let n = 400;
+            let sum: f64 = (0..n).map(|k| flutter.angle(0, k % 100, 0.37 * k as f64).powi(2)).sum();
+            (sum / n as f64).sqrt()
+        };
+        // The plane that the wind crosses head-on gets nothing; the others hold the power of one.
+        assert!(flutter.weights[1] == 0.0 && (flutter.weights[0].hypot(flutter.weights[2]) - 1.0).abs() < 1e-12);
+        for (leaf, turn) in plant.leaves.iter().zip(flutter.turns(0, 3.0)) {
+            let hang = plant.branches[leaf.joint.branch].point(leaf.joint.at).0;
+            assert!(turn.place(hang).distance(hang) < 1e-9);
+            let tip = plant.blades[leaf.blade].mesh.positions.iter().map(|p| p.x).fold(0.0, f64::max);
+            let tip = leaf.transform.transform_point3(DVec3::X * tip);
+            assert!(turn.place(tip).distance(tip) < 1e-9);
+        }
+        // Spectra are proportional to the cube of the speed at low frequencies, and less so above.
+        let (weak, strong) = (rms(&fluttering(1.0, 0.0).1), rms(&flutter));
+        assert!(strong > 2.0 * weak && strong < 12.0 * weak && strong > 0.02, "{weak} {strong}");
+        // A storm turns no leaf over.
+        let (_, storm) = fluttering(60.0, 0.3);
+        assert!((0..20).flat_map(|k| storm.turns(0, f64::from(k))).all(|t| t.turn.z_axis.is_finite()));
+        let most = (0..20).flat_map(|k| storm.turns(0, f64::from(k)));
+        let most = most.map(|t| ((t.turn.x_axis.x + t.turn.y_axis.y + t.turn.z_axis.z - 1.0) / 2.0).acos());
+        assert!(most.fold(0.0, f64::max) <= FURTHEST + 1e-6);
+    }
+
+    /// Along the axes too, no line comes near to itself for ten minutes.
+    #[test]
+    fn flutter_does_not_repeat_within_ten_minutes() {
+        let (_, flutter) = fluttering(4.0, 0.0);
+        let (dt, n) = (0.07, 20_000);
+        let line: Vec<f64> = (0..n).map(|k| flutter.angle(0, 3, f64::from(k) * dt)).collect();
+        let square: f64 = line.iter().map(|v| v * v).sum::<f64>() / f64::from(n);
+        let worst = ((10.0 / dt) as usize..(600.0 / dt) as usize)
+            .map(|lag| {
+                let pairs = line.len() - lag;
+                (0..pairs).map(|k| line[k] * line[k + lag]).sum::<f64>().abs() / (pairs as f64 * square)
+            })
+            .fold(0.0, f64::max);
+        println!("largest correlation between 10 s and 10 min {worst:.2}");
+        assert!(worst < 0.4, "{worst}");
+    }
+}
