@@ -118,10 +118,11 @@ fn against_reference(
     let perspective: Vec<&View> = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).collect();
     if !perspective.is_empty() {
         let mut drawn = handover::scene(scene, ledger)?;
-        // The path tracer follows light through everything, not only through what a view sees.
-        // So it is for a lawn, whose blades shade each other.
-        let between = plan.light.between.is_some() || !placed.grass.is_empty();
-        let mut world = if between { transport::World::default() } else { reference::world(scene, ledger)? };
+        // The path tracer follows light through everything, not only through what a view sees. It alone draws leaves by
+        // their layers, and a lawn's blades in each other's shade.
+        let layers = scene.drawn().any(|leaf| leaf.config.layers.is_some());
+        let traced = plan.light.between.is_some() || !placed.grass.is_empty() || layers;
+        let mut world = if traced { transport::World::default() } else { reference::world(scene, ledger)? };
         renderer.set_scene(&drawn).map_err(told)?;
         report.uploads = renderer.stats().uploads.iter().map(|u| (u.name.clone(), u.bytes)).collect();
         report.pipelines = renderer.stats().pipelines.clone();
@@ -137,7 +138,7 @@ fn against_reference(
                 wind.time_s = time;
                 renderer.set_time(wind);
             }
-            match between {
+            match traced {
                 true => world = reference::traced(scene, time, ledger)?,
                 false => reference::move_to(&mut world, scene, time)?,
             }
@@ -145,9 +146,9 @@ fn against_reference(
             let stored = sunlit::relight_as_stored(&mut by_maps, scene, &placed.eyes)?;
             let mut as_grown = world.clone();
             let known = !true_leaf::replace(&mut as_grown, scene, &options.out)?.is_empty();
-            let as_grown = if known { Some(Truth::new(&as_grown, between)?) } else { None };
-            let stage = Truth::new(&world, between)?;
-            let by_maps = if stored { Some(Truth::new(&by_maps, between)?) } else { None };
+            let as_grown = if known { Some(Truth::new(&as_grown, traced)?) } else { None };
+            let stage = Truth::new(&world, traced)?;
+            let by_maps = if stored { Some(Truth::new(&by_maps, traced)?) } else { None };
             while let Some(view) = left.next_if(|v| !placed.moves().any() || branch::time(manifest, v) == time) {
                 let _bar = progress::Bar::of(format!("view {}", view.name));
                 let stages =

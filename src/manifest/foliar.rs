@@ -6,7 +6,8 @@ use crate::{Error, Result};
 use mesophyll_fit::foliar::pigments;
 use mesophyll_optics::foliar::pigments::Contents;
 use mesophyll_optics::foliar::{Leaf as Layers, Oblateness, Path, fsm};
-use mesophyll_transport::foliar::{Foliar, Model};
+use mesophyll_optics::gloss::LobeKind;
+use mesophyll_transport::foliar::{Foliar, Model, StandIn};
 use serde::Deserialize;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -85,9 +86,10 @@ impl super::Manifest {
             let foliar = Foliar::new(model, layers).ok_or_else(|| {
                 fault("the exact method does not settle for such lobes and indices; expected wider lobes".into())
             })?;
-            let (rho_d, rho_t) = foliar.matte();
+            let StandIn { rho_d, rho_t, rho_s, m, index } = foliar.stand_in();
             let leaf = &mut self.leaves[k];
-            leaf.uniform = Some(Uniform { rho_d, rho_t, rho_s: None, m: 0.2 });
+            leaf.uniform = Some(Uniform { rho_d, rho_t, rho_s: Some(rho_s), m });
+            (leaf.lobe, leaf.index) = (LobeKind::CookTorrance, Some(index));
             leaf.layers = Some(Arc::new(foliar));
         }
         Ok(())

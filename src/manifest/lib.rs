@@ -120,7 +120,11 @@ impl Manifest {
             let Some(other) = self.leaves[k].like.as_ref().and_then(|n| self.leaf_index(n)) else { continue };
             let Leaf { fit, capture, scan, uniform, layers, mesh, part, discs, mesh_unit, .. } =
                 self.leaves[other].clone();
+            let (lobe, index) = (self.leaves[other].lobe, self.leaves[other].index);
             let leaf = &mut self.leaves[k];
+            if layers.is_some() {
+                (leaf.lobe, leaf.index) = (lobe, index);
+            }
             (leaf.fit, leaf.capture, leaf.scan, leaf.uniform) = (fit, capture, scan, uniform);
             leaf.layers = layers;
             if leaf.mesh.is_none() && leaf.discs.is_none() {

@@ -10,10 +10,12 @@
 //! - [`Model::Abm`]: a ray through the layers for every turn. Where it goes has no density that could be asked for, so
 //!   lights are only found by rays that meet them.
 
+use crate::lobe::Reflect;
 use glam::DVec3;
 use mesophyll_optics::foliar::fsm::{self, ROWS, Row, Shares, Turned};
 use mesophyll_optics::foliar::goniometer::{self, RINGS, SECTORS};
 use mesophyll_optics::foliar::{Leaf, Side, lobe, ray};
+use mesophyll_optics::gloss::Lobe;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// Which of the two models.
@@ -53,6 +55,21 @@ pub struct Met {
     /// Turned back before the mesophyll, and the lobe of that.
     pub turned: f64,
     lobe: Turned,
+}
+
+/// A leaf as renderers show it that know matte leaves with a gloss.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StandIn {
+    /// Diffuse reflectance of the front and of the back, what is mirrored at the face left out.
+    pub rho_d: [[f64; 3]; 2],
+    /// Transmittance, both ways.
+    pub rho_t: [f64; 3],
+    /// Scale of the Cook–Torrance gloss on both sides, about 1.
+    pub rho_s: [f64; 3],
+    /// Its slope.
+    pub m: f64,
+    /// Its index of refraction: that of the cuticle for green light.
+    pub index: f64,
 }
 
 impl Met {
@@ -110,22 +127,16 @@ impl Foliar {
         self.model
     }
 
-    /// Diffuse reflectance of both sides and transmittance, a channel each, under light from everywhere: what a
-    /// renderer shows that knows matte leaves only.
-    pub fn matte(&self) -> ([[f64; 3]; 2], [f64; 3]) {
+    /// What a renderer shows that knows matte leaves with a gloss: means under light from everywhere, and the gloss
+    /// nearest to what is reflected at the faces.
+    pub fn stand_in(&self) -> StandIn {
         let mean = |channel: usize, back: bool, reflected: bool| {
             let (mut sum, mut weight) = (0.0, 0.0);
             for k in 0..=90 {
-                let angle = (k as f64).to_radians();
                 // ∫ 2 sin θ cos θ
-                let w = (2.0 * angle).sin();
+                let w = (2.0 * (k as f64).to_radians()).sin();
                 let row = &self.table[if back { ROWS - 1 - k } else { k }];
-                let leaf = &self.leaves[channel];
-                sum += w * if reflected {
-                    leaf.surface_reflectance(angle) + row.turned + row.diffuse[channel]
-                } else {
-                    row.through[channel]
-                };
+                sum += w * if reflected { row.turned + row.diffuse[channel] } else { row.through[channel] };
                 weight += w;
             }
             sum / weight
@@ -133,11 +144,59 @@ impl Foliar {
         let side = |back: bool| -> [f64; 3] { [0, 1, 2].map(|c| mean(c, back, true)) };
         let (front, back) = (side(false), side(true));
         // One number for both ways, with which neither side gives more than it gets.
-        let through = [0, 1, 2].map(|c: usize| {
+        let rho_t = [0, 1, 2].map(|c: usize| {
             let both = 0.5 * (mean(c, false, false) + mean(c, true, false));
             both.min(1.0 - front[c]).min(1.0 - back[c])
         });
-        ([front, back], through)
+        let (rho_s, m) = self.nearest_gloss();
+        StandIn { rho_d: [front, back], rho_t, rho_s, m, index: self.leaves[1].n_cuticle }
+    }
+
+    /// ρs, a channel each, and the slope m (to .01) of the Cook–Torrance lobe nearest to what green light's face
+    /// reflects: least squares of f_s (N·l) over directions of view and of light, relative to what the face reflects of
+    /// each view, so that bright grazing views do not decide alone.
+    fn nearest_gloss(&self) -> ([f64; 3], f64) {
+        const VIEWS: usize = 8;
+        const RINGS: usize = 12;
+        const SECTORS: usize = 16;
+        let green = &self.leaves[1];
+        if green.surface_reflectance(0.0) <= 0.0 {
+            return ([0.0; 3], 1.0);
+        }
+        let lobe = Lobe::CookTorrance { index: green.n_cuticle };
+        let middle = |k: usize, of: usize| (k as f64 + 0.5) / of as f64;
+        // (view, light, density of what the face sends there) over equal parts of sin²θ.
+        let samples: Vec<(DVec3, DVec3, f64)> = (0..VIEWS * RINGS * SECTORS)
+            .map(|k| {
+                let (view, ring, sector) = (k / (RINGS * SECTORS), k / SECTORS % RINGS, k % SECTORS);
+                let sin = middle(view, VIEWS).sqrt();
+                let view = DVec3::new(sin, 0.0, (1.0 - sin * sin).sqrt());
+                let cos = middle(ring, RINGS);
+                let (y, x) = (TAU * middle(sector, SECTORS)).sin_cos();
+                let light = DVec3::new(x * (1.0 - cos * cos).sqrt(), y * (1.0 - cos * cos).sqrt(), cos);
+                let met = self.meet(view, DVec3::Z, false);
+                let mirror = DVec3::new(-view.x, 0.0, view.z).dot(light);
+                (view, light, met.densities(cos, mirror, 0.0)[0])
+            })
+            .collect();
+        let fit = |m: f64| {
+            let (mut both, mut own, mut rest) = (0.0, 0.0, 0.0);
+            for (view, light, value) in &samples {
+                let face = green.surface_reflectance(view.z.acos());
+                let shown = lobe.times_cosine(DVec3::Z, *view, *light, m) / face;
+                both += shown * value;
+                own += shown * shown;
+                rest += value * value;
+            }
+            (rest - both * both / own, both / own)
+        };
+        let (_, scale, m) = (5..=100)
+            .map(|k| (f64::from(k) * 0.01, fit(f64::from(k) * 0.01)))
+            .map(|(m, (misfit, scale))| (misfit, scale, m))
+            .min_by(|a, b| a.0.total_cmp(&b.0))
+            .unwrap_or((0.0, 0.0, 1.0));
+        let of_green = |leaf: &Leaf| scale * leaf.surface_reflectance(0.0) / green.surface_reflectance(0.0);
+        (self.leaves.each_ref().map(of_green), m)
     }
 
     /// What a path meets that comes from the unit direction `view` onto the side whose normal is `normal`.

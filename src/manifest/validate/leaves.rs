@@ -2,6 +2,7 @@
 
 use super::place::Place;
 use crate::{Interior, Leaf, Result, Uniform};
+use mesophyll_optics::gloss::LobeKind;
 use mesophyll_transport::lobe::M_FLOOR;
 
 pub fn leaves(p: &Place) -> Result<()> {
@@ -19,6 +20,10 @@ pub fn leaves(p: &Place) -> Result<()> {
                 return Err(p.error(HEADER, i, "foliar", "given beside uniform; expected one of the two"));
             }
             without_maps(p, i, "foliar", leaf, fitted)?;
+            if leaf.lobe != LobeKind::default() || leaf.index.is_some() {
+                let what = "given beside foliar, whose layers have indices and lobes of their own";
+                return Err(p.error(HEADER, i, "lobe", what));
+            }
         }
         if let Some(like) = &leaf.like {
             p.leaf(HEADER, i, "like", like)?;

@@ -81,8 +81,13 @@ impl<'a> Place<'a> {
     /// A leaf that a view compares with its fit.
     pub fn fitted_leaf(&self, header: &str, index: usize, name: &str) -> Result<()> {
         self.leaf(header, index, "leaf", name)?;
-        match self.manifest.leaf_index(name).and_then(|k| self.manifest.leaves[k].uniform.as_ref()) {
-            Some(_) => Err(self.error(header, index, "leaf", format!("\"{name}\" is uniform, expected a fitted leaf"))),
+        let stated = |leaf: &Leaf| match (&leaf.uniform, &leaf.foliar) {
+            (Some(_), _) => Some("uniform"),
+            (_, Some(_)) => Some("stated by its layers"),
+            _ => None,
+        };
+        match self.manifest.leaf_index(name).and_then(|k| stated(&self.manifest.leaves[k])) {
+            Some(how) => Err(self.error(header, index, "leaf", format!("\"{name}\" is {how}, expected a fitted leaf"))),
             None => Ok(()),
         }
     }

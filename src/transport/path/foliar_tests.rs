@@ -2,10 +2,12 @@
 
 use super::{Paths, Strategy, Tracer};
 use crate::foliar::{Foliar, Model};
+use crate::lobe::Reflect;
 use crate::made_up::{leaf, square};
 use crate::world::{Placement, ReferenceSun, World};
 use glam::{DMat4, DVec3};
 use mesophyll_optics::foliar::{Leaf, Side, exact, fsm};
+use mesophyll_optics::gloss::Lobe;
 use std::sync::{Arc, LazyLock};
 
 /// What a soybean leaf's mesophyll absorbs of red, green and blue.
@@ -95,15 +97,29 @@ fn three_rays_a_hit_lose_only_what_is_cut() {
     assert_eq!(rays, [1.0, 3.0]);
 }
 
-/// What a matte renderer shows has the leaf's albedo, and gives no more than it gets.
+/// What stands for a leaf in other renderers has its albedo, and gives no more than it gets.
 #[test]
-fn the_matte_stand_in_has_the_leafs_albedo() {
-    let ([front, back], through) = SOYBEAN.matte();
-    for c in 0..3 {
-        assert!(front[c] > 0.05 && back[c] > front[c] && through[c] > 0.0);
-        assert!(front[c] + through[c] <= 1.0 && back[c] + through[c] <= 1.0);
+fn the_stand_in_has_the_leafs_albedo() {
+    let soybean = SOYBEAN.stand_in();
+    let clear = Foliar::new(Model::Fsm, [Leaf::soybean(0.0); 3]).unwrap().stand_in();
+    for shown in [soybean, clear] {
+        for c in 0..3 {
+            let [front, back] = shown.rho_d.map(|side| side[c]);
+            assert!(front > 0.0 && back > 0.0 && shown.rho_t[c] > 0.0, "{shown:?}");
+            assert!(front + shown.rho_t[c] <= 1.0 && back + shown.rho_t[c] <= 1.0, "{shown:?}");
+        }
+        // Light from everywhere that the gloss mirrors, beside what the faces do: ∫ 2 sin θ cos θ.
+        let lobe = Lobe::CookTorrance { index: shown.index };
+        let leaf = Leaf::soybean(0.0);
+        let (mut gloss, mut faces) = (0.0f64, 0.0);
+        for k in 0..40 {
+            let (cos, weight) = ((1.0 - (f64::from(k) + 0.5) / 40.0).sqrt(), 1.0 / 40.0);
+            gloss += weight * shown.rho_s[1] * lobe.directional_albedo(cos, shown.m);
+            faces += weight * leaf.surface_reflectance(cos.acos());
+        }
+        // The nearest gloss lacks light that grazes.
+        assert!((gloss - faces).abs() < 0.025, "{gloss} {faces}");
+        assert!(clear.rho_d[0][1] + clear.rho_t[1] + faces > 0.95);
     }
-    let clear = Foliar::new(Model::Fsm, [Leaf::soybean(0.0); 3]).unwrap();
-    let ([front, back], through) = clear.matte();
-    assert!(front[1] + through[1] <= 1.0 && back[1] + through[1] <= 1.0 && front[1] + through[1] > 0.9);
+    assert!(soybean.rho_d[1][1] > 3.0 * soybean.rho_d[0][1]);
 }
