@@ -60,7 +60,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     };
     // All that can be refused is refused before a fit is made.
     options.frames()?;
-    if manifest.wind.is_none() {
+    if manifest.wind.is_none() && !manifest.fades() {
         return Err(Error::Usage(format!("{}: {}", args.scene.display(), film::NOTHING_MOVES)));
     }
     let video = args.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("mp4")).then_some(args.out.as_path());
@@ -79,7 +79,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let mut scene = super::ready::scene(manifest, &folder, &ledger)?;
     scene.find_transfer(&folder, &ledger)?;
     options.out.clone_from(&folder);
-    let (film, kept) = film::film(&scene, &options, &ledger)?;
+    let (film, kept) = film::film(&mut scene, &options, &ledger)?;
     if let Some(video) = video {
         encode(&folder, &film, video)?;
     }

@@ -1,5 +1,5 @@
-//! Leaves by the layered model of B1 (`docs/foliar.md`), for the path tracer. Other renderers show them as matte leaves
-//! with the same reflectance and transmittance under light from everywhere.
+//! Leaves by the layered model of B1 (`docs/foliar.md`), for the path tracer. The real-time renderer shows leaves
+//! with a gloss in their place ([`mesophyll_transport::foliar::StandIn`]).
 
 use super::leaf::Uniform;
 use crate::{Error, Result};
@@ -35,6 +35,43 @@ pub struct Stated {
     pub oblateness: [f64; 4],
     /// `slant` or `sieve`.
     pub path: String,
+    /// What becomes of the chlorophyll as time goes on.
+    pub fades_to: Option<FadesTo>,
+}
+
+/// Autumn: chlorophyll falls by the same share in equal times, from what the leaf states at 0 s to what is stated here,
+/// and stays there.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FadesTo {
+    /// What is left (µg/cm²), above 0.
+    pub chlorophyll_ug_cm2: f64,
+    /// When that is reached (s of a film), above 0.
+    pub at_s: f64,
+}
+
+impl Stated {
+    /// The chlorophyll at a time (s), µg/cm².
+    fn chlorophyll(&self, time_s: f64) -> f64 {
+        let first = self.chlorophyll_ug_cm2;
+        self.fades_to
+            .map_or(first, |last| first * (last.chlorophyll_ug_cm2 / first).powf((time_s / last.at_s).clamp(0.0, 1.0)))
+    }
+
+    /// What is wrong with how it fades.
+    fn fading_fault(&self) -> Option<String> {
+        let FadesTo { chlorophyll_ug_cm2: last, at_s } = self.fades_to?;
+        let first = self.chlorophyll_ug_cm2;
+        if self.pigments.is_none() {
+            return Some("fades_to: given without a table of pigments, which says what chlorophyll absorbs".into());
+        }
+        if !(last > 0.0 && last <= first) {
+            return Some(format!(
+                "fades_to: found chlorophyll_ug_cm2 = {last}, expected above 0 and at most the leaf's own, {first}"
+            ));
+        }
+        (!(at_s > 0.0 && at_s.is_finite())).then(|| format!("fades_to: found at_s = {at_s}, expected above 0"))
+    }
 }
 
 /// The model's name in a scene.
@@ -62,17 +99,46 @@ impl Default for Stated {
             indices: None,
             oblateness: [cuticle, epidermis, palisade, spongy],
             path: "slant".into(),
+            fades_to: None,
         }
     }
 }
 
 impl super::Manifest {
-    /// Computes the leaves that are stated by their layers, and what stands for them in other renderers.
-    pub(super) fn layer(&mut self) -> Result<()> {
+    /// Whether a leaf changes its colour with time.
+    pub fn fades(&self) -> bool {
+        self.leaves.iter().any(|l| l.foliar.as_ref().is_some_and(|f| f.fades_to.is_some()))
+    }
+
+    /// Gives leaves that fade the colour that they have at a time (s).
+    ///
+    /// # Errors
+    /// As [`super::Manifest::read`].
+    pub fn age(&mut self, time_s: f64) -> Result<()> {
+        self.layer(time_s, true)?;
+        self.share();
+        Ok(())
+    }
+
+    /// Computes the leaves that are stated by their layers as they are at a time (s), or only those that fade, and what
+    /// stands for them in other renderers.
+    pub(super) fn layer(&mut self, time_s: f64, fading: bool) -> Result<()> {
         for k in 0..self.leaves.len() {
-            let Some(stated) = self.leaves[k].foliar.clone() else { continue };
+            let Some(mut stated) = self.leaves[k].foliar.clone() else { continue };
+            if fading && stated.fades_to.is_none() {
+                continue;
+            }
             let fault =
                 |what: String| Error::field(&self.path, &format!("leaf \"{}\", foliar", self.leaves[k].name), what);
+            if let Some(what) = stated.fading_fault() {
+                return Err(fault(what));
+            }
+            if stated.fades_to.is_some() && self.transfer.is_some() {
+                let what = "fades_to: given beside [transfer], where light between leaves is worked out for one colour \
+                            of each; expected one of the two";
+                return Err(fault(what.into()));
+            }
+            stated.chlorophyll_ug_cm2 = stated.chlorophyll(time_s);
             let layers = self.layers(&stated, &fault)?;
             let model = match stated.model {
                 ModelName::Fsm => Model::Fsm,

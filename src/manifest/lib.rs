@@ -108,7 +108,7 @@ impl Manifest {
         let mut manifest: Manifest = toml::from_str(&text).map_err(|e| Error::toml(path, &text, &e))?;
         manifest.path = path.to_path_buf();
         validate::validate(&manifest, &text)?;
-        manifest.layer()?;
+        manifest.layer(0.0, false)?;
         manifest.share();
         manifest.spread()?;
         Ok(manifest)

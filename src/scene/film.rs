@@ -1,4 +1,4 @@
-//! A film: a scene's picture at every step of the wind's time, drawn by the real-time renderer, a PNG a frame.
+//! A film: a scene's picture at every step of time, as the wind moves it and autumn colours it, drawn by the real-time renderer, a PNG a frame.
 //!
 //! A film that was stopped goes on: a frame is written whole or not at all, and the record beside the frames says what
 //! they show.
@@ -76,14 +76,13 @@ impl Film {
 /// [`Error::Usage`] for a scene where nothing moves, times out of order, a view that the scene does not have, or a
 /// folder that holds frames of another film (unless [`Options::force`]); [`Error::Missed`] without an adapter;
 /// [`Error::Interrupted`] after Ctrl-C, with all frames so far written.
-pub fn film(scene: &Scene, options: &Options, ledger: &Ledger) -> Result<(Film, u32)> {
+pub fn film(scene: &mut Scene, options: &Options, ledger: &Ledger) -> Result<(Film, u32)> {
     let drawn_by = |e: viewer::Error| Error::Missed(format!("the renderer failed: {e}"));
     let frames = options.frames()?;
-    if !scene.placed.moves().any() {
+    if !scene.placed.moves().any() && !scene.manifest.fades() {
         return Err(Error::Usage(format!("{}: {NOTHING_MOVES}", scene.manifest.path.display())));
     }
-    let views = views(scene, options.view.as_deref())?;
-    let view = views[0];
+    let view = views(scene, options.view.as_deref())?[0].clone();
     let mut renderer = viewer::Renderer::headless(&viewer::Options::default()).map_err(drawn_by)?;
     let adapter = renderer.adapter().clone();
     let drawer = format!("{} {} {}", adapter.name, adapter.backend, adapter.driver);
@@ -97,7 +96,7 @@ pub fn film(scene: &Scene, options: &Options, ledger: &Ledger) -> Result<(Film, 
     }
     // The transfer changes pictures too, and so may another version of this program.
     let between = scene.transfer.as_ref().map_or("", |t| &t.record.record_hash);
-    let made_from = made_from(scene, view)?;
+    let made_from = made_from(scene, &view)?;
     let film = Film {
         film: scene.manifest.name.clone(),
         view: view.name.clone(),
@@ -116,7 +115,7 @@ pub fn film(scene: &Scene, options: &Options, ledger: &Ledger) -> Result<(Film, 
 
     let mut drawn = handover::scene(scene, ledger)?;
     renderer.set_scene(&drawn).map_err(drawn_by)?;
-    let camera = handover::camera(view);
+    let camera = handover::camera(&view);
     progress::say(format!("drawn by {} ({}, {})", adapter.name, adapter.backend, adapter.driver));
     let bar = Bar::new(format!("film {}", film.film), u64::from(frames));
     let mut kept = 0;
@@ -133,6 +132,11 @@ pub fn film(scene: &Scene, options: &Options, ledger: &Ledger) -> Result<(Film, 
                 options.out.display()
             )));
         }
+        if scene.manifest.fades() {
+            scene.manifest.age(film.time(k))?;
+            drawn = handover::scene(scene, ledger)?;
+            renderer.set_scene(&drawn).map_err(drawn_by)?;
+        }
         if let Some(wind) = &mut drawn.wind {
             wind.time_s = film.time(k);
             renderer.set_time(wind);
@@ -146,7 +150,7 @@ pub fn film(scene: &Scene, options: &Options, ledger: &Ledger) -> Result<(Film, 
 
 /// What a scene without motion is told.
 pub const NOTHING_MOVES: &str = "nothing moves in this scene, so that all frames would be one picture; expected a \
- [wind] and a branch or a plant in it";
+ [wind] and a branch or a plant in it, or a leaf whose chlorophyll fades_to less";
 
 impl Options {
     /// How many frames there are.

@@ -53,7 +53,8 @@ const LEFT_OUT: [(&str, &str); 25] = [
 ];
 
 /// What is made smaller for the test: printed words, and the words that are run.
-const SMALLER: [(&str, &str); 11] = [
+const SMALLER: [(&str, &str); 12] = [
+    ("--fps 4 -o out/autumn-film", "--fps 0.2 --size 60x60 -o out/autumn-film"),
     ("--to 4 -o out/breeze", "--to 0.1 --size 60x60 -o out/breeze"),
     ("--size 120x90 --frames 60", "--size 48x36 --frames 40"),
     ("-o out/autumn --samples 64", "-o out/autumn --samples 1"),
@@ -161,7 +162,7 @@ fn the_commands_of_the_light_page_run() {
 
 #[test]
 fn the_commands_of_the_foliar_page_run() {
-    assert_eq!(run_page("docs/foliar.md", false), [8, 0]);
+    assert_eq!(run_page("docs/foliar.md", false), [10, 0]);
 }
 
 #[test]

@@ -101,3 +101,43 @@ fn a_film_that_cannot_be_drawn_says_why() {
     refused(&["--size", "40"], "expected WIDTHxHEIGHT");
     refused(&["--view", "w"], "found \"w\", expected one of the scene's views (v)");
 }
+
+/// A leaf that fades: its film turns from green to yellow and stays as it is from `at_s` on.
+#[test]
+fn a_film_of_autumn_turns_yellow() {
+    if Renderer::headless(&Options::default()).is_err() {
+        return skip(Need::Adapter, "no adapter draws a film");
+    }
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let folder = tempfile::tempdir().unwrap();
+    let data = |name: &str| root.join(name).display().to_string();
+    let text = std::fs::read_to_string(root.join("data/foliar/autumn-film.toml")).unwrap();
+    let text = text
+        .replace("../tables/pigments.csv", &data("data/tables/pigments.csv"))
+        .replace("../../fits/elm/blade.glb", &data("fits/elm/blade.glb"));
+    std::fs::write(folder.path().join("scene.toml"), &text).unwrap();
+    let (code, told) = film(folder.path(), &["--from", "0", "--to", "16", "--fps", "0.25", "--size", "24x24"]);
+    assert_eq!(code, Some(0), "{told}");
+    let middle = |k: u32| {
+        let file = folder.path().join(format!("film/frame-{k:05}.png"));
+        image::open(file).unwrap().to_rgb8().get_pixel(12, 12).0.map(i32::from)
+    };
+    let [first, second, third, last] = [0, 1, 2, 3].map(middle);
+    let yellow = |[r, g, _]: [i32; 3]| r - g;
+    assert!(yellow(first) < -20, "{first:?}");
+    assert!(first[0] < second[0] && second[0] < third[0] && third[0] < last[0], "{first:?} {second:?} {third:?}");
+    // Only chlorophyll falls: what carotenoid absorbs of blue stays absorbed.
+    assert!(yellow(last) > -3 && last[2] < last[0] - 15, "{last:?}");
+
+    for (old, new, said) in [
+        ("at_s = 10", "at_s = 0", "fades_to: found at_s = 0, expected above 0"),
+        ("{ chlorophyll_ug_cm2 = 0.1", "{ chlorophyll_ug_cm2 = 60", "found chlorophyll_ug_cm2 = 60, expected above 0"),
+        ("{ chlorophyll_ug_cm2 = 0.1", "{ chlorophyll_ug_cm2 = 0", "found chlorophyll_ug_cm2 = 0, expected above 0"),
+        ("[sun]", "[transfer]\n\n[sun]", "fades_to: given beside [transfer]"),
+        ("[[instance]]", "lobe = \"ggx\"\n\n[[instance]]", "given beside foliar"),
+    ] {
+        std::fs::write(folder.path().join("scene.toml"), text.replacen(old, new, 1)).unwrap();
+        let (code, told) = film(folder.path(), &["--from", "0", "--to", "1", "--fps", "1"]);
+        assert!(code == Some(2) && told.contains(said), "{new}: {told}");
+    }
+}

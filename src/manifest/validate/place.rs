@@ -1,6 +1,6 @@
 //! Where in a scene file something is wrong, and the checks that many fields share.
 
-use crate::{Error, Manifest, Result};
+use crate::{Error, Leaf, Manifest, Result};
 use mesophyll_error::Fault;
 use std::collections::BTreeSet;
 
