@@ -2,9 +2,11 @@
 //! each other in one index buffer; instances are sorted by level whenever the camera asks for another split, so that a
 //! leaf stays one instanced draw a level.
 
+use crate::bend::Moved;
 use crate::gpu::Gpu;
 use crate::passes::bend;
 use crate::scene::{Camera, Instance, Mesh};
+use crate::thin::{MANY, Seen, ranks};
 use glam::Vec3;
 use std::ops::Range;
 
@@ -21,7 +23,15 @@ pub(crate) struct Levels {
     rows: Vec<[[f32; 4]; 3]>,
     rides: Vec<[f32; 2]>,
     begins: Vec<[u32; 2]>,
+    /// Whether what moves it is known to leave it where its ball is.
+    still: Vec<bool>,
+    /// Where far ones may be fewer and larger, the rank of each.
+    ranks: Vec<f32>,
     chosen: Vec<u8>,
+    /// How much larger each is drawn; 0 where it is not drawn.
+    sizes: Vec<f32>,
+    /// The instances as the main pass draws them, where it draws any larger.
+    enlarged: Option<wgpu::Buffer>,
     /// Level and instances of each draw.
     runs: Vec<(usize, Range<u32>)>,
 }
@@ -48,14 +58,16 @@ pub(crate) fn pixel(camera: &Camera, height: u32) -> f32 {
 }
 
 impl Levels {
-    pub(crate) fn new(mesh: &Mesh, instances: &[Instance]) -> Levels {
+    /// `leaves`: they are leaves, of which far ones may be fewer and larger.
+    pub(crate) fn new(mesh: &Mesh, instances: &[Instance], leaves: bool) -> Levels {
         let mut levels = vec![(0..mesh.indices.len() as u32, 0.0)];
         for detail in &mesh.details {
             let start = levels.last().map_or(0, |l| l.0.end);
             levels.push((start..start + detail.indices.len() as u32, detail.error));
         }
         let (mut spheres, mut kept_rows, mut rides, mut begins) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        if levels.len() > 1 {
+        let many = instances.len() > 1;
+        if levels.len() > 1 || many {
             let (centre, radius) = crate::geometry::ball(&mesh.positions);
             for instance in instances {
                 let scale = instance.transform.x_axis.truncate().length();
@@ -66,7 +78,19 @@ impl Levels {
             }
         }
         let n = instances.len();
-        Levels { levels, spheres, rows: kept_rows, rides, begins, chosen: vec![0; n], runs: vec![(0, 0..n as u32)] }
+        Levels {
+            levels,
+            spheres,
+            rows: kept_rows,
+            rides,
+            begins,
+            still: instances.iter().map(|i| !Moved::of(i).any()).collect(),
+            ranks: if leaves && n >= MANY { ranks(n) } else { Vec::new() },
+            chosen: vec![0; n],
+            sizes: vec![1.0; n],
+            enlarged: None,
+            runs: vec![(0, 0..n as u32)],
+        }
     }
 
     /// Draws of the main pass: indices and instances.
@@ -96,47 +120,79 @@ impl Levels {
             .chosen
             .iter()
             .zip(&self.spheres)
-            .map(|(level, s)| self.levels[*level as usize].1 * s.2)
+            .zip(&self.sizes)
+            .map(|((level, s), size)| self.levels[*level as usize].1 * s.2 * size)
             .fold(0.0, f32::max);
         drawn + self.everywhere(TEXELS * texel).1
     }
 
-    /// Chooses each instance's level for a camera at `eye` whose pixels cover `pixel` rad; rewrites the instances where
-    /// the choice changed.
+    /// The instances as the main pass draws them, where they are not as they stand.
+    pub(crate) fn enlarged(&self) -> Option<&wgpu::Buffer> {
+        self.enlarged.as_ref()
+    }
+
+    /// Chooses what a picture shows of the instances, and each one's level; rewrites them where the choice changed.
+    /// Those that are not drawn come last: shadow maps draw them all.
     pub(crate) fn arrange(
         &mut self,
         gpu: &Gpu,
-        eye: Vec3,
-        pixel: f32,
+        seen: &Seen,
         instances: &wgpu::Buffer,
         rides: Option<&wgpu::Buffer>,
         begins: Option<&wgpu::Buffer>,
     ) {
-        if self.levels.len() == 1 {
+        if self.spheres.is_empty() {
             return;
         }
-        let choose = |(centre, radius, scale): &(Vec3, f32, f32)| {
-            let most = PIXELS * pixel * (eye.distance(*centre) - radius);
-            (0..self.levels.len()).rev().find(|k| self.levels[*k].1 * scale <= most).unwrap_or(0) as u8
+        let size = |(k, (centre, radius, _)): (usize, &(Vec3, f32, f32))| {
+            let size = self.ranks.get(k).map_or(1.0, |rank| seen.enlarged(*rank, *centre, *radius));
+            if self.still[k] && !seen.shows(*centre, size * radius) { 0.0 } else { size }
         };
-        let chosen: Vec<u8> = self.spheres.iter().map(choose).collect();
-        if chosen == self.chosen {
+        let sizes: Vec<f32> = self.spheres.iter().enumerate().map(size).collect();
+        let choose = |((centre, radius, scale), size): (&(Vec3, f32, f32), &f32)| {
+            let most = PIXELS * seen.pixel * (seen.eye.distance(*centre) - radius);
+            (0..self.levels.len()).rev().find(|k| self.levels[*k].1 * scale * size <= most).unwrap_or(0) as u8
+        };
+        let chosen: Vec<u8> = self.spheres.iter().zip(&sizes).map(choose).collect();
+        if chosen == self.chosen && sizes == self.sizes {
             return;
         }
         let mut order: Vec<usize> = (0..chosen.len()).collect();
-        order.sort_by_key(|i| chosen[*i]);
+        order.sort_by_key(|i| (sizes[*i] == 0.0, chosen[*i]));
+        let drawn = order.partition_point(|i| sizes[*i] > 0.0);
         rewrite(gpu, Some(instances), &self.rows, &order);
         rewrite(gpu, rides, &self.rides, &order);
         rewrite(gpu, begins, &self.begins, &order);
         self.runs.clear();
         for level in 0..self.levels.len() {
-            let first = order.partition_point(|i| usize::from(chosen[*i]) < level) as u32;
-            let end = order.partition_point(|i| usize::from(chosen[*i]) <= level) as u32;
+            let first = order[..drawn].partition_point(|i| usize::from(chosen[*i]) < level) as u32;
+            let end = order[..drawn].partition_point(|i| usize::from(chosen[*i]) <= level) as u32;
             if end > first {
                 self.runs.push((level, first..end));
             }
         }
-        self.chosen = chosen;
+        (self.chosen, self.sizes) = (chosen, sizes);
+        self.enlarge(gpu, &order);
+    }
+
+    /// Writes the instances as large as they are drawn, where any is larger than it stands.
+    fn enlarge(&mut self, gpu: &Gpu, order: &[usize]) {
+        if self.sizes.iter().all(|s| *s == 0.0 || *s == 1.0) {
+            self.enlarged = None;
+            return;
+        }
+        let larger = |i: &usize| {
+            let size = self.sizes[*i];
+            self.rows[*i].map(|[x, y, z, w]| [size * x, size * y, size * z, w])
+        };
+        let rows: Vec<[[f32; 4]; 3]> = order.iter().map(larger).collect();
+        match &self.enlarged {
+            Some(buffer) => gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(&rows)),
+            None => {
+                let usage = wgpu::BufferUsages::VERTEX | wgpu::BufferUsages::COPY_DST;
+                self.enlarged = Some(gpu.buffer("enlarged instances", bytemuck::cast_slice(&rows), usage));
+            }
+        }
     }
 
     /// Triangles that the main pass draws.

@@ -32,6 +32,7 @@ mod renderer;
 pub mod scene;
 mod shader;
 mod stats;
+mod thin;
 mod timing;
 mod validate;
 mod variant;

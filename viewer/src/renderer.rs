@@ -1,7 +1,6 @@
 //! The renderer: a scene in, pictures and times out. It creates and uploads only what the scene needs, and counts it.
 
 use crate::bend::Moved;
-use crate::detail;
 use crate::error::{Error, Result};
 use crate::geometry::{Batch, Extents, MeshOnGpu, ball, parallel_projection, view_projection};
 use crate::gpu::{AdapterInfo, Gpu, Options, instance_descriptor};
@@ -18,6 +17,7 @@ use crate::picture::Picture;
 use crate::readback::{self, Copy};
 use crate::scene::{Camera, Dome, Instance, Material, Mesh, Scanner, Scene, Sun, Wind};
 use crate::stats::Stats;
+use crate::thin::Seen;
 use crate::timing::{Clock, PASSES, Timing};
 use crate::validate;
 use crate::variant::{Variant, shadow_layers};
@@ -415,17 +415,10 @@ impl Renderer {
         let near = (0.5 * (camera.eye.distance(centre) - radius)).max(1e-4 * radius);
         let four = |v: Vec3| [v.x, v.y, v.z, 0.0];
         let colour = |c: [f32; 3]| [c[0], c[1], c[2], 0.0];
-        let pixel = detail::pixel(camera, height);
+        let seen = Seen::new(camera, [width, height], loaded.scanner.is_none());
         let mut apart = 0.0f32;
         for batch in &mut loaded.batches {
-            batch.levels.arrange(
-                &self.gpu,
-                camera.eye,
-                pixel,
-                &batch.instances,
-                batch.rides.as_ref(),
-                batch.begins.as_ref(),
-            );
+            batch.levels.arrange(&self.gpu, &seen, &batch.instances, batch.rides.as_ref(), batch.begins.as_ref());
             apart = apart.max(batch.levels.apart(loaded.shadow_texel));
         }
         self.stats.triangles = loaded.batches.iter().map(|b| b.levels.triangles()).sum();

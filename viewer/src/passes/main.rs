@@ -291,7 +291,7 @@ impl MainPass {
                 Some(&mesh.normals),
                 mesh.tangents.as_ref().filter(|_| variant.tangent()),
                 mesh.uvs.as_ref().filter(|_| variant.leaf().is_some()),
-                Some(&batch.instances),
+                Some(batch.levels.enlarged().unwrap_or(&batch.instances)),
                 batch.rides.as_ref().filter(|_| variant.bend.any()),
                 batch.begins.as_ref().filter(|_| variant.begins()),
                 mesh.places.as_ref().filter(|_| variant.anchored.is_some()),

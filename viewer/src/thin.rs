@@ -1,0 +1,138 @@
+//! What of many leaves and plants a picture needs: nothing outside the view, and of leaves smaller than a few pixels
+//! fewer and larger ones, so that they cover as much (Cook, Halstead, Planck & Ryu 2007, "Stochastic simplification of
+//! aggregate detail"). Chosen on the CPU for each picture, an instance at a time.
+
+use crate::scene::Camera;
+use glam::Vec3;
+
+/// Leaves that are this wide in the picture (pixels) are all drawn.
+const WIDE: f32 = 1.5;
+/// Fewer leaves than this, of one mesh and material, are all drawn.
+pub(crate) const MANY: usize = 64;
+/// The last of the leaves that are kept shrink to nothing over this share of all kept, so that none vanishes at once.
+const FADE: f32 = 0.2;
+
+/// A camera, and what of the scene its picture shows.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Seen {
+    pub eye: Vec3,
+    /// Angle of a pixel (rad).
+    pub pixel: f32,
+    /// Axis of sight, to the right, and up, unit vectors; half the picture's sides at a distance of 1. Nothing for
+    /// a picture that is no perspective.
+    frustum: Option<([Vec3; 3], [f32; 2])>,
+}
+
+impl Seen {
+    pub(crate) fn new(camera: &Camera, [width, height]: [u32; 2], perspective: bool) -> Seen {
+        let pixel = crate::detail::pixel(camera, height);
+        let ahead = (camera.target - camera.eye).normalize_or_zero();
+        let right = ahead.cross(camera.up).normalize_or_zero();
+        let half = 0.5 * pixel * height as f32;
+        let frustum = perspective
+            .then(|| ([ahead, right, right.cross(ahead)], [half * width as f32 / height.max(1) as f32, half]));
+        Seen { eye: camera.eye, pixel, frustum }
+    }
+
+    /// Whether any of a ball may be in the picture.
+    pub(crate) fn shows(&self, centre: Vec3, radius: f32) -> bool {
+        let Some(([ahead, right, up], half)) = self.frustum else { return true };
+        let to = centre - self.eye;
+        let along = to.dot(ahead);
+        let inside = |across: f32, half: f32| across.abs() <= along * half + radius * half.hypot(1.0);
+        along >= -radius && inside(to.dot(right), half[0]) && inside(to.dot(up), half[1])
+    }
+
+    /// How much larger a leaf is drawn, whose rank and ball are given; 0 where it is left out.
+    pub(crate) fn enlarged(&self, rank: f32, centre: Vec3, radius: f32) -> f32 {
+        let wide = 2.0 * radius / (self.pixel * self.eye.distance(centre)).max(1e-30);
+        let kept = (wide / WIDE).powi(2);
+        if kept >= 1.0 || self.frustum.is_none() {
+            return 1.0;
+        }
+        let fade = (FADE * kept).min(1.0 - kept);
+        let own = ((kept - rank) / fade.max(1e-6)).clamp(0.0, 1.0);
+        // Half of the fading ones' area is gone.
+        (own / (kept - 0.5 * fade)).sqrt()
+    }
+}
+
+/// Leaves that follow each other, of which each share of the ranks has its share.
+const BLOCK: usize = 64;
+
+/// A rank from 0 to 1 for each of `count` leaves: the first to go have the highest. Each block of leaves has all ranks
+/// evenly, in an order that has nothing to do with theirs: leaves stand on a twig in a regular order, and any regular
+/// choice of them could choose one side of the twig.
+pub(crate) fn ranks(count: usize) -> Vec<f32> {
+    let mut out = vec![0.0; count];
+    for (block, ranks) in out.chunks_mut(BLOCK).enumerate() {
+        let mut order: Vec<usize> = (0..ranks.len()).collect();
+        order.sort_by_key(|k| mixed(block * BLOCK + k));
+        let (n, start) = (ranks.len() as f32, mixed(block ^ 0x5bd1_e995) as f32 / u32::MAX as f32);
+        for (place, k) in order.into_iter().enumerate() {
+            ranks[k] = (place as f32 + start) / n;
+        }
+    }
+    out
+}
+
+/// As if drawn by chance (the mixing of MurmurHash3).
+fn mixed(number: usize) -> u32 {
+    let mut x = (number as u32).wrapping_add(0x9e37_79b9);
+    x = (x ^ (x >> 16)).wrapping_mul(0x85eb_ca6b);
+    x = (x ^ (x >> 13)).wrapping_mul(0xc2b2_ae35);
+    x ^ (x >> 16)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn seen() -> Seen {
+        let camera = Camera { eye: Vec3::ZERO, target: Vec3::X, up: Vec3::Z, fov_y_deg: 40.0 };
+        Seen::new(&camera, [800, 600], true)
+    }
+
+    /// Whatever the distance, the drawn leaves have the area of all; and far ones are few.
+    #[test]
+    fn thinned_leaves_cover_as_much() {
+        let seen = seen();
+        for distance in [5e3f32, 2e4, 3e4, 6e4, 1.2e5] {
+            let n = 20_000;
+            let sizes: Vec<f32> = ranks(n).into_iter().map(|r| seen.enlarged(r, Vec3::X * distance, 30.0)).collect();
+            let area = sizes.iter().map(|s| f64::from(*s).powi(2)).sum::<f64>() / n as f64;
+            let drawn = sizes.iter().filter(|s| **s > 0.0).count() as f32 / n as f32;
+            let wanted = (60.0 / (seen.pixel * distance) / WIDE).powi(2).min(1.0);
+            assert!((area - 1.0).abs() < 0.02, "{distance}: {area}");
+            assert!((drawn / wanted - 1.0).abs() < 0.03, "{distance}: {drawn} {wanted}");
+            // Leaves a golden angle apart stay evenly around their twig.
+            let around = |k: usize| glam::Vec2::from_angle((2.399_963 * k as f64 % std::f64::consts::TAU) as f32);
+            let pull = (0..n).map(|k| around(k) * sizes[k].powi(2)).sum::<glam::Vec2>().length() / n as f32;
+            // Four standard deviations of a choice by chance.
+            let chance = 4.0 * ((1.0 - wanted) / (wanted * n as f32)).sqrt();
+            assert!(pull < chance + 1e-3, "{distance}: {pull}");
+        }
+    }
+
+    /// Balls at random against their points: what is left out has no point in the picture.
+    #[test]
+    fn only_what_is_outside_is_left_out() {
+        let seen = seen();
+        let half = (20f32.to_radians().tan() * 4.0 / 3.0, 20f32.to_radians().tan());
+        let (mut out, mut wasted) = (0, 0);
+        for k in 0..20_000 {
+            let random = |j: u32| ((f64::from(k * 7 + j) * 0.754_877_666_246_692_7).fract() as f32 - 0.5) * 40.0;
+            let (centre, radius) = (Vec3::new(random(0), random(3), random(5)), 1.5);
+            let inside = |p: Vec3| p.x > 0.0 && p.y.abs() <= half.0 * p.x && p.z.abs() <= half.1 * p.x;
+            let some = (0..60).any(|j| {
+                let (z, a) = (1.0 - (2.0 * j as f32 + 1.0) / 60.0, 2.4 * j as f32);
+                inside(centre + radius * Vec3::new((1.0 - z * z).sqrt() * a.cos(), (1.0 - z * z).sqrt() * a.sin(), z))
+            });
+            let shown = seen.shows(centre, radius);
+            assert!(shown || !(some || inside(centre)), "{centre}");
+            out += usize::from(!shown);
+            wasted += usize::from(shown && !some && !inside(centre));
+        }
+        assert!(out > 15_000 && wasted < 600, "{out} {wasted}");
+    }
+}

@@ -1,0 +1,115 @@
+//! Far plants have fewer and larger leaves, and what is outside the view is not drawn: the same picture for less.
+
+mod common;
+
+use common::*;
+use glam::{Mat4, Quat, Vec3};
+use mesophyll_viewer::scene::{Instance, Scene};
+use mesophyll_viewer::{Picture, Renderer};
+
+const LEAVES: usize = 4000;
+
+/// Evenly spread numbers from 0 to 1.
+fn spread(k: usize, j: u32) -> f32 {
+    ((k as f64 + 0.5) * [0.819_172_5, 0.671_043_6, 0.549_700_5, 0.450_330_0, 0.368_917_2][j as usize]).fract() as f32
+}
+
+/// A crown of leaves of 20 mm in a ball of 600 mm, in all directions, lit by sun and sky with shadows. `kinds`: as how
+/// many meshes; few leaves of a kind are never thinned.
+fn crown(kinds: usize, first: usize) -> Scene {
+    let mut scene = scene_of(uniform_leaf());
+    scene.meshes = vec![square(10.0); kinds];
+    let one = |number: usize| {
+        let k = first + number;
+        let (z, a, r) = (2.0 * spread(k, 0) - 1.0, std::f32::consts::TAU * spread(k, 1), spread(k, 2).cbrt());
+        let flat = (1.0 - z * z).sqrt();
+        let place = 600.0 * r * Vec3::new(flat * a.cos(), flat * a.sin(), z);
+        let (tilt, turn) = ((2.0 * spread(k, 3) - 1.0).acos(), std::f32::consts::TAU * spread(k, 4));
+        let turned = Quat::from_rotation_z(turn) * Quat::from_rotation_y(tilt);
+        let transform = Mat4::from_rotation_translation(turned, place);
+        Instance { mesh: number % kinds, material: 0, transform, ..Instance::default() }
+    };
+    scene.instances = (0..LEAVES).map(one).collect();
+    scene.sun = Some(sun(Vec3::new(0.5, -0.6, 0.8)));
+    scene.sky = Some([0.4, 0.5, 0.6]);
+    (scene.shadow_samples, scene.shadow_resolution, scene.msaa) = (4, 2048, 4);
+    scene
+}
+
+/// Mean radiance and coverage of a picture, and how long it takes to draw again (ms, the least of three).
+fn shown(renderer: &mut Renderer, distance: f32) -> ([f64; 2], u64, f64) {
+    let camera = camera(Vec3::new(0.4, -1.0, 0.2), distance);
+    let picture: Picture = renderer.render(&camera, 400, 400).expect("picture");
+    let mean = |of: fn(&[f32; 4]) -> f32| picture.hdr.iter().map(|p| f64::from(of(p))).sum::<f64>() / 16e4;
+    let clock = |_| {
+        let clock = std::time::Instant::now();
+        renderer.draw(&camera, 400, 400).expect("picture");
+        clock.elapsed().as_secs_f64() * 1e3
+    };
+    let ms = (0..3).map(clock).fold(f64::INFINITY, f64::min);
+    ([mean(|p| p[1]), mean(|p| p[3])], renderer.stats().triangles, ms)
+}
+
+#[test]
+fn far_leaves_are_fewer_and_the_crown_is_as_bright_and_as_dense() {
+    let Some(mut renderer) = renderer() else { return };
+    let mut before = u64::MAX;
+    for (distance, most) in [(8e3, 1.0), (3e4, 0.55), (6e4, 0.14), (1.2e5, 0.035)] {
+        // The mean of two crowns.
+        let mut of = |kinds: usize| {
+            let each: Vec<_> = (0..2)
+                .map(|k| {
+                    renderer.set_scene(&crown(kinds, 5000 * k)).expect("scene");
+                    shown(&mut renderer, distance)
+                })
+                .collect();
+            let mean = [0, 1].map(|c| each.iter().map(|(m, ..)| m[c]).sum::<f64>() / 2.0);
+            (mean, each[0].1, each.iter().map(|e| e.2).fold(f64::INFINITY, f64::min))
+        };
+        let (full, all, whole_ms) = of(100);
+        let (thin, drawn, ms) = of(1);
+        assert_eq!(all, 2 * LEAVES as u64);
+        let leaves = drawn as f64 / 2.0;
+        // A leaf in any direction shows half of itself, with a standard deviation of .29.
+        let scatter = 0.58 / (2.0 * leaves).sqrt();
+        let off = [0, 1].map(|c| thin[c] / full[c] - 1.0);
+        println!(
+            "{:3} m: {leaves} leaves, radiance {:+.1} %, coverage {:+.1} % (chance {:.1} %), {ms:.1} ms of {whole_ms:.1} \
+             in one draw a hundredth",
+            distance / 1e3,
+            100.0 * off[0],
+            100.0 * off[1],
+            100.0 * scatter
+        );
+        assert!(leaves <= most * LEAVES as f64 * 1.05 && drawn < before, "{distance}: {leaves}");
+        assert!(off.iter().all(|o| o.abs() < 3.0 * scatter + 0.01), "{distance}: {off:?}");
+        before = drawn;
+    }
+}
+
+#[test]
+fn what_is_outside_the_view_is_not_drawn_but_casts_its_shadow() {
+    let Some(mut renderer) = renderer() else { return };
+    // A leaf in view, its shade from one behind the camera, and many beside the view.
+    let mut scene = scene_of(uniform_leaf());
+    let at = |p: Vec3| Instance { transform: Mat4::from_translation(p), ..scene.instances[0] };
+    let mut instances = vec![at(Vec3::ZERO), at(Vec3::new(0.0, 0.0, 400.0))];
+    let plain = instances.clone();
+    instances.extend((0..40).map(|k| at(Vec3::new(300.0 + 25.0 * k as f32, 0.0, 0.0))));
+    scene.sun = Some(sun(Vec3::Z));
+    (scene.shadow_samples, scene.shadow_resolution) = (4, 2048);
+    let camera = camera(Vec3::new(0.3, 0.0, 1.0), 200.0);
+    let mut draw = |instances: &[Instance]| {
+        scene.instances = instances.to_vec();
+        renderer.set_scene(&scene).expect("scene");
+        let picture = renderer.render(&camera, 64, 64).expect("picture");
+        (picture, renderer.stats().triangles)
+    };
+    let (alone, lit) = draw(&plain[..1]);
+    let (shaded, one) = draw(&plain);
+    let (crowded, same) = draw(&instances);
+    assert_eq!((lit, one, same), (2, 2, 2));
+    let middle = |p: &Picture| p.radiance(32, 32)[1];
+    assert!(middle(&shaded) < 0.1 * middle(&alone) && middle(&crowded) < 0.1 * middle(&alone));
+    assert_eq!(alone.radiance(32, 32)[3], 1.0);
+}
