@@ -2,42 +2,72 @@
 //! lawn is worked out from.
 
 use crate::blades::STEPS;
-use crate::march::Slices;
+use crate::march::{Across, Crossing, Slices};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Points along each side of the rectangle, and azimuths, that the mean is over.
+/// Points along each side of the rectangle, places on slices, and azimuths, that means are over.
 const POINTS: usize = 8;
+const PLACES: usize = 128;
 const AZIMUTHS: usize = 8;
 
 /// A value at a step of the height and of |Ω_z|.
 pub type Through = [[f64; STEPS + 1]; STEPS + 1];
 
-/// Share of the light that arrives past the slices above, by height (k/[`STEPS`] of the carrier's; first index) and by
-/// |Ω_z| (k/[`STEPS`]; second). Level light arrives nowhere: it has crossed grass without end.
+/// Share of the light that arrives at blades past the slices above, by height (k/[`STEPS`] of the carrier's; first index)
+/// and by |Ω_z| (k/[`STEPS`]; second). Level light arrives nowhere: it has crossed grass without end. Blades stand in tufts:
+/// less arrives at them than between them.
 pub fn through(slices: &Slices) -> Through {
     let mut out = [[0.0; STEPS + 1]; STEPS + 1];
     out.par_iter_mut().enumerate().for_each(|(k, row)| {
         for (j, share) in row.iter_mut().enumerate().skip(1) {
-            *share = arrives(slices, k as f64 / STEPS as f64, j as f64 / STEPS as f64);
+            *share = at_blades(slices, k as f64 / STEPS as f64, j as f64 / STEPS as f64);
         }
     });
     out
 }
 
-/// The mean over places and azimuths at one height and one |Ω_z| above 0.
-fn arrives(slices: &Slices, height: f64, up: f64) -> f64 {
+/// A direction of this |Ω_z|; azimuths of a place are turned against those of the others, so that none lies along the
+/// slices only.
+fn towards(up: f64, place: usize, turn: usize) -> DVec3 {
     let across = (1.0 - up * up).max(0.0).sqrt();
+    let (sin, cos) = (TAU * (turn as f64 + (place as f64 * 0.618_034).fract()) / AZIMUTHS as f64).sin_cos();
+    DVec3::new(across * cos, across * sin, up)
+}
+
+/// The mean over what upright slices show at one height and one |Ω_z| above 0, from either side; between blades where
+/// they show nothing.
+fn at_blades(slices: &Slices, height: f64, up: f64) -> f64 {
+    let mut sums = [0.0; 2];
+    for n in 0..PLACES * AZIMUTHS {
+        let (place, turn) = (n / AZIMUTHS, n % AZIMUTHS);
+        let (slice, along) = (place % (2 * slices.count), (place as f64 * 0.754_877_67).fract());
+        let (axis, across) = if slice < slices.count { (0, Across::X) } else { (1, Across::Y) };
+        let index = (slice % slices.count) as i64;
+        let mut at = DVec3::new(0.0, 0.0, height * slices.height);
+        at[axis] = ((index as f64 + 0.5) / slices.count as f64 - 0.5) * slices.period[axis];
+        at[1 - axis] = (along - 0.5) * slices.period[1 - axis];
+        let crossing = Crossing { t: 0.0, across, index, place: at };
+        let texel = slices.texel(&crossing, [1.0, 1.0], 0.0);
+        let mut from = DVec3::ZERO;
+        from[axis] = if turn % 2 == 0 { 1.0 } else { -1.0 };
+        if texel[0] > 0.0 {
+            sums[0] += texel[0] * slices.arriving(&crossing, &texel, from, towards(up, place, turn), 0.0);
+            sums[1] += texel[0];
+        }
+    }
+    if sums[1] > 0.0 { sums[0] / sums[1] } else { between(slices, height, up) }
+}
+
+/// The mean over places and azimuths at one height and one |Ω_z| above 0.
+fn between(slices: &Slices, height: f64, up: f64) -> f64 {
     let mut sum = 0.0;
     for n in 0..POINTS * POINTS * AZIMUTHS {
         let (place, turn) = (n / AZIMUTHS, n % AZIMUTHS);
-        // Azimuths of a place are turned against those of the others, so that none lies along the slices only.
-        let (sin, cos) = (TAU * (turn as f64 + (place as f64 * 0.618_034).fract()) / AZIMUTHS as f64).sin_cos();
         let at = |k: usize, axis: usize| ((k as f64 + 0.37) / POINTS as f64 - 0.5) * slices.period[axis];
         let origin = DVec3::new(at(place % POINTS, 0), at(place / POINTS, 1), height * slices.height);
-        let d = DVec3::new(across * cos, across * sin, up);
-        sum += 1.0 - slices.march(origin, d, usize::MAX, 0.0, |_, _| [0.0; 3]).opacity;
+        sum += 1.0 - slices.march(origin, towards(up, place, turn), usize::MAX, 0.0, |_, _| [0.0; 3]).opacity;
     }
     sum / (POINTS * POINTS * AZIMUTHS) as f64
 }
@@ -49,8 +79,9 @@ pub fn open(slices: &Slices, through: &Through) -> [f64; STEPS + 1] {
 }
 
 /// Share of an even sky's light that arrives at the ground.
-pub fn open_ground(through: &Through) -> f64 {
-    mean(&through[0], |k| k as f64)
+pub fn open_ground(slices: &Slices) -> f64 {
+    let row = std::array::from_fn(|k| if k == 0 { 0.0 } else { between(slices, 0.0, k as f64 / STEPS as f64) });
+    mean(&row, |k| k as f64)
 }
 
 /// The mean over |Ω_z|, which is even over directions, by trapezoids.

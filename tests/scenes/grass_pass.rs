@@ -12,16 +12,21 @@ use mesophyll::scene::ledger::Ledger;
 use mesophyll::scene::loaded::Scene;
 use mesophyll::scene::placed::leaf::Search;
 use mesophyll_viewer::scene::{Camera, Material, Mesh, Opaque, Scene as Drawn, Sun};
-use mesophyll_viewer::{Error, Options, Renderer};
+use mesophyll_viewer::{Backend, Error, Options, Renderer};
 use std::f64::consts::PI;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-const SIDE: u32 = 49;
+pub const SIDE: u32 = 49;
 const SOIL: [f64; 3] = [0.06, 0.045, 0.03];
 
-fn renderer() -> Option<Renderer> {
-    match Renderer::headless(&Options::default()) {
+pub fn renderer() -> Option<Renderer> {
+    renderer_on(Backend::Any)
+}
+
+fn renderer_on(backend: Backend) -> Option<Renderer> {
+    match Renderer::headless(&Options { backend, ..Options::default() }) {
         Ok(renderer) => Some(renderer),
         Err(Error::NoAdapter) => {
             skips::skip(Need::Adapter, "no graphics adapter");
@@ -32,7 +37,7 @@ fn renderer() -> Option<Renderer> {
 }
 
 /// A scene of a lawn on a small square, which `more` says more of.
-fn file(folder: &Path, grass: &str, more: &str) -> PathBuf {
+pub fn file(folder: &Path, grass: &str, more: &str) -> PathBuf {
     let meadow = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("data/grass/lawn.toml")).unwrap();
     let meadow = meadow.replace("size_mm = [400, 400]", "size_mm = [120, 100]");
     assert!(meadow.contains("[120, 100]"));
@@ -44,13 +49,17 @@ fn file(folder: &Path, grass: &str, more: &str) -> PathBuf {
     path
 }
 
-const GRASS: &str = "[[grass]]\nname = \"lawn\"\nmeadow = \"meadow.toml\"\ntiles = [401, 401]\nslices = 5\n\
+pub const GRASS: &str = "[[grass]]\nname = \"lawn\"\nmeadow = \"meadow.toml\"\ntiles = [401, 401]\nslices = 5\n\
      texels = [64, 16]\nsteps = 256\nposition_mm = [31, -17]\n";
-const GROUND: &str = "[ground]\nalbedo = [0.06, 0.045, 0.03]\nreach_mm = 50000\nheight_mm = 4\n";
+pub const GROUND: &str = "[ground]\nalbedo = [0.06, 0.045, 0.03]\nreach_mm = 50000\nheight_mm = 4\n";
 
 /// The lawn as it is handed over, without the ground's mesh, and its slices.
-fn lawn(folder: &Path) -> (Drawn, Slices) {
-    let manifest = Manifest::read(&file(folder, GRASS, GROUND)).unwrap();
+pub fn lawn(folder: &Path) -> (Drawn, Slices) {
+    lawn_of(folder, GRASS)
+}
+
+pub fn lawn_of(folder: &Path, grass: &str) -> (Drawn, Slices) {
+    let manifest = Manifest::read(&file(folder, grass, GROUND)).unwrap();
     let ledger = Ledger::new();
     let scene = Scene::open(manifest, Search::default(), &ledger).unwrap();
     let mut drawn = handover::scene(&scene, &ledger).unwrap();
@@ -71,7 +80,7 @@ fn held(slices: &Slices) -> Slices {
 
 /// Cameras that see the lawn edge-on, straight from above, at a grazing angle, along the slices, and from inside; the
 /// mean of the middle rectangle is at the second point. Pixels are smaller than texels.
-fn cameras(at: Vec3, height: f32) -> Vec<Camera> {
+pub fn cameras(at: Vec3, height: f32) -> Vec<Camera> {
     let one = |eye: Vec3, target: Vec3, up: Vec3, fov_y_deg: f32| Camera {
         eye: at + eye,
         target: at + target,
@@ -137,7 +146,7 @@ fn twin(
 
 /// Every pixel is within `1e-3` of the brightest one, but for a few whose ray passes so close to where two slices cross
 /// that single precision takes them in another order.
-fn agree(what: &str, drawn: &[[f32; 4]], right: &[[f64; 3]]) {
+fn agree(what: &str, half: bool, drawn: &[[f32; 4]], right: &[[f64; 3]]) {
     let white = right.iter().flatten().fold(0.0f64, |a, b| a.max(*b));
     assert!(white > 0.01, "{what}: {white}");
     let off = |(a, b): (&[f32; 4], &[f64; 3])| (0..3).map(|c| (f64::from(a[c]) - b[c]).abs()).fold(0.0, f64::max);
@@ -146,12 +155,26 @@ fn agree(what: &str, drawn: &[[f32; 4]], right: &[[f64; 3]]) {
     let mean = errors.iter().sum::<f64>() / errors.len() as f64;
     let worst = errors.iter().fold(0.0f64, |a, b| a.max(*b));
     println!("{what}: mean {mean:.2e}, beyond 1e-3: {:.2} %, worst {worst:.3}", 100.0 * beyond);
-    assert!(beyond < 0.005 && mean < 2e-4, "{what}: mean {mean}, {beyond} beyond 1e-3, worst {worst}");
+    // Some adapters hold radiance at 16 bits.
+    assert!(
+        beyond < 0.005 && mean < if half { 1e-3 } else { 2e-4 },
+        "{what}: mean {mean}, {beyond} beyond 1e-3, worst {worst}"
+    );
 }
 
 #[test]
 fn the_pass_is_its_twin_in_double_precision() {
-    let Some(mut renderer) = renderer() else { return };
+    twins(Backend::Any, 0..7);
+}
+
+/// GL has other rules for numbers below 0 than Vulkan.
+#[test]
+fn the_pass_is_its_twin_on_gl() {
+    twins(Backend::Gl, 1..3);
+}
+
+fn twins(backend: Backend, which: Range<usize>) {
+    let Some(mut renderer) = renderer_on(backend) else { return };
     let dir = tempfile::tempdir().unwrap();
     let (mut drawn, slices) = lawn(dir.path());
     let mut grass = drawn.grass[0].as_ref().clone();
@@ -160,7 +183,8 @@ fn the_pass_is_its_twin_in_double_precision() {
     drawn.grass = vec![Arc::new(grass)];
     let cameras = cameras(middle, slices.height as f32);
     let sun = DVec3::new(0.5, -0.4, 0.7).normalize();
-    for (k, camera) in cameras.iter().enumerate() {
+    let half = renderer.adapter().half_precision;
+    for (k, camera) in cameras.iter().enumerate().take(which.end).skip(which.start) {
         // An even sky: what the two sides see of it above them.
         (drawn.sun, drawn.sky) = (None, Some([1.0; 3]));
         renderer.set_scene(&drawn).unwrap();
@@ -171,7 +195,7 @@ fn the_pass_is_its_twin_in_double_precision() {
             [0, 1, 2].map(|c: usize| reflected[c] * (0.5 + 0.5 * up) + t[7 + c] * (0.5 - 0.5 * up))
         };
         let right: Vec<[f64; 3]> = twin(&slices, camera, origin, colour, |_| 1.0).into_iter().map(|r| r.0).collect();
-        agree(&format!("sky, camera {k}"), &renderer.render(camera, SIDE, SIDE).unwrap().hdr, &right);
+        agree(&format!("sky, camera {k}"), half, &renderer.render(camera, SIDE, SIDE).unwrap().hdr, &right);
         // A sun, through the slices.
         drawn.sun = Some(Sun { direction: sun.as_vec3(), irradiance: [PI as f32; 3], radius: 0.0 });
         drawn.sky = None;
@@ -182,7 +206,7 @@ fn the_pass_is_its_twin_in_double_precision() {
             sun.z * (1.0 - slices.march(place, sun, 256, 0.0, |_, _| [0.0; 3]).opacity)
         };
         let right: Vec<[f64; 3]> = twin(&slices, camera, origin, colour, soil).into_iter().map(|r| r.0).collect();
-        agree(&format!("sun, camera {k}"), &renderer.render(camera, SIDE, SIDE).unwrap().hdr, &right);
+        agree(&format!("sun, camera {k}"), half, &renderer.render(camera, SIDE, SIDE).unwrap().hdr, &right);
     }
 }
 
@@ -196,7 +220,10 @@ fn a_plate_in_the_grass_is_hidden_where_opacity_passes_one_half() {
     let at = 0.37 * slices.height;
     let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
     let plate = Mesh {
-        positions: corners.iter().map(|(x, y)| Vec3::new(5e3 * x, 5e3 * y, 4.0 + at as f32)).collect(),
+        positions: corners
+            .iter()
+            .map(|(x, y)| middle.truncate().extend(4.0 + at as f32) + 250.0 * Vec3::new(*x, *y, 0.0))
+            .collect(),
         normals: vec![Vec3::Z; 4],
         tangents: vec![Vec4::new(1.0, 0.0, 0.0, 1.0); 4],
         uvs: vec![Vec2::ZERO; 4],

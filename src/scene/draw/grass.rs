@@ -73,7 +73,7 @@ mod slices {
             scatter: through::scattered(slices).map(|v| v as f32),
             through: light.map(table),
             open: table(through::open(slices, &light)),
-            soil_open: through::open_ground(&light) as f32,
+            soil_open: through::open_ground(slices) as f32,
         }
     }
 

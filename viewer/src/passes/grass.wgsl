@@ -184,7 +184,8 @@ fn sliced(crossing: Crossing, layer: i32, level: f32) -> vec4f {
     }
     //#endif
     let count = i32(grass.period.z);
-    var cell = ((crossing.index % count) + count) % count;
+    // By floor: what % gives for negative numbers is not the same in all shading languages.
+    var cell = crossing.index - count * i32(floor((f32(crossing.index) + 0.5) / grass.period.z));
     var u = along.y;
     if (crossing.across == ACROSS_Y) {
         cell += count;
@@ -318,12 +319,14 @@ fn grass_fragment(@builtin(position) position: vec4f) -> GrassOut {
         let lets_through = sliced(c, 3, level).rgb;
         let long = length(what.xyz);
         let normal = select(-what.xyz, what.xyz, faces) / max(long, 1e-20);
-        let opens = table(OPEN, height);
+        // The level slice shows blades of all heights.
+        let stands = select(height, reflects.w / what.w, c.across == ACROSS_Z);
+        let opens = table(OPEN, stands);
         let kept = left * share;
         let both = kept * (reflects.rgb + lets_through);
         //#if SKY
         seen.sky += kept * opens * (reflects.rgb * from_above(normal) + lets_through * from_above(-normal));
-        seen.sky += both * (1.0 - 0.5 * opens) * around(height, opens * overhead);
+        seen.sky += both * (1.0 - 0.5 * opens) * around(stands, opens * overhead);
         //#endif
         //#if SUN
         let to = frame.sun_direction.xyz;
@@ -331,7 +334,7 @@ fn grass_fragment(@builtin(position) position: vec4f) -> GrassOut {
         let arrives = arriving_at(c, reflects.w / what.w, d, to, level);
         let e = frame.sun_irradiance.rgb * 0.318309886;
         seen.sun += kept * select(lets_through, reflects.rgb, cosine > 0.0) * abs(cosine) * arrives * e;
-        seen.sun += both * (1.0 - 0.5 * opens) * around(height, e * scattered * table(SUNLIT, height));
+        seen.sun += both * (1.0 - 0.5 * opens) * around(stands, e * scattered * table(SUNLIT, stands));
         //#endif
         left *= 1.0 - share * what.w;
         if (left <= 0.5 && depth < 0.0) {

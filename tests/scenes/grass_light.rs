@@ -1,0 +1,233 @@
+//! Light on lawns: the pass beside path-traced blades, under other skies, with slices of a fit; lawns that are hard.
+
+use crate::grass_pass::{GRASS, GROUND, SIDE, cameras, file, lawn, lawn_of, renderer};
+use glam::{Vec2, Vec3};
+use mesophyll::fit_grass;
+use mesophyll::manifest::Manifest;
+use mesophyll::scene::draw::handover;
+use mesophyll::scene::draw::reference;
+use mesophyll::scene::draw::truth::{Sampling, Truth};
+use mesophyll::scene::ledger::Ledger;
+use mesophyll::scene::loaded::Scene;
+use mesophyll::scene::placed::leaf::Search;
+use mesophyll::transport;
+use mesophyll_viewer::Renderer;
+use mesophyll_viewer::scene::{Camera, Dome, Grass, GrassSheet, Scene as Drawn};
+use std::f32::consts::PI;
+use std::sync::Arc;
+
+const MIDDLE: Vec3 = Vec3::new(32.3, -16.1, 4.0);
+
+fn drawn(renderer: &mut Renderer, scene: &Drawn, camera: &Camera) -> Vec<[f32; 4]> {
+    renderer.set_scene(scene).unwrap();
+    renderer.render(camera, SIDE, SIDE).unwrap().hdr
+}
+
+fn largest(a: &[[f32; 4]], b: &[[f32; 4]]) -> f32 {
+    a.as_flattened().iter().zip(b.as_flattened()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+}
+
+/// Mean radiance of the middle of a lawn by the pass over that of path-traced blades, less 1, a channel, under a sun and
+/// this sky: direction by direction, and the root mean square and the mean over all of them.
+fn off(renderer: &mut Renderer, sun: &str, sky: &str) -> (Vec<[f64; 3]>, f64, f64) {
+    let dir = tempfile::tempdir().unwrap();
+    let grass = GRASS.replace("[401, 401]", "[9, 11]").replace("texels = [64, 16]", "texels = [64, 32]");
+    let path = file(dir.path(), &grass, &format!("{GROUND}{sun}"));
+    let text = std::fs::read_to_string(&path).unwrap().replace("radiance = [1, 1, 1]", sky);
+    std::fs::write(&path, text).unwrap();
+    let ledger = Ledger::new();
+    let scene = Scene::open(Manifest::read(&path).unwrap(), Search::default(), &ledger).unwrap();
+    let lawn = handover::scene(&scene, &ledger).unwrap();
+    let world = reference::traced(&scene, 0.0, &ledger).unwrap();
+    let truth = Truth::new(&world, true).unwrap();
+    renderer.set_scene(&lawn).unwrap();
+    let directions = [(15.0f32, 20.0f32), (15.0, 155.0), (15.0, 245.0), (45.0, 65.0), (45.0, 290.0), (80.0, 110.0)];
+    let one = |(elevation, azimuth): (f32, f32)| {
+        let (e, a) = (elevation.to_radians(), azimuth.to_radians());
+        let eye = MIDDLE + 500.0 * Vec3::new(e.cos() * a.cos(), e.cos() * a.sin(), e.sin());
+        let camera = Camera { eye, target: MIDDLE + 20.0 * Vec3::Z, up: Vec3::Z, fov_y_deg: 12.0 };
+        let picture = renderer.render(&camera, 16, 16).unwrap();
+        let other = transport::Camera {
+            eye: eye.as_dvec3(),
+            target: camera.target.as_dvec3(),
+            up: camera.up.as_dvec3(),
+            fov_y_deg: 12.0,
+        };
+        let sampling = Sampling { size: [16, 16], samples: 64, sun_samples: 1, seed: 7 };
+        let right = truth.draw(&other, "lawn", sampling).unwrap();
+        let mean = |hdr: &[[f32; 4]], c: usize| hdr.iter().map(|p| f64::from(p[c])).sum::<f64>() / hdr.len() as f64;
+        let off = [0, 1, 2].map(|c| mean(&picture.hdr, c) / mean(&right.hdr, c) - 1.0);
+        println!("{elevation}° over the ground, azimuth {azimuth}°: {off:.3?}");
+        off
+    };
+    let all: Vec<[f64; 3]> = directions.into_iter().map(one).collect();
+    let n = all.as_flattened().len() as f64;
+    let rms = (all.as_flattened().iter().map(|v| v * v).sum::<f64>() / n).sqrt();
+    let mean = all.as_flattened().iter().sum::<f64>() / n;
+    println!("{sky}: root mean square {rms:.3}, mean {mean:.3}");
+    (all, rms, mean)
+}
+
+/// What docs/grass.md says of sunlit slices at these elevations (15, 23 and 5 %), root mean square. No direction is off by
+/// more than twice the largest of them, and the mean over all by half of the root mean square.
+const STATED: f64 = 0.17;
+const LARGEST: f64 = 2.0 * 0.23;
+
+#[test]
+fn the_pass_is_as_bright_as_path_traced_blades() {
+    let Some(mut renderer) = renderer() else { return };
+    let sun = "[sun]\nzenith_deg = 45\nazimuth_deg = 65\n";
+    let sky = "model = \"preetham\"\nturbidity = 3\nground_albedo = [0.1, 0.1, 0.1]";
+    let (all, rms, mean) = off(&mut renderer, sun, sky);
+    assert!(all.as_flattened().iter().all(|v| v.abs() < LARGEST), "{all:?}");
+    assert!(rms < STATED && mean.abs() < 0.5 * STATED, "root mean square {rms}, mean {mean}");
+}
+
+/// The sky alone, without a sun.
+#[test]
+fn the_pass_is_as_bright_under_an_overcast_sky() {
+    let Some(mut renderer) = renderer() else { return };
+    let (all, rms, mean) = off(&mut renderer, "", "radiance = [1, 1, 1]");
+    assert!(rms < STATED && mean.abs() < 0.5 * STATED, "{all:?}: root mean square {rms}, mean {mean}");
+}
+
+/// A sky of harmonics that is the same everywhere is a constant sky: the lower half is taken out of it again.
+#[test]
+fn an_even_dome_is_a_constant_sky() {
+    let Some(mut renderer) = renderer() else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let (mut scene, slices) = lawn(dir.path());
+    for camera in &cameras(MIDDLE, slices.height as f32)[..4] {
+        (scene.sky, scene.dome) = (Some([0.8, 0.9, 1.2]), None);
+        let right = drawn(&mut renderer, &scene, camera);
+        let mut harmonics = vec![[0.0; 3]; 9];
+        harmonics[0] = [0.8, 0.9, 1.2].map(|v: f32| v * (4.0 * PI).sqrt());
+        scene.dome = Some(Dome {
+            harmonics,
+            perez: [[0.0; 5]; 3],
+            scale: [0.0; 3],
+            ground: Some([0.8, 0.9, 1.2]),
+            sun: Vec3::Z,
+            strength: 1.0,
+            turbidity: 3.0,
+        });
+        scene.sky = None;
+        let apart = largest(&drawn(&mut renderer, &scene, camera), &right);
+        // Radiance is held at 16 bits by some adapters.
+        assert!(apart < if renderer.adapter().half_precision { 1e-3 } else { 1e-5 }, "{apart}");
+    }
+}
+
+/// A folder of `fit grass` takes the place of slices that are made with a start; one of another meadow, or with other
+/// leaves, is refused by a sentence.
+#[test]
+fn a_lawn_takes_the_slices_of_a_fit() {
+    let dir = tempfile::tempdir().unwrap();
+    let grass = GRASS.replace("slices = 5\ntexels = [64, 16]", "fit = \"slices\"");
+    let path = file(dir.path(), &grass, GROUND);
+    let options = fit_grass::Options { slices: 4, texels: [32, 8], rays: 1, entries: 6, ..Default::default() };
+    fit_grass::run(&dir.path().join("meadow.toml"), &dir.path().join("slices"), &options).unwrap();
+    let open = || {
+        let ledger = Ledger::new();
+        let scene = Scene::open(Manifest::read(&path).unwrap(), Search::default(), &ledger).unwrap();
+        handover::scene(&scene, &ledger)
+    };
+    let taken = open().unwrap().grass[0].as_ref().clone();
+    assert!((taken.count, taken.upright.cell) == (4, [32, 8]) && taken.level.is_some());
+    let other = grass.replace("tiles", "leaves = \"leaves.toml\"\ntiles");
+    let table = "[grass]\nrho_d = [[0.1, 0.2, 0.1], [0.1, 0.2, 0.1]]\nrho_t = [0.05, 0.1, 0.05]\n";
+    std::fs::write(dir.path().join("leaves.toml"), table).unwrap();
+    file(dir.path(), &other, GROUND);
+    let told = open().unwrap_err().to_string();
+    assert!(
+        told.contains("was made with other leaves: stated, the program's own table; the scene has stated"),
+        "{told}"
+    );
+    file(dir.path(), &grass, GROUND);
+    let meadow = std::fs::read_to_string(dir.path().join("meadow.toml")).unwrap();
+    std::fs::write(dir.path().join("meadow.toml"), meadow.replace("per_m2 = ", "per_m2 = 1")).unwrap();
+    let told = open().unwrap_err().to_string();
+    assert!(told.contains("is of another meadow") && told.contains("fits it again"), "{told}");
+}
+
+/// The same sheet with one opacity everywhere, of white blades without transmittance that look up.
+fn even(sheet: &GrassSheet, opacity: f32) -> GrassSheet {
+    let mut out = sheet.clone();
+    for level in &mut out.levels {
+        let n = level.planes[0].len();
+        let (normal, rho) = ([0.0, 0.0, opacity, opacity], [opacity, opacity, opacity, 0.5 * opacity]);
+        level.planes = [vec![normal; n], vec![rho; n], vec![rho; n], vec![[0.0; 4]; n]];
+    }
+    out
+}
+
+/// Lawns of opacity 0 and 1, of one slice, of one step, seen from below and past their edges: every radiance is finite, and
+/// what has to come out comes out.
+#[test]
+fn hard_lawns_give_what_they_have_to() {
+    let Some(mut renderer) = renderer() else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let (mut scene, slices) = lawn(dir.path());
+    let base = scene.grass[0].as_ref().clone();
+    let plain = Grass { open: [1.0; 17], soil_open: 1.0, scatter: [0.0; 3], ..base.clone() };
+    let opaque = |opacity: f32| Grass {
+        upright: even(&base.upright, opacity),
+        level: base.level.as_ref().map(|l| even(l, opacity)),
+        cover: [opacity; 17],
+        level_cover: opacity,
+        ..plain.clone()
+    };
+    scene.sky = Some([1.0; 3]);
+    let height = slices.height as f32;
+    let mut show = |grass: Grass, camera: &Camera| {
+        scene.grass = vec![Arc::new(grass)];
+        let picture = drawn(&mut renderer, &scene, camera);
+        assert!(picture.as_flattened().iter().all(|v| v.is_finite() && *v >= 0.0));
+        picture
+    };
+    for camera in &cameras(MIDDLE, height)[..6] {
+        // Without a blade the ground is seen: its albedo under a sky of 1.
+        for pixel in show(opaque(0.0), camera) {
+            assert!((pixel[0] - 0.06).abs() < 1e-4 && (pixel[1] - 0.045).abs() < 1e-4, "{pixel:?}");
+        }
+        // White sheets that look up, under a sky of 1.
+        for pixel in show(opaque(1.0), camera) {
+            assert!((pixel[0] - 1.0).abs() < 1e-3, "{pixel:?}");
+        }
+        show(Grass { steps: 1, ..plain.clone() }, camera);
+        // From below nothing of the lawn is seen that the ground would not hide: radiance stays a share.
+        let below =
+            Camera { eye: MIDDLE + Vec3::new(20.0, 30.0, -300.0), target: MIDDLE, up: Vec3::Y, fov_y_deg: 20.0 };
+        assert!(show(plain.clone(), &below).iter().all(|p| p[..3].iter().all(|v| *v <= 1.0)));
+        // Past the edge of a lawn of one rectangle: beside it is nothing.
+        let (low, high) = (plain.low, -plain.low);
+        let small = Grass { low, high, origin: MIDDLE, ..plain.clone() };
+        let beside = Camera { target: camera.target + Vec3::new(900.0, 900.0, 0.0), ..*camera };
+        assert!(show(small, &beside).iter().all(|p| p[..3] == [0.0; 3]));
+    }
+    // One slice across x and one across y.
+    let single = lawn_of(dir.path(), &GRASS.replace("slices = 5", "slices = 1")).0;
+    let single = show(single.grass[0].as_ref().clone(), &cameras(MIDDLE, height)[1]);
+    let wrong: Vec<_> = single.iter().filter(|p| !(p[1] > 0.0 && p[1] < 1.0)).take(3).collect();
+    assert!(wrong.is_empty(), "{wrong:?}");
+    // Shifting a lawn by whole rectangles changes nothing but where it ends.
+    let camera = &cameras(MIDDLE, height)[3];
+    let before = show(plain.clone(), camera);
+    let by = Vec2::from(plain.period) * Vec2::new(3.0, -2.0);
+    let moved =
+        Grass { origin: plain.origin + by.extend(0.0), low: plain.low - by, high: plain.high - by, ..plain.clone() };
+    let apart = largest(&show(moved, camera), &before);
+    assert!(apart < 1e-3, "{apart}");
+    // What contradicts itself is refused, and the message says where.
+    for (bad, said) in [
+        (Grass { height: 0.0, ..plain.clone() }, "grass 0, size"),
+        (Grass { count: 0, ..plain.clone() }, "grass 0, count"),
+        (Grass { steps: 0, ..plain.clone() }, "grass 0, steps"),
+        (Grass { count: 9, ..plain.clone() }, "grass 0, sheet"),
+        (Grass { soil_open: f32::NAN, ..plain.clone() }, "grass 0, tables"),
+    ] {
+        scene.grass = vec![Arc::new(bad)];
+        let told = renderer.set_scene(&scene).unwrap_err().to_string();
+        assert!(told.contains(said), "{told}");
+    }
+}
