@@ -117,3 +117,46 @@ fn what_is_no_spectrum_is_said() {
         .unwrap();
     assert_eq!(out.status.code(), Some(2));
 }
+
+/// One table in three forms: columns as `fit slab` names them, a row a wavelength, and a row a leaf.
+#[test]
+fn spectra_are_the_same_in_long_and_in_wide_form() {
+    let dir = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).unwrap();
+    write("plain.csv", "rho_d,rho_t,h,rho_t_err\n0.1,0.14,0.2,0.004\n0.2,0.3,0.2,0.004\n0.05,0.06,0.1,\n0.15,,0.1,\n");
+    write(
+        "long.csv",
+        "leaf,wavelength_nm,R,T,thickness_um,T_err\na,550,0.1,0.14,200,0.004\na,800,0.2,0.3,200,0.004\n\
+         b,550,0.05,0.06,100,\nb,800,0.15,,100,\n",
+    );
+    write(
+        "wide.csv",
+        "leaf_id,T800,R800,thickness_um,note,R550,T550,R900,T800_err,T550_err\n\
+         a,0.3,0.2,200,x,0.1,0.14,0.3,0.004,0.004\nb,,0.15,100,,0.05,0.06,0.3,,\n",
+    );
+    let found = |name: &str, more: &[&str]| {
+        let args = ["fit", "slab", "--noise", "0.002", "--surface", "0.01", "--in", name];
+        rows(&run(&[&args[..], more].concat(), dir.path()))
+    };
+    let (plain, long, wide) = (found("plain.csv", &[]), found("long.csv", &[]), found("wide.csv", &["--plots", "plots"]));
+    assert_eq!([plain.len(), long.len(), wide.len()], [4; 3]);
+    for name in ["sigma_a", "sigma_s", "sigma_a_err", "sigma_s_err"] {
+        let of = |rows: &[HashMap<String, String>]| rows.iter().map(|r| r[name].clone()).collect::<Vec<_>>();
+        // The last row has no transmittance.
+        let numbers = |rows: &[HashMap<String, String>]| {
+            of(rows).iter().map(|c| c.parse::<f64>().unwrap_or(f64::NAN)).collect::<Vec<_>>()
+        };
+        let (p, l, w) = (numbers(&plain), numbers(&long), numbers(&wide));
+        assert!(p[..3].iter().all(|v| *v > 0.0) && p[3].is_nan(), "{name}: {p:?}");
+        for k in 0..3 {
+            // 200 times a thousandth is not 0.2 to the last digit.
+            assert!((l[k] / p[k] - 1.0).abs() < 1e-12, "{name}, row {k}: {} and {}", l[k], p[k]);
+        }
+        assert_eq!(of(&long), of(&wide), "{name}");
+        assert!(l[3].is_nan() && w[3].is_nan());
+    }
+    let which: Vec<_> = wide.iter().map(|r| (r["leaf_id"].as_str(), r["wavelength_nm"].as_str())).collect();
+    assert_eq!(which, [("a", "550"), ("a", "800"), ("b", "550"), ("b", "800")]);
+    assert_eq!((plain[3]["status"].as_str(), wide[3]["status"].as_str()), ("refused: rho_t is empty", "refused: T800 is empty"));
+    assert!(dir.path().join("plots/a.svg").exists() && dir.path().join("plots/b.svg").exists());
+}

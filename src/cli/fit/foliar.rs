@@ -54,16 +54,18 @@ pub struct Args {
 }
 
 /// A column of readings.
-struct Column {
-    name: String,
-    wavelength: f64,
-    through: bool,
+pub struct Column {
+    pub name: String,
+    /// In nm.
+    pub wavelength: f64,
+    /// Of transmittance.
+    pub through: bool,
     /// Where its name says so.
-    abaxial: bool,
+    pub abaxial: bool,
 }
 
 /// `R450`, `T550.5`, `R450_abaxial`.
-fn column(name: &str) -> Option<Column> {
+pub fn column(name: &str) -> Option<Column> {
     let through = match name.as_bytes().first()? {
         b'R' => false,
         b'T' => true,

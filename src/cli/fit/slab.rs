@@ -1,5 +1,6 @@
 //! `mesophyll fit slab`: ρd, ρt and thickness in, σa and σs out.
 
+use super::foliar::{Column, column};
 use crate::named::named;
 use crate::{Common, batch, tables};
 use crate::{Error, Result};
@@ -14,6 +15,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 /// CSV columns `rho_d,rho_t,h` → `sigma_a,sigma_s,sigma_a_err,sigma_s_err,status` (1/mm).
+///
+/// Spectra are read in long form, a row a wavelength (`leaf,wavelength_nm,R,T,thickness_mm`), and in wide form, a row a
+/// leaf (`leaf,thickness_um,R450,T450,R550,…`); a wide row is answered by a row a wavelength.
 ///
 /// The errors need the noise of the measurements: `--noise S`, or columns `rho_d_err,rho_t_err` for a row's own;
 /// `--noise 0` says that the input is exact. Where no noise is stated the error cells are empty, and `ok` says only
@@ -37,10 +41,12 @@ pub struct Args {
     /// Unit of the thickness column (default: what its name ends in, `_um`, `_mm` or `_m`; a column `h` is in mm)
     #[arg(long, value_enum)]
     thickness_unit: Option<Unit>,
-    /// Reflectance of the surface itself (gloss), taken off rho_d before the fit
+    /// Reflectance of the surface itself (gloss), taken off rho_d before the fit: light that never entered the leaf, some
+    /// 0.03 to 0.05 where the instrument kept the mirror reflection
     #[arg(long, value_name = "R0", default_value_t = 0.0)]
     surface: f64,
-    /// Draw σa and σs over wavelength into this folder, a picture a leaf; the rows then need `leaf` and `wavelength_nm`
+    /// Draw σa and σs over wavelength into this folder, a picture a leaf; the table needs a column `leaf` (or `leaf_id`)
+    /// and wavelengths
     #[arg(long, value_name = "DIR")]
     plots: Option<PathBuf>,
 }
@@ -52,7 +58,8 @@ enum Unit {
     M,
 }
 
-const LEAF: &str = "leaf";
+/// What the column of the leaf's name is called; the first that is there.
+const LEAF: [&str; 2] = ["leaf", "leaf_id"];
 const WAVELENGTH: &str = "wavelength_nm";
 
 /// A picture a leaf, in order of first appearance, from rows in any order: number, leaf, wavelength and answer of each.
@@ -89,6 +96,10 @@ fn spectra(mut rows: Vec<(usize, String, f64, Vec<f64>)>) -> Vec<(String, Vec<Pa
 
 const INPUTS: [&str; 5] = ["rho_d", "rho_t", "h", "rho_d_err", "rho_t_err"];
 
+/// What tables of spectra call them: where a table has no column of the first name, the next one is looked for.
+const ALSO: [&[&str]; 5] =
+    [&["R"], &["T"], &["thickness_mm", "thickness_um", "thickness_m", "thickness"], &["R_err"], &["T_err"]];
+
 /// Thickness of leaves (mm), thinnest and thickest with room to spare. The same thicknesses in µm are numbers above
 /// this range and in m numbers below it, so a column that names no unit shows by its numbers whether it can be in mm.
 const LEAVES_MM: [f64; 2] = [0.01, 10.0];
@@ -100,23 +111,39 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if !(0.0..1.0).contains(&args.surface) {
         return Err(Error::Usage(format!("--surface is {}; expected a reflectance of 0 to below 1", args.surface)));
     }
-    let names = column_names(&args.columns)?;
     let table = Table::open(&args.io.input)?;
-    let spec = Spec {
-        required: names[..3].to_vec(),
-        optional: names[3..].iter().cloned().chain(args.plots.iter().map(|_| WAVELENGTH.into())).collect(),
-        texts: vec![LEAF.into()],
+    let names = column_names(&args.columns, &table)?;
+    let wide = if table.column(&names[0]).is_none() && args.columns.iter().all(|c| !c.starts_with("rho_")) {
+        wavelengths(&table)
+    } else {
+        Vec::new()
+    };
+    let leaf = LEAF.into_iter().find(|name| table.column(name).is_some()).unwrap_or(LEAF[0]);
+    let mut spec = Spec {
+        texts: vec![leaf.into()],
         outputs: slab::OUTPUTS.iter().map(|s| s.to_string()).collect(),
         ..Spec::default()
     };
-    for (name, column) in INPUTS.iter().zip(&names).skip(3) {
-        if name != column {
-            table.require(column)?;
+    if wide.is_empty() {
+        spec.required = names[..3].to_vec();
+        spec.optional = names[3..].iter().cloned().chain(args.plots.iter().map(|_| WAVELENGTH.into())).collect();
+        for (name, column) in INPUTS.iter().zip(&names).skip(3) {
+            if name != column {
+                table.require(column)?;
+            }
         }
+    } else {
+        spec.required = vec![names[2].clone()];
+        spec.optional = wide.iter().flat_map(|(_, columns)| columns.clone()).collect();
+        spec.dropped = spec.optional.clone();
+        spec.outputs.insert(0, WAVELENGTH.into());
+        spec.whole.push(WAVELENGTH.into());
     }
     if args.plots.is_some() {
-        table.require(LEAF)?;
-        table.require(WAVELENGTH)?;
+        table.require(leaf)?;
+        if wide.is_empty() {
+            table.require(WAVELENGTH)?;
+        }
     }
     let found: Mutex<Vec<(usize, String, f64, Vec<f64>)>> = Mutex::default();
     let options = Options { precision: args.method, noise: args.noise, surface: args.surface };
@@ -129,27 +156,38 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     };
     let without_errors = AtomicUsize::new(0);
     let tally = table::run(table, &args.io.rows(common.json), &spec, |row, out| {
-        let thickness = row.get(2);
+        let thickness = row.get(if wide.is_empty() { 2 } else { 0 });
         if unit.is_none() && thickness > 0.0 && !(LEAVES_MM[0]..=LEAVES_MM[1]).contains(&thickness) {
             out.push(Answer::refused(not_in_mm(&column, thickness)));
             return;
         }
-        let thickness_mm = thickness * scale;
-        let m = Measured {
-            rho_d: row.get(0),
-            rho_t: row.get(1),
-            thickness_mm,
-            rho_d_err: row.get(3),
-            rho_t_err: row.get(4),
+        let fitted = |wavelength: f64, [rho_d, rho_t, rho_d_err, rho_t_err]: [f64; 4]| {
+            let m = Measured { rho_d, rho_t, thickness_mm: thickness * scale, rho_d_err, rho_t_err };
+            let answer = slab::answer(&options, &m);
+            let silent = !m.noise_is_stated(&options) && !answer.values.is_empty();
+            without_errors.fetch_add(usize::from(silent), Ordering::Relaxed);
+            if args.plots.is_some() && !answer.values.is_empty() {
+                let leaf = row.text(0).unwrap_or_default().to_string();
+                let point = (row.number(), leaf, wavelength, answer.values.clone());
+                found.lock().unwrap_or_else(PoisonError::into_inner).push(point);
+            }
+            answer
         };
-        let answer = slab::answer(&options, &m);
-        let silent = !m.noise_is_stated(&options) && !answer.values.is_empty();
-        without_errors.fetch_add(usize::from(silent), Ordering::Relaxed);
-        if args.plots.is_some() && !answer.values.is_empty() {
-            let point = (row.number(), row.text(0).unwrap_or_default().to_string(), row.get(5), answer.values.clone());
-            found.lock().unwrap_or_else(PoisonError::into_inner).push(point);
+        if wide.is_empty() {
+            let wavelength = if args.plots.is_some() { row.get(5) } else { f64::NAN };
+            out.push(fitted(wavelength, [0, 1, 3, 4].map(|k| row.get(k))));
         }
-        out.push(answer);
+        for (k, (wavelength, columns)) in wide.iter().enumerate() {
+            let cells: [f64; 4] = std::array::from_fn(|c| row.get(1 + 4 * k + c));
+            let Answer { mut values, status } = match cells[..2].iter().position(|v| v.is_nan()) {
+                Some(empty) => Answer::refused(format!("{} is empty", columns[empty])),
+                None => fitted(*wavelength, cells),
+            };
+            // A row without numbers still says what it is of.
+            values.resize(slab::OUTPUTS.len(), f64::NAN);
+            values.insert(0, *wavelength);
+            out.push(Answer { values, status });
+        }
     })?;
     batch::say_tally(&tally, &args.io, common, "row")?;
     if let Some(folder) = &args.plots {
@@ -210,9 +248,30 @@ fn thickness_unit(column: &str, asked: Option<Unit>) -> Result<Option<Unit>> {
     }
 }
 
+/// The wavelengths of a table in wide form, ascending: those with a reflectance (`R550`) and a transmittance (`T550`),
+/// with the columns of both and of their errors.
+fn wavelengths(table: &Table) -> Vec<(f64, [String; 4])> {
+    let columns: Vec<Column> = table.header.iter().filter_map(|name| column(name)).filter(|c| !c.abaxial).collect();
+    let mut found: Vec<(f64, [String; 4])> = columns
+        .iter()
+        .filter(|r| !r.through)
+        .filter_map(|r| {
+            let t = columns.iter().find(|t| t.through && t.wavelength == r.wavelength)?;
+            let error = |name: &str| format!("{name}_err");
+            Some((r.wavelength, [r.name.clone(), t.name.clone(), error(&r.name), error(&t.name)]))
+        })
+        .collect();
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    found
+}
+
 /// The input's column for each of [`INPUTS`].
-fn column_names(mapping: &[String]) -> Result<Vec<String>> {
-    let mut names: Vec<String> = INPUTS.iter().map(|s| s.to_string()).collect();
+fn column_names(mapping: &[String], table: &Table) -> Result<Vec<String>> {
+    let usual = |(name, also): (&&str, &&[&str])| {
+        let there = std::iter::once(name).chain(*also).find(|n| table.column(n).is_some());
+        there.unwrap_or(name).to_string()
+    };
+    let mut names: Vec<String> = INPUTS.iter().zip(&ALSO).map(usual).collect();
     for pair in mapping.iter().filter(|p| !p.is_empty()) {
         let Some((name, column)) = pair.split_once('=') else {
             return Err(Error::Usage(format!(

@@ -1,7 +1,7 @@
 //! Tables in which several rows belong together: a leaf has a row a wavelength or a row a direction, and its answer is
 //! one row.
 
-use super::{Answer, Output, Plan, Record, Sink, Spec, Table, Tally, push_cells, push_text};
+use super::{Answer, Output, Plan, Record, Sink, Spec, Table, Tally, push_cells, push_text, whole};
 use crate::progress::Bar;
 use crate::{Error, Result};
 use rayon::prelude::*;
@@ -43,7 +43,7 @@ impl Groups {
         let (mut record, mut line) = (Record::default(), 1);
         while table.next_record(&mut record)? {
             line += 1;
-            let name = record.cells.get(at).unwrap_or("");
+            let name = &*record.shown(at);
             let place = match places.get(name) {
                 Some(place) => *place,
                 None => {
@@ -85,7 +85,7 @@ impl Groups {
         F: Fn(&str, &[GroupRow]) -> Answer + Sync,
     {
         let mut sink = Sink::open(output, &self.source)?;
-        let mut bytes = Vec::new();
+        let (mut bytes, whole) = (Vec::new(), whole(spec));
         push_text(&mut bytes, &self.by);
         for name in spec.outputs.iter().map(String::as_str).chain(["status"]) {
             bytes.push(b',');
@@ -111,7 +111,7 @@ impl Groups {
             tally.count(&answer.status, &answer.values);
             push_text(&mut bytes, name);
             bytes.push(b',');
-            push_cells(&mut bytes, answer, spec);
+            push_cells(&mut bytes, answer, &whole);
         }
         sink.write_all(&bytes)?;
         sink.finish()?;

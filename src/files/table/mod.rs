@@ -5,7 +5,7 @@
 
 mod groups;
 mod json;
-mod quotes;
+mod rows;
 mod sink;
 mod source;
 mod tally;
@@ -15,6 +15,9 @@ pub use mesophyll_error::Status;
 pub use sink::{Output, Sink, push_cell, push_number, push_text, stdout_error};
 pub use source::{Record, Table};
 pub use tally::{Tally, counted};
+
+use rows::{At, Block};
+use source::Splitter;
 
 use crate::progress::Bar;
 use crate::{Error, Result};
@@ -124,38 +127,22 @@ where
     sink.write_all(&plan.header_line(&table, spec))?;
     let mut tally = Tally::new(&spec.outputs);
     let bar = Bar::of("rows");
-    let mut before = 0;
-    let mut block: Vec<Record> = Vec::with_capacity(BLOCK);
-    loop {
-        block.clear();
-        while block.len() < BLOCK {
-            let mut record = Record::default();
-            if !table.next_record(&mut record)? {
-                break;
-            }
-            block.push(record);
-        }
-        if block.is_empty() {
-            break;
-        }
-        let chunk = block.len().div_ceil(rayon::current_num_threads() * 4).max(16);
-        let done: Vec<(Vec<u8>, Tally)> = block
-            .par_chunks(chunk)
-            .enumerate()
-            .map(|(part, records)| {
-                let (mut bytes, mut tally) = (Vec::with_capacity(records.len() * 64), Tally::new(&spec.outputs));
-                let mut answers = Vec::new();
-                for (k, record) in records.iter().enumerate() {
-                    answers.clear();
-                    plan.answer(record, before + part * chunk + k + 1, spec, &f, &mut answers);
-                    for answer in &answers {
-                        tally.count(&answer.status, &answer.values);
-                        plan.write_row(&mut bytes, record, answer, spec);
-                    }
+    let (mut block, mut next) = (Block::default(), Block::default());
+    let mut done: Vec<(Vec<u8>, Tally)> = Vec::new();
+    table.next_block(BLOCK, &mut block)?;
+    while !(block.rows.is_empty() && done.is_empty()) {
+        // The rows before are written and those after are read while these are computed.
+        let (computed, moved) = rayon::join(
+            || plan.compute(&block, spec, &f),
+            || {
+                for (bytes, part) in done.drain(..) {
+                    sink.write_all(&bytes)?;
+                    tally.add(&part);
+                    bar.advance(part.rows as u64);
                 }
-                (bytes, tally)
-            })
-            .collect();
+                if block.rows.is_empty() { Ok(()) } else { table.next_block(BLOCK, &mut next) }
+            },
+        );
         // A stop may have cut these rows short.
         if crate::progress::stop_requested() {
             return Err(Error::Interrupted(format!(
@@ -163,12 +150,10 @@ where
                 tally.rows
             )));
         }
-        before += block.len();
-        for (bytes, part) in done {
-            sink.write_all(&bytes)?;
-            tally.add(&part);
-            bar.advance(part.rows as u64);
-        }
+        moved?;
+        done = computed;
+        std::mem::swap(&mut block, &mut next);
+        next.clear();
     }
     sink.finish()?;
     Ok(tally)
@@ -180,6 +165,8 @@ struct Plan {
     numbers: Vec<(Option<usize>, String, bool)>,
     texts: Vec<Option<usize>>,
     carried: Vec<usize>,
+    /// Which output columns are whole numbers.
+    whole: Vec<bool>,
 }
 
 impl Plan {
@@ -203,7 +190,7 @@ impl Plan {
             }
         }
         let texts = spec.texts.iter().map(|name| table.column(name)).collect();
-        Ok(Plan { width: table.header.len(), numbers, texts, carried })
+        Ok(Plan { width: table.header.len(), numbers, texts, carried, whole: whole(spec) })
     }
 
     fn header_line(&self, table: &Table, spec: &Spec) -> Vec<u8> {
@@ -218,6 +205,39 @@ impl Plan {
         }
         line.push(b'\n');
         line
+    }
+
+    /// Answers all rows of a block, as lines in parts that follow one another.
+    fn compute<F: Fn(&Row, &mut Vec<Answer>) + Sync>(
+        &self,
+        block: &Block,
+        spec: &Spec,
+        f: &F,
+    ) -> Vec<(Vec<u8>, Tally)> {
+        let chunk = block.rows.len().div_ceil(rayon::current_num_threads() * 4).max(16);
+        let parts = block.rows.par_chunks(chunk).enumerate();
+        let answer = |(part, rows): (usize, &[At])| {
+            let (mut bytes, mut tally) = (Vec::with_capacity(rows.len() * 128), Tally::new(&spec.outputs));
+            let (mut splitter, mut record, mut answers) = (Splitter::default(), Record::default(), Vec::new());
+            for (k, row) in rows.iter().enumerate() {
+                let place = part * chunk + k;
+                let end = block.rows.get(place + 1).map_or(block.bytes.len(), |next| next.start);
+                let mut text = &block.bytes[row.start..end];
+                let mut number = row.number;
+                while splitter.split(&mut text, &mut record) {
+                    record.unclosed = block.fault(place).cloned();
+                    answers.clear();
+                    self.answer(&record, number, spec, f, &mut answers);
+                    for answer in &answers {
+                        tally.count(&answer.status, &answer.values);
+                        self.write_row(&mut bytes, &record, answer);
+                    }
+                    number += 1;
+                }
+            }
+            (bytes, tally)
+        };
+        parts.map(answer).collect()
     }
 
     fn answer<F: Fn(&Row, &mut Vec<Answer>)>(
@@ -270,26 +290,34 @@ impl Plan {
         Ok((values, texts))
     }
 
-    fn write_row(&self, bytes: &mut Vec<u8>, record: &Record, answer: &Answer, spec: &Spec) {
+    fn write_row(&self, bytes: &mut Vec<u8>, record: &Record, answer: &Answer) {
         for &k in &self.carried {
             push_cell(bytes, record.bytes(k));
             bytes.push(b',');
         }
-        push_cells(bytes, answer, spec);
+        push_cells(bytes, answer, &self.whole);
     }
 }
 
+/// Which output columns are whole numbers.
+fn whole(spec: &Spec) -> Vec<bool> {
+    spec.outputs.iter().map(|name| spec.whole.contains(name)).collect()
+}
+
 /// Output cells and status of a row, and its end.
-fn push_cells(bytes: &mut Vec<u8>, answer: &Answer, spec: &Spec) {
-    for (k, name) in spec.outputs.iter().enumerate() {
+fn push_cells(bytes: &mut Vec<u8>, answer: &Answer, whole: &[bool]) {
+    for (k, whole) in whole.iter().enumerate() {
         match answer.values.get(k) {
-            Some(v) if spec.whole.contains(name) && v.fract() == 0.0 => push_text(bytes, &format!("{v:.0}")),
+            Some(v) if *whole && v.fract() == 0.0 => push_text(bytes, &format!("{v:.0}")),
             Some(v) => push_number(bytes, *v),
             None => {}
         }
         bytes.push(b',');
     }
-    push_text(bytes, &answer.status.to_string());
+    match &answer.status {
+        Status::Ok => bytes.extend_from_slice(b"ok"),
+        status => push_text(bytes, &status.to_string()),
+    }
     bytes.push(b'\n');
 }
 

@@ -107,7 +107,11 @@ pub fn stdout_error(e: io::Error) -> Error {
 
 /// A number with as many digits as reading it back exactly needs; NaN is an empty cell.
 pub fn push_number(bytes: &mut Vec<u8>, v: f64) {
-    if !v.is_nan() {
+    if v.is_nan() {
+    } else if v == 0.0 || (1e-4..1e15).contains(&v.abs()) {
+        // As below, in a quarter of the time.
+        bytes.extend_from_slice(zmij::Buffer::new().format_finite(v).as_bytes());
+    } else {
         // Writing to a Vec cannot fail.
         let _ = write!(bytes, "{v:?}");
     }
@@ -132,4 +136,31 @@ pub fn push_cell(bytes: &mut Vec<u8>, cell: &[u8]) {
         bytes.push(b);
     }
     bytes.push(b'"');
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Numbers read back exactly, and have the form in which Rust prints them: as many digits, and a power of ten from
+    /// the same sizes on. (Of two decimals that are equally near, the last digit may be the other one.)
+    #[test]
+    fn numbers_print_in_one_form() {
+        let printed = |v: f64| {
+            let mut bytes = Vec::new();
+            push_number(&mut bytes, v);
+            String::from_utf8(bytes).unwrap()
+        };
+        assert_eq!(printed(f64::NAN), "");
+        for v in [0.0, -0.0, 1.0, 1e-4, 9.9999999999999e-5, 1e15, 1e16, 1e300, 5e-324, f64::INFINITY, 0.1 + 0.2] {
+            assert_eq!([printed(v), printed(-v)], [format!("{v:?}"), format!("{:?}", -v)]);
+        }
+        // Multiples of an odd number visit all exponents and mantissas.
+        let bits = (1..50_000u64).map(|k| f64::from_bits(k.wrapping_mul(0x9e37_79b9_7f4a_7c15)));
+        let tame = (1..50_000).map(|k| f64::from(k) / 7919.0);
+        for v in bits.chain(tame).filter(|v| !v.is_nan()) {
+            let (ours, plain) = (printed(v), format!("{v:?}"));
+            assert_eq!((ours.parse(), ours.len()), (Ok(v), plain.len()), "{ours} and {plain}");
+        }
+    }
 }

@@ -1,8 +1,9 @@
 //! A CSV as it is read: a header line that names the columns, then rows one at a time.
 
-use super::quotes::{Faults, Quotes};
+use super::rows::{Block, Rows};
 use crate::atomic;
 use crate::{Error, Result};
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::fs::File;
 use std::io::{self, Read};
@@ -10,8 +11,11 @@ use std::path::{Path, PathBuf};
 
 /// An opened CSV: its header is read, its rows are not.
 pub struct Table {
-    reader: csv::Reader<Quotes<Box<dyn Read + Send>>>,
-    faults: Faults,
+    rows: Rows<Box<dyn Read + Send>>,
+    splitter: Splitter,
+    /// The rows that [`Table::next_record`] is at, and how far it has come in them.
+    block: Block,
+    at: usize,
     name: PathBuf,
     /// The file, or `-`.
     source: PathBuf,
@@ -22,6 +26,9 @@ pub struct Table {
 
 /// More columns than this are a mistake: traces of three channels and 10,000 frames have 30,000.
 const MOST_COLUMNS: usize = 65_536;
+
+/// Bytes of a block of rows: wide traces are read in smaller blocks.
+const MOST_BYTES: usize = 1 << 24;
 
 impl Table {
     /// Opens `path` (`-`: standard input) and reads the header line.
@@ -40,35 +47,41 @@ impl Table {
 
     /// A table from any source; `name` stands for the file in messages.
     pub fn from_reader(source: Box<dyn Read + Send>, name: PathBuf) -> Result<Table> {
-        let faults = Faults::default();
-        let source = Quotes::new(source, faults.clone());
-        let mut reader =
-            csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).buffer_capacity(1 << 18).from_reader(source);
-        let header: Vec<String> = reader
-            .headers()
-            .map_err(|e| Error::input(&name, format!("line 1: {}", plain_csv_error(&e))))?
-            .iter()
-            .map(|h| h.trim_start_matches('\u{feff}').to_string())
-            .collect();
-        if let Some(why) = faults.on(0..reader.position().line()) {
-            return Err(Error::input(&name, format!("the header cannot be read: {why}")));
+        let mut table = Table {
+            rows: Rows::new(source),
+            splitter: Splitter::default(),
+            block: Block::default(),
+            at: 0,
+            source: name.clone(),
+            name,
+            header: Vec::new(),
+            places: HashMap::new(),
+        };
+        let mut record = Record::default();
+        table.next_record(&mut record)?;
+        let name = &table.name;
+        if let Some(why) = &record.unclosed {
+            return Err(Error::input(name, format!("the header cannot be read: {why}")));
         }
+        let cell = |k: usize| match record.text(Some(k)) {
+            Some(Ok(text)) => Ok(text.trim_start_matches('\u{feff}').trim().to_string()),
+            _ => Err(Error::input(name, "line 1: not valid UTF-8 text")),
+        };
+        let header = (0..record.len()).map(cell).collect::<Result<Vec<String>>>()?;
         if header.iter().all(|h| h.is_empty()) {
-            return Err(Error::input(&name, "no header line; the first line must name the columns"));
+            return Err(Error::input(name, "no header line; the first line must name the columns"));
         }
         if header.len() > MOST_COLUMNS {
-            return Err(Error::input(
-                &name,
-                format!("found {} columns, expected at most {MOST_COLUMNS}", header.len()),
-            ));
+            return Err(Error::input(name, format!("found {} columns, expected at most {MOST_COLUMNS}", header.len())));
         }
         let mut places = HashMap::new();
         for (k, h) in header.iter().enumerate() {
             if places.insert(h.clone(), k).is_some() {
-                return Err(Error::field(&name, h, "the header names this column twice"));
+                return Err(Error::field(name, h, "the header names this column twice"));
             }
         }
-        Ok(Table { reader, faults, source: name.clone(), name, header, places })
+        (table.header, table.places) = (header, places);
+        Ok(table)
     }
 
     /// The file that is read; `-` for standard input.
@@ -117,62 +130,127 @@ impl Table {
 
     /// Reads the next row; false at the end. Rows may be ragged or no text at all: see [`Record::fault`].
     pub fn next_record(&mut self, record: &mut Record) -> Result<bool> {
-        let mut bytes = csv::ByteRecord::new();
-        let start = self.reader.position().line();
-        let more = self.reader.read_byte_record(&mut bytes).map_err(|e| {
-            let line = e.position().map_or(0, |p| p.line());
-            Error::input(&self.name, format!("line {line}: {}", plain_csv_error(&e)))
-        })?;
-        record.unclosed = self.faults.on(start..self.reader.position().line());
-        (record.cells, record.foreign) = match csv::StringRecord::from_byte_record(bytes) {
-            Ok(cells) => (cells, None),
-            Err(e) => {
-                let bytes = e.into_byte_record();
-                (csv::StringRecord::from_byte_record_lossy(bytes.clone()), Some(bytes))
+        loop {
+            let mut rest = &self.block.bytes[self.at..];
+            if self.splitter.split(&mut rest, record) {
+                self.at = self.block.bytes.len() - rest.len();
+                record.unclosed = self.block.fault(0).cloned();
+                return Ok(true);
             }
-        };
-        Ok(more)
+            self.block.clear();
+            self.at = 0;
+            if !self.rows.next(&mut self.block).map_err(|e| self.unreadable(&e))? {
+                return Ok(false);
+            }
+        }
+    }
+
+    /// Reads the next `most` rows, or fewer where they are long, without looking at their cells; none at the end.
+    pub(super) fn next_block(&mut self, most: usize, block: &mut Block) -> Result<()> {
+        block.clear();
+        while block.rows.len() < most
+            && block.bytes.len() < MOST_BYTES
+            && self.rows.next(block).map_err(|e| self.unreadable(&e))?
+        {}
+        Ok(())
+    }
+
+    fn unreadable(&self, e: &io::Error) -> Error {
+        Error::input(&self.name, format!("line {}: {}", self.rows.line(), atomic::explain(e)))
+    }
+}
+
+/// Splits rows into their cells.
+#[derive(Debug, Clone)]
+pub(super) struct Splitter(csv_core::Reader);
+
+impl Default for Splitter {
+    fn default() -> Splitter {
+        // The reader's own default is one without rules.
+        Splitter(csv_core::Reader::new())
+    }
+}
+
+impl Splitter {
+    /// Takes the first row off `rows`, which end in a line feed; false where there is none.
+    pub fn split(&mut self, rows: &mut &[u8], record: &mut Record) -> bool {
+        // To the reader beneath, an empty input is the end of the file, after which it reads no more.
+        if rows.is_empty() {
+            return false;
+        }
+        let (mut filled, mut count) = (0, 0);
+        // A row has no more bytes in its cells than in the file.
+        if record.bytes.len() < rows.len() {
+            record.bytes.resize(rows.len(), 0);
+        }
+        loop {
+            if record.ends.len() <= count {
+                record.ends.resize(2 * count + 16, 0);
+            }
+            let (state, read, wrote, ended) =
+                self.0.read_record(rows, &mut record.bytes[filled..], &mut record.ends[count..]);
+            *rows = &rows[read..];
+            filled += wrote;
+            count += ended;
+            match state {
+                csv_core::ReadRecordResult::OutputEndsFull => {}
+                csv_core::ReadRecordResult::OutputFull => record.bytes.resize(2 * filled + 64, 0),
+                ended => {
+                    record.count = count;
+                    return ended == csv_core::ReadRecordResult::Record;
+                }
+            }
+        }
     }
 }
 
 /// One row as it was read.
 #[derive(Debug, Clone, Default)]
 pub struct Record {
-    /// Without the blanks around them; bytes that are no UTF-8 stand as replacement characters.
-    pub cells: csv::StringRecord,
-    /// The same as bytes where some cell is no UTF-8.
-    foreign: Option<csv::ByteRecord>,
+    /// The text of the cells, one after another.
+    bytes: Vec<u8>,
+    /// Where each cell's text ends.
+    ends: Vec<usize>,
+    /// How many cells there are.
+    count: usize,
     /// Why its quotes make no sense, if they do not.
-    unclosed: Option<String>,
+    pub(super) unclosed: Option<String>,
 }
 
 impl Record {
+    /// How many cells it has.
+    pub fn len(&self) -> usize {
+        self.count
+    }
+
+    /// Whether it has no cells.
+    pub fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
     /// Why a row of a table of `width` columns cannot be read, if it cannot. A cell in another encoding spoils only
     /// itself.
     pub fn fault(&self, width: usize) -> Option<String> {
-        let ragged =
-            || (self.cells.len() != width).then(|| format!("{} fields where the header has {width}", self.cells.len()));
+        let ragged = || (self.count != width).then(|| format!("{} fields where the header has {width}", self.count));
         self.unclosed.clone().or_else(ragged)
     }
 
-    /// A cell as it stands in the file, whatever its encoding.
+    /// A cell as it stands in the file, whatever its encoding, without the blanks around it; empty where there is none.
     pub fn bytes(&self, k: usize) -> &[u8] {
-        match &self.foreign {
-            Some(bytes) => bytes.get(k).unwrap_or_default(),
-            None => self.cells.get(k).unwrap_or_default().as_bytes(),
+        if k >= self.count {
+            return &[];
         }
+        let start = if k == 0 { 0 } else { self.ends[k - 1] };
+        self.bytes[start..self.ends[k]].trim_ascii()
     }
 
     /// A cell as text, if there is such a column.
     pub fn text(&self, k: Option<usize>) -> Option<std::result::Result<&str, std::str::Utf8Error>> {
         k.map(|k| std::str::from_utf8(self.bytes(k)))
     }
-}
 
-fn plain_csv_error(e: &csv::Error) -> String {
-    match e.kind() {
-        csv::ErrorKind::Io(io) => atomic::explain(io),
-        csv::ErrorKind::Utf8 { .. } => "not valid UTF-8 text".into(),
-        _ => e.to_string(),
+    /// A cell as text; bytes that are no UTF-8 stand as replacement characters.
+    pub fn shown(&self, k: usize) -> Cow<'_, str> {
+        String::from_utf8_lossy(self.bytes(k))
     }
 }

@@ -53,18 +53,18 @@ pub fn read(mut table: Table, noise: Option<f64>) -> Result<Vec<Named>> {
     let mut places: HashMap<String, usize> = HashMap::new();
     let (mut row, mut line) = (Record::default(), 1);
     while table.next_record(&mut row)? {
-        let (record, fault) = (&row.cells, row.fault(table.header.len()));
+        let (record, fault) = (&row, row.fault(table.header.len()));
         line += 1;
-        let name = record.get(columns[0]).unwrap_or("").to_string();
+        let name = record.shown(columns[0]).into_owned();
         let number = |k: usize| -> std::result::Result<f64, String> {
-            let text = record.get(columns[k]).unwrap_or("");
+            let text = record.shown(columns[k]);
             text.parse::<f64>()
                 .ok()
                 .filter(|v| v.is_finite())
                 .ok_or_else(|| format!("line {line}: {} is {text:?}; expected a number", REQUIRED[k]))
         };
         let maybe = |k: usize| -> std::result::Result<f64, String> {
-            let text = optional[k].and_then(|c| record.get(c)).unwrap_or("");
+            let text = optional[k].map(|c| record.shown(c)).unwrap_or_default();
             if text.is_empty() {
                 return Ok(f64::NAN);
             }

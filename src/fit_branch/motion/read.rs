@@ -25,7 +25,7 @@ pub fn read(mut table: Table) -> Result<Record> {
             return Err(Error::input(&path, format!("line {line}: {fault}")));
         }
         for (k, column) in columns.iter().enumerate() {
-            let text = row.cells.get(*column).unwrap_or("");
+            let text = row.shown(*column);
             let value = text.trim().parse::<f64>().ok().filter(|v| v.is_finite());
             let value = value.ok_or_else(|| {
                 let field = format!("line {line}: {}", names[k]);
