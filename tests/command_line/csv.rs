@@ -212,9 +212,11 @@ fn units_are_never_guessed() {
         assert_eq!((out.0, out.1.as_str()), (2, ""), "{args:?}");
         assert!(out.2.contains(word) && out.2.trim().lines().count() == 1, "{}", out.2);
     }
-    // A file that has another unit's column only says what it lacks.
-    let lacks = slab(&[], "rho_d,rho_t,thickness_um\n0.3,0.2,200\n");
-    assert!(lacks.0 == 2 && lacks.2.contains("h: no such column") && lacks.2.contains("thickness_um"), "{}", lacks.2);
+    // A thickness that names its unit needs no option; a column of another name is not taken for one.
+    let named = slab(&[], "rho_d,rho_t,thickness_um\n0.3,0.2,200\n");
+    assert_eq!((named.0, numbers(&named.1)), (0, numbers(&mm.1)), "{}", named.2);
+    let lacks = slab(&[], "rho_d,rho_t,depth_um\n0.3,0.2,200\n");
+    assert!(lacks.0 == 2 && lacks.2.contains("h: no such column") && lacks.2.contains("depth_um"), "{}", lacks.2);
 }
 
 /// `… | head -1`: the reader leaves after a line, the program ends quietly with 0.

@@ -11,5 +11,6 @@ mod commands;
 mod common;
 mod csv;
 mod makefile;
+mod mangled;
 mod python;
 mod tables;

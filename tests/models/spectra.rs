@@ -138,7 +138,8 @@ fn spectra_are_the_same_in_long_and_in_wide_form() {
         let args = ["fit", "slab", "--noise", "0.002", "--surface", "0.01", "--in", name];
         rows(&run(&[&args[..], more].concat(), dir.path()))
     };
-    let (plain, long, wide) = (found("plain.csv", &[]), found("long.csv", &[]), found("wide.csv", &["--plots", "plots"]));
+    let (plain, long, wide) =
+        (found("plain.csv", &[]), found("long.csv", &[]), found("wide.csv", &["--plots", "plots"]));
     assert_eq!([plain.len(), long.len(), wide.len()], [4; 3]);
     for name in ["sigma_a", "sigma_s", "sigma_a_err", "sigma_s_err"] {
         let of = |rows: &[HashMap<String, String>]| rows.iter().map(|r| r[name].clone()).collect::<Vec<_>>();
@@ -157,6 +158,9 @@ fn spectra_are_the_same_in_long_and_in_wide_form() {
     }
     let which: Vec<_> = wide.iter().map(|r| (r["leaf_id"].as_str(), r["wavelength_nm"].as_str())).collect();
     assert_eq!(which, [("a", "550"), ("a", "800"), ("b", "550"), ("b", "800")]);
-    assert_eq!((plain[3]["status"].as_str(), wide[3]["status"].as_str()), ("refused: rho_t is empty", "refused: T800 is empty"));
+    assert_eq!(
+        (plain[3]["status"].as_str(), wide[3]["status"].as_str()),
+        ("refused: rho_t is empty", "refused: T800 is empty")
+    );
     assert!(dir.path().join("plots/a.svg").exists() && dir.path().join("plots/b.svg").exists());
 }

@@ -5,6 +5,7 @@
 
 mod groups;
 mod json;
+mod plan;
 mod rows;
 mod sink;
 mod source;
@@ -16,13 +17,11 @@ pub use sink::{Output, Sink, push_cell, push_number, push_text, stdout_error};
 pub use source::{Record, Table};
 pub use tally::{Tally, counted};
 
-use rows::{At, Block};
-use source::Splitter;
+use plan::{Plan, push_cells, whole};
+use rows::Block;
 
 use crate::progress::Bar;
 use crate::{Error, Result};
-use rayon::prelude::*;
-use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 /// Rows handed to the workers at a time.
@@ -157,168 +156,6 @@ where
     }
     sink.finish()?;
     Ok(tally)
-}
-
-/// Column positions, settled once.
-struct Plan {
-    width: usize,
-    numbers: Vec<(Option<usize>, String, bool)>,
-    texts: Vec<Option<usize>>,
-    carried: Vec<usize>,
-    /// Which output columns are whole numbers.
-    whole: Vec<bool>,
-}
-
-impl Plan {
-    fn new(table: &Table, spec: &Spec) -> Result<Plan> {
-        let mut numbers = Vec::new();
-        for name in &spec.required {
-            numbers.push((Some(table.require(name)?), name.clone(), true));
-        }
-        for name in &spec.optional {
-            numbers.push((table.column(name), name.clone(), false));
-        }
-        let dropped: HashSet<&String> = spec.dropped.iter().collect();
-        let carried: Vec<usize> = (0..table.header.len()).filter(|&k| !dropped.contains(&table.header[k])).collect();
-        for name in spec.outputs.iter().map(String::as_str).chain(["status"]) {
-            if carried.iter().any(|&k| table.header[k] == name) {
-                return Err(Error::field(
-                    table.name(),
-                    name,
-                    "the input already has this output column; rename or remove it",
-                ));
-            }
-        }
-        let texts = spec.texts.iter().map(|name| table.column(name)).collect();
-        Ok(Plan { width: table.header.len(), numbers, texts, carried, whole: whole(spec) })
-    }
-
-    fn header_line(&self, table: &Table, spec: &Spec) -> Vec<u8> {
-        let names = self.carried.iter().map(|&k| table.header[k].as_str());
-        let names = names.chain(spec.outputs.iter().map(String::as_str)).chain(["status"]);
-        let mut line = Vec::new();
-        for (k, name) in names.enumerate() {
-            if k > 0 {
-                line.push(b',');
-            }
-            push_text(&mut line, name);
-        }
-        line.push(b'\n');
-        line
-    }
-
-    /// Answers all rows of a block, as lines in parts that follow one another.
-    fn compute<F: Fn(&Row, &mut Vec<Answer>) + Sync>(
-        &self,
-        block: &Block,
-        spec: &Spec,
-        f: &F,
-    ) -> Vec<(Vec<u8>, Tally)> {
-        let chunk = block.rows.len().div_ceil(rayon::current_num_threads() * 4).max(16);
-        let parts = block.rows.par_chunks(chunk).enumerate();
-        let answer = |(part, rows): (usize, &[At])| {
-            let (mut bytes, mut tally) = (Vec::with_capacity(rows.len() * 128), Tally::new(&spec.outputs));
-            let (mut splitter, mut record, mut answers) = (Splitter::default(), Record::default(), Vec::new());
-            for (k, row) in rows.iter().enumerate() {
-                let place = part * chunk + k;
-                let end = block.rows.get(place + 1).map_or(block.bytes.len(), |next| next.start);
-                let mut text = &block.bytes[row.start..end];
-                let mut number = row.number;
-                while splitter.split(&mut text, &mut record) {
-                    record.unclosed = block.fault(place).cloned();
-                    answers.clear();
-                    self.answer(&record, number, spec, f, &mut answers);
-                    for answer in &answers {
-                        tally.count(&answer.status, &answer.values);
-                        self.write_row(&mut bytes, &record, answer);
-                    }
-                    number += 1;
-                }
-            }
-            (bytes, tally)
-        };
-        parts.map(answer).collect()
-    }
-
-    fn answer<F: Fn(&Row, &mut Vec<Answer>)>(
-        &self,
-        record: &Record,
-        number: usize,
-        spec: &Spec,
-        f: &F,
-        out: &mut Vec<Answer>,
-    ) {
-        match self.parsed(record, spec) {
-            Ok((values, texts)) => f(&Row { values: &values, texts: &texts, number }, out),
-            Err(why) => out.push(Answer::refused(why)),
-        }
-        debug_assert!(out.iter().all(|a| a.values.is_empty() || a.values.len() == spec.outputs.len()));
-    }
-
-    /// Numbers and words of a row, or what is wrong with it.
-    #[allow(clippy::type_complexity)]
-    fn parsed<'a>(
-        &self,
-        record: &'a Record,
-        spec: &Spec,
-    ) -> std::result::Result<(Vec<f64>, Vec<Option<&'a str>>), String> {
-        if let Some(fault) = record.fault(self.width) {
-            return Err(fault);
-        }
-        let mut values = Vec::with_capacity(self.numbers.len());
-        for (at, name, needed) in &self.numbers {
-            let text = match record.text(*at) {
-                Some(Err(_)) => return Err(format!("{name} is not valid UTF-8 text; expected a number")),
-                Some(Ok(text)) => text,
-                None => "",
-            };
-            if text.is_empty() && !needed {
-                values.push(f64::NAN);
-                continue;
-            }
-            match text.parse::<f64>() {
-                // `nan` in an optional cell is what an empty one is: no reading.
-                Ok(v) if !v.is_nan() || !needed => values.push(v),
-                _ if text.is_empty() => return Err(format!("{name} is empty")),
-                _ => return Err(format!("{name} is {text:?}; expected a number")),
-            }
-        }
-        let word = |(at, name): (&Option<usize>, &String)| {
-            record.text(*at).transpose().map_err(|_| format!("{name} is not valid UTF-8 text; expected a word"))
-        };
-        let texts = self.texts.iter().zip(&spec.texts).map(word).collect::<std::result::Result<_, String>>()?;
-        Ok((values, texts))
-    }
-
-    fn write_row(&self, bytes: &mut Vec<u8>, record: &Record, answer: &Answer) {
-        for &k in &self.carried {
-            push_cell(bytes, record.bytes(k));
-            bytes.push(b',');
-        }
-        push_cells(bytes, answer, &self.whole);
-    }
-}
-
-/// Which output columns are whole numbers.
-fn whole(spec: &Spec) -> Vec<bool> {
-    spec.outputs.iter().map(|name| spec.whole.contains(name)).collect()
-}
-
-/// Output cells and status of a row, and its end.
-fn push_cells(bytes: &mut Vec<u8>, answer: &Answer, whole: &[bool]) {
-    for (k, whole) in whole.iter().enumerate() {
-        match answer.values.get(k) {
-            Some(v) if *whole && v.fract() == 0.0 => push_text(bytes, &format!("{v:.0}")),
-            Some(v) => push_number(bytes, *v),
-            None => {}
-        }
-        bytes.push(b',');
-    }
-    match &answer.status {
-        Status::Ok => bytes.extend_from_slice(b"ok"),
-        status => push_text(bytes, &status.to_string()),
-    }
-    bytes.push(b'\n');
 }
 
 #[cfg(test)]

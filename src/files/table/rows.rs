@@ -229,3 +229,51 @@ fn scan(row: &[u8]) -> End {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::table::{Record, Table};
+    use proptest::prelude::*;
+    use std::path::PathBuf;
+
+    /// The rows of a text, and whether a quote of it made no sense.
+    fn ours(text: &str) -> (Vec<Vec<String>>, bool) {
+        let mut table = Table::from_reader(Box::new(std::io::Cursor::new(text.to_string())), PathBuf::from("-")).unwrap();
+        let (mut rows, mut record, mut faulty) = (Vec::new(), Record::default(), false);
+        while table.next_record(&mut record).unwrap() {
+            faulty |= record.fault(record.len()).is_some();
+            rows.push((0..record.len()).map(|k| record.shown(k).into_owned()).collect());
+        }
+        (rows, faulty)
+    }
+
+    fn by_the_crate(text: &str) -> Vec<Vec<String>> {
+        let mut reader = csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).from_reader(text.as_bytes());
+        reader.records().map(|r| r.unwrap().iter().map(String::from).collect()).collect()
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 2000, failure_persistence: None, ..ProptestConfig::default() })]
+
+        /// What is no broken quote is read as the `csv` crate reads it from the whole text.
+        #[test]
+        fn rows_are_those_of_the_csv_crate(body in "[a1, \"\r\n]{0,60}") {
+            let text = format!("x,y\n{body}");
+            let (rows, faulty) = ours(&text);
+            if !faulty {
+                prop_assert_eq!(rows, by_the_crate(&text));
+            }
+        }
+
+        /// Well-formed cells come back as they were written, quotes and line breaks in them too.
+        #[test]
+        fn quoted_cells_come_back(cells in prop::collection::vec("[a1,\"\n]{1,9}", 1..12)) {
+            let quoted = |c: &String| format!("\"{}\"", c.replace('"', "\"\""));
+            let text = format!("x\n{}", cells.iter().map(|c| quoted(c) + "\n").collect::<String>());
+            let (rows, faulty) = ours(&text);
+            prop_assert!(!faulty);
+            let trimmed: Vec<Vec<String>> = cells.iter().map(|c| vec![c.trim().to_string()]).collect();
+            prop_assert_eq!(rows, trimmed);
+        }
+    }
+}

@@ -1,0 +1,152 @@
+//! Files with mistakes, made by chance: every reader is given files of the repository whose bytes were changed, and
+//! answers with a value or an error. It never panics, and it is never slow or greedy.
+//!
+//! `MESOPHYLL_MANGLED=100000 cargo test --workspace --test command_line mangled:: -- --nocapture` tries that many of
+//! each; a failure prints the seed that makes the same file again.
+
+use mesophyll::capture::dome::manifest::Manifest as DomeManifest;
+use mesophyll::capture::manifest::Manifest;
+use mesophyll::capture::synth::spec::Spec as LeafSpec;
+use mesophyll::files::table::{Record, Table};
+use mesophyll::files::{image, mesh};
+use mesophyll::fit::gloss::geometry::Geometry;
+use mesophyll::flora::grow::meadow::Meadow;
+use mesophyll::flora::grow::spec::Spec as PlantSpec;
+use mesophyll::record::FitRecord;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// Files of each reader, where nothing else is asked for: few enough for a test of seconds.
+const FEW: usize = 150;
+/// No file of these sizes keeps a reader longer, however loaded the machine is.
+const LONGEST: Duration = Duration::from_secs(20);
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Words that mean something to some reader, or are at an edge.
+const WORDS: [&[u8]; 20] = [
+    b"nan", b"inf", b"-1", b"0", b"1e308", b"1e-320", b"18446744073709551616", b"-9223372036854775808", b"\"", b"\n",
+    b"\r", b",", b"[[", b"]", b"=", b"\xff\xff\xff\xff", b"\0\0\0\0", b"\xff\xff\xff\x7f", b"../", b"\xc3\x28",
+];
+
+/// The bytes with some mistakes in them.
+fn mangled(bytes: &[u8], random: &mut Pcg64) -> Vec<u8> {
+    let mut made = bytes.to_vec();
+    for _ in 0..random.random_range(1..6) {
+        let at = random.random_range(0..made.len().max(1)).min(made.len());
+        let end = (at + random.random_range(0..40)).min(made.len());
+        match random.random_range(0..6) {
+            0 if at < made.len() => made[at] ^= 1 << random.random_range(0..8),
+            1 => made.truncate(at),
+            2 => drop(made.drain(at..end)),
+            3 => {
+                let piece = made[at..end].to_vec();
+                let to = random.random_range(0..=made.len());
+                made.splice(to..to, piece);
+            }
+            4 => drop(made.splice(at..at, WORDS[random.random_range(0..WORDS.len())].iter().copied())),
+            // A word in the place of a number or of bytes of the same length.
+            _ => {
+                let word = WORDS[random.random_range(0..WORDS.len())];
+                let end = (at + word.len()).min(made.len());
+                made.splice(at..end, word.iter().copied());
+            }
+        }
+    }
+    made
+}
+
+/// Gives `read` mangled copies of `seed`, under the seed's own name in a folder of their own. How many it took.
+#[track_caller]
+fn try_all(seed: &Path, read: impl Fn(&Path) -> bool) {
+    let count = std::env::var("MESOPHYLL_MANGLED").ok().and_then(|n| n.parse().ok()).unwrap_or(FEW);
+    let bytes = std::fs::read(seed).unwrap_or_else(|e| panic!("{}: {e}", seed.display()));
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join(seed.file_name().unwrap());
+    let (mut taken, mut slowest) = (0, Duration::ZERO);
+    std::fs::write(&file, &bytes).unwrap();
+    assert!(read(&file), "{}: the file as it is cannot be read", seed.display());
+    for number in 0..count as u64 {
+        std::fs::write(&file, mangled(&bytes, &mut Pcg64::seed_from_u64(number))).unwrap();
+        let clock = Instant::now();
+        let ended = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| read(&file)));
+        slowest = slowest.max(clock.elapsed());
+        let Ok(read) = ended else { panic!("{}: mistakes of seed {number} make the reader panic", seed.display()) };
+        assert!(slowest < LONGEST, "{}: mistakes of seed {number} keep the reader {slowest:?}", seed.display());
+        taken += usize::from(read);
+    }
+    println!("{}: {count} mangled, {taken} readable all the same, slowest {slowest:?}", seed.display());
+    // Mistakes that no reader notices would test nothing, and so would mistakes that none lets through.
+    assert!(taken < count, "{}: nothing was noticed", seed.display());
+}
+
+fn data(name: &str) -> PathBuf {
+    root().join("data").join(name)
+}
+
+fn rows(path: &Path) -> bool {
+    let Ok(mut table) = Table::open(path) else { return false };
+    let mut record = Record::default();
+    let width = table.header.len();
+    let mut whole = true;
+    loop {
+        match table.next_record(&mut record) {
+            Ok(true) => whole &= record.fault(width).is_none() && (0..width).all(|k| record.text(Some(k)).is_some()),
+            Ok(false) => return whole,
+            Err(_) => return false,
+        }
+    }
+}
+
+#[test]
+fn tables() {
+    try_all(&data("tables/samples.csv"), rows);
+    let quoted = tempfile::tempdir().unwrap();
+    let file = quoted.path().join("quoted.csv");
+    std::fs::write(&file, "leaf,note,x\n\"a, b\",\"says \"\"no\"\"\",1\n\"two\nlines\",,2.5\n").unwrap();
+    try_all(&file, rows);
+}
+
+#[test]
+fn descriptions() {
+    try_all(&data("leaves/elm.toml"), |p| LeafSpec::read(p).is_ok());
+    try_all(&data("plants/bird-cherry.toml"), |p| PlantSpec::read(p).is_ok());
+    try_all(&data("grass/clover.toml"), |p| Meadow::read(p).is_ok());
+    try_all(&data("tables/device.toml"), |p| Geometry::read(p).is_ok());
+    try_all(&root().join("fits/elm/fit.toml"), |p| {
+        // Whether it is the fit's own file is another question than whether it can be read.
+        FitRecord::read(p.parent().unwrap()).is_ok()
+    });
+    for scene in ["demo", "twig", "glossy-sky"] {
+        try_all(&data(&format!("scenes/{scene}.toml")), |p| mesophyll::manifest::Manifest::read(p).is_ok());
+    }
+}
+
+#[test]
+fn captures() {
+    let folder = tempfile::tempdir().unwrap();
+    let scan = crate::common::scan(folder.path(), "elm", &["--size", "16x12", "--frames", "8"]);
+    try_all(&scan.join("capture.toml"), |p| Manifest::read(p.parent().unwrap()).is_ok());
+    try_all(&scan.join("mask.exr"), |p| image::read_exr(p).is_ok());
+    try_all(&scan.join("front/x/0000.exr"), |p| image::read_exr(p).is_ok());
+    let dome = folder.path().join("dome");
+    let made = ["synth", "data/leaves/elm.toml", "--acquisition", "dome", "--size", "16x12", "-o"];
+    let out = crate::common::mesophyll().args(made).arg(&dome).output().unwrap();
+    crate::common::succeeded(&out);
+    try_all(&dome.join("capture.toml"), |p| DomeManifest::read(p.parent().unwrap()).is_ok());
+}
+
+#[test]
+fn meshes() {
+    try_all(&root().join("fits/elm/blade.glb"), |p| mesh::read(p, None).is_ok());
+    let folder = tempfile::tempdir().unwrap();
+    let plant = folder.path().join("plant.glb");
+    crate::common::succeeded(&crate::common::run(["grow", "data/grass/short.toml", "-o", plant.to_str().unwrap()]));
+    let small = std::fs::metadata(&plant).unwrap().len();
+    println!("a plant of {small} bytes");
+    try_all(&plant, |p| mesophyll::flora::file::read(p).is_ok());
+}
