@@ -29,8 +29,26 @@ fn root() -> &'static Path {
 
 /// Words that mean something to some reader, or are at an edge.
 const WORDS: [&[u8]; 20] = [
-    b"nan", b"inf", b"-1", b"0", b"1e308", b"1e-320", b"18446744073709551616", b"-9223372036854775808", b"\"", b"\n",
-    b"\r", b",", b"[[", b"]", b"=", b"\xff\xff\xff\xff", b"\0\0\0\0", b"\xff\xff\xff\x7f", b"../", b"\xc3\x28",
+    b"nan",
+    b"inf",
+    b"-1",
+    b"0",
+    b"1e308",
+    b"1e-320",
+    b"18446744073709551616",
+    b"-9223372036854775808",
+    b"\"",
+    b"\n",
+    b"\r",
+    b",",
+    b"[[",
+    b"]",
+    b"=",
+    b"\xff\xff\xff\xff",
+    b"\0\0\0\0",
+    b"\xff\xff\xff\x7f",
+    b"../",
+    b"\xc3\x28",
 ];
 
 /// The bytes with some mistakes in them.

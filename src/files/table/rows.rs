@@ -238,7 +238,8 @@ mod tests {
 
     /// The rows of a text, and whether a quote of it made no sense.
     fn ours(text: &str) -> (Vec<Vec<String>>, bool) {
-        let mut table = Table::from_reader(Box::new(std::io::Cursor::new(text.to_string())), PathBuf::from("-")).unwrap();
+        let mut table =
+            Table::from_reader(Box::new(std::io::Cursor::new(text.to_string())), PathBuf::from("-")).unwrap();
         let (mut rows, mut record, mut faulty) = (Vec::new(), Record::default(), false);
         while table.next_record(&mut record).unwrap() {
             faulty |= record.fault(record.len()).is_some();
