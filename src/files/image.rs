@@ -1,7 +1,7 @@
 //! Maps on disk: OpenEXR with named float channels (the truth) and 8-bit PNG (the preview).
 
 use crate::atomic::{self, Pending};
-use crate::{Error, Result};
+use crate::{Error, Result, memory};
 use exr::block::reader::ChunksReader;
 use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, LineOrder, SampleType, SmallVec,
@@ -95,6 +95,9 @@ fn info_of<R: std::io::Read + std::io::Seek>(path: &Path, reader: &exr::block::r
     })
 }
 
+/// From this many bytes of pixels on a reader asks whether there is memory for them: a broken header may say any size.
+const ASK_FOR_MEMORY: u64 = 1 << 28;
+
 /// Reads every channel of an EXR file; half and integer samples become float.
 pub fn read_exr(path: &Path) -> Result<Maps> {
     read_exr_rows(path, None, None)
@@ -133,6 +136,11 @@ pub fn read_exr_rows(path: &Path, names: Option<&[&str]>, rows: Option<Range<usi
             }
         }
         let count = info.width * rows.len();
+        let bytes = (count as u64).saturating_mul(4 * wanted.len() as u64);
+        if bytes > ASK_FOR_MEMORY {
+            let [w, h] = [info.width, rows.len()];
+            memory::require(bytes, &format!("{}: an image of {w}x{h} pixels", path.display()))?;
+        }
         let mut planes = vec![vec![0f32; count]; wanted.len()];
         let mut filled = 0usize;
         let chunks = reader

@@ -39,8 +39,8 @@ pub struct Stated {
     pub fades_to: Option<FadesTo>,
 }
 
-/// Autumn: chlorophyll falls by the same share in equal times, from what the leaf states at 0 s to what is stated here,
-/// and stays there.
+/// Autumn: chlorophyll falls exponentially with time, from what the leaf states at 0 s to what is stated here. Then it
+/// stays.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FadesTo {

@@ -127,26 +127,28 @@ impl Foliar {
         self.model
     }
 
-    /// What a renderer shows that knows matte leaves with a gloss: means under light from everywhere, and the gloss
-    /// nearest to what is reflected at the faces.
+    /// This leaf for a renderer that draws matte leaves with a gloss only: diffuse shares are means under light from
+    /// everywhere, and the gloss is the one nearest to what the faces reflect.
     pub fn stand_in(&self) -> StandIn {
-        let mean = |channel: usize, back: bool, reflected: bool| {
+        // ∫ 2 sin θ cos θ of what a row has, in whole degrees.
+        let mean = |back: bool, share: &dyn Fn(f64, &Row) -> f64| {
             let (mut sum, mut weight) = (0.0, 0.0);
             for k in 0..=90 {
-                // ∫ 2 sin θ cos θ
-                let w = (2.0 * (k as f64).to_radians()).sin();
-                let row = &self.table[if back { ROWS - 1 - k } else { k }];
-                sum += w * if reflected { row.turned + row.diffuse[channel] } else { row.through[channel] };
+                let angle = (k as f64).to_radians();
+                let w = (2.0 * angle).sin();
+                sum += w * share(angle, &self.table[if back { ROWS - 1 - k } else { k }]);
                 weight += w;
             }
             sum / weight
         };
-        let side = |back: bool| -> [f64; 3] { [0, 1, 2].map(|c| mean(c, back, true)) };
+        let side =
+            |back: bool| -> [f64; 3] { [0, 1, 2].map(|c: usize| mean(back, &|_, row| row.turned + row.diffuse[c])) };
         let (front, back) = (side(false), side(true));
-        // One number for both ways, with which neither side gives more than it gets.
+        // One number for both ways, with which neither side gives more than it gets, what the faces mirror included.
         let rho_t = [0, 1, 2].map(|c: usize| {
-            let both = 0.5 * (mean(c, false, false) + mean(c, true, false));
-            both.min(1.0 - front[c]).min(1.0 - back[c])
+            let mirrored = mean(false, &|angle, _| self.leaves[c].surface_reflectance(angle));
+            let both = 0.5 * (mean(false, &|_, row| row.through[c]) + mean(true, &|_, row| row.through[c]));
+            both.min(1.0 - mirrored - front[c]).min(1.0 - mirrored - back[c])
         });
         let (rho_s, m) = self.nearest_gloss();
         StandIn { rho_d: [front, back], rho_t, rho_s, m, index: self.leaves[1].n_cuticle }
