@@ -92,8 +92,8 @@ pub fn open(folder: &Path) -> Result<Slices> {
     })
 }
 
-/// How a fit differs from what a scene says it stands for, in words; `same` is the largest relative difference of figures
-/// that are the same.
+/// How a fit differs from what a scene says it stands for, in words. Two figures are taken for the same where their
+/// relative difference is at most `same`.
 ///
 /// # Errors
 /// As [`open`], and for a table of leaves that cannot be read.

@@ -111,7 +111,10 @@ fn fit(path: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
         [("method", METHOD), ("meadow", meadow_hash.as_str()), ("leaves", optics.as_str()), ("options", told.as_str())];
     let input_hash = maker::input_hash(input);
     let meadow = maker.phase("box tree", || Meadow::new(path, &plant, &leaves))?;
-    fits_memory(&meadow, options)?;
+    let [w, h] = *texels;
+    let count = counted(options, meadow.period)
+        .map_err(|told| Error::Usage(format!("--slices {n} with --texels {w}x{h} makes {told}")))?;
+    fits_memory(count, "a fit")?;
     if let Some(found) = maker.up_to_date(input_hash, options.force)? {
         return Ok(found);
     }
@@ -186,25 +189,36 @@ fn remove(folder: &Path, name: &str) -> Result<()> {
     Ok(())
 }
 
-/// Refuses more texels than a fit may have, or than there is memory for.
-fn fits_memory(meadow: &Meadow, options: &Options) -> Result<()> {
-    let Options { slices: n, texels: [w, h], .. } = options;
-    let level = if options.level { sheet::area(level_cell(meadow.period, options), 1) } else { 0 };
-    let texels = sheet::area(options.texels, 2 * n) + level;
+/// Texels of the slices that options make of a meadow with this rectangle (mm), with borders and coarser levels.
+///
+/// # Errors
+/// The found and the expected number in words, where there are more than slices may have.
+pub fn counted(options: &Options, period: [f64; 2]) -> std::result::Result<usize, String> {
+    let texels = texels(options, period);
     if texels > MOST_TEXELS {
-        return Err(Error::Usage(format!(
-            "--slices {n} with --texels {w}x{h} makes {:.1} million texels; expected at most {:.1} million",
-            texels as f64 / 1e6,
-            MOST_TEXELS as f64 / 1e6
-        )));
+        let [found, most] = [texels, MOST_TEXELS].map(|n| n as f64 / 1e6);
+        return Err(format!("{found:.1} million texels; expected at most {most:.1} million"));
     }
-    memory::require((BYTES_A_TEXEL * texels) as u64, &format!("a fit of {:.1} million texels", texels as f64 / 1e6))
+    Ok(texels)
+}
+
+/// Refuses so many texels where there is not the memory to make them; `what` is made.
+///
+/// # Errors
+/// [`Error::Usage`] with the memory that is needed and that is available.
+pub fn fits_memory(texels: usize, what: &str) -> Result<()> {
+    let told = format!("{what} of {:.1} million texels", texels as f64 / 1e6);
+    memory::require((BYTES_A_TEXEL * texels) as u64, &told)
+}
+
+fn texels(options: &Options, period: [f64; 2]) -> usize {
+    let level = if options.level { sheet::area(level_cell(period, options), 1) } else { 0 };
+    sheet::area(options.texels, 2 * options.slices) + level
 }
 
 /// Bytes on a graphics adapter of the slices that options make of a meadow with this rectangle (mm).
 pub fn bytes(options: &Options, period: [f64; 2]) -> usize {
-    let level = if options.level { sheet::area(level_cell(period, options), 1) } else { 0 };
-    sheet::BYTES * (sheet::area(options.texels, 2 * options.slices) + level)
+    sheet::BYTES * texels(options, period)
 }
 
 /// Takes all pictures, part by part.

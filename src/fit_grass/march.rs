@@ -184,7 +184,8 @@ impl Slices {
         out
     }
 
-    /// Share of the light from `to` (unit) that arrives at what a ray along `d` sees of a slice.
+    /// Share of the light from `to` (unit) that arrives at what a ray along `d` sees of a slice: none from the horizon or
+    /// from below it, where the ground is in the way.
     ///
     /// The blade is off the slice, somewhere in its slab: a picture shows those that are nearest to the eye. Other
     /// slices are crossed from there. Of an upright slab, blades between it and the side that the ray sees are none;
@@ -192,6 +193,9 @@ impl Slices {
     /// level slice is the whole layer: what stands before the blade is none towards the eye only. Towards another
     /// direction it is what stands there in the mean.
     pub fn arriving(&self, crossing: &Crossing, texel: &[f64; CHANNELS], d: DVec3, to: DVec3, level: f64) -> f64 {
+        if to.z <= 0.0 {
+            return 0.0;
+        }
         let weights = self.weights(to);
         let axis = crossing.across as usize;
         let [thick, weight] = match crossing.across {

@@ -1,6 +1,6 @@
 //! Light on lawns: the pass beside path-traced blades, under other skies, with slices of a fit; lawns that are hard.
 
-use crate::grass_pass::{GRASS, GROUND, SIDE, cameras, file, lawn, lawn_of, renderer};
+use crate::grass_pass::{GRASS, GROUND, SIDE, cameras, even, file, lawn, lawn_of, renderer};
 use glam::{Vec2, Vec3};
 use mesophyll::fit_grass;
 use mesophyll::manifest::Manifest;
@@ -12,7 +12,7 @@ use mesophyll::scene::loaded::Scene;
 use mesophyll::scene::placed::leaf::Search;
 use mesophyll::transport;
 use mesophyll_viewer::Renderer;
-use mesophyll_viewer::scene::{Camera, Dome, Grass, GrassSheet, Scene as Drawn};
+use mesophyll_viewer::scene::{Camera, Dome, Grass, Scene as Drawn};
 use std::f32::consts::PI;
 use std::sync::Arc;
 
@@ -68,10 +68,17 @@ fn off(renderer: &mut Renderer, sun: &str, sky: &str) -> (Vec<[f64; 3]>, f64, f6
     (all, rms, mean)
 }
 
-/// What docs/grass.md says of sunlit slices at these elevations (15, 23 and 5 %), root mean square. No direction is off by
-/// more than twice the largest of them, and the mean over all by half of the root mean square.
-const STATED: f64 = 0.17;
-const LARGEST: f64 = 2.0 * 0.23;
+/// What docs/grass.md says of sunlit slices, direction by direction: 12 and 18 % at 10° and 20°, 23 % at 45°, 7 and 2 % at
+/// 75° and 90°. Between these, 15 % at 15° and 5 % at 80°. The root mean square over the six directions (three, two and one
+/// at these elevations) is 17 %. No direction may be off by more than twice the largest of the figures, and the mean over
+/// all by more than half of the root mean square.
+const SUNLIT: f64 = 0.17;
+const SUNLIT_LARGEST: f64 = 2.0 * 0.23;
+/// What docs/grass.md says of an even sky alone: the root mean square over directions and channels, and the largest of the
+/// directions in green. They may grow by a quarter (other adapters, other random numbers); the mean is held to half of the
+/// root mean square. The figures were measured by this very test, so that it guards them and does not judge them.
+const EVEN: f64 = 1.25 * 0.064;
+const EVEN_LARGEST: f64 = 1.25 * 0.12;
 
 #[test]
 fn the_pass_is_as_bright_as_path_traced_blades() {
@@ -79,8 +86,8 @@ fn the_pass_is_as_bright_as_path_traced_blades() {
     let sun = "[sun]\nzenith_deg = 45\nazimuth_deg = 65\n";
     let sky = "model = \"preetham\"\nturbidity = 3\nground_albedo = [0.1, 0.1, 0.1]";
     let (all, rms, mean) = off(&mut renderer, sun, sky);
-    assert!(all.as_flattened().iter().all(|v| v.abs() < LARGEST), "{all:?}");
-    assert!(rms < STATED && mean.abs() < 0.5 * STATED, "root mean square {rms}, mean {mean}");
+    assert!(all.as_flattened().iter().all(|v| v.abs() < SUNLIT_LARGEST), "{all:?}");
+    assert!(rms < SUNLIT && mean.abs() < 0.5 * SUNLIT, "root mean square {rms}, mean {mean}");
 }
 
 /// The sky alone, without a sun.
@@ -88,7 +95,8 @@ fn the_pass_is_as_bright_as_path_traced_blades() {
 fn the_pass_is_as_bright_under_an_overcast_sky() {
     let Some(mut renderer) = renderer() else { return };
     let (all, rms, mean) = off(&mut renderer, "", "radiance = [1, 1, 1]");
-    assert!(rms < STATED && mean.abs() < 0.5 * STATED, "{all:?}: root mean square {rms}, mean {mean}");
+    assert!(all.iter().all(|v| v[1].abs() < EVEN_LARGEST), "{all:?}");
+    assert!(rms < EVEN && mean.abs() < 0.5 * EVEN, "root mean square {rms}, mean {mean}");
 }
 
 /// A sky of harmonics that is the same everywhere is a constant sky: the lower half is taken out of it again.
@@ -148,17 +156,6 @@ fn a_lawn_takes_the_slices_of_a_fit() {
     std::fs::write(dir.path().join("meadow.toml"), meadow.replace("per_m2 = ", "per_m2 = 1")).unwrap();
     let told = open().unwrap_err().to_string();
     assert!(told.contains("is of another meadow") && told.contains("fits it again"), "{told}");
-}
-
-/// The same sheet with one opacity everywhere, of white blades without transmittance that look up.
-fn even(sheet: &GrassSheet, opacity: f32) -> GrassSheet {
-    let mut out = sheet.clone();
-    for level in &mut out.levels {
-        let n = level.planes[0].len();
-        let (normal, rho) = ([0.0, 0.0, opacity, opacity], [opacity, opacity, opacity, 0.5 * opacity]);
-        level.planes = [vec![normal; n], vec![rho; n], vec![rho; n], vec![[0.0; 4]; n]];
-    }
-    out
 }
 
 /// Lawns of opacity 0 and 1, of one slice, of one step, seen from below and past their edges: every radiance is finite, and

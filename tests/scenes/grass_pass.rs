@@ -4,14 +4,14 @@ use crate::common;
 use crate::skips::{self, Need};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 use mesophyll::fit_grass::judge::{lit, seen};
-use mesophyll::fit_grass::march::{Crossing, Slices};
+use mesophyll::fit_grass::march::{Across, Crossing, Slices};
 use mesophyll::fit_grass::sheet::CHANNELS;
 use mesophyll::manifest::Manifest;
 use mesophyll::scene::draw::handover;
 use mesophyll::scene::ledger::Ledger;
 use mesophyll::scene::loaded::Scene;
 use mesophyll::scene::placed::leaf::Search;
-use mesophyll_viewer::scene::{Camera, Material, Mesh, Opaque, Scene as Drawn, Sun};
+use mesophyll_viewer::scene::{Camera, Grass, GrassSheet, Material, Mesh, Opaque, Scene as Drawn, Sun};
 use mesophyll_viewer::{Backend, Error, Options, Renderer};
 use std::f64::consts::PI;
 use std::ops::Range;
@@ -162,6 +162,17 @@ fn agree(what: &str, half: bool, drawn: &[[f32; 4]], right: &[[f64; 3]]) {
     );
 }
 
+/// The same sheet with one opacity everywhere, of white blades without transmittance that look up.
+pub fn even(sheet: &GrassSheet, opacity: f32) -> GrassSheet {
+    let mut out = sheet.clone();
+    for level in &mut out.levels {
+        let n = level.planes[0].len();
+        let (normal, rho) = ([0.0, 0.0, opacity, opacity], [opacity, opacity, opacity, 0.5 * opacity]);
+        level.planes = [vec![normal; n], vec![rho; n], vec![rho; n], vec![[0.0; 4]; n]];
+    }
+    out
+}
+
 #[test]
 fn the_pass_is_its_twin_in_double_precision() {
     twins(Backend::Any, 0..7);
@@ -250,6 +261,79 @@ fn a_plate_in_the_grass_is_hidden_where_opacity_passes_one_half() {
     assert!(shown > 500 && hidden > 500, "{shown} pixels show the plate, {hidden} do not");
 }
 
+/// The ground hides a sun below the horizon, whose light would come to the blades through it.
+#[test]
+fn a_sun_below_the_horizon_lights_no_blade() {
+    let Some(mut renderer) = renderer() else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let (mut drawn, slices) = lawn(dir.path());
+    let (origin, middle) = (drawn.grass[0].origin, Vec3::new(32.3, -16.1, 4.0));
+    for camera in &cameras(middle, slices.height as f32) {
+        for zenith in [80.0f64, 130.0] {
+            let (sin, cos) = zenith.to_radians().sin_cos();
+            let sun = DVec3::new(0.6 * sin, 0.8 * sin, cos);
+            drawn.sun = Some(Sun { direction: sun.as_vec3(), irradiance: [PI as f32; 3], radius: 0.0 });
+            renderer.set_scene(&drawn).unwrap();
+            let seen = renderer.render(camera, SIDE, SIDE).unwrap().hdr;
+            let dark = seen.iter().all(|p| p[..3] == [0.0; 3]);
+            assert_eq!(dark, zenith > 90.0, "sun at {zenith}°, {camera:?}");
+            let colour = |c: &Crossing, t: &[f64; CHANNELS], d: DVec3| lit(&slices, c, t, d, sun, 0.0);
+            let right = twin(&slices, camera, origin, colour, |_| 0.0);
+            assert_eq!(right.iter().all(|p| p.0 == [0.0; 3]), zenith > 90.0, "twin, sun at {zenith}°");
+        }
+    }
+}
+
+/// With one step, a ray that has more slices ahead shows the colour of the blades that it gathered, however few; one that
+/// crosses one slice or none on its way to the ground shows the ground behind them.
+#[test]
+fn a_ray_that_is_cut_off_shows_the_colour_that_it_gathered() {
+    let Some(mut renderer) = renderer() else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let (mut drawn, mut slices) = lawn(dir.path());
+    let middle = Vec3::new(32.3, -16.1, 4.0);
+    // Blades of reflectance 1 that look up, everywhere as thin as this, under a sky of 1: their colour is 1.
+    let opacity = 0.002;
+    let base = drawn.grass[0].as_ref().clone();
+    let thin = Grass {
+        upright: even(&base.upright, opacity),
+        level: base.level.as_ref().map(|l| even(l, opacity)),
+        cover: [opacity; 17],
+        level_cover: opacity,
+        steps: 1,
+        open: [1.0; 17],
+        soil_open: 1.0,
+        scatter: [0.0; 3],
+        ..base
+    };
+    let origin = thin.origin;
+    (drawn.grass, drawn.sky) = (vec![Arc::new(thin)], Some([1.0; 3]));
+    slices.cover = ([f64::from(opacity); 17], f64::from(opacity));
+    let (mut filled, mut open) = (0, 0);
+    for camera in &cameras(middle, slices.height as f32) {
+        renderer.set_scene(&drawn).unwrap();
+        let picture = renderer.render(camera, SIDE, SIDE).unwrap().hdr;
+        let mut wrong = Vec::new();
+        for (pixel, (o, d)) in picture.iter().zip(rays(camera, origin, slices.height)) {
+            let crossed: Vec<Crossing> = slices.crossings(o, d, None).take(2).collect();
+            let [upright, level] = slices.weights(d);
+            let gathered = crossed.first().map_or(0.0, |c| {
+                let weight = if c.across == Across::Z { level } else { upright };
+                1.0 - (1.0 - f64::from(opacity)).powf(weight)
+            });
+            let cut = crossed.len() > 1 && gathered >= 1e-3;
+            let right = if cut { 1.0 } else { gathered + (1.0 - gathered) * SOIL[0] };
+            *(if cut { &mut filled } else { &mut open }) += 1;
+            if (f64::from(pixel[0]) - right).abs() > 2e-3 {
+                wrong.push((pixel[0], right, gathered, crossed.len()));
+            }
+        }
+        // A few rays pass so close to an edge that single precision counts another slice.
+        assert!(wrong.len() <= 12, "{camera:?}: {} pixels, {:?}", wrong.len(), &wrong[..3]);
+    }
+    assert!(filled > 500 && open > 500, "{filled} pixels are filled, {open} show the ground");
+}
+
 #[test]
 fn a_scene_without_grass_has_nothing_of_the_pass() {
     let Some(mut renderer) = renderer() else { return };
@@ -277,6 +361,15 @@ fn mistakes_about_a_lawn_are_one_sentence() {
         (GRASS.to_string(), "", "scene.toml:3: grass: given without a [ground]"),
         (GRASS.replace("[401, 401]", "[0, 401]"), GROUND, "grass.tiles: found [0, 401], expected 1 to 1000000"),
         (GRASS.replace("[64, 16]", "[60, 16]"), GROUND, "grass.texels: found [60, 16], expected powers of two"),
+        (
+            GRASS.replace("slices = 5", "slices = 64").replace("[64, 16]", "[1024, 1024]"),
+            GROUND,
+            "scene.toml: grass \"lawn\": texels: found [1024, 1024], which with slices = 64 makes ",
+        ),
+        (GRASS.replace("[31, -17]", "[1e300, 0]"), GROUND, "grass.position_mm: found [1e300, 0.0], expected numbers"),
+        (GRASS.replace("[31, -17]", "[nan, 0]"), GROUND, "grass.position_mm: found [NaN, 0.0], expected numbers from "),
+        (GRASS.replace("[401, 401]", "[9223372036854775807, 2]"), GROUND, "807, 2], expected 1 to 1000000 rectangles"),
+        (GRASS.replace("[401, 401]", "[1000000, 1]"), GROUND, "reaches 60000031 mm from the origin; expected at most"),
         (GRASS.replace("steps = 256", "steps = 0"), GROUND, "grass.steps: found 0, expected 1 to 256 slices"),
         (GRASS.replace("slices = 5", &fit), GROUND, "grass.texels: given beside a fit"),
         (GRASS.replace("slices = 5\ntexels = [64, 16]", &fit), GROUND, "there is no fit at "),
@@ -285,10 +378,13 @@ fn mistakes_about_a_lawn_are_one_sentence() {
     ] {
         let path = file(dir.path(), &grass, more);
         let out = dir.path().join("out");
-        let output = common::run(["render", path.to_str().unwrap(), "-o", out.to_str().unwrap()]);
-        let told = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert_eq!(output.status.code(), Some(2), "{said}: {told}");
-        assert!(told.contains(said) && told.lines().count() == 1, "{said}: {told}");
+        let (scene, folder) = (path.to_str().unwrap(), out.to_str().unwrap());
+        for words in [vec!["render", scene, "-o", folder], vec!["plan", scene]] {
+            let output = common::run(words);
+            let told = String::from_utf8_lossy(&output.stderr).into_owned();
+            assert_eq!(output.status.code(), Some(2), "{said}: {told}");
+            assert!(told.contains(said) && told.lines().count() == 1, "{said}: {told}");
+        }
         assert_eq!(std::fs::read_dir(&out).map_or(0, Iterator::count), 0, "something was written");
     }
 }

@@ -5,6 +5,8 @@ use crate::Result;
 
 /// Rectangles of a lawn; each is an instance for the path tracer.
 const MOST_TILES: usize = 1_000_000;
+/// How far from the origin a lawn's middle may be along x or y (mm): single precision has steps of 1/16 mm there.
+const FARTHEST: f64 = 1e6;
 /// As the renderer has it.
 const MOST_STEPS: f64 = 256.0;
 
@@ -36,7 +38,10 @@ pub fn grass(p: &Place) -> Result<()> {
         {
             return Err(p.error(HEADER, i, "texels", format!("found {texels:?}, expected powers of two, 4 to 1024")));
         }
-        p.finite(HEADER, i, "position_mm", &grass.position_mm)?;
+        if !grass.position_mm.iter().all(|v| v.abs() <= FARTHEST) {
+            let found = format!("found {:?}, expected numbers from -{FARTHEST:.0} to {FARTHEST:.0}", grass.position_mm);
+            return Err(p.error(HEADER, i, "position_mm", found));
+        }
         p.range(HEADER, i, "steps", grass.steps as f64, [1.0, MOST_STEPS], "slices")?;
         let tiles = grass.tiles[0].saturating_mul(grass.tiles[1]);
         if !(1..=MOST_TILES).contains(&tiles) {

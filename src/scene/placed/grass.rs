@@ -6,7 +6,7 @@ use glam::{DMat4, DVec3};
 use mesophyll_fit_grass::blades::Meadow;
 use mesophyll_fit_grass::march::Slices;
 use mesophyll_fit_grass::optics::{self, Leaves};
-use mesophyll_fit_grass::{Options, baked, folder, plant, weights};
+use mesophyll_fit_grass::{Options, baked, counted, fits_memory, folder, plant, weights};
 use mesophyll_flora::form::Plant;
 use mesophyll_manifest::{Grass as Config, Manifest};
 use std::path::PathBuf;
@@ -18,6 +18,8 @@ const RAYS: usize = 3;
 const ENTRIES: usize = 24;
 /// Where the file of a scene does not say.
 const TEXELS: [usize; 2] = [128, 32];
+/// No lawn reaches farther from the origin along x or y (mm): single precision has steps of 1/16 mm there.
+const FARTHEST: f64 = 1e6;
 /// A fit's figures are those of its meadow to so many parts: a glTF file holds single precision.
 const SAME: f64 = 1e-3;
 
@@ -47,7 +49,7 @@ pub struct Grass {
 ///
 /// # Errors
 /// [`Error::Input`] for a meadow or a table that cannot be read, a meadow that does not repeat, a material that the table
-/// does not have, and for a fit that is not there.
+/// does not have, a fit that is not there, slices of more texels than a fit may have, and for a lawn that reaches too far.
 pub fn lawns(manifest: &Manifest, ledger: &Ledger) -> Result<Vec<Grass>> {
     manifest.grass.iter().enumerate().map(|(index, config)| lawn(manifest, index, config, ledger)).collect()
 }
@@ -75,6 +77,23 @@ fn lawn(manifest: &Manifest, index: usize, config: &Config, ledger: &Ledger) -> 
         let told = format!("there is no fit at {fit}; `mesophyll fit grass {meadow} -o {fit}` makes it");
         return Err(field(manifest, config, "fit", told));
     }
+    if config.fit.is_none() {
+        let options = options(config);
+        let ([w, h], n) = (options.texels, options.slices);
+        counted(&options, period).map_err(|told| {
+            field(manifest, config, "texels", format!("found [{w}, {h}], which with slices = {n} makes {told}"))
+        })?;
+    }
+    let reach = |k: usize| config.position_mm[k].abs() + 0.5 * config.tiles[k] as f64 * period[k];
+    let farthest = reach(0).max(reach(1));
+    if farthest > FARTHEST {
+        let told = format!(
+            "found {:?} rectangles of {} x {} mm, with which the lawn reaches {farthest:.0} mm from the origin; expected \
+             at most {FARTHEST:.0} mm",
+            config.tiles, period[0], period[1]
+        );
+        return Err(field(manifest, config, "tiles", told));
+    }
     let first = |k: usize| config.position_mm[k] - 0.5 * (config.tiles[k] - 1) as f64 * period[k];
     let height = manifest.ground.as_ref().map_or(0.0, |g| g.height_mm);
     Ok(Grass {
@@ -88,6 +107,17 @@ fn lawn(manifest: &Manifest, index: usize, config: &Config, ledger: &Ledger) -> 
         path,
         slices: OnceLock::new(),
     })
+}
+
+/// How slices are made where there is no fit.
+fn options(config: &Config) -> Options {
+    Options {
+        slices: config.slices.unwrap_or(Options::default().slices),
+        texels: config.texels.unwrap_or(TEXELS),
+        rays: RAYS,
+        entries: ENTRIES,
+        ..Options::default()
+    }
 }
 
 fn field(manifest: &Manifest, config: &Config, key: &str, told: String) -> Error {
@@ -106,20 +136,14 @@ impl Grass {
 
     /// How slices are made where there is no fit.
     pub fn options(&self, manifest: &Manifest) -> Options {
-        let config = &manifest.grass[self.index];
-        Options {
-            slices: config.slices.unwrap_or(Options::default().slices),
-            texels: config.texels.unwrap_or(TEXELS),
-            rays: RAYS,
-            entries: ENTRIES,
-            ..Options::default()
-        }
+        options(&manifest.grass[self.index])
     }
 
     /// The slices, opened or made when they are first asked for.
     ///
     /// # Errors
-    /// [`Error::Input`] for a damaged fit, or one of another meadow or with another table of leaves.
+    /// [`Error::Input`] for a damaged fit, or one of another meadow or with another table of leaves, and where there is
+    /// not the memory to make slices.
     pub fn slices(&self, manifest: &Manifest, ledger: &Ledger) -> Result<Arc<Slices>> {
         if let Some(known) = self.slices.get() {
             return Ok(Arc::clone(known));
@@ -139,6 +163,9 @@ impl Grass {
             }
             None => {
                 let options = self.options(manifest);
+                let texels = |told: String| field(manifest, config, "texels", told);
+                let count = counted(&options, self.period).map_err(texels)?;
+                fits_memory(count, "making slices").map_err(|e| texels(e.to_string()))?;
                 ledger.note("make", format!("{} slices", self.name), 0, || {
                     let mut slices = baked(&meadow, &options);
                     weights::fit(&meadow, &mut slices, options.entries).map(|_| slices)

@@ -35,6 +35,8 @@ const NOTHING: u32 = 3u;
 const FAR: f32 = 1e30;
 // Below this a ray counts as stopped.
 const STOPPED: f32 = 1e-4;
+// A ray that gathered less than this has no colour that could stand for the rest.
+const LITTLE: f32 = 1e-3;
 
 @group(1) @binding(0) var<uniform> grass: Grass;
 @group(1) @binding(1) var upright_slices: texture_2d_array<f32>;
@@ -295,11 +297,16 @@ fn grass_fragment(@builtin(position) position: vec4f) -> GrassOut {
     var left = 1.0;
     var seen = Both(vec3f(0.0), vec3f(0.0));
     var depth = -1.0;
-    var more = true;
-    for (var i = 0u; i < STEPS; i++) {
+    // Where the ray was cut off although there are more slices ahead.
+    var cut = -1.0;
+    // One more than the steps: it tells whether there are more slices.
+    for (var i = 0u; i <= STEPS; i++) {
         let c = following(&walk);
         if (c.across == NOTHING) {
-            more = false;
+            break;
+        }
+        if (i == STEPS) {
+            cut = c.t;
             break;
         }
         let w = select(weight.x, weight.y, c.across == ACROSS_Z);
@@ -330,11 +337,14 @@ fn grass_fragment(@builtin(position) position: vec4f) -> GrassOut {
         //#endif
         //#if SUN
         let to = frame.sun_direction.xyz;
-        let cosine = dot(normal, to);
-        let arrives = arriving_at(c, reflects.w / what.w, d, to, level);
-        let e = frame.sun_irradiance.rgb * 0.318309886;
-        seen.sun += kept * select(lets_through, reflects.rgb, cosine > 0.0) * abs(cosine) * arrives * e;
-        seen.sun += both * (1.0 - 0.5 * opens) * around(stands, e * scattered * table(SUNLIT, stands));
+        // The ground hides a sun that is at the horizon or below it.
+        if (to.z > 0.0) {
+            let cosine = dot(normal, to);
+            let arrives = arriving_at(c, reflects.w / what.w, d, to, level);
+            let e = frame.sun_irradiance.rgb * 0.318309886;
+            seen.sun += kept * select(lets_through, reflects.rgb, cosine > 0.0) * abs(cosine) * arrives * e;
+            seen.sun += both * (1.0 - 0.5 * opens) * around(stands, e * scattered * table(SUNLIT, stands));
+        }
         //#endif
         left *= 1.0 - share * what.w;
         if (left <= 0.5 && depth < 0.0) {
@@ -345,17 +355,26 @@ fn grass_fragment(@builtin(position) position: vec4f) -> GrassOut {
         }
     }
 
-    // Behind the blades is the ground. A ray that leaves the lawn on its side, or that crossed as many slices as it may,
-    // goes on as what it gathered.
+    // A ray that was cut off is filled with the mean colour of the blades that it gathered. One that leaves the lawn on
+    // its side is filled in the same way where blades stop more than half of its light. Behind all others is the ground,
+    // or nothing of the lawn.
     let ground = d.z < 0.0 && abs(origin.z + d.z * end) < 1e-3 * grass.base.w;
     let opacity = 1.0 - left;
     var at = depth;
-    if (left >= STOPPED && ((ground && !more) || opacity < 1e-3)) {
-        if (!ground) {
-            discard;
+    let filled = left < STOPPED || (cut >= 0.0 && opacity >= LITTLE) || (!ground && opacity >= 0.5);
+    if (!filled && !ground) {
+        discard;
+    }
+    if (filled) {
+        seen.sky /= opacity;
+        seen.sun /= opacity;
+        if (at < 0.0) {
+            at = cut;
         }
+    } else {
         let place = origin + d * end;
-        var soil = Both(grass.shown.z * overhead + (1.0 - grass.shown.z) * around(0.0, entry(OPEN, 0u) * overhead), vec3f(0.0));
+        let sheltered = around(0.0, entry(OPEN, 0u) * overhead);
+        var soil = Both(mix(sheltered, overhead, grass.shown.z), vec3f(0.0));
         //#if SUN
         let to = frame.sun_direction.xyz;
         if (to.z > 0.0) {
@@ -370,15 +389,6 @@ fn grass_fragment(@builtin(position) position: vec4f) -> GrassOut {
         if (at < 0.0) {
             // A little before the ground that the scene draws in the same place.
             at = end - 0.01 * grass.base.w / max(-d.z, 0.05);
-        }
-    } else {
-        if (opacity < 0.5 && !more) {
-            discard;
-        }
-        seen.sky /= opacity;
-        seen.sun /= opacity;
-        if (at < 0.0) {
-            at = end;
         }
     }
     let world = grass.base.xyz + origin + d * at;
