@@ -97,6 +97,7 @@ pub fn film(scene: &mut Scene, options: &Options, ledger: &Ledger) -> Result<(Fi
     // The transfer changes pictures too, and so may another version of this program.
     let between = scene.transfer.as_ref().map_or("", |t| &t.record.record_hash);
     let made_from = made_from(scene, &view)?;
+    let lawns = lawns(scene)?;
     let film = Film {
         film: scene.manifest.name.clone(),
         view: view.name.clone(),
@@ -104,12 +105,16 @@ pub fn film(scene: &mut Scene, options: &Options, ledger: &Ledger) -> Result<(Fi
         from: options.from,
         fps: options.fps,
         frames,
-        made_from: hash::combine([
-            ("scene", made_from.as_str()),
-            ("transfer", between),
-            ("adapter", drawer.as_str()),
-            ("version", env!("CARGO_PKG_VERSION")),
-        ]),
+        made_from: hash::combine(
+            [
+                ("scene", made_from.as_str()),
+                ("transfer", between),
+                ("adapter", drawer.as_str()),
+                ("version", env!("CARGO_PKG_VERSION")),
+            ]
+            .into_iter()
+            .chain(lawns.iter().map(|(name, record)| (*name, record.as_str()))),
+        ),
     };
     claim_frames(&film, options)?;
 
@@ -170,6 +175,13 @@ impl Options {
         }
         Ok(count.max(1.0) as u32)
     }
+}
+
+/// The record of every fit of slices, by the lawn's name. Only a film is drawn with them: a path-traced picture has blades.
+fn lawns(scene: &Scene) -> Result<Vec<(&str, String)>> {
+    let manifest = &scene.manifest;
+    let fitted = manifest.grass.iter().filter_map(|g| Some((g.name.as_str(), manifest.resolve(g.fit.as_ref()?))));
+    fitted.map(|(name, fit)| Ok((name, hash::file(&fit.join("fit.toml"))?))).collect()
 }
 
 /// Writes the record of a new film, and finds the same one there.

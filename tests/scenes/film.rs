@@ -1,6 +1,7 @@
 //! A film of a scene: what its frames show, how it goes on, what is refused.
 
 use crate::common::skips::{Need, skip};
+use mesophyll::fit_grass;
 use mesophyll::manifest::Manifest;
 use mesophyll::scene::draw::handover;
 use mesophyll::scene::{ledger::Ledger, loaded::Scene, placed::leaf::Search};
@@ -100,6 +101,33 @@ fn a_film_that_cannot_be_drawn_says_why() {
     refused(&["--fps", "0"], "expected a number above 0");
     refused(&["--size", "40"], "expected WIDTHxHEIGHT");
     refused(&["--view", "w"], "found \"w\", expected one of the scene's views (v)");
+}
+
+/// Slices that are fitted again are not mixed with those of an earlier film.
+#[test]
+fn a_film_knows_the_slices_of_its_lawn() {
+    if Renderer::headless(&Options::default()).is_err() {
+        return skip(Need::Adapter, "no adapter draws a film");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let meadow = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("data/grass/lawn.toml")).unwrap();
+    let small = meadow.replace("size_mm = [400, 400]", "size_mm = [60, 60]");
+    assert!(small != meadow);
+    std::fs::write(folder.path().join("meadow.toml"), small).unwrap();
+    let fit = |slices: usize| {
+        let options = fit_grass::Options { slices, texels: [16, 8], rays: 1, entries: 4, ..Default::default() };
+        fit_grass::run(&folder.path().join("meadow.toml"), &folder.path().join("slices"), &options).unwrap();
+    };
+    fit(2);
+    let lawn = "[[grass]]\nname = \"lawn\"\nmeadow = \"meadow.toml\"\nfit = \"slices\"\ntiles = [2, 2]\n[ground]\nalbedo \
+                = [0, 0, 0]\nreach_mm = 1000\n";
+    scene(folder.path(), &format!("{WIND}{lawn}"));
+    let draw = || film(folder.path(), &["--to", "0.1", "--fps", "10", "--size", "8x8"]);
+    assert_eq!(draw().0, Some(0));
+    assert_eq!(draw().0, Some(0));
+    fit(3);
+    let (code, told) = draw();
+    assert!(code == Some(2) && told.contains("or of a scene, fit or adapter that has changed since"), "{told}");
 }
 
 /// A leaf that fades: its film turns from green to yellow and stays as it is from `at_s` on.
