@@ -29,7 +29,7 @@ pub struct Args {
     /// Format; a number is the last time of an animation, as --until has it
     #[arg(long, value_parser = FormatOrTime, value_name = "FORMAT", required = true, allow_negative_numbers = true)]
     to: Vec<To>,
-    /// File to write, `-` for standard output; with png and packed a folder
+    /// File to write, `-` for standard output; with png, packed and pivots a folder
     #[arg(short, long = "out", alias = "output", value_name = "PATH")]
     output: PathBuf,
     /// Scene: when its plants are seen (s); the wind's own time when absent
@@ -38,11 +38,11 @@ pub struct Args {
     /// Scene: first time (s) of an animation of its plants
     #[arg(long, value_name = "S", allow_negative_numbers = true, conflicts_with = "time")]
     from: Option<f64>,
-    /// Scene: last time (s) of the animation
+    /// Scene: end of the animation (s); its last key is the last step at or before it
     #[arg(long, value_name = "S", allow_negative_numbers = true, requires = "from")]
     until: Option<f64>,
     /// Scene: between two keys of the animation (s)
-    #[arg(long, value_name = "S", default_value_t = 0.04, requires = "from")]
+    #[arg(long, value_name = "S", default_value_t = 0.04, allow_negative_numbers = true, requires = "from")]
     step: f64,
     /// Sky: only the numbers of this sun (angle from the zenith), no polynomial
     #[arg(long, value_name = "DEG", requires = "turbidity")]
@@ -141,7 +141,8 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     }
     if scene && !matches!(format, Format::Gltf | Format::Pivots) {
         return Err(Error::Usage(format!(
-            "--to {}: {} is a scene, whose plants can be exported as gltf or pivots; expected a fit folder for other formats",
+            "--to {}: {} is a scene, whose plants can be exported as gltf or pivots; expected a fit folder for other \
+             formats",
             format.name(),
             args.folder.display()
         )));

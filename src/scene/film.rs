@@ -1,4 +1,5 @@
-//! A film: a scene's picture at every step of time, as the wind moves it and autumn colours it, drawn by the real-time renderer, a PNG a frame.
+//! A film: a scene's picture at every step of time, as the wind moves it and autumn colours it, drawn by the real-time
+//! renderer, a PNG a frame.
 //!
 //! A film that was stopped goes on: a frame is written whole or not at all, and the record beside the frames says what
 //! they show.

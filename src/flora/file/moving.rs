@@ -105,21 +105,23 @@ impl Nodes<'_> {
     }
 }
 
-/// Writes `path` (.glb), whole or not at all: `plant` at rest with an animation over `times` (s, rising). `motions` gives
-/// at one of them how each of `carried.on` moves from rest, in the plant's frame. The animation begins at 0 s, because
-/// glTF has no earlier time; the first of `times` is `from_s` in its `extras`.
+/// Writes `path` (.glb), whole or not at all: `plant` at rest with an animation whose keys are `after` (s; from 0, rising
+/// in single precision too) the time `from` (s). `motions` gives at such a time how each of `carried.on` moves from
+/// rest, in the plant's frame. The animation begins at 0 s, because glTF has no earlier time; `from` is `from_s` in its
+/// `extras`.
 ///
 /// # Errors
 /// [`Error::Missed`] where nothing moves; and as [`mesophyll_files::glb::Glb::write`].
 pub fn write_moving(
     plant: &Plant,
     carried: &Carried,
-    times: &[f64],
+    from: f64,
+    after: &[f64],
     motions: impl Fn(f64) -> Vec<Rigid> + Sync,
     path: &Path,
 ) -> Result<()> {
     let all = Nodes::new(plant, carried);
-    let keys: Vec<Vec<Place>> = times.par_iter().map(|time| all.places(&motions(*time))).collect();
+    let keys: Vec<Vec<Place>> = after.par_iter().map(|after| all.places(&motions(from + after))).collect();
     let mut shapes = Shapes::default();
     let blades = shapes.blades(plant);
     // Node 0 is the plant; keyed section k is node k + 1; meshes of bark follow.
@@ -160,9 +162,7 @@ pub fn write_moving(
     if !skins.is_empty() {
         root["skins"] = json!(skins);
     }
-    let from = times.first().copied().unwrap_or(0.0);
-    let relative: Vec<f32> = times.iter().map(|t| (t - from) as f32).collect();
-    let input = shapes.file.times(&relative);
+    let input = shapes.file.times(&after.iter().map(|t| *t as f32).collect::<Vec<_>>());
     let (samplers, channels) = tracks(&mut shapes, &all, &keys, input);
     if channels.is_empty() {
         return Err(Error::Missed("nothing of the plants moves over these times".into()));

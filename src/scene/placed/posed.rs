@@ -93,7 +93,8 @@ impl Standing {
 /// otherwise the plant's name stands before each, as `eval sway` prints it ([`Planted::name_at`]).
 ///
 /// # Errors
-/// [`Error::Input`] for a scene without plants, more triangles than a plant's file may have, and as [`planted`] and [`Winds::new`].
+/// [`Error::Input`] for a scene without plants, more triangles than a plant's file may have, and as [`planted`] and
+/// [`Winds::new`].
 pub fn plants(manifest: &Manifest, time: f64, ledger: &Ledger) -> Result<Plant> {
     Ok(Standing::new(manifest, ledger)?.plant(manifest, Some(time)))
 }
@@ -106,32 +107,105 @@ pub fn resting(manifest: &Manifest, ledger: &Ledger) -> Result<Plant> {
     Ok(Standing::new(manifest, ledger)?.plant(manifest, None))
 }
 
-/// Writes an animation of all plants of a scene from `from` (s) to `until`, a key every `step`; names and frame as
-/// [`plants`] has them.
+/// Writes an animation of all plants of a scene from `from` (s), a key every `step` (s), to the last step at or before
+/// `until` (s); names and frame as [`plants`] has them.
 ///
 /// # Errors
-/// [`Error::Input`] as [`plants`], and for a scene in which nothing moves; [`Error::Usage`] for times that are not in
-/// order or too many; and as [`write_moving`].
+/// [`Error::Input`] as [`plants`], and for a scene in which nothing moves; [`Error::Argument`] for times that are not in
+/// order, too many, fewer than two, or not apart in the file; and as [`write_moving`].
 pub fn animation(manifest: &Manifest, from: f64, until: f64, step: f64, ledger: &Ledger, path: &Path) -> Result<()> {
-    if !(step > 0.0 && step.is_finite()) {
-        return Err(Error::argument("--step", step, "a time above 0"));
-    }
-    if !(from.is_finite() && until.is_finite() && until > from) {
-        return Err(Error::argument("--until", until, format!("a time after --from ({from})")));
-    }
+    let keys = Keys::new(from, until, step)?;
     let standing = Standing::new(manifest, ledger)?;
     if standing.winds.is_none() {
         return Err(Error::field(&manifest.path, "wind", "nothing moves; expected a [wind] that moves a plant"));
     }
     let rest = standing.plant(manifest, None);
     let carried = Carried::of(&rest);
-    // The last time counts although the steps may fall short of it by rounding.
-    let steps = ((until - from) / step + 1e-9).floor();
-    let places = (steps + 1.0) * carried.on.len() as f64;
-    if places > MOST_PLACES as f64 {
-        let found = format!("{step}: {} times of {} nodes", steps + 1.0, carried.on.len());
-        return Err(Error::argument("--step", found, format!("at most {MOST_PLACES} places of nodes in all")));
+    let after = keys.after(carried.on.len())?;
+    write_moving(&rest, &carried, from, &after, |time| standing.motions(&carried, time), path)
+}
+
+/// The keys of an animation.
+struct Keys {
+    from: f64,
+    step: f64,
+    /// Steps after the first key, a whole number.
+    steps: f64,
+}
+
+impl Keys {
+    /// From `from` (s) to the last step at or before `until`: two keys or more.
+    fn new(from: f64, until: f64, step: f64) -> Result<Keys> {
+        if !from.is_finite() {
+            return Err(Error::argument("--from", from, "a finite time"));
+        }
+        if !(step > 0.0 && step.is_finite()) {
+            return Err(Error::argument("--step", short(step), "a finite time above 0"));
+        }
+        if !(until.is_finite() && until > from) {
+            let expected = format!("a finite time after --from ({})", short(from));
+            return Err(Error::argument("--until", short(until), expected));
+        }
+        // The last time counts although the steps may fall short of it by rounding.
+        let steps = ((until - from) / step + 1e-9).floor();
+        if steps < 1.0 {
+            let expected = format!("at most {}, from --from to --until: two keys or more", short(until - from));
+            return Err(Error::argument("--step", short(step), expected));
+        }
+        Ok(Keys { from, step, steps })
     }
-    let times: Vec<f64> = (0..=steps as u64).map(|k| from + k as f64 * step).collect();
-    write_moving(&rest, &carried, &times, |time| standing.motions(&carried, time), path)
+
+    /// How long after the first each key is (s). A glTF file has these in single precision, and there they have to rise.
+    fn after(&self, nodes: usize) -> Result<Vec<f64>> {
+        let count = self.steps + 1.0;
+        if count * nodes as f64 > MOST_PLACES as f64 {
+            let times = if count < 1e12 { count.to_string() } else { format!("{count:.1e}") };
+            let found = format!("{}: {times} times of {nodes} nodes", short(self.step));
+            return Err(Error::argument("--step", found, format!("at most {MOST_PLACES} places of nodes in all")));
+        }
+        let after: Vec<f64> = (0..=self.steps as u64).map(|k| k as f64 * self.step).collect();
+        let rise =
+            |w: &[f64]| (w[1] as f32).is_finite() && w[1] as f32 > w[0] as f32 && self.from + w[1] > self.from + w[0];
+        if !after.windows(2).all(rise) {
+            let expected = format!(
+                "a step that tells keys from {} s on apart, which the file has in single precision",
+                short(self.from)
+            );
+            return Err(Error::argument("--step", short(self.step), expected));
+        }
+        Ok(after)
+    }
+}
+
+/// A number, by powers of ten where it is very large or small.
+fn short(number: f64) -> String {
+    let plain = number == 0.0 || (1e-5..1e12).contains(&number.abs()) || !number.is_finite();
+    if plain { number.to_string() } else { format!("{number:e}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn keys_rise_and_end_at_the_last_step_before_the_end() {
+        let after =
+            |from, until, step| Keys::new(from, until, step).and_then(|k| k.after(7)).map_err(|e| e.to_string());
+        assert_eq!(after(0.0, 0.1, 0.04), Ok(vec![0.0, 0.04, 0.08]));
+        assert_eq!(after(-3.0, -2.7, 0.1).map(|a| a.len()), Ok(4));
+        for (from, until, step, expected) in [
+            (f64::NAN, 1.0, 0.1, "--from: found NaN, expected a finite time"),
+            (0.0, f64::INFINITY, 0.1, "--until: found inf"),
+            (0.0, 0.01, 0.04, "--step: found 0.04, expected at most 0.01, from --from to --until"),
+            (0.0, 1.0, -1.0, "--step: found -1, expected a finite time above 0"),
+            (0.0, 1.0, 1e-300, "--step: found 1e-300: 1.0e300 times of 7 nodes"),
+            (-1e308, 1e308, 1.0, "--step: found 1: inf times of 7 nodes"),
+            (0.0, 1e300, 5e299, "--step: found 5e299, expected a step that tells keys from 0 s on apart"),
+            (0.0, 3e-50, 1e-50, "--step: found 1e-50, expected a step that tells keys"),
+            (1e9, 1_000_000_000.000_01, 1e-7, "--step: found 1e-7, expected a step that tells keys from 1000000000 s"),
+        ] {
+            let error = after(from, until, step).expect_err(expected);
+            assert!(error.starts_with(expected) && error.lines().count() == 1, "{expected}: {error}");
+        }
+    }
 }
